@@ -1,0 +1,13 @@
+/// CRC-32C (Castagnoli, polynomial 0x1EDC6F41 reflected), as in iSCSI (RFC 3720, appendix B.4).
+#pragma once
+
+#include <cstdint>
+
+#include "base/bytes.h"
+
+namespace needlelab {
+
+/// CRC of `bytes`; pass the CRC of what went before to continue. Check value: crc32c("123456789") = 0xE3069283.
+std::uint32_t crc32c(ByteView bytes, std::uint32_t previous = 0) noexcept;
+
+}  // namespace needlelab

@@ -1,0 +1,121 @@
+#include "base/csv.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+#include "base/atomic_file.h"
+
+namespace needlelab {
+namespace {
+
+std::string_view trimmed(std::string_view text) {
+  while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) text.remove_prefix(1);
+  while (!text.empty() && (text.back() == ' ' || text.back() == '\t')) text.remove_suffix(1);
+  return text;
+}
+
+// calls `cell(index, text)` for each comma-separated cell; returns the number of cells
+template <typename Cell>
+std::size_t splitCells(std::string_view line, Cell cell) {
+  std::size_t index = 0;
+  for (;;) {
+    const std::size_t comma = line.find(',');
+    cell(index++, trimmed(line.substr(0, comma)));
+    if (comma == std::string_view::npos) return index;
+    line.remove_prefix(comma + 1);
+  }
+}
+
+std::string inQuotes(std::string_view text) { return "'" + std::string(text.substr(0, 40)) + "'"; }
+
+}  // namespace
+
+int CsvTable::find(std::string_view name) const {
+  const auto at = std::find(names.begin(), names.end(), name);
+  return at == names.end() ? -1 : static_cast<int>(at - names.begin());
+}
+
+Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<std::string>& required,
+                         const std::vector<std::string>& optional, std::size_t max_rows) {
+  auto file = readWholeFile(path, std::size_t{4} << 30);
+  if (!file.ok()) return file.error();
+  std::string_view text = *file;
+  std::size_t line_number = 0;
+  const auto nextLine = [&](std::string_view& line) {
+    if (text.empty()) return false;
+    const std::size_t end = text.find('\n');
+    line = text.substr(0, end);
+    text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
+    if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
+    ++line_number;
+    return true;
+  };
+  const auto fail = [&](const std::string& why) {
+    return Error{ErrorCode::kInvalidInput, path.string() + " line " + std::to_string(line_number) + ": " + why};
+  };
+
+  // header: which cell of a row goes to which wanted column
+  std::string_view line;
+  if (!nextLine(line)) {
+    line_number = 1;
+    return fail("the file is empty; a header with the columns " + required.front() + ", … is expected");
+  }
+  if (line.substr(0, 3) == "\xEF\xBB\xBF") line.remove_prefix(3);
+  CsvTable table;
+  std::vector<int> target;
+  std::string doubled;
+  const auto wanted = [&](std::string_view name) {
+    return std::find(required.begin(), required.end(), name) != required.end() ||
+           std::find(optional.begin(), optional.end(), name) != optional.end();
+  };
+  const std::size_t cells = splitCells(line, [&](std::size_t, std::string_view name) {
+    if (!wanted(name)) {
+      target.push_back(-1);
+    } else if (table.find(name) >= 0) {
+      doubled = name;
+      target.push_back(-1);
+    } else {
+      target.push_back(static_cast<int>(table.names.size()));
+      table.names.emplace_back(name);
+    }
+  });
+  if (!doubled.empty()) return fail("column " + inQuotes(doubled) + " stands twice in the header");
+  for (const auto& name : required)
+    if (table.find(name) < 0) return fail("column " + inQuotes(name) + " is missing in the header");
+  table.columns.resize(table.names.size());
+
+  while (nextLine(line)) {
+    if (trimmed(line).empty()) continue;
+    if (table.rows() == max_rows) return fail("more than " + std::to_string(max_rows) + " rows");
+    std::string why;
+    const std::size_t count = splitCells(line, [&](std::size_t index, std::string_view cell) {
+      if (index >= cells || target[index] < 0 || !why.empty()) return;
+      const auto column = static_cast<std::size_t>(target[index]);
+      double value = 0;
+      const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
+      if (error != std::errc() || end != cell.data() + cell.size() || !std::isfinite(value))
+        why = "column " + inQuotes(table.names[column]) + ": " + inQuotes(cell) + " is not a finite number";
+      else
+        table.columns[column].push_back(value);
+    });
+    if (count != cells)
+      return fail(std::to_string(count) + " cells, the header has " + std::to_string(cells));
+    if (!why.empty()) return fail(why);
+  }
+  if (table.rows() == 0) return fail("no rows after the header");
+  return table;
+}
+
+void appendNumber(std::string& out, double value) {
+  if (std::isnan(value)) {
+    out += "nan";
+    return;
+  }
+  char buffer[40];
+  const auto [end, error] = std::to_chars(buffer, buffer + sizeof buffer, value, std::chars_format::general, 17);
+  (void)error;  // 40 characters hold any double at 17 digits
+  out.append(buffer, end);
+}
+
+}  // namespace needlelab

@@ -1,0 +1,32 @@
+/// Tables of numbers with a header, columns found by name. Files are hostile: every cell is checked.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/result.h"
+
+namespace needlelab {
+
+/// Column-major numbers. All columns have the same length.
+struct CsvTable {
+  std::vector<std::string> names;
+  std::vector<std::vector<double>> columns;
+  [[nodiscard]] std::size_t rows() const { return columns.empty() ? 0 : columns.front().size(); }
+  /// Index of a column, or -1.
+  [[nodiscard]] int find(std::string_view name) const;
+};
+
+/// Reads the `required` columns and those of `optional` that are there, in any order; other columns are skipped.
+/// Lines end in LF or CRLF. Errors (kInvalidInput) name file, line, column, value: a missing or doubled column, too few or many
+/// cells, a cell that is no finite number, no rows, more than `max_rows` rows.
+Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<std::string>& required,
+                         const std::vector<std::string>& optional = {}, std::size_t max_rows = 50'000'000);
+
+/// Appends a number so that reading gives the same double: 17 significant digits, `nan` for not-a-number.
+void appendNumber(std::string& out, double value);
+
+}  // namespace needlelab

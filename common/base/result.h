@@ -1,0 +1,64 @@
+/// Expected failures as values. Programmer errors are asserts; inside the haptic loop neither is used (STYLE: Q5).
+#pragma once
+
+#include <cassert>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+
+namespace needlelab {
+
+/// Why an operation failed; decides the exit code of a program and the reason of a refusal on the wire.
+enum class ErrorCode {
+  kInvalidInput,   ///< the caller's data is wrong: file, field, value, range are in the message (exit code 2)
+  kNotFound,       ///< a named thing does not exist
+  kAlreadyExists,  ///< a named thing exists and differs
+  kDenied,         ///< not allowed: role, key, password
+  kUnavailable,    ///< a peer, device or file system does not answer now; trying again may help
+  kCorrupt,        ///< stored or received bytes fail their check
+  kVersion,        ///< a format, schema or protocol version that this program does not know
+  kFailed,         ///< anything else that went wrong
+};
+
+struct [[nodiscard]] Error {
+  ErrorCode code = ErrorCode::kFailed;
+  std::string message;  ///< for a person: what was tried, what was found, what to do
+};
+
+/// A value or an error. `ok()` must be asked before `value()` (asserted).
+template <typename T>
+class [[nodiscard]] Result {
+ public:
+  Result(T value) : data_(std::move(value)) {}      // NOLINT(google-explicit-constructor): as std::expected
+  Result(Error error) : data_(std::move(error)) {}  // NOLINT(google-explicit-constructor)
+
+  [[nodiscard]] bool ok() const { return data_.index() == 0; }
+  explicit operator bool() const { return ok(); }
+  [[nodiscard]] T& value() & { return assert(ok()), *std::get_if<0>(&data_); }
+  [[nodiscard]] const T& value() const& { return assert(ok()), *std::get_if<0>(&data_); }
+  [[nodiscard]] T&& value() && { return assert(ok()), std::move(*std::get_if<0>(&data_)); }
+  T* operator->() { return &value(); }
+  const T* operator->() const { return &value(); }
+  T& operator*() { return value(); }
+  const T& operator*() const { return value(); }
+  [[nodiscard]] const Error& error() const { return assert(!ok()), *std::get_if<1>(&data_); }
+
+ private:
+  std::variant<T, Error> data_;
+};
+
+/// Success or an error.
+class [[nodiscard]] Status {
+ public:
+  Status() = default;
+  Status(Error error) : error_(std::move(error)) {}  // NOLINT(google-explicit-constructor)
+  [[nodiscard]] bool ok() const { return !error_.has_value(); }
+  explicit operator bool() const { return ok(); }
+  [[nodiscard]] const Error& error() const { return assert(!ok()), *error_; }
+
+ private:
+  std::optional<Error> error_;
+};
+
+}  // namespace needlelab

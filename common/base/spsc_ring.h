@@ -1,0 +1,58 @@
+/// Wait-free ring from one producer thread to one consumer thread; a full ring refuses and counts.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <type_traits>
+
+namespace needlelab {
+
+/// Fixed capacity (a power of two), allocated once at construction. `T` is trivially copyable.
+/// Thread: `push` by the one producer, `pop` by the one consumer, `dropped` by any. Neither waits, locks or allocates.
+template <typename T, std::size_t Capacity>
+class SpscRing {
+  static_assert(std::is_trivially_copyable_v<T>);
+  static_assert(Capacity >= 2 && (Capacity & (Capacity - 1)) == 0, "capacity is a power of two");
+
+ public:
+  /// False, and counted, when the consumer is a whole ring behind.
+  bool push(const T& item) noexcept {
+    const std::uint64_t tail = tail_.load(std::memory_order_relaxed);
+    if (tail - cached_head_ == Capacity) {
+      cached_head_ = head_.load(std::memory_order_acquire);
+      if (tail - cached_head_ == Capacity) {
+        dropped_.store(dropped_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+        return false;
+      }
+    }
+    (*slots_)[tail & (Capacity - 1)] = item;
+    tail_.store(tail + 1, std::memory_order_release);
+    return true;
+  }
+
+  bool pop(T& item) noexcept {
+    const std::uint64_t head = head_.load(std::memory_order_relaxed);
+    if (head == cached_tail_) {
+      cached_tail_ = tail_.load(std::memory_order_acquire);
+      if (head == cached_tail_) return false;
+    }
+    item = (*slots_)[head & (Capacity - 1)];
+    head_.store(head + 1, std::memory_order_release);
+    return true;
+  }
+
+  [[nodiscard]] std::uint64_t dropped() const noexcept { return dropped_.load(std::memory_order_relaxed); }
+
+ private:
+  std::unique_ptr<std::array<T, Capacity>> slots_ = std::make_unique<std::array<T, Capacity>>();
+  alignas(64) std::atomic<std::uint64_t> tail_{0};
+  std::uint64_t cached_head_ = 0;
+  std::atomic<std::uint64_t> dropped_{0};
+  alignas(64) std::atomic<std::uint64_t> head_{0};
+  std::uint64_t cached_tail_ = 0;
+};
+
+}  // namespace needlelab

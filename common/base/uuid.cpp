@@ -1,0 +1,59 @@
+#include "base/uuid.h"
+
+#include <sys/random.h>
+
+#include <cstdlib>
+
+#include "base/clock.h"
+
+namespace needlelab {
+
+Uuid makeUuidV7() {
+  Uuid id{};
+  if (getrandom(id.data(), id.size(), 0) != static_cast<ssize_t>(id.size())) std::abort();
+  const auto ms = static_cast<std::uint64_t>(wallNowNs() / 1'000'000);
+  for (int i = 0; i < 6; ++i) id[static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(ms >> (8 * (5 - i)));
+  id[6] = static_cast<std::uint8_t>(0x70u | (id[6] & 0x0Fu));
+  id[8] = static_cast<std::uint8_t>(0x80u | (id[8] & 0x3Fu));
+  return id;
+}
+
+std::string uuidText(const Uuid& id) {
+  static constexpr char kHex[] = "0123456789abcdef";
+  std::string text;
+  text.reserve(36);
+  for (std::size_t i = 0; i < id.size(); ++i) {
+    if (i == 4 || i == 6 || i == 8 || i == 10) text.push_back('-');
+    text.push_back(kHex[id[i] >> 4]);
+    text.push_back(kHex[id[i] & 0xFu]);
+  }
+  return text;
+}
+
+Result<Uuid> parseUuid(std::string_view text) {
+  const auto bad = [&] {
+    return Error{ErrorCode::kInvalidInput,
+                 "'" + std::string(text.substr(0, 60)) +
+                     "' is not a session id: 36 characters such as 019aa0c3-7c1e-7b3a-9d5e-0123456789ab are expected"};
+  };
+  if (text.size() != 36) return bad();
+  const auto nibble = [](char c) -> int {
+    if (c >= '0' && c <= '9') return c - '0';
+    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+    return -1;
+  };
+  Uuid id{};
+  std::size_t at = 0;
+  for (std::size_t i = 0; i < id.size(); ++i) {
+    if (i == 4 || i == 6 || i == 8 || i == 10)
+      if (text[at++] != '-') return bad();
+    const int high = nibble(text[at]), low = nibble(text[at + 1]);
+    if (high < 0 || low < 0) return bad();
+    id[i] = static_cast<std::uint8_t>(high * 16 + low);
+    at += 2;
+  }
+  return id;
+}
+
+}  // namespace needlelab

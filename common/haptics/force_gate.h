@@ -1,0 +1,97 @@
+/// The one gate between engine and device (DESIGN §3.7), on every path: sample checks before the engine, force limits after it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "haptics/engine.h"
+
+namespace needlelab {
+
+/// What a device can render and stand, as data of its backend.
+struct DeviceLimits {
+  double peak_force_N = 10, continuous_force_N = 3;
+  double peak_torque_Nm = 0.8, continuous_torque_Nm = 0.2;
+  double max_stiffness_N_per_m = 1000, max_rotational_stiffness_Nm_per_rad = 4;
+  double fault_speed_mps = 1.6;  ///< the device's own fault threshold
+  double apparent_mass_kg = 0.35;
+  double damping_Ns_per_m = 1.7;
+};
+
+/// Why force was taken away. Values are stored in recordings: append only.
+enum class Fault : std::uint8_t {
+  kNone = 0,
+  kSampleNotFinite = 1,
+  kTipTooFast = 2,       ///< the tip jumped: over 5 m/s since the last good sample
+  kDeviceTooFast = 3,    ///< above the device's own threshold
+  kDeviceSilent = 4,     ///< watchdog: no update from the device
+  kForceNotFinite = 5,
+};
+const char* faultText(Fault fault);
+
+/// Bits that the gate sets per tick; counted by the station and stored with the sample.
+enum GateFlag : std::uint32_t {
+  kGateSampleRejected = 1u << 16,
+  kGatePeakLimited = 1u << 17,
+  kGateThermalLimited = 1u << 18,
+  kGateSlewLimited = 1u << 19,
+  kGateStartRamp = 1u << 20,
+  kGateFaulted = 1u << 21,
+};
+
+class ForceGate;
+
+/// A wrench that went through the gate: the only thing that a device accepts. At the handle, in W.
+class GuardedWrench {
+ public:
+  GuardedWrench() = default;  ///< zero
+  [[nodiscard]] const Wrench& wrench() const { return wrench_; }
+
+ private:
+  friend class ForceGate;
+  explicit GuardedWrench(const Wrench& wrench) : wrench_(wrench) {}
+  Wrench wrench_;
+};
+
+/// Thread: the haptic thread only (acknowledge may be asked for by its owner between ticks). Real-time safe, no clock: it counts ticks.
+class ForceGate {
+ public:
+  ForceGate(const DeviceLimits& limits, double rate_hz);
+
+  /// Before the engine: is this sample good? `fresh` is false when the device gave no update in this tick.
+  /// Returns false when the tick must not be stepped (bad sample, or in FAULT).
+  /// `tip` is the tip's pose, `handle_speed_mps` the device's own reported speed (0 when it reports none).
+  bool admit(const TipSample& tip, bool fresh, double handle_speed_mps) noexcept;
+
+  /// After the engine (or without it, when `admit` said no): the wrench for the device in this tick.
+  /// `wanted` is at the handle, in W; it is ignored in a tick that was not admitted.
+  GuardedWrench guard(const Wrench& wanted) noexcept;
+
+  /// A person has seen the fault. It ends once the tip was also seen outside the tissue: pass `outside` then.
+  void acknowledge() noexcept { acknowledged_ = true; }
+  /// Tells the gate whether the tip is outside the tissue in this tick (any δ ≤ 0), also while in FAULT.
+  void noteOutside(bool outside) noexcept { outside_ = outside; }
+
+  [[nodiscard]] Fault fault() const noexcept { return fault_; }
+  [[nodiscard]] std::uint32_t flags() const noexcept { return flags_; }  ///< GateFlag bits of the last tick
+  [[nodiscard]] double thermalScale() const noexcept { return thermal_scale_; }
+
+ private:
+  void raise(Fault fault) noexcept;
+  double period_s_;
+  DeviceLimits limits_;
+  std::int64_t start_ticks_, hold_ticks_, silent_limit_ticks_;
+  double slew_force_N_, slew_torque_Nm_, fade_step_, thermal_decay_;
+  std::int64_t tick_ = 0;
+  Vec3 last_good_p_W_m_;
+  std::int64_t last_good_tick_ = -1;
+  std::int64_t silent_ticks_ = 0;
+  bool admitted_ = false, acknowledged_ = false, outside_ = true;
+  Fault fault_ = Fault::kNone;
+  double fade_ = 0;  ///< 0-1: start-up ramp, and the ramp to zero of a fault
+  Wrench last_wanted_, last_out_;
+  double force_heat_N2_ = 0, torque_heat_Nm2_ = 0, thermal_scale_ = 1;
+  std::uint32_t flags_ = 0;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,104 @@
+/// What an author writes: a scene as plain values, before it is validated and compiled (DESIGN §4 gives the ranges).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "base/result.h"
+#include "haptics/geometry.h"
+
+namespace needlelab {
+
+/// The effects that a scene may call for. Their order is the order of EffectMask bits.
+enum class Effect : std::uint8_t { kCutting, kAttracted, kClamping, kOrientationLimit, kShaftFriction, kPuncture };
+inline constexpr std::size_t kEffectCount = 6;
+inline constexpr std::array<std::string_view, kEffectCount> kEffectNames = {
+    "CUTTING", "ATTRACTED", "CLAMPING", "ORIENTATION_LIMIT", "SHAFT_FRICTION", "PUNCTURE"};
+
+using EffectMask = std::uint32_t;
+constexpr EffectMask bitOf(Effect effect) { return EffectMask{1} << static_cast<unsigned>(effect); }
+inline constexpr EffectMask kAllEffects = (EffectMask{1} << kEffectCount) - 1;
+
+/// The half-space on the far side of `normal`; `normal` (any length > 0) points out of the tissue.
+struct PlaneLimb {
+  Vec3 point_m;
+  Vec3 normal;
+};
+struct SphereLimb {
+  Vec3 center_m;
+  double radius_m = 0;
+};
+/// All points within `radius_m` of the segment a-b.
+struct CapsuleLimb {
+  Vec3 a_m, b_m;
+  double radius_m = 0;
+};
+using Limb = std::variant<PlaneLimb, SphereLimb, CapsuleLimb>;
+
+/// A membrane at a layer's top: force k1 z + k2 z² until it ruptures at `force_N` (DESIGN §3.5).
+struct MembraneSpec {
+  double linear_N_per_m = 0;
+  double quadratic_N_per_m2 = 0;
+  double force_N = 0;
+};
+
+struct LayerSpec {
+  double thickness_m = 0;                  ///< along the surface normal, (0, 1]
+  double cutting_force_N = 0;              ///< [0, 50]
+  double attracted_force_N = 0;            ///< [0, 50]
+  double rejection_force_N = 0;            ///< at most min(cutting, attracted where live)
+  double lateral_stiffness_N_per_m2 = 0;   ///< clamping stiffness per inserted length, [0, 1e7]
+  double friction_N_per_m = 0;             ///< shaft friction per inserted length, [0, 1e4]
+  std::optional<MembraneSpec> membrane;
+};
+
+enum class StopMode : std::uint8_t { kRamp, kExponential };
+enum class ClampingMode : std::uint8_t { kProportional, kPassive };
+
+struct TrackingWallSpec {
+  double stiffness_N_per_m = 500;  ///< K_t, (0, 10000]
+  double stop_speed_mps = 0.003;   ///< v_stop, (0, 0.1]
+  double stop_dwell_s = 0.05;      ///< (0, 10]
+  double stop_duration_s = 0.8;    ///< (0, 10]
+  StopMode stop_mode = StopMode::kRamp;
+  double relax_time_s = 1.9;       ///< EXPONENTIAL: (0, 60]
+  double relax_residual = 0.75;    ///< EXPONENTIAL: [0, 1]
+};
+
+struct VirtualFixtureSpec {
+  double max_stiffness_N_per_m = 400;  ///< (0, 10000]
+  double max_force_N = 4;              ///< [0, 50]
+  ClampingMode mode = ClampingMode::kProportional;
+};
+
+struct OrientationLimitSpec {
+  double stiffness_Nm_per_rad = 0;  ///< [0, 100]
+  double max_torque_Nm = 0;         ///< [0, 5]
+};
+
+/// Everything that the engine needs to know of a scene, in W (the limb already placed).
+struct SceneSpec {
+  double needle_length_m = 0.06;  ///< L, (0, 1]
+  Limb limb = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
+  std::vector<LayerSpec> layers;  ///< 1-32, from the skin inward
+  TrackingWallSpec tracking_wall;
+  VirtualFixtureSpec virtual_fixture;
+  OrientationLimitSpec orientation_limit;
+  double friction_stiffness_N_per_m = 140;  ///< K_f, (0, 10000]
+  double max_force_N = 10;                  ///< cap of the sum, (0, 50]
+  EffectMask effects = 0;                   ///< those that the scene lists; which of them are live is derived
+};
+
+/// The first fault of a spec as kInvalidInput with field path, value and range; or success. `compile` calls it.
+/// Field paths are those of the profile's JSON, e.g. `layers[2].cutting_force_n`.
+Status validate(const SceneSpec& spec);
+
+/// The same limb seen from W when the author's frame L stands at `X_WL`.
+Limb placed(const Limb& limb, const Pose& X_WL);
+
+}  // namespace needlelab

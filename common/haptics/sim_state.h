@@ -1,0 +1,69 @@
+/// All that the engine remembers from tick to tick: plain data; a copy is a snapshot.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <type_traits>
+
+#include "haptics/geometry.h"
+#include "haptics/limits.h"
+
+namespace needlelab {
+
+/// What the needle does (DESIGN §3.2). Values are stored in recordings: append only.
+enum class Phase : std::uint8_t { kFree = 0, kInserting = 1, kStopped = 2, kWithdrawing = 3 };
+const char* phaseName(Phase phase);
+
+/// Value-initialised = before the first tick. Changed by `step` only.
+struct SimState {
+  // contact
+  Vec3 p_prev_W_m;                ///< tip at the last stepped tick
+  double depth_prev_m = 0;        ///< δ at the last stepped tick
+  bool has_prev = false;          ///< a tick was stepped before
+  bool outside_once = false;      ///< the tip has been outside: only then an entry can happen
+  bool inside = false;            ///< an insertion is under way; everything below belongs to it
+  Phase phase = Phase::kFree;
+  Vec3 p_entry_W_m;               ///< P0
+  Vec3 normal_W;                  ///< n at P0, out of the tissue
+  Vec3 u_W;                       ///< the trajectory's direction, a unit vector
+  Vec3 u0_W;                      ///< u at entry
+  double slant = 1;               ///< c = max(0.05, −n·u)
+  std::uint32_t layer = 0;        ///< by δ
+  std::uint32_t layer_by_length = 0;  ///< by inserted length, for the integrals
+
+  // speed: positions along u since the tick before entry, less `x_shift_m`, so that a turn moves all of them at once
+  std::uint64_t ticks_inside = 0;  ///< k − k_entry of the last stepped tick, plus 1
+  double x_shift_m = 0;
+  std::array<double, kHistoryCapacity> x_history_m;
+
+  // tracking wall
+  double wall_m = 0;          ///< w
+  bool stopped = false;
+  std::int64_t slow_ticks = 0;
+  double stop_step_m = 0;     ///< m of eq. 5
+  double stop_stretch_m = 0;  ///< z0 of EXPONENTIAL
+
+  // shaft friction
+  double friction_wall_m = 0;  ///< w_f
+
+  // clamping, PASSIVE
+  double dead_radius_m = 0;  ///< ρ
+  double k_prev_N_per_m = 0;
+  double e_prev_m = 0;
+
+  // orientation limit: θ_l is `tilt_limit_rad`, or α(tilt_limit_insertion_m) while that costs no trigonometry
+  bool tilt_limit_is_cone = false;
+  double tilt_limit_rad = 0;
+  double tilt_limit_insertion_m = 0;
+
+  // membranes, in the model's order
+  std::uint32_t membranes_met = 0;       ///< how many from the top were met
+  std::uint32_t membranes_ruptured = 0;  ///< bit i: membrane i is through
+  std::array<double, kMaxLayers> membrane_place_m;
+};
+static_assert(std::is_trivially_copyable_v<SimState>);
+
+/// BLAKE-free 64-bit FNV-1a over the meaningful part of the state, for replay and golden tests.
+std::uint64_t hashOf(const SimState& state);
+
+}  // namespace needlelab

@@ -1,0 +1,41 @@
+# needlelab_library(NAME FOLDER dir SOURCES ... DEPS ...)   -> needlelab_NAME, alias needlelab::NAME
+# needlelab_program(NAME SOURCES ... DEPS ...)              -> executable NAME in bin/
+# needlelab_test(NAME LABEL unit SOURCES ... DEPS ...)      -> GoogleTest binary, its tests known to ctest
+#
+# Headers are included as "FOLDERNAME/header.h". Each target publishes a folder of its own that holds one link, so
+# that only what a target names in DEPS can be included.
+
+function(needlelab_publish_headers target folder)
+  get_filename_component(name "${folder}" NAME)
+  set(root "${CMAKE_BINARY_DIR}/include/${target}")
+  file(MAKE_DIRECTORY "${root}")
+  file(CREATE_LINK "${folder}" "${root}/${name}" SYMBOLIC)
+  target_include_directories(${target} PUBLIC "${root}")
+endfunction()
+
+function(needlelab_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
+  set(target needlelab_${name})
+  add_library(${target} STATIC ${ARG_SOURCES})
+  add_library(needlelab::${name} ALIAS ${target})
+  needlelab_publish_headers(${target} "${CMAKE_CURRENT_SOURCE_DIR}")
+  target_link_libraries(${target} PUBLIC needlelab_flags ${ARG_DEPS} PRIVATE needlelab_warnings)
+endfunction()
+
+function(needlelab_program name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE needlelab_flags needlelab_warnings ${ARG_DEPS})
+endfunction()
+
+include(GoogleTest)
+function(needlelab_test name)
+  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;DEPS" ${ARGN})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE needlelab_flags needlelab_warnings ${ARG_DEPS} GTest::gmock GTest::gtest_main)
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
+    PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT})
+endfunction()

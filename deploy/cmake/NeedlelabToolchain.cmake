@@ -1,0 +1,38 @@
+# Compiler, warnings, sanitizers, ccache and linker: everything that holds for every target.
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+set(CMAKE_RUNTIME_OUTPUT_DIRECTORY "${CMAKE_BINARY_DIR}/bin")
+set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O2 -g1 -DNDEBUG")
+set(CMAKE_CXX_FLAGS_DEBUG "-O0 -g1")
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE RelWithDebInfo CACHE STRING "" FORCE)
+endif()
+
+find_program(NEEDLELAB_CCACHE ccache)
+if(NEEDLELAB_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  set(CMAKE_CXX_COMPILER_LAUNCHER "${NEEDLELAB_CCACHE}")
+endif()
+find_program(NEEDLELAB_MOLD mold)
+if(NEEDLELAB_MOLD)
+  add_link_options(-fuse-ld=mold)
+endif()
+
+add_library(needlelab_flags INTERFACE)
+# Same inputs, same bits: no contraction into fused multiply-adds, no fast-math (DESIGN §12, "Determinism").
+target_compile_options(needlelab_flags INTERFACE -ffp-contract=off)
+add_library(needlelab_warnings INTERFACE)
+target_compile_options(needlelab_warnings INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wold-style-cast -Wformat=2
+  -Wdouble-promotion -Wcast-qual -Wimplicit-fallthrough -Werror)
+
+if(NEEDLELAB_SANITIZE)
+  add_compile_options(-fsanitize=${NEEDLELAB_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all -O1)
+  add_link_options(-fsanitize=${NEEDLELAB_SANITIZE})
+  # mold cannot link GCC's sanitizer start-up objects in every version; the default linker always can.
+  add_link_options(-fuse-ld=bfd)
+  if(NEEDLELAB_SANITIZE MATCHES "thread")
+    target_compile_options(needlelab_warnings INTERFACE -Wno-tsan)
+  endif()
+endif()
