@@ -1,0 +1,161 @@
+#include "haptics/scene_spec.h"
+
+#include <algorithm>
+
+#include "base/range.h"
+#include "haptics/limits.h"
+
+namespace needlelab {
+namespace {
+
+constexpr NumberRange kLength{0, 1, true};
+constexpr NumberRange kForce{0, 50};
+constexpr NumberRange kPositiveForce{0, 50, true};
+constexpr NumberRange kStiffness{0, 10'000, true};
+constexpr NumberRange kDuration{0, 10, true};
+constexpr NumberRange kShare{0, 1};
+constexpr NumberRange kCoordinate{-1e3, 1e3};
+/// Directions and segments shorter than this have no meaning after rounding.
+constexpr double kShortestVector = 1e-6;
+
+/// Keeps the first fault and its field's path; everything after it is skipped.
+class Checker {
+ public:
+  /// Text that stands before the field's name from now on, e.g. "layers[2].".
+  void enter(std::string prefix) { prefix_ = std::move(prefix); }
+
+  void number(std::string_view field, double value, const NumberRange& range) {
+    if (status_.ok() && !range.contains(value))
+      status_ = outOfRange(prefix_ + std::string(field), value, range);
+  }
+  void point(const std::string& field, Vec3 value) {
+    number(field + ".x", value.x, kCoordinate);
+    number(field + ".y", value.y, kCoordinate);
+    number(field + ".z", value.z, kCoordinate);
+  }
+  void require(bool good, std::string_view field, const std::string& words) {
+    if (status_.ok() && !good) {
+      status_ = Error{ErrorCode::kInvalidInput, prefix_ + std::string(field) + ": " + words};
+    }
+  }
+  [[nodiscard]] Status take() { return std::move(status_); }
+
+ private:
+  std::string prefix_;
+  Status status_;
+};
+
+void checkLimb(const Limb& limb, Checker& check) {
+  if (const auto* plane = std::get_if<PlaneLimb>(&limb)) {
+    check.enter("limb.plane.");
+    check.point("point_m", plane->point_m);
+    check.point("normal", plane->normal);
+    check.require(norm(plane->normal) >= kShortestVector, "normal",
+                  "is no direction: give a vector that is not zero, pointing out of the tissue");
+  } else if (const auto* sphere = std::get_if<SphereLimb>(&limb)) {
+    check.enter("limb.sphere.");
+    check.point("center_m", sphere->center_m);
+    check.number("radius_m", sphere->radius_m, kLength);
+  } else if (const auto* capsule = std::get_if<CapsuleLimb>(&limb)) {
+    check.enter("limb.capsule.");
+    check.point("a_m", capsule->a_m);
+    check.point("b_m", capsule->b_m);
+    check.require(norm(capsule->b_m - capsule->a_m) >= kShortestVector, "b_m",
+                  "is the same point as a_m: a capsule needs a segment (use a sphere otherwise)");
+    check.number("radius_m", capsule->radius_m, kLength);
+  }
+}
+
+void checkLayer(const LayerSpec& layer, bool attracted_live, Checker& check) {
+  check.number("thickness_m", layer.thickness_m, kLength);
+  check.number("cutting_force_n", layer.cutting_force_N, kForce);
+  check.number("attracted_force_n", layer.attracted_force_N, kForce);
+  check.number("rejection_force_n", layer.rejection_force_N, kForce);
+  check.number("lateral_stiffness_n_per_m2", layer.lateral_stiffness_N_per_m2, {0, 1e7});
+  check.number("friction_n_per_m", layer.friction_N_per_m, {0, 1e4});
+
+  // what remains at a stop cannot be more than the wall can hold in either direction
+  const double greatest =
+      attracted_live ? std::min(layer.cutting_force_N, layer.attracted_force_N) : layer.cutting_force_N;
+  check.require(
+      layer.rejection_force_N <= greatest, "rejection_force_n",
+      numberText(layer.rejection_force_N) + " is above " + numberText(greatest) +
+          ", the least of cutting_force_n and (where ATTRACTED is live) attracted_force_n of this layer");
+
+  if (layer.membrane) {
+    check.number("puncture.linear_n_per_m", layer.membrane->linear_N_per_m, {0, 1e5});
+    check.number("puncture.quadratic_n_per_m2", layer.membrane->quadratic_N_per_m2, {0, 1e9});
+    check.require(layer.membrane->linear_N_per_m > 0 || layer.membrane->quadratic_N_per_m2 > 0, "puncture",
+                  "linear_n_per_m and quadratic_n_per_m2 are both 0: such a membrane would never rupture");
+    check.number("puncture.force_n", layer.membrane->force_N, kPositiveForce);
+  }
+}
+
+void checkLayers(const SceneSpec& spec, Checker& check) {
+  check.enter("");
+  check.require(
+      !spec.layers.empty() && spec.layers.size() <= kMaxLayers, "layers",
+      std::to_string(spec.layers.size()) + " layers given, allowed are 1 to " + std::to_string(kMaxLayers));
+  const bool attracted_live = (spec.effects & bitOf(Effect::kAttracted)) != 0 &&
+                              std::any_of(spec.layers.begin(), spec.layers.end(),
+                                          [](const LayerSpec& l) { return l.attracted_force_N > 0; });
+  for (std::size_t i = 0; i < spec.layers.size(); ++i) {
+    check.enter("layers[" + std::to_string(i) + "].");
+    checkLayer(spec.layers[i], attracted_live, check);
+  }
+}
+
+void checkSections(const SceneSpec& spec, Checker& check) {
+  const TrackingWallSpec& wall = spec.tracking_wall;
+  check.enter("tracking_wall.");
+  check.number("stiffness_n_per_m", wall.stiffness_N_per_m, kStiffness);
+  check.number("stop_speed_m_s", wall.stop_speed_mps, {0, 0.1, true});
+  check.number("stop_dwell_s", wall.stop_dwell_s, kDuration);
+  check.number("stop_duration_s", wall.stop_duration_s, kDuration);
+  check.require(wall.stop_mode == StopMode::kRamp || wall.stop_mode == StopMode::kExponential, "stop_mode",
+                "is neither RAMP nor EXPONENTIAL");
+  check.number("relax_time_s", wall.relax_time_s, {0, 60, true});
+  check.number("relax_residual", wall.relax_residual, kShare);
+
+  const VirtualFixtureSpec& fixture = spec.virtual_fixture;
+  check.enter("virtual_fixture.");
+  check.number("max_stiffness_n_per_m", fixture.max_stiffness_N_per_m, kStiffness);
+  check.number("max_force_n", fixture.max_force_N, kForce);
+  check.require(fixture.mode == ClampingMode::kProportional || fixture.mode == ClampingMode::kPassive, "mode",
+                "is neither PROPORTIONAL nor PASSIVE");
+
+  check.enter("orientation_limit.");
+  check.number("stiffness_nm_per_rad", spec.orientation_limit.stiffness_Nm_per_rad, {0, 100});
+  check.number("max_torque_nm", spec.orientation_limit.max_torque_Nm, {0, 5});
+
+  check.enter("shaft_friction.");
+  check.number("stiffness_n_per_m", spec.friction_stiffness_N_per_m, kStiffness);
+}
+
+}  // namespace
+
+Status validate(const SceneSpec& spec) {
+  Checker check;
+  check.enter("needle.");
+  check.number("length_m", spec.needle_length_m, kLength);
+  checkLimb(spec.limb, check);
+  checkLayers(spec, check);
+  checkSections(spec, check);
+  check.enter("");
+  check.number("max_force_n", spec.max_force_N, kPositiveForce);
+  check.require((spec.effects & ~kAllEffects) == 0, "effects", "has bits beyond the known effects");
+  return check.take();
+}
+
+Limb placed(const Limb& limb, const Pose& X_WL) {
+  if (const auto* plane = std::get_if<PlaneLimb>(&limb)) {
+    return PlaneLimb{X_WL * plane->point_m, rotate(X_WL.q, plane->normal)};
+  }
+  if (const auto* sphere = std::get_if<SphereLimb>(&limb)) {
+    return SphereLimb{X_WL * sphere->center_m, sphere->radius_m};
+  }
+  const auto& capsule = std::get<CapsuleLimb>(limb);
+  return CapsuleLimb{X_WL * capsule.a_m, X_WL * capsule.b_m, capsule.radius_m};
+}
+
+}  // namespace needlelab
