@@ -1,0 +1,47 @@
+/// A chunk: some samples of a gesture as self-contained, self-checking bytes. FORMAT.md describes every byte.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/bytes.h"
+#include "base/result.h"
+#include "gesture/resolution.h"
+#include "gesture/sample.h"
+
+namespace needlelab {
+
+inline constexpr std::size_t kMaxChunkSamples = 65'536;
+/// No chunk is longer, whatever its samples are; longer bytes are refused before anything is allocated.
+inline constexpr std::size_t kMaxChunkBytes = 20u << 20;
+
+/// What stands in a chunk's header.
+struct ChunkInfo {
+  std::uint8_t version = 0;
+  std::uint32_t count = 0;  ///< samples, 1 to kMaxChunkSamples
+  std::uint64_t first_tick = 0, last_tick = 0;
+  std::int64_t first_time_ns = 0;
+  Resolution resolution;  ///< as declared; see `lossless_columns`
+  std::uint32_t lossless_columns =
+      0;  ///< bit c: column c is stored as raw bits although a step is declared for it,
+          ///< because a value was too big for the step, infinite or not a number
+};
+
+/// Total: every sample comes back, whatever its values. Columns within ±2³¹ steps are stored to half a step
+/// (plus the rounding of a double); a column with a value beyond that, or with infinity or NaN where none is
+/// expected, is stored exactly. `samples` must hold 1 to kMaxChunkSamples and `resolution` must be valid:
+/// programmer errors, asserted; without asserts the bytes are empty. Thread: any; uses scratch memory of the
+/// calling thread. Not for the haptic thread: it allocates.
+Bytes encodeChunk(const Resolution& resolution, std::span<const GestureSample> samples);
+
+/// All samples of a chunk. Errors: kCorrupt (not a chunk, cut off, too long, CRC, impossible header),
+/// kVersion.
+Result<std::vector<GestureSample>> decodeChunk(ByteView chunk);
+
+/// The header of a chunk whose CRC over all its bytes agrees; the columns are not decoded. Errors as
+/// decodeChunk.
+Result<ChunkInfo> inspectChunk(ByteView chunk);
+
+}  // namespace needlelab

@@ -1,0 +1,129 @@
+/// Recording files: a gesture's chunks with a metadata text, an index at a clean end. FORMAT.md describes
+/// every byte.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/bytes.h"
+#include "base/result.h"
+#include "gesture/chunk.h"
+#include "gesture/session_hash.h"
+
+namespace needlelab {
+
+inline constexpr std::size_t kMaxRecordingMetadata = 1u << 20;
+
+/// One chunk's place in a recording file.
+struct RecordingEntry {
+  std::uint64_t offset = 0;  ///< of the chunk's record in the file
+  std::uint32_t bytes = 0;   ///< of the chunk itself
+  std::uint32_t count = 0;   ///< samples
+  std::uint64_t first_tick = 0, last_tick = 0;
+};
+
+/// Writes one recording. Thread: one at a time. Movable, not copyable.
+class RecordingWriter {
+ public:
+  enum class Mode {
+    kAtomic,  ///< bytes go to a temporary name beside the path, `finish` renames it; without `finish` nothing
+              ///< is left
+    kOpenEnded,  ///< bytes go to the path at once, so that a crash leaves a readable, cut-off recording
+  };
+  /// `metadata_json` is opaque here, at most kMaxRecordingMetadata bytes. Errors: kInvalidInput (too long),
+  /// kAlreadyExists (kOpenEnded and the path is taken), kFailed with the system's reason.
+  static Result<RecordingWriter> create(const std::filesystem::path& path, std::string_view metadata_json,
+                                        Mode mode = Mode::kAtomic);
+  RecordingWriter(RecordingWriter&& other) noexcept;
+  RecordingWriter& operator=(RecordingWriter&& other) noexcept;
+  ~RecordingWriter();
+
+  /// Errors: those of inspectChunk (a bad chunk is not written), kFailed (the disk; the writer takes nothing
+  /// further).
+  Status append(ByteView chunk);
+  /// fdatasync: what was appended survives a power cut (in kOpenEnded mode, which also synced the folder at
+  /// `create`).
+  Status sync();
+  /// Writes index and footer, syncs, renames into place (kAtomic) and closes.
+  Status finish();
+
+  [[nodiscard]] std::size_t chunks() const { return entries_.size(); }
+  [[nodiscard]] std::uint64_t bytes() const { return offset_; }  ///< written so far
+  [[nodiscard]] Digest hash() const { return hash_.digest(); }   ///< over the chunks so far
+
+ private:
+  RecordingWriter() = default;
+  Status writeAll(ByteView bytes);
+  Status writeRecord(std::uint8_t kind, ByteView content);
+  void abandon() noexcept;
+
+  std::filesystem::path path_, written_path_;  ///< final name; name that is being written
+  Mode mode_ = Mode::kAtomic;
+  int fd_ = -1;
+  bool failed_ = false;
+  std::uint64_t offset_ = 0;
+  std::vector<RecordingEntry> entries_;
+  SessionHash hash_;
+  Bytes scratch_;
+};
+
+/// Reads a recording, one chunk at a time: the memory needed does not grow with the file beyond its index.
+/// Thread: const functions may be called from several. Movable, not copyable.
+class RecordingReader {
+ public:
+  /// A place in the middle of the file that cannot be read, though the file goes on after it.
+  struct Damage {
+    std::uint64_t offset = 0, bytes = 0;
+    std::string what;
+  };
+
+  /// A complete file is opened by its index; a cut-off one is scanned, and every whole chunk before the cut
+  /// is there. Errors: kInvalidInput (cannot be opened, not a recording), kVersion, kCorrupt (the opening
+  /// magic or the metadata is damaged). A file that is cut before its metadata ends is opened as well, with
+  /// empty metadata and no chunk.
+  static Result<RecordingReader> open(const std::filesystem::path& path);
+  RecordingReader(RecordingReader&& other) noexcept;
+  RecordingReader& operator=(RecordingReader&& other) noexcept;
+  ~RecordingReader();
+
+  [[nodiscard]] const std::string& metadata() const { return metadata_; }
+  [[nodiscard]] bool complete() const { return complete_; }  ///< it has a good index and footer
+  [[nodiscard]] std::uint64_t unusableTailBytes() const {
+    return tail_bytes_;
+  }  ///< after the last whole record of a cut-off file
+  [[nodiscard]] const std::vector<Damage>& damages() const { return damages_; }
+  [[nodiscard]] const std::vector<RecordingEntry>& entries() const { return entries_; }
+  [[nodiscard]] std::uint64_t sampleCount() const;
+  [[nodiscard]] const Digest& declaredHash() const { return hash_; }  ///< of a complete file; zeros otherwise
+
+  /// Errors (kCorrupt, kInvalidInput) name file, chunk number and offset; the other chunks stay readable.
+  [[nodiscard]] Result<Bytes> chunkBytes(std::size_t index) const;
+  [[nodiscard]] Result<std::vector<GestureSample>> samples(std::size_t index) const;
+  /// Every sample of the recording. Fails at the first chunk that cannot be read.
+  [[nodiscard]] Result<std::vector<GestureSample>> allSamples() const;
+  /// Decodes every chunk, and compares the hash of a complete file. Errors: kCorrupt, the first fault by
+  /// chunk and offset.
+  [[nodiscard]] Status verify() const;
+
+ private:
+  RecordingReader() = default;
+  [[nodiscard]] Result<Bytes> readAt(std::uint64_t offset, std::size_t count) const;
+  Status openByIndex();
+  Status scan();
+
+  std::filesystem::path path_;
+  int fd_ = -1;
+  std::uint64_t size_ = 0;
+  std::string metadata_;
+  bool complete_ = false;
+  std::uint64_t tail_bytes_ = 0;
+  std::vector<Damage> damages_;
+  std::vector<RecordingEntry> entries_;
+  Digest hash_{};
+};
+
+}  // namespace needlelab

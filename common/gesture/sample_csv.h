@@ -1,0 +1,24 @@
+/// Samples as text for other programs: rows of CSV, or one JSON object each.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "gesture/sample.h"
+
+namespace needlelab {
+
+/// `t_s,tick,time_ns,px_m,…,fault` and a line feed. Column names carry their unit. Stable: columns are only
+/// added at the end.
+void appendSampleCsvHeader(std::string& out);
+
+/// One row and a line feed: 17 significant digits, `nan` for not-a-number. `first_time_ns` is that of the
+/// recording's first sample: t_s counts from there, as the difference of the integers, so that it is exact to
+/// the nanosecond.
+void appendSampleCsvRow(std::string& out, const GestureSample& sample, std::int64_t first_time_ns);
+
+/// One JSON object with the CSV's names as keys, no line feed; not-a-number and infinities become null, as
+/// JSON has none.
+void appendSampleJson(std::string& out, const GestureSample& sample, std::int64_t first_time_ns);
+
+}  // namespace needlelab

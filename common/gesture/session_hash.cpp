@@ -1,0 +1,51 @@
+#include "gesture/session_hash.h"
+
+namespace needlelab {
+
+SessionHash::SessionHash() {
+  crypto_generichash_init(&state_, nullptr, 0, Digest{}.size());
+}
+
+void SessionHash::update(ByteView chunk) {
+  crypto_generichash_update(&state_, chunk.data(), chunk.size());
+}
+
+Digest SessionHash::digest() const {
+  crypto_generichash_state copy = state_;
+  Digest digest{};
+  crypto_generichash_final(&copy, digest.data(), digest.size());
+  return digest;
+}
+
+std::string hexOf(const Digest& digest) {
+  static constexpr char kDigits[] = "0123456789abcdef";
+  std::string text;
+  text.reserve(2 * digest.size());
+  for (const std::uint8_t byte : digest) {
+    text += kDigits[byte >> 4];
+    text += kDigits[byte & 15];
+  }
+  return text;
+}
+
+Result<Digest> digestFromHex(std::string_view hex) {
+  const auto nibble = [](char c) {
+    if (c >= '0' && c <= '9') return c - '0';
+    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+    return -1;
+  };
+  Digest digest{};
+  bool good = hex.size() == 2 * digest.size();
+  for (std::size_t i = 0; good && i < digest.size(); ++i) {
+    const int high = nibble(hex[2 * i]), low = nibble(hex[2 * i + 1]);
+    good = high >= 0 && low >= 0;
+    digest[i] = static_cast<std::uint8_t>((high << 4) | (low & 15));
+  }
+  if (!good)
+    return Error{ErrorCode::kInvalidInput,
+                 "a session hash is 64 hexadecimal digits; '" + std::string(hex.substr(0, 80)) + "' is not"};
+  return digest;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,35 @@
+/// The hash by which station, server and recording agree that they hold the same gesture (DESIGN §7).
+#pragma once
+
+#include <sodium.h>
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "base/bytes.h"
+#include "base/result.h"
+
+namespace needlelab {
+
+using Digest = std::array<std::uint8_t, 32>;
+
+/// BLAKE2b-256 (RFC 7693, no key) over the chunks' bytes in order. Copyable: a copy continues on its own.
+class SessionHash {
+ public:
+  SessionHash();
+  void update(ByteView chunk);
+  /// The hash of all that was given so far; may be asked for again and continued.
+  [[nodiscard]] Digest digest() const;
+
+ private:
+  crypto_generichash_state state_;
+};
+
+/// 64 lower-case hexadecimal digits.
+std::string hexOf(const Digest& digest);
+/// Errors: kInvalidInput when `hex` is not 64 hexadecimal digits.
+Result<Digest> digestFromHex(std::string_view hex);
+
+}  // namespace needlelab
