@@ -1,0 +1,31 @@
+#include "device/device_factory.h"
+
+#include <filesystem>
+#include <utility>
+
+#include "device/recording_device.h"
+
+namespace needlelab {
+
+std::string deviceKinds() {
+  return "recording:FILE";
+}
+
+Result<std::unique_ptr<Device>> makeDevice(const std::string& spec, const DeviceOptions& options) {
+  static_cast<void>(options);
+  const std::size_t colon = spec.find(':');
+  const std::string kind = spec.substr(0, colon);
+  const std::string rest = colon == std::string::npos ? "" : spec.substr(colon + 1);
+
+  if (kind == "recording") {
+    if (rest.empty())
+      return Error{ErrorCode::kInvalidInput, "--device recording: needs a file, as in recording:stroke.csv"};
+    auto track = readPoseTrack(rest);
+    if (!track.ok()) return track.error();
+    const std::string name = std::filesystem::path(rest).filename().string();
+    return std::unique_ptr<Device>(std::make_unique<RecordingDevice>(std::move(*track), name));
+  }
+  return Error{ErrorCode::kInvalidInput, "--device '" + spec + "' is unknown; there are " + deviceKinds()};
+}
+
+}  // namespace needlelab

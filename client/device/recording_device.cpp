@@ -1,0 +1,156 @@
+#include "device/recording_device.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "base/csv.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kOnTick_s = 1e-9;             // rows this close to a tick are taken as they are
+constexpr double kMaxPosition_m = 1e3;         // as in a profile's vectors
+constexpr double kQuaternionSlack = 1e-3;      // DESIGN §5
+constexpr std::size_t kMaxTicks = 50'000'000;  // 14 h at 1 kHz
+
+double lerp(double a, double b, double share) {
+  return a + (b - a) * share;
+}
+
+// linear, on the shorter of the two ways, then normalised
+Quat nlerp(Quat a, Quat b, double share) {
+  if (dot(a, b) < 0) b = {-b.x, -b.y, -b.z, -b.w};
+  return normalized(
+      Quat{lerp(a.x, b.x, share), lerp(a.y, b.y, share), lerp(a.z, b.z, share), lerp(a.w, b.w, share)});
+}
+
+// calls `row_is(i)` or `between(i, share)` for each tick, in order
+template <typename RowIs, typename Between>
+void forEachTick(const PoseTrack& track, double rate_hz, RowIs row_is, Between between) {
+  const std::size_t ticks = tickCount(track, rate_hz);
+  const std::size_t last = track.t_s.size() - 1;
+  std::size_t row = 0;
+  for (std::size_t k = 0; k < ticks; ++k) {
+    const double t = track.t_s.front() + static_cast<double>(k) / rate_hz;
+    // the last row that is not after the tick
+    while (row < last && track.t_s[row + 1] <= t + kOnTick_s) ++row;
+    if (row == last || std::abs(track.t_s[row] - t) <= kOnTick_s)
+      row_is(row);
+    else
+      between(row, (t - track.t_s[row]) / (track.t_s[row + 1] - track.t_s[row]));
+  }
+}
+
+}  // namespace
+
+Result<PoseTrack> readPoseTrack(const std::filesystem::path& path) {
+  auto table = readCsv(path, {"t_s", "px_m", "py_m", "pz_m", "qx", "qy", "qz", "qw"}, {"plunger"}, kMaxTicks);
+  if (!table.ok()) return table.error();
+  const auto column = [&](const char* name) -> const std::vector<double>& {
+    return table->columns[static_cast<std::size_t>(table->find(name))];
+  };
+  // rows are counted as a person counts them in an editor: the header is line 1 (blank lines aside)
+  const auto fail = [&](std::size_t row, const std::string& why) {
+    return Error{ErrorCode::kInvalidInput, path.string() + " row " + std::to_string(row + 1) + " (line " +
+                                               std::to_string(row + 2) + "): " + why};
+  };
+
+  PoseTrack track;
+  track.t_s = column("t_s");
+  const auto &px = column("px_m"), &py = column("py_m"), &pz = column("pz_m");
+  const auto &qx = column("qx"), &qy = column("qy"), &qz = column("qz"), &qw = column("qw");
+  track.X_WH.reserve(table->rows());
+  for (std::size_t i = 0; i < table->rows(); ++i) {
+    if (i > 0 && track.t_s[i] < track.t_s[i - 1])
+      return fail(i, "t_s " + std::to_string(track.t_s[i]) + " is before " +
+                         std::to_string(track.t_s[i - 1]) +
+                         " of the row before; times may repeat but not go backwards");
+    const std::pair<const char*, double> positions[] = {{"px_m", px[i]}, {"py_m", py[i]}, {"pz_m", pz[i]}};
+    for (const auto& [name, value] : positions)
+      if (std::abs(value) > kMaxPosition_m)
+        return fail(i, std::string(name) + " is " + std::to_string(value) + ", allowed is -1000 to 1000 m");
+    const Quat q{qx[i], qy[i], qz[i], qw[i]};
+    const double length = std::sqrt(dot(q, q));
+    if (!(std::abs(length - 1) <= kQuaternionSlack))
+      return fail(i, "the quaternion qx,qy,qz,qw has length " + std::to_string(length) +
+                         ", allowed is 0.999 to 1.001");
+    track.X_WH.push_back({{px[i], py[i], pz[i]}, normalized(q)});
+  }
+  if (const int at = table->find("plunger"); at >= 0) {
+    track.plunger = table->columns[static_cast<std::size_t>(at)];
+    for (std::size_t i = 0; i < track.plunger.size(); ++i)
+      if (track.plunger[i] < 0 || track.plunger[i] > 1)
+        return fail(i, "plunger is " + std::to_string(track.plunger[i]) + ", allowed is 0 to 1");
+  }
+  return track;
+}
+
+std::size_t tickCount(const PoseTrack& track, double rate_hz) {
+  const double duration_s = track.t_s.back() - track.t_s.front();
+  return static_cast<std::size_t>(std::floor((duration_s + kOnTick_s) * rate_hz)) + 1;
+}
+
+std::vector<Pose> resamplePoses(const PoseTrack& track, double rate_hz) {
+  std::vector<Pose> poses;
+  poses.reserve(tickCount(track, rate_hz));
+  forEachTick(
+      track, rate_hz, [&](std::size_t i) { poses.push_back(track.X_WH[i]); },
+      [&](std::size_t i, double share) {
+        const Pose &a = track.X_WH[i], &b = track.X_WH[i + 1];
+        const Vec3 p{lerp(a.p.x, b.p.x, share), lerp(a.p.y, b.p.y, share), lerp(a.p.z, b.p.z, share)};
+        poses.push_back({p, nlerp(a.q, b.q, share)});
+      });
+  return poses;
+}
+
+std::vector<double> resamplePlunger(const PoseTrack& track, double rate_hz) {
+  std::vector<double> plunger;
+  if (track.plunger.empty()) return plunger;
+  plunger.reserve(tickCount(track, rate_hz));
+  forEachTick(
+      track, rate_hz, [&](std::size_t i) { plunger.push_back(track.plunger[i]); },
+      [&](std::size_t i, double share) {
+        plunger.push_back(lerp(track.plunger[i], track.plunger[i + 1], share));
+      });
+  return plunger;
+}
+
+RecordingDevice::RecordingDevice(PoseTrack track, const std::string& name) : track_(std::move(track)) {
+  info_.name = "recording " + name;
+  info_.renders_force = false;
+  info_.renders_torque = false;
+}
+
+Status RecordingDevice::open(double rate_hz) {
+  const double ticks = (track_.t_s.back() - track_.t_s.front()) * rate_hz;
+  if (!(ticks < static_cast<double>(kMaxTicks)))
+    return Error{ErrorCode::kInvalidInput, info_.name + " lasts " + std::to_string(ticks) + " ticks at " +
+                                               std::to_string(rate_hz) + " Hz; at most " +
+                                               std::to_string(kMaxTicks) + " can be played"};
+  if (rate_hz != rate_hz_) {
+    poses_ = resamplePoses(track_, rate_hz);
+    plunger_ = resamplePlunger(track_, rate_hz);
+    rate_hz_ = rate_hz;
+  }
+  next_ = 0;
+  return {};
+}
+
+DeviceRead RecordingDevice::read(DeviceReading& reading) noexcept {
+  if (next_ >= poses_.size()) return DeviceRead::kFinished;
+  reading.X_WH = poses_[next_];
+  // the recording has no speed of its own: the gate watches the tip's
+  reading.speed_mps = 0;
+  reading.plunger = plunger_.empty() ? 0 : plunger_[next_];
+  reading.buttons = 0;
+  ++next_;
+  return DeviceRead::kFresh;
+}
+
+void RecordingDevice::skip(std::uint64_t ticks) noexcept {
+  next_ += static_cast<std::size_t>(std::min<std::uint64_t>(ticks, poses_.size() - next_));
+}
+
+}  // namespace needlelab
