@@ -1,0 +1,59 @@
+#include "device/hand.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace needlelab {
+namespace {
+
+// twice the vector part of the turn from `from` to `to`, the short way: the rotation vector of a small turn
+Vec3 turnVector(Quat from, Quat to) {
+  const Quat d = to * conjugate(from);
+  return Vec3{d.x, d.y, d.z} * (d.w < 0 ? -2.0 : 2.0);
+}
+
+}  // namespace
+
+Hand::Hand(const HandOptions& options, HandPlan plan, const Pose& X_HT, double step_s)
+    : options_(options),
+      plan_(std::move(plan)),
+      X_TH_(inverse(X_HT)),
+      step_s_(step_s),
+      tremor_(options.tremor_m, options.seed, step_s),
+      wanted_(startPose()) {}
+
+Pose Hand::startPose() const {
+  return plan_.start().X_WT * X_TH_;
+}
+
+bool Hand::finished() const noexcept {
+  const double all = plan_.duration_s() * static_cast<double>(options_.repeat);
+  return options_.repeat != 0 && static_cast<double>(step_) * step_s_ >= all;
+}
+
+Wrench Hand::pull(const HandleState& handle) noexcept {
+  // time within the plan; whole repeats are taken off
+  double t = static_cast<double>(step_) * step_s_;
+  if (const double duration = plan_.duration_s(); duration > 0 && t >= duration) {
+    const double done = static_cast<double>(static_cast<std::int64_t>(t / duration));
+    const bool last = options_.repeat != 0 && done >= static_cast<double>(options_.repeat);
+    t = last ? duration : std::max(0.0, t - done * duration);
+  }
+  const HandAim aim = plan_.at(t);
+  plunger_ = aim.plunger;
+
+  // the tip's aim with tremor, moved to the handle; its velocity from the step before
+  const Pose before = wanted_;
+  wanted_ = Pose{aim.X_WT.p + tremor_.next(), aim.X_WT.q} * X_TH_;
+  const double per_s = step_ == 0 ? 0 : 1 / step_s_;
+  const Vec3 v_wanted = (wanted_.p - before.p) * per_s;
+  const Vec3 w_wanted = turnVector(before.q, wanted_.q) * per_s;
+  ++step_;
+
+  return {options_.stiffness_N_per_m * (wanted_.p - handle.X_WH.p) +
+              options_.damping_Ns_per_m * (v_wanted - handle.v_W_mps),
+          options_.rotational_stiffness_Nm_per_rad * turnVector(handle.X_WH.q, wanted_.q) +
+              options_.rotational_damping_Nms_per_rad * (w_wanted - handle.w_W_radps)};
+}
+
+}  // namespace needlelab

@@ -1,0 +1,42 @@
+#include "device/hand_cli.h"
+
+#include <cmath>
+#include <string>
+
+namespace needlelab {
+namespace {
+
+// CLI::Range lets `nan` pass; this does not
+CLI::Validator within(double low, double high, bool low_allowed = true) {
+  char range[64];
+  std::snprintf(range, sizeof range, "%s%g to %g", low_allowed ? "" : "above ", low, high);
+  const std::string allowed = range;
+  return CLI::Validator(
+      [low, high, low_allowed, allowed](std::string& text) -> std::string {
+        double value = 0;
+        const bool number = CLI::detail::lexical_cast(text, value);
+        if (number && value <= high && (low_allowed ? value >= low : value > low)) return {};
+        return "value " + text + ", allowed is " + allowed;
+      },
+      allowed);
+}
+
+}  // namespace
+
+void addHandOptions(CLI::App& app, HandOptions& o) {
+  const auto add = [&](const char* name, auto& value, const char* text) {
+    return app.add_option(name, value, text)->capture_default_str()->group("Simulated hand");
+  };
+  add("--hand-plan", o.plan, "target[:NAME], retry[:NAME], depth[:METRES], rest, or a CSV file of tip poses");
+  add("--hand-speed-m-s", o.speed_mps, "speed of insertion and withdrawal")->check(within(0, 0.5, false));
+  add("--hand-hold-s", o.hold_s, "time at the target")->check(within(0, 600, false));
+  add("--hand-repeat", o.repeat, "how often the plan is done; 0 = until stopped");
+  add("--hand-tremor-m", o.tremor_m, "tremor in 8-12 Hz, peak per axis")->check(within(0, 0.005));
+  add("--hand-seed", o.seed, "seed of the tremor");
+  add("--hand-stiffness", o.stiffness_N_per_m, "in N/m")->check(within(0, 10'000));
+  add("--hand-damping", o.damping_Ns_per_m, "in N·s/m")->check(within(0, 100));
+  add("--hand-rotational-stiffness", o.rotational_stiffness_Nm_per_rad, "in N·m/rad")->check(within(0, 100));
+  add("--hand-rotational-damping", o.rotational_damping_Nms_per_rad, "in N·m·s/rad")->check(within(0, 5));
+}
+
+}  // namespace needlelab

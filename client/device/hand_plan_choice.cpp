@@ -1,0 +1,138 @@
+#include "device/hand_plan_choice.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <optional>
+#include <string_view>
+#include <variant>
+
+#include "base/csv.h"
+#include "haptics/scene_model.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kMiss_rad = 0.3;  // how far `retry` first aims beside the target
+
+Error invalid(const std::string& why) {
+  return {ErrorCode::kInvalidInput, "--hand-plan: " + why};
+}
+
+// a point of the surface that a hand would take if nobody names a target
+Vec3 referencePoint(const Limb& limb) {
+  if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return plane->point_m;
+  if (const auto* sphere = std::get_if<SphereLimb>(&limb))
+    return sphere->center_m + outwardNormal(limb, sphere->center_m) * sphere->radius_m;
+  const auto& capsule = std::get<CapsuleLimb>(limb);
+  const Vec3 middle = (capsule.a_m + capsule.b_m) * 0.5;
+  return middle + outwardNormal(limb, middle) * capsule.radius_m;
+}
+
+Result<HandPlan> planFromCsv(const std::string& path) {
+  auto table = readCsv(path, {"t_s", "px_m", "py_m", "pz_m"}, {"qx", "qy", "qz", "qw", "plunger"}, 1'000'000);
+  if (!table.ok()) return table.error();
+  const auto column = [&](const char* name) -> const std::vector<double>* {
+    const int i = table->find(name);
+    return i < 0 ? nullptr : &table->columns[static_cast<std::size_t>(i)];
+  };
+  const auto row_error = [&](std::size_t row, const std::string& why) {
+    return Error{ErrorCode::kInvalidInput,
+                 path + " row " + std::to_string(row + 1) + " after the header: " + why};
+  };
+  const auto &t = *column("t_s"), &x = *column("px_m"), &y = *column("py_m"), &z = *column("pz_m");
+  const auto *qx = column("qx"), *qy = column("qy"), *qz = column("qz"), *qw = column("qw");
+  const int parts = (qx != nullptr) + (qy != nullptr) + (qz != nullptr) + (qw != nullptr);
+  if (parts != 0 && parts != 4) return invalid(path + ": either all of qx,qy,qz,qw or none of them");
+  const auto* plunger = column("plunger");
+
+  std::optional<HandPlan> plan;
+  for (std::size_t i = 0; i < table->rows(); ++i) {
+    Pose pose{{x[i], y[i], z[i]}, orientationAlong({0, 0, -1})};
+    if (parts == 4) {
+      const Quat q{(*qx)[i], (*qy)[i], (*qz)[i], (*qw)[i]};
+      const double length = std::sqrt(dot(q, q));
+      if (!(std::abs(length - 1) <= 1e-3))
+        return row_error(i, "quaternion of length " + std::to_string(length) + ", 1 within 0.001 is needed");
+      pose.q = normalized(q);
+    }
+    const double press = plunger ? (*plunger)[i] : 0;
+    if (!(press >= 0 && press <= 1))
+      return row_error(i, "plunger " + std::to_string(press) + ", allowed is 0 to 1");
+    if (!plan) {
+      plan.emplace(pose);
+      continue;
+    }
+    const double seconds = t[i] - t[i - 1];
+    if (!(seconds > 0 && seconds <= 3600))
+      return row_error(i, "t_s must grow by more than 0 and at most 3600 s from row to row, it grew by " +
+                              std::to_string(seconds));
+    plan->moveIn(pose, seconds, press, Motion::kLinear);
+  }
+  if (plan->duration_s() <= 0) return invalid(path + ": at least two rows are needed");
+  return *std::move(plan);
+}
+
+Result<HandPlan> planByName(const std::string& kind, const std::string& argument, const HandOptions& options,
+                            const SceneSpec& scene, const std::vector<PlanTarget>& targets) {
+  PlanStyle style;
+  style.insertion_speed_mps = options.speed_mps;
+  style.hold_s = options.hold_s;
+  const Vec3 surface = referencePoint(scene.limb);
+  const Vec3 n = outwardNormal(scene.limb, surface);
+  if (kind == "rest")
+    return HandPlan({surface + n * style.approach_m, orientationAlong(-n)}).hold(style.hold_s);
+
+  const bool by_depth = kind == "depth" || (argument.empty() && targets.empty());
+  if (by_depth) {
+    double depth = 0;
+    for (const LayerSpec& layer : scene.layers) depth += layer.thickness_m;
+    depth = std::min(depth / 2, 0.8 * scene.needle_length_m);
+    if (!argument.empty()) {
+      const auto [end, error] = std::from_chars(argument.data(), argument.data() + argument.size(), depth);
+      if (error != std::errc() || end != argument.data() + argument.size() || !(depth > 0 && depth <= 1))
+        return invalid("depth '" + argument + "' is not a number of metres above 0 and up to 1");
+    }
+    return insertionPlan(surface, -n, depth, style);
+  }
+
+  const auto named = std::find_if(targets.begin(), targets.end(), [&](const PlanTarget& target) {
+    return argument.empty() || target.name == argument;
+  });
+  if (named == targets.end()) {
+    std::string known;
+    for (const PlanTarget& target : targets) known += (known.empty() ? "'" : ", '") + target.name + "'";
+    return invalid("the profile has no target '" + argument + "'" +
+                   (known.empty() ? "; it has no targets" : "; it has " + known));
+  }
+  if (!(signedDepth(scene.limb, named->center_W_m) > 0))
+    return invalid("target '" + named->name + "' is not inside the limb");
+  if (kind == "retry") return retryPlan(scene.limb, named->center_W_m, kMiss_rad, style);
+  return targetPlan(scene.limb, named->center_W_m, style);
+}
+
+}  // namespace
+
+Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W,
+                            const std::vector<PlanTarget>& targets_W) {
+  if (!(options.speed_mps > 0 && options.speed_mps <= 0.5))
+    return Error{ErrorCode::kInvalidInput, "--hand-speed-m-s: " + std::to_string(options.speed_mps) +
+                                               ", allowed is above 0 and up to 0.5"};
+  if (!(options.hold_s > 0 && options.hold_s <= 600))
+    return Error{ErrorCode::kInvalidInput,
+                 "--hand-hold-s: " + std::to_string(options.hold_s) + ", allowed is above 0 and up to 600"};
+  const std::size_t colon = options.plan.find(':');
+  const std::string kind = options.plan.substr(0, colon);
+  const std::string argument = colon == std::string::npos ? "" : options.plan.substr(colon + 1);
+  const bool is_name = kind == "target" || kind == "retry" || kind == "depth" || kind == "rest";
+  auto plan = is_name ? planByName(kind, argument, options, scene_W, targets_W) : planFromCsv(options.plan);
+
+  // a plan that is done again must end where it starts, or the hand would jump
+  if (plan.ok() && options.repeat != 1 && plan->end().X_WT != plan->start().X_WT) {
+    if (plan->end().plunger != plan->start().plunger) plan->hold(0.5, plan->start().plunger);
+    plan->moveTo(plan->start().X_WT, 5 * options.speed_mps, Motion::kMinJerk);
+  }
+  return plan;
+}
+
+}  // namespace needlelab

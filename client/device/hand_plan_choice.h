@@ -1,0 +1,33 @@
+/// From the words of `--hand-plan` to a plan, for a scene that stands in W.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "base/result.h"
+#include "device/hand.h"
+#include "haptics/scene_spec.h"
+
+namespace needlelab {
+
+/// A target of the profile, already placed in W.
+struct PlanTarget {
+  std::string name;
+  Vec3 center_W_m;
+};
+
+/// Makes the plan that `options.plan` names:
+/// - `target` or `target:NAME`: straight to that target (the first one without a name; without any target as
+/// `depth`);
+/// - `retry` or `retry:NAME`: first beside it, then drawn back, turned, and into it (paper, Fig. 10);
+/// - `depth:METRES`: straight in by that depth above the limb's reference point; `depth` alone: half of the
+/// layers;
+/// - `rest`: stays 20 mm outside for the time of the hold;
+/// - anything else: a CSV file of tip poses in W, `t_s,px_m,py_m,pz_m[,qx,qy,qz,qw][,plunger]`, t_s growing
+/// from row to row,
+///   straight lines between rows.
+/// Errors: kInvalidInput.
+Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W,
+                            const std::vector<PlanTarget>& targets_W);
+
+}  // namespace needlelab

@@ -1,0 +1,127 @@
+#include "device/simulated_device.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+#include "haptics/limits.h"
+
+namespace needlelab {
+namespace {
+
+Status inRange(const char* name, double value, double low, double high) {
+  if (value >= low && value <= high) return {};
+  char text[160];
+  std::snprintf(text, sizeof text, "simulated device: %s = %g, allowed is %g to %g", name, value, low, high);
+  return Error{ErrorCode::kInvalidInput, text};
+}
+
+Status checked(const SimulatedDeviceOptions& o, double rate_hz) {
+  const HandOptions& h = o.hand;
+  for (Status status :
+       {inRange("rate", rate_hz, kMinRateHz, kMaxRateHz),
+        inRange("hand stiffness in N/m", h.stiffness_N_per_m, 0, 10'000),
+        inRange("hand damping in N·s/m", h.damping_Ns_per_m, 0, 100),
+        inRange("hand rotational stiffness in N·m/rad", h.rotational_stiffness_Nm_per_rad, 0, 100),
+        inRange("hand rotational damping in N·m·s/rad", h.rotational_damping_Nms_per_rad, 0, 5),
+        inRange("hand tremor in m", h.tremor_m, 0, 0.005),
+        inRange("mass in kg", o.limits.apparent_mass_kg, 0.01, 100),
+        inRange("damping in N·s/m", o.limits.damping_Ns_per_m, 0, 100),
+        inRange("inertia in kg·m²", o.inertia_kgm2, 1e-5, 10),
+        inRange("rotational damping in N·m·s/rad", o.rotational_damping_Nms_per_rad, 0, 1),
+        inRange("dry friction in N", o.dry_friction_N, 0, 10),
+        inRange("encoder step in m", o.encoder_step_m, 0, 0.01),
+        inRange("encoder step in rad", o.encoder_step_rad, 0, 0.1),
+        inRange("delay in ticks", o.delay_ticks, 0, SimulatedDevice::kMaxDelayTicks),
+        inRange("integration rate in Hz", o.integration_hz, 1000, 1e6)})
+    if (!status.ok()) return status;
+  return {};
+}
+
+double toStep(double value, double step) {
+  return step > 0 ? std::floor(value / step + 0.5) * step : value;
+}
+
+// an angle is twice a quaternion component near rest: half a step there is a step of angle
+Pose asEncoded(const Pose& X, double step_m, double step_rad) {
+  Pose seen{{toStep(X.p.x, step_m), toStep(X.p.y, step_m), toStep(X.p.z, step_m)}, X.q};
+  if (step_rad > 0) {
+    const double step = step_rad / 2;
+    seen.q =
+        normalized(Quat{toStep(X.q.x, step), toStep(X.q.y, step), toStep(X.q.z, step), toStep(X.q.w, step)});
+  }
+  return seen;
+}
+
+}  // namespace
+
+SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options, HandPlan plan)
+    : options_(options), plan_(std::move(plan)) {
+  char name[120];
+  std::snprintf(name, sizeof name, "simulated Virtuose 6D Desktop, hand %g N/m and %g N·s/m",
+                options.hand.stiffness_N_per_m, options.hand.damping_Ns_per_m);
+  info_.name = name;
+  info_.limits = options.limits;
+}
+
+Status SimulatedDevice::open(double rate_hz) {
+  if (Status status = checked(options_, rate_hz); !status.ok()) return status;
+  steps_per_tick_ =
+      std::max<std::int64_t>(1, static_cast<std::int64_t>(options_.integration_hz / rate_hz + 0.5));
+  step_s_ = 1 / (rate_hz * static_cast<double>(steps_per_tick_));
+  hand_.emplace(options_.hand, plan_, options_.X_HT, step_s_);
+  handle_ = {hand_->startPose(), {}, {}};
+  tick_ = 0;
+  pending_.fill({});
+  return {};
+}
+
+void SimulatedDevice::integrate(const Wrench& wrench) noexcept {
+  const double mass = options_.limits.apparent_mass_kg;
+  const Wrench hand = hand_->pull(handle_);
+
+  // translation: semi-implicit Euler, dry friction takes at most what speed there is
+  Vec3& v = handle_.v_W_mps;
+  v += (hand.force_N + wrench.force_N - v * options_.limits.damping_Ns_per_m) * (step_s_ / mass);
+  if (options_.dry_friction_N > 0) {
+    const double speed = norm(v), loss = options_.dry_friction_N * step_s_ / mass;
+    v = speed > loss ? v * (1 - loss / speed) : Vec3{};
+  }
+  handle_.X_WH.p += v * step_s_;
+
+  // rotation of a ball
+  Vec3& w = handle_.w_W_radps;
+  w += (hand.torque_Nm + wrench.torque_Nm - w * options_.rotational_damping_Nms_per_rad) *
+       (step_s_ / options_.inertia_kgm2);
+  const Vec3 half = w * (step_s_ / 2);
+  handle_.X_WH.q = normalized(Quat{half.x, half.y, half.z, 1} * handle_.X_WH.q);
+}
+
+DeviceRead SimulatedDevice::read(DeviceReading& reading) noexcept {
+  if (!hand_) return DeviceRead::kNoUpdate;
+  if (hand_->finished()) return DeviceRead::kFinished;
+  constexpr std::uint64_t slots = kMaxDelayTicks + 1;
+  if (tick_ > 0) {
+    const Wrench due = pending_[(tick_ - 1) % slots];
+    for (std::int64_t i = 0; i < steps_per_tick_; ++i) integrate(due);
+    // until the next write, the last wrench holds
+    pending_[(tick_ + options_.delay_ticks) % slots] = pending_[(tick_ - 1 + options_.delay_ticks) % slots];
+  }
+  ++tick_;
+  reading.X_WH = asEncoded(handle_.X_WH, options_.encoder_step_m, options_.encoder_step_rad);
+  reading.speed_mps = norm(handle_.v_W_mps);
+  reading.plunger = hand_->plunger();
+  reading.buttons = 0;
+  return DeviceRead::kFresh;
+}
+
+void SimulatedDevice::write(const GuardedWrench& at_handle_W) noexcept {
+  if (tick_ > 0) pending_[(tick_ - 1 + options_.delay_ticks) % (kMaxDelayTicks + 1)] = at_handle_W.wrench();
+}
+
+void SimulatedDevice::close() noexcept {
+  hand_.reset();
+}
+
+}  // namespace needlelab
