@@ -1,0 +1,428 @@
+#include "support/reference_engine.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace needlelab::test {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+double angleBetween(Vec3 a, Vec3 b) {
+  return std::atan2(norm(cross(a, b)), dot(a, b));
+}  // §3: "by atan2(|a×b|, a·b)"
+
+double signOf(double value) {
+  return value > 0 ? 1.0 : value < 0 ? -1.0 : 0.0;
+}
+
+Vec3 nearestOnSegment(const CapsuleLimb& limb, Vec3 p) {
+  const Vec3 along = limb.b_m - limb.a_m;
+  const double t = std::clamp(dot(p - limb.a_m, along) / dot(along, along), 0.0, 1.0);
+  return limb.a_m + along * t;
+}
+
+// u turned by `angle` toward the point p, about P0 (§3.3)
+Vec3 turned(Vec3 u, Vec3 e, double angle) {
+  return normalized(u * std::cos(angle) + normalized(e) * std::sin(angle));
+}
+
+}  // namespace
+
+ReferenceEngine::ReferenceEngine(SceneSpec scene, double rate_hz)
+    : scene_(std::move(scene)), rate_hz_(rate_hz), period_s_(1.0 / rate_hz) {}
+
+std::optional<Vec3> ReferenceEngine::direction() const {
+  return insertion_ ? std::optional(insertion_->u) : std::nullopt;
+}
+
+std::optional<double> ReferenceEngine::tiltLimit() const {
+  return insertion_ ? std::optional(insertion_->tilt_limit) : std::nullopt;
+}
+
+// §3: "A duration in ticks is max(1, floor(duration·rate + 0.5))."
+std::int64_t ReferenceEngine::inTicks(double duration_s) const {
+  return std::max<std::int64_t>(1, static_cast<std::int64_t>(std::floor(duration_s * rate_hz_ + 0.5)));
+}
+
+// §4: "An effect whose numbers are all zero is not live."
+bool ReferenceEngine::live(Effect effect) const {
+  if ((scene_.effects & bitOf(effect)) == 0) return false;
+  const auto anyLayer = [&](auto nonZero) {
+    return std::any_of(scene_.layers.begin(), scene_.layers.end(), nonZero);
+  };
+  switch (effect) {
+    case Effect::kCutting:
+      return anyLayer([](const LayerSpec& l) { return l.cutting_force_N != 0; });
+    case Effect::kAttracted:
+      return anyLayer([](const LayerSpec& l) { return l.attracted_force_N != 0; });
+    case Effect::kClamping:
+      return anyLayer([](const LayerSpec& l) { return l.lateral_stiffness_N_per_m2 != 0; });
+    case Effect::kOrientationLimit:
+      return scene_.orientation_limit.stiffness_Nm_per_rad != 0 ||
+             scene_.orientation_limit.max_torque_Nm != 0;
+    case Effect::kShaftFriction:
+      return anyLayer([](const LayerSpec& l) { return l.friction_N_per_m != 0; });
+    case Effect::kPuncture:
+      return anyLayer([](const LayerSpec& l) { return l.membrane.has_value(); });
+  }
+  return false;
+}
+
+// §3.1: plane δ = −n·(p − p_surface); sphere R − |p − c|; capsule R − distance to its segment
+double ReferenceEngine::depthAt(Vec3 p) const {
+  if (const auto* plane = std::get_if<PlaneLimb>(&scene_.limb))
+    return -dot(normalized(plane->normal), p - plane->point_m);
+  if (const auto* sphere = std::get_if<SphereLimb>(&scene_.limb))
+    return sphere->radius_m - norm(p - sphere->center_m);
+  const auto& capsule = std::get<CapsuleLimb>(scene_.limb);
+  return capsule.radius_m - norm(p - nearestOnSegment(capsule, p));
+}
+
+// the surface normal, out of the tissue
+Vec3 ReferenceEngine::normalAt(Vec3 p) const {
+  if (const auto* plane = std::get_if<PlaneLimb>(&scene_.limb)) return normalized(plane->normal);
+  if (const auto* sphere = std::get_if<SphereLimb>(&scene_.limb)) return normalized(p - sphere->center_m);
+  return normalized(p - nearestOnSegment(std::get<CapsuleLimb>(scene_.limb), p));
+}
+
+double ReferenceEngine::topOf(std::size_t layer) const {
+  double top = 0;
+  for (std::size_t i = 0; i < layer; ++i) top += scene_.layers[i].thickness_m;
+  return top;
+}
+
+// §3.1: "by δ, layers are half-open [top, bottom), the last has no end"
+int ReferenceEngine::layerAt(double depth) const {
+  int layer = 0;
+  for (std::size_t i = 1; i < scene_.layers.size(); ++i)
+    if (depth >= topOf(i)) layer = static_cast<int>(i);
+  return layer;
+}
+
+// ∫₀^{d_t} value ds; §3.1: "For the integrals over inserted length a layer is thickness/c long along u"
+double ReferenceEngine::alongShaft(double LayerSpec::*value, double d_t, double c) const {
+  double sum = 0, top = 0;
+  for (std::size_t i = 0; i < scene_.layers.size(); ++i) {
+    const bool last = i + 1 == scene_.layers.size();
+    const double bottom =
+        last ? std::numeric_limits<double>::infinity() : top + scene_.layers[i].thickness_m / c;
+    if (d_t > top) sum += scene_.layers[i].*value * (std::min(d_t, bottom) - top);
+    top = bottom;
+  }
+  return sum;
+}
+
+// §3.4: α(d_t) = atan((L − d_t)/(L + d_t)), d_t held to [0, L]
+double ReferenceEngine::cone(double d_t) const {
+  const double length = scene_.needle_length_m, d = std::clamp(d_t, 0.0, length);
+  return std::atan((length - d) / (length + d));
+}
+
+ReferenceEngine::Geometry ReferenceEngine::geometry(const Insertion& in, Vec3 u, Vec3 p, double depth) const {
+  Geometry g;
+  g.c = std::max(0.05, -dot(in.normal, u));             // §3.1: c = max(0.05, −n·u)
+  g.x = dot(u, p - in.p_entry);                         // §3.1: x = u·(p − P0)
+  g.d_t = std::min(std::max(0.0, g.x), depth / g.c);    // §3.1: d_t = min(max(0, x), δ/c)
+  g.e = (p - in.p_entry) - u * dot(u, p - in.p_entry);  // §3.3: e = (p − P0) − u (u·(p − P0))
+  g.k = std::min(alongShaft(&LayerSpec::lateral_stiffness_N_per_m2, g.d_t, g.c),
+                 scene_.virtual_fixture.max_stiffness_N_per_m);  // §3.3: k = min(∫₀^{d_t} …, max_stiffness)
+  return g;
+}
+
+StepReport ReferenceEngine::step(const TipSample& sample) {
+  StepReport out;
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  out.p_wall_W_m = {nan, nan, nan};
+  if (!isFinite(sample.p_WT_m) || !isFinite(sample.q_WT)) {
+    out.flags = kFlagNotStepped;
+    return out;
+  }
+  const Vec3 p = sample.p_WT_m;
+  const Vec3 axis =
+      normalized(rotate(sample.q_WT, {0, 0, 1}));  // §3: "The needle's axis is normalised on input."
+  const double depth = depthAt(p);
+  out.depth_m = depth;
+
+  // contact (§3.1)
+  if (depth <= 0) {  // "Exit: δ_k ≤ 0: everything is reset, all outputs are zero."
+    if (insertion_) out.flags |= kFlagExit;
+    insertion_.reset();
+    outside_once_ = true;
+  } else if (!insertion_ && has_past_ && depth_past_ <= 0) {  // "Entry: δ_k > 0 after δ_{k−1} ≤ 0."
+    enter(p, depth, axis);
+    out.flags |= kFlagEntry;
+  } else if (!insertion_) {
+    out.flags |= kFlagStartedInside;  // "FREE, layer −1, no force until the tip has once been outside"
+  }
+
+  if (insertion_) {
+    Insertion& in = *insertion_;
+    const bool entry = (out.flags & kFlagEntry) != 0;
+    Geometry g = geometry(in, in.u, p, depth);
+
+    // layer by δ
+    const int layer = layerAt(depth);
+    if (!entry && layer != in.layer) out.flags |= kFlagLayerChange;
+    in.layer = layer;
+
+    // trajectory and clamping (§3.3)
+    if (turn(in, g, p, depth, axis)) out.flags |= kFlagTurn;
+    const Vec3 clamping = clamp(in, g, out);
+
+    const double v = speed(in, g.x);
+    const double x_c = meetMembranes(in, g, depth, entry, out);
+    axial(in, g, x_c, v, out);
+    friction(in, g, x_c, out);
+    puncture(in, g, out);
+    tilt(in, g, axis, out);
+
+    // §3.5: "Forces add up in the order axial, friction, puncture, clamping"
+    Vec3 force = in.u * (out.cutting_N + out.attracted_N);
+    force += in.u * out.friction_N;
+    force += in.u * out.puncture_N;
+    force += clamping;
+    // §3.5: "the sum is capped at max_force_n, keeping its direction"
+    if (norm(force) > scene_.max_force_N) {
+      force = force * (scene_.max_force_N / norm(force));
+      out.flags |= kFlagForceCapped;
+    }
+    out.wrench_W.force_N = force;
+
+    out.phase = in.phase;
+    out.layer = in.layer;
+    out.insertion_m = g.d_t;
+    out.speed_mps = v;
+    out.lateral_error_m = norm(g.e);
+    if (g.d_t > scene_.needle_length_m) out.flags |= kFlagBeyondNeedle;
+    if (live(Effect::kCutting) || live(Effect::kAttracted)) out.p_wall_W_m = in.p_entry + in.u * in.wall;
+    in.depth_past = depth;
+  }
+
+  has_past_ = true;
+  p_past_ = p;
+  depth_past_ = depth;
+  return out;
+}
+
+// §3.1 Entry, and the states that §3.2-3.5 begin with
+void ReferenceEngine::enter(Vec3 p, double depth, Vec3 axis) {
+  Insertion in;
+  in.p_entry = p_past_ + (p - p_past_) * (depth_past_ / (depth_past_ - depth));
+  in.normal = normalAt(in.p_entry);
+  in.u = dot(axis, -in.normal) > std::sin(10.0 * kPi / 180.0) ? axis : -in.normal;
+  in.u0 = in.u;
+  in.x_past = {0.0};  // "with x = 0 at tick k_entry − 1"
+  in.tilt_limit =
+      std::max(kPi / 4, angleBetween(axis, in.u));  // §3.4: "max(45°, θ) at entry, before any turn"
+  in.membranes.resize(scene_.layers.size());
+  insertion_ = std::move(in);
+}
+
+// §3.3, "Change of trajectory"; true when u turned
+bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis) const {
+  if (!live(Effect::kClamping)) return false;  // "Where CLAMPING is not live, u never turns."
+  const double f_max = scene_.virtual_fixture.max_force_N, e = norm(g.e);
+  const double rho = scene_.virtual_fixture.mode == ClampingMode::kPassive ? in.rho : 0.0;
+  if (!(g.k * (e - rho) > f_max && g.x > e)) return false;
+
+  // the least of: the angle that brings |e| to ρ + f_max/k for the present k; 2 rad/s·T; the cone's
+  const double r = norm(p - in.p_entry);
+  double angle = std::asin(std::min(1.0, e / r)) - std::asin(std::min(1.0, (rho + f_max / g.k) / r));
+  angle = std::min(angle, 2.0 * period_s_);
+  const double before = angleBetween(in.u, in.u0);
+  const auto allowed = [&](double a) {
+    const Vec3 u = turned(in.u, g.e, a);
+    return angleBetween(u, in.u0) <= std::max(cone(geometry(in, u, p, depth).d_t), before);
+  };
+  if (!allowed(angle)) {  // "bisection to 1e-12 rad will do, taking the end that satisfies it"
+    double low = 0, high = angle;
+    while (high - low > 1e-12) {
+      const double middle = 0.5 * (low + high);
+      (allowed(middle) ? low : high) = middle;
+    }
+    angle = low;
+  }
+  if (!(angle > 0)) return false;
+
+  const double theta_before = angleBetween(axis, in.u);
+  in.u = turned(in.u, g.e, angle);
+  const double x_old = g.x;
+  g = geometry(in, in.u, p, depth);  // "Then c, x, d_t, k, e are taken anew"
+  const double moved =
+      g.x - x_old;  // "w, the friction wall, the membranes' places and the kept past values of x move"
+  in.wall += moved;
+  in.friction_wall += moved;
+  for (auto& membrane : in.membranes) membrane.place_m += moved;
+  for (double& x : in.x_past) x += moved;
+  in.tilt_limit +=
+      std::max(0.0, angleBetween(axis, in.u) - theta_before);  // §3.4: "when a turn of u raises θ …"
+  return true;
+}
+
+// §3.3, the force; in the order "(PASSIVE) growth of ρ, ρ ← min(ρ, |e|), force, cap, keep k and |e|"
+Vec3 ReferenceEngine::clamp(Insertion& in, const Geometry& g, StepReport& out) const {
+  if (!live(Effect::kClamping)) return {};
+  const double f_max = scene_.virtual_fixture.max_force_N, e = norm(g.e);
+  if (scene_.virtual_fixture.mode == ClampingMode::kPassive) {
+    if (g.k > in.k_prev && in.e_prev > in.rho) in.rho = in.e_prev - (in.k_prev / g.k) * (in.e_prev - in.rho);
+    in.rho = std::min(in.rho, e);
+  }
+  double force = g.k * (e - in.rho);
+  if (force > f_max) {
+    force = f_max;
+    if (scene_.virtual_fixture.mode == ClampingMode::kPassive) in.rho = e - f_max / g.k;
+    out.flags |= kFlagClampCapped;
+  }
+  in.k_prev = g.k;
+  in.e_prev = e;
+  out.clamping_N = force;
+  out.clamping_stiffness_N_per_m = g.k;
+  return e > 0 ? g.e * (-force / e) : Vec3{};
+}
+
+// §3.1: v = (x_k − x_{k−j})/(jT), j = min(100 ms in ticks, k − k_entry + 1)
+double ReferenceEngine::speed(Insertion& in, double x) const {
+  in.x_past.push_back(x);
+  const auto since = static_cast<std::int64_t>(in.x_past.size()) - 1;  // k − k_entry + 1
+  const std::int64_t j = std::min(inTicks(0.1), since);
+  return (x - in.x_past[static_cast<std::size_t>(since - j)]) / (static_cast<double>(j) * period_s_);
+}
+
+// §3.5 Puncture: places, then ruptures; gives x_c
+double ReferenceEngine::meetMembranes(Insertion& in, const Geometry& g, double depth, bool entry,
+                                      StepReport& out) const {
+  if (!live(Effect::kPuncture)) return g.x;
+  // "at the first tick with δ ≥ top in this insertion: the x interpolated by δ between the tick before and
+  // this one (at the entry tick between P0, with x = 0 and δ = 0, and the tip)"
+  const double x_before = entry ? 0.0 : in.x_past[in.x_past.size() - 2];
+  const double depth_before = entry ? 0.0 : in.depth_past;
+  for (std::size_t i = 0; i < scene_.layers.size(); ++i) {
+    if (!scene_.layers[i].membrane || in.membranes[i].met || depth < topOf(i)) continue;
+    in.membranes[i].met = true;
+    in.membranes[i].place_m =
+        x_before + (g.x - x_before) * ((topOf(i) - depth_before) / (depth - depth_before));
+  }
+
+  // "x_c = min(x, s of the unruptured membranes already met)"
+  const auto cutPosition = [&] {
+    double x_c = g.x;
+    for (const auto& membrane : in.membranes)
+      if (membrane.met && !membrane.ruptured) x_c = std::min(x_c, membrane.place_m);
+    return x_c;
+  };
+  const double x_c_held = cutPosition();
+  for (std::size_t i = 0; i < scene_.layers.size(); ++i) {
+    const double z = g.x - in.membranes[i].place_m;
+    if (!in.membranes[i].met || in.membranes[i].ruptured || !(z > 0)) continue;
+    const MembraneSpec& spec = *scene_.layers[i].membrane;
+    if (spec.linear_N_per_m * z + spec.quadratic_N_per_m2 * z * z >= spec.force_N) {
+      in.membranes[i].ruptured = true;
+      out.flags |= kFlagRupture;
+    }
+  }
+  // "When ruptures change x_c, w and w_f move by that change, so that their forces do not jump."
+  const double x_c = cutPosition();
+  in.wall += x_c - x_c_held;
+  in.friction_wall += x_c - x_c_held;
+  return x_c;
+}
+
+// §3.2; x_c stands for x in z, the drag and the force
+void ReferenceEngine::axial(Insertion& in, const Geometry& g, double x_c, double v, StepReport& out) const {
+  const TrackingWallSpec& spec = scene_.tracking_wall;
+  const LayerSpec& layer = scene_.layers[static_cast<std::size_t>(in.layer)];
+  const double stiffness = spec.stiffness_N_per_m;
+  const double cut = live(Effect::kCutting) ? layer.cutting_force_N / stiffness : 0.0;
+  const double attracted =
+      live(Effect::kAttracted) ? std::min(layer.attracted_force_N / stiffness, g.d_t) : 0.0;
+
+  // 1. Stop: ticks with |v| < v_stop are counted, the entry tick included
+  const double slow = spec.stop_speed_mps;
+  if (std::abs(v) >= (in.stopped
+                          ? 2 * slow
+                          : slow)) {  // "… or, once stopped, when |v| ≥ 2·v_stop, which also ends the stop"
+    in.slow_ticks = 0;
+    in.stopped = false;
+  } else if (std::abs(v) < slow) {
+    ++in.slow_ticks;
+  }
+  if (!in.stopped &&
+      in.slow_ticks ==
+          inTicks(spec.stop_dwell_s)) {  // "when it reaches stop_dwell_s, the stop begins with m = 0"
+    in.stopped = true;
+    in.stop_m = 0;
+    in.stop_z0 =
+        std::abs(x_c - in.wall);  // "z0 = |z| at the tick that begins the stop, before the wall moves"
+  }
+  if (in.stopped) {
+    const double z = x_c - in.wall;
+    const double rejection = layer.rejection_force_N / stiffness;
+    const double most = 1.5 * slow * period_s_;
+    if (spec.stop_mode == StopMode::kRamp) {
+      const double n = static_cast<double>(inTicks(spec.stop_duration_s));
+      const double gap = std::max(0.0, std::abs(z) - rejection);
+      in.stop_m = std::max(in.stop_m, gap / n);
+      in.wall += signOf(z) * std::min({in.stop_m, gap, most});
+    } else {
+      const double gap = std::max(0.0, std::abs(z) - std::max(rejection, spec.relax_residual * in.stop_z0));
+      in.wall += signOf(z) * std::min(gap * (1 - std::exp(-period_s_ / spec.relax_time_s)), most);
+    }
+  }
+
+  // 2. Movement: w ← min(max(w, x − Δ_cut), x + Δ_att)
+  in.wall = std::min(std::max(in.wall, x_c - cut), x_c + attracted);
+
+  // 3. Force: f = −K_t·(x − w); "Positive stretch is cutting, negative is attracted"
+  const double stretch = x_c - in.wall;
+  if (stretch > 0 && live(Effect::kCutting)) out.cutting_N = -stiffness * stretch;
+  if (stretch < 0 && live(Effect::kAttracted)) out.attracted_N = -stiffness * stretch;
+
+  // phase: STOPPED in a stop; INSERTING for v ≥ v_stop, WITHDRAWING for v ≤ −v_stop; otherwise it keeps its
+  // value
+  if (in.stopped)
+    in.phase = Phase::kStopped;
+  else if (v >= slow)
+    in.phase = Phase::kInserting;
+  else if (v <= -slow)
+    in.phase = Phase::kWithdrawing;
+}
+
+// §3.5 Shaft friction: "a second tracking wall with K_f and Δ_f = (∫₀^{d_t} friction ds)/K_f both ways; no
+// stop"
+void ReferenceEngine::friction(Insertion& in, const Geometry& g, double x_c, StepReport& out) const {
+  if (!live(Effect::kShaftFriction)) return;
+  const double stiffness = scene_.friction_stiffness_N_per_m;
+  const double reach = alongShaft(&LayerSpec::friction_N_per_m, g.d_t, g.c) / stiffness;
+  in.friction_wall = std::min(std::max(in.friction_wall, x_c - reach), x_c + reach);
+  out.friction_N = -stiffness * (x_c - in.friction_wall);
+}
+
+// §3.5 Puncture: "Until it ruptures, with z = x − s > 0: force −(k1 z + k2 z²) … Membranes add; along u."
+void ReferenceEngine::puncture(const Insertion& in, const Geometry& g, StepReport& out) const {
+  if (!live(Effect::kPuncture)) return;
+  for (std::size_t i = 0; i < scene_.layers.size(); ++i) {
+    const double z = g.x - in.membranes[i].place_m;
+    if (!in.membranes[i].met || in.membranes[i].ruptured || !(z > 0)) continue;
+    const MembraneSpec& spec = *scene_.layers[i].membrane;
+    out.puncture_N -= spec.linear_N_per_m * z + spec.quadratic_N_per_m2 * z * z;
+  }
+}
+
+// §3.4: θ_l ← max(α(d_t), min(θ_l, θ)); torque min(k_θ (θ − θ_l), τ_max) about the unit vector of axis × u
+void ReferenceEngine::tilt(Insertion& in, const Geometry& g, Vec3 axis, StepReport& out) const {
+  const double theta = angleBetween(axis, in.u);
+  in.tilt_limit = std::max(cone(g.d_t), std::min(in.tilt_limit, theta));
+  if (!live(Effect::kOrientationLimit) || !(theta > in.tilt_limit)) return;
+  const Vec3 about = cross(axis, in.u);
+  if (norm(about) < 1e-9) return;
+  const OrientationLimitSpec& spec = scene_.orientation_limit;
+  const double torque = std::min(spec.stiffness_Nm_per_rad * (theta - in.tilt_limit), spec.max_torque_Nm);
+  if (!(torque > 0)) return;
+  out.wrench_W.torque_Nm = normalized(about) * torque;
+  out.flags |= kFlagTorque;
+}
+
+}  // namespace needlelab::test

@@ -1,0 +1,95 @@
+/// The engine's independent judge: a slow, literal transcription of DESIGN §3.1-3.5, written from the text
+/// alone.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "haptics/engine.h"
+#include "haptics/scene_spec.h"
+
+namespace needlelab::test {
+
+/// Steps the same ticks as `needlelab::step`, without its precomputed tables, caches and cheap trigonometry.
+/// Uses the heap and libm freely. The spec must be valid (it is not validated here).
+class ReferenceEngine {
+ public:
+  ReferenceEngine(SceneSpec scene, double rate_hz);
+
+  /// One tick (DESIGN §3: contact → trajectory and clamping → speed → membranes → axial → friction → puncture
+  /// → orientation limit → sum). Fills every field of the report as the header describes it.
+  StepReport step(const TipSample& sample);
+
+  /// The trajectory's direction, while inside.
+  [[nodiscard]] std::optional<Vec3> direction() const;
+  /// θ_l, while inside.
+  [[nodiscard]] std::optional<double> tiltLimit() const;
+
+ private:
+  /// A membrane that was met in this insertion.
+  struct Membrane {
+    bool met = false, ruptured = false;
+    double place_m = 0;  ///< s
+  };
+
+  /// Everything that an exit resets.
+  struct Insertion {
+    Vec3 p_entry;  ///< P0
+    Vec3 normal;   ///< n
+    Vec3 u, u0;    ///< trajectory direction now and at entry
+    Phase phase = Phase::kInserting;
+    int layer = -1;
+    std::vector<double> x_past;  ///< x at ticks k_entry − 1 (zero), k_entry, …; moved by each turn
+    double depth_past = 0;       ///< δ at the tick before; 0 at P0 for the entry tick
+    // tracking wall
+    double wall = 0;  ///< w
+    std::int64_t slow_ticks = 0;
+    bool stopped = false;
+    double stop_m = 0;   ///< m of eq. 5
+    double stop_z0 = 0;  ///< z0 of EXPONENTIAL
+    // shaft friction
+    double friction_wall = 0;  ///< w_f
+    // clamping, PASSIVE
+    double rho = 0, k_prev = 0, e_prev = 0;
+    // orientation limit
+    double tilt_limit = 0;  ///< θ_l
+    std::vector<Membrane> membranes;
+  };
+
+  /// What is taken from the pose, p and u; taken anew after a turn.
+  struct Geometry {
+    double c = 0, x = 0, d_t = 0, k = 0;
+    Vec3 e;
+  };
+
+  [[nodiscard]] std::int64_t inTicks(double duration_s) const;
+  [[nodiscard]] bool live(Effect effect) const;
+  [[nodiscard]] double depthAt(Vec3 p) const;
+  [[nodiscard]] Vec3 normalAt(Vec3 p) const;
+  [[nodiscard]] double topOf(std::size_t layer) const;
+  [[nodiscard]] int layerAt(double depth) const;
+  [[nodiscard]] double alongShaft(double LayerSpec::*value, double d_t, double c) const;
+  [[nodiscard]] double cone(double d_t) const;
+  [[nodiscard]] Geometry geometry(const Insertion& in, Vec3 u, Vec3 p, double depth) const;
+
+  void enter(Vec3 p, double depth, Vec3 axis);
+  bool turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis) const;
+  Vec3 clamp(Insertion& in, const Geometry& g, StepReport& out) const;
+  double speed(Insertion& in, double x) const;
+  double meetMembranes(Insertion& in, const Geometry& g, double depth, bool entry, StepReport& out) const;
+  void axial(Insertion& in, const Geometry& g, double x_c, double v, StepReport& out) const;
+  void friction(Insertion& in, const Geometry& g, double x_c, StepReport& out) const;
+  void puncture(const Insertion& in, const Geometry& g, StepReport& out) const;
+  void tilt(Insertion& in, const Geometry& g, Vec3 axis, StepReport& out) const;
+
+  SceneSpec scene_;
+  double rate_hz_, period_s_;
+  bool has_past_ = false;      ///< a tick was stepped before
+  bool outside_once_ = false;  ///< the tip has been outside
+  Vec3 p_past_;
+  double depth_past_ = 0;
+  std::optional<Insertion> insertion_;
+};
+
+}  // namespace needlelab::test
