@@ -1,0 +1,231 @@
+#include <algorithm>
+#include <optional>
+#include <vector>
+
+#include "base/range.h"
+#include "needlelab/options.pb.h"
+#include "profile/message_json.h"
+#include "profile/strict_json.h"
+
+namespace needlelab {
+namespace {
+
+using google::protobuf::Descriptor;
+using google::protobuf::EnumDescriptor;
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+using nlohmann::json;
+
+Error fault(const std::string& path, const std::string& words) {
+  return {ErrorCode::kInvalidInput, path.empty() ? words : path + ": " + words};
+}
+
+std::string join(const std::vector<std::string>& words) {
+  std::string all;
+  for (const std::string& word : words) all += (all.empty() ? "" : ", ") + word;
+  return all;
+}
+
+/// What was found in place of what was wanted, for a person.
+std::string found(const json& value) {
+  switch (value.type()) {
+    case json::value_t::null:
+      return "found null";
+    case json::value_t::boolean:
+      return value.get<bool>() ? "found true" : "found false";
+    case json::value_t::string:
+      return "found the text " + quotedText(value.get_ref<const std::string&>());
+    case json::value_t::object:
+      return "found an object";
+    case json::value_t::array:
+      return "found a list";
+    case json::value_t::number_integer:
+    case json::value_t::number_unsigned:
+    case json::value_t::number_float:
+      return "found the number " + numberText(value.get<double>());
+    default:
+      return "found something else";
+  }
+}
+
+const FieldDescriptor* fieldNamed(const Descriptor& type, const std::string& key) {
+  for (int i = 0; i < type.field_count(); ++i) {
+    if (type.field(i)->name() == key || type.field(i)->json_name() == key) return type.field(i);
+  }
+  return nullptr;
+}
+
+std::vector<std::string> fieldNames(const Descriptor& type) {
+  std::vector<std::string> names;
+  for (int i = 0; i < type.field_count(); ++i) names.push_back(type.field(i)->name());
+  return names;
+}
+
+bool endsWith(std::string_view text, std::string_view end) {
+  return text.size() >= end.size() && text.substr(text.size() - end.size()) == end;
+}
+
+/// The names that an author may write: "…_UNSPECIFIED" only marks an absent value.
+std::vector<std::string> enumNames(const EnumDescriptor& type) {
+  std::vector<std::string> names;
+  for (int i = 0; i < type.value_count(); ++i) {
+    if (!endsWith(type.value(i)->name(), "_UNSPECIFIED")) names.push_back(type.value(i)->name());
+  }
+  return names;
+}
+
+Result<double> readNumber(const FieldDescriptor& field, const std::string& path, const json& value) {
+  if (!value.is_number()) return fault(path, "must be a number, " + found(value));
+  const double number = value.get<double>() + 0.0;  // −0 becomes 0: one text for one value
+  if (field.options().HasExtension(pb::range)) {
+    const pb::Range& range = field.options().GetExtension(pb::range);
+    const NumberRange allowed{range.min(), range.max(), range.min_open(), range.max_open()};
+    if (!allowed.contains(number)) return outOfRange(path, number, allowed);
+  }
+  return number;
+}
+
+Result<std::string> readText(const FieldDescriptor& field, const std::string& path, const json& value) {
+  if (!value.is_string()) return fault(path, "must be a text, " + found(value));
+  const auto& text = value.get_ref<const std::string&>();
+  const bool is_name = field.options().HasExtension(pb::max_length);
+  if (is_name) {
+    const std::size_t longest = field.options().GetExtension(pb::max_length);
+    if (text.empty() || text.size() > longest) {
+      return fault(
+          path, "has " + std::to_string(text.size()) + " bytes, allowed are 1 to " + std::to_string(longest));
+    }
+  }
+  // texts end up in terminals and tables: no control characters, save line breaks in long texts
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    const bool is_break = c == '\n' || c == '\t';
+    if (byte == 0x7f || (byte < 0x20 && (is_name || !is_break))) return fault(path, "has control characters");
+  }
+  return text;
+}
+
+Result<int> readEnum(const FieldDescriptor& field, const std::string& path, const json& value) {
+  const EnumDescriptor& type = *field.enum_type();
+  const std::string allowed = "one of " + join(enumNames(type));
+  if (!value.is_string()) return fault(path, "must be " + allowed + "; " + found(value));
+  const auto& name = value.get_ref<const std::string&>();
+  const auto* known = endsWith(name, "_UNSPECIFIED") ? nullptr : type.FindValueByName(name);
+  if (known == nullptr) return fault(path, quotedText(name) + " is not " + allowed);
+  return known->number();
+}
+
+Status readObject(const json& value, const std::string& path, Message& message);
+
+/// One value of a field: the whole of a single field, or an item of a list.
+Status readValue(const FieldDescriptor& field, const std::string& path, const json& value, Message& message) {
+  const auto& reflection = *message.GetReflection();
+  const bool is_list = field.is_repeated();
+  switch (field.cpp_type()) {
+    case FieldDescriptor::CPPTYPE_DOUBLE: {
+      const Result<double> number = readNumber(field, path, value);
+      if (!number) return number.error();
+      is_list ? reflection.AddDouble(&message, &field, *number)
+              : reflection.SetDouble(&message, &field, *number);
+      return {};
+    }
+    case FieldDescriptor::CPPTYPE_STRING: {
+      const Result<std::string> text = readText(field, path, value);
+      if (!text) return text.error();
+      is_list ? reflection.AddString(&message, &field, *text) : reflection.SetString(&message, &field, *text);
+      return {};
+    }
+    case FieldDescriptor::CPPTYPE_ENUM: {
+      const Result<int> number = readEnum(field, path, value);
+      if (!number) return number.error();
+      is_list ? reflection.AddEnumValue(&message, &field, *number)
+              : reflection.SetEnumValue(&message, &field, *number);
+      return {};
+    }
+    case FieldDescriptor::CPPTYPE_MESSAGE: {
+      Message& part =
+          is_list ? *reflection.AddMessage(&message, &field) : *reflection.MutableMessage(&message, &field);
+      return readObject(value, path, part);
+    }
+    default:
+      // programmer error: profile.proto got a type that this reader was not taught
+      assert(false && "field type not supported");
+      return fault(path, "has a type that this program cannot read");
+  }
+}
+
+Status readList(const FieldDescriptor& field, const std::string& path, const json& value, Message& message) {
+  if (!value.is_array()) return fault(path, "must be a list, " + found(value));
+  const auto& options = field.options();
+  const std::size_t least = options.GetExtension(pb::min_items);
+  const std::size_t most =
+      options.HasExtension(pb::max_items) ? options.GetExtension(pb::max_items) : value.max_size();
+  if (value.size() < least || value.size() > most) {
+    return fault(path, "has " + std::to_string(value.size()) + " items, allowed are " +
+                           std::to_string(least) + " to " + std::to_string(most));
+  }
+  for (std::size_t i = 0; i < value.size(); ++i) {
+    const Status status = readValue(field, path + "[" + std::to_string(i) + "]", value[i], message);
+    if (!status) return status;
+  }
+  return {};
+}
+
+/// Required fields are there, and exactly one of each oneof.
+Status checkPresence(const Descriptor& type, const std::string& path,
+                     const std::vector<const FieldDescriptor*>& seen) {
+  const auto given = [&](const FieldDescriptor* field) {
+    return std::find(seen.begin(), seen.end(), field) != seen.end();
+  };
+  const std::string prefix = path.empty() ? "" : path + ".";
+  for (int i = 0; i < type.field_count(); ++i) {
+    const FieldDescriptor* field = type.field(i);
+    if (field->options().GetExtension(pb::required) && !given(field)) {
+      return fault(prefix + field->name(), "is missing");
+    }
+  }
+  for (int i = 0; i < type.real_oneof_decl_count(); ++i) {
+    const auto& choice = *type.oneof_decl(i);
+    std::vector<std::string> names, present;
+    for (int j = 0; j < choice.field_count(); ++j) {
+      names.push_back(choice.field(j)->name());
+      if (given(choice.field(j))) present.push_back(choice.field(j)->name());
+    }
+    if (present.size() != 1) {
+      return fault(path, "give exactly one of " + join(names) + "; found " +
+                             (present.empty() ? std::string("none") : join(present)));
+    }
+  }
+  return {};
+}
+
+Status readObject(const json& value, const std::string& path, Message& message) {
+  if (!value.is_object()) return fault(path, "must be an object, " + found(value));
+  const Descriptor& type = *message.GetDescriptor();
+  const std::string prefix = path.empty() ? "" : path + ".";
+  std::vector<const FieldDescriptor*> seen;
+
+  for (const auto& [key, item] : value.items()) {
+    const FieldDescriptor* field = fieldNamed(type, key);
+    if (field == nullptr) {
+      return fault(path, "unknown field " + quotedText(key) + "; known are " + join(fieldNames(type)));
+    }
+    const std::string field_path = prefix + field->name();
+    if (std::find(seen.begin(), seen.end(), field) != seen.end()) {
+      return fault(field_path, "is given twice, as " + field->name() + " and as " + field->json_name());
+    }
+    seen.push_back(field);
+    const Status status = field->is_repeated() ? readList(*field, field_path, item, message)
+                                               : readValue(*field, field_path, item, message);
+    if (!status) return status;
+  }
+  return checkPresence(type, path, seen);
+}
+
+}  // namespace
+
+Status readMessage(const json& value, Message& message) {
+  return readObject(value, "", message);
+}
+
+}  // namespace needlelab

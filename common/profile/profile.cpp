@@ -1,0 +1,61 @@
+#include "profile/profile.h"
+
+#include "base/atomic_file.h"
+#include "profile/message_json.h"
+#include "profile/rules.h"
+#include "profile/strict_json.h"
+
+namespace needlelab {
+namespace {
+
+/// Text to a checked message: JSON, then the fields' own limits, then what binds several fields.
+template <typename T, typename Rules>
+Result<T> parse(std::string_view json, std::string_view source, Rules rules) {
+  const Result<nlohmann::json> tree = readStrictJson(json, source, kMaxProfileBytes);
+  if (!tree) return tree.error();
+  T message;
+  Status status = readMessage(*tree, message);
+  if (status) status = rules(message);
+  if (!status) return Error{status.error().code, std::string(source) + ": " + status.error().message};
+  return message;
+}
+
+}  // namespace
+
+Result<pb::Profile> parseProfile(std::string_view json, std::string_view source) {
+  return parse<pb::Profile>(json, source, checkProfileRules);
+}
+
+Result<pb::Profile> loadProfile(const std::filesystem::path& path) {
+  const Result<std::string> text = readWholeFile(path, kMaxProfileBytes);
+  if (!text) return text.error();
+  return parseProfile(*text, path.string());
+}
+
+std::string profileJson(const pb::Profile& profile) {
+  return writeMessage(profile);
+}
+
+Result<pb::Exercise> parseExercise(std::string_view json, std::string_view source) {
+  return parse<pb::Exercise>(json, source, [](const pb::Exercise& e) { return checkExerciseRules(e, ""); });
+}
+
+std::string exerciseJson(const pb::Exercise& exercise) {
+  return writeMessage(exercise);
+}
+
+Result<pb::Curriculum> parseCurriculum(std::string_view json, std::string_view source) {
+  return parse<pb::Curriculum>(json, source, checkCurriculumRules);
+}
+
+Result<pb::Curriculum> loadCurriculum(const std::filesystem::path& path) {
+  const Result<std::string> text = readWholeFile(path, kMaxProfileBytes);
+  if (!text) return text.error();
+  return parseCurriculum(*text, path.string());
+}
+
+std::string curriculumJson(const pb::Curriculum& curriculum) {
+  return writeMessage(curriculum);
+}
+
+}  // namespace needlelab

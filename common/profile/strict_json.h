@@ -1,0 +1,20 @@
+/// JSON text from anywhere to a tree, with nothing doubtful let through. Private to this folder.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+
+#include "base/result.h"
+
+namespace needlelab {
+
+/// Refused: over `max_bytes`, not UTF-8, syntax errors, text after the end, a key given twice, numbers too
+/// large for a double, nesting over 32. Errors: kInvalidInput, `SOURCE: PATH: words`; syntax errors name line
+/// and column.
+Result<nlohmann::json> readStrictJson(std::string_view text, std::string_view source, std::size_t max_bytes);
+
+/// `text` as a JSON string, cut after some 60 bytes: safe to print in a message.
+std::string quotedText(std::string_view text);
+
+}  // namespace needlelab

@@ -1,0 +1,73 @@
+#include <algorithm>
+#include <cstdio>
+
+#include "base/range.h"
+#include "profile/profile.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kLeastFidelity = 0.5;
+constexpr double kNoticeableShare = 0.1;
+
+/// Three significant digits: enough for a sentence.
+std::string shortNumber(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.3g", value);
+  return text.data();
+}
+
+bool lists(const pb::Profile& profile, pb::Profile::Effect effect) {
+  return std::find(profile.effects().begin(), profile.effects().end(), effect) != profile.effects().end();
+}
+
+std::string layerName(const pb::Profile& profile, int i) {
+  return "layers[" + std::to_string(i) + "] (" + pb::Layer::Tissue_Name(profile.layers(i).tissue()) + ", " +
+         shortNumber(profile.layers(i).thickness_m() * 1e3) + " mm)";
+}
+
+/// How far a membrane is pushed in when it ruptures: the positive root of k1 z + k2 z² = force, in the form
+/// that does not lose digits when k2 is small.
+double ruptureDepth_m(const pb::Puncture& puncture) {
+  const double k1 = puncture.linear_n_per_m(), k2 = puncture.quadratic_n_per_m2(), force = puncture.force_n();
+  return 2 * force / (k1 + std::sqrt(k1 * k1 + 4 * k2 * force));
+}
+
+}  // namespace
+
+double fidelity(double force_before_N, double force_N, double wall_stiffness_N_per_m, double thickness_m) {
+  const double rise_N = force_N - force_before_N;
+  if (rise_N <= kNoticeableShare * force_N) return 1;
+  return std::max(0.0, 1 - (rise_N - kNoticeableShare * force_N) / (wall_stiffness_N_per_m * thickness_m));
+}
+
+std::vector<std::string> profileWarnings(const pb::Profile& profile) {
+  std::vector<std::string> warnings;
+  const double stiffness = profile.tracking_wall().stiffness_n_per_m();
+  double force_before_N = 0;
+  for (int i = 0; i < profile.layers_size(); ++i) {
+    const pb::Layer& layer = profile.layers(i);
+    if (layer.has_puncture() && lists(profile, pb::Profile::PUNCTURE)) {
+      const double depth_m = ruptureDepth_m(layer.puncture());
+      if (depth_m > layer.thickness_m()) {
+        warnings.push_back(layerName(profile, i) + ": its membrane ruptures at " +
+                           shortNumber(layer.puncture().force_n()) + " N only " + shortNumber(depth_m * 1e3) +
+                           " mm deep, below the layer; make it stiffer or weaker");
+      }
+    }
+    if (lists(profile, pb::Profile::CUTTING)) {
+      const double phi = fidelity(force_before_N, layer.cutting_force_n(), stiffness, layer.thickness_m());
+      if (phi < kLeastFidelity) {
+        warnings.push_back(layerName(profile, i) + ": too thin to be felt, fidelity " + shortNumber(phi) +
+                           " is below 0.5: the cutting force rises from " + shortNumber(force_before_N) +
+                           " to " + shortNumber(layer.cutting_force_n()) + " N, for which a wall of " +
+                           shortNumber(stiffness) + " N/m needs " +
+                           shortNumber((layer.cutting_force_n() - force_before_N) / stiffness * 1e3) + " mm");
+      }
+    }
+    force_before_N = layer.cutting_force_n();
+  }
+  return warnings;
+}
+
+}  // namespace needlelab
