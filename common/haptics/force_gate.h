@@ -26,6 +26,7 @@ enum class Fault : std::uint8_t {
   kDeviceTooFast = 3,    ///< above the device's own threshold
   kDeviceSilent = 4,     ///< watchdog: no update from the device
   kForceNotFinite = 5,
+  kOrientationInvalid = 6,  ///< the reported quaternion is no rotation: | |q| − 1 | > 1e-3
 };
 const char* faultText(Fault fault);
 
@@ -37,6 +38,25 @@ enum GateFlag : std::uint32_t {
   kGateSlewLimited = 1u << 19,
   kGateStartRamp = 1u << 20,
   kGateFaulted = 1u << 21,
+};
+
+/// What the motors may still take: the energy ∫|f|² of any 10 s stays at or below 10 s times the continuous limit squared.
+/// The allowed magnitude falls with the share of the budget that is left, peak·(left/budget), so that it is never used up.
+class ThermalBudget {
+ public:
+  ThermalBudget(double peak, double continuous, double period_s) noexcept;
+  /// Largest magnitude allowed in this tick.
+  [[nodiscard]] double allowed() const noexcept;
+  /// Counts the magnitude that was given to the device in this tick.
+  void spend(double magnitude) noexcept;
+
+ private:
+  static constexpr std::size_t kBuckets = 101;  ///< 100 ms each; the one partly out of the window counts in full
+  double peak_, budget_, period_s_;
+  std::array<double, kBuckets> bucket_{};
+  std::size_t current_ = 0;
+  std::int64_t ticks_in_bucket_ = 0, ticks_per_bucket_;
+  double spent_ = 0;
 };
 
 class ForceGate;
@@ -60,8 +80,10 @@ class ForceGate {
 
   /// Before the engine: is this sample good? `fresh` is false when the device gave no update in this tick.
   /// Returns false when the tick must not be stepped (bad sample, or in FAULT).
-  /// `tip` is the tip's pose, `handle_speed_mps` the device's own reported speed (0 when it reports none).
-  bool admit(const TipSample& tip, bool fresh, double handle_speed_mps) noexcept;
+  /// `tip` is the tip's pose, `handle_speed_mps` the device's own reported speed (0 when it reports none),
+  /// `elapsed_ticks` how many periods passed since the last call: 1, or more after missed ticks.
+  /// A sample that comes after missed or rejected ones is judged by its distance over all of the elapsed time.
+  bool admit(const TipSample& tip, bool fresh, double handle_speed_mps, std::int64_t elapsed_ticks = 1) noexcept;
 
   /// After the engine (or without it, when `admit` said no): the wrench for the device in this tick.
   /// `wanted` is at the handle, in W; it is ignored in a tick that was not admitted.
@@ -78,19 +100,25 @@ class ForceGate {
 
  private:
   void raise(Fault fault) noexcept;
-  double period_s_;
+  [[nodiscard]] Fault judge(const TipSample& tip) const noexcept;
+  [[nodiscard]] bool readyToRestart(const TipSample& tip) const noexcept;
+
   DeviceLimits limits_;
-  std::int64_t start_ticks_, hold_ticks_, silent_limit_ticks_;
-  double slew_force_N_, slew_torque_Nm_, fade_step_, thermal_decay_;
-  std::int64_t tick_ = 0;
+  double period_s_;
+  double fade_in_step_, fade_out_step_;    ///< share of the force gained or lost in a tick
+  double slew_force_N_, slew_torque_Nm_;   ///< largest change in a tick
+  std::int64_t silent_limit_ticks_;
+  ThermalBudget force_budget_, torque_budget_;
+
   Vec3 last_good_p_W_m_;
-  std::int64_t last_good_tick_ = -1;
-  std::int64_t silent_ticks_ = 0;
+  bool have_good_ = false;
+  std::int64_t ticks_since_good_ = 0;
+  std::int64_t rejected_ticks_ = 0, silent_ticks_ = 0;
   bool admitted_ = false, acknowledged_ = false, outside_ = true;
   Fault fault_ = Fault::kNone;
-  double fade_ = 0;  ///< 0-1: start-up ramp, and the ramp to zero of a fault
-  Wrench last_wanted_, last_out_;
-  double force_heat_N2_ = 0, torque_heat_Nm2_ = 0, thermal_scale_ = 1;
+  double fade_ = 0;                        ///< 0-1
+  Wrench held_, out_, at_fault_;
+  double thermal_scale_ = 1;
   std::uint32_t flags_ = 0;
 };
 

@@ -21,6 +21,7 @@ const char* faultText(Fault fault) {
     case Fault::kDeviceTooFast: return "the device moved faster than it may";
     case Fault::kDeviceSilent: return "the device stopped reporting its position";
     case Fault::kForceNotFinite: return "the computed force was not a number";
+    case Fault::kOrientationInvalid: return "the device reported an orientation that is no rotation";
   }
   return "unknown fault";
 }

@@ -28,6 +28,7 @@ struct SimState {
   Vec3 u_W;                       ///< the trajectory's direction, a unit vector
   Vec3 u0_W;                      ///< u at entry
   double slant = 1;               ///< c = max(0.05, −n·u)
+  double inverse_slant = 1;       ///< 1/c
   std::uint32_t layer = 0;        ///< by δ
   std::uint32_t layer_by_length = 0;  ///< by inserted length, for the integrals
 
@@ -63,7 +64,7 @@ struct SimState {
 };
 static_assert(std::is_trivially_copyable_v<SimState>);
 
-/// BLAKE-free 64-bit FNV-1a over the meaningful part of the state, for replay and golden tests.
+/// 64-bit FNV-1a over the meaningful part of the state, for replay and golden tests.
 std::uint64_t hashOf(const SimState& state);
 
 }  // namespace needlelab

@@ -1,0 +1,61 @@
+/// Membranes at the tops of layers: a force that grows until it ruptures (DESIGN §3.5).
+#pragma once
+
+#include <algorithm>
+#include <bit>
+
+#include "haptics/effects/tick.h"
+
+namespace needlelab {
+
+inline std::uint32_t intactMembranes(const SimState& state) {
+  const std::uint32_t met = state.membranes_met == 32 ? ~0u : (1u << state.membranes_met) - 1u;
+  return met & ~state.membranes_ruptured;
+}
+
+/// x_c = min(x, places of the intact membranes that were met).
+inline double cuttingPosition(const SimState& state, double x_m) {
+  double x_cut = x_m;
+  for (std::uint32_t left = intactMembranes(state); left != 0; left &= left - 1)
+    x_cut = std::min(x_cut, state.membrane_place_m[static_cast<std::size_t>(std::countr_zero(left))]);
+  return x_cut;
+}
+
+/// Places of membranes that the tip comes to, ruptures, and x_c. Returns the membranes' force along u (never positive).
+/// `x_before_m`, `depth_before_m`: the tick before; 0 and 0 (P0) at the entry tick.
+inline double applyMembranes(const SceneModel& model, SimState& state, Tick& tick, double x_before_m,
+                             double depth_before_m, StepReport& report) {
+  while (state.membranes_met < model.membrane_count && tick.depth_m >= model.membranes[state.membranes_met].top_m) {
+    const double share =
+        (model.membranes[state.membranes_met].top_m - depth_before_m) / (tick.depth_m - depth_before_m);
+    state.membrane_place_m[state.membranes_met++] = x_before_m + (tick.x_m - x_before_m) * share;
+  }
+  tick.x_cut_m = cuttingPosition(state, tick.x_m);
+
+  double force = 0.0;
+  bool ruptured = false;
+  for (std::uint32_t left = intactMembranes(state); left != 0; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(std::countr_zero(left));
+    const double z = tick.x_m - state.membrane_place_m[i];
+    if (z <= 0.0) continue;
+    const CompiledMembrane& membrane = model.membranes[i];
+    const double held = membrane.k1_N_per_m * z + membrane.k2_N_per_m2 * (z * z);
+    if (held >= membrane.force_N) {
+      state.membranes_ruptured |= 1u << i;
+      ruptured = true;
+    } else {
+      force -= held;
+    }
+  }
+  if (ruptured) {
+    // the walls were held back with the needle's tip at the membrane: they follow it, their forces stay
+    report.flags |= kFlagRupture;
+    const double x_cut = cuttingPosition(state, tick.x_m);
+    state.wall_m += x_cut - tick.x_cut_m;
+    state.friction_wall_m += x_cut - tick.x_cut_m;
+    tick.x_cut_m = x_cut;
+  }
+  return report.puncture_N = force;
+}
+
+}  // namespace needlelab

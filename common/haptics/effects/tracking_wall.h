@@ -1,0 +1,70 @@
+/// Cutting and attracted force: the enhanced tracking wall (paper eq. 1–6; DESIGN §3.2).
+/// One wall w is dragged behind the needle on the way in, ahead of it on the way out, and creeps up to it in a stop.
+/// Every move of the wall shrinks |x − w|: the element only dissipates, so it needs no damper.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "haptics/effects/tick.h"
+
+namespace needlelab {
+
+/// Counts slow ticks, begins and ends stops, sets the phase. Runs whether or not a wall is live.
+/// Returns true at the tick that begins a stop.
+inline bool updatePhase(const SceneModel& model, SimState& state, double speed_mps) {
+  const double stop_speed = model.wall.stop_speed_mps;
+  const double size = std::fabs(speed_mps);
+  bool begins = false;
+  if (state.stopped) {
+    if (size >= 2.0 * stop_speed) {
+      state.stopped = false;
+      state.slow_ticks = 0;
+    }
+  } else if (size < stop_speed) {
+    if (++state.slow_ticks >= model.dwell_ticks) begins = state.stopped = true;
+  } else {
+    state.slow_ticks = 0;
+  }
+
+  if (state.stopped)
+    state.phase = Phase::kStopped;
+  else if (speed_mps >= stop_speed)
+    state.phase = Phase::kInserting;
+  else if (speed_mps <= -stop_speed)
+    state.phase = Phase::kWithdrawing;
+  return begins;
+}
+
+/// Update with stop (eq. 4 and 5, as a ramp that looks at where the needle is).
+inline void relaxWall(const SceneModel& model, SimState& state, double x_m, double rejection_m, bool begins) {
+  const double stretch = x_m - state.wall_m;
+  const double size = std::fabs(stretch);
+  double move;
+  if (model.wall.stop_mode == StopMode::kRamp) {
+    const double gap = std::max(0.0, size - rejection_m);
+    if (begins) state.stop_step_m = 0.0;
+    state.stop_step_m = std::max(state.stop_step_m, gap / model.stop_ticks);
+    move = std::min(state.stop_step_m, gap);
+  } else {
+    if (begins) state.stop_stretch_m = size;
+    const double rest = std::max(rejection_m, model.wall.relax_residual * state.stop_stretch_m);
+    move = std::max(0.0, size - rest) * model.relax_share;
+  }
+  state.wall_m += std::copysign(std::min(move, model.max_stop_step_m), stretch);
+}
+
+/// Force along u: negative is cutting, positive is attracted.
+inline double applyTrackingWall(const SceneModel& model, SimState& state, const Tick& tick, bool stop_begins,
+                                StepReport& report) {
+  const CompiledLayer& layer = model.layers[state.layer];
+  if (state.stopped) relaxWall(model, state, tick.x_cut_m, layer.rejection_stretch_m, stop_begins);
+  const double ahead = std::min(layer.attracted_stretch_m, tick.insertion_m);
+  state.wall_m =
+      std::min(std::max(state.wall_m, tick.x_cut_m - layer.cut_stretch_m), tick.x_cut_m + ahead);
+  const double force = -model.wall.stiffness_N_per_m * (tick.x_cut_m - state.wall_m);
+  (force < 0.0 ? report.cutting_N : report.attracted_N) = force;
+  return force;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,174 @@
+#include "haptics/force_gate.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace needlelab {
+namespace {
+
+constexpr double kFadeIn_s = 0.2;          // start-up
+constexpr double kFadeOut_s = 0.02;        // a fault takes the force away within this time
+constexpr double kSlewForce_N_per_s = 2000;
+constexpr double kSlewTorque_Nm_per_s = 100;
+constexpr double kMaxTipSpeed_mps = 5;
+constexpr std::int64_t kHoldTicks = 5;     // rejected samples that the last force is held for
+constexpr double kWatchdog_s = 0.02;       // silence of the device after which the force goes
+constexpr double kThermalWindow_s = 10;
+constexpr double kBucket_s = 0.1;
+
+bool limitMagnitude(Vec3& v, double most) noexcept {
+  const double size = norm(v);
+  if (size <= most) return false;
+  v = v * (most / size);
+  return true;
+}
+
+bool limitChange(Vec3& v, Vec3 from, double most) noexcept {
+  Vec3 change = v - from;
+  if (!limitMagnitude(change, most)) return false;
+  v = from + change;
+  return true;
+}
+
+bool isFinite(const Wrench& w) noexcept { return needlelab::isFinite(w.force_N) && needlelab::isFinite(w.torque_Nm); }
+
+Wrench scaled(const Wrench& w, double s) noexcept { return {w.force_N * s, w.torque_Nm * s}; }
+
+}  // namespace
+
+ThermalBudget::ThermalBudget(double peak, double continuous, double period_s) noexcept
+    : peak_(peak),
+      budget_(continuous * continuous * kThermalWindow_s),
+      period_s_(period_s),
+      ticks_per_bucket_(std::max<std::int64_t>(1, static_cast<std::int64_t>(kBucket_s / period_s + 0.5))) {}
+
+double ThermalBudget::allowed() const noexcept {
+  return budget_ > 0 ? peak_ * std::max(0.0, 1.0 - spent_ / budget_) : 0.0;
+}
+
+void ThermalBudget::spend(double magnitude) noexcept {
+  const double energy = magnitude * magnitude * period_s_;
+  bucket_[current_] += energy;
+  spent_ += energy;
+  if (++ticks_in_bucket_ < ticks_per_bucket_) return;
+  ticks_in_bucket_ = 0;
+  current_ = (current_ + 1) % kBuckets;
+  bucket_[current_] = 0;
+  // summed anew, so that no rounding is carried on for hours
+  spent_ = 0;
+  for (const double part : bucket_) spent_ += part;
+}
+
+ForceGate::ForceGate(const DeviceLimits& limits, double rate_hz)
+    : limits_(limits),
+      period_s_(1.0 / rate_hz),
+      fade_in_step_(std::min(1.0, period_s_ / kFadeIn_s)),
+      fade_out_step_(1.0 / std::max(1.0, std::floor(kFadeOut_s * rate_hz))),
+      slew_force_N_(kSlewForce_N_per_s * period_s_),
+      slew_torque_Nm_(kSlewTorque_Nm_per_s * period_s_),
+      silent_limit_ticks_(std::max<std::int64_t>(kHoldTicks, static_cast<std::int64_t>(kWatchdog_s * rate_hz + 0.5))),
+      force_budget_(limits.peak_force_N, limits.continuous_force_N, period_s_),
+      torque_budget_(limits.peak_torque_Nm, limits.continuous_torque_Nm, period_s_) {}
+
+Fault ForceGate::judge(const TipSample& tip) const noexcept {
+  if (!isFinite(tip.p_WT_m) || !needlelab::isFinite(tip.q_WT)) return Fault::kSampleNotFinite;
+  if (std::fabs(std::sqrt(dot(tip.q_WT, tip.q_WT)) - 1.0) > 1e-3) return Fault::kOrientationInvalid;
+  const double reach_m = kMaxTipSpeed_mps * period_s_ * static_cast<double>(ticks_since_good_);
+  if (have_good_ && norm(tip.p_WT_m - last_good_p_W_m_) > reach_m) return Fault::kTipTooFast;
+  return Fault::kNone;
+}
+
+bool ForceGate::readyToRestart(const TipSample& tip) const noexcept {
+  return acknowledged_ && outside_ && fade_ == 0.0 && isFinite(tip.p_WT_m) && needlelab::isFinite(tip.q_WT);
+}
+
+void ForceGate::raise(Fault fault) noexcept {
+  fault_ = fault;
+  at_fault_ = out_;
+  fade_ = 1.0;
+  acknowledged_ = false;
+  outside_ = false;
+}
+
+bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps, std::int64_t elapsed_ticks) noexcept {
+  flags_ = 0;
+  admitted_ = false;
+  ticks_since_good_ += elapsed_ticks;
+  if (fault_ != Fault::kNone) {
+    if (!fresh || !readyToRestart(tip)) return false;
+    // as after start-up: nothing is remembered, the force fades in
+    fault_ = Fault::kNone;
+    have_good_ = false;
+    rejected_ticks_ = silent_ticks_ = 0;
+    held_ = {};
+  }
+  if (!fresh) {
+    silent_ticks_ += elapsed_ticks;
+    if (silent_ticks_ > silent_limit_ticks_) raise(Fault::kDeviceSilent);
+    return false;
+  }
+  silent_ticks_ = 0;
+  if (const Fault found = judge(tip); found != Fault::kNone) {
+    flags_ |= kGateSampleRejected;
+    rejected_ticks_ += elapsed_ticks;
+    if (rejected_ticks_ > kHoldTicks) raise(found);
+    return false;
+  }
+  rejected_ticks_ = 0;
+  ticks_since_good_ = 0;
+  have_good_ = true;
+  last_good_p_W_m_ = tip.p_WT_m;
+  if (!(handle_speed_mps <= limits_.fault_speed_mps)) {
+    raise(Fault::kDeviceTooFast);
+    return false;
+  }
+  admitted_ = true;
+  return true;
+}
+
+GuardedWrench ForceGate::guard(const Wrench& wanted) noexcept {
+  if (admitted_) {
+    if (isFinite(wanted))
+      held_ = wanted;
+    else
+      raise(Fault::kForceNotFinite);
+  }
+
+  // fault: what was there goes away in a straight line; start: what is wanted comes slowly
+  Wrench next;
+  if (fault_ != Fault::kNone) {
+    flags_ |= kGateFaulted;
+    fade_ = fade_ > 1.5 * fade_out_step_ ? fade_ - fade_out_step_ : 0.0;
+    next = scaled(at_fault_, fade_);
+  } else {
+    if (fade_ < 1.0) {
+      flags_ |= kGateStartRamp;
+      fade_ = std::min(1.0, fade_ + fade_in_step_);
+    }
+    next = scaled(held_, fade_);
+  }
+
+  // peak, thermal budget, slew
+  const bool peak_force = limitMagnitude(next.force_N, limits_.peak_force_N);
+  const bool peak_torque = limitMagnitude(next.torque_Nm, limits_.peak_torque_Nm);
+  if (peak_force || peak_torque) flags_ |= kGatePeakLimited;
+  const double force_before = norm(next.force_N), torque_before = norm(next.torque_Nm);
+  const bool hot_force = limitMagnitude(next.force_N, force_budget_.allowed());
+  const bool hot_torque = limitMagnitude(next.torque_Nm, torque_budget_.allowed());
+  thermal_scale_ = 1.0;
+  if (hot_force || hot_torque) {
+    flags_ |= kGateThermalLimited;
+    if (hot_force) thermal_scale_ = norm(next.force_N) / force_before;
+    if (hot_torque) thermal_scale_ = std::min(thermal_scale_, norm(next.torque_Nm) / torque_before);
+  }
+  const bool slew_force = limitChange(next.force_N, out_.force_N, slew_force_N_);
+  const bool slew_torque = limitChange(next.torque_Nm, out_.torque_Nm, slew_torque_Nm_);
+  if (slew_force || slew_torque) flags_ |= kGateSlewLimited;
+
+  out_ = next;
+  force_budget_.spend(norm(out_.force_N));
+  torque_budget_.spend(norm(out_.torque_Nm));
+  return GuardedWrench(out_);
+}
+
+}  // namespace needlelab

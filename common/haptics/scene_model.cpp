@@ -1,0 +1,123 @@
+#include "haptics/scene_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "haptics/det_math.h"
+
+namespace needlelab {
+namespace {
+
+// a duration in ticks: max(1, floor(duration·rate + 0.5)) (DESIGN §3)
+double ticksOf(double duration_s, double rate_hz) { return std::max(1.0, std::floor(duration_s * rate_hz + 0.5)); }
+
+// an effect is live when the scene lists it and its numbers are not all zero (DESIGN §4)
+EffectMask liveEffects(const SceneSpec& spec) {
+  const auto any = [&](auto number) { return std::any_of(spec.layers.begin(), spec.layers.end(), number); };
+  EffectMask with_numbers = 0;
+  if (any([](const LayerSpec& l) { return l.cutting_force_N > 0; })) with_numbers |= bitOf(Effect::kCutting);
+  if (any([](const LayerSpec& l) { return l.attracted_force_N > 0; })) with_numbers |= bitOf(Effect::kAttracted);
+  if (any([](const LayerSpec& l) { return l.lateral_stiffness_N_per_m2 > 0; })) with_numbers |= bitOf(Effect::kClamping);
+  if (spec.orientation_limit.stiffness_Nm_per_rad > 0 && spec.orientation_limit.max_torque_Nm > 0)
+    with_numbers |= bitOf(Effect::kOrientationLimit);
+  if (any([](const LayerSpec& l) { return l.friction_N_per_m > 0; })) with_numbers |= bitOf(Effect::kShaftFriction);
+  if (any([](const LayerSpec& l) { return l.membrane.has_value(); })) with_numbers |= bitOf(Effect::kPuncture);
+  return spec.effects & with_numbers;
+}
+
+// d/dz (k1 z + k2 z²) where it reaches the rupture force
+double slopeAtRupture(const MembraneSpec& m) {
+  return std::sqrt(m.linear_N_per_m * m.linear_N_per_m + 4 * m.quadratic_N_per_m2 * m.force_N);
+}
+
+// layer boundaries, stretches and the two running integrals (DESIGN §3.2, 3.3, 3.5)
+void compileLayers(const SceneSpec& spec, SceneModel& model) {
+  const double wall_stiffness = spec.tracking_wall.stiffness_N_per_m;
+  double top = 0, lateral = 0, friction = 0;  // ∫ from the skin to the layer's top, along the normal
+  for (const LayerSpec& from : spec.layers) {
+    CompiledLayer& to = model.layers[model.layer_count++];
+    to.top_m = top;
+    to.cut_stretch_m = model.isLive(Effect::kCutting) ? from.cutting_force_N / wall_stiffness : 0.0;
+    to.attracted_stretch_m = model.isLive(Effect::kAttracted) ? from.attracted_force_N / wall_stiffness : 0.0;
+    to.rejection_stretch_m = from.rejection_force_N / wall_stiffness;
+    to.lateral_N_per_m2 = from.lateral_stiffness_N_per_m2;
+    to.lateral_offset_N_per_m = lateral - from.lateral_stiffness_N_per_m2 * top;
+    to.friction_N_per_m = from.friction_N_per_m;
+    to.friction_offset_N = friction - from.friction_N_per_m * top;
+    if (from.membrane)
+      model.membranes[model.membrane_count++] = {top, from.membrane->linear_N_per_m, from.membrane->quadratic_N_per_m2,
+                                                 from.membrane->force_N, slopeAtRupture(*from.membrane)};
+    lateral += from.lateral_stiffness_N_per_m2 * from.thickness_m;
+    friction += from.friction_N_per_m * from.thickness_m;
+    top += from.thickness_m;
+  }
+}
+
+Limb withUnitNormal(const Limb& limb) {
+  if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return PlaneLimb{plane->point_m, normalized(plane->normal)};
+  return limb;
+}
+
+double depthIn(const PlaneLimb& plane, Vec3 p) { return -dot(plane.normal, p - plane.point_m); }
+double depthIn(const SphereLimb& sphere, Vec3 p) { return sphere.radius_m - norm(p - sphere.center_m); }
+double depthIn(const CapsuleLimb& capsule, Vec3 p) {
+  const Vec3 ab = capsule.b_m - capsule.a_m;
+  const double t = std::clamp(dot(p - capsule.a_m, ab) / normSquared(ab), 0.0, 1.0);
+  return capsule.radius_m - norm(p - (capsule.a_m + ab * t));
+}
+
+}  // namespace
+
+Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
+  if (Status valid = validate(spec); !valid.ok()) return valid.error();
+  if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz))
+    return Error{ErrorCode::kInvalidInput, "rate: " + std::to_string(rate_hz) + " Hz is out of range [50, 40000]"};
+
+  SceneModel model;
+  model.rate_hz = rate_hz;
+  model.period_s = 1.0 / rate_hz;
+  model.wall = spec.tracking_wall;
+  model.fixture = spec.virtual_fixture;
+  model.orientation = spec.orientation_limit;
+  model.friction_stiffness_N_per_m = spec.friction_stiffness_N_per_m;
+  model.needle_length_m = spec.needle_length_m;
+  model.max_force_N = spec.max_force_N;
+  model.limb = withUnitNormal(spec.limb);
+  model.live = liveEffects(spec);
+  model.dwell_ticks = static_cast<std::int64_t>(ticksOf(model.wall.stop_dwell_s, rate_hz));
+  model.stop_ticks = ticksOf(model.wall.stop_duration_s, rate_hz);
+  model.speed_window = static_cast<std::uint64_t>(ticksOf(0.1, rate_hz));
+  model.max_stop_step_m = 1.5 * model.wall.stop_speed_mps * model.period_s;
+  if (model.wall.stop_mode == StopMode::kExponential)
+    model.relax_share = 1.0 - detExp(-model.period_s / model.wall.relax_time_s);
+  model.max_turn_rad = 2.0 * model.period_s;
+  compileLayers(spec, model);
+  return model;
+}
+
+double SceneModel::axialStiffness_N_per_m() const {
+  double sum = 0;
+  if (isLive(Effect::kCutting) || isLive(Effect::kAttracted)) sum += wall.stiffness_N_per_m;
+  if (isLive(Effect::kShaftFriction)) sum += friction_stiffness_N_per_m;
+  if (isLive(Effect::kPuncture)) {
+    double steepest = 0;
+    for (std::uint32_t i = 0; i < membrane_count; ++i)
+      steepest = std::max(steepest, membranes[i].slope_at_rupture_N_per_m);
+    sum += steepest;
+  }
+  return sum;
+}
+
+double signedDepth(const Limb& limb, Vec3 p_W_m) {
+  if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return depthIn(*plane, p_W_m);
+  if (const auto* sphere = std::get_if<SphereLimb>(&limb)) return depthIn(*sphere, p_W_m);
+  return depthIn(*std::get_if<CapsuleLimb>(&limb), p_W_m);
+}
+
+double orientationLimitAngle(double needle_length_m, double insertion_m) {
+  const double d = std::clamp(insertion_m, 0.0, needle_length_m);
+  return detAtan2(needle_length_m - d, needle_length_m + d);
+}
+
+}  // namespace needlelab

@@ -1,0 +1,59 @@
+#include "haptics/sim_state.h"
+
+#include <algorithm>
+#include <bit>
+
+namespace needlelab {
+namespace {
+
+class Fnv1a {
+ public:
+  void add(std::uint64_t word) {
+    for (int byte = 0; byte < 8; ++byte) {
+      hash_ ^= (word >> (8 * byte)) & 0xFFu;
+      hash_ *= 0x100000001B3ull;
+    }
+  }
+  void add(double value) { add(std::bit_cast<std::uint64_t>(value)); }
+  void add(Vec3 v) {
+    add(v.x);
+    add(v.y);
+    add(v.z);
+  }
+  [[nodiscard]] std::uint64_t value() const { return hash_; }
+
+ private:
+  std::uint64_t hash_ = 0xCBF29CE484222325ull;
+};
+
+}  // namespace
+
+std::uint64_t hashOf(const SimState& state) {
+  Fnv1a hash;
+  hash.add(state.p_prev_W_m);
+  hash.add(state.depth_prev_m);
+  hash.add(std::uint64_t{state.has_prev} | std::uint64_t{state.outside_once} << 1 | std::uint64_t{state.inside} << 2);
+  if (!state.inside) return hash.value();
+
+  // the rest has a meaning only during an insertion
+  hash.add(static_cast<std::uint64_t>(state.phase));
+  for (const Vec3 v : {state.p_entry_W_m, state.normal_W, state.u_W, state.u0_W}) hash.add(v);
+  hash.add(state.slant);
+  hash.add(std::uint64_t{state.layer} | std::uint64_t{state.layer_by_length} << 32);
+  hash.add(state.ticks_inside);
+  hash.add(state.x_shift_m);
+  const std::uint64_t kept = std::min<std::uint64_t>(state.ticks_inside + 1, kHistoryCapacity);
+  for (std::uint64_t i = 0; i < kept; ++i) hash.add(state.x_history_m[(state.ticks_inside - i) & (kHistoryCapacity - 1)]);
+  hash.add(state.wall_m);
+  hash.add(std::uint64_t{state.stopped} | static_cast<std::uint64_t>(state.slow_ticks) << 1);
+  for (const double d : {state.stop_step_m, state.stop_stretch_m, state.friction_wall_m, state.dead_radius_m,
+                         state.k_prev_N_per_m, state.e_prev_m})
+    hash.add(d);
+  hash.add(std::uint64_t{state.tilt_limit_is_cone});
+  hash.add(state.tilt_limit_is_cone ? state.tilt_limit_insertion_m : state.tilt_limit_rad);
+  hash.add(std::uint64_t{state.membranes_met} | std::uint64_t{state.membranes_ruptured} << 32);
+  for (std::uint32_t i = 0; i < state.membranes_met; ++i) hash.add(state.membrane_place_m[i]);
+  return hash.value();
+}
+
+}  // namespace needlelab
