@@ -17,7 +17,9 @@ Error systemError(const std::string& what, const std::filesystem::path& path) {
 }  // namespace
 
 Result<std::string> readWholeFile(const std::filesystem::path& path, std::size_t max_bytes) {
-  const auto invalid = [&](const std::string& why) { return Error{ErrorCode::kInvalidInput, path.string() + ": " + why}; };
+  const auto invalid = [&](const std::string& why) {
+    return Error{ErrorCode::kInvalidInput, path.string() + ": " + why};
+  };
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) return invalid(std::string("cannot open: ") + std::strerror(errno));
   struct stat info {};
@@ -28,7 +30,8 @@ Result<std::string> readWholeFile(const std::filesystem::path& path, std::size_t
   }
   if (static_cast<std::uintmax_t>(info.st_size) > max_bytes) {
     ::close(fd);
-    return invalid("has " + std::to_string(info.st_size) + " bytes, at most " + std::to_string(max_bytes) + " are read");
+    return invalid("has " + std::to_string(info.st_size) + " bytes, at most " + std::to_string(max_bytes) +
+                   " are read");
   }
   text.resize(static_cast<std::size_t>(info.st_size));
   std::size_t done = 0;

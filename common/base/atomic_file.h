@@ -10,11 +10,13 @@
 
 namespace needlelab {
 
-/// Reads a whole regular file. Errors: kInvalidInput (missing, not a file, over `max_bytes`), the path in the message.
+/// Reads a whole regular file. Errors: kInvalidInput (missing, not a file, over `max_bytes`), the path in the
+/// message.
 Result<std::string> readWholeFile(const std::filesystem::path& path, std::size_t max_bytes = 256u << 20);
 
 /// Writes to a temporary file beside `path`, fsyncs it, renames it over `path`, fsyncs the folder.
-/// On any error `path` is as it was and the temporary is gone. `mode` is the file's permission, e.g. 0600 for keys.
+/// On any error `path` is as it was and the temporary is gone. `mode` is the file's permission, e.g. 0600 for
+/// keys.
 Status writeFileAtomically(const std::filesystem::path& path, ByteView bytes, unsigned mode = 0644);
 
 /// fsync of a folder, so that a new directory entry survives a power cut.

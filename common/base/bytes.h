@@ -28,7 +28,7 @@ class ByteWriter {
  public:
   explicit ByteWriter(Bytes& out) : out_(out) {}
   template <typename T>
-    requires std::is_arithmetic_v<T>
+  requires std::is_arithmetic_v<T>
   void put(T value) {
     const auto at = out_.size();
     out_.resize(at + sizeof(T));
@@ -45,8 +45,7 @@ class ByteReader {
  public:
   explicit ByteReader(ByteView in) : in_(in) {}
   template <typename T>
-    requires std::is_arithmetic_v<T>
-  T get() {
+  requires std::is_arithmetic_v<T> T get() {
     T value{};
     if (const ByteView raw = take(sizeof(T)); ok_) std::memcpy(&value, raw.data(), sizeof(T));
     return value;

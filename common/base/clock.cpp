@@ -13,7 +13,11 @@ std::int64_t readNs(clockid_t id) noexcept {
 
 }  // namespace
 
-std::int64_t steadyNowNs() noexcept { return readNs(CLOCK_MONOTONIC); }
-std::int64_t wallNowNs() noexcept { return readNs(CLOCK_REALTIME); }
+std::int64_t steadyNowNs() noexcept {
+  return readNs(CLOCK_MONOTONIC);
+}
+std::int64_t wallNowNs() noexcept {
+  return readNs(CLOCK_REALTIME);
+}
 
 }  // namespace needlelab

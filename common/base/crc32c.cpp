@@ -5,7 +5,8 @@
 namespace needlelab {
 namespace {
 
-// eight tables: table[k][b] advances the CRC of byte b by k further zero bytes, so that 8 bytes go in one round
+// eight tables: table[k][b] advances the CRC of byte b by k further zero bytes, so that 8 bytes go in one
+// round
 constexpr auto kTables = [] {
   std::array<std::array<std::uint32_t, 256>, 8> tables{};
   for (std::uint32_t b = 0; b < 256; ++b) {
@@ -29,8 +30,8 @@ std::uint32_t crc32c(ByteView bytes, std::uint32_t previous) noexcept {
     std::memcpy(&word, bytes.data() + i, 8);
     word ^= crc;
     crc = kTables[7][word & 0xFFu] ^ kTables[6][(word >> 8) & 0xFFu] ^ kTables[5][(word >> 16) & 0xFFu] ^
-          kTables[4][(word >> 24) & 0xFFu] ^ kTables[3][(word >> 32) & 0xFFu] ^ kTables[2][(word >> 40) & 0xFFu] ^
-          kTables[1][(word >> 48) & 0xFFu] ^ kTables[0][word >> 56];
+          kTables[4][(word >> 24) & 0xFFu] ^ kTables[3][(word >> 32) & 0xFFu] ^
+          kTables[2][(word >> 40) & 0xFFu] ^ kTables[1][(word >> 48) & 0xFFu] ^ kTables[0][word >> 56];
   }
   for (; i < bytes.size(); ++i) crc = (crc >> 8) ^ kTables[0][(crc ^ bytes[i]) & 0xFFu];
   return ~crc;

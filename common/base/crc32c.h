@@ -7,7 +7,8 @@
 
 namespace needlelab {
 
-/// CRC of `bytes`; pass the CRC of what went before to continue. Check value: crc32c("123456789") = 0xE3069283.
+/// CRC of `bytes`; pass the CRC of what went before to continue. Check value: crc32c("123456789") =
+/// 0xE3069283.
 std::uint32_t crc32c(ByteView bytes, std::uint32_t previous = 0) noexcept;
 
 }  // namespace needlelab

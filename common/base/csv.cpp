@@ -27,7 +27,9 @@ std::size_t splitCells(std::string_view line, Cell cell) {
   }
 }
 
-std::string inQuotes(std::string_view text) { return "'" + std::string(text.substr(0, 40)) + "'"; }
+std::string inQuotes(std::string_view text) {
+  return "'" + std::string(text.substr(0, 40)) + "'";
+}
 
 }  // namespace
 
@@ -52,7 +54,8 @@ Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<st
     return true;
   };
   const auto fail = [&](const std::string& why) {
-    return Error{ErrorCode::kInvalidInput, path.string() + " line " + std::to_string(line_number) + ": " + why};
+    return Error{ErrorCode::kInvalidInput,
+                 path.string() + " line " + std::to_string(line_number) + ": " + why};
   };
 
   // header: which cell of a row goes to which wanted column
@@ -113,7 +116,8 @@ void appendNumber(std::string& out, double value) {
     return;
   }
   char buffer[40];
-  const auto [end, error] = std::to_chars(buffer, buffer + sizeof buffer, value, std::chars_format::general, 17);
+  const auto [end, error] =
+      std::to_chars(buffer, buffer + sizeof buffer, value, std::chars_format::general, 17);
   (void)error;  // 40 characters hold any double at 17 digits
   out.append(buffer, end);
 }

@@ -1,4 +1,5 @@
-/// Expected failures as values. Programmer errors are asserts; inside the haptic loop neither is used (STYLE: Q5).
+/// Expected failures as values. Programmer errors are asserts; inside the haptic loop neither is used (STYLE:
+/// Q5).
 #pragma once
 
 #include <cassert>

@@ -11,7 +11,8 @@
 namespace needlelab {
 
 /// Fixed capacity (a power of two), allocated once at construction. `T` is trivially copyable.
-/// Thread: `push` by the one producer, `pop` by the one consumer, `dropped` by any. Neither waits, locks or allocates.
+/// Thread: `push` by the one producer, `pop` by the one consumer, `dropped` by any. Neither waits, locks or
+/// allocates.
 template <typename T, std::size_t Capacity>
 class SpscRing {
   static_assert(std::is_trivially_copyable_v<T>);

@@ -12,7 +12,8 @@ Uuid makeUuidV7() {
   Uuid id{};
   if (getrandom(id.data(), id.size(), 0) != static_cast<ssize_t>(id.size())) std::abort();
   const auto ms = static_cast<std::uint64_t>(wallNowNs() / 1'000'000);
-  for (int i = 0; i < 6; ++i) id[static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(ms >> (8 * (5 - i)));
+  for (int i = 0; i < 6; ++i)
+    id[static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(ms >> (8 * (5 - i)));
   id[6] = static_cast<std::uint8_t>(0x70u | (id[6] & 0x0Fu));
   id[8] = static_cast<std::uint8_t>(0x80u | (id[8] & 0x3Fu));
   return id;
@@ -32,9 +33,10 @@ std::string uuidText(const Uuid& id) {
 
 Result<Uuid> parseUuid(std::string_view text) {
   const auto bad = [&] {
-    return Error{ErrorCode::kInvalidInput,
-                 "'" + std::string(text.substr(0, 60)) +
-                     "' is not a session id: 36 characters such as 019aa0c3-7c1e-7b3a-9d5e-0123456789ab are expected"};
+    return Error{
+        ErrorCode::kInvalidInput,
+        "'" + std::string(text.substr(0, 60)) +
+            "' is not a session id: 36 characters such as 019aa0c3-7c1e-7b3a-9d5e-0123456789ab are expected"};
   };
   if (text.size() != 36) return bad();
   const auto nibble = [](char c) -> int {

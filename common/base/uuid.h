@@ -12,7 +12,8 @@ namespace needlelab {
 
 using Uuid = std::array<std::uint8_t, 16>;
 
-/// A new UUIDv7 from the wall clock (ms) and 74 random bits of the operating system. Any thread but the haptic one.
+/// A new UUIDv7 from the wall clock (ms) and 74 random bits of the operating system. Any thread but the
+/// haptic one.
 Uuid makeUuidV7();
 /// Lower-case text of 36 characters, e.g. 019aa0c3-7c1e-7b3a-9d5e-0123456789ab.
 std::string uuidText(const Uuid& id);

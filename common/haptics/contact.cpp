@@ -9,7 +9,8 @@ namespace {
 
 constexpr double kSin10Degrees = 0.17364817766693034885;
 
-// the unit surface normal out of the tissue at a surface point; where the shape has none (a centre), against the motion
+// the unit surface normal out of the tissue at a surface point; where the shape has none (a centre), against
+// the motion
 Vec3 normalAt(const Limb& limb, Vec3 p, Vec3 motion) {
   Vec3 out;
   if (const auto* plane = std::get_if<PlaneLimb>(&limb)) {

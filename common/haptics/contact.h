@@ -5,8 +5,8 @@
 
 namespace needlelab {
 
-/// Starts an insertion at the tick that crossed the surface: P0, n, u, and all that is remembered set to its beginning.
-/// `state` still holds the tick before.
+/// Starts an insertion at the tick that crossed the surface: P0, n, u, and all that is remembered set to its
+/// beginning. `state` still holds the tick before.
 void beginInsertion(const SceneModel& model, SimState& state, const Tick& tick) noexcept;
 
 /// Forgets the insertion.

@@ -48,18 +48,20 @@ double cosNear(double r) noexcept {
   const double tail =
       s * s *
       (1.0 / 24 +
-       s * (-1.0 / 720 + s * (1.0 / 40320 +
-                              s * (-1.0 / 3628800 +
-                                   s * (1.0 / 479001600.0 +
-                                        s * (-1.0 / 87178291200.0 + s * (1.0 / 20922789888000.0)))))));
+       s * (-1.0 / 720 +
+            s * (1.0 / 40320 +
+                 s * (-1.0 / 3628800 +
+                      s * (1.0 / 479001600.0 + s * (-1.0 / 87178291200.0 + s * (1.0 / 20922789888000.0)))))));
   return (1.0 - 0.5 * s) + tail;
 }
 
-// x = quadrant·π/2 + r with |r| ≤ π/4; π/2 in three parts, the first two with trailing zeros so that the products are exact
+// x = quadrant·π/2 + r with |r| ≤ π/4; π/2 in three parts, the first two with trailing zeros so that the
+// products are exact
 double reduceQuarter(double x, int& quadrant) noexcept {
   const double n = std::floor(x * (2.0 / kPi) + 0.5);
   quadrant = static_cast<int>(static_cast<std::int64_t>(n) & 3);
-  constexpr double kHigh = 1.57079632673412561417e+00, kMiddle = 6.07710050630396597660e-11, kLow = 2.02226624879595063154e-21;
+  constexpr double kHigh = 1.57079632673412561417e+00, kMiddle = 6.07710050630396597660e-11,
+                   kLow = 2.02226624879595063154e-21;
   return ((x - n * kHigh) - n * kMiddle) - n * kLow;
 }
 

@@ -16,7 +16,9 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // position along u since the tick before entry; the shift of turns is taken out of what is kept
-double& keptPosition(SimState& state, std::uint64_t tick) { return state.x_history_m[tick & (kHistoryCapacity - 1)]; }
+double& keptPosition(SimState& state, std::uint64_t tick) {
+  return state.x_history_m[tick & (kHistoryCapacity - 1)];
+}
 
 // v = (x_k − x_{k−j})/(jT), j = min(100 ms, ticks since the one before entry)
 double updateSpeed(const SceneModel& model, SimState& state, double x_m) {
@@ -54,9 +56,11 @@ void remember(SimState& state, const Tick& tick) {
   state.has_prev = true;
 }
 
-// One tick with the effects of `Live` compiled in and the others not there at all: what a scene does not ask for costs nothing.
+// One tick with the effects of `Live` compiled in and the others not there at all: what a scene does not ask
+// for costs nothing.
 template <EffectMask Live>
-void stepLive(const SceneModel& model, const TipSample& sample, SimState& state, StepReport& report) noexcept {
+void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
+              StepReport& report) noexcept {
   constexpr auto live = [](Effect effect) { return (Live & bitOf(effect)) != 0; };
   constexpr bool has_wall = live(Effect::kCutting) || live(Effect::kAttracted);
 

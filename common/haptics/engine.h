@@ -1,4 +1,5 @@
-/// The haptic engine: one tick of DESIGN §3. No I/O, clock, heap, lock or exception; same inputs give the same bits.
+/// The haptic engine: one tick of DESIGN §3. No I/O, clock, heap, lock or exception; same inputs give the
+/// same bits.
 #pragma once
 
 #include <cstdint>
@@ -14,35 +15,37 @@ struct TipSample {
   Quat q_WT;
 };
 
-/// What a tick did that a reader of forces must know: a force step is allowed where one of the releases is set.
+/// What a tick did that a reader of forces must know: a force step is allowed where one of the releases is
+/// set.
 enum StepFlag : std::uint32_t {
-  kFlagEntry = 1u << 0,         ///< an insertion began
-  kFlagExit = 1u << 1,          ///< release: the tip left the tissue
-  kFlagLayerChange = 1u << 2,   ///< release: the tip is in another layer than at the tick before
-  kFlagRupture = 1u << 3,       ///< release: a membrane ruptured
-  kFlagTurn = 1u << 4,          ///< u turned (change of trajectory)
-  kFlagClampCapped = 1u << 5,   ///< the clamping force is at its maximum
-  kFlagForceCapped = 1u << 6,   ///< the sum was cut to max_force_N
-  kFlagTorque = 1u << 7,        ///< the orientation limit gives torque
-  kFlagNotStepped = 1u << 8,    ///< the sample was not finite: state unchanged, no force
-  kFlagStartedInside = 1u << 9, ///< in the tissue without having been outside: no force
-  kFlagBeyondNeedle = 1u << 10, ///< inserted further than the needle is long
+  kFlagEntry = 1u << 0,          ///< an insertion began
+  kFlagExit = 1u << 1,           ///< release: the tip left the tissue
+  kFlagLayerChange = 1u << 2,    ///< release: the tip is in another layer than at the tick before
+  kFlagRupture = 1u << 3,        ///< release: a membrane ruptured
+  kFlagTurn = 1u << 4,           ///< u turned (change of trajectory)
+  kFlagClampCapped = 1u << 5,    ///< the clamping force is at its maximum
+  kFlagForceCapped = 1u << 6,    ///< the sum was cut to max_force_N
+  kFlagTorque = 1u << 7,         ///< the orientation limit gives torque
+  kFlagNotStepped = 1u << 8,     ///< the sample was not finite: state unchanged, no force
+  kFlagStartedInside = 1u << 9,  ///< in the tissue without having been outside: no force
+  kFlagBeyondNeedle = 1u << 10,  ///< inserted further than the needle is long
 };
 
-/// Output of one tick. Forces act on the user's hand; `*_N` along u are signed (cutting is negative, attracted positive).
+/// Output of one tick. Forces act on the user's hand; `*_N` along u are signed (cutting is negative,
+/// attracted positive).
 struct StepReport {
-  Wrench wrench_W;            ///< force on the hand and torque about the tip, in W, before the gate
-  Vec3 p_wall_W_m;            ///< P0 + u·w; NaN when free or when no wall is live
+  Wrench wrench_W;  ///< force on the hand and torque about the tip, in W, before the gate
+  Vec3 p_wall_W_m;  ///< P0 + u·w; NaN when free or when no wall is live
   Phase phase = Phase::kFree;
-  std::int32_t layer = -1;    ///< −1 when free
-  double depth_m = 0;         ///< δ, always
-  double insertion_m = 0;     ///< d_t; 0 when free
-  double speed_mps = 0;       ///< v along u over the speed window; 0 when free
-  double lateral_error_m = 0; ///< |e|; 0 when free
+  std::int32_t layer = -1;     ///< −1 when free
+  double depth_m = 0;          ///< δ, always
+  double insertion_m = 0;      ///< d_t; 0 when free
+  double speed_mps = 0;        ///< v along u over the speed window; 0 when free
+  double lateral_error_m = 0;  ///< |e|; 0 when free
   double cutting_N = 0, attracted_N = 0, friction_N = 0, puncture_N = 0;  ///< along u, signed
-  double clamping_N = 0;                   ///< magnitude
-  double clamping_stiffness_N_per_m = 0;   ///< k of this tick
-  std::uint32_t flags = 0;                 ///< StepFlag
+  double clamping_N = 0;                                                  ///< magnitude
+  double clamping_stiffness_N_per_m = 0;                                  ///< k of this tick
+  std::uint32_t flags = 0;                                                ///< StepFlag
 };
 
 /// One tick. Thread: one at a time per state; the model may be shared. Real-time safe.

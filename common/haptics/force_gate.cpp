@@ -6,13 +6,13 @@
 namespace needlelab {
 namespace {
 
-constexpr double kFadeIn_s = 0.2;          // start-up
-constexpr double kFadeOut_s = 0.02;        // a fault takes the force away within this time
+constexpr double kFadeIn_s = 0.2;    // start-up
+constexpr double kFadeOut_s = 0.02;  // a fault takes the force away within this time
 constexpr double kSlewForce_N_per_s = 2000;
 constexpr double kSlewTorque_Nm_per_s = 100;
 constexpr double kMaxTipSpeed_mps = 5;
-constexpr std::int64_t kHoldTicks = 5;     // rejected samples that the last force is held for
-constexpr double kWatchdog_s = 0.02;       // silence of the device after which the force goes
+constexpr std::int64_t kHoldTicks = 5;  // rejected samples that the last force is held for
+constexpr double kWatchdog_s = 0.02;    // silence of the device after which the force goes
 constexpr double kThermalWindow_s = 10;
 constexpr double kBucket_s = 0.1;
 
@@ -30,9 +30,13 @@ bool limitChange(Vec3& v, Vec3 from, double most) noexcept {
   return true;
 }
 
-bool isFinite(const Wrench& w) noexcept { return needlelab::isFinite(w.force_N) && needlelab::isFinite(w.torque_Nm); }
+bool isFinite(const Wrench& w) noexcept {
+  return needlelab::isFinite(w.force_N) && needlelab::isFinite(w.torque_Nm);
+}
 
-Wrench scaled(const Wrench& w, double s) noexcept { return {w.force_N * s, w.torque_Nm * s}; }
+Wrench scaled(const Wrench& w, double s) noexcept {
+  return {w.force_N * s, w.torque_Nm * s};
+}
 
 }  // namespace
 
@@ -66,7 +70,8 @@ ForceGate::ForceGate(const DeviceLimits& limits, double rate_hz)
       fade_out_step_(1.0 / std::max(1.0, std::floor(kFadeOut_s * rate_hz))),
       slew_force_N_(kSlewForce_N_per_s * period_s_),
       slew_torque_Nm_(kSlewTorque_Nm_per_s * period_s_),
-      silent_limit_ticks_(std::max<std::int64_t>(kHoldTicks, static_cast<std::int64_t>(kWatchdog_s * rate_hz + 0.5))),
+      silent_limit_ticks_(
+          std::max<std::int64_t>(kHoldTicks, static_cast<std::int64_t>(kWatchdog_s * rate_hz + 0.5))),
       force_budget_(limits.peak_force_N, limits.continuous_force_N, period_s_),
       torque_budget_(limits.peak_torque_Nm, limits.continuous_torque_Nm, period_s_) {}
 
@@ -90,7 +95,8 @@ void ForceGate::raise(Fault fault) noexcept {
   outside_ = false;
 }
 
-bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps, std::int64_t elapsed_ticks) noexcept {
+bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps,
+                      std::int64_t elapsed_ticks) noexcept {
   flags_ = 0;
   admitted_ = false;
   ticks_since_good_ += elapsed_ticks;

@@ -1,4 +1,5 @@
-/// The one gate between engine and device (DESIGN §3.7), on every path: sample checks before the engine, force limits after it.
+/// The one gate between engine and device (DESIGN §3.7), on every path: sample checks before the engine,
+/// force limits after it.
 #pragma once
 
 #include <array>
@@ -22,9 +23,9 @@ struct DeviceLimits {
 enum class Fault : std::uint8_t {
   kNone = 0,
   kSampleNotFinite = 1,
-  kTipTooFast = 2,       ///< the tip jumped: over 5 m/s since the last good sample
-  kDeviceTooFast = 3,    ///< above the device's own threshold
-  kDeviceSilent = 4,     ///< watchdog: no update from the device
+  kTipTooFast = 2,     ///< the tip jumped: over 5 m/s since the last good sample
+  kDeviceTooFast = 3,  ///< above the device's own threshold
+  kDeviceSilent = 4,   ///< watchdog: no update from the device
   kForceNotFinite = 5,
   kOrientationInvalid = 6,  ///< the reported quaternion is no rotation: | |q| − 1 | > 1e-3
 };
@@ -40,8 +41,9 @@ enum GateFlag : std::uint32_t {
   kGateFaulted = 1u << 21,
 };
 
-/// What the motors may still take: the energy ∫|f|² of any 10 s stays at or below 10 s times the continuous limit squared.
-/// The allowed magnitude falls with the share of the budget that is left, peak·(left/budget), so that it is never used up.
+/// What the motors may still take: the energy ∫|f|² of any 10 s stays at or below 10 s times the continuous
+/// limit squared. The allowed magnitude falls with the share of the budget that is left, peak·(left/budget),
+/// so that it is never used up.
 class ThermalBudget {
  public:
   ThermalBudget(double peak, double continuous, double period_s) noexcept;
@@ -51,7 +53,8 @@ class ThermalBudget {
   void spend(double magnitude) noexcept;
 
  private:
-  static constexpr std::size_t kBuckets = 101;  ///< 100 ms each; the one partly out of the window counts in full
+  static constexpr std::size_t kBuckets =
+      101;  ///< 100 ms each; the one partly out of the window counts in full
   double peak_, budget_, period_s_;
   std::array<double, kBuckets> bucket_{};
   std::size_t current_ = 0;
@@ -73,7 +76,8 @@ class GuardedWrench {
   Wrench wrench_;
 };
 
-/// Thread: the haptic thread only (acknowledge may be asked for by its owner between ticks). Real-time safe, no clock: it counts ticks.
+/// Thread: the haptic thread only (acknowledge may be asked for by its owner between ticks). Real-time safe,
+/// no clock: it counts ticks.
 class ForceGate {
  public:
   ForceGate(const DeviceLimits& limits, double rate_hz);
@@ -82,8 +86,10 @@ class ForceGate {
   /// Returns false when the tick must not be stepped (bad sample, or in FAULT).
   /// `tip` is the tip's pose, `handle_speed_mps` the device's own reported speed (0 when it reports none),
   /// `elapsed_ticks` how many periods passed since the last call: 1, or more after missed ticks.
-  /// A sample that comes after missed or rejected ones is judged by its distance over all of the elapsed time.
-  bool admit(const TipSample& tip, bool fresh, double handle_speed_mps, std::int64_t elapsed_ticks = 1) noexcept;
+  /// A sample that comes after missed or rejected ones is judged by its distance over all of the elapsed
+  /// time.
+  bool admit(const TipSample& tip, bool fresh, double handle_speed_mps,
+             std::int64_t elapsed_ticks = 1) noexcept;
 
   /// After the engine (or without it, when `admit` said no): the wrench for the device in this tick.
   /// `wanted` is at the handle, in W; it is ignored in a tick that was not admitted.
@@ -105,8 +111,8 @@ class ForceGate {
 
   DeviceLimits limits_;
   double period_s_;
-  double fade_in_step_, fade_out_step_;    ///< share of the force gained or lost in a tick
-  double slew_force_N_, slew_torque_Nm_;   ///< largest change in a tick
+  double fade_in_step_, fade_out_step_;   ///< share of the force gained or lost in a tick
+  double slew_force_N_, slew_torque_Nm_;  ///< largest change in a tick
   std::int64_t silent_limit_ticks_;
   ThermalBudget force_budget_, torque_budget_;
 
@@ -116,7 +122,7 @@ class ForceGate {
   std::int64_t rejected_ticks_ = 0, silent_ticks_ = 0;
   bool admitted_ = false, acknowledged_ = false, outside_ = true;
   Fault fault_ = Fault::kNone;
-  double fade_ = 0;                        ///< 0-1
+  double fade_ = 0;  ///< 0-1
   Wrench held_, out_, at_fault_;
   double thermal_scale_ = 1;
   std::uint32_t flags_ = 0;

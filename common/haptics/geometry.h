@@ -10,22 +10,46 @@ struct Vec3 {
   friend constexpr bool operator==(const Vec3&, const Vec3&) = default;
 };
 
-constexpr Vec3 operator+(Vec3 a, Vec3 b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-constexpr Vec3 operator-(Vec3 a, Vec3 b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-constexpr Vec3 operator-(Vec3 a) { return {-a.x, -a.y, -a.z}; }
-constexpr Vec3 operator*(Vec3 a, double s) { return {a.x * s, a.y * s, a.z * s}; }
-constexpr Vec3 operator*(double s, Vec3 a) { return a * s; }
-constexpr Vec3 operator/(Vec3 a, double s) { return {a.x / s, a.y / s, a.z / s}; }
-constexpr Vec3& operator+=(Vec3& a, Vec3 b) { return a = a + b; }
-constexpr double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+constexpr Vec3 operator+(Vec3 a, Vec3 b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+constexpr Vec3 operator-(Vec3 a, Vec3 b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+constexpr Vec3 operator-(Vec3 a) {
+  return {-a.x, -a.y, -a.z};
+}
+constexpr Vec3 operator*(Vec3 a, double s) {
+  return {a.x * s, a.y * s, a.z * s};
+}
+constexpr Vec3 operator*(double s, Vec3 a) {
+  return a * s;
+}
+constexpr Vec3 operator/(Vec3 a, double s) {
+  return {a.x / s, a.y / s, a.z / s};
+}
+constexpr Vec3& operator+=(Vec3& a, Vec3 b) {
+  return a = a + b;
+}
+constexpr double dot(Vec3 a, Vec3 b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
 constexpr Vec3 cross(Vec3 a, Vec3 b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
-constexpr double normSquared(Vec3 a) { return dot(a, a); }
-inline double norm(Vec3 a) { return std::sqrt(dot(a, a)); }
+constexpr double normSquared(Vec3 a) {
+  return dot(a, a);
+}
+inline double norm(Vec3 a) {
+  return std::sqrt(dot(a, a));
+}
 /// Unit vector along `a`; `a` must not be zero.
-inline Vec3 normalized(Vec3 a) { return a / norm(a); }
-inline bool isFinite(Vec3 a) { return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z); }
+inline Vec3 normalized(Vec3 a) {
+  return a / norm(a);
+}
+inline bool isFinite(Vec3 a) {
+  return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z);
+}
 
 /// Rotation as a unit quaternion, order x y z w (DESIGN §2).
 struct Quat {
@@ -33,7 +57,9 @@ struct Quat {
   friend constexpr bool operator==(const Quat&, const Quat&) = default;
 };
 
-constexpr double dot(Quat a, Quat b) { return a.x * b.x + a.y * b.y + a.z * b.z + a.w * b.w; }
+constexpr double dot(Quat a, Quat b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z + a.w * b.w;
+}
 inline bool isFinite(Quat q) {
   return std::isfinite(q.x) && std::isfinite(q.y) && std::isfinite(q.z) && std::isfinite(q.w);
 }
@@ -41,7 +67,9 @@ inline Quat normalized(Quat q) {
   const double n = std::sqrt(dot(q, q));
   return {q.x / n, q.y / n, q.z / n, q.w / n};
 }
-constexpr Quat conjugate(Quat q) { return {-q.x, -q.y, -q.z, q.w}; }
+constexpr Quat conjugate(Quat q) {
+  return {-q.x, -q.y, -q.z, q.w};
+}
 /// Hamilton product: rotates by `b` first, then by `a`.
 constexpr Quat operator*(Quat a, Quat b) {
   return {a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y, a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
@@ -65,9 +93,15 @@ struct Pose {
 };
 
 /// X_AC from X_AB and X_BC.
-constexpr Pose operator*(const Pose& a, const Pose& b) { return {a.p + rotate(a.q, b.p), a.q * b.q}; }
-constexpr Vec3 operator*(const Pose& a, Vec3 p) { return a.p + rotate(a.q, p); }
-constexpr Pose inverse(const Pose& a) { return {-rotate(conjugate(a.q), a.p), conjugate(a.q)}; }
+constexpr Pose operator*(const Pose& a, const Pose& b) {
+  return {a.p + rotate(a.q, b.p), a.q * b.q};
+}
+constexpr Vec3 operator*(const Pose& a, Vec3 p) {
+  return a.p + rotate(a.q, p);
+}
+constexpr Pose inverse(const Pose& a) {
+  return {-rotate(conjugate(a.q), a.p), conjugate(a.q)};
+}
 
 /// Force and torque; the point of the torque and the frame are in the variable's name.
 struct Wrench {

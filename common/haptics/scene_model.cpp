@@ -10,19 +10,25 @@ namespace needlelab {
 namespace {
 
 // a duration in ticks: max(1, floor(duration·rate + 0.5)) (DESIGN §3)
-double ticksOf(double duration_s, double rate_hz) { return std::max(1.0, std::floor(duration_s * rate_hz + 0.5)); }
+double ticksOf(double duration_s, double rate_hz) {
+  return std::max(1.0, std::floor(duration_s * rate_hz + 0.5));
+}
 
 // an effect is live when the scene lists it and its numbers are not all zero (DESIGN §4)
 EffectMask liveEffects(const SceneSpec& spec) {
   const auto any = [&](auto number) { return std::any_of(spec.layers.begin(), spec.layers.end(), number); };
   EffectMask with_numbers = 0;
   if (any([](const LayerSpec& l) { return l.cutting_force_N > 0; })) with_numbers |= bitOf(Effect::kCutting);
-  if (any([](const LayerSpec& l) { return l.attracted_force_N > 0; })) with_numbers |= bitOf(Effect::kAttracted);
-  if (any([](const LayerSpec& l) { return l.lateral_stiffness_N_per_m2 > 0; })) with_numbers |= bitOf(Effect::kClamping);
+  if (any([](const LayerSpec& l) { return l.attracted_force_N > 0; }))
+    with_numbers |= bitOf(Effect::kAttracted);
+  if (any([](const LayerSpec& l) { return l.lateral_stiffness_N_per_m2 > 0; }))
+    with_numbers |= bitOf(Effect::kClamping);
   if (spec.orientation_limit.stiffness_Nm_per_rad > 0 && spec.orientation_limit.max_torque_Nm > 0)
     with_numbers |= bitOf(Effect::kOrientationLimit);
-  if (any([](const LayerSpec& l) { return l.friction_N_per_m > 0; })) with_numbers |= bitOf(Effect::kShaftFriction);
-  if (any([](const LayerSpec& l) { return l.membrane.has_value(); })) with_numbers |= bitOf(Effect::kPuncture);
+  if (any([](const LayerSpec& l) { return l.friction_N_per_m > 0; }))
+    with_numbers |= bitOf(Effect::kShaftFriction);
+  if (any([](const LayerSpec& l) { return l.membrane.has_value(); }))
+    with_numbers |= bitOf(Effect::kPuncture);
   return spec.effects & with_numbers;
 }
 
@@ -46,8 +52,9 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
     to.friction_N_per_m = from.friction_N_per_m;
     to.friction_offset_N = friction - from.friction_N_per_m * top;
     if (from.membrane)
-      model.membranes[model.membrane_count++] = {top, from.membrane->linear_N_per_m, from.membrane->quadratic_N_per_m2,
-                                                 from.membrane->force_N, slopeAtRupture(*from.membrane)};
+      model.membranes[model.membrane_count++] = {top, from.membrane->linear_N_per_m,
+                                                 from.membrane->quadratic_N_per_m2, from.membrane->force_N,
+                                                 slopeAtRupture(*from.membrane)};
     lateral += from.lateral_stiffness_N_per_m2 * from.thickness_m;
     friction += from.friction_N_per_m * from.thickness_m;
     top += from.thickness_m;
@@ -55,12 +62,17 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
 }
 
 Limb withUnitNormal(const Limb& limb) {
-  if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return PlaneLimb{plane->point_m, normalized(plane->normal)};
+  if (const auto* plane = std::get_if<PlaneLimb>(&limb))
+    return PlaneLimb{plane->point_m, normalized(plane->normal)};
   return limb;
 }
 
-double depthIn(const PlaneLimb& plane, Vec3 p) { return -dot(plane.normal, p - plane.point_m); }
-double depthIn(const SphereLimb& sphere, Vec3 p) { return sphere.radius_m - norm(p - sphere.center_m); }
+double depthIn(const PlaneLimb& plane, Vec3 p) {
+  return -dot(plane.normal, p - plane.point_m);
+}
+double depthIn(const SphereLimb& sphere, Vec3 p) {
+  return sphere.radius_m - norm(p - sphere.center_m);
+}
 double depthIn(const CapsuleLimb& capsule, Vec3 p) {
   const Vec3 ab = capsule.b_m - capsule.a_m;
   const double t = std::clamp(dot(p - capsule.a_m, ab) / normSquared(ab), 0.0, 1.0);
@@ -72,7 +84,8 @@ double depthIn(const CapsuleLimb& capsule, Vec3 p) {
 Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
   if (Status valid = validate(spec); !valid.ok()) return valid.error();
   if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz))
-    return Error{ErrorCode::kInvalidInput, "rate: " + std::to_string(rate_hz) + " Hz is out of range [50, 40000]"};
+    return Error{ErrorCode::kInvalidInput,
+                 "rate: " + std::to_string(rate_hz) + " Hz is out of range [50, 40000]"};
 
   SceneModel model;
   model.rate_hz = rate_hz;

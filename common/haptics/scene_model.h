@@ -9,14 +9,15 @@
 
 namespace needlelab {
 
-/// One layer, ready for the tick. Depths δ run along the surface normal, lengths along the trajectory are δ/c.
+/// One layer, ready for the tick. Depths δ run along the surface normal, lengths along the trajectory are
+/// δ/c.
 struct CompiledLayer {
-  double top_m = 0;                     ///< half-open [top, next top); the last layer has no end
-  double cut_stretch_m = 0;             ///< Δ_cut = f_cut/K_t; 0 where CUTTING is not live
-  double attracted_stretch_m = 0;       ///< f_att/K_t; 0 where ATTRACTED is not live
-  double rejection_stretch_m = 0;       ///< f_rej/K_t
-  double lateral_N_per_m2 = 0;          ///< slope of the integral of lateral stiffness
-  double lateral_offset_N_per_m = 0;    ///< ∫₀^d = offset/c + slope·d while d·c is in this layer
+  double top_m = 0;                   ///< half-open [top, next top); the last layer has no end
+  double cut_stretch_m = 0;           ///< Δ_cut = f_cut/K_t; 0 where CUTTING is not live
+  double attracted_stretch_m = 0;     ///< f_att/K_t; 0 where ATTRACTED is not live
+  double rejection_stretch_m = 0;     ///< f_rej/K_t
+  double lateral_N_per_m2 = 0;        ///< slope of the integral of lateral stiffness
+  double lateral_offset_N_per_m = 0;  ///< ∫₀^d = offset/c + slope·d while d·c is in this layer
   double friction_N_per_m = 0;
   double friction_offset_N = 0;
 };
@@ -29,37 +30,39 @@ struct CompiledMembrane {
   double slope_at_rupture_N_per_m = 0;  ///< k1 + 2 k2 z at rupture: the steepest that it gets
 };
 
-/// Made by `compile` only. Const after that; copying is cheap enough off the haptic thread. Thread: any may read.
+/// Made by `compile` only. Const after that; copying is cheap enough off the haptic thread. Thread: any may
+/// read.
 class SceneModel {
  public:
   double rate_hz = 0;
   double period_s = 0;  ///< T
   std::int64_t dwell_ticks = 0;
-  double stop_ticks = 0;            ///< n of eq. 5
-  std::uint64_t speed_window = 0;   ///< 100 ms in ticks
-  double max_stop_step_m = 0;       ///< 1.5·v_stop·T
-  double relax_share = 0;           ///< 1 − e^(−T/relax_time)
-  double max_turn_rad = 0;          ///< 2 rad/s·T
+  double stop_ticks = 0;           ///< n of eq. 5
+  std::uint64_t speed_window = 0;  ///< 100 ms in ticks
+  double max_stop_step_m = 0;      ///< 1.5·v_stop·T
+  double relax_share = 0;          ///< 1 − e^(−T/relax_time)
+  double max_turn_rad = 0;         ///< 2 rad/s·T
   TrackingWallSpec wall;
   VirtualFixtureSpec fixture;
   OrientationLimitSpec orientation;
   double friction_stiffness_N_per_m = 0;
   double needle_length_m = 0;
   double max_force_N = 0;
-  Limb limb;                        ///< plane normal made a unit vector
+  Limb limb;  ///< plane normal made a unit vector
   std::array<CompiledLayer, kMaxLayers> layers;
   std::uint32_t layer_count = 0;
   std::array<CompiledMembrane, kMaxLayers> membranes;
   std::uint32_t membrane_count = 0;
-  EffectMask live = 0;              ///< listed by the scene, and its numbers not all zero
+  EffectMask live = 0;  ///< listed by the scene, and its numbers not all zero
 
   [[nodiscard]] bool isLive(Effect effect) const { return (live & bitOf(effect)) != 0; }
-  /// Steepest stiffness along the trajectory that can act at once: K_t + K_f + steepest membrane, of live effects.
-  /// A device refuses a scene that is above what it can render (DESIGN §3.5).
+  /// Steepest stiffness along the trajectory that can act at once: K_t + K_f + steepest membrane, of live
+  /// effects. A device refuses a scene that is above what it can render (DESIGN §3.5).
   [[nodiscard]] double axialStiffness_N_per_m() const;
 };
 
-/// Validates, then precomputes for a loop of `rate_hz` (50-40,000 Hz). Errors: kInvalidInput as of `validate`.
+/// Validates, then precomputes for a loop of `rate_hz` (50-40,000 Hz). Errors: kInvalidInput as of
+/// `validate`.
 Result<SceneModel> compile(const SceneSpec& spec, double rate_hz);
 
 /// Signed depth δ of a point in the limb: negative outside, positive inside (DESIGN §3.1).

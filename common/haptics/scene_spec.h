@@ -1,4 +1,5 @@
-/// What an author writes: a scene as plain values, before it is validated and compiled (DESIGN §4 gives the ranges).
+/// What an author writes: a scene as plain values, before it is validated and compiled (DESIGN §4 gives the
+/// ranges).
 #pragma once
 
 #include <array>
@@ -15,13 +16,22 @@
 namespace needlelab {
 
 /// The effects that a scene may call for. Their order is the order of EffectMask bits.
-enum class Effect : std::uint8_t { kCutting, kAttracted, kClamping, kOrientationLimit, kShaftFriction, kPuncture };
+enum class Effect : std::uint8_t {
+  kCutting,
+  kAttracted,
+  kClamping,
+  kOrientationLimit,
+  kShaftFriction,
+  kPuncture
+};
 inline constexpr std::size_t kEffectCount = 6;
 inline constexpr std::array<std::string_view, kEffectCount> kEffectNames = {
     "CUTTING", "ATTRACTED", "CLAMPING", "ORIENTATION_LIMIT", "SHAFT_FRICTION", "PUNCTURE"};
 
 using EffectMask = std::uint32_t;
-constexpr EffectMask bitOf(Effect effect) { return EffectMask{1} << static_cast<unsigned>(effect); }
+constexpr EffectMask bitOf(Effect effect) {
+  return EffectMask{1} << static_cast<unsigned>(effect);
+}
 inline constexpr EffectMask kAllEffects = (EffectMask{1} << kEffectCount) - 1;
 
 /// The half-space on the far side of `normal`; `normal` (any length > 0) points out of the tissue.
@@ -48,12 +58,12 @@ struct MembraneSpec {
 };
 
 struct LayerSpec {
-  double thickness_m = 0;                  ///< along the surface normal, (0, 1]
-  double cutting_force_N = 0;              ///< [0, 50]
-  double attracted_force_N = 0;            ///< [0, 50]
-  double rejection_force_N = 0;            ///< at most min(cutting, attracted where live)
-  double lateral_stiffness_N_per_m2 = 0;   ///< clamping stiffness per inserted length, [0, 1e7]
-  double friction_N_per_m = 0;             ///< shaft friction per inserted length, [0, 1e4]
+  double thickness_m = 0;                 ///< along the surface normal, (0, 1]
+  double cutting_force_N = 0;             ///< [0, 50]
+  double attracted_force_N = 0;           ///< [0, 50]
+  double rejection_force_N = 0;           ///< at most min(cutting, attracted where live)
+  double lateral_stiffness_N_per_m2 = 0;  ///< clamping stiffness per inserted length, [0, 1e7]
+  double friction_N_per_m = 0;            ///< shaft friction per inserted length, [0, 1e4]
   std::optional<MembraneSpec> membrane;
 };
 
@@ -66,8 +76,8 @@ struct TrackingWallSpec {
   double stop_dwell_s = 0.05;      ///< (0, 10]
   double stop_duration_s = 0.8;    ///< (0, 10]
   StopMode stop_mode = StopMode::kRamp;
-  double relax_time_s = 1.9;       ///< EXPONENTIAL: (0, 60]
-  double relax_residual = 0.75;    ///< EXPONENTIAL: [0, 1]
+  double relax_time_s = 1.9;     ///< EXPONENTIAL: (0, 60]
+  double relax_residual = 0.75;  ///< EXPONENTIAL: [0, 1]
 };
 
 struct VirtualFixtureSpec {
@@ -94,8 +104,8 @@ struct SceneSpec {
   EffectMask effects = 0;                   ///< those that the scene lists; which of them are live is derived
 };
 
-/// The first fault of a spec as kInvalidInput with field path, value and range; or success. `compile` calls it.
-/// Field paths are those of the profile's JSON, e.g. `layers[2].cutting_force_n`.
+/// The first fault of a spec as kInvalidInput with field path, value and range; or success. `compile` calls
+/// it. Field paths are those of the profile's JSON, e.g. `layers[2].cutting_force_n`.
 Status validate(const SceneSpec& spec);
 
 /// The same limb seen from W when the author's frame L stands at `X_WL`.

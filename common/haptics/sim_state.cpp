@@ -32,7 +32,8 @@ std::uint64_t hashOf(const SimState& state) {
   Fnv1a hash;
   hash.add(state.p_prev_W_m);
   hash.add(state.depth_prev_m);
-  hash.add(std::uint64_t{state.has_prev} | std::uint64_t{state.outside_once} << 1 | std::uint64_t{state.inside} << 2);
+  hash.add(std::uint64_t{state.has_prev} | std::uint64_t{state.outside_once} << 1 |
+           std::uint64_t{state.inside} << 2);
   if (!state.inside) return hash.value();
 
   // the rest has a meaning only during an insertion
@@ -43,7 +44,8 @@ std::uint64_t hashOf(const SimState& state) {
   hash.add(state.ticks_inside);
   hash.add(state.x_shift_m);
   const std::uint64_t kept = std::min<std::uint64_t>(state.ticks_inside + 1, kHistoryCapacity);
-  for (std::uint64_t i = 0; i < kept; ++i) hash.add(state.x_history_m[(state.ticks_inside - i) & (kHistoryCapacity - 1)]);
+  for (std::uint64_t i = 0; i < kept; ++i)
+    hash.add(state.x_history_m[(state.ticks_inside - i) & (kHistoryCapacity - 1)]);
   hash.add(state.wall_m);
   hash.add(std::uint64_t{state.stopped} | static_cast<std::uint64_t>(state.slow_ticks) << 1);
   for (const double d : {state.stop_step_m, state.stop_stretch_m, state.friction_wall_m, state.dead_radius_m,

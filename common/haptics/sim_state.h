@@ -17,28 +17,29 @@ const char* phaseName(Phase phase);
 /// Value-initialised = before the first tick. Changed by `step` only.
 struct SimState {
   // contact
-  Vec3 p_prev_W_m;                ///< tip at the last stepped tick
-  double depth_prev_m = 0;        ///< δ at the last stepped tick
-  bool has_prev = false;          ///< a tick was stepped before
-  bool outside_once = false;      ///< the tip has been outside: only then an entry can happen
-  bool inside = false;            ///< an insertion is under way; everything below belongs to it
+  Vec3 p_prev_W_m;            ///< tip at the last stepped tick
+  double depth_prev_m = 0;    ///< δ at the last stepped tick
+  bool has_prev = false;      ///< a tick was stepped before
+  bool outside_once = false;  ///< the tip has been outside: only then an entry can happen
+  bool inside = false;        ///< an insertion is under way; everything below belongs to it
   Phase phase = Phase::kFree;
-  Vec3 p_entry_W_m;               ///< P0
-  Vec3 normal_W;                  ///< n at P0, out of the tissue
-  Vec3 u_W;                       ///< the trajectory's direction, a unit vector
-  Vec3 u0_W;                      ///< u at entry
-  double slant = 1;               ///< c = max(0.05, −n·u)
-  double inverse_slant = 1;       ///< 1/c
-  std::uint32_t layer = 0;        ///< by δ
+  Vec3 p_entry_W_m;                   ///< P0
+  Vec3 normal_W;                      ///< n at P0, out of the tissue
+  Vec3 u_W;                           ///< the trajectory's direction, a unit vector
+  Vec3 u0_W;                          ///< u at entry
+  double slant = 1;                   ///< c = max(0.05, −n·u)
+  double inverse_slant = 1;           ///< 1/c
+  std::uint32_t layer = 0;            ///< by δ
   std::uint32_t layer_by_length = 0;  ///< by inserted length, for the integrals
 
-  // speed: positions along u since the tick before entry, less `x_shift_m`, so that a turn moves all of them at once
+  // speed: positions along u since the tick before entry, less `x_shift_m`, so that a turn moves all of them
+  // at once
   std::uint64_t ticks_inside = 0;  ///< k − k_entry of the last stepped tick, plus 1
   double x_shift_m = 0;
   std::array<double, kHistoryCapacity> x_history_m;
 
   // tracking wall
-  double wall_m = 0;          ///< w
+  double wall_m = 0;  ///< w
   bool stopped = false;
   std::int64_t slow_ticks = 0;
   double stop_step_m = 0;     ///< m of eq. 5

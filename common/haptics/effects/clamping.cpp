@@ -22,7 +22,8 @@ Turned turnedBy(double angle_rad, const SimState& state, Vec3 side_W) {
 }
 
 // the cone of the paper's Fig. 4: ∠(u, u0) ≤ max(α(d_t after the turn), ∠(u, u0) before)
-bool withinCone(const Turned& turned, double before_rad, const SceneModel& model, const SimState& state, const Tick& tick) {
+bool withinCone(const Turned& turned, double before_rad, const SceneModel& model, const SimState& state,
+                const Tick& tick) {
   const double x = dot(turned.u_W, tick.arm_W_m);
   const double insertion = insertionOf(x, tick.depth_m, 1.0 / turned.slant);
   const double limit = std::max(orientationLimitAngle(model.needle_length_m, insertion), before_rad);
@@ -31,12 +32,12 @@ bool withinCone(const Turned& turned, double before_rad, const SceneModel& model
 
 }  // namespace
 
-void turnTrajectory(const SceneModel& model, SimState& state, Tick& tick, double k_N_per_m) noexcept {
+bool turnTrajectory(const SceneModel& model, SimState& state, Tick& tick, double k_N_per_m) noexcept {
   const double radius = norm(tick.arm_W_m);
   const Vec3 side = tick.lateral_W_m / tick.lateral_m;
   const double kept_m = state.dead_radius_m + model.fixture.max_force_N / k_N_per_m;
   double angle = std::min(detAsin(tick.lateral_m / radius) - detAsin(kept_m / radius), model.max_turn_rad);
-  if (!(angle > 0.0)) return;
+  if (!(angle > 0.0)) return false;
 
   // the greatest angle that the cone allows
   const double before = angleBetween(state.u_W, state.u0_W);
@@ -47,7 +48,7 @@ void turnTrajectory(const SceneModel& model, SimState& state, Tick& tick, double
       const double middle = 0.5 * (allowed + refused);
       (withinCone(turnedBy(middle, state, side), before, model, state, tick) ? allowed : refused) = middle;
     }
-    if (allowed == 0.0) return;
+    if (allowed == 0.0) return false;
     turned = turnedBy(allowed, state, side);
   }
 
@@ -64,8 +65,11 @@ void turnTrajectory(const SceneModel& model, SimState& state, Tick& tick, double
   state.x_shift_m += shift;
   for (std::uint32_t i = 0; i < state.membranes_met; ++i) state.membrane_place_m[i] += shift;
   if (model.isLive(Effect::kOrientationLimit)) followTurn(model, state, tick.axis_W, u_before);
+  return true;
 }
 
-double angleBetween(Vec3 a, Vec3 b) noexcept { return detAtan2(norm(cross(a, b)), dot(a, b)); }
+double angleBetween(Vec3 a, Vec3 b) noexcept {
+  return detAtan2(norm(cross(a, b)), dot(a, b));
+}
 
 }  // namespace needlelab

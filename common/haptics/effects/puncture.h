@@ -21,11 +21,12 @@ inline double cuttingPosition(const SimState& state, double x_m) {
   return x_cut;
 }
 
-/// Places of membranes that the tip comes to, ruptures, and x_c. Returns the membranes' force along u (never positive).
-/// `x_before_m`, `depth_before_m`: the tick before; 0 and 0 (P0) at the entry tick.
+/// Places of membranes that the tip comes to, ruptures, and x_c. Returns the membranes' force along u (never
+/// positive). `x_before_m`, `depth_before_m`: the tick before; 0 and 0 (P0) at the entry tick.
 inline double applyMembranes(const SceneModel& model, SimState& state, Tick& tick, double x_before_m,
                              double depth_before_m, StepReport& report) {
-  while (state.membranes_met < model.membrane_count && tick.depth_m >= model.membranes[state.membranes_met].top_m) {
+  while (state.membranes_met < model.membrane_count &&
+         tick.depth_m >= model.membranes[state.membranes_met].top_m) {
     const double share =
         (model.membranes[state.membranes_met].top_m - depth_before_m) / (tick.depth_m - depth_before_m);
     state.membrane_place_m[state.membranes_met++] = x_before_m + (tick.x_m - x_before_m) * share;

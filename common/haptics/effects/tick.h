@@ -6,16 +6,16 @@
 namespace needlelab {
 
 struct Tick {
-  Vec3 p_W_m;           ///< tip
-  Vec3 axis_W;          ///< needle's axis, unit
-  double depth_m = 0;   ///< δ
-  Vec3 arm_W_m;         ///< p − P0
-  double x_m = 0;       ///< u·(p − P0)
+  Vec3 p_W_m;              ///< tip
+  Vec3 axis_W;             ///< needle's axis, unit
+  double depth_m = 0;      ///< δ
+  Vec3 arm_W_m;            ///< p − P0
+  double x_m = 0;          ///< u·(p − P0)
   double insertion_m = 0;  ///< d_t
-  Vec3 lateral_W_m;     ///< e
-  double lateral_m = 0; ///< |e|
-  double speed_mps = 0; ///< v
-  double x_cut_m = 0;   ///< x_c: nothing is cut or rubbed beyond a membrane that holds
+  Vec3 lateral_W_m;        ///< e
+  double lateral_m = 0;    ///< |e|
+  double speed_mps = 0;    ///< v
+  double x_cut_m = 0;      ///< x_c: nothing is cut or rubbed beyond a membrane that holds
 };
 
 /// min(max(0, x), δ/c)

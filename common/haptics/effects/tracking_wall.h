@@ -1,6 +1,6 @@
 /// Cutting and attracted force: the enhanced tracking wall (paper eq. 1–6; DESIGN §3.2).
-/// One wall w is dragged behind the needle on the way in, ahead of it on the way out, and creeps up to it in a stop.
-/// Every move of the wall shrinks |x − w|: the element only dissipates, so it needs no damper.
+/// One wall w is dragged behind the needle on the way in, ahead of it on the way out, and creeps up to it in
+/// a stop. Every move of the wall shrinks |x − w|: the element only dissipates, so it needs no damper.
 #pragma once
 
 #include <algorithm>
@@ -60,8 +60,7 @@ inline double applyTrackingWall(const SceneModel& model, SimState& state, const 
   const CompiledLayer& layer = model.layers[state.layer];
   if (state.stopped) relaxWall(model, state, tick.x_cut_m, layer.rejection_stretch_m, stop_begins);
   const double ahead = std::min(layer.attracted_stretch_m, tick.insertion_m);
-  state.wall_m =
-      std::min(std::max(state.wall_m, tick.x_cut_m - layer.cut_stretch_m), tick.x_cut_m + ahead);
+  state.wall_m = std::min(std::max(state.wall_m, tick.x_cut_m - layer.cut_stretch_m), tick.x_cut_m + ahead);
   const double force = -model.wall.stiffness_N_per_m * (tick.x_cut_m - state.wall_m);
   (force < 0.0 ? report.cutting_N : report.attracted_N) = force;
   return force;
