@@ -1,0 +1,177 @@
+#include "db/connection.h"
+
+#include <sys/stat.h>
+
+#include <utility>
+
+namespace needlelab {
+namespace {
+
+/// Statements kept prepared per connection; the stores together use fewer.
+constexpr std::size_t kMaxIdle = 128;
+
+/// Failures after which what is on the disk is in doubt.
+bool isDamage(int rc) {
+  switch (rc & 0xff) {
+    case SQLITE_IOERR:
+    case SQLITE_FULL:
+    case SQLITE_CORRUPT:
+    case SQLITE_NOTADB:
+    case SQLITE_NOMEM:
+    case SQLITE_CANTOPEN:
+    case SQLITE_READONLY:
+    case SQLITE_PROTOCOL:
+      return true;
+    default:
+      return false;
+  }
+}
+
+ErrorCode codeOf(int rc) {
+  switch (rc & 0xff) {
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED:
+      return ErrorCode::kUnavailable;
+    case SQLITE_CORRUPT:
+    case SQLITE_NOTADB:
+      return ErrorCode::kCorrupt;
+    case SQLITE_CONSTRAINT:
+      if (rc == SQLITE_CONSTRAINT_UNIQUE || rc == SQLITE_CONSTRAINT_PRIMARYKEY)
+        return ErrorCode::kAlreadyExists;
+      return rc == SQLITE_CONSTRAINT_FOREIGNKEY ? ErrorCode::kNotFound : ErrorCode::kInvalidInput;
+    case SQLITE_TOOBIG:
+      return ErrorCode::kInvalidInput;
+    default:
+      return ErrorCode::kFailed;
+  }
+}
+
+}  // namespace
+
+Result<Connection> Connection::open(const std::filesystem::path& path, const Options& options) {
+  const bool writer = options.mode == Mode::kWriter;
+  struct stat info {};
+  if (!options.create && options.vfs == nullptr && ::stat(path.c_str(), &info) != 0) {
+    return Error{ErrorCode::kNotFound, path.string() + ": there is no database here"};
+  }
+  // readers open for writing too: WAL needs its shared memory; query_only below forbids changes
+  const int flags =
+      SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX | (writer && options.create ? SQLITE_OPEN_CREATE : 0);
+  sqlite3* handle = nullptr;
+  const int rc = sqlite3_open_v2(path.c_str(), &handle, flags, options.vfs);
+  Connection connection(path, handle);
+  if (rc != SQLITE_OK) return connection.errorOf(rc, "open the database");
+  sqlite3_extended_result_codes(handle, 1);
+  sqlite3_busy_timeout(handle, options.busy_timeout_ms);
+  // by default the last connection to close checkpoints: only the writer may, and it does so itself
+  sqlite3_db_config(handle, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+  // a hostile file's schema must not run code of its choice
+  sqlite3_db_config(handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
+
+  // first of all: from here on no statement checkpoints by itself
+  if (auto done = connection.script("PRAGMA wal_autocheckpoint=0"); !done) return done.error();
+  if (writer) {
+    auto mode = connection.prepare("PRAGMA journal_mode=WAL");
+    const auto row = mode.step();
+    if (!row) return row.error();
+    if (const auto found = mode.text(0); found != "wal") {
+      return Error{ErrorCode::kFailed, path.string() +
+                                           ": cannot use a write-ahead log here, SQLite stays in mode '" +
+                                           found + "'; use a local file system"};
+    }
+  }
+  const std::string settings =
+      "PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON; PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;"
+      "PRAGMA cell_size_check=ON;" +
+      std::string(writer ? "" : "PRAGMA query_only=ON;");
+  if (auto done = connection.script(settings); !done) return done.error();
+  return connection;
+}
+
+Connection::Connection(std::filesystem::path path, sqlite3* handle)
+    : path_(std::move(path)), handle_(handle) {}
+
+Connection::Connection(Connection&& other) noexcept
+    : path_(std::move(other.path_)),
+      handle_(std::exchange(other.handle_, nullptr)),
+      damaged_(other.damaged_),
+      idle_(std::move(other.idle_)) {}
+
+Connection& Connection::operator=(Connection&& other) noexcept {
+  if (this != &other) {
+    close();
+    path_ = std::move(other.path_);
+    handle_ = std::exchange(other.handle_, nullptr);
+    damaged_ = other.damaged_;
+    idle_ = std::move(other.idle_);
+  }
+  return *this;
+}
+
+Connection::~Connection() {
+  close();
+}
+
+void Connection::close() {
+  for (const auto& [sql, statement] : idle_) sqlite3_finalize(statement);
+  idle_.clear();
+  sqlite3_close_v2(std::exchange(handle_, nullptr));
+}
+
+Statement Connection::prepare(std::string_view sql) {
+  std::string key(sql);
+  if (const auto found = idle_.find(key); found != idle_.end()) {
+    sqlite3_stmt* statement = found->second;
+    idle_.erase(found);
+    return {this, statement, std::nullopt};
+  }
+  sqlite3_stmt* statement = nullptr;
+  const int rc = sqlite3_prepare_v3(handle_, key.c_str(), static_cast<int>(key.size() + 1),
+                                    SQLITE_PREPARE_PERSISTENT, &statement, nullptr);
+  if (rc != SQLITE_OK) return {this, nullptr, errorOf(rc, sql)};
+  return {this, statement, std::nullopt};
+}
+
+void Connection::giveBack(sqlite3_stmt* statement) {
+  sqlite3_reset(statement);
+  sqlite3_clear_bindings(statement);
+  // a second statement of the same text was in use at the same time: one is enough
+  if (idle_.size() >= kMaxIdle || !idle_.emplace(sqlite3_sql(statement), statement).second)
+    sqlite3_finalize(statement);
+}
+
+Status Connection::script(const std::string& sql) {
+  const int rc = sqlite3_exec(handle_, sql.c_str(), nullptr, nullptr, nullptr);
+  if (rc != SQLITE_OK) return errorOf(rc, sql);
+  return {};
+}
+
+std::int64_t Connection::lastRowId() const {
+  return sqlite3_last_insert_rowid(handle_);
+}
+std::int64_t Connection::changes() const {
+  return sqlite3_changes64(handle_);
+}
+bool Connection::inTransaction() const {
+  return sqlite3_get_autocommit(handle_) == 0;
+}
+
+Status Connection::checkpointPassive() {
+  const int rc = sqlite3_wal_checkpoint_v2(handle_, nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
+  if (rc != SQLITE_OK && (rc & 0xff) != SQLITE_BUSY && (rc & 0xff) != SQLITE_LOCKED) {
+    return errorOf(rc, "checkpoint the write-ahead log");
+  }
+  return {};
+}
+
+Error Connection::errorOf(int rc, std::string_view what) {
+  if (isDamage(rc)) damaged_ = true;
+  constexpr std::size_t kShown = 120;
+  std::string text =
+      path_.string() + ": cannot " + std::string(what.substr(0, kShown)) + (what.size() > kShown ? "…" : "");
+  text += std::string(": ") + (handle_ != nullptr ? sqlite3_errmsg(handle_) : sqlite3_errstr(rc));
+  text += " (SQLite " + std::to_string(rc) + ")";
+  return {codeOf(rc), text};
+}
+
+}  // namespace needlelab

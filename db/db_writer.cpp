@@ -1,0 +1,190 @@
+#include "db/db_writer.h"
+
+#include <algorithm>
+#include <future>
+#include <utility>
+
+#include "db/transaction.h"
+
+namespace needlelab {
+namespace {
+
+Error stoppedError(const std::optional<Error>& cause) {
+  if (!cause) return {ErrorCode::kUnavailable, "the database writer is stopping: nothing more is stored"};
+  return {ErrorCode::kUnavailable, "the database writer has stopped after a failure: " + cause->message};
+}
+
+}  // namespace
+
+DbWriter::DbWriter(Connection connection, const Options& options, OnFatal on_fatal)
+    : connection_(std::move(connection)), options_(options), on_fatal_(std::move(on_fatal)) {
+  thread_ = std::thread([this] { loop(); });
+}
+
+DbWriter::~DbWriter() {
+  stop();
+}
+
+Status DbWriter::post(Work work, Done done) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (stopping_ || failed_) return stoppedError(failed_);
+    if (queue_.size() >= options_.max_items) {
+      return Error{ErrorCode::kUnavailable, "the database writer's queue is full with " +
+                                                std::to_string(queue_.size()) + " items: try again later"};
+    }
+    queue_.push_back({std::move(work), std::move(done)});
+  }
+  wake_.notify_one();
+  return {};
+}
+
+Status DbWriter::run(Work work) {
+  // shared: the writer may still be inside set_value() when the waiting thread goes on
+  const auto promise = std::make_shared<std::promise<Status>>();
+  auto future = promise->get_future();
+  if (auto posted = post(std::move(work), [promise](const Status& status) { promise->set_value(status); });
+      !posted) {
+    return posted;
+  }
+  return future.get();
+}
+
+void DbWriter::stop() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  wake_.notify_one();
+  const std::lock_guard lock(join_mutex_);
+  if (thread_.joinable()) thread_.join();
+}
+
+std::optional<Error> DbWriter::failed() const {
+  const std::lock_guard lock(mutex_);
+  return failed_;
+}
+
+DbWriter::Counters DbWriter::counters() const {
+  const std::lock_guard lock(mutex_);
+  Counters counters = counters_;
+  counters.waiting = queue_.size();
+  return counters;
+}
+
+void DbWriter::loop() {
+  for (;;) {
+    std::vector<Item> group = takeGroup();
+    if (!group.empty() && !commitGroup(group)) return;
+    const auto now = std::chrono::steady_clock::now();
+    if (uncheckpointed_ && now >= next_checkpoint_) {
+      if (const auto done = connection_.checkpointPassive(); !done) {
+        std::vector<Item> none;
+        fail(done.error(), none);
+        return;
+      }
+      uncheckpointed_ = false;
+      next_checkpoint_ = now + options_.checkpoint_every;
+      const std::lock_guard lock(mutex_);
+      ++counters_.checkpoints;
+    }
+    const std::lock_guard lock(mutex_);
+    if (stopping_ && queue_.empty()) break;
+  }
+  // leave a database that needs no recovery: nothing is lost if this fails
+  (void)connection_.checkpointPassive();
+}
+
+std::vector<DbWriter::Item> DbWriter::takeGroup() {
+  std::unique_lock lock(mutex_);
+  // idle until there is work, or a checkpoint is due
+  const auto has_work = [this] { return stopping_ || !queue_.empty(); };
+  if (uncheckpointed_) {
+    wake_.wait_until(lock, next_checkpoint_, has_work);
+  } else {
+    wake_.wait(lock, has_work);
+  }
+  if (queue_.empty()) return {};
+  // let others join this commit
+  wake_.wait_for(lock, options_.window, [this] { return stopping_ || queue_.size() >= options_.max_group; });
+  const std::size_t count = std::min(queue_.size(), options_.max_group);
+  std::vector<Item> group(std::make_move_iterator(queue_.begin()),
+                          std::make_move_iterator(queue_.begin() + static_cast<std::ptrdiff_t>(count)));
+  queue_.erase(queue_.begin(), queue_.begin() + static_cast<std::ptrdiff_t>(count));
+  return group;
+}
+
+bool DbWriter::commitGroup(std::vector<Item>& group) {
+  auto transaction = Transaction::begin(connection_, Transaction::Kind::kWrite);
+  if (!transaction) {
+    if (connection_.damaged()) return fail(transaction.error(), group), false;
+    // somebody else holds the write lock (an SQLite shell, say): nothing is in doubt, nothing was stored
+    const Status status(transaction.error());
+    for (const Item& item : group) {
+      if (item.done) item.done(status);
+    }
+    const std::lock_guard lock(mutex_);
+    counters_.refused += group.size();
+    return true;
+  }
+
+  // each item alone: what fails is undone, the rest goes on
+  std::vector<Status> results;
+  results.reserve(group.size());
+  std::uint64_t refused = 0;
+  for (const Item& item : group) {
+    Status result;
+    {
+      auto savepoint = Savepoint::begin(connection_);
+      if (!savepoint) return fail(savepoint.error(), group), false;
+      result = item.work(connection_);
+      if (result.ok()) result = savepoint->release();
+    }
+    // an error that undoes the whole transaction, or puts the disk in doubt, is not one item's affair
+    if (connection_.damaged() || !connection_.inTransaction()) {
+      const Error cause =
+          result.ok() ? Error{ErrorCode::kFailed, "the transaction ended unasked"} : result.error();
+      return fail(cause, group), false;
+    }
+    if (!result.ok()) ++refused;
+    results.push_back(std::move(result));
+  }
+
+  const auto before = std::chrono::steady_clock::now();
+  if (auto done = transaction->commit(); !done) return fail(done.error(), group), false;
+  const auto took = std::chrono::nanoseconds(std::chrono::steady_clock::now() - before).count();
+  uncheckpointed_ = true;
+  {
+    const std::lock_guard lock(mutex_);
+    counters_.items += group.size() - refused;
+    counters_.refused += refused;
+    ++counters_.commits;
+    counters_.last_commit_ns = took;
+    counters_.max_commit_ns = std::max<std::int64_t>(counters_.max_commit_ns, took);
+    counters_.total_commit_ns += took;
+  }
+  // only now: the data is on the disk
+  for (std::size_t i = 0; i < group.size(); ++i) {
+    if (group[i].done) group[i].done(results[i]);
+  }
+  return true;
+}
+
+void DbWriter::fail(const Error& error, std::vector<Item>& group) {
+  std::deque<Item> waiting;
+  {
+    const std::lock_guard lock(mutex_);
+    failed_ = error;
+    waiting.swap(queue_);
+  }
+  const Status status = stoppedError(error);
+  for (const Item& item : group) {
+    if (item.done) item.done(status);
+  }
+  for (const Item& item : waiting) {
+    if (item.done) item.done(status);
+  }
+  if (on_fatal_) on_fatal_(error);
+}
+
+}  // namespace needlelab

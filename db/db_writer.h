@@ -1,0 +1,101 @@
+/// The one thread that writes the database: work is collected for some milliseconds and committed together.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include "base/result.h"
+#include "db/connection.h"
+
+namespace needlelab {
+
+/// Group commit (DESIGN §8). All work posted within `window` runs in one transaction, each item in a
+/// savepoint of its own. `done` is called on the writer's thread, with success only after COMMIT returned,
+/// i.e. after fsync. An item that fails is undone alone and reported alone. A failed COMMIT, write or fsync
+/// stops the writer for good: every item of that group and every later one is reported as failed, then
+/// `on_fatal` is called once. Thread: post(), run(), stop(), failed(), counters() may be called from any
+/// thread; `work`, `done` and `on_fatal` run on the writer's thread, must not call run() or stop(), and
+/// should be short.
+class DbWriter {
+ public:
+  using Work = std::function<Status(Connection&)>;
+  using Done = std::function<void(const Status&)>;
+  using OnFatal = std::function<void(const Error&)>;
+
+  struct Options {
+    std::chrono::milliseconds window{25};             ///< from the first item of a group to its transaction
+    std::chrono::milliseconds checkpoint_every{100};  ///< PASSIVE, between commits
+    std::size_t max_items = 16384;                    ///< waiting; more are refused
+    std::size_t max_group = 4096;  ///< items in a transaction; reaching it ends the window early
+  };
+
+  /// Since the start. Times are of commits only, without the work before them.
+  struct Counters {
+    std::uint64_t items = 0;    ///< committed
+    std::uint64_t refused = 0;  ///< items that failed alone
+    std::uint64_t commits = 0;
+    std::uint64_t checkpoints = 0;
+    std::uint64_t waiting = 0;  ///< items in the queue now
+    std::int64_t last_commit_ns = 0;
+    std::int64_t max_commit_ns = 0;
+    std::int64_t total_commit_ns = 0;
+  };
+
+  /// Takes the writer connection and starts the thread. `on_fatal` may be empty.
+  DbWriter(Connection connection, const Options& options, OnFatal on_fatal);
+  DbWriter(const DbWriter&) = delete;
+  DbWriter& operator=(const DbWriter&) = delete;
+  /// As stop().
+  ~DbWriter();
+
+  /// Queues an item. Refused at once (kUnavailable; `done` is not called) when the queue is full, or when the
+  /// writer is stopping or has failed. `done` may be empty.
+  Status post(Work work, Done done);
+
+  /// post() and wait for its result. Not from the writer's thread.
+  Status run(Work work);
+
+  /// Takes no more work, commits what is queued, ends the thread. May be called again.
+  void stop();
+
+  /// The error that stopped the writer for good, if any.
+  [[nodiscard]] std::optional<Error> failed() const;
+  [[nodiscard]] Counters counters() const;
+
+ private:
+  struct Item {
+    Work work;
+    Done done;
+  };
+  void loop();
+  std::vector<Item> takeGroup();
+  /// One transaction. False: the writer must not go on.
+  bool commitGroup(std::vector<Item>& group);
+  void fail(const Error& error, std::vector<Item>& group);
+
+  Connection connection_;  ///< the writer's thread only
+  const Options options_;
+  const OnFatal on_fatal_;
+
+  mutable std::mutex mutex_;
+  std::condition_variable wake_;
+  std::deque<Item> queue_;                                 ///< guarded by mutex_
+  bool stopping_ = false;                                  ///< guarded by mutex_
+  std::optional<Error> failed_;                            ///< guarded by mutex_
+  Counters counters_;                                      ///< guarded by mutex_
+  bool uncheckpointed_ = false;                            ///< the writer's thread only
+  std::chrono::steady_clock::time_point next_checkpoint_;  ///< the writer's thread only
+
+  std::mutex join_mutex_;  ///< one stop() at a time
+  std::thread thread_;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,22 @@
+# Writes text files into a .cpp, so that a program needs no files beside it.
+# Used as a script: cmake -DFILES="a;b" -DOUT=x.cpp -DFUNCTION=name -P embed.cmake
+# The .cpp defines  std::span<const needlelab::EmbeddedFile> needlelab::NAME();  see embedded_file.h.
+set(arrays "")
+set(entries "")
+set(number 0)
+foreach(path IN LISTS FILES)
+  get_filename_component(name "${path}" NAME)
+  file(READ "${path}" hex HEX)
+  string(REGEX REPLACE "([0-9a-f][0-9a-f])" "0x\\1," bytes "${hex}")
+  string(APPEND arrays "constexpr unsigned char kFile${number}[] = {${bytes}0};\n")
+  string(APPEND entries "    {\"${name}\", {reinterpret_cast<const char*>(kFile${number}), sizeof(kFile${number}) - 1}},\n")
+  math(EXPR number "${number} + 1")
+endforeach()
+if(number EQUAL 0)
+  set(body "std::span<const EmbeddedFile> ${FUNCTION}() { return {}; }")
+else()
+  set(body "std::span<const EmbeddedFile> ${FUNCTION}() {\n  static const EmbeddedFile kFiles[] = {\n${entries}  };\n  return kFiles;\n}")
+endif()
+file(WRITE "${OUT}.new" "#include <span>\n\n#include \"db/embedded_file.h\"\n\nnamespace needlelab {\nnamespace {\n${arrays}}  // namespace\n${body}\n}  // namespace needlelab\n")
+file(COPY_FILE "${OUT}.new" "${OUT}" ONLY_IF_DIFFERENT)
+file(REMOVE "${OUT}.new")

@@ -1,0 +1,26 @@
+#include "db/reader_pool.h"
+
+namespace needlelab {
+
+ReaderPool::Lease::~Lease() {
+  // a connection that saw a disk error is not lent again
+  if (connection_ == nullptr || connection_->damaged()) return;
+  const std::lock_guard lock(pool_->mutex_);
+  if (pool_->idle_.size() < pool_->max_idle_) pool_->idle_.push_back(std::move(connection_));
+}
+
+Result<ReaderPool::Lease> ReaderPool::borrow() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!idle_.empty()) {
+      auto connection = std::move(idle_.back());
+      idle_.pop_back();
+      return Lease(*this, std::move(connection));
+    }
+  }
+  auto opened = Connection::open(path_, {.mode = Connection::Mode::kReader});
+  if (!opened) return opened.error();
+  return Lease(*this, std::make_unique<Connection>(std::move(*opened)));
+}
+
+}  // namespace needlelab

@@ -1,0 +1,49 @@
+/// Query-only connections, lent to whoever reads for a short time.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "base/result.h"
+#include "db/connection.h"
+
+namespace needlelab {
+
+/// Opens a connection when none is idle and keeps at most `max_idle` of them.
+/// Thread: borrow() may be called from any thread; a Lease is used by one thread at a time. The pool must
+/// outlive its leases.
+class ReaderPool {
+ public:
+  /// A borrowed connection, given back on destruction.
+  class Lease {
+   public:
+    Lease(Lease&&) noexcept = default;
+    Lease& operator=(Lease&&) = delete;
+    ~Lease();
+    Connection& operator*() { return *connection_; }
+    Connection* operator->() { return connection_.get(); }
+
+   private:
+    friend class ReaderPool;
+    Lease(ReaderPool& pool, std::unique_ptr<Connection> connection)
+        : pool_(&pool), connection_(std::move(connection)) {}
+    ReaderPool* pool_;
+    std::unique_ptr<Connection> connection_;  ///< null after a move
+  };
+
+  explicit ReaderPool(std::filesystem::path path, std::size_t max_idle = 8)
+      : path_(std::move(path)), max_idle_(max_idle) {}
+
+  Result<Lease> borrow();
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+ private:
+  const std::filesystem::path path_;
+  const std::size_t max_idle_;
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<Connection>> idle_;  ///< guarded by mutex_
+};
+
+}  // namespace needlelab

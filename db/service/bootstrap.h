@@ -1,0 +1,58 @@
+/// The server's folder: made at the first start, locked by one process, opened with its writer, readers and
+/// service.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "base/result.h"
+#include "db/db_writer.h"
+#include "db/reader_pool.h"
+#include "service/service.h"
+
+namespace needlelab {
+
+/// An exclusive lock on DIR/lock (flock), held until destruction. The kernel drops it when the process dies.
+class FolderLock {
+ public:
+  /// kUnavailable: "a server is running on DIR: use --server", with the holder's name and process id.
+  static Result<FolderLock> take(const std::filesystem::path& folder, const std::string& holder);
+  FolderLock(FolderLock&& other) noexcept;
+  FolderLock& operator=(FolderLock&&) = delete;
+  ~FolderLock();
+
+ private:
+  explicit FolderLock(int fd) : fd_(fd) {}
+  int fd_;
+};
+
+/// DIR/needlelab.db, ready for use. Destruction drains the writer and frees the lock.
+/// Thread: open and destroy on one thread; its parts as each says.
+class Store {
+ public:
+  struct Options {
+    std::string holder = "needlelab-server";  ///< who holds the lock, for the message to others
+    bool create = true;                       ///< false: kNotFound when DIR has no database
+    DbWriter::Options writer;
+    DbWriter::OnFatal on_fatal;
+  };
+  /// Makes DIR (0700) and the database (0600) when they are missing, runs the migrations, loads the sample
+  /// profiles and curriculum into a new database. Errors: kUnavailable (locked), kVersion (newer schema),
+  /// kCorrupt, kFailed.
+  static Result<std::unique_ptr<Store>> open(const std::filesystem::path& folder, const Options& options);
+
+  [[nodiscard]] DbWriter& writer() { return *writer_; }
+  [[nodiscard]] ReaderPool& readers() { return *readers_; }
+  [[nodiscard]] Service& service() { return *service_; }
+  [[nodiscard]] const std::filesystem::path& databasePath() const { return readers_->path(); }
+
+ private:
+  explicit Store(FolderLock lock) : lock_(std::move(lock)) {}
+  FolderLock lock_;  // destroyed last
+  std::unique_ptr<ReaderPool> readers_;
+  std::unique_ptr<DbWriter> writer_;
+  std::unique_ptr<Service> service_;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,137 @@
+/// Sessions and their chunks: opened, appended to without a gap, closed when everything is there, read,
+/// verified.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/bytes.h"
+#include "base/result.h"
+#include "base/uuid.h"
+#include "db/connection.h"
+#include "gesture/session_hash.h"
+#include "needlelab/session.pb.h"
+#include "needlelab/types.pb.h"
+
+namespace needlelab {
+
+/// Longest chunk that is stored: it must fit, with its envelope, into a message of the wire (1 MiB).
+inline constexpr std::size_t kMaxStoredChunkBytes = (1u << 20) - 1024;
+
+/// What happened to a chunk. Only kStored and kRepeated may be acknowledged, and only after the commit.
+struct Appended {
+  enum class Kind {
+    kStored,
+    kRepeated,        ///< the same bytes were stored before: acknowledge again
+    kGap,             ///< seq is beyond `next_seq`
+    kContradiction,   ///< other bytes are stored under this seq, or the session is closed and has no such
+                      ///< chunk
+    kCorrupt,         ///< the chunk fails its own check
+    kUnknownSession,  ///< never opened here, or opened by another station
+  };
+  Kind kind = Kind::kStored;
+  std::uint64_t next_seq = 0;  ///< first seq that the store lacks, after this call
+  std::string text;            ///< for a refusal: what was found, what to do
+  [[nodiscard]] bool taken() const { return kind == Kind::kStored || kind == Kind::kRepeated; }
+};
+
+/// What happened to a request to close.
+struct Closed {
+  enum class Kind {
+    kClosed,
+    kRepeated,       ///< it was closed before with the same numbers
+    kIncomplete,     ///< chunks from `next_seq` on are missing
+    kContradiction,  ///< chunk count, samples or hash differ from what is stored; the session stays open
+    kUnknownSession,
+  };
+  Kind kind = Kind::kClosed;
+  std::uint64_t next_seq = 0;
+  pb::SessionState state = pb::SESSION_STATE_UNSPECIFIED;
+  std::string text;
+  [[nodiscard]] bool taken() const { return kind == Kind::kClosed || kind == Kind::kRepeated; }
+};
+
+/// Chunks hashed beforehand on a reader, so that the writer need not read a whole session.
+/// Stored chunks never change, so what a reader saw stays true.
+struct HashedChunks {
+  std::uint64_t chunks = 0;
+  std::uint64_t samples = 0;
+  Digest hash{};
+};
+
+struct StoredChunk {
+  std::uint64_t seq = 0;
+  std::uint64_t samples = 0;
+  Bytes bytes;
+};
+
+/// The outcome of reading everything again: CRC of every chunk, no gap, count, samples, hash.
+struct SessionCheck {
+  bool ok = false;
+  std::uint64_t chunks = 0;
+  std::uint64_t samples = 0;
+  Digest hash{};
+  std::string text;  ///< what is wrong, or that all is well
+};
+
+/// Functions on a connection, which it does not own. A Result's error means that the database failed or the
+/// arguments are invalid; refusals of protocol are values.
+/// Thread: as its Connection. open, append, close, set… need the writer's connection (run them inside
+/// DbWriter).
+class SessionStore {
+ public:
+  explicit SessionStore(Connection& connection) : connection_(connection) {}
+
+  /// Gives the next seq: 0 for a new session. Repeating a known description is no error.
+  /// Errors: kInvalidInput (field, value, range), kAlreadyExists (the id is known with another description),
+  /// kNotFound (no such station).
+  Result<std::uint64_t> open(const pb::SessionDescription& description, std::int64_t now_unix_ns);
+
+  /// Checks the chunk (CRC, sample count) and stores it when it is the next one. `station`: the session must
+  /// be its; empty = any.
+  Result<Appended> append(const Uuid& session, std::uint64_t seq, ByteView bytes,
+                          std::string_view station = {});
+
+  /// `known`: from hashChunks() on a reader, with the count that is being closed; without it all chunks are
+  /// read here.
+  Result<Closed> close(const pb::CloseSession& request, std::int64_t now_unix_ns,
+                       std::string_view station = {}, const std::optional<HashedChunks>& known = {});
+
+  /// Hash and sample count of chunks 0 … count−1, read back with their CRC. kCorrupt names the chunk that
+  /// fails; kNotFound when there are fewer.
+  Result<HashedChunks> hashChunks(const Uuid& session, std::uint64_t count);
+
+  /// First seq that is not stored. kNotFound: unknown session.
+  Result<std::uint64_t> nextSeq(const Uuid& session);
+  /// Chunks 0 … n−1 are covered by a verified backup.
+  Result<std::uint64_t> safeSeqs(const Uuid& session);
+  /// Open sessions of a station, oldest first.
+  Result<std::vector<pb::Welcome::OpenSession>> openSessions(std::string_view station);
+
+  /// Everything known of a session, profile JSON and score included. kNotFound.
+  Result<pb::SessionInfo> info(const Uuid& session);
+  /// Newest first, without profile JSON and score; empty filters mean all.
+  Result<std::vector<pb::SessionInfo>> list(std::string_view station, std::string_view trainee,
+                                            std::uint32_t limit);
+
+  /// Chunks from `from_seq` on, at most `max_chunks` and about `max_bytes` (at least one). Every CRC is
+  /// checked.
+  Result<std::vector<StoredChunk>> readChunks(const Uuid& session, std::uint64_t from_seq,
+                                              std::uint32_t max_chunks, std::size_t max_bytes);
+
+  /// Reads all of it again. A fault in the data is `ok == false`; an error means it could not be looked at.
+  Result<SessionCheck> verify(const Uuid& session);
+
+  Status setScore(const Uuid& session, std::string_view score_json);
+  /// Kept only when the round trip is smaller than the one stored, or none is stored.
+  Status setClockOffset(const Uuid& session, std::int64_t offset_ns, std::int64_t round_trip_ns);
+
+ private:
+  Connection& connection_;
+};
+
+}  // namespace needlelab
