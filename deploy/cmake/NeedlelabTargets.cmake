@@ -1,6 +1,8 @@
 # needlelab_library(NAME FOLDER dir SOURCES ... DEPS ...)   -> needlelab_NAME, alias needlelab::NAME
 # needlelab_program(NAME SOURCES ... DEPS ...)              -> executable NAME in bin/
-# needlelab_test(NAME LABEL unit SOURCES ... DEPS ...)      -> GoogleTest binary, its tests known to ctest
+# needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary, its tests known to ctest
+#   labels: unit, determinism, net, db, integration say what it is; threads: runs under ThreadSanitizer too;
+#   alone: measures time or loads both cores, so nothing else may run beside it
 #
 # Headers are included as "FOLDERNAME/header.h". Each target publishes a folder of its own that holds one link, so
 # that only what a target names in DEPS can be included.
@@ -29,13 +31,21 @@ function(needlelab_program name)
 endfunction()
 
 include(GoogleTest)
+add_custom_target(needlelab_threaded_tests)
+add_custom_target(needlelab_determinism_tests)
 function(needlelab_test name)
-  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "" "TIMEOUT" "LABEL;SOURCES;DEPS" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE needlelab_flags needlelab_warnings ${ARG_DEPS} GTest::gmock GTest::gtest_main)
+  if("threads" IN_LIST ARG_LABEL)
+    add_dependencies(needlelab_threaded_tests ${name})
+  endif()
+  if("determinism" IN_LIST ARG_LABEL)
+    add_dependencies(needlelab_determinism_tests ${name})
+  endif()
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
     PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT})
 endfunction()
