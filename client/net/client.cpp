@@ -1,0 +1,171 @@
+#include "net/client.h"
+
+#include <utility>
+#include <vector>
+
+#include <boost/asio/ip/address.hpp>
+
+#include "base/clock.h"
+#include "wire/refusal.h"
+
+namespace needlelab {
+namespace {
+
+/// Closes the socket (and ends the look-up) when connecting takes too long. Disarmed by its destruction.
+class ConnectDeadline {
+ public:
+  ConnectDeadline(Tcp::socket& socket, Tcp::resolver& resolver, std::chrono::milliseconds limit)
+      : state_(std::make_shared<State>(State{&socket, &resolver, false})),
+        timer_(socket.get_executor(), limit) {
+    timer_.async_wait([state = state_](const boost::system::error_code& error) {
+      if (error || state->socket == nullptr) return;
+      state->expired = true;
+      boost::system::error_code ignored;
+      state->socket->close(ignored);
+      state->resolver->cancel();
+    });
+  }
+  ~ConnectDeadline() { state_->socket = nullptr; }
+  ConnectDeadline(const ConnectDeadline&) = delete;
+  ConnectDeadline& operator=(const ConnectDeadline&) = delete;
+  [[nodiscard]] bool expired() const { return state_->expired; }
+
+ private:
+  struct State {
+    Tcp::socket* socket;
+    Tcp::resolver* resolver;
+    bool expired;
+  };
+  std::shared_ptr<State> state_;
+  asio::steady_timer timer_;
+};
+
+Error unavailable(const Endpoint& server, const std::string& why) {
+  return {ErrorCode::kUnavailable, "cannot connect to " + endpointText(server) + ": " + why};
+}
+
+Task<Result<Tcp::socket>> connectTcp(Endpoint server, std::chrono::milliseconds limit) {
+  const auto executor = co_await asio::this_coro::executor;
+  Tcp::socket socket(executor);
+  Tcp::resolver resolver(executor);
+  ConnectDeadline deadline(socket, resolver, limit);
+  const std::string too_long =
+      "no answer within " + std::to_string(limit.count()) + " ms; is the server running there?";
+
+  // an address as it stands, a name through the resolver
+  std::vector<Tcp::endpoint> endpoints;
+  boost::system::error_code no_address;
+  const auto address = asio::ip::make_address(server.host, no_address);
+  if (!no_address) {
+    endpoints.emplace_back(address, server.port);
+  } else {
+    auto [error, found] =
+        co_await resolver.async_resolve(server.host, std::to_string(server.port), kUseTuple);
+    if (deadline.expired()) co_return unavailable(server, too_long);
+    if (error) co_return unavailable(server, "the name is not known (" + error.message() + ")");
+    for (const auto& entry : found) endpoints.push_back(entry.endpoint());
+  }
+
+  std::string why = "the name has no address";
+  for (const Tcp::endpoint& endpoint : endpoints) {
+    boost::system::error_code ignored;
+    socket.close(ignored);
+    auto [error] = co_await socket.async_connect(endpoint, kUseTuple);
+    if (deadline.expired()) co_return unavailable(server, too_long);
+    if (!error) co_return socket;
+    why = error.message();
+  }
+  co_return unavailable(server, why);
+}
+
+/// The next message that is no Ping; a Refusal or Bye comes back as its error.
+Task<Result<pb::Envelope>> receiveAnswer(std::shared_ptr<Channel> channel) {
+  for (;;) {
+    auto got = co_await channel->receive();
+    if (!got.ok()) co_return got.error();
+    if (got->has_refusal()) co_return errorOf(got->refusal());
+    if (got->has_bye())
+      co_return Error{ErrorCode::kUnavailable, "the server said bye: " + got->bye().reason()};
+    if (!got->has_ping()) co_return got;
+    channel->send(pongTo(got->ping()));
+  }
+}
+
+Task<Result<ClientConnection>> greetAndLogIn(std::shared_ptr<Channel> channel, ClientConfig config) {
+  // greeting
+  pb::Envelope hello;
+  *hello.mutable_hello()->mutable_version() = config.version;
+  hello.mutable_hello()->set_program(config.program);
+  channel->send(hello);
+  auto greeted = co_await receiveAnswer(channel);
+  if (!greeted.ok()) co_return greeted.error();
+  if (!greeted->has_hello())
+    co_return Error{ErrorCode::kCorrupt, "the peer did not greet; is it a needlelab-server?"};
+  if (auto fits = checkVersion(config.version, greeted->hello().version()); !fits.ok())
+    co_return fits.error();
+
+  // log-in
+  pb::Envelope login;
+  *login.mutable_login() = config.login;
+  channel->send(login);
+  auto welcomed = co_await receiveAnswer(channel);
+  if (!welcomed.ok()) co_return welcomed.error();
+  if (!welcomed->has_welcome())
+    co_return Error{ErrorCode::kCorrupt, "the server answered the log-in with something else"};
+  channel->established();
+  co_return ClientConnection{channel, welcomed->welcome(), greeted->hello()};
+}
+
+}  // namespace
+
+pb::Login stationLogin(const std::string& station, const std::string& key) {
+  pb::Login login;
+  login.mutable_station()->set_station(station);
+  login.mutable_station()->set_key(key);
+  return login;
+}
+
+pb::Login personLogin(const std::string& user, const std::string& password) {
+  pb::Login login;
+  login.mutable_person()->set_user(user);
+  login.mutable_person()->set_password(password);
+  return login;
+}
+
+pb::Envelope pongTo(const pb::Ping& ping) {
+  pb::Envelope envelope;
+  pb::Pong& pong = *envelope.mutable_pong();
+  pong.set_id(ping.id());
+  pong.set_sender_steady_ns(ping.sender_steady_ns());
+  pong.set_receiver_steady_ns(steadyNowNs());
+  return envelope;
+}
+
+Task<Result<ClientConnection>> connectClient(ClientConfig config) {
+  if (!config.tls) {
+    auto tls = makeClientTls(config.ca_file);
+    if (!tls.ok()) co_return tls.error();
+    config.tls = *tls;
+  }
+  const std::int64_t started = steadyNowNs();
+  auto socket = co_await connectTcp(config.server, config.connect_timeout);
+  if (!socket.ok()) co_return socket.error();
+
+  TlsStream stream(std::move(*socket), *config.tls);
+  if (auto named = requireHost(stream, config.server.host); !named.ok()) co_return named.error();
+  // what is left of the time is for TLS and log-in; the server is verified, so it may send long messages at
+  // once
+  const std::chrono::nanoseconds spent(steadyNowNs() - started);
+  const auto left = config.connect_timeout - std::chrono::duration_cast<std::chrono::milliseconds>(spent);
+  config.limits.handshake_timeout = std::max(left, std::chrono::milliseconds(1));
+  config.limits.frame_bytes = kMaxFrameBytes;
+  auto channel = Channel::make(std::move(stream), config.limits);
+  auto shaken = co_await channel->handshake(asio::ssl::stream_base::client);
+  if (!shaken.ok()) co_return shaken.error();
+
+  auto connection = co_await greetAndLogIn(channel, config);
+  if (!connection.ok()) channel->finish(CloseReason::kLocal, connection.error().message);
+  co_return connection;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,48 @@
+/// From an address to an authenticated connection: connect, TLS, Hello, Login, Welcome. Used by the station's
+/// uplink, the instructor, the admin tool and the load generator.
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "base/result.h"
+#include "needlelab/envelope.pb.h"
+#include "net/endpoint.h"
+#include "wire/channel.h"
+#include "wire/version.h"
+
+namespace needlelab {
+
+struct ClientConfig {
+  Endpoint server;
+  std::filesystem::path ca_file;  ///< the server's tls/ca.crt; not read when `tls` is given
+  TlsContext tls;                 ///< optional, shared by many connections of one program
+  std::string program;            ///< e.g. programText("station")
+  pb::Login login;
+  std::chrono::milliseconds connect_timeout{5000};  ///< for all of it: name, TCP, TLS, log-in
+  ChannelLimits limits;
+  pb::Version version = ourVersion();  ///< tests set another
+};
+
+/// Log-ins, ready for ClientConfig.
+pb::Login stationLogin(const std::string& station, const std::string& key);
+pb::Login personLogin(const std::string& user, const std::string& password);
+
+/// What connectClient gives.
+struct ClientConnection {
+  std::shared_ptr<Channel> channel;  ///< started; frame limit 1 MiB
+  pb::Welcome welcome;
+  pb::Hello server;
+};
+
+/// Connects on the executor of the calling coroutine, which must be one thread.
+/// Errors: kInvalidInput (the CA file), kUnavailable (no answer, time-out: try again), kDenied (certificate,
+/// log-in), kVersion (both versions in the message), others as errorOf(Refusal).
+Task<Result<ClientConnection>> connectClient(ClientConfig config);
+
+/// The Pong to a peer's Ping, with our steady clock in it.
+pb::Envelope pongTo(const pb::Ping& ping);
+
+}  // namespace needlelab

@@ -1,0 +1,46 @@
+#include "net/endpoint.h"
+
+#include <charconv>
+
+namespace needlelab {
+
+Result<Endpoint> parseEndpoint(std::string_view text) {
+  const auto bad = [&](const char* why) {
+    return Error{ErrorCode::kInvalidInput, "'" + std::string(text) + "' is no HOST:PORT (" + why +
+                                               "), e.g. 127.0.0.1:7750 or [::1]:7750"};
+  };
+  Endpoint endpoint;
+  std::string_view host = text, port;
+  if (!text.empty() && text.front() == '[') {
+    // [IPv6] or [IPv6]:port
+    const auto end = text.find(']');
+    if (end == std::string_view::npos) return bad("no closing bracket");
+    host = text.substr(1, end - 1);
+    const auto rest = text.substr(end + 1);
+    if (!rest.empty()) {
+      if (rest.front() != ':') return bad("after the bracket comes a colon");
+      port = rest.substr(1);
+      if (port.empty()) return bad("no port after the colon");
+    }
+  } else if (const auto colon = text.find(':'); colon != std::string_view::npos) {
+    if (text.find(':', colon + 1) != std::string_view::npos) return bad("an IPv6 address needs brackets");
+    host = text.substr(0, colon);
+    port = text.substr(colon + 1);
+    if (port.empty()) return bad("no port after the colon");
+  }
+  if (host.empty()) return bad("no host");
+  endpoint.host = host;
+  if (!port.empty()) {
+    const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), endpoint.port);
+    if (error != std::errc{} || end != port.data() + port.size())
+      return bad("the port is a number from 0 to 65535");
+  }
+  return endpoint;
+}
+
+std::string endpointText(const Endpoint& endpoint) {
+  const bool v6 = endpoint.host.find(':') != std::string::npos;
+  return (v6 ? "[" + endpoint.host + "]" : endpoint.host) + ":" + std::to_string(endpoint.port);
+}
+
+}  // namespace needlelab

@@ -1,0 +1,127 @@
+/// A TLS connection that carries envelopes: one reader (the owner's coroutine), one writer with two bounded
+/// queues.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <string>
+
+#include "base/result.h"
+#include "needlelab/envelope.pb.h"
+#include "wire/asio.h"
+#include "wire/framing.h"
+#include "wire/live_queue.h"
+#include "wire/tls.h"
+
+namespace needlelab {
+
+struct ChannelLimits {
+  std::size_t frame_bytes = kMaxFrameBytesBeforeLogin;  ///< greatest envelope that is accepted now
+  std::size_t control_queue_bytes = 4u << 20;           ///< unsent control bytes; above → QUEUE_OVERFLOW
+  std::size_t live_queue_bytes = 1u << 20;
+  std::chrono::milliseconds live_age{100};              ///< older live frames are dropped
+  std::chrono::milliseconds handshake_timeout{10'000};  ///< from the first byte to `established`
+  std::chrono::milliseconds idle_timeout{30'000};       ///< nothing received for so long → TIMEOUT
+  std::chrono::milliseconds write_timeout{10'000};      ///< one write takes so long → TIMEOUT
+  std::chrono::milliseconds keepalive{10'000};          ///< nothing sent for so long → a Ping; 0: never
+  std::chrono::milliseconds close_grace{1'000};         ///< for the last messages, then the socket is cut
+  int socket_buffer_bytes = 0;                          ///< SO_SNDBUF and SO_RCVBUF; 0: the system's choice
+};
+
+/// Why a channel ended.
+enum class CloseReason {
+  kNone,           ///< still open
+  kPeerClosed,     ///< the peer ended the connection
+  kNetwork,        ///< the network failed, or TLS did
+  kHandshake,      ///< TLS handshake failed or took too long
+  kIdle,           ///< nothing received for idle_timeout
+  kWriteTimeout,   ///< the peer stopped reading
+  kQueueOverflow,  ///< the peer reads its control messages too slowly
+  kProtocol,       ///< the peer sent what is no frame or no envelope, or one too large
+  kRefused,        ///< the owner refused the peer (Refusal was sent)
+  kLocal,          ///< the owner wanted to
+};
+const char* nameOf(CloseReason reason);
+
+/// Thread: everything on the executor of the stream, which is one thread. Ownership: shared; coroutines keep
+/// it alive. Life: make → handshake → receive / send (greeting, log-in) → established → … → finish or close.
+class Channel : public std::enable_shared_from_this<Channel> {
+ public:
+  static std::shared_ptr<Channel> make(TlsStream stream, ChannelLimits limits);
+  ~Channel();
+  Channel(const Channel&) = delete;
+  Channel& operator=(const Channel&) = delete;
+
+  /// TLS; then the writer and the watch over time-outs run. Once. Errors: kUnavailable (network, time-out),
+  /// kDenied (the peer's certificate); the channel is closed then.
+  Task<Status> handshake(asio::ssl::stream_base::handshake_type side);
+
+  /// The next envelope. Errors: kUnavailable once the channel is closed or closing (`closeText()` in it);
+  /// kCorrupt or kInvalidInput for bytes that are no frame, after which the caller must finish or close. One
+  /// caller at a time.
+  Task<Result<pb::Envelope>> receive();
+
+  /// Queues a control message; never dropped. False when the channel is closing, or by this overflowed: then
+  /// the peer gets Refusal QUEUE_OVERFLOW as its last message, and the channel closes.
+  bool send(const pb::Envelope& envelope);
+  bool send(Frame frame);
+  /// Queues a live message, dropped when it gets too old. `counted`: a LiveFrame whose receiver is told of
+  /// drops.
+  void sendLive(Frame frame, bool counted);
+
+  /// Sends what is queued (and `last`, if any), then closes; cut after close_grace. Idempotent: the first
+  /// reason stays.
+  void finish(CloseReason reason, std::string text, const pb::Envelope* last = nullptr);
+  /// Cuts the connection now.
+  void close(CloseReason reason, std::string text);
+
+  /// Log-in is done: frames up to kMaxFrameBytes are accepted, and handshake_timeout no longer counts.
+  void established();
+
+  [[nodiscard]] bool closed() const { return closed_; }  ///< the socket is gone
+  [[nodiscard]] bool closing() const { return finishing_ || closed_; }
+  [[nodiscard]] CloseReason closeReason() const { return reason_; }
+  [[nodiscard]] const std::string& closeText() const { return reason_text_; }
+  [[nodiscard]] const LiveQueue& live() const { return live_; }
+  [[nodiscard]] std::size_t controlQueueBytes() const { return control_bytes_; }
+  [[nodiscard]] std::uint64_t bytesReceived() const { return bytes_received_; }
+  [[nodiscard]] std::uint64_t bytesSent() const { return bytes_sent_; }
+  [[nodiscard]] const std::string& peerAddress() const { return peer_; }  ///< "127.0.0.1:40312"
+  [[nodiscard]] Tcp::socket::executor_type executor() { return stream_.get_executor(); }
+  TlsStream& stream() { return stream_; }
+
+ private:
+  Channel(TlsStream stream, ChannelLimits limits);
+  // static with a shared pointer by value: the coroutine keeps its channel alive
+  static Task<> writeLoop(std::shared_ptr<Channel> self);
+  static Task<> watchLoop(std::shared_ptr<Channel> self);
+  Task<> discardUntilPeerCloses();
+  bool fillBatch();
+  void checkTimes();
+  [[nodiscard]] std::chrono::milliseconds watchPeriod() const;
+  void wakeWriter();
+  void setReason(CloseReason reason, std::string text);
+  Error closedError() const;
+
+  TlsStream stream_;
+  ChannelLimits limits_;
+  std::string peer_;
+  FrameSplitter splitter_;
+  LiveQueue live_;
+  std::deque<Frame> control_;
+  std::size_t control_bytes_ = 0;
+  std::string batch_;        // what the current write sends: many small frames in one TLS record
+  asio::steady_timer wake_;  // the writer sleeps on it
+  asio::steady_timer watch_;
+  bool handshaken_ = false, established_ = false, finishing_ = false, closed_ = false, reading_ = false;
+  CloseReason reason_ = CloseReason::kNone;
+  std::string reason_text_;
+  std::int64_t made_ns_ = 0, last_received_ns_ = 0, last_sent_ns_ = 0, finish_started_ns_ = 0;
+  std::int64_t write_started_ns_ = 0;  // 0: no write is under way
+  std::uint64_t bytes_received_ = 0, bytes_sent_ = 0;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,67 @@
+/// The frame of the wire: a 4-byte big-endian length, then so many bytes of one Protobuf Envelope
+/// (proto/README.md).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "base/bytes.h"
+#include "base/result.h"
+#include "needlelab/envelope.pb.h"
+
+namespace needlelab {
+
+inline constexpr std::size_t kFrameHeaderBytes = 4;
+inline constexpr std::size_t kMaxFrameBytes = 1u << 20;         ///< an Envelope after log-in
+inline constexpr std::size_t kMaxFrameBytesBeforeLogin = 4096;  ///< an Envelope before log-in
+
+/// The bytes of one Envelope, without the length. Immutable, so that one copy serves every receiver.
+using Frame = std::shared_ptr<const std::string>;
+
+/// Errors: kInvalidInput when the envelope has no body or more than kMaxFrameBytes.
+Result<Frame> encodeFrame(const pb::Envelope& envelope);
+
+/// Errors: kCorrupt when the bytes are no Envelope. An unknown body (of a newer minor) is no error:
+/// BODY_NOT_SET.
+Result<pb::Envelope> decodeFrame(ByteView bytes);
+
+/// Appends the length of a frame of `body_bytes` (at most kMaxFrameBytes, asserted).
+void appendFrameHeader(std::string& out, std::size_t body_bytes);
+
+/// Bytes which, put behind an Envelope with a live_frame, set its dropped_for_you: Protobuf merges a message
+/// field that comes twice. So all viewers share one encoded frame, and each still hears its own count.
+std::string droppedSuffix(std::uint64_t dropped);
+
+/// Cuts a stream of bytes into frames. Bounded: a length is checked against the limit before anything is
+/// allocated for it, and memory grows with what arrived, not with what was announced. Use: read into
+/// `writable()`, tell `wrote(n)`, take frames with `next()` until there is none.
+class FrameSplitter {
+ public:
+  explicit FrameSplitter(std::size_t limit) : limit_(limit) {}
+
+  void setLimit(std::size_t limit) { limit_ = limit; }
+  [[nodiscard]] std::size_t limit() const { return limit_; }
+
+  /// Room for at least one byte more. Valid until the next call of any member.
+  std::span<std::uint8_t> writable();
+  void wrote(std::size_t count);
+
+  /// A whole frame's bytes (valid until `writable()`), nothing when more must be read, or an error after
+  /// which the stream is lost: kInvalidInput for a length of zero or above the limit.
+  Result<std::optional<ByteView>> next();
+
+  /// Bytes that arrived and are not yet taken.
+  [[nodiscard]] std::size_t pending() const { return end_ - begin_; }
+  [[nodiscard]] std::size_t capacity() const { return buffer_.size(); }
+
+ private:
+  std::size_t limit_;
+  Bytes buffer_;
+  std::size_t begin_ = 0, end_ = 0;
+};
+
+}  // namespace needlelab

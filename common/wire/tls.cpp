@@ -1,0 +1,81 @@
+#include "wire/tls.h"
+
+#include <filesystem>
+#include <utility>
+
+#include <openssl/err.h>
+#include <openssl/ssl.h>
+#include <openssl/x509_vfy.h>
+#include <boost/asio/ip/address.hpp>
+
+namespace needlelab {
+namespace {
+
+Result<TlsContext> newContext(asio::ssl::context::method method) {
+  auto context = std::make_shared<asio::ssl::context>(method);
+  SSL_CTX* const raw = context->native_handle();
+  if (SSL_CTX_set_min_proto_version(raw, TLS1_3_VERSION) != 1 ||
+      SSL_CTX_set_max_proto_version(raw, TLS1_3_VERSION) != 1) {
+    return Error{ErrorCode::kFailed, "this OpenSSL does not speak TLS 1.3"};
+  }
+  // no session tickets: nobody resumes, and they would cost memory and bytes for each connection
+  SSL_CTX_set_num_tickets(raw, 0);
+  SSL_CTX_set_session_cache_mode(raw, SSL_SESS_CACHE_OFF);
+  return context;
+}
+
+Error fileError(const std::string& what, const std::filesystem::path& path,
+                const boost::system::error_code& error) {
+  return {ErrorCode::kInvalidInput, "cannot use " + what + " " + path.string() + ": " + error.message()};
+}
+
+}  // namespace
+
+Result<TlsContext> makeServerTls(const std::filesystem::path& certificate, const std::filesystem::path& key) {
+  auto context = newContext(asio::ssl::context::tls_server);
+  if (!context) return context;
+  boost::system::error_code error;
+  (*context)->use_certificate_chain_file(certificate.string(), error);
+  if (error) return fileError("the server's certificate", certificate, error);
+  (*context)->use_private_key_file(key.string(), asio::ssl::context::pem, error);
+  if (error) return fileError("the server's key", key, error);
+  return context;
+}
+
+Result<TlsContext> makeClientTls(const std::filesystem::path& ca) {
+  auto context = newContext(asio::ssl::context::tls_client);
+  if (!context) return context;
+  boost::system::error_code error;
+  (*context)->load_verify_file(ca.string(), error);
+  if (error) return fileError("the CA's certificate", ca, error);
+  (*context)->set_verify_mode(asio::ssl::verify_peer | asio::ssl::verify_fail_if_no_peer_cert, error);
+  if (error) return fileError("the CA's certificate", ca, error);
+  return context;
+}
+
+Status requireHost(TlsStream& stream, const std::string& host) {
+  SSL* const ssl = stream.native_handle();
+  boost::system::error_code no_address;
+  const auto address = asio::ip::make_address(host, no_address);
+  bool ok = false;
+  if (!no_address) {
+    ok = X509_VERIFY_PARAM_set1_ip_asc(SSL_get0_param(ssl), address.to_string().c_str()) == 1;
+  } else {
+    SSL_set_hostflags(ssl, X509_CHECK_FLAG_NO_PARTIAL_WILDCARDS);
+    // the macro of SSL_set_tlsext_host_name casts away const, which our warnings refuse
+    std::string name = host;
+    ok = !host.empty() && SSL_set1_host(ssl, host.c_str()) == 1 &&
+         SSL_ctrl(ssl, SSL_CTRL_SET_TLSEXT_HOSTNAME, TLSEXT_NAMETYPE_host_name, name.data()) == 1;
+  }
+  if (!ok) return Error{ErrorCode::kInvalidInput, "'" + host + "' is no host name or IP address"};
+  return {};
+}
+
+std::string tlsErrorText(TlsStream& stream, const boost::system::error_code& error) {
+  std::string text = error.message();
+  const long verified = SSL_get_verify_result(stream.native_handle());
+  if (verified != X509_V_OK) text += std::string(" (") + X509_verify_cert_error_string(verified) + ")";
+  return text;
+}
+
+}  // namespace needlelab
