@@ -4,19 +4,27 @@
 #include <utility>
 
 #include "device/recording_device.h"
+#include "device/simulated_device.h"
 
 namespace needlelab {
 
 std::string deviceKinds() {
-  return "recording:FILE";
+  return "simulated, recording:FILE";
 }
 
 Result<std::unique_ptr<Device>> makeDevice(const std::string& spec, const DeviceOptions& options) {
-  static_cast<void>(options);
   const std::size_t colon = spec.find(':');
   const std::string kind = spec.substr(0, colon);
   const std::string rest = colon == std::string::npos ? "" : spec.substr(colon + 1);
 
+  if (kind == "simulated" && colon == std::string::npos) {
+    auto plan = choosePlan(options.hand, options.scene, options.targets);
+    if (!plan.ok()) return plan.error();
+    SimulatedDeviceOptions simulated;
+    simulated.hand = options.hand;
+    simulated.X_HT = options.X_HT;
+    return std::unique_ptr<Device>(std::make_unique<SimulatedDevice>(simulated, std::move(*plan)));
+  }
   if (kind == "recording") {
     if (rest.empty())
       return Error{ErrorCode::kInvalidInput, "--device recording: needs a file, as in recording:stroke.csv"};

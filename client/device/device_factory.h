@@ -3,19 +3,23 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "base/result.h"
 #include "device/device.h"
+#include "device/hand.h"
+#include "device/hand_plan_choice.h"
 #include "haptics/scene_spec.h"
 
 namespace needlelab {
 
 /// What a device may have to know of the lesson. Only the simulated device uses it: its hand pursues an
 /// insertion.
-/// (`--hand-…`: simulated_device.h adds its settings here as one member with defaults.)
 struct DeviceOptions {
-  SceneSpec scene;  ///< in W, the limb already placed
-  Pose X_HT;        ///< the tool: the tip in the handle's frame
+  SceneSpec scene;                  ///< in W, the limb already placed
+  std::vector<PlanTarget> targets;  ///< of the profile, in W
+  Pose X_HT;                        ///< the tool: the tip in the handle's frame
+  HandOptions hand;                 ///< `--hand-…` (hand_cli.h)
 };
 
 /// For `--help` and for error messages: the kinds of device that there are, e.g. "simulated, recording:FILE".
@@ -23,7 +27,7 @@ std::string deviceKinds();
 
 /// Makes the device that `spec` names (`simulated`, `recording:FILE`). It is not opened yet.
 /// Errors (kInvalidInput): an unknown kind, with the list of those that exist; a recording that cannot be
-/// read, with file, line, column and value.
+/// read, with file, line, column and value; a hand's plan that does not fit the scene.
 Result<std::unique_ptr<Device>> makeDevice(const std::string& spec, const DeviceOptions& options);
 
 }  // namespace needlelab

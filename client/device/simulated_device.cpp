@@ -120,6 +120,14 @@ void SimulatedDevice::write(const GuardedWrench& at_handle_W) noexcept {
   if (tick_ > 0) pending_[(tick_ - 1 + options_.delay_ticks) % (kMaxDelayTicks + 1)] = at_handle_W.wrench();
 }
 
+void SimulatedDevice::skip(std::uint64_t ticks) noexcept {
+  // bounded: a loop that was stopped for longer (a debugger) goes on where it was
+  constexpr std::uint64_t kMostTicks = 1000;
+  DeviceReading unseen;
+  for (std::uint64_t i = 0; i < std::min(ticks, kMostTicks); ++i)
+    if (read(unseen) != DeviceRead::kFresh) return;
+}
+
 void SimulatedDevice::close() noexcept {
   hand_.reset();
 }

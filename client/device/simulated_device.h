@@ -40,6 +40,8 @@ class SimulatedDevice final : public Device {
   Status open(double rate_hz) override;
   DeviceRead read(DeviceReading& reading) noexcept override;
   void write(const GuardedWrench& at_handle_W) noexcept override;
+  /// The hand went on while the loop missed ticks: integrates them, under the wrench that was there.
+  void skip(std::uint64_t ticks) noexcept override;
   void close() noexcept override;
 
   /// The handle as it is, not as the encoders say. For tests and studies.

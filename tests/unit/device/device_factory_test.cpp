@@ -31,6 +31,20 @@ TEST(DeviceFactory, aRecordingNeedsAFileThatIsThere) {
   EXPECT_THAT(missing.error().message, HasSubstr("/nowhere/at/all.csv"));
 }
 
+TEST(DeviceFactory, theSimulatedDeviceRendersForceAndItsPlanMustFitTheScene) {
+  DeviceOptions options;
+  options.scene.layers.resize(1);
+  options.scene.layers[0].thickness_m = 0.02;
+  auto device = makeDevice("simulated", options);
+  ASSERT_TRUE(device.ok()) << device.error().message;
+  EXPECT_TRUE((*device)->info().renders_force);
+  options.hand.plan = "target:nowhere";
+  auto no_target = makeDevice("simulated", options);
+  ASSERT_FALSE(no_target.ok());
+  EXPECT_EQ(no_target.error().code, ErrorCode::kInvalidInput);
+  EXPECT_FALSE(makeDevice("simulated:x", options).ok());
+}
+
 TEST(DeviceFactory, aRecordingIsADeviceWithoutForce) {
   const auto path = std::filesystem::temp_directory_path() / "needlelab:factory,test.csv";
   std::ofstream(path) << "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,1,2,3,0,0,0,1\n";
