@@ -1,0 +1,138 @@
+#include "net/spool.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "base/atomic_file.h"
+
+namespace needlelab {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr std::string_view kRemoving = ".removing";
+
+std::uint64_t bytesIn(const fs::path& folder) {
+  std::uint64_t bytes = 0;
+  std::error_code error;
+  for (auto at = fs::recursive_directory_iterator(folder, error); !error && at != fs::end(at);
+       at.increment(error)) {
+    std::error_code ignored;
+    if (at->is_regular_file(ignored)) bytes += at->file_size(ignored);
+  }
+  return bytes;
+}
+
+// under another name first, so that a crash in between does not leave half a session behind
+void removeFolder(const fs::path& folder) {
+  const fs::path removing = folder.string() + std::string(kRemoving);
+  std::error_code error;
+  fs::rename(folder, removing, error);
+  if (!error) fs::remove_all(removing, error);
+}
+
+}  // namespace
+
+Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
+  const auto fail = [&](const std::string& why) {
+    return Error{ErrorCode::kUnavailable, "the spool " + folder.string() + " cannot be used: " + why};
+  };
+  std::error_code error;
+  fs::create_directories(folder / "lessons", error);
+  if (error) return fail(error.message());
+  std::unique_ptr<Spool> spool(new Spool);
+  spool->folder_ = folder;
+  spool->lock_fd_ = ::open((folder / "lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  if (spool->lock_fd_ < 0) return fail(std::strerror(errno));
+  if (::flock(spool->lock_fd_, LOCK_EX | LOCK_NB) != 0)
+    return fail(errno == EWOULDBLOCK ? "another station uses it; give each its own --spool"
+                                     : std::strerror(errno));
+
+  // mend what a crash left; names sort by time
+  std::vector<fs::path> folders;
+  for (auto at = fs::directory_iterator(folder, error); !error && at != fs::end(at); at.increment(error))
+    if (std::error_code ignored; at->is_directory(ignored)) folders.push_back(at->path());
+  if (error) return fail(error.message());
+  std::sort(folders.begin(), folders.end());
+  for (const fs::path& path : folders) {
+    const std::string name = path.filename().string();
+    if (name.ends_with(kRemoving)) {
+      fs::remove_all(path, error);
+      continue;
+    }
+    if (!parseUuid(name).ok()) continue;
+    if (!fs::exists(path / "session.json", error)) {
+      // the program died before the session began: nothing was recorded
+      if (bytesIn(path) == 0)
+        fs::remove_all(path, error);
+      else
+        spool->notes_.push_back(path.string() + ": has no session.json; left as it is");
+      continue;
+    }
+    const bool ended = fs::exists(path / "end.json", error);
+    auto session = SpoolSession::load(path);
+    if (!session.ok()) {
+      spool->notes_.push_back(session.error().message + "; left as it is");
+      continue;
+    }
+    const SpoolContents contents = (*session)->contents();
+    if (!ended)
+      spool->notes_.push_back("session " + name + " was cut off: " + std::to_string(contents.samples) +
+                              " samples in " + std::to_string(contents.chunks) +
+                              " chunks were saved, it is closed as interrupted");
+    spool->sessions_.push_back(std::move(*session));
+  }
+  if (auto status = syncFolder(folder); !status.ok()) return fail(status.error().message);
+  return spool;
+}
+
+Spool::~Spool() {
+  if (lock_fd_ >= 0) ::close(lock_fd_);
+}
+
+Result<std::shared_ptr<SpoolSession>> Spool::create(const pb::SessionDescription& description) {
+  auto session = SpoolSession::create(folder_, description);
+  if (session.ok()) sessions_.push_back(*session);
+  return session;
+}
+
+std::vector<std::shared_ptr<SpoolSession>> Spool::unfinished() const {
+  std::vector<std::shared_ptr<SpoolSession>> open;
+  for (const auto& session : sessions_)
+    if (!session->receipt().closed) open.push_back(session);
+  return open;
+}
+
+std::vector<std::string> Spool::cleanUp(const SpoolKeep& keep, std::int64_t now_unix_ns) {
+  std::vector<std::string> said;
+  std::uint64_t total = bytesIn(folder_);
+  std::erase_if(sessions_, [&](const std::shared_ptr<SpoolSession>& session) {
+    const SpoolReceipt receipt = session->receipt();
+    if (!receipt.closed) return false;
+    const std::int64_t age_s = (now_unix_ns - receipt.closed_unix_ns) / 1'000'000'000;
+    std::string why;
+    if (receipt.safe >= session->contents().chunks && receipt.safe > 0)
+      why = "it is in a verified backup of the server";
+    else if (age_s > keep.age_s)
+      why = "the server has had it for " + std::to_string(age_s / 86'400) + " days";
+    else if (total > keep.quota_bytes)
+      why = "the spool is over its quota and the server has it";
+    if (why.empty()) return false;
+    total -= std::min(total, bytesIn(session->folder()));
+    removeFolder(session->folder());
+    said.push_back("session " + session->idText() + " left the spool: " + why);
+    return true;
+  });
+  if (total > keep.quota_bytes)
+    said.push_back("the spool " + folder_.string() + " holds " + std::to_string(total >> 20) +
+                   " MiB, over its quota of " + std::to_string(keep.quota_bytes >> 20) +
+                   " MiB, and none of it is closed at the server: it is kept");
+  return said;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,154 @@
+/// The local spool that survives: every sample of every session lies here until the server has it (DESIGN
+/// §7).
+///
+/// SPOOL/lock                one program at a time
+/// SPOOL/lessons/ID.json     cached lessons (spool_lessons.h)
+/// SPOOL/UUID/session.json   what the session is (pb::SessionDescription), written first and atomically
+/// SPOOL/UUID/chunks         records (spool_file.h), one a chunk of about 1 s; synced to disk one by one;
+/// never rewritten SPOOL/UUID/tail           records of a few samples each, appended every 20 ms; begun anew
+/// after each chunk SPOOL/UUID/end.json       how many chunks there are, and their hash; written when the
+/// session has ended SPOOL/UUID/acked.json     what the server has of it
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "base/uuid.h"
+#include "gesture/resolution.h"
+#include "gesture/session_hash.h"
+#include "needlelab/session.pb.h"
+#include "net/spool_file.h"
+
+namespace needlelab {
+
+/// The resolution that a session's description declares.
+Resolution resolutionOf(const pb::SessionDescription& description);
+void setResolution(pb::SessionDescription& description, const Resolution& resolution);
+
+/// What the spool holds of a session.
+struct SpoolContents {
+  std::uint64_t chunks = 0;   ///< on disk, synced: these may be sent
+  std::uint64_t samples = 0;  ///< in those chunks
+  std::uint64_t bytes = 0;    ///< of those chunks' data
+  bool ended = false;         ///< nothing will come
+  bool interrupted = false;   ///< the program died in the session: the end was made at the next start
+  Digest hash{};              ///< over the chunks' bytes in order; once ended
+};
+
+/// What the server has of it. Kept on disk so that a restart does not send again what is done.
+struct SpoolReceipt {
+  std::uint64_t committed = 0;  ///< chunks 0 … n−1 are committed
+  std::uint64_t safe = 0;       ///< … and covered by a verified backup
+  bool closed = false;          ///< the server has verified and closed the session
+  std::int64_t closed_unix_ns = 0;
+};
+
+/// One session in the spool. Thread: the writing functions by one thread at a time, `sync` by one thread
+/// (another may be writing), the others by any.
+class SpoolSession {
+ public:
+  [[nodiscard]] const Uuid& id() const { return id_; }
+  [[nodiscard]] std::string idText() const { return uuidText(id_); }
+  [[nodiscard]] const pb::SessionDescription& description() const { return description_; }
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
+
+  // --- writing ---
+  /// Appends some samples, coded as a chunk, to the tail: they survive the death of this program from now on,
+  /// and a power cut only when their chunk was synced. `seq` is that of the chunk they will be in. Errors:
+  /// kUnavailable (disk full).
+  Status appendPiece(std::uint64_t seq, ByteView piece);
+  /// Appends the next chunk (seq = how many there were). It counts in `contents` once synced. Errors:
+  /// kUnavailable.
+  Status appendChunk(ByteView chunk, std::uint64_t samples);
+  /// Begins the tail anew: all that is in it stands in chunks.
+  Status restartTail();
+  /// Syncs the chunks appended so far. After a failure the unsynced ones are written again before the next
+  /// try.
+  Status sync();
+  /// No more chunks. Everything was synced before. Errors: kUnavailable; may be tried again.
+  Status end(bool interrupted);
+
+  // --- reading ---
+  [[nodiscard]] SpoolContents contents() const;
+  /// The bytes of a synced chunk. Errors: kCorrupt, kUnavailable, kNotFound.
+  [[nodiscard]] Result<Bytes> readChunk(std::uint64_t seq) const;
+
+  // --- what the server has ---
+  [[nodiscard]] SpoolReceipt receipt() const;
+  /// Writes the receipt to disk when it differs from what stands there. Losing one costs nothing but a
+  /// question to the server.
+  Status setReceipt(const SpoolReceipt& receipt);
+
+ private:
+  friend class Spool;
+  struct Entry {
+    std::uint64_t offset = 0;
+    std::uint64_t samples_through = 0, bytes_through = 0;  // of this chunk and all before it
+  };
+  SpoolSession() = default;
+  static Result<std::shared_ptr<SpoolSession>> create(const std::filesystem::path& spool,
+                                                      const pb::SessionDescription& description);
+  static Result<std::shared_ptr<SpoolSession>> load(const std::filesystem::path& folder);
+  Status loadChunks();
+  Status recoverTail();
+  void addEntry(std::uint64_t offset, std::uint64_t samples, std::uint64_t bytes);
+
+  std::filesystem::path folder_;
+  Uuid id_{};
+  pb::SessionDescription description_;
+  SpoolFile chunks_, tail_;       // written by the writing thread
+  std::uint64_t tail_seq_ = 0;    // of the last piece
+  std::uint32_t tail_parts_ = 0;  // pieces of that seq so far
+  SessionHash hash_;
+  bool sync_failed_ = false;
+
+  mutable std::mutex mutex_;  // guards all that follows
+  std::vector<Entry> entries_;
+  std::uint64_t synced_ = 0;  // entries 0 … synced−1 are on disk
+  bool ended_ = false, interrupted_ = false;
+  Digest end_hash_{};
+  SpoolContents ended_contents_;  // of a closed session: its chunks are not read again
+  SpoolReceipt receipt_;
+};
+
+/// How long acknowledged sessions stay.
+struct SpoolKeep {
+  std::int64_t age_s = 14 * 86'400;  ///< since the server closed them
+  std::uint64_t quota_bytes = std::uint64_t{4}
+                              << 30;  ///< of the whole spool; the oldest closed ones go first
+};
+
+/// The folder. Thread: one, but `sessions` by any.
+class Spool {
+ public:
+  /// Makes the folder if need be, locks it, and mends what a crash left: torn ends are dropped, a tail
+  /// becomes the last chunk, such sessions are ended as interrupted. `notes()` says what was done and what
+  /// could not be read. Errors: kUnavailable (the folder cannot be made or written; another station uses it).
+  static Result<std::unique_ptr<Spool>> open(const std::filesystem::path& folder);
+  ~Spool();
+  Spool(const Spool&) = delete;
+  Spool& operator=(const Spool&) = delete;
+
+  /// A new session, ready to be written; its folder and description are synced to disk.
+  Result<std::shared_ptr<SpoolSession>> create(const pb::SessionDescription& description);
+  /// All sessions that the server has not closed, oldest first (UUIDv7 sort by time).
+  [[nodiscard]] std::vector<std::shared_ptr<SpoolSession>> unfinished() const;
+  /// Removes closed sessions that are Safe, older than `keep.age_s`, or over the quota. What the server has
+  /// not closed is never touched. Says what it removed.
+  std::vector<std::string> cleanUp(const SpoolKeep& keep, std::int64_t now_unix_ns);
+  [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
+
+ private:
+  Spool() = default;
+  std::filesystem::path folder_;
+  int lock_fd_ = -1;
+  std::vector<std::string> notes_;
+  std::vector<std::shared_ptr<SpoolSession>> sessions_;  // oldest first
+};
+
+}  // namespace needlelab

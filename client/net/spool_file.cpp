@@ -1,0 +1,185 @@
+#include "net/spool_file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <string>
+#include <utility>
+
+#include "base/crc32c.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::uint32_t kMagic = 0x31534C4E;  // "NLS1"
+
+// all of it, through interruptions; how many bytes there were
+Result<std::size_t> readFully(int fd, std::uint8_t* to, std::size_t count, std::uint64_t offset) {
+  std::size_t done = 0;
+  while (done < count) {
+    const ssize_t got = ::pread(fd, to + done, count - done, static_cast<off_t>(offset + done));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return Error{ErrorCode::kUnavailable, std::strerror(errno)};
+    if (got == 0) break;
+    done += static_cast<std::size_t>(got);
+  }
+  return done;
+}
+
+}  // namespace
+
+SpoolFile::SpoolFile(SpoolFile&& other) noexcept
+    : path_(std::move(other.path_)),
+      fd_(std::exchange(other.fd_, -1)),
+      size_(other.size_),
+      scratch_(std::move(other.scratch_)) {}
+
+SpoolFile& SpoolFile::operator=(SpoolFile&& other) noexcept {
+  if (this != &other) {
+    if (fd_ >= 0) ::close(fd_);
+    path_ = std::move(other.path_);
+    fd_ = std::exchange(other.fd_, -1);
+    size_ = other.size_;
+    scratch_ = std::move(other.scratch_);
+  }
+  return *this;
+}
+
+SpoolFile::~SpoolFile() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+Error SpoolFile::systemError(const char* what) const {
+  return Error{ErrorCode::kUnavailable,
+               std::string(what) + " " + path_.string() + ": " + std::strerror(errno)};
+}
+
+Result<SpoolFile> SpoolFile::open(const std::filesystem::path& path) {
+  SpoolFile file;
+  file.path_ = path;
+  file.fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (file.fd_ < 0) return file.systemError("cannot open");
+  struct stat info {};
+  if (::fstat(file.fd_, &info) != 0) return file.systemError("cannot look at");
+  file.size_ = static_cast<std::uint64_t>(info.st_size);
+  return file;
+}
+
+Result<bool> SpoolFile::readRecord(std::uint64_t offset, SpoolRecord& record, Bytes& data) const {
+  std::uint8_t header[kSpoolRecordHeader];
+  auto got = readFully(fd_, header, sizeof header, offset);
+  if (!got.ok()) return got.error();
+  if (*got < sizeof header) return false;
+  ByteReader reader({header, sizeof header});
+  const auto magic = reader.get<std::uint32_t>();
+  const auto length = reader.get<std::uint32_t>();
+  record.offset = offset;
+  record.seq = reader.get<std::uint64_t>();
+  record.part = reader.get<std::uint32_t>();
+  const auto crc = reader.get<std::uint32_t>();
+  // the length is hostile until the check agrees: bounded before anything is allocated for it
+  if (magic != kMagic || length > kMaxSpoolRecord) return false;
+  data.resize(length);
+  got = readFully(fd_, data.data(), length, offset + sizeof header);
+  if (!got.ok()) return got.error();
+  if (*got < length) return false;
+  if (crc32c(data, crc32c({header + 4, 16})) != crc) return false;
+  record.data = data;
+  return true;
+}
+
+Result<std::uint64_t> SpoolFile::scan(const std::function<bool(const SpoolRecord&)>& visit) const {
+  std::uint64_t offset = 0;
+  SpoolRecord record;
+  Bytes data;
+  for (;;) {
+    auto good = readRecord(offset, record, data);
+    if (!good.ok())
+      return Error{ErrorCode::kUnavailable, "cannot read " + path_.string() + ": " + good.error().message};
+    if (!*good || !visit(record)) return offset;
+    offset += kSpoolRecordHeader + data.size();
+  }
+}
+
+namespace {
+
+void encodeRecord(Bytes& out, std::uint64_t seq, std::uint32_t part, ByteView data) {
+  out.clear();
+  ByteWriter writer(out);
+  writer.put(kMagic);
+  writer.put(static_cast<std::uint32_t>(data.size()));
+  writer.put(seq);
+  writer.put(part);
+  writer.put(crc32c(data, crc32c(ByteView(out).subspan(4))));
+  writer.put(data);
+}
+
+}  // namespace
+
+Status SpoolFile::writeAt(std::uint64_t offset, ByteView bytes) {
+  std::size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t wrote =
+        ::pwrite(fd_, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
+    if (wrote < 0 && errno == EINTR) continue;
+    if (wrote <= 0) return systemError("cannot write to");
+    done += static_cast<std::size_t>(wrote);
+  }
+  return {};
+}
+
+Status SpoolFile::append(std::uint64_t seq, std::uint32_t part, ByteView data) {
+  if (data.size() > kMaxSpoolRecord)
+    return Error{ErrorCode::kInvalidInput, "a record of " + std::to_string(data.size()) +
+                                               " bytes is too long for the spool; at most " +
+                                               std::to_string(kMaxSpoolRecord)};
+  // header and data in one write: fewer ways to tear
+  encodeRecord(scratch_, seq, part, data);
+  if (auto status = writeAt(size_, scratch_); !status.ok()) {
+    // a half record would hide what is appended later; should even this fail, the next append writes over it
+    [[maybe_unused]] const int cut = ::ftruncate(fd_, static_cast<off_t>(size_));
+    return status;
+  }
+  size_ += scratch_.size();
+  return {};
+}
+
+Status SpoolFile::writeAgain(std::uint64_t offset) {
+  SpoolRecord record;
+  Bytes data, bytes;
+  auto good = readRecord(offset, record, data);
+  if (!good.ok()) return good.error();
+  if (!*good)
+    return Error{ErrorCode::kCorrupt, path_.string() + ": the record at byte " + std::to_string(offset) +
+                                          " was lost before it reached the disk"};
+  encodeRecord(bytes, record.seq, record.part, data);
+  return writeAt(offset, bytes);
+}
+
+Result<Bytes> SpoolFile::read(std::uint64_t offset) const {
+  SpoolRecord record;
+  Bytes data;
+  auto good = readRecord(offset, record, data);
+  if (!good.ok())
+    return Error{ErrorCode::kUnavailable, "cannot read " + path_.string() + ": " + good.error().message};
+  if (!*good)
+    return Error{ErrorCode::kCorrupt,
+                 path_.string() + ": the record at byte " + std::to_string(offset) + " fails its check"};
+  return data;
+}
+
+Status SpoolFile::truncate(std::uint64_t size) {
+  if (::ftruncate(fd_, static_cast<off_t>(size)) != 0) return systemError("cannot shorten");
+  size_ = size;
+  return {};
+}
+
+Status SpoolFile::sync() const {
+  if (::fdatasync(fd_) != 0) return systemError("cannot sync");
+  return {};
+}
+
+}  // namespace needlelab

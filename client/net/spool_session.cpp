@@ -1,0 +1,336 @@
+#include <google/protobuf/util/json_util.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <utility>
+
+#include "base/atomic_file.h"
+#include "gesture/chunk.h"
+#include "net/spool.h"
+
+namespace needlelab {
+namespace {
+
+using Json = nlohmann::json;
+
+Error broken(const std::filesystem::path& path, const std::string& why) {
+  return Error{ErrorCode::kCorrupt, path.string() + ": " + why};
+}
+
+// a small JSON object; nothing when the file is not there
+Result<Json> readJson(const std::filesystem::path& path) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(path, ignored)) return Json();
+  auto text = readWholeFile(path, 1u << 20);
+  if (!text.ok()) return text.error();
+  Json json = Json::parse(*text, nullptr, false);
+  if (!json.is_object()) return broken(path, "is not a JSON object");
+  return json;
+}
+
+std::uint64_t countAt(const Json& json, const char* key) {
+  const auto at = json.find(key);
+  return at != json.end() && at->is_number_unsigned() ? at->get<std::uint64_t>() : 0;
+}
+
+bool flagAt(const Json& json, const char* key) {
+  const auto at = json.find(key);
+  return at != json.end() && at->is_boolean() && at->get<bool>();
+}
+
+Status writeJson(const std::filesystem::path& path, const Json& json) {
+  auto status = writeFileAtomically(path, viewOf(json.dump(1) + "\n"), 0600);
+  if (!status.ok()) return Error{ErrorCode::kUnavailable, status.error().message};
+  return {};
+}
+
+}  // namespace
+
+Resolution resolutionOf(const pb::SessionDescription& description) {
+  const pb::Resolution& r = description.resolution();
+  return {r.length_m(), r.quaternion(), r.force_n(), r.torque_nm(), r.time_s(), r.speed_m_s()};
+}
+
+void setResolution(pb::SessionDescription& description, const Resolution& resolution) {
+  pb::Resolution& r = *description.mutable_resolution();
+  r.set_length_m(resolution.length_m);
+  r.set_quaternion(resolution.quaternion);
+  r.set_force_n(resolution.force_N);
+  r.set_torque_nm(resolution.torque_Nm);
+  r.set_time_s(resolution.time_s);
+  r.set_speed_m_s(resolution.speed_mps);
+}
+
+Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem::path& spool,
+                                                           const pb::SessionDescription& description) {
+  Uuid id{};
+  if (description.session_id().size() != id.size())
+    return Error{
+        ErrorCode::kInvalidInput,
+        "session_id has " + std::to_string(description.session_id().size()) + " bytes, 16 are expected"};
+  std::copy(description.session_id().begin(), description.session_id().end(), id.begin());
+  std::shared_ptr<SpoolSession> session(new SpoolSession);
+  session->id_ = id;
+  session->description_ = description;
+  session->folder_ = spool / uuidText(id);
+  std::error_code error;
+  if (!std::filesystem::create_directory(session->folder_, error))
+    return Error{ErrorCode::kUnavailable, "cannot make the folder " + session->folder_.string() + ": " +
+                                              (error ? error.message() : "it is there already")};
+
+  // the description first: a folder without one holds nothing worth keeping
+  std::string json;
+  const auto written = google::protobuf::util::MessageToJsonString(description, &json);
+  if (!written.ok())
+    return Error{ErrorCode::kFailed,
+                 "the session's description cannot be written as JSON: " + written.ToString()};
+  auto status = writeFileAtomically(session->folder_ / "session.json", viewOf(json), 0600);
+  if (!status.ok()) return Error{ErrorCode::kUnavailable, status.error().message};
+  auto chunks = SpoolFile::open(session->folder_ / "chunks");
+  if (!chunks.ok()) return chunks.error();
+  session->chunks_ = std::move(*chunks);
+  auto tail = SpoolFile::open(session->folder_ / "tail");
+  if (!tail.ok()) return tail.error();
+  session->tail_ = std::move(*tail);
+
+  // the new names survive a power cut only when their folders are synced too
+  for (const auto& folder : {session->folder_, spool})
+    if (status = syncFolder(folder); !status.ok())
+      return Error{ErrorCode::kUnavailable, status.error().message};
+  return session;
+}
+
+Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::path& folder) {
+  std::shared_ptr<SpoolSession> session(new SpoolSession);
+  session->folder_ = folder;
+  auto id = parseUuid(folder.filename().string());
+  if (!id.ok()) return id.error();
+  session->id_ = *id;
+  auto text = readWholeFile(folder / "session.json", 16u << 20);
+  if (!text.ok()) return text.error();
+  const auto parsed = google::protobuf::util::JsonStringToMessage(*text, &session->description_);
+  if (!parsed.ok()) return broken(folder / "session.json", parsed.ToString());
+  if (session->description_.session_id() != std::string(id->begin(), id->end()))
+    return broken(folder / "session.json", "names another session than its folder");
+  if (auto valid = validate(resolutionOf(session->description_)); !valid.ok())
+    return broken(folder / "session.json", valid.error().message);
+
+  auto receipt = readJson(folder / "acked.json");
+  // a receipt that cannot be read costs a question to the server, nothing else
+  if (receipt.ok() && receipt->is_object()) {
+    session->receipt_.committed = countAt(*receipt, "committed");
+    session->receipt_.safe = countAt(*receipt, "safe");
+    session->receipt_.closed = flagAt(*receipt, "closed");
+    session->receipt_.closed_unix_ns = static_cast<std::int64_t>(countAt(*receipt, "closed_unix_ns"));
+  }
+  auto end = readJson(folder / "end.json");
+  if (!end.ok()) return end.error();
+  if (end->is_object()) {
+    session->ended_ = true;
+    session->interrupted_ = flagAt(*end, "interrupted");
+    session->ended_contents_.chunks = countAt(*end, "chunks");
+    session->ended_contents_.samples = countAt(*end, "samples");
+    if (session->receipt_.closed) return session;  // done: its chunks are not needed
+  }
+  if (auto status = session->loadChunks(); !status.ok()) return status.error();
+  return session;
+}
+
+Status SpoolSession::loadChunks() {
+  auto chunks = SpoolFile::open(folder_ / "chunks");
+  if (!chunks.ok()) return chunks.error();
+  chunks_ = std::move(*chunks);
+  auto good_end = chunks_.scan([&](const SpoolRecord& record) {
+    if (record.seq != entries_.size()) return false;
+    auto info = inspectChunk(record.data);
+    if (!info.ok()) return false;
+    addEntry(record.offset, info->count, record.data.size());
+    hash_.update(record.data);
+    return true;
+  });
+  if (!good_end.ok()) return good_end.error();
+
+  if (ended_ && entries_.size() != ended_contents_.chunks) {
+    // the session ended well, yet the disk has lost some of it: what can still be read becomes an interrupted
+    // session, and the damaged file is kept for whoever wants to try harder
+    std::error_code ignored;
+    std::filesystem::copy_file(folder_ / "chunks", folder_ / "chunks.damaged", ignored);
+    ended_ = false;
+  }
+  if (!ended_) {
+    // drop the torn end: what is appended now must follow the last good record
+    if (*good_end < chunks_.size())
+      if (auto status = chunks_.truncate(*good_end); !status.ok()) return status;
+    if (auto status = recoverTail(); !status.ok()) return status;
+    if (auto status = sync(); !status.ok()) return status;
+    if (auto status = end(true); !status.ok()) return status;
+    return restartTail();
+  }
+  synced_ = entries_.size();
+  end_hash_ = hash_.digest();
+  return {};
+}
+
+// the tail's pieces that stand in no chunk yet become chunks
+Status SpoolSession::recoverTail() {
+  auto tail = SpoolFile::open(folder_ / "tail");
+  if (!tail.ok()) return tail.error();
+  tail_ = std::move(*tail);
+  const Resolution resolution = resolutionOf(description_);
+  std::vector<GestureSample> samples;
+  std::uint64_t seq = entries_.size();
+  std::uint32_t part = 0;
+  Status made;
+  const auto makeChunk = [&] {
+    std::span<const GestureSample> rest = samples;
+    while (made.ok() && !rest.empty()) {
+      const auto some = rest.first(std::min<std::size_t>(rest.size(), 4000));
+      made = appendChunk(encodeChunk(resolution, some), some.size());
+      rest = rest.subspan(some.size());
+    }
+    samples.clear();
+  };
+  auto stopped = tail_.scan([&](const SpoolRecord& record) {
+    if (record.seq < seq) return true;  // already in a chunk: the program died before the tail was begun anew
+    if (record.seq == seq + 1 && record.part == 0 && !samples.empty()) {
+      // the disk was full when chunk `seq` was due, so that its pieces stayed here
+      makeChunk();
+      ++seq;
+      part = 0;
+    }
+    if (record.seq != seq || record.part != part) return false;
+    auto piece = decodeChunk(record.data);
+    if (!piece.ok()) return false;
+    samples.insert(samples.end(), piece->begin(), piece->end());
+    ++part;
+    return made.ok();
+  });
+  if (!stopped.ok()) return stopped.error();
+  makeChunk();
+  return made;
+}
+
+Status SpoolSession::appendPiece(std::uint64_t seq, ByteView piece) {
+  if (seq != tail_seq_) {
+    tail_seq_ = seq;
+    tail_parts_ = 0;
+  }
+  auto status = tail_.append(seq, tail_parts_, piece);
+  if (status.ok()) ++tail_parts_;
+  return status;
+}
+
+Status SpoolSession::appendChunk(ByteView chunk, std::uint64_t samples) {
+  const std::uint64_t offset = chunks_.size();
+  std::uint64_t seq = 0;
+  {
+    const std::scoped_lock lock(mutex_);
+    seq = entries_.size();
+  }
+  if (auto status = chunks_.append(seq, 0, chunk); !status.ok()) return status;
+  hash_.update(chunk);
+  const std::scoped_lock lock(mutex_);
+  addEntry(offset, samples, chunk.size());
+  return {};
+}
+
+void SpoolSession::addEntry(std::uint64_t offset, std::uint64_t samples, std::uint64_t bytes) {
+  const Entry before = entries_.empty() ? Entry{} : entries_.back();
+  entries_.push_back({offset, before.samples_through + samples, before.bytes_through + bytes});
+}
+
+Status SpoolSession::restartTail() {
+  tail_parts_ = 0;
+  return tail_.truncate(0);
+}
+
+Status SpoolSession::sync() {
+  std::uint64_t from = 0, to = 0;
+  std::vector<Entry> unsynced;
+  {
+    const std::scoped_lock lock(mutex_);
+    from = synced_;
+    to = entries_.size();
+    if (sync_failed_) unsynced.assign(entries_.begin() + static_cast<std::ptrdiff_t>(from), entries_.end());
+  }
+  if (from == to) return {};
+  // after a failed fsync the kernel may have dropped the pages and call the next fsync a success: write them
+  // again
+  for (const Entry& entry : unsynced)
+    if (auto status = chunks_.writeAgain(entry.offset); !status.ok()) return status;
+  if (auto status = chunks_.sync(); !status.ok()) {
+    sync_failed_ = true;
+    return status;
+  }
+  sync_failed_ = false;
+  const std::scoped_lock lock(mutex_);
+  synced_ = to;
+  return {};
+}
+
+Status SpoolSession::end(bool interrupted) {
+  std::uint64_t chunks = 0, samples = 0;
+  {
+    const std::scoped_lock lock(mutex_);
+    chunks = entries_.size();
+    if (chunks > 0) samples = entries_.back().samples_through;
+  }
+  const Digest hash = hash_.digest();
+  if (auto status = writeJson(
+          folder_ / "end.json",
+          {{"chunks", chunks}, {"samples", samples}, {"hash", hexOf(hash)}, {"interrupted", interrupted}});
+      !status.ok())
+    return status;
+  const std::scoped_lock lock(mutex_);
+  ended_ = true;
+  interrupted_ = interrupted;
+  end_hash_ = hash;
+  return {};
+}
+
+SpoolContents SpoolSession::contents() const {
+  const std::scoped_lock lock(mutex_);
+  if (ended_ && entries_.empty() && receipt_.closed) {
+    SpoolContents closed = ended_contents_;
+    closed.ended = true;
+    closed.interrupted = interrupted_;
+    return closed;
+  }
+  const Entry last = synced_ == 0 ? Entry{} : entries_[synced_ - 1];
+  const bool ended = ended_ && synced_ == entries_.size();
+  return {synced_, last.samples_through, last.bytes_through, ended, interrupted_, end_hash_};
+}
+
+Result<Bytes> SpoolSession::readChunk(std::uint64_t seq) const {
+  std::uint64_t offset = 0;
+  {
+    const std::scoped_lock lock(mutex_);
+    if (seq >= synced_)
+      return Error{ErrorCode::kNotFound,
+                   "session " + idText() + " has no chunk " + std::to_string(seq) + " in the spool"};
+    offset = entries_[seq].offset;
+  }
+  return chunks_.read(offset);
+}
+
+SpoolReceipt SpoolSession::receipt() const {
+  const std::scoped_lock lock(mutex_);
+  return receipt_;
+}
+
+Status SpoolSession::setReceipt(const SpoolReceipt& receipt) {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (receipt.committed == receipt_.committed && receipt.safe == receipt_.safe &&
+        receipt.closed == receipt_.closed)
+      return {};
+    receipt_ = receipt;
+  }
+  return writeJson(folder_ / "acked.json", {{"committed", receipt.committed},
+                                            {"safe", receipt.safe},
+                                            {"closed", receipt.closed},
+                                            {"closed_unix_ns", receipt.closed_unix_ns}});
+}
+
+}  // namespace needlelab
