@@ -92,7 +92,9 @@ class TreeBuilder : public nlohmann::json_sax<json> {
     std::string path;
     for (const Frame& frame : frames_) {
       if (frame.node->is_array()) {
-        path += "[" + std::to_string(frame.node->size()) + "]";
+        // the item that is being read: not in the list yet, unless it is itself a list or object that is being read
+        const bool is_open = &frame != &frames_.back();
+        path += "[" + std::to_string(frame.node->size() - (is_open ? 1 : 0)) + "]";
       } else if (!frame.key.empty()) {
         // ordinary names plainly, anything odd quoted
         const bool plain =
