@@ -21,6 +21,14 @@ CLI::Validator within(double low, double high, bool low_allowed = true) {
       allowed);
 }
 
+// CLI11 2.1 turns -1 into 2^64 − 1
+const CLI::Validator kDigits(
+    [](std::string& text) -> std::string {
+      const bool ok = !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
+      return ok ? "" : "value " + text + ", allowed is a whole number from 0 on";
+    },
+    "from 0 on");
+
 }  // namespace
 
 void addHandOptions(CLI::App& app, HandOptions& o) {
@@ -30,9 +38,9 @@ void addHandOptions(CLI::App& app, HandOptions& o) {
   add("--hand-plan", o.plan, "target[:NAME], retry[:NAME], depth[:METRES], rest, or a CSV file of tip poses");
   add("--hand-speed-m-s", o.speed_mps, "speed of insertion and withdrawal")->check(within(0, 0.5, false));
   add("--hand-hold-s", o.hold_s, "time at the target")->check(within(0, 600, false));
-  add("--hand-repeat", o.repeat, "how often the plan is done; 0 = until stopped");
+  add("--hand-repeat", o.repeat, "how often the plan is done; 0 = until stopped")->check(kDigits);
   add("--hand-tremor-m", o.tremor_m, "tremor in 8-12 Hz, peak per axis")->check(within(0, 0.005));
-  add("--hand-seed", o.seed, "seed of the tremor");
+  add("--hand-seed", o.seed, "seed of the tremor")->check(kDigits);
   add("--hand-stiffness", o.stiffness_N_per_m, "in N/m")->check(within(0, 10'000));
   add("--hand-damping", o.damping_Ns_per_m, "in N·s/m")->check(within(0, 100));
   add("--hand-rotational-stiffness", o.rotational_stiffness_Nm_per_rad, "in N·m/rad")->check(within(0, 100));

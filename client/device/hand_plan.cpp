@@ -49,6 +49,12 @@ Vec3 directionOr(Vec3 v, Vec3 fallback) {
 
 constexpr Vec3 kUp{0, 0, 1};
 
+// δ of a limb as an author wrote it: `signedDepth` wants a plane's normal of unit length
+double depthOf(Limb limb, Vec3 p) {
+  if (auto* plane = std::get_if<PlaneLimb>(&limb)) plane->normal = normalized(plane->normal);
+  return signedDepth(limb, p);
+}
+
 // hold, the plunger going down in the second half
 void holdAndInject(HandPlan& plan, const PlanStyle& style) {
   plan.hold(style.hold_s / 2).hold(style.hold_s / 2, 1);
@@ -149,13 +155,13 @@ HandPlan insertionPlan(Vec3 entry_W_m, Vec3 axis_W, double depth_m, const PlanSt
 
 HandPlan targetPlan(const Limb& limb_W, Vec3 target_W_m, const PlanStyle& style) {
   const Vec3 n = outwardNormal(limb_W, target_W_m);
-  const double depth = signedDepth(limb_W, target_W_m);
+  const double depth = depthOf(limb_W, target_W_m);
   return insertionPlan(target_W_m + n * depth, -n, depth, style);
 }
 
 HandPlan retryPlan(const Limb& limb_W, Vec3 target_W_m, double miss_rad, const PlanStyle& style) {
   const Vec3 n = outwardNormal(limb_W, target_W_m);
-  const double depth = signedDepth(limb_W, target_W_m);
+  const double depth = depthOf(limb_W, target_W_m);
   const Vec3 entry = target_W_m + n * depth;
   const Vec3 right = -n;
   // any direction across; the miss is small, so that the tangent's first terms do

@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cmath>
-#include <optional>
 #include <string_view>
 #include <variant>
 
-#include "base/csv.h"
+#include "device/recording_device.h"
 #include "haptics/scene_model.h"
 
 namespace needlelab {
@@ -30,47 +28,17 @@ Vec3 referencePoint(const Limb& limb) {
 }
 
 Result<HandPlan> planFromCsv(const std::string& path) {
-  auto table = readCsv(path, {"t_s", "px_m", "py_m", "pz_m"}, {"qx", "qy", "qz", "qw", "plunger"}, 1'000'000);
-  if (!table.ok()) return table.error();
-  const auto column = [&](const char* name) -> const std::vector<double>* {
-    const int i = table->find(name);
-    return i < 0 ? nullptr : &table->columns[static_cast<std::size_t>(i)];
-  };
-  const auto row_error = [&](std::size_t row, const std::string& why) {
-    return Error{ErrorCode::kInvalidInput,
-                 path + " row " + std::to_string(row + 1) + " after the header: " + why};
-  };
-  const auto &t = *column("t_s"), &x = *column("px_m"), &y = *column("py_m"), &z = *column("pz_m");
-  const auto *qx = column("qx"), *qy = column("qy"), *qz = column("qz"), *qw = column("qw");
-  const int parts = (qx != nullptr) + (qy != nullptr) + (qz != nullptr) + (qw != nullptr);
-  if (parts != 0 && parts != 4) return invalid(path + ": either all of qx,qy,qz,qw or none of them");
-  const auto* plunger = column("plunger");
-
-  std::optional<HandPlan> plan;
-  for (std::size_t i = 0; i < table->rows(); ++i) {
-    Pose pose{{x[i], y[i], z[i]}, orientationAlong({0, 0, -1})};
-    if (parts == 4) {
-      const Quat q{(*qx)[i], (*qy)[i], (*qz)[i], (*qw)[i]};
-      const double length = std::sqrt(dot(q, q));
-      if (!(std::abs(length - 1) <= 1e-3))
-        return row_error(i, "quaternion of length " + std::to_string(length) + ", 1 within 0.001 is needed");
-      pose.q = normalized(q);
-    }
-    const double press = plunger ? (*plunger)[i] : 0;
-    if (!(press >= 0 && press <= 1))
-      return row_error(i, "plunger " + std::to_string(press) + ", allowed is 0 to 1");
-    if (!plan) {
-      plan.emplace(pose);
-      continue;
-    }
-    const double seconds = t[i] - t[i - 1];
-    if (!(seconds > 0 && seconds <= 3600))
-      return row_error(i, "t_s must grow by more than 0 and at most 3600 s from row to row, it grew by " +
-                              std::to_string(seconds));
-    plan->moveIn(pose, seconds, press, Motion::kLinear);
+  auto track = readPoseTrack(path);
+  if (!track.ok()) return track.error();
+  HandPlan plan(track->X_WH.front());
+  for (std::size_t i = 1; i < track->t_s.size(); ++i) {
+    // of rows with the same time the first counts
+    const double seconds = track->t_s[i] - track->t_s.front() - plan.duration_s();
+    if (seconds > 0)
+      plan.moveIn(track->X_WH[i], seconds, track->plunger.empty() ? 0 : track->plunger[i], Motion::kLinear);
   }
-  if (plan->duration_s() <= 0) return invalid(path + ": at least two rows are needed");
-  return *std::move(plan);
+  if (plan.duration_s() <= 0) return invalid(path + ": needs at least two rows with different times");
+  return plan;
 }
 
 Result<HandPlan> planByName(const std::string& kind, const std::string& argument, const HandOptions& options,

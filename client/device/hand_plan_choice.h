@@ -23,9 +23,7 @@ struct PlanTarget {
 /// - `depth:METRES`: straight in by that depth above the limb's reference point; `depth` alone: half of the
 /// layers;
 /// - `rest`: stays 20 mm outside for the time of the hold;
-/// - anything else: a CSV file of tip poses in W, `t_s,px_m,py_m,pz_m[,qx,qy,qz,qw][,plunger]`, t_s growing
-/// from row to row,
-///   straight lines between rows.
+/// - anything else: a CSV file of tip poses in W as readPoseTrack reads it, straight lines between its rows.
 /// Errors: kInvalidInput.
 Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W,
                             const std::vector<PlanTarget>& targets_W);

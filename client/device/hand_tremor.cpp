@@ -1,35 +1,8 @@
 #include "device/hand_tremor.h"
 
-#include <cmath>
+#include "haptics/det_math.h"
 
 namespace needlelab {
-namespace {
-
-constexpr double kTwoPi = 6.283185307179586;
-
-struct Circle {
-  double c, s;
-};
-
-// cosine and sine of a small angle (at most 0.16 rad) by Taylor's series: exact to rounding, and the same
-// everywhere
-Circle smallTurn(double x) {
-  const double x2 = x * x;
-  const double c = 1 - x2 / 2 * (1 - x2 / 12 * (1 - x2 / 30 * (1 - x2 / 56 * (1 - x2 / 90))));
-  const double s = x * (1 - x2 / 6 * (1 - x2 / 20 * (1 - x2 / 42 * (1 - x2 / 72 * (1 - x2 / 110)))));
-  return {c, s};
-}
-
-// a random point of the unit circle, without trigonometry
-Circle randomPhase(HandRandom& random) {
-  for (;;) {
-    const double x = 2 * random.uniform() - 1, y = 2 * random.uniform() - 1;
-    const double r2 = x * x + y * y;
-    if (r2 > 0.01 && r2 <= 1) return {x / std::sqrt(r2), y / std::sqrt(r2)};
-  }
-}
-
-}  // namespace
 
 std::uint64_t HandRandom::next() noexcept {
   state_ += 0x9E3779B97F4A7C15u;
@@ -49,10 +22,10 @@ HandTremor::HandTremor(double amplitude_m, std::uint64_t seed, double step_s)
   for (auto& axis : partials_)
     for (Partial& partial : axis) {
       partial.hz = kLowHz + (kHighHz - kLowHz) * random.uniform();
-      const Circle phase = randomPhase(random);
-      const Circle turn = smallTurn(kTwoPi * partial.hz * step_s);
-      partial.c = phase.c, partial.s = phase.s;
-      partial.turn_c = turn.c, partial.turn_s = turn.s;
+      const double phase = 2 * kPi * random.uniform();
+      const double turn = 2 * kPi * partial.hz * step_s;
+      partial.c = detCos(phase), partial.s = detSin(phase);
+      partial.turn_c = detCos(turn), partial.turn_s = detSin(turn);
     }
 }
 

@@ -30,7 +30,7 @@ class HandTremor {
   static constexpr double kLowHz = 8, kHighHz = 12;
   static constexpr std::size_t kPartials = 3;
 
-  /// `amplitude_m`: peak per axis. `step_s`: time between two calls of `next`, at most 2 ms.
+  /// `amplitude_m`: peak per axis. `step_s`: time between two calls of `next`.
   HandTremor(double amplitude_m, std::uint64_t seed, double step_s);
 
   /// Displacement in W at the next step.

@@ -3,41 +3,46 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <string>
 #include <utility>
 
+#include "base/range.h"
 #include "haptics/limits.h"
 
 namespace needlelab {
 namespace {
 
-Status inRange(const char* name, double value, double low, double high) {
-  if (value >= low && value <= high) return {};
-  char text[160];
-  std::snprintf(text, sizeof text, "simulated device: %s = %g, allowed is %g to %g", name, value, low, high);
-  return Error{ErrorCode::kInvalidInput, text};
-}
-
 Status checked(const SimulatedDeviceOptions& o, double rate_hz) {
+  struct Row {
+    const char* field;
+    double value;
+    NumberRange range;
+  };
   const HandOptions& h = o.hand;
-  for (Status status :
-       {inRange("rate", rate_hz, kMinRateHz, kMaxRateHz),
-        inRange("hand stiffness in N/m", h.stiffness_N_per_m, 0, 10'000),
-        inRange("hand damping in N·s/m", h.damping_Ns_per_m, 0, 100),
-        inRange("hand rotational stiffness in N·m/rad", h.rotational_stiffness_Nm_per_rad, 0, 100),
-        inRange("hand rotational damping in N·m·s/rad", h.rotational_damping_Nms_per_rad, 0, 5),
-        inRange("hand tremor in m", h.tremor_m, 0, 0.005),
-        inRange("mass in kg", o.limits.apparent_mass_kg, 0.01, 100),
-        inRange("damping in N·s/m", o.limits.damping_Ns_per_m, 0, 100),
-        inRange("inertia in kg·m²", o.inertia_kgm2, 1e-5, 10),
-        inRange("rotational damping in N·m·s/rad", o.rotational_damping_Nms_per_rad, 0, 1),
-        inRange("dry friction in N", o.dry_friction_N, 0, 10),
-        inRange("encoder step in m", o.encoder_step_m, 0, 0.01),
-        inRange("encoder step in rad", o.encoder_step_rad, 0, 0.1),
-        inRange("delay in ticks", o.delay_ticks, 0, SimulatedDevice::kMaxDelayTicks),
-        inRange("integration rate in Hz", o.integration_hz, 1000, 1e6)})
-    if (!status.ok()) return status;
+  const Row rows[] = {
+      {"rate in Hz", rate_hz, {kMinRateHz, kMaxRateHz}},
+      {"hand stiffness in N/m", h.stiffness_N_per_m, {0, 10'000}},
+      {"hand damping in N·s/m", h.damping_Ns_per_m, {0, 100}},
+      {"hand rotational stiffness in N·m/rad", h.rotational_stiffness_Nm_per_rad, {0, 100}},
+      {"hand rotational damping in N·m·s/rad", h.rotational_damping_Nms_per_rad, {0, 5}},
+      {"hand tremor in m", h.tremor_m, {0, 0.005}},
+      {"mass in kg", o.limits.apparent_mass_kg, {0.01, 100}},
+      {"damping in N·s/m", o.limits.damping_Ns_per_m, {0, 100}},
+      {"inertia in kg·m²", o.inertia_kgm2, {1e-4, 10}},
+      {"rotational damping in N·m·s/rad", o.rotational_damping_Nms_per_rad, {0, 1}},
+      {"dry friction in N", o.dry_friction_N, {0, 10}},
+      {"encoder step in m", o.encoder_step_m, {0, 0.01}},
+      {"encoder step in rad", o.encoder_step_rad, {0, 0.1}},
+      {"delay in ticks", static_cast<double>(o.delay_ticks), {0, SimulatedDevice::kMaxDelayTicks}},
+      {"integration rate in Hz", o.integration_hz, {1000, 1e6}},
+  };
+  for (const Row& row : rows)
+    if (!row.range.contains(row.value))
+      return outOfRange(std::string("simulated device: ") + row.field, row.value, row.range);
   return {};
 }
+
+constexpr std::uint64_t kSlots = SimulatedDevice::kMaxDelayTicks + 1;
 
 double toStep(double value, double step) {
   return step > 0 ? std::floor(value / step + 0.5) * step : value;
@@ -98,16 +103,18 @@ void SimulatedDevice::integrate(const Wrench& wrench) noexcept {
   handle_.X_WH.q = normalized(Quat{half.x, half.y, half.z, 1} * handle_.X_WH.q);
 }
 
+// one tick of time: from tick_ − 1 to tick_
+void SimulatedDevice::advance() noexcept {
+  const Wrench due = pending_[(tick_ - 1) % kSlots];
+  for (std::int64_t i = 0; i < steps_per_tick_; ++i) integrate(due);
+  // until the next write, the last wrench holds
+  pending_[(tick_ + options_.delay_ticks) % kSlots] = pending_[(tick_ - 1 + options_.delay_ticks) % kSlots];
+}
+
 DeviceRead SimulatedDevice::read(DeviceReading& reading) noexcept {
   if (!hand_) return DeviceRead::kNoUpdate;
   if (hand_->finished()) return DeviceRead::kFinished;
-  constexpr std::uint64_t slots = kMaxDelayTicks + 1;
-  if (tick_ > 0) {
-    const Wrench due = pending_[(tick_ - 1) % slots];
-    for (std::int64_t i = 0; i < steps_per_tick_; ++i) integrate(due);
-    // until the next write, the last wrench holds
-    pending_[(tick_ + options_.delay_ticks) % slots] = pending_[(tick_ - 1 + options_.delay_ticks) % slots];
-  }
+  if (tick_ > 0) advance();
   ++tick_;
   reading.X_WH = asEncoded(handle_.X_WH, options_.encoder_step_m, options_.encoder_step_rad);
   reading.speed_mps = norm(handle_.v_W_mps);
@@ -117,15 +124,13 @@ DeviceRead SimulatedDevice::read(DeviceReading& reading) noexcept {
 }
 
 void SimulatedDevice::write(const GuardedWrench& at_handle_W) noexcept {
-  if (tick_ > 0) pending_[(tick_ - 1 + options_.delay_ticks) % (kMaxDelayTicks + 1)] = at_handle_W.wrench();
+  if (tick_ > 0) pending_[(tick_ - 1 + options_.delay_ticks) % kSlots] = at_handle_W.wrench();
 }
 
 void SimulatedDevice::skip(std::uint64_t ticks) noexcept {
-  // bounded: a loop that was stopped for longer (a debugger) goes on where it was
-  constexpr std::uint64_t kMostTicks = 1000;
-  DeviceReading unseen;
-  for (std::uint64_t i = 0; i < std::min(ticks, kMostTicks); ++i)
-    if (read(unseen) != DeviceRead::kFresh) return;
+  if (!hand_) return;
+  for (; ticks > 0 && !hand_->finished(); --ticks, ++tick_)
+    if (tick_ > 0) advance();
 }
 
 void SimulatedDevice::close() noexcept {

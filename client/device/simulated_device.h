@@ -40,7 +40,7 @@ class SimulatedDevice final : public Device {
   Status open(double rate_hz) override;
   DeviceRead read(DeviceReading& reading) noexcept override;
   void write(const GuardedWrench& at_handle_W) noexcept override;
-  /// The hand went on while the loop missed ticks: integrates them, under the wrench that was there.
+  /// Time goes on under the wrenches that are due, the last one holding.
   void skip(std::uint64_t ticks) noexcept override;
   void close() noexcept override;
 
@@ -50,6 +50,7 @@ class SimulatedDevice final : public Device {
   [[nodiscard]] const Hand& hand() const noexcept { return *hand_; }
 
  private:
+  void advance() noexcept;
   void integrate(const Wrench& wrench) noexcept;
   SimulatedDeviceOptions options_;
   HandPlan plan_;
@@ -58,7 +59,7 @@ class SimulatedDevice final : public Device {
   HandleState handle_;
   double step_s_ = 0;
   std::int64_t steps_per_tick_ = 0;
-  std::uint64_t tick_ = 0;  // how many reads were made
+  std::uint64_t tick_ = 0;  // of the next read
   std::array<Wrench, kMaxDelayTicks + 1> pending_;
 };
 
