@@ -129,6 +129,8 @@ class SessionStore {
   Status setScore(const Uuid& session, std::string_view score_json);
   /// Kept only when the round trip is smaller than the one stored, or none is stored.
   Status setClockOffset(const Uuid& session, std::int64_t offset_ns, std::int64_t round_trip_ns);
+  /// Chunks 0 … chunks−1 are in a verified backup. Never moves back.
+  Status markSafe(const Uuid& session, std::uint64_t chunks);
 
  private:
   Connection& connection_;

@@ -1,0 +1,151 @@
+#include "db/backup.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <string>
+
+#include "base/atomic_file.h"
+#include "db/check.h"
+#include "db/meta_store.h"
+#include "db/session_row.h"
+#include "db/session_store.h"
+#include "db/transaction.h"
+
+namespace needlelab {
+namespace {
+
+constexpr int kPagesPerStep = 4096;
+
+Error systemError(const std::filesystem::path& path, const std::string& what) {
+  return {ErrorCode::kFailed, path.string() + ": cannot " + what + ": " + std::strerror(errno)};
+}
+
+/// Removes the unfinished copy unless it was renamed into place.
+class Partial {
+ public:
+  explicit Partial(std::filesystem::path path) : path_(std::move(path)) { remove(); }
+  ~Partial() { remove(); }
+  Partial(const Partial&) = delete;
+  Partial& operator=(const Partial&) = delete;
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+ private:
+  void remove() const {
+    for (const char* suffix : {"", "-wal", "-shm", "-journal"}) ::unlink((path_.string() + suffix).c_str());
+  }
+  std::filesystem::path path_;
+};
+
+Status copy(Connection& reader, const std::filesystem::path& path) {
+  // an empty file first, so that nobody else can ever read the copy
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (fd < 0) return systemError(path, "create the copy");
+  ::close(fd);
+  sqlite3* target = nullptr;
+  const int opened =
+      sqlite3_open_v2(path.c_str(), &target, SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX, nullptr);
+  const auto failure = [&](int rc) {
+    const Error error{ErrorCode::kFailed, path.string() + ": cannot write the copy: " + sqlite3_errstr(rc) +
+                                              " (SQLite " + std::to_string(rc) + ")"};
+    sqlite3_close(target);
+    return error;
+  };
+  if (opened != SQLITE_OK) return failure(opened);
+
+  // one view of the source for all steps: a writer's commit would otherwise start the copy anew each time
+  auto view = Transaction::begin(reader, Transaction::Kind::kRead);
+  if (!view) {
+    sqlite3_close(target);
+    return view.error();
+  }
+  sqlite3_backup* backup = sqlite3_backup_init(target, "main", reader.handle(), "main");
+  if (backup == nullptr) return failure(sqlite3_extended_errcode(target));
+  int rc = SQLITE_OK;
+  while (rc == SQLITE_OK) rc = sqlite3_backup_step(backup, kPagesPerStep);
+  const int finished = sqlite3_backup_finish(backup);
+  if (rc != SQLITE_DONE || finished != SQLITE_OK) return failure(rc != SQLITE_DONE ? rc : finished);
+  // one plain file without a log beside it
+  if (const int mode = sqlite3_exec(target, "PRAGMA journal_mode=DELETE", nullptr, nullptr, nullptr);
+      mode != SQLITE_OK) {
+    return failure(mode);
+  }
+  sqlite3_close(target);
+  return {};
+}
+
+/// What the copy covers beyond what was covered before.
+Result<std::vector<BackupResult::Covered>> coveredBy(Connection& copy) {
+  std::vector<BackupResult::Covered> covered;
+  auto rows = copy.prepare("SELECT id, chunks FROM sessions WHERE chunks > safe_chunks");
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) return covered;
+    if (const auto id = uuidOf(textOf(rows.bytes(0)))) covered.push_back({*id, rows.natural(1)});
+  }
+}
+
+}  // namespace
+
+Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& target) {
+  std::error_code ignored;
+  if (!target.is_absolute()) {
+    return Error{ErrorCode::kInvalidInput, "backup path '" + target.string() + "': give an absolute path"};
+  }
+  if (std::filesystem::exists(std::filesystem::symlink_status(target, ignored))) {
+    return Error{ErrorCode::kAlreadyExists,
+                 target.string() + ": is there already; a backup never overwrites a file"};
+  }
+  if (!std::filesystem::is_directory(target.parent_path(), ignored)) {
+    return Error{ErrorCode::kInvalidInput, target.string() + ": its folder does not exist"};
+  }
+  const Partial partial(target.string() + ".partial");
+  if (auto done = copy(reader, partial.path()); !done) return done.error();
+
+  BackupResult result;
+  {
+    auto opened = Connection::open(partial.path(), {.mode = Connection::Mode::kReader});
+    if (!opened) return opened.error();
+    const auto checked = checkDatabase(*opened);
+    if (!checked) return checked.error();
+    if (!checked->ok()) {
+      return Error{ErrorCode::kCorrupt,
+                   "the backup was not kept, its copy fails the check: " + checked->faults.front()};
+    }
+    result.chunks_verified = checked->chunks;
+    auto covered = coveredBy(*opened);
+    if (!covered) return covered.error();
+    result.covered = std::move(*covered);
+  }
+
+  const int fd = ::open(partial.path().c_str(), O_RDWR | O_CLOEXEC);
+  if (fd < 0) return systemError(partial.path(), "open");
+  struct stat info {};
+  const bool synced = ::fsync(fd) == 0 && ::fstat(fd, &info) == 0;
+  const Error error = systemError(partial.path(), "fsync");
+  ::close(fd);
+  if (!synced) return error;
+  result.bytes = static_cast<std::uint64_t>(info.st_size);
+  // link, not rename: it fails when somebody made the target meanwhile
+  if (::link(partial.path().c_str(), target.c_str()) != 0)
+    return systemError(target, "put the backup into place");
+  if (auto done = syncFolder(target.parent_path()); !done) return done.error();
+  return result;
+}
+
+Status recordBackup(Connection& writer, const BackupResult& result, const std::filesystem::path& target,
+                    std::int64_t now_unix_ns) {
+  SessionStore sessions(writer);
+  for (const auto& [session, chunks] : result.covered) {
+    if (auto done = sessions.markSafe(session, chunks); !done) return done;
+  }
+  MetaStore meta(writer);
+  if (auto done = meta.set("backup_unix_ns", std::to_string(now_unix_ns)); !done) return done;
+  return meta.set("backup_path", target.string());
+}
+
+}  // namespace needlelab

@@ -1,0 +1,151 @@
+#include "db/curriculum_store.h"
+
+#include "db/people_store.h"
+#include "db/profile_store.h"
+#include "db/text_rules.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::string_view kExercise = "SELECT id, curriculum_id, name, profile_id, json FROM exercises ";
+
+StoredExercise exerciseOf(const Statement& row) {
+  return {row.text(0), row.text(1), row.text(2), row.text(3), row.text(4)};
+}
+
+}  // namespace
+
+Result<std::uint32_t> CurriculumStore::put(const StoredCurriculum& curriculum) {
+  for (const Status& valid :
+       {checkName("curriculum id", curriculum.id), checkText("curriculum name", curriculum.name, 1, 200),
+        checkNote("curriculum '" + curriculum.id + "'", curriculum.json, 2, kMaxJsonBytes)}) {
+    if (!valid) return valid.error();
+  }
+  std::uint32_t newest = 0;
+  const auto stored = get(curriculum.id);
+  if (stored) {
+    if (stored->json == curriculum.json) return stored->revision;
+    newest = stored->revision;
+  } else if (stored.error().code != ErrorCode::kNotFound) {
+    return stored.error();
+  }
+  if (auto done = connection_.run(
+          "INSERT INTO curricula (id, revision, name, json, author, created_unix_ns) VALUES (?,?,?,?,?,?)",
+          curriculum.id, newest + 1, curriculum.name, curriculum.json, curriculum.author,
+          curriculum.created_unix_ns);
+      !done) {
+    return done.error();
+  }
+
+  // its exercises replace those of the revision before
+  if (auto done = connection_.run("DELETE FROM exercises WHERE curriculum_id = ?", curriculum.id); !done)
+    return done.error();
+  std::int64_t position = 0;
+  for (const StoredExercise& item : curriculum.exercises) {
+    const std::string field = "curriculum '" + curriculum.id + "', exercise '" + item.id + "'";
+    if (auto valid = checkName(field + ", id", item.id); !valid) return valid.error();
+    if (const auto profile = ProfileStore(connection_).get(item.profile_id, 0); !profile) {
+      return Error{profile.error().code,
+                   field + ", profile_id: " + profile.error().message + ": import it first"};
+    }
+    if (const auto other = exercise(item.id); other) {
+      return Error{
+          ErrorCode::kAlreadyExists,
+          field + ": there is already an exercise of this id in curriculum '" + other->curriculum_id + "'"};
+    } else if (other.error().code != ErrorCode::kNotFound) {
+      return other.error();
+    }
+    if (auto done =
+            connection_.run("INSERT INTO exercises (id, curriculum_id, position, name, profile_id, json) "
+                            "VALUES (?,?,?,?,?,?)",
+                            item.id, curriculum.id, position++, item.name, item.profile_id, item.json);
+        !done) {
+      return done.error();
+    }
+  }
+  return newest + 1;
+}
+
+Result<StoredCurriculum> CurriculumStore::get(std::string_view id) {
+  auto row = connection_.query(
+      "SELECT id, revision, name, json, author, created_unix_ns FROM curricula WHERE id = ? ORDER BY "
+      "revision DESC LIMIT 1",
+      id);
+  const auto found = row.step();
+  if (!found) return found.error();
+  if (!*found) return Error{ErrorCode::kNotFound, "there is no curriculum '" + std::string(id) + "'"};
+  auto exercises = exercisesOf(id);
+  if (!exercises) return exercises.error();
+  return StoredCurriculum{row.text(0),          static_cast<std::uint32_t>(row.natural(1)),
+                          row.text(2),          row.text(3),
+                          row.text(4),          row.integer(5),
+                          std::move(*exercises)};
+}
+
+Result<std::vector<StoredCurriculum>> CurriculumStore::list() {
+  std::vector<StoredCurriculum> curricula;
+  auto rows = connection_.prepare(
+      "SELECT id, revision, name, author, created_unix_ns FROM curricula AS c"
+      " WHERE revision = (SELECT max(revision) FROM curricula WHERE id = c.id) ORDER BY id");
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) return curricula;
+    auto exercises = exercisesOf(rows.text(0));
+    if (!exercises) return exercises.error();
+    curricula.push_back({rows.text(0), static_cast<std::uint32_t>(rows.natural(1)), rows.text(2), "",
+                         rows.text(3), rows.integer(4), std::move(*exercises)});
+  }
+}
+
+Result<StoredExercise> CurriculumStore::exercise(std::string_view id) {
+  auto row = connection_.query(std::string(kExercise) + "WHERE id = ?", id);
+  const auto found = row.step();
+  if (!found) return found.error();
+  if (!*found) return Error{ErrorCode::kNotFound, "there is no exercise '" + std::string(id) + "'"};
+  return exerciseOf(row);
+}
+
+Result<std::vector<StoredExercise>> CurriculumStore::exercisesOf(std::string_view curriculum_id) {
+  std::vector<StoredExercise> exercises;
+  auto rows =
+      connection_.query(std::string(kExercise) + "WHERE curriculum_id = ? ORDER BY position", curriculum_id);
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) return exercises;
+    exercises.push_back(exerciseOf(rows));
+  }
+}
+
+Status CurriculumStore::assign(const StoredAssignment& assignment) {
+  const auto person = PeopleStore(connection_).find(assignment.trainee);
+  if (!person) return person.error();
+  if (!*person) return Error{ErrorCode::kNotFound, "there is no person named '" + assignment.trainee + "'"};
+  if ((*person)->role != pb::TRAINEE) {
+    return Error{ErrorCode::kInvalidInput,
+                 "'" + assignment.trainee + "' is no trainee: exercises are for trainees"};
+  }
+  if (const auto known = exercise(assignment.exercise_id); !known) return known.error();
+  return connection_.run(
+      "INSERT INTO assignments (trainee, exercise_id, by_whom, created_unix_ns) VALUES (?,?,?,?)"
+      " ON CONFLICT (trainee, exercise_id) DO UPDATE SET by_whom = excluded.by_whom, created_unix_ns = "
+      "excluded.created_unix_ns",
+      assignment.trainee, assignment.exercise_id, assignment.by, assignment.created_unix_ns);
+}
+
+Result<std::vector<StoredAssignment>> CurriculumStore::assignments(std::string_view trainee) {
+  std::vector<StoredAssignment> assignments;
+  auto rows = connection_.query(
+      "SELECT trainee, exercise_id, by_whom, created_unix_ns FROM assignments WHERE ?1 = '' OR trainee = ?1"
+      " ORDER BY created_unix_ns DESC, trainee, exercise_id",
+      trainee);
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) return assignments;
+    assignments.push_back({rows.text(0), rows.text(1), rows.text(2), rows.integer(3)});
+  }
+}
+
+}  // namespace needlelab

@@ -1,0 +1,43 @@
+/// The few facts of a session that every operation on it needs. Private to session_store.cpp and its
+/// neighbours.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "base/result.h"
+#include "base/uuid.h"
+#include "db/connection.h"
+#include "gesture/session_hash.h"
+#include "needlelab/types.pb.h"
+
+namespace needlelab {
+
+struct SessionRow {
+  std::int64_t number = 0;
+  std::string station;
+  pb::SessionState state = pb::SESSION_OPEN;
+  std::uint64_t chunks = 0;
+  std::uint64_t samples = 0;
+  std::optional<Digest> hash;  ///< once it is closed
+};
+
+/// Nothing when the session is unknown; an error when the database fails.
+Result<std::optional<SessionRow>> findSession(Connection& connection, const Uuid& session);
+
+/// kNotFound, with the session's name.
+Error unknownSession(const Uuid& session);
+
+/// 16 bytes as a Uuid; nothing when there are more or fewer.
+std::optional<Uuid> uuidOf(std::string_view bytes);
+/// For messages: the id's text, or that it is none.
+std::string sessionText(std::string_view bytes);
+
+/// A row of `chunks` as read back: the CRC kept in the row, the chunk's own CRC and its sample count must
+/// agree. kCorrupt names session and chunk. Gives the sample count.
+Result<std::uint64_t> checkStoredChunk(const std::string& name, std::uint64_t seq, std::uint64_t samples,
+                                       std::int64_t crc, ByteView bytes);
+
+}  // namespace needlelab

@@ -1,0 +1,204 @@
+// What changes sessions: open, append, close. What reads them is in session_reader.cpp.
+#include "db/session_store.h"
+
+#include <algorithm>
+
+#include "base/crc32c.h"
+#include "db/session_row.h"
+#include "db/session_rules.h"
+#include "gesture/chunk.h"
+
+namespace needlelab {
+namespace {
+
+/// The description as it is stored and compared: without the profile's text, which has a column of its own.
+std::string bytesOf(pb::SessionDescription description) {
+  description.clear_profile_json();
+  return description.SerializeAsString();
+}
+
+std::string times(std::uint64_t count, const char* what) {
+  return std::to_string(count) + " " + what;
+}
+
+}  // namespace
+
+Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& description,
+                                         std::int64_t now_unix_ns) {
+  if (auto valid = checkDescription(description); !valid) return valid.error();
+  const std::string bytes = bytesOf(description);
+
+  // known already: the same description is a reconnect, another one a mistake that must not be stored
+  auto known = connection_.query("SELECT chunks, description, profile_json FROM sessions WHERE id = ?",
+                                 viewOf(description.session_id()));
+  const auto found = known.step();
+  if (!found) return found.error();
+  if (*found) {
+    if (textOf(known.bytes(1)) == bytes && known.text(2) == description.profile_json())
+      return known.natural(0);
+    return Error{ErrorCode::kAlreadyExists,
+                 "session " + sessionText(description.session_id()) +
+                     " is known with another description: a session id is used once only"};
+  }
+
+  auto station = connection_.query("SELECT 1 FROM stations WHERE name = ?", description.station());
+  const auto exists = station.step();
+  if (!exists) return exists.error();
+  if (!*exists)
+    return Error{ErrorCode::kNotFound, "there is no station named '" + description.station() + "'"};
+
+  const auto done = connection_.run(
+      "INSERT INTO sessions (id, station, trainee, exercise_id, profile_id, profile_revision, profile_json, "
+      "engine_version,"
+      " rate_hz, started_unix_ns, description, state, received_unix_ns) VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?)",
+      viewOf(description.session_id()), description.station(), description.trainee(),
+      description.exercise_id(), description.profile_id(), description.profile_revision(),
+      description.profile_json(), description.engine_version(), description.rate_hz(),
+      description.started_unix_ns(), viewOf(bytes), static_cast<int>(pb::SESSION_OPEN), now_unix_ns);
+  if (!done) return done.error();
+  return std::uint64_t{0};
+}
+
+Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, ByteView bytes,
+                                      std::string_view station) {
+  const auto found = findSession(connection_, session);
+  if (!found) return found.error();
+  const std::string name = "session " + uuidText(session);
+  if (!*found || (!station.empty() && (*found)->station != station)) {
+    return Appended{Appended::Kind::kUnknownSession, 0,
+                    name + " was not opened by this station: open it first"};
+  }
+  const SessionRow& row = **found;
+  const std::string chunk = name + ", chunk " + std::to_string(seq);
+
+  // seen before: the very same bytes, or a contradiction
+  if (seq < row.chunks) {
+    auto stored =
+        connection_.query("SELECT bytes FROM chunks WHERE session = ? AND seq = ?", row.number, seq);
+    const auto there = stored.step();
+    if (!there) return there.error();
+    if (!*there)
+      return Error{ErrorCode::kCorrupt,
+                   chunk + " is missing from the database although later ones are there"};
+    const ByteView old = stored.bytes(0);
+    if (std::equal(old.begin(), old.end(), bytes.begin(), bytes.end())) {
+      return Appended{Appended::Kind::kRepeated, row.chunks, {}};
+    }
+    return Appended{Appended::Kind::kContradiction, row.chunks,
+                    chunk + " is stored with other bytes: it stays as it was"};
+  }
+  if (row.state != pb::SESSION_OPEN) {
+    return Appended{Appended::Kind::kContradiction, row.chunks,
+                    chunk + " comes after the session was closed with " + times(row.chunks, "chunks")};
+  }
+  if (seq > row.chunks) {
+    return Appended{Appended::Kind::kGap, row.chunks,
+                    chunk + " leaves a gap: send " + std::to_string(row.chunks) + " first"};
+  }
+  if (bytes.size() > kMaxStoredChunkBytes) {
+    return Appended{Appended::Kind::kCorrupt, row.chunks,
+                    chunk + " has " + times(bytes.size(), "bytes") + ", at most " +
+                        std::to_string(kMaxStoredChunkBytes) + " are taken"};
+  }
+  const auto info = inspectChunk(bytes);
+  if (!info) return Appended{Appended::Kind::kCorrupt, row.chunks, chunk + ": " + info.error().message};
+
+  if (auto done = connection_.run("INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (?,?,?,?,?)",
+                                  row.number, seq, info->count, crc32c(bytes), bytes);
+      !done) {
+    return done.error();
+  }
+  if (auto done = connection_.run("UPDATE sessions SET chunks = chunks + 1, samples = samples + ?,"
+                                  " stored_bytes = stored_bytes + ? WHERE number = ?",
+                                  info->count, static_cast<std::uint64_t>(bytes.size()), row.number);
+      !done) {
+    return done.error();
+  }
+  return Appended{Appended::Kind::kStored, row.chunks + 1, {}};
+}
+
+Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t now_unix_ns,
+                                   std::string_view station, const std::optional<HashedChunks>& known) {
+  const auto id = uuidOf(request.session_id());
+  const auto found = id ? findSession(connection_, *id) : Result<std::optional<SessionRow>>(std::nullopt);
+  if (!found) return found.error();
+  const std::string name = "session " + sessionText(request.session_id());
+  if (!*found || (!station.empty() && (*found)->station != station)) {
+    return Closed{Closed::Kind::kUnknownSession, 0, pb::SESSION_STATE_UNSPECIFIED,
+                  name + " was not opened by this station: open it first"};
+  }
+  const SessionRow& row = **found;
+  const auto contradiction = [&](const std::string& what) {
+    return Closed{Closed::Kind::kContradiction, row.chunks, row.state, name + " cannot be closed: " + what};
+  };
+
+  if (row.state == pb::SESSION_OPEN && request.chunks() > row.chunks) {
+    return Closed{Closed::Kind::kIncomplete, row.chunks, row.state,
+                  name + " cannot be closed with " + times(request.chunks(), "chunks") + ", " +
+                      times(row.chunks, "are stored") + ": send the rest first"};
+  }
+  if (request.chunks() != row.chunks) {
+    return contradiction(times(row.chunks, "chunks are stored, not ") + std::to_string(request.chunks()));
+  }
+  if (request.samples() != row.samples) {
+    return contradiction(times(row.samples, "samples are stored, not ") + std::to_string(request.samples()));
+  }
+
+  // the hash over what the database really holds, not over what passed through memory
+  Digest hash{};
+  if (row.hash) {
+    hash = *row.hash;
+  } else if (known && known->chunks == row.chunks && known->samples == row.samples) {
+    hash = known->hash;
+  } else {
+    const auto hashed = hashChunks(*id, row.chunks);
+    if (!hashed) return hashed.error();
+    hash = hashed->hash;
+  }
+  if (textOf(hash) != request.hash()) {
+    return contradiction("the hash over the stored chunks is " + hexOf(hash) +
+                         ", which is not the station's");
+  }
+  if (row.state != pb::SESSION_OPEN) return Closed{Closed::Kind::kRepeated, row.chunks, row.state, {}};
+
+  const auto state = request.interrupted() ? pb::SESSION_INTERRUPTED : pb::SESSION_COMPLETE;
+  if (auto done =
+          connection_.run("UPDATE sessions SET state = ?, hash = ?, closed_unix_ns = ? WHERE number = ?",
+                          static_cast<int>(state), ByteView(hash), now_unix_ns, row.number);
+      !done) {
+    return done.error();
+  }
+  return Closed{Closed::Kind::kClosed, row.chunks, state, {}};
+}
+
+Status SessionStore::setScore(const Uuid& session, std::string_view score_json) {
+  if (auto done =
+          connection_.run("UPDATE sessions SET score_json = ? WHERE id = ?", score_json, ByteView(session));
+      !done) {
+    return done;
+  }
+  if (connection_.changes() == 0) return unknownSession(session);
+  return {};
+}
+
+Status SessionStore::setClockOffset(const Uuid& session, std::int64_t offset_ns, std::int64_t round_trip_ns) {
+  if (round_trip_ns <= 0) {
+    return Error{ErrorCode::kInvalidInput, "clock offset of session " + uuidText(session) +
+                                               ": round_trip_ns is " + std::to_string(round_trip_ns) +
+                                               ", allowed is above 0"};
+  }
+  const auto found = findSession(connection_, session);
+  if (!found) return found.error();
+  if (!*found) return unknownSession(session);
+  return connection_.run(
+      "UPDATE sessions SET clock_offset_ns = ?, clock_round_trip_ns = ? WHERE number = ? AND"
+      " (clock_round_trip_ns IS NULL OR clock_round_trip_ns > ?)",
+      offset_ns, round_trip_ns, (*found)->number, round_trip_ns);
+}
+
+Status SessionStore::markSafe(const Uuid& session, std::uint64_t chunks) {
+  return connection_.run("UPDATE sessions SET safe_chunks = ? WHERE id = ? AND safe_chunks < ?", chunks,
+                         ByteView(session), chunks);
+}
+
+}  // namespace needlelab

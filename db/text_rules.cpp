@@ -1,0 +1,67 @@
+#include "db/text_rules.h"
+
+#include <algorithm>
+#include <cstdint>
+
+namespace needlelab {
+namespace {
+
+Error invalid(std::string_view field, const std::string& why) {
+  return {ErrorCode::kInvalidInput, std::string(field) + ": " + why};
+}
+
+Status check(std::string_view field, std::string_view value, std::size_t min, std::size_t max, bool lines) {
+  if (value.size() < min || value.size() > max) {
+    return invalid(field, "has " + std::to_string(value.size()) + " bytes, allowed are " +
+                              std::to_string(min) + " to " + std::to_string(max));
+  }
+  if (!isUtf8(value)) return invalid(field, "is no valid UTF-8 text");
+  const auto is_control = [&](char c) {
+    const auto code = static_cast<unsigned char>(c);
+    return (code < 0x20 && !(lines && (c == '\n' || c == '\r' || c == '\t'))) || code == 0x7f;
+  };
+  if (std::any_of(value.begin(), value.end(), is_control)) return invalid(field, "holds a control character");
+  return {};
+}
+
+}  // namespace
+
+bool isUtf8(std::string_view text) {
+  std::size_t i = 0;
+  while (i < text.size()) {
+    const auto lead = static_cast<unsigned char>(text[i]);
+    if (lead == 0) return false;
+    if (lead < 0x80) {
+      ++i;
+      continue;
+    }
+    const int more = lead >= 0xf0 ? 3 : lead >= 0xe0 ? 2 : 1;
+    if (lead < 0xc2 || lead > 0xf4 || text.size() - i <= static_cast<std::size_t>(more)) return false;
+    std::uint32_t point = lead & (0x3fu >> more);
+    for (int k = 1; k <= more; ++k) {
+      const auto next = static_cast<unsigned char>(text[i + static_cast<std::size_t>(k)]);
+      if ((next & 0xc0) != 0x80) return false;
+      point = point << 6 | (next & 0x3fu);
+    }
+    constexpr std::uint32_t kLeast[] = {0, 0x80, 0x800, 0x10000};
+    if (point < kLeast[more] || point > 0x10ffff || (point >= 0xd800 && point <= 0xdfff)) return false;
+    i += static_cast<std::size_t>(more) + 1;
+  }
+  return true;
+}
+
+Status checkText(std::string_view field, std::string_view value, std::size_t min, std::size_t max) {
+  return check(field, value, min, max, false);
+}
+
+Status checkName(std::string_view field, std::string_view value) {
+  if (auto done = check(field, value, 1, kMaxNameBytes, false); !done) return done;
+  if (value.front() == ' ' || value.back() == ' ') return invalid(field, "begins or ends with a space");
+  return {};
+}
+
+Status checkNote(std::string_view field, std::string_view value, std::size_t min, std::size_t max) {
+  return check(field, value, min, max, true);
+}
+
+}  // namespace needlelab

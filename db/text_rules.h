@@ -1,0 +1,28 @@
+/// What names and texts may be stored: everything that comes in is checked by these before it reaches SQL.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+
+#include "base/result.h"
+
+namespace needlelab {
+
+inline constexpr std::size_t kMaxNameBytes = 64;    ///< people, stations, ids of profiles and exercises
+inline constexpr std::size_t kMaxNoteBytes = 4096;  ///< annotations, messages
+inline constexpr std::size_t kMaxJsonBytes =
+    900'000;  ///< a profile or curriculum must fit into a message of 1 MiB
+
+/// UTF-8 without overlong forms, surrogates or NUL.
+bool isUtf8(std::string_view text);
+
+/// `min` to `max` bytes of UTF-8 without control characters. kInvalidInput names field, length and allowed
+/// range.
+Status checkText(std::string_view field, std::string_view value, std::size_t min, std::size_t max);
+/// As checkText, 1 to kMaxNameBytes, not beginning or ending with a space.
+Status checkName(std::string_view field, std::string_view value);
+/// As checkText, but line ends and tabs are allowed.
+Status checkNote(std::string_view field, std::string_view value, std::size_t min, std::size_t max);
+
+}  // namespace needlelab
