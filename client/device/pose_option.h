@@ -1,0 +1,23 @@
+/// Poses on a command line: `--tool` and `--placement` of every program that has them.
+#pragma once
+
+#include <string>
+
+#include "base/result.h"
+#include "haptics/geometry.h"
+
+namespace needlelab {
+
+/// Reads `x,y,z,qx,qy,qz,qw` (metres, unit quaternion), or the JSON file of that name:
+/// `{"position_m": {"x": 0, "y": 0, "z": 0.15}, "quaternion": {"x": 0, "y": 0, "z": 0, "w": 1}}`.
+/// `option` names it in messages, e.g. "--tool". The quaternion is normalised.
+/// Errors: kInvalidInput: not seven finite numbers, a position beyond 1 km, | |q| − 1 | above 1e-3, a wrong
+/// or missing field.
+Result<Pose> parsePoseOption(const std::string& text, const std::string& option);
+
+/// The text that `parsePoseOption` reads back to the same bits: seven numbers with commas.
+std::string poseOptionText(const Pose& pose);
+/// The JSON file's content, with a newline at the end.
+std::string poseOptionJson(const Pose& pose);
+
+}  // namespace needlelab
