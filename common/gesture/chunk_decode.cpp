@@ -1,0 +1,266 @@
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <limits>
+
+#include "base/crc32c.h"
+#include "gesture/chunk.h"
+#include "gesture/chunk_format.h"
+#include "gesture/column_coding.h"
+
+namespace needlelab {
+namespace {
+
+using namespace chunk_format;
+using namespace column_coding;
+
+struct Header {
+  ChunkInfo info;
+  std::int64_t period_ns = 0;
+  std::uint32_t raw = 0;
+  std::size_t bytes = 0;  ///< where the first row starts
+};
+
+Error corrupt(const std::string& why) {
+  return {ErrorCode::kCorrupt, "gesture chunk: " + why};
+}
+
+std::size_t blocksOf(std::size_t count) {
+  return (count - 1 + kBlock - 1) / kBlock;
+}
+
+Result<Header> readHeader(ByteView chunk) {
+  const std::size_t size = chunk.size();
+  if (size < kFixedHeaderBytes + kCrcBytes)
+    return corrupt("it has " + std::to_string(size) + " bytes, the header alone takes " +
+                   std::to_string(kFixedHeaderBytes + kCrcBytes));
+  if (size > kMaxChunkBytes)
+    return corrupt("it has " + std::to_string(size) + " bytes, at most " + std::to_string(kMaxChunkBytes) +
+                   " are possible");
+  if (std::memcmp(chunk.data(), kMagic.data(), kMagic.size()) != 0)
+    return corrupt("it does not start with the letters NLGC");
+  ByteReader in(chunk.first(size - kCrcBytes).subspan(kMagic.size()));
+  Header header;
+  ChunkInfo& info = header.info;
+  info.version = in.get<std::uint8_t>();
+  if (info.version != kVersion)
+    return Error{ErrorCode::kVersion, "gesture chunk: format version " + std::to_string(info.version) +
+                                          "; this program reads version " + std::to_string(kVersion)};
+  std::uint32_t stored_crc;
+  std::memcpy(&stored_crc, chunk.data() + size - kCrcBytes, kCrcBytes);
+  if (crc32c(chunk.first(size - kCrcBytes)) != stored_crc)
+    return corrupt("its CRC-32C does not agree with its bytes: damaged or cut off");
+
+  const auto code = in.get<std::uint8_t>();
+  info.count = std::uint32_t{in.get<std::uint16_t>()} + 1;
+  info.first_tick = in.get<std::uint64_t>();
+  info.last_tick = in.get<std::uint64_t>();
+  info.first_time_ns = in.get<std::int64_t>();
+  header.period_ns = in.get<std::int64_t>();
+  header.raw = in.get<std::uint32_t>();
+  if (code == kResolutionLossless) {
+    info.resolution = Resolution::lossless();
+  } else if (code == kResolutionListed) {
+    Resolution& r = info.resolution;
+    for (double* step : {&r.length_m, &r.quaternion, &r.force_N, &r.torque_Nm, &r.time_s, &r.speed_mps})
+      *step = in.get<double>();
+    if (!in.ok()) return corrupt("it ends within the resolution");
+    if (const Status good = validate(r); !good.ok()) return corrupt(good.error().message);
+  } else if (code != kResolutionStandard) {
+    return corrupt("resolution code " + std::to_string(code) + " is unknown");
+  }
+  const std::uint32_t declared = declaredRaw(info.resolution);
+  if ((header.raw & ~kRealMask) != 0 || (declared & ~header.raw) != 0)
+    return corrupt("its mask of raw columns contradicts its resolution");
+  info.lossless_columns = header.raw & ~declared;
+
+  // every row and block has a least length: so a short text cannot ask for much memory
+  header.bytes = kMagic.size() + in.position();
+  const auto raw_count = static_cast<std::size_t>(std::popcount(header.raw));
+  const std::size_t least = raw_count * 8 + (kColumnCount - 2 - raw_count) + blocksOf(info.count) * 4;
+  if (in.left() < least)
+    return corrupt("it has " + std::to_string(in.left()) + " bytes of columns, " +
+                   std::to_string(info.count) + " samples take at least " + std::to_string(least));
+  return header;
+}
+
+// a column's current block behind the two values before it
+template <typename U>
+struct Window {
+  U values[2 + kBlock] = {};
+  U* block() { return values + 2; }
+  void carry(std::size_t rows) {
+    const U last = block()[rows - 1], before = block()[static_cast<std::ptrdiff_t>(rows) - 2];
+    values[0] = before;
+    values[1] = last;
+  }
+};
+
+class Decoder {
+ public:
+  explicit Decoder(const Header& header) : header_(header), wide_(header.raw | kClockMask) {
+    steps_ = realSteps(header.info.resolution);
+    time_step_ns_ = timeStepNs(header.info.resolution);
+  }
+
+  // null when the bytes cannot be
+  const std::uint8_t* firstRow(const std::uint8_t* in, const std::uint8_t* end, GestureSample* out) {
+    for (std::size_t c = kFirstReal; c < kColumnCount; ++c) {
+      if (wide_ >> c & 1u) {
+        if (end - in < 8) return nullptr;
+        std::uint64_t* const v = wide_columns_[c].values;
+        std::memcpy(v, in, 8);
+        v[1] = v[2] = v[0];
+        in += 8;
+      } else {
+        std::uint64_t coded = 0;
+        in = getVarint(in, end, 32, coded);
+        if (in == nullptr) return nullptr;
+        std::uint32_t* const v = columns_[c].values;
+        v[0] = v[1] = v[2] = unzigzag(static_cast<std::uint32_t>(coded));
+      }
+    }
+    return emit(0, 1, out) ? in : nullptr;
+  }
+
+  const std::uint8_t* block(const std::uint8_t* in, const std::uint8_t* end, std::size_t first,
+                            std::size_t rows, GestureSample* out) {
+    if (end - in < 4) return nullptr;
+    std::uint32_t changed;
+    std::memcpy(&changed, in, 4);
+    in += 4;
+    if ((changed >> kColumnCount) != 0) return nullptr;
+    for (std::size_t c = 0; c < kColumnCount; ++c) {
+      const bool stored = (changed >> c & 1u) != 0;
+      if (wide_ >> c & 1u)
+        in = stored ? unpackColumn(in, end, rows, wide_columns_[c].block())
+                    : repeat(wide_columns_[c], rows, in);
+      else
+        in = stored ? unpackColumn(in, end, rows, columns_[c].block()) : repeat(columns_[c], rows, in);
+      if (in == nullptr) return nullptr;
+    }
+    if (!emit(first, rows, out)) return nullptr;
+    for (std::size_t c = 0; c < kColumnCount; ++c) {
+      if (wide_ >> c & 1u)
+        wide_columns_[c].carry(rows);
+      else
+        columns_[c].carry(rows);
+    }
+    return in;
+  }
+
+ private:
+  template <typename U>
+  static const std::uint8_t* repeat(Window<U>& window, std::size_t rows, const std::uint8_t* in) {
+    const U last = window.values[1];
+    for (std::size_t i = 0; i < rows; ++i) window.block()[i] = last;
+    return in;
+  }
+
+  // turns the columns' integers into samples; false when one is out of its field's range
+  bool emit(std::size_t first, std::size_t rows, GestureSample* out) {
+    const std::uint64_t* const tick = wide_columns_[kTick].block();
+    const std::uint64_t* const time = wide_columns_[kTime].block();
+    const auto period = static_cast<std::uint64_t>(header_.period_ns);
+    for (std::size_t i = 0; i < rows; ++i) {
+      const std::uint64_t ticks = tick[i] + first + i;
+      out[i].tick = header_.info.first_tick + ticks;
+      out[i].time_ns = static_cast<std::int64_t>(
+          time[i] + static_cast<std::uint64_t>(header_.info.first_time_ns) + ticks * period);
+    }
+    for (std::size_t c = 0; c < kRealCount; ++c) emitReal(c, rows, out);
+    return emitIntegers(rows, out);
+  }
+
+  void emitReal(std::size_t c, std::size_t rows, GestureSample* out) {
+    const std::size_t column = kFirstReal + c;
+    unsigned char* const at = reinterpret_cast<unsigned char*>(out) + kRealOffset[c];
+    const auto store = [at](std::size_t i, double value) {
+      std::memcpy(at + i * sizeof *out, &value, sizeof value);
+    };
+    if (wide_ >> column & 1u) {
+      const std::uint64_t* const v = wide_columns_[column].block();
+      for (std::size_t i = 0; i < rows; ++i) store(i, fromOrderedBits(v[i]));
+      return;
+    }
+    const std::uint32_t* const v = columns_[column].block();
+    const double step = steps_[c];
+    for (std::size_t i = 0; i < rows; ++i)
+      store(i, static_cast<double>(static_cast<std::int32_t>(v[i])) * step);
+    if (column < kWall || column >= kWall + 3u) return;
+    const std::uint32_t* const there = columns_[kWallPresence].block();
+    for (std::size_t i = 0; i < rows; ++i)
+      if ((there[i] >> (column - kWall) & 1u) == 0) store(i, std::numeric_limits<double>::quiet_NaN());
+  }
+
+  bool emitIntegers(std::size_t rows, GestureSample* out) {
+    const std::uint32_t* const low = columns_[kFlagsLow].block();
+    const std::uint32_t* const high = columns_[kFlagsHigh].block();
+    const std::uint32_t* const buttons = columns_[kButtons].block();
+    const std::uint32_t* const layer = columns_[kLayer].block();
+    const std::uint32_t* const phase = columns_[kPhase].block();
+    const std::uint32_t* const fault = columns_[kFault].block();
+    const std::uint32_t* const there = columns_[kWallPresence].block();
+    std::uint32_t too_big = 0;
+    for (std::size_t i = 0; i < rows; ++i) {
+      too_big |= (low[i] | high[i]) >> 16 | (phase[i] | fault[i] | (layer[i] + 128)) >> 8 | there[i] >> 3;
+      out[i].flags = low[i] | high[i] << 16;
+      out[i].buttons = buttons[i];
+      out[i].layer = static_cast<std::int8_t>(layer[i]);
+      out[i].phase = static_cast<std::uint8_t>(phase[i]);
+      out[i].fault = static_cast<std::uint8_t>(fault[i]);
+    }
+    const std::uint32_t* const device = columns_[kDeviceTime].block();
+    const std::uint32_t* const engine = columns_[kEngineTime].block();
+    for (std::size_t i = 0; i < rows; ++i) {
+      out[i].device_ns = nanoseconds(device[i]);
+      out[i].engine_ns = nanoseconds(engine[i]);
+    }
+    return too_big == 0;
+  }
+
+  // steps of time, held within the field: a value at its end may have been rounded beyond it
+  [[nodiscard]] std::int32_t nanoseconds(std::uint32_t steps) const {
+    using Limits = std::numeric_limits<std::int32_t>;
+    const std::int64_t ns = static_cast<std::int32_t>(steps) * time_step_ns_;
+    return static_cast<std::int32_t>(ns < Limits::min()   ? Limits::min()
+                                     : ns > Limits::max() ? Limits::max()
+                                                          : ns);
+  }
+
+  const Header& header_;
+  std::uint32_t wide_;
+  std::array<double, kRealCount> steps_{};
+  std::int64_t time_step_ns_ = 1;
+  Window<std::uint32_t> columns_[kColumnCount];
+  Window<std::uint64_t> wide_columns_[kLastReal + 1];
+};
+
+}  // namespace
+
+Result<ChunkInfo> inspectChunk(ByteView chunk) {
+  const auto header = readHeader(chunk);
+  if (!header.ok()) return header.error();
+  return header->info;
+}
+
+Result<std::vector<GestureSample>> decodeChunk(ByteView chunk) {
+  const auto header = readHeader(chunk);
+  if (!header.ok()) return header.error();
+  const std::size_t count = header->info.count;
+  std::vector<GestureSample> samples(count);
+
+  const std::uint8_t* in = chunk.data() + header->bytes;
+  const std::uint8_t* const end = chunk.data() + chunk.size() - kCrcBytes;
+  Decoder decoder(*header);
+  in = decoder.firstRow(in, end, samples.data());
+  for (std::size_t first = 1; in != nullptr && first < count; first += kBlock)
+    in = decoder.block(in, end, first, std::min(kBlock, count - first), samples.data() + first);
+  if (in == nullptr) return corrupt("its columns end early or hold impossible values, though the CRC agrees");
+  if (in != end) return corrupt("it has " + std::to_string(end - in) + " bytes behind its last sample");
+  if (samples.back().tick != header->info.last_tick)
+    return corrupt("its last tick is not the one in its header");
+  return samples;
+}
+
+}  // namespace needlelab
