@@ -134,6 +134,7 @@ ReferenceEngine::Geometry ReferenceEngine::geometry(const Insertion& in, Vec3 u,
 
 StepReport ReferenceEngine::step(const TipSample& sample) {
   StepReport out;
+  undecided_ = 0;
   const double nan = std::numeric_limits<double>::quiet_NaN();
   out.p_wall_W_m = {nan, nan, nan};
   if (!isFinite(sample.p_WT_m) || !isFinite(sample.q_WT)) {
@@ -221,11 +222,18 @@ void ReferenceEngine::enter(Vec3 p, double depth, Vec3 axis) {
   insertion_ = std::move(in);
 }
 
+// the excess of force that rounding may turn round; more once the cone held a turn back (1e-12 rad a tick,
+// §3.3)
+double ReferenceEngine::undecidedBelow(const Insertion& in) {
+  return in.cone_bound_ticks > 0 ? 1e-6 : 1e-9;
+}
+
 // §3.3, "Change of trajectory"; true when u turned
-bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis) const {
+bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis) {
   if (!live(Effect::kClamping)) return false;  // "Where CLAMPING is not live, u never turns."
   const double f_max = scene_.virtual_fixture.max_force_N, e = norm(g.e);
   const double rho = scene_.virtual_fixture.mode == ClampingMode::kPassive ? in.rho : 0.0;
+  if (std::abs(g.k * (e - rho) - f_max) < undecidedBelow(in)) undecided_ |= kFlagTurn;
   if (!(g.k * (e - rho) > f_max && g.x > e)) return false;
 
   // the least of: the angle that brings |e| to ρ + f_max/k for the present k; 2 rad/s·T; the cone's
@@ -244,6 +252,8 @@ bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec
       (allowed(middle) ? low : high) = middle;
     }
     angle = low;
+    ++in.cone_bound_ticks;
+    if (angle < 1e-9) undecided_ |= kFlagTurn;  // no room left on the cone, to within the bisection
   }
   if (!(angle > 0)) return false;
 
@@ -263,7 +273,7 @@ bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec
 }
 
 // §3.3, the force; in the order "(PASSIVE) growth of ρ, ρ ← min(ρ, |e|), force, cap, keep k and |e|"
-Vec3 ReferenceEngine::clamp(Insertion& in, const Geometry& g, StepReport& out) const {
+Vec3 ReferenceEngine::clamp(Insertion& in, const Geometry& g, StepReport& out) {
   if (!live(Effect::kClamping)) return {};
   const double f_max = scene_.virtual_fixture.max_force_N, e = norm(g.e);
   if (scene_.virtual_fixture.mode == ClampingMode::kPassive) {
@@ -271,6 +281,7 @@ Vec3 ReferenceEngine::clamp(Insertion& in, const Geometry& g, StepReport& out) c
     in.rho = std::min(in.rho, e);
   }
   double force = g.k * (e - in.rho);
+  if (std::abs(force - f_max) < undecidedBelow(in)) undecided_ |= kFlagClampCapped;
   if (force > f_max) {
     force = f_max;
     if (scene_.virtual_fixture.mode == ClampingMode::kPassive) in.rho = e - f_max / g.k;

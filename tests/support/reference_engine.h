@@ -25,6 +25,13 @@ class ReferenceEngine {
   [[nodiscard]] std::optional<Vec3> direction() const;
   /// θ_l, while inside.
   [[nodiscard]] std::optional<double> tiltLimit() const;
+  /// The flags of the last tick that hung on a comparison decided by rounding (k(|e| − ρ) against f_max, for
+  /// the turn and for the cap; room left on the cone): another rounding of the same numbers may set them
+  /// otherwise, with the same forces.
+  [[nodiscard]] std::uint32_t undecidedFlags() const { return undecided_; }
+  /// Ticks of this insertion whose turn the cone held back: DESIGN §3.3 lets each of them be off by 1e-12
+  /// rad.
+  [[nodiscard]] int coneBoundTicks() const { return insertion_ ? insertion_->cone_bound_ticks : 0; }
 
  private:
   /// A membrane that was met in this insertion.
@@ -54,6 +61,7 @@ class ReferenceEngine {
     double rho = 0, k_prev = 0, e_prev = 0;
     // orientation limit
     double tilt_limit = 0;  ///< θ_l
+    int cone_bound_ticks = 0;
     std::vector<Membrane> membranes;
   };
 
@@ -73,9 +81,10 @@ class ReferenceEngine {
   [[nodiscard]] double cone(double d_t) const;
   [[nodiscard]] Geometry geometry(const Insertion& in, Vec3 u, Vec3 p, double depth) const;
 
+  static double undecidedBelow(const Insertion& in);
   void enter(Vec3 p, double depth, Vec3 axis);
-  bool turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis) const;
-  Vec3 clamp(Insertion& in, const Geometry& g, StepReport& out) const;
+  bool turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis);
+  Vec3 clamp(Insertion& in, const Geometry& g, StepReport& out);
   double speed(Insertion& in, double x) const;
   double meetMembranes(Insertion& in, const Geometry& g, double depth, bool entry, StepReport& out) const;
   void axial(Insertion& in, const Geometry& g, double x_c, double v, StepReport& out) const;
@@ -90,6 +99,7 @@ class ReferenceEngine {
   Vec3 p_past_;
   double depth_past_ = 0;
   std::optional<Insertion> insertion_;
+  std::uint32_t undecided_ = 0;
 };
 
 }  // namespace needlelab::test
