@@ -13,6 +13,8 @@ namespace needlelab {
 namespace {
 
 using Json = nlohmann::json;
+constexpr std::size_t kMaxTailSamples =
+    4000;  // a chunk never has more; a lossless one of so many fits an envelope
 
 Error broken(const std::filesystem::path& path, const std::string& why) {
   return Error{ErrorCode::kCorrupt, path.string() + ": " + why};
@@ -172,43 +174,27 @@ Status SpoolSession::loadChunks() {
   return {};
 }
 
-// the tail's pieces that stand in no chunk yet become chunks
+// the tail's pieces that stand in no chunk yet become the last chunk
 Status SpoolSession::recoverTail() {
   auto tail = SpoolFile::open(folder_ / "tail");
   if (!tail.ok()) return tail.error();
   tail_ = std::move(*tail);
-  const Resolution resolution = resolutionOf(description_);
-  std::vector<GestureSample> samples;
-  std::uint64_t seq = entries_.size();
+  const std::uint64_t seq = entries_.size();
   std::uint32_t part = 0;
-  Status made;
-  const auto makeChunk = [&] {
-    std::span<const GestureSample> rest = samples;
-    while (made.ok() && !rest.empty()) {
-      const auto some = rest.first(std::min<std::size_t>(rest.size(), 4000));
-      made = appendChunk(encodeChunk(resolution, some), some.size());
-      rest = rest.subspan(some.size());
-    }
-    samples.clear();
-  };
+  std::vector<GestureSample> samples;
   auto stopped = tail_.scan([&](const SpoolRecord& record) {
-    if (record.seq < seq) return true;  // already in a chunk: the program died before the tail was begun anew
-    if (record.seq == seq + 1 && record.part == 0 && !samples.empty()) {
-      // the disk was full when chunk `seq` was due, so that its pieces stayed here
-      makeChunk();
-      ++seq;
-      part = 0;
-    }
+    // already in a chunk: the program died before the tail was begun anew
+    if (record.seq < seq) return true;
     if (record.seq != seq || record.part != part) return false;
     auto piece = decodeChunk(record.data);
-    if (!piece.ok()) return false;
+    if (!piece.ok() || samples.size() + piece->size() > kMaxTailSamples) return false;
     samples.insert(samples.end(), piece->begin(), piece->end());
     ++part;
-    return made.ok();
+    return true;
   });
   if (!stopped.ok()) return stopped.error();
-  makeChunk();
-  return made;
+  if (samples.empty()) return {};
+  return appendChunk(encodeChunk(resolutionOf(description_), samples), samples.size());
 }
 
 Status SpoolSession::appendPiece(std::uint64_t seq, ByteView piece) {

@@ -1,0 +1,116 @@
+/// From the haptic thread's ring to the spool: one thread drains and writes, another waits for the disk.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "base/spsc_ring.h"
+#include "gesture/sample.h"
+#include "net/spool.h"
+
+namespace needlelab {
+
+/// Between haptic thread and spool: 16 s at 1 kHz, 4 s at 4 kHz, so that a disk that stalls for seconds loses
+/// nothing.
+inline constexpr std::size_t kSampleRingCapacity = 16'384;
+using SampleRing = SpscRing<GestureSample, kSampleRingCapacity>;
+
+/// About 20 ms of samples, as written to the spool's tail; the same bytes go to whoever watches.
+struct SamplePiece {
+  std::shared_ptr<const Bytes> chunk;  ///< coded as a chunk (common/gesture/FORMAT.md)
+  GestureSample last;                  ///< the newest of its samples
+  std::uint64_t samples_so_far = 0;    ///< of the session, this piece included
+  std::uint32_t flags = 0;             ///< of all of its samples
+};
+
+/// What the writer has done so far.
+struct SpoolWriterCounts {
+  std::uint64_t samples = 0;  ///< taken from the ring
+  std::uint64_t chunks = 0;   ///< made of them
+  std::uint64_t chunk_bytes = 0;
+  std::uint64_t samples_lost = 0;  ///< neither on disk nor in memory: the disk was full for too long
+  std::uint64_t disk_errors = 0;   ///< writes and syncs that the disk refused
+  std::string disk_error;          ///< the present trouble in words; empty when all is well
+};
+
+/// Settings; the defaults are those of DESIGN §7.
+struct SpoolWriterOptions {
+  double rate_hz = 1000;
+  std::size_t pending_bytes = 64u << 20;  ///< chunks that wait for a full disk, in memory
+};
+
+/// Thread: made, `finish`ed and destroyed by one thread; `counts` by any; the callbacks run on the writer's
+/// threads and must not block.
+class SpoolWriter {
+ public:
+  struct Callbacks {
+    std::function<void(const SamplePiece&)> piece;    ///< every 20 ms
+    std::function<void()> durable;                    ///< more chunks are on disk, or the session has ended
+    std::function<void(const std::string&)> trouble;  ///< the disk refuses, or takes again; for a person
+  };
+
+  /// Starts both threads. `ring` must outlive the writer.
+  SpoolWriter(SampleRing& ring, std::shared_ptr<SpoolSession> session, SpoolWriterOptions options,
+              Callbacks callbacks);
+  ~SpoolWriter();
+  SpoolWriter(const SpoolWriter&) = delete;
+  SpoolWriter& operator=(const SpoolWriter&) = delete;
+
+  /// After the last push: writes what is left in the ring, the last chunk and the session's end, and joins
+  /// the threads. A disk that refuses is tried again for `patience`. Errors: kUnavailable, with what is lost.
+  /// May be called again.
+  Status finish(std::chrono::milliseconds patience);
+
+  [[nodiscard]] SpoolWriterCounts counts() const;
+
+ private:
+  void run();
+  void takeSample(const GestureSample& sample);
+  void writePiece();
+  void makeChunk();
+  void flushPending();
+  void noteDisk(const Status& status);
+  void runSync();
+
+  SampleRing& ring_;
+  std::shared_ptr<SpoolSession> session_;
+  SpoolWriterOptions options_;
+  Callbacks callbacks_;
+  Resolution resolution_;
+  std::size_t piece_samples_, chunk_samples_;
+
+  // the writing thread's own
+  std::vector<GestureSample> chunk_, piece_;
+  std::size_t in_tail_ = 0;  // how many of chunk_'s samples are in the spool's tail
+  struct Pending {
+    Bytes chunk;
+    std::uint64_t samples = 0;
+  };
+  std::deque<Pending> pending_;  // made, but refused by the disk so far
+  std::size_t pending_bytes_ = 0;
+  std::uint64_t seq_ = 0;         // of the chunk that is being filled
+  std::int64_t next_try_ns_ = 0;  // of a disk that refused
+  std::int64_t piece_began_ns_ = 0;
+
+  mutable std::mutex mutex_;  // guards all that follows
+  SpoolWriterCounts counts_;
+  std::int64_t last_disk_error_ns_ = 0;
+  bool sync_wanted_ = false, sync_stop_ = false;
+  std::condition_variable sync_wake_;
+
+  std::atomic<bool> finish_{false};
+  std::thread writer_, syncer_;
+  bool finished_ = false;
+  Status outcome_;
+};
+
+}  // namespace needlelab
