@@ -1,0 +1,310 @@
+#include "net/spool.h"
+
+#include <gmock/gmock.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <random>
+
+#include "base/atomic_file.h"
+#include "gesture/chunk.h"
+#include "net/spool_samples.h"
+#include "net/spool_writer.h"
+#include "support/temp_folder.h"
+
+namespace needlelab::test {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+std::unique_ptr<Spool> opened(const fs::path& folder) {
+  auto spool = Spool::open(folder);
+  EXPECT_TRUE(spool.ok()) << spool.error().message;
+  return spool.ok() ? std::move(*spool) : nullptr;
+}
+
+Bytes coded(std::uint64_t first, std::size_t count) {
+  return encodeChunk(Resolution::standard(), samplesFrom(first, count));
+}
+
+// what the next start finds: every sample of the one session, in order
+struct Recovered {
+  SpoolContents contents;
+  std::vector<GestureSample> samples;
+  std::vector<Bytes> chunks;
+};
+Recovered recover(const fs::path& folder) {
+  Recovered found;
+  auto spool = opened(folder);
+  const auto sessions = spool->unfinished();
+  EXPECT_EQ(sessions.size(), 1u);
+  if (sessions.size() != 1) return found;
+  found.contents = sessions[0]->contents();
+  SessionHash hash;
+  for (std::uint64_t seq = 0; seq < found.contents.chunks; ++seq) {
+    auto chunk = sessions[0]->readChunk(seq);
+    EXPECT_TRUE(chunk.ok());
+    auto samples = decodeChunk(*chunk);
+    EXPECT_TRUE(samples.ok());
+    found.samples.insert(found.samples.end(), samples->begin(), samples->end());
+    hash.update(*chunk);
+    found.chunks.push_back(*chunk);
+  }
+  EXPECT_EQ(found.contents.hash, hash.digest());
+  EXPECT_EQ(found.contents.samples, found.samples.size());
+  return found;
+}
+
+void expectTicksFromZero(const std::vector<GestureSample>& samples) {
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    ASSERT_EQ(samples[i].tick, i);
+    ASSERT_TRUE(isSampleOfItsTick(samples[i])) << i;
+  }
+}
+
+TEST(Spool, aSessionThatEndedIsFoundAgainAsItWas) {
+  const TempFolder folder;
+  const Uuid id = makeUuidV7();
+  std::vector<Bytes> chunks = {coded(0, 1000), coded(1000, 1000), coded(2000, 123)};
+  {
+    auto spool = opened(folder.path());
+    auto session = spool->create(describeSession(id));
+    ASSERT_TRUE(session.ok());
+    for (const Bytes& chunk : chunks) ASSERT_TRUE((*session)->appendChunk(chunk, 1).ok());
+    EXPECT_EQ((*session)->contents().chunks, 0u) << "not synced yet: nothing may be sent";
+    ASSERT_TRUE((*session)->sync().ok());
+    EXPECT_EQ((*session)->contents().chunks, 3u);
+    ASSERT_TRUE((*session)->end(false).ok());
+  }
+  const Recovered found = recover(folder.path());
+  EXPECT_TRUE(found.contents.ended);
+  EXPECT_FALSE(found.contents.interrupted);
+  EXPECT_EQ(found.chunks, chunks);
+  auto spool = opened(folder.path());
+  EXPECT_EQ(spool->unfinished()[0]->description().SerializeAsString(),
+            describeSession(id).SerializeAsString());
+}
+
+TEST(Spool, oneProgramAtATime) {
+  const TempFolder folder;
+  auto first = opened(folder.path());
+  auto second = Spool::open(folder.path());
+  ASSERT_FALSE(second.ok());
+  EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(second.error().message, HasSubstr("another station"));
+}
+
+TEST(Spool, aFolderThatCannotBeMadeIsRefusedByName) {
+  const TempFolder folder;
+  const auto file = folder.write("file", "x");
+  auto spool = Spool::open(file / "spool");
+  ASSERT_FALSE(spool.ok());
+  EXPECT_THAT(spool.error().message, HasSubstr((file / "spool").string()));
+}
+
+// the files as they are when the program dies with two chunks and three pieces of the third written
+fs::path cutOffSession(const TempFolder& folder) {
+  auto spool = opened(folder.path());
+  auto session = *spool->create(describeSession(makeUuidV7()));
+  EXPECT_TRUE(session->appendChunk(coded(0, 100), 100).ok());
+  EXPECT_TRUE(session->appendChunk(coded(100, 100), 100).ok());
+  EXPECT_TRUE(session->sync().ok());
+  for (std::uint64_t piece = 0; piece < 3; ++piece)
+    EXPECT_TRUE(session->appendPiece(2, coded(200 + 20 * piece, 20)).ok());
+  return session->folder();
+}
+
+TEST(Spool, theTailOfASessionThatWasCutOffBecomesItsLastChunk) {
+  const TempFolder folder;
+  cutOffSession(folder);
+  const Recovered found = recover(folder.path());
+  EXPECT_EQ(found.contents.chunks, 3u);
+  EXPECT_TRUE(found.contents.ended);
+  EXPECT_TRUE(found.contents.interrupted);
+  ASSERT_EQ(found.samples.size(), 260u);
+  expectTicksFromZero(found.samples);
+  // and opening it once more changes nothing
+  EXPECT_EQ(recover(folder.path()).chunks, found.chunks);
+}
+
+TEST(Spool, everyTruncationOfChunksAndTailGivesAWholeBeginning) {
+  const TempFolder original;
+  const fs::path session = cutOffSession(original);
+  for (const char* name : {"chunks", "tail"}) {
+    const auto size = fs::file_size(session / name);
+    for (std::uintmax_t cut = 0; cut < size; ++cut) {
+      const TempFolder copy;
+      fs::copy(original.path(), copy.path(), fs::copy_options::recursive);
+      fs::resize_file(copy.path() / session.filename() / name, cut);
+      const Recovered found = recover(copy.path());
+      ASSERT_TRUE(found.contents.interrupted) << name << " cut at " << cut;
+      ASSERT_NO_FATAL_FAILURE(expectTicksFromZero(found.samples)) << name << " cut at " << cut;
+      // whole records before the cut are all there; the tail's pieces count only behind the last whole chunk
+      const std::size_t most = name == std::string("tail") ? 200 + 60 : 200;
+      const std::size_t least = name == std::string("tail") ? 200 : 0;
+      ASSERT_GE(found.samples.size(), least);
+      ASSERT_LE(found.samples.size(), most);
+      ASSERT_EQ(found.samples.size() % 20, 0u);
+    }
+  }
+}
+
+TEST(Spool, everyFlippedByteOfTheTailIsNoticed) {
+  const TempFolder original;
+  const fs::path session = cutOffSession(original);
+  auto tail = readWholeFile(session / "tail");
+  ASSERT_TRUE(tail.ok());
+  for (std::size_t at = 0; at < tail->size(); at += 3) {
+    const TempFolder copy;
+    fs::copy(original.path(), copy.path(), fs::copy_options::recursive);
+    std::string damaged = *tail;
+    damaged[at] = static_cast<char>(damaged[at] ^ 0x10);
+    std::ofstream(copy.path() / session.filename() / "tail", std::ios::binary) << damaged;
+    const Recovered found = recover(copy.path());
+    ASSERT_NO_FATAL_FAILURE(expectTicksFromZero(found.samples)) << at;
+    ASSERT_LT(found.samples.size(), 260u) << "a flipped byte was believed";
+  }
+}
+
+TEST(Spool, aTailWhoseChunkIsAlreadyThereIsNotDoubled) {
+  const TempFolder folder;
+  {
+    auto spool = opened(folder.path());
+    auto session = *spool->create(describeSession(makeUuidV7()));
+    // died between the chunk and the new beginning of the tail
+    for (std::uint64_t piece = 0; piece < 5; ++piece)
+      ASSERT_TRUE(session->appendPiece(0, coded(20 * piece, 20)).ok());
+    ASSERT_TRUE(session->appendChunk(coded(0, 100), 100).ok());
+    ASSERT_TRUE(session->sync().ok());
+  }
+  const Recovered found = recover(folder.path());
+  EXPECT_EQ(found.contents.chunks, 1u);
+  EXPECT_EQ(found.samples.size(), 100u);
+}
+
+TEST(Spool, aSessionThatEndedAndLostChunksAfterwardsIsInterruptedAndTheFileKept) {
+  const TempFolder folder;
+  fs::path session;
+  {
+    auto spool = opened(folder.path());
+    auto made = *spool->create(describeSession(makeUuidV7()));
+    session = made->folder();
+    for (std::uint64_t k = 0; k < 3; ++k) ASSERT_TRUE(made->appendChunk(coded(100 * k, 100), 100).ok());
+    ASSERT_TRUE(made->sync().ok());
+    ASSERT_TRUE(made->end(false).ok());
+  }
+  auto text = *readWholeFile(session / "chunks");
+  text[text.size() / 2] = static_cast<char>(~text[text.size() / 2]);
+  std::ofstream(session / "chunks", std::ios::binary) << text;
+  const Recovered found = recover(folder.path());
+  EXPECT_TRUE(found.contents.interrupted);
+  EXPECT_EQ(found.samples.size(), 100u);
+  EXPECT_EQ(*readWholeFile(session / "chunks.damaged"), text);
+}
+
+TEST(Spool, foldersThatAreNoSessionsAreLeftAloneAndNamed) {
+  const TempFolder folder;
+  const std::string id = uuidText(makeUuidV7()), empty = uuidText(makeUuidV7()),
+                    wrong = uuidText(makeUuidV7());
+  fs::create_directory(folder.path() / id);
+  folder.write(id + "/chunks", "something");
+  fs::create_directory(folder.path() / empty);
+  fs::create_directory(folder.path() / wrong);
+  folder.write(wrong + "/session.json", "{\"session_id\": 7");
+  fs::create_directory(folder.path() / "notes of a technician");
+  auto spool = opened(folder.path());
+  EXPECT_TRUE(spool->unfinished().empty());
+  EXPECT_THAT(spool->notes(), testing::UnorderedElementsAre(HasSubstr(id), HasSubstr(wrong)));
+  EXPECT_TRUE(fs::exists(folder.path() / id / "chunks"));
+  EXPECT_TRUE(fs::exists(folder.path() / wrong));
+  EXPECT_FALSE(fs::exists(folder.path() / empty)) << "died before anything was recorded";
+  EXPECT_TRUE(fs::exists(folder.path() / "notes of a technician"));
+}
+
+TEST(Spool, whatTheServerClosedIsNotOfferedAgainAndLeavesByAgeQuotaOrBackup) {
+  const TempFolder folder;
+  const std::int64_t now_ns = 1'000'000'000'000'000'000;
+  const auto day_ns = std::int64_t{86'400} * 1'000'000'000;
+  std::vector<std::string> ids;
+  {
+    auto spool = opened(folder.path());
+    for (int i = 0; i < 4; ++i) {
+      auto session = *spool->create(describeSession(makeUuidV7()));
+      ids.push_back(session->idText());
+      ASSERT_TRUE(session->appendChunk(coded(0, 100), 100).ok());
+      ASSERT_TRUE(session->sync().ok());
+      ASSERT_TRUE(session->end(false).ok());
+      // 0: closed 20 days ago; 1: closed and safe; 2: closed today; 3: acknowledged but not closed
+      const bool closed = i < 3;
+      ASSERT_TRUE(
+          session->setReceipt({1, i == 1 ? 1u : 0u, closed, closed ? now_ns - (i == 0 ? 20 : 0) * day_ns : 0})
+              .ok());
+    }
+  }
+  auto spool = opened(folder.path());
+  ASSERT_EQ(spool->unfinished().size(), 1u);
+  EXPECT_EQ(spool->unfinished()[0]->idText(), ids[3]);
+  EXPECT_EQ(spool->cleanUp({14 * 86'400, 1u << 30}, now_ns).size(), 2u);
+  EXPECT_FALSE(fs::exists(folder.path() / ids[0]));
+  EXPECT_FALSE(fs::exists(folder.path() / ids[1]));
+  EXPECT_TRUE(fs::exists(folder.path() / ids[2]));
+  EXPECT_THAT(spool->cleanUp({14 * 86'400, 0}, now_ns),
+              testing::ElementsAre(HasSubstr(ids[2]), HasSubstr("over its quota")));
+  EXPECT_FALSE(fs::exists(folder.path() / ids[2]));
+  EXPECT_TRUE(fs::exists(folder.path() / ids[3])) << "what the server has not closed is never touched";
+}
+
+// the child writes a session as fast as it can and tells through a pipe what is safely written; it is killed
+// at a random instant
+TEST(Spool, killedAtRandomInstantsNothingThatWasWrittenIsLost) {
+  std::mt19937 random(20261120);
+  int most_chunks = 0;
+  for (int round = 0; round < 15; ++round) {
+    const TempFolder folder;
+    int to_parent[2];
+    ASSERT_EQ(::pipe(to_parent), 0);
+    const pid_t child = ::fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+      auto spool = Spool::open(folder.path());
+      auto session = spool.ok() ? (*spool)->create(describeSession(makeUuidV7())) : Error{};
+      if (!session.ok()) ::_exit(1);
+      for (std::uint64_t seq = 0;; ++seq) {
+        for (std::uint64_t piece = 0; piece < 5; ++piece) {
+          const std::uint64_t first = seq * 100 + piece * 20;
+          if (!(*session)->appendPiece(seq, coded(first, 20)).ok()) ::_exit(2);
+          const std::uint64_t written = first + 20;
+          if (::write(to_parent[1], &written, sizeof written) != sizeof written) ::_exit(3);
+        }
+        if (!(*session)->appendChunk(coded(seq * 100, 100), 100).ok() || !(*session)->restartTail().ok())
+          ::_exit(4);
+        if (seq % 8 == 0 && !(*session)->sync().ok()) ::_exit(5);
+      }
+    }
+    ::close(to_parent[1]);
+    // reading keeps the pipe from filling; the last whole number is what the child had written for sure
+    std::uint64_t written = 0, word = 0;
+    const auto wanted = random() % 4000 + 20;
+    while (written < wanted && ::read(to_parent[0], &word, sizeof word) == sizeof word) written = word;
+    ::usleep(static_cast<useconds_t>(random() % 3000));
+    ::kill(child, SIGKILL);
+    while (::read(to_parent[0], &word, sizeof word) == sizeof word) written = word;
+    ::close(to_parent[0]);
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    ASSERT_TRUE(WIFSIGNALED(status)) << "the child failed by itself: " << WEXITSTATUS(status);
+
+    const Recovered found = recover(folder.path());
+    ASSERT_NO_FATAL_FAILURE(expectTicksFromZero(found.samples));
+    ASSERT_GE(found.samples.size(), written) << "round " << round;
+    ASSERT_LE(found.samples.size(), written + 20);
+    most_chunks = std::max(most_chunks, static_cast<int>(found.contents.chunks));
+  }
+  EXPECT_GT(most_chunks, 5) << "the test did not reach the interesting places";
+}
+
+}  // namespace
+}  // namespace needlelab::test
