@@ -58,6 +58,7 @@ class RecordingWriter {
  private:
   RecordingWriter() = default;
   Status writeAll(ByteView bytes);
+  Status fail(const std::string& what);
   Status writeRecord(std::uint8_t kind, ByteView content);
   void abandon() noexcept;
 
@@ -75,16 +76,16 @@ class RecordingWriter {
 /// Thread: const functions may be called from several. Movable, not copyable.
 class RecordingReader {
  public:
-  /// A place in the middle of the file that cannot be read, though the file goes on after it.
+  /// A place in the middle of the file that was found unreadable at `open`, though the file goes on after it.
   struct Damage {
     std::uint64_t offset = 0, bytes = 0;
     std::string what;
   };
 
-  /// A complete file is opened by its index; a cut-off one is scanned, and every whole chunk before the cut
-  /// is there. Errors: kInvalidInput (cannot be opened, not a recording), kVersion, kCorrupt (the opening
-  /// magic or the metadata is damaged). A file that is cut before its metadata ends is opened as well, with
-  /// empty metadata and no chunk.
+  /// A complete file is opened by its index; a cut-off one, or one whose index is damaged, is scanned, and
+  /// every whole chunk is there. A file that was cut before its first chunk opens too, with none. Damage in
+  /// the middle does not fail here: see `damages`. Errors: kInvalidInput (cannot be opened, does not start as
+  /// a recording), kVersion.
   static Result<RecordingReader> open(const std::filesystem::path& path);
   RecordingReader(RecordingReader&& other) noexcept;
   RecordingReader& operator=(RecordingReader&& other) noexcept;
@@ -96,6 +97,8 @@ class RecordingReader {
     return tail_bytes_;
   }  ///< after the last whole record of a cut-off file
   [[nodiscard]] const std::vector<Damage>& damages() const { return damages_; }
+  /// A damaged chunk whose record can still be told apart keeps its place here, so that numbers stay what
+  /// they were.
   [[nodiscard]] const std::vector<RecordingEntry>& entries() const { return entries_; }
   [[nodiscard]] std::uint64_t sampleCount() const;
   [[nodiscard]] const Digest& declaredHash() const { return hash_; }  ///< of a complete file; zeros otherwise
@@ -111,9 +114,15 @@ class RecordingReader {
 
  private:
   RecordingReader() = default;
-  [[nodiscard]] Result<Bytes> readAt(std::uint64_t offset, std::size_t count) const;
-  Status openByIndex();
+  Status readAt(std::uint64_t offset, std::size_t count, Bytes& out) const;
+  /// Content of the record at `offset`, both its CRCs checked.
+  Status readRecord(std::uint64_t offset, std::uint8_t& kind, Bytes& content) const;
+  Status checkStart();
+  bool openByIndex();
   Status scan();
+  /// Next place from `offset` on where a record's header stands; the file's size when there is none.
+  Result<std::uint64_t> findRecord(std::uint64_t offset) const;
+  [[nodiscard]] Error chunkError(std::size_t index, const std::string& why) const;
 
   std::filesystem::path path_;
   int fd_ = -1;

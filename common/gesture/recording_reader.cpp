@@ -1,0 +1,315 @@
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "gesture/recording.h"
+#include "gesture/recording_format.h"
+
+namespace needlelab {
+
+using namespace recording_format;
+
+Result<RecordingReader> RecordingReader::open(const std::filesystem::path& path) {
+  RecordingReader reader;
+  reader.path_ = path;
+  reader.fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (reader.fd_ < 0)
+    return Error{ErrorCode::kInvalidInput,
+                 path.string() + ": cannot open the recording: " + std::strerror(errno)};
+  struct stat info {};
+  if (::fstat(reader.fd_, &info) != 0 || !S_ISREG(info.st_mode))
+    return Error{ErrorCode::kInvalidInput, path.string() + ": is not a regular file"};
+  reader.size_ = static_cast<std::uint64_t>(info.st_size);
+  if (Status status = reader.checkStart(); !status.ok()) return status.error();
+  if (!reader.openByIndex())
+    if (Status status = reader.scan(); !status.ok()) return status.error();
+  return reader;
+}
+
+RecordingReader::RecordingReader(RecordingReader&& other) noexcept
+    : path_(std::move(other.path_)),
+      fd_(std::exchange(other.fd_, -1)),
+      size_(other.size_),
+      metadata_(std::move(other.metadata_)),
+      complete_(other.complete_),
+      tail_bytes_(other.tail_bytes_),
+      damages_(std::move(other.damages_)),
+      entries_(std::move(other.entries_)),
+      hash_(other.hash_) {}
+
+RecordingReader& RecordingReader::operator=(RecordingReader&& other) noexcept {
+  if (this == &other) return *this;
+  if (fd_ >= 0) ::close(fd_);
+  path_ = std::move(other.path_);
+  fd_ = std::exchange(other.fd_, -1);
+  size_ = other.size_;
+  metadata_ = std::move(other.metadata_);
+  complete_ = other.complete_;
+  tail_bytes_ = other.tail_bytes_;
+  damages_ = std::move(other.damages_);
+  entries_ = std::move(other.entries_);
+  hash_ = other.hash_;
+  return *this;
+}
+
+RecordingReader::~RecordingReader() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+// the caller has checked that offset + count is within the file
+Status RecordingReader::readAt(std::uint64_t offset, std::size_t count, Bytes& out) const {
+  out.resize(count);
+  std::size_t done = 0;
+  while (done < count) {
+    const ssize_t n = ::pread(fd_, out.data() + done, count - done, static_cast<off_t>(offset + done));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0)
+      return Error{ErrorCode::kFailed, path_.string() + ": cannot read at offset " + std::to_string(offset) +
+                                           ": " + std::strerror(errno)};
+    if (n == 0)
+      return Error{ErrorCode::kCorrupt, path_.string() + ": became shorter while it was read, at offset " +
+                                            std::to_string(offset)};
+    done += static_cast<std::size_t>(n);
+  }
+  return {};
+}
+
+Status RecordingReader::readRecord(std::uint64_t offset, std::uint8_t& kind, Bytes& content) const {
+  const auto corrupt = [](const char* why) { return Error{ErrorCode::kCorrupt, why}; };
+  if (offset > size_ || size_ - offset < kRecordHeaderBytes + kRecordCrcBytes)
+    return corrupt("the file ends before it");
+  Bytes head;
+  if (Status status = readAt(offset, kRecordHeaderBytes, head); !status.ok()) return status;
+  RecordHeader header;
+  if (!readRecordHeader(head, header)) return corrupt("its record's header is damaged");
+  if (size_ - offset - kRecordHeaderBytes - kRecordCrcBytes < header.length)
+    return corrupt("the file ends within it");
+  if (Status status = readAt(offset + kRecordHeaderBytes, header.length + kRecordCrcBytes, content);
+      !status.ok())
+    return status;
+  std::uint32_t stored;
+  std::memcpy(&stored, content.data() + header.length, kRecordCrcBytes);
+  content.resize(header.length);
+  kind = header.kind;
+  if (crc32c(content) != stored) return corrupt("the CRC-32C of its record does not agree with the bytes");
+  return {};
+}
+
+Status RecordingReader::checkStart() {
+  Bytes expected, start;
+  putStart(expected);
+  if (Status status = readAt(0, std::min<std::uint64_t>(size_, kStartBytes), start); !status.ok())
+    return status;
+  if (!std::equal(start.begin(),
+                  start.begin() + static_cast<std::ptrdiff_t>(std::min(start.size(), kMagic.size())),
+                  kMagic.begin()))
+    return Error{ErrorCode::kInvalidInput,
+                 path_.string() + ": is not a needlelab recording: it does not start with \\x89NLREC"};
+  // a file cut within its first bytes is a recording without anything in it
+  if (start.size() < kStartBytes) return {};
+  std::uint16_t major;
+  std::uint32_t crc;
+  std::memcpy(&major, start.data() + 8, 2);
+  std::memcpy(&crc, start.data() + 12, 4);
+  if (crc != crc32c(ByteView(start).first(12)))
+    return Error{ErrorCode::kInvalidInput,
+                 path_.string() + ": its first 16 bytes are damaged: their CRC-32C does not agree"};
+  if (major != kMajor)
+    return Error{ErrorCode::kVersion, path_.string() + ": is a recording of format " + std::to_string(major) +
+                                          "; this program reads format " + std::to_string(kMajor)};
+  return {};
+}
+
+bool RecordingReader::openByIndex() {
+  // footer
+  if (size_ < kStartBytes + kFooterBytes) return false;
+  Bytes footer;
+  if (!readAt(size_ - kFooterBytes, kFooterBytes, footer).ok()) return false;
+  if (std::memcmp(footer.data() + 16, kEndMagic.data(), kEndMagic.size()) != 0) return false;
+  ByteReader in(footer);
+  const auto index_offset = in.get<std::uint64_t>();
+  in.take(4);
+  if (in.get<std::uint32_t>() != crc32c(ByteView(footer).first(12))) return false;
+
+  // index; each entry must lie between the file's start and the index, in order
+  std::uint8_t kind = 0;
+  Bytes content;
+  if (!readRecord(index_offset, kind, content).ok() || kind != kIndex) return false;
+  ByteReader index(content);
+  const auto count = index.get<std::uint64_t>();
+  if (count > index.left() / kIndexEntryBytes || index.left() < count * kIndexEntryBytes + hash_.size())
+    return false;
+  std::vector<RecordingEntry> entries(count);
+  std::uint64_t free_from = kStartBytes;
+  for (RecordingEntry& entry : entries) {
+    entry.offset = index.get<std::uint64_t>();
+    entry.bytes = index.get<std::uint32_t>();
+    entry.count = index.get<std::uint32_t>();
+    entry.first_tick = index.get<std::uint64_t>();
+    entry.last_tick = index.get<std::uint64_t>();
+    const std::uint64_t length = kRecordHeaderBytes + std::uint64_t{entry.bytes} + kRecordCrcBytes;
+    if (entry.offset < free_from || entry.offset > index_offset || index_offset - entry.offset < length)
+      return false;
+    if (entry.bytes > kMaxChunkBytes || entry.count == 0 || entry.count > kMaxChunkSamples) return false;
+    free_from = entry.offset + length;
+  }
+  const ByteView digest = index.take(hash_.size());
+  std::copy(digest.begin(), digest.end(), hash_.begin());
+
+  Bytes text;
+  const Status metadata = readRecord(kStartBytes, kind, text);
+  if (metadata.ok() && kind == kMetadata)
+    metadata_.assign(textOf(text));
+  else
+    damages_.push_back(
+        {kStartBytes, 0,
+         "metadata: " + (metadata.ok() ? "is not the first record" : metadata.error().message)});
+  entries_ = std::move(entries);
+  complete_ = true;
+  return true;
+}
+
+Result<std::uint64_t> RecordingReader::findRecord(std::uint64_t offset) const {
+  constexpr std::size_t kWindow = 1u << 20;
+  Bytes window;
+  while (offset + kRecordHeaderBytes <= size_) {
+    const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(kWindow, size_ - offset));
+    if (Status status = readAt(offset, count, window); !status.ok()) return status.error();
+    for (std::size_t at = 0; at + kRecordHeaderBytes <= count; ++at) {
+      RecordHeader header;
+      if (window[at] == kMarker[0] &&
+          readRecordHeader(ByteView(window).subspan(at, kRecordHeaderBytes), header))
+        return offset + at;
+    }
+    // windows overlap by a header less one byte
+    offset += count - (kRecordHeaderBytes - 1);
+  }
+  return size_;
+}
+
+Status RecordingReader::scan() {
+  Bytes content;
+  std::uint64_t offset = std::min<std::uint64_t>(size_, kStartBytes);
+  std::uint64_t good_end = size_ < kStartBytes ? 0 : kStartBytes;  // behind the last whole record
+  std::size_t good_entries = 0, good_damages = 0;
+  while (offset < size_) {
+    Bytes head;
+    RecordHeader header;
+    const bool enough = size_ - offset >= kRecordHeaderBytes;
+    if (enough)
+      if (Status status = readAt(offset, kRecordHeaderBytes, head); !status.ok()) return status;
+    if (!enough || !readRecordHeader(head, header)) {
+      // not a record: go on at the next one, if there is any
+      const auto next = findRecord(offset + 1);
+      if (!next.ok()) return next.error();
+      damages_.push_back({offset, *next - offset,
+                          "between chunk " + std::to_string(entries_.size()) +
+                              " and the one before: no record starts here"});
+      offset = *next;
+      continue;
+    }
+    const std::uint64_t length = kRecordHeaderBytes + std::uint64_t{header.length} + kRecordCrcBytes;
+    std::uint8_t kind = 0;
+    const Status status = readRecord(offset, kind, content);
+    if (!status.ok() && status.error().code == ErrorCode::kFailed) return status;
+    if (!status.ok() && length > size_ - offset) break;  // cut off within this record
+    std::string fault = status.ok() ? "" : status.error().message;
+    if (header.kind == kChunk) {
+      RecordingEntry entry{offset, header.length, 0, 0, 0};
+      if (const auto info = status.ok() ? inspectChunk(content) : Result<ChunkInfo>(status.error());
+          info.ok()) {
+        entry.count = info->count;
+        entry.first_tick = info->first_tick;
+        entry.last_tick = info->last_tick;
+      } else {
+        fault = info.error().message;
+      }
+      if (!fault.empty()) fault = "chunk " + std::to_string(entries_.size()) + ": " + fault;
+      entries_.push_back(entry);
+    } else if (header.kind == kMetadata && status.ok() && entries_.empty()) {
+      metadata_.assign(textOf(content));
+    }
+    if (!fault.empty()) damages_.push_back({offset, length, fault});
+    offset += length;
+    if (fault.empty()) {
+      good_end = offset;
+      good_entries = entries_.size();
+      good_damages = damages_.size();
+    }
+  }
+  // what is unreadable up to the end is the mark of a cut, not of damage in the middle
+  entries_.resize(good_entries);
+  damages_.resize(good_damages);
+  tail_bytes_ = size_ - good_end;
+  return {};
+}
+
+Error RecordingReader::chunkError(std::size_t index, const std::string& why) const {
+  return {ErrorCode::kCorrupt, path_.string() + ": chunk " + std::to_string(index) + " at offset " +
+                                   std::to_string(entries_[index].offset) + ": " + why};
+}
+
+std::uint64_t RecordingReader::sampleCount() const {
+  std::uint64_t sum = 0;
+  for (const RecordingEntry& entry : entries_) sum += entry.count;
+  return sum;
+}
+
+Result<Bytes> RecordingReader::chunkBytes(std::size_t index) const {
+  if (index >= entries_.size())
+    return Error{ErrorCode::kInvalidInput, path_.string() + ": there is no chunk " + std::to_string(index) +
+                                               "; the recording has " + std::to_string(entries_.size())};
+  std::uint8_t kind = 0;
+  Bytes content;
+  const Status status = readRecord(entries_[index].offset, kind, content);
+  if (!status.ok()) return chunkError(index, status.error().message);
+  if (kind != kChunk || content.size() != entries_[index].bytes)
+    return chunkError(index, "another record stands there than the index says");
+  return content;
+}
+
+Result<std::vector<GestureSample>> RecordingReader::samples(std::size_t index) const {
+  auto chunk = chunkBytes(index);
+  if (!chunk.ok()) return chunk.error();
+  auto samples = decodeChunk(*chunk);
+  if (!samples.ok()) return chunkError(index, samples.error().message);
+  if (samples->size() != entries_[index].count)
+    return chunkError(index, "it has " + std::to_string(samples->size()) + " samples, the index says " +
+                                 std::to_string(entries_[index].count));
+  return samples;
+}
+
+Result<std::vector<GestureSample>> RecordingReader::allSamples() const {
+  std::vector<GestureSample> all;
+  for (std::size_t i = 0; i < entries_.size(); ++i) {
+    auto part = samples(i);
+    if (!part.ok()) return part.error();
+    all.insert(all.end(), part->begin(), part->end());
+  }
+  return all;
+}
+
+Status RecordingReader::verify() const {
+  SessionHash hash;
+  for (std::size_t i = 0; i < entries_.size(); ++i) {
+    const auto chunk = chunkBytes(i);
+    if (!chunk.ok()) return chunk.error();
+    if (const auto decoded = samples(i); !decoded.ok()) return decoded.error();
+    hash.update(*chunk);
+  }
+  if (!damages_.empty())
+    return Error{ErrorCode::kCorrupt, path_.string() + ": at offset " +
+                                          std::to_string(damages_.front().offset) + ": " +
+                                          damages_.front().what};
+  if (complete_ && hash.digest() != hash_)
+    return Error{ErrorCode::kCorrupt, path_.string() + ": the hash of its chunks is " + hexOf(hash.digest()) +
+                                          ", its index says " + hexOf(hash_)};
+  return {};
+}
+
+}  // namespace needlelab
