@@ -2,22 +2,20 @@
 /// `needlelab-admin --data DIR`.
 #pragma once
 
+#include <mutex>
 #include <optional>
 #include <string>
 
 #include "base/result.h"
+#include "db/audit_store.h"
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
+#include "db/session_store.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/session.pb.h"
+#include "service/principal.h"
 
 namespace needlelab {
-
-/// Who asks, after log-in.
-struct Principal {
-  std::string name;
-  pb::Role role = pb::ROLE_UNSPECIFIED;
-};
 
 /// What became of a request.
 struct Outcome {
@@ -29,17 +27,25 @@ struct Outcome {
     kNextExercise,    ///< request.next_exercise is allowed and its exercise exists: send it to the station,
                       ///< then answer
   };
-  pb::Reply reply;                     ///< with the request's id
-  std::optional<pb::Refusal> refusal;  ///< set: the request failed, `reply` holds only the id
+  pb::Reply reply;  ///< with the request's id
+  std::optional<Error>
+      error;  ///< set: the request was refused (wire/refusal.h translates), `reply` holds only the id
   ServerPart server_part = ServerPart::kNone;
 };
 
+/// What became of a station's wish to close a session.
+struct CloseOutcome {
+  Closed closed;
+  std::string score_json;   ///< when taken: the measures, stored; empty when there is nothing to measure
+  std::string score_fault;  ///< why there is no score; the session is closed nevertheless
+};
+
 /// Thread: every function is thread-safe and blocks (reads: milliseconds; writes: until the commit;
-/// passwords: about 0.1 s of argon2id and 64 MiB; backup and check: as long as the database is large). Call
-/// them on worker threads, never on the network's. Owns nothing: writer and readers must outlive it.
+/// passwords: about 0.1 s of argon2id and 64 MiB; backup, check, closing: as long as there is data to read).
+/// Call them on worker threads, never on the network's. Owns nothing: writer and readers must outlive it.
 class Service {
  public:
-  Service(DbWriter& writer, ReaderPool& readers);
+  Service(DbWriter& writer, ReaderPool& readers) : writer_(writer), readers_(readers) {}
 
   /// Checks the role (roles.h), executes, writes the audit log.
   Outcome execute(const Principal& principal, const pb::Request& request);
@@ -48,21 +54,30 @@ class Service {
   Result<Principal> loginPerson(const std::string& user, const std::string& password);
   /// Station key check. kDenied as above.
   Result<Principal> loginStation(const std::string& station, const std::string& key);
-  /// False when a person was disabled, or a station revoked, since its log-in: for tokens.
+  /// False when a person was disabled or changed its role, or a station was revoked, since its log-in: for
+  /// tokens.
   Result<bool> stillAllowed(const Principal& principal);
 
-  /// Measures of a session's gesture (DESIGN §11) as JSON rows, from the stored chunks and the profile it ran
-  /// with.
-  Result<std::string> scoreSession(Connection& reader, const std::string& session_id);
-  /// scoreSession(), then stores it. Returns the JSON.
-  Result<std::string> scoreAndStore(const std::string& session_id);
+  /// Hashes the stored chunks on a reader, closes on the writer, then scores and stores the score. Returns
+  /// after the commit.
+  Result<CloseOutcome> closeSession(const pb::CloseSession& request, const std::string& station);
+
+  /// Measures of a session's gesture (DESIGN §11) as JSON rows, from its stored chunks and the profile it ran
+  /// with. kInvalidInput: the profile text is not valid, or the gesture is longer than kMaxScoredSamples.
+  Result<std::string> scoreSession(Connection& reader, const Uuid& session);
+
+  /// Writes a line to the audit log, e.g. refused log-ins and chunks that contradict stored ones.
+  Status note(const std::string& who, const std::string& action, const std::string& subject,
+              const std::string& detail);
 
  private:
   DbWriter& writer_;
   ReaderPool& readers_;
+  std::mutex backup_mutex_;  ///< one backup at a time
 };
 
-/// The refusal that an error of the store becomes on the wire.
-pb::Refusal refusalOf(const Error& error);
+/// Longer gestures are stored and replayed, but not scored: 30 minutes at 1 kHz, some 400 MB while they are
+/// scored.
+inline constexpr std::uint64_t kMaxScoredSamples = 1'800'000;
 
 }  // namespace needlelab

@@ -1,0 +1,129 @@
+#include "service/bootstrap.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "base/clock.h"
+#include "db/meta_store.h"
+#include "db/migrate.h"
+#include "db/transaction.h"
+#include "service/lesson_texts.h"
+
+namespace needlelab {
+namespace {
+
+Error systemError(const std::filesystem::path& path, const std::string& what) {
+  return {ErrorCode::kFailed, path.string() + ": cannot " + what + ": " + std::strerror(errno)};
+}
+
+/// DIR, for its owner only when it is new.
+Status makeFolder(const std::filesystem::path& folder) {
+  std::error_code error;
+  if (std::filesystem::is_directory(folder, error)) return {};
+  if (const auto parent = folder.parent_path(); !parent.empty())
+    std::filesystem::create_directories(parent, error);
+  if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) return systemError(folder, "make this folder");
+  if (!std::filesystem::is_directory(folder, error))
+    return Error{ErrorCode::kInvalidInput, folder.string() + ": is no folder"};
+  return {};
+}
+
+/// The file itself, 0600, before SQLite sees it; the log beside it takes its permissions from it.
+Status makeDatabaseFile(const std::filesystem::path& path) {
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (fd < 0) {
+    if (errno == EEXIST) return {};
+    return systemError(path, "make the database");
+  }
+  ::close(fd);
+  return {};
+}
+
+/// What a new database begins with. In one transaction: a crash leaves all of it to the next start.
+Status furnish(Connection& connection) {
+  auto transaction = Transaction::begin(connection, Transaction::Kind::kWrite);
+  if (!transaction) return transaction.error();
+  MetaStore meta(connection);
+  const auto created = meta.get("created_unix_ns");
+  if (!created) return created.error();
+  if (!*created) {
+    const std::int64_t now = wallNowNs();
+    if (auto done = storeSamples(connection, now); !done) return done;
+    if (auto done = meta.set("created_unix_ns", std::to_string(now)); !done) return done;
+  }
+  const auto engine = meta.get("engine_version");
+  if (!engine) return engine.error();
+  if (*engine != std::string(NEEDLELAB_VERSION)) {
+    if (auto done = meta.set("engine_version", NEEDLELAB_VERSION); !done) return done;
+  }
+  return transaction->commit();
+}
+
+}  // namespace
+
+Result<FolderLock> FolderLock::take(const std::filesystem::path& folder, const std::string& holder) {
+  const auto path = folder / "lock";
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  if (fd < 0) return systemError(path, "open the lock file");
+  FolderLock lock(fd);
+  if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK) return systemError(path, "lock");
+    char text[128] = {};
+    const ssize_t count = ::pread(fd, text, sizeof(text) - 1, 0);
+    const std::string who =
+        count > 0 ? std::string(text, static_cast<std::size_t>(count)) : "another process";
+    const bool server = who.rfind("needlelab-server", 0) == 0;
+    return Error{ErrorCode::kUnavailable,
+                 (server ? "a server is running on " + folder.string() + " (" + who + "): use --server"
+                         : folder.string() + " is in use by " + who + ": try again when it is done")};
+  }
+  // for the message above only; the lock itself is the kernel's
+  const std::string text = holder + ", process " + std::to_string(::getpid());
+  if (::ftruncate(fd, 0) != 0 ||
+      ::pwrite(fd, text.data(), text.size(), 0) != static_cast<ssize_t>(text.size())) {
+    return systemError(path, "write");
+  }
+  return lock;
+}
+
+FolderLock::FolderLock(FolderLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+
+FolderLock::~FolderLock() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, const Options& options) {
+  const auto path = folder / "needlelab.db";
+  if (!options.create) {
+    std::error_code ignored;
+    if (!std::filesystem::exists(path, ignored)) {
+      return Error{ErrorCode::kNotFound,
+                   folder.string() +
+                       ": there is no needlelab.db here; start needlelab-server on it, or "
+                       "add the first user or station, to make one"};
+    }
+  }
+  if (auto done = makeFolder(folder); !done) return done.error();
+  auto lock = FolderLock::take(folder, options.holder);
+  if (!lock) return lock.error();
+  if (auto done = makeDatabaseFile(path); !done) return done.error();
+
+  auto connection = Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true});
+  if (!connection) return connection.error();
+  if (auto done = migrate(*connection); !done) return done.error();
+  if (auto done = furnish(*connection); !done) return done.error();
+
+  std::unique_ptr<Store> store(new Store(std::move(*lock)));
+  store->readers_ = std::make_unique<ReaderPool>(path);
+  store->writer_ = std::make_unique<DbWriter>(std::move(*connection), options.writer, options.on_fatal);
+  store->service_ = std::make_unique<Service>(*store->writer_, *store->readers_);
+  return store;
+}
+
+}  // namespace needlelab

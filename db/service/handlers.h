@@ -1,0 +1,70 @@
+/// One function a call. The role has been checked; what depends on whose data it is, is checked here.
+/// Private to this folder.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "base/result.h"
+#include "base/uuid.h"
+#include "db/connection.h"
+#include "db/db_writer.h"
+#include "needlelab/control.pb.h"
+#include "needlelab/live.pb.h"
+#include "service/principal.h"
+
+namespace needlelab::handlers {
+
+/// What a handler works with, for one request.
+struct Context {
+  const Principal& who;
+  DbWriter& writer;
+  Connection& reader;
+  std::int64_t now_unix_ns;
+  std::string_view action;  ///< for the audit log
+};
+
+/// Runs `work` on the writer with a line in the audit log, both or neither; returns after the commit.
+Status write(const Context& context, const std::string& subject, const std::string& detail,
+             const std::function<Status(Connection&)>& work);
+
+/// A session id from the network. kInvalidInput when it is none.
+Result<Uuid> sessionId(const std::string& bytes);
+
+// people and stations: people_handlers.cpp
+Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call);
+Result<pb::Reply> setPassword(const Context& context, const pb::SetPassword& call);
+Result<pb::Reply> disableUser(const Context& context, const pb::DisableUser& call);
+Result<pb::Reply> listUsers(const Context& context, const pb::ListUsers& call);
+Result<pb::Reply> addStation(const Context& context, const pb::AddStation& call);
+Result<pb::Reply> revokeStation(const Context& context, const pb::RevokeStation& call);
+Result<pb::Reply> listStations(const Context& context, const pb::ListStations& call);
+Result<pb::Reply> traineeMessage(const Context& context, const pb::TraineeMessage& call);
+Result<pb::Reply> nextExercise(const Context& context, const pb::NextExercise& call);
+
+// profiles, curricula, lessons: lesson_handlers.cpp
+Result<pb::Reply> importProfile(const Context& context, const pb::ImportProfile& call);
+Result<pb::Reply> getProfile(const Context& context, const pb::GetProfile& call);
+Result<pb::Reply> listProfiles(const Context& context, const pb::ListProfiles& call);
+Result<pb::Reply> importCurriculum(const Context& context, const pb::ImportCurriculum& call);
+Result<pb::Reply> getCurriculum(const Context& context, const pb::GetCurriculum& call);
+Result<pb::Reply> listCurricula(const Context& context, const pb::ListCurricula& call);
+Result<pb::Reply> assign(const Context& context, const pb::Assign& call);
+Result<pb::Reply> listAssignments(const Context& context, const pb::ListAssignments& call);
+Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call);
+
+// sessions and annotations: session_handlers.cpp
+Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& call);
+Result<pb::Reply> getSession(const Context& context, const pb::GetSession& call);
+Result<pb::Reply> readChunks(const Context& context, const pb::ReadChunks& call);
+Result<pb::Reply> verifySession(const Context& context, const pb::VerifySession& call);
+Result<pb::Reply> annotate(const Context& context, const pb::Annotate& call);
+Result<pb::Reply> listAnnotations(const Context& context, const pb::ListAnnotations& call);
+
+// the database itself: upkeep_handlers.cpp
+Result<pb::Reply> backup(const Context& context, const pb::Backup& call);
+Result<pb::Reply> check(const Context& context, const pb::Check& call);
+Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call);
+
+}  // namespace needlelab::handlers

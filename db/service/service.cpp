@@ -1,0 +1,164 @@
+#include "service/service.h"
+
+#include "base/clock.h"
+#include "db/password.h"
+#include "db/people_store.h"
+#include "db/station_store.h"
+#include "service/handlers.h"
+#include "service/roles.h"
+
+namespace needlelab {
+namespace {
+
+Result<pb::Reply> dispatch(const handlers::Context& context, const pb::Request& request) {
+  switch (request.call_case()) {
+    case pb::Request::kAddUser:
+      return handlers::addUser(context, request.add_user());
+    case pb::Request::kSetPassword:
+      return handlers::setPassword(context, request.set_password());
+    case pb::Request::kDisableUser:
+      return handlers::disableUser(context, request.disable_user());
+    case pb::Request::kListUsers:
+      return handlers::listUsers(context, request.list_users());
+    case pb::Request::kAddStation:
+      return handlers::addStation(context, request.add_station());
+    case pb::Request::kRevokeStation:
+      return handlers::revokeStation(context, request.revoke_station());
+    case pb::Request::kListStations:
+      return handlers::listStations(context, request.list_stations());
+    case pb::Request::kImportProfile:
+      return handlers::importProfile(context, request.import_profile());
+    case pb::Request::kGetProfile:
+      return handlers::getProfile(context, request.get_profile());
+    case pb::Request::kListProfiles:
+      return handlers::listProfiles(context, request.list_profiles());
+    case pb::Request::kImportCurriculum:
+      return handlers::importCurriculum(context, request.import_curriculum());
+    case pb::Request::kGetCurriculum:
+      return handlers::getCurriculum(context, request.get_curriculum());
+    case pb::Request::kListCurricula:
+      return handlers::listCurricula(context, request.list_curricula());
+    case pb::Request::kAssign:
+      return handlers::assign(context, request.assign());
+    case pb::Request::kListAssignments:
+      return handlers::listAssignments(context, request.list_assignments());
+    case pb::Request::kGetLesson:
+      return handlers::getLesson(context, request.get_lesson());
+    case pb::Request::kListSessions:
+      return handlers::listSessions(context, request.list_sessions());
+    case pb::Request::kGetSession:
+      return handlers::getSession(context, request.get_session());
+    case pb::Request::kReadChunks:
+      return handlers::readChunks(context, request.read_chunks());
+    case pb::Request::kVerifySession:
+      return handlers::verifySession(context, request.verify_session());
+    case pb::Request::kAnnotate:
+      return handlers::annotate(context, request.annotate());
+    case pb::Request::kListAnnotations:
+      return handlers::listAnnotations(context, request.list_annotations());
+    case pb::Request::kBackup:
+      return handlers::backup(context, request.backup());
+    case pb::Request::kCheck:
+      return handlers::check(context, request.check());
+    case pb::Request::kListAudit:
+      return handlers::listAudit(context, request.list_audit());
+    case pb::Request::kTraineeMessage:
+      return handlers::traineeMessage(context, request.trainee_message());
+    case pb::Request::kNextExercise:
+      return handlers::nextExercise(context, request.next_exercise());
+    case pb::Request::CALL_NOT_SET:
+      break;
+  }
+  return Error{ErrorCode::kInvalidInput, "the request holds no call"};
+}
+
+Outcome::ServerPart serverPartOf(pb::Request::CallCase call) {
+  switch (call) {
+    case pb::Request::kListStations:
+      return Outcome::ServerPart::kFillStations;
+    case pb::Request::kTraineeMessage:
+      return Outcome::ServerPart::kDeliverMessage;
+    case pb::Request::kNextExercise:
+      return Outcome::ServerPart::kNextExercise;
+    default:
+      return Outcome::ServerPart::kNone;
+  }
+}
+
+/// One text for every reason, so that names cannot be tried out.
+Error loginRefused() {
+  return {ErrorCode::kDenied, "name or password (for a station: key) is wrong, or access was withdrawn"};
+}
+
+}  // namespace
+
+Outcome Service::execute(const Principal& principal, const pb::Request& request) {
+  const auto run = [&]() -> Result<pb::Reply> {
+    if (auto allowed = checkRole(principal, request.call_case()); !allowed) return allowed.error();
+    std::unique_lock<std::mutex> one_backup;
+    if (request.call_case() == pb::Request::kBackup) {
+      one_backup = std::unique_lock(backup_mutex_, std::try_to_lock);
+      if (!one_backup)
+        return Error{ErrorCode::kUnavailable, "another backup is under way: try again when it is done"};
+    }
+    auto reader = readers_.borrow();
+    if (!reader) return reader.error();
+    return dispatch({principal, writer_, **reader, wallNowNs(), callName(request.call_case())}, request);
+  };
+  Outcome outcome;
+  auto reply = run();
+  if (reply) {
+    outcome.reply = std::move(*reply);
+    outcome.server_part = serverPartOf(request.call_case());
+  } else {
+    outcome.error = reply.error();
+  }
+  outcome.reply.set_id(request.id());
+  return outcome;
+}
+
+Result<Principal> Service::loginPerson(const std::string& user, const std::string& password) {
+  std::optional<Person> person;
+  {
+    auto reader = readers_.borrow();
+    if (!reader) return reader.error();
+    auto found = PeopleStore(**reader).find(user);
+    if (!found) return found.error();
+    person = std::move(*found);
+  }
+  // for unknown names, too: it takes the same time
+  const bool right = verifyPassword(person ? person->password_hash : std::string(), password);
+  if (!right || !person || person->disabled) return loginRefused();
+  return Principal{person->name, person->role};
+}
+
+Result<Principal> Service::loginStation(const std::string& station, const std::string& key) {
+  auto reader = readers_.borrow();
+  if (!reader) return reader.error();
+  const auto right = StationStore(**reader).checkKey(station, key);
+  if (!right) return right.error();
+  if (!*right) return loginRefused();
+  return Principal{station, pb::STATION};
+}
+
+Result<bool> Service::stillAllowed(const Principal& principal) {
+  auto reader = readers_.borrow();
+  if (!reader) return reader.error();
+  if (principal.role == pb::STATION) {
+    const auto station = StationStore(**reader).find(principal.name);
+    if (!station) return station.error();
+    return *station && !(*station)->revoked;
+  }
+  const auto person = PeopleStore(**reader).find(principal.name);
+  if (!person) return person.error();
+  return *person && !(*person)->disabled && (*person)->role == principal.role;
+}
+
+Status Service::note(const std::string& who, const std::string& action, const std::string& subject,
+                     const std::string& detail) {
+  return writer_.run([&](Connection& writer) {
+    return AuditStore(writer).add({0, wallNowNs(), who, action, subject, detail});
+  });
+}
+
+}  // namespace needlelab

@@ -1,0 +1,67 @@
+#include "db/audit_store.h"
+#include "db/backup.h"
+#include "db/check.h"
+#include "service/handlers.h"
+
+namespace needlelab::handlers {
+
+Status write(const Context& context, const std::string& subject, const std::string& detail,
+             const std::function<Status(Connection&)>& work) {
+  return context.writer.run([&](Connection& writer) {
+    if (auto done = work(writer); !done) return done;
+    return AuditStore(writer).add(
+        {0, context.now_unix_ns, context.who.name, std::string(context.action), subject, detail});
+  });
+}
+
+Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
+  const std::filesystem::path target = call.path();
+  const auto result = backupTo(context.reader, target);
+  if (!result) return result.error();
+  const auto status =
+      write(context, call.path(),
+            std::to_string(result->bytes) + " bytes, " + std::to_string(result->chunks_verified) + " chunks",
+            [&](Connection& writer) { return recordBackup(writer, *result, target, context.now_unix_ns); });
+  if (!status) return status.error();
+  pb::Reply reply;
+  auto* done = reply.mutable_backup_done();
+  done->set_path(call.path());
+  done->set_bytes(result->bytes);
+  done->set_chunks_verified(result->chunks_verified);
+  return reply;
+}
+
+Result<pb::Reply> check(const Context& context, const pb::Check&) {
+  const auto result = checkDatabase(context.reader);
+  if (!result) return result.error();
+  pb::Reply reply;
+  auto* report = reply.mutable_check_report();
+  report->set_ok(result->ok());
+  report->set_sessions(result->sessions);
+  report->set_chunks(result->chunks);
+  for (const std::string& fault : result->faults) report->add_faults(fault);
+  return reply;
+}
+
+Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call) {
+  constexpr std::size_t kMaxReplyBytes = (1u << 20) - 4096;
+  const auto entries = AuditStore(context.reader).list(call.limit());
+  if (!entries) return entries.error();
+  pb::Reply reply;
+  auto* list = reply.mutable_audit();
+  std::size_t bytes = 0;
+  for (const AuditRow& row : *entries) {
+    bytes += row.who.size() + row.action.size() + row.subject.size() + row.detail.size() + 64;
+    if (bytes > kMaxReplyBytes) break;
+    auto* entry = list->add_entries();
+    entry->set_id(row.id);
+    entry->set_unix_ns(row.unix_ns);
+    entry->set_who(row.who);
+    entry->set_action(row.action);
+    entry->set_subject(row.subject);
+    entry->set_detail(row.detail);
+  }
+  return reply;
+}
+
+}  // namespace needlelab::handlers
