@@ -253,7 +253,8 @@ bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec
     }
     angle = low;
     ++in.cone_bound_ticks;
-    if (angle < 1e-9) undecided_ |= kFlagTurn;  // no room left on the cone, to within the bisection
+    if (angle < 1e-7)
+      undecided_ |= kFlagTurn;  // next to no room left; along the cone rounding counts by its root
   }
   if (!(angle > 0)) return false;
 
@@ -423,9 +424,10 @@ void ReferenceEngine::puncture(const Insertion& in, const Geometry& g, StepRepor
 }
 
 // §3.4: θ_l ← max(α(d_t), min(θ_l, θ)); torque min(k_θ (θ − θ_l), τ_max) about the unit vector of axis × u
-void ReferenceEngine::tilt(Insertion& in, const Geometry& g, Vec3 axis, StepReport& out) const {
+void ReferenceEngine::tilt(Insertion& in, const Geometry& g, Vec3 axis, StepReport& out) {
   const double theta = angleBetween(axis, in.u);
   in.tilt_limit = std::max(cone(g.d_t), std::min(in.tilt_limit, theta));
+  if (std::abs(theta - in.tilt_limit) < undecidedBelow(in)) undecided_ |= kFlagTorque;
   if (!live(Effect::kOrientationLimit) || !(theta > in.tilt_limit)) return;
   const Vec3 about = cross(axis, in.u);
   if (norm(about) < 1e-9) return;

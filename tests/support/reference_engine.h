@@ -26,8 +26,8 @@ class ReferenceEngine {
   /// θ_l, while inside.
   [[nodiscard]] std::optional<double> tiltLimit() const;
   /// The flags of the last tick that hung on a comparison decided by rounding (k(|e| − ρ) against f_max, for
-  /// the turn and for the cap; room left on the cone): another rounding of the same numbers may set them
-  /// otherwise, with the same forces.
+  /// the turn and for the cap; room left on the cone; θ against θ_l): another rounding of the same numbers
+  /// may set them otherwise, with the same forces.
   [[nodiscard]] std::uint32_t undecidedFlags() const { return undecided_; }
   /// Ticks of this insertion whose turn the cone held back: DESIGN §3.3 lets each of them be off by 1e-12
   /// rad.
@@ -90,7 +90,7 @@ class ReferenceEngine {
   void axial(Insertion& in, const Geometry& g, double x_c, double v, StepReport& out) const;
   void friction(Insertion& in, const Geometry& g, double x_c, StepReport& out) const;
   void puncture(const Insertion& in, const Geometry& g, StepReport& out) const;
-  void tilt(Insertion& in, const Geometry& g, Vec3 axis, StepReport& out) const;
+  void tilt(Insertion& in, const Geometry& g, Vec3 axis, StepReport& out);
 
   SceneSpec scene_;
   double rate_hz_, period_s_;
