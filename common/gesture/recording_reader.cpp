@@ -101,8 +101,7 @@ Status RecordingReader::readRecord(std::uint64_t offset, std::uint8_t& kind, Byt
 }
 
 Status RecordingReader::checkStart() {
-  Bytes expected, start;
-  putStart(expected);
+  Bytes start;
   if (Status status = readAt(0, std::min<std::uint64_t>(size_, kStartBytes), start); !status.ok())
     return status;
   if (!std::equal(start.begin(),
@@ -159,7 +158,8 @@ bool RecordingReader::openByIndex() {
     free_from = entry.offset + length;
   }
   const ByteView digest = index.take(hash_.size());
-  std::copy(digest.begin(), digest.end(), hash_.begin());
+  if (!index.ok()) return false;
+  std::memcpy(hash_.data(), digest.data(), hash_.size());
 
   Bytes text;
   const Status metadata = readRecord(kStartBytes, kind, text);

@@ -1,0 +1,87 @@
+/// What a second of gesture costs to encode and decode (DESIGN §12: at most 100 and 50 ns a sample).
+/// Items are samples: `items_per_second` is their rate, 1e9 divided by it the time of one.
+#include <benchmark/benchmark.h>
+
+#include "../unit/gesture/gesture_samples.h"
+#include "../unit/gesture/recorded_gestures.h"
+#include "base/crc32c.h"
+#include "gesture/chunk.h"
+#include "gesture/session_hash.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::size_t kChunkSamples = 1000;
+
+// the recordings when they are there, else a made-up gesture; cut into chunks of one second
+const std::vector<std::vector<GestureSample>>& chunksOfSamples() {
+  static const auto chunks = [] {
+    std::vector<std::vector<GestureSample>> parts;
+    const auto cut = [&](const std::vector<GestureSample>& samples) {
+      for (std::size_t at = 0; at + kChunkSamples <= samples.size(); at += kChunkSamples)
+        parts.emplace_back(samples.begin() + static_cast<std::ptrdiff_t>(at),
+                           samples.begin() + static_cast<std::ptrdiff_t>(at + kChunkSamples));
+    };
+    for (const auto& gesture : testing::recordedGestures()) cut(gesture.samples);
+    if (parts.empty()) cut(testing::smoothGesture(40 * kChunkSamples));
+    return parts;
+  }();
+  return chunks;
+}
+
+void finish(benchmark::State& state, std::size_t bytes) {
+  const auto samples = state.iterations() * static_cast<std::int64_t>(kChunkSamples);
+  state.SetItemsProcessed(samples);
+  state.counters["time_per_sample"] = benchmark::Counter(
+      static_cast<double>(samples), benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+  state.counters["bytes_per_sample"] = static_cast<double>(bytes) / static_cast<double>(samples);
+}
+
+void encode(benchmark::State& state, const Resolution& resolution) {
+  std::size_t next = 0, bytes = 0;
+  for (auto _ : state) {
+    const Bytes chunk = encodeChunk(resolution, chunksOfSamples()[next++ % chunksOfSamples().size()]);
+    bytes += chunk.size();
+    benchmark::DoNotOptimize(chunk.data());
+  }
+  finish(state, bytes);
+}
+
+void decode(benchmark::State& state, const Resolution& resolution) {
+  std::vector<Bytes> chunks;
+  for (const auto& samples : chunksOfSamples()) chunks.push_back(encodeChunk(resolution, samples));
+  std::size_t next = 0, bytes = 0;
+  for (auto _ : state) {
+    const Bytes& chunk = chunks[next++ % chunks.size()];
+    const auto samples = decodeChunk(chunk);
+    bytes += chunk.size();
+    benchmark::DoNotOptimize(samples.value().data());
+  }
+  finish(state, bytes);
+}
+
+void inspect(benchmark::State& state) {
+  const Bytes chunk = encodeChunk(Resolution::standard(), chunksOfSamples().front());
+  for (auto _ : state) benchmark::DoNotOptimize(inspectChunk(chunk).ok());
+  finish(state, 0);
+}
+
+void hash(benchmark::State& state) {
+  const Bytes chunk = encodeChunk(Resolution::standard(), chunksOfSamples().front());
+  SessionHash session;
+  for (auto _ : state) session.update(chunk);
+  benchmark::DoNotOptimize(session.digest());
+  finish(state, 0);
+}
+
+BENCHMARK_CAPTURE(encode, standard, Resolution::standard());
+BENCHMARK_CAPTURE(decode, standard, Resolution::standard());
+BENCHMARK_CAPTURE(encode, lossless, Resolution::lossless());
+BENCHMARK_CAPTURE(decode, lossless, Resolution::lossless());
+BENCHMARK(inspect);
+BENCHMARK(hash);
+
+}  // namespace
+}  // namespace needlelab
+
+BENCHMARK_MAIN();
