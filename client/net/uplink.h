@@ -1,0 +1,137 @@
+/// The station's link to the server: uploads what the spool holds, shows what is live, and never holds
+/// anybody up.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "base/result.h"
+#include "net/client.h"
+#include "net/spool.h"
+#include "net/spool_writer.h"
+#include "net/uplink_clock.h"
+#include "net/uplink_session.h"
+
+namespace needlelab {
+
+struct UplinkConfig {
+  ClientConfig client;
+  std::size_t window_chunks = 64;  ///< in flight, over all sessions (DESIGN §7)
+  std::chrono::milliseconds first_retry{200}, most_retry{10'000};
+};
+
+/// What the uplink tells its program. All run on the uplink's thread and must not block.
+struct UplinkEvents {
+  std::function<void(const std::string&)> say;  ///< for a person: connected, lost, refused, …
+  std::function<void(const pb::TraineeMessage&)> trainee_message;  ///< an instructor speaks
+  std::function<void(const pb::NextExercise&)> next_exercise;      ///< an instructor chose
+};
+
+/// How it stands.
+struct UplinkState {
+  bool connected = false;
+  bool denied = false;                  ///< the server refused the log-in, its certificate or our version
+  std::string error;                    ///< the last connection's end or failure, in words
+  std::uint64_t connections = 0;        ///< made so far
+  std::uint64_t chunks_left = 0;        ///< in the spool and not acknowledged, over all sessions
+  std::uint64_t sessions_open = 0;      ///< that the server has neither closed nor refused
+  std::uint64_t current_committed = 0;  ///< chunks of the current session that the server has
+  std::optional<pb::SessionClosed> current_verdict;
+  std::string current_trouble;     ///< why the server refuses the current session
+  std::uint64_t live_frames = 0;   ///< sent
+  std::uint64_t live_dropped = 0;  ///< here, because the network was slow
+  std::optional<ClockProbe::Estimate> clock;
+};
+
+/// Thread: all public functions from any thread but its own; none of them waits for the network unless it
+/// says so.
+class Uplink {
+ public:
+  /// Starts the thread, which connects at once and again whenever the connection is lost (jittered back-off).
+  Uplink(UplinkConfig config, UplinkEvents events);
+  ~Uplink();
+  Uplink(const Uplink&) = delete;
+  Uplink& operator=(const Uplink&) = delete;
+
+  /// A session of the spool to be uploaded. The `current` one goes first, and its samples are the live ones.
+  void add(std::shared_ptr<SpoolSession> session, bool current);
+  /// The spool has more of some session, or it has ended.
+  void wake();
+  /// The newest samples of the current session: a live frame when somebody watches, and the status line.
+  void offer(const SamplePiece& piece);
+  void noteMissedTicks(std::uint64_t missed) { missed_ticks_.store(missed, std::memory_order_relaxed); }
+
+  /// Asks the server for a lesson; waits up to `patience`, through reconnections. Errors: kUnavailable (no
+  /// server in time), kDenied, kVersion, kNotFound, kInvalidInput as the server says.
+  Result<pb::Lesson> getLesson(const std::string& exercise_id, const std::string& trainee,
+                               std::chrono::milliseconds patience);
+  /// Waits until the server has closed (or refused) every session, or refuses us. False when `patience`
+  /// passed before.
+  bool waitUntilDone(std::chrono::milliseconds patience);
+  /// Says goodbye, saves receipts, joins. May be called twice.
+  void stop();
+
+  [[nodiscard]] UplinkState state() const;
+
+ private:
+  struct LessonCall;
+  Task<> run();
+  Task<> serve(ClientConnection connection);
+  Task<> keepTime();
+  void handle(const pb::Envelope& envelope);
+  void handleRefusal(const pb::Envelope& envelope);
+  void pump();
+  void pumpLive();
+  void sendStatus();
+  void sendProbe();
+  void sendClockOffset();
+  void takeAdded();
+  void publish();
+  UplinkSession* find(const std::string& session_id);
+  void say(const std::string& text) const;
+
+  // the uplink's own thread
+  UplinkConfig config_;
+  UplinkEvents events_;
+  asio::io_context io_{1};
+  asio::steady_timer retry_timer_{io_};
+  std::shared_ptr<Channel> channel_;                      // while connected
+  std::vector<std::unique_ptr<UplinkSession>> sessions_;  // in the order in which they are served
+  UplinkSession* current_ = nullptr;
+  ClockProbe clock_;
+  std::int64_t clock_sent_ns_ = 0;  // round trip of the estimate that the server was told
+  std::uint64_t probes_ = 0, frame_seq_ = 0;
+  std::uint64_t request_ = 0;
+  bool stopping_ = false;
+  std::string said_;
+
+  mutable std::mutex mutex_;  // guards all that follows
+  std::condition_variable changed_;
+  UplinkState state_;
+  std::vector<std::pair<std::shared_ptr<SpoolSession>, bool>> added_;
+  struct Live {
+    SamplePiece piece;
+    std::int64_t capture_unix_ns = 0;
+  };
+  std::deque<Live> live_;
+  std::uint64_t live_skipped_ = 0;     // dropped since the last frame that was taken
+  std::optional<SamplePiece> newest_;  // for the status line
+  std::uint32_t flags_since_status_ = 0;
+  std::shared_ptr<LessonCall> lesson_;
+
+  std::atomic<bool> watched_{false};
+  std::atomic<std::uint64_t> missed_ticks_{0};
+  std::thread thread_;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,145 @@
+#include "net/uplink_session.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/clock.h"
+#include "wire/refusal.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::int64_t kReceiptEvery_ns = 2'000'000'000;
+// demands to go back without an ack in between: then something is wrong that sending again does not mend
+constexpr std::uint32_t kMostReopened = 20;
+
+}  // namespace
+
+UplinkSession::UplinkSession(std::shared_ptr<SpoolSession> spool) : spool_(std::move(spool)) {
+  const SpoolReceipt receipt = spool_->receipt();
+  committed_ = sent_ = receipt.committed;
+  safe_ = receipt.safe;
+  if (receipt.closed) state_ = State::kClosed;
+}
+
+std::optional<pb::Envelope> UplinkSession::next(bool may_send_chunk) {
+  if (state_ == State::kNew) {
+    state_ = State::kOpening;
+    pb::Envelope envelope;
+    *envelope.mutable_open_session()->mutable_description() = spool_->description();
+    return envelope;
+  }
+  if (state_ != State::kOpen) return std::nullopt;
+  const SpoolContents contents = spool_->contents();
+  if (sent_ < contents.chunks) return may_send_chunk ? nextChunk() : std::nullopt;
+  if (!contents.ended || committed_ < contents.chunks) return std::nullopt;
+  state_ = State::kClosing;
+  return closeMessage(contents);
+}
+
+std::optional<pb::Envelope> UplinkSession::nextChunk() {
+  auto data = spool_->readChunk(sent_);
+  if (!data.ok()) {
+    refuse("chunk " + std::to_string(sent_) + " cannot be read from the spool: " + data.error().message);
+    return std::nullopt;
+  }
+  pb::Envelope envelope;
+  pb::Chunk& chunk = *envelope.mutable_chunk();
+  chunk.set_session_id(spool_->description().session_id());
+  chunk.set_seq(sent_++);
+  chunk.set_data(data->data(), data->size());
+  return envelope;
+}
+
+pb::Envelope UplinkSession::closeMessage(const SpoolContents& contents) const {
+  pb::Envelope envelope;
+  pb::CloseSession& close = *envelope.mutable_close_session();
+  close.set_session_id(spool_->description().session_id());
+  close.set_chunks(contents.chunks);
+  close.set_samples(contents.samples);
+  close.set_hash(contents.hash.data(), contents.hash.size());
+  close.set_interrupted(contents.interrupted);
+  return envelope;
+}
+
+void UplinkSession::onOpened(std::uint64_t next_seq) {
+  if (state_ != State::kOpening) return;
+  const SpoolContents contents = spool_->contents();
+  if (next_seq > contents.chunks) {
+    refuse("the server has " + std::to_string(next_seq) + " chunks of it, the spool only " +
+           std::to_string(contents.chunks) + "; the folder " + spool_->folder().string() + " stays as it is");
+    return;
+  }
+  // the database's word counts: after a restored backup it may have less than it once acknowledged
+  committed_ = sent_ = next_seq;
+  state_ = State::kOpen;
+}
+
+void UplinkSession::onAck(const pb::Ack& ack) {
+  if (finished()) return;
+  const std::uint64_t committed = std::min(ack.committed_seqs(), spool_->contents().chunks);
+  if (committed > committed_) reopened_ = 0;
+  committed_ = std::max(committed_, committed);
+  safe_ = std::max(safe_, std::min(ack.safe_seqs(), committed_));
+  sent_ = std::max(sent_, committed_);
+}
+
+void UplinkSession::onClosed(const pb::SessionClosed& closed) {
+  verdict_ = closed;
+  state_ = State::kClosed;
+  committed_ = sent_ = spool_->contents().chunks;
+  saveReceipt(steadyNowNs(), true);
+}
+
+void UplinkSession::onRefusal(const pb::Refusal& refusal) {
+  if (finished()) return;
+  switch (refusal.reason()) {
+    case pb::Refusal::GAP:
+    case pb::Refusal::UNKNOWN_SESSION:
+      // Ask where it stands and go on from there. Every chunk that is still in flight is refused as well;
+      // those answers come before the one to our question, and are passed over.
+      if (state_ == State::kNew || state_ == State::kOpening) return;
+      if (++reopened_ > kMostReopened)
+        return refuse("the server asked " + std::to_string(kMostReopened) +
+                      " times to go back and acknowledged nothing in between: " + refusal.text());
+      state_ = State::kNew;
+      sent_ = committed_;
+      return;
+    case pb::Refusal::CONTRADICTION:
+    case pb::Refusal::INVALID:
+    case pb::Refusal::ROLE:
+    case pb::Refusal::TOO_LARGE:
+    case pb::Refusal::CONFLICT:
+    case pb::Refusal::NOT_FOUND:
+      return refuse("the server refuses it (" + reasonName(refusal.reason()) + "): " + refusal.text());
+    default:
+      return;  // of the moment: the connection ends, or the next ack comes
+  }
+}
+
+void UplinkSession::refuse(std::string why) {
+  state_ = State::kRefused;
+  trouble_ = std::move(why);
+}
+
+void UplinkSession::onConnectionLost() {
+  if (finished()) return;
+  state_ = State::kNew;
+  sent_ = committed_;
+}
+
+void UplinkSession::saveReceipt(std::int64_t now_steady_ns, bool now) {
+  if (!now && now_steady_ns - saved_ns_ < kReceiptEvery_ns) return;
+  saved_ns_ = now_steady_ns;
+  SpoolReceipt receipt = spool_->receipt();
+  receipt.committed = committed_;
+  receipt.safe = safe_;
+  if (closed() && !receipt.closed) {
+    receipt.closed = true;
+    receipt.closed_unix_ns = wallNowNs();
+  }
+  // a receipt that could not be written costs a question to the server at the next start
+  static_cast<void>(spool_->setReceipt(receipt));
+}
+
+}  // namespace needlelab

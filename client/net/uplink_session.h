@@ -1,0 +1,64 @@
+/// One session on its way from the spool to the server: what to send next, and what the server's answers
+/// mean.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "needlelab/envelope.pb.h"
+#include "net/spool.h"
+
+namespace needlelab {
+
+/// States of a connection: not opened → opening → open → closing → closed; or refused, for good in this run.
+/// No network in here: the uplink asks for messages and tells of answers. Thread: one.
+class UplinkSession {
+ public:
+  explicit UplinkSession(std::shared_ptr<SpoolSession> spool);
+
+  /// The next message to send now, if any: OpenSession, Chunk, CloseSession. `may_send_chunk`: the window has
+  /// room.
+  std::optional<pb::Envelope> next(bool may_send_chunk);
+
+  void onOpened(std::uint64_t next_seq);
+  void onAck(const pb::Ack& ack);
+  void onClosed(const pb::SessionClosed& closed);
+  void onRefusal(const pb::Refusal& refusal);
+  /// The connection is gone: whatever was not acknowledged is sent again.
+  void onConnectionLost();
+  /// Writes what the server has to the spool, at most every 2 s unless `now`.
+  void saveReceipt(std::int64_t now_steady_ns, bool now);
+
+  [[nodiscard]] const std::shared_ptr<SpoolSession>& spool() const { return spool_; }
+  [[nodiscard]] std::uint64_t inFlight() const { return sent_ > committed_ ? sent_ - committed_ : 0; }
+  [[nodiscard]] std::uint64_t committed() const { return committed_; }
+  [[nodiscard]] bool opened() const { return state_ == State::kOpen || state_ == State::kClosing; }
+  [[nodiscard]] bool closed() const { return state_ == State::kClosed; }
+  [[nodiscard]] bool refused() const { return state_ == State::kRefused; }
+  /// Nothing more can be done for it in this run.
+  [[nodiscard]] bool finished() const { return closed() || refused(); }
+  /// Why the server refused it, for a person.
+  [[nodiscard]] const std::string& trouble() const { return trouble_; }
+  /// The server's verdict and score, once closed.
+  [[nodiscard]] const pb::SessionClosed& verdict() const { return verdict_; }
+
+ private:
+  enum class State { kNew, kOpening, kOpen, kClosing, kClosed, kRefused };
+  void refuse(std::string why);
+  std::optional<pb::Envelope> nextChunk();
+  [[nodiscard]] pb::Envelope closeMessage(const SpoolContents& contents) const;
+
+  std::shared_ptr<SpoolSession> spool_;
+  State state_ = State::kNew;
+  std::uint64_t sent_ = 0;       // chunks 0 … sent−1 were sent on this connection, or are committed
+  std::uint64_t committed_ = 0;  // by the server's word
+  std::uint64_t safe_ = 0;
+  std::uint32_t reopened_ = 0;  // on the server's demand, since the last ack that brought something
+  std::int64_t saved_ns_ = 0;
+  std::string trouble_;
+  pb::SessionClosed verdict_;
+};
+
+}  // namespace needlelab
