@@ -1,0 +1,148 @@
+#include "db/connection.h"
+
+#include <fstream>
+
+#include "test_db.h"
+
+namespace needlelab {
+namespace {
+
+std::string pragma(Connection& connection, const std::string& name) {
+  auto row = connection.prepare("PRAGMA " + name);
+  EXPECT_TRUE(*row.step());
+  return row.text(0);
+}
+
+TEST(Connection, hasTheSettingsOfTheDesign) {
+  test::TestDb db;
+  auto reader = db.reader();
+  for (Connection* connection : {&db.writer, &reader}) {
+    EXPECT_EQ(pragma(*connection, "journal_mode"), "wal");
+    EXPECT_EQ(pragma(*connection, "synchronous"), "2");
+    EXPECT_EQ(pragma(*connection, "foreign_keys"), "1");
+    EXPECT_EQ(pragma(*connection, "wal_autocheckpoint"), "0");
+    EXPECT_EQ(pragma(*connection, "busy_timeout"), "5000");
+  }
+  EXPECT_EQ(pragma(db.writer, "query_only"), "0");
+  EXPECT_EQ(pragma(reader, "query_only"), "1");
+}
+
+TEST(Connection, aReaderCannotWrite) {
+  test::TestDb db;
+  auto reader = db.reader();
+  EXPECT_FALSE(reader.run("DELETE FROM stations").ok());
+  EXPECT_FALSE(reader.script("CREATE TABLE t (a)").ok());
+}
+
+TEST(Connection, nobodyButTheWriterMovesTheLogIntoTheDatabase) {
+  test::TestDb db;
+  ASSERT_OK(db.writer.checkpointPassive());
+  const auto size = std::filesystem::file_size(db.path);
+  // far more than SQLite's own limit of 1,000 pages
+  ASSERT_OK(db.writer.script("BEGIN"));
+  for (int i = 0; i < 2'000; ++i) {
+    ASSERT_OK(db.writer.run("INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (1,'','','',?)",
+                            std::string(4'000, 'x')));
+  }
+  ASSERT_OK(db.writer.script("COMMIT"));
+  { auto reader = db.reader(); }
+  {
+    Connection closing = std::move(db.writer);  // the last connection, closed
+  }
+  EXPECT_EQ(std::filesystem::file_size(db.path), size);
+  EXPECT_GT(std::filesystem::file_size(db.path.string() + "-wal"), 8'000'000u);
+
+  auto writer = test::TestDb::must(Connection::open(db.path, {.mode = Connection::Mode::kWriter}));
+  ASSERT_OK(writer.checkpointPassive());
+  EXPECT_GT(std::filesystem::file_size(db.path), 8'000'000u);
+}
+
+TEST(Connection, aMissingDatabaseIsNamed) {
+  const test::TempFolder folder;
+  const auto missing = Connection::open(folder.path() / "none.db", {});
+  ASSERT_FALSE(missing.ok());
+  EXPECT_EQ(missing.error().code, ErrorCode::kNotFound);
+  EXPECT_NE(missing.error().message.find("none.db"), std::string::npos);
+}
+
+TEST(Connection, aFileThatIsNoDatabaseIsCorrupt) {
+  const test::TempFolder folder;
+  const auto path = folder.write("text.db", std::string(5'000, 'x'));
+  const auto refused = Connection::open(path, {.mode = Connection::Mode::kWriter});
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kCorrupt);
+}
+
+TEST(Connection, constraintsAreEnforced) {
+  test::TestDb db;
+  const auto twice = db.writer.run(
+      "INSERT INTO stations (name, key_hash, created_unix_ns) VALUES ('station-1', zeroblob(32), 1)");
+  ASSERT_FALSE(twice.ok());
+  EXPECT_EQ(twice.error().code, ErrorCode::kAlreadyExists);
+  const auto orphan =
+      db.writer.run("INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (7, 0, 1, 1, x'00')");
+  ASSERT_FALSE(orphan.ok());
+  EXPECT_EQ(orphan.error().code, ErrorCode::kNotFound);
+  const auto not_strict =
+      db.writer.run("INSERT INTO stations (name, key_hash, created_unix_ns) VALUES ('x', zeroblob(32), 'y')");
+  ASSERT_FALSE(not_strict.ok());
+  EXPECT_EQ(not_strict.error().code, ErrorCode::kInvalidInput);
+  EXPECT_FALSE(db.writer.damaged());
+}
+
+TEST(Statement, bindsAndReadsEveryKindOfValue) {
+  test::TestDb db;
+  const Bytes bytes = {0, 1, 0, 255};
+  const std::string text("a\0b", 3);
+  auto row = db.writer.query("SELECT ?, ?, ?, ?, ?, ?, ?, ?", INT64_MIN, 0.1, text, ByteView(bytes),
+                             std::optional<std::string>(), std::string_view(), ByteView(), true);
+  ASSERT_TRUE(*row.step());
+  EXPECT_EQ(row.integer(0), INT64_MIN);
+  EXPECT_EQ(row.natural(0), 0u);
+  EXPECT_EQ(row.real(1), 0.1);
+  EXPECT_EQ(row.text(2), text);
+  EXPECT_EQ(Bytes(row.bytes(3).begin(), row.bytes(3).end()), bytes);
+  EXPECT_TRUE(row.isNull(4));
+  EXPECT_FALSE(row.isNull(5));
+  EXPECT_FALSE(row.isNull(6));
+  EXPECT_EQ(row.integer(7), 1);
+  EXPECT_FALSE(*row.step());
+}
+
+TEST(Statement, failuresToPrepareAndBindComeOutOfStep) {
+  test::TestDb db;
+  auto nonsense = db.writer.query("SELEKT ?", 1);
+  EXPECT_FALSE(nonsense.step().ok());
+  auto too_many = db.writer.query("SELECT ?", 1, 2);
+  EXPECT_FALSE(too_many.step().ok());
+  auto too_big = db.writer.query("SELECT ?", UINT64_MAX);
+  const auto refused = too_big.step();
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+}
+
+TEST(Statement, theSameTextMayBeInUseTwiceAtOnce) {
+  test::TestDb db;
+  const std::string sql = "SELECT column1 FROM (VALUES (1), (2)) WHERE column1 >= ?";
+  auto outer = db.writer.query(sql, 1);
+  ASSERT_TRUE(*outer.step());
+  {
+    auto inner = db.writer.query(sql, 2);
+    ASSERT_TRUE(*inner.step());
+    EXPECT_EQ(inner.integer(0), 2);
+  }
+  EXPECT_EQ(outer.integer(0), 1);
+  ASSERT_TRUE(*outer.step());
+  EXPECT_EQ(outer.integer(0), 2);
+}
+
+TEST(Statement, valuesOfAnEarlierUseAreForgotten) {
+  test::TestDb db;
+  { ASSERT_TRUE(*db.writer.query("SELECT ?", "secret").step()); }
+  auto row = db.writer.prepare("SELECT ?");
+  ASSERT_TRUE(*row.step());
+  EXPECT_TRUE(row.isNull(0));
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,225 @@
+#include "db/db_writer.h"
+
+#include <algorithm>
+#include <atomic>
+#include <future>
+
+#include "db/audit_store.h"
+#include "shim_vfs.h"
+#include "test_db.h"
+
+namespace needlelab {
+namespace {
+
+using namespace std::chrono_literals;
+using test::ShimVfs;
+
+DbWriter::Work addStation(const std::string& name) {
+  return [name](Connection& writer) { return StationStore(writer).add(name, StationKeyBytes{}, 1); };
+}
+
+bool known(Connection& reader, const std::string& name) {
+  const auto station = StationStore(reader).find(name);
+  return station.ok() && station->has_value();
+}
+
+TEST(DbWriter, reportsSuccessOnlyWhenAnotherConnectionSeesTheRow) {
+  test::TestDb db;
+  auto reader = db.reader();
+  DbWriter writer(std::move(db.writer), {.window = 5ms}, {});
+  for (int i = 0; i < 10; ++i) {
+    const std::string name = "s" + std::to_string(i);
+    std::promise<bool> seen;
+    ASSERT_OK(writer.post(addStation(name),
+                          [&](const Status& status) { seen.set_value(status.ok() && known(reader, name)); }));
+    EXPECT_TRUE(seen.get_future().get()) << name;
+  }
+}
+
+TEST(DbWriter, aFailingItemIsUndoneAndReportedAlone) {
+  test::TestDb db;
+  auto reader = db.reader();
+  DbWriter writer(std::move(db.writer), {.window = 30ms}, {});
+  std::atomic<int> good = 0, bad = 0;
+  const auto count = [&](const Status& status) { ++(status.ok() ? good : bad); };
+  ASSERT_OK(writer.post(addStation("first"), count));
+  ASSERT_OK(writer.post(
+      [](Connection& connection) {
+        if (auto done = StationStore(connection).add("half", StationKeyBytes{}, 1); !done) return done;
+        return Status(Error{ErrorCode::kInvalidInput, "the second half is wrong"});
+      },
+      count));
+  ASSERT_OK(writer.post(addStation("station-1"), count));  // there already
+  ASSERT_OK(writer.post(
+      [](Connection& connection) { return connection.run("INSERT INTO nowhere VALUES (1)"); }, count));
+  ASSERT_OK(writer.post(addStation("last"), count));
+  writer.stop();
+  EXPECT_EQ(good, 2);
+  EXPECT_EQ(bad, 3);
+  EXPECT_TRUE(known(reader, "first"));
+  EXPECT_TRUE(known(reader, "last"));
+  EXPECT_FALSE(known(reader, "half"));
+  EXPECT_EQ(writer.counters().commits, 1u);
+  EXPECT_EQ(writer.counters().items, 2u);
+  EXPECT_EQ(writer.counters().refused, 3u);
+  EXPECT_FALSE(writer.failed().has_value());
+}
+
+TEST(DbWriter, manyItemsShareACommitAndKeepTheirOrder) {
+  test::TestDb db;
+  auto reader = db.reader();
+  DbWriter writer(std::move(db.writer), {.window = 50ms}, {});
+  std::vector<int> order;  // touched by the writer's thread only, read after stop()
+  for (int i = 0; i < 500; ++i) {
+    ASSERT_OK(writer.post(
+        [](Connection& connection) {
+          return AuditStore(connection).add({0, 1, "a", "b", "c", "d"});
+        },
+        [&order, i](const Status& status) {
+          if (status.ok()) order.push_back(i);
+        }));
+  }
+  writer.stop();
+  ASSERT_EQ(order.size(), 500u);
+  EXPECT_TRUE(std::is_sorted(order.begin(), order.end()));
+  EXPECT_LT(writer.counters().commits, 20u);
+  auto row = reader.prepare("SELECT count(*) FROM audit");
+  ASSERT_TRUE(*row.step());
+  EXPECT_EQ(row.integer(0), 500);
+}
+
+TEST(DbWriter, aFullQueueRefusesAtOnce) {
+  test::TestDb db;
+  std::promise<void> go;
+  auto gate = go.get_future().share();
+  DbWriter writer(std::move(db.writer), {.window = 0ms, .max_items = 3}, {});
+  std::promise<void> running;
+  ASSERT_OK(
+      writer.post([&running, gate](Connection&) { return running.set_value(), gate.wait(), Status(); }, {}));
+  running.get_future().wait();
+  for (int i = 0; i < 3; ++i) ASSERT_OK(writer.post(addStation("s" + std::to_string(i)), {}));
+  bool called = false;
+  const auto refused = writer.post(addStation("too much"), [&](const Status&) { called = true; });
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kUnavailable);
+  go.set_value();
+  writer.stop();
+  EXPECT_FALSE(called);
+  EXPECT_EQ(writer.counters().items, 4u);
+}
+
+TEST(DbWriter, stopCommitsWhatIsQueuedAndThenTakesNothing) {
+  test::TestDb db;
+  auto reader = db.reader();
+  DbWriter writer(std::move(db.writer), {.window = 10s}, {});
+  for (int i = 0; i < 20; ++i) ASSERT_OK(writer.post(addStation("s" + std::to_string(i)), {}));
+  const auto begin = std::chrono::steady_clock::now();
+  writer.stop();
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, 5s) << "the window was waited for";
+  for (int i = 0; i < 20; ++i) EXPECT_TRUE(known(reader, "s" + std::to_string(i)));
+  EXPECT_FALSE(writer.post(addStation("late"), {}).ok());
+  EXPECT_FALSE(writer.run(addStation("late")).ok());
+  EXPECT_FALSE(known(reader, "late"));
+}
+
+TEST(DbWriter, runGivesTheItemsOwnError) {
+  test::TestDb db;
+  DbWriter writer(std::move(db.writer), {.window = 1ms}, {});
+  EXPECT_OK(writer.run(addStation("new")));
+  const auto twice = writer.run(addStation("new"));
+  ASSERT_FALSE(twice.ok());
+  EXPECT_EQ(twice.error().code, ErrorCode::kAlreadyExists);
+}
+
+TEST(DbWriter, checkpointsByItself) {
+  test::TestDb db;
+  ASSERT_OK(db.writer.checkpointPassive());
+  const auto before = std::filesystem::file_size(db.path);
+  DbWriter writer(std::move(db.writer), {.window = 1ms, .checkpoint_every = 20ms}, {});
+  ASSERT_OK(writer.run([](Connection& connection) {
+    for (int i = 0; i < 100; ++i) {
+      if (auto done =
+              StationStore(connection).add(std::string(50, 'x') + std::to_string(i), StationKeyBytes{}, 1);
+          !done)
+        return done;
+    }
+    return Status();
+  }));
+  for (int i = 0; i < 500 && writer.counters().checkpoints == 0; ++i) std::this_thread::sleep_for(10ms);
+  EXPECT_GE(writer.counters().checkpoints, 1u);
+  EXPECT_GT(std::filesystem::file_size(db.path), before);
+}
+
+TEST(DbWriter, aLockHeldByAnotherProgramIsNoDiskFailure) {
+  test::TestDb db;
+  auto shell = test::TestDb::must(Connection::open(db.path, {.mode = Connection::Mode::kWriter}));
+  sqlite3_busy_timeout(db.writer.handle(), 10);
+  DbWriter writer(std::move(db.writer), {.window = 1ms}, {});
+  ASSERT_OK(shell.script("BEGIN IMMEDIATE"));
+  const auto busy = writer.run(addStation("a"));
+  ASSERT_FALSE(busy.ok());
+  EXPECT_EQ(busy.error().code, ErrorCode::kUnavailable);
+  ASSERT_OK(shell.script("ROLLBACK"));
+  EXPECT_OK(writer.run(addStation("a")));
+}
+
+/// A disk that fails in one way from a certain moment on.
+class DbWriterOnBadDisk : public testing::TestWithParam<std::pair<ShimVfs::Op, int>> {
+ protected:
+  void TearDown() override { ShimVfs::instance().setHook({}); }
+};
+
+TEST_P(DbWriterOnBadDisk, nothingIsAcknowledgedAfterIt) {
+  auto& vfs = ShimVfs::instance();
+  test::TestDb db(ShimVfs::name());
+  auto reader = db.reader();
+  std::atomic<bool> broken = false;
+  vfs.setHook([&broken, param = GetParam()](ShimVfs::Op op, const std::string&, std::int64_t, int) {
+    return broken && op == param.first ? param.second : SQLITE_OK;
+  });
+  std::atomic<int> fatal = 0;
+  {
+    DbWriter writer(std::move(db.writer), {.window = 20ms}, [&](const Error&) { ++fatal; });
+    ASSERT_OK(writer.run(addStation("before")));
+
+    // three in one group, of which none may be acknowledged
+    broken = true;
+    std::atomic<int> acknowledged = 0, refused = 0;
+    for (int i = 0; i < 3; ++i) {
+      ASSERT_OK(writer.post(addStation("lost" + std::to_string(i)),
+                            [&](const Status& s) { ++(s.ok() ? acknowledged : refused); }));
+    }
+    while (refused + acknowledged < 3) std::this_thread::sleep_for(1ms);
+    EXPECT_EQ(acknowledged, 0);
+    EXPECT_EQ(refused, 3);
+
+    // the disk recovers, the writer does not
+    broken = false;
+    const auto late = writer.run(addStation("after"));
+    ASSERT_FALSE(late.ok());
+    EXPECT_EQ(late.error().code, ErrorCode::kUnavailable);
+    writer.stop();
+    ASSERT_TRUE(writer.failed().has_value());
+  }
+  EXPECT_EQ(fatal, 1);
+  EXPECT_TRUE(known(reader, "before"));
+  EXPECT_FALSE(known(reader, "after"));
+  // a new start finds a sound database
+  auto again = test::TestDb::must(Connection::open(db.path, {.mode = Connection::Mode::kWriter}));
+  auto check = again.prepare("PRAGMA integrity_check");
+  ASSERT_TRUE(*check.step());
+  EXPECT_EQ(check.text(0), "ok");
+}
+
+INSTANTIATE_TEST_SUITE_P(Faults, DbWriterOnBadDisk,
+                         testing::Values(std::pair(ShimVfs::Op::kWrite, SQLITE_FULL),
+                                         std::pair(ShimVfs::Op::kWrite, SQLITE_IOERR_WRITE),
+                                         std::pair(ShimVfs::Op::kSync, SQLITE_IOERR_FSYNC)),
+                         [](const auto& param_info) {
+                           return param_info.param.second == SQLITE_FULL          ? "diskFull"
+                                  : param_info.param.second == SQLITE_IOERR_FSYNC ? "fsyncFails"
+                                                                                  : "writeFails";
+                         });
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,241 @@
+#include "db/session_store.h"
+
+#include "test_db.h"
+
+namespace needlelab {
+namespace {
+
+using test::chunkOf;
+using test::closeOf;
+using test::describe;
+
+class SessionStoreTest : public testing::Test {
+ protected:
+  void openAndAppend(std::uint64_t chunks) {
+    ASSERT_OK(store.open(describe(id), 5));
+    for (std::uint64_t seq = 0; seq < chunks; ++seq) {
+      const auto appended = store.append(id, seq, chunkOf(seq));
+      ASSERT_OK(appended);
+      ASSERT_EQ(appended->kind, Appended::Kind::kStored);
+      ASSERT_EQ(appended->next_seq, seq + 1);
+    }
+  }
+  test::TestDb db;
+  SessionStore store{db.writer};
+  const Uuid id = makeUuidV7();
+};
+
+TEST_F(SessionStoreTest, openingTwiceWithTheSameDescriptionGivesTheNextSeq) {
+  openAndAppend(3);
+  const auto again = store.open(describe(id), 99);
+  ASSERT_OK(again);
+  EXPECT_EQ(*again, 3u);
+  EXPECT_EQ(store.info(id)->received_unix_ns(), 5);
+}
+
+TEST_F(SessionStoreTest, openingWithAnotherDescriptionIsRefused) {
+  openAndAppend(1);
+  auto other = describe(id);
+  other.set_trainee("ben");
+  const auto refused = store.open(other, 6);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kAlreadyExists);
+  auto other_profile = describe(id);
+  other_profile.set_profile_json("{}");
+  EXPECT_FALSE(store.open(other_profile, 6).ok());
+  EXPECT_EQ(store.info(id)->description().trainee(), "anna");
+}
+
+TEST_F(SessionStoreTest, anUnknownStationMayNotOpen) {
+  auto d = describe(id);
+  d.set_station("nobody");
+  const auto refused = store.open(d, 6);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(SessionStoreTest, aRepeatedChunkIsStoredOnce) {
+  openAndAppend(3);
+  const auto again = store.append(id, 1, chunkOf(1));
+  ASSERT_OK(again);
+  EXPECT_EQ(again->kind, Appended::Kind::kRepeated);
+  EXPECT_EQ(again->next_seq, 3u);
+  EXPECT_EQ(store.info(id)->chunks(), 3u);
+  EXPECT_EQ(store.info(id)->samples(), 60u);
+}
+
+TEST_F(SessionStoreTest, aGapIsRefusedAndTheExpectedSeqNamed) {
+  openAndAppend(2);
+  for (const std::uint64_t seq : {std::uint64_t{3}, std::uint64_t{1} << 62, UINT64_MAX}) {
+    const auto gap = store.append(id, seq, chunkOf(3));
+    ASSERT_OK(gap);
+    EXPECT_EQ(gap->kind, Appended::Kind::kGap);
+    EXPECT_EQ(gap->next_seq, 2u);
+    EXPECT_FALSE(gap->taken());
+    EXPECT_NE(gap->text.find("send 2 first"), std::string::npos) << gap->text;
+  }
+}
+
+TEST_F(SessionStoreTest, aChunkThatContradictsAStoredOneIsRefusedAndTheOldOneStays) {
+  openAndAppend(2);
+  const auto contradiction = store.append(id, 1, chunkOf(7));
+  ASSERT_OK(contradiction);
+  EXPECT_EQ(contradiction->kind, Appended::Kind::kContradiction);
+  EXPECT_EQ(store.readChunks(id, 1, 1, 1 << 20)->front().bytes, chunkOf(1));
+}
+
+TEST_F(SessionStoreTest, aPrefixOfAStoredChunkIsAContradiction) {
+  openAndAppend(1);
+  auto cut = chunkOf(0);
+  cut.pop_back();
+  EXPECT_EQ(store.append(id, 0, cut)->kind, Appended::Kind::kContradiction);
+  EXPECT_EQ(store.append(id, 0, {})->kind, Appended::Kind::kContradiction);
+}
+
+TEST_F(SessionStoreTest, everyDamagedByteOfAChunkIsNoticed) {
+  openAndAppend(0);
+  const Bytes good = chunkOf(0);
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    Bytes bad = good;
+    bad[i] ^= 0x10;
+    const auto refused = store.append(id, 0, bad);
+    ASSERT_OK(refused);
+    ASSERT_EQ(refused->kind, Appended::Kind::kCorrupt) << "byte " << i;
+  }
+  EXPECT_EQ(store.append(id, 0, {})->kind, Appended::Kind::kCorrupt);
+  EXPECT_EQ(store.append(id, 0, Bytes(kMaxStoredChunkBytes + 1))->kind, Appended::Kind::kCorrupt);
+  EXPECT_EQ(*store.nextSeq(id), 0u);
+}
+
+TEST_F(SessionStoreTest, chunksOfUnknownSessionsAndOfOtherStationsAreRefused) {
+  EXPECT_EQ(store.append(id, 0, chunkOf(0))->kind, Appended::Kind::kUnknownSession);
+  openAndAppend(1);
+  EXPECT_EQ(store.append(id, 1, chunkOf(1), "station-2")->kind, Appended::Kind::kUnknownSession);
+  EXPECT_EQ(store.append(id, 1, chunkOf(1), "station-1")->kind, Appended::Kind::kStored);
+}
+
+TEST_F(SessionStoreTest, closesWhenAllIsThereAndTheHashAgrees) {
+  openAndAppend(4);
+  const auto closed = store.close(closeOf(id, 4), 77);
+  ASSERT_OK(closed);
+  EXPECT_EQ(closed->kind, Closed::Kind::kClosed) << closed->text;
+  EXPECT_EQ(closed->state, pb::SESSION_COMPLETE);
+  const auto info = store.info(id);
+  EXPECT_EQ(info->state(), pb::SESSION_COMPLETE);
+  EXPECT_EQ(info->hash(), closeOf(id, 4).hash());
+  EXPECT_EQ(info->closed_unix_ns(), 77);
+  EXPECT_EQ(info->samples(), 80u);
+  // again, as a station does that lost the answer
+  EXPECT_EQ(store.close(closeOf(id, 4), 99)->kind, Closed::Kind::kRepeated);
+  EXPECT_EQ(store.info(id)->closed_unix_ns(), 77);
+}
+
+TEST_F(SessionStoreTest, closingAfterARestartIsInterrupted) {
+  openAndAppend(1);
+  auto request = closeOf(id, 1);
+  request.set_interrupted(true);
+  EXPECT_EQ(store.close(request, 1)->state, pb::SESSION_INTERRUPTED);
+  EXPECT_TRUE(store.openSessions("station-1")->empty());
+}
+
+TEST_F(SessionStoreTest, closingTooEarlyNamesTheMissingChunk) {
+  openAndAppend(2);
+  const auto early = store.close(closeOf(id, 4), 1);
+  ASSERT_OK(early);
+  EXPECT_EQ(early->kind, Closed::Kind::kIncomplete);
+  EXPECT_EQ(early->next_seq, 2u);
+  EXPECT_EQ(store.info(id)->state(), pb::SESSION_OPEN);
+}
+
+TEST_F(SessionStoreTest, closingWithWrongNumbersOrHashLeavesTheSessionOpen) {
+  openAndAppend(3);
+  auto wrong_hash = closeOf(id, 3);
+  (*wrong_hash.mutable_hash())[5] ^= 1;
+  auto short_hash = closeOf(id, 3);
+  short_hash.set_hash("abc");
+  auto wrong_samples = closeOf(id, 3);
+  wrong_samples.set_samples(59);
+  auto fewer = closeOf(id, 2);
+  for (const auto& request : {wrong_hash, short_hash, wrong_samples, fewer}) {
+    const auto refused = store.close(request, 1);
+    ASSERT_OK(refused);
+    EXPECT_EQ(refused->kind, Closed::Kind::kContradiction) << refused->text;
+  }
+  EXPECT_EQ(store.info(id)->state(), pb::SESSION_OPEN);
+  EXPECT_EQ(store.close(closeOf(id, 3), 1)->kind, Closed::Kind::kClosed);
+}
+
+TEST_F(SessionStoreTest, aHashMadeByAReaderIsUsedOnlyWhenItCoversAllChunks) {
+  openAndAppend(3);
+  auto reader = db.reader();
+  const auto part = SessionStore(reader).hashChunks(id, 2);
+  ASSERT_OK(part);
+  EXPECT_EQ(store.close(closeOf(id, 3), 1, "station-1", *part)->kind, Closed::Kind::kClosed);
+}
+
+TEST_F(SessionStoreTest, aSessionWithoutChunksCanBeClosed) {
+  openAndAppend(0);
+  EXPECT_EQ(store.close(closeOf(id, 0), 1)->kind, Closed::Kind::kClosed);
+}
+
+TEST_F(SessionStoreTest, unknownSessionsCannotBeClosed) {
+  EXPECT_EQ(store.close(closeOf(id, 0), 1)->kind, Closed::Kind::kUnknownSession);
+  pb::CloseSession nonsense;
+  nonsense.set_session_id("short");
+  EXPECT_EQ(store.close(nonsense, 1)->kind, Closed::Kind::kUnknownSession);
+  openAndAppend(1);
+  EXPECT_EQ(store.close(closeOf(id, 1), 1, "station-2")->kind, Closed::Kind::kUnknownSession);
+}
+
+TEST_F(SessionStoreTest, aClosedSessionTakesRepeatsButNothingNew) {
+  openAndAppend(2);
+  ASSERT_OK(store.close(closeOf(id, 2), 1));
+  EXPECT_EQ(store.append(id, 1, chunkOf(1))->kind, Appended::Kind::kRepeated);
+  EXPECT_EQ(store.append(id, 2, chunkOf(2))->kind, Appended::Kind::kContradiction);
+  EXPECT_EQ(store.close(closeOf(id, 3), 1)->kind, Closed::Kind::kContradiction);
+}
+
+TEST_F(SessionStoreTest, theSmallestRoundTripWins) {
+  openAndAppend(0);
+  ASSERT_OK(store.setClockOffset(id, 100, 50'000));
+  ASSERT_OK(store.setClockOffset(id, 200, 60'000));
+  EXPECT_EQ(store.info(id)->clock_offset_ns(), 100);
+  ASSERT_OK(store.setClockOffset(id, -300, 40'000));
+  EXPECT_EQ(store.info(id)->clock_offset_ns(), -300);
+  EXPECT_EQ(store.info(id)->clock_round_trip_ns(), 40'000);
+  EXPECT_FALSE(store.setClockOffset(id, 0, 0).ok());
+  EXPECT_FALSE(store.setClockOffset(makeUuidV7(), 0, 5).ok());
+}
+
+TEST_F(SessionStoreTest, theScoreIsKept) {
+  openAndAppend(0);
+  ASSERT_OK(store.setScore(id, "[{\"measure\":\"elapsed_s\"}]"));
+  EXPECT_EQ(store.info(id)->score_json(), "[{\"measure\":\"elapsed_s\"}]");
+  EXPECT_EQ(store.setScore(makeUuidV7(), "[]").error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(SessionStoreTest, theSafeMarkNeverMovesBack) {
+  openAndAppend(3);
+  EXPECT_EQ(*store.safeSeqs(id), 0u);
+  ASSERT_OK(store.markSafe(id, 2));
+  ASSERT_OK(store.markSafe(id, 1));
+  EXPECT_EQ(*store.safeSeqs(id), 2u);
+}
+
+TEST_F(SessionStoreTest, openSessionsOfAStationAreThoseNotClosed) {
+  openAndAppend(2);
+  const Uuid second = makeUuidV7();
+  ASSERT_OK(store.open(describe(second), 5));
+  auto open = store.openSessions("station-1");
+  ASSERT_OK(open);
+  ASSERT_EQ(open->size(), 2u);
+  EXPECT_EQ((*open)[0].next_seq(), 2u);
+  ASSERT_OK(store.close(closeOf(id, 2), 1));
+  open = store.openSessions("station-1");
+  ASSERT_EQ(open->size(), 1u);
+  EXPECT_EQ((*open)[0].session_id(), test::bytesOfId(second));
+  EXPECT_TRUE(store.openSessions("station-2")->empty());
+}
+
+}  // namespace
+}  // namespace needlelab

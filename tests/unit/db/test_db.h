@@ -1,0 +1,104 @@
+/// A fresh database with one station, and sessions and chunks to put into it.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "db/connection.h"
+#include "db/migrate.h"
+#include "db/session_store.h"
+#include "db/station_store.h"
+#include "gesture/chunk.h"
+#include "support/temp_folder.h"
+
+namespace needlelab::test {
+
+/// Fails the test, with the error's message, unless the result is a success.
+#define ASSERT_OK(expression)                                             \
+  do {                                                                    \
+    const auto& status_to_check = (expression);                           \
+    ASSERT_TRUE(status_to_check.ok()) << status_to_check.error().message; \
+  } while (false)
+#define EXPECT_OK(expression)                                             \
+  do {                                                                    \
+    const auto& status_to_check = (expression);                           \
+    EXPECT_TRUE(status_to_check.ok()) << status_to_check.error().message; \
+  } while (false)
+
+class TestDb {
+ public:
+  explicit TestDb(const char* vfs = nullptr)
+      : path(folder.path() / "needlelab.db"),
+        writer(
+            must(Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true, .vfs = vfs}))) {
+    EXPECT_OK(migrate(writer));
+    EXPECT_OK(StationStore(writer).add("station-1", StationKeyBytes{}, 1));
+  }
+
+  [[nodiscard]] Connection reader() const { return must(Connection::open(path, {})); }
+
+  template <typename T>
+  static T must(Result<T> result) {
+    if (!result) throw std::runtime_error(result.error().message);
+    return std::move(*result);
+  }
+
+  TempFolder folder;
+  std::filesystem::path path;
+  Connection writer;
+};
+
+/// Samples with ticks from `first_tick`, moving a little.
+inline std::vector<GestureSample> someSamples(std::uint64_t first_tick, std::size_t count) {
+  std::vector<GestureSample> samples(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    samples[i].tick = first_tick + i;
+    samples[i].time_ns = static_cast<std::int64_t>((first_tick + i) * 1'000'000);
+    samples[i].p_WT_m[0] = 1e-4 * static_cast<double>((first_tick + i) % 97);
+    samples[i].force_W_N[2] = 0.01 * static_cast<double>((first_tick + i) % 13);
+  }
+  return samples;
+}
+
+/// Chunk number `seq` of a session whose chunks have `count` samples each.
+inline Bytes chunkOf(std::uint64_t seq, std::size_t count = 20) {
+  return encodeChunk(Resolution{}, someSamples(seq * count, count));
+}
+
+inline std::string bytesOfId(const Uuid& id) {
+  return {id.begin(), id.end()};
+}
+
+inline pb::SessionDescription describe(const Uuid& id) {
+  pb::SessionDescription d;
+  d.set_session_id(bytesOfId(id));
+  d.set_station("station-1");
+  d.set_trainee("anna");
+  d.set_exercise_id("knee-1");
+  d.set_profile_id("knee-adult");
+  d.set_profile_revision(1);
+  d.set_profile_json("{\"id\":\"knee-adult\"}");
+  d.set_engine_version("0.1.0");
+  d.set_rate_hz(1000);
+  d.mutable_resolution()->set_length_m(1e-6);
+  d.set_started_unix_ns(1'700'000'000'000'000'000);
+  d.set_device("simulated");
+  return d;
+}
+
+/// The request that closes a session of the chunks 0 … chunks−1 of chunkOf().
+inline pb::CloseSession closeOf(const Uuid& id, std::uint64_t chunks, std::size_t count = 20) {
+  SessionHash hash;
+  for (std::uint64_t seq = 0; seq < chunks; ++seq) hash.update(chunkOf(seq, count));
+  const Digest digest = hash.digest();
+  pb::CloseSession request;
+  request.set_session_id(bytesOfId(id));
+  request.set_chunks(chunks);
+  request.set_samples(chunks * count);
+  request.set_hash(digest.data(), digest.size());
+  return request;
+}
+
+}  // namespace needlelab::test
