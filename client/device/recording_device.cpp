@@ -45,7 +45,7 @@ void forEachTick(const PoseTrack& track, double rate_hz, RowIs row_is, Between b
 
 }  // namespace
 
-Result<PoseTrack> readPoseTrack(const std::filesystem::path& path) {
+Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, TrackTimes times) {
   auto table = readCsv(path, {"t_s", "px_m", "py_m", "pz_m", "qx", "qy", "qz", "qw"}, {"plunger"}, kMaxTicks);
   if (!table.ok()) return table.error();
   const auto column = [&](const char* name) -> const std::vector<double>& {
@@ -63,7 +63,7 @@ Result<PoseTrack> readPoseTrack(const std::filesystem::path& path) {
   const auto &qx = column("qx"), &qy = column("qy"), &qz = column("qz"), &qw = column("qw");
   track.X_WH.reserve(table->rows());
   for (std::size_t i = 0; i < table->rows(); ++i) {
-    if (i > 0 && track.t_s[i] < track.t_s[i - 1])
+    if (times == TrackTimes::kAscending && i > 0 && track.t_s[i] < track.t_s[i - 1])
       return fail(i, "t_s " + std::to_string(track.t_s[i]) + " is before " +
                          std::to_string(track.t_s[i - 1]) +
                          " of the row before; times may repeat but not go backwards");

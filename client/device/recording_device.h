@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <vector>
@@ -19,11 +20,17 @@ struct PoseTrack {
   std::vector<double> plunger;  ///< 0-1; empty when the file has no such column
 };
 
+/// What the times of a track must be.
+enum class TrackTimes : std::uint8_t {
+  kAscending,  ///< they may repeat but not go backwards
+  kAnyOrder,   ///< they mean nothing: a row is a tick
+};
+
 /// Reads a CSV with the columns `t_s,px_m,py_m,pz_m,qx,qy,qz,qw` and perhaps `plunger`, found by name, in any
 /// order. Quaternions with | |q| − 1 | ≤ 1e-3 are normalised. Times may repeat. Errors (kInvalidInput) name
 /// file, line, column, value and range: as of readCsv; a quaternion off unit length, a time that goes
 /// backwards, a plunger outside 0-1, a position beyond 1 km.
-Result<PoseTrack> readPoseTrack(const std::filesystem::path& path);
+Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, TrackTimes times = TrackTimes::kAscending);
 
 /// How many ticks of `rate_hz` a track lasts: those at t_first + k/rate that are not after the last row.
 std::size_t tickCount(const PoseTrack& track, double rate_hz);

@@ -1,0 +1,20 @@
+/// The subcommands of needlelab-sim: each file of this folder named *_command.cpp adds one.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace needlelab {
+
+/// What the parsed command line asks for; gives the exit code. Messages go to stderr.
+using SimCommand = std::function<int()>;
+
+/// Each adds its subcommand to `app`; when that is chosen, `chosen` is set while parsing. Both must outlive
+/// the parsing.
+void addRunCommand(CLI::App& app, SimCommand& chosen);
+void addFiguresCommand(CLI::App& app, SimCommand& chosen);
+
+/// Parses and runs a whole command line, as `main` does. Never throws; exit codes of base/exit_code.h.
+int runSim(int argc, const char* const* argv);
+
+}  // namespace needlelab

@@ -1,0 +1,51 @@
+#include "sim/json_output.h"
+
+#include <sys/utsname.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "base/atomic_file.h"
+
+namespace needlelab {
+
+void addJsonOption(CLI::App& app, JsonOption& option) {
+  app.add_option_function<std::string>(
+         "--json",
+         [&option](const std::string& file) {
+           option.wanted = true;
+           option.file = file;
+         },
+         "JSON instead of a table; to standard output without FILE")
+      ->type_name("[FILE]")
+      ->expected(0, 1)
+      ->default_str("");
+}
+
+std::string machineText() {
+  std::string processor = "unknown processor";
+  std::ifstream cpuinfo("/proc/cpuinfo");
+  for (std::string line; std::getline(cpuinfo, line);)
+    if (line.rfind("model name", 0) == 0 && line.find(": ") != std::string::npos) {
+      processor = line.substr(line.find(": ") + 2);
+      break;
+    }
+  utsname system{};
+  ::uname(&system);
+  return processor + ", " + std::to_string(::sysconf(_SC_NPROCESSORS_ONLN)) + " cores, " + system.sysname +
+         " " + system.release + " " + system.machine;
+}
+
+Status writeJson(const JsonOption& option, const nlohmann::ordered_json& rows) {
+  const nlohmann::ordered_json whole = {
+      {"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", rows}};
+  const std::string text = whole.dump(2) + "\n";
+  if (!option.file.empty()) return writeFileAtomically(option.file, viewOf(text));
+  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)
+    return Error{ErrorCode::kFailed, "cannot write to standard output"};
+  return {};
+}
+
+}  // namespace needlelab

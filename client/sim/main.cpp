@@ -1,0 +1,5 @@
+#include "sim/command.h"
+
+int main(int argc, char** argv) {
+  return needlelab::runSim(argc, argv);
+}

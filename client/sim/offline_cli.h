@@ -1,0 +1,13 @@
+/// The options of a profile and a trajectory, the same for every subcommand that takes them.
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "sim/offline_scene.h"
+
+namespace needlelab {
+
+/// `options` must outlive the parsing.
+void addOfflineOptions(CLI::App& app, OfflineOptions& options);
+
+}  // namespace needlelab

@@ -1,0 +1,77 @@
+#include "sim/offline_scene.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/range.h"
+#include "device/pose_option.h"
+#include "haptics/limits.h"
+#include "haptics/tool_transform.h"
+#include "profile/profile.h"
+
+namespace needlelab {
+namespace {
+
+Status setModel(pb::Profile& profile, const std::string& name) {
+  pb::Profile::AxialModel model{};
+  if (pb::Profile::AxialModel_Parse(name, &model) && model != pb::Profile::AXIAL_MODEL_UNSPECIFIED) {
+    profile.set_axial_model(model);
+    return {};
+  }
+  std::string known;
+  for (const std::string& one : axialModelNames()) known += (known.empty() ? "" : ", ") + one;
+  return Error{ErrorCode::kInvalidInput, "--model: '" + name + "' is unknown; there is: " + known};
+}
+
+Result<Pose> poseOr(const std::string& text, const char* option) {
+  if (text.empty()) return Pose{};
+  return parsePoseOption(text, option);
+}
+
+}  // namespace
+
+std::vector<std::string> axialModelNames() {
+  std::vector<std::string> names;
+  const auto* models = pb::Profile::AxialModel_descriptor();
+  for (int i = 0; i < models->value_count(); ++i)
+    if (models->value(i)->number() != pb::Profile::AXIAL_MODEL_UNSPECIFIED)
+      names.push_back(models->value(i)->name());
+  return names;
+}
+
+TipSample OfflineScene::tip(std::size_t i) const {
+  const Pose X_WT = tipFromHandle(track.X_WH[i], X_HT);
+  return {X_WT.p, X_WT.q};
+}
+
+Result<OfflineScene> loadOffline(const OfflineOptions& options) {
+  const NumberRange rates{kMinRateHz, kMaxRateHz};
+  if (!rates.contains(options.rate_hz)) return outOfRange("--rate in Hz", options.rate_hz, rates);
+  OfflineScene scene;
+  scene.rate_hz = options.rate_hz;
+  auto X_WL = poseOr(options.placement, "--placement");
+  if (!X_WL.ok()) return X_WL.error();
+  auto X_HT = poseOr(options.tool, "--tool");
+  if (!X_HT.ok()) return X_HT.error();
+  scene.X_WL = *X_WL;
+  scene.X_HT = *X_HT;
+
+  auto profile = loadProfile(options.profile);
+  if (!profile.ok()) return profile.error();
+  scene.profile = *std::move(profile);
+  if (!options.model.empty())
+    if (Status status = setModel(scene.profile, options.model); !status.ok()) return status.error();
+  const auto spec = sceneSpecOf(scene.profile, scene.X_WL);
+  if (!spec.ok()) return Error{spec.error().code, options.profile.string() + ": " + spec.error().message};
+  auto model = compile(*spec, options.rate_hz);
+  if (!model.ok()) return Error{model.error().code, options.profile.string() + ": " + model.error().message};
+  scene.model = *std::move(model);
+
+  // rows are ticks, whatever their times say
+  auto track = readPoseTrack(options.trajectory, TrackTimes::kAnyOrder);
+  if (!track.ok()) return track.error();
+  scene.track = *std::move(track);
+  return scene;
+}
+
+}  // namespace needlelab

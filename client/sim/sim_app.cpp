@@ -1,0 +1,34 @@
+#include <cstdio>
+#include <exception>
+#include <string>
+
+#include "base/exit_code.h"
+#include "sim/command.h"
+
+namespace needlelab {
+
+int runSim(int argc, const char* const* argv) {
+  try {
+    CLI::App app{"needlelab-sim: the haptic engine without a device"};
+    app.require_subcommand(1);
+    SimCommand chosen;
+    addRunCommand(app, chosen);
+    addFiguresCommand(app, chosen);
+    const std::string version = std::string("needlelab-sim ") + NEEDLELAB_VERSION;
+    app.set_version_flag("--version", version);
+    for (CLI::App* command : app.get_subcommands({})) command->set_version_flag("--version", version);
+    try {
+      app.parse(argc, argv);
+    } catch (const CLI::ParseError& e) {
+      // 0 for --help and --version; CLI11's other codes are all wrong usage here
+      return app.exit(e) == 0 ? kExitDone : kExitInvalid;
+    }
+    return chosen();
+  } catch (const std::exception& e) {
+    // out of memory, or the file system: said in a line, never with a trace
+    std::fprintf(stderr, "needlelab-sim: %s\n", e.what());
+    return kExitFailed;
+  }
+}
+
+}  // namespace needlelab
