@@ -122,6 +122,8 @@ class RecordingReader {
   Status scan();
   /// Next place from `offset` on where a record's header stands; the file's size when there is none.
   Result<std::uint64_t> findRecord(std::uint64_t offset) const;
+  /// A chunk's samples, as many as the entry says.
+  [[nodiscard]] Result<std::vector<GestureSample>> decoded(std::size_t index, ByteView chunk) const;
   [[nodiscard]] Error chunkError(std::size_t index, const std::string& why) const;
 
   std::filesystem::path path_;

@@ -274,9 +274,13 @@ Result<Bytes> RecordingReader::chunkBytes(std::size_t index) const {
 }
 
 Result<std::vector<GestureSample>> RecordingReader::samples(std::size_t index) const {
-  auto chunk = chunkBytes(index);
+  const auto chunk = chunkBytes(index);
   if (!chunk.ok()) return chunk.error();
-  auto samples = decodeChunk(*chunk);
+  return decoded(index, *chunk);
+}
+
+Result<std::vector<GestureSample>> RecordingReader::decoded(std::size_t index, ByteView chunk) const {
+  auto samples = decodeChunk(chunk);
   if (!samples.ok()) return chunkError(index, samples.error().message);
   if (samples->size() != entries_[index].count)
     return chunkError(index, "it has " + std::to_string(samples->size()) + " samples, the index says " +
@@ -299,7 +303,7 @@ Status RecordingReader::verify() const {
   for (std::size_t i = 0; i < entries_.size(); ++i) {
     const auto chunk = chunkBytes(i);
     if (!chunk.ok()) return chunk.error();
-    if (const auto decoded = samples(i); !decoded.ok()) return decoded.error();
+    if (const auto samples = decoded(i, *chunk); !samples.ok()) return samples.error();
     hash.update(*chunk);
   }
   if (!damages_.empty())

@@ -1,7 +1,6 @@
 #include "gesture/recording.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cstring>
 #include <fstream>
@@ -9,6 +8,7 @@
 #include "base/atomic_file.h"
 #include "base/crc32c.h"
 #include "gesture_samples.h"
+#include "support/temp_folder.h"
 
 namespace needlelab {
 namespace {
@@ -18,13 +18,6 @@ using testing::smoothGesture;
 
 class Recording : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "needlelab_recording_XXXXXX").string();
-    ASSERT_NE(::mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   // a finished recording of small chunks; their samples are kept for comparison
   fs::path write(std::size_t chunks, std::size_t samples_a_chunk,
                  const std::string& metadata = R"({"exercise":"e1"})") {
@@ -49,7 +42,8 @@ class Recording : public ::testing::Test {
     return path;
   }
 
-  fs::path folder_;
+  const test::TempFolder temp_;
+  const fs::path folder_ = temp_.path();
   std::vector<Bytes> chunks_;
 };
 
