@@ -4,6 +4,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/result.h"
@@ -22,28 +23,40 @@ struct Measure {
   std::optional<double> max;
   std::optional<bool> passed;  ///< whether the requirement is met; empty where there is none
   std::string words;           ///< the measure and its requirement as a sentence for a person
+  bool measured =
+      true;  ///< false: required by the exercise, but this gesture has no such measure; `value` is 0
 };
 
-/// All measures of a gesture, in a fixed order. A measure that does not apply is left out: forces of layers that the
-/// profile does not have, target measures without a target, smoothness without movement.
+/// All measures of a gesture, in a fixed order. A measure that does not apply is left out: of layers and
+/// targets that the profile does not have, of tissue that was never entered, smoothness without movement.
 ///
-/// Definitions and constants: beside the code that computes them, in this folder. Positions are low-passed to
-/// `kAnalysisCutoffHz` and taken at `kAnalysisRateHz` before any length or derivative is computed, so that the
-/// score does not depend on `rate_hz`; ticks that the recording lacks are bridged by straight lines, their forces count as none.
-/// Samples with positions that are not finite, and samples out of order, are passed over.
+/// Definitions stand beside the code of each group: motion.cpp, tissue.cpp, aim.cpp, smoothness.h. What they
+/// share:
+/// - Lengths of paths, speeds, swept area and smoothness come from positions averaged to 100 Hz and
+/// low-passed to 6 Hz
+///   (track.h), so that they do not depend on the loop's rate. Depths, distances and forces come from the
+///   ticks themselves.
+/// - In tissue is what the engine took for it (a layer is given). A tick stands for the time to the next one.
+/// - Ticks that are missing for up to 0.1 s are bridged by straight lines; nothing is assumed of longer gaps
+/// (their time
+///   counts in `elapsed_s` only). Samples that are not finite, absurd (1 km, 1 MN) or not in ascending order
+///   of ticks are passed over.
 ///
-/// `samples`: ticks ascending. `rate_hz`: of the loop, > 0. `X_WL`: the placement of the profile's frame in W.
-/// `exercise`: its requirements fill min, max, passed; a requirement on a measure that the gesture does not have
-/// gives a row that did not pass and says why.
-std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double rate_hz, const pb::Profile& profile,
-                                  const Pose& X_WL, const pb::Exercise* exercise = nullptr);
+/// `rate_hz`: of the loop; outside 50-40,000 there is no score. `X_WL`: where the profile's frame stood in W.
+/// `exercise`: its requirements (and its time limit, as one on `elapsed_s`) fill min, max, passed; one on a
+/// measure that this gesture does not have makes a row that did not pass and says why. Thread: any; nothing
+/// is shared.
+std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double rate_hz,
+                                  const pb::Profile& profile, const Pose& X_WL,
+                                  const pb::Exercise* exercise = nullptr);
 
 /// Whether `scoreGesture` can give a measure of this name for some profile, e.g. "peak_force_layer_3_n".
 bool isMeasureName(std::string_view name);
 /// Errors: kInvalidInput, naming the first requirement whose measure no score has.
 Status checkRequirements(const pb::Exercise& exercise);
 
-/// A JSON list of {"measure", "value", "unit"} and, where there is a requirement, "min", "max", "passed"; "words" always.
+/// A JSON list of {"measure", "value", "unit", "words"} and, where there is a requirement, "min", "max",
+/// "passed". `value` is null where nothing was measured.
 std::string scoreJson(std::span<const Measure> measures);
 /// A table for a terminal: aligned columns, the words last, requirements marked.
 std::string scoreText(std::span<const Measure> measures);

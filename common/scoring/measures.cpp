@@ -1,0 +1,35 @@
+#include "scoring/measures.h"
+
+#include <cmath>
+
+#include "haptics/limits.h"
+#include "scoring/groups.h"
+
+namespace needlelab {
+
+void Rows::add(std::string name, double value, std::string unit, std::string words) {
+  if (!std::isfinite(value)) return;
+  Measure row;
+  row.name = std::move(name);
+  row.value = value + 0.0;  // −0 becomes 0
+  row.unit = std::move(unit);
+  row.words = std::move(words);
+  rows_.push_back(std::move(row));
+}
+
+std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double rate_hz,
+                                  const pb::Profile& profile, const Pose& X_WL,
+                                  const pb::Exercise* exercise) {
+  if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz)) return {};
+  const std::vector<GestureSample> usable = cleaned(samples);
+  const Gesture gesture{usable, rate_hz, runsOf(usable, rate_hz), anatomyOf(profile, X_WL), &profile};
+  Rows rows;
+  addMotion(gesture, rows);
+  addTissue(gesture, rows);
+  addAim(gesture, rows);
+  std::vector<Measure> measures = rows.take();
+  applyRequirements(exercise, measures);
+  return measures;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,152 @@
+#include <algorithm>
+
+#include "haptics/engine.h"
+#include "haptics/scene_model.h"
+#include "haptics/sim_state.h"
+#include "scoring/groups.h"
+
+namespace needlelab {
+namespace {
+
+/// Turns closer together than this are one change of trajectory: the limit on turning speed lets the engine
+/// pause between them.
+constexpr double kTurnPause_s = 0.2;
+/// Shorter insertions than this have no straight way to compare with.
+constexpr double kLeastWay_m = 1e-3;
+
+double forceOf(const GestureSample& s) {
+  return norm({s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]});
+}
+Vec3 tipOf(const GestureSample& s) {
+  return {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]};
+}
+
+/// What the needle did, as counts.
+struct Counts {
+  int entries = 0, withdrawals = 0, turns = 0;
+};
+
+Counts countEvents(const Gesture& gesture) {
+  Counts counts;
+  bool was_inside = false, was_withdrawing = false;
+  std::size_t last_turn = 0;
+  bool any_turn = false;
+  for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
+    const GestureSample& sample = gesture.samples[i];
+    const bool inside = isInside(sample);
+    // the flag tells of an entry whose exit before it fell into missing ticks
+    const bool entered = inside && (!was_inside || (sample.flags & kFlagEntry) != 0);
+    if (entered) {
+      ++counts.entries;
+      was_withdrawing = false;
+    }
+    if (inside && sample.phase == static_cast<std::uint8_t>(Phase::kWithdrawing)) {
+      if (!was_withdrawing) ++counts.withdrawals;
+      was_withdrawing = true;
+    } else if (inside && sample.phase == static_cast<std::uint8_t>(Phase::kInserting)) {
+      was_withdrawing = false;
+    }
+    if ((sample.flags & kFlagTurn) != 0) {
+      const bool goes_on =
+          any_turn && secondsBetween(gesture.samples[last_turn], sample, gesture.rate_hz) <= kTurnPause_s;
+      if (!goes_on) ++counts.turns;
+      last_turn = i;
+      any_turn = true;
+    }
+    was_inside = inside;
+  }
+  return counts;
+}
+
+/// The way in tissue from the entry of the insertion that reached furthest to its furthest point, over the
+/// straight line between the two. Ways before that entry (of insertions given up) count as way, too. 0 when
+/// there is none.
+double inefficiencyOf(const Gesture& gesture) {
+  std::size_t deepest = 0, entry = 0, deepest_entry = 0;
+  double greatest_m = 0;
+  bool was_inside = false;
+  for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
+    const bool inside = isInside(gesture.samples[i]);
+    if (inside && (!was_inside || (gesture.samples[i].flags & kFlagEntry) != 0)) entry = i;
+    if (inside && gesture.samples[i].insertion_m > greatest_m) {
+      greatest_m = gesture.samples[i].insertion_m;
+      deepest = i;
+      deepest_entry = entry;
+    }
+    was_inside = inside;
+  }
+  const double straight_m =
+      gesture.samples.empty() ? 0
+                              : norm(tipOf(gesture.samples[deepest]) - tipOf(gesture.samples[deepest_entry]));
+  if (straight_m < kLeastWay_m) return 0;
+
+  const double end_s = secondsBetween(gesture.samples.front(), gesture.samples[deepest], gesture.rate_hz);
+  double way_m = 0;
+  for (const Run& run : gesture.runs) {
+    for (std::size_t i = 0; i < run.inside.size(); ++i) {
+      // the last step counts in part
+      const double from_s = run.start_s + static_cast<double>(i) * run.period_s;
+      const double share = std::clamp((end_s - from_s) / run.period_s, 0.0, 1.0);
+      way_m += share * run.inside[i] * norm(run.points[i + 1].p_WT_m - run.points[i].p_WT_m);
+    }
+  }
+  return std::max(1.0, way_m / straight_m);
+}
+
+}  // namespace
+
+double Gesture::weight_s(std::size_t i) const {
+  const auto half = [&](std::size_t a, std::size_t b) {
+    const double gap_s = secondsBetween(samples[a], samples[b], rate_hz);
+    return gap_s <= kLongestBridge_s ? 0.5 * gap_s : 0.0;
+  };
+  return (i > 0 ? half(i - 1, i) : 0) + (i + 1 < samples.size() ? half(i, i + 1) : 0);
+}
+
+/// - `greatest_depth_m`: of the tip under the surface, along its normal. `greatest_insertion_m`: along the
+/// trajectory.
+/// - `peak_force_n`: greatest force on the hand, of all ticks; `peak_force_layer_K_n`: while the tip was in
+/// layer K (1 is
+///   the skin's), 0 where it never was. `mean_force_in_tissue_n`: over time in tissue.
+/// - `largest_lateral_error_m`: distance of the tip from its trajectory.
+/// - `entries`: times the tip went in. `withdrawals`: times it was drawn back (a stop on the way does not
+/// begin another).
+///   `trajectory_changes`: runs of turns, pauses up to 0.2 s included.
+/// - `path_inefficiency`: way in tissue over straight way to the furthest point; 1 is straight.
+void addTissue(const Gesture& gesture, Rows& rows) {
+  double depth_m = 0, insertion_m = 0, lateral_m = 0, peak_N = 0, impulse_Ns = 0, time_s = 0;
+  std::vector<double> layer_peaks(static_cast<std::size_t>(gesture.profile->layers_size()), 0.0);
+  for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
+    const GestureSample& sample = gesture.samples[i];
+    const double force_N = forceOf(sample);
+    peak_N = std::max(peak_N, force_N);
+    if (!isInside(sample)) continue;
+    if (gesture.anatomy.has_limb)
+      depth_m = std::max(depth_m, signedDepth(gesture.anatomy.limb, tipOf(sample)));
+    insertion_m = std::max(insertion_m, sample.insertion_m);
+    lateral_m = std::max(lateral_m, sample.lateral_error_m);
+    const double weight_s = gesture.weight_s(i);
+    impulse_Ns += force_N * weight_s;
+    time_s += weight_s;
+    const auto layer = static_cast<std::size_t>(sample.layer);
+    if (layer < layer_peaks.size()) layer_peaks[layer] = std::max(layer_peaks[layer], force_N);
+  }
+  rows.add("greatest_depth_m", depth_m, "m", "Greatest depth");
+  rows.add("greatest_insertion_m", insertion_m, "m", "Greatest insertion");
+  rows.add("peak_force_n", peak_N, "N", "Peak force");
+  rows.add("mean_force_in_tissue_n", time_s > 0 ? impulse_Ns / time_s : 0, "N", "Mean force in tissue");
+  for (std::size_t i = 0; i < layer_peaks.size(); ++i) {
+    const auto& tissue = pb::Layer::Tissue_Name(gesture.profile->layers(static_cast<int>(i)).tissue());
+    rows.add("peak_force_layer_" + std::to_string(i + 1) + "_n", layer_peaks[i], "N",
+             "Peak force in layer " + std::to_string(i + 1) + " (" + tissue + ")");
+  }
+  rows.add("largest_lateral_error_m", lateral_m, "m", "Largest lateral error");
+  const Counts counts = countEvents(gesture);
+  rows.add("entries", counts.entries, "", "Entries");
+  rows.add("withdrawals", counts.withdrawals, "", "Withdrawals");
+  rows.add("trajectory_changes", counts.turns, "", "Changes of trajectory");
+  const double inefficiency = inefficiencyOf(gesture);
+  if (inefficiency > 0) rows.add("path_inefficiency", inefficiency, "", "Way over straight way");
+}
+
+}  // namespace needlelab

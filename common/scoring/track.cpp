@@ -1,0 +1,191 @@
+#include "scoring/track.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+namespace needlelab {
+namespace {
+
+constexpr double kFarthest_m = 1e3;
+constexpr double kGreatestForce_N = 1e6;
+
+bool isWithin(double value, double bound) {
+  return std::abs(value) <= bound;
+}  // false for NaN
+
+bool isUsable(const GestureSample& s) {
+  double q_squared = 0;
+  for (const double q : s.q_WT) q_squared += q * q;
+  bool usable = q_squared > 0.25 && q_squared < 4;
+  for (const double p : s.p_WT_m) usable = usable && isWithin(p, kFarthest_m);
+  for (const double f : s.force_W_N) usable = usable && isWithin(f, kGreatestForce_N);
+  return usable && isWithin(s.insertion_m, kFarthest_m) && isWithin(s.lateral_error_m, kFarthest_m);
+}
+
+/// What is smoothed: tip, axis, insertion, and whether the tip is inside (1 or 0; averaged, not smoothed).
+constexpr std::size_t kChannels = 8;
+using Channels = std::array<double, kChannels>;
+constexpr std::size_t kInside = 7;
+
+Channels channelsOf(const GestureSample& s) {
+  const Vec3 axis = zAxis(normalized(Quat{s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]}));
+  return {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2],   axis.x,
+          axis.y,      axis.z,      s.insertion_m, isInside(s) ? 1.0 : 0.0};
+}
+
+/// Means over `count` bins of equal length of the piecewise linear signal through `times` (from 0 on) and
+/// `values`.
+std::vector<Channels> binMeans(const std::vector<double>& times, const std::vector<Channels>& values,
+                               std::size_t count) {
+  const double bin_s = times.back() / static_cast<double>(count);
+  std::vector<Channels> means(count, Channels{});
+  std::size_t bin = 0;
+  for (std::size_t i = 0; i + 1 < times.size(); ++i) {
+    // the piece of this segment in each bin that it touches: trapezoid, exact for a straight line
+    double from_s = times[i];
+    while (from_s < times[i + 1]) {
+      const bool is_last = bin + 1 == count;
+      const double bin_end_s = is_last ? times.back() : static_cast<double>(bin + 1) * bin_s;
+      const double to_s = std::min(times[i + 1], bin_end_s);
+      const double middle = (0.5 * (from_s + to_s) - times[i]) / (times[i + 1] - times[i]);
+      const double share = (to_s - from_s) / bin_s;
+      for (std::size_t c = 0; c < kChannels; ++c) {
+        means[bin][c] += share * (values[i][c] + middle * (values[i + 1][c] - values[i][c]));
+      }
+      if (to_s >= bin_end_s && !is_last) ++bin;
+      if (to_s <= from_s) break;  // a rest of rounding
+      from_s = to_s;
+    }
+  }
+  return means;
+}
+
+/// Half of a Gaussian's weights, the middle first; they sum to 1 with the other half.
+std::vector<double> gaussianHalf(double period_s) {
+  // |H(f)|² = exp(−(2π f σ)²) is ½ at the cut-off
+  const double sigma = std::sqrt(std::numbers::ln2) / (2 * std::numbers::pi * kAnalysisCutoffHz) / period_s;
+  const auto reach = static_cast<std::size_t>(std::ceil(4 * sigma));
+  std::vector<double> half(reach + 1);
+  double sum = 0;
+  for (std::size_t i = 0; i <= reach; ++i) {
+    const double x = static_cast<double>(i) / sigma;
+    half[i] = std::exp(-0.5 * x * x);
+    sum += (i == 0 ? 1 : 2) * half[i];
+  }
+  for (double& weight : half) weight /= sum;
+  return half;
+}
+
+/// Smooths one channel. Beyond an end the signal is taken as its point reflection about the end's value.
+std::vector<double> smoothed(const std::vector<double>& values, const std::vector<double>& half) {
+  const auto count = static_cast<std::ptrdiff_t>(values.size());
+  const auto at = [&](std::ptrdiff_t i) {
+    // reflections repeat when the kernel is longer than the signal
+    double offset = 0, sign = 1;
+    while (i < 0 || i >= count) {
+      const std::ptrdiff_t end = i < 0 ? 0 : count - 1;
+      offset += sign * 2 * values[static_cast<std::size_t>(end)];
+      sign = -sign;
+      i = 2 * end - i;
+    }
+    return offset + sign * values[static_cast<std::size_t>(i)];
+  };
+  std::vector<double> result(values.size());
+  for (std::ptrdiff_t i = 0; i < count; ++i) {
+    double sum = half[0] * values[static_cast<std::size_t>(i)];
+    for (std::size_t k = 1; k < half.size(); ++k) {
+      const auto step = static_cast<std::ptrdiff_t>(k);
+      sum += half[k] * (at(i - step) + at(i + step));
+    }
+    result[static_cast<std::size_t>(i)] = sum;
+  }
+  return result;
+}
+
+void setVelocities(Run& run) {
+  const std::size_t n = run.points.size();
+  for (std::size_t i = 0; i < n && n > 1; ++i) {
+    const std::size_t a = i == 0 ? 0 : i - 1, b = i + 1 == n ? i : i + 1;
+    run.points[i].v_WT_mps =
+        (run.points[b].p_WT_m - run.points[a].p_WT_m) / (static_cast<double>(b - a) * run.period_s);
+  }
+}
+
+TrackPoint pointOf(const Channels& c) {
+  const Vec3 axis{c[3], c[4], c[5]};
+  const double length = norm(axis);
+  return {{c[0], c[1], c[2]}, length > 1e-9 ? axis / length : Vec3{0, 0, 1}, {}, c[6]};
+}
+
+/// Fills a run from its samples (at least one).
+void fill(Run& run, std::span<const GestureSample> samples, double rate_hz) {
+  const GestureSample& first = samples[run.first];
+  const double duration_s = secondsBetween(first, samples[run.last], rate_hz);
+  if (run.first == run.last) {
+    run.points.push_back(pointOf(channelsOf(first)));
+    return;
+  }
+  std::vector<double> times;
+  std::vector<Channels> values;
+  for (std::size_t i = run.first; i <= run.last; ++i) {
+    times.push_back(secondsBetween(first, samples[i], rate_hz));
+    values.push_back(channelsOf(samples[i]));
+  }
+  const auto intervals =
+      std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(duration_s / kAnalysisPeriod_s - 1e-9)));
+  run.period_s = duration_s / static_cast<double>(intervals);
+
+  // bins of half a period: a point's value is the mean of the two around it, an end's value is the end itself
+  const std::vector<Channels> halves = binMeans(times, values, 2 * intervals);
+  for (std::size_t i = 0; i < intervals; ++i) {
+    run.inside.push_back(std::clamp(0.5 * (halves[2 * i][kInside] + halves[2 * i + 1][kInside]), 0.0, 1.0));
+  }
+  std::vector<Channels> points(intervals + 1);
+  points.front() = values.front();
+  points.back() = values.back();
+  for (std::size_t i = 1; i < intervals; ++i) {
+    for (std::size_t c = 0; c < kChannels; ++c)
+      points[i][c] = 0.5 * (halves[2 * i - 1][c] + halves[2 * i][c]);
+  }
+
+  // insertion is a length that is reset by an exit: averaged, not smoothed
+  const std::vector<double> kernel = gaussianHalf(run.period_s);
+  std::vector<double> channel(points.size());
+  for (std::size_t c = 0; c < 6; ++c) {
+    for (std::size_t i = 0; i < points.size(); ++i) channel[i] = points[i][c];
+    channel = smoothed(channel, kernel);
+    for (std::size_t i = 0; i < points.size(); ++i) points[i][c] = channel[i];
+  }
+  for (const Channels& c : points) run.points.push_back(pointOf(c));
+  setVelocities(run);
+}
+
+}  // namespace
+
+std::vector<GestureSample> cleaned(std::span<const GestureSample> samples) {
+  std::vector<GestureSample> kept;
+  kept.reserve(samples.size());
+  for (const GestureSample& sample : samples) {
+    if (isUsable(sample) && (kept.empty() || sample.tick > kept.back().tick)) kept.push_back(sample);
+  }
+  return kept;
+}
+
+std::vector<Run> runsOf(std::span<const GestureSample> samples, double rate_hz) {
+  std::vector<Run> runs;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const bool is_new = i == 0 || secondsBetween(samples[i - 1], samples[i], rate_hz) > kLongestBridge_s;
+    if (is_new) {
+      runs.emplace_back();
+      runs.back().first = i;
+      runs.back().start_s = secondsBetween(samples[0], samples[i], rate_hz);
+    }
+    runs.back().last = i;
+  }
+  for (Run& run : runs) fill(run, samples, rate_hz);
+  return runs;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,61 @@
+/// A recording as a smooth motion at one fixed rate: what lengths, speeds and swept areas are computed from.
+/// Private to this folder.
+///
+/// Each quantity is taken as piecewise linear between samples, averaged over bins of `kAnalysisPeriod_s`,
+/// then smoothed by a Gaussian that halves the power at `kAnalysisCutoffHz`, forward and backward alike (no
+/// delay), reflected about its end points (the ends stay where they are). Nothing in this depends on the
+/// loop's rate, and smoothing never makes a path longer.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "gesture/sample.h"
+#include "haptics/geometry.h"
+
+namespace needlelab {
+
+inline constexpr double kAnalysisPeriod_s = 0.01;
+/// Intended hand movement lies below it; tremor (8–12 Hz) and the device's encoder steps are damped.
+inline constexpr double kAnalysisCutoffHz = 6;
+/// Missing ticks up to this long are bridged by straight lines; over a longer gap nothing is assumed.
+inline constexpr double kLongestBridge_s = 0.1;
+
+/// One moment of the motion.
+struct TrackPoint {
+  Vec3 p_WT_m;             ///< tip, smoothed
+  Vec3 axis_W;             ///< needle's axis from hub to tip, smoothed, unit
+  Vec3 v_WT_mps;           ///< tip's velocity
+  double insertion_m = 0;  ///< mean over the bin
+};
+
+/// A stretch of the recording without a long gap.
+struct Run {
+  std::size_t first = 0,
+              last = 0;  ///< samples, both included (indices into the list given to `cleaned`'s result)
+  double start_s = 0;    ///< of the first sample, since the recording's first
+  double period_s = 0;   ///< between points: at most `kAnalysisPeriod_s`, such that both ends are points
+  std::vector<TrackPoint> points;  ///< at start_s + i·period_s; a single one when the run is one sample
+  std::vector<double> inside;  ///< share of the time between points i and i+1 in which the tip was in tissue
+};
+
+/// The samples that can be used: ticks strictly ascending; positions, orientations, forces and lengths finite
+/// and not absurd (1 km, 1 MN). The other ones are left out, as if their ticks had been missed.
+std::vector<GestureSample> cleaned(std::span<const GestureSample> samples);
+
+/// Seconds between two ticks.
+inline double secondsBetween(const GestureSample& a, const GestureSample& b, double rate_hz) {
+  return static_cast<double>(b.tick - a.tick) / rate_hz;
+}
+
+/// Whether the tip was in tissue, as the engine saw it in that tick.
+inline bool isInside(const GestureSample& sample) {
+  return sample.layer >= 0;
+}
+
+/// The runs of a cleaned recording, in order. Memory: some 15 points per sample at most, however large the
+/// gaps.
+std::vector<Run> runsOf(std::span<const GestureSample> cleaned_samples, double rate_hz);
+
+}  // namespace needlelab
