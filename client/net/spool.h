@@ -74,6 +74,8 @@ class SpoolSession {
 
   // --- reading ---
   [[nodiscard]] SpoolContents contents() const;
+  /// Samples in the first `chunks` of them.
+  [[nodiscard]] std::uint64_t samplesIn(std::uint64_t chunks) const;
   /// The bytes of a synced chunk. Errors: kCorrupt, kUnavailable, kNotFound.
   [[nodiscard]] Result<Bytes> readChunk(std::uint64_t seq) const;
 

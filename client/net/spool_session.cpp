@@ -288,6 +288,12 @@ SpoolContents SpoolSession::contents() const {
   return {synced_, last.samples_through, last.bytes_through, ended, interrupted_, end_hash_};
 }
 
+std::uint64_t SpoolSession::samplesIn(std::uint64_t chunks) const {
+  const std::scoped_lock lock(mutex_);
+  const std::uint64_t some = std::min<std::uint64_t>(chunks, entries_.size());
+  return some == 0 ? 0 : entries_[some - 1].samples_through;
+}
+
 Result<Bytes> SpoolSession::readChunk(std::uint64_t seq) const {
   std::uint64_t offset = 0;
   {

@@ -1,0 +1,36 @@
+#include "station/local_score.h"
+
+#include <vector>
+
+#include "gesture/chunk.h"
+#include "scoring/measures.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::uint64_t kMostSamples = 2'000'000;  // half an hour at 1 kHz, half a gigabyte
+
+}  // namespace
+
+Result<std::string> localScore(const SpoolSession& session, const StationLesson& lesson, const Pose& X_WL) {
+  const SpoolContents contents = session.contents();
+  if (contents.samples > kMostSamples)
+    return Error{ErrorCode::kInvalidInput, "the session has " + std::to_string(contents.samples) +
+                                               " samples, the station scores at most " +
+                                               std::to_string(kMostSamples) + "; the server will"};
+  std::vector<GestureSample> samples;
+  samples.reserve(contents.samples);
+  for (std::uint64_t seq = 0; seq < contents.chunks; ++seq) {
+    auto chunk = session.readChunk(seq);
+    if (!chunk.ok()) return chunk.error();
+    auto some = decodeChunk(*chunk);
+    if (!some.ok()) return some.error();
+    samples.insert(samples.end(), some->begin(), some->end());
+  }
+  if (samples.empty()) return Error{ErrorCode::kNotFound, "nothing was recorded"};
+  const auto measures = scoreGesture(samples, session.description().rate_hz(), lesson.profile, X_WL,
+                                     lesson.exercise ? &*lesson.exercise : nullptr);
+  return scoreJson(measures);
+}
+
+}  // namespace needlelab

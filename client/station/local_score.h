@@ -1,0 +1,17 @@
+/// The score of a session by the station itself, from the spool, for when no server gives one.
+#pragma once
+
+#include <string>
+
+#include "base/result.h"
+#include "haptics/geometry.h"
+#include "net/spool.h"
+#include "station/lesson.h"
+
+namespace needlelab {
+
+/// Rows as of scoreJson. Reads the session's chunks again, as the server would. Errors: kInvalidInput for a
+/// session too long to be scored here (the server will), those of the spool.
+Result<std::string> localScore(const SpoolSession& session, const StationLesson& lesson, const Pose& X_WL);
+
+}  // namespace needlelab

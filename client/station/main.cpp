@@ -1,0 +1,21 @@
+/// needlelab-station: the trainee's program. Everything is in station.h; here only the command line and the
+/// last resort.
+
+#include <exception>
+#include <iostream>
+
+#include "base/exit_code.h"
+#include "station/options.h"
+#include "station/station.h"
+
+int main(int argc, char** argv) {
+  try {
+    const sigset_t stop_signals = needlelab::blockStopSignals();
+    const needlelab::ParsedOptions parsed = needlelab::parseStationOptions(argc, argv);
+    return parsed.exit_code ? *parsed.exit_code : needlelab::runStation(parsed.options, stop_signals);
+  } catch (const std::exception& error) {
+    // memory is out, or a thread could not be started: the spool keeps what it has
+    std::cerr << "needlelab-station: " << error.what() << "\n";
+    return needlelab::kExitFailed;
+  }
+}

@@ -1,0 +1,50 @@
+/// What the command line of needlelab-station says (DESIGN §9).
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "base/result.h"
+#include "device/hand.h"
+#include "haptics/geometry.h"
+#include "net/endpoint.h"
+#include "net/spool.h"
+
+namespace needlelab {
+
+struct StationOptions {
+  // the server; none without --server
+  std::optional<Endpoint> server;
+  std::filesystem::path ca_file, key_file;
+  std::string station;  ///< --station, or the name in the key file, or the machine's
+  // the lesson
+  std::string trainee, exercise;
+  std::filesystem::path profile_file;  ///< practice with a profile of one's own
+  std::string model;                   ///< empty: the profile's
+  // the device
+  std::string device = "simulated";
+  HandOptions hand;
+  Pose X_HT, X_WL;  ///< --tool, --placement
+  double rate_hz = 1000;
+  double seconds = 0;  ///< 0: until the device, the exercise's time limit or a signal ends it
+  bool headless = false;
+  // the spool
+  std::filesystem::path spool;
+  SpoolKeep keep;
+  double drain_s = 10;
+  // the summary
+  bool json = false;
+  std::filesystem::path json_file;  ///< empty with `json`: standard output
+};
+
+/// Parses and checks. An exit code when the program is to end at once: help, version (0), or wrong usage (2),
+/// said on the terminal already.
+struct ParsedOptions {
+  StationOptions options;
+  std::optional<int> exit_code;
+};
+ParsedOptions parseStationOptions(int argc, const char* const* argv);
+
+}  // namespace needlelab

@@ -1,0 +1,19 @@
+/// A whole lesson at the station: lesson → scene → session → loop → spool and server → summary.
+#pragma once
+
+#include <csignal>
+
+#include "station/options.h"
+
+namespace needlelab {
+
+/// Blocks SIGINT and SIGTERM in the calling thread and all that it starts; `runStation` takes them one by
+/// one. Call it first in `main`.
+sigset_t blockStopSignals();
+
+/// Runs one lesson and prints its summary. `stop_signals`: from blockStopSignals; the first such signal ends
+/// the lesson properly, the second one does not wait for the server any more. Gives the program's exit code
+/// (base/exit_code.h). Thread: main; starts and joins all others.
+int runStation(const StationOptions& options, const sigset_t& stop_signals);
+
+}  // namespace needlelab

@@ -1,0 +1,227 @@
+#include "station/summary.h"
+
+#include <sys/utsname.h>
+
+#include <cstdarg>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "haptics/engine.h"
+#include "haptics/force_gate.h"
+
+namespace needlelab {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct FlagWords {
+  std::uint32_t flag;
+  bool warning;
+  std::string_view text;
+};
+
+constexpr FlagWords kFlagWords[] = {
+    {kFlagEntry, false, "entries into the tissue"},
+    {kFlagExit, false, "exits from the tissue"},
+    {kFlagLayerChange, false, "changes of layer"},
+    {kFlagRupture, false, "membranes ruptured"},
+    {kFlagTurn, false, "turns of the trajectory"},
+    {kFlagClampCapped, true, "clamping force at its maximum"},
+    {kFlagForceCapped, true, "force cut to the profile's maximum"},
+    {kFlagTorque, false, "torque of the orientation limit"},
+    {kFlagNotStepped, true, "tick not computed (bad sample, or after a fault)"},
+    {kFlagStartedInside, true, "in the tissue from the start: no force until the needle was outside once"},
+    {kFlagBeyondNeedle, true, "inserted deeper than the needle is long"},
+    {kGateSampleRejected, true, "sample of the device rejected"},
+    {kGatePeakLimited, true, "force cut to what the device can render"},
+    {kGateThermalLimited, true, "force lowered so that the motors stay cool"},
+    {kGateSlewLimited, true, "force rising more slowly than computed"},
+    {kGateStartRamp, false, "start: force fading in"},
+    {kGateFaulted, true, "FAULT: force taken away"},
+};
+
+const FlagWords* wordsOf(unsigned bit) {
+  for (const FlagWords& words : kFlagWords)
+    if (words.flag == (1u << bit)) return &words;
+  return nullptr;
+}
+
+std::string machineText() {
+  utsname name{};
+  std::string text =
+      ::uname(&name) == 0 ? std::string(name.sysname) + " " + name.release + " " + name.machine : "unknown";
+  return text + ", " + std::to_string(std::thread::hardware_concurrency()) + " cores";
+}
+
+[[gnu::format(printf, 1, 2)]] std::string printed(const char* format, ...) {
+  char line[512];
+  std::va_list values;
+  va_start(values, format);
+  std::vsnprintf(line, sizeof line, format, values);
+  va_end(values);
+  return line;
+}
+
+double micro(std::int64_t ns) {
+  return static_cast<double>(ns) * 1e-3;
+}
+
+// flags that were set at all: text → ticks
+Json flagCounts(const ServoStats& servo, bool warnings) {
+  Json counts = Json::object();
+  for (unsigned bit = 0; bit < servo.flag_ticks.size(); ++bit)
+    if (servo.flag_ticks[bit] > 0 && !flagText(bit).empty() && isWarningFlag(bit) == warnings)
+      counts[std::string(flagText(bit))] = servo.flag_ticks[bit];
+  return counts;
+}
+
+Json scoreOf(const StationSummary& summary) {
+  if (summary.score_json.empty()) return nullptr;
+  Json score = Json::parse(summary.score_json, nullptr, false);
+  return score.is_discarded() ? Json(nullptr) : score;
+}
+
+double bytesPerSample(const StationSummary& summary) {
+  const std::uint64_t stored = summary.writer.samples - summary.writer.samples_lost;
+  return stored == 0 ? 0 : static_cast<double>(summary.writer.chunk_bytes) / static_cast<double>(stored);
+}
+
+// "12 measures, all requirements met", with the measures that have a requirement
+std::string scoreWords(const StationSummary& summary) {
+  const Json score = scoreOf(summary);
+  if (!score.is_array()) return "none";
+  std::string text =
+      std::to_string(score.size()) + " measures, computed by the " + summary.score_source + "\n";
+  for (const Json& row : score)
+    if (row.is_object() && row.contains("words") && row["words"].is_string())
+      text += "    " + row["words"].get<std::string>() + "\n";
+  return text;
+}
+
+}  // namespace
+
+std::string_view flagText(unsigned bit) {
+  const FlagWords* words = wordsOf(bit);
+  return words == nullptr ? std::string_view() : words->text;
+}
+
+bool isWarningFlag(unsigned bit) {
+  const FlagWords* words = wordsOf(bit);
+  return words != nullptr && words->warning;
+}
+
+const char* servoEndText(ServoEnd end) {
+  switch (end) {
+    case ServoEnd::kNotYet:
+      return "did not run";
+    case ServoEnd::kStopped:
+      return "stopped";
+    case ServoEnd::kTicksDone:
+      return "time is over";
+    case ServoEnd::kDeviceFinished:
+      return "the device's motion is over";
+    case ServoEnd::kFault:
+      return "FAULT";
+  }
+  return "?";
+}
+
+std::string summaryText(const StationSummary& s) {
+  std::string text;
+  const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
+  text += printed("session      %s (%s)\n", s.session_id.c_str(), servoEndText(s.servo.end));
+  if (s.servo.fault != Fault::kNone) text += printed("FAULT        %s\n", faultText(s.servo.fault));
+  text += printed("samples      %llu at %g Hz; %llu of %llu ticks missed; %llu lost\n",
+                  count(s.servo.samples), s.rate_hz, count(s.servo.missed_ticks), count(s.servo.ticks),
+                  count(s.ring_dropped + s.writer.samples_lost));
+  text += printed("wake-up      p50 %.1f µs, p99 %.1f µs, p99.9 %.1f µs, max %.1f µs\n",
+                  micro(s.servo.wakeup.quantile_ns(0.5)), micro(s.servo.wakeup.quantile_ns(0.99)),
+                  micro(s.servo.wakeup.quantile_ns(0.999)), micro(s.servo.wakeup.max_ns()));
+  text +=
+      printed("tick         p50 %.1f µs, p99 %.1f µs, max %.1f µs; of it engine p50 %.2f µs, p99 %.2f µs\n",
+              micro(s.servo.tick.quantile_ns(0.5)), micro(s.servo.tick.quantile_ns(0.99)),
+              micro(s.servo.tick.max_ns()), micro(s.servo.engine.quantile_ns(0.5)),
+              micro(s.servo.engine.quantile_ns(0.99)));
+  text +=
+      printed("stored       %.2f bytes a sample in %llu chunks\n", bytesPerSample(s), count(s.writer.chunks));
+  std::string effects;
+  for (const std::string& effect : s.live_effects) effects += (effects.empty() ? "" : ", ") + effect;
+  text += "live effects " + (effects.empty() ? "none" : effects) + "\n";
+  for (const bool warnings : {false, true}) {
+    const Json counts = flagCounts(s.servo, warnings);
+    for (const auto& [words, ticks] : counts.items())
+      text += std::string(warnings ? "warning      " : "event        ") + words + ": " + ticks.dump() +
+              " ticks\n";
+  }
+  if (s.has_server) {
+    text += printed("server       %llu of %llu samples committed, session %s\n", count(s.samples_acked),
+                    count(s.servo.samples), s.state.c_str());
+    if (!s.uplink.current_trouble.empty()) text += "             " + s.uplink.current_trouble + "\n";
+  }
+  if (s.spool_left > 0)
+    text += "spool        " + std::to_string(s.spool_left) + " chunks wait in " + s.spool +
+            " for the server; they are sent at the next start with --server\n";
+  else
+    text += "spool        " + s.spool + ", nothing waits\n";
+  text += "score        " + scoreWords(s);
+  if (text.back() != '\n') text += '\n';
+  return text;
+}
+
+std::string summaryJson(const StationSummary& s) {
+  Json row = {
+      {"session_id", s.session_id},
+      {"station", s.station},
+      {"trainee", s.trainee},
+      {"exercise", s.exercise},
+      {"profile", s.profile},
+      {"profile_revision", s.profile_revision},
+      {"device", s.device},
+      {"rate_hz", s.rate_hz},
+      {"end", servoEndText(s.servo.end)},
+      {"fault", s.servo.fault == Fault::kNone ? Json(nullptr) : Json(faultText(s.servo.fault))},
+      {"ticks", s.servo.ticks},
+      {"samples", s.servo.samples},
+      {"missed_ticks", s.servo.missed_ticks},
+      {"samples_lost", s.ring_dropped + s.writer.samples_lost},
+      {"wakeup_p50_us", micro(s.servo.wakeup.quantile_ns(0.5))},
+      {"wakeup_p99_us", micro(s.servo.wakeup.quantile_ns(0.99))},
+      {"wakeup_p999_us", micro(s.servo.wakeup.quantile_ns(0.999))},
+      {"wakeup_max_us", micro(s.servo.wakeup.max_ns())},
+      {"tick_p50_ns", s.servo.tick.quantile_ns(0.5)},
+      {"tick_p99_ns", s.servo.tick.quantile_ns(0.99)},
+      {"tick_p999_ns", s.servo.tick.quantile_ns(0.999)},
+      {"tick_max_ns", s.servo.tick.max_ns()},
+      {"engine_p50_ns", s.servo.engine.quantile_ns(0.5)},
+      {"engine_p99_ns", s.servo.engine.quantile_ns(0.99)},
+      {"device_p50_ns", s.servo.device.quantile_ns(0.5)},
+      {"device_p99_ns", s.servo.device.quantile_ns(0.99)},
+      {"samples_acked", s.samples_acked},
+      {"spool_left", s.spool_left},
+      {"bytes_per_sample", bytesPerSample(s)},
+      {"chunks", s.writer.chunks},
+      {"disk_errors", s.writer.disk_errors},
+      {"live_frames", s.uplink.live_frames},
+      {"live_dropped", s.uplink.live_dropped},
+      {"connections", s.uplink.connections},
+      {"state", s.state},
+      {"live_effects", s.live_effects},
+      {"events", flagCounts(s.servo, false)},
+      {"warnings", flagCounts(s.servo, true)},
+      {"score", scoreOf(s)},
+      {"score_source", s.score_source.empty() ? Json(nullptr) : Json(s.score_source)},
+  };
+  if (s.uplink.clock) {
+    row["clock_offset_ns"] = s.uplink.clock->offset_ns;
+    row["clock_round_trip_ns"] = s.uplink.clock->round_trip_ns;
+  }
+  row["realtime"] = Json::array();
+  for (const RtStep& step : s.realtime)
+    row["realtime"].push_back({{"name", step.name}, {"ok", step.ok}, {"message", step.message}});
+  Json all = {{"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", Json::array({row})}};
+  all.update(row);
+  return all.dump(1) + "\n";
+}
+
+}  // namespace needlelab

@@ -1,0 +1,49 @@
+/// The closing summary of a session: for a person and as JSON (DESIGN §9).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "net/spool_writer.h"
+#include "net/uplink.h"
+#include "station/rt_thread.h"
+#include "station/servo_loop.h"
+
+namespace needlelab {
+
+/// Everything that a summary tells.
+struct StationSummary {
+  std::string session_id, station, trainee, exercise, profile, device;
+  std::uint32_t profile_revision = 0;
+  double rate_hz = 0;
+  ServoStats servo;
+  SpoolWriterCounts writer;
+  std::uint64_t ring_dropped = 0;   ///< samples that found the ring full
+  std::uint64_t samples_acked = 0;  ///< of this session, committed by the server
+  std::uint64_t spool_left = 0;  ///< chunks in the spool that the server has not committed, over all sessions
+  bool has_server = false;
+  UplinkState uplink;
+  std::vector<std::string> live_effects;
+  std::vector<RtStep> realtime;
+  std::string state;         ///< COMPLETE, INTERRUPTED (the server's word), or OPEN
+  std::string score_json;    ///< rows; empty when there is none
+  std::string score_source;  ///< "server" or "station"
+  std::string spool;
+};
+
+/// What a bit of StepFlag or GateFlag means, in words; empty for bits without meaning.
+std::string_view flagText(unsigned bit);
+/// Whether a person should look at it (a limit was reached, a sample was refused), or it is an event of every
+/// gesture.
+bool isWarningFlag(unsigned bit);
+const char* servoEndText(ServoEnd end);
+
+std::string summaryText(const StationSummary& summary);
+/// {"version", "machine", "rows": [{…}]}: one row with the keys of DESIGN §9 and more, which stand beside
+/// "rows" as well.
+std::string summaryJson(const StationSummary& summary);
+
+}  // namespace needlelab
