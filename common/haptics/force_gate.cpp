@@ -47,20 +47,24 @@ ThermalBudget::ThermalBudget(double peak, double continuous, double period_s) no
       ticks_per_bucket_(std::max<std::int64_t>(1, static_cast<std::int64_t>(kBucket_s / period_s + 0.5))) {}
 
 double ThermalBudget::allowed() const noexcept {
-  return budget_ > 0 ? peak_ * std::max(0.0, 1.0 - spent_ / budget_) : 0.0;
+  return budget_ > 0 ? peak_ * std::max(0.0, 1.0 - spent() / budget_) : 0.0;
+}
+
+double ThermalBudget::spent() const noexcept {
+  // the bucket that has left the window is given back tick by tick: all at once it would be felt
+  const double leaving = 1.0 - static_cast<double>(ticks_in_bucket_) / static_cast<double>(ticks_per_bucket_);
+  return whole_ + bucket_[current_] + leaving * bucket_[(current_ + 1) % kBuckets];
 }
 
 void ThermalBudget::spend(double magnitude) noexcept {
-  const double energy = magnitude * magnitude * period_s_;
-  bucket_[current_] += energy;
-  spent_ += energy;
+  bucket_[current_] += magnitude * magnitude * period_s_;
   if (++ticks_in_bucket_ < ticks_per_bucket_) return;
   ticks_in_bucket_ = 0;
   current_ = (current_ + 1) % kBuckets;
   bucket_[current_] = 0;
-  // summed anew, so that no rounding is carried on for hours
-  spent_ = 0;
-  for (const double part : bucket_) spent_ += part;
+  // summed anew, so that no rounding is carried on for hours; all but the current one and the one that leaves
+  whole_ = 0;
+  for (std::size_t i = 2; i < kBuckets; ++i) whole_ += bucket_[(current_ + i) % kBuckets];
 }
 
 ForceGate::ForceGate(const DeviceLimits& limits, double rate_hz)

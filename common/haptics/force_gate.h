@@ -53,13 +53,16 @@ class ThermalBudget {
   void spend(double magnitude) noexcept;
 
  private:
-  static constexpr std::size_t kBuckets =
-      101;  ///< 100 ms each; the one partly out of the window counts in full
+  /// Energy that counts now; never less than that of the last 10 s.
+  [[nodiscard]] double spent() const noexcept;
+
+  /// 100 ms each: the current one, 100 that the window reaches into, and one that has just left it.
+  static constexpr std::size_t kBuckets = 102;
   double peak_, budget_, period_s_;
   std::array<double, kBuckets> bucket_{};
   std::size_t current_ = 0;
   std::int64_t ticks_in_bucket_ = 0, ticks_per_bucket_;
-  double spent_ = 0;
+  double whole_ = 0;  ///< sum of the 100
 };
 
 class ForceGate;
