@@ -1,0 +1,54 @@
+#include "station/latency_histogram.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <vector>
+
+namespace needlelab {
+namespace {
+
+TEST(LatencyHistogram, quantilesAreAtMostOneBucketAboveTheSortedOnes) {
+  std::mt19937_64 random(7);
+  LatencyHistogram histogram;
+  std::vector<std::int64_t> all;
+  for (int i = 0; i < 20'000; ++i) {
+    // from ns to seconds
+    const auto value = static_cast<std::int64_t>(std::exp2(static_cast<double>(random() % 30'000) / 1000));
+    all.push_back(value);
+    histogram.add(value);
+  }
+  std::sort(all.begin(), all.end());
+  for (const double q : {0.001, 0.1, 0.5, 0.9, 0.99, 0.999, 1.0}) {
+    const auto exact = static_cast<double>(all[static_cast<std::size_t>(std::ceil(q * 20'000)) - 1]);
+    const auto found = static_cast<double>(histogram.quantile_ns(q));
+    EXPECT_GE(found, exact) << q;
+    EXPECT_LE(found, exact * (1 + 1.0 / 32) + 1) << q;
+  }
+  EXPECT_EQ(histogram.max_ns(), all.back());
+  EXPECT_EQ(histogram.total(), 20'000u);
+}
+
+TEST(LatencyHistogram, extremesFindTheirPlace) {
+  LatencyHistogram histogram;
+  EXPECT_EQ(histogram.quantile_ns(0.5), 0);
+  histogram.add(-5);
+  histogram.add(std::numeric_limits<std::int64_t>::max());
+  EXPECT_EQ(histogram.total(), 2u);
+  EXPECT_EQ(histogram.quantile_ns(0.5), 0);
+  EXPECT_EQ(histogram.quantile_ns(1.0), (std::int64_t{1} << 40) - 1);
+}
+
+TEST(LatencyHistogram, smallDurationsAreExact) {
+  for (std::int64_t value = 0; value < 64; ++value) {
+    LatencyHistogram histogram;
+    histogram.add(value);
+    EXPECT_EQ(histogram.quantile_ns(0.5), value);
+  }
+}
+
+}  // namespace
+}  // namespace needlelab
