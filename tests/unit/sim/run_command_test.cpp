@@ -1,0 +1,290 @@
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <sstream>
+
+#include "base/atomic_file.h"
+#include "base/csv.h"
+#include "device/pose_option.h"
+#include "haptics/tool_transform.h"
+#include "profile/profile.h"
+#include "sim/run_output.h"
+#include "sim_run.h"
+#include "support/temp_folder.h"
+
+namespace needlelab {
+namespace {
+
+using test::sim;
+using testing::HasSubstr;
+const std::filesystem::path kSamples = NEEDLELAB_SAMPLES;
+
+// an oblique insertion to 30 mm with a stop, a sideways drift and a withdrawal; tip poses at 1 kHz
+std::vector<Pose> gesture() {
+  std::vector<Pose> poses;
+  const Quat q = normalized(Quat{0.98, 0.05, 0.1, 0.02});
+  for (int k = 0; k < 3000; ++k) {
+    const double t = k * 1e-3;
+    const double depth = t < 1 ? 0.04 * t - 0.01 : t < 2 ? 0.03 : 0.03 - 0.05 * (t - 2);
+    const double aside = 0.004 * std::sin(2 * t);
+    poses.push_back({{0.1 * depth + aside, -0.05 * depth, -depth}, q});
+  }
+  return poses;
+}
+
+std::string csvOf(const std::vector<Pose>& poses) {
+  std::string text = "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n";
+  for (std::size_t k = 0; k < poses.size(); ++k) {
+    appendNumber(text, static_cast<double>(k) * 1e-3);
+    text += "," + poseOptionText(poses[k]) + "\n";
+  }
+  return text;
+}
+
+// a table of `run` as columns of text
+std::map<std::string, std::vector<std::string>> tableOf(const std::filesystem::path& path) {
+  std::map<std::string, std::vector<std::string>> table;
+  std::istringstream in(*readWholeFile(path));
+  std::string line, cell;
+  std::vector<std::string> names;
+  std::getline(in, line);
+  for (std::istringstream cells(line); std::getline(cells, cell, ',');) names.push_back(cell);
+  while (std::getline(in, line)) {
+    std::istringstream cells(line);
+    for (const std::string& name : names) {
+      std::getline(cells, cell, ',');
+      table[name].push_back(cell);
+    }
+  }
+  return table;
+}
+
+bool sameBits(double a, double b) {
+  return std::memcmp(&a, &b, sizeof a) == 0 || (std::isnan(a) && std::isnan(b));
+}
+
+TEST(RunCommand, writesWhatTheEngineSaysBitForBit) {
+  const test::TempFolder folder;
+  const auto poses = gesture();
+  const auto trajectory = folder.write("t.csv", csvOf(poses)), out = folder.path() / "o.csv";
+  const auto profile = kSamples / "shoulder-adult.json";
+  const auto outcome = sim({"run", "--profile", profile.string(), "--trajectory", trajectory.string(),
+                            "--out", out.string(), "--hash"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+
+  // the same through the engine's own functions
+  const auto model = compile(*sceneSpecOf(*loadProfile(profile)), 1000);
+  ASSERT_TRUE(model.ok());
+  auto table = tableOf(out);
+  ASSERT_EQ(table["t_s"].size(), poses.size());
+  auto state = std::make_unique<SimState>();
+  StepReport r;
+  std::map<std::string, int> phases;
+  for (std::size_t k = 0; k < poses.size(); ++k) {
+    step(*model, {poses[k].p, normalized(poses[k].q)}, *state, r);
+    const std::pair<const char*, double> row[] = {{"t_s", static_cast<double>(k) * 1e-3},
+                                                  {"fx_n", r.wrench_W.force_N.x},
+                                                  {"fy_n", r.wrench_W.force_N.y},
+                                                  {"fz_n", r.wrench_W.force_N.z},
+                                                  {"tx_nm", r.wrench_W.torque_Nm.x},
+                                                  {"ty_nm", r.wrench_W.torque_Nm.y},
+                                                  {"tz_nm", r.wrench_W.torque_Nm.z},
+                                                  {"wx_m", r.p_wall_W_m.x},
+                                                  {"wy_m", r.p_wall_W_m.y},
+                                                  {"wz_m", r.p_wall_W_m.z},
+                                                  {"depth_m", r.depth_m},
+                                                  {"insertion_m", r.insertion_m},
+                                                  {"alpha_rad", orientationLimitAngle(0.06, r.insertion_m)},
+                                                  {"lateral_error_m", r.lateral_error_m},
+                                                  {"cutting_n", r.cutting_N},
+                                                  {"attracted_n", r.attracted_N},
+                                                  {"friction_n", r.friction_N},
+                                                  {"puncture_n", r.puncture_N},
+                                                  {"clamping_n", r.clamping_N}};
+    for (const auto& [name, value] : row)
+      ASSERT_TRUE(sameBits(std::strtod(table[name][k].c_str(), nullptr), value)) << name << " in row " << k;
+    ASSERT_EQ(table["phase"][k], phaseName(r.phase));
+    ASSERT_EQ(table["layer"][k], std::to_string(r.layer));
+    ++phases[table["phase"][k]];
+  }
+  EXPECT_EQ(phases.size(), 4u) << "the gesture does not reach every phase";
+  char hash[32];
+  std::snprintf(hash, sizeof hash, "%016llx\n", static_cast<unsigned long long>(fnv1a(*readWholeFile(out))));
+  EXPECT_EQ(outcome.out, hash);
+}
+
+TEST(RunCommand, findsColumnsByNameInAnyOrder) {
+  const test::TempFolder folder;
+  const auto plain =
+      folder.write("a.csv", "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,0,0,0.01,1,0,0,0\n0.001,0,0,-0.002,1,0,0,0\n");
+  const auto mixed =
+      folder.write("b.csv",
+                   "qw,qz,qy,plunger,qx,note,pz_m,py_m,px_m,t_s\r\n0,0,0,0.5,1.0005,first,0.01,0,0,0\r\n"
+                   "0,0,0,1,1,second,-0.002,0,0,0.001\r\n");
+  const auto profile = (kSamples / "paper-1dof.json").string();
+  const auto a = folder.path() / "ao.csv", b = folder.path() / "bo.csv";
+  ASSERT_EQ(sim({"run", "--profile", profile, "--trajectory", plain.string(), "--out", a.string()}).code, 0);
+  ASSERT_EQ(sim({"run", "--profile", profile, "--trajectory", mixed.string(), "--out", b.string()}).code, 0);
+  EXPECT_EQ(*readWholeFile(a), *readWholeFile(b));
+  // 2 mm of stretch in one step: 500 N/m make 1 N, along W's z
+  EXPECT_NEAR(std::strtod(tableOf(a)["fz_n"][1].c_str(), nullptr), 1, 1e-12);
+}
+
+TEST(RunCommand, theTimeColumnIsCarriedThroughAndMeansNothing) {
+  const test::TempFolder folder;
+  const auto trajectory = folder.write(
+      "t.csv",
+      "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n7,0,0,0.01,1,0,0,0\n3.25,0,0,0.01,1,0,0,0\n3.25,0,0,0.01,1,0,0,0\n");
+  const auto out = folder.path() / "o.csv";
+  ASSERT_EQ(sim({"run", "--profile", (kSamples / "paper-1dof.json").string(), "--trajectory",
+                 trajectory.string(), "--out", out.string()})
+                .code,
+            0);
+  EXPECT_THAT(tableOf(out)["t_s"], testing::ElementsAre("7", "3.25", "3.25"));
+}
+
+TEST(RunCommand, toolAndPlacementOnlyMoveTheScene) {
+  const test::TempFolder folder;
+  const auto tips = gesture();
+  const Pose X_WL{{0.4, -0.1, 0.2}, normalized(Quat{0.2, -0.3, 0.1, 0.9})};
+  const Pose X_HT{{0.01, 0.02, 0.15}, normalized(Quat{0.1, 0.7, 0, 0.7})};
+  std::vector<Pose> handles;
+  for (const Pose& X_LT : tips) handles.push_back(X_WL * X_LT * inverse(X_HT));
+  const auto profile = (kSamples / "shoulder-adult.json").string();
+  const auto plain = folder.path() / "plain.csv", moved = folder.path() / "moved.csv";
+  ASSERT_EQ(sim({"run", "--profile", profile, "--trajectory", folder.write("t.csv", csvOf(tips)).string(),
+                 "--out", plain.string()})
+                .code,
+            0);
+  const auto tool = folder.write("tool.json", poseOptionJson(X_HT));
+  const auto outcome =
+      sim({"run", "--profile", profile, "--trajectory", folder.write("h.csv", csvOf(handles)).string(),
+           "--out", moved.string(), "--placement", poseOptionText(X_WL), "--tool", tool.string()});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  auto a = tableOf(plain), b = tableOf(moved);
+  double greatest = 0;
+  for (std::size_t k = 0; k < tips.size(); ++k) {
+    for (const char* name :
+         {"depth_m", "insertion_m", "lateral_error_m", "cutting_n", "attracted_n", "clamping_n"})
+      ASSERT_NEAR(std::strtod(a[name][k].c_str(), nullptr), std::strtod(b[name][k].c_str(), nullptr), 1e-9)
+          << name << k;
+    const auto force = [k](auto& table) {
+      const auto number = [&](const char* name) { return std::strtod(table[name][k].c_str(), nullptr); };
+      return Vec3{number("fx_n"), number("fy_n"), number("fz_n")};
+    };
+    ASSERT_LT(norm(rotate(X_WL.q, force(a)) - force(b)), 1e-8);
+    greatest = std::max(greatest, norm(force(b)));
+  }
+  EXPECT_GT(greatest, 1);
+}
+
+// every kind of wrong input: exit code 2, a message that names the file and the fault, and no output
+TEST(RunCommand, refusesWrongInputByNameAndWritesNothing) {
+  const test::TempFolder folder;
+  const std::string header = "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n";
+  const std::string good_row = "0,0,0,0.01,1,0,0,0\n";
+  const auto good = folder.write("good.csv", header + good_row).string();
+  const auto profile = (kSamples / "paper-1dof.json").string();
+  std::string with_field = *readWholeFile(profile);
+  with_field.insert(with_field.find("\"id\""), "\"colour\": 3, ");
+  std::string out_of_range = *readWholeFile(profile);
+  const std::string force = "\"cutting_force_n\": 1";
+  out_of_range.replace(out_of_range.find(force), force.size(), "\"cutting_force_n\": 75");
+
+  struct Case {
+    std::string profile, trajectory;
+    std::vector<std::string> more;
+    std::vector<std::string> named;  // parts of the message
+  };
+  const auto t = [&](const char* name, const std::string& text) { return folder.write(name, text).string(); };
+  const Case cases[] = {
+      {profile,
+       t("nocolumn.csv", "t_s,px_m,py_m,pz_m,qx,qy,qz\n0,0,0,0,1,0,0\n"),
+       {},
+       {"nocolumn.csv", "'qw'"}},
+      {profile,
+       t("nan.csv", header + good_row + "0,0,nan,0.01,1,0,0,0\n"),
+       {},
+       {"nan.csv line 3", "'py_m'", "'nan'"}},
+      {profile, t("inf.csv", header + "inf,0,0,0.01,1,0,0,0\n"), {}, {"inf.csv line 2", "'t_s'"}},
+      {profile, t("word.csv", header + "0,0,0,deep,1,0,0,0\n"), {}, {"word.csv line 2", "'deep'"}},
+      {profile,
+       t("quat.csv", header + good_row + good_row + "0,0,0,0.01,0.9,0,0,0\n"),
+       {},
+       {"quat.csv", "line 4", "0.9"}},
+      {profile,
+       t("zeroquat.csv", header + "0,0,0,0.01,0,0,0,0\n"),
+       {},
+       {"zeroquat.csv", "line 2", "quaternion"}},
+      {profile, t("plunger.csv", "plunger," + header + "2," + good_row), {}, {"plunger.csv", "plunger", "2"}},
+      {profile, t("short.csv", header + "0,0,0\n"), {}, {"short.csv line 2"}},
+      {profile, t("headeronly.csv", header), {}, {"headeronly.csv"}},
+      {profile, t("empty.csv", ""), {}, {"empty.csv", "empty"}},
+      {profile, folder.path().string() + "/missing.csv", {}, {"missing.csv"}},
+      {profile, folder.path().string(), {}, {folder.path().string()}},
+      {folder.path().string() + "/missing.json", good, {}, {"missing.json"}},
+      {t("field.json", with_field), good, {}, {"field.json", "colour"}},
+      {t("range.json", out_of_range), good, {}, {"range.json", "layers[0].cutting_force_n", "75", "[0, 50]"}},
+      {t("notjson.json", "{"), good, {}, {"notjson.json"}},
+      {profile, good, {"--rate", "10"}, {"--rate", "10", "[50, 40000]"}},
+      {profile, good, {"--rate", "nan"}, {"--rate", "nan"}},
+      {profile, good, {"--rate", "fast"}, {"--rate", "fast"}},
+      {profile, good, {"--model", "VOIGTT"}, {"--model", "VOIGTT", "ENHANCED_TRACKING_WALL"}},
+      {profile, good, {"--model", "AXIAL_MODEL_UNSPECIFIED"}, {"AXIAL_MODEL_UNSPECIFIED"}},
+      {profile, good, {"--placement", "0,0,0,0,0,0,2"}, {"--placement", "2"}},
+      {profile, good, {"--tool", "1,2,3"}, {"--tool", "3 numbers"}},
+      {profile, good, {"--colour"}, {"--colour"}},
+  };
+  for (const Case& c : cases) {
+    const auto out = folder.path() / "never.csv";
+    std::vector<std::string> arguments = {"run",        "--profile", c.profile,   "--trajectory",
+                                          c.trajectory, "--out",     out.string()};
+    arguments.insert(arguments.end(), c.more.begin(), c.more.end());
+    const auto outcome = sim(arguments);
+    EXPECT_EQ(outcome.code, 2) << c.named.front() << ": " << outcome.err;
+    for (const std::string& part : c.named) EXPECT_THAT(outcome.err, HasSubstr(part));
+    EXPECT_FALSE(std::filesystem::exists(out)) << c.named.front();
+    EXPECT_EQ(outcome.out, "");
+  }
+}
+
+TEST(RunCommand, anEarlierOutputStaysWholeWhenARunFails) {
+  const test::TempFolder folder;
+  const auto out = folder.write("o.csv", "earlier");
+  const auto bad = folder.write("bad.csv", "t_s\n0\n");
+  const auto outcome = sim({"run", "--profile", (kSamples / "paper-1dof.json").string(), "--trajectory",
+                            bad.string(), "--out", out.string()});
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_EQ(*readWholeFile(out), "earlier");
+  // an output that cannot be written is work that failed
+  const auto good = folder.write("good.csv", "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,0,0,0.01,1,0,0,0\n");
+  const auto nowhere = sim({"run", "--profile", (kSamples / "paper-1dof.json").string(), "--trajectory",
+                            good.string(), "--out", (folder.path() / "no" / "folder.csv").string()});
+  EXPECT_EQ(nowhere.code, 1);
+  EXPECT_THAT(nowhere.err, HasSubstr("folder.csv"));
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 3);  // nothing left over
+}
+
+TEST(SimApp, helpAndVersionAreEverywhere) {
+  for (const std::vector<std::string>& command : {std::vector<std::string>{}, {"run"}, {"figures"}}) {
+    for (const char* flag : {"--help", "--version"}) {
+      auto arguments = command;
+      arguments.emplace_back(flag);
+      const auto outcome = sim(arguments);
+      EXPECT_EQ(outcome.code, 0);
+      EXPECT_THAT(outcome.out, HasSubstr(flag == std::string("--version") ? NEEDLELAB_VERSION : "Usage"));
+    }
+  }
+  EXPECT_EQ(sim({}).code, 2);
+  EXPECT_EQ(sim({"fly"}).code, 2);
+  EXPECT_EQ(sim({"run"}).code, 2);
+}
+
+}  // namespace
+}  // namespace needlelab
