@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "base/crc32c.h"
 #include "gesture/chunk.h"
 
 namespace needlelab {
@@ -42,13 +41,20 @@ std::string sessionText(std::string_view bytes) {
   return id ? uuidText(*id) : "(an id of " + std::to_string(bytes.size()) + " bytes, not 16)";
 }
 
+std::int64_t stationCrcOf(ByteView chunk) {
+  std::uint32_t crc = 0;
+  if (chunk.size() < sizeof(crc)) return 0;
+  ByteReader reader(chunk.last(sizeof(crc)));
+  return reader.get<std::uint32_t>();
+}
+
 Result<std::uint64_t> checkStoredChunk(const std::string& name, std::uint64_t seq, std::uint64_t samples,
                                        std::int64_t crc, ByteView bytes) {
   const auto corrupt = [&](const std::string& why) {
     return Error{ErrorCode::kCorrupt, name + ", chunk " + std::to_string(seq) + ": " + why};
   };
-  if (crc != static_cast<std::int64_t>(crc32c(bytes)))
-    return corrupt("the stored CRC does not agree with the stored bytes");
+  if (crc != stationCrcOf(bytes))
+    return corrupt("the CRC noted when it came in is not the one of the stored bytes");
   const auto info = inspectChunk(bytes);
   if (!info) return corrupt(info.error().message);
   if (info->count != samples) {

@@ -35,8 +35,18 @@ std::optional<Uuid> uuidOf(std::string_view bytes);
 /// For messages: the id's text, or that it is none.
 std::string sessionText(std::string_view bytes);
 
-/// A row of `chunks` as read back: the CRC kept in the row, the chunk's own CRC and its sample count must
-/// agree. kCorrupt names session and chunk. Gives the sample count.
+/// The CRC that the station put at the chunk's end (FORMAT.md): its last four bytes, little-endian. 0 when it
+/// is shorter. (A CRC over all its bytes would be the same number for every chunk, as they end with their
+/// own.)
+std::int64_t stationCrcOf(ByteView chunk);
+
+/// The CRC that the station put at the chunk's end (common/gesture/FORMAT.md): its last four bytes; 0 when it
+/// is shorter. A CRC over all of its bytes would be the same number for every chunk, because they end with
+/// their own.
+std::int64_t stationCrcOf(ByteView chunk);
+
+/// A row of `chunks` as read back: its bytes must agree with the CRC at their end, this with the one kept in
+/// the row, and the sample counts with each other. kCorrupt names session and chunk. Gives the sample count.
 Result<std::uint64_t> checkStoredChunk(const std::string& name, std::uint64_t seq, std::uint64_t samples,
                                        std::int64_t crc, ByteView bytes);
 

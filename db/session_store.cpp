@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "base/crc32c.h"
 #include "db/session_row.h"
 #include "db/session_rules.h"
 #include "gesture/chunk.h"
@@ -104,7 +103,7 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
   if (!info) return Appended{Appended::Kind::kCorrupt, row.chunks, chunk + ": " + info.error().message};
 
   if (auto done = connection_.run("INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (?,?,?,?,?)",
-                                  row.number, seq, info->count, crc32c(bytes), bytes);
+                                  row.number, seq, info->count, stationCrcOf(bytes), bytes);
       !done) {
     return done.error();
   }

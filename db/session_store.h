@@ -80,8 +80,8 @@ struct SessionCheck {
 
 /// Functions on a connection, which it does not own. A Result's error means that the database failed or the
 /// arguments are invalid; refusals of protocol are values.
-/// Thread: as its Connection. open, append, close, set… need the writer's connection (run them inside
-/// DbWriter).
+/// Thread: as its Connection. open, append, close, set… need the writer's connection and a
+/// transaction, because they change several rows: run them inside DbWriter.
 class SessionStore {
  public:
   explicit SessionStore(Connection& connection) : connection_(connection) {}

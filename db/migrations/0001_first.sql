@@ -94,8 +94,8 @@ CREATE INDEX sessions_by_station ON sessions (station, state);
 CREATE INDEX sessions_by_trainee ON sessions (trainee);
 CREATE INDEX sessions_by_start ON sessions (started_unix_ns);
 
--- Never updated, never deleted. crc: CRC-32C over `bytes`, computed when the chunk came in and checked on every read; the
--- station's own CRC is inside `bytes`.
+-- Never updated, never deleted. crc: the CRC-32C that the station made, i.e. the last four bytes of `bytes`, kept here as well;
+-- on every read it must agree with both the bytes and this column.
 CREATE TABLE chunks (
   session INTEGER NOT NULL REFERENCES sessions (number),
   seq     INTEGER NOT NULL CHECK (seq >= 0),

@@ -15,15 +15,16 @@ std::string pragma(Connection& connection, const std::string& name) {
 
 TEST(Connection, hasTheSettingsOfTheDesign) {
   test::TestDb db;
+  auto writer = test::TestDb::must(Connection::open(db.path, {.mode = Connection::Mode::kWriter}));
   auto reader = db.reader();
-  for (Connection* connection : {&db.writer, &reader}) {
+  for (Connection* connection : {&writer, &reader}) {
     EXPECT_EQ(pragma(*connection, "journal_mode"), "wal");
     EXPECT_EQ(pragma(*connection, "synchronous"), "2");
     EXPECT_EQ(pragma(*connection, "foreign_keys"), "1");
     EXPECT_EQ(pragma(*connection, "wal_autocheckpoint"), "0");
     EXPECT_EQ(pragma(*connection, "busy_timeout"), "5000");
   }
-  EXPECT_EQ(pragma(db.writer, "query_only"), "0");
+  EXPECT_EQ(pragma(writer, "query_only"), "0");
   EXPECT_EQ(pragma(reader, "query_only"), "1");
 }
 

@@ -1,4 +1,7 @@
 // Reading sessions back, also from a database that was damaged.
+#include <set>
+
+#include "base/crc32c.h"
 #include "db/session_store.h"
 #include "test_db.h"
 
@@ -103,6 +106,18 @@ TEST_F(SessionReaderTest, everyKindOfDamageIsFoundByVerify) {
     ASSERT_OK(db.writer.script("ROLLBACK"));
   }
   EXPECT_TRUE(store.verify(id)->ok);
+}
+
+TEST_F(SessionReaderTest, theStationsCrcIsKeptAndDiffersFromChunkToChunk) {
+  add("anna", 100, 4);
+  auto rows = db.writer.prepare("SELECT crc, bytes FROM chunks ORDER BY seq");
+  std::set<std::int64_t> seen;
+  while (*rows.step()) {
+    const ByteView bytes = rows.bytes(1);
+    EXPECT_EQ(rows.integer(0), crc32c(bytes.first(bytes.size() - 4)));
+    seen.insert(rows.integer(0));
+  }
+  EXPECT_EQ(seen.size(), 4u);
 }
 
 TEST_F(SessionReaderTest, aDamagedChunkIsNeverHandedOut) {

@@ -52,9 +52,10 @@ int xTruncate(sqlite3_file* file, sqlite3_int64 size) {
 int xSync(sqlite3_file* file, int flags) {
   auto& vfs = ShimVfs::instance();
   if (const int rc = vfs.ask(ShimVfs::Op::kSync, *shim(file)->path, 0, 0); rc != SQLITE_OK) return rc;
-  const int rc = real(file)->pMethods->xSync(real(file), flags);
-  if (rc == SQLITE_OK) vfs.noteSync(*shim(file)->path);
-  return rc;
+  // the real disk is not waited for: what survives is told by our own memory, and this keeps the tests fast
+  (void)flags;
+  vfs.noteSync(*shim(file)->path);
+  return SQLITE_OK;
 }
 int xFileSize(sqlite3_file* file, sqlite3_int64* size) {
   return real(file)->pMethods->xFileSize(real(file), size);

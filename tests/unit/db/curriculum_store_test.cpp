@@ -1,0 +1,71 @@
+#include "db/curriculum_store.h"
+
+#include "db/people_store.h"
+#include "db/profile_store.h"
+#include "test_db.h"
+
+namespace needlelab {
+namespace {
+
+class CurriculumStoreTest : public testing::Test {
+ protected:
+  void SetUp() override { ASSERT_OK(ProfileStore(db.writer).put({"knee", 0, "A knee", "{}", "bea", 1})); }
+  static StoredCurriculum curriculum(const std::string& id, const std::string& json,
+                                     const std::vector<std::string>& exercises,
+                                     const std::string& profile = "knee") {
+    StoredCurriculum result{id, 0, "Basics", json, "bea", 1, {}};
+    for (const auto& exercise : exercises)
+      result.exercises.push_back({exercise, "", "Name of " + exercise, profile, "{}"});
+    return result;
+  }
+  test::TestDb db;
+  CurriculumStore store{db.writer};
+};
+
+TEST_F(CurriculumStoreTest, theNewestRevisionsExercisesCount) {
+  EXPECT_EQ(*store.put(curriculum("basics", "{1}", {"b", "a"})), 1u);
+  EXPECT_EQ(*store.put(curriculum("basics", "{1}", {"b", "a"})), 1u);
+  EXPECT_EQ(*store.put(curriculum("basics", "{2}", {"c", "b"})), 2u);
+  const auto got = store.get("basics");
+  ASSERT_OK(got);
+  EXPECT_EQ(got->json, "{2}");
+  ASSERT_EQ(got->exercises.size(), 2u);
+  EXPECT_EQ(got->exercises[0].id, "c");
+  EXPECT_EQ(got->exercises[1].id, "b");
+  EXPECT_EQ(store.exercise("b")->curriculum_id, "basics");
+  EXPECT_EQ(store.exercise("a").error().code, ErrorCode::kNotFound);
+  ASSERT_EQ(store.list()->size(), 1u);
+  EXPECT_EQ(store.list()->front().exercises.size(), 2u);
+}
+
+TEST_F(CurriculumStoreTest, unknownProfilesAndTakenExerciseIdsAreRefused) {
+  EXPECT_EQ(store.put(curriculum("basics", "{}", {"a"}, "elbow")).error().code, ErrorCode::kNotFound);
+  ASSERT_OK(db.writer.script("DELETE FROM curricula; DELETE FROM exercises"));
+  ASSERT_OK(store.put(curriculum("basics", "{}", {"a"})));
+  const auto taken = store.put(curriculum("other", "{}", {"a"}));
+  ASSERT_FALSE(taken.ok());
+  EXPECT_EQ(taken.error().code, ErrorCode::kAlreadyExists);
+  EXPECT_NE(taken.error().message.find("'basics'"), std::string::npos) << taken.error().message;
+}
+
+TEST_F(CurriculumStoreTest, assignsExercisesToTrainees) {
+  ASSERT_OK(store.put(curriculum("basics", "{}", {"a", "b"})));
+  ASSERT_OK(PeopleStore(db.writer).add({"anna", pb::TRAINEE, "", false, 1}));
+  ASSERT_OK(PeopleStore(db.writer).add({"ina", pb::INSTRUCTOR, "", false, 1}));
+  ASSERT_OK(store.assign({"anna", "a", "ina", 10}));
+  ASSERT_OK(store.assign({"anna", "b", "ina", 20}));
+  ASSERT_OK(store.assign({"anna", "a", "ina", 30}));
+  const auto list = store.assignments("anna");
+  ASSERT_OK(list);
+  ASSERT_EQ(list->size(), 2u);
+  EXPECT_EQ((*list)[0].exercise_id, "a");
+  EXPECT_EQ((*list)[0].created_unix_ns, 30);
+  EXPECT_TRUE(store.assignments("ben")->empty());
+  EXPECT_EQ(store.assignments("")->size(), 2u);
+  EXPECT_EQ(store.assign({"nobody", "a", "ina", 1}).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(store.assign({"anna", "z", "ina", 1}).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(store.assign({"ina", "a", "ina", 1}).error().code, ErrorCode::kInvalidInput);
+}
+
+}  // namespace
+}  // namespace needlelab
