@@ -14,6 +14,7 @@ int runSim(int argc, const char* const* argv) {
     SimCommand chosen;
     addRunCommand(app, chosen);
     addFiguresCommand(app, chosen);
+    addScoreCommand(app, chosen);
     const std::string version = std::string("needlelab-sim ") + NEEDLELAB_VERSION;
     app.set_version_flag("--version", version);
     for (CLI::App* command : app.get_subcommands({})) command->set_version_flag("--version", version);

@@ -272,7 +272,8 @@ TEST(RunCommand, anEarlierOutputStaysWholeWhenARunFails) {
 }
 
 TEST(SimApp, helpAndVersionAreEverywhere) {
-  for (const std::vector<std::string>& command : {std::vector<std::string>{}, {"run"}, {"figures"}}) {
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{}, {"run"}, {"figures"}, {"score"}}) {
     for (const char* flag : {"--help", "--version"}) {
       auto arguments = command;
       arguments.emplace_back(flag);
