@@ -19,6 +19,7 @@ const std::filesystem::path kSamples = NEEDLELAB_SAMPLES;
 
 const std::vector<std::string> kPatients = {"shoulder-adult", "shoulder-muscular", "shoulder-frail",
                                             "knee-adult",     "wrist-adult",       "lumbar-adult"};
+const std::string kPhantom = "phantom-ball";
 const std::vector<std::string> kPaper = {"paper-1dof", "paper-six-layers", "paper-clamping"};
 
 pb::Profile sample(const std::string& id) {
@@ -30,6 +31,7 @@ pb::Profile sample(const std::string& id) {
 std::vector<std::string> all() {
   std::vector<std::string> ids = kPatients;
   ids.insert(ids.end(), kPaper.begin(), kPaper.end());
+  ids.push_back(kPhantom);
   return ids;
 }
 
@@ -178,7 +180,7 @@ TEST(Samples, theCurriculumUsesEveryPatientAndIsCanonical) {
     EXPECT_GE(exercise.requirements_size(), 3) << exercise.id();
   }
   EXPECT_THAT(used, UnorderedElementsAre("shoulder-adult", "shoulder-muscular", "shoulder-frail",
-                                         "knee-adult", "wrist-adult", "lumbar-adult"));
+                                         "knee-adult", "wrist-adult", "lumbar-adult", "phantom-ball"));
 }
 
 }  // namespace
