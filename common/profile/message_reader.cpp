@@ -57,6 +57,7 @@ const FieldDescriptor* fieldNamed(const Descriptor& type, const std::string& key
 
 std::vector<std::string> fieldNames(const Descriptor& type) {
   std::vector<std::string> names;
+  names.reserve(static_cast<std::size_t>(type.field_count()));
   for (int i = 0; i < type.field_count(); ++i) names.push_back(type.field(i)->name());
   return names;
 }
@@ -165,7 +166,7 @@ Status readList(const FieldDescriptor& field, const std::string& path, const jso
                            std::to_string(least) + " to " + std::to_string(most));
   }
   for (std::size_t i = 0; i < value.size(); ++i) {
-    const Status status = readValue(field, path + "[" + std::to_string(i) + "]", value[i], message);
+    Status status = readValue(field, path + "[" + std::to_string(i) + "]", value[i], message);
     if (!status) return status;
   }
   return {};
@@ -215,8 +216,8 @@ Status readObject(const json& value, const std::string& path, Message& message) 
       return fault(field_path, "is given twice, as " + field->name() + " and as " + field->json_name());
     }
     seen.push_back(field);
-    const Status status = field->is_repeated() ? readList(*field, field_path, item, message)
-                                               : readValue(*field, field_path, item, message);
+    Status status = field->is_repeated() ? readList(*field, field_path, item, message)
+                                         : readValue(*field, field_path, item, message);
     if (!status) return status;
   }
   return checkPresence(type, path, seen);

@@ -61,6 +61,7 @@ std::string valueJson(const Message& message, const FieldDescriptor& field, int 
 std::string listJson(const Message& message, const FieldDescriptor& field, std::size_t indent) {
   std::vector<std::string> items;
   const int size = message.GetReflection()->FieldSize(message, &field);
+  items.reserve(static_cast<std::size_t>(size));
   for (int i = 0; i < size; ++i) items.push_back(valueJson(message, field, i, indent + 2));
   return wrapped('[', ']', items, indent);
 }

@@ -12,6 +12,7 @@ constexpr std::size_t kMaxWords = 300;
 
 /// Receives the parser's events, builds the tree, and knows at each moment the path of the value that is
 /// read.
+// NOLINTNEXTLINE(bugprone-exception-escape): running out of memory ends the program anyway
 class TreeBuilder : public nlohmann::json_sax<json> {
  public:
   bool null() override { return put(nullptr); }
@@ -92,7 +93,8 @@ class TreeBuilder : public nlohmann::json_sax<json> {
     std::string path;
     for (const Frame& frame : frames_) {
       if (frame.node->is_array()) {
-        // the item that is being read: not in the list yet, unless it is itself a list or object that is being read
+        // the item that is being read: not in the list yet, unless it is itself a list or object that is
+        // being read
         const bool is_open = &frame != &frames_.back();
         path += "[" + std::to_string(frame.node->size() - (is_open ? 1 : 0)) + "]";
       } else if (!frame.key.empty()) {

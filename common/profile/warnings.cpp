@@ -28,7 +28,7 @@ std::string layerName(const pb::Profile& profile, int i) {
 
 /// How far a membrane is pushed in when it ruptures: the positive root of k1 z + k2 z² = force, in the form
 /// that does not lose digits when k2 is small.
-double ruptureDepth_m(const pb::Puncture& puncture) {
+double ruptureDepth(const pb::Puncture& puncture) {
   const double k1 = puncture.linear_n_per_m(), k2 = puncture.quadratic_n_per_m2(), force = puncture.force_n();
   return 2 * force / (k1 + std::sqrt(k1 * k1 + 4 * k2 * force));
 }
@@ -48,7 +48,7 @@ std::vector<std::string> profileWarnings(const pb::Profile& profile) {
   for (int i = 0; i < profile.layers_size(); ++i) {
     const pb::Layer& layer = profile.layers(i);
     if (layer.has_puncture() && lists(profile, pb::Profile::PUNCTURE)) {
-      const double depth_m = ruptureDepth_m(layer.puncture());
+      const double depth_m = ruptureDepth(layer.puncture());
       if (depth_m > layer.thickness_m()) {
         warnings.push_back(layerName(profile, i) + ": its membrane ruptures at " +
                            shortNumber(layer.puncture().force_n()) + " N only " + shortNumber(depth_m * 1e3) +

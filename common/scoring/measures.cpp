@@ -21,7 +21,8 @@ std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double
                                   const pb::Profile& profile, const Pose& X_WL,
                                   const pb::Exercise* exercise) {
   if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz)) return {};
-  const std::vector<GestureSample> usable = cleaned(samples);
+  std::vector<GestureSample> storage;
+  const std::span<const GestureSample> usable = cleaned(samples, storage);
   const Gesture gesture{usable, rate_hz, runsOf(usable, rate_hz), anatomyOf(profile, X_WL), &profile};
   Rows rows;
   addMotion(gesture, rows);

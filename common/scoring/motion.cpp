@@ -38,7 +38,7 @@ std::vector<double> speedProfile(const Gesture& gesture, double& period_s) {
 /// tissue: the shaft's points p − s·axis, s ∈ [0, length], each moved by a straight line; only the part of
 /// the movement across the shaft sweeps. Midpoint rule over 8 pieces (the integrand is the norm of a linear
 /// function of s).
-double sweptArea_m2(const TrackPoint& a, const TrackPoint& b, double length_m) {
+double sweptArea(const TrackPoint& a, const TrackPoint& b, double length_m) {
   constexpr int kPieces = 8;
   const Vec3 axis = a.axis_W + b.axis_W;
   if (!(normSquared(axis) > 1e-12) || !(length_m > 0)) return 0;
@@ -73,7 +73,7 @@ void addMotion(const Gesture& gesture, Rows& rows) {
       path_in_m += step_m * run.inside[i];
       time_s += run.period_s;
       time_in_s += run.period_s * run.inside[i];
-      area_m2 += run.inside[i] * sweptArea_m2(a, b, 0.5 * (a.insertion_m + b.insertion_m));
+      area_m2 += run.inside[i] * sweptArea(a, b, 0.5 * (a.insertion_m + b.insertion_m));
     }
   }
   const auto& samples = gesture.samples;

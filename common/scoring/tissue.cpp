@@ -128,7 +128,8 @@ void addTissue(const Gesture& gesture, Rows& rows) {
     const double weight_s = gesture.weight_s(i);
     impulse_Ns += force_N * weight_s;
     time_s += weight_s;
-    const auto layer = static_cast<std::size_t>(sample.layer);
+    const auto layer =
+        static_cast<std::size_t>(static_cast<unsigned char>(sample.layer));  // not negative here
     if (layer < layer_peaks.size()) layer_peaks[layer] = std::max(layer_peaks[layer], force_N);
   }
   rows.add("greatest_depth_m", depth_m, "m", "Greatest depth");

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 
 namespace needlelab {
@@ -164,13 +165,20 @@ void fill(Run& run, std::span<const GestureSample> samples, double rate_hz) {
 
 }  // namespace
 
-std::vector<GestureSample> cleaned(std::span<const GestureSample> samples) {
-  std::vector<GestureSample> kept;
-  kept.reserve(samples.size());
-  for (const GestureSample& sample : samples) {
-    if (isUsable(sample) && (kept.empty() || sample.tick > kept.back().tick)) kept.push_back(sample);
-  }
-  return kept;
+std::span<const GestureSample> cleaned(std::span<const GestureSample> samples,
+                                       std::vector<GestureSample>& storage) {
+  std::uint64_t last_tick = 0;
+  bool any = false;
+  const auto isKept = [&](const GestureSample& sample) {
+    const bool kept = isUsable(sample) && (!any || sample.tick > last_tick);
+    if (kept) last_tick = sample.tick, any = true;
+    return kept;
+  };
+  if (std::all_of(samples.begin(), samples.end(), isKept)) return samples;
+  any = false;
+  storage.clear();
+  std::copy_if(samples.begin(), samples.end(), std::back_inserter(storage), isKept);
+  return storage;
 }
 
 std::vector<Run> runsOf(std::span<const GestureSample> samples, double rate_hz) {

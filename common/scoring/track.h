@@ -42,7 +42,10 @@ struct Run {
 
 /// The samples that can be used: ticks strictly ascending; positions, orientations, forces and lengths finite
 /// and not absurd (1 km, 1 MN). The other ones are left out, as if their ticks had been missed.
-std::vector<GestureSample> cleaned(std::span<const GestureSample> samples);
+/// Nearly always that is all of them, and then nothing is copied: the result is `samples` itself, else it
+/// lies in `storage`.
+std::span<const GestureSample> cleaned(std::span<const GestureSample> samples,
+                                       std::vector<GestureSample>& storage);
 
 /// Seconds between two ticks.
 inline double secondsBetween(const GestureSample& a, const GestureSample& b, double rate_hz) {

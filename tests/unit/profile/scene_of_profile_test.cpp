@@ -1,8 +1,11 @@
 #include <gmock/gmock.h>
 
+#include <functional>
+#include <limits>
 #include <numbers>
 
 #include "good_profile.h"
+#include "needlelab/options.pb.h"
 #include "profile/profile.h"
 
 namespace needlelab {
@@ -107,6 +110,71 @@ TEST(SceneOfProfile, withoutAttractedForceTheRejectionIsHeldByCuttingAlone) {
   auto tree = nlohmann::json::parse(mutated(kGoodProfile, "/layers/0/rejection_force_n", "0.45"));
   tree["effects"] = {"CUTTING"};
   EXPECT_TRUE(parseProfile(tree.dump(), "p").ok());
+}
+
+/// Visits each number of a message that has a range, with its path as messages name it.
+void forEachRanged(
+    google::protobuf::Message& message, const std::string& path,
+    const std::function<void(google::protobuf::Message&, const google::protobuf::FieldDescriptor&,
+                             const std::string&)>& visit) {
+  const auto& reflection = *message.GetReflection();
+  for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
+    const auto& field = *message.GetDescriptor()->field(i);
+    const std::string name = (path.empty() ? "" : path + ".") + field.name();
+    if (field.cpp_type() == google::protobuf::FieldDescriptor::CPPTYPE_MESSAGE) {
+      if (field.is_repeated()) {
+        for (int k = 0; k < reflection.FieldSize(message, &field); ++k) {
+          forEachRanged(*reflection.MutableRepeatedMessage(&message, &field, k),
+                        name + "[" + std::to_string(k) + "]", visit);
+        }
+      } else if (reflection.HasField(message, &field)) {
+        forEachRanged(*reflection.MutableMessage(&message, &field), name, visit);
+      }
+    } else if (field.options().HasExtension(pb::range)) {
+      visit(message, field, name);
+    }
+  }
+}
+
+TEST(SceneOfProfile, theEnginesRangesAreThoseOfTheProto) {
+  for (
+      const char* limb :
+      {R"({"plane": {"point_m": {"x": 0, "y": 0, "z": 0}, "normal": {"x": 0, "y": 0, "z": 1}}})",
+       R"({"sphere": {"center_m": {"x": 0, "y": 2, "z": 3}, "radius_m": 0.05}})",
+       R"({"capsule": {"a_m": {"x": 1, "y": 0, "z": 0}, "b_m": {"x": 0, "y": 0, "z": 1}, "radius_m": 0.02}})"}) {
+    pb::Profile profile = profileWith("/limb", limb);
+    profile.clear_targets();  // the engine knows neither
+    profile.clear_hazards();
+    int visited = 0;
+    const auto check = [&](google::protobuf::Message& part, const google::protobuf::FieldDescriptor& field,
+                           const std::string& path) {
+      ++visited;
+      const auto& reflection = *part.GetReflection();
+      const pb::Range& range = field.options().GetExtension(pb::range);
+      const double good = reflection.GetDouble(part, &field);
+      const auto refused = [&](double value) {
+        reflection.SetDouble(&part, &field, value);
+        const auto spec = sceneSpecOf(profile);
+        reflection.SetDouble(&part, &field, good);
+        return !spec.ok() && spec.error().message.starts_with(path + ": ") &&
+               spec.error().message.find("is out of range") != std::string::npos;
+      };
+      const double inf = std::numeric_limits<double>::infinity();
+      // just outside is refused, for this reason; just inside is not
+      const double lowest = range.min_open() ? std::nextafter(range.min(), inf) : range.min();
+      const double highest = range.max_open() ? std::nextafter(range.max(), -inf) : range.max();
+      EXPECT_TRUE(refused(std::nextafter(lowest, -inf))) << path;
+      EXPECT_TRUE(refused(std::nextafter(highest, inf))) << path;
+      // not a number in one coordinate spoils all three when the limb is placed: refused, whichever is named
+      reflection.SetDouble(&part, &field, std::nan(""));
+      EXPECT_FALSE(sceneSpecOf(profile).ok()) << path;
+      reflection.SetDouble(&part, &field, good);
+      EXPECT_FALSE(refused(lowest)) << path;
+      EXPECT_FALSE(refused(highest)) << path;
+    };
+    forEachRanged(profile, "", check);
+    EXPECT_GE(visited, 28) << "the good profile has every section";
+  }
 }
 
 }  // namespace

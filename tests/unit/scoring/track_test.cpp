@@ -125,9 +125,17 @@ TEST(Cleaned, passesOverWhatCannotBeUsed) {
   samples[8].tick = samples[0].tick;   // back in time
   samples[10].tick = samples[9].tick;  // twice
   samples[11].wall_W_m[0] = kNan;      // allowed: no wall
-  const auto kept = cleaned(samples);
+  std::vector<GestureSample> storage;
+  const auto kept = cleaned(samples, storage);
   EXPECT_EQ(kept.size(), 21u - 9);
   for (std::size_t i = 1; i < kept.size(); ++i) EXPECT_GT(kept[i].tick, kept[i - 1].tick);
+}
+
+TEST(Cleaned, copiesNothingWhenAllIsWell) {
+  const auto samples = gesture(1000, 0.02, [](double t, GestureSample& s) { setTip(s, {t, 0, 0}); });
+  std::vector<GestureSample> storage;
+  EXPECT_EQ(cleaned(samples, storage).data(), samples.data());
+  EXPECT_TRUE(storage.empty());
 }
 
 }  // namespace
