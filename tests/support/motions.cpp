@@ -120,7 +120,10 @@ Motion randomGesture(std::uint64_t seed, double rate_hz, const Site& site, const
     const double a = random.in(-range.aside_m, range.aside_m), b = random.in(-range.aside_m, range.aside_m);
     return pointAt(site, depth_m, a, b);
   };
-  MotionBuilder builder(rate_hz, randomPoint(-range.above_m), randomAxis());
+  // one draw a statement: the order in which arguments are evaluated is the compiler's choice
+  const Vec3 p_start = randomPoint(-range.above_m);
+  const Vec3 axis_start = randomAxis();
+  MotionBuilder builder(rate_hz, p_start, axis_start);
   for (int i = 0; i < range.legs; ++i) {
     const Vec3 p = randomPoint(random.in(-range.above_m, range.below_m));
     const Vec3 axis = randomAxis();

@@ -199,7 +199,7 @@ TEST(Contact, aSampleThatIsNotANumberIsNotStepped) {
   StepReport report;
   SimState state = before;
   for (const TipSample& bad :
-       {TipSample{{nan, 0, 0}, {}}, TipSample{{0, 0, INFINITY}, {}}, TipSample{{0, 0, 0}, {0, nan, 0, 1}}}) {
+       {TipSample{{nan, 0, 0}, {}}, TipSample{{0, 0, HUGE_VAL}, {}}, TipSample{{0, 0, 0}, {0, nan, 0, 1}}}) {
     step(probe.model(), bad, state, report);
     EXPECT_EQ(report.flags, kFlagNotStepped);
     EXPECT_EQ(report.wrench_W, Wrench{});

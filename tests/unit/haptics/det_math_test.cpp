@@ -15,7 +15,7 @@ namespace {
 // distance in units of the last place of `expected`
 double ulps(double value, double expected) {
   if (value == expected) return 0;
-  const double unit = std::nextafter(std::abs(expected), INFINITY) - std::abs(expected);
+  const double unit = std::nextafter(std::abs(expected), HUGE_VAL) - std::abs(expected);
   return std::abs(value - expected) / unit;
 }
 

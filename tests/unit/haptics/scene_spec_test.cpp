@@ -163,8 +163,8 @@ TEST(SceneSpec, limbsWithoutAShapeAreRefused) {
   };
   EXPECT_THAT(refusal(with(PlaneLimb{{0, 0, 0}, {0, 0, 0}})), HasSubstr("limb.plane.normal"));
   EXPECT_THAT(refusal(with(PlaneLimb{{0, nan, 0}, {0, 0, 1}})), HasSubstr("limb.plane.point_m"));
-  EXPECT_THAT(refusal(with(PlaneLimb{{0, 0, 0}, {0, INFINITY, 1}})), HasSubstr("limb.plane.normal"));
-  for (const double radius : {0.0, -0.1, nan, 1.01, static_cast<double>(INFINITY)}) {
+  EXPECT_THAT(refusal(with(PlaneLimb{{0, 0, 0}, {0, HUGE_VAL, 1}})), HasSubstr("limb.plane.normal"));
+  for (const double radius : {0.0, -0.1, nan, 1.01, HUGE_VAL}) {
     EXPECT_THAT(refusal(with(SphereLimb{{0, 0, 0}, radius})),
                 AllOf(HasSubstr("limb.sphere.radius_m"), HasSubstr("(0, 1]")));
     EXPECT_THAT(refusal(with(CapsuleLimb{{0, 0, 0}, {0, 0, 1}, radius})), HasSubstr("limb.capsule.radius_m"));
@@ -172,7 +172,7 @@ TEST(SceneSpec, limbsWithoutAShapeAreRefused) {
   EXPECT_THAT(refusal(with(SphereLimb{{nan, 0, 0}, 0.1})), HasSubstr("limb.sphere.center_m"));
   EXPECT_THAT(refusal(with(CapsuleLimb{{1, 2, 3}, {1, 2, 3}, 0.1})), HasSubstr("limb.capsule"));
   EXPECT_THAT(refusal(with(CapsuleLimb{{0, 0, nan}, {1, 2, 3}, 0.1})), HasSubstr("limb.capsule.a_m"));
-  EXPECT_THAT(refusal(with(CapsuleLimb{{0, 0, 0}, {1, -INFINITY, 3}, 0.1})), HasSubstr("limb.capsule.b_m"));
+  EXPECT_THAT(refusal(with(CapsuleLimb{{0, 0, 0}, {1, -HUGE_VAL, 3}, 0.1})), HasSubstr("limb.capsule.b_m"));
 }
 
 TEST(SceneSpec, unknownEffectBitsAreRefused) {
@@ -180,7 +180,7 @@ TEST(SceneSpec, unknownEffectBitsAreRefused) {
 }
 
 TEST(Compile, loopRatesOutOfRangeAreRefused) {
-  for (const double rate : {0.0, -1000.0, 49.9, 40'001.0, std::nan(""), static_cast<double>(INFINITY)}) {
+  for (const double rate : {0.0, -1000.0, 49.9, 40'001.0, std::nan(""), HUGE_VAL}) {
     const auto model = compile(paperOneDof(), rate);
     ASSERT_FALSE(model.ok()) << rate;
     EXPECT_EQ(model.error().code, ErrorCode::kInvalidInput);
