@@ -34,8 +34,8 @@ class Store {
   struct Options {
     std::string holder = "needlelab-server";  ///< who holds the lock, for the message to others
     bool create = true;                       ///< false: kNotFound when DIR has no database
-    DbWriter::Options writer;
-    DbWriter::OnFatal on_fatal;
+    DbWriter::Options writer = {};
+    DbWriter::OnFatal on_fatal = {};
   };
   /// Makes DIR (0700) and the database (0600) when they are missing, runs the migrations, loads the sample
   /// profiles and curriculum into a new database. Errors: kUnavailable (locked), kVersion (newer schema),

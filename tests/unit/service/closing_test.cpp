@@ -1,0 +1,81 @@
+#include <nlohmann/json.hpp>
+
+#include "test_service.h"
+
+namespace needlelab {
+namespace {
+
+class Closing : public test::ServiceTest {
+ protected:
+  void SetUp() override { addStation(); }
+  std::string kneeProfile() {
+    pb::Request request;
+    request.mutable_get_profile()->set_id("knee-adult");
+    return get(admin, request).profile().json();
+  }
+  pb::SessionInfo info(const Uuid& id) {
+    pb::Request request;
+    request.mutable_get_session()->set_session_id(test::bytesOfId(id));
+    return get(instructor, request).session();
+  }
+};
+
+TEST_F(Closing, aCompleteSessionIsClosedAndScored) {
+  const Uuid id = addSession("anna", 5, 100, kneeProfile());
+  const auto outcome = store->service().closeSession(test::closeOf(id, 5, 100), "station-1");
+  ASSERT_OK(outcome);
+  EXPECT_EQ(outcome->closed.kind, Closed::Kind::kClosed) << outcome->closed.text;
+  EXPECT_EQ(outcome->score_fault, "");
+  const auto score = nlohmann::json::parse(outcome->score_json);
+  ASSERT_TRUE(score.is_array());
+  double elapsed = -1;
+  for (const auto& row : score) {
+    if (row.at("measure") == "elapsed_s") elapsed = row.at("value");
+  }
+  EXPECT_NEAR(elapsed, 0.499, 0.002);  // 500 samples at 1 kHz
+  EXPECT_EQ(info(id).score_json(), outcome->score_json);
+  EXPECT_EQ(info(id).state(), pb::SESSION_COMPLETE);
+
+  const auto again = store->service().closeSession(test::closeOf(id, 5, 100), "station-1");
+  ASSERT_OK(again);
+  EXPECT_EQ(again->closed.kind, Closed::Kind::kRepeated);
+  EXPECT_EQ(again->score_json, outcome->score_json);
+}
+
+TEST_F(Closing, aScoreThatCannotBeMadeDoesNotKeepASessionOpen) {
+  const Uuid id = addSession("anna", 1, 20, "{\"nonsense\":1}");
+  const auto outcome = store->service().closeSession(test::closeOf(id, 1), "station-1");
+  ASSERT_OK(outcome);
+  EXPECT_TRUE(outcome->closed.taken());
+  EXPECT_NE(outcome->score_fault, "");
+  EXPECT_EQ(info(id).state(), pb::SESSION_COMPLETE);
+}
+
+TEST_F(Closing, anEmptySessionHasNoScore) {
+  const Uuid id = addSession("anna", 0);
+  const auto outcome = store->service().closeSession(test::closeOf(id, 0), "station-1");
+  ASSERT_OK(outcome);
+  EXPECT_TRUE(outcome->closed.taken());
+  EXPECT_EQ(outcome->score_json, "");
+  EXPECT_EQ(outcome->score_fault, "");
+}
+
+TEST_F(Closing, refusalsComeThrough) {
+  const Uuid id = addSession("anna", 2);
+  auto& service = store->service();
+  EXPECT_EQ(service.closeSession(test::closeOf(id, 3), "station-1")->closed.kind, Closed::Kind::kIncomplete);
+  EXPECT_EQ(service.closeSession(test::closeOf(id, 1), "station-1")->closed.kind,
+            Closed::Kind::kContradiction);
+  EXPECT_EQ(service.closeSession(test::closeOf(id, 2), "station-2")->closed.kind,
+            Closed::Kind::kUnknownSession);
+  EXPECT_EQ(service.closeSession(test::closeOf(makeUuidV7(), 0), "station-1")->closed.kind,
+            Closed::Kind::kUnknownSession);
+  EXPECT_FALSE(service.closeSession({}, "station-1").ok());
+  auto wrong = test::closeOf(id, 2);
+  (*wrong.mutable_hash())[0] ^= 1;
+  EXPECT_EQ(service.closeSession(wrong, "station-1")->closed.kind, Closed::Kind::kContradiction);
+  EXPECT_EQ(info(id).state(), pb::SESSION_OPEN);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,105 @@
+#include "service/roles.h"
+
+#include <google/protobuf/descriptor.h>
+
+#include <map>
+
+#include "test_service.h"
+
+namespace needlelab {
+namespace {
+
+/// Who may do what, written down independently: T rainee, I nstructor, M anager, A dministrator, S tation.
+const std::map<std::string, std::string>& expected() {
+  static const std::map<std::string, std::string> table = {
+      {"add_user", "A"},
+      {"set_password", "TIMA"},
+      {"disable_user", "A"},
+      {"list_users", "IMA"},
+      {"add_station", "A"},
+      {"revoke_station", "A"},
+      {"list_stations", "IMA"},
+      {"import_profile", "MA"},
+      {"get_profile", "TIMAS"},
+      {"list_profiles", "TIMAS"},
+      {"import_curriculum", "MA"},
+      {"get_curriculum", "TIMAS"},
+      {"list_curricula", "TIMAS"},
+      {"assign", "IMA"},
+      {"list_assignments", "TIMAS"},
+      {"get_lesson", "TIMAS"},
+      {"list_sessions", "TIMA"},
+      {"get_session", "TIMA"},
+      {"read_chunks", "TIMA"},
+      {"verify_session", "IMA"},
+      {"annotate", "IA"},
+      {"list_annotations", "TIMA"},
+      {"backup", "A"},
+      {"check", "A"},
+      {"list_audit", "A"},
+      {"trainee_message", "IA"},
+      {"next_exercise", "IA"},
+  };
+  return table;
+}
+
+TEST(Roles, everyCallIsInTheTableForEveryRole) {
+  const auto* calls = pb::Request::descriptor()->FindOneofByName("call");
+  ASSERT_NE(calls, nullptr);
+  EXPECT_EQ(static_cast<std::size_t>(calls->field_count()), expected().size());
+  for (int i = 0; i < calls->field_count(); ++i) {
+    const auto* field = calls->field(i);
+    ASSERT_EQ(expected().count(field->name()), 1u) << field->name() << " is new: decide who may do it";
+    const auto call = static_cast<pb::Request::CallCase>(field->number());
+    EXPECT_NE(callName(call), "?") << field->name();
+    const std::string letters = "?TIMAS";
+    for (int role = 0; role <= 5; ++role) {
+      const bool allowed =
+          role > 0 &&
+          expected().at(field->name()).find(letters[static_cast<std::size_t>(role)]) != std::string::npos;
+      const auto status = checkRole({"x", static_cast<pb::Role>(role)}, call);
+      EXPECT_EQ(status.ok(), allowed) << field->name() << " for role " << role;
+      if (!status.ok()) {
+        EXPECT_EQ(status.error().code, ErrorCode::kDenied);
+      }
+    }
+  }
+}
+
+TEST(Roles, unknownRolesAndCallsAreRefused) {
+  EXPECT_FALSE(checkRole({"x", static_cast<pb::Role>(77)}, pb::Request::kListProfiles).ok());
+  EXPECT_FALSE(checkRole({"x", static_cast<pb::Role>(-1)}, pb::Request::kListProfiles).ok());
+  const auto refused = checkRole({"x", pb::ADMINISTRATOR}, pb::Request::CALL_NOT_SET);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+}
+
+TEST(Roles, namesAndBack) {
+  for (const pb::Role role :
+       {pb::TRAINEE, pb::INSTRUCTOR, pb::CURRICULUM_MANAGER, pb::ADMINISTRATOR, pb::STATION}) {
+    EXPECT_EQ(roleOfName(roleName(role)), role);
+  }
+  EXPECT_EQ(roleOfName("boss"), pb::ROLE_UNSPECIFIED);
+}
+
+using RefusedCalls = test::ServiceTest;
+
+TEST_F(RefusedCalls, changeNothingAndAnswerWithTheirId) {
+  pb::Request request;
+  request.set_id(42);
+  request.mutable_add_user()->set_name("eve");
+  request.mutable_add_user()->set_role(pb::ADMINISTRATOR);
+  request.mutable_add_user()->set_password("correct horse");
+  for (const Principal& who : {trainee, instructor, manager, station}) {
+    const Outcome outcome = ask(who, request);
+    EXPECT_EQ(outcome.error.value().code, ErrorCode::kDenied);
+    EXPECT_EQ(outcome.reply.id(), 42u);
+  }
+  EXPECT_EQ(refusal(admin, {}), ErrorCode::kInvalidInput);
+  pb::Request list;
+  list.mutable_list_users();
+  EXPECT_EQ(get(admin, list).users().users_size(), 0);
+}
+
+}  // namespace
+}  // namespace needlelab
