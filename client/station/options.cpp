@@ -3,8 +3,10 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <cstdlib>
 #include <iostream>
+#include <utility>
 
 #include "base/exit_code.h"
 #include "device/device_factory.h"
@@ -37,6 +39,14 @@ std::string machineName() {
 Status complete(StationOptions& options, const std::string& server, const std::string& tool,
                 const std::string& placement, double keep_days, double quota_mib) {
   const auto usage = [](const std::string& text) { return Error{ErrorCode::kInvalidInput, text}; };
+  // CLI11 compares with the range's ends, and lets not-a-number through
+  const std::pair<const char*, double> numbers[] = {{"--rate", options.rate_hz},
+                                                    {"--seconds", options.seconds},
+                                                    {"--drain", options.drain_s},
+                                                    {"--spool-keep", keep_days},
+                                                    {"--spool-quota", quota_mib}};
+  for (const auto& [name, value] : numbers)
+    if (std::isnan(value)) return usage(std::string(name) + " is not a number");
   if (!server.empty()) {
     auto endpoint = parseEndpoint(server);
     if (!endpoint.ok()) return endpoint.error();

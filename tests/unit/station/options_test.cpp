@@ -1,0 +1,130 @@
+#include "station/options.h"
+
+#include <gmock/gmock.h>
+
+#include "base/exit_code.h"
+
+namespace needlelab {
+namespace {
+
+using testing::HasSubstr;
+
+// what the program says and answers to a command line
+struct Outcome {
+  ParsedOptions parsed;
+  std::string out, err;
+};
+Outcome parse(std::vector<const char*> arguments) {
+  arguments.insert(arguments.begin(), "needlelab-station");
+  testing::internal::CaptureStdout();
+  testing::internal::CaptureStderr();
+  Outcome outcome;
+  outcome.parsed = parseStationOptions(static_cast<int>(arguments.size()), arguments.data());
+  outcome.out = testing::internal::GetCapturedStdout();
+  outcome.err = testing::internal::GetCapturedStderr();
+  return outcome;
+}
+
+TEST(StationOptions, aWholeCommandLine) {
+  const auto outcome = parse({"--server",
+                              "lab:7751",
+                              "--ca",
+                              "ca.crt",
+                              "--key",
+                              "s.key",
+                              "--trainee",
+                              "tom",
+                              "--exercise",
+                              "knee",
+                              "--device",
+                              "recording:x.csv",
+                              "--rate",
+                              "2000",
+                              "--seconds",
+                              "2.5",
+                              "--headless",
+                              "--spool",
+                              "sp",
+                              "--spool-keep",
+                              "2",
+                              "--spool-quota",
+                              "10",
+                              "--drain",
+                              "3",
+                              "--json",
+                              "out.json",
+                              "--tool",
+                              "0,0,0.15,0,0,0,1",
+                              "--placement",
+                              "1,2,3,1,0,0,0",
+                              "--hand-seed",
+                              "9"});
+  ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
+  const StationOptions& o = outcome.parsed.options;
+  EXPECT_EQ(o.server->host, "lab");
+  EXPECT_EQ(o.server->port, 7751);
+  EXPECT_EQ(o.trainee, "tom");
+  EXPECT_EQ(o.exercise, "knee");
+  EXPECT_EQ(o.device, "recording:x.csv");
+  EXPECT_EQ(o.rate_hz, 2000);
+  EXPECT_EQ(o.seconds, 2.5);
+  EXPECT_TRUE(o.headless);
+  EXPECT_EQ(o.spool, "sp");
+  EXPECT_EQ(o.keep.age_s, 2 * 86'400);
+  EXPECT_EQ(o.keep.quota_bytes, 10u << 20);
+  EXPECT_EQ(o.drain_s, 3);
+  EXPECT_TRUE(o.json);
+  EXPECT_EQ(o.json_file, "out.json");
+  EXPECT_EQ(o.X_HT.p, (Vec3{0, 0, 0.15}));
+  EXPECT_EQ(o.X_WL.q, (Quat{1, 0, 0, 0}));
+  EXPECT_EQ(o.hand.seed, 9u);
+  EXPECT_EQ(o.station, "") << "the key file's name counts";
+}
+
+TEST(StationOptions, practiceWithoutAServerNeedsOnlyAProfile) {
+  const auto outcome = parse({"--profile", "p.json", "--json"});
+  ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
+  EXPECT_TRUE(outcome.parsed.options.json);
+  EXPECT_TRUE(outcome.parsed.options.json_file.empty());
+  EXPECT_FALSE(outcome.parsed.options.server);
+  EXPECT_FALSE(outcome.parsed.options.station.empty()) << "the machine's name";
+  EXPECT_FALSE(outcome.parsed.options.spool.empty());
+}
+
+TEST(StationOptions, wrongUsageIsExitCode2AndSaysWhatIsMissing) {
+  const std::vector<std::pair<std::vector<const char*>, std::string>> cases = {
+      {{}, "--exercise ID"},
+      {{"--exercise", "a", "--profile", "b"}, "exclude each other"},
+      {{"--server", "x", "--exercise", "a", "--trainee", "t", "--key", "k"}, "--ca"},
+      {{"--server", "x", "--exercise", "a", "--trainee", "t", "--ca", "c"}, "--key"},
+      {{"--server", "x", "--exercise", "a", "--ca", "c", "--key", "k"}, "--trainee"},
+      {{"--server", "x:99999", "--exercise", "a", "--trainee", "t", "--ca", "c", "--key", "k"}, "99999"},
+      {{"--profile", "p", "--rate", "49"}, "--rate"},
+      {{"--profile", "p", "--rate", "nan"}, "--rate"},
+      {{"--profile", "p", "--seconds", "-1"}, "--seconds"},
+      {{"--profile", "p", "--seconds", "inf"}, "--seconds"},
+      {{"--profile", "p", "--tool", "1,2,3"}, "--tool"},
+      {{"--profile", "p", "--placement", "0,0,0,0,0,0,2"}, "--placement"},
+      {{"--profile", "p", "--fly"}, "--fly"},
+      {{"--profile", "p", "--hand-tremor-m", "1"}, "--hand-tremor-m"},
+  };
+  for (const auto& [arguments, expected] : cases) {
+    const auto outcome = parse(arguments);
+    ASSERT_TRUE(outcome.parsed.exit_code) << expected;
+    EXPECT_EQ(*outcome.parsed.exit_code, kExitInvalid) << expected;
+    EXPECT_THAT(outcome.err, HasSubstr(expected));
+    EXPECT_TRUE(outcome.out.empty());
+  }
+}
+
+TEST(StationOptions, helpAndVersionEndWell) {
+  for (const char* flag : {"--help", "--version"}) {
+    const auto outcome = parse({flag});
+    ASSERT_TRUE(outcome.parsed.exit_code);
+    EXPECT_EQ(*outcome.parsed.exit_code, kExitDone);
+    EXPECT_FALSE(outcome.out.empty());
+  }
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,97 @@
+#include "station/summary.h"
+
+#include <gmock/gmock.h>
+
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "haptics/engine.h"
+
+namespace needlelab {
+namespace {
+
+using testing::HasSubstr;
+
+StationSummary example() {
+  StationSummary s;
+  s.session_id = "019aa0c3-7c1e-7b3a-9d5e-0123456789ab";
+  s.rate_hz = 1000;
+  s.servo.end = ServoEnd::kTicksDone;
+  s.servo.ticks = 1000;
+  s.servo.samples = 990;
+  s.servo.missed_ticks = 10;
+  for (int i = 0; i < 990; ++i) s.servo.wakeup.add(i < 900 ? 20'000 : 50'000);
+  s.servo.flag_ticks[5] = 7;
+  s.writer.samples = 990;
+  s.writer.chunk_bytes = 990 * 8;
+  s.writer.chunks = 1;
+  s.spool = "/spool";
+  s.state = "OPEN";
+  return s;
+}
+
+TEST(StationSummary, theJsonHasTheContractsKeysAtTheTopAndInItsRow) {
+  StationSummary s = example();
+  s.samples_acked = 500;
+  s.spool_left = 3;
+  s.score_json = R"([{"measure": "elapsed_s", "value": 1, "unit": "s", "words": "Elapsed time 1 s"}])";
+  s.score_source = "server";
+  const auto json = nlohmann::json::parse(summaryJson(s));
+  ASSERT_EQ(json["rows"].size(), 1u);
+  EXPECT_TRUE(json.contains("version"));
+  EXPECT_TRUE(json.contains("machine"));
+  for (const auto& at : {json, json["rows"][0]}) {
+    EXPECT_EQ(at["samples"], 990);
+    EXPECT_EQ(at["missed_ticks"], 10);
+    EXPECT_NEAR(at["wakeup_p50_us"].get<double>(), 20, 20.0 / 32);
+    EXPECT_NEAR(at["wakeup_p99_us"].get<double>(), 50, 50.0 / 32);
+    EXPECT_TRUE(at.contains("tick_p50_ns"));
+    EXPECT_TRUE(at.contains("tick_p99_ns"));
+    EXPECT_EQ(at["samples_acked"], 500);
+    EXPECT_EQ(at["spool_left"], 3);
+    EXPECT_EQ(at["bytes_per_sample"], 8);
+    EXPECT_EQ(at["session_id"], s.session_id);
+    EXPECT_EQ(at["score"][0]["measure"], "elapsed_s");
+    EXPECT_EQ(at["fault"], nullptr);
+    EXPECT_EQ(at["warnings"]["clamping force at its maximum"], 7);
+  }
+}
+
+TEST(StationSummary, withoutSamplesNothingIsDividedByZero) {
+  StationSummary s = example();
+  s.servo = {};
+  s.writer = {};
+  const auto json = nlohmann::json::parse(summaryJson(s));
+  EXPECT_EQ(json["bytes_per_sample"], 0);
+  EXPECT_EQ(json["score"], nullptr);
+  EXPECT_FALSE(summaryText(s).empty());
+}
+
+TEST(StationSummary, thePersonReadsWhatIsLeftAndWhatWentWrong) {
+  StationSummary s = example();
+  s.spool_left = 3;
+  s.servo.fault = Fault::kDeviceSilent;
+  const std::string text = summaryText(s);
+  EXPECT_THAT(text, HasSubstr("3 chunks wait in /spool"));
+  EXPECT_THAT(text, HasSubstr("10 of 1000 ticks missed"));
+  EXPECT_THAT(text, HasSubstr("the device stopped reporting"));
+  EXPECT_THAT(text, HasSubstr("clamping force at its maximum: 7 ticks"));
+}
+
+TEST(StationSummary, everyFlagOfEngineAndGateHasWordsOfItsOwn) {
+  std::set<std::string_view> seen;
+  for (unsigned bit = 0; bit <= 10; ++bit) {
+    EXPECT_FALSE(flagText(bit).empty()) << bit;
+    EXPECT_TRUE(seen.insert(flagText(bit)).second);
+  }
+  for (unsigned bit = 16; bit <= 21; ++bit) {
+    EXPECT_FALSE(flagText(bit).empty()) << bit;
+    EXPECT_TRUE(seen.insert(flagText(bit)).second);
+  }
+  EXPECT_TRUE(flagText(31).empty());
+  EXPECT_TRUE(isWarningFlag(21));
+  EXPECT_FALSE(isWarningFlag(0));
+}
+
+}  // namespace
+}  // namespace needlelab
