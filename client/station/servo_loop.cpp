@@ -77,7 +77,7 @@ void ServoLoop::run() noexcept {
       break;
     }
     const bool goes_on = tick(number, due_ns, began_ns, elapsed);
-    stats_.ticks = number + 1;
+    stats_.ticks = stats_.samples + stats_.missed_ticks;
     if (!goes_on) break;
     ++number;
   }

@@ -192,6 +192,7 @@ TEST_F(ServoLoopTest, theEndOfARecordingEndsTheLoop) {
   const ServoStats& stats = run(device, {kRate, {}, 0});
   EXPECT_EQ(stats.end, ServoEnd::kDeviceFinished);
   EXPECT_EQ(stats.samples, 123u);
+  EXPECT_EQ(stats.ticks, 123u) << "the look that found the end is no tick";
   EXPECT_EQ(device.writes.back(), Wrench{});
 }
 
