@@ -6,6 +6,8 @@
 namespace needlelab {
 namespace {
 
+constexpr double kMaxCorrection_m = 0.05;
+
 // twice the vector part of the turn from `from` to `to`, the short way: the rotation vector of a small turn
 Vec3 turnVector(Quat from, Quat to) {
   const Quat d = to * conjugate(from);
@@ -42,9 +44,15 @@ Wrench Hand::pull(const HandleState& handle) noexcept {
   const HandAim aim = plan_.at(t);
   plunger_ = aim.plunger;
 
-  // the tip's aim with tremor, moved to the handle; its velocity from the step before
+  // the tip's aim with tremor and correction, moved to the handle; its velocity from the step before
   const Pose before = wanted_;
-  wanted_ = Pose{aim.X_WT.p + tremor_.next(), aim.X_WT.q} * X_TH_;
+  const Pose planned = aim.X_WT * X_TH_;
+  if (options_.correction_per_s > 0) {
+    correction_W_m_ += (planned.p - handle.X_WH.p) * (options_.correction_per_s * step_s_);
+    if (const double far = norm(correction_W_m_); far > kMaxCorrection_m)
+      correction_W_m_ = correction_W_m_ * (kMaxCorrection_m / far);
+  }
+  wanted_ = {planned.p + correction_W_m_ + tremor_.next(), planned.q};
   const double per_s = step_ == 0 ? 0 : 1 / step_s_;
   const Vec3 v_wanted = (wanted_.p - before.p) * per_s;
   const Vec3 w_wanted = turnVector(before.q, wanted_.q) * per_s;

@@ -18,11 +18,16 @@ struct HandOptions {
   double damping_Ns_per_m = 3;                   ///< [0, 100]
   double rotational_stiffness_Nm_per_rad = 2;    ///< [0, 100]
   double rotational_damping_Nms_per_rad = 0.05;  ///< [0, 5]
-  double tremor_m = 50e-6;                       ///< peak per axis in 8-12 Hz, [0, 0.005]
-  double speed_mps = 0.02;                       ///< of insertion and withdrawal, (0, 0.5]
-  double hold_s = 2;                             ///< at the target, (0, 600]
-  std::uint64_t seed = 1;                        ///< of the tremor
-  std::uint64_t repeat = 1;                      ///< how often the plan is done; 0 = without end
+  /// How fast the hand makes up for what its spring gave way, as people do: its aim moves by this share of
+  /// the error per second, [0, 20]. 0 = a spring and a damper only, as in DESIGN §10. On a command line the
+  /// default is kCommandLineCorrection_per_s (hand_cli.h), so that a plan's target is reached through firm
+  /// tissue.
+  double correction_per_s = 0;
+  double tremor_m = 50e-6;   ///< peak per axis in 8-12 Hz, [0, 0.005]
+  double speed_mps = 0.02;   ///< of insertion and withdrawal, (0, 0.5]
+  double hold_s = 2;         ///< at the target, (0, 600]
+  std::uint64_t seed = 1;    ///< of the tremor
+  std::uint64_t repeat = 1;  ///< how often the plan is done; 0 = without end
   /// `target[:NAME]`, `retry[:NAME]`, `depth:METRES`, `rest`, or a CSV file of tip poses in W (see
   /// hand_plan_choice.h)
   std::string plan = "target";
@@ -62,6 +67,7 @@ class Hand {
   std::int64_t step_ = 0;
   double plunger_ = 0;
   Pose wanted_;
+  Vec3 correction_W_m_;  // what the aim was moved by so far
 };
 
 }  // namespace needlelab

@@ -35,10 +35,14 @@ void addHandOptions(CLI::App& app, HandOptions& o) {
   const auto add = [&](const char* name, auto& value, const char* text) {
     return app.add_option(name, value, text)->capture_default_str()->group("Simulated hand");
   };
+  o.correction_per_s = kCommandLineCorrection_per_s;
   add("--hand-plan", o.plan, "target[:NAME], retry[:NAME], depth[:METRES], rest, or a CSV file of tip poses");
   add("--hand-speed-m-s", o.speed_mps, "speed of insertion and withdrawal")->check(within(0, 0.5, false));
   add("--hand-hold-s", o.hold_s, "time at the target")->check(within(0, 600, false));
   add("--hand-repeat", o.repeat, "how often the plan is done; 0 = until stopped")->check(kDigits);
+  add("--hand-correction", o.correction_per_s,
+      "share of the error that the aim makes up for in a second; 0 = none")
+      ->check(within(0, 20));
   add("--hand-tremor-m", o.tremor_m, "tremor in 8-12 Hz, peak per axis")->check(within(0, 0.005));
   add("--hand-seed", o.seed, "seed of the tremor")->check(kDigits);
   add("--hand-stiffness", o.stiffness_N_per_m, "in N/m")->check(within(0, 10'000));

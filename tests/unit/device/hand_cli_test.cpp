@@ -36,7 +36,9 @@ TEST(HandCli, everyOptionReachesItsField) {
             "--hand-rotational-stiffness",
             "1",
             "--hand-rotational-damping",
-            "0.1"});
+            "0.1",
+            "--hand-correction",
+            "0.5"});
   EXPECT_EQ(o.plan, "retry:joint space");
   EXPECT_EQ(o.speed_mps, 0.03);
   EXPECT_EQ(o.hold_s, 4);
@@ -47,11 +49,23 @@ TEST(HandCli, everyOptionReachesItsField) {
   EXPECT_EQ(o.damping_Ns_per_m, 2);
   EXPECT_EQ(o.rotational_stiffness_Nm_per_rad, 1);
   EXPECT_EQ(o.rotational_damping_Nms_per_rad, 0.1);
+  EXPECT_EQ(o.correction_per_s, 0.5);
+}
+
+TEST(HandCli, withoutOptionsIsTheDefaultHandThatCorrectsItself) {
+  HandOptions o;
+  parse(o, {});
+  EXPECT_EQ(HandOptions{}.correction_per_s, 0);
+  EXPECT_EQ(o.correction_per_s, kCommandLineCorrection_per_s);
+  EXPECT_EQ(o.stiffness_N_per_m, 300);
+  EXPECT_EQ(o.damping_Ns_per_m, 3);
+  EXPECT_EQ(o.plan, "target");
 }
 
 TEST(HandCli, valuesOutOfRangeAreRefusedWithTheRange) {
-  for (const char* name : {"--hand-speed-m-s", "--hand-hold-s", "--hand-tremor-m", "--hand-stiffness",
-                           "--hand-damping", "--hand-rotational-stiffness", "--hand-rotational-damping"})
+  for (const char* name :
+       {"--hand-speed-m-s", "--hand-hold-s", "--hand-tremor-m", "--hand-stiffness", "--hand-damping",
+        "--hand-rotational-stiffness", "--hand-rotational-damping", "--hand-correction"})
     for (const char* value : {"-1", "1e9", "nan", "inf", "many", ""}) {
       HandOptions o;
       try {

@@ -89,6 +89,28 @@ TEST(SimulatedDevice, yieldsToAConstantWrenchAsItsSpringsSay) {
   EXPECT_NEAR(r.speed_mps, 0, 1e-6);
 }
 
+// the error under a constant force dies away as e^(−rate·t): slow against the spring, so that nothing else
+// counts
+TEST(SimulatedDevice, aCorrectingHandMakesUpForAConstantForce) {
+  SimulatedDeviceOptions o = plainOptions();
+  o.hand.damping_Ns_per_m = 6;
+  o.hand.correction_per_s = 0.8;
+  SimulatedDevice device(o, HandPlan(Pose{}).hold(6));
+  ASSERT_TRUE(device.open(kRate).ok());
+  ForceGate gate(device.info().limits, kRate);
+  DeviceReading r;
+  double at_1s = 0, at_3s = 0;
+  for (int k = 0; device.read(r) == DeviceRead::kFresh; ++k) {
+    ASSERT_TRUE(gate.admit({r.X_WH.p, r.X_WH.q}, true, r.speed_mps));
+    device.write(gate.guard({{0, 0, 0.9}, {}}));
+    if (k == 1000) at_1s = r.X_WH.p.z;
+    if (k == 3000) at_3s = r.X_WH.p.z;
+  }
+  EXPECT_LT(at_1s, 0.9 / 300);
+  EXPECT_NEAR(at_3s / at_1s, std::exp(-0.8 * 2), 0.01);
+  EXPECT_NEAR(r.X_WH.p.z / at_3s, std::exp(-0.8 * 3), 0.01);
+}
+
 TEST(SimulatedDevice, aWrenchActsAfterTheDelayAndHolds) {
   for (const std::uint32_t delay : {0u, 1u, 3u, SimulatedDevice::kMaxDelayTicks}) {
     SimulatedDeviceOptions o = plainOptions();
@@ -218,7 +240,7 @@ TEST(SimulatedDevice, sameSeedSameBitsOtherSeedOthers) {
   };
   EXPECT_EQ(run(1), run(1));
   EXPECT_NE(run(1), run(2));
-  EXPECT_EQ(run(1), 12624107181433618357u) << "the bits of the simulated device have changed";
+  EXPECT_EQ(run(1), 878675270668644973u) << "the bits of the simulated device have changed";
 }
 
 TEST(SimulatedDevice, openNamesTheBadOption) {

@@ -4,9 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 
+#include "device/hand_cli.h"
+#include "device/hand_plan_choice.h"
 #include "device/simulated_device.h"
+#include "profile/profile.h"
 #include "support/scenes.h"
 
 namespace needlelab {
@@ -70,6 +74,31 @@ TEST(ClosedLoop, holdsStillInTissueWithinTheDevicesLimits) {
   // out at the end, and free
   EXPECT_EQ(ticks->back().report.phase, Phase::kFree);
   EXPECT_EQ(ticks->back().rendered_W.force_N, Vec3{});
+}
+
+// what `--device simulated` does without further options
+TEST(ClosedLoop, theCommandLinesHandReachesItsTargetThroughFirmTissue) {
+  const auto profile = loadProfile(std::filesystem::path(NEEDLELAB_SAMPLES) / "shoulder-muscular.json");
+  const auto spec = sceneSpecOf(*profile);
+  const auto model = compile(*spec, kRate);
+  ASSERT_TRUE(model.ok());
+  const auto& target = profile->targets(0);
+  const Vec3 center{target.center_m().x(), target.center_m().y(), target.center_m().z()};
+  SimulatedDeviceOptions options;
+  CLI::App app;
+  addHandOptions(app, options.hand);
+  SimulatedDevice device(options, *choosePlan(options.hand, *spec, {{target.name(), center}}));
+  const auto ticks = runClosedLoop(*model, device, {}, 100'000);
+  ASSERT_TRUE(ticks.ok()) << ticks.error().message;
+  double time_there_s = 0, plunger_there = 0;
+  for (const ChainTick& tick : *ticks) {
+    if (norm(tick.X_WT.p - center) > target.radius_m()) continue;
+    time_there_s += 1 / kRate;
+    plunger_there = std::max(plunger_there, tick.plunger);
+  }
+  EXPECT_GT(time_there_s, 1.5);
+  EXPECT_EQ(plunger_there, 1);
+  EXPECT_EQ(ticks->back().report.phase, Phase::kFree);
 }
 
 TEST(ClosedLoop, sameSeedSameBits) {
