@@ -164,7 +164,7 @@ const pb::Welcome& BlockingClient::welcome() const {
   return state_->welcome;
 }
 bool BlockingClient::connected() const {
-  return !state_->channel->closing();
+  return !state_->channel->closing() && !state_->ended;
 }
 
 }  // namespace needlelab

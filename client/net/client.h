@@ -9,7 +9,7 @@
 
 #include "base/result.h"
 #include "needlelab/envelope.pb.h"
-#include "net/endpoint.h"
+#include "wire/endpoint.h"
 #include "wire/channel.h"
 #include "wire/version.h"
 

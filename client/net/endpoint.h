@@ -1,22 +1,4 @@
-/// HOST:PORT as written on command lines.
+/// HOST:PORT: moved to wire/endpoint.h, because the server reads it too.
 #pragma once
 
-#include <cstdint>
-#include <string>
-#include <string_view>
-
-#include "base/result.h"
-
-namespace needlelab {
-
-struct Endpoint {
-  std::string host = "127.0.0.1";  ///< a name or an IP address, without brackets
-  std::uint16_t port = 7750;
-};
-
-/// "host:port", "[::1]:7750", or a host alone (port 7750). Errors: kInvalidInput naming the text.
-Result<Endpoint> parseEndpoint(std::string_view text);
-/// The inverse; an IPv6 address is put in brackets.
-std::string endpointText(const Endpoint& endpoint);
-
-}  // namespace needlelab
+#include "wire/endpoint.h"

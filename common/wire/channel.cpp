@@ -111,6 +111,8 @@ Task<Result<pb::Envelope>> Channel::receive() {
     if (cut->has_value()) co_return decodeFrame(**cut);
 
     const auto room = splitter_.writable();
+    // idle is a peer that sends nothing while we listen; while the owner is busy it has no chance to
+    last_received_ns_ = steadyNowNs();
     reading_ = true;
     auto [error, count] = co_await stream_.async_read_some(asio::buffer(room.data(), room.size()), kUseTuple);
     reading_ = false;
@@ -311,7 +313,7 @@ void Channel::checkTimes() {
     timeOut(CloseReason::kHandshake, "no log-in within " + in_ms(limits_.handshake_timeout));
   } else if (write_started_ns_ != 0 && over(write_started_ns_, limits_.write_timeout)) {
     close(CloseReason::kWriteTimeout, "the peer read nothing for " + in_ms(limits_.write_timeout));
-  } else if (over(last_received_ns_, limits_.idle_timeout)) {
+  } else if (reading_ && over(last_received_ns_, limits_.idle_timeout)) {
     timeOut(CloseReason::kIdle, "nothing received for " + in_ms(limits_.idle_timeout));
   } else if (handshaken_ && limits_.keepalive.count() > 0 && over(last_sent_ns_, limits_.keepalive)) {
     pb::Envelope ping;

@@ -1,4 +1,4 @@
-#include "net/endpoint.h"
+#include "wire/endpoint.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

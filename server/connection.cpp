@@ -1,0 +1,243 @@
+#include "server/connection.h"
+
+#include <cassert>
+#include <utility>
+
+#include "base/clock.h"
+#include "server/log.h"
+#include "wire/refusal.h"
+#include "wire/version.h"
+
+namespace needlelab {
+
+PeerConnection::PeerConnection(ServerContext& context, std::uint64_t id, std::shared_ptr<Channel> channel)
+    : context_(context), id_(id), channel_(std::move(channel)), freed_(channel_->executor()) {}
+
+PeerConnection::~PeerConnection() = default;
+
+void PeerConnection::setState(ConnectionState next) {
+  assert(mayFollow(state_, next));
+  logEvent(LogLevel::kDebug, "connection_state",
+           {{"conn", id_}, {"from", nameOf(state_)}, {"to", nameOf(next)}});
+  state_ = next;
+}
+
+Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
+  PeerConnection& peer = *self;
+  ++peer.context_.counters.connections;
+  peer.context_.connections.emplace(peer.id_, &peer);
+  logEvent(LogLevel::kInfo, "connection_opened", {{"conn", peer.id_}, {"peer", peer.address()}});
+
+  const Status shaken = co_await peer.channel_->handshake(asio::ssl::stream_base::server);
+  if (shaken.ok() && peer.state_ == ConnectionState::kConnecting) peer.setState(ConnectionState::kGreeting);
+  while (!peer.over() && !peer.channel_->closing()) {
+    auto got = co_await peer.channel_->receive();
+    if (!got.ok()) {
+      // bytes that are no message: the stream is lost, but the peer may learn why
+      const ErrorCode code = got.error().code;
+      if (code == ErrorCode::kInvalidInput || code == ErrorCode::kCorrupt) {
+        const auto reason = code == ErrorCode::kCorrupt ? pb::Refusal::INVALID : pb::Refusal::TOO_LARGE;
+        peer.refuseAndClose(makeRefusal(reason, got.error().message, true));
+      }
+      break;
+    }
+    co_await peer.dispatch(std::move(*got));
+    // what is under way is bounded: until some of it is done, this socket (and no other) is not read
+    while (peer.busy() && !peer.over() && !peer.channel_->closing()) co_await peer.freed_.wait();
+  }
+  // the server's end: shutDown has the last word
+  while (peer.over() && !peer.channel_->closing()) co_await peer.freed_.wait();
+  peer.leave();
+}
+
+void PeerConnection::leave() {
+  if (state_ == ConnectionState::kClosed) return;
+  if (who_.role == pb::STATION) context_.hub.detachStation(who_.name, *this);
+  context_.hub.detachViewer(*this);
+  context_.counters.live_dropped += channel_->live().dropped();
+  if (!channel_->closing()) channel_->close(CloseReason::kLocal, "the connection ended");
+  logEvent(LogLevel::kInfo, "connection_closed",
+           {{"conn", id_},
+            {"who", who_.name},
+            {"reason", nameOf(channel_->closeReason())},
+            {"text", channel_->closeText()},
+            {"bytes_in", channel_->bytesReceived()},
+            {"bytes_out", channel_->bytesSent()},
+            {"live_dropped", channel_->live().dropped()}});
+  setState(ConnectionState::kClosed);
+  context_.connections.erase(id_);
+}
+
+bool PeerConnection::busy() const {
+  const ConnectionBounds& bounds = context_.bounds;
+  return chunks_in_flight_ >= bounds.chunks_in_flight ||
+         chunk_bytes_in_flight_ > bounds.chunk_bytes_in_flight ||
+         requests_at_work_ + closing_sessions_.size() >= bounds.requests_at_work;
+}
+
+Task<> PeerConnection::dispatch(pb::Envelope envelope) {
+  // first of all: may this message come now, and from this peer?
+  const auto text = [&](const char* what) {
+    const auto* field = pb::Envelope::descriptor()->FindFieldByNumber(static_cast<int>(envelope.body_case()));
+    return "'" + (field != nullptr ? field->name() : "unknown") + "' " + what + " (state " + nameOf(state_) +
+           ")";
+  };
+  const std::uint64_t request = envelope.has_request() ? envelope.request().id() : 0;
+  switch (checkMessage(envelope.body_case(), state_, who_.role)) {
+    case Verdict::kAllowed:
+      break;
+    case Verdict::kIgnored:
+      co_return;
+    case Verdict::kUnknown:
+      refuse(pb::Refusal::INVALID,
+             "a message without a body that protocol " + versionText(ourVersion()) + " knows");
+      co_return;
+    case Verdict::kWrongState:
+      refuse(pb::Refusal::STATE, text("is not legal now"), request);
+      co_return;
+    case Verdict::kWrongRole:
+      refuse(pb::Refusal::ROLE, text("is not for your role"), request);
+      co_return;
+    case Verdict::kNeverFromPeer:
+      refuse(pb::Refusal::STATE, text("is sent by servers only"), request);
+      co_return;
+  }
+
+  switch (envelope.body_case()) {
+    case pb::Envelope::kHello:
+      greet(envelope.hello());
+      break;
+    case pb::Envelope::kLogin:
+      co_await logIn(std::move(*envelope.mutable_login()));
+      break;
+    case pb::Envelope::kPing:
+      answerPing(envelope.ping());
+      break;
+    case pb::Envelope::kOpenSession:
+      co_await openSession(std::move(*envelope.mutable_open_session()));
+      break;
+    case pb::Envelope::kChunk:
+      takeChunk(std::move(*envelope.mutable_chunk()));
+      break;
+    case pb::Envelope::kClockOffset:
+      takeClockOffset(envelope.clock_offset());
+      break;
+    case pb::Envelope::kStationStatus:
+      context_.hub.onStatus(who_.name, envelope.station_status(), steadyNowNs());
+      break;
+    case pb::Envelope::kLiveFrame: {
+      auto refusal =
+          context_.hub.onLiveFrame(who_.name, std::move(*envelope.mutable_live_frame()), steadyNowNs());
+      if (refusal) refuse(std::move(*refusal));
+      break;
+    }
+    case pb::Envelope::kCloseSession:
+      asio::co_spawn(context_.io,
+                     closeSession(shared_from_this(), std::move(*envelope.mutable_close_session())), rethrow);
+      break;
+    case pb::Envelope::kRequest:
+      asio::co_spawn(context_.io, execute(shared_from_this(), std::move(*envelope.mutable_request())),
+                     rethrow);
+      break;
+    case pb::Envelope::kSubscribe: {
+      auto refusal = context_.hub.subscribe(*this, envelope.subscribe(), steadyNowNs());
+      if (refusal) refuse(std::move(*refusal));
+      break;
+    }
+    case pb::Envelope::kUnsubscribe: {
+      auto refusal = context_.hub.unsubscribe(*this, envelope.unsubscribe().subscription());
+      if (refusal) refuse(std::move(*refusal));
+      break;
+    }
+    case pb::Envelope::kRefusal:
+      logEvent(LogLevel::kWarning, "refused_by_peer",
+               {{"conn", id_},
+                {"reason", reasonName(envelope.refusal().reason())},
+                {"text", envelope.refusal().text()}});
+      break;
+    case pb::Envelope::kBye:
+      setState(ConnectionState::kClosing);
+      channel_->finish(CloseReason::kPeerClosed, "the peer said bye: " + envelope.bye().reason());
+      break;
+    default:
+      break;  // checkMessage allows nothing else
+  }
+}
+
+void PeerConnection::refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request) {
+  refuse(makeRefusal(reason, std::move(text)), request);
+}
+
+void PeerConnection::refuse(pb::Refusal refusal, std::uint64_t request) {
+  ++context_.counters.messages_refused;
+  logEvent(LogLevel::kWarning, "message_refused",
+           {{"conn", id_},
+            {"who", who_.name},
+            {"reason", reasonName(refusal.reason())},
+            {"text", refusal.text()}});
+  // before log-in there is no second try; and who goes on making mistakes is cut off
+  const bool logged_in = who_.role != pb::ROLE_UNSPECIFIED;
+  if (!logged_in || ++refusals_ > context_.bounds.refusals) {
+    refuseAndClose(std::move(refusal));
+    return;
+  }
+  pb::Envelope envelope;
+  envelope.set_refused_request(request);
+  *envelope.mutable_refusal() = std::move(refusal);
+  sendControl(envelope);
+}
+
+void PeerConnection::refuseAndClose(pb::Refusal refusal) {
+  if (over()) return;
+  refusal.set_fatal(true);
+  pb::Envelope envelope;
+  const std::string text = reasonName(refusal.reason()) + ": " + refusal.text();
+  *envelope.mutable_refusal() = std::move(refusal);
+  setState(ConnectionState::kClosing);
+  channel_->finish(CloseReason::kRefused, text, &envelope);
+  freed_.notify();
+}
+
+Task<> PeerConnection::shutDown(std::shared_ptr<PeerConnection> self, std::string reason) {
+  PeerConnection& peer = *self;
+  if (peer.over()) co_return;
+  // what comes from now on is ignored; the peer keeps it and sends it again to the next server
+  peer.setState(ConnectionState::kClosing);
+  while ((peer.chunks_in_flight_ > 0 || !peer.closing_sessions_.empty()) && !peer.channel_->closing()) {
+    co_await peer.freed_.wait();
+  }
+  peer.sendAcks();
+  pb::Envelope bye;
+  bye.mutable_bye()->set_reason(reason);
+  peer.channel_->finish(CloseReason::kLocal, reason, &bye);
+  peer.freed_.notify();
+}
+
+void PeerConnection::cut(const std::string& reason) {
+  if (!over()) setState(ConnectionState::kClosing);
+  channel_->close(CloseReason::kLocal, reason);
+  freed_.notify();
+}
+
+void PeerConnection::sendControl(const pb::Envelope& envelope) {
+  if (!channel_->closing() && !channel_->send(envelope)) {
+    logEvent(LogLevel::kWarning, "slow_peer",
+             {{"conn", id_}, {"who", who_.name}, {"text", channel_->closeText()}});
+    freed_.notify();
+  }
+}
+
+void PeerConnection::sendLive(Frame frame, bool counted) {
+  channel_->sendLive(std::move(frame), counted);
+}
+
+void PeerConnection::answerPing(const pb::Ping& ping) {
+  pb::Envelope envelope;
+  pb::Pong& pong = *envelope.mutable_pong();
+  pong.set_id(ping.id());
+  pong.set_sender_steady_ns(ping.sender_steady_ns());
+  pong.set_receiver_steady_ns(steadyNowNs());
+  sendControl(envelope);
+}
+
+}  // namespace needlelab

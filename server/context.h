@@ -1,0 +1,58 @@
+/// What the connections of one server share. Owned by Server; used on the network's thread unless said
+/// otherwise.
+#pragma once
+
+#include <boost/asio/thread_pool.hpp>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <unordered_map>
+
+#include "server/hub.h"
+#include "server/login_guard.h"
+#include "server/tokens.h"
+#include "service/bootstrap.h"
+#include "wire/asio.h"
+
+namespace needlelab {
+
+class PeerConnection;
+
+/// Bounds of what one connection may keep busy.
+struct ConnectionBounds {
+  std::size_t chunks_in_flight = 64;  ///< received and not yet committed; then its socket is not read
+  std::size_t chunk_bytes_in_flight = 8u << 20;
+  std::size_t requests_at_work = 8;
+  std::size_t logins_waiting = 64;    ///< of the whole server, for the password check
+  std::size_t refusals = 200;         ///< messages refused after log-in; then the connection ends
+  std::size_t known_sessions = 1024;  ///< whose watermarks are remembered
+};
+
+/// Since the start.
+struct ServerCounters {
+  std::uint64_t connections = 0;
+  std::uint64_t logins = 0, logins_refused = 0;
+  std::uint64_t chunks_stored = 0, chunks_repeated = 0, chunks_refused = 0;
+  std::uint64_t sessions_closed = 0;
+  std::uint64_t messages_refused = 0;
+  std::uint64_t live_dropped = 0;  ///< of connections that have ended
+};
+
+struct ServerContext {
+  asio::io_context& io;
+  Store& store;                     ///< its parts are thread-safe
+  asio::thread_pool& passwords;     ///< argon2id: 64 MiB and 0.1 s each, so few at a time
+  asio::thread_pool& workers;       ///< short reads and scores
+  asio::thread_pool& slow_workers;  ///< backup, check, verify: minutes
+  ConnectionBounds bounds;
+  Hub hub;
+  LoginGuard guard;
+  Tokens tokens;
+  ServerCounters counters;
+  std::size_t logins_waiting = 0;
+  bool stopping = false;
+  std::unordered_map<std::uint64_t, PeerConnection*>
+      connections;  ///< by id; each takes itself out at its end
+};
+
+}  // namespace needlelab

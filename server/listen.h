@@ -1,0 +1,21 @@
+/// Where the server listens, and by which names it may be called.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "base/result.h"
+#include "wire/asio.h"
+
+namespace needlelab {
+
+/// HOST:PORT to an address of this machine. Errors: kInvalidInput.
+Result<Tcp::endpoint> resolveListen(const std::string& text);
+
+/// Errors: kUnavailable, saying that the port is taken, or why else.
+Result<Tcp::acceptor> listenOn(asio::io_context& io, const Tcp::endpoint& endpoint, const std::string& text);
+
+/// localhost, 127.0.0.1, ::1, this machine's name, the host of `listen` unless it is a wildcard, and `more`.
+std::vector<std::string> certificateHosts(const std::string& listen, const std::vector<std::string>& more);
+
+}  // namespace needlelab

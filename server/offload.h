@@ -1,0 +1,59 @@
+/// Work that blocks, done on other threads while a coroutine of the network's thread waits.
+#pragma once
+
+#include <boost/asio/post.hpp>
+#include <boost/asio/thread_pool.hpp>
+#include <exception>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "db/db_writer.h"
+#include "wire/asio.h"
+
+namespace needlelab {
+
+/// Coroutines wait, another wakes them all; on one thread. A wake without a waiter is lost: check the
+/// condition first, and again after waiting.
+class Signal {
+ public:
+  explicit Signal(asio::any_io_executor executor)
+      : timer_(std::move(executor), asio::steady_timer::time_point::max()) {}
+  Task<> wait() { co_await timer_.async_wait(kUseTuple); }
+  void notify() { timer_.cancel(); }
+
+ private:
+  asio::steady_timer timer_;
+};
+
+/// Runs `work` on the pool and gives its result on the caller's executor. The pool must end before the
+/// io_context does.
+template <typename T>
+Task<T> offload(asio::thread_pool& pool, std::function<T()> work) {
+  struct State {
+    explicit State(asio::any_io_executor executor) : done(std::move(executor)) {}
+    Signal done;
+    std::optional<T> value;
+    std::exception_ptr error;
+  };
+  const asio::any_io_executor executor = co_await asio::this_coro::executor;
+  auto state = std::make_shared<State>(executor);
+  asio::post(pool, [state, executor, work = std::move(work)]() mutable {
+    // an exception (out of memory …) crosses the threads and comes out where the result would
+    try {
+      state->value.emplace(work());
+    } catch (...) {
+      state->error = std::current_exception();
+    }
+    asio::post(executor, [state = std::move(state)] { state->done.notify(); });
+  });
+  while (!state->value && !state->error) co_await state->done.wait();
+  if (state->error) std::rethrow_exception(state->error);
+  co_return std::move(*state->value);
+}
+
+/// Runs `work` in the writer's next group; the status comes after the commit.
+Task<Status> commit(DbWriter& writer, DbWriter::Work work);
+
+}  // namespace needlelab

@@ -1,0 +1,205 @@
+#include "server/server.h"
+
+#include <algorithm>
+#include <boost/asio/ip/address.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <csignal>
+#include <optional>
+#include <utility>
+
+#include "base/atomic_file.h"
+#include "base/exit_code.h"
+#include "server/connection.h"
+#include "server/listen.h"
+#include "server/log.h"
+#include "wire/certificates.h"
+#include "wire/tls.h"
+
+namespace needlelab {
+
+/// Destroyed from the last to the first: the pools (joined) before the store, the store (drained) before the
+/// io_context.
+struct Server::Parts {
+  explicit Parts(ServerOptions given) : options(std::move(given)) {}
+
+  ServerOptions options;
+  asio::io_context io{1};
+  TlsContext tls;
+  TlsFiles files;
+  std::unique_ptr<Store> store;
+  asio::thread_pool passwords{1}, workers{2}, slow_workers{1};
+  std::optional<ServerContext> context;
+  std::optional<Tcp::acceptor> acceptor;
+  asio::signal_set signals{io};
+  asio::steady_timer drain_timer{io};
+  std::uint16_t port = 0;
+  std::uint64_t next_id = 1;
+  bool stopping = false;
+  int exit_code = kExitDone;
+
+  Task<> acceptLoop();
+  Task<> signalLoop();
+  Task<> drainLoop();
+  void accepted(Tcp::socket socket);
+  void beginStop(const std::string& reason);
+};
+
+Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
+  auto endpoint = resolveListen(options.listen);
+  if (!endpoint.ok()) return endpoint.error();
+  auto parts = std::make_unique<Parts>(std::move(options));
+  Parts& p = *parts;
+
+  // the port first: when it is taken, nothing on disk should have changed
+  auto acceptor = listenOn(p.io, *endpoint, p.options.listen);
+  if (!acceptor.ok()) return acceptor.error();
+  p.acceptor.emplace(std::move(*acceptor));
+  p.port = p.acceptor->local_endpoint().port();
+
+  Store::Options store_options;
+  store_options.writer = p.options.writer;
+  store_options.on_fatal = [raw = parts.get()](const Error& error) {
+    logEvent(LogLevel::kError, "store_failed", {{"text", error.message}});
+    asio::post(raw->io, [raw] {
+      raw->exit_code = kExitFailed;
+      raw->beginStop("the server's database failed");
+    });
+  };
+  auto store = Store::open(p.options.data, store_options);
+  if (!store.ok()) return store.error();
+  p.store = std::move(*store);
+
+  p.files = tlsFilesIn(p.options.data / "tls");
+  auto made = ensureTlsFiles(p.files, certificateHosts(p.options.listen, p.options.host_names));
+  if (!made.ok()) return made.error();
+  auto tls = makeServerTls(p.files.certificate, p.files.key);
+  if (!tls.ok()) return tls.error();
+  p.tls = *tls;
+
+  p.context.emplace(ServerContext{.io = p.io,
+                                  .store = *p.store,
+                                  .passwords = p.passwords,
+                                  .workers = p.workers,
+                                  .slow_workers = p.slow_workers,
+                                  .bounds = p.options.bounds,
+                                  .hub = Hub(p.options.hub),
+                                  .guard = LoginGuard(p.options.guard),
+                                  .tokens = Tokens(p.options.token_lifetime),
+                                  .counters = {},
+                                  .connections = {}});
+  if (!p.options.port_file.empty()) {
+    const std::string text = std::to_string(p.port) + "\n";
+    if (const Status written = writeFileAtomically(p.options.port_file, viewOf(text)); !written.ok())
+      return written.error();
+  }
+  logEvent(LogLevel::kInfo, "listening",
+           {{"address", p.acceptor->local_endpoint().address().to_string()},
+            {"port", p.port},
+            {"data", p.options.data.string()},
+            {"ca", p.files.ca_certificate.string()},
+            {"new_certificate", *made ? "yes" : "no"}});
+  return std::unique_ptr<Server>(new Server(std::move(parts)));
+}
+
+Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+
+Server::~Server() {
+  Parts& p = *parts_;
+  // work that still runs posts its results into io, where nobody takes them any more
+  for (asio::thread_pool* pool : {&p.passwords, &p.workers, &p.slow_workers}) pool->join();
+  p.store->writer().stop();
+}
+
+int Server::run() {
+  Parts& p = *parts_;
+  asio::co_spawn(p.io, p.acceptLoop(), rethrow);
+  if (p.options.handle_signals) asio::co_spawn(p.io, p.signalLoop(), rethrow);
+  p.io.run();
+  // all connections have ended; what is posted to the writer is committed before the end
+  p.store->writer().stop();
+  if (const auto failed = p.store->writer().failed()) {
+    p.exit_code = kExitFailed;
+    logEvent(LogLevel::kError, "stopped", {{"exit", p.exit_code}, {"text", failed->message}});
+  } else {
+    logEvent(LogLevel::kInfo, "stopped", {{"exit", p.exit_code}});
+  }
+  return p.exit_code;
+}
+
+void Server::stop() {
+  asio::post(parts_->io, [raw = parts_.get()] { raw->beginStop("the server is shutting down"); });
+}
+
+Task<> Server::Parts::acceptLoop() {
+  while (!stopping) {
+    auto [error, socket] = co_await acceptor->async_accept(kUseTuple);
+    if (stopping) co_return;
+    if (!error) {
+      accepted(std::move(socket));
+      continue;
+    }
+    // no file descriptors or the like: it passes, and those who are connected are not concerned
+    logEvent(LogLevel::kError, "accept_failed", {{"text", error.message()}});
+    asio::steady_timer pause(io, std::chrono::milliseconds(100));
+    co_await pause.async_wait(kUseTuple);
+  }
+}
+
+void Server::Parts::accepted(Tcp::socket socket) {
+  if (context->connections.size() >= options.max_connections) {
+    logEvent(LogLevel::kWarning, "too_many_connections", {{"limit", options.max_connections}});
+    return;  // closes it
+  }
+  auto channel = Channel::make(TlsStream(std::move(socket), *tls), options.limits);
+  auto connection = std::make_shared<PeerConnection>(*context, next_id++, std::move(channel));
+  asio::co_spawn(io, PeerConnection::run(std::move(connection)), rethrow);
+}
+
+Task<> Server::Parts::signalLoop() {
+  signals.add(SIGTERM);
+  signals.add(SIGINT);
+  auto [error, signal] = co_await signals.async_wait(kUseTuple);
+  if (error) co_return;
+  logEvent(LogLevel::kInfo, "signal", {{"number", signal}});
+  beginStop("the server is shutting down");
+}
+
+void Server::Parts::beginStop(const std::string& reason) {
+  if (std::exchange(stopping, true)) return;
+  logEvent(LogLevel::kInfo, "stopping", {{"reason", reason}, {"connections", context->connections.size()}});
+  context->stopping = true;
+  boost::system::error_code ignored;
+  acceptor->close(ignored);
+  signals.cancel(ignored);
+  const auto all = context->connections;
+  for (const auto& [id, connection] : all) {
+    asio::co_spawn(io, PeerConnection::shutDown(connection->shared_from_this(), reason), rethrow);
+  }
+  asio::co_spawn(io, drainLoop(), rethrow);
+}
+
+Task<> Server::Parts::drainLoop() {
+  const auto end = std::chrono::steady_clock::now() + options.drain;
+  while (!context->connections.empty() && std::chrono::steady_clock::now() < end) {
+    drain_timer.expires_after(std::chrono::milliseconds(20));
+    co_await drain_timer.async_wait(kUseTuple);
+  }
+  const auto left = context->connections;
+  for (const auto& [id, connection] : left) connection->cut("the server's time to drain has passed");
+}
+
+std::uint16_t Server::port() const {
+  return parts_->port;
+}
+std::filesystem::path Server::caFile() const {
+  return parts_->files.ca_certificate;
+}
+Store& Server::store() {
+  return *parts_->store;
+}
+const ServerCounters& Server::counters() const {
+  return parts_->context->counters;
+}
+
+}  // namespace needlelab

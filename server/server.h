@@ -1,0 +1,61 @@
+/// needlelab-server: everything between a listening socket and the store. DESIGN §7-9; threads:
+/// server/README.md.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/result.h"
+#include "server/context.h"
+#include "wire/channel.h"
+
+namespace needlelab {
+
+struct ServerOptions {
+  std::filesystem::path data;             ///< DIR: database, tls/, lock
+  std::string listen = "127.0.0.1:7750";  ///< HOST:PORT; port 0 picks one
+  std::filesystem::path port_file;        ///< written after listening; empty: none
+  std::vector<std::string> host_names;    ///< beside those that are found out, for the certificate
+  bool handle_signals = false;            ///< SIGTERM and SIGINT end run()
+  std::size_t max_connections = 4096;
+  std::chrono::milliseconds drain{10'000};  ///< at the end; then connections are cut
+  ChannelLimits limits;
+  ConnectionBounds bounds;
+  HubSettings hub;
+  LoginGuard::Settings guard;
+  std::chrono::milliseconds token_lifetime = std::chrono::minutes(15);
+  DbWriter::Options writer;
+};
+
+class Server {
+ public:
+  /// Makes or opens the folder, makes certificates, listens, writes the port file.
+  /// Errors: kInvalidInput (options), kUnavailable (port taken, folder in use), and those of Store::open.
+  static Result<std::unique_ptr<Server>> start(ServerOptions options);
+  ~Server();
+  Server(const Server&) = delete;
+  Server& operator=(const Server&) = delete;
+
+  /// Serves until stop(), a signal, or a failure of the store. Returns the exit code. Once.
+  int run();
+
+  /// Stop accepting, commit what was received, say Bye; then run() returns. Thread: any. May be repeated.
+  void stop();
+
+  [[nodiscard]] std::uint16_t port() const;
+  [[nodiscard]] std::filesystem::path caFile() const;
+  /// For tests, before run() or after it.
+  [[nodiscard]] Store& store();
+  [[nodiscard]] const ServerCounters& counters() const;
+
+ private:
+  struct Parts;
+  explicit Server(std::unique_ptr<Parts> parts);
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace needlelab

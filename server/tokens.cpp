@@ -1,0 +1,50 @@
+#include "server/tokens.h"
+
+#include <algorithm>
+
+#include <sodium.h>
+
+namespace needlelab {
+namespace {
+
+std::string hashOf(std::string_view token) {
+  std::string hash(crypto_generichash_BYTES, '\0');
+  crypto_generichash(reinterpret_cast<unsigned char*>(hash.data()), hash.size(),
+                     reinterpret_cast<const unsigned char*>(token.data()), token.size(), nullptr, 0);
+  return hash;
+}
+
+}  // namespace
+
+Tokens::Issued Tokens::issue(const Principal& who, std::int64_t now_ns) {
+  dropExpired(now_ns);
+  if (tokens_.size() >= max_tokens_) {
+    const auto first = std::min_element(tokens_.begin(), tokens_.end(), [](const auto& a, const auto& b) {
+      return a.second.expires_ns < b.second.expires_ns;
+    });
+    tokens_.erase(first);
+  }
+  Issued issued;
+  issued.token.resize(32);
+  randombytes_buf(issued.token.data(), issued.token.size());
+  issued.expires_ns = now_ns + std::chrono::nanoseconds(lifetime_).count();
+  tokens_[hashOf(issued.token)] = {who, issued.expires_ns};
+  return issued;
+}
+
+std::optional<Principal> Tokens::find(std::string_view token, std::int64_t now_ns) {
+  dropExpired(now_ns);
+  const auto found = tokens_.find(hashOf(token));
+  if (found == tokens_.end()) return std::nullopt;
+  return found->second.who;
+}
+
+void Tokens::forget(const std::string& name) {
+  std::erase_if(tokens_, [&](const auto& entry) { return entry.second.who.name == name; });
+}
+
+void Tokens::dropExpired(std::int64_t now_ns) {
+  std::erase_if(tokens_, [&](const auto& entry) { return entry.second.expires_ns <= now_ns; });
+}
+
+}  // namespace needlelab

@@ -1,0 +1,67 @@
+#include "server/offload.h"
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+#include <thread>
+
+namespace needlelab {
+namespace {
+
+TEST(Offload, workRunsElsewhereAndItsResultComesBack) {
+  asio::io_context io{1};
+  asio::thread_pool pool{2};
+  int sum = 0;
+  const auto here = std::this_thread::get_id();
+  const auto job = [](asio::thread_pool& on, int* out, std::thread::id home) -> Task<> {
+    for (int i = 1; i <= 100; ++i) {
+      std::function<Result<int>()> work = [i, home]() -> Result<int> {
+        EXPECT_NE(std::this_thread::get_id(), home);
+        return i;
+      };
+      auto got = co_await offload(on, std::move(work));
+      EXPECT_EQ(std::this_thread::get_id(), home);
+      *out += *got;
+    }
+  };
+  asio::co_spawn(io, job(pool, &sum, here), rethrow);
+  io.run();
+  EXPECT_EQ(sum, 5050);
+}
+
+TEST(Offload, anExceptionComesOutWhereTheResultWould) {
+  asio::io_context io{1};
+  asio::thread_pool pool{1};
+  std::string caught;
+  const auto job = [](asio::thread_pool& on, std::string* out) -> Task<> {
+    std::function<int()> work = []() -> int { throw std::runtime_error("no memory"); };
+    try {
+      (void)co_await offload(on, std::move(work));
+    } catch (const std::runtime_error& error) {
+      *out = error.what();
+    }
+  };
+  asio::co_spawn(io, job(pool, &caught), rethrow);
+  io.run();
+  EXPECT_EQ(caught, "no memory");
+}
+
+TEST(Signal, wakesAllWhoWaitAndTheyDoNotWakeEachOther) {
+  asio::io_context io{1};
+  Signal signal(io.get_executor());
+  int woken = 0;
+  const auto waiter = [](Signal& on, int* count) -> Task<> {
+    co_await on.wait();
+    ++*count;
+  };
+  for (int i = 0; i < 3; ++i) asio::co_spawn(io, waiter(signal, &woken), rethrow);
+  io.poll();
+  EXPECT_EQ(woken, 0);
+  signal.notify();
+  io.restart();
+  io.poll();
+  EXPECT_EQ(woken, 3);
+}
+
+}  // namespace
+}  // namespace needlelab

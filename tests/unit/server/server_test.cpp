@@ -1,0 +1,93 @@
+#include "server/server.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/atomic_file.h"
+#include "running_server.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+
+TEST(Server, peersHearByeAndTheExitIsClean) {
+  RunningServer server;
+  auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
+  ASSERT_TRUE(station.ok());
+  FakeSession session("bench-1");
+  ASSERT_TRUE(station->send(session.open()).ok());
+  for (std::uint64_t seq = 0; seq < 20; ++seq) ASSERT_TRUE(station->send(session.chunk(seq)).ok());
+  session.waitForAck(*station, 1);
+  const auto started = std::chrono::steady_clock::now();
+  EXPECT_EQ(server.stop(), 0);
+  EXPECT_LT(std::chrono::steady_clock::now() - started, milliseconds(5000));
+  std::uint64_t acked = 0;
+  bool bye = false;
+  for (;;) {
+    const auto got = station->receive(milliseconds(1000));
+    if (!got.ok()) break;
+    if (got->has_ack()) acked = std::max(acked, got->ack().committed_seqs());
+    bye |= got->has_bye();
+  }
+  EXPECT_TRUE(bye);
+  // whatever was acknowledged is there after the restart, and not less than was acknowledged
+  server.start();
+  auto again = server.connect(stationLogin("bench-1", [&] { return std::string(32, 'x'); }()));
+  EXPECT_FALSE(again.ok());
+  pb::Request request;
+  request.mutable_get_session()->set_session_id(session.id());
+  EXPECT_GE(server.asAdmin(request).session().chunks(), acked);
+}
+
+TEST(Server, stoppingDoesNotWaitForAPeerThatDoesNotRead) {
+  RunningServer server([](ServerOptions& options) { options.drain = milliseconds(1500); });
+  auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
+  ASSERT_TRUE(station.ok());
+  const auto started = std::chrono::steady_clock::now();
+  EXPECT_EQ(server.stop(), 0);
+  EXPECT_LT(std::chrono::steady_clock::now() - started, milliseconds(4000));
+}
+
+TEST(Server, aTakenPortIsUnavailableAndChangesNothingOnDisk) {
+  RunningServer server;
+  const TempFolder folder;
+  ServerOptions options;
+  options.data = folder.path() / "data";
+  options.listen = "127.0.0.1:" + std::to_string(server.server().port());
+  const auto second = Server::start(options);
+  ASSERT_FALSE(second.ok());
+  EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(second.error().message, testing::HasSubstr("taken"));
+  EXPECT_FALSE(std::filesystem::exists(options.data));
+}
+
+TEST(Server, aFolderServesOneServer) {
+  RunningServer server;
+  ServerOptions options;
+  options.data = server.folder() / "data";
+  options.listen = "127.0.0.1:0";
+  const auto second = Server::start(options);
+  ASSERT_FALSE(second.ok());
+  EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
+}
+
+TEST(Server, thePortFileHoldsThePort) {
+  RunningServer server(
+      [](ServerOptions& options) { options.port_file = options.data.parent_path() / "port"; });
+  EXPECT_EQ(*readWholeFile(server.folder() / "port"), std::to_string(server.server().port()) + "\n");
+}
+
+TEST(Server, aFullHouseTurnsNewcomersAwayAndServesThoseInside) {
+  RunningServer server([](ServerOptions& options) { options.max_connections = 1; });
+  const std::string key = server.addStation("bench-1");
+  auto inside = server.connect(stationLogin("bench-1", key));
+  ASSERT_TRUE(inside.ok());
+  EXPECT_EQ(server.connect(stationLogin("bench-1", key)).error().code, ErrorCode::kUnavailable);
+  FakeSession session("bench-1");
+  ASSERT_TRUE(inside->send(session.open()).ok());
+  (void)waitFor(*inside, [](const pb::Envelope& e) { return e.has_session_opened(); });
+}
+
+}  // namespace
+}  // namespace needlelab
