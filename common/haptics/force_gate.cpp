@@ -15,6 +15,7 @@ constexpr std::int64_t kHoldTicks = 5;  // rejected samples that the last force 
 constexpr double kWatchdog_s = 0.02;    // silence of the device after which the force goes
 constexpr double kThermalWindow_s = 10;
 constexpr double kBucket_s = 0.1;
+constexpr double kThermalRecovery_s = 1;  // from nothing to the peak, when the motors have cooled
 
 bool limitMagnitude(Vec3& v, double most) noexcept {
   const double size = norm(v);
@@ -44,16 +45,41 @@ ThermalBudget::ThermalBudget(double peak, double continuous, double period_s) no
     : peak_(peak),
       budget_(continuous * continuous * kThermalWindow_s),
       period_s_(period_s),
-      ticks_per_bucket_(std::max<std::int64_t>(1, static_cast<std::int64_t>(kBucket_s / period_s + 0.5))) {}
+      recovery_(peak * period_s / kThermalRecovery_s),
+      allowed_(peak),
+      // rounded up, so that the buckets cover the whole window at any rate
+      ticks_per_bucket_(static_cast<std::int64_t>(std::ceil(kBucket_s / period_s - 1e-6))) {}
 
-double ThermalBudget::allowed() const noexcept {
-  return budget_ > 0 ? peak_ * std::max(0.0, 1.0 - spent() / budget_) : 0.0;
+double ThermalBudget::allowed(double wanted) noexcept {
+  const double before = allowed_;
+  allowed_ = std::min(limitNow(wanted), before + recovery_);
+  return allowed_;
 }
 
-double ThermalBudget::spent() const noexcept {
+double ThermalBudget::limitNow(double wanted) const noexcept {
+  if (budget_ <= 0) return 0.0;
   // the bucket that has left the window is given back tick by tick: all at once it would be felt
-  const double leaving = 1.0 - static_cast<double>(ticks_in_bucket_) / static_cast<double>(ticks_per_bucket_);
-  return whole_ + bucket_[current_] + leaving * bucket_[(current_ + 1) % kBuckets];
+  const double progress = static_cast<double>(ticks_in_bucket_) / static_cast<double>(ticks_per_bucket_);
+  const double leaving = bucket_[(current_ + 1) % kBuckets];
+  const double left = budget_ - (whole_ + bucket_[current_] + (1.0 - progress) * leaving);
+  // what is left, spread over a whole window, covers it: nearly always
+  if (wanted * wanted * kThermalWindow_s <= left) return peak_;
+
+  // the magnitude that could be held for good from now on: until the bucket `back` is out of the window, it
+  // and all younger ones count
+  const double bucket_s = static_cast<double>(ticks_per_bucket_) * period_s_;
+  double counted = 0, held_squared = peak_ * peak_;
+  for (std::size_t back = 0; back < kBuckets - 1; ++back) {
+    counted += bucket_[(current_ + kBuckets - back) % kBuckets];
+    const double age_s = back == 0 ? 0.0 : (static_cast<double>(back) - 1 + progress) * bucket_s;
+    const double until_s = kThermalWindow_s - age_s;
+    if (until_s <= 0) break;
+    held_squared = std::min(held_squared, (budget_ - counted) / until_s);
+  }
+  held_squared = std::max(0.0, held_squared);
+  // and more than that for a while, the more the colder the motors are
+  const double cold = std::max(0.0, left / budget_);
+  return std::sqrt(held_squared + (peak_ * peak_ - held_squared) * (cold * cold * cold));
 }
 
 void ThermalBudget::spend(double magnitude) noexcept {
@@ -163,8 +189,8 @@ GuardedWrench ForceGate::guard(const Wrench& wanted) noexcept {
   const bool peak_torque = limitMagnitude(next.torque_Nm, limits_.peak_torque_Nm);
   if (peak_force || peak_torque) flags_ |= kGatePeakLimited;
   const double force_before = norm(next.force_N), torque_before = norm(next.torque_Nm);
-  const bool hot_force = limitMagnitude(next.force_N, force_budget_.allowed());
-  const bool hot_torque = limitMagnitude(next.torque_Nm, torque_budget_.allowed());
+  const bool hot_force = limitMagnitude(next.force_N, force_budget_.allowed(force_before));
+  const bool hot_torque = limitMagnitude(next.torque_Nm, torque_budget_.allowed(torque_before));
   thermal_scale_ = 1.0;
   if (hot_force || hot_torque) {
     flags_ |= kGateThermalLimited;

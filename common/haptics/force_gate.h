@@ -42,23 +42,23 @@ enum GateFlag : std::uint32_t {
 };
 
 /// What the motors may still take: the energy ∫|f|² of any 10 s stays at or below 10 s times the continuous
-/// limit squared. The allowed magnitude falls with the share of the budget that is left, peak·(left/budget),
-/// so that it is never used up.
+/// limit squared. A magnitude up to 0.98 of the continuous limit is never cut; a greater one is
+/// let down, as the budget goes, to what can be held for good.
 class ThermalBudget {
  public:
   ThermalBudget(double peak, double continuous, double period_s) noexcept;
-  /// Largest magnitude allowed in this tick.
-  [[nodiscard]] double allowed() const noexcept;
+  /// Largest magnitude allowed in this tick, to one who wants `wanted`. Once a tick.
+  [[nodiscard]] double allowed(double wanted) noexcept;
   /// Counts the magnitude that was given to the device in this tick.
   void spend(double magnitude) noexcept;
 
  private:
-  /// Energy that counts now; never less than that of the last 10 s.
-  [[nodiscard]] double spent() const noexcept;
+  [[nodiscard]] double limitNow(double wanted) const noexcept;
 
   /// 100 ms each: the current one, 100 that the window reaches into, and one that has just left it.
   static constexpr std::size_t kBuckets = 102;
   double peak_, budget_, period_s_;
+  double recovery_, allowed_;  ///< the allowed magnitude rises by at most so much a tick
   std::array<double, kBuckets> bucket_{};
   std::size_t current_ = 0;
   std::int64_t ticks_in_bucket_ = 0, ticks_per_bucket_;
