@@ -37,6 +37,7 @@ TEST_P(ReferencePerLimb, everySetOfEffectsAndEveryModeOverRandomGestures) {
   range.most_hold_s = 0.25;
   int failures = 0;
   std::uint64_t run = 0;
+  Seen seen;
   for (EffectMask effects = 0; effects <= kAllEffects && failures < 3; ++effects)
     for (const auto clamping : {ClampingMode::kProportional, ClampingMode::kPassive})
       for (const auto stop : {StopMode::kRamp, StopMode::kExponential}) {
@@ -49,12 +50,16 @@ TEST_P(ReferencePerLimb, everySetOfEffectsAndEveryModeOverRandomGestures) {
           range.tremor_m = seed % 3 == 0 ? 2e-4 : 0.0;
           const Motion motion = randomGesture(seed, kRates_hz[r], siteOf(limb), range);
           const auto difference =
-              firstDifference(variant(effects, limb, clamping, stop), kRates_hz[r], motion);
+              firstDifference(variant(effects, limb, clamping, stop), kRates_hz[r], motion, &seen);
           EXPECT_FALSE(difference) << named(effects, limb, clamping, stop, kRates_hz[r], seed) << "\n"
                                    << *difference;
           if (difference) ++failures;
         }
       }
+  constexpr std::uint32_t kEverything =
+      kFlagEntry | kFlagExit | kFlagLayerChange | kFlagRupture | kFlagTurn | kFlagClampCapped | kFlagTorque;
+  EXPECT_EQ(seen.flags & kEverything, kEverything) << "the gestures must go through everything";
+  EXPECT_EQ(seen.phases, 0b1111u);
 }
 
 TEST_P(ReferencePerLimb, slowAndFastRealGestures) {

@@ -85,11 +85,16 @@ SceneModel compiled(const SceneSpec& spec, double rate_hz) {
   return std::move(model).value();
 }
 
-std::optional<std::string> firstDifference(const SceneSpec& spec, double rate_hz, const Motion& motion) {
+std::optional<std::string> firstDifference(const SceneSpec& spec, double rate_hz, const Motion& motion,
+                                           Seen* seen) {
   EngineRun engine(spec, rate_hz);
   ReferenceEngine reference(spec, rate_hz);
   for (std::size_t k = 0; k < motion.size(); ++k) {
     const StepReport a = engine.step(motion[k]), b = reference.step(motion[k]);
+    if (seen != nullptr) {
+      seen->flags |= a.flags;
+      seen->phases |= 1u << static_cast<unsigned>(a.phase);
+    }
     if (const std::string text = differences(a, b, reference); !text.empty())
       return "tick " + std::to_string(k) + " of " + std::to_string(motion.size()) + ":\n" + text;
   }

@@ -46,9 +46,16 @@ class EngineRun {
   std::unique_ptr<SimState> state_;
 };
 
+/// What comparisons went through, so that a test can ask that nothing was left out.
+struct Seen {
+  std::uint32_t flags = 0;   ///< StepFlag, of any tick
+  std::uint32_t phases = 0;  ///< bit (1 << phase)
+};
+
 /// The first tick at which engine and reference differ, in words; nothing when they agree to 1e-9 N and 1e-9
 /// N·m.
-std::optional<std::string> firstDifference(const SceneSpec& spec, double rate_hz, const Motion& motion);
+std::optional<std::string> firstDifference(const SceneSpec& spec, double rate_hz, const Motion& motion,
+                                           Seen* seen = nullptr);
 
 /// Work of the force and torque on the hand over a prescribed motion, by the trapezoidal rule. In J.
 double energyToHand(const Motion& motion, const std::vector<StepReport>& reports);
