@@ -205,6 +205,7 @@ Task<> Uplink::keepTime() {
   for (std::uint64_t round = 0; !channel->closing() && channel_ == channel; ++round) {
     if (round < kFirstProbes || round % kProbeEvery == 0) sendProbe();
     sendStatus();
+    pump();
     for (const auto& session : sessions_) session->saveReceipt(steadyNowNs(), false);
     timer.expires_after(kStatusEvery);
     co_await timer.async_wait(kUseTuple);

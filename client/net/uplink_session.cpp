@@ -10,6 +10,7 @@ namespace needlelab {
 namespace {
 
 constexpr std::int64_t kReceiptEvery_ns = 2'000'000'000;
+constexpr std::int64_t kAskAgain_ns = 2'000'000'000;
 // demands to go back without an ack in between: then something is wrong that sending again does not mend
 constexpr std::uint32_t kMostReopened = 20;
 
@@ -24,6 +25,7 @@ UplinkSession::UplinkSession(std::shared_ptr<SpoolSession> spool) : spool_(std::
 
 std::optional<pb::Envelope> UplinkSession::next(bool may_send_chunk) {
   if (state_ == State::kNew) {
+    if (steadyNowNs() < not_before_ns_) return std::nullopt;
     state_ = State::kOpening;
     pb::Envelope envelope;
     *envelope.mutable_open_session()->mutable_description() = spool_->description();
@@ -76,6 +78,11 @@ void UplinkSession::onOpened(std::uint64_t next_seq) {
 }
 
 void UplinkSession::onAck(const pb::Ack& ack) {
+  if (closed() && ack.safe_seqs() > safe_) {
+    // news of a backup: from now on the spool may let it go
+    safe_ = std::min(ack.safe_seqs(), committed_);
+    saveReceipt(steadyNowNs(), true);
+  }
   if (finished()) return;
   const std::uint64_t committed = std::min(ack.committed_seqs(), spool_->contents().chunks);
   if (committed > committed_) reopened_ = 0;
@@ -113,7 +120,11 @@ void UplinkSession::onRefusal(const pb::Refusal& refusal) {
     case pb::Refusal::NOT_FOUND:
       return refuse("the server refuses it (" + reasonName(refusal.reason()) + "): " + refusal.text());
     default:
-      return;  // of the moment: the connection ends, or the next ack comes
+      // of the moment: ask again a little later, unless the connection ends by it
+      if (state_ == State::kNew || state_ == State::kOpen) return;
+      state_ = State::kNew;
+      not_before_ns_ = steadyNowNs() + kAskAgain_ns;
+      return;
   }
 }
 

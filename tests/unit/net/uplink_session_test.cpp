@@ -1,0 +1,173 @@
+#include "net/uplink_session.h"
+
+#include <gmock/gmock.h>
+
+#include "gesture/chunk.h"
+#include "net/spool_samples.h"
+#include "support/temp_folder.h"
+
+namespace needlelab::test {
+namespace {
+
+using testing::HasSubstr;
+
+// a spooled session of three chunks and what the uplink makes of it
+class UplinkSessionTest : public testing::Test {
+ protected:
+  UplinkSessionTest() : spool_(std::move(Spool::open(folder_.path())).value()) {
+    session_ = *spool_->create(describeSession(makeUuidV7()));
+    for (std::uint64_t seq = 0; seq < 3; ++seq)
+      EXPECT_TRUE(
+          session_->appendChunk(encodeChunk(Resolution::standard(), samplesFrom(seq * 10, 10)), 10).ok());
+    EXPECT_TRUE(session_->sync().ok());
+    upload_ = std::make_unique<UplinkSession>(session_);
+  }
+  // the names of the messages that it would send now
+  std::vector<std::string> sends(bool room = true) {
+    std::vector<std::string> names;
+    while (auto message = upload_->next(room)) {
+      if (message->has_open_session()) names.push_back("open");
+      if (message->has_chunk()) names.push_back("chunk " + std::to_string(message->chunk().seq()));
+      if (message->has_close_session()) names.push_back("close");
+    }
+    return names;
+  }
+  void ack(std::uint64_t committed, std::uint64_t safe = 0) {
+    pb::Ack message;
+    message.set_committed_seqs(committed);
+    message.set_safe_seqs(safe);
+    upload_->onAck(message);
+  }
+  void refuse(pb::Refusal::Reason reason, std::uint64_t expected = 0) {
+    pb::Refusal refusal;
+    refusal.set_reason(reason);
+    refusal.set_expected_seq(expected);
+    refusal.set_text("says the test");
+    upload_->onRefusal(refusal);
+  }
+  using Names = std::vector<std::string>;
+  TempFolder folder_;
+  std::unique_ptr<Spool> spool_;
+  std::shared_ptr<SpoolSession> session_;
+  std::unique_ptr<UplinkSession> upload_;
+};
+
+TEST_F(UplinkSessionTest, opensSendsInOrderAndClosesWhenAllIsCommitted) {
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(0);
+  EXPECT_EQ(sends(), (Names{"chunk 0", "chunk 1", "chunk 2"}));
+  EXPECT_EQ(upload_->inFlight(), 3u);
+  ASSERT_TRUE(session_->end(false).ok());
+  EXPECT_EQ(sends(), Names{}) << "not everything is committed yet";
+  ack(2);
+  EXPECT_EQ(upload_->inFlight(), 1u);
+  ack(3);
+  EXPECT_EQ(sends(), Names{"close"});
+  EXPECT_EQ(sends(), Names{}) << "once";
+  upload_->onClosed({});
+  EXPECT_TRUE(upload_->finished());
+  EXPECT_TRUE(session_->receipt().closed);
+}
+
+TEST_F(UplinkSessionTest, withoutRoomNoChunkButEverythingElse) {
+  EXPECT_EQ(sends(false), Names{"open"});
+  upload_->onOpened(0);
+  EXPECT_EQ(sends(false), Names{});
+}
+
+TEST_F(UplinkSessionTest, theServersNextSeqCountsMoreThanTheReceipt) {
+  ASSERT_TRUE(session_->setReceipt({3, 0, false, 0}).ok());
+  UplinkSession again(session_);
+  EXPECT_EQ(again.committed(), 3u);
+  ASSERT_TRUE(again.next(true)->has_open_session());
+  again.onOpened(1);  // restored from a backup that was older than its acks
+  EXPECT_EQ(again.next(true)->chunk().seq(), 1u);
+}
+
+TEST_F(UplinkSessionTest, aServerThatHasMoreThanTheSpoolIsNotArguedWith) {
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(4);
+  EXPECT_TRUE(upload_->refused());
+  EXPECT_THAT(upload_->trouble(), HasSubstr("4 chunks"));
+  EXPECT_EQ(sends(), Names{});
+}
+
+TEST_F(UplinkSessionTest, manyRefusalsForOneGapAskOnce) {
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(0);
+  EXPECT_EQ(sends().size(), 3u);
+  refuse(pb::Refusal::GAP, 1);  // for chunk 1, and soon for chunk 2 as well
+  EXPECT_EQ(sends(), Names{"open"});
+  refuse(pb::Refusal::GAP, 1);
+  EXPECT_EQ(sends(), Names{});
+  upload_->onOpened(1);
+  EXPECT_EQ(sends(), (Names{"chunk 1", "chunk 2"}));
+}
+
+TEST_F(UplinkSessionTest, endlessGapsEndInAWord) {
+  for (int i = 0; i < 100 && !upload_->refused(); ++i) {
+    static_cast<void>(sends());
+    upload_->onOpened(0);
+    static_cast<void>(sends());
+    refuse(pb::Refusal::GAP, 0);
+  }
+  EXPECT_TRUE(upload_->refused());
+  EXPECT_THAT(upload_->trouble(), HasSubstr("says the test"));
+}
+
+TEST_F(UplinkSessionTest, everyRefusalForGoodParksItAndKeepsTheSpool) {
+  for (const auto reason : {pb::Refusal::CONTRADICTION, pb::Refusal::INVALID, pb::Refusal::ROLE,
+                            pb::Refusal::TOO_LARGE, pb::Refusal::CONFLICT, pb::Refusal::NOT_FOUND}) {
+    UplinkSession upload(session_);
+    static_cast<void>(upload.next(true));
+    pb::Refusal refusal;
+    refusal.set_reason(reason);
+    refusal.set_text("no");
+    upload.onRefusal(refusal);
+    EXPECT_TRUE(upload.refused()) << reason;
+    upload.onConnectionLost();
+    EXPECT_FALSE(upload.next(true)) << "not in this run again";
+    EXPECT_FALSE(session_->receipt().closed);
+  }
+}
+
+TEST_F(UplinkSessionTest, aRefusalOfTheMomentIsNotForGood) {
+  EXPECT_EQ(sends(), Names{"open"});
+  refuse(pb::Refusal::INTERNAL);
+  EXPECT_FALSE(upload_->refused());
+  EXPECT_EQ(sends(), Names{}) << "asked again, but not at once";
+}
+
+TEST_F(UplinkSessionTest, acksBeyondWhatThereIsAreNotBelieved) {
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(0);
+  EXPECT_EQ(sends().size(), 3u);
+  ack(1'000'000, 2'000'000);
+  EXPECT_EQ(upload_->committed(), 3u);
+  upload_->saveReceipt(0, true);
+  EXPECT_EQ(session_->receipt().safe, 3u);
+}
+
+TEST_F(UplinkSessionTest, newsOfABackupReachTheReceiptOfAClosedSession) {
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  ASSERT_TRUE(session_->end(false).ok());
+  EXPECT_EQ(sends(), Names{"close"});
+  upload_->onClosed({});
+  ack(3, 3);
+  EXPECT_EQ(session_->receipt().safe, 3u);
+}
+
+TEST_F(UplinkSessionTest, aLostConnectionSendsTheUncommittedAgain) {
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(0);
+  EXPECT_EQ(sends().size(), 3u);
+  ack(1);
+  upload_->onConnectionLost();
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(1);
+  EXPECT_EQ(sends(), (Names{"chunk 1", "chunk 2"}));
+}
+
+}  // namespace
+}  // namespace needlelab::test
