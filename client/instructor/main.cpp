@@ -1,0 +1,75 @@
+// needlelab-instructor: watch live, replay, speak to the trainee.
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <iostream>
+#include <string>
+
+#include "base/exit_code.h"
+#include "instructor/headless.h"
+#include "net/password.h"
+
+namespace {
+
+std::atomic<bool> interrupted{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "set from a signal handler");
+
+void onSignal(int) {
+  interrupted.store(true, std::memory_order_relaxed);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using namespace needlelab;
+  InstructorOptions options;
+  CLI::App app("needlelab-instructor: watch stations live, replay stored sessions.");
+  app.set_version_flag("--version", programText("instructor"));
+  app.add_option("--server", options.server, "HOST:PORT of the server")->required();
+  app.add_option("--ca", options.ca, "The server's tls/ca.crt")->required();
+  app.add_option("--user", options.user, "Name of an instructor")->required();
+  app.add_option("--password-file", options.password_file,
+                 "First line is the password; without it the terminal asks");
+  app.add_flag("--headless", options.headless, "Lines in this terminal");
+  app.add_option("--station", options.station, "Watch this station; without it an overview of all");
+  app.add_option("--session", options.session, "Watch this session (its UUID), or replay it");
+  app.add_flag("--replay", options.replay, "Replay the stored session");
+  app.add_option("--rate", options.rate_hz,
+                 "Lines per second: 10 by default, 1 in the overview; 0: all that comes");
+  app.add_option("--speed", options.speed, "Of a replay: 1 is its own clock, 0 as fast as it comes")
+      ->capture_default_str();
+  app.add_option("--seconds", options.seconds, "End after so long; without it on Ctrl-C");
+  app.add_option("--message", options.message, "Say this to the trainee of --station");
+  app.add_option("--next-exercise", options.next_exercise, "Set the next exercise of --station");
+  app.add_flag("--json", options.json, "One JSON object a line");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kExitDone : kExitInvalid;
+  }
+  const auto fail = [](const Error& error) {
+    std::fprintf(stderr, "needlelab-instructor: %s\n", error.message.c_str());
+    return exitCodeOf(error);
+  };
+
+  if (const Status ok = checkOptions(options); !ok.ok()) return fail(ok.error());
+  if (!options.headless) {
+    return fail({ErrorCode::kInvalidInput, "the window of the instructor is not built yet: use --headless"});
+  }
+  const auto password = readPassword(options.password_file, "Password of " + options.user + ": ");
+  if (!password.ok()) return fail(password.error());
+
+  std::signal(SIGINT, onSignal);
+  std::signal(SIGTERM, onSignal);
+  ServerLink link(clientConfig(options), options.user, *password);
+  if (const Status connected = link.connect(); !connected.ok()) return fail(connected.error());
+  using Clock = ServerLink::Clock;
+  const auto end = options.seconds ? Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                                                        std::chrono::duration<double>(*options.seconds))
+                                   : Clock::time_point::max();
+  const HeadlessRun run{options, link, std::cout, [] { return interrupted.load(std::memory_order_relaxed); },
+                        end};
+  const Status done = runHeadless(run);
+  return done.ok() ? kExitDone : fail(done.error());
+}

@@ -1,0 +1,37 @@
+/// One line of the headless instructor, for a person or as JSON.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "gesture/sample.h"
+#include "needlelab/live.pb.h"
+
+namespace needlelab {
+
+/// The newest sample of a frame, or a status line.
+struct Update {
+  double time_s = 0;  ///< of the session
+  std::string station, trainee, session;
+  std::string phase;
+  int layer = -1;
+  double insertion_m = 0;
+  double force_n = 0;
+  std::uint32_t fault = 0;
+  std::optional<double> latency_ms;    ///< from capture to receipt
+  std::optional<std::uint64_t> drops;  ///< frames lost so far
+  std::optional<bool> online;          ///< overviews
+};
+
+Update updateOf(const GestureSample& sample);
+Update updateOf(const pb::StationStatus& status);
+
+/// Aligned columns, without a newline.
+std::string textLine(const Update& update);
+/// One JSON object on one line, "type": "update".
+std::string jsonLine(const Update& update);
+/// Anything else that is worth a line: "type": "note".
+std::string noteLine(const std::string& text, bool json);
+
+}  // namespace needlelab

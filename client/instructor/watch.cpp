@@ -1,0 +1,173 @@
+// Live lines of one station, or of one session wherever it runs.
+#include <array>
+#include <cstdio>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "base/clock.h"
+#include "gesture/chunk.h"
+#include "instructor/headless.h"
+#include "instructor/live_stats.h"
+#include "instructor/update.h"
+#include "wire/refusal.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kDefaultRateHz = 10;  // lines per second that a person can follow
+
+/// What is known of a session beside its samples.
+struct SessionFacts {
+  std::string trainee;
+  std::int64_t started_ns = 0;  // station's steady clock
+};
+
+class Watch {
+ public:
+  explicit Watch(const HeadlessRun& run) : run_(run) {}
+
+  Status run() {
+    if (auto status = subscribe(); !status.ok()) return status;
+    Status result;
+    while (!run_.over()) {
+      auto got = run_.link.client().receive(std::chrono::milliseconds(100));
+      if (!got.ok()) {
+        if (got.error().code == ErrorCode::kNotFound) continue;
+        if (result = run_.recover(got.error()); !result.ok()) break;
+        if (result = subscribe(); !result.ok()) break;
+        continue;
+      }
+      if (got->has_live_frame()) onFrame(got->live_frame());
+      if (got->has_station_status()) onStatus(got->station_status());
+      if (got->has_refusal()) return errorOf(got->refusal());
+    }
+    summary();
+    // a loss that the end of --seconds cut short is no failure when something was seen
+    if (!result.ok() && result.error().code == ErrorCode::kUnavailable && stats_.frames() > 0) return {};
+    return result;
+  }
+
+ private:
+  Status subscribe() {
+    pb::Envelope envelope;
+    pb::Subscribe& wanted = *envelope.mutable_subscribe();
+    wanted.set_subscription(1);
+    wanted.set_station(run_.options.station);
+    wanted.set_session_id(sessionBytes(run_.options));
+    wanted.set_rate_hz(run_.options.rate_hz.value_or(kDefaultRateHz));
+    stats_.streamRestarts();
+    online_.reset();
+    return run_.link.client().send(envelope);
+  }
+
+  void onStatus(const pb::StationStatus& status) {
+    if (!status.trainee().empty()) facts_[status.session_id()].trainee = status.trainee();
+    if (online_ != status.online()) {
+      online_ = status.online();
+      run_.note("station " + status.station() +
+                (status.online() ? " is online" : " is not online: waiting for it"));
+      stats_.streamRestarts();
+    }
+    if (status.online()) speak();
+  }
+
+  /// What the instructor wanted to tell the trainee, once.
+  void speak() {
+    if (std::exchange(spoken_, true)) return;
+    if (!run_.options.message.empty()) {
+      pb::Request request;
+      request.mutable_trainee_message()->set_station(run_.options.station);
+      request.mutable_trainee_message()->set_text(run_.options.message);
+      tell(request, "message sent");
+    }
+    if (!run_.options.next_exercise.empty()) {
+      pb::Request request;
+      request.mutable_next_exercise()->set_station(run_.options.station);
+      request.mutable_next_exercise()->set_exercise_id(run_.options.next_exercise);
+      tell(request, "next exercise set");
+    }
+  }
+  void tell(const pb::Request& request, const std::string& done) {
+    const auto reply = run_.link.client().call(request);
+    run_.note(reply.ok() ? done : reply.error().message);
+  }
+
+  void onFrame(const pb::LiveFrame& frame) {
+    const std::int64_t received = wallNowNs();
+    const auto samples = decodeChunk(viewOf(frame.data()));
+    if (!samples.ok()) {
+      run_.note("a live frame cannot be read: " + samples.error().message);
+      return;
+    }
+    stats_.add(frame, samples->size(), received);
+    const GestureSample& newest = samples->back();
+    const SessionFacts& facts = factsOf(frame, newest);
+    Update update = updateOf(newest);
+    update.time_s = 1e-9 * static_cast<double>(newest.time_ns - facts.started_ns);
+    update.station = frame.station();
+    update.trainee = facts.trainee;
+    update.session = run_.options.session;
+    if (Uuid id{}; frame.session_id().size() == id.size()) {
+      std::copy(frame.session_id().begin(), frame.session_id().end(), id.begin());
+      update.session = uuidText(id);
+    }
+    update.latency_ms = stats_.lastLatencyMs();
+    update.drops = stats_.dropped();
+    run_.line(run_.options.json ? jsonLine(update) : textLine(update));
+  }
+
+  /// Trainee and start, asked for once for each session; the server may not know it yet, then it is asked
+  /// again.
+  const SessionFacts& factsOf(const pb::LiveFrame& frame, const GestureSample& sample) {
+    SessionFacts& facts = facts_[frame.session_id()];
+    if (facts.started_ns != 0) return facts;
+    pb::Request request;
+    request.mutable_get_session()->set_session_id(frame.session_id());
+    if (const auto reply = run_.link.client().call(request, std::chrono::seconds(5)); reply.ok()) {
+      facts.trainee = reply->session().description().trainee();
+      facts.started_ns = reply->session().description().started_steady_ns();
+    }
+    if (facts.started_ns == 0) facts.started_ns = sample.time_ns;
+    return facts;
+  }
+
+  void summary() const {
+    const double p50 = stats_.latencyMs(0.5), p99 = stats_.latencyMs(0.99);
+    if (run_.options.json) {
+      const nlohmann::ordered_json json = {
+          {"type", "summary"},
+          {"frames", stats_.frames()},
+          {"samples", stats_.samples()},
+          {"dropped", stats_.dropped()},
+          {"live_p50_ms", p50},
+          {"live_p99_ms", p99},
+          {"clock", "wall clocks of station and viewer; true on one machine"}};
+      run_.line(json.dump());
+      return;
+    }
+    std::array<char, 256> text{};
+    std::snprintf(text.data(), text.size(),
+                  "frames %llu  samples %llu  dropped %llu  latency p50 %.1f ms  p99 %.1f ms (by the wall "
+                  "clocks: true when "
+                  "station and viewer are one machine)",
+                  static_cast<unsigned long long>(stats_.frames()),
+                  static_cast<unsigned long long>(stats_.samples()),
+                  static_cast<unsigned long long>(stats_.dropped()), p50, p99);
+    run_.line(text.data());
+  }
+
+  const HeadlessRun& run_;
+  LiveStats stats_;
+  std::map<std::string, SessionFacts> facts_;
+  std::optional<bool> online_;
+  bool spoken_ = false;
+};
+
+}  // namespace
+
+Status watchLive(const HeadlessRun& run) {
+  return Watch(run).run();
+}
+
+}  // namespace needlelab
