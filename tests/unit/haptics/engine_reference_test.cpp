@@ -115,7 +115,7 @@ TEST(EngineReference, trajectoryChangesUpToTheConeAndAlongIt) {
 
 // scenes with numbers drawn at random over their useful ranges
 TEST(EngineReference, randomScenes) {
-  const int scenes = longForm() ? 2000 : 60;
+  const int scenes = longForm() ? 2000 : 24;
   int failures = 0;
   for (int i = 0; i < scenes && failures < 3; ++i) {
     Random random(static_cast<std::uint64_t>(i) + 77);
