@@ -1,0 +1,40 @@
+/// Who executes the requests: a running server, or this program on a stopped one's folder.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "base/result.h"
+#include "needlelab/control.pb.h"
+#include "net/endpoint.h"
+
+namespace needlelab {
+
+/// Thread: one.
+class Backend {
+ public:
+  Backend() = default;
+  Backend(const Backend&) = delete;
+  Backend& operator=(const Backend&) = delete;
+  virtual ~Backend() = default;
+  /// Blocks until the reply is there (changes: until they are committed).
+  virtual Result<pb::Reply> call(const pb::Request& request) = 0;
+  /// True when paths in requests are paths of this machine.
+  [[nodiscard]] virtual bool local() const = 0;
+};
+
+/// DIR of a stopped server, as administrator. `create`: make it when it is missing.
+/// Errors: as Store::open; kUnavailable says that a server is running there.
+Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder, bool create);
+
+struct ServerAddress {
+  Endpoint endpoint;
+  std::filesystem::path ca_file;
+  std::string user;
+  std::string password;
+};
+/// Connects and logs in. Errors: as connectClient.
+Result<std::unique_ptr<Backend>> connectServer(const ServerAddress& address);
+
+}  // namespace needlelab

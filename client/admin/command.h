@@ -1,0 +1,50 @@
+/// What the subcommands share. Each *_commands.cpp adds its own to the command line.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+
+#include "admin/backend.h"
+#include "admin/output.h"
+#include "base/result.h"
+#include "base/uuid.h"
+
+namespace needlelab {
+
+struct CommandContext {
+  Backend& backend;
+  Output& output;
+};
+
+/// Options that stand before or after the subcommand.
+struct GlobalOptions {
+  std::string data;    ///< --data DIR
+  std::string server;  ///< --server HOST:PORT
+  std::string ca;
+  std::string user;
+  std::string password_file;  ///< --password-file before the subcommand: the one to log in with
+};
+
+/// What the command line asks for.
+struct ChosenCommand {
+  std::function<Status()> check;  ///< optional: faults of the arguments that show without any database
+  std::function<Status(CommandContext&)> run;
+  bool may_create = false;        ///< with --data: makes the folder when it is missing
+  std::string new_password_file;  ///< of `user add` and `user passwd`
+};
+
+void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen);
+void addStationCommands(CLI::App& app, ChosenCommand& chosen);
+void addProfileCommands(CLI::App& app, ChosenCommand& chosen);
+void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen);
+void addSessionCommands(CLI::App& app, ChosenCommand& chosen);
+void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen);
+
+/// A session's id from the command line. kInvalidInput.
+Result<Uuid> sessionIdOf(const std::string& text);
+
+/// Text to a file, atomically, or to `output` when `file` is empty.
+Status writeText(Output& output, const std::string& file, const std::string& text);
+
+}  // namespace needlelab

@@ -1,0 +1,124 @@
+#include <memory>
+
+#include "admin/command.h"
+#include "base/atomic_file.h"
+#include "profile/profile.h"
+
+namespace needlelab {
+namespace {
+
+Status importCurriculum(CommandContext& context, const std::string& file) {
+  const auto text = readWholeFile(file, kMaxProfileBytes);
+  if (!text) return text.error();
+  if (const auto curriculum = parseCurriculum(*text, file); !curriculum) return curriculum.error();
+  pb::Request request;
+  request.mutable_import_curriculum()->set_json(*text);
+  const auto reply = context.backend.call(request);
+  if (!reply) return Error{reply.error().code, file + ": " + reply.error().message};
+  context.output.done("curriculum '" + reply->curriculum().id() + "' is revision " +
+                      std::to_string(reply->curriculum().revision()));
+  return {};
+}
+
+Status exportCurriculum(CommandContext& context, const std::string& id, const std::string& file) {
+  pb::Request request;
+  request.mutable_get_curriculum()->set_id(id);
+  const auto reply = context.backend.call(request);
+  if (!reply) return reply.error();
+  std::string text = reply->curriculum().json();
+  if (file.empty() && !text.empty() && text.back() == '\n') text.pop_back();
+  if (auto done = writeText(context.output, file, text); !done) return done;
+  if (!file.empty()) context.output.done("wrote " + file);
+  return {};
+}
+
+Status listCurricula(CommandContext& context) {
+  pb::Request request;
+  request.mutable_list_curricula();
+  const auto reply = context.backend.call(request);
+  if (!reply) return reply.error();
+  Json rows = Json::array();
+  for (const auto& curriculum : reply->curricula().curricula()) {
+    std::string exercises;
+    for (const auto& id : curriculum.exercise_ids()) exercises += (exercises.empty() ? "" : ", ") + id;
+    rows.push_back({{"id", curriculum.id()},
+                    {"revision", curriculum.revision()},
+                    {"name", curriculum.name()},
+                    {"exercise_ids", std::vector<std::string>(curriculum.exercise_ids().begin(),
+                                                              curriculum.exercise_ids().end())},
+                    {"exercises", exercises}});
+  }
+  return context.output.list(
+      {{"id", "ID"}, {"revision", "REVISION"}, {"name", "NAME"}, {"exercises", "EXERCISES"}}, rows,
+      "no curriculum yet");
+}
+
+Status listAssignments(CommandContext& context, const std::string& trainee) {
+  pb::Request request;
+  request.mutable_list_assignments()->set_trainee(trainee);
+  const auto reply = context.backend.call(request);
+  if (!reply) return reply.error();
+  Json rows = Json::array();
+  for (const auto& assignment : reply->assignments().assignments()) {
+    rows.push_back({{"trainee", assignment.trainee()},
+                    {"exercise_id", assignment.exercise_id()},
+                    {"by", assignment.by()},
+                    {"created_unix_ns", assignment.created_unix_ns()}});
+  }
+  return context.output.list({{"trainee", "TRAINEE"},
+                              {"exercise_id", "EXERCISE"},
+                              {"by", "BY"},
+                              {"created_unix_ns", "SINCE", Column::Kind::kTime}},
+                             rows, "nothing is assigned");
+}
+
+}  // namespace
+
+void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
+  struct Values {
+    std::string file, id, out, trainee, exercise;
+  };
+  const auto values = std::make_shared<Values>();
+
+  auto* curriculum = app.add_subcommand("curriculum", "exercises, in order");
+  curriculum->require_subcommand(1);
+  auto* import_command =
+      curriculum->add_subcommand("import", "store a curriculum; its exercises replace those before");
+  import_command->add_option("file", values->file)->required()->type_name("FILE");
+  import_command->callback([&chosen, values] {
+    chosen.may_create = true;
+    chosen.run = [values](CommandContext& context) { return importCurriculum(context, values->file); };
+  });
+  auto* export_command = curriculum->add_subcommand("export", "the newest revision as JSON");
+  export_command->add_option("id", values->id)->required();
+  export_command->add_option("--out", values->out, "default: standard output")->type_name("FILE");
+  export_command->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) {
+      return exportCurriculum(context, values->id, values->out);
+    };
+  });
+  curriculum->add_subcommand("list", "all curricula and their exercises")->callback([&chosen] {
+    chosen.run = listCurricula;
+  });
+
+  auto* assign = app.add_subcommand("assign", "a trainee shall do an exercise");
+  assign->add_option("trainee", values->trainee)->required();
+  assign->add_option("exercise", values->exercise)->required();
+  assign->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) -> Status {
+      pb::Request request;
+      request.mutable_assign()->set_trainee(values->trainee);
+      request.mutable_assign()->set_exercise_id(values->exercise);
+      if (const auto reply = context.backend.call(request); !reply) return reply.error();
+      context.output.done("assigned '" + values->exercise + "' to '" + values->trainee + "'");
+      return {};
+    };
+  });
+  auto* assignments = app.add_subcommand("assignments", "who shall do what");
+  assignments->add_option("--trainee", values->trainee, "default: everybody");
+  assignments->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) { return listAssignments(context, values->trainee); };
+  });
+}
+
+}  // namespace needlelab

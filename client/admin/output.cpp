@@ -1,0 +1,161 @@
+#include "admin/output.h"
+
+#include <sys/utsname.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <ctime>
+#include <ostream>
+#include <thread>
+
+#include "base/atomic_file.h"
+
+namespace needlelab {
+namespace {
+
+std::string cellText(const Json& row, const Column& column) {
+  const auto found = row.find(column.key);
+  if (found == row.end() || found->is_null()) return "-";
+  switch (column.kind) {
+    case Column::Kind::kTime:
+      return timeText(found->get<std::int64_t>());
+    case Column::Kind::kBytes:
+      return bytesText(found->get<std::uint64_t>());
+    case Column::Kind::kPlain:
+      break;
+  }
+  if (found->is_string()) {
+    const std::string text = oneLine(found->get<std::string>());
+    return text.empty() ? "-" : text;
+  }
+  if (found->is_boolean()) return found->get<bool>() ? "yes" : "no";
+  if (found->is_number_float()) {
+    char text[32];
+    std::snprintf(text, sizeof(text), "%.6g", found->get<double>());
+    return text;
+  }
+  return found->dump();
+}
+
+/// Characters, not bytes: continuation bytes of UTF-8 take no place.
+std::size_t widthOf(std::string_view text) {
+  return static_cast<std::size_t>(std::count_if(
+      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
+}
+
+void pad(std::string& line, std::size_t to) {
+  for (std::size_t width = widthOf(line); width < to; ++width) line += ' ';
+}
+
+}  // namespace
+
+std::string timeText(std::int64_t unix_ns) {
+  if (unix_ns == 0) return "-";
+  const std::time_t seconds = unix_ns / 1'000'000'000;
+  std::tm utc{};
+  char text[32];
+  if (::gmtime_r(&seconds, &utc) == nullptr ||
+      std::strftime(text, sizeof(text), "%Y-%m-%d %H:%M:%SZ", &utc) == 0) {
+    return std::to_string(unix_ns) + " ns";
+  }
+  return text;
+}
+
+std::string bytesText(std::uint64_t bytes) {
+  if (bytes < 1000) return std::to_string(bytes) + " B";
+  double value = static_cast<double>(bytes);
+  const char* unit = "";
+  for (const char* next : {"kB", "MB", "GB", "TB"}) {
+    if (value < 999.5) break;
+    value /= 1000;
+    unit = next;
+  }
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.3g %s", value, unit);
+  return text;
+}
+
+std::string machineDescription() {
+  utsname name{};
+  std::string text =
+      ::uname(&name) == 0 ? std::string(name.sysname) + " " + name.release + " " + name.machine : "unknown";
+  return text + ", " + std::to_string(std::thread::hardware_concurrency()) + " cores";
+}
+
+std::string oneLine(std::string_view text) {
+  std::string line(text);
+  std::replace_if(
+      line.begin(), line.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; },
+      ' ');
+  return line;
+}
+
+std::string tableText(const std::vector<Column>& columns, const Json& rows) {
+  // all cells first, to know how wide the columns are
+  std::vector<std::vector<std::string>> lines(1);
+  for (const Column& column : columns) lines[0].emplace_back(column.title);
+  for (const Json& row : rows) {
+    auto& line = lines.emplace_back();
+    for (const Column& column : columns) line.push_back(cellText(row, column));
+  }
+  std::string text;
+  for (const auto& cells : lines) {
+    std::string line;
+    std::size_t begin = 0;
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      line += cells[i];
+      if (i + 1 == cells.size()) break;
+      std::size_t width = 0;
+      for (const auto& other : lines) width = std::max(width, widthOf(other[i]));
+      begin += width + 2;
+      pad(line, begin);
+    }
+    text += line + "\n";
+  }
+  return text;
+}
+
+Status Output::list(const std::vector<Column>& columns, const Json& rows, std::string_view if_empty) {
+  if (json()) return writeJson(rows);
+  if (rows.empty()) {
+    remark(if_empty);
+    return {};
+  }
+  out_ << tableText(columns, rows);
+  return {};
+}
+
+Status Output::one(const std::vector<Column>& columns, const Json& row) {
+  if (json()) return writeJson(Json::array({row}));
+  std::size_t width = 0;
+  for (const Column& column : columns) width = std::max(width, widthOf(column.title));
+  for (const Column& column : columns) {
+    std::string line(column.title);
+    pad(line, width + 2);
+    out_ << line << cellText(row, column) << "\n";
+  }
+  return {};
+}
+
+void Output::text(std::string_view line) {
+  if (!json()) out_ << line << "\n";
+}
+
+void Output::done(std::string_view line) {
+  (json() ? err_ : out_) << line << "\n";
+}
+
+void Output::remark(std::string_view line) {
+  err_ << line << "\n";
+}
+
+Status Output::writeJson(const Json& rows) {
+  const Json whole = {{"version", NEEDLELAB_VERSION}, {"machine", machineDescription()}, {"rows", rows}};
+  // what is no UTF-8 (there should be nothing of the kind) must not throw
+  const std::string text = whole.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  if (!json_file_->empty()) return writeFileAtomically(*json_file_, viewOf(text));
+  out_ << text;
+  return {};
+}
+
+}  // namespace needlelab

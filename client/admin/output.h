@@ -1,0 +1,70 @@
+/// What the tool prints: tables for people, one JSON object for programs, from the same rows.
+#pragma once
+
+#include <cstdint>
+#include <iosfwd>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/result.h"
+
+namespace needlelab {
+
+using Json = nlohmann::ordered_json;
+
+/// A column of a table: which key of the rows' JSON, under which title, shown how.
+struct Column {
+  enum class Kind {
+    kPlain,
+    kTime,   ///< ns since 1970, shown as UTC to the second
+    kBytes,  ///< shown in kB, MB …
+  };
+  std::string_view key;
+  std::string_view title;
+  Kind kind = Kind::kPlain;
+};
+
+/// Where results and remarks go. Thread: one.
+class Output {
+ public:
+  /// `json_file`: nothing = tables; empty = JSON to `out`; else JSON to that file.
+  Output(std::ostream& out, std::ostream& err, std::optional<std::string> json_file)
+      : out_(out), err_(err), json_file_(std::move(json_file)) {}
+
+  /// `rows`: a JSON array of objects. As a table only the given columns are shown, as JSON everything is
+  /// written:
+  /// {"version", "machine", "rows"}. `if_empty` stands in place of a table without rows.
+  Status list(const std::vector<Column>& columns, const Json& rows, std::string_view if_empty = "nothing");
+  /// One object: "key value" lines for people (the given columns, in order), or JSON with one row.
+  Status one(const std::vector<Column>& columns, const Json& row);
+  /// More text for people, e.g. after one(); nothing when JSON is asked for.
+  void text(std::string_view line);
+  /// "key added" and the like: to `out`, or to `err` when JSON goes to `out`.
+  void done(std::string_view line);
+  /// To `err`.
+  void remark(std::string_view line);
+  [[nodiscard]] bool json() const { return json_file_.has_value(); }
+
+ private:
+  Status writeJson(const Json& rows);
+  std::ostream& out_;
+  std::ostream& err_;
+  std::optional<std::string> json_file_;
+};
+
+/// 2026-11-20 04:39:38Z; "-" for 0.
+std::string timeText(std::int64_t unix_ns);
+/// 12 B, 3.4 kB, 5.6 MB …
+std::string bytesText(std::uint64_t bytes);
+/// Processor architecture, kernel, cores.
+std::string machineDescription();
+/// The text as it may go to a terminal: control characters and line ends become spaces.
+std::string oneLine(std::string_view text);
+
+/// A table as text, a line a row; used by Output and for tables inside of other texts.
+std::string tableText(const std::vector<Column>& columns, const Json& rows);
+
+}  // namespace needlelab

@@ -1,0 +1,160 @@
+#include <memory>
+
+#include "admin/command.h"
+#include "base/atomic_file.h"
+#include "profile/profile.h"
+
+namespace needlelab {
+namespace {
+
+Status importProfile(CommandContext& context, const std::string& file) {
+  const auto text = readWholeFile(file, kMaxProfileBytes);
+  if (!text) return text.error();
+  // checked here as well, so that the message names the file
+  const auto profile = parseProfile(*text, file);
+  if (!profile) return profile.error();
+  for (const std::string& warning : profileWarnings(*profile))
+    context.output.remark(file + ": warning: " + warning);
+  pb::Request request;
+  request.mutable_import_profile()->set_json(*text);
+  const auto reply = context.backend.call(request);
+  if (!reply) return reply.error();
+  context.output.done("profile '" + reply->profile().id() + "' is revision " +
+                      std::to_string(reply->profile().revision()));
+  return {};
+}
+
+Result<pb::ProfileText> getProfile(CommandContext& context, const std::string& id, std::uint32_t revision) {
+  pb::Request request;
+  request.mutable_get_profile()->set_id(id);
+  request.mutable_get_profile()->set_revision(revision);
+  auto reply = context.backend.call(request);
+  if (!reply) return reply.error();
+  return std::move(*reply->mutable_profile());
+}
+
+Status exportProfile(CommandContext& context, const std::string& id, std::uint32_t revision,
+                     const std::string& file) {
+  const auto profile = getProfile(context, id, revision);
+  if (!profile) return profile.error();
+  std::string text = profile->json();
+  if (file.empty() && !text.empty() && text.back() == '\n') text.pop_back();
+  if (auto done = writeText(context.output, file, text); !done) return done;
+  if (!file.empty()) context.output.done("wrote " + file);
+  return {};
+}
+
+Status listProfiles(CommandContext& context) {
+  pb::Request request;
+  request.mutable_list_profiles();
+  const auto reply = context.backend.call(request);
+  if (!reply) return reply.error();
+  Json rows = Json::array();
+  for (const auto& profile : reply->profiles().profiles()) {
+    rows.push_back({{"id", profile.id()},
+                    {"revision", profile.revision()},
+                    {"name", profile.name()},
+                    {"author", profile.author()},
+                    {"created_unix_ns", profile.created_unix_ns()}});
+  }
+  return context.output.list({{"id", "ID"},
+                              {"revision", "REVISION"},
+                              {"name", "NAME"},
+                              {"author", "AUTHOR"},
+                              {"created_unix_ns", "SINCE", Column::Kind::kTime}},
+                             rows, "no profiles yet");
+}
+
+Status showProfile(CommandContext& context, const std::string& id, std::uint32_t revision) {
+  const auto stored = getProfile(context, id, revision);
+  if (!stored) return stored.error();
+  const auto profile = parseProfile(stored->json(), "profile '" + id + "'");
+  if (!profile) return profile.error();
+  Json row = {{"id", stored->id()},
+              {"revision", stored->revision()},
+              {"author", stored->author()},
+              {"created_unix_ns", stored->created_unix_ns()},
+              {"name", profile->name()},
+              {"description", profile->description()},
+              {"sources", profile->sources()},
+              {"profile", Json::parse(stored->json())},
+              {"warnings", profileWarnings(*profile)}};
+  if (auto done = context.output.one({{"id", "id"},
+                                      {"revision", "revision"},
+                                      {"name", "name"},
+                                      {"description", "description"},
+                                      {"sources", "sources"},
+                                      {"author", "author"},
+                                      {"created_unix_ns", "since", Column::Kind::kTime}},
+                                     row);
+      !done || context.output.json()) {
+    return done;
+  }
+  Json layers = row["profile"]["layers"];
+  for (Json& layer : layers) {
+    layer["thickness_mm"] = layer["thickness_m"].get<double>() * 1e3;
+    if (layer.contains("puncture")) layer["puncture_n"] = layer["puncture"]["force_n"];
+  }
+  context.output.text("\n" + tableText({{"tissue", "TISSUE"},
+                                        {"thickness_mm", "THICKNESS mm"},
+                                        {"cutting_force_n", "CUTTING N"},
+                                        {"attracted_force_n", "ATTRACTED N"},
+                                        {"rejection_force_n", "REJECTION N"},
+                                        {"lateral_stiffness_n_per_m2", "LATERAL N/m2"},
+                                        {"friction_n_per_m", "FRICTION N/m"},
+                                        {"puncture_n", "PUNCTURE N"}},
+                                       layers));
+  for (const auto& warning : row["warnings"]) context.output.text("warning: " + warning.get<std::string>());
+  return {};
+}
+
+}  // namespace
+
+void addProfileCommands(CLI::App& app, ChosenCommand& chosen) {
+  auto* profile = app.add_subcommand("profile", "patients: what a needle feels");
+  profile->require_subcommand(1);
+  struct Values {
+    std::vector<std::string> files;
+    std::string id, out;
+    std::uint32_t revision = 0;
+  };
+  const auto values = std::make_shared<Values>();
+
+  auto* import_command =
+      profile->add_subcommand("import", "store profiles; one that differs becomes a new revision");
+  import_command->add_option("file", values->files)->required()->type_name("FILE...");
+  import_command->callback([&chosen, values] {
+    chosen.may_create = true;
+    chosen.run = [values](CommandContext& context) -> Status {
+      for (const std::string& file : values->files) {
+        if (auto done = importProfile(context, file); !done) return done;
+      }
+      return {};
+    };
+  });
+
+  auto* export_command = profile->add_subcommand("export", "the profile as JSON");
+  export_command->add_option("id", values->id)->required();
+  export_command->add_option("--revision", values->revision, "default: the newest");
+  export_command->add_option("--out", values->out, "default: standard output")->type_name("FILE");
+  export_command->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) {
+      return exportProfile(context, values->id, values->revision, values->out);
+    };
+  });
+
+  profile->add_subcommand("list", "the newest revision of each")->callback([&chosen] {
+    chosen.run = listProfiles;
+  });
+
+  auto* show = profile->add_subcommand("show", "its layers and warnings");
+  show->add_option("id", values->id)->required();
+  show->add_option("--revision", values->revision, "default: the newest");
+  show->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) {
+      return showProfile(context, values->id, values->revision);
+    };
+  });
+}
+
+}  // namespace needlelab

@@ -1,0 +1,172 @@
+#include <memory>
+
+#include "admin/command.h"
+#include "admin/session_export.h"
+#include "admin/session_rows.h"
+
+namespace needlelab {
+namespace {
+
+Status listSessions(CommandContext& context, const pb::ListSessions& filter) {
+  pb::Request request;
+  *request.mutable_list_sessions() = filter;
+  const auto reply = context.backend.call(request);
+  if (!reply) return reply.error();
+  Json rows = Json::array();
+  for (const auto& session : reply->sessions().sessions()) rows.push_back(sessionRow(session));
+  return context.output.list({{"session_id", "SESSION"},
+                              {"started_unix_ns", "STARTED", Column::Kind::kTime},
+                              {"station", "STATION"},
+                              {"trainee", "TRAINEE"},
+                              {"exercise_id", "EXERCISE"},
+                              {"state", "STATE"},
+                              {"samples", "SAMPLES"},
+                              {"stored_bytes", "SIZE", Column::Kind::kBytes}},
+                             rows, "no sessions");
+}
+
+Status showSession(CommandContext& context, const Uuid& id) {
+  const std::string bytes(id.begin(), id.end());
+  pb::Request request;
+  request.mutable_get_session()->set_session_id(bytes);
+  const auto reply = context.backend.call(request);
+  if (!reply) return reply.error();
+  pb::Request notes_request;
+  notes_request.mutable_list_annotations()->set_session_id(bytes);
+  const auto notes = context.backend.call(notes_request);
+  if (!notes) return notes.error();
+
+  const auto& session = reply->session();
+  Json row = sessionRow(session);
+  row["profile"] = Json::parse(session.description().profile_json(), nullptr, false);
+  row["score"] = session.score_json().empty() ? Json() : Json::parse(session.score_json(), nullptr, false);
+  row["annotations"] = Json::array();
+  for (const auto& note : notes->annotations().annotations()) {
+    row["annotations"].push_back({{"tick", note.tick()},
+                                  {"text", note.text()},
+                                  {"author", note.author()},
+                                  {"created_unix_ns", note.created_unix_ns()}});
+  }
+  if (auto done = context.output.one({{"session_id", "session"},
+                                      {"state", "state"},
+                                      {"trainee", "trainee"},
+                                      {"station", "station"},
+                                      {"device", "device"},
+                                      {"exercise_id", "exercise"},
+                                      {"profile_id", "profile"},
+                                      {"profile_revision", "profile revision"},
+                                      {"engine_version", "engine"},
+                                      {"rate_hz", "rate Hz"},
+                                      {"started_unix_ns", "started", Column::Kind::kTime},
+                                      {"closed_unix_ns", "closed", Column::Kind::kTime},
+                                      {"samples", "samples"},
+                                      {"chunks", "chunks"},
+                                      {"stored_bytes", "size", Column::Kind::kBytes},
+                                      {"hash", "hash"}},
+                                     row);
+      !done || context.output.json()) {
+    return done;
+  }
+  if (row["score"].is_array() && !row["score"].empty()) {
+    context.output.text("\n" + tableText({{"measure", "MEASURE"},
+                                          {"value", "VALUE"},
+                                          {"unit", "UNIT"},
+                                          {"passed", "PASSED"},
+                                          {"words", ""}},
+                                         row["score"]));
+  }
+  if (!row["annotations"].empty()) {
+    context.output.text(
+        tableText({{"tick", "TICK"}, {"author", "AUTHOR"}, {"text", "REMARK"}}, row["annotations"]));
+  }
+  return {};
+}
+
+Status verifySession(CommandContext& context, const Uuid& id) {
+  pb::Request request;
+  request.mutable_verify_session()->set_session_id(id.data(), id.size());
+  const auto reply = context.backend.call(request);
+  if (!reply) return reply.error();
+  const auto& verified = reply->verified();
+  const Json row = {{"session_id", uuidText(id)},          {"ok", verified.ok()},
+                    {"chunks", verified.chunks()},         {"samples", verified.samples()},
+                    {"hash", hexOfBytes(verified.hash())}, {"text", verified.text()}};
+  if (auto done = context.output.one({{"session_id", "session"},
+                                      {"ok", "sound"},
+                                      {"chunks", "chunks"},
+                                      {"samples", "samples"},
+                                      {"hash", "hash"},
+                                      {"text", "remark"}},
+                                     row);
+      !done) {
+    return done;
+  }
+  if (!verified.ok()) return Error{ErrorCode::kCorrupt, "verification failed: " + verified.text()};
+  return {};
+}
+
+}  // namespace
+
+void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
+  auto* session = app.add_subcommand("session", "recorded gestures");
+  session->require_subcommand(1);
+  struct Values {
+    std::string id, station, trainee, format = "csv", out, text;
+    std::uint32_t limit = 100;
+    std::uint64_t tick = 0;
+  };
+  const auto values = std::make_shared<Values>();
+
+  auto* list = session->add_subcommand("list", "newest first");
+  list->add_option("--station", values->station, "of this station only");
+  list->add_option("--trainee", values->trainee, "of this trainee only");
+  list->add_option("--limit", values->limit, "at most so many")
+      ->check(CLI::Range(1u, 1000u))
+      ->capture_default_str();
+  list->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) {
+      pb::ListSessions filter;
+      filter.set_station(values->station);
+      filter.set_trainee(values->trainee);
+      filter.set_limit(values->limit);
+      return listSessions(context, filter);
+    };
+  });
+
+  /// Subcommands that begin with a session's id.
+  const auto with_id = [&chosen, values](CLI::App* command, auto run) {
+    command->add_option("id", values->id, "as session list shows it")->required()->type_name("ID");
+    command->callback([&chosen, values, run] {
+      chosen.run = [values, run](CommandContext& context) -> Status {
+        const auto id = sessionIdOf(values->id);
+        if (!id) return id.error();
+        return run(context, *id);
+      };
+    });
+  };
+  with_id(session->add_subcommand("show", "what it is, its score and remarks"), showSession);
+  with_id(session->add_subcommand("verify", "read it again: every chunk, the hash"), verifySession);
+  auto* export_command = session->add_subcommand("export", "its samples, for other programs");
+  export_command->add_option("--format", values->format, "csv, json or recording (common/gesture/FORMAT.md)")
+      ->check(CLI::IsMember({"csv", "json", "recording"}))
+      ->capture_default_str();
+  export_command->add_option("--out", values->out, "the new file")->required()->type_name("FILE");
+  with_id(export_command, [values](CommandContext& context, const Uuid& id) {
+    return exportSession(context.backend, context.output, id, values->format, values->out);
+  });
+
+  auto* annotate = app.add_subcommand("annotate", "a remark on a moment of a session");
+  annotate->add_option("--tick", values->tick, "which moment (the samples' tick)")->capture_default_str();
+  annotate->add_option("--text", values->text, "the remark")->required();
+  with_id(annotate, [values](CommandContext& context, const Uuid& id) -> Status {
+    pb::Request request;
+    request.mutable_annotate()->set_session_id(id.data(), id.size());
+    request.mutable_annotate()->set_tick(values->tick);
+    request.mutable_annotate()->set_text(values->text);
+    if (const auto reply = context.backend.call(request); !reply) return reply.error();
+    context.output.done("noted");
+    return {};
+  });
+}
+
+}  // namespace needlelab
