@@ -12,7 +12,7 @@ namespace {
 constexpr double kRate = 1000;
 constexpr Vec3 kTarget_W_m{0.008, 0, -0.036};  // the profile's target
 constexpr Vec3 kBeyond{0.005, 0, 0};           // the hand aims beyond the target: its spring gives way
-constexpr double kArrow_m_per_N = 0.006;
+constexpr double kArrow_mm_per_N = 6;
 
 HandPlan clampingPlan() {
   const Vec3 first = normalized(Vec3{-0.22, 0.10, -1});          // the way that the user begins with
@@ -56,17 +56,17 @@ Places placesOf(const FigureRun& run) {
   return places;
 }
 
-std::string pointLabel(Vec3 p, const std::string& text, const std::string& offset) {
-  return "set label '" + text + "' at " + fixed(p.x * 1000, 2) + "," + fixed(p.y * 1000, 2) + "," +
-         fixed(p.z * 1000, 2) + " point pt 7 ps 1.3 lc rgb '#1c2329' offset " + offset +
-         " font 'DejaVu Sans Bold,12' textcolor rgb '#1c2329' front\n";
+std::string inMillimetres(Vec3 p_m) {
+  return fixed(p_m.x * 1000, 3) + "," + fixed(p_m.y * 1000, 3) + "," + fixed(p_m.z * 1000, 3);
 }
 
-std::string line3(Vec3 a, Vec3 b, const std::string& style) {
-  const auto point = [](Vec3 p) {
-    return fixed(p.x * 1000, 3) + "," + fixed(p.y * 1000, 3) + "," + fixed(p.z * 1000, 3);
-  };
-  return "set arrow from " + point(a) + " to " + point(b) + " " + style + "\n";
+std::string pointLabel(Vec3 p_m, const std::string& text, const std::string& offset) {
+  return "set label '" + text + "' at " + inMillimetres(p_m) + " point pt 7 ps 1.3 lc rgb '#1c2329' offset " +
+         offset + " font 'DejaVu Sans Bold,12' textcolor rgb '#1c2329' front\n";
+}
+
+std::string line3(Vec3 from_m, Vec3 to_m, const std::string& style) {
+  return "set arrow from " + inMillimetres(from_m) + " to " + inMillimetres(to_m) + " " + style + "\n";
 }
 
 }  // namespace
@@ -102,10 +102,13 @@ Figure figure10(const FigureRun& run, const std::filesystem::path& csv_path) {
   const Vec3 foot =
       f > 0 ? end.X_WT.p + end.report.wrench_W.force_N * (end.report.lateral_error_m / f) : end.X_WT.p;
   const Vec3 u2 = normalized(foot - p0);
-  const std::string file = quoted(csv_path.string());
-  figure.script =
-      figureStyle() +
-      R"(set label 100 'Virtual fixture: tool path and clamping forces' at screen 0.5, 0.965 center font 'DejaVu Sans Bold,16' textcolor rgb '#1c2329'
+  figure.script = figureStyle() + line3(p0, p0 + u0 * 0.044, "nohead ls 6") +
+                  line3(p0, p0 + u2 * 0.046, "nohead ls 6") + pointLabel(p0, "Start", "-6.5,0.6") +
+                  pointLabel(run.ticks[places.point1].X_WT.p, "1", "-2.2,-0.4") +
+                  pointLabel(end.X_WT.p, "2", "1.2,-0.6") + "table = " + quoted(csv_path.string()) +
+                  "\nmm_per_N = " + fixed(kArrow_mm_per_N, 1) + "\nset label '' at " +
+                  inMillimetres(kTarget_W_m) + R"( point pt 6 ps 3.2 lw 1.6 lc rgb '#2a8a4a' front
+set label 100 'Virtual fixture: tool path and clamping forces' at screen 0.5, 0.965 center font 'DejaVu Sans Bold,16' textcolor rgb '#1c2329'
 set border 4095 lc rgb '#9aa4ad' lw 0.8
 set view 76, 24, 1.2, 1.05
 set xyplane at -42
@@ -122,26 +125,14 @@ set lmargin at screen 0.1
 set key bmargin center horizontal maxrows 2 maxcols 3 nobox Left reverse font 'DejaVu Sans,12'
 set object 1 polygon from -16,-14,0 to 20,-14,0 to 20,14,0 to -16,14,0 to -16,-14,0 fs transparent solid 0.25 border lc rgb '#d8a48f' fc rgb '#f0c9b8'
 set label 'skin' at -15,-13,1.5 font 'DejaVu Sans,10' textcolor rgb '#a8664d'
-)" + line3(p0, p0 + u0 * 0.044, "nohead ls 6") +
-      line3(p0, p0 + u2 * 0.046, "nohead ls 6") + pointLabel(p0, "Start", "-6.5,0.6") +
-      pointLabel(run.ticks[places.point1].X_WT.p, "1", "-2.2,-0.4") +
-      pointLabel(end.X_WT.p, "2", "1.2,-0.6") + "set label '' at " + fixed(kTarget_W_m.x * 1000, 2) + "," +
-      fixed(kTarget_W_m.y * 1000, 2) + "," + fixed(kTarget_W_m.z * 1000, 2) +
-      " point pt 6 ps 3.2 lw 1.6 lc rgb '#2a8a4a' front\n" + "splot " + file +
-      " using ($2*1000):($3*1000):($4*1000):($5*" + fixed(kArrow_m_per_N * 1000, 2) + "):($6*" +
-      fixed(kArrow_m_per_N * 1000, 2) + "):($7*" + fixed(kArrow_m_per_N * 1000, 2) +
-      ") skip 1 every 1 with vectors head filled size screen 0.009,16,60 ls 5 lw 1.3 title 'clamping force "
-      "(6 mm/N)', "
-      "\\\n"
-      "     '' using ($2*1000):($3*1000):($4*1000) skip 1 with lines ls 1 title 'needle tip', \\\n"
-      "     '' using ($2*1000):($3*1000):(-42) skip 1 with lines lc rgb '#c3cad1' lw 1.6 title 'its shadow', "
-      "\\\n"
-      "     1/0 with lines ls 6 title 'reference trajectories', \\\n     1/0 with points pt 6 ps 2 lw 1.6 lc "
-      "rgb '#2a8a4a' title 'target'\n";
-  // only the rows that are marked carry an arrow
-  const std::string from = "using ($2*1000):($3*1000):($4*1000):(";
-  if (const auto at = figure.script.find(from); at != std::string::npos)
-    figure.script.replace(at, from.size(), "using ($11 > 0 ? $2*1000 : 1/0):($3*1000):($4*1000):(");
+# only the rows that are marked carry an arrow
+splot table using ($11 > 0 ? $2*1000 : 1/0):($3*1000):($4*1000):($5*mm_per_N):($6*mm_per_N):($7*mm_per_N) \
+        skip 1 with vectors head filled size screen 0.009,16,60 ls 5 lw 1.3 title sprintf('clamping force (%g mm/N)', mm_per_N), \
+      '' using ($2*1000):($3*1000):($4*1000) skip 1 with lines ls 1 title 'needle tip', \
+      '' using ($2*1000):($3*1000):(-42) skip 1 with lines lc rgb '#c3cad1' lw 1.6 title 'its shadow', \
+      1/0 with lines ls 6 title 'reference trajectories', \
+      1/0 with points pt 6 ps 2 lw 1.6 lc rgb '#2a8a4a' title 'target'
+)";
   return figure;
 }
 

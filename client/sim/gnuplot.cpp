@@ -62,7 +62,9 @@ bool hasGnuplot() {
   while (!rest.empty()) {
     const std::size_t colon = rest.find(':');
     const auto candidate = std::filesystem::path(rest.substr(0, colon)) / "gnuplot";
-    if (::access(candidate.c_str(), X_OK) == 0 && std::filesystem::is_regular_file(candidate)) return true;
+    std::error_code unreadable;  // a folder of the PATH that we may not look into has no gnuplot for us
+    if (::access(candidate.c_str(), X_OK) == 0 && std::filesystem::is_regular_file(candidate, unreadable))
+      return true;
     rest.remove_prefix(colon == std::string_view::npos ? rest.size() : colon + 1);
   }
   return false;
