@@ -147,15 +147,6 @@ TEST_F(Admin, aRunningServersFolderIsRefusedByName) {
   EXPECT_NE(result.err.find("--server"), std::string::npos);
 }
 
-TEST_F(Admin, aServerThatIsNotThereIsOne) {
-  const auto password = folder.write("pw", "correct horse").string();
-  // port 1 on this machine: nobody listens
-  const Run result = run({"--server", "127.0.0.1:1", "--ca", NEEDLELAB_SAMPLES "/../../README.md", "--user",
-                          "ada", "--password-file", password, "user", "list"});
-  EXPECT_NE(result.code, 0);
-  EXPECT_FALSE(result.err.empty());
-}
-
 TEST_F(Admin, profilesGoInAndOutUnchanged) {
   good({"profile", "import", NEEDLELAB_SAMPLES "/knee-adult.json", NEEDLELAB_SAMPLES "/wrist-adult.json"});
   const auto rows = good({"profile", "list", "--json"}).rows();
