@@ -90,7 +90,7 @@ void Uplink::offer(const SamplePiece& piece) {
 }
 
 Result<pb::Lesson> Uplink::getLesson(const std::string& exercise_id, const std::string& trainee,
-                                     std::chrono::milliseconds patience) {
+                                     std::chrono::milliseconds patience, bool once) {
   auto call = std::make_shared<LessonCall>();
   call->call.set_exercise_id(exercise_id);
   call->call.set_trainee(trainee);
@@ -99,7 +99,9 @@ Result<pb::Lesson> Uplink::getLesson(const std::string& exercise_id, const std::
   lock.unlock();
   wake();
   lock.lock();
-  changed_.wait_for(lock, patience, [&] { return call->result.has_value() || state_.denied; });
+  changed_.wait_for(lock, patience, [&] {
+    return call->result.has_value() || state_.denied || (once && !state_.connected && !state_.error.empty());
+  });
   lesson_.reset();
   if (call->result) return *call->result;
   if (state_.denied) return Error{ErrorCode::kDenied, state_.error};

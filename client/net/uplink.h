@@ -71,10 +71,11 @@ class Uplink {
   void offer(const SamplePiece& piece);
   void noteMissedTicks(std::uint64_t missed) { missed_ticks_.store(missed, std::memory_order_relaxed); }
 
-  /// Asks the server for a lesson; waits up to `patience`, through reconnections. Errors: kUnavailable (no
-  /// server in time), kDenied, kVersion, kNotFound, kInvalidInput as the server says.
+  /// Asks the server for a lesson. Waits up to `patience`; with `once` no longer than until the first attempt
+  /// to connect has failed. Errors: kUnavailable (no server in time), kDenied, kVersion, kNotFound,
+  /// kInvalidInput as the server says.
   Result<pb::Lesson> getLesson(const std::string& exercise_id, const std::string& trainee,
-                               std::chrono::milliseconds patience);
+                               std::chrono::milliseconds patience, bool once);
   /// Waits until the server has closed (or refused) every session, or refuses us. False when `patience`
   /// passed before.
   bool waitUntilDone(std::chrono::milliseconds patience);

@@ -30,7 +30,7 @@ using namespace std::chrono_literals;
 
 constexpr int kLoopPriority = 80;  // above most interrupt threads' users, below the kernel's own watchdogs
 constexpr double kHandDamping_Ns_per_m = 3;  // of an ordinary grip (DESIGN §10)
-constexpr auto kPatienceCached = 3s, kPatience = 10s;
+constexpr auto kPatience = 10s;              // for a lesson from the server
 
 // one line at a time from several threads
 void say(const std::string& text) {
@@ -143,9 +143,10 @@ Status Lesson::getLesson() {
     if (!options_.profile_file.empty()) return lessonOfFile(options_);
     const LessonCache cache(options_.spool);
     auto cached = cache.find(options_.exercise);
+    if (!cached.ok() && cached.error().code == ErrorCode::kInvalidInput)
+      return cached.error();  // no id at all
     if (uplink_) {
-      auto fetched =
-          uplink_->getLesson(options_.exercise, options_.trainee, cached.ok() ? kPatienceCached : kPatience);
+      auto fetched = uplink_->getLesson(options_.exercise, options_.trainee, kPatience, cached.ok());
       if (fetched.ok()) {
         if (auto kept = cache.keep(options_.exercise, *fetched); !kept.ok())
           say("the lesson is not cached: " + kept.error().message);

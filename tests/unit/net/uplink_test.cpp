@@ -217,7 +217,8 @@ TEST_F(UplinkTest, aServerThatComesLaterGetsEverything) {
   FakeServer server(port);
   ASSERT_TRUE(uplink->waitUntilDone(10s));
   expectWhole(keptOf(server, *session), *session);
-  EXPECT_EQ(std::count_if(said_.begin(), said_.end(),
+  const auto texts = said();
+  EXPECT_EQ(std::count_if(texts.begin(), texts.end(),
                           [](const auto& text) { return text.find("trying again") != text.npos; }),
             1)
       << "said once, not at every try";
@@ -227,7 +228,7 @@ TEST_F(UplinkTest, aRefusedLogInIsToldAtOnce) {
   FakeServer server;
   server.faults.deny_login = true;
   auto uplink = connected(server.clientConfig());
-  auto lesson = uplink->getLesson("shoulder", "tom", 10s);
+  auto lesson = uplink->getLesson("shoulder", "tom", 10s, false);
   ASSERT_FALSE(lesson.ok());
   EXPECT_EQ(lesson.error().code, ErrorCode::kDenied);
   EXPECT_TRUE(uplink->state().denied);
@@ -238,14 +239,14 @@ TEST_F(UplinkTest, aRefusedLogInIsToldAtOnce) {
 TEST_F(UplinkTest, lessonsComeFromTheServerWithItsNoOrNotAtAll) {
   FakeServer server;
   auto uplink = connected(server.clientConfig());
-  auto lesson = uplink->getLesson("shoulder", "tom", 5s);
+  auto lesson = uplink->getLesson("shoulder", "tom", 5s, false);
   ASSERT_TRUE(lesson.ok()) << lesson.error().message;
   EXPECT_EQ(lesson->profile_revision(), 7u);
-  auto unknown = uplink->getLesson("unknown", "tom", 5s);
+  auto unknown = uplink->getLesson("unknown", "tom", 5s, false);
   ASSERT_FALSE(unknown.ok());
   EXPECT_EQ(unknown.error().code, ErrorCode::kNotFound);
   auto nobody = connected(FakeServer::clientConfig(1));
-  auto away = nobody->getLesson("shoulder", "tom", 100ms);
+  auto away = nobody->getLesson("shoulder", "tom", 10s, true);
   ASSERT_FALSE(away.ok());
   EXPECT_EQ(away.error().code, ErrorCode::kUnavailable);
 }

@@ -123,7 +123,7 @@ TEST_F(ServoLoopTest, theToolMakesTheTipAndTheWrenchIsMovedToTheHandle) {
     reading.X_WH = {{0, 0, 0.15 - 2e-5 * static_cast<double>(tick)}, {1, 0, 0, 0}};
     return DeviceRead::kFresh;
   });
-  run(device, {kRate, X_HT, 500});
+  ASSERT_EQ(run(device, {kRate, X_HT, 500}).samples, 500u) << static_cast<int>(loop_->stats().fault);
   const GestureSample& s = samples_[450];
   const Pose X_WH{{0, 0, 0.15 - 2e-5 * 450}, {1, 0, 0, 0}};
   const Pose X_WT = X_WH * X_HT;

@@ -1,0 +1,166 @@
+#include "lab.h"
+
+#include "base/atomic_file.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+std::string hexOf(const std::string& bytes) {
+  constexpr char digits[] = "0123456789abcdef";
+  std::string hex;
+  for (const char c : bytes) {
+    const auto byte = static_cast<unsigned char>(c);
+    hex += digits[byte >> 4];
+    hex += digits[byte & 15];
+  }
+  return hex;
+}
+
+}  // namespace
+
+Lab::Lab() {
+  // people and stations on the stopped server's folder, as needlelab-admin --data does
+  auto store = Store::open(path("data"), {.holder = "test", .create = true, .writer = {}, .on_fatal = {}});
+  if (!store.ok()) throw std::runtime_error(store.error().message);
+  pb::Request request;
+  request.mutable_add_user()->set_name("ines");
+  request.mutable_add_user()->set_role(pb::INSTRUCTOR);
+  request.mutable_add_user()->set_password("correct horse");
+  asAdmin(**store, request);
+  request.mutable_add_user()->set_name("tom");
+  request.mutable_add_user()->set_role(pb::TRAINEE);
+  request.mutable_add_user()->clear_password();
+  asAdmin(**store, request);
+  request.mutable_add_station()->set_name("station-1");
+  const std::string key = asAdmin(**store, request).station_key().key();
+  folder_.write("station.key", "station-1:" + hexOf(key) + "\n");
+}
+
+pb::Reply Lab::asAdmin(Store& store, const pb::Request& request) {
+  Outcome outcome = store.service().execute({"test", pb::ADMINISTRATOR}, request);
+  if (outcome.error) throw std::runtime_error(outcome.error->message);
+  return outcome.reply;
+}
+
+void Lab::startServer() {
+  std::filesystem::remove(path("port"));
+  // after a restart the same port: the stations come back to it
+  server_ = std::make_unique<Process>(
+      "needlelab-server",
+      std::vector<std::string>{"--data", path("data"), "--listen", "127.0.0.1:" + std::to_string(port_),
+                               "--port-file", path("port")},
+      path("server.log"));
+  std::string text;
+  const bool up = eventually([&] {
+    auto file = readWholeFile(path("port"));
+    if (file.ok()) text = *file;
+    return !text.empty();
+  });
+  if (!up) throw std::runtime_error("the server did not start: " + server_->said());
+  port_ = std::stoi(text);
+}
+
+void Lab::killServer() {
+  server_->signal(SIGKILL);
+  (void)server_->wait(5s);
+  server_.reset();
+}
+
+int Lab::stopServer() {
+  server_->signal(SIGTERM);
+  const auto code = server_->wait(20s);
+  return code.value_or(-1000);
+}
+
+std::vector<std::string> Lab::stationArguments(const std::vector<std::string>& more) const {
+  std::vector<std::string> arguments = {"--server",   "127.0.0.1:" + std::to_string(port_),
+                                        "--ca",       path("data") / "tls" / "ca.crt",
+                                        "--key",      path("station.key"),
+                                        "--trainee",  "tom",
+                                        "--headless", "--spool",
+                                        path("spool")};
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return arguments;
+}
+
+std::unique_ptr<Process> Lab::startStation(const std::string& name, const std::vector<std::string>& more) {
+  auto arguments = stationArguments(more);
+  arguments.insert(arguments.end(), {"--json", path(name + ".json")});
+  return std::make_unique<Process>("needlelab-station", arguments, path(name + ".log"));
+}
+
+nlohmann::json Lab::summary(const std::string& name) const {
+  auto text = readWholeFile(path(name + ".json"));
+  return text.ok() ? nlohmann::json::parse(*text, nullptr, false) : nlohmann::json();
+}
+
+Result<BlockingClient> Lab::instructor() const {
+  ClientConfig config;
+  config.server.port = static_cast<std::uint16_t>(port_);
+  config.ca_file = path("data") / "tls" / "ca.crt";
+  config.program = programText("test");
+  config.login = personLogin("ines", "correct horse");
+  return BlockingClient::connect(config);
+}
+
+pb::Reply Lab::ask(const pb::Request& request) const {
+  auto client = instructor();
+  if (!client.ok()) throw std::runtime_error(client.error().message);
+  auto reply = client->call(request);
+  if (!reply.ok()) throw std::runtime_error(reply.error().message);
+  return *reply;
+}
+
+std::vector<pb::SessionInfo> Lab::sessions() const {
+  pb::Request request;
+  request.mutable_list_sessions();
+  const pb::Reply reply = ask(request);
+  return {reply.sessions().sessions().begin(), reply.sessions().sessions().end()};
+}
+
+StoredSession Lab::stored(const std::string& session_id) const {
+  const Uuid id = *parseUuid(session_id);
+  StoredSession session;
+  pb::Request request;
+  request.mutable_get_session()->set_session_id(id.data(), id.size());
+  session.info = ask(request).session();
+  for (;;) {
+    request.mutable_read_chunks()->set_session_id(id.data(), id.size());
+    request.mutable_read_chunks()->set_from_seq(session.chunks.size());
+    request.mutable_read_chunks()->set_max_chunks(50);
+    const pb::Reply reply = ask(request);
+    for (const pb::Chunk& chunk : reply.chunks().chunks()) {
+      session.chunks.push_back(chunk.data());
+      auto samples = decodeChunk(viewOf(chunk.data()));
+      EXPECT_TRUE(samples.ok());
+      session.samples.insert(session.samples.end(), samples->begin(), samples->end());
+    }
+    if (reply.chunks().end() || reply.chunks().chunks().empty()) break;
+  }
+  return session;
+}
+
+bool Lab::verifies(const std::string& session_id) const {
+  const Uuid id = *parseUuid(session_id);
+  pb::Request request;
+  request.mutable_verify_session()->set_session_id(id.data(), id.size());
+  return ask(request).verified().ok();
+}
+
+std::vector<std::string> Lab::spooledChunks(const std::filesystem::path& spool,
+                                            const std::string& session_id) {
+  std::vector<std::string> chunks;
+  auto file = SpoolFile::open(spool / session_id / "chunks");
+  EXPECT_TRUE(file.ok());
+  auto end = file->scan([&](const SpoolRecord& record) {
+    EXPECT_EQ(record.seq, chunks.size());
+    chunks.emplace_back(textOf(record.data));
+    return true;
+  });
+  EXPECT_TRUE(end.ok());
+  return chunks;
+}
+
+}  // namespace needlelab::test

@@ -1,0 +1,63 @@
+/// A skills lab of real programs over TLS on loopback: one server on a fresh folder, one station, and eyes on
+/// what is stored.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "gesture/chunk.h"
+#include "net/blocking_client.h"
+#include "net/spool.h"
+#include "process.h"
+#include "service/bootstrap.h"
+#include "support/temp_folder.h"
+
+namespace needlelab::test {
+
+/// A session as the database has it.
+struct StoredSession {
+  pb::SessionInfo info;
+  std::vector<std::string> chunks;
+  std::vector<GestureSample> samples;
+};
+
+class Lab {
+ public:
+  Lab();
+  ~Lab() = default;
+
+  void startServer();
+  void killServer();
+  /// SIGTERM; the exit code.
+  int stopServer();
+  [[nodiscard]] std::vector<std::string> stationArguments(const std::vector<std::string>& more) const;
+  /// A station of this lab, for trainee tom, with these arguments more; its log is `name`.log.
+  std::unique_ptr<Process> startStation(const std::string& name, const std::vector<std::string>& more);
+  /// The closing summary of that station.
+  [[nodiscard]] nlohmann::json summary(const std::string& name) const;
+
+  [[nodiscard]] Result<BlockingClient> instructor() const;
+  /// Newest first.
+  [[nodiscard]] std::vector<pb::SessionInfo> sessions() const;
+  [[nodiscard]] StoredSession stored(const std::string& session_id) const;
+  /// The server's own check of a session's chunks and hash.
+  [[nodiscard]] bool verifies(const std::string& session_id) const;
+
+  /// The spool's own record of a session.
+  [[nodiscard]] static std::vector<std::string> spooledChunks(const std::filesystem::path& spool,
+                                                              const std::string& session_id);
+  [[nodiscard]] std::filesystem::path path(const std::string& name) const { return folder_.path() / name; }
+
+ private:
+  pb::Reply asAdmin(Store& store, const pb::Request& request);
+  [[nodiscard]] pb::Reply ask(const pb::Request& request) const;
+  TempFolder folder_;
+  std::unique_ptr<Process> server_;
+  int port_ = 0;
+};
+
+}  // namespace needlelab::test
