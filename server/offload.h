@@ -31,26 +31,33 @@ class Signal {
 /// io_context does.
 template <typename T>
 Task<T> offload(asio::thread_pool& pool, std::function<T()> work) {
+  struct Answer {
+    std::optional<T> value;
+    std::exception_ptr error;
+  };
   struct State {
     explicit State(asio::any_io_executor executor) : done(std::move(executor)) {}
     Signal done;
-    std::optional<T> value;
-    std::exception_ptr error;
+    std::optional<Answer> answer;  // written and read on the caller's executor only
   };
   const asio::any_io_executor executor = co_await asio::this_coro::executor;
   auto state = std::make_shared<State>(executor);
   asio::post(pool, [state, executor, work = std::move(work)]() mutable {
     // an exception (out of memory …) crosses the threads and comes out where the result would
+    Answer answer;
     try {
-      state->value.emplace(work());
+      answer.value.emplace(work());
     } catch (...) {
-      state->error = std::current_exception();
+      answer.error = std::current_exception();
     }
-    asio::post(executor, [state = std::move(state)] { state->done.notify(); });
+    asio::post(executor, [state = std::move(state), answer = std::move(answer)]() mutable {
+      state->answer.emplace(std::move(answer));
+      state->done.notify();
+    });
   });
-  while (!state->value && !state->error) co_await state->done.wait();
-  if (state->error) std::rethrow_exception(state->error);
-  co_return std::move(*state->value);
+  while (!state->answer) co_await state->done.wait();
+  if (state->answer->error) std::rethrow_exception(state->answer->error);
+  co_return std::move(*state->answer->value);
 }
 
 /// Runs `work` in the writer's next group; the status comes after the commit.
