@@ -64,9 +64,11 @@ class Watch {
   void onStatus(const pb::StationStatus& status) {
     if (!status.trainee().empty()) facts_[status.session_id()].trainee = status.trainee();
     if (online_ != status.online()) {
+      const char* const news = status.online() ? " is online"
+                               : online_       ? " went offline: waiting for it"
+                                               : " is not online: waiting for it";
       online_ = status.online();
-      run_.note("station " + status.station() +
-                (status.online() ? " is online" : " is not online: waiting for it"));
+      run_.note("station " + status.station() + news);
       stats_.streamRestarts();
     }
     if (status.online()) speak();
