@@ -88,11 +88,20 @@ int xShmLock(sqlite3_file* file, int offset, int n, int flags) {
 void xShmBarrier(sqlite3_file* file) {
   real(file)->pMethods->xShmBarrier(real(file));
 }
+/// No memory mapping.
+int xFetch(sqlite3_file*, sqlite3_int64, int, void** out) {
+  *out = nullptr;
+  return SQLITE_OK;
+}
+/// SQLite calls this in a checkpoint between reading the log's header and working by it.
+int xUnfetch(sqlite3_file* file, sqlite3_int64, void*) {
+  return ShimVfs::instance().ask(ShimVfs::Op::kHeaderRead, *shim(file)->path, 0, 0);
+}
 int xShmUnmap(sqlite3_file* file, int del) {
   return real(file)->pMethods->xShmUnmap(real(file), del);
 }
 
-const sqlite3_io_methods kMethods = {2,
+const sqlite3_io_methods kMethods = {3,
                                      xClose,
                                      xRead,
                                      xWrite,
@@ -109,8 +118,8 @@ const sqlite3_io_methods kMethods = {2,
                                      xShmLock,
                                      xShmBarrier,
                                      xShmUnmap,
-                                     nullptr,
-                                     nullptr};
+                                     xFetch,
+                                     xUnfetch};
 
 int xOpen(sqlite3_vfs* vfs, const char* name, sqlite3_file* file, int flags, int* out) {
   auto* ours = shim(file);
@@ -140,7 +149,7 @@ ShimVfs::ShimVfs() {
   static sqlite3_vfs ours;
   ours = *system;  // what is not replaced below goes to the system's functions, which use none of our data
   ours.pNext = nullptr;
-  ours.zName = name();
+  ours.zName = kName;
   ours.pAppData = system;
   ours.szOsFile = static_cast<int>(sizeof(ShimFile)) + system->szOsFile;
   ours.xOpen = xOpen;

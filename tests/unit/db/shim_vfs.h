@@ -13,13 +13,20 @@ namespace needlelab::test {
 /// Registered with SQLite under name() for as long as the process lives. Thread-safe.
 class ShimVfs {
  public:
-  enum class Op { kWrite, kSync, kTruncate };
+  enum class Op {
+    kWrite,
+    kSync,
+    kTruncate,
+    kHeaderRead,  ///< a checkpoint has just read the log's header, which another connection had changed
+  };
   /// Asked before each operation on a file: SQLITE_OK to go on, or the code to fail with. May use other
   /// connections.
   using Hook = std::function<int(Op op, const std::string& path, std::int64_t offset, int size)>;
 
   static ShimVfs& instance();
-  static const char* name() { return "needlelab-shim"; }
+  static constexpr const char* kName = "needlelab-shim";
+  /// Registers it where that has not been done.
+  static const char* name() { return instance(), kName; }
 
   void setHook(Hook hook);
 
