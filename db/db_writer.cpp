@@ -18,6 +18,7 @@ Error stoppedError(const std::optional<Error>& cause) {
 
 DbWriter::DbWriter(Connection connection, const Options& options, OnFatal on_fatal)
     : connection_(std::move(connection)), options_(options), on_fatal_(std::move(on_fatal)) {
+  next_checkpoint_ = std::chrono::steady_clock::now() + options_.checkpoint_every;
   thread_ = std::thread([this] { loop(); });
 }
 

@@ -179,7 +179,8 @@ TEST_P(DbWriterOnBadDisk, nothingIsAcknowledgedAfterIt) {
   });
   std::atomic<int> fatal = 0;
   {
-    DbWriter writer(std::move(db.writer), {.window = 20ms}, [&](const Error&) { ++fatal; });
+    DbWriter writer(std::move(db.writer), {.window = 20ms, .checkpoint_every = 1h},
+                    [&](const Error&) { ++fatal; });
     ASSERT_OK(writer.run(addStation("before")));
 
     // three in one group, of which none may be acknowledged
@@ -209,6 +210,28 @@ TEST_P(DbWriterOnBadDisk, nothingIsAcknowledgedAfterIt) {
   auto check = again.prepare("PRAGMA integrity_check");
   ASSERT_TRUE(*check.step());
   EXPECT_EQ(check.text(0), "ok");
+}
+
+class DbWriterCheckpoint : public testing::Test {
+ protected:
+  void TearDown() override { ShimVfs::instance().setHook({}); }
+};
+
+TEST_F(DbWriterCheckpoint, thatFailsStopsTheWriterButLosesNothing) {
+  test::TestDb db(ShimVfs::name());
+  const std::string file = db.path.string();
+  ShimVfs::instance().setHook([file](ShimVfs::Op op, const std::string& path, std::int64_t, int) {
+    return op == ShimVfs::Op::kWrite && path == file ? SQLITE_IOERR_WRITE : SQLITE_OK;
+  });
+  std::promise<void> fatal;
+  DbWriter writer(std::move(db.writer), {.window = 1ms, .checkpoint_every = 10ms},
+                  [&](const Error&) { fatal.set_value(); });
+  ASSERT_OK(writer.run(addStation("acknowledged")));
+  fatal.get_future().wait();
+  EXPECT_FALSE(writer.run(addStation("after")).ok());
+  writer.stop();
+  auto reader = db.reader();
+  EXPECT_TRUE(known(reader, "acknowledged"));
 }
 
 INSTANTIATE_TEST_SUITE_P(Faults, DbWriterOnBadDisk,
