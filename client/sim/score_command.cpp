@@ -1,4 +1,5 @@
 /// `needlelab-sim score`: the measures of a trajectory, as the server would give them for that gesture.
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -39,12 +40,13 @@ Result<std::vector<GestureSample>> gestureOf(const OfflineScene& scene) {
     DeviceReading reading;
     reading.X_WH = scene.track.X_WH[i];
     if (!scene.track.plunger.empty()) reading.plunger = scene.track.plunger[i];
-    chain.tick(reading, true, tick);
+    chain.tick(reading, true, 1, 1.0, tick);
     if (tick.fault != Fault::kNone)
       return Error{ErrorCode::kFailed,
                    "row " + std::to_string(i + 1) + " of the trajectory: " + faultText(tick.fault) +
                        "; a device would have stopped here, there is no gesture to score"};
-    samples.push_back(gestureSampleOf(tick, scene.rate_hz));
+    const auto due_ns = std::llround(static_cast<double>(tick.tick) * 1e9 / scene.rate_hz);
+    samples.push_back(sampleOf(tick, due_ns, 0, 0));
   }
   return samples;
 }

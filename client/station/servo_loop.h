@@ -6,10 +6,7 @@
 #include <atomic>
 #include <cstdint>
 
-#include "device/device.h"
-#include "gesture/sample.h"
-#include "haptics/engine.h"
-#include "haptics/force_gate.h"
+#include "device/haptic_chain.h"
 #include "net/spool_writer.h"
 #include "station/latency_histogram.h"
 #include "station/rt_thread.h"
@@ -68,26 +65,22 @@ class ServoLoop {
   [[nodiscard]] std::int64_t dueNs(std::uint64_t tick) const noexcept;
   bool tick(std::uint64_t number, std::int64_t due_ns, std::int64_t began_ns,
             std::int64_t elapsed_ticks) noexcept;
-  void record(std::uint64_t number, std::int64_t due_ns, const Wrench& at_handle) noexcept;
+  void record(std::int64_t due_ns, std::int64_t device_ns, std::int64_t engine_ns) noexcept;
   [[nodiscard]] double closingShare(std::uint64_t number) noexcept;
 
-  const SceneModel& model_;
   Device& device_;
   LoopClock& clock_;
   SampleRing& ring_;
   ServoSettings settings_;
   double period_ns_;
   std::uint64_t closing_ticks_, after_fault_ticks_;
-  ForceGate gate_;
-  SimState state_{};
-  StepReport report_{};
+  HapticChain chain_;
+  ChainTick chain_tick_{};
   DeviceReading reading_{};
-  Pose handle_, tip_;  // the last ones that were finite
   std::int64_t start_ns_ = 0;
   std::uint64_t closing_since_ = 0;
   std::uint64_t fault_since_ = 0;
   bool closing_ = false;
-  std::int64_t device_ns_ = 0, engine_ns_ = 0;
   std::atomic<bool> stop_{false};
   std::atomic<std::uint64_t> missed_{0};
   ServoStats stats_;

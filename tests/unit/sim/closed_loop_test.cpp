@@ -136,7 +136,7 @@ TEST(ClosedLoop, theHandFeelsTheWrenchAtTheHandle) {
   EXPECT_NEAR(last.rendered_W.torque_Nm.y, -0.1, 1e-9);
 
   // a recording has it at the tip again
-  const GestureSample sample = gestureSampleOf(last, kRate);
+  const GestureSample sample = sampleOf(last, 999'000'000, 0, 0);
   EXPECT_EQ(sample.tick, 999u);
   EXPECT_EQ(sample.time_ns, 999'000'000);
   EXPECT_NEAR(sample.force_W_N[2], 1, 1e-9);

@@ -1,0 +1,102 @@
+#include "device/haptic_chain.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "haptics/tool_transform.h"
+
+namespace needlelab {
+namespace {
+
+std::int32_t heldNs(std::int64_t duration_ns) {
+  return static_cast<std::int32_t>(
+      std::clamp<std::int64_t>(duration_ns, 0, std::numeric_limits<std::int32_t>::max()));
+}
+
+void put(double (&to)[3], Vec3 v) {
+  to[0] = v.x;
+  to[1] = v.y;
+  to[2] = v.z;
+}
+
+}  // namespace
+
+HapticChain::HapticChain(const SceneModel& model, const DeviceLimits& limits, const Pose& X_HT)
+    : model_(model), X_HT_(X_HT), gate_(limits, model.rate_hz) {
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  report_.p_wall_W_m = {nan, nan, nan};
+}
+
+Wrench HapticChain::stepped(const Pose& X_WH, const Pose& X_WT, double share) noexcept {
+  handle_ = X_WH;
+  tip_ = {X_WT.p, normalized(X_WT.q)};
+  step(model_, {tip_.p, tip_.q}, state_, report_);
+  gate_.noteOutside(report_.depth_m <= 0);
+  const Wrench wanted{report_.wrench_W.force_N * share, report_.wrench_W.torque_Nm * share};
+  return wrenchAtHandle(wanted, tip_.p, handle_.p);
+}
+
+// what the engine last said of phase and layer still stands; where the tip is, is told as far as it is known
+void HapticChain::skipped(const Pose& X_WH, const Pose& X_WT) noexcept {
+  report_.flags = kFlagNotStepped;
+  if (!isFinite(X_WT.p) || !isFinite(X_WT.q) || !isFinite(X_WH.p)) return;
+  gate_.noteOutside(signedDepth(model_.limb, X_WT.p) <= 0);
+  handle_ = X_WH;
+  tip_.p = X_WT.p;
+  if (dot(X_WT.q, X_WT.q) > 0.25) tip_.q = normalized(X_WT.q);
+}
+
+GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::int64_t elapsed_ticks,
+                                double share, ChainTick& out) noexcept {
+  const Pose X_WT = tipFromHandle(reading.X_WH, X_HT_);
+  Wrench wanted_at_handle;
+  if (gate_.admit({X_WT.p, X_WT.q}, fresh, reading.speed_mps, elapsed_ticks))
+    wanted_at_handle = stepped(reading.X_WH, X_WT, share);
+  else
+    skipped(reading.X_WH, X_WT);
+  const GuardedWrench guarded = gate_.guard(wanted_at_handle);
+
+  next_tick_ += static_cast<std::uint64_t>(elapsed_ticks);
+  out.tick = next_tick_ - 1;
+  out.X_WH = handle_;
+  out.X_WT = tip_;
+  out.report = report_;
+  out.rendered_W = guarded.wrench();
+  out.gate_flags = gate_.flags();
+  out.fault = gate_.fault();
+  out.plunger = std::isfinite(reading.plunger) ? std::clamp(reading.plunger, 0.0, 1.0) : 0;
+  out.buttons = reading.buttons;
+  return guarded;
+}
+
+GestureSample sampleOf(const ChainTick& tick, std::int64_t time_ns, std::int64_t device_ns,
+                       std::int64_t engine_ns) noexcept {
+  GestureSample sample;
+  sample.tick = tick.tick;
+  sample.time_ns = time_ns;
+  put(sample.p_WT_m, tick.X_WT.p);
+  sample.q_WT[0] = tick.X_WT.q.x;
+  sample.q_WT[1] = tick.X_WT.q.y;
+  sample.q_WT[2] = tick.X_WT.q.z;
+  sample.q_WT[3] = tick.X_WT.q.w;
+  sample.speed_mps = tick.report.speed_mps;
+  put(sample.force_W_N, tick.rendered_W.force_N);
+  // what the device renders at the handle, seen from the tip again
+  put(sample.torque_W_Nm,
+      tick.rendered_W.torque_Nm - cross(tick.X_WT.p - tick.X_WH.p, tick.rendered_W.force_N));
+  put(sample.wall_W_m, tick.report.p_wall_W_m);
+  sample.insertion_m = tick.report.insertion_m;
+  sample.lateral_error_m = tick.report.lateral_error_m;
+  sample.plunger = tick.plunger;
+  sample.device_ns = heldNs(device_ns);
+  sample.engine_ns = heldNs(engine_ns);
+  sample.flags = tick.report.flags | tick.gate_flags;
+  sample.buttons = tick.buttons;
+  sample.layer = static_cast<std::int8_t>(tick.report.layer);
+  sample.phase = static_cast<std::uint8_t>(tick.report.phase);
+  sample.fault = static_cast<std::uint8_t>(tick.fault);
+  return sample;
+}
+
+}  // namespace needlelab

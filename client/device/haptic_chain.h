@@ -1,0 +1,58 @@
+/// One tick from a device's reading to its wrench: tool → gate → engine → tool → gate. The station runs it in
+/// real time, the offline tool on virtual time: the same code.
+#pragma once
+
+#include <cstdint>
+
+#include "device/device.h"
+#include "gesture/sample.h"
+#include "haptics/engine.h"
+#include "haptics/force_gate.h"
+
+namespace needlelab {
+
+/// All that a tick saw and did.
+struct ChainTick {
+  std::uint64_t tick = 0;  ///< missed ones are counted too
+  Pose X_WH, X_WT;         ///< handle and tip, as last reported by numbers that are finite
+  StepReport
+      report;  ///< forces before the gate; in a tick that was not stepped those of the last one that was
+  Wrench rendered_W;  ///< after the gate, at the handle
+  std::uint32_t gate_flags = 0;
+  Fault fault = Fault::kNone;
+  double plunger = 0;  ///< 0-1
+  std::uint32_t buttons = 0;
+};
+
+/// Gate and engine behind a device's readings. Same readings, same bits. Allocates nothing after it was made.
+/// Thread: the haptic thread only. Real-time safe.
+class HapticChain {
+ public:
+  /// `model` must outlive the chain. `X_HT` is the tool: the tip in the handle's frame.
+  HapticChain(const SceneModel& model, const DeviceLimits& limits, const Pose& X_HT);
+
+  /// One tick; `fresh` and `elapsed_ticks` as in ForceGate::admit; `share` of the engine's wrench is asked
+  /// for (1, less while a session fades out). What goes to the device is in `out.rendered_W` and the result.
+  GuardedWrench tick(const DeviceReading& reading, bool fresh, std::int64_t elapsed_ticks, double share,
+                     ChainTick& out) noexcept;
+
+  [[nodiscard]] const ForceGate& gate() const noexcept { return gate_; }
+
+ private:
+  [[nodiscard]] Wrench stepped(const Pose& X_WH, const Pose& X_WT, double share) noexcept;
+  void skipped(const Pose& X_WH, const Pose& X_WT) noexcept;
+
+  const SceneModel& model_;
+  Pose X_HT_;
+  ForceGate gate_;
+  SimState state_{};
+  StepReport report_{};
+  Pose handle_, tip_;
+  std::uint64_t next_tick_ = 0;
+};
+
+/// A tick as a recording has it. `time_ns` is when it was due; the others are what device and engine took.
+GestureSample sampleOf(const ChainTick& tick, std::int64_t time_ns, std::int64_t device_ns,
+                       std::int64_t engine_ns) noexcept;
+
+}  // namespace needlelab
