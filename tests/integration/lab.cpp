@@ -7,41 +7,24 @@ namespace {
 
 using namespace std::chrono_literals;
 
-std::string hexOf(const std::string& bytes) {
-  constexpr char digits[] = "0123456789abcdef";
-  std::string hex;
-  for (const char c : bytes) {
-    const auto byte = static_cast<unsigned char>(c);
-    hex += digits[byte >> 4];
-    hex += digits[byte & 15];
-  }
-  return hex;
-}
-
 }  // namespace
 
 Lab::Lab() {
-  // people and stations on the stopped server's folder, as needlelab-admin --data does
-  auto store = Store::open(path("data"), {.holder = "test", .create = true, .writer = {}, .on_fatal = {}});
-  if (!store.ok()) throw std::runtime_error(store.error().message);
-  pb::Request request;
-  request.mutable_add_user()->set_name("ines");
-  request.mutable_add_user()->set_role(pb::INSTRUCTOR);
-  request.mutable_add_user()->set_password("correct horse");
-  asAdmin(**store, request);
-  request.mutable_add_user()->set_name("tom");
-  request.mutable_add_user()->set_role(pb::TRAINEE);
-  request.mutable_add_user()->clear_password();
-  asAdmin(**store, request);
-  request.mutable_add_station()->set_name("station-1");
-  const std::string key = asAdmin(**store, request).station_key().key();
-  folder_.write("station.key", "station-1:" + hexOf(key) + "\n");
+  folder_.write("password", "correct horse\n");
+  const bool made =
+      admin({"user", "add", "ines", "--role", "instructor", "--password-file", path("password")}) == 0 &&
+      admin({"user", "add", "tom", "--role", "trainee"}) == 0 &&
+      admin({"station", "add", "station-1", "--out", path("station.key")}) == 0;
+  if (!made) throw std::runtime_error("needlelab-admin could not set up the lab");
 }
 
-pb::Reply Lab::asAdmin(Store& store, const pb::Request& request) {
-  Outcome outcome = store.service().execute({"test", pb::ADMINISTRATOR}, request);
-  if (outcome.error) throw std::runtime_error(outcome.error->message);
-  return outcome.reply;
+int Lab::admin(const std::vector<std::string>& arguments) const {
+  std::vector<std::string> all = {"--data", path("data")};
+  all.insert(all.end(), arguments.begin(), arguments.end());
+  Process process("needlelab-admin", all, path("admin.log"));
+  const auto code = process.wait(60s);
+  if (code != 0) ADD_FAILURE() << process.said();
+  return code.value_or(-1000);
 }
 
 void Lab::startServer() {

@@ -13,7 +13,6 @@
 #include "net/blocking_client.h"
 #include "net/spool.h"
 #include "process.h"
-#include "service/bootstrap.h"
 #include "support/temp_folder.h"
 
 namespace needlelab::test {
@@ -47,13 +46,15 @@ class Lab {
   /// The server's own check of a session's chunks and hash.
   [[nodiscard]] bool verifies(const std::string& session_id) const;
 
+  /// needlelab-admin on the stopped server's folder, with these arguments; the exit code.
+  [[nodiscard]] int admin(const std::vector<std::string>& arguments) const;
+
   /// The spool's own record of a session.
   [[nodiscard]] static std::vector<std::string> spooledChunks(const std::filesystem::path& spool,
                                                               const std::string& session_id);
   [[nodiscard]] std::filesystem::path path(const std::string& name) const { return folder_.path() / name; }
 
  private:
-  pb::Reply asAdmin(Store& store, const pb::Request& request);
   [[nodiscard]] pb::Reply ask(const pb::Request& request) const;
   TempFolder folder_;
   std::unique_ptr<Process> server_;

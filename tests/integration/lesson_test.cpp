@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <random>
 
+#include "base/csv.h"
 #include "base/exit_code.h"
 #include "device/hand_plan.h"
 #include "device/pose_option.h"
@@ -122,7 +123,29 @@ TEST_F(LessonTest, aWholeLessonIsStoredVerifiedAndScored) {
   EXPECT_EQ(stored.chunks, Lab::spooledChunks(lab_.path("spool"), id));
   expectPlayed(stored.samples, track, 1000, {}, summary["missed_ticks"], true);
   EXPECT_TRUE(lab_.verifies(id));
+
+  // and the export of the tool is what is stored, number by number
   EXPECT_EQ(lab_.stopServer(), kExitDone);
+  ASSERT_EQ(lab_.admin({"session", "verify", id}), kExitDone);
+  ASSERT_EQ(lab_.admin({"session", "export", id, "--format", "csv", "--out", lab_.path("export.csv")}),
+            kExitDone);
+  const std::vector<std::string> names = {"tick", "time_ns", "px_m", "py_m", "pz_m",
+                                          "qx",   "qy",      "qz",   "qw",   "fz_n"};
+  auto table = readCsv(lab_.path("export.csv"), names);
+  ASSERT_TRUE(table.ok()) << table.error().message;
+  ASSERT_EQ(table->rows(), stored.samples.size());
+  const auto column = [&](std::size_t name) {
+    return table->columns[static_cast<std::size_t>(table->find(names[name]))];
+  };
+  const auto ticks = column(0), times = column(1), px = column(2), qw = column(8), fz = column(9);
+  for (std::size_t i = 0; i < table->rows(); ++i) {
+    const GestureSample& s = stored.samples[i];
+    ASSERT_EQ(ticks[i], static_cast<double>(s.tick));
+    ASSERT_EQ(times[i], static_cast<double>(s.time_ns));
+    ASSERT_EQ(px[i], s.p_WT_m[0]);
+    ASSERT_EQ(qw[i], s.q_WT[3]);
+    ASSERT_EQ(fz[i], s.force_W_N[2]);
+  }
 }
 
 TEST_F(LessonTest, theServerIsKilledAndRestartedInMidLesson) {
