@@ -136,13 +136,15 @@ std::uint64_t lostByPowerCut(std::uint64_t seed, bool full) {
   });
   // as DbWriter does: commits, and a checkpoint now and then between them
   std::uint64_t committed = 0;
-  for (std::uint64_t seq = 0; !cut; ++seq) {
+  std::uint64_t seq = 0;
+  while (!cut) {
     auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWrite);
     EXPECT_OK(transaction);
     EXPECT_OK(SessionStore(db.writer).append(idOf(0), seq, chunkOf(seq)));
     EXPECT_OK(transaction->commit());
     if (!cut) committed = seq + 1;
     if (!cut && seq % 7 == 6) EXPECT_OK(db.writer.checkpointPassive());
+    ++seq;
   }
   vfs.setHook({});
 

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <functional>
+#include <limits>
 
 #include "test_db.h"
 
@@ -44,7 +45,7 @@ TEST(SessionRules, everyBadFieldIsNamed) {
        }},
       {"tool",
        [](auto& d) {
-         for (int i = 0; i < 7; ++i) d.add_tool(INFINITY);
+         for (int i = 0; i < 7; ++i) d.add_tool(std::numeric_limits<double>::infinity());
        }},
       {"resolution.length_m", [](auto& d) { d.mutable_resolution()->set_length_m(-1); }},
       {"resolution.time_s", [](auto& d) { d.mutable_resolution()->set_time_s(std::nan("")); }},
