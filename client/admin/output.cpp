@@ -1,14 +1,12 @@
 #include "admin/output.h"
 
-#include <sys/utsname.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <ctime>
 #include <ostream>
-#include <thread>
 
 #include "base/atomic_file.h"
+#include "base/machine.h"
 
 namespace needlelab {
 namespace {
@@ -73,13 +71,6 @@ std::string bytesText(std::uint64_t bytes) {
   char text[32];
   std::snprintf(text, sizeof(text), "%.3g %s", value, unit);
   return text;
-}
-
-std::string machineDescription() {
-  utsname name{};
-  std::string text =
-      ::uname(&name) == 0 ? std::string(name.sysname) + " " + name.release + " " + name.machine : "unknown";
-  return text + ", " + std::to_string(std::thread::hardware_concurrency()) + " cores";
 }
 
 std::string oneLine(std::string_view text) {
@@ -150,7 +141,7 @@ void Output::remark(std::string_view line) {
 }
 
 Status Output::writeJson(const Json& rows) {
-  const Json whole = {{"version", NEEDLELAB_VERSION}, {"machine", machineDescription()}, {"rows", rows}};
+  const Json whole = {{"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", rows}};
   // what is no UTF-8 (there should be nothing of the kind) must not throw
   const std::string text = whole.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
   if (!json_file_->empty()) return writeFileAtomically(*json_file_, viewOf(text));

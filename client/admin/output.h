@@ -59,8 +59,6 @@ class Output {
 std::string timeText(std::int64_t unix_ns);
 /// 12 B, 3.4 kB, 5.6 MB …
 std::string bytesText(std::uint64_t bytes);
-/// Processor architecture, kernel, cores.
-std::string machineDescription();
 /// The text as it may go to a terminal: control characters and line ends become spaces.
 std::string oneLine(std::string_view text);
 

@@ -7,6 +7,7 @@
 
 #include "admin/growing_file.h"
 #include "admin/session_rows.h"
+#include "base/machine.h"
 #include "gesture/chunk.h"
 #include "gesture/recording.h"
 #include "gesture/sample_csv.h"
@@ -34,8 +35,7 @@ class TextSink : public Sink {
       appendSampleCsvHeader(text_);
       return;
     }
-    const Json head = {
-        {"version", NEEDLELAB_VERSION}, {"machine", machineDescription()}, {"session", *session}};
+    const Json head = {{"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"session", *session}};
     text_ = head.dump(-1, ' ', false, Json::error_handler_t::replace);
     text_.back() = ',';  // in place of the closing brace
     text_ += "\"rows\":[\n";

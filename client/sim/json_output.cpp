@@ -1,13 +1,10 @@
 #include "sim/json_output.h"
 
-#include <sys/utsname.h>
-#include <unistd.h>
-
 #include <cstdio>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "base/atomic_file.h"
+#include "base/machine.h"
 
 namespace needlelab {
 
@@ -22,20 +19,6 @@ void addJsonOption(CLI::App& app, JsonOption& option) {
       ->type_name("[FILE]")
       ->expected(0, 1)
       ->default_str("");
-}
-
-std::string machineText() {
-  std::string processor = "unknown processor";
-  std::ifstream cpuinfo("/proc/cpuinfo");
-  for (std::string line; std::getline(cpuinfo, line);)
-    if (line.rfind("model name", 0) == 0 && line.find(": ") != std::string::npos) {
-      processor = line.substr(line.find(": ") + 2);
-      break;
-    }
-  utsname system{};
-  ::uname(&system);
-  return processor + ", " + std::to_string(::sysconf(_SC_NPROCESSORS_ONLN)) + " cores, " + system.sysname +
-         " " + system.release + " " + system.machine;
 }
 
 Status writeJson(const JsonOption& option, const nlohmann::ordered_json& rows) {

@@ -18,9 +18,6 @@ struct JsonOption {
 /// `option` must outlive the parsing.
 void addJsonOption(CLI::App& app, JsonOption& option);
 
-/// Processor and kernel, for people who compare numbers.
-std::string machineText();
-
 /// Writes `{"version", "machine", "rows"}` to where the option says.
 Status writeJson(const JsonOption& option, const nlohmann::ordered_json& rows);
 

@@ -1,12 +1,10 @@
 #include "station/summary.h"
 
-#include <sys/utsname.h>
-
 #include <cstdarg>
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <thread>
 
+#include "base/machine.h"
 #include "haptics/engine.h"
 #include "haptics/force_gate.h"
 
@@ -45,13 +43,6 @@ const FlagWords* wordsOf(unsigned bit) {
   for (const FlagWords& words : kFlagWords)
     if (words.flag == (1u << bit)) return &words;
   return nullptr;
-}
-
-std::string machineText() {
-  utsname name{};
-  std::string text =
-      ::uname(&name) == 0 ? std::string(name.sysname) + " " + name.release + " " + name.machine : "unknown";
-  return text + ", " + std::to_string(std::thread::hardware_concurrency()) + " cores";
 }
 
 [[gnu::format(printf, 1, 2)]] std::string printed(const char* format, ...) {

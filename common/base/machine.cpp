@@ -1,0 +1,25 @@
+#include "base/machine.h"
+
+#include <sys/utsname.h>
+#include <unistd.h>
+
+#include <fstream>
+
+namespace needlelab {
+
+std::string machineText() {
+  std::string processor = "unknown processor";
+  std::ifstream cpuinfo("/proc/cpuinfo");
+  for (std::string line; std::getline(cpuinfo, line);)
+    if (line.starts_with("model name") && line.find(": ") != std::string::npos) {
+      processor = line.substr(line.find(": ") + 2);
+      break;
+    }
+  utsname system{};
+  const bool known = ::uname(&system) == 0;
+  return processor + ", " + std::to_string(::sysconf(_SC_NPROCESSORS_ONLN)) + " cores, " +
+         (known ? std::string(system.sysname) + " " + system.release + " " + system.machine
+                : "unknown system");
+}
+
+}  // namespace needlelab
