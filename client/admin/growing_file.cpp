@@ -14,9 +14,11 @@
 namespace needlelab {
 
 Result<GrowingFile> GrowingFile::create(const std::filesystem::path& path) {
+  const auto replaced = replaceableFile(path);
+  if (!replaced.ok()) return replaced.error();
   GrowingFile file;
-  file.path_ = path;
-  file.temporary_ = path.string() + ".XXXXXX";
+  file.path_ = *replaced;
+  file.temporary_ = file.path_.string() + ".XXXXXX";
   file.fd_ = ::mkostemp(file.temporary_.data(), O_CLOEXEC);
   if (file.fd_ < 0) {
     const Error error = file.systemError("create a file beside it");

@@ -14,6 +14,34 @@ Error systemError(const std::string& what, const std::filesystem::path& path) {
   return {ErrorCode::kFailed, path.string() + ": cannot " + what + ": " + std::strerror(errno)};
 }
 
+// false: see errno
+bool writeAll(int fd, ByteView bytes) {
+  std::size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t n = ::write(fd, bytes.data() + done, bytes.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return false;
+    done += static_cast<std::size_t>(n);
+  }
+  return true;
+}
+
+// a device or a pipe: a rename would put a file in its place, e.g. of /dev/null
+bool isStream(const std::filesystem::path& path) {
+  struct stat info {};
+  return ::stat(path.c_str(), &info) == 0 && (S_ISCHR(info.st_mode) || S_ISFIFO(info.st_mode));
+}
+
+Status writeToStream(const std::filesystem::path& path, ByteView bytes) {
+  const int fd = ::open(path.c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC);
+  if (fd < 0) return systemError("open", path);
+  const bool written = writeAll(fd, bytes);
+  const Error error = systemError("write", path);
+  ::close(fd);
+  if (!written) return error;
+  return {};
+}
+
 }  // namespace
 
 Result<std::string> readWholeFile(const std::filesystem::path& path, std::size_t max_bytes) {
@@ -63,7 +91,28 @@ Status syncFolder(const std::filesystem::path& folder) {
   return {};
 }
 
-Status writeFileAtomically(const std::filesystem::path& path, ByteView bytes, unsigned mode) {
+Result<std::filesystem::path> replaceableFile(const std::filesystem::path& path) {
+  struct stat info {};
+  if (path.empty() || ::stat(path.c_str(), &info) != 0) return path;
+  if (!S_ISREG(info.st_mode))
+    return Error{ErrorCode::kInvalidInput, path.string() + ": is " +
+                                               (S_ISDIR(info.st_mode) ? "a folder" : "no regular file") +
+                                               ", a file cannot take its place"};
+  struct stat link {};
+  if (::lstat(path.c_str(), &link) != 0 || !S_ISLNK(link.st_mode)) return path;
+  std::error_code nameless;  // as /dev/stdout of a file that was removed meanwhile
+  auto end = std::filesystem::canonical(path, nameless);
+  if (nameless)
+    return Error{ErrorCode::kInvalidInput,
+                 path.string() + ": is a link to a file without a name: " + nameless.message()};
+  return end;
+}
+
+Status writeFileAtomically(const std::filesystem::path& name, ByteView bytes, unsigned mode) {
+  if (isStream(name)) return writeToStream(name, bytes);
+  const auto replaced = replaceableFile(name);
+  if (!replaced.ok()) return replaced.error();
+  const std::filesystem::path& path = *replaced;
   std::string temporary = path.string() + ".XXXXXX";
   const int fd = ::mkostemp(temporary.data(), O_CLOEXEC);
   if (fd < 0) return systemError("create a file beside it", path);
@@ -73,13 +122,7 @@ Status writeFileAtomically(const std::filesystem::path& path, ByteView bytes, un
     ::unlink(temporary.c_str());
     return error;
   };
-  std::size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t n = ::write(fd, bytes.data() + done, bytes.size() - done);
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return fail("write");
-    done += static_cast<std::size_t>(n);
-  }
+  if (!writeAll(fd, bytes)) return fail("write");
   if (::fchmod(fd, mode) != 0) return fail("set permissions");
   if (::fsync(fd) != 0) return fail("fsync");
   if (::rename(temporary.c_str(), path.c_str()) != 0) return fail("rename into place");

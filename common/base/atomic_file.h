@@ -14,9 +14,14 @@ namespace needlelab {
 /// message.
 Result<std::string> readWholeFile(const std::filesystem::path& path, std::size_t max_bytes = 256u << 20);
 
+/// The file that a rename has to replace so that `path` names the new one: the end of symbolic links, or
+/// `path` itself. Errors: kInvalidInput when something stands there that no file may take the place of: a
+/// folder, a device such as /dev/null, a pipe.
+Result<std::filesystem::path> replaceableFile(const std::filesystem::path& path);
+
 /// Writes to a temporary file beside `path`, fsyncs it, renames it over `path`, fsyncs the folder.
 /// On any error `path` is as it was and the temporary is gone. `mode` is the file's permission, e.g. 0600 for
-/// keys.
+/// keys. A device or pipe (/dev/stdout, /dev/null) is written to, not replaced.
 Status writeFileAtomically(const std::filesystem::path& path, ByteView bytes, unsigned mode = 0644);
 
 /// fsync of a folder, so that a new directory entry survives a power cut.

@@ -22,8 +22,13 @@ Result<RecordingWriter> RecordingWriter::create(const std::filesystem::path& pat
                                                std::to_string(kMaxRecordingMetadata) + " are allowed"};
   RecordingWriter writer;
   writer.path_ = path;
+  if (mode == Mode::kAtomic) {
+    auto replaced = replaceableFile(path);
+    if (!replaced.ok()) return replaced.error();
+    writer.path_ = *std::move(replaced);
+  }
   writer.mode_ = mode;
-  std::string name = path.string();
+  std::string name = writer.path_.string();
   if (mode == Mode::kAtomic) {
     name += ".XXXXXX";
     writer.fd_ = ::mkostemp(name.data(), O_CLOEXEC);

@@ -38,6 +38,16 @@ TEST(GrowingFile, leavesNothingUnfinished) {
   EXPECT_EQ(filesIn(folder.path()), 1u);
 }
 
+TEST(GrowingFile, whatIsNoFileIsNotReplacedByOne) {
+  const test::TempFolder folder;
+  for (const std::filesystem::path& there : {std::filesystem::path("/dev/null"), folder.path()}) {
+    const auto file = GrowingFile::create(there);
+    ASSERT_FALSE(file.ok());
+    EXPECT_EQ(file.error().code, ErrorCode::kInvalidInput);
+  }
+  EXPECT_EQ(filesIn(folder.path()), 0u);
+}
+
 TEST(GrowingFile, aMissingFolderIsWrongInput) {
   const test::TempFolder folder;
   const auto file = GrowingFile::create(folder.path() / "none" / "out");

@@ -1,8 +1,10 @@
 #include "base/atomic_file.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <iterator>
@@ -60,6 +62,35 @@ TEST(AtomicFile, missingFolderIsAnErrorWithThePath) {
   ASSERT_FALSE(status.ok());
   EXPECT_THAT(status.error().message, ::testing::HasSubstr(path.string()));
   EXPECT_FALSE(syncFolder(folder.path() / "no").ok());
+}
+
+// as root a rename would put a file in the place of /dev/null, for every program of the machine
+TEST(AtomicFile, aPipeOrDeviceIsWrittenToAndNeverReplaced) {
+  const test::TempFolder folder;
+  const auto pipe = folder.path() / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  const int reader = ::open(pipe.c_str(), O_RDONLY | O_NONBLOCK);
+  ASSERT_GE(reader, 0);
+  EXPECT_TRUE(writeFileAtomically(pipe, viewOf("through")).ok());
+  char got[16] = {};
+  EXPECT_EQ(::read(reader, got, sizeof got), 7);
+  EXPECT_STREQ(got, "through");
+  ::close(reader);
+  EXPECT_TRUE(fs::is_fifo(pipe));
+  EXPECT_EQ(replaceableFile(pipe).error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(replaceableFile(folder.path()).error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(entriesIn(folder.path()), 1u);
+}
+
+TEST(AtomicFile, aLinkStaysALinkAndItsEndIsReplaced) {
+  const test::TempFolder folder;
+  const auto end = folder.write("end", "old");
+  const auto link = folder.path() / "link";
+  fs::create_symlink(end, link);
+  ASSERT_TRUE(writeFileAtomically(link, viewOf("new")).ok());
+  EXPECT_TRUE(fs::is_symlink(link));
+  EXPECT_EQ(readWholeFile(end).value(), "new");
+  EXPECT_EQ(entriesIn(folder.path()), 2u);
 }
 
 TEST(ReadWholeFile, missingFolderAndTooLargeAreInvalidInput) {
