@@ -27,8 +27,12 @@ std::size_t splitCells(std::string_view line, Cell cell) {
   }
 }
 
+// what a file says goes into messages on a terminal: no control characters
 std::string inQuotes(std::string_view text) {
-  return "'" + std::string(text.substr(0, 40)) + "'";
+  std::string shown(text.substr(0, 40));
+  for (char& c : shown)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+  return "'" + shown + "'";
 }
 
 }  // namespace

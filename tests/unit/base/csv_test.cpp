@@ -65,6 +65,7 @@ TEST_F(Csv, badInputNamesLineColumnAndValue) {
         << bad;
   }
   EXPECT_THAT(refusal("t_s,px_m\n0,1\n1,1\n2,1\n", 2), HasSubstr("more than 2 rows"));
+  EXPECT_THAT(refusal("t_s,px_m\n0,\x1b[31m1\n"), HasSubstr("'?[31m1'")) << "a terminal is not steered";
 }
 
 TEST_F(Csv, missingFileAndFolderAreInvalidInput) {
