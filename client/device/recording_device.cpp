@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/csv.h"
+#include "base/range.h"
 
 namespace needlelab {
 namespace {
@@ -64,25 +65,24 @@ Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, TrackTimes ti
   track.X_WH.reserve(table->rows());
   for (std::size_t i = 0; i < table->rows(); ++i) {
     if (times == TrackTimes::kAscending && i > 0 && track.t_s[i] < track.t_s[i - 1])
-      return fail(i, "t_s " + std::to_string(track.t_s[i]) + " is before " +
-                         std::to_string(track.t_s[i - 1]) +
+      return fail(i, "t_s " + numberText(track.t_s[i]) + " is before " + numberText(track.t_s[i - 1]) +
                          " of the row before; times may repeat but not go backwards");
     const std::pair<const char*, double> positions[] = {{"px_m", px[i]}, {"py_m", py[i]}, {"pz_m", pz[i]}};
     for (const auto& [name, value] : positions)
       if (std::abs(value) > kMaxPosition_m)
-        return fail(i, std::string(name) + " is " + std::to_string(value) + ", allowed is -1000 to 1000 m");
+        return fail(i, std::string(name) + " is " + numberText(value) + ", allowed is -1000 to 1000 m");
     const Quat q{qx[i], qy[i], qz[i], qw[i]};
     const double length = std::sqrt(dot(q, q));
     if (!(std::abs(length - 1) <= kQuaternionSlack))
-      return fail(i, "the quaternion qx,qy,qz,qw has length " + std::to_string(length) +
-                         ", allowed is 0.999 to 1.001");
+      return fail(
+          i, "the quaternion qx,qy,qz,qw has length " + numberText(length) + ", allowed is 0.999 to 1.001");
     track.X_WH.push_back({{px[i], py[i], pz[i]}, normalized(q)});
   }
   if (const int at = table->find("plunger"); at >= 0) {
     track.plunger = table->columns[static_cast<std::size_t>(at)];
     for (std::size_t i = 0; i < track.plunger.size(); ++i)
       if (track.plunger[i] < 0 || track.plunger[i] > 1)
-        return fail(i, "plunger is " + std::to_string(track.plunger[i]) + ", allowed is 0 to 1");
+        return fail(i, "plunger is " + numberText(track.plunger[i]) + ", allowed is 0 to 1");
   }
   return track;
 }
@@ -126,8 +126,8 @@ RecordingDevice::RecordingDevice(PoseTrack track, const std::string& name) : tra
 Status RecordingDevice::open(double rate_hz) {
   const double ticks = (track_.t_s.back() - track_.t_s.front()) * rate_hz;
   if (!(ticks < static_cast<double>(kMaxTicks)))
-    return Error{ErrorCode::kInvalidInput, info_.name + " lasts " + std::to_string(ticks) + " ticks at " +
-                                               std::to_string(rate_hz) + " Hz; at most " +
+    return Error{ErrorCode::kInvalidInput, info_.name + " lasts " + numberText(ticks) + " ticks at " +
+                                               numberText(rate_hz) + " Hz; at most " +
                                                std::to_string(kMaxTicks) + " can be played"};
   if (rate_hz != rate_hz_) {
     poses_ = resamplePoses(track_, rate_hz);

@@ -65,6 +65,8 @@ TEST_F(PoseTrackFile, badRowsAreRefusedByLine) {
   EXPECT_THAT(refusal(good + "0.5,0,0,0,0,0,0,1\n"),
               testing::AllOf(HasSubstr("line 3"), HasSubstr("backwards")));
   EXPECT_THAT(refusal(good + "2,0,2000,0,0,0,0,1\n"), testing::AllOf(HasSubstr("line 3"), HasSubstr("py_m")));
+  EXPECT_THAT(refusal(good + "2,0,1e300,0,0,0,0,1\n"), HasSubstr("py_m is 1e+300, allowed"));
+  EXPECT_THAT(refusal(good + "2,0,0,0,0,0,0,1.00100001\n"), HasSubstr("length 1.00100001, allowed"));
   EXPECT_THAT(refusal(good + "2,0,nan,0,0,0,0,1\n"), HasSubstr("'nan'"));
   EXPECT_THAT(refusal(good + "2,0,0,0,0,0,0\n"), HasSubstr("7 cells"));
   EXPECT_THAT(refusal("t_s,px_m,py_m,pz_m,qx,qy,qz\n0,0,0,0,0,0,1\n"), HasSubstr("'qw' is missing"));
