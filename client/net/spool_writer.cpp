@@ -220,6 +220,9 @@ Status SpoolWriter::finish(std::chrono::milliseconds patience) {
   if (lost > 0) {
     const std::scoped_lock lock(mutex_);
     counts_.samples_lost += lost;
+    // what was made of them counts no more either
+    counts_.chunks -= pending_.size();
+    for (const Pending& chunk : pending_) counts_.chunk_bytes -= chunk.chunk.size();
   }
   outcome_ = session_->sync();
   while (!outcome_.ok() && std::chrono::steady_clock::now() < deadline) {

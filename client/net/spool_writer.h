@@ -35,7 +35,7 @@ struct SamplePiece {
 /// What the writer has done so far.
 struct SpoolWriterCounts {
   std::uint64_t samples = 0;  ///< taken from the ring
-  std::uint64_t chunks = 0;   ///< made of them
+  std::uint64_t chunks = 0;   ///< made of them, and not lost
   std::uint64_t chunk_bytes = 0;
   std::uint64_t samples_lost = 0;  ///< neither on disk nor in memory: the disk was full for too long
   std::uint64_t disk_errors = 0;   ///< writes and syncs that the disk refused

@@ -167,6 +167,8 @@ TEST_F(SpoolWriterTest, aDiskThatStaysFullEndsInAnErrorThatCountsTheLoss) {
   const SpoolWriterCounts counts = writer.counts();
   EXPECT_EQ(counts.samples, 16'000u);
   EXPECT_EQ(counts.samples_lost, 16'000u) << "none of it is on the disk";
+  EXPECT_EQ(counts.chunks, 0u);
+  EXPECT_EQ(counts.chunk_bytes, 0u);
   EXPECT_EQ(session_->contents().chunks, 0u);
 }
 
