@@ -1,5 +1,9 @@
 #include "sim/offline_cli.h"
 
+#include <cstdio>
+
+#include "profile/profile.h"
+
 namespace needlelab {
 
 void addOfflineOptions(CLI::App& app, OfflineOptions& options) {
@@ -14,6 +18,12 @@ void addOfflineOptions(CLI::App& app, OfflineOptions& options) {
   app.add_option(
       "--tool", options.tool,
       "the tip in the handle's frame, when the rows are the handle's: x,y,z,qx,qy,qz,qw or a JSON file");
+}
+
+void sayWarnings(const OfflineScene& scene) {
+  for (const std::string& warning : profileWarnings(scene.profile))
+    std::fprintf(stderr, "needlelab-sim: warning: profile %s: %s\n", scene.profile.id().c_str(),
+                 warning.c_str());
 }
 
 }  // namespace needlelab

@@ -10,4 +10,7 @@ namespace needlelab {
 /// `options` must outlive the parsing.
 void addOfflineOptions(CLI::App& app, OfflineOptions& options);
 
+/// The profile's warnings (DESIGN §4), a line each on stderr.
+void sayWarnings(const OfflineScene& scene);
+
 }  // namespace needlelab

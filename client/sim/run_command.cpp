@@ -24,8 +24,11 @@ int fail(const Error& error) {
 }
 
 int run(const RunOptions& options) {
+  if (const Status status = checkOutput(options.input, options.out, "--out"); !status.ok())
+    return fail(status.error());
   const auto scene = loadOffline(options.input);
   if (!scene.ok()) return fail(scene.error());
+  sayWarnings(*scene);
 
   constexpr std::size_t kTypicalRow = 400;
   std::string table(runHeader());

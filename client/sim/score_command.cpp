@@ -63,8 +63,11 @@ Result<std::optional<pb::Exercise>> exerciseOf(const std::filesystem::path& path
 }
 
 int score(const ScoreOptions& options) {
+  if (const Status status = checkOutput(options.input, options.json.file, "--json"); !status.ok())
+    return fail(status.error());
   const auto scene = loadOffline(options.input);
   if (!scene.ok()) return fail(scene.error());
+  sayWarnings(*scene);
   const auto samples = gestureOf(*scene);
   if (!samples.ok()) return fail(samples.error());
   const auto exercise = exerciseOf(options.exercise);

@@ -24,7 +24,12 @@ int runSim(int argc, const char* const* argv) {
       // 0 for --help and --version; CLI11's other codes are all wrong usage here
       return app.exit(e) == 0 ? kExitDone : kExitInvalid;
     }
-    return chosen();
+    const int code = chosen();
+    if (code == kExitDone && (std::fflush(stdout) != 0 || std::ferror(stdout) != 0)) {
+      std::fprintf(stderr, "needlelab-sim: cannot write to standard output\n");
+      return kExitFailed;
+    }
+    return code;
   } catch (const std::exception& e) {
     // out of memory, or the file system: said in a line, never with a trace
     std::fprintf(stderr, "needlelab-sim: %s\n", e.what());

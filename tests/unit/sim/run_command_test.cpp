@@ -271,6 +271,45 @@ TEST(RunCommand, anEarlierOutputStaysWholeWhenARunFails) {
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 3);  // nothing left over
 }
 
+TEST(RunCommand, anOutputThatIsAnInputIsRefused) {
+  const test::TempFolder folder;
+  const std::string table = "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,0,0,0.01,1,0,0,0\n";
+  const auto trajectory = folder.write("t.csv", table);
+  const auto profile = (kSamples / "paper-1dof.json").string();
+  const auto link = folder.path() / "other-name.csv";
+  std::filesystem::create_symlink(trajectory, link);
+  for (const auto& out : {trajectory, link}) {
+    const auto outcome =
+        sim({"run", "--profile", profile, "--trajectory", trajectory.string(), "--out", out.string()});
+    EXPECT_EQ(outcome.code, 2);
+    EXPECT_THAT(outcome.err, HasSubstr("--out " + out.string()));
+  }
+  EXPECT_EQ(
+      sim({"score", "--profile", profile, "--trajectory", trajectory.string(), "--json", trajectory.string()})
+          .code,
+      2);
+  EXPECT_EQ(*readWholeFile(trajectory), table);
+}
+
+// DESIGN §4: a warning, with the numbers
+TEST(RunCommand, saysWhatIsDoubtfulInTheProfile) {
+  const test::TempFolder folder;
+  std::string thin = *readWholeFile(kSamples / "paper-1dof.json");
+  const std::string thickness = "\"thickness_m\": 0.05";
+  ASSERT_NE(thin.find(thickness), std::string::npos);
+  thin.replace(thin.find(thickness), thickness.size(), "\"thickness_m\": 0.002");
+  const auto trajectory = folder.write("t.csv", "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,0,0,0.01,1,0,0,0\n");
+  const auto run = [&](const std::string& profile) {
+    return sim({"run", "--profile", profile, "--trajectory", trajectory.string(), "--out",
+                (folder.path() / "o.csv").string()});
+  };
+  const auto doubtful = run(folder.write("thin.json", thin).string());
+  EXPECT_EQ(doubtful.code, 0);
+  EXPECT_THAT(doubtful.err, HasSubstr("layers[0]"));
+  EXPECT_THAT(doubtful.err, HasSubstr("fidelity 0.1"));  // 1 − 0.9 N/(500 N/m · 2 mm)
+  EXPECT_EQ(run((kSamples / "paper-1dof.json").string()).err, "");
+}
+
 TEST(SimApp, helpAndVersionAreEverywhere) {
   for (const std::vector<std::string>& command :
        {std::vector<std::string>{}, {"run"}, {"figures"}, {"score"}}) {
