@@ -328,6 +328,10 @@ int Lesson::conclude(const Status& stored) {
         ". The force was taken away and the session ended; it is stored");
     return kExitFailed;
   }
+  if (!std::cout) {
+    say("cannot write the closing summary to standard output");
+    return kExitFailed;
+  }
   return stored.ok() ? kExitDone : kExitFailed;
 }
 
