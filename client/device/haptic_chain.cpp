@@ -40,6 +40,7 @@ Wrench HapticChain::stepped(const Pose& X_WH, const Pose& X_WT, double share) no
 // what the engine last said of phase and layer still stands; where the tip is, is told as far as it is known
 void HapticChain::skipped(const Pose& X_WH, const Pose& X_WT) noexcept {
   report_.flags = kFlagNotStepped;
+  if ((gate_.flags() & kGateSampleRejected) != 0) return;  // what nobody believes is not recorded as a place
   if (!isFinite(X_WT.p) || !isFinite(X_WT.q) || !isFinite(X_WH.p)) return;
   gate_.noteOutside(signedDepth(model_.limb, X_WT.p) <= 0);
   handle_ = X_WH;

@@ -14,7 +14,7 @@ namespace needlelab {
 /// All that a tick saw and did.
 struct ChainTick {
   std::uint64_t tick = 0;  ///< missed ones are counted too
-  Pose X_WH, X_WT;         ///< handle and tip, as last reported by numbers that are finite
+  Pose X_WH, X_WT;         ///< handle and tip, as last reported by a sample that was not rejected
   StepReport
       report;  ///< forces before the gate; in a tick that was not stepped those of the last one that was
   Wrench rendered_W;  ///< after the gate, at the handle

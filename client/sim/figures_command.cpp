@@ -1,6 +1,7 @@
 /// `needlelab-sim figures`: the paper's experiments again, as tables and pictures.
 #include <cstdio>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <system_error>
 
 #include "base/atomic_file.h"
@@ -8,6 +9,7 @@
 #include "sim/command.h"
 #include "sim/figures.h"
 #include "sim/gnuplot.h"
+#include "sim/json_output.h"
 
 namespace needlelab {
 namespace {
@@ -32,7 +34,13 @@ const std::vector<Experiment>& experiments() {
   return all;
 }
 
-int figures(const std::filesystem::path& out) {
+struct FiguresOptions {
+  std::filesystem::path out;
+  JsonOption json;
+};
+
+int figures(const FiguresOptions& options) {
+  const std::filesystem::path& out = options.out;
   std::error_code made;
   std::filesystem::create_directories(out, made);
   if (made)
@@ -40,6 +48,7 @@ int figures(const std::filesystem::path& out) {
         {ErrorCode::kInvalidInput, "--out " + out.string() + ": cannot make the folder: " + made.message()});
 
   const bool pictures = hasGnuplot();
+  auto rows = nlohmann::ordered_json::array();
   for (const Experiment& experiment : experiments()) {
     const auto run = experiment.run();
     if (!run.ok()) return fail(run.error());
@@ -52,6 +61,12 @@ int figures(const std::filesystem::path& out) {
         if (const Status status = plotPng(figure.script, png, figure.width_px, figure.height_px);
             !status.ok())
           return fail(status.error());
+      rows.push_back(
+          {{"figure", name},
+           {"title", figure.title},
+           {"csv", csv.string()},
+           {"png", pictures ? nlohmann::ordered_json(png.string()) : nlohmann::ordered_json(nullptr)}});
+      if (options.json.wanted) continue;
       std::printf("%s: %s%s\n", csv.c_str(), figure.title.c_str(),
                   pictures ? (", " + png.string()).c_str() : "");
     }
@@ -60,20 +75,24 @@ int figures(const std::filesystem::path& out) {
     std::fprintf(stderr,
                  "needlelab-sim figures: gnuplot is not on the PATH: tables only, no pictures (Debian: "
                  "gnuplot-nox)\n");
+  if (options.json.wanted)
+    if (const Status status = writeJson(options.json, rows); !status.ok()) return fail(status.error());
   return kExitDone;
 }
 
 }  // namespace
 
 void addFiguresCommand(CLI::App& app, SimCommand& chosen) {
-  auto out = std::make_shared<std::filesystem::path>();
+  auto options = std::make_shared<FiguresOptions>();
   CLI::App* command = app.add_subcommand(
       "figures",
       "Runs the paper's experiments (Fig. 7 to 11) with a simulated hand, writes tables and pictures");
   command
-      ->add_option("--out", *out, "folder for fig07.csv … fig11.csv and the PNGs; made when it is not there")
+      ->add_option("--out", options->out,
+                   "folder for fig07.csv … fig11.csv and the PNGs; made when it is not there")
       ->required();
-  command->callback([out, &chosen] { chosen = [out] { return figures(*out); }; });
+  addJsonOption(*command, options->json);
+  command->callback([options, &chosen] { chosen = [options] { return figures(*options); }; });
 }
 
 }  // namespace needlelab

@@ -1,11 +1,14 @@
 /// `needlelab-sim run`: a trajectory through the engine, tick by tick.
+#include <algorithm>
 #include <cinttypes>
 #include <cstdio>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "base/atomic_file.h"
 #include "base/exit_code.h"
 #include "sim/command.h"
+#include "sim/json_output.h"
 #include "sim/offline_cli.h"
 #include "sim/run_output.h"
 
@@ -16,6 +19,21 @@ struct RunOptions {
   OfflineOptions input;
   std::filesystem::path out;
   bool hash = false;
+  JsonOption json;
+};
+
+// what the whole run came to
+struct RunTotals {
+  std::size_t ticks = 0, insertions = 0;
+  double max_force_N = 0, max_torque_Nm = 0, max_depth_m = 0;
+
+  void add(const StepReport& report) {
+    ++ticks;
+    if ((report.flags & kFlagEntry) != 0) ++insertions;
+    max_force_N = std::max(max_force_N, norm(report.wrench_W.force_N));
+    max_torque_Nm = std::max(max_torque_Nm, norm(report.wrench_W.torque_Nm));
+    max_depth_m = std::max(max_depth_m, report.depth_m);
+  }
 };
 
 int fail(const Error& error) {
@@ -35,13 +53,29 @@ int run(const RunOptions& options) {
   table.reserve(table.size() + kTypicalRow * scene->track.t_s.size());
   auto state = std::make_unique<SimState>();
   StepReport report;
+  RunTotals totals;
   for (std::size_t i = 0; i < scene->track.t_s.size(); ++i) {
     step(scene->model, scene->tip(i), *state, report);
+    totals.add(report);
     appendRunRow(table, scene->track.t_s[i], report, scene->model.needle_length_m);
   }
   if (const Status status = writeFileAtomically(options.out, viewOf(table)); !status.ok())
     return fail(status.error());
-  if (options.hash) std::printf("%016" PRIx64 "\n", fnv1a(table));
+  char hash[17];
+  std::snprintf(hash, sizeof hash, "%016" PRIx64, fnv1a(table));
+  if (options.hash && !options.json.wanted) std::printf("%s\n", hash);
+  if (!options.json.wanted) return kExitDone;
+  const nlohmann::ordered_json row = {{"profile", scene->profile.id()},
+                                      {"out", options.out.string()},
+                                      {"rate_hz", scene->rate_hz},
+                                      {"ticks", totals.ticks},
+                                      {"insertions", totals.insertions},
+                                      {"max_force_n", totals.max_force_N},
+                                      {"max_torque_nm", totals.max_torque_Nm},
+                                      {"max_depth_m", totals.max_depth_m},
+                                      {"hash", hash}};
+  if (const Status status = writeJson(options.json, nlohmann::ordered_json::array({row})); !status.ok())
+    return fail(status.error());
   return kExitDone;
 }
 
@@ -55,6 +89,7 @@ void addRunCommand(CLI::App& app, SimCommand& chosen) {
   command->add_option("--out", options->out, "the table that is written: forces, wall, phase, … of each tick")
       ->required();
   command->add_flag("--hash", options->hash, "print FNV-1a of the table, to compare builds and machines");
+  addJsonOption(*command, options->json);
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 

@@ -107,7 +107,7 @@ Status Lesson::connect() {
   if (!options_.server) {
     if (const auto waiting = spool_->unfinished().size(); waiting > 0)
       say(std::to_string(waiting) +
-          " sessions wait in the spool for a server; without --server they go on waiting");
+          " session(s) of before wait in the spool for a server; without --server they go on waiting");
     return {};
   }
   auto key = loadStationKey(options_.key_file);

@@ -70,6 +70,14 @@ TEST_F(HapticChainTest, aReadingThatIsNoNumberLeavesTheLastPlaceAndForce) {
   EXPECT_TRUE(tick_.gate_flags & kGateSampleRejected);
 }
 
+TEST_F(HapticChainTest, aJumpThatIsRejectedIsNoPlaceOfTheTip) {
+  insert(1000);
+  const ChainTick before = tick_;
+  chain_.tick(at(0.4), true, 1, 1.0, tick_);
+  EXPECT_TRUE(tick_.gate_flags & kGateSampleRejected);
+  EXPECT_EQ(tick_.X_WT.p, before.X_WT.p);
+}
+
 TEST_F(HapticChainTest, aFaultStaysUntilItIsAcknowledged) {
   insert(1000);
   for (int k = 0; k < 40; ++k) chain_.tick(at(kNaN), true, 1, 1.0, tick_);

@@ -2,6 +2,7 @@
 
 #include <cstdlib>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 
 #include "sim/gnuplot.h"
 #include "sim_run.h"
@@ -28,6 +29,18 @@ TEST(FiguresCommand, writesEveryTableAndPicture) {
     files += 1;
   }
   EXPECT_EQ(static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(out), {})), files);
+}
+
+TEST(FiguresCommand, jsonListsWhatWasWritten) {
+  const test::TempFolder folder;
+  const auto outcome = sim({"figures", "--out", folder.path().string(), "--json"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const auto whole = nlohmann::json::parse(outcome.out);
+  ASSERT_EQ(whole.at("rows").size(), 5u);
+  for (const auto& row : whole.at("rows")) {
+    EXPECT_TRUE(std::filesystem::exists(row.at("csv").get<std::string>()));
+    EXPECT_EQ(row.at("png").is_null(), !hasGnuplot());
+  }
 }
 
 TEST(FiguresCommand, withoutGnuplotGivesTheTablesAndSaysSo) {

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "base/atomic_file.h"
@@ -134,6 +135,27 @@ TEST(RunCommand, findsColumnsByNameInAnyOrder) {
   EXPECT_EQ(*readWholeFile(a), *readWholeFile(b));
   // 2 mm of stretch in one step: 500 N/m make 1 N, along W's z
   EXPECT_NEAR(std::strtod(tableOf(a)["fz_n"][1].c_str(), nullptr), 1, 1e-12);
+}
+
+TEST(RunCommand, jsonSaysWhatTheRunCameTo) {
+  const test::TempFolder folder;
+  const auto trajectory =
+      folder.write("t.csv", "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,0,0,0.01,1,0,0,0\n0.001,0,0,-0.003,1,0,0,0\n");
+  const auto out = folder.path() / "o.csv", json = folder.path() / "o.json";
+  ASSERT_EQ(sim({"run", "--profile", (kSamples / "paper-1dof.json").string(), "--trajectory",
+                 trajectory.string(), "--out", out.string(), "--json", json.string()})
+                .code,
+            0);
+  const auto whole = nlohmann::json::parse(*readWholeFile(json));
+  ASSERT_EQ(whole.at("rows").size(), 1u);
+  const auto& row = whole.at("rows").at(0);
+  EXPECT_EQ(row.at("ticks"), 2);
+  EXPECT_EQ(row.at("insertions"), 1);
+  EXPECT_NEAR(row.at("max_force_n").get<double>(), 1, 1e-12);
+  EXPECT_NEAR(row.at("max_depth_m").get<double>(), 0.003, 1e-15);
+  char hash[17];
+  std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(fnv1a(*readWholeFile(out))));
+  EXPECT_EQ(row.at("hash"), hash);
 }
 
 TEST(RunCommand, theTimeColumnIsCarriedThroughAndMeansNothing) {
