@@ -1,7 +1,7 @@
 #include "db/annotation_store.h"
 
+#include "base/text_rules.h"
 #include "db/session_row.h"
-#include "db/text_rules.h"
 
 namespace needlelab {
 

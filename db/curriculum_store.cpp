@@ -1,8 +1,8 @@
 #include "db/curriculum_store.h"
 
+#include "base/text_rules.h"
 #include "db/people_store.h"
 #include "db/profile_store.h"
-#include "db/text_rules.h"
 
 namespace needlelab {
 namespace {

@@ -1,6 +1,6 @@
 #include "db/people_store.h"
 
-#include "db/text_rules.h"
+#include "base/text_rules.h"
 
 namespace needlelab {
 namespace {

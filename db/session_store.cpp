@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "db/session_row.h"
-#include "db/session_rules.h"
 #include "gesture/chunk.h"
+#include "session/session_rules.h"
 
 namespace needlelab {
 namespace {

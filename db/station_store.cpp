@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "db/text_rules.h"
+#include "base/text_rules.h"
 
 namespace needlelab {
 namespace {

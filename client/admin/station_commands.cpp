@@ -6,7 +6,7 @@
 
 #include "admin/command.h"
 #include "base/atomic_file.h"
-#include "db/text_rules.h"
+#include "base/text_rules.h"
 
 namespace needlelab {
 namespace {

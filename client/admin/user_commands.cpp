@@ -3,7 +3,7 @@
 
 #include "admin/command.h"
 #include "admin/secrets.h"
-#include "db/text_rules.h"
+#include "base/text_rules.h"
 #include "service/roles.h"
 
 namespace needlelab {

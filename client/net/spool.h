@@ -96,6 +96,7 @@ class SpoolSession {
                                                       const pb::SessionDescription& description);
   static Result<std::shared_ptr<SpoolSession>> load(const std::filesystem::path& folder);
   Status loadChunks();
+  Status keepDamaged() const;
   Status recoverTail();
   void addEntry(std::uint64_t offset, std::uint64_t samples, std::uint64_t bytes);
 

@@ -8,6 +8,7 @@
 #include "base/atomic_file.h"
 #include "gesture/chunk.h"
 #include "net/spool.h"
+#include "session/session_rules.h"
 
 namespace needlelab {
 namespace {
@@ -72,6 +73,10 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
         ErrorCode::kInvalidInput,
         "session_id has " + std::to_string(description.session_id().size()) + " bytes, 16 are expected"};
   std::copy(description.session_id().begin(), description.session_id().end(), id.begin());
+  // what no server would take is refused now, not when the lesson is over; who has no key yet has no name
+  pb::SessionDescription named = description;
+  if (named.station().empty()) named.set_station("to be named at the upload");
+  if (auto valid = checkDescription(named); !valid.ok()) return valid.error();
   std::shared_ptr<SpoolSession> session(new SpoolSession);
   session->id_ = id;
   session->description_ = description;
@@ -139,6 +144,22 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::
   return session;
 }
 
+// a copy of the chunks before anything is cut off them; an older copy holds more, and stays
+Status SpoolSession::keepDamaged() const {
+  const auto copy = folder_ / "chunks.damaged";
+  std::error_code error;
+  if (std::filesystem::exists(copy, error)) return {};
+  const auto partial = folder_ / "chunks.damaged.partial";
+  std::filesystem::copy_file(folder_ / "chunks", partial, std::filesystem::copy_options::overwrite_existing,
+                             error);
+  if (!error) std::filesystem::rename(partial, copy, error);
+  if (!error) return {};
+  return Error{ErrorCode::kUnavailable, folder_.string() +
+                                            ": some of its chunks cannot be read, and no copy of them can be "
+                                            "kept (" +
+                                            error.message() + "): make room on that disk"};
+}
+
 Status SpoolSession::loadChunks() {
   auto chunks = SpoolFile::open(folder_ / "chunks");
   if (!chunks.ok()) return chunks.error();
@@ -156,8 +177,7 @@ Status SpoolSession::loadChunks() {
   if (ended_ && entries_.size() != ended_contents_.chunks) {
     // the session ended well, yet the disk has lost some of it: what can still be read becomes an interrupted
     // session, and the damaged file is kept for whoever wants to try harder
-    std::error_code ignored;
-    std::filesystem::copy_file(folder_ / "chunks", folder_ / "chunks.damaged", ignored);
+    if (auto kept = keepDamaged(); !kept.ok()) return kept;
     ended_ = false;
   }
   if (!ended_) {

@@ -300,7 +300,8 @@ void Uplink::takeAdded() {
     added.swap(added_);
   }
   for (auto& [spool, current] : added) {
-    auto session = std::make_unique<UplinkSession>(std::move(spool));
+    auto session =
+        std::make_unique<UplinkSession>(std::move(spool), config_.client.login.station().station());
     if (current) {
       current_ = session.get();
       sessions_.insert(sessions_.begin(), std::move(session));

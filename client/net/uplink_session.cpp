@@ -16,7 +16,8 @@ constexpr std::uint32_t kMostReopened = 20;
 
 }  // namespace
 
-UplinkSession::UplinkSession(std::shared_ptr<SpoolSession> spool) : spool_(std::move(spool)) {
+UplinkSession::UplinkSession(std::shared_ptr<SpoolSession> spool, std::string station)
+    : spool_(std::move(spool)), station_(std::move(station)) {
   const SpoolReceipt receipt = spool_->receipt();
   committed_ = sent_ = receipt.committed;
   safe_ = receipt.safe;
@@ -28,7 +29,10 @@ std::optional<pb::Envelope> UplinkSession::next(bool may_send_chunk) {
     if (steadyNowNs() < not_before_ns_) return std::nullopt;
     state_ = State::kOpening;
     pb::Envelope envelope;
-    *envelope.mutable_open_session()->mutable_description() = spool_->description();
+    pb::SessionDescription& description = *envelope.mutable_open_session()->mutable_description();
+    description = spool_->description();
+    // recorded before this station had a key: it is ours, because it is in our spool
+    if (description.station().empty()) description.set_station(station_);
     return envelope;
   }
   if (state_ != State::kOpen) return std::nullopt;

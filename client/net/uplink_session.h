@@ -16,7 +16,8 @@ namespace needlelab {
 /// No network in here: the uplink asks for messages and tells of answers. Thread: one.
 class UplinkSession {
  public:
-  explicit UplinkSession(std::shared_ptr<SpoolSession> spool);
+  /// `station`: the name that the uplink logs in with; a session that was recorded without one gets it.
+  explicit UplinkSession(std::shared_ptr<SpoolSession> spool, std::string station = {});
 
   /// The next message to send now, if any: OpenSession, Chunk, CloseSession. `may_send_chunk`: the window has
   /// room.
@@ -51,6 +52,7 @@ class UplinkSession {
   [[nodiscard]] pb::Envelope closeMessage(const SpoolContents& contents) const;
 
   std::shared_ptr<SpoolSession> spool_;
+  std::string station_;
   State state_ = State::kNew;
   std::uint64_t sent_ = 0;       // chunks 0 … sent−1 were sent on this connection, or are committed
   std::uint64_t committed_ = 0;  // by the server's word

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/exit_code.h"
+#include "base/text_rules.h"
 #include "device/device_factory.h"
 #include "device/hand_cli.h"
 #include "device/pose_option.h"
@@ -28,11 +29,6 @@ std::filesystem::path defaultSpool() {
   else if (home != nullptr && *home != '\0')
     base = std::filesystem::path(home) / ".local" / "state";
   return base / "needlelab" / "spool";
-}
-
-std::string machineName() {
-  char name[65] = {};
-  return ::gethostname(name, sizeof name - 1) == 0 && name[0] != '\0' ? name : "station";
 }
 
 // what CLI11 cannot check by itself
@@ -74,7 +70,11 @@ Status complete(StationOptions& options, const std::string& server, const std::s
   options.keep.age_s = static_cast<std::int64_t>(keep_days * 86'400);
   options.keep.quota_bytes = static_cast<std::uint64_t>(quota_mib * 1024 * 1024);
   if (options.spool.empty()) options.spool = defaultSpool();
-  if (options.station.empty() && options.key_file.empty()) options.station = machineName();
+  // without a key the station has no name yet: it gets one when its sessions are uploaded
+  if (!options.station.empty())
+    if (auto valid = checkName("--station", options.station); !valid.ok()) return valid;
+  if (options.trainee.empty()) options.trainee = "guest";
+  if (auto valid = checkName("--trainee", options.trainee); !valid.ok()) return valid;
   return {};
 }
 
@@ -95,9 +95,8 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   app.add_option("--server", server, "HOST:PORT of the server; without it everything stays in the spool");
   app.add_option("--ca", o.ca_file, "the server's certificate authority (its tls/ca.crt)");
   app.add_option("--key", o.key_file, "this station's key file, made by needlelab-admin station add");
-  app.add_option("--station", o.station,
-                 "this station's name; default: the one in the key file, or the machine's");
-  app.add_option("--trainee", o.trainee, "who practises");
+  app.add_option("--station", o.station, "this station's name; default: the one in the key file");
+  app.add_option("--trainee", o.trainee, "who practises; default, without a server: guest");
   app.add_option("--exercise", o.exercise, "what: the id of an exercise on the server or in the cache");
   app.add_option("--profile", o.profile_file, "practise with this profile (JSON) instead of an exercise");
   app.add_option("--model", o.model,

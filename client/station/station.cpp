@@ -104,15 +104,19 @@ Status Lesson::openSpool() {
 }
 
 Status Lesson::connect() {
+  Result<StationKey> key = StationKey{};
+  if (!options_.key_file.empty()) {
+    key = loadStationKey(options_.key_file);
+    if (!key.ok()) return key.error();
+    // without a server, too: what is recorded now is uploaded under this name later
+    if (station_.empty()) station_ = key->station;
+  }
   if (!options_.server) {
     if (const auto waiting = spool_->unfinished().size(); waiting > 0)
       say(std::to_string(waiting) +
           " session(s) of before wait in the spool for a server; without --server they go on waiting");
     return {};
   }
-  auto key = loadStationKey(options_.key_file);
-  if (!key.ok()) return key.error();
-  if (station_.empty()) station_ = key->station;
   UplinkConfig config;
   auto tls = makeClientTls(options_.ca_file);
   if (!tls.ok()) return tls.error();

@@ -1,8 +1,8 @@
+#include "base/text_rules.h"
 #include "db/curriculum_store.h"
 #include "db/password.h"
 #include "db/people_store.h"
 #include "db/station_store.h"
-#include "db/text_rules.h"
 #include "service/handlers.h"
 #include "service/roles.h"
 

@@ -50,7 +50,10 @@ inline pb::SessionDescription describeSession(const Uuid& id) {
   description.set_station("station-1");
   description.set_trainee("tom");
   description.set_exercise_id("shoulder-first-injection");
+  description.set_profile_id("shoulder");
   description.set_profile_json("{\"id\": \"shoulder\"}");
+  description.set_engine_version("0.1.0");
+  description.set_started_unix_ns(1'700'000'000'000'000'000);
   description.set_rate_hz(1000);
   setResolution(description, Resolution::standard());
   return description;

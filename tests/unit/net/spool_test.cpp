@@ -212,6 +212,48 @@ TEST(Spool, aSessionThatEndedAndLostChunksAfterwardsIsInterruptedAndTheFileKept)
   EXPECT_EQ(*readWholeFile(session / "chunks.damaged"), text);
 }
 
+TEST(Spool, damagedChunksAreNotCutOffWhileNoCopyCanBeKept) {
+  const TempFolder folder;
+  fs::path session;
+  {
+    auto spool = opened(folder.path());
+    auto made = *spool->create(describeSession(makeUuidV7()));
+    session = made->folder();
+    for (std::uint64_t k = 0; k < 3; ++k) ASSERT_TRUE(made->appendChunk(coded(100 * k, 100), 100).ok());
+    ASSERT_TRUE(made->sync().ok());
+    ASSERT_TRUE(made->end(false).ok());
+  }
+  auto text = *readWholeFile(session / "chunks");
+  text[text.size() / 2] = static_cast<char>(~text[text.size() / 2]);
+  std::ofstream(session / "chunks", std::ios::binary) << text;
+  // a folder in the copy's way stands for a full disk
+  fs::create_directories(session / "chunks.damaged.partial" / "x");
+  {
+    auto spool = opened(folder.path());
+    EXPECT_TRUE(spool->unfinished().empty());
+    ASSERT_EQ(spool->notes().size(), 1u);
+    EXPECT_NE(spool->notes()[0].find("no copy of them can be kept"), std::string::npos) << spool->notes()[0];
+  }
+  EXPECT_EQ(*readWholeFile(session / "chunks"), text);
+}
+
+TEST(Spool, whatNoServerWouldTakeIsRefusedBeforeItIsRecorded) {
+  const TempFolder folder;
+  auto spool = opened(folder.path());
+  for (const std::string& trainee : {std::string(65, 'n'), std::string("a\tb"), std::string("\xff\xfe")}) {
+    auto description = describeSession(makeUuidV7());
+    description.set_trainee(trainee);
+    const auto made = spool->create(description);
+    ASSERT_FALSE(made.ok());
+    EXPECT_EQ(made.error().code, ErrorCode::kInvalidInput);
+    EXPECT_NE(made.error().message.find("trainee"), std::string::npos) << made.error().message;
+  }
+  // practice without a key: the station's name comes with the upload
+  auto nameless = describeSession(makeUuidV7());
+  nameless.clear_station();
+  EXPECT_TRUE(spool->create(nameless).ok());
+}
+
 TEST(Spool, foldersThatAreNoSessionsAreLeftAloneAndNamed) {
   const TempFolder folder;
   const std::string id = uuidText(makeUuidV7()), empty = uuidText(makeUuidV7()),

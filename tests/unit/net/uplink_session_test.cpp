@@ -52,6 +52,16 @@ class UplinkSessionTest : public testing::Test {
   std::unique_ptr<UplinkSession> upload_;
 };
 
+TEST_F(UplinkSessionTest, aSessionRecordedWithoutAKeyGetsTheNameOfTheLogIn) {
+  auto description = describeSession(makeUuidV7());
+  UplinkSession named(*spool_->create(description), "s9");
+  EXPECT_EQ(named.next(true)->open_session().description().station(), description.station());
+  description = describeSession(makeUuidV7());
+  description.clear_station();
+  UplinkSession nameless(*spool_->create(description), "s9");
+  EXPECT_EQ(nameless.next(true)->open_session().description().station(), "s9");
+}
+
 TEST_F(UplinkSessionTest, opensSendsInOrderAndClosesWhenAllIsCommitted) {
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(0);

@@ -87,7 +87,8 @@ TEST(StationOptions, practiceWithoutAServerNeedsOnlyAProfile) {
   EXPECT_TRUE(outcome.parsed.options.json);
   EXPECT_TRUE(outcome.parsed.options.json_file.empty());
   EXPECT_FALSE(outcome.parsed.options.server);
-  EXPECT_FALSE(outcome.parsed.options.station.empty()) << "the machine's name";
+  EXPECT_EQ(outcome.parsed.options.station, "") << "the upload names it";
+  EXPECT_EQ(outcome.parsed.options.trainee, "guest");
   EXPECT_FALSE(outcome.parsed.options.spool.empty());
 }
 
@@ -100,6 +101,11 @@ TEST(StationOptions, wrongUsageIsExitCode2AndSaysWhatIsMissing) {
       {{"--server", "x", "--exercise", "a", "--ca", "c", "--key", "k"}, "--trainee"},
       {{"--server", "x:99999", "--exercise", "a", "--trainee", "t", "--ca", "c", "--key", "k"}, "99999"},
       {{"--profile", "p", "--rate", "49"}, "--rate"},
+      {{"--profile", "p", "--trainee", "a\tb"}, "--trainee"},
+      {{"--profile", "p", "--trainee", "\xff\xfe"}, "--trainee"},
+      {{"--profile", "p", "--trainee", "nnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnn"},
+       "--trainee"},
+      {{"--profile", "p", "--station", " x"}, "--station"},
       {{"--profile", "p", "--rate", "nan"}, "--rate"},
       {{"--profile", "p", "--seconds", "-1"}, "--seconds"},
       {{"--profile", "p", "--seconds", "inf"}, "--seconds"},

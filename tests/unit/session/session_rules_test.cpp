@@ -1,4 +1,4 @@
-#include "db/session_rules.h"
+#include "session/session_rules.h"
 
 #include <cmath>
 #include <functional>

@@ -1,4 +1,5 @@
-/// What a session's description may hold. It comes from a station, i.e. from the network.
+/// What a session's description may hold. A station checks it before it records, so that nothing is recorded
+/// that no server would take; a server again, because it comes from the network.
 #pragma once
 
 #include "base/result.h"

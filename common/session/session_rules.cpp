@@ -1,10 +1,10 @@
-#include "db/session_rules.h"
+#include "session/session_rules.h"
 
 #include <cmath>
 #include <string>
 
+#include "base/text_rules.h"
 #include "base/uuid.h"
-#include "db/text_rules.h"
 
 namespace needlelab {
 namespace {

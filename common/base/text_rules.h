@@ -1,4 +1,5 @@
-/// What names and texts may be stored: everything that comes in is checked by these before it reaches SQL.
+/// What names and texts may be stored: stations check by these before they record, servers before it reaches
+/// SQL.
 #pragma once
 
 #include <cstddef>

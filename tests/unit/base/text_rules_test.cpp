@@ -1,4 +1,4 @@
-#include "db/text_rules.h"
+#include "base/text_rules.h"
 
 #include <gtest/gtest.h>
 
@@ -16,10 +16,11 @@ TEST(TextRules, utf8IsToldFromOtherBytes) {
 
 TEST(TextRules, namesHaveLengthAndNoControlCharacters) {
   EXPECT_TRUE(checkName("name", "Anna-Lena Müller").ok());
+  EXPECT_TRUE(checkName("name", "10 \u00b5m, caf\u00e9").ok());  // U+00A0 and above are letters and signs
   EXPECT_TRUE(checkName("name", std::string(kMaxNameBytes, 'x')).ok());
-  for (const std::string& bad :
-       {std::string(), std::string(kMaxNameBytes + 1, 'x'), std::string("a\tb"), std::string("a\x7f"),
-        std::string(" a"), std::string("a "), std::string("\x80")}) {
+  for (const std::string& bad : {std::string(), std::string(kMaxNameBytes + 1, 'x'), std::string("a\tb"),
+                                 std::string("a\x7f"), std::string("a\xc2\x9b[2J"), std::string("a\xc2\x80"),
+                                 std::string(" a"), std::string("a "), std::string("\x80")}) {
     const auto refused = checkName("the field", bad);
     ASSERT_FALSE(refused.ok());
     EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);

@@ -1,4 +1,4 @@
-#include "db/text_rules.h"
+#include "base/text_rules.h"
 
 #include <algorithm>
 #include <cstdint>
@@ -20,7 +20,13 @@ Status check(std::string_view field, std::string_view value, std::size_t min, st
     const auto code = static_cast<unsigned char>(c);
     return (code < 0x20 && !(lines && (c == '\n' || c == '\r' || c == '\t'))) || code == 0x7f;
   };
-  if (std::any_of(value.begin(), value.end(), is_control)) return invalid(field, "holds a control character");
+  // U+0080 to U+009F are control characters, too: a terminal takes U+009B for ESC [
+  bool c1 = false;
+  for (std::size_t i = 0; i + 1 < value.size(); ++i) {
+    c1 = c1 || (value[i] == '\xc2' && static_cast<unsigned char>(value[i + 1]) < 0xa0);
+  }
+  if (c1 || std::any_of(value.begin(), value.end(), is_control))
+    return invalid(field, "holds a control character");
   return {};
 }
 
