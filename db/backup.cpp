@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <string>
 
@@ -130,8 +131,11 @@ Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& t
   ::close(fd);
   if (!synced) return error;
   result.bytes = static_cast<std::uint64_t>(info.st_size);
-  // link, not rename: it fails when somebody made the target meanwhile
-  if (::link(partial.path().c_str(), target.c_str()) != 0)
+  // not a plain rename: it must fail when somebody made the target meanwhile. Disks without hard links (USB
+  // sticks with FAT) know the other way.
+  if (::link(partial.path().c_str(), target.c_str()) != 0 &&
+      (errno == EEXIST ||
+       ::renameat2(AT_FDCWD, partial.path().c_str(), AT_FDCWD, target.c_str(), RENAME_NOREPLACE) != 0))
     return systemError(target, "put the backup into place");
   if (auto done = syncFolder(target.parent_path()); !done) return done.error();
   return result;

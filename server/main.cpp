@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <exception>
 #include <string>
 
 #include "base/exit_code.h"
@@ -23,7 +24,7 @@ void raiseFileLimit() {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
   needlelab::ServerOptions options;
   options.handle_signals = true;
   std::string log_level = "info";
@@ -55,4 +56,8 @@ int main(int argc, char** argv) {
   auto server = needlelab::Server::start(std::move(options));
   if (!server.ok()) return fail(server.error());
   return (*server)->run();
+} catch (const std::exception& error) {
+  // out of memory or threads: said in a line; what was not acknowledged is still in the stations' spools
+  std::fprintf(stderr, "needlelab-server: %s\n", error.what());
+  return needlelab::kExitFailed;
 }

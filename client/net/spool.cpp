@@ -43,8 +43,14 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
     return Error{ErrorCode::kUnavailable, "the spool " + folder.string() + " cannot be used: " + why};
   };
   std::error_code error;
+  const bool is_new = !fs::exists(folder, error);
   fs::create_directories(folder / "lessons", error);
   if (error) return fail(error.message());
+  // the folder's own entry has to survive a power cut, too
+  if (const auto whole = fs::absolute(folder, error).lexically_normal(); is_new && !error) {
+    const auto parent = whole.has_filename() ? whole.parent_path() : whole.parent_path().parent_path();
+    if (auto status = syncFolder(parent); !status.ok()) return fail(status.error().message);
+  }
   std::unique_ptr<Spool> spool(new Spool);
   spool->folder_ = folder;
   spool->lock_fd_ = ::open((folder / "lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);

@@ -336,6 +336,11 @@ int Lesson::conclude(const Status& stored) {
     say("cannot write the closing summary to standard output");
     return kExitFailed;
   }
+  // the samples are safe in the spool, but nobody will ever see them there: that is no success
+  if (!summary.uplink.current_trouble.empty() && !summary.uplink.current_verdict) {
+    say("the server did not take the session: " + summary.uplink.current_trouble);
+    return kExitFailed;
+  }
   return stored.ok() ? kExitDone : kExitFailed;
 }
 

@@ -217,7 +217,12 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const std::vector<std::string
                  "cannot make " + files.ca_certificate.parent_path().string() + ": " + failed.message()};
   }
 
-  if (!std::filesystem::exists(files.ca_certificate)) {
+  const bool has_ca = std::filesystem::exists(files.ca_certificate, failed);
+  if (failed) {
+    return Error{ErrorCode::kFailed,
+                 "cannot look at " + files.ca_certificate.string() + ": " + failed.message()};
+  }
+  if (!has_ca) {
     auto authority = makeAuthority(files);
     if (!authority.ok()) return authority.error();
     if (auto made = makeServer(files, *authority, hosts); !made.ok()) return made.error();

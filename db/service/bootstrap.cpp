@@ -9,6 +9,7 @@
 #include <cstring>
 #include <utility>
 
+#include "base/atomic_file.h"
 #include "base/clock.h"
 #include "db/meta_store.h"
 #include "db/migrate.h"
@@ -23,12 +24,20 @@ Error systemError(const std::filesystem::path& path, const std::string& what) {
 }
 
 /// DIR, for its owner only when it is new.
-Status makeFolder(const std::filesystem::path& folder) {
+Status makeFolder(const std::filesystem::path& given) {
+  if (given.empty())
+    return Error{ErrorCode::kInvalidInput, "the data folder's name is empty: give --data DIR"};
+  // DIR/ is DIR: its parent is what has to be synced
+  const auto folder = given.has_filename() ? given : given.parent_path();
   std::error_code error;
   if (std::filesystem::is_directory(folder, error)) return {};
-  if (const auto parent = folder.parent_path(); !parent.empty())
-    std::filesystem::create_directories(parent, error);
-  if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) return systemError(folder, "make this folder");
+  const auto parent = folder.parent_path();
+  if (!parent.empty()) std::filesystem::create_directories(parent, error);
+  if (::mkdir(folder.c_str(), 0700) == 0) {
+    // what is acknowledged from now on must not vanish with the folder's own entry in a power cut
+    return syncFolder(parent);
+  }
+  if (errno != EEXIST) return systemError(folder, "make this folder");
   if (!std::filesystem::is_directory(folder, error))
     return Error{ErrorCode::kInvalidInput, folder.string() + ": is no folder"};
   return {};

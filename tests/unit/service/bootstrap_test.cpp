@@ -82,6 +82,12 @@ TEST(Bootstrap, aFolderWithoutDatabaseIsNotMadeUnlessAsked) {
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "typo"));
 }
 
+TEST(Bootstrap, aFolderWithoutANameIsInvalid) {
+  const auto store = Store::open("", {});
+  ASSERT_FALSE(store);
+  EXPECT_EQ(store.error().code, ErrorCode::kInvalidInput);
+}
+
 TEST(Bootstrap, aFileInPlaceOfTheFolderIsInvalid) {
   const test::TempFolder folder;
   const auto file = folder.write("file", "x");
