@@ -44,6 +44,11 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
     co_await peer.dispatch(std::move(*got));
     // what is under way is bounded: until some of it is done, this socket (and no other) is not read
     while (peer.busy() && !peer.over() && !peer.channel_->closing()) co_await peer.freed_.wait();
+    // after an outage all stations come at once with what they spooled: they wait, they are not cut off
+    while (peer.context_.chunks_in_flight >= peer.context_.bounds.all_chunks_in_flight && !peer.over() &&
+           !peer.channel_->closing()) {
+      co_await peer.context_.room.wait();
+    }
   }
   // the server's end: shutDown has the last word
   while (peer.over() && !peer.channel_->closing()) co_await peer.freed_.wait();

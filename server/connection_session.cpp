@@ -112,6 +112,7 @@ void PeerConnection::takeChunk(pb::Chunk chunk) {
     return;
   }
   ++chunks_in_flight_;
+  ++context_.chunks_in_flight;
   chunk_bytes_in_flight_ += chunk.data().size();
   auto shared = std::make_shared<const pb::Chunk>(std::move(chunk));
   auto appended = std::make_shared<Appended>();
@@ -135,6 +136,7 @@ void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, con
   --chunks_in_flight_;
   chunk_bytes_in_flight_ -= chunk.data().size();
   freed_.notify();
+  if (--context_.chunks_in_flight == context_.bounds.all_chunks_in_flight / 2) context_.room.notify();
   if (!status.ok()) {
     // not stored and not acknowledged: the station keeps it, and sends it again on its next connection
     logEvent(LogLevel::kError, "chunk_not_stored",

@@ -10,6 +10,7 @@
 
 #include "server/hub.h"
 #include "server/login_guard.h"
+#include "server/offload.h"
 #include "server/tokens.h"
 #include "service/bootstrap.h"
 #include "wire/asio.h"
@@ -22,6 +23,7 @@ class PeerConnection;
 struct ConnectionBounds {
   std::size_t chunks_in_flight = 64;  ///< received and not yet committed; then its socket is not read
   std::size_t chunk_bytes_in_flight = 8u << 20;
+  std::size_t all_chunks_in_flight = 8192;  ///< of the whole server: fewer than the writer's queue takes
   std::size_t requests_at_work = 8;
   std::size_t logins_waiting = 64;    ///< of the whole server, for the password check
   std::size_t refusals = 200;         ///< messages refused after log-in; then the connection ends
@@ -50,6 +52,8 @@ struct ServerContext {
   Tokens tokens;
   ServerCounters counters;
   std::size_t logins_waiting = 0;
+  std::size_t chunks_in_flight = 0;  ///< of all connections
+  Signal room{io.get_executor()};    ///< chunks_in_flight has fallen to half of its bound
   bool stopping = false;
   std::unordered_map<std::uint64_t, PeerConnection*>
       connections;  ///< by id; each takes itself out at its end

@@ -215,6 +215,29 @@ TEST(DurablePlane, aFloodOfChunksIsBoundedAndAllOfItArrives) {
   session.waitForAck(*client, 100);
 }
 
+TEST(DurablePlane, manyStationsTogetherNeverOverrunTheWritersQueue) {
+  RunningServer server([](ServerOptions& options) {
+    options.bounds.all_chunks_in_flight = 8;
+    options.writer.max_items = 24;  // one connection alone may have 64 chunks under way
+    options.writer.window = milliseconds(20);
+  });
+  constexpr int kStations = 4;
+  std::vector<BlockingClient> clients;
+  std::vector<FakeSession> sessions;
+  for (int i = 0; i < kStations; ++i) {
+    const std::string name = "bench-" + std::to_string(i);
+    auto client = server.connect(stationLogin(name, server.addStation(name)));
+    ASSERT_TRUE(client.ok());
+    clients.push_back(std::move(*client));
+    sessions.emplace_back(name);
+  }
+  for (int i = 0; i < kStations; ++i) {
+    ASSERT_TRUE(clients[i].send(sessions[i].open()).ok());
+    for (std::uint64_t seq = 0; seq < 100; ++seq) ASSERT_TRUE(clients[i].send(sessions[i].chunk(seq)).ok());
+  }
+  for (int i = 0; i < kStations; ++i) sessions[i].waitForAck(clients[i], 100);
+}
+
 TEST(DurablePlane, aVerifiedBackupMovesTheSafeWatermark) {
   StationAndServer s;
   s.open();
