@@ -134,7 +134,7 @@ Task<> Uplink::run() {
     std::string why;
     bool denied = false;
     if (connection.ok()) {
-      backoff.reset();
+      const std::int64_t connected_ns = steadyNowNs();
       said_.clear();
       {
         const std::scoped_lock lock(mutex_);
@@ -145,6 +145,10 @@ Task<> Uplink::run() {
       say("connected to " + server + " as " + connection->welcome.name());
       co_await serve(std::move(*connection));
       why = channel_->closeText();
+      // only a connection that lasted is a success: two stations with one key would else throw each other out
+      // for ever, five times a second
+      if (steadyNowNs() - connected_ns > std::chrono::nanoseconds(config_.most_retry).count())
+        backoff.reset();
       // what is queued (our goodbye) still has to go; the channel bounds the time
       for (asio::steady_timer timer(io_); !channel_->closed();) {
         timer.expires_after(std::chrono::milliseconds(10));

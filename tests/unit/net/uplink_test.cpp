@@ -147,6 +147,19 @@ TEST_F(UplinkTest, lostConnectionsAndLostAcksLoseAndDoubleNothing) {
   EXPECT_THAT(said(), testing::Contains(HasSubstr("is lost")));
 }
 
+TEST_F(UplinkTest, whoIsThrownOutAtOnceComesBackMoreAndMoreSlowly) {
+  FakeServer server;
+  auto uplink = connected(server.clientConfig());
+  const auto end = std::chrono::steady_clock::now() + 600ms;
+  while (std::chrono::steady_clock::now() < end) {
+    server.dropConnections();
+    std::this_thread::sleep_for(2ms);
+  }
+  // waits of at least 10, 20, 40, then 50 ms; 10 ms each would make about 40 connections
+  EXPECT_GE(uplink->state().connections, 2u);
+  EXPECT_LE(uplink->state().connections, 16u);
+}
+
 TEST_F(UplinkTest, aGapIsSentAgainFromWhereTheServerStands) {
   FakeServer server;
   server.faults.forget_every_chunk = 37;
