@@ -5,6 +5,7 @@
 
 #include <array>
 #include <memory>
+#include <utility>
 
 namespace needlelab {
 namespace {
@@ -48,12 +49,15 @@ void appendQuoted(std::string& out, std::string_view text) {
   constexpr std::string_view kHex = "0123456789abcdef";
   constexpr std::size_t kMost = 500;
   out += '"';
+  unsigned char before = 0;
   for (const char c : text.substr(0, kMost)) {
     const auto byte = static_cast<unsigned char>(c);
+    // U+0080 to U+009F: a terminal takes some of them for commands
+    const bool c1 = std::exchange(before, byte) == 0xc2 && byte >= 0x80 && byte < 0xa0;
     if (c == '"' || c == '\\') {
       out += '\\';
       out += c;
-    } else if (byte < 0x20 || byte == 0x7f) {
+    } else if (byte < 0x20 || byte == 0x7f || c1) {
       out += "\\x";
       out += kHex[byte >> 4];
       out += kHex[byte & 15];

@@ -15,6 +15,15 @@ TEST(Log, aHostileNameCannotForgeALine) {
             "login_refused name=\"x\\x0aerror forged a=\\\"b\\\" \\\\ \\x7f\"");
 }
 
+TEST(Log, aHostileNameCannotCommandATerminal) {
+  const std::string line = logLine("login_refused", {{"name",
+                                                      "a\xc2\x9b"
+                                                      "2J"}});
+  EXPECT_EQ(line.find("\xc2\x9b"), std::string::npos) << line;
+  EXPECT_NE(line.find("\\x9b2J"), std::string::npos) << line;
+  EXPECT_EQ(logLine("e", {{"k", "M\u00fcller"}}), "e k=\"M\u00fcller\"");
+}
+
 TEST(Log, emptyAndLongValuesAreMarked) {
   EXPECT_EQ(logLine("e", {{"k", ""}}), "e k=\"\"");
   EXPECT_LT(logLine("e", {{"k", std::string(100'000, 'a')}}).size(), 600u);
