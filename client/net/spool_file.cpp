@@ -104,6 +104,25 @@ Result<std::uint64_t> SpoolFile::scan(const std::function<bool(const SpoolRecord
   }
 }
 
+Result<bool> SpoolFile::hasRecordBehind(std::uint64_t offset) const {
+  Bytes block(64 * 1024), data;
+  SpoolRecord record;
+  std::uint64_t at = offset + 1;
+  while (at + kSpoolRecordHeader <= size_) {
+    auto got = readFully(fd_, block.data(), block.size(), at);
+    if (!got.ok()) return got.error();
+    if (*got < sizeof kMagic) return false;
+    // blocks overlap by three bytes, so that no magic falls between two of them
+    for (std::size_t i = 0; i + sizeof kMagic <= *got; ++i) {
+      if (std::memcmp(block.data() + i, &kMagic, sizeof kMagic) != 0) continue;
+      auto good = readRecord(at + i, record, data);
+      if (!good.ok() || *good) return good;
+    }
+    at += *got - (sizeof kMagic - 1);
+  }
+  return false;
+}
+
 namespace {
 
 void encodeRecord(Bytes& out, std::uint64_t seq, std::uint32_t part, ByteView data) {

@@ -44,6 +44,10 @@ class SpoolFile {
   /// cannot be read.
   Result<std::uint64_t> scan(const std::function<bool(const SpoolRecord&)>& visit) const;
 
+  /// Whether a good record begins anywhere behind `offset`: then what stands at `offset` is damage, not a
+  /// torn end.
+  [[nodiscard]] Result<bool> hasRecordBehind(std::uint64_t offset) const;
+
   /// Appends a record (at most kMaxSpoolRecord bytes). When the disk refuses, the file is as it was:
   /// kUnavailable.
   Status append(std::uint64_t seq, std::uint32_t part, ByteView data);

@@ -181,6 +181,11 @@ Status SpoolSession::loadChunks() {
     ended_ = false;
   }
   if (!ended_) {
+    // good records behind a bad one: that is damage and no torn end; the file is kept as it is found
+    auto damaged = chunks_.hasRecordBehind(*good_end);
+    if (!damaged.ok()) return damaged.error();
+    if (*damaged)
+      if (auto kept = keepDamaged(); !kept.ok()) return kept;
     // drop the torn end: what is appended now must follow the last good record
     if (*good_end < chunks_.size())
       if (auto status = chunks_.truncate(*good_end); !status.ok()) return status;

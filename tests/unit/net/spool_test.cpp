@@ -212,6 +212,33 @@ TEST(Spool, aSessionThatEndedAndLostChunksAfterwardsIsInterruptedAndTheFileKept)
   EXPECT_EQ(*readWholeFile(session / "chunks.damaged"), text);
 }
 
+TEST(Spool, damageInTheMiddleOfASessionThatDidNotEndKeepsTheFileATornEndDoesNot) {
+  for (const bool torn : {true, false}) {
+    const TempFolder folder;
+    fs::path session;
+    {
+      auto spool = opened(folder.path());
+      auto made = *spool->create(describeSession(makeUuidV7()));
+      session = made->folder();
+      for (std::uint64_t k = 0; k < 3; ++k) ASSERT_TRUE(made->appendChunk(coded(100 * k, 100), 100).ok());
+      ASSERT_TRUE(made->sync().ok());
+    }
+    auto text = *readWholeFile(session / "chunks");
+    if (torn)
+      text.resize(text.size() - 5);
+    else
+      text[text.size() / 2] = static_cast<char>(~text[text.size() / 2]);
+    std::ofstream(session / "chunks", std::ios::binary) << text;
+    const Recovered found = recover(folder.path());
+    EXPECT_TRUE(found.contents.interrupted);
+    EXPECT_EQ(found.samples.size(), torn ? 200u : 100u);
+    EXPECT_EQ(fs::exists(session / "chunks.damaged"), !torn);
+    if (!torn) {
+      EXPECT_EQ(*readWholeFile(session / "chunks.damaged"), text);
+    }
+  }
+}
+
 TEST(Spool, damagedChunksAreNotCutOffWhileNoCopyCanBeKept) {
   const TempFolder folder;
   fs::path session;
