@@ -143,7 +143,7 @@ std::string summaryText(const StationSummary& s) {
     const Json counts = flagCounts(s.servo, warnings);
     for (const auto& [words, ticks] : counts.items())
       text += std::string(warnings ? "warning      " : "event        ") + words + ": " + ticks.dump() +
-              " ticks\n";
+              (ticks == 1 ? " tick\n" : " ticks\n");
   }
   if (s.has_server) {
     text += printed("server       %llu of %llu samples committed, session %s\n", count(s.samples_acked),
