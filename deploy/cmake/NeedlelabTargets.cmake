@@ -1,8 +1,7 @@
 # needlelab_library(NAME FOLDER dir SOURCES ... DEPS ...)   -> needlelab_NAME, alias needlelab::NAME
 # needlelab_program(NAME SOURCES ... DEPS ...)              -> executable NAME in bin/
 # needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary, its tests known to ctest
-#   labels: unit, determinism, net, db, integration say what it is; threads: runs under ThreadSanitizer too;
-#   alone: measures time or loads both cores, so nothing else may run beside it
+#   labels: unit, net, determinism say what it is; threads: runs under ThreadSanitizer too
 #
 # Headers are included as "FOLDERNAME/header.h". Each target publishes a folder of its own that holds one link, so
 # that only what a target names in DEPS can be included.
