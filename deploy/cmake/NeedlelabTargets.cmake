@@ -1,4 +1,4 @@
-# needlelab_library(NAME FOLDER dir SOURCES ... DEPS ...)   -> needlelab_NAME, alias needlelab::NAME
+# needlelab_library(NAME SOURCES ... DEPS ...)              -> needlelab_NAME, alias needlelab::NAME
 # needlelab_program(NAME SOURCES ... DEPS ...)              -> executable NAME in bin/
 # needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary, its tests known to ctest
 #   labels: unit, net, determinism say what it is; threads: runs under ThreadSanitizer too
