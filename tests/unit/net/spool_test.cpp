@@ -192,17 +192,22 @@ TEST(Spool, aTailWhoseChunkIsAlreadyThereIsNotDoubled) {
   EXPECT_EQ(found.samples.size(), 100u);
 }
 
+// three chunks of 100 samples, on disk; the program ended the session, or died without a word. The session's
+// folder.
+fs::path sessionOfThreeChunks(const fs::path& folder, bool ended) {
+  auto spool = opened(folder);
+  auto made = *spool->create(describeSession(makeUuidV7()));
+  for (std::uint64_t k = 0; k < 3; ++k) EXPECT_TRUE(made->appendChunk(coded(100 * k, 100), 100).ok());
+  EXPECT_TRUE(made->sync().ok());
+  if (ended) {
+    EXPECT_TRUE(made->end(false).ok());
+  }
+  return made->folder();
+}
+
 TEST(Spool, aSessionThatEndedAndLostChunksAfterwardsIsInterruptedAndTheFileKept) {
   const TempFolder folder;
-  fs::path session;
-  {
-    auto spool = opened(folder.path());
-    auto made = *spool->create(describeSession(makeUuidV7()));
-    session = made->folder();
-    for (std::uint64_t k = 0; k < 3; ++k) ASSERT_TRUE(made->appendChunk(coded(100 * k, 100), 100).ok());
-    ASSERT_TRUE(made->sync().ok());
-    ASSERT_TRUE(made->end(false).ok());
-  }
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
   auto text = *readWholeFile(session / "chunks");
   text[text.size() / 2] = static_cast<char>(~text[text.size() / 2]);
   std::ofstream(session / "chunks", std::ios::binary) << text;
@@ -215,14 +220,7 @@ TEST(Spool, aSessionThatEndedAndLostChunksAfterwardsIsInterruptedAndTheFileKept)
 TEST(Spool, damageInTheMiddleOfASessionThatDidNotEndKeepsTheFileATornEndDoesNot) {
   for (const bool torn : {true, false}) {
     const TempFolder folder;
-    fs::path session;
-    {
-      auto spool = opened(folder.path());
-      auto made = *spool->create(describeSession(makeUuidV7()));
-      session = made->folder();
-      for (std::uint64_t k = 0; k < 3; ++k) ASSERT_TRUE(made->appendChunk(coded(100 * k, 100), 100).ok());
-      ASSERT_TRUE(made->sync().ok());
-    }
+    const fs::path session = sessionOfThreeChunks(folder.path(), false);
     auto text = *readWholeFile(session / "chunks");
     if (torn)
       text.resize(text.size() - 5);
@@ -241,15 +239,7 @@ TEST(Spool, damageInTheMiddleOfASessionThatDidNotEndKeepsTheFileATornEndDoesNot)
 
 TEST(Spool, damagedChunksAreNotCutOffWhileNoCopyCanBeKept) {
   const TempFolder folder;
-  fs::path session;
-  {
-    auto spool = opened(folder.path());
-    auto made = *spool->create(describeSession(makeUuidV7()));
-    session = made->folder();
-    for (std::uint64_t k = 0; k < 3; ++k) ASSERT_TRUE(made->appendChunk(coded(100 * k, 100), 100).ok());
-    ASSERT_TRUE(made->sync().ok());
-    ASSERT_TRUE(made->end(false).ok());
-  }
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
   auto text = *readWholeFile(session / "chunks");
   text[text.size() / 2] = static_cast<char>(~text[text.size() / 2]);
   std::ofstream(session / "chunks", std::ios::binary) << text;
