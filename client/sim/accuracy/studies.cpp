@@ -1,0 +1,10 @@
+#include "accuracy/study.h"
+
+namespace needlelab {
+
+const std::vector<AccuracyPart>& accuracyParts() {
+  static const std::vector<AccuracyPart> parts = {};
+  return parts;
+}
+
+}  // namespace needlelab
