@@ -5,6 +5,7 @@
 #include <string>
 
 #include "haptics/det_math.h"
+#include "haptics/models/axial_entry.h"
 
 namespace needlelab {
 namespace {
@@ -17,10 +18,7 @@ double ticksOf(double duration_s, double rate_hz) {
 // an effect is live when the scene lists it and its numbers are not all zero (DESIGN §4)
 EffectMask liveEffects(const SceneSpec& spec) {
   const auto any = [&](auto number) { return std::any_of(spec.layers.begin(), spec.layers.end(), number); };
-  EffectMask with_numbers = 0;
-  if (any([](const LayerSpec& l) { return l.cutting_force_N > 0; })) with_numbers |= bitOf(Effect::kCutting);
-  if (any([](const LayerSpec& l) { return l.attracted_force_N > 0; }))
-    with_numbers |= bitOf(Effect::kAttracted);
+  EffectMask with_numbers = axialEntry(spec.axial_model).effectsWithNumbers(spec);
   if (any([](const LayerSpec& l) { return l.lateral_stiffness_N_per_m2 > 0; }))
     with_numbers |= bitOf(Effect::kClamping);
   if (spec.orientation_limit.stiffness_Nm_per_rad > 0 && spec.orientation_limit.max_torque_Nm > 0)
@@ -44,7 +42,8 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
   for (const LayerSpec& from : spec.layers) {
     CompiledLayer& to = model.layers[model.layer_count++];
     to.top_m = top;
-    to.cut_stretch_m = model.isLive(Effect::kCutting) ? from.cutting_force_N / wall_stiffness : 0.0;
+    to.cutting_force_N = model.isLive(Effect::kCutting) ? from.cutting_force_N : 0.0;
+    to.cut_stretch_m = to.cutting_force_N / wall_stiffness;
     to.attracted_stretch_m = model.isLive(Effect::kAttracted) ? from.attracted_force_N / wall_stiffness : 0.0;
     to.rejection_stretch_m = from.rejection_force_N / wall_stiffness;
     to.lateral_N_per_m2 = from.lateral_stiffness_N_per_m2;
@@ -106,12 +105,25 @@ Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
     model.relax_share = 1.0 - detExp(-model.period_s / model.wall.relax_time_s);
   model.max_turn_rad = 2.0 * model.period_s;
   compileLayers(spec, model);
+  const AxialEntry& axial = axialEntry(spec.axial_model);
+  model.axial_model = spec.axial_model;
+  model.step_function = (*axial.steps)[model.live];
+  axial.compile(spec, model);
   return model;
+}
+
+EffectMask effectsOfLayers(const SceneSpec& spec) {
+  EffectMask mask = 0;
+  for (const LayerSpec& layer : spec.layers) {
+    if (layer.cutting_force_N > 0) mask |= bitOf(Effect::kCutting);
+    if (layer.attracted_force_N > 0) mask |= bitOf(Effect::kAttracted);
+  }
+  return mask;
 }
 
 double SceneModel::axialStiffness_N_per_m() const {
   double sum = 0;
-  if (isLive(Effect::kCutting) || isLive(Effect::kAttracted)) sum += wall.stiffness_N_per_m;
+  if (isLive(Effect::kCutting) || isLive(Effect::kAttracted)) sum += axial_stiffness_N_per_m;
   if (isLive(Effect::kShaftFriction)) sum += friction_stiffness_N_per_m;
   if (isLive(Effect::kPuncture)) {
     double steepest = 0;

@@ -9,10 +9,18 @@
 
 namespace needlelab {
 
+struct SimState;
+struct StepReport;
+struct TipSample;
+class SceneModel;
+/// One tick of a scene's axial model with its live effects.
+using StepFunction = void (*)(const SceneModel&, const TipSample&, SimState&, StepReport&) noexcept;
+
 /// One layer, ready for the tick. Depths δ run along the surface normal, lengths along the trajectory are
 /// δ/c.
 struct CompiledLayer {
   double top_m = 0;                   ///< half-open [top, next top); the last layer has no end
+  double cutting_force_N = 0;         ///< f_cut; 0 where CUTTING is not live
   double cut_stretch_m = 0;           ///< Δ_cut = f_cut/K_t; 0 where CUTTING is not live
   double attracted_stretch_m = 0;     ///< f_att/K_t; 0 where ATTRACTED is not live
   double rejection_stretch_m = 0;     ///< f_rej/K_t
@@ -55,15 +63,25 @@ class SceneModel {
   std::uint32_t membrane_count = 0;
   EffectMask live = 0;  ///< listed by the scene, and its numbers not all zero
 
+  // along u
+  AxialModel axial_model = AxialModel::kEnhancedTrackingWall;
+  StepFunction step_function = nullptr;  ///< of that model with these live effects
+  double axial_stiffness_N_per_m = 0;    ///< steepest slope of the axial model's force over x
+  bool step_at_layers = false;           ///< DIRECT
+
   [[nodiscard]] bool isLive(Effect effect) const { return (live & bitOf(effect)) != 0; }
-  /// Steepest stiffness along the trajectory that can act at once: K_t + K_f + steepest membrane, of live
-  /// effects. A device refuses a scene that is above what it can render (DESIGN §3.5).
+  /// Steepest stiffness along the trajectory that can act at once: K_t (or the axial model's) + K_f +
+  /// steepest membrane, of live effects. A device refuses a scene that is above what it can render (DESIGN
+  /// §3.5).
   [[nodiscard]] double axialStiffness_N_per_m() const;
 };
 
 /// Validates, then precomputes for a loop of `rate_hz` (50-40,000 Hz). Errors: kInvalidInput as of
 /// `validate`.
 Result<SceneModel> compile(const SceneSpec& spec, double rate_hz);
+
+/// CUTTING and ATTRACTED where the layers' own forces are not all zero.
+EffectMask effectsOfLayers(const SceneSpec& spec);
 
 /// Signed depth δ of a point in the limb: negative outside, positive inside (DESIGN §3.1).
 double signedDepth(const Limb& limb, Vec3 p_W_m);

@@ -4,48 +4,18 @@
 
 #include "base/range.h"
 #include "haptics/limits.h"
+#include "haptics/models/axial_entry.h"
+#include "haptics/spec_checker.h"
 
 namespace needlelab {
 namespace {
 
-constexpr NumberRange kLength{0, 1, true};
-constexpr NumberRange kForce{0, 50};
-constexpr NumberRange kPositiveForce{0, 50, true};
-constexpr NumberRange kStiffness{0, 10'000, true};
 constexpr NumberRange kDuration{0, 10, true};
 constexpr NumberRange kShare{0, 1};
-constexpr NumberRange kCoordinate{-1e3, 1e3};
 /// Directions and segments shorter than this have no meaning after rounding.
 constexpr double kShortestVector = 1e-6;
 
-/// Keeps the first fault and its field's path; everything after it is skipped.
-class Checker {
- public:
-  /// Text that stands before the field's name from now on, e.g. "layers[2].".
-  void enter(std::string prefix) { prefix_ = std::move(prefix); }
-
-  void number(std::string_view field, double value, const NumberRange& range) {
-    if (status_.ok() && !range.contains(value))
-      status_ = outOfRange(prefix_ + std::string(field), value, range);
-  }
-  void point(const std::string& field, Vec3 value) {
-    number(field + ".x", value.x, kCoordinate);
-    number(field + ".y", value.y, kCoordinate);
-    number(field + ".z", value.z, kCoordinate);
-  }
-  void require(bool good, std::string_view field, const std::string& words) {
-    if (status_.ok() && !good) {
-      status_ = Error{ErrorCode::kInvalidInput, prefix_ + std::string(field) + ": " + words};
-    }
-  }
-  [[nodiscard]] Status take() { return std::move(status_); }
-
- private:
-  std::string prefix_;
-  Status status_;
-};
-
-void checkLimb(const Limb& limb, Checker& check) {
+void checkLimb(const Limb& limb, SpecChecker& check) {
   if (const auto* plane = std::get_if<PlaneLimb>(&limb)) {
     check.enter("limb.plane.");
     check.point("point_m", plane->point_m);
@@ -66,7 +36,7 @@ void checkLimb(const Limb& limb, Checker& check) {
   }
 }
 
-void checkLayer(const LayerSpec& layer, bool attracted_live, Checker& check) {
+void checkLayer(const LayerSpec& layer, bool attracted_live, SpecChecker& check) {
   check.number("thickness_m", layer.thickness_m, kLength);
   check.number("cutting_force_n", layer.cutting_force_N, kForce);
   check.number("attracted_force_n", layer.attracted_force_N, kForce);
@@ -91,7 +61,7 @@ void checkLayer(const LayerSpec& layer, bool attracted_live, Checker& check) {
   }
 }
 
-void checkLayers(const SceneSpec& spec, Checker& check) {
+void checkLayers(const SceneSpec& spec, SpecChecker& check) {
   check.enter("");
   check.require(
       !spec.layers.empty() && spec.layers.size() <= kMaxLayers, "layers",
@@ -105,7 +75,7 @@ void checkLayers(const SceneSpec& spec, Checker& check) {
   }
 }
 
-void checkSections(const SceneSpec& spec, Checker& check) {
+void checkSections(const SceneSpec& spec, SpecChecker& check) {
   const TrackingWallSpec& wall = spec.tracking_wall;
   check.enter("tracking_wall.");
   check.number("stiffness_n_per_m", wall.stiffness_N_per_m, kStiffness);
@@ -135,12 +105,13 @@ void checkSections(const SceneSpec& spec, Checker& check) {
 }  // namespace
 
 Status validate(const SceneSpec& spec) {
-  Checker check;
+  SpecChecker check;
   check.enter("needle.");
   check.number("length_m", spec.needle_length_m, kLength);
   checkLimb(spec.limb, check);
   checkLayers(spec, check);
   checkSections(spec, check);
+  axialEntry(spec.axial_model).check(spec, check);
   check.enter("");
   check.number("max_force_n", spec.max_force_N, kPositiveForce);
   check.require((spec.effects & ~kAllEffects) == 0, "effects", "has bits beyond the known effects");

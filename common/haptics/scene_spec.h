@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/result.h"
+#include "haptics/axial_model.h"
 #include "haptics/geometry.h"
 
 namespace needlelab {
@@ -65,6 +66,7 @@ struct LayerSpec {
   double lateral_stiffness_N_per_m2 = 0;  ///< clamping stiffness per inserted length, [0, 1e7]
   double friction_N_per_m = 0;            ///< shaft friction per inserted length, [0, 1e4]
   std::optional<MembraneSpec> membrane;
+  std::optional<FirstOrderSpec> first_order;  ///< every layer has one where the model is FIRST_ORDER
 };
 
 enum class StopMode : std::uint8_t { kRamp, kExponential };
@@ -96,7 +98,14 @@ struct SceneSpec {
   double needle_length_m = 0.06;  ///< L, (0, 1]
   Limb limb = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
   std::vector<LayerSpec> layers;  ///< 1-32, from the skin inward
+  AxialModel axial_model = AxialModel::kEnhancedTrackingWall;
   TrackingWallSpec tracking_wall;
+  DirectSpec direct;
+  VoigtSpec voigt;
+  GodObjectSpec god_object;
+  StatisticalSpec statistical;
+  PrecomputedSpec precomputed;
+  FemSpec fem;
   VirtualFixtureSpec virtual_fixture;
   OrientationLimitSpec orientation_limit;
   double friction_stiffness_N_per_m = 140;  ///< K_f, (0, 10000]

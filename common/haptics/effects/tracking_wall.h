@@ -54,13 +54,20 @@ inline void relaxWall(const SceneModel& model, SimState& state, double x_m, doub
   state.wall_m += std::copysign(std::min(move, model.max_stop_step_m), stretch);
 }
 
+/// How far the wall may be from the needle at this tick: Δ_cut, Δ_att before it fades at the surface, and
+/// what a stop leaves.
+struct WallStretch {
+  double cut_m = 0;
+  double attracted_m = 0;
+  double rejection_m = 0;
+};
+
 /// Force along u: negative is cutting, positive is attracted.
 inline double applyTrackingWall(const SceneModel& model, SimState& state, const Tick& tick, bool stop_begins,
-                                StepReport& report) {
-  const CompiledLayer& layer = model.layers[state.layer];
-  if (state.stopped) relaxWall(model, state, tick.x_cut_m, layer.rejection_stretch_m, stop_begins);
-  const double ahead = std::min(layer.attracted_stretch_m, tick.insertion_m);
-  state.wall_m = std::min(std::max(state.wall_m, tick.x_cut_m - layer.cut_stretch_m), tick.x_cut_m + ahead);
+                                const WallStretch& stretch, StepReport& report) {
+  if (state.stopped) relaxWall(model, state, tick.x_cut_m, stretch.rejection_m, stop_begins);
+  const double ahead = std::min(stretch.attracted_m, tick.insertion_m);
+  state.wall_m = std::min(std::max(state.wall_m, tick.x_cut_m - stretch.cut_m), tick.x_cut_m + ahead);
   const double force = -model.wall.stiffness_N_per_m * (tick.x_cut_m - state.wall_m);
   (force < 0.0 ? report.cutting_N : report.attracted_N) = force;
   return force;

@@ -1,0 +1,100 @@
+/// The ways to compute the force along the trajectory (DESIGN §3.6), and what an author sets for each.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string_view>
+#include <vector>
+
+namespace needlelab {
+
+struct NeedleCompliance;
+
+/// Which model gives the force along u. Append only: profiles and recordings name them.
+enum class AxialModel : std::uint8_t {
+  kEnhancedTrackingWall,
+  kTrackingWall,
+  kDirect,
+  kVoigt,
+  kGodObject,
+  kFirstOrder,
+  kStatistical,
+  kPrecomputed,
+  kFem
+};
+inline constexpr std::size_t kAxialModelCount = 9;
+inline constexpr std::array<std::string_view, kAxialModelCount> kAxialModelNames = {"ENHANCED_TRACKING_WALL",
+                                                                                    "TRACKING_WALL",
+                                                                                    "DIRECT",
+                                                                                    "VOIGT",
+                                                                                    "GOD_OBJECT",
+                                                                                    "FIRST_ORDER",
+                                                                                    "STATISTICAL",
+                                                                                    "PRECOMPUTED",
+                                                                                    "FEM"};
+constexpr std::string_view axialModelName(AxialModel model) {
+  return kAxialModelNames[static_cast<std::size_t>(model)];
+}
+
+struct DirectSpec {
+  double stiffness_N_per_m = 500;  ///< (0, 10000]
+  bool step_at_layers = true;      ///< up to the layer's cutting force; else without end
+};
+
+struct VoigtSpec {
+  double stiffness_N_per_m = 500;  ///< K, (0, 10000]
+  double damping_Ns_per_m = 5;     ///< B, [0, 1000]
+};
+
+struct GodObjectSpec {
+  double stiffness_N_per_m = 500;  ///< (0, 10000]
+};
+
+/// Of one layer.
+struct FirstOrderSpec {
+  double stiffness_N_per_m = 0;  ///< up to puncture, (0, 10000]
+  double puncture_force_N = 0;   ///< (0, 50]
+  double cutting_force_N = 0;    ///< after puncture, [0, 50]
+  double friction_N_per_m = 0;   ///< per inserted length, [0, 1e4]
+};
+
+struct StatisticalSpec {
+  struct Row {
+    double depth_m = 0;  ///< increasing, [0, 1]
+    double mean_N = 0;   ///< [0, 50]
+    double sd_N = 0;     ///< [0, 50]
+  };
+  std::vector<Row> table;              ///< 1-256 rows
+  double correlation_length_m = 3e-3;  ///< of the normal score over depth, (0, 1]
+  std::uint64_t seed = 0;
+  double mean_factor = 1;       ///< of the patient: scales mean and sd, (0, 10]
+  double thickness_factor = 1;  ///< of the patient: scales the table's depths, (0, 10]
+};
+
+struct PrecomputedSpec {
+  struct Row {
+    double depth_m = 0;      ///< increasing, [0, 1]
+    double cutting_N = 0;    ///< magnitude on the way in, [0, 50]
+    double attracted_N = 0;  ///< magnitude on the way out, [0, 50]
+  };
+  std::vector<Row> table;  ///< 1-1024 rows
+};
+
+/// Linear elasticity of one layer, for FEM.
+struct FemLayerSpec {
+  double young_Pa = 0;          ///< E, [100, 1e9]
+  double poisson = 0;           ///< ν, [0, 0.49]
+  double friction_N_per_m = 0;  ///< shaft friction per inserted length, [0, 1e4]
+  double cutting_N = 0;         ///< at the tip, [0, 50]
+};
+
+struct FemSpec {
+  std::int32_t nodes = 3000;         ///< of the mesh, [100, 200000]
+  std::vector<FemLayerSpec> layers;  ///< as many as the scene has
+  /// What common/fem made of it: `compile` refuses a scene with FEM that has none. Shared, never changed.
+  std::shared_ptr<const NeedleCompliance> compliance;
+};
+
+}  // namespace needlelab

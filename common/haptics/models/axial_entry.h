@@ -1,0 +1,35 @@
+/// What every axial model offers: one entry per model, each made in the model's own file. The engine, the
+/// validator and the compiler know the models through this only.
+#pragma once
+
+#include <array>
+
+#include "haptics/engine.h"
+#include "haptics/scene_model.h"
+#include "haptics/spec_checker.h"
+
+namespace needlelab {
+
+/// One step function per set of live effects (its index is the EffectMask): an effect that is not live is not
+/// compiled in.
+using StepTable = std::array<StepFunction, kAllEffects + 1>;
+
+/// To add a model: a file here that makes an entry (see direct.cpp, the smallest), a line in axial_entry.cpp,
+/// a name in axial_model.h, a section in proto/needlelab/profile.proto.
+struct AxialEntry {
+  const StepTable* steps;
+  /// Checks the model's own section; the scene's other parts have been checked.
+  void (*check)(const SceneSpec& spec, SpecChecker& check);
+  /// Which of CUTTING and ATTRACTED have numbers that are not all zero under this model, listed or not.
+  EffectMask (*effectsWithNumbers)(const SceneSpec& spec);
+  /// Fills what the model needs at a tick. `model` has everything else, `model.live` included.
+  void (*compile)(const SceneSpec& spec, SceneModel& model);
+};
+
+const AxialEntry& axialEntry(AxialModel model);
+
+extern const AxialEntry kTrackingWallEntry;  ///< ENHANCED_TRACKING_WALL
+extern const AxialEntry kPlainWallEntry;     ///< TRACKING_WALL
+extern const AxialEntry kDirectEntry;
+
+}  // namespace needlelab

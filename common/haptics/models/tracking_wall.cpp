@@ -1,0 +1,42 @@
+/// ENHANCED_TRACKING_WALL: cutting and attracted force by the wall of DESIGN §3.2 (paper eq. 1-6), and
+/// TRACKING_WALL, its predecessor of 2018: the same wall for insertion and stop, without attracted force.
+#include "haptics/effects/tracking_wall.h"
+#include "haptics/models/axial_entry.h"
+#include "haptics/step_live.h"
+
+namespace needlelab {
+namespace {
+
+// stretches by the layer that the tip is in
+struct LayeredWall {
+  static constexpr bool acts(EffectMask live) {
+    return (live & (bitOf(Effect::kCutting) | bitOf(Effect::kAttracted))) != 0;
+  }
+  static constexpr bool kHasWall = true;
+
+  static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool stop_begins,
+                      StepReport& report) {
+    const CompiledLayer& layer = model.layers[state.layer];
+    return applyTrackingWall(model, state, tick, stop_begins,
+                             {layer.cut_stretch_m, layer.attracted_stretch_m, layer.rejection_stretch_m},
+                             report);
+  }
+};
+constexpr StepTable kSteps = stepTable<LayeredWall>();
+
+// its section is part of every scene and checked there
+void nothingToCheck(const SceneSpec&, SpecChecker&) {}
+
+void useWall(const SceneSpec& spec, SceneModel& model) {
+  model.axial_stiffness_N_per_m = spec.tracking_wall.stiffness_N_per_m;
+}
+
+}  // namespace
+
+constinit const AxialEntry kTrackingWallEntry = {&kSteps, nothingToCheck, effectsOfLayers, useWall};
+
+constinit const AxialEntry kPlainWallEntry = {
+    &kSteps, nothingToCheck,
+    [](const SceneSpec& spec) { return effectsOfLayers(spec) & bitOf(Effect::kCutting); }, useWall};
+
+}  // namespace needlelab
