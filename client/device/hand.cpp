@@ -56,7 +56,9 @@ Wrench Hand::pull(const HandleState& handle) noexcept {
   const double per_s = step_ == 0 ? 0 : 1 / step_s_;
   const Vec3 v_wanted = (wanted_.p - before.p) * per_s;
   const Vec3 w_wanted = turnVector(before.q, wanted_.q) * per_s;
+  const double since_start_s = static_cast<double>(step_) * step_s_;
   ++step_;
+  if (options_.let_go_s > 0 && since_start_s >= options_.let_go_s) return {};
 
   return {options_.stiffness_N_per_m * (wanted_.p - handle.X_WH.p) +
               options_.damping_Ns_per_m * (v_wanted - handle.v_W_mps),

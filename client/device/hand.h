@@ -23,6 +23,9 @@ struct HandOptions {
   /// default is kCommandLineCorrection_per_s (hand_cli.h), so that a plan's target is reached through firm
   /// tissue.
   double correction_per_s = 0;
+  /// From this time on the hand does not touch the handle any more, however the plan goes on; 0 = it never
+  /// lets go. In s, [0, 1e6]. For studies; not on a command line.
+  double let_go_s = 0;
   double tremor_m = 50e-6;   ///< peak per axis in 8-12 Hz, [0, 0.005]
   double speed_mps = 0.02;   ///< of insertion and withdrawal, (0, 0.5]
   double hold_s = 2;         ///< at the target, (0, 600]

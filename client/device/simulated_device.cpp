@@ -26,6 +26,7 @@ Status checked(const SimulatedDeviceOptions& o, double rate_hz) {
       {"hand rotational stiffness in N·m/rad", h.rotational_stiffness_Nm_per_rad, {0, 100}},
       {"hand rotational damping in N·m·s/rad", h.rotational_damping_Nms_per_rad, {0, 5}},
       {"hand correction per s", h.correction_per_s, {0, 20}},
+      {"hand's letting go in s", h.let_go_s, {0, 1e6}},
       {"hand tremor in m", h.tremor_m, {0, 0.005}},
       {"mass in kg", o.limits.apparent_mass_kg, {0.01, 100}},
       {"damping in N·s/m", o.limits.damping_Ns_per_m, {0, 100}},

@@ -52,6 +52,20 @@ TEST(Hand, pursuesThePlanWithTheTipOfTheTool) {
   }
 }
 
+TEST(Hand, letsGoAtItsTimeForGood) {
+  HandOptions o;
+  o.tremor_m = 0;
+  o.let_go_s = 0.01;
+  Hand hand(o, HandPlan(Pose{}).moveIn(Pose{{0.1, 0, 0}, {}}, 0.1, Motion::kLinear).hold(1), {}, 1e-3);
+  const HandleState at_rest{};
+  for (int step = 0; step < 200; ++step) {
+    const Wrench pull = hand.pull(at_rest);
+    if (step == 0) continue;  // it begins where the handle is
+    EXPECT_EQ(norm(pull.force_N) > 0, step < 10) << "step " << step;
+    EXPECT_NEAR(hand.wanted().p.x, std::min(0.1, 1e-3 * step), 1e-9);  // the plan goes on
+  }
+}
+
 TEST(Hand, doesItsPlanAsOftenAsAsked) {
   HandOptions options = steady();
   options.repeat = 3;
