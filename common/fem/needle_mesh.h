@@ -1,0 +1,54 @@
+/// From a scene to the compliance that its needle feels: mesh, assembly, factor, one solve per station.
+/// Off the haptic thread: seconds, not microseconds.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "base/result.h"
+#include "haptics/models/needle_compliance.h"
+#include "haptics/scene_spec.h"
+
+namespace needlelab {
+
+/// r₀ of FACTS' check: half of 0.8 mm, the outer diameter of a 21G needle.
+inline constexpr double kNeedleRadius_m = 0.4e-3;
+/// Stations of the live needle where the caller asks for none.
+inline constexpr int kDefaultStations = 60;
+
+/// What a mesh is made for. The trajectory is the surface normal at the entry, the tissue a half-space of
+/// layers (the limb's curvature is not seen), `spec.fem.layers` its elasticity.
+struct NeedleMeshOptions {
+  int nodes = 3000;                   ///< about so many; layers that are thin can make it more
+  int stations = kDefaultStations;    ///< 1-kMaxNeedleStations
+  double radius_m = kNeedleRadius_m;  ///< r₀
+  double half_width_per_length =
+      4.0;  ///< the far boundary, held: half-width and depth below the path, in paths
+};
+
+/// Errors: kInvalidInput (fem section missing or out of range, with the field's path), kFailed when the
+/// factorisation fails.
+Result<std::shared_ptr<const NeedleCompliance>> precomputeCompliance(const SceneSpec& spec,
+                                                                     const NeedleMeshOptions& options);
+/// With the scene's own `fem.nodes`, for a scene whose model is FEM and which has no compliance yet; any
+/// other is left alone. What station and needlelab-sim call before `compile`.
+Status addCompliance(SceneSpec& spec);
+
+/// One rung of the ladder of meshes; the last rung is the reference of the others.
+struct MeshRow {
+  int nodes = 0, elements = 0;
+  double assemble_s = 0, factor_s = 0, solve_s = 0;  ///< solve: all stations at once
+  double whole_solve_s = 0;  ///< one right-hand side: what a live step would cost without the compliance
+  double live_step_p50_s = 0, live_step_p99_s = 0;  ///< over the study's insertion and withdrawal at 1 kHz
+  double stiffness_N_per_m = 0;  ///< of the needle stuck in the tissue over its whole length
+  double stiffness_error = 0;    ///< relative to the finest mesh
+  double tip_give_m_per_N = 0;   ///< at the deepest station
+  double force_rms_error_N = 0, force_max_error_N = 0;  ///< over the insertion and withdrawal, to the finest
+  double strained_share = 0;                            ///< see NeedleCompliance
+};
+/// The same scene on meshes of about `ladder` nodes (ascending), each with `stations` stations. `progress`
+/// may be null; it is told each rung as it is done.
+Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<int>& ladder,
+                                       int stations = kDefaultStations);
+
+}  // namespace needlelab
