@@ -1,0 +1,50 @@
+#include "stability/case.h"
+
+#include <utility>
+
+namespace needlelab {
+
+std::string_view verdictText(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kStable:
+      return "stable";
+    case Verdict::kChatters:
+      return "chatters";
+    case Verdict::kDiverges:
+      return "diverges";
+    case Verdict::kNotApplicable:
+      break;
+  }
+  return "";
+}
+
+std::vector<StabilityCase> allCases() {
+  std::vector<StabilityCase> all;
+  for (auto&& part : {holdCases()})
+    for (const StabilityCase& one : part) all.push_back(one);
+  return all;
+}
+
+Result<CaseOutcome> runCase(const StabilityCase& hard_case, const CaseSettings& settings, AxialModel model,
+                            const ForceSourceFactory& source) {
+  CaseOutcome outcome;
+  if (hard_case.axial || model == AxialModel::kEnhancedTrackingWall) {
+    auto ran = hard_case.run(settings, model, source);
+    if (!ran.ok()) return ran.error();
+    outcome = *std::move(ran);
+  }
+  outcome.row.case_name = hard_case.name;
+  outcome.row.model = model;
+  return outcome;
+}
+
+void judge(CaseRow& row, bool growing) {
+  row.applicable = true;
+  row.passed = row.finite && !growing && row.measured && row.limit && *row.measured <= *row.limit;
+  if (row.passed)
+    row.verdict = Verdict::kStable;
+  else
+    row.verdict = !row.finite || growing ? Verdict::kDiverges : Verdict::kChatters;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,100 @@
+/// tests/stability/cases.json: scenes, paths, durations, filters, limits and seeds of the hard cases stand
+/// there, once. It is compiled into the program.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/result.h"
+#include "device/hand_plan.h"
+#include "haptics/axial_model.h"
+#include "haptics/scene_spec.h"
+#include "stability/measures.h"
+#include "stability/plant.h"
+
+namespace needlelab {
+
+/// The file: `{"version": 1, "filters": {"chatter": …}, "plant": …, "scenes": {NAME: profile}, "cases":
+/// {NAME: …}}`.
+class CaseFile {
+ public:
+  /// `source` names the text in messages. Errors: kInvalidInput naming file, field, value and range.
+  static Result<CaseFile> parse(std::string_view text, std::string_view source);
+  static Result<CaseFile> load(const std::filesystem::path& path);
+  /// The one that is compiled in.
+  static Result<CaseFile> embedded();
+
+  [[nodiscard]] const nlohmann::json& json() const { return json_; }
+  [[nodiscard]] const std::string& source() const { return source_; }
+
+ private:
+  nlohmann::json json_;
+  std::string source_;
+};
+
+/// A hand's plan with the times of its steps.
+struct TimedPlan {
+  struct Step {
+    std::string name;  ///< may be empty
+    double from_s = 0, to_s = 0;
+  };
+  HandPlan plan;
+  std::vector<Step> steps;
+};
+
+/// Changes to a path, for cases that draw it at random.
+struct PathChange {
+  double depth_offset_m = 0;  ///< added to every `to_depth_m` above 0
+  double speed_factor = 1;
+};
+
+/// Reads one case's entry. The first fault is kept and every reader gives something harmless from then on:
+/// read all that is needed, then ask `status()`. Field names are paths with dots: "window.from_s".
+class CaseEntry {
+ public:
+  /// `case_name` must be in the file (kInvalidInput otherwise, through `status`).
+  CaseEntry(const CaseFile& file, std::string_view case_name, bool long_form = false);
+
+  [[nodiscard]] const Status& status() const { return status_; }
+  [[nodiscard]] bool has(const std::string& field) const;
+  /// A finite number within [least, most].
+  double number(const std::string& field, double least = -1e9, double most = 1e9);
+  /// A list of finite numbers, at least one.
+  std::vector<double> numbers(const std::string& field);
+  /// A whole number, at least `least`; or `{"short": n, "long": n}`, taken by the form.
+  std::uint64_t whole(const std::string& field, std::uint64_t least = 0);
+  std::string text(const std::string& field);
+  /// `{"low": a, "high": b}` at share `s` (0-1) of the way.
+  double between(const std::string& field, double s);
+
+  /// The scene named by "scene", changed by the entry's "scene_patch" (RFC 7386) when there is one.
+  SceneSpec scene();
+  /// The same, rendered by another model: likeForLike.
+  SceneSpec scene(AxialModel model);
+  /// The file's "plant", with the entry's "plant" on top.
+  PlantOptions plant();
+  /// The list `field` of steps, straight along W's −z: first `{"from_depth_m"}`, then `{"hold_s"}` or
+  /// `{"to_depth_m", "speed_m_s", "motion"}`; each may have a "name". Depth −10 mm to 1 m.
+  TimedPlan path(const std::string& field = "path", const PathChange& change = {});
+  /// `field`: `{"step", "from_s", "to_s"}`, seconds after the beginning of the path's step of that name;
+  /// without "to_s" to its end.
+  TimeWindow window(const TimedPlan& plan, const std::string& field = "window");
+  BandFilter chatterFilter();
+
+ private:
+  [[nodiscard]] const nlohmann::json* find(const std::string& field) const;
+  const nlohmann::json& need(const std::string& field);
+  void fail(const std::string& field, const std::string& words);
+
+  const CaseFile* file_;
+  std::string name_;
+  bool long_form_;
+  nlohmann::json entry_;
+  Status status_;
+};
+
+}  // namespace needlelab

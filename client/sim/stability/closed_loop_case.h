@@ -1,0 +1,29 @@
+/// What the closed-loop cases share: run, fill a row, keep a curve.
+#pragma once
+
+#include <string>
+
+#include "stability/case.h"
+#include "stability/measures.h"
+
+namespace needlelab {
+
+/// Into the tissue, in W: the paths of cases.json run along it.
+inline constexpr Vec3 kInward_W{0, 0, -1};
+
+/// Makes a source for `scene` and runs it to the plan's end.
+Result<PlantRun> runScene(const ForceSourceFactory& source, const SceneSpec& scene, const HandPlan& plan,
+                          const PlantOptions& options);
+
+/// finite, max force, unexplained step, chatter over the window, energy given to the hand over the whole run.
+CaseRow measuredRow(const PlantRun& run, TimeWindow window, const BandFilter& band);
+/// The worse of both in each number, for cases of several runs; energies: the greater.
+void worsen(CaseRow& row, const CaseRow& other);
+
+/// Does not come to rest within the window, or only the gate or the cap of the sum holds it.
+bool growsIn(const PlantRun& run, TimeWindow window);
+
+/// The resistance (force against the way in, before the gate) over the whole run.
+CaseTrace traceOf(const PlantRun& run, std::string label);
+
+}  // namespace needlelab

@@ -1,0 +1,30 @@
+/// What gives the force in a hard case: the real engine, or in a test a variant of it with a planted defect.
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "base/result.h"
+#include "haptics/engine.h"
+#include "haptics/scene_spec.h"
+
+namespace needlelab {
+
+/// One scene at one rate, with its state. Thread: one at a time.
+class ForceSource {
+ public:
+  virtual ~ForceSource() = default;
+  /// One tick, as needlelab::step.
+  virtual void step(const TipSample& tip, StepReport& report) noexcept = 0;
+  /// Steepest stiffness along the trajectory that can act at once, as SceneModel::axialStiffness_N_per_m.
+  [[nodiscard]] virtual double axialStiffness_N_per_m() const noexcept = 0;
+};
+
+/// A new source, as before the first tick. Errors: kInvalidInput as of `compile`.
+using ForceSourceFactory =
+    std::function<Result<std::unique_ptr<ForceSource>>(const SceneSpec& scene, double rate_hz)>;
+
+/// The engine that ships: compile once, then step.
+ForceSourceFactory engineSource();
+
+}  // namespace needlelab

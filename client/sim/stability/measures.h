@@ -1,0 +1,52 @@
+/// What is measured on a run of the closed loop.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "stability/plant.h"
+
+namespace needlelab {
+
+/// A stretch of time of a run, [from_s, to_s).
+struct TimeWindow {
+  double from_s = 0, to_s = 0;
+};
+/// The ticks of the run in the window.
+std::span<const PlantTick> ticksIn(const PlantRun& run, TimeWindow window);
+
+/// Force of the source along `direction` (unit, in W) per tick, before the gate.
+std::vector<double> forceAlong(std::span<const PlantTick> ticks, Vec3 direction);
+
+/// Largest minus smallest; 0 for nothing.
+double peakToPeak(std::span<const double> signal);
+double rmsOf(std::span<const double> signal);  ///< 0 for nothing
+
+/// A Butterworth band: high-pass at `low_hz` and, when below half of the rate, low-pass at `high_hz`, each of
+/// `order` (2, 4, 6 or 8; bilinear transform, corner frequencies prewarped).
+struct BandFilter {
+  double low_hz = 50, high_hz = 500;
+  int order = 4;
+};
+/// The signal in the band. It starts as if it had stood at its first value for ever.
+std::vector<double> bandPassed(std::span<const double> signal, double rate_hz, const BandFilter& band);
+
+/// RMS in the band over the window of a run; the filter starts at the run's beginning.
+double chatterOf(const PlantRun& run, Vec3 direction, TimeWindow window, const BandFilter& band);
+
+bool allFinite(const PlantRun& run);
+double maxForce_N(const PlantRun& run);
+
+/// How much of the force's step between two consecutive stepped ticks the springs do not explain: |Δf| −
+/// ΣK·|Δp|/slant, at least 0; 0 where the second tick has a declared release (rupture, layer change, exit).
+/// ΣK = `axial_stiffness` + the greater clamping stiffness; `slant` = c.
+double unexplainedStep_N(Vec3 p_before_m, const StepReport& before, Vec3 p_m, const StepReport& report,
+                         double axial_stiffness_N_per_m, double slant = 1);
+/// The greatest of a run (straight insertions, slant 1).
+double maxUnexplainedStep_N(const PlantRun& run);
+
+/// The signal does not come to rest: its AC part in the last quarter is above `floor` and above 1.5 times
+/// that of the first quarter.
+bool grows(std::span<const double> signal, double floor);
+
+}  // namespace needlelab

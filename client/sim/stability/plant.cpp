@@ -1,0 +1,128 @@
+#include "stability/plant.h"
+
+#include <algorithm>
+#include <deque>
+
+#include "base/range.h"
+
+namespace needlelab {
+namespace {
+
+// the device on its own fine steps, so that ticks may be late and delays need not be the device's business
+class FinePlant {
+ public:
+  FinePlant(const PlantOptions& options, const HandPlan& plan)
+      : rate_hz_(options.rate_hz),
+        steps_per_tick_(std::max<std::int64_t>(
+            1, static_cast<std::int64_t>(options.device.integration_hz / options.rate_hz + 0.5))),
+        delay_steps_(static_cast<std::int64_t>(options.device.delay_ticks) * steps_per_tick_),
+        device_(fine(options.device, fineHz()), plan) {}
+
+  [[nodiscard]] double fineHz() const { return rate_hz_ * static_cast<double>(steps_per_tick_); }
+  [[nodiscard]] std::int64_t stepsPerTick() const { return steps_per_tick_; }
+  [[nodiscard]] std::int64_t now() const { return now_; }
+  [[nodiscard]] double energy_J() const { return energy_J_; }
+  [[nodiscard]] const SimulatedDevice& device() const { return device_; }
+
+  Status open() { return device_.open(fineHz()); }
+
+  // time goes on to `step` under the wrenches that fall due on the way; false when the plan is over
+  bool advanceTo(std::int64_t step, DeviceReading& reading) {
+    if (step == now_) return device_.read(reading) == DeviceRead::kFresh;
+    while (now_ < step) {
+      while (!pending_.empty() && pending_.front().due <= now_) {
+        acting_ = pending_.front().wrench;
+        pending_.pop_front();
+      }
+      const std::int64_t until = pending_.empty() ? step : std::min(step, pending_.front().due);
+      const Vec3 before = device_.handle().X_WH.p;
+      device_.write(acting_);
+      device_.skip(static_cast<std::uint64_t>(until - now_ - 1));
+      if (device_.read(reading) != DeviceRead::kFresh) return false;
+      // the wrench was constant: its work is exact
+      energy_J_ += dot(acting_.wrench().force_N, device_.handle().X_WH.p - before);
+      now_ = until;
+    }
+    return true;
+  }
+
+  void command(const GuardedWrench& wrench) { pending_.push_back({now_ + delay_steps_, wrench}); }
+
+ private:
+  static SimulatedDeviceOptions fine(SimulatedDeviceOptions options, double fine_hz) {
+    options.delay_ticks = 0;
+    options.integration_hz = fine_hz;
+    options.X_HT = {};
+    return options;
+  }
+  struct Pending {
+    std::int64_t due = 0;
+    GuardedWrench wrench;
+  };
+  double rate_hz_;
+  std::int64_t steps_per_tick_, delay_steps_;
+  SimulatedDevice device_;
+  std::int64_t now_ = 0;
+  double energy_J_ = 0;
+  GuardedWrench acting_;
+  std::deque<Pending> pending_;
+};
+
+Status checked(const PlantOptions& options) {
+  const NumberRange rate{kMinRateHz, kMaxRateHz}, share{0, 1, false, true};
+  if (!rate.contains(options.rate_hz)) return outOfRange("rate in Hz", options.rate_hz, rate);
+  if (!share.contains(options.jitter_share))
+    return outOfRange("share of jitter", options.jitter_share, share);
+  if (!share.contains(options.missing_share))
+    return outOfRange("share of missing ticks", options.missing_share, share);
+  if (options.device.delay_ticks > SimulatedDevice::kMaxDelayTicks)
+    return outOfRange("delay in ticks", static_cast<double>(options.device.delay_ticks),
+                      {0, static_cast<double>(SimulatedDevice::kMaxDelayTicks)});
+  return {};
+}
+
+}  // namespace
+
+Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const PlantOptions& options) {
+  if (const Status status = checked(options); !status.ok()) return status.error();
+  FinePlant plant(options, plan);
+  if (const Status status = plant.open(); !status.ok()) return status.error();
+
+  HandRandom random(options.seed);
+  ForceGate gate(options.device.limits, options.rate_hz);
+  PlantRun run{options.rate_hz, source.axialStiffness_N_per_m(), {}, Fault::kNone};
+  run.ticks.reserve(static_cast<std::size_t>(plan.duration_s() * options.rate_hz) + 2);
+  StepReport report;
+  DeviceReading reading;
+  const auto steps = static_cast<double>(plant.stepsPerTick());
+  for (std::int64_t k = 0;; ++k) {
+    const double late = options.jitter_share > 0 && k > 0 ? random.uniform() * options.jitter_share : 0;
+    const bool missing = options.missing_share > 0 && random.uniform() < options.missing_share;
+    if (!plant.advanceTo(k * plant.stepsPerTick() + static_cast<std::int64_t>(late * steps), reading)) break;
+
+    PlantTick& tick = run.ticks.emplace_back();
+    tick.time_s = static_cast<double>(plant.now()) / plant.fineHz();
+    tick.seen = {reading.X_WH.p, normalized(reading.X_WH.q)};
+    Wrench wanted;
+    tick.stepped = gate.admit(tick.seen, !missing, reading.speed_mps);
+    if (tick.stepped) {
+      source.step(tick.seen, report);
+      wanted = report.wrench_W;
+    }
+    gate.noteOutside(report.depth_m <= 0);
+    const GuardedWrench guarded = gate.guard(wanted);
+    plant.command(guarded);
+
+    tick.p_W_m = plant.device().handle().X_WH.p;
+    tick.v_W_mps = plant.device().handle().v_W_mps;
+    tick.p_wanted_W_m = plant.device().hand().wanted().p;
+    tick.report = report;
+    tick.rendered_force_N = guarded.wrench().force_N;
+    tick.gate_flags = gate.flags();
+    tick.energy_J = plant.energy_J();
+    if (run.fault == Fault::kNone) run.fault = gate.fault();
+  }
+  return run;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,45 @@
+// The plant of the hard cases against the device and chain that the station uses.
+#include "stability/plant.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "sim/closed_loop.h"
+#include "stability/case_file.h"
+
+namespace needlelab {
+namespace {
+
+TEST(Plant, givesTheSameBitsAsTheStationsDeviceAndChain) {
+  const auto file = CaseFile::embedded();
+  ASSERT_TRUE(file.ok()) << file.error().message;
+  CaseEntry entry(*file, "hold_quantised");
+  const SceneSpec scene = entry.scene();
+  PlantOptions options = entry.plant();
+  options.device.hand.tremor_m = 100e-6;
+  const TimedPlan path = entry.path();
+  ASSERT_TRUE(entry.status().ok()) << entry.status().error().message;
+  for (const std::uint32_t delay : {0u, 1u, 3u}) {
+    options.device.delay_ticks = delay;
+    const auto source = engineSource()(scene, options.rate_hz);
+    ASSERT_TRUE(source.ok());
+    const auto run = runPlant(**source, path.plan, options);
+    ASSERT_TRUE(run.ok()) << run.error().message;
+
+    const auto model = compile(scene, options.rate_hz);
+    ASSERT_TRUE(model.ok());
+    SimulatedDevice device(options.device, path.plan);
+    const auto chain = runClosedLoop(*model, device, {}, 100'000);
+    ASSERT_TRUE(chain.ok());
+    // the plan may end between two ticks
+    ASSERT_NEAR(static_cast<double>(run->ticks.size()), static_cast<double>(chain->size()), 1);
+    for (std::size_t i = 0; i < std::min(run->ticks.size(), chain->size()); ++i) {
+      ASSERT_EQ(run->ticks[i].seen.p_WT_m.z, (*chain)[i].X_WT.p.z) << "tick " << i << ", delay " << delay;
+      ASSERT_EQ(run->ticks[i].rendered_force_N.z, (*chain)[i].rendered_W.force_N.z) << "tick " << i;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace needlelab
