@@ -31,5 +31,6 @@ const AxialEntry& axialEntry(AxialModel model);
 extern const AxialEntry kTrackingWallEntry;  ///< ENHANCED_TRACKING_WALL
 extern const AxialEntry kPlainWallEntry;     ///< TRACKING_WALL
 extern const AxialEntry kDirectEntry;
+extern const AxialEntry kNotBuiltEntry;  ///< refuses the scene by its model's name
 
 }  // namespace needlelab

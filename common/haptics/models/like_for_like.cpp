@@ -1,0 +1,142 @@
+#include "haptics/models/like_for_like.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace needlelab {
+namespace {
+
+constexpr double kFall_m = 1e-5;           // within which a table's force falls
+constexpr double kVesic = 4.8;             // 1/(0.65 · 0.32)
+constexpr double kLeastPuncture_N = 1e-3;  // FIRST_ORDER wants one above 0
+
+bool lists(const SceneSpec& scene, Effect effect) {
+  return (scene.effects & bitOf(effect)) != 0;
+}
+double cuttingOf(const SceneSpec& scene, const LayerSpec& layer) {
+  return lists(scene, Effect::kCutting) ? layer.cutting_force_N : 0.0;
+}
+double frictionOf(const SceneSpec& scene, const LayerSpec& layer) {
+  return lists(scene, Effect::kShaftFriction) ? layer.friction_N_per_m : 0.0;
+}
+
+// a membrane's force over the depth at which it ruptures
+double secantStiffness(const MembraneSpec& m) {
+  return (m.linear_N_per_m +
+          std::sqrt(m.linear_N_per_m * m.linear_N_per_m + 4 * m.quadratic_N_per_m2 * m.force_N)) /
+         2;
+}
+
+void deriveFirstOrder(SceneSpec& scene) {
+  double cutting_before_N = 0;
+  for (LayerSpec& layer : scene.layers) {
+    const double cutting_N = cuttingOf(scene, layer);
+    if (!layer.first_order) {
+      FirstOrderSpec& own = layer.first_order.emplace();
+      own.cutting_force_N = cutting_N;
+      own.friction_N_per_m = frictionOf(scene, layer);
+      if (lists(scene, Effect::kPuncture) && layer.membrane) {
+        own.puncture_force_N = layer.membrane->force_N;
+        own.stiffness_N_per_m = std::clamp(secantStiffness(*layer.membrane), 1e-6, 1e4);
+      } else {
+        own.puncture_force_N = std::max(kLeastPuncture_N, cutting_N - cutting_before_N);
+        own.stiffness_N_per_m = scene.tracking_wall.stiffness_N_per_m;
+      }
+    }
+    cutting_before_N = cutting_N;
+  }
+  scene.effects &= ~(bitOf(Effect::kPuncture) | bitOf(Effect::kShaftFriction));
+  scene.effects |= bitOf(Effect::kCutting);
+}
+
+void deriveFem(SceneSpec& scene) {
+  if (scene.fem.layers.empty())
+    for (const LayerSpec& layer : scene.layers) {
+      FemLayerSpec own;
+      own.poisson = kDefaultPoisson;
+      const double young_Pa =
+          kVesic * (1 - kDefaultPoisson * kDefaultPoisson) * layer.lateral_stiffness_N_per_m2;
+      own.young_Pa = young_Pa > 0 ? std::clamp(young_Pa, 100.0, 1e9) : kDefaultYoung_Pa;
+      own.friction_N_per_m = frictionOf(scene, layer);
+      own.cutting_N = cuttingOf(scene, layer);
+      scene.fem.layers.push_back(own);
+    }
+  scene.effects &= ~bitOf(Effect::kShaftFriction);
+  scene.effects |= bitOf(Effect::kCutting);
+}
+
+template <class Section>
+void deriveStiffness(const SceneSpec& scene, Section& section) {
+  if (section.stiffness_N_per_m == Section{}.stiffness_N_per_m)
+    section.stiffness_N_per_m = scene.tracking_wall.stiffness_N_per_m;
+}
+
+}  // namespace
+
+std::vector<PrecomputedSpec::Row> forceTableOfLayers(const SceneSpec& scene) {
+  const double stiffness = scene.tracking_wall.stiffness_N_per_m;
+  const bool attracts = lists(scene, Effect::kAttracted);
+  std::vector<PrecomputedSpec::Row> table;
+  double top_m = 0, cutting_N = 0;
+  for (std::size_t i = 0; i < scene.layers.size(); ++i) {
+    const LayerSpec& layer = scene.layers[i];
+    const double bottom_m = top_m + layer.thickness_m;
+    const double attracted_N = attracts ? layer.attracted_force_N : 0.0;
+    const double wanted_N = cuttingOf(scene, layer);
+    if (i == 0) table.push_back({0, 0, attracted_N});
+    // falls and the attracted force follow at once, a rise follows the wall's spring
+    const double fall_m = std::min(kFall_m, layer.thickness_m / 4);
+    const double fallen_N = std::min(cutting_N, wanted_N);
+    if (i != 0) table.push_back({top_m + fall_m, fallen_N, attracted_N});
+    cutting_N = fallen_N;
+    const double rise_m = (wanted_N - cutting_N) / stiffness;
+    if (rise_m > 2 * fall_m) {
+      const double end_m = std::min(top_m + rise_m, bottom_m - (i + 1 == scene.layers.size() ? 0 : fall_m));
+      cutting_N = std::min(wanted_N, cutting_N + stiffness * (end_m - top_m));
+      table.push_back({end_m, cutting_N, attracted_N});
+    } else {
+      table.back().cutting_N = cutting_N = wanted_N;
+    }
+    if (i + 1 < scene.layers.size() && table.back().depth_m < bottom_m)
+      table.push_back({bottom_m, cutting_N, attracted_N});
+    top_m = bottom_m;
+  }
+  return table;
+}
+
+SceneSpec likeForLike(const SceneSpec& scene, AxialModel model) {
+  SceneSpec other = scene;
+  other.axial_model = model;
+  if (model == scene.axial_model) return other;
+  switch (model) {
+    case AxialModel::kEnhancedTrackingWall:
+    case AxialModel::kTrackingWall:
+      break;
+    case AxialModel::kDirect:
+      deriveStiffness(scene, other.direct);
+      break;
+    case AxialModel::kVoigt:
+      deriveStiffness(scene, other.voigt);
+      break;
+    case AxialModel::kGodObject:
+      deriveStiffness(scene, other.god_object);
+      break;
+    case AxialModel::kFirstOrder:
+      deriveFirstOrder(other);
+      break;
+    case AxialModel::kPrecomputed:
+      if (other.precomputed.table.empty()) other.precomputed.table = forceTableOfLayers(scene);
+      break;
+    case AxialModel::kStatistical:
+      if (other.statistical.table.empty())
+        for (const auto& row : forceTableOfLayers(scene))
+          other.statistical.table.push_back({row.depth_m, row.cutting_N, kSyntheticSdShare * row.cutting_N});
+      break;
+    case AxialModel::kFem:
+      deriveFem(other);
+      break;
+  }
+  return other;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,37 @@
+/// The same scene rendered by another axial model, for comparisons.
+#pragma once
+
+#include "haptics/scene_spec.h"
+
+namespace needlelab {
+
+/// What a layer's E is taken for in FEM where the scene says nothing of its lateral stiffness: soft tissue.
+inline constexpr double kDefaultYoung_Pa = 10e3;
+inline constexpr double kDefaultPoisson = 0.45;
+/// STATISTICAL sections that are derived have this share of the mean as sd; it is synthetic, not measured.
+inline constexpr double kSyntheticSdShare = 0.1;
+
+/// The scene with `model` in place of its own. The section of that model stays where the scene has one (a
+/// table with rows, `first_order` of a layer, `fem` with layers, a stiffness that is not the default);
+/// otherwise it is derived from the layers, f_i being the cutting force of layer i (0 where CUTTING is not
+/// listed) and K_t the tracking wall's stiffness:
+/// - DIRECT, VOIGT, GOD_OBJECT: stiffness K_t, the rest at its default.
+/// - PRECOMPUTED: the force that the tracking wall shows over depth in a straight insertion: cutting rises
+///   with slope K_t below each layer's top as far as f_i or the layer's bottom, falls and attracted forces
+///   change within 10 µm.
+/// - STATISTICAL: mean as the cutting force of PRECOMPUTED, sd 10 % of it: synthetic.
+/// - FIRST_ORDER: cutting f_i; friction of the layer where SHAFT_FRICTION is listed, else 0; puncture force
+/// and
+///   secant stiffness of the layer's membrane where PUNCTURE is listed and it has one, else puncture force
+///   f_i − f_{i−1} (at least 1 mN) with stiffness K_t. Both effects leave the list, CUTTING enters it.
+/// - FEM: E from the lateral stiffness per length k' by Vesic (1961), k' = 0.65 (E d⁴/E_n I_n)^(1/12)
+///   E/(1 − ν²), its twelfth root taken as 0.32 (a steel needle of 0.8 mm in soft tissue): E = 4.8 (1 − ν²)
+///   k'; 10 kPa where k' is 0; ν 0.45; cutting and friction as for FIRST_ORDER, SHAFT_FRICTION leaves the
+///   list. `fem.compliance` stays what it is: common/fem makes it before `compile`.
+/// The scene must be valid. Off the haptic thread.
+SceneSpec likeForLike(const SceneSpec& scene, AxialModel model);
+
+/// The table of PRECOMPUTED as derived above.
+std::vector<PrecomputedSpec::Row> forceTableOfLayers(const SceneSpec& scene);
+
+}  // namespace needlelab
