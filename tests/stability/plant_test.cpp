@@ -7,6 +7,7 @@
 
 #include "sim/closed_loop.h"
 #include "stability/case_file.h"
+#include "support/reference_source.h"
 
 namespace needlelab {
 namespace {
@@ -39,6 +40,25 @@ TEST(Plant, givesTheSameBitsAsTheStationsDeviceAndChain) {
       ASSERT_EQ(run->ticks[i].rendered_force_N.z, (*chain)[i].rendered_W.force_N.z) << "tick " << i;
     }
   }
+}
+
+// the controls are variants of the reference: without a defect it gives what the engine gives
+TEST(Plant, theReferenceGivesTheEnginesForces) {
+  const auto file = CaseFile::embedded();
+  ASSERT_TRUE(file.ok());
+  CaseEntry entry(*file, "hold_quantised");
+  const SceneSpec scene = entry.scene();
+  const PlantOptions options = entry.plant();
+  const TimedPlan path = entry.path();
+  const auto engine = engineSource()(scene, options.rate_hz),
+             reference = test::referenceSource()(scene, options.rate_hz);
+  ASSERT_TRUE(engine.ok() && reference.ok());
+  const auto a = runPlant(**engine, path.plan, options), b = runPlant(**reference, path.plan, options);
+  ASSERT_TRUE(a.ok() && b.ok());
+  ASSERT_EQ(a->ticks.size(), b->ticks.size());
+  for (std::size_t i = 0; i < a->ticks.size(); ++i)
+    ASSERT_NEAR(a->ticks[i].report.wrench_W.force_N.z, b->ticks[i].report.wrench_W.force_N.z, 1e-9)
+        << "tick " << i;
 }
 
 }  // namespace

@@ -31,8 +31,8 @@ Vec3 turned(Vec3 u, Vec3 e, double angle) {
 
 }  // namespace
 
-ReferenceEngine::ReferenceEngine(SceneSpec scene, double rate_hz)
-    : scene_(std::move(scene)), rate_hz_(rate_hz), period_s_(1.0 / rate_hz) {}
+ReferenceEngine::ReferenceEngine(SceneSpec scene, double rate_hz, Defect planted)
+    : scene_(std::move(scene)), rate_hz_(rate_hz), period_s_(1.0 / rate_hz), planted_(planted) {}
 
 std::optional<Vec3> ReferenceEngine::direction() const {
   return insertion_ ? std::optional(insertion_->u) : std::nullopt;
@@ -123,9 +123,10 @@ double ReferenceEngine::cone(double d_t) const {
 
 ReferenceEngine::Geometry ReferenceEngine::geometry(const Insertion& in, Vec3 u, Vec3 p, double depth) const {
   Geometry g;
-  g.c = std::max(0.05, -dot(in.normal, u));             // §3.1: c = max(0.05, −n·u)
-  g.x = dot(u, p - in.p_entry);                         // §3.1: x = u·(p − P0)
-  g.d_t = std::min(std::max(0.0, g.x), depth / g.c);    // §3.1: d_t = min(max(0, x), δ/c)
+  g.c = std::max(0.05, -dot(in.normal, u));           // §3.1: c = max(0.05, −n·u)
+  g.x = dot(u, p - in.p_entry);                       // §3.1: x = u·(p − P0)
+  g.d_t = std::min(std::max(0.0, g.x), depth / g.c);  // §3.1: d_t = min(max(0, x), δ/c)
+  if (planted_ == Defect::kInsertionIgnoresDepth) g.d_t = std::max(0.0, g.x);  // planted
   g.e = (p - in.p_entry) - u * dot(u, p - in.p_entry);  // §3.3: e = (p − P0) − u (u·(p − P0))
   g.k = std::min(alongShaft(&LayerSpec::lateral_stiffness_N_per_m2, g.d_t, g.c),
                  scene_.virtual_fixture.max_stiffness_N_per_m);  // §3.3: k = min(∫₀^{d_t} …, max_stiffness)
@@ -153,6 +154,10 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     insertion_.reset();
     outside_once_ = true;
   } else if (!insertion_ && has_past_ && depth_past_ <= 0) {  // "Entry: δ_k > 0 after δ_{k−1} ≤ 0."
+    enter(p, depth, axis);
+    out.flags |= kFlagEntry;
+  } else if (!insertion_ && planted_ == Defect::kEntersFromInside) {  // planted
+    p_past_ = p, depth_past_ = 0;
     enter(p, depth, axis);
     out.flags |= kFlagEntry;
   } else if (!insertion_) {
@@ -212,12 +217,14 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
 void ReferenceEngine::enter(Vec3 p, double depth, Vec3 axis) {
   Insertion in;
   in.p_entry = p_past_ + (p - p_past_) * (depth_past_ / (depth_past_ - depth));
+  if (planted_ == Defect::kEntryAtTip) in.p_entry = p;  // planted
   in.normal = normalAt(in.p_entry);
   in.u = dot(axis, -in.normal) > std::sin(10.0 * kPi / 180.0) ? axis : -in.normal;
   in.u0 = in.u;
   in.x_past = {0.0};  // "with x = 0 at tick k_entry − 1"
   in.tilt_limit =
       std::max(kPi / 4, angleBetween(axis, in.u));  // §3.4: "max(45°, θ) at entry, before any turn"
+  if (planted_ == Defect::kTiltLimitFrom45) in.tilt_limit = kPi / 4;  // planted
   in.membranes.resize(scene_.layers.size());
   insertion_ = std::move(in);
 }
@@ -239,7 +246,7 @@ bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec
   // the least of: the angle that brings |e| to ρ + f_max/k for the present k; 2 rad/s·T; the cone's
   const double r = norm(p - in.p_entry);
   double angle = std::asin(std::min(1.0, e / r)) - std::asin(std::min(1.0, (rho + f_max / g.k) / r));
-  angle = std::min(angle, 2.0 * period_s_);
+  if (planted_ != Defect::kTurnAtOnce) angle = std::min(angle, 2.0 * period_s_);  // else planted
   const double before = angleBetween(in.u, in.u0);
   const auto allowed = [&](double a) {
     const Vec3 u = turned(in.u, g.e, a);
@@ -261,7 +268,8 @@ bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec
   const double theta_before = angleBetween(axis, in.u);
   in.u = turned(in.u, g.e, angle);
   const double x_old = g.x;
-  g = geometry(in, in.u, p, depth);  // "Then c, x, d_t, k, e are taken anew"
+  g = geometry(in, in.u, p, depth);                       // "Then c, x, d_t, k, e are taken anew"
+  if (planted_ == Defect::kTurnLeavesWalls) return true;  // planted
   const double moved =
       g.x - x_old;  // "w, the friction wall, the membranes' places and the kept past values of x move"
   in.wall += moved;
@@ -298,8 +306,9 @@ Vec3 ReferenceEngine::clamp(Insertion& in, const Geometry& g, StepReport& out) {
 // §3.1: v = (x_k − x_{k−j})/(jT), j = min(100 ms in ticks, k − k_entry + 1)
 double ReferenceEngine::speed(Insertion& in, double x) const {
   in.x_past.push_back(x);
-  const auto since = static_cast<std::int64_t>(in.x_past.size()) - 1;  // k − k_entry + 1
-  const std::int64_t j = std::min(inTicks(0.1), since);
+  const auto since = static_cast<std::int64_t>(in.x_past.size()) - 1;          // k − k_entry + 1
+  const double window_s = planted_ == Defect::kShortSpeedWindow ? 0.02 : 0.1;  // planted
+  const std::int64_t j = std::min(inTicks(window_s), since);
   return (x - in.x_past[static_cast<std::size_t>(since - j)]) / (static_cast<double>(j) * period_s_);
 }
 
@@ -348,14 +357,15 @@ void ReferenceEngine::axial(Insertion& in, const Geometry& g, double x_c, double
   const LayerSpec& layer = scene_.layers[static_cast<std::size_t>(in.layer)];
   const double stiffness = spec.stiffness_N_per_m;
   const double cut = live(Effect::kCutting) ? layer.cutting_force_N / stiffness : 0.0;
-  const double attracted =
-      live(Effect::kAttracted) ? std::min(layer.attracted_force_N / stiffness, g.d_t) : 0.0;
+  double attracted = live(Effect::kAttracted) ? std::min(layer.attracted_force_N / stiffness, g.d_t) : 0.0;
+  if (planted_ == Defect::kAttractedNotFaded && live(Effect::kAttracted))
+    attracted = layer.attracted_force_N / stiffness;  // planted
 
   // 1. Stop: ticks with |v| < v_stop are counted, the entry tick included
   const double slow = spec.stop_speed_mps;
-  if (std::abs(v) >= (in.stopped
-                          ? 2 * slow
-                          : slow)) {  // "… or, once stopped, when |v| ≥ 2·v_stop, which also ends the stop"
+  const double still = planted_ == Defect::kNoStopHysteresis ? slow : 2 * slow;  // planted: the first
+  if (std::abs(v) >=
+      (in.stopped ? still : slow)) {  // "… or, once stopped, when |v| ≥ 2·v_stop, which also ends the stop"
     in.slow_ticks = 0;
     in.stopped = false;
   } else if (std::abs(v) < slow) {
@@ -366,6 +376,7 @@ void ReferenceEngine::axial(Insertion& in, const Geometry& g, double x_c, double
           inTicks(spec.stop_dwell_s)) {  // "when it reaches stop_dwell_s, the stop begins with m = 0"
     in.stopped = true;
     in.stop_m = 0;
+    in.stop_i = 0;
     in.stop_z0 =
         std::abs(x_c - in.wall);  // "z0 = |z| at the tick that begins the stop, before the wall moves"
   }
@@ -374,10 +385,7 @@ void ReferenceEngine::axial(Insertion& in, const Geometry& g, double x_c, double
     const double rejection = layer.rejection_force_N / stiffness;
     const double most = 1.5 * slow * period_s_;
     if (spec.stop_mode == StopMode::kRamp) {
-      const double n = static_cast<double>(inTicks(spec.stop_duration_s));
-      const double gap = std::max(0.0, std::abs(z) - rejection);
-      in.stop_m = std::max(in.stop_m, gap / n);
-      in.wall += signOf(z) * std::min({in.stop_m, gap, most});
+      ramp(in, z, rejection);
     } else {
       const double gap = std::max(0.0, std::abs(z) - std::max(rejection, spec.relax_residual * in.stop_z0));
       in.wall += signOf(z) * std::min(gap * (1 - std::exp(-period_s_ / spec.relax_time_s)), most);
@@ -402,12 +410,35 @@ void ReferenceEngine::axial(Insertion& in, const Geometry& g, double x_c, double
     in.phase = Phase::kWithdrawing;
 }
 
+// §3.2 RAMP: g = max(0, |z| − f_rej/K_t), m ← max(m, g/n), w ← w + sign(z)·min(m, g, 1.5·v_stop·T)
+void ReferenceEngine::ramp(Insertion& in, double z, double rejection_m) const {
+  const TrackingWallSpec& spec = scene_.tracking_wall;
+  const double n = static_cast<double>(inTicks(spec.stop_duration_s));
+  const double gap = std::max(0.0, std::abs(z) - rejection_m);
+  double most = 1.5 * spec.stop_speed_mps * period_s_;
+  if (planted_ == Defect::kLiteralEq4 || planted_ == Defect::kRampIgnoresZ) {  // planted
+    if (in.stop_i == 0) in.stop_m = signOf(z) * gap / n;
+    ++in.stop_i;
+    if (in.stop_i <= inTicks(spec.stop_duration_s))
+      in.wall += in.stop_m * (planted_ == Defect::kLiteralEq4 ? static_cast<double>(in.stop_i) : 1.0);
+    return;
+  }
+  if (planted_ == Defect::kRampWithoutCap) most = gap;  // planted
+  in.stop_m = std::max(in.stop_m, gap / n);
+  in.wall += signOf(z) * std::min({in.stop_m, gap, most});
+}
+
 // §3.5 Shaft friction: "a second tracking wall with K_f and Δ_f = (∫₀^{d_t} friction ds)/K_f both ways; no
 // stop"
 void ReferenceEngine::friction(Insertion& in, const Geometry& g, double x_c, StepReport& out) const {
   if (!live(Effect::kShaftFriction)) return;
   const double stiffness = scene_.friction_stiffness_N_per_m;
   const double reach = alongShaft(&LayerSpec::friction_N_per_m, g.d_t, g.c) / stiffness;
+  if (planted_ == Defect::kFrictionBySign) {  // planted
+    out.friction_N = -stiffness * reach * signOf(x_c - in.x_c_past);
+    in.x_c_past = x_c;
+    return;
+  }
   in.friction_wall = std::min(std::max(in.friction_wall, x_c - reach), x_c + reach);
   out.friction_N = -stiffness * (x_c - in.friction_wall);
 }
@@ -427,6 +458,7 @@ void ReferenceEngine::puncture(const Insertion& in, const Geometry& g, StepRepor
 void ReferenceEngine::tilt(Insertion& in, const Geometry& g, Vec3 axis, StepReport& out) {
   const double theta = angleBetween(axis, in.u);
   in.tilt_limit = std::max(cone(g.d_t), std::min(in.tilt_limit, theta));
+  if (planted_ == Defect::kAlphaWithoutState) in.tilt_limit = cone(g.d_t);  // planted
   if (std::abs(theta - in.tilt_limit) < undecidedBelow(in)) undecided_ |= kFlagTorque;
   if (!live(Effect::kOrientationLimit) || !(theta > in.tilt_limit)) return;
   const Vec3 about = cross(axis, in.u);

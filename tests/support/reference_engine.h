@@ -11,11 +11,31 @@
 
 namespace needlelab::test {
 
+/// A fault put into the reference on purpose, one at a time: a hard case that such an engine passes proves
+/// nothing. In the source each is marked `planted`.
+enum class Defect : std::uint8_t {
+  kNone,
+  kLiteralEq4,             ///< stop: m·i is added to the previous wall, m = (x − ω)/n kept
+  kRampIgnoresZ,           ///< stop: m stays what it was at the begin, whatever z has become
+  kRampWithoutCap,         ///< stop: the wall may move faster than 1.5·v_stop
+  kShortSpeedWindow,       ///< v over 20 ms in place of 100 ms
+  kNoStopHysteresis,       ///< a stop ends at v_stop in place of 2·v_stop
+  kAttractedNotFaded,      ///< Δ_att = f_att/K_t up to the exit
+  kEntryAtTip,             ///< P0 = the first sample inside, not the point where the surface was crossed
+  kEntersFromInside,       ///< a first sample inside begins an insertion
+  kInsertionIgnoresDepth,  ///< d_t = max(0, x), without δ/c
+  kTurnLeavesWalls,        ///< a turn moves neither walls, membranes nor past x
+  kTurnAtOnce,             ///< a turn is not held to 2 rad/s
+  kFrictionBySign,         ///< shaft friction of full size against the last move, no spring
+  kAlphaWithoutState,      ///< torque above α(d_t), without θ_l
+  kTiltLimitFrom45,        ///< θ_l begins at 45° although the needle is tilted more
+};
+
 /// Steps the same ticks as `needlelab::step`, without its precomputed tables, caches and cheap trigonometry.
 /// Uses the heap and libm freely. The spec must be valid (it is not validated here).
 class ReferenceEngine {
  public:
-  ReferenceEngine(SceneSpec scene, double rate_hz);
+  ReferenceEngine(SceneSpec scene, double rate_hz, Defect planted = Defect::kNone);
 
   /// One tick (DESIGN §3: contact → trajectory and clamping → speed → membranes → axial → friction → puncture
   /// → orientation limit → sum). Fills every field of the report as the header describes it.
@@ -53,10 +73,12 @@ class ReferenceEngine {
     double wall = 0;  ///< w
     std::int64_t slow_ticks = 0;
     bool stopped = false;
-    double stop_m = 0;   ///< m of eq. 5
-    double stop_z0 = 0;  ///< z0 of EXPONENTIAL
+    double stop_m = 0;        ///< m of eq. 5
+    double stop_z0 = 0;       ///< z0 of EXPONENTIAL
+    std::int64_t stop_i = 0;  ///< ticks of the stop so far, for kLiteralEq4
     // shaft friction
     double friction_wall = 0;  ///< w_f
+    double x_c_past = 0;       ///< x_c at the tick before, for kFrictionBySign
     // clamping, PASSIVE
     double rho = 0, k_prev = 0, e_prev = 0;
     // orientation limit
@@ -81,6 +103,7 @@ class ReferenceEngine {
   [[nodiscard]] double cone(double d_t) const;
   [[nodiscard]] Geometry geometry(const Insertion& in, Vec3 u, Vec3 p, double depth) const;
 
+  void ramp(Insertion& in, double z, double rejection_m) const;
   static double undecidedBelow(const Insertion& in);
   void enter(Vec3 p, double depth, Vec3 axis);
   bool turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis);
@@ -94,6 +117,7 @@ class ReferenceEngine {
 
   SceneSpec scene_;
   double rate_hz_, period_s_;
+  Defect planted_;
   bool has_past_ = false;      ///< a tick was stepped before
   bool outside_once_ = false;  ///< the tip has been outside
   Vec3 p_past_;
