@@ -27,16 +27,16 @@ Vec3 normalAt(const Limb& limb, Vec3 p, Vec3 motion) {
   return size > 1e-12 ? out / size : -normalized(motion);
 }
 
-}  // namespace
-
-void beginInsertion(const SceneModel& model, SimState& state, const Tick& tick) noexcept {
-  const Vec3 motion = tick.p_W_m - state.p_prev_W_m;
-  const double share = state.depth_prev_m / (state.depth_prev_m - tick.depth_m);
+// P0, n, u, and all that is remembered set to its beginning; `state` still holds the tick before
+void beginInsertion(const SceneModel& model, SimState& state, const TipSample& sample, double depth_m) {
+  const Vec3 axis = unitAxis(sample);
+  const Vec3 motion = sample.p_WT_m - state.p_prev_W_m;
+  const double share = state.depth_prev_m / (state.depth_prev_m - depth_m);
   state.inside = true;
   state.p_entry_W_m = state.p_prev_W_m + motion * share;
   state.normal_W = normalAt(model.limb, state.p_entry_W_m, motion);
-  const bool points_in = dot(tick.axis_W, -state.normal_W) > kSin10Degrees;
-  state.u_W = state.u0_W = points_in ? tick.axis_W : -state.normal_W;
+  const bool points_in = dot(axis, -state.normal_W) > kSin10Degrees;
+  state.u_W = state.u0_W = points_in ? axis : -state.normal_W;
   state.slant = std::max(0.05, -dot(state.normal_W, state.u_W));
   state.inverse_slant = 1.0 / state.slant;
   state.layer = state.layer_by_length = 0;
@@ -44,6 +44,7 @@ void beginInsertion(const SceneModel& model, SimState& state, const Tick& tick) 
 
   state.ticks_inside = 0;
   state.x_shift_m = 0.0;
+  state.history_mask = model.history_mask;
   state.x_history_m[0] = 0.0;
   state.wall_m = state.friction_wall_m = 0.0;
   state.stopped = false;
@@ -53,12 +54,50 @@ void beginInsertion(const SceneModel& model, SimState& state, const Tick& tick) 
   state.membranes_met = state.membranes_ruptured = 0;
   state.tilt_limit_is_cone = false;
   if (model.isLive(Effect::kOrientationLimit))
-    state.tilt_limit_rad = std::max(kPi / 4, angleBetween(tick.axis_W, state.u_W));
+    state.tilt_limit_rad = std::max(kPi / 4, angleBetween(axis, state.u_W));
 }
 
-void endInsertion(SimState& state) noexcept {
-  state.inside = false;
-  state.phase = Phase::kFree;
+void remember(SimState& state, Vec3 p_W_m, double depth_m) {
+  state.p_prev_W_m = p_W_m;
+  state.depth_prev_m = depth_m;
+  state.has_prev = true;
+}
+
+}  // namespace
+
+void clearReport(StepReport& report, double depth_m, std::uint32_t flags) noexcept {
+  report.wrench_W = {};
+  report.p_wall_W_m = {kNoNumber, kNoNumber, kNoNumber};
+  report.phase = Phase::kFree;
+  report.layer = -1;
+  report.depth_m = depth_m;
+  report.insertion_m = report.speed_mps = report.lateral_error_m = 0.0;
+  report.cutting_N = report.attracted_N = report.friction_N = report.puncture_N = 0.0;
+  report.clamping_N = report.clamping_stiffness_N_per_m = 0.0;
+  report.flags = flags;
+}
+
+bool changeContact(const SceneModel& model, const TipSample& sample, double depth_m, SimState& state,
+                   StepReport& report) noexcept {
+  bool enters = false;
+  if (depth_m > 0.0) {
+    enters = state.outside_once;
+    clearReport(report, depth_m, enters ? kFlagEntry : kFlagStartedInside);
+    if (enters) beginInsertion(model, state, sample, depth_m);
+  } else {
+    clearReport(report, depth_m, state.inside ? kFlagExit : 0u);
+    state.inside = false;
+    state.phase = Phase::kFree;
+    state.outside_once = true;
+  }
+  remember(state, sample.p_WT_m, depth_m);
+  return enters;
+}
+
+std::uint32_t findLayer(const SceneModel& model, double depth_m, std::uint32_t index) noexcept {
+  while (index + 1 < model.layer_count && depth_m >= model.layers[index + 1].top_m) ++index;
+  while (index > 0 && depth_m < model.layers[index].top_m) --index;
+  return index;
 }
 
 }  // namespace needlelab

@@ -1,7 +1,9 @@
 #include "haptics/scene_model.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "haptics/det_math.h"
@@ -57,7 +59,9 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
     lateral += from.lateral_stiffness_N_per_m2 * from.thickness_m;
     friction += from.friction_N_per_m * from.thickness_m;
     top += from.thickness_m;
+    to.bottom_m = top;
   }
+  model.layers[model.layer_count - 1].bottom_m = std::numeric_limits<double>::infinity();
 }
 
 Limb withUnitNormal(const Limb& limb) {
@@ -95,11 +99,19 @@ Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
   model.friction_stiffness_N_per_m = spec.friction_stiffness_N_per_m;
   model.needle_length_m = spec.needle_length_m;
   model.max_force_N = spec.max_force_N;
+  model.max_force_squared_N2 = spec.max_force_N * spec.max_force_N;
   model.limb = withUnitNormal(spec.limb);
+  if (const auto* plane = std::get_if<PlaneLimb>(&model.limb)) {
+    model.is_plane = true;
+    model.plane_point_m = plane->point_m;
+    model.plane_normal = plane->normal;
+  }
   model.live = liveEffects(spec);
   model.dwell_ticks = static_cast<std::int64_t>(ticksOf(model.wall.stop_dwell_s, rate_hz));
   model.stop_ticks = ticksOf(model.wall.stop_duration_s, rate_hz);
   model.speed_window = static_cast<std::uint64_t>(ticksOf(0.1, rate_hz));
+  model.speed_window_s = static_cast<double>(model.speed_window) * model.period_s;
+  model.history_mask = std::bit_ceil(model.speed_window + 1) - 1;
   model.max_stop_step_m = 1.5 * model.wall.stop_speed_mps * model.period_s;
   if (model.wall.stop_mode == StopMode::kExponential)
     model.relax_share = 1.0 - detExp(-model.period_s / model.wall.relax_time_s);

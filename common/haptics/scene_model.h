@@ -19,7 +19,8 @@ using StepFunction = void (*)(const SceneModel&, const TipSample&, SimState&, St
 /// One layer, ready for the tick. Depths δ run along the surface normal, lengths along the trajectory are
 /// δ/c.
 struct CompiledLayer {
-  double top_m = 0;                   ///< half-open [top, next top); the last layer has no end
+  double top_m = 0;                   ///< half-open [top, bottom)
+  double bottom_m = 0;                ///< the next layer's top; infinite for the last
   double cutting_force_N = 0;         ///< f_cut; 0 where CUTTING is not live
   double cut_stretch_m = 0;           ///< Δ_cut = f_cut/K_t; 0 where CUTTING is not live
   double attracted_stretch_m = 0;     ///< f_att/K_t; 0 where ATTRACTED is not live
@@ -47,6 +48,8 @@ class SceneModel {
   std::int64_t dwell_ticks = 0;
   double stop_ticks = 0;           ///< n of eq. 5
   std::uint64_t speed_window = 0;  ///< 100 ms in ticks
+  double speed_window_s = 0;       ///< … and in s
+  std::uint64_t history_mask = 0;  ///< a ring of 2^n positions, as short as the window allows, stays in cache
   double max_stop_step_m = 0;      ///< 1.5·v_stop·T
   double relax_share = 0;          ///< 1 − e^(−T/relax_time)
   double max_turn_rad = 0;         ///< 2 rad/s·T
@@ -56,7 +59,10 @@ class SceneModel {
   double friction_stiffness_N_per_m = 0;
   double needle_length_m = 0;
   double max_force_N = 0;
-  Limb limb;  ///< plane normal made a unit vector
+  double max_force_squared_N2 = 0;
+  bool is_plane = false;             ///< the limb is this half-space
+  Vec3 plane_point_m, plane_normal;  ///< … with its unit normal out of the tissue
+  Limb limb;                         ///< plane normal made a unit vector
   std::array<CompiledLayer, kMaxLayers> layers;
   std::uint32_t layer_count = 0;
   std::array<CompiledMembrane, kMaxLayers> membranes;

@@ -43,9 +43,9 @@ std::uint64_t hashOf(const SimState& state) {
   hash.add(std::uint64_t{state.layer} | std::uint64_t{state.layer_by_length} << 32);
   hash.add(state.ticks_inside);
   hash.add(state.x_shift_m);
-  const std::uint64_t kept = std::min<std::uint64_t>(state.ticks_inside + 1, kHistoryCapacity);
+  const std::uint64_t kept = std::min(state.ticks_inside, state.history_mask) + 1;
   for (std::uint64_t i = 0; i < kept; ++i)
-    hash.add(state.x_history_m[(state.ticks_inside - i) & (kHistoryCapacity - 1)]);
+    hash.add(state.x_history_m[(state.ticks_inside - i) & state.history_mask]);
   hash.add(state.wall_m);
   hash.add(std::uint64_t{state.stopped} | static_cast<std::uint64_t>(state.slow_ticks) << 1);
   for (const double d : {state.stop_step_m, state.stop_stretch_m, state.friction_wall_m, state.dead_radius_m,

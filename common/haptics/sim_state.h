@@ -32,11 +32,10 @@ struct SimState {
   std::uint32_t layer = 0;            ///< by δ
   std::uint32_t layer_by_length = 0;  ///< by inserted length, for the integrals
 
-  // speed: positions along u since the tick before entry, less `x_shift_m`, so that a turn moves all of them
-  // at once
+  // speed: positions along u since the tick before entry are kept in `x_history_m` less `x_shift_m`, so that
+  // a turn moves all of them at once
   std::uint64_t ticks_inside = 0;  ///< k − k_entry of the last stepped tick, plus 1
   double x_shift_m = 0;
-  std::array<double, kHistoryCapacity> x_history_m;
 
   // tracking wall
   double wall_m = 0;  ///< w
@@ -62,6 +61,10 @@ struct SimState {
   std::uint32_t membranes_met = 0;       ///< how many from the top were met
   std::uint32_t membranes_ruptured = 0;  ///< bit i: membrane i is through
   std::array<double, kMaxLayers> membrane_place_m;
+
+  // the ring of `speed`: position at tick i at [i & history_mask]; last, so that the rest lies together
+  std::uint64_t history_mask = 0;  ///< the model's
+  std::array<double, kHistoryCapacity> x_history_m;
 };
 static_assert(std::is_trivially_copyable_v<SimState>);
 

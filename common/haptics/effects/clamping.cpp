@@ -32,7 +32,8 @@ bool withinCone(const Turned& turned, double before_rad, const SceneModel& model
 
 }  // namespace
 
-bool turnTrajectory(const SceneModel& model, SimState& state, Tick& tick, double k_N_per_m) noexcept {
+bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& state, Tick& tick,
+                    double k_N_per_m) noexcept {
   const double radius = norm(tick.arm_W_m);
   const Vec3 side = tick.lateral_W_m / tick.lateral_m;
   const double kept_m = state.dead_radius_m + model.fixture.max_force_N / k_N_per_m;
@@ -64,7 +65,7 @@ bool turnTrajectory(const SceneModel& model, SimState& state, Tick& tick, double
   state.friction_wall_m += shift;
   state.x_shift_m += shift;
   for (std::uint32_t i = 0; i < state.membranes_met; ++i) state.membrane_place_m[i] += shift;
-  if (model.isLive(Effect::kOrientationLimit)) followTurn(model, state, tick.axis_W, u_before);
+  if (model.isLive(Effect::kOrientationLimit)) followTurn(model, state, unitAxis(sample), u_before);
   return true;
 }
 

@@ -10,46 +10,56 @@ namespace needlelab {
 
 /// k = min(∫₀^{d_t} lateral_stiffness ds, max_stiffness): the integral is offset/c + slope·d_t in the layer
 /// that d_t reaches.
-inline double clampingStiffness(const SceneModel& model, SimState& state, double insertion_m) {
-  state.layer_by_length = layerAt(model, insertion_m * state.slant, state.layer_by_length);
-  const CompiledLayer& layer = model.layers[state.layer_by_length];
+[[gnu::always_inline]] inline double clampingStiffness(const SceneModel& model, SimState& state,
+                                                       double insertion_m) {
+  const CompiledLayer& layer = layerByLength(model, state, insertion_m);
   const double k = layer.lateral_offset_N_per_m * state.inverse_slant + layer.lateral_N_per_m2 * insertion_m;
   return std::min(std::max(k, 0.0), model.fixture.max_stiffness_N_per_m);
 }
 
 /// Change of trajectory: turns u about P0 toward the tip and moves what is measured along u with it, so that
 /// no force jumps. Rare, hence apart. `k_N_per_m` is the stiffness of this tick.
-bool turnTrajectory(const SceneModel& model, SimState& state, Tick& tick, double k_N_per_m) noexcept;
+bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& state, Tick& tick,
+                    double k_N_per_m) noexcept;
+
+/// PASSIVE: stiffness that grows under a deviation would store energy that nobody paid for; the dead radius
+/// takes it out.
+inline void growDeadRadius(SimState& state, double k_N_per_m, double lateral_m) {
+  if (k_N_per_m > state.k_prev_N_per_m && state.e_prev_m > state.dead_radius_m)
+    state.dead_radius_m =
+        state.e_prev_m - state.k_prev_N_per_m / k_N_per_m * (state.e_prev_m - state.dead_radius_m);
+  state.dead_radius_m = std::min(state.dead_radius_m, lateral_m);
+}
 
 /// Returns the clamping force in W and fills the report's clamping fields. May turn u: everything that
 /// depends on u comes after it.
-inline Vec3 applyClamping(const SceneModel& model, SimState& state, Tick& tick, StepReport& report) {
+[[gnu::always_inline]] inline Vec3 applyClamping(const SceneModel& model, const TipSample& sample,
+                                                 SimState& state, Tick& tick, StepReport& report) {
   const double most_N = model.fixture.max_force_N;
+  const bool passive = model.fixture.mode == ClampingMode::kPassive;
   double k = clampingStiffness(model, state, tick.insertion_m);
   if (k * (tick.lateral_m - state.dead_radius_m) > most_N && tick.x_m > tick.lateral_m) [[unlikely]] {
-    if (turnTrajectory(model, state, tick, k)) report.flags |= kFlagTurn;
+    Tick turned = tick;
+    if (turnTrajectory(model, sample, state, turned, k)) report.flags |= kFlagTurn;
+    tick = turned;
     k = clampingStiffness(model, state, tick.insertion_m);
   }
 
-  // PASSIVE: stiffness that grows under a deviation would store energy that nobody paid for; the dead radius
-  // takes it out
-  if (model.fixture.mode == ClampingMode::kPassive) {
-    if (k > state.k_prev_N_per_m && state.e_prev_m > state.dead_radius_m)
-      state.dead_radius_m =
-          state.e_prev_m - state.k_prev_N_per_m / k * (state.e_prev_m - state.dead_radius_m);
-    state.dead_radius_m = std::min(state.dead_radius_m, tick.lateral_m);
-  }
+  if (passive) growDeadRadius(state, k, tick.lateral_m);
   double force_N = k * (tick.lateral_m - state.dead_radius_m);
-  if (force_N > most_N) {
+  if (force_N > most_N) [[unlikely]] {
     force_N = most_N;
     report.flags |= kFlagClampCapped;
-    if (model.fixture.mode == ClampingMode::kPassive) state.dead_radius_m = tick.lateral_m - most_N / k;
+    if (passive) state.dead_radius_m = tick.lateral_m - most_N / k;
   }
-  state.k_prev_N_per_m = k;
-  state.e_prev_m = tick.lateral_m;
+  if (passive) {
+    state.k_prev_N_per_m = k;
+    state.e_prev_m = tick.lateral_m;
+  }
   report.clamping_N = force_N;
   report.clamping_stiffness_N_per_m = k;
-  if (force_N <= 0.0) return {};
+  if (force_N <= 0.0) [[unlikely]]
+    return {};
   return tick.lateral_W_m * (-force_N / tick.lateral_m);
 }
 

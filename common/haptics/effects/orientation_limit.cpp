@@ -11,19 +11,34 @@ void followTurn(const SceneModel& model, SimState& state, Vec3 axis_W, Vec3 u_be
   state.tilt_limit_is_cone = false;
 }
 
-Vec3 tiltOutsideCone(const SceneModel& model, SimState& state, const Tick& tick, Vec3 axis_cross_u,
-                     double insertion_m, StepReport& report) noexcept {
-  const double sine = norm(axis_cross_u);
-  const double tilt = detAtan2(sine, dot(tick.axis_W, state.u_W));
-  const double cone = orientationLimitAngle(model.needle_length_m, insertion_m);
+void tiltNearCone(const SceneModel& model, SimState& state, const Tick& tick, double insertion_m,
+                  StepReport& report) noexcept {
+  report.wrench_W.torque_Nm = {};
+  const Vec3 axis = normalized(tick.axis_W);
+  const Vec3 across = cross(axis, state.u_W);
+  const double along = dot(axis, state.u_W);
+
+  // θ > α, as tan θ > (L − d)/(L + d) with both sides squared
+  const double length = model.needle_length_m;
+  const double opposite = normSquared(across) * (length + insertion_m) * (length + insertion_m);
+  const double adjacent = along * (length - insertion_m);
+  if (along > 0.0 && opposite <= adjacent * adjacent) {
+    state.tilt_limit_is_cone = true;
+    state.tilt_limit_insertion_m = insertion_m;
+    return;
+  }
+
+  const double sine = norm(across);
+  const double tilt = detAtan2(sine, along);
+  const double cone = orientationLimitAngle(length, insertion_m);
   const double limit = std::max(cone, std::min(tiltLimit(model, state), tilt));
   state.tilt_limit_rad = limit;
   state.tilt_limit_is_cone = false;
-  if (tilt <= limit || sine < 1e-9) return {};
+  if (tilt <= limit || sine < 1e-9) return;
   report.flags |= kFlagTorque;
   const double torque =
       std::min(model.orientation.stiffness_Nm_per_rad * (tilt - limit), model.orientation.max_torque_Nm);
-  return axis_cross_u * (torque / sine);
+  report.wrench_W.torque_Nm = across * (torque / sine);
 }
 
 }  // namespace needlelab

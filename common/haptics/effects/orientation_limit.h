@@ -17,26 +17,30 @@ inline double tiltLimit(const SceneModel& model, const SimState& state) {
 /// A turn of u that raises θ raises θ_l by as much.
 void followTurn(const SceneModel& model, SimState& state, Vec3 axis_W, Vec3 u_before_W) noexcept;
 
-/// The torque of a needle outside the cone, and θ_l ← max(α, min(θ_l, θ)). Apart, because it needs angles.
-Vec3 tiltOutsideCone(const SceneModel& model, SimState& state, const Tick& tick, Vec3 axis_cross_u,
-                     double insertion_m, StepReport& report) noexcept;
+/// The exact test of the cone, with the axis of length 1, and what follows when the needle is outside of it:
+/// torque about the tip in W, and θ_l ← max(α, min(θ_l, θ)). Apart, because it is rare and needs angles.
+void tiltNearCone(const SceneModel& model, SimState& state, const Tick& tick, double insertion_m,
+                  StepReport& report) noexcept;
 
-/// Torque about the tip, in W.
-inline Vec3 applyOrientationLimit(const SceneModel& model, SimState& state, const Tick& tick,
-                                  StepReport& report) {
+/// Torque about the tip, in W, into the report.
+[[gnu::always_inline]] inline void applyOrientationLimit(const SceneModel& model, SimState& state,
+                                                         const Tick& tick, StepReport& report) {
   const double length = model.needle_length_m;
   const double insertion = std::min(tick.insertion_m, length);  // d_t is never negative
-  const Vec3 across = cross(tick.axis_W, state.u_W);
   const double along = dot(tick.axis_W, state.u_W);
-  // θ > α, as tan θ > (L − d)/(L + d) with both sides squared
-  const double opposite = normSquared(across) * (length + insertion) * (length + insertion);
-  const double adjacent = along * (length - insertion);
-  if (along > 0.0 && opposite <= adjacent * adjacent) [[likely]] {
+  // tan θ ≤ (L − d)/(L + d) is cos² θ ≥ (L + d)²/(2 (L² + d²)). Cheap, but blunt where θ is small: a needle
+  // that is not inside by a margin far above rounding gets the exact test
+  constexpr double kMargin = 1.0 + 1e-12;
+  const double sum = length + insertion;
+  const double cosine = 2.0 * (along * along) * (length * length + insertion * insertion);
+  if (along > 0.0 && cosine >= kMargin * tick.axis_squared * (sum * sum)) [[likely]] {
     state.tilt_limit_is_cone = true;
     state.tilt_limit_insertion_m = insertion;
-    return {};
+    report.wrench_W.torque_Nm = {};
+    return;
   }
-  return tiltOutsideCone(model, state, tick, across, insertion, report);
+  const Tick rare = tick;
+  tiltNearCone(model, state, rare, insertion, report);
 }
 
 }  // namespace needlelab

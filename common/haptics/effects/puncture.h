@@ -23,8 +23,9 @@ inline double cuttingPosition(const SimState& state, double x_m) {
 
 /// Places of membranes that the tip comes to, ruptures, and x_c. Returns the membranes' force along u (never
 /// positive). `x_before_m`, `depth_before_m`: the tick before; 0 and 0 (P0) at the entry tick.
-inline double applyMembranes(const SceneModel& model, SimState& state, Tick& tick, double x_before_m,
-                             double depth_before_m, StepReport& report) {
+[[gnu::always_inline]] inline double applyMembranes(const SceneModel& model, SimState& state, Tick& tick,
+                                                    double x_before_m, double depth_before_m,
+                                                    StepReport& report) {
   while (state.membranes_met < model.membrane_count &&
          tick.depth_m >= model.membranes[state.membranes_met].top_m) {
     const double share =

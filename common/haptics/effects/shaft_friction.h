@@ -8,10 +8,9 @@
 namespace needlelab {
 
 /// Force along u, against the motion: at most ∫₀^{d_t} friction ds.
-inline double applyShaftFriction(const SceneModel& model, SimState& state, const Tick& tick,
-                                 StepReport& report) {
-  state.layer_by_length = layerAt(model, tick.insertion_m * state.slant, state.layer_by_length);
-  const CompiledLayer& layer = model.layers[state.layer_by_length];
+[[gnu::always_inline]] inline double applyShaftFriction(const SceneModel& model, SimState& state,
+                                                        const Tick& tick, StepReport& report) {
+  const CompiledLayer& layer = layerByLength(model, state, tick.insertion_m);
   const double most_N = std::max(
       0.0, layer.friction_offset_N * state.inverse_slant + layer.friction_N_per_m * tick.insertion_m);
   const double stretch = most_N / model.friction_stiffness_N_per_m;

@@ -6,17 +6,34 @@
 namespace needlelab {
 
 struct Tick {
-  Vec3 p_W_m;              ///< tip
-  Vec3 axis_W;             ///< needle's axis, unit
-  double depth_m = 0;      ///< δ
-  Vec3 arm_W_m;            ///< p − P0
-  double x_m = 0;          ///< u·(p − P0)
-  double insertion_m = 0;  ///< d_t
-  Vec3 lateral_W_m;        ///< e
-  double lateral_m = 0;    ///< |e|
-  double speed_mps = 0;    ///< v
-  double x_cut_m = 0;      ///< x_c: nothing is cut or rubbed beyond a membrane that holds
+  Vec3 p_W_m;   ///< tip
+  Vec3 axis_W;  ///< needle's axis; a unit vector up to the quaternion's rounding, see `unitAxis`. Set where
+                ///< ORIENTATION_LIMIT is live
+  double axis_squared = 0;  ///< |axis|²
+  double depth_m = 0;       ///< δ
+  Vec3 arm_W_m;             ///< p − P0
+  double x_m = 0;           ///< u·(p − P0)
+  double insertion_m = 0;   ///< d_t
+  Vec3 lateral_W_m;         ///< e
+  double lateral_m = 0;     ///< |e|
+  double speed_mps = 0;     ///< v
+  double x_cut_m = 0;       ///< x_c: nothing is cut or rubbed beyond a membrane that holds
 };
+
+/// The needle's axis as everything but the quick test of the cone takes it.
+inline Vec3 unitAxis(const TipSample& sample) {
+  return normalized(zAxis(sample.q_WT));
+}
+
+inline bool isFinite(const TipSample& sample) {
+  return isFinite(sample.p_WT_m) && isFinite(sample.q_WT);
+}
+
+/// δ of a point: the half-space at once, other limbs out of line.
+[[gnu::always_inline]] inline double depthIn(const SceneModel& model, Vec3 p_W_m) {
+  if (model.is_plane) return -dot(model.plane_normal, p_W_m - model.plane_point_m);
+  return signedDepth(model.limb, p_W_m);
+}
 
 /// min(max(0, x), δ/c)
 inline double insertionOf(double x_m, double depth_m, double inverse_slant) {
@@ -26,18 +43,29 @@ inline double insertionOf(double x_m, double depth_m, double inverse_slant) {
 }
 
 /// Takes x, d_t and e anew from the present u.
-inline void project(const SimState& state, Tick& tick) {
+[[gnu::always_inline]] inline void project(const SimState& state, Tick& tick) {
   tick.x_m = dot(state.u_W, tick.arm_W_m);
   tick.insertion_m = insertionOf(tick.x_m, tick.depth_m, state.inverse_slant);
   tick.lateral_W_m = tick.arm_W_m - state.u_W * tick.x_m;
   tick.lateral_m = norm(tick.lateral_W_m);
 }
 
-/// The layer that holds a depth along the normal; `index` is where to look first. Half-open [top, bottom).
-inline std::uint32_t layerAt(const SceneModel& model, double depth_m, std::uint32_t index) {
-  while (index + 1 < model.layer_count && depth_m >= model.layers[index + 1].top_m) ++index;
-  while (index > 0 && depth_m < model.layers[index].top_m) --index;
-  return index;
+/// Layers are half-open [top, bottom) along the normal; the first has no beginning and the last no end.
+[[gnu::always_inline]] inline bool isOutOfLayer(const SceneModel& model, double depth_m,
+                                                std::uint32_t index) {
+  const CompiledLayer& layer = model.layers[index];
+  return depth_m >= layer.bottom_m || depth_m < layer.top_m;
+}
+/// The layer that holds a depth along the normal; `index` is where to look first.
+std::uint32_t findLayer(const SceneModel& model, double depth_m, std::uint32_t index) noexcept;
+
+/// The layer that holds an inserted length, for the integrals; kept from tick to tick.
+[[gnu::always_inline]] inline const CompiledLayer& layerByLength(const SceneModel& model, SimState& state,
+                                                                 double insertion_m) {
+  const double depth_m = insertion_m * state.slant;
+  if (isOutOfLayer(model, depth_m, state.layer_by_length)) [[unlikely]]
+    state.layer_by_length = findLayer(model, depth_m, state.layer_by_length);
+  return model.layers[state.layer_by_length];
 }
 
 /// Angle between two unit vectors, by atan2 (DESIGN §3). In [0, π].

@@ -12,7 +12,7 @@ namespace needlelab {
 
 /// Counts slow ticks, begins and ends stops, sets the phase. Runs whether or not a wall is live.
 /// Returns true at the tick that begins a stop.
-inline bool updatePhase(const SceneModel& model, SimState& state, double speed_mps) {
+[[gnu::always_inline]] inline bool updatePhase(const SceneModel& model, SimState& state, double speed_mps) {
   const double stop_speed = model.wall.stop_speed_mps;
   const double size = std::fabs(speed_mps);
   bool begins = false;
@@ -37,7 +37,8 @@ inline bool updatePhase(const SceneModel& model, SimState& state, double speed_m
 }
 
 /// Update with stop (eq. 4 and 5, as a ramp that looks at where the needle is).
-inline void relaxWall(const SceneModel& model, SimState& state, double x_m, double rejection_m, bool begins) {
+[[gnu::always_inline]] inline void relaxWall(const SceneModel& model, SimState& state, double x_m,
+                                             double rejection_m, bool begins) {
   const double stretch = x_m - state.wall_m;
   const double size = std::fabs(stretch);
   double move;
@@ -63,8 +64,9 @@ struct WallStretch {
 };
 
 /// Force along u: negative is cutting, positive is attracted.
-inline double applyTrackingWall(const SceneModel& model, SimState& state, const Tick& tick, bool stop_begins,
-                                const WallStretch& stretch, StepReport& report) {
+[[gnu::always_inline]] inline double applyTrackingWall(const SceneModel& model, SimState& state,
+                                                       const Tick& tick, bool stop_begins,
+                                                       const WallStretch& stretch, StepReport& report) {
   if (state.stopped) relaxWall(model, state, tick.x_cut_m, stretch.rejection_m, stop_begins);
   const double ahead = std::min(stretch.attracted_m, tick.insertion_m);
   state.wall_m = std::min(std::max(state.wall_m, tick.x_cut_m - stretch.cut_m), tick.x_cut_m + ahead);

@@ -14,8 +14,8 @@ struct LayeredWall {
   }
   static constexpr bool kHasWall = true;
 
-  static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool stop_begins,
-                      StepReport& report) {
+  [[gnu::always_inline]] static double apply(const SceneModel& model, SimState& state, const Tick& tick,
+                                             bool stop_begins, StepReport& report) {
     const CompiledLayer& layer = model.layers[state.layer];
     return applyTrackingWall(model, state, tick, stop_begins,
                              {layer.cut_stretch_m, layer.attracted_stretch_m, layer.rejection_stretch_m},
