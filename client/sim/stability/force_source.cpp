@@ -14,6 +14,8 @@ class EngineSource final : public ForceSource {
   [[nodiscard]] double axialStiffness_N_per_m() const noexcept override {
     return model_.axialStiffness_N_per_m();
   }
+  [[nodiscard]] double slant() const noexcept override { return state_.inside ? state_.slant : 1; }
+  [[nodiscard]] Vec3 trajectory() const noexcept override { return state_.inside ? state_.u_W : Vec3{}; }
 
  private:
   SceneModel model_;

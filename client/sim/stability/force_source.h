@@ -18,6 +18,10 @@ class ForceSource {
   virtual void step(const TipSample& tip, StepReport& report) noexcept = 0;
   /// Steepest stiffness along the trajectory that can act at once, as SceneModel::axialStiffness_N_per_m.
   [[nodiscard]] virtual double axialStiffness_N_per_m() const noexcept = 0;
+  /// c of the last tick (DESIGN §3.1): the needle's slant to the skin; 1 when free.
+  [[nodiscard]] virtual double slant() const noexcept { return 1; }
+  /// u of the last tick; zero when free, or when the source does not say.
+  [[nodiscard]] virtual Vec3 trajectory() const noexcept { return {}; }
 };
 
 /// A new source, as before the first tick. Errors: kInvalidInput as of `compile`.

@@ -1,0 +1,58 @@
+/// The passivity observer: what force and torque give to the hand, and the steps of the force that no spring
+/// explains (Hannaford and Ryu 2002 call the running sum of power the passivity observer; here it is read
+/// only).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "haptics/engine.h"
+
+namespace needlelab {
+
+/// A force step is allowed where the report flags one of these (DESIGN §10).
+inline constexpr std::uint32_t kDeclaredReleases = kFlagExit | kFlagLayerChange | kFlagRupture;
+
+/// What was seen so far. Energies by the trapezoidal rule over neighbouring ticks, force × way of the tip and
+/// torque × turn of the needle; positive is given to the hand.
+struct PassivityRecord {
+  bool finite = true;
+  double max_force_N = 0;
+  double net_J = 0;              ///< over everything
+  double worst_insertion_J = 0;  ///< greatest net energy of an insertion, from entry to exit
+  double worst_running_J = 0;    ///< greatest that any insertion had given at any moment since its entry
+  double worst_step_N = 0;       ///< greatest force step beyond ΣK·|Δp|/c, no release declared
+  std::uint64_t worst_step_tick = 0;
+  double worst_torque_step_Nm = 0;  ///< greatest change of the torque in a tick, exits left out
+  std::uint64_t ticks = 0;
+  std::uint32_t insertions = 0;
+  std::uint32_t flags = 0;  ///< StepFlag of any tick
+};
+
+/// Thread: one at a time.
+class PassivityObserver {
+ public:
+  /// `axial_stiffness_N_per_m`: K_t + K_f + the steepest membrane; the clamping stiffness of the tick is
+  /// added to it.
+  explicit PassivityObserver(double axial_stiffness_N_per_m) : axial_N_per_m_(axial_stiffness_N_per_m) {}
+
+  /// `slant`: c of this tick, see DESIGN §3.1.
+  void add(const TipSample& tip, const StepReport& report, double slant);
+  [[nodiscard]] const PassivityRecord& record() const { return record_; }
+
+ private:
+  struct Seen {
+    TipSample tip;
+    Wrench wrench_W;
+    double clamping_N_per_m = 0;
+  };
+  double axial_N_per_m_;
+  std::optional<Seen> last_;
+  double insertion_J_ = 0;
+  PassivityRecord record_;
+};
+
+/// Work of two neighbouring ticks by the trapezoidal rule: force × way + torque × turn. In J.
+double workBetween(const TipSample& from, const Wrench& before, const TipSample& to, const Wrench& now);
+
+}  // namespace needlelab

@@ -1,0 +1,300 @@
+#include "stability/passivity_shrink.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "stability/round_number.h"
+
+namespace needlelab {
+namespace {
+
+using Visit = std::function<void(double&)>;
+
+double wayBetween(const Stroke& a, const Stroke& b) {
+  return norm(Vec3{a.x_m - b.x_m, a.y_m - b.y_m, a.depth_m - b.depth_m});
+}
+
+// a number of a message, by value and back
+template <typename Message, typename Get, typename Set>
+void visit(Message& message, Get get, Set set, const Visit& number) {
+  double value = (message.*get)();
+  number(value);
+  (message.*set)(value);
+}
+
+// the numbers that a layer can do without
+void visitLayer(pb::Layer& layer, const Visit& number) {
+  using L = pb::Layer;
+  visit(layer, &L::thickness_m, &L::set_thickness_m, number);
+  visit(layer, &L::cutting_force_n, &L::set_cutting_force_n, number);
+  visit(layer, &L::attracted_force_n, &L::set_attracted_force_n, number);
+  visit(layer, &L::rejection_force_n, &L::set_rejection_force_n, number);
+  visit(layer, &L::lateral_stiffness_n_per_m2, &L::set_lateral_stiffness_n_per_m2, number);
+  visit(layer, &L::friction_n_per_m, &L::set_friction_n_per_m, number);
+  if (!layer.has_puncture()) return;
+  using P = pb::Puncture;
+  visit(*layer.mutable_puncture(), &P::linear_n_per_m, &P::set_linear_n_per_m, number);
+  visit(*layer.mutable_puncture(), &P::quadratic_n_per_m2, &P::set_quadratic_n_per_m2, number);
+  visit(*layer.mutable_puncture(), &P::force_n, &P::set_force_n, number);
+}
+
+// numbers that must stay above zero: rounded, never made 0
+void visitSections(pb::Profile& profile, const Visit& number) {
+  using W = pb::TrackingWall;
+  visit(*profile.mutable_needle(), &pb::Needle::length_m, &pb::Needle::set_length_m, number);
+  auto& wall = *profile.mutable_tracking_wall();
+  visit(wall, &W::stiffness_n_per_m, &W::set_stiffness_n_per_m, number);
+  visit(wall, &W::stop_speed_m_s, &W::set_stop_speed_m_s, number);
+  visit(wall, &W::stop_dwell_s, &W::set_stop_dwell_s, number);
+  visit(wall, &W::stop_duration_s, &W::set_stop_duration_s, number);
+  if (profile.has_virtual_fixture()) {
+    using F = pb::VirtualFixture;
+    auto& fixture = *profile.mutable_virtual_fixture();
+    visit(fixture, &F::max_stiffness_n_per_m, &F::set_max_stiffness_n_per_m, number);
+    visit(fixture, &F::max_force_n, &F::set_max_force_n, number);
+  }
+  if (profile.has_orientation_limit()) {
+    using O = pb::OrientationLimit;
+    auto& limit = *profile.mutable_orientation_limit();
+    visit(limit, &O::stiffness_nm_per_rad, &O::set_stiffness_nm_per_rad, number);
+    visit(limit, &O::max_torque_nm, &O::set_max_torque_nm, number);
+  }
+  if (profile.has_shaft_friction()) {
+    using S = pb::ShaftFriction;
+    visit(*profile.mutable_shaft_friction(), &S::stiffness_n_per_m, &S::set_stiffness_n_per_m, number);
+  }
+}
+
+void visitPlace(Stroke& stroke, const Visit& number) {
+  for (double* value : {&stroke.x_m, &stroke.y_m, &stroke.depth_m, &stroke.tilt_x, &stroke.tilt_y})
+    number(*value);
+}
+
+void visitStrokes(Gesture& gesture, const Visit& number) {
+  visitPlace(gesture.start, number);
+  for (Stroke& stroke : gesture.strokes) {
+    visitPlace(stroke, number);
+    number(stroke.seconds);
+  }
+}
+
+void visitLayers(Gesture& gesture, const Visit& number) {
+  for (auto& layer : *gesture.profile.mutable_layers()) visitLayer(layer, number);
+}
+
+void visitAll(Gesture& gesture, const Visit& number) {
+  visitStrokes(gesture, number);
+  visitLayers(gesture, number);
+  visitSections(gesture.profile, number);
+}
+
+double turnBetween(const Stroke& a, const Stroke& b) {
+  return std::abs(a.tilt_x - b.tilt_x) + std::abs(a.tilt_y - b.tilt_y);
+}
+
+// a smaller gesture is one that the same hand could make: outside at both ends, and no faster
+bool humanlyPossible(const Gesture& gesture, double most_speed_mps, double most_turn_per_s) {
+  constexpr double kOutside_m = -5e-4;
+  if (gesture.strokes.empty() || gesture.start.depth_m > kOutside_m ||
+      gesture.strokes.back().depth_m > kOutside_m)
+    return false;
+  const Stroke* before = &gesture.start;
+  for (const Stroke& stroke : gesture.strokes) {
+    if (!(stroke.seconds >= 0.01) || wayBetween(*before, stroke) > most_speed_mps * stroke.seconds ||
+        turnBetween(*before, stroke) > most_turn_per_s * stroke.seconds)
+      return false;
+    before = &stroke;
+  }
+  return true;
+}
+
+class Shrinker {
+ public:
+  Shrinker(const Gesture& gesture, const std::function<bool(const Gesture&)>& fails, std::size_t most_tries)
+      : fails_(fails), most_tries_(most_tries) {
+    best_.gesture = gesture;
+    size_ = sizeOf(gesture);
+    const Stroke* before = &gesture.start;
+    for (const Stroke& stroke : gesture.strokes) {
+      most_speed_mps_ = std::max(most_speed_mps_, wayBetween(*before, stroke) / stroke.seconds);
+      most_turn_per_s_ = std::max(most_turn_per_s_, turnBetween(*before, stroke) / stroke.seconds);
+      before = &stroke;
+    }
+  }
+
+  ShrinkResult run() {
+    for (std::size_t taken_before = 0;; taken_before = best_.taken) {
+      removeStrokes();
+      removeEffects();
+      removeLayers();
+      simplify();
+      zeroNumbers();
+      roundNumbers();
+      if (best_.taken == taken_before || best_.tried >= most_tries_) return best_;
+    }
+  }
+
+ private:
+  // keeps the candidate when it is smaller and still fails
+  bool take(const Gesture& candidate) {
+    const double size = sizeOf(candidate);
+    if (!(size < size_) || best_.tried >= most_tries_ ||
+        !humanlyPossible(candidate, most_speed_mps_, most_turn_per_s_))
+      return false;
+    ++best_.tried;
+    if (!fails_(candidate)) return false;
+    ++best_.taken;
+    best_.gesture = candidate;
+    size_ = size;
+    return true;
+  }
+
+  // halves, quarters, …, single strokes (Zeller and Hildebrandt's delta debugging, without its complements)
+  void removeStrokes() {
+    for (std::size_t length = std::max<std::size_t>(best_.gesture.strokes.size() / 2, 1);; length /= 2) {
+      for (std::size_t from = 0; from < best_.gesture.strokes.size();) {
+        Gesture candidate = best_.gesture;
+        const auto first = candidate.strokes.begin() + static_cast<std::ptrdiff_t>(from);
+        const std::size_t count = std::min(length, candidate.strokes.size() - from);
+        candidate.strokes.erase(first, first + static_cast<std::ptrdiff_t>(count));
+        if (!take(candidate)) from += length;
+      }
+      if (length == 1) return;
+    }
+  }
+
+  void removeEffects() {
+    for (int i = best_.gesture.profile.effects_size() - 1; i >= 0; --i) {
+      Gesture candidate = best_.gesture;
+      auto& effects = *candidate.profile.mutable_effects();
+      effects.erase(effects.begin() + i);
+      take(candidate);
+    }
+  }
+
+  void removeLayers() {
+    for (int i = best_.gesture.profile.layers_size() - 1; i >= 0; --i) {
+      Gesture candidate = best_.gesture;
+      auto& layers = *candidate.profile.mutable_layers();
+      if (layers.size() > 1) {
+        layers.erase(layers.begin() + i);
+        if (take(candidate)) continue;
+      }
+      candidate = best_.gesture;
+      candidate.profile.mutable_layers(i)->clear_puncture();
+      take(candidate);
+    }
+  }
+
+  void simplify() {
+    const auto tryWith = [&](const auto& change) {
+      Gesture candidate = best_.gesture;
+      change(candidate);
+      take(candidate);
+    };
+    tryWith([](Gesture& g) { g.tremor_m = 0; });
+    tryWith([](Gesture& g) { g.encoder_step_m = 0; });
+    tryWith([](Gesture& g) {
+      auto& plane = *g.profile.mutable_limb()->mutable_plane();
+      plane.mutable_point_m()->set_x(0);
+      plane.mutable_point_m()->set_y(0);
+      plane.mutable_point_m()->set_z(0);
+      plane.mutable_normal()->set_x(0);
+      plane.mutable_normal()->set_y(0);
+      plane.mutable_normal()->set_z(1);
+    });
+    tryWith([](Gesture& g) { g.profile.mutable_tracking_wall()->set_stop_mode(pb::TrackingWall::RAMP); });
+    // a stroke along fewer directions: as the one before it in one number
+    for (std::size_t i = 0; i < best_.gesture.strokes.size(); ++i)
+      for (double Stroke::*member : {&Stroke::x_m, &Stroke::y_m, &Stroke::tilt_x, &Stroke::tilt_y}) {
+        Gesture candidate = best_.gesture;
+        const Stroke& before = i == 0 ? candidate.start : candidate.strokes[i - 1];
+        candidate.strokes[i].*member = before.*member;
+        take(candidate);
+      }
+  }
+
+  // asks for every number in turn: `change` gives what to try in its place, false when there is no more
+  template <typename Change>
+  void eachNumber(void (*visitor)(Gesture&, const Visit&), const Change& change) {
+    std::size_t count = 0;
+    visitor(best_.gesture, [&](double&) { ++count; });
+    for (std::size_t wanted = 0; wanted < count; ++wanted) {
+      for (int attempt = 0;; ++attempt) {
+        Gesture candidate = best_.gesture;
+        std::size_t at = 0;
+        bool more = false;
+        visitor(candidate, [&](double& value) {
+          if (at++ == wanted) more = change(attempt, value);
+        });
+        if (!more || take(candidate)) break;
+      }
+    }
+  }
+
+  void zeroNumbers() {
+    const auto zero = [](int attempt, double& value) {
+      value = 0;
+      return attempt == 0;
+    };
+    eachNumber(visitStrokes, zero);
+    eachNumber(visitLayers, zero);
+  }
+
+  void roundNumbers() {
+    // shorter, shallower, less aside: or the same number with fewer digits
+    eachNumber(visitStrokes, [](int attempt, double& value) {
+      static constexpr std::array<double, 5> kFactors = {0.5, 1, 0.75, 1, 1.2};
+      static constexpr std::array<int, 5> kDigits = {1, 1, 2, 2, 1};
+      if (attempt >= 5) return false;
+      value = roundedTo(value * kFactors[static_cast<std::size_t>(attempt)],
+                        kDigits[static_cast<std::size_t>(attempt)]);
+      return true;
+    });
+    eachNumber(visitAll, [](int attempt, double& value) {
+      value = roundedTo(value, attempt + 1);
+      return attempt < 2;
+    });
+  }
+
+  const std::function<bool(const Gesture&)>& fails_;
+  std::size_t most_tries_;
+  ShrinkResult best_;
+  double size_;
+  double most_speed_mps_ = 0, most_turn_per_s_ = 0;  // mean, of a stroke of the gesture that came in
+};
+
+}  // namespace
+
+double sizeOf(const Gesture& gesture) {
+  Gesture copy = gesture;  // the visitors hand out references
+  double digits = 0, seconds = 0, magnitudes = 0;
+  visitAll(copy, [&](double& value) { digits += significantDigits(value); });
+  visitStrokes(copy, [&](double& value) { magnitudes += std::min(std::abs(value), 10.0); });
+  // directions that change from stroke to stroke are what makes a gesture hard to follow
+  double changes = 0;
+  const Stroke* before = &gesture.start;
+  for (const Stroke& stroke : gesture.strokes) {
+    seconds += stroke.seconds;
+    for (double Stroke::*member : {&Stroke::x_m, &Stroke::y_m, &Stroke::tilt_x, &Stroke::tilt_y})
+      changes += stroke.*member != before->*member;
+    before = &stroke;
+  }
+  double membranes = 0;
+  for (const auto& layer : gesture.profile.layers()) membranes += layer.has_puncture();
+  return 1000.0 * static_cast<double>(gesture.strokes.size()) + 400.0 * gesture.profile.effects_size() +
+         300.0 * gesture.profile.layers_size() + 100.0 * membranes + 50.0 * changes +
+         50.0 * (gesture.tremor_m > 0) + 50.0 * (gesture.encoder_step_m > 0) +
+         100.0 * !gesture.profile.limb().has_plane() +
+         30.0 * (gesture.profile.tracking_wall().stop_mode() != pb::TrackingWall::RAMP) + 10 * seconds +
+         digits + 5 * magnitudes;
+}
+
+ShrinkResult shrunk(const Gesture& gesture, const std::function<bool(const Gesture&)>& fails,
+                    std::size_t most_tries) {
+  return Shrinker(gesture, fails, most_tries).run();
+}
+
+}  // namespace needlelab

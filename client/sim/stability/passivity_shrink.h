@@ -1,0 +1,26 @@
+/// Makes a gesture that fails smaller while it goes on failing, so that a person can see why.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+
+#include "stability/passivity_gesture.h"
+
+namespace needlelab {
+
+/// How big a gesture is to a reader: less is simpler. Strokes, effects and layers weigh most, then times that
+/// are not short, then the digits of its numbers.
+double sizeOf(const Gesture& gesture);
+
+struct ShrinkResult {
+  Gesture gesture;
+  std::size_t tried = 0, taken = 0;  ///< smaller gestures
+};
+
+/// `fails` must hold for `gesture` (and is asked at most `most_tries` times). Removes strokes, effects,
+/// layers, membranes, tremor and encoder, replaces the limb by a plane, shortens, and rounds numbers, over
+/// and over until nothing helps. Each step makes `sizeOf` less, so it ends. Deterministic.
+ShrinkResult shrunk(const Gesture& gesture, const std::function<bool(const Gesture&)>& fails,
+                    std::size_t most_tries = 3000);
+
+}  // namespace needlelab
