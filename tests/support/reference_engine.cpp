@@ -38,6 +38,11 @@ std::optional<Vec3> ReferenceEngine::direction() const {
   return insertion_ ? std::optional(insertion_->u) : std::nullopt;
 }
 
+std::optional<double> ReferenceEngine::slant() const {
+  if (!insertion_) return std::nullopt;
+  return std::max(0.05, -dot(insertion_->normal, insertion_->u));  // §3.1: c = max(0.05, −n·u)
+}
+
 std::optional<double> ReferenceEngine::tiltLimit() const {
   return insertion_ ? std::optional(insertion_->tilt_limit) : std::nullopt;
 }

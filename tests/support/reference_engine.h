@@ -43,6 +43,8 @@ class ReferenceEngine {
 
   /// The trajectory's direction, while inside.
   [[nodiscard]] std::optional<Vec3> direction() const;
+  /// c, while inside.
+  [[nodiscard]] std::optional<double> slant() const;
   /// θ_l, while inside.
   [[nodiscard]] std::optional<double> tiltLimit() const;
   /// The flags of the last tick that hung on a comparison decided by rounding (k(|e| − ρ) against f_max, for

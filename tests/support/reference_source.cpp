@@ -11,6 +11,8 @@ class ReferenceSource final : public ForceSource {
       : engine_(scene, rate_hz, planted), axial_stiffness_(axial_stiffness) {}
   void step(const TipSample& tip, StepReport& report) noexcept override { report = engine_.step(tip); }
   [[nodiscard]] double axialStiffness_N_per_m() const noexcept override { return axial_stiffness_; }
+  [[nodiscard]] double slant() const noexcept override { return engine_.slant().value_or(1); }
+  [[nodiscard]] Vec3 trajectory() const noexcept override { return engine_.direction().value_or(Vec3{}); }
 
  private:
   ReferenceEngine engine_;
