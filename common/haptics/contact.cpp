@@ -52,6 +52,11 @@ void beginInsertion(const SceneModel& model, SimState& state, const TipSample& s
   state.stop_step_m = state.stop_stretch_m = 0.0;
   state.dead_radius_m = state.k_prev_N_per_m = state.e_prev_m = 0.0;
   state.membranes_met = state.membranes_ruptured = 0;
+  ++state.insertions;
+  state.table_row = 0;
+  state.score.cell = -1;
+  state.proxy_held = true;  // on the skin
+  state.proxy_layer = state.tops_met = 0;
   state.tilt_limit_is_cone = false;
   if (model.isLive(Effect::kOrientationLimit))
     state.tilt_limit_rad = std::max(kPi / 4, angleBetween(axis, state.u_W));

@@ -99,6 +99,24 @@ double detCos(double x) noexcept {
   return quadrant == 1 || quadrant == 2 ? -magnitude : magnitude;
 }
 
+double detLog(double x) noexcept {
+  if (x == 0.0) return -std::numeric_limits<double>::infinity();
+  // x = m·2^e with m in [√½, √2): ln m = 2 atanh((m − 1)/(m + 1)) by its series, whose argument is below
+  // 0.172
+  int e = 0;
+  double m = std::frexp(x, &e);
+  if (m < 0.70710678118654752440) {
+    m *= 2.0;
+    --e;
+  }
+  const double s = (m - 1.0) / (m + 1.0), q = s * s;
+  double sum = 1.0 / 23;
+  for (int k = 21; k >= 3; k -= 2) sum = 1.0 / k + q * sum;
+  // ln 2 in two parts, as in detExp
+  constexpr double kLn2High = 6.93147180369123816490e-01, kLn2Low = 1.90821492927058770002e-10;
+  return e * kLn2High + (e * kLn2Low + (2.0 * s + 2.0 * s * (q * sum)));
+}
+
 double detExp(double x) noexcept {
   if (std::isnan(x)) return x;
   if (x > 709.8) return std::numeric_limits<double>::infinity();

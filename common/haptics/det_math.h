@@ -17,6 +17,8 @@ double detAsin(double x) noexcept;
 /// For |x| up to 1e5.
 double detSin(double x) noexcept;
 double detCos(double x) noexcept;
+/// Natural logarithm of a positive normal number; −infinity for 0.
+double detLog(double x) noexcept;
 /// e^x; 0 below −745, infinity above 709.8.
 double detExp(double x) noexcept;
 

@@ -3,13 +3,16 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 
 #include "haptics/limits.h"
 #include "haptics/scene_spec.h"
 
 namespace needlelab {
 
+struct DepthTable;
 struct SimState;
+class StatisticalTarget;
 struct StepReport;
 struct TipSample;
 class SceneModel;
@@ -71,9 +74,12 @@ class SceneModel {
 
   // along u
   AxialModel axial_model = AxialModel::kEnhancedTrackingWall;
-  StepFunction step_function = nullptr;  ///< of that model with these live effects
-  double axial_stiffness_N_per_m = 0;    ///< steepest slope of the axial model's force over x
-  bool step_at_layers = false;           ///< DIRECT
+  StepFunction step_function = nullptr;           ///< of that model with these live effects
+  double axial_stiffness_N_per_m = 0;             ///< steepest slope of the axial model's force over x
+  double axial_damping_Ns_per_m = 0;              ///< steepest slope of that force over the speed: VOIGT's B
+  bool step_at_layers = false;                    ///< DIRECT
+  std::shared_ptr<const DepthTable> depth_table;  ///< PRECOMPUTED
+  std::shared_ptr<const StatisticalTarget> statistical;  ///< STATISTICAL
 
   [[nodiscard]] bool isLive(Effect effect) const { return (live & bitOf(effect)) != 0; }
   /// Steepest stiffness along the trajectory that can act at once: K_t (or the axial model's) + K_f +

@@ -34,6 +34,7 @@ std::uint64_t hashOf(const SimState& state) {
   hash.add(state.depth_prev_m);
   hash.add(std::uint64_t{state.has_prev} | std::uint64_t{state.outside_once} << 1 |
            std::uint64_t{state.inside} << 2);
+  hash.add(state.insertions);
   if (!state.inside) return hash.value();
 
   // the rest has a meaning only during an insertion
@@ -53,6 +54,10 @@ std::uint64_t hashOf(const SimState& state) {
     hash.add(d);
   hash.add(std::uint64_t{state.tilt_limit_is_cone});
   hash.add(state.tilt_limit_is_cone ? state.tilt_limit_insertion_m : state.tilt_limit_rad);
+  hash.add(std::uint64_t{state.table_row} | std::uint64_t{state.proxy_layer} << 32);
+  hash.add(std::uint64_t{state.proxy_held} | static_cast<std::uint64_t>(state.score.cell + 1) << 1);
+  hash.add(std::uint64_t{state.tops_met});
+  for (std::uint32_t i = 0; i < state.tops_met; ++i) hash.add(state.top_place_m[i]);
   hash.add(std::uint64_t{state.membranes_met} | std::uint64_t{state.membranes_ruptured} << 32);
   for (std::uint32_t i = 0; i < state.membranes_met; ++i) hash.add(state.membrane_place_m[i]);
   return hash.value();

@@ -7,6 +7,7 @@
 
 #include "haptics/geometry.h"
 #include "haptics/limits.h"
+#include "haptics/models/score_process.h"
 
 namespace needlelab {
 
@@ -56,6 +57,15 @@ struct SimState {
   bool tilt_limit_is_cone = false;
   double tilt_limit_rad = 0;
   double tilt_limit_insertion_m = 0;
+
+  // axial models
+  std::uint64_t insertions = 0;   ///< how many began, this one included; an exit does not reset it
+  std::uint32_t table_row = 0;    ///< where to look first in a table over depth
+  ScorePath score;                ///< STATISTICAL
+  bool proxy_held = false;        ///< GOD_OBJECT: the proxy lies on a top; else it is at the tip
+  std::uint32_t proxy_layer = 0;  ///< GOD_OBJECT: whose top that is, or which the tip was let through last
+  std::uint32_t tops_met = 0;     ///< GOD_OBJECT: how many tops of layers the tip has crossed
+  std::array<double, kMaxLayers> top_place_m;  ///< where along u, less `x_shift_m`
 
   // membranes, in the model's order
   std::uint32_t membranes_met = 0;       ///< how many from the top were met

@@ -13,10 +13,15 @@ const AxialEntry& axialEntry(AxialModel model) {
     case AxialModel::kDirect:
       return kDirectEntry;
     case AxialModel::kVoigt:
+      return kVoigtEntry;
     case AxialModel::kGodObject:
+      return kGodObjectEntry;
     case AxialModel::kFirstOrder:
+      return kFirstOrderEntry;
     case AxialModel::kStatistical:
+      return kStatisticalEntry;
     case AxialModel::kPrecomputed:
+      return kPrecomputedEntry;
     case AxialModel::kFem:
       break;
   }

@@ -31,6 +31,11 @@ const AxialEntry& axialEntry(AxialModel model);
 extern const AxialEntry kTrackingWallEntry;  ///< ENHANCED_TRACKING_WALL
 extern const AxialEntry kPlainWallEntry;     ///< TRACKING_WALL
 extern const AxialEntry kDirectEntry;
+extern const AxialEntry kVoigtEntry;
+extern const AxialEntry kGodObjectEntry;
+extern const AxialEntry kFirstOrderEntry;
+extern const AxialEntry kStatisticalEntry;
+extern const AxialEntry kPrecomputedEntry;
 extern const AxialEntry kNotBuiltEntry;  ///< refuses the scene by its model's name
 
 }  // namespace needlelab

@@ -1,0 +1,89 @@
+/// FIRST_ORDER: the needle's force as the sum of three, after Okamura, Simone and O'Leary 2004 (their
+/// quadratic stiffness taken linear): stiffness before puncture, then cutting and friction (DESIGN §3.6).
+/// Each layer has a surface at its top that holds with k (x − s) until that reaches its puncture force. While
+/// one holds, nothing is cut or rubbed beyond it (x_c of DESIGN §3.5). Cutting is constant in a layer and
+/// friction ∫ friction ds over the length that is through, both by dragged walls (K_t and K_f): cutting on
+/// the way in only, friction both ways. There is no relaxation in a stop: the model has none. It has its own
+/// puncture and friction: a scene that lists PUNCTURE or SHAFT_FRICTION is refused.
+#include <algorithm>
+#include <bit>
+
+#include "haptics/models/axial_entry.h"
+#include "haptics/step_live.h"
+
+namespace needlelab {
+namespace {
+
+struct FirstOrder {
+  static constexpr bool acts(EffectMask live) { return (live & bitOf(Effect::kCutting)) != 0; }
+  static constexpr bool kHasWall = true;
+
+  static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,
+                      StepReport& report) {
+    // stiffness and puncture: a membrane on every top
+    const bool entry = state.ticks_inside == 1;
+    Tick own = tick;
+    const double held_N = applyMembranes(
+        model, state, own, entry ? 0.0 : keptPosition(state, state.ticks_inside - 1) + state.x_shift_m,
+        entry ? 0.0 : state.depth_prev_m, report);
+
+    // cutting in the layer that is open at x_c
+    const auto closed = static_cast<std::uint32_t>(std::countr_zero(intactMembranes(state)));
+    double cut_m = 0.0;
+    if (closed != 0) cut_m = model.layers[std::min(state.layer, closed - 1)].cut_stretch_m;
+    state.wall_m = std::min(std::max(state.wall_m, own.x_cut_m - cut_m), own.x_cut_m);
+    report.cutting_N = -model.wall.stiffness_N_per_m * (own.x_cut_m - state.wall_m);
+
+    // friction on the length that is through
+    own.insertion_m = std::min(tick.insertion_m, std::max(0.0, own.x_cut_m));
+    return report.cutting_N + applyShaftFriction(model, state, own, report) + held_N;
+  }
+};
+constexpr StepTable kSteps = stepTable<FirstOrder>();
+
+void checkFirstOrder(const SceneSpec& spec, SpecChecker& check) {
+  check.enter("");
+  for (const Effect effect : {Effect::kPuncture, Effect::kShaftFriction})
+    check.require((spec.effects & bitOf(effect)) == 0, "effects",
+                  "lists " + std::string(kEffectNames[static_cast<std::size_t>(effect)]) +
+                      ", which axial_model FIRST_ORDER has its own of (layers[].first_order): take it out");
+  for (std::size_t i = 0; i < spec.layers.size(); ++i) {
+    check.enter("layers[" + std::to_string(i) + "].");
+    const auto& own = spec.layers[i].first_order;
+    check.require(own.has_value(), "first_order", "is missing, and axial_model is FIRST_ORDER");
+    if (!own) return;
+    check.number("first_order.stiffness_n_per_m", own->stiffness_N_per_m, kStiffness);
+    check.number("first_order.puncture_force_n", own->puncture_force_N, kPositiveForce);
+    check.number("first_order.cutting_force_n", own->cutting_force_N, kForce);
+    check.number("first_order.friction_n_per_m", own->friction_N_per_m, kFrictionPerLength);
+  }
+}
+
+void compileFirstOrder(const SceneSpec& spec, SceneModel& model) {
+  double friction_N = 0, steepest_N_per_m = 0;
+  bool rubs = false;
+  for (std::uint32_t i = 0; i < model.layer_count; ++i) {
+    const FirstOrderSpec& own = *spec.layers[i].first_order;
+    CompiledLayer& layer = model.layers[i];
+    layer.cut_stretch_m = own.cutting_force_N / spec.tracking_wall.stiffness_N_per_m;
+    layer.friction_N_per_m = own.friction_N_per_m;
+    layer.friction_offset_N = friction_N - own.friction_N_per_m * layer.top_m;
+    friction_N += own.friction_N_per_m * spec.layers[i].thickness_m;
+    model.membranes[i] = {layer.top_m, own.stiffness_N_per_m, 0.0, own.puncture_force_N,
+                          own.stiffness_N_per_m};
+    steepest_N_per_m = std::max(steepest_N_per_m, own.stiffness_N_per_m);
+    rubs = rubs || own.friction_N_per_m > 0;
+  }
+  model.membrane_count = model.layer_count;
+  // while a top holds, x_c and with it both walls stand still
+  model.axial_stiffness_N_per_m =
+      std::max(steepest_N_per_m,
+               spec.tracking_wall.stiffness_N_per_m + (rubs ? spec.friction_stiffness_N_per_m : 0.0));
+}
+
+}  // namespace
+
+constinit const AxialEntry kFirstOrderEntry = {
+    &kSteps, checkFirstOrder, [](const SceneSpec&) { return bitOf(Effect::kCutting); }, compileFirstOrder};
+
+}  // namespace needlelab

@@ -1,0 +1,71 @@
+/// GOD_OBJECT: the proxy of surface rendering (Zilles and Salisbury 1995: a point that stays on the surface
+/// while the tip goes through it) put onto the tops of layers (DESIGN §3.6). It lies on the top of the layer
+/// that the tip meets and pulls the tip back with f = −K (x − x_proxy); when K (x − x_proxy) exceeds that
+/// layer's cutting force, the proxy is let through, for the rest of this insertion, and goes with the tip to
+/// the next top. Between tops there is no force at all, and the force vanishes where the proxy is let
+/// through: that is what it is here to show. It never pulls inward. A top's place along u is taken as a
+/// membrane's (DESIGN §3.5): the x interpolated by δ between the tick before and this one.
+#include <algorithm>
+
+#include "haptics/models/axial_entry.h"
+#include "haptics/step_live.h"
+
+namespace needlelab {
+namespace {
+
+struct GodObject {
+  static constexpr bool acts(EffectMask live) { return (live & bitOf(Effect::kCutting)) != 0; }
+  static constexpr bool kHasWall = true;
+
+  static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,
+                      StepReport& report) {
+    meetTops(model, state, tick);
+    double pressed_N = 0.0;
+    for (;;) {
+      // a proxy that goes with the tip stays at the next top that the tip has crossed
+      if (!state.proxy_held) {
+        if (state.proxy_layer + 1 >= state.tops_met) break;
+        ++state.proxy_layer;
+        state.proxy_held = true;
+      }
+      const double place_m = state.top_place_m[state.proxy_layer] + state.x_shift_m;
+      pressed_N = model.axial_stiffness_N_per_m * std::max(0.0, tick.x_m - place_m);
+      state.wall_m = place_m;
+      if (pressed_N <= model.layers[state.proxy_layer].cutting_force_N) break;
+      state.proxy_held = false;
+      pressed_N = 0.0;
+      report.flags |= kFlagRupture;
+    }
+    if (!state.proxy_held) state.wall_m = tick.x_m;
+    return report.cutting_N = -pressed_N;
+  }
+
+  // keeps where the tip crossed the top of each layer first
+  static void meetTops(const SceneModel& model, SimState& state, const Tick& tick) {
+    if (state.tops_met >= model.layer_count || tick.depth_m < model.layers[state.tops_met].top_m) return;
+    const bool entry = state.ticks_inside == 1;
+    const double depth_before_m = entry ? 0.0 : state.depth_prev_m;
+    const double x_before_m = entry ? 0.0 : keptPosition(state, state.ticks_inside - 1) + state.x_shift_m;
+    do {
+      const double share =
+          (model.layers[state.tops_met].top_m - depth_before_m) / (tick.depth_m - depth_before_m);
+      state.top_place_m[state.tops_met++] = x_before_m + (tick.x_m - x_before_m) * share - state.x_shift_m;
+    } while (state.tops_met < model.layer_count && tick.depth_m >= model.layers[state.tops_met].top_m);
+  }
+};
+constexpr StepTable kSteps = stepTable<GodObject>();
+
+}  // namespace
+
+constinit const AxialEntry kGodObjectEntry = {
+    &kSteps,
+    [](const SceneSpec& spec, SpecChecker& check) {
+      check.enter("god_object.");
+      check.number("stiffness_n_per_m", spec.god_object.stiffness_N_per_m, kStiffness);
+    },
+    [](const SceneSpec& spec) { return effectsOfLayers(spec) & bitOf(Effect::kCutting); },
+    [](const SceneSpec& spec, SceneModel& model) {
+      model.axial_stiffness_N_per_m = spec.god_object.stiffness_N_per_m;
+    }};
+
+}  // namespace needlelab

@@ -1,0 +1,71 @@
+/// PRECOMPUTED: a table of force over depth, made beforehand (by FEM, by a fit, by hand), in and out, linear
+/// between its rows, rendered by the enhanced tracking wall: Δ_cut = cutting(δ)/K_t, Δ_att = attracted(δ)/K_t
+/// (DESIGN §3.6; precomputed tables are the future work of the paper). The stop leaves the layer's rejection
+/// force, as the wall does.
+#include <algorithm>
+
+#include "haptics/effects/tracking_wall.h"
+#include "haptics/models/axial_entry.h"
+#include "haptics/models/depth_table.h"
+#include "haptics/step_live.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::size_t kMaxRows = 1024;
+
+struct Precomputed {
+  static constexpr bool acts(EffectMask live) {
+    return (live & (bitOf(Effect::kCutting) | bitOf(Effect::kAttracted))) != 0;
+  }
+  static constexpr bool kHasWall = true;
+
+  static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool stop_begins,
+                      StepReport& report) {
+    const auto [cut_m, attracted_m] = model.depth_table->at(tick.depth_m, state.table_row);
+    return applyTrackingWall(model, state, tick, stop_begins,
+                             {cut_m, attracted_m, model.layers[state.layer].rejection_stretch_m}, report);
+  }
+};
+constexpr StepTable kSteps = stepTable<Precomputed>();
+
+void checkPrecomputed(const SceneSpec& spec, SpecChecker& check) {
+  const auto& table = spec.precomputed.table;
+  check.enter("precomputed.");
+  check.require(!table.empty() && table.size() <= kMaxRows, "table",
+                std::to_string(table.size()) + " rows given, allowed are 1 to " + std::to_string(kMaxRows));
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    check.enter("precomputed.table[" + std::to_string(i) + "].");
+    check.number("depth_m", table[i].depth_m, kDepth);
+    check.number("cutting_n", table[i].cutting_N, kForce);
+    check.number("attracted_n", table[i].attracted_N, kForce);
+    check.require(i == 0 || table[i].depth_m > table[i - 1].depth_m, "depth_m",
+                  numberText(table[i].depth_m) + " is not above that of the row before");
+  }
+}
+
+EffectMask effectsWithNumbers(const SceneSpec& spec) {
+  EffectMask mask = 0;
+  for (const PrecomputedSpec::Row& row : spec.precomputed.table) {
+    if (row.cutting_N > 0) mask |= bitOf(Effect::kCutting);
+    if (row.attracted_N > 0) mask |= bitOf(Effect::kAttracted);
+  }
+  return mask;
+}
+
+void compileTable(const SceneSpec& spec, SceneModel& model) {
+  const double stiffness = spec.tracking_wall.stiffness_N_per_m;
+  model.axial_stiffness_N_per_m = stiffness;
+  auto table = std::make_shared<DepthTable>();
+  for (const PrecomputedSpec::Row& row : spec.precomputed.table)
+    table->add(row.depth_m, model.isLive(Effect::kCutting) ? row.cutting_N / stiffness : 0.0,
+               model.isLive(Effect::kAttracted) ? row.attracted_N / stiffness : 0.0);
+  table->finish();
+  model.depth_table = std::move(table);
+}
+
+}  // namespace
+
+constinit const AxialEntry kPrecomputedEntry = {&kSteps, checkPrecomputed, effectsWithNumbers, compileTable};
+
+}  // namespace needlelab

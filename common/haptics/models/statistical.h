@@ -1,0 +1,48 @@
+/// STATISTICAL: how the force over depth differs from patient to patient (DESIGN §3.6).
+#pragma once
+
+#include <cstdint>
+
+#include "haptics/axial_model.h"
+#include "haptics/models/depth_table.h"
+#include "haptics/models/score_process.h"
+
+namespace needlelab {
+
+/// The target force of insertions: at each depth log-normal with the table's mean m and sd s (with the
+/// patient's factors), i.e. with σ² = ln(1 + s²/m²)
+///   target = m·e^(σ z − σ²/2) = m/√(1 + s²/m²)·e^(σ z)
+/// where z is the normal score of that insertion at that depth. 0 where m is 0. Const; any thread.
+class StatisticalTarget {
+ public:
+  /// The section must be valid (see `validate`).
+  explicit StatisticalTarget(const StatisticalSpec& spec);
+
+  /// In N. `insertion` counts from 0; `path` and `row` are caches of that insertion (start: {} and 0).
+  /// Real-time safe.
+  double at(std::uint64_t insertion, double depth_m, ScorePath& path, std::uint32_t& row) const noexcept;
+
+  [[nodiscard]] const ScoreProcess& process() const { return process_; }
+
+ private:
+  DepthTable table_;  // a: mean, b: sd
+  ScoreProcess process_;
+  std::uint64_t seed_;
+};
+
+/// One insertion's target as a function of depth, for studies and tests: exactly what the engine renders.
+class StatisticalInsertion {
+ public:
+  /// `target` must outlive this.
+  StatisticalInsertion(const StatisticalTarget& target, std::uint64_t insertion)
+      : target_(target), insertion_(insertion) {}
+  double target_N(double depth_m) { return target_.at(insertion_, depth_m, path_, row_); }
+
+ private:
+  const StatisticalTarget& target_;
+  std::uint64_t insertion_;
+  ScorePath path_;
+  std::uint32_t row_ = 0;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,45 @@
+/// VOIGT: a spring and a damper side by side from the surface to the tip, the Kelvin-Voigt element that many
+/// simulators take for soft tissue (e.g. Fung 1993, §2.11): f = min(0, −K x − B ẋ), it never pulls (DESIGN
+/// §3.6). ẋ is the difference over one tick, x = 0 at the tick before entry: what a quantised position costs
+/// there is B·quantum/T, and that is part of what this model is here to show.
+#include <algorithm>
+
+#include "haptics/models/axial_entry.h"
+#include "haptics/step_live.h"
+
+namespace needlelab {
+namespace {
+
+constexpr NumberRange kDamping{0, 1000};
+
+struct Voigt {
+  static constexpr bool acts(EffectMask live) { return (live & bitOf(Effect::kCutting)) != 0; }
+  static constexpr bool kHasWall = false;
+
+  static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,
+                      StepReport& report) {
+    const double moved_m =
+        keptPosition(state, state.ticks_inside) - keptPosition(state, state.ticks_inside - 1);
+    const double pressed_N =
+        model.axial_stiffness_N_per_m * tick.x_m + model.axial_damping_Ns_per_m * (moved_m / model.period_s);
+    return report.cutting_N = -std::max(0.0, pressed_N);
+  }
+};
+constexpr StepTable kSteps = stepTable<Voigt>();
+
+}  // namespace
+
+constinit const AxialEntry kVoigtEntry = {
+    &kSteps,
+    [](const SceneSpec& spec, SpecChecker& check) {
+      check.enter("voigt.");
+      check.number("stiffness_n_per_m", spec.voigt.stiffness_N_per_m, kStiffness);
+      check.number("damping_ns_per_m", spec.voigt.damping_Ns_per_m, kDamping);
+    },
+    [](const SceneSpec&) { return bitOf(Effect::kCutting); },
+    [](const SceneSpec& spec, SceneModel& model) {
+      model.axial_stiffness_N_per_m = spec.voigt.stiffness_N_per_m;
+      model.axial_damping_Ns_per_m = spec.voigt.damping_Ns_per_m;
+    }};
+
+}  // namespace needlelab
