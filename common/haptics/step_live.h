@@ -32,7 +32,8 @@ namespace needlelab {
 ///   static constexpr bool acts(EffectMask live);  // whether it is live at all
 ///   static constexpr bool kHasWall;  // state.wall_m is a place on the trajectory, to be reported
 ///   static double apply(model, state, tick, stop_begins, report);
-///                                    // fills report.cutting_N or attracted_N, which are 0 before
+///                                    // fills report.cutting_N or attracted_N, which are 0 before (so are
+///                                    // friction_N and puncture_N where that effect is not live)
 /// What it keeps from tick to tick lies in SimState: a place along u as `wall_m` (0 at entry, a turn of u
 /// moves it), or less `x_shift_m`, which a turn changes instead.
 ///
@@ -102,15 +103,13 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   // along u: axial, friction, puncture
   double along_N = 0.0;
   report.cutting_N = report.attracted_N = 0.0;
+  if constexpr (!live(Effect::kShaftFriction)) report.friction_N = 0.0;
   if constexpr (Axial::acts(Live)) along_N = Axial::apply(model, state, tick, stop_begins, report);
   if constexpr (Axial::acts(Live) && Axial::kHasWall)
     report.p_wall_W_m = state.p_entry_W_m + state.u_W * state.wall_m;
   else
     report.p_wall_W_m = {kNoNumber, kNoNumber, kNoNumber};
-  if constexpr (live(Effect::kShaftFriction))
-    along_N += applyShaftFriction(model, state, tick, report);
-  else
-    report.friction_N = 0.0;
+  if constexpr (live(Effect::kShaftFriction)) along_N += applyShaftFriction(model, state, tick, report);
   if constexpr (live(Effect::kPuncture)) along_N += membranes_N;
 
   // orientation limit

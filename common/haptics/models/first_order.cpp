@@ -9,6 +9,7 @@
 #include <bit>
 
 #include "haptics/models/axial_entry.h"
+#include "haptics/models/tick_before.h"
 #include "haptics/step_live.h"
 
 namespace needlelab {
@@ -21,11 +22,9 @@ struct FirstOrder {
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,
                       StepReport& report) {
     // stiffness and puncture: a membrane on every top
-    const bool entry = state.ticks_inside == 1;
+    const TickBefore before = tickBefore(state);
     Tick own = tick;
-    const double held_N = applyMembranes(
-        model, state, own, entry ? 0.0 : keptPosition(state, state.ticks_inside - 1) + state.x_shift_m,
-        entry ? 0.0 : state.depth_prev_m, report);
+    const double held_N = applyMembranes(model, state, own, before.x_m, before.depth_m, report);
 
     // cutting in the layer that is open at x_c
     const auto closed = static_cast<std::uint32_t>(std::countr_zero(intactMembranes(state)));

@@ -8,6 +8,7 @@
 #include <algorithm>
 
 #include "haptics/models/axial_entry.h"
+#include "haptics/models/tick_before.h"
 #include "haptics/step_live.h"
 
 namespace needlelab {
@@ -43,13 +44,11 @@ struct GodObject {
   // keeps where the tip crossed the top of each layer first
   static void meetTops(const SceneModel& model, SimState& state, const Tick& tick) {
     if (state.tops_met >= model.layer_count || tick.depth_m < model.layers[state.tops_met].top_m) return;
-    const bool entry = state.ticks_inside == 1;
-    const double depth_before_m = entry ? 0.0 : state.depth_prev_m;
-    const double x_before_m = entry ? 0.0 : keptPosition(state, state.ticks_inside - 1) + state.x_shift_m;
+    const TickBefore before = tickBefore(state);
     do {
       const double share =
-          (model.layers[state.tops_met].top_m - depth_before_m) / (tick.depth_m - depth_before_m);
-      state.top_place_m[state.tops_met++] = x_before_m + (tick.x_m - x_before_m) * share - state.x_shift_m;
+          (model.layers[state.tops_met].top_m - before.depth_m) / (tick.depth_m - before.depth_m);
+      state.top_place_m[state.tops_met++] = before.x_m + (tick.x_m - before.x_m) * share - state.x_shift_m;
     } while (state.tops_met < model.layer_count && tick.depth_m >= model.layers[state.tops_met].top_m);
   }
 };

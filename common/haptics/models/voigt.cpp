@@ -18,8 +18,9 @@ struct Voigt {
 
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,
                       StepReport& report) {
-    const double moved_m =
-        keptPosition(state, state.ticks_inside) - keptPosition(state, state.ticks_inside - 1);
+    // of kept positions, so that a turn of u is no motion; the zero before the entry tick is one of them
+    const double moved_m = state.x_history_m[state.ticks_inside & state.history_mask] -
+                           state.x_history_m[(state.ticks_inside - 1) & state.history_mask];
     const double pressed_N =
         model.axial_stiffness_N_per_m * tick.x_m + model.axial_damping_Ns_per_m * (moved_m / model.period_s);
     return report.cutting_N = -std::max(0.0, pressed_N);
