@@ -24,10 +24,10 @@ struct NeedleCompliance {
   // where it comes from
   std::int32_t nodes = 0, elements = 0;  ///< of the mesh, which is a quarter of the tissue by symmetry
   double assemble_s = 0, factor_s = 0, solve_s = 0;  ///< wall time
-  /// Share of the volume within 5·radius_m of the path whose largest principal strain is above 10 % when the
-  /// needle is in to its full depth with all friction and the cutting force: linear elasticity does not hold
-  /// there.
-  double strained_share = 0;
+  /// With the needle in to its full depth, all friction and the cutting force on it: share of the elements
+  /// whose largest principal strain is above 10 %, where linear elasticity does not hold; and share of the
+  /// volume within 5·radius_m of the path, which does not depend on how the mesh is graded.
+  double strained_share = 0, strained_near_share = 0;
   std::string source;  ///< in words: mesh, elements, boundary
 
   [[nodiscard]] std::size_t stations() const { return depth_m.size(); }

@@ -1,0 +1,52 @@
+/// The tissue around a needle's path as a mesh: a quarter of a box (the needle's load is the same in all
+/// four), layer on layer, fine at the needle and coarse far away.
+#pragma once
+
+#include <Eigen/SparseCore>
+#include <vector>
+
+#include "fem/elasticity.h"
+
+namespace needlelab {
+
+/// What is meshed. z is the depth along the path, x and y stand across it; the skin is z = 0 and free.
+struct NeedleBoxSpec {
+  double length_m = 0;                     ///< of the path
+  double radius_m = 0;                     ///< r₀ of the needle: a surface of the mesh
+  double half_width_m = 0;                 ///< of the box; its sides are held
+  double depth_m = 0;                      ///< of the box; its bottom is held
+  std::vector<double> top_m;               ///< of each layer, from 0; the last has no end
+  std::vector<ElasticMaterial> materials;  ///< of each layer
+};
+
+/// Rings of the mesh around the needle are circles near it (polygons with the circle's circumference) and
+/// pass to the box's square far from it. The needle is no hole: its load enters at r = r₀, and what is within
+/// is tissue that goes with it. So one mesh, and one factorisation, serves every depth of the needle.
+class NeedleBox {
+ public:
+  /// With about `nodes` nodes; every layer has at least one cell, so that thin layers can make it more.
+  NeedleBox(const NeedleBoxSpec& spec, int nodes);
+
+  [[nodiscard]] const TetMesh& mesh() const { return grid_.mesh(); }
+  [[nodiscard]] const std::vector<ElasticMaterial>& materials() const { return spec_.materials; }
+  /// By unknown 3·node + axis: sides and bottom in all directions, the planes of symmetry across them.
+  [[nodiscard]] std::vector<bool> held() const;
+  /// Weights that spread a force of 1 N along z evenly over the surface r = r₀ between these depths; column =
+  /// station, row = unknown. Their transposes give the mean displacement of that surface.
+  [[nodiscard]] Eigen::SparseMatrix<double> surfaceLoads(const std::vector<double>& edges_m) const;
+
+ private:
+  struct Lines {
+    std::vector<double> radius_m, depth_m;
+    int around = 2;       ///< cells in the quarter; even, so that the box's edge is a line of the grid
+    int needle_line = 1;  ///< radius_m[needle_line] = r₀
+  };
+  static Lines linesFor(const NeedleBoxSpec& spec, int nodes);
+  NeedleBox(const NeedleBoxSpec& spec, Lines lines);
+
+  NeedleBoxSpec spec_;
+  Lines lines_;
+  GridMesh grid_;
+};
+
+}  // namespace needlelab

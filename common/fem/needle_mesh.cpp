@@ -1,0 +1,158 @@
+#include "fem/needle_mesh.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "base/range.h"
+#include "fem/elastic_solver.h"
+#include "fem/needle_box.h"
+#include "fem/stopwatch.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kStrainLimit = 0.1;
+
+Status checked(const SceneSpec& spec, const NeedleMeshOptions& options) {
+  const auto check = [](const std::string& field, double value, const NumberRange& range) -> Status {
+    if (range.contains(value)) return {};
+    return outOfRange(field, value, range);
+  };
+  if (spec.layers.empty() || spec.fem.layers.size() != spec.layers.size())
+    return Error{ErrorCode::kInvalidInput, "fem.layers: " + std::to_string(spec.fem.layers.size()) +
+                                               " given, the scene has " + std::to_string(spec.layers.size()) +
+                                               " layers: give one for each, from the skin inward"};
+  for (std::size_t i = 0; i < spec.layers.size(); ++i) {
+    const FemLayerSpec& layer = spec.fem.layers[i];
+    const std::string path = "fem.layers[" + std::to_string(i) + "].";
+    for (const Status& status :
+         {check(path + "young_pa", layer.young_Pa, {100, 1e9}),
+          check(path + "poisson", layer.poisson, {0, 0.49}),
+          check(path + "friction_n_per_m", layer.friction_N_per_m, {0, 1e4}),
+          check(path + "cutting_n", layer.cutting_N, {0, 50}),
+          check("layers[" + std::to_string(i) + "].thickness_m", spec.layers[i].thickness_m, {0, 1, true})})
+      if (!status.ok()) return status;
+  }
+  for (const Status& status :
+       {check("fem.nodes", options.nodes, {100, 200'000}),
+        check("stations", options.stations, {1, static_cast<double>(kMaxNeedleStations)}),
+        check("needle.length_m", spec.needle_length_m, {0, 1, true}),
+        check("needle radius", options.radius_m, {0, 0.1 * spec.needle_length_m, true}),
+        check("half width per length", options.half_width_per_length, {1, 100})})
+    if (!status.ok()) return status;
+  return {};
+}
+
+NeedleBoxSpec boxOf(const SceneSpec& spec, const NeedleMeshOptions& options) {
+  NeedleBoxSpec box;
+  box.length_m = spec.needle_length_m;
+  box.radius_m = options.radius_m;
+  box.half_width_m = options.half_width_per_length * box.length_m;
+  box.depth_m = box.length_m + box.half_width_m;
+  double top = 0;
+  for (std::size_t i = 0; i < spec.layers.size(); ++i) {
+    box.top_m.push_back(top);
+    box.materials.push_back({spec.fem.layers[i].young_Pa, spec.fem.layers[i].poisson});
+    top += spec.layers[i].thickness_m;
+  }
+  return box;
+}
+
+// the station's forces of a needle that is in all the way and cuts: friction on each, cutting on the last
+Eigen::VectorXd fullLoad(const SceneSpec& spec, const NeedleBoxSpec& box, std::size_t stations) {
+  const double spacing = box.length_m / static_cast<double>(stations);
+  Eigen::VectorXd load(static_cast<Eigen::Index>(stations));
+  const FemLayerSpec* layer = nullptr;
+  for (std::size_t s = 0; s < stations; ++s) {
+    const double depth = (static_cast<double>(s) + 0.5) * spacing;
+    const auto below = std::upper_bound(box.top_m.begin(), box.top_m.end(), depth) - box.top_m.begin();
+    layer = &spec.fem.layers[static_cast<std::size_t>(below) - 1];
+    load[static_cast<Eigen::Index>(s)] = layer->friction_N_per_m * spacing;
+  }
+  load[static_cast<Eigen::Index>(stations) - 1] += layer->cutting_N;
+  return load;
+}
+
+void measureStrain(const NeedleBox& box, const NeedleBoxSpec& spec, const Eigen::VectorXd& displacement,
+                   NeedleCompliance& to) {
+  const TetMesh& mesh = box.mesh();
+  const double near = 5 * spec.radius_m;
+  std::size_t strained = 0;
+  double near_volume = 0, strained_volume = 0;
+  for (const TetNodes& e : mesh.element) {
+    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+    for (std::size_t n = 0; n < 4; ++n) middle += 0.25 * mesh.node_m[static_cast<std::size_t>(e[n])];
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+    solver.computeDirect(strainInMiddle(mesh, e, displacement), Eigen::EigenvaluesOnly);
+    const bool is_strained = solver.eigenvalues().cwiseAbs().maxCoeff() > kStrainLimit;
+    if (is_strained) ++strained;
+    if (middle.head<2>().norm() > near || middle.z() > spec.length_m) continue;
+    const double volume = volumeOf(mesh, e);
+    near_volume += volume;
+    if (is_strained) strained_volume += volume;
+  }
+  to.strained_share = static_cast<double>(strained) / static_cast<double>(mesh.element.size());
+  to.strained_near_share = near_volume > 0 ? strained_volume / near_volume : 0;
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const NeedleCompliance>> precomputeCompliance(const SceneSpec& spec,
+                                                                     const NeedleMeshOptions& options) {
+  if (Status status = checked(spec, options); !status.ok()) return status.error();
+  const NeedleBoxSpec box_spec = boxOf(spec, options);
+  const NeedleBox box(box_spec, options.nodes);
+  auto solver = ElasticSolver::make(box.mesh(), box.materials(), box.held());
+  if (!solver.ok()) return solver.error();
+
+  const auto stations = static_cast<std::size_t>(options.stations);
+  auto compliance = std::make_shared<NeedleCompliance>();
+  compliance->spacing_m = box_spec.length_m / options.stations;
+  compliance->radius_m = box_spec.radius_m;
+  std::vector<double> edges = {0.0};
+  for (std::size_t s = 0; s < stations; ++s) {
+    compliance->depth_m.push_back((static_cast<double>(s) + 0.5) * compliance->spacing_m);
+    edges.push_back(static_cast<double>(s + 1) * compliance->spacing_m);
+  }
+
+  // a force on the whole needle is four times that on the meshed quarter
+  Stopwatch watch;
+  const auto loads = box.surfaceLoads(edges);
+  const Eigen::MatrixXd displacement = 0.25 * (*solver)->solve(loads);
+  const Eigen::MatrixXd give = loads.transpose() * displacement;
+  compliance->solve_s = watch.lap();
+  compliance->assemble_s = (*solver)->assembleSeconds();
+  compliance->factor_s = (*solver)->factorSeconds();
+  for (std::size_t i = 0; i < stations; ++i)
+    for (std::size_t j = 0; j < stations; ++j) {
+      const auto row = static_cast<Eigen::Index>(i), column = static_cast<Eigen::Index>(j);
+      compliance->give_m_per_N.push_back(0.5 * (give(row, column) + give(column, row)));
+    }
+
+  compliance->nodes = static_cast<std::int32_t>(box.mesh().node_m.size());
+  compliance->elements = static_cast<std::int32_t>(box.mesh().element.size());
+  measureStrain(box, box_spec, displacement * fullLoad(spec, box_spec, stations), *compliance);
+  std::array<char, 200> words{};
+  std::snprintf(
+      words.data(), words.size(),
+      "linear elasticity, %d nodes, %d ten-node tetrahedra in a quarter of a box held %.3g m from the "
+      "path, %d stations on r = %.3g mm",
+      compliance->nodes, compliance->elements, box_spec.half_width_m, options.stations,
+      1e3 * options.radius_m);
+  compliance->source = words.data();
+  return std::shared_ptr<const NeedleCompliance>(std::move(compliance));
+}
+
+Status addCompliance(SceneSpec& spec) {
+  if (spec.axial_model != AxialModel::kFem || spec.fem.compliance) return {};
+  NeedleMeshOptions options;
+  options.nodes = spec.fem.nodes;
+  auto compliance = precomputeCompliance(spec, options);
+  if (!compliance.ok()) return compliance.error();
+  spec.fem.compliance = *std::move(compliance);
+  return {};
+}
+
+}  // namespace needlelab
