@@ -90,6 +90,11 @@ Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
     return Error{ErrorCode::kInvalidInput,
                  "rate: " + std::to_string(rate_hz) + " Hz is out of range [50, 40000]"};
 
+  if (spec.axial_model == AxialModel::kFem && !spec.fem.compliance)
+    return Error{ErrorCode::kInvalidInput,
+                 "fem: the scene's axial_model is FEM and its mesh was not computed: this program does not "
+                 "render FEM"};
+
   SceneModel model;
   model.rate_hz = rate_hz;
   model.period_s = 1.0 / rate_hz;

@@ -11,6 +11,7 @@
 namespace needlelab {
 
 struct DepthTable;
+struct FemNeedle;
 struct SimState;
 class StatisticalTarget;
 struct StepReport;
@@ -80,6 +81,8 @@ class SceneModel {
   bool step_at_layers = false;                    ///< DIRECT
   std::shared_ptr<const DepthTable> depth_table;  ///< PRECOMPUTED
   std::shared_ptr<const StatisticalTarget> statistical;  ///< STATISTICAL
+
+  std::shared_ptr<const FemNeedle> fem;  ///< FEM
 
   [[nodiscard]] bool isLive(Effect effect) const { return (live & bitOf(effect)) != 0; }
   /// Steepest stiffness along the trajectory that can act at once: K_t (or the axial model's) + K_f +

@@ -60,6 +60,14 @@ std::uint64_t hashOf(const SimState& state) {
   for (std::uint32_t i = 0; i < state.tops_met; ++i) hash.add(state.top_place_m[i]);
   hash.add(std::uint64_t{state.membranes_met} | std::uint64_t{state.membranes_ruptured} << 32);
   for (std::uint32_t i = 0; i < state.membranes_met; ++i) hash.add(state.membrane_place_m[i]);
+  // FEM: what follows from these need not be hashed
+  const NeedleState& needle = state.needle;
+  if (needle.stations == 0) return hash.value();
+  for (const double d : {needle.x_m, needle.cut_m, needle.gap_m, needle.tip_N}) hash.add(d);
+  for (std::uint32_t i = 0; i < needle.stations; ++i) {
+    hash.add(needle.shaft_N[i]);
+    hash.add(needle.moved_m[i]);
+  }
   return hash.value();
 }
 

@@ -7,6 +7,7 @@
 
 #include "haptics/geometry.h"
 #include "haptics/limits.h"
+#include "haptics/models/needle_state.h"
 #include "haptics/models/score_process.h"
 
 namespace needlelab {
@@ -75,6 +76,8 @@ struct SimState {
   // the ring of `speed`: position at tick i at [i & history_mask]; last, so that the rest lies together
   std::uint64_t history_mask = 0;  ///< the model's
   std::array<double, kHistoryCapacity> x_history_m;
+
+  NeedleState needle;  ///< FEM
 };
 static_assert(std::is_trivially_copyable_v<SimState>);
 

@@ -23,7 +23,7 @@ const AxialEntry& axialEntry(AxialModel model) {
     case AxialModel::kPrecomputed:
       return kPrecomputedEntry;
     case AxialModel::kFem:
-      break;
+      return kFemEntry;
   }
   return kNotBuiltEntry;
 }

@@ -31,6 +31,7 @@ const AxialEntry& axialEntry(AxialModel model);
 extern const AxialEntry kTrackingWallEntry;  ///< ENHANCED_TRACKING_WALL
 extern const AxialEntry kPlainWallEntry;     ///< TRACKING_WALL
 extern const AxialEntry kDirectEntry;
+extern const AxialEntry kFemEntry;
 extern const AxialEntry kVoigtEntry;
 extern const AxialEntry kGodObjectEntry;
 extern const AxialEntry kFirstOrderEntry;

@@ -1,0 +1,310 @@
+#include "haptics/models/fem_needle.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace needlelab {
+namespace {
+
+// what is taken for zero: far below what can be felt, far above rounding
+constexpr double kForceNear_N = 1e-10, kPlaceNear_m = 1e-13;
+/// The first so many solves change all that is wrong at once, later ones the last wrong one only: that ends.
+constexpr int kBlockSolves = 12;
+constexpr std::size_t kMaxUnknowns = kMaxNeedleStations + 1;  // shaft and tip
+
+// How the tip's force is spread over stations: a cubic B-spline about it. Between two stations it moves over
+// from one to the other so smoothly that no force ripples with the stations (a hat function would give 17 %).
+struct TipSpread {
+  std::array<std::size_t, 4> station{};
+  std::array<double, 4> weight{};
+};
+
+TipSpread spreadAt(double depth_m, const NeedleCompliance& compliance) {
+  const auto last = static_cast<double>(compliance.stations() - 1);
+  const double place = std::clamp(depth_m / compliance.spacing_m - 0.5, -0.5, last);
+  const double whole = std::floor(place), t = place - whole, r = 1.0 - t;
+  TipSpread spread;
+  for (std::size_t n = 0; n < 4; ++n)
+    spread.station[n] = static_cast<std::size_t>(std::clamp(whole + static_cast<double>(n) - 1.0, 0.0, last));
+  spread.weight = {r * r * r / 6.0, (3.0 * t * t * t - 6.0 * t * t + 4.0) / 6.0,
+                   (3.0 * r * r * r - 6.0 * r * r + 4.0) / 6.0, t * t * t / 6.0};
+  return spread;
+}
+
+double meanOver(const TipSpread& spread, const double* values) {
+  double sum = 0;
+  for (std::size_t n = 0; n < 4; ++n) sum += spread.weight[n] * values[spread.station[n]];
+  return sum;
+}
+
+// to += factor·from; element by element, so that it may be vectorised without other bits
+void addScaled(double* __restrict to, const double* __restrict from, double factor, std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) to[i] += factor * from[i];
+}
+
+// Solves the upper triangle `a` (rows of `stride`, symmetric positive definite) · x = b in place of b, by
+// Cholesky; `a` is lost.
+void solvePositive(double* a, std::size_t stride, std::size_t size, double* b) {
+  for (std::size_t k = 0; k < size; ++k) {
+    double* row = a + k * stride;
+    const double pivot = 1.0 / std::sqrt(row[k]);
+    for (std::size_t j = k; j < size; ++j) row[j] *= pivot;
+    row[k] = pivot;
+    b[k] *= pivot;
+    for (std::size_t i = k + 1; i < size; ++i) {
+      addScaled(a + i * stride + i, row + i, -row[i], size - i);
+      b[i] -= row[i] * b[k];
+    }
+  }
+  for (std::size_t k = size; k-- > 0;) {
+    const double* row = a + k * stride;
+    for (std::size_t j = k + 1; j < size; ++j) b[k] -= row[j] * b[j];
+    b[k] *= row[k];
+  }
+}
+
+/// The problem of one tick: r = b − A y, with y in [low, high]; r = 0 where y is inside, r ≥ 0 at high, r ≤ 0
+/// at low. Unknown n of the first `shaft` is that station's force, the last one is the tip's.
+class Contact {
+ public:
+  Contact(const FemNeedle& needle, const NeedlePose& pose, NeedleState& state);
+  void solve();
+  NeedleForce finish();
+
+ private:
+  [[nodiscard]] double giveBetween(std::size_t a, std::size_t b) const;
+  void solveOnce();
+  bool changeHolds(bool all);
+  void boundShaft(double length_m);
+  void spreadTip(double depth_m);
+
+  const NeedleCompliance& compliance_;
+  const FemNeedle& needle_;
+  const NeedlePose& pose_;
+  NeedleState& state_;
+  std::size_t stations_, shaft_ = 0, count_ = 0;
+  TipSpread spread_;
+  std::array<double, kMaxNeedleStations> tip_column_;  // C φ
+  std::array<double, kMaxUnknowns> low_, high_, target_, force_, rest_;
+  std::array<Hold, kMaxUnknowns> hold_;
+};
+
+Contact::Contact(const FemNeedle& needle, const NeedlePose& pose, NeedleState& state)
+    : compliance_(*needle.compliance),
+      needle_(needle),
+      pose_(pose),
+      state_(state),
+      stations_(compliance_.stations()) {
+  state.stations = static_cast<std::uint32_t>(stations_);
+  boundShaft(std::min({std::max(0.0, pose.x_m), pose.insertion_m, state.cut_m}));
+  const double tip_depth = state.cut_m * pose.slant;
+  spreadTip(tip_depth);
+
+  // the motion of this tick is shared between the tissue and slip
+  const double motion = pose.x_m - state.x_m;
+  for (std::size_t i = 0; i < shaft_; ++i) {
+    target_[i] = motion + state.moved_m[i];
+    hold_[i] = state.hold[i];
+  }
+  low_[shaft_] = 0.0;
+  high_[shaft_] = (needle.cutting_N_m.upTo(tip_depth) - needle.cutting_N_m.upTo(tip_depth - needle.bevel_m)) /
+                  needle.bevel_m;
+  target_[shaft_] =
+      motion + meanOver(spread_, state.moved_m.data()) + needle.tip_give_m_per_N * state.tip_N - state.gap_m;
+  hold_[shaft_] = state.tip_hold;
+  count_ = shaft_ + 1;
+}
+
+// the friction of the part of each station that the needle is in; none is left of a station that it has left
+void Contact::boundShaft(double length_m) {
+  const double depth = length_m * pose_.slant;
+  const double last = depth / compliance_.spacing_m;
+  while (shaft_ < stations_ && static_cast<double>(shaft_) < last) {
+    const double top = static_cast<double>(shaft_) * compliance_.spacing_m;
+    const double most = top + compliance_.spacing_m <= depth
+                            ? needle_.station_friction_N[shaft_]
+                            : needle_.friction_N.upTo(depth) - needle_.friction_N.upTo(top);
+    high_[shaft_] = most / pose_.slant;
+    low_[shaft_] = -high_[shaft_];
+    ++shaft_;
+  }
+}
+
+void Contact::spreadTip(double depth_m) {
+  spread_ = spreadAt(depth_m, compliance_);
+  std::fill_n(tip_column_.begin(), stations_, 0.0);
+  for (std::size_t n = 0; n < 4; ++n)
+    addScaled(tip_column_.data(), &compliance_.give_m_per_N[spread_.station[n] * stations_],
+              spread_.weight[n], stations_);
+}
+
+double Contact::giveBetween(std::size_t a, std::size_t b) const {
+  if (a == shaft_ && b == shaft_) return meanOver(spread_, tip_column_.data()) + needle_.tip_give_m_per_N;
+  if (a == shaft_) return tip_column_[b];
+  if (b == shaft_) return tip_column_[a];
+  return compliance_.give(a, b);
+}
+
+// forces of what sticks, with what slips at its bound; `rest_` becomes r
+void Contact::solveOnce() {
+  std::array<std::size_t, kMaxUnknowns> sticking;
+  std::size_t free = 0;
+  std::copy_n(target_.begin(), count_, rest_.begin());
+  const auto subtract = [&](std::size_t n) {
+    if (force_[n] == 0.0) return;
+    const double* column = n == shaft_ ? tip_column_.data() : compliance_.give_m_per_N.data() + n * stations_;
+    addScaled(rest_.data(), column, -force_[n], shaft_);
+    rest_[shaft_] -= force_[n] * giveBetween(shaft_, n);
+  };
+  for (std::size_t n = 0; n < count_; ++n) {
+    if (hold_[n] == Hold::kSticks) {
+      sticking[free++] = n;
+      continue;
+    }
+    force_[n] = hold_[n] == Hold::kSlipsIn ? high_[n] : low_[n];
+    subtract(n);
+  }
+  if (free == 0) return;
+
+  std::array<double, kMaxUnknowns * kMaxUnknowns> matrix;
+  std::array<double, kMaxUnknowns> unknown;
+  for (std::size_t i = 0; i < free; ++i) {
+    unknown[i] = rest_[sticking[i]];
+    double* row = matrix.data() + i * free;
+    for (std::size_t j = i; j < free; ++j) row[j] = giveBetween(sticking[i], sticking[j]);
+  }
+  solvePositive(matrix.data(), free, free, unknown.data());
+  for (std::size_t i = 0; i < free; ++i) {
+    force_[sticking[i]] = unknown[i];
+    subtract(sticking[i]);
+  }
+}
+
+// what is beyond its bound slips, what slips the wrong way sticks; false when nothing is wrong
+bool Contact::changeHolds(bool all) {
+  bool changed = false;
+  for (std::size_t n = count_; n-- > 0;) {
+    Hold wanted = hold_[n];
+    if (hold_[n] == Hold::kSticks) {
+      if (force_[n] > high_[n] + kForceNear_N)
+        wanted = Hold::kSlipsIn;
+      else if (force_[n] < low_[n] - kForceNear_N)
+        wanted = Hold::kSlipsOut;
+    } else if (low_[n] < high_[n] &&
+               (hold_[n] == Hold::kSlipsIn ? rest_[n] < -kPlaceNear_m : rest_[n] > kPlaceNear_m)) {
+      wanted = Hold::kSticks;
+    }
+    if (wanted == hold_[n]) continue;
+    hold_[n] = wanted;
+    changed = true;
+    if (!all) break;
+  }
+  return changed;
+}
+
+void Contact::solve() {
+  // nothing to hold: slips, whichever way
+  for (std::size_t n = 0; n < count_; ++n)
+    if (low_[n] == high_[n] && hold_[n] == Hold::kSticks) hold_[n] = Hold::kSlipsIn;
+  bool settled = false;
+  int solves = 0;
+  while (!settled && solves < kMostSolves) {
+    solveOnce();
+    ++solves;
+    settled = !changeHolds(solves < kBlockSolves);
+  }
+  state_.solves = static_cast<std::uint32_t>(solves);
+  if (settled) return;
+  ++state_.unsettled;
+  // within bounds all the same: what does not fit is slip of this tick
+  for (std::size_t n = 0; n < count_; ++n) force_[n] = std::clamp(force_[n], low_[n], high_[n]);
+}
+
+NeedleForce Contact::finish() {
+  NeedleState& state = state_;
+  double shaft_N = 0;
+  std::fill_n(state.moved_m.begin(), stations_, 0.0);
+  for (std::size_t i = 0; i < stations_; ++i) {
+    const bool inside = i < shaft_;
+    state.shaft_N[i] = inside ? std::clamp(force_[i], low_[i], high_[i]) : 0.0;
+    state.hold[i] = inside ? hold_[i] : Hold::kSlipsIn;
+    if (state.shaft_N[i] == 0.0) continue;
+    shaft_N += state.shaft_N[i];
+    addScaled(state.moved_m.data(), compliance_.give_m_per_N.data() + i * stations_, state.shaft_N[i],
+              stations_);
+  }
+  state.tip_N = std::clamp(force_[shaft_], low_[shaft_], high_[shaft_]);
+  state.tip_hold = hold_[shaft_];
+  if (state.tip_N != 0.0) addScaled(state.moved_m.data(), tip_column_.data(), state.tip_N, stations_);
+
+  // the tip: what it went beyond the tissue's motion is cut, what it fell short of it is a gap
+  state.tip_moved_m = meanOver(spread_, state.moved_m.data());
+  const double slip = rest_[shaft_];
+  state.gap_m = state.tip_hold == Hold::kSticks ? 0.0 : std::max(0.0, -slip);
+  if (state.tip_hold == Hold::kSlipsIn && slip > 0.0) {
+    const double beyond =
+        pose_.x_m - state.tip_moved_m - needle_.tip_give_m_per_N * state.tip_N - state.cut_m;
+    state.cut_m += std::clamp(beyond, 0.0, 4.0 * slip);
+  }
+  state.x_m = pose_.x_m;
+  return {-state.tip_N, -shaft_N};
+}
+
+}  // namespace
+
+void LayerIntegral::add(double top_m, double rate) {
+  const double sum = count_ == 0 ? 0.0 : sum_[count_ - 1] + rate_[count_ - 1] * (top_m - top_m_[count_ - 1]);
+  top_m_[count_] = top_m;
+  rate_[count_] = rate;
+  sum_[count_] = sum;
+  ++count_;
+}
+
+double LayerIntegral::upTo(double depth_m) const noexcept {
+  std::uint32_t n = count_ - 1;
+  while (n > 0 && depth_m < top_m_[n]) --n;
+  return sum_[n] + rate_[n] * (depth_m - top_m_[n]);
+}
+
+FemNeedle compileNeedle(const SceneSpec& spec) {
+  FemNeedle needle;
+  needle.compliance = spec.fem.compliance;
+  const NeedleCompliance& compliance = *needle.compliance;
+  double top = 0;
+  for (std::size_t i = 0; i < spec.layers.size(); ++i) {
+    needle.cutting_N_m.add(top, spec.fem.layers[i].cutting_N);
+    needle.friction_N.add(top, spec.fem.layers[i].friction_N_per_m);
+    top += spec.layers[i].thickness_m;
+  }
+  const std::size_t stations = compliance.stations();
+  double mean_give = 0;
+  for (std::size_t i = 0; i < stations; ++i) {
+    const double from = static_cast<double>(i) * compliance.spacing_m;
+    needle.station_friction_N[i] =
+        needle.friction_N.upTo(from + compliance.spacing_m) - needle.friction_N.upTo(from);
+    mean_give += compliance.give(i, i) / static_cast<double>(stations);
+  }
+  needle.bevel_m = 2 * compliance.radius_m;
+  // keeps the tip's equation apart from those of the shaft where all of it sticks
+  needle.tip_give_m_per_N = 0.01 * mean_give;
+
+  std::vector<double> matrix = compliance.give_m_per_N, force(stations, 1.0);
+  solvePositive(matrix.data(), stations, stations, force.data());
+  for (const double f : force) needle.stiffness_N_per_m += f;
+  return needle;
+}
+
+NeedleForce stepNeedle(const FemNeedle& needle, const NeedlePose& pose, NeedleState& state) noexcept {
+  Contact contact(needle, pose, state);
+  contact.solve();
+  return contact.finish();
+}
+
+double storedEnergy(const FemNeedle& needle, const NeedleState& state) noexcept {
+  double twice = needle.tip_give_m_per_N * state.tip_N * state.tip_N;
+  for (std::size_t i = 0; i < state.stations; ++i) twice += state.shaft_N[i] * state.moved_m[i];
+  twice += state.tip_N * state.tip_moved_m;
+  return 0.5 * twice;
+}
+
+}  // namespace needlelab
