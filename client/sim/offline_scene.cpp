@@ -12,17 +12,6 @@
 namespace needlelab {
 namespace {
 
-Status setModel(pb::Profile& profile, const std::string& name) {
-  pb::Profile::AxialModel model{};
-  if (pb::Profile::AxialModel_Parse(name, &model) && model != pb::Profile::AXIAL_MODEL_UNSPECIFIED) {
-    profile.set_axial_model(model);
-    return {};
-  }
-  std::string known;
-  for (const std::string& one : axialModelNames()) known += (known.empty() ? "" : ", ") + one;
-  return Error{ErrorCode::kInvalidInput, "--model: '" + name + "' is unknown; there is: " + known};
-}
-
 Result<Pose> poseOr(const std::string& text, const char* option) {
   if (text.empty()) return Pose{};
   return parsePoseOption(text, option);
@@ -31,12 +20,7 @@ Result<Pose> poseOr(const std::string& text, const char* option) {
 }  // namespace
 
 std::vector<std::string> axialModelNames() {
-  std::vector<std::string> names;
-  const auto* models = pb::Profile::AxialModel_descriptor();
-  for (int i = 0; i < models->value_count(); ++i)
-    if (models->value(i)->number() != pb::Profile::AXIAL_MODEL_UNSPECIFIED)
-      names.push_back(models->value(i)->name());
-  return names;
+  return {kAxialModelNames.begin(), kAxialModelNames.end()};
 }
 
 TipSample OfflineScene::tip(std::size_t i) const {
@@ -72,7 +56,7 @@ Result<OfflineScene> loadOffline(const OfflineOptions& options) {
   if (!profile.ok()) return profile.error();
   scene.profile = *std::move(profile);
   if (!options.model.empty())
-    if (Status status = setModel(scene.profile, options.model); !status.ok()) return status.error();
+    if (Status status = chooseModel(scene.profile, options.model); !status.ok()) return status.error();
   const auto spec = sceneSpecOf(scene.profile, scene.X_WL);
   if (!spec.ok()) return Error{spec.error().code, options.profile.string() + ": " + spec.error().message};
   auto model = compile(*spec, options.rate_hz);

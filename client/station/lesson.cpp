@@ -1,5 +1,6 @@
 #include "station/lesson.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <utility>
 
@@ -12,20 +13,8 @@ constexpr double kDelayTicks = 1;  // between a reading and the force that it ca
 
 Result<StationLesson> lessonOf(pb::Profile profile, const StationOptions& options) {
   StationLesson lesson;
-  if (!options.model.empty()) {
-    pb::Profile::AxialModel model{};
-    if (!pb::Profile::AxialModel_Parse(options.model, &model) ||
-        model == pb::Profile::AXIAL_MODEL_UNSPECIFIED) {
-      std::string names;
-      for (int i = pb::Profile::AxialModel_MIN; i <= pb::Profile::AxialModel_MAX; ++i)
-        if (i != pb::Profile::AXIAL_MODEL_UNSPECIFIED && pb::Profile::AxialModel_IsValid(i))
-          names += (names.empty() ? "" : ", ") +
-                   pb::Profile::AxialModel_Name(static_cast<pb::Profile::AxialModel>(i));
-      return Error{ErrorCode::kInvalidInput,
-                   "--model '" + options.model + "' is unknown; there are " + names};
-    }
-    profile.set_axial_model(model);
-  }
+  if (!options.model.empty())
+    if (Status status = chooseModel(profile, options.model); !status.ok()) return status.error();
   auto scene = sceneSpecOf(profile, options.X_WL);
   if (!scene.ok()) return scene.error();
   auto model = compile(*scene, options.rate_hz);
@@ -103,15 +92,21 @@ std::optional<std::string> passivityWarning(const SceneModel& model, const Devic
                                             double hand_damping_Ns_per_m) {
   if (!device.renders_force) return std::nullopt;
   const double damping = device.limits.damping_Ns_per_m + hand_damping_Ns_per_m;
-  const double bound = damping / (model.period_s * (0.5 + kDelayTicks));
+  // a damper that is computed gives energy as a spring does: its B is taken from what device and hand damp
+  // (Colgate and Schenkel: b > KT/2 + B)
+  const double own = model.isLive(Effect::kCutting) ? model.axial_damping_Ns_per_m : 0.0;
+  const double bound = std::max(0.0, damping - own) / (model.period_s * (0.5 + kDelayTicks));
   const double axial = model.axialStiffness_N_per_m();
   if (axial <= bound) return std::nullopt;
+  char minus[60] = "";
+  if (own > 0) std::snprintf(minus, sizeof minus, " − %.3g of the model", own);
   char text[400];
   std::snprintf(
       text, sizeof text,
-      "%.4g N/m along the needle is above the passivity bound of %.4g N/m ((%.3g + %.3g N·s/m)/(%.3g ms · "
+      "%.4g N/m along the needle is above the passivity bound of %.4g N/m ((%.3g + %.3g%s N·s/m)/(%.3g ms · "
       "(½ + %.0f))): it may oscillate in a loose hand",
-      axial, bound, device.limits.damping_Ns_per_m, hand_damping_Ns_per_m, model.period_s * 1e3, kDelayTicks);
+      axial, bound, device.limits.damping_Ns_per_m, hand_damping_Ns_per_m, minus, model.period_s * 1e3,
+      kDelayTicks);
   return text;
 }
 

@@ -1,4 +1,7 @@
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -86,6 +89,20 @@ Result<double> readNumber(const FieldDescriptor& field, const std::string& path,
   return number;
 }
 
+/// Within the field's range, or else within its type's.
+Result<std::int64_t> readWhole(const FieldDescriptor& field, const std::string& path, const json& value) {
+  const Result<double> number = readNumber(field, path, value);
+  if (!number) return number.error();
+  const bool is_signed = field.cpp_type() == FieldDescriptor::CPPTYPE_INT32;
+  const NumberRange of_type{is_signed ? static_cast<double>(std::numeric_limits<std::int32_t>::min()) : 0.0,
+                            is_signed ? static_cast<double>(std::numeric_limits<std::int32_t>::max())
+                                      : static_cast<double>(std::numeric_limits<std::uint32_t>::max())};
+  if (!of_type.contains(*number)) return outOfRange(path, *number, of_type);
+  if (*number != std::floor(*number))
+    return fault(path, "must be a whole number, found " + numberText(*number));
+  return static_cast<std::int64_t>(*number);
+}
+
 Result<std::string> readText(const FieldDescriptor& field, const std::string& path, const json& value) {
   if (!value.is_string()) return fault(path, "must be a text, " + found(value));
   const auto& text = value.get_ref<const std::string&>();
@@ -128,6 +145,23 @@ Status readValue(const FieldDescriptor& field, const std::string& path, const js
       if (!number) return number.error();
       is_list ? reflection.AddDouble(&message, &field, *number)
               : reflection.SetDouble(&message, &field, *number);
+      return {};
+    }
+    case FieldDescriptor::CPPTYPE_INT32:
+    case FieldDescriptor::CPPTYPE_UINT32: {
+      const Result<std::int64_t> number = readWhole(field, path, value);
+      if (!number) return number.error();
+      assert(!is_list && "lists of whole numbers are not supported");
+      if (field.cpp_type() == FieldDescriptor::CPPTYPE_INT32)
+        reflection.SetInt32(&message, &field, static_cast<std::int32_t>(*number));
+      else
+        reflection.SetUInt32(&message, &field, static_cast<std::uint32_t>(*number));
+      return {};
+    }
+    case FieldDescriptor::CPPTYPE_BOOL: {
+      if (!value.is_boolean()) return fault(path, "must be true or false, " + found(value));
+      assert(!is_list && "lists of booleans are not supported");
+      reflection.SetBool(&message, &field, value.get<bool>());
       return {};
     }
     case FieldDescriptor::CPPTYPE_STRING: {

@@ -41,6 +41,12 @@ std::string valueJson(const Message& message, const FieldDescriptor& field, int 
     case FieldDescriptor::CPPTYPE_DOUBLE:
       return numberText(is_list ? reflection.GetRepeatedDouble(message, &field, index)
                                 : reflection.GetDouble(message, &field) + 0.0);
+    case FieldDescriptor::CPPTYPE_INT32:
+      return std::to_string(reflection.GetInt32(message, &field));
+    case FieldDescriptor::CPPTYPE_UINT32:
+      return std::to_string(reflection.GetUInt32(message, &field));
+    case FieldDescriptor::CPPTYPE_BOOL:
+      return reflection.GetBool(message, &field) ? "true" : "false";
     case FieldDescriptor::CPPTYPE_STRING:
       return textJson(is_list ? reflection.GetRepeatedString(message, &field, index)
                               : reflection.GetString(message, &field));

@@ -32,6 +32,15 @@ std::string profileJson(const pb::Profile& profile);
 /// not valid.
 Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL = {});
 
+/// Another axial model in place of the profile's own, by name, as on the command line. Where the profile has
+/// no section of that model it gets one with the defaults of DESIGN §3.6, if each field has one. Errors:
+/// kInvalidInput for an unknown name and for a section that is missing; the profile may be changed then.
+Status chooseModel(pb::Profile& profile, const std::string& name);
+
+/// Writes the scene's axial model, that model's section and the list of effects into a profile of the same
+/// layers (`sceneSpecOf` reads them back the same; a seed keeps its lowest 32 bits).
+void putModel(const SceneSpec& spec, pb::Profile& profile);
+
 /// How well a layer of this thickness can be felt, 0 to 1: the share of it that is left once the wall's
 /// spring has come within 10 % (taken as the just noticeable difference, an assumption) of the layer's
 /// cutting force; `φ = max(0, 1 − (Δf − 0.1 f)/(K_t·thickness))`, at most 1. 1 where the force does not rise.

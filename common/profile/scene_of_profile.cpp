@@ -1,4 +1,5 @@
 #include "base/range.h"
+#include "profile/model_sections.h"
 #include "profile/profile.h"
 
 namespace needlelab {
@@ -18,22 +19,6 @@ static_assert(effectOf(pb::Profile::CLAMPING) == Effect::kClamping);
 static_assert(effectOf(pb::Profile::ORIENTATION_LIMIT) == Effect::kOrientationLimit);
 static_assert(effectOf(pb::Profile::SHAFT_FRICTION) == Effect::kShaftFriction);
 static_assert(effectOf(pb::Profile::PUNCTURE) == Effect::kPuncture);
-
-// so are the axial models
-constexpr AxialModel modelOf(pb::Profile::AxialModel model) {
-  return model == pb::Profile::AXIAL_MODEL_UNSPECIFIED ? AxialModel::kEnhancedTrackingWall
-                                                       : static_cast<AxialModel>(model - 1);
-}
-static_assert(modelOf(pb::Profile::ENHANCED_TRACKING_WALL) == AxialModel::kEnhancedTrackingWall);
-static_assert(modelOf(pb::Profile::TRACKING_WALL) == AxialModel::kTrackingWall);
-static_assert(modelOf(pb::Profile::DIRECT) == AxialModel::kDirect);
-static_assert(modelOf(pb::Profile::VOIGT) == AxialModel::kVoigt);
-static_assert(modelOf(pb::Profile::GOD_OBJECT) == AxialModel::kGodObject);
-static_assert(modelOf(pb::Profile::FIRST_ORDER) == AxialModel::kFirstOrder);
-static_assert(modelOf(pb::Profile::STATISTICAL) == AxialModel::kStatistical);
-static_assert(modelOf(pb::Profile::PRECOMPUTED) == AxialModel::kPrecomputed);
-static_assert(modelOf(pb::Profile::FEM) == AxialModel::kFem);
-static_assert(pb::Profile::AxialModel_MAX == kAxialModelCount);
 
 Result<Limb> limbOf(const pb::Limb& limb) {
   switch (limb.shape_case()) {
@@ -108,10 +93,7 @@ Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL) {
   spec.needle_length_m = profile.needle().length_m();
   spec.limb = placed(*limb, *placement);
   for (const pb::Layer& layer : profile.layers()) spec.layers.push_back(layerOf(layer));
-  if (!pb::Profile::AxialModel_IsValid(profile.axial_model()))
-    return Error{ErrorCode::kInvalidInput,
-                 "axial_model: " + std::to_string(profile.axial_model()) + " is no known model"};
-  spec.axial_model = modelOf(profile.axial_model());
+  if (Status status = readModel(profile, spec); !status) return status.error();
   spec.tracking_wall = wallOf(profile.tracking_wall());
   if (profile.has_virtual_fixture()) spec.virtual_fixture = fixtureOf(profile.virtual_fixture());
   if (profile.has_orientation_limit()) {
