@@ -1,0 +1,60 @@
+/// Models fitted to a part of a recorded force-depth curve, and their error on the part held out. The model
+/// runs through the engine, with the needle going in at the recording's speed.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "accuracy/recorded_data.h"
+#include "accuracy/recorded_models.h"
+#include "accuracy/recorded_run.h"
+
+namespace needlelab {
+
+inline constexpr double kRecordedSpeed_mps = 0.003;  ///< of bovine_liver_heart_18g
+/// Errors are taken per bin; blocks are fitted on or held out as a whole.
+inline constexpr double kDepthBin_m = 0.00025, kDepthBlock_m = 0.0005;
+/// Where the extrapolation begins: the first rupture is before it, three are behind.
+inline constexpr double kExtrapolateFrom_m = 0.025;
+
+/// A curve with its bins.
+struct DepthCurve {
+  std::vector<double> depth_m, force_N;
+  std::vector<CurveBin> bins;
+};
+DepthCurve depthCurve(const std::vector<ForceAtDepth>& rows);
+
+using BinChoice = std::function<bool(const CurveBin&)>;
+/// Every second block: `fold` 0 or 1 is the one that is held out.
+BinChoice alternateBlocks(int fold);
+/// All before kExtrapolateFrom_m.
+BinChoice beforeTheSplit();
+
+struct CurveFit {
+  AxialModel model = AxialModel::kEnhancedTrackingWall;
+  std::string variant;
+  std::size_t parameters = 0;
+  std::vector<double> values;
+  CurveScene scene;
+  CurveError fitted, held_out;
+  std::vector<double> model_N;  ///< at each row of the curve
+  int evaluations = 0;
+};
+
+/// Fits on the bins that `fit_on` chooses; the others are held out. Errors: those of `compile`; kInvalidInput
+/// without bins.
+Result<CurveFit> fitCurve(const DepthCurve& curve, const CurveModel& model, const BinChoice& fit_on);
+
+/// The bins to fit on.
+std::vector<CurveBin> chosenBins(const DepthCurve& curve, const BinChoice& fit_on);
+
+/// The engine's force over recorded depth for a scene, at 1 kHz, to `to_m`.
+struct CurveRun {
+  StraightGesture gesture;  ///< depth below the scene's surface
+  AxialRun run;
+};
+Result<CurveRun> runCurve(const CurveScene& scene, double to_m, double rate_hz = 1000);
+/// Its force at each depth; 0 before the needle is in.
+std::vector<double> forceAtDepths(const CurveRun& run, double surface_m, const std::vector<double>& depth_m);
+
+}  // namespace needlelab

@@ -1,0 +1,60 @@
+/// The hold's relaxation: how well the two ways of a stop (DESIGN §3.2) follow a recorded needle that holds
+/// still in tissue, and what can be said of the withdrawal after it.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "accuracy/recorded_data.h"
+#include "accuracy/recorded_fit.h"
+#include "accuracy/recorded_run.h"
+
+namespace needlelab {
+
+// The stretches of insert_hold_withdraw.csv, in s. The peak at 1.9 s and the fall after it are before the
+// hold.
+inline constexpr double kHoldFrom_s = 2.2, kHoldTo_s = 9.85, kWithdrawalTo_s = 11.5;
+// Bins and blocks of time over which errors are taken, in s.
+inline constexpr double kHoldBin_s = 0.1, kHoldBlock_s = 0.5;
+inline constexpr double kWithdrawalBin_s = 0.05, kWithdrawalBlock_s = 0.1;
+
+/// A stop that was fitted to a hold, and the engine's force over time with it.
+struct HoldFit {
+  StopMode mode = StopMode::kExponential;
+  double force_N = 0;            ///< when the needle comes to rest: cutting force of the scene's only layer
+  double relax_time_s = 0;       ///< EXPONENTIAL
+  double relax_residual = 0;     ///< EXPONENTIAL
+  double stop_duration_s = 0;    ///< RAMP
+  double rejection_force_N = 0;  ///< RAMP
+  CurveError fitted, held_out;
+  double from_s = 0;  ///< time of the first tick
+  StraightGesture gesture;
+  AxialRun run;
+  int evaluations = 0;
+};
+
+/// Which blocks of kHoldBlock_s to fit on; the others are held out.
+using BlockChoice = std::function<bool(int block)>;
+
+/// Fits force, and the two numbers of the mode, to the rows within the hold, through the engine: the needle
+/// goes in at 3 mm/s and rests at kHoldFrom_s. Errors: those of `compile`; kInvalidInput without rows.
+Result<HoldFit> fitHold(const std::vector<ForceAtTime>& rows, StopMode mode, const BlockChoice& fit_on);
+
+/// What the withdrawal gives with the wall's one constant attracted force. Speed and depth stand for the
+/// displacement that the recording does not have: only speed·K_t and depth/speed can be told from it.
+struct WithdrawalFit {
+  double speed_mps = 0;  ///< with K_t of the fit's scene
+  double depth_m = 0;    ///< inserted when the withdrawal begins
+  double attracted_force_N = 0;
+  CurveError fitted, held_out;
+  double from_s = 0;
+  StraightGesture gesture;
+  AxialRun run;
+};
+/// Fits it to the rows after the hold, every second block held out. Errors: as `fitHold`.
+Result<WithdrawalFit> fitWithdrawal(const std::vector<ForceAtTime>& rows, const HoldFit& hold);
+
+/// The engine's force at a time of the recording.
+double forceAtTime(const StraightGesture& gesture, const AxialRun& run, double from_s, double t_s);
+
+}  // namespace needlelab

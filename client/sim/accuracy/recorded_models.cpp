@@ -1,0 +1,332 @@
+#include "accuracy/recorded_models.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "accuracy/recorded_run.h"
+#include "haptics/limits.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kThinLayer_m = 0.0005, kTableStep_m = 0.001;
+constexpr double kWallStiffness_N_per_m = 1000;  // the most that the Desktop renders
+constexpr double kMostForce_N = 20;
+constexpr double kLeastDrop_N = 0.3;
+constexpr double kThinnest_m = 1e-4;
+
+// the curve at a depth, linear between bins, held at the ends
+double valueAt(const std::vector<CurveBin>& bins, double depth_m) {
+  const auto after = std::lower_bound(bins.begin(), bins.end(), depth_m,
+                                      [](const CurveBin& bin, double d) { return bin.at < d; });
+  if (after == bins.begin()) return bins.front().value;
+  if (after == bins.end()) return bins.back().value;
+  const CurveBin& before = *(after - 1);
+  return std::lerp(before.value, after->value, (depth_m - before.at) / (after->at - before.at));
+}
+
+// where the force first stays above 5 % of its greatest: the needle has met something firm
+double contactDepth(const std::vector<CurveBin>& bins) {
+  double most_N = 0;
+  for (const CurveBin& bin : bins) most_N = std::max(most_N, bin.value);
+  double contact_m = bins.front().at;
+  for (const CurveBin& bin : bins) {
+    if (bin.value > 0.05 * most_N) break;
+    contact_m = bin.at;
+  }
+  return contact_m;
+}
+
+CurveScene emptyScene(AxialModel model) {
+  CurveScene scene{fittedSceneBase(), 0};
+  scene.spec.axial_model = model;
+  scene.spec.effects = bitOf(Effect::kCutting);
+  scene.spec.tracking_wall.stiffness_N_per_m = kWallStiffness_N_per_m;
+  return scene;
+}
+
+LayerSpec layerOf(double thickness_m, double cutting_N) {
+  LayerSpec layer;
+  layer.thickness_m = thickness_m;
+  layer.cutting_force_N = cutting_N;
+  return layer;
+}
+
+FitParameter forceParameter(const std::string& name, double start_N) {
+  const double held = std::clamp(start_N, 0.0, kMostForce_N);
+  return {name, held, 0, kMostForce_N, std::max(0.02, 0.1 * held)};
+}
+
+// places where something begins: the contact, then what follows each rupture but the last
+struct Piece {
+  double top_m = 0, rupture_m = 0, peak_N = 0, before_N = 0, after_N = 0;
+};
+std::vector<Piece> piecesOf(const std::vector<CurveBin>& bins) {
+  std::vector<Piece> pieces;
+  double top_m = contactDepth(bins), before_N = 0;
+  for (const Rupture& rupture : findRuptures(bins, kLeastDrop_N)) {
+    pieces.push_back(
+        {top_m, std::max(rupture.depth_m, top_m + kThinnest_m), rupture.peak_N, before_N, rupture.valley_N});
+    top_m = rupture.valley_m;
+    before_N = rupture.valley_N;
+  }
+  // a curve that never ruptures is one piece that ends where it ends
+  if (pieces.empty())
+    pieces.push_back(
+        {top_m, std::max(bins.back().at, top_m + kThinnest_m), bins.back().value, 0, bins.back().value});
+  return pieces;
+}
+
+std::string counted(std::size_t count, const char* one) {
+  return std::to_string(count) + " " + one + (count == 1 ? "" : "s");
+}
+
+std::string nth(const char* name, std::size_t i) {
+  return name + std::to_string(i);
+}
+
+// layer i begins at tops[i] and ends at the next; they are put in order, at least 0.1 mm apart
+void setThicknesses(CurveScene& scene, std::vector<double> tops_m) {
+  for (std::size_t i = 1; i < tops_m.size(); ++i)
+    tops_m[i] = std::max(tops_m[i], tops_m[i - 1] + kThinnest_m);
+  scene.surface_m = tops_m.front();
+  for (std::size_t i = 0; i < tops_m.size(); ++i)
+    scene.spec.layers[i].thickness_m = i + 1 < tops_m.size() ? tops_m[i + 1] - tops_m[i] : 0.05;
+}
+
+// Tops of layers: the curve is cut in two where that takes most of its squares about the parts' means away,
+// again and again, until it has as many layers as a profile may have or no cut takes a hundredth of a newton.
+std::vector<double> layerTops(const std::vector<CurveBin>& bins) {
+  struct Part {
+    std::size_t from, to;  // bins
+  };
+  const auto squares = [&](std::size_t from, std::size_t to) {
+    double sum = 0, square = 0;
+    for (std::size_t i = from; i < to; ++i) {
+      sum += bins[i].value;
+      square += bins[i].value * bins[i].value;
+    }
+    return square - sum * sum / static_cast<double>(to - from);
+  };
+  std::vector<Part> parts = {{0, bins.size()}};
+  while (parts.size() < kMaxLayers) {
+    double best_gain = 1e-4;
+    std::size_t best_part = 0, best_cut = 0;
+    for (std::size_t p = 0; p < parts.size(); ++p) {
+      const double whole = squares(parts[p].from, parts[p].to);
+      for (std::size_t cut = parts[p].from + 1; cut < parts[p].to; ++cut) {
+        // both parts must be thick enough to be felt
+        if (bins[cut].at - bins[parts[p].from].at < kThinLayer_m ||
+            bins[parts[p].to - 1].at - bins[cut].at < kThinLayer_m)
+          continue;
+        const double gain = whole - squares(parts[p].from, cut) - squares(cut, parts[p].to);
+        if (gain > best_gain) {
+          best_gain = gain;
+          best_part = p;
+          best_cut = cut;
+        }
+      }
+    }
+    if (best_cut == 0) break;
+    parts.insert(parts.begin() + static_cast<std::ptrdiff_t>(best_part) + 1, {best_cut, parts[best_part].to});
+    parts[best_part].to = best_cut;
+  }
+  std::vector<double> tops_m;
+  for (const Part& part : parts)
+    tops_m.push_back(part.from == 0 ? 0 : 0.5 * (bins[part.from - 1].at + bins[part.from].at));
+  return tops_m;
+}
+
+}  // namespace
+
+std::vector<Rupture> findRuptures(const std::vector<CurveBin>& bins, double least_drop_N) {
+  std::vector<Rupture> ruptures;
+  if (bins.empty()) return ruptures;
+  Rupture now{bins.front().at, bins.front().value, bins.front().value, bins.front().at};
+  bool falling = false;
+  for (const CurveBin& bin : bins) {
+    if (bin.value < now.valley_N) {
+      now.valley_N = bin.value;
+      now.valley_m = bin.at;
+    }
+    if (now.peak_N - now.valley_N > least_drop_N) falling = true;
+    // up again by a third of the least fall: the rupture is over; before one, a new peak
+    const bool rises = bin.value > now.valley_N + least_drop_N / 3;
+    if (falling && rises) ruptures.push_back(now);
+    if (bin.value > now.peak_N || (falling && rises)) {
+      now = {bin.at, bin.value, bin.value, bin.at};
+      falling = false;
+    }
+  }
+  if (falling) ruptures.push_back(now);
+  return ruptures;
+}
+
+CurveModel layeredModel(AxialModel model, const std::vector<CurveBin>& fit_on) {
+  CurveModel made;
+  made.model = model;
+  const std::vector<double> tops_m = layerTops(fit_on);
+  made.variant = counted(tops_m.size(), "layer") + ", thinnest where the force changes most";
+  for (std::size_t i = 0; i < tops_m.size(); ++i) {
+    const double end_m = i + 1 < tops_m.size() ? tops_m[i + 1] : fit_on.back().at;
+    made.parameters.push_back(
+        forceParameter(nth("cutting_n ", i), valueAt(fit_on, 0.5 * (tops_m[i] + end_m))));
+  }
+  made.scene = [model, tops_m](const std::vector<double>& values) {
+    CurveScene scene = emptyScene(model);
+    scene.spec.direct.stiffness_N_per_m = kWallStiffness_N_per_m;
+    for (const double force_N : values) scene.spec.layers.push_back(layerOf(0, force_N));
+    setThicknesses(scene, tops_m);
+    return scene;
+  };
+  return made;
+}
+
+CurveModel membraneModel(const std::vector<CurveBin>& fit_on) {
+  CurveModel made;
+  const auto pieces = piecesOf(fit_on);
+  made.variant = "PUNCTURE: " + counted(pieces.size(), "membrane") + ", cutting behind each";
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    const Piece& piece = pieces[i];
+    const double length_m = piece.rupture_m - piece.top_m;
+    made.parameters.push_back({nth("rupture_m ", i), piece.rupture_m, 0, 0.9, 0.0005});
+    made.parameters.push_back({nth("stretch_m ", i), length_m, kThinnest_m, 0.1, 0.2 * length_m});
+    made.parameters.push_back(forceParameter(nth("rupture_n ", i), piece.peak_N - piece.before_N));
+    made.parameters.push_back({nth("linear share ", i), 0.3, 0, 1, 0.2});
+    made.parameters.push_back(forceParameter(nth("cutting_n ", i), piece.after_N));
+  }
+  made.scene = [](const std::vector<double>& values) {
+    CurveScene scene = emptyScene(AxialModel::kEnhancedTrackingWall);
+    scene.spec.effects |= bitOf(Effect::kPuncture);
+    std::vector<double> tops_m;
+    for (std::size_t i = 0; i + 4 < values.size(); i += 5) {
+      const double z_m = values[i + 1], force_N = std::max(1e-4, values[i + 2]), share = values[i + 3];
+      tops_m.push_back(values[i] - z_m);
+      scene.spec.layers.push_back(layerOf(0, values[i + 4]));
+      scene.spec.layers.back().membrane =
+          MembraneSpec{share * force_N / z_m, (1 - share) * force_N / (z_m * z_m), force_N};
+    }
+    setThicknesses(scene, tops_m);
+    return scene;
+  };
+  return made;
+}
+
+CurveModel lineModel(AxialModel model, const std::vector<CurveBin>& fit_on) {
+  CurveModel made;
+  made.model = model;
+  made.variant = "one line from the contact on";
+  const double contact_m = contactDepth(fit_on), reach_m = std::max(1e-3, fit_on.back().at - contact_m);
+  const double stiffness = std::clamp(fit_on.back().value / reach_m, 1.0, 1000.0);
+  made.parameters = {{"surface_m", contact_m, 0, 0.9, 0.002},
+                     {"stiffness_n_per_m", stiffness, 0.1, 1000, 0.2 * stiffness}};
+  if (model == AxialModel::kVoigt) made.parameters.push_back({"damping_ns_per_m", 5, 0, 100, 5});
+  made.scene = [model](const std::vector<double>& values) {
+    CurveScene scene = emptyScene(model);
+    scene.surface_m = values[0];
+    scene.spec.layers.push_back(layerOf(0.1, 1));
+    scene.spec.direct.stiffness_N_per_m = scene.spec.voigt.stiffness_N_per_m = values[1];
+    scene.spec.direct.step_at_layers = false;
+    if (values.size() > 2) scene.spec.voigt.damping_Ns_per_m = values[2];
+    return scene;
+  };
+  return made;
+}
+
+CurveModel godObjectModel(const std::vector<CurveBin>& fit_on) {
+  CurveModel made;
+  made.model = AxialModel::kGodObject;
+  const auto pieces = piecesOf(fit_on);
+  made.variant = counted(pieces.size(), "top") + ", one per rupture";
+  // one slope for all pieces: their least squares
+  double force_length = 0, length_squared = 0;
+  for (const Piece& piece : pieces) {
+    const double length_m = piece.rupture_m - piece.top_m;
+    force_length += piece.peak_N * length_m;
+    length_squared += length_m * length_m;
+  }
+  const double slope = std::clamp(force_length / length_squared, 1.0, 1000.0);
+  made.parameters.push_back({"stiffness_n_per_m", slope, 0.1, 1000, 0.2 * slope});
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    made.parameters.push_back({nth("top_m ", i), pieces[i].top_m, 0, 0.9, 0.001});
+    made.parameters.push_back({nth("rupture_m ", i), pieces[i].rupture_m, 0, 0.9, 0.0005});
+  }
+  made.scene = [](const std::vector<double>& values) {
+    CurveScene scene = emptyScene(AxialModel::kGodObject);
+    scene.spec.god_object.stiffness_N_per_m = values[0];
+    std::vector<double> tops_m;
+    for (std::size_t i = 1; i + 1 < values.size(); i += 2) {
+      // let through where the spring has the layer's force: place and slope fit better than force and slope
+      const double force_N = values[0] * std::max(0.0, values[i + 1] - values[i]);
+      tops_m.push_back(values[i]);
+      scene.spec.layers.push_back(layerOf(0, std::min(force_N, kMostForce_N)));
+    }
+    setThicknesses(scene, tops_m);
+    return scene;
+  };
+  return made;
+}
+
+CurveModel firstOrderModel(const std::vector<CurveBin>& fit_on) {
+  CurveModel made;
+  made.model = AxialModel::kFirstOrder;
+  const auto pieces = piecesOf(fit_on);
+  made.variant = counted(pieces.size(), "layer") + ", one per rupture";
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    const Piece& piece = pieces[i];
+    const double length_m = piece.rupture_m - piece.top_m;
+    made.parameters.push_back({nth("rupture_m ", i), piece.rupture_m, 0, 0.9, 0.0005});
+    made.parameters.push_back({nth("stretch_m ", i), length_m, kThinnest_m, 0.1, 0.2 * length_m});
+    made.parameters.push_back(forceParameter(nth("puncture_n ", i), piece.peak_N - piece.before_N));
+    made.parameters.push_back(forceParameter(nth("cutting_n ", i), piece.after_N));
+    made.parameters.push_back({nth("friction_n_per_m ", i), 1, 0, 500, 2});
+  }
+  made.scene = [](const std::vector<double>& values) {
+    CurveScene scene = emptyScene(AxialModel::kFirstOrder);
+    std::vector<double> tops_m;
+    for (std::size_t i = 0; i + 4 < values.size(); i += 5) {
+      tops_m.push_back(values[i] - values[i + 1]);
+      scene.spec.layers.push_back(layerOf(0, 0));
+      FirstOrderSpec first;
+      first.puncture_force_N = std::max(1e-4, values[i + 2]);
+      first.stiffness_N_per_m = std::min(1000.0, first.puncture_force_N / values[i + 1]);
+      first.cutting_force_N = values[i + 3];
+      first.friction_N_per_m = values[i + 4];
+      scene.spec.layers.back().first_order = first;
+    }
+    setThicknesses(scene, tops_m);
+    return scene;
+  };
+  return made;
+}
+
+CurveModel tableModel(const std::vector<CurveBin>& fit_on) {
+  CurveModel made;
+  made.model = AxialModel::kPrecomputed;
+  const auto rows = static_cast<std::size_t>(std::floor(fit_on.back().at / kTableStep_m)) + 1;
+  made.variant = "table of " + std::to_string(rows) + " rows, 1 mm apart";
+  for (std::size_t i = 0; i < rows; ++i)
+    made.parameters.push_back(
+        forceParameter(nth("cutting_n ", i), valueAt(fit_on, static_cast<double>(i) * kTableStep_m)));
+  made.scene = [](const std::vector<double>& values) {
+    CurveScene scene = emptyScene(AxialModel::kPrecomputed);
+    scene.spec.layers.push_back(layerOf(0.1, 0));
+    for (std::size_t i = 0; i < values.size(); ++i)
+      scene.spec.precomputed.table.push_back({static_cast<double>(i) * kTableStep_m, values[i], 0});
+    return scene;
+  };
+  return made;
+}
+
+std::vector<CurveModel> curveModels(const std::vector<CurveBin>& fit_on) {
+  return {layeredModel(AxialModel::kEnhancedTrackingWall, fit_on),
+          membraneModel(fit_on),
+          layeredModel(AxialModel::kTrackingWall, fit_on),
+          layeredModel(AxialModel::kDirect, fit_on),
+          lineModel(AxialModel::kVoigt, fit_on),
+          godObjectModel(fit_on),
+          firstOrderModel(fit_on),
+          tableModel(fit_on)};
+}
+
+}  // namespace needlelab

@@ -1,0 +1,168 @@
+#include "accuracy/recorded_statistical.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "accuracy/recorded_rows.h"
+#include "accuracy/recorded_run.h"
+#include "accuracy/recorded_text.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kStep_m = 1e-4;  // per tick: the target bends every quarter of the correlation length only
+
+struct LogNormal {
+  double mu = 0, sigma = 0;
+};
+LogNormal logNormal(ForceLaw law) {
+  const double share = law.sd_N / law.mean_N, variance = std::log1p(share * share);
+  return {std::log(law.mean_N) - variance / 2, std::sqrt(variance)};
+}
+
+SceneSpec sceneOf(const StatisticalSpec& spec, double stiffness_N_per_m) {
+  SceneSpec scene = fittedSceneBase();
+  scene.axial_model = AxialModel::kStatistical;
+  scene.effects = bitOf(Effect::kCutting);
+  scene.tracking_wall.stiffness_N_per_m = stiffness_N_per_m;
+  scene.layers.push_back({});
+  scene.layers[0].thickness_m = 0.5;
+  scene.statistical = spec;
+  return scene;
+}
+
+double correlationOf(const std::vector<double>& a, const std::vector<double>& b) {
+  const auto count = static_cast<double>(a.size());
+  double ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    ma += a[i] / count;
+    mb += b[i] / count;
+  }
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    aa += (a[i] - ma) * (a[i] - ma);
+    bb += (b[i] - mb) * (b[i] - mb);
+    ab += (a[i] - ma) * (b[i] - mb);
+  }
+  return ab / std::sqrt(aa * bb);
+}
+
+}  // namespace
+
+StatisticalSpec syntheticStatistics() {
+  StatisticalSpec spec;
+  spec.table = {{0, 1.0, 0.15}, {0.01, 2.0, 0.5}, {0.02, 0.8, 0.3}, {0.03, 3.0, 0.6}};
+  spec.correlation_length_m = 0.003;
+  spec.seed = 20261120;
+  return spec;
+}
+
+ForceBand centralBand95(double mean_N, double sd_N) {
+  constexpr double kNormal975 = 1.959963984540054;  // quantile of the unit normal at 0.975
+  const LogNormal law = logNormal({mean_N, sd_N});
+  return {std::exp(law.mu - kNormal975 * law.sigma), std::exp(law.mu + kNormal975 * law.sigma)};
+}
+
+ForceLaw forceLawAt(const StatisticalSpec& spec, double depth_m) {
+  const auto& table = spec.table;
+  const auto after =
+      std::lower_bound(table.begin(), table.end(), depth_m,
+                       [](const StatisticalSpec::Row& row, double d) { return row.depth_m < d; });
+  if (after == table.begin()) return {table.front().mean_N, table.front().sd_N};
+  if (after == table.end()) return {table.back().mean_N, table.back().sd_N};
+  const auto& before = *(after - 1);
+  const double t = (depth_m - before.depth_m) / (after->depth_m - before.depth_m);
+  return {std::lerp(before.mean_N, after->mean_N, t), std::lerp(before.sd_N, after->sd_N, t)};
+}
+
+Result<StatisticalDraws> drawStatistical(const StatisticalSpec& spec, const std::vector<double>& depths_m,
+                                         std::size_t draws, double stiffness_N_per_m) {
+  const auto model = compile(sceneOf(spec, stiffness_N_per_m), 1000);
+  if (!model.ok()) return model.error();
+
+  // ticks at which to look: each depth, and one correlation length below it
+  const auto tickOf = [](double depth_m) { return static_cast<std::size_t>(std::lround(depth_m / kStep_m)); };
+  const std::size_t lag = tickOf(spec.correlation_length_m), count = depths_m.size();
+  std::vector<std::size_t> ticks;
+  for (const double d : depths_m) ticks.push_back(tickOf(d));
+  for (const double d : depths_m) ticks.push_back(tickOf(d) + lag);
+  const std::size_t last = *std::max_element(ticks.begin(), ticks.end());
+
+  // one state for all: the engine draws a new target with each entry
+  std::vector<std::vector<double>> forces_N(2 * count);
+  constexpr Quat kDown{1, 0, 0, 0};
+  SimState state{};
+  StepReport report;
+  std::vector<double> along_N(last + 1);
+  for (std::size_t draw = 0; draw < draws; ++draw) {
+    step(*model, {{0, 0, kStep_m}, kDown}, state, report);
+    for (std::size_t i = 1; i <= last; ++i) {
+      step(*model, {{0, 0, -static_cast<double>(i) * kStep_m}, kDown}, state, report);
+      along_N[i] = report.wrench_W.force_N.z;
+    }
+    for (std::size_t k = 0; k < ticks.size(); ++k) forces_N[k].push_back(along_N[ticks[k]]);
+  }
+
+  StatisticalDraws result;
+  result.draws = draws;
+  const auto n = static_cast<double>(draws);
+  const auto scores = [&](std::size_t k) {
+    const LogNormal law = logNormal(forceLawAt(spec, static_cast<double>(ticks[k]) * kStep_m));
+    std::vector<double> z;
+    for (const double f : forces_N[k]) z.push_back((std::log(std::max(f, 1e-12)) - law.mu) / law.sigma);
+    return z;
+  };
+  for (std::size_t k = 0; k < count; ++k) {
+    DrawnAtDepth at;
+    at.depth_m = static_cast<double>(ticks[k]) * kStep_m;
+    at.asked = forceLawAt(spec, at.depth_m);
+    const ForceBand band = centralBand95(at.asked.mean_N, at.asked.sd_N);
+    double squares = 0;
+    for (const double f : forces_N[k]) {
+      at.drawn.mean_N += f / n;
+      at.in_band += (f >= band.low_N && f <= band.high_N) ? 1 / n : 0;
+    }
+    for (const double f : forces_N[k]) squares += (f - at.drawn.mean_N) * (f - at.drawn.mean_N);
+    at.drawn.sd_N = std::sqrt(squares / (n - 1));
+    result.depths.push_back(at);
+    result.correlation += correlationOf(scores(k), scores(count + k)) / static_cast<double>(count);
+  }
+  result.correlation_length_m = -static_cast<double>(lag) * kStep_m / std::log(result.correlation);
+  return result;
+}
+
+Result<AccuracyRows> statisticalRows(const AccuracyOptions& options, const AccuracyProgress& progress,
+                                     std::vector<std::string>& /*notes*/) {
+  if (progress) progress("drawing statistical insertions", 0);
+  const StatisticalSpec spec = syntheticStatistics();
+  const std::size_t draws = options.long_form ? 100'000 : 10'000;
+  const auto result = drawStatistical(spec, {0.002, 0.0075, 0.015, 0.022, 0.0265}, draws, 1000);
+  if (!result.ok()) return result.error();
+  const auto model = compile(sceneOf(spec, 1000), 1000);
+  if (!model.ok()) return model.error();
+  AccuracyRows rows;
+  for (const DrawnAtDepth& at : result->depths) {
+    AccuracyRow row;
+    row.scene = "synthetic statistics";
+    row.model = axialModelName(AxialModel::kStatistical);
+    row.variant = textOf("at %.1f mm: mean %.3f N of %.3f, sd %.3f N of %.3f; %.2f %% within the 95 %% band",
+                         at.depth_m * 1e3, at.drawn.mean_N, at.asked.mean_N, at.drawn.sd_N, at.asked.sd_N,
+                         100 * at.in_band);
+    row.reference = "log-normal law of the section's mean and sd at that depth";
+    row.rms_error_n = std::fabs(at.drawn.mean_N - at.asked.mean_N);
+    row.max_error_n = std::max(*row.rms_error_n, std::fabs(at.drawn.sd_N - at.asked.sd_N));
+    row.noticeable_n = noticeableForce_N(at.asked.mean_N);
+    row.uncertainty = textOf(
+        "%zu insertions: mean known to %.4f N, share in the band to %.2f %%; correlation length %.2f mm of "
+        "%.2f; ",
+        result->draws, at.asked.sd_N / std::sqrt(static_cast<double>(result->draws)),
+        100 * std::sqrt(0.95 * 0.05 / static_cast<double>(result->draws)), result->correlation_length_m * 1e3,
+        spec.correlation_length_m * 1e3);
+    row.uncertainty += addTickTime(*model, constantSpeed(-1e-4, 0.03, 0.003, 1000), row);
+    row.cannot_show =
+        "the numbers are synthetic: it shows that the sampler keeps to its law, not that tissue does";
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,44 @@
+#include "accuracy/recorded_text.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+
+namespace needlelab {
+
+std::string textOf(const char* format, ...) {
+  char text[600];
+  std::va_list numbers;
+  va_start(numbers, format);
+  std::vsnprintf(text, sizeof text, format, numbers);
+  va_end(numbers);
+  return text;
+}
+
+std::string addTickTime(const SceneModel& model, const StraightGesture& gesture, AccuracyRow& row) {
+  constexpr std::size_t kBatches = 300, kPerBatch = 64;
+  constexpr Quat kDown{1, 0, 0, 0};
+  SimState state{};
+  StepReport report;
+  std::size_t tick = 0;
+  const Timing timing = timeBatches(kBatches, kPerBatch, [&] {
+    step(model, {{0, 0, -gesture.depth_m[tick]}, kDown}, state, report);
+    keep(report);
+    if (++tick == gesture.depth_m.size()) tick = 0;
+  });
+  row.rate_hz = gesture.rate_hz;
+  row.median_ns = timing.median_ns;
+  row.p99_ns = timing.p99_ns;
+  row.fits_rate = timing.p99_ns < 1e9 / gesture.rate_hz;
+  return timingText(timing);
+}
+
+void addGreatestStep(const AxialRun& run, AccuracyRow& row) {
+  double most = 0;
+  for (std::size_t i = 1; i < run.force_N.size(); ++i)
+    most = std::max(most, std::fabs(run.force_N[i] - run.force_N[i - 1]));
+  row.max_step_n = most;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,20 @@
+/// Words and figures that the rows of recorded forces share.
+#pragma once
+
+#include <string>
+
+#include "accuracy/recorded_run.h"
+#include "accuracy/row.h"
+#include "accuracy/timing.h"
+
+namespace needlelab {
+
+/// printf into a string; for the few numbers that stand within sentences.
+[[gnu::format(printf, 1, 2)]] std::string textOf(const char* format, ...);
+
+/// The time of a tick, and the greatest change from tick to tick, of a model that ran along `gesture`.
+/// Returns what the time's uncertainty is, in words.
+std::string addTickTime(const SceneModel& model, const StraightGesture& gesture, AccuracyRow& row);
+void addGreatestStep(const AxialRun& run, AccuracyRow& row);
+
+}  // namespace needlelab
