@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "base/range.h"
+#include "haptics/models/like_for_like.h"
 #include "profile/profile.h"
 #include "stability/case_file.h"
 
@@ -125,9 +126,8 @@ SceneSpec CaseEntry::scene() {
 }
 
 SceneSpec CaseEntry::scene(AxialModel model) {
-  SceneSpec spec = scene();
-  spec.axial_model = model;
-  return spec;
+  const SceneSpec spec = scene();
+  return status_.ok() ? likeForLike(spec, model) : spec;
 }
 
 PlantOptions CaseEntry::plant() {
@@ -211,8 +211,9 @@ TimedPlan CaseEntry::path(const std::string& field, const PathChange& change) {
       if (kind == Motion::kLinear && motion != "LINEAR")
         fail(field, "motion must be LINEAR, TRAPEZOID or MIN_JERK");
       const double depth = value(step, "to_depth_m", -1, 1);
+      const bool faster = change.speed_step.empty() || change.speed_step == step.value("name", "");
       timed.plan.moveTo({{0, 0, -(depth > 0 ? depth + change.depth_offset_m : depth)}, down},
-                        value(step, "speed_m_s", 1e-5, 5) * change.speed_factor, kind);
+                        value(step, "speed_m_s", 1e-5, 5) * (faster ? change.speed_factor : 1), kind);
     }
     timed.steps.push_back({step.value("name", ""), from_s, timed.plan.duration_s()});
   }

@@ -42,14 +42,15 @@ struct TimedPlan {
     std::string name;  ///< may be empty
     double from_s = 0, to_s = 0;
   };
-  HandPlan plan;
+  HandPlan plan{Pose{}};
   std::vector<Step> steps;
 };
 
 /// Changes to a path, for cases that draw it at random.
 struct PathChange {
   double depth_offset_m = 0;  ///< added to every `to_depth_m` above 0
-  double speed_factor = 1;
+  double speed_factor = 1;    ///< of the steps named `speed_step`; of all of them where that is empty
+  std::string speed_step = {};
 };
 
 /// Reads one case's entry. The first fault is kept and every reader gives something harmless from then on:

@@ -1,6 +1,7 @@
 #include "stability/closed_loop_case.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace needlelab {
@@ -8,9 +9,8 @@ namespace {
 
 constexpr double kRestless_N = 0.05;
 
-std::optional<double> greater(std::optional<double> a, std::optional<double> b) {
-  if (!a || !b) return a ? a : b;
-  return std::max(*a, *b);
+void raise(std::optional<double>& worst, std::optional<double> other) {
+  if (other) worst = worst ? std::max(*worst, *other) : *other;
 }
 
 }  // namespace
@@ -32,14 +32,6 @@ CaseRow measuredRow(const PlantRun& run, TimeWindow window, const BandFilter& ba
   return row;
 }
 
-void worsen(CaseRow& row, const CaseRow& other) {
-  row.finite = row.finite && other.finite;
-  row.max_force_N = greater(row.max_force_N, other.max_force_N);
-  row.max_unexplained_step_N = greater(row.max_unexplained_step_N, other.max_unexplained_step_N);
-  row.chatter_N = greater(row.chatter_N, other.chatter_N);
-  row.energy_J = greater(row.energy_J, other.energy_J);
-}
-
 bool growsIn(const PlantRun& run, TimeWindow window) {
   const auto ticks = ticksIn(run, window);
   const bool held = std::any_of(ticks.begin(), ticks.end(), [](const PlantTick& tick) {
@@ -56,6 +48,32 @@ CaseTrace traceOf(const PlantRun& run, std::string label) {
     trace.force_N.push_back(-dot(tick.report.wrench_W.force_N, kInward_W));
   }
   return trace;
+}
+
+CaseTally::CaseTally(std::string quantity, double limit, const BandFilter& band) : band_(band) {
+  outcome_.row.quantity = std::move(quantity);
+  outcome_.row.limit = limit;
+  outcome_.row.finite = true;
+}
+
+void CaseTally::add(const PlantRun& run, TimeWindow window, double measured, const std::string& label) {
+  const CaseRow row = measuredRow(run, window, band_);
+  CaseRow& worst = outcome_.row;
+  worst.finite = worst.finite && row.finite;
+  raise(worst.max_force_N, row.max_force_N);
+  raise(worst.max_unexplained_step_N, row.max_unexplained_step_N);
+  raise(worst.chatter_N, row.chatter_N);
+  raise(worst.energy_J, row.energy_J);
+  growing_ = growing_ || growsIn(run, window);
+  // a measure that is no number is the worst of all
+  if (worst.measured && !std::isnan(measured) && !(measured > *worst.measured)) return;
+  worst.measured = measured;
+  outcome_.traces = {traceOf(run, label)};
+}
+
+CaseOutcome CaseTally::finish() {
+  judge(outcome_.row, growing_);
+  return std::move(outcome_);
 }
 
 }  // namespace needlelab

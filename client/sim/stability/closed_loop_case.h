@@ -17,13 +17,28 @@ Result<PlantRun> runScene(const ForceSourceFactory& source, const SceneSpec& sce
 
 /// finite, max force, unexplained step, chatter over the window, energy given to the hand over the whole run.
 CaseRow measuredRow(const PlantRun& run, TimeWindow window, const BandFilter& band);
-/// The worse of both in each number, for cases of several runs; energies: the greater.
-void worsen(CaseRow& row, const CaseRow& other);
 
 /// Does not come to rest within the window, or only the gate or the cap of the sum holds it.
 bool growsIn(const PlantRun& run, TimeWindow window);
 
 /// The resistance (force against the way in, before the gate) over the whole run.
 CaseTrace traceOf(const PlantRun& run, std::string label);
+
+/// Puts the runs of one case together: the row gets the worst of each number, the curve is of the run that
+/// measured worst.
+class CaseTally {
+ public:
+  /// `quantity`: what is measured, with its unit; `band`: as of CaseEntry::chatterFilter.
+  CaseTally(std::string quantity, double limit, const BandFilter& band);
+  /// `measured` is compared with the limit; chatter and growth are looked for in the window.
+  void add(const PlantRun& run, TimeWindow window, double measured, const std::string& label);
+  /// The row, judged; at least one run was added.
+  [[nodiscard]] CaseOutcome finish();
+
+ private:
+  CaseOutcome outcome_;
+  BandFilter band_;
+  bool growing_ = false;
+};
 
 }  // namespace needlelab
