@@ -58,14 +58,9 @@ void beginInsertion(const SceneModel& model, SimState& state, const TipSample& s
   state.proxy_held = true;  // on the skin
   state.proxy_layer = state.tops_met = 0;
   state.tilt_limit_is_cone = false;
+  state.tilt_limit_insertion_m = 0.0;
   if (model.isLive(Effect::kOrientationLimit))
     state.tilt_limit_rad = std::max(kPi / 4, angleBetween(axis, state.u_W));
-}
-
-void remember(SimState& state, Vec3 p_W_m, double depth_m) {
-  state.p_prev_W_m = p_W_m;
-  state.depth_prev_m = depth_m;
-  state.has_prev = true;
 }
 
 }  // namespace
@@ -84,19 +79,32 @@ void clearReport(StepReport& report, double depth_m, std::uint32_t flags) noexce
 
 bool changeContact(const SceneModel& model, const TipSample& sample, double depth_m, SimState& state,
                    StepReport& report) noexcept {
-  bool enters = false;
-  if (depth_m > 0.0) {
-    enters = state.outside_once;
-    clearReport(report, depth_m, enters ? kFlagEntry : kFlagStartedInside);
-    if (enters) beginInsertion(model, state, sample, depth_m);
-  } else {
+  if (!isFinite(sample)) {
+    clearReport(report, 0.0, kFlagNotStepped);
+    return false;
+  }
+  bool in_tissue = false;
+  if (!(depth_m > 0.0)) {
     clearReport(report, depth_m, state.inside ? kFlagExit : 0u);
     state.inside = false;
     state.phase = Phase::kFree;
     state.outside_once = true;
+  } else if (!state.outside_once) {
+    clearReport(report, depth_m, kFlagStartedInside);
+  } else {
+    in_tissue = true;
+    report.flags = state.inside ? 0u : kFlagEntry;
+    if (!state.inside) beginInsertion(model, state, sample, depth_m);
+    const std::uint32_t layer = findLayer(model, depth_m, state.layer);
+    if (layer != state.layer && report.flags == 0) report.flags = kFlagLayerChange;
+    state.layer = layer;
   }
-  remember(state, sample.p_WT_m, depth_m);
-  return enters;
+  if (!in_tissue) {
+    state.p_prev_W_m = sample.p_WT_m;
+    state.depth_prev_m = depth_m;
+  }
+  state.has_prev = true;
+  return in_tissue;
 }
 
 std::uint32_t findLayer(const SceneModel& model, double depth_m, std::uint32_t index) noexcept {

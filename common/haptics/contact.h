@@ -12,9 +12,10 @@ inline constexpr double kNoNumber = std::numeric_limits<double>::quiet_NaN();
 /// The report of a tick without force.
 void clearReport(StepReport& report, double depth_m, std::uint32_t flags) noexcept;
 
-/// A tick at whose start or end the tip is not in tissue: nothing, an exit or an entry. False when there is
-/// no force in this tick; then the report is complete. True at an entry: P0, n, u and all that is remembered
-/// are set to their beginning, the tick goes on as any other.
+/// A tick that does not begin and end in the same layer: outside, an entry, an exit, another layer; or a
+/// sample that is not finite. True in tissue: the report's flags say what happened, at an entry P0, n, u and
+/// all that is remembered are set to their beginning, and the tick goes on as any other. False when there is
+/// no force in this tick; then the report is complete.
 bool changeContact(const SceneModel& model, const TipSample& sample, double depth_m, SimState& state,
                    StepReport& report) noexcept;
 

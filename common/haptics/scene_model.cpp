@@ -43,7 +43,7 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
   double top = 0, lateral = 0, friction = 0;  // ∫ from the skin to the layer's top, along the normal
   for (const LayerSpec& from : spec.layers) {
     CompiledLayer& to = model.layers[model.layer_count++];
-    to.top_m = top;
+    to.top_m = to.least_depth_m = top;
     to.cutting_force_N = model.isLive(Effect::kCutting) ? from.cutting_force_N : 0.0;
     to.cut_stretch_m = to.cutting_force_N / wall_stiffness;
     to.attracted_stretch_m = model.isLive(Effect::kAttracted) ? from.attracted_force_N / wall_stiffness : 0.0;
@@ -61,6 +61,7 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
     top += from.thickness_m;
     to.bottom_m = top;
   }
+  model.layers[0].least_depth_m = std::numeric_limits<double>::denorm_min();
   model.layers[model.layer_count - 1].bottom_m = std::numeric_limits<double>::infinity();
 }
 
@@ -103,8 +104,9 @@ Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
   model.orientation = spec.orientation_limit;
   model.friction_stiffness_N_per_m = spec.friction_stiffness_N_per_m;
   model.needle_length_m = spec.needle_length_m;
+  model.needle_length_squared_m2 = spec.needle_length_m * spec.needle_length_m;
   model.max_force_N = spec.max_force_N;
-  model.max_force_squared_N2 = spec.max_force_N * spec.max_force_N;
+  model.surely_below_cap_N = spec.max_force_N * (1.0 - 1e-9);
   model.limb = withUnitNormal(spec.limb);
   if (const auto* plane = std::get_if<PlaneLimb>(&model.limb)) {
     model.is_plane = true;
@@ -149,6 +151,10 @@ double SceneModel::axialStiffness_N_per_m() const {
     sum += steepest;
   }
   return sum;
+}
+
+double depthInLimb(const SceneModel& model, const Vec3& p_W_m) noexcept {
+  return signedDepth(model.limb, p_W_m);
 }
 
 double signedDepth(const Limb& limb, Vec3 p_W_m) {

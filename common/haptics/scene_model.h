@@ -23,16 +23,18 @@ using StepFunction = void (*)(const SceneModel&, const TipSample&, SimState&, St
 /// One layer, ready for the tick. Depths δ run along the surface normal, lengths along the trajectory are
 /// δ/c.
 struct CompiledLayer {
-  double top_m = 0;                   ///< half-open [top, bottom)
-  double bottom_m = 0;                ///< the next layer's top; infinite for the last
-  double cutting_force_N = 0;         ///< f_cut; 0 where CUTTING is not live
-  double cut_stretch_m = 0;           ///< Δ_cut = f_cut/K_t; 0 where CUTTING is not live
-  double attracted_stretch_m = 0;     ///< f_att/K_t; 0 where ATTRACTED is not live
-  double rejection_stretch_m = 0;     ///< f_rej/K_t
-  double lateral_N_per_m2 = 0;        ///< slope of the integral of lateral stiffness
+  double least_depth_m = 0;        ///< its top; for the first the least positive number, as δ = 0 is outside
+  double bottom_m = 0;             ///< the next layer's top; infinite for the last
+  double top_m = 0;                ///< half-open [top, bottom)
+  double cutting_force_N = 0;      ///< f_cut; 0 where CUTTING is not live
+  double cut_stretch_m = 0;        ///< Δ_cut = f_cut/K_t; 0 where CUTTING is not live
+  double attracted_stretch_m = 0;  ///< f_att/K_t; 0 where ATTRACTED is not live
+  double rejection_stretch_m = 0;  ///< f_rej/K_t
+  double lateral_N_per_m2 = 0;     ///< slope of the integral of lateral stiffness
   double lateral_offset_N_per_m = 0;  ///< ∫₀^d = offset/c + slope·d while d·c is in this layer
   double friction_N_per_m = 0;
   double friction_offset_N = 0;
+  std::array<double, 5> fill{};  ///< up to two cache lines: a layer is found by a shift of its index
 };
 
 /// A membrane, ready for the tick; sorted by depth of its layer's top.
@@ -62,8 +64,9 @@ class SceneModel {
   OrientationLimitSpec orientation;
   double friction_stiffness_N_per_m = 0;
   double needle_length_m = 0;
+  double needle_length_squared_m2 = 0;
   double max_force_N = 0;
-  double max_force_squared_N2 = 0;
+  double surely_below_cap_N = 0;     ///< max_force_N less what rounding may take
   bool is_plane = false;             ///< the limb is this half-space
   Vec3 plane_point_m, plane_normal;  ///< … with its unit normal out of the tissue
   Limb limb;                         ///< plane normal made a unit vector
@@ -100,6 +103,8 @@ EffectMask effectsOfLayers(const SceneSpec& spec);
 
 /// Signed depth δ of a point in the limb: negative outside, positive inside (DESIGN §3.1).
 double signedDepth(const Limb& limb, Vec3 p_W_m);
+/// The same for the scene's limb.
+double depthInLimb(const SceneModel& model, const Vec3& p_W_m) noexcept;
 
 /// The tilt limit α(d) = atan((L − d)/(L + d)), paper eq. 7, `d` held to [0, L]. In rad; π/4 at d = 0.
 double orientationLimitAngle(double needle_length_m, double insertion_m);

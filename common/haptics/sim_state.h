@@ -54,7 +54,8 @@ struct SimState {
   double k_prev_N_per_m = 0;
   double e_prev_m = 0;
 
-  // orientation limit: θ_l is `tilt_limit_rad`, or α(tilt_limit_insertion_m) while that costs no trigonometry
+  // orientation limit: θ_l is `tilt_limit_rad`, or α(tilt_limit_insertion_m) while that costs no
+  // trigonometry; θ_l is at least α(tilt_limit_insertion_m) either way
   bool tilt_limit_is_cone = false;
   double tilt_limit_rad = 0;
   double tilt_limit_insertion_m = 0;

@@ -27,13 +27,27 @@ namespace needlelab {
   return (kept - state.x_history_m[0]) / (static_cast<double>(now) * model.period_s);
 }
 
+/// Cut to max_force_N, the direction kept.
+inline void capForce(const SceneModel& model, Vec3& force_N, StepReport& report) {
+  const double squared = normSquared(force_N);
+  if (!(squared > model.max_force_N * model.max_force_N)) return;
+  force_N = force_N * (model.max_force_N / std::sqrt(squared));
+  report.flags |= kFlagForceCapped;
+}
+
+/// An axial model whose `apply` is a template over the live effects.
+template <class Axial, EffectMask Live>
+concept KnowsLive = requires(const SceneModel& model, SimState& state, const Tick& tick, StepReport& report) {
+  Axial::template apply<Live>(model, state, tick, true, report);
+};
+
 /// One tick with the effects of `Live` compiled in and the others not there at all: what a scene does not ask
 /// for costs nothing. `Axial` gives the force along u:
 ///   static constexpr bool acts(EffectMask live);  // whether it is live at all
 ///   static constexpr bool kHasWall;  // state.wall_m is a place on the trajectory, to be reported
 ///   static double apply(model, state, tick, stop_begins, report);
-///                                    // fills report.cutting_N or attracted_N, which are 0 before (so are
-///                                    // friction_N and puncture_N where that effect is not live)
+///     // fills report.cutting_N or attracted_N, which are 0 before (so are friction_N and puncture_N where
+///     // that effect is not live). Where it is a template over the EffectMask, it writes both
 /// What it keeps from tick to tick lies in SimState: a place along u as `wall_m` (0 at entry, a turn of u
 /// moves it), or less `x_shift_m`, which a turn changes instead.
 ///
@@ -47,43 +61,41 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
 
   // input: depth and axis are finite only where all of the pose is
   Tick tick;
-  tick.p_W_m = sample.p_WT_m;
-  tick.depth_m = depthIn(model, tick.p_W_m);
+  tick.depth_m = depthIn(model, sample.p_WT_m);
+  [[maybe_unused]] RawAxis raw;
   double pose_size;
   if constexpr (live(Effect::kOrientationLimit)) {
-    tick.axis_W = zAxis(sample.q_WT);
-    tick.axis_squared = pose_size = normSquared(tick.axis_W);
+    raw.axis_W = zAxis(sample.q_WT);
+    raw.squared = pose_size = normSquared(raw.axis_W);
   } else {
     pose_size = dot(sample.q_WT, sample.q_WT);
   }
-  constexpr double kMost = std::numeric_limits<double>::max();
-  if (!(std::fabs(tick.depth_m) <= kMost && pose_size <= kMost) && !isFinite(sample)) [[unlikely]] {
-    clearReport(report, 0.0, kFlagNotStepped);
-    return;
-  }
 
-  // contact
+  // contact: in the tissue and in the same layer as before, or else a second look
   bool entry = false;
-  if (!(tick.depth_m > 0.0 && state.inside)) [[unlikely]] {
+  tick.layer = &model.layers[state.layer];
+  report.flags = 0;
+  if (!(state.inside && tick.depth_m < tick.layer->bottom_m && tick.depth_m >= tick.layer->least_depth_m &&
+        pose_size <= std::numeric_limits<double>::max())) [[unlikely]] {
     if (!changeContact(model, sample, tick.depth_m, state, report)) return;
-    entry = true;
-  } else {
-    report.flags = 0;
-  }
-  if (isOutOfLayer(model, tick.depth_m, state.layer)) [[unlikely]] {
-    state.layer = findLayer(model, tick.depth_m, state.layer);
-    if (!entry) report.flags |= kFlagLayerChange;
+    entry = (report.flags & kFlagEntry) != 0;
+    tick.layer = &model.layers[state.layer];
   }
 
   // trajectory and clamping
-  tick.arm_W_m = tick.p_W_m - state.p_entry_W_m;
-  project(state, tick);
+  project(state, sample.p_WT_m, tick);
   Vec3 clamping_W;
   if constexpr (live(Effect::kClamping)) {
     clamping_W = applyClamping(model, sample, state, tick, report);
   } else {
     report.clamping_N = report.clamping_stiffness_N_per_m = 0.0;
   }
+
+  // orientation limit: after u may have turned
+  if constexpr (live(Effect::kOrientationLimit))
+    applyOrientationLimit(model, state, raw, tick.insertion_m, report);
+  else
+    report.wrench_W.torque_Nm = {};
 
   // speed
   [[maybe_unused]] double x_before_m = 0.0;
@@ -102,9 +114,15 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
 
   // along u: axial, friction, puncture
   double along_N = 0.0;
-  report.cutting_N = report.attracted_N = 0.0;
   if constexpr (!live(Effect::kShaftFriction)) report.friction_N = 0.0;
-  if constexpr (Axial::acts(Live)) along_N = Axial::apply(model, state, tick, stop_begins, report);
+  if constexpr (!Axial::acts(Live)) {
+    report.cutting_N = report.attracted_N = 0.0;
+  } else if constexpr (KnowsLive<Axial, Live>) {
+    along_N = Axial::template apply<Live>(model, state, tick, stop_begins, report);
+  } else {
+    report.cutting_N = report.attracted_N = 0.0;
+    along_N = Axial::apply(model, state, tick, stop_begins, report);
+  }
   if constexpr (Axial::acts(Live) && Axial::kHasWall)
     report.p_wall_W_m = state.p_entry_W_m + state.u_W * state.wall_m;
   else
@@ -112,19 +130,13 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   if constexpr (live(Effect::kShaftFriction)) along_N += applyShaftFriction(model, state, tick, report);
   if constexpr (live(Effect::kPuncture)) along_N += membranes_N;
 
-  // orientation limit
-  if constexpr (live(Effect::kOrientationLimit))
-    applyOrientationLimit(model, state, tick, report);
-  else
-    report.wrench_W.torque_Nm = {};
-
   // sum, capped
+  // the cap needs no length while the magnitudes together stay below it
   Vec3 force = state.u_W * along_N + clamping_W;
-  const double squared = normSquared(force);
-  if (squared > model.max_force_squared_N2) [[unlikely]] {
-    force = force * (model.max_force_N / std::sqrt(squared));
-    report.flags |= kFlagForceCapped;
-  }
+  const double magnitudes_N =
+      live(Effect::kClamping) ? std::fabs(along_N) + report.clamping_N : std::fabs(along_N);
+  if (!(magnitudes_N <= model.surely_below_cap_N)) [[unlikely]]
+    capForce(model, force, report);
   report.wrench_W.force_N = force;
 
   // report
@@ -136,7 +148,7 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   report.lateral_error_m = tick.lateral_m;
   if (tick.insertion_m > model.needle_length_m) [[unlikely]]
     report.flags |= kFlagBeyondNeedle;
-  state.p_prev_W_m = tick.p_W_m;
+  state.p_prev_W_m = sample.p_WT_m;
   state.depth_prev_m = tick.depth_m;
 }
 

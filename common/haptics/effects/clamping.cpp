@@ -22,32 +22,53 @@ Turned turnedBy(double angle_rad, const SimState& state, Vec3 side_W) {
 }
 
 // the cone of the paper's Fig. 4: ∠(u, u0) ≤ max(α(d_t after the turn), ∠(u, u0) before)
-bool withinCone(const Turned& turned, double before_rad, const SceneModel& model, const SimState& state,
-                const Tick& tick) {
-  const double x = dot(turned.u_W, tick.arm_W_m);
-  const double insertion = insertionOf(x, tick.depth_m, 1.0 / turned.slant);
-  const double limit = std::max(orientationLimitAngle(model.needle_length_m, insertion), before_rad);
-  return angleBetween(turned.u_W, state.u0_W) <= limit;
-}
+class Cone {
+ public:
+  Cone(const SceneModel& model, const SimState& state, Vec3 arm_W_m, double depth_m)
+      : model_(model), state_(state), arm_W_m_(arm_W_m), depth_m_(depth_m) {}
+
+  [[nodiscard]] bool holds(const Turned& turned) {
+    const double x = dot(turned.u_W, arm_W_m_);
+    const double insertion = insertionOf(x, depth_m_, 1.0 / turned.slant);
+    // tan ∠ ≤ (L − d)/(L + d) by a margin far above rounding: the usual case, without angles
+    const double length = model_.needle_length_m, d = std::min(insertion, length);
+    const double across = normSquared(cross(turned.u_W, state_.u0_W)) * (length + d) * (length + d);
+    const double along = dot(turned.u_W, state_.u0_W), adjacent = along * (length - d);
+    if (along > 0.0 && across <= adjacent * adjacent * (1.0 - 1e-12)) return true;
+
+    if (before_rad_ < 0.0) before_rad_ = angleBetween(state_.u_W, state_.u0_W);
+    const double limit = std::max(orientationLimitAngle(length, insertion), before_rad_);
+    return angleBetween(turned.u_W, state_.u0_W) <= limit;
+  }
+
+ private:
+  const SceneModel& model_;
+  const SimState& state_;
+  Vec3 arm_W_m_;
+  double depth_m_;
+  double before_rad_ = -1.0;  // taken when it is needed
+};
 
 }  // namespace
 
-bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& state, Tick& tick,
-                    double k_N_per_m) noexcept {
-  const double radius = norm(tick.arm_W_m);
+bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& state, double k_N_per_m,
+                    Tick& tick) noexcept {
+  project(state, sample.p_WT_m, tick);
+  const Vec3 arm = sample.p_WT_m - state.p_entry_W_m;
+  const double radius = norm(arm);
   const Vec3 side = tick.lateral_W_m / tick.lateral_m;
   const double kept_m = state.dead_radius_m + model.fixture.max_force_N / k_N_per_m;
   double angle = std::min(detAsin(tick.lateral_m / radius) - detAsin(kept_m / radius), model.max_turn_rad);
   if (!(angle > 0.0)) return false;
 
   // the greatest angle that the cone allows
-  const double before = angleBetween(state.u_W, state.u0_W);
+  Cone cone(model, state, arm, tick.depth_m);
   Turned turned = turnedBy(angle, state, side);
-  if (!withinCone(turned, before, model, state, tick)) {
+  if (!cone.holds(turned)) {
     double allowed = 0.0, refused = angle;
     while (refused - allowed > kBisection_rad) {
       const double middle = 0.5 * (allowed + refused);
-      (withinCone(turnedBy(middle, state, side), before, model, state, tick) ? allowed : refused) = middle;
+      (cone.holds(turnedBy(middle, state, side)) ? allowed : refused) = middle;
     }
     if (allowed == 0.0) return false;
     turned = turnedBy(allowed, state, side);
@@ -59,7 +80,7 @@ bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& 
   state.u_W = turned.u_W;
   state.slant = turned.slant;
   state.inverse_slant = 1.0 / turned.slant;
-  project(state, tick);
+  project(state, sample.p_WT_m, tick);
   const double shift = tick.x_m - x_before;
   state.wall_m += shift;
   state.friction_wall_m += shift;

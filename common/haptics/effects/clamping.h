@@ -14,21 +14,26 @@ namespace needlelab {
                                                        double insertion_m) {
   const CompiledLayer& layer = layerByLength(model, state, insertion_m);
   const double k = layer.lateral_offset_N_per_m * state.inverse_slant + layer.lateral_N_per_m2 * insertion_m;
-  return std::min(std::max(k, 0.0), model.fixture.max_stiffness_N_per_m);
+  return std::min(std::max(0.0, k), model.fixture.max_stiffness_N_per_m);
 }
 
 /// Change of trajectory: turns u about P0 toward the tip and moves what is measured along u with it, so that
-/// no force jumps. Rare, hence apart. `k_N_per_m` is the stiffness of this tick.
-bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& state, Tick& tick,
-                    double k_N_per_m) noexcept;
+/// no force jumps. Rare, hence apart. `k_N_per_m` is the stiffness of this tick; `tick` is taken anew.
+bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& state, double k_N_per_m,
+                    Tick& tick) noexcept;
 
-/// PASSIVE: stiffness that grows under a deviation would store energy that nobody paid for; the dead radius
-/// takes it out.
-inline void growDeadRadius(SimState& state, double k_N_per_m, double lateral_m) {
-  if (k_N_per_m > state.k_prev_N_per_m && state.e_prev_m > state.dead_radius_m)
-    state.dead_radius_m =
-        state.e_prev_m - state.k_prev_N_per_m / k_N_per_m * (state.e_prev_m - state.dead_radius_m);
-  state.dead_radius_m = std::min(state.dead_radius_m, lateral_m);
+/// PASSIVE: stiffness that grows under a deviation would store energy that nobody paid for; the dead radius ρ
+/// takes it out. Gives the force, capped.
+inline double passiveForce(SimState& state, double k_N_per_m, double lateral_m, double most_N) {
+  double& rho = state.dead_radius_m;
+  if (k_N_per_m > state.k_prev_N_per_m && state.e_prev_m > rho)
+    rho = state.e_prev_m - state.k_prev_N_per_m / k_N_per_m * (state.e_prev_m - rho);
+  rho = std::min(rho, lateral_m);
+  state.k_prev_N_per_m = k_N_per_m;
+  state.e_prev_m = lateral_m;
+  const double force_N = k_N_per_m * (lateral_m - rho);
+  if (force_N > most_N) rho = lateral_m - most_N / k_N_per_m;
+  return force_N;
 }
 
 /// Returns the clamping force in W and fills the report's clamping fields. May turn u: everything that
@@ -38,23 +43,22 @@ inline void growDeadRadius(SimState& state, double k_N_per_m, double lateral_m) 
   const double most_N = model.fixture.max_force_N;
   const bool passive = model.fixture.mode == ClampingMode::kPassive;
   double k = clampingStiffness(model, state, tick.insertion_m);
-  if (k * (tick.lateral_m - state.dead_radius_m) > most_N && tick.x_m > tick.lateral_m) [[unlikely]] {
-    Tick turned = tick;
-    if (turnTrajectory(model, sample, state, turned, k)) report.flags |= kFlagTurn;
-    tick = turned;
-    k = clampingStiffness(model, state, tick.insertion_m);
-  }
-
-  if (passive) growDeadRadius(state, k, tick.lateral_m);
-  double force_N = k * (tick.lateral_m - state.dead_radius_m);
-  if (force_N > most_N) [[unlikely]] {
-    force_N = most_N;
-    report.flags |= kFlagClampCapped;
-    if (passive) state.dead_radius_m = tick.lateral_m - most_N / k;
-  }
-  if (passive) {
-    state.k_prev_N_per_m = k;
-    state.e_prev_m = tick.lateral_m;
+  double force_N = k * tick.lateral_m;
+  if (passive || force_N > most_N) [[unlikely]] {
+    if (k * (tick.lateral_m - state.dead_radius_m) > most_N && tick.x_m > tick.lateral_m) {
+      Tick turned;
+      turned.depth_m = tick.depth_m;
+      turned.layer = tick.layer;
+      if (turnTrajectory(model, sample, state, k, turned)) report.flags |= kFlagTurn;
+      tick = turned;
+      k = clampingStiffness(model, state, tick.insertion_m);
+      force_N = k * tick.lateral_m;
+    }
+    if (passive) force_N = passiveForce(state, k, tick.lateral_m, most_N);
+    if (force_N > most_N) {
+      force_N = most_N;
+      report.flags |= kFlagClampCapped;
+    }
   }
   report.clamping_N = force_N;
   report.clamping_stiffness_N_per_m = k;

@@ -5,22 +5,25 @@
 namespace needlelab {
 
 void followTurn(const SceneModel& model, SimState& state, Vec3 axis_W, Vec3 u_before_W) noexcept {
+  // surely no rise where the cosine grew by more than rounding: the usual case, without angles
+  if (dot(axis_W, state.u_W) > dot(axis_W, u_before_W) + 1e-12) return;
   const double rise = angleBetween(axis_W, state.u_W) - angleBetween(axis_W, u_before_W);
   if (rise <= 0.0) return;
   state.tilt_limit_rad = tiltLimit(model, state) + rise;
   state.tilt_limit_is_cone = false;
 }
 
-void tiltNearCone(const SceneModel& model, SimState& state, const Tick& tick, double insertion_m,
-                  StepReport& report) noexcept {
+void tiltNearCone(const SceneModel& model, SimState& state, double insertion_m, double axis_x, double axis_y,
+                  double axis_z, StepReport& report) noexcept {
   report.wrench_W.torque_Nm = {};
-  const Vec3 axis = normalized(tick.axis_W);
+  const Vec3 axis = normalized(Vec3{axis_x, axis_y, axis_z});
   const Vec3 across = cross(axis, state.u_W);
   const double along = dot(axis, state.u_W);
 
   // θ > α, as tan θ > (L − d)/(L + d) with both sides squared
   const double length = model.needle_length_m;
-  const double opposite = normSquared(across) * (length + insertion_m) * (length + insertion_m);
+  const double across_squared = normSquared(across);
+  const double opposite = across_squared * (length + insertion_m) * (length + insertion_m);
   const double adjacent = along * (length - insertion_m);
   if (along > 0.0 && opposite <= adjacent * adjacent) {
     state.tilt_limit_is_cone = true;
@@ -28,10 +31,17 @@ void tiltNearCone(const SceneModel& model, SimState& state, const Tick& tick, do
     return;
   }
 
-  const double sine = norm(across);
+  const double sine = std::sqrt(across_squared);
   const double tilt = detAtan2(sine, along);
-  const double cone = orientationLimitAngle(length, insertion_m);
-  const double limit = std::max(cone, std::min(tiltLimit(model, state), tilt));
+  double limit = tiltLimit(model, state);
+  if (tilt < limit) {
+    limit = tilt;  // and that is more than α here
+    state.tilt_limit_insertion_m = insertion_m;
+  } else if (insertion_m < state.tilt_limit_insertion_m) {
+    // α falls with depth: only where the needle is less deep than where θ_l ≥ α was seen last can α be more
+    limit = std::max(limit, orientationLimitAngle(length, insertion_m));
+    state.tilt_limit_insertion_m = insertion_m;
+  }
   state.tilt_limit_rad = limit;
   state.tilt_limit_is_cone = false;
   if (tilt <= limit || sine < 1e-9) return;

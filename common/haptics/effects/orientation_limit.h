@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 
 #include "haptics/effects/tick.h"
 
@@ -17,30 +18,36 @@ inline double tiltLimit(const SceneModel& model, const SimState& state) {
 /// A turn of u that raises θ raises θ_l by as much.
 void followTurn(const SceneModel& model, SimState& state, Vec3 axis_W, Vec3 u_before_W) noexcept;
 
+/// The needle's axis for the quick test of the cone; of length 1 up to the quaternion's error.
+struct RawAxis {
+  Vec3 axis_W;
+  double squared = 0;  ///< |axis|²
+};
+
 /// The exact test of the cone, with the axis of length 1, and what follows when the needle is outside of it:
 /// torque about the tip in W, and θ_l ← max(α, min(θ_l, θ)). Apart, because it is rare and needs angles.
-void tiltNearCone(const SceneModel& model, SimState& state, const Tick& tick, double insertion_m,
-                  StepReport& report) noexcept;
+void tiltNearCone(const SceneModel& model, SimState& state, double insertion_m, double axis_x, double axis_y,
+                  double axis_z, StepReport& report) noexcept;
 
 /// Torque about the tip, in W, into the report.
 [[gnu::always_inline]] inline void applyOrientationLimit(const SceneModel& model, SimState& state,
-                                                         const Tick& tick, StepReport& report) {
+                                                         const RawAxis& raw, double insertion_m,
+                                                         StepReport& report) {
   const double length = model.needle_length_m;
-  const double insertion = std::min(tick.insertion_m, length);  // d_t is never negative
-  const double along = dot(tick.axis_W, state.u_W);
-  // tan θ ≤ (L − d)/(L + d) is cos² θ ≥ (L + d)²/(2 (L² + d²)). Cheap, but blunt where θ is small: a needle
-  // that is not inside by a margin far above rounding gets the exact test
-  constexpr double kMargin = 1.0 + 1e-12;
+  const double insertion = std::min(insertion_m, length);  // d_t is never negative
+  // tan θ ≤ (L − d)/(L + d) is cos θ > 0 and 2 cos² θ (L² + d²) ≥ (L + d)². Cheap, but blunt where θ is
+  // small: a needle that is not inside by a margin far above rounding gets the exact test
+  constexpr double kTwo = 2.0 * (1.0 - 1e-12);
+  const double along = dot(raw.axis_W, state.u_W);
   const double sum = length + insertion;
-  const double cosine = 2.0 * (along * along) * (length * length + insertion * insertion);
-  if (along > 0.0 && cosine >= kMargin * tick.axis_squared * (sum * sum)) [[likely]] {
+  const double squares = model.needle_length_squared_m2 + insertion * insertion;
+  if (along * std::fabs(along) * squares * kTwo >= raw.squared * (sum * sum)) [[likely]] {
     state.tilt_limit_is_cone = true;
     state.tilt_limit_insertion_m = insertion;
     report.wrench_W.torque_Nm = {};
     return;
   }
-  const Tick rare = tick;
-  tiltNearCone(model, state, rare, insertion, report);
+  tiltNearCone(model, state, insertion, raw.axis_W.x, raw.axis_W.y, raw.axis_W.z, report);
 }
 
 }  // namespace needlelab

@@ -6,18 +6,14 @@
 namespace needlelab {
 
 struct Tick {
-  Vec3 p_W_m;   ///< tip
-  Vec3 axis_W;  ///< needle's axis; a unit vector up to the quaternion's rounding, see `unitAxis`. Set where
-                ///< ORIENTATION_LIMIT is live
-  double axis_squared = 0;  ///< |axis|²
-  double depth_m = 0;       ///< δ
-  Vec3 arm_W_m;             ///< p − P0
-  double x_m = 0;           ///< u·(p − P0)
-  double insertion_m = 0;   ///< d_t
-  Vec3 lateral_W_m;         ///< e
-  double lateral_m = 0;     ///< |e|
-  double speed_mps = 0;     ///< v
-  double x_cut_m = 0;       ///< x_c: nothing is cut or rubbed beyond a membrane that holds
+  double depth_m = 0;                    ///< δ
+  const CompiledLayer* layer = nullptr;  ///< that the tip is in: model.layers[state.layer]
+  double x_m = 0;                        ///< u·(p − P0)
+  double insertion_m = 0;                ///< d_t
+  Vec3 lateral_W_m;                      ///< e
+  double lateral_m = 0;                  ///< |e|
+  double speed_mps = 0;                  ///< v
+  double x_cut_m = 0;                    ///< x_c: nothing is cut or rubbed beyond a membrane that holds
 };
 
 /// The needle's axis as everything but the quick test of the cone takes it.
@@ -30,9 +26,9 @@ inline bool isFinite(const TipSample& sample) {
 }
 
 /// δ of a point: the half-space at once, other limbs out of line.
-[[gnu::always_inline]] inline double depthIn(const SceneModel& model, Vec3 p_W_m) {
+[[gnu::always_inline]] inline double depthIn(const SceneModel& model, const Vec3& p_W_m) {
   if (model.is_plane) return -dot(model.plane_normal, p_W_m - model.plane_point_m);
-  return signedDepth(model.limb, p_W_m);
+  return depthInLimb(model, p_W_m);
 }
 
 /// min(max(0, x), δ/c)
@@ -42,20 +38,15 @@ inline double insertionOf(double x_m, double depth_m, double inverse_slant) {
   return along < through ? along : through;
 }
 
-/// Takes x, d_t and e anew from the present u.
-[[gnu::always_inline]] inline void project(const SimState& state, Tick& tick) {
-  tick.x_m = dot(state.u_W, tick.arm_W_m);
+/// Takes x, d_t and e from the present u; `tick.depth_m` is set.
+[[gnu::always_inline]] inline void project(const SimState& state, Vec3 p_W_m, Tick& tick) {
+  const Vec3 arm_W_m = p_W_m - state.p_entry_W_m;
+  tick.x_m = dot(state.u_W, arm_W_m);
   tick.insertion_m = insertionOf(tick.x_m, tick.depth_m, state.inverse_slant);
-  tick.lateral_W_m = tick.arm_W_m - state.u_W * tick.x_m;
+  tick.lateral_W_m = arm_W_m - state.u_W * tick.x_m;
   tick.lateral_m = norm(tick.lateral_W_m);
 }
 
-/// Layers are half-open [top, bottom) along the normal; the first has no beginning and the last no end.
-[[gnu::always_inline]] inline bool isOutOfLayer(const SceneModel& model, double depth_m,
-                                                std::uint32_t index) {
-  const CompiledLayer& layer = model.layers[index];
-  return depth_m >= layer.bottom_m || depth_m < layer.top_m;
-}
 /// The layer that holds a depth along the normal; `index` is where to look first.
 std::uint32_t findLayer(const SceneModel& model, double depth_m, std::uint32_t index) noexcept;
 
@@ -63,9 +54,12 @@ std::uint32_t findLayer(const SceneModel& model, double depth_m, std::uint32_t i
 [[gnu::always_inline]] inline const CompiledLayer& layerByLength(const SceneModel& model, SimState& state,
                                                                  double insertion_m) {
   const double depth_m = insertion_m * state.slant;
-  if (isOutOfLayer(model, depth_m, state.layer_by_length)) [[unlikely]]
+  const CompiledLayer& layer = model.layers[state.layer_by_length];
+  if (depth_m >= layer.bottom_m || depth_m < layer.top_m) [[unlikely]] {
     state.layer_by_length = findLayer(model, depth_m, state.layer_by_length);
-  return model.layers[state.layer_by_length];
+    return model.layers[state.layer_by_length];
+  }
+  return layer;
 }
 
 /// Angle between two unit vectors, by atan2 (DESIGN §3). In [0, π].

@@ -15,30 +15,24 @@ namespace needlelab {
 [[gnu::always_inline]] inline bool updatePhase(const SceneModel& model, SimState& state, double speed_mps) {
   const double stop_speed = model.wall.stop_speed_mps;
   const double size = std::fabs(speed_mps);
-  bool begins = false;
-  if (state.stopped) {
-    if (size >= 2.0 * stop_speed) {
+  if (size >= stop_speed) {
+    if (state.stopped) {
+      if (size < 2.0 * stop_speed) return false;
       state.stopped = false;
-      state.slow_ticks = 0;
     }
-  } else if (size < stop_speed) {
-    if (++state.slow_ticks >= model.dwell_ticks) begins = state.stopped = true;
-  } else {
     state.slow_ticks = 0;
+    state.phase = speed_mps > 0.0 ? Phase::kInserting : Phase::kWithdrawing;
+    return false;
   }
-
-  if (state.stopped)
-    state.phase = Phase::kStopped;
-  else if (speed_mps >= stop_speed)
-    state.phase = Phase::kInserting;
-  else if (speed_mps <= -stop_speed)
-    state.phase = Phase::kWithdrawing;
-  return begins;
+  if (state.stopped || ++state.slow_ticks < model.dwell_ticks) return false;
+  state.stopped = true;
+  state.phase = Phase::kStopped;
+  return true;
 }
 
-/// Update with stop (eq. 4 and 5, as a ramp that looks at where the needle is).
-[[gnu::always_inline]] inline void relaxWall(const SceneModel& model, SimState& state, double x_m,
-                                             double rejection_m, bool begins) {
+/// The wall after the update with stop (eq. 4 and 5, as a ramp that looks at where the needle is).
+[[gnu::always_inline]] inline double relaxedWall(const SceneModel& model, SimState& state, double x_m,
+                                                 double rejection_m, bool begins) {
   const double stretch = x_m - state.wall_m;
   const double size = std::fabs(stretch);
   double move;
@@ -52,7 +46,7 @@ namespace needlelab {
     const double rest = std::max(rejection_m, model.wall.relax_residual * state.stop_stretch_m);
     move = std::max(0.0, size - rest) * model.relax_share;
   }
-  state.wall_m += std::copysign(std::min(move, model.max_stop_step_m), stretch);
+  return state.wall_m + std::copysign(std::min(move, model.max_stop_step_m), stretch);
 }
 
 /// How far the wall may be from the needle at this tick: Δ_cut, Δ_att before it fades at the surface, and
@@ -63,15 +57,22 @@ struct WallStretch {
   double rejection_m = 0;
 };
 
-/// Force along u: negative is cutting, positive is attracted.
+/// Force along u: negative is cutting, positive is attracted. Without `kCuts` the wall is never behind the
+/// needle, without `kAttracts` never ahead of it.
+template <bool kCuts = true, bool kAttracts = true>
 [[gnu::always_inline]] inline double applyTrackingWall(const SceneModel& model, SimState& state,
                                                        const Tick& tick, bool stop_begins,
                                                        const WallStretch& stretch, StepReport& report) {
-  if (state.stopped) relaxWall(model, state, tick.x_cut_m, stretch.rejection_m, stop_begins);
-  const double ahead = std::min(stretch.attracted_m, tick.insertion_m);
-  state.wall_m = std::min(std::max(state.wall_m, tick.x_cut_m - stretch.cut_m), tick.x_cut_m + ahead);
-  const double force = -model.wall.stiffness_N_per_m * (tick.x_cut_m - state.wall_m);
-  (force < 0.0 ? report.cutting_N : report.attracted_N) = force;
+  const double x = tick.x_cut_m;
+  double wall = state.wall_m;
+  if (state.stopped) wall = relaxedWall(model, state, x, stretch.rejection_m, stop_begins);
+  const double ahead = kAttracts ? x + std::min(stretch.attracted_m, tick.insertion_m) : x;
+  const double behind = kCuts ? x - stretch.cut_m : x;
+  wall = std::min(std::max(wall, behind), ahead);
+  state.wall_m = wall;
+  const double force = -model.wall.stiffness_N_per_m * (x - wall);
+  report.cutting_N = force < 0.0 ? force : 0.0;
+  report.attracted_N = force < 0.0 ? 0.0 : force;
   return force;
 }
 

@@ -14,12 +14,15 @@ struct LayeredWall {
   }
   static constexpr bool kHasWall = true;
 
+  template <EffectMask Live>
   [[gnu::always_inline]] static double apply(const SceneModel& model, SimState& state, const Tick& tick,
                                              bool stop_begins, StepReport& report) {
-    const CompiledLayer& layer = model.layers[state.layer];
-    return applyTrackingWall(model, state, tick, stop_begins,
-                             {layer.cut_stretch_m, layer.attracted_stretch_m, layer.rejection_stretch_m},
-                             report);
+    constexpr bool kCuts = (Live & bitOf(Effect::kCutting)) != 0;
+    constexpr bool kAttracts = (Live & bitOf(Effect::kAttracted)) != 0;
+    const CompiledLayer& layer = *tick.layer;
+    return applyTrackingWall<kCuts, kAttracts>(
+        model, state, tick, stop_begins,
+        {layer.cut_stretch_m, layer.attracted_stretch_m, layer.rejection_stretch_m}, report);
   }
 };
 constexpr StepTable kSteps = stepTable<LayeredWall>();
