@@ -20,6 +20,7 @@ const std::filesystem::path kSamples = NEEDLELAB_SAMPLES;
 const std::vector<std::string> kPatients = {"shoulder-adult", "shoulder-muscular", "shoulder-frail",
                                             "knee-adult",     "wrist-adult",       "lumbar-adult"};
 const std::string kPhantom = "phantom-ball";
+const std::string kMeasured = "epidural-porcine";
 const std::vector<std::string> kPaper = {"paper-1dof", "paper-six-layers", "paper-clamping"};
 
 pb::Profile sample(const std::string& id) {
@@ -32,6 +33,7 @@ std::vector<std::string> all() {
   std::vector<std::string> ids = kPatients;
   ids.insert(ids.end(), kPaper.begin(), kPaper.end());
   ids.push_back(kPhantom);
+  ids.push_back(kMeasured);
   return ids;
 }
 
@@ -167,6 +169,15 @@ TEST(Samples, thePaperOnesHaveThePapersNumbersAndEffects) {
   const pb::Profile clamping = sample("paper-clamping");
   EXPECT_EQ(sceneSpecOf(clamping)->effects, bitOf(Effect::kClamping));
   EXPECT_EQ(clamping.virtual_fixture().mode(), pb::VirtualFixture::PROPORTIONAL);
+}
+
+TEST(Samples, theMeasuredOneHasItsForceInATableAlone) {
+  const pb::Profile profile = sample(kMeasured);
+  EXPECT_EQ(profile.axial_model(), pb::Profile::PRECOMPUTED);
+  EXPECT_GT(profile.precomputed().table_size(), 50);
+  EXPECT_THAT(profile.precomputed().source(), HasSubstr("arXiv 2301.11036"));
+  for (const auto& layer : profile.layers()) EXPECT_EQ(layer.cutting_force_n(), 0);
+  EXPECT_EQ(profile.virtual_fixture().mode(), pb::VirtualFixture::PASSIVE);
 }
 
 TEST(Samples, theCurriculumUsesEveryPatientAndIsCanonical) {
