@@ -5,6 +5,7 @@
 
 #include "base/range.h"
 #include "device/pose_option.h"
+#include "fem/needle_mesh.h"
 #include "haptics/limits.h"
 #include "haptics/tool_transform.h"
 #include "profile/profile.h"
@@ -57,8 +58,10 @@ Result<OfflineScene> loadOffline(const OfflineOptions& options) {
   scene.profile = *std::move(profile);
   if (!options.model.empty())
     if (Status status = chooseModel(scene.profile, options.model); !status.ok()) return status.error();
-  const auto spec = sceneSpecOf(scene.profile, scene.X_WL);
+  auto spec = sceneSpecOf(scene.profile, scene.X_WL);
   if (!spec.ok()) return Error{spec.error().code, options.profile.string() + ": " + spec.error().message};
+  if (Status status = addCompliance(*spec); !status.ok())
+    return Error{status.error().code, options.profile.string() + ": " + status.error().message};
   auto model = compile(*spec, options.rate_hz);
   if (!model.ok()) return Error{model.error().code, options.profile.string() + ": " + model.error().message};
   scene.model = *std::move(model);

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "fem/needle_mesh.h"
 #include "profile/profile.h"
 
 namespace needlelab {
@@ -17,6 +18,8 @@ Result<StationLesson> lessonOf(pb::Profile profile, const StationOptions& option
     if (Status status = chooseModel(profile, options.model); !status.ok()) return status.error();
   auto scene = sceneSpecOf(profile, options.X_WL);
   if (!scene.ok()) return scene.error();
+  if (Status status = addCompliance(*scene); !status.ok())
+    return Error{status.error().code, "profile " + profile.id() + ": " + status.error().message};
   auto model = compile(*scene, options.rate_hz);
   if (!model.ok()) return Error{model.error().code, "profile " + profile.id() + ": " + model.error().message};
   lesson.warnings = profileWarnings(profile);

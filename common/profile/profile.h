@@ -47,8 +47,8 @@ void putModel(const SceneSpec& spec, pb::Profile& profile);
 double fidelity(double force_before_N, double force_N, double wall_stiffness_N_per_m, double thickness_m);
 
 /// What a valid profile's author should know, one sentence each, with the numbers: membranes that rupture
-/// deeper than their layer is thick, layers too thin to be felt (φ < 0.5). Empty when there is nothing to
-/// say.
+/// deeper than their layer is thick, layers too thin to be felt by a wall (φ < 0.5), listed effects that the
+/// axial model does not have, numbers without data behind them. Empty when there is nothing to say.
 std::vector<std::string> profileWarnings(const pb::Profile& profile);
 
 /// As for profiles. The exercises of a curriculum have different ids; a requirement has min, max or both.
