@@ -44,6 +44,7 @@ struct CaseRow {
 struct CaseTrace {
   std::string label;
   std::vector<double> time_s, force_N;
+  double from_s = 0, to_s = 0;  ///< the case's window; both 0 where it has none
 };
 
 struct CaseOutcome {

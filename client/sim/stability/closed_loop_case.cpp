@@ -32,6 +32,14 @@ CaseRow measuredRow(const PlantRun& run, TimeWindow window, const BandFilter& ba
   return row;
 }
 
+void worsen(CaseRow& row, const CaseRow& other) {
+  row.finite = row.finite && other.finite;
+  raise(row.max_force_N, other.max_force_N);
+  raise(row.max_unexplained_step_N, other.max_unexplained_step_N);
+  raise(row.chatter_N, other.chatter_N);
+  raise(row.energy_J, other.energy_J);
+}
+
 bool growsIn(const PlantRun& run, TimeWindow window) {
   const auto ticks = ticksIn(run, window);
   const bool held = std::any_of(ticks.begin(), ticks.end(), [](const PlantTick& tick) {
@@ -42,7 +50,8 @@ bool growsIn(const PlantRun& run, TimeWindow window) {
 }
 
 CaseTrace traceOf(const PlantRun& run, std::string label) {
-  CaseTrace trace{std::move(label), {}, {}};
+  CaseTrace trace;
+  trace.label = std::move(label);
   for (const PlantTick& tick : run.ticks) {
     trace.time_s.push_back(tick.time_s);
     trace.force_N.push_back(-dot(tick.report.wrench_W.force_N, kInward_W));
@@ -59,16 +68,14 @@ CaseTally::CaseTally(std::string quantity, double limit, const BandFilter& band)
 void CaseTally::add(const PlantRun& run, TimeWindow window, double measured, const std::string& label) {
   const CaseRow row = measuredRow(run, window, band_);
   CaseRow& worst = outcome_.row;
-  worst.finite = worst.finite && row.finite;
-  raise(worst.max_force_N, row.max_force_N);
-  raise(worst.max_unexplained_step_N, row.max_unexplained_step_N);
-  raise(worst.chatter_N, row.chatter_N);
-  raise(worst.energy_J, row.energy_J);
+  worsen(worst, row);
   growing_ = growing_ || growsIn(run, window);
   // a measure that is no number is the worst of all
   if (worst.measured && !std::isnan(measured) && !(measured > *worst.measured)) return;
   worst.measured = measured;
   outcome_.traces = {traceOf(run, label)};
+  outcome_.traces.front().from_s = window.from_s;
+  outcome_.traces.front().to_s = window.to_s;
 }
 
 CaseOutcome CaseTally::finish() {

@@ -18,6 +18,9 @@ Result<PlantRun> runScene(const ForceSourceFactory& source, const SceneSpec& sce
 /// finite, max force, unexplained step, chatter over the window, energy given to the hand over the whole run.
 CaseRow measuredRow(const PlantRun& run, TimeWindow window, const BandFilter& band);
 
+/// The worse of both in each number, for cases of several runs; energies: the greater.
+void worsen(CaseRow& row, const CaseRow& other);
+
 /// Does not come to rest within the window, or only the gate or the cap of the sum holds it.
 bool growsIn(const PlantRun& run, TimeWindow window);
 

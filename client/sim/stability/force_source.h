@@ -28,7 +28,8 @@ class ForceSource {
 using ForceSourceFactory =
     std::function<Result<std::unique_ptr<ForceSource>>(const SceneSpec& scene, double rate_hz)>;
 
-/// The engine that ships: compile once, then step.
+/// The engine that ships: compile once, then step. FEM's compliance is made on the first use and kept with
+/// the factory: hold one factory over many runs. Thread: one at a time.
 ForceSourceFactory engineSource();
 
 }  // namespace needlelab
