@@ -3,7 +3,6 @@
 #pragma once
 
 #include <memory>
-#include <vector>
 
 #include "base/result.h"
 #include "haptics/models/needle_compliance.h"
@@ -33,22 +32,5 @@ Result<std::shared_ptr<const NeedleCompliance>> precomputeCompliance(const Scene
 /// With the scene's own `fem.nodes`, for a scene whose model is FEM and which has no compliance yet; any
 /// other is left alone. What station and needlelab-sim call before `compile`.
 Status addCompliance(SceneSpec& spec);
-
-/// One rung of the ladder of meshes; the last rung is the reference of the others.
-struct MeshRow {
-  int nodes = 0, elements = 0;
-  double assemble_s = 0, factor_s = 0, solve_s = 0;  ///< solve: all stations at once
-  double whole_solve_s = 0;  ///< one right-hand side: what a live step would cost without the compliance
-  double live_step_p50_s = 0, live_step_p99_s = 0;  ///< over the study's insertion and withdrawal at 1 kHz
-  double stiffness_N_per_m = 0;  ///< of the needle stuck in the tissue over its whole length
-  double stiffness_error = 0;    ///< relative to the finest mesh
-  double tip_give_m_per_N = 0;   ///< at the deepest station
-  double force_rms_error_N = 0, force_max_error_N = 0;  ///< over the insertion and withdrawal, to the finest
-  double strained_share = 0;                            ///< see NeedleCompliance
-};
-/// The same scene on meshes of about `ladder` nodes (ascending), each with `stations` stations. `progress`
-/// may be null; it is told each rung as it is done.
-Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<int>& ladder,
-                                       int stations = kDefaultStations);
 
 }  // namespace needlelab

@@ -300,6 +300,16 @@ NeedleForce stepNeedle(const FemNeedle& needle, const NeedlePose& pose, NeedleSt
   return contact.finish();
 }
 
+double tipGive_m_per_N(const FemNeedle& needle, double depth_m) noexcept {
+  const NeedleCompliance& compliance = *needle.compliance;
+  const TipSpread spread = spreadAt(depth_m, compliance);
+  double give = needle.tip_give_m_per_N;
+  for (std::size_t a = 0; a < 4; ++a)
+    for (std::size_t b = 0; b < 4; ++b)
+      give += spread.weight[a] * spread.weight[b] * compliance.give(spread.station[a], spread.station[b]);
+  return give;
+}
+
 double storedEnergy(const FemNeedle& needle, const NeedleState& state) noexcept {
   double twice = needle.tip_give_m_per_N * state.tip_N * state.tip_N;
   for (std::size_t i = 0; i < state.stations; ++i) twice += state.shaft_N[i] * state.moved_m[i];

@@ -70,6 +70,9 @@ NeedleForce stepNeedle(const FemNeedle& needle, const NeedlePose& pose, NeedleSt
 /// Elastic energy in the tissue, in J.
 double storedEnergy(const FemNeedle& needle, const NeedleState& state) noexcept;
 
+/// How far the tip alone moves the tissue per force at that depth, the tip's own spring included.
+double tipGive_m_per_N(const FemNeedle& needle, double depth_m) noexcept;
+
 inline constexpr int kMostSolves = 40;
 
 }  // namespace needlelab

@@ -23,7 +23,8 @@ struct NeedleCompliance {
 
   // where it comes from
   std::int32_t nodes = 0, elements = 0;  ///< of the mesh, which is a quarter of the tissue by symmetry
-  double assemble_s = 0, factor_s = 0, solve_s = 0;  ///< wall time
+  double assemble_s = 0, factor_s = 0, solve_s = 0;  ///< wall time; solve: all stations
+  double one_solve_s = 0;                            ///< one right-hand side
   /// With the needle in to its full depth, all friction and the cutting force on it: share of the elements
   /// whose largest principal strain is above 10 %, where linear elasticity does not hold; and share of the
   /// volume within 5·radius_m of the path, which does not depend on how the mesh is graded.
