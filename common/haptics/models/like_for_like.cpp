@@ -6,7 +6,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kFall_m = 1e-5;           // within which a table's force falls
+constexpr double kChange_m = 1e-5;         // within which a table's force falls
 constexpr double kVesic = 4.8;             // 1/(0.65 · 0.32)
 constexpr double kLeastPuncture_N = 1e-3;  // FIRST_ORDER wants one above 0
 
@@ -75,29 +75,28 @@ void deriveStiffness(const SceneSpec& scene, Section& section) {
 
 std::vector<PrecomputedSpec::Row> forceTableOfLayers(const SceneSpec& scene) {
   const double stiffness = scene.tracking_wall.stiffness_N_per_m;
-  const bool attracts = lists(scene, Effect::kAttracted);
   std::vector<PrecomputedSpec::Row> table;
-  double top_m = 0, cutting_N = 0;
+  double top_m = 0, cutting_N = 0, attracted_N = 0;
   for (std::size_t i = 0; i < scene.layers.size(); ++i) {
     const LayerSpec& layer = scene.layers[i];
     const double bottom_m = top_m + layer.thickness_m;
-    const double attracted_N = attracts ? layer.attracted_force_N : 0.0;
-    const double wanted_N = cuttingOf(scene, layer);
+    const double wanted_N = cuttingOf(scene, layer), before_N = cutting_N, attracted_before_N = attracted_N;
+    attracted_N = lists(scene, Effect::kAttracted) ? layer.attracted_force_N : 0.0;
     if (i == 0) table.push_back({0, 0, attracted_N});
-    // falls and the attracted force follow at once, a rise follows the wall's spring
-    const double fall_m = std::min(kFall_m, layer.thickness_m / 4);
-    const double fallen_N = std::min(cutting_N, wanted_N);
-    if (i != 0) table.push_back({top_m + fall_m, fallen_N, attracted_N});
-    cutting_N = fallen_N;
-    const double rise_m = (wanted_N - cutting_N) / stiffness;
-    if (rise_m > 2 * fall_m) {
-      const double end_m = std::min(top_m + rise_m, bottom_m - (i + 1 == scene.layers.size() ? 0 : fall_m));
-      cutting_N = std::min(wanted_N, cutting_N + stiffness * (end_m - top_m));
-      table.push_back({end_m, cutting_N, attracted_N});
-    } else {
-      table.back().cutting_N = cutting_N = wanted_N;
+
+    // a fall and the attracted force follow at once, a rise follows the wall's spring
+    const double rise_m = std::max(0.0, wanted_N - before_N) / stiffness;
+    const double change_m = std::min(kChange_m, layer.thickness_m / 4);
+    if (wanted_N < before_N || (i > 0 && attracted_N != attracted_before_N)) {
+      cutting_N = std::min(wanted_N, before_N + stiffness * change_m);
+      table.push_back({top_m + change_m, cutting_N, attracted_N});
     }
-    if (i + 1 < scene.layers.size() && table.back().depth_m < bottom_m)
+    const double end_m = std::min(top_m + rise_m, bottom_m);
+    if (end_m > table.back().depth_m) {
+      cutting_N = std::min(wanted_N, before_N + stiffness * (end_m - top_m));
+      table.push_back({end_m, cutting_N, attracted_N});
+    }
+    if (i + 1 < scene.layers.size() && bottom_m > table.back().depth_m)
       table.push_back({bottom_m, cutting_N, attracted_N});
     top_m = bottom_m;
   }

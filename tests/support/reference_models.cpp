@@ -1,0 +1,243 @@
+#include "support/reference_models.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "haptics/models/score_process.h"
+
+namespace needlelab::test {
+namespace {
+
+// linear between rows, constant beyond the ends
+template <class Row>
+double tableAt(const std::vector<Row>& rows, double Row::*value, double scale, double depth_m) {
+  if (depth_m <= rows.front().depth_m * scale) return rows.front().*value;
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    const double from = rows[i - 1].depth_m * scale, to = rows[i].depth_m * scale;
+    if (depth_m < to)
+      return rows[i - 1].*value + (rows[i].*value - rows[i - 1].*value) * (depth_m - from) / (to - from);
+  }
+  return rows.back().*value;
+}
+
+}  // namespace
+
+double ReferenceModel::topOf(std::size_t layer) const {
+  double top = 0;
+  for (std::size_t i = 0; i < layer; ++i) top += scene_.layers[i].thickness_m;
+  return top;
+}
+
+std::size_t ReferenceModel::layerAt(double depth_m) const {
+  std::size_t layer = 0;
+  for (std::size_t i = 0; i < scene_.layers.size(); ++i)
+    if (depth_m >= topOf(i)) layer = i;
+  return layer;
+}
+
+// ∫₀^d friction ds, a layer being thickness/c long, the last without end
+double ReferenceModel::frictionOver(double insertion_m, double slant) const {
+  double sum = 0;
+  for (std::size_t i = 0; i < scene_.layers.size(); ++i) {
+    const double from = topOf(i) / slant;
+    const double to = i + 1 == scene_.layers.size() ? insertion_m : topOf(i + 1) / slant;
+    sum += scene_.layers[i].first_order->friction_N_per_m *
+           std::max(0.0, std::min(to, insertion_m) - std::min(from, insertion_m));
+  }
+  return sum;
+}
+
+// §3.6 STATISTICAL: log-normal with the table's mean and sd at this depth
+double ReferenceModel::statisticalTarget(double depth_m) const {
+  const StatisticalSpec& spec = scene_.statistical;
+  using Row = StatisticalSpec::Row;
+  const double mean = tableAt(spec.table, &Row::mean_N, spec.thickness_factor, depth_m) * spec.mean_factor;
+  const double sd = tableAt(spec.table, &Row::sd_N, spec.thickness_factor, depth_m) * spec.mean_factor;
+  if (mean == 0) return 0;
+  ScorePath fresh;
+  const double score = ScoreProcess(spec.correlation_length_m)
+                           .at(scoreKey(spec.seed, static_cast<std::uint64_t>(insertion_)), depth_m, fresh);
+  const double variance = std::log(1 + (sd / mean) * (sd / mean));
+  return std::exp(std::log(mean) - variance / 2 + std::sqrt(variance) * score);
+}
+
+// §3.2 with the model's own stretches
+ModelForce ReferenceModel::wall(const ModelTick& tick, double cut_m, double attracted_m) {
+  const TrackingWallSpec& spec = scene_.tracking_wall;
+  const auto inTicks = [&](double s) { return std::max(1.0, std::floor(s * rate_hz_ + 0.5)); };
+  const double slow = spec.stop_speed_mps, size = std::abs(tick.speed_mps), period = 1 / rate_hz_;
+  if (size >= (stopped_ ? 2 * slow : slow)) {
+    stopped_ = false;
+    slow_ticks_ = 0;
+  } else if (size < slow) {
+    ++slow_ticks_;
+  }
+  const double rejection = scene_.layers[layerAt(tick.depth_m)].rejection_force_N / spec.stiffness_N_per_m;
+  if (!stopped_ && slow_ticks_ > 0 && static_cast<double>(slow_ticks_) == inTicks(spec.stop_dwell_s)) {
+    stopped_ = true;
+    ramp_ = 0;
+    z0_ = std::abs(tick.x_m - wall_);
+  }
+  if (stopped_) {
+    const double z = tick.x_m - wall_, sign = z < 0 ? -1 : 1, most = 1.5 * slow * period;
+    if (spec.stop_mode == StopMode::kRamp) {
+      const double gap = std::max(0.0, std::abs(z) - rejection);
+      ramp_ = std::max(ramp_, gap / inTicks(spec.stop_duration_s));
+      wall_ += sign * std::min({ramp_, gap, most});
+    } else {
+      const double gap = std::max(0.0, std::abs(z) - std::max(rejection, spec.relax_residual * z0_));
+      wall_ += sign * std::min(gap * (1 - std::exp(-period / spec.relax_time_s)), most);
+    }
+  }
+  wall_ = std::min(std::max(wall_, tick.x_m - cut_m), tick.x_m + std::min(attracted_m, tick.insertion_m));
+  const double force = -spec.stiffness_N_per_m * (tick.x_m - wall_);
+  ModelForce out;
+  (force < 0 ? out.cutting_N : out.attracted_N) = force;
+  return out;
+}
+
+// §3.6: "−K·max(0, x) up to the layer's cutting force when step_at_layers, else without end"
+ModelForce ReferenceModel::direct(const ModelTick& tick) const {
+  double pressed = scene_.direct.stiffness_N_per_m * std::max(0.0, tick.x_m);
+  if (scene_.direct.step_at_layers)
+    pressed = std::min(pressed, scene_.layers[layerAt(tick.depth_m)].cutting_force_N);
+  ModelForce out;
+  out.cutting_N = -pressed;
+  return out;
+}
+
+// §3.6: "min(0, −K x − B ẋ), ẋ by a one-tick difference", the tick before moved by the turn, 0 before entry
+ModelForce ReferenceModel::voigt(const ModelTick& tick) const {
+  const double rate = (tick.x_m - (x_past_ + tick.moved_m)) * rate_hz_;
+  ModelForce out;
+  out.cutting_N =
+      std::min(0.0, -scene_.voigt.stiffness_N_per_m * tick.x_m - scene_.voigt.damping_Ns_per_m * rate);
+  return out;
+}
+
+// the places where the tip came to tops first: "the x interpolated by δ between the tick before and this one"
+void ReferenceModel::meetTops(const ModelTick& tick) {
+  const double x_before = tick.entry ? 0 : x_past_ + tick.moved_m;
+  const double depth_before = tick.entry ? 0 : depth_past_;
+  while (tops_.size() < scene_.layers.size() && tick.depth_m >= topOf(tops_.size())) {
+    const double share = (topOf(tops_.size()) - depth_before) / (tick.depth_m - depth_before);
+    tops_.push_back({x_before + (tick.x_m - x_before) * share, false});
+  }
+}
+
+// §3.6: "a proxy on the top of the layer being met: −K (x − x_proxy); when that exceeds the layer's cutting
+// force the proxy is let through and goes with the tip to the next top"
+ModelForce ReferenceModel::godObject(const ModelTick& tick) {
+  meetTops(tick);
+  if (tick.entry) {
+    proxy_on_ = 0;
+    proxy_last_ = 0;
+  }
+  ModelForce out;
+  while (true) {
+    if (!proxy_on_ && proxy_last_ + 1 < tops_.size()) proxy_on_ = ++proxy_last_;
+    if (!proxy_on_) return out;
+    const double pressed =
+        scene_.god_object.stiffness_N_per_m * std::max(0.0, tick.x_m - tops_[*proxy_on_].place_m);
+    if (pressed <= scene_.layers[*proxy_on_].cutting_force_N) {
+      out.cutting_N = -pressed;
+      return out;
+    }
+    proxy_on_.reset();
+  }
+}
+
+// §3.6: "per layer: linear stiffness up to its puncture force, then constant cutting and friction per
+// inserted length by a dragged wall"; nothing is cut or rubbed beyond a top that holds (§3.5)
+ModelForce ReferenceModel::firstOrder(const ModelTick& tick) {
+  meetTops(tick);
+  const auto openTo = [&] {
+    double x_c = tick.x_m;
+    for (const Top& top : tops_)
+      if (!top.through) x_c = std::min(x_c, top.place_m);
+    return x_c;
+  };
+  const double held_at = openTo();
+  ModelForce out;
+  for (std::size_t i = 0; i < tops_.size(); ++i) {
+    const FirstOrderSpec& own = *scene_.layers[i].first_order;
+    const double force = own.stiffness_N_per_m * (tick.x_m - tops_[i].place_m);
+    if (tops_[i].through || force <= 0) continue;
+    if (force >= own.puncture_force_N)
+      tops_[i].through = true;
+    else
+      out.puncture_N -= force;
+  }
+  const double x_c = openTo();
+  wall_ += x_c - held_at;
+  friction_wall_ += x_c - held_at;
+
+  // the layer whose tissue the tip cuts: the one above the first top that holds
+  double cutting = 0;
+  for (std::size_t i = 0; i < tops_.size() && tops_[i].through && i <= layerAt(tick.depth_m); ++i)
+    cutting = scene_.layers[i].first_order->cutting_force_N;
+  const double K_t = scene_.tracking_wall.stiffness_N_per_m, K_f = scene_.friction_stiffness_N_per_m;
+  wall_ = std::min(std::max(wall_, x_c - cutting / K_t), x_c);
+  out.cutting_N = -K_t * (x_c - wall_);
+  const double length = std::min(tick.insertion_m, std::max(0.0, x_c));
+  const double reach = frictionOver(length, tick.slant) / K_f;
+  friction_wall_ = std::min(std::max(friction_wall_, x_c - reach), x_c + reach);
+  out.friction_N = -K_f * (x_c - friction_wall_);
+  return out;
+}
+
+ModelForce ReferenceModel::step(const ModelTick& tick) {
+  if (tick.entry) {
+    ++insertion_;
+    x_past_ = wall_ = friction_wall_ = 0;
+    slow_ticks_ = 0;
+    stopped_ = false;
+    tops_.clear();
+  }
+  // "w, the friction wall, the membranes' places and the kept past values of x move by x_new − x_old"
+  wall_ += tick.moved_m;
+  friction_wall_ += tick.moved_m;
+  for (Top& top : tops_) top.place_m += tick.moved_m;
+
+  const double K_t = scene_.tracking_wall.stiffness_N_per_m;
+  const LayerSpec& layer = scene_.layers[layerAt(tick.depth_m)];
+  const double cuts = lists(Effect::kCutting) ? 1 : 0, attracts = lists(Effect::kAttracted) ? 1 : 0;
+  ModelForce out;
+  switch (scene_.axial_model) {
+    case AxialModel::kEnhancedTrackingWall:
+      out = wall(tick, cuts * layer.cutting_force_N / K_t, attracts * layer.attracted_force_N / K_t);
+      break;
+    case AxialModel::kTrackingWall:
+      out = wall(tick, cuts * layer.cutting_force_N / K_t, 0);
+      break;
+    case AxialModel::kStatistical:
+      out = wall(tick, cuts * statisticalTarget(tick.depth_m) / K_t, 0);
+      break;
+    case AxialModel::kPrecomputed: {
+      using Row = PrecomputedSpec::Row;
+      const auto& table = scene_.precomputed.table;
+      out = wall(tick, cuts * tableAt(table, &Row::cutting_N, 1, tick.depth_m) / K_t,
+                 attracts * tableAt(table, &Row::attracted_N, 1, tick.depth_m) / K_t);
+      break;
+    }
+    case AxialModel::kDirect:
+      if (cuts > 0) out = direct(tick);
+      break;
+    case AxialModel::kVoigt:
+      if (cuts > 0) out = voigt(tick);
+      break;
+    case AxialModel::kGodObject:
+      if (cuts > 0) out = godObject(tick);
+      break;
+    case AxialModel::kFirstOrder:
+      if (cuts > 0) out = firstOrder(tick);
+      break;
+    case AxialModel::kFem:
+      break;
+  }
+  x_past_ = tick.x_m;
+  depth_past_ = tick.depth_m;
+  return out;
+}
+
+}  // namespace needlelab::test

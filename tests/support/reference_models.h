@@ -1,0 +1,68 @@
+/// The axial models' independent judge: slow, literal transcriptions of DESIGN §3.6, one function per model.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "haptics/scene_spec.h"
+
+namespace needlelab::test {
+
+/// What a model is told of one tick inside the tissue (DESIGN §3.1).
+struct ModelTick {
+  bool entry = false;
+  double x_m = 0;          ///< u·(p − P0), after a turn of this tick
+  double moved_m = 0;      ///< what that turn added to x
+  double depth_m = 0;      ///< δ
+  double insertion_m = 0;  ///< d_t
+  double slant = 1;        ///< c
+  double speed_mps = 0;    ///< v
+};
+
+/// Along u, signed.
+struct ModelForce {
+  double cutting_N = 0, attracted_N = 0, friction_N = 0, puncture_N = 0;
+};
+
+/// Steps the axial model of a scene without PUNCTURE (FEM is not here: it has its own reference). Uses libm
+/// and the heap freely. The spec must be valid.
+class ReferenceModel {
+ public:
+  ReferenceModel(SceneSpec scene, double rate_hz) : scene_(std::move(scene)), rate_hz_(rate_hz) {}
+  ModelForce step(const ModelTick& tick);
+
+ private:
+  struct Top {
+    double place_m = 0;  ///< along u
+    bool through = false;
+  };
+
+  [[nodiscard]] bool lists(Effect effect) const { return (scene_.effects & bitOf(effect)) != 0; }
+  [[nodiscard]] double topOf(std::size_t layer) const;
+  [[nodiscard]] std::size_t layerAt(double depth_m) const;
+  [[nodiscard]] double frictionOver(double insertion_m, double slant) const;
+  [[nodiscard]] double statisticalTarget(double depth_m) const;
+  ModelForce wall(const ModelTick& tick, double cut_m, double attracted_m);
+  ModelForce direct(const ModelTick& tick) const;
+  ModelForce voigt(const ModelTick& tick) const;
+  ModelForce godObject(const ModelTick& tick);
+  ModelForce firstOrder(const ModelTick& tick);
+  void meetTops(const ModelTick& tick);
+
+  SceneSpec scene_;
+  double rate_hz_;
+  int insertion_ = -1;
+  // of the tick before
+  double x_past_ = 0, depth_past_ = 0;
+  // walls and stop
+  double wall_ = 0, friction_wall_ = 0;
+  long slow_ticks_ = 0;
+  bool stopped_ = false;
+  double ramp_ = 0, z0_ = 0;
+  // tops of layers that were met, and where the god object's proxy lies
+  std::vector<Top> tops_;
+  std::optional<std::size_t> proxy_on_;
+  std::size_t proxy_last_ = 0;
+};
+
+}  // namespace needlelab::test

@@ -1,0 +1,51 @@
+/// What the tests of the axial models share.
+#pragma once
+
+#include <array>
+#include <memory>
+
+#include "haptics/models/like_for_like.h"
+#include "haptics/models/needle_compliance.h"
+#include "probe.h"
+
+namespace needlelab::test {
+
+inline constexpr std::array<AxialModel, kAxialModelCount> kAllModels = {AxialModel::kEnhancedTrackingWall,
+                                                                        AxialModel::kTrackingWall,
+                                                                        AxialModel::kDirect,
+                                                                        AxialModel::kVoigt,
+                                                                        AxialModel::kGodObject,
+                                                                        AxialModel::kFirstOrder,
+                                                                        AxialModel::kStatistical,
+                                                                        AxialModel::kPrecomputed,
+                                                                        AxialModel::kFem};
+
+/// A made-up compliance, positive definite: stations of 2 mm that feel their neighbours.
+inline std::shared_ptr<const NeedleCompliance> someCompliance() {
+  auto made = std::make_shared<NeedleCompliance>();
+  made->spacing_m = 2e-3;
+  made->radius_m = 4e-4;
+  constexpr std::size_t kStations = 24;
+  for (std::size_t i = 0; i < kStations; ++i) {
+    made->depth_m.push_back((static_cast<double>(i) + 0.5) * made->spacing_m);
+    for (std::size_t j = 0; j < kStations; ++j)
+      made->give_m_per_N.push_back(0.02 /
+                                   (1.0 + 2.0 * std::abs(static_cast<double>(i) - static_cast<double>(j))));
+  }
+  for (std::size_t i = 0; i < kStations; ++i) made->give_m_per_N[i * kStations + i] *= 3;
+  return made;
+}
+
+/// The scene rendered by that model, ready to compile.
+inline SceneSpec renderedBy(const SceneSpec& scene, AxialModel model) {
+  SceneSpec other = likeForLike(scene, model);
+  if (model == AxialModel::kFem) other.fem.compliance = someCompliance();
+  return other;
+}
+
+/// The six layers with the paper's effects: what every model can render.
+inline SceneSpec modelScene(AxialModel model, LimbKind limb = LimbKind::kPlane) {
+  return renderedBy(withLimb(paperSixLayers(), limb), model);
+}
+
+}  // namespace needlelab::test
