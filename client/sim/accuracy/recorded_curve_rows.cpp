@@ -4,6 +4,7 @@
 
 #include "accuracy/recorded_curve.h"
 #include "accuracy/recorded_rows.h"
+#include "accuracy/recorded_spread.h"
 #include "accuracy/recorded_text.h"
 
 namespace needlelab {
@@ -14,6 +15,11 @@ constexpr const char* kCannotShow =
     "one insertion of one needle into one animal's organs: nothing about other tissues, needles or speeds, "
     "about the "
     "withdrawal, or about what a hand feels";
+
+constexpr const char* kAlternate =
+    "recorded force over depth; fitted on every second block of 0.5 mm, error on the blocks held out (both "
+    "halves in "
+    "turn)";
 
 // the fitted scene as it runs: time of a tick, greatest step, and its error's share that can be felt
 std::string addRun(const CurveFit& fit, double to_m, AccuracyRow& row) {
@@ -37,10 +43,7 @@ AccuracyRow rowOf(const CurveFit& fit) {
 // both halves held out in turn: every bin counts once
 AccuracyRow alternateRow(const CurveFit& a, const CurveFit& b, const DepthCurve& curve) {
   AccuracyRow row = rowOf(a);
-  row.reference =
-      "recorded force over depth; fitted on every second block of 0.5 mm, error on the blocks held out (both "
-      "halves in "
-      "turn)";
+  row.reference = kAlternate;
   const auto na = static_cast<double>(a.held_out.bins), nb = static_cast<double>(b.held_out.bins);
   row.rms_error_n =
       std::sqrt((a.held_out.rms * a.held_out.rms * na + b.held_out.rms * b.held_out.rms * nb) / (na + nb));
@@ -54,6 +57,45 @@ AccuracyRow alternateRow(const CurveFit& a, const CurveFit& b, const DepthCurve&
       a.held_out.bins + b.held_out.bins, a.fitted.rms, b.fitted.rms, a.held_out.rms, b.held_out.rms,
       std::max(a.held_out.floor, b.held_out.floor));
   row.uncertainty += time;
+  return row;
+}
+
+// STATISTICAL with the fitted tables as its means: the error is that of one insertion, as a trainee meets it
+Result<AccuracyRow> statisticalRow(const std::vector<CurveFit>& tables, const DepthCurve& curve,
+                                   int insertions) {
+  std::vector<SpreadCheck> checks;
+  for (int fold = 0; fold < 2; ++fold) {
+    const BinChoice choice = alternateBlocks(fold);
+    auto check = checkSpread(curve, spreadAround(curve, tables[static_cast<std::size_t>(fold)], choice),
+                             choice, insertions);
+    if (!check.ok()) return check.error();
+    checks.push_back(std::move(check).value());
+  }
+  AccuracyRow row;
+  row.scene = kScene;
+  row.model = axialModelName(AxialModel::kStatistical);
+  row.variant = textOf("mean and sd of %zu rows, 1 mm apart", checks[0].scene.spec.statistical.table.size());
+  row.reference = kAlternate;
+  row.rms_error_n = 0.5 * (checks[0].held_out_rms + checks[1].held_out_rms);
+  row.max_error_n = std::max(checks[0].held_out_max, checks[1].held_out_max);
+  row.rms_error_spread_n = 0.5 * (checks[0].spread_of_rms + checks[1].spread_of_rms);
+  row.cannot_show =
+      "one insertion: how patients differ is not in it; the spread is that of digitised rows about the "
+      "table, the "
+      "correlation length is synthetic";
+  const auto run = runCurve(checks[0].scene, curve.depth_m.back());
+  const auto model = compile(checks[0].scene.spec, 1000);
+  if (!run.ok()) return run.error();
+  if (!model.ok()) return model.error();
+  addGreatestStep(run->run, row);
+  row.noticeable_n = noticeableForce_N(*std::max_element(run->run.force_N.begin(), run->run.force_N.end()));
+  row.uncertainty = textOf(
+      "error of one insertion, mean of %d per half; the mean of all insertions is off by %.3f and %.3f N; "
+      "%.0f %% and "
+      "%.0f %% of the rows held out after the contact lie within the 95 %% band; ",
+      insertions, checks[0].held_out_of_mean.rms, checks[1].held_out_of_mean.rms, 100 * checks[0].in_band,
+      100 * checks[1].in_band);
+  row.uncertainty += addTickTime(*model, run->gesture, row);
   return row;
 }
 
@@ -115,6 +157,11 @@ Result<AccuracyRows> recordedCurveRows(const AccuracyOptions& options, const Acc
       auto fit = fitCurve(curve, models[c][m], choices[c]);
       if (!fit.ok()) return fit.error();
       fits.push_back(std::move(fit).value());
+    }
+    if (fits[0].model == AxialModel::kPrecomputed) {
+      auto row = statisticalRow(fits, curve, options.long_form ? 1000 : 100);
+      if (!row.ok()) return row.error();
+      alternate.push_back(std::move(row).value());
     }
     alternate.push_back(alternateRow(fits[0], fits[1], curve));
     extrapolated.push_back(extrapolationRow(fits[2], curve));

@@ -2,7 +2,6 @@
 /// its recording is not there.
 #pragma once
 
-#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -30,10 +29,5 @@ Result<AccuracyRows> epiduralRows(const AccuracyOptions& options, const Accuracy
 /// All of them, in that order.
 Result<AccuracyRows> recordedRows(const AccuracyOptions& options, const AccuracyProgress& progress,
                                   std::vector<std::string>& notes);
-
-/// Pictures with their tables for those recordings that are there, into `folder`, which exists: returns what
-/// was drawn. Errors: as of the parts and of `plotPng`.
-Result<std::vector<std::filesystem::path>> recordedPictures(const AccuracyOptions& options,
-                                                            const std::filesystem::path& folder);
 
 }  // namespace needlelab

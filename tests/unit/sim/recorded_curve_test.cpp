@@ -2,6 +2,7 @@
 // as well as the report says.
 #include "accuracy/recorded_curve.h"
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <map>
@@ -197,6 +198,9 @@ TEST(RecordedRows, everyRowNamesItsComparatorItsUncertaintyAndItsLimits) {
       options, [&](std::string_view, double share) { shares.push_back(share); }, notes);
   ASSERT_TRUE(rows.ok()) << rows.error().message;
   EXPECT_GT(rows->size(), 35u);
+  EXPECT_TRUE(std::any_of(rows->begin(), rows->end(), [](const AccuracyRow& row) {
+    return row.model == "STATISTICAL" && row.scene == "bovine_liver_heart_18g";
+  }));
   for (const AccuracyRow& row : *rows) {
     SCOPED_TRACE(row.scene + " " + row.model + " " + row.variant);
     EXPECT_EQ(row.study, AccuracyStudy::kModel);
