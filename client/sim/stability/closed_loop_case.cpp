@@ -40,13 +40,16 @@ void worsen(CaseRow& row, const CaseRow& other) {
   raise(row.energy_J, other.energy_J);
 }
 
-bool growsIn(const PlantRun& run, TimeWindow window) {
+bool heldIn(const PlantRun& run, TimeWindow window) {
   const auto ticks = ticksIn(run, window);
-  const bool held = std::any_of(ticks.begin(), ticks.end(), [](const PlantTick& tick) {
-    return (tick.gate_flags & (kGatePeakLimited | kGateFaulted)) != 0 ||
-           (tick.report.flags & kFlagForceCapped) != 0;
-  });
-  return held || run.fault != Fault::kNone || grows(forceAlong(ticks, kInward_W), kRestless_N);
+  return run.fault != Fault::kNone || std::any_of(ticks.begin(), ticks.end(), [](const PlantTick& tick) {
+           return (tick.gate_flags & (kGatePeakLimited | kGateFaulted)) != 0 ||
+                  (tick.report.flags & kFlagForceCapped) != 0;
+         });
+}
+
+bool growsIn(const PlantRun& run, TimeWindow window) {
+  return heldIn(run, window) || grows(forceAlong(ticksIn(run, window), kInward_W), kRestless_N);
 }
 
 CaseTrace traceOf(const PlantRun& run, std::string label) {
@@ -65,11 +68,12 @@ CaseTally::CaseTally(std::string quantity, double limit, const BandFilter& band)
   outcome_.row.finite = true;
 }
 
-void CaseTally::add(const PlantRun& run, TimeWindow window, double measured, const std::string& label) {
+void CaseTally::add(const PlantRun& run, TimeWindow window, double measured, const std::string& label,
+                    bool growing) {
   const CaseRow row = measuredRow(run, window, band_);
   CaseRow& worst = outcome_.row;
   worsen(worst, row);
-  growing_ = growing_ || growsIn(run, window);
+  growing_ = growing_ || growing;
   // a measure that is no number is the worst of all
   if (worst.measured && !std::isnan(measured) && !(measured > *worst.measured)) return;
   worst.measured = measured;

@@ -21,6 +21,8 @@ CaseRow measuredRow(const PlantRun& run, TimeWindow window, const BandFilter& ba
 /// The worse of both in each number, for cases of several runs; energies: the greater.
 void worsen(CaseRow& row, const CaseRow& other);
 
+/// Only the gate or the cap of the sum holds it within the window, or the gate has given up.
+bool heldIn(const PlantRun& run, TimeWindow window);
 /// Does not come to rest within the window, or only the gate or the cap of the sum holds it.
 bool growsIn(const PlantRun& run, TimeWindow window);
 
@@ -34,7 +36,11 @@ class CaseTally {
   /// `quantity`: what is measured, with its unit; `band`: as of CaseEntry::chatterFilter.
   CaseTally(std::string quantity, double limit, const BandFilter& band);
   /// `measured` is compared with the limit; chatter and growth are looked for in the window.
-  void add(const PlantRun& run, TimeWindow window, double measured, const std::string& label);
+  void add(const PlantRun& run, TimeWindow window, double measured, const std::string& label) {
+    add(run, window, measured, label, growsIn(run, window));
+  }
+  /// The same, for runs that are meant to swing: the caller says whether one grows.
+  void add(const PlantRun& run, TimeWindow window, double measured, const std::string& label, bool growing);
   /// The row, judged; at least one run was added.
   [[nodiscard]] CaseOutcome finish();
 

@@ -1,0 +1,257 @@
+#include "stability/scan_limits.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "stability/closed_loop_case.h"
+#include "stability/scan_model.h"
+#include "stability/scan_nudge.h"
+#include "stability/scan_theory.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kMaxProfileStiffness_N_per_m = 10'000;  // DESIGN §4
+constexpr double kLeastStiffness_N_per_m = 20;
+constexpr double kStep = 1.25;       // on the way up from a stiffness that is stable
+constexpr double kPrecision = 1.02;  // of the bisection
+
+// the largest K of (least, cap] that `stable` accepts, coming from below: the first that it does not accept
+// ends the search, whatever comes above
+struct Found {
+  double stiffness_N_per_m = 0;
+  bool at_cap = false;
+  int runs = 0;
+};
+Result<Found> largestStable(double guess, double least, double cap,
+                            const std::function<Result<bool>(double)>& stable) {
+  Found found;
+  const auto ask = [&](double stiffness) {
+    ++found.runs;
+    return stable(stiffness);
+  };
+  // down to what is stable, then up to what is not
+  double low = std::clamp(guess, least, cap), high = 0;
+  for (;;) {
+    const auto answer = ask(low);
+    if (!answer.ok()) return answer.error();
+    if (*answer) break;
+    high = low;
+    low /= kStep;
+    if (low < least) return found;
+  }
+  while (high == 0) {
+    if (low >= cap) {
+      found.at_cap = true;
+      break;
+    }
+    const double next = std::min(cap, low * kStep);
+    const auto answer = ask(next);
+    if (!answer.ok()) return answer.error();
+    (*answer ? low : high) = next;
+  }
+  while (!found.at_cap && high > low * kPrecision) {
+    const double middle = std::sqrt(low * high);
+    const auto answer = ask(middle);
+    if (!answer.ok()) return answer.error();
+    (*answer ? low : high) = middle;
+  }
+  found.stiffness_N_per_m = low;
+  return found;
+}
+
+// everything that cases.json says of the study
+struct Study {
+  SceneSpec wall;
+  PlantOptions plant;
+  NudgeOptions nudge;
+  std::vector<double> rates_hz, delays;
+  // beyond the limit
+  SceneSpec tissue;
+  PlantOptions beyond_plant;
+  NudgeOptions beyond_nudge;
+  double beyond_factor = 1;
+  // coarse encoders and dry friction
+  double rest_rate_hz = 0;
+  double rest_delay = 0;
+  std::vector<double> rest_encoder_steps_m, rest_frictions_N;
+  [[nodiscard]] double damping() const {
+    return plant.device.limits.damping_Ns_per_m + plant.device.hand.damping_Ns_per_m;
+  }
+};
+
+Result<Study> readStudy(const CaseSettings& settings) {
+  CaseEntry entry(settings.file, "stiffness_limits", settings.long_form);
+  Study study;
+  study.wall = entry.scene();
+  study.plant = entry.plant();
+  study.nudge = nudgeOptionsOf(entry);
+  study.rates_hz = entry.numbers("rates_hz");
+  study.delays = entry.numbers("delays_ticks");
+  study.rest_rate_hz = entry.number("rest.rate_hz", kMinRateHz, kMaxRateHz);
+  study.rest_delay = entry.number("rest.delay_ticks", 0, SimulatedDevice::kMaxDelayTicks);
+  study.rest_encoder_steps_m = entry.numbers("rest.encoder_steps_m");
+  study.rest_frictions_N = entry.numbers("rest.frictions_n");
+  if (!entry.status().ok()) return entry.status().error();
+
+  CaseEntry beyond(settings.file, "stiffness_beyond", settings.long_form);
+  study.tissue = beyond.scene();
+  study.beyond_plant = beyond.plant();
+  study.beyond_nudge = nudgeOptionsOf(beyond);
+  study.beyond_factor = beyond.number("factor", 1, 100);
+  if (!beyond.status().ok()) return beyond.status().error();
+  return study;
+}
+
+// one model over all rates and delays
+class ModelScan {
+ public:
+  /// `scene`, `tissue`: the model in the study's scenes.
+  ModelScan(const Study& study, ScannedModel scene, ScannedModel tissue)
+      : study_(study), scene_(std::move(scene)), tissue_(std::move(tissue)) {}
+
+  Result<StiffnessLimitRow> at(double rate_hz, unsigned delay) {
+    StiffnessLimitRow row;
+    row.model = scene_.model();
+    row.rate_hz = rate_hz;
+    row.delay_ticks = delay;
+    row.passive_N_per_m = passiveStiffnessLimit(study_.damping(), 1 / rate_hz, delay);
+    LinearLoop loop;
+    loop.mass_kg = study_.plant.device.limits.apparent_mass_kg;
+    loop.damping_Ns_per_m = study_.damping();
+    loop.stiffness_N_per_m = study_.plant.device.hand.stiffness_N_per_m;
+    loop.period_s = 1 / rate_hz;
+    loop.delay_ticks = delay;
+    loop.wall_damping_Ns_per_m = scene_.damping_Ns_per_m();
+    row.sampled_N_per_m = sampledStiffnessLimit(loop);
+
+    PlantOptions plant = study_.plant;
+    plant.rate_hz = rate_hz;
+    plant.device.delay_ticks = delay;
+    const auto stable = [&](double stiffness) -> Result<bool> {
+      const auto run = nudged(stiffness, plant);
+      if (!run.ok()) return run.error();
+      if (run->outcome.stable) row.felt_N_per_m = run->outcome.wall_N_per_m;
+      return run->outcome.stable;
+    };
+    const auto found = largestStable(0.7 * row.passive_N_per_m, kLeastStiffness_N_per_m,
+                                     kMaxProfileStiffness_N_per_m, stable);
+    if (!found.ok()) return found.error();
+    row.stiffness_N_per_m = found->stiffness_N_per_m;
+    row.at_cap = found->at_cap;
+    row.runs = found->runs;
+    return row;
+  }
+
+  // what becomes of a nudge with more than `limit_N_per_m`, in tissue as it is
+  [[nodiscard]] Result<BeyondRow> beyond(double limit_N_per_m) const {
+    const PlantOptions& plant = study_.beyond_plant;
+    BeyondRow row;
+    row.model = scene_.model();
+    row.rate_hz = plant.rate_hz;
+    row.delay_ticks = plant.device.delay_ticks;
+    row.stiffness_N_per_m = std::min(study_.beyond_factor * limit_N_per_m, kMaxProfileStiffness_N_per_m);
+    const auto run = nudge(engineSource(), tissue_.with(row.stiffness_N_per_m), row.stiffness_N_per_m, plant,
+                           study_.beyond_nudge);
+    if (!run.ok()) return run.error();
+    row.swing_N = run->outcome.force_end_N;
+    row.max_force_N = maxForce_N(run->run);
+    row.held = heldIn(run->run, run->watch);
+    row.trace.label = axialModelName(row.model);
+    for (const PlantTick& tick : ticksIn(run->run, {run->watch.from_s - 0.1, run->watch.to_s})) {
+      row.trace.time_s.push_back(tick.time_s - run->watch.from_s);
+      row.trace.force_N.push_back(-dot(tick.report.wrench_W.force_N, kInward_W));
+    }
+    return row;
+  }
+
+ private:
+  [[nodiscard]] Result<NudgeRun> nudged(double stiffness, const PlantOptions& plant) const {
+    return nudge(engineSource(), scene_.with(stiffness), stiffness, plant, study_.nudge);
+  }
+  const Study& study_;
+  ScannedModel scene_, tissue_;
+};
+
+// the wall of the paper with a coarse encoder and dry friction: does the needle come to a full rest?
+Result<RestLimitRow> restLimit(const Study& study, double encoder_step_m, double friction_N) {
+  RestLimitRow row{
+      encoder_step_m, friction_N, 0, false,
+      quantisedStiffnessLimit(study.damping(), 1 / study.rest_rate_hz, friction_N, encoder_step_m)};
+  PlantOptions plant = study.plant;
+  plant.rate_hz = study.rest_rate_hz;
+  plant.device.delay_ticks = static_cast<std::uint32_t>(study.rest_delay);
+  plant.device.encoder_step_m = encoder_step_m;
+  plant.device.dry_friction_N = friction_N;
+  constexpr double kAtRest_m = 0.1e-6;  // a hundredth of an encoder step
+  const auto rests = [&](double stiffness) -> Result<bool> {
+    SceneSpec wall = study.wall;
+    wall.tracking_wall.stiffness_N_per_m = stiffness;
+    const auto run = nudge(engineSource(), wall, stiffness, plant, study.nudge);
+    if (!run.ok()) return run.error();
+    return run->outcome.finite && run->outcome.swing_end_m <= kAtRest_m;
+  };
+  const auto found = largestStable(std::max(row.theory_N_per_m, kLeastStiffness_N_per_m),
+                                   kLeastStiffness_N_per_m, kMaxProfileStiffness_N_per_m, rests);
+  if (!found.ok()) return found.error();
+  row.stiffness_N_per_m = found->stiffness_N_per_m;
+  row.at_cap = found->at_cap;
+  return row;
+}
+
+// one model at all rates and delays, and beyond. What has been found stays when it fails
+Status scanModel(const Study& study, AxialModel model, const std::function<void(double)>& tell,
+                 StiffnessLimits& limits) {
+  auto scene = ScannedModel::prepare(study.wall, model, study.plant, study.nudge);
+  if (!scene.ok()) return scene.error();
+  auto tissue = ScannedModel::prepare(study.tissue, model, study.beyond_plant, study.beyond_nudge);
+  if (!tissue.ok()) return tissue.error();
+  ModelScan scan(study, *std::move(scene), *std::move(tissue));
+  for (std::size_t r = 0; r < study.rates_hz.size(); ++r)
+    for (const double delay : study.delays) {
+      tell(static_cast<double>(r) / static_cast<double>(study.rates_hz.size()));
+      const auto row = scan.at(study.rates_hz[r], static_cast<unsigned>(delay));
+      if (!row.ok()) return row.error();
+      limits.rows.push_back(*row);
+    }
+  // beyond what is stable at the rate and delay of that part
+  const PlantOptions& plant = study.beyond_plant;
+  const auto limit = scan.at(plant.rate_hz, plant.device.delay_ticks);
+  if (!limit.ok()) return limit.error();
+  auto beyond = scan.beyond(limit->stiffness_N_per_m);
+  if (!beyond.ok()) return beyond.error();
+  limits.beyond.push_back(*std::move(beyond));
+  return {};
+}
+
+}  // namespace
+
+Result<StiffnessLimits> findStiffnessLimits(const CaseSettings& settings, const StabilityProgress& progress) {
+  const auto study = readStudy(settings);
+  if (!study.ok()) return study.error();
+
+  StiffnessLimits limits;
+  constexpr double kParts = kAxialModelCount + 1;
+  for (std::size_t i = 0; i < kAxialModelCount; ++i) {
+    const auto model = static_cast<AxialModel>(i);
+    const auto tell = [&](double share) {
+      if (progress)
+        progress("largest stable stiffness, " + std::string(axialModelName(model)),
+                 (static_cast<double>(i) + share) / kParts);
+    };
+    const Status done = scanModel(*study, model, tell, limits);
+    if (!done.ok()) limits.notes.push_back(std::string(axialModelName(model)) + ": " + done.error().message);
+  }
+  for (const double step : study->rest_encoder_steps_m) {
+    if (progress) progress("largest stiffness that comes to rest", kAxialModelCount / kParts);
+    for (const double friction : study->rest_frictions_N) {
+      const auto row = restLimit(*study, step, friction);
+      if (!row.ok()) return row.error();
+      limits.rest.push_back(*row);
+    }
+  }
+  return limits;
+}
+
+}  // namespace needlelab

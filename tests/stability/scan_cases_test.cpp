@@ -1,0 +1,103 @@
+// The closed-loop cases of stiffness, release, reversal and late ticks; each with a control that fails.
+#include <gtest/gtest.h>
+
+#include <utility>
+
+#include "case_rows.h"
+
+namespace needlelab::test {
+namespace {
+
+constexpr AxialModel kWall = AxialModel::kEnhancedTrackingWall;
+
+::testing::AssertionResult isStable(const CaseRow& row) {
+  return (row.verdict == Verdict::kStable ? ::testing::AssertionSuccess() : ::testing::AssertionFailure())
+         << row.case_name << " " << wordsOf(row);
+}
+
+// the engine, but the scene is changed before it is compiled
+ForceSourceFactory changed(void (*change)(SceneSpec&)) {
+  return [change](SceneSpec scene, double rate_hz) {
+    change(scene);
+    return engineSource()(scene, rate_hz);
+  };
+}
+
+// the engine, but it answers with the force of the tick before
+class LateSource final : public ForceSource {
+ public:
+  explicit LateSource(std::unique_ptr<ForceSource> engine) : engine_(std::move(engine)) {}
+  void step(const TipSample& tip, StepReport& report) noexcept override {
+    engine_->step(tip, report);
+    std::swap(report.wrench_W, before_);
+  }
+  [[nodiscard]] double axialStiffness_N_per_m() const noexcept override {
+    return engine_->axialStiffness_N_per_m();
+  }
+
+ private:
+  std::unique_ptr<ForceSource> engine_;
+  Wrench before_;
+};
+
+Result<std::unique_ptr<ForceSource>> lateSource(const SceneSpec& scene, double rate_hz) {
+  auto engine = engineSource()(scene, rate_hz);
+  if (!engine.ok()) return engine.error();
+  return std::unique_ptr<ForceSource>(std::make_unique<LateSource>(std::move(engine).value()));
+}
+
+TEST(StiffnessScan, everyNudgeDiesOutBelowTheLimitOfTheory) {
+  EXPECT_TRUE(isStable(rowOf("stiffness_scan")));
+}
+TEST(StiffnessScan, controlAnEngineThatIsOneTickLateSwingsOn) {
+  EXPECT_FALSE(isStable(rowOf("stiffness_scan", kWall, lateSource)));
+}
+
+TEST(OverLimitBounded, theForceStaysBetweenCuttingAndAttraction) {
+  EXPECT_TRUE(isStable(rowOf("over_limit_bounded")));
+}
+TEST(OverLimitBounded, controlASpringWithoutEndIsNotBounded) {
+  const auto spring = changed([](SceneSpec& scene) {
+    scene.axial_model = AxialModel::kDirect;
+    scene.direct = {scene.tracking_wall.stiffness_N_per_m, false};
+  });
+  EXPECT_FALSE(isStable(rowOf("over_limit_bounded", kWall, spring)));
+}
+
+TEST(FreeHandRelease, theNeedleStaysWhereItWas) {
+  EXPECT_TRUE(isStable(rowOf("free_hand_release")));
+}
+TEST(FreeHandRelease, controlARampThatDoesNotLookAtTheNeedlePullsItOut) {
+  EXPECT_FALSE(isStable(rowWith(Defect::kRampIgnoresZ, "free_hand_release")));
+}
+TEST(FreeHandRelease, controlAForceStepThrowsTheNeedleOut) {
+  EXPECT_FALSE(isStable(rowOf("free_hand_release", AxialModel::kDirect)));
+}
+
+TEST(SkinFlutter, theHandGetsNoEnergyFromTheSkin) {
+  EXPECT_TRUE(isStable(rowOf("skin_flutter")));
+}
+TEST(SkinFlutter, controlAForceStepAtTheSkinGivesEnergy) {
+  const auto step = changed([](SceneSpec& scene) {
+    scene.axial_model = AxialModel::kDirect;
+    scene.direct = {10'000, true};  // the layer's full force within 0.1 mm
+  });
+  EXPECT_FALSE(isStable(rowOf("skin_flutter", kWall, step)));
+}
+
+TEST(FrictionReversal, theForceStandsStillAfterIt) {
+  EXPECT_TRUE(isStable(rowOf("friction_reversal")));
+}
+TEST(FrictionReversal, controlFrictionBySignOfTheSpeedChatters) {
+  EXPECT_FALSE(isStable(rowWith(Defect::kFrictionBySign, "friction_reversal")));
+}
+
+TEST(LateAndMissingTicks, theHoldStandsStill) {
+  EXPECT_TRUE(isStable(rowOf("late_and_missing_ticks")));
+}
+TEST(LateAndMissingTicks, controlASpeedFromTwoTicksShakes) {
+  EXPECT_FALSE(isStable(rowOf("late_and_missing_ticks", AxialModel::kVoigt)));
+}
+
+}  // namespace
+}  // namespace needlelab::test
