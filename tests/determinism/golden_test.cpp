@@ -17,6 +17,7 @@
 
 #include "base/csv.h"
 #include "haptics/engine.h"
+#include "support/model_scenes.h"
 #include "support/motions.h"
 #include "support/scenes.h"
 
@@ -86,7 +87,7 @@ SceneSpec turning(SceneSpec scene, ClampingMode mode) {
 }
 
 // the motions are made of + − × ÷ sqrt only (support/motions.h)
-std::vector<Case> preparedCases() {
+std::vector<Case> preparedScenes() {
   const auto straight = [](double rate_hz, LimbKind limb) {
     const Site site = siteOf(limb);
     return insertHoldWithdraw(rate_hz, site, site.inward, site.inward, 0.038, 0.03, 1.2);
@@ -150,6 +151,17 @@ std::vector<Case> preparedCases() {
          return hashOfRun(allEffects(), 1000, builder.take());
        }},
   };
+}
+
+// every axial model, on a gesture during which u turns
+std::vector<Case> preparedCases() {
+  std::vector<Case> cases = preparedScenes();
+  for (const AxialModel model : kAllModels)
+    cases.push_back({"model_" + std::string(axialModelName(model)), [model] {
+                       return hashOfRun(turning(modelScene(model, LimbKind::kSphere), ClampingMode::kPassive),
+                                        1000, randomGesture(106, 1000, siteOf(LimbKind::kSphere)));
+                     }});
+  return cases;
 }
 
 // recordings of a real Virtuose 6D, moved so that the middle of the path lies 15 mm in; not in the repository

@@ -6,6 +6,7 @@
 
 #include "haptics/force_gate.h"
 #include "probe.h"
+#include "support/model_scenes.h"
 #include "support/random.h"
 
 namespace needlelab::test {
@@ -67,6 +68,17 @@ class HostileTip {
   Quat q_;
 };
 
+// rendered by any of the models; two of them have effects of their own in place of listed ones
+SceneSpec anyModel(SceneSpec scene, Random& random) {
+  const AxialModel model = kAllModels[random.below(kAllModels.size())];
+  const EffectMask listed = scene.effects;
+  scene = renderedBy(scene, model);
+  scene.effects &= listed;
+  scene.statistical.correlation_length_m = random.chance(0.2) ? 1e-9 : random.in(1e-4, 1);
+  scene.direct.step_at_layers = random.chance(0.5);
+  return scene;
+}
+
 TEST(EngineFuzz, everyTickIsFiniteWithinTheLimitAndKeepsAUnitDirection) {
   const int ticks = longForm() ? 2'000'000 : 200'000;
   constexpr int kTicksAScene = 2'000;
@@ -81,6 +93,7 @@ TEST(EngineFuzz, everyTickIsFiniteWithinTheLimitAndKeepsAUnitDirection) {
     scene.tracking_wall.stiffness_N_per_m = random.chance(0.1) ? 1e4 : random.in(50, 1000);
     scene.max_force_N = random.in(0.1, 10);
     scene.needle_length_m = random.chance(0.2) ? 1e-3 : 0.06;
+    scene = anyModel(scene, random);
     EngineRun run(scene, random.chance(0.5) ? 1000 : random.in(50, 40'000));
     HostileTip tip(random.bits(), siteOf(limb));
     for (int k = 0; k < kTicksAScene; ++k) {

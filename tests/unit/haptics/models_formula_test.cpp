@@ -1,7 +1,8 @@
 // What each axial model does, by hand: numbers that a reader can check in the head.
 #include <gtest/gtest.h>
 
-#include "models.h"
+#include "probe.h"
+#include "support/model_scenes.h"
 
 namespace needlelab::test {
 namespace {

@@ -3,7 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "haptics/models/axial_entry.h"
-#include "models.h"
+#include "probe.h"
+#include "support/model_scenes.h"
 #include "support/no_alloc.h"
 
 namespace needlelab::test {

@@ -1,7 +1,8 @@
 // Each axial model against a literal transcription of DESIGN §3.6 (support/reference_models.h).
 #include <gtest/gtest.h>
 
-#include "models.h"
+#include "probe.h"
+#include "support/model_scenes.h"
 #include "support/random.h"
 #include "support/reference_models.h"
 

@@ -7,7 +7,8 @@
 #include <cmath>
 
 #include "haptics/det_math.h"
-#include "models.h"
+#include "probe.h"
+#include "support/model_scenes.h"
 #include "support/random.h"
 
 namespace needlelab::test {

@@ -1,12 +1,13 @@
-/// What the tests of the axial models share.
+/// Ready-made scenes for every axial model.
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <memory>
 
 #include "haptics/models/like_for_like.h"
 #include "haptics/models/needle_compliance.h"
-#include "probe.h"
+#include "support/scenes.h"
 
 namespace needlelab::test {
 
