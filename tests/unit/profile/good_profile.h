@@ -28,6 +28,30 @@ inline const std::string kGoodProfile = R"({
  "effects": ["CUTTING", "ATTRACTED", "CLAMPING", "ORIENTATION_LIMIT", "SHAFT_FRICTION", "PUNCTURE"],
  "description": "For tests.\nTwo lines, and Größe in UTF-8.", "sources": "set by hand"})";
 
+/// The same with a section for every axial model.
+inline const std::string kGoodModels = [] {
+  nlohmann::json tree = nlohmann::json::parse(kGoodProfile);
+  tree.update(nlohmann::json::parse(R"({
+   "axial_model": "DIRECT", "effects": ["CUTTING", "ATTRACTED"],
+   "direct": {"stiffness_n_per_m": 450, "step_at_layers": false},
+   "voigt": {"stiffness_n_per_m": 350.5, "damping_ns_per_m": 2},
+   "god_object": {"stiffness_n_per_m": 333},
+   "statistical": {
+    "table": [{"depth_m": 0, "mean_n": 0, "sd_n": 0}, {"depth_m": 0.004, "mean_n": 2, "sd_n": 0.5}],
+    "correlation_length_m": 0.002, "seed": 4294967295, "factors": {"mean": 1.2, "thickness": 0.9},
+    "source": "nobody measured it", "synthetic": ["sd_n", "factors"]},
+   "precomputed": {
+    "table": [{"depth_m": 0.001, "cutting_n": 1, "attracted_n": 0.3},
+              {"depth_m": 0.02, "cutting_n": 2.5, "attracted_n": 0}], "source": "by hand"},
+   "fem": {"nodes": 2000, "layers": [
+    {"young_pa": 20000, "poisson": 0.45, "friction_n_per_m": 18, "cutting_n": 1},
+    {"young_pa": 10000, "poisson": 0.49, "friction_n_per_m": 0, "cutting_n": 2}]}})"));
+  for (auto& layer : tree["layers"])
+    layer["first_order"] = nlohmann::json::parse(R"({"stiffness_n_per_m": 400, "puncture_force_n": 0.8,
+                                                     "cutting_force_n": 0.3, "friction_n_per_m": 20})");
+  return tree.dump();
+}();
+
 inline const std::string kGoodCurriculum = R"({
  "id": "basics", "name": "Basics", "description": "For tests.",
  "exercises": [

@@ -21,6 +21,7 @@ const std::vector<std::string> kPatients = {"shoulder-adult", "shoulder-muscular
                                             "knee-adult",     "wrist-adult",       "lumbar-adult"};
 const std::string kPhantom = "phantom-ball";
 const std::string kMeasured = "epidural-porcine";
+const std::string kModels = "shoulder-models";
 const std::vector<std::string> kPaper = {"paper-1dof", "paper-six-layers", "paper-clamping"};
 
 pb::Profile sample(const std::string& id) {
@@ -34,6 +35,7 @@ std::vector<std::string> all() {
   ids.insert(ids.end(), kPaper.begin(), kPaper.end());
   ids.push_back(kPhantom);
   ids.push_back(kMeasured);
+  ids.push_back(kModels);
   return ids;
 }
 
@@ -192,6 +194,17 @@ TEST(Samples, theCurriculumUsesEveryPatientAndIsCanonical) {
   }
   EXPECT_THAT(used, UnorderedElementsAre("shoulder-adult", "shoulder-muscular", "shoulder-frail",
                                          "knee-adult", "wrist-adult", "lumbar-adult", "phantom-ball"));
+}
+
+TEST(Samples, everyAxialModelCanBeChosenForTheOneThatHasAllSections) {
+  for (const std::string_view name : kAxialModelNames) {
+    pb::Profile profile = sample(kModels);
+    const Status chosen = chooseModel(profile, std::string(name));
+    ASSERT_TRUE(chosen.ok()) << chosen.error().message;
+    const auto again = parseProfile(profileJson(profile), "again");
+    ASSERT_TRUE(again.ok()) << again.error().message;
+    EXPECT_EQ(axialModelName(sceneSpecOf(*again)->axial_model), name);
+  }
 }
 
 }  // namespace

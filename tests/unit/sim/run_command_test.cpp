@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 
 #include "base/atomic_file.h"
@@ -118,6 +119,46 @@ TEST(RunCommand, writesWhatTheEngineSaysBitForBit) {
   char hash[32];
   std::snprintf(hash, sizeof hash, "%016llx\n", static_cast<unsigned long long>(fnv1a(*readWholeFile(out))));
   EXPECT_EQ(outcome.out, hash);
+}
+
+// the gesture with every model that the profile has a section for: other forces each time
+TEST(RunCommand, runsEveryAxialModel) {
+  const test::TempFolder folder;
+  const auto trajectory = folder.write("t.csv", csvOf(gesture()));
+  const auto profile = (kSamples / "shoulder-models.json").string();
+  std::set<std::string> outputs;
+  for (const std::string_view model : kAxialModelNames) {
+    const auto out = folder.path() / (std::string(model) + ".csv");
+    const auto outcome = sim({"run", "--profile", profile, "--trajectory", trajectory.string(), "--out",
+                              out.string(), "--model", std::string(model)});
+    ASSERT_EQ(outcome.code, 0) << model << "\n" << outcome.err;
+    auto table = tableOf(out);
+    double deepest_N = 0;
+    for (const std::string& cell : table["cutting_n"])
+      deepest_N = std::min(deepest_N, std::strtod(cell.c_str(), nullptr));
+    EXPECT_LT(deepest_N, -0.5) << model;
+    EXPECT_TRUE(outputs.insert(*readWholeFile(out)).second) << model << " gives what another one gave";
+  }
+}
+
+TEST(RunCommand, aModelWithoutItsSectionIsRefusedWithTheSectionsName) {
+  const test::TempFolder folder;
+  const auto trajectory = folder.write("t.csv", csvOf(gesture()));
+  const auto profile = (kSamples / "paper-1dof.json").string();
+  const auto run = [&](const std::string& model) {
+    return sim({"run", "--profile", profile, "--trajectory", trajectory.string(), "--out",
+                (folder.path() / "o.csv").string(), "--model", model});
+  };
+  for (const char* model : {"TRACKING_WALL", "DIRECT", "VOIGT", "GOD_OBJECT"})
+    EXPECT_EQ(run(model).code, 0) << model << " has defaults";
+  for (const auto& [model, section] : {std::pair{"FIRST_ORDER", "layers[0].first_order: is missing"},
+                                       {"STATISTICAL", "statistical: is missing"},
+                                       {"PRECOMPUTED", "needlelab-sim precompute"},
+                                       {"FEM", "fem: is missing"}}) {
+    const auto outcome = run(model);
+    EXPECT_EQ(outcome.code, 2) << model;
+    EXPECT_THAT(outcome.err, HasSubstr(section));
+  }
 }
 
 TEST(RunCommand, findsColumnsByNameInAnyOrder) {

@@ -69,6 +69,26 @@ TEST(StationLesson, anUnknownModelIsRefusedWithThoseThatExist) {
   EXPECT_TRUE(lessonOfFile(options).ok());
 }
 
+TEST(StationLesson, everyAxialModelBecomesALessonThatTheDesktopCanRender) {
+  StationOptions options = practising("shoulder-models.json");
+  for (const std::string_view name : kAxialModelNames) {
+    options.model = name;
+    auto lesson = lessonOfFile(options);
+    ASSERT_TRUE(lesson.ok()) << lesson.error().message;
+    EXPECT_EQ(axialModelName(lesson->model.axial_model), name);
+    EXPECT_THAT(liveEffects(lesson->model), testing::Contains("CUTTING"));
+    EXPECT_GT(lesson->model.axialStiffness_N_per_m(), 0) << name;
+    DeviceInfo desktop{"desktop", {}, true, true, true};
+    EXPECT_TRUE(checkStiffness(lesson->model, desktop).ok()) << name;
+    // what is recorded and sent is a profile that can be read again
+    EXPECT_TRUE(parseProfile(profileJson(lesson->profile), "again").ok()) << name;
+  }
+  options = practising("knee-adult.json");
+  options.model = "PRECOMPUTED";
+  EXPECT_THAT(lessonOfFile(options).error().message,
+              testing::AllOf(HasSubstr("precomputed: is missing"), HasSubstr("needlelab-sim precompute")));
+}
+
 DeviceInfo deviceWith(double max_stiffness, double damping = 1.7) {
   DeviceInfo info{"test device", {}, true, true, true};
   info.limits.max_stiffness_N_per_m = max_stiffness;
@@ -109,6 +129,18 @@ TEST(DeviceFit, thePassivityBoundIsWarnedOfWithItsNumbers) {
   EXPECT_FALSE(passivityWarning(model, deviceWith(1000, 0.3), 0.46));
   // a slower loop bears less
   EXPECT_TRUE(passivityWarning(*compile(paperOneDof(), 250), deviceWith(1000, 1.7), 0.3));
+}
+
+TEST(DeviceFit, aModelsOwnDampingIsTakenFromWhatDeviceAndHandDamp) {
+  SceneSpec scene = paperOneDof();
+  scene.axial_model = AxialModel::kVoigt;  // 500 N/m
+  scene.voigt.damping_Ns_per_m = 0.5;
+  // (1.7 + 0.3 − 0.5)/(1 ms · 1.5) = 1000 N/m bear it, with B = 1.5 they bear 333 N/m
+  EXPECT_FALSE(passivityWarning(*compile(scene, 1000), deviceWith(1000), 0.3));
+  scene.voigt.damping_Ns_per_m = 1.5;
+  const auto warning = passivityWarning(*compile(scene, 1000), deviceWith(1000), 0.3);
+  ASSERT_TRUE(warning);
+  EXPECT_THAT(*warning, testing::AllOf(HasSubstr("333.3 N/m"), HasSubstr("1.5 of the model")));
 }
 
 }  // namespace
