@@ -135,7 +135,8 @@ Result<HoldFit> fitHold(const std::vector<ForceAtTime>& rows, StopMode mode, con
   take(fit, found.values);
   fit.evaluations = found.evaluations;
 
-  auto whole = runStraight(sceneOf(fit), fit.gesture);
+  fit.scene = sceneOf(fit);
+  auto whole = runStraight(fit.scene, fit.gesture);
   if (!whole.ok()) return whole.error();
   fit.run = std::move(whole).value();
   const auto model = modelAt(curve, fit.gesture, fit.run, fit.from_s);
@@ -169,7 +170,7 @@ Result<WithdrawalFit> fitWithdrawal(const std::vector<ForceAtTime>& rows, const 
     return gesture;
   };
   const auto sceneWith = [&](double attracted_N) {
-    SceneSpec scene = sceneOf(hold);
+    SceneSpec scene = hold.scene;
     scene.layers[0].attracted_force_N = attracted_N;
     scene.layers[0].rejection_force_N = std::min(scene.layers[0].rejection_force_N, attracted_N);
     return scene;

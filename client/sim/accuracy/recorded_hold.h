@@ -27,6 +27,7 @@ struct HoldFit {
   double stop_duration_s = 0;    ///< RAMP
   double rejection_force_N = 0;  ///< RAMP
   CurveError fitted, held_out;
+  SceneSpec scene;    ///< with these numbers
   double from_s = 0;  ///< time of the first tick
   StraightGesture gesture;
   AxialRun run;

@@ -48,6 +48,8 @@ AccuracyRow holdRow(const HoldFit& fit, const HoldChoice& choice) {
       "N is "
       "their scatter about those means (a noisy line, digitised)",
       fit.held_out.bins, fit.fitted.rms, fit.held_out.rows_rms, fit.held_out.floor);
+  if (const auto model = compile(fit.scene, fit.gesture.rate_hz); model.ok())
+    row.uncertainty += "; " + addTickTime(*model, fit.gesture, row);
   row.cannot_show =
       "one hold at one depth in one specimen: nothing about how residual and time depend on tissue, depth or "
       "speed "
