@@ -12,6 +12,12 @@
 
 namespace needlelab::test {
 
+/// NEEDLELAB_LONG=1 asks for the long form of the cases that have one.
+inline bool longForm() {
+  const char* form = std::getenv("NEEDLELAB_LONG");
+  return form != nullptr && std::string_view(form) == "1";
+}
+
 /// The case of that name with the compiled-in cases.json; NEEDLELAB_LONG=1 takes the long form. A failure of
 /// the running test when there is none, or when it cannot run.
 inline CaseRow rowOf(std::string_view name, AxialModel model = AxialModel::kEnhancedTrackingWall,
@@ -21,8 +27,7 @@ inline CaseRow rowOf(std::string_view name, AxialModel model = AxialModel::kEnha
     ADD_FAILURE() << file.error().message;
     return {};
   }
-  const char* form = std::getenv("NEEDLELAB_LONG");
-  const CaseSettings settings{*file, form != nullptr && std::string_view(form) == "1"};
+  const CaseSettings settings{*file, longForm()};
   for (const StabilityCase& one : allCases()) {
     if (one.name != name) continue;
     const auto outcome = runCase(one, settings, model, source);

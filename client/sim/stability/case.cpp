@@ -20,7 +20,7 @@ std::string_view verdictText(Verdict verdict) {
 
 std::vector<StabilityCase> allCases() {
   std::vector<StabilityCase> all;
-  for (auto&& part : {holdCases(), scanCases()})
+  for (auto&& part : {holdCases(), motionCases(), scanCases()})
     for (const StabilityCase& one : part) all.push_back(one);
   return all;
 }

@@ -47,9 +47,15 @@ struct CaseTrace {
   double from_s = 0, to_s = 0;  ///< the case's window; both 0 where it has none
 };
 
+/// A file that a case gives besides its row, e.g. a counter-example.
+struct CaseAttachment {
+  std::string name, text;
+};
+
 struct CaseOutcome {
   CaseRow row;
-  std::vector<CaseTrace> traces;
+  std::vector<CaseTrace> traces = {};
+  std::vector<CaseAttachment> files = {};
 };
 
 struct CaseSettings {

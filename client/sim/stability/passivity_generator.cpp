@@ -111,7 +111,7 @@ class StrokeDraw {
     now_.kind = StrokeKind::kStart;
     now_.depth_m = draw_.in(-0.008, -0.001);
     tilt();
-    return now_;
+    return last_ = now_;
   }
   Stroke next() {
     const bool inside = now_.depth_m > 0;
@@ -170,8 +170,8 @@ class StrokeDraw {
     now_.depth_m = draw_.chance(0.3) ? draw_.in(0.0005, 0.006) : draw_.in(0.001, range_.most_depth_m);
     const double way = now_.depth_m - before;
     if (std::abs(now_.tilt_x) + std::abs(now_.tilt_y) < 1.5 && draw_.chance(0.7)) {
-      now_.x_m = roundedTo(now_.x_m + now_.tilt_x * way, 3);
-      now_.y_m = roundedTo(now_.y_m + now_.tilt_y * way, 3);
+      now_.x_m = within(now_.x_m + now_.tilt_x * way);
+      now_.y_m = within(now_.y_m + now_.tilt_y * way);
     }
   }
   // along the skin, the needle nearly in it
@@ -180,8 +180,11 @@ class StrokeDraw {
     now_.tilt_x = (draw_.chance(0.5) ? 1 : -1) * draw_.in(5.7, 14.3);  // 80-86°
     now_.tilt_y = draw_.in(-1, 1);
     const double way = draw_.in(0.005, 0.03);
-    now_.x_m = roundedTo(now_.x_m + std::copysign(way, now_.tilt_x), 3);
+    now_.x_m = within(now_.x_m + std::copysign(way, now_.tilt_x));
     now_.depth_m = draw_.in(0.0002, 0.004);
+  }
+  [[nodiscard]] double within(double aside_m) const {
+    return roundedTo(std::clamp(aside_m, -range_.most_aside_m, range_.most_aside_m), 3);
   }
   void moveAside(double share) {
     const double most = share * range_.most_aside_m;

@@ -14,7 +14,7 @@ inline constexpr std::array<std::string_view, 3> kLimbShapeNames = {"plane", "sp
 
 /// What gestures are drawn from. The ranges are those of a hand at a needle: speed at most 0.15 m/s.
 struct GestureRange {
-  double most_depth_m = 0.045, most_aside_m = 0.02;
+  double most_depth_m = 0.045, most_aside_m = 0.012;
   double most_speed_mps = 0.15, most_turn_radps = 6;
   double most_tilt = 0.9;          ///< tangent; grazing strokes lie at 80-86° whatever this says
   double all_effects_share = 0.7;  ///< the others have a random set of effects

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "stability/round_number.h"
@@ -49,6 +50,8 @@ void visitSections(pb::Profile& profile, const Visit& number) {
   visit(wall, &W::stop_speed_m_s, &W::set_stop_speed_m_s, number);
   visit(wall, &W::stop_dwell_s, &W::set_stop_dwell_s, number);
   visit(wall, &W::stop_duration_s, &W::set_stop_duration_s, number);
+  visit(wall, &W::relax_time_s, &W::set_relax_time_s, number);
+  visit(wall, &W::relax_residual, &W::set_relax_residual, number);
   if (profile.has_virtual_fixture()) {
     using F = pb::VirtualFixture;
     auto& fixture = *profile.mutable_virtual_fixture();
@@ -94,20 +97,31 @@ double turnBetween(const Stroke& a, const Stroke& b) {
   return std::abs(a.tilt_x - b.tilt_x) + std::abs(a.tilt_y - b.tilt_y);
 }
 
-// a smaller gesture is one that the same hand could make: outside at both ends, and no faster
-bool humanlyPossible(const Gesture& gesture, double most_speed_mps, double most_turn_per_s) {
+// a smaller gesture is one that a hand could make too: outside at both ends, …
+bool beginsAndEndsOutside(const Gesture& gesture) {
   constexpr double kOutside_m = -5e-4;
-  if (gesture.strokes.empty() || gesture.start.depth_m > kOutside_m ||
-      gesture.strokes.back().depth_m > kOutside_m)
-    return false;
+  return !gesture.strokes.empty() && gesture.start.depth_m <= kOutside_m &&
+         gesture.strokes.back().depth_m <= kOutside_m;
+}
+
+// … and no faster than the one that came in: strokes that are get the time that they need
+void giveTime(Gesture& gesture, double most_speed_mps, double most_turn_per_s) {
   const Stroke* before = &gesture.start;
-  for (const Stroke& stroke : gesture.strokes) {
-    if (!(stroke.seconds >= 0.01) || wayBetween(*before, stroke) > most_speed_mps * stroke.seconds ||
-        turnBetween(*before, stroke) > most_turn_per_s * stroke.seconds)
-      return false;
+  for (Stroke& stroke : gesture.strokes) {
+    const double least_s = std::max(
+        {0.02, wayBetween(*before, stroke) / most_speed_mps, turnBetween(*before, stroke) / most_turn_per_s});
+    if (stroke.seconds < least_s) stroke.seconds = roundedTo(1.05 * least_s, 2);
     before = &stroke;
   }
-  return true;
+}
+
+// what a stroke does now, whatever it was drawn for
+StrokeKind kindOf(const Stroke& stroke, const Stroke& before) {
+  if (stroke.depth_m < 0) return StrokeKind::kExit;
+  if (stroke.depth_m > before.depth_m) return StrokeKind::kInsert;
+  if (stroke.depth_m < before.depth_m) return StrokeKind::kRetreat;
+  if (wayBetween(stroke, before) > 0) return StrokeKind::kAside;
+  return turnBetween(stroke, before) > 0 ? StrokeKind::kTilt : StrokeKind::kHold;
 }
 
 class Shrinker {
@@ -132,21 +146,28 @@ class Shrinker {
       simplify();
       zeroNumbers();
       roundNumbers();
-      if (best_.taken == taken_before || best_.tried >= most_tries_) return best_;
+      if (best_.taken == taken_before || best_.tried >= most_tries_) break;
     }
+    const Stroke* before = &best_.gesture.start;
+    for (Stroke& stroke : best_.gesture.strokes) {
+      stroke.kind = kindOf(stroke, *before);
+      before = &stroke;
+    }
+    return best_;
   }
 
  private:
   // keeps the candidate when it is smaller and still fails
-  bool take(const Gesture& candidate) {
+  bool take(Gesture candidate) {
+    // a hundredth of a millimetre is the least that a reader can picture
+    visitStrokes(candidate, [](double& value) { value = std::abs(value) < 1e-5 ? 0 : value; });
+    giveTime(candidate, most_speed_mps_, most_turn_per_s_);
     const double size = sizeOf(candidate);
-    if (!(size < size_) || best_.tried >= most_tries_ ||
-        !humanlyPossible(candidate, most_speed_mps_, most_turn_per_s_))
-      return false;
+    if (!(size < size_) || best_.tried >= most_tries_ || !beginsAndEndsOutside(candidate)) return false;
     ++best_.tried;
     if (!fails_(candidate)) return false;
     ++best_.taken;
-    best_.gesture = candidate;
+    best_.gesture = std::move(candidate);
     size_ = size;
     return true;
   }
@@ -194,7 +215,10 @@ class Shrinker {
       change(candidate);
       take(candidate);
     };
-    tryWith([](Gesture& g) { g.tremor_m = 0; });
+    tryWith([](Gesture& g) {
+      g.tremor_m = 0;
+      g.tremor_seed = 1;
+    });
     tryWith([](Gesture& g) { g.encoder_step_m = 0; });
     tryWith([](Gesture& g) {
       auto& plane = *g.profile.mutable_limb()->mutable_plane();
@@ -246,9 +270,9 @@ class Shrinker {
   void roundNumbers() {
     // shorter, shallower, less aside: or the same number with fewer digits
     eachNumber(visitStrokes, [](int attempt, double& value) {
-      static constexpr std::array<double, 5> kFactors = {0.5, 1, 0.75, 1, 1.2};
-      static constexpr std::array<int, 5> kDigits = {1, 1, 2, 2, 1};
-      if (attempt >= 5) return false;
+      static constexpr std::array<double, 6> kFactors = {0.5, 1, 1.5, 2, 0.75, 1};
+      static constexpr std::array<int, 6> kDigits = {1, 1, 1, 1, 2, 2};
+      if (attempt >= 6) return false;
       value = roundedTo(value * kFactors[static_cast<std::size_t>(attempt)],
                         kDigits[static_cast<std::size_t>(attempt)]);
       return true;
@@ -263,7 +287,7 @@ class Shrinker {
   std::size_t most_tries_;
   ShrinkResult best_;
   double size_;
-  double most_speed_mps_ = 0, most_turn_per_s_ = 0;  // mean, of a stroke of the gesture that came in
+  double most_speed_mps_ = 1e-3, most_turn_per_s_ = 1e-3;  // mean, of a stroke of the gesture that came in
 };
 
 }  // namespace

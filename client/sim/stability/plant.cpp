@@ -117,6 +117,7 @@ Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const Plant
     tick.v_W_mps = plant.device().handle().v_W_mps;
     tick.p_wanted_W_m = plant.device().hand().wanted().p;
     tick.report = report;
+    tick.slant = source.slant();
     tick.rendered_force_N = guarded.wrench().force_N;
     tick.gate_flags = gate.flags();
     tick.energy_J = plant.energy_J();

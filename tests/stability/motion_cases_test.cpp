@@ -1,0 +1,196 @@
+// The cases of prescribed motion: the wall stands each, and what each is there to find does not.
+#include "stability/motion_cases.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+
+#include "case_rows.h"
+#include "support/reference_source.h"
+
+namespace needlelab::test {
+namespace {
+
+CaseRow wallRow(std::string_view name, const ForceSourceFactory& source = engineSource()) {
+  return rowOf(name, AxialModel::kEnhancedTrackingWall, source);
+}
+
+const CaseFile& caseFile() {
+  static const CaseFile file = CaseFile::embedded().value();
+  return file;
+}
+
+// a source that another one is behind
+using Change = std::function<void(const TipSample& tip, ForceSource& inner, StepReport& report)>;
+class ChangedSource final : public ForceSource {
+ public:
+  ChangedSource(std::unique_ptr<ForceSource> inner, Change change)
+      : inner_(std::move(inner)), change_(std::move(change)) {}
+  void step(const TipSample& tip, StepReport& report) noexcept override {
+    inner_->step(tip, report);
+    change_(tip, *inner_, report);
+  }
+  [[nodiscard]] double axialStiffness_N_per_m() const noexcept override {
+    return inner_->axialStiffness_N_per_m();
+  }
+  [[nodiscard]] double slant() const noexcept override { return inner_->slant(); }
+  [[nodiscard]] Vec3 trajectory() const noexcept override { return inner_->trajectory(); }
+
+ private:
+  std::unique_ptr<ForceSource> inner_;
+  Change change_;
+};
+ForceSourceFactory changed(Change change) {
+  return [change = std::move(change)](const SceneSpec& scene,
+                                      double rate_hz) -> Result<std::unique_ptr<ForceSource>> {
+    auto inner = engineSource()(scene, rate_hz);
+    if (!inner.ok()) return inner.error();
+    return std::unique_ptr<ForceSource>(std::make_unique<ChangedSource>(std::move(*inner), change));
+  };
+}
+
+class WallStands : public testing::TestWithParam<std::string> {};
+TEST_P(WallStands, theHardCase) {
+  const CaseRow row = wallRow(GetParam());
+  EXPECT_TRUE(row.applicable && row.finite && row.passed) << wordsOf(row);
+  EXPECT_EQ(row.verdict, Verdict::kStable) << wordsOf(row);
+}
+INSTANTIATE_TEST_SUITE_P(
+    Motion, WallStands,
+    [] {
+      std::vector<std::string> names;
+      for (const StabilityCase& one : motionCases())
+        if (one.name != "random_energy") names.push_back(one.name);
+      return testing::ValuesIn(names);
+    }(),
+    [](const auto& test) { return test.param; });
+
+// the reference is a second engine written from the text alone: what it fails would be a fault of the case
+TEST(ReferenceStands, allCasesWithoutAPlantedDefect) {
+  for (const StabilityCase& one : motionCases()) {
+    if (one.name == "random_energy" || one.name == "flipped_axis") continue;  // long with the reference
+    const CaseRow row = wallRow(one.name, referenceSource());
+    EXPECT_TRUE(row.passed) << wordsOf(row);
+  }
+}
+
+struct Control {
+  const char* name;
+  Defect defect;
+  double at_least;  // times the limit
+};
+class DefectFails : public testing::TestWithParam<Control> {};
+TEST_P(DefectFails, theSameCheck) {
+  const auto [name, defect, at_least] = GetParam();
+  const CaseRow row = wallRow(name, referenceSource(defect));
+  EXPECT_FALSE(row.passed) << wordsOf(row);
+  ASSERT_TRUE(row.measured && row.limit);
+  EXPECT_GE(*row.measured, at_least * *row.limit) << wordsOf(row);
+}
+INSTANTIATE_TEST_SUITE_P(Motion, DefectFails,
+                         testing::Values(Control{"retreat_in_ramp", Defect::kRampIgnoresZ, 20},
+                                         Control{"tilt_pump", Defect::kAlphaWithoutState, 1000},
+                                         Control{"turn_wide", Defect::kTurnAtOnce, 20},
+                                         Control{"grazing_85deg", Defect::kTiltLimitFrom45, 20},
+                                         Control{"exit_normal", Defect::kAttractedNotFaded, 10},
+                                         Control{"sphere_far_side", Defect::kInsertionIgnoresDepth, 1.3},
+                                         Control{"starts_inside", Defect::kEntersFromInside, 1}),
+                         [](const auto& test) { return std::string(test.param.name); });
+
+// §3.3 says of PROPORTIONAL: "15-20 mJ a cycle"
+TEST(ClampPump, proportionalGivesWhatIsSaidOfItAndFails) {
+  const auto proportional = [](SceneSpec scene, double rate_hz) {
+    scene.virtual_fixture.mode = ClampingMode::kProportional;
+    return engineSource()(scene, rate_hz);
+  };
+  const CaseRow row = wallRow("clamp_pump", proportional);
+  EXPECT_FALSE(row.passed);
+  EXPECT_GE(*row.measured, 15e-3);
+  EXPECT_LE(*row.measured, 20e-3);
+  EXPECT_NE(wallRow("clamp_pump").note.find("PROPORTIONAL gives 19"), std::string::npos);
+}
+
+// a guard that looks safe: no force where the needle cannot be
+TEST(BeyondTheNeedle, cuttingTheForceOffThereFails) {
+  const CaseRow row = wallRow("beyond_the_needle", changed([](const TipSample&, ForceSource&, StepReport& r) {
+                                if (r.flags & kFlagBeyondNeedle) r.wrench_W = {};
+                              }));
+  EXPECT_FALSE(row.passed);
+  EXPECT_GE(*row.measured, 1.0);
+}
+
+TEST(SphereFarSide, theForceDoesDropThere) {
+  const CaseRow row = wallRow("sphere_far_side");
+  EXPECT_NEAR(*row.measured, 1.0, 0.05);  // f_cut, the declared release
+}
+
+using GateCase = Result<CaseOutcome> (*)(const CaseSettings&, AxialModel, const ForceSourceFactory&, Gate);
+class NoGateFails : public testing::TestWithParam<std::pair<const char*, GateCase>> {};
+TEST_P(NoGateFails, theSameCheck) {
+  const auto outcome = GetParam().second({caseFile(), false}, AxialModel::kEnhancedTrackingWall,
+                                         engineSource(), Gate::kAbsent);
+  ASSERT_TRUE(outcome.ok()) << outcome.error().message;
+  EXPECT_FALSE(outcome->row.passed) << wordsOf(outcome->row);
+}
+INSTANTIATE_TEST_SUITE_P(Motion, NoGateFails,
+                         testing::Values(std::pair{"teleport", GateCase{&teleport}},
+                                         std::pair{"not_a_number", GateCase{&notANumber}},
+                                         std::pair{"frozen_device", GateCase{&frozenDevice}}),
+                         [](const auto& test) { return std::string(test.param.first); });
+
+// a plain spring goes on pushing a hand that rests, or a device that froze
+TEST(FrozenDevice, aSpringDoesNotLetGo) {
+  for (const AxialModel model : {AxialModel::kDirect, AxialModel::kVoigt}) {
+    const CaseRow row = rowOf("frozen_device", model);
+    EXPECT_FALSE(row.passed) << axialModelName(model);
+    EXPECT_GT(*row.measured, 0.3);
+  }
+}
+
+TEST(FlippedAxis, aTrajectoryThatFollowsTheNeedleFails) {
+  const CaseRow row =
+      wallRow("flipped_axis", changed([](const TipSample& tip, ForceSource& inner, StepReport& r) {
+                if (!isFinite(tip.q_WT) || !isFinite(tip.p_WT_m)) return;
+                const double along = dot(inner.trajectory(), r.wrench_W.force_N);
+                r.wrench_W.force_N = zAxis(tip.q_WT) * along;
+              }));
+  EXPECT_FALSE(row.passed) << wordsOf(row);
+  EXPECT_GT(*row.measured, 0.5);
+}
+
+TEST(FlippedAxis, forcesThatAreNoNumberAreFound) {
+  const CaseRow row = wallRow("flipped_axis", changed([](const TipSample& tip, ForceSource&, StepReport& r) {
+                                r.wrench_W.force_N += tip.p_WT_m * 0.0;
+                              }));
+  EXPECT_FALSE(row.finite);
+  EXPECT_EQ(row.verdict, Verdict::kDiverges);
+}
+
+TEST(FlippedAxis, aForceAboveTheScenesGreatestIsFound) {
+  const CaseRow row = wallRow("flipped_axis", changed([](const TipSample&, ForceSource&, StepReport& r) {
+                                if (norm(r.wrench_W.force_N) > 0.99)
+                                  r.wrench_W.force_N = r.wrench_W.force_N * 1.02;
+                              }));
+  EXPECT_FALSE(row.passed);
+  EXPECT_TRUE(row.finite);
+}
+
+// what other models make of the axial cases: honest, and not all of it good
+TEST(OtherModels, runTheAxialCasesOnly) {
+  for (const StabilityCase& one : motionCases()) {
+    if (one.name == "flipped_axis" || one.name == "random_energy") continue;
+    const CaseRow row = rowOf(one.name, AxialModel::kDirect);
+    EXPECT_EQ(row.applicable, one.axial && one.name != "retreat_in_ramp") << one.name;
+    EXPECT_EQ(row.verdict == Verdict::kNotApplicable, !row.applicable) << one.name;
+  }
+}
+
+TEST(OtherModels, aDamperPushesTheNeedleOutOfTheFarSide) {
+  const CaseRow row = rowOf("sphere_far_side", AxialModel::kVoigt);
+  EXPECT_FALSE(row.passed);
+  EXPECT_EQ(row.verdict, Verdict::kChatters);
+}
+
+}  // namespace
+}  // namespace needlelab::test
