@@ -6,8 +6,9 @@
 namespace needlelab {
 namespace {
 
-constexpr double kChange_m = 1e-5;         // within which a table's force falls
-constexpr double kVesic = 4.8;             // 1/(0.65 · 0.32)
+constexpr double kChange_m = 1e-5;  // within which a table's force falls
+// E over k', from 2(1 + ν)(3 − 4ν) ln 100/(8π(1 − ν)) at ν = 0.45
+constexpr double kYoungPerLateral = 1.16;
 constexpr double kLeastPuncture_N = 1e-3;  // FIRST_ORDER wants one above 0
 
 bool lists(const SceneSpec& scene, Effect effect) {
@@ -54,8 +55,7 @@ void deriveFem(SceneSpec& scene) {
     for (const LayerSpec& layer : scene.layers) {
       FemLayerSpec own;
       own.poisson = kDefaultPoisson;
-      const double young_Pa =
-          kVesic * (1 - kDefaultPoisson * kDefaultPoisson) * layer.lateral_stiffness_N_per_m2;
+      const double young_Pa = kYoungPerLateral * layer.lateral_stiffness_N_per_m2;
       own.young_Pa = young_Pa > 0 ? std::clamp(young_Pa, 100.0, 1e9) : kDefaultYoung_Pa;
       own.friction_N_per_m = frictionOf(scene, layer);
       own.cutting_N = cuttingOf(scene, layer);

@@ -24,10 +24,10 @@ inline constexpr double kSyntheticSdShare = 0.1;
 /// and
 ///   secant stiffness of the layer's membrane where PUNCTURE is listed and it has one, else puncture force
 ///   f_i − f_{i−1} (at least 1 mN) with stiffness K_t. Both effects leave the list, CUTTING enters it.
-/// - FEM: E from the lateral stiffness per length k' by Vesic (1961), k' = 0.65 (E d⁴/E_n I_n)^(1/12)
-///   E/(1 − ν²), its twelfth root taken as 0.32 (a steel needle of 0.8 mm in soft tissue): E = 4.8 (1 − ν²)
-///   k'; 10 kPa where k' is 0; ν 0.45; cutting and friction as for FIRST_ORDER, SHAFT_FRICTION leaves the
-///   list. `fem.compliance` stays what it is: common/fem makes it before `compile`.
+/// - FEM: E from the lateral stiffness per length k' of a rigid needle, k' = 8πG (1 − ν)/((3 − 4ν) ln(R/r)),
+///   the leading term of a rigid disc moved in plane strain (Baguelin, Frank and Said 1977) with R/r = 100:
+///   E = 1.16 k' at ν = 0.45; 10 kPa where k' is 0. Cutting and friction as for FIRST_ORDER, SHAFT_FRICTION
+///   leaves the list. `fem.compliance` stays what it is: common/fem makes it before `compile`.
 /// The scene must be valid. Off the haptic thread.
 SceneSpec likeForLike(const SceneSpec& scene, AxialModel model);
 
