@@ -176,9 +176,12 @@ class ModelScan {
 
 // the wall of the paper with a coarse encoder and dry friction: does the needle come to a full rest?
 Result<RestLimitRow> restLimit(const Study& study, double encoder_step_m, double friction_N) {
-  RestLimitRow row{
-      encoder_step_m, friction_N, 0, false,
-      quantisedStiffnessLimit(study.damping(), 1 / study.rest_rate_hz, friction_N, encoder_step_m)};
+  RestLimitRow row;
+  row.encoder_step_m = encoder_step_m;
+  row.dry_friction_N = friction_N;
+  const double period_s = 1 / study.rest_rate_hz;
+  row.theory_N_per_m = quantisedStiffnessLimit(study.damping(), period_s, friction_N, encoder_step_m);
+  row.bound_N_per_m = quantisedStiffnessLimit(study.damping(), period_s, friction_N, 0);
   PlantOptions plant = study.plant;
   plant.rate_hz = study.rest_rate_hz;
   plant.device.delay_ticks = static_cast<std::uint32_t>(study.rest_delay);

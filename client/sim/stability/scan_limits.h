@@ -33,6 +33,7 @@ struct RestLimitRow {
   double stiffness_N_per_m = 0;
   bool at_cap = false;
   double theory_N_per_m = 0;  ///< min(2b/T, 2f_c/Δ)
+  double bound_N_per_m = 0;   ///< 2b/T
 };
 
 /// One model with more stiffness than it can have: what becomes of a nudge.
