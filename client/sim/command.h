@@ -11,6 +11,7 @@ using SimCommand = std::function<int()>;
 
 /// Each adds its subcommand to `app`; when that is chosen, `chosen` is set while parsing. Both must outlive
 /// the parsing.
+void addAccuracyCommand(CLI::App& app, SimCommand& chosen);
 void addRunCommand(CLI::App& app, SimCommand& chosen);
 void addFiguresCommand(CLI::App& app, SimCommand& chosen);
 void addScoreCommand(CLI::App& app, SimCommand& chosen);

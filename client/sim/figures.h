@@ -49,6 +49,9 @@ Figure figure11(const FigureRun& run, const std::filesystem::path& csv_path);
 /// "paper-clamping". `X_WL` places it.
 Result<SceneModel> paperScene(std::string_view id, const Pose& X_WL, double rate_hz);
 
+/// The same, not yet compiled.
+Result<SceneSpec> paperSceneSpec(std::string_view id, const Pose& X_WL);
+
 /// Runs `plan` to its end in `model` with the simulated hand and device, through the gate.
 Result<FigureRun> runPlan(const SceneModel& model, const SimulatedDeviceOptions& device, HandPlan plan,
                           double t0_s);

@@ -40,6 +40,7 @@ Json jsonOf(const AccuracyRow& row) {
       {"rms_error_spread_n", orNull(row.rms_error_spread_n)},
       {"max_step_n", orNull(row.max_step_n)},
       {"noticeable_n", orNull(row.noticeable_n)},
+      {"stiffness_margin", orNull(row.stiffness_margin)},
       {"rms_error_m", orNull(row.rms_error_m)},
       {"latency_p99_ms", orNull(row.latency_p99_ms)},
       {"bytes_per_s", orNull(row.bytes_per_s)},

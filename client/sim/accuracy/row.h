@@ -48,9 +48,13 @@ struct AccuracyRow {
   // beyond DESIGN §5
   std::string variant;  ///< a choice that has no column, e.g. "PRECOMPUTED table, 2,000 nodes"
   std::optional<double> rms_error_spread_n;  ///< standard deviation of rms_error_n over seeds or repeats
-  std::optional<double> max_step_n;          ///< greatest change of force from one tick to the next
-  std::optional<double> noticeable_n;        ///< just noticeable difference at this scene's forces
-  std::optional<double> rms_error_m;         ///< of position
+  /// Greatest change of force from one tick to the next, but for the falls that the report declares as
+  /// releases.
+  std::optional<double> max_step_n;
+  std::optional<double> noticeable_n;      ///< just noticeable difference at this scene's forces
+  std::optional<double> stiffness_margin;  ///< stiffness that the device alone can render at this rate, to
+                                           ///< the scene's: b/(T (1/2 + delay))/K
+  std::optional<double> rms_error_m;       ///< of position
   std::optional<double> latency_p99_ms;
   std::optional<double> bytes_per_s;  ///< on the wire, framing and TLS included
   std::string uncertainty;            ///< in words, with numbers; never empty

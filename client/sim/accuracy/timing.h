@@ -53,4 +53,28 @@ Timing timeBatches(std::size_t batches, std::size_t per_batch, Operation&& opera
   return timingOf(std::move(means_ns), per_batch);
 }
 
+/// As timeBatches, for about `budget_s`: batches are at least 100 times as long as a reading of the clock,
+/// and there are 50 to 4,000 of them.
+template <typename Operation>
+Timing timeFor(double budget_s, Operation&& operation) {
+  constexpr std::size_t kMostPerBatch = 4096;
+  const double least_batch_ns = 100 * clockCost_ns();
+  // one look at the cost, doubling until it is long enough to be seen
+  std::size_t per_batch = 1;
+  double batch_ns = 0;
+  while (true) {
+    // the quickest of three: one that was interrupted looks long enough
+    for (int look = 0; look < 3; ++look) {
+      const std::int64_t from_ns = steadyNowNs();
+      for (std::size_t i = 0; i < per_batch; ++i) operation();
+      const auto took_ns = static_cast<double>(steadyNowNs() - from_ns);
+      batch_ns = look == 0 ? took_ns : std::min(batch_ns, took_ns);
+    }
+    if (batch_ns >= least_batch_ns || per_batch >= kMostPerBatch) break;
+    per_batch *= 2;
+  }
+  const double wanted = budget_s * 1e9 / std::max(batch_ns, 1.0);
+  return timeBatches(static_cast<std::size_t>(std::clamp(wanted, 50.0, 4000.0)), per_batch, operation);
+}
+
 }  // namespace needlelab

@@ -1,0 +1,209 @@
+#include "accuracy/fem_study.h"
+
+#include <cstdio>
+#include <string>
+#include <utility>
+
+#include "accuracy/rendering.h"
+#include "fem/mesh_study.h"
+#include "fem/needle_stroke.h"
+#include "haptics/models/like_for_like.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kRate_hz = 1000;
+constexpr char kScene[] = "paper-six-layers";
+
+Result<SceneSpec> femScene() {
+  const auto scenes = studyScenes();
+  if (!scenes.ok()) return scenes.error();
+  return likeForLike(scenes->back().spec, AxialModel::kFem);
+}
+
+// the finest mesh, compiled, and how big it is
+struct Finest {
+  SceneModel model;
+  int nodes = 0;
+  double strained_share = 0;
+};
+Result<Finest> finestOf(SceneSpec spec, int nodes) {
+  NeedleMeshOptions options;
+  options.nodes = nodes;
+  const auto compliance = precomputeCompliance(spec, options);
+  if (!compliance.ok()) return compliance.error();
+  spec.fem.compliance = *compliance;
+  auto model = compile(spec, kRate_hz);
+  if (!model.ok()) return model.error();
+  return Finest{*std::move(model), (*compliance)->nodes, (*compliance)->strained_share};
+}
+
+std::string reference(const Finest& finest) {
+  char text[120];
+  std::snprintf(text, sizeof text, "FEM of %d nodes, strokes of 0.5-3 mm in the tissue", finest.nodes);
+  return text;
+}
+
+AccuracyRow rowOf(AxialModel which, const SceneModel& model, const Finest& finest,
+                  const std::vector<StudyGesture>& strokes, double budget_s) {
+  ErrorRuns runs;
+  ErrorSum felt;
+  double step_N = 0;
+  for (const StudyGesture& stroke : strokes) {
+    const std::vector<double> asked_N = axialForces(finest.model, stroke);
+    runs.add(errorInTissue(model, stroke, axialForces(model, stroke), asked_N));
+    step_N = std::max(step_N, greatestStep_N(model, stroke));
+    for (const double force_N : asked_N)
+      if (force_N != 0) felt.add(force_N);
+  }
+  const Timing timing = timeSteps(model, strokes.front(), budget_s);
+  AccuracyRow row;
+  row.study = AccuracyStudy::kModel;
+  row.scene = kScene;
+  row.model = axialModelName(which);
+  row.rate_hz = kRate_hz;
+  row.reference = reference(finest);
+  row.rms_error_n = runs.rms();
+  row.max_error_n = runs.max();
+  row.rms_error_spread_n = runs.spread();
+  row.max_step_n = step_N;
+  row.noticeable_n = noticeableForce_N(felt.rms());
+  row.median_ns = timing.median_ns;
+  row.p99_ns = timing.p99_ns;
+  row.cpu_share = timing.median_ns * kRate_hz * 1e-9;
+  row.fits_rate = timing.p99_ns <= 1e9 / kRate_hz;
+  char strained[96];
+  std::snprintf(strained, sizeof strained, "; %.0f %% of the volume near the path above 10 %% strain",
+                100 * finest.strained_share);
+  row.uncertainty = spreadText(runs, "gestures") + "; " + timingText(timing) + strained;
+  row.cannot_show =
+      "cutting, which is an input of FEM as of every model, and large strains: FEM is linear here. Its "
+      "elasticity "
+      "is derived from the scene's lateral stiffness, not measured: which model is nearer to tissue it "
+      "cannot say";
+  return row;
+}
+
+}  // namespace
+
+Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const AccuracyProgress& progress,
+                                   std::vector<std::string>& notes) {
+  const auto spec = femScene();
+  if (!spec.ok()) return spec.error();
+  progress("model: the finest FEM", 0);
+  const auto finest = finestOf(*spec, 4 * spec->fem.nodes * (options.long_form ? 3 : 1));
+  if (!finest.ok()) return finest.error();
+  std::vector<StudyGesture> strokes;
+  for (std::uint64_t seed = 1; seed <= (options.long_form ? 16u : 4u); ++seed)
+    strokes.push_back(strokeGesture(*spec, seed, kRate_hz));
+
+  const auto scenes = studyScenes();
+  if (!scenes.ok()) return scenes.error();
+  AccuracyRows rows;
+  for (std::size_t m = 0; m < kAxialModelCount; ++m) {
+    const auto which = static_cast<AxialModel>(m);
+    progress("model: " + std::string(axialModelName(which)) + " against FEM",
+             static_cast<double>(m) / static_cast<double>(kAxialModelCount));
+    SceneSpec same = likeForLike(scenes->back().spec, which);
+    Status made = addCompliance(same);
+    auto model = made.ok() ? compile(same, kRate_hz) : Result<SceneModel>(made.error());
+    if (model.ok())
+      rows.push_back(rowOf(which, *model, *finest, strokes, options.long_form ? 1.0 : 0.2));
+    else
+      notes.push_back("model: " + std::string(axialModelName(which)) +
+                      " is left out: " + model.error().message);
+  }
+  return rows;
+}
+
+Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyProgress& progress,
+                               std::vector<std::string>& /*notes*/) {
+  auto fem = femScene();
+  if (!fem.ok()) return fem.error();
+  progress("model: FEM as a table", 0);
+  if (const Status made = addCompliance(*fem); !made.ok()) return made.error();
+  SceneSpec table = *fem;
+  auto forces = forceTable(*fem, studyDepth(*fem));
+  if (!forces.ok()) return forces.error();
+  table.axial_model = AxialModel::kPrecomputed;
+  table.precomputed.table = *std::move(forces);
+  const auto error = tableError(*fem, table, kRate_hz);
+  if (!error.ok()) return error.error();
+
+  const auto model = compile(table, kRate_hz);
+  if (!model.ok()) return model.error();
+  const Timing timing = timeSteps(*model, strokeGesture(*fem, 1, kRate_hz), options.long_form ? 1.0 : 0.2);
+  AccuracyRow row;
+  row.study = AccuracyStudy::kModel;
+  row.scene = kScene;
+  row.model = axialModelName(AxialModel::kPrecomputed);
+  row.variant = "table from FEM, as needlelab-sim precompute makes it";
+  row.rate_hz = kRate_hz;
+  row.reference = "live FEM over one straight insertion and withdrawal, the mesh that the table comes from";
+  row.rms_error_n = error->rms_N;
+  row.max_error_n = error->max_N;
+  row.noticeable_n = noticeableForce_N(error->fem_peak_N);
+  row.median_ns = timing.median_ns;
+  row.p99_ns = timing.p99_ns;
+  row.cpu_share = timing.median_ns * kRate_hz * 1e-9;
+  row.fits_rate = timing.p99_ns <= 1e9 / kRate_hz;
+  char text[200];
+  std::snprintf(text, sizeof text, "in ± %.2g N, hold ± %.2g N, out ± %.2g N (rms); FEM's peak %.3g N; ",
+                error->in_rms_N, error->hold_rms_N, error->out_rms_N, error->fem_peak_N);
+  row.uncertainty = text + timingText(timing);
+  row.cannot_show =
+      "motions other than one straight stroke: a table knows depth and direction, not what the shaft "
+      "remembers; the "
+      "error of FEM itself";
+  return AccuracyRows{row};
+}
+
+Result<AccuracyRows> meshRows(const AccuracyOptions& options, const AccuracyProgress& progress,
+                              std::vector<std::string>& /*notes*/) {
+  const auto spec = femScene();
+  if (!spec.ok()) return spec.error();
+  std::vector<int> ladder = {500, 1000, 2000, 4000, 8000, 16'000};
+  if (options.long_form) ladder.insert(ladder.end(), {32'000, 64'000});
+  progress("mesh: up to " + std::to_string(ladder.back()) + " nodes", 0);
+  std::size_t done = 0;
+  const auto meshes = meshStudy(*spec, ladder, kDefaultStations, [&](const MeshRow& mesh) {
+    ++done;
+    progress("mesh: " + std::to_string(mesh.nodes) + " nodes done",
+             static_cast<double>(done) / static_cast<double>(ladder.size()));
+  });
+  if (!meshes.ok()) return meshes.error();
+  AccuracyRows rows;
+  for (std::size_t i = 0; i < meshes->size(); ++i) {
+    const MeshRow& mesh = (*meshes)[i];
+    AccuracyRow row;
+    row.study = AccuracyStudy::kMesh;
+    row.scene = kScene;
+    row.model = axialModelName(AxialModel::kFem);
+    row.rate_hz = kRate_hz;
+    row.mesh_nodes = mesh.nodes;
+    row.reference = "the finest mesh, " + std::to_string(meshes->back().nodes) +
+                    " nodes, over an insertion and a withdrawal";
+    row.rms_error_n = mesh.force_rms_error_N;
+    row.max_error_n = mesh.force_max_error_N;
+    row.median_ns = mesh.live_step_p50_s * 1e9;
+    row.p99_ns = mesh.live_step_p99_s * 1e9;
+    row.cpu_share = mesh.live_step_p50_s * kRate_hz;
+    row.fits_rate = mesh.live_step_p99_s <= 1 / kRate_hz;
+    char text[240];
+    std::snprintf(
+        text, sizeof text,
+        "stiffness %.4g N/m, %+.1f %% of the finest; made once in %.2g s, a whole solve %.3g ms; %.0f %% of "
+        "the volume near the path above 10 %% strain",
+        mesh.stiffness_N_per_m, 100 * mesh.stiffness_error, mesh.precompute_s, 1e3 * mesh.one_solve_s,
+        100 * mesh.strained_near_share);
+    row.uncertainty = text;
+    row.cannot_show =
+        "the error of the finest mesh itself, of linear elasticity at large strain, and of elasticity that "
+        "was "
+        "derived, not measured; the finest mesh has no error by definition";
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,39 @@
+/// Rows that may be compared, and those of them that nothing beats in both cost and error.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "accuracy/row.h"
+
+namespace needlelab {
+
+/// What a row costs: processor time for a millisecond of the lesson, which is one tick at 1 kHz. In ns.
+/// Nothing when it was not measured.
+std::optional<double> costOf_ns(const AccuracyRow& row);
+
+/// What was chosen in a row, in words: "VOIGT", "10 kHz", "1 µm", "lossless", "20 ms", "2,000 nodes".
+std::string choiceOf(const AccuracyRow& row);
+
+/// Rows of one study, scene and reference (and model, where that is not what is varied), in their order.
+struct RowGroup {
+  AccuracyStudy study;
+  std::string scene, reference, model;  ///< model empty in study `model`
+  std::vector<const AccuracyRow*> rows;
+};
+/// In order of first appearance. The rows must outlive the groups.
+std::vector<RowGroup> groupsOf(const AccuracyRows& rows);
+
+/// A choice in two measures, both of which should be small.
+struct CostError {
+  double cost = 0, error = 0;
+};
+/// Which of `points` no other beats: none has less of one and not more of the other. Points that are equal in
+/// both are on it together. A point with a measure that is not finite never is.
+std::vector<bool> paretoFront(const std::vector<CostError>& points);
+
+/// The front of a group in cost and rms error; a row that lacks one of them is not on it.
+std::vector<bool> paretoFront(const RowGroup& group);
+
+}  // namespace needlelab

@@ -1,0 +1,230 @@
+#include "accuracy/plot.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "accuracy/pareto.h"
+#include "accuracy/plot_panel.h"
+#include "accuracy/recommendation.h"
+#include "accuracy/report.h"
+#include "sim/figure_table.h"
+
+namespace needlelab {
+namespace {
+
+// what a diagram shows of a row
+struct Axes {
+  const char *x_title, *y_title, *x_unit, *y_unit;
+  std::optional<double> (*x)(const AccuracyRow&);
+  std::optional<double> (*y)(const AccuracyRow&);
+};
+
+std::optional<double> scaled(const std::optional<double>& value, double scale) {
+  return value ? std::optional(*value * scale) : std::nullopt;
+}
+
+constexpr auto kCost_s = [](const AccuracyRow& r) { return scaled(costOf_ns(r), 1e-9); };
+constexpr auto kError_N = [](const AccuracyRow& r) { return r.rms_error_n; };
+
+Axes timeAxes(AccuracyStudy study) {
+  const char* x = study == AccuracyStudy::kRate      ? "processor time for 1 ms of the lesson"
+                  : study == AccuracyStudy::kStorage ? "time to encode and decode a sample"
+                  : study == AccuracyStudy::kLive    ? "processor time for a sample, station and viewer"
+                                                     : "time of a tick (median)";
+  return {x,       study == AccuracyStudy::kLive ? "force seen late: rms error" : "rms error of force",
+          "s",     "N",
+          kCost_s, kError_N};
+}
+
+const Axes kBytesAxes = {
+    "bytes a sample", "rms error of force", "B", "N", [](const AccuracyRow& r) { return r.bytes_per_sample; },
+    kError_N};
+const Axes kLatencyAxes = {"bandwidth, framing and TLS included",
+                           "latency, p99",
+                           "B/s",
+                           "s",
+                           [](const AccuracyRow& r) { return r.bytes_per_s; },
+                           [](const AccuracyRow& r) { return scaled(r.latency_p99_ms, 1e-3); }};
+const Axes kStepAxes = {"time of a tick (median)",
+                        "greatest step of force in a tick",
+                        "s",
+                        "N",
+                        kCost_s,
+                        [](const AccuracyRow& r) { return r.max_step_n; }};
+
+void addPoints(Panel& panel, const RowGroup& group, const Axes& axes, std::size_t series, bool named) {
+  std::vector<const AccuracyRow*> shown;
+  std::vector<CostError> measures;
+  for (const AccuracyRow* row : group.rows) {
+    const auto x = axes.x(*row), y = axes.y(*row);
+    if (!x || !y || !std::isfinite(*x) || !std::isfinite(*y)) continue;
+    shown.push_back(row);
+    measures.push_back({*x, *y});
+  }
+  const std::vector<bool> front = paretoFront(measures);
+  for (std::size_t i = 0; i < shown.size(); ++i) {
+    PanelPoint point{measures[i].cost, measures[i].error, {}, {}, series, shown[i]->fits_rate.value_or(true),
+                     front[i]};
+    if (axes.y == kError_N) point.spread = shown[i]->rms_error_spread_n;
+    if (named) point.label = choiceOf(*shown[i]) + (measures[i].error == 0 ? " (no error)" : "");
+    panel.points.push_back(std::move(point));
+  }
+}
+
+Panel panelOf(const std::vector<const RowGroup*>& groups, const Axes& axes) {
+  Panel panel;
+  panel.x_title = axes.x_title, panel.y_title = axes.y_title;
+  panel.x_unit = axes.x_unit, panel.y_unit = axes.y_unit;
+  for (std::size_t s = 0; s < groups.size(); ++s) {
+    panel.series.push_back(groups[s]->scene);
+    addPoints(panel, *groups[s], axes, s, s == 0);
+  }
+  panel.under_title =
+      (groups.size() == 1 ? groups[0]->scene + ", " : std::string()) + "against " + groups[0]->reference;
+  constexpr std::size_t kMost = 96;
+  if (panel.under_title.size() > kMost)
+    panel.under_title = panel.under_title.substr(0, panel.under_title.rfind(' ', kMost)) + " …";
+  const auto& noticed = groups[0]->rows[0]->noticeable_n;
+  if (noticed && axes.y != kLatencyAxes.y) {
+    panel.level = *noticed;
+    panel.level_name = "a hand notices " + siText(*noticed, "N");
+  }
+  return panel;
+}
+
+// groups of a model each alone (nine names fill a diagram); others by reference, their scenes together
+std::vector<std::vector<const RowGroup*>> diagramsOf(AccuracyStudy study,
+                                                     const std::vector<RowGroup>& groups) {
+  std::vector<std::vector<const RowGroup*>> diagrams;
+  for (const RowGroup& group : groups) {
+    if (group.study != study) continue;
+    auto same = std::find_if(diagrams.begin(), diagrams.end(), [&](const auto& diagram) {
+      return study != AccuracyStudy::kModel && diagram[0]->reference == group.reference &&
+             diagram[0]->model == group.model;
+    });
+    if (same == diagrams.end())
+      diagrams.push_back({&group});
+    else
+      same->push_back(&group);
+  }
+  return diagrams;
+}
+
+std::vector<Panel> panelsOf(AccuracyStudy study, const AccuracyRows& rows,
+                            const std::vector<RowGroup>& groups) {
+  std::vector<Panel> panels;
+  const auto add = [&](Panel panel, const std::string& title) {
+    panel.title = title;
+    if (!panel.points.empty()) panels.push_back(std::move(panel));
+  };
+  const auto diagrams = diagramsOf(study, groups);
+  for (const auto& diagram : diagrams) {
+    AccuracyRows own;
+    for (const AccuracyRow* row : diagram[0]->rows) own.push_back(*row);
+    add(panelOf(diagram, timeAxes(study)), findingOf(study, own));
+  }
+  if (diagrams.empty()) return panels;
+  if (study == AccuracyStudy::kStorage) add(panelOf(diagrams[0], kBytesAxes), "Bytes for accuracy");
+  if (study == AccuracyStudy::kLive) add(panelOf(diagrams[0], kLatencyAxes), "Bandwidth for being on time");
+  if (study == AccuracyStudy::kModel)
+    add(panelOf({&*diagrams.back()[0]}, kStepAxes), "Continuity: a step is felt, whatever the mean error");
+  static_cast<void>(rows);
+  return panels;
+}
+
+std::string header(const std::string& title, double width, double height) {
+  std::string text = figureStyle() + "set border 3 lc rgb '#4a5560' lw 1.2\nset multiplot\n";
+  text += "set label " + quoted(title) + " at screen 0.5, screen " + fixed(1 - 24 / height, 5) +
+          " center noenhanced font 'DejaVu Sans Bold,17' textcolor rgb '#1c2329'\n";
+  // how to read the points, once for all panels
+  const double y = 18 / height;
+  const auto entry = [&](double x_px, const std::string& words, const std::string& mark) {
+    text += "set label " + quoted(words) + " at screen " + fixed(x_px / width, 5) + ", screen " +
+            fixed(y, 5) + " left noenhanced font 'DejaVu Sans,11' textcolor rgb '#2b333b'" + mark + "\n";
+  };
+  entry(60, " fits its rate", " point pt 7 ps 1.3 lc rgb '#4a5560' offset 0.8,0");
+  entry(205, " too slow for its rate", " point pt 6 ps 1.3 lw 2 lc rgb '#4a5560' offset 0.8,0");
+  entry(405, "– – –  Pareto front: nothing is both cheaper and more accurate", "");
+  entry(880, "bars: standard deviation over repeats", "");
+  return text +
+         "set xrange [0:1]\nset yrange [0:1]\nunset border\nunset tics\nunset xlabel\nunset ylabel\nunset "
+         "key\n"
+         "plot -1\nset border 3\nset tics nomirror out scale 0.6 textcolor rgb '#2b333b'\n";
+}
+
+struct Grid {
+  std::size_t columns = 1, rows = 1;
+  double cell_width = 0, cell_height = 0;
+};
+
+AccuracyPicture pictureOf(const std::string& name, const std::string& title, const std::vector<Panel>& panels,
+                          const Grid& grid, const std::string& text_cell) {
+  constexpr double kHead = 48, kFoot = 40;
+  const double width = static_cast<double>(grid.columns) * grid.cell_width;
+  const double height = static_cast<double>(grid.rows) * grid.cell_height + kHead + kFoot;
+  AccuracyPicture picture{name, header(title, width, height), static_cast<int>(width),
+                          static_cast<int>(height)};
+  for (std::size_t i = 0; i < panels.size(); ++i) {
+    const auto column = static_cast<double>(i % grid.columns), row = static_cast<double>(i / grid.columns);
+    const PanelPlace place{column * grid.cell_width,
+                           height - kHead - (row + 1) * grid.cell_height,
+                           grid.cell_width,
+                           grid.cell_height,
+                           width,
+                           height};
+    picture.script += panelScript(panels[i], place, i + 1);
+  }
+  if (!text_cell.empty()) {
+    const auto i = grid.columns * grid.rows - 1;
+    const double left = static_cast<double>(i % grid.columns) * grid.cell_width + 60;
+    double y = height - kHead - static_cast<double>(i / grid.columns) * grid.cell_height - 40;
+    picture.script +=
+        "unset label\nunset arrow\nunset logscale\nset xrange [0:1]\nset yrange [0:1]\nunset border\n"
+        "unset tics\nunset xlabel\nunset ylabel\n";
+    std::string rest = text_cell;
+    while (!rest.empty()) {
+      const std::size_t end = rest.find('\n');
+      picture.script += "set label " + quoted(rest.substr(0, end)) + " at screen " + fixed(left / width, 5) +
+                        ", screen " + fixed(y / height, 5) +
+                        " left noenhanced font 'DejaVu Sans,12' textcolor rgb '#1c2329'\n";
+      y -= 22;
+      rest.erase(0, end == std::string::npos ? rest.size() : end + 1);
+    }
+    picture.script += "plot -1\n";
+  }
+  picture.script += "unset multiplot\n";
+  return picture;
+}
+
+constexpr std::array<const char*, 5> kTitles = {"What a model of the tissue costs, and what it gives",
+                                                "What a finer FEM mesh costs, and what it gives",
+                                                "What a faster haptic loop costs, and what it gives",
+                                                "What a finer stored resolution costs, and what it gives",
+                                                "What live frames cost, and how late they are"};
+
+}  // namespace
+
+std::vector<AccuracyPicture> accuracyPictures(const AccuracyRows& rows) {
+  const std::vector<RowGroup> groups = groupsOf(rows);
+  std::vector<AccuracyPicture> pictures;
+  std::vector<Panel> firsts;
+  for (std::size_t s = 0; s < kAccuracyStudyNames.size(); ++s) {
+    const auto panels = panelsOf(static_cast<AccuracyStudy>(s), rows, groups);
+    if (panels.empty()) continue;
+    // of the models the last scene is the fuller one
+    firsts.push_back(panels.front());
+    const std::size_t columns = panels.size() == 1 ? 1 : panels.size() <= 4 ? 2 : 3;
+    const Grid grid{columns, (panels.size() + columns - 1) / columns, columns == 1 ? 1200.0 : 800.0, 600};
+    pictures.push_back(
+        pictureOf("accuracy_" + std::string(kAccuracyStudyNames[s]), kTitles[s], panels, grid, {}));
+  }
+  if (firsts.size() < 2) return pictures;
+  const auto advice = recommendation(rows);
+  const std::size_t columns = firsts.size() < 4 ? 2 : 3;
+  const Grid grid{columns, firsts.size() / columns + 1, 800, 560};
+  pictures.push_back(pictureOf("accuracy", "What accuracy costs in time", firsts, grid,
+                               advice.empty() ? "" : wrapped(advice.back(), 78, "")));
+  return pictures;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,275 @@
+#include "accuracy/recommendation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+namespace needlelab {
+namespace {
+
+constexpr double kMostLatency_ms = 25;  // half of DESIGN §12's 50 ms: server and network need the rest
+constexpr double kStiffnessMargin = 2;  // theory allows so many times the scene's stiffness
+constexpr double kStorageShare = 0.1;   // of what is noticed
+constexpr double kNone = std::numeric_limits<double>::infinity();
+
+std::string sig(double value, int digits) {
+  char text[48];
+  std::snprintf(text, sizeof text, "%.*g", digits, value);
+  return text;
+}
+
+std::string timeText(double ns) {
+  if (ns >= 1e6) return sig(ns * 1e-6, 3) + " ms";
+  if (ns >= 1e3) return sig(ns * 1e-3, 3) + " µs";
+  return sig(ns, 3) + " ns";
+}
+
+std::string forceText(double force_N) {
+  if (force_N == 0) return "0 N";
+  return force_N < 0.01 ? sig(force_N * 1e3, 2) + " mN" : sig(force_N, 2) + " N";
+}
+
+bool fits(const AccuracyRow& row) {
+  return row.fits_rate.value_or(true);
+}
+double errorOf(const AccuracyRow& row) {
+  return row.rms_error_n.value_or(kNone);
+}
+double costOf(const AccuracyRow& row) {
+  return costOf_ns(row).value_or(kNone);
+}
+
+// what "good enough" means in a study; infinite error never is
+bool goodEnough(const AccuracyRow& row) {
+  const double error_N = errorOf(row), noticed_N = row.noticeable_n.value_or(0);
+  switch (row.study) {
+    case AccuracyStudy::kModel:
+      return error_N <= noticed_N && row.max_step_n.value_or(0) <= noticed_N;
+    case AccuracyStudy::kRate:
+      return error_N <= noticed_N && row.max_step_n.value_or(0) <= noticed_N &&
+             row.stiffness_margin.value_or(kNone) >= kStiffnessMargin;
+    case AccuracyStudy::kMesh:
+      return error_N < kNone;
+    case AccuracyStudy::kStorage:
+      return error_N <= kStorageShare * noticed_N;
+    case AccuracyStudy::kLive:
+      return row.latency_p99_ms.value_or(kNone) < kMostLatency_ms;
+  }
+  return false;
+}
+
+// what is saved among those that are good enough
+double priceOf(const AccuracyRow& row) {
+  switch (row.study) {
+    case AccuracyStudy::kStorage:
+      return row.bytes_per_sample.value_or(kNone);
+    case AccuracyStudy::kLive:
+      return row.bytes_per_s.value_or(kNone);
+    case AccuracyStudy::kMesh:
+      return errorOf(row);
+    default:
+      return costOf(row);
+  }
+}
+
+// how far a row is from good enough
+double lackOf(const AccuracyRow& row) {
+  return row.study == AccuracyStudy::kLive ? row.latency_p99_ms.value_or(kNone) : errorOf(row);
+}
+
+const AccuracyRow* least(const std::vector<const AccuracyRow*>& rows, double (*measure)(const AccuracyRow&)) {
+  const auto at = std::min_element(rows.begin(), rows.end(), [&](const AccuracyRow* a, const AccuracyRow* b) {
+    return measure(*a) < measure(*b);
+  });
+  return at == rows.end() || !std::isfinite(measure(**at)) ? nullptr : *at;
+}
+
+std::string measuresOf(const AccuracyRow& row) {
+  std::string text = "rms error " + forceText(errorOf(row));
+  if (row.rms_error_spread_n && *row.rms_error_spread_n > 0)
+    text += " ± " + forceText(*row.rms_error_spread_n);
+  if (row.stiffness_margin)
+    text += ", theory allows " + sig(*row.stiffness_margin, 2) + " times its stiffness";
+  if (row.max_step_n) text += ", greatest step in a tick " + forceText(*row.max_step_n);
+  if (row.study == AccuracyStudy::kStorage && row.bytes_per_sample)
+    text += ", " + sig(*row.bytes_per_sample, 3) + " bytes a sample";
+  if (row.study == AccuracyStudy::kLive && row.latency_p99_ms && row.bytes_per_s)
+    text +=
+        ", latency p99 " + sig(*row.latency_p99_ms, 3) + " ms, " + sig(*row.bytes_per_s * 1e-3, 3) + " kB/s";
+  if (row.study == AccuracyStudy::kRate && row.cpu_share)
+    text += ", " + sig(100 * *row.cpu_share, 2) + " % of a core";
+  else if (row.median_ns)
+    text +=
+        ", " + timeText(*row.median_ns) +
+        (row.study == AccuracyStudy::kStorage || row.study == AccuracyStudy::kLive ? " a sample" : " a tick");
+  return text;
+}
+
+std::string conditionOf(const AccuracyRow& row, bool good) {
+  const std::string noticed = row.noticeable_n ? forceText(*row.noticeable_n) : "nothing known";
+  switch (row.study) {
+    case AccuracyStudy::kModel:
+      if (!row.noticeable_n) return "the least error among those that fit";
+      return good ? "the cheapest whose error and steps are below what a hand notices (" + noticed + ")"
+                  : "none is below what a hand notices (" + noticed +
+                        ") in both error and steps; this has the least error";
+    case AccuracyStudy::kRate:
+      return good ? "the slowest whose error and steps are below what a hand notices (" + noticed +
+                        ") and for which theory allows twice the scene's stiffness, whatever the hand"
+                  : "none is below what a hand notices (" + noticed +
+                        ") with twice the scene's stiffness allowed by theory; this has the least error";
+    case AccuracyStudy::kMesh:
+      return "the least error that fits";
+    case AccuracyStudy::kStorage:
+      return good
+                 ? "the fewest bytes with an error below a tenth of what a hand notices (" + noticed + ")"
+                 : "none is below a tenth of what a hand notices (" + noticed + "); this has the least error";
+    case AccuracyStudy::kLive:
+      return good ? "the least bandwidth with a p99 latency below " + sig(kMostLatency_ms, 3) + " ms"
+                  : "none has a p99 latency below " + sig(kMostLatency_ms, 3) + " ms; this has the least";
+  }
+  return {};
+}
+
+std::string list(const std::vector<std::string>& names) {
+  std::string text;
+  for (std::size_t i = 0; i < names.size(); ++i)
+    text += (i == 0 ? "" : i + 1 == names.size() ? " and " : ", ") + names[i];
+  return text;
+}
+
+std::string adviceText(const RowGroup& group, const AccuracyRow& row, bool good) {
+  std::string text = std::string(nameOf(group.study)) + ", " + group.scene + " (against " + group.reference +
+                     "): take " + choiceOf(row) + ": " + conditionOf(row, good) + "; " + measuresOf(row) +
+                     ".";
+  std::vector<std::string> on_front, unfit;
+  const std::vector<bool> front = paretoFront(group);
+  bool taken_on_front = false;
+  const AccuracyRow* finer = nullptr;
+  for (std::size_t i = 0; i < group.rows.size(); ++i) {
+    const AccuracyRow& other = *group.rows[i];
+    if (front[i]) on_front.push_back(choiceOf(other));
+    taken_on_front |= front[i] && &other == &row;
+    if (!fits(other)) unfit.push_back(choiceOf(other));
+    if (fits(other) && errorOf(other) < errorOf(row) &&
+        (finer == nullptr || errorOf(other) < errorOf(*finer)))
+      finer = &other;
+  }
+  if (on_front.size() > 1 && on_front.size() == group.rows.size())
+    text += " All are on the front of error and time: each gives something for its price.";
+  else if (!on_front.empty())
+    text += " On the front of error and time: " + list(on_front) +
+            (taken_on_front ? "." : " (not the one taken).");
+  if (finer != nullptr) text += " The least error has " + choiceOf(*finer) + ": " + measuresOf(*finer) + ".";
+  if (!unfit.empty()) text += " Too slow for their rate: " + list(unfit) + ".";
+  return text;
+}
+
+// how much a choice asks for: more is more careful
+double demandOf(const AccuracyRow& row) {
+  switch (row.study) {
+    case AccuracyStudy::kModel:
+      return 0;
+    case AccuracyStudy::kMesh:
+      return row.mesh_nodes.value_or(0);
+    case AccuracyStudy::kRate:
+      return row.rate_hz.value_or(0);
+    case AccuracyStudy::kStorage:
+      return row.quantum_m ? -*row.quantum_m : -kNone;
+    case AccuracyStudy::kLive:
+      return row.frame_s ? -*row.frame_s : -kNone;
+  }
+  return 0;
+}
+
+// one choice for all comparisons of a study: the model that most of them take, the most careful of the others
+std::string consensusOf(AccuracyStudy study, const std::vector<Advice>& advices) {
+  std::vector<const AccuracyRow*> taken;
+  for (const Advice& advice : advices)
+    if (advice.row != nullptr && advice.row->study == study) taken.push_back(advice.row);
+  if (taken.empty()) return {};
+  const auto votes = [&](const AccuracyRow* row) {
+    return std::count_if(taken.begin(), taken.end(),
+                         [&](const AccuracyRow* other) { return choiceOf(*other) == choiceOf(*row); });
+  };
+  const AccuracyRow* best = taken.front();
+  for (const AccuracyRow* row : taken)
+    if (study == AccuracyStudy::kModel ? votes(row) > votes(best) : demandOf(*row) > demandOf(*best))
+      best = row;
+  const auto count = static_cast<std::size_t>(votes(best));
+  if (count == taken.size()) return choiceOf(*best);
+  return choiceOf(*best) + " (" + (study == AccuracyStudy::kModel ? "" : "the most careful choice, ") +
+         "of " + std::to_string(count) + " of " + std::to_string(taken.size()) + " comparisons)";
+}
+
+}  // namespace
+
+Advice adviceFor(const RowGroup& group) {
+  std::vector<const AccuracyRow*> fitting, good;
+  for (const AccuracyRow* row : group.rows) {
+    if (!fits(*row)) continue;
+    fitting.push_back(row);
+    if (goodEnough(*row)) good.push_back(row);
+  }
+  Advice advice;
+  advice.row = least(good, priceOf);
+  advice.good_enough = advice.row != nullptr;
+  if (advice.row == nullptr) advice.row = least(fitting, lackOf);
+  if (advice.row == nullptr)
+    advice.text = std::string(nameOf(group.study)) + ", " + group.scene + " (against " + group.reference +
+                  "): nothing fits its rate, or nothing was measured; no choice can be recommended.";
+  else
+    advice.text = adviceText(group, *advice.row, advice.good_enough);
+  return advice;
+}
+
+std::vector<std::string> recommendation(const AccuracyRows& rows) {
+  std::vector<Advice> advices;
+  std::vector<std::string> paragraphs;
+  for (const RowGroup& group : groupsOf(rows)) {
+    advices.push_back(adviceFor(group));
+    paragraphs.push_back(advices.back().text);
+  }
+  static constexpr std::array<const char*, 5> kWords = {"the model ", "an FEM mesh of ", "a loop of ",
+                                                        "stored steps of ", "live frames of "};
+  std::vector<std::string> choices;
+  for (std::size_t s = 0; s < kWords.size(); ++s) {
+    const std::string choice = consensusOf(static_cast<AccuracyStudy>(s), advices);
+    if (choice == "lossless")
+      choices.emplace_back("lossless storage");
+    else if (!choice.empty())
+      choices.push_back(kWords[s] + choice);
+  }
+  if (!choices.empty()) paragraphs.push_back("In sum, on this machine: " + list(choices) + ".");
+  return paragraphs;
+}
+
+std::string findingOf(AccuracyStudy study, const AccuracyRows& rows) {
+  for (const RowGroup& group : groupsOf(rows)) {
+    if (group.study != study) continue;
+    const Advice advice = adviceFor(group);
+    if (advice.row == nullptr) continue;
+    const AccuracyRow& row = *advice.row;
+    switch (study) {
+      case AccuracyStudy::kModel:
+        return choiceOf(row) + ": " + forceText(errorOf(row)) + " of error for " + timeText(costOf(row)) +
+               " a tick";
+      case AccuracyStudy::kMesh:
+        return "A live FEM of " + choiceOf(row) + " fits: " + timeText(row.p99_ns.value_or(0)) +
+               " a tick (p99)";
+      case AccuracyStudy::kRate:
+        return choiceOf(row) + " is enough: " + forceText(errorOf(row)) + " of error for " +
+               sig(100 * row.cpu_share.value_or(0), 2) + " % of a core";
+      case AccuracyStudy::kStorage:
+        return "Steps of " + choiceOf(row) + ": " + sig(row.bytes_per_sample.value_or(0), 3) +
+               " bytes a sample for " + forceText(errorOf(row)) + " of error";
+      case AccuracyStudy::kLive:
+        return "Frames of " + choiceOf(row) + ": " + sig(row.latency_p99_ms.value_or(0), 3) + " ms" +
+               " late (p99) for " + sig(row.bytes_per_s.value_or(0) * 1e-3, 3) + " kB/s";
+    }
+  }
+  return {};
+}
+
+}  // namespace needlelab

@@ -1,0 +1,22 @@
+/// The accuracy report as text: aligned tables for a person, CSV for other programs.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "accuracy/row.h"
+
+namespace needlelab {
+
+/// A table for each group of comparable rows, with units, its comparator above and what it cannot show below;
+/// columns that no row of the group fills are left out. `front` marks the Pareto front.
+std::string accuracyTables(const AccuracyRows& rows);
+
+/// All rows with the columns of the JSON, in its order. Texts in double quotes; empty where absent.
+std::string accuracyCsv(const AccuracyRows& rows);
+
+/// `text` in lines of at most `width` letters (UTF-8), each begun with `indent`.
+std::string wrapped(std::string_view text, std::size_t width, std::string_view indent);
+
+}  // namespace needlelab

@@ -1,0 +1,149 @@
+/// `needlelab-sim accuracy`: what accuracy costs in time, as tables, JSON, CSV and pictures.
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <system_error>
+
+#include "accuracy/plot.h"
+#include "accuracy/recommendation.h"
+#include "accuracy/recorded_pictures.h"
+#include "accuracy/report.h"
+#include "accuracy/study.h"
+#include "base/atomic_file.h"
+#include "base/exit_code.h"
+#include "base/machine.h"
+#include "sim/command.h"
+#include "sim/gnuplot.h"
+#include "sim/json_output.h"
+
+namespace needlelab {
+namespace {
+
+struct AccuracyCommand {
+  JsonOption json;
+  std::filesystem::path out;
+  std::vector<std::string> studies;  // empty = all
+  bool long_form = false;
+  std::string data;
+};
+
+int fail(const Error& error) {
+  std::fprintf(stderr, "needlelab-sim accuracy: %s\n", error.message.c_str());
+  return exitCodeOf(error);
+}
+
+// where the recordings are: the option, the environment, or beside the project; empty when nowhere
+Result<std::filesystem::path> dataFolder(const AccuracyCommand& command) {
+  if (!command.data.empty()) {
+    if (std::filesystem::is_directory(command.data)) return std::filesystem::path(command.data);
+    return Error{ErrorCode::kInvalidInput, "--data " + command.data + ": is no folder"};
+  }
+  const char* set = std::getenv("NEEDLELAB_DATA");
+  const std::filesystem::path folder = set != nullptr && *set != 0 ? set : "../shared/data";
+  std::error_code unreadable;  // then it is as if it were not there
+  return std::filesystem::is_directory(folder, unreadable) ? folder : std::filesystem::path();
+}
+
+bool wanted(const AccuracyCommand& command, AccuracyStudy study) {
+  if (command.studies.empty()) return true;
+  for (const std::string& name : command.studies)
+    if (name == nameOf(study)) return true;
+  return false;
+}
+
+AccuracyProgress progressOnTerminal() {
+  if (::isatty(STDERR_FILENO) == 0) return [](std::string_view, double) {};
+  return [](std::string_view doing, double share) {
+    std::fprintf(stderr, "\r\033[K%3.0f %% %.*s", 100 * share, static_cast<int>(doing.size()), doing.data());
+  };
+}
+
+Status writePictures(const AccuracyCommand& command, const AccuracyOptions& options,
+                     const AccuracyRows& rows) {
+  std::error_code made;
+  std::filesystem::create_directories(command.out, made);
+  if (made)
+    return Error{ErrorCode::kInvalidInput,
+                 "--out " + command.out.string() + ": cannot make the folder: " + made.message()};
+  if (Status status = writeFileAtomically(command.out / "accuracy.csv", viewOf(accuracyCsv(rows)));
+      !status.ok())
+    return status;
+  if (!hasGnuplot()) {
+    std::fprintf(stderr,
+                 "needlelab-sim accuracy: gnuplot is not on the PATH: the table only, no pictures (Debian: "
+                 "gnuplot-nox)\n");
+    return {};
+  }
+  for (const AccuracyPicture& picture : accuracyPictures(rows))
+    if (Status status = plotPng(picture.script, command.out / (picture.name + ".png"), picture.width_px,
+                                picture.height_px);
+        !status.ok())
+      return status;
+  // the recorded curves with the models drawn into them
+  if (!wanted(command, AccuracyStudy::kModel)) return {};
+  const auto recorded = recordedPictures(options, progressOnTerminal());
+  if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "\r\033[K");
+  if (!recorded.ok()) return recorded.error();
+  return drawRecordedPictures(*recorded, command.out);
+}
+
+int accuracy(const AccuracyCommand& command) {
+  const auto data = dataFolder(command);
+  if (!data.ok()) return fail(data.error());
+  const AccuracyOptions options{command.long_form, *data};
+  const AccuracyProgress progress = progressOnTerminal();
+  AccuracyRows rows;
+  std::vector<std::string> notes;
+  for (const AccuracyPart& part : accuracyParts()) {
+    if (!wanted(command, part.study)) continue;
+    auto more = part.run(options, progress, notes);
+    if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "\r\033[K");
+    if (!more.ok())
+      return fail({more.error().code, "study " + std::string(nameOf(part.study)) + ", " +
+                                          std::string(part.name) + ": " + more.error().message});
+    rows.insert(rows.end(), more->begin(), more->end());
+  }
+  for (const std::string& note : notes) std::fprintf(stderr, "needlelab-sim accuracy: %s\n", note.c_str());
+
+  // the report on standard output, unless that is where the JSON goes
+  if (!command.json.wanted || !command.json.file.empty()) {
+    std::printf("what accuracy costs in time, on %s\n\n%s", machineText().c_str(),
+                accuracyTables(rows).c_str());
+    std::printf("recommendation, computed from these rows\n");
+    for (const std::string& paragraph : recommendation(rows))
+      std::fputs(wrapped(paragraph, 118, "  ").c_str(), stdout);
+  }
+  if (command.json.wanted) {
+    auto array = nlohmann::ordered_json::array();
+    for (const AccuracyRow& row : rows) array.push_back(jsonOf(row));
+    if (const Status status = writeJson(command.json, array); !status.ok()) return fail(status.error());
+  }
+  if (!command.out.empty())
+    if (const Status status = writePictures(command, options, rows); !status.ok())
+      return fail(status.error());
+  return kExitDone;
+}
+
+}  // namespace
+
+void addAccuracyCommand(CLI::App& app, SimCommand& chosen) {
+  auto options = std::make_shared<AccuracyCommand>();
+  CLI::App* command = app.add_subcommand(
+      "accuracy",
+      "Says what accuracy costs in time: models, FEM meshes, rates, stored resolution, live frames");
+  addJsonOption(*command, options->json);
+  command->add_option("--out", options->out,
+                      "folder for accuracy.csv and the pictures; made when it is not there");
+  command->add_option("--study", options->studies, "only this study; may be given several times")
+      ->check(
+          CLI::IsMember(std::vector<std::string>(kAccuracyStudyNames.begin(), kAccuracyStudyNames.end())));
+  command->add_flag("--long", options->long_form, "more gestures, more repeats, larger meshes: minutes");
+  command->add_option("--data", options->data,
+                      "folder of the recordings; default: NEEDLELAB_DATA, else ../shared/data");
+  command->callback([options, &chosen] { chosen = [options] { return accuracy(*options); }; });
+}
+
+}  // namespace needlelab
