@@ -167,6 +167,28 @@ TEST(FlippedAxis, forcesThatAreNoNumberAreFound) {
   EXPECT_EQ(row.verdict, Verdict::kDiverges);
 }
 
+// | |u| − 1 | ≤ 1e-12
+TEST(FlippedAxis, aDirectionThatIsNoUnitVectorIsFound) {
+  class Stretched final : public ForceSource {
+   public:
+    explicit Stretched(std::unique_ptr<ForceSource> inner) : inner_(std::move(inner)) {}
+    void step(const TipSample& tip, StepReport& report) noexcept override { inner_->step(tip, report); }
+    [[nodiscard]] double axialStiffness_N_per_m() const noexcept override {
+      return inner_->axialStiffness_N_per_m();
+    }
+    [[nodiscard]] Vec3 trajectory() const noexcept override { return inner_->trajectory() * (1 + 5e-12); }
+
+   private:
+    std::unique_ptr<ForceSource> inner_;
+  };
+  const auto stretched = [](const SceneSpec& scene, double rate_hz) -> Result<std::unique_ptr<ForceSource>> {
+    auto inner = engineSource()(scene, rate_hz);
+    if (!inner.ok()) return inner.error();
+    return std::unique_ptr<ForceSource>(std::make_unique<Stretched>(std::move(*inner)));
+  };
+  EXPECT_FALSE(wallRow("flipped_axis", stretched).passed);
+}
+
 TEST(FlippedAxis, aForceAboveTheScenesGreatestIsFound) {
   const CaseRow row = wallRow("flipped_axis", changed([](const TipSample&, ForceSource&, StepReport& r) {
                                 if (norm(r.wrench_W.force_N) > 0.99)

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "planted_sources.h"
+#include "stability/gesture_numbers.h"
 #include "stability/passivity_search.h"
 #include "stability/round_number.h"
 

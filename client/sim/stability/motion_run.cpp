@@ -63,6 +63,17 @@ CaseRow rowOf(const PassivityRecord& record) {
   return row;
 }
 
+CaseRow rowOf(const std::vector<GatedTick>& ticks) {
+  CaseRow row;
+  row.finite = true;
+  row.max_force_N = 0;
+  for (const GatedTick& tick : ticks) {
+    row.finite = row.finite && isFinite(tick.out_W.force_N) && isFinite(tick.out_W.torque_Nm);
+    row.max_force_N = std::max(*row.max_force_N, norm(tick.out_W.force_N));
+  }
+  return row;
+}
+
 void judgeMotion(CaseRow& row, std::string quantity, double measured, double limit) {
   row.quantity = std::move(quantity);
   row.measured = measured;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "stability/case.h"
+#include "stability/gated_run.h"
 #include "stability/passivity_gesture.h"
 #include "stability/passivity_observer.h"
 
@@ -40,6 +41,9 @@ PassivityRecord observed(const MotionRun& run, bool with_slant = true);
 /// Fills finite, greatest force, unexplained step and energy (the greater of net and of what an insertion had
 /// given at any moment).
 CaseRow rowOf(const PassivityRecord& record);
+
+/// Finite and greatest force of what went to the device.
+CaseRow rowOf(const std::vector<GatedTick>& ticks);
 
 /// Sets what is judged and judges it.
 void judgeMotion(CaseRow& row, std::string quantity, double measured, double limit);

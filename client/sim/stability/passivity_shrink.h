@@ -8,10 +8,6 @@
 
 namespace needlelab {
 
-/// How big a gesture is to a reader: less is simpler. Strokes, effects and layers weigh most, then times that
-/// are not short, then the digits of its numbers.
-double sizeOf(const Gesture& gesture);
-
 struct ShrinkResult {
   Gesture gesture;
   std::size_t tried = 0, taken = 0;  ///< smaller gestures
