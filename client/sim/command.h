@@ -15,6 +15,7 @@ void addAccuracyCommand(CLI::App& app, SimCommand& chosen);
 void addRunCommand(CLI::App& app, SimCommand& chosen);
 void addFiguresCommand(CLI::App& app, SimCommand& chosen);
 void addScoreCommand(CLI::App& app, SimCommand& chosen);
+void addStabilityCommand(CLI::App& app, SimCommand& chosen);
 
 /// Parses and runs a whole command line, as `main` does. Never throws; exit codes of base/exit_code.h.
 int runSim(int argc, const char* const* argv);

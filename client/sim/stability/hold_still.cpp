@@ -1,5 +1,6 @@
 /// hold_quantised and boundary_hold: nobody moves, so the force must not either.
-#include "base/range.h"
+#include <cstdio>
+
 #include "stability/closed_loop_case.h"
 #include "stability/hold_cases.h"
 
@@ -39,7 +40,9 @@ Result<CaseOutcome> holdQuantised(const CaseSettings& settings, AxialModel model
     return source(scene, rate_hz);
   });
   if (!spring.ok()) return spring.error();
-  outcome->row.note = "a plain spring, without step at layers: " + numberText(*spring->row.measured) + " N";
+  char note[80];
+  std::snprintf(note, sizeof note, "a plain spring, without step at layers: %.3g N", *spring->row.measured);
+  outcome->row.note = note;
   return outcome;
 }
 

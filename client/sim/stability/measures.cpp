@@ -138,7 +138,13 @@ double maxUnexplainedStep_N(const PlantRun& run) {
 bool grows(std::span<const double> signal, double floor) {
   const std::size_t quarter = signal.size() / 4;
   if (quarter == 0) return false;
-  const double first = acRms(signal.first(quarter)), last = acRms(signal.last(quarter));
+  // from quarter to quarter: a hand that begins to rest within the window swells once and stays
+  const double first = acRms(signal.first(quarter));
+  double before = first, last = first;
+  for (std::size_t i = 1; i < 4; ++i, before = last) {
+    last = acRms(signal.subspan(i * quarter, quarter));
+    if (!(last > 1.1 * before)) return false;
+  }
   return last > floor && last > 1.5 * first;
 }
 

@@ -45,8 +45,8 @@ double unexplainedStep_N(Vec3 p_before_m, const StepReport& before, Vec3 p_m, co
 /// The greatest of a run (straight insertions, slant 1).
 double maxUnexplainedStep_N(const PlantRun& run);
 
-/// The signal does not come to rest: its AC part in the last quarter is above `floor` and above 1.5 times
-/// that of the first quarter.
+/// The signal swells all the time: its AC part grows by a tenth from each quarter to the next, in all by
+/// half, and ends above `floor`.
 bool grows(std::span<const double> signal, double floor);
 
 }  // namespace needlelab

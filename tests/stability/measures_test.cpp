@@ -1,0 +1,111 @@
+// What is measured on a run, against numbers that were worked out by hand.
+#include "stability/measures.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+namespace needlelab {
+namespace {
+
+constexpr double kRate = 1000;
+
+std::vector<double> sine(double hz, double amplitude, double seconds) {
+  std::vector<double> signal;
+  for (int i = 0; i < static_cast<int>(seconds * kRate); ++i)
+    signal.push_back(amplitude * std::sin(2 * std::numbers::pi * hz * i / kRate));
+  return signal;
+}
+
+// |H| of a Butterworth high-pass after the bilinear transform with its corner prewarped
+double highPassGain(double hz, double corner_hz, int order) {
+  const double ratio =
+      std::tan(std::numbers::pi * corner_hz / kRate) / std::tan(std::numbers::pi * hz / kRate);
+  return 1 / std::sqrt(1 + std::pow(ratio, 2 * order));
+}
+
+TEST(BandPassed, hasTheGainOfAButterworthHighPass) {
+  for (const int order : {2, 4, 6, 8})
+    for (const double hz : {10.0, 30.0, 50.0, 80.0, 200.0, 400.0}) {
+      const auto passed = bandPassed(sine(hz, 1, 4), kRate, {50, 500, order});
+      // the first second is the filter's own
+      const double rms = rmsOf(std::span(passed).subspan(1000));
+      EXPECT_NEAR(rms * std::numbers::sqrt2, highPassGain(hz, 50, order), 2e-3)
+          << hz << " Hz, order " << order;
+    }
+}
+
+TEST(BandPassed, aForceThatStandsStillGivesNothing) {
+  const std::vector<double> still(500, 3.7);
+  for (const double value : bandPassed(still, kRate, {})) EXPECT_EQ(value, 0);
+}
+
+TEST(BandPassed, takesOffWhatIsAboveTheBand) {
+  const auto passed = bandPassed(sine(400, 1, 2), kRate, {50, 200, 4});
+  EXPECT_LT(rmsOf(std::span(passed).subspan(1000)), 0.02);
+}
+
+PlantRun runOf(const std::vector<double>& force_N, const std::vector<double>& x_m) {
+  PlantRun run{kRate, 500, {}, Fault::kNone};
+  for (std::size_t i = 0; i < force_N.size(); ++i) {
+    PlantTick tick;
+    tick.time_s = static_cast<double>(i) / kRate;
+    tick.stepped = true;
+    tick.seen.p_WT_m = {0, 0, -x_m[i]};
+    tick.report.wrench_W.force_N = {0, 0, force_N[i]};
+    run.ticks.push_back(tick);
+  }
+  return run;
+}
+
+TEST(UnexplainedStep, isWhatTheSpringsDoNotExplain) {
+  // 0.1 mm against 500 N/m explains 0.05 N of the step of 0.2 N
+  PlantRun run = runOf({0, 0.05, 0.25}, {0, 1e-4, 2e-4});
+  EXPECT_NEAR(maxUnexplainedStep_N(run), 0.15, 1e-12);
+  // the fixture's stiffness explains more of it
+  run.ticks[2].report.clamping_stiffness_N_per_m = 400;
+  EXPECT_NEAR(maxUnexplainedStep_N(run), 0.11, 1e-12);
+  // and so does a slanted path
+  EXPECT_NEAR(unexplainedStep_N(run.ticks[1].seen.p_WT_m, run.ticks[1].report, run.ticks[2].seen.p_WT_m,
+                                run.ticks[2].report, 500, 0.5),
+              0.02, 1e-12);
+}
+
+TEST(UnexplainedStep, passesOverDeclaredReleasesAndTicksThatWereNotStepped) {
+  for (const StepFlag flag : {kFlagExit, kFlagLayerChange, kFlagRupture}) {
+    PlantRun run = runOf({0, 1}, {0, 0});
+    run.ticks[1].report.flags = flag;
+    EXPECT_EQ(maxUnexplainedStep_N(run), 0);
+  }
+  PlantRun turned = runOf({0, 1}, {0, 0});
+  turned.ticks[1].report.flags = kFlagTurn | kFlagEntry;  // no release
+  EXPECT_EQ(maxUnexplainedStep_N(turned), 1);
+  PlantRun missed = runOf({0, 5, 0}, {0, 0, 0});
+  missed.ticks[1].stepped = false;
+  EXPECT_EQ(maxUnexplainedStep_N(missed), 0);
+}
+
+TEST(TicksIn, takesTheHalfOpenWindow) {
+  const PlantRun run = runOf(std::vector<double>(10, 0), std::vector<double>(10, 0));
+  EXPECT_EQ(ticksIn(run, {0.002, 0.005}).size(), 3U);
+  EXPECT_EQ(ticksIn(run, {0.002, 0.005}).front().time_s, 0.002);
+  EXPECT_TRUE(ticksIn(run, {5, 6}).empty());
+  EXPECT_EQ(peakToPeak(forceAlong(ticksIn(run, {5, 6}), {0, 0, 1})), 0);
+}
+
+TEST(Grows, tellsASwellingSwingFromAnEvenAndADyingOne) {
+  const auto swing = [](double per_s) {
+    std::vector<double> signal = sine(20, 1, 2);
+    for (std::size_t i = 0; i < signal.size(); ++i)
+      signal[i] *= std::exp(per_s * static_cast<double>(i) / kRate);
+    return signal;
+  };
+  EXPECT_TRUE(grows(swing(1), 0.05));
+  EXPECT_FALSE(grows(swing(0), 0.05));
+  EXPECT_FALSE(grows(swing(-1), 0.05));
+  EXPECT_FALSE(grows({}, 0.05));
+}
+
+}  // namespace
+}  // namespace needlelab
