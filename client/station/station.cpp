@@ -282,6 +282,7 @@ StationSummary Lesson::summarise() {
   s.servo = loop_->stats();
   s.writer = writer_->counts();
   s.ring_dropped = ring_.dropped();
+  s.axial_model = axialModelName(lesson_.model.axial_model);
   s.live_effects = liveEffects(lesson_.model);
   s.realtime = realtime_;
   s.spool = options_.spool.string();

@@ -139,6 +139,7 @@ std::string summaryText(const StationSummary& s) {
   std::string effects;
   for (const std::string& effect : s.live_effects) effects += (effects.empty() ? "" : ", ") + effect;
   text += "live effects " + (effects.empty() ? "none" : effects) + "\n";
+  if (!s.axial_model.empty()) text += "axial model  " + s.axial_model + "\n";
   for (const bool warnings : {false, true}) {
     const Json counts = flagCounts(s.servo, warnings);
     for (const auto& [words, ticks] : counts.items())
@@ -197,6 +198,7 @@ std::string summaryJson(const StationSummary& s) {
       {"live_dropped", s.uplink.live_dropped},
       {"connections", s.uplink.connections},
       {"state", s.state},
+      {"axial_model", s.axial_model},
       {"live_effects", s.live_effects},
       {"events", flagCounts(s.servo, false)},
       {"warnings", flagCounts(s.servo, true)},

@@ -26,6 +26,7 @@ struct StationSummary {
   std::uint64_t spool_left = 0;  ///< chunks in the spool that the server has not committed, over all sessions
   bool has_server = false;
   UplinkState uplink;
+  std::string axial_model;  ///< by name, the one that was rendered
   std::vector<std::string> live_effects;
   std::vector<RtStep> realtime;
   std::string state;         ///< COMPLETE, INTERRUPTED (the server's word), or OPEN
