@@ -1,0 +1,89 @@
+// The study of the largest stable stiffness against what it is compared with.
+#include "stability/scan_limits.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "stability/scan_nudge.h"
+
+namespace needlelab {
+namespace {
+
+// the compiled-in cases with fewer rates, delays and frictions
+Result<CaseFile> smallStudy() {
+  auto file = CaseFile::embedded();
+  if (!file.ok()) return file.error();
+  nlohmann::json json = file->json();
+  auto& study = json["cases"]["stiffness_limits"];
+  study["rates_hz"] = {500, 4000};
+  study["delays_ticks"] = {0, 2};
+  study["rest"]["encoder_steps_m"] = {30e-6};
+  study["rest"]["frictions_n"] = {0, 0.01, 0.03};
+  return CaseFile::parse(json.dump(), "small.json");
+}
+
+TEST(StiffnessLimits, everyModelStandsWhereItsLinearLoopDoes) {
+  const auto file = smallStudy();
+  ASSERT_TRUE(file.ok()) << file.error().message;
+  const auto limits = findStiffnessLimits({*file, false}, {});
+  ASSERT_TRUE(limits.ok()) << limits.error().message;
+  EXPECT_TRUE(limits->notes.empty()) << limits->notes.front();
+  ASSERT_EQ(limits->rows.size(), kAxialModelCount * 4);
+  for (const StiffnessLimitRow& row : limits->rows) {
+    const std::string words = std::string(axialModelName(row.model)) + ", " + std::to_string(row.rate_hz) +
+                              " Hz, " + std::to_string(row.delay_ticks) + " late";
+    if (row.at_cap) {
+      EXPECT_GT(row.sampled_N_per_m, 0.95 * row.stiffness_N_per_m) << words;
+    } else {
+      // bisection to 2 %, the quantised encoder, integration in steps: 10 % in all
+      EXPECT_NEAR(row.stiffness_N_per_m / row.sampled_N_per_m, 1, 0.1) << words;
+      EXPECT_NEAR(row.felt_N_per_m / row.stiffness_N_per_m, 1, 0.1) << words;  // it was K that it felt
+    }
+  }
+
+  // beyond, the wall stays within the tissue's 1 N and 0.5 N; without a damper's help nothing is held by the
+  // gate
+  for (const BeyondRow& row : limits->beyond)
+    if (row.model == AxialModel::kEnhancedTrackingWall) {
+      EXPECT_LE(row.swing_N, 1.5 + 1e-9);
+      EXPECT_FALSE(row.held);
+    } else if (row.model == AxialModel::kVoigt) {
+      EXPECT_GT(row.swing_N, 1.5);
+    }
+
+  // at rest: next to nothing without friction, and then no less than the theory's safe bound
+  ASSERT_EQ(limits->rest.size(), 3u);
+  EXPECT_LT(limits->rest[0].stiffness_N_per_m, 0.2 * limits->rest[1].stiffness_N_per_m);
+  for (const RestLimitRow& row : limits->rest) EXPECT_GE(row.stiffness_N_per_m, 0.98 * row.theory_N_per_m);
+}
+
+TEST(StiffnessLimits, stableMeansThatANudgeDiesOut) {
+  NudgeOutcome outcome;
+  outcome.swing_first_m = outcome.swing_middle_m = outcome.swing_end_m = 100e-6;
+  EXPECT_FALSE(isStable(outcome, 10e-6)) << "swings on as it did";
+  outcome.swing_end_m = 94e-6;
+  EXPECT_TRUE(isStable(outcome, 10e-6)) << "becomes smaller";
+  outcome.swing_end_m = outcome.swing_middle_m = 40e-6;
+  EXPECT_TRUE(isStable(outcome, 10e-6)) << "is within what the encoder can tell";
+  outcome.fault = Fault::kDeviceTooFast;
+  EXPECT_FALSE(isStable(outcome, 10e-6));
+}
+
+TEST(StiffnessLimits, aStudyThatDoesNotFitIsNamed) {
+  auto file = CaseFile::embedded();
+  ASSERT_TRUE(file.ok());
+  nlohmann::json json = file->json();
+  json["cases"]["stiffness_limits"].erase("rates_hz");
+  const auto broken = CaseFile::parse(json.dump(), "broken.json");
+  ASSERT_TRUE(broken.ok());
+  const auto limits = findStiffnessLimits({*broken, false}, {});
+  ASSERT_FALSE(limits.ok());
+  EXPECT_EQ(limits.error().code, ErrorCode::kInvalidInput);
+  EXPECT_NE(limits.error().message.find("stiffness_limits.rates_hz"), std::string::npos)
+      << limits.error().message;
+}
+
+}  // namespace
+}  // namespace needlelab
