@@ -14,6 +14,7 @@ using SimCommand = std::function<int()>;
 void addAccuracyCommand(CLI::App& app, SimCommand& chosen);
 void addRunCommand(CLI::App& app, SimCommand& chosen);
 void addFiguresCommand(CLI::App& app, SimCommand& chosen);
+void addPrecomputeCommand(CLI::App& app, SimCommand& chosen);
 void addScoreCommand(CLI::App& app, SimCommand& chosen);
 void addStabilityCommand(CLI::App& app, SimCommand& chosen);
 

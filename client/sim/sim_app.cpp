@@ -14,6 +14,7 @@ int runSim(int argc, const char* const* argv) {
     SimCommand chosen;
     addRunCommand(app, chosen);
     addFiguresCommand(app, chosen);
+    addPrecomputeCommand(app, chosen);
     addScoreCommand(app, chosen);
     addAccuracyCommand(app, chosen);
     addStabilityCommand(app, chosen);

@@ -1,0 +1,178 @@
+/// `needlelab-sim precompute`: finite elements offline, to a table that the tracking wall renders at its own
+/// cost (the paper's future work).
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "base/atomic_file.h"
+#include "base/exit_code.h"
+#include "base/range.h"
+#include "fem/needle_mesh.h"
+#include "fem/needle_stroke.h"
+#include "fem/stopwatch.h"
+#include "haptics/models/like_for_like.h"
+#include "profile/profile.h"
+#include "sim/command.h"
+#include "sim/json_output.h"
+
+namespace needlelab {
+namespace {
+
+struct PrecomputeOptions {
+  std::filesystem::path profile, out;
+  int nodes = 10'000, stations = kDefaultStations, rows = 501;
+  double depth_m = 0;  ///< 0: as deep as the needle or the layers allow
+  JsonOption json;
+};
+
+int fail(const Error& error) {
+  std::fprintf(stderr, "needlelab-sim precompute: %s\n", error.message.c_str());
+  return exitCodeOf(error);
+}
+
+Status checkOptions(const PrecomputeOptions& options) {
+  const auto check = [](const char* option, double value, const NumberRange& range) -> Status {
+    if (range.contains(value)) return {};
+    return outOfRange(option, value, range);
+  };
+  for (const Status& status :
+       {check("--mesh", options.nodes, {100, 200'000}),
+        check("--stations", options.stations, {1, kMaxNeedleStations}),
+        check("--rows", options.rows, {2, 1024}), check("--depth in m", options.depth_m, {0, 1})})
+    if (!status.ok()) return status;
+  std::error_code missing;  // what is not there cannot be overwritten
+  if (std::filesystem::equivalent(options.out, options.profile, missing))
+    return Error{
+        ErrorCode::kInvalidInput,
+        "--out " + options.out.string() + ": is the profile itself, which would be lost; give another name"};
+  return {};
+}
+
+// a µN and 0.1 µm: less has no meaning, and 17 digits cannot be read
+double rounded(double value, double step) {
+  return std::round(value / step) * step;
+}
+
+// the profile with its table; every number that cannot be rendered is found before anything is written
+Result<pb::Profile> profileWithTable(const pb::Profile& from, SceneSpec table, const std::string& source) {
+  pb::Profile profile = from;
+  table.axial_model = AxialModel::kPrecomputed;
+  // cutting, pull and the shaft's friction are all in the table
+  table.effects |= bitOf(Effect::kCutting) | bitOf(Effect::kAttracted);
+  table.effects &= ~bitOf(Effect::kShaftFriction);
+  if (const Status status = validate(table); !status.ok()) return status.error();
+  putModel(table, profile);
+  profile.mutable_precomputed()->set_source(source);
+  const std::string suffix = "-precomputed";
+  profile.set_id(profile.id().substr(0, 64 - suffix.size()) + suffix);
+  profile.set_name(profile.name().substr(0, 170) + " (FEM, precomputed)");
+  return parseProfile(profileJson(profile), "the new profile");
+}
+
+int precompute(const PrecomputeOptions& options) {
+  if (const Status status = checkOptions(options); !status.ok()) return fail(status.error());
+  const auto profile = loadProfile(options.profile);
+  if (!profile.ok()) return fail(profile.error());
+  const auto scene = sceneSpecOf(*profile);
+  if (!scene.ok()) return fail({scene.error().code, options.profile.string() + ": " + scene.error().message});
+  if (scene->fem.layers.empty())
+    std::fprintf(
+        stderr,
+        "needlelab-sim precompute: %s has no section fem: elasticity is taken from the layers' lateral "
+        "stiffness (10 kPa where it is 0), cutting and friction from the layers\n",
+        options.profile.c_str());
+
+  // finite elements
+  SceneSpec fem = likeForLike(*scene, AxialModel::kFem);
+  fem.fem.nodes = options.nodes;
+  const bool progress = ::isatty(STDERR_FILENO) != 0;
+  if (progress) std::fprintf(stderr, "mesh of about %d nodes …\n", options.nodes);
+  Stopwatch watch;
+  NeedleMeshOptions mesh_options;
+  mesh_options.nodes = options.nodes;
+  mesh_options.stations = options.stations;
+  const auto compliance = precomputeCompliance(fem, mesh_options);
+  if (!compliance.ok())
+    return fail({compliance.error().code, options.profile.string() + ": " + compliance.error().message});
+  fem.fem.compliance = *compliance;
+  const double mesh_s = watch.lap();
+
+  // the table
+  const double depth_m = options.depth_m > 0 ? options.depth_m : studyDepth(fem);
+  if (progress) std::fprintf(stderr, "insertion to %.1f mm and out …\n", 1e3 * depth_m);
+  const auto rows = forceTable(fem, depth_m, options.rows);
+  if (!rows.ok()) return fail(rows.error());
+  SceneSpec table = *scene;
+  table.precomputed.table.clear();
+  for (const PrecomputedSpec::Row& row : *rows)
+    table.precomputed.table.push_back(
+        {rounded(row.depth_m, 1e-7), rounded(row.cutting_N, 1e-6), rounded(row.attracted_N, 1e-6)});
+  const double table_s = watch.lap();
+
+  char source[500];
+  std::snprintf(
+      source, sizeof source,
+      "needlelab-sim precompute of profile %s: %s; quasi-static to %.4g m and out. The elasticity is "
+      "the mesh's, cutting and friction are inputs; %.0f %% of the elements are strained above 10 %%, "
+      "where linear elasticity does not hold",
+      profile->id().c_str(), (*compliance)->source.c_str(), depth_m, 100 * (*compliance)->strained_share);
+  const auto made = profileWithTable(*profile, table, source);
+  if (!made.ok()) return fail(made.error());
+  if (const Status status = writeFileAtomically(options.out, viewOf(profileJson(*made))); !status.ok())
+    return fail(status.error());
+
+  // what the table costs in accuracy, said at once
+  const auto written = sceneSpecOf(*made);
+  if (!written.ok()) return fail(written.error());
+  const auto error = tableError(fem, *written);
+  if (!error.ok()) return fail(error.error());
+  if (!options.json.wanted) {
+    std::printf(
+        "%s: %zu rows to %.1f mm from %d nodes in %.1f s; against FEM live over the same stroke: %.3f N "
+        "rms (in %.3f, hold %.3f, out %.3f), %.3f N at most, of a peak of %.3f N\n",
+        options.out.c_str(), rows->size(), 1e3 * depth_m, (*compliance)->nodes, mesh_s + table_s,
+        error->rms_N, error->in_rms_N, error->hold_rms_N, error->out_rms_N, error->max_N, error->fem_peak_N);
+    return kExitDone;
+  }
+  const nlohmann::ordered_json row = {{"profile", made->id()},
+                                      {"out", options.out.string()},
+                                      {"nodes", (*compliance)->nodes},
+                                      {"stations", options.stations},
+                                      {"table_rows", rows->size()},
+                                      {"depth_m", depth_m},
+                                      {"mesh_s", mesh_s},
+                                      {"table_s", table_s},
+                                      {"strained_share", (*compliance)->strained_share},
+                                      {"error_rms_n", error->rms_N},
+                                      {"error_in_rms_n", error->in_rms_N},
+                                      {"error_hold_rms_n", error->hold_rms_N},
+                                      {"error_out_rms_n", error->out_rms_N},
+                                      {"error_max_n", error->max_N},
+                                      {"fem_peak_n", error->fem_peak_N}};
+  if (const Status status = writeJson(options.json, nlohmann::ordered_json::array({row})); !status.ok())
+    return fail(status.error());
+  return kExitDone;
+}
+
+}  // namespace
+
+void addPrecomputeCommand(CLI::App& app, SimCommand& chosen) {
+  auto options = std::make_shared<PrecomputeOptions>();
+  CLI::App* command = app.add_subcommand(
+      "precompute", "Finite elements offline: a profile whose force table the tracking wall renders");
+  command->add_option("--profile", options->profile, "the scene, with or without a section fem")->required();
+  command->add_option("--mesh", options->nodes, "nodes of the mesh, about")->capture_default_str();
+  command->add_option("--out", options->out, "the profile that is written, axial_model PRECOMPUTED")
+      ->required();
+  command->add_option("--stations", options->stations, "pieces of the needle's path")->capture_default_str();
+  command->add_option("--rows", options->rows, "rows of the table")->capture_default_str();
+  command->add_option("--depth", options->depth_m, "how deep in m; 0: as far as needle and layers allow")
+      ->capture_default_str();
+  addJsonOption(*command, options->json);
+  command->callback([options, &chosen] { chosen = [options] { return precompute(*options); }; });
+}
+
+}  // namespace needlelab
