@@ -52,8 +52,8 @@ Status checkOptions(const PrecomputeOptions& options) {
 }
 
 // a µN and 0.1 µm: less has no meaning, and 17 digits cannot be read
-double rounded(double value, double step) {
-  return std::round(value / step) * step;
+double rounded(double value, double per_unit) {
+  return std::round(value * per_unit) / per_unit;
 }
 
 // the profile with its table; every number that cannot be rendered is found before anything is written
@@ -109,7 +109,7 @@ int precompute(const PrecomputeOptions& options) {
   table.precomputed.table.clear();
   for (const PrecomputedSpec::Row& row : *rows)
     table.precomputed.table.push_back(
-        {rounded(row.depth_m, 1e-7), rounded(row.cutting_N, 1e-6), rounded(row.attracted_N, 1e-6)});
+        {rounded(row.depth_m, 1e7), rounded(row.cutting_N, 1e6), rounded(row.attracted_N, 1e6)});
   const double table_s = watch.lap();
 
   char source[500];

@@ -19,7 +19,7 @@ Result<std::unique_ptr<ElasticSolver>> ElasticSolver::make(const TetMesh& mesh,
                                                            const std::vector<bool>& held) {
   std::unique_ptr<ElasticSolver> solver(new ElasticSolver);
   solver->mesh_ = &mesh;
-  solver->materials_ = &materials;
+  solver->materials_ = materials;
   for (const bool is_held : held) solver->index_.push_back(is_held ? -1 : solver->size_++);
 
   Stopwatch watch;
@@ -58,7 +58,7 @@ Eigen::VectorXd ElasticSolver::solvePrescribed(const Eigen::VectorXd& prescribed
   for (std::size_t n = 0; n < mesh_->element.size(); ++n) {
     const TetNodes& e = mesh_->element[n];
     const auto stiffness =
-        elementStiffness(*mesh_, e, (*materials_)[static_cast<std::size_t>(mesh_->material[n])]);
+        elementStiffness(*mesh_, e, materials_[static_cast<std::size_t>(mesh_->material[n])]);
     for (int c = 0; c < 30; ++c) {
       const auto unknown_c =
           static_cast<std::size_t>(e[static_cast<std::size_t>(c) / 3]) * 3 + static_cast<std::size_t>(c) % 3;

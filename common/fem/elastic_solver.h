@@ -11,8 +11,8 @@ namespace needlelab {
 /// Unknowns are 3·node + axis throughout. Not copyable. Thread: one at a time.
 class ElasticSolver {
  public:
-  /// `held[unknown]`: displacement is prescribed. Errors: kFailed when the factorisation does (not enough
-  /// held for a rigid body, or no memory).
+  /// `held[unknown]`: displacement is prescribed. `mesh` must outlive it. Errors: kFailed when the
+  /// factorisation does (not enough held for a rigid body, or no memory).
   static Result<std::unique_ptr<ElasticSolver>> make(const TetMesh& mesh,
                                                      const std::vector<ElasticMaterial>& materials,
                                                      const std::vector<bool>& held);
@@ -31,7 +31,7 @@ class ElasticSolver {
   struct Factor;
   std::unique_ptr<Factor> factor_;
   const TetMesh* mesh_ = nullptr;
-  const std::vector<ElasticMaterial>* materials_ = nullptr;
+  std::vector<ElasticMaterial> materials_;
   std::vector<std::int32_t> index_;  ///< row of each unknown, −1 where held
   std::int32_t size_ = 0;
   double assemble_s_ = 0, factor_s_ = 0;

@@ -21,8 +21,9 @@ struct NeedleMeshOptions {
   int nodes = 3000;                   ///< about so many; layers that are thin can make it more
   int stations = kDefaultStations;    ///< 1-kMaxNeedleStations
   double radius_m = kNeedleRadius_m;  ///< r₀
-  double half_width_per_length =
-      4.0;  ///< the far boundary, held: half-width and depth below the path, in paths
+  /// The far boundary, held: half-width, and depth below the path, in lengths of the path. At 16 the needle
+  /// is within 1 % of as stiff as at 32.
+  double half_width_per_length = 16.0;
 };
 
 /// Errors: kInvalidInput (fem section missing or out of range, with the field's path), kFailed when the

@@ -20,7 +20,8 @@ struct TipSample {
 enum StepFlag : std::uint32_t {
   kFlagEntry = 1u << 0,          ///< an insertion began
   kFlagExit = 1u << 1,           ///< release: the tip left the tissue
-  kFlagLayerChange = 1u << 2,    ///< release: the tip is in another layer than at the tick before
+  kFlagLayerChange = 1u << 2,    ///< release: the tip is in another layer than at the tick before; with
+                                 ///< FEM also: the cut runs ahead, as into a softer layer
   kFlagRupture = 1u << 3,        ///< release: a membrane ruptured
   kFlagTurn = 1u << 4,           ///< u turned (change of trajectory)
   kFlagClampCapped = 1u << 5,    ///< the clamping force is at its maximum

@@ -21,6 +21,7 @@ struct Fem {
     // remembers
     const NeedleForce force =
         stepNeedle(*model.fem, {tick.x_cut_m - state.wall_m, tick.insertion_m, state.slant}, state.needle);
+    if (force.releases) report.flags |= kFlagLayerChange;
     report.cutting_N = force.cutting_N;
     report.friction_N = force.friction_N;
     return force.cutting_N + force.friction_N;

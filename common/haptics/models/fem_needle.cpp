@@ -10,6 +10,9 @@ namespace {
 constexpr double kForceNear_N = 1e-10, kPlaceNear_m = 1e-13;
 /// The first so many solves change all that is wrong at once, later ones the last wrong one only: that ends.
 constexpr int kBlockSolves = 12;
+/// The cut runs ahead of the needle by at most so many stations in a tick: further, it would leave its force
+/// behind.
+constexpr double kCutAhead = 0.25;
 constexpr std::size_t kMaxUnknowns = kMaxNeedleStations + 1;  // shaft and tip
 
 // How the tip's force is spread over stations: a cubic B-spline about it. Between two stations it moves over
@@ -241,13 +244,19 @@ NeedleForce Contact::finish() {
   state.tip_moved_m = meanOver(spread_, state.moved_m.data());
   const double slip = rest_[shaft_];
   state.gap_m = state.tip_hold == Hold::kSticks ? 0.0 : std::max(0.0, -slip);
+  bool releases = state.tip_hold == Hold::kSlipsIn && high_[shaft_] < state.tip_most_N - kForceNear_N;
   if (state.tip_hold == Hold::kSlipsIn && slip > 0.0) {
     const double beyond =
         pose_.x_m - state.tip_moved_m - needle_.tip_give_m_per_N * state.tip_N - state.cut_m;
-    state.cut_m += std::clamp(beyond, 0.0, 4.0 * slip);
+    const double with_needle = 2.0 * std::fabs(pose_.x_m - state.x_m);
+    const double most = std::max(with_needle, kCutAhead * compliance_.spacing_m);
+    const double advance = std::clamp(beyond, 0.0, std::min(4.0 * slip, most));
+    releases = releases || advance > with_needle;
+    state.cut_m += advance;
   }
+  state.tip_most_N = high_[shaft_];
   state.x_m = pose_.x_m;
-  return {-state.tip_N, -shaft_N};
+  return {-state.tip_N, -shaft_N, releases};
 }
 
 }  // namespace

@@ -56,6 +56,9 @@ struct NeedlePose {
 struct NeedleForce {
   double cutting_N = 0;   ///< at the tip, ≤ 0
   double friction_N = 0;  ///< along the shaft
+  /// The tip cuts into a layer that is softer to cut, or the cut runs ahead of the needle because tissue
+  /// springs back there: the force may change faster than by any spring.
+  bool releases = false;
 };
 
 /// One tick. The state is that of the needle outside (`NeedleState{}`) or of the tick before; the first pose

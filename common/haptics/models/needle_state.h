@@ -18,6 +18,7 @@ struct NeedleState {
   double cut_m = 0;        ///< the cut's end in the undeformed tissue: the deepest that the tip was
   double gap_m = 0;        ///< from the tip to the cut's end, ≥ 0; 0 while the tip presses
   double tip_N = 0;        ///< [0, cutting force]
+  double tip_most_N = 0;   ///< the cutting force at the last tick
   double tip_moved_m = 0;  ///< w at the tip
   Hold tip_hold = Hold::kSticks;
   std::uint32_t unsettled = 0;  ///< ticks whose contact was not settled within the bound
