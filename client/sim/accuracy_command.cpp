@@ -61,13 +61,17 @@ AccuracyProgress progressOnTerminal() {
   };
 }
 
+// before the work, so that minutes are not spent for a folder that cannot be made
+Status makeFolder(const std::filesystem::path& folder) {
+  std::error_code made;
+  std::filesystem::create_directories(folder, made);
+  if (!made) return {};
+  return Error{ErrorCode::kInvalidInput,
+               "--out " + folder.string() + ": cannot make the folder: " + made.message()};
+}
+
 Status writePictures(const AccuracyCommand& command, const AccuracyOptions& options,
                      const AccuracyRows& rows) {
-  std::error_code made;
-  std::filesystem::create_directories(command.out, made);
-  if (made)
-    return Error{ErrorCode::kInvalidInput,
-                 "--out " + command.out.string() + ": cannot make the folder: " + made.message()};
   if (Status status = writeFileAtomically(command.out / "accuracy.csv", viewOf(accuracyCsv(rows)));
       !status.ok())
     return status;
@@ -93,6 +97,8 @@ Status writePictures(const AccuracyCommand& command, const AccuracyOptions& opti
 int accuracy(const AccuracyCommand& command) {
   const auto data = dataFolder(command);
   if (!data.ok()) return fail(data.error());
+  if (!command.out.empty())
+    if (const Status status = makeFolder(command.out); !status.ok()) return fail(status.error());
   const AccuracyOptions options{command.long_form, *data};
   const AccuracyProgress progress = progressOnTerminal();
   AccuracyRows rows;

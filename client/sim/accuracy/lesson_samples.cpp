@@ -41,7 +41,7 @@ Result<StudyLesson> generatedLesson() {
   if (!spec.ok()) return spec.error();
   auto model = compile(*spec, kRate_hz);
   if (!model.ok()) return model.error();
-  StudyLesson lesson{"generated lesson, paper-six-layers", *std::move(model), {}};
+  StudyLesson lesson{"generated lesson", *std::move(model), {}};
   std::vector<ChainTick> all;
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     SimulatedDeviceOptions options;
@@ -77,7 +77,7 @@ Result<std::vector<StudyLesson>> recordedLessons(const AccuracyOptions& options)
     spec->limb = SphereLimb{far, 0.6 * norm(far - poses.front().p)};
     auto model = compile(*spec, kRate_hz);
     if (!model.ok()) return model.error();
-    StudyLesson lesson{std::string("recorded hand, ") + name, *std::move(model), {}};
+    StudyLesson lesson{std::string("recorded hand ") + name, *std::move(model), {}};
 
     HapticChain chain(lesson.model, DeviceLimits{}, {});
     std::vector<ChainTick> ticks(poses.size());

@@ -1,5 +1,6 @@
 #include "accuracy/pareto.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <limits>
@@ -65,12 +66,25 @@ std::vector<RowGroup> groupsOf(const AccuracyRows& rows) {
                         row.scene,
                         row.reference,
                         row.study == AccuracyStudy::kModel ? std::string() : row.model,
+                        {},
                         {}});
       found = &groups.back();
     }
     found->rows.push_back(&row);
   }
+  for (RowGroup& group : groups)
+    for (const AccuracyRow* row : group.rows) {
+      const std::string choice = choiceOf(*row);
+      const auto same = std::count_if(group.rows.begin(), group.rows.end(),
+                                      [&](const AccuracyRow* other) { return choiceOf(*other) == choice; });
+      group.names.push_back(same > 1 && !row->variant.empty() ? choice + " (" + row->variant + ")" : choice);
+    }
   return groups;
+}
+
+bool RowGroup::compares() const {
+  return std::any_of(rows.begin(), rows.end(),
+                     [&](const AccuracyRow* row) { return choiceOf(*row) != choiceOf(*rows.front()); });
 }
 
 std::vector<bool> paretoFront(const std::vector<CostError>& points) {
@@ -90,8 +104,12 @@ std::vector<bool> paretoFront(const std::vector<CostError>& points) {
 std::vector<bool> paretoFront(const RowGroup& group) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   std::vector<CostError> points;
-  for (const AccuracyRow* row : group.rows)
-    points.push_back({costOf_ns(*row).value_or(kNone), row->rms_error_n.value_or(kNone)});
+  for (const AccuracyRow* row : group.rows) {
+    // the finest mesh has no error by definition: it is no choice that beats others
+    const bool comparator = row->study == AccuracyStudy::kMesh && row->rms_error_n == 0.0;
+    points.push_back(
+        {costOf_ns(*row).value_or(kNone), comparator ? kNone : row->rms_error_n.value_or(kNone)});
+  }
   return paretoFront(points);
 }
 

@@ -21,6 +21,10 @@ struct RowGroup {
   AccuracyStudy study;
   std::string scene, reference, model;  ///< model empty in study `model`
   std::vector<const AccuracyRow*> rows;
+  std::vector<std::string> names;  ///< of the rows: choiceOf, with the variant where that is not unique
+
+  /// Whether it compares different choices, or is one of them beside its reference.
+  [[nodiscard]] bool compares() const;
 };
 /// In order of first appearance. The rows must outlive the groups.
 std::vector<RowGroup> groupsOf(const AccuracyRows& rows);
@@ -33,7 +37,8 @@ struct CostError {
 /// both are on it together. A point with a measure that is not finite never is.
 std::vector<bool> paretoFront(const std::vector<CostError>& points);
 
-/// The front of a group in cost and rms error; a row that lacks one of them is not on it.
+/// The front of a group in cost and rms error; a row that lacks one of them is not on it,
+/// nor is the finest mesh, whose error is 0 by definition.
 std::vector<bool> paretoFront(const RowGroup& group);
 
 }  // namespace needlelab

@@ -7,6 +7,7 @@
 #include "accuracy/plot_panel.h"
 #include "accuracy/recommendation.h"
 #include "accuracy/report.h"
+#include "base/machine.h"
 #include "sim/figure_table.h"
 
 namespace needlelab {
@@ -52,21 +53,44 @@ const Axes kStepAxes = {"time of a tick (median)",
                         kCost_s,
                         [](const AccuracyRow& r) { return r.max_step_n; }};
 
-void addPoints(Panel& panel, const RowGroup& group, const Axes& axes, std::size_t series, bool named) {
-  std::vector<const AccuracyRow*> shown;
+// a name that fits beside a point: of a variant its first words
+std::string shortName(const AccuracyRow& row, const std::string& name) {
+  const std::string choice = choiceOf(row);
+  if (name == choice) return name;
+  return choice + " (" + row.variant.substr(0, row.variant.find_first_of(",:;")) + ")";
+}
+
+// the rows of a group that have both measures; names of series `first` on, meshes one series per variant
+void addPoints(Panel& panel, const RowGroup& group, const Axes& axes, bool named) {
+  const std::size_t first = panel.series.size();
+  if (group.study != AccuracyStudy::kMesh) panel.series.push_back(group.scene);
+  std::vector<std::size_t> shown;
   std::vector<CostError> measures;
-  for (const AccuracyRow* row : group.rows) {
-    const auto x = axes.x(*row), y = axes.y(*row);
+  for (std::size_t i = 0; i < group.rows.size(); ++i) {
+    const auto x = axes.x(*group.rows[i]), y = axes.y(*group.rows[i]);
     if (!x || !y || !std::isfinite(*x) || !std::isfinite(*y)) continue;
-    shown.push_back(row);
+    shown.push_back(i);
     measures.push_back({*x, *y});
   }
-  const std::vector<bool> front = paretoFront(measures);
-  for (std::size_t i = 0; i < shown.size(); ++i) {
-    PanelPoint point{measures[i].cost, measures[i].error, {}, {}, series, shown[i]->fits_rate.value_or(true),
-                     front[i]};
-    if (axes.y == kError_N) point.spread = shown[i]->rms_error_spread_n;
-    if (named) point.label = choiceOf(*shown[i]) + (measures[i].error == 0 ? " (no error)" : "");
+  const bool over_time = axes.y == kError_N && axes.x == kCost_s;
+  const std::vector<bool> group_front = paretoFront(group), own_front = paretoFront(measures);
+  for (std::size_t k = 0; k < shown.size(); ++k) {
+    const AccuracyRow& row = *group.rows[shown[k]];
+    const bool is_front = over_time ? group_front[shown[k]] : own_front[k];
+    PanelPoint point{measures[k].cost, measures[k].error, {}, {}, first, row.fits_rate.value_or(true),
+                     is_front};
+    if (group.study == AccuracyStudy::kMesh) {
+      auto at = std::find(panel.series.begin(), panel.series.end(), row.variant);
+      if (at == panel.series.end()) at = panel.series.insert(at, row.variant);
+      point.series = static_cast<std::size_t>(at - panel.series.begin());
+    }
+    if (axes.y == kError_N) point.spread = row.rms_error_spread_n;
+    if (named) {
+      point.label =
+          group.study == AccuracyStudy::kMesh ? choiceOf(row) : shortName(row, group.names[shown[k]]);
+      if (measures[k].error == 0)
+        point.label += group.study == AccuracyStudy::kMesh ? " (comparator)" : " (no error)";
+    }
     panel.points.push_back(std::move(point));
   }
 }
@@ -75,15 +99,9 @@ Panel panelOf(const std::vector<const RowGroup*>& groups, const Axes& axes) {
   Panel panel;
   panel.x_title = axes.x_title, panel.y_title = axes.y_title;
   panel.x_unit = axes.x_unit, panel.y_unit = axes.y_unit;
-  for (std::size_t s = 0; s < groups.size(); ++s) {
-    panel.series.push_back(groups[s]->scene);
-    addPoints(panel, *groups[s], axes, s, s == 0);
-  }
+  for (std::size_t s = 0; s < groups.size(); ++s) addPoints(panel, *groups[s], axes, s == 0);
   panel.under_title =
       (groups.size() == 1 ? groups[0]->scene + ", " : std::string()) + "against " + groups[0]->reference;
-  constexpr std::size_t kMost = 96;
-  if (panel.under_title.size() > kMost)
-    panel.under_title = panel.under_title.substr(0, panel.under_title.rfind(' ', kMost)) + " …";
   const auto& noticed = groups[0]->rows[0]->noticeable_n;
   if (noticed && axes.y != kLatencyAxes.y) {
     panel.level = *noticed;
@@ -97,7 +115,7 @@ std::vector<std::vector<const RowGroup*>> diagramsOf(AccuracyStudy study,
                                                      const std::vector<RowGroup>& groups) {
   std::vector<std::vector<const RowGroup*>> diagrams;
   for (const RowGroup& group : groups) {
-    if (group.study != study) continue;
+    if (group.study != study || !group.compares()) continue;
     auto same = std::find_if(diagrams.begin(), diagrams.end(), [&](const auto& diagram) {
       return study != AccuracyStudy::kModel && diagram[0]->reference == group.reference &&
              diagram[0]->model == group.model;
@@ -110,25 +128,45 @@ std::vector<std::vector<const RowGroup*>> diagramsOf(AccuracyStudy study,
   return diagrams;
 }
 
-std::vector<Panel> panelsOf(AccuracyStudy study, const AccuracyRows& rows,
-                            const std::vector<RowGroup>& groups) {
+// the group in which the greatest steps differ most
+const RowGroup* mostSteps(const std::vector<std::vector<const RowGroup*>>& diagrams) {
+  const RowGroup* found = nullptr;
+  double widest = 1;
+  for (const auto& diagram : diagrams) {
+    double least = 0, most = 0;
+    for (const AccuracyRow* row : diagram[0]->rows) {
+      if (!row->max_step_n || *row->max_step_n <= 0) continue;
+      least = least == 0 ? *row->max_step_n : std::min(least, *row->max_step_n);
+      most = std::max(most, *row->max_step_n);
+    }
+    if (least > 0 && most / least > widest) {
+      widest = most / least;
+      found = diagram[0];
+    }
+  }
+  return found;
+}
+
+std::vector<Panel> panelsOf(AccuracyStudy study, const std::vector<RowGroup>& groups) {
   std::vector<Panel> panels;
   const auto add = [&](Panel panel, const std::string& title) {
     panel.title = title;
     if (!panel.points.empty()) panels.push_back(std::move(panel));
   };
-  const auto diagrams = diagramsOf(study, groups);
+  auto diagrams = diagramsOf(study, groups);
+  if (diagrams.empty()) return panels;
+  constexpr std::size_t kMost = 5;
+  if (diagrams.size() > kMost) diagrams.resize(kMost);
   for (const auto& diagram : diagrams) {
     AccuracyRows own;
     for (const AccuracyRow* row : diagram[0]->rows) own.push_back(*row);
     add(panelOf(diagram, timeAxes(study)), findingOf(study, own));
   }
-  if (diagrams.empty()) return panels;
   if (study == AccuracyStudy::kStorage) add(panelOf(diagrams[0], kBytesAxes), "Bytes for accuracy");
   if (study == AccuracyStudy::kLive) add(panelOf(diagrams[0], kLatencyAxes), "Bandwidth for being on time");
   if (study == AccuracyStudy::kModel)
-    add(panelOf({&*diagrams.back()[0]}, kStepAxes), "Continuity: a step is felt, whatever the mean error");
-  static_cast<void>(rows);
+    if (const RowGroup* steps = mostSteps(diagrams))
+      add(panelOf({steps}, kStepAxes), "Continuity: a step is felt, whatever the mean error");
   return panels;
 }
 
@@ -196,6 +234,19 @@ AccuracyPicture pictureOf(const std::string& name, const std::string& title, con
   return picture;
 }
 
+// the corner of the overview that says it in words
+std::string inWords(const AccuracyRows& rows) {
+  const auto advice = recommendation(rows);
+  if (advice.empty()) return {};
+  return wrapped(advice.back(), 70, "") + "\n" +
+         wrapped(
+             "Each diagram: error against time, both logarithmic; down and to the left is better. The title "
+             "is the choice that the report's rule takes; the rules and all rows, with comparator, "
+             "uncertainty and what they cannot show: needlelab-sim accuracy.",
+             70, "") +
+         "\n" + wrapped("Measured on " + machineText() + ".", 70, "");
+}
+
 constexpr std::array<const char*, 5> kTitles = {"What a model of the tissue costs, and what it gives",
                                                 "What a finer FEM mesh costs, and what it gives",
                                                 "What a faster haptic loop costs, and what it gives",
@@ -209,21 +260,19 @@ std::vector<AccuracyPicture> accuracyPictures(const AccuracyRows& rows) {
   std::vector<AccuracyPicture> pictures;
   std::vector<Panel> firsts;
   for (std::size_t s = 0; s < kAccuracyStudyNames.size(); ++s) {
-    const auto panels = panelsOf(static_cast<AccuracyStudy>(s), rows, groups);
+    const auto panels = panelsOf(static_cast<AccuracyStudy>(s), groups);
     if (panels.empty()) continue;
-    // of the models the last scene is the fuller one
-    firsts.push_back(panels.front());
+    // of the models' scenes the second is the fuller one
+    firsts.push_back(s == 0 && panels.size() > 2 ? panels[1] : panels[0]);
     const std::size_t columns = panels.size() == 1 ? 1 : panels.size() <= 4 ? 2 : 3;
     const Grid grid{columns, (panels.size() + columns - 1) / columns, columns == 1 ? 1200.0 : 800.0, 600};
     pictures.push_back(
         pictureOf("accuracy_" + std::string(kAccuracyStudyNames[s]), kTitles[s], panels, grid, {}));
   }
   if (firsts.size() < 2) return pictures;
-  const auto advice = recommendation(rows);
   const std::size_t columns = firsts.size() < 4 ? 2 : 3;
   const Grid grid{columns, firsts.size() / columns + 1, 800, 560};
-  pictures.push_back(pictureOf("accuracy", "What accuracy costs in time", firsts, grid,
-                               advice.empty() ? "" : wrapped(advice.back(), 78, "")));
+  pictures.push_back(pictureOf("accuracy", "What accuracy costs in time", firsts, grid, inWords(rows)));
   return pictures;
 }
 

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "accuracy/label_layout.h"
+#include "accuracy/report.h"
 #include "sim/figure_table.h"
 
 namespace needlelab {
@@ -76,6 +77,52 @@ struct Frame {
   }
 };
 
+constexpr double kLetter_px = 6.7;  // of the small font
+
+std::size_t letters(const std::string& text) {
+  return static_cast<std::size_t>(std::count_if(
+      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0u) != 0x80u; }));
+}
+
+// `text` in lines that fit into `width_px`
+std::vector<std::string> linesIn(const std::string& text, double width_px) {
+  const std::string all = wrapped(text, static_cast<std::size_t>(width_px / kLetter_px), "");
+  std::vector<std::string> lines;
+  for (std::size_t from = 0; from < all.size();) {
+    const std::size_t end = std::min(all.find('\n', from), all.size());
+    lines.push_back(all.substr(from, end - from));
+    from = end + 1;
+  }
+  return lines;
+}
+
+// series' names: where each stands, in pixels from the left and in lines
+struct LegendEntry {
+  double left_px = 0;
+  std::size_t line = 0;
+};
+std::vector<LegendEntry> legendOf(const Panel& panel, double width_px) {
+  std::vector<LegendEntry> entries;
+  if (panel.series.size() < 2) return entries;
+  double left = 6;
+  std::size_t line = 0;
+  for (const std::string& name : panel.series) {
+    const double width = 36 + kLetter_px * static_cast<double>(letters(name));
+    if (left > 6 && left + width > width_px) {
+      left = 6;
+      ++line;
+    }
+    entries.push_back({left, line});
+    left += width;
+  }
+  return entries;
+}
+
+constexpr double kLine_px = 17, kLeft_px = 118, kRight_px = 22;
+double axesWidth_px(const PanelPlace& place) {
+  return place.width - kLeft_px - kRight_px;
+}
+
 Frame frameOf(const Panel& panel, const PanelPlace& place) {
   std::vector<double> xs, ys;
   for (const PanelPoint& point : panel.points) {
@@ -84,9 +131,11 @@ Frame frameOf(const Panel& panel, const PanelPlace& place) {
   }
   if (panel.level) ys.push_back(*panel.level);
   Frame frame{axisOf(xs), axisOf(ys), {}};
-  const double head = panel.series.size() > 1 ? 84 : 62;
-  frame.box = {place.left + 118, place.bottom + 66, place.left + place.width - 22,
-               place.bottom + place.height - head};
+  const auto legend = legendOf(panel, axesWidth_px(place));
+  const std::size_t lines =
+      linesIn(panel.under_title, axesWidth_px(place)).size() + (legend.empty() ? 0 : legend.back().line + 1);
+  frame.box = {place.left + kLeft_px, place.bottom + 66, place.left + place.width - kRight_px,
+               place.bottom + place.height - 52 - kLine_px * static_cast<double>(lines)};
   return frame;
 }
 
@@ -123,21 +172,19 @@ std::string axes(const Panel& panel, const PanelPlace& place, const Frame& frame
           " noenhanced\n";
   const double top = place.bottom + place.height;
   text += label(panel.title, screen(frame.box.left, top - 18, place), "left", "B13", "#1c2329");
-  text += label(panel.under_title, screen(frame.box.left, top - 40, place), "left", "10", "#4a5560");
-  return text;
-}
-
-std::string seriesNames(const Panel& panel, const PanelPlace& place, const Frame& frame) {
-  std::string text;
-  double x = frame.box.left + 6;
-  for (std::size_t s = 0; panel.series.size() > 1 && s < panel.series.size(); ++s) {
-    const Look& look = lookOf(s);
-    text += "set label " + quoted(" " + panel.series[s]) + " at " +
-            screen(x, place.bottom + place.height - 64, place) +
-            " left noenhanced font 'DejaVu Sans,10' point pt " + std::to_string(look.filled) +
-            " ps 1.1 lc rgb '" + look.colour + "' offset 0.6,0\n";
-    x += 34 + 7.0 * static_cast<double>(panel.series[s].size());
+  double y = top - 38;
+  for (const std::string& line : linesIn(panel.under_title, axesWidth_px(place))) {
+    text += label(line, screen(frame.box.left, y, place), "left", "10", "#4a5560");
+    y -= kLine_px;
   }
+  y -= 5;
+  const auto legend = legendOf(panel, axesWidth_px(place));
+  for (std::size_t s = 0; s < legend.size(); ++s)
+    text += "set label " + quoted(" " + panel.series[s]) + " at " +
+            screen(frame.box.left + legend[s].left_px, y - kLine_px * static_cast<double>(legend[s].line),
+                   place) +
+            " left noenhanced font 'DejaVu Sans,10' point pt " + std::to_string(lookOf(s).filled) +
+            " ps 1.1 lc rgb '" + lookOf(s).colour + "' offset 0.6,0\n";
   return text;
 }
 
@@ -295,8 +342,8 @@ std::string panelScript(const Panel& panel, const PanelPlace& place, std::size_t
   if (panel.points.empty()) return {};
   const Frame frame = frameOf(panel, place);
   const Drawn drawn = drawnOf(panel, frame, number);
-  std::string text = axes(panel, place, frame) + seriesNames(panel, place, frame) +
-                     levelScript(panel, frame) + names(panel, place, frame) + drawn.blocks + "plot ";
+  std::string text = axes(panel, place, frame) + levelScript(panel, frame) + names(panel, place, frame) +
+                     drawn.blocks + "plot ";
   for (std::size_t i = 0; i < drawn.plots.size(); ++i) text += (i > 0 ? ", \\\n     " : "") + drawn.plots[i];
   return text + "\n";
 }

@@ -50,7 +50,7 @@ bool goodEnough(const AccuracyRow& row) {
       return error_N <= noticed_N && row.max_step_n.value_or(0) <= noticed_N &&
              row.stiffness_margin.value_or(kNone) >= kStiffnessMargin;
     case AccuracyStudy::kMesh:
-      return error_N < kNone;
+      return error_N > 0 && error_N <= noticed_N;  // the finest has none by definition
     case AccuracyStudy::kStorage:
       return error_N <= kStorageShare * noticed_N;
     case AccuracyStudy::kLive:
@@ -67,7 +67,7 @@ double priceOf(const AccuracyRow& row) {
     case AccuracyStudy::kLive:
       return row.bytes_per_s.value_or(kNone);
     case AccuracyStudy::kMesh:
-      return errorOf(row);
+      return row.mesh_nodes.value_or(kNone);
     default:
       return costOf(row);
   }
@@ -120,7 +120,9 @@ std::string conditionOf(const AccuracyRow& row, bool good) {
                   : "none is below what a hand notices (" + noticed +
                         ") with twice the scene's stiffness allowed by theory; this has the least error";
     case AccuracyStudy::kMesh:
-      return "the least error that fits";
+      return good ? "the coarsest whose error is below what a hand notices (" + noticed + ")"
+                  : "none but the finest, which is the comparator, is below what a hand notices (" + noticed +
+                        ")";
     case AccuracyStudy::kStorage:
       return good
                  ? "the fewest bytes with an error below a tenth of what a hand notices (" + noticed + ")"
@@ -139,29 +141,41 @@ std::string list(const std::vector<std::string>& names) {
   return text;
 }
 
-std::string adviceText(const RowGroup& group, const AccuracyRow& row, bool good) {
-  std::string text = std::string(nameOf(group.study)) + ", " + group.scene + " (against " + group.reference +
-                     "): take " + choiceOf(row) + ": " + conditionOf(row, good) + "; " + measuresOf(row) +
-                     ".";
+std::string beginning(const RowGroup& group) {
+  return std::string(nameOf(group.study)) + ", " + group.scene + " (against " + group.reference + "): ";
+}
+
+std::string nameIn(const RowGroup& group, const AccuracyRow* row) {
+  for (std::size_t i = 0; i < group.rows.size(); ++i)
+    if (group.rows[i] == row) return group.names[i];
+  return {};
+}
+
+// what else the group shows: its front, what has less error, what is too slow
+std::string restOf(const RowGroup& group, const AccuracyRow& row) {
+  std::string text;
   std::vector<std::string> on_front, unfit;
   const std::vector<bool> front = paretoFront(group);
-  bool taken_on_front = false;
-  const AccuracyRow* finer = nullptr;
+  const AccuracyRow *finer = nullptr, *largest = nullptr;
   for (std::size_t i = 0; i < group.rows.size(); ++i) {
-    const AccuracyRow& other = *group.rows[i];
-    if (front[i]) on_front.push_back(choiceOf(other));
-    taken_on_front |= front[i] && &other == &row;
-    if (!fits(other)) unfit.push_back(choiceOf(other));
-    if (fits(other) && errorOf(other) < errorOf(row) &&
-        (finer == nullptr || errorOf(other) < errorOf(*finer)))
-      finer = &other;
+    const AccuracyRow* other = group.rows[i];
+    if (front[i]) on_front.push_back(group.names[i]);
+    if (!fits(*other)) {
+      unfit.push_back(group.names[i]);
+      continue;
+    }
+    if (errorOf(*other) < errorOf(finer != nullptr ? *finer : row)) finer = other;
+    if (largest == nullptr || other->mesh_nodes.value_or(0) > *largest->mesh_nodes) largest = other;
+    if (!largest->mesh_nodes) largest = nullptr;
   }
   if (on_front.size() > 1 && on_front.size() == group.rows.size())
     text += " All are on the front of error and time: each gives something for its price.";
   else if (!on_front.empty())
-    text += " On the front of error and time: " + list(on_front) +
-            (taken_on_front ? "." : " (not the one taken).");
-  if (finer != nullptr) text += " The least error has " + choiceOf(*finer) + ": " + measuresOf(*finer) + ".";
+    text += " On the front of error and time: " + list(on_front) + ".";
+  if (group.study == AccuracyStudy::kMesh && largest != nullptr)
+    text += " The largest mesh tried that fits its rate: " + nameIn(group, largest) + ".";
+  else if (finer != nullptr)
+    text += " The least error has " + nameIn(group, finer) + ": " + measuresOf(*finer) + ".";
   if (!unfit.empty()) text += " Too slow for their rate: " + list(unfit) + ".";
   return text;
 }
@@ -187,7 +201,7 @@ double demandOf(const AccuracyRow& row) {
 std::string consensusOf(AccuracyStudy study, const std::vector<Advice>& advices) {
   std::vector<const AccuracyRow*> taken;
   for (const Advice& advice : advices)
-    if (advice.row != nullptr && advice.row->study == study) taken.push_back(advice.row);
+    if (advice.is_choice && advice.row->study == study) taken.push_back(advice.row);
   if (taken.empty()) return {};
   const auto votes = [&](const AccuracyRow* row) {
     return std::count_if(taken.begin(), taken.end(),
@@ -199,8 +213,9 @@ std::string consensusOf(AccuracyStudy study, const std::vector<Advice>& advices)
       best = row;
   const auto count = static_cast<std::size_t>(votes(best));
   if (count == taken.size()) return choiceOf(*best);
-  return choiceOf(*best) + " (" + (study == AccuracyStudy::kModel ? "" : "the most careful choice, ") +
-         "of " + std::to_string(count) + " of " + std::to_string(taken.size()) + " comparisons)";
+  return choiceOf(*best) + " (" +
+         (study == AccuracyStudy::kModel ? "the most frequent choice, in " : "the most careful choice, in ") +
+         std::to_string(count) + " of " + std::to_string(taken.size()) + " comparisons)";
 }
 
 }  // namespace
@@ -214,22 +229,47 @@ Advice adviceFor(const RowGroup& group) {
   }
   Advice advice;
   advice.row = least(good, priceOf);
+  if (advice.row == nullptr) advice.row = least(good, lackOf);  // where no price was measured
   advice.good_enough = advice.row != nullptr;
   if (advice.row == nullptr) advice.row = least(fitting, lackOf);
-  if (advice.row == nullptr)
-    advice.text = std::string(nameOf(group.study)) + ", " + group.scene + " (against " + group.reference +
-                  "): nothing fits its rate, or nothing was measured; no choice can be recommended.";
+  if (advice.row == nullptr) {
+    advice.text =
+        beginning(group) + "nothing fits its rate, or nothing was measured; no choice can be recommended.";
+    return advice;
+  }
+  const std::string name = nameIn(group, advice.row), measures = measuresOf(*advice.row);
+  advice.is_choice = group.compares();
+  if (advice.is_choice)
+    advice.text = beginning(group) + "take " + name + ": " + conditionOf(*advice.row, advice.good_enough) +
+                  "; " + measures + "." + restOf(group, *advice.row);
   else
-    advice.text = adviceText(group, *advice.row, advice.good_enough);
+    advice.text =
+        beginning(group) + "nothing to choose from; the least error: " + name + ", " + measures + ".";
   return advice;
 }
 
 std::vector<std::string> recommendation(const AccuracyRows& rows) {
+  const std::vector<RowGroup> groups = groupsOf(rows);
   std::vector<Advice> advices;
+  for (const RowGroup& group : groups) advices.push_back(adviceFor(group));
+
+  // scenes with the same comparator and the same choice share a paragraph: the first one's
   std::vector<std::string> paragraphs;
-  for (const RowGroup& group : groupsOf(rows)) {
-    advices.push_back(adviceFor(group));
-    paragraphs.push_back(advices.back().text);
+  std::vector<bool> said(groups.size());
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    if (said[i]) continue;
+    std::vector<std::string> likewise;
+    for (std::size_t k = i + 1; k < groups.size(); ++k) {
+      const bool same = advices[i].is_choice && advices[k].is_choice && groups[k].study == groups[i].study &&
+                        groups[k].reference == groups[i].reference &&
+                        choiceOf(*advices[k].row) == choiceOf(*advices[i].row) &&
+                        advices[k].good_enough == advices[i].good_enough;
+      if (!same) continue;
+      said[k] = true;
+      likewise.push_back(groups[k].scene + " (" + measuresOf(*advices[k].row) + ")");
+    }
+    paragraphs.push_back(advices[i].text +
+                         (likewise.empty() ? "" : " The same choice in " + list(likewise) + "."));
   }
   static constexpr std::array<const char*, 5> kWords = {"the model ", "an FEM mesh of ", "a loop of ",
                                                         "stored steps of ", "live frames of "};
@@ -256,8 +296,8 @@ std::string findingOf(AccuracyStudy study, const AccuracyRows& rows) {
         return choiceOf(row) + ": " + forceText(errorOf(row)) + " of error for " + timeText(costOf(row)) +
                " a tick";
       case AccuracyStudy::kMesh:
-        return "A live FEM of " + choiceOf(row) + " fits: " + timeText(row.p99_ns.value_or(0)) +
-               " a tick (p99)";
+        return "FEM of " + choiceOf(row) + ": " + forceText(errorOf(row)) + " of error for " +
+               timeText(costOf(row)) + " a tick";
       case AccuracyStudy::kRate:
         return choiceOf(row) + " is enough: " + forceText(errorOf(row)) + " of error for " +
                sig(100 * row.cpu_share.value_or(0), 2) + " % of a core";

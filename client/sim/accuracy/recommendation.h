@@ -11,6 +11,7 @@ namespace needlelab {
 /// The row of a group that the rule of its study takes, and why.
 struct Advice {
   const AccuracyRow* row = nullptr;  ///< null: nothing can be said
+  bool is_choice = false;            ///< the group compares different choices
   bool good_enough = false;          ///< it meets the study's condition, else it is the nearest to it
   std::string text;                  ///< one paragraph
 };
@@ -20,7 +21,7 @@ struct Advice {
 /// measured,
 ///   never steps by more; else the least error.
 /// - rate: as for a model, and theory must allow twice the scene's stiffness (`stiffness_margin`).
-/// - mesh: the least error, which is the finest that fits.
+/// - mesh: the coarsest whose rms error nobody notices; else the finest.
 /// - storage: the fewest bytes whose rms error is at most a tenth of what is noticed.
 /// - live: the least bandwidth whose p99 latency is below 25 ms, half of the 50 ms of DESIGN §12 (server and
 ///   network need the rest); else the least latency.

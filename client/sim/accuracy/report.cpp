@@ -53,6 +53,7 @@ const std::vector<Column>& columns() {
                                                : *r.fits_rate ? "yes"
                                                               : "NO"; }},
       {"front", [](const Row&, bool on_front) { return on_front ? "*" : ""; }},
+      {"variant", [](const Row& r, bool) { return r.variant; }},
       {"uncertainty", [](const Row& r, bool) { return r.uncertainty; }},
   };
   return all;
@@ -77,8 +78,8 @@ void appendTable(std::string& out, const Cells& cells) {
       continue;
     std::size_t width = letters(columns()[c].title);
     for (const std::string& cell : cells[c]) width = std::max(width, letters(cell));
-    // names to the left, numbers to the right, the last column as it comes
-    const bool left = c == 0 || c + 1 == cells.size();
+    // words to the left, numbers to the right
+    const bool left = c == 0 || c + 2 >= cells.size();
     for (std::size_t r = 0; r <= rows; ++r) {
       const std::string cell = r == 0 ? columns()[c].title : cells[c][r - 1];
       const std::string space(width - letters(cell), ' ');

@@ -145,8 +145,7 @@ TEST(Recommendation, changesWhenTheRowsChange) {
 }
 
 TEST(Recommendation, saysWhenNothingFits) {
-  const Advice advice =
-      adviceFor(groupsOf({}).empty() ? RowGroup{AccuracyStudy::kModel, "s", "r", "", {}} : RowGroup{});
+  const Advice advice = adviceFor({AccuracyStudy::kModel, "scene", "reference", "", {}, {}});
   EXPECT_EQ(advice.row, nullptr);
   EXPECT_THAT(adviceOf({modelRow("A", 0.1, 2e6, false)}), HasSubstr("no choice can be recommended"));
 }
@@ -175,8 +174,47 @@ TEST(Recommendation, theSumTakesTheMostCarefulChoiceOfSeveralScenes) {
                        storageRow(1e-5, 0.5, 2)};
   rows[2].scene = rows[3].scene = "another scene";
   EXPECT_THAT(recommendation(rows).back(),
-              HasSubstr("stored steps of 1 µm (the most careful choice, of 1 of 2"));
+              HasSubstr("stored steps of 1 µm (the most careful choice, in 1 of 2"));
   EXPECT_TRUE(recommendation({}).empty());
+}
+
+TEST(Recommendation, oneChoiceAloneIsNotRecommended) {
+  AccuracyRows rows = {modelRow("A", 0.1, 10), modelRow("A", 0.05, 10)};
+  rows[1].variant = "fitted";
+  const Advice advice = adviceFor(groupsOf(rows).front());
+  EXPECT_FALSE(advice.is_choice);
+  EXPECT_THAT(advice.text, HasSubstr("nothing to choose from"));
+  EXPECT_THAT(recommendation(rows), testing::SizeIs(1)) << "and no sum";
+}
+
+TEST(Recommendation, scenesWithTheSameChoiceShareAParagraph) {
+  AccuracyRows rows = {storageRow(1e-6, 0.001, 3), storageRow(1e-5, 0.01, 2), storageRow(1e-6, 0.001, 3),
+                       storageRow(1e-5, 0.012, 2)};
+  rows[2].scene = rows[3].scene = "second scene";
+  const auto paragraphs = recommendation(rows);
+  ASSERT_EQ(paragraphs.size(), 2u);
+  EXPECT_THAT(paragraphs[0], HasSubstr("The same choice in second scene (rms error 0.012 N"));
+}
+
+AccuracyRow meshRow(double nodes, double error_n, double median_ns) {
+  AccuracyRow row = modelRow("FEM", error_n, median_ns);
+  row.study = AccuracyStudy::kMesh;
+  row.mesh_nodes = nodes;
+  row.fits_rate = median_ns < 1e6;
+  return row;
+}
+
+TEST(Recommendation, takesTheCoarsestMeshThatIsGoodEnoughAndNamesTheLargestThatFits) {
+  const AccuracyRows rows = {meshRow(500, 0.4, 1e3), meshRow(2000, 0.15, 2e3), meshRow(9000, 0.05, 9e5),
+                             meshRow(20'000, 0.01, 2e6), meshRow(50'000, 0, 4e6)};
+  EXPECT_THAT(adviceOf(rows), HasSubstr("take 2,000 nodes"));
+  EXPECT_THAT(adviceOf(rows), HasSubstr("The largest mesh tried that fits its rate: 9,000 nodes."));
+  EXPECT_THAT(adviceOf(rows), HasSubstr("Too slow for their rate: 20,000 nodes and 50,000 nodes."));
+}
+
+TEST(ParetoFront, theFinestMeshIsTheComparatorNotAChoice) {
+  const AccuracyRows rows = {meshRow(500, 0.4, 1e3), meshRow(2000, 0.15, 2e3), meshRow(50'000, 0, 900)};
+  EXPECT_THAT(paretoFront(groupsOf(rows).front()), ElementsAre(true, true, false));
 }
 
 TEST(SiText, keepsThreeFiguresAndNeverAThousand) {
@@ -207,7 +245,8 @@ TEST(LabelLayout, namesCoverNeitherEachOtherNorAPoint) {
 }
 
 TEST(AccuracyPictures, onePerStudyWithRowsAndAnOverview) {
-  const AccuracyRows rows = {modelRow("A", 0.1, 10), modelRow("B", 0.05, 20), rateRow(1000, 0.1, 3)};
+  const AccuracyRows rows = {modelRow("A", 0.1, 10), modelRow("B", 0.05, 20), rateRow(1000, 0.1, 3),
+                             rateRow(2000, 0.05, 6)};
   const auto pictures = accuracyPictures(rows);
   ASSERT_EQ(pictures.size(), 3u);
   EXPECT_EQ(pictures[0].name, "accuracy_model");
