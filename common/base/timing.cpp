@@ -1,4 +1,4 @@
-#include "accuracy/timing.h"
+#include "base/timing.h"
 
 #include <cmath>
 #include <cstdio>
