@@ -1,0 +1,38 @@
+/// A scene stepped through a prepared gesture, for measuring what a tick costs.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+#include "base/timing.h"
+#include "haptics/engine.h"
+
+namespace needlelab {
+
+/// A gesture through all of the scene's layers: in within 1 s, a hold of 0.4 s, out within 1 s, with tremor
+/// and 0.2 mm beside the straight line, the needle along the surface normal. Ticks at `rate_hz`; only the
+/// first is outside the tissue, so that it can be repeated.
+std::vector<TipSample> measuringGesture(const SceneSpec& scene, double rate_hz);
+
+/// Steps `model` through the gesture, again and again. Thread: one.
+class TickRun {
+ public:
+  /// Both must outlive the run; `gesture` has at least one sample.
+  TickRun(const SceneModel& model, const std::vector<TipSample>& gesture);
+
+  void tick() {
+    step(model_, gesture_[next_], *state_, report_);
+    keep(report_);
+    if (++next_ == gesture_.size()) next_ = 0;
+  }
+
+ private:
+  const SceneModel& model_;
+  const std::vector<TipSample>& gesture_;
+  std::unique_ptr<SimState> state_;
+  StepReport report_;
+  std::size_t next_ = 0;
+};
+
+}  // namespace needlelab
