@@ -17,6 +17,7 @@ void addFiguresCommand(CLI::App& app, SimCommand& chosen);
 void addPrecomputeCommand(CLI::App& app, SimCommand& chosen);
 void addScoreCommand(CLI::App& app, SimCommand& chosen);
 void addStabilityCommand(CLI::App& app, SimCommand& chosen);
+void addEffectsCommand(CLI::App& app, SimCommand& chosen);
 
 /// Parses and runs a whole command line, as `main` does. Never throws; exit codes of base/exit_code.h.
 int runSim(int argc, const char* const* argv);

@@ -1,0 +1,63 @@
+/// What each set of live effects costs a tick (DESIGN §5, `effects`).
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/result.h"
+#include "base/timing.h"
+#include "haptics/scene_spec.h"
+
+namespace needlelab {
+
+/// One set of live effects.
+struct EffectSetCost {
+  EffectMask effects = 0;
+  Timing timing;
+  std::optional<double> instructions;  ///< per tick; none where they were not counted
+};
+
+/// What an effect adds to a tick, over all pairs of sets that differ in it only.
+struct MarginalCost {
+  Effect effect = Effect::kCutting;
+  double mean_ns = 0, least_ns = 0, most_ns = 0;  ///< of the pairs' medians
+  std::optional<double> instructions;             ///< mean
+};
+
+/// The scene of the study: the profile's, or without one the paper's six layers with shaft friction and three
+/// membranes, so that all six effects are live. Errors: kInvalidInput naming file and field.
+Result<SceneSpec> effectsScene(const std::filesystem::path& profile);
+
+/// All subsets of the effects that are live in the scene, in the order of their masks. Errors: as of
+/// `compile`.
+Result<std::vector<EffectMask>> effectSets(const SceneSpec& scene, double rate_hz);
+
+/// Times each set over the same gesture, in turns, so that a slow moment falls on all. `progress` is told the
+/// share done.
+Result<std::vector<EffectSetCost>> timeEffectSets(const SceneSpec& scene, double rate_hz,
+                                                  const std::function<void(double)>& progress);
+
+/// Counts the instructions of a tick of each set: runs `command` (this program, so that it calls
+/// `runSetsForCounting` with the same scene) under callgrind. Errors: as of `countStepInstructions`.
+Status countEffectSets(const std::vector<std::string>& command, std::size_t ticks,
+                       std::vector<EffectSetCost>& sets);
+/// Steps each set once through the gesture, and marks the end of each.
+Status runSetsForCounting(const SceneSpec& scene, double rate_hz);
+/// Ticks of that gesture.
+std::size_t ticksOfGesture(const SceneSpec& scene, double rate_hz);
+
+std::vector<MarginalCost> marginalCosts(const std::vector<EffectSetCost>& sets);
+
+/// Names, in the order of the mask.
+std::vector<std::string> effectNames(EffectMask effects);
+
+/// For a terminal: sets from the cheapest on, then what each effect adds.
+std::string effectsTable(const std::vector<EffectSetCost>& sets);
+/// effects.csv and effects.png in `folder`, which exists. Errors: of the file system and of gnuplot.
+Status drawEffects(const std::vector<EffectSetCost>& sets, const std::filesystem::path& folder);
+
+}  // namespace needlelab
