@@ -57,8 +57,8 @@ class Lesson {
       : options_(options), signals_(stop_signals) {}
 
   int run() {
-    for (const auto step : {&Lesson::openSpool, &Lesson::connect, &Lesson::getLesson, &Lesson::openDevice,
-                            &Lesson::openSession})
+    for (const auto step : {&Lesson::openSpool, &Lesson::connect, &Lesson::getLesson, &Lesson::calibrate,
+                            &Lesson::openDevice, &Lesson::openSession})
       if (const Status status = (this->*step)(); !status.ok()) {
         say(status.error().message);
         return exitCodeOf(status.error());
@@ -73,6 +73,7 @@ class Lesson {
   Status connect();
   Status getLesson();
   Status openDevice();
+  Status calibrate();
   Status openSession();
   Status practise();
   void drain();
@@ -86,6 +87,7 @@ class Lesson {
   SampleRing ring_;
   std::unique_ptr<Uplink> uplink_;
   StationLesson lesson_;
+  std::optional<EffectCosts> effect_costs_;
   std::unique_ptr<Device> device_;
   std::shared_ptr<SpoolSession> session_;
   std::unique_ptr<ServoLoop> loop_;
@@ -189,6 +191,19 @@ Status Lesson::openDevice() {
   return {};
 }
 
+// what the lesson's effects cost here and now: before the loop, not on its thread. A lesson goes on without
+// it
+Status Lesson::calibrate() {
+  auto costs = calibrateEffects(lesson_.scene, options_.rate_hz);
+  if (costs.ok()) {
+    say("engine: " + effectCostsText(*costs));
+    effect_costs_ = *costs;
+  } else {
+    say("the effects' cost is not known: " + costs.error().message);
+  }
+  return {};
+}
+
 Status Lesson::openSession() {
   pb::SessionDescription d;
   const Uuid id = makeUuidV7();
@@ -284,6 +299,7 @@ StationSummary Lesson::summarise() {
   s.ring_dropped = ring_.dropped();
   s.axial_model = axialModelName(lesson_.model.axial_model);
   s.live_effects = liveEffects(lesson_.model);
+  s.effect_costs = effect_costs_;
   s.realtime = realtime_;
   s.spool = options_.spool.string();
   s.state = "OPEN";

@@ -1,5 +1,6 @@
 #include "station/summary.h"
 
+#include <cmath>
 #include <cstdarg>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -73,6 +74,19 @@ Json scoreOf(const StationSummary& summary) {
   return score.is_discarded() ? Json(nullptr) : score;
 }
 
+double tenths(double number) {
+  return std::round(number * 10) / 10;
+}
+
+// name → ns of each live effect
+Json costsOf(const std::optional<EffectCosts>& costs) {
+  if (!costs) return nullptr;
+  Json by_name = Json::object();
+  for (const EffectCost& cost : costs->effects)
+    by_name[std::string(kEffectNames[static_cast<std::size_t>(cost.effect)])] = tenths(cost.ns);
+  return by_name;
+}
+
 double bytesPerSample(const StationSummary& summary) {
   const std::uint64_t stored = summary.writer.samples - summary.writer.samples_lost;
   return stored == 0 ? 0 : static_cast<double>(summary.writer.chunk_bytes) / static_cast<double>(stored);
@@ -118,6 +132,17 @@ const char* servoEndText(ServoEnd end) {
   return "?";
 }
 
+std::string effectCostsText(const EffectCosts& costs) {
+  std::string text = printed("%.1f ns a tick", costs.tick_ns);
+  const char* before = "; of it ";
+  for (const EffectCost& cost : costs.effects) {
+    text +=
+        before + printed("%s %.1f ns", kEffectNames[static_cast<std::size_t>(cost.effect)].data(), cost.ns);
+    before = ", ";
+  }
+  return text;
+}
+
 std::string summaryText(const StationSummary& s) {
   std::string text;
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
@@ -139,6 +164,7 @@ std::string summaryText(const StationSummary& s) {
   std::string effects;
   for (const std::string& effect : s.live_effects) effects += (effects.empty() ? "" : ", ") + effect;
   text += "live effects " + (effects.empty() ? "none" : effects) + "\n";
+  if (s.effect_costs) text += "their cost   " + effectCostsText(*s.effect_costs) + "\n";
   if (!s.axial_model.empty()) text += "axial model  " + s.axial_model + "\n";
   for (const bool warnings : {false, true}) {
     const Json counts = flagCounts(s.servo, warnings);
@@ -200,6 +226,8 @@ std::string summaryJson(const StationSummary& s) {
       {"state", s.state},
       {"axial_model", s.axial_model},
       {"live_effects", s.live_effects},
+      {"effect_costs_ns", costsOf(s.effect_costs)},
+      {"engine_tick_ns", s.effect_costs ? Json(tenths(s.effect_costs->tick_ns)) : Json(nullptr)},
       {"events", flagCounts(s.servo, false)},
       {"warnings", flagCounts(s.servo, true)},
       {"score", scoreOf(s)},

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "effect_cost/calibration.h"
 #include "net/spool_writer.h"
 #include "net/uplink.h"
 #include "station/rt_thread.h"
@@ -28,6 +29,8 @@ struct StationSummary {
   UplinkState uplink;
   std::string axial_model;  ///< by name, the one that was rendered
   std::vector<std::string> live_effects;
+  std::optional<EffectCosts>
+      effect_costs;  ///< of the live effects, measured before the loop; none when that failed
   std::vector<RtStep> realtime;
   std::string state;         ///< COMPLETE, INTERRUPTED (the server's word), or OPEN
   std::string score_json;    ///< rows; empty when there is none
@@ -41,6 +44,9 @@ std::string_view flagText(unsigned bit);
 /// gesture.
 bool isWarningFlag(unsigned bit);
 const char* servoEndText(ServoEnd end);
+
+/// "15.2 ns a tick; of it CUTTING 2.3 ns, …" or "15.2 ns a tick".
+std::string effectCostsText(const EffectCosts& costs);
 
 std::string summaryText(const StationSummary& summary);
 /// {"version", "machine", "rows": [{…}]}: one row with the keys of DESIGN §9 and more, which stand beside
