@@ -1,0 +1,59 @@
+/// Gestures for the benchmarks of the tick: a way in, and a loop that is repeated in the tissue.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "base/result.h"
+#include "support/motions.h"
+#include "support/scenes.h"
+
+namespace needlelab::test {
+
+/// What the ticks of a loop must do, else the figure is of something else.
+struct StepLoop {
+  SceneSpec scene;
+  double rate_hz = 1000;
+  Motion way_in;
+  Motion loop;                ///< ends where it begins
+  std::uint32_t all_of = 0;   ///< StepFlag bits that every tick of the loop sets
+  std::uint32_t none_of = 0;  ///< … and that none does
+};
+
+/// Through all six layers and back, with a hold, tremor of 20 µm, 0.5 mm beside the line: torque and turn
+/// idle.
+StepLoop layersLoop(const SceneSpec& scene, double rate_hz = 1000);
+/// The needle tilted beyond the cone at every tick.
+StepLoop torqueLoop();
+/// The tip goes round: the trajectory turns at every tick.
+StepLoop turnLoop();
+/// The same further out: every turn is held back by the cone, which takes a bisection.
+StepLoop heldTurnLoop();
+
+/// A loop that runs: the way in is done.
+class LoopRun {
+ public:
+  /// Errors: as of `compile`; kFailed when a tick of the loop does not do what `all_of` and `none_of` say.
+  static Result<std::unique_ptr<LoopRun>> start(const StepLoop& loop);
+
+  void tick() {
+    step(model_, loop_[next_], *state_, report_);
+    if (++next_ == loop_.size()) next_ = 0;
+  }
+  [[nodiscard]] const TipSample& sample() const { return loop_[next_]; }
+  [[nodiscard]] const SceneModel& model() const { return model_; }
+  [[nodiscard]] const StepReport& report() const { return report_; }
+  [[nodiscard]] std::size_t ticks() const { return loop_.size(); }
+  /// Takes model, state, sample and report out of all caches.
+  void flush() const;
+
+ private:
+  LoopRun(SceneModel model, const Motion& loop);
+  SceneModel model_;
+  Motion loop_;
+  std::unique_ptr<SimState> state_;
+  StepReport report_;
+  std::size_t next_ = 0;
+};
+
+}  // namespace needlelab::test
