@@ -155,6 +155,7 @@ void registerAll() {
   tick("hot/with_torque", torqueLoop());
   tick("hot/in_a_turn", turnLoop());
   tick("hot/in_a_turn_held_by_the_cone", heldTurnLoop());
+  tick("hot/pressed_against_the_cone", pressedLoop());
   benchmark::RegisterBenchmark("hot/paper_four_beside_reference", besideReference)->UseManualTime();
   for (std::size_t i = 0; i < kAxialModelCount; ++i)
     benchmark::RegisterBenchmark(

@@ -91,6 +91,17 @@ StepLoop heldTurnLoop() {
   return made;
 }
 
+StepLoop pressedLoop() {
+  StepLoop made = circling(0.030, 0.014);
+  const TipSample still = made.way_in.back();
+  MotionBuilder hold(kRateHz, still.p_WT_m, zAxis(still.q_WT));
+  hold.hold(3.0);
+  made.way_in = joined(std::move(made.way_in), hold.samples());
+  made.loop = withTremor(hold.take(), kRateHz, 20e-6, 1);
+  made.all_of = kFlagClampCapped;
+  return made;
+}
+
 LoopRun::LoopRun(SceneModel model, const Motion& loop)
     : model_(std::move(model)), loop_(loop), state_(std::make_unique<SimState>()) {}
 

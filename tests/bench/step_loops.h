@@ -29,6 +29,8 @@ StepLoop torqueLoop();
 StepLoop turnLoop();
 /// The same further out: every turn is held back by the cone, which takes a bisection.
 StepLoop heldTurnLoop();
+/// Pressed on there by a hand at rest: the cone allows no turn, or a little of one with the tremor.
+StepLoop pressedLoop();
 
 /// A loop that runs: the way in is done.
 class LoopRun {
