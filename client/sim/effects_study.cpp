@@ -6,6 +6,7 @@
 #include "base/clock.h"
 #include "effect_cost/instruction_count.h"
 #include "effect_cost/tick_run.h"
+#include "fem/needle_mesh.h"
 #include "profile/profile.h"
 #include "sim/figures.h"
 
@@ -40,7 +41,10 @@ Result<SceneSpec> effectsScene(const std::filesystem::path& profile) {
   if (!profile.empty()) {
     const auto loaded = loadProfile(profile);
     if (!loaded.ok()) return loaded.error();
-    return sceneSpecOf(*loaded);
+    auto scene = sceneSpecOf(*loaded);
+    if (!scene.ok()) return scene;
+    if (auto status = addCompliance(*scene); !status.ok()) return status.error();
+    return scene;
   }
   auto scene = paperSceneSpec("paper-six-layers", Pose{});
   if (!scene.ok()) return scene.error();
