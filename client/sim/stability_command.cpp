@@ -15,6 +15,7 @@
 #include "sim/json_output.h"
 #include "sim/stability_pictures.h"
 #include "stability/case_output.h"
+#include "stability/scan_limits.h"
 
 namespace needlelab {
 namespace {
@@ -52,23 +53,42 @@ Result<std::vector<T>> chosenOf(const std::vector<T>& all, const std::vector<std
 class Progress {
  public:
   explicit Progress(std::size_t all) : all_(all), shown_(::isatty(STDERR_FILENO) != 0) {}
-  ~Progress() {
-    if (shown_) std::fprintf(stderr, "\r\033[K");
-  }
+  ~Progress() { clear(); }
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
   void next(const std::string& name, AxialModel model) {
     ++done_;
+    say(std::to_string(done_) + "/" + std::to_string(all_) + " " + name + ", " +
+        std::string(shortName(model)));
+  }
+  void say(const std::string& words) {
     if (!shown_) return;
-    std::fprintf(stderr, "\r\033[K%zu/%zu %s, %s", done_, all_, name.c_str(),
-                 std::string(shortName(model)).c_str());
+    std::fprintf(stderr, "\r\033[K%s", words.c_str());
     std::fflush(stderr);
   }
+  void clear() { say(""); }
 
  private:
   std::size_t all_, done_ = 0;
   bool shown_;
 };
+
+// the rows' pictures, and with all cases the study of stiffness, which has its own runs
+Status draw(const std::vector<CaseOutcome>& outcomes, const CaseSettings& settings,
+            const StabilityOptions& options, Progress& progress) {
+  if (const Status status = drawStability(outcomes, options.out); !status.ok()) return status;
+  if (!options.only_cases.empty()) return {};
+  const auto limits = drawStiffnessLimits(options.out, settings, [&](std::string_view doing, double share) {
+    char percent[16];
+    std::snprintf(percent, sizeof percent, "%3.0f %% ", 100 * share);
+    progress.say(percent + std::string(doing));
+  });
+  progress.clear();
+  if (!limits.ok()) return limits.error();
+  for (const std::string& note : limits->notes)
+    std::fprintf(stderr, "needlelab-sim stability: %s\n", note.c_str());
+  return {};
+}
 
 int stability(const StabilityOptions& options) {
   const auto file = options.cases.empty() ? CaseFile::embedded() : CaseFile::load(options.cases);
@@ -90,24 +110,29 @@ int stability(const StabilityOptions& options) {
   const CaseSettings settings{*file, options.long_form};
   std::vector<CaseOutcome> outcomes;
   std::vector<CaseRow> rows;
-  {
-    Progress progress(cases->size() * models->size());
-    for (const StabilityCase& one : *cases)
-      for (const AxialModel model : *models) {
-        progress.next(one.name, model);
-        auto outcome = runCase(one, settings, model, engine);
-        if (!outcome.ok()) return fail(outcome.error());
-        rows.push_back(outcome->row);
-        outcomes.push_back(*std::move(outcome));
+  Progress progress(cases->size() * models->size());
+  for (const StabilityCase& one : *cases)
+    for (const AxialModel model : *models) {
+      progress.next(one.name, model);
+      auto outcome = runCase(one, settings, model, engine);
+      if (!outcome.ok()) {
+        progress.clear();
+        return fail(outcome.error());
       }
-  }
+      rows.push_back(outcome->row);
+      outcomes.push_back(*std::move(outcome));
+    }
+  progress.clear();
 
   if (options.json.wanted)
     if (const Status status = writeJson(options.json, rowsJson(rows)); !status.ok())
       return fail(status.error());
   if (!options.json.wanted || !options.json.file.empty()) std::fputs(rowsText(rows).c_str(), stdout);
   if (!options.out.empty())
-    if (const Status status = drawStability(outcomes, options.out); !status.ok()) return fail(status.error());
+    if (const Status status = draw(outcomes, settings, options, progress); !status.ok()) {
+      progress.clear();
+      return fail(status.error());
+    }
 
   // what ships must be stable; the others may be what they are
   const auto unstable = std::find_if(rows.begin(), rows.end(), [](const CaseRow& row) {
@@ -127,7 +152,9 @@ void addStabilityCommand(CLI::App& app, SimCommand& chosen) {
                          "Runs the hard cases in closed loop over all axial models: chatter, force steps, "
                          "energy. Exit code 1 when the enhanced tracking wall is not stable");
   addJsonOption(*command, options->json);
-  command->add_option("--out", options->out, "folder for pictures; made when it is not there");
+  command->add_option(
+      "--out", options->out,
+      "folder for pictures, and for the largest stable stiffness per model; made when it is not there");
   command->add_option("--case", options->only_cases, "only this case; may be given several times")
       ->take_all();
   command->add_option("--model", options->only_models, "only this axial model; may be given several times")

@@ -78,7 +78,7 @@ struct StabilityCase {
 std::vector<StabilityCase> holdCases();
 std::vector<StabilityCase> motionCases();
 std::vector<StabilityCase> scanCases();
-/// All of them, in the order of DESIGN §10.
+/// All of them: holds, prescribed motions, then stiffness, release and missing ticks.
 std::vector<StabilityCase> allCases();
 
 /// Runs a case; a row that is not applicable where the case says nothing about `model`.
