@@ -74,8 +74,10 @@ StabilityPicture overviewPicture(const std::vector<CaseRow>& rows) {
       const Look look = lookOf(row);
       script += rectangle(++number, static_cast<double>(x), top, 1, 1, look.fill);
       if (row == nullptr || !row->applicable) continue;
-      script += label(plain(shortNumber(row->measured)), static_cast<double>(x) + 0.5, top + 0.5, "center",
-                      look.text, ",11");
+      // a row may have a second condition, which its note tells
+      const bool other = !row->passed && row->measured && row->limit && *row->measured <= *row->limit;
+      script += label(plain(shortNumber(row->measured)) + (other ? " *" : ""), static_cast<double>(x) + 0.5,
+                      top + 0.5, "center", look.text, ",11");
       if (quantity.empty()) quantity = row->quantity, limit = shortNumber(row->limit);
     }
     script += label(plain(names[y]), -0.12, top + 0.3, "right", "#1c2329", ",11");
@@ -88,18 +90,18 @@ StabilityPicture overviewPicture(const std::vector<CaseRow>& rows) {
   // the key below: three verdicts and what was not asked
   const std::array<std::pair<const char*, const char*>, 4> key = {
       {{"#cfe2f3", "stable"},
-       {"#f6b26b", "over the limit, bounded"},
+       {"#f6b26b", "over the limit (*: its other condition), bounded"},
        {"#5b1a4b", "grows, or only the gate holds it"},
        {"#f3f4f5", "says nothing about this model"}}};
-  const double widths[] = {0.0, 1.1, 3.5, 6.4};
+  const double widths[] = {0.0, 1.1, 5.0, 7.9};
   for (std::size_t i = 0; i < key.size(); ++i) {
     const double left = (widths[i] - 1.2) * std::max(1.0, columns / 9);
     script += rectangle(kOutside + static_cast<int>(i), left, rows_n + 0.35, 0.22, 0.4, key[i].first);
     script += label(key[i].second, left + 0.3, rows_n + 0.55, "left", "#4a5560", ",10");
   }
-  const int width = 420 + 96 * static_cast<int>(models.size()),
+  const int width = 500 + 96 * static_cast<int>(models.size()),
             height = 130 + 40 * static_cast<int>(names.size());
-  script = "unset border\nunset tics\nunset key\nset lmargin at screen " + fixed(340.0 / width, 4) +
+  script = "unset border\nunset tics\nunset key\nset lmargin at screen " + fixed(420.0 / width, 4) +
            "\nset rmargin at screen " + fixed(1 - 20.0 / width, 4) + "\nset tmargin at screen " +
            fixed(1 - 78.0 / height, 4) + "\nset bmargin at screen " + fixed(52.0 / height, 4) +
            "\nset xrange [0:" + fixed(columns, 0) + "]\nset yrange [" + fixed(rows_n, 0) + ":0]\n" +
