@@ -20,6 +20,15 @@ double energyAtGrip_J(const PlantRun& run, const SimulatedDeviceOptions& device)
   return last.energy_J - damped_J - 0.5 * device.limits.apparent_mass_kg * normSquared(last.v_W_mps);
 }
 
+// The gate lets the force fade in over the first 200 ms (§3.7). A spring that is pressed meanwhile gives back
+// more than it took: a gesture begins after it.
+HandPlan restedPlan(Gesture gesture) {
+  Stroke rest = gesture.start;
+  rest.seconds = 0.25;
+  gesture.strokes.insert(gesture.strokes.begin(), rest);
+  return planOf(gesture);
+}
+
 // a hand that may be stiff, normal or nearly free
 struct Grip {
   double stiffness_N_per_m, damping_Ns_per_m;
@@ -45,7 +54,7 @@ Result<WithHand> withHands(std::uint64_t gestures, const PassivitySearch& search
     plant.device.hand.damping_Ns_per_m = hand.damping_Ns_per_m;
     plant.device.hand.tremor_m = gesture.tremor_m;
     plant.device.hand.seed = gesture.tremor_seed;
-    const auto run = runPlant(**source, planOf(gesture), plant);
+    const auto run = runPlant(**source, restedPlan(gesture), plant);
     if (!run.ok()) return run.error();
 
     PassivityObserver observer(run->axial_stiffness_N_per_m);
