@@ -9,6 +9,7 @@
 #include <system_error>
 #include <vector>
 
+#include "base/atomic_file.h"
 #include "base/exit_code.h"
 #include "sim/command.h"
 #include "sim/gnuplot.h"
@@ -90,6 +91,15 @@ Status draw(const std::vector<CaseOutcome>& outcomes, const CaseSettings& settin
   return {};
 }
 
+// what failed, small enough to be read and kept
+Status writeAttachments(const std::vector<CaseOutcome>& outcomes, const std::filesystem::path& folder) {
+  for (const CaseOutcome& outcome : outcomes)
+    for (const CaseAttachment& one : outcome.files)
+      if (Status status = writeFileAtomically(folder / one.name, viewOf(one.text)); !status.ok())
+        return status;
+  return {};
+}
+
 int stability(const StabilityOptions& options) {
   const auto file = options.cases.empty() ? CaseFile::embedded() : CaseFile::load(options.cases);
   if (!file.ok()) return fail(file.error());
@@ -133,6 +143,10 @@ int stability(const StabilityOptions& options) {
       progress.clear();
       return fail(status.error());
     }
+
+  if (!options.out.empty())
+    if (const Status status = writeAttachments(outcomes, options.out); !status.ok())
+      return fail(status.error());
 
   // what ships must be stable; the others may be what they are
   const auto unstable = std::find_if(rows.begin(), rows.end(), [](const CaseRow& row) {
