@@ -113,6 +113,7 @@ AccuracyRow extrapolationRow(const CurveFit& fit, const DepthCurve& curve) {
   row.reference =
       "recorded force over depth; fitted on the first 25 mm, error on the rest (extrapolation past three "
       "ruptures)";
+  row.advises = false;  // which model happens to be least wrong ahead of its data says nothing of models
   row.rms_error_n = fit.held_out.rms;
   row.max_error_n = fit.held_out.max;
   const std::string time = addRun(fit, curve.depth_m.back(), row);

@@ -111,7 +111,7 @@ Result<AccuracyRows> epiduralRows(const AccuracyOptions& /*options*/, const Accu
     }
     row.scene = "epidural-porcine";
     row.model = axialModelName(AxialModel::kPrecomputed);
-    row.variant = textOf("table of %zu rows, wall of %.0f N/m", scene.precomputed.table.size(), stiffness);
+    row.variant = textOf("wall of %.0f N/m, table of %zu rows", stiffness, scene.precomputed.table.size());
     row.reference = "force polynomials per layer, fitted by their source to porcine epidural insertions";
     row.rms_error_n = std::sqrt(squares / static_cast<double>(count));
     row.max_error_n = most;

@@ -33,7 +33,7 @@ AccuracyRow holdRow(const HoldFit& fit, const HoldChoice& choice) {
   row.model = axialModelName(AxialModel::kEnhancedTrackingWall);
   row.variant = exponential ? textOf("stop EXPONENTIAL, relax_time %.2f s, relax_residual %.3f, from %.3f N",
                                      fit.relax_time_s, fit.relax_residual, fit.force_N)
-                            : textOf("stop RAMP over %.2f s from %.3f N to %.3f N", fit.stop_duration_s,
+                            : textOf("stop RAMP, over %.2f s from %.3f N to %.3f N", fit.stop_duration_s,
                                      fit.force_N, fit.rejection_force_N);
   row.reference = std::string("recorded force over the hold (2.2 s to 9.85 s); held out: ") + choice.words;
   row.rms_error_n = fit.held_out.rms;

@@ -57,6 +57,7 @@ struct AccuracyRow {
   std::optional<double> rms_error_m;       ///< of position
   std::optional<double> latency_p99_ms;
   std::optional<double> bytes_per_s;  ///< on the wire, framing and TLS included
+  bool advises = true;                ///< false: shown, but no choice follows from it (an extrapolation)
   std::string uncertainty;            ///< in words, with numbers; never empty
   std::string cannot_show;            ///< what this row says nothing about; never empty
 };
