@@ -83,6 +83,8 @@ std::vector<RowGroup> groupsOf(const AccuracyRows& rows) {
 }
 
 bool RowGroup::compares() const {
+  if (std::any_of(rows.begin(), rows.end(), [](const AccuracyRow* row) { return !row->advises; }))
+    return false;
   return std::any_of(rows.begin(), rows.end(),
                      [&](const AccuracyRow* row) { return choiceOf(*row) != choiceOf(*rows.front()); });
 }

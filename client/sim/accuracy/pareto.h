@@ -23,7 +23,8 @@ struct RowGroup {
   std::vector<const AccuracyRow*> rows;
   std::vector<std::string> names;  ///< of the rows: choiceOf, with the variant where that is not unique
 
-  /// Whether it compares different choices, or is one of them beside its reference.
+  /// Whether it compares different choices that advise; else it is one of them beside its reference, or an
+  /// extrapolation.
   [[nodiscard]] bool compares() const;
 };
 /// In order of first appearance. The rows must outlive the groups.

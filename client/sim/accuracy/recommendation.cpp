@@ -231,20 +231,24 @@ Advice adviceFor(const RowGroup& group) {
   advice.row = least(good, priceOf);
   if (advice.row == nullptr) advice.row = least(good, lackOf);  // where no price was measured
   advice.good_enough = advice.row != nullptr;
-  if (advice.row == nullptr) advice.row = least(fitting, lackOf);
+  // where nothing is chosen, price does not count
+  advice.is_choice = group.compares();
+  if (advice.row == nullptr || !advice.is_choice) advice.row = least(fitting, lackOf);
   if (advice.row == nullptr) {
     advice.text =
         beginning(group) + "nothing fits its rate, or nothing was measured; no choice can be recommended.";
+    advice.is_choice = false;
     return advice;
   }
   const std::string name = nameIn(group, advice.row), measures = measuresOf(*advice.row);
-  advice.is_choice = group.compares();
   if (advice.is_choice)
     advice.text = beginning(group) + "take " + name + ": " + conditionOf(*advice.row, advice.good_enough) +
                   "; " + measures + "." + restOf(group, *advice.row);
   else
-    advice.text =
-        beginning(group) + "nothing to choose from; the least error: " + name + ", " + measures + ".";
+    advice.text = beginning(group) +
+                  (advice.row->advises ? "nothing to choose from; the least error: "
+                                       : "no choice follows; the least error: ") +
+                  name + ", " + measures + ".";
   return advice;
 }
 

@@ -38,8 +38,11 @@ SceneSpec sceneOf(double stiffness_N_per_m) {
   scene.axial_model = AxialModel::kPrecomputed;
   scene.effects = bitOf(Effect::kCutting);
   scene.tracking_wall.stiffness_N_per_m = stiffness_N_per_m;
-  scene.layers.push_back({});
-  scene.layers[0].thickness_m = 0.06;
+  // the layers of the sample: where its force falls at a layer's end, that is a release
+  for (const ForcePolynomial& layer : epiduralPolynomials()) {
+    scene.layers.push_back({});
+    scene.layers.back().thickness_m = layer.thickness_mm * 1e-3;
+  }
   scene.precomputed.table = epiduralTable(kEpiduralTableError_N);
   return scene;
 }
@@ -96,7 +99,8 @@ Result<AccuracyRows> epiduralRows(const AccuracyOptions& /*options*/, const Accu
     const SceneSpec scene = sceneOf(stiffness);
     const auto model = compile(scene, 1000);
     if (!model.ok()) return model.error();
-    const StraightGesture gesture = constantSpeed(-1.5e-6, 0.0569, 0.003, 1000);
+    // no tick within the micrometre in which the table falls into the epidural space
+    const StraightGesture gesture = constantSpeed(-0.5e-6, 0.0569, 0.003, 1000);
     AxialRun run;
     runStraight(*model, gesture, run);
     AccuracyRow row;

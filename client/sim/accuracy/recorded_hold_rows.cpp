@@ -42,6 +42,7 @@ AccuracyRow holdRow(const HoldFit& fit, const HoldChoice& choice) {
   AxialRun hold;
   const auto from = static_cast<std::ptrdiff_t>((kHoldFrom_s - fit.from_s) * fit.gesture.rate_hz);
   hold.force_N.assign(fit.run.force_N.begin() + from, fit.run.force_N.end());
+  hold.flags.assign(fit.run.flags.begin() + from, fit.run.flags.end());
   addGreatestStep(hold, row);
   row.uncertainty = textOf(
       "%zu means over 0.1 s held out; error on the fitted part %.4f N; by single rows %.4f N, of which %.4f "

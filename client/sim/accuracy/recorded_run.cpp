@@ -11,9 +11,11 @@ void runStraight(const SceneModel& model, const StraightGesture& gesture, AxialR
   SimState state{};
   StepReport report;
   run.force_N.resize(gesture.depth_m.size());
+  run.flags.resize(gesture.depth_m.size());
   for (std::size_t i = 0; i < gesture.depth_m.size(); ++i) {
     step(model, {{0, 0, -gesture.depth_m[i]}, kDown}, state, report);
     run.force_N[i] = report.wrench_W.force_N.z;
+    run.flags[i] = report.flags;
   }
 }
 

@@ -21,6 +21,7 @@ struct StraightGesture {
 /// The resisting force at each tick in N: positive pushes the needle out, as recordings have it.
 struct AxialRun {
   std::vector<double> force_N;
+  std::vector<std::uint32_t> flags;  ///< StepFlag of each tick
 };
 
 /// Errors: those of `compile`.

@@ -5,6 +5,8 @@
 #include <cstdarg>
 #include <cstdio>
 
+#include "accuracy/rendering.h"
+
 namespace needlelab {
 
 std::string textOf(const char* format, ...) {
@@ -37,7 +39,8 @@ std::string addTickTime(const SceneModel& model, const StraightGesture& gesture,
 void addGreatestStep(const AxialRun& run, AccuracyRow& row) {
   double most = 0;
   for (std::size_t i = 1; i < run.force_N.size(); ++i)
-    most = std::max(most, std::fabs(run.force_N[i] - run.force_N[i - 1]));
+    if (!isRelease(run.flags[i], run.force_N[i - 1], run.force_N[i]))
+      most = std::max(most, std::fabs(run.force_N[i] - run.force_N[i - 1]));
   row.max_step_n = most;
 }
 
