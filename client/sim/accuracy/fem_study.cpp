@@ -205,7 +205,7 @@ Result<AccuracyRows> meshRows(const AccuracyOptions& options, const AccuracyProg
   const auto spec = femScene();
   if (!spec.ok()) return spec.error();
   std::vector<int> ladder = {500, 1000, 2000, 4000, 8000, 16'000};
-  if (options.long_form) ladder.insert(ladder.end(), {32'000, 64'000});
+  if (options.long_form) ladder.push_back(32'000);
   progress("mesh: up to " + std::to_string(ladder.back()) + " nodes", 0);
   std::size_t done = 0;
   const auto meshes = meshStudy(*spec, ladder, kDefaultStations, [&](const MeshRow& mesh) {
