@@ -156,7 +156,10 @@ PlantOptions CaseEntry::plant() {
       {"delay_ticks", &delay},
       {"seed", &seed},
   };
-  for (const auto& [key, value] : merged.items()) {
+  for (const auto& item : merged.items()) {
+    // no structured binding: clang 14 takes none into a lambda
+    const std::string& key = item.key();
+    const nlohmann::json& value = item.value();
     const auto* row =
         std::find_if(std::begin(rows), std::end(rows), [&](const Row& r) { return key == r.field; });
     if (row == std::end(rows) || !value.is_number())
