@@ -134,7 +134,7 @@ const char* servoEndText(ServoEnd end) {
 
 std::string effectCostsText(const EffectCosts& costs) {
   std::string text = printed("%.1f ns a tick", costs.tick_ns);
-  const char* before = "; of it ";
+  const char* before = "; beside the others each adds: ";
   for (const EffectCost& cost : costs.effects) {
     text +=
         before + printed("%s %.1f ns", kEffectNames[static_cast<std::size_t>(cost.effect)].data(), cost.ns);

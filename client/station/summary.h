@@ -45,7 +45,7 @@ std::string_view flagText(unsigned bit);
 bool isWarningFlag(unsigned bit);
 const char* servoEndText(ServoEnd end);
 
-/// "15.2 ns a tick; of it CUTTING 2.3 ns, …" or "15.2 ns a tick".
+/// "15.2 ns a tick; beside the others each adds: CUTTING 2.3 ns, …" or "15.2 ns a tick".
 std::string effectCostsText(const EffectCosts& costs);
 
 std::string summaryText(const StationSummary& summary);

@@ -67,8 +67,10 @@ TEST(StationSummary, tellsWhatEachLiveEffectCosts) {
     EXPECT_EQ(at["effect_costs_ns"], (nlohmann::json{{"CUTTING", 2.3}, {"CLAMPING", 4.1}}));
     EXPECT_EQ(at["engine_tick_ns"], 15.2);
   }
-  EXPECT_THAT(summaryText(s),
-              HasSubstr("their cost   15.2 ns a tick; of it CUTTING 2.3 ns, CLAMPING 4.1 ns\n"));
+  EXPECT_THAT(
+      summaryText(s),
+      HasSubstr(
+          "their cost   15.2 ns a tick; beside the others each adds: CUTTING 2.3 ns, CLAMPING 4.1 ns\n"));
 }
 
 TEST(StationSummary, withoutSamplesNothingIsDividedByZero) {
