@@ -10,8 +10,8 @@
 
 #include "accuracy/error_sum.h"
 #include "accuracy/lesson_samples.h"
-#include "accuracy/timing.h"
 #include "accuracy/tls_loopback.h"
+#include "base/timing.h"
 #include "gesture/chunk.h"
 
 namespace needlelab {

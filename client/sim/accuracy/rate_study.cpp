@@ -7,7 +7,7 @@
 #include "accuracy/error_sum.h"
 #include "accuracy/gesture.h"
 #include "accuracy/rendering.h"
-#include "accuracy/timing.h"
+#include "base/timing.h"
 #include "device/simulated_device.h"
 #include "sim/closed_loop.h"
 

@@ -5,7 +5,7 @@
 
 #include "accuracy/recorded_run.h"
 #include "accuracy/row.h"
-#include "accuracy/timing.h"
+#include "base/timing.h"
 
 namespace needlelab {
 

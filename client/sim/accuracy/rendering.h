@@ -6,7 +6,7 @@
 
 #include "accuracy/error_sum.h"
 #include "accuracy/gesture.h"
-#include "accuracy/timing.h"
+#include "base/timing.h"
 
 namespace needlelab {
 

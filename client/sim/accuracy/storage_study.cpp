@@ -7,7 +7,7 @@
 
 #include "accuracy/error_sum.h"
 #include "accuracy/lesson_samples.h"
-#include "accuracy/timing.h"
+#include "base/timing.h"
 #include "gesture/chunk.h"
 
 namespace needlelab {

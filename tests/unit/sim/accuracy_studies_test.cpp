@@ -13,8 +13,8 @@
 #include "accuracy/rate_study.h"
 #include "accuracy/rendering.h"
 #include "accuracy/storage_study.h"
-#include "accuracy/timing.h"
 #include "accuracy/tls_loopback.h"
+#include "base/timing.h"
 #include "support/scenes.h"
 
 namespace needlelab {
