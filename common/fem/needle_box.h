@@ -38,8 +38,6 @@ class NeedleBox {
  private:
   struct Lines {
     std::vector<double> radius_m, depth_m;
-    int around = 2;       ///< cells in the quarter; even, so that the box's edge is a line of the grid
-    int needle_line = 1;  ///< radius_m[needle_line] = r₀
   };
   static Lines linesFor(const NeedleBoxSpec& spec, int nodes);
   NeedleBox(const NeedleBoxSpec& spec, Lines lines);

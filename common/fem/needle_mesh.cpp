@@ -15,8 +15,8 @@ namespace {
 
 constexpr double kStrainLimit = 0.1;
 /// Each station gives by this share of the mean more than the mesh says: stations may be finer than the mesh,
-/// and their compliance would be singular. It takes about 0.01 % off the stiffness of a whole needle.
-constexpr double kOwnGive = 1e-3;
+/// and their compliance would be singular. It takes 0.1 % to 0.2 % off the stiffness of a whole needle.
+constexpr double kOwnGive = 1e-2;
 
 Status checked(const SceneSpec& spec, const NeedleMeshOptions& options) {
   const auto check = [](const std::string& field, double value, const NumberRange& range) -> Status {

@@ -18,7 +18,7 @@ inline constexpr int kDefaultStations = 60;
 /// What a mesh is made for. The trajectory is the surface normal at the entry, the tissue a half-space of
 /// layers (the limb's curvature is not seen), `spec.fem.layers` its elasticity.
 struct NeedleMeshOptions {
-  int nodes = 3000;                   ///< about so many; layers that are thin can make it more
+  int nodes = 10'000;                 ///< about so many; layers that are thin can make it more
   int stations = kDefaultStations;    ///< 1-kMaxNeedleStations
   double radius_m = kNeedleRadius_m;  ///< r₀
   /// The far boundary, held: half-width, and depth below the path, in lengths of the path. At 16 the needle

@@ -8,8 +8,6 @@ namespace {
 
 // what is taken for zero: far below what can be felt, far above rounding
 constexpr double kForceNear_N = 1e-10, kPlaceNear_m = 1e-13;
-/// The first so many solves change all that is wrong at once, later ones the last wrong one only: that ends.
-constexpr int kBlockSolves = 12;
 /// The cut runs ahead of the needle by at most so many stations in a tick: further, it would leave its force
 /// behind.
 constexpr double kCutAhead = 0.25;
@@ -77,7 +75,7 @@ class Contact {
  private:
   [[nodiscard]] double giveBetween(std::size_t a, std::size_t b) const;
   void solveOnce();
-  bool changeHolds(bool all);
+  std::size_t findWrong(std::array<std::size_t, kMaxUnknowns>& which) const;
   void boundShaft(double length_m);
   void spreadTip(double depth_m);
 
@@ -183,41 +181,54 @@ void Contact::solveOnce() {
   }
 }
 
-// what is beyond its bound slips, what slips the wrong way sticks; false when nothing is wrong
-bool Contact::changeHolds(bool all) {
-  bool changed = false;
-  for (std::size_t n = count_; n-- > 0;) {
-    Hold wanted = hold_[n];
-    if (hold_[n] == Hold::kSticks) {
-      if (force_[n] > high_[n] + kForceNear_N)
-        wanted = Hold::kSlipsIn;
-      else if (force_[n] < low_[n] - kForceNear_N)
-        wanted = Hold::kSlipsOut;
-    } else if (low_[n] < high_[n] &&
-               (hold_[n] == Hold::kSlipsIn ? rest_[n] < -kPlaceNear_m : rest_[n] > kPlaceNear_m)) {
-      wanted = Hold::kSticks;
-    }
-    if (wanted == hold_[n]) continue;
-    hold_[n] = wanted;
-    changed = true;
-    if (!all) break;
+// what is wrong: beyond its bound it should slip, slipping the wrong way it should stick. `which` is told;
+// gives how many there are
+std::size_t Contact::findWrong(std::array<std::size_t, kMaxUnknowns>& which) const {
+  std::size_t wrong = 0;
+  for (std::size_t n = 0; n < count_; ++n) {
+    const bool sticks = hold_[n] == Hold::kSticks;
+    const bool beyond = sticks && (force_[n] > high_[n] + kForceNear_N || force_[n] < low_[n] - kForceNear_N);
+    const bool backward = !sticks && low_[n] < high_[n] &&
+                          (hold_[n] == Hold::kSlipsIn ? rest_[n] < -kPlaceNear_m : rest_[n] > kPlaceNear_m);
+    if (beyond || backward) which[wrong++] = n;
   }
-  return changed;
+  return wrong;
 }
 
+// Block principal pivoting (Portugal, Júdice and Vicente 1994): all that is wrong changes at once while that
+// makes less of it; when it does not, three times over, the last wrong one alone changes (which must end)
+// until it does.
 void Contact::solve() {
+  constexpr int kPatience = 3;
   // nothing to hold: slips, whichever way
   for (std::size_t n = 0; n < count_; ++n)
     if (low_[n] == high_[n] && hold_[n] == Hold::kSticks) hold_[n] = Hold::kSlipsIn;
-  bool settled = false;
-  int solves = 0;
-  while (!settled && solves < kMostSolves) {
+  std::array<std::size_t, kMaxUnknowns> wrong;
+  std::size_t least = kMaxUnknowns + 1;
+  int patience = kPatience, solves = 0;
+  while (solves < kMostSolves) {
     solveOnce();
     ++solves;
-    settled = !changeHolds(solves < kBlockSolves);
+    const std::size_t count = findWrong(wrong);
+    if (count == 0) {
+      state_.solves = static_cast<std::uint32_t>(solves);
+      return;
+    }
+    const bool better = count < least;
+    if (better) {
+      least = count;
+      patience = kPatience;
+    }
+    const bool all = better || patience-- > 0;
+    for (std::size_t i = all ? 0 : count - 1; i < count; ++i) {
+      Hold& hold = hold_[wrong[i]];
+      if (hold != Hold::kSticks)
+        hold = Hold::kSticks;
+      else
+        hold = force_[wrong[i]] > high_[wrong[i]] ? Hold::kSlipsIn : Hold::kSlipsOut;
+    }
   }
-  state_.solves = static_cast<std::uint32_t>(solves);
-  if (settled) return;
+  state_.solves = kMostSolves;
   ++state_.unsettled;
   // within bounds all the same: what does not fit is slip of this tick
   for (std::size_t n = 0; n < count_; ++n) force_[n] = std::clamp(force_[n], low_[n], high_[n]);

@@ -51,6 +51,7 @@ void deriveFirstOrder(SceneSpec& scene) {
 }
 
 void deriveFem(SceneSpec& scene) {
+  if (scene.fem.layers.empty()) scene.fem.nodes = kDefaultFemNodes;
   if (scene.fem.layers.empty())
     for (const LayerSpec& layer : scene.layers) {
       FemLayerSpec own;

@@ -13,11 +13,14 @@ namespace needlelab::test {
 namespace {
 
 // the six layers, clamped passively, with membranes; one mesh for all tests of this file
+// Stiff enough that a needle cuts soon and does not only push the skin in.
 SceneSpec sixLayers(LimbKind limb = LimbKind::kPlane) {
-  static const std::shared_ptr<const NeedleCompliance> compliance =
-      complianceOf(likeForLike(allEffects(), AxialModel::kFem), 1000, kDefaultStations);
   SceneSpec scene =
       likeForLike(withClamping(withLimb(allEffects(), limb), ClampingMode::kPassive), AxialModel::kFem);
+  for (FemLayerSpec& layer : scene.fem.layers) layer.young_Pa = 200e3;
+  static const std::shared_ptr<const NeedleCompliance> compliance =
+      complianceOf(scene, 1000, kDefaultStations);
+  scene.fem.nodes = 1000;
   scene.fem.compliance = compliance;
   return scene;
 }
