@@ -23,7 +23,7 @@ namespace {
 
 struct PrecomputeOptions {
   std::filesystem::path profile, out;
-  int nodes = 10'000, stations = kDefaultStations, rows = 501;
+  int nodes = 30'000, stations = kDefaultStations, rows = 501;
   double depth_m = 0;  ///< 0: as deep as the needle or the layers allow
   JsonOption json;
 };
