@@ -9,29 +9,6 @@
 namespace needlelab {
 namespace {
 
-// atan(k/8): the argument is brought within 1/16 of one of them, where the series is short
-constexpr double kAtanEighths[9] = {0.0,
-                                    0.12435499454676144,
-                                    0.24497866312686414,
-                                    0.35877067027057225,
-                                    0.4636476090008061,
-                                    0.5585993153435624,
-                                    0.6435011087932844,
-                                    0.7188299996216245,
-                                    0.7853981633974483};
-
-// atan(num/den) for 0 ≤ num ≤ den, den > 0
-double atanOfRatio(double num, double den) noexcept {
-  const int k = static_cast<int>(num / den * 8.0 + 0.5);
-  const double c = k * 0.125;
-  const double t = (num - c * den) / (den + c * num);
-  const double s = t * t;
-  // alternating series; the first term left out, t^15/15, is below 6e-20
-  const double tail =
-      s * (-1.0 / 3 + s * (1.0 / 5 + s * (-1.0 / 7 + s * (1.0 / 9 + s * (-1.0 / 11 + s * (1.0 / 13))))));
-  return kAtanEighths[k] + (t + t * tail);
-}
-
 // sine and cosine for |r| ≤ π/4 by their series
 double sinNear(double r) noexcept {
   const double s = r * r;
@@ -68,16 +45,7 @@ double reduceQuarter(double x, int& quadrant) noexcept {
 }  // namespace
 
 double detAtan2(double y, double x) noexcept {
-  const double ay = std::fabs(y), ax = std::fabs(x);
-  double angle;
-  if (ay <= ax) {
-    if (ax == 0.0) return 0.0;
-    angle = atanOfRatio(ay, ax);
-  } else {
-    angle = kPi / 2 - atanOfRatio(ax, ay);
-  }
-  if (x < 0.0) angle = kPi - angle;
-  return y < 0.0 ? -angle : angle;
+  return detAtan2Inline(y, x);
 }
 
 double detAsin(double x) noexcept {

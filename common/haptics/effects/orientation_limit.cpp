@@ -32,14 +32,14 @@ void tiltNearCone(const SceneModel& model, SimState& state, double insertion_m, 
   }
 
   const double sine = std::sqrt(across_squared);
-  const double tilt = detAtan2(sine, along);
+  const double tilt = detAtan2Inline(sine, along);
   double limit = tiltLimit(model, state);
   if (tilt < limit) {
     limit = tilt;  // and that is more than α here
     state.tilt_limit_insertion_m = insertion_m;
   } else if (insertion_m < state.tilt_limit_insertion_m) {
     // α falls with depth: only where the needle is less deep than where θ_l ≥ α was seen last can α be more
-    limit = std::max(limit, orientationLimitAngle(length, insertion_m));
+    limit = std::max(limit, detAtan2Inline(length - insertion_m, length + insertion_m));
     state.tilt_limit_insertion_m = insertion_m;
   }
   state.tilt_limit_rad = limit;
