@@ -1,10 +1,10 @@
 // The table of `needlelab-sim effects` for a terminal, and its picture.
 #include <algorithm>
 #include <bit>
-#include <cstdarg>
 #include <cstdio>
 
 #include "base/atomic_file.h"
+#include "base/formatted.h"
 #include "sim/effects_study.h"
 #include "sim/figure_table.h"
 #include "sim/gnuplot.h"
@@ -15,15 +15,6 @@ namespace {
 constexpr const char* kShortNames[kEffectCount] = {"cut", "attr", "clamp", "orient", "frict", "punct"};
 constexpr const char* kWords[kEffectCount] = {"cutting",           "attracted",      "clamping",
                                               "orientation limit", "shaft friction", "puncture"};
-
-[[gnu::format(printf, 1, 2)]] std::string printed(const char* format, ...) {
-  char line[300];
-  std::va_list values;
-  va_start(values, format);
-  std::vsnprintf(line, sizeof line, format, values);
-  va_end(values);
-  return line;
-}
 
 std::vector<EffectSetCost> fromTheCheapest(std::vector<EffectSetCost> sets) {
   std::stable_sort(sets.begin(), sets.end(), [](const EffectSetCost& a, const EffectSetCost& b) {
@@ -39,28 +30,28 @@ double costOfNone(const std::vector<EffectSetCost>& sets) {
 }
 
 std::string count(const std::optional<double>& instructions) {
-  return instructions ? printed("%12.1f", *instructions) : printed("%12s", "-");
+  return instructions ? formatted("%12.1f", *instructions) : formatted("%12s", "-");
 }
 
 }  // namespace
 
 std::string effectsTable(const std::vector<EffectSetCost>& sets) {
   std::string text;
-  for (const char* name : kShortNames) text += printed("%-7s", name);
-  text += printed("%10s %8s %10s %12s\n", "median ns", "p99 ns", "over none", "instructions");
+  for (const char* name : kShortNames) text += formatted("%-7s", name);
+  text += formatted("%10s %8s %10s %12s\n", "median ns", "p99 ns", "over none", "instructions");
   const double none_ns = costOfNone(sets);
   for (const EffectSetCost& set : fromTheCheapest(sets)) {
     for (std::size_t i = 0; i < kEffectCount; ++i)
-      text += printed("%-7s", (set.effects & bitOf(static_cast<Effect>(i))) != 0 ? "x" : ".");
-    text += printed("%10.1f %8.1f %10.1f ", set.timing.median_ns, set.timing.p99_ns,
-                    set.timing.median_ns - none_ns) +
+      text += formatted("%-7s", (set.effects & bitOf(static_cast<Effect>(i))) != 0 ? "x" : ".");
+    text += formatted("%10.1f %8.1f %10.1f ", set.timing.median_ns, set.timing.p99_ns,
+                      set.timing.median_ns - none_ns) +
             count(set.instructions) + "\n";
   }
   text += "\nwhat an effect adds, over all pairs of sets that differ in it only\n";
-  text += printed("%-18s %8s %8s %8s %12s\n", "effect", "mean ns", "least", "most", "instructions");
+  text += formatted("%-18s %8s %8s %8s %12s\n", "effect", "mean ns", "least", "most", "instructions");
   for (const MarginalCost& cost : marginalCosts(sets))
-    text += printed("%-18s %8.1f %8.1f %8.1f ", kWords[static_cast<std::size_t>(cost.effect)], cost.mean_ns,
-                    cost.least_ns, cost.most_ns) +
+    text += formatted("%-18s %8.1f %8.1f %8.1f ", kWords[static_cast<std::size_t>(cost.effect)], cost.mean_ns,
+                      cost.least_ns, cost.most_ns) +
             count(cost.instructions) + "\n";
   if (!sets.empty())
     text += "median and p99 of " + std::to_string(sets.front().timing.batches) + " batches of " +

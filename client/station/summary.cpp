@@ -1,10 +1,10 @@
 #include "station/summary.h"
 
 #include <cmath>
-#include <cstdarg>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "base/formatted.h"
 #include "base/machine.h"
 #include "haptics/engine.h"
 #include "haptics/force_gate.h"
@@ -44,15 +44,6 @@ const FlagWords* wordsOf(unsigned bit) {
   for (const FlagWords& words : kFlagWords)
     if (words.flag == (1u << bit)) return &words;
   return nullptr;
-}
-
-[[gnu::format(printf, 1, 2)]] std::string printed(const char* format, ...) {
-  char line[512];
-  std::va_list values;
-  va_start(values, format);
-  std::vsnprintf(line, sizeof line, format, values);
-  va_end(values);
-  return line;
 }
 
 double micro(std::int64_t ns) {
@@ -133,11 +124,11 @@ const char* servoEndText(ServoEnd end) {
 }
 
 std::string effectCostsText(const EffectCosts& costs) {
-  std::string text = printed("%.1f ns a tick", costs.tick_ns);
+  std::string text = formatted("%.1f ns a tick", costs.tick_ns);
   const char* before = "; beside the others each adds: ";
   for (const EffectCost& cost : costs.effects) {
     text +=
-        before + printed("%s %.1f ns", kEffectNames[static_cast<std::size_t>(cost.effect)].data(), cost.ns);
+        before + formatted("%s %.1f ns", kEffectNames[static_cast<std::size_t>(cost.effect)].data(), cost.ns);
     before = ", ";
   }
   return text;
@@ -146,21 +137,21 @@ std::string effectCostsText(const EffectCosts& costs) {
 std::string summaryText(const StationSummary& s) {
   std::string text;
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
-  text += printed("session      %s (%s)\n", s.session_id.c_str(), servoEndText(s.servo.end));
-  if (s.servo.fault != Fault::kNone) text += printed("FAULT        %s\n", faultText(s.servo.fault));
-  text += printed("samples      %llu at %g Hz; %llu of %llu ticks missed; %llu lost\n",
-                  count(s.servo.samples), s.rate_hz, count(s.servo.missed_ticks), count(s.servo.ticks),
-                  count(s.ring_dropped + s.writer.samples_lost));
-  text += printed("wake-up      p50 %.1f µs, p99 %.1f µs, p99.9 %.1f µs, max %.1f µs\n",
-                  micro(s.servo.wakeup.quantile_ns(0.5)), micro(s.servo.wakeup.quantile_ns(0.99)),
-                  micro(s.servo.wakeup.quantile_ns(0.999)), micro(s.servo.wakeup.max_ns()));
+  text += formatted("session      %s (%s)\n", s.session_id.c_str(), servoEndText(s.servo.end));
+  if (s.servo.fault != Fault::kNone) text += formatted("FAULT        %s\n", faultText(s.servo.fault));
+  text += formatted("samples      %llu at %g Hz; %llu of %llu ticks missed; %llu lost\n",
+                    count(s.servo.samples), s.rate_hz, count(s.servo.missed_ticks), count(s.servo.ticks),
+                    count(s.ring_dropped + s.writer.samples_lost));
+  text += formatted("wake-up      p50 %.1f µs, p99 %.1f µs, p99.9 %.1f µs, max %.1f µs\n",
+                    micro(s.servo.wakeup.quantile_ns(0.5)), micro(s.servo.wakeup.quantile_ns(0.99)),
+                    micro(s.servo.wakeup.quantile_ns(0.999)), micro(s.servo.wakeup.max_ns()));
   text +=
-      printed("tick         p50 %.1f µs, p99 %.1f µs, max %.1f µs; of it engine p50 %.2f µs, p99 %.2f µs\n",
-              micro(s.servo.tick.quantile_ns(0.5)), micro(s.servo.tick.quantile_ns(0.99)),
-              micro(s.servo.tick.max_ns()), micro(s.servo.engine.quantile_ns(0.5)),
-              micro(s.servo.engine.quantile_ns(0.99)));
-  text +=
-      printed("stored       %.2f bytes a sample in %llu chunks\n", bytesPerSample(s), count(s.writer.chunks));
+      formatted("tick         p50 %.1f µs, p99 %.1f µs, max %.1f µs; of it engine p50 %.2f µs, p99 %.2f µs\n",
+                micro(s.servo.tick.quantile_ns(0.5)), micro(s.servo.tick.quantile_ns(0.99)),
+                micro(s.servo.tick.max_ns()), micro(s.servo.engine.quantile_ns(0.5)),
+                micro(s.servo.engine.quantile_ns(0.99)));
+  text += formatted("stored       %.2f bytes a sample in %llu chunks\n", bytesPerSample(s),
+                    count(s.writer.chunks));
   std::string effects;
   for (const std::string& effect : s.live_effects) effects += (effects.empty() ? "" : ", ") + effect;
   text += "live effects " + (effects.empty() ? "none" : effects) + "\n";
@@ -173,8 +164,8 @@ std::string summaryText(const StationSummary& s) {
               (ticks == 1 ? " tick\n" : " ticks\n");
   }
   if (s.has_server) {
-    text += printed("server       %llu of %llu samples committed, session %s\n", count(s.samples_acked),
-                    count(s.servo.samples), s.state.c_str());
+    text += formatted("server       %llu of %llu samples committed, session %s\n", count(s.samples_acked),
+                      count(s.servo.samples), s.state.c_str());
     if (!s.uplink.current_trouble.empty()) text += "             " + s.uplink.current_trouble + "\n";
   }
   if (s.spool_left > 0)

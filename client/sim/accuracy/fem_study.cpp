@@ -68,10 +68,7 @@ AccuracyRow rowOf(AxialModel which, const SceneModel& model, const Finest& fines
   row.rms_error_spread_n = runs.spread();
   row.max_step_n = step_N;
   row.noticeable_n = noticeableForce_N(felt.rms());
-  row.median_ns = timing.median_ns;
-  row.p99_ns = timing.p99_ns;
-  row.cpu_share = timing.median_ns * kRate_hz * 1e-9;
-  row.fits_rate = timing.p99_ns <= 1e9 / kRate_hz;
+  setTimes(row, timing, kRate_hz);
   char strained[96];
   std::snprintf(strained, sizeof strained, "; %.0f %% of the volume near the path above 10 %% strain",
                 100 * finest.strained_share);
@@ -185,10 +182,7 @@ Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyPro
   row.rms_error_n = error->rms_N;
   row.max_error_n = error->max_N;
   row.noticeable_n = noticeableForce_N(error->fem_peak_N);
-  row.median_ns = timing.median_ns;
-  row.p99_ns = timing.p99_ns;
-  row.cpu_share = timing.median_ns * kRate_hz * 1e-9;
-  row.fits_rate = timing.p99_ns <= 1e9 / kRate_hz;
+  setTimes(row, timing, kRate_hz);
   char text[200];
   std::snprintf(text, sizeof text, "in ± %.2g N, hold ± %.2g N, out ± %.2g N (rms); FEM's peak %.3g N; ",
                 error->in_rms_N, error->hold_rms_N, error->out_rms_N, error->fem_peak_N);

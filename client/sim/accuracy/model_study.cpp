@@ -60,10 +60,7 @@ AccuracyRow rowOf(const StudyScene& scene, AxialModel which, const SceneModel& m
   row.rms_error_spread_n = runs.spread();
   row.max_step_n = step_N;
   row.noticeable_n = noticeableForce_N(felt.rms());
-  row.median_ns = timing.median_ns;
-  row.p99_ns = timing.p99_ns;
-  row.cpu_share = timing.median_ns * kRate_hz * 1e-9;
-  row.fits_rate = timing.p99_ns <= 1e9 / kRate_hz;
+  setTimes(row, timing, kRate_hz);
   row.uncertainty = spreadText(runs, "gestures") + "; " + timingText(timing);
   row.cannot_show =
       "whether the profile is right for tissue. The profile jumps at layers and at the skin, where a device "

@@ -133,10 +133,7 @@ Status sweepScene(Sweep& sweep, const StudyScene& scene, const std::string& mode
     const double limit_N_per_m = DeviceLimits{}.damping_Ns_per_m * kRates_hz[r] / (0.5 + kDelayTicks);
     row.stiffness_margin = limit_N_per_m / stiffness_N_per_m;
     row.noticeable_n = noticeableForce_N(force_N);
-    row.median_ns = timing->median_ns;
-    row.p99_ns = timing->p99_ns;
-    row.cpu_share = timing->median_ns * kRates_hz[r] * 1e-9;
-    row.fits_rate = timing->p99_ns <= 1e9 / kRates_hz[r];
+    setTimes(row, *timing, kRates_hz[r]);
     row.uncertainty = spreadText(errors[r], "hands") + "; " + timingText(*timing);
     row.cannot_show =
         "the cost of waking up and of the device's exchange (about 50 us a tick on a real loop), and a hand "

@@ -5,6 +5,7 @@
 #include "accuracy/recorded_curve.h"
 #include "accuracy/recorded_pictures.h"
 #include "accuracy/recorded_text.h"
+#include "base/formatted.h"
 #include "sim/figure_table.h"
 
 namespace needlelab {
@@ -102,17 +103,17 @@ Result<RecordedPicture> recordedCurvePicture(const AccuracyOptions& options) {
     for (std::size_t m = 0; m < models.size(); ++m) {
       const auto model = drawn(*curve, models[m], choice);
       if (!model.ok()) return model.error();
-      const std::string name = textOf("model%d%zu", extrapolates ? 1 : 0, m);
+      const std::string name = formatted("model%d%zu", extrapolates ? 1 : 0, m);
       script += dataBlock(name, {model->depth_mm, model->force_N});
       errors_N.push_back(model->fit.held_out.rms);
       plots += ", $" + name + " using 1:2 with lines lw 2.2 " + (m == 2 ? "dt (9,4) " : "") + "lc rgb '" +
                safeColour(m) + "' title '" + modelWords(model->fit) +
-               textOf(" (%zu numbers): %.2f N'", model->fit.parameters, model->fit.held_out.rms);
-      csv.emplace_back(textOf("%s_%zu_n", extrapolates ? "extrapolated" : "alternate", m),
+               formatted(" (%zu numbers): %.2f N'", model->fit.parameters, model->fit.held_out.rms);
+      csv.emplace_back(formatted("%s_%zu_n", extrapolates ? "extrapolated" : "alternate", m),
                        model->fit.model_N);
     }
     if (!extrapolates)
-      finding = textOf(
+      finding = formatted(
           "Between what it was fitted on, the wall follows a bovine liver and heart to %.2f N; ahead of it, "
           "no model does",
           errors_N[0]);
@@ -160,14 +161,14 @@ Result<RecordedPicture> recordedModelsPicture(const AccuracyOptions& options) {
   for (std::size_t m = 0; m < models.size(); ++m) {
     const auto model = drawn(*curve, models[m], choice);
     if (!model.ok()) return model.error();
-    const std::string name = textOf("model%zu", m);
+    const std::string name = formatted("model%zu", m);
     least = std::min(least, model->fit.held_out.rms);
     most = std::max(most, model->fit.held_out.rms);
-    csv.emplace_back(textOf("model_%zu_n", m), model->fit.model_N);
+    csv.emplace_back(formatted("model_%zu_n", m), model->fit.model_N);
     const int line = static_cast<int>(m) / kColumns, column = static_cast<int>(m) % kColumns;
     const double left = 0.05 + 0.2375 * column, top = 0.86 - 0.43 * line;
     script += dataBlock(name, {model->depth_mm, model->force_N}) + "unset label\n";
-    script += textOf(
+    script += formatted(
         "set lmargin at screen %.4f\nset rmargin at screen %.4f\nset tmargin at screen %.4f\nset bmargin at "
         "screen %.4f\n",
         left, left + 0.212, top, top - 0.335);
@@ -176,7 +177,7 @@ Result<RecordedPicture> recordedModelsPicture(const AccuracyOptions& options) {
     script += line == lines - 1 ? "set xlabel 'depth [mm]'\n" : "unset xlabel\n";
     script += "set label 1 '" + modelWords(model->fit) +
               "' at graph 0.5, 1.10 center font 'DejaVu Sans Bold,12' textcolor rgb '#1c2329'\n";
-    script += textOf(
+    script += formatted(
         "set label 2 '%zu numbers: %.2f N rms' at graph 0.5, 1.035 center font 'DejaVu Sans,11' textcolor "
         "rgb '#2b333b'\n",
         model->fit.parameters, model->fit.held_out.rms);
@@ -191,7 +192,7 @@ Result<RecordedPicture> recordedModelsPicture(const AccuracyOptions& options) {
         "0.35 lc rgb '" +
         safeColour(1) + "', $" + name + " using 1:2 with lines lw 2 lc rgb '" + safeColour(0) + "'\n";
   }
-  const std::string title = textOf(
+  const std::string title = formatted(
       "set label 10 'Models that know of layers or ruptures follow a recorded needle to %.2f N, a straight "
       "line "
       "to %.2f N' at screen 0.5, 0.968 center %s\nset label 11 'grey: recorded, fitted on; orange: recorded, "

@@ -6,6 +6,7 @@
 #include "accuracy/recorded_rows.h"
 #include "accuracy/recorded_spread.h"
 #include "accuracy/recorded_text.h"
+#include "base/formatted.h"
 
 namespace needlelab {
 namespace {
@@ -50,7 +51,7 @@ AccuracyRow alternateRow(const CurveFit& a, const CurveFit& b, const DepthCurve&
   row.max_error_n = std::max(a.held_out.max, b.held_out.max);
   row.rms_error_spread_n = std::fabs(a.held_out.rms - b.held_out.rms) / std::sqrt(2.0);
   const std::string time = addRun(a, curve.depth_m.back(), row);
-  row.uncertainty = textOf(
+  row.uncertainty = formatted(
       "%zu bins of 0.25 mm held out; error on the fitted halves %.3f and %.3f N, on the held-out ones %.3f "
       "and %.3f N; "
       "rows scatter %.2f N (rms) about their bin's mean, nearly all of it in the falls at ruptures",
@@ -74,7 +75,8 @@ Result<AccuracyRow> statisticalRow(const std::vector<CurveFit>& tables, const De
   AccuracyRow row;
   row.scene = kScene;
   row.model = axialModelName(AxialModel::kStatistical);
-  row.variant = textOf("mean and sd of %zu rows, 1 mm apart", checks[0].scene.spec.statistical.table.size());
+  row.variant =
+      formatted("mean and sd of %zu rows, 1 mm apart", checks[0].scene.spec.statistical.table.size());
   row.reference = kAlternate;
   row.rms_error_n = 0.5 * (checks[0].held_out_rms + checks[1].held_out_rms);
   row.max_error_n = std::max(checks[0].held_out_max, checks[1].held_out_max);
@@ -89,7 +91,7 @@ Result<AccuracyRow> statisticalRow(const std::vector<CurveFit>& tables, const De
   if (!model.ok()) return model.error();
   addGreatestStep(run->run, row);
   row.noticeable_n = noticeableForce_N(*std::max_element(run->run.force_N.begin(), run->run.force_N.end()));
-  row.uncertainty = textOf(
+  row.uncertainty = formatted(
       "error of one insertion, mean of %d per half; the mean of all insertions is off by %.3f and %.3f N; "
       "%.0f %% and "
       "%.0f %% of the rows held out after the contact lie within the 95 %% band; ",
@@ -117,7 +119,7 @@ AccuracyRow extrapolationRow(const CurveFit& fit, const DepthCurve& curve) {
   row.rms_error_n = fit.held_out.rms;
   row.max_error_n = fit.held_out.max;
   const std::string time = addRun(fit, curve.depth_m.back(), row);
-  row.uncertainty = textOf(
+  row.uncertainty = formatted(
       "%zu bins of 0.25 mm held out; error on the fitted part %.3f N; holding the force at 25 mm to the end "
       "is off by "
       "%.3f N: no model of one insertion knows of what lies ahead",
@@ -139,9 +141,9 @@ Result<AccuracyRows> recordedCurveRows(const AccuracyOptions& options, const Acc
   if (!recorded.ok()) return recorded.error();
   const DepthCurve curve = depthCurve(*recorded);
   notes.push_back(
-      textOf("%s: digitised in several passes (%d steps back in depth): sorted by depth, means over 0.25 "
-             "mm; falls within one bin are between the needle's force before and after",
-             kScene, backward));
+      formatted("%s: digitised in several passes (%d steps back in depth): sorted by depth, means over 0.25 "
+                "mm; falls within one bin are between the needle's force before and after",
+                kScene, backward));
 
   // the same models for each choice of what to fit on
   const std::vector<BinChoice> choices = {alternateBlocks(0), alternateBlocks(1), beforeTheSplit()};

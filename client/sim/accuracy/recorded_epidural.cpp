@@ -6,6 +6,7 @@
 #include "accuracy/recorded_rows.h"
 #include "accuracy/recorded_run.h"
 #include "accuracy/recorded_text.h"
+#include "base/formatted.h"
 
 namespace needlelab {
 namespace {
@@ -115,13 +116,13 @@ Result<AccuracyRows> epiduralRows(const AccuracyOptions& /*options*/, const Accu
     }
     row.scene = "epidural-porcine";
     row.model = axialModelName(AxialModel::kPrecomputed);
-    row.variant = textOf("wall of %.0f N/m, table of %zu rows", stiffness, scene.precomputed.table.size());
+    row.variant = formatted("wall of %.0f N/m, table of %zu rows", stiffness, scene.precomputed.table.size());
     row.reference = "force polynomials per layer, fitted by their source to porcine epidural insertions";
     row.rms_error_n = std::sqrt(squares / static_cast<double>(count));
     row.max_error_n = most;
     row.noticeable_n = noticeableForce_N(12.133);
     addGreatestStep(run, row);
-    row.uncertainty = textOf(
+    row.uncertainty = formatted(
         "%zu ticks at 3 mm/s; the table is within %.3f N of the polynomials, the rest is the wall's spring "
         "where the "
         "force rises steeper than %.0f N/m (at most 1,500, and a jump of 1.4 N at 20 mm); ",

@@ -6,6 +6,7 @@
 #include "accuracy/recorded_hold.h"
 #include "accuracy/recorded_rows.h"
 #include "accuracy/recorded_text.h"
+#include "base/formatted.h"
 
 namespace needlelab {
 namespace {
@@ -31,10 +32,11 @@ AccuracyRow holdRow(const HoldFit& fit, const HoldChoice& choice) {
   AccuracyRow row;
   row.scene = kScene;
   row.model = axialModelName(AxialModel::kEnhancedTrackingWall);
-  row.variant = exponential ? textOf("stop EXPONENTIAL, relax_time %.2f s, relax_residual %.3f, from %.3f N",
-                                     fit.relax_time_s, fit.relax_residual, fit.force_N)
-                            : textOf("stop RAMP, over %.2f s from %.3f N to %.3f N", fit.stop_duration_s,
-                                     fit.force_N, fit.rejection_force_N);
+  row.variant = exponential
+                    ? formatted("stop EXPONENTIAL, relax_time %.2f s, relax_residual %.3f, from %.3f N",
+                                fit.relax_time_s, fit.relax_residual, fit.force_N)
+                    : formatted("stop RAMP, over %.2f s from %.3f N to %.3f N", fit.stop_duration_s,
+                                fit.force_N, fit.rejection_force_N);
   row.reference = std::string("recorded force over the hold (2.2 s to 9.85 s); held out: ") + choice.words;
   row.rms_error_n = fit.held_out.rms;
   row.max_error_n = fit.held_out.max;
@@ -44,7 +46,7 @@ AccuracyRow holdRow(const HoldFit& fit, const HoldChoice& choice) {
   hold.force_N.assign(fit.run.force_N.begin() + from, fit.run.force_N.end());
   hold.flags.assign(fit.run.flags.begin() + from, fit.run.flags.end());
   addGreatestStep(hold, row);
-  row.uncertainty = textOf(
+  row.uncertainty = formatted(
       "%zu means over 0.1 s held out; error on the fitted part %.4f N; by single rows %.4f N, of which %.4f "
       "N is "
       "their scatter about those means (a noisy line, digitised)",
@@ -62,15 +64,15 @@ AccuracyRow withdrawalRow(const WithdrawalFit& fit, const HoldFit& hold) {
   AccuracyRow row;
   row.scene = kScene;
   row.model = axialModelName(AxialModel::kEnhancedTrackingWall);
-  row.variant = textOf("attracted force %.3f N; the force turns at %.2f N/s", fit.attracted_force_N,
-                       fit.speed_mps * 500);
+  row.variant = formatted("attracted force %.3f N; the force turns at %.2f N/s", fit.attracted_force_N,
+                          fit.speed_mps * 500);
   row.reference = "recorded force over the withdrawal (9.85 s to 11.5 s); held out: odd blocks of 0.1 s";
   row.rms_error_n = fit.held_out.rms;
   row.max_error_n = fit.held_out.max;
   row.noticeable_n = noticeableForce_N(hold.force_N);
   row.uncertainty =
-      textOf("%zu means over 0.05 s held out; error on the fitted part %.4f N; by single rows %.4f N",
-             fit.held_out.bins, fit.fitted.rms, fit.held_out.rows_rms);
+      formatted("%zu means over 0.05 s held out; error on the fitted part %.4f N; by single rows %.4f N",
+                fit.held_out.bins, fit.fitted.rms, fit.held_out.rows_rms);
   row.cannot_show =
       "the recording has no displacement: wall stiffness and speed act as one product, attracted force and "
       "inserted "
@@ -83,21 +85,21 @@ AccuracyRow filmRow(const FilmPrediction& p, double rendered_N, bool stated) {
   AccuracyRow row;
   row.scene = "film_puncture";
   row.model = axialModelName(AxialModel::kEnhancedTrackingWall);
-  row.variant = textOf("PUNCTURE of %s: predicted %.3f ± %.3f N, measured %.3f ± %.3f N, z = %+.2f",
-                       p.measured.needle.c_str(), p.predicted_N, p.predicted_sd_N, p.measured.mean_N,
-                       p.measured.sd_N, p.z);
+  row.variant = formatted("PUNCTURE of %s: predicted %.3f ± %.3f N, measured %.3f ± %.3f N, z = %+.2f",
+                          p.measured.needle.c_str(), p.predicted_N, p.predicted_sd_N, p.measured.mean_N,
+                          p.measured.sd_N, p.z);
   row.reference = std::string(stated ? "puncture force that the source states for the needle"
                                      : "greatest force of the needle's recorded traces") +
                   "; held out: that needle, predicted from the two others by a power law of outer diameter";
   row.rms_error_n = row.max_error_n = std::fabs(rendered_N - p.measured.mean_N);
   row.noticeable_n = noticeableForce_N(p.measured.mean_N);
-  row.uncertainty = textOf(
+  row.uncertainty = formatted(
       "z = (predicted - measured)/sd of both = %+.2f (criterion |z| <= 2: %s); exponent %.2f; the engine "
       "ruptures at %.4f N; ",
       p.z, std::fabs(p.z) <= 2 ? "met" : "missed", p.exponent, rendered_N);
-  row.uncertainty +=
-      stated ? "sd of a single puncture, as stated"
-             : textOf("%d recorded, sd of a single puncture as stated by the source", p.measured.punctures);
+  row.uncertainty += stated ? "sd of a single puncture, as stated"
+                            : formatted("%d recorded, sd of a single puncture as stated by the source",
+                                        p.measured.punctures);
   row.cannot_show =
       "three needles leave one number to test with: a power law is not shown to hold, only not contradicted; "
       "a film is "

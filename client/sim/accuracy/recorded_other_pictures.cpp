@@ -8,6 +8,7 @@
 #include "accuracy/recorded_pictures.h"
 #include "accuracy/recorded_statistical.h"
 #include "accuracy/recorded_text.h"
+#include "base/formatted.h"
 #include "sim/figure_table.h"
 
 namespace needlelab {
@@ -72,8 +73,8 @@ Result<RecordedPicture> recordedHoldPicture(const AccuracyOptions& options) {
       figureStyle() + dataBlock("recorded", {t, f}) + dataBlock("means", {mean_t, mean_f}) +
       dataBlock("e", {e.t_s, e.force_N}) + dataBlock("r", {r.t_s, r.force_N}) +
       dataBlock("w", {w.t_s, w.force_N}) + "set multiplot\n" +
-      titled(textOf("An exponential stop follows a recorded hold to %.3f N, the linear ramp to %.3f N",
-                    exponential->held_out.rms, ramp->held_out.rms));
+      titled(formatted("An exponential stop follows a recorded hold to %.3f N, the linear ramp to %.3f N",
+                       exponential->held_out.rms, ramp->held_out.rms));
   // above: the hold alone, with what was held out
   picture.script +=
       shadedSpans(held_out, 1, kShade) +
@@ -89,13 +90,13 @@ Result<RecordedPicture> recordedHoldPicture(const AccuracyOptions& options) {
       "lines lw "
       "2.6 lc rgb '" +
       safeColour(0) +
-      textOf(
+      formatted(
           "' title 'EXPONENTIAL: %.1f s, %.2f of the force stays; error %.4f N', $r using "
           "1:2 with "
           "lines lw 2.6 dt (9,4) lc rgb '",
           exponential->relax_time_s, exponential->relax_residual, exponential->held_out.rms) +
       safeColour(1) +
-      textOf("' title 'RAMP over %.1f s; error %.4f N'\n", ramp->stop_duration_s, ramp->held_out.rms);
+      formatted("' title 'RAMP over %.1f s; error %.4f N'\n", ramp->stop_duration_s, ramp->held_out.rms);
   // below: the whole recording
   picture.script +=
       "unset object\nunset label\nset tmargin at screen 0.42\nset bmargin at screen 0.08\nset xrange "
@@ -106,7 +107,7 @@ Result<RecordedPicture> recordedHoldPicture(const AccuracyOptions& options) {
       "plot $recorded using 1:2 with points pt 7 ps 0.3 lc rgb '#9aa4ad' notitle, $e using 1:2 with lines "
       "lw 2.4 lc rgb '" +
       safeColour(0) + "' notitle, $w using 1:2 with lines lw 2.4 lc rgb '" + safeColour(2) +
-      textOf(
+      formatted(
           "' title 'withdrawal with one attracted force of %.3f N: error %.3f N; its displacement is "
           "unknown'\nunset multiplot\n",
           out->attracted_force_N, out->held_out.rms);
@@ -147,19 +148,20 @@ Result<RecordedPicture> recordedFilmPicture(const AccuracyOptions& options) {
       greatest_z = std::max(greatest_z, std::fabs(prediction.z));
       // the law of the two others
       const double scale = a.mean_N / std::pow(a.diameter_m * 1e3, prediction.exponent);
-      plots += textOf(", %.6g*x**%.6g with lines lw 1.8 dt (6,4) lc rgb '%s' title '%s left out: z = %+.2f'",
-                      scale, prediction.exponent,
-                      safeColour(i == 0   ? 0
-                                 : i == 1 ? 2
-                                          : 3)
-                          .c_str(),
-                      set[i].needle.c_str(), prediction.z);
-      script += textOf("set label %zu '%s' at %.4f, graph 0.03 center font 'DejaVu Sans,12'\n", 20 + i,
-                       set[i].needle.c_str(), x);
+      plots +=
+          formatted(", %.6g*x**%.6g with lines lw 1.8 dt (6,4) lc rgb '%s' title '%s left out: z = %+.2f'",
+                    scale, prediction.exponent,
+                    safeColour(i == 0   ? 0
+                               : i == 1 ? 2
+                                        : 3)
+                        .c_str(),
+                    set[i].needle.c_str(), prediction.z);
+      script += formatted("set label %zu '%s' at %.4f, graph 0.03 center font 'DejaVu Sans,12'\n", 20 + i,
+                          set[i].needle.c_str(), x);
     }
     const std::string suffix = stated ? "s" : "t";
     script += dataBlock("m" + suffix, m) + dataBlock("p" + suffix, p);
-    script += textOf(
+    script += formatted(
         "set lmargin at screen %.3f\nset rmargin at screen %.3f\nset tmargin at screen 0.84\nset bmargin at "
         "screen 0.10\n",
         stated ? 0.56 : 0.085, stated ? 0.985 : 0.51);
@@ -176,7 +178,7 @@ Result<RecordedPicture> recordedFilmPicture(const AccuracyOptions& options) {
               " using 1:2:3 with yerrorbars pt 4 ps 1.4 lw 2 lc rgb '" + safeColour(1) +
               "' title 'predicted from the two others, ±1 sd'" + plots + "\n";
   }
-  const std::string title = titled(textOf(
+  const std::string title = titled(formatted(
       "Each needle is predicted by the power law of the two others, |z| ≤ %.2f: not contradicted, not proven",
       greatest_z));
   script.replace(script.find("@TITLE@"), 7, title);
@@ -219,12 +221,12 @@ Result<RecordedPicture> statisticalPicture() {
     if (!run.ok()) return run.error();
     std::vector<double> depth_mm;
     for (const double d : gesture.depth_m) depth_mm.push_back(d * 1e3);
-    script += dataBlock(textOf("draw%d", i), {depth_mm, run->force_N});
-    plots += textOf(", $draw%d using 1:2 with lines lw %s lc rgb '%s' %s", i, i < 3 ? "2.2" : "0.8",
-                    i < 3 ? safeColour(static_cast<std::size_t>(i)).c_str() : "#707d8790",
-                    i == 0   ? "title 'three insertions'"
-                    : i == 3 ? "title 'others'"
-                             : "notitle");
+    script += dataBlock(formatted("draw%d", i), {depth_mm, run->force_N});
+    plots += formatted(", $draw%d using 1:2 with lines lw %s lc rgb '%s' %s", i, i < 3 ? "2.2" : "0.8",
+                       i < 3 ? safeColour(static_cast<std::size_t>(i)).c_str() : "#707d8790",
+                       i == 0   ? "title 'three insertions'"
+                       : i == 3 ? "title 'others'"
+                                : "notitle");
   }
   const auto draws = drawStatistical(spec, {0.002, 0.0075, 0.015, 0.022, 0.0265}, 10'000, 1000);
   if (!draws.ok()) return draws.error();
@@ -239,7 +241,7 @@ Result<RecordedPicture> statisticalPicture() {
     in_band.push_back(one.in_band);
   }
   picture.csv = csvOf({{"depth_m", at}, {"mean_n", drawn}, {"sd_n", drawn_sd}, {"share_in_band", in_band}});
-  script += titled(textOf(
+  script += titled(formatted(
       "Statistical insertions keep to their law: %.1f to %.1f %% of 10,000 draws lie in the 95 %% band",
       100 * least, 100 * most));
   script +=
@@ -278,13 +280,13 @@ Result<RecordedPicture> epiduralPicture() {
     scene.tracking_wall.stiffness_N_per_m = stiffness;
     const auto run = runStraight(scene, gesture);
     if (!run.ok()) return run.error();
-    const std::string name = textOf("k%.0f", stiffness);
+    const std::string name = formatted("k%.0f", stiffness);
     double squares = 0;
     for (std::size_t i = 0; i < force_N.size(); ++i) squares += std::pow(run->force_N[i] - force_N[i], 2);
     script += dataBlock(name, {depth_mm, run->force_N});
     plots += ", $" + name + " using 1:2 with lines lw 2.4 lc rgb '" + safeColour(colour++) +
-             textOf("' title 'rendered by a wall of %.0f N/m: %.2f N rms'", stiffness,
-                    std::sqrt(squares / static_cast<double>(force_N.size())));
+             formatted("' title 'rendered by a wall of %.0f N/m: %.2f N rms'", stiffness,
+                       std::sqrt(squares / static_cast<double>(force_N.size())));
     csv.emplace_back(name + "_n", run->force_N);
   }
   picture.csv = csvOf(csv);
@@ -297,7 +299,7 @@ Result<RecordedPicture> epiduralPicture() {
                                                  "flavum", "ruptured",     "epidural space"};
   for (const ForcePolynomial& layer : epiduralPolynomials()) {
     if (i % 2 == 0) shades.emplace_back(top_mm, top_mm + layer.thickness_mm);
-    script += textOf(
+    script += formatted(
         "set label %d '%s' at %.2f, graph 0.035 %s front font 'DejaVu Sans,10' textcolor rgb '#2b333b'\n",
         20 + i, kShort[static_cast<std::size_t>(i)], top_mm + (i == 0 ? 0.75 : 0.5) * layer.thickness_mm,
         layer.thickness_mm < 4 ? "rotate by 90 left" : "center");

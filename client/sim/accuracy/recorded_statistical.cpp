@@ -6,6 +6,7 @@
 #include "accuracy/recorded_rows.h"
 #include "accuracy/recorded_run.h"
 #include "accuracy/recorded_text.h"
+#include "base/formatted.h"
 
 namespace needlelab {
 namespace {
@@ -144,14 +145,14 @@ Result<AccuracyRows> statisticalRows(const AccuracyOptions& options, const Accur
     AccuracyRow row;
     row.scene = "synthetic statistics";
     row.model = axialModelName(AxialModel::kStatistical);
-    row.variant = textOf("at %.1f mm: mean %.3f N of %.3f, sd %.3f N of %.3f; %.2f %% within the 95 %% band",
-                         at.depth_m * 1e3, at.drawn.mean_N, at.asked.mean_N, at.drawn.sd_N, at.asked.sd_N,
-                         100 * at.in_band);
+    row.variant = formatted(
+        "at %.1f mm: mean %.3f N of %.3f, sd %.3f N of %.3f; %.2f %% within the 95 %% band", at.depth_m * 1e3,
+        at.drawn.mean_N, at.asked.mean_N, at.drawn.sd_N, at.asked.sd_N, 100 * at.in_band);
     row.reference = "log-normal law of the section's mean and sd at that depth";
     row.rms_error_n = std::fabs(at.drawn.mean_N - at.asked.mean_N);
     row.max_error_n = std::max(*row.rms_error_n, std::fabs(at.drawn.sd_N - at.asked.sd_N));
     row.noticeable_n = noticeableForce_N(at.asked.mean_N);
-    row.uncertainty = textOf(
+    row.uncertainty = formatted(
         "%zu insertions: mean known to %.4f N, share in the band to %.2f %%; correlation length %.2f mm of "
         "%.2f; ",
         result->draws, at.asked.sd_N / std::sqrt(static_cast<double>(result->draws)),

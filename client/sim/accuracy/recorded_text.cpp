@@ -2,21 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 
 #include "accuracy/rendering.h"
 
 namespace needlelab {
-
-std::string textOf(const char* format, ...) {
-  char text[600];
-  std::va_list numbers;
-  va_start(numbers, format);
-  std::vsnprintf(text, sizeof text, format, numbers);
-  va_end(numbers);
-  return text;
-}
 
 std::string addTickTime(const SceneModel& model, const StraightGesture& gesture, AccuracyRow& row) {
   constexpr std::size_t kBatches = 300, kPerBatch = 64;
@@ -30,9 +19,7 @@ std::string addTickTime(const SceneModel& model, const StraightGesture& gesture,
     if (++tick == gesture.depth_m.size()) tick = 0;
   });
   row.rate_hz = gesture.rate_hz;
-  row.median_ns = timing.median_ns;
-  row.p99_ns = timing.p99_ns;
-  row.fits_rate = timing.p99_ns < 1e9 / gesture.rate_hz;
+  setTimes(row, timing, gesture.rate_hz);
   return timingText(timing);
 }
 

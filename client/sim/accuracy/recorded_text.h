@@ -9,9 +9,6 @@
 
 namespace needlelab {
 
-/// printf into a string; for the few numbers that stand within sentences.
-[[gnu::format(printf, 1, 2)]] std::string textOf(const char* format, ...);
-
 /// The time of a tick, of a model that ran along `gesture`.
 /// Returns what the time's uncertainty is, in words.
 std::string addTickTime(const SceneModel& model, const StraightGesture& gesture, AccuracyRow& row);

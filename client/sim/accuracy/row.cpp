@@ -18,6 +18,13 @@ Json orNull(const std::string& text) {
 
 }  // namespace
 
+void setTimes(AccuracyRow& row, const Timing& per_tick, double rate_hz) {
+  row.median_ns = per_tick.median_ns;
+  row.p99_ns = per_tick.p99_ns;
+  row.cpu_share = per_tick.median_ns * rate_hz * 1e-9;
+  row.fits_rate = per_tick.p99_ns <= 1e9 / rate_hz;
+}
+
 Json jsonOf(const AccuracyRow& row) {
   return {
       {"study", nameOf(row.study)},

@@ -9,6 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "base/timing.h"
+
 namespace needlelab {
 
 /// What is varied.
@@ -63,6 +65,10 @@ struct AccuracyRow {
 };
 
 using AccuracyRows = std::vector<AccuracyRow>;
+
+/// Fills what a tick (or sample) costs at `rate_hz` of them a second: median, p99, share of a core, and
+/// whether that fits.
+void setTimes(AccuracyRow& row, const Timing& per_tick, double rate_hz);
 
 /// The row as JSON: the columns of DESIGN §5 in their order, then the others; null where absent.
 nlohmann::ordered_json jsonOf(const AccuracyRow& row);
