@@ -15,6 +15,7 @@
 #include "base/atomic_file.h"
 #include "base/exit_code.h"
 #include "base/machine.h"
+#include "base/output_check.h"
 #include "sim/command.h"
 #include "sim/gnuplot.h"
 #include "sim/json_output.h"
@@ -99,6 +100,11 @@ int accuracy(const AccuracyCommand& command) {
   if (!data.ok()) return fail(data.error());
   if (!command.out.empty())
     if (const Status status = makeFolder(command.out); !status.ok()) return fail(status.error());
+  if (const Status status =
+          checkOutputs({}, {{"--out", command.out.empty() ? command.out : command.out / "accuracy.csv"},
+                            {"--json", command.json.file}});
+      !status.ok())
+    return fail(status.error());
   const AccuracyOptions options{command.long_form, *data};
   const AccuracyProgress progress = progressOnTerminal();
   AccuracyRows rows;

@@ -8,6 +8,7 @@
 #include <system_error>
 
 #include "base/exit_code.h"
+#include "base/output_check.h"
 #include "effect_cost/instruction_count.h"
 #include "sim/command.h"
 #include "sim/effects_study.h"
@@ -74,6 +75,9 @@ int effects(const EffectsOptions& options) {
       return fail({ErrorCode::kInvalidInput,
                    "--out " + options.out.string() + ": cannot make the folder: " + made.message()});
   }
+  if (const Status status = checkOutputs({{"--profile", options.profile}}, {{"--json", options.json.file}});
+      !status.ok())
+    return fail(status.error());
 
   const bool terminal = ::isatty(STDERR_FILENO) != 0;
   auto sets = timeEffectSets(*scene, options.rate_hz, [&](double share) {

@@ -29,18 +29,6 @@ TipSample OfflineScene::tip(std::size_t i) const {
   return {X_WT.p, X_WT.q};
 }
 
-Status checkOutput(const OfflineOptions& options, const std::filesystem::path& out,
-                   const std::string& option) {
-  for (const auto& input : {options.profile, options.trajectory}) {
-    std::error_code missing;  // what is not there cannot be overwritten
-    if (std::filesystem::equivalent(out, input, missing))
-      return Error{ErrorCode::kInvalidInput, option + " " + out.string() +
-                                                 ": is the same file as the input " + input.string() +
-                                                 ", which would be lost; give another name"};
-  }
-  return {};
-}
-
 Result<OfflineScene> loadOffline(const OfflineOptions& options) {
   const NumberRange rates{kMinRateHz, kMaxRateHz};
   if (!rates.contains(options.rate_hz)) return outOfRange("--rate in Hz", options.rate_hz, rates);

@@ -31,11 +31,6 @@ struct OfflineScene {
   [[nodiscard]] TipSample tip(std::size_t i) const;
 };
 
-/// That `out`, given by `option`, is none of the inputs: writing would take the input's place. Errors:
-/// kInvalidInput.
-Status checkOutput(const OfflineOptions& options, const std::filesystem::path& out,
-                   const std::string& option);
-
 /// Errors: kInvalidInput naming file, field, value and range.
 Result<OfflineScene> loadOffline(const OfflineOptions& options);
 

@@ -2,6 +2,7 @@
 /// cost (the paper's future work).
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -9,6 +10,7 @@
 
 #include "base/atomic_file.h"
 #include "base/exit_code.h"
+#include "base/output_check.h"
 #include "base/range.h"
 #include "fem/needle_mesh.h"
 #include "fem/needle_stroke.h"
@@ -43,12 +45,9 @@ Status checkOptions(const PrecomputeOptions& options) {
         check("--stations", options.stations, {1, kMaxNeedleStations}),
         check("--rows", options.rows, {2, 1024}), check("--depth in m", options.depth_m, {0, 1})})
     if (!status.ok()) return status;
-  std::error_code missing;  // what is not there cannot be overwritten
-  if (std::filesystem::equivalent(options.out, options.profile, missing))
-    return Error{
-        ErrorCode::kInvalidInput,
-        "--out " + options.out.string() + ": is the profile itself, which would be lost; give another name"};
-  return {};
+  if (options.out.empty()) return Error{ErrorCode::kInvalidInput, "--out: is empty; give the name of a file"};
+  return checkOutputs({{"--profile", options.profile}},
+                      {{"--out", options.out}, {"--json", options.json.file}});
 }
 
 // a µN and 0.1 µm: less has no meaning, and 17 digits cannot be read
@@ -105,6 +104,12 @@ int precompute(const PrecomputeOptions& options) {
   if (progress) std::fprintf(stderr, "insertion to %.1f mm and out …\n", 1e3 * depth_m);
   const auto rows = forceTable(fem, depth_m, options.rows);
   if (!rows.ok()) return fail(rows.error());
+  if (std::none_of(rows->begin(), rows->end(),
+                   [](const PrecomputedSpec::Row& row) { return row.cutting_N > 0 || row.attracted_N > 0; }))
+    return fail({ErrorCode::kInvalidInput,
+                 options.profile.string() +
+                     ": nothing in it cuts or rubs, so every force of the table would be 0; give cutting_n and "
+                     "friction_n_per_m in fem.layers, or cutting_force_n and friction_n_per_m in layers"});
   SceneSpec table = *scene;
   table.precomputed.table.clear();
   for (const PrecomputedSpec::Row& row : *rows)

@@ -7,6 +7,7 @@
 
 #include "base/atomic_file.h"
 #include "base/exit_code.h"
+#include "base/output_check.h"
 #include "sim/command.h"
 #include "sim/json_output.h"
 #include "sim/offline_cli.h"
@@ -42,7 +43,12 @@ int fail(const Error& error) {
 }
 
 int run(const RunOptions& options) {
-  if (const Status status = checkOutput(options.input, options.out, "--out"); !status.ok())
+  if (options.out.empty())
+    return fail({ErrorCode::kInvalidInput, "--out: is empty; give the name of a file"});
+  if (const Status status =
+          checkOutputs({{"--profile", options.input.profile}, {"--trajectory", options.input.trajectory}},
+                       {{"--out", options.out}, {"--json", options.json.file}});
+      !status.ok())
     return fail(status.error());
   const auto scene = loadOffline(options.input);
   if (!scene.ok()) return fail(scene.error());

@@ -9,6 +9,7 @@
 
 #include "base/atomic_file.h"
 #include "base/exit_code.h"
+#include "base/output_check.h"
 #include "profile/profile.h"
 #include "scoring/measures.h"
 #include "sim/closed_loop.h"
@@ -63,7 +64,11 @@ Result<std::optional<pb::Exercise>> exerciseOf(const std::filesystem::path& path
 }
 
 int score(const ScoreOptions& options) {
-  if (const Status status = checkOutput(options.input, options.json.file, "--json"); !status.ok())
+  if (const Status status = checkOutputs({{"--profile", options.input.profile},
+                                          {"--trajectory", options.input.trajectory},
+                                          {"--exercise", options.exercise}},
+                                         {{"--json", options.json.file}});
+      !status.ok())
     return fail(status.error());
   const auto scene = loadOffline(options.input);
   if (!scene.ok()) return fail(scene.error());

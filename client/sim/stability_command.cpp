@@ -11,6 +11,7 @@
 
 #include "base/atomic_file.h"
 #include "base/exit_code.h"
+#include "base/output_check.h"
 #include "sim/command.h"
 #include "sim/gnuplot.h"
 #include "sim/json_output.h"
@@ -115,6 +116,9 @@ int stability(const StabilityOptions& options) {
   if (made)
     return fail({ErrorCode::kInvalidInput,
                  "--out " + options.out.string() + ": cannot make the folder: " + made.message()});
+  if (const Status status = checkOutputs({{"--cases", options.cases}}, {{"--json", options.json.file}});
+      !status.ok())
+    return fail(status.error());
 
   const ForceSourceFactory engine = engineSource();
   const CaseSettings settings{*file, options.long_form};
@@ -134,10 +138,10 @@ int stability(const StabilityOptions& options) {
     }
   progress.clear();
 
+  if (!options.json.wanted || !options.json.file.empty()) std::fputs(rowsText(rows).c_str(), stdout);
   if (options.json.wanted)
     if (const Status status = writeJson(options.json, rowsJson(rows)); !status.ok())
       return fail(status.error());
-  if (!options.json.wanted || !options.json.file.empty()) std::fputs(rowsText(rows).c_str(), stdout);
   if (!options.out.empty())
     if (const Status status = draw(outcomes, settings, options, progress); !status.ok()) {
       progress.clear();

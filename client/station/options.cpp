@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/exit_code.h"
+#include "base/output_check.h"
 #include "base/text_rules.h"
 #include "device/device_factory.h"
 #include "device/hand_cli.h"
@@ -137,6 +138,14 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   }
   o.json = app.count("--json") > 0;
   if (json) o.json_file = *json;
+  if (const Status status =
+          checkOutputs({{"--profile", o.profile_file}, {"--key", o.key_file}, {"--ca", o.ca_file}},
+                       {{"--json", o.json_file}});
+      !status.ok()) {
+    std::cerr << "needlelab-station: " << status.error().message << "\n";
+    parsed.exit_code = exitCodeOf(status.error());
+    return parsed;
+  }
   if (auto status = complete(o, server, tool, placement, keep_days, quota_mib); !status.ok()) {
     std::cerr << "needlelab-station: " << status.error().message << "\n";
     parsed.exit_code = exitCodeOf(status.error());

@@ -18,16 +18,19 @@ class ElasticSolver {
                                                      const std::vector<bool>& held);
   ~ElasticSolver();
 
-  /// Displacements under loads (one column each, in N by unknown), held unknowns at zero.
-  [[nodiscard]] Eigen::MatrixXd solve(const Eigen::SparseMatrix<double>& loads_N) const;
-  /// Displacements with the held unknowns at their values in `prescribed_m`, no load.
-  [[nodiscard]] Eigen::VectorXd solvePrescribed(const Eigen::VectorXd& prescribed_m) const;
+  /// Displacements under loads (one column each, in N by unknown), held unknowns at zero. Errors: kFailed
+  /// when memory runs out.
+  [[nodiscard]] Result<Eigen::MatrixXd> solve(const Eigen::SparseMatrix<double>& loads_N) const;
+  /// Displacements with the held unknowns at their values in `prescribed_m`, no load. Errors as `solve`.
+  [[nodiscard]] Result<Eigen::VectorXd> solvePrescribed(const Eigen::VectorXd& prescribed_m) const;
 
   [[nodiscard]] double assembleSeconds() const { return assemble_s_; }
   [[nodiscard]] double factorSeconds() const { return factor_s_; }
 
  private:
   ElasticSolver();
+  [[nodiscard]] Error failure(const char* step) const;
+  [[nodiscard]] Result<Eigen::MatrixXd> solved(const Eigen::MatrixXd& rows) const;
   struct Factor;
   std::unique_ptr<Factor> factor_;
   const TetMesh* mesh_ = nullptr;

@@ -76,8 +76,8 @@ Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<
   }
   const MeshRow finest = rows.back();
   for (std::size_t r = 0; r < rows.size(); ++r) {
-    rows[r].stiffness_error = std::fabs(rows[r].stiffness_N_per_m / finest.stiffness_N_per_m - 1);
-    rows[r].tip_give_error = std::fabs(rows[r].tip_give_m_per_N / finest.tip_give_m_per_N - 1);
+    rows[r].stiffness_error = rows[r].stiffness_N_per_m / finest.stiffness_N_per_m - 1;
+    rows[r].tip_give_error = rows[r].tip_give_m_per_N / finest.tip_give_m_per_N - 1;
     compare(forces[r], forces.back(), rows[r]);
   }
   return rows;

@@ -16,9 +16,9 @@ struct MeshRow {
   double one_solve_s = 0;  ///< one right-hand side: what a live step would cost without the compliance
   double live_step_p50_s = 0, live_step_p99_s = 0, live_step_max_s = 0;  ///< over `strokeOf`
   double stiffness_N_per_m = 0;  ///< of the needle stuck in the tissue over its whole length
-  double stiffness_error = 0;    ///< relative to the finest mesh
+  double stiffness_error = 0;    ///< relative to the finest mesh; positive is stiffer
   double tip_give_m_per_N = 0;   ///< of the tip half way down
-  double tip_give_error = 0;     ///< relative to the finest mesh
+  double tip_give_error = 0;     ///< relative to the finest mesh; negative is stiffer
   double force_rms_error_N = 0, force_max_error_N = 0;  ///< over `strokeOf`, to the finest mesh
   double strained_share = 0, strained_near_share = 0;   ///< see NeedleCompliance
 };

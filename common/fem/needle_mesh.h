@@ -10,7 +10,7 @@
 
 namespace needlelab {
 
-/// r₀ of FACTS' check: half of 0.8 mm, the outer diameter of a 21G needle.
+/// r₀: half of 0.8 mm, the outer diameter of a 21G needle.
 inline constexpr double kNeedleRadius_m = 0.4e-3;
 /// Stations of the live needle where the caller asks for none.
 inline constexpr int kDefaultStations = 60;

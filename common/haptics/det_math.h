@@ -1,5 +1,5 @@
 /// Elementary functions of our own, from + − × ÷ and sqrt alone: the C library's differ between processors,
-/// and a replay must give the same bits on every machine (FACTS, "What a tick can cost"). Accurate to about 2
+/// and a replay must give the same bits on every machine. Accurate to about 2
 /// units in the last place.
 #pragma once
 

@@ -53,20 +53,23 @@ std::uint64_t hashOf(const SimState& state) {
                          state.k_prev_N_per_m, state.e_prev_m})
     hash.add(d);
   hash.add(std::uint64_t{state.tilt_limit_is_cone});
-  hash.add(state.tilt_limit_is_cone ? state.tilt_limit_insertion_m : state.tilt_limit_rad);
+  hash.add(state.tilt_limit_rad);
+  hash.add(state.tilt_limit_insertion_m);
   hash.add(std::uint64_t{state.table_row} | std::uint64_t{state.proxy_layer} << 32);
   hash.add(std::uint64_t{state.proxy_held} | static_cast<std::uint64_t>(state.score.cell + 1) << 1);
   hash.add(std::uint64_t{state.tops_met});
   for (std::uint32_t i = 0; i < state.tops_met; ++i) hash.add(state.top_place_m[i]);
   hash.add(std::uint64_t{state.membranes_met} | std::uint64_t{state.membranes_ruptured} << 32);
   for (std::uint32_t i = 0; i < state.membranes_met; ++i) hash.add(state.membrane_place_m[i]);
-  // FEM: what follows from these need not be hashed
   const NeedleState& needle = state.needle;
   if (needle.stations == 0) return hash.value();
-  for (const double d : {needle.x_m, needle.cut_m, needle.gap_m, needle.tip_N}) hash.add(d);
+  for (const double d : {needle.x_m, needle.cut_m, needle.gap_m, needle.tip_N, needle.tip_most_N})
+    hash.add(d);
+  hash.add(static_cast<std::uint64_t>(needle.tip_hold));
   for (std::uint32_t i = 0; i < needle.stations; ++i) {
     hash.add(needle.shaft_N[i]);
     hash.add(needle.moved_m[i]);
+    hash.add(static_cast<std::uint64_t>(needle.hold[i]));
   }
   return hash.value();
 }

@@ -45,7 +45,8 @@ struct AccuracyRow {
   std::optional<double> cpu_share;   ///< of one core: processor time per time of the lesson
   std::optional<double> median_ns;   ///< of one tick (model, mesh, rate) or one sample (storage, live)
   std::optional<double> p99_ns;
-  std::optional<bool> fits_rate;  ///< p99_ns, alone on a core, is within the period of its rate
+  std::optional<bool> fits_rate;  ///< p99_ns (median_ns where there is no p99), alone on a core, is within
+                                  ///< the period of its rate
 
   // beyond DESIGN §5
   std::string variant;  ///< a choice that has no column, e.g. "PRECOMPUTED table, 2,000 nodes"
@@ -73,8 +74,8 @@ void setTimes(AccuracyRow& row, const Timing& per_tick, double rate_hz);
 /// The row as JSON: the columns of DESIGN §5 in their order, then the others; null where absent.
 nlohmann::ordered_json jsonOf(const AccuracyRow& row);
 
-/// Just noticeable difference at a force: 7 % from 2.5 N on (FACTS.md); below that people tell relatively
-/// less apart, the difference is held at 0.175 N. In N.
+/// Just noticeable difference at a force: 7 % from 2.5 N on (the literature: between 2.5 and 10 N); below
+/// that people tell relatively less apart, the difference is held at 0.175 N. In N.
 double noticeableForce_N(double force_N);
 
 }  // namespace needlelab

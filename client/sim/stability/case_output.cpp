@@ -115,11 +115,14 @@ std::string findingOf(const std::vector<CaseRow>& rows) {
   if (wall_cases > 0)
     text = "The enhanced tracking wall is stable in " + std::to_string(wall_stable) + " of " +
            std::to_string(wall_cases) + " hard cases";
-  if (others.empty()) return text;
+  if (others.empty()) return text.empty() ? "All that was asked for is stable" : text;
   text += text.empty() ? "Not stable: " : "; not stable: ";
   for (std::size_t i = 0; i < std::min<std::size_t>(3, others.size()); ++i)
     text += (i > 0 ? ", " : "") + std::string(shortName(others[i].model)) + " in " +
             std::to_string(others[i].bad) + " of " + std::to_string(others[i].all);
+  if (others.size() > 3)
+    text += ", and " + std::to_string(others.size() - 3) + (others.size() > 4 ? " others" : " other") +
+            " in fewer";
   return text;
 }
 

@@ -37,7 +37,7 @@ Result<std::vector<GatedTick>> runGated(const ForceSourceFactory& make_source, c
   return ticks;
 }
 
-double violationOf(const std::vector<GatedTick>& ticks, const FaultTimeline& timeline) {
+double violationOf(const std::vector<GatedTick>& ticks, const FaultTimeline& timeline, bool with_gate) {
   constexpr double kNever = std::numeric_limits<double>::infinity();
   const auto force = [&](std::size_t k) { return ticks[k].out_W.force_N; };
   for (const GatedTick& tick : ticks)
@@ -45,8 +45,9 @@ double violationOf(const std::vector<GatedTick>& ticks, const FaultTimeline& tim
 
   // the tick of the fault, and that it is the right one
   std::size_t fault = timeline.from;
-  while (fault < ticks.size() && ticks[fault].fault == Fault::kNone) ++fault;
-  if (fault == ticks.size() || ticks[fault].fault != timeline.fault) return kNever;
+  if (!with_gate) fault += timeline.held_ticks + timeline.slack_ticks;
+  while (with_gate && fault < ticks.size() && ticks[fault].fault == Fault::kNone) ++fault;
+  if (fault >= ticks.size() || (with_gate && ticks[fault].fault != timeline.fault)) return kNever;
   if (fault < timeline.from + timeline.held_ticks ||
       fault > timeline.from + timeline.held_ticks + timeline.slack_ticks)
     return kNever;

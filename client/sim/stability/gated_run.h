@@ -41,7 +41,8 @@ struct FaultTimeline {
 };
 
 /// The greatest violation of the timeline in N; infinite when the fault is not raised or another one is, or
-/// when a force is not finite.
-double violationOf(const std::vector<GatedTick>& ticks, const FaultTimeline& timeline);
+/// when a force is not finite. Without a gate (a control) nobody raises it: then the forces alone are judged,
+/// as if it had been raised at the last tick allowed.
+double violationOf(const std::vector<GatedTick>& ticks, const FaultTimeline& timeline, bool with_gate);
 
 }  // namespace needlelab

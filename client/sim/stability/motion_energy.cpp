@@ -1,6 +1,7 @@
 /// Random gestures in random scenes under the passivity observer: prescribed, and made by a simulated hand.
 #include <algorithm>
 
+#include "base/formatted.h"
 #include "haptics/models/like_for_like.h"
 #include "profile/profile.h"
 #include "stability/motion_cases.h"
@@ -119,6 +120,9 @@ Result<CaseOutcome> randomEnergy(const CaseSettings& settings, AxialModel model,
   row.note = std::to_string(found->failed) + " of " + std::to_string(found->gestures) +
              " prescribed gestures fail (" + std::to_string(found->worst.insertions) + " insertions); " +
              std::to_string(with_hand) + " with a hand";
+  if (*row.max_unexplained_step_N > search.limits.step_N)
+    row.note += formatted("; a force step of %.3g N that no spring explains, %.3g N passes",
+                          *row.max_unexplained_step_N, search.limits.step_N);
   for (const CounterExample& example : found->counter_examples)
     outcome.files.push_back(
         {"random_energy-" + search.source_name + "-" + std::to_string(example.seed) + ".json",

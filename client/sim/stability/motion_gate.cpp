@@ -71,7 +71,7 @@ Result<Outcome> disturbed(const GateEntry& entry, const ForceSourceFactory& sour
          isFinite((*ticks)[timeline.restart].sample.tip.p_WT_m));)
     ++timeline.restart;
 
-  Outcome outcome{rowOf(*ticks), violationOf(*ticks, timeline)};
+  Outcome outcome{rowOf(*ticks), violationOf(*ticks, timeline, gate == Gate::kPresent)};
   const Vec3 held = (*ticks)[glitch - 1].out_W.force_N;
   for (std::size_t k = glitch; k < after_glitch; ++k)
     outcome.violation_N = std::max(outcome.violation_N, norm((*ticks)[k].out_W.force_N - held));

@@ -26,7 +26,7 @@ double stiffnessOf(const NeedleCompliance& compliance) {
   return give.ldlt().solve(Eigen::VectorXd::Ones(give.rows())).sum();
 }
 
-// FACTS' case: G 3.45 kPa, ν 0.45, 20 mm, r₀ 0.4 mm
+// a published case: G 3.45 kPa, ν 0.45, 20 mm, r₀ 0.4 mm
 constexpr double kShear_Pa = 3450, kPoisson = 0.45, kLength_m = 0.02;
 SceneSpec factsScene() {
   return softBlock(2 * kShear_Pa * (1 + kPoisson), kPoisson, kLength_m);

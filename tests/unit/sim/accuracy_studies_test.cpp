@@ -15,6 +15,7 @@
 #include "accuracy/storage_study.h"
 #include "accuracy/tls_loopback.h"
 #include "base/timing.h"
+#include "gesture/chunk.h"
 #include "support/scenes.h"
 
 namespace needlelab {
@@ -136,7 +137,9 @@ TEST(StorageStudy, losslessPosesGiveTheSameForcesBitForBit) {
   const auto lesson = generatedLesson();
   ASSERT_TRUE(lesson.ok());
   const auto once = recomputedForces(lesson->model, lesson->samples);
-  const auto again = recomputedForces(lesson->model, lesson->samples);
+  const auto stored = decodeChunk(encodeChunk(Resolution::lossless(), lesson->samples));
+  ASSERT_TRUE(stored.ok()) << stored.error().message;
+  const auto again = recomputedForces(lesson->model, *stored);
   ASSERT_EQ(once.size(), again.size());
   double most_N = 0;
   for (std::size_t i = 0; i < once.size(); ++i) {

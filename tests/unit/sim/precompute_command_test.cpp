@@ -94,7 +94,7 @@ TEST(PrecomputeCommand, keepsItsInput) {
   const auto outcome =
       sim({"precompute", "--profile", copy.string(), "--mesh", "500", "--out", copy.string()});
   EXPECT_EQ(outcome.code, 2);
-  EXPECT_THAT(outcome.err, HasSubstr("is the profile itself"));
+  EXPECT_THAT(outcome.err, HasSubstr("is the same file as the input"));
 }
 
 }  // namespace
