@@ -325,11 +325,11 @@ TEST(RunCommand, anEarlierOutputStaysWholeWhenARunFails) {
                             bad.string(), "--out", out.string()});
   EXPECT_EQ(outcome.code, 2);
   EXPECT_EQ(*readWholeFile(out), "earlier");
-  // an output that cannot be written is work that failed
+  // a folder that does not exist is found before the work
   const auto good = folder.write("good.csv", "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,0,0,0.01,1,0,0,0\n");
   const auto nowhere = sim({"run", "--profile", (kSamples / "paper-1dof.json").string(), "--trajectory",
                             good.string(), "--out", (folder.path() / "no" / "folder.csv").string()});
-  EXPECT_EQ(nowhere.code, 1);
+  EXPECT_EQ(nowhere.code, 2);
   EXPECT_THAT(nowhere.err, HasSubstr("folder.csv"));
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 3);  // nothing left over
 }
