@@ -354,6 +354,30 @@ TEST(RunCommand, anOutputThatIsAnInputIsRefused) {
   EXPECT_EQ(*readWholeFile(trajectory), table);
 }
 
+// each would otherwise end with `{"version"…` in place of its own input, and exit code 0
+TEST(EveryCommand, refusesAJsonFileThatIsItsInput) {
+  const test::TempFolder folder;
+  const std::string text = *readWholeFile(kSamples / "paper-1dof.json");
+  const auto profile = folder.write("p.json", text).string();
+  const auto trajectory =
+      folder.write("t.csv", "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,0,0,0.01,1,0,0,0\n").string();
+  const auto out = (folder.path() / "new").string();
+  const std::vector<std::vector<std::string>> lines = {
+      {"run", "--profile", profile, "--trajectory", trajectory, "--out", out, "--json", profile},
+      {"precompute", "--profile", profile, "--mesh", "500", "--out", out, "--json", profile},
+      {"effects", "--no-instructions", "--profile", profile, "--json", profile}};
+  for (const auto& line : lines) {
+    const auto outcome = sim(line);
+    EXPECT_EQ(outcome.code, 2) << line.front();
+    EXPECT_THAT(outcome.err, HasSubstr("is the same file as the input")) << line.front();
+    EXPECT_EQ(*readWholeFile(profile), text) << line.front();
+  }
+  // and two outputs are two files
+  EXPECT_EQ(sim({"run", "--profile", profile, "--trajectory", trajectory, "--out", out, "--json", out}).code,
+            2);
+  EXPECT_FALSE(std::filesystem::exists(out));
+}
+
 // DESIGN §4: a warning, with the numbers
 TEST(RunCommand, saysWhatIsDoubtfulInTheProfile) {
   const test::TempFolder folder;
