@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "haptics/device_condition.h"
 #include "haptics/tool_transform.h"
 
 namespace needlelab {
@@ -64,7 +65,7 @@ GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::i
   out.X_WT = tip_;
   out.report = report_;
   out.rendered_W = guarded.wrench();
-  out.gate_flags = gate_.flags();
+  out.gate_flags = gate_.flags() | (reading.condition & kDeviceFlags);
   out.fault = gate_.fault();
   out.plunger = std::isfinite(reading.plunger) ? std::clamp(reading.plunger, 0.0, 1.0) : 0;
   out.buttons = reading.buttons;

@@ -37,6 +37,8 @@ class HapticChain {
                      ChainTick& out) noexcept;
 
   [[nodiscard]] const ForceGate& gate() const noexcept { return gate_; }
+  /// A person has seen the fault (ForceGate::acknowledge).
+  void acknowledge() noexcept { gate_.acknowledge(); }
 
  private:
   [[nodiscard]] Wrench stepped(const Pose& X_WH, const Pose& X_WT, double share) noexcept;

@@ -12,7 +12,7 @@
 #include "base/atomic_file.h"
 #include "base/clock.h"
 #include "base/exit_code.h"
-#include "device/device_factory.h"
+#include "device_factory/device_factory.h"
 #include "net/spool_lessons.h"
 #include "net/uplink.h"
 #include "profile/profile.h"

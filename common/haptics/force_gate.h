@@ -29,6 +29,11 @@ enum class Fault : std::uint8_t {
   kDeviceSilent = 4,   ///< watchdog: no update from the device
   kForceNotFinite = 5,
   kOrientationInvalid = 6,  ///< the reported quaternion is no rotation: | |q| − 1 | > 1e-3
+  kEmergencyStop = 7,       ///< pressed at the device
+  kDeviceLost = 8,          ///< unplugged, or its link is broken
+  kDeviceOverheated = 9,
+  kDeviceTrouble = 10,   ///< the device reported another error
+  kProgramTrouble = 11,  ///< another part of the program (the view) died
 };
 const char* faultText(Fault fault);
 

@@ -33,6 +33,16 @@ const char* faultText(Fault fault) {
       return "the computed force was not a number";
     case Fault::kOrientationInvalid:
       return "the device reported an orientation that is no rotation";
+    case Fault::kEmergencyStop:
+      return "the emergency stop is pressed";
+    case Fault::kDeviceLost:
+      return "the device is unplugged, or its link is broken";
+    case Fault::kDeviceOverheated:
+      return "the device's motors are too hot";
+    case Fault::kDeviceTrouble:
+      return "the device reported an error";
+    case Fault::kProgramTrouble:
+      return "another part of the program died";
   }
   return "unknown fault";
 }

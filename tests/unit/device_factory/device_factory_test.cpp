@@ -1,4 +1,4 @@
-#include "device/device_factory.h"
+#include "device_factory/device_factory.h"
 
 #include <gmock/gmock.h>
 
