@@ -1,0 +1,75 @@
+/// The 16 bytes that the Falcon's firmware speaks, both ways, and what the USB chip puts around them.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+namespace needlelab::falcon {
+
+/// `<`, 12 nibbles of three int16 (least significant nibble first, each + 0x41), byte 13 bits + 0x41, byte 14
+/// unused, `>`.
+inline constexpr std::size_t kPacketBytes = 16;
+using Packet = std::array<std::uint8_t, kPacketBytes>;
+
+/// What the device is told: one write, one reply.
+struct Command {
+  std::array<std::int16_t, 3> motor{};  ///< held to ±kMotorMax by `encodeCommand`
+  std::uint8_t bits = 0;                ///< kOutHome, kOutGreen, kOutBlue, kOutRed
+  friend bool operator==(const Command&, const Command&) = default;
+};
+
+/// What the device says.
+struct Report {
+  std::array<std::int16_t, 3> encoder{};
+  std::uint8_t bits = 0;  ///< kInButtons, kInHomed
+  friend bool operator==(const Report&, const Report&) = default;
+};
+
+Packet encodeCommand(const Command& command) noexcept;
+/// As the device does it; for tests and for a device of one's own.
+Packet encodeReport(const Report& report) noexcept;
+
+/// Strict: false when a byte is none that the format allows; then the result stays as it is. Byte 14 is not
+/// judged: nobody says what is in it.
+bool decodeReport(const Packet& packet, Report& report) noexcept;
+bool decodeCommand(const Packet& packet, Command& command) noexcept;
+
+/// Finds packets in a stream of bytes that may begin anywhere and lose any. A `<` always begins a packet
+/// anew, since no other byte of one can be it.
+class PacketReader {
+ public:
+  /// True when `byte` ended a good report.
+  bool push(std::uint8_t byte, Report& report) noexcept;
+  /// Forgets a packet that has begun.
+  void reset() noexcept { used_ = 0; }
+
+  [[nodiscard]] std::uint64_t good() const noexcept { return good_; }
+  /// Packets that began and were none: cut off, too long, or with a byte that is not allowed.
+  [[nodiscard]] std::uint64_t bad() const noexcept { return bad_; }
+  /// Bytes outside any packet.
+  [[nodiscard]] std::uint64_t stray() const noexcept { return stray_; }
+  [[nodiscard]] std::uint32_t badInARow() const noexcept { return bad_in_a_row_; }
+
+ private:
+  void reject() noexcept;
+
+  Packet packet_{};
+  std::size_t used_ = 0;
+  std::uint64_t good_ = 0, bad_ = 0, stray_ = 0;
+  std::uint32_t bad_in_a_row_ = 0;
+};
+
+/// FTDI's chip begins each USB packet that it sends with two bytes on its serial line: a read of several
+/// packets has them every `kUsbPacketBytes`.
+inline constexpr std::size_t kUsbPacketBytes = 64, kModemBytes = 2;
+
+/// Hands the bytes of `read` that are not the chip's own to `each(byte)`.
+template <typename Each>
+void eachPayloadByte(std::span<const std::uint8_t> read, Each&& each) {
+  for (std::size_t i = 0; i < read.size(); ++i)
+    if (i % kUsbPacketBytes >= kModemBytes) each(read[i]);
+}
+
+}  // namespace needlelab::falcon
