@@ -5,6 +5,7 @@
 #include <iostream>
 
 #include "base/exit_code.h"
+#include "station/modes.h"
 #include "station/options.h"
 #include "station/station.h"
 
@@ -12,7 +13,18 @@ int main(int argc, char** argv) {
   try {
     const sigset_t stop_signals = needlelab::blockStopSignals();
     const needlelab::ParsedOptions parsed = needlelab::parseStationOptions(argc, argv);
-    return parsed.exit_code ? *parsed.exit_code : needlelab::runStation(parsed.options, stop_signals);
+    if (parsed.exit_code) return *parsed.exit_code;
+    switch (parsed.options.mode) {
+      case needlelab::StationMode::kListDevices:
+        return needlelab::runListDevices(parsed.options);
+      case needlelab::StationMode::kSelfTest:
+      case needlelab::StationMode::kCalibrate:
+        std::cerr << "needlelab-station: this build can neither test itself nor calibrate\n";
+        return needlelab::kExitFailed;
+      case needlelab::StationMode::kLesson:
+        break;
+    }
+    return needlelab::runStation(parsed.options, stop_signals);
   } catch (const std::exception& error) {
     // memory is out, or a thread could not be started: the spool keeps what it has
     std::cerr << "needlelab-station: " << error.what() << "\n";

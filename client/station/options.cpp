@@ -44,6 +44,8 @@ Status complete(StationOptions& options, const std::string& server, const std::s
                                                     {"--spool-quota", quota_mib}};
   for (const auto& [name, value] : numbers)
     if (std::isnan(value)) return usage(std::string(name) + " is not a number");
+  if (options.mode != StationMode::kCalibrate && !options.tool_out.empty())
+    return usage("--out is the tool file that --calibrate writes; add --calibrate, or leave --out away");
   if (!server.empty()) {
     auto endpoint = parseEndpoint(server);
     if (!endpoint.ok()) return endpoint.error();
@@ -51,9 +53,10 @@ Status complete(StationOptions& options, const std::string& server, const std::s
     if (options.ca_file.empty()) return usage("--server needs --ca FILE, the server's tls/ca.crt");
     if (options.key_file.empty())
       return usage("--server needs --key FILE, made by needlelab-admin station add");
-    if (options.trainee.empty()) return usage("--server needs --trainee NAME: whose lesson is it?");
+    if (options.trainee.empty() && options.mode == StationMode::kLesson)
+      return usage("--server needs --trainee NAME: whose lesson is it?");
   }
-  if (options.exercise.empty() && options.profile_file.empty())
+  if (options.mode == StationMode::kLesson && options.exercise.empty() && options.profile_file.empty())
     return usage(
         "there is nothing to practise: give --exercise ID, or --profile FILE for a profile of your own");
   if (!options.exercise.empty() && !options.profile_file.empty())
@@ -62,6 +65,7 @@ Status complete(StationOptions& options, const std::string& server, const std::s
     auto pose = parsePoseOption(tool, "--tool");
     if (!pose.ok()) return pose.error();
     options.X_HT = *pose;
+    options.tool_given = true;
   }
   if (!placement.empty()) {
     auto pose = parsePoseOption(placement, "--placement");
@@ -87,6 +91,7 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   std::string server, tool, placement;
   std::optional<std::string> json;
   double keep_days = 14, quota_mib = 4096;
+  bool list_devices = false, self_test = false, calibrate = false;
 
   CLI::App app{
       "The trainee's program: runs the haptic loop, records every tick, and sends it to the server.\n"
@@ -112,6 +117,24 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   app.add_option("--seconds", o.seconds, "end after so long; default: when the device or the exercise ends")
       ->check(CLI::Range(0.001, 86'400.0));
   app.add_flag("--headless", o.headless, "no window");
+  const char* modes = "Instead of a lesson (the device gets no force)";
+  auto* list = app.add_flag("--list-devices", list_devices,
+                            "which devices this computer has, and what each of them needs");
+  auto* test = app.add_flag("--self-test", self_test,
+                            "check device, computer and server before a lesson; --seconds: default 5");
+  auto* pivot = app.add_flag("--calibrate", calibrate,
+                             "find the needle's tip in the handle's frame by pivoting in a dimple; "
+                             "--seconds: default 30");
+  list->excludes(test)->excludes(pivot)->group(modes);
+  test->excludes(pivot)->group(modes);
+  pivot->group(modes);
+  app.add_option("--out", o.tool_out, "--calibrate: the tool file to write, for --tool")->group(modes);
+  app.add_option("--axis", o.axis,
+                 "--calibrate: where the needle's direction comes from: from-tip (the line from the handle's "
+                 "origin to the tip), given (the orientation in --tool), or hub:FILE (an earlier "
+                 "calibration of the needle's hub)")
+      ->capture_default_str()
+      ->group(modes);
   app.add_option("--spool", o.spool,
                  "folder that keeps samples until the server has them; default: " + defaultSpool().string());
   app.add_option("--spool-keep", keep_days, "days that sessions stay in the spool after the server has them")
@@ -124,7 +147,9 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   app.add_option("--drain", o.drain_s, "seconds to wait at the end until the server has everything")
       ->check(CLI::Range(0.0, 86'400.0))
       ->capture_default_str();
-  app.add_option("--json", json, "the closing summary as JSON, to a file or, without one, to standard output")
+  app.add_option(
+         "--json", json,
+         "the closing summary (or what a check found) as JSON, to a file or, without one, to standard output")
       ->expected(0, 1)
       ->default_str("");
   addHandOptions(app, o.hand);
@@ -136,11 +161,14 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
     parsed.exit_code = code == 0 ? kExitDone : kExitInvalid;
     return parsed;
   }
+  if (list_devices) o.mode = StationMode::kListDevices;
+  if (self_test) o.mode = StationMode::kSelfTest;
+  if (calibrate) o.mode = StationMode::kCalibrate;
   o.json = app.count("--json") > 0;
   if (json) o.json_file = *json;
   if (const Status status =
           checkOutputs({{"--profile", o.profile_file}, {"--key", o.key_file}, {"--ca", o.ca_file}},
-                       {{"--json", o.json_file}});
+                       {{"--json", o.json_file}, {"--out", o.tool_out}});
       !status.ok()) {
     std::cerr << "needlelab-station: " << status.error().message << "\n";
     parsed.exit_code = exitCodeOf(status.error());

@@ -14,7 +14,11 @@
 
 namespace needlelab {
 
+/// What the program is asked to do. All but the lesson move nothing: the device gets no force.
+enum class StationMode : std::uint8_t { kLesson, kListDevices, kSelfTest, kCalibrate };
+
 struct StationOptions {
+  StationMode mode = StationMode::kLesson;
   // the server; none without --server
   std::optional<Endpoint> server;
   std::filesystem::path ca_file, key_file;
@@ -30,6 +34,10 @@ struct StationOptions {
   double rate_hz = 1000;
   double seconds = 0;  ///< 0: until the device, the exercise's time limit or a signal ends it
   bool headless = false;
+  // --calibrate
+  bool tool_given = false;         ///< --tool was said
+  std::filesystem::path tool_out;  ///< --out: the tool file to write; empty: only say what was found
+  std::string axis = "from-tip";   ///< --axis, see calibrate.h
   // the spool
   std::filesystem::path spool;
   SpoolKeep keep;
