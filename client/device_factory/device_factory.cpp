@@ -5,11 +5,12 @@
 
 #include "device/recording_device.h"
 #include "device/simulated_device.h"
+#include "virtuose/virtuose_device.h"
 
 namespace needlelab {
 
 std::string deviceKinds() {
-  return "simulated, recording:FILE";
+  return "simulated, recording:FILE, virtuose[:HOST#PORT]";
 }
 
 Result<std::unique_ptr<Device>> makeDevice(const std::string& spec, const DeviceOptions& options) {
@@ -32,6 +33,13 @@ Result<std::unique_ptr<Device>> makeDevice(const std::string& spec, const Device
     if (!track.ok()) return track.error();
     const std::string name = std::filesystem::path(rest).filename().string();
     return std::unique_ptr<Device>(std::make_unique<RecordingDevice>(std::move(*track), name));
+  }
+  if (kind == "virtuose") {
+    auto address = virtuoseAddress(rest);
+    if (!address.ok()) return address.error();
+    VirtuoseOptions virtuose;
+    virtuose.address = std::move(*address);
+    return std::unique_ptr<Device>(std::make_unique<VirtuoseDevice>(std::move(virtuose)));
   }
   return Error{ErrorCode::kInvalidInput, "--device '" + spec + "' is unknown; there are " + deviceKinds()};
 }
