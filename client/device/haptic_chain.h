@@ -39,6 +39,8 @@ class HapticChain {
   [[nodiscard]] const ForceGate& gate() const noexcept { return gate_; }
   /// A person has seen the fault (ForceGate::acknowledge).
   void acknowledge() noexcept { gate_.acknowledge(); }
+  /// ForceGate::raiseFromOutside: the force goes within 20 ms. Between ticks.
+  void raiseFromOutside(Fault fault) noexcept { gate_.raiseFromOutside(fault); }
 
  private:
   [[nodiscard]] Wrench stepped(const Pose& X_WH, const Pose& X_WT, double share) noexcept;

@@ -1,35 +1,64 @@
-/// Counts of durations in fixed memory, for quantiles of what the haptic loop does, tick by tick.
+/// Counts of durations in fixed memory, for quantiles of what the haptic thread does, tick by tick, also
+/// while it does it.
 #pragma once
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <bit>
 #include <cstdint>
 
 namespace needlelab {
 
+/// The usual quantiles of durations, in ns; zeros when there is none.
+struct LatencyQuantiles {
+  std::uint64_t total = 0;
+  std::int64_t p50_ns = 0, p99_ns = 0, p999_ns = 0, max_ns = 0;
+};
+
 /// Durations in ns from 0 to 2^40 (18 min; longer ones count as that). Exact below 64 ns; above, buckets are
 /// 1/32 of their power of two wide, and a quantile is the upper end of its bucket: at most 3.2 % too high,
-/// never too low. Thread: one adds; read when it is done. `add` is real-time safe.
+/// never too low.
+/// Thread: one adds, any number read meanwhile (what they see may lack the newest durations); no lock on
+/// either side. `add` is real-time safe.
 class LatencyHistogram {
  public:
-  void add(std::int64_t duration_ns) noexcept {
-    const auto value = static_cast<std::uint64_t>(std::clamp<std::int64_t>(duration_ns, 0, kLargest));
-    ++counts_[bucketOf(value)];
-    ++total_;
-    max_ns_ = std::max(max_ns_, duration_ns);
+  LatencyHistogram() = default;
+  LatencyHistogram(const LatencyHistogram& other) noexcept { *this = other; }
+  LatencyHistogram& operator=(const LatencyHistogram& other) noexcept {
+    for (std::size_t i = 0; i < counts_.size(); ++i)
+      counts_[i].store(other.counts_[i].load(std::memory_order_relaxed), std::memory_order_relaxed);
+    max_ns_.store(other.max_ns(), std::memory_order_relaxed);
+    return *this;
   }
-  [[nodiscard]] std::uint64_t total() const noexcept { return total_; }
-  [[nodiscard]] std::int64_t max_ns() const noexcept { return max_ns_; }
+
+  void add(std::int64_t duration_ns) noexcept {
+    // there is one writer: a plain increment, only that readers never see half of it
+    auto& count =
+        counts_[bucketOf(static_cast<std::uint64_t>(std::clamp<std::int64_t>(duration_ns, 0, kLargest)))];
+    count.store(count.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+    if (duration_ns > max_ns_.load(std::memory_order_relaxed))
+      max_ns_.store(duration_ns, std::memory_order_relaxed);
+  }
+  [[nodiscard]] std::uint64_t total() const noexcept {
+    std::uint64_t sum = 0;
+    for (const auto& count : counts_) sum += count.load(std::memory_order_relaxed);
+    return sum;
+  }
+  [[nodiscard]] std::int64_t max_ns() const noexcept { return max_ns_.load(std::memory_order_relaxed); }
   /// The least duration that at least the share `q` (0-1) of all is not above; 0 when there is none.
   [[nodiscard]] std::int64_t quantile_ns(double q) const noexcept {
-    const double wanted = q * static_cast<double>(total_);
+    const double wanted = q * static_cast<double>(total());
     std::uint64_t seen = 0;
     for (std::size_t i = 0; i < counts_.size(); ++i) {
-      seen += counts_[i];
-      if (counts_[i] > 0 && static_cast<double>(seen) >= wanted) return std::min(upperEnd(i), max_ns_);
+      const std::uint64_t count = counts_[i].load(std::memory_order_relaxed);
+      seen += count;
+      if (count > 0 && static_cast<double>(seen) >= wanted) return std::min(upperEnd(i), max_ns());
     }
     return 0;
+  }
+  [[nodiscard]] LatencyQuantiles quantiles() const noexcept {
+    return {total(), quantile_ns(0.5), quantile_ns(0.99), quantile_ns(0.999), max_ns()};
   }
 
  private:
@@ -49,9 +78,8 @@ class LatencyHistogram {
     return static_cast<std::int64_t>(((top + 1) << shift) - 1);
   }
 
-  std::array<std::uint64_t, kExact + (std::size_t{34} << kSubBits)> counts_{};
-  std::uint64_t total_ = 0;
-  std::int64_t max_ns_ = 0;
+  std::array<std::atomic<std::uint64_t>, kExact + (std::size_t{34} << kSubBits)> counts_{};
+  std::atomic<std::int64_t> max_ns_{0};
 };
 
 }  // namespace needlelab

@@ -2,49 +2,34 @@
 /// (DESIGN §1, §3.7).
 #pragma once
 
-#include <array>
 #include <atomic>
 #include <cstdint>
 
+#include "base/latest_value.h"
 #include "device/haptic_chain.h"
 #include "net/spool_writer.h"
-#include "station/latency_histogram.h"
 #include "station/rt_thread.h"
+#include "station/servo_stats.h"
 
 namespace needlelab {
+
+/// What the loop does once the gate has taken the force away.
+enum class FaultPolicy : std::uint8_t {
+  kEnd,   ///< it ends 50 ms later
+  kWait,  ///< it goes on without force, reading the device and recording, until `acknowledge` and the gate's
+          ///< own conditions (the cause is over, the tip is outside) let the force fade in again
+};
 
 struct ServoSettings {
   double rate_hz = 1000;
   Pose X_HT;                    ///< the tool: the tip in the handle's frame
   std::uint64_t max_ticks = 0;  ///< ends after so many ticks, missed ones included; 0 = no end
+  FaultPolicy on_fault = FaultPolicy::kEnd;
 };
 
-/// Why the loop ended.
-enum class ServoEnd : std::uint8_t {
-  kNotYet,
-  kStopped,         ///< asked to
-  kTicksDone,       ///< max_ticks
-  kDeviceFinished,  ///< a recording or a hand's plan is over
-  kFault,           ///< the gate took the force away; see `fault`
-};
-
-/// What the loop counted. Read it when `run` has returned.
-struct ServoStats {
-  ServoEnd end = ServoEnd::kNotYet;
-  Fault fault = Fault::kNone;
-  std::uint64_t ticks = 0;         ///< that passed, missed ones included
-  std::uint64_t samples = 0;       ///< ticks that ran: each gave one sample
-  std::uint64_t missed_ticks = 0;  ///< that passed before the loop woke: not stepped, no sample
-  std::array<std::uint64_t, 32>
-      flag_ticks{};         ///< bit i of StepFlag and GateFlag: in how many ticks it was set
-  LatencyHistogram wakeup;  ///< how late after its due time a tick began
-  LatencyHistogram tick;    ///< how long a tick worked, device included
-  LatencyHistogram engine;  ///< … of it engine and gate
-  LatencyHistogram device;  ///< … of it the device's read and write
-};
-
-/// Thread: `run` on the haptic thread; `stop`, `missedTicks` from any. Everything it needs is allocated when
-/// it is made. Within a tick: no heap, lock, exception, and no system call but the clock's and the device's.
+/// Thread: `run` on the haptic thread; what is said below for the others. Everything it needs is allocated
+/// when it is made. Within a tick: no heap, lock, exception, and no system call but the clock's and the
+/// device's.
 class ServoLoop {
  public:
   /// All of them must outlive the loop; the device is open.
@@ -55,17 +40,42 @@ class ServoLoop {
   /// loop wakes a period or more late, the ticks that passed are missed: the tick number goes on, they are
   /// not stepped. Before a planned end the force fades out within 20 ms; after a FAULT the gate does that.
   void run() noexcept;
-  /// Asks the loop to end. Signal-safe.
+
+  // from any thread; the first three also from a signal's handler
+  /// Asks the loop to end.
   void stop() noexcept { stop_.store(true, std::memory_order_relaxed); }
+  /// Another part of the program died: FAULT (Fault::kProgramTrouble), zero force within 20 ms, then the loop
+  /// ends, whatever the policy. Wait for `ended`, but not without end: a loop that itself died never ends.
+  void crashStop() noexcept { crash_.store(true, std::memory_order_relaxed); }
+  /// The loop has ended, and the device was left with zero force.
+  [[nodiscard]] bool ended() const noexcept { return ended_.load(std::memory_order_acquire); }
+  /// A person has seen the fault that is there now. Counts once, in the next tick; a fault that comes later
+  /// needs an acknowledgement of its own.
+  void acknowledge() noexcept { acknowledged_.store(true, std::memory_order_relaxed); }
+  /// The fault of the last tick.
+  [[nodiscard]] Fault fault() const noexcept { return fault_.load(std::memory_order_relaxed); }
+  /// How often a fault was raised so far.
+  [[nodiscard]] std::uint64_t faults() const noexcept { return faults_.load(std::memory_order_relaxed); }
+  /// DeviceFlag bits of the last tick.
+  [[nodiscard]] std::uint32_t condition() const noexcept {
+    return condition_.load(std::memory_order_relaxed);
+  }
+  [[nodiscard]] std::uint64_t missedTicks() const noexcept { return missed_.load(std::memory_order_relaxed); }
+
+  /// From one other thread: true when `sample` is a newer tick than the last call gave.
+  [[nodiscard]] bool latest(GestureSample& sample) noexcept { return latest_.fetch(sample); }
 
   [[nodiscard]] const ServoStats& stats() const noexcept { return stats_; }
-  [[nodiscard]] std::uint64_t missedTicks() const noexcept { return missed_.load(std::memory_order_relaxed); }
 
  private:
   [[nodiscard]] std::int64_t dueNs(std::uint64_t tick) const noexcept;
+  [[nodiscard]] std::uint64_t miss(std::int64_t late_ns) noexcept;
+  void hearOthers(std::uint64_t number) noexcept;
   bool tick(std::uint64_t number, std::int64_t due_ns, std::int64_t began_ns,
             std::int64_t elapsed_ticks) noexcept;
   void record(std::int64_t due_ns, std::int64_t device_ns, std::int64_t engine_ns) noexcept;
+  void noteFault() noexcept;
+  [[nodiscard]] ServoEnd endAfter(std::uint64_t number) noexcept;
   [[nodiscard]] double closingShare(std::uint64_t number) noexcept;
 
   Device& device_;
@@ -78,12 +88,21 @@ class ServoLoop {
   ChainTick chain_tick_{};
   DeviceReading reading_{};
   std::int64_t start_ns_ = 0;
-  std::uint64_t closing_since_ = 0;
-  std::uint64_t fault_since_ = 0;
-  bool closing_ = false;
-  std::atomic<bool> stop_{false};
-  std::atomic<std::uint64_t> missed_{0};
+  std::uint64_t closing_since_ = 0, fault_since_ = 0, crash_since_ = 0;
+  bool closing_ = false, crashing_ = false;
   ServoStats stats_;
+
+  // what others write and the loop reads, and the other way round
+  alignas(64) std::atomic<bool> stop_{false};
+  std::atomic<bool> crash_{false}, acknowledged_{false};
+  alignas(64) std::atomic<bool> ended_{false};
+  std::atomic<Fault> fault_{Fault::kNone};
+  std::atomic<std::uint32_t> condition_{0};
+  std::atomic<std::uint64_t> faults_{0}, missed_{0};
+  LatestValue<GestureSample> latest_;
+
+  static_assert(std::atomic<bool>::is_always_lock_free && std::atomic<Fault>::is_always_lock_free &&
+                std::atomic<std::uint64_t>::is_always_lock_free);
 };
 
 }  // namespace needlelab

@@ -119,6 +119,8 @@ const char* servoEndText(ServoEnd end) {
       return "the device's motion is over";
     case ServoEnd::kFault:
       return "FAULT";
+    case ServoEnd::kCrash:
+      return "another part of the program died";
   }
   return "?";
 }

@@ -68,6 +68,12 @@ void ForceGate::raise(Fault fault) noexcept {
   fade_ = 1.0;
   acknowledged_ = false;
   outside_ = false;
+  ++faults_raised_;
+}
+
+void ForceGate::raiseFromOutside(Fault fault) noexcept {
+  if (fault_ == Fault::kNone) raise(fault);
+  acknowledged_ = false;
 }
 
 bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps,

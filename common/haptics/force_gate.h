@@ -82,10 +82,15 @@ class ForceGate {
 
   /// A person has seen the fault. It ends once the tip was also seen outside the tissue: pass `outside` then.
   void acknowledge() noexcept { acknowledged_ = true; }
+  /// FAULT for a cause that no reading shows, such as a dead part of the program. Between ticks. A fault that
+  /// is there already stays what it is; an acknowledgement given before counts no more.
+  void raiseFromOutside(Fault fault) noexcept;
   /// Tells the gate whether the tip is outside the tissue in this tick (any δ ≤ 0), also while in FAULT.
   void noteOutside(bool outside) noexcept { outside_ = outside; }
 
   [[nodiscard]] Fault fault() const noexcept { return fault_; }
+  /// How often a fault was raised, over all of the gate's life.
+  [[nodiscard]] std::uint64_t faultsRaised() const noexcept { return faults_raised_; }
   [[nodiscard]] std::uint32_t flags() const noexcept { return flags_; }  ///< GateFlag bits of the last tick
   [[nodiscard]] double thermalScale() const noexcept { return thermal_scale_; }
 
@@ -107,6 +112,7 @@ class ForceGate {
   std::int64_t rejected_ticks_ = 0, silent_ticks_ = 0;
   bool admitted_ = false, acknowledged_ = false, outside_ = true;
   Fault fault_ = Fault::kNone;
+  std::uint64_t faults_raised_ = 0;
   double fade_ = 0;  ///< 0-1
   Wrench held_, out_, at_fault_;
   double thermal_scale_ = 1;

@@ -37,6 +37,7 @@ class FakeDevice final : public Device {
   Status open(double) override { return {}; }
   DeviceRead read(DeviceReading& reading) noexcept override {
     ++reads;
+    if (read_cost) read_cost();
     return script_(tick++, reading);
   }
   void write(const GuardedWrench& wrench) noexcept override {
@@ -53,6 +54,7 @@ class FakeDevice final : public Device {
   std::uint64_t tick = 0, reads = 0, skipped = 0;
   std::vector<Wrench> writes;
   std::function<void(std::uint64_t)> on_write;
+  std::function<void()> read_cost;  ///< turns the test's clock
 
  private:
   Script script_;
