@@ -1,0 +1,39 @@
+/// The stand-in's mechanics: the Desktop's handle, and the hand that holds it. Written apart from
+/// client/device/simulated_device so that the two can be compared.
+#pragma once
+
+#include "haptics/geometry.h"
+
+namespace standin {
+
+using needlelab::Pose;
+using needlelab::Quat;
+using needlelab::Vec3;
+
+/// A mass (0.35 kg, 1.7 N·s/m: DESIGN §3.7) that turns as a ball, pulled by a hand of 300 N/m and 3 N·s/m
+/// (DESIGN §10) with 2 N·m/rad and 0.05 N·m·s/rad.
+class Plant {
+ public:
+  void place(const Pose& pose);
+  /// The aim goes there from where it is now.
+  void aimAt(const Pose& pose, double seconds);
+  void hold(bool holds) { holds_ = holds; }
+  void jump(Vec3 by) { pose_.p += by; }
+  /// One millisecond under a wrench.
+  void millisecond(Vec3 force_N, Vec3 torque_Nm);
+
+  [[nodiscard]] const Pose& pose() const { return pose_; }
+  [[nodiscard]] Vec3 velocity() const { return v_; }
+  [[nodiscard]] Vec3 turning() const { return w_; }
+  [[nodiscard]] Vec3 aim() const { return aim_.p; }
+  [[nodiscard]] bool isHeld() const { return holds_; }
+
+ private:
+  void substep(double dt, Vec3 force_N, Vec3 torque_Nm);
+  Pose pose_, aim_, from_, to_;
+  Vec3 v_, w_;
+  double way_s_ = 0, gone_s_ = 0;  // of the aim's way
+  bool holds_ = true;
+};
+
+}  // namespace standin

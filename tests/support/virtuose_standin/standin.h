@@ -1,0 +1,55 @@
+/// How a test steers the stand-in for the Virtuose's library: what the world around the device does, and what
+/// truly is. The vendor's own functions are used beside it, as the programs use them.
+///
+/// A stand-in is one device in one process. Until `standin_reset` says otherwise its time is real, and the
+/// file that NEEDLELAB_STANDIN_SCRIPT names is its script: that is how whole programs are tested with it.
+///
+/// Commands (standin_command, and in scripts with the time in s before them, one a line, # comments):
+///   place X Y Z QX QY QZ QW       the handle and the hand's aim are there at once
+///   hand X Y Z QX QY QZ QW T      the hand's aim goes there in T s, at constant speed
+///   let_go | hold                 the hand leaves the handle alone, or takes it again (the sensor feels it)
+///   dead_man 0|1                  the handle's sensor alone
+///   switch 0|1                    the user's power switch
+///   estop press|free              pressing it also switches off: the switch is to be pressed again
+///   link_down T                   nothing arrives for T s
+///   daemon 0|1                    the vendor's service
+///   version right|wrong           of the library against the device
+///   overheat 0|1                  the motors' sensor, whatever was rendered
+///   alarm BITS | failure BITS     further bits (any base)
+///   button N 0|1                  N = 1-3
+///   jump DX DY DZ                 the encoders slip
+///   fail CALL CODE                that call fails with that code from now on; 0: no longer
+#pragma once
+
+extern "C" {
+
+/// What truly is, in SI and in the device's base frame.
+struct StandinState {
+  double time_s;
+  double position_m[3], orientation[4];  ///< of the handle; x y z w
+  double velocity_mps[3];
+  double aim_m[3];      ///< where the hand wants it
+  double commanded[6];  ///< the last wrench that virtSetForce brought
+  double felt[6];       ///< the wrench that acts on the handle in this millisecond
+  int is_powered, is_permitted, command_type;
+  int open_contexts;  ///< in the service's eyes
+  unsigned alarms;
+  long exchanges, overruns;  ///< virtSetForce calls; those that came too fast
+};
+
+/// A fresh device: powered by its switch, held, at rest at the origin; virtual time. No script.
+void standin_reset(void);
+/// 0: time is the machine's from now on.
+void standin_virtual_time(int on);
+/// Virtual time only.
+void standin_advance(double seconds);
+/// 0, or −1 when there is no such command.
+int standin_command(const char* command);
+/// Replaces the script. 0, or the number of the first line that is wrong.
+int standin_script(const char* text);
+void standin_state(StandinState* state);
+/// Names of the calls that set something, since the reset, with blanks between them; repeats are given once.
+const char* standin_calls(void);
+/// CALL:CODE of each call that was refused, since the reset, with blanks between them; repeats once.
+const char* standin_complaints(void);
+}

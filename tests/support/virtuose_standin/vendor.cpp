@@ -1,0 +1,280 @@
+// The vendor's functions, as far as the station uses them, with the vendor's rules.
+#include <cmath>
+
+#include "virtuose_standin/world.h"
+
+namespace standin {
+namespace {
+
+constexpr int kIncorrectValue = 9, kWrongMode = 17, kCallTime = 19, kInvalidContext = 3;
+constexpr int kNoMode = 0, kImpedance = 3;
+
+// one call: time, link, rule, answer. `rule` gives 0 or the code that the call is refused with
+template <typename Rule>
+int call(void* pointer, const char* name, bool sets, Rule rule) {
+  World& w = world();
+  const std::scoped_lock lock(w.mutex);
+  w.catchUp();
+  Context* context = w.find(pointer);
+  if (context == nullptr) return w.answer(nullptr, name, kInvalidContext, sets);
+  int error = w.arrives(*context, name);
+  if (error == 0) error = rule(w, *context);
+  return w.answer(context, name, error, sets);
+}
+
+bool isPositive(float value) {
+  return std::isfinite(value) && value > 0;
+}
+
+bool isPose(const float* pose) {
+  double square = 0;
+  for (int i = 0; i < 7; ++i)
+    if (!std::isfinite(pose[i])) return false;
+  for (int i = 3; i < 7; ++i) square += static_cast<double>(pose[i]) * static_cast<double>(pose[i]);
+  return std::abs(std::sqrt(square) - 1) < 1e-3;
+}
+
+int good(bool is_good) {
+  return is_good ? 0 : kIncorrectValue;
+}
+
+}  // namespace
+}  // namespace standin
+
+using standin::call;
+using standin::Context;
+using standin::good;
+using standin::World;
+using standin::world;
+
+extern "C" {
+
+void* virtOpen(const char* address) {
+  World& w = world();
+  const std::scoped_lock lock(w.mutex);
+  w.catchUp();
+  Context* context = address != nullptr ? w.open() : nullptr;
+  w.answer(context, "virtOpen", w.openError(), true);
+  return context;
+}
+
+int virtClose(void* vc) {
+  World& w = world();
+  const std::scoped_lock lock(w.mutex);
+  w.catchUp();
+  Context* context = w.find(vc);
+  return w.answer(context, "virtClose", context != nullptr ? w.close(*context) : 0, true);
+}
+
+int virtGetErrorCode(void* vc) {
+  World& w = world();
+  const std::scoped_lock lock(w.mutex);
+  if (vc == nullptr) return w.openError();
+  const Context* context = w.find(vc);
+  return context != nullptr ? context->error : standin::kInvalidContext;
+}
+
+const char* virtGetErrorMessage(int code) {
+  return code >= 0 && code <= 22 ? "one of the vendor's messages" : "a message of a newer library";
+}
+
+int virtAPIVersion(int* major, int* minor) {
+  *major = 3;
+  *minor = 98;
+  return 0;
+}
+
+int virtGetControlerVersion(void* vc, int* major, int* minor) {
+  return call(vc, "virtGetControlerVersion", false, [&](World&, Context&) {
+    *major = 3;
+    *minor = 98;
+    return 0;
+  });
+}
+
+int virtSetIndexingMode(void* vc, int mode) {
+  return call(vc, "virtSetIndexingMode", true, [&](World&, Context& c) {
+    if (mode < 0 || mode > 7 || mode == 5) return standin::kIncorrectValue;
+    c.indexing = mode;
+    return 0;
+  });
+}
+
+int virtSetForceFactor(void* vc, float factor) {
+  return call(vc, "virtSetForceFactor", true, [&](World&, Context& c) {
+    if (c.command_type != standin::kNoMode) return standin::kCallTime;
+    return good(standin::isPositive(factor));
+  });
+}
+
+int virtSetSpeedFactor(void* vc, float factor) {
+  return call(vc, "virtSetSpeedFactor", true,
+              [&](World&, Context&) { return good(standin::isPositive(factor)); });
+}
+
+int virtSetTimeStep(void* vc, float step_s) {
+  return call(vc, "virtSetTimeStep", true, [&](World&, Context& c) {
+    if (c.command_type != standin::kNoMode) return standin::kCallTime;
+    return good(std::isfinite(step_s) && step_s > 0.0009999f && step_s < 0.1f);
+  });
+}
+
+int virtSetTimeoutValue(void* vc, float timeout_s) {
+  return call(vc, "virtSetTimeoutValue", true, [&](World&, Context& c) {
+    if (!standin::isPositive(timeout_s)) return standin::kIncorrectValue;
+    c.timeout_s = static_cast<double>(timeout_s);
+    return 0;
+  });
+}
+
+int virtSetBaseFrame(void* vc, float* pose) {
+  return call(vc, "virtSetBaseFrame", true, [&](World&, Context&) { return good(standin::isPose(pose)); });
+}
+
+int virtSetObservationFrame(void* vc, float* pose) {
+  return call(vc, "virtSetObservationFrame", true,
+              [&](World&, Context&) { return good(standin::isPose(pose)); });
+}
+
+int virtSetCommandType(void* vc, int type) {
+  return call(vc, "virtSetCommandType", true, [&](World& w, Context& c) {
+    if (type < 0 || type > 7) return standin::kIncorrectValue;
+    c.command_type = type;
+    w.startWatching(c);
+    return 0;
+  });
+}
+
+int virtSetPowerOn(void* vc, int on) {
+  return call(vc, "virtSetPowerOn", true, [&](World&, Context& c) {
+    if (on != 0 && on != 1) return standin::kIncorrectValue;
+    c.permits_power = on == 1;
+    return 0;
+  });
+}
+
+int virtSaturateTorque(void* vc, float force_N, float torque_Nm) {
+  return call(vc, "virtSaturateTorque", true, [&](World&, Context& c) {
+    if (!standin::isPositive(force_N) || !standin::isPositive(torque_Nm)) return standin::kIncorrectValue;
+    c.max_force_N = force_N;
+    c.max_torque_Nm = torque_Nm;
+    return 0;
+  });
+}
+
+int virtGetPosition(void* vc, float* pose) {
+  return call(vc, "virtGetPosition", false, [&](World& w, Context& c) {
+    w.countRead();
+    w.readPose(c, pose);
+    return 0;
+  });
+}
+
+int virtGetSpeed(void* vc, float* speed) {
+  return call(vc, "virtGetSpeed", false, [&](World& w, Context&) {
+    w.readSpeed(speed);
+    return 0;
+  });
+}
+
+int virtSetForce(void* vc, float* wrench) {
+  return call(vc, "virtSetForce", true, [&](World& w, Context& c) {
+    if (c.command_type != standin::kImpedance) return standin::kWrongMode;
+    for (int i = 0; i < 6; ++i)
+      if (!std::isfinite(wrench[i])) return standin::kIncorrectValue;
+    w.setForce(c, wrench);
+    return 0;
+  });
+}
+
+int virtGetButton(void* vc, int button, int* pressed) {
+  return call(vc, "virtGetButton", false, [&](World& w, Context&) {
+    if (button < 1 || button > 3) return standin::kIncorrectValue;
+    *pressed = w.button(button) ? 1 : 0;
+    return 0;
+  });
+}
+
+int virtGetDeadMan(void* vc, int* held) {
+  return call(vc, "virtGetDeadMan", false, [&](World& w, Context&) {
+    *held = w.isHeld() ? 1 : 0;
+    return 0;
+  });
+}
+
+int virtGetEmergencyStop(void* vc, int* operational) {
+  return call(vc, "virtGetEmergencyStop", false, [&](World& w, Context&) {
+    *operational = w.isStopped() ? 0 : 1;
+    return 0;
+  });
+}
+
+int virtGetPowerOn(void* vc, int* on) {
+  return call(vc, "virtGetPowerOn", false, [&](World& w, Context&) {
+    *on = w.isPowered() ? 1 : 0;
+    return 0;
+  });
+}
+
+int virtGetAlarm(void* vc, unsigned* bits) {
+  return call(vc, "virtGetAlarm", false, [&](World& w, Context&) {
+    *bits = w.alarms();
+    return 0;
+  });
+}
+
+int virtGetFailure(void* vc, unsigned* bits) {
+  return call(vc, "virtGetFailure", false, [&](World& w, Context&) {
+    *bits = w.failures();
+    return 0;
+  });
+}
+
+// ---- the test's side
+
+void standin_reset(void) {
+  const std::scoped_lock lock(world().mutex);
+  world().reset();
+}
+
+void standin_virtual_time(int on) {
+  const std::scoped_lock lock(world().mutex);
+  world().useVirtualTime(on != 0);
+}
+
+void standin_advance(double seconds) {
+  const std::scoped_lock lock(world().mutex);
+  world().advance(seconds);
+}
+
+int standin_command(const char* command) {
+  const std::scoped_lock lock(world().mutex);
+  world().catchUp();
+  return world().command(command) ? 0 : -1;
+}
+
+int standin_script(const char* text) {
+  const std::scoped_lock lock(world().mutex);
+  world().catchUp();
+  return world().script(text);
+}
+
+void standin_state(StandinState* state) {
+  const std::scoped_lock lock(world().mutex);
+  world().tell(*state);
+}
+
+const char* standin_calls(void) {
+  static thread_local std::string copy;
+  const std::scoped_lock lock(world().mutex);
+  copy = world().calls();
+  return copy.c_str();
+}
+
+const char* standin_complaints(void) {
+  static thread_local std::string copy;
+  const std::scoped_lock lock(world().mutex);
+  copy = world().complaints();
+  return copy.c_str();
+}
+}

@@ -1,0 +1,121 @@
+/// The stand-in's device, service and link: the vendor's rules as FACTS.md gives them, in one object.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "virtuose_standin/plant.h"
+#include "virtuose_standin/standin.h"
+
+namespace standin {
+
+/// A connection, in the library's and in the service's eyes.
+struct Context {
+  enum class State { kFree, kOpen, kCut, kLeftOpen };  // kLeftOpen: closed here, the service has not heard it
+  State state = State::kFree;
+  int error = 0;
+  int indexing = 0, command_type = 0;
+  double timeout_s = 1, last_update_s = 0;
+  float max_force_N = 15, max_torque_Nm = 1.2f;  // what the motors could do
+  bool permits_power = false;
+};
+
+/// Allows one exchange a millisecond, and so many in a row that a late caller may catch up.
+class ExchangeRule {
+ public:
+  /// False: too fast.
+  bool take(double now_s);
+
+ private:
+  static constexpr double kMost = 4;
+  double left_ = kMost, last_s_ = 0;
+};
+
+struct Event {
+  double time_s;
+  std::string command;
+};
+
+/// Thread: any, one at a time under `mutex`.
+class World {
+ public:
+  std::mutex mutex;
+
+  void reset();
+  void useVirtualTime(bool on);
+  void advance(double seconds);
+  bool command(const std::string& line);
+  int script(const std::string& text);
+  void tell(StandinState& state);
+  [[nodiscard]] const std::string& calls() const { return calls_; }
+  [[nodiscard]] const std::string& complaints() const { return complaints_; }
+
+  // ---- for the vendor's functions
+  /// Brings time up to now.
+  void catchUp();
+  /// Null with the code in openError().
+  Context* open();
+  [[nodiscard]] int openError() const { return open_error_; }
+  /// The context behind a pointer, or null.
+  Context* find(void* pointer);
+  /// Is this call answered at all? 0 or an error code; a time-out takes its time.
+  int arrives(Context& context, const char* call);
+  /// Remembers the call and its result: gives 0 or −1.
+  int answer(Context* context, const char* call, int error, bool sets);
+  int close(Context& context);
+  /// The watchdog runs from the choice of a command type on.
+  void startWatching(Context& context) const { context.last_update_s = now_s_; }
+  void setForce(Context& context, const float wrench[6]);
+  void readPose(const Context& context, float pose[7]);
+  void readSpeed(float speed[6]) const;
+  void countRead();
+  [[nodiscard]] bool isPowered() const;
+  [[nodiscard]] bool isHeld() const { return sensor_; }
+  [[nodiscard]] bool isStopped() const { return stopped_; }
+  [[nodiscard]] unsigned alarms() const;
+  [[nodiscard]] unsigned failures() const { return failures_; }
+  [[nodiscard]] bool button(int number) const { return buttons_[static_cast<std::size_t>(number)]; }
+
+ private:
+  void millisecond();
+  void watch();
+  void render();
+  void index();
+  void runScript();
+  [[nodiscard]] const Context* active() const;
+  static void remember(std::string& list, std::string_view word);
+
+  Plant plant_;
+  std::array<Context, 64> contexts_{};
+  int open_error_ = 0;
+  bool virtual_time_ = false, started_ = false;
+  double start_s_ = 0, now_s_ = 0;
+  std::int64_t cycles_ = 0;
+  std::vector<Event> events_;
+  std::size_t next_event_ = 0;
+
+  bool switch_ = true, sensor_ = true, stopped_ = false, daemon_ = true, right_version_ = true;
+  double link_back_s_ = 0;
+  std::array<bool, 4> buttons_{};
+  bool forced_overheat_ = false, hot_ = false, saturated_ = false;
+  unsigned more_alarms_ = 0, failures_ = 0;
+  double heat_N2_ = 0, overrun_until_s_ = 0;
+  Vec3 shift_;  // what indexing has moved the reported position by
+  Vec3 frozen_;
+  bool indexing_ = false;
+
+  std::array<double, 6> commanded_{}, next_{}, felt_{};
+  ExchangeRule set_rule_, get_rule_;
+  long exchanges_ = 0, overruns_ = 0;
+  std::vector<std::pair<std::string, int>> failing_;
+  std::string calls_, complaints_;
+};
+
+World& world();
+
+}  // namespace standin
