@@ -1,7 +1,6 @@
 #include "station/servo_loop.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 namespace needlelab {
@@ -26,7 +25,8 @@ ServoLoop::ServoLoop(const SceneModel& model, Device& device, LoopClock& clock, 
       period_ns_(1e9 / settings.rate_hz),
       closing_ticks_(ticksIn(kClosing_s, settings.rate_hz)),
       after_fault_ticks_(ticksIn(kAfterFault_s, settings.rate_hz)),
-      chain_(model, device.info().limits, settings.X_HT) {}
+      chain_(model, device.info().limits, settings.X_HT),
+      storm_(settings.rate_hz) {}
 
 std::int64_t ServoLoop::dueNs(std::uint64_t tick) const noexcept {
   return start_ns_ + std::llround(static_cast<double>(tick) * period_ns_);
@@ -36,13 +36,15 @@ void ServoLoop::run() noexcept {
   start_ns_ = clock_.nowNs() + kLead_ns;
   std::uint64_t number = 0;
   for (;;) {
-    std::int64_t due_ns = dueNs(number);
-    clock_.sleepUntilNs(due_ns);
-    const std::int64_t began_ns = clock_.nowNs();
-    const std::uint64_t missed = miss(began_ns - due_ns);
-    if (missed > 0) {
-      number += missed;
-      due_ns = dueNs(number);
+    TickTimes times;
+    times.due_ns = dueNs(number);
+    clock_.sleepUntilNs(times.due_ns);
+    times.began_ns = clock_.nowNs();
+    times.late_ns = times.began_ns - times.due_ns;
+    times.missed = miss(times.late_ns);
+    if (times.missed > 0) {
+      number += times.missed;
+      times.due_ns = dueNs(number);
     }
     if (settings_.max_ticks > 0 && number >= settings_.max_ticks) {
       stats_.ticks = settings_.max_ticks;
@@ -50,13 +52,14 @@ void ServoLoop::run() noexcept {
       stats_.end = ServoEnd::kTicksDone;
       break;
     }
-    const bool goes_on = tick(number, due_ns, began_ns, static_cast<std::int64_t>(missed) + 1);
+    const bool goes_on = tick(number, times);
     stats_.ticks = stats_.samples + stats_.missed_ticks;
     if (!goes_on) break;
     ++number;
   }
   stats_.fault = chain_.gate().fault();
   device_.write(GuardedWrench{});
+  if (settings_.black_box != nullptr) settings_.black_box->finish();
   ended_.store(true, std::memory_order_release);
 }
 
@@ -97,59 +100,27 @@ double ServoLoop::closingShare(std::uint64_t number) noexcept {
   return 1 - static_cast<double>(done) / static_cast<double>(closing_ticks_);
 }
 
-bool ServoLoop::tick(std::uint64_t number, std::int64_t due_ns, std::int64_t began_ns,
-                     std::int64_t elapsed_ticks) noexcept {
+bool ServoLoop::tick(std::uint64_t number, TickTimes& times) noexcept {
   // device
   const DeviceRead read = device_.read(reading_);
-  const std::int64_t read_ns = clock_.nowNs();
+  times.read_ns = clock_.nowNs();
   if (read == DeviceRead::kFinished) {
     stats_.end = ServoEnd::kDeviceFinished;
     return false;
   }
 
-  // tool → gate → engine → gate
+  // tool → gate → engine → gate → device
   hearOthers(number);
+  const auto elapsed_ticks = static_cast<std::int64_t>(times.missed) + 1;
   const GuardedWrench guarded =
       chain_.tick(reading_, read == DeviceRead::kFresh, elapsed_ticks, closingShare(number), chain_tick_);
-  const std::int64_t computed_ns = clock_.nowNs();
+  times.computed_ns = clock_.nowNs();
   device_.write(guarded);
-  const std::int64_t wrote_ns = clock_.nowNs();
+  times.wrote_ns = clock_.nowNs();
 
-  const std::int64_t device_ns = (read_ns - began_ns) + (wrote_ns - computed_ns);
-  record(due_ns, device_ns, computed_ns - read_ns);
-  noteFault();
-  const std::int64_t recorded_ns = clock_.nowNs();
-
-  stats_.read.add(read_ns - began_ns);
-  stats_.engine.add(computed_ns - read_ns);
-  stats_.write.add(wrote_ns - computed_ns);
-  stats_.record.add(recorded_ns - wrote_ns);
-  stats_.device.add(device_ns);
-  stats_.tick.add(recorded_ns - began_ns);
-
+  record(read, times);
   stats_.end = endAfter(number);
   return stats_.end == ServoEnd::kNotYet;
-}
-
-void ServoLoop::record(std::int64_t due_ns, std::int64_t device_ns, std::int64_t engine_ns) noexcept {
-  const GestureSample sample = sampleOf(chain_tick_, due_ns, device_ns, engine_ns);
-  ++stats_.samples;
-  for (std::uint32_t bits = sample.flags; bits != 0; bits &= bits - 1)
-    ++stats_.flag_ticks[static_cast<std::size_t>(std::countr_zero(bits))];
-  // a full ring counts what it refuses; the loop never waits for anybody
-  ring_.push(sample);
-  latest_.publish(sample);
-}
-
-void ServoLoop::noteFault() noexcept {
-  fault_.store(chain_tick_.fault, std::memory_order_relaxed);
-  condition_.store(reading_.condition, std::memory_order_relaxed);
-  if (chain_tick_.fault != Fault::kNone) ++stats_.fault_ticks;
-  const std::uint64_t raised = chain_.gate().faultsRaised();
-  if (raised == stats_.faults) return;
-  if (stats_.faults == 0) stats_.first_fault = chain_tick_.fault;
-  stats_.faults = raised;
-  faults_.store(raised, std::memory_order_relaxed);
 }
 
 // is it over?

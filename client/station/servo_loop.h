@@ -8,6 +8,7 @@
 #include "base/latest_value.h"
 #include "device/haptic_chain.h"
 #include "net/spool_writer.h"
+#include "station/black_box.h"
 #include "station/rt_thread.h"
 #include "station/servo_stats.h"
 
@@ -25,6 +26,7 @@ struct ServoSettings {
   Pose X_HT;                    ///< the tool: the tip in the handle's frame
   std::uint64_t max_ticks = 0;  ///< ends after so many ticks, missed ones included; 0 = no end
   FaultPolicy on_fault = FaultPolicy::kEnd;
+  BlackBox* black_box = nullptr;  ///< outlives the loop; null = none
 };
 
 /// Thread: `run` on the haptic thread; what is said below for the others. Everything it needs is allocated
@@ -68,13 +70,26 @@ class ServoLoop {
   [[nodiscard]] const ServoStats& stats() const noexcept { return stats_; }
 
  private:
+  /// When a tick was due, and when each of its phases ended; what it missed.
+  struct TickTimes {
+    std::int64_t due_ns = 0, late_ns = 0;
+    std::uint64_t missed = 0;
+    std::int64_t began_ns = 0, read_ns = 0, computed_ns = 0, wrote_ns = 0, recorded_ns = 0;
+    [[nodiscard]] std::int64_t device_ns() const noexcept {
+      return (read_ns - began_ns) + (wrote_ns - computed_ns);
+    }
+    [[nodiscard]] std::int64_t engine_ns() const noexcept { return computed_ns - read_ns; }
+  };
+
   [[nodiscard]] std::int64_t dueNs(std::uint64_t tick) const noexcept;
   [[nodiscard]] std::uint64_t miss(std::int64_t late_ns) noexcept;
   void hearOthers(std::uint64_t number) noexcept;
-  bool tick(std::uint64_t number, std::int64_t due_ns, std::int64_t began_ns,
-            std::int64_t elapsed_ticks) noexcept;
-  void record(std::int64_t due_ns, std::int64_t device_ns, std::int64_t engine_ns) noexcept;
-  void noteFault() noexcept;
+  bool tick(std::uint64_t number, TickTimes& times) noexcept;
+  // servo_loop_record.cpp
+  void record(DeviceRead read, TickTimes& times) noexcept;
+  void publish(const TickTimes& times) noexcept;
+  [[nodiscard]] bool noteFault() noexcept;
+  void fill(BlackBoxTick& kept, DeviceRead read, const TickTimes& times) const noexcept;
   [[nodiscard]] ServoEnd endAfter(std::uint64_t number) noexcept;
   [[nodiscard]] double closingShare(std::uint64_t number) noexcept;
 
@@ -91,6 +106,7 @@ class ServoLoop {
   std::uint64_t closing_since_ = 0, fault_since_ = 0, crash_since_ = 0;
   bool closing_ = false, crashing_ = false;
   ServoStats stats_;
+  MissedTickStorm storm_;
 
   // what others write and the loop reads, and the other way round
   alignas(64) std::atomic<bool> stop_{false};
