@@ -1,0 +1,63 @@
+/// The mechanical half of the emulated Falcon, with the hand that holds it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+
+#include "falcon_emulator/delta_solver.h"
+#include "falcon_emulator/usb_peripheral.h"
+
+namespace needlelab::test {
+
+/// Where the hand wants the grip to be, in F, `t` seconds after it was told so.
+using HandPath = std::function<Eigen::Vector3d(double t)>;
+
+/// A hand that gives way: it pulls the grip to its path with a spring.
+struct SoftHand {
+  double mass_kg = 0.25;  ///< of grip and hand
+  double stiffness_N_per_m = 300, damping_Ns_per_m = 5;
+};
+
+/// Thread: under the port's lock.
+class FalconBody {
+ public:
+  FalconBody();
+
+  /// The grip is where the path says, whatever the motors do.
+  void holdRigidly(HandPath path, TimePoint now);
+  /// The grip moves by the forces on it.
+  void holdSoftly(const SoftHand& hand, HandPath path, TimePoint now);
+
+  /// Moves on to `now`. Time that nobody asked about for more than a second is skipped.
+  void advance(TimePoint now);
+
+  /// Numbers to the motors, as they stand in the packet. They hold until the next.
+  void drive(const std::array<std::int16_t, 3>& motors) { motors_ = motors; }
+  void lookForZero(bool look) { looking_ = look; }
+  /// As after the electronics' power-on: encoders count from where the arms are.
+  void resetEncoders();
+
+  [[nodiscard]] std::array<std::int16_t, 3> encoders() const;
+  [[nodiscard]] unsigned homed() const { return homed_; }  ///< bit i: leg i knows its zero
+  [[nodiscard]] const Eigen::Vector3d& grip() const { return p_; }
+  [[nodiscard]] Eigen::Vector3d thighs() const;
+  /// What the motors push the hand with, in F.
+  [[nodiscard]] Eigen::Vector3d force() const;
+
+ private:
+  void moveTo(const Eigen::Vector3d& p);
+  [[nodiscard]] Eigen::Vector3d torques() const;
+
+  AllLegs angles_;
+  Eigen::Vector3d p_, v_;
+  std::array<std::int16_t, 3> motors_{};
+  bool looking_ = false, soft_ = false;
+  unsigned homed_ = 0;
+  std::array<double, 3> counted_from_rad_{};
+  SoftHand hand_;
+  HandPath path_;
+  TimePoint told_{}, now_{};
+};
+
+}  // namespace needlelab::test

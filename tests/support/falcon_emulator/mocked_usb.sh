@@ -1,0 +1,5 @@
+#!/bin/sh
+# Starts a test program with /sys, /dev and their ioctls led to umockdev. Its library comes before AddressSanitizer's
+# own in the order of loading, which GCC's start-up check would refuse.
+export ASAN_OPTIONS="${ASAN_OPTIONS:+$ASAN_OPTIONS:}verify_asan_link_order=0"
+exec umockdev-wrapper "$@"

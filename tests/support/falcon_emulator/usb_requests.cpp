@@ -1,0 +1,252 @@
+// The ioctls of usbfs and the transfers that they begin and end; the rest of UsbPort is in usb_port.cpp.
+#include <sys/ioctl.h>
+
+#include <linux/usbdevice_fs.h>
+#include <umockdev.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstddef>
+#include <cstring>
+
+#include "falcon_emulator/usb_port.h"
+
+namespace needlelab::test {
+namespace {
+
+usbdevfs_urb& urbOf(UMockdevIoctlData* data) {
+  return *reinterpret_cast<usbdevfs_urb*>(data->data);
+}
+
+}  // namespace
+
+void UsbPort::finish(const Transfer& transfer, int status, std::size_t actual) {
+  usbdevfs_urb& urb = urbOf(transfer.urb);
+  urb.status = status;
+  urb.actual_length = static_cast<int>(actual);
+  finished_.push_back(transfer);
+}
+
+// every bulk transfer that can end now does; then it sleeps until another may
+void UsbPort::pump() {
+  if (gone_) return;
+  const TimePoint now = Clock::now();
+  while (!out_.empty()) {
+    const usbdevfs_urb& urb = urbOf(out_.front().urb);
+    const std::size_t size = static_cast<std::size_t>(urb.buffer_length);
+    if (!peripheral_.out({static_cast<const std::uint8_t*>(urb.buffer), size}, now)) break;
+    ++counts_.out_transfers;
+    finish(out_.front(), 0, size);
+    out_.pop_front();
+  }
+  while (!in_.empty()) {
+    usbdevfs_urb& urb = urbOf(in_.front().urb);
+    const auto data = peripheral_.in(static_cast<std::size_t>(urb.buffer_length), now);
+    if (!data) break;
+    ++counts_.in_transfers;
+    std::copy(data->begin(), data->end(), static_cast<std::uint8_t*>(urb.buffer));
+    finish(in_.front(), 0, data->size());
+    in_.pop_front();
+  }
+  showReadiness();
+  if (in_.empty() && out_.empty()) {
+    armTimer(TimePoint::max());
+  } else {
+    const std::size_t room = in_.empty() ? 0 : static_cast<std::size_t>(urbOf(in_.front().urb).buffer_length);
+    armTimer(peripheral_.nextEvent(room, now));
+  }
+}
+
+bool UsbPort::controlNow(Transfer& transfer, TimePoint now) {
+  usbdevfs_urb& urb = urbOf(transfer.urb);
+  auto* const bytes = static_cast<std::uint8_t*>(urb.buffer);
+  const auto word = [bytes](int at) {
+    return static_cast<std::uint16_t>(bytes[at] | static_cast<unsigned>(bytes[at + 1]) << 8);
+  };
+  if (urb.buffer_length < 8) return false;
+  const UsbSetup setup{bytes[0], bytes[1], word(2), word(4), word(6)};
+  const bool vendors = (setup.type & 0x60u) == 0x40u;
+  const auto reply =
+      vendors ? peripheral_.control(setup, now) : standardRequest(peripheral_.identity(), setup);
+  ++counts_.control_transfers;
+  if (!reply) {
+    finish(transfer, -EPIPE, 0);
+    return true;
+  }
+  const std::size_t room = static_cast<std::size_t>(urb.buffer_length - 8);
+  const std::size_t size = std::min({reply->size(), room, static_cast<std::size_t>(setup.length)});
+  std::copy_n(reply->begin(), size, bytes + 8);
+  finish(transfer, 0, (setup.type & 0x80u) != 0 ? size : setup.length);
+  return true;
+}
+
+bool UsbPort::submit(_UMockdevIoctlClient* client) {
+  UMockdevIoctlData* const argument = umockdev_ioctl_client_get_arg(client);
+  UMockdevIoctlData* const urb_data = umockdev_ioctl_data_resolve(argument, 0, sizeof(usbdevfs_urb), nullptr);
+  if (urb_data == nullptr) return false;
+  const usbdevfs_urb& urb = urbOf(urb_data);
+  if (urb.buffer_length > 0) {
+    UMockdevIoctlData* const buffer = umockdev_ioctl_data_resolve(
+        urb_data, offsetof(usbdevfs_urb, buffer), static_cast<gsize>(urb.buffer_length), nullptr);
+    if (buffer != nullptr) umockdev_ioctl_data_unref(buffer);  // the transfer holds it
+  }
+  Transfer transfer{urb_data, client};
+  const UsbIdentity identity = peripheral_.identity();
+  int error = 0;
+  if (urb.type == USBDEVFS_URB_TYPE_CONTROL) {
+    if (!controlNow(transfer, Clock::now())) error = EINVAL;
+  } else if (urb.type != USBDEVFS_URB_TYPE_BULK) {
+    error = EINVAL;
+  } else if (claimed_by_ != client) {
+    error = busy_ || claimed_by_ != nullptr ? EBUSY : EINVAL;  // stricter than the kernel, which claims
+  } else if (urb.endpoint == identity.in_endpoint) {
+    in_.push_back(transfer);
+  } else if (urb.endpoint == identity.out_endpoint) {
+    out_.push_back(transfer);
+  } else {
+    error = ENOENT;
+  }
+  if (error != 0) {
+    umockdev_ioctl_data_unref(urb_data);
+    umockdev_ioctl_client_complete(client, -1, error);
+    return true;
+  }
+  umockdev_ioctl_client_complete(client, 0, 0);
+  pump();
+  return true;
+}
+
+void UsbPort::reap(_UMockdevIoctlClient* client) {
+  const auto done = std::find_if(finished_.begin(), finished_.end(),
+                                 [client](const Transfer& one) { return one.client == client; });
+  if (done != finished_.end()) {
+    UMockdevIoctlData* const urb = done->urb;
+    finished_.erase(done);
+    UMockdevIoctlData* const pointer =
+        umockdev_ioctl_data_resolve(umockdev_ioctl_client_get_arg(client), 0, sizeof(gpointer), nullptr);
+    umockdev_ioctl_data_set_ptr(pointer, 0, urb);
+    umockdev_ioctl_data_unref(pointer);
+    umockdev_ioctl_data_unref(urb);
+    umockdev_ioctl_client_complete(client, 0, 0);
+    showReadiness();
+    return;
+  }
+  const bool gone = gone_ || node_ != umockdev_ioctl_client_get_devnode(client);
+  umockdev_ioctl_client_complete(client, -1, gone ? ENODEV : EAGAIN);
+}
+
+void UsbPort::discard(_UMockdevIoctlClient* client) {
+  gulong address = 0;
+  std::memcpy(&address, umockdev_ioctl_client_get_arg(client)->data, sizeof address);
+  for (std::deque<Transfer>* queue : {&in_, &out_}) {
+    const auto found = std::find_if(queue->begin(), queue->end(), [&](const Transfer& one) {
+      return one.client == client && one.urb->client_addr == address;
+    });
+    if (found == queue->end()) continue;
+    ++counts_.discarded;
+    finish(*found, -ENOENT, 0);
+    queue->erase(found);
+    umockdev_ioctl_client_complete(client, 0, 0);
+    pump();
+    return;
+  }
+  umockdev_ioctl_client_complete(client, -1, EINVAL);
+}
+
+bool UsbPort::handle(_UMockdevIoctlClient* client) {
+  const std::lock_guard lock(mutex_);
+  ++counts_.ioctls;
+  const gulong request = umockdev_ioctl_client_get_request(client);
+  UMockdevIoctlData* const argument = umockdev_ioctl_client_get_arg(client);
+  const auto answer = [client](int error) {
+    umockdev_ioctl_client_complete(client, error == 0 ? 0 : -1, error);
+    return true;
+  };
+  // hands `size` bytes of the caller to `use`
+  const auto with = [argument](std::size_t size, const auto& use) {
+    UMockdevIoctlData* const data = umockdev_ioctl_data_resolve(argument, 0, size, nullptr);
+    if (data == nullptr) return;
+    use(data->data);
+    umockdev_ioctl_data_unref(data);
+  };
+
+  // a device that is gone still gives back what was in flight; nobody is kept waiting here, as libusb never
+  // asks
+  if (request == USBDEVFS_REAPURB || request == USBDEVFS_REAPURBNDELAY) {
+    reap(client);
+    return true;
+  }
+  if (gone_ || node_ != umockdev_ioctl_client_get_devnode(client)) return answer(ENODEV);
+
+  switch (request) {
+    case USBDEVFS_GET_CAPABILITIES:
+      with(sizeof(guint32), [](guint8* data) {
+        const guint32 abilities = USBDEVFS_CAP_ZERO_PACKET | USBDEVFS_CAP_NO_PACKET_SIZE_LIM |
+                                  USBDEVFS_CAP_BULK_CONTINUATION | USBDEVFS_CAP_REAP_AFTER_DISCONNECT;
+        std::memcpy(data, &abilities, sizeof abilities);
+      });
+      return answer(0);
+    case USBDEVFS_CLAIMINTERFACE:
+      if (busy_ || driver_attached_ || (claimed_by_ != nullptr && claimed_by_ != client))
+        return answer(EBUSY);
+      claimed_by_ = client;
+      return answer(0);
+    case USBDEVFS_RELEASEINTERFACE:
+      if (claimed_by_ != client) return answer(EINVAL);
+      claimed_by_ = nullptr;
+      return answer(0);
+    case USBDEVFS_GETDRIVER: {
+      if (!driver_attached_) return answer(ENODATA);
+      with(sizeof(usbdevfs_getdriver), [this](guint8* data) {
+        auto* const asked = reinterpret_cast<usbdevfs_getdriver*>(data);
+        std::strncpy(asked->driver, kernel_driver_.c_str(), sizeof asked->driver - 1);
+      });
+      return answer(0);
+    }
+    case USBDEVFS_IOCTL: {
+      int code = 0;
+      with(sizeof(usbdevfs_ioctl),
+           [&code](guint8* data) { code = reinterpret_cast<usbdevfs_ioctl*>(data)->ioctl_code; });
+      if (code == static_cast<int>(USBDEVFS_DISCONNECT)) {
+        if (!driver_attached_) return answer(ENODATA);
+        driver_attached_ = false;
+        return answer(0);
+      }
+      if (code == static_cast<int>(USBDEVFS_CONNECT)) {
+        if (kernel_driver_.empty() || driver_attached_ || claimed_by_ != nullptr) return answer(EBUSY);
+        driver_attached_ = true;
+        return answer(0);
+      }
+      return answer(ENOTTY);
+    }
+    case USBDEVFS_SETCONFIGURATION:
+    case USBDEVFS_SETINTERFACE:
+    case USBDEVFS_CLEAR_HALT:
+    case USBDEVFS_RESETEP:
+    case USBDEVFS_RESET:
+      return answer(0);
+    case USBDEVFS_SUBMITURB:
+      return submit(client);
+    case USBDEVFS_DISCARDURB:
+      discard(client);
+      return true;
+    default:
+      return answer(ENOTTY);
+  }
+}
+
+// as the kernel does when a node is closed: what is in flight is forgotten, claims end
+void UsbPort::forgetClient(_UMockdevIoctlClient* client) {
+  const auto known = std::find(clients_.begin(), clients_.end(), client);
+  if (known == clients_.end()) return;
+  for (std::deque<Transfer>* queue : {&in_, &out_, &finished_}) {
+    for (const Transfer& one : *queue)
+      if (one.client == client) umockdev_ioctl_data_unref(one.urb);
+    std::erase_if(*queue, [client](const Transfer& one) { return one.client == client; });
+  }
+  if (claimed_by_ == client) claimed_by_ = nullptr;
+  clients_.erase(known);
+  showReadiness();
+}
+
+}  // namespace needlelab::test
