@@ -257,6 +257,10 @@ Result<PivotFit> fitPivot(std::span<const PivotSample> samples) {
   return fit;
 }
 
+double expectedError_m(const PivotFit& fit) {
+  return 2 * std::hypot(fit.residual_rms_m, fit.worst_sigma_m);
+}
+
 std::string pivotTrouble(const PivotFit& fit) {
   if (fit.spread < kLeastSpread)
     return formatted(

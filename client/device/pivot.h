@@ -86,6 +86,10 @@ inline constexpr double kMostSlipped = 0.2;      ///< share of samples away from
 /// that leave a direction open.
 Result<PivotFit> fitPivot(std::span<const PivotSample> samples);
 
+/// What error of the tip to expect in use: two standard deviations of a single pose's tip (its residual) and
+/// of the tool together.
+double expectedError_m(const PivotFit& fit);
+
 /// Why a fit must not become a tool, in words with what to do; empty when it may.
 std::string pivotTrouble(const PivotFit& fit);
 

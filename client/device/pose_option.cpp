@@ -67,8 +67,10 @@ Result<Pose> fromFile(const std::string& path, const std::string& option) {
     std::size_t count, at;
   } groups[] = {{"position_m", {"x", "y", "z", nullptr}, 3, 0}, {"quaternion", {"x", "y", "z", "w"}, 4, 3}};
   for (const auto& [key, value] : json.items())
-    if (key != groups[0].name && key != groups[1].name)
-      return fail("field '" + key.substr(0, 40) + "' is unknown; position_m and quaternion are expected");
+    // where the file came from is for people
+    if (key != groups[0].name && key != groups[1].name && !(key == "calibration" && value.is_object()))
+      return fail("field '" + key.substr(0, 40) +
+                  "' is unknown; position_m and quaternion (and perhaps calibration) are expected");
   for (const auto& group : groups) {
     const auto found = json.find(group.name);
     if (found == json.end() || !found->is_object() || found->size() != group.count)

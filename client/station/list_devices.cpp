@@ -14,6 +14,7 @@
 #include "base/formatted.h"
 #include "station/modes.h"
 #include "station/report_output.h"
+#include "virtuose/virtuose_probe.h"
 
 namespace needlelab {
 namespace {
@@ -57,6 +58,7 @@ std::vector<DeviceLister> deviceListers() {
   return {
       {"simulated", "simulated device", simulated},
       {"recording:FILE", "recorded motion", recording},
+      {"virtuose", "Virtuose 6D", [] { return listVirtuose(); }},
   };
 }
 

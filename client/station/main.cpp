@@ -18,9 +18,10 @@ int main(int argc, char** argv) {
       case needlelab::StationMode::kListDevices:
         return needlelab::runListDevices(parsed.options);
       case needlelab::StationMode::kSelfTest:
-      case needlelab::StationMode::kCalibrate:
-        std::cerr << "needlelab-station: this build can neither test itself nor calibrate\n";
+        std::cerr << "needlelab-station: this build cannot test itself\n";
         return needlelab::kExitFailed;
+      case needlelab::StationMode::kCalibrate:
+        return needlelab::runCalibrate(parsed.options, stop_signals);
       case needlelab::StationMode::kLesson:
         break;
     }

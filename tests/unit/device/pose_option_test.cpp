@@ -64,6 +64,10 @@ TEST(PoseOption, refusesWrongFilesByField) {
       messageOfFile(R"({"position_m":{"x":0,"y":0,"z":0},"quaternion":{"x":0,"y":0,"z":0,"w":1},"tip":1})"),
       HasSubstr("'tip' is unknown"));
   EXPECT_THAT(
+      messageOfFile(
+          R"({"position_m":{"x":0,"y":0,"z":0},"quaternion":{"x":0,"y":0,"z":0,"w":1},"calibration":1})"),
+      HasSubstr("'calibration' is unknown"));
+  EXPECT_THAT(
       messageOfFile(R"({"position_m":{"x":1e400,"y":0,"z":0},"quaternion":{"x":0,"y":0,"z":0,"w":1}})"),
       HasSubstr("--tool"));
 }
