@@ -1,16 +1,21 @@
 #include "device_factory/device_factory.h"
 
+#include <unistd.h>
+
+#include <cstdio>
 #include <filesystem>
+#include <string_view>
 #include <utility>
 
 #include "device/recording_device.h"
 #include "device/simulated_device.h"
+#include "falcon/falcon_device.h"
 #include "virtuose/virtuose_device.h"
 
 namespace needlelab {
 
 std::string deviceKinds() {
-  return "simulated, recording:FILE, virtuose[:HOST#PORT]";
+  return "simulated, recording:FILE, virtuose[:HOST#PORT], falcon[:FIRMWARE-FILE][@SERIAL-OR-BUS-PATH]";
 }
 
 Result<std::unique_ptr<Device>> makeDevice(const std::string& spec, const DeviceOptions& options) {
@@ -40,6 +45,19 @@ Result<std::unique_ptr<Device>> makeDevice(const std::string& spec, const Device
     VirtuoseOptions virtuose;
     virtuose.address = std::move(*address);
     return std::unique_ptr<Device>(std::make_unique<VirtuoseDevice>(std::move(virtuose)));
+  }
+  // "falcon@1-4.2" has no colon
+  constexpr std::string_view kFalcon = "falcon";
+  if (spec == kFalcon || spec.starts_with("falcon:") || spec.starts_with("falcon@")) {
+    auto falcon = falconOptions(spec.substr(kFalcon.size()));
+    if (!falcon.ok()) return falcon.error();
+    // loading takes some seconds: a person sees how far it is
+    if (::isatty(STDERR_FILENO) != 0)
+      falcon->progress = [](const std::string& words) {
+        std::fprintf(stderr, "\r%s ", words.c_str());
+        if (words.ends_with("100 %")) std::fputc('\n', stderr);
+      };
+    return std::unique_ptr<Device>(std::make_unique<FalconDevice>(std::move(*falcon)));
   }
   return Error{ErrorCode::kInvalidInput, "--device '" + spec + "' is unknown; there are " + deviceKinds()};
 }

@@ -25,7 +25,8 @@ struct DeviceOptions {
 /// For `--help` and for error messages: the kinds of device that there are, e.g. "simulated, recording:FILE".
 std::string deviceKinds();
 
-/// Makes the device that `spec` names (`simulated`, `recording:FILE`, `virtuose[:HOST#PORT]`). It is not
+/// Makes the device that `spec` names (`simulated`, `recording:FILE`, `virtuose[:HOST#PORT]`,
+/// `falcon[:FIRMWARE-FILE][@SERIAL-OR-BUS-PATH]`). It is not
 /// opened yet. Errors (kInvalidInput): an unknown kind, with the list of those that exist; a recording that
 /// cannot be read, with file, line, column and value; a hand's plan that does not fit the scene.
 Result<std::unique_ptr<Device>> makeDevice(const std::string& spec, const DeviceOptions& options);
