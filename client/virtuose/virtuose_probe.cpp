@@ -18,10 +18,12 @@ std::string versionWords(const VirtuoseApi& api, VirtContext context) {
 
 // what a person has to do before it works; empty when it is ready
 std::string stateOf(const VirtuoseApi& api, VirtContext context) {
-  int held = 0, operational = 0;
+  int operational = 0;
   unsigned alarm = 0, failure = 0;
-  if ((api.virtGetDeadMan(context, &held) | api.virtGetEmergencyStop(context, &operational) |
-       api.virtGetAlarm(context, &alarm) | api.virtGetFailure(context, &failure)) != 0) {
+  // the code is that of the last call: the first refusal ends it
+  const bool answered = api.virtGetEmergencyStop(context, &operational) == 0 &&
+                        api.virtGetAlarm(context, &alarm) == 0 && api.virtGetFailure(context, &failure) == 0;
+  if (!answered) {
     const int code = api.virtGetErrorCode(context);
     return "it does not tell how it is: " + virtuoseErrorWords(code, api.virtGetErrorMessage(code));
   }

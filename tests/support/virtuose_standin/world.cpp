@@ -40,7 +40,7 @@ World& world() {
 }
 
 bool ExchangeRule::take(double now_s) {
-  left_ = std::min(kMost, left_ + (now_s - last_s_) * 1000);
+  left_ = std::min(kMost, left_ + (now_s - last_s_) * kRate_hz);
   last_s_ = now_s;
   // a hair less than one: virtual milliseconds are sums of 0.001
   if (left_ < 1 - 1e-6) return false;

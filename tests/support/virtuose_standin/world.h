@@ -25,14 +25,15 @@ struct Context {
   bool permits_power = false;
 };
 
-/// Allows one exchange a millisecond, and so many in a row that a late caller may catch up.
+/// Allows one exchange a millisecond (5 % more, so that a burst is forgotten), and so many in a row that a
+/// late caller may catch up. The tolerance is ours: the vendor only says "one a millisecond at most".
 class ExchangeRule {
  public:
   /// False: too fast.
   bool take(double now_s);
 
  private:
-  static constexpr double kMost = 4;
+  static constexpr double kMost = 4, kRate_hz = 1050;
   double left_ = kMost, last_s_ = 0;
 };
 
