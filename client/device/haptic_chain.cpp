@@ -43,7 +43,6 @@ void HapticChain::skipped(const Pose& X_WH, const Pose& X_WT) noexcept {
   report_.flags = kFlagNotStepped;
   if ((gate_.flags() & kGateSampleRejected) != 0) return;  // what nobody believes is not recorded as a place
   if (!isFinite(X_WT.p) || !isFinite(X_WT.q) || !isFinite(X_WH.p)) return;
-  gate_.noteOutside(signedDepth(model_.limb, X_WT.p) <= 0);
   handle_ = X_WH;
   tip_.p = X_WT.p;
   if (dot(X_WT.q, X_WT.q) > 0.25) tip_.q = normalized(X_WT.q);
@@ -53,7 +52,10 @@ GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::i
                                 double share, ChainTick& out) noexcept {
   const Pose X_WT = tipFromHandle(reading.X_WH, X_HT_);
   Wrench wanted_at_handle;
-  if (gate_.admit({X_WT.p, X_WT.q}, fresh, reading.speed_mps, elapsed_ticks))
+  // a new start after a FAULT begins outside, so that the engine forgets the insertion of before
+  if (gate_.fault() != Fault::kNone && fresh && isFinite(X_WT.p))
+    gate_.noteOutside(signedDepth(model_.limb, X_WT.p) <= 0);
+  if (gate_.admit({X_WT.p, X_WT.q}, fresh, reading.speed_mps, elapsed_ticks, reading.condition))
     wanted_at_handle = stepped(reading.X_WH, X_WT, share);
   else
     skipped(reading.X_WH, X_WT);

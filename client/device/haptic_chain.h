@@ -39,7 +39,8 @@ class HapticChain {
   [[nodiscard]] const ForceGate& gate() const noexcept { return gate_; }
   /// A person has seen the fault (ForceGate::acknowledge).
   void acknowledge() noexcept { gate_.acknowledge(); }
-  /// ForceGate::raiseFromOutside: the force goes within 20 ms. Between ticks.
+  /// A FAULT that only the program knows of: before `tick`, in each tick in which its cause lasts
+  /// (ForceGate::raiseFromOutside).
   void raiseFromOutside(Fault fault) noexcept { gate_.raiseFromOutside(fault); }
 
  private:

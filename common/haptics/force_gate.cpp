@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "haptics/device_condition.h"
+
 namespace needlelab {
 namespace {
 
@@ -36,6 +38,15 @@ Wrench scaled(const Wrench& w, double s) noexcept {
   return {w.force_N * s, w.torque_Nm * s};
 }
 
+// the fault that the device itself reports; the one that a person did first
+Fault faultSaid(std::uint32_t condition) noexcept {
+  if ((condition & kDeviceEmergencyStop) != 0) return Fault::kEmergencyStop;
+  if ((condition & kDeviceLost) != 0) return Fault::kDeviceLost;
+  if ((condition & kDeviceOverheated) != 0) return Fault::kDeviceOverheated;
+  if ((condition & kDeviceTrouble) != 0) return Fault::kDeviceTrouble;
+  return Fault::kNone;
+}
+
 }  // namespace
 
 ForceGate::ForceGate(const DeviceLimits& limits, double rate_hz)
@@ -58,10 +69,6 @@ Fault ForceGate::judge(const TipSample& tip) const noexcept {
   return Fault::kNone;
 }
 
-bool ForceGate::readyToRestart(const TipSample& tip) const noexcept {
-  return acknowledged_ && outside_ && fade_ == 0.0 && isFinite(tip.p_WT_m) && needlelab::isFinite(tip.q_WT);
-}
-
 void ForceGate::raise(Fault fault) noexcept {
   fault_ = fault;
   at_fault_ = out_;
@@ -69,32 +76,72 @@ void ForceGate::raise(Fault fault) noexcept {
   acknowledged_ = false;
   outside_ = false;
   ++faults_raised_;
+  cause_lasts_ = true;
+  bad_in_fault_ = false;
+  after_stall_ = false;
 }
 
 void ForceGate::raiseFromOutside(Fault fault) noexcept {
+  cause_outside_ = true;
   if (fault_ == Fault::kNone) raise(fault);
-  acknowledged_ = false;
 }
 
-bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps,
-                      std::int64_t elapsed_ticks) noexcept {
+// how long nothing was heard of the device; ticks that the loop itself missed count, too
+void ForceGate::noteSilence(bool fresh, std::int64_t elapsed_ticks, std::uint32_t condition) noexcept {
+  if ((condition & kDeviceNotReady) != 0) {
+    silent_ticks_ = 0;  // it says why it is silent, and has no force
+  } else if (!fresh) {
+    silent_ticks_ += elapsed_ticks;
+  } else {
+    // a device that reports as ever after the loop itself stood still: the force comes anew
+    if (silent_ticks_ + elapsed_ticks - 1 > silent_limit_ticks_) after_stall_ = true;
+    silent_ticks_ = 0;
+  }
+}
+
+// in FAULT: false when it is over, with the tick that this is
+bool ForceGate::staysInFault(const TipSample& tip, bool fresh, double handle_speed_mps,
+                             std::uint32_t condition) noexcept {
+  // a tip that still jumps is a cause that lasts; each place is judged against the one before
+  if (fresh) {
+    bad_in_fault_ = judge(tip) != Fault::kNone || !(handle_speed_mps <= limits_.fault_speed_mps);
+    have_good_ = isFinite(tip.p_WT_m);
+    last_good_p_W_m_ = tip.p_WT_m;
+    ticks_since_good_ = 0;
+  }
+  cause_lasts_ = cause_outside_ || bad_in_fault_ || (condition & kDeviceFaultFlags) != 0 ||
+                 silent_ticks_ > silent_limit_ticks_;
+  if (cause_lasts_) acknowledged_ = false;
+  if (!fresh || !acknowledged_ || !outside_ || fade_ != 0.0) return true;
+  // as after start-up: nothing is remembered, the force fades in
+  fault_ = Fault::kNone;
+  acknowledged_ = false;
+  after_stall_ = false;
+  rejected_ticks_ = 0;
+  held_ = {};
+  return false;
+}
+
+bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps, std::int64_t elapsed_ticks,
+                      std::uint32_t condition) noexcept {
   flags_ = 0;
   admitted_ = false;
   ticks_since_good_ += elapsed_ticks;
-  if (fault_ != Fault::kNone) {
-    if (!fresh || !readyToRestart(tip)) return false;
-    // as after start-up: nothing is remembered, the force fades in
-    fault_ = Fault::kNone;
-    have_good_ = false;
-    rejected_ticks_ = silent_ticks_ = 0;
-    held_ = {};
+  holding_ = (condition & kDeviceHoldFlags) != 0;
+  noteSilence(fresh, elapsed_ticks, condition);
+  const bool in_fault = fault_ != Fault::kNone && staysInFault(tip, fresh, handle_speed_mps, condition);
+  cause_outside_ = false;
+  if (in_fault) return false;
+
+  // what the device says of itself counts at once
+  if (const Fault said = faultSaid(condition); said != Fault::kNone) {
+    raise(said);
+    return false;
   }
   if (!fresh) {
-    silent_ticks_ += elapsed_ticks;
     if (silent_ticks_ > silent_limit_ticks_) raise(Fault::kDeviceSilent);
     return false;
   }
-  silent_ticks_ = 0;
   if (const Fault found = judge(tip); found != Fault::kNone) {
     flags_ |= kGateSampleRejected;
     rejected_ticks_ += elapsed_ticks;
@@ -113,6 +160,18 @@ bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps,
   return true;
 }
 
+// start: what is wanted comes slowly; a hold takes it away and lets it come again
+void ForceGate::changeShare() noexcept {
+  if (holding_ || after_stall_) {
+    fade_ = fade_ > 1.5 * fade_out_step_ ? fade_ - fade_out_step_ : 0.0;
+    if (fade_ == 0.0) after_stall_ = false;
+    flags_ |= kGateStartRamp;
+  } else if (fade_ < 1.0) {
+    flags_ |= kGateStartRamp;
+    fade_ = std::min(1.0, fade_ + fade_in_step_);
+  }
+}
+
 GuardedWrench ForceGate::guard(const Wrench& wanted) noexcept {
   if (admitted_) {
     if (isFinite(wanted))
@@ -121,17 +180,14 @@ GuardedWrench ForceGate::guard(const Wrench& wanted) noexcept {
       raise(Fault::kForceNotFinite);
   }
 
-  // fault: what was there goes away in a straight line; start: what is wanted comes slowly
+  // fault: what was there goes away in a straight line
   Wrench next;
   if (fault_ != Fault::kNone) {
     flags_ |= kGateFaulted;
     fade_ = fade_ > 1.5 * fade_out_step_ ? fade_ - fade_out_step_ : 0.0;
     next = scaled(at_fault_, fade_);
   } else {
-    if (fade_ < 1.0) {
-      flags_ |= kGateStartRamp;
-      fade_ = std::min(1.0, fade_ + fade_in_step_);
-    }
+    changeShare();
     next = scaled(held_, fade_);
   }
 

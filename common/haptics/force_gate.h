@@ -61,6 +61,16 @@ class GuardedWrench {
   Wrench wrench_;
 };
 
+/// Two ways to lose force, beside the limits:
+///
+/// - A FAULT: the force goes away in a straight line within 20 ms. It comes back, faded in over 200 ms, only
+///   when the cause is over, a person acknowledged it after that, and the tip is outside the tissue.
+/// - A hold (kDeviceHoldFlags: no hand, no power, not ready): the rendered share of the force falls to zero
+///   within 20 ms, stays there, and rises over 200 ms afterwards. Samples are admitted and stepped all
+///   the while: the needle is where it is, and what fades in is the force of that place. So from tick to tick
+///   the force changes by at most 1/20 of what is wanted, beside the change of what is wanted. The same
+///   happens after a stall of the loop itself (more missed ticks in a row than the watchdog's limit).
+///
 /// Thread: the haptic thread only (acknowledge may be asked for by its owner between ticks). Real-time safe,
 /// no clock: it counts ticks.
 class ForceGate {
@@ -72,32 +82,42 @@ class ForceGate {
   /// `tip` is the tip's pose, `handle_speed_mps` the device's own reported speed (0 when it reports none),
   /// `elapsed_ticks` how many periods passed since the last call: 1, or more after missed ticks.
   /// A sample that comes after missed or rejected ones is judged by its distance over all of the elapsed
-  /// time.
-  bool admit(const TipSample& tip, bool fresh, double handle_speed_mps,
-             std::int64_t elapsed_ticks = 1) noexcept;
+  /// time. `condition`: DeviceFlag bits of this tick, which count without a fresh sample, too. A device that
+  /// says kDeviceNotReady may be silent: it has no force.
+  bool admit(const TipSample& tip, bool fresh, double handle_speed_mps, std::int64_t elapsed_ticks = 1,
+             std::uint32_t condition = 0) noexcept;
 
   /// After the engine (or without it, when `admit` said no): the wrench for the device in this tick.
   /// `wanted` is at the handle, in W; it is ignored in a tick that was not admitted.
   GuardedWrench guard(const Wrench& wanted) noexcept;
 
-  /// A person has seen the fault. It ends once the tip was also seen outside the tissue: pass `outside` then.
-  void acknowledge() noexcept { acknowledged_ = true; }
-  /// FAULT for a cause that no reading shows, such as a dead part of the program. Between ticks. A fault that
-  /// is there already stays what it is; an acknowledgement given before counts no more.
+  /// A FAULT whose cause the gate cannot see itself, such as a crash of the view. Before `admit`, in each
+  /// tick in which the cause lasts; in a FAULT of another kind that one's name stays.
   void raiseFromOutside(Fault fault) noexcept;
-  /// Tells the gate whether the tip is outside the tissue in this tick (any δ ≤ 0), also while in FAULT.
+  /// A person has seen the fault. It does not count while the cause lasts, so that nothing starts by itself
+  /// when an emergency stop is let out; it may come before the tip is outside.
+  void acknowledge() noexcept { acknowledged_ = fault_ != Fault::kNone; }
+  /// Tells the gate whether the tip is outside the tissue (any δ ≤ 0): in FAULT before `admit`, with the
+  /// sample that `admit` gets, so that the first tick of a new start is outside.
   void noteOutside(bool outside) noexcept { outside_ = outside; }
 
   [[nodiscard]] Fault fault() const noexcept { return fault_; }
   /// How often a fault was raised, over all of the gate's life.
   [[nodiscard]] std::uint64_t faultsRaised() const noexcept { return faults_raised_; }
+  /// In FAULT: the cause was there in the last tick, so that an acknowledgement does not count yet.
+  [[nodiscard]] bool causeLasts() const noexcept { return cause_lasts_; }
+  /// In FAULT: it is acknowledged and waits for the tip to be outside.
+  [[nodiscard]] bool acknowledged() const noexcept { return acknowledged_; }
   [[nodiscard]] std::uint32_t flags() const noexcept { return flags_; }  ///< GateFlag bits of the last tick
   [[nodiscard]] double thermalScale() const noexcept { return thermal_scale_; }
 
  private:
   void raise(Fault fault) noexcept;
   [[nodiscard]] Fault judge(const TipSample& tip) const noexcept;
-  [[nodiscard]] bool readyToRestart(const TipSample& tip) const noexcept;
+  bool staysInFault(const TipSample& tip, bool fresh, double handle_speed_mps,
+                    std::uint32_t condition) noexcept;
+  void noteSilence(bool fresh, std::int64_t elapsed_ticks, std::uint32_t condition) noexcept;
+  void changeShare() noexcept;
 
   DeviceLimits limits_;
   double period_s_;
@@ -111,6 +131,9 @@ class ForceGate {
   std::int64_t ticks_since_good_ = 0;
   std::int64_t rejected_ticks_ = 0, silent_ticks_ = 0;
   bool admitted_ = false, acknowledged_ = false, outside_ = true;
+  bool cause_lasts_ = false, cause_outside_ = false, bad_in_fault_ = false;
+  bool holding_ = false;      ///< a hold flag in this tick
+  bool after_stall_ = false;  ///< the share falls to zero before it rises again
   Fault fault_ = Fault::kNone;
   std::uint64_t faults_raised_ = 0;
   double fade_ = 0;  ///< 0-1
