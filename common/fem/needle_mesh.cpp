@@ -105,7 +105,10 @@ void measureStrain(const NeedleBox& box, const NeedleBoxSpec& spec, const Eigen:
 }  // namespace
 
 Result<std::shared_ptr<const NeedleCompliance>> precomputeCompliance(const SceneSpec& spec,
-                                                                     const NeedleMeshOptions& options) {
+                                                                     const NeedleMeshOptions& given) {
+  NeedleMeshOptions options = given;
+  if (options.radius_m == 0)
+    options.radius_m = spec.needle_diameter_m > 0 ? 0.5 * spec.needle_diameter_m : kNeedleRadius_m;
   if (Status status = checked(spec, options); !status.ok()) return status.error();
   const NeedleBoxSpec box_spec = boxOf(spec, options);
   const NeedleBox box(box_spec, options.nodes);

@@ -10,7 +10,7 @@
 
 namespace needlelab {
 
-/// r₀: half of 0.8 mm, the outer diameter of a 21G needle.
+/// r₀ where a scene does not say: half of 0.8 mm, the outer diameter of a 21G needle.
 inline constexpr double kNeedleRadius_m = 0.4e-3;
 /// Stations of the live needle where the caller asks for none.
 inline constexpr int kDefaultStations = 60;
@@ -18,9 +18,9 @@ inline constexpr int kDefaultStations = 60;
 /// What a mesh is made for. The trajectory is the surface normal at the entry, the tissue a half-space of
 /// layers (the limb's curvature is not seen), `spec.fem.layers` its elasticity.
 struct NeedleMeshOptions {
-  int nodes = 10'000;                 ///< about so many; layers that are thin can make it more
-  int stations = kDefaultStations;    ///< 1-kMaxNeedleStations
-  double radius_m = kNeedleRadius_m;  ///< r₀
+  int nodes = 10'000;               ///< about so many; layers that are thin can make it more
+  int stations = kDefaultStations;  ///< 1-kMaxNeedleStations
+  double radius_m = 0;  ///< r₀; 0: half of the scene's needle, kNeedleRadius_m where it has no diameter
   /// The far boundary, held: half-width, and depth below the path, in lengths of the path. At 16 the needle
   /// is within 1 % of as stiff as at 32.
   double half_width_per_length = 16.0;

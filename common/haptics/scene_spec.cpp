@@ -108,6 +108,7 @@ Status validate(const SceneSpec& spec) {
   SpecChecker check;
   check.enter("needle.");
   check.number("length_m", spec.needle_length_m, kLength);
+  check.number("outer_diameter_m", spec.needle_diameter_m, {0, 0.005});
   checkLimb(spec.limb, check);
   checkLayers(spec, check);
   checkSections(spec, check);

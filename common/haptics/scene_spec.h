@@ -96,6 +96,7 @@ struct OrientationLimitSpec {
 /// Everything that the engine needs to know of a scene, in W (the limb already placed).
 struct SceneSpec {
   double needle_length_m = 0.06;  ///< L, (0, 1]
+  double needle_diameter_m = 0;   ///< outer, up to 0.005; 0: not given. FEM's needle is that thick
   Limb limb = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
   std::vector<LayerSpec> layers;  ///< 1-32, from the skin inward
   AxialModel axial_model = AxialModel::kEnhancedTrackingWall;

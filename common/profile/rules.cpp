@@ -4,6 +4,7 @@
 
 #include "base/range.h"
 #include "profile/model_sections.h"
+#include "profile/needle.h"
 #include "profile/profile.h"
 #include "profile/strict_json.h"
 
@@ -81,6 +82,7 @@ Status checkHazard(const pb::Hazard& hazard, const std::string& path) {
 
 Status checkProfileRules(const pb::Profile& profile) {
   if (Status status = checkId("id", profile.id()); !status) return status;
+  if (Status status = checkNeedle(profile.needle()); !status) return status;
   if (Status status = checkEffects(profile); !status) return status;
   if (Status status = checkModelSection(profile); !status) return status;
   if (Status status = checkStopMode(profile.tracking_wall()); !status) return status;

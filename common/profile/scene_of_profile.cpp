@@ -1,5 +1,6 @@
 #include "base/range.h"
 #include "profile/model_sections.h"
+#include "profile/needle.h"
 #include "profile/profile.h"
 
 namespace needlelab {
@@ -91,6 +92,7 @@ Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL) {
 
   SceneSpec spec;
   spec.needle_length_m = profile.needle().length_m();
+  spec.needle_diameter_m = needleOf(profile.needle()).outer_diameter_m;
   spec.limb = placed(*limb, *placement);
   for (const pb::Layer& layer : profile.layers()) spec.layers.push_back(layerOf(layer));
   if (Status status = readModel(profile, spec); !status) return status.error();

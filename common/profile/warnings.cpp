@@ -97,6 +97,16 @@ void warnAboutModel(const pb::Profile& profile, std::vector<std::string>& warnin
     warnings.push_back("precomputed: says no source for its table");
 }
 
+/// A tip whose opening cannot be placed.
+void warnAboutNeedle(const pb::Profile& profile, std::vector<std::string>& warnings) {
+  const pb::Needle& needle = profile.needle();
+  const bool has_diameter = needle.has_gauge() || needle.has_outer_diameter_m();
+  if ((needle.has_tip() || needle.has_bevel_angle_rad()) && !has_diameter)
+    warnings.push_back(
+        "needle: its tip is described but neither gauge nor outer_diameter_m is given; injections are placed "
+        "at the tip itself");
+}
+
 }  // namespace
 
 double fidelity(double force_before_N, double force_N, double wall_stiffness_N_per_m, double thickness_m) {
@@ -107,6 +117,7 @@ double fidelity(double force_before_N, double force_N, double wall_stiffness_N_p
 
 std::vector<std::string> profileWarnings(const pb::Profile& profile) {
   std::vector<std::string> warnings;
+  warnAboutNeedle(profile, warnings);
   warnAboutLayers(profile, warnings);
   warnAboutModel(profile, warnings);
   return warnings;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "needlelab/event.pb.h"
 #include "needlelab/profile.pb.h"
 #include "scoring/anatomy.h"
 #include "scoring/measures.h"
@@ -39,6 +40,8 @@ class Rows {
 void addMotion(const Gesture& gesture, Rows& rows);  ///< time, path, speed, smoothness
 void addTissue(const Gesture& gesture, Rows& rows);  ///< depth, forces, what the needle did in tissue
 void addAim(const Gesture& gesture, Rows& rows);     ///< target and hazards
+/// Aspirations and injections.
+void addSyringe(const Gesture& gesture, std::span<const pb::SyringeEvent> events, Rows& rows);
 
 /// Fills min, max, passed and the sentence of every row; adds rows for requirements on what was not measured.
 void applyRequirements(const pb::Exercise* exercise, std::vector<Measure>& measures);

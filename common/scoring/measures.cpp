@@ -4,6 +4,7 @@
 
 #include "haptics/limits.h"
 #include "scoring/groups.h"
+#include "scoring/syringe_events.h"
 
 namespace needlelab {
 
@@ -28,6 +29,7 @@ std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double
   addMotion(gesture, rows);
   addTissue(gesture, rows);
   addAim(gesture, rows);
+  addSyringe(gesture, syringeEvents(usable, rate_hz, profile, X_WL), rows);
   std::vector<Measure> measures = rows.take();
   applyRequirements(exercise, measures);
   return measures;

@@ -30,8 +30,8 @@ struct Measure {
 /// All measures of a gesture, in a fixed order. A measure that does not apply is left out: of layers and
 /// targets that the profile does not have, of tissue that was never entered, smoothness without movement.
 ///
-/// Definitions stand beside the code of each group: motion.cpp, tissue.cpp, aim.cpp, smoothness.h. What they
-/// share:
+/// Definitions stand beside the code of each group: motion.cpp, tissue.cpp, aim.cpp, syringe.cpp,
+/// smoothness.h. What they share:
 /// - Lengths of paths, speeds, swept area and smoothness come from positions averaged to 100 Hz and
 /// low-passed to 6 Hz
 ///   (track.h), so that they do not depend on the loop's rate. Depths, distances and forces come from the

@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::array<std::string_view, 23> kNames = {"elapsed_s",
+constexpr std::array<std::string_view, 28> kNames = {"elapsed_s",
                                                      "path_length_m",
                                                      "time_in_tissue_s",
                                                      "path_in_tissue_m",
@@ -31,7 +31,12 @@ constexpr std::array<std::string_view, 23> kNames = {"elapsed_s",
                                                      "target_reached",
                                                      "time_at_target_s",
                                                      "target_distance_m",
-                                                     "target_nearest_m"};
+                                                     "target_nearest_m",
+                                                     "aspirations",
+                                                     "injections",
+                                                     "injected_share",
+                                                     "injected_in_target_share",
+                                                     "aspirated_before_injection"};
 
 /// "3.2", "0.05", "120": three significant digits, no exponent for the sizes that occur, no zeros at the end.
 std::string threeDigits(double value) {
@@ -53,10 +58,14 @@ std::string threeDigits(double value) {
 /// "Peak force 3.2 N", or a plain statement where a number would be odd.
 std::string statement(const Measure& row) {
   if (row.name == "target_reached") return row.value > 0 ? "Target reached" : "Target not reached";
+  if (row.name == "aspirated_before_injection")
+    return row.value > 0 ? "Aspirated before the injection" : "Not aspirated before the injection";
   return row.words + " " + valueText(row.value, row.unit);
 }
 
 std::string verdict(const Measure& row) {
+  if (row.name == "aspirated_before_injection")
+    return *row.passed ? "" : row.value > 0 ? ": it was not to be done" : ": it had to be";
   if (row.name == "target_reached")
     return *row.passed ? "" : row.value > 0 ? ": it was to be left alone" : ": it had to be";
   const auto text = [&](double value) { return valueText(value, row.unit); };

@@ -148,6 +148,8 @@ TEST(SceneOfProfile, theEnginesRangesAreThoseOfTheProto) {
     int visited = 0;
     const auto check = [&](google::protobuf::Message& part, const google::protobuf::FieldDescriptor& field,
                            const std::string& path) {
+      // of the needle the engine takes its length, and FEM a diameter (needle_test.cpp)
+      if (path.starts_with("needle.") && path != "needle.length_m") return;
       ++visited;
       const auto& reflection = *part.GetReflection();
       const pb::Range& range = field.options().GetExtension(pb::range);
