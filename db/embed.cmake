@@ -1,6 +1,10 @@
 # Writes text files into a .cpp, so that a program needs no files beside it.
 # Used as a script: cmake -DFILES="a;b" -DOUT=x.cpp -DFUNCTION=name -P embed.cmake
-# The .cpp defines  std::span<const needlelab::EmbeddedFile> needlelab::NAME();  see embedded_file.h.
+# The .cpp defines  std::span<const needlelab::EmbeddedFile> needlelab::NAME();  -DHEADER=folder/header.h declares it,
+# by default db/embedded_file.h.
+if(NOT HEADER)
+  set(HEADER "db/embedded_file.h")
+endif()
 set(arrays "")
 set(entries "")
 set(number 0)
@@ -17,6 +21,6 @@ if(number EQUAL 0)
 else()
   set(body "std::span<const EmbeddedFile> ${FUNCTION}() {\n  static const EmbeddedFile kFiles[] = {\n${entries}  };\n  return kFiles;\n}")
 endif()
-file(WRITE "${OUT}.new" "#include <span>\n\n#include \"db/embedded_file.h\"\n\nnamespace needlelab {\nnamespace {\n${arrays}}  // namespace\n${body}\n}  // namespace needlelab\n")
+file(WRITE "${OUT}.new" "#include <span>\n\n#include \"${HEADER}\"\n\nnamespace needlelab {\nnamespace {\n${arrays}}  // namespace\n${body}\n}  // namespace needlelab\n")
 file(COPY_FILE "${OUT}.new" "${OUT}" ONLY_IF_DIFFERENT)
 file(REMOVE "${OUT}.new")

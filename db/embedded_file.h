@@ -2,14 +2,10 @@
 #pragma once
 
 #include <span>
-#include <string_view>
+
+#include "base/embedded_file.h"
 
 namespace needlelab {
-
-struct EmbeddedFile {
-  std::string_view name;  ///< without folder
-  std::string_view text;
-};
 
 /// db/migrations/*.sql, in order of their numbers.
 std::span<const EmbeddedFile> embeddedMigrations();

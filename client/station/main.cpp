@@ -18,8 +18,7 @@ int main(int argc, char** argv) {
       case needlelab::StationMode::kListDevices:
         return needlelab::runListDevices(parsed.options);
       case needlelab::StationMode::kSelfTest:
-        std::cerr << "needlelab-station: this build cannot test itself\n";
-        return needlelab::kExitFailed;
+        return needlelab::runSelfTest(parsed.options, stop_signals);
       case needlelab::StationMode::kCalibrate:
         return needlelab::runCalibrate(parsed.options, stop_signals);
       case needlelab::StationMode::kLesson:
