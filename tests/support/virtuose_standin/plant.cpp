@@ -44,8 +44,8 @@ void Plant::millisecond(Vec3 force_N, Vec3 torque_Nm) {
 
 void Plant::substep(double dt, Vec3 force_N, Vec3 torque_Nm) {
   const Pose before = aim_;
-  gone_s_ += dt;
   const double share = gone_s_ < way_s_ ? gone_s_ / way_s_ : 1;
+  gone_s_ += dt;
   aim_ = {from_.p + (to_.p - from_.p) * share, mixed(from_.q, to_.q, share)};
 
   Vec3 force = force_N - v_ * kDamping, torque = torque_Nm - w_ * kTurnDamping;

@@ -26,8 +26,7 @@ inline VirtuoseApi standinApi() {
 inline VirtuoseOptions standinOptions() {
   VirtuoseOptions options;
   options.library = kStandinLibrary;
-  options.first_retry = std::chrono::milliseconds(1);
-  options.longest_retry = std::chrono::milliseconds(4);
+  options.first_retry = options.longest_retry = std::chrono::milliseconds(0);  // time is virtual
   return options;
 }
 
@@ -42,8 +41,8 @@ class VirtuoseTest : public testing::Test {
   DeviceRead tick(const Wrench& wanted = {}) {
     standin_.advance(kTick_s);
     const DeviceRead read = device_.read(reading_);
-    const bool is_admitted =
-        gate_.admit({reading_.X_WH.p, reading_.X_WH.q}, read == DeviceRead::kFresh, reading_.speed_mps, 1);
+    const bool is_admitted = gate_.admit({reading_.X_WH.p, reading_.X_WH.q}, read == DeviceRead::kFresh,
+                                         reading_.speed_mps, 1, reading_.condition);
     device_.write(gate_.guard(is_admitted ? wanted : Wrench{}));
     return read;
   }
