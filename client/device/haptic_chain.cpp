@@ -29,12 +29,27 @@ HapticChain::HapticChain(const SceneModel& model, const DeviceLimits& limits, co
   report_.p_wall_W_m = {nan, nan, nan};
 }
 
+HapticChain::HapticChain(const SceneModel& model, const DeviceInfo& device, const Pose& X_HT)
+    : HapticChain(model, device.limits, X_HT) {
+  has_orientation_ = device.has_orientation;
+  // what renders nothing at all is computed for the record, as if it could
+  renders_torque_ = device.renders_torque || !device.renders_force;
+}
+
+Pose HapticChain::tipOf(const Pose& X_WH) const noexcept {
+  if (has_orientation_) return tipFromHandle(X_WH, X_HT_);
+  const Vec3 p_WT_m = X_WH.p + X_HT_.p;
+  return {p_WT_m, isFinite(p_WT_m) ? assumed_axis_.at(model_, state_, p_WT_m) : Quat{}};
+}
+
 Wrench HapticChain::stepped(const Pose& X_WH, const Pose& X_WT, double share) noexcept {
   handle_ = X_WH;
   tip_ = {X_WT.p, normalized(X_WT.q)};
   step(model_, {tip_.p, tip_.q}, state_, report_);
+  if (!has_orientation_) assumed_axis_.keep(tip_.q);
   gate_.noteOutside(report_.depth_m <= 0);
   const Wrench wanted{report_.wrench_W.force_N * share, report_.wrench_W.torque_Nm * share};
+  if (!renders_torque_) return {wanted.force_N, {}};
   return wrenchAtHandle(wanted, tip_.p, handle_.p);
 }
 
@@ -50,7 +65,7 @@ void HapticChain::skipped(const Pose& X_WH, const Pose& X_WT) noexcept {
 
 GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::int64_t elapsed_ticks,
                                 double share, ChainTick& out) noexcept {
-  const Pose X_WT = tipFromHandle(reading.X_WH, X_HT_);
+  const Pose X_WT = tipOf(reading.X_WH);
   Wrench wanted_at_handle;
   // a new start after a FAULT begins outside, so that the engine forgets the insertion of before
   if (gate_.fault() != Fault::kNone && fresh && isFinite(X_WT.p))
@@ -67,6 +82,10 @@ GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::i
   out.X_WT = tip_;
   out.report = report_;
   out.rendered_W = guarded.wrench();
+  // what the device renders at the handle, seen from the tip again
+  out.torque_at_tip_Nm = has_orientation_
+                             ? out.rendered_W.torque_Nm - cross(tip_.p - handle_.p, out.rendered_W.force_N)
+                             : Vec3{};
   out.gate_flags = gate_.flags() | (reading.condition & kDeviceFlags);
   out.fault = gate_.fault();
   out.plunger = std::isfinite(reading.plunger) ? std::clamp(reading.plunger, 0.0, 1.0) : 0;
@@ -86,9 +105,7 @@ GestureSample sampleOf(const ChainTick& tick, std::int64_t time_ns, std::int64_t
   sample.q_WT[3] = tick.X_WT.q.w;
   sample.speed_mps = tick.report.speed_mps;
   put(sample.force_W_N, tick.rendered_W.force_N);
-  // what the device renders at the handle, seen from the tip again
-  put(sample.torque_W_Nm,
-      tick.rendered_W.torque_Nm - cross(tick.X_WT.p - tick.X_WH.p, tick.rendered_W.force_N));
+  put(sample.torque_W_Nm, tick.torque_at_tip_Nm);
   put(sample.wall_W_m, tick.report.p_wall_W_m);
   sample.insertion_m = tick.report.insertion_m;
   sample.lateral_error_m = tick.report.lateral_error_m;

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "device/assumed_axis.h"
 #include "device/device.h"
 #include "gesture/sample.h"
 #include "haptics/engine.h"
@@ -18,6 +19,9 @@ struct ChainTick {
   StepReport
       report;  ///< forces before the gate; in a tick that was not stepped those of the last one that was
   Wrench rendered_W;  ///< after the gate, at the handle
+  /// The same torque about the tip. Zero where no orientation is measured: such a handle is a point, and so
+  /// is its tip.
+  Vec3 torque_at_tip_Nm;
   std::uint32_t gate_flags = 0;
   Fault fault = Fault::kNone;
   double plunger = 0;  ///< 0-1
@@ -30,6 +34,10 @@ class HapticChain {
  public:
   /// `model` must outlive the chain. `X_HT` is the tool: the tip in the handle's frame.
   HapticChain(const SceneModel& model, const DeviceLimits& limits, const Pose& X_HT);
+  /// For what `device` is. Without an orientation the needle's axis is assumed (assumed_axis.h) and the
+  /// tool's offset is taken along W, its direction not at all. Without torque none is asked for, the lever of
+  /// the tool's force included: the handle gets the tip's force.
+  HapticChain(const SceneModel& model, const DeviceInfo& device, const Pose& X_HT);
 
   /// One tick; `fresh` and `elapsed_ticks` as in ForceGate::admit; `share` of the engine's wrench is asked
   /// for (1, less while a session fades out). What goes to the device is in `out.rendered_W` and the result.
@@ -44,11 +52,14 @@ class HapticChain {
   void raiseFromOutside(Fault fault) noexcept { gate_.raiseFromOutside(fault); }
 
  private:
+  [[nodiscard]] Pose tipOf(const Pose& X_WH) const noexcept;
   [[nodiscard]] Wrench stepped(const Pose& X_WH, const Pose& X_WT, double share) noexcept;
   void skipped(const Pose& X_WH, const Pose& X_WT) noexcept;
 
   const SceneModel& model_;
   Pose X_HT_;
+  bool has_orientation_ = true, renders_torque_ = true;
+  AssumedAxis assumed_axis_;
   ForceGate gate_;
   SimState state_{};
   StepReport report_{};

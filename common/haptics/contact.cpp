@@ -3,38 +3,20 @@
 #include <algorithm>
 
 #include "haptics/det_math.h"
+#include "haptics/surface.h"
 
 namespace needlelab {
 namespace {
 
 constexpr double kSin10Degrees = 0.17364817766693034885;
 
-// the unit surface normal out of the tissue at a surface point; where the shape has none (a centre), against
-// the motion
-Vec3 normalAt(const Limb& limb, Vec3 p, Vec3 motion) {
-  Vec3 out;
-  if (const auto* plane = std::get_if<PlaneLimb>(&limb)) {
-    return plane->normal;
-  } else if (const auto* sphere = std::get_if<SphereLimb>(&limb)) {
-    out = p - sphere->center_m;
-  } else {
-    const auto& capsule = *std::get_if<CapsuleLimb>(&limb);
-    const Vec3 ab = capsule.b_m - capsule.a_m;
-    const double t = std::clamp(dot(p - capsule.a_m, ab) / normSquared(ab), 0.0, 1.0);
-    out = p - (capsule.a_m + ab * t);
-  }
-  const double size = norm(out);
-  return size > 1e-12 ? out / size : -normalized(motion);
-}
-
 // P0, n, u, and all that is remembered set to its beginning; `state` still holds the tick before
 void beginInsertion(const SceneModel& model, SimState& state, const TipSample& sample, double depth_m) {
   const Vec3 axis = unitAxis(sample);
   const Vec3 motion = sample.p_WT_m - state.p_prev_W_m;
-  const double share = state.depth_prev_m / (state.depth_prev_m - depth_m);
   state.inside = true;
-  state.p_entry_W_m = state.p_prev_W_m + motion * share;
-  state.normal_W = normalAt(model.limb, state.p_entry_W_m, motion);
+  state.p_entry_W_m = entryPoint(state, sample.p_WT_m, depth_m);
+  state.normal_W = surfaceNormal(model.limb, state.p_entry_W_m, motion);
   const bool points_in = dot(axis, -state.normal_W) > kSin10Degrees;
   state.u_W = state.u0_W = points_in ? axis : -state.normal_W;
   state.slant = std::max(0.05, -dot(state.normal_W, state.u_W));
