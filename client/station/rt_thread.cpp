@@ -11,6 +11,7 @@
 #include <ctime>
 
 #include "base/clock.h"
+#include "base/formatted.h"
 
 namespace needlelab {
 namespace {
@@ -28,6 +29,53 @@ RtStep step(const char* name, int error, const std::string& done, const std::str
   for (std::size_t i = 0; i < sizeof room; i += 1024) room[i] = 0;
 }
 
+// "0-3, 6" of the cores that this process may use
+std::string allowedCores(const cpu_set_t& set) {
+  std::string text;
+  for (int core = 0; core < CPU_SETSIZE; ++core) {
+    if (!CPU_ISSET(core, &set)) continue;
+    int last = core;
+    while (last + 1 < CPU_SETSIZE && CPU_ISSET(last + 1, &set)) ++last;
+    text += (text.empty() ? "" : ", ") + std::to_string(core);
+    if (last > core) text += "-" + std::to_string(last);
+    core = last;
+  }
+  return text;
+}
+
+RtStep stayOn(int core) {
+  cpu_set_t allowed;
+  CPU_ZERO(&allowed);
+  ::pthread_getaffinity_np(::pthread_self(), sizeof allowed, &allowed);
+  const std::string number = std::to_string(core);
+  if (core < 0 || core >= CPU_SETSIZE || !CPU_ISSET(core, &allowed))
+    return {"core", false,
+            "core " + number + " is not there or not for this process, which may use " +
+                allowedCores(allowed) + "; the system chooses one"};
+  cpu_set_t wanted;
+  CPU_ZERO(&wanted);
+  CPU_SET(core, &wanted);
+  return step("core", ::pthread_setaffinity_np(::pthread_self(), sizeof wanted, &wanted),
+              "the haptic thread stays on core " + number + "; others may still run there",
+              "the haptic thread cannot be kept on core " + number + "; the system chooses one");
+}
+
+RtStep spinStep(const RtOptions& options) {
+  // at most one wake-up a tick, so at most the spin's share of the period
+  const double share = static_cast<double>(options.spin_ns) * 1e-9 * options.rate_hz;
+  return {
+      "spin", share < 0.9,
+      formatted("the last %.0f µs before each tick are spent watching the clock: about %.0f %% of a core%s",
+                static_cast<double>(options.spin_ns) * 1e-3, 100 * std::min(share, 1.0),
+                share < 0.9 ? "" : ", which leaves nothing for sleep at this rate")};
+}
+
+void restShortly() noexcept {
+#if defined(__x86_64__) || defined(__i386__)
+  __builtin_ia32_pause();
+#endif
+}
+
 }  // namespace
 
 RtStep lockMemory() {
@@ -37,18 +85,26 @@ RtStep lockMemory() {
 }
 
 std::vector<RtStep> makeThreadRealTime(int priority) {
+  RtOptions options;
+  options.priority = priority;
+  return makeThreadRealTime(options);
+}
+
+std::vector<RtStep> makeThreadRealTime(const RtOptions& options) {
   std::vector<RtStep> steps;
   sched_param parameters{};
-  parameters.sched_priority = priority;
+  parameters.sched_priority = options.priority;
   steps.push_back(
       step("FIFO priority", ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters),
-           "SCHED_FIFO at priority " + std::to_string(priority),
+           "SCHED_FIFO at priority " + std::to_string(options.priority),
            "ordinary priority, ticks come late when the machine is busy; run as root, or raise the limit: "
            "ulimit -r 99"));
   steps.push_back(step("timer slack", ::prctl(PR_SET_TIMERSLACK, 1UL, 0UL, 0UL, 0UL) == 0 ? 0 : errno, "1 ns",
                        "the system's 50 µs stay"));
   touchStack();
   steps.push_back({"stack", true, std::to_string(kStackBytes / 1024) + " KiB mapped beforehand"});
+  if (options.cpu) steps.push_back(stayOn(*options.cpu));
+  if (options.spin_ns > 0) steps.push_back(spinStep(options));
   return steps;
 }
 
@@ -58,10 +114,13 @@ std::int64_t SteadyLoopClock::nowNs() noexcept {
 
 void SteadyLoopClock::sleepUntilNs(std::int64_t due_ns) noexcept {
   constexpr std::int64_t kSecond = 1'000'000'000;
-  const timespec due{static_cast<std::time_t>(due_ns / kSecond), static_cast<long>(due_ns % kSecond)};
+  const std::int64_t wake_ns = due_ns - spin_ns_;
+  const timespec wake{static_cast<std::time_t>(wake_ns / kSecond), static_cast<long>(wake_ns % kSecond)};
   // a signal may wake it early: the absolute time stays the same
-  while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, nullptr) == EINTR) {
+  while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &wake, nullptr) == EINTR) {
   }
+  if (spin_ns_ > 0)
+    while (steadyNowNs() < due_ns) restShortly();
 }
 
 }  // namespace needlelab

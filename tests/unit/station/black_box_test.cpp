@@ -138,7 +138,8 @@ TEST_F(BlackBoxTest, aReaderOnAnotherThreadSeesWholeTicksInOrder) {
     for (bool last = false; !last;) {
       last = done.load(std::memory_order_acquire);
       while (box.take(dump, kept)) {
-        ++seen;
+        // a reader that falls behind finds several triggers in one stretch
+        seen += dump.triggers;
         for (std::size_t i = 0; i < kept.size(); ++i) {
           ASSERT_EQ(static_cast<double>(kept[i].tick), kept[i].reading.X_WH.p.x);
           ASSERT_EQ(static_cast<double>(kept[i].tick), kept[i].rendered_W.torque_Nm.z);
