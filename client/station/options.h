@@ -32,7 +32,9 @@ struct StationOptions {
   HandOptions hand;
   Pose X_HT, X_WL;  ///< --tool, --placement
   double rate_hz = 1000;
-  double seconds = 0;  ///< 0: until the device, the exercise's time limit or a signal ends it
+  double seconds = 0;      ///< 0: until the device, the exercise's time limit or a signal ends it
+  std::optional<int> cpu;  ///< --cpu: the haptic thread's core; none = the system chooses
+  double spin_us = 0;      ///< --spin-us
   bool headless = false;
   // --calibrate
   bool tool_given = false;         ///< --tool was said

@@ -108,6 +108,18 @@ std::vector<RtStep> makeThreadRealTime(const RtOptions& options) {
   return steps;
 }
 
+std::vector<std::string> rtStepLines(const std::vector<RtStep>& steps) {
+  std::vector<std::string> lines;
+  std::string done;
+  for (const RtStep& step : steps)
+    if (step.ok)
+      done += (done.empty() ? "" : ", ") + step.name;
+    else
+      lines.push_back(step.name + ": " + step.message);
+  if (!done.empty()) lines.insert(lines.begin(), done + ": done");
+  return lines;
+}
+
 std::int64_t SteadyLoopClock::nowNs() noexcept {
   return steadyNowNs();
 }

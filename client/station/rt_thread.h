@@ -34,6 +34,9 @@ std::vector<RtStep> makeThreadRealTime(const RtOptions& options);
 /// The same with the defaults of everything else.
 std::vector<RtStep> makeThreadRealTime(int priority);
 
+/// For a person: "memory lock, FIFO priority, stack: done", then a line for each step that did not work.
+std::vector<std::string> rtStepLines(const std::vector<RtStep>& steps);
+
 /// Time as the loop sees it; tests put their own in its place. Thread: the loop's. Real-time safe.
 class LoopClock {
  public:

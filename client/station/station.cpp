@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <ctime>
+#include <future>
 #include <iostream>
 #include <memory>
 #include <mutex>
@@ -16,9 +17,10 @@
 #include "net/spool_lessons.h"
 #include "net/uplink.h"
 #include "profile/profile.h"
+#include "station/black_box_writer.h"
 #include "station/lesson.h"
 #include "station/local_score.h"
-#include "station/rt_thread.h"
+#include "station/rt_machine.h"
 #include "station/servo_loop.h"
 #include "station/station_key.h"
 #include "station/summary.h"
@@ -28,7 +30,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr int kLoopPriority = 80;  // above most interrupt threads' users, below the kernel's own watchdogs
 constexpr double kHandDamping_Ns_per_m = 3;  // of an ordinary grip (DESIGN §10)
 constexpr auto kPatience = 10s;              // for a lesson from the server
 
@@ -93,6 +94,7 @@ class Lesson {
   std::unique_ptr<ServoLoop> loop_;
   std::unique_ptr<SpoolWriter> writer_;
   std::vector<RtStep> realtime_;
+  BlackBoxCounts black_box_;
   std::uint64_t max_ticks_ = 0;
 };
 
@@ -240,22 +242,36 @@ Status Lesson::practise() {
   SpoolWriterOptions writer_options;
   writer_options.rate_hz = options_.rate_hz;
   writer_ = std::make_unique<SpoolWriter>(ring_, session_, writer_options, std::move(callbacks));
-  SteadyLoopClock clock;
-  loop_ = std::make_unique<ServoLoop>(lesson_.model, *device_, clock, ring_,
-                                      ServoSettings{options_.rate_hz, options_.X_HT, max_ticks_});
+  RtOptions rt_options;
+  rt_options.cpu = options_.cpu;
+  rt_options.spin_ns = std::llround(options_.spin_us * 1e3);
+  rt_options.rate_hz = options_.rate_hz;
+  SteadyLoopClock clock(rt_options.spin_ns);
+  BlackBox black_box(options_.rate_hz);
+  const auto black_boxes = options_.spool / "black-box";
+  removeOldBlackBoxes(black_boxes, options_.keep.age_s);
+  BlackBoxWriter black_box_writer(black_box, black_boxes, session_->idText(), say);
+  ServoSettings settings{options_.rate_hz, options_.X_HT, max_ticks_};
+  settings.black_box = &black_box;
+  loop_ = std::make_unique<ServoLoop>(lesson_.model, *device_, clock, ring_, settings);
   say("session " + session_->idText() + ": " + lesson_.profile.name() + ", " + device_->info().name);
 
+  const ShallowSleep shallow_sleep;
+  realtime_ = judgeMachine(rt_options);
+  realtime_.push_back(shallow_sleep.step());
   realtime_.push_back(lockMemory());
   std::vector<RtStep> thread_steps;
+  std::promise<void> prepared;
   std::atomic<bool> done{false};
   std::thread haptic([&] {
-    thread_steps = makeThreadRealTime(kLoopPriority);
-    for (const RtStep& step : thread_steps)
-      if (!step.ok) say(step.name + ": " + step.message);
+    thread_steps = makeThreadRealTime(rt_options);
+    prepared.set_value();
     loop_->run();
     done.store(true, std::memory_order_release);
   });
-  if (!realtime_.front().ok) say(realtime_.front().name + ": " + realtime_.front().message);
+  prepared.get_future().wait();
+  realtime_.insert(realtime_.end(), thread_steps.begin(), thread_steps.end());
+  for (const std::string& line : rtStepLines(realtime_)) say("real time: " + line);
   while (!done.load(std::memory_order_acquire)) {
     if (stopSignalWithin(signals_, 50ms)) {
       say("stopping");
@@ -265,7 +281,8 @@ Status Lesson::practise() {
   }
   haptic.join();
   device_->close();
-  realtime_.insert(realtime_.end(), thread_steps.begin(), thread_steps.end());
+  black_box_writer.finish();
+  black_box_ = black_box_writer.counts();
   const Status stored = writer_->finish(5s);
   if (!stored.ok()) say(stored.error().message);
   return stored;
@@ -301,6 +318,7 @@ StationSummary Lesson::summarise() {
   s.live_effects = liveEffects(lesson_.model);
   s.effect_costs = effect_costs_;
   s.realtime = realtime_;
+  s.black_box = black_box_;
   s.spool = options_.spool.string();
   s.state = "OPEN";
   s.has_server = uplink_ != nullptr;

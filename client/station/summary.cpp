@@ -95,6 +95,52 @@ std::string scoreWords(const StationSummary& summary) {
   return text;
 }
 
+// faults that were there, over by now or not, and what is kept of them
+std::string faultLines(const StationSummary& s) {
+  std::string text;
+  const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
+  if (s.servo.faults > 0)
+    text += formatted("faults       %llu, %llu ticks without force; the first: %s\n", count(s.servo.faults),
+                      count(s.servo.fault_ticks), faultText(s.servo.first_fault));
+  const BlackBoxCounts& box = s.black_box;
+  if (box.triggers > 0)
+    text += formatted(
+        "black box    %llu files in %s/black-box, for %llu faults and storms of missed ticks; "
+        "%llu not kept, %llu not written\n",
+        count(box.files), s.spool.c_str(), count(box.triggers), count(box.not_kept), count(box.not_written));
+  return text;
+}
+
+// how late the loop woke, and what its ticks took, phase by phase
+std::string timingLines(const StationSummary& s) {
+  const auto line = [](const char* name, const LatencyHistogram& h, const std::string& more) {
+    const LatencyQuantiles q = h.quantiles();
+    return formatted("%-12s p50 %.1f µs, p99 %.1f µs, p99.9 %.1f µs, max %.1f µs%s\n", name, micro(q.p50_ns),
+                     micro(q.p99_ns), micro(q.p999_ns), micro(q.max_ns), more.c_str());
+  };
+  const auto late = static_cast<unsigned long long>(s.servo.late_wakeups);
+  std::string text = line("wake-up", s.servo.wakeup, formatted("; a tick or more late: %llu times", late));
+  text += line("tick", s.servo.tick, "; of it");
+  text += line("  read", s.servo.read, "");
+  text += line("  engine", s.servo.engine, "");
+  text += line("  write", s.servo.write, "");
+  text += line("  record", s.servo.record, "");
+  const char* label = "real time    ";
+  for (const std::string& step : rtStepLines(s.realtime)) {
+    text += label + step + "\n";
+    label = "             ";
+  }
+  return text;
+}
+
+// the quantiles of one histogram as keys NAME_p50_UNIT …; those that are there already are not changed
+void putQuantiles(Json& row, const std::string& name, const LatencyHistogram& h) {
+  const LatencyQuantiles q = h.quantiles();
+  const std::pair<const char*, std::int64_t> all[] = {
+      {"_p50_ns", q.p50_ns}, {"_p99_ns", q.p99_ns}, {"_p999_ns", q.p999_ns}, {"_max_ns", q.max_ns}};
+  for (const auto& [suffix, ns] : all) row[name + suffix] = ns;
+}
+
 }  // namespace
 
 std::string_view flagText(unsigned bit) {
@@ -141,17 +187,11 @@ std::string summaryText(const StationSummary& s) {
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
   text += formatted("session      %s (%s)\n", s.session_id.c_str(), servoEndText(s.servo.end));
   if (s.servo.fault != Fault::kNone) text += formatted("FAULT        %s\n", faultText(s.servo.fault));
+  text += faultLines(s);
   text += formatted("samples      %llu at %g Hz; %llu of %llu ticks missed; %llu lost\n",
                     count(s.servo.samples), s.rate_hz, count(s.servo.missed_ticks), count(s.servo.ticks),
                     count(s.ring_dropped + s.writer.samples_lost));
-  text += formatted("wake-up      p50 %.1f µs, p99 %.1f µs, p99.9 %.1f µs, max %.1f µs\n",
-                    micro(s.servo.wakeup.quantile_ns(0.5)), micro(s.servo.wakeup.quantile_ns(0.99)),
-                    micro(s.servo.wakeup.quantile_ns(0.999)), micro(s.servo.wakeup.max_ns()));
-  text +=
-      formatted("tick         p50 %.1f µs, p99 %.1f µs, max %.1f µs; of it engine p50 %.2f µs, p99 %.2f µs\n",
-                micro(s.servo.tick.quantile_ns(0.5)), micro(s.servo.tick.quantile_ns(0.99)),
-                micro(s.servo.tick.max_ns()), micro(s.servo.engine.quantile_ns(0.5)),
-                micro(s.servo.engine.quantile_ns(0.99)));
+  text += timingLines(s);
   text += formatted("stored       %.2f bytes a sample in %llu chunks\n", bytesPerSample(s),
                     count(s.writer.chunks));
   std::string effects;
@@ -230,6 +270,20 @@ std::string summaryJson(const StationSummary& s) {
     row["clock_offset_ns"] = s.uplink.clock->offset_ns;
     row["clock_round_trip_ns"] = s.uplink.clock->round_trip_ns;
   }
+  row["faults"] = s.servo.faults;
+  row["first_fault"] = s.servo.faults == 0 ? Json(nullptr) : Json(faultText(s.servo.first_fault));
+  row["fault_ticks"] = s.servo.fault_ticks;
+  row["late_wakeups"] = s.servo.late_wakeups;
+  putQuantiles(row, "engine", s.servo.engine);
+  putQuantiles(row, "device", s.servo.device);
+  putQuantiles(row, "read", s.servo.read);
+  putQuantiles(row, "write", s.servo.write);
+  putQuantiles(row, "record", s.servo.record);
+  row["black_box"] = {{"triggers", s.black_box.triggers},
+                      {"files", s.black_box.files},
+                      {"not_written", s.black_box.not_written},
+                      {"not_kept", s.black_box.not_kept},
+                      {"ticks_refused", s.black_box.ticks_refused}};
   row["realtime"] = Json::array();
   for (const RtStep& step : s.realtime)
     row["realtime"].push_back({{"name", step.name}, {"ok", step.ok}, {"message", step.message}});

@@ -10,6 +10,7 @@
 #include "effect_cost/calibration.h"
 #include "net/spool_writer.h"
 #include "net/uplink.h"
+#include "station/black_box_writer.h"
 #include "station/rt_thread.h"
 #include "station/servo_loop.h"
 
@@ -32,6 +33,7 @@ struct StationSummary {
   std::optional<EffectCosts>
       effect_costs;  ///< of the live effects, measured before the loop; none when that failed
   std::vector<RtStep> realtime;
+  BlackBoxCounts black_box;
   std::string state;         ///< COMPLETE, INTERRUPTED (the server's word), or OPEN
   std::string score_json;    ///< rows; empty when there is none
   std::string score_source;  ///< "server" or "station"

@@ -25,6 +25,18 @@ Outcome parse(std::vector<const char*> arguments) {
   return outcome;
 }
 
+TEST(StationOptions, theHapticThreadsCoreAndSpin) {
+  const auto outcome = parse({"--profile", "p.json", "--cpu", "1", "--spin-us", "80"});
+  ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
+  EXPECT_EQ(outcome.parsed.options.cpu, 1);
+  EXPECT_EQ(outcome.parsed.options.spin_us, 80);
+  EXPECT_EQ(parse({"--profile", "p.json"}).parsed.options.cpu, std::nullopt);
+  for (const char* spin : {"201", "-1", "nan", "much"})
+    EXPECT_EQ(parse({"--profile", "p.json", "--spin-us", spin}).parsed.exit_code, kExitInvalid) << spin;
+  for (const char* core : {"-1", "1.5", "one"})
+    EXPECT_EQ(parse({"--profile", "p.json", "--cpu", core}).parsed.exit_code, kExitInvalid) << core;
+}
+
 TEST(StationOptions, aWholeCommandLine) {
   const auto outcome = parse({"--server",
                               "lab:7751",

@@ -94,6 +94,33 @@ TEST(StationSummary, thePersonReadsWhatIsLeftAndWhatWentWrong) {
   EXPECT_THAT(text, HasSubstr("clamping force at its maximum: 7 ticks"));
 }
 
+TEST(StationSummary, tellsOfFaultsThatAreOverOfThePhasesAndOfRealTime) {
+  StationSummary s = example();
+  s.servo.faults = 3;
+  s.servo.fault_ticks = 120;
+  s.servo.first_fault = Fault::kDeviceSilent;
+  s.servo.late_wakeups = 4;
+  for (int i = 0; i < 990; ++i) s.servo.record.add(50);
+  s.black_box = {5, 2, 1, 2, 7};
+  s.realtime = {{"memory lock", true, "x"}, {"stack", true, "x"}, {"FIFO priority", false, "ordinary"}};
+  const std::string text = summaryText(s);
+  EXPECT_THAT(text, HasSubstr("faults       3, 120 ticks without force; the first: the device stopped"));
+  EXPECT_THAT(text, HasSubstr("black box    2 files in /spool/black-box, for 5 faults"));
+  EXPECT_THAT(text, HasSubstr("a tick or more late: 4 times"));
+  EXPECT_THAT(text,
+              HasSubstr("real time    memory lock, stack: done\n             FIFO priority: ordinary\n"));
+  const auto json = nlohmann::json::parse(summaryJson(s));
+  for (const auto& at : {json, json["rows"][0]}) {
+    EXPECT_EQ(at["faults"], 3);
+    EXPECT_EQ(at["fault_ticks"], 120);
+    EXPECT_EQ(at["late_wakeups"], 4);
+    EXPECT_EQ(at["record_p50_ns"], 50);
+    EXPECT_EQ(at["black_box"]["not_kept"], 2);
+    EXPECT_EQ(at["black_box"]["ticks_refused"], 7);
+  }
+  EXPECT_EQ(nlohmann::json::parse(summaryJson(example()))["first_fault"], nullptr);
+}
+
 TEST(StationSummary, everyFlagOfEngineAndGateHasWordsOfItsOwn) {
   std::set<std::string_view> seen;
   for (unsigned bit = 0; bit <= 10; ++bit) {
