@@ -27,11 +27,11 @@ void Exchange::onRead(std::span<const std::uint8_t> raw, std::int64_t now_ns) no
     if (!reader_.push(byte, seen.report)) return;
     fresh = true;
     ++counts_.reports;
+    if (unanswered_ > 0) --unanswered_;
   });
   counts_.bad_packets = reader_.bad();
   if (!fresh) return;
   seen.at_ns = last_report_ns_ = now_ns;
-  waiting_ = false;
   homed_ = (seen.report.bits & kInHomed) == kInHomed;
   boxes_.reports.publish(seen);
 }
@@ -39,7 +39,7 @@ void Exchange::onRead(std::span<const std::uint8_t> raw, std::int64_t now_ns) no
 void Exchange::onSent(bool done) noexcept {
   sending_ = false;
   // nobody will answer what did not go out
-  if (!done) waiting_ = false;
+  if (!done && unanswered_ > 0) --unanswered_;
 }
 
 void Exchange::judge(std::int64_t now_ns) noexcept {
@@ -72,11 +72,12 @@ Command Exchange::nextCommand(std::int64_t now_ns) noexcept {
 
 std::int64_t Exchange::turn(std::int64_t now_ns) noexcept {
   judge(now_ns);
-  if (waiting_ && now_ns - sent_ns_ > kReplyTime_ns) {
-    ++counts_.unanswered;
-    waiting_ = false;
+  if (unanswered_ > 0 && now_ns - sent_ns_ > kReplyTime_ns) {
+    counts_.unanswered += static_cast<std::uint64_t>(unanswered_);
+    unanswered_ = 0;
   }
-  if (sending_ || waiting_) return std::max(sent_ns_ + kReplyTime_ns, now_ns + kPeriod_ns);
+  if (sending_ || unanswered_ >= kMostUnderWay)
+    return std::max(sent_ns_ + kReplyTime_ns + 1, now_ns + kPeriod_ns);
   if (now_ns < due_ns_) return due_ns_;
 
   // the period keeps its phase unless a whole one was missed
@@ -84,7 +85,8 @@ std::int64_t Exchange::turn(std::int64_t now_ns) noexcept {
   const Packet packet = encodeCommand(nextCommand(now_ns));
   if (link_.send(packet)) {
     ++counts_.sent;
-    sending_ = waiting_ = true;
+    ++unanswered_;
+    sending_ = true;
     sent_ns_ = now_ns;
   }
   return due_ns_;
@@ -102,8 +104,8 @@ bool Exchange::sayGoodbye(std::int64_t patience_ns) noexcept {
     if (link_.lost() || now_ns >= end_ns) return false;
     if (!sending_ && asked && counts_.reports > reports_before) return true;
     if (!sending_ && now_ns >= again_ns && link_.send(last)) {
-      // twice, so that the answer that counts is none to an earlier command
-      if (!asked) reports_before = counts_.reports + (waiting_ ? 1 : 0);
+      // the answer that counts is none to an earlier command
+      if (!asked) reports_before = counts_.reports + static_cast<std::uint64_t>(unanswered_);
       asked = sending_ = true;
       again_ns = now_ns + kReplyTime_ns;
     }

@@ -1,4 +1,6 @@
 /// The conversation with a Falcon whose firmware runs: one command, one report, a thousand times a second.
+/// Up to two commands may be under way: the USB chip holds a reply back for up to 1 ms, and to wait for it
+/// would make the period longer than that.
 #pragma once
 
 #include <atomic>
@@ -32,7 +34,7 @@ struct Mailboxes {
 struct ExchangeCounts {
   std::uint64_t sent = 0, reports = 0;
   std::uint64_t bad_packets = 0;
-  std::uint64_t unanswered = 0;     ///< commands that no report followed in time; sent again
+  std::uint64_t unanswered = 0;     ///< commands that no report followed in time
   std::uint64_t starved_times = 0;  ///< the haptic thread fell silent: zero torque was sent
 };
 
@@ -41,8 +43,9 @@ struct ExchangeCounts {
 class Exchange final : public LinkListener {
  public:
   static constexpr std::int64_t kPeriod_ns = 1'000'000;
-  static constexpr std::int64_t kWatchdog_ns = 20'000'000;   ///< silence of the haptic thread
-  static constexpr std::int64_t kReplyTime_ns = 6'000'000;   ///< then the command is sent again
+  static constexpr std::int64_t kWatchdog_ns = 20'000'000;  ///< silence of the haptic thread
+  static constexpr int kMostUnderWay = 2;
+  static constexpr std::int64_t kReplyTime_ns = 6'000'000;   ///< then no reply is waited for any more
   static constexpr std::int64_t kSilent_ns = 100'000'000;    ///< then it is kDeviceTrouble
   static constexpr std::int64_t kGiveUp_ns = 1'000'000'000;  ///< then the link is opened anew
   static constexpr std::uint32_t kMostBadInARow = 20;        ///< then it is kDeviceTrouble
@@ -77,7 +80,8 @@ class Exchange final : public LinkListener {
   ExchangeCounts counts_;
   MotorWish wish_;
   std::int64_t due_ns_, sent_ns_, last_report_ns_, last_wish_ns_;
-  bool sending_ = false, waiting_ = false;
+  bool sending_ = false;
+  int unanswered_ = 0;  // commands under way
   bool homed_ = false, starved_ = true;
   Trouble trouble_ = Trouble::kNone;
 };
