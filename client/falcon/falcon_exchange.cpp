@@ -81,7 +81,8 @@ std::int64_t Exchange::turn(std::int64_t now_ns) noexcept {
   if (now_ns < due_ns_) return due_ns_;
 
   // the period keeps its phase unless a whole one was missed
-  due_ns_ = std::max(due_ns_ + kPeriod_ns, now_ns);
+  due_ns_ += kPeriod_ns;
+  if (due_ns_ <= now_ns) due_ns_ = now_ns + kPeriod_ns;
   const Packet packet = encodeCommand(nextCommand(now_ns));
   if (link_.send(packet)) {
     ++counts_.sent;

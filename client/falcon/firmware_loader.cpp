@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "base/formatted.h"
+#include "falcon/falcon_geometry.h"
 #include "falcon/falcon_packet.h"
 
 namespace needlelab::falcon {
@@ -97,14 +98,16 @@ Result<bool> firmwareRuns(FtdiPort& port, int tries) {
   if (Status done = setRunLine(port); !done.ok()) return done.error();
   FtdiInput input(port);
   PacketReader reader;
-  const Packet zero = encodeCommand({});
   for (int i = 0; i < tries; ++i) {
-    if (Status done = port.write(zero, kWrite); !done.ok()) return done.error();
+    // a loader that waits for more firmware echoes, and zero torque is what a fresh device would report; no
+    // grip has both of these lights for buttons
+    const Command ask{{}, i % 2 == 0 ? kOutRed : kOutBlue};
+    if (Status done = port.write(encodeCommand(ask), kWrite); !done.ok()) return done.error();
     std::vector<std::uint8_t> bytes;
     if (Status done = input.read(kPacketBytes, kReply, bytes); !done.ok()) return done.error();
     Report report;
     for (const std::uint8_t byte : bytes)
-      if (reader.push(byte, report)) return true;
+      if (reader.push(byte, report) && report != Report{ask.motor, ask.bits}) return true;
   }
   return false;
 }

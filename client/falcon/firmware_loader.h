@@ -20,7 +20,7 @@ Result<std::vector<std::uint8_t>> readFirmware(const std::string& file);
 Status setRunLine(FtdiPort& port);
 
 /// Sets the line, sends zero torque and looks for a reply, up to `tries` times 50 ms: a Falcon whose firmware
-/// runs answers, one without says nothing that fits.
+/// runs answers, one without says nothing that fits, or what it was told.
 Result<bool> firmwareRuns(FtdiPort& port, int tries);
 
 /// The loader's steps, in their order.
