@@ -89,7 +89,11 @@ Result<std::vector<std::uint8_t>> readFirmware(const std::string& file) {
 }
 
 Status setRunLine(FtdiPort& port) {
-  if (Status done = controls(port, {{kFtdiLatency, 1, 0}}); !done.ok()) return done;
+  // a chip that was unplugged from USB while the device kept its power has forgotten its format, too
+  if (Status done =
+          controls(port, {{kFtdiLatency, 1, 0}, {kFtdiData, kData8N1, 0}, {kFtdiFlowControl, 0, 0}});
+      !done.ok())
+    return done;
   if (Status done = setBaud(port, kRunBaud); !done.ok()) return done;
   return controls(port, {{kFtdiReset, kPurgeIn, 0}, {kFtdiReset, kPurgeOut, 0}});
 }

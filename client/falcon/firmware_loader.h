@@ -16,7 +16,8 @@ namespace needlelab::falcon {
 /// Errors: kNotFound, with what to do; kInvalidInput: empty, or longer than a Falcon's memory could be.
 Result<std::vector<std::uint8_t>> readFirmware(const std::string& file);
 
-/// Sets the line for a running firmware: latency 1 ms, 1,456,312 baud, nothing left in the chip.
+/// Sets the line for a running firmware: latency 1 ms, 1,456,312 baud, 8N1, no flow control, nothing left in
+/// the chip.
 Status setRunLine(FtdiPort& port);
 
 /// Sets the line, sends zero torque and looks for a reply, up to `tries` times 50 ms: a Falcon whose firmware
