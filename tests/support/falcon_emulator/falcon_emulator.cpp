@@ -7,7 +7,7 @@
 namespace needlelab::test {
 namespace {
 
-UsbIdentity identityOf(const FalconOptions& options) {
+UsbIdentity identityOf(const EmulatedFalconOptions& options) {
   UsbIdentity identity;
   identity.vendor = falcon::kUsbVendor;
   identity.product = falcon::kUsbProduct;
@@ -22,7 +22,7 @@ UsbIdentity identityOf(const FalconOptions& options) {
 
 }  // namespace
 
-FalconEmulator::FalconEmulator(UsbTestbed& testbed, FalconOptions options)
+FalconEmulator::FalconEmulator(UsbTestbed& testbed, EmulatedFalconOptions options)
     : board_(body_, options.firmware), chip_(board_, identityOf(options)), port_(testbed, chip_) {
   board_.connect(chip_);
   board_.powerOn(options.firmware_running);

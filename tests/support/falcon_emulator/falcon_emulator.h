@@ -10,7 +10,7 @@
 
 namespace needlelab::test {
 
-struct FalconOptions {
+struct EmulatedFalconOptions {
   std::string serial = "FALCON01";
   Bytes firmware;                ///< the only image that its bootloader starts; empty: any
   bool firmware_running = true;  ///< from the start; false: it waits in its bootloader
@@ -19,7 +19,7 @@ struct FalconOptions {
 /// All calls are for the test's thread. `with` reaches whatever else there is, under the lock.
 class FalconEmulator {
  public:
-  explicit FalconEmulator(UsbTestbed& testbed, FalconOptions options = {});
+  explicit FalconEmulator(UsbTestbed& testbed, EmulatedFalconOptions options = {});
   ~FalconEmulator() { port_.unplug(); }
 
   UsbPort& port() { return port_; }

@@ -1,5 +1,7 @@
 #include "falcon_emulator/usb_testbed.h"
 
+#include <pthread.h>
+#include <sched.h>
 #include <unistd.h>
 #include <csignal>
 
@@ -41,6 +43,12 @@ std::string UsbTestbed::trouble() const {
   if (umockdev_in_mock_environment() != 0) return {};
   return "not run under umockdev-wrapper, so there is no emulated USB: use ctest, or `umockdev-wrapper "
          "PROGRAM`";
+}
+
+void preferThisThread() {
+  sched_param parameters{};
+  parameters.sched_priority = 60;
+  static_cast<void>(::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters));
 }
 
 }  // namespace needlelab::test

@@ -33,4 +33,8 @@ class UsbTestbed {
   int next_device_number_ = 2, next_port_ = 1;
 };
 
+/// SCHED_FIFO for the calling thread, below the haptic loop's. A kernel would not be late because others work;
+/// without the right the thread stays as it is.
+void preferThisThread();
+
 }  // namespace needlelab::test
