@@ -75,7 +75,9 @@ Result<Calibration> calibrateTip(Device& device, LoopClock& clock, const Calibra
     progress(now);
     return now.t_s < settings.enough_s || now.spread < 2 * kLeastSpread;
   };
-  const QuietRun run = runQuietly(loop, device, settings.real_time, stop_signals, follow);
+  const RtOptions real_time;
+  const QuietRun run =
+      runQuietly(loop, device, settings.real_time ? &real_time : nullptr, stop_signals, follow);
   if (run.stopped) return Error{ErrorCode::kFailed, "stopped; nothing was written"};
   follow();
 

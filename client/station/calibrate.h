@@ -36,10 +36,10 @@ Result<Pose> toolOf(Vec3 p_HT_m, const NeedleAxis& axis, const Pose& given);
 
 struct CalibrationSettings {
   double rate_hz = 1000;
-  double seconds = 30;   ///< at most; (0, 600]
-  double settle_s = 3;   ///< before it, to find the dimple; not used
-  double enough_s = 15;  ///< ends after this time when the swing was twice wide enough
-  bool real_time = true;
+  double seconds = 30;    ///< at most; (0, 600]
+  double settle_s = 3;    ///< before it, to find the dimple; not used
+  double enough_s = 15;   ///< ends after this time when the swing was twice wide enough
+  bool real_time = true;  ///< false: for what lives by the tick
 };
 
 struct Calibration {

@@ -12,6 +12,7 @@
 
 #include "base/exit_code.h"
 #include "base/formatted.h"
+#include "falcon/falcon_device.h"
 #include "station/modes.h"
 #include "station/report_output.h"
 #include "virtuose/virtuose_probe.h"
@@ -59,6 +60,7 @@ std::vector<DeviceLister> deviceListers() {
       {"simulated", "simulated device", simulated},
       {"recording:FILE", "recorded motion", recording},
       {"virtuose", "Virtuose 6D", [] { return listVirtuose(); }},
+      {"falcon", "Novint Falcon", listFalcons},
   };
 }
 

@@ -4,12 +4,14 @@
 #include <bit>
 #include <cmath>
 #include <ctime>
+#include <optional>
 #include <thread>
+
+#include "station/rt_machine.h"
 
 namespace needlelab {
 namespace {
 
-constexpr int kLoopPriority = 80;  // as the lesson's loop
 constexpr std::int64_t kLead_ns = 2'000'000;
 constexpr auto kMaintain = std::chrono::milliseconds(50);
 
@@ -100,14 +102,20 @@ void QuietLoop::look(std::uint64_t number) noexcept {
   }
 }
 
-QuietRun runQuietly(QuietLoop& loop, Device& device, bool real_time, const sigset_t& stop_signals,
+QuietRun runQuietly(QuietLoop& loop, Device& device, const RtOptions* real_time, const sigset_t& stop_signals,
                     const std::function<bool()>& progress) {
   QuietRun run;
-  if (real_time) run.realtime.push_back(lockMemory());
+  std::optional<ShallowSleep> shallow_sleep;
+  if (real_time != nullptr) {
+    shallow_sleep.emplace();
+    run.realtime = judgeMachine(*real_time);
+    run.realtime.push_back(shallow_sleep->step());
+    run.realtime.push_back(lockMemory());
+  }
   std::vector<RtStep> thread_steps;
   std::atomic<bool> done{false};
   std::thread haptic([&] {
-    if (real_time) thread_steps = makeThreadRealTime(kLoopPriority);
+    if (real_time != nullptr) thread_steps = makeThreadRealTime(*real_time);
     loop.run();
     done.store(true, std::memory_order_release);
   });

@@ -92,13 +92,14 @@ class QuietLoop {
 
 /// How a run on the haptic thread went.
 struct QuietRun {
-  std::vector<RtStep> realtime;  ///< memory lock, then the thread's steps
+  std::vector<RtStep> realtime;  ///< as the lesson has them
   bool stopped = false;          ///< by a signal
 };
-/// Runs the loop on a thread of its own, with `real_time` as much so as the lesson's; meanwhile this thread
+/// Runs the loop on a thread of its own, as real-time as the lesson's with `real_time`
+/// (null: an ordinary one); meanwhile this thread
 /// looks after the device (maintain) and calls `progress` 20 times a second. `progress` returns false to end
 /// the loop. A stop signal (they are blocked) ends it, too.
-QuietRun runQuietly(QuietLoop& loop, Device& device, bool real_time, const sigset_t& stop_signals,
+QuietRun runQuietly(QuietLoop& loop, Device& device, const RtOptions* real_time, const sigset_t& stop_signals,
                     const std::function<bool()>& progress);
 
 /// A clock that never waits: for devices that live by the tick, such as a recording.

@@ -36,8 +36,8 @@ struct DeviceFacts {
 };
 
 struct MachineFacts {
+  std::string text;  ///< processor, cores, system
   unsigned cores = 0;
-  std::string governor;            ///< of the slowest-going core; empty: the system has none
   std::string clock_source;        ///< e.g. "tsc"; empty when unknown
   double clock_resolution_ns = 0;  ///< as the system says
   double clock_cost_ns = 0;        ///< of one reading
@@ -78,9 +78,9 @@ struct SelfTestFacts {
 /// median over these windows, so that a slow drift and a short knock do not count. 0 with too few samples.
 double restNoise_m(std::span<const QuietSample> samples);
 
-/// Opens the device, waits until it is ready (at most 15 s), reads it for `seconds` with zero force, closes
-/// it. `say` gets remarks for a person meanwhile. `stopped`: a signal came.
-DeviceFacts measureDevice(Device& device, LoopClock& clock, double rate_hz, double seconds,
+/// At `real_time.rate_hz`: opens the device, waits until it is ready (at most 15 s), reads it for `seconds`
+/// with zero force, closes it. `say` gets remarks for a person meanwhile. `stopped`: a signal came.
+DeviceFacts measureDevice(Device& device, LoopClock& clock, const RtOptions& real_time, double seconds,
                           const sigset_t& stop_signals, const std::function<void(const std::string&)>& say,
                           bool& stopped);
 MachineFacts measureMachine();
@@ -104,6 +104,16 @@ struct Check {
   std::optional<double> value = {};  ///< the number that was judged
   std::string unit = {};
 };
+
+/// What a DeviceFlag means in the self-test.
+struct ConditionWords {
+  std::uint32_t flag = 0;
+  Verdict verdict = Verdict::kOk;
+  const char* found = "";
+  const char* advice = "";
+};
+/// Every DeviceFlag once.
+std::span<const ConditionWords> conditionWords();
 
 /// All checks, in the order of doing.
 std::vector<Check> judge(const SelfTestFacts& facts);

@@ -1,6 +1,7 @@
 /// The command line's side of the self-test.
 
 #include <algorithm>
+#include <cmath>
 #include <iostream>
 
 #include "base/exit_code.h"
@@ -46,9 +47,13 @@ int runSelfTest(const StationOptions& options, const sigset_t& stop_signals) {
   } else {
     say("testing " + (*device)->info().name + numberText(seconds).insert(0, " for ") +
         " s; it gives no force. Leave the handle alone");
-    SteadyLoopClock clock;
+    RtOptions real_time;
+    real_time.cpu = options.cpu;
+    real_time.spin_ns = std::llround(options.spin_us * 1e3);
+    real_time.rate_hz = options.rate_hz;
+    SteadyLoopClock clock(real_time.spin_ns);
     bool stopped = false;
-    facts.device = measureDevice(**device, clock, options.rate_hz, seconds, stop_signals, say, stopped);
+    facts.device = measureDevice(**device, clock, real_time, seconds, stop_signals, say, stopped);
     if (stopped) {
       say("stopped; the test is not complete");
       return kExitFailed;

@@ -56,10 +56,11 @@ double restNoise_m(std::span<const QuietSample> samples) {
   return std::sqrt(*middle);
 }
 
-DeviceFacts measureDevice(Device& device, LoopClock& clock, double rate_hz, double seconds,
+DeviceFacts measureDevice(Device& device, LoopClock& clock, const RtOptions& real_time, double seconds,
                           const sigset_t& stop_signals, const std::function<void(const std::string&)>& say,
                           bool& stopped) {
   DeviceFacts facts;
+  const double rate_hz = real_time.rate_hz;
   facts.info = device.info();
   facts.rate_hz = rate_hz;
   stopped = false;
@@ -79,7 +80,7 @@ DeviceFacts measureDevice(Device& device, LoopClock& clock, double rate_hz, doub
 
   // some need time, or a person's hand, before they report
   QuietLoop ready(device, clock, {rate_hz, ticksIn(kReady_s, rate_hz), 1});
-  QuietRun run = runQuietly(ready, device, true, stop_signals, [&] {
+  QuietRun run = runQuietly(ready, device, &real_time, stop_signals, [&] {
     passOn();
     return ready.samples().empty() || (ready.condition() & kWaitFor) != 0;
   });
@@ -91,7 +92,7 @@ DeviceFacts measureDevice(Device& device, LoopClock& clock, double rate_hz, doub
   settings.keep_every = static_cast<std::uint64_t>(std::max(1.0, std::round(rate_hz / kKeptRate_hz)));
   QuietLoop loop(device, clock, settings);
   if (!stopped) {
-    run = runQuietly(loop, device, true, stop_signals, [&] {
+    run = runQuietly(loop, device, &real_time, stop_signals, [&] {
       passOn();
       return true;
     });

@@ -28,12 +28,6 @@ double micro(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-3;
 }
 
-struct ConditionWords {
-  std::uint32_t flag;
-  Verdict verdict;
-  const char* found;
-  const char* advice;
-};
 constexpr ConditionWords kConditions[] = {
     {kDeviceEmergencyStop, Verdict::kFailed, "the emergency stop is pressed", "release it"},
     {kDeviceLost, Verdict::kFailed, "the device is unplugged, or its link is broken",
@@ -189,12 +183,17 @@ void judgeDevice(const DeviceFacts& f, std::vector<Check>& checks) {
   judgeCommunication(f, checks);
   judgePose(f, checks);
   judgeLimits(f, checks);
-  for (const RtStep& step : f.realtime)
-    checks.push_back({step.name, step.ok ? Verdict::kOk : Verdict::kWarning, step.message, "",
-                      step.ok ? "" : "give the rights for real time: deploy/BRINGUP.md, step 2"});
+  for (const RtStep& step : f.realtime) {
+    const bool right =
+        step.name == "memory lock" || step.name == "FIFO priority" || step.name == "idle states";
+    checks.push_back(
+        {step.name, step.ok ? Verdict::kOk : Verdict::kWarning, step.message, "",
+         step.ok || !right ? "" : "give this user the rights for real time: deploy/BRINGUP.md, step 2"});
+  }
 }
 
-void judgeMachine(const MachineFacts& f, std::vector<Check>& checks) {
+void judgeComputer(const MachineFacts& f, std::vector<Check>& checks) {
+  checks.push_back({"computer", Verdict::kOk, f.text, "", ""});
   checks.push_back(number("clock", f.clock_resolution_ns, "ns", upTo(f.clock_resolution_ns, 1000, 50'000),
                           formatted("%g ns fine, %.0f ns a look%s", f.clock_resolution_ns, f.clock_cost_ns,
                                     f.clock_source.empty() ? "" : (", source " + f.clock_source).c_str()),
@@ -205,10 +204,6 @@ void judgeMachine(const MachineFacts& f, std::vector<Check>& checks) {
   checks.push_back(number("cores", f.cores, "cores", f.cores >= 2 ? Verdict::kOk : Verdict::kWarning,
                           formatted("%u", f.cores), "at least 2",
                           "on one core the loop and everything else are in each other's way"));
-  const bool steady = f.governor.empty() || f.governor == "performance";
-  checks.push_back({"processor speed", steady ? Verdict::kOk : Verdict::kWarning,
-                    f.governor.empty() ? "the system offers no choice" : "governor " + f.governor,
-                    "governor performance", steady ? "" : "cpupower frequency-set -g performance, as root"});
 }
 
 void judgeDisk(const DiskFacts& f, double rate_hz, std::vector<Check>& checks) {
@@ -276,10 +271,14 @@ void judgeServer(const ServerFacts& f, std::vector<Check>& checks) {
 
 }  // namespace
 
+std::span<const ConditionWords> conditionWords() {
+  return kConditions;
+}
+
 std::vector<Check> judge(const SelfTestFacts& facts) {
   std::vector<Check> checks;
   judgeDevice(facts.device, checks);
-  judgeMachine(facts.machine, checks);
+  judgeComputer(facts.machine, checks);
   judgeEngine(facts.engine, facts.device.rate_hz, checks);
   judgeDisk(facts.disk, facts.device.rate_hz, checks);
   judgeServer(facts.server, checks);

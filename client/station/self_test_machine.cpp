@@ -11,6 +11,7 @@
 #include <fstream>
 
 #include "base/clock.h"
+#include "base/machine.h"
 #include "base/timing.h"
 #include "effect_cost/tick_run.h"
 #include "fem/needle_mesh.h"
@@ -51,14 +52,8 @@ Result<double> tickOf(const EmbeddedFile& file, double rate_hz, std::string& id)
 
 MachineFacts measureMachine() {
   MachineFacts facts;
+  facts.text = machineText();
   facts.cores = static_cast<unsigned>(std::max(0L, ::sysconf(_SC_NPROCESSORS_ONLN)));
-  // one core that saves power is enough to be late there
-  for (unsigned core = 0; core < facts.cores; ++core) {
-    const std::string governor =
-        firstLine("/sys/devices/system/cpu/cpu" + std::to_string(core) + "/cpufreq/scaling_governor");
-    if (facts.governor.empty() || facts.governor == "performance")
-      if (!governor.empty()) facts.governor = governor;
-  }
   facts.clock_source = firstLine("/sys/devices/system/clocksource/clocksource0/current_clocksource");
   timespec resolution{};
   if (::clock_getres(CLOCK_MONOTONIC, &resolution) == 0)

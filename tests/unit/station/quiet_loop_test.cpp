@@ -95,7 +95,7 @@ TEST(QuietLoop, progressEndsIt) {
   sigset_t none;
   sigemptyset(&none);
   int calls = 0;
-  const QuietRun run = runQuietly(loop, device, false, none, [&] { return ++calls < 3; });
+  const QuietRun run = runQuietly(loop, device, nullptr, none, [&] { return ++calls < 3; });
   EXPECT_FALSE(run.stopped);
   EXPECT_EQ(calls, 3);
   EXPECT_LT(loop.stats().ran, 30'000u);
