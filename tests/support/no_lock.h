@@ -1,0 +1,23 @@
+/// Watches a thread's use of locks, to test that real-time functions take none. Link needlelab::no_lock.
+#pragma once
+
+#include <cstdint>
+
+namespace needlelab::test {
+
+/// Counts this thread's calls to pthread_mutex_lock, _trylock, _timedlock, read-write and spin locks,
+/// the signals of condition variables, semaphores while it lives (std::mutex and its kin end there).
+/// Scopes do not nest. Not in sanitized builds, which put their own in place of these: `works` is false
+/// there.
+class NoLockScope {
+ public:
+  NoLockScope() noexcept;
+  ~NoLockScope();
+  NoLockScope(const NoLockScope&) = delete;
+  NoLockScope& operator=(const NoLockScope&) = delete;
+  /// Calls of this thread since construction.
+  [[nodiscard]] std::uint64_t calls() const noexcept;
+  [[nodiscard]] static bool works() noexcept;
+};
+
+}  // namespace needlelab::test

@@ -1,0 +1,110 @@
+#include "station/live_line.h"
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <pty.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include "haptics/sim_state.h"
+
+namespace needlelab::test {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+LiveView example() {
+  LiveView view;
+  view.time_s = 67.9;
+  view.sample.phase = static_cast<std::uint8_t>(Phase::kInserting);
+  view.sample.layer = 2;
+  view.sample.insertion_m = 0.02341;
+  view.sample.force_W_N[0] = 0.3;
+  view.sample.force_W_N[2] = 0.4;
+  view.wakeup = {1000, 25'300, 46'000, 90'000, 452'000};
+  view.missed_ticks = 3;
+  view.spool = "spool 2 chunks";
+  view.server = "server away";
+  return view;
+}
+
+// what came out of a pipe or a pseudo-terminal so far
+std::string readAll(int file) {
+  std::string text(4096, '\0');
+  ::fcntl(file, F_SETFL, O_NONBLOCK);
+  const ssize_t got = ::read(file, text.data(), text.size());
+  text.resize(got > 0 ? static_cast<std::size_t>(got) : 0);
+  return text;
+}
+
+TEST(LiveLine, tellsPlaceForceTimingSpoolAndServer) {
+  EXPECT_EQ(liveText(example()),
+            "1:07  INSERTING layer 2 23.4 mm 0.50 N | wake-up p50 25 p99 46 max 452 µs, 3 missed | "
+            "spool 2 chunks | server away");
+  LiveView outside = example();
+  outside.sample.phase = static_cast<std::uint8_t>(Phase::kFree);
+  outside.sample.layer = -1;
+  EXPECT_THAT(liveText(outside), Not(HasSubstr("mm")));
+  LiveView named = example();
+  named.layer = "muscle";
+  EXPECT_THAT(liveText(named), HasSubstr("INSERTING muscle 23.4 mm"));
+}
+
+TEST(LiveLine, aFaultStandsFirstAndAHoldInItsPlaceWhenThereIsNone) {
+  LiveView view = example();
+  view.hold = "the dead-man switch is released";
+  EXPECT_THAT(liveText(view), HasSubstr("1:07  NO FORCE: the dead-man switch is released | INSERTING"));
+  view.fault = Fault::kEmergencyStop;
+  EXPECT_THAT(liveText(view), HasSubstr("1:07  FAULT: the emergency stop is pressed | INSERTING"));
+  EXPECT_THAT(liveText(view), Not(HasSubstr("NO FORCE")));
+}
+
+TEST(LiveLine, isCutBetweenCharactersNotWithinThem) {
+  EXPECT_EQ(cutToWidth("1 µs µs", 4), "1 µs");
+  EXPECT_EQ(cutToWidth("1 µs µs", 6), "1 µs µ");
+  EXPECT_EQ(cutToWidth("short", 80), "short");
+  EXPECT_EQ(cutToWidth("any", 0), "");
+}
+
+TEST(LiveLine, elsewhereThanOnATerminalALineEveryTenSeconds) {
+  int ends[2];
+  ASSERT_EQ(::pipe(ends), 0);
+  LiveLine line(ends[1]);
+  std::int64_t now = 5'000'000'000;
+  ASSERT_TRUE(line.due(now));
+  line.show(example(), now);
+  EXPECT_FALSE(line.due(now + 9'900'000'000));
+  EXPECT_TRUE(line.due(now + 10'000'000'000));
+  line.say("a message");
+  line.end();
+  EXPECT_EQ(readAll(ends[0]), liveText(example()) + "\na message\n");
+  ::close(ends[0]);
+  ::close(ends[1]);
+}
+
+TEST(LiveLine, onATerminalItIsRewrittenInPlaceAndMessagesStandAboveIt) {
+  int terminal = -1, screen = -1;
+  winsize size{};
+  size.ws_col = 31;
+  size.ws_row = 24;
+  if (::openpty(&screen, &terminal, nullptr, nullptr, &size) != 0) GTEST_SKIP() << "no pseudo-terminal here";
+  LiveLine line(terminal);
+  std::int64_t now = 0;
+  line.show(example(), now);
+  const std::string shown = cutToWidth(liveText(example()), 30);
+  EXPECT_EQ(readAll(screen), "\r\x1b[K" + shown);
+  EXPECT_FALSE(line.due(now + 900'000'000));
+  EXPECT_TRUE(line.due(now + 1'000'000'000));
+  line.say("a message");
+  EXPECT_EQ(readAll(screen), "\r\x1b[Ka message\r\n" + shown);
+  line.end();
+  EXPECT_EQ(readAll(screen), "\r\n");
+  line.say("later");
+  EXPECT_EQ(readAll(screen), "later\r\n");
+  ::close(screen);
+  ::close(terminal);
+}
+
+}  // namespace
+}  // namespace needlelab::test
