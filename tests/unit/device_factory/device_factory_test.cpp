@@ -55,5 +55,18 @@ TEST(DeviceFactory, aRecordingIsADeviceWithoutForce) {
   EXPECT_THAT((*device)->info().name, HasSubstr("factory,test.csv"));
 }
 
+TEST(DeviceFactory, aVirtuoseHasAnAddress) {
+  auto device = makeDevice("virtuose", {});
+  ASSERT_TRUE(device.ok());
+  EXPECT_THAT((*device)->info().name, HasSubstr("127.0.0.1#53210"));
+  device = makeDevice("virtuose:haptic.lab#5000", {});
+  ASSERT_TRUE(device.ok());
+  EXPECT_THAT((*device)->info().name, HasSubstr("haptic.lab#5000"));
+  device = makeDevice("virtuose:haptic.lab#none", {});
+  ASSERT_FALSE(device.ok());
+  EXPECT_EQ(device.error().code, ErrorCode::kInvalidInput);
+  EXPECT_THAT(device.error().message, HasSubstr("HOST#PORT"));
+}
+
 }  // namespace
 }  // namespace needlelab
