@@ -1,0 +1,67 @@
+/// deploy/BRINGUP.md against the program: its words, its options.
+
+#include <gmock/gmock.h>
+
+#include <regex>
+#include <set>
+
+#include "base/atomic_file.h"
+#include "haptics/device_condition.h"
+#include "haptics/force_gate.h"
+#include "station/options.h"
+#include "station/self_test.h"
+
+namespace needlelab {
+namespace {
+
+using testing::HasSubstr;
+
+std::string guide() {
+  auto text = readWholeFile(NEEDLELAB_GUIDE);
+  EXPECT_TRUE(text.ok());
+  return text.ok() ? *text : std::string();
+}
+
+TEST(BringupGuide, everyFaultStandsInItsTableInTheProgramsWords) {
+  const std::string text = guide();
+  int faults = 0;
+  for (int value = 1; value < 256; ++value) {
+    const std::string words = faultText(static_cast<Fault>(value));
+    if (words == "unknown fault") break;
+    EXPECT_THAT(text, HasSubstr("\n| " + words + " | ")) << "fault " << value;
+    ++faults;
+  }
+  EXPECT_GE(faults, 11);
+}
+
+TEST(BringupGuide, everyConditionOfADeviceStandsInItsTable) {
+  const std::string text = guide();
+  std::uint32_t seen = 0;
+  for (const ConditionWords& words : conditionWords()) {
+    EXPECT_THAT(text, HasSubstr("\n| " + std::string(words.found) + " | "));
+    seen |= words.flag;
+  }
+  EXPECT_EQ(seen, kDeviceFlags);
+}
+
+TEST(BringupGuide, namesNoOptionThatDoesNotExist) {
+  testing::internal::CaptureStdout();
+  const char* arguments[] = {"needlelab-station", "--help"};
+  static_cast<void>(parseStationOptions(2, arguments));
+  const std::string help = testing::internal::GetCapturedStdout();
+  // of other programs, in the same text
+  const std::set<std::string> others = {"--preset", "--build", "--remove"};
+  const std::string text = guide();
+  const std::regex option("--[a-z][a-z-]+");
+  std::set<std::string> named;
+  for (auto at = std::sregex_iterator(text.begin(), text.end(), option); at != std::sregex_iterator(); ++at)
+    named.insert(at->str());
+  EXPECT_GE(named.size(), 10u);
+  for (const std::string& name : named)
+    if (!others.contains(name)) {
+      EXPECT_THAT(help, HasSubstr(name + " "));
+    }
+}
+
+}  // namespace
+}  // namespace needlelab
