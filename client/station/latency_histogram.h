@@ -40,6 +40,14 @@ class LatencyHistogram {
     if (duration_ns > max_ns_.load(std::memory_order_relaxed))
       max_ns_.store(duration_ns, std::memory_order_relaxed);
   }
+  /// All durations of another one, too.
+  void add(const LatencyHistogram& other) noexcept {
+    for (std::size_t i = 0; i < counts_.size(); ++i)
+      counts_[i].store(
+          counts_[i].load(std::memory_order_relaxed) + other.counts_[i].load(std::memory_order_relaxed),
+          std::memory_order_relaxed);
+    max_ns_.store(std::max(max_ns(), other.max_ns()), std::memory_order_relaxed);
+  }
   [[nodiscard]] std::uint64_t total() const noexcept {
     std::uint64_t sum = 0;
     for (const auto& count : counts_) sum += count.load(std::memory_order_relaxed);

@@ -3,7 +3,6 @@
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
@@ -13,6 +12,7 @@
 
 #include "base/atomic_file.h"
 #include "base/machine.h"
+#include "result_folder.h"
 
 namespace needlelab::test {
 namespace {
@@ -28,21 +28,6 @@ class KeepingReporter : public benchmark::ConsoleReporter {
   }
   Runs kept;
 };
-
-// "AMD EPYC, 2 cores, Linux …" → "amd-epyc-2-cores"
-std::string folderName(const std::string& machine) {
-  std::string name;
-  std::size_t commas = 0;
-  for (const char c : machine) {
-    if (c == ',' && ++commas == 2) break;
-    if (std::isalnum(static_cast<unsigned char>(c)) != 0)
-      name += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    else if (!name.empty() && name.back() != '-')
-      name += '-';
-  }
-  while (!name.empty() && name.back() == '-') name.pop_back();
-  return name.empty() ? "unknown" : name;
-}
 
 // the goals of DESIGN §12, in ns; the counter that each holds for
 struct Goal {
@@ -110,15 +95,6 @@ std::string readme(const Runs& runs, const RecordOptions& options, const std::st
   return text.str();
 }
 
-std::string today() {
-  char text[40];
-  const std::time_t now = std::time(nullptr);
-  std::tm parts{};
-  ::gmtime_r(&now, &parts);
-  std::strftime(text, sizeof text, "%Y-%m-%d %H:%M UTC", &parts);
-  return text;
-}
-
 }  // namespace
 
 RecordOptions takeRecordOptions(int& argc, char** argv) {
@@ -163,7 +139,7 @@ int runAndRecord(const RecordOptions& options, int argc, char** argv) {
   bool failed = std::any_of(reporter.kept.begin(), reporter.kept.end(),
                             [](const Runs::value_type& run) { return run.error_occurred; });
   if (!options.results.empty()) {
-    const std::string text = readme(reporter.kept, options, today());
+    const std::string text = readme(reporter.kept, options, nowText());
     if (const Status status = writeFileAtomically(folder / "README.md", viewOf(text)); !status.ok()) {
       std::fprintf(stderr, "%s\n", status.error().message.c_str());
       failed = true;

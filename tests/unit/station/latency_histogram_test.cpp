@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <random>
+#include <thread>
 #include <vector>
 
 namespace needlelab {
@@ -40,6 +42,39 @@ TEST(LatencyHistogram, extremesFindTheirPlace) {
   EXPECT_EQ(histogram.total(), 2u);
   EXPECT_EQ(histogram.quantile_ns(0.5), 0);
   EXPECT_EQ(histogram.quantile_ns(1.0), (std::int64_t{1} << 40) - 1);
+}
+
+TEST(LatencyHistogram, oneAddedToAnotherIsAsIfAllWereInOne) {
+  LatencyHistogram all, one, other;
+  for (std::int64_t i = 0; i < 1000; ++i) {
+    all.add(i * i);
+    (i % 3 == 0 ? one : other).add(i * i);
+  }
+  one.add(other);
+  const LatencyHistogram copy = one;
+  EXPECT_EQ(copy.total(), 1000u);
+  EXPECT_EQ(copy.max_ns(), all.max_ns());
+  for (const double q : {0.01, 0.5, 0.99}) EXPECT_EQ(copy.quantile_ns(q), all.quantile_ns(q));
+}
+
+TEST(LatencyHistogram, readersBesideTheWriterSeeWholeCountsThatOnlyGrow) {
+  LatencyHistogram histogram;
+  std::atomic<bool> done{false};
+  std::thread reader([&] {
+    std::uint64_t before = 0;
+    while (!done.load()) {
+      const LatencyQuantiles q = histogram.quantiles();
+      ASSERT_GE(q.total, before);
+      ASSERT_LE(q.p50_ns, q.p99_ns);
+      ASSERT_LE(q.p99_ns, 1000);
+      before = q.total;
+    }
+  });
+  for (int i = 0; i < 200'000; ++i) histogram.add(i % 1000);
+  done.store(true);
+  reader.join();
+  EXPECT_EQ(histogram.total(), 200'000u);
+  EXPECT_EQ(histogram.max_ns(), 999);
 }
 
 TEST(LatencyHistogram, smallDurationsAreExact) {
