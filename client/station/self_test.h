@@ -29,6 +29,8 @@ struct DeviceFacts {
   double rate_hz = 1000;
   std::string status;  ///< the device's own words at the end
   QuietStats loop;
+  Pose last_X_WH;         ///< the last handle pose, and
+  Pose X_HT;              ///< the tool, for the tip
   double farthest_m = 0;  ///< from the origin of its frame
   double moved_m = 0;     ///< greatest distance from the mean position
   double noise_m = 0;     ///< see restNoise_m

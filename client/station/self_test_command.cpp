@@ -63,6 +63,7 @@ int runSelfTest(const StationOptions& options, const sigset_t& stop_signals) {
   facts.device.rate_hz = options.rate_hz;
   facts.device.hardware = options.device != "simulated" && !options.device.starts_with("recording:");
   facts.device.tool_given = options.tool_given;
+  facts.device.X_HT = options.X_HT;
   facts.machine = measureMachine();
   facts.engine = measureEngine(options.rate_hz);
   facts.disk = measureDisk(options.spool);

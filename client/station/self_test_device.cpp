@@ -110,6 +110,7 @@ DeviceFacts measureDevice(Device& device, LoopClock& clock, const RtOptions& rea
     facts.farthest_m = std::max(facts.farthest_m, norm(s.X_WH.p));
     facts.moved_m = std::max(facts.moved_m, norm(s.X_WH.p - mean));
   }
+  if (!samples.empty()) facts.last_X_WH = samples.back().X_WH;
   facts.noise_m = restNoise_m(samples);
   return facts;
 }

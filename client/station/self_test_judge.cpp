@@ -118,10 +118,12 @@ void judgePose(const DeviceFacts& f, std::vector<Check>& checks) {
                                    : formatted("%g readings were not finite or no rotation", bad),
                           "", "switch the device off and on; if it stays, have it repaired"));
   if (s.bad_poses == s.fresh) return;
-  checks.push_back(number("place", f.farthest_m, "m", upTo(f.farthest_m, 1.5, 1.5),
-                          formatted("within %.3f m of the base frame's origin", f.farthest_m),
-                          "at most 1.5 m",
-                          "no haptic device reaches so far: its zero is lost; home or restart it"));
+  const Vec3 tip = f.last_X_WH * f.X_HT.p;
+  checks.push_back(
+      number("place", f.farthest_m, "m", upTo(f.farthest_m, 1.5, 1.5),
+             formatted("tip at %.3f, %.3f, %.3f m; the handle within %.3f m of the base frame's origin",
+                       tip.x, tip.y, tip.z, f.farthest_m),
+             "at most 1.5 m", "no haptic device reaches so far: its zero is lost; home or restart it"));
   // a handle that somebody moves has no noise at rest
   if (f.moved_m > 5e-3)
     checks.push_back(number("noise at rest", f.noise_m, "m", Verdict::kWarning,

@@ -170,6 +170,13 @@ TEST(SelfTest, everyConditionOfADeviceHasItsRow) {
   EXPECT_EQ(all, kDeviceFlags);
 }
 
+TEST(SelfTest, thePlaceIsThatOfTheTip) {
+  SelfTestFacts facts = goodFacts();
+  facts.device.last_X_WH = {{0.4, 0.1, 0}, {1, 0, 0, 0}};  // upside down
+  facts.device.X_HT = {{0, 0, 0.125}, {}};
+  EXPECT_THAT(find(judge(facts), "place")->found, HasSubstr("tip at 0.400, 0.100, -0.125 m"));
+}
+
 TEST(SelfTest, aServerThatWasNotGivenIsNoFailure) {
   SelfTestFacts facts = goodFacts();
   facts.server = {};
