@@ -1,0 +1,123 @@
+// The station itself with a Falcon: a child process that sees the emulated USB as this one does.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "base/atomic_file.h"
+#include "base/exit_code.h"
+#include "falcon/falcon_geometry.h"
+#include "falcon_on_usb.h"
+#include "process.h"
+#include "support/temp_folder.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+using Eigen::Vector3d;
+
+constexpr double kSkin_m = 0.010;  // below the middle of the workspace
+constexpr double kDeep_m = 0.015;
+
+class StationWithFalcon : public FalconOnUsb {
+ protected:
+  /// A station under way; its words go to a file.
+  std::unique_ptr<Process> station(std::vector<std::string> arguments) {
+    return std::make_unique<Process>("needlelab-station", arguments, folder_.path() / "log");
+  }
+  nlohmann::json row() {
+    const auto text = readWholeFile(folder_.path() / "out.json");
+    EXPECT_TRUE(text.ok());
+    return text.ok() ? nlohmann::json::parse(*text)["rows"][0] : nlohmann::json();
+  }
+  std::vector<std::string> lesson(const std::string& seconds, const std::string& device = "falcon") {
+    return {"--device",
+            device,
+            "--headless",
+            "--profile",
+            NEEDLELAB_SAMPLES "/paper-1dof.json",
+            "--seconds",
+            seconds,
+            "--placement",
+            "0,0,-0.010,0,0,0,1",
+            "--spool",
+            folder_.path() / "spool",
+            "--json",
+            folder_.path() / "out.json"};
+  }
+  // over the skin, in, rest, and out again
+  static HandPath stroke() {
+    return [](double t) {
+      const double down = std::clamp((t - 0.5) / 0.6, 0.0, 1.0), up = std::clamp((t - 1.6) / 0.6, 0.0, 1.0);
+      return Vector3d(0, -(kSkin_m + kDeep_m) * (down - up), falcon::kOrigin_F_m.z);
+    };
+  }
+
+  const TempFolder folder_;
+};
+
+TEST_F(StationWithFalcon, aWholeLessonInRealTime) {
+  falcon_.plug();
+  nlohmann::json summary;
+  std::string said;
+  double greatest_N = 0;
+  // a machine that stands still for 20 ms makes the watchdog bite: then the lesson is had again
+  for (int again = 0; again < 3; ++again) {
+    greatest_N = 0;
+    falcon_.powerCycle(true);
+    falcon_.holdRigidly([path = homingPath(0.2)](double t) { return path(std::fmod(t, 0.2)); });
+    const auto child = station(lesson("4"));
+    ASSERT_TRUE(waitUntil([this] { return falcon_.homed() == 7; }, 20s)) << child->said();
+    // a hand that gives way
+    falcon_.holdAt({0, 0, falcon::kOrigin_F_m.z});
+    falcon_.holdSoftly({.mass_kg = 0.25, .stiffness_N_per_m = 400, .damping_Ns_per_m = 10}, stroke());
+    while (!child->wait(5ms)) greatest_N = std::max(greatest_N, falcon_.force().norm());
+    said = child->said();
+    summary = row();
+    if (!summary["fault"].is_null()) continue;
+    ASSERT_EQ(child->wait(60s), kExitDone) << said;
+    break;
+  }
+  EXPECT_TRUE(summary["fault"].is_null()) << summary["fault"] << said;
+  EXPECT_EQ(summary["samples"].get<int>() + summary["missed_ticks"].get<int>(), summary["ticks"].get<int>());
+  EXPECT_GE(summary["events"]["entries into the tissue"], 1) << summary;
+  // the hand felt the cutting force of the layer
+  EXPECT_GT(greatest_N, 0.4);
+  EXPECT_LT(greatest_N, falcon::kLimits.peak_force_N);
+  // and the device is left without torque
+  ASSERT_FALSE(falcon_.history().empty());
+  EXPECT_EQ(falcon_.history().back().motors, (std::array<std::int16_t, 3>{}));
+  EXPECT_EQ(falcon_.force().norm(), 0);
+}
+
+TEST_F(StationWithFalcon, listsWhatIsThere) {
+  falcon_.plug();
+  const auto child = station({"--list-devices", "--json", folder_.path() / "out.json"});
+  ASSERT_EQ(child->wait(30s), kExitDone) << child->said();
+  const auto text = readWholeFile(folder_.path() / "out.json");
+  ASSERT_TRUE(text.ok());
+  EXPECT_NE(text->find("FALCON01"), std::string::npos) << *text;
+  EXPECT_EQ(falcon_.commands(), 0u);
+}
+
+TEST_F(StationWithFalcon, withoutAFalconItSaysWhatToDo) {
+  const auto child = station(lesson("1"));
+  EXPECT_EQ(child->wait(30s), kExitFailed) << child->said();
+  EXPECT_NE(child->said().find("USB cable"), std::string::npos) << child->said();
+}
+
+TEST_F(StationWithFalcon, stoppedInMidStrokeItLeavesNoTorque) {
+  falcon_.plug();
+  falcon_.holdRigidly([path = homingPath(0.2)](double t) { return path(std::fmod(t, 0.2)); });
+  const auto child = station(lesson("20"));
+  ASSERT_TRUE(waitUntil([this] { return falcon_.homed() == 7; }, 20s)) << child->said();
+  falcon_.holdRigidly(stroke());
+  ASSERT_TRUE(waitUntil([this] { return falcon_.force().norm() > 0.3; }, 10s)) << child->said();
+  child->signal(SIGTERM);
+  ASSERT_TRUE(child->wait(20s)) << child->said();
+  EXPECT_EQ(falcon_.force().norm(), 0);
+}
+
+}  // namespace
+}  // namespace needlelab::test
