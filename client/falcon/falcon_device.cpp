@@ -243,16 +243,21 @@ DeviceRead FalconDevice::read(DeviceReading& reading) noexcept {
   saturated_ = 0;
   if (fresh) {
     stale_ticks_ = 0;
-    reading.buttons = seen.report.bits & falcon::kInButtons;
     if ((seen.report.bits & falcon::kInHomed) != falcon::kInHomed) condition |= kDeviceNotReady;
   } else if (++stale_ticks_ > kOverrunTicks) {
     condition |= kDeviceOverrun;
   }
   reading.condition = condition;
   placed_ = placed_ && (condition & (kDeviceNotReady | kDeviceLost)) == 0;
-  // encoders that have not found their zero tell no place
-  if (!fresh || (condition & (kDeviceNotReady | kDeviceLost)) != 0) return DeviceRead::kNoUpdate;
+  // encoders that have not found their zero tell no place, and nobody presses a button of a device that is
+  // away
+  if ((condition & (kDeviceNotReady | kDeviceLost)) != 0) {
+    reading.buttons = 0;
+    return DeviceRead::kNoUpdate;
+  }
+  if (!fresh) return DeviceRead::kNoUpdate;
 
+  reading.buttons = seen.report.bits & falcon::kInButtons;
   const falcon::LegAngles theta = falcon::anglesOfEncoders(seen.report.encoder);
   const falcon::Place place = falcon::forwardKinematics(theta);
   if (place.flags != 0) clamped_ticks_.fetch_add(1, std::memory_order_relaxed);

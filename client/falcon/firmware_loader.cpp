@@ -103,8 +103,8 @@ Result<bool> firmwareRuns(FtdiPort& port, int tries) {
   FtdiInput input(port);
   PacketReader reader;
   for (int i = 0; i < tries; ++i) {
-    // a loader that waits for more firmware echoes, and zero torque is what a fresh device would report; no
-    // grip has both of these lights for buttons
+    // a loader that waits for more firmware echoes, and an echo looks like the report of a device that has
+    // just been switched on: two patterns of lights, so that no buttons held down look like both
     const Command ask{{}, i % 2 == 0 ? kOutRed : kOutBlue};
     if (Status done = port.write(encodeCommand(ask), kWrite); !done.ok()) return done.error();
     std::vector<std::uint8_t> bytes;

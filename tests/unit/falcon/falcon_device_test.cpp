@@ -197,6 +197,7 @@ TEST_F(FalconDeviceTest, opensAgainAfterClose) {
 }
 
 TEST_F(FalconDeviceTest, unpluggedInMidStrokeIsLostAndComesBack) {
+  with([](FakeFalcon& f) { f.buttons = 1; });
   const auto device = opened();
   const GuardedWrench force = guarded({3, 0, 0});
   ASSERT_TRUE(loopUntil(
@@ -205,6 +206,7 @@ TEST_F(FalconDeviceTest, unpluggedInMidStrokeIsLostAndComesBack) {
   ASSERT_TRUE(loopUntil(
       *device, [&] { return (reading_.condition & kDeviceLost) != 0; }, force));
   EXPECT_EQ(last_, DeviceRead::kNoUpdate);
+  EXPECT_EQ(reading_.buttons, 0u) << "nobody presses the plunger of a device that is away";
   ASSERT_TRUE(loopUntil(*device, [&] { return device->status().find("plug in") != std::string::npos; }));
   ASSERT_TRUE(loopUntil(*device, [&] { return with([](FakeFalcon& f) { return f.open_links; }) == 0; }));
 
