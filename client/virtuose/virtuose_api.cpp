@@ -27,16 +27,15 @@ class Symbols {
   std::string missing_;
 };
 
-}  // namespace
-
-Result<VirtuoseApi> loadVirtuoseApi(const std::string& file) {
+// `file`, and who named it
+Result<VirtuoseApi> load(const std::string& file, const std::string& named_by) {
   void* library = ::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) {
     const char* why = ::dlerror();
     return Error{ErrorCode::kNotFound,
-                 "the Virtuose's library " + file + " cannot be loaded (" + (why ? why : "unknown") +
-                     "). It is the vendor's, Haption's, and does not come with needlelab: install the Linux "
-                     "version of the VirtuoseAPI of your device, and put " +
+                 "the Virtuose's library" + named_by + " cannot be loaded: " + (why ? why : file.c_str()) +
+                     ". It is the vendor's (Haption) and does not come with needlelab: install the Linux "
+                     "VirtuoseAPI of your device and put " +
                      kVirtuoseLibraryName + " where the system finds it (then run ldconfig), or set " +
                      kVirtuoseLibraryVariable + " to its full path"};
   }
@@ -68,7 +67,8 @@ Result<VirtuoseApi> loadVirtuoseApi(const std::string& file) {
   NEEDLELAB_FIND(virtGetFailure);
 #undef NEEDLELAB_FIND
   if (!symbols.missing().empty())
-    return Error{ErrorCode::kVersion, "the Virtuose's library " + file + " lacks " + symbols.missing() +
+    return Error{ErrorCode::kVersion, "the Virtuose's library " + file + named_by + " lacks " +
+                                          symbols.missing() +
                                           ": it is another version than needlelab knows, or another "
                                           "library; install the vendor's current VirtuoseAPI, or set " +
                                           kVirtuoseLibraryVariable + " to the right file"};
@@ -78,14 +78,17 @@ Result<VirtuoseApi> loadVirtuoseApi(const std::string& file) {
   return api;
 }
 
+}  // namespace
+
+Result<VirtuoseApi> loadVirtuoseApi(const std::string& file) {
+  return load(file, "");
+}
+
 Result<VirtuoseApi> loadVirtuoseApi() {
   const char* named = std::getenv(kVirtuoseLibraryVariable);
   const bool is_set = named != nullptr && *named != '\0';
-  auto api = loadVirtuoseApi(is_set ? named : kVirtuoseLibraryName);
-  if (!api.ok() && is_set)
-    return Error{api.error().code,
-                 std::string(kVirtuoseLibraryVariable) + "=" + named + ": " + api.error().message};
-  return api;
+  return is_set ? load(named, std::string(" that ") + kVirtuoseLibraryVariable + " names")
+                : load(kVirtuoseLibraryName, "");
 }
 
 std::string virtuoseLibraryVersion(const VirtuoseApi& api) {

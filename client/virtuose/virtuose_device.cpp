@@ -15,8 +15,13 @@ constexpr auto kNap = std::chrono::milliseconds(10);  // how fast the keep-alive
 // a quaternion in floats is this near to a unit one or it is none: the gate judges it then
 constexpr double kRounding = 1e-3;
 
-Quat fromFloats(const float* q) {
-  const Quat raw{q[0], q[1], q[2], q[3]};
+Vec3 vectorOf(const float* v) {
+  return {static_cast<double>(v[0]), static_cast<double>(v[1]), static_cast<double>(v[2])};
+}
+
+Quat rotationOf(const float* q) {
+  const Quat raw{static_cast<double>(q[0]), static_cast<double>(q[1]), static_cast<double>(q[2]),
+                 static_cast<double>(q[3])};
   const double length = std::sqrt(dot(raw, raw));
   return std::abs(length - 1) <= kRounding ? normalized(raw) : raw;
 }
@@ -193,8 +198,8 @@ DeviceRead VirtuoseDevice::read(DeviceReading& reading) noexcept {
   if (reading.condition == 0) ticks_of_trouble_ = 0;
   reading.condition |= rememberedCondition() | (held != 0 ? 0u : kDeviceReleased) |
                        (operational != 0 ? 0u : kDeviceEmergencyStop);
-  reading.X_WH = {{pose[0], pose[1], pose[2]}, fromFloats(pose + 3)};
-  reading.speed_mps = norm(Vec3{speed[0], speed[1], speed[2]});
+  reading.X_WH = {vectorOf(pose), rotationOf(pose + 3)};
+  reading.speed_mps = norm(vectorOf(speed));
   reading.buttons = buttons_;
   seen_condition_.store(reading.condition, std::memory_order_relaxed);
   seen_alarm_.store(alarm_, std::memory_order_relaxed);

@@ -13,7 +13,6 @@ namespace needlelab::test {
 namespace {
 
 using testing::HasSubstr;
-using testing::StartsWith;
 
 // sets the variable for one test
 class LibraryVariable {
@@ -60,13 +59,14 @@ TEST(VirtuoseApi, theVariableComesFirstAndIsNotPassedOver) {
     const LibraryVariable set("/nowhere/x.so");
     const auto api = loadVirtuoseApi();
     ASSERT_FALSE(api.ok());
-    EXPECT_THAT(api.error().message, StartsWith("NEEDLELAB_VIRTUOSE_LIBRARY=/nowhere/x.so"));
+    EXPECT_THAT(api.error().message, HasSubstr("that NEEDLELAB_VIRTUOSE_LIBRARY names"));
+    EXPECT_THAT(api.error().message, HasSubstr("/nowhere/x.so"));
   }
   // empty is as not set: the system is searched for the plain name
   const LibraryVariable set("");
   const auto api = loadVirtuoseApi();
   if (!api.ok()) {
-    EXPECT_THAT(api.error().message, HasSubstr("library libVirtuoseAPI.so "));
+    EXPECT_THAT(api.error().message, HasSubstr("cannot be loaded: libVirtuoseAPI.so"));
   }
 }
 
