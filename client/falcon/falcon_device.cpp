@@ -24,6 +24,7 @@ using std::chrono::milliseconds;
 constexpr int kFirmwareTries = 3;
 constexpr int kRunsTries = 3;  // 50 ms each, before a load is thought necessary
 constexpr milliseconds kLookAgain{500};
+constexpr milliseconds kBreath{20};  // a device that is lost again at once must not be opened without end
 constexpr std::int64_t kFirstReport_ns = 1'000'000'000;
 constexpr std::int64_t kGoodbye_ns = 100'000'000;
 constexpr std::int64_t kTell_ns = 50'000'000;
@@ -171,6 +172,7 @@ void FalconDevice::run(std::unique_ptr<falcon::FalconLink> link) noexcept {
       if (stop_) break;
       boxes_.condition.store(kDeviceLost, std::memory_order_release);
       tell("The Falcon was lost: plug in its USB and its power supply.");
+      bus_->waitForArrival(kBreath);
     }
     auto again = connect();
     if (again.ok()) {
@@ -243,21 +245,18 @@ DeviceRead FalconDevice::read(DeviceReading& reading) noexcept {
   saturated_ = 0;
   if (fresh) {
     stale_ticks_ = 0;
+    reading.buttons = seen.report.bits & falcon::kInButtons;
     if ((seen.report.bits & falcon::kInHomed) != falcon::kInHomed) condition |= kDeviceNotReady;
   } else if (++stale_ticks_ > kOverrunTicks) {
     condition |= kDeviceOverrun;
   }
+  // nobody presses a button of a device that is away: the plunger must not go on
+  if ((condition & (kDeviceLost | kDeviceTrouble)) != 0) reading.buttons = 0;
   reading.condition = condition;
   placed_ = placed_ && (condition & (kDeviceNotReady | kDeviceLost)) == 0;
-  // encoders that have not found their zero tell no place, and nobody presses a button of a device that is
-  // away
-  if ((condition & (kDeviceNotReady | kDeviceLost)) != 0) {
-    reading.buttons = 0;
-    return DeviceRead::kNoUpdate;
-  }
-  if (!fresh) return DeviceRead::kNoUpdate;
+  // encoders that have not found their zero tell no place
+  if (!fresh || (condition & (kDeviceNotReady | kDeviceLost)) != 0) return DeviceRead::kNoUpdate;
 
-  reading.buttons = seen.report.bits & falcon::kInButtons;
   const falcon::LegAngles theta = falcon::anglesOfEncoders(seen.report.encoder);
   const falcon::Place place = falcon::forwardKinematics(theta);
   if (place.flags != 0) clamped_ticks_.fetch_add(1, std::memory_order_relaxed);

@@ -39,7 +39,7 @@ std::vector<FoundDevice> listFalcons();
 /// The haptic thread reads the newest report and posts the newest torques through mailboxes, wait-free; a
 /// thread of the device's own talks with USB, finds a lost device again, loads its firmware and watches that
 /// the haptic thread lives (Exchange). It has found its zero when it is pulled out and pushed in once; until
-/// then `read` says kNoUpdate with kDeviceNotReady, and no button is pressed.
+/// then `read` says kNoUpdate with kDeviceNotReady; buttons count all the same, but not while it is lost.
 class FalconDevice final : public Device {
  public:
   explicit FalconDevice(FalconOptions options);

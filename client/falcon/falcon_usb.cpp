@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <thread>
 #include <utility>
 
 #include "base/clock.h"
@@ -90,7 +91,9 @@ class UsbBus final : public FalconBus {
       if (left_ns <= 0) return;
       constexpr std::int64_t kMost_ns = 50'000'000;
       timeval wait{0, static_cast<suseconds_t>(std::min(left_ns, kMost_ns) / 1000)};
-      if (libusb_handle_events_timeout_completed(context_, &wait, nullptr) != 0) return;
+      // an error that comes at once must not make a thread of high priority spin
+      if (libusb_handle_events_timeout_completed(context_, &wait, nullptr) != 0)
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
   }
 
