@@ -160,7 +160,8 @@ Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t
   }
   if (row.state != pb::SESSION_OPEN) return Closed{Closed::Kind::kRepeated, row.chunks, row.state, {}};
 
-  const auto state = request.interrupted() ? pb::SESSION_INTERRUPTED : pb::SESSION_COMPLETE;
+  const bool whole = !request.interrupted() && request.samples_lost() == 0;
+  const auto state = whole ? pb::SESSION_COMPLETE : pb::SESSION_INTERRUPTED;
   if (auto done =
           connection_.run("UPDATE sessions SET state = ?, hash = ?, closed_unix_ns = ? WHERE number = ?",
                           static_cast<int>(state), ByteView(hash), now_unix_ns, row.number);

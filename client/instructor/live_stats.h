@@ -23,15 +23,15 @@ class LiveStats {
   /// server.
   [[nodiscard]] std::uint64_t dropped() const { return dropped_; }
   [[nodiscard]] double lastLatencyMs() const { return last_latency_ms_; }
-  /// q in [0, 1]; 0 when nothing came. From the newest 1,000,000 frames.
+  /// q in [0, 1]; 0 when nothing came. From the newest 100,000 frames: half an hour at the full rate.
   [[nodiscard]] double latencyMs(double q) const;
 
  private:
-  static constexpr std::size_t kKept = 1'000'000;
+  static constexpr std::size_t kKept = 100'000;
   std::uint64_t frames_ = 0, samples_ = 0, dropped_ = 0;
   std::optional<std::uint64_t> last_seq_;
   double last_latency_ms_ = 0;
-  std::vector<float> latencies_ms_;
+  std::vector<float> latencies_ms_ = std::vector<float>(kKept);  // all of it now: memory stays flat
 };
 
 }  // namespace needlelab

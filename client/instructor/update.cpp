@@ -12,6 +12,8 @@
 namespace needlelab {
 namespace {
 
+constexpr std::size_t kMostTrouble = 1000;  // bytes of a line from the network
+
 std::string phaseText(std::uint32_t phase) {
   return phase <= static_cast<std::uint32_t>(Phase::kWithdrawing) ? phaseName(static_cast<Phase>(phase))
                                                                   : "?";
@@ -65,6 +67,7 @@ Update updateOf(const pb::StationStatus& status) {
   update.force_n = status.force_n();
   update.fault = status.fault();
   update.online = status.online();
+  update.trouble = status.trouble().substr(0, kMostTrouble);
   return update;
 }
 
@@ -72,14 +75,15 @@ std::string textLine(const Update& update) {
   std::string line = format("%9.3f s  ", update.time_s) + printable(update.station, 12) + "  " +
                      printable(update.trainee, 10);
   if (update.online && !*update.online) return line + "  offline";
-  if (update.online && update.session.empty()) return line + "  idle";
+  const std::string trouble = update.trouble.empty() ? "" : "  TROUBLE: " + printable(update.trouble, 0);
+  if (update.online && update.session.empty()) return line + "  idle" + trouble;
   line += "  " + printable(update.phase, 11);
   line += update.layer < 0 ? "  layer -" : format("  layer %d", update.layer);
   line += format("  insertion %7.2f mm  |F| %6.3f N", 1e3 * update.insertion_m, update.force_n);
   if (update.latency_ms) line += format("  latency %6.1f ms", *update.latency_ms);
   if (update.drops) line += format("  drops %llu", static_cast<unsigned long long>(*update.drops));
   if (update.fault != 0) line += std::string("  FAULT: ") + faultText(static_cast<Fault>(update.fault));
-  return line;
+  return line + trouble;
 }
 
 std::string jsonLine(const Update& update) {
@@ -96,6 +100,7 @@ std::string jsonLine(const Update& update) {
   json["fault"] = update.fault;
   if (update.latency_ms) json["latency_ms"] = *update.latency_ms;
   if (update.drops) json["drops"] = *update.drops;
+  if (!update.trouble.empty()) json["trouble"] = update.trouble;
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 

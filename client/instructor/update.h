@@ -22,6 +22,7 @@ struct Update {
   std::optional<double> latency_ms;    ///< from capture to receipt
   std::optional<std::uint64_t> drops;  ///< frames lost so far
   std::optional<bool> online;          ///< overviews
+  std::string trouble;                 ///< what somebody should look at, in the station's words
 };
 
 Update updateOf(const GestureSample& sample);

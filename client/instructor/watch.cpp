@@ -71,6 +71,12 @@ class Watch {
       run_.note("station " + status.station() + news);
       stats_.streamRestarts();
     }
+    if (status.trouble() != trouble_) {
+      trouble_ = status.trouble();
+      const std::string words = updateOf(status).trouble;
+      run_.note("station " + status.station() +
+                (words.empty() ? ": no trouble any more" : ": TROUBLE: " + words));
+    }
     if (status.online()) speak();
   }
 
@@ -163,6 +169,7 @@ class Watch {
   LiveStats stats_;
   std::map<std::string, SessionFacts> facts_;
   std::optional<bool> online_;
+  std::string trouble_;
   bool spoken_ = false;
 };
 

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <optional>
 #include <utility>
 
 #include "base/atomic_file.h"
@@ -26,6 +27,14 @@ std::uint64_t bytesIn(const fs::path& folder) {
     if (at->is_regular_file(ignored)) bytes += at->file_size(ignored);
   }
   return bytes;
+}
+
+// for this user; nothing when the disk does not say
+std::optional<std::uint64_t> freeBytes(const fs::path& folder) {
+  std::error_code error;
+  const fs::space_info space = fs::space(folder, error);
+  if (error) return std::nullopt;
+  return space.available;
 }
 
 // under another name first, so that a crash in between does not leave half a session behind
@@ -117,6 +126,8 @@ std::vector<std::shared_ptr<SpoolSession>> Spool::unfinished() const {
 std::vector<std::string> Spool::cleanUp(const SpoolKeep& keep, std::int64_t now_unix_ns) {
   std::vector<std::string> said;
   std::uint64_t total = bytesIn(folder_);
+  // closed sessions lie on this disk as well: those who go make room for what no server has yet
+  std::uint64_t free_bytes = freeBytes(folder_).value_or(UINT64_MAX);
   std::erase_if(sessions_, [&](const std::shared_ptr<SpoolSession>& session) {
     const SpoolReceipt receipt = session->receipt();
     if (!receipt.closed) return false;
@@ -128,17 +139,35 @@ std::vector<std::string> Spool::cleanUp(const SpoolKeep& keep, std::int64_t now_
       why = "the server has had it for " + std::to_string(age_s / 86'400) + " days";
     else if (total > keep.quota_bytes)
       why = "the spool is over its quota and the server has it";
+    else if (free_bytes < keep.min_free_bytes)
+      why = "its disk is nearly full and the server has it";
     if (why.empty()) return false;
-    total -= std::min(total, bytesIn(session->folder()));
+    const std::uint64_t bytes = bytesIn(session->folder());
+    total -= std::min(total, bytes);
+    if (free_bytes < keep.min_free_bytes) free_bytes += bytes;
     removeFolder(session->folder());
     said.push_back("session " + session->idText() + " left the spool: " + why);
     return true;
   });
-  if (total > keep.quota_bytes)
-    said.push_back("the spool " + folder_.string() + " holds " + std::to_string(total >> 20) +
-                   " MiB, over its quota of " + std::to_string(keep.quota_bytes >> 20) +
-                   " MiB, and none of it is closed at the server: it is kept");
   return said;
+}
+
+Result<SpoolUsage> Spool::usage() const {
+  SpoolUsage usage;
+  for (const auto& session : unfinished()) {
+    const SpoolContents contents = session->contents();
+    const std::uint64_t committed = session->receipt().committed;
+    const std::uint64_t bytes = contents.bytes - std::min(contents.bytes, session->bytesIn(committed));
+    if (bytes == 0) continue;
+    ++usage.unsent_sessions;
+    usage.unsent_bytes += bytes;
+    usage.unsent_samples += contents.samples - std::min(contents.samples, session->samplesIn(committed));
+  }
+  const auto free_bytes = freeBytes(folder_);
+  if (!free_bytes)
+    return Error{ErrorCode::kUnavailable, "the disk of the spool " + folder_.string() + " cannot be asked"};
+  usage.free_bytes = *free_bytes;
+  return usage;
 }
 
 }  // namespace needlelab

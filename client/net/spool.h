@@ -29,6 +29,13 @@ namespace needlelab {
 Resolution resolutionOf(const pb::SessionDescription& description);
 void setResolution(pb::SessionDescription& description, const Resolution& resolution);
 
+/// Samples of a session that never reached its spool, because the disk refused for longer than memory lasted.
+struct SpoolLoss {
+  std::uint64_t samples = 0;
+  std::uint64_t from_tick = 0;  ///< the first of them
+  friend bool operator==(const SpoolLoss&, const SpoolLoss&) = default;
+};
+
 /// What the spool holds of a session.
 struct SpoolContents {
   std::uint64_t chunks = 0;   ///< on disk, synced: these may be sent
@@ -37,6 +44,7 @@ struct SpoolContents {
   bool ended = false;         ///< nothing will come
   bool interrupted = false;   ///< the program died in the session: the end was made at the next start
   Digest hash{};              ///< over the chunks' bytes in order; once ended
+  SpoolLoss loss;             ///< survives the program as well
 };
 
 /// What the server has of it. Kept on disk so that a restart does not send again what is done.
@@ -69,6 +77,9 @@ class SpoolSession {
   /// Syncs the chunks appended so far. After a failure the unsynced ones are written again before the next
   /// try.
   Status sync();
+  /// Notes how many samples are lost so far; written in place, so that the disk need not have room. Thread:
+  /// the writing one. Errors: kUnavailable; it counts in `contents` nevertheless.
+  Status setLoss(const SpoolLoss& loss);
   /// No more chunks. Everything was synced before. Errors: kUnavailable; may be tried again.
   Status end(bool interrupted);
 
@@ -76,6 +87,8 @@ class SpoolSession {
   [[nodiscard]] SpoolContents contents() const;
   /// Samples in the first `chunks` of them.
   [[nodiscard]] std::uint64_t samplesIn(std::uint64_t chunks) const;
+  /// Bytes of the first `chunks` of them.
+  [[nodiscard]] std::uint64_t bytesIn(std::uint64_t chunks) const;
   /// The bytes of a synced chunk. Errors: kCorrupt, kUnavailable, kNotFound.
   [[nodiscard]] Result<Bytes> readChunk(std::uint64_t seq) const;
 
@@ -98,6 +111,7 @@ class SpoolSession {
   Status loadChunks();
   Status keepDamaged() const;
   Status recoverTail();
+  void loadLoss();
   void addEntry(std::uint64_t offset, std::uint64_t samples, std::uint64_t bytes);
 
   std::filesystem::path folder_;
@@ -114,6 +128,7 @@ class SpoolSession {
   std::uint64_t synced_ = 0;  // entries 0 … synced−1 are on disk
   bool ended_ = false, interrupted_ = false;
   Digest end_hash_{};
+  SpoolLoss loss_;
   SpoolContents ended_contents_;  // of a closed session: its chunks are not read again
   SpoolReceipt receipt_;
 };
@@ -123,6 +138,16 @@ struct SpoolKeep {
   std::int64_t age_s = 14 * 86'400;  ///< since the server closed them
   std::uint64_t quota_bytes = std::uint64_t{4}
                               << 30;  ///< of the whole spool; the oldest closed ones go first
+  /// Free on the spool's disk: below this, too, closed ones go, so that what no server has yet finds room.
+  std::uint64_t min_free_bytes = std::uint64_t{256} << 20;
+};
+
+/// How much lies in the spool that no server has, and what room there is.
+struct SpoolUsage {
+  std::uint64_t unsent_sessions = 0;  ///< with samples that the server has not committed
+  std::uint64_t unsent_bytes = 0;     ///< of their chunks that are not committed
+  std::uint64_t free_bytes = 0;       ///< on the spool's disk, for this user
+  std::uint64_t unsent_samples = 0;   ///< in them
 };
 
 /// The folder. Thread: one, but `sessions` by any.
@@ -143,6 +168,8 @@ class Spool {
   /// Removes closed sessions that are Safe, older than `keep.age_s`, or over the quota. What the server has
   /// not closed is never touched. Says what it removed.
   std::vector<std::string> cleanUp(const SpoolKeep& keep, std::int64_t now_unix_ns);
+  /// Errors: kUnavailable when the disk cannot be asked.
+  [[nodiscard]] Result<SpoolUsage> usage() const;
   [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
 

@@ -3,10 +3,72 @@
 #include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "base/atomic_file.h"
+#include "base/clock.h"
+#include "base/text_rules.h"
+#include "gesture/session_hash.h"
 
 namespace needlelab {
+namespace {
+
+using Json = nlohmann::json;
+constexpr std::size_t kMaxFileBytes = 8u << 20;
+constexpr const char* kExtension = ".json";
+
+// every part ends with a byte that none of them holds, so that nothing can move from one to the next
+std::string hashOf(const std::string& exercise_id, const pb::Lesson& lesson) {
+  SessionHash hash;
+  for (const std::string& part : {exercise_id, lesson.exercise_json(), lesson.profile_json(),
+                                  std::to_string(lesson.profile_revision())}) {
+    hash.update(viewOf(part));
+    hash.update(viewOf(std::string_view("\0", 1)));
+  }
+  return hexOf(hash.digest());
+}
+
+// of a JSON object that may be anything
+std::string textAt(const Json& json, const char* key) {
+  const auto at = json.is_object() ? json.find(key) : json.end();
+  return at != json.end() && at->is_string() ? at->get<std::string>() : std::string();
+}
+
+Error broken(const std::filesystem::path& path, const std::string& why) {
+  return Error{ErrorCode::kCorrupt, path.string() + ": " + why +
+                                        "; delete it and connect to the server once, which gives it anew"};
+}
+
+struct CacheFile {
+  pb::Lesson lesson;
+  std::int64_t fetched_unix_ns = 0;
+};
+
+Result<CacheFile> readCacheFile(const std::filesystem::path& path, const std::string& exercise_id) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored)) return broken(path, "is not a file");
+  auto text = readWholeFile(path, kMaxFileBytes);
+  if (!text.ok()) return broken(path, "cannot be read (" + text.error().message + ")");
+  const Json json = Json::parse(*text, nullptr, false);
+  if (!json.is_object()) return broken(path, "is not a JSON object: it was damaged, or somebody else's");
+
+  CacheFile file;
+  const bool wrapped = json.contains("lesson");
+  const auto parsed =
+      google::protobuf::util::JsonStringToMessage(wrapped ? json["lesson"].dump() : *text, &file.lesson);
+  if (!parsed.ok()) return broken(path, "holds no lesson");
+  if (const auto at = json.find("fetched_unix_ns"); at != json.end() && at->is_number_integer())
+    file.fetched_unix_ns = at->get<std::int64_t>();
+  if (wrapped && textAt(json, "hash") != hashOf(exercise_id, file.lesson))
+    return broken(path,
+                  "was changed since it came from the server (its hash does not agree): it is not used");
+  const Json exercise = Json::parse(file.lesson.exercise_json(), nullptr, false);
+  if (const std::string id = textAt(exercise, "id"); !id.empty() && id != exercise_id)
+    return broken(path, "is the lesson of another exercise, '" + printable(id) + "'");
+  return file;
+}
+
+}  // namespace
 
 Result<std::filesystem::path> LessonCache::fileOf(const std::string& exercise_id) const {
   const auto allowed = [](char c) {
@@ -17,38 +79,64 @@ Result<std::filesystem::path> LessonCache::fileOf(const std::string& exercise_id
   if (exercise_id.empty() || exercise_id.size() > 64 || exercise_id.front() == '.' ||
       !std::all_of(exercise_id.begin(), exercise_id.end(), allowed))
     return Error{ErrorCode::kInvalidInput,
-                 "exercise '" + exercise_id.substr(0, 64) +
+                 "exercise '" + printable(exercise_id.substr(0, 64)) +
                      "' is no exercise's id: 1 to 64 letters, digits, '-', '_', '.', the "
                      "first not a '.'"};
-  return folder_ / (exercise_id + ".json");
+  return folder_ / (exercise_id + kExtension);
 }
 
 Status LessonCache::keep(const std::string& exercise_id, const pb::Lesson& lesson) const {
   auto file = fileOf(exercise_id);
   if (!file.ok()) return file.error();
-  std::string json;
-  const auto written = google::protobuf::util::MessageToJsonString(lesson, &json);
+  std::string text;
+  const auto written = google::protobuf::util::MessageToJsonString(lesson, &text);
   if (!written.ok())
     return Error{ErrorCode::kFailed, "the lesson cannot be written as JSON: " + written.ToString()};
-  if (auto status = writeFileAtomically(*file, viewOf(json), 0600); !status.ok())
+  const nlohmann::ordered_json json = {{"exercise_id", exercise_id},
+                                       {"fetched_unix_ns", wallNowNs()},
+                                       {"hash", hashOf(exercise_id, lesson)},
+                                       {"lesson", nlohmann::ordered_json::parse(text)}};
+  if (auto status = writeFileAtomically(*file, viewOf(json.dump(1) + "\n"), 0600); !status.ok())
     return Error{ErrorCode::kUnavailable, status.error().message};
   return {};
 }
 
 Result<pb::Lesson> LessonCache::find(const std::string& exercise_id) const {
-  auto file = fileOf(exercise_id);
-  if (!file.ok()) return file.error();
+  auto path = fileOf(exercise_id);
+  if (!path.ok()) return path.error();
   std::error_code ignored;
-  if (!std::filesystem::exists(*file, ignored))
+  if (!std::filesystem::exists(std::filesystem::symlink_status(*path, ignored)))
     return Error{ErrorCode::kNotFound, "exercise '" + exercise_id + "' was never fetched from the server: " +
-                                           file->string() + " does not exist"};
-  auto text = readWholeFile(*file, 8u << 20);
-  if (!text.ok()) return text.error();
-  pb::Lesson lesson;
-  if (const auto parsed = google::protobuf::util::JsonStringToMessage(*text, &lesson); !parsed.ok())
-    return Error{ErrorCode::kCorrupt,
-                 file->string() + ": " + parsed.ToString() + "; delete it and connect to the server"};
-  return lesson;
+                                           path->string() + " does not exist"};
+  auto file = readCacheFile(*path, exercise_id);
+  if (!file.ok()) return file.error();
+  return std::move(file->lesson);
+}
+
+std::vector<CachedLesson> LessonCache::list() const {
+  std::vector<CachedLesson> lessons;
+  std::error_code error;
+  for (auto at = std::filesystem::directory_iterator(folder_, error);
+       !error && at != std::filesystem::end(at); at.increment(error)) {
+    CachedLesson lesson;
+    lesson.exercise_id = at->path().stem().string();
+    // files that are being written, and whatever else lies there
+    if (at->path().extension() != kExtension || !fileOf(lesson.exercise_id).ok()) continue;
+    auto file = readCacheFile(at->path(), lesson.exercise_id);
+    if (file.ok()) {
+      const Json exercise = Json::parse(file->lesson.exercise_json(), nullptr, false);
+      lesson.name = printable(textAt(exercise, "name"));
+      lesson.profile_id = printable(textAt(exercise, "profile_id"));
+      lesson.profile_revision = file->lesson.profile_revision();
+      lesson.fetched_unix_ns = file->fetched_unix_ns;
+    } else {
+      lesson.trouble = file.error().message;
+    }
+    lessons.push_back(std::move(lesson));
+  }
+  std::sort(lessons.begin(), lessons.end(),
+            [](const auto& a, const auto& b) { return a.exercise_id < b.exercise_id; });
+  return lessons;
 }
 
 }  // namespace needlelab

@@ -1,15 +1,29 @@
 /// Lessons kept beside the spool, so that a station works when the server is away (DESIGN §7).
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "base/result.h"
 #include "needlelab/control.pb.h"
 
 namespace needlelab {
 
-/// Files SPOOL/lessons/EXERCISE.json, each a pb::Lesson. Thread: one.
+/// A lesson in the cache, for a list.
+struct CachedLesson {
+  std::string exercise_id;
+  std::string name;  ///< the exercise's; empty when it cannot be read
+  std::string profile_id;
+  std::uint32_t profile_revision = 0;
+  std::int64_t fetched_unix_ns = 0;  ///< 0: not known
+  std::string trouble;               ///< why it cannot be used; empty when it can
+};
+
+/// Files SPOOL/lessons/EXERCISE.json: {"exercise_id", "fetched_unix_ns", "hash", "lesson": pb::Lesson}. The
+/// hash (BLAKE2b-256 over exercise, profile and revision) tells a damaged profile from a whole one: a flipped
+/// digit in a stiffness would else be felt. Files without hash, of before, are read too. Thread: one.
 class LessonCache {
  public:
   explicit LessonCache(const std::filesystem::path& spool) : folder_(spool / "lessons") {}
@@ -17,8 +31,11 @@ class LessonCache {
   /// Errors: kInvalidInput for an id that is no file name (letters, digits, '-', '_', '.'), kUnavailable
   /// (disk).
   Status keep(const std::string& exercise_id, const pb::Lesson& lesson) const;
-  /// Errors: kNotFound when it was never fetched, kCorrupt, kInvalidInput for the id.
+  /// Errors: kNotFound when it was never fetched; kCorrupt when what is there is no lesson, is damaged or
+  /// belongs to another exercise, naming the file and what to do; kInvalidInput for the id.
   [[nodiscard]] Result<pb::Lesson> find(const std::string& exercise_id) const;
+  /// By id; those that cannot be used with their trouble.
+  [[nodiscard]] std::vector<CachedLesson> list() const;
 
  private:
   [[nodiscard]] Result<std::filesystem::path> fileOf(const std::string& exercise_id) const;

@@ -1,11 +1,17 @@
+#include <fcntl.h>
 #include <google/protobuf/util/json_util.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <utility>
 
 #include "base/atomic_file.h"
+#include "base/formatted.h"
 #include "gesture/chunk.h"
 #include "net/spool.h"
 #include "session/session_rules.h"
@@ -14,6 +20,7 @@ namespace needlelab {
 namespace {
 
 using Json = nlohmann::json;
+constexpr const char* kLossFormat = "%020llu %020llu\n";  // samples, first tick: always as long
 constexpr std::size_t kMaxTailSamples =
     4000;  // a chunk never has more; a lossless one of so many fits an envelope
 
@@ -100,6 +107,8 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
   auto tail = SpoolFile::open(session->folder_ / "tail");
   if (!tail.ok()) return tail.error();
   session->tail_ = std::move(*tail);
+  // its room is taken now: when there is something to note in it, the disk is full
+  if (status = session->setLoss({}); !status.ok()) return status.error();
 
   // the new names survive a power cut only when their folders are synced too
   for (const auto& folder : {session->folder_, spool})
@@ -123,6 +132,7 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::
   if (auto valid = validate(resolutionOf(session->description_)); !valid.ok())
     return broken(folder / "session.json", valid.error().message);
 
+  session->loadLoss();
   auto receipt = readJson(folder / "acked.json");
   // a receipt that cannot be read costs a question to the server, nothing else
   if (receipt.ok() && receipt->is_object()) {
@@ -300,23 +310,60 @@ Status SpoolSession::end(bool interrupted) {
   return {};
 }
 
+Status SpoolSession::setLoss(const SpoolLoss& loss) {
+  {
+    const std::scoped_lock lock(mutex_);
+    loss_ = loss;
+  }
+  const auto path = folder_ / "lost";
+  const auto failed = [&] {
+    return Error{ErrorCode::kUnavailable, "cannot write " + path.string() + ": " + std::strerror(errno)};
+  };
+  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (fd < 0) return failed();
+  const std::string text = formatted(kLossFormat, static_cast<unsigned long long>(loss.samples),
+                                     static_cast<unsigned long long>(loss.from_tick));
+  const ssize_t wrote = ::pwrite(fd, text.data(), text.size(), 0);
+  Status status;
+  if (wrote != static_cast<ssize_t>(text.size())) status = failed();
+  ::close(fd);
+  return status;
+}
+
+// a file that is not there or cannot be read says nothing: then the gap in the ticks has to speak
+void SpoolSession::loadLoss() {
+  std::error_code ignored;
+  if (!std::filesystem::exists(folder_ / "lost", ignored)) return;
+  const auto text = readWholeFile(folder_ / "lost", 1000);
+  unsigned long long samples = 0, from_tick = 0;
+  if (text.ok() && std::sscanf(text->c_str(), "%20llu %20llu", &samples, &from_tick) == 2)
+    loss_ = {samples, from_tick};
+}
+
 SpoolContents SpoolSession::contents() const {
   const std::scoped_lock lock(mutex_);
   if (ended_ && entries_.empty() && receipt_.closed) {
     SpoolContents closed = ended_contents_;
     closed.ended = true;
     closed.interrupted = interrupted_;
+    closed.loss = loss_;
     return closed;
   }
   const Entry last = synced_ == 0 ? Entry{} : entries_[synced_ - 1];
   const bool ended = ended_ && synced_ == entries_.size();
-  return {synced_, last.samples_through, last.bytes_through, ended, interrupted_, end_hash_};
+  return {synced_, last.samples_through, last.bytes_through, ended, interrupted_, end_hash_, loss_};
 }
 
 std::uint64_t SpoolSession::samplesIn(std::uint64_t chunks) const {
   const std::scoped_lock lock(mutex_);
   const std::uint64_t some = std::min<std::uint64_t>(chunks, entries_.size());
   return some == 0 ? 0 : entries_[some - 1].samples_through;
+}
+
+std::uint64_t SpoolSession::bytesIn(std::uint64_t chunks) const {
+  const std::scoped_lock lock(mutex_);
+  const std::uint64_t some = std::min<std::uint64_t>(chunks, entries_.size());
+  return some == 0 ? 0 : entries_[some - 1].bytes_through;
 }
 
 Result<Bytes> SpoolSession::readChunk(std::uint64_t seq) const {

@@ -1,5 +1,8 @@
 #include "net/spool_writer.h"
 
+#include <pthread.h>
+#include <sched.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -13,15 +16,26 @@ namespace needlelab {
 namespace {
 
 constexpr auto kPoll = std::chrono::milliseconds(4);  // how often the ring is looked into
-constexpr std::int64_t kPieceAge_ns = 20'000'000;     // a piece waits no longer for its samples
+constexpr std::int64_t kPieceAge_ns = 20'000'000;     // a live piece waits no longer for its samples
 constexpr double kPiece_s = 0.02;
+constexpr std::int64_t kTailAge_ns = 10'000'000;  // … and no sample longer for the tail
+constexpr double kTail_s = 0.01;
 constexpr double kChunk_s = 1;
-constexpr double kMostSamples = 1000;            // a lossless chunk then stays far below an envelope's 1 MiB
+constexpr double kMostSamples = 1000;  // a lossless chunk then stays far below an envelope's 1 MiB
+constexpr std::int64_t kTailRetry_ns = 20'000'000;
 constexpr std::int64_t kRetry_ns = 500'000'000;  // between tries on a disk that refused
 constexpr std::int64_t kCalm_ns = 400'000'000;   // without errors before the disk is called well
+constexpr int kPriority = 10;                    // SCHED_FIFO; the haptic loop has 80
 
 std::size_t samplesIn(double seconds, double rate_hz) {
   return static_cast<std::size_t>(std::clamp(std::round(seconds * rate_hz), 1.0, kMostSamples));
+}
+
+// without the right to it the thread stays an ordinary one: then only a busy machine makes a difference
+void preferThisThread() {
+  sched_param parameters{};
+  parameters.sched_priority = kPriority;
+  [[maybe_unused]] const int refused = ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters);
 }
 
 }  // namespace
@@ -34,8 +48,10 @@ SpoolWriter::SpoolWriter(SampleRing& ring, std::shared_ptr<SpoolSession> session
       callbacks_(std::move(callbacks)),
       resolution_(resolutionOf(session_->description())),
       piece_samples_(samplesIn(kPiece_s, options.rate_hz)),
+      tail_samples_(samplesIn(kTail_s, options.rate_hz)),
       chunk_samples_(samplesIn(kChunk_s, options.rate_hz)),
-      seq_(session_->contents().chunks) {
+      seq_(session_->contents().chunks),
+      ring_dropped_before_(ring.dropped()) {
   chunk_.reserve(chunk_samples_);
   piece_.reserve(piece_samples_);
   writer_ = std::thread([this] { run(); });
@@ -60,65 +76,88 @@ SpoolWriterCounts SpoolWriter::counts() const {
 }
 
 void SpoolWriter::run() {
+  preferThisThread();
   GestureSample sample;
   for (;;) {
     // asked before draining: what was pushed before `finish` is then surely seen
     const bool last_round = finish_.load(std::memory_order_acquire);
     while (ring_.pop(sample)) takeSample(sample);
-    if (!piece_.empty() && (last_round || steadyNowNs() - piece_began_ns_ >= kPieceAge_ns)) writePiece();
-    if (!pending_.empty() && steadyNowNs() >= next_try_ns_) flushPending();
+    const std::int64_t now_ns = steadyNowNs();
+    if (in_tail_ < chunk_.size() && (last_round || now_ns - tail_waits_since_ns_ >= kTailAge_ns)) writeTail();
+    if (!piece_.empty() && (last_round || now_ns - piece_began_ns_ >= kPieceAge_ns)) showPiece();
+    if (!pending_.empty() && now_ns >= next_try_ns_) flushPending();
+    noteLoss();
     if (last_round) return;
     std::this_thread::sleep_for(kPoll);
   }
 }
 
 void SpoolWriter::takeSample(const GestureSample& sample) {
-  if (pending_bytes_ > options_.pending_bytes) {
-    // the disk has been full for so long that memory is at its end too: these samples are lost, and said to
-    // be
-    const std::scoped_lock lock(mutex_);
-    ++counts_.samples;
-    ++counts_.samples_lost;
-    return;
-  }
+  last_tick_ = sample.tick;
   if (piece_.empty()) piece_began_ns_ = steadyNowNs();
   piece_.push_back(sample);
-  chunk_.push_back(sample);
+  const bool lost = pending_bytes_ > options_.pending_bytes;
+  if (lost) {
+    // the disk has been full for so long that memory is at its end too: these samples are lost, and said to
+    // be; who watches live sees them nevertheless
+    if (!lost_from_) lost_from_ = sample.tick;
+    ++lost_;
+  } else {
+    if (in_tail_ == chunk_.size()) tail_waits_since_ns_ = steadyNowNs();
+    chunk_.push_back(sample);
+  }
   {
     const std::scoped_lock lock(mutex_);
     ++counts_.samples;
+    if (lost) ++counts_.samples_lost;
   }
-  if (piece_.size() >= piece_samples_ || chunk_.size() >= chunk_samples_) writePiece();
+  if (chunk_.size() - in_tail_ >= tail_samples_ || chunk_.size() >= chunk_samples_) writeTail();
+  if (piece_.size() >= piece_samples_) showPiece();
   if (chunk_.size() >= chunk_samples_) makeChunk();
 }
 
-void SpoolWriter::writePiece() {
+// what is not in the tail yet; while chunks wait for the disk, the tail is not asked as well: it would refuse
+// too
+void SpoolWriter::writeTail() {
+  if (!pending_.empty() || in_tail_ == chunk_.size() || steadyNowNs() < tail_next_try_ns_) return;
+  const std::span<const GestureSample> missing(chunk_);
+  const Status status = session_->appendPiece(seq_, encodeChunk(resolution_, missing.subspan(in_tail_)));
+  if (status.ok())
+    in_tail_ = chunk_.size();
+  else
+    tail_next_try_ns_ = steadyNowNs() + kTailRetry_ns;
+  noteDisk(status);
+}
+
+// for whoever watches
+void SpoolWriter::showPiece() {
   auto bytes = std::make_shared<const Bytes>(encodeChunk(resolution_, piece_));
-  // while chunks wait for the disk, the tail is not asked as well: it would refuse too
-  if (pending_.empty()) {
-    Status status;
-    if (in_tail_ + piece_.size() == chunk_.size()) {
-      status = session_->appendPiece(seq_, *bytes);
-    } else {
-      // earlier pieces of this chunk were refused: they come along now
-      const std::span<const GestureSample> missing(chunk_);
-      status = session_->appendPiece(seq_, encodeChunk(resolution_, missing.subspan(in_tail_)));
-    }
-    if (status.ok()) in_tail_ = chunk_.size();
-    noteDisk(status);
-  }
   SamplePiece piece{std::move(bytes), piece_.back(), 0, 0};
   for (const GestureSample& sample : piece_) piece.flags |= sample.flags;
   piece_.clear();
   {
     const std::scoped_lock lock(mutex_);
-    piece.samples_so_far = counts_.samples - counts_.samples_lost;
+    piece.samples_so_far = counts_.samples;
   }
   if (callbacks_.piece) callbacks_.piece(piece);
 }
 
+// tells the session how much is lost, so that it is known even when this program is not there any more
+void SpoolWriter::noteLoss() {
+  const std::uint64_t dropped = ring_.dropped() - ring_dropped_before_;
+  if (dropped > 0 && !lost_from_) lost_from_ = last_tick_ + 1;
+  const SpoolLoss loss{lost_ + dropped, lost_from_.value_or(0)};
+  if (loss == loss_noted_) return;
+  if (loss_noted_.samples == 0 && callbacks_.trouble)
+    callbacks_.trouble(
+        "samples are LOST from now on: the spool's disk has refused them for longer than memory lasts. "
+        "The force goes on; make room on that disk");
+  loss_noted_ = loss;
+  noteDisk(session_->setLoss(loss));
+}
+
 void SpoolWriter::makeChunk() {
-  pending_.push_back({encodeChunk(resolution_, chunk_), chunk_.size()});
+  pending_.push_back({encodeChunk(resolution_, chunk_), chunk_.size(), chunk_.front().tick});
   pending_bytes_ += pending_.back().chunk.size();
   ++seq_;
   chunk_.clear();
@@ -146,6 +185,11 @@ void SpoolWriter::flushPending() {
     wrote = true;
   }
   if (pending_.empty()) noteDisk(session_->restartTail());
+  {
+    const std::scoped_lock lock(mutex_);
+    counts_.samples_waiting = 0;
+    for (const Pending& chunk : pending_) counts_.samples_waiting += chunk.samples;
+  }
   if (!wrote) return;
   {
     const std::scoped_lock lock(mutex_);
@@ -164,7 +208,8 @@ void SpoolWriter::noteDisk(const Status& status) {
       last_disk_error_ns_ = now_ns;
       if (counts_.disk_error.empty())
         said = "the spool's disk refuses: " + status.error().message +
-               "; the lesson goes on, its samples wait in memory. Make room on that disk";
+               "; the lesson goes on, its samples wait in memory. Make room on that disk, or see whether it "
+               "fails";
       counts_.disk_error = status.error().message;
     } else if (!counts_.disk_error.empty() && now_ns - last_disk_error_ns_ > kCalm_ns) {
       counts_.disk_error.clear();
@@ -172,6 +217,18 @@ void SpoolWriter::noteDisk(const Status& status) {
     }
   }
   if (!said.empty() && callbacks_.trouble) callbacks_.trouble(said);
+}
+
+std::string SpoolWriter::trouble() const {
+  const SpoolWriterCounts now = counts();
+  std::string text;
+  if (!now.disk_error.empty())
+    text = "the spool's disk refuses (" + now.disk_error + "), " + std::to_string(now.samples_waiting) +
+           " samples wait in memory";
+  const std::uint64_t lost = session_->contents().loss.samples;
+  if (lost > 0)
+    text += (text.empty() ? "" : "; ") + std::to_string(lost) + " samples are lost, the disk was full";
+  return text;
 }
 
 void SpoolWriter::runSync() {
@@ -218,12 +275,16 @@ Status SpoolWriter::finish(std::chrono::milliseconds patience) {
   std::uint64_t lost = 0;
   for (const Pending& chunk : pending_) lost += chunk.samples;
   if (lost > 0) {
+    lost_ += lost;
+    lost_from_ = std::min(lost_from_.value_or(UINT64_MAX), pending_.front().first_tick);
     const std::scoped_lock lock(mutex_);
     counts_.samples_lost += lost;
+    counts_.samples_waiting = 0;
     // what was made of them counts no more either
     counts_.chunks -= pending_.size();
     for (const Pending& chunk : pending_) counts_.chunk_bytes -= chunk.chunk.size();
   }
+  noteLoss();
   outcome_ = session_->sync();
   while (!outcome_.ok() && std::chrono::steady_clock::now() < deadline) {
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
@@ -232,8 +293,8 @@ Status SpoolWriter::finish(std::chrono::milliseconds patience) {
   if (outcome_.ok()) outcome_ = session_->end(false);
   if (outcome_.ok()) outcome_ = session_->restartTail();
   if (callbacks_.durable) callbacks_.durable();
-  if (outcome_.ok() && counts().samples_lost > 0)
-    outcome_ = Error{ErrorCode::kUnavailable, std::to_string(counts().samples_lost) +
+  if (outcome_.ok() && loss_noted_.samples > 0)
+    outcome_ = Error{ErrorCode::kUnavailable, std::to_string(loss_noted_.samples) +
                                                   " samples are lost: the spool's disk was full (" +
                                                   counts().disk_error + ")"};
   return outcome_;

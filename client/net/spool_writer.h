@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -37,9 +38,10 @@ struct SpoolWriterCounts {
   std::uint64_t samples = 0;  ///< taken from the ring
   std::uint64_t chunks = 0;   ///< made of them, and not lost
   std::uint64_t chunk_bytes = 0;
-  std::uint64_t samples_lost = 0;  ///< neither on disk nor in memory: the disk was full for too long
-  std::uint64_t disk_errors = 0;   ///< writes and syncs that the disk refused
-  std::string disk_error;          ///< the present trouble in words; empty when all is well
+  std::uint64_t samples_lost = 0;     ///< neither on disk nor in memory: the disk was full for too long
+  std::uint64_t samples_waiting = 0;  ///< in memory, because the disk refuses them
+  std::uint64_t disk_errors = 0;      ///< writes and syncs that the disk refused
+  std::string disk_error;             ///< the present trouble in words; empty when all is well
 };
 
 /// Settings; the defaults are those of DESIGN §7.
@@ -48,8 +50,11 @@ struct SpoolWriterOptions {
   std::size_t pending_bytes = 64u << 20;  ///< chunks that wait for a full disk, in memory
 };
 
-/// Thread: made, `finish`ed and destroyed by one thread; `counts` by any; the callbacks run on the writer's
-/// threads and must not block.
+/// What a crash of the program may take: samples go to the tail when the oldest is 10 ms old; with the
+/// writer's own period of 4 ms and its time to write that stays under 20 ms. The writing thread runs at a low
+/// real-time priority where that is allowed, far below the haptic loop: a busy machine must not stretch this
+/// time. Thread: made, `finish`ed and destroyed by one thread; `counts` by any; the callbacks run on the
+/// writer's threads and must not block.
 class SpoolWriter {
  public:
   struct Callbacks {
@@ -71,11 +76,15 @@ class SpoolWriter {
   Status finish(std::chrono::milliseconds patience);
 
   [[nodiscard]] SpoolWriterCounts counts() const;
+  /// What a person should know of the disk now; empty when all is well. A loss stays said until the end.
+  [[nodiscard]] std::string trouble() const;
 
  private:
   void run();
   void takeSample(const GestureSample& sample);
-  void writePiece();
+  void writeTail();
+  void showPiece();
+  void noteLoss();
   void makeChunk();
   void flushPending();
   void noteDisk(const Status& status);
@@ -86,7 +95,7 @@ class SpoolWriter {
   SpoolWriterOptions options_;
   Callbacks callbacks_;
   Resolution resolution_;
-  std::size_t piece_samples_, chunk_samples_;
+  std::size_t piece_samples_, tail_samples_, chunk_samples_;
 
   // the writing thread's own
   std::vector<GestureSample> chunk_, piece_;
@@ -94,12 +103,18 @@ class SpoolWriter {
   struct Pending {
     Bytes chunk;
     std::uint64_t samples = 0;
+    std::uint64_t first_tick = 0;
   };
   std::deque<Pending> pending_;  // made, but refused by the disk so far
   std::size_t pending_bytes_ = 0;
   std::uint64_t seq_ = 0;         // of the chunk that is being filled
   std::int64_t next_try_ns_ = 0;  // of a disk that refused
-  std::int64_t piece_began_ns_ = 0;
+  std::int64_t piece_began_ns_ = 0, tail_waits_since_ns_ = 0, tail_next_try_ns_ = 0;
+  std::uint64_t last_tick_ = 0;
+  std::uint64_t ring_dropped_before_;  // by earlier users of the ring
+  std::uint64_t lost_ = 0;             // of those that were taken from the ring
+  SpoolLoss loss_noted_;               // as the session was told
+  std::optional<std::uint64_t> lost_from_;
 
   mutable std::mutex mutex_;  // guards all that follows
   SpoolWriterCounts counts_;

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -40,11 +41,12 @@ struct UplinkEvents {
 /// How it stands.
 struct UplinkState {
   bool connected = false;
-  bool denied = false;                  ///< the server refused the log-in, its certificate or our version
-  std::string error;                    ///< the last connection's end or failure, in words
-  std::uint64_t connections = 0;        ///< made so far
-  std::uint64_t chunks_left = 0;        ///< in the spool and not acknowledged, over all sessions
-  std::uint64_t sessions_open = 0;      ///< that the server has neither closed nor refused
+  std::int64_t away_since_ns = 0;   ///< steady clock; when the connection was lost, or we began; 0: connected
+  bool denied = false;              ///< the server refused the log-in, its certificate or our version
+  std::string error;                ///< the last connection's end or failure, in words
+  std::uint64_t connections = 0;    ///< made so far
+  std::uint64_t chunks_left = 0;    ///< in the spool and not acknowledged, over all sessions
+  std::uint64_t sessions_open = 0;  ///< that the server has neither closed nor refused
   std::uint64_t current_committed = 0;  ///< chunks of the current session that the server has
   std::optional<pb::SessionClosed> current_verdict;
   std::string current_trouble;     ///< why the server refuses the current session
@@ -70,6 +72,10 @@ class Uplink {
   /// The newest samples of the current session: a live frame when somebody watches, and the status line.
   void offer(const SamplePiece& piece);
   void noteMissedTicks(std::uint64_t missed) { missed_ticks_.store(missed, std::memory_order_relaxed); }
+  void noteWakeup(std::uint32_t p99_us) { wakeup_p99_us_.store(p99_us, std::memory_order_relaxed); }
+  /// What a person at the server should look at, for StationStatus.trouble; empty words: all is well again.
+  /// Each `source` (disk, device, …) speaks for itself; in the status line all stand beside each other.
+  void noteTrouble(const std::string& source, const std::string& words);
 
   /// Asks the server for a lesson. Waits up to `patience`; with `once` no longer than until the first attempt
   /// to connect has failed. Errors: kUnavailable (no server in time), kDenied, kVersion, kNotFound,
@@ -129,9 +135,11 @@ class Uplink {
   std::optional<SamplePiece> newest_;  // for the status line
   std::uint32_t flags_since_status_ = 0;
   std::shared_ptr<LessonCall> lesson_;
+  std::map<std::string, std::string> troubles_;  // by source
 
   std::atomic<bool> watched_{false};
   std::atomic<std::uint64_t> missed_ticks_{0};
+  std::atomic<std::uint32_t> wakeup_p99_us_{0};
   std::thread thread_;
 };
 

@@ -64,7 +64,10 @@ pb::Envelope UplinkSession::closeMessage(const SpoolContents& contents) const {
   close.set_chunks(contents.chunks);
   close.set_samples(contents.samples);
   close.set_hash(contents.hash.data(), contents.hash.size());
-  close.set_interrupted(contents.interrupted);
+  // what lost samples is not whole, whoever reads it
+  close.set_interrupted(contents.interrupted || contents.loss.samples > 0);
+  close.set_samples_lost(contents.loss.samples);
+  close.set_lost_from_tick(contents.loss.from_tick);
   return envelope;
 }
 

@@ -17,6 +17,8 @@ int main(int argc, char** argv) {
     switch (parsed.options.mode) {
       case needlelab::StationMode::kListDevices:
         return needlelab::runListDevices(parsed.options);
+      case needlelab::StationMode::kListExercises:
+        return needlelab::runListExercises(parsed.options);
       case needlelab::StationMode::kSelfTest:
         return needlelab::runSelfTest(parsed.options, stop_signals);
       case needlelab::StationMode::kCalibrate:

@@ -9,6 +9,9 @@ namespace needlelab {
 
 /// `--list-devices`. Exit code 0, whatever is there.
 int runListDevices(const StationOptions& options);
+/// `--list-exercises`. Exit code 0 when something can be practised without the server, or the server
+/// answered.
+int runListExercises(const StationOptions& options);
 /// `--self-test`. Exit code 0 when no check failed, 1 otherwise.
 int runSelfTest(const StationOptions& options, const sigset_t& stop_signals);
 /// `--calibrate`. Exit code 0 when a tool was found and written, 1 when not, 2 for wrong input.

@@ -89,7 +89,7 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   std::string server, tool, placement;
   std::optional<std::string> json;
   double keep_days = 14, quota_mib = 4096;
-  bool list_devices = false, self_test = false, calibrate = false;
+  bool list_devices = false, self_test = false, calibrate = false, list_exercises = false;
 
   CLI::App app{
       "The trainee's program: runs the haptic loop, records every tick, and sends it to the server.\n"
@@ -134,6 +134,12 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   list->excludes(test)->excludes(pivot)->group(modes);
   test->excludes(pivot)->group(modes);
   pivot->group(modes);
+  app.add_flag("--list-exercises", list_exercises,
+               "what can be practised: the exercises in the cache and, with --server, the server's")
+      ->excludes(list)
+      ->excludes(test)
+      ->excludes(pivot)
+      ->group(modes);
   app.add_option("--out", o.tool_out, "--calibrate: the tool file to write, for --tool")->group(modes);
   app.add_option("--axis", o.axis,
                  "--calibrate: where the needle's direction comes from: from-tip (the line from the handle's "
@@ -146,8 +152,10 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   app.add_option("--spool-keep", keep_days, "days that sessions stay in the spool after the server has them")
       ->check(CLI::Range(0.0, 36'500.0))
       ->capture_default_str();
-  app.add_option("--spool-quota", quota_mib,
-                 "MiB above which sessions that the server has leave the spool earlier")
+  app.add_option(
+         "--spool-quota", quota_mib,
+         "MiB above which sessions that the server has leave the spool earlier; what it has not is never "
+         "deleted, but a warning says in time how many hours of lessons still fit")
       ->check(CLI::Range(0.0, 1e9))
       ->capture_default_str();
   app.add_option("--drain", o.drain_s, "seconds to wait at the end until the server has everything")
@@ -170,6 +178,7 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   if (list_devices) o.mode = StationMode::kListDevices;
   if (self_test) o.mode = StationMode::kSelfTest;
   if (calibrate) o.mode = StationMode::kCalibrate;
+  if (list_exercises) o.mode = StationMode::kListExercises;
   o.json = app.count("--json") > 0;
   if (json) o.json_file = *json;
   if (const Status status =

@@ -15,7 +15,7 @@
 namespace needlelab {
 
 /// What the program is asked to do. All but the lesson move nothing: the device gets no force.
-enum class StationMode : std::uint8_t { kLesson, kListDevices, kSelfTest, kCalibrate };
+enum class StationMode : std::uint8_t { kLesson, kListDevices, kSelfTest, kCalibrate, kListExercises };
 
 struct StationOptions {
   StationMode mode = StationMode::kLesson;

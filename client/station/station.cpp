@@ -13,7 +13,10 @@
 #include "base/atomic_file.h"
 #include "base/clock.h"
 #include "base/exit_code.h"
+#include "base/text_rules.h"
 #include "device_factory/device_factory.h"
+#include "net/drain.h"
+#include "net/spool_guard.h"
 #include "net/spool_lessons.h"
 #include "net/uplink.h"
 #include "profile/profile.h"
@@ -37,7 +40,8 @@ constexpr auto kPatience = 10s;              // for a lesson from the server
 void say(const std::string& text) {
   static std::mutex mutex;
   const std::scoped_lock lock(mutex);
-  std::cerr << "station: " << text << std::endl;
+  // words of the server, of a file or of an instructor may be among them: nothing that commands a terminal
+  std::cerr << "station: " << printable(text) << std::endl;
 }
 
 // waits for a stop signal; false when the time passed
@@ -85,6 +89,7 @@ class Lesson {
   const sigset_t& signals_;
   std::string station_ = options_.station;
   std::unique_ptr<Spool> spool_;
+  std::unique_ptr<SpoolGuard> spool_guard_;
   SampleRing ring_;
   std::unique_ptr<Uplink> uplink_;
   StationLesson lesson_;
@@ -104,6 +109,8 @@ Status Lesson::openSpool() {
   spool_ = std::move(*spool);
   for (const std::string& note : spool_->notes()) say(note);
   for (const std::string& note : spool_->cleanUp(options_.keep, wallNowNs())) say(note);
+  spool_guard_ = std::make_unique<SpoolGuard>(*spool_, options_.keep, options_.rate_hz, say);
+  spool_guard_->report();
   return {};
 }
 
@@ -161,13 +168,22 @@ Status Lesson::getLesson() {
         return lessonOfMessage(options_, *fetched);
       }
       // a server that answers "no" is believed; one that is away is not waited for
-      if (fetched.error().code != ErrorCode::kUnavailable || !cached.ok()) return fetched.error();
+      if (fetched.error().code != ErrorCode::kUnavailable) return fetched.error();
+      if (!cached.ok())
+        return Error{fetched.error().code, fetched.error().message + ", and " + cached.error().message};
       say("the server is away (" + fetched.error().message + "); exercise " + options_.exercise +
           " comes from the cache, the samples wait in the spool");
     }
     if (!cached.ok())
       return Error{ErrorCode::kInvalidInput, cached.error().message + "; give --server, or --profile FILE"};
-    return lessonOfMessage(options_, *cached);
+    auto usable = lessonOfMessage(options_, *cached);
+    if (!usable.ok())
+      return Error{usable.error().code, "the cached lesson " + options_.exercise +
+                                            " cannot be used: " + usable.error().message +
+                                            "; connect to the server once, which gives it anew"};
+    say("exercise " + options_.exercise + " from the cache: profile " + usable->profile.id() + ", revision " +
+        std::to_string(usable->profile_revision));
+    return usable;
   }();
   if (!lesson.ok()) return lesson.error();
   lesson_ = std::move(*lesson);
@@ -277,7 +293,12 @@ Status Lesson::practise() {
       say("stopping");
       loop_->stop();
     }
-    if (uplink_) uplink_->noteMissedTicks(loop_->missedTicks());
+    spool_guard_->look();
+    if (!uplink_) continue;
+    uplink_->noteMissedTicks(loop_->missedTicks());
+    uplink_->noteWakeup(static_cast<std::uint32_t>(loop_->stats().wakeup.quantile_ns(0.99) / 1000));
+    uplink_->noteTrouble("disk", writer_->trouble());
+    uplink_->noteTrouble("spool", spool_guard_->trouble());
   }
   haptic.join();
   device_->close();
@@ -290,15 +311,10 @@ Status Lesson::practise() {
 
 void Lesson::drain() {
   if (!uplink_) return;
-  uplink_->wake();
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(options_.drain_s);
-  while (!uplink_->waitUntilDone(20ms)) {
-    if (uplink_->state().denied || std::chrono::steady_clock::now() >= deadline) break;
-    if (stopSignalWithin(signals_, 0ms)) {
-      say("not waiting for the server any longer; the spool keeps everything");
-      break;
-    }
-  }
+  DrainPatience patience;
+  patience.whole = std::chrono::duration<double>(options_.drain_s);
+  const DrainEnd end = needlelab::drain(*uplink_, patience, [&] { return stopSignalWithin(signals_, 0ms); });
+  if (const std::string words = drainText(end, uplink_->state()); !words.empty()) say(words);
 }
 
 StationSummary Lesson::summarise() {
@@ -314,6 +330,7 @@ StationSummary Lesson::summarise() {
   s.servo = loop_->stats();
   s.writer = writer_->counts();
   s.ring_dropped = ring_.dropped();
+  if (const SpoolLoss loss = session_->contents().loss; loss.samples > 0) s.lost_from_tick = loss.from_tick;
   s.axial_model = axialModelName(lesson_.model.axial_model);
   s.live_effects = liveEffects(lesson_.model);
   s.effect_costs = effect_costs_;
@@ -354,6 +371,7 @@ StationSummary Lesson::summarise() {
 int Lesson::conclude(const Status& stored) {
   const StationSummary summary = summarise();
   if (uplink_) uplink_->stop();
+  spool_guard_->report();
   const bool json_on_stdout = options_.json && options_.json_file.empty();
   (json_on_stdout ? std::cerr : std::cout) << summaryText(summary) << std::flush;
   if (json_on_stdout) std::cout << summaryJson(summary) << std::flush;

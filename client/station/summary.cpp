@@ -191,6 +191,11 @@ std::string summaryText(const StationSummary& s) {
   text += formatted("samples      %llu at %g Hz; %llu of %llu ticks missed; %llu lost\n",
                     count(s.servo.samples), s.rate_hz, count(s.servo.missed_ticks), count(s.servo.ticks),
                     count(s.ring_dropped + s.writer.samples_lost));
+  if (s.lost_from_tick)
+    text += formatted(
+        "LOST         %llu samples from tick %llu on: the spool's disk refused them for too long; the "
+        "session is stored as interrupted\n",
+        count(s.ring_dropped + s.writer.samples_lost), count(*s.lost_from_tick));
   text += timingLines(s);
   text += formatted("stored       %.2f bytes a sample in %llu chunks\n", bytesPerSample(s),
                     count(s.writer.chunks));
@@ -236,6 +241,7 @@ std::string summaryJson(const StationSummary& s) {
       {"samples", s.servo.samples},
       {"missed_ticks", s.servo.missed_ticks},
       {"samples_lost", s.ring_dropped + s.writer.samples_lost},
+      {"lost_from_tick", s.lost_from_tick ? Json(*s.lost_from_tick) : Json(nullptr)},
       {"wakeup_p50_us", micro(s.servo.wakeup.quantile_ns(0.5))},
       {"wakeup_p99_us", micro(s.servo.wakeup.quantile_ns(0.99))},
       {"wakeup_p999_us", micro(s.servo.wakeup.quantile_ns(0.999))},

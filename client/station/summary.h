@@ -23,8 +23,9 @@ struct StationSummary {
   double rate_hz = 0;
   ServoStats servo;
   SpoolWriterCounts writer;
-  std::uint64_t ring_dropped = 0;   ///< samples that found the ring full
-  std::uint64_t samples_acked = 0;  ///< of this session, committed by the server
+  std::uint64_t ring_dropped = 0;               ///< samples that found the ring full
+  std::optional<std::uint64_t> lost_from_tick;  ///< the first lost sample's, when any is
+  std::uint64_t samples_acked = 0;              ///< of this session, committed by the server
   std::uint64_t spool_left = 0;  ///< chunks in the spool that the server has not committed, over all sessions
   bool has_server = false;
   UplinkState uplink;

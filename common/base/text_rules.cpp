@@ -56,6 +56,18 @@ bool isUtf8(std::string_view text) {
   return true;
 }
 
+std::string printable(std::string_view text) {
+  std::string out(text);
+  const bool utf8 = std::find(out.begin(), out.end(), '\0') == out.end() && isUtf8(out);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const auto code = static_cast<unsigned char>(out[i]);
+    if (code < 0x20 || code == 0x7f || (code >= 0x80 && !utf8)) out[i] = '?';
+    // U+0080 to U+009F
+    if (code == 0xc2 && utf8 && static_cast<unsigned char>(out[i + 1]) < 0xa0) out[i] = out[i + 1] = '?';
+  }
+  return out;
+}
+
 Status checkText(std::string_view field, std::string_view value, std::size_t min, std::size_t max) {
   return check(field, value, min, max, false);
 }

@@ -18,6 +18,10 @@ inline constexpr std::size_t kMaxJsonBytes =
 /// UTF-8 without overlong forms, surrogates or NUL.
 bool isUtf8(std::string_view text);
 
+/// Somebody else's text, safe for a terminal and for a message: control characters become '?', and so does
+/// what is no UTF-8.
+std::string printable(std::string_view text);
+
 /// `min` to `max` bytes of UTF-8 without control characters. kInvalidInput names field, length and allowed
 /// range.
 Status checkText(std::string_view field, std::string_view value, std::size_t min, std::size_t max);

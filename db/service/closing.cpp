@@ -1,7 +1,9 @@
 // The end of a session: its hash, its state, its score.
+#include <algorithm>
 #include <vector>
 
 #include "base/clock.h"
+#include "db/annotation_store.h"
 #include "db/curriculum_store.h"
 #include "gesture/chunk.h"
 #include "profile/profile.h"
@@ -39,6 +41,21 @@ Result<std::vector<GestureSample>> allSamples(SessionStore& sessions, const Uuid
     next += chunks->size();
   }
   return samples;
+}
+
+// a session that lost samples says so wherever it is looked at: a remark beside it, in the same transaction
+Status noteLoss(Connection& writer, const Uuid& id, const pb::CloseSession& request,
+                const std::string& station) {
+  StoredAnnotation remark;
+  remark.session = id;
+  remark.tick = std::min<std::uint64_t>(request.lost_from_tick(), INT64_MAX);
+  remark.author = station.empty() ? "station" : "station " + station;
+  remark.text = std::to_string(request.samples_lost()) + " samples from tick " +
+                std::to_string(request.lost_from_tick()) +
+                " on were lost at the station: its disk refused them for longer than its memory lasted";
+  remark.created_unix_ns = wallNowNs();
+  const auto added = AnnotationStore(writer).add(remark);
+  return added ? Status() : Status(added.error());
 }
 
 }  // namespace
@@ -92,6 +109,8 @@ Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, cons
     auto closed = SessionStore(writer).close(request, wallNowNs(), station, known);
     if (!closed) return Status(closed.error());
     outcome.closed = std::move(*closed);
+    if (outcome.closed.kind == Closed::Kind::kClosed && request.samples_lost() > 0)
+      return noteLoss(writer, *id, request, station);
     return Status();
   });
   if (!status) return status.error();

@@ -66,6 +66,22 @@ TEST(UpdateLine, aFaultIsSaidInWords) {
   EXPECT_THAT(textLine(updateOf(s)), HasSubstr("FAULT: unknown"));
 }
 
+TEST(UpdateLine, whatAStationIsInTroubleWithIsSaid) {
+  pb::StationStatus status;
+  status.set_station("s1");
+  status.set_online(true);
+  EXPECT_THAT(textLine(updateOf(status)), Not(HasSubstr("TROUBLE")));
+  EXPECT_THAT(jsonLine(updateOf(status)), Not(HasSubstr("trouble")));
+  status.set_trouble("the spool's disk is full\x1b[2J");
+  EXPECT_THAT(textLine(updateOf(status)),
+              AllOf(HasSubstr("idle"), HasSubstr("TROUBLE: the spool's disk is full?[2J")));
+  status.set_session_id(std::string(16, '1'));
+  EXPECT_THAT(textLine(updateOf(status)), HasSubstr("TROUBLE: the spool's disk is full"));
+  EXPECT_THAT(jsonLine(updateOf(status)), HasSubstr("\"trouble\":\"the spool's disk is full"));
+  status.set_trouble(std::string(1'000'000, 'x'));
+  EXPECT_LT(textLine(updateOf(status)).size(), 2000u);
+}
+
 TEST(UpdateLine, overviewsTellOfflineAndIdle) {
   pb::StationStatus status;
   status.set_station("bench-1");

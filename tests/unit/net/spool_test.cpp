@@ -313,14 +313,95 @@ TEST(Spool, whatTheServerClosedIsNotOfferedAgainAndLeavesByAgeQuotaOrBackup) {
   auto spool = opened(folder.path());
   ASSERT_EQ(spool->unfinished().size(), 1u);
   EXPECT_EQ(spool->unfinished()[0]->idText(), ids[3]);
-  EXPECT_EQ(spool->cleanUp({14 * 86'400, 1u << 30}, now_ns).size(), 2u);
+  EXPECT_EQ(spool->cleanUp({14 * 86'400, 1u << 30, 0}, now_ns).size(), 2u);
   EXPECT_FALSE(fs::exists(folder.path() / ids[0]));
   EXPECT_FALSE(fs::exists(folder.path() / ids[1]));
   EXPECT_TRUE(fs::exists(folder.path() / ids[2]));
-  EXPECT_THAT(spool->cleanUp({14 * 86'400, 0}, now_ns),
-              testing::ElementsAre(HasSubstr(ids[2]), HasSubstr("over its quota")));
+  EXPECT_THAT(spool->cleanUp({14 * 86'400, 0, 0}, now_ns), testing::ElementsAre(HasSubstr(ids[2])));
   EXPECT_FALSE(fs::exists(folder.path() / ids[2]));
   EXPECT_TRUE(fs::exists(folder.path() / ids[3])) << "what the server has not closed is never touched";
+}
+
+TEST(Spool, onAFullDiskClosedSessionsMakeRoomOldestFirstAndUnsentOnesStay) {
+  const TempFolder folder;
+  auto spool = opened(folder.path());
+  std::vector<std::string> ids;
+  for (int i = 0; i < 4; ++i) {
+    auto session = *spool->create(describeSession(makeUuidV7()));
+    ids.push_back(session->idText());
+    ASSERT_TRUE(session->appendChunk(coded(0, 1000), 1000).ok());
+    ASSERT_TRUE(session->sync().ok());
+    ASSERT_TRUE(session->end(false).ok());
+    if (i != 1) {
+      ASSERT_TRUE(session->setReceipt({1, 0, true, 1}).ok());
+    }
+  }
+  const auto free_bytes = fs::space(folder.path()).available;
+  // one byte short: the oldest that the server has is enough
+  SpoolKeep keep{1'000'000'000, std::uint64_t{1} << 40, free_bytes + 1};
+  const auto said = spool->cleanUp(keep, 2);
+  if (said.size() == 3) GTEST_SKIP() << "somebody else fills this disk meanwhile";
+  EXPECT_THAT(said, testing::ElementsAre(AllOf(HasSubstr(ids[0]), HasSubstr("nearly full"))));
+  keep.min_free_bytes = std::uint64_t{1} << 60;  // never enough
+  EXPECT_THAT(spool->cleanUp(keep, 2), testing::ElementsAre(HasSubstr(ids[2]), HasSubstr(ids[3])));
+  EXPECT_TRUE(fs::exists(folder.path() / ids[1] / "chunks")) << "no server has it: no disk is full enough";
+}
+
+TEST(Spool, usageCountsWhatNoServerHasChunkByChunk) {
+  const TempFolder folder;
+  auto spool = opened(folder.path());
+  EXPECT_EQ(spool->usage()->unsent_bytes, 0u);
+  EXPECT_EQ(spool->usage()->unsent_samples, 0u);
+  std::uint64_t expected = 0;
+  for (int i = 0; i < 3; ++i) {
+    auto session = *spool->create(describeSession(makeUuidV7()));
+    std::vector<std::size_t> sizes;
+    for (std::uint64_t seq = 0; seq < 4; ++seq) {
+      const Bytes chunk = coded(seq * 500, 500);
+      sizes.push_back(chunk.size());
+      ASSERT_TRUE(session->appendChunk(chunk, 500).ok());
+    }
+    ASSERT_TRUE(session->sync().ok());
+    // 0: none acknowledged; 1: the first three; 2: all, not closed yet
+    const auto committed = static_cast<std::uint64_t>(i == 0 ? 0 : i + 2);
+    ASSERT_TRUE(session->setReceipt({committed, 0, false, 0}).ok());
+    for (auto seq = committed; seq < 4; ++seq) expected += sizes[seq];
+  }
+  const SpoolUsage usage = *spool->usage();
+  EXPECT_EQ(usage.unsent_sessions, 2u);
+  EXPECT_EQ(usage.unsent_bytes, expected);
+  EXPECT_EQ(usage.unsent_samples, 5u * 500);
+  EXPECT_GT(usage.free_bytes, 0u);
+}
+
+TEST(Spool, aLossIsKnownAfterTheProgramsDeath) {
+  const TempFolder folder;
+  {
+    auto spool = opened(folder.path());
+    auto session = *spool->create(describeSession(makeUuidV7()));
+    ASSERT_TRUE(session->appendChunk(coded(0, 100), 100).ok());
+    ASSERT_TRUE(session->setLoss({7, 100}).ok());
+    ASSERT_TRUE(session->setLoss({1234567, 100}).ok());
+    EXPECT_EQ(fs::file_size(session->folder() / "lost"), 42u) << "always as long: written in place";
+  }
+  const Recovered found = recover(folder.path());
+  EXPECT_TRUE(found.contents.interrupted);
+  EXPECT_EQ(found.contents.loss, (SpoolLoss{1234567, 100}));
+}
+
+TEST(Spool, aLossFileThatIsMissingOrNonsenseSaysNothing) {
+  const TempFolder folder;
+  std::string id;
+  {
+    auto spool = opened(folder.path());
+    auto session = *spool->create(describeSession(makeUuidV7()));
+    id = session->idText();
+    ASSERT_TRUE(session->appendChunk(coded(0, 100), 100).ok());
+  }
+  folder.write(id + "/lost", "many, and early");
+  EXPECT_EQ(recover(folder.path()).contents.loss, SpoolLoss{});
+  fs::remove(folder.path() / id / "lost");
+  EXPECT_EQ(recover(folder.path()).contents.loss, SpoolLoss{});
 }
 
 // the child writes a session as fast as it can and tells through a pipe what is safely written; it is killed

@@ -3,8 +3,11 @@
 #include <gmock/gmock.h>
 #include <sys/resource.h>
 
+#include <unistd.h>
+
 #include <csignal>
 
+#include "base/clock.h"
 #include "gesture/chunk.h"
 #include "net/spool_samples.h"
 #include "support/temp_folder.h"
@@ -170,6 +173,86 @@ TEST_F(SpoolWriterTest, aDiskThatStaysFullEndsInAnErrorThatCountsTheLoss) {
   EXPECT_EQ(counts.chunks, 0u);
   EXPECT_EQ(counts.chunk_bytes, 0u);
   EXPECT_EQ(session_->contents().chunks, 0u);
+  EXPECT_EQ(session_->contents().loss, (SpoolLoss{16'000, 0}));
+  EXPECT_THAT(troubles_, testing::Contains(HasSubstr("LOST")));
+  EXPECT_EQ(live_samples_, 16'000u) << "who watches live sees them nevertheless";
+}
+
+TEST_F(SpoolWriterTest, whatWasLostInTheMiddleIsCountedAndTheSessionSaysSo) {
+  SpoolWriterOptions options;
+  options.pending_bytes = 10'000;
+  SpoolWriter writer(ring_, session_, options, callbacks());
+  push(0, 1000);
+  ASSERT_TRUE(eventually([&] { return session_->contents().chunks == 1; }));
+  {
+    FullDisk disk(std::filesystem::file_size(session_->folder() / "chunks"));
+    push(1000, 16'000);
+    ASSERT_TRUE(eventually([&] { return writer.counts().samples == 17'000; }));
+    EXPECT_THAT(writer.trouble(), AllOf(HasSubstr("wait in memory"), HasSubstr("are lost")));
+  }
+  // room again: what waits in memory is written, and what comes now
+  ASSERT_TRUE(eventually([&] { return writer.counts().samples_waiting == 0; }));
+  push(17'000, 3000);
+  ASSERT_TRUE(eventually([&] { return writer.counts().samples == 20'000; }));
+  const Status status = writer.finish(5s);
+  ASSERT_FALSE(status.ok()) << "a loss is no success";
+  const SpoolLoss loss = session_->contents().loss;
+  EXPECT_THAT(status.error().message, HasSubstr(std::to_string(loss.samples) + " samples are lost"));
+  EXPECT_TRUE(session_->contents().ended);
+  const auto samples = stored();
+  EXPECT_EQ(samples.size() + loss.samples, 20'000u);
+  // one gap, where the session says
+  std::uint64_t gaps = 0;
+  for (std::size_t i = 1; i < samples.size(); ++i) {
+    ASSERT_TRUE(isSampleOfItsTick(samples[i]));
+    if (samples[i].tick == samples[i - 1].tick + 1) continue;
+    ++gaps;
+    EXPECT_EQ(samples[i - 1].tick + 1, loss.from_tick);
+    EXPECT_EQ(samples[i].tick - loss.from_tick, loss.samples);
+  }
+  EXPECT_EQ(gaps, 1u);
+}
+
+TEST_F(SpoolWriterTest, aRingThatOverflowsCountsAsLossOfTheSession) {
+  SampleRing& ring = ring_;
+  // full before anybody drains it
+  for (std::uint64_t k = 0; k < kSampleRingCapacity; ++k) ASSERT_TRUE(ring.push(sampleAt(k)));
+  SpoolWriter writer(ring, session_, {}, callbacks());
+  std::uint64_t tick = kSampleRingCapacity;
+  while (ring.dropped() == 0) ring.push(sampleAt(tick++));
+  ASSERT_FALSE(writer.finish(5s).ok());
+  EXPECT_EQ(session_->contents().loss.samples, ring.dropped());
+  EXPECT_EQ(stored().size() + ring.dropped(), tick);
+}
+
+TEST_F(SpoolWriterTest, noSampleWaitsLongerThan20msForTheTail) {
+  // the haptic loop's rhythm, with breaks; a copy of the spool at any instant is what a crash would leave
+  SpoolWriter writer(ring_, session_, {}, callbacks());
+  std::vector<std::int64_t> pushed_ns;
+  std::int64_t worst_ns = 0;
+  for (int round = 0; round < 20; ++round) {
+    for (int k = 0; k < 31 + 7 * (round % 5); ++k) {
+      ring_.push(sampleAt(pushed_ns.size()));
+      pushed_ns.push_back(steadyNowNs());
+      std::this_thread::sleep_for(1ms);
+    }
+    const std::int64_t now_ns = steadyNowNs();
+    std::uint64_t saved = 0;
+    const TempFolder copy;
+    std::filesystem::copy(session_->folder(), copy.path() / session_->idText(),
+                          std::filesystem::copy_options::recursive);
+    {
+      auto spool = Spool::open(copy.path());
+      ASSERT_TRUE(spool.ok());
+      saved = (*spool)->unfinished().at(0)->contents().samples;
+    }
+    if (saved < pushed_ns.size()) worst_ns = std::max(worst_ns, now_ns - pushed_ns[saved]);
+  }
+  ASSERT_TRUE(writer.finish(5s).ok());
+  RecordProperty("worst_ms", std::to_string(1e-6 * static_cast<double>(worst_ns)));
+  // the copy is made a little after `now`, which can only help; an ordinary thread on a busy machine may be
+  // late
+  EXPECT_LE(worst_ns, 20'000'000 * (::geteuid() == 0 ? 1 : 5));
 }
 
 TEST_F(SpoolWriterTest, whatAFullDiskTookMeanwhileIsInTheTailAfterwards) {

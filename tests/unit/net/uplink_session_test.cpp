@@ -52,6 +52,18 @@ class UplinkSessionTest : public testing::Test {
   std::unique_ptr<UplinkSession> upload_;
 };
 
+TEST_F(UplinkSessionTest, aSessionThatLostSamplesIsClosedAsInterruptedWithTheirNumber) {
+  ASSERT_TRUE(session_->setLoss({321, 30}).ok());
+  ASSERT_TRUE(session_->end(false).ok());
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  const auto close = upload_->next(true);
+  ASSERT_TRUE(close && close->has_close_session());
+  EXPECT_TRUE(close->close_session().interrupted()) << "an older server shows it, too";
+  EXPECT_EQ(close->close_session().samples_lost(), 321u);
+  EXPECT_EQ(close->close_session().lost_from_tick(), 30u);
+}
+
 TEST_F(UplinkSessionTest, aSessionRecordedWithoutAKeyGetsTheNameOfTheLogIn) {
   auto description = describeSession(makeUuidV7());
   UplinkSession named(*spool_->create(description), "s9");

@@ -4,7 +4,6 @@
 
 #include "gesture/chunk.h"
 #include "net/fake_server.h"
-#include "net/spool_lessons.h"
 #include "net/spool_samples.h"
 
 namespace needlelab::test {
@@ -327,22 +326,6 @@ TEST(ClockProbe, theLeastRoundTripWins) {
   EXPECT_EQ(probe.best()->offset_ns, 49'000);
   EXPECT_EQ(probe.best()->round_trip_ns, 200);
   EXPECT_FALSE(probe.add(20'000, 0, 19'000)) << "an answer before the question";
-}
-
-TEST(LessonCache, keepsLessonsUnderTheirIdAndNowhereElse) {
-  const TempFolder folder;
-  std::filesystem::create_directories(folder.path() / "lessons");
-  const LessonCache cache(folder.path());
-  pb::Lesson lesson;
-  lesson.set_profile_json("{\"id\": \"µ\"}");
-  lesson.set_profile_revision(3);
-  EXPECT_EQ(cache.find("knee-1").error().code, ErrorCode::kNotFound);
-  ASSERT_TRUE(cache.keep("knee-1", lesson).ok());
-  EXPECT_EQ(cache.find("knee-1")->SerializeAsString(), lesson.SerializeAsString());
-  for (const char* id : {"", "../knee", "a/b", ".hidden", "knee 1", "knee\n"})
-    EXPECT_EQ(cache.keep(id, lesson).error().code, ErrorCode::kInvalidInput) << id;
-  folder.write("lessons/bad.json", "{\"profile_revision\": \"many\"}");
-  EXPECT_EQ(cache.find("bad").error().code, ErrorCode::kCorrupt);
 }
 
 }  // namespace

@@ -51,6 +51,29 @@ TEST_F(Closing, aScoreThatCannotBeMadeDoesNotKeepASessionOpen) {
   EXPECT_EQ(info(id).state(), pb::SESSION_COMPLETE);
 }
 
+TEST_F(Closing, aSessionThatLostSamplesIsNotCompleteAndARemarkSaysHowManyOnce) {
+  const Uuid id = addSession("anna", 3);
+  auto request = test::closeOf(id, 3);
+  request.set_samples_lost(1234);
+  request.set_lost_from_tick(60);
+  const auto remarks = [&] {
+    pb::Request list;
+    list.mutable_list_annotations()->set_session_id(test::bytesOfId(id));
+    return get(instructor, list).annotations();
+  };
+  for (int time = 0; time < 2; ++time) {  // a station that lost the answer asks again
+    const auto outcome = store->service().closeSession(request, "station-1");
+    ASSERT_OK(outcome);
+    EXPECT_TRUE(outcome->closed.taken());
+    EXPECT_EQ(outcome->closed.state, pb::SESSION_INTERRUPTED);
+    ASSERT_EQ(remarks().annotations_size(), 1);
+  }
+  EXPECT_EQ(remarks().annotations(0).tick(), 60u);
+  EXPECT_EQ(remarks().annotations(0).author(), "station station-1");
+  EXPECT_NE(remarks().annotations(0).text().find("1234 samples"), std::string::npos);
+  EXPECT_EQ(info(id).state(), pb::SESSION_INTERRUPTED);
+}
+
 TEST_F(Closing, anEmptySessionHasNoScore) {
   const Uuid id = addSession("anna", 0);
   const auto outcome = store->service().closeSession(test::closeOf(id, 0), "station-1");

@@ -1,0 +1,46 @@
+/// How long lessons can go on without a server: what lies unsent in the spool, and what room there is, in
+/// words.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "net/spool.h"
+
+namespace needlelab {
+
+/// When a person is told. Hours of lessons at the present rate.
+struct SpoolThresholds {
+  double warn_h = 10;                 ///< less than this in the quota or on the disk: a warning
+  double urgent_h = 1;                ///< … the instructor is told as well
+  double usual_bytes_per_sample = 8;  ///< what a lesson takes at most (DESIGN §12)
+  std::uint64_t enough_samples =
+      600'000;  ///< unsent ones from which the spool's own bytes a sample are taken
+};
+
+enum class SpoolLevel : std::uint8_t {
+  kGood,    ///< nothing to say
+  kUnsent,  ///< something waits for a server; there is room
+  kWarn,    ///< the quota or the disk is nearly used up
+  kUrgent,  ///< over the quota, or hardly any room left
+};
+
+struct SpoolOutlook {
+  double bytes_per_h = 0;
+  double quota_h = 0;  ///< until what is unsent alone fills the quota; 0: it does
+  double disk_h = 0;   ///< until the disk is full
+  SpoolLevel level = SpoolLevel::kGood;
+  std::string words;  ///< for a person; empty when all is good
+};
+
+/// Prediction from the spool's own bytes a sample, at this rate. What is unsent is never deleted, over the
+/// quota either: then the words say so.
+SpoolOutlook outlookOf(const SpoolUsage& usage, std::uint64_t quota_bytes, double rate_hz,
+                       const SpoolThresholds& thresholds = {});
+
+/// "3.1 GiB", "25 MiB", "800 KiB", "17 bytes".
+std::string sizeText(std::uint64_t bytes);
+/// "40 minutes", "12 hours", "60 days", "years".
+std::string durationText(double hours);
+
+}  // namespace needlelab
