@@ -11,7 +11,7 @@
 namespace needlelab {
 namespace {
 
-constexpr auto kNap = std::chrono::milliseconds(10);  // how fast the keep-alive thread sees that it is to end
+constexpr auto kNap = std::chrono::milliseconds(20);  // how fast the keep-alive thread sees that it is to end
 // a quaternion in floats is this near to a unit one or it is none: the gate judges it then
 constexpr double kRounding = 1e-3;
 
@@ -176,6 +176,7 @@ DeviceRead VirtuoseDevice::read(DeviceReading& reading) noexcept {
   if (!take()) {
     const bool is_kept = owner_.load(std::memory_order_relaxed) == Owner::kKeeping;
     reading.condition = is_kept ? kDeviceNotReady : kDeviceLost;
+    reading.buttons = 0;  // nobody presses a button of a device that is away
     seen_condition_.store(reading.condition, std::memory_order_relaxed);
     return DeviceRead::kNoUpdate;
   }
@@ -228,7 +229,6 @@ void VirtuoseDevice::maintain() {
   if (owner_.load(std::memory_order_acquire) != Owner::kLost || steadyNowNs() < next_try_ns_) return;
   // the device takes one connection: the old one goes first
   closeVirtuose(*api_, std::exchange(context_, nullptr));
-  ++tries_;
   const Status status = connect();
   retry_ = status.ok() || away_words_.empty() ? options_.first_retry
                                               : std::min(retry_ * 2, options_.longest_retry);
@@ -245,9 +245,9 @@ std::string VirtuoseDevice::status() {
   const std::string refused = std::string(error_call_.load(std::memory_order_relaxed)) + " failed with " +
                               virtuoseErrorWords(code, api_->virtGetErrorMessage(code));
   if (owner == Owner::kLost) {
-    std::string text = "the link to the Virtuose at " + options_.address + " is lost and is looked for again";
-    return text +
-           (away_words_.empty() ? ": " + refused : "; try " + std::to_string(tries_) + ": " + away_words_);
+    const std::string last =
+        away_words_.empty() ? "Virtuose at " + options_.address + ": " + refused : away_words_;
+    return "the link is lost and is looked for again. " + last;
   }
   const std::uint32_t condition = seen_condition_.load(std::memory_order_relaxed);
   std::string text = virtuoseStateWords(condition, seen_alarm_.load(std::memory_order_relaxed),
@@ -263,7 +263,6 @@ void VirtuoseDevice::close() noexcept {
   if (owner_.exchange(Owner::kClosed, std::memory_order_acq_rel) == Owner::kClosed) return;
   closeVirtuose(*api_, std::exchange(context_, nullptr));
   next_try_ns_ = 0;
-  tries_ = 0;
   away_words_.clear();
 }
 

@@ -94,7 +94,6 @@ class VirtuoseDevice final : public Device {
   std::mutex mutex_;  // between open, close, maintain, status: never taken by read and write
   std::chrono::milliseconds retry_{0};
   std::int64_t next_try_ns_ = 0;
-  std::uint64_t tries_ = 0;
   std::string away_words_;  // of the last try
   std::atomic<bool> stop_keeping_{false};
   std::thread keeper_;

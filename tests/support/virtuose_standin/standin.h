@@ -32,6 +32,7 @@ struct StandinState {
   double commanded[6];  ///< the last wrench that virtSetForce brought
   double felt[6];       ///< the wrench that acts on the handle in this millisecond
   int is_powered, is_permitted, command_type;
+  long openings;      ///< virtOpen calls, whether they worked or not
   int open_contexts;  ///< in the service's eyes
   unsigned alarms;
   long exchanges, overruns;  ///< virtSetForce calls; those that came too fast

@@ -68,7 +68,7 @@ void World::reset() {
   next_.fill(0);
   felt_.fill(0);
   set_rule_ = get_rule_ = {};
-  exchanges_ = overruns_ = 0;
+  exchanges_ = overruns_ = openings_ = 0;
   failing_.clear();
   calls_.clear();
   complaints_.clear();
@@ -183,6 +183,7 @@ unsigned World::alarms() const {
 }
 
 Context* World::open() {
+  ++openings_;
   open_error_ = 0;
   if (!daemon_ || now_s_ < link_back_s_) open_error_ = kCommunication;
   if (active() != nullptr) open_error_ = kCommunication;  // one program at a time
@@ -317,6 +318,7 @@ void World::tell(StandinState& s) {
   s.open_contexts = static_cast<int>(std::count_if(contexts_.begin(), contexts_.end(), [](const Context& c) {
     return c.state == Context::State::kOpen || c.state == Context::State::kLeftOpen;
   }));
+  s.openings = openings_;
   s.alarms = alarms();
   s.exchanges = exchanges_;
   s.overruns = overruns_;

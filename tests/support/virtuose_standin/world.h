@@ -112,7 +112,7 @@ class World {
 
   std::array<double, 6> commanded_{}, next_{}, felt_{};
   ExchangeRule set_rule_, get_rule_;
-  long exchanges_ = 0, overruns_ = 0;
+  long exchanges_ = 0, overruns_ = 0, openings_ = 0;
   std::vector<std::pair<std::string, int>> failing_;
   std::string calls_, complaints_;
 };
