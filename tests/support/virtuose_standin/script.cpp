@@ -92,6 +92,7 @@ bool World::command(const std::string& line) {
     plant_.jump(by);
     return true;
   }
+  if (name == "bad_turn") return static_cast<bool>(in >> turn_scale_);
   if (name == "fail") {
     int code = 0;
     if (!(in >> word >> code)) return false;

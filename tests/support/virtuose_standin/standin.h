@@ -18,6 +18,7 @@
 ///   alarm BITS | failure BITS     further bits (any base)
 ///   button N 0|1                  N = 1-3
 ///   jump DX DY DZ                 the encoders slip
+///   bad_turn S                    the reported quaternion is S times what it should be
 ///   fail CALL CODE                that call fails with that code from now on; 0: no longer
 #pragma once
 

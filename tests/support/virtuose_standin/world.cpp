@@ -63,6 +63,7 @@ void World::reset() {
   link_back_s_ = heat_N2_ = overrun_until_s_ = 0;
   buttons_.fill(false);
   more_alarms_ = failures_ = 0;
+  turn_scale_ = 1;
   shift_ = frozen_ = {};
   commanded_.fill(0);
   next_.fill(0);
@@ -285,10 +286,10 @@ void World::readPose(const Context& context, float pose[7]) {
   const double half = kEncoder_rad / 2;
   const Quat q =
       normalized(Quat{onStep(X.q.x, half), onStep(X.q.y, half), onStep(X.q.z, half), onStep(X.q.w, half)});
-  pose[3] = static_cast<float>(q.x);
-  pose[4] = static_cast<float>(q.y);
-  pose[5] = static_cast<float>(q.z);
-  pose[6] = static_cast<float>(q.w);
+  pose[3] = static_cast<float>(turn_scale_ * q.x);
+  pose[4] = static_cast<float>(turn_scale_ * q.y);
+  pose[5] = static_cast<float>(turn_scale_ * q.z);
+  pose[6] = static_cast<float>(turn_scale_ * q.w);
 }
 
 void World::readSpeed(float speed[6]) const {

@@ -106,6 +106,7 @@ class World {
   bool forced_overheat_ = false, hot_ = false, saturated_ = false;
   unsigned more_alarms_ = 0, failures_ = 0;
   double heat_N2_ = 0, overrun_until_s_ = 0;
+  double turn_scale_ = 1;
   Vec3 shift_;  // what indexing has moved the reported position by
   Vec3 frozen_;
   bool indexing_ = false;

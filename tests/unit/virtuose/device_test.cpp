@@ -222,6 +222,19 @@ TEST_F(VirtuoseReading, aPoseThatIsNoneGoesToTheGateAsItIs) {
   EXPECT_EQ(gate_.fault(), Fault::kTipTooFast);
 }
 
+TEST_F(VirtuoseReading, roundingIsMendedAndAQuaternionThatIsNoneIsLeftToTheGate) {
+  open();
+  ticks(10);
+  standin_.command("bad_turn 1.000001");  // what floats may do
+  ticks(10);
+  EXPECT_NEAR(dot(reading_.X_WH.q, reading_.X_WH.q), 1, 1e-14);
+  EXPECT_EQ(gate_.fault(), Fault::kNone);
+  standin_.command("bad_turn 0.5");  // what no rotation can be: mending it would hide it
+  ticks(10);
+  EXPECT_NEAR(dot(reading_.X_WH.q, reading_.X_WH.q), 0.25, 1e-6);
+  EXPECT_EQ(gate_.fault(), Fault::kOrientationInvalid);
+}
+
 TEST_F(VirtuoseReading, readAndWriteUseNoHeap) {
   open();
   ticks(10);
