@@ -6,7 +6,10 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
+#include "haptics/device_condition.h"
 #include "haptics/sim_state.h"
+#include "loop_fixture.h"
+#include "station/live_view.h"
 
 namespace needlelab::test {
 namespace {
@@ -104,6 +107,49 @@ TEST(LiveLine, onATerminalItIsRewrittenInPlaceAndMessagesStandAboveIt) {
   EXPECT_EQ(readAll(screen), "later\r\n");
   ::close(screen);
   ::close(terminal);
+}
+
+TEST(LiveView, holdsSpoolAndServerInFewWords) {
+  EXPECT_EQ(holdText(0), "");
+  EXPECT_EQ(holdText(kDeviceSaturated | kDeviceEmergencyStop), "") << "said, or a fault: no hold";
+  EXPECT_EQ(holdText(kDeviceReleased | kDeviceSaturated), "nobody holds the handle");
+  EXPECT_EQ(holdText(kDevicePowerOff), "the motors have no power");
+  EXPECT_EQ(holdText(kDeviceNotReady), "the device is not ready yet");
+  SpoolWriterCounts counts;
+  EXPECT_EQ(spoolText(counts), "recording");
+  counts.disk_error = "no space left";
+  EXPECT_EQ(spoolText(counts), "NOT RECORDING: no space left");
+  UplinkState server;
+  server.chunks_left = 1;
+  EXPECT_EQ(serverText(server), "server away, 1 chunk waits");
+  server.connected = true;
+  EXPECT_EQ(serverText(server), "server");
+  server.chunks_left = 12;
+  EXPECT_EQ(serverText(server), "server, 12 chunks behind");
+  server.denied = true;
+  EXPECT_EQ(serverText(server), "server refuses");
+}
+
+class LiveViewerTest : public LoopFixture {};
+
+TEST_F(LiveViewerTest, showsTheNewestTickOfTheLoop) {
+  FakeDevice device(goingDown(0.02, kRate));
+  clock_.late_ns[100] = 2 * kTick_ns;
+  std::unique_ptr<LiveViewer> viewer;
+  LiveView seen;
+  device.on_write = [&](std::uint64_t tick) {
+    if (viewer == nullptr)
+      viewer = std::make_unique<LiveViewer>(*loop_, kRate, std::vector<std::string>{"skin"});
+    if (tick == 351) seen = viewer->look("recording", "server");
+  };
+  run(device, {kRate, {}, 400});
+  EXPECT_EQ(seen.sample.tick, 349u) << "the tick before the one that is being rendered";
+  EXPECT_DOUBLE_EQ(seen.time_s, 0.349);
+  EXPECT_EQ(seen.layer, "skin");
+  EXPECT_EQ(seen.missed_ticks, 2u);
+  EXPECT_EQ(seen.wakeup.total, 349u);
+  EXPECT_GE(seen.wakeup.max_ns, 2 * kTick_ns);
+  EXPECT_THAT(liveText(seen), HasSubstr("0:00  INSERTING skin 6.0 mm 1.00 N"));
 }
 
 }  // namespace
