@@ -80,11 +80,12 @@ struct SelfTestFacts {
 /// median over these windows, so that a slow drift and a short knock do not count. 0 with too few samples.
 double restNoise_m(std::span<const QuietSample> samples);
 
-/// At `real_time.rate_hz`: opens the device, waits until it is ready (at most 15 s), reads it for `seconds`
+/// At `real_time.rate_hz`: opens the device, waits until it is ready (at most `patience_s`:
+/// firmware is loaded, a zero looked for, power switched on), reads it for `seconds`
 /// with zero force, closes it. `say` gets remarks for a person meanwhile. `stopped`: a signal came.
 DeviceFacts measureDevice(Device& device, LoopClock& clock, const RtOptions& real_time, double seconds,
                           const sigset_t& stop_signals, const std::function<void(const std::string&)>& say,
-                          bool& stopped);
+                          bool& stopped, double patience_s = 15);
 MachineFacts measureMachine();
 /// Makes the folder if need be, and writes a file there for a moment.
 DiskFacts measureDisk(const std::filesystem::path& folder);

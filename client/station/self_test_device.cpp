@@ -10,7 +10,6 @@
 namespace needlelab {
 namespace {
 
-constexpr double kReady_s = 15;  // to load firmware, to be homed, to be switched on
 constexpr double kWindow_s = 0.2;
 constexpr double kKeptRate_hz = 1000;
 constexpr std::uint32_t kWaitFor = kDeviceNotReady | kDeviceLost;
@@ -58,7 +57,7 @@ double restNoise_m(std::span<const QuietSample> samples) {
 
 DeviceFacts measureDevice(Device& device, LoopClock& clock, const RtOptions& real_time, double seconds,
                           const sigset_t& stop_signals, const std::function<void(const std::string&)>& say,
-                          bool& stopped) {
+                          bool& stopped, double patience_s) {
   DeviceFacts facts;
   const double rate_hz = real_time.rate_hz;
   facts.info = device.info();
@@ -79,7 +78,7 @@ DeviceFacts measureDevice(Device& device, LoopClock& clock, const RtOptions& rea
   };
 
   // some need time, or a person's hand, before they report
-  QuietLoop ready(device, clock, {rate_hz, ticksIn(kReady_s, rate_hz), 1});
+  QuietLoop ready(device, clock, {rate_hz, ticksIn(patience_s, rate_hz), 1});
   QuietRun run = runQuietly(ready, device, &real_time, stop_signals, [&] {
     passOn();
     return ready.samples().empty() || (ready.condition() & kWaitFor) != 0;

@@ -24,6 +24,11 @@ Check number(std::string name, double value, std::string unit, Verdict verdict, 
   return check;
 }
 
+// in m, without the sign of a nought
+double toMillimetre(double value_m) {
+  return std::round(value_m * 1e3) / 1e3 + 0.0;
+}
+
 double micro(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-3;
 }
@@ -71,13 +76,12 @@ void judgeCommunication(const DeviceFacts& f, std::vector<Check>& checks) {
     return;
   }
   const double fresh = 100 * static_cast<double>(s.fresh) / static_cast<double>(s.ran);
+  // a device with a clock of its own, such as the Falcon, now and then has nothing new at the tick
+  const Verdict enough = fresh >= 80 ? Verdict::kOk : fresh >= 50 ? Verdict::kWarning : Verdict::kFailed;
   checks.push_back(
-      number("communication", fresh, "%",
-             fresh >= 99   ? Verdict::kOk
-             : fresh >= 80 ? Verdict::kWarning
-                           : Verdict::kFailed,
+      number("communication", fresh, "%", enough,
              formatted("%.2f %% of %llu readings were fresh", fresh, static_cast<unsigned long long>(s.ran)),
-             "at least 99 %",
+             "at least 80 %",
              "check cable and plug; give a lower --rate; close other programs that use the device"));
   const auto silence = static_cast<double>(s.longest_silence);
   checks.push_back(number("longest silence", silence, "ticks", upTo(silence, 2, 5),
@@ -122,7 +126,7 @@ void judgePose(const DeviceFacts& f, std::vector<Check>& checks) {
   checks.push_back(
       number("place", f.farthest_m, "m", upTo(f.farthest_m, 1.5, 1.5),
              formatted("tip at %.3f, %.3f, %.3f m; the handle within %.3f m of the base frame's origin",
-                       tip.x, tip.y, tip.z, f.farthest_m),
+                       toMillimetre(tip.x), toMillimetre(tip.y), toMillimetre(tip.z), f.farthest_m),
              "at most 1.5 m", "no haptic device reaches so far: its zero is lost; home or restart it"));
   // a handle that somebody moves has no noise at rest
   if (f.moved_m > 5e-3)

@@ -74,8 +74,8 @@ TEST(SelfTest, eachFactAloneChangesItsOwnRow) {
     std::function<void(SelfTestFacts&)> break_it;
   };
   const Row rows[] = {
-      {"communication", Verdict::kWarning, [](auto& f) { f.device.loop.fresh = 4900; }},
-      {"communication", Verdict::kFailed, [](auto& f) { f.device.loop.fresh = 3000; }},
+      {"communication", Verdict::kWarning, [](auto& f) { f.device.loop.fresh = 3900; }},
+      {"communication", Verdict::kFailed, [](auto& f) { f.device.loop.fresh = 2400; }},
       {"longest silence", Verdict::kWarning, [](auto& f) { f.device.loop.longest_silence = 5; }},
       {"longest silence", Verdict::kFailed, [](auto& f) { f.device.loop.longest_silence = 6; }},
       {"exchange time", Verdict::kWarning,

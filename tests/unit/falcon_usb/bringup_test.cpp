@@ -1,0 +1,110 @@
+// The station's self-test of a Falcon on the emulated USB: all rows but those of time, and no torque.
+#include <gmock/gmock.h>
+
+#include <nlohmann/json.hpp>
+
+#include "base/atomic_file.h"
+#include "base/exit_code.h"
+#include "falcon_on_usb.h"
+#include "haptics/device_condition.h"
+#include "process.h"
+#include "station/self_test.h"
+#include "support/temp_folder.h"
+
+namespace needlelab::test {
+namespace {
+
+using testing::HasSubstr;
+
+const Check* find(const std::vector<Check>& checks, const std::string& name) {
+  for (const Check& check : checks)
+    if (check.name == name) return &check;
+  return nullptr;
+}
+
+TEST_F(FalconOnUsb, selfTestFindsItWellAndGivesItNoTorque) {
+  openDevice();
+  home();
+  device_->close();
+  const std::uint64_t before = falcon_.commands();
+
+  SteadyLoopClock clock;
+  bool stopped = false;
+  sigset_t none;
+  sigemptyset(&none);
+  SelfTestFacts facts;
+  facts.device = measureDevice(
+      *device_, clock, RtOptions{}, 0.5, none, [](const auto&) {}, stopped);
+  ASSERT_EQ(facts.device.trouble, "");
+  EXPECT_GT(facts.device.loop.fresh, 50u);
+  const auto checks = judge(facts);
+  EXPECT_EQ(find(checks, "condition")->verdict, Verdict::kOk) << find(checks, "condition")->found;
+  EXPECT_EQ(find(checks, "pose")->verdict, Verdict::kOk);
+  EXPECT_EQ(find(checks, "torque limits")->verdict, Verdict::kWarning);
+  EXPECT_EQ(find(checks, "orientation")->verdict, Verdict::kWarning);
+  EXPECT_EQ(find(checks, "tool"), nullptr);
+
+  // every command that the device was sent asked for no torque
+  EXPECT_GT(falcon_.commands(), before + 50);
+  for (const CommandSeen& seen : falcon_.history())
+    for (const std::int16_t motor : seen.motors) EXPECT_EQ(motor, 0);
+}
+
+TEST_F(FalconOnUsb, selfTestSaysWhatTheHandHasToDoAndThatItWasNotDone) {
+  falcon_.plug();
+  FalconDevice device{FalconOptions{}};
+  SteadyLoopClock clock;
+  bool stopped = false;
+  sigset_t none;
+  sigemptyset(&none);
+  std::vector<std::string> said;
+  SelfTestFacts all;
+  all.device = measureDevice(
+      device, clock, RtOptions{}, 0.2, none, [&](const auto& text) { said.push_back(text); }, stopped, 0.5);
+  ASSERT_FALSE(said.empty());
+  EXPECT_THAT(said.front(), HasSubstr("grip"));
+  EXPECT_EQ(find(judge(all), "condition")->verdict, Verdict::kFailed);
+}
+
+// what a technician sees
+std::string output(const TempFolder& folder, const std::vector<std::string>& arguments, int code) {
+  const auto log = folder.path() / "log";
+  Process station("needlelab-station", arguments, log);
+  EXPECT_EQ(station.wait(std::chrono::seconds(60)), code);
+  const auto text = readWholeFile(log);
+  EXPECT_TRUE(text.ok());
+  return text.ok() ? *text : std::string();
+}
+
+TEST_F(FalconOnUsb, theProgramListsAndTestsIt) {
+  const TempFolder folder;
+  openDevice();
+  home();
+  device_->close();
+  EXPECT_THAT(output(folder, {"--list-devices"}, kExitDone), HasSubstr("FALCON01"));
+
+  const auto json_file = folder.path() / "test.json";
+  Process station("needlelab-station",
+                  {"--self-test", "--device", "falcon", "--seconds", "1", "--spool",
+                   (folder.path() / "spool").string(), "--json", json_file.string()},
+                  folder.path() / "log");
+  // a busy machine may fail the rows of time
+  const auto code = station.wait(std::chrono::seconds(60));
+  EXPECT_TRUE(code == kExitDone || code == kExitFailed);
+  const auto text = readWholeFile(json_file);
+  ASSERT_TRUE(text.ok());
+  int rows = 0;
+  const auto json = nlohmann::json::parse(*text);
+  for (const auto& row : json["rows"])
+    for (const char* name : {"device", "condition", "pose", "place", "force limits"})
+      if (row["check"] == name) {
+        EXPECT_EQ(row["verdict"], "OK") << row;
+        ++rows;
+      }
+  EXPECT_GE(rows, 5);
+  EXPECT_THAT(output(folder, {"--calibrate", "--device", "falcon"}, kExitInvalid),
+              HasSubstr("its grip is the tip"));
+}
+
+}  // namespace
+}  // namespace needlelab::test
