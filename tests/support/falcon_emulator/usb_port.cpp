@@ -36,23 +36,31 @@ std::string threeDigits(int number) {
   return std::string(3 - std::min<std::size_t>(3, text.size()), '0') + text;
 }
 
+// GLib hands things over to umockdev's thread, but ThreadSanitizer cannot see how: this lock shows it
+std::mutex hand_over;
+
 // runs `work` on the thread of `context` and waits for it
 void runIn(GMainContext* context, const std::function<void()>& work) {
   struct Call {
-    const std::function<void()>* work;
+    const std::function<void()>* work = nullptr;
     std::promise<void> done;
-  } call{&work, {}};
+  } call;
+  std::unique_lock lock(hand_over);
+  call.work = &work;
   std::future<void> done = call.done.get_future();
   GSource* const source = g_idle_source_new();
   g_source_set_priority(source, G_PRIORITY_HIGH);
   const auto run = [](gpointer data) -> gboolean {
     auto* const asked = static_cast<Call*>(data);
+    std::unique_lock own(hand_over);
     (*asked->work)();
+    own.unlock();
     asked->done.set_value();
     return G_SOURCE_REMOVE;
   };
   g_source_set_callback(source, run, &call, nullptr);
   g_source_attach(source, context);
+  lock.unlock();
   done.wait();
   g_source_unref(source);
 }
@@ -66,6 +74,7 @@ struct UsbPort::Glue {
   }
   static void connected(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer data) {
     auto* const port = static_cast<UsbPort*>(data);
+    { const std::lock_guard made(hand_over); }
     const std::lock_guard lock(port->mutex_);
     // umockdev drops a client whose node was closed, and says so in no other way
     g_object_weak_ref(G_OBJECT(client), Glue::closed, port);
@@ -101,6 +110,7 @@ UsbPort::UsbPort(UsbTestbed& testbed, UsbPeripheral& peripheral)
       timer_(::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)),
       handler_(umockdev_ioctl_base_new()) {
   if (timer_ < 0) throw std::runtime_error("no timer for the emulated USB port");
+  const std::lock_guard made(hand_over);
   signals_ = {g_signal_connect(handler_, "handle-ioctl", G_CALLBACK(Glue::ioctl), this),
               g_signal_connect(handler_, "client-connected", G_CALLBACK(Glue::connected), this)};
 }
@@ -127,7 +137,7 @@ UsbPort::~UsbPort() {
 }
 
 void UsbPort::attach() {
-  device_number_ = testbed_.nextDeviceNumber();
+  device_number_ = testbed_.takeDeviceNumber();
   node_ = "/dev/bus/usb/001/" + threeDigits(device_number_);
   node_file_ = testbed_.root() + node_;
   terminal_ = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
@@ -198,6 +208,7 @@ void UsbPort::unplug() {
   const std::string sys = "/sys" + syspath_;
   umockdev_testbed_uevent(testbed_.get(), sys.c_str(), "remove");
   umockdev_testbed_remove_device(testbed_.get(), sys.c_str());
+  testbed_.giveBackDeviceNumber(device_number_);
 }
 
 // hangs up: whoever polls the node sees an error, as after a real unplug

@@ -45,6 +45,12 @@ std::string UsbTestbed::trouble() const {
          "PROGRAM`";
 }
 
+int UsbTestbed::takeDeviceNumber() {
+  do last_device_number_ = last_device_number_ < 127 ? last_device_number_ + 1 : 2;
+  while (!device_numbers_.insert(last_device_number_).second);
+  return last_device_number_;
+}
+
 void preferThisThread() {
   sched_param parameters{};
   parameters.sched_priority = 60;

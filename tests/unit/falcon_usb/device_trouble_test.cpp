@@ -337,8 +337,11 @@ TEST_F(FalconOnUsb, unpluggedAndPluggedAgainManyTimesItLeaksNothing) {
     }
   }
   EXPECT_TRUE(waitUntil([&] { return openFiles() <= files + 1; })) << openFiles() << " files, " << files;
-  // umockdev itself keeps some hundred bytes of each device
-  EXPECT_LT(residentKiB(), memory_KiB + 4096 + static_cast<std::size_t>(rounds) * 4);
+  RecordProperty("grown_KiB", static_cast<int>(residentKiB()) - static_cast<int>(memory_KiB));
+  RecordProperty("files_before", static_cast<int>(files));
+  RecordProperty("files_after", static_cast<int>(openFiles()));
+  // 136 KiB in 1000 rounds were seen; a leaked packet queue would be more, whatever a sanitizer keeps back
+  EXPECT_LT(residentKiB(), memory_KiB + 4096);
   EXPECT_LE(falcon_.port().openClients(), 1);
 }
 
