@@ -26,9 +26,11 @@ struct HandOptions {
   /// From this time on the hand does not touch the handle any more, however the plan goes on; 0 = it never
   /// lets go. In s, [0, 1e6]. For studies; not on a command line.
   double let_go_s = 0;
-  double tremor_m = 50e-6;   ///< peak per axis in 8-12 Hz, [0, 0.005]
-  double speed_mps = 0.02;   ///< of insertion and withdrawal, (0, 0.5]
-  double hold_s = 2;         ///< at the target, (0, 600]
+  double tremor_m = 50e-6;  ///< peak per axis in 8-12 Hz, [0, 0.005]
+  double speed_mps = 0.02;  ///< of insertion and withdrawal, (0, 0.5]
+  double hold_s = 2;        ///< at the target, (0, 600]
+  /// Draws the plunger back before it injects, as one is taught to. On a command line the default is yes.
+  bool aspirate = false;
   std::uint64_t seed = 1;    ///< of the tremor
   std::uint64_t repeat = 1;  ///< how often the plan is done; 0 = without end
   /// `target[:NAME]`, `retry[:NAME]`, `depth:METRES`, `rest`, or a CSV file of tip poses in W (see

@@ -36,9 +36,13 @@ void addHandOptions(CLI::App& app, HandOptions& o) {
     return app.add_option(name, value, text)->capture_default_str()->group("Simulated hand");
   };
   o.correction_per_s = kCommandLineCorrection_per_s;
+  o.aspirate = true;
   add("--hand-plan", o.plan, "target[:NAME], retry[:NAME], depth[:METRES], rest, or a CSV file of tip poses");
   add("--hand-speed-m-s", o.speed_mps, "speed of insertion and withdrawal")->check(within(0, 0.5, false));
   add("--hand-hold-s", o.hold_s, "time at the target")->check(within(0, 600, false));
+  app.add_flag("--hand-aspirate,!--hand-no-aspirate", o.aspirate,
+               "draws the plunger back at the target before it injects; that is the default")
+      ->group("Simulated hand");
   add("--hand-repeat", o.repeat, "how often the plan is done; 0 = until stopped")->check(kDigits);
   add("--hand-correction", o.correction_per_s,
       "share of the error that the aim makes up for in a second; 0 = none")

@@ -55,9 +55,13 @@ double depthOf(Limb limb, Vec3 p) {
   return signedDepth(limb, p);
 }
 
-// hold, the plunger going down in the second half
+// hold, the plunger going back in the second quarter where asked for, and down in the second half
 void holdAndInject(HandPlan& plan, const PlanStyle& style) {
-  plan.hold(style.hold_s / 2).hold(style.hold_s / 2, 1);
+  if (style.aspirate)
+    plan.hold(style.hold_s / 4).hold(style.hold_s / 4, 0);
+  else
+    plan.hold(style.hold_s / 2);
+  plan.hold(style.hold_s / 2, 1);
 }
 
 }  // namespace
@@ -81,6 +85,12 @@ double shareOfWay(Motion motion, double t) noexcept {
 }
 
 HandPlan::HandPlan(const Pose& start) : start_{start, 0} {}
+
+HandPlan& HandPlan::plungerAtStart(double plunger) {
+  assert(segments_.empty());
+  start_.plunger = plunger;
+  return *this;
+}
 
 void HandPlan::add(const HandAim& to, double seconds, Motion motion) {
   assert(seconds > 0);
@@ -147,6 +157,7 @@ HandPlan insertionPlan(Vec3 entry_W_m, Vec3 axis_W, double depth_m, const PlanSt
   const Pose start{entry_W_m - axis * style.approach_m, q};
   const Pose deepest{entry_W_m + axis * depth_m, q};
   HandPlan plan(start);
+  if (style.aspirate) plan.plungerAtStart(kPlungerBeforeAspiration);
   plan.hold(style.rest_s).moveTo(deepest, style.insertion_speed_mps, Motion::kTrapezoid);
   holdAndInject(plan, style);
   plan.moveTo(start, style.insertion_speed_mps, Motion::kTrapezoid).hold(style.rest_s);
@@ -175,6 +186,7 @@ HandPlan retryPlan(const Limb& limb_W, Vec3 target_W_m, double miss_rad, const P
   const Pose turned{entry + right * (0.3 * depth), q_right};
   const Pose out{entry - right * style.approach_m, q_right};
   HandPlan plan(start);
+  if (style.aspirate) plan.plungerAtStart(kPlungerBeforeAspiration);
   plan.hold(style.rest_s)
       .moveTo(missed, speed, Motion::kTrapezoid)
       .hold(style.hold_s / 2)

@@ -29,6 +29,9 @@ class HandPlan {
  public:
   explicit HandPlan(const Pose& start = {});
 
+  /// Where the plunger is at the start; before anything else is added. Without it: 0.
+  HandPlan& plungerAtStart(double plunger);
+
   /// Rests for `seconds` (more than 0), the plunger going to `plunger` meanwhile.
   HandPlan& hold(double seconds, double plunger);
   HandPlan& hold(double seconds) { return hold(seconds, end().plunger); }
@@ -75,7 +78,11 @@ struct PlanStyle {
   double approach_m = 0.02;  ///< the tip starts and ends this far from the surface
   double rest_s = 0.5;       ///< in free air, before and after
   double hold_s = 2.0;       ///< at the deepest point; the plunger is pressed in its second half
+  /// Before that, in the second quarter of the hold, the plunger is drawn back: from
+  /// kPlungerBeforeAspiration, where it is from the start.
+  bool aspirate = false;
 };
+inline constexpr double kPlungerBeforeAspiration = 0.1;
 
 /// In along `axis` through `entry` until `depth_m` beyond it along the axis, hold, inject, out the same way.
 HandPlan insertionPlan(Vec3 entry_W_m, Vec3 axis_W, double depth_m, const PlanStyle& style);

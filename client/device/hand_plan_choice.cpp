@@ -31,6 +31,7 @@ Result<HandPlan> planFromCsv(const std::string& path) {
   auto track = readPoseTrack(path);
   if (!track.ok()) return track.error();
   HandPlan plan(track->X_WH.front());
+  if (!track->plunger.empty()) plan.plungerAtStart(track->plunger.front());
   for (std::size_t i = 1; i < track->t_s.size(); ++i) {
     // of rows with the same time the first counts
     const double seconds = track->t_s[i] - track->t_s.front() - plan.duration_s();
@@ -46,6 +47,7 @@ Result<HandPlan> planByName(const std::string& kind, const std::string& argument
   PlanStyle style;
   style.insertion_speed_mps = options.speed_mps;
   style.hold_s = options.hold_s;
+  style.aspirate = options.aspirate;
   const Vec3 surface = referencePoint(scene.limb);
   const Vec3 n = outwardNormal(scene.limb, surface);
   if (kind == "rest")
@@ -95,10 +97,11 @@ Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W
   const bool is_name = kind == "target" || kind == "retry" || kind == "depth" || kind == "rest";
   auto plan = is_name ? planByName(kind, argument, options, scene_W, targets_W) : planFromCsv(options.plan);
 
-  // a plan that is done again must end where it starts, or the hand would jump
-  if (plan.ok() && options.repeat != 1 && plan->end().X_WT != plan->start().X_WT) {
+  // a plan that is done again must end where it starts, or the hand would jump, and so would the plunger
+  if (plan.ok() && options.repeat != 1) {
     if (plan->end().plunger != plan->start().plunger) plan->hold(0.5, plan->start().plunger);
-    plan->moveTo(plan->start().X_WT, 5 * options.speed_mps, Motion::kMinJerk);
+    if (plan->end().X_WT != plan->start().X_WT)
+      plan->moveTo(plan->start().X_WT, 5 * options.speed_mps, Motion::kMinJerk);
   }
   return plan;
 }

@@ -24,13 +24,16 @@ void put(double (&to)[3], Vec3 v) {
 }  // namespace
 
 HapticChain::HapticChain(const SceneModel& model, const DeviceLimits& limits, const Pose& X_HT)
-    : model_(model), X_HT_(X_HT), gate_(limits, model.rate_hz) {
+    : model_(model), X_HT_(X_HT), gate_(limits, model.rate_hz), plunger_({}, model.rate_hz) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   report_.p_wall_W_m = {nan, nan, nan};
 }
 
-HapticChain::HapticChain(const SceneModel& model, const DeviceInfo& device, const Pose& X_HT)
+HapticChain::HapticChain(const SceneModel& model, const DeviceInfo& device, const Pose& X_HT,
+                         PlungerSettings plunger)
     : HapticChain(model, device.limits, X_HT) {
+  plunger.source = device.plunger;
+  plunger_ = Plunger(plunger, model.rate_hz);
   has_orientation_ = device.has_orientation;
   // what renders nothing at all is computed for the record, as if it could
   renders_torque_ = device.renders_torque || !device.renders_force;
@@ -88,7 +91,7 @@ GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::i
                              : Vec3{};
   out.gate_flags = gate_.flags() | (reading.condition & kDeviceFlags);
   out.fault = gate_.fault();
-  out.plunger = std::isfinite(reading.plunger) ? std::clamp(reading.plunger, 0.0, 1.0) : 0;
+  out.plunger = plunger_.update(reading, fresh, elapsed_ticks);
   out.buttons = reading.buttons;
   return guarded;
 }

@@ -6,6 +6,7 @@
 
 #include "device/assumed_axis.h"
 #include "device/device.h"
+#include "device/plunger.h"
 #include "gesture/sample.h"
 #include "haptics/engine.h"
 #include "haptics/force_gate.h"
@@ -37,7 +38,9 @@ class HapticChain {
   /// For what `device` is. Without an orientation the needle's axis is assumed (assumed_axis.h) and the
   /// tool's offset is taken along W, its direction not at all. Without torque none is asked for, the lever of
   /// the tool's force included: the handle gets the tip's force.
-  HapticChain(const SceneModel& model, const DeviceInfo& device, const Pose& X_HT);
+  /// The plunger's source is the device's, whatever `plunger` says.
+  HapticChain(const SceneModel& model, const DeviceInfo& device, const Pose& X_HT,
+              PlungerSettings plunger = {});
 
   /// One tick; `fresh` and `elapsed_ticks` as in ForceGate::admit; `share` of the engine's wrench is asked
   /// for (1, less while a session fades out). What goes to the device is in `out.rendered_W` and the result.
@@ -61,6 +64,7 @@ class HapticChain {
   bool has_orientation_ = true, renders_torque_ = true;
   AssumedAxis assumed_axis_;
   ForceGate gate_;
+  Plunger plunger_;
   SimState state_{};
   StepReport report_{};
   Pose handle_, tip_;

@@ -121,6 +121,7 @@ RecordingDevice::RecordingDevice(PoseTrack track, const std::string& name) : tra
   info_.name = "recording " + name;
   info_.renders_force = false;
   info_.renders_torque = false;
+  info_.plunger = track_.plunger.empty() ? PlungerSource::kNone : PlungerSource::kAnalog;
 }
 
 Status RecordingDevice::open(double rate_hz) {

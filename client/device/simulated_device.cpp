@@ -70,6 +70,7 @@ SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options, HandPlan
                 options.hand.stiffness_N_per_m, options.hand.damping_Ns_per_m);
   info_.name = name;
   info_.limits = options.limits;
+  info_.plunger = PlungerSource::kAnalog;  // the hand says where it has it
 }
 
 Status SimulatedDevice::open(double rate_hz) {

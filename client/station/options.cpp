@@ -12,6 +12,7 @@
 #include "base/output_check.h"
 #include "base/text_rules.h"
 #include "device/hand_cli.h"
+#include "device/plunger_option.h"
 #include "device/pose_option.h"
 #include "device_factory/device_factory.h"
 #include "haptics/limits.h"
@@ -86,7 +87,7 @@ Status complete(StationOptions& options, const std::string& server, const std::s
 ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   ParsedOptions parsed;
   StationOptions& o = parsed.options;
-  std::string server, tool, placement;
+  std::string server, tool, placement, plunger;
   std::optional<std::string> json;
   double keep_days = 14, quota_mib = 4096;
   bool list_devices = false, self_test = false, calibrate = false, list_exercises = false;
@@ -106,6 +107,9 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   app.add_option("--model", o.model,
                  "axial force model in place of the profile's, e.g. ENHANCED_TRACKING_WALL");
   app.add_option("--device", o.device, "one of: " + deviceKinds())->capture_default_str();
+  app.add_option(
+      "--plunger", plunger,
+      "buttons that press the plunger and draw it back, where the device has buttons; default: 0,1");
   app.add_option("--tool", tool, "the tip in the handle's frame: x,y,z,qx,qy,qz,qw (m), or a JSON file");
   app.add_option("--placement", placement,
                  "the limb in the device's base frame: x,y,z,qx,qy,qz,qw (m), or a JSON file");
@@ -189,7 +193,9 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
     parsed.exit_code = exitCodeOf(status.error());
     return parsed;
   }
-  if (auto status = complete(o, server, tool, placement, keep_days, quota_mib); !status.ok()) {
+  auto status = complete(o, server, tool, placement, keep_days, quota_mib);
+  if (status.ok() && !plunger.empty()) status = parsePlungerOption(plunger, o.plunger);
+  if (!status.ok()) {
     std::cerr << "needlelab-station: " << status.error().message << "\n";
     parsed.exit_code = exitCodeOf(status.error());
   }

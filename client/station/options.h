@@ -8,6 +8,7 @@
 
 #include "base/result.h"
 #include "device/hand.h"
+#include "device/plunger.h"
 #include "haptics/geometry.h"
 #include "net/endpoint.h"
 #include "net/spool.h"
@@ -30,7 +31,8 @@ struct StationOptions {
   // the device
   std::string device = "simulated";
   HandOptions hand;
-  Pose X_HT, X_WL;  ///< --tool, --placement
+  PlungerSettings plunger;  ///< --plunger; its source is the device's
+  Pose X_HT, X_WL;          ///< --tool, --placement
   double rate_hz = 1000;
   double seconds = 0;      ///< 0: until the device, the exercise's time limit or a signal ends it
   std::optional<int> cpu;  ///< --cpu: the haptic thread's core; none = the system chooses

@@ -25,7 +25,7 @@ ServoLoop::ServoLoop(const SceneModel& model, Device& device, LoopClock& clock, 
       period_ns_(1e9 / settings.rate_hz),
       closing_ticks_(ticksIn(kClosing_s, settings.rate_hz)),
       after_fault_ticks_(ticksIn(kAfterFault_s, settings.rate_hz)),
-      chain_(model, device.info(), settings.X_HT),
+      chain_(model, device.info(), settings.X_HT, settings.plunger),
       storm_(settings.rate_hz) {}
 
 std::int64_t ServoLoop::dueNs(std::uint64_t tick) const noexcept {

@@ -26,6 +26,7 @@ struct ServoSettings {
   Pose X_HT;                    ///< the tool: the tip in the handle's frame
   std::uint64_t max_ticks = 0;  ///< ends after so many ticks, missed ones included; 0 = no end
   FaultPolicy on_fault = FaultPolicy::kEnd;
+  PlungerSettings plunger{};      ///< its source is the device's own, whatever stands here
   BlackBox* black_box = nullptr;  ///< outlives the loop; null = none
 };
 

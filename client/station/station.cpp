@@ -269,6 +269,7 @@ Status Lesson::practise() {
   BlackBoxWriter black_box_writer(black_box, black_boxes, session_->idText(), say);
   ServoSettings settings{options_.rate_hz, options_.X_HT, max_ticks_};
   settings.black_box = &black_box;
+  settings.plunger = options_.plunger;
   loop_ = std::make_unique<ServoLoop>(lesson_.model, *device_, clock, ring_, settings);
   say("session " + session_->idText() + ": " + lesson_.profile.name() + ", " + device_->info().name);
 

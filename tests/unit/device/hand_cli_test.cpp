@@ -15,6 +15,17 @@ void parse(HandOptions& options, const std::vector<std::string>& arguments) {
   app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
 }
 
+TEST(HandCli, aPersonAspiratesUnlessAskedNotTo) {
+  HandOptions o;
+  EXPECT_FALSE(o.aspirate);
+  parse(o, {});
+  EXPECT_TRUE(o.aspirate);
+  parse(o, {"--hand-no-aspirate"});
+  EXPECT_FALSE(o.aspirate);
+  parse(o, {"--hand-aspirate"});
+  EXPECT_TRUE(o.aspirate);
+}
+
 TEST(HandCli, everyOptionReachesItsField) {
   HandOptions o;
   parse(o, {"--hand-plan",

@@ -45,6 +45,19 @@ TEST(ChoosePlan, withoutTargetsGoesToHalfOfTheLayers) {
   EXPECT_NEAR(deepest(*choose("depth:0.035")), 0.035, 1e-9);
 }
 
+TEST(ChoosePlan, aPlanThatIsDoneAgainFillsItsSyringeAnew) {
+  HandOptions options;
+  options.aspirate = true;
+  const auto once = choosePlan(options, scene(), kTargets);
+  EXPECT_EQ(once->end().plunger, 1);
+  options.repeat = 0;
+  const auto again = choosePlan(options, scene(), kTargets);
+  EXPECT_EQ(again->end().plunger, again->start().plunger);
+  EXPECT_EQ(again->end().X_WT, again->start().X_WT);
+  EXPECT_LT(again->end().X_WT.p.z, 0.1);
+  EXPECT_GT(again->end().X_WT.p.z, 0) << "outside the tissue";
+}
+
 TEST(ChoosePlan, restStaysOutside) {
   const auto plan = choose("rest");
   EXPECT_NEAR(deepest(*plan), -0.02, 1e-12);

@@ -145,6 +145,33 @@ TEST(TargetPlan, reachesTheTargetStraightThroughTheSkinAndComesBack) {
   }
 }
 
+TEST(TargetPlan, drawsThePlungerBackBeforeItInjectsWhereAskedTo) {
+  PlanStyle style;
+  style.aspirate = true;
+  style.hold_s = 4;
+  const Limb level = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
+  const Vec3 target{0, 0, -0.02};
+  const HandPlan plan = targetPlan(level, target, style);
+  PlanStyle plain = style;
+  plain.aspirate = false;
+  const HandPlan before = targetPlan(level, target, plain);
+  EXPECT_EQ(plan.duration_s(), before.duration_s());
+  EXPECT_EQ(before.start().plunger, 0);
+  // the tip goes as it did; the plunger stays, goes back in the second quarter of the hold, then down
+  double hold_begins_s = -1;
+  for (double t = 0; t < plan.duration_s(); t += 0.01) {
+    EXPECT_EQ(plan.at(t).X_WT.p, before.at(t).X_WT.p) << t;
+    if (hold_begins_s < 0 && norm(plan.at(t).X_WT.p - target) < 1e-12) hold_begins_s = t;
+  }
+  const auto at = [&](double since_s) { return plan.at(hold_begins_s + since_s).plunger; };
+  EXPECT_EQ(plan.start().plunger, kPlungerBeforeAspiration);
+  EXPECT_NEAR(at(0.95), kPlungerBeforeAspiration, 1e-12);
+  EXPECT_NEAR(at(1.5), kPlungerBeforeAspiration / 2, 0.002);
+  EXPECT_NEAR(at(2), 0, 0.006);
+  EXPECT_NEAR(at(3), 0.5, 0.006);
+  EXPECT_NEAR(at(4), 1, 1e-12);
+}
+
 TEST(RetryPlan, missesFirstAndNeverJumps) {
   PlanStyle style;
   const Limb level = PlaneLimb{{0, 0, 0}, {0, 0, 1}};

@@ -94,6 +94,9 @@ TEST_F(HapticChainTest, plungerIsHeldToItsRange) {
   EXPECT_EQ(tick_.plunger, 1);
   reading.plunger = kNaN;
   chain_.tick(reading, true, 1, 1.0, tick_);
+  EXPECT_EQ(tick_.plunger, 1) << "what is no number moves nothing";
+  reading.plunger = -2;
+  chain_.tick(reading, true, 1, 1.0, tick_);
   EXPECT_EQ(tick_.plunger, 0);
 }
 

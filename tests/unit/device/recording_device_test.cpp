@@ -158,6 +158,13 @@ TEST(RecordingDevice, aTrackTooLongForItsRateIsRefused) {
   EXPECT_THAT(status.error().message, HasSubstr("long.csv"));
 }
 
+TEST(RecordingDevice, saysWhetherItHasAPlunger) {
+  PoseTrack track = trackOf({0, 0.002}, {{}, {}});
+  EXPECT_EQ(RecordingDevice(track, "a.csv").info().plunger, PlungerSource::kNone);
+  track.plunger = {0.25, 0.75};
+  EXPECT_EQ(RecordingDevice(track, "a.csv").info().plunger, PlungerSource::kAnalog);
+}
+
 TEST(RecordingDevice, plungerIsPlayedBetweenRows) {
   PoseTrack track = trackOf({0, 0.002}, {{}, {}});
   track.plunger = {0.25, 0.75};

@@ -49,6 +49,25 @@ TEST_F(ServoLoopTest, everyTickGivesOneSampleWithItsDueTimeAndTheEnginesForce) {
   EXPECT_EQ(stats.wakeup.max_ns(), 0);
 }
 
+TEST_F(ServoLoopTest, aButtonPressesThePlungerOfADeviceWithButtons) {
+  FakeDevice device([](std::uint64_t tick, DeviceReading& reading) {
+    reading.X_WH = {{0, 0, 0.01}, {1, 0, 0, 0}};
+    reading.buttons = tick < 150 ? 1u << 3 : 1u << 2;
+    reading.plunger = 0.9;
+    return DeviceRead::kFresh;
+  });
+  device.device_info.plunger = PlungerSource::kButtons;
+  ServoSettings settings{kRate, {}, 450};
+  settings.plunger.push_button = 2;
+  settings.plunger.pull_button = 3;
+  clock_.late_ns[100] = 10 * kTick_ns;  // the button is pressed in missed ticks, too
+  run(device, settings);
+  EXPECT_NEAR(samples_.front().plunger, 0.2 - 1 / 3000.0, 1e-12);
+  EXPECT_NEAR(samples_.back().plunger, 0.2 - 150 / 3000.0 + 300 / 3000.0, 1e-9);
+  for (std::size_t i = 1; i < samples_.size(); ++i)
+    if (samples_[i].tick <= 149) EXPECT_LT(samples_[i].plunger, samples_[i - 1].plunger);
+}
+
 TEST_F(ServoLoopTest, missedTicksAreCountedAndNotSteppedAndTheDeviceGoesOn) {
   FakeDevice device(goingDown(0.02, kRate));
   clock_.late_ns[10] = 3 * kTick_ns + kTick_ns / 2;  // ticks 10, 11, 12 pass; 13 begins half a period late

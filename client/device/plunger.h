@@ -1,0 +1,40 @@
+/// Where the syringe's plunger is, from what a device reports of it.
+#pragma once
+
+#include <cstdint>
+
+#include "device/device.h"
+
+namespace needlelab {
+
+/// How readings become a plunger. Buttons are numbers of bits in `DeviceReading::buttons`.
+struct PlungerSettings {
+  PlungerSource source = PlungerSource::kAnalog;  ///< of the device
+  int push_button = 0;                            ///< pressed: the plunger goes down; 0-31
+  int pull_button = 1;                            ///< pressed: it is drawn back; -1: there is no such button
+  double stroke_s = 3;                            ///< the whole way, with a button
+  double start = 0.2;  ///< with buttons: not drawn out at first, so that one can aspirate
+};
+
+/// The plunger, 0 (drawn out) to 1 (pressed down). Measured: as the device says, held to 0-1; a value that is
+/// no number leaves it where it was. Buttons: it moves by 1/`stroke_s` a second while one of the two is
+/// pressed, in the ticks that were missed too, but no longer than 100 ms on one reading; both or none: it
+/// stays. Neither: 0. Thread: the haptic thread only. Real-time safe; same readings, same bits.
+class Plunger {
+ public:
+  Plunger(const PlungerSettings& settings, double rate_hz) noexcept;
+
+  /// One tick; `fresh`: the device gave a reading, `elapsed_ticks` since the last call. A reading that is not
+  /// fresh moves nothing: a device that is lost does not go on injecting.
+  double update(const DeviceReading& reading, bool fresh, std::int64_t elapsed_ticks) noexcept;
+  [[nodiscard]] double position() const noexcept { return position_; }
+
+ private:
+  PlungerSettings settings_;
+  double per_tick_;
+  std::int64_t most_ticks_;
+  std::int64_t waiting_ticks_ = 0;  // since the last fresh reading
+  double position_;
+};
+
+}  // namespace needlelab
