@@ -1,47 +1,19 @@
-// The end of a session: its hash, its state, its score.
+// The end of a session: its hash, its state, its score, its events.
 #include <algorithm>
 #include <vector>
 
 #include "base/clock.h"
 #include "db/annotation_store.h"
 #include "db/curriculum_store.h"
-#include "gesture/chunk.h"
+#include "db/event_store.h"
 #include "profile/profile.h"
 #include "scoring/measures.h"
 #include "service/handlers.h"
 #include "service/service.h"
+#include "service/session_samples.h"
 
 namespace needlelab {
 namespace {
-
-constexpr std::size_t kReadBytes = 4u << 20;
-
-Pose poseOf(const google::protobuf::RepeatedField<double>& numbers) {
-  Pose pose;
-  if (numbers.size() != 7) return pose;
-  pose.p = {numbers[0], numbers[1], numbers[2]};
-  pose.q = {numbers[3], numbers[4], numbers[5], numbers[6]};
-  return pose;
-}
-
-Result<std::vector<GestureSample>> allSamples(SessionStore& sessions, const Uuid& id,
-                                              const pb::SessionInfo& info) {
-  std::vector<GestureSample> samples;
-  samples.reserve(info.samples());
-  std::uint64_t next = 0;
-  while (next < info.chunks()) {
-    const auto chunks = sessions.readChunks(id, next, UINT32_MAX, kReadBytes);
-    if (!chunks) return chunks.error();
-    if (chunks->empty()) break;
-    for (const StoredChunk& chunk : *chunks) {
-      const auto decoded = decodeChunk(chunk.bytes);
-      if (!decoded) return decoded.error();
-      samples.insert(samples.end(), decoded->begin(), decoded->end());
-    }
-    next += chunks->size();
-  }
-  return samples;
-}
 
 // a session that lost samples says so wherever it is looked at: a remark beside it, in the same transaction
 Status noteLoss(Connection& writer, const Uuid& id, const pb::CloseSession& request,
@@ -61,20 +33,14 @@ Status noteLoss(Connection& writer, const Uuid& id, const pb::CloseSession& requ
 }  // namespace
 
 Result<std::string> Service::scoreSession(Connection& reader, const Uuid& session) {
-  SessionStore sessions(reader);
-  const auto info = sessions.info(session);
-  if (!info) return info.error();
-  if (info->samples() == 0) return std::string();
-  if (info->samples() > kMaxScoredSamples) {
-    return Error{ErrorCode::kInvalidInput, "session " + uuidText(session) + " has " +
-                                               std::to_string(info->samples()) + " samples, at most " +
-                                               std::to_string(kMaxScoredSamples) + " are scored"};
-  }
-  const auto& description = info->description();
-  const auto profile = parseProfile(description.profile_json(), "profile of session " + uuidText(session));
-  if (!profile) return profile.error();
-  const auto samples = allSamples(sessions, session, *info);
-  if (!samples) return samples.error();
+  const auto read = samplesOf(reader, session);
+  if (!read) return read.error();
+  return scoreOf(reader, *read);
+}
+
+Result<std::string> Service::scoreOf(Connection& reader, const SessionSamples& session) {
+  if (session.samples.empty()) return std::string();
+  const auto& description = session.info.description();
 
   // requirements as they are now; a session of an exercise that is gone gets the plain measures
   std::optional<pb::Exercise> exercise;
@@ -86,7 +52,7 @@ Result<std::string> Service::scoreSession(Connection& reader, const Uuid& sessio
   } else if (stored.error().code != ErrorCode::kNotFound) {
     return stored.error();
   }
-  return scoreJson(scoreGesture(*samples, description.rate_hz(), *profile, poseOf(description.placement()),
+  return scoreJson(scoreGesture(session.samples, description.rate_hz(), session.profile, session.X_WL,
                                 exercise ? &*exercise : nullptr));
 }
 
@@ -121,16 +87,17 @@ Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, cons
     outcome.score_json = info->score_json();
     return outcome;
   }
-  auto score = scoreSession(**reader, *id);
-  if (!score) {
-    outcome.score_fault = score.error().message;
-    return outcome;
-  }
-  if (score->empty()) return outcome;
-  const auto stored =
-      writer_.run([&](Connection& writer) { return SessionStore(writer).setScore(*id, *score); });
+  const auto read = samplesOf(**reader, *id);
+  auto score = read ? scoreOf(**reader, *read) : Result<std::string>(read.error());
+  if (!score) outcome.score_fault = score.error().message;
+  if (!read) return outcome;
+  const auto events = eventsOf(*read);
+  const auto stored = writer_.run([&](Connection& writer) {
+    if (auto put = EventStore(writer).put(*id, events); !put) return put;
+    return score && !score->empty() ? SessionStore(writer).setScore(*id, *score) : Status();
+  });
   if (!stored) return stored.error();
-  outcome.score_json = std::move(*score);
+  if (score) outcome.score_json = std::move(*score);
   return outcome;
 }
 

@@ -12,6 +12,7 @@
 #include "db/db_writer.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/live.pb.h"
+#include "needlelab/types.pb.h"
 #include "service/principal.h"
 
 namespace needlelab::handlers {
@@ -61,6 +62,14 @@ Result<pb::Reply> readChunks(const Context& context, const pb::ReadChunks& call)
 Result<pb::Reply> verifySession(const Context& context, const pb::VerifySession& call);
 Result<pb::Reply> annotate(const Context& context, const pb::Annotate& call);
 Result<pb::Reply> listAnnotations(const Context& context, const pb::ListAnnotations& call);
+
+Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call);  ///< event_handlers.cpp
+
+/// A session by its id from the network, as this person may see it: a trainee its own only; others are as if
+/// they were not there.
+Result<pb::SessionInfo> visibleSession(const Context& context, const std::string& bytes);
+/// A reply must fit into a message of 1 MiB together with its envelope.
+inline constexpr std::size_t kMaxReplyBytes = (1u << 20) - 4096;
 
 // the database itself: upkeep_handlers.cpp
 Result<pb::Reply> backup(const Context& context, const pb::Backup& call);

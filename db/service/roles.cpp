@@ -47,6 +47,7 @@ constexpr std::array kRules = {
     Rule{Request::kGetSession, "session show", kPeople},
     Rule{Request::kReadChunks, "session export", kPeople},
     Rule{Request::kVerifySession, "session verify", kStaff},
+    Rule{Request::kListEvents, "session events", kPeople},
     Rule{Request::kAnnotate, "annotate", kInstructor | kAdmin},
     Rule{Request::kListAnnotations, "annotate list", kPeople},
     Rule{Request::kBackup, "backup", kAdmin},

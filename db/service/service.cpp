@@ -52,6 +52,8 @@ Result<pb::Reply> dispatch(const handlers::Context& context, const pb::Request& 
       return handlers::readChunks(context, request.read_chunks());
     case pb::Request::kVerifySession:
       return handlers::verifySession(context, request.verify_session());
+    case pb::Request::kListEvents:
+      return handlers::listEvents(context, request.list_events());
     case pb::Request::kAnnotate:
       return handlers::annotate(context, request.annotate());
     case pb::Request::kListAnnotations:

@@ -14,6 +14,7 @@
 #include "needlelab/control.pb.h"
 #include "needlelab/session.pb.h"
 #include "service/principal.h"
+#include "service/session_samples.h"
 
 namespace needlelab {
 
@@ -58,8 +59,8 @@ class Service {
   /// tokens.
   Result<bool> stillAllowed(const Principal& principal);
 
-  /// Hashes the stored chunks on a reader, closes on the writer, then scores and stores the score. Returns
-  /// after the commit.
+  /// Hashes the stored chunks on a reader, closes on the writer, then scores and stores score and events.
+  /// Returns after the commit.
   Result<CloseOutcome> closeSession(const pb::CloseSession& request, const std::string& station);
 
   /// Measures of a session's gesture (DESIGN §11) as JSON rows, from its stored chunks and the profile it ran
@@ -71,13 +72,11 @@ class Service {
               const std::string& detail);
 
  private:
+  /// Empty when there is nothing to measure.
+  Result<std::string> scoreOf(Connection& reader, const SessionSamples& session);
   DbWriter& writer_;
   ReaderPool& readers_;
   std::mutex backup_mutex_;  ///< one backup at a time
 };
-
-/// Longer gestures are stored and replayed, but not scored: 30 minutes at 1 kHz, some 400 MB while they are
-/// scored.
-inline constexpr std::uint64_t kMaxScoredSamples = 1'800'000;
 
 }  // namespace needlelab

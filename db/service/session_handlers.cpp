@@ -5,20 +5,6 @@
 namespace needlelab::handlers {
 namespace {
 
-/// A reply stays under the wire's 1 MiB with room for its envelope.
-constexpr std::size_t kMaxReplyBytes = (1u << 20) - 4096;
-
-/// A trainee sees its own sessions only; others are as if they were not there.
-Result<pb::SessionInfo> visibleSession(const Context& context, const std::string& bytes) {
-  const auto id = sessionId(bytes);
-  if (!id) return id.error();
-  auto info = SessionStore(context.reader).info(*id);
-  if (info && context.who.role == pb::TRAINEE && info->description().trainee() != context.who.name) {
-    return Error{ErrorCode::kNotFound, "there is no session " + uuidText(*id)};
-  }
-  return info;
-}
-
 void fill(pb::Annotation& annotation, const StoredAnnotation& stored) {
   annotation.set_id(stored.id);
   annotation.set_session_id(stored.session.data(), stored.session.size());
@@ -38,6 +24,16 @@ Result<Uuid> sessionId(const std::string& bytes) {
   }
   std::copy(bytes.begin(), bytes.end(), id.begin());
   return id;
+}
+
+Result<pb::SessionInfo> visibleSession(const Context& context, const std::string& bytes) {
+  const auto id = sessionId(bytes);
+  if (!id) return id.error();
+  auto info = SessionStore(context.reader).info(*id);
+  if (info && context.who.role == pb::TRAINEE && info->description().trainee() != context.who.name) {
+    return Error{ErrorCode::kNotFound, "there is no session " + uuidText(*id)};
+  }
+  return info;
 }
 
 Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& call) {

@@ -44,7 +44,6 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
 }
 
 Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call) {
-  constexpr std::size_t kMaxReplyBytes = (1u << 20) - 4096;
   const auto entries = AuditStore(context.reader).list(call.limit());
   if (!entries) return entries.error();
   pb::Reply reply;

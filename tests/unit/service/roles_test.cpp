@@ -32,6 +32,7 @@ const std::map<std::string, std::string>& expected() {
       {"get_session", "TIMA"},
       {"read_chunks", "TIMA"},
       {"verify_session", "IMA"},
+      {"list_events", "TIMA"},
       {"annotate", "IA"},
       {"list_annotations", "TIMA"},
       {"backup", "A"},

@@ -1,0 +1,36 @@
+// What was done with the syringe in a session.
+#include "db/event_store.h"
+#include "db/session_store.h"
+#include "service/handlers.h"
+#include "service/session_samples.h"
+
+namespace needlelab::handlers {
+
+Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call) {
+  const auto info = visibleSession(context, call.session_id());
+  if (!info) return info.error();
+  const auto id = sessionId(call.session_id());
+  if (info->state() == pb::SESSION_OPEN)
+    return Error{ErrorCode::kUnavailable,
+                 "session " + uuidText(*id) + " is still open: its events are worked out when it is closed"};
+  auto stored = EventStore(context.reader).list(*id);
+  if (!stored) return stored.error();
+  pb::Reply reply;
+  auto* list = reply.mutable_events();
+  list->set_stored(stored->has_value());
+  // a session that was closed before events were stored, or could not be scored then
+  if (!*stored) {
+    const auto read = samplesOf(context.reader, *id);
+    if (!read) return read.error();
+    *stored = eventsOf(*read);
+  }
+  std::size_t bytes = 0;
+  for (pb::SyringeEvent& event : **stored) {
+    bytes += event.ByteSizeLong() + 8;
+    if (bytes > kMaxReplyBytes) break;
+    *list->add_events() = std::move(event);
+  }
+  return reply;
+}
+
+}  // namespace needlelab::handlers

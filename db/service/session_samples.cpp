@@ -1,0 +1,72 @@
+#include "service/session_samples.h"
+
+#include <string>
+
+#include "db/session_store.h"
+#include "gesture/chunk.h"
+#include "profile/profile.h"
+#include "scoring/syringe_events.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::size_t kReadBytes = 4u << 20;
+
+Pose poseOf(const google::protobuf::RepeatedField<double>& numbers) {
+  Pose pose;
+  if (numbers.size() != 7) return pose;
+  pose.p = {numbers[0], numbers[1], numbers[2]};
+  pose.q = {numbers[3], numbers[4], numbers[5], numbers[6]};
+  return pose;
+}
+
+Result<std::vector<GestureSample>> allSamples(SessionStore& sessions, const Uuid& id,
+                                              const pb::SessionInfo& info) {
+  std::vector<GestureSample> samples;
+  samples.reserve(info.samples());
+  std::uint64_t next = 0;
+  while (next < info.chunks()) {
+    const auto chunks = sessions.readChunks(id, next, UINT32_MAX, kReadBytes);
+    if (!chunks) return chunks.error();
+    if (chunks->empty()) break;
+    for (const StoredChunk& chunk : *chunks) {
+      const auto decoded = decodeChunk(chunk.bytes);
+      if (!decoded) return decoded.error();
+      samples.insert(samples.end(), decoded->begin(), decoded->end());
+    }
+    next += chunks->size();
+  }
+  return samples;
+}
+
+}  // namespace
+
+Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session) {
+  SessionStore sessions(reader);
+  auto info = sessions.info(session);
+  if (!info) return info.error();
+  SessionSamples all;
+  all.info = std::move(*info);
+  if (all.info.samples() == 0) return all;
+  if (all.info.samples() > kMaxScoredSamples) {
+    return Error{ErrorCode::kInvalidInput, "session " + uuidText(session) + " has " +
+                                               std::to_string(all.info.samples()) + " samples, at most " +
+                                               std::to_string(kMaxScoredSamples) + " are scored"};
+  }
+  auto profile =
+      parseProfile(all.info.description().profile_json(), "profile of session " + uuidText(session));
+  if (!profile) return profile.error();
+  all.profile = std::move(*profile);
+  all.X_WL = poseOf(all.info.description().placement());
+  auto samples = allSamples(sessions, session, all.info);
+  if (!samples) return samples.error();
+  all.samples = std::move(*samples);
+  return all;
+}
+
+std::vector<pb::SyringeEvent> eventsOf(const SessionSamples& session) {
+  if (session.samples.empty()) return {};
+  return syringeEvents(session.samples, session.info.description().rate_hz(), session.profile, session.X_WL);
+}
+
+}  // namespace needlelab
