@@ -294,6 +294,14 @@ TEST_F(FalconLesson, closedWhileItIsAwayEndsAtOnce) {
 // --- for ever
 // ------------------------------------------------------------------------------------------------
 
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool kSanitized = true;
+#elif defined(__has_feature)
+constexpr bool kSanitized = __has_feature(address_sanitizer) || __has_feature(thread_sanitizer);
+#else
+constexpr bool kSanitized = false;
+#endif
+
 std::size_t openFiles() {
   std::size_t count = 0;
   for ([[maybe_unused]] const auto& file : std::filesystem::directory_iterator("/proc/self/fd")) ++count;
@@ -340,8 +348,8 @@ TEST_F(FalconOnUsb, unpluggedAndPluggedAgainManyTimesItLeaksNothing) {
   RecordProperty("grown_KiB", static_cast<int>(residentKiB()) - static_cast<int>(memory_KiB));
   RecordProperty("files_before", static_cast<int>(files));
   RecordProperty("files_after", static_cast<int>(openFiles()));
-  // 136 KiB in 1000 rounds were seen; a leaked packet queue would be more, whatever a sanitizer keeps back
-  EXPECT_LT(residentKiB(), memory_KiB + 4096);
+  // 136 KiB in 1000 rounds were seen. A sanitizer keeps back what was freed, and looks for leaks itself.
+  EXPECT_TRUE(kSanitized || residentKiB() < memory_KiB + 2048) << residentKiB() - memory_KiB << " KiB";
   EXPECT_LE(falcon_.port().openClients(), 1);
 }
 
