@@ -18,11 +18,11 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 
-// straight into the shoulder from above, and out; the times are the device's
+// straight into the shoulder from above, and out; times from the first reading on
 const char* const kStroke =
     "0.0 place 0 0 0.02 1 0 0 0\n"
-    "1.0 hand 0 0 -0.02 1 0 0 0 0.6\n"
-    "2.2 hand 0 0 0.03 1 0 0 0 0.6\n";
+    "0.2 hand 0 0 -0.02 1 0 0 0 0.6\n"
+    "1.2 hand 0 0 0.03 1 0 0 0 0.6\n";
 
 double scoreOf(const nlohmann::json& row, const std::string& measure) {
   for (const auto& one : row["score"])
@@ -41,7 +41,7 @@ class VirtuoseStation : public testing::Test {
     ::setenv("NEEDLELAB_STANDIN_SCRIPT", folder_.write("script.txt", text).c_str(), 1);
   }
   // a lesson; what it said and its exit code
-  int lesson(const std::vector<std::string>& more = {"--seconds", "4"},
+  int lesson(const std::vector<std::string>& more = {"--seconds", "2"},
              const std::string& device = "virtuose") {
     std::vector<std::string> arguments{"--device",
                                        device,

@@ -121,10 +121,10 @@ int World::script(const std::string& text) {
   return 0;
 }
 
-// in device time: a cycle is a millisecond
+// in device time, a cycle is a millisecond; what has a time of 0 does not wait for the first reading
 void World::runScript() {
-  while (next_event_ < events_.size() &&
-         events_[next_event_].time_s <= static_cast<double>(cycles_) * 1e-3 + 1e-9)
+  const double since_s = first_read_cycle_ < 0 ? 0 : static_cast<double>(cycles_ - first_read_cycle_) * 1e-3;
+  while (next_event_ < events_.size() && events_[next_event_].time_s <= since_s + 1e-9)
     command(events_[next_event_++].command);
 }
 

@@ -4,7 +4,8 @@
 /// A stand-in is one device in one process. Until `standin_reset` says otherwise its time is real, and the
 /// file that NEEDLELAB_STANDIN_SCRIPT names is its script: that is how whole programs are tested with it.
 ///
-/// Commands (standin_command, and in scripts with the time in s before them, one a line, # comments):
+/// Commands (standin_command, and in scripts with the time before them, one a line, # comments; in s from the
+/// first reading of a position on, so that a program may prepare as long as it likes; 0: from the beginning):
 ///   place X Y Z QX QY QZ QW       the handle and the hand's aim are there at once
 ///   hand X Y Z QX QY QZ QW T      the hand's aim goes there in T s, at constant speed
 ///   let_go | hold                 the hand leaves the handle alone, or takes it again (the sensor feels it)

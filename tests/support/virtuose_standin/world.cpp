@@ -56,6 +56,7 @@ void World::reset() {
   started_ = true;
   start_s_ = now_s_ = 0;
   cycles_ = 0;
+  first_read_cycle_ = -1;
   events_.clear();
   next_event_ = 0;
   switch_ = sensor_ = daemon_ = right_version_ = true;
@@ -272,6 +273,7 @@ void World::setForce(Context& context, const float wrench[6]) {
 }
 
 void World::countRead() {
+  if (first_read_cycle_ < 0) first_read_cycle_ = cycles_;
   if (get_rule_.take(now_s_)) return;
   ++overruns_;
   overrun_until_s_ = now_s_ + kOverrunShown_s;

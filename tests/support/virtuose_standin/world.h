@@ -96,7 +96,7 @@ class World {
   int open_error_ = 0;
   bool virtual_time_ = false, started_ = false;
   double start_s_ = 0, now_s_ = 0;
-  std::int64_t cycles_ = 0;
+  std::int64_t cycles_ = 0, first_read_cycle_ = -1;
   std::vector<Event> events_;
   std::size_t next_event_ = 0;
 
