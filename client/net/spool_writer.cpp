@@ -157,7 +157,8 @@ void SpoolWriter::noteLoss() {
 }
 
 void SpoolWriter::makeChunk() {
-  pending_.push_back({encodeChunk(resolution_, chunk_), chunk_.size(), chunk_.front().tick});
+  pending_.push_back({encodeChunk(resolution_, chunk_), chunk_.size(), in_tail_,
+                      in_tail_ < chunk_.size() ? chunk_[in_tail_].tick : chunk_.back().tick + 1});
   pending_bytes_ += pending_.back().chunk.size();
   ++seq_;
   chunk_.clear();
@@ -273,10 +274,10 @@ Status SpoolWriter::finish(std::chrono::milliseconds patience) {
   syncer_.join();
 
   std::uint64_t lost = 0;
-  for (const Pending& chunk : pending_) lost += chunk.samples;
+  for (const Pending& chunk : pending_) lost += chunk.samples - chunk.in_tail;
   if (lost > 0) {
     lost_ += lost;
-    lost_from_ = std::min(lost_from_.value_or(UINT64_MAX), pending_.front().first_tick);
+    lost_from_ = std::min(lost_from_.value_or(UINT64_MAX), pending_.front().first_missing);
     const std::scoped_lock lock(mutex_);
     counts_.samples_lost += lost;
     counts_.samples_waiting = 0;
@@ -290,9 +291,14 @@ Status SpoolWriter::finish(std::chrono::milliseconds patience) {
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     outcome_ = session_->sync();
   }
-  if (outcome_.ok()) outcome_ = session_->end(false);
-  if (outcome_.ok()) outcome_ = session_->restartTail();
+  // what the tail holds of a chunk that the disk refused is safe there: the next start makes a chunk of it
+  const bool tail_is_needed = !pending_.empty() && pending_.front().in_tail > 0;
+  if (outcome_.ok() && !tail_is_needed) outcome_ = session_->end(false);
+  if (outcome_.ok() && !tail_is_needed) outcome_ = session_->restartTail();
   if (callbacks_.durable) callbacks_.durable();
+  if (outcome_.ok() && tail_is_needed && loss_noted_.samples == 0)
+    outcome_ = Error{ErrorCode::kUnavailable,
+                     "the session could not be ended, the spool's disk is full; its samples are safe"};
   if (outcome_.ok() && loss_noted_.samples > 0)
     outcome_ = Error{ErrorCode::kUnavailable, std::to_string(loss_noted_.samples) +
                                                   " samples are lost: the spool's disk was full (" +

@@ -71,8 +71,9 @@ class SpoolWriter {
   SpoolWriter& operator=(const SpoolWriter&) = delete;
 
   /// After the last push: writes what is left in the ring, the last chunk and the session's end, and joins
-  /// the threads. A disk that refuses is tried again for `patience`. Errors: kUnavailable, with what is lost.
-  /// May be called again.
+  /// the threads. A disk that refuses is tried again for `patience`. Errors: kUnavailable, with what is lost;
+  /// what the tail still holds is not: then the session does not end here, the next `Spool::open` makes the
+  /// last chunk of it. May be called again.
   Status finish(std::chrono::milliseconds patience);
 
   [[nodiscard]] SpoolWriterCounts counts() const;
@@ -103,7 +104,8 @@ class SpoolWriter {
   struct Pending {
     Bytes chunk;
     std::uint64_t samples = 0;
-    std::uint64_t first_tick = 0;
+    std::uint64_t in_tail = 0;        // of those samples, the first ones
+    std::uint64_t first_missing = 0;  // tick of the first that is not
   };
   std::deque<Pending> pending_;  // made, but refused by the disk so far
   std::size_t pending_bytes_ = 0;

@@ -1,5 +1,6 @@
 #include "station/station.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
@@ -314,6 +315,9 @@ void Lesson::drain() {
   if (!uplink_) return;
   DrainPatience patience;
   patience.whole = std::chrono::duration<double>(options_.drain_s);
+  // a disk that stayed full: the session ends at the next start only
+  if (!session_->contents().ended)
+    patience.whole = std::min(patience.whole, std::chrono::duration<double>(2));
   const DrainEnd end = needlelab::drain(*uplink_, patience, [&] { return stopSignalWithin(signals_, 0ms); });
   if (const std::string words = drainText(end, uplink_->state()); !words.empty()) say(words);
 }
