@@ -57,13 +57,19 @@ int Lab::stopServer() {
   return code.value_or(-1000);
 }
 
-std::vector<std::string> Lab::stationArguments(const std::vector<std::string>& more) const {
-  std::vector<std::string> arguments = {"--server",   "127.0.0.1:" + std::to_string(port_),
-                                        "--ca",       path("data") / "tls" / "ca.crt",
-                                        "--key",      path("station.key"),
-                                        "--trainee",  "tom",
-                                        "--headless", "--spool",
-                                        path("spool")};
+std::vector<std::string> Lab::stationArguments(const std::vector<std::string>& more,
+                                               const std::filesystem::path& spool) const {
+  std::vector<std::string> arguments = {"--server",
+                                        "127.0.0.1:" + std::to_string(port_),
+                                        "--ca",
+                                        path("data") / "tls" / "ca.crt",
+                                        "--key",
+                                        path("station.key"),
+                                        "--trainee",
+                                        "tom",
+                                        "--headless",
+                                        "--spool",
+                                        spool.empty() ? path("spool") : spool};
   arguments.insert(arguments.end(), more.begin(), more.end());
   return arguments;
 }

@@ -33,7 +33,9 @@ class Lab {
   void killServer();
   /// SIGTERM; the exit code.
   int stopServer();
-  [[nodiscard]] std::vector<std::string> stationArguments(const std::vector<std::string>& more) const;
+  /// For a station of this lab, with these arguments more; `spool`: another than the lab's own.
+  [[nodiscard]] std::vector<std::string> stationArguments(const std::vector<std::string>& more,
+                                                          const std::filesystem::path& spool = {}) const;
   /// A station of this lab, for trainee tom, with these arguments more; its log is `name`.log.
   std::unique_ptr<Process> startStation(const std::string& name, const std::vector<std::string>& more);
   /// The closing summary of that station.

@@ -23,10 +23,11 @@ namespace needlelab::test {
 /// Killed and reaped when it goes out of scope.
 class Process {
  public:
-  /// `program` is found in the build's bin folder; its standard output and error go to `log`.
+  /// `program` is found in the build's bin folder, or where it says when it begins with '/'; its standard
+  /// output and error go to `log`.
   Process(const std::string& program, const std::vector<std::string>& arguments, std::filesystem::path log)
       : log_(std::move(log)) {
-    const std::string path = std::string(NEEDLELAB_BIN) + "/" + program;
+    const std::string path = program.starts_with('/') ? program : std::string(NEEDLELAB_BIN) + "/" + program;
     std::vector<char*> argv{const_cast<char*>(path.c_str())};
     for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
     argv.push_back(nullptr);
@@ -63,6 +64,7 @@ class Process {
     }
     return status_;
   }
+  [[nodiscard]] pid_t pid() const { return pid_; }
   /// All that it said so far.
   [[nodiscard]] std::string said() const {
     std::ifstream file(log_);

@@ -213,6 +213,33 @@ TEST_F(SpoolWriterTest, whatWasLostInTheMiddleIsCountedAndTheSessionSaysSo) {
   EXPECT_EQ(gaps, 1u);
 }
 
+TEST_F(SpoolWriterTest, whatTheTailHoldsOfARefusedChunkIsNotLostAndNotCounted) {
+  {
+    SpoolWriter writer(ring_, session_, {}, callbacks());
+    push(0, 1300);
+    ASSERT_TRUE(
+        eventually([&] { return writer.counts().samples == 1300 && session_->contents().chunks == 1; }));
+    std::this_thread::sleep_for(60ms);  // into the tail
+    FullDisk disk(1);                   // no byte more, in any file
+    push(1300, 2700);
+    ASSERT_TRUE(eventually([&] { return writer.counts().samples == 4000; }));
+    ASSERT_FALSE(writer.finish(100ms).ok());
+    EXPECT_EQ(writer.counts().samples_lost, 2700u);
+    EXPECT_EQ(session_->contents().loss, (SpoolLoss{2700, 1300}));
+    EXPECT_FALSE(session_->contents().ended);
+    disk.makeRoom();
+    ASSERT_TRUE(session_->setLoss(session_->contents().loss).ok());  // which a real full disk takes in place
+  }
+  session_.reset();
+  spool_.reset();
+  auto spool = Spool::open(folder_.path());
+  ASSERT_TRUE(spool.ok());
+  session_ = (*spool)->unfinished().at(0);
+  const auto samples = stored();
+  ASSERT_EQ(samples.size(), 1300u);
+  EXPECT_EQ(session_->contents().loss, (SpoolLoss{2700, 1300}));
+}
+
 TEST_F(SpoolWriterTest, aRingThatOverflowsCountsAsLossOfTheSession) {
   SampleRing& ring = ring_;
   // full before anybody drains it

@@ -1,0 +1,194 @@
+// A lab without its server: lessons from the cache, everything uploaded later, in order and once.
+#include <gmock/gmock.h>
+
+#include "base/atomic_file.h"
+#include "base/exit_code.h"
+#include "lab.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+using testing::Not;
+
+class OfflineTest : public testing::Test {
+ protected:
+  // a lesson with the server, so that the exercise is in the cache, then the server goes
+  void fillCacheAndStopServer() {
+    lab_.startServer();
+    auto online = lab_.startStation("online", {"--exercise", "ball-free-practice", "--seconds", "0.3"});
+    ASSERT_EQ(online->wait(60s), kExitDone) << online->said();
+    ASSERT_EQ(lab_.stopServer(), kExitDone);
+  }
+  // without any server on the command line
+  std::unique_ptr<Process> alone(const std::string& name, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {
+        "--trainee", "tom", "--headless", "--spool", lab_.path("spool"), "--json", lab_.path(name + ".json")};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return std::make_unique<Process>("needlelab-station", arguments, lab_.path(name + ".log"));
+  }
+  static std::string textOfId(const std::string& bytes) {
+    Uuid id{};
+    std::copy(bytes.begin(), bytes.end(), id.begin());
+    return uuidText(id);
+  }
+  Lab lab_;
+};
+
+TEST_F(OfflineTest, threeLessonsWithoutAServerAreUploadedInOrderAndOnce) {
+  fillCacheAndStopServer();
+  std::vector<std::string> ids;
+  for (int i = 0; i < 3; ++i) {
+    const std::string name = "alone" + std::to_string(i);
+    auto station = alone(name, {"--exercise", "ball-free-practice", "--seconds", "1.4"});
+    ASSERT_EQ(station->wait(60s), kExitDone) << station->said();
+    const auto summary = lab_.summary(name);
+    ids.push_back(summary["session_id"]);
+    EXPECT_EQ(summary["samples_lost"], 0);
+    EXPECT_EQ(summary["score_source"], "station");
+    EXPECT_GT(summary["profile_revision"], 0) << "kept beside the cached profile";
+    EXPECT_THAT(station->said(), HasSubstr("from the cache"));
+    EXPECT_THAT(station->said(), HasSubstr("no server has yet"));
+    EXPECT_THAT(station->said(), HasSubstr("an hour"));
+  }
+
+  lab_.startServer();
+  auto later =
+      lab_.startStation("later", {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain", "30"});
+  ASSERT_EQ(later->wait(90s), kExitDone) << later->said();
+  EXPECT_EQ(lab_.summary("later")["spool_left"], 0);
+  const auto sessions = lab_.sessions();
+  EXPECT_EQ(sessions.size(), 5u) << "online, three alone, later: each once";
+  std::vector<std::pair<std::int64_t, std::string>> received;
+  for (const auto& id : ids) {
+    const StoredSession stored = lab_.stored(id);
+    EXPECT_EQ(stored.info.state(), pb::SESSION_COMPLETE);
+    EXPECT_EQ(stored.info.description().station(), "station-1") << "named by the key that it had no use for";
+    EXPECT_EQ(stored.chunks, Lab::spooledChunks(lab_.path("spool"), id));
+    EXPECT_TRUE(lab_.verifies(id));
+    for (std::size_t i = 1; i < stored.samples.size(); ++i)
+      ASSERT_GT(stored.samples[i].tick, stored.samples[i - 1].tick);
+    received.emplace_back(stored.info.received_unix_ns(), id);
+  }
+  std::sort(received.begin(), received.end());
+  for (std::size_t i = 0; i < ids.size(); ++i) EXPECT_EQ(received[i].second, ids[i]) << "oldest first";
+
+  // nothing is left to bring, and nothing comes twice
+  auto again = lab_.startStation("again", {"--exercise", "ball-free-practice", "--seconds", "0.3"});
+  ASSERT_EQ(again->wait(60s), kExitDone) << again->said();
+  EXPECT_THAT(again->said(), Not(HasSubstr("earlier runs")));
+  EXPECT_EQ(lab_.sessions().size(), 6u);
+}
+
+TEST_F(OfflineTest, aServerThatIsAwayIsNotWaitedForAtTheEnd) {
+  fillCacheAndStopServer();
+  const auto began = std::chrono::steady_clock::now();
+  auto station =
+      lab_.startStation("away", {"--exercise", "ball-free-practice", "--seconds", "0.5", "--drain", "60"});
+  ASSERT_EQ(station->wait(90s), kExitDone) << station->said();
+  EXPECT_LT(std::chrono::steady_clock::now() - began, 30s) << station->said();
+  EXPECT_THAT(station->said(), HasSubstr("not connected"));
+  EXPECT_THAT(station->said(), HasSubstr("the spool keeps everything"));
+  EXPECT_GE(lab_.summary("away")["spool_left"], 1);
+}
+
+TEST_F(OfflineTest, aServerThatComesInMidLessonGetsAllOfIt) {
+  fillCacheAndStopServer();
+  auto station =
+      lab_.startStation("station", {"--exercise", "ball-free-practice", "--seconds", "4", "--drain", "30"});
+  std::this_thread::sleep_for(1500ms);
+  lab_.startServer();
+  ASSERT_EQ(station->wait(90s), kExitDone) << station->said();
+  const auto summary = lab_.summary("station");
+  EXPECT_EQ(summary["state"], "COMPLETE") << station->said();
+  EXPECT_EQ(summary["samples_acked"], summary["samples"]);
+  EXPECT_EQ(lab_.stored(summary["session_id"]).samples.front().tick, 0u);
+}
+
+TEST_F(OfflineTest, theListTellsWhatCanBePractisedWithAndWithoutTheServer) {
+  fillCacheAndStopServer();
+  const auto rowsOf = [&](const std::string& name) {
+    std::map<std::string, nlohmann::json> rows;
+    const auto summary = lab_.summary(name);
+    for (const auto& row : summary["rows"]) rows[row["exercise_id"]] = row;
+    return rows;
+  };
+  Process offline("needlelab-station",
+                  {"--list-exercises", "--spool", lab_.path("spool"), "--json", lab_.path("offline.json")},
+                  lab_.path("offline.log"));
+  ASSERT_EQ(offline.wait(30s), kExitDone) << offline.said();
+  auto rows = rowsOf("offline");
+  ASSERT_EQ(rows.size(), 1u);
+  EXPECT_EQ(rows["ball-free-practice"]["cached"], true);
+  EXPECT_EQ(rows["ball-free-practice"]["on_server"], nullptr);
+  EXPECT_NE(rows["ball-free-practice"]["name"], "");
+  EXPECT_THAT(offline.said(), HasSubstr("yes: profile phantom-ball, revision"));
+
+  lab_.startServer();
+  auto arguments = lab_.stationArguments({"--list-exercises", "--json", lab_.path("online2.json")});
+  Process online("needlelab-station", arguments, lab_.path("online2.log"));
+  ASSERT_EQ(online.wait(30s), kExitDone) << online.said();
+  rows = rowsOf("online2");
+  EXPECT_GT(rows.size(), 3u);
+  EXPECT_EQ(rows["ball-free-practice"]["on_server"], true);
+  EXPECT_EQ(rows["knee-recess"]["cached"], false);
+
+  // nothing cached, nobody there
+  Process nothing("needlelab-station", {"--list-exercises", "--spool", lab_.path("empty")},
+                  lab_.path("nothing.log"));
+  EXPECT_EQ(nothing.wait(30s), kExitFailed);
+  EXPECT_THAT(nothing.said(), HasSubstr("no exercise is cached"));
+}
+
+TEST_F(OfflineTest, aDamagedOrHostileCacheIsSaidAndNotFelt) {
+  fillCacheAndStopServer();
+  const auto file = lab_.path("spool") / "lessons" / "ball-free-practice.json";
+  const std::string good = *readWholeFile(file);
+  const auto refused = [&](const std::string& name, const std::string& text) {
+    std::ofstream(file) << text;
+    auto station = alone(name, {"--exercise", "ball-free-practice", "--seconds", "0.2"});
+    EXPECT_EQ(station->wait(30s), kExitInvalid) << name << station->said();
+    EXPECT_THAT(station->said(), HasSubstr("ball-free-practice.json")) << name;
+    EXPECT_THAT(station->said(), HasSubstr("connect to the server")) << name;
+    EXPECT_THAT(station->said(), Not(HasSubstr("\x1b"))) << name;
+  };
+  std::string flipped = good;
+  const auto at = flipped.find("hash");
+  flipped[at + 10] = flipped[at + 10] == '0' ? '1' : '0';
+  refused("flipped", flipped);
+  refused("torn", good.substr(0, good.size() / 2));
+  refused("empty", "");
+  refused("hostile", "\x1b[2J{\"exercise_json\": \"\x1b]0;x\x07\"}");
+
+  // with the server back the damaged one is replaced
+  lab_.startServer();
+  auto online = lab_.startStation("online3", {"--exercise", "ball-free-practice", "--seconds", "0.2"});
+  EXPECT_EQ(online->wait(60s), kExitDone) << online->said();
+  ASSERT_EQ(lab_.stopServer(), kExitDone);
+  auto whole = alone("whole", {"--exercise", "ball-free-practice", "--seconds", "0.2"});
+  EXPECT_EQ(whole->wait(30s), kExitDone) << whole->said();
+}
+
+TEST_F(OfflineTest, overTheQuotaLessonsGoOnAndEverybodyIsTold) {
+  lab_.startServer();
+  auto online = lab_.startStation("online", {"--exercise", "ball-free-practice", "--seconds", "0.3"});
+  ASSERT_EQ(online->wait(60s), kExitDone) << online->said();
+  ASSERT_EQ(lab_.stopServer(), kExitDone);
+  auto first = alone("first", {"--exercise", "ball-free-practice", "--seconds", "1.5"});
+  ASSERT_EQ(first->wait(30s), kExitDone) << first->said();
+  auto second =
+      alone("second", {"--exercise", "ball-free-practice", "--seconds", "1.5", "--spool-quota", "0.001"});
+  ASSERT_EQ(second->wait(30s), kExitDone) << second->said();
+  const std::string said = second->said();
+  const auto start = said.find("over its quota"), end = said.rfind("over its quota");
+  ASSERT_NE(start, std::string::npos) << said;
+  EXPECT_NE(start, end) << "at the start and at the end\n" << said;
+  EXPECT_THAT(said, HasSubstr("kept nevertheless"));
+  EXPECT_THAT(said, HasSubstr("connect to the server"));
+  EXPECT_TRUE(std::filesystem::exists(lab_.path("spool") / std::string(lab_.summary("first")["session_id"]) /
+                                      "chunks"));
+}
+
+}  // namespace
+}  // namespace needlelab::test
