@@ -1,0 +1,188 @@
+#include "soak/soak_judge.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "base/formatted.h"
+
+namespace needlelab::test {
+namespace {
+
+// Student's t, two-sided 95 %, for 1 … 20 degrees of freedom
+constexpr std::array kStudent = {12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228,
+                                 2.201,  2.179, 2.160, 2.145, 2.131, 2.120, 2.110, 2.101, 2.093, 2.086};
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const std::size_t half = values.size() / 2;
+  return values.size() % 2 == 1 ? values[half] : (values[half - 1] + values[half]) / 2;
+}
+
+Finding equal(const std::string& what, std::uint64_t value, std::uint64_t wanted) {
+  return {what, std::to_string(value), "= " + std::to_string(wanted),
+          value == wanted ? Verdict::kGood : Verdict::kBad};
+}
+
+// after the warm-up
+template <typename Get>
+std::vector<double> column(const std::vector<SoakRow>& rows, double from_s, Get get) {
+  std::vector<double> values;
+  for (const SoakRow& row : rows)
+    if (row.time_s >= from_s) values.push_back(static_cast<double>(get(row)));
+  return values;
+}
+
+}  // namespace
+
+Slope slopeOf(std::span<const double> time_s, std::span<const double> value, std::size_t blocks) {
+  Slope slope;
+  if (time_s.empty() || blocks < 4) return slope;
+  const double first = time_s.front(), length = (time_s.back() - first) / static_cast<double>(blocks);
+  std::vector<std::vector<double>> in(blocks);
+  for (std::size_t i = 0; i < time_s.size(); ++i) {
+    const auto block = length > 0 ? static_cast<std::size_t>((time_s[i] - first) / length) : 0;
+    in[std::min(block, blocks - 1)].push_back(value[i]);
+  }
+  std::vector<double> x, y;
+  for (std::size_t block = 0; block < blocks; ++block) {
+    if (in[block].empty()) continue;
+    x.push_back((static_cast<double>(block) + 0.5) * length / 60);
+    y.push_back(median(in[block]));
+  }
+  slope.blocks = x.size();
+  if (x.size() < 4) return slope;
+  const auto n = static_cast<double>(x.size());
+  double mean_x = 0, mean_y = 0, xx = 0, xy = 0, rest = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    mean_x += x[i] / n;
+    mean_y += y[i] / n;
+  }
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    xx += (x[i] - mean_x) * (x[i] - mean_x);
+    xy += (x[i] - mean_x) * (y[i] - mean_y);
+  }
+  if (xx <= 0) return Slope{};
+  slope.per_min = xy / xx;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const double off = y[i] - mean_y - slope.per_min * (x[i] - mean_x);
+    rest += off * off;
+  }
+  slope.half_width_per_min =
+      kStudent[std::min(x.size() - 3, kStudent.size() - 1)] * std::sqrt(rest / (n - 2) / xx);
+  return slope;
+}
+
+std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, const SoakMinutes& minutes,
+                           const SoakLimits& limits) {
+  std::vector<Finding> findings;
+  const double from_s = options.warmUp_s();
+  const auto times = column(data.rows, from_s, [](const SoakRow& row) { return row.time_s; });
+  for (std::size_t which = 0; which < kSoakProcesses; ++which) {
+    const std::string name = kSoakNames[which];
+    const auto rss =
+        column(data.rows, from_s, [which](const SoakRow& row) { return row.processes[which].rss_KiB; });
+    const Slope slope = slopeOf(times, rss);
+    Finding flat{"memory of the " + name + ", growth after " + formatted("%.0f s", from_s),
+                 formatted("%+.1f ± %.1f KiB/min", slope.per_min, slope.half_width_per_min),
+                 formatted("< %.0f KiB/min", limits.rss_KiB_per_min), Verdict::kOpen};
+    if (slope.blocks >= 4) {
+      if (slope.per_min + slope.half_width_per_min < limits.rss_KiB_per_min) flat.verdict = Verdict::kGood;
+      if (slope.per_min - slope.half_width_per_min > limits.rss_KiB_per_min) flat.verdict = Verdict::kBad;
+    }
+    // an allocator that takes one block more looks like a fast growth in a run of seconds
+    if (flat.verdict == Verdict::kBad && options.seconds < 600) flat.verdict = Verdict::kOpen;
+    findings.push_back(std::move(flat));
+    if (!rss.empty())
+      findings.push_back(
+          {"memory of the " + name + " at the end", formatted("%.1f MiB", rss.back() / 1024), "", {}});
+  }
+  for (std::size_t which = 0; which < kSoakProcesses; ++which)
+    for (const bool handles : {true, false}) {
+      const auto counts = column(data.rows, from_s, [&](const SoakRow& row) {
+        return handles ? row.processes[which].handles : row.processes[which].threads;
+      });
+      if (counts.empty()) continue;
+      // files are opened for a moment; what counts is whether they stay: the least of the first and of the
+      // last third
+      const auto third = static_cast<std::ptrdiff_t>(std::max<std::size_t>(1, counts.size() / 3));
+      const double before = *std::min_element(counts.begin(), counts.begin() + third);
+      const double after = *std::min_element(counts.end() - third, counts.end());
+      findings.push_back({std::string(handles ? "handles" : "threads") + " of the " + kSoakNames[which],
+                          formatted("%.0f at first, %.0f at last, %.0f at most", before, after,
+                                    *std::max_element(counts.begin(), counts.end())),
+                          "constant", after <= before ? Verdict::kGood : Verdict::kBad});
+    }
+
+  const auto number = [&](const char* key) {
+    const auto at = data.summary.find(key);
+    return at != data.summary.end() && at->is_number() ? at->get<std::uint64_t>() : UINT64_MAX;
+  };
+  findings.push_back(equal("samples lost at the station", number("samples_lost"), 0));
+  findings.push_back(equal("samples in the server's database", data.stored_samples, number("samples")));
+  findings.push_back(equal("samples and missed ticks together", number("samples") + number("missed_ticks"),
+                           number("ticks")));
+  findings.push_back(equal("chunks left in the spool", number("spool_left"), 0));
+  findings.push_back(
+      {"the session in the database", data.stored_state + (data.verified ? ", verified" : ", NOT VERIFIED"),
+       "SESSION_COMPLETE, verified",
+       data.verified && data.stored_state == "SESSION_COMPLETE" ? Verdict::kGood : Verdict::kBad});
+  findings.push_back(
+      equal("exit codes of station, viewer, server together",
+            static_cast<std::uint64_t>(std::abs(data.station_code) + std::abs(data.viewer_code) +
+                                       std::abs(data.server_code)),
+            0));
+  findings.push_back(equal("connections that the uplink made", number("connections"), 1));
+  for (const std::string& trouble : data.troubles)
+    findings.push_back({"trouble that was said", trouble, "none", Verdict::kBad});
+
+  // reported: they depend on what else the machine does
+  const double ticks = std::max(1.0, static_cast<double>(number("ticks")));
+  findings.push_back(
+      {"ticks missed",
+       formatted("%llu of %.0f (%.4f %%)", static_cast<unsigned long long>(number("missed_ticks")), ticks,
+                 100 * static_cast<double>(number("missed_ticks")) / ticks),
+       "",
+       {}});
+  const auto micro = [&](const char* key) {
+    const auto at = data.summary.find(key);
+    return at != data.summary.end() && at->is_number() ? at->get<double>()
+                                                       : std::numeric_limits<double>::quiet_NaN();
+  };
+  findings.push_back({"wake-up late by, p50 / p99 / most",
+                      formatted("%.0f / %.0f / %.0f µs", micro("wakeup_p50_us"), micro("wakeup_p99_us"),
+                                micro("wakeup_max_us")),
+                      "",
+                      {}});
+  double worst_tick = 0, worst_live = 0;
+  for (const SoakMinute& minute : minutes) {
+    worst_tick = std::max(worst_tick, minute.tick_p99_us);
+    worst_live = std::max(worst_live, minute.live_p99_ms);
+  }
+  findings.push_back({"work of a tick, p99 of the worst minute", formatted("%.1f µs", worst_tick), "", {}});
+  findings.push_back(
+      {"capture to viewer, p99 of the worst minute", formatted("%.1f ms", worst_live), "", {}});
+  findings.push_back({"bytes a sample in the spool", formatted("%.2f", micro("bytes_per_sample")), "", {}});
+  return findings;
+}
+
+Verdict verdictOf(const std::vector<Finding>& findings) {
+  Verdict worst = Verdict::kGood;
+  for (const Finding& finding : findings) worst = std::max(worst, finding.verdict);
+  return worst;
+}
+
+const char* verdictText(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kGood:
+      return "good";
+    case Verdict::kOpen:
+      return "too short to tell";
+    case Verdict::kBad:
+      return "BAD";
+  }
+  return "?";
+}
+
+}  // namespace needlelab::test

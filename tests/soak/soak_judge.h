@@ -1,0 +1,48 @@
+/// Whether memory is flat and nothing was lost, with the confidence that the samples allow.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "soak/soak_minutes.h"
+#include "soak/soak_run.h"
+
+namespace needlelab::test {
+
+/// A straight line through the medians of `blocks` equal stretches of time: samples that follow each other
+/// closely are not independent, such medians nearly are, and one spike moves none of them.
+struct Slope {
+  double per_min = 0;
+  double half_width_per_min = 0;  ///< of the 95 % interval, by Student's t
+  std::size_t blocks = 0;         ///< with samples; fewer than 4: no slope
+};
+Slope slopeOf(std::span<const double> time_s, std::span<const double> value, std::size_t blocks = 12);
+
+struct SoakLimits {
+  double rss_KiB_per_min = 16;  ///< of each process, after the warm-up
+};
+
+enum class Verdict : std::uint8_t {
+  kGood,
+  kOpen,  ///< the run was too short to tell
+  kBad,
+};
+
+struct Finding {
+  std::string what;
+  std::string value;
+  std::string limit;  ///< empty: reported, not judged
+  Verdict verdict = Verdict::kGood;
+};
+
+/// In the order of a table. Slopes: good when the whole interval is below the limit, bad when all of it is
+/// above.
+std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, const SoakMinutes& minutes,
+                           const SoakLimits& limits = {});
+/// The worst of them.
+Verdict verdictOf(const std::vector<Finding>& findings);
+const char* verdictText(Verdict verdict);
+
+}  // namespace needlelab::test

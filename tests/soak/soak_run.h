@@ -1,0 +1,58 @@
+/// Server, station and viewer as a lab runs them, sampled while they work.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "base/result.h"
+#include "soak/process_sample.h"
+
+namespace needlelab::test {
+
+enum SoakProcess : std::size_t { kServer, kStation, kViewer, kSoakProcesses };
+inline constexpr std::array<const char*, kSoakProcesses> kSoakNames = {"server", "station", "viewer"};
+
+struct SoakOptions {
+  double seconds = 20;
+  std::filesystem::path bin;  ///< where the programs are
+  std::filesystem::path out;  ///< a new folder for everything
+  double rate_hz = 1000;
+  bool quiet = false;  ///< no progress on standard error
+
+  /// Between two samples.
+  [[nodiscard]] double every_s() const;
+  /// Not judged: caches fill, pools reach their size.
+  [[nodiscard]] double warmUp_s() const;
+  /// Of what is called a minute: shorter in a short run.
+  [[nodiscard]] double minute_s() const;
+};
+
+/// All at one instant.
+struct SoakRow {
+  double time_s = 0;  ///< since the session began
+  std::array<ProcessSample, kSoakProcesses> processes;
+  std::uint64_t spool_bytes = 0, data_bytes = 0;  ///< the station's spool, the server's folder
+  // the station's newest status line
+  std::uint64_t samples = 0, missed_ticks = 0, spool_left = 0, wakeup_p99_us = 0;
+  double request_ms = 0;  ///< how long the server took to answer a question of ours
+};
+
+struct SoakData {
+  std::vector<SoakRow> rows;          ///< while the station practised
+  std::vector<std::string> troubles;  ///< words of the status lines, each once
+  nlohmann::json summary;             ///< the station's
+  int station_code = -1, viewer_code = -1, server_code = -1;
+  std::uint64_t stored_samples = 0;  ///< in the database, by the server's word
+  std::string stored_state;
+  bool verified = false;  ///< chunks and hash, by the server's own check
+};
+
+/// Runs it all; what the programs say is in `out`. Errors: kFailed when something could not be started or did
+/// not end, with its last words.
+Result<SoakData> runSoak(const SoakOptions& options);
+
+}  // namespace needlelab::test
