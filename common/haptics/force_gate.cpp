@@ -73,6 +73,7 @@ void ForceGate::raise(Fault fault) noexcept {
   fault_ = fault;
   at_fault_ = out_;
   fade_ = 1.0;
+  elapsed_ticks_ = 1;  // what was missed before is no time of the ramp
   acknowledged_ = false;
   outside_ = false;
   ++faults_raised_;
@@ -94,7 +95,10 @@ void ForceGate::noteSilence(bool fresh, std::int64_t elapsed_ticks, std::uint32_
     silent_ticks_ += elapsed_ticks;
   } else {
     // a device that reports as ever after the loop itself stood still: the force comes anew
-    if (silent_ticks_ + elapsed_ticks - 1 > silent_limit_ticks_) after_stall_ = true;
+    if (silent_ticks_ + elapsed_ticks - 1 > silent_limit_ticks_) {
+      after_stall_ = true;
+      elapsed_ticks_ = 1;
+    }
     silent_ticks_ = 0;
   }
 }
@@ -127,7 +131,9 @@ bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps,
   flags_ = 0;
   admitted_ = false;
   ticks_since_good_ += elapsed_ticks;
+  const bool held_before = holding_;
   holding_ = (condition & kDeviceHoldFlags) != 0;
+  elapsed_ticks_ = holding_ && !held_before ? 1 : elapsed_ticks;
   noteSilence(fresh, elapsed_ticks, condition);
   const bool in_fault = fault_ != Fault::kNone && staysInFault(tip, fresh, handle_speed_mps, condition);
   cause_outside_ = false;
@@ -160,10 +166,16 @@ bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps,
   return true;
 }
 
+// a share that goes away: by time, so that missed ticks do not make it later
+double ForceGate::lowered(double share) const noexcept {
+  const double next = share - fade_out_step_ * static_cast<double>(std::max<std::int64_t>(1, elapsed_ticks_));
+  return next > 1e-9 ? next : 0.0;
+}
+
 // start: what is wanted comes slowly; a hold takes it away and lets it come again
 void ForceGate::changeShare() noexcept {
   if (holding_ || after_stall_) {
-    fade_ = fade_ > 1.5 * fade_out_step_ ? fade_ - fade_out_step_ : 0.0;
+    fade_ = lowered(fade_);
     if (fade_ == 0.0) after_stall_ = false;
     flags_ |= kGateStartRamp;
   } else if (fade_ < 1.0) {
@@ -184,7 +196,7 @@ GuardedWrench ForceGate::guard(const Wrench& wanted) noexcept {
   Wrench next;
   if (fault_ != Fault::kNone) {
     flags_ |= kGateFaulted;
-    fade_ = fade_ > 1.5 * fade_out_step_ ? fade_ - fade_out_step_ : 0.0;
+    fade_ = lowered(fade_);
     next = scaled(at_fault_, fade_);
   } else {
     changeShare();

@@ -118,6 +118,7 @@ class ForceGate {
                     std::uint32_t condition) noexcept;
   void noteSilence(bool fresh, std::int64_t elapsed_ticks, std::uint32_t condition) noexcept;
   void changeShare() noexcept;
+  [[nodiscard]] double lowered(double share) const noexcept;
 
   DeviceLimits limits_;
   double period_s_;
@@ -128,7 +129,7 @@ class ForceGate {
 
   Vec3 last_good_p_W_m_;
   bool have_good_ = false;
-  std::int64_t ticks_since_good_ = 0;
+  std::int64_t ticks_since_good_ = 0, elapsed_ticks_ = 1;
   std::int64_t rejected_ticks_ = 0, silent_ticks_ = 0;
   bool admitted_ = false, acknowledged_ = false, outside_ = true;
   bool cause_lasts_ = false, cause_outside_ = false, bad_in_fault_ = false;

@@ -343,7 +343,7 @@ TEST(ForceGate, aQuaternionThatIsNoRotationIsRejected) {
 
 TEST(ForceGate, everyFaultHasItsOwnWords) {
   std::vector<std::string> seen;
-  for (int i = 0; i <= 6; ++i) {
+  for (int i = 0; i <= 11; ++i) {
     const std::string text = faultText(static_cast<Fault>(i));
     EXPECT_FALSE(text.empty());
     for (const auto& other : seen) EXPECT_NE(text, other);
