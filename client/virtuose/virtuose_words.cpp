@@ -138,14 +138,12 @@ std::string virtuoseStateWords(std::uint32_t condition, std::uint32_t alarm, std
   std::string text;
   if ((condition & kDeviceEmergencyStop) != 0)
     text =
-        joined(text,
-               "the emergency stop is pressed: see that all is safe, release it, and press the power switch "
-               "of the device again");
+        "the emergency stop is pressed (see that all is safe, release it, and press the power switch of the "
+        "device again)";
   else if ((condition & kDeviceReleased) != 0)
-    text = joined(text, "nobody holds the handle: take it so that its sensor feels the hand");
+    text = "nobody holds the handle (take it so that its sensor feels the hand)";
   else if ((condition & kDevicePowerOff) != 0)
-    text =
-        joined(text, "the motors have no power: press the power switch of the device, and hold the handle");
+    text = "the motors have no power (press the power switch of the device, and hold the handle)";
   if (alarm != 0) text = joined(text, virtuoseAlarmWords(alarm));
   if (failure != 0) text = joined(text, virtuoseFailureWords(failure));
   return text;
