@@ -74,9 +74,10 @@ void LiveLine::say(const std::string& message) {
   write((shown_.empty() ? "" : kClearLine) + message + "\n" + shown_);
 }
 
-bool LiveLine::due(std::int64_t now_ns) const {
+bool LiveLine::due(std::int64_t now_ns) {
   const std::scoped_lock lock(mutex_);
-  return now_ns >= next_ns_;
+  if (!next_ns_) next_ns_ = terminal_ ? now_ns : now_ns + kElsewhereEvery_ns;
+  return now_ns >= *next_ns_;
 }
 
 void LiveLine::show(const LiveView& view, std::int64_t now_ns) {

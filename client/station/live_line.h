@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "gesture/sample.h"
@@ -39,8 +40,9 @@ class LiveLine {
 
   /// A message of its own line; the live line moves below it.
   void say(const std::string& message);
-  /// Is it time again? `now_ns` is steadyNowNs.
-  [[nodiscard]] bool due(std::int64_t now_ns) const;
+  /// Is it time (again)? On a terminal at once, elsewhere 10 s after the first question. `now_ns` is
+  /// steadyNowNs.
+  [[nodiscard]] bool due(std::int64_t now_ns);
   void show(const LiveView& view, std::int64_t now_ns);
   /// The lesson is over: nothing is rewritten any more.
   void end();
@@ -50,9 +52,9 @@ class LiveLine {
 
   const int file_;
   const bool terminal_;
-  mutable std::mutex mutex_;
+  std::mutex mutex_;
   std::string shown_;  // on the terminal's last line now; empty = nothing
-  std::int64_t next_ns_ = 0;
+  std::optional<std::int64_t> next_ns_;
 };
 
 }  // namespace needlelab

@@ -75,6 +75,8 @@ TEST(LiveLine, elsewhereThanOnATerminalALineEveryTenSeconds) {
   ASSERT_EQ(::pipe(ends), 0);
   LiveLine line(ends[1]);
   std::int64_t now = 5'000'000'000;
+  EXPECT_FALSE(line.due(now)) << "a short lesson has no such line";
+  now += 10'000'000'000;
   ASSERT_TRUE(line.due(now));
   line.show(example(), now);
   EXPECT_FALSE(line.due(now + 9'900'000'000));
@@ -94,6 +96,7 @@ TEST(LiveLine, onATerminalItIsRewrittenInPlaceAndMessagesStandAboveIt) {
   if (::openpty(&screen, &terminal, nullptr, nullptr, &size) != 0) GTEST_SKIP() << "no pseudo-terminal here";
   LiveLine line(terminal);
   std::int64_t now = 0;
+  EXPECT_TRUE(line.due(now));
   line.show(example(), now);
   const std::string shown = cutToWidth(liveText(example()), 30);
   EXPECT_EQ(readAll(screen), "\r\x1b[K" + shown);
