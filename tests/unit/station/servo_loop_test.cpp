@@ -65,7 +65,9 @@ TEST_F(ServoLoopTest, aButtonPressesThePlungerOfADeviceWithButtons) {
   EXPECT_NEAR(samples_.front().plunger, 0.2 - 1 / 3000.0, 1e-12);
   EXPECT_NEAR(samples_.back().plunger, 0.2 - 150 / 3000.0 + 300 / 3000.0, 1e-9);
   for (std::size_t i = 1; i < samples_.size(); ++i)
-    if (samples_[i].tick <= 149) EXPECT_LT(samples_[i].plunger, samples_[i - 1].plunger);
+    if (samples_[i].tick <= 149) {
+      EXPECT_LT(samples_[i].plunger, samples_[i - 1].plunger);
+    }
 }
 
 TEST_F(ServoLoopTest, missedTicksAreCountedAndNotSteppedAndTheDeviceGoesOn) {
