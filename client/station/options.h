@@ -12,6 +12,7 @@
 #include "haptics/geometry.h"
 #include "net/endpoint.h"
 #include "net/spool.h"
+#include "station/fault_policy.h"
 
 namespace needlelab {
 
@@ -37,6 +38,7 @@ struct StationOptions {
   double seconds = 0;      ///< 0: until the device, the exercise's time limit or a signal ends it
   std::optional<int> cpu;  ///< --cpu: the haptic thread's core; none = the system chooses
   double spin_us = 0;      ///< --spin-us
+  std::optional<FaultPolicy> on_fault;  ///< --on-fault; none: wait where there is a terminal, else end
   bool headless = false;
   // --calibrate
   bool tool_given = false;         ///< --tool was said

@@ -9,17 +9,11 @@
 #include "device/haptic_chain.h"
 #include "net/spool_writer.h"
 #include "station/black_box.h"
+#include "station/fault_policy.h"
 #include "station/rt_thread.h"
 #include "station/servo_stats.h"
 
 namespace needlelab {
-
-/// What the loop does once the gate has taken the force away.
-enum class FaultPolicy : std::uint8_t {
-  kEnd,   ///< it ends 50 ms later
-  kWait,  ///< it goes on without force, reading the device and recording, until `acknowledge` and the gate's
-          ///< own conditions (the cause is over, the tip is outside) let the force fade in again
-};
 
 struct ServoSettings {
   double rate_hz = 1000;
@@ -57,6 +51,12 @@ class ServoLoop {
   void acknowledge() noexcept { acknowledged_.store(true, std::memory_order_relaxed); }
   /// The fault of the last tick.
   [[nodiscard]] Fault fault() const noexcept { return fault_.load(std::memory_order_relaxed); }
+  /// In FAULT: its cause was there in the last tick, so that an acknowledgement does not count yet.
+  [[nodiscard]] bool causeLasts() const noexcept { return cause_lasts_.load(std::memory_order_relaxed); }
+  /// In FAULT: it is acknowledged and waits for the needle to be outside the tissue.
+  [[nodiscard]] bool acknowledgementStands() const noexcept {
+    return acknowledgement_stands_.load(std::memory_order_relaxed);
+  }
   /// How often a fault was raised so far.
   [[nodiscard]] std::uint64_t faults() const noexcept { return faults_.load(std::memory_order_relaxed); }
   /// DeviceFlag bits of the last tick.
@@ -114,6 +114,7 @@ class ServoLoop {
   std::atomic<bool> crash_{false}, acknowledged_{false};
   alignas(64) std::atomic<bool> ended_{false};
   std::atomic<Fault> fault_{Fault::kNone};
+  std::atomic<bool> cause_lasts_{false}, acknowledgement_stands_{false};
   std::atomic<std::uint32_t> condition_{0};
   std::atomic<std::uint64_t> faults_{0}, missed_{0};
   LatestValue<GestureSample> latest_;

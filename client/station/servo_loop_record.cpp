@@ -44,8 +44,12 @@ void ServoLoop::publish(const TickTimes& times) noexcept {
 bool ServoLoop::noteFault() noexcept {
   fault_.store(chain_tick_.fault, std::memory_order_relaxed);
   condition_.store(reading_.condition, std::memory_order_relaxed);
+  const ForceGate& gate = chain_.gate();
+  cause_lasts_.store(gate.causeLasts(), std::memory_order_relaxed);
+  acknowledgement_stands_.store(gate.acknowledged(), std::memory_order_relaxed);
   if (chain_tick_.fault != Fault::kNone) ++stats_.fault_ticks;
-  const std::uint64_t raised = chain_.gate().faultsRaised();
+  const std::uint64_t raised = gate.faultsRaised();
+  stats_.noteFault(chain_tick_.fault, raised != stats_.faults, chain_tick_.tick);
   if (raised == stats_.faults) return false;
   if (stats_.faults == 0) stats_.first_fault = chain_tick_.fault;
   stats_.faults = raised;

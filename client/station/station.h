@@ -4,12 +4,9 @@
 #include <csignal>
 
 #include "station/options.h"
+#include "station/signals.h"
 
 namespace needlelab {
-
-/// Blocks SIGINT and SIGTERM in the calling thread and all that it starts; `runStation` takes them one by
-/// one. Call it first in `main`.
-sigset_t blockStopSignals();
 
 /// Runs one lesson and prints its summary. `stop_signals`: from blockStopSignals; the first such signal ends
 /// the lesson properly, the second one does not wait for the server any more. Gives the program's exit code

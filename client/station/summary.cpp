@@ -6,6 +6,7 @@
 
 #include "base/formatted.h"
 #include "base/machine.h"
+#include "haptics/device_condition.h"
 #include "haptics/engine.h"
 #include "haptics/force_gate.h"
 
@@ -38,6 +39,15 @@ constexpr FlagWords kFlagWords[] = {
     {kGateSlewLimited, true, "force rising more slowly than computed"},
     {kGateStartRamp, false, "start: force fading in"},
     {kGateFaulted, true, "FAULT: force taken away"},
+    {kDeviceEmergencyStop, true, "emergency stop pressed"},
+    {kDeviceReleased, false, "nobody held the handle: no force"},
+    {kDevicePowerOff, true, "motors without power: no force"},
+    {kDeviceOverheated, true, "motors too hot"},
+    {kDeviceSaturated, true, "device rendered less than it was asked for"},
+    {kDeviceOverrun, true, "device could not keep the rate"},
+    {kDeviceLost, true, "device lost"},
+    {kDeviceTrouble, true, "device reported an error"},
+    {kDeviceNotReady, true, "device not ready: no force"},
 };
 
 const FlagWords* wordsOf(unsigned bit) {
@@ -102,6 +112,15 @@ std::string faultLines(const StationSummary& s) {
   if (s.servo.faults > 0)
     text += formatted("faults       %llu, %llu ticks without force; the first: %s\n", count(s.servo.faults),
                       count(s.servo.fault_ticks), faultText(s.servo.first_fault));
+  for (std::size_t i = 0; i < s.servo.fault_note_count; ++i) {
+    const FaultNote& note = s.servo.fault_notes[i];
+    text += formatted(
+        "             at %.3f s: %s, %s\n", static_cast<double>(note.tick) / s.rate_hz, faultText(note.fault),
+        note.over_tick
+            ? formatted("acknowledged and over at %.3f s", static_cast<double>(*note.over_tick) / s.rate_hz)
+                  .c_str()
+            : "not over at the end");
+  }
   const BlackBoxCounts& box = s.black_box;
   if (box.triggers > 0)
     text += formatted(
@@ -109,6 +128,20 @@ std::string faultLines(const StationSummary& s) {
         "%llu not kept, %llu not written\n",
         count(box.files), s.spool.c_str(), count(box.triggers), count(box.not_kept), count(box.not_written));
   return text;
+}
+
+Json faultsOf(const StationSummary& s) {
+  Json faults = Json::array();
+  for (std::size_t i = 0; i < s.servo.fault_note_count; ++i) {
+    const FaultNote& note = s.servo.fault_notes[i];
+    Json row = {{"reason", faultText(note.fault)},
+                {"tick", note.tick},
+                {"time_s", static_cast<double>(note.tick) / s.rate_hz},
+                {"acknowledged", note.over_tick.has_value()}};
+    row["over_s"] = note.over_tick ? Json(static_cast<double>(*note.over_tick) / s.rate_hz) : Json(nullptr);
+    faults.push_back(std::move(row));
+  }
+  return faults;
 }
 
 // how late the loop woke, and what its ticks took, phase by phase
@@ -202,6 +235,7 @@ std::string summaryText(const StationSummary& s) {
   std::string effects;
   for (const std::string& effect : s.live_effects) effects += (effects.empty() ? "" : ", ") + effect;
   text += "live effects " + (effects.empty() ? "none" : effects) + "\n";
+  for (const std::string& note : s.device_notes) text += "device       " + note + "\n";
   if (s.effect_costs) text += "their cost   " + effectCostsText(*s.effect_costs) + "\n";
   if (!s.axial_model.empty()) text += "axial model  " + s.axial_model + "\n";
   for (const bool warnings : {false, true}) {
@@ -276,7 +310,9 @@ std::string summaryJson(const StationSummary& s) {
     row["clock_offset_ns"] = s.uplink.clock->offset_ns;
     row["clock_round_trip_ns"] = s.uplink.clock->round_trip_ns;
   }
-  row["faults"] = s.servo.faults;
+  row["faults"] = faultsOf(s);
+  row["fault_count"] = s.servo.faults;
+  row["device_notes"] = s.device_notes;
   row["first_fault"] = s.servo.faults == 0 ? Json(nullptr) : Json(faultText(s.servo.first_fault));
   row["fault_ticks"] = s.servo.fault_ticks;
   row["late_wakeups"] = s.servo.late_wakeups;

@@ -31,6 +31,7 @@ struct StationSummary {
   UplinkState uplink;
   std::string axial_model;  ///< by name, the one that was rendered
   std::vector<std::string> live_effects;
+  std::vector<std::string> device_notes;  ///< what the device cannot do and was done instead
   std::optional<EffectCosts>
       effect_costs;  ///< of the live effects, measured before the loop; none when that failed
   std::vector<RtStep> realtime;

@@ -124,6 +124,7 @@ TEST(StationOptions, wrongUsageIsExitCode2AndSaysWhatIsMissing) {
       {{"--profile", "p", "--tool", "1,2,3"}, "--tool"},
       {{"--profile", "p", "--placement", "0,0,0,0,0,0,2"}, "--placement"},
       {{"--profile", "p", "--fly"}, "--fly"},
+      {{"--profile", "p", "--on-fault", "ignore"}, "--on-fault"},
       {{"--profile", "p", "--hand-tremor-m", "1"}, "--hand-tremor-m"},
   };
   for (const auto& [arguments, expected] : cases) {
@@ -133,6 +134,19 @@ TEST(StationOptions, wrongUsageIsExitCode2AndSaysWhatIsMissing) {
     EXPECT_THAT(outcome.err, HasSubstr(expected));
     EXPECT_TRUE(outcome.out.empty());
   }
+}
+
+TEST(StationOptions, whatAFaultDoesIsChosenOrLeftToWhetherThereIsATerminal) {
+  EXPECT_EQ(parse({"--profile", "p"}).parsed.options.on_fault, std::nullopt);
+  EXPECT_EQ(parse({"--profile", "p", "--on-fault", "wait"}).parsed.options.on_fault, FaultPolicy::kWait);
+  EXPECT_EQ(parse({"--profile", "p", "--on-fault", "end"}).parsed.options.on_fault, FaultPolicy::kEnd);
+}
+
+TEST(StationOptions, helpShowsEveryGroup) {
+  const auto outcome = parse({"--help"});
+  for (const char* group :
+       {"Server", "Lesson", "Device", "Real time", "Spool", "Summary", "Instead of a lesson"})
+    EXPECT_THAT(outcome.out, HasSubstr(std::string("\n") + group));
 }
 
 TEST(StationOptions, helpAndVersionEndWell) {

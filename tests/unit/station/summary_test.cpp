@@ -111,7 +111,7 @@ TEST(StationSummary, tellsOfFaultsThatAreOverOfThePhasesAndOfRealTime) {
               HasSubstr("real time    memory lock, stack: done\n             FIFO priority: ordinary\n"));
   const auto json = nlohmann::json::parse(summaryJson(s));
   for (const auto& at : {json, json["rows"][0]}) {
-    EXPECT_EQ(at["faults"], 3);
+    EXPECT_EQ(at["fault_count"], 3);
     EXPECT_EQ(at["fault_ticks"], 120);
     EXPECT_EQ(at["late_wakeups"], 4);
     EXPECT_EQ(at["record_p50_ns"], 50);
@@ -121,13 +121,43 @@ TEST(StationSummary, tellsOfFaultsThatAreOverOfThePhasesAndOfRealTime) {
   EXPECT_EQ(nlohmann::json::parse(summaryJson(example()))["first_fault"], nullptr);
 }
 
+TEST(StationSummary, eachFaultIsListedWithReasonTimeAndWhetherItWasAcknowledged) {
+  StationSummary s = example();
+  s.servo.noteFault(Fault::kEmergencyStop, true, 1500);
+  s.servo.noteFault(Fault::kEmergencyStop, false, 1501);
+  s.servo.noteFault(Fault::kNone, false, 4000);
+  s.servo.noteFault(Fault::kDeviceLost, true, 9000);
+  s.device_notes = {"ORIENTATION_LIMIT is not live: the device renders no torque."};
+  const auto json = nlohmann::json::parse(summaryJson(s));
+  ASSERT_EQ(json["faults"].size(), 2u);
+  EXPECT_EQ(json["faults"][0], (nlohmann::json{{"reason", "the emergency stop is pressed"},
+                                               {"tick", 1500},
+                                               {"time_s", 1.5},
+                                               {"acknowledged", true},
+                                               {"over_s", 4.0}}));
+  EXPECT_EQ(json["faults"][1]["acknowledged"], false);
+  EXPECT_EQ(json["faults"][1]["over_s"], nullptr);
+  EXPECT_EQ(json["device_notes"][0], s.device_notes[0]);
+  EXPECT_THAT(summaryText(s), HasSubstr("ORIENTATION_LIMIT is not live"));
+}
+
+TEST(StationSummary, moreFaultsThanAreListedAreStillCounted) {
+  ServoStats stats;
+  for (std::uint64_t k = 0; k < 200; ++k) {
+    stats.noteFault(Fault::kDeviceSilent, true, 10 * k);
+    stats.noteFault(Fault::kNone, false, 10 * k + 5);
+  }
+  EXPECT_EQ(stats.fault_note_count, ServoStats::kMostFaultNotes);
+  for (const FaultNote& note : stats.fault_notes) EXPECT_EQ(note.over_tick, note.tick + 5);
+}
+
 TEST(StationSummary, everyFlagOfEngineAndGateHasWordsOfItsOwn) {
   std::set<std::string_view> seen;
   for (unsigned bit = 0; bit <= 10; ++bit) {
     EXPECT_FALSE(flagText(bit).empty()) << bit;
     EXPECT_TRUE(seen.insert(flagText(bit)).second);
   }
-  for (unsigned bit = 16; bit <= 21; ++bit) {
+  for (unsigned bit = 16; bit <= 30; ++bit) {
     EXPECT_FALSE(flagText(bit).empty()) << bit;
     EXPECT_TRUE(seen.insert(flagText(bit)).second);
   }

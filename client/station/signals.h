@@ -1,0 +1,17 @@
+/// The signals that the station takes one by one, on its main thread.
+#pragma once
+
+#include <chrono>
+#include <csignal>
+
+namespace needlelab {
+
+/// Blocks SIGINT, SIGTERM and SIGUSR1 in the calling thread and all that it starts. Gives SIGINT and SIGTERM,
+/// which end a lesson; SIGUSR1 acknowledges a fault and counts only while the loop runs. Call it first in
+/// `main`.
+sigset_t blockStopSignals();
+
+/// Takes one of `signals`: its number, or 0 when `time` passed.
+int signalWithin(const sigset_t& signals, std::chrono::milliseconds time);
+
+}  // namespace needlelab

@@ -1,0 +1,109 @@
+// After the lesson: the server gets what it has not got yet, and a person reads how it went.
+#include <algorithm>
+#include <iostream>
+
+#include "base/atomic_file.h"
+#include "base/exit_code.h"
+#include "net/drain.h"
+#include "station/local_score.h"
+#include "station/say.h"
+#include "station/signals.h"
+#include "station/station_run.h"
+
+namespace needlelab {
+
+using namespace std::chrono_literals;
+
+void StationRun::drain() {
+  if (!uplink_) return;
+  DrainPatience patience;
+  patience.whole = std::chrono::duration<double>(options_.drain_s);
+  // a disk that stayed full: the session ends at the next start only
+  if (!session_->contents().ended)
+    patience.whole = std::min(patience.whole, std::chrono::duration<double>(2));
+  const DrainEnd end = needlelab::drain(*uplink_, patience, [&] { return signalWithin(signals_, 0ms) != 0; });
+  if (const std::string words = drainText(end, uplink_->state()); !words.empty()) say(words);
+}
+
+StationSummary StationRun::summarise() {
+  StationSummary s;
+  s.session_id = session_->idText();
+  s.station = station_;
+  s.trainee = options_.trainee;
+  s.exercise = options_.exercise;
+  s.profile = lesson_.profile.id();
+  s.profile_revision = lesson_.profile_revision;
+  s.device = device_->info().name;
+  s.rate_hz = options_.rate_hz;
+  s.servo = loop_->stats();
+  s.writer = writer_->counts();
+  s.ring_dropped = ring_.dropped();
+  if (const SpoolLoss loss = session_->contents().loss; loss.samples > 0) s.lost_from_tick = loss.from_tick;
+  s.axial_model = axialModelName(lesson_.model.axial_model);
+  s.live_effects = liveEffects(lesson_.model);
+  s.effect_costs = effect_costs_;
+  s.realtime = realtime_;
+  s.black_box = black_box_;
+  s.device_notes = device_notes_;
+  s.spool = options_.spool.string();
+  s.state = "OPEN";
+  s.has_server = uplink_ != nullptr;
+  if (uplink_) {
+    s.uplink = uplink_->state();
+    s.spool_left = s.uplink.chunks_left;
+    s.samples_acked = session_->samplesIn(s.uplink.current_committed);
+    if (s.uplink.current_verdict) {
+      const auto& verdict = *s.uplink.current_verdict;
+      s.state = verdict.state() == pb::SESSION_COMPLETE      ? "COMPLETE"
+                : verdict.state() == pb::SESSION_INTERRUPTED ? "INTERRUPTED"
+                                                             : "OPEN";
+      s.score_json = verdict.score_json();
+      s.score_source = "server";
+    }
+  } else {
+    for (const auto& session : spool_->unfinished())
+      s.spool_left +=
+          session->contents().chunks - std::min(session->contents().chunks, session->receipt().committed);
+  }
+  if (s.score_json.empty()) {
+    auto score = localScore(*session_, lesson_, options_.X_WL);
+    if (score.ok()) {
+      s.score_json = *score;
+      s.score_source = "station";
+    } else {
+      say("no score: " + score.error().message);
+    }
+  }
+  return s;
+}
+
+int StationRun::conclude(const Status& stored) {
+  const StationSummary summary = summarise();
+  if (uplink_) uplink_->stop();
+  spool_guard_->report();
+  const bool json_on_stdout = options_.json && options_.json_file.empty();
+  (json_on_stdout ? std::cerr : std::cout) << summaryText(summary) << std::flush;
+  if (json_on_stdout) std::cout << summaryJson(summary) << std::flush;
+  if (options_.json && !json_on_stdout)
+    if (auto status = writeFileAtomically(options_.json_file, viewOf(summaryJson(summary))); !status.ok()) {
+      say(status.error().message);
+      return kExitFailed;
+    }
+  if (summary.servo.fault != Fault::kNone) {
+    say(std::string("the lesson ended in FAULT: ") + faultText(summary.servo.fault) +
+        ". The force was taken away; the session is stored");
+    return kExitFailed;
+  }
+  if (!std::cout) {
+    say("cannot write the closing summary to standard output");
+    return kExitFailed;
+  }
+  // the samples are safe in the spool, but nobody will ever see them there: that is no success
+  if (!summary.uplink.current_trouble.empty() && !summary.uplink.current_verdict) {
+    say("the server did not take the session: " + summary.uplink.current_trouble);
+    return kExitFailed;
+  }
+  return stored.ok() ? kExitDone : kExitFailed;
+}
+
+}  // namespace needlelab
