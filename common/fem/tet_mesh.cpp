@@ -25,8 +25,7 @@ double volumeOf(const TetMesh& mesh, const TetNodes& e) {
   return (at(1) - at(0)).cross(at(2) - at(0)).dot(at(3) - at(0)) / 6.0;
 }
 
-GridMesh::GridMesh(Size cells, const Place& place, const Material& material, bool axis)
-    : cells_(cells), axis_(axis) {
+GridMesh::GridMesh(Size cells, const Place& place, const Material& material, bool axis) : cells_(cells) {
   corner_.reserve(static_cast<std::size_t>(cells.i + 1) * static_cast<std::size_t>(cells.j + 1) *
                   static_cast<std::size_t>(cells.k + 1));
   for (int k = 0; k <= cells.k; ++k)

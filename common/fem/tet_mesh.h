@@ -47,7 +47,6 @@ class GridMesh {
   std::int32_t middleOrNew(std::int32_t a, std::int32_t b);
 
   Size cells_;
-  bool axis_;
   TetMesh mesh_;
   std::vector<std::int32_t> corner_;  ///< node of each corner
   std::unordered_map<std::uint64_t, std::int32_t> middle_;
