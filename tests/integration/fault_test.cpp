@@ -1,0 +1,98 @@
+// FAULT in the whole program: said, waited out, acknowledged from outside, and what the exit code tells.
+#include <gmock/gmock.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "base/exit_code.h"
+#include "process.h"
+#include "support/temp_folder.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+// outside the tissue, still for a second; then the device reports another place, and stays there
+class FaultProgram : public testing::Test {
+ protected:
+  FaultProgram() {
+    std::ofstream csv(path("jump.csv"));
+    csv << "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n";
+    for (int k = 0; k < 8000; ++k) csv << k * 0.001 << "," << (k < 1000 ? 0 : 0.5) << ",0,1,0,0,0,1\n";
+  }
+  [[nodiscard]] std::filesystem::path path(const std::string& name) const { return folder_.path() / name; }
+  void start(const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"--profile",
+                                          std::string(NEEDLELAB_SAMPLES) + "/shoulder-adult.json",
+                                          "--spool",
+                                          path("spool"),
+                                          "--headless",
+                                          "--json",
+                                          path("out.json"),
+                                          "--device",
+                                          "recording:" + path("jump.csv").string()};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    station_ = std::make_unique<Process>("needlelab-station", arguments, path("log"));
+  }
+  [[nodiscard]] nlohmann::json summary() const {
+    std::ifstream file(path("out.json"));
+    return nlohmann::json::parse(file);
+  }
+  [[nodiscard]] bool says(const std::string& text) {
+    return eventually([&] { return station_->said().find(text) != std::string::npos; });
+  }
+  TempFolder folder_;
+  std::unique_ptr<Process> station_;
+};
+
+TEST_F(FaultProgram, acknowledgedWhileTheLessonGoesOnItEndsWell) {
+  start({"--on-fault", "wait", "--seconds", "6"});
+  ASSERT_TRUE(says("FAULT: the needle's tip jumped")) << station_->said();
+  EXPECT_THAT(station_->said(), AllOf(HasSubstr("take the needle out"), HasSubstr("SIGUSR1")));
+  station_->signal(SIGUSR1);
+  ASSERT_TRUE(says("the fault is over")) << station_->said();
+  ASSERT_EQ(station_->wait(60s), kExitDone) << station_->said();
+  const auto out = summary();
+  EXPECT_EQ(out["fault"], nullptr);
+  EXPECT_EQ(out["fault_count"], 1);
+  ASSERT_EQ(out["faults"].size(), 1u);
+  const auto& fault = out["faults"][0];
+  EXPECT_THAT(fault["reason"].get<std::string>(), HasSubstr("5 m/s"));
+  EXPECT_EQ(fault["acknowledged"], true);
+  EXPECT_NEAR(fault["time_s"].get<double>(), 1.006, 0.02);
+  EXPECT_DOUBLE_EQ(fault["tick"].get<double>(), fault["time_s"].get<double>() * 1000);
+  EXPECT_GT(fault["over_s"].get<double>(), fault["time_s"].get<double>());
+  EXPECT_EQ(out["end"], "time is over") << "the lesson went on to its end";
+  EXPECT_THAT(station_->said(), HasSubstr("acknowledged and over at"));
+}
+
+TEST_F(FaultProgram, anAcknowledgementBeforeTheFaultIsNone) {
+  start({"--on-fault", "wait", "--seconds", "3"});
+  ASSERT_TRUE(says("real time:")) << station_->said();
+  station_->signal(SIGUSR1);
+  ASSERT_EQ(station_->wait(60s), kExitFailed) << station_->said();
+  EXPECT_EQ(summary()["faults"][0]["acknowledged"], false);
+  EXPECT_THAT(station_->said(), HasSubstr("the lesson ended in FAULT"));
+}
+
+TEST_F(FaultProgram, aStopSignalEndsALessonThatWaitsInFault) {
+  start({"--on-fault", "wait"});
+  ASSERT_TRUE(says("FAULT")) << station_->said();
+  station_->signal(SIGTERM);
+  ASSERT_EQ(station_->wait(30s), kExitFailed) << station_->said();
+  EXPECT_EQ(summary()["end"], "stopped");
+}
+
+TEST_F(FaultProgram, whereNobodyIsThereTheLessonEndsWithTheFault) {
+  start({});
+  ASSERT_EQ(station_->wait(30s), kExitFailed) << station_->said();
+  EXPECT_THAT(station_->said(), AllOf(HasSubstr("The lesson ends"), Not(HasSubstr("SIGUSR1"))));
+  EXPECT_EQ(summary()["end"], "FAULT");
+}
+
+}  // namespace
+}  // namespace needlelab::test
