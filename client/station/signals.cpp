@@ -1,10 +1,30 @@
 #include "station/signals.h"
 
+#include <pthread.h>
+
 #include <ctime>
 
 namespace needlelab {
 
+namespace {
+
+pthread_t main_thread;
+
+// in a thread that a library started before `main` (OpenBLAS does) and that blocks nothing: the kernel may
+// choose it, and by default such a signal kills the program with its force
+void handOver(int signal) {
+  ::pthread_kill(main_thread, signal);
+}
+
+}  // namespace
+
 sigset_t blockStopSignals() {
+  main_thread = ::pthread_self();
+  struct sigaction action {};
+  action.sa_handler = handOver;
+  action.sa_flags = SA_RESTART;
+  ::sigemptyset(&action.sa_mask);
+  for (const int signal : {SIGINT, SIGTERM, SIGUSR1}) ::sigaction(signal, &action, nullptr);
   sigset_t signals;
   ::sigemptyset(&signals);
   ::sigaddset(&signals, SIGUSR1);

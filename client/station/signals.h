@@ -6,7 +6,8 @@
 
 namespace needlelab {
 
-/// Blocks SIGINT, SIGTERM and SIGUSR1 in the calling thread and all that it starts. Gives SIGINT and SIGTERM,
+/// Blocks SIGINT, SIGTERM and SIGUSR1 in the calling thread and all that it starts; threads that were there
+/// before hand them over to it. Gives SIGINT and SIGTERM,
 /// which end a lesson; SIGUSR1 acknowledges a fault and counts only while the loop runs. Call it first in
 /// `main`.
 sigset_t blockStopSignals();
