@@ -53,6 +53,8 @@ void onCrash(int signal) {
     loop->crashStop();
     for (int ms = 0; ms < kPatience_ms && !loop->ended(); ++ms) pauseMs(1);
     if (!loop->ended()) tell("station: the haptic loop did not answer; the device's own watchdog has to\n");
+    // the loop's last word, no force, is still on its way through a device with a thread of its own
+    pauseMs(kDeviceWatchdog_ms);
   }
   // die by the same signal, as if nobody had looked
   struct sigaction by_default {};

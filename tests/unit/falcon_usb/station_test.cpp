@@ -36,7 +36,7 @@ class StationWithFalcon : public FalconOnUsb {
             device,
             "--headless",
             "--profile",
-            NEEDLELAB_SAMPLES "/paper-1dof.json",
+            NEEDLELAB_SAMPLES "/shoulder-adult.json",
             "--seconds",
             seconds,
             "--placement",
@@ -85,9 +85,54 @@ TEST_F(StationWithFalcon, aWholeLessonInRealTime) {
   // the hand felt the cutting force of the layer
   EXPECT_GT(greatest_N, 0.4);
   EXPECT_LT(greatest_N, falcon::kLimits.peak_force_N);
+  // what this device cannot do is said in plain words, is not live, and stays in the summary
+  EXPECT_NE(said.find("does not measure how it is turned"), std::string::npos) << said;
+  EXPECT_NE(said.find("ORIENTATION_LIMIT is not live"), std::string::npos) << said;
+  EXPECT_GE(summary["device_notes"].size(), 2u) << summary["device_notes"];
+  for (const auto& effect : summary["live_effects"]) EXPECT_NE(effect, "ORIENTATION_LIMIT");
   // and the device is left without torque
   ASSERT_FALSE(falcon_.history().empty());
   EXPECT_EQ(falcon_.history().back().motors, (std::array<std::int16_t, 3>{}));
+  EXPECT_EQ(falcon_.force().norm(), 0);
+}
+
+TEST_F(StationWithFalcon, unpluggedInMidStrokeItSaysSoAndGoesOnWhenItIsAcknowledged) {
+  falcon_.plug();
+  falcon_.holdRigidly([path = homingPath(0.2)](double t) { return path(std::fmod(t, 0.2)); });
+  auto arguments = lesson("60");
+  arguments.insert(arguments.end(), {"--on-fault", "wait"});
+  const auto child = station(arguments);
+  const auto says = [&child](const std::string& words) {
+    return waitUntil([&] { return child->said().find(words) != std::string::npos; }, 10s);
+  };
+  const auto pushed = [this] { return waitUntil([this] { return falcon_.force().norm() > 0.3; }, 10s); };
+  const auto sink = [](double t) {
+    return Vector3d(0, -(kSkin_m + kDeep_m) * std::min(1.0, t / 0.6), falcon::kOrigin_F_m.z);
+  };
+  ASSERT_TRUE(waitUntil([this] { return falcon_.homed() == 7; }, 20s)) << child->said();
+  falcon_.holdAt({0, 0, falcon::kOrigin_F_m.z});
+  waitUntil([] { return false; }, 400ms);
+  falcon_.holdRigidly(sink);
+  ASSERT_TRUE(pushed()) << child->said();
+
+  falcon_.unplug();
+  ASSERT_TRUE(says("FAULT")) << child->said();
+  falcon_.plug();
+  EXPECT_TRUE(waitUntil([this] { return falcon_.port().openClients() > 0; })) << child->said();
+  EXPECT_TRUE(waitUntil([this, before = falcon_.commands()] { return falcon_.commands() > before + 50; }));
+  EXPECT_EQ(falcon_.force().norm(), 0) << "no force before somebody has seen it";
+  falcon_.holdAt({0, 0, falcon::kOrigin_F_m.z});
+  waitUntil([] { return false; }, 200ms);
+  child->signal(SIGUSR1);
+  ASSERT_TRUE(says("the fault is over")) << child->said();
+  falcon_.holdRigidly(sink);
+  EXPECT_TRUE(pushed()) << child->said();
+
+  child->signal(SIGTERM);
+  ASSERT_TRUE(child->wait(20s)) << child->said();
+  const nlohmann::json summary = row();
+  EXPECT_GE(summary["fault_count"], 1) << summary;
+  EXPECT_EQ(summary["faults"][0]["acknowledged"], true) << summary["faults"];
   EXPECT_EQ(falcon_.force().norm(), 0);
 }
 
@@ -112,11 +157,29 @@ TEST_F(StationWithFalcon, stoppedInMidStrokeItLeavesNoTorque) {
   falcon_.holdRigidly([path = homingPath(0.2)](double t) { return path(std::fmod(t, 0.2)); });
   const auto child = station(lesson("20"));
   ASSERT_TRUE(waitUntil([this] { return falcon_.homed() == 7; }, 20s)) << child->said();
+  falcon_.holdAt({0, 0, falcon::kOrigin_F_m.z});
+  waitUntil([] { return false; }, 400ms);
   falcon_.holdRigidly(stroke());
   ASSERT_TRUE(waitUntil([this] { return falcon_.force().norm() > 0.3; }, 10s)) << child->said();
   child->signal(SIGTERM);
   ASSERT_TRUE(child->wait(20s)) << child->said();
   EXPECT_EQ(falcon_.force().norm(), 0);
+}
+
+TEST_F(StationWithFalcon, crashedInMidStrokeItLeavesNoTorque) {
+  falcon_.plug();
+  falcon_.holdRigidly([path = homingPath(0.2)](double t) { return path(std::fmod(t, 0.2)); });
+  const auto child = station(lesson("20"));
+  ASSERT_TRUE(waitUntil([this] { return falcon_.homed() == 7; }, 20s)) << child->said();
+  falcon_.holdAt({0, 0, falcon::kOrigin_F_m.z});
+  waitUntil([] { return false; }, 400ms);
+  falcon_.holdRigidly(stroke());
+  ASSERT_TRUE(waitUntil([this] { return falcon_.force().norm() > 0.3; }, 10s)) << child->said();
+  child->signal(SIGSEGV);
+  const auto code = child->wait(20s);
+  ASSERT_TRUE(code) << child->said();
+  EXPECT_NE(*code, kExitDone);
+  EXPECT_EQ(falcon_.force().norm(), 0) << child->said();
 }
 
 }  // namespace
