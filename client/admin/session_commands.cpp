@@ -3,6 +3,7 @@
 #include "admin/command.h"
 #include "admin/session_export.h"
 #include "admin/session_rows.h"
+#include "scoring/syringe_events.h"
 
 namespace needlelab {
 namespace {
@@ -25,6 +26,31 @@ Status listSessions(CommandContext& context, const pb::ListSessions& filter) {
                              rows, "no sessions");
 }
 
+/// The syringe's events as rows of JSON; null while the session is open, or where they cannot be worked out.
+struct SessionEvents {
+  Json rows;
+  bool stored = false;
+};
+Result<SessionEvents> eventsOf(CommandContext& context, const Uuid& id) {
+  pb::Request request;
+  request.mutable_list_events()->set_session_id(id.data(), id.size());
+  const auto reply = context.backend.call(request);
+  if (!reply) return reply.error();
+  const auto& list = reply->events();
+  const std::vector<pb::SyringeEvent> events(list.events().begin(), list.events().end());
+  return SessionEvents{Json::parse(eventsJson(events)), list.stored()};
+}
+
+Status listEvents(CommandContext& context, const Uuid& id) {
+  const auto events = eventsOf(context, id);
+  if (!events) return events.error();
+  if (!events->stored)
+    context.output.remark(
+        "worked out now: the session was closed before events were stored, or could not be scored then");
+  return context.output.list({{"event", "EVENT"}, {"begin_s", "BEGIN_S"}, {"end_s", "END_S"}, {"words", ""}},
+                             events->rows, "no aspirations and no injections");
+}
+
 Status showSession(CommandContext& context, const Uuid& id) {
   const std::string bytes(id.begin(), id.end());
   pb::Request request;
@@ -40,6 +66,10 @@ Status showSession(CommandContext& context, const Uuid& id) {
   Json row = sessionRow(session);
   row["profile"] = Json::parse(session.description().profile_json(), nullptr, false);
   row["score"] = session.score_json().empty() ? Json() : Json::parse(session.score_json(), nullptr, false);
+  // an open session has none yet, and a profile that cannot be read gives none: the rest is shown all the
+  // same
+  const auto events = eventsOf(context, id);
+  row["events"] = events ? events->rows : Json();
   row["annotations"] = Json::array();
   for (const auto& note : notes->annotations().annotations()) {
     row["annotations"].push_back({{"tick", note.tick()},
@@ -75,6 +105,8 @@ Status showSession(CommandContext& context, const Uuid& id) {
                                           {"words", ""}},
                                          row["score"]));
   }
+  if (row["events"].is_array() && !row["events"].empty())
+    context.output.text("\n" + tableText({{"event", "EVENT"}, {"words", ""}}, row["events"]));
   if (!row["annotations"].empty()) {
     context.output.text(
         tableText({{"tick", "TICK"}, {"author", "AUTHOR"}, {"text", "REMARK"}}, row["annotations"]));
@@ -146,6 +178,7 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   };
   with_id(session->add_subcommand("show", "what it is, its score and remarks"), showSession);
   with_id(session->add_subcommand("verify", "read it again: every chunk, the hash"), verifySession);
+  with_id(session->add_subcommand("events", "aspirations and injections, with place and time"), listEvents);
   auto* export_command = session->add_subcommand("export", "its samples, for other programs");
   export_command->add_option("--format", values->format, "csv, json or recording (common/gesture/FORMAT.md)")
       ->check(CLI::IsMember({"csv", "json", "recording"}))

@@ -7,6 +7,7 @@
 
 #include "gesture/chunk.h"
 #include "instructor/headless.h"
+#include "instructor/plunger_watch.h"
 #include "instructor/update.h"
 
 namespace needlelab {
@@ -83,6 +84,7 @@ class Replay {
     for (const GestureSample& sample : samples) {
       if (samples_ == 0) first_ns_ = sample.time_ns;
       ++samples_;
+      plunger_.add(sample);
       const double time_s = 1e-9 * static_cast<double>(sample.time_ns - first_ns_);
       for (; noted_ < annotations_.size() && annotations_[noted_].tick() <= sample.tick; ++noted_) {
         run_.note(annotations_[noted_].author() + ": " + annotations_[noted_].text());
@@ -92,6 +94,7 @@ class Replay {
         next_line_s_ += 1 / rate_hz * std::max(1.0, 1 + std::floor((time_s - next_line_s_) * rate_hz));
       if (!waitUntil(time_s)) return false;
       Update update = updateOf(sample);
+      update.syringe = plunger_.action();
       update.time_s = time_s;
       update.station = info_.description().station();
       update.trainee = info_.description().trainee();
@@ -137,6 +140,7 @@ class Replay {
   pb::SessionInfo info_;
   std::vector<pb::Annotation> annotations_;
   std::size_t noted_ = 0;
+  PlungerWatch plunger_;
   std::uint64_t samples_ = 0, lines_ = 0;
   std::int64_t first_ns_ = 0;
   double next_line_s_ = 0;

@@ -1,5 +1,6 @@
 #include "instructor/update.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -52,8 +53,18 @@ Update updateOf(const GestureSample& sample) {
   update.layer = sample.layer;
   update.insertion_m = sample.insertion_m;
   update.force_n = std::hypot(sample.force_W_N[0], sample.force_W_N[1], sample.force_W_N[2]);
+  update.plunger = sample.plunger;
   update.fault = sample.fault;
   return update;
+}
+
+std::string syringeAction(const GestureSample& before, const GestureSample& now) {
+  // slower than a stroke of 50 s, or less than what trembles on the plunger: at rest
+  constexpr double kLeastSpeed_per_s = 0.02, kLeastWay = 0.004;
+  const double seconds = 1e-9 * static_cast<double>(now.time_ns - before.time_ns);
+  const double way = now.plunger - before.plunger;
+  if (!(seconds > 0) || !(std::abs(way) >= std::max(kLeastWay, kLeastSpeed_per_s * seconds))) return {};
+  return way > 0 ? "injecting" : "aspirating";
 }
 
 Update updateOf(const pb::StationStatus& status) {
@@ -80,6 +91,8 @@ std::string textLine(const Update& update) {
   line += "  " + printable(update.phase, 11);
   line += update.layer < 0 ? "  layer -" : format("  layer %d", update.layer);
   line += format("  insertion %7.2f mm  |F| %6.3f N", 1e3 * update.insertion_m, update.force_n);
+  if (update.plunger) line += format("  plunger %3.0f %%", 100 * *update.plunger);
+  if (!update.syringe.empty()) line += "  " + update.syringe;
   if (update.latency_ms) line += format("  latency %6.1f ms", *update.latency_ms);
   if (update.drops) line += format("  drops %llu", static_cast<unsigned long long>(*update.drops));
   if (update.fault != 0) line += std::string("  FAULT: ") + faultText(static_cast<Fault>(update.fault));
@@ -97,6 +110,8 @@ std::string jsonLine(const Update& update) {
   json["layer"] = update.layer;
   json["insertion_m"] = update.insertion_m;
   json["force_n"] = update.force_n;
+  if (update.plunger) json["plunger"] = *update.plunger;
+  if (!update.syringe.empty()) json["syringe"] = update.syringe;
   json["fault"] = update.fault;
   if (update.latency_ms) json["latency_ms"] = *update.latency_ms;
   if (update.drops) json["drops"] = *update.drops;

@@ -18,6 +18,8 @@ struct Update {
   int layer = -1;
   double insertion_m = 0;
   double force_n = 0;
+  std::optional<double> plunger;  ///< 0-1; frames only
+  std::string syringe;            ///< "injecting", "aspirating", or empty: at rest, or not known
   std::uint32_t fault = 0;
   std::optional<double> latency_ms;    ///< from capture to receipt
   std::optional<std::uint64_t> drops;  ///< frames lost so far
@@ -26,6 +28,9 @@ struct Update {
 };
 
 Update updateOf(const GestureSample& sample);
+/// What the plunger does: it went from one to the other sample's place at 0.02/s or more. `before` is to be
+/// about 0.1 s to 1 s older, so that trembling is not taken for a stroke.
+std::string syringeAction(const GestureSample& before, const GestureSample& now);
 Update updateOf(const pb::StationStatus& status);
 
 /// Aligned columns, without a newline.

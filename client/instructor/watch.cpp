@@ -9,6 +9,7 @@
 #include "gesture/chunk.h"
 #include "instructor/headless.h"
 #include "instructor/live_stats.h"
+#include "instructor/plunger_watch.h"
 #include "instructor/update.h"
 #include "wire/refusal.h"
 
@@ -111,7 +112,13 @@ class Watch {
     stats_.add(frame, samples->size(), received);
     const GestureSample& newest = samples->back();
     const SessionFacts& facts = factsOf(frame, newest);
+    if (frame.session_id() != plunger_of_) {
+      plunger_ = {};
+      plunger_of_ = frame.session_id();
+    }
+    for (const GestureSample& sample : *samples) plunger_.add(sample);
     Update update = updateOf(newest);
+    update.syringe = plunger_.action();
     update.time_s = 1e-9 * static_cast<double>(newest.time_ns - facts.started_ns);
     update.station = frame.station();
     update.trainee = facts.trainee;
@@ -167,6 +174,8 @@ class Watch {
 
   const HeadlessRun& run_;
   LiveStats stats_;
+  PlungerWatch plunger_;
+  std::string plunger_of_;  // whose samples it has: a session's id
   std::map<std::string, SessionFacts> facts_;
   std::optional<bool> online_;
   std::string trouble_;

@@ -22,8 +22,13 @@ void addJsonOption(CLI::App& app, JsonOption& option) {
 }
 
 Status writeJson(const JsonOption& option, const nlohmann::ordered_json& rows) {
-  const nlohmann::ordered_json whole = {
-      {"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", rows}};
+  return writeJson(option, rows, nlohmann::ordered_json::object());
+}
+
+Status writeJson(const JsonOption& option, const nlohmann::ordered_json& rows,
+                 const nlohmann::ordered_json& more) {
+  nlohmann::ordered_json whole = {{"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", rows}};
+  whole.update(more);
   const std::string text = whole.dump(2) + "\n";
   if (!option.file.empty()) return writeFileAtomically(option.file, viewOf(text));
   if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)

@@ -20,5 +20,8 @@ void addJsonOption(CLI::App& app, JsonOption& option);
 
 /// Writes `{"version", "machine", "rows"}` to where the option says.
 Status writeJson(const JsonOption& option, const nlohmann::ordered_json& rows);
+/// The same with the keys of `more` (an object) behind "rows".
+Status writeJson(const JsonOption& option, const nlohmann::ordered_json& rows,
+                 const nlohmann::ordered_json& more);
 
 }  // namespace needlelab

@@ -12,6 +12,7 @@
 #include "base/output_check.h"
 #include "profile/profile.h"
 #include "scoring/measures.h"
+#include "scoring/syringe_events.h"
 #include "sim/closed_loop.h"
 #include "sim/command.h"
 #include "sim/json_output.h"
@@ -79,12 +80,16 @@ int score(const ScoreOptions& options) {
   if (!exercise.ok()) return fail(exercise.error());
   const pb::Exercise* required = exercise->has_value() ? &**exercise : nullptr;
   const auto measures = scoreGesture(*samples, scene->rate_hz, scene->profile, scene->X_WL, required);
+  const auto events = syringeEvents(*samples, scene->rate_hz, scene->profile, scene->X_WL);
   if (!options.json.wanted) {
     std::fputs(scoreText(measures).c_str(), stdout);
+    for (const pb::SyringeEvent& event : events) std::printf("\n%s", eventText(event).c_str());
+    if (!events.empty()) std::fputs("\n", stdout);
     return kExitDone;
   }
   const auto rows = nlohmann::ordered_json::parse(scoreJson(measures));
-  if (const Status status = writeJson(options.json, rows); !status.ok()) return fail(status.error());
+  const nlohmann::ordered_json more = {{"events", nlohmann::ordered_json::parse(eventsJson(events))}};
+  if (const Status status = writeJson(options.json, rows, more); !status.ok()) return fail(status.error());
   return kExitDone;
 }
 

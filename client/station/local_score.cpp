@@ -4,6 +4,7 @@
 
 #include "gesture/chunk.h"
 #include "scoring/measures.h"
+#include "scoring/syringe_events.h"
 
 namespace needlelab {
 namespace {
@@ -12,7 +13,7 @@ constexpr std::uint64_t kMostSamples = 2'000'000;  // half an hour at 1 kHz, hal
 
 }  // namespace
 
-Result<std::string> localScore(const SpoolSession& session, const StationLesson& lesson, const Pose& X_WL) {
+Result<LocalScore> localScore(const SpoolSession& session, const StationLesson& lesson, const Pose& X_WL) {
   const SpoolContents contents = session.contents();
   if (contents.samples > kMostSamples)
     return Error{ErrorCode::kInvalidInput, "the session has " + std::to_string(contents.samples) +
@@ -30,7 +31,8 @@ Result<std::string> localScore(const SpoolSession& session, const StationLesson&
   if (samples.empty()) return Error{ErrorCode::kNotFound, "nothing was recorded"};
   const auto measures = scoreGesture(samples, session.description().rate_hz(), lesson.profile, X_WL,
                                      lesson.exercise ? &*lesson.exercise : nullptr);
-  return scoreJson(measures);
+  const auto events = syringeEvents(samples, session.description().rate_hz(), lesson.profile, X_WL);
+  return LocalScore{scoreJson(measures), eventsJson(events)};
 }
 
 }  // namespace needlelab

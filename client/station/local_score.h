@@ -1,4 +1,5 @@
-/// The score of a session by the station itself, from the spool, for when no server gives one.
+/// The score of a session by the station itself, from the spool, for when no server gives one; and what was
+/// done with the syringe.
 #pragma once
 
 #include <string>
@@ -10,8 +11,13 @@
 
 namespace needlelab {
 
-/// Rows as of scoreJson. Reads the session's chunks again, as the server would. Errors: kInvalidInput for a
-/// session too long to be scored here (the server will), those of the spool.
-Result<std::string> localScore(const SpoolSession& session, const StationLesson& lesson, const Pose& X_WL);
+struct LocalScore {
+  std::string score_json;   ///< rows as of scoreJson
+  std::string events_json;  ///< rows as of eventsJson
+};
+
+/// Reads the session's chunks again, as the server would. Errors: kInvalidInput for a session too long to be
+/// scored here (the server will), those of the spool.
+Result<LocalScore> localScore(const SpoolSession& session, const StationLesson& lesson, const Pose& X_WL);
 
 }  // namespace needlelab

@@ -65,13 +65,14 @@ StationSummary StationRun::summarise() {
       s.spool_left +=
           session->contents().chunks - std::min(session->contents().chunks, session->receipt().committed);
   }
+  const auto local = localScore(*session_, lesson_, options_.X_WL);
+  if (local.ok()) s.syringe_json = local->events_json;
   if (s.score_json.empty()) {
-    auto score = localScore(*session_, lesson_, options_.X_WL);
-    if (score.ok()) {
-      s.score_json = *score;
+    if (local.ok()) {
+      s.score_json = local->score_json;
       s.score_source = "station";
     } else {
-      say("no score: " + score.error().message);
+      say("no score: " + local.error().message);
     }
   }
   return s;

@@ -69,10 +69,28 @@ Json flagCounts(const ServoStats& servo, bool warnings) {
   return counts;
 }
 
-Json scoreOf(const StationSummary& summary) {
-  if (summary.score_json.empty()) return nullptr;
-  Json score = Json::parse(summary.score_json, nullptr, false);
-  return score.is_discarded() ? Json(nullptr) : score;
+// null for a text that is empty or none
+Json parsed(const std::string& text) {
+  if (text.empty()) return nullptr;
+  Json value = Json::parse(text, nullptr, false);
+  return value.is_discarded() ? Json(nullptr) : value;
+}
+
+// the "words" of each row, one a line, indented
+std::string rowWords(const Json& rows) {
+  std::string text;
+  for (const Json& row : rows)
+    if (row.is_object() && row.contains("words") && row["words"].is_string())
+      text += "    " + row["words"].get<std::string>() + "\n";
+  return text;
+}
+
+// what was done with the syringe
+std::string syringeLines(const StationSummary& summary) {
+  const Json events = parsed(summary.syringe_json);
+  if (!events.is_array()) return {};
+  if (events.empty()) return "syringe      not used\n";
+  return "syringe\n" + rowWords(events);
 }
 
 double tenths(double number) {
@@ -95,14 +113,10 @@ double bytesPerSample(const StationSummary& summary) {
 
 // "12 measures, all requirements met", with the measures that have a requirement
 std::string scoreWords(const StationSummary& summary) {
-  const Json score = scoreOf(summary);
+  const Json score = parsed(summary.score_json);
   if (!score.is_array()) return "none";
-  std::string text =
-      std::to_string(score.size()) + " measures, computed by the " + summary.score_source + "\n";
-  for (const Json& row : score)
-    if (row.is_object() && row.contains("words") && row["words"].is_string())
-      text += "    " + row["words"].get<std::string>() + "\n";
-  return text;
+  return std::to_string(score.size()) + " measures, computed by the " + summary.score_source + "\n" +
+         rowWords(score);
 }
 
 // faults that were there, over by now or not, and what is kept of them
@@ -254,6 +268,7 @@ std::string summaryText(const StationSummary& s) {
             " for the server; they are sent at the next start with --server\n";
   else
     text += "spool        " + s.spool + ", nothing waits\n";
+  text += syringeLines(s);
   text += "score        " + scoreWords(s);
   if (text.back() != '\n') text += '\n';
   return text;
@@ -303,7 +318,8 @@ std::string summaryJson(const StationSummary& s) {
       {"engine_tick_ns", s.effect_costs ? Json(tenths(s.effect_costs->tick_ns)) : Json(nullptr)},
       {"events", flagCounts(s.servo, false)},
       {"warnings", flagCounts(s.servo, true)},
-      {"score", scoreOf(s)},
+      {"syringe", parsed(s.syringe_json)},
+      {"score", parsed(s.score_json)},
       {"score_source", s.score_source.empty() ? Json(nullptr) : Json(s.score_source)},
   };
   if (s.uplink.clock) {

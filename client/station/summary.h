@@ -38,6 +38,7 @@ struct StationSummary {
   BlackBoxCounts black_box;
   std::string state;         ///< COMPLETE, INTERRUPTED (the server's word), or OPEN
   std::string score_json;    ///< rows; empty when there is none
+  std::string syringe_json;  ///< aspirations and injections, as of eventsJson; empty when not worked out
   std::string score_source;  ///< "server" or "station"
   std::string spool;
 };

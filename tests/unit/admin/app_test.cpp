@@ -5,6 +5,7 @@
 #include <fstream>
 
 #include "db/embedded_file.h"
+#include "db/event_store.h"
 #include "run_admin.h"
 
 namespace needlelab {
@@ -186,6 +187,42 @@ TEST_F(Admin, sessionsAreListedShownVerifiedAndAnnotated) {
   EXPECT_EQ(shown.at("annotations")[0].at("text"), "good angle");
   EXPECT_NE(good({"session", "show", id}).out.find("good angle"), std::string::npos);
   EXPECT_EQ(good({"session", "verify", id, "--json"}).rows()[0].at("ok"), true);
+}
+
+TEST_F(Admin, theSyringesEventsOfASessionAreListed) {
+  pb::SyringeEvent event;
+  event.set_kind(pb::SyringeEvent::INJECTION);
+  event.set_begin_s(12.3);
+  event.set_end_s(14.3);
+  event.set_plunger_to(0.8);
+  event.mutable_begin()->set_in_tissue(true);
+  event.mutable_begin()->set_layer(3);
+  event.mutable_begin()->set_tissue("BURSA");
+  event.mutable_begin()->set_depth_m(0.021);
+  *event.mutable_end() = event.begin();
+  const Uuid with = addSession(3);
+  {
+    auto store = test::TestDb::must(Store::open(data(), {}));
+    const std::vector<pb::SyringeEvent> events = {event};
+    ASSERT_OK(store->writer().run([&](Connection& c) { return EventStore(c).put(with, events); }));
+  }
+  const std::string words = "injection of 80 % at 12.3 s for 2.0 s, 21 mm deep in BURSA";
+  EXPECT_NE(good({"session", "events", uuidText(with)}).out.find(words), std::string::npos);
+  const auto rows = good({"session", "events", uuidText(with), "--json"}).rows();
+  ASSERT_EQ(rows.size(), 1u);
+  EXPECT_EQ(rows[0].at("event"), "INJECTION");
+  EXPECT_EQ(rows[0].at("begin").at("tissue"), "BURSA");
+  EXPECT_NE(good({"session", "show", uuidText(with)}).out.find(words), std::string::npos);
+  EXPECT_EQ(good({"session", "show", uuidText(with), "--json"}).rows()[0].at("events").size(), 1u);
+
+  const std::string without = uuidText(addSession(3, false, "UPDATE sessions SET events = 0"));
+  EXPECT_NE(good({"session", "events", without}).out.find("no aspirations"), std::string::npos);
+  // still open: said; its other facts are shown all the same
+  const std::string open = uuidText(addSession(3, true));
+  const Run refused = onData({"session", "events", open});
+  EXPECT_EQ(refused.code, 1);
+  EXPECT_NE(refused.err.find("still open"), std::string::npos) << refused.err;
+  EXPECT_TRUE(good({"session", "show", open, "--json"}).rows()[0].at("events").is_null());
 }
 
 TEST_F(Admin, damageMakesVerifyCheckAndBackupFail) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <utility>
 
 namespace needlelab {
 namespace {
@@ -34,6 +35,28 @@ TEST(UpdateLine, aPersonReadsMillimetresAndNewtons) {
        {"12.346 s", "bench-1", "tina", "INSERTING", "layer 2", "12.34 mm", "3.000 N", "7.2 ms", "drops 3"}) {
     EXPECT_THAT(line, HasSubstr(part));
   }
+}
+
+TEST(UpdateLine, tellsOfTheSyringe) {
+  GestureSample before = sample(), now = sample();
+  before.plunger = 0.2;
+  now.plunger = 0.3;
+  now.time_ns = before.time_ns + 200'000'000;
+  EXPECT_EQ(syringeAction(before, now), "injecting");
+  EXPECT_EQ(syringeAction(before, before), "");
+  std::swap(before.plunger, now.plunger);
+  EXPECT_EQ(syringeAction(before, now), "aspirating");
+  Update update = updateOf(now);
+  EXPECT_THAT(textLine(update), HasSubstr("layer 2"));
+  EXPECT_THAT(textLine(update), HasSubstr("plunger  20 %"));
+  EXPECT_THAT(textLine(update), Not(HasSubstr("aspirating")));
+  update.syringe = syringeAction(before, now);
+  EXPECT_THAT(textLine(update), HasSubstr("plunger  20 %  aspirating"));
+  const auto json = nlohmann::json::parse(jsonLine(update));
+  EXPECT_EQ(json["syringe"], "aspirating");
+  EXPECT_DOUBLE_EQ(json["plunger"], 0.2);
+  // a status line knows of no plunger
+  EXPECT_THAT(textLine(updateOf(pb::StationStatus())), Not(HasSubstr("plunger")));
 }
 
 TEST(UpdateLine, jsonIsOneLineInSiUnits) {

@@ -96,6 +96,47 @@ TEST(ScoreCommand, checksAnExercisesRequirements) {
   EXPECT_THAT(refused.err, HasSubstr("elegance"));
 }
 
+TEST(ScoreCommand, tellsWhatTheSyringeDidByThePlungerColumn) {
+  const test::TempFolder folder;
+  // down to 30 mm at 40 mm/s, 8 s of rest in which it is drawn back and pressed
+  std::string text = "t_s,px_m,py_m,pz_m,qx,qy,qz,qw,plunger\n";
+  for (int k = 0; k <= 9000; ++k) {
+    const double t = k * 1e-3;
+    const double plunger = t < 3   ? 0.2
+                           : t < 4 ? 0.2 - 0.1 * (t - 3)
+                           : t < 5 ? 0.1
+                                   : std::min(0.9, 0.1 + 0.4 * (t - 5));
+    appendNumber(text, t);
+    text += ",0,0,";
+    appendNumber(text, 0.01 - std::min(0.04, 0.04 * t));
+    text += ",1,0,0,0,";
+    appendNumber(text, plunger);
+    text += "\n";
+  }
+  const auto profile = (kSamples / "paper-1dof.json").string();
+  const auto trajectory = folder.write("t.csv", text).string();
+  const auto outcome = sim({"score", "--profile", profile, "--trajectory", trajectory, "--json"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const json whole = json::parse(outcome.out);
+  ASSERT_EQ(whole.at("events").size(), 2u);
+  const json& aspiration = whole.at("events")[0];
+  EXPECT_EQ(aspiration.at("event"), "ASPIRATION");
+  EXPECT_NEAR(aspiration.at("begin_s").get<double>(), 3, 0.03);
+  EXPECT_NEAR(aspiration.at("end_s").get<double>(), 4, 0.03);
+  const json& injection = whole.at("events")[1];
+  EXPECT_EQ(injection.at("event"), "INJECTION");
+  EXPECT_NEAR(injection.at("end_s").get<double>(), 7, 0.03);
+  EXPECT_NEAR(injection.at("begin").at("depth_m").get<double>(), 0.03, 1e-6);
+  EXPECT_EQ(injection.at("begin").at("tissue"), "OTHER");
+  // the target is a ball of 3 mm about 30 mm deep
+  EXPECT_NEAR(injection.at("begin").at("target_distance_m").get<double>(), -0.003, 1e-6);
+  EXPECT_EQ(injection.at("in_target_share"), 1);
+  EXPECT_EQ(valueOf(whole, "aspirated_before_injection"), 1);
+  EXPECT_NEAR(valueOf(whole, "injected_share"), 0.8, 0.002);
+  const auto said = sim({"score", "--profile", profile, "--trajectory", trajectory});
+  EXPECT_THAT(said.out, HasSubstr("injection of 80 % at 5.0 s"));
+}
+
 TEST(ScoreCommand, aTrajectoryThatJumpsIsNoGesture) {
   const test::TempFolder folder;
   std::string text = "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n";

@@ -57,6 +57,22 @@ TEST(StationSummary, theJsonHasTheContractsKeysAtTheTopAndInItsRow) {
   }
 }
 
+TEST(StationSummary, listsWhatWasDoneWithTheSyringe) {
+  StationSummary s = example();
+  EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["syringe"], nullptr);
+  EXPECT_THAT(summaryText(s), testing::Not(HasSubstr("syringe")));
+  s.syringe_json = "[]";
+  EXPECT_THAT(summaryText(s), HasSubstr("syringe      not used"));
+  s.syringe_json = R"([{"event": "ASPIRATION", "words": "aspiration of 10 % at 12.3 s, 21 mm deep in BURSA"},
+                       {"event": "INJECTION", "words": "injection of 80 %"}])";
+  EXPECT_THAT(
+      summaryText(s),
+      HasSubstr("syringe\n    aspiration of 10 % at 12.3 s, 21 mm deep in BURSA\n    injection of 80 %\n"));
+  const auto json = nlohmann::json::parse(summaryJson(s));
+  EXPECT_EQ(json["syringe"][0]["event"], "ASPIRATION");
+  EXPECT_EQ(json["rows"][0]["syringe"].size(), 2u);
+}
+
 TEST(StationSummary, tellsWhatEachLiveEffectCosts) {
   StationSummary s = example();
   EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["effect_costs_ns"], nullptr) << "not measured";
