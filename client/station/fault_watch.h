@@ -30,6 +30,11 @@ class FaultWatch {
   /// `how_to_acknowledge`: "press Enter", "send SIGUSR1 to process 123".
   FaultWatch(bool waits, std::string how_to_acknowledge);
 
+  /// Before `look`: whether a person acknowledged the fault that stands, which has been said by then. What
+  /// was pressed before that is none.
+  [[nodiscard]] bool counts(const WatchedState& state) const {
+    return state.acknowledge_pressed && state.fault != Fault::kNone && state.faults == faults_;
+  }
   /// What is to be said now, each a line; mostly nothing.
   std::vector<std::string> look(const WatchedState& state);
   /// The fault that stands, in one line for an instructor; empty when there is none.

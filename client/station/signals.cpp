@@ -20,20 +20,27 @@ void handOver(int signal) {
 
 sigset_t blockStopSignals() {
   main_thread = ::pthread_self();
+  sigset_t stop;
+  ::sigemptyset(&stop);
+  for (const int signal : {SIGINT, SIGTERM}) ::sigaddset(&stop, signal);
+  // what whoever started it wants to be ignored (nohup) stays so
+  for (const int signal : {SIGHUP, SIGQUIT}) {
+    struct sigaction now {};
+    if (::sigaction(signal, nullptr, &now) == 0 && now.sa_handler != SIG_IGN) ::sigaddset(&stop, signal);
+  }
+  sigset_t blocked = stop;
+  ::sigaddset(&blocked, SIGUSR1);
   struct sigaction action {};
   action.sa_handler = handOver;
   action.sa_flags = SA_RESTART;
   ::sigemptyset(&action.sa_mask);
-  for (const int signal : {SIGINT, SIGTERM, SIGUSR1}) ::sigaction(signal, &action, nullptr);
-  sigset_t signals;
-  ::sigemptyset(&signals);
-  ::sigaddset(&signals, SIGUSR1);
-  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  ::sigemptyset(&signals);
-  ::sigaddset(&signals, SIGINT);
-  ::sigaddset(&signals, SIGTERM);
-  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  return signals;
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1})
+    if (::sigismember(&blocked, signal) == 1) ::sigaction(signal, &action, nullptr);
+  ::pthread_sigmask(SIG_BLOCK, &blocked, nullptr);
+  // a reader that is gone and Ctrl-Z must neither end nor stop the program on the spot: the device would keep
+  // its last force
+  for (const int signal : {SIGPIPE, SIGTSTP, SIGTTIN, SIGTTOU}) ::signal(signal, SIG_IGN);
+  return stop;
 }
 
 int signalWithin(const sigset_t& signals, std::chrono::milliseconds time) {

@@ -104,7 +104,7 @@ void StationRun::watch(DeviceKeeper& keeper, FaultPolicy on_fault) {
   LiveViewer viewer(*loop_, options_.rate_hz, layerNames(lesson_.profile));
   while (!loop_->ended()) {
     const int signal = signalWithin(signals, 50ms);
-    if (signal == SIGINT || signal == SIGTERM) {
+    if (signal != 0 && signal != SIGUSR1) {
       say("stopping");
       loop_->stop();
     }
@@ -117,8 +117,7 @@ void StationRun::watch(DeviceKeeper& keeper, FaultPolicy on_fault) {
     state.condition = loop_->condition();
     state.device_words = keeper.words();
     state.acknowledge_pressed = enter.pressed() || signal == SIGUSR1;
-    // one from before the fault is none
-    if (state.acknowledge_pressed && state.fault != Fault::kNone) loop_->acknowledge();
+    if (fault_watch.counts(state)) loop_->acknowledge();
     for (const std::string& line : fault_watch.look(state)) say(line);
     spool_guard_->look();
     if (const std::int64_t now_ns = steadyNowNs(); liveLine().due(now_ns))

@@ -39,6 +39,30 @@ TEST(FaultWatch, whileAllIsWellNothingIsSaid) {
   for (int k = 0; k < 100; ++k) EXPECT_THAT(w.look(), IsEmpty());
 }
 
+TEST(FaultWatch, whatWasPressedBeforeTheFaultWasSaidDoesNotCount) {
+  Watched w;
+  w.state.acknowledge_pressed = true;
+  EXPECT_FALSE(w.watch.counts(w.state)) << "there is none";
+  w.look();
+
+  // raised since the last look, in which time Enter was pressed for another reason
+  w.state.fault = Fault::kTipTooFast;
+  w.state.faults = 1;
+  w.state.acknowledge_pressed = true;
+  EXPECT_FALSE(w.watch.counts(w.state));
+  EXPECT_EQ(w.look().size(), 1u) << "now it is said";
+  EXPECT_FALSE(w.watch.counts(w.state)) << "nothing was pressed since";
+  w.state.acknowledge_pressed = true;
+  EXPECT_TRUE(w.watch.counts(w.state));
+  w.look();
+
+  // over, and another one at once: that one has not been said
+  w.state.fault = Fault::kDeviceLost;
+  w.state.faults = 2;
+  w.state.acknowledge_pressed = true;
+  EXPECT_FALSE(w.watch.counts(w.state));
+}
+
 TEST(FaultWatch, aFaultIsSaidOnceWithReasonTheDevicesWordsAndWhatToDo) {
   Watched w;
   const auto said =
