@@ -125,8 +125,10 @@ bool VirtuoseDevice::take() noexcept {
   return owner_.compare_exchange_strong(owner, Owner::kLoop, std::memory_order_acquire);
 }
 
-// from here on the haptic thread leaves the connection alone
+// from here on the haptic thread leaves the connection alone, and all that is told of it: so it comes last
 void VirtuoseDevice::lose() noexcept {
+  link_is_lost_ = false;
+  ticks_of_trouble_ = 0;
   owner_.store(Owner::kLost, std::memory_order_release);
 }
 
@@ -136,7 +138,7 @@ bool VirtuoseDevice::worked(int result, const char* call) noexcept {
   error_code_.store(code, std::memory_order_relaxed);
   error_call_.store(call, std::memory_order_relaxed);
   trouble_ |= virtuoseConditionOfError(code);
-  if (virtuoseLinkIsLost(code)) lose();
+  link_is_lost_ = virtuoseLinkIsLost(code);
   return false;
 }
 
@@ -167,9 +169,7 @@ std::uint32_t VirtuoseDevice::rememberedCondition() const noexcept {
 
 // a device that answers, but refuses to work, for a whole second is opened anew
 void VirtuoseDevice::noAnswer() noexcept {
-  if (static_cast<double>(++ticks_of_trouble_) < setup_.rate_hz) return;
-  ticks_of_trouble_ = 0;
-  lose();
+  if (link_is_lost_ || static_cast<double>(++ticks_of_trouble_) >= setup_.rate_hz) lose();
 }
 
 DeviceRead VirtuoseDevice::read(DeviceReading& reading) noexcept {
@@ -192,7 +192,7 @@ DeviceRead VirtuoseDevice::read(DeviceReading& reading) noexcept {
   reading.condition = std::exchange(trouble_, 0);
   if (!answered) {
     seen_condition_.store(reading.condition, std::memory_order_relaxed);
-    if (owner_.load(std::memory_order_relaxed) == Owner::kLoop) noAnswer();
+    noAnswer();
     return DeviceRead::kNoUpdate;
   }
 
@@ -219,9 +219,7 @@ void VirtuoseDevice::write(const GuardedWrench& at_handle_W) noexcept {
     std::fill(std::begin(six), std::end(six), 0.0f);
     trouble_ |= kDeviceTrouble;
   }
-  if (!worked(api_->virtSetForce(context_, six), "virtSetForce") &&
-      owner_.load(std::memory_order_relaxed) == Owner::kLoop)
-    noAnswer();
+  if (!worked(api_->virtSetForce(context_, six), "virtSetForce")) noAnswer();
 }
 
 void VirtuoseDevice::maintain() {

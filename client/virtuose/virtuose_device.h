@@ -83,6 +83,7 @@ class VirtuoseDevice final : public Device {
   std::uint32_t buttons_ = 0, alarm_ = 0, failure_ = 0;
   bool power_on_ = false;
   int turn_ = 0;
+  bool link_is_lost_ = false;           // found by the last call that failed
   std::uint32_t trouble_ = 0;           // DeviceFlag bits of calls that failed since the last reading
   std::uint64_t ticks_of_trouble_ = 0;  // in a row
 
