@@ -222,7 +222,9 @@ void FalconDevice::tellHow(const falcon::Exchange& exchange) {
     case falcon::Exchange::Trouble::kNone:
       if (!exchange.homed()) words = kHomingWords;
   }
-  const std::scoped_lock lock(mutex_);
+  // somebody of ordinary priority may be reading them: the motors do not wait for that
+  const std::unique_lock lock(mutex_, std::try_to_lock);
+  if (!lock) return;
   words_ = std::move(words);
   counts_ = exchange.counts();
 }
