@@ -32,8 +32,8 @@ constexpr std::int64_t kTell_ns = 50'000'000;
 constexpr std::uint32_t kOverrunTicks = 5;
 
 constexpr const char* kHomingWords =
-    "The Falcon looks for its zero: pull the grip out all the way, then push it in slowly until the light "
-    "turns green.";
+    "the Falcon looks for its zero: pull the grip out all the way, then push it in slowly until the light "
+    "turns green";
 
 void useFifo(int priority) noexcept {
   sched_param parameters{};
@@ -151,7 +151,7 @@ Status FalconDevice::loadFirmware(falcon::FalconLink& link) {
       const std::size_t percent = 100 * loader.sent() / bytes->size();
       if (percent / 5 == told / 5) continue;
       told = percent;
-      const std::string words = formatted("The Falcon's firmware is loaded: %zu %%", percent);
+      const std::string words = formatted("the Falcon's firmware is loaded: %zu %%", percent);
       tell(words);
       if (options_.progress) options_.progress(words);
     }
@@ -171,7 +171,7 @@ void FalconDevice::run(std::unique_ptr<falcon::FalconLink> link) noexcept {
       link.reset();
       if (stop_) break;
       boxes_.condition.store(kDeviceLost, std::memory_order_release);
-      tell("The Falcon was lost: plug in its USB and its power supply.");
+      tell("the Falcon was lost: plug in its USB and its power supply");
       bus_->waitForArrival(kBreath);
     }
     auto again = connect();
@@ -179,7 +179,7 @@ void FalconDevice::run(std::unique_ptr<falcon::FalconLink> link) noexcept {
       link = std::move(*again);
       continue;
     }
-    tell("The Falcon was lost: " + again.error().message);
+    tell("the Falcon was lost: " + again.error().message);
     bus_->waitForArrival(kLookAgain);
   }
 }
@@ -212,12 +212,12 @@ void FalconDevice::tellHow(const falcon::Exchange& exchange) {
   switch (exchange.trouble()) {
     case falcon::Exchange::Trouble::kBadPackets:
       words = formatted(
-          "The Falcon sends what cannot be read (%llu packets): use another USB cable or port, without a "
-          "hub.",
+          "the Falcon sends what cannot be read (%llu packets): use another USB cable or port, without a "
+          "hub",
           static_cast<unsigned long long>(exchange.counts().bad_packets));
       break;
     case falcon::Exchange::Trouble::kSilent:
-      words = "The Falcon does not answer: check its power supply.";
+      words = "the Falcon does not answer: check its power supply";
       break;
     case falcon::Exchange::Trouble::kNone:
       if (!exchange.homed()) words = kHomingWords;

@@ -156,6 +156,7 @@ TEST_F(FalconDeviceTest, withoutZeroThereIsNoPlaceAndNoTorqueButWords) {
     std::this_thread::sleep_for(500us);
   }
   EXPECT_THAT(device->status(), HasSubstr("pull the grip out"));
+  EXPECT_FALSE(device->status().ends_with('.')) << "the station goes on with \": no force\"";
   EXPECT_EQ(falcon_->last(), (Command{{}, kOutHome | kOutRed}));
 
   // the hand does it
@@ -208,6 +209,7 @@ TEST_F(FalconDeviceTest, unpluggedInMidStrokeIsLostAndComesBack) {
   EXPECT_EQ(last_, DeviceRead::kNoUpdate);
   EXPECT_EQ(reading_.buttons, 0u) << "nobody presses the plunger of a device that is away";
   ASSERT_TRUE(loopUntil(*device, [&] { return device->status().find("plug in") != std::string::npos; }));
+  EXPECT_FALSE(device->status().ends_with('.')) << "the station puts it into brackets";
   ASSERT_TRUE(loopUntil(*device, [&] { return with([](FakeFalcon& f) { return f.open_links; }) == 0; }));
 
   // plugged in again, its power was never off: it goes on
