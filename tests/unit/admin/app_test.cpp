@@ -216,7 +216,7 @@ TEST_F(Admin, theSyringesEventsOfASessionAreListed) {
   EXPECT_EQ(good({"session", "show", uuidText(with), "--json"}).rows()[0].at("events").size(), 1u);
 
   const std::string without = uuidText(addSession(3, false, "UPDATE sessions SET events = 0"));
-  EXPECT_NE(good({"session", "events", without}).out.find("no aspirations"), std::string::npos);
+  EXPECT_NE(good({"session", "events", without}).err.find("no aspirations"), std::string::npos);
   // still open: said; its other facts are shown all the same
   const std::string open = uuidText(addSession(3, true));
   const Run refused = onData({"session", "events", open});

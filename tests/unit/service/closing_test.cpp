@@ -52,7 +52,6 @@ TEST_F(Closing, aScoreThatCannotBeMadeDoesNotKeepASessionOpen) {
   EXPECT_EQ(info(id).state(), pb::SESSION_COMPLETE);
 }
 
-<<<<<<< HEAD
 TEST_F(Closing, aSessionThatLostSamplesIsNotCompleteAndARemarkSaysHowManyOnce) {
   const Uuid id = addSession("anna", 3);
   auto request = test::closeOf(id, 3);
@@ -74,7 +73,8 @@ TEST_F(Closing, aSessionThatLostSamplesIsNotCompleteAndARemarkSaysHowManyOnce) {
   EXPECT_EQ(remarks().annotations(0).author(), "station station-1");
   EXPECT_NE(remarks().annotations(0).text().find("1234 samples"), std::string::npos);
   EXPECT_EQ(info(id).state(), pb::SESSION_INTERRUPTED);
-=======
+}
+
 /// 6 s at 1 kHz in the air before the knee: drawn back, then pressed.
 Bytes withPlunger() {
   auto samples = test::someSamples(0, 6000);
@@ -162,7 +162,6 @@ TEST_F(Closing, aSessionThatCannotBeScoredHasNoEventsButSaysWhy) {
   ASSERT_TRUE(outcome.error.has_value());
   EXPECT_EQ(outcome.error->code, ErrorCode::kInvalidInput);
   EXPECT_NE(outcome.error->message.find("nonsense"), std::string::npos) << outcome.error->message;
->>>>>>> c2d71c0 (feat(db,service): aspirations and injections of each closed session are stored (schema 2) and listed)
 }
 
 TEST_F(Closing, anEmptySessionHasNoScore) {
