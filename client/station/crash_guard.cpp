@@ -1,5 +1,6 @@
 #include "station/crash_guard.h"
 
+#include <poll.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -32,8 +33,10 @@ pid_t thisThread() noexcept {
   return static_cast<pid_t>(::syscall(SYS_gettid));
 }
 
-// write(2) is all that a handler may use to speak
+// write(2) is all that a handler may use to speak; a terminal that is paused (Ctrl-S) must not hold it up
 void tell(const char* text) noexcept {
+  pollfd ready{STDERR_FILENO, POLLOUT, 0};
+  if (::poll(&ready, 1, 0) != 1 || (ready.revents & POLLOUT) == 0) return;
   [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, text, std::strlen(text));
 }
 
@@ -49,8 +52,8 @@ void onCrash(int signal) {
     tell("station: the haptic thread itself crashed; the device's own watchdog takes the force away\n");
     pauseMs(kDeviceWatchdog_ms);
   } else if (loop != nullptr) {
-    tell("station: a part of the program crashed; taking the force away\n");
     loop->crashStop();
+    tell("station: a part of the program crashed; taking the force away\n");
     for (int ms = 0; ms < kPatience_ms && !loop->ended(); ++ms) pauseMs(1);
     if (!loop->ended()) tell("station: the haptic loop did not answer; the device's own watchdog has to\n");
     // the loop's last word, no force, is still on its way through a device with a thread of its own

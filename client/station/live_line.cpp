@@ -1,5 +1,6 @@
 #include "station/live_line.h"
 
+#include <poll.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -13,6 +14,7 @@ namespace needlelab {
 namespace {
 
 constexpr std::int64_t kTerminalEvery_ns = 1'000'000'000, kElsewhereEvery_ns = 10'000'000'000;
+constexpr int kPatience_ms = 50;
 constexpr const char* kClearLine = "\r\x1b[K";
 
 std::size_t widthOf(int file) {
@@ -63,6 +65,10 @@ LiveLine::LiveLine(int file) : file_(file), terminal_(::isatty(file) == 1) {}
 void LiveLine::write(const std::string& text) const {
   // a terminal that is gone must not end the lesson: what it refuses is dropped
   for (std::size_t at = 0; at < text.size();) {
+    // nor may one that is paused (Ctrl-S), or a pipe that nobody reads, hold up those who speak: one of them
+    // takes the stop signals
+    pollfd ready{file_, POLLOUT, 0};
+    if (::poll(&ready, 1, kPatience_ms) == 0) return;
     const ssize_t written = ::write(file_, text.data() + at, text.size() - at);
     if (written > 0) at += static_cast<std::size_t>(written);
     if (written < 0 && errno != EINTR) return;
