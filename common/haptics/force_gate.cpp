@@ -133,7 +133,9 @@ bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps,
   ticks_since_good_ += elapsed_ticks;
   const bool held_before = holding_;
   holding_ = (condition & kDeviceHoldFlags) != 0;
-  elapsed_ticks_ = holding_ && !held_before ? 1 : elapsed_ticks;
+  // what was missed before a ramp begins is no time of it; one from outside begins here
+  const bool begins = (holding_ && !held_before) || (fault_ != Fault::kNone && fade_ == 1.0);
+  elapsed_ticks_ = begins ? 1 : elapsed_ticks;
   noteSilence(fresh, elapsed_ticks, condition);
   const bool in_fault = fault_ != Fault::kNone && staysInFault(tip, fresh, handle_speed_mps, condition);
   cause_outside_ = false;

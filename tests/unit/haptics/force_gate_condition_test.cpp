@@ -70,6 +70,16 @@ TEST(GateCondition, aFaultOfTheDevicesOwnCountsAtOnceAlsoWithoutASample) {
     }
 }
 
+TEST(GateCondition, whatTheLoopMissedBeforeAFaultFromOutsideIsNoTimeOfItsRamp) {
+  Bench b;
+  b.running();
+  b.gate.raiseFromOutside(Fault::kProgramTrouble);
+  b.elapsed = 10;
+  EXPECT_NEAR(b.tick(), 3.0 * (1 - kFall), 1e-9) << "as for a fault that the gate itself finds";
+  b.elapsed = 4;
+  EXPECT_NEAR(b.tick(), 3.0 * (1 - 5 * kFall), 1e-9) << "what it misses in the ramp is";
+}
+
 TEST(GateCondition, whatIsOnlySaidAndCountedTakesNoForce) {
   Bench b;
   b.running();

@@ -107,8 +107,11 @@ int deeper(volatile int* depth) {
     loop.run();
   });
   const auto view = [&] {
-    while (seen.writes.load() < 450) std::this_thread::sleep_for(1ms);
-    seen.crashed_at.store(seen.writes.load());
+    // a machine that stood still has the force come anew: it is waited for
+    std::size_t writes = 0;
+    for (; writes < 450 || seen.force_N[writes - 1] < 0.95; writes = seen.writes.load())
+      std::this_thread::sleep_for(1ms);
+    seen.crashed_at.store(writes);
     die();
     seen.outlived.store(true);
   };
@@ -147,7 +150,8 @@ void expectRampToZero(const Seen& seen) {
     if (seen.tick[begin + 1] == seen.tick[begin] + 1) {
       EXPECT_NEAR(seen.force_N[n], before_N * (1 - gone), 1e-9) << n - begin;
     }
-    EXPECT_LT(seen.force_N[n], seen.force_N[n - 1]);
+    // after missed ticks it may be there before the loop's last tick
+    EXPECT_TRUE(seen.force_N[n] < seen.force_N[n - 1] || seen.force_N[n] == 0) << n - begin;
   }
   EXPECT_EQ(seen.force_N[last - 1], 0);
   EXPECT_LE(seen.tick[last - 1], first + 22 + 20) << "the loop ends with its ramp, but for missed ticks";
@@ -221,7 +225,7 @@ TEST(CrashGuard, aCrashOfTheHapticThreadItselfIsNotWaitedFor) {
     if (::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(99);
     const SceneModel model = *compile(paperOneDof(), kRate);
     FakeDevice device([](std::uint64_t tick, DeviceReading& reading) {
-      if (tick == 50) ::raise(SIGSEGV);
+      if (tick >= 50) ::raise(SIGSEGV);  // that tick itself may be missed
       return goingDown(0.01, kRate)(tick, reading);
     });
     SteadyLoopClock clock;
