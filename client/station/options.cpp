@@ -7,6 +7,7 @@
 
 #include "base/exit_code.h"
 #include "base/output_check.h"
+#include "base/range.h"
 #include "base/text_rules.h"
 #include "device/plunger_option.h"
 #include "device/pose_option.h"
@@ -14,6 +15,8 @@
 
 namespace needlelab {
 namespace {
+
+constexpr double kLongestTool_m = 1;
 
 // what CLI11 cannot check by itself
 Status complete(StationOptions& options, const RawOptions& raw) {
@@ -45,6 +48,11 @@ Status complete(StationOptions& options, const RawOptions& raw) {
   if (!tool.empty()) {
     auto pose = parsePoseOption(tool, "--tool");
     if (!pose.ok()) return pose.error();
+    // millimetres taken for metres: every force would reach the handle with a lever of a hundred metres
+    if (const double length_m = std::hypot(pose->p.x, pose->p.y, pose->p.z); !(length_m <= kLongestTool_m))
+      return usage(
+          "--tool: the tip lies " + numberText(length_m) +
+          " m from the handle's origin, allowed is at most 1 m; give metres, as in 0,0,0.142,0,0,0,1");
     options.X_HT = *pose;
     options.tool_given = true;
   }

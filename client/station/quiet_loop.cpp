@@ -56,7 +56,9 @@ void QuietLoop::run() noexcept {
     elapsed_ticks_.store(number, std::memory_order_relaxed);
   }
   stats_.ticks = number;
-  stats_.seconds = static_cast<double>(clock_.nowNs() - start_ns) * 1e-9;
+  // the last tick's period counts as well, or one tick would look like a rate of 30 kHz
+  const double elapsed_ns = static_cast<double>(clock_.nowNs() - start_ns);
+  stats_.seconds = std::max(elapsed_ns, static_cast<double>(number) * period_ns) * 1e-9;
   device_.write(GuardedWrench{});
 }
 

@@ -37,9 +37,10 @@ sigset_t blockStopSignals() {
   for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1})
     if (::sigismember(&blocked, signal) == 1) ::sigaction(signal, &action, nullptr);
   ::pthread_sigmask(SIG_BLOCK, &blocked, nullptr);
-  // a reader that is gone and Ctrl-Z must neither end nor stop the program on the spot: the device would keep
+  // a reader that is gone, a file beyond the limit of the shell (both come back as errors) and Ctrl-Z must
+  // neither end nor stop the program on the spot: the device would keep
   // its last force
-  for (const int signal : {SIGPIPE, SIGTSTP, SIGTTIN, SIGTTOU}) ::signal(signal, SIG_IGN);
+  for (const int signal : {SIGPIPE, SIGXFSZ, SIGTSTP, SIGTTIN, SIGTTOU}) ::signal(signal, SIG_IGN);
   return stop;
 }
 

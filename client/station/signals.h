@@ -9,8 +9,8 @@ namespace needlelab {
 /// Blocks SIGINT, SIGTERM, SIGHUP (its terminal is closed), SIGQUIT and SIGUSR1 in the calling thread and all
 /// that it starts; threads that were there before hand them over to it. SIGHUP and SIGQUIT stay ignored where
 /// nohup or a shell had them ignored. Gives all but SIGUSR1: they end a lesson; SIGUSR1 acknowledges a fault
-/// and counts only while the loop runs. Ignores SIGPIPE and what would stop the program (Ctrl-Z): one that
-/// dies or stands still leaves the device with its last force. Call it first in `main`.
+/// and counts only while the loop runs. Ignores SIGPIPE, SIGXFSZ and what would stop the program (Ctrl-Z):
+/// one that dies or stands still leaves the device with its last force. Call it first in `main`.
 sigset_t blockStopSignals();
 
 /// Takes one of `signals`: its number, or 0 when `time` passed.

@@ -48,7 +48,8 @@ Result<std::string> readWholeFile(const std::filesystem::path& path, std::size_t
   const auto invalid = [&](const std::string& why) {
     return Error{ErrorCode::kInvalidInput, path.string() + ": " + why};
   };
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  // a named pipe that nobody writes would hold up the open, where no Ctrl-C is taken
+  const int fd = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
   if (fd < 0) return invalid(std::string("cannot open: ") + std::strerror(errno));
   struct stat info {};
   std::string text;

@@ -104,5 +104,12 @@ TEST(ReadWholeFile, missingFolderAndTooLargeAreInvalidInput) {
   EXPECT_EQ(readWholeFile(folder.path() / "big", 6).value(), "123456");
 }
 
+TEST(ReadWholeFile, aPipeThatNobodyWritesIsRefusedAtOnce) {
+  const test::TempFolder folder;
+  const auto pipe = folder.path() / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_EQ(readWholeFile(pipe).error().code, ErrorCode::kInvalidInput);
+}
+
 }  // namespace
 }  // namespace needlelab

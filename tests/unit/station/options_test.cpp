@@ -122,6 +122,7 @@ TEST(StationOptions, wrongUsageIsExitCode2AndSaysWhatIsMissing) {
       {{"--profile", "p", "--seconds", "-1"}, "--seconds"},
       {{"--profile", "p", "--seconds", "inf"}, "--seconds"},
       {{"--profile", "p", "--tool", "1,2,3"}, "--tool"},
+      {{"--profile", "p", "--tool", "0,0,142,0,0,0,1"}, "give metres"},
       {{"--profile", "p", "--placement", "0,0,0,0,0,0,2"}, "--placement"},
       {{"--profile", "p", "--fly"}, "--fly"},
       {{"--profile", "p", "--on-fault", "ignore"}, "--on-fault"},

@@ -48,6 +48,17 @@ TEST(QuietLoop, aLateWakeUpMissesTicksAndTheDeviceSkipsThem) {
   EXPECT_EQ(loop.stats().wakeup.max_ns(), 4'300'000);
 }
 
+// the rate of a self-test is ticks over seconds: N ticks take N periods, one tick one
+TEST(QuietLoop, itsSecondsCountTheLastPeriod) {
+  for (const std::uint64_t ticks : {1u, 25u, 1000u}) {
+    FakeDevice device(resting());
+    FakeClock clock;
+    QuietLoop loop(device, clock, {1000, ticks, 1});
+    loop.run();
+    EXPECT_NEAR(static_cast<double>(loop.stats().ran) / loop.stats().seconds, 1000, 0.1) << ticks;
+  }
+}
+
 TEST(QuietLoop, countsSilenceConditionsAndBadPoses) {
   FakeDevice device([](std::uint64_t tick, DeviceReading& reading) {
     reading.condition = 0;

@@ -43,6 +43,7 @@ TEST(Signals, whatEndsALessonIsToldAndKillsNothing) {
 
 TEST(Signals, whatAnotherProgramOrTheTerminalDoesEndsOrStopsNothing) {
   EXPECT_EQ(told(SIGPIPE), 0) << "the program that read its words is gone";
+  EXPECT_EQ(told(SIGXFSZ), 0) << "ulimit -f: the writer gets an error";
   EXPECT_EQ(told(SIGTSTP), 0) << "Ctrl-Z";
   EXPECT_EQ(told(SIGTTOU), 0);
   EXPECT_EQ(told(SIGTTIN), 0);
