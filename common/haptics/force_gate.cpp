@@ -87,6 +87,16 @@ void ForceGate::raiseFromOutside(Fault fault) noexcept {
   if (fault_ == Fault::kNone) raise(fault);
 }
 
+// the motors got warm in the ticks that the loop missed, too: the device went on with the last force
+void ForceGate::spendMissed(std::int64_t ticks) noexcept {
+  constexpr std::int64_t kMost = 20'000;  // 2 s at 10 kHz: no device goes on for longer by itself
+  const double force_N = norm(out_.force_N), torque_Nm = norm(out_.torque_Nm);
+  for (std::int64_t i = std::min(ticks, kMost); i > 0; --i) {
+    force_budget_.spend(force_N);
+    torque_budget_.spend(torque_Nm);
+  }
+}
+
 // how long nothing was heard of the device; ticks that the loop itself missed count, too
 void ForceGate::noteSilence(bool fresh, std::int64_t elapsed_ticks, std::uint32_t condition) noexcept {
   if ((condition & kDeviceNotReady) != 0) {
@@ -131,6 +141,7 @@ bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps,
   flags_ = 0;
   admitted_ = false;
   ticks_since_good_ += elapsed_ticks;
+  spendMissed(elapsed_ticks - 1);
   const bool held_before = holding_;
   holding_ = (condition & kDeviceHoldFlags) != 0;
   // what was missed before a ramp begins is no time of it; one from outside begins here

@@ -117,6 +117,7 @@ class ForceGate {
   bool staysInFault(const TipSample& tip, bool fresh, double handle_speed_mps,
                     std::uint32_t condition) noexcept;
   void noteSilence(bool fresh, std::int64_t elapsed_ticks, std::uint32_t condition) noexcept;
+  void spendMissed(std::int64_t ticks) noexcept;
   void changeShare() noexcept;
   [[nodiscard]] double lowered(double share) const noexcept;
 

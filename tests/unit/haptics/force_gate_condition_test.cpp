@@ -80,6 +80,25 @@ TEST(GateCondition, whatTheLoopMissedBeforeAFaultFromOutsideIsNoTimeOfItsRamp) {
   EXPECT_NEAR(b.tick(), 3.0 * (1 - 5 * kFall), 1e-9) << "what it misses in the ramp is";
 }
 
+TEST(GateCondition, theContinuousLimitIsKeptInTimeNotInTicksWhenTheLoopMissesSome) {
+  Bench b;
+  b.wanted_N = 10;
+  b.elapsed = 3;  // two of three ticks are missed; the device goes on with its last force
+  double energy = 0;
+  std::vector<double> per_s(1, 0.0);
+  for (int k = 0; k < 30'000; k += 3) {
+    const double out = b.tick();
+    energy += out * out * 3e-3;
+    if ((k + 3) / 1000 != k / 1000) {
+      per_s.push_back(energy);
+      if (per_s.size() > 10) {
+        EXPECT_LE(per_s.back() - per_s[per_s.size() - 11], 10 * 3.0 * 3.0 * 1.02) << k;
+      }
+    }
+  }
+  EXPECT_GT(energy, 0.9 * 30 * 3.0 * 3.0) << "and it is used";
+}
+
 TEST(GateCondition, whatIsOnlySaidAndCountedTakesNoForce) {
   Bench b;
   b.running();
