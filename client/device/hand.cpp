@@ -22,6 +22,8 @@ Hand::Hand(const HandOptions& options, HandPlan plan, const Pose& X_HT, double s
       X_TH_(inverse(X_HT)),
       step_s_(step_s),
       tremor_(options.tremor_m, options.seed, step_s),
+      // a device is read before the hand's first step
+      plunger_(plan_.start().plunger),
       wanted_(startPose()) {}
 
 Pose Hand::startPose() const {

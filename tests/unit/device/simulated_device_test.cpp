@@ -55,6 +55,16 @@ TEST(SimulatedDevice, swingsAsAMassOnASpringWithADamper) {
   EXPECT_NEAR(at_40k / at_20k, 0.5, 0.1);  // a method of first order
 }
 
+// a first reading of 0 would be an injection in the tick after it
+TEST(SimulatedDevice, thePlungerIsWhereThePlanBeginsFromTheFirstReadingOn) {
+  HandPlan plan;
+  plan.plungerAtStart(0.8).hold(0.1, 0.8);
+  SimulatedDevice device(plainOptions(), plan);
+  ASSERT_TRUE(device.open(kRate).ok());
+  DeviceReading r;
+  while (device.read(r) == DeviceRead::kFresh) EXPECT_EQ(r.plunger, 0.8);
+}
+
 TEST(SimulatedDevice, turnsAsABallOnASpringWithADamper) {
   SimulatedDeviceOptions o = plainOptions();
   const double angle = 0.1;
