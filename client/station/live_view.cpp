@@ -3,14 +3,16 @@
 #include <utility>
 
 #include "haptics/device_condition.h"
+#include "haptics/engine.h"
 
 namespace needlelab {
 
-std::string holdText(std::uint32_t condition) {
+std::string holdText(std::uint32_t flags) {
   // the one that a person can do most about
-  if ((condition & kDeviceReleased) != 0) return "nobody holds the handle";
-  if ((condition & kDevicePowerOff) != 0) return "the motors have no power";
-  if ((condition & kDeviceNotReady) != 0) return "the device is not ready yet";
+  if ((flags & kDeviceReleased) != 0) return "nobody holds the handle";
+  if ((flags & kDevicePowerOff) != 0) return "the motors have no power";
+  if ((flags & kDeviceNotReady) != 0) return "the device is not ready yet";
+  if ((flags & kFlagStartedInside) != 0) return "the needle began in the tissue, take it out once";
   return {};
 }
 
@@ -35,7 +37,7 @@ LiveView LiveViewer::look(std::string spool, std::string server) {
   if (sample_.layer >= 0 && static_cast<std::size_t>(sample_.layer) < layers_.size())
     view.layer = layers_[static_cast<std::size_t>(sample_.layer)];
   view.fault = loop_.fault();
-  view.hold = holdText(loop_.condition());
+  view.hold = holdText(loop_.condition() | (sample_.flags & kFlagStartedInside));
   view.wakeup = loop_.stats().wakeup.quantiles();
   view.missed_ticks = loop_.missedTicks();
   view.spool = std::move(spool);

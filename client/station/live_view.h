@@ -11,8 +11,9 @@
 
 namespace needlelab {
 
-/// Why there is no force although there is no fault: DeviceFlag bits in words; empty when there is.
-std::string holdText(std::uint32_t condition);
+/// Why there is no force although there is no fault: DeviceFlag bits and kFlagStartedInside in words; empty
+/// when there is.
+std::string holdText(std::uint32_t flags);
 /// "recording", or what the disk refuses.
 std::string spoolText(const SpoolWriterCounts& counts);
 /// "server", "server, 12 chunks behind", "server away, 12 chunks wait", "server refuses".

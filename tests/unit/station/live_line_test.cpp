@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "haptics/device_condition.h"
+#include "haptics/engine.h"
 #include "haptics/sim_state.h"
 #include "loop_fixture.h"
 #include "station/live_view.h"
@@ -118,6 +119,7 @@ TEST(LiveView, holdsSpoolAndServerInFewWords) {
   EXPECT_EQ(holdText(kDeviceReleased | kDeviceSaturated), "nobody holds the handle");
   EXPECT_EQ(holdText(kDevicePowerOff), "the motors have no power");
   EXPECT_EQ(holdText(kDeviceNotReady), "the device is not ready yet");
+  EXPECT_EQ(holdText(kFlagStartedInside), "the needle began in the tissue, take it out once");
   SpoolWriterCounts counts;
   EXPECT_EQ(spoolText(counts), "recording");
   counts.disk_error = "no space left";
