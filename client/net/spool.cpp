@@ -100,6 +100,12 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
       spool->notes_.push_back("session " + name + " was cut off: " + std::to_string(contents.samples) +
                               " samples in " + std::to_string(contents.chunks) +
                               " chunks were saved, it is closed as interrupted");
+    if (const auto& kept = (*session)->damaged(); !kept.empty())
+      spool->notes_.push_back(
+          "session " + name + ": its disk has damaged it. " + std::to_string(contents.samples) +
+          " samples can still be read and are what the server gets; the file as it was is "
+          "kept in " +
+          kept.string() + ". See whether that disk fails");
     spool->sessions_.push_back(std::move(*session));
   }
   if (auto status = syncFolder(folder); !status.ok()) return fail(status.error().message);

@@ -84,6 +84,8 @@ class SpoolSession {
   Status end(bool interrupted);
 
   // --- reading ---
+  /// Where the chunks are kept as they were found, when some of them could not be read; else empty.
+  [[nodiscard]] const std::filesystem::path& damaged() const { return damaged_; }
   [[nodiscard]] SpoolContents contents() const;
   /// Samples in the first `chunks` of them.
   [[nodiscard]] std::uint64_t samplesIn(std::uint64_t chunks) const;
@@ -109,12 +111,13 @@ class SpoolSession {
                                                       const pb::SessionDescription& description);
   static Result<std::shared_ptr<SpoolSession>> load(const std::filesystem::path& folder);
   Status loadChunks();
-  Status keepDamaged() const;
+  Status keepDamaged();
   Status recoverTail();
   void loadLoss();
   void addEntry(std::uint64_t offset, std::uint64_t samples, std::uint64_t bytes);
 
   std::filesystem::path folder_;
+  std::filesystem::path damaged_;
   Uuid id_{};
   pb::SessionDescription description_;
   SpoolFile chunks_, tail_;       // written by the writing thread

@@ -155,8 +155,9 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::
 }
 
 // a copy of the chunks before anything is cut off them; an older copy holds more, and stays
-Status SpoolSession::keepDamaged() const {
+Status SpoolSession::keepDamaged() {
   const auto copy = folder_ / "chunks.damaged";
+  damaged_ = copy;
   std::error_code error;
   if (std::filesystem::exists(copy, error)) return {};
   const auto partial = folder_ / "chunks.damaged.partial";

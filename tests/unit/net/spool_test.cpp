@@ -217,6 +217,18 @@ TEST(Spool, aSessionThatEndedAndLostChunksAfterwardsIsInterruptedAndTheFileKept)
   EXPECT_EQ(*readWholeFile(session / "chunks.damaged"), text);
 }
 
+TEST(Spool, damageIsSaidOnceWithWhatIsLeftAndWhereTheRestIs) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  auto text = *readWholeFile(session / "chunks");
+  text[text.size() / 2] = static_cast<char>(~text[text.size() / 2]);
+  std::ofstream(session / "chunks", std::ios::binary) << text;
+  const auto notes = [&] { return (*Spool::open(folder.path()))->notes(); };
+  EXPECT_THAT(notes(), testing::ElementsAre(testing::AllOf(
+                           HasSubstr("100 samples"), HasSubstr((session / "chunks.damaged").string()))));
+  EXPECT_THAT(notes(), testing::IsEmpty());
+}
+
 TEST(Spool, damageInTheMiddleOfASessionThatDidNotEndKeepsTheFileATornEndDoesNot) {
   for (const bool torn : {true, false}) {
     const TempFolder folder;
