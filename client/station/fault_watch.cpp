@@ -112,9 +112,14 @@ void FaultWatch::lookAtHolds(const WatchedState& state, std::vector<std::string>
       held_ &= ~flag;
       if (state.fault == Fault::kNone && (state.condition & kDeviceHoldFlags) == 0)
         said.push_back(kHolds[i].ends);
+    } else if ((state.condition & kDeviceEmergencyStop) != 0) {
+      continue;  // the stop takes the power, too: first let it out
     } else if (state.now_s - hold_said_s_[i] >= kNotAgain_s) {
-      // the device's own words say more than ours
-      said.push_back(state.device_words.empty() ? kHolds[i].begins : state.device_words + ": no force");
+      // the device's own words say more than ours; once is enough
+      if (state.device_words.empty())
+        said.push_back(kHolds[i].begins);
+      else if (state.device_words != device_words_)
+        said.push_back(state.device_words + ": no force");
       device_words_ = state.device_words;
       hold_said_s_[i] = state.now_s;
       held_ |= flag;

@@ -169,6 +169,24 @@ TEST(FaultWatch, theDevicesOwnWordsReplaceOurs) {
   EXPECT_THAT(w.look(), IsEmpty()) << "and are not said twice";
 }
 
+TEST(FaultWatch, whileTheEmergencyStopIsInNobodyIsToldToSwitchTheMotorsOn) {
+  Watched w;
+  w.raise(Fault::kEmergencyStop, kDeviceEmergencyStop);
+  w.state.condition = kDeviceEmergencyStop | kDevicePowerOff;
+  for (int k = 0; k < 100; ++k) EXPECT_THAT(w.look(), IsEmpty());
+  w.state.condition = kDevicePowerOff;
+  EXPECT_THAT(w.look(), ElementsAre(HasSubstr("power")));
+}
+
+TEST(FaultWatch, twoHoldsThatTheDevicePutsInTheSameWordsAreSaidOnce) {
+  Watched w;
+  w.state.condition = kDeviceReleased;
+  w.state.device_words = "nobody holds the handle (take it)";
+  EXPECT_THAT(w.look(), ElementsAre("nobody holds the handle (take it): no force"));
+  w.state.condition = kDeviceReleased | kDevicePowerOff;
+  EXPECT_THAT(w.look(), IsEmpty());
+}
+
 TEST(FaultWatch, aDeviceThatCountsItsAttemptsIsNotRepeated) {
   Watched w;
   w.raise(Fault::kDeviceLost, kDeviceLost, "looked for again; try 1");
