@@ -34,6 +34,20 @@ std::string textAt(const Json& json, const char* key) {
   return at != json.end() && at->is_string() ? at->get<std::string>() : std::string();
 }
 
+// what is nested deeper than any lesson is null: writing it out again would take a stack as deep
+Json parsedLesson(const std::string& text) {
+  constexpr int kMaxDepth = 16;
+  bool deep = false;
+  Json json = Json::parse(
+      text,
+      [&](int depth, Json::parse_event_t, Json&) {
+        deep |= depth > kMaxDepth;
+        return !deep;
+      },
+      false);
+  return deep ? Json(nullptr) : json;
+}
+
 Error broken(const std::filesystem::path& path, const std::string& why) {
   return Error{ErrorCode::kCorrupt, path.string() + ": " + why +
                                         "; delete it and connect to the server once, which gives it anew"};
@@ -49,7 +63,7 @@ Result<CacheFile> readCacheFile(const std::filesystem::path& path, const std::st
   if (!std::filesystem::is_regular_file(path, ignored)) return broken(path, "is not a file");
   auto text = readWholeFile(path, kMaxFileBytes);
   if (!text.ok()) return broken(path, "cannot be read (" + text.error().message + ")");
-  const Json json = Json::parse(*text, nullptr, false);
+  const Json json = parsedLesson(*text);
   if (!json.is_object()) return broken(path, "is not a JSON object: it was damaged, or somebody else's");
 
   CacheFile file;
