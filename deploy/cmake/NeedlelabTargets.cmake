@@ -1,6 +1,7 @@
 # needlelab_library(NAME SOURCES ... DEPS ...)              -> needlelab_NAME, alias needlelab::NAME
 # needlelab_program(NAME SOURCES ... DEPS ...)              -> executable NAME in bin/
 # needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary, its tests known to ctest
+#   SERIAL: runs alone, because it keeps real time against an emulated device
 #   labels: unit, net, determinism say what it is; threads: runs under ThreadSanitizer too
 #
 # Headers are included as "FOLDERNAME/header.h". Each target publishes a folder of its own that holds one link, so
@@ -33,7 +34,7 @@ include(GoogleTest)
 add_custom_target(needlelab_threaded_tests)
 add_custom_target(needlelab_determinism_tests)
 function(needlelab_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT" "LABEL;SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "SERIAL" "TIMEOUT" "LABEL;SOURCES;DEPS" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
@@ -50,5 +51,5 @@ function(needlelab_test name)
   # one label such as unit-net-threads: ctest selects by regular expression, and gtest_discover_tests loses lists
   string(JOIN "-" label ${ARG_LABEL})
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
-    PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT})
+    PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ${ARG_SERIAL})
 endfunction()
