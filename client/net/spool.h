@@ -1,13 +1,5 @@
 /// The local spool that survives: every sample of every session lies here until the server has it (DESIGN
-/// §7).
-///
-/// SPOOL/lock                one program at a time
-/// SPOOL/lessons/ID.json     cached lessons (spool_lessons.h)
-/// SPOOL/UUID/session.json   what the session is (pb::SessionDescription), written first and atomically
-/// SPOOL/UUID/chunks         records (spool_file.h), one a chunk of about 1 s; synced to disk one by one;
-/// never rewritten SPOOL/UUID/tail           records of a few samples each, appended every 20 ms; begun anew
-/// after each chunk SPOOL/UUID/end.json       how many chunks there are, and their hash; written when the
-/// session has ended SPOOL/UUID/acked.json     what the server has of it
+/// §7). Its files, and when each is written and synced: client/net/README.md.
 #pragma once
 
 #include <cstdint>

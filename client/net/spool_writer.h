@@ -25,7 +25,7 @@ namespace needlelab {
 inline constexpr std::size_t kSampleRingCapacity = 16'384;
 using SampleRing = SpscRing<GestureSample, kSampleRingCapacity>;
 
-/// About 20 ms of samples, as written to the spool's tail; the same bytes go to whoever watches.
+/// About 20 ms of samples, for whoever watches. (The spool's tail gets its own, in shorter steps.)
 struct SamplePiece {
   std::shared_ptr<const Bytes> chunk;  ///< coded as a chunk (common/gesture/FORMAT.md)
   GestureSample last;                  ///< the newest of its samples

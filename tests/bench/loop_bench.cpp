@@ -1,7 +1,8 @@
 // The haptic loop's wake-up beside cyclictest's, in slices in turn, against the goals of DESIGN §12.
-//   cmake --build build/release --target record_loop_bench     two minutes; writes
-//   tests/bench/results/<machine>/ build/release/bin/needlelab_loop_bench [--seconds 60]       only shows; 1
-//   when a goal is not met
+//
+// cmake --build build/release --target record_loop_bench: two minutes, writes tests/bench/results/<machine>/
+//
+// build/release/bin/needlelab_loop_bench [--seconds 60]: only shows; exit code 1 when a goal is not met
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
