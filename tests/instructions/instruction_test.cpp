@@ -10,6 +10,7 @@
 #include "effect_cost/instruction_count.h"
 #include "effect_cost/tick_run.h"
 #include "haptics/models/axial_entry.h"
+#include "support/sanitized.h"
 #include "support/scenes.h"
 
 namespace needlelab {
@@ -82,7 +83,7 @@ int runParts() {
 
 // why instructions cannot be counted here, or nothing
 const char* whyNot() {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef NEEDLELAB_SANITIZED
   return "a sanitizer's own instructions would be counted, and valgrind cannot run it";
 #elif !defined(__OPTIMIZE__)
   return "not an optimised build: its instructions say nothing";

@@ -16,6 +16,7 @@
 #include "base/clock.h"
 #include "base/exit_code.h"
 #include "lab.h"
+#include "support/sanitized.h"
 
 namespace needlelab::test {
 namespace {
@@ -24,12 +25,6 @@ using namespace std::chrono_literals;
 
 constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kPromise_ns = 20 * kMs;
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kSanitizer = true;
-#else
-constexpr bool kSanitizer = false;
-#endif
 
 // whether programs that this one starts may run at real-time priority
 bool realTimeAllowed() {
@@ -94,7 +89,7 @@ TEST_F(OfflineKillTest, atAnyInstantAtMostTheLast20msAreMissing) {
   const char* given = std::getenv("NEEDLELAB_SEED");
   const auto first_seed =
       given != nullptr ? static_cast<std::uint32_t>(std::strtoul(given, nullptr, 10)) : 20'261'120u;
-  const bool real_time = realTimeAllowed() && !kSanitizer;
+  const bool real_time = realTimeAllowed() && !kSanitized;
   const std::int64_t bound_ns = real_time ? kPromise_ns : 5 * kPromise_ns;
   if (!real_time)
     std::cout << "no real-time priority here, or a sanitizer: up to " << bound_ns / kMs

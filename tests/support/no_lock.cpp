@@ -6,14 +6,7 @@
 
 #include <cstdlib>
 
-#if defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define NEEDLELAB_SANITIZED 1
-#endif
-#endif
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define NEEDLELAB_SANITIZED 1
-#endif
+#include "support/sanitized.h"
 
 namespace {
 

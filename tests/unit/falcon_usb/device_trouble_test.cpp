@@ -9,6 +9,7 @@
 #include "falcon/falcon_geometry.h"
 #include "falcon_on_usb.h"
 #include "haptics/device_condition.h"
+#include "support/sanitized.h"
 #include "support/scenes.h"
 #include "support/temp_folder.h"
 
@@ -293,14 +294,6 @@ TEST_F(FalconLesson, closedWhileItIsAwayEndsAtOnce) {
 
 // --- for ever
 // ------------------------------------------------------------------------------------------------
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kSanitized = true;
-#elif defined(__has_feature)
-constexpr bool kSanitized = __has_feature(address_sanitizer) || __has_feature(thread_sanitizer);
-#else
-constexpr bool kSanitized = false;
-#endif
 
 std::size_t openFiles() {
   std::size_t count = 0;

@@ -10,6 +10,7 @@
 #include "sim/effects_study.h"
 #include "sim/gnuplot.h"
 #include "sim_run.h"
+#include "support/sanitized.h"
 #include "support/temp_folder.h"
 
 namespace needlelab::test {
@@ -99,9 +100,7 @@ TEST(EffectsCommand, badInputNamesFileOrValueAndIsNumberTwo) {
 
 // the program itself: it runs itself again under callgrind
 TEST(EffectsCommand, countsInstructionsWhereValgrindIs) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  GTEST_SKIP() << "valgrind cannot run a program built with a sanitizer";
-#endif
+  if (kSanitized) GTEST_SKIP() << "valgrind cannot run a program built with a sanitizer";
   if (!hasValgrind()) GTEST_SKIP() << "valgrind is not on the PATH (Debian: valgrind)";
   const TempFolder folder;
   const auto file = (folder.path() / "effects.json").string();

@@ -18,6 +18,7 @@
 #include <thread>
 
 #include "fake_loop.h"
+#include "support/sanitized.h"
 #include "support/scenes.h"
 
 namespace needlelab::test {
@@ -157,18 +158,6 @@ void expectRampToZero(const Seen& seen) {
   EXPECT_LE(seen.tick[last - 1], first + 22 + 20) << "the loop ends with its ramp, but for missed ticks";
   EXPECT_FALSE(seen.outlived.load());
 }
-
-#if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__)
-constexpr bool kSanitized = true;
-#elif defined(__has_feature)
-#if __has_feature(thread_sanitizer) || __has_feature(address_sanitizer)
-constexpr bool kSanitized = true;
-#else
-constexpr bool kSanitized = false;
-#endif
-#else
-constexpr bool kSanitized = false;
-#endif
 
 TEST(CrashGuard, aViewThatDiesLeavesZeroForceAndTheProgramDiesByThatSignal) {
   const std::pair<int, std::function<void()>> deaths[] = {
