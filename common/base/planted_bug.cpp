@@ -1,0 +1,10 @@
+// Alone in its file: a test's program that brings its own definition never takes this one from the library.
+#include "base/planted_bug.h"
+
+namespace needlelab {
+
+bool planted(PlantedBug) noexcept {
+  return false;
+}
+
+}  // namespace needlelab
