@@ -2,6 +2,7 @@
 
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <utility>
 
 namespace needlelab {
@@ -156,12 +157,27 @@ bool Connection::inTransaction() const {
   return sqlite3_get_autocommit(handle_) == 0;
 }
 
-Status Connection::checkpointPassive() {
-  const int rc = sqlite3_wal_checkpoint_v2(handle_, nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
+Status Connection::checkpointPassive(WalProgress* progress) {
+  int pages = 0, moved = 0;
+  const int rc = sqlite3_wal_checkpoint_v2(handle_, nullptr, SQLITE_CHECKPOINT_PASSIVE, &pages, &moved);
+  // SQLite says −1 when it cannot tell
+  if (progress != nullptr)
+    *progress = {static_cast<std::uint64_t>(std::max(pages, 0)),
+                 static_cast<std::uint64_t>(std::max(moved, 0))};
   if (rc != SQLITE_OK && (rc & 0xff) != SQLITE_BUSY && (rc & 0xff) != SQLITE_LOCKED) {
     return errorOf(rc, "checkpoint the write-ahead log");
   }
   return {};
+}
+
+std::uint64_t Connection::walBytes() {
+  // through SQLite's own handle, so that it is right in every VFS
+  sqlite3_file* file = nullptr;
+  if (sqlite3_file_control(handle_, "main", SQLITE_FCNTL_JOURNAL_POINTER, &file) != SQLITE_OK) return 0;
+  sqlite3_int64 size = 0;
+  if (file == nullptr || file->pMethods == nullptr || file->pMethods->xFileSize(file, &size) != SQLITE_OK)
+    return 0;
+  return static_cast<std::uint64_t>(std::max<sqlite3_int64>(size, 0));
 }
 
 Error Connection::errorOf(int rc, std::string_view what) {

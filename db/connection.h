@@ -62,9 +62,17 @@ class Connection {
   [[nodiscard]] std::int64_t changes() const;
   [[nodiscard]] bool inTransaction() const;
 
+  /// What a checkpoint found: pages in the log, and how many of them are in the database now. 0 when the
+  /// database was busy.
+  struct WalProgress {
+    std::uint64_t pages = 0, moved = 0;
+  };
   /// Moves what readers allow from the WAL into the database. Writer only, outside a transaction. A busy
   /// database is no error.
-  Status checkpointPassive();
+  Status checkpointPassive(WalProgress* progress = nullptr);
+
+  /// Size of the write-ahead log's file; 0 when there is none (yet).
+  [[nodiscard]] std::uint64_t walBytes();
 
   /// True once a call failed in a way that puts stored data in doubt: disk full, I/O error, corrupt file,
   /// memory. Sticky: the writer stops for good on it.

@@ -14,6 +14,10 @@ Error stoppedError(const std::optional<Error>& cause) {
   return {ErrorCode::kUnavailable, "the database writer has stopped after a failure: " + cause->message};
 }
 
+std::int64_t nsSince(std::chrono::steady_clock::time_point then) {
+  return std::chrono::nanoseconds(std::chrono::steady_clock::now() - then).count();
+}
+
 }  // namespace
 
 DbWriter::DbWriter(Connection connection, const Options& options, OnFatal on_fatal)
@@ -79,15 +83,19 @@ void DbWriter::loop() {
     if (!group.empty() && !commitGroup(group)) return;
     const auto now = std::chrono::steady_clock::now();
     if (uncheckpointed_ && now >= next_checkpoint_) {
-      if (const auto done = connection_.checkpointPassive(); !done) {
+      Connection::WalProgress progress;
+      if (const auto done = connection_.checkpointPassive(&progress); !done) {
         std::vector<Item> none;
         fail(done.error(), none);
         return;
       }
       uncheckpointed_ = false;
       next_checkpoint_ = now + options_.checkpoint_every;
+      const auto took = nsSince(now);
       const std::lock_guard lock(mutex_);
       ++counters_.checkpoints;
+      counters_.checkpoint_ns.add(took);
+      counters_.wal_pages_waiting = progress.pages - std::min(progress.pages, progress.moved);
     }
     const std::lock_guard lock(mutex_);
     if (stopping_ && queue_.empty()) break;
@@ -116,6 +124,7 @@ std::vector<DbWriter::Item> DbWriter::takeGroup() {
 }
 
 bool DbWriter::commitGroup(std::vector<Item>& group) {
+  const auto began = std::chrono::steady_clock::now();
   auto transaction = Transaction::begin(connection_, Transaction::Kind::kWrite);
   if (!transaction) {
     if (connection_.damaged()) return fail(transaction.error(), group), false;
@@ -153,7 +162,8 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
 
   const auto before = std::chrono::steady_clock::now();
   if (auto done = transaction->commit(); !done) return fail(done.error(), group), false;
-  const auto took = std::chrono::nanoseconds(std::chrono::steady_clock::now() - before).count();
+  const auto took = nsSince(before);
+  const auto wal_bytes = connection_.walBytes();
   uncheckpointed_ = true;
   {
     const std::lock_guard lock(mutex_);
@@ -163,6 +173,10 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     counters_.last_commit_ns = took;
     counters_.max_commit_ns = std::max<std::int64_t>(counters_.max_commit_ns, took);
     counters_.total_commit_ns += took;
+    counters_.commit_ns.add(took);
+    counters_.work_ns.add(std::chrono::nanoseconds(before - began).count());
+    counters_.group_items.add(static_cast<std::int64_t>(group.size()));
+    counters_.wal_bytes = wal_bytes;
   }
   // only now: the data is on the disk
   for (std::size_t i = 0; i < group.size(); ++i) {

@@ -12,6 +12,7 @@
 #include <thread>
 #include <vector>
 
+#include "base/histogram.h"
 #include "base/result.h"
 #include "db/connection.h"
 
@@ -37,7 +38,7 @@ class DbWriter {
     std::size_t max_group = 4096;  ///< items in a transaction; reaching it ends the window early
   };
 
-  /// Since the start. Times are of commits only, without the work before them.
+  /// Since the start. `commit` times are of COMMIT alone (the fsync is in it), without the work before them.
   struct Counters {
     std::uint64_t items = 0;    ///< committed
     std::uint64_t refused = 0;  ///< items that failed alone
@@ -47,6 +48,12 @@ class DbWriter {
     std::int64_t last_commit_ns = 0;
     std::int64_t max_commit_ns = 0;
     std::int64_t total_commit_ns = 0;
+    DurationHistogram commit_ns;          ///< COMMIT of a group, fsync included
+    DurationHistogram work_ns;            ///< from BEGIN to COMMIT: the items' own work
+    DurationHistogram checkpoint_ns;      ///< a PASSIVE checkpoint
+    CountHistogram group_items;           ///< items of a committed group
+    std::uint64_t wal_bytes = 0;          ///< size of the write-ahead log's file after the last commit
+    std::uint64_t wal_pages_waiting = 0;  ///< in the log and not in the database, after the last checkpoint
   };
 
   /// Takes the writer connection and starts the thread. `on_fatal` may be empty.

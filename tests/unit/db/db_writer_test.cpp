@@ -131,6 +131,26 @@ TEST(DbWriter, runGivesTheItemsOwnError) {
   EXPECT_EQ(twice.error().code, ErrorCode::kAlreadyExists);
 }
 
+TEST(DbWriter, countsTimesGroupsAndTheLogsSize) {
+  test::TestDb db;
+  const auto wal = db.path.string() + "-wal";
+  DbWriter writer(std::move(db.writer), {.window = 1ms, .checkpoint_every = 5ms}, {});
+  for (int i = 0; i < 5; ++i) ASSERT_OK(writer.run(addStation("s" + std::to_string(i))));
+  EXPECT_FALSE(writer.run(addStation("s0")).ok());
+  for (int i = 0; i < 500 && writer.counters().checkpoints == 0; ++i) std::this_thread::sleep_for(10ms);
+  writer.stop();
+  const auto counters = writer.counters();
+  EXPECT_EQ(counters.commit_ns.count(), counters.commits);
+  EXPECT_EQ(counters.work_ns.count(), counters.commits);
+  EXPECT_EQ(counters.commit_ns.sum(), counters.total_commit_ns);
+  EXPECT_EQ(counters.commit_ns.max(), counters.max_commit_ns);
+  EXPECT_EQ(counters.group_items.sum(), 6) << "the refused one was in a group, too";
+  EXPECT_EQ(counters.checkpoint_ns.count(), counters.checkpoints);
+  EXPECT_GT(counters.checkpoint_ns.max(), 0);
+  EXPECT_EQ(counters.wal_bytes, std::filesystem::file_size(wal));
+  EXPECT_EQ(counters.wal_pages_waiting, 0u) << "nobody reads, so a checkpoint moves everything";
+}
+
 TEST(DbWriter, checkpointsByItself) {
   test::TestDb db;
   ASSERT_OK(db.writer.checkpointPassive());
