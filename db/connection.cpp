@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/planted_bug.h"
+
 namespace needlelab {
 namespace {
 
@@ -82,9 +84,11 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
     }
   }
   const std::string settings =
-      "PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON; PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;"
+      std::string(planted(PlantedBug::kSynchronousNormal) ? "PRAGMA synchronous=NORMAL;"
+                                                          : "PRAGMA synchronous=FULL;") +
+      "PRAGMA foreign_keys=ON; PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;"
       "PRAGMA cell_size_check=ON;" +
-      std::string(writer ? "" : "PRAGMA query_only=ON;");
+      (writer ? "" : "PRAGMA query_only=ON;");
   if (auto done = connection.script(settings); !done) return done.error();
   return connection;
 }
@@ -181,7 +185,7 @@ std::uint64_t Connection::walBytes() {
 }
 
 Error Connection::errorOf(int rc, std::string_view what) {
-  if (isDamage(rc)) damaged_ = true;
+  if (isDamage(rc) && !planted(PlantedBug::kFsyncErrorIgnored)) damaged_ = true;
   constexpr std::size_t kShown = 120;
   std::string text =
       path_.string() + ": cannot " + std::string(what.substr(0, kShown)) + (what.size() > kShown ? "…" : "");

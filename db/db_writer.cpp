@@ -4,6 +4,7 @@
 #include <future>
 #include <utility>
 
+#include "base/planted_bug.h"
 #include "db/transaction.h"
 
 namespace needlelab {
@@ -160,8 +161,15 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     results.push_back(std::move(result));
   }
 
+  const auto tell = [&] {
+    for (std::size_t i = 0; i < group.size(); ++i) {
+      if (group[i].done) group[i].done(results[i]);
+    }
+  };
+  if (planted(PlantedBug::kAckBeforeCommit)) tell();
   const auto before = std::chrono::steady_clock::now();
-  if (auto done = transaction->commit(); !done) return fail(done.error(), group), false;
+  if (auto done = transaction->commit(); !done && !planted(PlantedBug::kFsyncErrorIgnored))
+    return fail(done.error(), group), false;
   const auto took = nsSince(before);
   const auto wal_bytes = connection_.walBytes();
   uncheckpointed_ = true;
@@ -179,9 +187,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     counters_.wal_bytes = wal_bytes;
   }
   // only now: the data is on the disk
-  for (std::size_t i = 0; i < group.size(); ++i) {
-    if (group[i].done) group[i].done(results[i]);
-  }
+  if (!planted(PlantedBug::kAckBeforeCommit)) tell();
   return true;
 }
 

@@ -1,5 +1,7 @@
 #include "db/reader_pool.h"
 
+#include "base/planted_bug.h"
+
 namespace needlelab {
 
 ReaderPool::Lease::~Lease() {
@@ -15,11 +17,13 @@ Result<ReaderPool::Lease> ReaderPool::borrow() {
     if (!idle_.empty()) {
       auto connection = std::move(idle_.back());
       idle_.pop_back();
+      if (planted(PlantedBug::kSecondCheckpointer)) (void)connection->checkpointPassive();
       return Lease(*this, std::move(connection));
     }
   }
   auto opened = Connection::open(path_, {.mode = Connection::Mode::kReader});
   if (!opened) return opened.error();
+  if (planted(PlantedBug::kSecondCheckpointer)) (void)opened->checkpointPassive();
   return Lease(*this, std::make_unique<Connection>(std::move(*opened)));
 }
 

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "base/atomic_file.h"
+#include "base/planted_bug.h"
 
 namespace needlelab {
 namespace {
@@ -139,7 +140,8 @@ std::vector<std::string> Spool::cleanUp(const SpoolKeep& keep, std::int64_t now_
     if (!receipt.closed) return false;
     const std::int64_t age_s = (now_unix_ns - receipt.closed_unix_ns) / 1'000'000'000;
     std::string why;
-    if (receipt.safe >= session->contents().chunks && receipt.safe > 0)
+    const auto safe = planted(PlantedBug::kSpoolPurgedAtAck) ? receipt.committed : receipt.safe;
+    if (safe >= session->contents().chunks && safe > 0)
       why = "it is in a verified backup of the server";
     else if (age_s > keep.age_s)
       why = "the server has had it for " + std::to_string(age_s / 86'400) + " days";

@@ -4,6 +4,8 @@
 #include <utility>
 
 #include "base/clock.h"
+#include "base/planted_bug.h"
+#include "gesture/chunk.h"
 #include "wire/refusal.h"
 
 namespace needlelab {
@@ -13,6 +15,14 @@ constexpr std::int64_t kReceiptEvery_ns = 2'000'000'000;
 constexpr std::int64_t kAskAgain_ns = 2'000'000'000;
 // demands to go back without an ack in between: then something is wrong that sending again does not mend
 constexpr std::uint32_t kMostReopened = 20;
+
+// what PlantedBug::kSampleLostAtReconnection makes of a chunk
+Bytes withoutLastSample(const pb::SessionDescription& description, const Bytes& chunk) {
+  auto samples = decodeChunk(chunk);
+  if (!samples.ok() || samples->size() < 2) return chunk;
+  samples->pop_back();
+  return encodeChunk(resolutionOf(description), *samples);
+}
 
 }  // namespace
 
@@ -49,6 +59,8 @@ std::optional<pb::Envelope> UplinkSession::nextChunk() {
     refuse("chunk " + std::to_string(sent_) + " cannot be read from the spool: " + data.error().message);
     return std::nullopt;
   }
+  if (reconnected_ && planted(PlantedBug::kSampleLostAtReconnection))
+    *data = withoutLastSample(spool_->description(), *data);
   pb::Envelope envelope;
   pb::Chunk& chunk = *envelope.mutable_chunk();
   chunk.set_session_id(spool_->description().session_id());
@@ -141,6 +153,7 @@ void UplinkSession::refuse(std::string why) {
 }
 
 void UplinkSession::onConnectionLost() {
+  reconnected_ = true;
   if (finished()) return;
   state_ = State::kNew;
   sent_ = committed_;

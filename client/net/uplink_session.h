@@ -57,6 +57,7 @@ class UplinkSession {
   std::uint64_t sent_ = 0;       // chunks 0 … sent−1 were sent on this connection, or are committed
   std::uint64_t committed_ = 0;  // by the server's word
   std::uint64_t safe_ = 0;
+  bool reconnected_ = false;    // the connection was lost before
   std::uint32_t reopened_ = 0;  // on the server's demand, since the last ack that brought something
   std::int64_t saved_ns_ = 0, not_before_ns_ = 0;
   std::string trouble_;
