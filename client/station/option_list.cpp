@@ -67,7 +67,9 @@ void addRealTime(CLI::App& app, StationOptions& o) {
       ->check(CLI::Range(kMinRateHz, kMaxRateHz))
       ->capture_default_str()
       ->group(kRealTime);
-  app.add_option("--cpu", o.cpu, "the core that the haptic thread stays on; default: the system chooses")
+  app.add_option("--cpu", o.cpu,
+                 "the core that the haptic thread stays on; default: the last one, where there are two "
+                 "or more and FIFO priority is permitted")
       ->check(CLI::Range(0, 1023))
       ->group(kRealTime);
   app.add_option(

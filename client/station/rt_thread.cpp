@@ -103,7 +103,8 @@ std::vector<RtStep> makeThreadRealTime(const RtOptions& options) {
                        "the system's 50 µs stay"));
   touchStack();
   steps.push_back({"stack", true, std::to_string(kStackBytes / 1024) + " KiB mapped beforehand"});
-  if (options.cpu) steps.push_back(stayOn(*options.cpu));
+  const bool fifo = steps.front().ok;
+  if (options.cpu && (fifo || !options.cpu_needs_fifo)) steps.push_back(stayOn(*options.cpu));
   if (options.spin_ns > 0) steps.push_back(spinStep(options));
   return steps;
 }

@@ -7,6 +7,7 @@
 #include "base/exit_code.h"
 #include "base/range.h"
 #include "device_factory/device_factory.h"
+#include "station/loop_core.h"
 #include "station/modes.h"
 #include "station/report_output.h"
 #include "station/self_test.h"
@@ -48,7 +49,8 @@ int runSelfTest(const StationOptions& options, const sigset_t& stop_signals) {
     say("testing " + (*device)->info().name + numberText(seconds).insert(0, " for ") +
         " s; it gives no force. Leave the handle alone");
     RtOptions real_time;
-    real_time.cpu = options.cpu;
+    real_time.cpu = coreForLoop(options.cpu);
+    real_time.cpu_needs_fifo = !options.cpu;
     real_time.spin_ns = std::llround(options.spin_us * 1e3);
     real_time.rate_hz = options.rate_hz;
     SteadyLoopClock clock(real_time.spin_ns);

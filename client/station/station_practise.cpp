@@ -10,6 +10,7 @@
 #include "station/crash_guard.h"
 #include "station/fault_watch.h"
 #include "station/live_view.h"
+#include "station/loop_core.h"
 #include "station/rt_machine.h"
 #include "station/say.h"
 #include "station/signals.h"
@@ -44,15 +45,19 @@ Status StationRun::practise() {
   }
   SpoolWriterOptions writer_options;
   writer_options.rate_hz = options_.rate_hz;
+  const auto core = coreForLoop(options_.cpu);
+  auto keep_off = std::make_optional<KeepOffCore>(core);
   writer_ = std::make_unique<SpoolWriter>(ring_, session_, writer_options, std::move(callbacks));
   BlackBox black_box(options_.rate_hz);
   const auto black_boxes = options_.spool / "black-box";
   removeOldBlackBoxes(black_boxes, options_.keep.age_s);
   BlackBoxWriter black_box_writer(black_box, black_boxes, session_->idText(), say);
+  keep_off.reset();
 
   // the loop
   RtOptions rt_options;
-  rt_options.cpu = options_.cpu;
+  rt_options.cpu = core;
+  rt_options.cpu_needs_fifo = !options_.cpu;
   rt_options.spin_ns = std::llround(options_.spin_us * 1e3);
   rt_options.rate_hz = options_.rate_hz;
   SteadyLoopClock clock(rt_options.spin_ns);

@@ -108,7 +108,8 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--rate", options.rate_hz)->check(CLI::Range(100.0, 10'000.0))->capture_default_str();
   app.add_option("--priority", options.priority)->check(CLI::Range(1, 99))->capture_default_str();
-  app.add_option("--cpu", options.cpu, "the core for both");
+  app.add_option("--cpu", options.cpu,
+                 "the core for both; default: the loop's as in a lesson, cyclictest's as the system chooses");
   app.add_option("--spin-us", spin_us, "the loop's last microseconds before each tick; cyclictest has none")
       ->check(CLI::Range(0.0, 200.0));
   app.add_option("--results", results, "folder to write <machine>/loop.md and loop.json to");

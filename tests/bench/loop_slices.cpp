@@ -11,6 +11,7 @@
 #include "device_factory/device_factory.h"
 #include "net/spool_writer.h"
 #include "station/black_box.h"
+#include "station/loop_core.h"
 #include "station/rt_machine.h"
 #include "station/servo_loop.h"
 #include "support/scenes.h"
@@ -53,7 +54,10 @@ Status runLoop(const LoopBenchOptions& options, SlicePair& slice, LoopBenchResul
   auto ring = std::make_unique<SampleRing>();
   SpoolWriterOptions writer_options;
   writer_options.rate_hz = options.rate_hz;
+  const auto core = coreForLoop(options.cpu);
+  auto keep_off = std::make_optional<KeepOffCore>(core);
   SpoolWriter writer(*ring, *session, writer_options, {});
+  keep_off.reset();
   BlackBox black_box(options.rate_hz);
   SteadyLoopClock clock(options.spin_ns);
   ServoSettings settings;
@@ -65,7 +69,7 @@ Status runLoop(const LoopBenchOptions& options, SlicePair& slice, LoopBenchResul
   std::thread haptic([&] {
     RtOptions rt;
     rt.priority = options.priority;
-    rt.cpu = options.cpu;
+    rt.cpu = core;
     rt.spin_ns = options.spin_ns;
     rt.rate_hz = options.rate_hz;
     result.realtime = makeThreadRealTime(rt);

@@ -1,4 +1,5 @@
 #include "station/rt_thread.h"
+#include "station/loop_core.h"
 
 #include <gmock/gmock.h>
 #include <pthread.h>
@@ -48,6 +49,64 @@ TEST(RtThread, aCoreOfItsOwnIsKeptAndOneThatIsNotThereIsNamed) {
   std::thread([&] { steps = makeThreadRealTime(options); }).join();
   EXPECT_FALSE(steps.back().ok);
   EXPECT_THAT(steps.back().message, testing::HasSubstr("which may use "));
+}
+
+cpu_set_t coresOfThisThread() {
+  cpu_set_t cores;
+  CPU_ZERO(&cores);
+  ::pthread_getaffinity_np(::pthread_self(), sizeof cores, &cores);
+  return cores;
+}
+
+TEST(LoopCore, isTheOneAskedForOrTheLastOfSeveral) {
+  EXPECT_EQ(coreForLoop(5), 5);
+  const cpu_set_t cores = coresOfThisThread();
+  const auto chosen = coreForLoop(std::nullopt);
+  ASSERT_EQ(chosen.has_value(), CPU_COUNT(&cores) > 1);
+  if (!chosen) return;
+  EXPECT_TRUE(CPU_ISSET(*chosen, &cores));
+  for (int core = *chosen + 1; core < CPU_SETSIZE; ++core) EXPECT_FALSE(CPU_ISSET(core, &cores));
+}
+
+TEST(LoopCore, threadsMadeMeanwhileKeepOffItAndTheLoopsOwnDoesNot) {
+  const auto core = coreForLoop(std::nullopt);
+  if (!core) GTEST_SKIP() << "this process may use one core only";
+  const cpu_set_t before = coresOfThisThread();
+  cpu_set_t meanwhile, later;
+  {
+    const KeepOffCore keep_off(core);
+    std::thread([&] { meanwhile = coresOfThisThread(); }).join();
+  }
+  std::thread([&] { later = coresOfThisThread(); }).join();
+  EXPECT_EQ(CPU_COUNT(&meanwhile), CPU_COUNT(&before) - 1);
+  EXPECT_FALSE(CPU_ISSET(*core, &meanwhile));
+  EXPECT_TRUE(CPU_EQUAL(&later, &before));
+}
+
+TEST(LoopCore, theOnlyCoreIsLeftToAll) {
+  const cpu_set_t before = coresOfThisThread();
+  int first = 0;
+  while (!CPU_ISSET(first, &before)) ++first;
+  cpu_set_t one;
+  CPU_ZERO(&one);
+  CPU_SET(first, &one);
+  std::thread([&] {
+    ASSERT_EQ(::pthread_setaffinity_np(::pthread_self(), sizeof one, &one), 0);
+    EXPECT_EQ(coreForLoop(std::nullopt), std::nullopt);
+    const KeepOffCore keep_off(first);
+    const cpu_set_t now = coresOfThisThread();
+    EXPECT_TRUE(CPU_EQUAL(&now, &one));
+  }).join();
+}
+
+TEST(RtThread, aCoreThatNeedsThePriorityIsNotTakenWithoutIt) {
+  RtOptions options;
+  options.priority = 1000;  // refused everywhere
+  options.cpu = 0;
+  options.cpu_needs_fifo = true;
+  std::vector<RtStep> steps;
+  std::thread([&] { steps = makeThreadRealTime(options); }).join();
+  for (const RtStep& step : steps) EXPECT_NE(step.name, "core");
 }
 
 TEST(RtThread, theSpinSaysWhatItCosts) {
