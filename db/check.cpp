@@ -65,7 +65,9 @@ Result<DatabaseCheck> checkDatabase(Connection& connection) {
     }
     ++check.sessions;
     check.chunks += session->chunks;
-    if (!session->ok) check.faults.push_back(session->text);
+    for (const std::string& fault : session->faults) {
+      if (check.faults.size() < kMaxFaults) check.faults.push_back(fault);
+    }
   }
   return check;
 }

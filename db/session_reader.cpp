@@ -1,6 +1,7 @@
 // What reads sessions: list, info, chunks, verify. What changes them is in session_store.cpp.
 #include <algorithm>
 
+#include "db/chunk_scan.h"
 #include "db/session_row.h"
 #include "db/session_store.h"
 #include "db/transaction.h"
@@ -10,10 +11,15 @@ namespace {
 
 constexpr std::uint32_t kMaxListed = 1000;
 
+/// What can be read stands in the first columns: of the thinned recording where there is one.
 constexpr std::string_view kInfoColumns =
-    "SELECT description, state, chunks, samples, hash, received_unix_ns, closed_unix_ns, stored_bytes, "
-    "clock_offset_ns,"
-    " clock_round_trip_ns, profile_json, score_json FROM sessions ";
+    "SELECT s.description, s.state, s.received_unix_ns, s.closed_unix_ns, s.clock_offset_ns,"
+    " s.clock_round_trip_ns, s.recording, s.chunks, s.samples, s.stored_bytes, s.hash,"
+    " d.chunks, d.samples, d.stored_bytes, d.hash, d.rate_hz,"
+    " o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number, s.profile_json, s.score_json FROM sessions s"
+    " LEFT JOIN derived_recordings d ON d.session = s.number AND d.complete = 1"
+    " LEFT JOIN removed_originals o ON o.session = s.number ";
+constexpr int kNumberColumn = 19;
 
 /// A row of kInfoColumns; `texts`: with profile and score.
 Result<pb::SessionInfo> infoOf(const Statement& row, bool texts) {
@@ -23,17 +29,35 @@ Result<pb::SessionInfo> infoOf(const Statement& row, bool texts) {
     return Error{ErrorCode::kCorrupt, "the stored description of a session cannot be read"};
   }
   info.set_state(static_cast<pb::SessionState>(row.integer(1)));
-  info.set_chunks(row.natural(2));
-  info.set_samples(row.natural(3));
-  info.set_hash(row.text(4));
-  info.set_received_unix_ns(row.integer(5));
-  info.set_closed_unix_ns(row.integer(6));
-  info.set_stored_bytes(row.natural(7));
-  info.set_clock_offset_ns(row.integer(8));
-  info.set_clock_round_trip_ns(row.integer(9));
+  info.set_received_unix_ns(row.integer(2));
+  info.set_closed_unix_ns(row.integer(3));
+  info.set_clock_offset_ns(row.integer(4));
+  info.set_clock_round_trip_ns(row.integer(5));
+  const auto kind = static_cast<StoredRecording::Kind>(row.integer(6));
+  const auto counts = [&row](auto& target, int first) {
+    target.set_chunks(row.natural(first));
+    target.set_samples(row.natural(first + 1));
+    target.set_stored_bytes(row.natural(first + 2));
+    target.set_hash(row.text(first + 3));
+  };
+  if (kind == StoredRecording::Kind::kOriginal) {
+    counts(info, 7);
+  } else {
+    auto* removed = info.mutable_removed_original();
+    counts(*removed, 7);
+    if (kind == StoredRecording::Kind::kThinned) {
+      counts(info, 11);
+      removed->set_thinned_rate_hz(row.real(15));
+    }
+    removed->set_fate(kind == StoredRecording::Kind::kThinned ? pb::RemovedOriginal::THINNED
+                                                              : pb::RemovedOriginal::DELETED);
+    removed->set_removed_unix_ns(row.integer(16));
+    removed->set_deleted_unix_ns(row.integer(17));
+    removed->set_reason(row.text(18));
+  }
   if (texts) {
-    info.mutable_description()->set_profile_json(row.text(10));
-    info.set_score_json(row.text(11));
+    info.mutable_description()->set_profile_json(row.text(20));
+    info.set_score_json(row.text(21));
   }
   return info;
 }
@@ -44,30 +68,27 @@ Result<HashedChunks> SessionStore::hashChunks(const Uuid& session, std::uint64_t
   const auto found = findSession(connection_, session);
   if (!found) return found.error();
   if (!*found) return unknownSession(session);
+  const SessionRow& row = **found;
   const std::string name = "session " + uuidText(session);
-
+  if (row.recording != StoredRecording::Kind::kOriginal) {
+    const auto why = removalText(connection_, row);
+    return why ? Error{ErrorCode::kNotFound, name + ": " + *why} : why.error();
+  }
+  if (row.chunks < count) {
+    return Error{ErrorCode::kNotFound, name + " has " + std::to_string(row.chunks) + " chunks, asked were " +
+                                           std::to_string(count)};
+  }
   HashedChunks result;
   SessionHash hash;
-  auto rows = connection_.query(
-      "SELECT seq, samples, crc, bytes FROM chunks WHERE session = ? AND seq < ? ORDER BY seq",
-      (*found)->number, std::min<std::uint64_t>(count, INT64_MAX));
+  ChunkScan scan(connection_, name, {row.recording, row.number, row.chunks}, 0, count);
   for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) break;
-    if (rows.natural(0) != result.chunks) {
-      return Error{ErrorCode::kCorrupt, name + ": chunk " + std::to_string(result.chunks) + " is missing"};
-    }
-    const auto samples =
-        checkStoredChunk(name, rows.natural(0), rows.natural(1), rows.integer(2), rows.bytes(3));
-    if (!samples) return samples.error();
-    hash.update(rows.bytes(3));
+    const auto item = scan.next();
+    if (!item) return item.error();
+    if (!*item) break;
+    if ((*item)->fault) return *(*item)->fault;
+    hash.update((*item)->bytes);
     ++result.chunks;
-    result.samples += *samples;
-  }
-  if (result.chunks < count) {
-    return Error{ErrorCode::kNotFound, name + " has " + std::to_string(result.chunks) +
-                                           " chunks, asked were " + std::to_string(count)};
+    result.samples += (*item)->samples;
   }
   result.hash = hash.digest();
   return result;
@@ -104,7 +125,7 @@ Result<std::vector<pb::Welcome::OpenSession>> SessionStore::openSessions(std::st
 }
 
 Result<pb::SessionInfo> SessionStore::info(const Uuid& session) {
-  auto row = connection_.query(std::string(kInfoColumns) + "WHERE id = ?", ByteView(session));
+  auto row = connection_.query(std::string(kInfoColumns) + "WHERE s.id = ?", ByteView(session));
   const auto found = row.step();
   if (!found) return found.error();
   if (!*found) return unknownSession(session);
@@ -116,8 +137,8 @@ Result<std::vector<pb::SessionInfo>> SessionStore::list(std::string_view station
   std::vector<pb::SessionInfo> sessions;
   const std::uint32_t most = limit == 0 ? kMaxListed : std::min(limit, kMaxListed);
   auto rows = connection_.query(std::string(kInfoColumns) +
-                                    "WHERE (?1 = '' OR station = ?1) AND (?2 = '' OR trainee = ?2)"
-                                    " ORDER BY started_unix_ns DESC, number DESC LIMIT ?3",
+                                    "WHERE (?1 = '' OR s.station = ?1) AND (?2 = '' OR s.trainee = ?2)"
+                                    " ORDER BY s.started_unix_ns DESC, s.number DESC LIMIT ?3",
                                 station, trainee, most);
   for (;;) {
     const auto row = rows.step();
@@ -129,39 +150,9 @@ Result<std::vector<pb::SessionInfo>> SessionStore::list(std::string_view station
   }
 }
 
-Result<std::vector<StoredChunk>> SessionStore::readChunks(const Uuid& session, std::uint64_t from_seq,
-                                                          std::uint32_t max_chunks, std::size_t max_bytes) {
-  const auto found = findSession(connection_, session);
-  if (!found) return found.error();
-  if (!*found) return unknownSession(session);
-  const std::string name = "session " + uuidText(session);
-
-  std::vector<StoredChunk> chunks;
-  std::size_t total = 0;
-  if (from_seq >= (*found)->chunks) return chunks;
-  auto rows = connection_.query(
-      "SELECT seq, samples, crc, bytes FROM chunks WHERE session = ? AND seq >= ? ORDER BY seq LIMIT ?",
-      (*found)->number, from_seq, max_chunks);
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return chunks;
-    const ByteView bytes = rows.bytes(3);
-    if (!chunks.empty() && total + bytes.size() > max_bytes) return chunks;
-    const std::uint64_t seq = rows.natural(0);
-    if (seq != from_seq + chunks.size()) {
-      return Error{ErrorCode::kCorrupt,
-                   name + ": chunk " + std::to_string(from_seq + chunks.size()) + " is missing"};
-    }
-    const auto samples = checkStoredChunk(name, seq, rows.natural(1), rows.integer(2), bytes);
-    if (!samples) return samples.error();
-    chunks.push_back({seq, *samples, Bytes(bytes.begin(), bytes.end())});
-    total += bytes.size();
-  }
-}
-
-Result<SessionCheck> SessionStore::verify(const Uuid& session) {
-  // one unchanging view of the session's row and its chunks
+Result<ChunksAround> SessionStore::readAround(const Uuid& session, std::uint64_t from_seq,
+                                              std::uint32_t max_chunks, std::size_t max_bytes) {
+  // one view: retention may put a thinned recording in the original's place meanwhile
   std::optional<Transaction> view;
   if (!connection_.inTransaction()) {
     auto begun = Transaction::begin(connection_, Transaction::Kind::kRead);
@@ -171,41 +162,42 @@ Result<SessionCheck> SessionStore::verify(const Uuid& session) {
   const auto found = findSession(connection_, session);
   if (!found) return found.error();
   if (!*found) return unknownSession(session);
-  const SessionRow& row = **found;
-
-  SessionCheck check;
-  const auto bad = [&](const std::string& why) {
-    check.text = why;
-    return check;
-  };
   const std::string name = "session " + uuidText(session);
-  const auto hashed = hashChunks(session, row.chunks);
-  if (!hashed) {
-    // a fault of the data is a finding; a database that cannot be read is an error
-    const auto code = hashed.error().code;
-    if (code == ErrorCode::kCorrupt || code == ErrorCode::kNotFound) return bad(hashed.error().message);
-    return hashed.error();
+  if ((*found)->recording == StoredRecording::Kind::kDeleted) {
+    const auto why = removalText(connection_, **found);
+    if (!why) return why.error();
+    return Error{ErrorCode::kNotFound, name + ": " + *why + "; its score, events and remarks are kept"};
   }
-  check.chunks = hashed->chunks;
-  check.samples = hashed->samples;
-  check.hash = hashed->hash;
-  auto beyond =
-      connection_.query("SELECT count(*) FROM chunks WHERE session = ? AND seq >= ?", row.number, row.chunks);
-  const auto counted = beyond.step();
-  if (!counted) return counted.error();
-  if (beyond.integer(0) != 0)
-    return bad(name + " has chunks beyond the " + std::to_string(row.chunks) + " noted");
-  if (check.samples != row.samples) {
-    return bad(name + " holds " + std::to_string(check.samples) + " samples, noted are " +
-               std::to_string(row.samples));
+  const auto recording = recordingOf(connection_, name, **found);
+  if (!recording) return recording.error();
+
+  ChunksAround read;
+  read.next_seq = from_seq;
+  std::size_t total = 0;
+  ChunkScan scan(connection_, name, *recording, from_seq, UINT64_MAX);
+  for (std::uint32_t taken = 0; taken < max_chunks; ++taken) {
+    auto item = scan.next();
+    if (!item) return item.error();
+    if (!*item) return read;
+    ChunkScan::Item& chunk = **item;
+    if (chunk.fault) {
+      read.damaged.push_back({chunk.seq, std::move(chunk.fault->message)});
+    } else {
+      if (!read.chunks.empty() && total + chunk.bytes.size() > max_bytes) return read;
+      total += chunk.bytes.size();
+      read.chunks.push_back({chunk.seq, chunk.samples, Bytes(chunk.bytes.begin(), chunk.bytes.end())});
+    }
+    read.next_seq = chunk.seq + 1;
   }
-  if (row.state != pb::SESSION_OPEN && row.hash != check.hash) {
-    return bad(name + ": the hash over its chunks is not the one it was closed with");
-  }
-  check.ok = true;
-  check.text =
-      row.state == pb::SESSION_OPEN ? "all chunks so far are sound; the session is still open" : "sound";
-  return check;
+  return read;
+}
+
+Result<std::vector<StoredChunk>> SessionStore::readChunks(const Uuid& session, std::uint64_t from_seq,
+                                                          std::uint32_t max_chunks, std::size_t max_bytes) {
+  auto read = readAround(session, from_seq, max_chunks, max_bytes);
+  if (!read) return read.error();
+  if (!read->damaged.empty()) return Error{ErrorCode::kCorrupt, read->damaged.front().text};
+  return std::move(read->chunks);
 }
 
 }  // namespace needlelab

@@ -8,7 +8,8 @@ namespace needlelab {
 
 Result<std::optional<SessionRow>> findSession(Connection& connection, const Uuid& session) {
   auto query = connection.query(
-      "SELECT number, station, state, chunks, samples, hash FROM sessions WHERE id = ?", ByteView(session));
+      "SELECT number, station, state, chunks, samples, hash, recording FROM sessions WHERE id = ?",
+      ByteView(session));
   const auto found = query.step();
   if (!found) return found.error();
   if (!*found) return std::optional<SessionRow>();
@@ -18,11 +19,44 @@ Result<std::optional<SessionRow>> findSession(Connection& connection, const Uuid
   row.state = static_cast<pb::SessionState>(query.integer(2));
   row.chunks = query.natural(3);
   row.samples = query.natural(4);
-  if (const ByteView hash = query.bytes(5); hash.size() == std::tuple_size_v<Digest>) {
-    row.hash.emplace();
-    std::copy(hash.begin(), hash.end(), row.hash->begin());
-  }
+  row.hash = digestOf(query.bytes(5));
+  row.recording = static_cast<StoredRecording::Kind>(query.integer(6));
   return std::optional(row);
+}
+
+Result<StoredRecording> recordingOf(Connection& connection, const std::string& name, const SessionRow& row) {
+  StoredRecording recording{row.recording, row.number, 0};
+  if (row.recording == StoredRecording::Kind::kOriginal) recording.chunks = row.chunks;
+  if (row.recording != StoredRecording::Kind::kThinned) return recording;
+  auto query = connection.query("SELECT chunks FROM derived_recordings WHERE session = ? AND complete = 1",
+                                row.number);
+  const auto found = query.step();
+  if (!found) return found.error();
+  if (!*found)
+    return Error{ErrorCode::kCorrupt,
+                 name + " was thinned, but the row of its thinned recording is not there"};
+  recording.chunks = query.natural(0);
+  return recording;
+}
+
+Result<std::string> removalText(Connection& connection, const SessionRow& row) {
+  auto query = connection.query(
+      "SELECT strftime('%Y-%m-%d', coalesce(deleted_unix_ns, removed_unix_ns) / 1000000000, 'unixepoch'),"
+      " reason FROM removed_originals WHERE session = ?",
+      row.number);
+  const auto found = query.step();
+  if (!found) return found.error();
+  const std::string what = row.recording == StoredRecording::Kind::kDeleted ? "its recording was deleted"
+                                                                            : "its recording was thinned";
+  if (!*found) return what;
+  return what + " on " + query.text(0) + " (" + query.text(1) + ")";
+}
+
+std::optional<Digest> digestOf(ByteView bytes) {
+  if (bytes.size() != std::tuple_size_v<Digest>) return std::nullopt;
+  Digest digest{};
+  std::copy(bytes.begin(), bytes.end(), digest.begin());
+  return digest;
 }
 
 Error unknownSession(const Uuid& session) {

@@ -9,6 +9,7 @@
 
 #include "base/result.h"
 #include "base/uuid.h"
+#include "db/chunk_scan.h"
 #include "db/connection.h"
 #include "gesture/session_hash.h"
 #include "needlelab/types.pb.h"
@@ -19,9 +20,11 @@ struct SessionRow {
   std::int64_t number = 0;
   std::string station;
   pb::SessionState state = pb::SESSION_OPEN;
+  // of the original recording, whatever retention has made of it
   std::uint64_t chunks = 0;
   std::uint64_t samples = 0;
   std::optional<Digest> hash;  ///< once it is closed
+  StoredRecording::Kind recording = StoredRecording::Kind::kOriginal;
 };
 
 /// Nothing when the session is unknown; an error when the database fails.
@@ -30,15 +33,19 @@ Result<std::optional<SessionRow>> findSession(Connection& connection, const Uuid
 /// kNotFound, with the session's name.
 Error unknownSession(const Uuid& session);
 
+/// The recording that can be read now. kCorrupt: the row of a thinned one is not there.
+Result<StoredRecording> recordingOf(Connection& connection, const std::string& name, const SessionRow& row);
+
+/// "its recording was thinned to 100 Hz on 2026-11-20 …": why the original is not there. For messages.
+Result<std::string> removalText(Connection& connection, const SessionRow& row);
+
+/// A hash from a column; nothing unless it has 32 bytes.
+std::optional<Digest> digestOf(ByteView bytes);
+
 /// 16 bytes as a Uuid; nothing when there are more or fewer.
 std::optional<Uuid> uuidOf(std::string_view bytes);
 /// For messages: the id's text, or that it is none.
 std::string sessionText(std::string_view bytes);
-
-/// The CRC that the station put at the chunk's end (FORMAT.md): its last four bytes, little-endian. 0 when it
-/// is shorter. (A CRC over all its bytes would be the same number for every chunk, as they end with their
-/// own.)
-std::int64_t stationCrcOf(ByteView chunk);
 
 /// The CRC that the station put at the chunk's end (common/gesture/FORMAT.md): its last four bytes; 0 when it
 /// is shorter. A CRC over all of its bytes would be the same number for every chunk, because they end with

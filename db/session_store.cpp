@@ -21,6 +21,23 @@ std::string times(std::uint64_t count, const char* what) {
   return std::to_string(count) + " " + what;
 }
 
+/// A chunk whose original retention has taken away: its CRC was kept.
+Result<Appended> compareWithRemoved(Connection& connection, const SessionRow& row, const std::string& chunk,
+                                    std::uint64_t seq, ByteView bytes) {
+  auto kept = connection.query("SELECT substr(crcs, ?, 4) FROM removed_originals WHERE session = ?",
+                               4 * seq + 1, row.number);
+  const auto there = kept.step();
+  if (!there) return there.error();
+  if (!*there || kept.bytes(0).size() != 4)
+    return Error{ErrorCode::kCorrupt, chunk + " was removed, but its CRC was not kept"};
+  if (stationCrcOf(kept.bytes(0)) == stationCrcOf(bytes) && inspectChunk(bytes).ok())
+    return Appended{Appended::Kind::kRepeated, row.chunks, {}};
+  const auto why = removalText(connection, row);
+  if (!why) return why.error();
+  return Appended{Appended::Kind::kContradiction, row.chunks,
+                  chunk + " was stored with other bytes before " + *why + ": it is not taken"};
+}
+
 }  // namespace
 
 Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& description,
@@ -72,6 +89,8 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
   const std::string chunk = name + ", chunk " + std::to_string(seq);
 
   // seen before: the very same bytes, or a contradiction
+  if (seq < row.chunks && row.recording != StoredRecording::Kind::kOriginal)
+    return compareWithRemoved(connection_, row, chunk, seq, bytes);
   if (seq < row.chunks) {
     auto stored =
         connection_.query("SELECT bytes FROM chunks WHERE session = ? AND seq = ?", row.number, seq);

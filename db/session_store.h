@@ -69,13 +69,28 @@ struct StoredChunk {
   Bytes bytes;
 };
 
-/// The outcome of reading everything again: CRC of every chunk, no gap, count, samples, hash.
+/// What is the matter with one stored chunk.
+struct ChunkFault {
+  std::uint64_t seq = 0;
+  std::string text;  ///< names session and chunk
+};
+
+/// Chunks that were read, and those that could not be.
+struct ChunksAround {
+  std::vector<StoredChunk> chunks;
+  std::vector<ChunkFault> damaged;
+  std::uint64_t next_seq = 0;  ///< where to go on
+};
+
+/// The outcome of reading everything again: CRC of every chunk, no gap, count, samples, hash. Of the
+/// recording that is there: the original, or the thinned one.
 struct SessionCheck {
   bool ok = false;
-  std::uint64_t chunks = 0;
-  std::uint64_t samples = 0;
-  Digest hash{};
-  std::string text;  ///< what is wrong, or that all is well
+  std::uint64_t chunks = 0;         ///< that could be read
+  std::uint64_t samples = 0;        ///< in them
+  Digest hash{};                    ///< over them
+  std::string text;                 ///< what is wrong (the first fault), or that all is well
+  std::vector<std::string> faults;  ///< each by session and chunk; at most kMaxFaults (db/check.h)
 };
 
 /// Functions on a connection, which it does not own. A Result's error means that the database failed or the
@@ -101,8 +116,8 @@ class SessionStore {
   Result<Closed> close(const pb::CloseSession& request, std::int64_t now_unix_ns,
                        std::string_view station = {}, const std::optional<HashedChunks>& known = {});
 
-  /// Hash and sample count of chunks 0 … count−1, read back with their CRC. kCorrupt names the chunk that
-  /// fails; kNotFound when there are fewer.
+  /// Hash and sample count of chunks 0 … count−1 of the original, read back with their CRC. kCorrupt names
+  /// the chunk that fails; kNotFound when there are fewer, or retention has removed them.
   Result<HashedChunks> hashChunks(const Uuid& session, std::uint64_t count);
 
   /// First seq that is not stored. kNotFound: unknown session.
@@ -119,9 +134,13 @@ class SessionStore {
                                             std::uint32_t limit);
 
   /// Chunks from `from_seq` on, at most `max_chunks` and about `max_bytes` (at least one). Every CRC is
-  /// checked.
+  /// checked: kCorrupt names the first one that fails. Of the recording that is there, original or thinned;
+  /// kNotFound says when and why it was deleted.
   Result<std::vector<StoredChunk>> readChunks(const Uuid& session, std::uint64_t from_seq,
                                               std::uint32_t max_chunks, std::size_t max_bytes);
+  /// As readChunks, but over damaged chunks, which count for `max_chunks`.
+  Result<ChunksAround> readAround(const Uuid& session, std::uint64_t from_seq, std::uint32_t max_chunks,
+                                  std::size_t max_bytes);
 
   /// Reads all of it again. A fault in the data is `ok == false`; an error means it could not be looked at.
   Result<SessionCheck> verify(const Uuid& session);

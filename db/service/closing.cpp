@@ -65,7 +65,8 @@ Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, cons
   std::optional<HashedChunks> known;
   const auto id = handlers::sessionId(request.session_id());
   if (!id) return id.error();
-  if (const auto next = sessions.nextSeq(*id); next && *next == request.chunks()) {
+  if (const auto info = sessions.info(*id);
+      info && info->state() == pb::SESSION_OPEN && info->chunks() == request.chunks()) {
     const auto hashed = sessions.hashChunks(*id, request.chunks());
     if (!hashed) return hashed.error();
     known = *hashed;
