@@ -1,0 +1,176 @@
+#include "load/database_check.h"
+
+#include <algorithm>
+#include <atomic>
+#include <mutex>
+#include <thread>
+
+#include "db/connection.h"
+#include "gesture/chunk.h"
+
+namespace needlelab::test {
+namespace {
+
+constexpr std::size_t kMostFaults = 20;
+
+void addFault(DatabaseCheck& check, const std::string& what) {
+  if (check.faults.size() < kMostFaults) check.faults.push_back(what);
+}
+
+void addTo(DatabaseCheck& all, const DatabaseCheck& one) {
+  all.samples.add(one.samples);
+  all.sessions += one.sessions;
+  all.not_complete += one.not_complete;
+  all.stray += one.stray;
+  all.chunk_bytes += one.chunk_bytes;
+  for (const std::string& fault : one.faults) addFault(all, fault);
+}
+
+// chunks of one session, in the order in which they are stored
+class SessionReading {
+ public:
+  SessionReading(const LoadShared& shared, std::size_t station, std::uint64_t ticks)
+      : name_(shared.stations[station].name),
+        comparison_(StationStream(*shared.pool, shared.seed, station), ticks, name_) {}
+
+  void take(std::uint64_t seq, ByteView bytes) {
+    check_.chunk_bytes += bytes.size();
+    if (seq != next_seq_)
+      addFault(check_, name_ + ": chunk " + std::to_string(seq) + " stands where " +
+                           std::to_string(next_seq_) + " should");
+    next_seq_ = seq + 1;
+    const auto samples = decodeChunk(bytes);
+    if (!samples.ok()) {
+      addFault(check_, name_ + ": chunk " + std::to_string(seq) + ": " + samples.error().message);
+      return;
+    }
+    comparison_.take(*samples);
+  }
+  DatabaseCheck finish(bool found, int state) {
+    check_.sessions += found ? 1 : 0;
+    if (found && state != pb::SESSION_COMPLETE) {
+      ++check_.not_complete;
+      addFault(check_, name_ + ": the session is " + pb::SessionState_Name(state));
+    }
+    check_.samples = comparison_.finish();
+    if (!check_.samples.first.empty()) addFault(check_, check_.samples.first);
+    return std::move(check_);
+  }
+
+ private:
+  std::string name_;
+  SessionComparison comparison_;
+  DatabaseCheck check_;
+  std::uint64_t next_seq_ = 0;
+};
+
+Result<DatabaseCheck> readSession(Connection& connection, const LoadShared& shared, std::size_t station,
+                                  std::uint64_t ticks) {
+  SessionReading reading(shared, station, ticks);
+  auto session = connection.query("SELECT number, state FROM sessions WHERE id = ?",
+                                  ByteView(shared.stations[station].session));
+  const auto found = session.step();
+  if (!found.ok()) return found.error();
+  if (!*found) return reading.finish(false, 0);
+  const std::int64_t number = session.integer(0);
+  const auto state = static_cast<int>(session.integer(1));
+  auto chunk = connection.query("SELECT seq, bytes FROM chunks WHERE session = ? ORDER BY seq", number);
+  for (;;) {
+    const auto row = chunk.step();
+    if (!row.ok()) return row.error();
+    if (!*row) break;
+    reading.take(static_cast<std::uint64_t>(chunk.integer(0)), chunk.bytes(1));
+  }
+  return reading.finish(true, state);
+}
+
+Result<std::uint64_t> countOf(Connection& connection, const char* sql) {
+  auto query = connection.query(sql);
+  const auto row = query.step();
+  if (!row.ok()) return row.error();
+  return static_cast<std::uint64_t>(query.integer(0));
+}
+
+}  // namespace
+
+Result<DatabaseCheck> checkDatabaseFile(const std::filesystem::path& database, const LoadShared& shared,
+                                        const MadeTicks& ticks, const CheckProgress& progress) {
+  DatabaseCheck all;
+  std::mutex mutex;
+  std::optional<Error> error;
+  std::atomic<std::size_t> next{0};
+  std::size_t done = 0;
+  const auto work = [&] {
+    auto connection = Connection::open(database, {});
+    for (std::size_t i = next++; i < shared.stations.size(); i = next++) {
+      auto one = connection.ok() ? readSession(*connection, shared, i, ticks[i])
+                                 : Result<DatabaseCheck>(connection.error());
+      const std::scoped_lock lock(mutex);
+      if (!one.ok()) {
+        error = one.error();
+        return;
+      }
+      addTo(all, *one);
+      if (progress) progress(++done);
+    }
+  };
+  std::thread other(work);
+  work();
+  other.join();
+  if (error) return *error;
+
+  // rows that belong to no station of this run: the database was new
+  auto connection = Connection::open(database, {});
+  if (!connection.ok()) return connection.error();
+  auto sessions = countOf(*connection, "SELECT count(*) FROM sessions");
+  if (!sessions.ok()) return sessions.error();
+  auto orphans =
+      countOf(*connection, "SELECT count(*) FROM chunks WHERE session NOT IN (SELECT number FROM sessions)");
+  if (!orphans.ok()) return orphans.error();
+  all.stray = *sessions - all.sessions + *orphans;
+  if (all.stray > 0)
+    addFault(all, std::to_string(all.stray) + " sessions or chunks are stored that no station made");
+  return all;
+}
+
+Result<DatabaseCheck> checkThroughServer(BlockingClient& client, const LoadShared& shared,
+                                         const MadeTicks& ticks, const CheckProgress& progress) {
+  DatabaseCheck all;
+  for (std::size_t i = 0; i < shared.stations.size(); ++i) {
+    SessionReading reading(shared, i, ticks[i]);
+    const Uuid& id = shared.stations[i].session;
+    pb::Request request;
+    request.mutable_list_sessions()->set_station(shared.stations[i].name);
+    auto listed = client.call(request);
+    if (!listed.ok()) return listed.error();
+    bool found = false;
+    int state = 0;
+    for (const pb::SessionInfo& info : listed->sessions().sessions()) {
+      if (info.description().session_id() == std::string(id.begin(), id.end())) {
+        found = true;
+        state = info.state();
+      } else {
+        ++all.stray;
+        addFault(all, shared.stations[i].name + " has a session that it did not make");
+      }
+    }
+    for (std::uint64_t seq = 0; found;) {
+      pb::ReadChunks& read = *request.mutable_read_chunks();
+      read.set_session_id(id.data(), id.size());
+      read.set_from_seq(seq);
+      read.set_max_chunks(1000);
+      auto reply = client.call(request);
+      if (!reply.ok()) return reply.error();
+      for (const pb::Chunk& chunk : reply->chunks().chunks()) {
+        reading.take(chunk.seq(), viewOf(chunk.data()));
+        seq = chunk.seq() + 1;
+      }
+      if (reply->chunks().end() || reply->chunks().chunks().empty()) break;
+    }
+    addTo(all, reading.finish(found, state));
+    if (progress) progress(i + 1);
+  }
+  return all;
+}
+
+}  // namespace needlelab::test

@@ -1,0 +1,41 @@
+/// What a load run shall do.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "base/result.h"
+#include "wire/endpoint.h"
+
+namespace needlelab::test {
+
+struct LoadOptions {
+  std::size_t stations = 10;  ///< [1, 4000]
+  std::size_t viewers = 1;    ///< [0, 100]; each watches its share of the stations at full rate
+  double seconds = 10;        ///< of streaming, [0.1, 7200]
+  double spread_s = 1;        ///< the stations begin evenly within it, [0, 60]
+  std::uint64_t seed = 1;
+  std::size_t gestures = 24;   ///< in the pool, [1, 500]
+  double connect_per_s = 400;  ///< log-ins of stations before the streaming, [1, 10000]
+
+  // a server that runs already; else one is started
+  std::optional<Endpoint> server;
+  std::filesystem::path ca_file;        ///< with `server`
+  std::string user = "load";            ///< with `server`: an administrator
+  std::filesystem::path password_file;  ///< with `server`
+
+  // an own server
+  std::filesystem::path bin;   ///< where needlelab-server is
+  std::filesystem::path data;  ///< its folder, new, kept; empty: a temporary one
+
+  bool faults = false;        ///< random faults (fault_plan.h); needs an own server
+  double fault_every_s = 10;  ///< on average, [0.5, 3600]
+  bool quiet = false;         ///< no progress on standard error
+};
+
+/// kInvalidInput names the option, its value and what is allowed.
+Status checkOptions(const LoadOptions& options);
+
+}  // namespace needlelab::test

@@ -1,0 +1,367 @@
+#include "load/load_run.h"
+
+#include <sys/resource.h>
+#include <sys/vfs.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <ctime>
+#include <optional>
+#include <thread>
+
+#include "base/atomic_file.h"
+#include "base/clock.h"
+#include "base/formatted.h"
+#include "load/fault_plan.h"
+#include "load/own_server.h"
+#include "load/station_crowd.h"
+#include "load/viewer_crowd.h"
+#include "net/password.h"
+#include "support/temp_folder.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+double seconds(std::int64_t ns) {
+  return static_cast<double>(ns) * 1e-9;
+}
+
+double ownCpu_s() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto of = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_usec) * 1e-6;
+  };
+  return of(usage.ru_utime) + of(usage.ru_stime);
+}
+
+void raiseFileLimit() {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  limit.rlim_cur = limit.rlim_max;
+  static_cast<void>(setrlimit(RLIMIT_NOFILE, &limit));
+}
+
+std::string nowText() {
+  char text[40];
+  const std::time_t now = std::time(nullptr);
+  std::tm parts{};
+  ::gmtime_r(&now, &parts);
+  std::strftime(text, sizeof text, "%Y-%m-%d %H:%M UTC", &parts);
+  return text;
+}
+
+std::string diskOf(const std::filesystem::path& folder) {
+  struct statfs about {};
+  if (statfs(folder.c_str(), &about) != 0) return "unknown";
+  switch (static_cast<unsigned long>(about.f_type)) {
+    case 0xEF53:
+      return "ext4";
+    case 0x01021994:
+      return "tmpfs";
+    case 0x58465342:
+      return "xfs";
+    case 0x9123683E:
+      return "btrfs";
+    case 0x794c7630:
+      return "overlay";
+    default:
+      return formatted("type 0x%lx", static_cast<unsigned long>(about.f_type));
+  }
+}
+
+class LoadRun {
+ public:
+  LoadRun(const LoadOptions& options, const std::atomic<bool>& interrupt)
+      : options_(options), interrupt_(interrupt) {
+    result_.options = options;
+    result_.when = nowText();
+  }
+
+  Result<LoadResult> run() {
+    raiseFileLimit();
+    for (const auto step :
+         {&LoadRun::prepare, &LoadRun::connectAll, &LoadRun::stream, &LoadRun::drain, &LoadRun::compare})
+      if (const Status status = (this->*step)(); !status.ok()) return status.error();
+    return std::move(result_);
+  }
+
+ private:
+  void say(const std::string& text) const {
+    if (!options_.quiet) std::fprintf(stderr, "needlelab-load: %s\n", text.c_str());
+  }
+  [[nodiscard]] bool stopAsked() const { return interrupt_.load(std::memory_order_relaxed); }
+
+  Status prepare() {
+    auto pool = makeGesturePool(options_.seed, options_.gestures);
+    if (!pool.ok()) return pool.error();
+    pool_ = std::move(*pool);
+    shared_.pool = &pool_;
+    shared_.seed = options_.seed;
+    shared_.ticks = static_cast<std::uint64_t>(options_.seconds * 1000 + 0.5);
+    shared_.client.program = programText("load");
+    shared_.client.connect_timeout = 30s;
+    shared_.stations = std::vector<StationPlan>(options_.stations);
+    const Status enrolled = options_.server ? enrolThere() : enrolHere();
+    if (!enrolled.ok()) return enrolled;
+    auto tls = makeClientTls(options_.server ? options_.ca_file : server_->caFile());
+    if (!tls.ok()) return tls.error();
+    shared_.client.tls = *tls;
+    for (StationPlan& plan : shared_.stations) plan.session = makeUuidV7();
+    return {};
+  }
+
+  Status enrolHere() {
+    std::filesystem::path folder = options_.data;
+    std::error_code error;
+    if (folder.empty()) {
+      folder = temporary_.emplace().path();
+    } else if (std::filesystem::exists(folder / "data") ||
+               (std::filesystem::create_directories(folder, error), error)) {
+      return Error{ErrorCode::kInvalidInput,
+                   "--data " + folder.string() + ": " +
+                       (error ? error.message() : "holds an earlier run's data; name a new folder")};
+    }
+    result_.database_disk = diskOf(folder);
+    auto enrolled = enrol(folder / "data", options_.stations);
+    if (!enrolled.ok()) return enrolled.error();
+    for (std::size_t i = 0; i < options_.stations; ++i) {
+      shared_.stations[i].name = enrolled->stations[i].first;
+      shared_.stations[i].key = enrolled->stations[i].second;
+    }
+    login_ = personLogin(enrolled->user, enrolled->password);
+    server_.emplace(options_.bin / "needlelab-server", folder);
+    if (Status status = server_->start(); !status.ok()) return status;
+    ++starts_;
+    shared_.client.server.port = server_->port();
+    return {};
+  }
+
+  // names that no earlier run has used: a session's station is found by it
+  Status enrolThere() {
+    auto password = readPassword(options_.password_file, "");
+    if (!password.ok()) return password.error();
+    login_ = personLogin(options_.user, *password);
+    shared_.client.server = *options_.server;
+    shared_.client.ca_file = options_.ca_file;
+    auto client = asAdministrator();
+    if (!client.ok()) return client.error();
+    const auto run = static_cast<unsigned long long>(wallNowNs() / 1'000'000'000);
+    for (std::size_t i = 0; i < options_.stations; ++i) {
+      pb::Request request;
+      request.mutable_add_station()->set_name(formatted("load-%llx-%04zu", run, i + 1));
+      auto reply = client->call(request);
+      if (!reply.ok()) return reply.error();
+      shared_.stations[i].name = reply->station_key().name();
+      shared_.stations[i].key = reply->station_key().key();
+    }
+    return {};
+  }
+
+  Result<BlockingClient> asAdministrator() const {
+    ClientConfig config = shared_.client;
+    config.login = login_;
+    return BlockingClient::connect(config);
+  }
+
+  Status connectAll() {
+    const std::int64_t begin_ns = steadyNowNs();
+    crowd_.emplace(shared_);
+    viewers_.emplace(shared_, login_, options_.viewers);
+    crowd_->connect(options_.connect_per_s);
+    viewers_->connect();
+    const double limit_s = 60 + static_cast<double>(options_.stations) / options_.connect_per_s;
+    for (;;) {
+      const CrowdState state = crowd_->state();
+      const std::size_t watching = viewers_->watching();
+      if (state.opened == options_.stations && watching == options_.viewers) break;
+      if (stopAsked()) return Error{ErrorCode::kFailed, "interrupted before the streaming began"};
+      if (seconds(steadyNowNs() - begin_ns) > limit_s)
+        return Error{ErrorCode::kUnavailable,
+                     formatted("only %zu of %zu stations and %zu of %zu viewers are connected after %.0f s; ",
+                               state.opened, options_.stations, watching, options_.viewers, limit_s) +
+                         state.trouble + " " + viewers_->lastError()};
+      std::this_thread::sleep_for(50ms);
+    }
+    result_.connect_s = seconds(steadyNowNs() - begin_ns);
+    say(formatted("%zu stations and %zu viewers connected in %.1f s", options_.stations, options_.viewers,
+                  result_.connect_s));
+    return {};
+  }
+
+  Status stream() {
+    const std::int64_t begin_ns = steadyNowNs() + 100'000'000;
+    for (std::size_t i = 0; i < shared_.stations.size(); ++i)
+      shared_.stations[i].start_ns =
+          begin_ns + static_cast<std::int64_t>(1e9 * options_.spread_s * static_cast<double>(i) /
+                                               static_cast<double>(shared_.stations.size()));
+    const double server_cpu_s = serverCpu_s(), generator_cpu_s = ownCpu_s();
+    FaultPlan faults(options_);
+    crowd_->stream();
+    std::int64_t next_row_ns = begin_ns;
+    for (bool told = false;;) {
+      const CrowdState state = crowd_->state();
+      const double time_s = seconds(steadyNowNs() - begin_ns);
+      if (state.ended == options_.stations) break;
+      if (stopAsked() && !std::exchange(told, true)) {
+        say("ending before its time");
+        result_.interrupted = true;
+        crowd_->endNow();
+      }
+      if (steadyNowNs() >= next_row_ns) {
+        next_row_ns += 1'000'000'000;
+        sampleServer(time_s);
+        progress(time_s, state);
+        if (server_ && !server_->running())
+          return Error{ErrorCode::kFailed, "the server has ended by itself; its log: " + endOfLog()};
+      }
+      if (options_.faults && time_s < options_.seconds)
+        if (const Status status = fault(faults.at(time_s)); !status.ok()) return status;
+      std::this_thread::sleep_for(20ms);
+    }
+    result_.streamed_s = seconds(steadyNowNs() - begin_ns);
+    result_.server_cpu_s = serverCpu_s() - server_cpu_s;
+    result_.generator_cpu_s = ownCpu_s() - generator_cpu_s;
+    sampleServer(result_.streamed_s);
+    return {};
+  }
+
+  Status fault(const std::optional<PlannedFault>& planned) {
+    if (!planned) return {};
+    switch (planned->kind) {
+      case PlannedFault::Kind::kCut:
+        for (const std::size_t station : planned->who) crowd_->cut(station);
+        result_.cuts += planned->who.size();
+        return {};
+      case PlannedFault::Kind::kSlowViewer:
+        for (const std::size_t viewer : planned->who) viewers_->pause(viewer, planned->time);
+        result_.pauses += planned->who.size();
+        return {};
+      case PlannedFault::Kind::kKillServer:
+        say("kill -9 of the server");
+        server_->kill();
+        ++result_.kills;
+        std::this_thread::sleep_for(planned->time);
+        if (Status status = server_->start(); !status.ok()) return status;
+        ++starts_;
+        return {};
+    }
+    return {};
+  }
+
+  // everything that was made is acknowledged, all sessions are closed
+  Status drain() {
+    const std::int64_t begin_ns = steadyNowNs();
+    std::int64_t moved_ns = begin_ns;
+    std::uint64_t before = 0;
+    CrowdState state;
+    for (;;) {
+      state = crowd_->state();
+      if (state.finished == options_.stations) break;
+      const std::uint64_t now = state.samples_acked + state.finished;
+      if (now != std::exchange(before, now)) moved_ns = steadyNowNs();
+      if (seconds(steadyNowNs() - moved_ns) > 60) {
+        result_.troubles.push_back(formatted("%zu of %zu sessions were not closed: nothing has moved for 60 "
+                                             "s; ",
+                                             options_.stations - state.finished, options_.stations) +
+                                   state.trouble);
+        break;
+      }
+      std::this_thread::sleep_for(20ms);
+    }
+    result_.drain_s = seconds(steadyNowNs() - begin_ns);
+    result_.stations_closed = state.closed;
+    if (state.closed < options_.stations) result_.troubles.push_back(state.trouble);
+    say(formatted("all sent and closed in %.1f s", result_.drain_s));
+    viewers_->stop();
+    crowd_->stop();
+    ticks_ = crowd_->ticks();
+    for (const std::uint64_t ticks : ticks_) result_.samples_made += ticks;
+    result_.stations = crowd_->totals();
+    result_.viewers = viewers_->totals();
+    return {};
+  }
+
+  Status compare() {
+    const std::int64_t begin_ns = steadyNowNs();
+    std::int64_t said_ns = begin_ns;
+    const CheckProgress progress = [&](std::size_t done) {
+      if (steadyNowNs() - said_ns < 2'000'000'000) return;
+      said_ns = steadyNowNs();
+      say(formatted("%zu of %zu sessions compared", done, options_.stations));
+    };
+    if (server_) {
+      if (Status status = server_->stop(); !status.ok()) result_.troubles.push_back(status.error().message);
+      auto check = checkDatabaseFile(server_->data() / "needlelab.db", shared_, ticks_, progress);
+      if (!check.ok()) return check.error();
+      result_.stored = std::move(*check);
+      result_.database_bytes = bytesBelow(server_->data());
+    } else {
+      auto client = asAdministrator();
+      if (!client.ok()) return client.error();
+      auto check = checkThroughServer(*client, shared_, ticks_, progress);
+      if (!check.ok()) return check.error();
+      result_.stored = std::move(*check);
+    }
+    result_.check_s = seconds(steadyNowNs() - begin_ns);
+    say(formatted("%llu stored samples compared in %.1f s",
+                  static_cast<unsigned long long>(result_.stored.samples.stored), result_.check_s));
+    return {};
+  }
+
+  [[nodiscard]] double serverCpu_s() const {
+    if (!server_) return 0;
+    const auto now = server_->sample();
+    return server_->earlierCpu_s() + (now ? now->cpu_s : 0);
+  }
+
+  void sampleServer(double time_s) {
+    if (!server_) return;
+    const auto sample = server_->sample();
+    if (!sample) return;
+    result_.server_rss_KiB = std::max(result_.server_rss_KiB, sample->rss_KiB);
+    result_.server_handles = std::max(result_.server_handles, sample->handles);
+    result_.rows.push_back({time_s, *sample, starts_, bytesBelow(server_->data())});
+  }
+
+  void progress(double time_s, const CrowdState& state) const {
+    if (result_.rows.size() % 5 != 1) return;
+    say(formatted("%4.0f s: %.1f million samples, %.1f million acknowledged", std::max(0.0, time_s),
+                  static_cast<double>(state.samples_made) * 1e-6,
+                  static_cast<double>(state.samples_acked) * 1e-6));
+  }
+
+  std::string endOfLog() const {
+    auto text = readWholeFile(server_->log());
+    if (!text.ok()) return server_->log();
+    return text->size() > 1000 ? text->substr(text->size() - 1000) : *text;
+  }
+
+  const LoadOptions options_;
+  const std::atomic<bool>& interrupt_;
+  LoadResult result_;
+  GesturePool pool_;
+  LoadShared shared_;
+  pb::Login login_;
+  std::optional<TempFolder> temporary_;
+  std::optional<OwnServer> server_;
+  std::uint64_t starts_ = 0;
+  std::optional<StationCrowd> crowd_;
+  std::optional<ViewerCrowd> viewers_;
+  MadeTicks ticks_;
+};
+
+}  // namespace
+
+bool LoadResult::good() const {
+  return stored.clean() && troubles.empty() && stations_closed == options.stations && viewers.corrupt == 0;
+}
+
+Result<LoadResult> runLoad(const LoadOptions& options, const std::atomic<bool>& interrupt) {
+  if (Status status = checkOptions(options); !status.ok()) return status.error();
+  return LoadRun(options, interrupt).run();
+}
+
+}  // namespace needlelab::test

@@ -1,0 +1,54 @@
+/// A whole run: server, stations, viewers, faults, and the comparison at the end.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "load/database_check.h"
+#include "load/load_options.h"
+#include "load/load_station.h"
+#include "load/load_viewer.h"
+#include "soak/process_sample.h"
+
+namespace needlelab::test {
+
+/// The own server at an instant.
+struct ServerRow {
+  double time_s = 0;  ///< since the streaming began
+  ProcessSample server;
+  std::uint64_t starts = 0;  ///< of the server so far: a restart begins anew with memory and handles
+  std::uint64_t data_bytes = 0;
+};
+
+struct LoadResult {
+  LoadOptions options;
+  std::string when, database_disk;  ///< the kind of file system that the own server's database lies on
+  double streamed_s = 0;            ///< from the first sample that was due to the last
+  double connect_s = 0, drain_s = 0, check_s = 0;  ///< before, after, comparison
+  std::uint64_t samples_made = 0;
+  std::uint64_t stations_closed = 0;
+  StationTotals stations;
+  ViewerTotals viewers;
+  DatabaseCheck stored;
+  // over the streaming
+  double server_cpu_s = 0, generator_cpu_s = 0;
+  std::uint64_t server_rss_KiB = 0;  ///< greatest seen
+  std::uint64_t server_handles = 0;  ///< greatest seen
+  std::uint64_t database_bytes = 0;  ///< after the end
+  std::vector<ServerRow> rows;       ///< one a second; none with a foreign server
+  std::uint64_t cuts = 0, kills = 0, pauses = 0;
+  bool interrupted = false;           ///< somebody ended it before its time
+  std::vector<std::string> troubles;  ///< why stations did not get through, or the server ended
+
+  /// Nothing lost, doubled, different or strange, and all sessions closed as complete.
+  [[nodiscard]] bool good() const;
+};
+
+/// `interrupt` may be set by another thread or a signal handler: then everything is ended in order.
+/// Errors: kInvalidInput (options), kFailed or kUnavailable when it could not be run at all.
+Result<LoadResult> runLoad(const LoadOptions& options, const std::atomic<bool>& interrupt);
+
+}  // namespace needlelab::test

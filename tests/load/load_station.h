@@ -1,0 +1,101 @@
+/// One station of the load: generates, encodes, sends, keeps until acknowledged, comes back after a loss.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <string>
+
+#include "gesture/session_hash.h"
+#include "load/load_shared.h"
+#include "load/station_stream.h"
+#include "net/backoff.h"
+#include "net/uplink_clock.h"
+#include "station/latency_histogram.h"
+
+namespace needlelab::test {
+
+/// What the stations of one thread saw. Thread: one writes.
+struct StationTotals {
+  LatencyHistogram late;  ///< the generator's own: a frame was made so long after it was due
+  LatencyHistogram ack;   ///< from when a chunk's last sample was due to its acknowledgement
+  std::uint64_t samples_sent = 0, samples_acked = 0;  ///< each counted once
+  std::uint64_t chunks_resent = 0;
+  std::uint64_t chunk_bytes = 0;  ///< of the chunks made
+  std::uint64_t live_frames = 0, status_lines = 0;
+  std::uint64_t connections = 0;
+  std::uint64_t unsent_peak = 0;  ///< most chunks that waited for an acknowledgement at one station
+};
+
+/// As the station's uplink (client/net) with everything in memory: there is no spool on disk. Thread: its
+/// io_context's. Life: run() connects; step() is called at each frame's time; end() after the last.
+class LoadStation : public std::enable_shared_from_this<LoadStation> {
+ public:
+  LoadStation(LoadShared& shared, std::size_t index, StationTotals& totals, asio::io_context& io);
+
+  /// Connects, and connects again, until the session is closed or stop() is called.
+  static Task<> run(std::shared_ptr<LoadStation> self);
+
+  /// Makes and sends the frame that is due. False: it was the last one.
+  bool step(std::int64_t now_ns);
+  /// When the next frame is due: with its last sample. Steady clock.
+  [[nodiscard]] std::int64_t nextDue_ns() const;
+  /// No sample after those that were made; the rest is sent, then the session is closed.
+  void end();
+  /// Gives up.
+  void stop();
+  /// A fault of the network, seen from here.
+  void cut();
+
+  [[nodiscard]] bool opened() const { return state_ == State::kOpen || state_ == State::kClosing; }
+  [[nodiscard]] bool closed() const { return state_ == State::kClosed; }
+  [[nodiscard]] bool finished() const { return closed() || !trouble_.empty(); }
+  [[nodiscard]] std::uint64_t ticks() const { return next_tick_; }  ///< made so far
+  /// What ended it before its time, for a person.
+  [[nodiscard]] const std::string& trouble() const { return trouble_; }
+  /// Why the last connection could not be made or was lost.
+  [[nodiscard]] const std::string& lastError() const { return last_error_; }
+
+ private:
+  enum class State { kNew, kOpening, kOpen, kClosing, kClosed };
+  struct Chunk {
+    std::string bytes;
+    std::uint64_t samples = 0;
+    std::int64_t due_ns = 0;  // its last sample
+    bool sent = false;
+  };
+
+  Task<> serve();
+  void handle(const pb::Envelope& envelope);
+  void onRefusal(const pb::Refusal& refusal);
+  void committed(std::uint64_t seqs);
+  void pump();
+  void makeChunk();
+  void sendLive(std::uint64_t first, std::uint64_t count);
+  void sendStatus();
+  [[nodiscard]] pb::Envelope openMessage() const;
+  [[nodiscard]] pb::Envelope closeMessage() const;
+  [[nodiscard]] bool connected() const { return channel_ && !channel_->closing(); }
+
+  LoadShared& shared_;
+  StationPlan& plan_;
+  StationTotals& totals_;
+  StationStream stream_;
+  Backoff backoff_;
+  asio::steady_timer retry_;
+  std::shared_ptr<Channel> channel_;
+  std::string session_id_;
+  State state_ = State::kNew;
+  bool watched_ = false, ended_ = false, stopping_ = false;
+  std::uint64_t next_tick_ = 0, chunk_tick_ = 0;  // the first tick that is in no frame, in no chunk
+  std::uint64_t frame_seq_ = 0, frames_ = 0;
+  std::deque<Chunk> chunks_;  // not acknowledged
+  std::uint64_t committed_ = 0, sent_ = 0;
+  std::uint64_t samples_closed_ = 0;
+  SessionHash hash_;
+  ClockProbe clock_;
+  std::int64_t started_unix_ns_ = 0;
+  std::string trouble_, last_error_;
+};
+
+}  // namespace needlelab::test

@@ -1,0 +1,68 @@
+/// One instructor of the load: watches its share of the stations at full rate and measures.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "load/load_shared.h"
+#include "load/station_stream.h"
+#include "net/backoff.h"
+#include "station/latency_histogram.h"
+
+namespace needlelab::test {
+
+/// What the viewers saw. Thread: one writes.
+struct ViewerTotals {
+  LatencyHistogram live;  ///< from when a frame's oldest sample was due to its arrival here, decoded
+  std::uint64_t frames = 0, samples = 0, bytes = 0;
+  std::uint64_t gaps = 0;     ///< frames of a station's connection that never came, by their numbers
+  std::uint64_t told = 0;     ///< … of them as the server counted them for us
+  std::uint64_t corrupt = 0;  ///< frames that are no chunk, or not of the station that they name
+  std::uint64_t connections = 0;
+};
+
+/// Thread: its io_context's.
+class LoadViewer : public std::enable_shared_from_this<LoadViewer> {
+ public:
+  /// Watches the stations index, index + of, index + 2·of, …
+  LoadViewer(LoadShared& shared, pb::Login login, std::size_t index, std::size_t of, ViewerTotals& totals,
+             asio::io_context& io);
+
+  /// Connects, and connects again, until stop().
+  static Task<> run(std::shared_ptr<LoadViewer> self);
+  void stop();
+  /// Reads nothing for so long.
+  void pause(std::chrono::milliseconds time) { pause_ = time; }
+
+  /// All subscriptions were answered.
+  [[nodiscard]] bool watching() const { return subscribed_ == watched_; }
+  [[nodiscard]] const std::string& lastError() const { return last_error_; }
+
+ private:
+  struct Watched {
+    std::size_t station = 0;
+    std::uint64_t next_frame = 0;
+    bool seen = false;
+  };
+  Task<> serve();
+  void onFrame(const pb::LiveFrame& frame);
+
+  LoadShared& shared_;
+  pb::Login login_;
+  std::size_t index_, of_, watched_ = 0, subscribed_ = 0;
+  ViewerTotals& totals_;
+  Backoff backoff_;
+  asio::steady_timer timer_;
+  std::shared_ptr<Channel> channel_;
+  std::unordered_map<std::string, Watched> by_name_;
+  std::vector<std::unique_ptr<StationStream>> streams_;  // for the stations' clocks
+  std::chrono::milliseconds pause_{0};
+  std::uint64_t told_ = 0;  // on this connection
+  bool stopping_ = false;
+  std::string last_error_;
+};
+
+}  // namespace needlelab::test

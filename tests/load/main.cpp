@@ -1,0 +1,106 @@
+/// needlelab-load: a skills lab in one process against a real server (DESIGN §9).
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+#include <iostream>
+
+#include "base/atomic_file.h"
+#include "base/exit_code.h"
+#include "base/output_check.h"
+#include "load/load_report.h"
+#include "sim/json_output.h"
+
+namespace {
+
+using namespace needlelab;
+using namespace needlelab::test;
+
+std::atomic<bool> interrupted{false};
+
+void onSignal(int number) {
+  interrupted.store(true, std::memory_order_relaxed);
+  std::signal(number, SIG_DFL);  // a second one ends it at once
+}
+
+int fail(const Error& error) {
+  std::fprintf(stderr, "needlelab-load: %s\n", error.message.c_str());
+  return exitCodeOf(error);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  LoadOptions options;
+  options.bin = std::filesystem::read_symlink("/proc/self/exe").parent_path();
+  std::string server;
+  JsonOption json;
+  CLI::App app{
+      "A skills lab in one process: stations and instructors over TLS against a real server; at the end "
+      "every "
+      "stored sample is compared with what was generated. Exit code 0 only if nothing is lost, doubled or "
+      "different.",
+      "needlelab-load"};
+  app.set_version_flag("--version", "needlelab-load " NEEDLELAB_VERSION);
+  app.add_option("--stations", options.stations, "how many, each at 1 kHz")->capture_default_str();
+  app.add_option("--viewers", options.viewers, "who split the stations between them, at full rate")
+      ->capture_default_str();
+  app.add_option("--seconds", options.seconds, "of streaming")->capture_default_str();
+  app.add_option("--seed", options.seed, "of gestures and faults")->capture_default_str();
+  app.add_option("--spread", options.spread_s, "seconds within which the stations begin")
+      ->capture_default_str();
+  app.add_option("--gestures", options.gestures, "in the pool from which the stations are fed")
+      ->capture_default_str();
+  app.add_option("--connect-rate", options.connect_per_s,
+                 "log-ins of stations a second, before the streaming")
+      ->capture_default_str();
+  app.add_option("--server", server, "HOST:PORT of a server that runs; else one is started");
+  app.add_option("--ca", options.ca_file, "with --server: its tls/ca.crt");
+  app.add_option("--user", options.user, "with --server: an administrator")->capture_default_str();
+  app.add_option("--password-file", options.password_file, "with --server: his password, first line");
+  app.add_option("--bin", options.bin, "where needlelab-server is")->capture_default_str();
+  app.add_option("--data", options.data,
+                 "a new folder for the own server's data, kept; else a temporary one");
+  app.add_flag("--faults", options.faults,
+               "random lost connections, kill -9 and restart of the own server, slow viewers");
+  app.add_option("--fault-every", options.fault_every_s, "seconds between faults, on average")
+      ->capture_default_str();
+  app.add_flag("--quiet", options.quiet, "no progress on standard error");
+  addJsonOption(app, json);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kExitDone : kExitInvalid;
+  }
+  if (!server.empty()) {
+    auto endpoint = parseEndpoint(server);
+    if (!endpoint.ok()) return fail(endpoint.error());
+    options.server = *endpoint;
+  }
+  if (const Status ok = checkOutputs({{"--ca", options.ca_file}, {"--password-file", options.password_file}},
+                                     {{"--json", json.file}});
+      !ok.ok())
+    return fail(ok.error());
+
+  std::signal(SIGINT, onSignal);
+  std::signal(SIGTERM, onSignal);
+  const auto result = runLoad(options, interrupted);
+  if (!result.ok()) return fail(result.error());
+  const std::string text = loadText(*result);
+  if (json.wanted) {
+    const std::string rows = loadJson(*result).dump(1) + "\n";
+    if (json.file.empty()) {
+      std::cout << rows;
+      std::cerr << text;
+    } else {
+      if (const Status written = writeFileAtomically(json.file, viewOf(rows)); !written.ok())
+        return fail(written.error());
+      std::cout << text;
+    }
+  } else {
+    std::cout << text;
+  }
+  return result->good() ? kExitDone : kExitFailed;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "needlelab-load: %s\n", error.what());
+  return needlelab::kExitFailed;
+}

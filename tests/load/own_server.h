@@ -1,0 +1,57 @@
+/// A needlelab-server of the run's own, as a child process on a folder of its own.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/result.h"
+#include "integration/process.h"
+#include "soak/process_sample.h"
+
+namespace needlelab::test {
+
+/// Name and key of a station; name and password of a person.
+struct Enrolled {
+  std::vector<std::pair<std::string, std::string>> stations;
+  std::string user, password;
+};
+
+/// Makes the folder's database and puts stations and one administrator into it; no server may run on it.
+/// Names are load-0001 …. Errors: those of the store.
+Result<Enrolled> enrol(const std::filesystem::path& data, std::size_t stations);
+
+/// Thread: one at a time.
+class OwnServer {
+ public:
+  /// `server`: the program. `folder` holds data/ and the server's log.
+  OwnServer(std::filesystem::path server, std::filesystem::path folder);
+
+  /// On a free port at first, afterwards on the same one. Errors: kFailed with its last words.
+  Status start();
+  /// kill -9.
+  void kill();
+  /// SIGTERM; kFailed when it does not end with 0.
+  Status stop();
+  [[nodiscard]] std::uint16_t port() const { return port_; }
+  [[nodiscard]] pid_t pid() const { return process_ ? process_->pid() : 0; }
+  [[nodiscard]] bool running();
+  [[nodiscard]] std::filesystem::path data() const { return folder_ / "data"; }
+  [[nodiscard]] std::filesystem::path caFile() const { return data() / "tls" / "ca.crt"; }
+  [[nodiscard]] std::filesystem::path log() const { return folder_ / "server.log"; }
+  /// CPU time of the servers that were killed or stopped, as far as it was seen; `sample` of the one that
+  /// runs.
+  [[nodiscard]] std::optional<ProcessSample> sample() const;
+  [[nodiscard]] double earlierCpu_s() const { return earlier_cpu_s_; }
+
+ private:
+  Error failed(const std::string& what) const;
+  std::filesystem::path server_, folder_;
+  std::unique_ptr<Process> process_;
+  std::uint16_t port_ = 0;
+  double earlier_cpu_s_ = 0;
+};
+
+}  // namespace needlelab::test

@@ -1,0 +1,52 @@
+/// All stations of a run on one network thread, and the schedule by which they are due.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "load/load_station.h"
+#include "load/net_thread.h"
+
+namespace needlelab::test {
+
+/// What is known of the crowd at an instant.
+struct CrowdState {
+  std::size_t opened = 0, ended = 0, closed = 0, finished = 0;
+  std::uint64_t samples_made = 0, samples_sent = 0, samples_acked = 0;
+  std::string trouble;  ///< of one that has any
+};
+
+/// Thread: the owner's; its own for the network.
+class StationCrowd {
+ public:
+  explicit StationCrowd(LoadShared& shared);
+  ~StationCrowd();
+
+  /// Begins to connect them, so many a second.
+  void connect(double per_s);
+  /// Every station's plan has its start_ns: streams until all have made all their ticks.
+  void stream();
+  /// Each ends with what it has made.
+  void endNow();
+  void cut(std::size_t station);
+  [[nodiscard]] CrowdState state();
+  /// After the end: how many samples each has made.
+  [[nodiscard]] std::vector<std::uint64_t> ticks();
+  /// After the end. The histograms may be read while it runs.
+  [[nodiscard]] const StationTotals& totals() const { return totals_; }
+  /// Closes all connections and ends the thread.
+  void stop();
+
+ private:
+  Task<> connectAll(double per_s);
+  Task<> schedule();
+  LoadShared& shared_;
+  StationTotals totals_;
+  bool end_now_ = false, stopping_ = false;
+  std::vector<std::shared_ptr<LoadStation>> stations_;
+  std::vector<bool> ended_;
+  NetThread net_;  // destroyed first: nothing runs any more when the others go
+};
+
+}  // namespace needlelab::test
