@@ -1,0 +1,50 @@
+/// What the tests of power cuts have in common: seeds, counts, and the run of themselves with a planted bug.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "disk_log.h"
+#include "support/temp_folder.h"
+
+namespace needlelab::test {
+
+/// NEEDLELAB_SEED, or `usual`; printed, so that every run can be repeated.
+std::uint64_t seedOr(std::uint64_t usual);
+/// NEEDLELAB_LONG=1.
+bool longForm();
+
+/// This is the run of `runPlanted`: a few cuts will do.
+bool plantedRun();
+
+/// What a campaign of cuts found.
+struct CutCounts {
+  std::uint64_t runs = 0, cuts = 0, outcomes = 0;
+  std::uint64_t in_commit = 0, in_checkpoint = 0;  ///< cuts
+  std::uint64_t bad = 0;                           ///< outcomes in which something was lost or wrong
+  std::uint64_t double_cuts = 0;                   ///< … whose mending was cut as well
+  std::string first;                               ///< of the bad ones, in words
+};
+/// "name: 60 cuts (…), 300 outcomes, bad 0", on standard output and as a property of the test.
+void report(const std::string& name, const CutCounts& counts);
+
+/// Judges what is left in `folder` of a cut before event `instant`; words when something is wrong.
+using CutJudge =
+    std::function<std::string(const std::filesystem::path& folder, std::size_t instant, Random& random)>;
+
+/// Cuts a log at `cuts` random instants from `first` on, each with every outcome, and has each judged.
+/// `seed` names the run in words.
+void cutLog(const DiskLog& log, std::size_t first, int cuts, std::uint64_t seed, const CutJudge& judge,
+            CutCounts& counts);
+
+/// Runs this program again, with a planted bug, only the tests of `filter`; gives whether they failed, and
+/// their words.
+struct PlantedRun {
+  bool failed = false;
+  std::string said;
+};
+PlantedRun runPlanted(const std::string& bug, const std::string& filter);
+
+}  // namespace needlelab::test

@@ -1,0 +1,126 @@
+/// What programs did to a disk, call by call, and which states a power cut may leave of it.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "support/random.h"
+
+namespace needlelab::test {
+
+/// One call, or a mark that a test set between calls. Files and folders are numbered anew here: a number is
+/// never used twice, as an inode's is.
+struct DiskEvent {
+  enum class Kind {
+    kFile,        ///< a file was there at the start, synced: `data` is what it held
+    kFolder,      ///< a folder was there at the start: entry `name` of `folder`
+    kCreate,      ///< new file `node`, entry `name` of `folder`
+    kMkdir,       ///< new folder `node`
+    kWrite,       ///< of `data` at `offset` of `node`
+    kTruncate,    ///< `node` to `offset` bytes
+    kSync,        ///< fsync or fdatasync of the file or folder `node` succeeded
+    kSyncFailed,  ///< … failed: what was unsynced may be on the disk or not, and no later sync brings it
+                  ///< there
+    kRename,      ///< entry `name` of `folder` to `to_name` of `to_folder`
+    kLink,        ///< `node` has the entry `to_name` of `to_folder`, too
+    kRemove,      ///< entry `name` of `folder`
+    kMark,        ///< the test's: `name`, `offset`
+  };
+  Kind kind = Kind::kMark;
+  std::uint32_t node = 0, folder = 0, to_folder = 0;
+  std::uint64_t offset = 0;
+  std::string name = {}, to_name = {}, data = {};
+};
+
+/// The root folder's number.
+inline constexpr std::uint32_t kRootNode = 1;
+
+/// Appended to while a program runs; read afterwards. Thread: `add` and `mark` by any.
+class DiskLog {
+ public:
+  void add(DiskEvent event);
+  /// What the program has just told somebody, e.g. an acknowledgement: it stands between the calls.
+  void mark(std::string name, std::uint64_t number = 0);
+  [[nodiscard]] const std::vector<DiskEvent>& events() const { return events_; }
+  /// Events before this one made the disk as it was at the start.
+  [[nodiscard]] std::size_t begin() const;
+  /// For a run that cannot be repeated by its seed because threads raced: written to a file, read back.
+  void save(const std::filesystem::path& path) const;
+  static DiskLog load(const std::filesystem::path& path);
+
+  DiskLog() = default;
+  DiskLog(DiskLog&& other) noexcept : events_(std::move(other.events_)) {}
+  DiskLog& operator=(DiskLog&& other) noexcept {
+    events_ = std::move(other.events_);
+    return *this;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<DiskEvent> events_;
+};
+
+/// How much of what was not synced outlives a power cut.
+enum class Outcome {
+  kNothing,     ///< only what was synced
+  kEverything,  ///< as after kill −9
+  kInOrder,     ///< what came before some instant, the last write torn
+  kPerFile,     ///< of some files everything, of others nothing: reordered between files
+  kSectors,     ///< any subset of sectors, sizes and folder entries: reordered and torn
+};
+inline constexpr int kOutcomes = 5;
+const char* nameOf(Outcome outcome);
+
+/// Plays a log up to an instant and makes what the disk may hold after a power cut there. Rules: a synced
+/// file has its bytes and its size, yet its name only when its folder was synced after; a rename happens
+/// whole or not at all; of unsynced bytes any sector (512 or 4096, aligned) may be there or not; where only a
+/// file's size got to the disk, it holds zeros or garbage; a failed sync makes nothing sure, then or later.
+class DiskReplay {
+ public:
+  explicit DiskReplay(const DiskLog& log) : log_(log) {}
+
+  /// Plays the events before number `instant`. Instants only grow.
+  void advanceTo(std::size_t instant);
+
+  /// Bytes written to files whose name ends so, and not synced at this instant?
+  [[nodiscard]] bool hasUnsynced(std::string_view name_end) const;
+
+  /// One of the states, as real files below `folder` (an empty one). All choices come from `random`.
+  void cut(Outcome outcome, Random& random, const std::filesystem::path& folder) const;
+
+ private:
+  struct Change {
+    std::size_t event = 0;
+    bool doomed = false;  ///< a sync of it failed
+    bool sure = false;    ///< synced, yet above something doomed
+  };
+  struct File {
+    std::string synced;
+    std::vector<Change> since;
+    std::string name;  ///< the last it had, for hasUnsynced
+  };
+  struct Folder {
+    std::map<std::string, std::uint32_t> synced;
+    std::vector<std::size_t> since;  ///< events
+  };
+  struct Choice;
+  void play(std::size_t number);
+  void syncFile(File& file);
+  void syncFolder(std::uint32_t node);
+  void apply(const DiskEvent& event, std::uint32_t folder,
+             std::map<std::string, std::uint32_t>& entries) const;
+  [[nodiscard]] std::string contentAfter(const File& file, const Choice& choice, Random& random) const;
+  void write(std::uint32_t node, const Choice& choice, Random& random,
+             const std::filesystem::path& folder) const;
+
+  const DiskLog& log_;
+  std::size_t at_ = 0;
+  std::map<std::uint32_t, File> files_;
+  std::map<std::uint32_t, Folder> folders_{{kRootNode, {}}};
+};
+
+}  // namespace needlelab::test
