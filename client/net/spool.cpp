@@ -130,6 +130,15 @@ std::vector<std::shared_ptr<SpoolSession>> Spool::unfinished() const {
   return open;
 }
 
+std::vector<std::shared_ptr<SpoolSession>> Spool::closedButNotSafe() const {
+  std::vector<std::shared_ptr<SpoolSession>> closed;
+  for (const auto& session : sessions_) {
+    const SpoolReceipt receipt = session->receipt();
+    if (receipt.closed && receipt.safe < session->contents().chunks) closed.push_back(session);
+  }
+  return closed;
+}
+
 std::vector<std::string> Spool::cleanUp(const SpoolKeep& keep, std::int64_t now_unix_ns) {
   std::vector<std::string> said;
   std::uint64_t total = bytesIn(folder_);

@@ -88,6 +88,9 @@ class SpoolSession {
 
   // --- what the server has ---
   [[nodiscard]] SpoolReceipt receipt() const;
+  /// A closed session that the server has lost is to be sent again: reads its chunks, where that was not done
+  /// when the spool was opened. Not while somebody writes it. Errors: kUnavailable, kCorrupt.
+  Status loadAgain();
   /// Writes the receipt to disk when it differs from what stands there. Losing one costs nothing but a
   /// question to the server.
   Status setReceipt(const SpoolReceipt& receipt);
@@ -160,6 +163,9 @@ class Spool {
   Result<std::shared_ptr<SpoolSession>> create(const pb::SessionDescription& description);
   /// All sessions that the server has not closed, oldest first (UUIDv7 sort by time).
   [[nodiscard]] std::vector<std::shared_ptr<SpoolSession>> unfinished() const;
+  /// Those that the server has closed and no verified backup covers, oldest first. A server that was restored
+  /// from an older backup lacks them: the uplink asks.
+  [[nodiscard]] std::vector<std::shared_ptr<SpoolSession>> closedButNotSafe() const;
   /// Removes closed sessions that are Safe, older than `keep.age_s`, or over the quota. What the server has
   /// not closed is never touched. Says what it removed.
   std::vector<std::string> cleanUp(const SpoolKeep& keep, std::int64_t now_unix_ns);

@@ -180,6 +180,7 @@ Status SpoolSession::loadChunks() {
     if (record.seq != entries_.size()) return false;
     auto info = inspectChunk(record.data);
     if (!info.ok()) return false;
+    const std::scoped_lock lock(mutex_);
     addEntry(record.offset, info->count, record.data.size());
     hash_.update(record.data);
     return true;
@@ -190,6 +191,7 @@ Status SpoolSession::loadChunks() {
     // the session ended well, yet the disk has lost some of it: what can still be read becomes an interrupted
     // session, and the damaged file is kept for whoever wants to try harder
     if (auto kept = keepDamaged(); !kept.ok()) return kept;
+    const std::scoped_lock lock(mutex_);
     ended_ = false;
   }
   if (!ended_) {
@@ -206,9 +208,18 @@ Status SpoolSession::loadChunks() {
     if (auto status = end(true); !status.ok()) return status;
     return restartTail();
   }
+  const std::scoped_lock lock(mutex_);
   synced_ = entries_.size();
   end_hash_ = hash_.digest();
   return {};
+}
+
+Status SpoolSession::loadAgain() {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (!entries_.empty() || ended_contents_.chunks == 0) return {};
+  }
+  return loadChunks();
 }
 
 // the tail's pieces that stand in no chunk yet become the last chunk

@@ -36,6 +36,8 @@ struct UplinkEvents {
   std::function<void(const std::string&)> say;  ///< for a person: connected, lost, refused, …
   std::function<void(const pb::TraineeMessage&)> trainee_message;  ///< an instructor speaks
   std::function<void(const pb::NextExercise&)> next_exercise;      ///< an instructor chose
+  std::function<void(const pb::Ack&)> acknowledged;      ///< as it came; for tests that keep a ledger
+  std::function<void(const pb::SessionClosed&)> closed;  ///< … so, too
 };
 
 /// How it stands.
@@ -104,6 +106,9 @@ class Uplink {
   void sendClockOffset();
   void takeAdded();
   void publish();
+  /// Whether the server, when it welcomed us, had this session as open.
+  [[nodiscard]] bool openThere(const UplinkSession& session) const;
+  void sayItIsSentAgain(const UplinkSession& session) const;
   UplinkSession* find(const std::string& session_id);
   void say(const std::string& text) const;
 
@@ -113,6 +118,7 @@ class Uplink {
   asio::io_context io_{1};
   asio::steady_timer retry_timer_{io_};
   std::shared_ptr<Channel> channel_;                      // while connected
+  pb::Welcome welcome_;                                   // of the last connection
   std::vector<std::unique_ptr<UplinkSession>> sessions_;  // in the order in which they are served
   UplinkSession* current_ = nullptr;
   ClockProbe clock_;

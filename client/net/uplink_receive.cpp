@@ -15,17 +15,21 @@ UplinkSession* Uplink::find(const std::string& session_id) {
 void Uplink::handle(const pb::Envelope& envelope) {
   switch (envelope.body_case()) {
     case pb::Envelope::kAck:
+      if (events_.acknowledged) events_.acknowledged(envelope.ack());
       if (auto* session = find(envelope.ack().session_id())) session->onAck(envelope.ack());
       break;
     case pb::Envelope::kSessionOpened:
       if (auto* session = find(envelope.session_opened().session_id())) {
+        const bool was_closed = session->closed();
         session->onOpened(envelope.session_opened().next_seq());
+        if (was_closed && !session->closed()) sayItIsSentAgain(*session);
         if (session->refused()) say("session " + session->spool()->idText() + ": " + session->trouble());
         if (session == current_) clock_sent_ns_ = 0;
         sendClockOffset();
       }
       break;
     case pb::Envelope::kSessionClosed:
+      if (events_.closed) events_.closed(envelope.session_closed());
       if (auto* session = find(envelope.session_closed().session_id())) {
         session->onClosed(envelope.session_closed());
         if (session != current_)

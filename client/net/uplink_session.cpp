@@ -38,12 +38,11 @@ std::optional<pb::Envelope> UplinkSession::next(bool may_send_chunk) {
   if (state_ == State::kNew) {
     if (steadyNowNs() < not_before_ns_) return std::nullopt;
     state_ = State::kOpening;
-    pb::Envelope envelope;
-    pb::SessionDescription& description = *envelope.mutable_open_session()->mutable_description();
-    description = spool_->description();
-    // recorded before this station had a key: it is ours, because it is in our spool
-    if (description.station().empty()) description.set_station(station_);
-    return envelope;
+    return openMessage();
+  }
+  if (state_ == State::kClosed && !asked_ && safe_ < spool_->contents().chunks) {
+    asked_ = asking_ = true;
+    return openMessage();
   }
   if (state_ != State::kOpen) return std::nullopt;
   const SpoolContents contents = spool_->contents();
@@ -51,6 +50,15 @@ std::optional<pb::Envelope> UplinkSession::next(bool may_send_chunk) {
   if (!contents.ended || committed_ < contents.chunks) return std::nullopt;
   state_ = State::kClosing;
   return closeMessage(contents);
+}
+
+pb::Envelope UplinkSession::openMessage() const {
+  pb::Envelope envelope;
+  pb::SessionDescription& description = *envelope.mutable_open_session()->mutable_description();
+  description = spool_->description();
+  // recorded before this station had a key: it is ours, because it is in our spool
+  if (description.station().empty()) description.set_station(station_);
+  return envelope;
 }
 
 std::optional<pb::Envelope> UplinkSession::nextChunk() {
@@ -83,7 +91,14 @@ pb::Envelope UplinkSession::closeMessage(const SpoolContents& contents) const {
   return envelope;
 }
 
+void UplinkSession::onConnected(bool open_there) {
+  asked_ = asking_ = false;
+  // all its chunks are in the restored backup, but not its end
+  if (closed() && open_there) sendAgain(committed_);
+}
+
 void UplinkSession::onOpened(std::uint64_t next_seq) {
+  if (std::exchange(asking_, false) && closed() && next_seq < spool_->contents().chunks) sendAgain(next_seq);
   if (state_ != State::kOpening) return;
   const SpoolContents contents = spool_->contents();
   if (next_seq > contents.chunks) {
@@ -94,6 +109,19 @@ void UplinkSession::onOpened(std::uint64_t next_seq) {
   // the database's word counts: after a restored backup it may have less than it once acknowledged
   committed_ = sent_ = next_seq;
   state_ = State::kOpen;
+}
+
+// the server has lost what it had closed: a backup was restored that is older
+void UplinkSession::sendAgain(std::uint64_t next_seq) {
+  committed_ = sent_ = next_seq;
+  safe_ = std::min(safe_, next_seq);
+  verdict_.Clear();
+  state_ = State::kNew;
+  // the receipt first: from now on the spool must not let it go
+  saveReceipt(steadyNowNs(), true);
+  if (auto loaded = spool_->loadAgain(); !loaded.ok()) {
+    refuse("the server has lost it, and it cannot be read from the spool: " + loaded.error().message);
+  }
 }
 
 void UplinkSession::onAck(const pb::Ack& ack) {
@@ -113,11 +141,13 @@ void UplinkSession::onAck(const pb::Ack& ack) {
 void UplinkSession::onClosed(const pb::SessionClosed& closed) {
   verdict_ = closed;
   state_ = State::kClosed;
+  asked_ = true;  // this connection has just told us
   committed_ = sent_ = spool_->contents().chunks;
   saveReceipt(steadyNowNs(), true);
 }
 
 void UplinkSession::onRefusal(const pb::Refusal& refusal) {
+  asking_ = false;  // asked again on the next connection
   if (finished()) return;
   switch (refusal.reason()) {
     case pb::Refusal::GAP:
@@ -165,10 +195,8 @@ void UplinkSession::saveReceipt(std::int64_t now_steady_ns, bool now) {
   SpoolReceipt receipt = spool_->receipt();
   receipt.committed = committed_;
   receipt.safe = safe_;
-  if (closed() && !receipt.closed) {
-    receipt.closed = true;
-    receipt.closed_unix_ns = wallNowNs();
-  }
+  if (closed() && !receipt.closed) receipt.closed_unix_ns = wallNowNs();
+  receipt.closed = closed();
   // a receipt that could not be written costs a question to the server at the next start
   static_cast<void>(spool_->setReceipt(receipt));
 }

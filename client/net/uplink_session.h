@@ -13,6 +13,8 @@
 namespace needlelab {
 
 /// States of a connection: not opened → opening → open → closing → closed; or refused, for good in this run.
+/// A closed session that no verified backup covers is asked for once a connection: a server that was restored
+/// from an older backup has lost it, and gets it again.
 /// No network in here: the uplink asks for messages and tells of answers. Thread: one.
 class UplinkSession {
  public:
@@ -23,6 +25,8 @@ class UplinkSession {
   /// room.
   std::optional<pb::Envelope> next(bool may_send_chunk);
 
+  /// A new connection; `open_there`: the server's database has it as open.
+  void onConnected(bool open_there);
   void onOpened(std::uint64_t next_seq);
   void onAck(const pb::Ack& ack);
   void onClosed(const pb::SessionClosed& closed);
@@ -38,6 +42,8 @@ class UplinkSession {
   [[nodiscard]] bool opened() const { return state_ == State::kOpen || state_ == State::kClosing; }
   [[nodiscard]] bool closed() const { return state_ == State::kClosed; }
   [[nodiscard]] bool refused() const { return state_ == State::kRefused; }
+  /// Closed, and the server was asked whether it still has it.
+  [[nodiscard]] bool asking() const { return closed() && asking_; }
   /// Nothing more can be done for it in this run.
   [[nodiscard]] bool finished() const { return closed() || refused(); }
   /// Why the server refused it, for a person.
@@ -49,6 +55,8 @@ class UplinkSession {
   enum class State { kNew, kOpening, kOpen, kClosing, kClosed, kRefused };
   void refuse(std::string why);
   std::optional<pb::Envelope> nextChunk();
+  [[nodiscard]] pb::Envelope openMessage() const;
+  void sendAgain(std::uint64_t next_seq);
   [[nodiscard]] pb::Envelope closeMessage(const SpoolContents& contents) const;
 
   std::shared_ptr<SpoolSession> spool_;
@@ -57,6 +65,8 @@ class UplinkSession {
   std::uint64_t sent_ = 0;       // chunks 0 … sent−1 were sent on this connection, or are committed
   std::uint64_t committed_ = 0;  // by the server's word
   std::uint64_t safe_ = 0;
+  bool asked_ = false;          // on this connection, whether the server still has what it closed
+  bool asking_ = false;         // … and it has not answered yet
   bool reconnected_ = false;    // the connection was lost before
   std::uint32_t reopened_ = 0;  // on the server's demand, since the last ack that brought something
   std::int64_t saved_ns_ = 0, not_before_ns_ = 0;

@@ -88,6 +88,12 @@ Task<> Uplink::serve(ClientConnection connection) {
   clock_ = ClockProbe{};
   clock_sent_ns_ = 0;
   probes_ = frame_seq_ = 0;
+  welcome_ = std::move(connection.welcome);
+  for (const auto& session : sessions_) {
+    const bool was_closed = session->closed();
+    session->onConnected(openThere(*session));
+    if (was_closed && !session->closed()) sayItIsSentAgain(*session);
+  }
   asio::co_spawn(io_, keepTime(), rethrow);
   pump();
   for (;;) {
@@ -99,6 +105,18 @@ Task<> Uplink::serve(ClientConnection connection) {
     handle(*envelope);
     pump();
   }
+}
+
+bool Uplink::openThere(const UplinkSession& session) const {
+  const auto& open = welcome_.open_sessions();
+  return std::any_of(open.begin(), open.end(), [&](const auto& each) {
+    return each.session_id() == session.spool()->description().session_id();
+  });
+}
+
+void Uplink::sayItIsSentAgain(const UplinkSession& session) const {
+  say("session " + session.spool()->idText() +
+      ": the server has not all of it any more, an older backup was restored there; it is sent again");
 }
 
 // status lines, probes and receipts, as long as this connection lasts
@@ -123,6 +141,7 @@ void Uplink::takeAdded() {
   for (auto& [spool, current] : added) {
     auto session =
         std::make_unique<UplinkSession>(std::move(spool), config_.client.login.station().station());
+    if (channel_) session->onConnected(openThere(*session));
     if (current) {
       current_ = session.get();
       sessions_.insert(sessions_.begin(), std::move(session));
@@ -150,7 +169,7 @@ void Uplink::pump() {
     for (const auto& session : sessions_)
       if (!session->finished()) in_flight += session->inFlight();
     for (const auto& session : sessions_) {
-      if (session->finished()) continue;
+      if (session->refused()) continue;
       for (;;) {
         const bool room =
             in_flight < config_.window_chunks && channel_->controlQueueBytes() < kMostQueuedBytes;
@@ -161,7 +180,7 @@ void Uplink::pump() {
       }
       if (session->refused()) say("session " + session->spool()->idText() + ": " + session->trouble());
       // the next old session begins when this one is through
-      if (session.get() != current_ && !session->finished()) break;
+      if (session.get() != current_ && (!session->finished() || session->asking())) break;
     }
   }
   publish();

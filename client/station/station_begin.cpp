@@ -57,9 +57,10 @@ Status StationRun::connect() {
     say("next exercise, says " + next.from() + ": " + next.exercise_id() + " (start it with --exercise " +
         next.exercise_id() + ")");
   };
-  const auto waiting = spool_->unfinished();
+  const auto waiting = spool_->unfinished(), not_safe = spool_->closedButNotSafe();
   uplink_ = std::make_unique<Uplink>(std::move(config), std::move(events));
   for (const auto& session : waiting) uplink_->add(session, false);
+  for (const auto& session : not_safe) uplink_->add(session, false);
   if (!waiting.empty())
     say(std::to_string(waiting.size()) +
         " sessions of earlier runs are in the spool; they are uploaded beside this one");

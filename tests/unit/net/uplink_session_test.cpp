@@ -106,6 +106,61 @@ TEST_F(UplinkSessionTest, theServersNextSeqCountsMoreThanTheReceipt) {
   EXPECT_EQ(again.next(true)->chunk().seq(), 1u);
 }
 
+TEST_F(UplinkSessionTest, aServerThatWasRestoredGetsWhatItHadClosedAgain) {
+  ASSERT_TRUE(session_->end(false).ok());
+  ASSERT_TRUE(session_->setReceipt({3, 1, true, 7}).ok());
+  // by the next program: it does not read a closed session's chunks unless they are needed
+  const auto hash = session_->contents().hash;
+  session_.reset();
+  spool_.reset();
+  spool_ = std::move(Spool::open(folder_.path())).value();
+  ASSERT_TRUE(spool_->unfinished().empty());
+  ASSERT_EQ(spool_->closedButNotSafe().size(), 1u);
+  session_ = spool_->closedButNotSafe()[0];
+  upload_ = std::make_unique<UplinkSession>(session_);
+  EXPECT_EQ(sends(), Names{"open"}) << "asks whether the server still has it";
+  EXPECT_TRUE(upload_->asking());
+  EXPECT_TRUE(upload_->finished()) << "nobody waits for the answer";
+  upload_->onOpened(1);  // the restored backup has one chunk
+  EXPECT_FALSE(session_->receipt().closed) << "from now on the spool keeps it whatever its age";
+  EXPECT_EQ(session_->contents().hash, hash);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(1);
+  EXPECT_EQ(sends(), (Names{"chunk 1", "chunk 2"}));
+  ack(3);
+  EXPECT_EQ(sends(), Names{"close"});
+  upload_->onClosed({});
+  EXPECT_TRUE(session_->receipt().closed);
+}
+
+TEST_F(UplinkSessionTest, aRestoredServerThatHasAllButTheEndClosesItAgain) {
+  ASSERT_TRUE(session_->end(false).ok());
+  ASSERT_TRUE(session_->setReceipt({3, 0, true, 7}).ok());
+  upload_ = std::make_unique<UplinkSession>(session_);
+  upload_->onConnected(true);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  EXPECT_EQ(sends(), Names{"close"});
+}
+
+TEST_F(UplinkSessionTest, aClosedSessionIsAskedForOnceAConnectionUntilItIsSafe) {
+  ASSERT_TRUE(session_->end(false).ok());
+  ASSERT_TRUE(session_->setReceipt({3, 0, true, 7}).ok());
+  upload_ = std::make_unique<UplinkSession>(session_);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  EXPECT_EQ(sends(), Names{}) << "the server has it";
+  EXPECT_FALSE(upload_->asking());
+  upload_->onConnectionLost();
+  upload_->onConnected(false);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  ack(3, 3);
+  EXPECT_EQ(session_->receipt().safe, 3u) << "so that the spool may let it go";
+  upload_->onConnected(false);
+  EXPECT_EQ(sends(), Names{}) << "a verified backup has it";
+}
+
 TEST_F(UplinkSessionTest, aServerThatHasMoreThanTheSpoolIsNotArguedWith) {
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(4);
