@@ -1,7 +1,6 @@
 #include "wire/channel.h"
 
 #include <algorithm>
-#include <array>
 #include <utility>
 
 #include "base/clock.h"
@@ -53,79 +52,50 @@ const char* nameOf(CloseReason reason) {
 }
 
 std::shared_ptr<Channel> Channel::make(TlsStream stream, ChannelLimits limits) {
-  return std::shared_ptr<Channel>(new Channel(std::move(stream), limits));
+  return std::shared_ptr<Channel>(new Channel(stream, limits));
 }
 
-Channel::Channel(TlsStream stream, ChannelLimits limits)
-    : stream_(std::move(stream)),
+Channel::Channel(TlsStream& stream, ChannelLimits limits)
+    : socket_(std::move(stream.next_layer())),
+      tls_(stream.native_handle()),
       limits_(limits),
-      peer_(addressText(stream_.next_layer())),
+      peer_(addressText(socket_)),
       splitter_(limits.frame_bytes),
       live_(nsOf(limits.live_age), limits.live_queue_bytes),
-      wake_(stream_.get_executor()),
-      watch_(stream_.get_executor()),
+      gather_(socket_.get_executor()),
+      watch_(socket_.get_executor()),
       made_ns_(steadyNowNs()),
       last_received_ns_(made_ns_),
       last_sent_ns_(made_ns_) {
   // small messages leave at once; unsent bytes wait in our queues, where they can be dropped, rather than in
   // the kernel
   boost::system::error_code ignored;
-  Tcp::socket& socket = stream_.next_layer();
-  socket.set_option(Tcp::no_delay(true), ignored);
+  socket_.native_non_blocking(true, ignored);
+  socket_.set_option(Tcp::no_delay(true), ignored);
   if (limits_.socket_buffer_bytes > 0) {
-    socket.set_option(asio::socket_base::send_buffer_size(limits_.socket_buffer_bytes), ignored);
-    socket.set_option(asio::socket_base::receive_buffer_size(limits_.socket_buffer_bytes), ignored);
+    socket_.set_option(asio::socket_base::send_buffer_size(limits_.socket_buffer_bytes), ignored);
+    socket_.set_option(asio::socket_base::receive_buffer_size(limits_.socket_buffer_bytes), ignored);
   }
 }
 
 Channel::~Channel() = default;
-
-Task<Status> Channel::handshake(asio::ssl::stream_base::handshake_type side) {
-  auto self = shared_from_this();
-  asio::co_spawn(stream_.get_executor(), watchLoop(self), rethrow);
-  auto [error] = co_await stream_.async_handshake(side, kUseTuple);
-  if (closed_) co_return closedError();
-  if (error) {
-    const std::string text = "TLS handshake with " + peer_ + " failed: " + tlsErrorText(stream_, error);
-    const bool certificate = SSL_get_verify_result(stream_.native_handle()) != X509_V_OK;
-    close(CloseReason::kHandshake, text);
-    co_return Error{certificate ? ErrorCode::kDenied : ErrorCode::kUnavailable, text};
-  }
-  handshaken_ = true;
-  last_received_ns_ = steadyNowNs();
-  asio::co_spawn(stream_.get_executor(), writeLoop(self), rethrow);
-  co_return Status{};
-}
 
 void Channel::established() {
   established_ = true;
   splitter_.setLimit(kMaxFrameBytes);
 }
 
+Result<std::optional<ByteView>> Channel::next() {
+  if (closing()) return closedError();
+  return splitter_.next();
+}
+
 Task<Result<pb::Envelope>> Channel::receive() {
-  auto self = shared_from_this();
   for (;;) {
-    if (closing()) co_return closedError();
-    auto cut = splitter_.next();
+    auto cut = next();
     if (!cut.ok()) co_return cut.error();
     if (cut->has_value()) co_return decodeFrame(**cut);
-
-    const auto room = splitter_.writable();
-    // idle is a peer that sends nothing while we listen; while the owner is busy it has no chance to
-    last_received_ns_ = steadyNowNs();
-    reading_ = true;
-    auto [error, count] = co_await stream_.async_read_some(asio::buffer(room.data(), room.size()), kUseTuple);
-    reading_ = false;
-    if (finishing_) wakeWriter();
-    if (error) {
-      const bool ended = error == asio::error::eof || error == asio::ssl::error::stream_truncated;
-      close(ended ? CloseReason::kPeerClosed : CloseReason::kNetwork,
-            ended ? "the peer closed the connection" : "reading failed: " + error.message());
-      co_return closedError();
-    }
-    splitter_.wrote(count);
-    bytes_received_ += count;
-    last_received_ns_ = steadyNowNs();
+    if (Status more = co_await readMore(); !more.ok()) co_return more.error();
   }
 }
 
@@ -161,8 +131,9 @@ bool Channel::send(Frame frame) {
 
 void Channel::sendLive(Frame frame, bool counted) {
   if (closing()) return;
-  live_.push(std::move(frame), counted, steadyNowNs());
-  wakeWriter();
+  const std::int64_t now = steadyNowNs();
+  live_.push(std::move(frame), counted, now);
+  wakeForLive(now);
 }
 
 void Channel::finish(CloseReason reason, std::string text, const pb::Envelope* last) {
@@ -187,11 +158,11 @@ void Channel::close(CloseReason reason, std::string text) {
   setReason(reason, std::move(text));
   closed_ = true;
   boost::system::error_code ignored;
-  stream_.next_layer().close(ignored);
+  socket_.close(ignored);
   control_.clear();
   control_bytes_ = 0;
   live_.clear();
-  wake_.cancel();
+  gather_.cancel();
   watch_.cancel();
 }
 
@@ -204,10 +175,6 @@ void Channel::setReason(CloseReason reason, std::string text) {
 Error Channel::closedError() const {
   return {ErrorCode::kUnavailable,
           "connection with " + peer_ + " ended (" + nameOf(reason_) + "): " + reason_text_};
-}
-
-void Channel::wakeWriter() {
-  wake_.cancel();
 }
 
 bool Channel::fillBatch() {
@@ -232,48 +199,9 @@ bool Channel::fillBatch() {
     appendFrameHeader(batch_, item->frame->size() + suffix.size());
     batch_ += *item->frame;
     batch_ += suffix;
+    live_sent_ns_ = now;
   }
   return !batch_.empty();
-}
-
-Task<> Channel::writeLoop(std::shared_ptr<Channel> self) {
-  Channel& channel = *self;
-  while (!channel.closed_) {
-    if (!channel.fillBatch()) {
-      if (channel.finishing_) break;
-      channel.wake_.expires_at(asio::steady_timer::time_point::max());
-      co_await channel.wake_.async_wait(kUseTuple);
-      continue;
-    }
-    channel.write_started_ns_ = steadyNowNs();
-    auto [error, count] =
-        co_await asio::async_write(channel.stream_, asio::buffer(channel.batch_), kUseTuple);
-    channel.write_started_ns_ = 0;
-    channel.bytes_sent_ += count;
-    channel.last_sent_ns_ = steadyNowNs();
-    if (error) channel.close(CloseReason::kNetwork, "writing failed: " + error.message());
-  }
-  if (channel.closed_) co_return;
-  co_await channel.discardUntilPeerCloses();
-  channel.close(channel.reason_, channel.reason_text_);
-}
-
-Task<> Channel::discardUntilPeerCloses() {
-  // Closing a socket with unread bytes in it resets the connection, and the peer might never read our last
-  // message. So end our direction, and read on into nothing until the peer ends its own; checkTimes cuts that
-  // after close_grace.
-  boost::system::error_code ignored;
-  stream_.next_layer().shutdown(Tcp::socket::shutdown_send, ignored);
-  std::array<char, 4096> nothing;
-  while (!closed_) {
-    if (reading_) {
-      wake_.expires_at(asio::steady_timer::time_point::max());
-      co_await wake_.async_wait(kUseTuple);
-      continue;
-    }
-    auto [error, count] = co_await stream_.next_layer().async_read_some(asio::buffer(nothing), kUseTuple);
-    if (error) co_return;
-  }
 }
 
 std::chrono::milliseconds Channel::watchPeriod() const {

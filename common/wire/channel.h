@@ -1,5 +1,5 @@
 /// A TLS connection that carries envelopes: one reader (the owner's coroutine), one writer with two bounded
-/// queues.
+/// queues. As many frames as there are share a TLS record and a system call, in both directions.
 #pragma once
 
 #include <chrono>
@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "base/result.h"
@@ -15,6 +16,7 @@
 #include "wire/framing.h"
 #include "wire/live_queue.h"
 #include "wire/tls.h"
+#include "wire/tls_engine.h"
 
 namespace needlelab {
 
@@ -28,6 +30,7 @@ struct ChannelLimits {
   std::chrono::milliseconds write_timeout{10'000};      ///< one write takes so long → TIMEOUT
   std::chrono::milliseconds keepalive{10'000};          ///< nothing sent for so long → a Ping; 0: never
   std::chrono::milliseconds close_grace{1'000};         ///< for the last messages, then the socket is cut
+  std::chrono::microseconds live_gather{2'000};         ///< live frames that follow closer leave together
   int socket_buffer_bytes = 0;                          ///< SO_SNDBUF and SO_RCVBUF; 0: the system's choice
 };
 
@@ -64,6 +67,13 @@ class Channel : public std::enable_shared_from_this<Channel> {
   /// caller at a time.
   Task<Result<pb::Envelope>> receive();
 
+  /// The same in two steps, for an owner that wants the bytes: the next whole frame that is here already
+  /// (valid until the next call of any of these), nothing when more must be read, or an error as of
+  /// receive().
+  Result<std::optional<ByteView>> next();
+  /// Waits until more bytes are here. Errors: kUnavailable as of receive().
+  Task<Status> readMore();
+
   /// Queues a control message; never dropped. False when the channel is closing, or by this overflowed: then
   /// the peer gets Refusal QUEUE_OVERFLOW as its last message, and the channel closes.
   bool send(const pb::Envelope& envelope);
@@ -90,37 +100,47 @@ class Channel : public std::enable_shared_from_this<Channel> {
   [[nodiscard]] std::uint64_t bytesReceived() const { return bytes_received_; }
   [[nodiscard]] std::uint64_t bytesSent() const { return bytes_sent_; }
   [[nodiscard]] const std::string& peerAddress() const { return peer_; }  ///< "127.0.0.1:40312"
-  [[nodiscard]] Tcp::socket::executor_type executor() { return stream_.get_executor(); }
-  TlsStream& stream() { return stream_; }
+  [[nodiscard]] Tcp::socket::executor_type executor() { return socket_.get_executor(); }
+  [[nodiscard]] SSL* ssl() const { return tls_.ssl(); }
 
  private:
-  Channel(TlsStream stream, ChannelLimits limits);
+  Channel(TlsStream& stream, ChannelLimits limits);
   // static with a shared pointer by value: the coroutine keeps its channel alive
-  static Task<> writeLoop(std::shared_ptr<Channel> self);
   static Task<> watchLoop(std::shared_ptr<Channel> self);
-  Task<> discardUntilPeerCloses();
+  static Task<> discardUntilPeerCloses(std::shared_ptr<Channel> self);
+  Task<Status> shake(bool as_server);
+  bool takeBytes();
+  TlsStep decrypt();
+  void flush();
+  bool sendOutput();
+  void flushLater();
   bool fillBatch();
   void checkTimes();
   [[nodiscard]] std::chrono::milliseconds watchPeriod() const;
   void wakeWriter();
+  void wakeForLive(std::int64_t now_ns);
   void setReason(CloseReason reason, std::string text);
   Error closedError() const;
 
-  TlsStream stream_;
+  Tcp::socket socket_;
+  TlsEngine tls_;
   ChannelLimits limits_;
   std::string peer_;
   FrameSplitter splitter_;
   LiveQueue live_;
   std::deque<Frame> control_;
   std::size_t control_bytes_ = 0;
-  std::string batch_;        // what the current write sends: many small frames in one TLS record
-  asio::steady_timer wake_;  // the writer sleeps on it
-  asio::steady_timer watch_;
+  std::string batch_;  // what the current write sends: many small frames in one TLS record
+  asio::steady_timer gather_, watch_;
   bool handshaken_ = false, established_ = false, finishing_ = false, closed_ = false, reading_ = false;
+  bool flush_posted_ = false, gathering_ = false;  // a flush will come
+  bool write_blocked_ = false;                     // it comes when the socket takes more
+  bool discarding_ = false;
   CloseReason reason_ = CloseReason::kNone;
   std::string reason_text_;
   std::int64_t made_ns_ = 0, last_received_ns_ = 0, last_sent_ns_ = 0, finish_started_ns_ = 0;
   std::int64_t write_started_ns_ = 0;  // 0: no write is under way
+  std::int64_t live_sent_ns_ = 0;      // when live frames last left
   std::uint64_t bytes_received_ = 0, bytes_sent_ = 0;
 };
 

@@ -64,7 +64,7 @@ std::span<std::uint8_t> FrameSplitter::writable() {
   }
   // grow by what has arrived, never by what was announced
   if (end_ == buffer_.size()) {
-    buffer_.resize(std::clamp(buffer_.size() * 2, kFirstBuffer, kMaxFrameBytes + kFirstBuffer));
+    buffer_.resize(std::clamp(buffer_.size() * 2, kFirstBuffer, kMostBytes));
   }
   assert(end_ < buffer_.size());
   return {buffer_.data() + end_, buffer_.size() - end_};

@@ -41,6 +41,9 @@ std::string droppedSuffix(std::uint64_t dropped);
 /// `writable()`, tell `wrote(n)`, take frames with `next()` until there is none.
 class FrameSplitter {
  public:
+  /// No more can be in it: a whole frame, and what one read brings behind it.
+  static constexpr std::size_t kMostBytes = kMaxFrameBytes + (64u << 10);
+
   explicit FrameSplitter(std::size_t limit) : limit_(limit) {}
 
   void setLimit(std::size_t limit) { limit_ = limit; }

@@ -71,9 +71,8 @@ Status requireHost(TlsStream& stream, const std::string& host) {
   return {};
 }
 
-std::string tlsErrorText(TlsStream& stream, const boost::system::error_code& error) {
-  std::string text = error.message();
-  const long verified = SSL_get_verify_result(stream.native_handle());
+std::string tlsErrorText(const SSL* ssl, std::string text) {
+  const long verified = SSL_get_verify_result(ssl);
   if (verified != X509_V_OK) text += std::string(" (") + X509_verify_cert_error_string(verified) + ")";
   return text;
 }

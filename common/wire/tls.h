@@ -24,6 +24,6 @@ Result<TlsContext> makeClientTls(const std::filesystem::path& ca);
 Status requireHost(TlsStream& stream, const std::string& host);
 
 /// What the last TLS failure was, in words: e.g. "certificate verify failed (self-signed certificate)".
-std::string tlsErrorText(TlsStream& stream, const boost::system::error_code& error);
+std::string tlsErrorText(const SSL* ssl, std::string text);
 
 }  // namespace needlelab

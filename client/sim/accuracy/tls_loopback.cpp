@@ -133,7 +133,7 @@ Result<pb::Envelope> TlsLoopback::pass(Frame frame) {
 }
 
 std::uint64_t TlsLoopback::cipherBytes() const {
-  return ::BIO_number_written(::SSL_get_wbio(ends_->sender->stream().native_handle()));
+  return ::BIO_number_written(::SSL_get_wbio(ends_->sender->ssl()));
 }
 
 }  // namespace needlelab

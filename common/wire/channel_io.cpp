@@ -1,0 +1,249 @@
+// A channel's socket: handshake, reading, writing. TLS works in memory (tls_engine.h), so one recv() brings
+// all records that are there, and one send() takes all frames that wait.
+#include <netinet/tcp.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <array>
+#include <boost/asio/post.hpp>
+#include <cerrno>
+#include <memory>
+#include <utility>
+
+#include "base/clock.h"
+#include "wire/channel.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::size_t kReadBytes = 64u << 10;
+constexpr std::size_t kRecordBytes = 17u << 10;  // TLS may hold back as much of an unfinished record
+constexpr int kWritesInARow = 16;                // then others have their turn
+
+/// Where the network's bytes land before they are decrypted, which is at once: one for all channels of a
+/// thread.
+std::span<std::uint8_t> landing() {
+  thread_local const auto bytes = std::make_unique<std::array<std::uint8_t, kReadBytes>>();
+  return *bytes;
+}
+
+bool isAgain(int error) {
+  return error == EAGAIN || error == EWOULDBLOCK || error == EINTR;
+}
+
+std::string wordsOf(int error) {
+  return boost::system::error_code(error, boost::system::system_category()).message();
+}
+
+}  // namespace
+
+Task<Status> Channel::handshake(asio::ssl::stream_base::handshake_type side) {
+  auto self = shared_from_this();
+  asio::co_spawn(socket_.get_executor(), watchLoop(self), rethrow);
+  const Status shaken = co_await shake(side == asio::ssl::stream_base::server);
+  if (closed_) co_return closedError();
+  if (!shaken.ok()) {
+    close(CloseReason::kHandshake, shaken.error().message);
+    co_return shaken.error();
+  }
+  handshaken_ = true;
+  last_received_ns_ = steadyNowNs();
+  // the peer only sends for long stretches of time: acknowledgements may wait for its next frame
+  const int off = 0;
+  ::setsockopt(socket_.native_handle(), IPPROTO_TCP, TCP_QUICKACK, &off, sizeof off);
+  if (!control_.empty() || !live_.empty() || finishing_) wakeWriter();
+  co_return Status{};
+}
+
+Task<Status> Channel::shake(bool as_server) {
+  const auto failed = [this](const std::string& why) {
+    const bool certificate = SSL_get_verify_result(tls_.ssl()) != X509_V_OK;
+    return Error{certificate ? ErrorCode::kDenied : ErrorCode::kUnavailable,
+                 "TLS handshake with " + peer_ + " failed: " + tlsErrorText(tls_.ssl(), why)};
+  };
+  while (!closed_) {
+    const TlsStep step = tls_.handshake(as_server);
+    // what came behind the handshake must be taken before the next wait
+    if (step == TlsStep::kDone) {
+      const TlsStep rest = decrypt();
+      if (rest == TlsStep::kFailed) co_return failed(tls_.failure());
+    }
+    // the last words too: an alert tells the peer why
+    while (!closed_ && !sendOutput()) {
+      if (closed_) break;
+      auto [error] = co_await socket_.async_wait(Tcp::socket::wait_write, kUseTuple);
+      if (error) co_return failed(error.message());
+    }
+    if (closed_ || step == TlsStep::kDone) break;
+    if (step == TlsStep::kFailed) co_return failed(tls_.failure());
+    if (step == TlsStep::kEnded) co_return failed("the peer closed the connection");
+    auto [error] = co_await socket_.async_wait(Tcp::socket::wait_read, kUseTuple);
+    if (closed_) break;
+    if (error) co_return failed(error.message());
+    const auto room = landing();
+    const ssize_t count = ::recv(socket_.native_handle(), room.data(), room.size(), 0);
+    if (count == 0) co_return failed("the peer closed the connection");
+    if (count < 0 && !isAgain(errno)) co_return failed(wordsOf(errno));
+    tls_.feed(room.first(static_cast<std::size_t>(std::max<ssize_t>(count, 0))));
+  }
+  if (closed_) co_return closedError();
+  co_return Status{};
+}
+
+Task<Status> Channel::readMore() {
+  auto self = shared_from_this();
+  while (!closing()) {
+    // idle is a peer that sends nothing while we listen; while the owner is busy it has no chance to
+    last_received_ns_ = steadyNowNs();
+    reading_ = true;
+    auto [error] = co_await socket_.async_wait(Tcp::socket::wait_read, kUseTuple);
+    reading_ = false;
+    if (closing()) break;
+    if (error) {
+      close(CloseReason::kNetwork, "reading failed: " + error.message());
+      break;
+    }
+    if (takeBytes()) co_return Status{};
+  }
+  co_return closedError();
+}
+
+/// True: there is more plaintext than before. False: wait again, unless the channel was closed.
+bool Channel::takeBytes() {
+  // never more than the splitter takes together with what TLS held back
+  const auto room =
+      landing().first(std::min(kReadBytes, FrameSplitter::kMostBytes - splitter_.pending() - kRecordBytes));
+  const ssize_t count = ::recv(socket_.native_handle(), room.data(), room.size(), 0);
+  if (count < 0 && isAgain(errno)) return false;
+  if (count <= 0) {
+    const bool ended = count == 0;
+    close(ended ? CloseReason::kPeerClosed : CloseReason::kNetwork,
+          ended ? "the peer closed the connection" : "reading failed: " + wordsOf(errno));
+    return false;
+  }
+  last_received_ns_ = steadyNowNs();
+  tls_.feed(room.first(static_cast<std::size_t>(count)));
+  const std::size_t before = splitter_.pending();
+  const TlsStep step = decrypt();
+  // TLS may have had something to answer
+  if (!tls_.output().empty()) wakeWriter();
+  const bool more = splitter_.pending() > before;
+  if (step == TlsStep::kFailed) {
+    close(CloseReason::kNetwork, "reading failed: " + tls_.failure());
+    return false;
+  }
+  // what came before the end still counts; the end comes again with the next read
+  if (step == TlsStep::kEnded && !more) close(CloseReason::kPeerClosed, "the peer closed the connection");
+  return more;
+}
+
+TlsStep Channel::decrypt() {
+  while (tls_.hasInput()) {
+    const auto room = splitter_.writable();
+    std::size_t count = 0;
+    const TlsStep step = tls_.read(room, count);
+    if (step != TlsStep::kDone) return step;
+    splitter_.wrote(count);
+    bytes_received_ += count;
+  }
+  return TlsStep::kWantsInput;
+}
+
+void Channel::wakeWriter() {
+  if (flush_posted_ || write_blocked_ || !handshaken_ || closed_) return;
+  flush_posted_ = true;
+  // behind all that is ready now, so that messages of one moment leave together
+  asio::post(socket_.get_executor(), [self = shared_from_this()] {
+    self->flush_posted_ = false;
+    self->flush();
+  });
+}
+
+void Channel::wakeForLive(std::int64_t now_ns) {
+  if (flush_posted_ || gathering_ || write_blocked_) return;
+  const auto gather_ns = std::chrono::nanoseconds(limits_.live_gather).count();
+  if (now_ns - live_sent_ns_ >= gather_ns) {
+    wakeWriter();
+    return;
+  }
+  gathering_ = true;
+  gather_.expires_after(std::chrono::nanoseconds(live_sent_ns_ + gather_ns - now_ns));
+  gather_.async_wait([self = shared_from_this()](const boost::system::error_code&) {
+    self->gathering_ = false;
+    self->flush();
+  });
+}
+
+void Channel::flush() {
+  if (write_blocked_ || !handshaken_) return;
+  for (int writes = 0; !closed_; ++writes) {
+    if (!sendOutput()) {
+      flushLater();
+      return;
+    }
+    if (closed_ || !fillBatch()) break;
+    if (writes == kWritesInARow) {
+      // others have waited long enough; the batch is encrypted and goes first
+      wakeWriter();
+    }
+    bytes_sent_ += batch_.size();
+    write_started_ns_ = steadyNowNs();
+    if (tls_.write(batch_) != TlsStep::kDone)
+      close(CloseReason::kNetwork, "writing failed: " + tls_.failure());
+    if (writes == kWritesInARow) return;
+  }
+  if (closed_ || !finishing_ || std::exchange(discarding_, true)) return;
+  asio::co_spawn(socket_.get_executor(), discardUntilPeerCloses(shared_from_this()), rethrow);
+}
+
+/// True: nothing is left to send, or the channel was closed.
+bool Channel::sendOutput() {
+  while (!tls_.output().empty()) {
+    const std::string_view output = tls_.output();
+    const ssize_t count = ::send(socket_.native_handle(), output.data(), output.size(), MSG_NOSIGNAL);
+    if (count < 0) {
+      if (errno == EINTR) continue;
+      if (isAgain(errno)) return false;
+      close(handshaken_ ? CloseReason::kNetwork : CloseReason::kHandshake,
+            "writing failed: " + wordsOf(errno));
+      return true;
+    }
+    tls_.sent(static_cast<std::size_t>(count));
+  }
+  if (write_started_ns_ != 0) {
+    write_started_ns_ = 0;
+    last_sent_ns_ = steadyNowNs();
+  }
+  return true;
+}
+
+void Channel::flushLater() {
+  write_blocked_ = true;
+  socket_.async_wait(Tcp::socket::wait_write,
+                     [self = shared_from_this()](const boost::system::error_code& error) {
+                       self->write_blocked_ = false;
+                       if (error && !self->closed_)
+                         self->close(CloseReason::kNetwork, "writing failed: " + error.message());
+                       self->flush();
+                     });
+}
+
+Task<> Channel::discardUntilPeerCloses(std::shared_ptr<Channel> self) {
+  // Closing a socket with unread bytes in it resets the connection, and the peer might never read our last
+  // message. So end our direction, and read on into nothing until the peer ends its own; checkTimes cuts that
+  // after close_grace.
+  Channel& channel = *self;
+  boost::system::error_code ignored;
+  channel.socket_.shutdown(Tcp::socket::shutdown_send, ignored);
+  while (!channel.closed_) {
+    const auto nothing = landing();
+    const ssize_t count = ::recv(channel.socket_.native_handle(), nothing.data(), nothing.size(), 0);
+    if (count > 0) continue;
+    if (count == 0 || !isAgain(errno)) break;
+    auto [error] = co_await channel.socket_.async_wait(Tcp::socket::wait_read, kUseTuple);
+    if (error) break;
+  }
+  channel.close(channel.reason_, channel.reason_text_);
+}
+
+}  // namespace needlelab
