@@ -1,0 +1,76 @@
+/// A station as far as the network sees it: spool and uplink of the real one, behind a bad network, and a
+/// look at what the server's database has of it.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "net/spool.h"
+#include "net/uplink.h"
+#include "server/running_server.h"
+#include "support/temp_folder.h"
+
+namespace needlelab::test {
+
+/// Time-outs a twentieth or so of the real ones, for both ends, so that a test need not wait for 30 s.
+/// keepalive < idle/3 as in ChannelLimits' own values.
+ChannelLimits shortLimits();
+
+/// A server with these limits, and nothing printed.
+void withShortLimits(ServerOptions& options);
+
+struct StationSettings {
+  std::uint64_t chunks = 40;
+  std::size_t samples = 50;             ///< in a chunk
+  std::chrono::milliseconds period{0};  ///< between chunks; 0: all are there from the beginning
+  ChannelLimits limits = shortLimits();
+  std::chrono::milliseconds connect_timeout{1500};
+};
+
+/// One session, recorded by a thread of its own while the uplink sends. Thread: the test's.
+class FaultStation {
+ public:
+  /// `port`: the proxy's, or the server's own.
+  FaultStation(RunningServer& server, const std::string& name, std::uint16_t port,
+               const StationSettings& settings);
+  ~FaultStation();
+  FaultStation(const FaultStation&) = delete;
+  FaultStation& operator=(const FaultStation&) = delete;
+
+  /// Until the server has closed the session. False when `patience` passed before.
+  bool waitUntilDone(std::chrono::milliseconds patience);
+  /// Everything recorded is in the database once, in order, complete by its hash; no acknowledgement went
+  /// back.
+  void expectWhole(RunningServer& server) const;
+
+  [[nodiscard]] UplinkState state() const { return uplink_->state(); }
+  [[nodiscard]] const std::string& name() const { return name_; }
+  [[nodiscard]] const SpoolSession& session() const { return *session_; }
+  [[nodiscard]] std::vector<std::string> said() const;
+  [[nodiscard]] std::vector<std::string> heard() const;  ///< texts of trainee messages, ids of next exercises
+  /// A live frame and a status line as the loop's recorder gives them.
+  void offer(const SamplePiece& piece) { uplink_->offer(piece); }
+  Uplink& uplink() { return *uplink_; }
+
+ private:
+  void record(const StationSettings& settings);
+  void watchAcks();
+
+  std::string name_;
+  TempFolder folder_;
+  std::unique_ptr<Spool> spool_;
+  std::shared_ptr<SpoolSession> session_;
+  mutable std::mutex mutex_;
+  std::vector<std::string> said_, heard_;
+  std::unique_ptr<Uplink> uplink_;
+  std::atomic<bool> stop_{false};
+  std::atomic<std::uint64_t> went_back_{0};
+  std::thread recorder_, watcher_;
+};
+
+}  // namespace needlelab::test
