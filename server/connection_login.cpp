@@ -143,6 +143,18 @@ Task<> PeerConnection::welcome() {
     welcome.set_token(issued.token);
     welcome.set_token_expires_unix_ns(wallNowNs() + (issued.expires_ns - now));
   }
+  // A log-in that was under way for long comes late: the station has given this connection up and is here by
+  // a newer one, which it must not lose.
+  if (auto* const there = dynamic_cast<PeerConnection*>(
+          who_.role == pb::STATION ? context_.hub.stationPeer(who_.name) : nullptr);
+      there != nullptr && there->id() > id_) {
+    logEvent(LogLevel::kWarning, "late_login",
+             {{"conn", id_}, {"newer", there->id()}, {"station", who_.name}});
+    refuseAndClose(makeRefusal(
+        pb::Refusal::CONFLICT,
+        "station " + who_.name + " is logged in by a later connection, from " + there->address()));
+    co_return;
+  }
   welcome.set_name(who_.name);
   welcome.set_role(who_.role);
   welcome.set_server_unix_ns(wallNowNs());

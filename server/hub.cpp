@@ -31,6 +31,11 @@ HubPeer* Hub::attachStation(const std::string& name, HubPeer& peer) {
   return older;
 }
 
+HubPeer* Hub::stationPeer(const std::string& name) const {
+  const auto found = stations_.find(name);
+  return found != stations_.end() ? found->second.peer : nullptr;
+}
+
 void Hub::detachStation(const std::string& name, const HubPeer& peer) {
   const auto found = stations_.find(name);
   if (found == stations_.end() || found->second.peer != &peer) return;

@@ -45,6 +45,8 @@ class Hub {
   /// The station is online by `peer`; gives the older connection of the same station, if any, which is
   /// attached no longer.
   HubPeer* attachStation(const std::string& name, HubPeer& peer);
+  /// Who the station is online by; null when it is not.
+  [[nodiscard]] HubPeer* stationPeer(const std::string& name) const;
   /// Nothing happens when another connection of the station has taken over.
   void detachStation(const std::string& name, const HubPeer& peer);
   void onStatus(const std::string& name, const pb::StationStatus& status, std::int64_t now_ns);

@@ -15,7 +15,6 @@ void print(std::ostream& out, const char* name, const WayScript& way) {
   if (way.piece_bytes > 0) out << "pieces of " << way.piece_bytes << ' ';
   if (way.stall_at) out << "stall of " << way.stall.count() << " ms at " << *way.stall_at << ' ';
   if (way.corrupt_at) out << "corrupt at " << *way.corrupt_at << ' ';
-  if (way.hold_at) out << "hold at " << *way.hold_at << ' ';
   out << '}';
 }
 
@@ -30,7 +29,7 @@ std::string ConnectionScript::text() const {
   if (cut_at)
     out << " cut(" << kCuts[static_cast<int>(cut)] << ") at " << *cut_at
         << (cut_way == Way::kUp ? " up" : " down");
-  if (late_after.count() > 0) out << " late by " << late_after.count() << " ms";
+  if (hold_at) out << " held at " << *hold_at << ", late by " << late_after.count() << " ms";
   if (duplicates > 0) out << " duplicates " << duplicates;
   return out.str();
 }
@@ -56,7 +55,7 @@ ConnectionScript randomScript(Random& random, std::uint64_t span_bytes) {
     if (random.chance(0.08)) way->corrupt_at = below(span_bytes);
   }
   if (random.chance(0.12)) {
-    script.up.hold_at = below(span_bytes);
+    script.hold_at = below(span_bytes);
     script.late_after = ms(300);
   }
   if (random.chance(0.55)) {

@@ -20,7 +20,6 @@ struct WayScript {
   std::optional<std::uint64_t> stall_at;  ///< after so many bytes nothing passes for `stall`, once
   std::chrono::milliseconds stall{0};     ///< then it goes on
   std::optional<std::uint64_t> corrupt_at;  ///< one bit of this byte is flipped
-  std::optional<std::uint64_t> hold_at;     ///< from here on bytes wait for ConnectionScript::late_after
 };
 
 /// How the proxy ends a connection by itself.
@@ -38,8 +37,9 @@ struct ConnectionScript {
   std::optional<std::uint64_t> cut_at;  ///< after exactly so many bytes passed on `cut_way`
   Way cut_way = Way::kUp;
   Cut cut = Cut::kReset;
-  /// Reordering of reconnects: bytes held by `hold_at`, and the client's end, reach the server this long
-  /// after the next connection of this proxy was accepted.
+  /// Reordering of reconnects: after so many bytes up nothing passes in either direction. What the client
+  /// sent, and its end, reach the server `late_after` the next connection of this proxy was accepted.
+  std::optional<std::uint64_t> hold_at;
   std::chrono::milliseconds late_after{0};
   /// So many connections more to the server, which send what the client sent (a replay that TLS must refuse).
   unsigned duplicates = 0;

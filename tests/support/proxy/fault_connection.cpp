@@ -140,7 +140,7 @@ Task<> FaultConnection::writeLane(std::shared_ptr<FaultConnection> self, Way way
       co_await it.wait(lane, script.stall);
       continue;
     }
-    if (script.hold_at && lane.out >= *script.hold_at && !it.released_) {
+    if (it.script_.hold_at && it.up_.out >= *it.script_.hold_at && !it.released_) {
       co_await it.change(lane);
       continue;
     }
@@ -158,7 +158,7 @@ Task<> FaultConnection::writeLane(std::shared_ptr<FaultConnection> self, Way way
     if (script.piece_bytes > 0) count = std::min(count, script.piece_bytes);
     if (script.bytes_per_s > 0) count = std::min<std::size_t>(count, script.bytes_per_s / 100 + 1);
     upTo(script.stall_at);
-    upTo(script.hold_at);
+    if (way == Way::kUp) upTo(it.script_.hold_at);
     const bool cuts = it.script_.cut_at && it.script_.cut_way == way;
     if (cuts && lane.out >= *it.script_.cut_at) {
       it.cut(it.script_.cut);
@@ -195,7 +195,7 @@ void FaultConnection::laneOver(Way way, bool reset) {
   mine.queued = 0;
   mine.wake.cancel();
   // what the client sent before it left is still to come: the server sees it, and its end, later
-  const bool late = script_.up.hold_at.has_value() && !up_.over;
+  const bool late = script_.hold_at.has_value() && !up_.over;
   if (late) return;
   if (!reset && !lane(way == Way::kUp ? Way::kDown : Way::kUp).over) {
     boost::system::error_code ignored;
@@ -206,7 +206,7 @@ void FaultConnection::laneOver(Way way, bool reset) {
 }
 
 void FaultConnection::overtaken() {
-  if (!script_.up.hold_at || released_) return;
+  if (!script_.hold_at || released_) return;
   asio::co_spawn(client_.get_executor(), release(shared_from_this()), rethrow);
 }
 
@@ -216,7 +216,7 @@ Task<> FaultConnection::release(std::shared_ptr<FaultConnection> self) {
   if (self->ended_) co_return;
   if (self->up_.queued > 0) ++self->proxy_.counts_.late;
   self->released_ = true;
-  self->up_.wake.cancel();
+  for (Lane* each : {&self->up_, &self->down_}) each->wake.cancel();
 }
 
 Task<> FaultConnection::duplicate(std::shared_ptr<FaultConnection> self, std::uint16_t server_port) {
