@@ -4,12 +4,16 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <ctime>
 #include <string>
+#include <string_view>
 
 #include "base/atomic_file.h"
+#include "db/cancel_scope.h"
 #include "db/check.h"
 #include "db/meta_store.h"
 #include "db/session_row.h"
@@ -41,7 +45,15 @@ class Partial {
   std::filesystem::path path_;
 };
 
-Status copy(Connection& reader, const std::filesystem::path& path) {
+Error cancelledError() {
+  return {ErrorCode::kUnavailable, "the backup was given up because the program ends: make it again"};
+}
+
+bool isSet(const std::atomic<bool>* flag) {
+  return flag != nullptr && flag->load();
+}
+
+Status copy(Connection& reader, const std::filesystem::path& path, const std::atomic<bool>* cancelled) {
   // an empty file first, so that nobody else can ever read the copy
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   if (fd < 0) return systemError(path, "create the copy");
@@ -66,8 +78,12 @@ Status copy(Connection& reader, const std::filesystem::path& path) {
   sqlite3_backup* backup = sqlite3_backup_init(target, "main", reader.handle(), "main");
   if (backup == nullptr) return failure(sqlite3_extended_errcode(target));
   int rc = SQLITE_OK;
-  while (rc == SQLITE_OK) rc = sqlite3_backup_step(backup, kPagesPerStep);
+  while (rc == SQLITE_OK && !isSet(cancelled)) rc = sqlite3_backup_step(backup, kPagesPerStep);
   const int finished = sqlite3_backup_finish(backup);
+  if (rc == SQLITE_OK) {
+    sqlite3_close(target);
+    return cancelledError();
+  }
   if (rc != SQLITE_DONE || finished != SQLITE_OK) return failure(rc != SQLITE_DONE ? rc : finished);
   // one plain file without a log beside it
   if (const int mode = sqlite3_exec(target, "PRAGMA journal_mode=DELETE", nullptr, nullptr, nullptr);
@@ -92,7 +108,8 @@ Result<std::vector<BackupResult::Covered>> coveredBy(Connection& copy) {
 
 }  // namespace
 
-Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& target) {
+Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& target,
+                              const std::atomic<bool>* cancelled) {
   std::error_code ignored;
   if (!target.is_absolute()) {
     return Error{ErrorCode::kInvalidInput, "backup path '" + target.string() + "': give an absolute path"};
@@ -105,13 +122,15 @@ Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& t
     return Error{ErrorCode::kInvalidInput, target.string() + ": its folder does not exist"};
   }
   const Partial partial(target.string() + ".partial");
-  if (auto done = copy(reader, partial.path()); !done) return done.error();
+  if (auto done = copy(reader, partial.path(), cancelled); !done) return done.error();
 
   BackupResult result;
   {
     auto opened = Connection::open(partial.path(), {.mode = Connection::Mode::kReader});
     if (!opened) return opened.error();
+    const CancelScope may_end(*opened, cancelled);
     const auto checked = checkDatabase(*opened);
+    if (isSet(cancelled)) return cancelledError();
     if (!checked) return checked.error();
     if (!checked->ok()) {
       return Error{ErrorCode::kCorrupt,
@@ -139,6 +158,44 @@ Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& t
     return systemError(target, "put the backup into place");
   if (auto done = syncFolder(target.parent_path()); !done) return done.error();
   return result;
+}
+
+std::string backupName(std::int64_t now_unix_ns) {
+  const std::time_t now = now_unix_ns / 1'000'000'000;
+  std::tm parts{};
+  char text[40] = {};
+  std::strftime(text, sizeof text, "needlelab-%Y%m%dT%H%M%SZ.db", ::gmtime_r(&now, &parts));
+  return text;
+}
+
+Result<std::vector<std::filesystem::path>> removeOldBackups(const std::filesystem::path& folder,
+                                                            std::size_t keep) {
+  // exactly our own names: everything else in that folder is somebody else's
+  const auto is_ours = [](const std::string& name) {
+    constexpr std::string_view kShape = "needlelab-00000000T000000Z.db";
+    if (name.size() != kShape.size()) return false;
+    for (std::size_t i = 0; i < name.size(); ++i) {
+      const bool digit = name[i] >= '0' && name[i] <= '9';
+      if (kShape[i] == '0' ? !digit : name[i] != kShape[i]) return false;
+    }
+    return true;
+  };
+  std::vector<std::filesystem::path> found;
+  std::error_code error;
+  for (auto at = std::filesystem::directory_iterator(folder, error);
+       !error && at != std::filesystem::directory_iterator(); at.increment(error)) {
+    std::error_code ignored;
+    if (is_ours(at->path().filename().string()) && at->is_regular_file(ignored)) found.push_back(at->path());
+  }
+  if (error)
+    return Error{ErrorCode::kFailed, folder.string() + ": cannot list the backups: " + error.message()};
+  // names sort by time
+  std::sort(found.begin(), found.end());
+  if (found.size() <= keep) return std::vector<std::filesystem::path>{};
+  found.resize(found.size() - keep);
+  for (const auto& path : found)
+    if (::unlink(path.c_str()) != 0) return systemError(path, "remove this old backup");
+  return found;
 }
 
 Status recordBackup(Connection& writer, const BackupResult& result, const std::filesystem::path& target,

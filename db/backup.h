@@ -1,8 +1,10 @@
 /// Online backup to another file, verified from the copy.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "base/result.h"
@@ -25,8 +27,18 @@ struct BackupResult {
 /// Copies the database as it is now (writers go on meanwhile) into `target`.partial, checks *the copy*
 /// (integrity, every chunk, every hash), syncs it and renames it to `target` (0600). The source is only read.
 /// Errors: kAlreadyExists (`target` is there: never overwritten), kInvalidInput (no such folder), kCorrupt
-/// (the copy fails its check; it is deleted), kFailed. Blocks as long as the database is large.
-Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& target);
+/// (the copy fails its check; it is deleted), kUnavailable (`cancelled` became true), kFailed. Blocks as long
+/// as the database is large. `cancelled`: asked often, by the copy and by its check; may be null.
+Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& target,
+                              const std::atomic<bool>* cancelled = nullptr);
+
+/// The name of a backup made at this time: needlelab-20260131T020000Z.db.
+std::string backupName(std::int64_t now_unix_ns);
+
+/// Of the files in `folder` that are named as backupName does, removes all but the newest `keep`; gives what
+/// was removed. Others are not touched. Errors: kFailed.
+Result<std::vector<std::filesystem::path>> removeOldBackups(const std::filesystem::path& folder,
+                                                            std::size_t keep);
 
 /// Notes the watermark. Writer's connection, in a transaction.
 Status recordBackup(Connection& writer, const BackupResult& result, const std::filesystem::path& target,

@@ -71,6 +71,7 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   addProfileCommands(app, chosen);
   addCurriculumCommands(app, chosen);
   addSessionCommands(app, chosen);
+  addCertificateCommands(app, chosen);
   addUpkeepCommands(app, chosen);
   try {
     app.parse(argc, argv);
@@ -86,9 +87,16 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
     if (const auto valid = chosen.check(); !valid) return fail(err, valid.error());
   }
   Output output(out, err, json);
+  if (chosen.run_on_files) {
+    if (global.data.empty() || !global.server.empty())
+      return fail(err,
+                  usage("this works on the files of a server's folder: give --data DIR, on its machine"));
+    if (const auto done = chosen.run_on_files(global.data, output); !done) return fail(err, done.error());
+    return kExitDone;
+  }
   auto backend = openBackend(global, chosen);
   if (!backend) return fail(err, backend.error());
-  CommandContext context{**backend, output};
+  CommandContext context{**backend, output, global};
   if (const auto done = chosen.run(context); !done) return fail(err, done.error());
   return kExitDone;
 } catch (const std::exception& e) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <functional>
 #include <string>
 
@@ -12,11 +13,6 @@
 
 namespace needlelab {
 
-struct CommandContext {
-  Backend& backend;
-  Output& output;
-};
-
 /// Options that stand before or after the subcommand.
 struct GlobalOptions {
   std::string data;    ///< --data DIR
@@ -26,10 +22,18 @@ struct GlobalOptions {
   std::string password_file;  ///< --password-file before the subcommand: the one to log in with
 };
 
+struct CommandContext {
+  Backend& backend;
+  Output& output;
+  const GlobalOptions& global;
+};
+
 /// What the command line asks for.
 struct ChosenCommand {
   std::function<Status()> check;  ///< optional: faults of the arguments that show without any database
   std::function<Status(CommandContext&)> run;
+  /// In place of `run`: works on the files of --data alone, no database is opened.
+  std::function<Status(const std::filesystem::path& folder, Output&)> run_on_files;
   bool may_create = false;        ///< with --data: makes the folder when it is missing
   std::string new_password_file;  ///< of `user add` and `user passwd`
 };
@@ -39,6 +43,7 @@ void addStationCommands(CLI::App& app, ChosenCommand& chosen);
 void addProfileCommands(CLI::App& app, ChosenCommand& chosen);
 void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen);
 void addSessionCommands(CLI::App& app, ChosenCommand& chosen);
+void addCertificateCommands(CLI::App& app, ChosenCommand& chosen);
 void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen);
 
 /// A session's id from the command line. kInvalidInput.

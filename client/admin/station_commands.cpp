@@ -7,19 +7,11 @@
 #include "admin/command.h"
 #include "base/atomic_file.h"
 #include "base/text_rules.h"
+#include "net/enrolment.h"
+#include "wire/certificates.h"
 
 namespace needlelab {
 namespace {
-
-std::string hexText(const std::string& bytes) {
-  constexpr char kDigits[] = "0123456789abcdef";
-  std::string text;
-  for (const char c : bytes) {
-    text += kDigits[static_cast<unsigned char>(c) >> 4];
-    text += kDigits[static_cast<unsigned char>(c) & 15];
-  }
-  return text;
-}
 
 /// The key is shown once only: find out before it is made whether it can be written down.
 Status checkWritable(const std::filesystem::path& file) {
@@ -49,6 +41,43 @@ Status addStation(CommandContext& context, const std::string& name, const std::s
   context.output.done("added station '" + name + "'; its key is in " +
                       std::filesystem::absolute(file).string() +
                       ": move it to the station and keep it secret");
+  return {};
+}
+
+/// The authority that the station has to trust: of the folder, made with the server's certificate when it is
+/// missing; or the one that this program was given to reach the server.
+Result<std::string> authorityFor(const CommandContext& context, const Endpoint& server) {
+  std::filesystem::path file = context.global.ca;
+  if (context.backend.local()) {
+    const TlsFiles files = tlsFilesIn(std::filesystem::path(context.global.data) / "tls");
+    // the certificate is for the name by which the station will call
+    if (auto made = ensureTlsFiles(files, {server.host}); !made) return made.error();
+    file = files.ca_certificate;
+  }
+  return readWholeFile(file, 1u << 20);
+}
+
+Status enrolStation(CommandContext& context, const std::string& name, const std::string& server,
+                    const std::string& file) {
+  Enrolment enrolment;
+  enrolment.station = name;
+  enrolment.server = *parseEndpoint(server);
+  // all that can fail before the key is made, because it is shown once only
+  auto ca = authorityFor(context, enrolment.server);
+  if (!ca) return ca.error();
+  enrolment.ca_pem = std::move(*ca);
+  pb::Request request;
+  request.mutable_add_station()->set_name(name);
+  const auto reply = context.backend.call(request);
+  if (!reply) return reply.error();
+  enrolment.key = reply->station_key().key();
+  if (auto done = writeFileAtomically(file, viewOf(bundleText(enrolment)), 0600); !done) {
+    return Error{done.error().code, done.error().message + "; station '" + name +
+                                        "' was added, but its key is lost: revoke it and enrol it again"};
+  }
+  context.output.done("added station '" + name + "'; move " + std::filesystem::absolute(file).string() +
+                      " to it, keep it secret, and say there: needlelab-station --enrol " +
+                      std::filesystem::path(file).filename().string());
   return {};
 }
 
@@ -92,7 +121,7 @@ void addStationCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* station = app.add_subcommand("station", "the machines on which trainees practise");
   station->require_subcommand(1);
   struct Values {
-    std::string name, out;
+    std::string name, out, server;
   };
   const auto values = std::make_shared<Values>();
 
@@ -108,6 +137,31 @@ void addStationCommands(CLI::App& app, ChosenCommand& chosen) {
       return checkWritable(values->out);
     };
     chosen.run = [values](CommandContext& context) { return addStation(context, values->name, values->out); };
+  });
+
+  auto* enrol = station->add_subcommand(
+      "enrol", "add a station, and write all that it needs into one file for needlelab-station --enrol");
+  enrol->add_option("name", values->name)->required();
+  enrol
+      ->add_option(
+          "--server-name", values->server,
+          "HOST or HOST:PORT by which the station reaches the server; the certificate must be for HOST")
+      ->required()
+      ->type_name("HOST[:PORT]");
+  enrol->add_option("--out", values->out, "the file to write (readable by you only: it holds the key)")
+      ->required()
+      ->type_name("FILE");
+  enrol->callback([&chosen, values] {
+    chosen.may_create = true;
+    chosen.check = [values]() -> Status {
+      if (auto valid = checkName("station name", values->name); !valid) return valid;
+      if (auto valid = parseEndpoint(values->server); !valid)
+        return Error{ErrorCode::kInvalidInput, "--server-name " + valid.error().message};
+      return checkWritable(values->out);
+    };
+    chosen.run = [values](CommandContext& context) {
+      return enrolStation(context, values->name, values->server, values->out);
+    };
   });
 
   station->add_subcommand("list", "all stations")->callback([&chosen] { chosen.run = listStations; });

@@ -2,11 +2,15 @@
 #include <memory>
 
 #include "admin/command.h"
+#include "base/clock.h"
+#include "service/bootstrap.h"
+#include "service/restore.h"
 
 namespace needlelab {
 namespace {
 
-Status backup(CommandContext& context, const std::string& path) {
+/// `keep` > 0: `path` is a folder.
+Status backup(CommandContext& context, const std::string& path, std::uint32_t keep) {
   std::filesystem::path target = path;
   if (context.backend.local()) {
     target = std::filesystem::absolute(target);
@@ -16,15 +20,50 @@ Status backup(CommandContext& context, const std::string& path) {
   }
   pb::Request request;
   request.mutable_backup()->set_path(target.string());
+  request.mutable_backup()->set_keep(keep);
   const auto reply = context.backend.call(request);
   if (!reply) return reply.error();
   const auto& done = reply->backup_done();
-  const Json row = {
-      {"path", done.path()}, {"bytes", done.bytes()}, {"chunks_verified", done.chunks_verified()}};
-  return context.output.one({{"path", "backup"},
-                             {"bytes", "size", Column::Kind::kBytes},
-                             {"chunks_verified", "chunks verified in the copy"}},
-                            row);
+  const Json row = {{"path", done.path()},
+                    {"bytes", done.bytes()},
+                    {"chunks_verified", done.chunks_verified()},
+                    {"removed", std::vector<std::string>(done.removed().begin(), done.removed().end())}};
+  if (auto shown = context.output.one({{"path", "backup"},
+                                       {"bytes", "size", Column::Kind::kBytes},
+                                       {"chunks_verified", "chunks verified in the copy"}},
+                                      row);
+      !shown)
+    return shown;
+  for (const std::string& old : done.removed()) context.output.text("removed the old backup " + oneLine(old));
+  return {};
+}
+
+Status restore(const std::filesystem::path& folder, Output& output, const std::string& from) {
+  const auto result = restoreFrom(folder, from, wallNowNs());
+  if (!result) return result.error();
+  // opened once, so that it is known to open, and the audit log says what happened
+  Store::Options options;
+  options.holder = "needlelab-admin";
+  options.create = false;
+  auto store = Store::open(folder, options);
+  if (!store) return store.error();
+  const std::string kept = result->kept.empty() ? "none" : result->kept.string();
+  if (auto noted = (*store)->service().note("local", "restore", from, "replaced database kept as " + kept);
+      !noted)
+    return noted;
+  if (auto shown = output.one(
+          {{"from", "restored from"},
+           {"sessions", "sessions checked"},
+           {"chunks", "chunks checked"},
+           {"kept", "replaced database kept as"}},
+          {{"from", from}, {"sessions", result->sessions}, {"chunks", result->chunks}, {"kept", kept}});
+      !shown)
+    return shown;
+  output.text(
+      "Start the server: stations send again what this backup lacks and their spools have. Stations, people "
+      "and "
+      "profiles added after the backup have to be added again.");
+  return {};
 }
 
 Status check(CommandContext& context) {
@@ -75,19 +114,48 @@ Status audit(CommandContext& context, std::uint32_t limit) {
 
 void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen) {
   struct Values {
-    std::string path;
-    std::uint32_t limit = 100;
+    std::string path, folder, from;
+    std::uint32_t limit = 100, keep = 14;
   };
   const auto values = std::make_shared<Values>();
 
   auto* backup_command =
       app.add_subcommand("backup", "copy the database to another file and verify the copy");
-  backup_command
-      ->add_option("path,--out", values->path, "the new file; with --server a path of the server's machine")
+  auto* path = backup_command
+                   ->add_option("path,--out", values->path,
+                                "the new file; with --server a path of the server's machine")
+                   ->type_name("FILE");
+  auto* dir =
+      backup_command
+          ->add_option("--dir", values->folder,
+                       "a folder in place of FILE: the file is named by the time, old ones are removed")
+          ->type_name("DIR")
+          ->excludes(path);
+  backup_command->add_option("--keep", values->keep, "so many backups stay in DIR, the newest")
+      ->check(CLI::Range(1u, 100'000u))
+      ->capture_default_str()
+      ->needs(dir);
+  backup_command->callback([&chosen, values] {
+    chosen.check = [values]() -> Status {
+      if (values->path.empty() && values->folder.empty())
+        return Error{ErrorCode::kInvalidInput, "backup: give FILE, or --dir DIR [--keep N]"};
+      return {};
+    };
+    chosen.run = [values](CommandContext& context) {
+      return values->folder.empty() ? backup(context, values->path, 0)
+                                    : backup(context, values->folder, values->keep);
+    };
+  });
+
+  auto* restore_command = app.add_subcommand(
+      "restore", "put a backup in the place of a stopped server's database, which is kept (needs --data)");
+  restore_command->add_option("--from", values->from, "the backup; it is checked completely first")
       ->required()
       ->type_name("FILE");
-  backup_command->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) { return backup(context, values->path); };
+  restore_command->callback([&chosen, values] {
+    chosen.run_on_files = [values](const std::filesystem::path& folder, Output& output) {
+      return restore(folder, output, values->from);
+    };
   });
 
   app.add_subcommand("check", "read the whole database again: structure, every chunk, every hash")

@@ -1,10 +1,12 @@
 #include "wire/certificates.h"
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <ctime>
 #include <filesystem>
 #include <memory>
+#include <string_view>
 #include <system_error>
 
 #include <openssl/bio.h>
@@ -177,23 +179,108 @@ Status makeServer(const TlsFiles& files, const Authority& authority, const std::
   return saveCertificate(files.certificate, server);
 }
 
-/// Is what lies there still good: the key fits, our CA signed it, it lasts, and every host is in it?
-bool serverIsGood(const TlsFiles& files, X509* ca, const std::vector<std::string>& hosts) {
-  const auto certificate = loadCertificate(files.certificate);
-  const auto key = loadKey(files.key);
-  if (!certificate.ok() || !key.ok()) return false;
-  X509* const server = certificate->get();
-  std::time_t renew = std::time(nullptr) + kRenewDays * kDay;
-  if (X509_check_private_key(server, key->get()) != 1 || X509_verify(server, X509_get0_pubkey(ca)) != 1 ||
-      X509_cmp_time(X509_get0_notAfter(server), &renew) <= 0) {
-    return false;
+std::int64_t unixSeconds(const ASN1_TIME* time) {
+  std::tm parts{};
+  return ASN1_TIME_to_tm(time, &parts) == 1 ? static_cast<std::int64_t>(::timegm(&parts)) : 0;
+}
+
+std::string dayText(const ASN1_TIME* time) {
+  std::tm parts{};
+  std::array<char, 32> text{};
+  if (ASN1_TIME_to_tm(time, &parts) != 1) return "an unknown day";
+  std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M UTC", &parts);
+  return text.data();
+}
+
+/// Names and addresses that a certificate is for.
+std::vector<std::string> hostsOf(X509* certificate) {
+  std::vector<std::string> hosts;
+  const std::unique_ptr<GENERAL_NAMES, Deleter<&GENERAL_NAMES_free>> names(
+      static_cast<GENERAL_NAMES*>(X509_get_ext_d2i(certificate, NID_subject_alt_name, nullptr, nullptr)));
+  for (int i = 0; names && i < sk_GENERAL_NAME_num(names.get()); ++i) {
+    const GENERAL_NAME* const name = sk_GENERAL_NAME_value(names.get(), i);
+    if (name->type == GEN_DNS) {
+      hosts.emplace_back(reinterpret_cast<const char*>(ASN1_STRING_get0_data(name->d.dNSName)),
+                         static_cast<std::size_t>(ASN1_STRING_length(name->d.dNSName)));
+    } else if (name->type == GEN_IPADD) {
+      const auto* bytes = ASN1_STRING_get0_data(name->d.iPAddress);
+      if (ASN1_STRING_length(name->d.iPAddress) == 4) {
+        boost::asio::ip::address_v4::bytes_type v4{};
+        std::copy_n(bytes, v4.size(), v4.begin());
+        hosts.push_back(boost::asio::ip::make_address_v4(v4).to_string());
+      } else if (ASN1_STRING_length(name->d.iPAddress) == 16) {
+        boost::asio::ip::address_v6::bytes_type v6{};
+        std::copy_n(bytes, v6.size(), v6.begin());
+        hosts.push_back(boost::asio::ip::make_address_v6(v6).to_string());
+      }
+    }
   }
+  return hosts;
+}
+
+/// What is wrong with what lies there, in words; empty when it is good: the key fits, our CA signed it, it
+/// lasts, and every host is in it.
+std::string serverFault(const TlsFiles& files, X509* ca, const std::vector<std::string>& hosts) {
+  const auto certificate = loadCertificate(files.certificate);
+  if (!certificate.ok()) return certificate.error().message;
+  const auto key = loadKey(files.key);
+  if (!key.ok()) return key.error().message;
+  X509* const server = certificate->get();
+  const std::string name = files.certificate.string();
+  if (X509_check_private_key(server, key->get()) != 1)
+    return name + " and " + files.key.string() + " do not fit each other";
+  if (X509_verify(server, X509_get0_pubkey(ca)) != 1)
+    return name + " was not made by the authority in " + files.ca_certificate.string();
+  std::time_t now = std::time(nullptr), renew = now + kRenewDays * kDay;
+  const ASN1_TIME* const end = X509_get0_notAfter(server);
+  if (X509_cmp_time(end, &now) <= 0) return name + " has expired on " + dayText(end);
+  if (X509_cmp_time(end, &renew) <= 0) return name + " expires on " + dayText(end);
+  if (const ASN1_TIME* const begin = X509_get0_notBefore(server); X509_cmp_time(begin, &now) > 0)
+    return name + " is valid from " + dayText(begin) + " on only: is this machine's clock right?";
   for (const std::string& host : hosts) {
     const int found = isAddress(host) ? X509_check_ip_asc(server, host.c_str(), 0)
                                       : X509_check_host(server, host.c_str(), host.size(), 0, nullptr);
-    if (found != 1) return false;
+    if (found == 1) continue;
+    std::string has;
+    for (const std::string& known : hostsOf(server)) has += (has.empty() ? "" : ", ") + known;
+    return name + " is not for '" + host + "', only for " + has;
   }
-  return true;
+  return {};
+}
+
+Status checkHosts(const std::vector<std::string>& hosts) {
+  if (hosts.empty()) return Error{ErrorCode::kInvalidInput, "a server's certificate needs a host name"};
+  for (const std::string& host : hosts) {
+    if (host.empty() || host.find_first_of(",: \n") != std::string::npos) {
+      if (!isAddress(host))
+        return Error{ErrorCode::kInvalidInput, "'" + host + "' is no host name or IP address"};
+    }
+  }
+  return {};
+}
+
+/// `hosts`, and those of the certificate that is there: what a station calls the server by must not be
+/// forgotten.
+std::vector<std::string> withOldHosts(const TlsFiles& files, std::vector<std::string> hosts) {
+  const auto old = loadCertificate(files.certificate);
+  if (!old.ok()) return hosts;
+  for (const std::string& host : hostsOf(old->get()))
+    if (std::find(hosts.begin(), hosts.end(), host) == hosts.end()) hosts.push_back(host);
+  return hosts;
+}
+
+Result<Authority> loadAuthority(const TlsFiles& files) {
+  auto certificate = loadCertificate(files.ca_certificate);
+  if (!certificate.ok()) return certificate.error();
+  auto key = loadKey(files.ca_key);
+  if (!key.ok())
+    return Error{key.error().code, "a new server certificate needs the CA's key: " + key.error().message +
+                                       "; put it back for the time of this start"};
+  if (X509_check_private_key(certificate->get(), key->get()) != 1)
+    return Error{ErrorCode::kInvalidInput,
+                 files.ca_certificate.string() + " and " + files.ca_key.string() +
+                     " do not fit each other: put back the two that were made together"};
+  return Authority{std::move(*certificate), std::move(*key)};
 }
 
 }  // namespace
@@ -203,13 +290,7 @@ TlsFiles tlsFilesIn(const std::filesystem::path& folder) {
 }
 
 Result<bool> ensureTlsFiles(const TlsFiles& files, const std::vector<std::string>& hosts) {
-  if (hosts.empty()) return Error{ErrorCode::kInvalidInput, "a server's certificate needs a host name"};
-  for (const std::string& host : hosts) {
-    if (host.empty() || host.find_first_of(",: \n") != std::string::npos) {
-      if (!isAddress(host))
-        return Error{ErrorCode::kInvalidInput, "'" + host + "' is no host name or IP address"};
-    }
-  }
+  if (auto valid = checkHosts(hosts); !valid.ok()) return valid.error();
   std::error_code failed;
   std::filesystem::create_directories(files.ca_certificate.parent_path(), failed);
   if (failed) {
@@ -230,14 +311,45 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const std::vector<std::string
   }
   auto certificate = loadCertificate(files.ca_certificate);
   if (!certificate.ok()) return certificate.error();
-  if (serverIsGood(files, certificate->get(), hosts)) return false;
+  const std::string fault = serverFault(files, certificate->get(), hosts);
+  if (fault.empty()) return false;
   // the CA's key is needed only now; who keeps it elsewhere puts it back for this
-  auto key = loadKey(files.ca_key);
-  if (!key.ok())
-    return Error{key.error().code, "a new server certificate needs the CA's key: " + key.error().message};
-  const Authority authority{std::move(*certificate), std::move(*key)};
-  if (auto made = makeServer(files, authority, hosts); !made.ok()) return made.error();
+  const auto authority = loadAuthority(files);
+  if (!authority.ok()) return Error{authority.error().code, fault + "; " + authority.error().message};
+  if (auto made = makeServer(files, *authority, withOldHosts(files, hosts)); !made.ok()) return made.error();
   return true;
+}
+
+Status renewServerCertificate(const TlsFiles& files, const std::vector<std::string>& hosts) {
+  const auto all = withOldHosts(files, hosts);
+  if (auto valid = checkHosts(all); !valid.ok()) return valid;
+  const auto authority = loadAuthority(files);
+  if (!authority.ok()) return authority.error();
+  return makeServer(files, *authority, all);
+}
+
+Result<CertificateFacts> readCertificate(const std::filesystem::path& path) {
+  const auto certificate = loadCertificate(path);
+  if (!certificate.ok()) return certificate.error();
+  X509* const x509 = certificate->get();
+  CertificateFacts facts;
+  std::array<char, 256> name{};
+  if (X509_NAME_get_text_by_NID(X509_get_subject_name(x509), NID_commonName, name.data(),
+                                static_cast<int>(name.size())) > 0)
+    facts.subject = name.data();
+  facts.hosts = hostsOf(x509);
+  facts.not_before_unix_s = unixSeconds(X509_get0_notBefore(x509));
+  facts.not_after_unix_s = unixSeconds(X509_get0_notAfter(x509));
+  std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
+  unsigned length = 0;
+  if (X509_digest(x509, EVP_sha256(), digest.data(), &length) != 1)
+    return opensslError("hashing a certificate");
+  constexpr std::string_view kHex = "0123456789abcdef";
+  for (unsigned i = 0; i < length; ++i) {
+    facts.sha256 += kHex[digest[i] >> 4];
+    facts.sha256 += kHex[digest[i] & 15];
+  }
+  return facts;
 }
 
 }  // namespace needlelab

@@ -15,6 +15,7 @@
 #include "db/migrate.h"
 #include "db/transaction.h"
 #include "service/lesson_texts.h"
+#include "service/restore.h"
 
 namespace needlelab {
 namespace {
@@ -121,6 +122,8 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
   if (auto done = makeFolder(folder); !done) return done.error();
   auto lock = FolderLock::take(folder, options.holder);
   if (!lock) return lock.error();
+  // before the first look at the database: one that was half replaced would be opened with the other's log
+  if (auto done = finishRestore(folder); !done) return done.error();
   if (auto done = makeDatabaseFile(path); !done) return done.error();
 
   auto connection = Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true});

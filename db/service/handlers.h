@@ -2,6 +2,7 @@
 /// Private to this folder.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -23,7 +24,8 @@ struct Context {
   DbWriter& writer;
   Connection& reader;
   std::int64_t now_unix_ns;
-  std::string_view action;  ///< for the audit log
+  std::string_view action;                       ///< for the audit log
+  const std::atomic<bool>* cancelled = nullptr;  ///< set when the program ends: long reads are given up
 };
 
 /// Runs `work` on the writer with a line in the audit log, both or neither; returns after the commit.

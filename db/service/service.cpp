@@ -105,7 +105,8 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
     }
     auto reader = readers_.borrow();
     if (!reader) return reader.error();
-    return dispatch({principal, writer_, **reader, wallNowNs(), callName(request.call_case())}, request);
+    return dispatch({principal, writer_, **reader, wallNowNs(), callName(request.call_case()), &cancelled_},
+                    request);
   };
   Outcome outcome;
   auto reply = run();

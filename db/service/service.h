@@ -2,6 +2,7 @@
 /// `needlelab-admin --data DIR`.
 #pragma once
 
+#include <atomic>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -51,6 +52,10 @@ class Service {
   /// Checks the role (roles.h), executes, writes the audit log.
   Outcome execute(const Principal& principal, const pb::Request& request);
 
+  /// The program ends: backups, checks and verifications under way, and later ones, are given up. Thread:
+  /// any.
+  void cancelLongWork() { cancelled_ = true; }
+
   /// Password check. kDenied with one text for unknown, wrong and disabled, in about the same time.
   Result<Principal> loginPerson(const std::string& user, const std::string& password);
   /// Station key check. kDenied as above.
@@ -76,6 +81,7 @@ class Service {
   Result<std::string> scoreOf(Connection& reader, const SessionSamples& session);
   DbWriter& writer_;
   ReaderPool& readers_;
+  std::atomic<bool> cancelled_{false};
   std::mutex backup_mutex_;  ///< one backup at a time
 };
 

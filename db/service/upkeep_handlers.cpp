@@ -1,5 +1,6 @@
 #include "db/audit_store.h"
 #include "db/backup.h"
+#include "db/cancel_scope.h"
 #include "db/check.h"
 #include "service/handlers.h"
 
@@ -15,23 +16,31 @@ Status write(const Context& context, const std::string& subject, const std::stri
 }
 
 Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
-  const std::filesystem::path target = call.path();
-  const auto result = backupTo(context.reader, target);
+  std::filesystem::path target = call.path();
+  if (call.keep() > 0) target /= backupName(context.now_unix_ns);
+  const auto result = backupTo(context.reader, target, context.cancelled);
   if (!result) return result.error();
   const auto status =
-      write(context, call.path(),
+      write(context, target.string(),
             std::to_string(result->bytes) + " bytes, " + std::to_string(result->chunks_verified) + " chunks",
             [&](Connection& writer) { return recordBackup(writer, *result, target, context.now_unix_ns); });
   if (!status) return status.error();
   pb::Reply reply;
   auto* done = reply.mutable_backup_done();
-  done->set_path(call.path());
+  done->set_path(target.string());
   done->set_bytes(result->bytes);
   done->set_chunks_verified(result->chunks_verified);
+  if (call.keep() > 0) {
+    // old ones go only now that a newer one is verified and noted
+    const auto removed = removeOldBackups(call.path(), call.keep());
+    if (!removed) return removed.error();
+    for (const auto& path : *removed) done->add_removed(path.string());
+  }
   return reply;
 }
 
 Result<pb::Reply> check(const Context& context, const pb::Check&) {
+  const CancelScope may_end(context.reader, context.cancelled);
   const auto result = checkDatabase(context.reader);
   if (!result) return result.error();
   pb::Reply reply;

@@ -1,0 +1,124 @@
+#include "net/enrolment.h"
+
+#include <unistd.h>
+
+#include <cstdlib>
+#include <utility>
+
+#include "base/atomic_file.h"
+#include "base/text_rules.h"
+#include "net/blocking_client.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::string_view kHead = "needlelab-enrolment 1";
+constexpr std::size_t kKeyBytes = 32;
+
+int digitOf(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+  return -1;
+}
+
+/// Empty: no key.
+std::string keyOf(std::string_view hex) {
+  std::string key;
+  if (hex.size() != 2 * kKeyBytes) return key;
+  for (std::size_t i = 0; i < hex.size(); i += 2) {
+    const int high = digitOf(hex[i]), low = digitOf(hex[i + 1]);
+    if (high < 0 || low < 0) return {};
+    key += static_cast<char>(high * 16 + low);
+  }
+  return key;
+}
+
+}  // namespace
+
+std::string hexText(std::string_view bytes) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::string text;
+  for (const char c : bytes) {
+    text += kDigits[static_cast<unsigned char>(c) >> 4];
+    text += kDigits[static_cast<unsigned char>(c) & 15];
+  }
+  return text;
+}
+
+std::string bundleText(const Enrolment& enrolment) {
+  return std::string(kHead) + "\nserver " + endpointText(enrolment.server) + "\nstation " +
+         enrolment.station + "\nkey " + hexText(enrolment.key) + "\n" + enrolment.ca_pem;
+}
+
+Result<Enrolment> parseBundle(std::string_view text, const std::string& source) {
+  const auto bad = [&](const std::string& what) {
+    return Error{ErrorCode::kInvalidInput,
+                 source + ": " + what + "; it is made by needlelab-admin station enrol on the server"};
+  };
+  const auto line = [&text] {
+    const auto end = text.find('\n');
+    const std::string_view first = text.substr(0, end);
+    text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
+    return first;
+  };
+  if (line() != kHead) return bad("line 1 is not '" + std::string(kHead) + "'");
+  const auto value = [&](std::string_view name) -> std::string {
+    const std::string_view found = line();
+    if (!found.starts_with(name) || found.size() <= name.size() || found[name.size()] != ' ') return {};
+    return std::string(found.substr(name.size() + 1));
+  };
+  Enrolment enrolment;
+  const auto server = parseEndpoint(value("server"));
+  if (!server.ok()) return bad("line 2 is no 'server HOST:PORT'");
+  enrolment.server = *server;
+  enrolment.station = value("station");
+  if (auto valid = checkName("station", enrolment.station); !valid.ok())
+    return bad("line 3 is no 'station NAME'");
+  enrolment.key = keyOf(value("key"));
+  if (enrolment.key.empty()) return bad("line 4 is no 'key' of 64 hexadecimal digits");
+  enrolment.ca_pem = text;
+  if (!enrolment.ca_pem.starts_with("-----BEGIN CERTIFICATE-----"))
+    return bad("line 5 does not begin a certificate");
+  return enrolment;
+}
+
+EnrolmentFiles enrolmentFilesIn(const std::filesystem::path& folder) {
+  return {folder / "server", folder / "ca.crt", folder / "station.key"};
+}
+
+std::filesystem::path defaultEnrolmentFolder() {
+  if (::geteuid() == 0) return "/etc/needlelab";
+  const char* const config = std::getenv("XDG_CONFIG_HOME");
+  if (config != nullptr && config[0] == '/') return std::filesystem::path(config) / "needlelab";
+  const char* const home = std::getenv("HOME");
+  return std::filesystem::path(home != nullptr ? home : "/") / ".config" / "needlelab";
+}
+
+Status saveEnrolment(const Enrolment& enrolment, const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) return Error{ErrorCode::kFailed, "cannot make " + folder.string() + ": " + error.message()};
+  const EnrolmentFiles files = enrolmentFilesIn(folder);
+  const std::string key = enrolment.station + ":" + hexText(enrolment.key) + "\n";
+  const std::string server = endpointText(enrolment.server) + "\n";
+  if (auto saved = writeFileAtomically(files.key, viewOf(key), 0600); !saved.ok()) return saved;
+  if (auto saved = writeFileAtomically(files.ca, viewOf(enrolment.ca_pem), 0644); !saved.ok()) return saved;
+  return writeFileAtomically(files.server, viewOf(server), 0644);
+}
+
+Result<std::string> proveEnrolment(const Enrolment& enrolment, const std::filesystem::path& scratch) {
+  const auto ca = scratch / (".enrol-" + std::to_string(::getpid()) + ".crt");
+  if (auto saved = writeFileAtomically(ca, viewOf(enrolment.ca_pem), 0600); !saved.ok()) return saved.error();
+  ClientConfig config;
+  config.server = enrolment.server;
+  config.ca_file = ca;
+  config.program = programText("station");
+  config.login = stationLogin(enrolment.station, enrolment.key);
+  auto client = BlockingClient::connect(config);
+  ::unlink(ca.c_str());
+  if (!client.ok()) return client.error();
+  return client->welcome().name();
+}
+
+}  // namespace needlelab

@@ -1,0 +1,46 @@
+/// What a station needs to know of its server, in one file made on the server, and as it is kept on the
+/// station.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include "base/result.h"
+#include "wire/endpoint.h"
+
+namespace needlelab {
+
+struct Enrolment {
+  Endpoint server;
+  std::string station;  ///< name
+  std::string key;      ///< 32 bytes
+  std::string ca_pem;   ///< the server's certificate authority
+};
+
+/// The bundle's text: a line "needlelab-enrolment 1", then "server HOST:PORT", "station NAME", "key HEX", and
+/// the CA's certificate as PEM. It holds the key: 0600 wherever it lies, and removed when the station is
+/// enrolled.
+std::string bundleText(const Enrolment& enrolment);
+/// Errors: kInvalidInput naming `source` and the line; the key never stands in a message.
+Result<Enrolment> parseBundle(std::string_view text, const std::string& source);
+
+/// The folder of an enrolled station: `server`, `ca.crt`, `station.key` (0600).
+struct EnrolmentFiles {
+  std::filesystem::path server, ca, key;
+};
+EnrolmentFiles enrolmentFilesIn(const std::filesystem::path& folder);
+/// /etc/needlelab for root, else needlelab in $XDG_CONFIG_HOME or ~/.config.
+std::filesystem::path defaultEnrolmentFolder();
+
+/// Writes the three files; the key first, so that a station that knows its server has its key. Errors:
+/// kFailed.
+Status saveEnrolment(const Enrolment& enrolment, const std::filesystem::path& folder);
+
+/// Connects and logs in as the station, by this enrolment alone; gives what the server calls it. `scratch`: a
+/// folder for the CA's file meanwhile. Errors: as connectClient.
+Result<std::string> proveEnrolment(const Enrolment& enrolment, const std::filesystem::path& scratch);
+
+std::string hexText(std::string_view bytes);
+
+}  // namespace needlelab

@@ -1,0 +1,209 @@
+#include "service/restore.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <ctime>
+#include <string>
+
+#include "base/atomic_file.h"
+#include "db/check.h"
+#include "db/connection.h"
+#include "db/migrate.h"
+#include "service/bootstrap.h"
+
+namespace needlelab {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kDatabase = "needlelab.db";
+constexpr const char* kCopy = "needlelab.db.restoring";
+constexpr const char* kPending = "restore.pending";  // holds the name under which the old database is kept
+
+Error systemError(const fs::path& path, const std::string& what) {
+  return {ErrorCode::kFailed, path.string() + ": cannot " + what + ": " + std::strerror(errno)};
+}
+
+Status removeFile(const fs::path& path) {
+  if (::unlink(path.c_str()) == 0 || errno == ENOENT) return {};
+  return systemError(path, "remove");
+}
+
+/// A plain copy of a plain file, for its owner only, synced.
+Status copyFile(const fs::path& from, const fs::path& to) {
+  const int in = ::open(from.c_str(), O_RDONLY | O_CLOEXEC);
+  if (in < 0) return Error{ErrorCode::kInvalidInput, systemError(from, "read").message};
+  const int out = ::open(to.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (out < 0) {
+    const Error error = systemError(to, "make");
+    ::close(in);
+    return error;
+  }
+  Status status;
+  std::string buffer(1u << 20, '\0');
+  for (;;) {
+    const ssize_t got = ::read(in, buffer.data(), buffer.size());
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) status = systemError(from, "read");
+    if (got <= 0) break;
+    for (ssize_t at = 0; at < got && status.ok();) {
+      const ssize_t put = ::write(out, buffer.data() + at, static_cast<std::size_t>(got - at));
+      if (put < 0 && errno != EINTR) status = systemError(to, "write");
+      if (put > 0) at += put;
+    }
+    if (!status.ok()) break;
+  }
+  if (status.ok() && ::fsync(out) != 0) status = systemError(to, "fsync");
+  ::close(in);
+  ::close(out);
+  return status;
+}
+
+/// What the copy holds, when it is sound and of a schema that this program knows.
+Result<RestoreResult> checkCopy(const fs::path& copy, const fs::path& from) {
+  auto opened = Connection::open(copy, {.mode = Connection::Mode::kReader});
+  if (!opened) return opened.error();
+  auto id = opened->prepare("PRAGMA application_id");
+  const auto row = id.step();
+  if (!row) return Error{row.error().code, from.string() + ": this is no database: " + row.error().message};
+  if (!*row || id.integer(0) != kApplicationId)
+    return Error{ErrorCode::kCorrupt, from.string() + ": this is no database of needlelab"};
+  const auto version = schemaVersion(*opened);
+  if (!version) return version.error();
+  if (*version > newestSchemaVersion())
+    return Error{ErrorCode::kVersion, from.string() + ": its schema has version " + std::to_string(*version) +
+                                          ", this program (needlelab " NEEDLELAB_VERSION
+                                          ") knows versions up to " +
+                                          std::to_string(newestSchemaVersion()) + ": use the newer program"};
+  return RestoreResult{{}, 0, 0, *version};
+}
+
+/// The copy is brought to this program's schema and closed without a log beside it; then all of it is read.
+Status migrateAndCheck(const fs::path& copy, const fs::path& from, RestoreResult& result) {
+  {
+    auto writer = Connection::open(copy, {.mode = Connection::Mode::kWriter});
+    if (!writer) return writer.error();
+    if (auto done = migrate(*writer); !done) return done;
+    const auto checked = checkDatabase(*writer);
+    if (!checked) return checked.error();
+    if (!checked->ok())
+      return Error{ErrorCode::kCorrupt,
+                   from.string() + ": fails its check, nothing was changed: " + checked->faults.front() +
+                       " (" + std::to_string(checked->faults.size()) + " faults); take another backup"};
+    result.sessions = checked->sessions;
+    result.chunks = checked->chunks;
+    // everything into the one file that is renamed
+    if (auto done = writer->checkpointPassive(); !done) return done;
+    if (auto done = writer->script("PRAGMA journal_mode=DELETE"); !done) return done;
+  }
+  const int fd = ::open(copy.c_str(), O_RDWR | O_CLOEXEC);
+  if (fd < 0) return systemError(copy, "open");
+  const bool synced = ::fsync(fd) == 0;
+  const Error error = systemError(copy, "fsync");
+  ::close(fd);
+  if (!synced) return error;
+  for (const char* suffix : {"-wal", "-shm", "-journal"})
+    if (auto done = removeFile(copy.string() + suffix); !done) return done;
+  return {};
+}
+
+std::string timeText(std::int64_t now_unix_ns) {
+  const std::time_t now = now_unix_ns / 1'000'000'000;
+  std::tm parts{};
+  std::array<char, 32> text{};
+  std::strftime(text.data(), text.size(), "%Y%m%dT%H%M%SZ", ::gmtime_r(&now, &parts));
+  return text.data();
+}
+
+/// A second name for a file; none when it is not there. Repeating it is no error.
+Status keep(const fs::path& file, const fs::path& as) {
+  if (::link(file.c_str(), as.c_str()) == 0 || errno == ENOENT || errno == EEXIST) return {};
+  return systemError(as, "keep the replaced database under this name");
+}
+
+}  // namespace
+
+Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, std::int64_t now_unix_ns) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error))
+    return Error{ErrorCode::kInvalidInput,
+                 "--data " + folder.string() +
+                     ": is no folder; for a machine of its own make it first (mkdir -m 700)"};
+  if (!fs::is_regular_file(from, error))
+    return Error{ErrorCode::kInvalidInput, "--from " + from.string() + ": there is no such file"};
+  const fs::path database = folder / kDatabase, copy = folder / kCopy;
+  if (fs::equivalent(from, database, error))
+    return Error{ErrorCode::kInvalidInput, "--from " + from.string() + ": this is the database itself"};
+  for (const char* suffix : {"-wal", "-journal"})
+    if (const fs::path log = from.string() + suffix; fs::exists(log, error) && fs::file_size(log, error) > 0)
+      return Error{ErrorCode::kInvalidInput, "--from " + from.string() + ": there is a log beside it (" +
+                                                 log.string() + "): it is a database in use and no backup"};
+  auto lock = FolderLock::take(folder, "needlelab-admin restore");
+  if (!lock) return lock.error();
+  if (auto done = finishRestore(folder); !done) return done.error();
+
+  const auto drop = [&] {
+    for (const char* suffix : {"", "-wal", "-shm", "-journal"}) (void)removeFile(copy.string() + suffix);
+  };
+  drop();
+  if (auto done = copyFile(from, copy); !done) {
+    drop();
+    return done.error();
+  }
+  auto result = checkCopy(copy, from);
+  if (result)
+    if (auto done = migrateAndCheck(copy, from, *result); !done) result = done.error();
+  if (!result) {
+    drop();
+    return result;
+  }
+
+  // the decision: from here on the restore is completed, by us or by the next who opens the folder
+  std::string kept = std::string(kDatabase) + ".replaced-" + timeText(now_unix_ns);
+  for (int number = 2; fs::exists(folder / kept, error); ++number)
+    kept = std::string(kDatabase) + ".replaced-" + timeText(now_unix_ns) + "-" + std::to_string(number);
+  if (fs::exists(database, error)) result->kept = folder / kept;
+  if (auto done = syncFolder(folder); !done) return done.error();
+  if (auto done = writeFileAtomically(folder / kPending, viewOf(kept), 0600); !done) {
+    drop();
+    return done.error();
+  }
+  if (auto done = finishRestore(folder); !done) return done.error();
+  return result;
+}
+
+Status finishRestore(const fs::path& folder) {
+  const fs::path pending = folder / kPending, database = folder / kDatabase, copy = folder / kCopy;
+  std::error_code error;
+  if (!fs::exists(pending, error)) return {};
+  const auto kept = readWholeFile(pending, 1000);
+  if (!kept) return kept.error();
+  // a name of ours and nothing else: it is a path from a file
+  if (!kept->starts_with(std::string(kDatabase) + ".replaced-") || kept->find('/') != std::string::npos)
+    return Error{ErrorCode::kCorrupt, pending.string() +
+                                          ": does not say what a restore writes there; look at the files "
+                                          "of this folder and remove it"};
+  // the copy is there until it takes the database's place: the last step
+  if (fs::exists(copy, error)) {
+    // both names before anything is removed: the old database never lacks its log
+    if (auto done = keep(database.string() + "-wal", folder / (*kept + "-wal")); !done) return done;
+    if (auto done = keep(database, folder / *kept); !done) return done;
+    if (auto done = syncFolder(folder); !done) return done;
+    // a log of the old database must not be applied to the new one
+    for (const char* suffix : {"-wal", "-shm"})
+      if (auto done = removeFile(database.string() + suffix); !done) return done;
+    if (auto done = syncFolder(folder); !done) return done;
+    if (::rename(copy.c_str(), database.c_str()) != 0)
+      return systemError(database, "put the backup into place");
+    if (auto done = syncFolder(folder); !done) return done;
+  }
+  if (auto done = removeFile(pending); !done) return done;
+  return syncFolder(folder);
+}
+
+}  // namespace needlelab
