@@ -29,6 +29,7 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
   logEvent(LogLevel::kInfo, "connection_opened", {{"conn", peer.id_}, {"peer", peer.address()}});
 
   const Status shaken = co_await peer.channel_->handshake(asio::ssl::stream_base::server);
+  if (!shaken.ok()) ++peer.context_.counters.handshakes_failed;
   if (shaken.ok() && peer.state_ == ConnectionState::kConnecting) peer.setState(ConnectionState::kGreeting);
   while (!peer.over() && !peer.channel_->closing()) {
     auto got = co_await peer.channel_->receive();
@@ -60,6 +61,8 @@ void PeerConnection::leave() {
   if (who_.role == pb::STATION) context_.hub.detachStation(who_.name, *this);
   context_.hub.detachViewer(*this);
   context_.counters.live_dropped += channel_->live().dropped();
+  context_.counters.bytes_received += channel_->bytesReceived();
+  context_.counters.bytes_sent += channel_->bytesSent();
   if (!channel_->closing()) channel_->close(CloseReason::kLocal, "the connection ended");
   logEvent(LogLevel::kInfo, "connection_closed",
            {{"conn", id_},

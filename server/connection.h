@@ -47,6 +47,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   [[nodiscard]] ConnectionState state() const { return state_; }
   [[nodiscard]] const Principal& who() const { return who_; }
   [[nodiscard]] const std::string& address() const { return channel_->peerAddress(); }
+  [[nodiscard]] const Channel& channel() const { return *channel_; }
 
  private:
   /// What this connection has told, or is about to tell, of a session.

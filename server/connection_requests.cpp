@@ -99,6 +99,7 @@ void PeerConnection::afterwards(const pb::Request& request, const pb::Reply& rep
     }
   };
   if (reply.has_backup_done()) {
+    ++context_.counters.backups;
     for (const auto& [id, peer] : others) {
       if (peer->who().role == pb::STATION)
         asio::co_spawn(context_.io, tellSafe(peer->shared_from_this()), rethrow);

@@ -64,6 +64,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   // committed before it is answered: what a station hears of a session outlives the server
   struct Opened {
     std::uint64_t next_seq = 0, safe = 0;
+    bool closed = false;
   };
   auto opened = std::make_shared<Opened>();
   DbWriter::Work work = [opened, description, id = *id](Connection& writer) -> Status {
@@ -74,6 +75,10 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
     auto safe = store.safeSeqs(id);
     if (!safe.ok()) return safe.error();
     opened->safe = *safe;
+    auto state = writer.query("SELECT state FROM sessions WHERE id = ?", ByteView(id));
+    const auto found = state.step();
+    if (!found.ok()) return found.error();
+    opened->closed = *found && state.integer(0) != pb::SESSION_OPEN;
     return {};
   };
   const Status status = co_await commit(context_.store.writer(), std::move(work));
@@ -87,10 +92,12 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   Watermarks& marks = watermarks(session_id);
   marks.committed = opened->next_seq;
   marks.safe = opened->safe;
-  marks.open = true;
-  if (state_ == ConnectionState::kAuthenticated) setState(ConnectionState::kInSession);
-  context_.hub.onSession(who_.name, session_id);
-  logEvent(LogLevel::kInfo, "session_opened",
+  marks.open = !opened->closed;
+  if (marks.open && state_ == ConnectionState::kAuthenticated) setState(ConnectionState::kInSession);
+  // of a closed one the station asks only whether it is still there
+  if (marks.open) context_.hub.onSession(who_.name, session_id);
+  logEvent(marks.open ? LogLevel::kInfo : LogLevel::kDebug,
+           marks.open ? "session_opened" : "session_confirmed",
            {{"conn", id_},
             {"session", sessionText(session_id)},
             {"station", who_.name},
@@ -210,6 +217,7 @@ void PeerConnection::sendAcks() {
     envelope.mutable_ack()->set_session_id(session_id);
     envelope.mutable_ack()->set_committed_seqs(marks.committed);
     envelope.mutable_ack()->set_safe_seqs(marks.safe);
+    ++context_.counters.acks;
     sendControl(envelope);
   }
 }

@@ -37,7 +37,12 @@ struct ServerCounters {
   std::uint64_t chunks_stored = 0, chunks_repeated = 0, chunks_refused = 0;
   std::uint64_t sessions_closed = 0;
   std::uint64_t messages_refused = 0;
-  std::uint64_t live_dropped = 0;  ///< of connections that have ended
+  std::uint64_t live_dropped = 0;                    ///< of connections that have ended
+  std::uint64_t connections_refused = 0;             ///< there were too many
+  std::uint64_t handshakes_failed = 0;               ///< TLS failed, or took too long
+  std::uint64_t acks = 0;                            ///< messages; one covers many chunks
+  std::uint64_t backups = 0;                         ///< verified
+  std::uint64_t bytes_received = 0, bytes_sent = 0;  ///< of connections that have ended
 };
 
 struct ServerContext {

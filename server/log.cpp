@@ -1,10 +1,17 @@
 #include "server/log.h"
 
+#include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <array>
+#include <atomic>
+#include <cstdlib>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <utility>
 
 namespace needlelab {
@@ -34,6 +41,30 @@ spdlog::logger& logger() {
     return made;
   }();
   return *instance;
+}
+
+std::atomic<LogFormat> format_now{LogFormat::kText};
+
+/// "<6>" and the like: what the journal takes for a line's priority (sd-daemon(3)).
+class Priority : public spdlog::custom_flag_formatter {
+ public:
+  void format(const spdlog::details::log_msg& message, const std::tm&, spdlog::memory_buf_t& out) override {
+    const std::string_view text = message.level >= spdlog::level::err    ? "<3>"
+                                  : message.level == spdlog::level::warn ? "<4>"
+                                  : message.level == spdlog::level::info ? "<6>"
+                                                                         : "<7>";
+    out.append(text.data(), text.data() + text.size());
+  }
+  [[nodiscard]] std::unique_ptr<custom_flag_formatter> clone() const override {
+    return std::make_unique<Priority>();
+  }
+};
+
+bool journalReads() {
+  const char* const stream = std::getenv("JOURNAL_STREAM");
+  struct stat info {};
+  if (stream == nullptr || ::fstat(STDERR_FILENO, &info) != 0) return false;
+  return stream == std::to_string(info.st_dev) + ":" + std::to_string(info.st_ino);
 }
 
 bool isPlain(std::string_view text) {
@@ -86,9 +117,22 @@ std::string logLine(std::string_view event, std::initializer_list<LogField> fiel
   return line;
 }
 
+std::string logMembers(std::string_view event, std::initializer_list<LogField> fields) {
+  const auto quoted = [](std::string_view text) {
+    constexpr std::size_t kMost = 500;
+    const nlohmann::json value(std::string(text.substr(0, kMost)) + (text.size() > kMost ? "…" : ""));
+    return value.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+  };
+  std::string line = "\"event\":" + quoted(event);
+  for (const LogField& field : fields)
+    line += "," + quoted(field.key) + ":" + (field.number ? field.value : quoted(field.value));
+  return line;
+}
+
 void logEvent(LogLevel level, std::string_view event, std::initializer_list<LogField> fields) {
   if (level == LogLevel::kOff || !logger().should_log(levelOf(level))) return;
-  logger().log(levelOf(level), logLine(event, fields));
+  const bool json = format_now.load(std::memory_order_relaxed) == LogFormat::kJson;
+  logger().log(levelOf(level), json ? logMembers(event, fields) : logLine(event, fields));
 }
 
 Result<LogLevel> parseLogLevel(std::string_view name) {
@@ -98,6 +142,26 @@ Result<LogLevel> parseLogLevel(std::string_view name) {
   }
   return Error{ErrorCode::kInvalidInput,
                "--log-level '" + std::string(name) + "' is not one of debug, info, warning, error, off"};
+}
+
+Result<LogFormat> parseLogFormat(std::string_view name) {
+  if (name == "text") return LogFormat::kText;
+  if (name == "json") return LogFormat::kJson;
+  return Error{ErrorCode::kInvalidInput, "--log-format '" + std::string(name) + "' is not one of text, json"};
+}
+
+void setLogFormat(LogFormat format) {
+  format_now = format;
+  const bool journal = journalReads();
+  std::string pattern = journal ? "%*" : "";
+  if (format == LogFormat::kJson) {
+    pattern += R"({"time":"%Y-%m-%dT%H:%M:%S.%e%z","level":"%l",%v})";
+  } else {
+    pattern += journal ? "%v" : "%Y-%m-%dT%H:%M:%S.%e%z %l %v";
+  }
+  auto made = std::make_unique<spdlog::pattern_formatter>();
+  made->add_flag<Priority>('*').set_pattern(pattern);
+  logger().set_formatter(std::move(made));
 }
 
 void setLogLevel(LogLevel level) {

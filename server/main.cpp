@@ -2,6 +2,8 @@
 #include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdint>
 #include <cstdio>
 #include <exception>
 #include <string>
@@ -9,6 +11,7 @@
 #include "base/exit_code.h"
 #include "server/log.h"
 #include "server/server.h"
+#include "server/service_manager.h"
 
 namespace {
 
@@ -27,7 +30,9 @@ void raiseFileLimit() {
 int main(int argc, char** argv) try {
   needlelab::ServerOptions options;
   options.handle_signals = true;
-  std::string log_level = "info";
+  std::string log_level = "info", log_format = "text";
+  std::uint64_t min_free_mib = 64;
+  double max_backup_age_h = 0;
 
   CLI::App app("needlelab-server: stores what stations record, serves people, fans out live samples.");
   app.set_version_flag("--version", "needlelab-server " NEEDLELAB_VERSION);
@@ -38,6 +43,21 @@ int main(int argc, char** argv) try {
   app.add_option("--port-file", options.port_file, "Write the port to this file once the server listens");
   app.add_option("--host-name", options.host_names,
                  "Further name or address for the server's certificate; may be repeated");
+  app.add_option(
+      "--metrics", options.metrics,
+      "PORT or HOST:PORT for GET /metrics (Prometheus) and /healthz; a port alone is on 127.0.0.1");
+  app.add_option("--metrics-port-file", options.metrics_port_file,
+                 "Write the port of --metrics to this file");
+  app.add_option("--max-backup-age", max_backup_age_h,
+                 "/healthz fails when the last verified backup is older than so many hours; 0: never")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  app.add_option("--max-connections", options.max_connections, "More are closed at once")
+      ->check(CLI::Range(std::size_t{1}, std::size_t{100'000}))
+      ->capture_default_str();
+  app.add_option("--min-free", min_free_mib, "MiB that must be free on DIR's disk for the server to start")
+      ->capture_default_str();
+  app.add_option("--log-format", log_format, "text or json, one object a line")->capture_default_str();
   app.add_option("--log-level", log_level, "debug, info, warning, error or off")->capture_default_str();
   try {
     app.parse(argc, argv);
@@ -52,6 +72,19 @@ int main(int argc, char** argv) try {
   const auto level = needlelab::parseLogLevel(log_level);
   if (!level.ok()) return fail(level.error());
   needlelab::setLogLevel(*level);
+  const auto format = needlelab::parseLogFormat(log_format);
+  if (!format.ok()) return fail(format.error());
+  needlelab::setLogFormat(*format);
+  options.min_free_bytes = min_free_mib << 20;
+  options.monitor.max_backup_age = std::chrono::seconds(static_cast<std::int64_t>(max_backup_age_h * 3600));
+
+  // before threads: it removes variables
+  const auto handed_over = needlelab::takeListenSockets();
+  if (!handed_over.ok()) return fail(handed_over.error());
+  if (handed_over->size() > 1)
+    return fail({needlelab::ErrorCode::kInvalidInput,
+                 "systemd hands over " + std::to_string(handed_over->size()) + " sockets, one is used"});
+  if (!handed_over->empty()) options.listen_fd = handed_over->front();
   raiseFileLimit();
   auto server = needlelab::Server::start(std::move(options));
   if (!server.ok()) return fail(server.error());

@@ -9,10 +9,13 @@
 #include <utility>
 
 #include "base/atomic_file.h"
+#include "base/clock.h"
 #include "base/exit_code.h"
 #include "server/connection.h"
 #include "server/listen.h"
 #include "server/log.h"
+#include "server/service_manager.h"
+#include "server/startup.h"
 #include "wire/certificates.h"
 #include "wire/tls.h"
 
@@ -31,7 +34,10 @@ struct Server::Parts {
   asio::thread_pool passwords{1}, workers{2}, slow_workers{1};
   std::optional<ServerContext> context;
   std::optional<Tcp::acceptor> acceptor;
+  std::unique_ptr<Monitor> monitor;
+  std::shared_ptr<MonitorHttp> monitor_http;
   asio::signal_set signals{io};
+  asio::steady_timer watchdog_timer{io};
   asio::steady_timer drain_timer{io};
   std::uint16_t port = 0;
   std::uint64_t next_id = 1;
@@ -41,6 +47,8 @@ struct Server::Parts {
   Task<> acceptLoop();
   Task<> signalLoop();
   Task<> drainLoop();
+  Task<> watchdogLoop(std::chrono::microseconds period);
+  Status startMonitor();
   void accepted(Tcp::socket socket);
   void beginStop(const std::string& reason);
 };
@@ -52,8 +60,14 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   Parts& p = *parts;
 
   // the port first: when it is taken, nothing on disk should have changed
-  auto acceptor = listenOn(p.io, *endpoint, p.options.listen);
+  auto acceptor = p.options.listen_fd >= 0 ? listenOnHandedOver(p.io, p.options.listen_fd)
+                                           : listenOn(p.io, *endpoint, p.options.listen);
   if (!acceptor.ok()) return acceptor.error();
+  if (auto clock = checkClock(wallNowNs() / 1'000'000'000); !clock.ok()) return clock.error();
+  if (auto rights = checkFolderRights(p.options.data); !rights.ok()) return rights.error();
+  if (auto room = checkRoom(p.options.data, p.options.min_free_bytes); !room.ok()) return room.error();
+  if (const std::string few = tooFewFiles(p.options.max_connections); !few.empty())
+    logEvent(LogLevel::kWarning, "few_files", {{"text", few}});
   p.acceptor.emplace(std::move(*acceptor));
   p.port = p.acceptor->local_endpoint().port();
 
@@ -88,6 +102,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .tokens = Tokens(p.options.token_lifetime),
                                   .counters = {},
                                   .connections = {}});
+  if (auto started = p.startMonitor(); !started.ok()) return started.error();
   if (!p.options.port_file.empty()) {
     const std::string text = std::to_string(p.port) + "\n";
     if (const Status written = writeFileAtomically(p.options.port_file, viewOf(text)); !written.ok())
@@ -102,12 +117,39 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   return std::unique_ptr<Server>(new Server(std::move(parts)));
 }
 
+Status Server::Parts::startMonitor() {
+  if (options.metrics.empty()) return {};
+  // a port alone is one of this machine only: what is shown there is for nobody else
+  std::string where = options.metrics;
+  if (where.find_first_not_of("0123456789") == std::string::npos) where = "127.0.0.1:" + where;
+  const auto endpoint = resolveListen(where, "--metrics");
+  if (!endpoint.ok()) return endpoint.error();
+  auto listening = listenOn(io, *endpoint, where, "--metrics");
+  if (!listening.ok()) return listening.error();
+  if (!endpoint->address().is_loopback())
+    logEvent(LogLevel::kWarning, "metrics_open_to_the_network",
+             {{"address", where}, {"text", "without TLS and log-in; let a firewall see to who may ask"}});
+  monitor = std::make_unique<Monitor>(*context, files.certificate, options.monitor);
+  monitor_http = MonitorHttp::make(io, std::move(*listening),
+                                   [this](std::string path) { return monitor->answer(std::move(path)); }, {});
+  if (!options.metrics_port_file.empty()) {
+    const std::string text = std::to_string(monitor_http->port()) + "\n";
+    if (auto written = writeFileAtomically(options.metrics_port_file, viewOf(text)); !written.ok())
+      return written;
+  }
+  logEvent(LogLevel::kInfo, "metrics",
+           {{"address", endpoint->address().to_string()}, {"port", monitor_http->port()}});
+  monitor_http->start();
+  return {};
+}
+
 Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 
 Server::~Server() {
   Parts& p = *parts_;
   // work that still runs posts its results into io, where nobody takes them any more
   for (asio::thread_pool* pool : {&p.passwords, &p.workers, &p.slow_workers}) pool->join();
+  if (p.monitor) p.monitor->join();
   p.store->writer().stop();
 }
 
@@ -115,6 +157,9 @@ int Server::run() {
   Parts& p = *parts_;
   asio::co_spawn(p.io, p.acceptLoop(), rethrow);
   if (p.options.handle_signals) asio::co_spawn(p.io, p.signalLoop(), rethrow);
+  if (const auto period = watchdogPeriod(); period && p.options.handle_signals)
+    asio::co_spawn(p.io, p.watchdogLoop(*period), rethrow);
+  if (p.options.handle_signals) notifyManager("READY=1\nSTATUS=serving");
   p.io.run();
   // all connections have ended; what is posted to the writer is committed before the end
   p.store->writer().stop();
@@ -148,6 +193,7 @@ Task<> Server::Parts::acceptLoop() {
 
 void Server::Parts::accepted(Tcp::socket socket) {
   if (context->connections.size() >= options.max_connections) {
+    ++context->counters.connections_refused;
     logEvent(LogLevel::kWarning, "too_many_connections", {{"limit", options.max_connections}});
     return;  // closes it
   }
@@ -169,8 +215,13 @@ void Server::Parts::beginStop(const std::string& reason) {
   if (std::exchange(stopping, true)) return;
   logEvent(LogLevel::kInfo, "stopping", {{"reason", reason}, {"connections", context->connections.size()}});
   context->stopping = true;
+  if (options.handle_signals) notifyManager("STOPPING=1\nSTATUS=draining");
+  // a backup that runs is given up; the next one covers what this one would have
+  store->service().cancelLongWork();
   boost::system::error_code ignored;
   acceptor->close(ignored);
+  if (monitor_http) monitor_http->stop();
+  watchdog_timer.cancel();
   signals.cancel(ignored);
   const auto all = context->connections;
   for (const auto& [id, connection] : all) {
@@ -189,6 +240,18 @@ Task<> Server::Parts::drainLoop() {
   for (const auto& [id, connection] : left) connection->cut("the server's time to drain has passed");
 }
 
+/// Tells systemd that this thread still turns: one that hangs is killed and started anew.
+Task<> Server::Parts::watchdogLoop(std::chrono::microseconds period) {
+  while (!stopping) {
+    notifyManager("WATCHDOG=1");
+    watchdog_timer.expires_after(period);
+    co_await watchdog_timer.async_wait(kUseTuple);
+  }
+}
+
+std::uint16_t Server::metricsPort() const {
+  return parts_->monitor_http ? parts_->monitor_http->port() : 0;
+}
 std::uint16_t Server::port() const {
   return parts_->port;
 }

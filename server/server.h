@@ -11,16 +11,22 @@
 
 #include "base/result.h"
 #include "server/context.h"
+#include "server/monitor.h"
 #include "wire/channel.h"
 
 namespace needlelab {
 
 struct ServerOptions {
-  std::filesystem::path data;             ///< DIR: database, tls/, lock
-  std::string listen = "127.0.0.1:7750";  ///< HOST:PORT; port 0 picks one
-  std::filesystem::path port_file;        ///< written after listening; empty: none
-  std::vector<std::string> host_names;    ///< beside those that are found out, for the certificate
-  bool handle_signals = false;            ///< SIGTERM and SIGINT end run()
+  std::filesystem::path data;                ///< DIR: database, tls/, lock
+  std::string listen = "127.0.0.1:7750";     ///< HOST:PORT; port 0 picks one
+  int listen_fd = -1;                        ///< a listening socket in place of `listen`; taken over
+  std::string metrics;                       ///< HOST:PORT for GET /metrics and /healthz; empty: none
+  std::filesystem::path metrics_port_file;   ///< written with the port of `metrics`; empty: none
+  std::uint64_t min_free_bytes = 64u << 20;  ///< on the folder's disk; less: it does not start
+  MonitorSettings monitor;
+  std::filesystem::path port_file;      ///< written after listening; empty: none
+  std::vector<std::string> host_names;  ///< beside those that are found out, for the certificate
+  bool handle_signals = false;          ///< SIGTERM and SIGINT end run()
   std::size_t max_connections = 4096;
   std::chrono::milliseconds drain{10'000};  ///< at the end; then connections are cut
   ChannelLimits limits;
@@ -47,6 +53,8 @@ class Server {
   void stop();
 
   [[nodiscard]] std::uint16_t port() const;
+  /// Of `metrics`; 0: not served.
+  [[nodiscard]] std::uint16_t metricsPort() const;
   [[nodiscard]] std::filesystem::path caFile() const;
   /// For tests, before run() or after it.
   [[nodiscard]] Store& store();

@@ -30,11 +30,10 @@ int Lab::admin(const std::vector<std::string>& arguments) const {
 void Lab::startServer() {
   std::filesystem::remove(path("port"));
   // after a restart the same port: the stations come back to it
-  server_ = std::make_unique<Process>(
-      "needlelab-server",
-      std::vector<std::string>{"--data", path("data"), "--listen", "127.0.0.1:" + std::to_string(port_),
-                               "--port-file", path("port")},
-      path("server.log"));
+  std::vector<std::string> arguments = {
+      "--data", path("data"), "--listen", "127.0.0.1:" + std::to_string(port_), "--port-file", path("port")};
+  arguments.insert(arguments.end(), server_arguments.begin(), server_arguments.end());
+  server_ = std::make_unique<Process>("needlelab-server", arguments, path("server.log"));
   std::string text;
   const bool up = eventually([&] {
     auto file = readWholeFile(path("port"));

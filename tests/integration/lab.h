@@ -29,6 +29,8 @@ class Lab {
   Lab();
   ~Lab() = default;
 
+  /// More arguments for the next start of the server.
+  std::vector<std::string> server_arguments;
   void startServer();
   void killServer();
   /// SIGTERM; the exit code.
@@ -54,6 +56,7 @@ class Lab {
   /// The spool's own record of a session.
   [[nodiscard]] static std::vector<std::string> spooledChunks(const std::filesystem::path& spool,
                                                               const std::string& session_id);
+  [[nodiscard]] int port() const { return port_; }
   [[nodiscard]] std::filesystem::path path(const std::string& name) const { return folder_.path() / name; }
 
  private:

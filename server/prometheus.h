@@ -1,0 +1,34 @@
+/// Metrics as Prometheus reads them: text exposition format 0.0.4.
+#pragma once
+
+#include <cstdint>
+#include <initializer_list>
+#include <string>
+#include <string_view>
+#include <utility>
+
+namespace needlelab {
+
+/// Builds the text. Names and label names are of this program and must be legal ([a-zA-Z_:][a-zA-Z0-9_:]*,
+/// asserted); label values may be anything and are escaped. Thread: one.
+class PrometheusText {
+ public:
+  using Labels = std::initializer_list<std::pair<std::string_view, std::string_view>>;
+
+  /// Begins a metric: "# HELP" and "# TYPE" (counter, gauge, histogram, summary). Its samples follow.
+  void metric(std::string_view name, std::string_view type, std::string_view help);
+  /// A sample of the metric begun last; `suffix` as in "_sum" or "_count".
+  void sample(double value, Labels labels = {}, std::string_view suffix = {});
+
+  /// A metric of one sample.
+  void counter(std::string_view name, double value, std::string_view help);
+  void gauge(std::string_view name, double value, std::string_view help);
+
+  [[nodiscard]] const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
+  std::string name_;
+};
+
+}  // namespace needlelab
