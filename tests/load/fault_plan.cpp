@@ -9,6 +9,7 @@ FaultPlan::FaultPlan(const LoadOptions& options)
     : stations_(options.stations),
       viewers_(options.viewers),
       every_s_(options.fault_every_s),
+      seconds_(options.seconds),
       random_(options.seed ^ 0xfa017) {
   planNext();
 }
@@ -30,7 +31,7 @@ std::optional<PlannedFault> FaultPlan::at(double time_s) {
     for (std::size_t i = 0; i < count; ++i) who.push_back(random_.next() % of);
     return who;
   };
-  if (number == 1 || (number > 1 && kind < 0.2)) {
+  if (number == 1 || (number > 1 && kind < 0.2 && time_s < 0.5 * seconds_)) {
     fault.kind = PlannedFault::Kind::kKillServer;
     fault.time = std::chrono::milliseconds(random_.next() % 2000);
   } else if (number > 1 && kind < 0.5 && viewers_ > 0) {

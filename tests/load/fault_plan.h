@@ -22,8 +22,9 @@ struct PlannedFault {
   std::chrono::milliseconds time{0};
 };
 
-/// Exponential times between faults, `fault_every_s` on average. The first two kinds are cut and kill, so
-/// that a short run has both. The same seed plans the same faults. Thread: one.
+/// Exponential times between faults, `fault_every_s` on average. The first is a cut, the second a kill, so
+/// that a short run has both; later kills come in the first half only: in the second one server lives long
+/// enough to show whether its memory stays flat. The same seed plans the same faults. Thread: one.
 class FaultPlan {
  public:
   explicit FaultPlan(const LoadOptions& options);
@@ -34,7 +35,7 @@ class FaultPlan {
  private:
   void planNext();
   std::size_t stations_, viewers_;
-  double every_s_, next_s_ = 0;
+  double every_s_, seconds_, next_s_ = 0;
   std::uint64_t count_ = 0;
   HandRandom random_;
 };

@@ -5,13 +5,13 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <ctime>
 #include <optional>
 #include <thread>
 
 #include "base/atomic_file.h"
 #include "base/clock.h"
 #include "base/formatted.h"
+#include "bench/result_folder.h"
 #include "load/fault_plan.h"
 #include "load/own_server.h"
 #include "load/station_crowd.h"
@@ -42,15 +42,6 @@ void raiseFileLimit() {
   if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
   limit.rlim_cur = limit.rlim_max;
   static_cast<void>(setrlimit(RLIMIT_NOFILE, &limit));
-}
-
-std::string nowText() {
-  char text[40];
-  const std::time_t now = std::time(nullptr);
-  std::tm parts{};
-  ::gmtime_r(&now, &parts);
-  std::strftime(text, sizeof text, "%Y-%m-%d %H:%M UTC", &parts);
-  return text;
 }
 
 std::string diskOf(const std::filesystem::path& folder) {

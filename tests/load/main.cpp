@@ -8,7 +8,9 @@
 #include "base/exit_code.h"
 #include "base/output_check.h"
 #include "load/load_report.h"
+#include "load/load_soak.h"
 #include "sim/json_output.h"
+#include "soak/soak_report.h"
 
 namespace {
 
@@ -33,6 +35,7 @@ int main(int argc, char** argv) try {
   LoadOptions options;
   options.bin = std::filesystem::read_symlink("/proc/self/exe").parent_path();
   std::string server;
+  std::filesystem::path out;
   JsonOption json;
   CLI::App app{
       "A skills lab in one process: stations and instructors over TLS against a real server; at the end "
@@ -64,6 +67,7 @@ int main(int argc, char** argv) try {
                "random lost connections, kill -9 and restart of the own server, slow viewers");
   app.add_option("--fault-every", options.fault_every_s, "seconds between faults, on average")
       ->capture_default_str();
+  app.add_option("--out", out, "a folder for a judged soak: table, samples.csv, load.json, picture");
   app.add_flag("--quiet", options.quiet, "no progress on standard error");
   addJsonOption(app, json);
   try {
@@ -99,7 +103,14 @@ int main(int argc, char** argv) try {
   } else {
     std::cout << text;
   }
-  return result->good() ? kExitDone : kExitFailed;
+  bool flat = true;
+  if (!out.empty()) {
+    const auto findings = judgeLoad(*result);
+    std::cout << tableText(findings);
+    if (const Status written = writeSoak(*result, findings, out); !written.ok()) return fail(written.error());
+    flat = verdictOf(findings) != Verdict::kBad;
+  }
+  return result->good() && flat ? kExitDone : kExitFailed;
 } catch (const std::exception& error) {
   std::fprintf(stderr, "needlelab-load: %s\n", error.what());
   return needlelab::kExitFailed;

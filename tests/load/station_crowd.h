@@ -42,11 +42,11 @@ class StationCrowd {
   Task<> connectAll(double per_s);
   Task<> schedule();
   LoadShared& shared_;
+  NetThread net_;  // destroyed last: stations have timers on it; stop() has ended its thread before
   StationTotals totals_;
   bool end_now_ = false, stopping_ = false;
   std::vector<std::shared_ptr<LoadStation>> stations_;
   std::vector<bool> ended_;
-  NetThread net_;  // destroyed first: nothing runs any more when the others go
 };
 
 }  // namespace needlelab::test

@@ -26,10 +26,10 @@ class ViewerCrowd {
   void stop();
 
  private:
+  NetThread net_;  // destroyed last: viewers have timers on it; stop() has ended its thread before
   ViewerTotals totals_;
   bool stopped_ = false;
   std::vector<std::shared_ptr<LoadViewer>> viewers_;
-  NetThread net_;
 };
 
 }  // namespace needlelab::test

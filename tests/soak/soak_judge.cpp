@@ -74,6 +74,21 @@ Slope slopeOf(std::span<const double> time_s, std::span<const double> value, std
   return slope;
 }
 
+Finding flatMemory(const std::string& process, std::span<const double> time_s,
+                   std::span<const double> rss_KiB, bool brief, const SoakLimits& limits) {
+  const Slope slope = slopeOf(time_s, rss_KiB);
+  Finding flat{"memory of the " + process + ", growth after " +
+                   formatted("%.0f s", time_s.empty() ? 0.0 : time_s.front()),
+               formatted("%+.1f ± %.1f KiB/min", slope.per_min, slope.half_width_per_min),
+               formatted("< %.0f KiB/min", limits.rss_KiB_per_min), Verdict::kOpen};
+  if (slope.blocks >= 4) {
+    if (slope.per_min + slope.half_width_per_min < limits.rss_KiB_per_min) flat.verdict = Verdict::kGood;
+    if (slope.per_min - slope.half_width_per_min > limits.rss_KiB_per_min) flat.verdict = Verdict::kBad;
+  }
+  if (flat.verdict == Verdict::kBad && brief) flat.verdict = Verdict::kOpen;
+  return flat;
+}
+
 std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, const SoakMinutes& minutes,
                            const SoakLimits& limits) {
   std::vector<Finding> findings;
@@ -83,17 +98,7 @@ std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, con
     const std::string name = kSoakNames[which];
     const auto rss =
         column(data.rows, from_s, [which](const SoakRow& row) { return row.processes[which].rss_KiB; });
-    const Slope slope = slopeOf(times, rss);
-    Finding flat{"memory of the " + name + ", growth after " + formatted("%.0f s", from_s),
-                 formatted("%+.1f ± %.1f KiB/min", slope.per_min, slope.half_width_per_min),
-                 formatted("< %.0f KiB/min", limits.rss_KiB_per_min), Verdict::kOpen};
-    if (slope.blocks >= 4) {
-      if (slope.per_min + slope.half_width_per_min < limits.rss_KiB_per_min) flat.verdict = Verdict::kGood;
-      if (slope.per_min - slope.half_width_per_min > limits.rss_KiB_per_min) flat.verdict = Verdict::kBad;
-    }
-    // an allocator that takes one block more looks like a fast growth in a run of seconds
-    if (flat.verdict == Verdict::kBad && options.seconds < 600) flat.verdict = Verdict::kOpen;
-    findings.push_back(std::move(flat));
+    findings.push_back(flatMemory(name, times, rss, options.seconds < 600, limits));
     if (!rss.empty())
       findings.push_back(
           {"memory of the " + name + " at the end", formatted("%.1f MiB", rss.back() / 1024), "", {}});

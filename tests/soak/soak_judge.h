@@ -37,6 +37,11 @@ struct Finding {
   Verdict verdict = Verdict::kGood;
 };
 
+/// Memory of a process by its samples at these times, none of them before the warm-up's end. In a run that is
+/// `brief` growth is never bad: an allocator that takes one block more looks like it.
+Finding flatMemory(const std::string& process, std::span<const double> time_s,
+                   std::span<const double> rss_KiB, bool brief, const SoakLimits& limits = {});
+
 /// In the order of a table. Slopes: good when the whole interval is below the limit, bad when all of it is
 /// above.
 std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, const SoakMinutes& minutes,

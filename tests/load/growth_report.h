@@ -1,0 +1,45 @@
+/// How a server grows from one station to a thousand: table, goals, picture.
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/result.h"
+#include "load/server_profile.h"
+
+namespace needlelab::test {
+
+struct GrowthGoals {
+  std::size_t stations = 1000;
+  double live_p99_ms = 50;
+};
+
+/// What `needlelab-load --json` said of each size, smallest first; the profile is of a run of its own at
+/// the largest.
+struct Growth {
+  std::vector<nlohmann::ordered_json> runs;
+  std::optional<Profile> profile;
+  pid_t profiled_pid = 0;  ///< of the server: its first thread is the network's
+  double profiled_s = 0;   ///< of the server's processor time, while it was looked at for `profile_span_s`
+  double profile_span_s = 0;
+  std::string why_no_profile;
+  std::string commit;
+};
+
+struct GrowthVerdict {
+  bool met = false;
+  std::string text;
+};
+/// The goals of DESIGN §12, over all sizes; the largest must be that of the goal.
+std::vector<GrowthVerdict> judgeGrowth(const Growth& growth, const GrowthGoals& goals = {});
+
+/// Markdown: the table of sizes, goals, where the time goes, what limits next.
+std::string growthText(const Growth& growth);
+std::string growthJson(const Growth& growth);
+/// Four panels over the number of stations. Errors: kFailed with gnuplot's words.
+Status drawGrowth(const Growth& growth, const std::filesystem::path& png);
+
+}  // namespace needlelab::test

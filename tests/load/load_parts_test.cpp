@@ -1,0 +1,353 @@
+// Gestures, comparison, schedule, faults, profile: what needs no server.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <set>
+
+#include "base/clock.h"
+#include "gesture/chunk.h"
+#include "haptics/force_gate.h"
+#include "load/comparison.h"
+#include "load/fault_plan.h"
+#include "load/growth_report.h"
+#include "load/load_soak.h"
+#include "load/load_station.h"
+#include "load/server_profile.h"
+
+namespace needlelab::test {
+namespace {
+
+const GesturePool& pool() {
+  static const GesturePool made = makeGesturePool(1, 6).value();
+  return made;
+}
+
+std::vector<GestureSample> samplesOf(std::size_t station, std::uint64_t first, std::size_t count,
+                                     std::uint64_t seed = 1) {
+  std::vector<GestureSample> samples(count);
+  StationStream(pool(), seed, station).fill(first, samples);
+  return samples;
+}
+
+// as the database gives them back
+std::vector<GestureSample> storedOf(const std::vector<GestureSample>& samples) {
+  return decodeChunk(encodeChunk(Resolution::standard(), samples)).value();
+}
+
+bool sameBits(const GestureSample& a, const GestureSample& b) {
+  return storedOf({a})[0].time_ns == b.time_ns && differingField(a, b, Resolution::lossless()) == nullptr;
+}
+
+TEST(GesturePool, holdsWholeInsertionsWithForces) {
+  ASSERT_EQ(pool().gestures.size(), 6u);
+  for (const PoolGesture& gesture : pool().gestures) {
+    ASSERT_GT(gesture.size(), 1000u);
+    EXPECT_EQ(gesture.front().layer, -1);
+    EXPECT_EQ(gesture.back().layer, -1);
+    double deepest_m = 0, most_N = 0, plunger = 0;
+    for (const GestureSample& s : gesture) {
+      deepest_m = std::max(deepest_m, s.insertion_m);
+      most_N = std::max(most_N, std::hypot(s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]));
+      plunger = std::max(plunger, s.plunger);
+      EXPECT_EQ(s.fault, 0);
+    }
+    EXPECT_GT(deepest_m, 0.008);
+    EXPECT_GT(most_N, 0.5);
+    EXPECT_GT(plunger, 0.9);
+  }
+}
+
+TEST(GesturePool, isTheSameForTheSameSeedOnly) {
+  const GesturePool again = makeGesturePool(1, 2).value(), other = makeGesturePool(2, 2).value();
+  for (std::size_t g = 0; g < 2; ++g) {
+    ASSERT_EQ(again.gestures[g].size(), pool().gestures[g].size());
+    for (std::size_t i = 0; i < again.gestures[g].size(); ++i)
+      ASSERT_EQ(differingField(again.gestures[g][i], pool().gestures[g][i], Resolution::lossless()), nullptr);
+  }
+  EXPECT_NE(other.gestures[0].size(), pool().gestures[0].size());
+}
+
+TEST(StationStream, givesTheSameSampleWheneverItIsAsked) {
+  const auto whole = samplesOf(7, 0, 60'000);
+  StationStream stream(pool(), 1, 7);
+  // forwards in frames, then somewhere in the middle and back
+  for (const std::uint64_t first : {0u, 20u, 40u, 31'000u, 59'980u, 12'345u, 5u}) {
+    std::vector<GestureSample> part(20);
+    stream.fill(first, part);
+    for (std::size_t i = 0; i < part.size(); ++i) {
+      ASSERT_EQ(part[i].tick, first + i);
+      ASSERT_TRUE(sameBits(part[i], whole[first + i])) << first << " + " << i;
+    }
+  }
+}
+
+TEST(StationStream, noSampleIsLikeOneOfAnotherStation) {
+  std::set<std::int64_t> times;
+  std::set<std::array<double, 3>> places;
+  constexpr std::size_t kStations = 1000;
+  for (std::size_t station = 0; station < kStations; ++station) {
+    const auto samples = samplesOf(station, 0, 3);
+    for (const GestureSample& s : samples) times.insert(s.time_ns);
+    const Vec3 at = StationStream(pool(), 1, station).placement_m();
+    places.insert({at.x, at.y, at.z});
+    // the longest run's last time is still this station's own
+    EXPECT_LT(StationStream(pool(), 1, station).timeOf(7'200'000),
+              StationStream(pool(), 1, station + 1).timeOf(0));
+  }
+  EXPECT_EQ(times.size(), 3 * kStations);
+  EXPECT_EQ(places.size(), kStations);
+}
+
+TEST(StationStream, ofAnotherSeedIsAnotherGesture) {
+  const auto one = samplesOf(3, 0, 2000), other = samplesOf(3, 0, 2000, 2);
+  std::size_t different = 0;
+  for (std::size_t i = 0; i < one.size(); ++i) different += one[i].p_WT_m[2] != other[i].p_WT_m[2] ? 1 : 0;
+  EXPECT_GT(different, 1900u);
+}
+
+TEST(StationStream, costsFewBytesAsRealMotionDoes) {
+  const auto samples = samplesOf(5, 4000, 1000);
+  const double bytes = static_cast<double>(encodeChunk(Resolution::standard(), samples).size()) / 1000;
+  EXPECT_LT(bytes, 8);
+  EXPECT_GT(bytes, 1.5);
+}
+
+class Compared : public testing::Test {
+ protected:
+  static constexpr std::uint64_t kTicks = 3000;
+  static Difference compare(const std::vector<std::vector<GestureSample>>& chunks, std::size_t station = 4) {
+    SessionComparison comparison(StationStream(pool(), 1, station), kTicks, "station");
+    for (const auto& chunk : chunks) comparison.take(chunk);
+    return comparison.finish();
+  }
+  std::vector<std::vector<GestureSample>> chunks_ = {storedOf(samplesOf(4, 0, 1000)),
+                                                     storedOf(samplesOf(4, 1000, 1000)),
+                                                     storedOf(samplesOf(4, 2000, 1000))};
+};
+
+TEST_F(Compared, findsNothingWhereAllIsThere) {
+  const Difference d = compare(chunks_);
+  EXPECT_TRUE(d.clean()) << d.first;
+  EXPECT_EQ(d.stored, kTicks);
+  std::swap(chunks_[0], chunks_[2]);
+  EXPECT_TRUE(compare(chunks_).clean()) << "order is no difference";
+}
+
+TEST_F(Compared, findsALostChunkAndALostSample) {
+  auto cut = chunks_;
+  cut.erase(cut.begin() + 1);
+  EXPECT_EQ(compare(cut).lost, 1000u);
+  chunks_[2].erase(chunks_[2].begin() + 17);
+  const Difference d = compare(chunks_);
+  EXPECT_EQ(d.lost, 1u);
+  EXPECT_EQ(d.duplicated + d.different + d.foreign, 0u);
+  EXPECT_NE(d.first.find("tick 2017"), std::string::npos) << d.first;
+}
+
+TEST_F(Compared, findsADuplicate) {
+  chunks_.push_back(chunks_[1]);
+  EXPECT_EQ(compare(chunks_).duplicated, 1000u);
+  chunks_.pop_back();
+  chunks_[0].push_back(chunks_[0][999]);
+  const Difference d = compare(chunks_);
+  EXPECT_EQ(d.duplicated, 1u);
+  EXPECT_EQ(d.lost + d.different + d.foreign, 0u);
+}
+
+TEST_F(Compared, findsAChangeInEveryField) {
+  const std::vector<std::pair<const char*, void (*)(GestureSample&)>> changes = {
+      {"p_WT_m", [](GestureSample& s) { s.p_WT_m[1] += 1.1e-6; }},
+      {"q_WT", [](GestureSample& s) { s.q_WT[2] += 0x1.2p-15; }},
+      {"speed_mps", [](GestureSample& s) { s.speed_mps += 1.1e-4; }},
+      {"force_W_N", [](GestureSample& s) { s.force_W_N[2] -= 1.1e-3; }},
+      {"torque_W_Nm", [](GestureSample& s) { s.torque_W_Nm[0] += 1.1e-4; }},
+      {"wall_W_m", [](GestureSample& s) { s.wall_W_m[0] = std::isnan(s.wall_W_m[0]) ? 0 : NAN; }},
+      {"insertion_m", [](GestureSample& s) { s.insertion_m += 1.1e-6; }},
+      {"lateral_error_m", [](GestureSample& s) { s.lateral_error_m += 1.1e-6; }},
+      {"plunger", [](GestureSample& s) { s.plunger += 0x1.2p-15; }},
+      {"device_ns", [](GestureSample& s) { s.device_ns += 1100; }},
+      {"engine_ns", [](GestureSample& s) { s.engine_ns += 1100; }},
+      {"flags", [](GestureSample& s) { s.flags ^= 1; }},
+      {"buttons", [](GestureSample& s) { s.buttons ^= 1; }},
+      {"layer", [](GestureSample& s) { ++s.layer; }},
+      {"phase", [](GestureSample& s) { ++s.phase; }},
+      {"fault", [](GestureSample& s) { ++s.fault; }},
+  };
+  for (const auto& [field, change] : changes) {
+    auto changed = chunks_;
+    change(changed[1][500]);
+    const Difference d = compare(changed);
+    EXPECT_EQ(d.different, 1u) << field;
+    EXPECT_EQ(d.lost + d.duplicated + d.foreign, 0u) << field;
+    EXPECT_NE(d.first.find(field), std::string::npos) << d.first;
+  }
+}
+
+TEST_F(Compared, findsSamplesOfAnotherStationAndOfNobody) {
+  chunks_[1] = storedOf(samplesOf(5, 1000, 1000));
+  Difference d = compare(chunks_);
+  EXPECT_EQ(d.foreign, 1000u);
+  EXPECT_EQ(d.lost, 1000u);
+  chunks_[1] = storedOf(samplesOf(4, 1000, 1000));
+  GestureSample beyond = chunks_[2].back();
+  beyond.tick = UINT64_MAX;
+  chunks_[2].push_back(beyond);
+  d = compare(chunks_);
+  EXPECT_EQ(d.foreign, 1u);
+  EXPECT_EQ(d.lost, 0u);
+}
+
+// a station that nobody connects: its schedule alone
+struct LonelyStation {
+  explicit LonelyStation(std::uint64_t ticks, std::int64_t start_ns) {
+    shared.pool = &pool();
+    shared.ticks = ticks;
+    shared.stations = std::vector<StationPlan>(1);
+    shared.stations[0].start_ns = start_ns;
+    station = std::make_shared<LoadStation>(shared, 0, totals, io);
+  }
+  asio::io_context io{1};
+  LoadShared shared;
+  StationTotals totals;
+  std::shared_ptr<LoadStation> station;
+};
+
+TEST(LoadStation, framesAreDueAtFixedTimesHoweverLateTheyAreMade) {
+  const std::int64_t start_ns = 5'000'000'000'000;
+  LonelyStation lonely(2010, start_ns);
+  // the first frame is made 3 s late; the next is due 20 ms after the first was due, not after it was made
+  EXPECT_EQ(lonely.station->nextDue_ns(), start_ns + 19'000'000);
+  EXPECT_TRUE(lonely.station->step(start_ns + 3'000'000'000));
+  EXPECT_EQ(lonely.station->nextDue_ns(), start_ns + 39'000'000);
+  EXPECT_NEAR(static_cast<double>(lonely.totals.late.max_ns()), 3e9 - 19e6, 1);
+  while (lonely.station->step(lonely.station->nextDue_ns())) {
+  }
+  EXPECT_EQ(lonely.station->ticks(), 2010u);
+  EXPECT_EQ(lonely.totals.late.total(), 101u);
+  EXPECT_EQ(lonely.totals.late.quantile_ns(0.9), 0);  // the others were in time
+  // three chunks wait: 1000, 1000 and 10 samples
+  EXPECT_EQ(lonely.totals.unsent_peak, 3u);
+  EXPECT_EQ(lonely.totals.samples_sent, 0u);
+}
+
+TEST(FaultPlan, isTheSameForASeedAndHasAKillSecond) {
+  LoadOptions options;
+  options.stations = 40;
+  options.viewers = 4;
+  options.seconds = 1000;
+  options.fault_every_s = 5;
+  const auto plan = [&options] {
+    FaultPlan faults(options);
+    std::vector<std::pair<double, PlannedFault>> all;
+    for (double t = 0; t < options.seconds; t += 0.02)
+      if (auto fault = faults.at(t)) all.emplace_back(t, *fault);
+    return all;
+  };
+  const auto one = plan(), again = plan();
+  ASSERT_EQ(one.size(), again.size());
+  EXPECT_NEAR(static_cast<double>(one.size()), 200, 60);
+  EXPECT_EQ(one[0].second.kind, PlannedFault::Kind::kCut);
+  EXPECT_EQ(one[1].second.kind, PlannedFault::Kind::kKillServer);
+  std::size_t kinds[3] = {}, late_kills = 0;
+  for (std::size_t i = 0; i < one.size(); ++i) {
+    const PlannedFault& fault = one[i].second;
+    EXPECT_EQ(fault.kind, again[i].second.kind);
+    EXPECT_EQ(fault.who, again[i].second.who);
+    ++kinds[static_cast<std::size_t>(fault.kind)];
+    for (const std::size_t who : fault.who)
+      EXPECT_LT(who, fault.kind == PlannedFault::Kind::kSlowViewer ? 4u : 40u);
+    if (fault.kind == PlannedFault::Kind::kKillServer && one[i].first > 500) ++late_kills;
+  }
+  for (const std::size_t kind : kinds) EXPECT_GT(kind, 5u);
+  EXPECT_EQ(late_kills, 0u);
+}
+
+TEST(LoadOptions, whatIsOutOfRangeIsNamed) {
+  const auto refused = [](auto change) {
+    LoadOptions options;
+    change(options);
+    const Status status = checkOptions(options);
+    if (status.ok()) return std::string("accepted");
+    EXPECT_EQ(status.error().code, ErrorCode::kInvalidInput);
+    return status.error().message;
+  };
+  using O = LoadOptions&;
+  EXPECT_EQ(refused([](O) {}), "accepted");
+  EXPECT_EQ(refused([](O o) { o.stations = 0; }), "--stations: 0 is out of range [1, 4000]");
+  EXPECT_EQ(refused([](O o) { o.seconds = 0; }), "--seconds: 0 is out of range [0.1, 7200]");
+  EXPECT_EQ(refused([](O o) { o.viewers = 101; }), "--viewers: 101 is out of range [0, 100]");
+  EXPECT_NE(refused([](O o) { o.server = Endpoint{}; }).find("--ca"), std::string::npos);
+  EXPECT_NE(refused([](O o) { o.server = Endpoint{}, o.ca_file = "x"; }).find("--password-file"),
+            std::string::npos);
+  EXPECT_NE(refused([](O o) {
+              o.server = Endpoint{}, o.ca_file = "x", o.password_file = "y", o.faults = true;
+            }).find("--faults"),
+            std::string::npos);
+  EXPECT_NE(refused([](O o) { o.ca_file = "x"; }).find("--server"), std::string::npos);
+}
+
+// a run as it should be, with the memory and handles given
+LoadResult quietRun(double growth_KiB_per_min, double handles_per_min) {
+  LoadResult result;
+  result.options.stations = result.stations_closed = 200;
+  for (int s = 0; s < 1800; ++s) {
+    ServerRow row;
+    row.time_s = s;
+    row.starts = s < 600 ? 1 : 2;  // killed after ten minutes: its memory begins anew
+    const double min = s / 60.0;
+    row.server.rss_KiB = static_cast<std::uint64_t>(
+        50'000 + (s < 600 ? 3000 * min : growth_KiB_per_min * min) + 40 * std::sin(s));
+    row.server.handles = static_cast<std::uint64_t>(227 + handles_per_min * min) - (s % 9 == 0 ? 30 : 0);
+    result.rows.push_back(row);
+  }
+  return result;
+}
+
+TEST(SoakOfTheLoad, judgesTheLastServersMemoryAndHandles) {
+  EXPECT_EQ(verdictOf(judgeLoad(quietRun(0, 0))), Verdict::kGood);
+  EXPECT_EQ(verdictOf(judgeLoad(quietRun(40, 0))), Verdict::kBad);
+  EXPECT_EQ(verdictOf(judgeLoad(quietRun(0, 1))), Verdict::kBad);
+  LoadResult lost = quietRun(0, 0);
+  lost.stored.samples.lost = 1;
+  EXPECT_EQ(verdictOf(judgeLoad(lost)), Verdict::kBad);
+}
+
+TEST(ServerProfile, sortsStacksByWork) {
+  const Profile profile = profileOf(
+      "  100 \n\t  7f aes_gcm_dec (/usr/lib/libcrypto.so.3)\n\t 55 main (/bin/needlelab-server)\n\n"
+      "  100 \n\tffff tcp_sendmsg ([kernel.kallsyms])\n\tffff __x64_sys_sendmsg ([kernel.kallsyms])\n\n"
+      "  101 \n\tffff blk_finish ([kernel.kallsyms])\n\tffff __x64_sys_fdatasync ([kernel.kallsyms])\n\n"
+      "  101 \n\t 7f sqlite3VdbeExec (/usr/lib/libsqlite3.so.0)\n");
+  EXPECT_EQ(profile.samples, 4u);
+  EXPECT_EQ(profile.work.at("TLS"), 1u);
+  EXPECT_EQ(profile.work.at("kernel: send (both halves of the loopback)"), 1u);
+  EXPECT_EQ(profile.work.at("kernel: fsync"), 1u);
+  EXPECT_EQ(profile.work.at("SQLite"), 1u);
+  EXPECT_EQ(profile.threads.size(), 2u);
+}
+
+TEST(GrowthReport, judgesByTheLargestSizeAndByEveryLoss) {
+  const auto run = [](int stations, double p99_ms, int lost) {
+    return nlohmann::ordered_json{{"stations", stations}, {"viewers", 10},         {"seconds", 20},
+                                  {"streamed_s", 21.0},   {"live_p99_ms", p99_ms}, {"live_frames_seen", 5},
+                                  {"lost", lost},         {"good", lost == 0}};
+  };
+  const auto met = [](const Growth& growth) {
+    std::string text;
+    for (const GrowthVerdict& verdict : judgeGrowth(growth)) text += verdict.met ? '+' : '-';
+    return text;
+  };
+  Growth growth;
+  growth.runs = {run(1, 70, 0), run(1000, 49, 0)};
+  EXPECT_EQ(met(growth), "+++");
+  growth.runs[1] = run(1000, 51, 0);
+  EXPECT_EQ(met(growth), "++-");
+  growth.runs[0] = run(1, 20, 1);
+  EXPECT_EQ(met(growth), "+--");
+  growth.runs.pop_back();
+  EXPECT_EQ(met(growth).front(), '-');
+  EXPECT_NE(growthText(growth).find("FAIL"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace needlelab::test

@@ -1,0 +1,159 @@
+#include "load/load_soak.h"
+
+#include <algorithm>
+
+#include "base/atomic_file.h"
+#include "base/formatted.h"
+#include "base/machine.h"
+#include "load/load_report.h"
+#include "sim/gnuplot.h"
+#include "soak/soak_report.h"
+
+namespace needlelab::test {
+namespace {
+
+constexpr double kMostWarmUp_s = 300;
+
+// rows of the last server, after its warm-up
+std::span<const ServerRow> judgedRows(const std::vector<ServerRow>& rows) {
+  if (rows.empty()) return {};
+  const auto born = std::find_if(rows.begin(), rows.end(),
+                                 [&](const ServerRow& row) { return row.starts == rows.back().starts; });
+  const double from_s = born->time_s + std::min(kMostWarmUp_s, (rows.back().time_s - born->time_s) / 4);
+  const auto first =
+      std::find_if(born, rows.end(), [&](const ServerRow& row) { return row.time_s >= from_s; });
+  return std::span(rows).subspan(static_cast<std::size_t>(first - rows.begin()));
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+Finding zero(const std::string& what, std::uint64_t value) {
+  return {what, std::to_string(value), "= 0", value == 0 ? Verdict::kGood : Verdict::kBad};
+}
+
+Finding said(const std::string& what, std::string value) {
+  return {what, std::move(value), "", Verdict::kGood};
+}
+
+// a connection that is lost comes back within a second: most of the time all are there
+Finding steadyHandles(std::span<const ServerRow> rows) {
+  const std::size_t third = std::max<std::size_t>(1, rows.size() / 3);
+  std::vector<double> first, last;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (i < third) first.push_back(static_cast<double>(rows[i].server.handles));
+    if (i + third >= rows.size()) last.push_back(static_cast<double>(rows[i].server.handles));
+  }
+  const double before = median(first), after = median(last);
+  return {"handles of the server, median of the first and the last third",
+          formatted("%.0f, %.0f", before, after), "constant",
+          after <= before + 1 ? Verdict::kGood : Verdict::kBad};
+}
+
+std::string samplesCsv(const std::vector<ServerRow>& rows) {
+  std::string text = "time_s,rss_kib,anon_kib,handles,threads,cpu_s,starts,data_bytes\n";
+  for (const ServerRow& row : rows)
+    text += formatted("%.3f,%llu,%llu,%llu,%llu,%.2f,%llu,%llu\n", row.time_s,
+                      static_cast<unsigned long long>(row.server.rss_KiB),
+                      static_cast<unsigned long long>(row.server.anon_KiB),
+                      static_cast<unsigned long long>(row.server.handles),
+                      static_cast<unsigned long long>(row.server.threads), row.server.cpu_s,
+                      static_cast<unsigned long long>(row.starts),
+                      static_cast<unsigned long long>(row.data_bytes));
+  return text;
+}
+
+std::string script(const LoadResult& r, const std::vector<Finding>& findings,
+                   const std::filesystem::path& csv) {
+  const Verdict verdict = verdictOf(findings);
+  const auto rows = judgedRows(r.rows);
+  const double from_min = rows.empty() ? 0 : rows.front().time_s / 60;
+  const std::string file = "'" + csv.string() + "' skip 1 ";
+  return "set datafile separator ','\nset grid lc rgb '#d8dde3'\nset border 3 lc rgb '#606a75'\n"
+         "set tics nomirror\nset lmargin 12\nset rmargin 4\nset key off\n"
+         "set multiplot layout 3,1 title \"" +
+         formatted(
+             "%zu stations with random faults (%llu lost connections, %llu kill -9): ", r.options.stations,
+             static_cast<unsigned long long>(r.cuts), static_cast<unsigned long long>(r.kills)) +
+         (verdict == Verdict::kGood   ? "memory and handles stay flat, nothing is lost"
+          : verdict == Verdict::kOpen ? "nothing is lost; too short to tell of memory"
+                                      : "NOT as it should be, see the table") +
+         "\" font ',13'\n" + formatted("set xrange [0:%g]\n", r.streamed_s / 60) +
+         formatted("set arrow 1 from first %g, graph 0 to first %g, graph 1 nohead dt 3 lc rgb '#606a75'\n",
+                   from_min, from_min) +
+         formatted("set label 1 'judged from here' at first %g, graph 0.1 offset 0.5,0 tc rgb '#606a75'\n",
+                   from_min) +
+         "set yrange [0:*]\nset ylabel \"server's memory\\n[MiB]\"\nplot " + file +
+         "using ($1/60):($2/1024) with lines lw 2 lc rgb '#0072b2'\nunset label 1\n"
+         "set ylabel 'open handles'\nplot " +
+         file +
+         "using ($1/60):4 with lines lw 2 lc rgb '#d55e00'\nset xlabel 'minutes'\n"
+         "set ylabel \"database\\n[MB]\"\nplot " +
+         file + "using ($1/60):($8/1e6) with lines lw 2 lc rgb '#009e73'\nunset multiplot\n";
+}
+
+}  // namespace
+
+std::vector<Finding> judgeLoad(const LoadResult& r, const SoakLimits& limits) {
+  const Difference& d = r.stored.samples;
+  std::vector<Finding> findings = {
+      zero("samples lost", d.lost),
+      zero("samples stored twice", d.duplicated),
+      zero("samples stored with another value", d.different),
+      zero("samples stored that nobody made", d.foreign),
+      zero("sessions not closed as complete",
+           r.options.stations - std::min<std::uint64_t>(r.options.stations, r.stations_closed) +
+               r.stored.not_complete),
+      zero("sessions or chunks that nobody made", r.stored.stray),
+  };
+  for (const auto* words : {&r.stored.faults, &r.troubles})
+    for (const std::string& text : *words)
+      findings.push_back({"trouble that was said", text, "none", Verdict::kBad});
+
+  const auto rows = judgedRows(r.rows);
+  if (!rows.empty()) {
+    std::vector<double> time_s, rss_KiB;
+    for (const ServerRow& row : rows) {
+      time_s.push_back(row.time_s);
+      rss_KiB.push_back(static_cast<double>(row.server.rss_KiB));
+    }
+    const bool brief = time_s.back() - time_s.front() < 450;
+    findings.push_back(flatMemory("server", time_s, rss_KiB, brief, limits));
+    findings.push_back(steadyHandles(rows));
+    findings.push_back(said("memory of the server at the end", formatted("%.1f MiB", rss_KiB.back() / 1024)));
+  }
+  const auto number = [](std::uint64_t n) { return std::to_string(n); };
+  findings.push_back(said("samples made, stored", number(r.samples_made) + ", " + number(d.stored)));
+  findings.push_back(said("faults: connections cut, server killed, viewers stopped",
+                          number(r.cuts) + ", " + number(r.kills) + ", " + number(r.pauses)));
+  findings.push_back(said("chunks sent again", number(r.stations.chunks_resent)));
+  findings.push_back(
+      said("capture to viewer, p50 / p99",
+           formatted("%.1f / %.1f ms", static_cast<double>(r.viewers.live.quantile_ns(0.5)) * 1e-6,
+                     static_cast<double>(r.viewers.live.quantile_ns(0.99)) * 1e-6)));
+  findings.push_back(
+      said("due to acknowledged, p50 / p99 / most",
+           formatted("%.0f / %.0f / %.0f ms", static_cast<double>(r.stations.ack.quantile_ns(0.5)) * 1e-6,
+                     static_cast<double>(r.stations.ack.quantile_ns(0.99)) * 1e-6,
+                     static_cast<double>(r.stations.ack.max_ns()) * 1e-6)));
+  return findings;
+}
+
+Status writeSoak(const LoadResult& result, const std::vector<Finding>& findings,
+                 const std::filesystem::path& out) {
+  std::error_code error;
+  std::filesystem::create_directories(out, error);
+  if (error) return Error{ErrorCode::kFailed, "cannot make " + out.string() + ": " + error.message()};
+  for (const auto& [name, text] :
+       {std::pair<const char*, std::string>{"samples.csv", samplesCsv(result.rows)},
+        {"load.json", loadJson(result).dump(1) + "\n"},
+        {"table.txt", machineText() + "\n" + tableText(findings)}})
+    if (Status status = writeFileAtomically(out / name, viewOf(text)); !status.ok()) return status;
+  if (!hasGnuplot() || result.rows.empty()) return {};
+  return plotPng(script(result, findings, out / "samples.csv"), out / "soak.png", 1200, 850);
+}
+
+}  // namespace needlelab::test

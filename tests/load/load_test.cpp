@@ -1,0 +1,272 @@
+// Real servers under load: nothing is lost, and what is wrong is found.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "base/atomic_file.h"
+#include "base/clock.h"
+#include "db/session_store.h"
+#include "gesture/chunk.h"
+#include "gesture/session_hash.h"
+#include "integration/process.h"
+#include "load/database_check.h"
+#include "load/load_run.h"
+#include "load/own_server.h"
+#include "support/temp_folder.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+class LoadProgram : public testing::Test {
+ protected:
+  int run(const std::vector<std::string>& arguments) {
+    Process load("needlelab-load", arguments, folder_.path() / "said");
+    const int code = load.wait(120s).value_or(-1000);
+    said_ = load.said();
+    return code;
+  }
+  // the server that it has started
+  static pid_t childOf(pid_t parent) {
+    std::ifstream children("/proc/" + std::to_string(parent) + "/task/" + std::to_string(parent) +
+                           "/children");
+    pid_t child = 0;
+    children >> child;
+    return child;
+  }
+  static bool streams(const Process& load) {
+    return eventually([&] { return load.said().find("0 s: ") != std::string::npos; }, 60s);
+  }
+  [[nodiscard]] nlohmann::json json() const {
+    auto text = readWholeFile(folder_.path() / "json");
+    return text.ok() ? nlohmann::json::parse(*text, nullptr, false) : nlohmann::json();
+  }
+  TempFolder folder_;
+  std::string said_;
+};
+
+TEST_F(LoadProgram, aStalledServerShowsInTheLatenciesAndNothingIsLost) {
+  Process load("needlelab-load",
+               {"--stations", "8", "--viewers", "2", "--seconds", "3", "--seed", "5", "--json",
+                folder_.path() / "json"},
+               folder_.path() / "said");
+  ASSERT_TRUE(streams(load)) << load.said();
+  std::this_thread::sleep_for(1s);
+  const pid_t server = childOf(load.pid());
+  ASSERT_GT(server, 0);
+  ASSERT_EQ(::kill(server, SIGSTOP), 0);
+  std::this_thread::sleep_for(800ms);
+  ASSERT_EQ(::kill(server, SIGCONT), 0);
+  ASSERT_EQ(load.wait(60s), 0) << load.said();
+
+  const auto result = json();
+  for (const char* key : {"stations", "viewers", "seconds", "samples_sent", "samples_acked", "samples_stored",
+                          "lost", "duplicated", "live_p50_ms", "live_p99_ms", "live_dropped_frames",
+                          "ack_p99_ms", "server_cpu_s", "generator_cpu_s", "bytes_per_sample"})
+    EXPECT_TRUE(result.contains(key)) << key;
+  for (const char* key : {"samples_sent", "samples_acked", "samples_stored"})
+    EXPECT_EQ(result[key], 24'000) << key;
+  for (const char* key : {"lost", "duplicated", "different", "foreign", "live_corrupt"})
+    EXPECT_EQ(result[key], 0) << key;
+  // every station makes a chunk each second, so some were due while the server stood: no pause of the
+  // generator hides it. Frames too, which the queues let go or bring late.
+  EXPECT_GT(result["ack_max_ms"], 300);
+  EXPECT_TRUE(result["live_max_ms"] > 300 || result["live_dropped_frames"] > 8 * 10) << result;
+  EXPECT_EQ(result["live_frames_sent"], 8 * 150);
+  EXPECT_GT(result["server_cpu_s"], 0);
+  EXPECT_GT(result["generator_cpu_s"], 0);
+}
+
+TEST_F(LoadProgram, anInterruptedRunEndsInOrder) {
+  Process load("needlelab-load",
+               {"--stations", "4", "--viewers", "1", "--seconds", "100", "--json", folder_.path() / "json"},
+               folder_.path() / "said");
+  ASSERT_TRUE(streams(load)) << load.said();
+  std::this_thread::sleep_for(300ms);
+  load.signal(SIGINT);
+  ASSERT_EQ(load.wait(60s), 0) << load.said();
+  const auto result = json();
+  EXPECT_TRUE(result["interrupted"]);
+  EXPECT_GT(result["samples_stored"], 0);
+  EXPECT_EQ(result["samples_stored"], result["samples_made"]);
+  EXPECT_EQ(result["sessions_closed"], 4);
+}
+
+TEST_F(LoadProgram, wrongUsageIsNamed) {
+  const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
+      {{"--stations", "0"}, "--stations: 0 is out of range"},
+      {{"--stations", "many"}, "--stations"},
+      {{"--seconds", "-1"}, "--seconds"},
+      {{"--server", "nowhere:port"}, "nowhere:port"},
+      {{"--server", "127.0.0.1:1"}, "--ca"},
+      {{"--json", folder_.path() / "no" / "such" / "folder.json"}, "--json"},
+      {{"--data", "/proc/nothing"}, "--data"},
+      {{"--no-such-option"}, "--no-such-option"},
+  };
+  for (const auto& [arguments, words] : cases) {
+    EXPECT_EQ(run(arguments), 2) << arguments[0];
+    EXPECT_NE(said_.find(words), std::string::npos) << said_;
+  }
+  EXPECT_EQ(run({"--server", "127.0.0.1:1", "--ca", "/nowhere/ca.crt", "--password-file", "/nowhere/p"}), 2)
+      << said_;
+}
+
+LoadOptions smallRun(std::size_t stations, double seconds) {
+  LoadOptions options;
+  options.stations = stations;
+  options.viewers = 2;
+  options.seconds = seconds;
+  options.gestures = 4;
+  options.bin = NEEDLELAB_BIN;
+  options.quiet = true;
+  return options;
+}
+
+TEST(LoadRun, faultsLoseNothing) {
+  LoadOptions options = smallRun(10, 7);
+  options.faults = true;
+  options.fault_every_s = 1.5;
+  if (const char* seed = std::getenv("NEEDLELAB_SEED")) options.seed = std::strtoull(seed, nullptr, 10);
+  RecordProperty("seed", std::to_string(options.seed));
+  const std::atomic<bool> interrupt{false};
+  const auto result = runLoad(options, interrupt);
+  ASSERT_TRUE(result.ok()) << result.error().message;
+  std::string words;
+  for (const auto* list : {&result->stored.faults, &result->troubles})
+    for (const std::string& text : *list) words += text + "\n";
+  EXPECT_TRUE(result->good()) << "seed " << options.seed << "\n" << words;
+  EXPECT_EQ(result->stored.samples.stored, 70'000u);
+  EXPECT_GT(result->cuts, 0u);
+  EXPECT_GT(result->kills, 0u);
+  EXPECT_GT(result->stations.connections, 10u);
+}
+
+// a server that was not started by the run: enrolled and read through it
+TEST(LoadRun, worksOnAServerThatRunsAlready) {
+  const TempFolder folder;
+  const auto enrolled = enrol(folder.path() / "data", 0);
+  ASSERT_TRUE(enrolled.ok()) << enrolled.error().message;
+  folder.write("password", enrolled->password + "\n");
+  OwnServer server(std::string(NEEDLELAB_BIN) + "/needlelab-server", folder.path());
+  ASSERT_TRUE(server.start().ok());
+  LoadOptions options = smallRun(3, 1.5);
+  options.server = Endpoint{"127.0.0.1", server.port()};
+  options.ca_file = server.caFile();
+  options.password_file = folder.path() / "password";
+  const std::atomic<bool> interrupt{false};
+  const auto result = runLoad(options, interrupt);
+  ASSERT_TRUE(result.ok()) << result.error().message;
+  EXPECT_TRUE(result->good());
+  EXPECT_EQ(result->stored.samples.stored, 4'500u);
+}
+
+// what a database may hold that it should not, planted
+class PlantedDatabase : public testing::Test {
+ protected:
+  PlantedDatabase() {
+    shared_.pool = &pool_;
+    shared_.ticks = 2000;
+    shared_.stations = std::vector<StationPlan>(2);
+    auto enrolled = enrol(folder_.path(), 2).value();
+    connection_ =
+        std::make_unique<Connection>(Connection::open(file(), {.mode = Connection::Mode::kWriter}).value());
+    for (std::size_t i = 0; i < 2; ++i) {
+      shared_.stations[i].name = enrolled.stations[i].first;
+      shared_.stations[i].session = makeUuidV7();
+      store(i);
+    }
+  }
+  [[nodiscard]] std::filesystem::path file() const { return folder_.path() / "needlelab.db"; }
+
+  Bytes chunkOf(std::size_t station, std::uint64_t seq) const {
+    std::vector<GestureSample> samples(1000);
+    StationStream(pool_, shared_.seed, station).fill(1000 * seq, samples);
+    return encodeChunk(Resolution::standard(), samples);
+  }
+  void store(std::size_t station) {
+    StationPlan& plan = shared_.stations[station];
+    const std::string id(plan.session.begin(), plan.session.end());
+    pb::SessionDescription d;
+    d.set_session_id(id);
+    d.set_station(plan.name);
+    d.set_trainee("load");
+    d.set_profile_id("p");
+    d.set_profile_json("{}");
+    d.set_engine_version("test");
+    d.set_rate_hz(1000);
+    d.set_started_unix_ns(1);
+    SessionStore sessions(*connection_);
+    ASSERT_TRUE(sessions.open(d, 1).ok());
+    SessionHash hash;
+    for (std::uint64_t seq = 0; seq < 2; ++seq) {
+      const Bytes bytes = chunkOf(station, seq);
+      hash.update(bytes);
+      ASSERT_TRUE(sessions.append(plan.session, seq, bytes)->taken());
+    }
+    pb::CloseSession close;
+    const Digest digest = hash.digest();
+    close.set_session_id(id);
+    close.set_chunks(2);
+    close.set_samples(2000);
+    close.set_hash(digest.data(), digest.size());
+    ASSERT_TRUE(sessions.close(close, 2)->taken());
+  }
+  void sql(const std::string& text) {
+    const Status done = connection_->script(text);
+    ASSERT_TRUE(done.ok()) << done.error().message;
+  }
+  [[nodiscard]] DatabaseCheck check() { return checkDatabaseFile(file(), shared_, {2000, 2000}, {}).value(); }
+
+  GesturePool pool_ = makeGesturePool(1, 2).value();
+  TempFolder folder_;
+  LoadShared shared_;
+  std::unique_ptr<Connection> connection_;
+};
+
+TEST_F(PlantedDatabase, untouchedIsClean) {
+  const DatabaseCheck all = check();
+  EXPECT_TRUE(all.clean()) << (all.faults.empty() ? "" : all.faults[0]);
+  EXPECT_EQ(all.samples.stored, 4000u);
+  EXPECT_EQ(all.sessions, 2u);
+}
+
+TEST_F(PlantedDatabase, aMissingChunkIsFound) {
+  sql("DELETE FROM chunks WHERE seq = 1 AND session = 1");
+  EXPECT_EQ(check().samples.lost, 1000u);
+}
+
+TEST_F(PlantedDatabase, aChunkStoredTwiceIsFound) {
+  sql("INSERT INTO chunks SELECT session, 2, samples, crc, bytes FROM chunks WHERE session = 1 AND seq = 1");
+  EXPECT_EQ(check().samples.duplicated, 1000u);
+}
+
+TEST_F(PlantedDatabase, chunksOfTwoStationsMixedUpAreFound) {
+  sql("UPDATE chunks SET bytes = (SELECT bytes FROM chunks WHERE session = 1 AND seq = 0)"
+      " WHERE session = 2 AND seq = 0");
+  const DatabaseCheck all = check();
+  EXPECT_EQ(all.samples.foreign, 1000u);
+  EXPECT_EQ(all.samples.lost, 1000u);
+}
+
+TEST_F(PlantedDatabase, damagedBytesAreFound) {
+  sql("UPDATE chunks SET bytes = CAST(substr(bytes, 1, 200) || x'00' || substr(bytes, 202) AS BLOB)"
+      " WHERE session = 2 AND seq = 0");
+  const DatabaseCheck all = check();
+  EXPECT_FALSE(all.clean());
+  EXPECT_EQ(all.samples.lost, 1000u);
+}
+
+TEST_F(PlantedDatabase, anOpenSessionAndAStrangeOneAreFound) {
+  sql("UPDATE sessions SET state = 1 WHERE number = 1");
+  EXPECT_EQ(check().not_complete, 1u);
+  sql("UPDATE sessions SET state = 2 WHERE number = 1; UPDATE sessions SET id = randomblob(16) WHERE number "
+      "= 2");
+  const DatabaseCheck all = check();
+  EXPECT_EQ(all.stray, 1u);
+  EXPECT_EQ(all.samples.lost, 2000u);
+}
+
+}  // namespace
+}  // namespace needlelab::test
