@@ -1,0 +1,115 @@
+// In the server under test only: before SQLite's own file system stands one that says in a shared page
+// whether a commit or a checkpoint is going on, and kills the process (kill -9, to itself) at the operation
+// it is told. The page is the file that NEEDLELAB_CRASH_PAGE names; without it nothing is changed.
+#include <fcntl.h>
+#include <signal.h>
+#include <sqlite3.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <string_view>
+
+#include "crash_page.h"
+
+namespace needlelab::test {
+namespace {
+
+CrashPage* page = nullptr;
+sqlite3_vfs* system_vfs = nullptr;
+sqlite3_vfs ours;
+// of the writer's thread, which alone writes
+bool checkpointing = false, log_written = false;
+
+/// Behind the system's own file, in the same allocation.
+struct Behind {
+  const sqlite3_io_methods* methods;  // the system's
+  bool is_log;
+};
+Behind& behind(sqlite3_file* file) {
+  return *reinterpret_cast<Behind*>(reinterpret_cast<char*>(file) + system_vfs->szOsFile);
+}
+
+void before(CrashPhase phase) {
+  page->phase = phase;
+  if (page->die_in != phase || ++page->operations != page->die_at) return;
+  ::usleep(static_cast<useconds_t>(page->hold_ms * 1000));
+  ::kill(::getpid(), SIGKILL);
+}
+
+int xWrite(sqlite3_file* file, const void* from, int size, sqlite3_int64 offset) {
+  const bool log = behind(file).is_log;
+  if (log) log_written = true;
+  // otherwise a new database's first page, before there is a log
+  if (log || checkpointing) before(log ? kInCommit : kInCheckpoint);
+  return behind(file).methods->xWrite(file, from, size, offset);
+}
+
+int xSync(sqlite3_file* file, int flags) {
+  // a log to which nothing was written since its last sync is synced by a checkpoint, before it says so
+  const bool commit = behind(file).is_log && log_written;
+  before(commit ? kInCommit : kInCheckpoint);
+  const int rc = behind(file).methods->xSync(file, flags);
+  if (commit) {
+    log_written = false;
+    ++page->commits;
+  }
+  // a checkpoint goes on until SQLite says that it is done
+  if (commit || (!behind(file).is_log && !checkpointing)) page->phase = kElsewhere;
+  return rc;
+}
+
+int xFileControl(sqlite3_file* file, int op, void* arg) {
+  if (op == SQLITE_FCNTL_CKPT_START) {
+    checkpointing = true;
+    ++page->checkpoints;
+  } else if (op == SQLITE_FCNTL_CKPT_DONE) {
+    checkpointing = false;
+    page->phase = kElsewhere;
+  }
+  return behind(file).methods->xFileControl(file, op, arg);
+}
+
+int xOpen(sqlite3_vfs*, const char* name, sqlite3_file* file, int flags, int* out) {
+  const int rc = system_vfs->xOpen(system_vfs, name, file, flags, out);
+  if (rc != SQLITE_OK || (flags & (SQLITE_OPEN_WAL | SQLITE_OPEN_MAIN_DB)) == 0) return rc;
+  // backups are not what is killed here
+  const std::string_view path = name == nullptr ? "" : name;
+  if (!path.ends_with("needlelab.db") && !path.ends_with("needlelab.db-wal")) return rc;
+  // the system's methods are others for a log than for a database
+  static sqlite3_io_methods both[2];
+  sqlite3_io_methods& methods = both[(flags & SQLITE_OPEN_WAL) != 0 ? 1 : 0];
+  behind(file) = {file->pMethods, (flags & SQLITE_OPEN_WAL) != 0};
+  methods = *file->pMethods;
+  methods.xWrite = xWrite;
+  methods.xSync = xSync;
+  methods.xFileControl = xFileControl;
+  file->pMethods = &methods;
+  return rc;
+}
+
+/// Before main(), and so before the first connection.
+const bool registered = [] {
+  const char* path = std::getenv("NEEDLELAB_CRASH_PAGE");
+  if (path == nullptr) return false;
+  const int fd = ::open(path, O_RDWR | O_CLOEXEC);
+  void* mapped =
+      fd < 0 ? MAP_FAILED : ::mmap(nullptr, sizeof(CrashPage), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
+  if (mapped == MAP_FAILED) {
+    std::perror(path);
+    std::abort();
+  }
+  page = static_cast<CrashPage*>(mapped);
+  system_vfs = sqlite3_vfs_find(nullptr);
+  ours = *system_vfs;
+  ours.pNext = nullptr;
+  ours.zName = "needlelab-crash";
+  ours.szOsFile = system_vfs->szOsFile + static_cast<int>(sizeof(Behind));
+  ours.xOpen = xOpen;
+  return sqlite3_vfs_register(&ours, 1) == SQLITE_OK;
+}();
+
+}  // namespace
+}  // namespace needlelab::test

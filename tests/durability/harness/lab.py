@@ -1,0 +1,201 @@
+"""A skills lab under test: one server, stations with ledgers, backups, kills; and the judge over what is left."""
+import json
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "judge"))
+from crash_page import CrashPage  # noqa: E402
+from database import Database, chunks_in  # noqa: E402
+from ledger import Ledgers  # noqa: E402
+from verdict import judge_all  # noqa: E402
+
+PATIENCE_S = 60
+
+
+class Failed(Exception):
+    """The harness could not go on: something did not start, end or answer."""
+
+
+def until(condition, what, seconds=PATIENCE_S, pause=0.005):
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            raise Failed(f"{what}: not within {seconds} s")
+        time.sleep(pause)
+
+
+class Programs:
+    """Where they are, and a prepared data folder that each lab begins with a copy of."""
+
+    def __init__(self, bin_folder, stations=4):
+        self.bin = pathlib.Path(bin_folder).resolve()
+        self._folder = tempfile.TemporaryDirectory(prefix="durability-")
+        self.template = pathlib.Path(self._folder.name)
+        data, password = self.template / "data", self.template / "password"
+        password.write_text("correct horse battery\n")
+        password.chmod(0o600)
+        self.admin("--data", data, "user", "add", "ada", "--role", "administrator", "--password-file", password)
+        self.stations = [f"station-{i}" for i in range(1, stations + 1)]
+        for name in self.stations:
+            self.admin("--data", data, "station", "add", name, "--out", self.template / f"{name}.key")
+
+    def admin(self, *arguments):
+        done = subprocess.run([self.bin / "needlelab-admin", *map(str, arguments)], capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise Failed(f"needlelab-admin {' '.join(map(str, arguments))}: exit {done.returncode}: {done.stderr}")
+
+
+class Lab:
+    """Use as a context: all processes end with it. `plant`: the bug that is built into server and stations."""
+
+    def __init__(self, programs, plant=None, loss_ms=20.0):
+        self.programs, self.loss_ns = programs, loss_ms * 1e6
+        self._folder = tempfile.TemporaryDirectory(prefix="durability-lab-")
+        self.folder = pathlib.Path(self._folder.name)
+        shutil.copytree(programs.template / "data", self.folder / "data")
+        (self.folder / "ledger").mkdir()
+        self.page = CrashPage(self.folder / "crash-page")
+        self.server, self.stations, self.backups, self.port = None, {}, [], 0
+        self._read, self._counts = {}, {}
+        self._log = open(self.folder / "log", "ab")  # pylint: disable=consider-using-with
+        self._environment = dict(os.environ, NEEDLELAB_CRASH_PAGE=str(self.page.path))
+        self._environment.pop("NEEDLELAB_PLANT", None)
+        if plant is not None:
+            self._environment["NEEDLELAB_PLANT"] = plant
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        for process in [self.server, *self.stations.values()]:
+            if process is not None and process.poll() is None:
+                process.kill()
+                process.wait()
+        self._log.close()
+        self._folder.cleanup()
+
+    def said(self):
+        return (self.folder / "log").read_text(errors="replace")[-3000:]
+
+    # --- the server ---
+    def start_server(self):
+        self.page.disarm()
+        port_file = self.folder / "port"
+        port_file.unlink(missing_ok=True)
+        self.server = subprocess.Popen(  # pylint: disable=consider-using-with
+            [self.programs.bin / "needlelab-durability-server", "--data", self.folder / "data", "--listen",
+             f"127.0.0.1:{self.port}", "--port-file", port_file, "--log-level", "warning"],
+            env=self._environment, stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log)
+        until(lambda: port_file.exists() or self.server.poll() is not None, "the server starts")
+        if self.server.poll() is not None:
+            raise Failed(f"the server ended with {self.server.returncode}: {self.said()}")
+        self.port = int(port_file.read_text())
+
+    def kill_server(self):
+        """Now. Gives the phase in which it was."""
+        self.server.kill()
+        return self.server_died()
+
+    def server_died(self):
+        self.server.wait(PATIENCE_S)
+        if self.server.returncode != -signal.SIGKILL:
+            raise Failed(f"the server ended with {self.server.returncode}: {self.said()}")
+        return self.page.get("phase")
+
+    def stop_server(self):
+        self.server.terminate()
+        if self.server.wait(PATIENCE_S) != 0:
+            raise Failed(f"the server ended with {self.server.returncode} at SIGTERM: {self.said()}")
+
+    # --- stations ---
+    def start_station(self, name, seed=1, sessions=1, samples=300):
+        if name in self.stations and self.stations[name].poll() is None:
+            raise Failed(f"{name} runs already")
+        self.stations[name] = subprocess.Popen(  # pylint: disable=consider-using-with
+            [self.programs.bin / "needlelab-durability-station", "--server", f"127.0.0.1:{self.port}",
+             "--ca", self.folder / "data" / "tls" / "ca.crt", "--key", self.programs.template / f"{name}.key",
+             "--spool", self.folder / f"spool-{name}", "--ledger", self.folder / "ledger" / f"{name}.jsonl",
+             "--seed", str(seed), "--sessions", str(sessions), "--samples", str(samples), "--drain", str(PATIENCE_S)],
+            env=self._environment, stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log)
+
+    def kill_station(self, name):
+        process = self.stations[name]
+        at = time.monotonic_ns()
+        process.kill()
+        process.wait()
+        if process.returncode == -signal.SIGKILL:  # it may just have ended by itself
+            self.note(e="kill", station=name, t=at)
+
+    def stop_station(self, name):
+        """SIGTERM: it records no more and drains."""
+        self.stations[name].terminate()
+
+    def end_station(self, name):
+        """Waits until it has nothing left to do."""
+        try:
+            code = self.stations[name].wait(PATIENCE_S + 30)
+        except subprocess.TimeoutExpired as error:
+            raise Failed(f"{name} does not end: {self.said()}") from error
+        if code not in (0, -signal.SIGTERM):  # it may not have begun when it was told to stop
+            raise Failed(f"{name} ended with {code}: {self.said()}")
+
+    def drain(self, names):
+        """All that the spools hold goes to the server."""
+        for name in names:
+            if name in self.stations:
+                self.end_station(name)
+        for name in names:
+            self.start_station(name, sessions=0)
+        for name in names:
+            self.end_station(name)
+
+    # --- backups ---
+    def backup(self):
+        """Online."""
+        path = self.folder / f"backup-{len(self.backups)}.db"
+        self.programs.admin("--server", f"127.0.0.1:{self.port}", "--ca", self.folder / "data" / "tls" / "ca.crt", "--user", "ada",
+                            "--password-file", self.programs.template / "password", "backup", path)
+        self.backups.append(path)
+
+    def restore(self, backup):
+        """In place of the database of the stopped server, as db/README.md says."""
+        database = self.folder / "data" / "needlelab.db"
+        shutil.copy(backup, database)
+        for suffix in ("-wal", "-shm"):
+            pathlib.Path(str(database) + suffix).unlink(missing_ok=True)
+        self.note(e="restore", t=time.time_ns())
+
+    # --- ledgers ---
+    def note(self, **event):
+        with open(self.folder / "ledger" / "harness.jsonl", "a", encoding="ascii") as file:
+            file.write(json.dumps(event) + "\n")
+
+    def count(self, kind):
+        """Events of this kind that all stations have noted so far."""
+        for path in (self.folder / "ledger").glob("*.jsonl"):
+            with open(path, "rb") as file:
+                file.seek(self._read.get(path, 0))
+                data = file.read()
+            data = data[:data.rfind(b"\n") + 1]
+            self._read[path] = self._read.get(path, 0) + len(data)
+            for name in (b"ack", b"s", b"closed"):
+                self._counts[name] = self._counts.get(name, 0) + data.count(b'"e":"' + name + b'"')
+        return self._counts.get(kind.encode(), 0)
+
+    def wait_for_more(self, kind, count):
+        goal = self.count(kind) + count
+        until(lambda: self.count(kind) >= goal, f"{count} more events '{kind}'")
+
+    def judge(self, at_end):
+        """The faults, as (name, text). The server does not run."""
+        if self.server is not None and self.server.poll() is None:
+            raise Failed("a running server's database cannot be judged")
+        time.sleep(0.03)  # what the server had sent is on its way into the ledgers
+        ledgers = Ledgers(self.folder / "ledger", self.loss_ns)
+        return judge_all(Database(self.folder / "data" / "needlelab.db"), ledgers, [chunks_in(b) for b in self.backups], at_end)

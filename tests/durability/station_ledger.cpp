@@ -1,0 +1,106 @@
+#include "station_ledger.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "base/atomic_file.h"
+#include "base/clock.h"
+
+namespace needlelab::test {
+namespace {
+
+using Json = nlohmann::json;
+
+std::string hexText(std::string_view bytes) {
+  static constexpr char kDigits[] = "0123456789abcdef";
+  std::string text;
+  for (const char c : bytes) {
+    text += kDigits[static_cast<unsigned char>(c) >> 4];
+    text += kDigits[static_cast<unsigned char>(c) & 15];
+  }
+  return text;
+}
+
+// "no wall" is null
+Json number(double value) {
+  return std::isnan(value) ? Json() : Json(value);
+}
+
+}  // namespace
+
+StationLedger::StationLedger(const std::string& path)
+    : fd_(::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600)) {
+  if (fd_ < 0) throw std::runtime_error("cannot open the ledger " + path);
+}
+
+StationLedger::~StationLedger() {
+  ::close(fd_);
+}
+
+void StationLedger::line(const std::string& text) {
+  const std::string whole = text + "\n";
+  if (::write(fd_, whole.data(), whole.size()) != static_cast<ssize_t>(whole.size()))
+    throw std::runtime_error("the ledger cannot be written");
+}
+
+void StationLedger::session(const pb::SessionDescription& description) {
+  const Resolution r = resolutionOf(description);
+  line(Json{{"e", "session"},
+            {"id", hexText(description.session_id())},
+            {"station", description.station()},
+            {"resolution", {r.length_m, r.quaternion, r.force_N, r.torque_Nm, r.time_s, r.speed_mps}}}
+           .dump());
+}
+
+void StationLedger::sample(const GestureSample& s) {
+  // in the order of FORMAT.md's columns
+  Json values = {s.tick, s.time_ns};
+  const auto put = [&values](const auto& group) {
+    for (const double value : group) values.push_back(number(value));
+  };
+  put(s.p_WT_m);
+  put(s.q_WT);
+  values.push_back(s.speed_mps);
+  put(s.force_W_N);
+  put(s.torque_W_Nm);
+  put(s.wall_W_m);
+  for (const double value : {s.insertion_m, s.lateral_error_m, s.plunger}) values.push_back(value);
+  for (const std::int64_t value :
+       {std::int64_t{s.device_ns}, std::int64_t{s.engine_ns}, std::int64_t{s.flags & 0xFFFF},
+        std::int64_t{s.flags >> 16}, std::int64_t{s.buttons}, std::int64_t{s.layer}, std::int64_t{s.phase},
+        std::int64_t{s.fault}})
+    values.push_back(value);
+  line(Json{{"e", "s"}, {"t", steadyNowNs()}, {"v", std::move(values)}}.dump());
+}
+
+void StationLedger::acknowledged(const pb::Ack& ack) {
+  line(Json{{"e", "ack"},
+            {"id", hexText(ack.session_id())},
+            {"t", wallNowNs()},
+            {"committed", ack.committed_seqs()},
+            {"safe", ack.safe_seqs()}}
+           .dump());
+}
+
+void StationLedger::closed(const pb::SessionClosed& closed) {
+  line(Json{{"e", "closed"},
+            {"id", hexText(closed.session_id())},
+            {"t", wallNowNs()},
+            {"state", static_cast<int>(closed.state())}}
+           .dump());
+}
+
+void StationLedger::end(const SpoolSession& session) {
+  const auto text = readWholeFile(session.folder() / "end.json");
+  Json end = text.ok() ? Json::parse(*text, nullptr, false) : Json();
+  if (!end.is_object()) throw std::runtime_error(session.folder().string() + " has no end");
+  end["e"] = "end";
+  end["id"] = hexText(session.description().session_id());
+  line(end.dump());
+}
+
+}  // namespace needlelab::test

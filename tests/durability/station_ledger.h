@@ -1,0 +1,36 @@
+/// What a station under test writes down for the judge: one line of JSON an event, appended with one write
+/// each, so that a kill of this program cuts off no more than its last line. Fields: README.md.
+#pragma once
+
+#include <mutex>
+#include <string>
+
+#include "gesture/sample.h"
+#include "needlelab/session.pb.h"
+#include "net/spool.h"
+
+namespace needlelab::test {
+
+/// Owns its file. Thread: any.
+class StationLedger {
+ public:
+  /// Throws std::runtime_error when it cannot be opened.
+  explicit StationLedger(const std::string& path);
+  ~StationLedger();
+  StationLedger(const StationLedger&) = delete;
+  StationLedger& operator=(const StationLedger&) = delete;
+
+  void session(const pb::SessionDescription& description);
+  /// Of the session that was named last.
+  void sample(const GestureSample& sample);
+  void acknowledged(const pb::Ack& ack);
+  void closed(const pb::SessionClosed& closed);
+  /// As the spool has it.
+  void end(const SpoolSession& session);
+
+ private:
+  void line(const std::string& text);
+  int fd_ = -1;
+};
+
+}  // namespace needlelab::test

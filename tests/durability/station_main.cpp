@@ -1,0 +1,220 @@
+// needlelab-durability-station: a station's spool and uplink without its hand and its loop. It writes down
+// every sample before it gives it to the spool, and every word of the server, in a ledger that no kill
+// reaches: the judge compares. All that it does follows from its seed.
+#include <signal.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <cmath>
+#include <random>
+#include <set>
+#include <thread>
+
+#include "base/atomic_file.h"
+#include "base/clock.h"
+#include "net/drain.h"
+#include "net/uplink.h"
+#include "station_ledger.h"
+#include "wire/tls.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+struct Options {
+  std::string server, ca, key_file, spool, ledger;
+  std::uint64_t seed = 1;
+  int sessions = 1, samples = 300;
+  double rate_hz = 100;   ///< as declared: a chunk is one second of it
+  double push_hz = 1000;  ///< as pushed
+  int drain_s = 20;
+};
+
+std::atomic<bool> stop{false};
+
+/// Sessions of which the server has said something. Thread: any.
+class Heard {
+ public:
+  void add(const std::string& id) {
+    const std::scoped_lock lock(mutex_);
+    ids_.insert(id);
+  }
+  bool contains(const std::string& id) {
+    const std::scoped_lock lock(mutex_);
+    return ids_.contains(id);
+  }
+
+ private:
+  std::mutex mutex_;
+  std::set<std::string> ids_;
+};
+
+GestureSample sampleOf(std::uint64_t tick, std::mt19937_64& random) {
+  std::uniform_real_distribution<double> noise(-1, 1);
+  GestureSample s;
+  s.tick = tick;
+  s.time_ns = steadyNowNs();
+  const double t = static_cast<double>(tick) * 0.01;
+  for (int i = 0; i < 3; ++i) {
+    s.p_WT_m[i] = 0.05 * std::sin(t + i) + 1e-5 * noise(random);
+    s.force_W_N[i] = 3 * std::cos(t * 0.7 + i) + 0.01 * noise(random);
+    s.torque_W_Nm[i] = 0.1 * noise(random);
+  }
+  for (double& q : s.q_WT) q = noise(random);
+  s.speed_mps = 0.1 * noise(random);
+  // the wall comes and goes
+  if (tick / 20 % 2 == 0)
+    for (double& wall : s.wall_W_m) wall = 0.02 * noise(random);
+  s.insertion_m = 0.03 * std::abs(std::sin(t * 0.2));
+  s.lateral_error_m = 0.001 * std::abs(noise(random));
+  s.plunger = 0.5 + 0.5 * noise(random);
+  s.device_ns = static_cast<std::int32_t>(random() % 200'000);
+  s.engine_ns = static_cast<std::int32_t>(random() % 5'000);
+  s.flags = static_cast<std::uint32_t>(random() % 16) | static_cast<std::uint32_t>(tick % 7 == 0) << 20;
+  s.buttons = static_cast<std::uint32_t>(tick / 100 % 4);
+  s.layer = static_cast<std::int8_t>(static_cast<int>(tick / 30 % 7) - 1);
+  s.phase = static_cast<std::uint8_t>(tick / 50 % 5);
+  return s;
+}
+
+pb::SessionDescription describe(const std::string& station, double rate_hz) {
+  const Uuid id = makeUuidV7();
+  pb::SessionDescription description;
+  description.set_session_id(id.data(), id.size());
+  description.set_station(station);
+  description.set_trainee("tina");
+  description.set_exercise_id("practice");
+  description.set_profile_id("practice");
+  description.set_profile_json("{}");
+  description.set_engine_version(NEEDLELAB_VERSION);
+  description.set_rate_hz(rate_hz);
+  description.set_started_unix_ns(wallNowNs());
+  setResolution(description, Resolution::standard());
+  return description;
+}
+
+/// Records one session in real time. Returns false when the spool refused.
+bool record(const Options& options, Spool& spool, Uplink& uplink, StationLedger& ledger,
+            const std::string& station, std::mt19937_64& random) {
+  auto session = spool.create(describe(station, options.rate_hz));
+  if (!session.ok()) return std::fprintf(stderr, "%s\n", session.error().message.c_str()), false;
+  ledger.session((*session)->description());
+  auto ring = std::make_unique<SampleRing>();
+  SpoolWriter::Callbacks callbacks;
+  callbacks.durable = [&uplink] { uplink.wake(); };
+  callbacks.trouble = [](const std::string& text) { std::fprintf(stderr, "%s\n", text.c_str()); };
+  SpoolWriterOptions writer_options;
+  writer_options.rate_hz = options.rate_hz;
+  SpoolWriter writer(*ring, *session, writer_options, callbacks);
+  uplink.add(*session, true);
+
+  // between half and all of what was asked, so that ends fall anywhere in a chunk
+  const auto most = static_cast<std::uint64_t>(options.samples);
+  const std::uint64_t count = most - random() % (most / 2 + 1);
+  const auto began = std::chrono::steady_clock::now();
+  for (std::uint64_t i = 0, tick = 0; i < count && !stop; ++i, ++tick) {
+    if (random() % 97 == 0) tick += random() % 5;  // missed ticks
+    const GestureSample sample = sampleOf(tick, random);
+    ledger.sample(sample);
+    while (!ring->push(sample)) std::this_thread::sleep_for(1ms);
+    std::this_thread::sleep_until(
+        began + std::chrono::duration_cast<std::chrono::nanoseconds>(
+                    std::chrono::duration<double>(static_cast<double>(i) / options.push_hz)));
+  }
+  if (const Status ended = writer.finish(5s); !ended.ok())
+    return std::fprintf(stderr, "%s\n", ended.error().message.c_str()), false;
+  ledger.end(**session);
+  uplink.wake();
+  return true;
+}
+
+int run(const Options& options) {
+  // NAME:64 hexadecimal digits
+  const auto text = readWholeFile(options.key_file);
+  if (!text.ok()) return std::fprintf(stderr, "%s\n", text.error().message.c_str()), 2;
+  const std::string station = text->substr(0, text->find(':'));
+  std::string key;
+  for (std::size_t i = station.size() + 1; key.size() < 32 && i + 1 < text->size(); i += 2)
+    key += static_cast<char>(std::stoi(text->substr(i, 2), nullptr, 16));
+
+  StationLedger ledger(options.ledger);
+  auto spool = Spool::open(options.spool);
+  auto endpoint = parseEndpoint(options.server);
+  auto tls = makeClientTls(options.ca);
+  if (!spool.ok() || !endpoint.ok() || !tls.ok()) {
+    const Error& error = !spool.ok() ? spool.error() : !endpoint.ok() ? endpoint.error() : tls.error();
+    return std::fprintf(stderr, "%s\n", error.message.c_str()), 2;
+  }
+  for (const std::string& note : (*spool)->notes()) std::fprintf(stderr, "%s\n", note.c_str());
+  const auto waiting = (*spool)->unfinished();
+  // a kill may have come between a session's end and the ledger's line of it
+  for (const auto& session : waiting) ledger.end(*session);
+  for (const auto& session : (*spool)->closedButNotSafe()) ledger.end(*session);
+  SpoolKeep keep;
+  keep.min_free_bytes = 0;
+  for (const std::string& note : (*spool)->cleanUp(keep, wallNowNs()))
+    std::fprintf(stderr, "%s\n", note.c_str());
+
+  const auto not_safe = (*spool)->closedButNotSafe();
+
+  UplinkConfig config;
+  config.client.tls = *tls;
+  config.client.server = *endpoint;
+  config.client.program = "needlelab-durability-station";
+  config.client.login = stationLogin(station, key);
+  config.first_retry = 20ms;
+  config.most_retry = 100ms;
+  UplinkEvents events;
+  events.say = [](const std::string& words) { std::fprintf(stderr, "%s\n", words.c_str()); };
+  Heard heard;
+  events.acknowledged = [&](const pb::Ack& ack) {
+    ledger.acknowledged(ack);
+    heard.add(ack.session_id());
+  };
+  events.closed = [&ledger](const pb::SessionClosed& closed) { ledger.closed(closed); };
+  Uplink uplink(std::move(config), std::move(events));
+  for (const auto& session : waiting) uplink.add(session, false);
+  for (const auto& session : not_safe) uplink.add(session, false);
+
+  std::mt19937_64 random(options.seed);
+  for (int i = 0; i < options.sessions && !stop; ++i)
+    if (!record(options, **spool, uplink, ledger, station, random)) return 1;
+  const auto patience = std::chrono::seconds(options.drain_s);
+  // about closed sessions the uplink asks whether the server still has them: nobody goes before it has heard
+  const auto until = std::chrono::steady_clock::now() + patience;
+  for (const auto& session : not_safe) {
+    const std::string& id = session->description().session_id();
+    while (!heard.contains(id) && !stop && std::chrono::steady_clock::now() < until)
+      std::this_thread::sleep_for(5ms);
+  }
+  const bool still_done = uplink.waitUntilDone(patience);
+  uplink.stop();
+  if (!still_done) std::fprintf(stderr, "not all could be sent: %s\n", uplink.state().error.c_str());
+  return still_done ? 0 : 3;
+}
+
+}  // namespace
+}  // namespace needlelab::test
+
+int main(int argc, char** argv) try {
+  needlelab::test::Options options;
+  CLI::App app("needlelab-durability-station: spool and uplink under test, with a ledger");
+  app.add_option("--server", options.server)->required();
+  app.add_option("--ca", options.ca)->required();
+  app.add_option("--key", options.key_file)->required();
+  app.add_option("--spool", options.spool)->required();
+  app.add_option("--ledger", options.ledger)->required();
+  app.add_option("--seed", options.seed);
+  app.add_option("--sessions", options.sessions);
+  app.add_option("--samples", options.samples, "in a session, at most");
+  app.add_option("--rate", options.rate_hz, "as declared: a chunk is one second of it");
+  app.add_option("--push", options.push_hz, "samples a second");
+  app.add_option("--drain", options.drain_s, "seconds");
+  CLI11_PARSE(app, argc, argv);
+  ::signal(SIGTERM, [](int) { needlelab::test::stop = true; });
+  return needlelab::test::run(options);
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "%s\n", error.what());
+  return 1;
+}
