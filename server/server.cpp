@@ -103,6 +103,11 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .counters = {},
                                   .connections = {}});
   if (auto started = p.startMonitor(); !started.ok()) return started.error();
+  // before anybody can know that this server is up: a signal between here and run() waits for it
+  if (p.options.handle_signals) {
+    p.signals.add(SIGTERM);
+    p.signals.add(SIGINT);
+  }
   if (!p.options.port_file.empty()) {
     const std::string text = std::to_string(p.port) + "\n";
     if (const Status written = writeFileAtomically(p.options.port_file, viewOf(text)); !written.ok())
@@ -203,8 +208,6 @@ void Server::Parts::accepted(Tcp::socket socket) {
 }
 
 Task<> Server::Parts::signalLoop() {
-  signals.add(SIGTERM);
-  signals.add(SIGINT);
   auto [error, signal] = co_await signals.async_wait(kUseTuple);
   if (error) co_return;
   logEvent(LogLevel::kInfo, "signal", {{"number", signal}});
