@@ -11,7 +11,7 @@ import sys
 import time
 
 from crash_page import ELSEWHERE, IN_CHECKPOINT, IN_COMMIT
-from lab import Failed, Lab, Programs, until
+from lab import Failed, Lab, Programs, loss_ms, until
 
 IN_A_LAB = 10  # kills, before the lab is drained, judged at its end and begun anew: that keeps the judge quick
 LEAST_SHARE = 0.2
@@ -36,12 +36,12 @@ def kill_server(lab, draw, must_hit):
     return lab.server_died()
 
 
-def one_lab(programs, seed, server_kills, station_kills, loss_ms, counts):
+def one_lab(programs, seed, server_kills, station_kills, loss, counts):
     """Faults of one lab, as (name, text)."""
     draw = random.Random(seed)
     jobs = ["server"] * server_kills + ["station"] * station_kills
     draw.shuffle(jobs)
-    with Lab(programs, loss_ms=loss_ms) as lab:
+    with Lab(programs, loss=loss) as lab:
         try:
             lab.start_server()
             for name in programs.stations:
@@ -79,13 +79,14 @@ def main():
     parser.add_argument("--kills", type=int, default=100 if is_long else 6, help="of the server")
     parser.add_argument("--station-kills", type=int, default=100 if is_long else 3)
     parser.add_argument("--seed", type=int, default=int(os.environ.get("NEEDLELAB_SEED", "20261120")))
-    parser.add_argument("--loss-ms", type=float, default=20, help="what a killed station may lose")
+    parser.add_argument("--loss-ms", type=float, help="what a killed station may lose (lab.py has the defaults)")
     options = parser.parse_args()
+    loss = loss_ms(options.loss_ms)
     programs, counts, began = Programs(options.bin), {}, time.monotonic()
     seed, server_left, station_left = options.seed, options.kills, options.station_kills
     while server_left > 0 or station_left > 0:
         server_kills, station_kills = min(IN_A_LAB, server_left), min(IN_A_LAB, station_left)
-        faults = one_lab(programs, seed, server_kills, station_kills, options.loss_ms, counts)
+        faults = one_lab(programs, seed, server_kills, station_kills, loss, counts)
         if faults:
             for name, text in faults[:20]:
                 print(f"{name}: {text}")

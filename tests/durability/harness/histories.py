@@ -11,7 +11,7 @@ import random
 import sys
 
 from crash_page import IN_CHECKPOINT, IN_COMMIT
-from lab import Failed, Lab, Programs, until
+from lab import Failed, Lab, Programs, loss_ms, until
 
 STEPS = (("go on", 3), ("kill server", 3), ("stop server", 2), ("kill stations", 3), ("back up", 2), ("restore", 2),
          ("new sessions", 2))
@@ -46,9 +46,12 @@ class History:
         return [n for n in self.names if self.lab.stations[n].poll() is None]
 
     def _station(self, name):
-        sessions, samples = self.draw.randint(1, 3), self.draw.choice((5, 40, 150, 400))
+        # drawn whether it is needed or not: how far a station is depends on the machine, what comes next must not
+        sessions, samples, seed = self.draw.randint(1, 3), self.draw.choice((5, 40, 150, 400)), self.draw.getrandbits(32)
+        if name in self.lab.stations and self.lab.stations[name].poll() is None:
+            return
         self.tell(f"{name} records {sessions} sessions of at most {samples} samples")
-        self.lab.start_station(name, seed=self.draw.getrandbits(32), sessions=sessions, samples=samples)
+        self.lab.start_station(name, seed=seed, sessions=sessions, samples=samples)
 
     def _judge(self):
         faults = self.lab.judge(at_end=False).faults
@@ -93,7 +96,7 @@ class History:
 
     def _restore(self):
         if not self.lab.backups:
-            return None
+            return self._back_up()
         self.tell("restore the newest backup")
         self.lab.stop_server()
         faults = self.lab.judge(at_end=False).faults
@@ -103,8 +106,7 @@ class History:
 
     def _new_sessions(self):
         for name in self.names:
-            if self.lab.stations[name].poll() is not None:
-                self._station(name)
+            self._station(name)
 
 
 def main():
@@ -114,12 +116,12 @@ def main():
     parser.add_argument("--count", type=int, default=60 if is_long else 3)
     parser.add_argument("--steps", type=int, default=12 if is_long else 6)
     parser.add_argument("--seed", type=int, default=int(os.environ.get("NEEDLELAB_SEED", "1")))
-    parser.add_argument("--loss-ms", type=float, default=20, help="what a killed station may lose")
+    parser.add_argument("--loss-ms", type=float, help="what a killed station may lose (lab.py has the defaults)")
     parser.add_argument("--tell", action="store_true", help="say what is done")
     options = parser.parse_args()
-    programs = Programs(options.bin)
+    programs, loss = Programs(options.bin), loss_ms(options.loss_ms)
     for seed in range(options.seed, options.seed + options.count):
-        with Lab(programs, loss_ms=options.loss_ms) as lab:
+        with Lab(programs, loss=loss) as lab:
             history = History(lab, seed)
             try:
                 faults = history.play(options.steps)

@@ -51,7 +51,8 @@ class Session:
         self.id = row["id"].hex()
         self.station, self.state = row["station"], row["state"]
         self.row_chunks, self.row_samples, self.row_bytes = row["chunks"], row["samples"], row["stored_bytes"]
-        self.safe_chunks = row["safe_chunks"]
+        # 1: the original; retention may have thinned (2) or deleted (3) a recording, by a policy
+        self.recording = row["recording"] if "recording" in row.keys() else 1
         self.hash = row["hash"].hex() if row["hash"] is not None else None
         self.steps, self.fault = None, None
         self._describe(row["description"])

@@ -130,6 +130,8 @@ def _check_session(recorded, database, ledgers, at_end, judge):
     judge.sessions += 1
     judge.chunks += len(stored.chunks)
     judge.acknowledged += acknowledged
+    if stored.recording != 1:
+        return
     if not _check_row(stored, judge, name):
         return
     if len(stored.chunks) < acknowledged:
