@@ -1,10 +1,14 @@
 #include "db/connection.h"
 
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <utility>
 
+#include "base/disk_words.h"
 #include "base/planted_bug.h"
 
 namespace needlelab {
@@ -46,6 +50,24 @@ ErrorCode codeOf(int rc) {
       return ErrorCode::kInvalidInput;
     default:
       return ErrorCode::kFailed;
+  }
+}
+
+/// The system's word behind SQLite's, where it tells of the disk; else 0.
+int systemErrorOf(int rc, sqlite3* handle, const std::filesystem::path& path) {
+  switch (rc & 0xff) {
+    case SQLITE_FULL:
+      return ENOSPC;
+    case SQLITE_READONLY:
+      // SQLite opens for reading what it may not open for writing
+      return ::access(path.c_str(), W_OK) == 0 ? 0 : errno;
+    case SQLITE_IOERR:
+    case SQLITE_CANTOPEN: {
+      const int number = handle == nullptr ? 0 : sqlite3_system_errno(handle);
+      return number == 0 && (rc & 0xff) == SQLITE_IOERR ? EIO : number;
+    }
+    default:
+      return 0;
   }
 }
 
@@ -191,6 +213,10 @@ Error Connection::errorOf(int rc, std::string_view what) {
       path_.string() + ": cannot " + std::string(what.substr(0, kShown)) + (what.size() > kShown ? "…" : "");
   text += std::string(": ") + (handle_ != nullptr ? sqlite3_errmsg(handle_) : sqlite3_errstr(rc));
   text += " (SQLite " + std::to_string(rc) + ")";
+  const int error_number = systemErrorOf(rc, handle_, path_);
+  if ((rc & 0xff) == SQLITE_IOERR && error_number != 0)
+    text += std::string(", ") + std::strerror(error_number);
+  text += diskAdvice(error_number, path_);
   return {codeOf(rc), text};
 }
 

@@ -7,10 +7,12 @@
 
 #include <array>
 #include <cctype>
+#include <cerrno>
 #include <ctime>
 #include <fstream>
 #include <sstream>
 
+#include "base/disk_words.h"
 #include "base/formatted.h"
 
 namespace needlelab {
@@ -66,6 +68,9 @@ Status checkFolderRights(const std::filesystem::path& folder) {
   while (!there.empty() && there != there.root_path() && !std::filesystem::exists(there, error))
     there = there.parent_path();
   if (::access(there.c_str(), R_OK | W_OK | X_OK) == 0) return {};
+  if (errno == EROFS)
+    return Error{ErrorCode::kFailed,
+                 "--data " + folder.string() + ": cannot be written" + diskAdvice(EROFS, folder)};
   struct stat info {};
   std::string owner = "an unknown user";
   unsigned mode = 0;

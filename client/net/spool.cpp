@@ -38,12 +38,24 @@ std::optional<std::uint64_t> freeBytes(const fs::path& folder) {
   return space.available;
 }
 
-// under another name first, so that a crash in between does not leave half a session behind
+// under another name first, so that a crash in between does not leave half a session behind; the name is
+// synced before anything goes, or a power cut could bring it back with half of the files
 void removeFolder(const fs::path& folder) {
   const fs::path removing = folder.string() + std::string(kRemoving);
   std::error_code error;
   fs::rename(folder, removing, error);
-  if (!error) fs::remove_all(removing, error);
+  if (!error && syncFolder(folder.parent_path()).ok()) fs::remove_all(removing, error);
+}
+
+// not counting the description, whose name comes first: without it nothing is recorded
+std::uint64_t bytesRecordedIn(const fs::path& folder) {
+  std::uint64_t bytes = 0;
+  for (const char* name : {"chunks", "tail"}) {
+    std::error_code error;
+    const auto size = fs::file_size(folder / name, error);
+    if (!error) bytes += size;
+  }
+  return bytes;
 }
 
 }  // namespace
@@ -83,21 +95,20 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
     }
     if (!parseUuid(name).ok()) continue;
     if (!fs::exists(path / "session.json", error)) {
-      // the program died before the session began: nothing was recorded
-      if (bytesIn(path) == 0)
+      // the program died before the session began: nothing was recorded, the description may be half written
+      if (bytesRecordedIn(path) == 0)
         fs::remove_all(path, error);
       else
         spool->notes_.push_back(path.string() + ": has no session.json; left as it is");
       continue;
     }
-    const bool ended = fs::exists(path / "end.json", error);
     auto session = SpoolSession::load(path);
     if (!session.ok()) {
       spool->notes_.push_back(session.error().message + "; left as it is");
       continue;
     }
     const SpoolContents contents = (*session)->contents();
-    if (!ended)
+    if ((*session)->mended())
       spool->notes_.push_back("session " + name + " was cut off: " + std::to_string(contents.samples) +
                               " samples in " + std::to_string(contents.chunks) +
                               " chunks were saved, it is closed as interrupted");

@@ -78,6 +78,8 @@ class SpoolSession {
   // --- reading ---
   /// Where the chunks are kept as they were found, when some of them could not be read; else empty.
   [[nodiscard]] const std::filesystem::path& damaged() const { return damaged_; }
+  /// Its end was made when it was read: a crash, a power cut or a damaged disk left none.
+  [[nodiscard]] bool mended() const { return mended_; }
   [[nodiscard]] SpoolContents contents() const;
   /// Samples in the first `chunks` of them.
   [[nodiscard]] std::uint64_t samplesIn(std::uint64_t chunks) const;
@@ -109,10 +111,12 @@ class SpoolSession {
   Status keepDamaged();
   Status recoverTail();
   void loadLoss();
+  Status syncLoss() const;
   void addEntry(std::uint64_t offset, std::uint64_t samples, std::uint64_t bytes);
 
   std::filesystem::path folder_;
   std::filesystem::path damaged_;
+  bool mended_ = false;
   Uuid id_{};
   pb::SessionDescription description_;
   SpoolFile chunks_, tail_;       // written by the writing thread

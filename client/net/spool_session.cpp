@@ -142,9 +142,10 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::
     session->receipt_.closed = flagAt(*receipt, "closed");
     session->receipt_.closed_unix_ns = static_cast<std::int64_t>(countAt(*receipt, "closed_unix_ns"));
   }
-  auto end = readJson(folder / "end.json");
-  if (!end.ok()) return end.error();
-  if (end->is_object()) {
+  // an end that its disk damaged says nothing: the chunks have checks of their own and are saved as interrupted
+  const auto end = readJson(folder / "end.json");
+  const auto has = [&](const char* key) { return end->contains(key); };
+  if (end.ok() && end->is_object() && has("chunks") && has("samples") && has("hash") && has("interrupted")) {
     session->ended_ = true;
     session->interrupted_ = flagAt(*end, "interrupted");
     session->ended_contents_.chunks = countAt(*end, "chunks");
@@ -195,6 +196,7 @@ Status SpoolSession::loadChunks() {
     ended_ = false;
   }
   if (!ended_) {
+    mended_ = true;
     // good records behind a bad one: that is damage and no torn end; the file is kept as it is found
     auto damaged = chunks_.hasRecordBehind(*good_end);
     if (!damaged.ok()) return damaged.error();
@@ -304,12 +306,16 @@ Status SpoolSession::sync() {
 }
 
 Status SpoolSession::end(bool interrupted) {
-  std::uint64_t chunks = 0, samples = 0;
+  std::uint64_t chunks = 0, samples = 0, lost = 0;
   {
     const std::scoped_lock lock(mutex_);
     chunks = entries_.size();
     if (chunks > 0) samples = entries_.back().samples_through;
+    lost = loss_.samples;
   }
+  // an ended session whose loss a power cut has taken would pass for whole
+  if (lost > 0)
+    if (auto status = syncLoss(); !status.ok()) return status;
   const Digest hash = hash_.digest();
   if (auto status = writeJson(
           folder_ / "end.json",
@@ -340,6 +346,16 @@ Status SpoolSession::setLoss(const SpoolLoss& loss) {
   Status status;
   if (wrote != static_cast<ssize_t>(text.size())) status = failed();
   ::close(fd);
+  return status;
+}
+
+Status SpoolSession::syncLoss() const {
+  const auto path = folder_ / "lost";
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+  Status status;
+  if (fd < 0 || ::fdatasync(fd) != 0)
+    status = Error{ErrorCode::kUnavailable, "cannot sync " + path.string() + ": " + std::strerror(errno)};
+  if (fd >= 0) ::close(fd);
   return status;
 }
 

@@ -7,11 +7,15 @@
 #include <cerrno>
 #include <cstring>
 
+#include "base/disk_words.h"
+
 namespace needlelab {
 namespace {
 
 Error systemError(const std::string& what, const std::filesystem::path& path) {
-  return {ErrorCode::kFailed, path.string() + ": cannot " + what + ": " + std::strerror(errno)};
+  const int number = errno;
+  return {ErrorCode::kFailed,
+          path.string() + ": cannot " + what + ": " + std::strerror(number) + diskAdvice(number, path)};
 }
 
 // false: see errno

@@ -2,6 +2,8 @@
 
 #include <sys/random.h>
 
+#include <algorithm>
+#include <atomic>
 #include <cstdlib>
 
 #include "base/clock.h"
@@ -11,10 +13,19 @@ namespace needlelab {
 Uuid makeUuidV7() {
   Uuid id{};
   if (getrandom(id.data(), id.size(), 0) != static_cast<ssize_t>(id.size())) std::abort();
-  const auto ms = static_cast<std::uint64_t>(wallNowNs() / 1'000'000);
+  // 48 bits of milliseconds, 12 random ones; never before this process' last, whatever the clock does: then
+  // they count on from there (RFC 9562, 6.2)
+  const auto ms = static_cast<std::uint64_t>(wallNowNs() / 1'000'000) & 0xFFFF'FFFF'FFFFu;
+  const std::uint64_t wanted = ms << 12 | (static_cast<std::uint64_t>(id[6] & 0x0Fu) << 8 | id[7]);
+  static std::atomic<std::uint64_t> last = 0;
+  std::uint64_t before = last.load(), next = 0;
+  do {
+    next = std::max(wanted, before + 1);
+  } while (!last.compare_exchange_weak(before, next));
   for (int i = 0; i < 6; ++i)
-    id[static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(ms >> (8 * (5 - i)));
-  id[6] = static_cast<std::uint8_t>(0x70u | (id[6] & 0x0Fu));
+    id[static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(next >> (8 * (5 - i) + 12));
+  id[6] = static_cast<std::uint8_t>(0x70u | (next >> 8 & 0x0Fu));
+  id[7] = static_cast<std::uint8_t>(next);
   id[8] = static_cast<std::uint8_t>(0x80u | (id[8] & 0x3Fu));
   return id;
 }

@@ -20,6 +20,7 @@
 #include <boost/asio/ip/address.hpp>
 
 #include "base/atomic_file.h"
+#include "base/disk_words.h"
 
 namespace needlelab {
 namespace {
@@ -292,11 +293,14 @@ TlsFiles tlsFilesIn(const std::filesystem::path& folder) {
 Result<bool> ensureTlsFiles(const TlsFiles& files, const std::vector<std::string>& hosts) {
   if (auto valid = checkHosts(hosts); !valid.ok()) return valid.error();
   std::error_code failed;
-  std::filesystem::create_directories(files.ca_certificate.parent_path(), failed);
-  if (failed) {
-    return Error{ErrorCode::kFailed,
-                 "cannot make " + files.ca_certificate.parent_path().string() + ": " + failed.message()};
-  }
+  const auto folder = files.ca_certificate.parent_path();
+  const bool made_folder = std::filesystem::create_directories(folder, failed);
+  if (failed)
+    return Error{ErrorCode::kFailed, "cannot make " + folder.string() + ": " + failed.message() +
+                                         diskAdvice(failed.value(), folder)};
+  // a CA that was given out must not vanish with its folder's name in a power cut
+  if (made_folder)
+    if (auto synced = syncFolder(folder.parent_path()); !synced.ok()) return synced.error();
 
   const bool has_ca = std::filesystem::exists(files.ca_certificate, failed);
   if (failed) {

@@ -1,5 +1,7 @@
 #include "wire/tls.h"
 
+#include <array>
+#include <ctime>
 #include <filesystem>
 #include <utility>
 
@@ -74,6 +76,14 @@ Status requireHost(TlsStream& stream, const std::string& host) {
 std::string tlsErrorText(const SSL* ssl, std::string text) {
   const long verified = SSL_get_verify_result(ssl);
   if (verified != X509_V_OK) text += std::string(" (") + X509_verify_cert_error_string(verified) + ")";
+  if (verified == X509_V_ERR_CERT_NOT_YET_VALID || verified == X509_V_ERR_CERT_HAS_EXPIRED) {
+    // a clock without a battery begins in 1970
+    const std::time_t now = std::time(nullptr);
+    std::tm parts{};
+    std::array<char, 32> date{};
+    std::strftime(date.data(), date.size(), "%Y-%m-%d", ::gmtime_r(&now, &parts));
+    text += std::string("; this machine's clock says ") + date.data() + ": if that is wrong, set it";
+  }
   return text;
 }
 

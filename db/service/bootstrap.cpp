@@ -11,6 +11,7 @@
 
 #include "base/atomic_file.h"
 #include "base/clock.h"
+#include "base/disk_words.h"
 #include "db/meta_store.h"
 #include "db/migrate.h"
 #include "db/transaction.h"
@@ -21,7 +22,9 @@ namespace needlelab {
 namespace {
 
 Error systemError(const std::filesystem::path& path, const std::string& what) {
-  return {ErrorCode::kFailed, path.string() + ": cannot " + what + ": " + std::strerror(errno)};
+  const int number = errno;
+  return {ErrorCode::kFailed,
+          path.string() + ": cannot " + what + ": " + std::strerror(number) + diskAdvice(number, path)};
 }
 
 /// DIR, for its owner only when it is new.

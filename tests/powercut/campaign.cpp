@@ -47,11 +47,11 @@ void report(const std::string& name, const CutCounts& c) {
   std::fflush(stdout);
 }
 
-void cutLog(const DiskLog& log, std::size_t first, int cuts, std::uint64_t seed, const CutJudge& judge,
-            CutCounts& counts) {
+void cutLog(const DiskLog& log, std::size_t first, std::size_t last, int cuts, std::uint64_t seed,
+            const CutJudge& judge, CutCounts& counts) {
   Random random(seed ^ 0x9D15C0ull);
   std::vector<std::size_t> instants;
-  for (int i = 0; i < cuts; ++i) instants.push_back(first + random.below(log.events().size() - first + 1));
+  for (int i = 0; i < cuts; ++i) instants.push_back(first + random.below(last - first + 1));
   std::sort(instants.begin(), instants.end());
   DiskReplay replay(log);
   ++counts.runs;

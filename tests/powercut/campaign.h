@@ -34,9 +34,9 @@ void report(const std::string& name, const CutCounts& counts);
 using CutJudge =
     std::function<std::string(const std::filesystem::path& folder, std::size_t instant, Random& random)>;
 
-/// Cuts a log at `cuts` random instants from `first` on, each with every outcome, and has each judged.
+/// Cuts a log at `cuts` random instants from `first` to `last`, each with every outcome, and has each judged.
 /// `seed` names the run in words.
-void cutLog(const DiskLog& log, std::size_t first, int cuts, std::uint64_t seed, const CutJudge& judge,
+void cutLog(const DiskLog& log, std::size_t first, std::size_t last, int cuts, std::uint64_t seed, const CutJudge& judge,
             CutCounts& counts);
 
 /// Runs this program again, with a planted bug, only the tests of `filter`; gives whether they failed, and

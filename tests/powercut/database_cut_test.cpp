@@ -232,7 +232,7 @@ CutCounts databaseCampaign(std::uint64_t seed, int runs, int cuts_each,
       if (!before && error) throw std::runtime_error(error->message);
     }
     cutLog(
-        log, log.begin(), cuts_each, seed + static_cast<std::uint64_t>(i),
+        log, log.begin(), log.events().size(), cuts_each, seed + static_cast<std::uint64_t>(i),
         [&](const std::filesystem::path& folder, std::size_t instant, Random&) {
           return judgeDatabase(log, folder, instant);
         },

@@ -36,10 +36,11 @@ void DiskLog::add(DiskEvent event) {
   events_.push_back(std::move(event));
 }
 
-void DiskLog::mark(std::string name, std::uint64_t number) {
+void DiskLog::mark(std::string name, std::uint64_t number, std::string data) {
   DiskEvent event;
   event.name = std::move(name);
   event.offset = number;
+  event.data = std::move(data);
   add(std::move(event));
 }
 

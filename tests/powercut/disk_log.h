@@ -28,7 +28,7 @@ struct DiskEvent {
     kRename,      ///< entry `name` of `folder` to `to_name` of `to_folder`
     kLink,        ///< `node` has the entry `to_name` of `to_folder`, too
     kRemove,      ///< entry `name` of `folder`
-    kMark,        ///< the test's: `name`, `offset`
+    kMark,        ///< the test's: `name`, `offset`, `data`
   };
   Kind kind = Kind::kMark;
   std::uint32_t node = 0, folder = 0, to_folder = 0;
@@ -44,7 +44,7 @@ class DiskLog {
  public:
   void add(DiskEvent event);
   /// What the program has just told somebody, e.g. an acknowledgement: it stands between the calls.
-  void mark(std::string name, std::uint64_t number = 0);
+  void mark(std::string name, std::uint64_t number = 0, std::string data = {});
   [[nodiscard]] const std::vector<DiskEvent>& events() const { return events_; }
   /// Events before this one made the disk as it was at the start.
   [[nodiscard]] std::size_t begin() const;
