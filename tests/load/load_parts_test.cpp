@@ -290,6 +290,7 @@ TEST(LoadOptions, whatIsOutOfRangeIsNamed) {
 LoadResult quietRun(double growth_KiB_per_min, double handles_per_min) {
   LoadResult result;
   result.options.stations = result.stations_closed = 200;
+  result.options.seconds = 1800;
   for (int s = 0; s < 1800; ++s) {
     ServerRow row;
     row.time_s = s;

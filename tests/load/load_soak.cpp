@@ -15,14 +15,18 @@ namespace {
 constexpr double kMostWarmUp_s = 300;
 
 // rows of the last server, after its warm-up
-std::span<const ServerRow> judgedRows(const std::vector<ServerRow>& rows) {
+std::span<const ServerRow> judgedRows(const LoadResult& result) {
+  // until the first station ends
+  const auto ended = std::find_if(result.rows.begin(), result.rows.end(),
+                                  [&](const ServerRow& row) { return row.time_s > result.options.seconds; });
+  const std::span<const ServerRow> rows(result.rows.begin(), ended);
   if (rows.empty()) return {};
   const auto born = std::find_if(rows.begin(), rows.end(),
                                  [&](const ServerRow& row) { return row.starts == rows.back().starts; });
   const double from_s = born->time_s + std::min(kMostWarmUp_s, (rows.back().time_s - born->time_s) / 4);
   const auto first =
       std::find_if(born, rows.end(), [&](const ServerRow& row) { return row.time_s >= from_s; });
-  return std::span(rows).subspan(static_cast<std::size_t>(first - rows.begin()));
+  return rows.subspan(static_cast<std::size_t>(first - rows.begin()));
 }
 
 double median(std::vector<double> values) {
@@ -69,7 +73,7 @@ std::string samplesCsv(const std::vector<ServerRow>& rows) {
 std::string script(const LoadResult& r, const std::vector<Finding>& findings,
                    const std::filesystem::path& csv) {
   const Verdict verdict = verdictOf(findings);
-  const auto rows = judgedRows(r.rows);
+  const auto rows = judgedRows(r);
   const double from_min = rows.empty() ? 0 : rows.front().time_s / 60;
   const std::string file = "'" + csv.string() + "' skip 1 ";
   return "set datafile separator ','\nset grid lc rgb '#d8dde3'\nset border 3 lc rgb '#606a75'\n"
@@ -113,7 +117,7 @@ std::vector<Finding> judgeLoad(const LoadResult& r, const SoakLimits& limits) {
     for (const std::string& text : *words)
       findings.push_back({"trouble that was said", text, "none", Verdict::kBad});
 
-  const auto rows = judgedRows(r.rows);
+  const auto rows = judgedRows(r);
   if (!rows.empty()) {
     std::vector<double> time_s, rss_KiB;
     for (const ServerRow& row : rows) {

@@ -62,6 +62,11 @@ void LoadStation::end() {
   pump();
 }
 
+void LoadStation::close() {
+  may_close_ = true;
+  pump();
+}
+
 void LoadStation::makeChunk() {
   const std::uint64_t count = next_tick_ - chunk_tick_;
   const auto samples = scratch(count);
@@ -126,7 +131,7 @@ void LoadStation::pump() {
     else
       totals_.samples_sent += chunk.samples;
   }
-  if (ended_ && chunks_.empty()) {
+  if (ended_ && may_close_ && chunks_.empty()) {
     state_ = State::kClosing;
     channel_->send(closeMessage());
   }

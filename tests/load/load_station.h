@@ -28,7 +28,8 @@ struct StationTotals {
 };
 
 /// As the station's uplink (client/net) with everything in memory: there is no spool on disk. Thread: its
-/// io_context's. Life: run() connects; step() is called at each frame's time; end() after the last.
+/// io_context's. Life: run() connects; step() is called at each frame's
+/// time; end() after the last; then close().
 class LoadStation : public std::enable_shared_from_this<LoadStation> {
  public:
   LoadStation(LoadShared& shared, std::size_t index, StationTotals& totals, asio::io_context& io);
@@ -40,8 +41,10 @@ class LoadStation : public std::enable_shared_from_this<LoadStation> {
   bool step(std::int64_t now_ns);
   /// When the next frame is due: with its last sample. Steady clock.
   [[nodiscard]] std::int64_t nextDue_ns() const;
-  /// No sample after those that were made; the rest is sent, then the session is closed.
+  /// No sample after those that were made; the rest is sent.
   void end();
+  /// The session may be closed once everything is acknowledged.
+  void close();
   /// Gives up.
   void stop();
   /// A fault of the network, seen from here.
@@ -86,7 +89,7 @@ class LoadStation : public std::enable_shared_from_this<LoadStation> {
   std::shared_ptr<Channel> channel_;
   std::string session_id_;
   State state_ = State::kNew;
-  bool watched_ = false, ended_ = false, stopping_ = false;
+  bool watched_ = false, ended_ = false, may_close_ = false, stopping_ = false;
   std::uint64_t next_tick_ = 0, chunk_tick_ = 0;  // the first tick that is in no frame, in no chunk
   std::uint64_t frame_seq_ = 0, frames_ = 0;
   std::deque<Chunk> chunks_;  // not acknowledged
