@@ -15,6 +15,8 @@ int main(int argc, char** argv) {
     const needlelab::ParsedOptions parsed = needlelab::parseStationOptions(argc, argv);
     if (parsed.exit_code) return *parsed.exit_code;
     switch (parsed.options.mode) {
+      case needlelab::StationMode::kEnrol:
+        return needlelab::runEnrol(parsed.options);
       case needlelab::StationMode::kListDevices:
         return needlelab::runListDevices(parsed.options);
       case needlelab::StationMode::kListExercises:

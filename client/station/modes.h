@@ -7,6 +7,9 @@
 
 namespace needlelab {
 
+/// `--enrol`: logs in by the bundle, then keeps it in `enrolled`. Exit code 0 when both were done, 2 for a
+/// bundle that is none.
+int runEnrol(const StationOptions& options);
 /// `--list-devices`. Exit code 0, whatever is there.
 int runListDevices(const StationOptions& options);
 /// `--list-exercises`. Exit code 0 when something can be practised without the server, or the server

@@ -5,6 +5,7 @@
 #include "device/hand_cli.h"
 #include "device_factory/device_factory.h"
 #include "haptics/limits.h"
+#include "net/enrolment.h"
 #include "wire/version.h"
 
 namespace needlelab {
@@ -23,6 +24,13 @@ void addServer(CLI::App& app, StationOptions& o, RawOptions& raw) {
       ->group(kServer);
   app.add_option("--ca", o.ca_file, "the server's certificate authority (its tls/ca.crt)")->group(kServer);
   app.add_option("--key", o.key_file, "this station's key file, made by needlelab-admin station add")
+      ->group(kServer);
+  app.add_option("--enrolled", raw.enrolled,
+                 "server, CA and key are those that --enrol has kept in DIR; default: " +
+                     defaultEnrolmentFolder().string())
+      ->type_name("DIR")
+      ->expected(0, 1)
+      ->default_str("")
       ->group(kServer);
   app.add_option("--station", o.station, "this station's name; default: the one in the key file")
       ->group(kServer);
@@ -120,6 +128,15 @@ void addModes(CLI::App& app, StationOptions& o, RawOptions& raw) {
   auto* pivot = app.add_flag("--calibrate", raw.calibrate,
                              "find the needle's tip in the handle's frame by pivoting in a dimple; "
                              "--seconds: default 30");
+  app.add_option(
+         "--enrol", o.bundle,
+         "make this computer a station: log in by the file that needlelab-admin station enrol made, and keep "
+         "what is in it in the folder of --enrolled")
+      ->type_name("FILE")
+      ->excludes(list)
+      ->excludes(test)
+      ->excludes(pivot)
+      ->group(kModes);
   list->excludes(test)->excludes(pivot)->group(kModes);
   test->excludes(pivot)->group(kModes);
   pivot->group(kModes);

@@ -15,6 +15,7 @@ struct RawOptions {
   std::string server, tool, placement, plunger, on_fault;
   std::optional<std::string> json;
   double keep_days = 14, quota_mib = 4096;
+  std::optional<std::string> enrolled;
   bool list_devices = false, self_test = false, calibrate = false, list_exercises = false;
 };
 

@@ -5,18 +5,40 @@
 #include <iostream>
 #include <utility>
 
+#include "base/atomic_file.h"
 #include "base/exit_code.h"
 #include "base/output_check.h"
 #include "base/range.h"
 #include "base/text_rules.h"
 #include "device/plunger_option.h"
 #include "device/pose_option.h"
+#include "net/enrolment.h"
 #include "station/option_list.h"
 
 namespace needlelab {
 namespace {
 
 constexpr double kLongestTool_m = 1;
+
+/// --enrolled: server, CA and key from its folder.
+Status takeEnrolment(StationOptions& options, RawOptions& raw) {
+  options.enrolled =
+      raw.enrolled && !raw.enrolled->empty() ? *raw.enrolled : defaultEnrolmentFolder().string();
+  if (options.mode == StationMode::kEnrol || !raw.enrolled) return {};
+  if (!raw.server.empty() || !options.ca_file.empty() || !options.key_file.empty())
+    return Error{ErrorCode::kInvalidInput,
+                 "--enrolled takes the place of --server, --ca and --key: leave these away"};
+  const EnrolmentFiles files = enrolmentFilesIn(options.enrolled);
+  const auto server = readWholeFile(files.server, 1000);
+  if (!server.ok())
+    return Error{ErrorCode::kInvalidInput, "--enrolled: " + options.enrolled.string() +
+                                               " holds no enrolment (" + server.error().message +
+                                               "); make one with --enrol FILE"};
+  raw.server = server->substr(0, server->find('\n'));
+  options.ca_file = files.ca;
+  options.key_file = files.key;
+  return {};
+}
 
 // what CLI11 cannot check by itself
 Status complete(StationOptions& options, const RawOptions& raw) {
@@ -95,6 +117,7 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   if (raw.self_test) o.mode = StationMode::kSelfTest;
   if (raw.calibrate) o.mode = StationMode::kCalibrate;
   if (raw.list_exercises) o.mode = StationMode::kListExercises;
+  if (!o.bundle.empty()) o.mode = StationMode::kEnrol;
   o.json = app.count("--json") > 0;
   if (raw.json) o.json_file = *raw.json;
   if (!raw.on_fault.empty()) o.on_fault = raw.on_fault == "wait" ? FaultPolicy::kWait : FaultPolicy::kEnd;
@@ -106,7 +129,8 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
     parsed.exit_code = exitCodeOf(status.error());
     return parsed;
   }
-  auto status = complete(o, raw);
+  auto status = takeEnrolment(o, raw);
+  if (status.ok()) status = complete(o, raw);
   if (status.ok() && !raw.plunger.empty()) status = parsePlungerOption(raw.plunger, o.plunger);
   if (!status.ok()) {
     std::cerr << "needlelab-station: " << status.error().message << "\n";

@@ -17,14 +17,22 @@
 namespace needlelab {
 
 /// What the program is asked to do. All but the lesson move nothing: the device gets no force.
-enum class StationMode : std::uint8_t { kLesson, kListDevices, kSelfTest, kCalibrate, kListExercises };
+enum class StationMode : std::uint8_t {
+  kLesson,
+  kListDevices,
+  kSelfTest,
+  kCalibrate,
+  kListExercises,
+  kEnrol
+};
 
 struct StationOptions {
   StationMode mode = StationMode::kLesson;
   // the server; none without --server
   std::optional<Endpoint> server;
   std::filesystem::path ca_file, key_file;
-  std::string station;  ///< --station, or the name in the key file, or the machine's
+  std::filesystem::path bundle, enrolled;  ///< --enrol FILE; the folder of --enrolled
+  std::string station;                     ///< --station, or the name in the key file, or the machine's
   // the lesson
   std::string trainee, exercise;
   std::filesystem::path profile_file;  ///< practice with a profile of one's own

@@ -12,7 +12,7 @@ struct RestoreResult {
   std::filesystem::path
       kept;  ///< the database that was replaced, with its log beside it; empty: there was none
   std::uint64_t sessions = 0, chunks = 0;  ///< in the restored one, all of them checked
-  int schema = 0;  ///< of the backup; the next start of the server migrates an older one
+  int schema = 0;  ///< of the backup; an older one was migrated
 };
 
 /// Copies `from` beside DIR's database, checks *the copy* (structure, every chunk, every hash), and then,
