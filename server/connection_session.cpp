@@ -93,7 +93,8 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   marks.committed = opened->next_seq;
   marks.safe = opened->safe;
   marks.open = !opened->closed;
-  if (marks.open && state_ == ConnectionState::kAuthenticated) setState(ConnectionState::kInSession);
+  // of a closed one, too: its station may have lost the answer to CloseSession and sends it again
+  if (state_ == ConnectionState::kAuthenticated) setState(ConnectionState::kInSession);
   // of a closed one the station asks only whether it is still there
   if (marks.open) context_.hub.onSession(who_.name, session_id);
   logEvent(marks.open ? LogLevel::kInfo : LogLevel::kDebug,
