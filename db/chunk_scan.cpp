@@ -30,10 +30,16 @@ Result<std::optional<ChunkScan::Item>> ChunkScan::next() {
   };
 
   if (!rows_) {
-    rows_.emplace(connection_.query("SELECT seq, samples, crc, bytes FROM " +
-                                        std::string(recording_.table()) +
-                                        " WHERE session = ? AND seq >= ? AND seq < ? ORDER BY seq",
-                                    recording_.session, next_, to_));
+    // the index finds the row; the row itself must say the same, or a damaged index would give out another
+    // chunk
+    const std::string table(recording_.table());
+    rows_.emplace(
+        connection_.query("SELECT k.seq, c.samples, c.crc, c.bytes, c.session = k.session AND c.seq = k.seq"
+                          " FROM " +
+                              table + " AS k CROSS JOIN " + table +
+                              " AS c ON c.rowid = k.rowid"
+                              " WHERE k.session = ? AND k.seq >= ? AND k.seq < ? ORDER BY k.seq",
+                          recording_.session, next_, to_));
     row_there_ = at_end_ = false;
   }
   if (!row_there_ && !at_end_) {
@@ -49,6 +55,8 @@ Result<std::optional<ChunkScan::Item>> ChunkScan::next() {
   }
   if (at_end_ || rows_->natural(0) != next_) return faulty(faultOf("is missing"));
   row_there_ = false;
+  if (rows_->integer(4) == 0)
+    return faulty(faultOf("the database's index leads to another one: REINDEX mends it"));
   const auto samples = checkStoredChunk(name_, next_, rows_->natural(1), rows_->integer(2), rows_->bytes(3));
   if (!samples) return faulty(samples.error());
   item.samples = *samples;

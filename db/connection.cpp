@@ -61,6 +61,18 @@ int systemErrorOf(int rc, sqlite3* handle, const std::filesystem::path& path) {
     case SQLITE_READONLY:
       // SQLite opens for reading what it may not open for writing
       return ::access(path.c_str(), W_OK) == 0 ? 0 : errno;
+    case SQLITE_CORRUPT: {
+      // what a page that the disk cannot read becomes in SQLite: the database's file knows, or the log's
+      int number = 0;
+      sqlite3_file* log = nullptr;
+      if (handle != nullptr) {
+        sqlite3_file_control(handle, "main", SQLITE_FCNTL_LAST_ERRNO, &number);
+        sqlite3_file_control(handle, "main", SQLITE_FCNTL_JOURNAL_POINTER, &log);
+      }
+      if (number == 0 && log != nullptr && log->pMethods != nullptr)
+        log->pMethods->xFileControl(log, SQLITE_FCNTL_LAST_ERRNO, &number);
+      return number == EIO || number == ENXIO ? EIO : 0;
+    }
     case SQLITE_IOERR:
     case SQLITE_CANTOPEN: {
       const int number = handle == nullptr ? 0 : sqlite3_system_errno(handle);
@@ -214,7 +226,7 @@ Error Connection::errorOf(int rc, std::string_view what) {
   text += std::string(": ") + (handle_ != nullptr ? sqlite3_errmsg(handle_) : sqlite3_errstr(rc));
   text += " (SQLite " + std::to_string(rc) + ")";
   const int error_number = systemErrorOf(rc, handle_, path_);
-  if ((rc & 0xff) == SQLITE_IOERR && error_number != 0)
+  if (((rc & 0xff) == SQLITE_IOERR || (rc & 0xff) == SQLITE_CORRUPT) && error_number != 0)
     text += std::string(", ") + std::strerror(error_number);
   text += diskAdvice(error_number, path_);
   return {codeOf(rc), text};

@@ -142,7 +142,8 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::
     session->receipt_.closed = flagAt(*receipt, "closed");
     session->receipt_.closed_unix_ns = static_cast<std::int64_t>(countAt(*receipt, "closed_unix_ns"));
   }
-  // an end that its disk damaged says nothing: the chunks have checks of their own and are saved as interrupted
+  // an end that its disk damaged says nothing: the chunks have checks of their own and are saved as
+  // interrupted
   const auto end = readJson(folder / "end.json");
   const auto has = [&](const char* key) { return end->contains(key); };
   if (end.ok() && end->is_object() && has("chunks") && has("samples") && has("hash") && has("interrupted")) {
@@ -151,6 +152,8 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::
     session->ended_contents_.chunks = countAt(*end, "chunks");
     session->ended_contents_.samples = countAt(*end, "samples");
     if (session->receipt_.closed) return session;  // done: its chunks are not needed
+  } else {
+    session->mended_ = true;
   }
   if (auto status = session->loadChunks(); !status.ok()) return status.error();
   return session;
@@ -196,7 +199,6 @@ Status SpoolSession::loadChunks() {
     ended_ = false;
   }
   if (!ended_) {
-    mended_ = true;
     // good records behind a bad one: that is damage and no torn end; the file is kept as it is found
     auto damaged = chunks_.hasRecordBehind(*good_end);
     if (!damaged.ok()) return damaged.error();
@@ -232,19 +234,22 @@ Status SpoolSession::recoverTail() {
   const std::uint64_t seq = entries_.size();
   std::uint32_t part = 0;
   std::vector<GestureSample> samples;
+  // as the pieces have it: they have a check, the description has none
+  Resolution resolution = resolutionOf(description_);
   auto stopped = tail_.scan([&](const SpoolRecord& record) {
     // already in a chunk: the program died before the tail was begun anew
     if (record.seq < seq) return true;
     if (record.seq != seq || record.part != part) return false;
     auto piece = decodeChunk(record.data);
     if (!piece.ok() || samples.size() + piece->size() > kMaxTailSamples) return false;
+    if (const auto info = inspectChunk(record.data); info.ok()) resolution = info->resolution;
     samples.insert(samples.end(), piece->begin(), piece->end());
     ++part;
     return true;
   });
   if (!stopped.ok()) return stopped.error();
   if (samples.empty()) return {};
-  return appendChunk(encodeChunk(resolutionOf(description_), samples), samples.size());
+  return appendChunk(encodeChunk(resolution, samples), samples.size());
 }
 
 Status SpoolSession::appendPiece(std::uint64_t seq, ByteView piece) {

@@ -64,7 +64,7 @@ void cutLog(const DiskLog& log, std::size_t first, std::size_t last, int cuts, s
     else if (replay.hasUnsynced("-wal"))
       ++counts.in_commit;
     for (int o = 0; o < kOutcomes; ++o) {
-      const auto outcome = static_cast<Outcome>(o);
+      const auto outcome = static_cast<CutOutcome>(o);
       const TempFolder after;
       replay.cut(outcome, random, after.path());
       ++counts.outcomes;

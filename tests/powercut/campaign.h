@@ -36,8 +36,8 @@ using CutJudge =
 
 /// Cuts a log at `cuts` random instants from `first` to `last`, each with every outcome, and has each judged.
 /// `seed` names the run in words.
-void cutLog(const DiskLog& log, std::size_t first, std::size_t last, int cuts, std::uint64_t seed, const CutJudge& judge,
-            CutCounts& counts);
+void cutLog(const DiskLog& log, std::size_t first, std::size_t last, int cuts, std::uint64_t seed,
+            const CutJudge& judge, CutCounts& counts);
 
 /// Runs this program again, with a planted bug, only the tests of `filter`; gives whether they failed, and
 /// their words.

@@ -78,17 +78,17 @@ DiskLog DiskLog::load(const std::filesystem::path& path) {
   return log;
 }
 
-const char* nameOf(Outcome outcome) {
+const char* nameOf(CutOutcome outcome) {
   switch (outcome) {
-    case Outcome::kNothing:
+    case CutOutcome::kNothing:
       return "nothing unsynced survives";
-    case Outcome::kEverything:
+    case CutOutcome::kEverything:
       return "everything survives";
-    case Outcome::kInOrder:
+    case CutOutcome::kInOrder:
       return "what came first survives";
-    case Outcome::kPerFile:
+    case CutOutcome::kPerFile:
       return "some files survive whole";
-    case Outcome::kSectors:
+    case CutOutcome::kSectors:
       return "any sectors survive";
   }
   return "?";
@@ -96,7 +96,7 @@ const char* nameOf(Outcome outcome) {
 
 /// What one power cut does, as far as it is the same for the whole disk.
 struct DiskReplay::Choice {
-  Outcome outcome = Outcome::kNothing;
+  CutOutcome outcome = CutOutcome::kNothing;
   std::uint64_t sector = 512;
   double survives = 0.5;     ///< chance of each sector, or of each file
   std::size_t in_order = 0;  ///< events before this one survive, this one torn
@@ -212,24 +212,24 @@ bool DiskReplay::hasUnsynced(std::string_view name_end) const {
 
 std::string DiskReplay::contentAfter(const File& file, const Choice& choice, Random& random) const {
   std::string bytes = file.synced;
-  const bool whole_file = choice.outcome == Outcome::kPerFile && random.chance(choice.survives);
+  const bool whole_file = choice.outcome == CutOutcome::kPerFile && random.chance(choice.survives);
   for (const Change& change : file.since) {
     const DiskEvent& e = log_.events()[change.event];
     // 1 survives, 0 does not, between them: sector by sector
     double chance = 0;
     switch (choice.outcome) {
-      case Outcome::kNothing:
+      case CutOutcome::kNothing:
         break;
-      case Outcome::kEverything:
+      case CutOutcome::kEverything:
         chance = change.doomed ? 0 : 1;
         break;
-      case Outcome::kInOrder:
+      case CutOutcome::kInOrder:
         chance = change.event < choice.in_order ? 1 : change.event == choice.in_order ? 0.5 : 0;
         break;
-      case Outcome::kPerFile:
+      case CutOutcome::kPerFile:
         chance = whole_file ? 1 : 0;
         break;
-      case Outcome::kSectors:
+      case CutOutcome::kSectors:
         chance = choice.survives;
         break;
     }
@@ -266,22 +266,22 @@ void DiskReplay::write(std::uint32_t node, const Choice& choice, Random& random,
   std::filesystem::create_directory(path);
   const Folder& folder = folders_.at(node);
   auto entries = folder.synced;
-  const bool all_entries = choice.outcome == Outcome::kPerFile && random.chance(choice.survives);
+  const bool all_entries = choice.outcome == CutOutcome::kPerFile && random.chance(choice.survives);
   for (const std::size_t number : folder.since) {
     bool survives = false;
     switch (choice.outcome) {
-      case Outcome::kNothing:
+      case CutOutcome::kNothing:
         break;
-      case Outcome::kEverything:
+      case CutOutcome::kEverything:
         survives = true;
         break;
-      case Outcome::kInOrder:
+      case CutOutcome::kInOrder:
         survives = number < choice.in_order;
         break;
-      case Outcome::kPerFile:
+      case CutOutcome::kPerFile:
         survives = all_entries;
         break;
-      case Outcome::kSectors:
+      case CutOutcome::kSectors:
         survives = random.chance(choice.survives);
         break;
     }
@@ -290,13 +290,13 @@ void DiskReplay::write(std::uint32_t node, const Choice& choice, Random& random,
   for (const auto& [name, entry] : entries) write(entry, choice, random, path / name);
 }
 
-void DiskReplay::cut(Outcome outcome, Random& random, const std::filesystem::path& folder) const {
+void DiskReplay::cut(CutOutcome outcome, Random& random, const std::filesystem::path& folder) const {
   Choice choice;
   choice.outcome = outcome;
   choice.sector = random.chance(0.5) ? 512 : 4096;
   constexpr double kChances[] = {0.1, 0.5, 0.9};
   choice.survives = kChances[random.below(3)];
-  choice.size_survives = outcome == Outcome::kSectors ? 0.3 : 0;
+  choice.size_survives = outcome == CutOutcome::kSectors ? 0.3 : 0;
   choice.garbage = random.chance(0.3);
   // some instant among those since the oldest that is still unsynced
   std::size_t first = at_;

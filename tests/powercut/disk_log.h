@@ -65,7 +65,7 @@ class DiskLog {
 };
 
 /// How much of what was not synced outlives a power cut.
-enum class Outcome {
+enum class CutOutcome {
   kNothing,     ///< only what was synced
   kEverything,  ///< as after kill −9
   kInOrder,     ///< what came before some instant, the last write torn
@@ -73,7 +73,7 @@ enum class Outcome {
   kSectors,     ///< any subset of sectors, sizes and folder entries: reordered and torn
 };
 inline constexpr int kOutcomes = 5;
-const char* nameOf(Outcome outcome);
+const char* nameOf(CutOutcome outcome);
 
 /// Plays a log up to an instant and makes what the disk may hold after a power cut there. Rules: a synced
 /// file has its bytes and its size, yet its name only when its folder was synced after; a rename happens
@@ -90,7 +90,7 @@ class DiskReplay {
   [[nodiscard]] bool hasUnsynced(std::string_view name_end) const;
 
   /// One of the states, as real files below `folder` (an empty one). All choices come from `random`.
-  void cut(Outcome outcome, Random& random, const std::filesystem::path& folder) const;
+  void cut(CutOutcome outcome, Random& random, const std::filesystem::path& folder) const;
 
  private:
   struct Change {

@@ -280,7 +280,7 @@ std::string judgeSpoolTwice(const DiskLog& log, const fs::path& folder, std::siz
     DiskReplay replay(mending);
     replay.advanceTo(mending.begin() + random.below(mending.events().size() - mending.begin() + 1));
     const TempFolder again;
-    replay.cut(static_cast<Outcome>(random.below(kOutcomes)), random, again.path());
+    replay.cut(static_cast<CutOutcome>(random.below(kOutcomes)), random, again.path());
     ++counts.double_cuts;
     const std::string wrong = judgeSpool(log, again.path(), instant);
     return wrong.empty() ? wrong : "cut again while it was mended: " + wrong;

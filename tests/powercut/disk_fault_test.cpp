@@ -1,0 +1,292 @@
+// Disks that are full, read-only or failing under a server: it stops acknowledging, says what to do, and
+// after that nothing is missing.
+#include <gtest/gtest.h>
+#include <sched.h>
+#include <sys/mount.h>
+
+#include <cerrno>
+
+#include "base/atomic_file.h"
+#include "base/exit_code.h"
+#include "campaign.h"
+#include "db/check.h"
+#include "integration/process.h"
+#include "net/uplink.h"
+#include "unit/db/test_db.h"
+#include "unit/net/spool_samples.h"
+#include "unit/server/running_server.h"
+#include "watched_disk.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+namespace fs = std::filesystem;
+
+/// A station with recorded sessions in its spool.
+class RecordedStation {
+ public:
+  RecordedStation(int sessions, std::uint64_t chunks) {
+    spool_ = std::move(*Spool::open(folder_.path()));
+    for (int i = 0; i < sessions; ++i) {
+      auto session = *spool_->create(describeSession(makeUuidV7()));
+      for (std::uint64_t seq = 0; seq < chunks; ++seq)
+        if (!session->appendChunk(encodeChunk(Resolution::standard(), samplesFrom(seq * 200, 200)), 200).ok())
+          throw std::runtime_error("no chunk");
+      if (!session->sync().ok() || !session->end(false).ok()) throw std::runtime_error("no session");
+      sessions_.push_back(session);
+    }
+  }
+  /// Uploads until `enough`, or all is closed; true then.
+  template <typename Enough>
+  bool upload(const ClientConfig& client, Enough enough) {
+    UplinkConfig config;
+    config.client = client;
+    config.first_retry = 20ms;
+    config.most_retry = 50ms;
+    Uplink uplink(config, {});
+    for (const auto& session : sessions_)
+      if (!session->receipt().closed) uplink.add(session, false);
+    const bool done = eventually([&] { return enough() || uplink.waitUntilDone(1ms); }, 20'000ms);
+    const bool all = uplink.waitUntilDone(1ms);
+    uplink.stop();
+    return done && all;
+  }
+  [[nodiscard]] const std::vector<std::shared_ptr<SpoolSession>>& sessions() const { return sessions_; }
+
+ private:
+  TempFolder folder_;
+  std::unique_ptr<Spool> spool_;
+  std::vector<std::shared_ptr<SpoolSession>> sessions_;
+};
+
+/// Words when the database lacks something that the station was told it has.
+std::string missingOf(const fs::path& database, const RecordedStation& station, bool everything) {
+  auto opened = Connection::open(database, {.mode = Connection::Mode::kWriter});
+  if (!opened) return opened.error().message;
+  const auto check = checkDatabase(*opened);
+  if (!check) return check.error().message;
+  if (!check->ok()) return check->faults.front();
+  for (const auto& session : station.sessions()) {
+    const SpoolReceipt receipt = session->receipt();
+    const std::uint64_t wanted =
+        everything || receipt.closed ? session->contents().chunks : receipt.committed;
+    if (wanted == 0) continue;
+    const auto chunks = SessionStore(*opened).readChunks(session->id(), 0, UINT32_MAX, SIZE_MAX);
+    if (!chunks) return chunks.error().message;
+    if (chunks->size() < wanted)
+      return "has " + std::to_string(chunks->size()) + " chunks, " + std::to_string(wanted) +
+             " were acknowledged";
+    for (const StoredChunk& chunk : *chunks)
+      if (chunk.bytes != *session->readChunk(chunk.seq)) return "other bytes";
+  }
+  return {};
+}
+
+struct DiskTrouble {
+  const char* name;
+  DiskCall call;
+  int error;
+  bool once;
+  const char* words;
+};
+constexpr DiskTrouble kTroubles[] = {
+    {"full", DiskCall::kWrite, ENOSPC, false, "make room"},
+    {"read-only", DiskCall::kWrite, EROFS, false, "read-only"},
+    {"failing at a sync", DiskCall::kSync, EIO, true, "fails"},
+    {"failing at a write", DiskCall::kWrite, EIO, true, "fails"},
+};
+
+TEST(DiskFault, aServerWhoseDiskRefusesStopsInWordsAndNothingIsLost) {
+  Random random(seedOr(20261127));
+  int runs = 0;
+  for (const DiskTrouble& trouble : kTroubles) {
+    for (int i = 0; i < (longForm() ? 25 : 2); ++i) {
+      SCOPED_TRACE(trouble.name);
+      RunningServer server([](ServerOptions& options) {
+        options.writer.window = 2ms;
+        options.writer.checkpoint_every = 5ms;
+        options.drain = 1'000ms;
+      });
+      const std::string key = server.addStation("station-1");
+      RecordedStation station(3, 30);
+      const auto data = server.folder() / "data";
+      auto left =
+          std::make_shared<int>(static_cast<int>(1 + random.below(trouble.call == DiskCall::kSync ? 8 : 60)));
+      WatchedDisk::setFault(data / "needlelab.db", [&trouble, left](DiskCall call, const std::string&) {
+        if (call != trouble.call) return 0;
+        --*left;
+        return *left == 0 || (*left < 0 && !trouble.once) ? trouble.error : 0;
+      });
+      const bool all = station.upload(server.config(stationLogin("station-1", key)),
+                                      [&] { return server.server().store().writer().failed().has_value(); });
+      EXPECT_FALSE(all) << "nothing refused";
+      const auto failed = server.server().store().writer().failed();
+      ASSERT_TRUE(failed.has_value());
+      EXPECT_NE(failed->message.find(trouble.words), std::string::npos) << failed->message;
+      EXPECT_NE(failed->message.find(data.string()), std::string::npos) << failed->message;
+      EXPECT_EQ(server.stop(), kExitFailed);
+      WatchedDisk::clearFault();
+      EXPECT_EQ(missingOf(data / "needlelab.db", station, false), "");
+      // room is made
+      server.start();
+      EXPECT_TRUE(station.upload(server.config(stationLogin("station-1", key)), [] { return false; }));
+      (void)server.stop();
+      EXPECT_EQ(missingOf(data / "needlelab.db", station, true), "");
+      ++runs;
+    }
+  }
+  std::printf("disk faults under a server: %d runs, nothing lost\n", runs);
+}
+
+TEST(DiskFault, aStartOnARefusingDiskIsSaidInWords) {
+  for (const auto& [error, words] :
+       {std::pair(ENOSPC, "make room"), std::pair(EROFS, "read-only"), std::pair(EIO, "fails")}) {
+    const TempFolder folder;
+    for (const bool again : {false, true}) {
+      const auto data = folder.path() / (again ? "old" : "new");
+      if (again) {
+        ServerOptions options;
+        options.data = data;
+        options.listen = "127.0.0.1:0";
+        ASSERT_OK(Server::start(std::move(options)));
+      }
+      WatchedDisk::setFault(folder.path(), [number = error](DiskCall call, const std::string&) {
+        return call == DiskCall::kRead ? 0 : number;
+      });
+      ServerOptions options;
+      options.data = data;
+      options.listen = "127.0.0.1:0";
+      const auto started = Server::start(std::move(options));
+      WatchedDisk::clearFault();
+      ASSERT_FALSE(started.ok()) << words;
+      EXPECT_NE(started.error().message.find(words), std::string::npos) << started.error().message;
+      EXPECT_NE(started.error().message.find(folder.path().string()), std::string::npos);
+    }
+  }
+}
+
+TEST(DiskFault, aPageThatCannotBeReadIsSaidAndTheServerGoesOn) {
+  RunningServer server;
+  const std::string key = server.addStation("station-1");
+  RecordedStation station(2, 30);
+  ASSERT_TRUE(station.upload(server.config(stationLogin("station-1", key)), [] { return false; }));
+  const auto database = server.folder() / "data" / "needlelab.db";
+  const auto read = [&] {
+    auto reader = TestDb::must(Connection::open(database, {}));
+    return SessionStore(reader).readChunks(station.sessions()[0]->id(), 0, UINT32_MAX, SIZE_MAX);
+  };
+  ASSERT_OK(read());
+  auto reads = std::make_shared<int>(0);
+  WatchedDisk::setFault(database, [reads](DiskCall call, const std::string&) {
+    return call == DiskCall::kRead && ++*reads > 6 ? EIO : 0;
+  });
+  std::string said;
+  try {
+    const auto refused = read();
+    if (!refused.ok()) said = refused.error().message;
+  } catch (const std::exception& error) {
+    said = error.what();
+  }
+  WatchedDisk::clearFault();
+  EXPECT_NE(said.find("Input/output error"), std::string::npos) << said;
+  EXPECT_NE(said.find(database.string()), std::string::npos) << said;
+  EXPECT_OK(read());
+  EXPECT_FALSE(server.server().store().writer().failed());
+}
+
+/// From a line NAME:64 hexadecimal digits.
+std::string keyOf(const std::string& line) {
+  std::string key;
+  for (std::size_t at = line.find(':') + 1; at + 1 < line.size() && key.size() < 32; at += 2)
+    key.push_back(static_cast<char>(std::stoi(line.substr(at, 2), nullptr, 16)));
+  return key;
+}
+
+/// A small disk of its own, for this program and those that it starts; gone at the end.
+class SmallDisk {
+ public:
+  explicit SmallDisk(const char* size) {
+    static const bool apart =
+        ::unshare(CLONE_NEWNS) == 0 && ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0;
+    mounted_ = apart && ::mount("none", path().c_str(), "tmpfs", 0,
+                                (std::string("mode=0700,size=") + size).c_str()) == 0;
+  }
+  ~SmallDisk() {
+    if (mounted_) ::umount2(path().c_str(), MNT_DETACH);
+  }
+  SmallDisk(const SmallDisk&) = delete;
+  SmallDisk& operator=(const SmallDisk&) = delete;
+  [[nodiscard]] bool mounted() const { return mounted_; }
+  [[nodiscard]] const fs::path& path() const { return folder_.path(); }
+  void resize(const char* size) const {
+    ASSERT_EQ(::mount("none", path().c_str(), "tmpfs", MS_REMOUNT, (std::string("size=") + size).c_str()), 0);
+  }
+  void makeReadOnly() const {
+    ASSERT_EQ(::mount("none", path().c_str(), "tmpfs", MS_REMOUNT | MS_RDONLY, nullptr), 0);
+  }
+
+ private:
+  TempFolder folder_;
+  bool mounted_ = false;
+};
+
+TEST(DiskFault, theProgramOnARealFullDiskExitsWithOneAndGoesOnWhenThereIsRoom) {
+  const SmallDisk disk("3m");
+  if (!disk.mounted()) GTEST_SKIP() << "this user may not mount a small disk";
+  const TempFolder folder;
+  const auto log = [&](const std::string& name) { return folder.path() / (name + ".log"); };
+  const auto arguments =
+      std::vector<std::string>{"--data",      disk.path() / "data",   "--listen",   "127.0.0.1:0",
+                               "--port-file", folder.path() / "port", "--min-free", "0"};
+  {
+    Process admin(
+        "needlelab-admin",
+        {"--data", disk.path() / "data", "station", "add", "station-1", "--out", folder.path() / "key"},
+        log("admin"));
+    ASSERT_EQ(admin.wait(30s), 0) << admin.said();
+  }
+  const auto key_file = readWholeFile(folder.path() / "key");
+  ASSERT_OK(key_file);
+  const std::string key = keyOf(*key_file);
+  RecordedStation station(6, 500);
+  const auto config = [&] {
+    ClientConfig client;
+    const auto port = readWholeFile(folder.path() / "port");
+    client.server.port = static_cast<std::uint16_t>(std::stoi(port.ok() ? *port : "0"));
+    client.ca_file = disk.path() / "data" / "tls" / "ca.crt";
+    client.program = programText("test");
+    client.login = stationLogin("station-1", key);
+    return client;
+  };
+  const auto started = [&](Process& server) {
+    return eventually([&] { return fs::exists(folder.path() / "port") || server.wait(1ms).has_value(); }) &&
+           fs::exists(folder.path() / "port");
+  };
+  {
+    Process server("needlelab-server", arguments, log("first"));
+    ASSERT_TRUE(started(server)) << server.said();
+    (void)station.upload(config(), [&] { return server.wait(1ms).has_value(); });
+    EXPECT_EQ(server.wait(20s), kExitFailed) << server.said();
+    EXPECT_NE(server.said().find("make room"), std::string::npos) << server.said();
+    EXPECT_NE(server.said().find(disk.path().string()), std::string::npos) << server.said();
+  }
+  disk.resize("60m");
+  EXPECT_EQ(missingOf(disk.path() / "data" / "needlelab.db", station, false), "");
+  fs::remove(folder.path() / "port");
+  {
+    Process server("needlelab-server", arguments, log("second"));
+    ASSERT_TRUE(started(server)) << server.said();
+    EXPECT_TRUE(station.upload(config(), [] { return false; }));
+    server.signal(SIGTERM);
+    EXPECT_EQ(server.wait(20s), kExitDone) << server.said();
+  }
+  EXPECT_EQ(missingOf(disk.path() / "data" / "needlelab.db", station, true), "");
+  disk.makeReadOnly();
+  Process server("needlelab-server", arguments, log("third"));
+  EXPECT_EQ(server.wait(20s), kExitFailed) << server.said();
+  EXPECT_NE(server.said().find("read-only"), std::string::npos) << server.said();
+}
+
+}  // namespace
+}  // namespace needlelab::test
