@@ -97,9 +97,11 @@ pb::SessionDescription describe(const std::string& station, double rate_hz) {
 /// Records one session in real time. Returns false when the spool refused.
 bool record(const Options& options, Spool& spool, Uplink& uplink, StationLedger& ledger,
             const std::string& station, std::mt19937_64& random) {
-  auto session = spool.create(describe(station, options.rate_hz));
+  // before the spool has it: a kill in between leaves a session without samples
+  const pb::SessionDescription description = describe(station, options.rate_hz);
+  ledger.session(description);
+  auto session = spool.create(description);
   if (!session.ok()) return std::fprintf(stderr, "%s\n", session.error().message.c_str()), false;
-  ledger.session((*session)->description());
   auto ring = std::make_unique<SampleRing>();
   SpoolWriter::Callbacks callbacks;
   callbacks.durable = [&uplink] { uplink.wake(); };

@@ -65,6 +65,7 @@ def one_lab(programs, seed, server_kills, station_kills, loss, counts):
             lab.drain(programs.stations)
             lab.stop_server()
             judged = lab.judge(at_end=True)
+            counts["held up at most, ms"] = max(counts.get("held up at most, ms", 0), round(lab.most_held_up_ns / 1e6, 1))
             for what in ("sessions", "chunks", "samples", "acknowledged"):
                 counts[what] = counts.get(what, 0) + getattr(judged, what)
             return judged.faults

@@ -11,6 +11,7 @@ import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "judge"))
 from crash_page import CrashPage  # noqa: E402
+from stalls import Witnesses, real_time_allowed  # noqa: E402
 from database import Database, chunks_in  # noqa: E402
 from ledger import Ledgers  # noqa: E402
 from verdict import judge_all  # noqa: E402
@@ -30,22 +31,18 @@ def until(condition, what, seconds=PATIENCE_S, pause=0.005):
         time.sleep(pause)
 
 
+LOSS_MS = 20  # what a killed station may lose where its writer may have real-time priority (client/net/README.md)
+REACH_NS = 60_000_000  # so long before a kill a stall of the machine may still matter
+
+
 def loss_ms(given):
-    """What a killed station may lose. 20 ms is promised where its writer may have real-time priority (client/net); the
-    short form, which runs beside others, grants the machine a stall of 50 ms."""
+    """As given; else the promise, or five times that where the writer is an ordinary thread."""
     if given is not None:
         return given
-    child = os.fork()
-    if child == 0:
-        try:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(10))
-            os._exit(0)  # pylint: disable=protected-access
-        except OSError:
-            os._exit(1)  # pylint: disable=protected-access
-    if os.waitpid(child, 0)[1] == 0:
-        return 20.0 if os.environ.get("NEEDLELAB_LONG") else 70.0
-    print("no real-time priority here: a killed station may lose 100 ms")
-    return 100.0
+    if real_time_allowed():
+        return LOSS_MS
+    print(f"no real-time priority here: a killed station may lose {5 * LOSS_MS} ms")
+    return 5 * LOSS_MS
 
 
 class Programs:
@@ -72,8 +69,9 @@ class Programs:
 class Lab:
     """Use as a context: all processes end with it. `plant`: the bug that is built into server and stations."""
 
-    def __init__(self, programs, plant=None, loss=20.0):
+    def __init__(self, programs, plant=None, loss=LOSS_MS):
         self.programs, self.plant, self.loss_ns = programs, plant, loss * 1e6
+        self.witnesses, self.most_held_up_ns = Witnesses(), 0
         self._folder = tempfile.TemporaryDirectory(prefix="durability-lab-")
         self.folder = pathlib.Path(self._folder.name)
         shutil.copytree(programs.template / "data", self.folder / "data")
@@ -95,6 +93,7 @@ class Lab:
             if process is not None and process.poll() is None:
                 process.kill()
                 process.wait()
+        self.witnesses.end()
         self._log.close()
         self._folder.cleanup()
 
@@ -148,7 +147,9 @@ class Lab:
         process.kill()
         process.wait()
         if process.returncode == -signal.SIGKILL:  # it may just have ended by itself
-            self.note(e="kill", station=name, t=at)
+            held_up = self.witnesses.held_up_ns(at - REACH_NS, at)
+            self.most_held_up_ns = max(self.most_held_up_ns, held_up)
+            self.note(e="kill", station=name, t=at, held_up=held_up)
 
     def stop_station(self, name):
         """SIGTERM: it records no more and drains."""

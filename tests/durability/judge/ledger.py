@@ -59,7 +59,9 @@ class Ledgers:
             if session.station != kill["station"] or not session.times or session.required is not None:
                 continue
             if session.times[-1] <= kill["t"] and (session.end is None or session.end["interrupted"]):
-                session.required = sum(t < kill["t"] - self.loss_ns for t in session.times)
+                # a sample's line is written before the spool gets it: that it has it is sure at the next line only
+                limit = kill["t"] - self.loss_ns - kill.get("held_up", 0)
+                session.required = sum(t < limit for t in session.times[1:])
 
     def acknowledged(self, session, at_end):
         """How many chunks the server said that it has: all in all, or since the database was last replaced."""
