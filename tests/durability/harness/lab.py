@@ -36,11 +36,12 @@ REACH_NS = 60_000_000  # so long before a kill a stall of the machine may still 
 
 
 def loss_ms(given):
-    """As given; else the promise, or five times that where the writer is an ordinary thread."""
+    """As given; else the promise, which the short form, run beside others, stretches by 50 ms; or five times the promise
+    where the writer is an ordinary thread."""
     if given is not None:
         return given
     if real_time_allowed():
-        return LOSS_MS
+        return LOSS_MS if os.environ.get("NEEDLELAB_LONG") else LOSS_MS + 50
     print(f"no real-time priority here: a killed station may lose {5 * LOSS_MS} ms")
     return 5 * LOSS_MS
 
