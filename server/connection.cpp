@@ -1,5 +1,6 @@
 #include "server/connection.h"
 
+#include <algorithm>
 #include <cassert>
 #include <utility>
 
@@ -60,6 +61,7 @@ void PeerConnection::leave() {
   if (state_ == ConnectionState::kClosed) return;
   if (who_.role == pb::STATION) context_.hub.detachStation(who_.name, *this);
   context_.hub.detachViewer(*this);
+  context_.door.left(id_);
   context_.counters.live_dropped += channel_->live().dropped();
   context_.counters.bytes_received += channel_->bytesReceived();
   context_.counters.bytes_sent += channel_->bytesSent();
@@ -91,6 +93,10 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope) {
            ")";
   };
   const std::uint64_t request = envelope.has_request() ? envelope.request().id() : 0;
+  if (!over() && tooOften(envelope.body_case())) {
+    refuse(pb::Refusal::RATE_LIMITED, text("comes too often"));
+    co_return;
+  }
   switch (checkMessage(envelope.body_case(), state_, who_.role)) {
     case Verdict::kAllowed:
       break;
@@ -170,6 +176,18 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope) {
     default:
       break;  // checkMessage allows nothing else
   }
+}
+
+bool PeerConnection::tooOften(pb::Envelope::BodyCase body) {
+  // these are bounded by what is under way: busy()
+  if (body == pb::Envelope::kChunk || body == pb::Envelope::kRequest || body == pb::Envelope::kCloseSession)
+    return false;
+  const std::int64_t now = steadyNowNs();
+  const double leaked =
+      context_.bounds.small_messages_per_s * 1e-9 * static_cast<double>(now - small_messages_at_ns_);
+  small_messages_ = std::max(0.0, small_messages_ - leaked) + 1;
+  small_messages_at_ns_ = now;
+  return small_messages_ > context_.bounds.small_messages_at_once;
 }
 
 void PeerConnection::refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request) {

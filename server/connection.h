@@ -67,11 +67,16 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   [[nodiscard]] bool busy() const;
   [[nodiscard]] bool over() const { return state_ >= ConnectionState::kClosing; }
   void answerPing(const pb::Ping& ping);
+  [[nodiscard]] bool tooOften(pb::Envelope::BodyCase body);
 
   // --- connection_login.cpp
   void greet(const pb::Hello& hello);
-  Task<> logIn(pb::Login login);
-  Task<> welcome();
+  Task<> logIn(pb::Login given);
+  bool mayTryPassword(const std::string& name, const std::string& host);
+  Task<Result<Tokens::Holder>> checkLogin(std::shared_ptr<const pb::Login> login, std::string name,
+                                          std::string host);
+  void noteLocked(const std::string& name, const std::string& host);
+  Task<> welcome(std::int64_t password_ns);
 
   // --- connection_session.cpp: the durable plane
   Task<> openSession(pb::OpenSession request);
@@ -87,7 +92,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   // --- connection_requests.cpp
   static Task<> execute(std::shared_ptr<PeerConnection> self, pb::Request request);
   void answer(const pb::Request& request, Outcome outcome);
-  void afterwards(const pb::Request& request, const pb::Reply& reply);
+  void afterwards(const pb::Request& request, bool backup_done);
+  void endAccess(const std::string& name, bool station, bool mine_too, const std::string& text);
   std::optional<pb::Refusal> deliver(const std::string& station, const pb::Envelope& envelope);
 
   ServerContext& context_;
@@ -100,6 +106,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   std::size_t chunks_in_flight_ = 0, chunk_bytes_in_flight_ = 0;
   std::size_t requests_at_work_ = 0;
   std::size_t refusals_ = 0;
+  double small_messages_ = 0;  // leaks away with time
+  std::int64_t small_messages_at_ns_ = 0;
   bool acks_scheduled_ = false;
   std::map<std::string, Watermarks> sessions_;
   std::set<std::string> closing_sessions_;

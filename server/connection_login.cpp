@@ -1,7 +1,10 @@
 // Greeting and log-in of a connection.
+#include <algorithm>
 #include <utility>
 
 #include "base/clock.h"
+#include "base/text_rules.h"
+#include "base/secret.h"
 #include "db/session_store.h"
 #include "server/connection.h"
 #include "server/log.h"
@@ -15,11 +18,20 @@ std::string hostOf(const std::string& address) {
   return address.substr(0, address.rfind(':'));
 }
 
-/// Under which name a log-in is counted when it fails. A password may be guessed from many addresses; keys
-/// and tokens cannot be guessed, so strangers elsewhere must not be able to lock a station out.
-std::string guardedName(const pb::Login& login, const std::string& host) {
+/// What a log-in is called in the log and counted under.
+std::string nameOf(const pb::Login& login) {
   if (login.has_person()) return "person " + login.person().user();
-  return (login.has_station() ? "station " + login.station().station() : "token") + " at " + host;
+  return login.has_station() ? "station " + login.station().station() : "token";
+}
+
+/// Wipes its secrets at the end, whoever holds it last.
+std::shared_ptr<const pb::Login> secretOf(pb::Login login) {
+  return {new pb::Login(std::move(login)), [](pb::Login* held) {
+            if (held->has_person()) wipe(*held->mutable_person()->mutable_password());
+            if (held->has_station()) wipe(*held->mutable_station()->mutable_key());
+            if (held->has_token()) wipe(*held->mutable_token());
+            delete held;
+          }};
 }
 
 }  // namespace
@@ -46,47 +58,18 @@ void PeerConnection::greet(const pb::Hello& hello) {
   sendControl(envelope);
 }
 
-Task<> PeerConnection::logIn(pb::Login login) {
+Task<> PeerConnection::logIn(pb::Login given) {
   auto self = shared_from_this();
-  const std::string host = hostOf(address()), name = guardedName(login, host);
-  if (const auto wait = context_.guard.mustWait(name, host, steadyNowNs()); wait.count() > 0) {
-    ++context_.counters.logins_refused;
-    logEvent(LogLevel::kWarning, "login_rate_limited", {{"conn", id_}, {"name", name}, {"peer", address()}});
-    refuseAndClose(makeRefusal(
-        pb::Refusal::RATE_LIMITED,
-        "too many failed log-ins; try again in " + std::to_string(wait.count() / 1000 + 1) + " s"));
-    co_return;
-  }
-
-  // a password costs time and memory by design: few at a time, and a queue that ends
-  if (login.has_person() && context_.logins_waiting >= context_.bounds.logins_waiting) {
-    refuseAndClose(
-        makeRefusal(pb::Refusal::RATE_LIMITED, "too many log-ins at once; try again in some seconds"));
-    co_return;
-  }
-  Service& service = context_.store.service();
-  Result<Principal> result = Error{ErrorCode::kDenied, "log-in refused"};
-  if (login.has_station()) {
-    std::function<Result<Principal>()> check = [&service, station = login.station()] {
-      return service.loginStation(station.station(), station.key());
-    };
-    result = co_await offload(context_.workers, std::move(check));
-  } else if (login.has_person()) {
-    std::function<Result<Principal>()> check = [&service, person = login.person()] {
-      return service.loginPerson(person.user(), person.password());
-    };
-    ++context_.logins_waiting;
-    result = co_await offload(context_.passwords, std::move(check));
-    --context_.logins_waiting;
-  } else if (auto holder = context_.tokens.find(login.token(), steadyNowNs()); login.has_token() && holder) {
-    std::function<Result<Principal>()> check = [&service, who = *holder]() -> Result<Principal> {
-      auto allowed = service.stillAllowed(who);
-      if (!allowed.ok()) return allowed.error();
-      if (!*allowed) return Error{ErrorCode::kDenied, "log-in refused"};
-      return who;
-    };
-    result = co_await offload(context_.workers, std::move(check));
-  }
+  const std::shared_ptr<const pb::Login> login = secretOf(std::move(given));
+  const std::string host = Door::keyOf(hostOf(address())), name = nameOf(*login);
+  if (login->has_person() && !mayTryPassword(name, host)) co_return;
+  Result<Tokens::Holder> result = Error{ErrorCode::kDenied, "log-in refused"};
+  std::uint64_t seen = 0;
+  do {
+    // an account that is disabled while its password is checked must not slip in: then it is checked again
+    seen = context_.access_changes;
+    result = co_await checkLogin(login, name, host);
+  } while (seen != context_.access_changes && !over() && !channel_->closing());
   if (over() || channel_->closing()) co_return;
 
   if (!result.ok()) {
@@ -95,7 +78,7 @@ Task<> PeerConnection::logIn(pb::Login login) {
     logEvent(LogLevel::kWarning, "login_refused",
              {{"conn", id_}, {"name", name}, {"peer", address()}, {"text", result.error().message}});
     if (denied) {
-      context_.guard.failed(name, host, steadyNowNs());
+      if (login->has_person() && context_.guard.failed(name, host, steadyNowNs())) noteLocked(name, host);
       // one text for unknown, wrong and disabled
       refuseAndClose(makeRefusal(pb::Refusal::LOGIN,
                                  "log-in refused: unknown name, wrong password or key, or disabled"));
@@ -105,11 +88,84 @@ Task<> PeerConnection::logIn(pb::Login login) {
     }
     co_return;
   }
-  who_ = std::move(*result);
-  co_await welcome();
+  if (login->has_person()) context_.guard.succeeded(name, host, steadyNowNs());
+  who_ = result->who;
+  co_await welcome(result->password_ns);
 }
 
-Task<> PeerConnection::welcome() {
+bool PeerConnection::mayTryPassword(const std::string& name, const std::string& host) {
+  if (const auto wait = context_.guard.mustWait(name, host, steadyNowNs()); wait.count() > 0) {
+    ++context_.counters.logins_refused;
+    logEvent(LogLevel::kWarning, "login_rate_limited", {{"conn", id_}, {"name", name}, {"peer", address()}});
+    refuseAndClose(makeRefusal(
+        pb::Refusal::RATE_LIMITED,
+        "too many failed log-ins; try again in " + std::to_string(wait.count() / 1000 + 1) + " s"));
+    return false;
+  }
+  // a password costs time and memory by design: few at a time, a queue that ends, and in it room that no
+  // stranger takes
+  const ConnectionBounds& bounds = context_.bounds;
+  const auto here = context_.logins_waiting_at.find(host);
+  const bool known = context_.guard.knows(name, host);
+  if (context_.logins_waiting < (known ? bounds.logins_waiting : bounds.logins_waiting_of_strangers) &&
+      (known || here == context_.logins_waiting_at.end() ||
+       here->second < bounds.logins_waiting_at_address)) {
+    return true;
+  }
+  ++context_.counters.logins_refused;
+  refuseAndClose(
+      makeRefusal(pb::Refusal::RATE_LIMITED, "too many log-ins at once; try again in some seconds"));
+  return false;
+}
+
+Task<Result<Tokens::Holder>> PeerConnection::checkLogin(std::shared_ptr<const pb::Login> login,
+                                                        std::string name, std::string host) {
+  auto self = shared_from_this();
+  Service& service = context_.store.service();
+  if (login->has_station()) {
+    std::function<Result<Principal>()> check = [&service, login] {
+      return service.loginStation(login->station().station(), login->station().key());
+    };
+    auto who = co_await offload(context_.workers, std::move(check));
+    if (!who.ok()) co_return who.error();
+    co_return Tokens::Holder{std::move(*who), 0};
+  }
+  if (login->has_person()) {
+    std::function<Result<Principal>()> check = [&service, login] {
+      return service.loginPerson(login->person().user(), login->person().password());
+    };
+    const bool known = context_.guard.knows(name, host);
+    ++context_.logins_waiting;
+    if (!known) ++context_.logins_waiting_at[host];
+    auto who = co_await offload(context_.passwords, std::move(check));
+    --context_.logins_waiting;
+    if (const auto here = context_.logins_waiting_at.find(host); !known && --here->second == 0)
+      context_.logins_waiting_at.erase(here);
+    if (!who.ok()) co_return who.error();
+    co_return Tokens::Holder{std::move(*who), steadyNowNs()};
+  }
+  auto holder = context_.tokens.find(login->token(), steadyNowNs());
+  if (!login->has_token() || !holder) co_return Error{ErrorCode::kDenied, "log-in refused"};
+  std::function<Result<bool>()> check = [&service, who = holder->who] { return service.stillAllowed(who); };
+  const auto allowed = co_await offload(context_.workers, std::move(check));
+  if (!allowed.ok()) co_return allowed.error();
+  if (!*allowed) co_return Error{ErrorCode::kDenied, "log-in refused"};
+  co_return std::move(*holder);
+}
+
+void PeerConnection::noteLocked(const std::string& name, const std::string& host) {
+  const auto wait = context_.guard.mustWait(name, host, steadyNowNs());
+  const std::string text = "too many failed log-ins from " + hostOf(address()) + ": waits " +
+                           std::to_string(wait.count() / 1000 + 1) + " s";
+  logEvent(LogLevel::kWarning, "login_locked", {{"conn", id_}, {"name", name}, {"text", text}});
+  asio::post(context_.workers,
+             [&service = context_.store.service(), subject = printable(name.substr(0, 100)), text] {
+               const Status noted = service.note("server", "log-in locked", subject, text);
+               if (!noted.ok()) logEvent(LogLevel::kError, "audit_failed", {{"text", noted.error().message}});
+             });
+}
+
+Task<> PeerConnection::welcome(std::int64_t password_ns) {
   auto self = shared_from_this();
   pb::Envelope envelope;
   pb::Welcome& welcome = *envelope.mutable_welcome();
@@ -139,7 +195,17 @@ Task<> PeerConnection::welcome() {
     // also after a log-in by token, so that a program that goes on working need not ask for the password
     // again
     const std::int64_t now = steadyNowNs();
-    const auto issued = context_.tokens.issue(who_, now);
+    const auto mine =
+        std::count_if(context_.connections.begin(), context_.connections.end(), [this](const auto& entry) {
+          const PeerConnection& other = *entry.second;
+          return &other != this && other.who().name == who_.name && other.who().role == who_.role;
+        });
+    if (static_cast<std::size_t>(mine) >= context_.bounds.connections_of_person) {
+      refuseAndClose(makeRefusal(pb::Refusal::RATE_LIMITED,
+                                 who_.name + " has " + std::to_string(mine) + " connections already"));
+      co_return;
+    }
+    const auto issued = context_.tokens.issue({who_, password_ns}, now);
     welcome.set_token(issued.token);
     welcome.set_token_expires_unix_ns(wallNowNs() + (issued.expires_ns - now));
   }
@@ -161,6 +227,7 @@ Task<> PeerConnection::welcome() {
   welcome.set_server_version(NEEDLELAB_VERSION);
 
   channel_->established();
+  context_.door.loggedIn(id_, steadyNowNs());
   setState(ConnectionState::kAuthenticated);
   if (!sessions_.empty()) setState(ConnectionState::kInSession);
   ++context_.counters.logins;

@@ -1,6 +1,7 @@
 // Requests of people and stations: executed by the service on worker threads, completed here.
 #include <utility>
 
+#include "base/secret.h"
 #include "server/connection.h"
 #include "server/log.h"
 #include "wire/refusal.h"
@@ -23,19 +24,29 @@ asio::thread_pool& poolFor(ServerContext& context, const pb::Request& request) {
   }
 }
 
+/// A request; the password in it, if any, is wiped at the end, whoever holds it last.
+std::shared_ptr<const pb::Request> secretOf(pb::Request request) {
+  return {new pb::Request(std::move(request)), [](pb::Request* held) {
+            if (held->has_add_user()) wipe(*held->mutable_add_user()->mutable_password());
+            if (held->has_set_password()) wipe(*held->mutable_set_password()->mutable_password());
+            delete held;
+          }};
+}
+
 }  // namespace
 
 Task<> PeerConnection::execute(std::shared_ptr<PeerConnection> self, pb::Request request) {
   PeerConnection& peer = *self;
+  const std::shared_ptr<const pb::Request> shared = secretOf(std::move(request));
   ++peer.requests_at_work_;
   Service& service = peer.context_.store.service();
-  std::function<Outcome()> work = [&service, request, who = peer.who_] {
-    return service.execute(who, request);
+  std::function<Outcome()> work = [&service, shared, who = peer.who_] {
+    return service.execute(who, *shared);
   };
-  Outcome outcome = co_await offload(poolFor(peer.context_, request), std::move(work));
+  Outcome outcome = co_await offload(poolFor(peer.context_, *shared), std::move(work));
   --peer.requests_at_work_;
   peer.freed_.notify();
-  peer.answer(request, std::move(outcome));
+  peer.answer(*shared, std::move(outcome));
 }
 
 void PeerConnection::answer(const pb::Request& request, Outcome outcome) {
@@ -68,7 +79,7 @@ void PeerConnection::answer(const pb::Request& request, Outcome outcome) {
     return;
   }
   if (reply.result_case() == pb::Reply::RESULT_NOT_SET) reply.mutable_done();
-  afterwards(request, reply);
+  const bool backup_done = reply.has_backup_done();
 
   pb::Envelope envelope;
   *envelope.mutable_reply() = std::move(reply);
@@ -78,9 +89,10 @@ void PeerConnection::answer(const pb::Request& request, Outcome outcome) {
            "the reply has " + std::to_string(envelope.ByteSizeLong()) + " bytes, at most " +
                std::to_string(kMaxFrameBytes) + " can be sent: ask for less at once",
            request.id());
-    return;
+  } else {
+    sendControl(envelope);
   }
-  sendControl(envelope);
+  afterwards(request, backup_done);
 }
 
 std::optional<pb::Refusal> PeerConnection::deliver(const std::string& station, const pb::Envelope& envelope) {
@@ -88,30 +100,46 @@ std::optional<pb::Refusal> PeerConnection::deliver(const std::string& station, c
   return makeRefusal(pb::Refusal::NOT_FOUND, "station '" + station + "' is not online");
 }
 
-void PeerConnection::afterwards(const pb::Request& request, const pb::Reply& reply) {
-  // a copy: closing a connection takes it out of the map
-  const auto others = context_.connections;
-  const auto drop = [&](const std::string& name, bool station, const std::string& text) {
-    for (const auto& [id, peer] : others) {
-      if (peer != this && peer->who().name == name && (peer->who().role == pb::STATION) == station) {
-        peer->refuseAndClose(makeRefusal(pb::Refusal::LOGIN, text));
-      }
-    }
-  };
-  if (reply.has_backup_done()) {
+void PeerConnection::afterwards(const pb::Request& request, bool backup_done) {
+  if (backup_done) {
     ++context_.counters.backups;
-    for (const auto& [id, peer] : others) {
+    for (const auto& [id, peer] : context_.connections) {
       if (peer->who().role == pb::STATION)
         asio::co_spawn(context_.io, tellSafe(peer->shared_from_this()), rethrow);
     }
   }
   if (request.has_revoke_station())
-    drop(request.revoke_station().name(), true, "the station's key was revoked");
-  if (request.has_disable_user() && !request.disable_user().enable()) {
-    context_.tokens.forget(request.disable_user().name());
-    drop(request.disable_user().name(), false, "the account was disabled");
+    endAccess(request.revoke_station().name(), true, true, "the station's key was revoked");
+  if (request.has_disable_user() && !request.disable_user().enable())
+    endAccess(request.disable_user().name(), false, true, "the account was disabled");
+  // who sets its own password goes on; its other connections may be those of somebody who knew the old one
+  if (request.has_set_password())
+    endAccess(request.set_password().name(), false, false, "the password was changed: log in again");
+}
+
+void PeerConnection::endAccess(const std::string& name, bool station, bool mine_too,
+                               const std::string& text) {
+  // log-ins that are being checked now are checked again
+  ++context_.access_changes;
+  const std::size_t tokens = station ? 0 : context_.tokens.forget(name);
+  std::size_t ended = 0;
+  // a copy: closing a connection takes it out of the map
+  const auto all = context_.connections;
+  for (const auto& [id, peer] : all) {
+    if (peer->who().name != name || (peer->who().role == pb::STATION) != station || peer->over()) continue;
+    if (peer == this && !mine_too) continue;
+    peer->refuseAndClose(makeRefusal(pb::Refusal::LOGIN, text));
+    ++ended;
   }
-  if (request.has_set_password()) context_.tokens.forget(request.set_password().name());
+  logEvent(LogLevel::kInfo, "access_ended",
+           {{"name", name}, {"by", who_.name}, {"connections", ended}, {"tokens", tokens}, {"text", text}});
+  if (ended + tokens == 0) return;
+  const std::string detail =
+      text + "; ended: " + std::to_string(ended) + " connections, " + std::to_string(tokens) + " tokens";
+  asio::post(context_.workers, [&service = context_.store.service(), who = who_.name, name, detail] {
+    const Status noted = service.note(who, "access ended", name, detail);
+    if (!noted.ok()) logEvent(LogLevel::kError, "audit_failed", {{"text", noted.error().message}});
+  });
 }
 
 }  // namespace needlelab

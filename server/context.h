@@ -8,6 +8,7 @@
 #include <string>
 #include <unordered_map>
 
+#include "server/door.h"
 #include "server/hub.h"
 #include "server/login_guard.h"
 #include "server/offload.h"
@@ -25,7 +26,12 @@ struct ConnectionBounds {
   std::size_t chunk_bytes_in_flight = 8u << 20;
   std::size_t all_chunks_in_flight = 8192;  ///< of the whole server: fewer than the writer's queue takes
   std::size_t requests_at_work = 8;
-  std::size_t logins_waiting = 64;    ///< of the whole server, for the password check
+  std::size_t logins_waiting = 64;               ///< of the whole server, for the password check
+  std::size_t logins_waiting_of_strangers = 48;  ///< the rest is for who has logged in from there before
+  std::size_t logins_waiting_at_address = 32;    ///< of those strangers, from one address
+  std::size_t connections_of_person = 256;       ///< logged in at once
+  double small_messages_at_once = 5000;  ///< all but chunks and requests, which have bounds of their own
+  double small_messages_per_s = 500;
   std::size_t refusals = 200;         ///< messages refused after log-in; then the connection ends
   std::size_t known_sessions = 1024;  ///< whose watermarks are remembered
 };
@@ -56,7 +62,10 @@ struct ServerContext {
   LoginGuard guard;
   Tokens tokens;
   ServerCounters counters;
+  Door door{};
   std::size_t logins_waiting = 0;
+  std::unordered_map<std::string, std::size_t> logins_waiting_at{};  ///< of strangers, by address
+  std::uint64_t access_changes = 0;  ///< accounts disabled, keys revoked, passwords changed, since the start
   std::size_t chunks_in_flight = 0;  ///< of all connections
   Signal room{io.get_executor()};    ///< chunks_in_flight has fallen to half of its bound
   bool stopping = false;

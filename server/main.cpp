@@ -9,6 +9,7 @@
 #include <string>
 
 #include "base/exit_code.h"
+#include "base/secret.h"
 #include "server/log.h"
 #include "server/server.h"
 #include "server/service_manager.h"
@@ -28,6 +29,7 @@ void raiseFileLimit() {
 }  // namespace
 
 int main(int argc, char** argv) try {
+  needlelab::keepOutOfCoreDumps();
   needlelab::ServerOptions options;
   options.handle_signals = true;
   std::string log_level = "info", log_format = "text";

@@ -43,6 +43,8 @@ struct Server::Parts {
   std::uint64_t next_id = 1;
   bool stopping = false;
   int exit_code = kExitDone;
+  std::uint64_t turned_away_unsaid = 0;
+  std::int64_t turned_away_said_ns = 0;
 
   Task<> acceptLoop();
   Task<> signalLoop();
@@ -50,6 +52,7 @@ struct Server::Parts {
   Task<> watchdogLoop(std::chrono::microseconds period);
   Status startMonitor();
   void accepted(Tcp::socket socket);
+  void turnedAway(const std::string& host);
   void beginStop(const std::string& reason);
 };
 
@@ -91,6 +94,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   if (!tls.ok()) return tls.error();
   p.tls = *tls;
 
+  p.options.door.max_connections = p.options.max_connections;
   p.context.emplace(ServerContext{.io = p.io,
                                   .store = *p.store,
                                   .passwords = p.passwords,
@@ -101,6 +105,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .guard = LoginGuard(p.options.guard),
                                   .tokens = Tokens(p.options.token_lifetime),
                                   .counters = {},
+                                  .door = Door(p.options.door),
                                   .connections = {}});
   if (auto started = p.startMonitor(); !started.ok()) return started.error();
   // before anybody can know that this server is up: a signal between here and run() waits for it
@@ -197,14 +202,33 @@ Task<> Server::Parts::acceptLoop() {
 }
 
 void Server::Parts::accepted(Tcp::socket socket) {
-  if (context->connections.size() >= options.max_connections) {
-    ++context->counters.connections_refused;
-    logEvent(LogLevel::kWarning, "too_many_connections", {{"limit", options.max_connections}});
+  boost::system::error_code gone;
+  const auto peer = socket.remote_endpoint(gone);
+  if (gone) return;
+  const std::uint64_t id = next_id++;
+  const auto arrival = context->door.arrive(id, peer.address().to_string(), steadyNowNs());
+  if (arrival.answer != Door::Answer::kWelcome) {
+    turnedAway(peer.address().to_string());
     return;  // closes it
   }
+  if (arrival.gives_way) {
+    const auto found = context->connections.find(*arrival.gives_way);
+    if (found != context->connections.end()) found->second->cut("too many wait for their log-in");
+  }
   auto channel = Channel::make(TlsStream(std::move(socket), *tls), options.limits);
-  auto connection = std::make_shared<PeerConnection>(*context, next_id++, std::move(channel));
+  auto connection = std::make_shared<PeerConnection>(*context, id, std::move(channel));
   asio::co_spawn(io, PeerConnection::run(std::move(connection)), rethrow);
+}
+
+void Server::Parts::turnedAway(const std::string& host) {
+  ++context->counters.connections_refused;
+  // a flood must not fill the log's disk: one line a second, with how many there were
+  ++turned_away_unsaid;
+  if (const std::int64_t now = steadyNowNs(); now - turned_away_said_ns > 1'000'000'000) {
+    turned_away_said_ns = now;
+    logEvent(LogLevel::kWarning, "connections_turned_away",
+             {{"newest", host}, {"count", std::exchange(turned_away_unsaid, 0)}});
+  }
 }
 
 Task<> Server::Parts::signalLoop() {

@@ -33,6 +33,7 @@ struct ServerOptions {
   ConnectionBounds bounds;
   HubSettings hub;
   LoginGuard::Settings guard;
+  Door::Settings door;  ///< its max_connections is the one above
   std::chrono::milliseconds token_lifetime = std::chrono::minutes(15);
   DbWriter::Options writer;
 };

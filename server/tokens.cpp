@@ -16,7 +16,7 @@ std::string hashOf(std::string_view token) {
 
 }  // namespace
 
-Tokens::Issued Tokens::issue(const Principal& who, std::int64_t now_ns) {
+Tokens::Issued Tokens::issue(const Holder& holder, std::int64_t now_ns) {
   dropExpired(now_ns);
   if (tokens_.size() >= max_tokens_) {
     const auto first = std::min_element(tokens_.begin(), tokens_.end(), [](const auto& a, const auto& b) {
@@ -27,20 +27,21 @@ Tokens::Issued Tokens::issue(const Principal& who, std::int64_t now_ns) {
   Issued issued;
   issued.token.resize(32);
   randombytes_buf(issued.token.data(), issued.token.size());
-  issued.expires_ns = now_ns + std::chrono::nanoseconds(lifetime_).count();
-  tokens_[hashOf(issued.token)] = {who, issued.expires_ns};
+  issued.expires_ns = std::min(now_ns + std::chrono::nanoseconds(lifetime_).count(),
+                               holder.password_ns + std::chrono::nanoseconds(longest_).count());
+  tokens_[hashOf(issued.token)] = {holder, issued.expires_ns};
   return issued;
 }
 
-std::optional<Principal> Tokens::find(std::string_view token, std::int64_t now_ns) {
+std::optional<Tokens::Holder> Tokens::find(std::string_view token, std::int64_t now_ns) {
   dropExpired(now_ns);
   const auto found = tokens_.find(hashOf(token));
   if (found == tokens_.end()) return std::nullopt;
-  return found->second.who;
+  return found->second.holder;
 }
 
-void Tokens::forget(const std::string& name) {
-  std::erase_if(tokens_, [&](const auto& entry) { return entry.second.who.name == name; });
+std::size_t Tokens::forget(const std::string& name) {
+  return std::erase_if(tokens_, [&](const auto& entry) { return entry.second.holder.who.name == name; });
 }
 
 void Tokens::dropExpired(std::int64_t now_ns) {

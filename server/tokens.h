@@ -12,34 +12,40 @@
 
 namespace needlelab {
 
-/// Kept in memory only, as hashes: they end with the server. Times in ns from the caller. Thread: one.
+/// Kept in memory only, as hashes: they end with the server. A token may be exchanged for a new one before it
+/// expires, but not for longer than `longest` after the password: a stolen one does not live for ever. Times
+/// in ns from the caller. Thread: one.
 class Tokens {
  public:
+  struct Holder {
+    Principal who;
+    std::int64_t password_ns = 0;  ///< when the password was given from which the token comes
+  };
   struct Issued {
     std::string token;  ///< 32 random bytes
     std::int64_t expires_ns = 0;
   };
 
   explicit Tokens(std::chrono::milliseconds lifetime = std::chrono::minutes(15),
-                  std::size_t max_tokens = 10'000)
-      : lifetime_(lifetime), max_tokens_(max_tokens) {}
+                  std::size_t max_tokens = 10'000, std::chrono::milliseconds longest = std::chrono::hours(12))
+      : lifetime_(lifetime), longest_(longest), max_tokens_(max_tokens) {}
 
   /// When all places are taken, the one that ends first is given up.
-  Issued issue(const Principal& who, std::int64_t now_ns);
+  Issued issue(const Holder& holder, std::int64_t now_ns);
   /// Whose token it is, while it lasts.
-  std::optional<Principal> find(std::string_view token, std::int64_t now_ns);
-  /// All tokens of a name end: the person was disabled or has a new password.
-  void forget(const std::string& name);
+  std::optional<Holder> find(std::string_view token, std::int64_t now_ns);
+  /// All tokens of a name end: the person was disabled or has a new password. How many those were.
+  std::size_t forget(const std::string& name);
   [[nodiscard]] std::size_t size() const { return tokens_.size(); }
 
  private:
   struct Entry {
-    Principal who;
+    Holder holder;
     std::int64_t expires_ns = 0;
   };
   void dropExpired(std::int64_t now_ns);
 
-  std::chrono::milliseconds lifetime_;
+  std::chrono::milliseconds lifetime_, longest_;
   std::size_t max_tokens_;
   std::map<std::string, Entry> tokens_;  // by BLAKE2b-256 of the token: a look-up's time tells nothing of it
 };

@@ -7,6 +7,7 @@
 #include <cerrno>
 
 #include "base/atomic_file.h"
+#include "base/secret.h"
 
 namespace needlelab {
 namespace {
@@ -55,6 +56,8 @@ class QuietTerminal {
 Result<std::string> passwordFromFile(const std::filesystem::path& file) {
   auto text = readWholeFile(file, kMaxFileBytes);
   if (!text) return text.error();
+  const WipeAtEnd wiped(*text);
+  warnWhenOthersMayRead(file);
   std::string line = text->substr(0, text->find('\n'));
   if (!line.empty() && line.back() == '\r') line.pop_back();
   if (line.empty())

@@ -6,6 +6,7 @@
 
 #include "admin/command.h"
 #include "base/atomic_file.h"
+#include "base/secret.h"
 #include "base/text_rules.h"
 #include "net/enrolment.h"
 #include "wire/certificates.h"
@@ -33,7 +34,8 @@ Status addStation(CommandContext& context, const std::string& name, const std::s
   request.mutable_add_station()->set_name(name);
   const auto reply = context.backend.call(request);
   if (!reply) return reply.error();
-  const std::string line = name + ":" + hexText(reply->station_key().key()) + "\n";
+  std::string line = name + ":" + hexText(reply->station_key().key()) + "\n";
+  const WipeAtEnd wiped(line);
   if (auto done = writeFileAtomically(file, viewOf(line), 0600); !done) {
     return Error{done.error().code, done.error().message + "; station '" + name +
                                         "' was added, but its key is lost: revoke it and add it again"};

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "base/exit_code.h"
+#include "base/secret.h"
 #include "instructor/headless.h"
 #include "net/password.h"
 
@@ -23,6 +24,7 @@ void onSignal(int) {
 
 int main(int argc, char** argv) {
   using namespace needlelab;
+  keepOutOfCoreDumps();
   InstructorOptions options;
   CLI::App app("needlelab-instructor: watch stations live, replay stored sessions.");
   app.set_version_flag("--version", programText("instructor"));

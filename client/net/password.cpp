@@ -7,6 +7,7 @@
 #include <array>
 
 #include "base/atomic_file.h"
+#include "base/secret.h"
 
 namespace needlelab {
 namespace {
@@ -54,6 +55,8 @@ Result<std::string> readPassword(const std::filesystem::path& file, const std::s
   if (!file.empty()) {
     auto text = readWholeFile(file, 64u << 10);
     if (!text.ok()) return text.error();
+    const WipeAtEnd wiped(*text);
+    warnWhenOthersMayRead(file);
     password = text->substr(0, text->find_first_of("\r\n"));
   } else {
     const SilentTerminal terminal;

@@ -5,11 +5,13 @@
 #include <iostream>
 
 #include "base/exit_code.h"
+#include "base/secret.h"
 #include "station/modes.h"
 #include "station/options.h"
 #include "station/station.h"
 
 int main(int argc, char** argv) {
+  needlelab::keepOutOfCoreDumps();
   try {
     const sigset_t stop_signals = needlelab::blockStopSignals();
     const needlelab::ParsedOptions parsed = needlelab::parseStationOptions(argc, argv);

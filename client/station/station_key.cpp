@@ -1,6 +1,7 @@
 #include "station/station_key.h"
 
 #include "base/atomic_file.h"
+#include "base/secret.h"
 
 namespace needlelab {
 namespace {
@@ -43,6 +44,8 @@ Result<StationKey> parseStationKey(std::string_view text, const std::string& sou
 Result<StationKey> loadStationKey(const std::filesystem::path& path) {
   auto text = readWholeFile(path, 4096);
   if (!text.ok()) return text.error();
+  const WipeAtEnd wiped(*text);
+  warnWhenOthersMayRead(path);
   return parseStationKey(*text, path.string());
 }
 

@@ -124,9 +124,12 @@ std::uint8_t* packColumn(const U* v, std::size_t rows, std::uint8_t* out) {
   // differences; plain loops that compilers turn into SIMD
   U first[kRows], second[kRows];
   U changed = 0;
+  // v[i - 1] would wrap the index at the first row, which no pointer may be moved by
+  const U* const before = v - 1;
+  const U* const before_that = v - 2;
   for (std::size_t i = 0; i < rows; ++i) {
-    first[i] = v[i] - v[i - 1];
-    second[i] = v[i] - 2 * v[i - 1] + v[i - 2];
+    first[i] = v[i] - before[i];
+    second[i] = v[i] - 2 * before[i] + before_that[i];
     changed |= first[i];
   }
   if (changed == 0) return out;
@@ -200,21 +203,22 @@ const std::uint8_t* unpackColumn(const std::uint8_t* in, const std::uint8_t* end
     std::memcpy(copy, in, bytes);
     unpackBits(copy, rows, width, residual);
   }
+  U last = v[-1];
   switch (mode) {
     case kFromLast:
       for (std::size_t i = 0; i < rows; ++i) v[i] = v[-1] + base + residual[i];
       break;
     case kFirstFromBase:
-      for (std::size_t i = 0; i < rows; ++i) v[i] = v[i - 1] + base + residual[i];
+      for (std::size_t i = 0; i < rows; ++i) v[i] = last += base + residual[i];
       break;
     case kFirstDifference:
-      for (std::size_t i = 0; i < rows; ++i) v[i] = v[i - 1] + unzigzag(residual[i]);
+      for (std::size_t i = 0; i < rows; ++i) v[i] = last += unzigzag(residual[i]);
       break;
     default: {
       U slope = v[-1] - v[-2];
       for (std::size_t i = 0; i < rows; ++i) {
         slope += unzigzag(residual[i]);
-        v[i] = v[i - 1] + slope;
+        v[i] = last += slope;
       }
       break;
     }

@@ -298,9 +298,20 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const std::vector<std::string
   if (failed)
     return Error{ErrorCode::kFailed, "cannot make " + folder.string() + ": " + failed.message() +
                                          diskAdvice(failed.value(), folder)};
+  if (made_folder) std::filesystem::permissions(folder, std::filesystem::perms::owner_all, failed);
   // a CA that was given out must not vanish with its folder's name in a power cut
   if (made_folder)
     if (auto synced = syncFolder(folder.parent_path()); !synced.ok()) return synced.error();
+
+  // a key that somebody put back with the usual permissions is everybody's
+  for (const auto& key : {files.ca_key, files.key}) {
+    const auto mode = std::filesystem::status(key, failed).permissions();
+    using std::filesystem::perms;
+    if (failed || (mode & (perms::group_all | perms::others_all)) == perms::none) continue;
+    return Error{ErrorCode::kInvalidInput,
+                 key.string() + " may be read by others: chmod 600 " + key.string()};
+  }
+  failed.clear();
 
   const bool has_ca = std::filesystem::exists(files.ca_certificate, failed);
   if (failed) {

@@ -23,6 +23,9 @@ Result<TlsContext> newContext(asio::ssl::context::method method) {
   // no session tickets: nobody resumes, and they would cost memory and bytes for each connection
   SSL_CTX_set_num_tickets(raw, 0);
   SSL_CTX_set_session_cache_mode(raw, SSL_SESS_CACHE_OFF);
+  // both are the default; said here because what stands on them is not obvious: early data could be replayed
+  SSL_CTX_set_max_early_data(raw, 0);
+  SSL_CTX_set_options(raw, SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_TICKET | SSL_OP_NO_COMPRESSION);
   return context;
 }
 

@@ -3,51 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "running_server.h"
+#include "raw_peer.h"
 
 namespace needlelab {
 namespace {
 
 using namespace test;
 
-/// TLS without a protocol: sends what it likes.
-class RawPeer {
- public:
-  explicit RawPeer(RunningServer& server) : stream_(io_, *(tls_ = *makeClientTls(server.server().caFile()))) {
-    stream_.next_layer().connect({asio::ip::address_v4::loopback(), server.server().port()});
-    stream_.handshake(asio::ssl::stream_base::client);
-  }
-  void write(const std::string& bytes) {
-    boost::system::error_code error;  // the server may have closed already
-    asio::write(stream_, asio::buffer(bytes), error);
-  }
-  /// Everything until the server closes.
-  std::vector<pb::Envelope> readAll() {
-    std::vector<pb::Envelope> all;
-    FrameSplitter splitter(kMaxFrameBytes);
-    for (;;) {
-      const auto room = splitter.writable();
-      boost::system::error_code error;
-      const std::size_t count = stream_.read_some(asio::buffer(room.data(), room.size()), error);
-      if (error) return all;
-      splitter.wrote(count);
-      for (auto frame = splitter.next(); frame.ok() && frame->has_value(); frame = splitter.next()) {
-        all.push_back(*decodeFrame(**frame));
-      }
-    }
-  }
-
- private:
-  asio::io_context io_;
-  TlsContext tls_;
-  TlsStream stream_;
-};
-
 std::string framed(const pb::Envelope& envelope) {
-  const std::string body = envelope.SerializeAsString();
-  std::string bytes;
-  appendFrameHeader(bytes, body.size());
-  return bytes + body;
+  return RawPeer::framed(envelope);
 }
 
 pb::Envelope helloOf(std::uint32_t major) {

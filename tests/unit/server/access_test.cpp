@@ -1,0 +1,343 @@
+// Who is kept out, who is put out, and what lies about: accounts, floods of one peer, TLS, files.
+#include <openssl/ssl.h>
+#include <sodium.h>
+#include <sys/stat.h>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "raw_peer.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+constexpr const char* kPassword = "correct horse battery";
+
+pb::Login byToken(const std::string& token) {
+  pb::Login login;
+  login.set_token(token);
+  return login;
+}
+
+pb::Request disable(const std::string& name) {
+  pb::Request request;
+  request.mutable_disable_user()->set_name(name);
+  return request;
+}
+
+pb::Request passwordOf(const std::string& name, const std::string& password) {
+  pb::Request request;
+  request.mutable_set_password()->set_name(name);
+  request.mutable_set_password()->set_password(password);
+  return request;
+}
+
+/// The connection was ended for good, with a word that it is about the log-in.
+void expectEnded(BlockingClient& client) {
+  const auto refusal = waitForRefusal(client);
+  EXPECT_EQ(refusal.reason(), pb::Refusal::LOGIN);
+  EXPECT_TRUE(refusal.fatal());
+}
+
+/// The audit log's entries of an action, newest first; waits a little: they are written beside.
+std::vector<pb::AuditEntry> auditOf(RunningServer& server, const std::string& action) {
+  std::vector<pb::AuditEntry> found;
+  for (int i = 0; i < 200 && found.empty(); ++i) {
+    std::this_thread::sleep_for(milliseconds(20));
+    pb::Request request;
+    request.mutable_list_audit();
+    const pb::Reply reply = server.asAdmin(request);
+    for (const auto& entry : reply.audit().entries())
+      if (entry.action() == action) found.push_back(entry);
+  }
+  return found;
+}
+
+TEST(Access, aDisabledAccountIsPutOutAtOnceWithItsTokensAndItIsNoted) {
+  RunningServer server;
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto first = server.connect(personLogin("anna", kPassword));
+  ASSERT_TRUE(first.ok()) << first.error().message;
+  const std::string token = first->welcome().token();
+  auto second = server.connect(byToken(token));
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(second.ok() && chief.ok());
+  ASSERT_TRUE(chief->call(disable("anna")).ok());
+  expectEnded(*first);
+  expectEnded(*second);
+  for (const std::string& each : {token, second->welcome().token()})
+    EXPECT_EQ(server.connect(byToken(each)).error().code, ErrorCode::kDenied);
+  const auto noted = auditOf(server, "access ended");
+  ASSERT_EQ(noted.size(), 1u);
+  EXPECT_EQ(noted[0].who(), "chief");
+  EXPECT_EQ(noted[0].subject(), "anna");
+  EXPECT_THAT(noted[0].detail(), HasSubstr("2 connections, 2 tokens"));
+}
+
+TEST(Access, whoDisablesItselfIsOutAfterTheAnswer) {
+  RunningServer server;
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  server.addUser("deputy", pb::ADMINISTRATOR, kPassword);
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(chief.ok());
+  EXPECT_TRUE(chief->call(disable("chief")).ok());
+  expectEnded(*chief);
+}
+
+TEST(Access, aNewPasswordEndsWhatTheOldOneOpened) {
+  RunningServer server;
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto mine = server.connect(personLogin("anna", kPassword));
+  auto thief = server.connect(personLogin("anna", kPassword));
+  ASSERT_TRUE(mine.ok() && thief.ok());
+  // her own change: the connection that made it goes on
+  ASSERT_TRUE(mine->call(passwordOf("anna", "something else entirely")).ok());
+  expectEnded(*thief);
+  EXPECT_EQ(server.connect(byToken(thief->welcome().token())).error().code, ErrorCode::kDenied);
+  EXPECT_EQ(server.connect(byToken(mine->welcome().token())).error().code, ErrorCode::kDenied);
+  EXPECT_EQ(server.connect(personLogin("anna", kPassword)).error().code, ErrorCode::kDenied);
+  pb::Request list;
+  list.mutable_list_users();
+  EXPECT_TRUE(mine->call(list).ok());
+  // an administrator's: all of hers end
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(chief.ok());
+  ASSERT_TRUE(chief->call(passwordOf("anna", "and once more another")).ok());
+  expectEnded(*mine);
+}
+
+TEST(Access, aRevokedStationIsPutOutAtOnceAndItIsNoted) {
+  RunningServer server;
+  const std::string key = server.addStation("bench-1");
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto station = server.connect(stationLogin("bench-1", key));
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(station.ok() && chief.ok());
+  pb::Request revoke;
+  revoke.mutable_revoke_station()->set_name("bench-1");
+  ASSERT_TRUE(chief->call(revoke).ok());
+  expectEnded(*station);
+  EXPECT_EQ(auditOf(server, "access ended").size(), 1u);
+}
+
+TEST(Access, nobodySlipsInWhileItsPasswordIsChecked) {
+  RunningServer server;
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(chief.ok());
+  // the check reads the account first and hashes for about 0.1 s then: the account is disabled meanwhile
+  int in_between = 0;
+  for (const int after_ms : {5, 20, 35, 50, 65}) {
+    const std::string name = "user " + std::to_string(after_ms);
+    server.addUser(name, pb::INSTRUCTOR, kPassword);
+    RawPeer peer(server);
+    peer.greet();
+    pb::Envelope login;
+    *login.mutable_login() = personLogin(name, kPassword);
+    peer.send(login);
+    std::this_thread::sleep_for(milliseconds(after_ms));
+    ASSERT_TRUE(chief->call(disable(name)).ok());
+    // either it never gets in, or it was in before and is put out
+    const auto all = peer.readAll();
+    ASSERT_FALSE(all.empty());
+    ASSERT_TRUE(all.back().has_refusal()) << name;
+    EXPECT_EQ(all.back().refusal().reason(), pb::Refusal::LOGIN);
+    if (all.size() == 1) ++in_between;
+    if (all.front().has_welcome()) {
+      EXPECT_EQ(server.connect(byToken(all.front().welcome().token())).error().code, ErrorCode::kDenied);
+    }
+  }
+  EXPECT_GE(in_between, 1) << "no trial met the time of the check: the test shows nothing";
+}
+
+TEST(Access, aTokenEndsWithItsTimeButNotTheConnectionThatIsOpen) {
+  RunningServer server([](ServerOptions& options) { options.token_lifetime = milliseconds(300); });
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  auto anna = server.connect(personLogin("anna", kPassword));
+  ASSERT_TRUE(anna.ok());
+  std::this_thread::sleep_for(milliseconds(350));
+  EXPECT_EQ(server.connect(byToken(anna->welcome().token())).error().code, ErrorCode::kDenied);
+  pb::Request list;
+  list.mutable_list_users();
+  EXPECT_TRUE(anna->call(list).ok());
+}
+
+TEST(Access, guessingElsewhereLocksNobodyOutOfTheLab) {
+  RunningServer server([](ServerOptions& options) {
+    options.guard.allowed_per_name = 2;
+    options.guard.allowed_everywhere = 3;
+    options.guard.allowed_per_address = 4;
+  });
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  const std::string key = server.addStation("bench-1");
+  ASSERT_TRUE(server.connect(personLogin("anna", kPassword)).ok());
+  // from three other addresses until each is refused without a look at the password
+  for (const std::string from : {"127.0.0.2", "127.0.0.3", "127.0.0.4"}) {
+    bool limited = false;
+    for (int i = 0; i < 6 && !limited; ++i) {
+      const auto answer = RawPeer(server, from).logIn(personLogin("anna", "a guess"));
+      ASSERT_TRUE(answer.has_refusal());
+      limited = answer.refusal().reason() == pb::Refusal::RATE_LIMITED;
+    }
+    EXPECT_TRUE(limited) << from;
+  }
+  EXPECT_TRUE(RawPeer(server, "127.0.0.5").logIn(personLogin("anna", kPassword)).has_refusal())
+      << "a new address waits, too";
+  EXPECT_TRUE(server.connect(personLogin("anna", kPassword)).ok()) << "in the lab she goes on";
+  EXPECT_TRUE(RawPeer(server, "127.0.0.2").logIn(stationLogin("bench-1", key)).has_welcome())
+      << "keys cannot be guessed: a right one is never kept out";
+  EXPECT_FALSE(auditOf(server, "log-in locked").empty());
+}
+
+TEST(Access, aPersonHasSoManyConnections) {
+  RunningServer server([](ServerOptions& options) { options.bounds.connections_of_person = 3; });
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  std::vector<BlockingClient> open;
+  for (int i = 0; i < 3; ++i) {
+    auto client = server.connect(personLogin("anna", kPassword));
+    ASSERT_TRUE(client.ok()) << client.error().message;
+    open.push_back(std::move(*client));
+  }
+  const auto fourth = server.connect(personLogin("anna", kPassword));
+  ASSERT_FALSE(fourth.ok());
+  EXPECT_THAT(fourth.error().message, HasSubstr("RATE_LIMITED"));
+  open.pop_back();
+  EXPECT_TRUE(server.connect(personLogin("anna", kPassword)).ok());
+}
+
+TEST(Access, aFloodOfPingsIsRefusedAndThenEndsTheConnection) {
+  RunningServer server([](ServerOptions& options) {
+    options.bounds.small_messages_at_once = 50;
+    options.bounds.small_messages_per_s = 1;
+    options.bounds.refusals = 20;
+  });
+  RawPeer peer(server);
+  ASSERT_TRUE(peer.logIn(stationLogin("bench-1", server.addStation("bench-1"))).has_welcome());
+  pb::Envelope ping;
+  ping.mutable_ping()->set_id(1);
+  std::string flood;
+  for (int i = 0; i < 500; ++i) flood += RawPeer::framed(ping);
+  peer.write(flood);
+  int pongs = 0, limited = 0;
+  for (const auto& got : peer.readAll()) {
+    pongs += got.has_pong() ? 1 : 0;
+    limited += got.has_refusal() && got.refusal().reason() == pb::Refusal::RATE_LIMITED ? 1 : 0;
+  }
+  EXPECT_TRUE(peer.closed());
+  EXPECT_GE(pongs, 40);
+  EXPECT_LE(pongs, 60);
+  EXPECT_EQ(limited, 21) << "20, and the last one for good";
+}
+
+// --- TLS
+
+TEST(AccessTls, nothingOlderThan13) {
+  RunningServer server;
+  for (const int version : {TLS1_VERSION, TLS1_1_VERSION, TLS1_2_VERSION}) {
+    asio::io_context io;
+    asio::ssl::context tls(asio::ssl::context::tls_client);
+    SSL_CTX_set_min_proto_version(tls.native_handle(), 0);
+    SSL_CTX_set_max_proto_version(tls.native_handle(), version);
+    SSL_CTX_set_security_level(tls.native_handle(), 0);
+    TlsStream stream(io, tls);
+    stream.next_layer().connect({asio::ip::address_v4::loopback(), server.server().port()});
+    boost::system::error_code error;
+    stream.handshake(asio::ssl::stream_base::client, error);
+    EXPECT_TRUE(error) << version;
+  }
+}
+
+int tickets = 0;
+
+TEST(AccessTls, noTicketsNoResumptionNoEarlyData) {
+  RunningServer server;
+  const std::string key = server.addStation("bench-1");
+  tickets = 0;
+  RawPeer peer(server);
+  SSL_CTX* const context = SSL_get_SSL_CTX(peer.ssl());
+  SSL_CTX_set_session_cache_mode(context, SSL_SESS_CACHE_CLIENT);
+  SSL_CTX_sess_set_new_cb(context, [](SSL*, SSL_SESSION*) { return ++tickets, 0; });
+  // tickets come behind the handshake, with the first bytes that are read
+  ASSERT_TRUE(peer.logIn(stationLogin("bench-1", key)).has_welcome());
+  EXPECT_EQ(tickets, 0);
+  SSL_SESSION* const session = SSL_get1_session(peer.ssl());
+  EXPECT_EQ(SSL_SESSION_is_resumable(session), 0);
+  EXPECT_EQ(SSL_SESSION_get_max_early_data(session), 0u);
+  EXPECT_EQ(SSL_version(peer.ssl()), TLS1_3_VERSION);
+  EXPECT_EQ(SSL_renegotiate(peer.ssl()), 0) << "TLS 1.3 has none";
+  SSL_SESSION_free(session);
+}
+
+// --- what lies about
+
+std::string hexOf(const std::string& bytes) {
+  std::string hex(2 * bytes.size() + 1, '\0');
+  sodium_bin2hex(hex.data(), hex.size(), reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size());
+  hex.pop_back();
+  return hex;
+}
+
+std::string base64Of(const std::string& bytes) {
+  std::string text(sodium_base64_encoded_len(bytes.size(), sodium_base64_VARIANT_ORIGINAL), '\0');
+  sodium_bin2base64(text.data(), text.size(), reinterpret_cast<const unsigned char*>(bytes.data()),
+                    bytes.size(), sodium_base64_VARIANT_ORIGINAL);
+  return text.substr(0, text.find('='));
+}
+
+TEST(AccessFiles, noSecretLiesInTheFolderAndNobodyElseMayLook) {
+  RunningServer server;
+  const std::string key = server.addStation("bench-1"), password = "planted password 7431";
+  server.addUser("anna", pb::ADMINISTRATOR, password);
+  auto anna = server.connect(personLogin("anna", password));
+  ASSERT_TRUE(anna.ok());
+  ASSERT_TRUE(server.connect(stationLogin("bench-1", key)).ok());
+  pb::Request backup;
+  backup.mutable_backup()->set_path((server.folder() / "data" / "copy.db").string());
+  EXPECT_TRUE(anna->call(backup).ok());
+  const std::string token = anna->welcome().token();
+  std::vector<std::string> secrets = {password, key, token};
+  for (const std::string& secret : {key, token}) {
+    secrets.push_back(hexOf(secret));
+    secrets.push_back(base64Of(secret));
+  }
+  // while it runs (the log beside the database is there), and after its end
+  for (int round = 0; round < 2; ++round) {
+    int files = 0, hashes = 0;
+    for (const auto& entry : fs::recursive_directory_iterator(server.folder() / "data")) {
+      struct stat info {};
+      ASSERT_EQ(::stat(entry.path().c_str(), &info), 0);
+      if (entry.is_directory()) {
+        EXPECT_EQ(info.st_mode & 0777, 0700u) << entry.path();
+        continue;
+      }
+      ++files;
+      const bool certificate = entry.path().extension() == ".crt";
+      EXPECT_EQ(info.st_mode & 0777, certificate ? 0644u : 0600u) << entry.path();
+      std::ostringstream text;
+      text << std::ifstream(entry.path(), std::ios::binary).rdbuf();
+      for (const std::string& secret : secrets)
+        EXPECT_EQ(text.str().find(secret), std::string::npos) << "a secret lies in " << entry.path();
+      hashes += text.str().find("$argon2id$v=19$m=65536,t=2,p=1$") != std::string::npos ? 1 : 0;
+    }
+    EXPECT_GE(files, 6);
+    EXPECT_GE(hashes, 1) << "passwords are kept as argon2id, 64 MiB";
+    if (round == 0) {
+      EXPECT_EQ(server.stop(), 0);
+    }
+  }
+  struct stat info {};
+  ASSERT_EQ(::stat((server.folder() / "data").c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777, 0700u);
+}
+
+}  // namespace
+}  // namespace needlelab
