@@ -40,3 +40,14 @@ if(NEEDLELAB_SANITIZE)
     target_compile_options(needlelab_warnings INTERFACE -Wno-tsan)
   endif()
 endif()
+
+# Every file is instrumented, so that the fuzzer sees where it gets. Coroutines (and clang 14's check of function types)
+# do not go together; asserts stay on.
+if(NEEDLELAB_FUZZ STREQUAL "coverage")
+  add_compile_options(-fprofile-instr-generate -fcoverage-mapping -O1 -UNDEBUG)
+  add_link_options(-fprofile-instr-generate -fuse-ld=bfd)
+elseif(NEEDLELAB_FUZZ)
+  add_compile_options(-fsanitize=fuzzer-no-link,address,undefined -fno-sanitize=function -fno-sanitize-recover=all
+    -fno-omit-frame-pointer -O1 -UNDEBUG)
+  add_link_options(-fsanitize=address,undefined -fuse-ld=bfd)
+endif()

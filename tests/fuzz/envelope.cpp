@@ -1,0 +1,69 @@
+// What a peer sends: frames, the envelope in them, and whether it may come now.
+#include <array>
+
+#include "server/rules.h"
+#include "service/roles.h"
+#include "target.h"
+#include "wire/framing.h"
+
+namespace needlelab::fuzz {
+namespace {
+
+void look(const pb::Envelope& envelope) {
+  for (int state = 0; state < kConnectionStates; ++state) {
+    for (int role = 0; role <= pb::STATION; ++role) {
+      const auto verdict = checkMessage(envelope.body_case(), static_cast<ConnectionState>(state),
+                                        static_cast<pb::Role>(role));
+      const bool logged_in = state == static_cast<int>(ConnectionState::kAuthenticated) ||
+                             state == static_cast<int>(ConnectionState::kInSession);
+      if (envelope.has_request() && verdict == Verdict::kAllowed)
+        require(logged_in && role != pb::ROLE_UNSPECIFIED, "requests only after log-in");
+    }
+  }
+  if (envelope.has_request()) {
+    for (int role = -1; role <= pb::STATION + 1; ++role)
+      (void)checkRole({"x", static_cast<pb::Role>(role)}, envelope.request().call_case());
+  }
+  if (kPlanted && envelope.has_subscribe()) {
+    // the fault: a number from the network is an index
+    static std::array<int, 16> seen{};
+    ++seen.data()[envelope.subscribe().subscription()];
+  }
+  if (envelope.body_case() == pb::Envelope::BODY_NOT_SET) return;
+  // what came in can go out again, and is then the same
+  const auto frame = encodeFrame(envelope);
+  if (!frame.ok()) return;  // merged fields may have outgrown a frame
+  const auto again = decodeFrame(viewOf(**frame));
+  require(again.ok(), "an encoded envelope decodes");
+  require(again->body_case() == envelope.body_case(), "an encoded envelope keeps its body");
+}
+
+}  // namespace
+
+void envelope(ByteView data) {
+  if (data.empty()) return;
+  // the first byte: which limit holds, and in what pieces the bytes arrive
+  const std::size_t limit = (data[0] & 1) != 0 ? kMaxFrameBytes : kMaxFrameBytesBeforeLogin;
+  const std::size_t piece = 1 + (data[0] >> 1);
+  data = data.subspan(1);
+  FrameSplitter splitter(limit);
+  std::size_t taken = 0;
+  while (taken < data.size()) {
+    const auto room = splitter.writable();
+    require(!room.empty(), "there is always room for a byte");
+    const std::size_t count = std::min({room.size(), piece, data.size() - taken});
+    std::memcpy(room.data(), data.data() + taken, count);
+    splitter.wrote(count);
+    taken += count;
+    for (;;) {
+      const auto frame = splitter.next();
+      if (!frame.ok()) return;
+      if (!frame->has_value()) break;
+      require(!(*frame)->empty() && (*frame)->size() <= limit, "no frame is empty or above the limit");
+      if (const auto decoded = decodeFrame(**frame); decoded.ok()) look(*decoded);
+    }
+    require(splitter.capacity() <= 2 * limit + 65536, "memory grows with what arrived");
+  }
+}
+
+}  // namespace needlelab::fuzz

@@ -1,0 +1,64 @@
+// The corpus and the findings of before, through the code as everybody builds it.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "base/atomic_file.h"
+#include "target.h"
+
+namespace needlelab::fuzz {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<fs::path> filesOf(std::string_view target) {
+  const fs::path root = NEEDLELAB_SOURCE_DIR;
+  std::vector<fs::path> folders = {root / "tests/fuzz/corpus" / target,
+                                   root / "tests/fuzz/findings" / target};
+  // what is a file of the project already is not kept twice
+  if (target == "profile" || target == "curriculum") folders.push_back(root / "db/samples");
+  if (target == "chunk" || target == "recording") folders.push_back(root / "tests/data/gesture");
+  std::vector<fs::path> files;
+  for (const auto& folder : folders) {
+    if (!fs::is_directory(folder)) continue;
+    for (const auto& entry : fs::directory_iterator(folder))
+      if (entry.is_regular_file()) files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+class Replay : public testing::TestWithParam<Target> {};
+
+TEST_P(Replay, corpusAndFindingsPass) {
+  const auto files = filesOf(GetParam().name);
+  ASSERT_FALSE(files.empty()) << "a target needs seeds: tests/fuzz/README.md";
+  for (const auto& file : files) {
+    const auto bytes = readWholeFile(file, 8u << 20);
+    ASSERT_TRUE(bytes.ok()) << bytes.error().message;
+    // a finding ends the program: the last line says by which file
+    std::fprintf(stderr, "%s\n", file.c_str());
+    GetParam().run(viewOf(*bytes));
+    if (GetParam().repair == nullptr) continue;
+    Bytes mended(bytes->begin(), bytes->end());
+    GetParam().repair(mended);
+    GetParam().run(mended);
+  }
+}
+
+TEST_P(Replay, anythingCutOffPasses) {
+  const auto files = filesOf(GetParam().name);
+  for (const auto& file : files) {
+    const auto bytes = readWholeFile(file, 8u << 20);
+    ASSERT_TRUE(bytes.ok()) << bytes.error().message;
+    const std::size_t step = std::max<std::size_t>(1, bytes->size() / 16);
+    for (std::size_t length = 0; length < bytes->size(); length += step)
+      GetParam().run(viewOf(*bytes).first(length));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Fuzz, Replay, testing::ValuesIn(kTargets),
+                         [](const auto& each) { return std::string(each.param.name); });
+
+}  // namespace
+}  // namespace needlelab::fuzz

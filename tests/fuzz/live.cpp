@@ -1,0 +1,125 @@
+// The live plane of the server: what stations and viewers, all logged in, may make of it.
+#include <array>
+#include <cstring>
+#include <limits>
+
+#include "gesture/chunk.h"
+#include "server/hub.h"
+#include "target.h"
+
+namespace needlelab::fuzz {
+namespace {
+
+/// Takes what the hub sends and looks whether it is a message.
+class Peer : public HubPeer {
+ public:
+  void sendControl(const pb::Envelope& envelope) override {
+    require(envelope.body_case() != pb::Envelope::BODY_NOT_SET, "a control message has a body");
+  }
+  void sendLive(Frame frame, bool counted) override {
+    const auto decoded = decodeFrame(viewOf(*frame));
+    require(decoded.ok() && frame->size() <= kMaxFrameBytes, "a live frame is an envelope");
+    if (!counted) return;
+    require(decoded->has_live_frame(), "what is counted is a live frame");
+    if (kPlanted) {
+      // the fault: frame numbers are believed to grow by a little
+      static std::int32_t last = 0;
+      const auto now = static_cast<std::int32_t>(decoded->live_frame().frame_seq());
+      last = now - last;
+    }
+  }
+};
+
+/// An operation: kind, who, number, length of its data (u16), data.
+struct Operation {
+  unsigned kind = 0, who = 0, number = 0;
+  std::size_t at = 0, count = 0;
+};
+
+template <typename Visit>
+void forEachOperation(ByteView data, Visit visit) {
+  std::size_t at = 0;
+  for (int n = 0; n < 200 && at + 5 <= data.size(); ++n) {
+    std::uint16_t length = 0;
+    std::memcpy(&length, data.data() + at + 3, 2);
+    const Operation operation{data[at] % 9u, data[at + 1] % 3u, data[at + 2], at + 5,
+                              std::min<std::size_t>(length, data.size() - at - 5)};
+    visit(operation);
+    at = operation.at + operation.count;
+  }
+}
+
+}  // namespace
+
+void repairLive(std::span<std::uint8_t> data) {
+  forEachOperation(data, [&](const Operation& op) {
+    if (op.kind == 3) repairChunk(data.subspan(op.at, op.count));
+  });
+}
+
+void live(ByteView data) {
+  std::array<Peer, 3> stations, viewers;
+  const std::array<std::string, 3> names = {"bench-1", "bench-2", ""};
+  const std::array<std::string, 3> sessions = {std::string(16, 'a'), std::string(16, 'b'), ""};
+  Hub hub;
+  std::int64_t now_ns = 1'000'000'000;
+  forEachOperation(data, [&](const Operation& op) {
+    const ByteView rest = data.subspan(op.at, op.count);
+    const std::string& name = names[op.who];
+    now_ns += 20'000'000;
+    switch (op.kind) {
+      case 0:
+        (void)hub.attachStation(name, stations[op.who]);
+        break;
+      case 1:
+        hub.detachStation(name, stations[op.who]);
+        break;
+      case 2: {
+        pb::StationStatus status;
+        if (status.ParseFromArray(rest.data(), static_cast<int>(rest.size())))
+          hub.onStatus(name, status, now_ns);
+        break;
+      }
+      case 3: {
+        pb::LiveFrame frame;
+        frame.set_session_id(sessions[op.number % 3]);
+        frame.set_frame_seq(op.number > 250 ? std::numeric_limits<std::uint64_t>::max() - op.number
+                                            : op.number);
+        frame.set_data(rest.data(), rest.size());
+        (void)hub.onLiveFrame(name, std::move(frame), now_ns);
+        break;
+      }
+      case 4: {
+        pb::Subscribe wanted;
+        if (!wanted.ParseFromArray(rest.data(), static_cast<int>(rest.size()))) break;
+        if ((op.number & 1) != 0) wanted.set_station(names[op.number / 2 % 3]);
+        if ((op.number & 128) != 0) wanted.set_session_id(sessions[op.number / 2 % 3]);
+        (void)hub.subscribe(viewers[op.who], wanted, now_ns);
+        break;
+      }
+      case 5:
+        (void)hub.unsubscribe(viewers[op.who], op.number);
+        break;
+      case 6:
+        hub.detachViewer(viewers[op.who]);
+        break;
+      case 7:
+        hub.onSession(name, sessions[op.number % 3]);
+        break;
+      default: {
+        pb::Stations list;
+        for (const auto& known : names) list.add_stations()->set_name(known);
+        hub.fillStations(list);
+        (void)hub.isWatched(name);
+      }
+    }
+    require(hub.stationsOnline() <= 3, "no more stations than there are");
+  });
+  for (std::size_t i = 0; i < 3; ++i) {
+    hub.detachStation(names[i], stations[i]);
+    hub.detachViewer(viewers[i]);
+  }
+  require(hub.stationsOnline() == 0, "nobody is left behind");
+}
+
+}  // namespace needlelab::fuzz

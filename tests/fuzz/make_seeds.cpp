@@ -1,0 +1,195 @@
+// Writes the seeds that no file of the project is: frames, spools, live operations. usage: make_seeds FOLDER
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <vector>
+
+#include "base/atomic_file.h"
+#include "gesture/chunk.h"
+#include "gesture/session_hash.h"
+#include "net/spool.h"
+#include "net/spool_lessons.h"
+#include "target.h"
+#include "wire/framing.h"
+
+namespace {
+
+using namespace needlelab;
+namespace fs = std::filesystem;
+
+Bytes someChunk(std::uint64_t first_tick, std::size_t count) {
+  std::vector<GestureSample> samples(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    samples[i].tick = first_tick + i;
+    samples[i].time_ns = static_cast<std::int64_t>(samples[i].tick) * 1'000'000;
+    samples[i].p_WT_m[2] = 1e-5 * static_cast<double>(i * i % 17);
+    samples[i].force_W_N[2] = 0.1 * static_cast<double>(i % 5);
+  }
+  return encodeChunk(Resolution::standard(), samples);
+}
+
+void save(const fs::path& file, ByteView bytes) {
+  fs::create_directories(file.parent_path());
+  fuzz::writeFile(file, bytes);
+}
+
+void putFrame(Bytes& out, const pb::Envelope& envelope) {
+  std::string text = envelope.SerializeAsString(), head;
+  appendFrameHeader(head, text.size());
+  out.insert(out.end(), head.begin(), head.end());
+  out.insert(out.end(), text.begin(), text.end());
+}
+
+void frames(const fs::path& folder) {
+  // one of each body, filled by default, and some with content
+  const auto* body = pb::Envelope::descriptor()->FindOneofByName("body");
+  Bytes all = {0x61};
+  for (int i = 0; i < body->field_count(); ++i) {
+    pb::Envelope envelope;
+    (void)envelope.GetReflection()->MutableMessage(&envelope, body->field(i));
+    putFrame(all, envelope);
+  }
+  save(folder / "every_body", all);
+
+  pb::Envelope hello, login, subscribe, chunk, request, open;
+  hello.mutable_hello()->mutable_version()->set_major(1);
+  hello.mutable_hello()->set_program("seed");
+  hello.mutable_hello()->add_abilities("x");
+  login.mutable_login()->mutable_person()->set_user("anna");
+  login.mutable_login()->mutable_person()->set_password("long enough");
+  subscribe.mutable_subscribe()->set_subscription(3);
+  subscribe.mutable_subscribe()->set_station("bench-1");
+  subscribe.mutable_subscribe()->set_rate_hz(100);
+  const Bytes data = someChunk(0, 3);
+  chunk.mutable_chunk()->set_session_id(std::string(16, 's'));
+  chunk.mutable_chunk()->set_seq(7);
+  chunk.mutable_chunk()->set_data(data.data(), data.size());
+  request.mutable_request()->set_id(5);
+  request.mutable_request()->mutable_add_user()->set_name("bert");
+  request.mutable_request()->mutable_add_user()->set_role(pb::TRAINEE);
+  open.mutable_open_session()->mutable_description()->set_station("bench-1");
+  open.mutable_open_session()->mutable_description()->set_profile_json("{}");
+  Bytes lesson = {0x01};
+  for (const auto* each : {&hello, &login, &subscribe, &chunk, &request, &open}) putFrame(lesson, *each);
+  save(folder / "lesson", lesson);
+  Bytes pieces = {0x02};
+  putFrame(pieces, hello);
+  putFrame(pieces, login);
+  save(folder / "byte_by_byte", pieces);
+  save(folder / "too_long", Bytes{0x00, 0x00, 0x00, 0x10, 0x01, 0x08});
+  save(folder / "empty_frame", Bytes{0x00, 0, 0, 0, 0});
+}
+
+std::string wire(const google::protobuf::Message& message) {
+  return message.SerializeAsString();
+}
+
+void put(Bytes& out, std::uint8_t kind, std::uint8_t who, std::uint8_t number, ByteView data) {
+  ByteWriter writer(out);
+  writer.put(kind);
+  writer.put(who);
+  writer.put(number);
+  writer.put(static_cast<std::uint16_t>(data.size()));
+  writer.put(data);
+}
+
+void lives(const fs::path& folder) {
+  pb::StationStatus status;
+  status.set_trainee("tina");
+  status.set_session_id(std::string(16, 'a'));
+  status.set_force_n(1.5);
+  pb::Subscribe full, slow;
+  full.set_subscription(1);
+  full.set_station("bench-1");
+  slow.set_subscription(2);
+  slow.set_rate_hz(100);
+  const Bytes chunk = someChunk(100, 4);
+  Bytes out;
+  put(out, 0, 0, 0, {});
+  put(out, 4, 0, 0, viewOf(wire(full)));
+  put(out, 4, 1, 1, viewOf(wire(slow)));
+  put(out, 4, 2, 0, viewOf(wire(slow)));
+  put(out, 2, 0, 0, viewOf(wire(status)));
+  put(out, 3, 0, 0, chunk);
+  put(out, 3, 0, 3, chunk);
+  put(out, 7, 0, 1, {});
+  put(out, 8, 0, 0, {});
+  put(out, 5, 0, 1, {});
+  put(out, 6, 1, 0, {});
+  put(out, 1, 0, 0, {});
+  save(folder / "watched", out);
+  Bytes by_session;
+  put(by_session, 4, 0, 128, viewOf(wire(slow)));
+  put(by_session, 0, 1, 0, {});
+  put(by_session, 7, 1, 0, {});
+  put(by_session, 3, 1, 0, chunk);
+  put(by_session, 3, 1, 255, chunk);
+  save(folder / "by_session", by_session);
+}
+
+bool spools(const fs::path& folder) {
+  const fs::path where = fuzz::scratchFolder() / "seed-spool";
+  pb::SessionDescription d;
+  const auto id = parseUuid("01890a5d-ac96-774b-bcce-b302099a8057");
+  d.set_session_id(std::string(id->begin(), id->end()));
+  d.set_station("bench-1");
+  d.set_trainee("tina");
+  d.set_exercise_id("practice");
+  d.set_profile_id("p");
+  d.set_profile_json("{}");
+  d.set_engine_version("seed");
+  d.set_rate_hz(1000);
+  d.set_started_unix_ns(1'000'000'000);
+  setResolution(d, Resolution::standard());
+  pb::Lesson lesson;
+  lesson.set_exercise_json("{\"id\": \"practice\"}");
+  const auto pack = [&](const std::string& name) {
+    Bytes out;
+    const fs::path session = where / "01890a5d-ac96-774b-bcce-b302099a8057";
+    for (const auto& file :
+         {session / "session.json", session / "chunks", session / "tail", session / "end.json",
+          session / "acked.json", session / "lost", where / "lessons/practice.json"}) {
+      const auto text = fs::exists(file) ? readWholeFile(file) : Result<std::string>(std::string());
+      ByteWriter writer(out);
+      writer.put(static_cast<std::uint16_t>(text->size()));
+      writer.put(viewOf(*text));
+    }
+    save(folder / name, out);
+  };
+  auto opened = Spool::open(where);
+  if (!opened.ok()) return false;
+  auto session = (*opened)->create(d);
+  if (!session.ok()) {
+    std::fprintf(stderr, "%s\n", session.error().message.c_str());
+    return false;
+  }
+  bool ok =
+      (*session)->appendChunk(someChunk(0, 8), 8).ok() && (*session)->appendChunk(someChunk(8, 8), 8).ok() &&
+      (*session)->sync().ok() && (*session)->appendPiece(2, someChunk(16, 3)).ok() &&
+      (*session)->appendPiece(2, someChunk(19, 3)).ok() && LessonCache(where).keep("practice", lesson).ok();
+  pack("cut_off");
+  ok = ok && (*session)->restartTail().ok() && (*session)->setReceipt({1, 1, false, 0}).ok() &&
+       (*session)->end(false).ok();
+  pack("ended");
+  return ok;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 2) return 2;
+  const fs::path folder = argv[1];
+  frames(folder / "envelope");
+  lives(folder / "live");
+  if (!spools(folder / "spool")) return 1;
+  save(folder / "trajectory/two_rows",
+       viewOf(
+           "t_s,px_m,py_m,pz_m,qx,qy,qz,qw,plunger\n0,0,0,0.01,0,0,0,1,0\n0.002,0,1e-3,0.02,0,0,0,1,0.5\n"));
+  save(folder / "trajectory/windows",
+       viewOf("qw,qx,qy,qz,px_m,py_m,pz_m,t_s,more\r\n1,0,0,0,0,0,-.5,1e0,x\r\n"));
+  save(folder / "trajectory/bad_cell", viewOf("t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,nan,0,0,0,0,0,1\n"));
+  save(folder / "address/name", viewOf("server.lab:7750"));
+  save(folder / "address/v6", viewOf("[fe80::1]:80"));
+  save(folder / "address/alone", viewOf("10.0.0.1"));
+  return 0;
+}

@@ -1,0 +1,52 @@
+// Profiles and curricula: JSON from people.
+#include <array>
+#include <cstring>
+
+#include "haptics/scene_model.h"
+#include "profile/profile.h"
+#include "target.h"
+
+namespace needlelab::fuzz {
+
+void profile(ByteView data) {
+  const auto parsed = parseProfile(textOf(data), "fuzz.json");
+  if (!parsed.ok()) {
+    require(!parsed.error().message.empty(), "a refusal says why");
+    return;
+  }
+  if (kPlanted) {
+    // the fault: six layers are believed to be the most
+    std::array<double, 6> force_N{};
+    for (int i = 0; i < parsed->layers_size(); ++i) force_N.data()[i] = parsed->layers(i).cutting_force_n();
+    require(force_N.data()[0] >= 0, "forces are not negative");
+  }
+  const std::string canonical = profileJson(*parsed);
+  const auto again = parseProfile(canonical, "canonical.json");
+  require(again.ok(), "canonical JSON parses");
+  require(profileJson(*again) == canonical, "canonical JSON is canonical");
+  (void)profileWarnings(*parsed);
+  const auto spec = sceneSpecOf(*parsed);
+  require(spec.ok(), "a valid profile is a scene");
+}
+
+void curriculum(ByteView data) {
+  if (const auto exercise = parseExercise(textOf(data), "fuzz.json"); exercise.ok()) {
+    const std::string canonical = exerciseJson(*exercise);
+    const auto again = parseExercise(canonical, "canonical.json");
+    require(again.ok() && exerciseJson(*again) == canonical, "an exercise's canonical JSON is canonical");
+  }
+  const auto parsed = parseCurriculum(textOf(data), "fuzz.json");
+  if (!parsed.ok()) return;
+  if (kPlanted) {
+    // the fault: a fixed room for a text
+    std::array<char, 24> id{};
+    for (const auto& exercise : parsed->exercises())
+      std::memcpy(id.data(), exercise.id().data(), exercise.id().size());
+    require(id.data()[0] != '\n', "ids");
+  }
+  const std::string canonical = curriculumJson(*parsed);
+  const auto again = parseCurriculum(canonical, "canonical.json");
+  require(again.ok() && curriculumJson(*again) == canonical, "a curriculum's canonical JSON is canonical");
+}
+
+}  // namespace needlelab::fuzz

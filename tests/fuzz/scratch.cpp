@@ -1,0 +1,42 @@
+#include <unistd.h>
+
+#include <fstream>
+
+#include "target.h"
+
+namespace needlelab::fuzz {
+namespace {
+
+struct Folder {
+  Folder() {
+    // in memory: thousands of files a second, each of them synced by the code under test
+    std::error_code error;
+    const std::filesystem::path memory = "/dev/shm";
+    const bool usable = std::filesystem::is_directory(memory, error) && ::access(memory.c_str(), W_OK) == 0;
+    path = (usable ? memory : std::filesystem::temp_directory_path()) /
+           ("needlelab-fuzz-" + std::to_string(::getpid()));
+    std::filesystem::remove_all(path, error);
+    std::filesystem::create_directories(path);
+  }
+  ~Folder() {
+    std::error_code error;
+    std::filesystem::remove_all(path, error);
+  }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  std::filesystem::path path;
+};
+
+}  // namespace
+
+const std::filesystem::path& scratchFolder() {
+  static const Folder folder;
+  return folder.path;
+}
+
+void writeFile(const std::filesystem::path& path, ByteView bytes) {
+  std::ofstream out(path, std::ios::binary | std::ios::trunc);
+  out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+}
+
+}  // namespace needlelab::fuzz

@@ -1,0 +1,43 @@
+// What comes as text from a person: recorded trajectories (CSV), HOST:PORT.
+#include <array>
+
+#include "device/recording_device.h"
+#include "target.h"
+#include "wire/endpoint.h"
+
+namespace needlelab::fuzz {
+
+void trajectory(ByteView data) {
+  const auto file = scratchFolder() / "fuzz.csv";
+  writeFile(file, data);
+  const auto track = readPoseTrack(file);
+  if (!track.ok()) return;
+  require(!track->t_s.empty() && track->t_s.size() == track->X_WH.size(), "columns have one length");
+  require(track->plunger.empty() || track->plunger.size() == track->t_s.size(), "the plunger's too");
+  if (kPlanted) {
+    // the fault: the last row is believed to be followed by another
+    double sum = 0;
+    for (std::size_t i = 0; i < track->t_s.size(); ++i) sum += track->t_s.data()[i + 1];
+    require(sum == sum, "times are numbers");
+  }
+  if (track->t_s.back() - track->t_s.front() > 10) return;  // resampling it is only long
+  const auto poses = resamplePoses(*track, 1000);
+  require(poses.size() == tickCount(*track, 1000), "a pose for each tick");
+  (void)resamplePlunger(*track, 1000);
+}
+
+void address(ByteView data) {
+  const auto parsed = parseEndpoint(textOf(data));
+  if (!parsed.ok()) return;
+  if (kPlanted) {
+    // the fault: a fixed room for a text
+    std::array<char, 16> host{};
+    std::memcpy(host.data(), parsed->host.data(), parsed->host.size());
+    require(host.data()[0] != '\n', "hosts");
+  }
+  require(!parsed->host.empty(), "an address has a host");
+  const auto again = parseEndpoint(endpointText(*parsed));
+  require(again.ok() && again->host == parsed->host && again->port == parsed->port, "an address comes back");
+}
+
+}  // namespace needlelab::fuzz
