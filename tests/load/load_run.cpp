@@ -215,7 +215,6 @@ class LoadRun {
     result_.streamed_s = seconds(steadyNowNs() - begin_ns);
     result_.server_cpu_s = serverCpu_s() - server_cpu_s;
     result_.generator_cpu_s = ownCpu_s() - generator_cpu_s;
-    sampleServer(result_.streamed_s);
     return {};
   }
 
