@@ -30,8 +30,9 @@ int Lab::admin(const std::vector<std::string>& arguments) const {
 void Lab::startServer() {
   std::filesystem::remove(path("port"));
   // after a restart the same port: the stations come back to it
-  std::vector<std::string> arguments = {
-      "--data", path("data"), "--listen", "127.0.0.1:" + std::to_string(port_), "--port-file", path("port")};
+  std::vector<std::string> arguments = {"--data",      path("data"),
+                                        "--listen",    listen_host + ":" + std::to_string(port_),
+                                        "--port-file", path("port")};
   arguments.insert(arguments.end(), server_arguments.begin(), server_arguments.end());
   server_ = std::make_unique<Process>("needlelab-server", arguments, path("server.log"));
   std::string text;

@@ -31,6 +31,7 @@ class Lab {
 
   /// More arguments for the next start of the server.
   std::vector<std::string> server_arguments;
+  std::string listen_host = "127.0.0.1";
   void startServer();
   void killServer();
   /// SIGTERM; the exit code.

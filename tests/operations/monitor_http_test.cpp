@@ -1,0 +1,113 @@
+// The HTTP server for machines that watch: bounded, and no more than it should be.
+#include <gmock/gmock.h>
+
+#include <nlohmann/json.hpp>
+
+#include "prometheus_text.h"
+#include "running_server.h"
+#include "server/prometheus.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+
+void withMetrics(ServerOptions& options) {
+  options.metrics = "0";  // a port alone, any free one, of this machine
+}
+
+TEST(Prometheus, labelsAreEscapedAndNumbersWhole) {
+  PrometheusText out;
+  out.metric("a_total", "counter", "Back\\slash and\nline.");
+  out.sample(1e15, {{"x", "a\"b\\c\nd"}});
+  out.sample(0.1, {{"x", "e"}});
+  EXPECT_EQ(out.text(),
+            "# HELP a_total Back\\\\slash and\\nline.\n# TYPE a_total counter\n"
+            "a_total{x=\"a\\\"b\\\\c\\nd\"} 1e+15\na_total{x=\"e\"} 0.1\n");
+  EXPECT_THAT(parsePrometheus(out.text()).faults, testing::IsEmpty());
+}
+
+TEST(Prometheus, theStrictReaderSeesWhatIsWrong) {
+  for (const char* text :
+       {"a 1", "a 1\n", "# HELP a x\n# TYPE a counter\na 1\n", "# HELP a x\n# TYPE a gauge\nb 1\n",
+        "# HELP a x\n# TYPE a gauge\na 1\na 2\n", "# HELP a x\n# TYPE a gauge\na{b=c} 1\n",
+        "# HELP a x\n# TYPE a gauge\na 1,5\n", "# TYPE a gauge\na 1\n",
+        "# HELP h x\n# TYPE h histogram\nh_bucket{le=\"1\"} 2\nh_bucket{le=\"+Inf\"} 1\nh_sum 1\nh_count "
+        "1\n"})
+    EXPECT_THAT(parsePrometheus(text).faults, testing::Not(testing::IsEmpty())) << text;
+}
+
+TEST(MonitorHttp, answersGetAndHeadOfTwoPathsOnly) {
+  RunningServer server(withMetrics);
+  const std::uint16_t port = server.server().metricsPort();
+  ASSERT_NE(port, 0);
+  const HttpReply metrics = httpGet(port, "/metrics");
+  EXPECT_EQ(metrics.status, 200);
+  EXPECT_THAT(metrics.head, testing::HasSubstr("text/plain; version=0.0.4"));
+  const Scrape scrape = parsePrometheus(metrics.body);
+  EXPECT_THAT(scrape.faults, testing::IsEmpty());
+  EXPECT_GT(scrape.types.size(), 40u);
+  EXPECT_EQ(httpGet(port, "/metrics?x=1").status, 200);
+  EXPECT_EQ(httpGet(port, "/").status, 404);
+  EXPECT_EQ(httpGet(port, "/../etc/passwd").status, 404);
+  EXPECT_EQ(httpSend(port, "POST /metrics HTTP/1.1\r\nHost: x\r\nContent-Length: 0\r\n\r\n").status, 405);
+  const HttpReply head = httpSend(port, "HEAD /healthz HTTP/1.1\r\nHost: x\r\n\r\n");
+  EXPECT_EQ(head.status, 200);
+  EXPECT_TRUE(head.body.empty());
+}
+
+TEST(MonitorHttp, garbageAndGiantsEndAtOnceAndTheNextIsServed) {
+  RunningServer server(withMetrics);
+  const std::uint16_t port = server.server().metricsPort();
+  const auto started = std::chrono::steady_clock::now();
+  for (const std::string& bytes :
+       {std::string("\x16\x03\x01\x02\x00\x01", 6) + std::string(300, 'x'), std::string(1u << 20, 'A'),
+        "GET /metrics HTTP/1.1\r\nX: " + std::string(100'000, 'y') + "\r\n\r\n",
+        std::string("GET /metrics HTTP/1.1\r\nContent-Length: 99999999\r\n\r\nabc")}) {
+    const HttpReply reply = httpSend(port, bytes);
+    EXPECT_TRUE(reply.status == 0 || reply.status == 400 || reply.status == 200) << reply.head;
+  }
+  EXPECT_LT(std::chrono::steady_clock::now() - started, std::chrono::seconds(8))
+      << "none waits for a time-out";
+  // more connections than it takes, which say nothing: they cannot shut others out for longer than the
+  // deadline
+  EXPECT_EQ(httpGet(port, "/healthz").status, 200);
+  EXPECT_EQ(server.stop(), 0);
+}
+
+TEST(Health, anIdleServerProvesThatItCanWrite) {
+  RunningServer server(withMetrics);
+  const auto commits = server.server().store().writer().counters().commits;
+  const HttpReply reply = httpGet(server.server().metricsPort(), "/healthz");
+  EXPECT_EQ(reply.status, 200) << reply.body;
+  EXPECT_EQ(std::count(reply.body.begin(), reply.body.end(), '\n'), 1) << "one line";
+  const auto json = nlohmann::json::parse(reply.body, nullptr, false);
+  ASSERT_TRUE(json.is_object()) << reply.body;
+  EXPECT_EQ(json["healthy"], true);
+  EXPECT_EQ(json["database_writable"], true);
+  EXPECT_GT(json["disk_free_bytes"], 0);
+  EXPECT_TRUE(json["backup_age_s"].is_null());
+  EXPECT_GT(json["certificate_days_left"], 700);
+  EXPECT_EQ(server.server().store().writer().counters().commits, commits + 1) << "the trial write";
+  // asked again at once, it believes itself: watching costs next to nothing
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(httpGet(server.server().metricsPort(), "/healthz").status, 200);
+  EXPECT_EQ(server.server().store().writer().counters().commits, commits + 1);
+}
+
+TEST(Health, aFullDiskAndAMissingBackupAre503AndSaidInWords) {
+  RunningServer server([](ServerOptions& options) {
+    withMetrics(options);
+    options.monitor.min_free_bytes = std::uint64_t{1} << 60;
+    options.monitor.max_backup_age = std::chrono::hours(24);
+  });
+  const HttpReply reply = httpGet(server.server().metricsPort(), "/healthz");
+  EXPECT_EQ(reply.status, 503);
+  EXPECT_THAT(reply.body,
+              testing::AllOf(testing::HasSubstr("MiB left"), testing::HasSubstr("never a verified backup"),
+                             testing::HasSubstr("\"healthy\":false")));
+  EXPECT_EQ(server.server().store().writer().counters().commits, 0u)
+      << "no trial write where there is no room";
+}
+
+}  // namespace
+}  // namespace needlelab

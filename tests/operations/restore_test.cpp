@@ -1,0 +1,262 @@
+// A backup put in a database's place: complete or not at all.
+#include "service/restore.h"
+
+#include <gmock/gmock.h>
+
+#include <fstream>
+
+#include "base/atomic_file.h"
+#include "db/backup.h"
+#include "db/migrate.h"
+#include "running_server.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+constexpr std::int64_t kNow = 1'790'000'000'000'000'000;
+
+/// A stopped server's folder: users `kept` and, added after the backup, `late`.
+class RestoreTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    addUser("kept");
+    {
+      auto store = open();
+      auto reader = store->readers().borrow();
+      ASSERT_TRUE(backupTo(**reader, backup()).ok());
+    }
+    addUser("late");
+  }
+  [[nodiscard]] fs::path data() const { return folder_.path() / "data"; }
+  [[nodiscard]] fs::path backup() const { return folder_.path() / "backup.db"; }
+  [[nodiscard]] std::unique_ptr<Store> open() const {
+    auto store = Store::open(data(), {});
+    if (!store.ok()) throw std::runtime_error(store.error().message);
+    return std::move(*store);
+  }
+  void addUser(const std::string& name) const {
+    auto store = open();
+    pb::Request request;
+    request.mutable_add_user()->set_name(name);
+    request.mutable_add_user()->set_role(pb::TRAINEE);
+    ASSERT_FALSE(store->service().execute({"root", pb::ADMINISTRATOR}, request).error);
+  }
+  /// Names of the people in the folder's database.
+  [[nodiscard]] std::vector<std::string> people(const fs::path& at = {}) const {
+    std::vector<std::string> names;
+    auto reader =
+        Connection::open(at.empty() ? data() / "needlelab.db" : at, {.mode = Connection::Mode::kReader});
+    if (!reader.ok()) return {reader.error().message};
+    auto rows = reader->prepare("SELECT name FROM people ORDER BY name");
+    for (auto row = rows.step(); row.ok() && *row; row = rows.step()) names.emplace_back(rows.text(0));
+    return names;
+  }
+  void copyTo(const fs::path& to) const {
+    fs::remove(to);
+    fs::copy_file(backup(), to);
+  }
+  /// Whatever is wrong, nothing has changed.
+  void refused(const fs::path& from, ErrorCode code, const std::string& words) {
+    const auto before = *readWholeFile(data() / "needlelab.db");
+    const auto result = restoreFrom(data(), from, kNow);
+    ASSERT_FALSE(result.ok());
+    EXPECT_EQ(result.error().code, code);
+    EXPECT_THAT(result.error().message, HasSubstr(words));
+    EXPECT_EQ(*readWholeFile(data() / "needlelab.db"), before);
+    EXPECT_FALSE(fs::exists(data() / "needlelab.db.restoring"));
+    EXPECT_FALSE(fs::exists(data() / "restore.pending"));
+    EXPECT_EQ(people(), (std::vector<std::string>{"kept", "late"}));
+  }
+  TempFolder folder_;
+};
+
+TEST_F(RestoreTest, putsTheBackupInPlaceAndKeepsWhatWasThere) {
+  // a log that was not checkpointed: it must neither be lost with the old database nor be applied to the new
+  // one
+  {
+    auto writer = Connection::open(data() / "needlelab.db", {.mode = Connection::Mode::kWriter});
+    ASSERT_TRUE(writer.ok());
+    ASSERT_TRUE(writer->script("INSERT INTO meta VALUES ('in_the_log', '1')").ok());
+  }
+  ASSERT_GT(fs::file_size(data() / "needlelab.db-wal"), 0u);
+  const auto result = restoreFrom(data(), backup(), kNow);
+  ASSERT_TRUE(result.ok()) << result.error().message;
+  EXPECT_EQ(people(), std::vector<std::string>{"kept"});
+  EXPECT_EQ(people(result->kept), (std::vector<std::string>{"kept", "late"}));
+  auto old = Connection::open(result->kept, {.mode = Connection::Mode::kReader});
+  auto rows = old->prepare("SELECT value FROM meta WHERE key = 'in_the_log'");
+  EXPECT_TRUE(*rows.step()) << "the kept database has its log";
+  auto fresh = Connection::open(data() / "needlelab.db", {.mode = Connection::Mode::kReader});
+  auto none = fresh->prepare("SELECT value FROM meta WHERE key = 'in_the_log'");
+  EXPECT_FALSE(*none.step());
+  EXPECT_EQ(fs::status(data() / "needlelab.db").permissions(),
+            fs::perms::owner_read | fs::perms::owner_write);
+  // and it works
+  addUser("later");
+  // a second one at the same time of day keeps its own
+  const auto again = restoreFrom(data(), backup(), kNow);
+  ASSERT_TRUE(again.ok()) << again.error().message;
+  EXPECT_NE(again->kept, result->kept);
+  EXPECT_EQ(people(again->kept), (std::vector<std::string>{"kept", "later"}));
+}
+
+TEST_F(RestoreTest, aNewMachineGetsItsDatabase) {
+  const fs::path there = folder_.path() / "new";
+  fs::create_directory(there);
+  const auto result = restoreFrom(there, backup(), kNow);
+  ASSERT_TRUE(result.ok()) << result.error().message;
+  EXPECT_TRUE(result->kept.empty());
+  EXPECT_EQ(people(there / "needlelab.db"), std::vector<std::string>{"kept"});
+}
+
+TEST_F(RestoreTest, aBackupOfEveryOlderSchemaIsTakenAndMigrated) {
+  for (int version = 1; version <= newestSchemaVersion(); ++version) {
+    const fs::path old = folder_.path() / ("v" + std::to_string(version) + ".db");
+    const auto sql = readWholeFile(fs::path(NEEDLELAB_SOURCE) / "tests/data/db" /
+                                   ("v" + std::to_string(version) + ".sql"));
+    ASSERT_TRUE(sql.ok()) << sql.error().message;
+    {
+      auto writer = Connection::open(old, {.mode = Connection::Mode::kWriter, .create = true});
+      ASSERT_TRUE(writer.ok());
+      ASSERT_TRUE(writer->script(*sql).ok());
+      ASSERT_TRUE(writer->checkpointPassive().ok());
+      ASSERT_TRUE(writer->script("PRAGMA journal_mode=DELETE").ok());
+    }
+    const auto result = restoreFrom(data(), old, kNow);
+    ASSERT_TRUE(result.ok()) << result.error().message;
+    EXPECT_EQ(result->schema, version);
+    EXPECT_GE(result->chunks, 4u);
+    auto reader = Connection::open(data() / "needlelab.db", {.mode = Connection::Mode::kReader});
+    EXPECT_EQ(*schemaVersion(*reader), newestSchemaVersion());
+  }
+}
+
+TEST_F(RestoreTest, isRefusedWhileAServerRuns) {
+  const auto store = open();
+  const auto result = restoreFrom(data(), backup(), kNow);
+  ASSERT_FALSE(result.ok());
+  EXPECT_EQ(result.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(result.error().message, HasSubstr("a server is running"));
+}
+
+TEST_F(RestoreTest, refusesWhatIsNoGoodBackupAndChangesNothing) {
+  const fs::path bad = folder_.path() / "bad.db";
+  copyTo(bad);
+  {
+    auto writer = Connection::open(bad, {.mode = Connection::Mode::kWriter});
+    ASSERT_TRUE(writer->script("PRAGMA journal_mode=DELETE; PRAGMA user_version=999").ok());
+  }
+  refused(bad, ErrorCode::kVersion, "999");
+  copyTo(bad);
+  fs::resize_file(bad, fs::file_size(bad) / 2 / 4096 * 4096);
+  refused(bad, ErrorCode::kCorrupt, "");
+  folder_.write("bad.db", std::string(20'000, 'x'));
+  refused(bad, ErrorCode::kCorrupt, "");
+  folder_.write("bad.db", "");
+  refused(bad, ErrorCode::kCorrupt, "no database of needlelab");
+  refused(folder_.path() / "none.db", ErrorCode::kInvalidInput, "no such file");
+  refused(data() / "needlelab.db", ErrorCode::kInvalidInput, "the database itself");
+  copyTo(bad);
+  folder_.write("bad.db-wal", "log");
+  refused(bad, ErrorCode::kInvalidInput, "no backup");
+}
+
+TEST_F(RestoreTest, whatWasCutOffIsCompletedByTheNextStart) {
+  // each state that a crash can leave between the decision and the end
+  const std::string kept = "needlelab.db.replaced-20260101T000000Z";
+  const auto decided = [&] {
+    copyTo(data() / "needlelab.db.restoring");
+    std::ofstream(data() / "restore.pending") << kept;
+  };
+  const auto expectRestored = [&](const char* when) {
+    { const auto store = open(); }
+    EXPECT_EQ(people(), std::vector<std::string>{"kept"}) << when;
+    EXPECT_EQ(people(data() / kept), (std::vector<std::string>{"kept", "late"})) << when;
+    EXPECT_FALSE(fs::exists(data() / "restore.pending")) << when;
+    EXPECT_FALSE(fs::exists(data() / "needlelab.db.restoring")) << when;
+  };
+  const auto bringBack = [&] {
+    for (const char* name : {"needlelab.db", "needlelab.db-wal", "needlelab.db-shm"})
+      fs::remove(data() / name);
+    fs::rename(data() / kept, data() / "needlelab.db");
+    fs::remove(data() / (kept + "-wal"));
+    fs::remove(data() / (kept + "-shm"));
+  };
+  decided();
+  expectRestored("just decided");
+  bringBack();
+  decided();
+  fs::create_hard_link(data() / "needlelab.db", data() / kept);
+  expectRestored("kept under its name");
+  bringBack();
+  decided();
+  fs::create_hard_link(data() / "needlelab.db", data() / kept);
+  fs::remove(data() / "needlelab.db-wal");
+  fs::remove(data() / "needlelab.db-shm");
+  expectRestored("the log is removed");
+  bringBack();
+  decided();
+  fs::create_hard_link(data() / "needlelab.db", data() / kept);
+  fs::remove(data() / "needlelab.db-wal");
+  fs::remove(data() / "needlelab.db-shm");
+  fs::rename(data() / "needlelab.db.restoring", data() / "needlelab.db");
+  expectRestored("in place, not yet said");
+  // before the decision: the old database is as it was
+  bringBack();
+  copyTo(data() / "needlelab.db.restoring");
+  { const auto store = open(); }
+  EXPECT_EQ(people(), (std::vector<std::string>{"kept", "late"}));
+}
+
+TEST_F(RestoreTest, aForgedDecisionIsNotFollowed) {
+  copyTo(data() / "needlelab.db.restoring");
+  std::ofstream(data() / "restore.pending") << "../../etc/passwd";
+  const auto store = Store::open(data(), {});
+  ASSERT_FALSE(store.ok());
+  EXPECT_THAT(store.error().message, HasSubstr("restore.pending"));
+  EXPECT_EQ(people(), (std::vector<std::string>{"kept", "late"}));
+}
+
+TEST(BackupRotation, keepsTheNewestAndTouchesNothingElse) {
+  const TempFolder folder;
+  for (const char* day : {"01", "03", "02", "05", "04"})
+    folder.write("needlelab-202601" + std::string(day) + "T023000Z.db", "x");
+  for (const char* other :
+       {"needlelab-20250101T023000Z.db.partial", "needlelab-x.db", "thesis.doc", "needlelab.db"})
+    folder.write(other, "x");
+  fs::create_directory(folder.path() / "needlelab-20200101T000000Z.db");
+  const auto removed = removeOldBackups(folder.path(), 2);
+  ASSERT_TRUE(removed.ok());
+  EXPECT_EQ(removed->size(), 3u);
+  EXPECT_TRUE(fs::exists(folder.path() / "needlelab-20260105T023000Z.db"));
+  EXPECT_TRUE(fs::exists(folder.path() / "needlelab-20260104T023000Z.db"));
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()), 7);
+  EXPECT_EQ(backupName(1'767'321'000'000'000'000), "needlelab-20260102T023000Z.db");
+}
+
+TEST(BackupCancel, isGivenUpSoonAndLeavesNothing) {
+  RunningServer server;
+  auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
+  ASSERT_TRUE(station.ok());
+  FakeSession session("bench-1");
+  ASSERT_TRUE(station->send(session.open()).ok());
+  for (std::uint64_t seq = 0; seq < 60; ++seq) ASSERT_TRUE(station->send(session.chunk(seq)).ok());
+  session.waitForAck(*station, 60);
+  const fs::path target = server.folder() / "backup.db";
+  pb::Request request;
+  request.mutable_backup()->set_path(target);
+  // the server's end comes first: whatever runs or comes later ends at once
+  server.service().cancelLongWork();
+  const Outcome outcome = server.service().execute({"root", pb::ADMINISTRATOR}, request);
+  ASSERT_TRUE(outcome.error);
+  EXPECT_THAT(outcome.error->message, HasSubstr("given up"));
+  EXPECT_FALSE(fs::exists(target));
+  EXPECT_FALSE(fs::exists(target.string() + ".partial"));
+}
+
+}  // namespace
+}  // namespace needlelab
