@@ -33,7 +33,14 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
   if (!shaken.ok()) ++peer.context_.counters.handshakes_failed;
   if (shaken.ok() && peer.state_ == ConnectionState::kConnecting) peer.setState(ConnectionState::kGreeting);
   while (!peer.over() && !peer.channel_->closing()) {
-    auto got = co_await peer.channel_->receive();
+    auto cut = peer.channel_->next();
+    if (cut.ok() && !cut->has_value()) {
+      if (const Status more = co_await peer.channel_->readMore(); !more.ok()) break;
+      continue;
+    }
+    // by far the most messages are live frames: they go on as the bytes that they are
+    if (cut.ok() && peer.passLive(**cut)) continue;
+    auto got = cut.ok() ? decodeFrame(**cut) : Result<pb::Envelope>(cut.error());
     if (!got.ok()) {
       // bytes that are no message: the stream is lost, but the peer may learn why
       const ErrorCode code = got.error().code;
@@ -83,6 +90,16 @@ bool PeerConnection::busy() const {
   return chunks_in_flight_ >= bounds.chunks_in_flight ||
          chunk_bytes_in_flight_ > bounds.chunk_bytes_in_flight ||
          requests_at_work_ + closing_sessions_.size() >= bounds.requests_at_work;
+}
+
+/// False: it is no plain live frame that may come now; dispatch() will say what is wrong with it, if
+/// anything.
+bool PeerConnection::passLive(ByteView bytes) {
+  if (checkMessage(pb::Envelope::kLiveFrame, state_, who_.role) != Verdict::kAllowed) return false;
+  const auto frame = viewLiveFrame(bytes);
+  if (!frame || tooOften(pb::Envelope::kLiveFrame)) return false;
+  if (auto refusal = context_.hub.onLiveFrame(*this, *frame, steadyNowNs())) refuse(std::move(*refusal));
+  return true;
 }
 
 Task<> PeerConnection::dispatch(pb::Envelope envelope) {
@@ -140,8 +157,7 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope) {
       context_.hub.onStatus(who_.name, envelope.station_status(), steadyNowNs());
       break;
     case pb::Envelope::kLiveFrame: {
-      auto refusal =
-          context_.hub.onLiveFrame(who_.name, std::move(*envelope.mutable_live_frame()), steadyNowNs());
+      auto refusal = context_.hub.onLiveFrame(who_.name, envelope.live_frame(), steadyNowNs());
       if (refusal) refuse(std::move(*refusal));
       break;
     }

@@ -60,6 +60,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
 
   // --- connection.cpp: life and dispatch
   void setState(ConnectionState next);
+  bool passLive(ByteView frame);
   Task<> dispatch(pb::Envelope envelope);
   void refuse(pb::Refusal refusal, std::uint64_t request = 0);
   void refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request = 0);

@@ -131,9 +131,9 @@ void PeerConnection::takeChunk(pb::Chunk chunk) {
     return {};
   };
   // called on the writer's thread, after the commit
-  DbWriter::Done done = [self = shared_from_this(), executor = channel_->executor(), shared,
-                         appended](const Status& status) {
-    asio::post(executor, [self, shared, appended, status] { self->chunkDone(*shared, status, *appended); });
+  DbWriter::Done done = [self = shared_from_this(), shared, appended](const Status& status) {
+    self->context_.committed->put(
+        [self, shared, appended, status] { self->chunkDone(*shared, status, *appended); });
   };
   if (const Status posted = context_.store.writer().post(std::move(work), std::move(done)); !posted.ok()) {
     chunkDone(*shared, posted, *appended);

@@ -5,6 +5,7 @@
 #include <boost/asio/thread_pool.hpp>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <unordered_map>
 
@@ -67,7 +68,9 @@ struct ServerContext {
   std::unordered_map<std::string, std::size_t> logins_waiting_at{};  ///< of strangers, by address
   std::uint64_t access_changes = 0;  ///< accounts disabled, keys revoked, passwords changed, since the start
   std::size_t chunks_in_flight = 0;  ///< of all connections
-  Signal room{io.get_executor()};    ///< chunks_in_flight has fallen to half of its bound
+  std::unique_ptr<Inbox> committed =
+      std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer is through with
+  Signal room{io.get_executor()};                  ///< chunks_in_flight has fallen to half of its bound
   bool stopping = false;
   std::unordered_map<std::uint64_t, PeerConnection*>
       connections;  ///< by id; each takes itself out at its end

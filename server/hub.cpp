@@ -21,6 +21,8 @@ pb::Envelope statusEnvelope(const pb::StationStatus& status) {
 HubPeer* Hub::attachStation(const std::string& name, HubPeer& peer) {
   Station& station = stations_[name];
   HubPeer* const older = std::exchange(station.peer, &peer);
+  if (older != nullptr) older->station_ = nullptr;
+  peer.station_ = &station;
   if (older == nullptr) ++online_;
   station.told_watched = false;
   station.status.Clear();
@@ -40,6 +42,7 @@ void Hub::detachStation(const std::string& name, const HubPeer& peer) {
   const auto found = stations_.find(name);
   if (found == stations_.end() || found->second.peer != &peer) return;
   Station& station = found->second;
+  station.peer->station_ = nullptr;
   station.peer = nullptr;
   --online_;
   station.told_watched = false;
@@ -67,29 +70,35 @@ void Hub::onStatus(const std::string& name, const pb::StationStatus& status, std
   sendOverview(name, station, now_ns);
 }
 
-std::optional<pb::Refusal> Hub::onLiveFrame(const std::string& name, pb::LiveFrame frame,
+std::optional<pb::Refusal> Hub::onLiveFrame(const std::string& name, const LiveFrameView& frame,
                                             std::int64_t now_ns) {
-  if (frame.data().size() > settings_.max_frame_bytes) {
-    return makeRefusal(pb::Refusal::TOO_LARGE, "a live frame of " + std::to_string(frame.data().size()) +
+  const auto found = stations_.find(name);
+  if (found == stations_.end() || found->second.peer == nullptr) return std::nullopt;
+  return onLiveFrame(*found->second.peer, frame, now_ns);
+}
+
+std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrameView& frame,
+                                            std::int64_t now_ns) {
+  if (frame.data.size() > settings_.max_frame_bytes) {
+    return makeRefusal(pb::Refusal::TOO_LARGE, "a live frame of " + std::to_string(frame.data.size()) +
                                                    " bytes: the limit is " +
                                                    std::to_string(settings_.max_frame_bytes));
   }
-  const auto found = stations_.find(name);
-  if (found == stations_.end() || found->second.peer == nullptr) return std::nullopt;
-  Station& station = found->second;
+  // a station that has connected anew has taken over: its older connection is nobody any more
+  if (from.station_ == nullptr) return std::nullopt;
+  Station& station = *static_cast<Station*>(from.station_);
+  const std::string& name = station.status.station();
   ++frames_in_;
-  if (frame.session_id() != station.status.session_id()) {
-    station.status.set_session_id(frame.session_id());
+  if (frame.session_id != station.status.session_id()) {
+    station.status.set_session_id(std::string(frame.session_id));
     refreshWatch(station);
   }
-  frame.set_station(name);
-  frame.clear_dropped_for_you();
 
   // decoded at most once, and only when somebody needs it
   std::optional<std::vector<GestureSample>> samples;
   const auto decoded = [&]() -> std::span<const GestureSample> {
     if (!samples) {
-      auto result = decodeChunk(viewOf(frame.data()));
+      auto result = decodeChunk(viewOf(frame.data));
       samples = result.ok() ? std::move(*result) : std::vector<GestureSample>{};
     }
     return *samples;
@@ -97,21 +106,16 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const std::string& name, pb::LiveFra
 
   // all viewers at full rate share one encoded frame
   Frame shared;
-  for (Subscription* watcher : watchersOf(station)) {
-    if (watcher->decimator) {
-      sendDecimated(*watcher, frame, decoded());
-      continue;
+  forEachWatcher(station, [&](Subscription& watcher) {
+    if (watcher.decimator) {
+      sendDecimated(watcher, name, frame, decoded());
+      return;
     }
-    if (!shared) {
-      pb::Envelope envelope;
-      *envelope.mutable_live_frame() = frame;
-      auto encoded = encodeFrame(envelope);
-      if (!encoded.ok()) return std::nullopt;
-      shared = std::move(*encoded);
-    }
-    watcher->viewer->sendLive(shared, true);
+    if (!shared) shared = encodeLiveFrame(frame, name);
+    if (!shared) return;
+    watcher.viewer->sendLive(shared, true);
     ++frames_out_;
-  }
+  });
 
   // a station that sends frames need not send status lines; overviews get theirs from the samples
   if (!overviews_.empty() &&
@@ -274,6 +278,15 @@ std::vector<Hub::Subscription*> Hub::watchersOf(const Station& station) const {
   return all;
 }
 
+template <typename Act>
+void Hub::forEachWatcher(const Station& station, Act act) const {
+  if (by_session_.empty()) {  // as nearly always: no list need be made
+    for (Subscription* watcher : station.watchers) act(*watcher);
+    return;
+  }
+  for (Subscription* watcher : watchersOf(station)) act(*watcher);
+}
+
 void Hub::refreshWatch(Station& station) {
   if (station.peer == nullptr) return;
   const bool watched = !station.watchers.empty() || (!by_session_.empty() && !watchersOf(station).empty());
@@ -319,35 +332,30 @@ void Hub::sendOverview(const std::string& name, Station& station, std::int64_t n
   }
 }
 
-void Hub::sendDecimated(Subscription& subscription, const pb::LiveFrame& frame,
+void Hub::sendDecimated(Subscription& subscription, const std::string& name, const LiveFrameView& frame,
                         std::span<const GestureSample> samples) {
   // frames that the station's queue dropped stay visible as a gap in our own numbers
-  if (subscription.last_upstream_seq && frame.frame_seq() > *subscription.last_upstream_seq + 1) {
-    subscription.frames += frame.frame_seq() - *subscription.last_upstream_seq - 1;
+  if (subscription.last_upstream_seq && frame.frame_seq > *subscription.last_upstream_seq + 1) {
+    subscription.frames += frame.frame_seq - *subscription.last_upstream_seq - 1;
   }
-  subscription.last_upstream_seq = frame.frame_seq();
+  subscription.last_upstream_seq = frame.frame_seq;
   const auto kept = subscription.decimator->keep(samples);
   if (kept.empty()) return;
-  const auto info = inspectChunk(viewOf(frame.data()));
+  const auto info = inspectChunk(viewOf(frame.data));
   if (!info.ok()) return;
   const Bytes data = encodeChunk(info->resolution, kept);
-  pb::Envelope envelope;
-  pb::LiveFrame& thinned = *envelope.mutable_live_frame();
-  thinned.set_station(frame.station());
-  thinned.set_session_id(frame.session_id());
-  thinned.set_frame_seq(subscription.frames++);
-  thinned.set_data(data.data(), data.size());
-  thinned.set_due_steady_ns(frame.due_steady_ns());
-  thinned.set_capture_unix_ns(frame.capture_unix_ns());
-  if (auto encoded = encodeFrame(envelope); encoded.ok()) {
-    subscription.viewer->sendLive(std::move(*encoded), true);
+  LiveFrameView thinned = frame;
+  thinned.frame_seq = subscription.frames++;
+  thinned.data = textOf(data);
+  if (Frame encoded = encodeLiveFrame(thinned, name)) {
+    subscription.viewer->sendLive(std::move(encoded), true);
     ++frames_out_;
   }
 }
 
-void Hub::statusFromSamples(Station& station, const pb::LiveFrame& frame, const GestureSample& last) {
+void Hub::statusFromSamples(Station& station, const LiveFrameView& frame, const GestureSample& last) {
   pb::StationStatus& status = station.status;
-  status.set_session_id(frame.session_id());
+  status.set_session_id(std::string(frame.session_id));
   status.set_phase(last.phase);
   status.set_layer(last.layer);
   status.set_insertion_m(last.insertion_m);

@@ -15,17 +15,24 @@
 #include "needlelab/control.pb.h"
 #include "needlelab/envelope.pb.h"
 #include "server/decimator.h"
-#include "wire/framing.h"
+#include "wire/live_splice.h"
 
 namespace needlelab {
 
 /// Whom the hub can send to; a connection of the server, or a test.
 class HubPeer {
  public:
+  HubPeer() = default;
+  HubPeer(const HubPeer&) = delete;
+  HubPeer& operator=(const HubPeer&) = delete;
   virtual ~HubPeer() = default;
   virtual void sendControl(const pb::Envelope& envelope) = 0;
   /// Never waits: a peer that is slow drops its own oldest frames. `counted`: a LiveFrame.
   virtual void sendLive(Frame frame, bool counted) = 0;
+
+ private:
+  friend class Hub;
+  void* station_ = nullptr;  // the hub's own note: which station this peer is, while it is attached
 };
 
 struct HubSettings {
@@ -51,7 +58,14 @@ class Hub {
   void detachStation(const std::string& name, const HubPeer& peer);
   void onStatus(const std::string& name, const pb::StationStatus& status, std::int64_t now_ns);
   /// A refusal when the frame is too large.
-  std::optional<pb::Refusal> onLiveFrame(const std::string& name, pb::LiveFrame frame, std::int64_t now_ns);
+  std::optional<pb::Refusal> onLiveFrame(const HubPeer& from, const LiveFrameView& frame,
+                                         std::int64_t now_ns);
+  std::optional<pb::Refusal> onLiveFrame(const std::string& name, const LiveFrameView& frame,
+                                         std::int64_t now_ns);
+  std::optional<pb::Refusal> onLiveFrame(const std::string& name, const pb::LiveFrame& frame,
+                                         std::int64_t now_ns) {
+    return onLiveFrame(name, viewOf(frame), now_ns);
+  }
   /// The station's session changed; those who watch this session watch the station now.
   void onSession(const std::string& name, const std::string& session_id);
   /// False when the station is not online.
@@ -96,11 +110,13 @@ class Hub {
   void forgetIfUnused(const std::string& name);
   void announce(const std::string& name, Station& station);
   void sendOverview(const std::string& name, Station& station, std::int64_t now_ns);
-  void sendDecimated(Subscription& subscription, const pb::LiveFrame& frame,
+  void sendDecimated(Subscription& subscription, const std::string& name, const LiveFrameView& frame,
                      std::span<const GestureSample> samples);
-  void statusFromSamples(Station& station, const pb::LiveFrame& frame, const GestureSample& last);
+  void statusFromSamples(Station& station, const LiveFrameView& frame, const GestureSample& last);
   void remove(std::unique_ptr<Subscription> subscription);
   [[nodiscard]] std::vector<Subscription*> watchersOf(const Station& station) const;
+  template <typename Act>
+  void forEachWatcher(const Station& station, Act act) const;
 
   HubSettings settings_;
   std::unordered_map<std::string, Station> stations_;

@@ -6,8 +6,10 @@
 #include <exception>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "db/db_writer.h"
 #include "wire/asio.h"
@@ -25,6 +27,35 @@ class Signal {
 
  private:
   asio::steady_timer timer_;
+};
+
+/// Brings what ends on another thread (a group of commits, say) to the network's thread together: one wake-up
+/// for many. Thread: put() from any; the items run on the executor's, in the order in which they were put.
+/// Must outlive the executor's last run.
+class Inbox {
+ public:
+  explicit Inbox(asio::any_io_executor executor) : executor_(std::move(executor)) {}
+
+  void put(std::function<void()> item) {
+    {
+      const std::lock_guard lock(mutex_);
+      items_.push_back(std::move(item));
+      if (items_.size() > 1) return;  // the first one's turn takes all
+    }
+    asio::post(executor_, [this] {
+      std::vector<std::function<void()>> items;
+      {
+        const std::lock_guard lock(mutex_);
+        items.swap(items_);
+      }
+      for (const auto& act : items) act();
+    });
+  }
+
+ private:
+  asio::any_io_executor executor_;
+  std::mutex mutex_;
+  std::vector<std::function<void()>> items_;  ///< guarded by mutex_
 };
 
 /// Runs `work` on the pool and gives its result on the caller's executor. The pool must end before the

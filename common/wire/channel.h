@@ -110,6 +110,7 @@ class Channel : public std::enable_shared_from_this<Channel> {
   static Task<> discardUntilPeerCloses(std::shared_ptr<Channel> self);
   Task<Status> shake(bool as_server);
   bool takeBytes();
+  void delayAcks();
   TlsStep decrypt();
   void flush();
   bool sendOutput();
@@ -142,6 +143,7 @@ class Channel : public std::enable_shared_from_this<Channel> {
   std::int64_t write_started_ns_ = 0;  // 0: no write is under way
   std::int64_t live_sent_ns_ = 0;      // when live frames last left
   std::uint64_t bytes_received_ = 0, bytes_sent_ = 0;
+  unsigned reads_ = 0;
 };
 
 }  // namespace needlelab

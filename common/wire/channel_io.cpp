@@ -48,9 +48,6 @@ Task<Status> Channel::handshake(asio::ssl::stream_base::handshake_type side) {
   }
   handshaken_ = true;
   last_received_ns_ = steadyNowNs();
-  // the peer only sends for long stretches of time: acknowledgements may wait for its next frame
-  const int off = 0;
-  ::setsockopt(socket_.native_handle(), IPPROTO_TCP, TCP_QUICKACK, &off, sizeof off);
   if (!control_.empty() || !live_.empty() || finishing_) wakeWriter();
   co_return Status{};
 }
@@ -90,6 +87,16 @@ Task<Status> Channel::shake(bool as_server) {
   co_return Status{};
 }
 
+/// Peers that only send for long stretches of time have each small frame acknowledged by TCP on its own,
+/// which costs the receiver more than reading it. Asked like this, the kernel waits for one more frame (40 ms
+/// at most). It forgets it, so it is asked again now and then.
+void Channel::delayAcks() {
+  constexpr unsigned kEvery = 4;
+  if (reads_++ % kEvery != 0) return;
+  const int off = 0;
+  ::setsockopt(socket_.native_handle(), IPPROTO_TCP, TCP_QUICKACK, &off, sizeof off);
+}
+
 Task<Status> Channel::readMore() {
   auto self = shared_from_this();
   while (!closing()) {
@@ -121,6 +128,7 @@ bool Channel::takeBytes() {
           ended ? "the peer closed the connection" : "reading failed: " + wordsOf(errno));
     return false;
   }
+  delayAcks();
   last_received_ns_ = steadyNowNs();
   tls_.feed(room.first(static_cast<std::size_t>(count)));
   const std::size_t before = splitter_.pending();

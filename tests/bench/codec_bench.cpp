@@ -1,10 +1,15 @@
 /// What a second of gesture costs to encode and decode (DESIGN §12: at most 100 and 50 ns a sample).
-/// Items are samples: `items_per_second` is their rate, 1e9 divided by it the time of one.
+/// With --recordings (or --results DIR) the table of those goals; without, Google Benchmark. Items are
+/// samples: `items_per_second` is their rate, 1e9 divided by it the time of one.
 #include <benchmark/benchmark.h>
+
+#include <string>
+#include <string_view>
 
 #include "../unit/gesture/gesture_samples.h"
 #include "../unit/gesture/recorded_gestures.h"
 #include "base/crc32c.h"
+#include "codec_record.h"
 #include "gesture/chunk.h"
 #include "gesture/session_hash.h"
 
@@ -84,4 +89,18 @@ BENCHMARK(hash);
 }  // namespace
 }  // namespace needlelab
 
-BENCHMARK_MAIN();
+// --results DIR and --commit TEXT: the table of DESIGN §12, recording by recording; else Google Benchmark
+int main(int argc, char** argv) {
+  std::string results, commit;
+  for (int i = 1; i + 1 < argc; ++i) {
+    if (std::string_view(argv[i]) == "--results") results = argv[i + 1];
+    if (std::string_view(argv[i]) == "--commit") commit = argv[i + 1];
+  }
+  if (!results.empty() || (argc > 1 && std::string_view(argv[1]) == "--recordings"))
+    return needlelab::test::recordCodec(results, commit);
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
+  benchmark::RunSpecifiedBenchmarks();
+  benchmark::Shutdown();
+  return 0;
+}

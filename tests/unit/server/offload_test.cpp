@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <boost/asio/executor_work_guard.hpp>
 #include <stdexcept>
 #include <thread>
 
@@ -44,6 +46,37 @@ TEST(Offload, anExceptionComesOutWhereTheResultWould) {
   asio::co_spawn(io, job(pool, &caught), rethrow);
   io.run();
   EXPECT_EQ(caught, "no memory");
+}
+
+TEST(Inbox, whatComesTogetherIsTakenTogetherAndInOrder) {
+  asio::io_context io{1};
+  Inbox inbox(io.get_executor());
+  std::vector<int> taken;
+  std::thread writer([&] {
+    for (int i = 0; i < 1000; ++i) inbox.put([&taken, i] { taken.push_back(i); });
+  });
+  writer.join();
+  EXPECT_EQ(io.poll_one(), 1u) << "one turn";
+  ASSERT_EQ(taken.size(), 1000u);
+  EXPECT_TRUE(std::is_sorted(taken.begin(), taken.end()));
+  EXPECT_EQ(io.poll(), 0u);
+}
+
+TEST(Inbox, nothingIsLostBesideARunningLoop) {
+  asio::io_context io{1};
+  Inbox inbox(io.get_executor());
+  auto alive = asio::make_work_guard(io);
+  int taken = 0;
+  constexpr int kItems = 20'000;
+  std::thread writer([&] {
+    for (int i = 0; i < kItems; ++i)
+      inbox.put([&] {
+        if (++taken == kItems) alive.reset();
+      });
+  });
+  io.run();
+  writer.join();
+  EXPECT_EQ(taken, kItems);
 }
 
 TEST(Signal, wakesAllWhoWaitAndTheyDoNotWakeEachOther) {

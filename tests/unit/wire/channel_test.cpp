@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <openssl/bio.h>
+#include <openssl/ssl.h>
 
 #include <memory>
 #include <string>
@@ -266,6 +268,85 @@ TEST(Channel, aSlowReaderOfLiveFramesLosesTheOldestAndHearsHowMany) {
   EXPECT_EQ(last->live_frame().dropped_for_you(), loop.server->live().dropped());
   EXPECT_GE(last->live_frame().dropped_for_you(), told);
   EXPECT_EQ(received + loop.server->live().dropped(), seq);
+}
+
+TEST(Channel, liveFramesThatFollowCloselyLeaveTogetherAndInOrder) {
+  Loopback loop;
+  loop.connect();
+  loop.server->established();
+  loop.client->established();
+  const auto written = [&] { return ::BIO_number_written(::SSL_get_wbio(loop.server->ssl())); };
+  const std::uint64_t cipher_before = written(), plain_before = loop.server->bytesSent();
+  constexpr std::uint64_t kFrames = 200;
+  for (std::uint64_t seq = 0; seq < kFrames; ++seq) {
+    loop.server->sendLive(liveFrame(seq, 100), true);
+    // as one by one from many stations: each comes in a turn of its own
+    loop.io.poll();
+  }
+  for (std::uint64_t seq = 0; seq < kFrames; ++seq) {
+    const auto got = loop.receive(loop.client);
+    ASSERT_TRUE(got.ok()) << got.error().message;
+    ASSERT_EQ(got->live_frame().frame_seq(), seq);
+  }
+  // a record of TLS 1.3 takes 22 bytes beside its content: header, kind, tag
+  const std::uint64_t records = (written() - cipher_before - (loop.server->bytesSent() - plain_before)) / 22;
+  EXPECT_LT(records, kFrames / 2) << "each frame had a record of its own";
+}
+
+TEST(Channel, aFrameAloneDoesNotWaitForOthers) {
+  Loopback loop;
+  ChannelLimits limits;
+  limits.live_gather = std::chrono::seconds(5);
+  loop.connect(limits);
+  loop.server->established();
+  loop.client->established();
+  loop.server->sendLive(liveFrame(0, 100), true);
+  ASSERT_TRUE(loop.receive(loop.client, milliseconds(2000)).ok());
+  // the next one would wait; a control message takes it along
+  loop.server->sendLive(liveFrame(1, 100), true);
+  EXPECT_FALSE(loop.receive(loop.client, milliseconds(50)).ok());
+  loop.server->send(chunk(7));
+  EXPECT_TRUE(loop.receive(loop.client, milliseconds(2000))->has_chunk());
+  const auto live = loop.receive(loop.client, milliseconds(2000));
+  ASSERT_TRUE(live.ok());
+  EXPECT_EQ(live->live_frame().frame_seq(), 1u);
+}
+
+TEST(Channel, manyRecordsThatAreThereAtOnceAreAllTaken) {
+  Loopback loop;
+  RawClient client(loop);
+  loop.server->established();
+  // small ones, a very great one that begins in the middle of a record, small ones again
+  std::string bytes;
+  for (std::uint64_t seq = 0; seq < 700; ++seq) {
+    const std::string body = chunk(seq, seq == 300 ? 1'000'000 : seq % 90).SerializeAsString();
+    appendFrameHeader(bytes, body.size());
+    bytes += body;
+  }
+  auto done = std::make_shared<bool>(false);
+  auto kept = std::make_shared<std::string>(std::move(bytes));
+  asio::async_write(client.stream(), asio::buffer(*kept),
+                    [done, kept](const boost::system::error_code&, std::size_t) { *done = true; });
+  for (std::uint64_t seq = 0; seq < 700; ++seq) {
+    const auto got = loop.receive(loop.server);
+    ASSERT_TRUE(got.ok()) << got.error().message;
+    ASSERT_EQ(got->chunk().seq(), seq);
+    ASSERT_EQ(got->chunk().data().size(), seq == 300 ? 1'000'000 : seq % 90);
+  }
+  EXPECT_TRUE(loop.runUntil([&] { return *done; }));
+}
+
+TEST(Channel, damagedRecordsEndTheChannelAndNothingOfThemIsSeen) {
+  Loopback loop;
+  RawClient client(loop);
+  loop.server->established();
+  // past TLS, into the socket: bytes that no TLS has made
+  asio::write(client.stream().next_layer(),
+              asio::buffer(std::string("\x17\x03\x03\x00\x20", 5) + std::string(32, 'x')));
+  const auto got = loop.receive(loop.server);
+  ASSERT_FALSE(got.ok());
+  EXPECT_EQ(got.error().code, ErrorCode::kUnavailable);
+  EXPECT_EQ(loop.server->closeReason(), CloseReason::kNetwork);
 }
 
 TEST(Channel, controlOvertakesLive) {

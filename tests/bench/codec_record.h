@@ -1,0 +1,14 @@
+/// The codec's figures over the recordings of a real hand, recording by recording, with PASS or FAIL (DESIGN
+/// §12).
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace needlelab::test {
+
+/// Prints the table and writes it to DIR/<machine>/codec.md when `results` is not empty. The program's exit
+/// code: 1 when a goal was missed, 2 when there are no recordings or the file cannot be written.
+int recordCodec(const std::filesystem::path& results, const std::string& commit);
+
+}  // namespace needlelab::test
