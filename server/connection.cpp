@@ -12,7 +12,11 @@
 namespace needlelab {
 
 PeerConnection::PeerConnection(ServerContext& context, std::uint64_t id, std::shared_ptr<Channel> channel)
-    : context_(context), id_(id), channel_(std::move(channel)), freed_(channel_->executor()) {}
+    : context_(context),
+      id_(id),
+      channel_(std::move(channel)),
+      pong_(channel_->executor()),
+      freed_(channel_->executor()) {}
 
 PeerConnection::~PeerConnection() = default;
 
@@ -83,6 +87,7 @@ void PeerConnection::leave() {
             {"live_dropped", channel_->live().dropped()}});
   setState(ConnectionState::kClosed);
   context_.connections.erase(id_);
+  pong_.notify();
 }
 
 bool PeerConnection::busy() const {
@@ -118,6 +123,11 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope) {
     case Verdict::kAllowed:
       break;
     case Verdict::kIgnored:
+      // of no consequence, but that everything before it was read
+      if (envelope.has_pong() && envelope.pong().id() <= pings_asked_) {
+        pings_answered_ = std::max(pings_answered_, envelope.pong().id());
+        pong_.notify();
+      }
       co_return;
     case Verdict::kUnknown:
       refuse(pb::Refusal::INVALID,

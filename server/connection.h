@@ -92,18 +92,22 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
 
   // --- connection_requests.cpp
   static Task<> execute(std::shared_ptr<PeerConnection> self, pb::Request request);
-  void answer(const pb::Request& request, Outcome outcome);
+  Task<> answer(const pb::Request& request, Outcome outcome);
   void afterwards(const pb::Request& request, bool backup_done);
   void endAccess(const std::string& name, bool station, bool mine_too, const std::string& text);
-  std::optional<pb::Refusal> deliver(const std::string& station, const pb::Envelope& envelope);
+  Task<std::optional<pb::Refusal>> deliver(std::string station, pb::Envelope envelope);
+  /// Sends it to this peer and waits until it has read it: the answer to a Ping behind it says so.
+  static Task<bool> sendConfirmed(std::shared_ptr<PeerConnection> self, pb::Envelope envelope);
 
   ServerContext& context_;
   const std::uint64_t id_;
   const std::shared_ptr<Channel> channel_;
   ConnectionState state_ = ConnectionState::kConnecting;
   Principal who_;
-  std::string program_;  // as its Hello said
-  Signal freed_;         // something under way has ended: there may be room to read on
+  std::string program_;                                 // as its Hello said
+  Signal pong_;                                         // a Pong has come, or this connection ends
+  std::uint64_t pings_asked_ = 0, pings_answered_ = 0;  // ids of our own Pings; the channel's have none
+  Signal freed_;  // something under way has ended: there may be room to read on
   std::size_t chunks_in_flight_ = 0, chunk_bytes_in_flight_ = 0;
   std::size_t requests_at_work_ = 0;
   std::size_t refusals_ = 0;

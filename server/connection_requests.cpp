@@ -1,6 +1,7 @@
 // Requests of people and stations: executed by the service on worker threads, completed here.
 #include <utility>
 
+#include "base/clock.h"
 #include "base/secret.h"
 #include "server/connection.h"
 #include "server/log.h"
@@ -44,12 +45,13 @@ Task<> PeerConnection::execute(std::shared_ptr<PeerConnection> self, pb::Request
     return service.execute(who, *shared);
   };
   Outcome outcome = co_await offload(poolFor(peer.context_, *shared), std::move(work));
+  co_await peer.answer(*shared, std::move(outcome));
   --peer.requests_at_work_;
   peer.freed_.notify();
-  peer.answer(*shared, std::move(outcome));
 }
 
-void PeerConnection::answer(const pb::Request& request, Outcome outcome) {
+// `request` outlives it: execute waits for it
+Task<> PeerConnection::answer(const pb::Request& request, Outcome outcome) {
   std::optional<pb::Refusal> refusal;
   if (outcome.error) refusal = refusalOf(*outcome.error);
   pb::Reply& reply = outcome.reply;
@@ -66,17 +68,17 @@ void PeerConnection::answer(const pb::Request& request, Outcome outcome) {
     case Outcome::ServerPart::kDeliverMessage:
       *message.mutable_trainee_message() = request.trainee_message();
       message.mutable_trainee_message()->set_from(who_.name);
-      refusal = deliver(request.trainee_message().station(), message);
+      refusal = co_await deliver(request.trainee_message().station(), message);
       break;
     case Outcome::ServerPart::kNextExercise:
       *message.mutable_next_exercise() = request.next_exercise();
       message.mutable_next_exercise()->set_from(who_.name);
-      refusal = deliver(request.next_exercise().station(), message);
+      refusal = co_await deliver(request.next_exercise().station(), message);
       break;
   }
   if (refusal) {
     refuse(std::move(*refusal), request.id());
-    return;
+    co_return;
   }
   if (reply.result_case() == pb::Reply::RESULT_NOT_SET) reply.mutable_done();
   const bool backup_done = reply.has_backup_done();
@@ -95,9 +97,34 @@ void PeerConnection::answer(const pb::Request& request, Outcome outcome) {
   afterwards(request, backup_done);
 }
 
-std::optional<pb::Refusal> PeerConnection::deliver(const std::string& station, const pb::Envelope& envelope) {
-  if (context_.hub.sendToStation(station, envelope)) return std::nullopt;
-  return makeRefusal(pb::Refusal::NOT_FOUND, "station '" + station + "' is not online");
+Task<std::optional<pb::Refusal>> PeerConnection::deliver(std::string station, pb::Envelope envelope) {
+  auto* const peer = dynamic_cast<PeerConnection*>(context_.hub.stationPeer(station));
+  if (peer == nullptr)
+    co_return makeRefusal(pb::Refusal::NOT_FOUND, "station '" + station + "' is not online");
+  if (co_await sendConfirmed(peer->shared_from_this(), std::move(envelope))) co_return std::nullopt;
+  co_return makeRefusal(pb::Refusal::TIMEOUT,
+                        "station '" + station + "' did not confirm it within " +
+                            std::to_string(context_.bounds.confirm_timeout.count()) +
+                            " ms, or its connection ended: it may not have arrived; say it again when the "
+                            "station is back");
+}
+
+Task<bool> PeerConnection::sendConfirmed(std::shared_ptr<PeerConnection> self, pb::Envelope envelope) {
+  PeerConnection& peer = *self;
+  const std::uint64_t id = ++peer.pings_asked_;
+  pb::Envelope ping;
+  ping.mutable_ping()->set_id(id);
+  ping.mutable_ping()->set_sender_steady_ns(steadyNowNs());
+  peer.sendControl(envelope);
+  peer.sendControl(ping);
+  const auto end = std::chrono::steady_clock::now() + peer.context_.bounds.confirm_timeout;
+  asio::steady_timer limit(peer.context_.io, end);
+  limit.async_wait([self](const boost::system::error_code&) { self->pong_.notify(); });
+  while (peer.pings_answered_ < id && !peer.over() && !peer.channel_->closing() &&
+         std::chrono::steady_clock::now() < end) {
+    co_await peer.pong_.wait();
+  }
+  co_return peer.pings_answered_ >= id;
 }
 
 void PeerConnection::afterwards(const pb::Request& request, bool backup_done) {

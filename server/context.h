@@ -3,6 +3,7 @@
 #pragma once
 
 #include <boost/asio/thread_pool.hpp>
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -33,7 +34,9 @@ struct ConnectionBounds {
   std::size_t connections_of_person = 256;       ///< logged in at once
   double small_messages_at_once = 5000;  ///< all but chunks and requests, which have bounds of their own
   double small_messages_per_s = 500;
-  std::size_t refusals = 200;         ///< messages refused after log-in; then the connection ends
+  std::size_t refusals = 200;  ///< messages refused after log-in; then the connection ends
+  /// How long a station has to show that it read what an instructor sent it; then the instructor is told.
+  std::chrono::milliseconds confirm_timeout{5'000};
   std::size_t known_sessions = 1024;  ///< whose watermarks are remembered
 };
 

@@ -29,6 +29,7 @@ class Watch {
   explicit Watch(const HeadlessRun& run) : run_(run) {}
 
   Status run() {
+    if (auto status = askForStation(); !status.ok()) return status;
     if (auto status = subscribe(); !status.ok()) return status;
     Status result;
     while (!run_.over()) {
@@ -50,6 +51,27 @@ class Watch {
   }
 
  private:
+  /// A name that the server does not know would be waited for in vain: say so, and which names there are.
+  Status askForStation() {
+    if (run_.options.station.empty()) return {};
+    pb::Request request;
+    request.mutable_list_stations();
+    const auto reply = run_.link.client().call(request);
+    // lost in this moment: receive() says so again, and recovers
+    if (!reply.ok()) return reply.error().code == ErrorCode::kUnavailable ? Status{} : reply.error();
+    std::string names;
+    for (const pb::StationInfo& info : reply->stations().stations()) {
+      const bool here = info.name() == run_.options.station;
+      if (here && info.revoked())
+        run_.note("the key of station " + info.name() + " is revoked: it cannot log in");
+      if (here) return {};
+      if (!info.revoked()) names += (names.empty() ? "" : ", ") + info.name();
+    }
+    run_.note("the server knows no station '" + run_.options.station + "'; it knows " +
+              (names.empty() ? "none" : names) + ". Waiting in case it is added; Ctrl-C ends");
+    return {};
+  }
+
   Status subscribe() {
     pb::Envelope envelope;
     pb::Subscribe& wanted = *envelope.mutable_subscribe();

@@ -91,6 +91,27 @@ Task<Result<pb::Envelope>> receiveAnswer(std::shared_ptr<Channel> channel) {
   }
 }
 
+/// What a person can do about a certificate that we do not accept.
+Error certificateRefused(long verdict, const Endpoint& server, const Error& why) {
+  const std::string whose = "the server at " + endpointText(server);
+  switch (verdict) {
+    case X509_V_ERR_HOSTNAME_MISMATCH:
+    case X509_V_ERR_IP_ADDRESS_MISMATCH:
+      return {ErrorCode::kDenied, whose + ": its certificate is not for the name '" + server.host +
+                                      "'; give --server a name that the certificate has, or start the server "
+                                      "with --host-name " +
+                                      server.host};
+    case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT_LOCALLY:
+    case X509_V_ERR_SELF_SIGNED_CERT_IN_CHAIN:
+    case X509_V_ERR_CERT_SIGNATURE_FAILURE:
+      return {ErrorCode::kDenied, whose +
+                                      ": its certificate is not signed by the CA of --ca; is that the "
+                                      "tls/ca.crt of this server, and is this the server?"};
+    default:
+      return why;
+  }
+}
+
 Task<Result<ClientConnection>> greetAndLogIn(std::shared_ptr<Channel> channel, ClientConfig config) {
   // greeting
   pb::Envelope hello;
@@ -161,7 +182,11 @@ Task<Result<ClientConnection>> connectClient(ClientConfig config) {
   config.limits.frame_bytes = kMaxFrameBytes;
   auto channel = Channel::make(std::move(stream), config.limits);
   auto shaken = co_await channel->handshake(asio::ssl::stream_base::client);
-  if (!shaken.ok()) co_return shaken.error();
+  if (!shaken.ok()) {
+    if (shaken.error().code == ErrorCode::kDenied)
+      co_return certificateRefused(SSL_get_verify_result(channel->ssl()), config.server, shaken.error());
+    co_return shaken.error();
+  }
 
   auto connection = co_await greetAndLogIn(channel, config);
   if (!connection.ok()) channel->finish(CloseReason::kLocal, connection.error().message);

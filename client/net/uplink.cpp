@@ -1,6 +1,7 @@
 // What the program calls, on any thread.
 #include "net/uplink.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "base/clock.h"
@@ -12,6 +13,7 @@ namespace {
 
 constexpr std::size_t kMostLive = 8;  // pieces of 20 ms that wait for the network thread
 constexpr auto kStopGrace = std::chrono::milliseconds(2000);
+constexpr auto kStopLook = std::chrono::milliseconds(50);
 
 }  // namespace
 
@@ -36,7 +38,8 @@ void Uplink::stop() {
       bye.mutable_bye()->set_reason("the station ends");
       channel_->finish(CloseReason::kLocal, "the station ends", &bye);
     }
-    // an attempt to connect may still be waiting for an answer
+    // an attempt to connect that waits for an answer has nothing to say goodbye to
+    if (!channel_) return io_.stop();
     auto timer = std::make_shared<asio::steady_timer>(io_, kStopGrace);
     timer->async_wait([this, timer](const boost::system::error_code&) { io_.stop(); });
   });
@@ -83,7 +86,8 @@ void Uplink::noteTrouble(const std::string& source, const std::string& words) {
 }
 
 Result<pb::Lesson> Uplink::getLesson(const std::string& exercise_id, const std::string& trainee,
-                                     std::chrono::milliseconds patience, bool once) {
+                                     std::chrono::milliseconds patience, bool once,
+                                     const std::function<bool()>& stopped) {
   auto call = std::make_shared<LessonCall>();
   call->call.set_exercise_id(exercise_id);
   call->call.set_trainee(trainee);
@@ -92,11 +96,21 @@ Result<pb::Lesson> Uplink::getLesson(const std::string& exercise_id, const std::
   lock.unlock();
   wake();
   lock.lock();
-  changed_.wait_for(lock, patience, [&] {
+  const auto answered = [&] {
     return call->result.has_value() || state_.denied || (once && !state_.connected && !state_.error.empty());
-  });
+  };
+  // in short waits: a person who presses Ctrl-C while a mute server is waited for wants to be heard
+  const auto end = std::chrono::steady_clock::now() + patience;
+  bool stop = false;
+  while (!answered() && !stop && std::chrono::steady_clock::now() < end) {
+    changed_.wait_until(lock, std::min(end, std::chrono::steady_clock::now() + kStopLook), answered);
+    lock.unlock();
+    stop = stopped && stopped();
+    lock.lock();
+  }
   lesson_.reset();
   if (call->result) return *call->result;
+  if (stop) return Error{ErrorCode::kFailed, "stopped while waiting for the server"};
   if (state_.denied) return Error{ErrorCode::kDenied, state_.error};
   return Error{ErrorCode::kUnavailable,
                state_.error.empty() ? "the server did not answer in time" : state_.error};

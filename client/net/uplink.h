@@ -80,10 +80,11 @@ class Uplink {
   void noteTrouble(const std::string& source, const std::string& words);
 
   /// Asks the server for a lesson. Waits up to `patience`; with `once` no longer than until the first attempt
-  /// to connect has failed. Errors: kUnavailable (no server in time), kDenied, kVersion, kNotFound,
-  /// kInvalidInput as the server says.
+  /// to connect has failed. Asks `stopped` about 20 times a second. Errors: kUnavailable (no server in time),
+  /// kFailed (stopped), kDenied, kVersion, kNotFound, kInvalidInput as the server says.
   Result<pb::Lesson> getLesson(const std::string& exercise_id, const std::string& trainee,
-                               std::chrono::milliseconds patience, bool once);
+                               std::chrono::milliseconds patience, bool once,
+                               const std::function<bool()>& stopped = {});
   /// Waits until the server has closed (or refused) every session, or refuses us. False when `patience`
   /// passed before.
   bool waitUntilDone(std::chrono::milliseconds patience);

@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "net/spool_lessons.h"
 #include "station/say.h"
+#include "station/signals.h"
 #include "station/station_key.h"
 #include "station/station_run.h"
 
@@ -75,7 +76,8 @@ Status StationRun::getLesson() {
     if (!cached.ok() && cached.error().code == ErrorCode::kInvalidInput)
       return cached.error();  // no id at all
     if (uplink_) {
-      auto fetched = uplink_->getLesson(options_.exercise, options_.trainee, kPatience, cached.ok());
+      auto fetched = uplink_->getLesson(options_.exercise, options_.trainee, kPatience, cached.ok(),
+                                        [this] { return signalWithin(signals_, 0ms) != 0; });
       if (fetched.ok()) {
         if (auto kept = cache.keep(options_.exercise, *fetched); !kept.ok())
           say("the lesson is not cached: " + kept.error().message);

@@ -27,10 +27,16 @@ void runRound(std::uint64_t seed, std::size_t count) {
   std::vector<std::unique_ptr<FaultStation>> stations;
   for (std::size_t i = 0; i < count; ++i) {
     const std::uint64_t span = 2000 + random.below(60'000);
-    proxies.push_back(std::make_unique<FaultProxy>(
-        server.server().port(), random.bits(), [span](std::uint64_t n, Random& mine) {
-          return n < 12 ? randomScript(mine, span) : ConnectionScript{};
-        }));
+    proxies.push_back(std::make_unique<FaultProxy>(server.server().port(), random.bits(),
+                                                   [span](std::uint64_t n, Random& mine) {
+                                                     if (n >= 12) return ConnectionScript{};
+                                                     ConnectionScript script = randomScript(mine, span);
+                                                     // every station loses its first connection somewhere,
+                                                     // whatever else comes
+                                                     if (n == 0 && !script.cut_at)
+                                                       script.cut_at = mine.below(span);
+                                                     return script;
+                                                   }));
     StationSettings settings;
     settings.chunks = 30 + random.below(120);
     settings.samples = 20 + random.below(200);

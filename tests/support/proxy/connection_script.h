@@ -17,6 +17,7 @@ struct WayScript {
   std::chrono::milliseconds jitter{0};    ///< more, uniform; bytes never overtake each other
   std::uint64_t bytes_per_s = 0;          ///< bandwidth; 0: no limit
   std::size_t piece_bytes = 0;            ///< at most so many in one write (1: single bytes); 0: as they came
+  std::uint64_t slow_from = 0;            ///< bandwidth and pieces count after so many bytes
   std::optional<std::uint64_t> stall_at;  ///< after so many bytes nothing passes for `stall`, once
   std::chrono::milliseconds stall{0};     ///< then it goes on
   std::optional<std::uint64_t> corrupt_at;  ///< one bit of this byte is flipped

@@ -8,8 +8,8 @@
 namespace needlelab::test {
 namespace {
 
-constexpr std::size_t kMostQueued = 256u << 10;  // of one direction; above, the sender is not read
-constexpr std::size_t kFirstBytes = 4096;        // what a duplicate repeats
+constexpr std::size_t kMostQueued = 64u << 10;  // of one direction; above, the sender is not read
+constexpr std::size_t kFirstBytes = 4096;       // what a duplicate repeats
 constexpr auto kStallLook = std::chrono::milliseconds(2);
 
 void hardClose(Tcp::socket& socket) {
@@ -155,8 +155,9 @@ Task<> FaultConnection::writeLane(std::shared_ptr<FaultConnection> self, Way way
     const auto upTo = [&](const std::optional<std::uint64_t>& at) {
       if (at && *at > lane.out) count = std::min<std::size_t>(count, *at - lane.out);
     };
-    if (script.piece_bytes > 0) count = std::min(count, script.piece_bytes);
-    if (script.bytes_per_s > 0) count = std::min<std::size_t>(count, script.bytes_per_s / 100 + 1);
+    const bool slow = lane.out >= script.slow_from;
+    if (slow && script.piece_bytes > 0) count = std::min(count, script.piece_bytes);
+    if (slow && script.bytes_per_s > 0) count = std::min<std::size_t>(count, script.bytes_per_s / 100 + 1);
     upTo(script.stall_at);
     if (way == Way::kUp) upTo(it.script_.hold_at);
     const bool cuts = it.script_.cut_at && it.script_.cut_way == way;
@@ -175,7 +176,7 @@ Task<> FaultConnection::writeLane(std::shared_ptr<FaultConnection> self, Way way
     lane.out += count;
     lane.queued -= count;
     (way == Way::kUp ? it.proxy_.counts_.bytes_up : it.proxy_.counts_.bytes_down) += count;
-    if (script.bytes_per_s > 0)
+    if (slow && script.bytes_per_s > 0)
       lane.free_at =
           std::max(lane.free_at, now) + std::chrono::nanoseconds(1'000'000'000 * count / script.bytes_per_s);
     if (count == bytes.size())

@@ -1,0 +1,110 @@
+// What an instructor says to a trainee arrives, or the instructor hears that it may not have.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+
+#include "fault_station.h"
+#include "proxy/fault_proxy.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+pb::Request messageTo(const std::string& station, const std::string& text) {
+  pb::Request request;
+  request.mutable_trainee_message()->set_station(station);
+  request.mutable_trainee_message()->set_text(text);
+  return request;
+}
+
+class ControlTest : public testing::Test {
+ protected:
+  ControlTest()
+      : server_([](ServerOptions& options) {
+          withShortLimits(options);
+          options.bounds.confirm_timeout = 500ms;
+        }),
+        proxy_(server_.server().port(), 11) {
+    server_.addUser("ines", pb::INSTRUCTOR, "password1");
+    instructor_.emplace(std::move(*server_.connect(personLogin("ines", "password1"))));
+    StationSettings settings{.chunks = 1'000'000, .samples = 20, .period = 20ms};
+    station_ = std::make_unique<FaultStation>(server_, "s1", proxy_.port(), settings);
+    connected();
+  }
+  void connected() {
+    for (int i = 0; i < 1000 && !(station_->state().connected && station_->state().current_committed > 0);
+         ++i)
+      std::this_thread::sleep_for(5ms);
+    ASSERT_TRUE(station_->state().connected);
+  }
+  [[nodiscard]] std::size_t timesHeard(const std::string& text) const {
+    const auto heard = station_->heard();
+    return static_cast<std::size_t>(std::count(heard.begin(), heard.end(), text));
+  }
+
+  RunningServer server_;
+  FaultProxy proxy_;
+  std::optional<BlockingClient> instructor_;
+  std::unique_ptr<FaultStation> station_;
+};
+
+TEST_F(ControlTest, aReplyMeansThatTheStationHasReadIt) {
+  for (const auto& text : {"slower", "stop", "well done"}) {
+    ASSERT_TRUE(instructor_->call(messageTo("s1", text)).ok());
+    EXPECT_EQ(timesHeard(text), 1u) << "before the reply";
+  }
+  pb::Request next;
+  next.mutable_next_exercise()->set_station("s1");
+  next.mutable_next_exercise()->set_exercise_id("ball-free-practice");
+  const auto reply = instructor_->call(next);
+  ASSERT_TRUE(reply.ok()) << reply.error().message;
+  EXPECT_EQ(station_->heard(),
+            (std::vector<std::string>{"slower", "stop", "well done", "ball-free-practice"}));
+}
+
+TEST_F(ControlTest, aMessageIntoAHalfOpenConnectionIsSaidToBeLost) {
+  proxy_.refuseAll(true);
+  proxy_.cutAll(Cut::kSilent);
+  const auto began = std::chrono::steady_clock::now();
+  const auto lost = instructor_->call(messageTo("s1", "into nothing"));
+  ASSERT_FALSE(lost.ok()) << "the server thinks that the station is online";
+  EXPECT_NE(lost.error().message.find("did not confirm it"), std::string::npos) << lost.error().message;
+  EXPECT_LT(std::chrono::steady_clock::now() - began, 2s);
+  EXPECT_EQ(timesHeard("into nothing"), 0u);
+  // and it is not held back for later, when nobody expects it any more
+  proxy_.refuseAll(false);
+  connected();
+  for (int i = 0; i < 400 && !instructor_->call(messageTo("s1", "again")).ok(); ++i)
+    std::this_thread::sleep_for(10ms);
+  EXPECT_GE(timesHeard("again"), 1u);
+  EXPECT_EQ(timesHeard("into nothing"), 0u);
+}
+
+TEST_F(ControlTest, underCutsEachMessageIsHeardOrItsLossIsSaid) {
+  std::uint64_t confirmed = 0, lost = 0;
+  for (int n = 0; n < 16; ++n) {
+    const std::string text = "message " + std::to_string(n);
+    std::thread cutter([&] {
+      std::this_thread::sleep_for(std::chrono::microseconds(150 * n));
+      if (n % 2 == 0) proxy_.cutAll(Cut::kReset);
+    });
+    const auto reply = instructor_->call(messageTo("s1", text));
+    cutter.join();
+    if (reply.ok()) {
+      ++confirmed;
+      EXPECT_EQ(timesHeard(text), 1u) << text;
+    } else {
+      ++lost;
+      EXPECT_LE(timesHeard(text), 1u) << text;
+      for (int i = 0; i < 400 && !station_->state().connected; ++i) std::this_thread::sleep_for(5ms);
+    }
+  }
+  EXPECT_EQ(confirmed + lost, 16u);
+  EXPECT_GT(confirmed, 3u);
+  std::cout << confirmed << " messages confirmed, " << lost << " said to be lost\n";
+}
+
+}  // namespace
+}  // namespace needlelab::test
