@@ -205,6 +205,16 @@ class Spoilt(unittest.TestCase):
         self.events[-1]["t"] = 41 * 10**6 + 1
         self.assertEqual(self.names(), {"recorded-but-missing"})
 
+    def test_what_a_station_noted_while_it_was_being_killed_is_no_reason_to_ask_for_all(self):
+        self.db.execute("DELETE FROM chunks WHERE seq = 2")
+        self.count(2)
+        digest = hashlib.blake2b(b"".join(self.chunks[:2]), digest_size=32).digest()
+        self.db.execute("UPDATE sessions SET state = 3, hash = ?", (digest,))
+        self.events = [e for e in self.events if e["e"] in ("session", "s")]
+        self.note(e="kill", station="s", t=28 * 10**6)
+        self.note(e="kill", station="s", t=5000 * 10**6)
+        self.assertEqual(self.names(), set(), "the second kill was of another session")
+
     def test_after_a_restore_only_what_was_acknowledged_since_counts_midway(self):
         self.db.execute("DELETE FROM chunks WHERE seq = 2")
         self.count(2)

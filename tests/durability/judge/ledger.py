@@ -58,7 +58,8 @@ class Ledgers:
         for session in self.sessions.values():
             if session.station != kill["station"] or not session.times or session.required is not None:
                 continue
-            if session.times[-1] <= kill["t"] and (session.end is None or session.end["interrupted"]):
+            # it may have noted some more between the reading of that clock and its death
+            if session.times[0] <= kill["t"] and (session.end is None or session.end["interrupted"]):
                 # a sample's line is written before the spool gets it: that it has it is sure at the next line only
                 limit = kill["t"] - self.loss_ns - kill.get("held_up", 0)
                 session.required = sum(t < limit for t in session.times[1:])
