@@ -28,11 +28,13 @@ Status AuditStore::add(const AuditRow& row) {
                          shown(row.detail));
 }
 
-Result<std::vector<AuditRow>> AuditStore::list(std::uint32_t limit) {
+Result<std::vector<AuditRow>> AuditStore::list(std::uint32_t limit, std::uint64_t before_id) {
   const std::uint32_t most = limit == 0 ? kMaxListed : std::min(limit, kMaxListed);
   std::vector<AuditRow> entries;
   auto rows = connection_.query(
-      "SELECT id, unix_ns, who, action, subject, detail FROM audit ORDER BY id DESC LIMIT ?", most);
+      "SELECT id, unix_ns, who, action, subject, detail FROM audit WHERE ?1 = 0 OR id < ?1 ORDER BY id DESC "
+      "LIMIT ?2",
+      before_id, most);
   for (;;) {
     const auto row = rows.step();
     if (!row) return row.error();

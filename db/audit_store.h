@@ -27,7 +27,7 @@ class AuditStore {
   /// `row.id` is not read. Texts beyond 1,000 bytes are cut, with a mark.
   Status add(const AuditRow& row);
   /// Newest first; limit 0: 1000, at most 1000.
-  Result<std::vector<AuditRow>> list(std::uint32_t limit);
+  Result<std::vector<AuditRow>> list(std::uint32_t limit, std::uint64_t before_id = 0);
 
  private:
   Connection& connection_;

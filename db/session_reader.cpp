@@ -9,8 +9,6 @@
 namespace needlelab {
 namespace {
 
-constexpr std::uint32_t kMaxListed = 1000;
-
 /// What can be read stands in the first columns: of the thinned recording where there is one.
 constexpr std::string_view kInfoColumns =
     "SELECT s.description, s.state, s.received_unix_ns, s.closed_unix_ns, s.clock_offset_ns,"
@@ -19,7 +17,6 @@ constexpr std::string_view kInfoColumns =
     " o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number, s.profile_json, s.score_json FROM sessions s"
     " LEFT JOIN derived_recordings d ON d.session = s.number AND d.complete = 1"
     " LEFT JOIN removed_originals o ON o.session = s.number ";
-constexpr int kNumberColumn = 19;
 
 /// A row of kInfoColumns; `texts`: with profile and score.
 Result<pb::SessionInfo> infoOf(const Statement& row, bool texts) {
@@ -111,9 +108,10 @@ Result<std::uint64_t> SessionStore::safeSeqs(const Uuid& session) {
 
 Result<std::vector<pb::Welcome::OpenSession>> SessionStore::openSessions(std::string_view station) {
   std::vector<pb::Welcome::OpenSession> sessions;
-  auto rows =
-      connection_.query("SELECT id, chunks FROM sessions WHERE station = ? AND state = ? ORDER BY number",
-                        station, static_cast<int>(pb::SESSION_OPEN));
+  auto rows = connection_.query(
+      "SELECT id, chunks FROM (SELECT number, id, chunks FROM sessions WHERE station = ? AND state"
+      " = ? ORDER BY number DESC LIMIT ?) ORDER BY number",
+      station, static_cast<int>(pb::SESSION_OPEN), kMaxWelcomed);
   for (;;) {
     const auto row = rows.step();
     if (!row) return row.error();
@@ -133,13 +131,18 @@ Result<pb::SessionInfo> SessionStore::info(const Uuid& session) {
 }
 
 Result<std::vector<pb::SessionInfo>> SessionStore::list(std::string_view station, std::string_view trainee,
-                                                        std::uint32_t limit) {
+                                                        std::uint32_t limit,
+                                                        const std::optional<Uuid>& after) {
   std::vector<pb::SessionInfo> sessions;
   const std::uint32_t most = limit == 0 ? kMaxListed : std::min(limit, kMaxListed);
+  const std::string behind = after ? " AND (s.started_unix_ns, s.number) < (SELECT started_unix_ns, number "
+                                     "FROM sessions WHERE id = ?4)"
+                                   : "";
   auto rows = connection_.query(std::string(kInfoColumns) +
-                                    "WHERE (?1 = '' OR s.station = ?1) AND (?2 = '' OR s.trainee = ?2)"
-                                    " ORDER BY s.started_unix_ns DESC, s.number DESC LIMIT ?3",
+                                    "WHERE (?1 = '' OR s.station = ?1) AND (?2 = '' OR s.trainee = ?2)" +
+                                    behind + " ORDER BY s.started_unix_ns DESC, s.number DESC LIMIT ?3",
                                 station, trainee, most);
+  if (after) rows.bind(ByteView(*after));
   for (;;) {
     const auto row = rows.step();
     if (!row) return row.error();
@@ -163,11 +166,8 @@ Result<ChunksAround> SessionStore::readAround(const Uuid& session, std::uint64_t
   if (!found) return found.error();
   if (!*found) return unknownSession(session);
   const std::string name = "session " + uuidText(session);
-  if ((*found)->recording == StoredRecording::Kind::kDeleted) {
-    const auto why = removalText(connection_, **found);
-    if (!why) return why.error();
-    return Error{ErrorCode::kNotFound, name + ": " + *why + "; its score, events and remarks are kept"};
-  }
+  if ((*found)->recording == StoredRecording::Kind::kDeleted)
+    return recordingDeleted(connection_, name, **found);
   const auto recording = recordingOf(connection_, name, **found);
   if (!recording) return recording.error();
 

@@ -52,6 +52,12 @@ Result<std::string> removalText(Connection& connection, const SessionRow& row) {
   return what + " on " + query.text(0) + " (" + query.text(1) + ")";
 }
 
+Error recordingDeleted(Connection& connection, const std::string& name, const SessionRow& row) {
+  const auto why = removalText(connection, row);
+  if (!why) return why.error();
+  return {ErrorCode::kNotFound, name + ": " + *why + "; its score, events and remarks are kept"};
+}
+
 std::optional<Digest> digestOf(ByteView bytes) {
   if (bytes.size() != std::tuple_size_v<Digest>) return std::nullopt;
   Digest digest{};

@@ -39,6 +39,9 @@ Result<StoredRecording> recordingOf(Connection& connection, const std::string& n
 /// "its recording was thinned to 100 Hz on 2026-11-20 …": why the original is not there. For messages.
 Result<std::string> removalText(Connection& connection, const SessionRow& row);
 
+/// kNotFound: when and why it was deleted, what is kept.
+Error recordingDeleted(Connection& connection, const std::string& name, const SessionRow& row);
+
 /// A hash from a column; nothing unless it has 32 bytes.
 std::optional<Digest> digestOf(ByteView bytes);
 

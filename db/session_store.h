@@ -22,6 +22,12 @@ namespace needlelab {
 /// Longest chunk that is stored: it must fit, with its envelope, into a message of the wire (1 MiB).
 inline constexpr std::size_t kMaxStoredChunkBytes = (1u << 20) - 1024;
 
+/// Most open sessions that a Welcome lists: some 30 bytes each, so that it stays far below 1 MiB.
+inline constexpr std::uint32_t kMaxWelcomed = 1000;
+
+/// Most rows of sessions or audit lines that are listed at once.
+inline constexpr std::uint32_t kMaxListed = 1000;
+
 /// What happened to a chunk. Only kStored and kRepeated may be acknowledged, and only after the commit.
 struct Appended {
   enum class Kind {
@@ -82,6 +88,22 @@ struct ChunksAround {
   std::uint64_t next_seq = 0;  ///< where to go on
 };
 
+/// A moment of a recording: a tick, or else seconds since its first sample by the station's clock.
+struct SeekTo {
+  std::optional<std::uint64_t> tick;
+  double seconds = 0;
+};
+/// The last chunk that begins at or before it; the first one for a moment before all. Where a damaged chunk
+/// stands in the way it is an earlier one.
+struct SoughtChunk {
+  std::uint64_t seq = 0;
+  std::uint64_t first_tick = 0;
+  std::int64_t first_time_ns = 0;
+  std::uint64_t recording_first_tick = 0;  ///< of chunk 0
+  std::int64_t recording_first_time_ns = 0;
+  std::uint32_t chunks_read = 0;  ///< to find it; none is decoded
+};
+
 /// The outcome of reading everything again: CRC of every chunk, no gap, count, samples, hash. Of the
 /// recording that is there: the original, or the thinned one.
 struct SessionCheck {
@@ -124,14 +146,16 @@ class SessionStore {
   Result<std::uint64_t> nextSeq(const Uuid& session);
   /// Chunks 0 … n−1 are covered by a verified backup.
   Result<std::uint64_t> safeSeqs(const Uuid& session);
-  /// Open sessions of a station, oldest first.
+  /// Open sessions of a station: the newest kMaxWelcomed, oldest of them first. A station asks for any other
+  /// that it has by OpenSession.
   Result<std::vector<pb::Welcome::OpenSession>> openSessions(std::string_view station);
 
   /// Everything known of a session, profile JSON and score included. kNotFound.
   Result<pb::SessionInfo> info(const Uuid& session);
-  /// Newest first, without profile JSON and score; empty filters mean all.
+  /// Newest first, without profile JSON and score; empty filters mean all. At most `limit` and kMaxListed; 0
+  /// means that many. `after`: those behind this session, for the next page.
   Result<std::vector<pb::SessionInfo>> list(std::string_view station, std::string_view trainee,
-                                            std::uint32_t limit);
+                                            std::uint32_t limit, const std::optional<Uuid>& after = {});
 
   /// Chunks from `from_seq` on, at most `max_chunks` and about `max_bytes` (at least one). Every CRC is
   /// checked: kCorrupt names the first one that fails. Of the recording that is there, original or thinned;
@@ -141,6 +165,10 @@ class SessionStore {
   /// As readChunks, but over damaged chunks, which count for `max_chunks`.
   Result<ChunksAround> readAround(const Uuid& session, std::uint64_t from_seq, std::uint32_t max_chunks,
                                   std::size_t max_bytes);
+
+  /// A few chunks are read, however long the recording is: 3 or 4 where they are about equally long, at most
+  /// about 2·log2 of their number. kNotFound: deleted, or empty; kCorrupt: chunk 0 is damaged.
+  Result<SoughtChunk> seek(const Uuid& session, const SeekTo& to);
 
   /// Reads all of it again. A fault in the data is `ok == false`; an error means it could not be looked at.
   Result<SessionCheck> verify(const Uuid& session);

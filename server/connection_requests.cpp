@@ -20,6 +20,8 @@ asio::thread_pool& poolFor(ServerContext& context, const pb::Request& request) {
     case pb::Request::kCheck:
     case pb::Request::kVerifySession:
       return context.slow_workers;
+    case pb::Request::kRunRetention:
+      return context.retention_workers;
     default:
       return context.workers;
   }

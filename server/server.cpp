@@ -1,5 +1,9 @@
 #include "server/server.h"
 
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <boost/asio/ip/address.hpp>
 #include <boost/asio/post.hpp>
@@ -31,7 +35,7 @@ struct Server::Parts {
   TlsContext tls;
   TlsFiles files;
   std::unique_ptr<Store> store;
-  asio::thread_pool passwords{1}, workers{2}, slow_workers{1};
+  asio::thread_pool passwords{1}, workers{2}, slow_workers{1}, retention_workers{1};
   std::optional<ServerContext> context;
   std::optional<Tcp::acceptor> acceptor;
   std::unique_ptr<Monitor> monitor;
@@ -39,6 +43,7 @@ struct Server::Parts {
   asio::signal_set signals{io};
   asio::steady_timer watchdog_timer{io};
   asio::steady_timer drain_timer{io};
+  asio::steady_timer retention_timer{io};
   std::uint16_t port = 0;
   std::uint64_t next_id = 1;
   bool stopping = false;
@@ -51,6 +56,7 @@ struct Server::Parts {
   Task<> drainLoop();
   Task<> watchdogLoop(std::chrono::microseconds period);
   Status startMonitor();
+  Task<> retentionLoop();
   void accepted(Tcp::socket socket);
   void turnedAway(const std::string& host);
   void beginStop(const std::string& reason);
@@ -95,11 +101,17 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   p.tls = *tls;
 
   p.options.door.max_connections = p.options.max_connections;
+  // retention has time: whoever acts for a person or a station goes before it
+  asio::post(p.retention_workers, [] {
+    if (::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)), 10) != 0)
+      logEvent(LogLevel::kWarning, "retention_priority_not_lowered", {});
+  });
   p.context.emplace(ServerContext{.io = p.io,
                                   .store = *p.store,
                                   .passwords = p.passwords,
                                   .workers = p.workers,
                                   .slow_workers = p.slow_workers,
+                                  .retention_workers = p.retention_workers,
                                   .bounds = p.options.bounds,
                                   .hub = Hub(p.options.hub),
                                   .guard = LoginGuard(p.options.guard),
@@ -158,7 +170,8 @@ Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 Server::~Server() {
   Parts& p = *parts_;
   // work that still runs posts its results into io, where nobody takes them any more
-  for (asio::thread_pool* pool : {&p.passwords, &p.workers, &p.slow_workers}) pool->join();
+  for (asio::thread_pool* pool : {&p.passwords, &p.workers, &p.slow_workers, &p.retention_workers})
+    pool->join();
   if (p.monitor) p.monitor->join();
   p.store->writer().stop();
 }
@@ -170,6 +183,7 @@ int Server::run() {
   if (const auto period = watchdogPeriod(); period && p.options.handle_signals)
     asio::co_spawn(p.io, p.watchdogLoop(*period), rethrow);
   if (p.options.handle_signals) notifyManager("READY=1\nSTATUS=serving");
+  if (p.options.retention_every.count() > 0) asio::co_spawn(p.io, p.retentionLoop(), rethrow);
   p.io.run();
   // all connections have ended; what is posted to the writer is committed before the end
   p.store->writer().stop();
@@ -250,11 +264,36 @@ void Server::Parts::beginStop(const std::string& reason) {
   if (monitor_http) monitor_http->stop();
   watchdog_timer.cancel();
   signals.cancel(ignored);
+  retention_timer.cancel();
+  store->service().stopRetention();
   const auto all = context->connections;
   for (const auto& [id, connection] : all) {
     asio::co_spawn(io, PeerConnection::shutDown(connection->shared_from_this(), reason), rethrow);
   }
   asio::co_spawn(io, drainLoop(), rethrow);
+}
+
+Task<> Server::Parts::retentionLoop() {
+  auto wait = options.retention_first;
+  for (;;) {
+    retention_timer.expires_after(std::exchange(wait, options.retention_every));
+    co_await retention_timer.async_wait(kUseTuple);
+    if (stopping) co_return;
+    std::function<Result<pb::RetentionReport>()> work = [this] { return store->service().dailyRetention(); };
+    const auto report = co_await offload(retention_workers, std::move(work));
+    if (!report.ok()) {
+      logEvent(LogLevel::kWarning, "retention_not_run", {{"text", report.error().message}});
+      continue;
+    }
+    logEvent(LogLevel::kInfo, "retention",
+             {{"thinned", report->thinned()},
+              {"deleted", report->deleted()},
+              {"waiting_for_backup", report->waiting_for_backup()},
+              {"left_alone", report->left_alone()},
+              {"bytes_before", report->bytes_before()},
+              {"bytes_after", report->bytes_after()},
+              {"stopped", report->stopped() ? "yes" : "no"}});
+  }
 }
 
 Task<> Server::Parts::drainLoop() {

@@ -73,6 +73,7 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   addSessionCommands(app, chosen);
   addCertificateCommands(app, chosen);
   addUpkeepCommands(app, chosen);
+  addRetentionCommands(app, chosen);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -103,6 +104,19 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   // out of memory, or the file system: said in a line, never with a trace
   err << "needlelab-admin: " << e.what() << "\n";
   return kExitFailed;
+}
+
+Status eachPage(Backend& backend, const std::function<void(pb::Request&, const std::string&)>& ask,
+                const std::function<std::string(const pb::Reply&)>& take) {
+  std::string page;
+  do {
+    pb::Request request;
+    ask(request, page);
+    const auto reply = backend.call(request);
+    if (!reply) return reply.error();
+    page = take(*reply);
+  } while (!page.empty());
+  return {};
 }
 
 Result<Uuid> sessionIdOf(const std::string& text) {

@@ -45,6 +45,12 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen);
 void addSessionCommands(CLI::App& app, ChosenCommand& chosen);
 void addCertificateCommands(CLI::App& app, ChosenCommand& chosen);
 void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen);
+void addRetentionCommands(CLI::App& app, ChosenCommand& chosen);
+
+/// Asks for a list page by page (control.proto): `ask` puts a page's name into the request, `take` keeps a
+/// reply's rows and gives the name of the page behind it; empty: enough.
+Status eachPage(Backend& backend, const std::function<void(pb::Request&, const std::string&)>& ask,
+                const std::function<std::string(const pb::Reply&)>& take);
 
 /// A session's id from the command line. kInvalidInput.
 Result<Uuid> sessionIdOf(const std::string& text);

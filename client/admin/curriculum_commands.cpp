@@ -54,17 +54,23 @@ Status listCurricula(CommandContext& context) {
 }
 
 Status listAssignments(CommandContext& context, const std::string& trainee) {
-  pb::Request request;
-  request.mutable_list_assignments()->set_trainee(trainee);
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
   Json rows = Json::array();
-  for (const auto& assignment : reply->assignments().assignments()) {
-    rows.push_back({{"trainee", assignment.trainee()},
-                    {"exercise_id", assignment.exercise_id()},
-                    {"by", assignment.by()},
-                    {"created_unix_ns", assignment.created_unix_ns()}});
-  }
+  const auto done = eachPage(
+      context.backend,
+      [&](pb::Request& request, const std::string& page) {
+        request.mutable_list_assignments()->set_trainee(trainee);
+        request.mutable_list_assignments()->set_page(page);
+      },
+      [&](const pb::Reply& reply) {
+        for (const auto& assignment : reply.assignments().assignments()) {
+          rows.push_back({{"trainee", assignment.trainee()},
+                          {"exercise_id", assignment.exercise_id()},
+                          {"by", assignment.by()},
+                          {"created_unix_ns", assignment.created_unix_ns()}});
+        }
+        return reply.assignments().next_page();
+      });
+  if (!done) return done;
   return context.output.list({{"trainee", "TRAINEE"},
                               {"exercise_id", "EXERCISE"},
                               {"by", "BY"},

@@ -9,18 +9,28 @@ namespace needlelab {
 namespace {
 
 Status listSessions(CommandContext& context, const pb::ListSessions& filter) {
-  pb::Request request;
-  *request.mutable_list_sessions() = filter;
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
   Json rows = Json::array();
-  for (const auto& session : reply->sessions().sessions()) rows.push_back(sessionRow(session));
+  const auto done = eachPage(
+      context.backend,
+      [&](pb::Request& request, const std::string& page) {
+        auto* call = request.mutable_list_sessions();
+        *call = filter;
+        if (filter.limit() != 0) call->set_limit(filter.limit() - static_cast<std::uint32_t>(rows.size()));
+        call->set_page(page);
+      },
+      [&](const pb::Reply& reply) {
+        for (const auto& session : reply.sessions().sessions()) rows.push_back(sessionRow(session));
+        return filter.limit() != 0 && rows.size() >= filter.limit() ? std::string()
+                                                                    : reply.sessions().next_page();
+      });
+  if (!done) return done;
   return context.output.list({{"session_id", "SESSION"},
                               {"started_unix_ns", "STARTED", Column::Kind::kTime},
                               {"station", "STATION"},
                               {"trainee", "TRAINEE"},
                               {"exercise_id", "EXERCISE"},
                               {"state", "STATE"},
+                              {"recording", "RECORDING"},
                               {"samples", "SAMPLES"},
                               {"stored_bytes", "SIZE", Column::Kind::kBytes}},
                              rows, "no sessions");
@@ -32,13 +42,21 @@ struct SessionEvents {
   bool stored = false;
 };
 Result<SessionEvents> eventsOf(CommandContext& context, const Uuid& id) {
-  pb::Request request;
-  request.mutable_list_events()->set_session_id(id.data(), id.size());
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
-  const auto& list = reply->events();
-  const std::vector<pb::SyringeEvent> events(list.events().begin(), list.events().end());
-  return SessionEvents{Json::parse(eventsJson(events)), list.stored()};
+  std::vector<pb::SyringeEvent> events;
+  bool stored = false;
+  const auto done = eachPage(
+      context.backend,
+      [&](pb::Request& request, const std::string& page) {
+        request.mutable_list_events()->set_session_id(id.data(), id.size());
+        request.mutable_list_events()->set_page(page);
+      },
+      [&](const pb::Reply& reply) {
+        events.insert(events.end(), reply.events().events().begin(), reply.events().events().end());
+        stored = reply.events().stored();
+        return reply.events().next_page();
+      });
+  if (!done) return done.error();
+  return SessionEvents{Json::parse(eventsJson(events)), stored};
 }
 
 Status listEvents(CommandContext& context, const Uuid& id) {
@@ -57,10 +75,23 @@ Status showSession(CommandContext& context, const Uuid& id) {
   request.mutable_get_session()->set_session_id(bytes);
   const auto reply = context.backend.call(request);
   if (!reply) return reply.error();
-  pb::Request notes_request;
-  notes_request.mutable_list_annotations()->set_session_id(bytes);
-  const auto notes = context.backend.call(notes_request);
-  if (!notes) return notes.error();
+  Json notes = Json::array();
+  const auto listed = eachPage(
+      context.backend,
+      [&](pb::Request& call, const std::string& page) {
+        call.mutable_list_annotations()->set_session_id(bytes);
+        call.mutable_list_annotations()->set_page(page);
+      },
+      [&](const pb::Reply& page) {
+        for (const auto& note : page.annotations().annotations()) {
+          notes.push_back({{"tick", note.tick()},
+                           {"text", note.text()},
+                           {"author", note.author()},
+                           {"created_unix_ns", note.created_unix_ns()}});
+        }
+        return page.annotations().next_page();
+      });
+  if (!listed) return listed;
 
   const auto& session = reply->session();
   Json row = sessionRow(session);
@@ -70,15 +101,10 @@ Status showSession(CommandContext& context, const Uuid& id) {
   // same
   const auto events = eventsOf(context, id);
   row["events"] = events ? events->rows : Json();
-  row["annotations"] = Json::array();
-  for (const auto& note : notes->annotations().annotations()) {
-    row["annotations"].push_back({{"tick", note.tick()},
-                                  {"text", note.text()},
-                                  {"author", note.author()},
-                                  {"created_unix_ns", note.created_unix_ns()}});
-  }
+  row["annotations"] = std::move(notes);
   if (auto done = context.output.one({{"session_id", "session"},
                                       {"state", "state"},
+                                      {"recording", "recording"},
                                       {"trainee", "trainee"},
                                       {"station", "station"},
                                       {"device", "device"},
@@ -96,6 +122,12 @@ Status showSession(CommandContext& context, const Uuid& id) {
                                      row);
       !done || context.output.json()) {
     return done;
+  }
+  if (session.has_removed_original()) {
+    const auto& removed = session.removed_original();
+    context.output.text("\nthe original (" + std::to_string(removed.samples()) + " samples, " +
+                        bytesText(removed.stored_bytes()) + ", hash " + hexOfBytes(removed.hash()) +
+                        ") was removed on " + timeText(removed.removed_unix_ns()) + ": " + removed.reason());
   }
   if (row["score"].is_array() && !row["score"].empty()) {
     context.output.text("\n" + tableText({{"measure", "MEASURE"},
@@ -146,15 +178,14 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
     std::string id, station, trainee, format = "csv", out, text;
     std::uint32_t limit = 100;
     std::uint64_t tick = 0;
+    ExportRange range;
   };
   const auto values = std::make_shared<Values>();
 
   auto* list = session->add_subcommand("list", "newest first");
   list->add_option("--station", values->station, "of this station only");
   list->add_option("--trainee", values->trainee, "of this trainee only");
-  list->add_option("--limit", values->limit, "at most so many")
-      ->check(CLI::Range(1u, 1000u))
-      ->capture_default_str();
+  list->add_option("--limit", values->limit, "at most so many; 0: all")->capture_default_str();
   list->callback([&chosen, values] {
     chosen.run = [values](CommandContext& context) {
       pb::ListSessions filter;
@@ -184,8 +215,13 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
       ->check(CLI::IsMember({"csv", "json", "recording"}))
       ->capture_default_str();
   export_command->add_option("--out", values->out, "the new file")->required()->type_name("FILE");
+  export_command->add_option("--from", values->range.from_s, "from this moment on, since the first sample")
+      ->type_name("SECONDS");
+  export_command->add_option("--to", values->range.to_s, "up to this moment")->type_name("SECONDS");
+  export_command->add_flag("--damaged", values->range.around_damage,
+                           "write what can be read around damaged chunks, name those, exit 1");
   with_id(export_command, [values](CommandContext& context, const Uuid& id) {
-    return exportSession(context.backend, context.output, id, values->format, values->out);
+    return exportSession(context.backend, context.output, id, values->format, values->out, values->range);
   });
 
   auto* annotate = app.add_subcommand("annotate", "a remark on a moment of a session");

@@ -1,7 +1,9 @@
-/// A session's samples to a file, read in parts, written atomically.
+/// A session's samples to a file, read in parts, written atomically, in memory that does not grow with its
+/// length.
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "admin/backend.h"
@@ -11,11 +13,19 @@
 
 namespace needlelab {
 
+/// Which part of a session, and what about damage.
+struct ExportRange {
+  std::optional<double> from_s,
+      to_s;                    ///< since the first sample, by the station's clock; from is in, to is not
+  bool around_damage = false;  ///< write what can be read around damaged chunks; that is still a failure
+};
+
 /// `format`: "csv" (columns of gesture/sample_csv.h), "json" ({"version", "machine", "session", "rows"}) or
-/// "recording" (common/gesture/FORMAT.md). Every chunk is checked, and at the end the hash over all of them
-/// against the one that the session was closed with: on any fault there is no file. An open session is
-/// exported as far as it is stored.
+/// "recording" (common/gesture/FORMAT.md; a part of a session in whole chunks). Every chunk is checked, and
+/// at the end of a whole export the hash over all of them against that of the recording: on any fault there
+/// is no file, except with `around_damage`: then each fault is named, the file is there, and the result is
+/// kCorrupt. A thinned recording is exported as such; an open session as far as it is stored.
 Status exportSession(Backend& backend, Output& output, const Uuid& session, const std::string& format,
-                     const std::filesystem::path& file);
+                     const std::filesystem::path& file, const ExportRange& range = {});
 
 }  // namespace needlelab

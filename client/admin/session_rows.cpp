@@ -70,6 +70,20 @@ Json sessionRow(const pb::SessionInfo& session) {
               {"hash", nullptr},
               {"clock_offset_ns", nullptr},
               {"clock_round_trip_ns", nullptr}};
+  row["recording"] = "original";
+  if (session.has_removed_original()) {
+    const auto& removed = session.removed_original();
+    const bool thinned = removed.fate() == pb::RemovedOriginal::THINNED;
+    row["recording"] = thinned ? "thinned" : "deleted";
+    row["removed_original"] = {{"removed_unix_ns", removed.removed_unix_ns()},
+                               {"deleted_unix_ns", removed.deleted_unix_ns()},
+                               {"reason", removed.reason()},
+                               {"chunks", removed.chunks()},
+                               {"samples", removed.samples()},
+                               {"stored_bytes", removed.stored_bytes()},
+                               {"hash", hexOfBytes(removed.hash())}};
+    if (thinned) row["removed_original"]["thinned_rate_hz"] = removed.thinned_rate_hz();
+  }
   if (!session.hash().empty()) row["hash"] = hexOfBytes(session.hash());
   if (session.clock_round_trip_ns() != 0) {
     row["clock_offset_ns"] = session.clock_offset_ns();

@@ -84,12 +84,8 @@ Status enrolStation(CommandContext& context, const std::string& name, const std:
 }
 
 Status listStations(CommandContext& context) {
-  pb::Request request;
-  request.mutable_list_stations();
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
   Json rows = Json::array();
-  for (const auto& station : reply->stations().stations()) {
+  const auto add = [&](const pb::StationInfo& station) {
     Json row = {{"name", station.name()},
                 {"revoked", station.revoked()},
                 {"created_unix_ns", station.created_unix_ns()},
@@ -107,7 +103,15 @@ Status listStations(CommandContext& context) {
       }
     }
     rows.push_back(std::move(row));
-  }
+  };
+  const auto done = eachPage(
+      context.backend,
+      [](pb::Request& request, const std::string& page) { request.mutable_list_stations()->set_page(page); },
+      [&](const pb::Reply& reply) {
+        for (const auto& station : reply.stations().stations()) add(station);
+        return reply.stations().next_page();
+      });
+  if (!done) return done;
   return context.output.list({{"name", "NAME"},
                               {"revoked", "REVOKED"},
                               {"online", "ONLINE"},

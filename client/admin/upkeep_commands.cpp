@@ -88,19 +88,26 @@ Status check(CommandContext& context) {
 }
 
 Status audit(CommandContext& context, std::uint32_t limit) {
-  pb::Request request;
-  request.mutable_list_audit()->set_limit(limit);
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
   Json rows = Json::array();
-  for (const auto& entry : reply->audit().entries()) {
-    rows.push_back({{"id", entry.id()},
-                    {"unix_ns", entry.unix_ns()},
-                    {"who", entry.who()},
-                    {"action", entry.action()},
-                    {"subject", entry.subject()},
-                    {"detail", entry.detail()}});
-  }
+  const auto done = eachPage(
+      context.backend,
+      [&](pb::Request& request, const std::string& page) {
+        request.mutable_list_audit()->set_limit(limit == 0 ? 0
+                                                           : limit - static_cast<std::uint32_t>(rows.size()));
+        request.mutable_list_audit()->set_page(page);
+      },
+      [&](const pb::Reply& reply) {
+        for (const auto& entry : reply.audit().entries()) {
+          rows.push_back({{"id", entry.id()},
+                          {"unix_ns", entry.unix_ns()},
+                          {"who", entry.who()},
+                          {"action", entry.action()},
+                          {"subject", entry.subject()},
+                          {"detail", entry.detail()}});
+        }
+        return limit != 0 && rows.size() >= limit ? std::string() : reply.audit().next_page();
+      });
+  if (!done) return done;
   return context.output.list({{"id", "ID"},
                               {"unix_ns", "WHEN", Column::Kind::kTime},
                               {"who", "WHO"},
@@ -162,9 +169,7 @@ void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen) {
       ->callback([&chosen] { chosen.run = check; });
 
   auto* audit_command = app.add_subcommand("audit", "who changed what, newest first");
-  audit_command->add_option("--limit", values->limit, "at most so many")
-      ->check(CLI::Range(1u, 1000u))
-      ->capture_default_str();
+  audit_command->add_option("--limit", values->limit, "at most so many; 0: all")->capture_default_str();
   audit_command->callback([&chosen, values] {
     chosen.run = [values](CommandContext& context) { return audit(context, values->limit); };
   });

@@ -29,18 +29,21 @@ Result<std::string> newPassword(const std::string& name, const std::string& file
 }
 
 Status listUsers(CommandContext& context) {
-  pb::Request request;
-  request.mutable_list_users();
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
   Json rows = Json::array();
-  for (const auto& user : reply->users().users()) {
-    rows.push_back({{"name", user.name()},
-                    {"role", roleName(user.role())},
-                    {"disabled", user.disabled()},
-                    {"has_password", user.has_password()},
-                    {"created_unix_ns", user.created_unix_ns()}});
-  }
+  const auto done = eachPage(
+      context.backend,
+      [](pb::Request& request, const std::string& page) { request.mutable_list_users()->set_page(page); },
+      [&](const pb::Reply& reply) {
+        for (const auto& user : reply.users().users()) {
+          rows.push_back({{"name", user.name()},
+                          {"role", roleName(user.role())},
+                          {"disabled", user.disabled()},
+                          {"has_password", user.has_password()},
+                          {"created_unix_ns", user.created_unix_ns()}});
+        }
+        return reply.users().next_page();
+      });
+  if (!done) return done;
   return context.output.list({{"name", "NAME"},
                               {"role", "ROLE"},
                               {"disabled", "DISABLED"},

@@ -37,6 +37,7 @@ int main(int argc, char** argv) {
   app.add_option("--station", options.station, "Watch this station; without it an overview of all");
   app.add_option("--session", options.session, "Watch this session (its UUID), or replay it");
   app.add_flag("--replay", options.replay, "Replay the stored session");
+  app.add_option("--from", options.from_s, "Of a replay: begin so many seconds after the first sample");
   app.add_option("--rate", options.rate_hz,
                  "Lines per second: 10 by default, 1 in the overview; 0: all that comes");
   app.add_option("--speed", options.speed, "Of a replay: 1 is its own clock, 0 as fast as it comes")

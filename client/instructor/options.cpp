@@ -30,6 +30,10 @@ Status checkOptions(const InstructorOptions& options) {
   if ((!options.message.empty() || !options.next_exercise.empty()) && options.station.empty()) {
     return refuse("--message and --next-exercise need --station NAME");
   }
+  if (options.from_s) {
+    if (!options.replay) return refuse("--from needs --replay");
+    if (auto ok = inRange("--from", *options.from_s, 0, 1e7); !ok.ok()) return ok;
+  }
   if (options.rate_hz) {
     if (auto ok = inRange("--rate", *options.rate_hz, 0, 10'000); !ok.ok()) return ok;
   }

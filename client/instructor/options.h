@@ -22,6 +22,7 @@ struct InstructorOptions {
   std::string station;
   std::string session;            ///< text of a UUID
   std::optional<double> rate_hz;  ///< lines per second; 0: every frame of the station
+  std::optional<double> from_s;   ///< of a replay: begin so long after the first sample
   double speed = 1;               ///< of a replay; 0: as fast as it comes
   std::optional<double> seconds;  ///< end after so long; none: on Ctrl-C
   std::string message;            ///< to the trainee, once the station is online

@@ -22,13 +22,18 @@ class Replay {
 
   Status run() {
     if (auto status = readHead(); !status.ok()) return status;
-    std::uint64_t next = 0;
-    bool end = false;
+    const auto first = seek();
+    if (!first.ok()) return first.error();
+    std::uint64_t next = *first;
+    bool end = info_.chunks() == 0;
     while (!end && !run_.over()) {
       auto chunks = readChunks(next);
       if (!chunks.ok()) return chunks.error();
-      next += static_cast<std::uint64_t>(chunks->chunks_size());
-      end = chunks->end() || chunks->chunks_size() == 0;
+      for (const auto& damaged : chunks->damaged()) run_.note("damaged, left out: " + damaged.text());
+      const std::uint64_t behind =
+          std::max(chunks->next_seq(), next + static_cast<std::uint64_t>(chunks->chunks_size()));
+      end = chunks->end() || behind == next;
+      next = behind;
       for (const pb::Chunk& chunk : chunks->chunks()) {
         const auto samples = decodeChunk(viewOf(chunk.data()));
         if (!samples.ok()) {
@@ -54,6 +59,7 @@ class Replay {
     run_.note("session " + run_.options.session + " of " + d.trainee() + " at " + d.station() +
               ", exercise " + d.exercise_id() + ", profile " + d.profile_id() + ", " +
               std::to_string(info_.samples()) + " samples, " + pb::SessionState_Name(info_.state()));
+    if (info_.has_removed_original()) run_.note("retention: " + info_.removed_original().reason());
     pb::Request list;
     list.mutable_list_annotations()->set_session_id(sessionBytes(run_.options));
     auto annotations = run_.link.client().call(list);
@@ -65,8 +71,25 @@ class Replay {
     return {};
   }
 
+  /// The chunk to begin with.
+  Result<std::uint64_t> seek() {
+    const double from_s = run_.options.from_s.value_or(0);
+    if (from_s <= 0 || info_.chunks() == 0) return std::uint64_t{0};
+    pb::Request request;
+    request.mutable_seek_session()->set_session_id(sessionBytes(run_.options));
+    request.mutable_seek_session()->set_seconds(from_s);
+    const auto reply = run_.link.client().call(request);
+    if (!reply.ok()) return reply.error();
+    first_ns_ = reply->sought().recording_first_time_ns();
+    known_first_ = true;
+    next_line_s_ = from_s;
+    return reply->sought().seq();
+  }
+
   Result<pb::Chunks> readChunks(std::uint64_t from) {
     pb::Request request;
+    request.mutable_read_chunks()->set_skip_damaged(true);
+    request.mutable_read_chunks()->set_hash(info_.hash());
     request.mutable_read_chunks()->set_session_id(sessionBytes(run_.options));
     request.mutable_read_chunks()->set_from_seq(from);
     request.mutable_read_chunks()->set_max_chunks(kChunksAtOnce);
@@ -81,11 +104,18 @@ class Replay {
   /// False: the time is over.
   bool show(const std::vector<GestureSample>& samples) {
     const double rate_hz = run_.options.rate_hz.value_or(kDefaultRateHz);
+    const double from_s = run_.options.from_s.value_or(0);
     for (const GestureSample& sample : samples) {
-      if (samples_ == 0) first_ns_ = sample.time_ns;
-      ++samples_;
+      if (!known_first_) first_ns_ = sample.time_ns;
+      known_first_ = true;
       plunger_.add(sample);
       const double time_s = 1e-9 * static_cast<double>(sample.time_ns - first_ns_);
+      if (time_s < from_s) {
+        // remarks on what is not shown are not, either
+        while (noted_ < annotations_.size() && annotations_[noted_].tick() <= sample.tick) ++noted_;
+        continue;
+      }
+      ++samples_;
       for (; noted_ < annotations_.size() && annotations_[noted_].tick() <= sample.tick; ++noted_) {
         run_.note(annotations_[noted_].author() + ": " + annotations_[noted_].text());
       }
@@ -108,8 +138,8 @@ class Replay {
   bool waitUntil(double time_s) {
     if (run_.options.speed <= 0) return !run_.over();
     using Clock = ServerLink::Clock;
-    const auto due = started_ + std::chrono::duration_cast<Clock::duration>(
-                                    std::chrono::duration<double>(time_s / run_.options.speed));
+    const auto due = started_ + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
+                                    (time_s - run_.options.from_s.value_or(0)) / run_.options.speed));
     while (Clock::now() < due) {
       if (run_.over()) return false;
       // waiting here keeps the connection alive; a loss shows at the next chunk
@@ -143,6 +173,7 @@ class Replay {
   PlungerWatch plunger_;
   std::uint64_t samples_ = 0, lines_ = 0;
   std::int64_t first_ns_ = 0;
+  bool known_first_ = false;
   double next_line_s_ = 0;
   const ServerLink::Clock::time_point started_ = ServerLink::Clock::now();
 };

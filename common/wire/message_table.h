@@ -45,15 +45,17 @@ inline constexpr NumberedName kRequestCalls[] = {
     {31, "get_profile"},    {32, "list_profiles"},  {40, "import_curriculum"}, {41, "get_curriculum"},
     {42, "list_curricula"}, {43, "assign"},         {44, "list_assignments"},  {45, "get_lesson"},
     {50, "list_sessions"},  {51, "get_session"},    {52, "read_chunks"},       {53, "verify_session"},
-    {54, "list_events"},    {60, "annotate"},       {61, "list_annotations"},  {70, "backup"},
-    {71, "check"},          {72, "list_audit"},     {80, "trainee_message"},   {81, "next_exercise"},
+    {54, "list_events"},    {55, "seek_session"},   {60, "annotate"},          {61, "list_annotations"},
+    {70, "backup"},         {71, "check"},          {72, "list_audit"},        {73, "list_retention"},
+    {74, "set_retention"},  {75, "run_retention"},  {80, "trainee_message"},   {81, "next_exercise"},
 };
 
 inline constexpr NumberedName kReplyResults[] = {
-    {2, "done"},        {10, "users"},       {20, "station_key"}, {21, "stations"},     {30, "profile"},
-    {31, "profiles"},   {40, "curriculum"},  {41, "curricula"},   {42, "assignments"},  {43, "lesson"},
-    {50, "sessions"},   {51, "session"},     {52, "chunks"},      {53, "verified"},     {54, "events"},
-    {60, "annotation"}, {61, "annotations"}, {70, "backup_done"}, {71, "check_report"}, {72, "audit"},
+    {2, "done"},      {10, "users"},      {20, "station_key"},      {21, "stations"},    {30, "profile"},
+    {31, "profiles"}, {40, "curriculum"}, {41, "curricula"},        {42, "assignments"}, {43, "lesson"},
+    {50, "sessions"}, {51, "session"},    {52, "chunks"},           {53, "verified"},    {54, "events"},
+    {55, "sought"},   {60, "annotation"}, {61, "annotations"},      {70, "backup_done"}, {71, "check_report"},
+    {72, "audit"},    {73, "retention"},  {74, "retention_report"},
 };
 
 inline constexpr NumberedName kRefusalReasons[] = {

@@ -88,18 +88,46 @@ Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, cons
     outcome.score_json = info->score_json();
     return outcome;
   }
-  const auto read = samplesOf(**reader, *id);
-  auto score = read ? scoreOf(**reader, *read) : Result<std::string>(read.error());
-  if (!score) outcome.score_fault = score.error().message;
-  if (!read) return outcome;
+  auto settled = settle(**reader, *id);
+  if (!settled) return settled.error();
+  outcome.score_json = std::move(settled->score_json);
+  outcome.score_fault = std::move(settled->score_fault);
+  return outcome;
+}
+
+Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session) {
+  Settled settled;
+  const auto read = samplesOf(reader, session);
+  auto score = read ? scoreOf(reader, *read) : Result<std::string>(read.error());
+  if (!score) settled.score_fault = score.error().message;
+  if (!read) return settled;
   const auto events = eventsOf(*read);
   const auto stored = writer_.run([&](Connection& writer) {
-    if (auto put = EventStore(writer).put(*id, events); !put) return put;
-    return score && !score->empty() ? SessionStore(writer).setScore(*id, *score) : Status();
+    if (auto put = EventStore(writer).put(session, events); !put) return put;
+    return score && !score->empty() ? SessionStore(writer).setScore(session, *score) : Status();
   });
   if (!stored) return stored.error();
-  if (score) outcome.score_json = std::move(*score);
-  return outcome;
+  if (score) settled.score_json = std::move(*score);
+  return settled;
+}
+
+Status Service::settleRecording(const Uuid& session) {
+  auto reader = readers_.borrow();
+  if (!reader) return reader.error();
+  const auto info = SessionStore(**reader).info(session);
+  if (!info) return info.error();
+  const auto events = EventStore(**reader).list(session);
+  if (!events) return events.error();
+  // a score that is there was made when the session was closed, and stays
+  if (!info->score_json().empty() && events->has_value()) return {};
+  if (!info->score_json().empty()) {
+    const auto read = samplesOf(**reader, session);
+    if (!read) return {};
+    return writer_.run(
+        [&, made = eventsOf(*read)](Connection& writer) { return EventStore(writer).put(session, made); });
+  }
+  const auto settled = settle(**reader, session);
+  return settled ? Status() : Status(settled.error());
 }
 
 }  // namespace needlelab

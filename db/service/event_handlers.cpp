@@ -2,6 +2,7 @@
 #include "db/event_store.h"
 #include "db/session_store.h"
 #include "service/handlers.h"
+#include "service/page.h"
 #include "service/session_samples.h"
 
 namespace needlelab::handlers {
@@ -13,6 +14,8 @@ Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call)
   if (info->state() == pb::SESSION_OPEN)
     return Error{ErrorCode::kUnavailable,
                  "session " + uuidText(*id) + " is still open: its events are worked out when it is closed"};
+  const auto from = numberOfPage(call.page());
+  if (!from) return from.error();
   auto stored = EventStore(context.reader).list(*id);
   if (!stored) return stored.error();
   pb::Reply reply;
@@ -24,10 +27,13 @@ Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call)
     if (!read) return read.error();
     *stored = eventsOf(*read);
   }
-  std::size_t bytes = 0;
-  for (pb::SyringeEvent& event : **stored) {
-    bytes += event.ByteSizeLong() + 8;
-    if (bytes > kMaxReplyBytes) break;
+  PageRoom room;
+  for (std::uint64_t i = *from; i < (*stored)->size(); ++i) {
+    pb::SyringeEvent& event = (**stored)[i];
+    if (!room.take(event.ByteSizeLong())) {
+      list->set_next_page(std::to_string(i));
+      break;
+    }
     *list->add_events() = std::move(event);
   }
   return reply;

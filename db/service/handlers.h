@@ -61,6 +61,7 @@ Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call);
 Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& call);
 Result<pb::Reply> getSession(const Context& context, const pb::GetSession& call);
 Result<pb::Reply> readChunks(const Context& context, const pb::ReadChunks& call);
+Result<pb::Reply> seekSession(const Context& context, const pb::SeekSession& call);
 Result<pb::Reply> verifySession(const Context& context, const pb::VerifySession& call);
 Result<pb::Reply> annotate(const Context& context, const pb::Annotate& call);
 Result<pb::Reply> listAnnotations(const Context& context, const pb::ListAnnotations& call);
@@ -77,5 +78,9 @@ inline constexpr std::size_t kMaxReplyBytes = (1u << 20) - 4096;
 Result<pb::Reply> backup(const Context& context, const pb::Backup& call);
 Result<pb::Reply> check(const Context& context, const pb::Check& call);
 Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call);
+
+// retention_handlers.cpp; its runs: Service::retention()
+Result<pb::Reply> listRetention(const Context& context, const pb::ListRetention& call);
+Result<pb::Reply> setRetention(const Context& context, const pb::SetRetention& call);
 
 }  // namespace needlelab::handlers

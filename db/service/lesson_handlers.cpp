@@ -5,6 +5,7 @@
 #include "scoring/measures.h"
 #include "service/handlers.h"
 #include "service/lesson_texts.h"
+#include "service/page.h"
 
 namespace needlelab::handlers {
 namespace {
@@ -119,12 +120,20 @@ Result<pb::Reply> listAssignments(const Context& context, const pb::ListAssignme
   if (own && !call.trainee().empty() && call.trainee() != context.who.name) {
     return Error{ErrorCode::kDenied, "a trainee sees own assignments only"};
   }
+  const auto from = numberOfPage(call.page());
+  if (!from) return from.error();
   const auto assignments =
       CurriculumStore(context.reader).assignments(own ? context.who.name : call.trainee());
   if (!assignments) return assignments.error();
   pb::Reply reply;
   auto* list = reply.mutable_assignments();
-  for (const StoredAssignment& assignment : *assignments) {
+  PageRoom room;
+  for (std::uint64_t i = *from; i < assignments->size(); ++i) {
+    const StoredAssignment& assignment = (*assignments)[i];
+    if (!room.take(assignment.trainee.size() + assignment.exercise_id.size() + assignment.by.size() + 32)) {
+      list->set_next_page(std::to_string(i));
+      break;
+    }
     auto* entry = list->add_assignments();
     entry->set_trainee(assignment.trainee);
     entry->set_exercise_id(assignment.exercise_id);

@@ -4,6 +4,7 @@
 #include "db/people_store.h"
 #include "db/station_store.h"
 #include "service/handlers.h"
+#include "service/page.h"
 #include "service/roles.h"
 
 namespace needlelab::handlers {
@@ -63,12 +64,18 @@ Result<pb::Reply> disableUser(const Context& context, const pb::DisableUser& cal
   return done();
 }
 
-Result<pb::Reply> listUsers(const Context& context, const pb::ListUsers&) {
+Result<pb::Reply> listUsers(const Context& context, const pb::ListUsers& call) {
   const auto people = PeopleStore(context.reader).list();
   if (!people) return people.error();
   pb::Reply reply;
   auto* users = reply.mutable_users();
+  PageRoom room;
   for (const Person& person : *people) {
+    if (person.name <= call.page()) continue;
+    if (!room.take(person.name.size() + 32)) {
+      users->set_next_page(users->users().rbegin()->name());
+      break;
+    }
     auto* user = users->add_users();
     user->set_name(person.name);
     user->set_role(person.role);
@@ -98,12 +105,19 @@ Result<pb::Reply> revokeStation(const Context& context, const pb::RevokeStation&
   return done();
 }
 
-Result<pb::Reply> listStations(const Context& context, const pb::ListStations&) {
+Result<pb::Reply> listStations(const Context& context, const pb::ListStations& call) {
   const auto stations = StationStore(context.reader).list();
   if (!stations) return stations.error();
   pb::Reply reply;
   auto* list = reply.mutable_stations();
+  PageRoom room;
   for (const Station& station : *stations) {
+    if (station.name <= call.page()) continue;
+    // the server adds what each one does just now
+    if (!room.take(station.name.size() + 512)) {
+      list->set_next_page(list->stations().rbegin()->name());
+      break;
+    }
     auto* info = list->add_stations();
     info->set_name(station.name);
     info->set_revoked(station.revoked);

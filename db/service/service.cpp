@@ -1,6 +1,9 @@
 #include "service/service.h"
 
+#include <charconv>
+
 #include "base/clock.h"
+#include "db/meta_store.h"
 #include "db/password.h"
 #include "db/people_store.h"
 #include "db/station_store.h"
@@ -50,6 +53,8 @@ Result<pb::Reply> dispatch(const handlers::Context& context, const pb::Request& 
       return handlers::getSession(context, request.get_session());
     case pb::Request::kReadChunks:
       return handlers::readChunks(context, request.read_chunks());
+    case pb::Request::kSeekSession:
+      return handlers::seekSession(context, request.seek_session());
     case pb::Request::kVerifySession:
       return handlers::verifySession(context, request.verify_session());
     case pb::Request::kListEvents:
@@ -64,6 +69,12 @@ Result<pb::Reply> dispatch(const handlers::Context& context, const pb::Request& 
       return handlers::check(context, request.check());
     case pb::Request::kListAudit:
       return handlers::listAudit(context, request.list_audit());
+    case pb::Request::kListRetention:
+      return handlers::listRetention(context, request.list_retention());
+    case pb::Request::kSetRetention:
+      return handlers::setRetention(context, request.set_retention());
+    case pb::Request::kRunRetention:
+      break;  // execute() does it: it borrows its readers itself
     case pb::Request::kTraineeMessage:
       return handlers::traineeMessage(context, request.trainee_message());
     case pb::Request::kNextExercise:
@@ -87,6 +98,20 @@ Outcome::ServerPart serverPartOf(pb::Request::CallCase call) {
   }
 }
 
+/// Cleared at the end, whatever that is.
+class Cleared {
+ public:
+  explicit Cleared(std::atomic<bool>* flag) : flag_(flag) {}
+  Cleared(const Cleared&) = delete;
+  Cleared& operator=(const Cleared&) = delete;
+  ~Cleared() {
+    if (flag_ != nullptr) *flag_ = false;
+  }
+
+ private:
+  std::atomic<bool>* flag_;
+};
+
 /// One text for every reason, so that names cannot be tried out.
 Error loginRefused() {
   return {ErrorCode::kDenied, "name or password (for a station: key) is wrong, or access was withdrawn"};
@@ -97,12 +122,21 @@ Error loginRefused() {
 Outcome Service::execute(const Principal& principal, const pb::Request& request) {
   const auto run = [&]() -> Result<pb::Reply> {
     if (auto allowed = checkRole(principal, request.call_case()); !allowed) return allowed.error();
+    if (request.call_case() == pb::Request::kRunRetention) {
+      auto report = retention(principal.name, request.run_retention().dry_run());
+      if (!report) return report.error();
+      pb::Reply reply;
+      *reply.mutable_retention_report() = std::move(*report);
+      return reply;
+    }
     std::unique_lock<std::mutex> one_backup;
     if (request.call_case() == pb::Request::kBackup) {
       one_backup = std::unique_lock(backup_mutex_, std::try_to_lock);
       if (!one_backup)
         return Error{ErrorCode::kUnavailable, "another backup is under way: try again when it is done"};
+      backup_running_ = true;
     }
+    const Cleared cleared(one_backup.owns_lock() ? &backup_running_ : nullptr);
     auto reader = readers_.borrow();
     if (!reader) return reader.error();
     return dispatch({principal, writer_, **reader, wallNowNs(), callName(request.call_case()), &cancelled_},
@@ -118,6 +152,39 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
   }
   outcome.reply.set_id(request.id());
   return outcome;
+}
+
+Result<pb::RetentionReport> Service::retention(const std::string& by_whom, bool dry_run) {
+  std::unique_lock one_run(retention_mutex_, std::try_to_lock);
+  if (!one_run)
+    return Error{ErrorCode::kUnavailable, "another run of retention is under way: try again when it is done"};
+  const RetentionTools tools{writer_,
+                             readers_,
+                             [this](const Uuid& id) { return settleRecording(id); },
+                             [this] { return backup_running_.load(std::memory_order_relaxed); },
+                             stop_retention_,
+                             retention_pace_};
+  return runRetention(tools, by_whom, wallNowNs(), dry_run);
+}
+
+Result<pb::RetentionReport> Service::dailyRetention() {
+  constexpr std::int64_t kMostApart_ns = 31LL * 86'400 * 1'000'000'000;
+  std::int64_t last = 0;
+  {
+    auto reader = readers_.borrow();
+    if (!reader) return reader.error();
+    const auto noted = MetaStore(**reader).get("retention_unix_ns");
+    if (!noted) return noted.error();
+    if (*noted) std::from_chars((*noted)->data(), (*noted)->data() + (*noted)->size(), last);
+  }
+  const std::int64_t now = wallNowNs();
+  if (last != 0 && (now < last || now - last > kMostApart_ns)) {
+    return Error{ErrorCode::kUnavailable,
+                 "the last run of retention is noted as " +
+                     std::to_string((now - last) / 86'400'000'000'000) +
+                     " days ago: when the server's clock is right, say so by: needlelab-admin retention run"};
+  }
+  return retention("retention", false);
 }
 
 Result<Principal> Service::loginPerson(const std::string& user, const std::string& password) {

@@ -15,6 +15,7 @@
 #include "needlelab/control.pb.h"
 #include "needlelab/session.pb.h"
 #include "service/principal.h"
+#include "service/retention.h"
 #include "service/session_samples.h"
 
 namespace needlelab {
@@ -72,17 +73,40 @@ class Service {
   /// with. kInvalidInput: the profile text is not valid, or the gesture is longer than kMaxScoredSamples.
   Result<std::string> scoreSession(Connection& reader, const Uuid& session);
 
+  /// One run of retention (retention.h): minutes to hours. kUnavailable: another one is under way.
+  Result<pb::RetentionReport> retention(const std::string& by_whom, bool dry_run);
+  /// As the server does it by itself each day, in the name "retention". kUnavailable as well when the last
+  /// run was not within the last 31 days: a clock that has jumped must not delete anything; a run that
+  /// somebody asks for says that the clock is right.
+  Result<pb::RetentionReport> dailyRetention();
+  /// A run that is under way ends within a piece of work, and no other begins.
+  void stopRetention() { stop_retention_.store(true, std::memory_order_relaxed); }
+  /// Before the first run.
+  void setRetentionPace(const RetentionPace& pace) { retention_pace_ = pace; }
+
   /// Writes a line to the audit log, e.g. refused log-ins and chunks that contradict stored ones.
   Status note(const std::string& who, const std::string& action, const std::string& subject,
               const std::string& detail);
 
  private:
+  struct Settled {
+    std::string score_json;   ///< empty when there is nothing to measure
+    std::string score_fault;  ///< why there is no score
+  };
+  /// Works out score and events of a closed session and stores them. Errors: the database's.
+  Result<Settled> settle(Connection& reader, const Uuid& session);
+  /// The same before its recording is thinned or deleted, where something is missing.
+  Status settleRecording(const Uuid& session);
   /// Empty when there is nothing to measure.
   Result<std::string> scoreOf(Connection& reader, const SessionSamples& session);
   DbWriter& writer_;
   ReaderPool& readers_;
   std::atomic<bool> cancelled_{false};
   std::mutex backup_mutex_;  ///< one backup at a time
+  std::atomic<bool> backup_running_ = false;
+  std::mutex retention_mutex_;  ///< one run at a time
+  std::atomic<bool> stop_retention_ = false;
+  RetentionPace retention_pace_;
 };
 
 }  // namespace needlelab

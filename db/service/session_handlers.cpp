@@ -1,6 +1,11 @@
+#include <cmath>
+#include <optional>
+
 #include "db/annotation_store.h"
 #include "db/session_store.h"
+#include "db/transaction.h"
 #include "service/handlers.h"
+#include "service/page.h"
 
 namespace needlelab::handlers {
 namespace {
@@ -41,17 +46,27 @@ Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& c
   if (own && !call.trainee().empty() && call.trainee() != context.who.name) {
     return Error{ErrorCode::kDenied, "a trainee sees own sessions only"};
   }
+  std::optional<Uuid> after;
+  if (!call.page().empty()) {
+    const auto id = sessionId(call.page());
+    if (!id) return Error{ErrorCode::kInvalidInput, "page: give back the next_page of the reply before"};
+    after = *id;
+  }
   auto sessions = SessionStore(context.reader)
-                      .list(call.station(), own ? context.who.name : call.trainee(), call.limit());
+                      .list(call.station(), own ? context.who.name : call.trainee(), call.limit(), after);
   if (!sessions) return sessions.error();
   pb::Reply reply;
   auto* list = reply.mutable_sessions();
-  std::size_t bytes = 0;
+  PageRoom room;
   for (pb::SessionInfo& session : *sessions) {
-    bytes += session.ByteSizeLong() + 8;
-    if (bytes > kMaxReplyBytes) break;
+    if (!room.take(session.ByteSizeLong())) break;
+    list->set_next_page(session.description().session_id());
     *list->add_sessions() = std::move(session);
   }
+  // rows are asked for one by one: a page that is not full is the last
+  const std::uint32_t most = call.limit() == 0 ? kMaxListed : std::min(call.limit(), kMaxListed);
+  if (static_cast<std::uint32_t>(list->sessions_size()) == sessions->size() && sessions->size() < most)
+    list->clear_next_page();
   return reply;
 }
 
@@ -64,24 +79,75 @@ Result<pb::Reply> getSession(const Context& context, const pb::GetSession& call)
 }
 
 Result<pb::Reply> readChunks(const Context& context, const pb::ReadChunks& call) {
+  // one view: what the session's row says is true of the chunks that are read
+  const auto view = Transaction::begin(context.reader, Transaction::Kind::kRead);
+  if (!view) return view.error();
   const auto info = visibleSession(context, call.session_id());
   if (!info) return info.error();
   constexpr std::uint32_t kMostChunks = 4096;
-  const std::uint32_t most = call.max_chunks() == 0 ? kMostChunks : std::min(call.max_chunks(), kMostChunks);
-  // an envelope of 40 bytes comes with each chunk
+  // where texts about damaged chunks may take the room of chunks, fewer are looked at
+  const std::uint32_t bound = call.skip_damaged() ? kMostChunks / 16 : kMostChunks;
+  const std::uint32_t most = call.max_chunks() == 0 ? bound : std::min(call.max_chunks(), bound);
+  // an envelope of 40 bytes comes with each chunk, or a text with each damaged one
+  constexpr std::size_t kMostFaultText = 300;
   constexpr std::size_t kMostBytes = kMaxReplyBytes - kMostChunks * 40;
   const auto id = sessionId(call.session_id());
-  auto chunks = SessionStore(context.reader).readChunks(*id, call.from_seq(), most, kMostBytes);
-  if (!chunks) return chunks.error();
+  // of two recordings of one session only the one that was asked for: half of each would be none
+  if (!call.hash().empty() && call.hash() != info->hash()) {
+    return Error{
+        ErrorCode::kUnavailable,
+        "session " + uuidText(*id) + " was " +
+            (info->removed_original().fate() == pb::RemovedOriginal::DELETED ? "deleted" : "thinned") +
+            " while it was read: begin anew"};
+  }
+  auto read = SessionStore(context.reader).readAround(*id, call.from_seq(), most, kMostBytes);
+  if (!read) return read.error();
+  std::uint64_t next = read->next_seq;
+  if (!call.skip_damaged() && !read->damaged.empty()) {
+    next = read->damaged.front().seq;
+    if (next == call.from_seq()) return Error{ErrorCode::kCorrupt, read->damaged.front().text};
+  }
   pb::Reply reply;
   auto* list = reply.mutable_chunks();
-  for (const StoredChunk& chunk : *chunks) {
+  for (const StoredChunk& chunk : read->chunks) {
+    if (chunk.seq >= next) break;
     auto* entry = list->add_chunks();
     entry->set_session_id(call.session_id());
     entry->set_seq(chunk.seq);
     entry->set_data(chunk.bytes.data(), chunk.bytes.size());
   }
-  list->set_end(call.from_seq() >= info->chunks() || call.from_seq() + chunks->size() >= info->chunks());
+  if (call.skip_damaged()) {
+    for (const ChunkFault& fault : read->damaged) {
+      auto* damaged = list->add_damaged();
+      damaged->set_seq(fault.seq);
+      damaged->set_text(fault.text.substr(0, kMostFaultText));
+    }
+  }
+  list->set_next_seq(next);
+  list->set_end(next >= info->chunks());
+  return reply;
+}
+
+Result<pb::Reply> seekSession(const Context& context, const pb::SeekSession& call) {
+  if (const auto visible = visibleSession(context, call.session_id()); !visible) return visible.error();
+  SeekTo to;
+  if (call.at_case() == pb::SeekSession::kTick) {
+    to.tick = call.tick();
+  } else if (call.at_case() == pb::SeekSession::kSeconds && std::abs(call.seconds()) <= 1e9) {
+    to.seconds = call.seconds();
+  } else {
+    return Error{ErrorCode::kInvalidInput, "seek_session, at: give a tick, or seconds within 1e9"};
+  }
+  const auto sought = SessionStore(context.reader).seek(*sessionId(call.session_id()), to);
+  if (!sought) return sought.error();
+  pb::Reply reply;
+  auto* found = reply.mutable_sought();
+  found->set_seq(sought->seq);
+  found->set_first_tick(sought->first_tick);
+  found->set_first_time_ns(sought->first_time_ns);
+  found->set_recording_first_tick(sought->recording_first_tick);
+  found->set_recording_first_time_ns(sought->recording_first_time_ns);
+  found->set_chunks_read(sought->chunks_read);
   return reply;
 }
 
@@ -120,15 +186,20 @@ Result<pb::Reply> annotate(const Context& context, const pb::Annotate& call) {
 Result<pb::Reply> listAnnotations(const Context& context, const pb::ListAnnotations& call) {
   if (const auto visible = visibleSession(context, call.session_id()); !visible) return visible.error();
   const auto id = sessionId(call.session_id());
+  const auto from = numberOfPage(call.page());
+  if (!from) return from.error();
   const auto annotations = AnnotationStore(context.reader).list(*id);
   if (!annotations) return annotations.error();
   pb::Reply reply;
   auto* list = reply.mutable_annotations();
-  std::size_t bytes = 0;
-  for (const StoredAnnotation& stored : *annotations) {
-    bytes += stored.text.size() + 256;
-    if (bytes > kMaxReplyBytes) break;
-    fill(*list->add_annotations(), stored);
+  PageRoom room;
+  // none is ever deleted or moved: a position is a place to go on
+  for (std::uint64_t i = *from; i < annotations->size(); ++i) {
+    if (!room.take((*annotations)[i].text.size() + 256)) {
+      list->set_next_page(std::to_string(i));
+      break;
+    }
+    fill(*list->add_annotations(), (*annotations)[i]);
   }
   return reply;
 }

@@ -47,6 +47,12 @@ Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session) {
   if (!info) return info.error();
   SessionSamples all;
   all.info = std::move(*info);
+  if (all.info.has_removed_original()) {
+    return Error{ErrorCode::kInvalidInput,
+                 "session " + uuidText(session) + ": its original was removed (" +
+                     all.info.removed_original().reason() +
+                     "); scores and events are made from originals only, those stored stay"};
+  }
   if (all.info.samples() == 0) return all;
   if (all.info.samples() > kMaxScoredSamples) {
     return Error{ErrorCode::kInvalidInput, "session " + uuidText(session) + " has " +

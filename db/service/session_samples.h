@@ -27,7 +27,8 @@ struct SessionSamples {
 };
 
 /// Reads and decodes all of it. kInvalidInput: the profile text is not valid, or the gesture is longer than
-/// kMaxScoredSamples; kCorrupt: a chunk fails its check; kNotFound. A session without samples has no profile
+/// kMaxScoredSamples; kCorrupt: a chunk fails its check; kNotFound; kInvalidInput as well when retention
+/// has removed the original. A session without samples has no profile
 /// here.
 Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session);
 

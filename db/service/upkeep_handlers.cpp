@@ -3,6 +3,7 @@
 #include "db/cancel_scope.h"
 #include "db/check.h"
 #include "service/handlers.h"
+#include "service/page.h"
 
 namespace needlelab::handlers {
 
@@ -53,14 +54,17 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
 }
 
 Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call) {
-  const auto entries = AuditStore(context.reader).list(call.limit());
+  const auto before = numberOfPage(call.page());
+  if (!before) return before.error();
+  const auto entries = AuditStore(context.reader).list(call.limit(), *before);
   if (!entries) return entries.error();
   pb::Reply reply;
   auto* list = reply.mutable_audit();
-  std::size_t bytes = 0;
+  PageRoom room;
   for (const AuditRow& row : *entries) {
-    bytes += row.who.size() + row.action.size() + row.subject.size() + row.detail.size() + 64;
-    if (bytes > kMaxReplyBytes) break;
+    if (!room.take(row.who.size() + row.action.size() + row.subject.size() + row.detail.size() + 64)) break;
+    // ids begin with 1: behind it there is nothing
+    list->set_next_page(row.id > 1 ? std::to_string(row.id) : std::string());
     auto* entry = list->add_entries();
     entry->set_id(row.id);
     entry->set_unix_ns(row.unix_ns);

@@ -1,0 +1,321 @@
+#include "service/retention.h"
+
+#include <thread>
+#include <utility>
+
+#include "base/bytes.h"
+#include "db/audit_store.h"
+#include "db/meta_store.h"
+#include "db/session_store.h"
+#include "gesture/chunk.h"
+#include "gesture/thinning.h"
+
+namespace needlelab {
+namespace {
+
+constexpr int kMostSteps = 1000;                // listed in a report
+constexpr std::size_t kSamplesPerChunk = 1000;  // of a thinned recording
+constexpr std::uint32_t kChunksAtOnce = 64;     // read at once
+
+/// A recording read from its first chunk to its last.
+struct ReadOriginal {
+  Bytes crcs;  ///< of its chunks, u32 little-endian
+  SessionHash hash;
+};
+
+class Run {
+ public:
+  Run(const RetentionTools& tools, std::string by_whom, std::int64_t now_unix_ns)
+      : tools_(tools), by_whom_(std::move(by_whom)), now_unix_ns_(now_unix_ns) {}
+
+  Result<pb::RetentionReport> run(bool dry_run) {
+    report_.set_dry_run(dry_run);
+    if (!dry_run) {
+      if (auto done = removeLeftovers(); !done) return done.error();
+    }
+    const auto due = read([&](Connection& c) { return RetentionStore(c).due(now_unix_ns_); });
+    if (!due) return due.error();
+    for (const DueRecording& one : *due) {
+      if (stopped()) break;
+      if (auto done = take(one, dry_run); !done) return done.error();
+    }
+    report_.set_stopped(stopped());
+    if (!dry_run && !stopped()) {
+      if (auto done = noteRun(); !done) return done.error();
+    }
+    const auto space = read([](Connection& c) { return RetentionStore(c).space(); });
+    if (!space) return space.error();
+    report_.set_free_bytes(space->free_bytes);
+    return report_;
+  }
+
+ private:
+  [[nodiscard]] bool stopped() const { return tools_.stop.load(std::memory_order_relaxed); }
+
+  template <typename F>
+  auto read(const F& work) -> decltype(work(std::declval<Connection&>())) {
+    auto reader = tools_.readers.borrow();
+    if (!reader) return reader.error();
+    return work(**reader);
+  }
+
+  /// One piece of work for the writer, then a pause.
+  Status piece(const DbWriter::Work& work) {
+    while ((tools_.writer.counters().waiting > tools_.pace.queue || tools_.hold()) && !stopped())
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    auto done = tools_.writer.run(work);
+    std::this_thread::sleep_for(tools_.pace.pause);
+    return done;
+  }
+
+  /// What concerns this session only is noted, and the run goes on; a failed database ends it.
+  Status take(const DueRecording& due, bool dry_run) {
+    pb::RetentionStep step;
+    step.set_action(due.deletes ? pb::RetentionStep::DELETE : pb::RetentionStep::THIN);
+    step.set_session_id(due.session.data(), due.session.size());
+    step.set_exercise_id(due.exercise_id);
+    step.set_bytes_before(due.stored_bytes);
+    step.set_text(due.reason);
+    if (due.waits_for_backup) {
+      step.set_action(pb::RetentionStep::WAITS_FOR_BACKUP);
+      step.set_bytes_after(due.stored_bytes);
+    } else if (!dry_run) {
+      const auto left = due.deletes ? remove(due) : thin(due);
+      if (!left && tools_.writer.failed()) return left.error();
+      if (left && !*left) return {};  // stopped in the midst of it
+      if (left) {
+        step.set_bytes_after(**left);
+      } else {
+        step.set_action(pb::RetentionStep::LEFT_ALONE);
+        step.set_bytes_after(due.stored_bytes);
+        step.set_text(left.error().message);
+      }
+    }
+    count(step);
+    if (report_.steps_size() < kMostSteps) *report_.add_steps() = std::move(step);
+    return {};
+  }
+
+  void count(const pb::RetentionStep& step) {
+    switch (step.action()) {
+      case pb::RetentionStep::THIN:
+        report_.set_thinned(report_.thinned() + 1);
+        break;
+      case pb::RetentionStep::DELETE:
+        report_.set_deleted(report_.deleted() + 1);
+        break;
+      case pb::RetentionStep::WAITS_FOR_BACKUP:
+        report_.set_waiting_for_backup(report_.waiting_for_backup() + 1);
+        return;
+      default:
+        report_.set_left_alone(report_.left_alone() + 1);
+        return;
+    }
+    report_.set_bytes_before(report_.bytes_before() + step.bytes_before());
+    report_.set_bytes_after(report_.bytes_after() + step.bytes_after());
+  }
+
+  /// Every chunk in order, checked. False: stopped.
+  Result<bool> readAll(const Uuid& session, std::uint64_t chunks, ReadOriginal& original,
+                       const std::function<Status(const StoredChunk&)>& each) {
+    std::uint64_t next = 0;
+    while (next < chunks) {
+      if (stopped()) return false;
+      // short reads: a long one would keep the log from being checkpointed
+      const auto some = read([&](Connection& c) {
+        return SessionStore(c).readChunks(session, next, kChunksAtOnce, tools_.pace.bytes);
+      });
+      if (!some) return some.error();
+      if (some->empty()) return Error{ErrorCode::kCorrupt, "chunk " + std::to_string(next) + " is missing"};
+      for (const StoredChunk& chunk : *some) {
+        original.hash.update(chunk.bytes);
+        original.crcs.insert(original.crcs.end(), chunk.bytes.end() - 4, chunk.bytes.end());
+        if (auto done = each(chunk); !done) return done.error();
+      }
+      next += some->size();
+    }
+    return true;
+  }
+
+  /// Gives the bytes that are left, nothing when it was stopped.
+  Result<std::optional<std::uint64_t>> remove(const DueRecording& due) {
+    const auto info = read([&](Connection& c) { return SessionStore(c).info(due.session); });
+    if (!info) return info.error();
+    ReadOriginal original;
+    if (!due.thinned) {
+      if (auto settled = tools_.settle(due.session); !settled) return settled.error();
+      // a chunk that cannot be read may be a page that must not be touched: a damaged recording stays
+      const auto all =
+          readAll(due.session, info->chunks(), original, [](const StoredChunk&) { return Status(); });
+      if (!all) return all.error();
+      if (!*all) return std::optional<std::uint64_t>();
+    }
+    if (auto done = piece([&](Connection& c) {
+          return RetentionStore(c).markDeleted(due, original.crcs, by_whom_, now_unix_ns_);
+        });
+        !done)
+      return done.error();
+    if (auto done = removeRows(due.session); !done) return done.error();
+    return std::optional<std::uint64_t>(0);
+  }
+
+  /// As remove().
+  Result<std::optional<std::uint64_t>> thin(const DueRecording& due) {
+    const auto info = read([&](Connection& c) { return SessionStore(c).info(due.session); });
+    if (!info) return info.error();
+    const double rate_hz = info->description().rate_hz(), target_hz = due.policy.thin_rate_hz();
+    const std::string name = "session " + uuidText(due.session);
+    if (info->samples() == 0) return Error{ErrorCode::kNotFound, name + " has no samples to thin"};
+    if (target_hz >= rate_hz && due.policy.thin_coarser() <= 1)
+      return Error{ErrorCode::kInvalidInput,
+                   name + " has " + std::to_string(rate_hz) + " Hz: nothing to thin"};
+    if (auto settled = tools_.settle(due.session); !settled) return settled.error();
+    if (auto begun = piece([&](Connection& c) {
+          return RetentionStore(c).beginDerived(due.session, target_hz, now_unix_ns_);
+        });
+        !begun)
+      return begun.error();
+
+    const auto written = writeThinned(due, *info);
+    if (!written || !*written) {
+      // half a recording is of no account; if this fails, the next run removes it
+      if (auto done = removeRows(due.session); !done && written) return done.error();
+      if (!written) return written.error();
+      return std::optional<std::uint64_t>();
+    }
+    if (auto done = removeRows(due.session); !done) return done.error();
+    return std::optional<std::uint64_t>((**written).stored_bytes);
+  }
+
+  /// Writes the thinned recording, reads it back, switches over.
+  Result<std::optional<DerivedSums>> writeThinned(const DueRecording& due, const pb::SessionInfo& info) {
+    Thinner thinner(info.description().rate_hz(), due.policy.thin_rate_hz());
+    ReadOriginal original;
+    std::vector<GestureSample> samples;
+    std::vector<Bytes> ready;
+    std::optional<Resolution> resolution;
+    DerivedSums written;
+    SessionHash written_hash;
+
+    const auto encode = [&](bool all) {
+      while (samples.size() >= kSamplesPerChunk || (all && !samples.empty())) {
+        const std::size_t count = std::min(samples.size(), kSamplesPerChunk);
+        ready.push_back(encodeChunk(*resolution, std::span(samples).first(count)));
+        samples.erase(samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(count));
+      }
+    };
+    const auto store = [&]() -> Status {
+      if (ready.empty()) return {};
+      auto done = piece([&](Connection& c) -> Status {
+        std::uint64_t seq = written.chunks;
+        for (const Bytes& chunk : ready) {
+          if (auto put = RetentionStore(c).appendDerived(due.session, seq++, chunk); !put) return put;
+        }
+        return {};
+      });
+      if (!done) return done;
+      for (const Bytes& chunk : ready) {
+        written_hash.update(chunk);
+        written.stored_bytes += chunk.size();
+        ++written.chunks;
+      }
+      ready.clear();
+      return {};
+    };
+    const auto all = readAll(due.session, info.chunks(), original, [&](const StoredChunk& chunk) -> Status {
+      if (!resolution) {
+        const auto head = inspectChunk(chunk.bytes);
+        if (!head) return head.error();
+        resolution = coarser(head->resolution, std::max(1.0, due.policy.thin_coarser()));
+      }
+      const auto decoded = decodeChunk(chunk.bytes);
+      if (!decoded) return decoded.error();
+      const std::size_t before = samples.size();
+      for (const GestureSample& sample : *decoded) thinner.add(sample, samples);
+      written.samples += samples.size() - before;
+      encode(false);
+      std::size_t bytes = 0;
+      for (const Bytes& one : ready) bytes += one.size();
+      return bytes < tools_.pace.bytes ? Status() : store();
+    });
+    if (!all) return all.error();
+    if (!*all) return std::optional<DerivedSums>();
+    const std::size_t before = samples.size();
+    thinner.finish(samples);
+    written.samples += samples.size() - before;
+    encode(true);
+    if (auto done = store(); !done) return done.error();
+    written.hash = written_hash.digest();
+
+    // nothing is given up for a copy of something else, or for one that the disk does not hold
+    const std::string name = "session " + uuidText(due.session);
+    if (textOf(original.hash.digest()) != info.hash())
+      return Error{ErrorCode::kCorrupt,
+                   name + ": the hash over its chunks is not the one it was closed with"};
+    const auto stored = read([&](Connection& c) { return RetentionStore(c).sums(due.session); });
+    if (!stored) return stored.error();
+    if (stored->hash != written.hash || stored->samples != written.samples)
+      return Error{ErrorCode::kCorrupt, name + ": its thinned recording was not read back as it was written"};
+    if (auto done = piece([&](Connection& c) {
+          return RetentionStore(c).switchToDerived(due, *stored, original.crcs, by_whom_, now_unix_ns_);
+        });
+        !done)
+      return done.error();
+    return std::optional(*stored);
+  }
+
+  Status removeLeftovers() {
+    const auto sessions = read([](Connection& c) { return RetentionStore(c).leftovers(); });
+    if (!sessions) return sessions.error();
+    for (const Uuid& session : *sessions) {
+      if (stopped()) return {};
+      if (auto done = removeRows(session); !done) return done;
+    }
+    return {};
+  }
+
+  /// Piece by piece; stops when it is told to, the next run goes on.
+  Status removeRows(const Uuid& session) {
+    bool more = true;
+    while (more && !stopped()) {
+      auto done = piece([&](Connection& c) -> Status {
+        const auto left = RetentionStore(c).removeSome(session, tools_.pace.rows);
+        if (!left) return left.error();
+        more = *left;
+        return {};
+      });
+      if (!done) return done;
+    }
+    return {};
+  }
+
+  Status noteRun() {
+    const std::string what =
+        std::to_string(report_.thinned()) + " thinned, " + std::to_string(report_.deleted()) + " deleted, " +
+        std::to_string(report_.waiting_for_backup()) + " wait for a backup, " +
+        std::to_string(report_.left_alone()) + " left alone; " + std::to_string(report_.bytes_before()) +
+        " bytes before, " + std::to_string(report_.bytes_after()) + " after";
+    return piece([&](Connection& c) -> Status {
+      // a run without work leaves no line
+      if (report_.steps_size() > 0) {
+        if (auto done = AuditStore(c).add({0, now_unix_ns_, by_whom_, "retention run", "", what}); !done)
+          return done;
+      }
+      return MetaStore(c).set("retention_unix_ns", std::to_string(now_unix_ns_));
+    });
+  }
+
+  const RetentionTools& tools_;
+  const std::string by_whom_;
+  const std::int64_t now_unix_ns_;
+  pb::RetentionReport report_;
+};
+
+}  // namespace
+
+Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const std::string& by_whom,
+                                         std::int64_t now_unix_ns, bool dry_run) {
+  return Run(tools, by_whom, now_unix_ns).run(dry_run);
+}
+
+}  // namespace needlelab

@@ -1,0 +1,47 @@
+/// One run of retention: thins and deletes the recordings whose time has come, in small pieces through the
+/// writer, so that what stations send is committed as fast as without it.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "base/result.h"
+#include "db/db_writer.h"
+#include "db/reader_pool.h"
+#include "db/retention_store.h"
+
+namespace needlelab {
+
+/// How much of the writer a run may take.
+struct RetentionPace {
+  std::uint32_t rows = 16;              ///< chunks removed in one piece
+  std::size_t bytes = 96u << 10;        ///< of thinned chunks written in one piece; also read at once
+  std::chrono::milliseconds pause{20};  ///< after each piece
+  std::uint64_t queue = 256;            ///< items waiting at the writer: with more, the run waits
+};
+
+/// What a run works with; all must outlive it.
+struct RetentionTools {
+  DbWriter& writer;
+  ReaderPool& readers;
+  /// Works out score and events of a session where they are missing, while its samples are there.
+  std::function<Status(const Uuid&)> settle;
+  /// True: somebody else has the disk for a while (a backup, which keeps the log from being checkpointed).
+  std::function<bool()> hold;
+  const std::atomic<bool>& stop;  ///< set: the run ends after the piece at hand; the next one goes on
+  RetentionPace pace;
+};
+
+/// Order for one recording (DESIGN §6, §8): read all of the original, its CRCs and its hash; write the
+/// thinned recording beside it; read that back from the database; switch over in one transaction, audit line
+/// included; remove the original. A crash at any instant leaves the original or the thinned recording
+/// complete, and the next run removes what is left over. A damaged recording is left alone. Errors: the
+/// database failed; what is wrong with one session only stands in the report. Thread: any but the writer's;
+/// one run at a time.
+Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const std::string& by_whom,
+                                         std::int64_t now_unix_ns, bool dry_run);
+
+}  // namespace needlelab

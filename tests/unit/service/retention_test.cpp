@@ -1,0 +1,385 @@
+// Runs of retention: what is thinned and deleted, what stays, and what a power cut at any instant leaves.
+#include "service/retention.h"
+
+#include <fstream>
+#include <random>
+
+#include "base/clock.h"
+#include "db/check.h"
+#include "db/event_store.h"
+#include "gesture/thinning.h"
+#include "shim_vfs.h"
+#include "test_service.h"
+
+namespace needlelab {
+namespace {
+
+using namespace std::chrono_literals;
+using test::chunkOf;
+using test::closeOf;
+
+constexpr std::uint64_t kChunks = 60;
+constexpr std::size_t kEach = 50;  // samples
+
+/// What a thinned recording of the chunks of chunkOf() must hold, worked out from the samples as stored.
+std::vector<GestureSample> expectedThinned(std::uint64_t chunks, double target_hz) {
+  Thinner thinner(1000, target_hz);
+  std::vector<GestureSample> out;
+  for (std::uint64_t seq = 0; seq < chunks; ++seq) {
+    const auto samples = decodeChunk(chunkOf(seq, kEach));
+    for (const GestureSample& sample : *samples) thinner.add(sample, out);
+  }
+  thinner.finish(out);
+  return out;
+}
+
+std::vector<GestureSample> samplesIn(Connection& connection, const Uuid& id) {
+  std::vector<GestureSample> all;
+  const auto chunks = SessionStore(connection).readChunks(id, 0, UINT32_MAX, SIZE_MAX);
+  EXPECT_OK(chunks);
+  if (!chunks) return all;
+  for (const StoredChunk& chunk : *chunks) {
+    const auto samples = decodeChunk(chunk.bytes);
+    all.insert(all.end(), samples->begin(), samples->end());
+  }
+  return all;
+}
+
+/// Within half a step of what was predicted, ticks and times exactly.
+void expectSame(const std::vector<GestureSample>& found, const std::vector<GestureSample>& expected) {
+  ASSERT_EQ(found.size(), expected.size());
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    ASSERT_EQ(found[i].tick, expected[i].tick);
+    ASSERT_EQ(found[i].time_ns, expected[i].time_ns);
+    ASSERT_NEAR(found[i].p_WT_m[0], expected[i].p_WT_m[0], 0.51e-6);
+    ASSERT_NEAR(found[i].force_W_N[2], expected[i].force_W_N[2], 0.51e-3);
+  }
+}
+
+class RetentionTest : public test::ServiceTest {
+ protected:
+  void SetUp() override {
+    addStation();
+    store->service().setRetentionPace({.rows = 16, .bytes = 8 << 10, .pause = 0ms});
+  }
+  Uuid addClosed(std::uint64_t chunks = kChunks, bool safe = true, const std::string& profile = "") {
+    const Uuid id = addSession("anna", chunks, kEach, profile);
+    EXPECT_OK(store->service().closeSession(closeOf(id, chunks, kEach), "station-1"));
+    if (safe) EXPECT_OK(change([&](Connection& c) { return SessionStore(c).markSafe(id, chunks); }));
+    return id;
+  }
+  pb::Request policy(int thin_days, double hz, int delete_days, const std::string& exercise = "") {
+    pb::Request request;
+    auto* p = request.mutable_set_retention()->mutable_policy();
+    p->set_exercise_id(exercise);
+    if (thin_days >= 0) {
+      p->set_thin_after_days(static_cast<std::uint32_t>(thin_days));
+      p->set_thin_rate_hz(hz);
+    }
+    if (delete_days >= 0) p->set_delete_after_days(static_cast<std::uint32_t>(delete_days));
+    return request;
+  }
+  pb::RetentionReport runNow(bool dry = false) {
+    pb::Request request;
+    request.mutable_run_retention()->set_dry_run(dry);
+    return get(manager, request).retention_report();
+  }
+  pb::SessionInfo info(const Uuid& id) {
+    pb::Request request;
+    request.mutable_get_session()->set_session_id(test::bytesOfId(id));
+    return get(instructor, request).session();
+  }
+  bool sound() {
+    pb::Request request;
+    request.mutable_check();
+    const auto report = get(admin, request).check_report();
+    for (const auto& fault : report.faults()) ADD_FAILURE() << fault;
+    return report.ok();
+  }
+};
+
+TEST_F(RetentionTest, thinsToWhatTheThinnerPredictsAndKeepsScoreEventsAndRemarks) {
+  pb::Request profile;
+  profile.mutable_get_profile()->set_id("knee-adult");
+  const Uuid id = addClosed(kChunks, true, get(admin, profile).profile().json());
+  pb::Request note;
+  note.mutable_annotate()->set_session_id(test::bytesOfId(id));
+  note.mutable_annotate()->set_text("well done");
+  (void)get(instructor, note);
+  const auto before = info(id);
+  (void)get(manager, policy(0, 100, -1));
+
+  // as if it had been closed before scores and events were stored: they are made while the samples are there
+  const auto events = [&] {
+    auto reader = store->readers().borrow();
+    return EventStore(**reader).list(id);
+  };
+  ASSERT_TRUE(events()->has_value());
+  ASSERT_OK(change([](Connection& c) {
+    return c.script("UPDATE sessions SET events = NULL, score_json = NULL; DELETE FROM session_events");
+  }));
+
+  const auto dry = runNow(true);
+  EXPECT_EQ(dry.thinned(), 1u);
+  EXPECT_FALSE(info(id).has_removed_original()) << "a dry run changes nothing";
+  const auto report = runNow();
+  EXPECT_EQ(report.thinned(), 1u);
+  ASSERT_EQ(report.steps_size(), 1);
+  EXPECT_EQ(report.steps(0).action(), pb::RetentionStep::THIN) << report.steps(0).text();
+  EXPECT_EQ(report.bytes_before(), before.stored_bytes());
+
+  const auto after = info(id);
+  EXPECT_EQ(report.bytes_after(), after.stored_bytes());
+  EXPECT_LT(after.stored_bytes(), before.stored_bytes() / 3);
+  EXPECT_EQ(after.score_json(), before.score_json());
+  EXPECT_EQ(after.state(), before.state());
+  EXPECT_EQ(after.removed_original().hash(), before.hash());
+  EXPECT_EQ(after.removed_original().samples(), before.samples());
+  auto reader = store->readers().borrow();
+  expectSame(samplesIn(**reader, id), expectedThinned(kChunks, 100));
+  EXPECT_TRUE(events()->has_value());
+  EXPECT_TRUE(sound());
+  EXPECT_EQ(runNow().steps_size(), 0) << "once";
+
+  // who did what is in the log
+  pb::Request audit;
+  audit.mutable_list_audit();
+  std::string actions;
+  const auto entries = get(admin, audit).audit();
+  for (const auto& entry : entries.entries()) actions += entry.action() + " by " + entry.who() + "; ";
+  EXPECT_NE(actions.find("retention thin by mia"), std::string::npos) << actions;
+  EXPECT_NE(actions.find("retention set by mia"), std::string::npos) << actions;
+
+  // a reader that had begun with the original is told so; scores are not made from what is left
+  pb::Request read;
+  read.mutable_read_chunks()->set_session_id(test::bytesOfId(id));
+  read.mutable_read_chunks()->set_hash(before.hash());
+  EXPECT_EQ(refusal(instructor, read), ErrorCode::kUnavailable);
+  EXPECT_FALSE(store->service().scoreSession(**reader, id).ok());
+  const auto again = store->service().closeSession(closeOf(id, kChunks, kEach), "station-1");
+  ASSERT_OK(again);
+  EXPECT_EQ(again->closed.kind, Closed::Kind::kRepeated);
+  EXPECT_EQ(again->score_json, before.score_json());
+}
+
+TEST_F(RetentionTest, deletesAndTheSpaceIsUsedAgain) {
+  std::vector<Uuid> old;
+  for (int i = 0; i < 6; ++i) old.push_back(addClosed());
+  const auto where = [&] {
+    pb::Request request;
+    request.mutable_list_retention();
+    return get(manager, request).retention();
+  };
+  const auto full = where();
+  (void)get(manager, policy(-1, 0, 0));
+  const auto report = runNow();
+  EXPECT_EQ(report.deleted(), 6u);
+  EXPECT_EQ(report.bytes_after(), 0u);
+  const auto emptied = where();
+  EXPECT_EQ(emptied.deleted_sessions(), 6u);
+  EXPECT_GT(emptied.free_bytes(), full.free_bytes() + 6 * kChunks * 150);
+  EXPECT_GT(emptied.last_run_unix_ns(), 0);
+  for (const Uuid& id : old) {
+    EXPECT_EQ(info(id).removed_original().fate(), pb::RemovedOriginal::DELETED);
+    pb::Request read;
+    read.mutable_read_chunks()->set_session_id(test::bytesOfId(id));
+    EXPECT_EQ(refusal(instructor, read), ErrorCode::kNotFound);
+  }
+  (void)get(manager, policy(-1, 0, -1));
+  for (int i = 0; i < 5; ++i) addClosed();
+  const auto refilled = where();
+  EXPECT_LT(refilled.free_bytes(), emptied.free_bytes() / 2);
+  EXPECT_LE(refilled.database_bytes(), emptied.database_bytes() + (64u << 10)) << "the file did not grow";
+  EXPECT_TRUE(sound());
+}
+
+TEST_F(RetentionTest, openUnsafeAndDamagedSessionsAreLeftAlone) {
+  const Uuid open = addSession("anna", 5, kEach), unsafe = addClosed(5, false), crc = addClosed(),
+             hash = addClosed();
+  ASSERT_OK(change([&](Connection& c) {
+    return c.script(
+        "UPDATE chunks SET crc = 0 WHERE seq = 40 AND session = 3;"
+        "UPDATE sessions SET hash = zeroblob(32) WHERE number = 4");
+  }));
+  (void)get(manager, policy(0, 50, -1));
+  const auto report = runNow();
+  EXPECT_EQ(report.thinned(), 0u);
+  EXPECT_EQ(report.waiting_for_backup(), 1u);
+  EXPECT_EQ(report.left_alone(), 2u);
+  for (const auto& step : report.steps()) {
+    if (step.action() != pb::RetentionStep::LEFT_ALONE) continue;
+    EXPECT_NE(step.text().find("session "), std::string::npos) << step.text();
+  }
+  for (const Uuid& id : {open, unsafe, crc, hash}) EXPECT_FALSE(info(id).has_removed_original());
+  auto reader = store->readers().borrow();
+  EXPECT_TRUE(RetentionStore(**reader).leftovers()->empty()) << "what was begun is taken away";
+  // deleting looks first, too
+  (void)get(manager, policy(-1, 0, 0));
+  EXPECT_EQ(runNow().deleted(), 1u) << "the one with a wrong hash, whose chunks are sound";
+  EXPECT_FALSE(info(crc).has_removed_original());
+  EXPECT_FALSE(info(open).has_removed_original());
+}
+
+TEST_F(RetentionTest, aRunThatIsStoppedIsFinishedByTheNext) {
+  const Uuid id = addClosed();
+  (void)get(manager, policy(0, 100, -1));
+  store->service().stopRetention();
+  const auto stopped = runNow();
+  EXPECT_TRUE(stopped.stopped());
+  EXPECT_FALSE(info(id).has_removed_original());
+  EXPECT_TRUE(sound());
+  // at any piece, counted by the writer's commits
+  bool finished = false;
+  for (int pieces = 1; pieces < 200 && !finished; ++pieces) {
+    std::atomic<bool> stop = false, over = false;
+    int left = pieces;
+    const RetentionTools tools{store->writer(),
+                               store->readers(),
+                               [](const Uuid&) { return Status(); },
+                               [] { return false; },
+                               stop,
+                               {.rows = 8, .bytes = 4 << 10, .pause = 0ms}};
+    std::thread stopper([&] {
+      const auto until = store->writer().counters().commits + static_cast<std::uint64_t>(left);
+      while (store->writer().counters().commits < until && !over) std::this_thread::yield();
+      stop = true;
+    });
+    const auto report = runRetention(tools, "test", wallNowNs(), false);
+    over = true;
+    finished = report.ok() && !report->stopped();
+    stopper.join();
+    ASSERT_OK(report);
+    ASSERT_TRUE(sound()) << pieces;
+    auto reader = store->readers().borrow();
+    if (info(id).has_removed_original()) {
+      expectSame(samplesIn(**reader, id), expectedThinned(kChunks, 100));
+    } else {
+      EXPECT_EQ(samplesIn(**reader, id).size(), kChunks * kEach);
+    }
+  }
+  EXPECT_TRUE(finished);
+  EXPECT_TRUE(info(id).has_removed_original());
+  auto reader = store->readers().borrow();
+  EXPECT_TRUE(RetentionStore(**reader).leftovers()->empty());
+}
+
+TEST_F(RetentionTest, aClockThatJumpedDeletesNothingByItself) {
+  const Uuid id = addClosed();
+  (void)get(manager, policy(-1, 0, 0));
+  const std::int64_t months = 90LL * 86'400 * 1'000'000'000;
+  for (const std::int64_t last : {wallNowNs() - months, wallNowNs() + months}) {
+    ASSERT_OK(change([&](Connection& c) {
+      return c.run("INSERT OR REPLACE INTO meta (key, value) VALUES ('retention_unix_ns', ?)",
+                   std::to_string(last));
+    }));
+    EXPECT_EQ(store->service().dailyRetention().error().code, ErrorCode::kUnavailable);
+    EXPECT_FALSE(info(id).has_removed_original());
+  }
+  // a person who asks says that the clock is right
+  EXPECT_EQ(runNow().deleted(), 1u);
+  EXPECT_OK(store->service().dailyRetention());
+}
+
+TEST_F(RetentionTest, policiesAreShownAndBadOnesRefused) {
+  (void)get(manager, policy(30, 100, 365, "knee-1"));
+  (void)get(admin, policy(-1, 0, -1));
+  pb::Request show;
+  show.mutable_list_retention();
+  const auto shown = get(manager, show).retention();
+  ASSERT_EQ(shown.policies_size(), 2);
+  EXPECT_EQ(shown.policies(0).exercise_id(), "");
+  EXPECT_EQ(shown.policies(1).by(), "mia");
+  EXPECT_EQ(shown.policies(1).thin_after_days(), 30u);
+  EXPECT_GT(shown.policies(1).changed_unix_ns(), 0);
+  EXPECT_EQ(refusal(manager, policy(30, 0, -1)), ErrorCode::kInvalidInput);
+  EXPECT_EQ(refusal(instructor, show), ErrorCode::kDenied);
+}
+
+/// The power is cut at each sync of a whole run, on a disk that loses, reorders and tears what was not
+/// synced. What is left is always one whole recording, the original or the thinned one, and the next run
+/// finishes.
+TEST(RetentionPowerCut, leavesTheOriginalOrTheThinnedRecordingWhole) {
+  auto& vfs = test::ShimVfs::instance();
+  vfs.startRecording();
+  test::TestDb db(test::ShimVfs::name());
+  const Uuid id = makeUuidV7();
+  {
+    SessionStore sessions(db.writer);
+    ASSERT_OK(db.writer.script("BEGIN"));
+    ASSERT_OK(sessions.open(test::describe(id), 1));
+    for (std::uint64_t seq = 0; seq < kChunks; ++seq)
+      ASSERT_OK(sessions.append(id, seq, chunkOf(seq, kEach)));
+    ASSERT_OK(sessions.close(closeOf(id, kChunks, kEach), 1));
+    ASSERT_OK(sessions.markSafe(id, kChunks));
+    pb::RetentionPolicy policy;
+    policy.set_thin_after_days(1);
+    policy.set_thin_rate_hz(100);
+    policy.set_by("mia");
+    ASSERT_OK(RetentionStore(db.writer).setPolicy(policy));
+    ASSERT_OK(db.writer.script("COMMIT"));
+  }
+  const auto expected = expectedThinned(kChunks, 100);
+  const std::int64_t now = 100LL * 86'400 * 1'000'000'000;
+  const std::atomic<bool> stop = false;
+  const RetentionPace pace{.rows = 8, .bytes = 1 << 10, .pause = 0ms};
+  const auto runOn = [&](DbWriter& writer, ReaderPool& readers) {
+    return runRetention(
+        {writer, readers, [](const Uuid&) { return Status(); }, [] { return false; }, stop, pace},
+        "retention", now, false);
+  };
+
+  const test::TempFolder cuts;
+  int count = 0;
+  std::mt19937_64 random(5);
+  vfs.setHook([&](test::ShimVfs::Op op, const std::string&, std::int64_t, int) {
+    if (op != test::ShimVfs::Op::kSync) return SQLITE_OK;
+    const auto folder = cuts.path() / std::to_string(count++);
+    std::filesystem::create_directory(folder);
+    vfs.writeAfterPowerCut(folder, random);
+    return SQLITE_OK;
+  });
+  {
+    DbWriter writer(std::move(db.writer), {.window = 0ms, .checkpoint_every = 5ms}, {});
+    ReaderPool readers(db.path);
+    const auto report = runOn(writer, readers);
+    ASSERT_OK(report);
+    EXPECT_EQ(report->thinned(), 1u);
+  }
+  vfs.setHook({});
+  ASSERT_GT(count, 10) << "hardly any piece was cut";
+
+  int originals = 0, thinned = 0;
+  for (int i = 0; i < count; ++i) {
+    SCOPED_TRACE("cut " + std::to_string(i));
+    const auto path = cuts.path() / std::to_string(i) / "needlelab.db";
+    auto left = test::TestDb::must(Connection::open(path, {.mode = Connection::Mode::kWriter}));
+    const auto check = checkDatabase(left);
+    ASSERT_OK(check);
+    ASSERT_TRUE(check->ok()) << check->faults.front();
+    const auto info = SessionStore(left).info(id);
+    ASSERT_OK(info);
+    if (info->has_removed_original()) {
+      ++thinned;
+      expectSame(samplesIn(left, id), expected);
+    } else {
+      ++originals;
+      const auto chunks = SessionStore(left).readChunks(id, 0, UINT32_MAX, SIZE_MAX);
+      ASSERT_OK(chunks);
+      ASSERT_EQ(chunks->size(), kChunks);
+      for (const StoredChunk& chunk : *chunks) ASSERT_EQ(chunk.bytes, chunkOf(chunk.seq, kEach));
+    }
+    ASSERT_OK(left.script("PRAGMA synchronous=OFF"));
+    DbWriter writer(std::move(left), {.window = 0ms}, {});
+    ReaderPool readers(path);
+    ASSERT_OK(runOn(writer, readers));
+    auto reader = readers.borrow();
+    expectSame(samplesIn(**reader, id), expected);
+    EXPECT_TRUE(RetentionStore(**reader).leftovers()->empty());
+    EXPECT_TRUE(checkDatabase(**reader)->ok());
+  }
+  EXPECT_GT(originals, 3);
+  EXPECT_GT(thinned, 3);
+}
+
+}  // namespace
+}  // namespace needlelab
