@@ -35,6 +35,7 @@ int main(int argc, char** argv) try {
   std::string log_level = "info", log_format = "text";
   std::uint64_t min_free_mib = 64;
   double max_backup_age_h = 0;
+  unsigned retention_every_h = 24;
 
   CLI::App app("needlelab-server: stores what stations record, serves people, fans out live samples.");
   app.set_version_flag("--version", "needlelab-server " NEEDLELAB_VERSION);
@@ -53,6 +54,11 @@ int main(int argc, char** argv) try {
   app.add_option("--max-backup-age", max_backup_age_h,
                  "/healthz fails when the last verified backup is older than so many hours; 0: never")
       ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  app.add_option(
+         "--retention-every", retention_every_h,
+         "Hours between two runs of retention, the first 10 minutes after the start; 0: only when asked")
+      ->check(CLI::Range(0u, 8760u))
       ->capture_default_str();
   app.add_option("--max-connections", options.max_connections, "More are closed at once")
       ->check(CLI::Range(std::size_t{1}, std::size_t{100'000}))
@@ -78,6 +84,7 @@ int main(int argc, char** argv) try {
   if (!format.ok()) return fail(format.error());
   needlelab::setLogFormat(*format);
   options.min_free_bytes = min_free_mib << 20;
+  options.retention_every = std::chrono::hours(retention_every_h);
   options.monitor.max_backup_age = std::chrono::seconds(static_cast<std::int64_t>(max_backup_age_h * 3600));
 
   // before threads: it removes variables

@@ -63,6 +63,23 @@ TEST_F(AdminOnServer, theSameCommandsWork) {
   EXPECT_EQ(std::count(std::istreambuf_iterator<char>(in), {}, '\n'), 40 * 20 + 1);
 }
 
+TEST_F(AdminOnServer, partsAreExportedAndRetentionRuns) {
+  const auto id = uuidText(session_);
+  const Run part = as("ines", {"session", "export", id, "--from", "0.4", "--to", "0.5", "--out", file("p.csv")});
+  EXPECT_EQ(part.code, 0) << part.err;
+  std::ifstream in(file("p.csv"));
+  EXPECT_EQ(std::count(std::istreambuf_iterator<char>(in), {}, '\n'), 100 + 1);
+  EXPECT_EQ(as("ines", {"retention", "run"}).code, 1) << "not for instructors";
+  EXPECT_EQ(as("ada", {"backup", file("copy.db")}).code, 0);
+  EXPECT_EQ(as("ada", {"retention", "set", "--default", "--thin-after", "0", "--rate", "50"}).code, 0);
+  const Run done = as("ada", {"retention", "run"});
+  EXPECT_EQ(done.code, 0) << done.err;
+  EXPECT_NE(done.out.find("1 thinned"), std::string::npos) << done.out;
+  EXPECT_EQ(as("ines", {"session", "verify", id}).code, 0);
+  EXPECT_EQ(as("ada", {"check"}).code, 0);
+  EXPECT_EQ(as("ines", {"session", "export", id, "--from", "0.4", "--out", file("p.csv")}).code, 0);
+}
+
 TEST_F(AdminOnServer, aNewUsersPasswordIsApartFromOnesOwn) {
   const auto fresh = folder.write("pw2", "another horse").string();
   const Run added =
