@@ -48,6 +48,15 @@ class LatencyHistogram {
           std::memory_order_relaxed);
     max_ns_.store(std::max(max_ns(), other.max_ns()), std::memory_order_relaxed);
   }
+  /// What was added since `earlier`, a copy of this. The greatest one is not known apart: it is of both.
+  [[nodiscard]] LatencyHistogram since(const LatencyHistogram& earlier) const noexcept {
+    LatencyHistogram newer(*this);
+    for (std::size_t i = 0; i < counts_.size(); ++i)
+      newer.counts_[i].store(newer.counts_[i].load(std::memory_order_relaxed) -
+                                 earlier.counts_[i].load(std::memory_order_relaxed),
+                             std::memory_order_relaxed);
+    return newer;
+  }
   [[nodiscard]] std::uint64_t total() const noexcept {
     std::uint64_t sum = 0;
     for (const auto& count : counts_) sum += count.load(std::memory_order_relaxed);

@@ -16,6 +16,7 @@ Result<Endpoint> parseEndpoint(std::string_view text) {
     const auto end = text.find(']');
     if (end == std::string_view::npos) return bad("no closing bracket");
     host = text.substr(1, end - 1);
+    if (host.find(':') == std::string_view::npos) return bad("in brackets stands an IPv6 address");
     const auto rest = text.substr(end + 1);
     if (!rest.empty()) {
       if (rest.front() != ':') return bad("after the bracket comes a colon");

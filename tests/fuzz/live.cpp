@@ -6,6 +6,7 @@
 #include "gesture/chunk.h"
 #include "server/hub.h"
 #include "target.h"
+#include "wire/live_splice.h"
 
 namespace needlelab::fuzz {
 namespace {
@@ -42,7 +43,7 @@ void forEachOperation(ByteView data, Visit visit) {
   for (int n = 0; n < 200 && at + 5 <= data.size(); ++n) {
     std::uint16_t length = 0;
     std::memcpy(&length, data.data() + at + 3, 2);
-    const Operation operation{data[at] % 9u, data[at + 1] % 3u, data[at + 2], at + 5,
+    const Operation operation{data[at] % 10u, data[at + 1] % 3u, data[at + 2], at + 5,
                               std::min<std::size_t>(length, data.size() - at - 5)};
     visit(operation);
     at = operation.at + operation.count;
@@ -86,7 +87,28 @@ void live(ByteView data) {
         frame.set_frame_seq(op.number > 250 ? std::numeric_limits<std::uint64_t>::max() - op.number
                                             : op.number);
         frame.set_data(rest.data(), rest.size());
-        (void)hub.onLiveFrame(name, std::move(frame), now_ns);
+        // as the server does it: passed on as bytes when they are just a live frame, else decoded
+        pb::Envelope envelope;
+        *envelope.mutable_live_frame() = frame;
+        const std::string bytes = envelope.SerializeAsString();
+        if (const auto view = viewLiveFrame(needlelab::viewOf(std::string_view(bytes))))
+          (void)hub.onLiveFrame(name, *view, now_ns);
+        else
+          (void)hub.onLiveFrame(name, frame, now_ns);
+        break;
+      }
+      case 9: {
+        // any bytes: the short way and Protobuf's agree on what they hold
+        const auto view = viewLiveFrame(rest);
+        if (!view) break;
+        const auto whole = decodeFrame(rest);
+        require(whole.ok() && whole->has_live_frame(), "what is passed on is a live frame to Protobuf, too");
+        const pb::LiveFrame& same = whole->live_frame();
+        require(same.session_id() == view->session_id && same.data() == view->data &&
+                    same.frame_seq() == view->frame_seq && same.due_steady_ns() == view->due_steady_ns &&
+                    same.capture_unix_ns() == view->capture_unix_ns,
+                "both ways read the same");
+        (void)hub.onLiveFrame(name, *view, now_ns);
         break;
       }
       case 4: {

@@ -118,6 +118,17 @@ void lives(const fs::path& folder) {
   put(out, 6, 1, 0, {});
   put(out, 1, 0, 0, {});
   save(folder / "watched", out);
+  pb::Envelope passed_on;
+  passed_on.mutable_live_frame()->set_session_id(std::string(16, 'a'));
+  passed_on.mutable_live_frame()->set_frame_seq(9);
+  passed_on.mutable_live_frame()->set_due_steady_ns(-1);
+  passed_on.mutable_live_frame()->set_capture_unix_ns(5);
+  passed_on.mutable_live_frame()->set_data(chunk.data(), chunk.size());
+  Bytes as_bytes;
+  put(as_bytes, 0, 0, 0, {});
+  put(as_bytes, 4, 0, 0, viewOf(wire(full)));
+  put(as_bytes, 9, 0, 0, viewOf(wire(passed_on)));
+  save(folder / "passed_on", as_bytes);
   Bytes by_session;
   put(by_session, 4, 0, 128, viewOf(wire(slow)));
   put(by_session, 0, 1, 0, {});

@@ -25,7 +25,7 @@ TEST(Endpoint, namesAndAddressesWithAndWithoutPort) {
 
 TEST(Endpoint, whatIsNoneIsRefusedByName) {
   for (const char* text : {"", ":7750", "h:", "h:65536", "h:-1", "h:x", "h:7750x", "::1", "[::1", "[::1]7750",
-                           "[::1]:", "[[::1]:80", "a b:80", "h\n:80", "caf\xc3\xa9:80"}) {
+                           "[::1]:", "[[::1]:80", "[host]:80", "a b:80", "h\n:80", "caf\xc3\xa9:80"}) {
     const auto endpoint = parseEndpoint(text);
     ASSERT_FALSE(endpoint.ok()) << text;
     EXPECT_EQ(endpoint.error().code, ErrorCode::kInvalidInput);

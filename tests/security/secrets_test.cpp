@@ -1,0 +1,201 @@
+// A lesson with all programs: nothing that they say or leave behind holds a key, a password or a token.
+#include <sys/stat.h>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+
+#include "base/atomic_file.h"
+#include "lab.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+namespace fs = std::filesystem;
+
+std::string readProc(pid_t pid, const char* what) {
+  std::ifstream file("/proc/" + std::to_string(pid) + "/" + what, std::ios::binary);
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+std::string hexOf(const std::string& bytes) {
+  std::string hex;
+  for (const char c : bytes) {
+    constexpr std::string_view kDigits = "0123456789abcdef";
+    hex += kDigits[static_cast<unsigned char>(c) >> 4];
+    hex += kDigits[static_cast<unsigned char>(c) & 15];
+  }
+  return hex;
+}
+
+/// A secret in the forms in which it could be written down by mistake. Raw bytes could be escaped: eight of
+/// them in hexadecimal, with and without \x, would give it away.
+std::vector<std::string> formsOf(const std::string& secret) {
+  std::string escaped;
+  for (const char c : secret) escaped += "\\x" + hexOf(std::string(1, c));
+  const std::string hex = hexOf(secret);
+  std::string upper = hex;
+  std::transform(upper.begin(), upper.end(), upper.begin(),
+                 [](char c) { return static_cast<char>(std::toupper(c)); });
+  return {secret, hex, hex.substr(0, 16), upper.substr(0, 16), escaped.substr(0, 32)};
+}
+
+class Secrets : public testing::Test {
+ protected:
+  void look(const std::string& where, const std::string& text) {
+    ++looked_;
+    for (const auto& [name, secret] : secrets_)
+      for (const std::string& form : formsOf(secret))
+        EXPECT_EQ(text.find(form), std::string::npos) << name << " stands in " << where;
+  }
+  void lookAtProcess(const std::string& name, pid_t pid) {
+    const std::string arguments = readProc(pid, "cmdline");
+    ASSERT_FALSE(arguments.empty()) << name << " is gone already";
+    look(name + ": /proc/PID/cmdline", arguments);
+    look(name + ": /proc/PID/environ", readProc(pid, "environ"));
+    EXPECT_THAT(readProc(pid, "limits"), testing::ContainsRegex("Max core file size +0 +0")) << name;
+  }
+
+  std::map<std::string, std::string> secrets_;
+  int looked_ = 0;
+};
+
+TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
+  Lab lab;
+  const auto planted = [&](const std::string& name, const std::string& text) {
+    const auto file = lab.path(name + ".password");
+    EXPECT_TRUE(writeFileAtomically(file, viewOf(text + "\n"), 0600).ok());
+    secrets_[name] = text;
+    return file;
+  };
+  const auto chief = planted("chief", "Planted-1-Quittenbaum"),
+             other = planted("changed", "Planted-2-Zimtstern");
+  const auto wrong = planted("wrong", "Planted-3-Holzweg");
+  ASSERT_EQ(lab.admin({"user", "add", "chief", "--role", "administrator", "--password-file", chief}), 0);
+  auto key_line = readWholeFile(lab.path("station.key"));
+  ASSERT_TRUE(key_line.ok());
+  const std::string hex = key_line->substr(key_line->find(':') + 1, 64);
+  std::string key;
+  for (std::size_t i = 0; i < hex.size(); i += 2)
+    key += static_cast<char>(std::stoi(hex.substr(i, 2), nullptr, 16));
+  secrets_["key"] = key;
+
+  // the server says all it can say
+  const auto startServer = [&](int port) {
+    return std::make_unique<Process>(
+        "needlelab-server",
+        std::vector<std::string>{"--data", lab.path("data"), "--listen", "127.0.0.1:" + std::to_string(port),
+                                 "--port-file", lab.path("port"), "--log-level", "debug"},
+        lab.path("server.log"));
+  };
+  auto server = startServer(0);
+  std::string port;
+  ASSERT_TRUE(eventually([&] {
+    auto text = readWholeFile(lab.path("port"));
+    if (text.ok()) port = text->substr(0, text->find('\n'));
+    return !port.empty();
+  })) << server->said();
+  lookAtProcess("server", server->pid());
+  const std::string address = "127.0.0.1:" + port;
+  const fs::path ca = lab.path("data") / "tls" / "ca.crt";
+
+  // a token, which only ever is in memory
+  ClientConfig config;
+  config.server.port = static_cast<std::uint16_t>(std::stoi(port));
+  config.ca_file = ca;
+  config.program = programText("test");
+  config.login = personLogin("chief", secrets_["chief"]);
+  auto client = BlockingClient::connect(config);
+  ASSERT_TRUE(client.ok()) << client.error().message;
+  secrets_["token"] = client->welcome().token();
+  ASSERT_EQ(secrets_["token"].size(), 32u);
+
+  const auto remote = [&](const std::string& name, const fs::path& password,
+                          std::vector<std::string> arguments) {
+    std::vector<std::string> all = {"--server", address,           "--ca",  ca, "--user",
+                                    "chief",    "--password-file", password};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    return std::make_unique<Process>("needlelab-admin", all, lab.path(name + ".log"));
+  };
+  // wrong passwords, keys and tokens are secrets, too: often they are right ones, elsewhere
+  EXPECT_NE(remote("wrong", wrong, {"user", "list"})->wait(20s), 0);
+  config.login = stationLogin("station-1", "Planted-4-" + std::string(22, 'k'));
+  secrets_["wrong key"] = "Planted-4-" + std::string(22, 'k');
+  EXPECT_FALSE(BlockingClient::connect(config).ok());
+  config.login = pb::Login();
+  config.login.set_token("Planted-5-" + std::string(22, 't'));
+  secrets_["wrong token"] = "Planted-5-" + std::string(22, 't');
+  EXPECT_FALSE(BlockingClient::connect(config).ok());
+  EXPECT_EQ(
+      remote("add", chief, {"user", "add", "bert", "--role", "instructor", "--new-password-file", other})
+          ->wait(20s),
+      0);
+  EXPECT_EQ(remote("passwd", chief, {"user", "passwd", "bert", "--new-password-file", chief})->wait(20s), 0);
+  EXPECT_EQ(remote("short", chief, {"user", "passwd", "bert", "--new-password-file", other})->wait(20s), 0);
+  EXPECT_EQ(
+      remote("enrol", chief, {"station", "add", "station-2", "--out", lab.path("second.key")})->wait(20s), 0);
+  const auto second = readWholeFile(lab.path("second.key"));
+  ASSERT_TRUE(second.ok());
+  secrets_["second key in hexadecimal"] = second->substr(second->find(':') + 1, 64);
+
+  // a lesson that is watched
+  Process station("needlelab-station",
+                  {"--server", address, "--ca", ca, "--key", lab.path("station.key"), "--trainee", "tom",
+                   "--headless", "--spool", lab.path("spool"), "--device", "simulated", "--exercise",
+                   "ball-free-practice", "--seconds", "2", "--json", lab.path("lesson.json")},
+                  lab.path("station.log"));
+  Process instructor("needlelab-instructor",
+                     {"--server", address, "--ca", ca, "--user", "chief", "--password-file", chief,
+                      "--headless", "--seconds", "2"},
+                     lab.path("instructor.log"));
+  std::this_thread::sleep_for(300ms);
+  lookAtProcess("station", station.pid());
+  lookAtProcess("instructor", instructor.pid());
+  EXPECT_EQ(station.wait(60s), 0) << station.said();
+  EXPECT_EQ(instructor.wait(60s), 0) << instructor.said();
+
+  EXPECT_EQ(remote("audit", chief, {"audit"})->wait(20s), 0);
+  const auto audit = readWholeFile(lab.path("audit.log"));
+  EXPECT_TRUE(audit.ok() && audit->find("user passwd") != std::string::npos) << "the audit log was looked at";
+  client->finish();
+  server->signal(SIGTERM);
+  EXPECT_EQ(server->wait(20s), 0);
+  EXPECT_THAT(server->said(), testing::HasSubstr("login_refused")) << "there was something to let slip";
+
+  // everything that lies about, except the files in which the secrets were given
+  for (const auto& entry : fs::recursive_directory_iterator(lab.path(""))) {
+    struct stat info {};
+    ASSERT_EQ(::lstat(entry.path().c_str(), &info), 0);
+    if (!entry.is_regular_file() || entry.path().extension() == ".password") continue;
+    if (entry.path().extension() == ".key" && entry.path().parent_path() == lab.path("").parent_path()) {
+      EXPECT_EQ(info.st_mode & 0777, 0600u) << entry.path();
+      continue;
+    }
+    const auto text = readWholeFile(entry.path());
+    ASSERT_TRUE(text.ok()) << text.error().message;
+    look(entry.path(), *text);
+    const std::string path = fs::relative(entry.path(), lab.path(""));
+    const bool certificate = entry.path().extension() == ".crt";
+    if (path.starts_with("data/") || path.starts_with("spool/")) {
+      EXPECT_EQ(info.st_mode & 0777, certificate ? 0644u : 0600u) << path << ": others may not look";
+    }
+  }
+  EXPECT_GE(looked_, 20) << "logs, database, spool";
+}
+
+TEST_F(Secrets, aPasswordFileThatOthersMayReadIsSaid) {
+  Lab lab;
+  EXPECT_EQ(::chmod(lab.path("password").c_str(), 0640), 0);
+  ASSERT_EQ(lab.admin({"user", "passwd", "ines", "--password-file", lab.path("password")}), 0);
+  const auto said = readWholeFile(lab.path("admin.log"));
+  ASSERT_TRUE(said.ok());
+  EXPECT_THAT(*said, testing::HasSubstr("may be read by others: chmod 600"));
+}
+
+}  // namespace
+}  // namespace needlelab::test
