@@ -1,0 +1,57 @@
+// The network of a station stalls: its haptic loop does not notice.
+#include <gtest/gtest.h>
+
+#include "base/exit_code.h"
+#include "lab.h"
+#include "proxy/fault_proxy.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+// Two stations at once on the same machine, the one beside the other: what this machine does to a loop it
+// does to both, so the ratio says what the network does.
+TEST(StalledStationTest, missesNoMoreTicksThanTheOneBesideIt) {
+  Lab lab;
+  ASSERT_EQ(lab.admin({"station", "add", "station-2", "--out", lab.path("station-2.key")}), 0);
+  lab.startServer();
+  // once, so that both have the exercise and the port is known
+  const auto arguments = lab.stationArguments({"--exercise", "ball-free-practice", "--seconds", "4"});
+  const auto given = [&](const std::string& option) {
+    return std::find(arguments.begin(), arguments.end(), option) + 1;
+  };
+  const std::string server = *given("--server");
+  FaultProxy proxy(static_cast<std::uint16_t>(std::stoi(server.substr(server.rfind(':') + 1))));
+  auto stalled_arguments = arguments;
+  const auto replace = [&](const std::string& option, const std::string& value) {
+    *(std::find(stalled_arguments.begin(), stalled_arguments.end(), option) + 1) = value;
+  };
+  replace("--server", "127.0.0.1:" + std::to_string(proxy.port()));
+  replace("--key", lab.path("station-2.key"));
+  replace("--spool", lab.path("spool-2"));
+  stalled_arguments.insert(stalled_arguments.end(), {"--json", lab.path("stalled.json")});
+  Process stalled("needlelab-station", stalled_arguments, lab.path("stalled.log"));
+  auto beside = lab.startStation("beside", {"--exercise", "ball-free-practice", "--seconds", "4"});
+  // both have their lesson when their sessions are in the server
+  ASSERT_TRUE(eventually([&] { return lab.sessions().size() == 2; })) << stalled.said() << beside->said();
+  std::this_thread::sleep_for(300ms);
+  proxy.stallAll(true);
+  std::this_thread::sleep_for(3s);
+  proxy.stallAll(false);
+  EXPECT_EQ(beside->wait(60s), kExitDone) << beside->said();
+  EXPECT_EQ(stalled.wait(60s), kExitDone) << stalled.said();
+
+  const auto alone = lab.summary("beside"), bad = lab.summary("stalled");
+  const auto missed = [](const nlohmann::json& summary) { return summary.at("missed_ticks").get<double>(); };
+  std::cout << "missed ticks of 4000: " << missed(bad) << " under a stalled network, " << missed(alone)
+            << " beside it\n";
+  EXPECT_LE(missed(bad), 3 * missed(alone) + 80);
+  EXPECT_EQ(bad.at("spool_left").get<std::uint64_t>(), 0u) << stalled.said();
+  EXPECT_GE(bad.at("samples").get<std::uint64_t>(), 3500u);
+  for (const pb::SessionInfo& info : lab.sessions()) EXPECT_EQ(info.state(), pb::SESSION_COMPLETE);
+  EXPECT_TRUE(lab.verifies(bad.at("session_id").get<std::string>()));
+}
+
+}  // namespace
+}  // namespace needlelab::test
