@@ -168,8 +168,7 @@ std::string backupName(std::int64_t now_unix_ns) {
   return text;
 }
 
-Result<std::vector<std::filesystem::path>> removeOldBackups(const std::filesystem::path& folder,
-                                                            std::size_t keep) {
+Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::size_t keep) {
   // exactly our own names: everything else in that folder is somebody else's
   const auto is_ours = [](const std::string& name) {
     constexpr std::string_view kShape = "needlelab-00000000T000000Z.db";
@@ -180,22 +179,33 @@ Result<std::vector<std::filesystem::path>> removeOldBackups(const std::filesyste
     }
     return true;
   };
-  std::vector<std::filesystem::path> found;
+  const std::filesystem::path folder = target.parent_path();
+  const std::string newest = target.filename().string();
+  std::vector<std::filesystem::path> older;
+  OldBackups old;
   std::error_code error;
   for (auto at = std::filesystem::directory_iterator(folder, error);
        !error && at != std::filesystem::directory_iterator(); at.increment(error)) {
     std::error_code ignored;
-    if (is_ours(at->path().filename().string()) && at->is_regular_file(ignored)) found.push_back(at->path());
+    const std::string name = at->path().filename().string();
+    if (!is_ours(name) || name == newest || !at->is_regular_file(ignored)) continue;
+    // a name from a time that has not come was given while the clock was ahead: how old it is nobody knows
+    (name < newest ? older : old.later).push_back(at->path());
   }
   if (error)
     return Error{ErrorCode::kFailed, folder.string() + ": cannot list the backups: " + error.message()};
   // names sort by time
-  std::sort(found.begin(), found.end());
-  if (found.size() <= keep) return std::vector<std::filesystem::path>{};
-  found.resize(found.size() - keep);
-  for (const auto& path : found)
+  std::sort(older.begin(), older.end());
+  std::sort(old.later.begin(), old.later.end());
+  // the new one is one of those that stay
+  const std::size_t stay = keep > 0 ? keep - 1 : 0;
+  if (older.size() <= stay) return old;
+  older.resize(older.size() - stay);
+  for (const auto& path : older) {
     if (::unlink(path.c_str()) != 0) return systemError(path, "remove this old backup");
-  return found;
+    old.removed.push_back(path);
+  }
+  return old;
 }
 
 Status recordBackup(Connection& writer, const BackupResult& result, const std::filesystem::path& target,

@@ -35,10 +35,16 @@ Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& t
 /// The name of a backup made at this time: needlelab-20260131T020000Z.db.
 std::string backupName(std::int64_t now_unix_ns);
 
-/// Of the files in `folder` that are named as backupName does, removes all but the newest `keep`; gives what
-/// was removed. Others are not touched. Errors: kFailed.
-Result<std::vector<std::filesystem::path>> removeOldBackups(const std::filesystem::path& folder,
-                                                            std::size_t keep);
+/// What became of the backups beside a new one.
+struct OldBackups {
+  std::vector<std::filesystem::path> removed;
+  std::vector<std::filesystem::path> later;  ///< named by a time after the new one's: left alone, not counted
+};
+
+/// Of the files beside `target` that are named as backupName does, removes all but the newest `keep`, of
+/// which `target`, just made, is one: it is never removed, whatever the others' names say. Others are not
+/// touched. Errors: kFailed.
+Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::size_t keep);
 
 /// Notes the watermark. Writer's connection, in a transaction.
 Status recordBackup(Connection& writer, const BackupResult& result, const std::filesystem::path& target,

@@ -33,9 +33,17 @@ Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
   done->set_chunks_verified(result->chunks_verified);
   if (call.keep() > 0) {
     // old ones go only now that a newer one is verified and noted
-    const auto removed = removeOldBackups(call.path(), call.keep());
+    const auto removed = removeOldBackups(target, call.keep());
     if (!removed) return removed.error();
-    for (const auto& path : *removed) done->add_removed(path.string());
+    for (const auto& path : removed->removed) done->add_removed(path.string());
+    if (!removed->later.empty()) {
+      const std::string detail = std::to_string(removed->later.size()) +
+                                 " backups are named by a later time (was the clock ahead?), the last is " +
+                                 removed->later.back().filename().string() +
+                                 ": they are left alone and do not count for --keep";
+      if (auto said = write(context, target.string(), detail, [](Connection&) { return Status(); }); !said)
+        return said.error();
+    }
   }
   return reply;
 }

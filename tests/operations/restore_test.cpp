@@ -229,9 +229,9 @@ TEST(BackupRotation, keepsTheNewestAndTouchesNothingElse) {
        {"needlelab-20250101T023000Z.db.partial", "needlelab-x.db", "thesis.doc", "needlelab.db"})
     folder.write(other, "x");
   fs::create_directory(folder.path() / "needlelab-20200101T000000Z.db");
-  const auto removed = removeOldBackups(folder.path(), 2);
+  const auto removed = removeOldBackups(folder.path() / "needlelab-20260105T023000Z.db", 2);
   ASSERT_TRUE(removed.ok());
-  EXPECT_EQ(removed->size(), 3u);
+  EXPECT_EQ(removed->removed.size(), 3u);
   EXPECT_TRUE(fs::exists(folder.path() / "needlelab-20260105T023000Z.db"));
   EXPECT_TRUE(fs::exists(folder.path() / "needlelab-20260104T023000Z.db"));
   EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()), 7);

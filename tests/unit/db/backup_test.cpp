@@ -74,6 +74,23 @@ TEST_F(BackupTest, wrongPathsAreInvalidInput) {
   EXPECT_EQ(backupTo(reader, db.folder.path() / "none" / "copy.db").error().code, ErrorCode::kInvalidInput);
 }
 
+TEST(BackupRotation, namesFromAClockThatWasAheadNeverCostTheNewBackup) {
+  const test::TempFolder folder;
+  const auto now = folder.write("needlelab-20260105T023000Z.db", "x");
+  for (const char* name : {"needlelab-20260103T023000Z.db", "needlelab-20260104T023000Z.db",
+                           "needlelab-20300101T023000Z.db", "needlelab-20300102T023000Z.db"})
+    folder.write(name, "x");
+  const auto first = removeOldBackups(now, 2);
+  ASSERT_OK(first);
+  EXPECT_EQ(first->removed, std::vector{folder.path() / "needlelab-20260103T023000Z.db"});
+  EXPECT_EQ(first->later.size(), 2u) << "named, neither removed nor counted";
+  ASSERT_OK(removeOldBackups(now, 1));
+  ASSERT_OK(removeOldBackups(now, 0));
+  EXPECT_TRUE(std::filesystem::exists(now));
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "needlelab-20260104T023000Z.db"));
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "needlelab-20300101T023000Z.db"));
+}
+
 TEST_F(BackupTest, aDamagedDatabaseGivesNoBackup) {
   ASSERT_OK(db.writer.script("UPDATE chunks SET crc = crc + 1 WHERE seq = 3"));
   const auto refused = backupTo(reader, target);
