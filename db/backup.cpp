@@ -97,7 +97,11 @@ Status copy(Connection& reader, const std::filesystem::path& path, const std::at
 /// What the copy covers beyond what was covered before.
 Result<std::vector<BackupResult::Covered>> coveredBy(Connection& copy) {
   std::vector<BackupResult::Covered> covered;
-  auto rows = copy.prepare("SELECT id, chunks FROM sessions WHERE chunks > safe_chunks");
+  // a session that is open here may be closed by now: its end is not in the copy. Its last chunk does not
+  // count, so that the station keeps the whole until a backup holds the end as well.
+  auto rows =
+      copy.query("SELECT id, chunks - (state = ?1) FROM sessions WHERE chunks - (state = ?1) > safe_chunks",
+                 static_cast<int>(pb::SESSION_OPEN));
   for (;;) {
     const auto row = rows.step();
     if (!row) return row.error();

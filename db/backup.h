@@ -21,7 +21,9 @@ struct BackupResult {
     Uuid session;
     std::uint64_t chunks;
   };
-  std::vector<Covered> covered;  ///< sessions whose watermark rises
+  /// Sessions whose watermark rises; of one that is open in the copy all chunks but the last, because its end
+  /// is not covered.
+  std::vector<Covered> covered;
 };
 
 /// Copies the database as it is now (writers go on meanwhile) into `target`.partial, checks *the copy*

@@ -44,12 +44,25 @@ TEST_F(BackupTest, theWatermarkRisesToWhatTheCopyHolds) {
   // two more chunks come after the copy: they are not safe
   for (std::uint64_t seq = 5; seq < 7; ++seq) ASSERT_OK(store.append(id, seq, test::chunkOf(seq)));
   ASSERT_OK(recordBackup(db.writer, *result, target, 1234));
-  EXPECT_EQ(*store.safeSeqs(id), 5u);
+  EXPECT_EQ(*store.safeSeqs(id), 4u) << "of an open session all but the last";
   EXPECT_EQ(**MetaStore(db.writer).get("backup_path"), target.string());
   const auto next = backupTo(reader, db.folder.path() / "copy2.db");
   ASSERT_OK(next);
   ASSERT_OK(recordBackup(db.writer, *next, target, 1235));
-  EXPECT_EQ(*store.safeSeqs(id), 7u);
+  EXPECT_EQ(*store.safeSeqs(id), 6u);
+}
+
+TEST_F(BackupTest, aSessionClosedDuringTheCopyIsNotSafeBeforeItsEndIs) {
+  const auto result = backupTo(reader, target);
+  ASSERT_OK(result);
+  // closed after the copy was taken and before it is noted: the copy holds all chunks, but not the hash
+  ASSERT_OK(store.close(test::closeOf(id, 5), 9));
+  ASSERT_OK(recordBackup(db.writer, *result, target, 1234));
+  EXPECT_LT(*store.safeSeqs(id), 5u) << "its station would empty its spool";
+  const auto next = backupTo(reader, db.folder.path() / "copy2.db");
+  ASSERT_OK(next);
+  ASSERT_OK(recordBackup(db.writer, *next, target, 1235));
+  EXPECT_EQ(*store.safeSeqs(id), 5u);
 }
 
 TEST_F(BackupTest, writersGoOnMeanwhileAndTheCopyIsOneInstant) {
