@@ -14,7 +14,7 @@ TEST_F(RetentionCommands, setShowRunAndWhatIsLeft) {
   const std::string id = uuidText(addSession(50));
   EXPECT_NE(good({"retention", "show"}).err.find("kept for ever"), std::string::npos);
   good({"retention", "set", "knee-1", "--thin-after", "0", "--rate", "100", "--coarser", "2",
-        "--delete-after", "400"});
+        "--delete-after", "36500"});
   good({"retention", "set", "--default", "--keep"});
   const auto shown = good({"retention", "show", "--json"}).rows();
   ASSERT_EQ(shown.size(), 2u);
@@ -23,7 +23,7 @@ TEST_F(RetentionCommands, setShowRunAndWhatIsLeft) {
   EXPECT_EQ(shown[1].at("exercise_id"), "knee-1");
   EXPECT_EQ(shown[1].at("thin_rate_hz"), 100);
   EXPECT_EQ(shown[1].at("thin_coarser"), 2);
-  EXPECT_EQ(shown[1].at("delete_after_days"), 400);
+  EXPECT_EQ(shown[1].at("delete_after_days"), 36'500);
 
   // no backup covers it yet
   const auto waits = good({"retention", "run", "--json"}).rows();
@@ -91,7 +91,7 @@ TEST_F(RetentionCommands, listsAreWholeHoweverLong) {
       if (auto added = StationStore(c).add("station-1", StationKeyBytes{}, 1); !added) return added;
       for (int i = 0; i < 3000; ++i) {
         auto d = test::describe(makeUuidV7());
-        d.set_started_unix_ns(i);
+        d.set_started_unix_ns(1 + i);
         d.add_device_notes(std::string(600, 'n'));
         if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
         if (auto noted = AuditStore(c).add({0, i, "who", "action", "subject", std::string(600, 'd')}); !noted)
