@@ -275,7 +275,8 @@ void Server::Parts::beginStop(const std::string& reason) {
 
 Task<> Server::Parts::retentionLoop() {
   auto wait = options.retention_first;
-  for (;;) {
+  // beginStop cancels the timer once: who came back from a run after that must not arm it again
+  while (!stopping) {
     retention_timer.expires_after(std::exchange(wait, options.retention_every));
     co_await retention_timer.async_wait(kUseTuple);
     if (stopping) co_return;

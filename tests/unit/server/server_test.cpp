@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <future>
+
 #include "base/atomic_file.h"
 #include "running_server.h"
 
@@ -47,6 +50,41 @@ TEST(Server, stoppingDoesNotWaitForAPeerThatDoesNotRead) {
   const auto started = std::chrono::steady_clock::now();
   EXPECT_EQ(server.stop(), 0);
   EXPECT_LT(std::chrono::steady_clock::now() - started, milliseconds(4000));
+}
+
+TEST(Server, stoppingDuringARunOfRetentionEndsTheServer) {
+  setLogLevel(LogLevel::kOff);
+  const TempFolder folder;
+  ServerOptions options;
+  options.data = folder.path() / "data";
+  options.listen = "127.0.0.1:0";
+  options.retention_first = std::chrono::minutes(0);
+  auto started = Server::start(options);
+  ASSERT_TRUE(started.ok()) << started.error().message;
+  Server& server = **started;
+  // the writer stands still, so that the run, which notes its end by it, cannot end
+  std::promise<void> go_on;
+  std::atomic<bool> stands = false;
+  DbWriter::Work wait = [&, may = go_on.get_future().share()](Connection&) -> Status {
+    stands = true;
+    may.wait();
+    return {};
+  };
+  ASSERT_TRUE(server.store().writer().post(std::move(wait), [](const Status&) {}).ok());
+  const auto within = [](const auto& is) {
+    const auto limit = std::chrono::steady_clock::now() + milliseconds(20'000);
+    while (!is() && std::chrono::steady_clock::now() < limit) std::this_thread::sleep_for(milliseconds(2));
+    return is();
+  };
+  EXPECT_TRUE(within([&] { return stands.load(); }));
+  auto ended = std::async(std::launch::async, [&] { return server.run(); });
+  EXPECT_TRUE(within([&] { return server.store().writer().counters().waiting > 0; }));
+  server.stop();
+  std::this_thread::sleep_for(milliseconds(100));
+  go_on.set_value();
+  EXPECT_EQ(ended.wait_for(std::chrono::seconds(20)), std::future_status::ready)
+      << "the server waits for its next daily run";
+  EXPECT_EQ(ended.get(), 0);
 }
 
 TEST(Server, aTakenPortIsUnavailableAndChangesNothingOnDisk) {
