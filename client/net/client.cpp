@@ -97,7 +97,7 @@ Error certificateRefused(long verdict, const Endpoint& server, const Error& why)
   switch (verdict) {
     case X509_V_ERR_HOSTNAME_MISMATCH:
     case X509_V_ERR_IP_ADDRESS_MISMATCH:
-      return {ErrorCode::kDenied, whose + ": its certificate is not for the name '" + server.host +
+      return {ErrorCode::kDenied, whose + ": " + kNotForThisName + " '" + server.host +
                                       "'; give --server a name that the certificate has, or start the server "
                                       "with --host-name " +
                                       server.host};

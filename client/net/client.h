@@ -37,6 +37,9 @@ struct ClientConnection {
   pb::Hello server;
 };
 
+/// In the message of kDenied when the server's certificate is for other names than the one it was called by.
+inline constexpr const char* kNotForThisName = "its certificate is not for the name";
+
 /// Connects on the executor of the calling coroutine, which must be one thread.
 /// Errors: kInvalidInput (the CA file), kUnavailable (no answer, time-out: try again), kDenied (certificate,
 /// log-in), kVersion (both versions in the message), others as errorOf(Refusal).

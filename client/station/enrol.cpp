@@ -5,6 +5,7 @@
 
 #include "base/atomic_file.h"
 #include "base/exit_code.h"
+#include "net/client.h"
 #include "net/enrolment.h"
 #include "station/modes.h"
 
@@ -13,7 +14,7 @@ namespace {
 
 /// What may help, after the server was asked in vain.
 std::string adviceFor(const Error& error, const Enrolment& enrolment) {
-  if (error.message.find("mismatch") != std::string::npos)
+  if (error.message.find(kNotForThisName) != std::string::npos)
     return "; the server's certificate is not for " + enrolment.server.host +
            ": on the server, needlelab-admin --data DIR certificate renew --host-name " +
            enrolment.server.host + ", then restart it";
