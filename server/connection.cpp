@@ -163,9 +163,11 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope) {
     case pb::Envelope::kClockOffset:
       takeClockOffset(envelope.clock_offset());
       break;
-    case pb::Envelope::kStationStatus:
-      context_.hub.onStatus(who_.name, envelope.station_status(), steadyNowNs());
+    case pb::Envelope::kStationStatus: {
+      auto refusal = context_.hub.onStatus(who_.name, envelope.station_status(), steadyNowNs());
+      if (refusal) refuse(std::move(*refusal));
       break;
+    }
     case pb::Envelope::kLiveFrame: {
       auto refusal = context_.hub.onLiveFrame(who_.name, envelope.live_frame(), steadyNowNs());
       if (refusal) refuse(std::move(*refusal));

@@ -16,6 +16,21 @@ pb::Envelope statusEnvelope(const pb::StationStatus& status) {
   return envelope;
 }
 
+/// Of the statuses that one message or one answer to an overview may hold; the rest of it has room beside.
+constexpr std::size_t kMostStatusBytes = kMaxFrameBytes - (64u << 10);
+
+/// What cannot be sent is not worth a viewer's connection: it is left out.
+void sendStatus(HubPeer& viewer, const pb::StationStatus& status) {
+  if (status.ByteSizeLong() <= kMostStatusBytes) viewer.sendControl(statusEnvelope(status));
+}
+
+/// Session ids are kept and sent on to viewers: a station must not make them long.
+std::optional<pb::Refusal> checkSessionId(const char* message, std::string_view id) {
+  if (id.empty() || id.size() == 16) return std::nullopt;
+  return makeRefusal(pb::Refusal::INVALID, std::string(message) + ".session_id has " +
+                                               std::to_string(id.size()) + " bytes, not 16 or none");
+}
+
 }  // namespace
 
 HubPeer* Hub::attachStation(const std::string& name, HubPeer& peer) {
@@ -51,9 +66,16 @@ void Hub::detachStation(const std::string& name, const HubPeer& peer) {
   forgetIfUnused(name);
 }
 
-void Hub::onStatus(const std::string& name, const pb::StationStatus& status, std::int64_t now_ns) {
+std::optional<pb::Refusal> Hub::onStatus(const std::string& name, const pb::StationStatus& status,
+                                         std::int64_t now_ns) {
+  if (auto wrong = checkSessionId("station_status", status.session_id())) return wrong;
+  if (const std::size_t bytes = status.ByteSizeLong(); bytes > settings_.max_status_bytes) {
+    return makeRefusal(pb::Refusal::TOO_LARGE, "a status line of " + std::to_string(bytes) +
+                                                   " bytes: the limit is " +
+                                                   std::to_string(settings_.max_status_bytes));
+  }
   const auto found = stations_.find(name);
-  if (found == stations_.end() || found->second.peer == nullptr) return;
+  if (found == stations_.end() || found->second.peer == nullptr) return std::nullopt;
   Station& station = found->second;
   const bool other_session = status.session_id() != station.status.session_id();
   station.status = status;
@@ -68,6 +90,7 @@ void Hub::onStatus(const std::string& name, const pb::StationStatus& status, std
     }
   }
   sendOverview(name, station, now_ns);
+  return std::nullopt;
 }
 
 std::optional<pb::Refusal> Hub::onLiveFrame(const std::string& name, const LiveFrameView& frame,
@@ -84,6 +107,7 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
                                                    " bytes: the limit is " +
                                                    std::to_string(settings_.max_frame_bytes));
   }
+  if (auto wrong = checkSessionId("live_frame", frame.session_id)) return wrong;
   // a station that has connected anew has taken over: its older connection is nobody any more
   if (from.station_ == nullptr) return std::nullopt;
   Station& station = *static_cast<Station*>(from.station_);
@@ -188,9 +212,12 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
 
   if (subscription.station.empty() && subscription.session_id.empty()) {
     overviews_.push_back(&subscription);
+    std::size_t bytes = 0;
     for (auto& [name, station] : stations_) {
       if (station.peer == nullptr) continue;
-      viewer.sendControl(statusEnvelope(station.status));
+      // not more at once than a viewer's queue takes; the others come with their next line
+      if ((bytes += station.status.ByteSizeLong()) > kMostStatusBytes) break;
+      sendStatus(viewer, station.status);
       subscription.last_line_ns[&station] = now_ns;
     }
     return std::nullopt;
@@ -200,7 +227,7 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
     by_session_[subscription.session_id].push_back(&subscription);
     for (auto& [name, station] : stations_) {
       if (station.status.session_id() != subscription.session_id) continue;
-      viewer.sendControl(statusEnvelope(station.status));
+      sendStatus(viewer, station.status);
       refreshWatch(station);
     }
     return std::nullopt;
@@ -208,7 +235,7 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
   Station& station = stations_[subscription.station];
   station.status.set_station(subscription.station);
   station.watchers.push_back(&subscription);
-  viewer.sendControl(statusEnvelope(station.status));
+  sendStatus(viewer, station.status);
   refreshWatch(station);
   return std::nullopt;
 }
@@ -252,11 +279,14 @@ void Hub::remove(std::unique_ptr<Subscription> subscription) {
 }
 
 void Hub::fillStations(pb::Stations& stations) const {
+  std::size_t bytes = stations.ByteSizeLong();
   for (pb::StationInfo& info : *stations.mutable_stations()) {
     const auto found = stations_.find(info.name());
     const bool online = found != stations_.end() && found->second.peer != nullptr;
     info.set_online(online);
-    if (online) *info.mutable_status() = found->second.status;
+    if (!online) continue;
+    bytes += found->second.status.ByteSizeLong() + 16;
+    if (bytes <= kMostStatusBytes) *info.mutable_status() = found->second.status;
   }
 }
 
@@ -304,9 +334,8 @@ void Hub::forgetIfUnused(const std::string& name) {
 
 void Hub::announce(const std::string& name, Station& station) {
   station.status.set_station(name);
-  const pb::Envelope envelope = statusEnvelope(station.status);
-  for (Subscription* watcher : watchersOf(station)) watcher->viewer->sendControl(envelope);
-  for (Subscription* overview : overviews_) overview->viewer->sendControl(envelope);
+  for (Subscription* watcher : watchersOf(station)) sendStatus(*watcher->viewer, station.status);
+  for (Subscription* overview : overviews_) sendStatus(*overview->viewer, station.status);
 }
 
 void Hub::sendOverview(const std::string& name, Station& station, std::int64_t now_ns) {

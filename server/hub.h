@@ -40,6 +40,8 @@ struct HubSettings {
   double overview_lines_per_s = 200;             ///< of all stations together, for one viewer
   std::size_t max_subscriptions = 2000;          ///< of one viewer
   std::size_t max_frame_bytes = 64u << 10;       ///< of a live frame's data
+  std::size_t max_frame_samples = 1000;          ///< of a live frame; stations send 20
+  std::size_t max_status_bytes = 2048;           ///< of a station's status line
 };
 
 /// Peers attach and must detach before they go. Times: steady clock, ns, from the caller. Thread: one; no
@@ -56,8 +58,10 @@ class Hub {
   [[nodiscard]] HubPeer* stationPeer(const std::string& name) const;
   /// Nothing happens when another connection of the station has taken over.
   void detachStation(const std::string& name, const HubPeer& peer);
-  void onStatus(const std::string& name, const pb::StationStatus& status, std::int64_t now_ns);
-  /// A refusal when the frame is too large.
+  /// A refusal, and nothing is kept, when the status is too large or its session_id is none.
+  std::optional<pb::Refusal> onStatus(const std::string& name, const pb::StationStatus& status,
+                                      std::int64_t now_ns);
+  /// A refusal when the frame is too large, claims too many samples or its session_id is none.
   std::optional<pb::Refusal> onLiveFrame(const HubPeer& from, const LiveFrameView& frame,
                                          std::int64_t now_ns);
   std::optional<pb::Refusal> onLiveFrame(const std::string& name, const LiveFrameView& frame,
@@ -77,7 +81,8 @@ class Hub {
   std::optional<pb::Refusal> unsubscribe(HubPeer& viewer, std::uint32_t subscription);
   void detachViewer(const HubPeer& viewer);
 
-  /// `online` and `status` of each station in a list from the database.
+  /// `online` and `status` of each station in a list from the database. Statuses end where the list would be
+  /// more than a message.
   void fillStations(pb::Stations& stations) const;
 
   [[nodiscard]] std::size_t stationsOnline() const { return online_; }

@@ -6,6 +6,16 @@
 #include "net/uplink.h"
 
 namespace needlelab {
+namespace {
+
+/// Servers refuse long status lines (server/hub.h): the beginning of the text, not through a character.
+void cutText(std::string& text, std::size_t bytes) {
+  if (text.size() <= bytes) return;
+  while (bytes > 0 && (static_cast<unsigned char>(text[bytes]) & 0xc0) == 0x80) --bytes;
+  text.resize(bytes);
+}
+
+}  // namespace
 
 void Uplink::pumpLive() {
   if (!channel_ || channel_->closing() || current_ == nullptr) return;
@@ -37,6 +47,7 @@ void Uplink::sendStatus() {
     status.set_spool_left(state_.chunks_left);
     for (const auto& [source, words] : troubles_)
       status.set_trouble(status.trouble() + (status.trouble().empty() ? "" : "; ") + words);
+    cutText(*status.mutable_trouble(), 1024);
     if (current_ != nullptr && newest_) {
       const GestureSample& last = newest_->last;
       status.set_phase(last.phase);

@@ -78,7 +78,7 @@ void live(ByteView data) {
       case 2: {
         pb::StationStatus status;
         if (status.ParseFromArray(rest.data(), static_cast<int>(rest.size())))
-          hub.onStatus(name, status, now_ns);
+          (void)hub.onStatus(name, status, now_ns);
         break;
       }
       case 3: {

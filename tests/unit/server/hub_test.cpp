@@ -195,6 +195,74 @@ TEST(Hub, anOversizedFrameIsRefused) {
   EXPECT_EQ(refusal->reason(), pb::Refusal::TOO_LARGE);
 }
 
+TEST(Hub, aStatusThatIsTooLargeIsRefusedAndNotKept) {
+  Hub hub;
+  FakePeer station, anna, boss;
+  hub.attachStation("bench-1", station);
+  ASSERT_FALSE(hub.subscribe(boss, toStation(1, ""), 0));
+  pb::StationStatus good;
+  good.set_trainee("tina");
+  ASSERT_FALSE(hub.onStatus("bench-1", good, 1000 * kMs));
+  const auto refused = [&](const pb::StationStatus& status) {
+    const auto refusal = hub.onStatus("bench-1", status, 2000 * kMs);
+    return refusal ? refusal->reason() : pb::Refusal::REASON_UNSPECIFIED;
+  };
+  pb::StationStatus status;
+  status.set_trouble(std::string(2045, 'x'));  // and two bytes of length, one of the field
+  EXPECT_EQ(status.ByteSizeLong(), 2048u);
+  pb::StationStatus above = status;
+  above.mutable_trouble()->push_back('x');
+  EXPECT_EQ(refused(above), pb::Refusal::TOO_LARGE);
+  for (const std::size_t bytes : {1u, 15u, 17u, 100u, 1'000'000u}) {
+    pb::StationStatus named;
+    named.set_session_id(std::string(bytes, 's'));
+    EXPECT_EQ(refused(named), pb::Refusal::INVALID) << bytes;
+    pb::LiveFrame frame = frameNumber(0, std::string(bytes, 's'));
+    const auto refusal = hub.onLiveFrame("bench-1", frame, 2000 * kMs);
+    ASSERT_TRUE(refusal) << bytes;
+    EXPECT_EQ(refusal->reason(), pb::Refusal::INVALID);
+  }
+  // nobody heard of any of it, neither now nor who comes later
+  ASSERT_EQ(boss.live.size(), 1u);
+  ASSERT_FALSE(hub.subscribe(anna, toStation(1, "bench-1"), 0));
+  EXPECT_EQ(anna.control.back().station_status().trainee(), "tina");
+  EXPECT_EQ(anna.control.back().station_status().trouble(), "");
+  EXPECT_EQ(anna.control.back().station_status().session_id(), "");
+  EXPECT_FALSE(hub.onStatus("bench-1", status, 3000 * kMs)) << "2048 bytes are still taken";
+  EXPECT_EQ(boss.live.back().station_status().trouble().size(), 2045u);
+}
+
+TEST(Hub, theLargestStatusesOfAllStationsFitAViewersQueueAndAList) {
+  Hub hub;
+  std::vector<FakePeer> stations(4000);
+  pb::StationStatus status;
+  status.set_trouble(std::string(2000, 'x'));
+  pb::Stations list;
+  for (std::size_t i = 0; i < stations.size(); ++i) {
+    const std::string name = "s" + std::to_string(i);
+    hub.attachStation(name, stations[i]);
+    ASSERT_FALSE(hub.onStatus(name, status, 0));
+    list.add_stations()->set_name(name);
+  }
+  FakePeer boss;
+  ASSERT_FALSE(hub.subscribe(boss, toStation(1, ""), 0));
+  std::size_t bytes = 0;
+  for (const auto& envelope : boss.control) bytes += envelope.ByteSizeLong();
+  EXPECT_GT(bytes, 500'000u);
+  EXPECT_LT(bytes, std::size_t{1} << 20);
+  // those who are left out come with their next line
+  boss.live.clear();
+  const std::size_t first_lines = boss.control.size() - 1;
+  for (std::size_t i = 0; i < stations.size(); ++i)
+    ASSERT_FALSE(hub.onStatus("s" + std::to_string(i), status, 20'000 * kMs + 1));
+  EXPECT_EQ(boss.live.size(), stations.size());
+  EXPECT_LT(first_lines, stations.size());
+  hub.fillStations(list);
+  EXPECT_LT(list.ByteSizeLong(), std::size_t{1} << 20);
+  EXPECT_TRUE(std::all_of(list.stations().begin(), list.stations().end(),
+                          [](const auto& info) { return info.online(); }));
+}
+
 TEST(Hub, overviewsAreDecimatedByTheNumberOfStations) {
   HubSettings settings;
   settings.overview_lines_per_s = 200;
@@ -207,7 +275,8 @@ TEST(Hub, overviewsAreDecimatedByTheNumberOfStations) {
   // 10 s, every station sends 10 lines a second: 10,000 lines
   pb::StationStatus status;
   for (std::int64_t t = 100; t <= 10'000; t += 100) {
-    for (std::size_t i = 0; i < stations.size(); ++i) hub.onStatus("s" + std::to_string(i), status, t * kMs);
+    for (std::size_t i = 0; i < stations.size(); ++i)
+      ASSERT_FALSE(hub.onStatus("s" + std::to_string(i), status, t * kMs));
   }
   EXPECT_NEAR(static_cast<double>(anna.live.size()), 2000, 200);
 }
