@@ -246,6 +246,7 @@ void Server::Parts::turnedAway(const std::string& host) {
 }
 
 Task<> Server::Parts::signalLoop() {
+  if (stopping) co_return;  // told to stop before run(): what was cancelled then must not begin now
   auto [error, signal] = co_await signals.async_wait(kUseTuple);
   if (error) co_return;
   logEvent(LogLevel::kInfo, "signal", {{"number", signal}});

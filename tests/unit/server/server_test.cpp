@@ -87,6 +87,21 @@ TEST(Server, stoppingDuringARunOfRetentionEndsTheServer) {
   EXPECT_EQ(ended.get(), 0);
 }
 
+TEST(Server, aStopBeforeTheRunEndsItAtOnce) {
+  setLogLevel(LogLevel::kOff);
+  const TempFolder folder;
+  ServerOptions options;
+  options.data = folder.path() / "data";
+  options.listen = "127.0.0.1:0";
+  options.handle_signals = true;
+  auto started = Server::start(options);
+  ASSERT_TRUE(started.ok()) << started.error().message;
+  (*started)->stop();
+  auto ended = std::async(std::launch::async, [&] { return (*started)->run(); });
+  EXPECT_EQ(ended.wait_for(std::chrono::seconds(20)), std::future_status::ready);
+  EXPECT_EQ(ended.get(), 0);
+}
+
 TEST(Server, aTakenPortIsUnavailableAndChangesNothingOnDisk) {
   RunningServer server;
   const TempFolder folder;
