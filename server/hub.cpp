@@ -108,6 +108,13 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
                                                    std::to_string(settings_.max_frame_bytes));
   }
   if (auto wrong = checkSessionId("live_frame", frame.session_id)) return wrong;
+  // columns that stand still take no bytes: a small frame could be a second's work for us and each viewer
+  if (const auto claimed = claimedSamples(viewOf(frame.data));
+      claimed && *claimed > settings_.max_frame_samples) {
+    return makeRefusal(pb::Refusal::TOO_LARGE, "a live frame of " + std::to_string(*claimed) +
+                                                   " samples: the limit is " +
+                                                   std::to_string(settings_.max_frame_samples));
+  }
   // a station that has connected anew has taken over: its older connection is nobody any more
   if (from.station_ == nullptr) return std::nullopt;
   Station& station = *static_cast<Station*>(from.station_);

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -43,5 +44,9 @@ Result<std::vector<GestureSample>> decodeChunk(ByteView chunk);
 /// The header of a chunk whose CRC over all its bytes agrees; the columns are not decoded. Errors as
 /// decodeChunk.
 Result<ChunkInfo> inspectChunk(ByteView chunk);
+
+/// How many samples the header claims, for who wants to refuse a chunk before it costs anything: no CRC, no
+/// columns. Nothing when these bytes do not begin as a chunk of our version does. Total for any bytes.
+std::optional<std::uint32_t> claimedSamples(ByteView chunk);
 
 }  // namespace needlelab

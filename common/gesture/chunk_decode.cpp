@@ -244,6 +244,14 @@ Result<ChunkInfo> inspectChunk(ByteView chunk) {
   return header->info;
 }
 
+std::optional<std::uint32_t> claimedSamples(ByteView chunk) {
+  constexpr std::size_t kCountAt = kMagic.size() + 2;  // behind the version and the resolution's code
+  if (chunk.size() < kCountAt + 2 || std::memcmp(chunk.data(), kMagic.data(), kMagic.size()) != 0 ||
+      chunk[kMagic.size()] != kVersion)
+    return std::nullopt;
+  return ByteReader(chunk.subspan(kCountAt)).get<std::uint16_t>() + std::uint32_t{1};
+}
+
 Result<std::vector<GestureSample>> decodeChunk(ByteView chunk) {
   const auto header = readHeader(chunk);
   if (!header.ok()) return header.error();

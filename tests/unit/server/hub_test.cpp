@@ -195,6 +195,44 @@ TEST(Hub, anOversizedFrameIsRefused) {
   EXPECT_EQ(refusal->reason(), pb::Refusal::TOO_LARGE);
 }
 
+TEST(Hub, aSmallFrameOfManySamplesIsRefusedBeforeAnybodyDecodesIt) {
+  const auto frameOf = [](std::size_t count) {
+    std::vector<GestureSample> samples(count);
+    for (std::size_t i = 0; i < count; ++i) {
+      samples[i].tick = i;
+      samples[i].time_ns = static_cast<std::int64_t>(i) * kMs;
+    }
+    const Bytes data = encodeChunk(Resolution::standard(), samples);
+    EXPECT_EQ(claimedSamples(data), count);
+    pb::LiveFrame frame;
+    frame.set_data(data.data(), data.size());
+    return frame;
+  };
+  Hub hub;
+  FakePeer station, fast, slow, overview;
+  hub.attachStation("bench-1", station);
+  ASSERT_FALSE(hub.subscribe(fast, toStation(1, "bench-1"), 0));
+  ASSERT_FALSE(hub.subscribe(slow, toStation(1, "bench-1", 25), 0));
+  ASSERT_FALSE(hub.subscribe(overview, toStation(1, ""), 0));
+  for (const std::size_t count : {std::size_t{1001}, kMaxChunkSamples}) {
+    const pb::LiveFrame frame = frameOf(count);
+    ASSERT_LT(frame.data().size(), 64u << 10) << "the bytes alone would be let through";
+    const auto refusal = hub.onLiveFrame("bench-1", frame, 1000 * kMs);
+    ASSERT_TRUE(refusal) << count;
+    EXPECT_EQ(refusal->reason(), pb::Refusal::TOO_LARGE);
+  }
+  EXPECT_TRUE(fast.live.empty() && slow.live.empty() && overview.live.empty());
+  EXPECT_FALSE(hub.onLiveFrame("bench-1", frameOf(1000), 1000 * kMs));
+  EXPECT_EQ(fast.liveFrames(), 1u);
+  EXPECT_EQ(slow.liveFrames(), 1u);
+  EXPECT_EQ(overview.live.size(), 1u);
+  // bytes that are no chunk claim nothing, however few they are
+  const pb::LiveFrame whole = frameOf(20);
+  for (std::size_t size = 0; size < 8; ++size)
+    EXPECT_FALSE(claimedSamples(viewOf(whole.data()).first(size))) << size;
+  EXPECT_EQ(claimedSamples(viewOf(whole.data()).first(8)), 20u);
+}
+
 TEST(Hub, aStatusThatIsTooLargeIsRefusedAndNotKept) {
   Hub hub;
   FakePeer station, anna, boss;
