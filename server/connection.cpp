@@ -85,6 +85,9 @@ void PeerConnection::leave() {
             {"bytes_in", channel_->bytesReceived()},
             {"bytes_out", channel_->bytesSent()},
             {"live_dropped", channel_->live().dropped()}});
+  if (refusals_of_peer_ > 1)
+    logEvent(LogLevel::kWarning, "refused_by_peer_often",
+             {{"conn", id_}, {"who", who_.name}, {"count", refusals_of_peer_}});
   setState(ConnectionState::kClosed);
   context_.connections.erase(id_);
   pong_.notify();
@@ -192,10 +195,7 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope) {
       break;
     }
     case pb::Envelope::kRefusal:
-      logEvent(LogLevel::kWarning, "refused_by_peer",
-               {{"conn", id_},
-                {"reason", reasonName(envelope.refusal().reason())},
-                {"text", envelope.refusal().text()}});
+      refusedByPeer(envelope.refusal());
       break;
     case pb::Envelope::kBye:
       setState(ConnectionState::kClosing);
@@ -250,6 +250,25 @@ void PeerConnection::refuseAndClose(pb::Refusal refusal) {
   setState(ConnectionState::kClosing);
   channel_->finish(CloseReason::kRefused, text, &envelope);
   freed_.notify();
+}
+
+/// What a peer may send as often as it likes must not fill the log: a stranger's ends the connection, whose
+/// own line says why; of others' the first is a line, and at the end how many there were.
+void PeerConnection::refusedByPeer(const pb::Refusal& refusal) {
+  if (who_.role == pb::ROLE_UNSPECIFIED) {
+    setState(ConnectionState::kClosing);
+    channel_->finish(
+        CloseReason::kPeerClosed,
+        "the peer refuses: " + std::string(reasonName(refusal.reason())) + ": " + refusal.text());
+    freed_.notify();
+    return;
+  }
+  if (++refusals_of_peer_ > 1) return;
+  logEvent(LogLevel::kWarning, "refused_by_peer",
+           {{"conn", id_},
+            {"who", who_.name},
+            {"reason", reasonName(refusal.reason())},
+            {"text", refusal.text()}});
 }
 
 Task<> PeerConnection::shutDown(std::shared_ptr<PeerConnection> self, std::string reason) {

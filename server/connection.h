@@ -64,6 +64,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   Task<> dispatch(pb::Envelope envelope);
   void refuse(pb::Refusal refusal, std::uint64_t request = 0);
   void refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request = 0);
+  void refusedByPeer(const pb::Refusal& refusal);
   void leave();
   [[nodiscard]] bool busy() const;
   [[nodiscard]] bool over() const { return state_ >= ConnectionState::kClosing; }
@@ -110,8 +111,9 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   Signal freed_;  // something under way has ended: there may be room to read on
   std::size_t chunks_in_flight_ = 0, chunk_bytes_in_flight_ = 0;
   std::size_t requests_at_work_ = 0;
-  std::size_t refusals_ = 0;
-  double small_messages_ = 0;  // leaks away with time
+  std::size_t refusals_ = 0;          // by us
+  std::size_t refusals_of_peer_ = 0;  // after log-in
+  double small_messages_ = 0;         // leaks away with time
   std::int64_t small_messages_at_ns_ = 0;
   bool acks_scheduled_ = false;
   std::map<std::string, Watermarks> sessions_;

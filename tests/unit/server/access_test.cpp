@@ -60,6 +60,62 @@ std::vector<pb::AuditEntry> auditOf(RunningServer& server, const std::string& ac
   return found;
 }
 
+/// What stands in the log, from warnings up, while `work` is done.
+std::string warningsOf(const std::function<void()>& work) {
+  testing::internal::CaptureStderr();
+  setLogLevel(LogLevel::kWarning);
+  work();
+  setLogLevel(LogLevel::kOff);
+  return testing::internal::GetCapturedStderr();
+}
+
+std::size_t countOf(const std::string& text, const std::string& word) {
+  std::size_t count = 0;
+  for (std::size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) ++count;
+  return count;
+}
+
+TEST(Access, refusalsOfAPeerDoNotFillTheLog) {
+  RunningServer server;
+  const std::string key = server.addStation("bench-1");
+  std::string refusals;
+  pb::Envelope refusal;
+  refusal.mutable_refusal()->set_reason(pb::Refusal::INTERNAL);
+  refusal.mutable_refusal()->set_text("no, thank you");
+  for (int i = 0; i < 1000; ++i) refusals += RawPeer::framed(refusal);
+  // strangers: the first one ends it, without a warning
+  const std::string of_strangers = warningsOf([&] {
+    for (const bool greets : {false, true}) {
+      RawPeer stranger(server);
+      if (greets) stranger.greet();
+      stranger.write(refusals);
+      EXPECT_TRUE(stranger.readAll().empty());
+      EXPECT_TRUE(stranger.closed());
+    }
+  });
+  EXPECT_EQ(countOf(of_strangers, "no, thank you"), 0u) << of_strangers;
+  // who has logged in may refuse, and goes on; the log has the first and how many there were
+  const std::string of_station = warningsOf([&] {
+    RawPeer station(server);
+    ASSERT_TRUE(station.logIn(stationLogin("bench-1", key)).has_welcome());
+    station.write(refusals);
+    pb::Envelope ping;
+    ping.mutable_ping()->set_id(7);
+    station.send(ping);
+    bool answered = false;
+    while (const auto got = station.receive()) {
+      if (got->has_pong() && got->pong().id() == 7) {
+        answered = true;
+        break;
+      }
+    }
+    EXPECT_TRUE(answered);
+    EXPECT_EQ(server.stop(), 0);
+  });
+  EXPECT_EQ(countOf(of_station, "no, thank you"), 1u) << of_station;
+  EXPECT_THAT(of_station, HasSubstr("count=1000"));
+}
+
 TEST(Access, aDisabledAccountIsPutOutAtOnceWithItsTokensAndItIsNoted) {
   RunningServer server;
   server.addUser("anna", pb::INSTRUCTOR, kPassword);
