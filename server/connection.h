@@ -74,6 +74,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   // --- connection_login.cpp
   void greet(const pb::Hello& hello);
   Task<> logIn(pb::Login given);
+  bool refusedToWait(const std::string& name, const std::string& host);
   bool mayTryPassword(const std::string& name, const std::string& host);
   Task<Result<Tokens::Holder>> checkLogin(std::shared_ptr<const pb::Login> login, std::string name,
                                           std::string host);

@@ -3,8 +3,8 @@
 #include <utility>
 
 #include "base/clock.h"
-#include "base/text_rules.h"
 #include "base/secret.h"
+#include "base/text_rules.h"
 #include "db/session_store.h"
 #include "server/connection.h"
 #include "server/log.h"
@@ -69,7 +69,7 @@ Task<> PeerConnection::logIn(pb::Login given) {
     // an account that is disabled while its password is checked must not slip in: then it is checked again
     seen = context_.access_changes;
     result = co_await checkLogin(login, name, host);
-  } while (seen != context_.access_changes && !over() && !channel_->closing());
+  } while (result.ok() && seen != context_.access_changes && !over() && !channel_->closing());
   if (over() || channel_->closing()) co_return;
 
   if (!result.ok()) {
@@ -78,7 +78,6 @@ Task<> PeerConnection::logIn(pb::Login given) {
     logEvent(LogLevel::kWarning, "login_refused",
              {{"conn", id_}, {"name", name}, {"peer", address()}, {"text", result.error().message}});
     if (denied) {
-      if (login->has_person() && context_.guard.failed(name, host, steadyNowNs())) noteLocked(name, host);
       // one text for unknown, wrong and disabled
       refuseAndClose(makeRefusal(pb::Refusal::LOGIN,
                                  "log-in refused: unknown name, wrong password or key, or disabled"));
@@ -93,15 +92,18 @@ Task<> PeerConnection::logIn(pb::Login given) {
   co_await welcome(result->password_ns);
 }
 
+bool PeerConnection::refusedToWait(const std::string& name, const std::string& host) {
+  const auto wait = context_.guard.mustWait(name, host, steadyNowNs());
+  if (wait.count() <= 0) return false;
+  ++context_.counters.logins_refused;
+  logEvent(LogLevel::kWarning, "login_rate_limited", {{"conn", id_}, {"name", name}, {"peer", address()}});
+  refuseAndClose(makeRefusal(pb::Refusal::RATE_LIMITED, "too many failed log-ins; try again in " +
+                                                            std::to_string(wait.count() / 1000 + 1) + " s"));
+  return true;
+}
+
 bool PeerConnection::mayTryPassword(const std::string& name, const std::string& host) {
-  if (const auto wait = context_.guard.mustWait(name, host, steadyNowNs()); wait.count() > 0) {
-    ++context_.counters.logins_refused;
-    logEvent(LogLevel::kWarning, "login_rate_limited", {{"conn", id_}, {"name", name}, {"peer", address()}});
-    refuseAndClose(makeRefusal(
-        pb::Refusal::RATE_LIMITED,
-        "too many failed log-ins; try again in " + std::to_string(wait.count() / 1000 + 1) + " s"));
-    return false;
-  }
+  if (refusedToWait(name, host)) return false;
   // a password costs time and memory by design: few at a time, a queue that ends, and in it room that no
   // stranger takes
   const ConnectionBounds& bounds = context_.bounds;
@@ -137,7 +139,19 @@ Task<Result<Tokens::Holder>> PeerConnection::checkLogin(std::shared_ptr<const pb
     const bool known = context_.guard.knows(name, host);
     ++context_.logins_waiting;
     if (!known) ++context_.logins_waiting_at[host];
-    auto who = co_await offload(context_.passwords, std::move(check));
+    // one after the other, and each looks again whether it may: of many guesses that came together, those
+    // after the last one that is allowed are never tried
+    const std::uint64_t turn = context_.password_turns++;
+    while (context_.password_turn != turn) co_await context_.password_done.wait();
+    Result<Principal> who = Error{ErrorCode::kUnavailable, "log-in refused"};
+    if (!over() && !channel_->closing() && !refusedToWait(name, host)) {
+      who = co_await offload(context_.passwords, std::move(check));
+      if (!who.ok() && who.error().code == ErrorCode::kDenied &&
+          context_.guard.failed(name, host, steadyNowNs()))
+        noteLocked(name, host);
+    }
+    ++context_.password_turn;
+    context_.password_done.notify();
     --context_.logins_waiting;
     if (const auto here = context_.logins_waiting_at.find(host); !known && --here->second == 0)
       context_.logins_waiting_at.erase(here);

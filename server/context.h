@@ -70,6 +70,8 @@ struct ServerContext {
   Door door{};
   std::size_t logins_waiting = 0;
   std::unordered_map<std::string, std::size_t> logins_waiting_at{};  ///< of strangers, by address
+  std::uint64_t password_turns = 0, password_turn = 0;  ///< given out; the one whose password is checked now
+  Signal password_done{io.get_executor()};              ///< password_turn has moved
   std::uint64_t access_changes = 0;  ///< accounts disabled, keys revoked, passwords changed, since the start
   std::size_t chunks_in_flight = 0;  ///< of all connections
   std::unique_ptr<Inbox> committed =

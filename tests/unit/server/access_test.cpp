@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <map>
 #include <sstream>
 
 #include "raw_peer.h"
@@ -73,6 +74,55 @@ std::size_t countOf(const std::string& text, const std::string& word) {
   std::size_t count = 0;
   for (std::size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) ++count;
   return count;
+}
+
+TEST(Access, guessesThatComeTogetherAreNoMoreThanThoseThatComeInTurn) {
+  RunningServer server([](ServerOptions& options) { options.guard.first_wait = std::chrono::minutes(10); });
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  server.addUser("bert", pb::INSTRUCTOR, kPassword);
+  constexpr std::size_t kGuesses = 32;
+  std::vector<std::unique_ptr<RawPeer>> peers;
+  for (std::size_t i = 0; i < kGuesses; ++i) {
+    peers.push_back(std::make_unique<RawPeer>(server));
+    peers.back()->greet();
+  }
+  // the right one is among them, behind more wrong ones than are allowed
+  for (std::size_t i = 0; i < kGuesses; ++i) {
+    pb::Envelope envelope;
+    *envelope.mutable_login() = personLogin("anna", i == 31 ? kPassword : "guess " + std::to_string(i));
+    peers[i]->send(envelope);
+    if (i == 30) std::this_thread::sleep_for(milliseconds(50));
+  }
+  std::map<pb::Refusal::Reason, int> refused;
+  for (auto& peer : peers) {
+    const auto answer = peer->receive();
+    ASSERT_TRUE(answer.has_value());
+    EXPECT_TRUE(answer->has_refusal());
+    ++refused[answer->refusal().reason()];
+  }
+  EXPECT_EQ(refused[pb::Refusal::LOGIN], 5) << "as many as one after the other";
+  EXPECT_EQ(refused[pb::Refusal::RATE_LIMITED], 27);
+  EXPECT_EQ(auditOf(server, "log-in locked").size(), 1u);
+  // others go on: the turns did not stop
+  EXPECT_TRUE(server.connect(personLogin("bert", kPassword)).ok());
+}
+
+TEST(Access, rightPasswordsThatComeTogetherAllLogIn) {
+  RunningServer server;
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  std::vector<std::unique_ptr<RawPeer>> peers;
+  for (int i = 0; i < 8; ++i) {
+    peers.push_back(std::make_unique<RawPeer>(server));
+    peers.back()->greet();
+  }
+  pb::Envelope envelope;
+  *envelope.mutable_login() = personLogin("anna", kPassword);
+  for (auto& peer : peers) peer->send(envelope);
+  for (auto& peer : peers) {
+    const auto answer = peer->receive();
+    ASSERT_TRUE(answer.has_value());
+    EXPECT_TRUE(answer->has_welcome());
+  }
 }
 
 TEST(Access, refusalsOfAPeerDoNotFillTheLog) {
