@@ -108,25 +108,49 @@ Task<HttpAnswer> Monitor::answer(std::string path) {
   const StoreFacts facts = co_await this->facts();
   if (path == "/metrics")
     co_return HttpAnswer{200, "text/plain; version=0.0.4; charset=utf-8", metricsText(context_, facts)};
+  if (!facts.answered) {
+    // no trial write: it would wait as well, and the words would be those of an old reading
+    Health health;
+    health.last_commit_age_s =
+        last_commit_ns_ == 0 ? -1 : static_cast<double>(steadyNowNs() - last_commit_ns_) / 1e9;
+    health.problems.push_back(facts.fault);
+    co_return healthAnswer(health, facts, wallNowNs());
+  }
   const Health health = co_await this->health(facts);
   co_return healthAnswer(health, facts, wallNowNs());
 }
 
+Task<> Monitor::read(Monitor& self) {
+  std::function<StoreFacts()> work = [&store = self.context_.store, file = self.certificate_] {
+    return readStoreFacts(store, file);
+  };
+  self.facts_ = co_await offload(self.worker_, std::move(work));
+  self.facts_ns_ = steadyNowNs();
+  self.reading_ = false;
+  self.read_.notify();
+}
+
 Task<StoreFacts> Monitor::facts() {
   // who asks more often than once a second gets the same answer: asking costs reads
-  while (!facts_ || steadyNowNs() - facts_ns_ > kSecond) {
-    if (reading_) {
-      co_await read_.wait();
-      continue;
+  const std::int64_t asked_ns = steadyNowNs();
+  const auto fresh = [&] { return facts_ && facts_ns_ >= asked_ns - kSecond; };
+  const std::int64_t patience_ns = std::chrono::nanoseconds(settings_.read_patience).count();
+  while (!fresh()) {
+    // a disk that hangs holds its reader for as long as it likes, and not those who ask how we are
+    const std::int64_t left_ns = patience_ns - (steadyNowNs() - asked_ns);
+    if (left_ns <= 0) {
+      StoreFacts last = facts_.value_or(StoreFacts{});
+      last.fault = formatted("the disk does not answer: nothing was read within %.1f s",
+                             static_cast<double>(patience_ns) / 1e9);
+      last.answered = false;
+      co_return last;
     }
-    reading_ = true;
-    std::function<StoreFacts()> work = [&store = context_.store, file = certificate_] {
-      return readStoreFacts(store, file);
-    };
-    facts_ = co_await offload(worker_, std::move(work));
-    facts_ns_ = steadyNowNs();
-    reading_ = false;
-    read_.notify();
+    if (!std::exchange(reading_, true)) asio::co_spawn(context_.io, read(*this), rethrow);
+    asio::steady_timer patience(context_.io, std::chrono::nanoseconds(left_ns));
+    patience.async_wait([this](const boost::system::error_code& stopped) {
+      if (!stopped) read_.notify();
+    });
+    co_await read_.wait();
   }
   co_return *facts_;
 }

@@ -1,11 +1,17 @@
 // The HTTP server for machines that watch: bounded, and no more than it should be.
 #include <gmock/gmock.h>
 
+#include <sys/stat.h>
+
+#include <fstream>
+#include <future>
 #include <nlohmann/json.hpp>
 
+#include "base/atomic_file.h"
 #include "prometheus_text.h"
 #include "running_server.h"
 #include "server/prometheus.h"
+#include "wire/certificates.h"
 
 namespace needlelab {
 namespace {
@@ -107,6 +113,60 @@ TEST(Health, aFullDiskAndAMissingBackupAre503AndSaidInWords) {
                              testing::HasSubstr("\"healthy\":false")));
   EXPECT_EQ(server.server().store().writer().counters().commits, 0u)
       << "no trial write where there is no room";
+}
+
+TEST(Health, aDiskThatHangsIsSaidAndNotWaitedFor) {
+  RunningServer server([](ServerOptions& options) {
+    withMetrics(options);
+    options.monitor.read_patience = milliseconds(300);
+  });
+  const std::uint16_t port = server.server().metricsPort();
+  ASSERT_EQ(httpGet(port, "/healthz").status, 200);
+  const auto gauge = [](const HttpReply& reply, const std::string& name) {
+    const std::size_t at = reply.body.find("\n" + name + " ");
+    return at == std::string::npos ? std::string("none")
+                                   : reply.body.substr(at + name.size() + 2,
+                                                       reply.body.find('\n', at + 1) - at - name.size() - 2);
+  };
+  ASSERT_EQ(gauge(httpGet(port, "/metrics"), "needlelab_database_readable"), "1");
+  // who opens a pipe that nobody writes to waits, as for a disk that does not answer
+  const std::filesystem::path certificate = tlsFilesIn(server.folder() / "data" / "tls").certificate;
+  const auto kept = *readWholeFile(certificate);
+  ASSERT_TRUE(std::filesystem::remove(certificate));
+  ASSERT_EQ(::mkfifo(certificate.c_str(), 0600), 0);
+  std::this_thread::sleep_for(milliseconds(1200));  // what was read just now is believed for a second
+  const auto began = std::chrono::steady_clock::now();
+  // several at once, and again: each is answered, none waits for the one before
+  for (int round = 0; round < 2; ++round) {
+    std::vector<std::future<HttpReply>> asked;
+    for (int i = 0; i < 4; ++i)
+      asked.push_back(std::async(std::launch::async, [&] { return httpGet(port, "/healthz"); }));
+    for (auto& each : asked) {
+      const HttpReply reply = each.get();
+      EXPECT_EQ(reply.status, 503);
+      EXPECT_THAT(reply.body, testing::AllOf(testing::HasSubstr("the disk does not answer"),
+                                             testing::HasSubstr("\"healthy\":false")));
+    }
+  }
+  const HttpReply metrics = httpGet(port, "/metrics");
+  EXPECT_EQ(metrics.status, 200);
+  EXPECT_THAT(parsePrometheus(metrics.body).faults, testing::IsEmpty());
+  EXPECT_EQ(gauge(metrics, "needlelab_database_readable"), "0");
+  EXPECT_NE(gauge(metrics, "needlelab_disk_size_bytes"), "0") << "what was known stays";
+  EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(8));
+  // the disk is there again
+  {
+    std::ofstream pipe(certificate);
+    pipe << kept;
+  }
+  ASSERT_TRUE(std::filesystem::remove(certificate));
+  std::ofstream(certificate) << kept;
+  HttpReply again;
+  for (int i = 0; i < 50 && again.status != 200; ++i) {
+    std::this_thread::sleep_for(milliseconds(100));
+    again = httpGet(port, "/healthz");
+  }
+  EXPECT_EQ(again.status, 200) << again.body;
 }
 
 }  // namespace
