@@ -29,6 +29,19 @@ Result<std::int64_t> oneNumber(Statement query) {
   return *row ? query.integer(0) : 0;
 }
 
+/// What an administrator changed during a run of hours holds from then on.
+Status isWanted(Connection& connection, const DueRecording& due) {
+  const auto all = RetentionStore(connection).policies();
+  if (!all) return all.error();
+  const pb::RetentionPolicy* now = nullptr;
+  for (const auto& policy : *all) {
+    if (policy.exercise_id() == due.exercise_id || (policy.exercise_id().empty() && now == nullptr))
+      now = &policy;
+  }
+  if (now != nullptr && now->SerializeAsString() == due.policy.SerializeAsString()) return {};
+  return changedMeanwhile(due.session, "the policy of its exercise was changed during the run");
+}
+
 /// Asked in the very transaction that gives the original up.
 Status isSafe(Connection& connection, const DueRecording& due, const SessionRow& row) {
   if (due.policy.without_backup()) return {};
@@ -104,6 +117,7 @@ Status RetentionStore::switchToDerived(const DueRecording& due, const DerivedSum
   if (!row) return row.error();
   if (row->recording != StoredRecording::Kind::kOriginal)
     return changedMeanwhile(due.session, "its original is gone");
+  if (auto wanted = isWanted(connection_, due); !wanted) return wanted;
   if (auto safe = isSafe(connection_, due, *row); !safe) return safe;
   if (crcs.size() != 4 * row->chunks)
     return changedMeanwhile(due.session, "its chunks are not those that were read");
@@ -133,6 +147,7 @@ Status RetentionStore::markDeleted(const DueRecording& due, const Bytes& crcs, c
   if (!row) return row.error();
   if (row->recording == StoredRecording::Kind::kDeleted)
     return changedMeanwhile(due.session, "it is deleted already");
+  if (auto wanted = isWanted(connection_, due); !wanted) return wanted;
   if (auto safe = isSafe(connection_, due, *row); !safe) return safe;
   if (row->recording == StoredRecording::Kind::kOriginal) {
     if (crcs.size() != 4 * row->chunks)

@@ -59,7 +59,8 @@ class RetentionStore {
   /// What the thinned recording holds, read back from the database. kCorrupt names the chunk that fails.
   Result<DerivedSums> sums(const Uuid& session);
   /// From here on the thinned recording is the session's, and the original on its way out. `crcs`: of the
-  /// original's chunks, in order. kUnavailable when the session is not as `due` and beginDerived() left it.
+  /// original's chunks, in order. kUnavailable when the session is not as `due` and beginDerived() left it,
+  /// or its exercise's policy is not the one of `due` any more.
   Status switchToDerived(const DueRecording& due, const DerivedSums& sums, const Bytes& crcs,
                          const std::string& by_whom, std::int64_t now_unix_ns);
   /// From here on the session has no recording. `crcs` as above; not used when the original went before.

@@ -1,6 +1,8 @@
 // The policies and the steps of retention, one by one.
 #include "db/retention_store.h"
 
+#include <functional>
+
 #include "db/check.h"
 #include "db/event_store.h"
 #include "test_db.h"
@@ -60,6 +62,14 @@ class RetentionStoreTest : public testing::Test {
   DueRecording dueOf(const Uuid& id, bool deletes) {
     DueRecording due;
     due.session = id;
+    due.exercise_id = sessions.info(id)->description().exercise_id();
+    // the policy in force; where there is none, a default that keeps all
+    auto policies = *store.policies();
+    if (policies.empty()) {
+      EXPECT_OK(store.setPolicy(policy("", -1, -1)));
+      policies = *store.policies();
+    }
+    due.policy = policies.back().exercise_id() == due.exercise_id ? policies.back() : policies.front();
     due.deletes = deletes;
     due.reason = "a reason";
     return due;
@@ -127,6 +137,39 @@ TEST_F(RetentionStoreTest, openAndUncoveredSessionsAreNotTouched) {
   const Uuid open = add("knee-1", -1);
   EXPECT_FALSE(store.beginDerived(open, 100, 1).ok());
   EXPECT_FALSE(store.markDeleted(dueOf(open, true), crcsOf(3), "x", 1).ok());
+}
+
+TEST_F(RetentionStoreTest, aPolicyChangedDuringTheRunStopsIt) {
+  const Uuid id = add("knee-1", 10), uncovered = add("knee-1", 10, 3, false);
+  auto told = policy("knee-1", -1, 5);
+  told.set_without_backup(true);
+  ASSERT_OK(store.setPolicy(told));
+  const auto due = store.due(100 * kDay_ns);
+  ASSERT_OK(due);
+  ASSERT_EQ(due->size(), 2u);
+  // --without-backup is taken back, then --keep, then the exercise follows a default
+  std::vector<std::function<Status()>> changes{
+      [&] { return store.setPolicy(policy("knee-1", -1, 5)); },
+      [&] { return store.setPolicy(policy("knee-1", -1, -1)); },
+      [&] { return store.removePolicy("knee-1"); },
+      [&] { return store.setPolicy(policy("", -1, 5)); },
+  };
+  for (const auto& change : changes) {
+    ASSERT_OK(change());
+    for (const DueRecording& one : *due) {
+      const auto left = store.markDeleted(one, crcsOf(3), "x", 1);
+      ASSERT_FALSE(left.ok());
+      EXPECT_EQ(left.error().code, ErrorCode::kUnavailable);
+      EXPECT_NE(left.error().message.find("policy"), std::string::npos) << left.error().message;
+    }
+  }
+  ASSERT_OK(store.beginDerived(id, 100, 1));
+  ASSERT_OK(store.appendDerived(id, 0, chunkOf(7)));
+  EXPECT_FALSE(store.switchToDerived(due->front(), *store.sums(id), crcsOf(3), "x", 1).ok());
+  EXPECT_EQ(sessions.readChunks(uncovered, 0, 9, 1u << 20)->size(), 3u);
+  // as it was: it goes on
+  ASSERT_OK(store.setPolicy(told));
+  EXPECT_OK(store.markDeleted(due->back(), crcsOf(3), "x", 1));
 }
 
 TEST_F(RetentionStoreTest, badPoliciesAreNamed) {
