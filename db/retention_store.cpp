@@ -188,6 +188,30 @@ Result<std::vector<Uuid>> RetentionStore::leftovers() {
   }
 }
 
+Status RetentionStore::checkLeftovers(const Uuid& session) {
+  const auto row = closedSession(connection_, session);
+  if (!row) return row.error();
+  const std::string name = "session " + uuidText(session) + ", what is left of a recording that was removed";
+  for (const auto kind : {StoredRecording::Kind::kOriginal, StoredRecording::Kind::kThinned}) {
+    if (kind == row->recording) continue;
+    StoredRecording left{kind, row->number, 0};
+    // rows go from the last on: those that are left begin with the first
+    const auto count = oneNumber(connection_.query(
+        "SELECT coalesce(max(seq) + 1, 0) FROM " + std::string(left.table()) + " WHERE session = ?",
+        row->number));
+    if (!count) return count.error();
+    left.chunks = static_cast<std::uint64_t>(*count);
+    ChunkScan scan(connection_, name, left, 0, UINT64_MAX);
+    for (;;) {
+      const auto item = scan.next();
+      if (!item) return item.error();
+      if (!*item) break;
+      if ((*item)->fault) return *(*item)->fault;
+    }
+  }
+  return {};
+}
+
 Result<bool> RetentionStore::removeSome(const Uuid& session, std::uint32_t rows) {
   const auto row = closedSession(connection_, session);
   if (!row) return row.error();

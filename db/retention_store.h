@@ -70,6 +70,10 @@ class RetentionStore {
   /// Sessions of which rows are still to be removed: recordings that were replaced or deleted, and thinned
   /// ones that a crash left unfinished.
   Result<std::vector<Uuid>> leftovers();
+  /// Reads the rows that removeSome() would remove, each with its overflow pages: deleting a row whose pages
+  /// are damaged would stop the writer, or free the page of another row. kCorrupt names the first that fails.
+  /// For a reader.
+  Status checkLeftovers(const Uuid& session);
   /// Removes at most `rows` of them, the last ones first. False: all are gone, and so is the note of it.
   Result<bool> removeSome(const Uuid& session, std::uint32_t rows);
 

@@ -1,5 +1,6 @@
 #include "service/retention.h"
 
+#include <set>
 #include <thread>
 #include <utility>
 
@@ -37,6 +38,8 @@ class Run {
     if (!due) return due.error();
     for (const DueRecording& one : *due) {
       if (stopped()) break;
+      // it stands in the report already
+      if (not_removed_.contains(one.session)) continue;
       if (auto done = take(one, dry_run); !done) return done.error();
     }
     report_.set_stopped(stopped());
@@ -144,12 +147,15 @@ class Run {
     ReadOriginal original;
     if (!due.thinned) {
       if (auto settled = tools_.settle(due.session); !settled) return settled.error();
-      // a chunk that cannot be read may be a page that must not be touched: a damaged recording stays
-      const auto all =
-          readAll(due.session, info->chunks(), original, [](const StoredChunk&) { return Status(); });
-      if (!all) return all.error();
-      if (!*all) return std::optional<std::uint64_t>();
     }
+    // a chunk that cannot be read may be a page that must not be touched: a damaged recording stays
+    const auto all =
+        readAll(due.session, info->chunks(), original, [](const StoredChunk&) { return Status(); });
+    if (!all) return all.error();
+    if (!*all) return std::optional<std::uint64_t>();
+    if (textOf(original.hash.digest()) != info->hash())
+      return Error{ErrorCode::kCorrupt, "session " + uuidText(due.session) +
+                                            ": the hash over its chunks is not the one that was noted"};
     if (auto done = piece([&](Connection& c) {
           return RetentionStore(c).markDeleted(due, original.crcs, by_whom_, now_unix_ns_);
         });
@@ -269,7 +275,18 @@ class Run {
     if (!sessions) return sessions.error();
     for (const Uuid& session : *sessions) {
       if (stopped()) return {};
-      if (auto done = removeRows(session); !done) return done;
+      // nobody has read these rows in this run: the writer must not be the first to meet a damaged page
+      auto sound = read([&](Connection& c) { return RetentionStore(c).checkLeftovers(session); });
+      if (sound) sound = removeRows(session);
+      if (sound) continue;
+      if (tools_.writer.failed()) return sound;
+      not_removed_.insert(session);
+      pb::RetentionStep step;
+      step.set_action(pb::RetentionStep::LEFT_ALONE);
+      step.set_session_id(session.data(), session.size());
+      step.set_text(sound.error().message);
+      count(step);
+      if (report_.steps_size() < kMostSteps) *report_.add_steps() = std::move(step);
     }
     return {};
   }
@@ -309,6 +326,7 @@ class Run {
   const std::string by_whom_;
   const std::int64_t now_unix_ns_;
   pb::RetentionReport report_;
+  std::set<Uuid> not_removed_;  ///< with damaged leftovers: none of their rows may be touched
 };
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "base/clock.h"
 #include "db/check.h"
 #include "db/event_store.h"
+#include "db/session_row.h"
 #include "gesture/thinning.h"
 #include "shim_vfs.h"
 #include "test_service.h"
@@ -215,9 +216,61 @@ TEST_F(RetentionTest, openUnsafeAndDamagedSessionsAreLeftAlone) {
   EXPECT_TRUE(RetentionStore(**reader).leftovers()->empty()) << "what was begun is taken away";
   // deleting looks first, too
   (void)get(manager, policy(-1, 0, 0));
-  EXPECT_EQ(runNow().deleted(), 1u) << "the one with a wrong hash, whose chunks are sound";
+  EXPECT_EQ(runNow().deleted(), 0u);
+  EXPECT_FALSE(info(hash).has_removed_original()) << "its chunks are sound, but not those it was closed with";
   EXPECT_FALSE(info(crc).has_removed_original());
   EXPECT_FALSE(info(open).has_removed_original());
+}
+
+TEST_F(RetentionTest, aThinnedRecordingIsReadBeforeItIsDeleted) {
+  const Uuid damaged = addClosed(), sound_one = addClosed();
+  (void)get(manager, policy(0, 100, -1));
+  ASSERT_EQ(runNow().thinned(), 2u);
+  ASSERT_OK(change([](Connection& c) {
+    return c.script("UPDATE derived_chunks SET bytes = zeroblob(length(bytes)) WHERE session = 1");
+  }));
+  (void)get(manager, policy(-1, 0, 0));
+  const auto report = runNow();
+  EXPECT_EQ(report.deleted(), 1u);
+  EXPECT_EQ(report.left_alone(), 1u);
+  EXPECT_EQ(info(damaged).removed_original().fate(), pb::RemovedOriginal::THINNED);
+  EXPECT_EQ(info(sound_one).removed_original().fate(), pb::RemovedOriginal::DELETED);
+}
+
+TEST_F(RetentionTest, damagedLeftoversAreNamedAndTheRunGoesOn) {
+  const Uuid damaged = addClosed(), second = addClosed(), third = addClosed();
+  (void)get(manager, policy(0, 100, -1));
+  ASSERT_EQ(runNow().thinned(), 3u);
+  // as after a crash behind the switch: the first chunks of two originals are still there, one is damaged
+  ASSERT_OK(change([](Connection& c) -> Status {
+    for (const std::int64_t session : {1, 2}) {
+      for (std::uint64_t seq = 0; seq < 20; ++seq) {
+        const Bytes chunk = chunkOf(seq, kEach);
+        if (auto put = c.run("INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (?,?,?,?,?)",
+                             session, seq, kEach, stationCrcOf(chunk), ByteView(chunk));
+            !put)
+          return put;
+      }
+    }
+    return c.script(
+        "UPDATE removed_originals SET leftover = 1 WHERE session IN (1, 2);"
+        "UPDATE chunks SET bytes = zeroblob(length(bytes)) WHERE session = 1 AND seq = 7");
+  }));
+  (void)get(manager, policy(-1, 0, 0));
+  const auto report = runNow();
+  EXPECT_EQ(report.left_alone(), 1u);
+  EXPECT_EQ(report.deleted(), 2u);
+  ASSERT_GT(report.steps_size(), 0);
+  EXPECT_NE(report.steps(0).text().find(uuidText(damaged)), std::string::npos) << report.steps(0).text();
+  EXPECT_NE(report.steps(0).text().find("chunk 7"), std::string::npos) << report.steps(0).text();
+  EXPECT_EQ(info(damaged).removed_original().fate(), pb::RemovedOriginal::THINNED);
+  EXPECT_EQ(info(second).removed_original().fate(), pb::RemovedOriginal::DELETED);
+  EXPECT_EQ(info(third).removed_original().fate(), pb::RemovedOriginal::DELETED);
+  auto reader = store->readers().borrow();
+  auto left = (*reader)->prepare("SELECT count(*), max(session) FROM chunks");
+  ASSERT_OK(left.step());
+  EXPECT_EQ(left.integer(0), 20) << "none of the damaged one's rows is touched";
+  EXPECT_EQ(left.integer(1), 1);
 }
 
 TEST_F(RetentionTest, aRunThatIsStoppedIsFinishedByTheNext) {
