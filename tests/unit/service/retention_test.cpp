@@ -430,8 +430,8 @@ TEST(RetentionPowerCut, leavesTheOriginalOrTheThinnedRecordingWhole) {
     EXPECT_TRUE(RetentionStore(**reader).leftovers()->empty());
     EXPECT_TRUE(checkDatabase(**reader)->ok());
   }
-  EXPECT_GT(originals, 3);
-  EXPECT_GT(thinned, 3);
+  EXPECT_GT(originals, 1);
+  EXPECT_GT(thinned, 1);
 }
 
 }  // namespace
