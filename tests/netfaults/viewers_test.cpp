@@ -249,13 +249,15 @@ TEST_F(ViewersTest, aHundredSlowOrDeadViewersHoldNobodyUp) {
   std::cout << "memory grew by " << grown_KiB << " KiB while they did not read\n";
   EXPECT_LT(grown_KiB, kBadViewers * 64) << "the whole process, server and clients";
 
-  // who reads again gets fresh frames, and is told of every one that it lost
+  // who reads again gets fresh frames, and is told of every one that it lost. The newest of them: the others
+  // may have stood still for longer than the server waits, because a hundred log-ins took their time
+  static_assert(kBadViewers % 3 == 1, "the last one is on a good network");
   std::map<std::string, std::uint64_t> last_seq;
   std::uint64_t gaps = 0, told = 0;
   double newest_ms = 1e9;
   const auto until = Clock::now() + 5s;
   while (Clock::now() < until && !(told > 0 && told == gaps && newest_ms < 500)) {
-    const auto got = bad[0].receive(50ms);
+    const auto got = bad.back().receive(50ms);
     if (!got.ok() && got.error().code != ErrorCode::kNotFound) {
       ADD_FAILURE() << got.error().message;
       break;
