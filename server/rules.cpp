@@ -9,8 +9,9 @@ using Body = pb::Envelope;
 constexpr unsigned bit(State state) {
   return 1u << static_cast<unsigned>(state);
 }
+// proto3 keeps numbers that are no role: they have no bit
 constexpr unsigned bit(pb::Role role) {
-  return 1u << static_cast<unsigned>(role);
+  return role >= pb::Role_MIN && role <= pb::Role_MAX ? 1u << static_cast<unsigned>(role) : 0u;
 }
 
 constexpr unsigned kLoggedIn = bit(State::kAuthenticated) | bit(State::kInSession);

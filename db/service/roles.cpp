@@ -8,7 +8,8 @@ namespace {
 using Request = pb::Request;
 
 constexpr unsigned bit(pb::Role role) {
-  return 1u << role;
+  // proto3 keeps numbers that are no role: they have no bit
+  return role >= pb::Role_MIN && role <= pb::Role_MAX ? 1u << role : 0u;
 }
 constexpr unsigned kTrainee =
     bit(pb::TRAINEE);  // where it is listed: its own data only, the handlers see to that
