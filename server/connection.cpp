@@ -10,6 +10,11 @@
 #include "wire/version.h"
 
 namespace needlelab {
+namespace {
+
+constexpr auto kTurn = std::chrono::milliseconds(1000);
+
+}  // namespace
 
 PeerConnection::PeerConnection(ServerContext& context, std::uint64_t id, std::shared_ptr<Channel> channel)
     : context_(context),
@@ -33,7 +38,7 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
   peer.context_.connections.emplace(peer.id_, &peer);
   logEvent(LogLevel::kInfo, "connection_opened", {{"conn", peer.id_}, {"peer", peer.address()}});
 
-  const Status shaken = co_await peer.channel_->handshake(asio::ssl::stream_base::server);
+  const Status shaken = co_await peer.shakeHands();
   if (!shaken.ok()) ++peer.context_.counters.handshakes_failed;
   if (shaken.ok() && peer.state_ == ConnectionState::kConnecting) peer.setState(ConnectionState::kGreeting);
   while (!peer.over() && !peer.channel_->closing()) {
@@ -66,6 +71,48 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
   // the server's end: shutDown has the last word
   while (peer.over() && !peer.channel_->closing()) co_await peer.freed_.wait();
   peer.leave();
+}
+
+// Few handshakes at once, each to its end; of those who wait the newest first. When a thousand stations come
+// back in one moment to a machine that is busy, those who waited longest are about to give up: to serve them
+// is work for nothing, and with all of them half done nobody would ever come in. Who gives up comes again.
+Task<Status> PeerConnection::shakeHands() {
+  if (const Status spoke = co_await channel_->peerSpoke(); !spoke.ok()) co_return spoke;
+  if (context_.handshakes < context_.bounds.handshakes_at_once) {
+    ++context_.handshakes;
+    my_turn_ = true;
+  } else {
+    context_.handshakes_wait.push_back(this);
+    while (!my_turn_ && !over() && !channel_->closing()) co_await freed_.wait();
+    if (!my_turn_) std::erase(context_.handshakes_wait, this);
+  }
+  Status shaken = Error{ErrorCode::kUnavailable, "the peer gave up before its handshake began"};
+  if (my_turn_ && !over() && !channel_->closing()) {
+    if (channel_->peerHungUp()) {
+      channel_->close(CloseReason::kPeerClosed, shaken.error().message);
+    } else {
+      // who dawdles must not keep others waiting
+      asio::steady_timer limit(context_.io, kTurn);
+      limit.async_wait([self = shared_from_this()](const boost::system::error_code& error) {
+        if (!error) self->endTurn();
+      });
+      shaken = co_await channel_->handshake(asio::ssl::stream_base::server);
+    }
+  }
+  endTurn();
+  co_return shaken;
+}
+
+void PeerConnection::endTurn() {
+  if (!std::exchange(my_turn_, false)) return;
+  --context_.handshakes;
+  auto& waiting = context_.handshakes_wait;
+  if (waiting.empty() || context_.handshakes >= context_.bounds.handshakes_at_once) return;
+  PeerConnection& next = *waiting.back();
+  waiting.pop_back();
+  ++context_.handshakes;
+  next.my_turn_ = true;
+  next.freed_.notify();
 }
 
 void PeerConnection::leave() {

@@ -59,6 +59,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   };
 
   // --- connection.cpp: life and dispatch
+  Task<Status> shakeHands();
+  void endTurn();
   void setState(ConnectionState next);
   bool passLive(ByteView frame);
   Task<> dispatch(pb::Envelope envelope);
@@ -117,6 +119,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   double small_messages_ = 0;         // leaks away with time
   std::int64_t small_messages_at_ns_ = 0;
   bool acks_scheduled_ = false;
+  bool my_turn_ = false;  // to shake hands
   std::map<std::string, Watermarks> sessions_;
   std::set<std::string> closing_sessions_;
 };

@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 #include <unordered_map>
+#include <vector>
 
 #include "server/door.h"
 #include "server/hub.h"
@@ -28,6 +29,9 @@ struct ConnectionBounds {
   std::size_t chunk_bytes_in_flight = 8u << 20;
   std::size_t all_chunks_in_flight = 8192;  ///< of the whole server: fewer than the writer's queue takes
   std::size_t requests_at_work = 8;
+  /// TLS handshakes of the whole server. A thousand at once would all be half done when their stations give
+  /// up.
+  std::size_t handshakes_at_once = 32;
   std::size_t logins_waiting = 64;               ///< of the whole server, for the password check
   std::size_t logins_waiting_of_strangers = 48;  ///< the rest is for who has logged in from there before
   std::size_t logins_waiting_at_address = 32;    ///< of those strangers, from one address
@@ -77,6 +81,8 @@ struct ServerContext {
   std::unique_ptr<Inbox> committed =
       std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer is through with
   Signal room{io.get_executor()};                  ///< chunks_in_flight has fallen to half of its bound
+  std::size_t handshakes = 0;                      ///< that go on now
+  std::vector<PeerConnection*> handshakes_wait;    ///< the last one is served first
   bool stopping = false;
   std::unordered_map<std::uint64_t, PeerConnection*>
       connections;  ///< by id; each takes itself out at its end

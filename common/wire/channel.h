@@ -61,6 +61,11 @@ class Channel : public std::enable_shared_from_this<Channel> {
   /// TLS; then the writer and the watch over time-outs run. Once. Errors: kUnavailable (network, time-out),
   /// kDenied (the peer's certificate); the channel is closed then.
   Task<Status> handshake(asio::ssl::stream_base::handshake_type side);
+  /// Before `handshake`, optional: waits until the peer has sent something, at most handshake_timeout from
+  /// the channel's beginning. Errors: as handshake.
+  Task<Status> peerSpoke();
+  /// The peer has ended its side of the connection: asked of the kernel, nothing is read.
+  [[nodiscard]] bool peerHungUp();
 
   /// The next envelope. Errors: kUnavailable once the channel is closed or closing (`closeText()` in it);
   /// kCorrupt or kInvalidInput for bytes that are no frame, after which the caller must finish or close. One
@@ -133,7 +138,8 @@ class Channel : public std::enable_shared_from_this<Channel> {
   std::size_t control_bytes_ = 0;
   std::string batch_;  // what the current write sends: many small frames in one TLS record
   asio::steady_timer gather_, watch_;
-  bool handshaken_ = false, established_ = false, finishing_ = false, closed_ = false, reading_ = false;
+  bool watching_ = false, handshaken_ = false, established_ = false, finishing_ = false, closed_ = false,
+       reading_ = false;
   bool flush_posted_ = false, gathering_ = false;  // a flush will come
   bool write_blocked_ = false;                     // it comes when the socket takes more
   bool discarding_ = false;

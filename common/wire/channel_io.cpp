@@ -1,5 +1,7 @@
 // A channel's socket: handshake, reading, writing. TLS works in memory (tls_engine.h), so one recv() brings
 // all records that are there, and one send() takes all frames that wait.
+#include <poll.h>
+
 #include <netinet/tcp.h>
 #include <sys/socket.h>
 
@@ -39,7 +41,7 @@ std::string wordsOf(int error) {
 
 Task<Status> Channel::handshake(asio::ssl::stream_base::handshake_type side) {
   auto self = shared_from_this();
-  asio::co_spawn(socket_.get_executor(), watchLoop(self), rethrow);
+  if (!std::exchange(watching_, true)) asio::co_spawn(socket_.get_executor(), watchLoop(self), rethrow);
   const Status shaken = co_await shake(side == asio::ssl::stream_base::server);
   if (closed_) co_return closedError();
   if (!shaken.ok()) {
@@ -50,6 +52,23 @@ Task<Status> Channel::handshake(asio::ssl::stream_base::handshake_type side) {
   last_received_ns_ = steadyNowNs();
   if (!control_.empty() || !live_.empty() || finishing_) wakeWriter();
   co_return Status{};
+}
+
+Task<Status> Channel::peerSpoke() {
+  auto self = shared_from_this();
+  if (!std::exchange(watching_, true)) asio::co_spawn(socket_.get_executor(), watchLoop(self), rethrow);
+  auto [error] = co_await socket_.async_wait(Tcp::socket::wait_read, kUseTuple);
+  if (closed_) co_return closedError();
+  if (error) {
+    close(CloseReason::kNetwork, error.message());
+    co_return closedError();
+  }
+  co_return Status{};
+}
+
+bool Channel::peerHungUp() {
+  pollfd asked{socket_.native_handle(), POLLRDHUP, 0};
+  return ::poll(&asked, 1, 0) > 0;
 }
 
 Task<Status> Channel::shake(bool as_server) {
