@@ -82,7 +82,7 @@ struct ServerContext {
       std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer is through with
   Signal room{io.get_executor()};                  ///< chunks_in_flight has fallen to half of its bound
   std::size_t handshakes = 0;                      ///< that go on now
-  std::vector<PeerConnection*> handshakes_wait;    ///< the last one is served first
+  std::vector<PeerConnection*> handshakes_wait{};  ///< the last one is served first
   bool stopping = false;
   std::unordered_map<std::uint64_t, PeerConnection*>
       connections;  ///< by id; each takes itself out at its end

@@ -28,7 +28,9 @@ class ControlTest : public testing::Test {
         }),
         proxy_(server_.server().port(), 11) {
     server_.addUser("ines", pb::INSTRUCTOR, "password1");
-    instructor_.emplace(std::move(*server_.connect(personLogin("ines", "password1"))));
+    auto client = server_.connect(personLogin("ines", "password1"));
+    if (!client.ok()) throw std::runtime_error(client.error().message);
+    instructor_.emplace(std::move(*client));
     StationSettings settings{.chunks = 1'000'000, .samples = 20, .period = 20ms};
     station_ = std::make_unique<FaultStation>(server_, "s1", proxy_.port(), settings);
     connected();

@@ -88,7 +88,9 @@ TEST(HalfOpenTest, bothEndsNoticeWithinTheRealLimits) {
 }
 
 TEST(HalfOpenTest, aPeerWhoStallsInItsHandshakeIsEndedInTime) {
-  RunningServer server(withShortLimits);
+  ChannelLimits limits = shortLimits();
+  limits.handshake_timeout = 1500ms;
+  RunningServer server([&](ServerOptions& options) { options.limits = limits; });
   FaultProxy proxy(server.server().port(), 1, [](std::uint64_t, Random&) {
     ConnectionScript script;
     script.cut_at = 100;  // in the ClientHello
@@ -112,7 +114,6 @@ TEST(HalfOpenTest, aPeerWhoStallsInItsHandshakeIsEndedInTime) {
     sockets[i]->read_some(asio::buffer(&byte, 1), error);
     EXPECT_TRUE(error) << "the server must end it";
   }
-  const ChannelLimits limits = shortLimits();
   EXPECT_LT(Clock::now() - began,
             limits.handshake_timeout + limits.handshake_timeout / 4 + limits.close_grace + kMachineStalls);
 }

@@ -57,7 +57,9 @@ void run(const Storm& storm) {
                     storm.patience))
       << server.said().substr(0, 2000);
   std::cout << "herd of " << storm.stations << ": first log-ins and chunks took "
-            << secondsSince(first, HerdClock::now()) << " s\n";
+            << secondsSince(first, HerdClock::now()) << " s";
+  for (const auto& [kind, times] : tally.failed) std::cout << "; " << times << " × " << kind;
+  std::cout << '\n';
   io.run_for(2s);  // streaming
 
   for (const auto& station : herd) station->outage();

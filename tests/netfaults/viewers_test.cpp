@@ -48,7 +48,7 @@ struct Times {
 class Streamer {
  public:
   Streamer(RunningServer& server, const std::string& name, std::uint64_t seed)
-      : session_(name), client_(std::move(*server.connect(stationLogin(name, server.addStation(name))))) {
+      : session_(name), client_(logIn(server, name)) {
     thread_ = std::thread([this, seed] { run(seed); });
   }
   ~Streamer() { stop(); }
@@ -65,6 +65,11 @@ class Streamer {
   [[nodiscard]] std::uint64_t chunksSent() const { return chunks_; }
 
  private:
+  static BlockingClient logIn(RunningServer& server, const std::string& name) {
+    auto client = server.connect(stationLogin(name, server.addStation(name)));
+    if (!client.ok()) throw std::runtime_error(client.error().message);
+    return std::move(*client);
+  }
   void run(std::uint64_t seed) {
     Random random(seed);
     const Bytes noise = noisyFrame(random);
@@ -165,6 +170,7 @@ class ViewersTest : public testing::Test {
         }) {
     server_.addUser("ines", pb::INSTRUCTOR, "password1");
     auto first = server_.connect(personLogin("ines", "password1"));
+    if (!first.ok()) throw std::runtime_error(first.error().message);
     token_ = first->welcome().token();
   }
   [[nodiscard]] ClientConfig viewerConfig(bool small_buffers) {
@@ -172,6 +178,7 @@ class ViewersTest : public testing::Test {
     login.set_token(token_);
     ClientConfig config = server_.config(login);
     config.connect_timeout = 20s;
+    config.limits.close_grace = 20ms;
     if (small_buffers) config.limits.socket_buffer_bytes = 4096;
     return config;
   }
