@@ -156,20 +156,11 @@ Result<std::vector<pb::SessionInfo>> SessionStore::list(std::string_view station
 Result<ChunksAround> SessionStore::readAround(const Uuid& session, std::uint64_t from_seq,
                                               std::uint32_t max_chunks, std::size_t max_bytes) {
   // one view: retention may put a thinned recording in the original's place meanwhile
-  std::optional<Transaction> view;
-  if (!connection_.inTransaction()) {
-    auto begun = Transaction::begin(connection_, Transaction::Kind::kRead);
-    if (!begun) return begun.error();
-    view.emplace(std::move(*begun));
-  }
-  const auto found = findSession(connection_, session);
-  if (!found) return found.error();
-  if (!*found) return unknownSession(session);
-  const std::string name = "session " + uuidText(session);
-  if ((*found)->recording == StoredRecording::Kind::kDeleted)
-    return recordingDeleted(connection_, name, **found);
-  const auto recording = recordingOf(connection_, name, **found);
+  const auto view = Transaction::view(connection_);
+  if (!view) return view.error();
+  const auto recording = readableRecording(connection_, session);
   if (!recording) return recording.error();
+  const std::string name = "session " + uuidText(session);
 
   ChunksAround read;
   read.next_seq = from_seq;

@@ -58,6 +58,16 @@ Error recordingDeleted(Connection& connection, const std::string& name, const Se
   return {ErrorCode::kNotFound, name + ": " + *why + "; its score, events and remarks are kept"};
 }
 
+Result<StoredRecording> readableRecording(Connection& connection, const Uuid& session) {
+  const auto found = findSession(connection, session);
+  if (!found) return found.error();
+  if (!*found) return unknownSession(session);
+  const std::string name = "session " + uuidText(session);
+  if ((*found)->recording == StoredRecording::Kind::kDeleted)
+    return recordingDeleted(connection, name, **found);
+  return recordingOf(connection, name, **found);
+}
+
 std::optional<Digest> digestOf(ByteView bytes) {
   if (bytes.size() != std::tuple_size_v<Digest>) return std::nullopt;
   Digest digest{};

@@ -42,6 +42,10 @@ Result<std::string> removalText(Connection& connection, const SessionRow& row);
 /// kNotFound: when and why it was deleted, what is kept.
 Error recordingDeleted(Connection& connection, const std::string& name, const SessionRow& row);
 
+/// recordingOf() of a session by its id. kNotFound: the session is unknown, or its recording was deleted
+/// (when and why). Within one view (Transaction::view) it is the recording of the chunks that are read next.
+Result<StoredRecording> readableRecording(Connection& connection, const Uuid& session);
+
 /// A hash from a column; nothing unless it has 32 bytes.
 std::optional<Digest> digestOf(ByteView bytes);
 

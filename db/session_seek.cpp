@@ -107,20 +107,11 @@ class Search {
 }  // namespace
 
 Result<SoughtChunk> SessionStore::seek(const Uuid& session, const SeekTo& to) {
-  std::optional<Transaction> view;
-  if (!connection_.inTransaction()) {
-    auto begun = Transaction::begin(connection_, Transaction::Kind::kRead);
-    if (!begun) return begun.error();
-    view.emplace(std::move(*begun));
-  }
-  const auto found = findSession(connection_, session);
-  if (!found) return found.error();
-  if (!*found) return unknownSession(session);
-  const std::string name = "session " + uuidText(session);
-  if ((*found)->recording == StoredRecording::Kind::kDeleted)
-    return recordingDeleted(connection_, name, **found);
-  const auto recording = recordingOf(connection_, name, **found);
+  const auto view = Transaction::view(connection_);
+  if (!view) return view.error();
+  const auto recording = readableRecording(connection_, session);
   if (!recording) return recording.error();
+  const std::string name = "session " + uuidText(session);
   if (recording->chunks == 0) return Error{ErrorCode::kNotFound, name + " has no samples to seek in"};
   return Search(connection_, name, *recording).run(to);
 }

@@ -84,12 +84,8 @@ Result<Noted> notedOf(Connection& connection, const std::string& name, const Ses
 
 Result<SessionCheck> SessionStore::verify(const Uuid& session) {
   // one unchanging view of the session's row and its chunks
-  std::optional<Transaction> view;
-  if (!connection_.inTransaction()) {
-    auto begun = Transaction::begin(connection_, Transaction::Kind::kRead);
-    if (!begun) return begun.error();
-    view.emplace(std::move(*begun));
-  }
+  const auto view = Transaction::view(connection_);
+  if (!view) return view.error();
   const auto found = findSession(connection_, session);
   if (!found) return found.error();
   if (!*found) return unknownSession(session);

@@ -15,6 +15,13 @@ Result<Transaction> Transaction::begin(Connection& connection, Kind kind) {
   return transaction;
 }
 
+Result<std::optional<Transaction>> Transaction::view(Connection& connection) {
+  if (connection.inTransaction()) return std::optional<Transaction>();
+  auto begun = begin(connection, Kind::kRead);
+  if (!begun) return begun.error();
+  return std::optional<Transaction>(std::move(*begun));
+}
+
 Transaction::Transaction(Transaction&& other) noexcept
     : connection_(std::exchange(other.connection_, nullptr)) {}
 

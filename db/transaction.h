@@ -1,6 +1,7 @@
 /// Transactions and savepoints that roll back unless they were committed.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "db/connection.h"
@@ -16,6 +17,9 @@ class Transaction {
     kWrite,  ///< takes the write lock at once
   };
   static Result<Transaction> begin(Connection& connection, Kind kind);
+  /// A kRead of one's own, or nothing when a transaction is on already: its view serves as well. For
+  /// functions that are called on their own and within others' transactions.
+  static Result<std::optional<Transaction>> view(Connection& connection);
   Transaction(Transaction&& other) noexcept;
   Transaction& operator=(Transaction&&) = delete;
   Transaction(const Transaction&) = delete;

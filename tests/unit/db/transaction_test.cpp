@@ -42,6 +42,27 @@ TEST(Transaction, aReadViewDoesNotChange) {
   EXPECT_EQ(stations(reader), 1);
 }
 
+TEST(Transaction, aViewIsOnesOwnOrTheOneThatIsThere) {
+  test::TestDb db;
+  auto reader = db.reader();
+  {
+    const auto view = Transaction::view(reader);
+    ASSERT_OK(view);
+    EXPECT_TRUE(view->has_value());
+    ASSERT_OK(add(db.writer, "later"));
+    EXPECT_EQ(stations(reader), 1) << "it does not change";
+    {
+      const auto inner = Transaction::view(reader);
+      ASSERT_OK(inner);
+      EXPECT_FALSE(inner->has_value());
+    }
+    EXPECT_TRUE(reader.inTransaction()) << "the inner one ended nothing";
+    EXPECT_EQ(stations(reader), 1);
+  }
+  EXPECT_FALSE(reader.inTransaction());
+  EXPECT_EQ(stations(reader), 2);
+}
+
 TEST(Savepoint, failsAlone) {
   test::TestDb db;
   auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWrite);
