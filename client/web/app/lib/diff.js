@@ -1,0 +1,76 @@
+// What changed between two JSON documents, and what becomes of two people's changes to one.
+import { withValue, writePath } from './paths.js';
+
+/** @typedef {{path: string, before: any, after: any}} Change undefined: not there */
+/** @typedef {{path: string, base: any, mine: any, theirs: any}} Clash */
+
+const isObject = (value) => value !== null && typeof value === 'object' && !Array.isArray(value);
+
+/** Whether two JSON values are the same; the order of keys does not count. */
+export function same(a, b) {
+  if (Object.is(a, b)) return true;
+  if (Array.isArray(a) && Array.isArray(b)) return a.length === b.length && a.every((value, i) => same(value, b[i]));
+  if (!isObject(a) || !isObject(b)) return false;
+  const keys = Object.keys(a);
+  return keys.length === Object.keys(b).length && keys.every((key) => key in b && same(a[key], b[key]));
+}
+
+/**
+ * Every smallest place where the two differ, in the order of the documents. Items of lists are compared by place.
+ * @param {any} before
+ * @param {any} after
+ * @param {(string|number)[]} [at]
+ * @returns {Change[]}
+ */
+export function changes(before, after, at = []) {
+  if (same(before, after)) return [];
+  const bothLists = Array.isArray(before) && Array.isArray(after);
+  if (!bothLists && !(isObject(before) && isObject(after))) return [{ path: writePath(at), before, after }];
+  const keys = bothLists
+    ? Array.from({ length: Math.max(before.length, after.length) }, (_, i) => i)
+    : [...new Set([...Object.keys(before), ...Object.keys(after)])];
+  return keys.flatMap((key) => changes(before[key], after[key], [...at, key]));
+}
+
+/**
+ * Two people's changes to one document put together: what only one of them changed is taken over, what both changed to
+ * different values is a clash and keeps mine for now. Lists whose length one side changed are one value.
+ * @param {any} base what both began with
+ * @param {any} mine
+ * @param {any} theirs
+ * @returns {{merged: any, taken: Change[], clashes: Clash[]}} `taken`: their changes that are in `merged`
+ */
+export function merge(base, mine, theirs) {
+  const taken = [], clashes = [];
+  const join = (b, m, t, at) => {
+    if (same(m, t) || same(b, t)) return m;
+    const path = writePath(at);
+    if (same(b, m)) {
+      taken.push(...changes(b, t, at));
+      return t;
+    }
+    const lists = [b, m, t].every(Array.isArray) && b.length === m.length && b.length === t.length;
+    if (lists) return m.map((value, i) => join(b[i], value, t[i], [...at, i]));
+    if ([m, t].every(isObject) && (b === undefined || isObject(b))) {
+      const joined = {};
+      for (const key of new Set([...Object.keys(t), ...Object.keys(m)])) {
+        const value = join(b?.[key], m[key], t[key], [...at, key]);
+        if (value !== undefined) joined[key] = value;
+      }
+      return joined;
+    }
+    clashes.push({ path, base: b, mine: m, theirs: t });
+    return m;
+  };
+  return { merged: join(base, mine, theirs, []), taken, clashes };
+}
+
+/**
+ * The merged document with the chosen side of each clash.
+ * @param {any} merged
+ * @param {Clash[]} clashes
+ * @param {Record<string, 'mine'|'theirs'>} choice by path
+ */
+export function resolved(merged, clashes, choice) {
+  return clashes.reduce((document, clash) => withValue(document, clash.path, choice[clash.path] === 'theirs' ? clash.theirs : clash.mine), merged);
+}

@@ -1,0 +1,41 @@
+// Addresses of pages: #/profiles/shoulder-adult?revision=3. Pure: no window here.
+
+/** @typedef {{path: string, [key: string]: any}} Route `path` as in '/profiles/:id' */
+
+/**
+ * @param {Route[]} routes the first that fits is taken
+ * @param {string} hash as of location.hash
+ * @returns {{route: Route|null, params: Record<string, string>, query: Record<string, string>, path: string}}
+ */
+export function match(routes, hash) {
+  const [path, search = ''] = hash.replace(/^#/, '').split('?');
+  const clean = '/' + path.split('/').filter(Boolean).join('/');
+  const parts = clean.split('/').slice(1);
+  const query = Object.fromEntries(new URLSearchParams(search));
+  for (const route of routes) {
+    const wanted = route.path.split('/').slice(1);
+    if (wanted.length !== parts.length) continue;
+    const params = {};
+    const fits = wanted.every((part, i) => {
+      if (!part.startsWith(':')) return part === parts[i];
+      try {
+        params[part.slice(1)] = decodeURIComponent(parts[i]);
+      } catch {
+        return false;
+      }
+      return parts[i] !== '';
+    });
+    if (fits) return { route, params, query, path: clean };
+  }
+  return { route: null, params: {}, query, path: clean };
+}
+
+/**
+ * @param {string[]} parts of the path, encoded here
+ * @param {Record<string, any>} [query] what is undefined, null or '' is left out
+ */
+export function href(parts, query = {}) {
+  const given = Object.entries(query).filter(([, value]) => value !== undefined && value !== null && value !== '');
+  const search = new URLSearchParams(given.map(([key, value]) => [key, String(value)])).toString();
+  return '#/' + parts.map(encodeURIComponent).join('/') + (search ? '?' + search : '');
+}

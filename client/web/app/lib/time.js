@@ -1,0 +1,36 @@
+// Moments in the browser's locale and time zone.
+
+const kMoment = { dateStyle: 'medium', timeStyle: 'short' };
+
+/**
+ * @param {number|null|undefined} unix_ms 0 and nothing: "–"
+ * @param {string} [locale]
+ */
+export function moment(unix_ms, locale = undefined) {
+  return unix_ms ? new Intl.DateTimeFormat(locale, kMoment).format(unix_ms) : '–';
+}
+
+/** The day alone. */
+export function day(unix_ms, locale = undefined) {
+  return unix_ms ? new Intl.DateTimeFormat(locale, { dateStyle: 'medium' }).format(unix_ms) : '–';
+}
+
+/** Seconds of a recording: "1:05.3". */
+export function clock(seconds) {
+  const tenths = Math.round(Math.max(0, seconds) * 10);
+  const rest = (tenths % 600) / 10;
+  return `${Math.floor(tenths / 600)}:${rest < 10 ? '0' : ''}${rest.toFixed(1)}`;
+}
+
+/** For <input type="datetime-local">, in local time. */
+export function toInput(unix_ms) {
+  if (!unix_ms) return '';
+  const local = new Date(unix_ms - new Date(unix_ms).getTimezoneOffset() * 60_000);
+  return local.toISOString().slice(0, 16);
+}
+
+/** @returns {number|undefined} */
+export function fromInput(text) {
+  const unix_ms = new Date(text).getTime();
+  return text && Number.isFinite(unix_ms) ? unix_ms : undefined;
+}

@@ -1,0 +1,90 @@
+// Numbers with units as people read them: SI prefixes, the browser's own decimal sign.
+
+const kPrefixes = [[1e9, 'G'], [1e6, 'M'], [1e3, 'k'], [1, ''], [1e-3, 'm'], [1e-6, 'µ'], [1e-9, 'n']];
+// units that take no prefix here, or one of their own
+const kFixed = {
+  'm^2': [1e4, 'cm²'], 'm/s': [1e3, 'mm/s'], s: [1, 's'], '': [1, ''], share: [100, '%'], rad: [180 / Math.PI, '°'], 'rad/s': [180 / Math.PI, '°/s'],
+};
+
+/**
+ * @param {number} value
+ * @param {number} [digits] significant ones
+ * @param {string} [locale]
+ */
+export function number(value, digits = 3, locale = undefined) {
+  return new Intl.NumberFormat(locale, { maximumSignificantDigits: digits, useGrouping: false }).format(value);
+}
+
+/**
+ * "3.1 mm", "0.35 N", "12 cm²", "2"; "–" for what is not a number.
+ * @param {number|null|undefined} value in SI
+ * @param {string} unit of the value, as the server names it: m, N, s, m/s, m^2, …
+ * @param {{digits?: number, locale?: string}} [options]
+ */
+export function quantity(value, unit, { digits = 3, locale } = {}) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return '–';
+  const fixed = kFixed[unit];
+  if (fixed) return `${number(value * fixed[0], digits, locale)}${fixed[1] && fixed[1] !== '°' ? '\u00a0' : ''}${fixed[1]}`;
+  // forces stay in newton down to a hundredth: nobody reads 350 mN
+  const least = unit === 'N' ? 0.01 : 0;
+  const size = Math.abs(value);
+  const [factor, prefix] = size === 0 || (size >= least && least > 0 && size < 1)
+    ? [1, '']
+    : kPrefixes.find(([f], i) => Number((size / f).toPrecision(digits)) >= 1 || i === kPrefixes.length - 1);
+  return `${number(value / factor, digits, locale)}\u00a0${size === 0 && unit === 'm' ? 'mm' : prefix + unit}`;
+}
+
+/** Units in which fields of a document are edited, by the end of their name: the longest that fits. [suffix, SI per shown unit, shown] */
+const kFieldUnits = [
+  ['_n_per_m2', 1, 'N/m²'], ['_n_per_m', 1, 'N/m'], ['_nm_per_rad', 1, 'N·m/rad'], ['_ns_per_m', 1, 'N·s/m'], ['_nm', 1, 'N·m'],
+  ['_m_s', 1e-3, 'mm/s'], ['_rad', Math.PI / 180, '°'], ['_pa', 1e3, 'kPa'], ['_m2', 1e-4, 'cm²'], ['_m', 1e-3, 'mm'], ['_n', 1, 'N'], ['_s', 1, 's'], ['_hz', 1, 'Hz'],
+];
+
+/**
+ * @param {string} name of a field, e.g. thickness_m
+ * @returns {{factor: number, unit: string}} SI value = shown value · factor
+ */
+export function fieldUnit(name) {
+  const found = kFieldUnits.find(([suffix]) => name.endsWith(suffix));
+  return found ? { factor: found[1], unit: found[2] } : { factor: 1, unit: '' };
+}
+
+/** As `fieldUnit`, by the unit's name: of measures. */
+export function measureUnit(unit) {
+  const fixed = { m: [1e-3, 'mm'], 'm/s': [1e-3, 'mm/s'], 'm^2': [1e-4, 'cm²'] }[unit] ?? [1, unit];
+  return { factor: fixed[0], unit: fixed[1] };
+}
+
+/**
+ * What stands in a field for an SI value; rounded to 12 digits so that 0.003 m is 3 mm and not 3.0000000000000004.
+ * @param {number|null|undefined} value
+ * @param {number} factor
+ */
+export function shown(value, factor) {
+  return value === null || value === undefined ? '' : String(Number((value / factor).toPrecision(12)));
+}
+
+/**
+ * The SI value of what was typed; a decimal comma is taken, too.
+ * @param {string} text
+ * @param {number} factor
+ * @returns {number|undefined|null} undefined: empty; null: no number
+ */
+export function typed(text, factor) {
+  const plain = text.trim().replace(/^([+-]?\d*),(\d+)$/, '$1.$2').replace('−', '-');
+  if (plain === '') return undefined;
+  const value = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(plain) ? Number(plain) : NaN;
+  return Number.isFinite(value) ? Number((value * factor).toPrecision(12)) : null;
+}
+
+/** "512 B", "3.4 MB" */
+export function bytes(value, locale = undefined) {
+  const [factor, prefix] = kPrefixes.find(([f]) => f >= 1 && value >= f) ?? [1, ''];
+  return `${number(value / factor, 3, locale)}\u00a0${prefix}B`;
+}
+
+/** "PUNCTURE_FORCE" or "curriculum-manager" as words: "Puncture force" */
+export function words(name) {
+  const plain = String(name ?? '').replace(/[_-]+/g, ' ').toLowerCase();
+  return plain.charAt(0).toUpperCase() + plain.slice(1);
+}

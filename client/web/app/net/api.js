@@ -1,0 +1,118 @@
+// Requests to /api/v1. Every page asks through here: cookies, the CSRF header, expired log-ins, errors in words.
+import { ApiError, errorOf } from './errors.js';
+import { serverIsAway, serverIsThere } from './connection.js';
+
+const kBase = '/api/v1';
+const kGetTries = 3;
+const kLongestWait_s = 10;
+
+let csrf_token = '';
+/** Asks for a new log-in and resolves when there is one. Set by session.js. @type {() => Promise<void>} */
+let renew = () => Promise.reject(new ApiError('expired', 'Log in first.'));
+
+export function setCsrfToken(token) {
+  csrf_token = token;
+}
+export function setRenewal(ask) {
+  renew = ask;
+}
+
+/**
+ * @typedef {object} Ask
+ * @property {Record<string, any>} [query] what is undefined or '' is left out
+ * @property {any} [body] sent as JSON
+ * @property {number} [base_revision] sent as If-Match: the revision that a change was made from; 0 for something new
+ * @property {AbortSignal} [signal]
+ * @property {boolean} [may_expire] false: a 401 is the answer, not a reason to ask for a log-in
+ */
+
+/**
+ * @param {string} method
+ * @param {string[]} parts of the path
+ * @param {Ask} [ask]
+ * @returns {Promise<any>} the reply's JSON; null when it has none
+ * @throws {ApiError} ('away' when the server cannot be reached) or the signal's AbortError
+ */
+export async function request(method, parts, ask = {}) {
+  for (let tries = 1; ; tries++) {
+    try {
+      return await once(method, parts, ask);
+    } catch (error) {
+      if (error.kind === 'expired' && ask.may_expire !== false) await renew();
+      else if (error.kind === 'busy' && method === 'GET' && tries < kGetTries) await wait(Math.min(error.retry_after_s ?? tries, kLongestWait_s), ask.signal);
+      else throw error;
+    }
+  }
+}
+
+async function once(method, parts, ask) {
+  const headers = { Accept: 'application/json' };
+  if (method !== 'GET') headers['X-CSRF-Token'] = csrf_token;
+  if (ask.body !== undefined) headers['Content-Type'] = 'application/json';
+  if (ask.base_revision !== undefined) headers['If-Match'] = `"${ask.base_revision}"`;
+  let reply, text;
+  try {
+    reply = await fetch(address(parts, ask.query), {
+      method, headers, credentials: 'same-origin', cache: 'no-store', signal: ask.signal,
+      body: ask.body === undefined ? undefined : JSON.stringify(ask.body),
+    });
+    text = await reply.text();
+  } catch (error) {
+    if (error.name === 'AbortError') throw error;
+    serverIsAway();
+    throw new ApiError('away', 'The server does not answer. What you typed is kept; try again when the connection is back.');
+  }
+  let body = null;
+  try {
+    body = text ? JSON.parse(text) : null;
+  } catch {
+    if (reply.ok) throw new ApiError('failed', `The server's answer to ${method} ${address(parts)} is no JSON.`, { status: reply.status });
+  }
+  if (reply.status >= 502 && !body) {
+    serverIsAway();
+    throw new ApiError('away', 'The server is away for the moment. What you typed is kept.');
+  }
+  serverIsThere();
+  if (!reply.ok) throw errorOf(reply.status, body, reply.headers.get('Retry-After'));
+  return body;
+}
+
+/** The address of something that a link downloads, too. */
+export function address(parts, query = {}) {
+  const given = Object.entries(query).filter(([, value]) => value !== undefined && value !== null && value !== '');
+  const search = new URLSearchParams(given.map(([key, value]) => [key, String(value)])).toString();
+  return `${kBase}/${parts.map(encodeURIComponent).join('/')}${search ? '?' + search : ''}`;
+}
+
+function wait(seconds, signal) {
+  return new Promise((resolve, reject) => {
+    const timer = setTimeout(resolve, seconds * 1000);
+    signal?.addEventListener('abort', () => {
+      clearTimeout(timer);
+      reject(signal.reason);
+    });
+  });
+}
+
+export const get = (parts, ask) => request('GET', parts, ask);
+export const post = (parts, body, ask) => request('POST', parts, { ...ask, body });
+export const put = (parts, body, ask) => request('PUT', parts, { ...ask, body });
+export const patch = (parts, body, ask) => request('PATCH', parts, { ...ask, body });
+export const remove = (parts, ask) => request('DELETE', parts, ask);
+
+/**
+ * All pages of a list, one after another.
+ * @param {string[]} parts
+ * @param {Ask} [ask]
+ * @param {number} [most] items: more are not asked for
+ * @returns {Promise<any[]>}
+ */
+export async function getAll(parts, ask = {}, most = 5000) {
+  const items = [];
+  for (let page = ''; ;) {
+    const reply = await get(parts, { ...ask, query: { ...ask.query, page } });
+    items.push(...reply.items);
+    page = reply.next_page ?? '';
+    if (!page || items.length >= most) return items;
+  }
+}

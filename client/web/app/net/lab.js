@@ -1,0 +1,95 @@
+// What pages ask of the server, by name, in the forms that they use: lists are there even when the reply leaves them out.
+import { get, getAll, patch, post, put, remove } from './api.js';
+import { roleName } from '../lib/roles.js';
+
+const person = (p) => ({ ...p, role: roleName(p.role), full_name: p.full_name ?? '', groups: p.groups ?? [] });
+const group = (g) => ({ ...g, members: g.members ?? [] });
+
+export const people = {
+  all: async (signal) => (await getAll(['people'], { signal })).map(person),
+  one: async (name, signal) => person(await get(['people', name], { signal })),
+  add: (body) => post(['people'], { ...body, role: body.role.toUpperCase().replaceAll('-', '_') }),
+  change: async (p, changes) => {
+    const body = changes.role ? { ...changes, role: changes.role.toUpperCase().replaceAll('-', '_') } : changes;
+    return person(await patch(['people', p.name], body, { base_revision: p.revision }));
+  },
+  setPassword: (name, password) => post(['people', name, 'password'], { password }),
+  importCsv: (csv, dry_run) => post(['people', 'import'], { csv, dry_run }),
+  erase: (name, reason) => remove(['people', name, 'data'], { body: { confirm: name, reason } }),
+  progress: (name, exercise, signal) => getAll(['people', name, 'progress'], { signal, query: { exercise } }),
+};
+
+export const groups = {
+  all: async (signal) => (await getAll(['groups'], { signal })).map(group),
+  one: async (id, signal) => group(await get(['groups', id], { signal })),
+  add: (body) => post(['groups'], body),
+  put: (g) => put(['groups', g.id], { id: g.id, name: g.name, members: g.members }, { base_revision: g.revision }),
+  remove: (g) => remove(['groups', g.id], { base_revision: g.revision }),
+};
+
+/** Profiles and courses: documents with revisions. `kind`: 'profiles' or 'courses'. */
+export const documents = (kind) => ({
+  all: (signal) => getAll([kind], { signal }),
+  /** @returns {Promise<{id: string, revision: number, json: any, created_unix_ms: number, author: string}>} */
+  one: (id, revision, signal) => get([kind, id], { signal, query: { revision } }),
+  revisions: (id, signal) => getAll([kind, id, 'revisions'], { signal }),
+  /** @throws {ApiError} 'conflict' with current_revision */
+  put: (id, json, base_revision) => put([kind, id], json, { base_revision }),
+});
+
+/** What is wrong with a profile or course; warnings name their field before a colon. */
+async function check(path, json, signal) {
+  const reply = await post(path, json, { signal });
+  const warnings = (reply.warnings ?? []).map((text) => {
+    const [, at, message] = /^([A-Za-z_]\w*(?:[.[][\w.[\]]*)?): (.*)$/s.exec(text) ?? [null, '', text];
+    return { path: at, message, severity: 'WARNING' };
+  });
+  return [...(reply.problems ?? []).map((p) => ({ ...p, severity: 'ERROR' })), ...warnings];
+}
+export const checkProfile = (json, signal) => check(['profiles', 'check'], json, signal);
+
+/** Force over depth as the engine renders it. */
+export const previewProfile = (json, signal) => post(['profiles', 'preview'], json, { signal });
+
+export const measures = (signal) => getAll(['measures'], { signal });
+export const exercises = async (signal) => (await getAll(['exercises'], { signal })).map(({ json, ...row }) => ({ ...json, ...row }));
+
+export const assignments = {
+  all: (signal, trainee) => getAll(['assignments'], { signal, query: { trainee } }),
+  add: (body) => post(['assignments'], body),
+  remove: (id) => remove(['assignments', String(id)]),
+};
+
+/** @returns {Promise<{exercises: {id: string, name: string}[], rows: any[]}>} all pages */
+export async function results(course, group_id, signal) {
+  const whole = { exercises: [], rows: [] };
+  for (let page = ''; ;) {
+    const reply = await get(['results'], { signal, query: { course, group: group_id, page } });
+    whole.exercises = (reply.exercise_ids ?? []).map((id, i) => ({ id, name: reply.exercise_names?.[i] ?? id }));
+    whole.rows.push(...(reply.rows ?? []).map((row) => ({ ...row, cells: (row.cells ?? []).map((c) => ({ ...c, locked_by: c.locked_by ?? [] })) })));
+    page = reply.next_page ?? '';
+    if (!page) return whole;
+  }
+}
+
+export const sessions = {
+  page: (query, signal) => get(['sessions'], { signal, query }),
+  one: (id, signal) => get(['sessions', id], { signal }),
+  score: (id, signal) => get(['sessions', id, 'score'], { signal }),
+  rescore: (id) => post(['sessions', id, 'rescore'], {}),
+  events: (id, signal) => getAll(['sessions', id, 'events'], { signal }),
+  samples: (id, query, signal) => get(['sessions', id, 'samples'], { signal, query }),
+  annotations: (id, signal) => getAll(['sessions', id, 'annotations'], { signal }),
+  annotate: (id, t_s, text) => post(['sessions', id, 'annotations'], { t_s, text }),
+};
+
+export const references = {
+  one: (exercise, signal) => get(['exercises', exercise, 'reference'], { signal }),
+  put: (exercise, session_ids, revision) => put(['exercises', exercise, 'reference'], { session_ids }, { base_revision: revision }),
+};
+
+export const upkeep = {
+  backup: (path) => post(['backup'], path ? { path } : {}),
+  check: () => post(['check'], {}),
+  audit: (query, signal) => get(['audit'], { signal, query }),
+};

@@ -1,0 +1,69 @@
+// The lab as it is now: a WebSocket that comes back by itself.
+import { backoff } from '../lib/backoff.js';
+
+const kPath = '/api/v1/live';
+// the server speaks five times a second: so long a silence means that the line is dead
+const kSilence_ms = 5000;
+
+/**
+ * @typedef {{state: 'connecting'|'live'|'waiting', next_try_ms: number}} LineState
+ * @param {(tiles: any[]) => void} on_tiles
+ * @param {(state: LineState) => void} on_state
+ * @returns {{stop: () => void, retry: () => void}}
+ */
+export function followLab(on_tiles, on_state) {
+  let socket = null, retry_timer = 0, silence_timer = 0, attempt = 0, stopped = false;
+
+  function connect() {
+    clearTimeout(retry_timer);
+    on_state({ state: 'connecting', next_try_ms: 0 });
+    const url = new URL(kPath, location.href);
+    url.protocol = url.protocol.replace('http', 'ws');
+    socket = new WebSocket(url);
+    socket.onmessage = (event) => {
+      let message;
+      try {
+        message = JSON.parse(event.data);
+      } catch {
+        socket.close();
+        return;
+      }
+      attempt = 0;
+      on_state({ state: 'live', next_try_ms: 0 });
+      on_tiles(message.tiles ?? []);
+      listen();
+    };
+    socket.onclose = again;
+    listen();
+  }
+  function listen() {
+    clearTimeout(silence_timer);
+    silence_timer = setTimeout(() => {
+      // a half-open line never says that it is closed
+      const dead = socket;
+      dead.onclose = null;
+      dead.close();
+      again();
+    }, kSilence_ms);
+  }
+  function again() {
+    clearTimeout(silence_timer);
+    if (stopped) return;
+    const wait = backoff(attempt++);
+    on_state({ state: 'waiting', next_try_ms: Date.now() + wait });
+    retry_timer = setTimeout(connect, wait);
+  }
+  connect();
+  return {
+    stop() {
+      stopped = true;
+      clearTimeout(retry_timer);
+      clearTimeout(silence_timer);
+      socket.onclose = null;
+      socket.close();
+    },
+    retry() {
+      if (socket.readyState > 1) connect();
+    },
+  };
+}

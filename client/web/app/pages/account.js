@@ -1,0 +1,20 @@
+// One's own name, password and consent.
+import { words } from '../lib/units.js';
+import { moment } from '../lib/time.js';
+import { people } from '../net/lab.js';
+import { useLoad } from '../ui/hooks.js';
+import { html } from '../ui/html.js';
+import { Heading, Loaded } from '../ui/parts.js';
+import { ConsentForm, PasswordForm } from './person.js';
+
+function OwnConsent({ name }) {
+  const load = useLoad((signal) => people.one(name, signal), [name]);
+  return html`<${Loaded} load=${load}>${(shown) => html`<${ConsentForm} shown=${shown} load=${load} />`}<//>`;
+}
+
+export function AccountPage({ person }) {
+  return html`<${Heading} title="My account" />
+    <dl class="facts"><dt>Name</dt><dd>${person.name}</dd><dt>Full name</dt><dd>${person.full_name || '–'}</dd><dt>Role</dt><dd>${words(person.role)}</dd>
+      <dt>Logged in until</dt><dd>${moment(person.expires_unix_ms)}</dd></dl>
+    ${person.role === 'trainee' && html`<${OwnConsent} name=${person.name} />`}<${PasswordForm} name=${person.name} />`;
+}

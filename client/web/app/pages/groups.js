@@ -1,0 +1,82 @@
+// Groups, and who belongs to one.
+import { may } from '../lib/roles.js';
+import { href } from '../lib/routes.js';
+import { groups, people } from '../net/lab.js';
+import { announce } from '../ui/announce.js';
+import { CheckField, TextField } from '../ui/fields.js';
+import { useAction, useLoad } from '../ui/hooks.js';
+import { html, useState } from '../ui/html.js';
+import { Confirm, Dialog, Empty, Heading, Loaded, Problem, Table } from '../ui/parts.js';
+
+function AddGroup({ close }) {
+  const [entry, setEntry] = useState({ id: '', name: '' });
+  const action = useAction();
+  const problems = action.error?.field ? [{ path: action.error.field, message: action.error.message }] : [];
+  const save = async (event) => {
+    event.preventDefault();
+    if (await action.run(() => groups.add({ ...entry, members: [] }))) location.hash = href(['groups', entry.id]);
+  };
+  return html`<${Dialog} title="Add a group" close=${close}><form onSubmit=${save}>
+    <${TextField} label="Id" path="id" problems=${problems} value=${entry.id} onValue=${(id) => setEntry({ ...entry, id })} help="short, for files and CSV: letters, digits, '-', '_', '.'" required pattern="[A-Za-z0-9._\\-]{1,64}" />
+    <${TextField} label="Name" path="name" problems=${problems} value=${entry.name} onValue=${(name) => setEntry({ ...entry, name })} required />
+    <${Problem} error=${problems.length ? null : action.error} />
+    <div class="actions"><button type="submit" class="main" disabled=${action.busy}>Add</button><button type="button" onClick=${close}>Cancel</button></div></form><//>`;
+}
+
+export function GroupsPage({ person }) {
+  const load = useLoad((signal) => groups.all(signal), []);
+  const [adding, setAdding] = useState(false);
+  const edit = may(person.role, 'edit people');
+  return html`<${Heading} title="Groups">${edit && html`<button type="button" class="main" onClick=${() => setAdding(true)}>Add a group</button>`}<//>
+    <${Loaded} load=${load}>${(all) => (all.length === 0
+      ? html`<${Empty} title="There are no groups yet">Add one, or import people with a column “group”.<//>`
+      : html`<${Table} caption="Groups" head=${['Group', 'Id', 'Members', 'Results']}>${all.map((g) => html`<tr key=${g.id}>
+          <th scope="row"><a href=${href(['groups', g.id])}>${g.name}</a></th><td>${g.id}</td><td class="number">${g.members.length}</td>
+          <td><a href=${href(['results'], { group: g.id })}>Results of ${g.name}</a></td></tr>`)}<//>`)}<//>
+    ${adding && html`<${AddGroup} close=${() => setAdding(false)} />`}`;
+}
+
+function Members({ group, all, load, edit }) {
+  const [name, setName] = useState(group.name);
+  const [members, setMembers] = useState(group.members);
+  const [text, setText] = useState('');
+  const [removing, setRemoving] = useState(false);
+  const action = useAction();
+  const save = async (revision) => {
+    const saved = await action.run(() => groups.put({ ...group, name, members, revision }));
+    if (!saved) return;
+    announce(`${name} was saved: ${members.length} members.`);
+    load.reload();
+  };
+  const drop = async () => {
+    if (await action.run(() => groups.remove(group))) {
+      announce(`${group.name} was removed.`);
+      location.hash = '#/groups';
+    }
+  };
+  const toggle = (who) => (on) => setMembers(on ? [...members, who].sort() : members.filter((m) => m !== who));
+  const shown = all.filter((p) => p.role === 'trainee' || members.includes(p.name)).filter((p) => `${p.name} ${p.full_name}`.toLowerCase().includes(text.trim().toLowerCase()));
+  if (!edit) return html`<ul>${group.members.map((m) => html`<li><a href=${href(['people', m])}>${m}</a></li>`)}</ul>`;
+  return html`<form onSubmit=${(event) => { event.preventDefault(); save(group.revision); }}>
+    <${TextField} label="Name" value=${name} onValue=${setName} required />
+    <fieldset><legend>Members: ${members.length}</legend>
+      <${TextField} label="Find a trainee" type="search" value=${text} onValue=${setText} />
+      <div class="choices">${shown.map((p) => html`<${CheckField} key=${p.name} label=${`${p.full_name || p.name} (${p.name})`} checked=${members.includes(p.name)} onValue=${toggle(p.name)} />`)}</div>
+    </fieldset>
+    ${action.error?.kind === 'conflict' ? html`<div class="problem" role="alert"><p><strong>Somebody else changed this group in the meantime.</strong> Nothing was saved, and your choice is still here.</p>
+        <div class="actions"><button type="button" onClick=${() => save(action.error.current_revision)}>Save mine over it</button><button type="button" onClick=${() => { action.clear(); load.reload(); }}>Take theirs</button></div></div>`
+      : html`<${Problem} error=${action.error} />`}
+    <div class="actions"><button type="submit" class="main" disabled=${action.busy}>Save</button><button type="button" class="danger" onClick=${() => setRemoving(true)}>Remove the group …</button></div>
+    ${removing && html`<${Confirm} title=${`Remove ${group.name}?`} word="Remove" act=${drop} close=${() => setRemoving(false)} busy=${action.busy} error=${action.error}>
+      <p>Its assignments go with it. The people and their results stay.</p><//>`}</form>`;
+}
+
+export function GroupPage({ params, person }) {
+  const load = useLoad(async (signal) => {
+    const [group, all] = await Promise.all([groups.one(params.id, signal), people.all(signal)]);
+    return { group, all };
+  }, [params.id]);
+  return html`<${Heading} title=${load.data?.group.name ?? params.id} above=${html`<a href="#/groups">Groups</a>`} />
+    <${Loaded} load=${load}>${({ group, all }) => html`<p><a href=${href(['results'], { group: group.id })}>Results of this group</a></p>
+      <${Members} key=${group.revision} group=${group} all=${all} load=${load} edit=${may(person.role, 'edit people')} />`}<//>`;
+}

@@ -1,0 +1,31 @@
+// Every page: its address, who may see it (lib/roles.js), and which section it belongs to.
+import { AccountPage } from './pages/account.js';
+import { AssignmentsPage } from './pages/assignments.js';
+import { AuditPage } from './pages/audit.js';
+import { CoursesPage } from './pages/courses.js';
+import { ExportsPage } from './pages/exports.js';
+import { GroupPage, GroupsPage } from './pages/groups.js';
+import { Home } from './pages/home.js';
+import { PeoplePage } from './pages/people.js';
+import { PeopleImportPage } from './pages/people_import.js';
+import { PersonPage } from './pages/person.js';
+import { ProfilesPage } from './pages/profiles.js';
+import { SessionsPage } from './pages/sessions.js';
+import { UpkeepPage } from './pages/upkeep.js';
+
+export const kRoutes = [
+  { path: '/', page: Home, section: 'Home' },
+  { path: '/account', page: AccountPage, action: 'own account' },
+  { path: '/people', page: PeoplePage, action: 'see people', section: 'People' },
+  { path: '/people/import', page: PeopleImportPage, action: 'edit people', section: 'People' },
+  { path: '/people/:name', page: PersonPage, action: 'see people', section: 'People' },
+  { path: '/groups', page: GroupsPage, action: 'see people', section: 'Groups' },
+  { path: '/groups/:id', page: GroupPage, action: 'see people', section: 'Groups' },
+  { path: '/profiles', page: ProfilesPage, action: 'see profiles', section: 'Profiles' },
+  { path: '/courses', page: CoursesPage, action: 'see courses', section: 'Courses' },
+  { path: '/assignments', page: AssignmentsPage, action: 'assign', section: 'Assignments' },
+  { path: '/sessions', page: SessionsPage, action: 'see sessions', section: 'Sessions' },
+  { path: '/exports', page: ExportsPage, action: 'export', section: 'Exports' },
+  { path: '/audit', page: AuditPage, action: 'see audit', section: 'Audit' },
+  { path: '/upkeep', page: UpkeepPage, action: 'upkeep', section: 'Upkeep' },
+];

@@ -1,0 +1,105 @@
+// Fields of forms: label, unit, help and problem tied to the input. `path` finds the problems that the server names.
+import { shown, typed } from '../lib/units.js';
+import { html, useEffect, useId, useRef, useState } from './html.js';
+
+/** @typedef {{path: string, message: string, severity?: string}} FieldProblem */
+
+/** @param {FieldProblem[]|undefined} problems @param {string} path */
+export const problemsAt = (problems, path) => (problems ?? []).filter((p) => p.path === path);
+
+function Frame({ id, label, unit, help, problems, wide, children }) {
+  const errors = problems.filter((p) => p.severity !== 'WARNING');
+  return html`<div class=${`field ${wide ? 'field-wide' : ''} ${errors.length ? 'field-bad' : ''}`}>
+    <label for=${id}>${label}${unit && html` <span class="unit">(${unit})</span>`}</label>
+    ${children}
+    ${help && html`<p class="help" id=${id + '-help'}>${help}</p>`}
+    ${problems.length > 0 && html`<div class="field-problem" id=${id + '-problem'}>
+      ${problems.map((p) => html`<p class=${p.severity === 'WARNING' ? 'warning' : 'error'}>
+        <span aria-hidden="true">${p.severity === 'WARNING' ? '!' : '✗'}</span> ${p.message}</p>`)}</div>`}
+  </div>`;
+}
+
+const described = (id, help, problems) => [help && id + '-help', problems.length > 0 && id + '-problem'].filter(Boolean).join(' ') || undefined;
+
+/** @param {{label: string, value: string, onValue: (text: string) => void, path?: string, problems?: FieldProblem[], [more: string]: any}} props */
+export function TextField({ label, value, onValue, path = '', problems, help, wide, rows, type = 'text', ...more }) {
+  const id = useId();
+  const mine = problemsAt(problems, path);
+  const shared = {
+    id, value: value ?? '', 'data-path': path || undefined, 'aria-describedby': described(id, help, mine), ...more,
+    'aria-invalid': mine.some((p) => p.severity !== 'WARNING') ? 'true' : undefined, onInput: (event) => onValue(event.target.value),
+  };
+  return html`<${Frame} id=${id} label=${label} help=${help} problems=${mine} wide=${wide}>
+    ${rows ? html`<textarea rows=${rows} ...${shared} />` : html`<input type=${type} ...${shared} />`}<//>`;
+}
+
+/**
+ * A number in the unit that people use; the value is SI. What is no number is said here and is not passed on, nor lost.
+ * @param {{label: string, value: number|undefined, onValue: (value: number|undefined) => void, factor?: number, unit?: string, path?: string, problems?: FieldProblem[], [more: string]: any}} props
+ */
+export function NumberField({ label, value, onValue, factor = 1, unit = '', path = '', problems, help, onBad, ...more }) {
+  const id = useId();
+  const [text, setText] = useState(shown(value, factor));
+  const sent = useRef(value);
+  // a value that changed elsewhere (undo, another revision) replaces the text; one's own typing does not
+  useEffect(() => {
+    if (!Object.is(value, sent.current)) {
+      setText(shown(value, factor));
+      sent.current = value;
+    }
+  }, [value, factor]);
+  const bad = typed(text, factor) === null;
+  const mine = [...(bad ? [{ path, message: `“${text}” is no number; such as 3.5` }] : []), ...problemsAt(problems, path)];
+  useEffect(() => {
+    onBad?.(path, bad);
+    return () => onBad?.(path, false);
+  }, [bad, path]);
+  const change = (event) => {
+    setText(event.target.value);
+    const number = typed(event.target.value, factor);
+    if (number !== null) {
+      sent.current = number;
+      onValue(number);
+    }
+  };
+  return html`<${Frame} id=${id} label=${label} unit=${unit} help=${help} problems=${mine}>
+    <input id=${id} type="text" inputmode="decimal" autocomplete="off" value=${text} onInput=${change} data-path=${path || undefined}
+      aria-describedby=${described(id, help, mine)} aria-invalid=${mine.some((p) => p.severity !== 'WARNING') ? 'true' : undefined} ...${more} /><//>`;
+}
+
+/** @param {{label: string, value: any, options: [any, string][], onValue: (value: string) => void, [more: string]: any}} props */
+export function SelectField({ label, value, options, onValue, path = '', problems, help, wide, ...more }) {
+  const id = useId();
+  const mine = problemsAt(problems, path);
+  return html`<${Frame} id=${id} label=${label} help=${help} problems=${mine} wide=${wide}>
+    <select id=${id} data-path=${path || undefined} aria-describedby=${described(id, help, mine)} aria-invalid=${mine.length ? 'true' : undefined}
+      onChange=${(event) => onValue(event.target.value)} ...${more}>
+      ${options.map(([key, words]) => html`<option value=${key} selected=${key === (value ?? '')}>${words}</option>`)}</select><//>`;
+}
+
+/** @param {{label: string, checked: boolean, onValue: (checked: boolean) => void, [more: string]: any}} props */
+export function CheckField({ label, checked, onValue, help, ...more }) {
+  const id = useId();
+  return html`<div class="field field-check"><input type="checkbox" id=${id} checked=${!!checked} aria-describedby=${help ? id + '-help' : undefined}
+      onChange=${(event) => onValue(event.target.checked)} ...${more} />
+    <label for=${id}>${label}</label>${help && html`<p class="help" id=${id + '-help'}>${help}</p>`}</div>`;
+}
+
+/** All problems of a form in one list; each leads to its field, where there is one. */
+export function ProblemList({ problems }) {
+  const errors = (problems ?? []).filter((p) => p.severity !== 'WARNING');
+  const warnings = (problems ?? []).filter((p) => p.severity === 'WARNING');
+  const go = (path) => {
+    const parts = path.split(/(?=[.[])/);
+    for (let n = parts.length; n > 0; n--) {
+      const field = document.querySelector(`[data-path="${CSS.escape(parts.slice(0, n).join(''))}"]`);
+      if (field) return field.focus();
+    }
+    return undefined;
+  };
+  const list = (items) => html`<ul>${items.map((p) => html`<li><button type="button" class="link" onClick=${() => go(p.path)}>${p.path || 'document'}</button>: ${p.message}</li>`)}</ul>`;
+  return html`<div class="problem-list" role="status" aria-label="Problems of this form">
+    ${errors.length > 0 && html`<p><strong>✗ ${errors.length === 1 ? 'One field is' : errors.length + ' fields are'} not right yet</strong></p>${list(errors)}`}
+    ${warnings.length > 0 && html`<p><strong>! ${warnings.length === 1 ? 'One warning' : warnings.length + ' warnings'}</strong></p>${list(warnings)}`}
+    ${errors.length + warnings.length === 0 && html`<p>✓ No problems found</p>`}</div>`;
+}

@@ -1,0 +1,107 @@
+// What pages have in common: following a store, loading, saving, drafts that outlive a reload.
+import { connection } from '../net/connection.js';
+import { useCallback, useEffect, useRef, useState } from './html.js';
+
+/** @template T @param {{get: () => T, follow: (f: (v: T) => void) => () => void}} source @returns {T} */
+export function useStore(source) {
+  const [value, setValue] = useState(source.get());
+  useEffect(() => {
+    setValue(source.get());
+    return source.follow(setValue);
+  }, [source]);
+  return value;
+}
+
+/**
+ * Loads when `inputs` change, and again when the server is back after it was away.
+ * @template T
+ * @param {(signal: AbortSignal) => Promise<T>} load
+ * @param {any[]} inputs
+ * @returns {{data: T|undefined, error: Error|null, loading: boolean, reload: () => void, setData: (data: T) => void}} `data` stays while it loads anew
+ */
+export function useLoad(load, inputs) {
+  const [state, setState] = useState({ data: undefined, error: null, loading: true, inputs: null });
+  const [turn, setTurn] = useState(0);
+  useEffect(() => {
+    const abort = new AbortController();
+    setState((before) => ({ ...before, loading: true, data: before.inputs === key(inputs) ? before.data : undefined }));
+    load(abort.signal).then(
+      (data) => !abort.signal.aborted && setState({ data, error: null, loading: false, inputs: key(inputs) }),
+      (error) => !abort.signal.aborted && setState((before) => ({ ...before, error, loading: false })),
+    );
+    return () => abort.abort();
+  }, [...inputs, turn]);
+  const reload = useCallback(() => setTurn((t) => t + 1), []);
+  useEffect(() => connection.follow(({ away }) => !away && state.error?.kind === 'away' && reload()), [state.error]);
+  const setData = useCallback((data) => setState((before) => ({ ...before, data, error: null })), []);
+  return { data: state.data, error: state.error, loading: state.loading, reload, setData };
+}
+const key = (inputs) => JSON.stringify(inputs);
+
+/**
+ * Something that a button does: whether it is under way, and what went wrong.
+ * @returns {{busy: boolean, error: Error|null, run: (work: () => Promise<any>) => Promise<any>, clear: () => void}} `run` gives undefined after an error
+ */
+export function useAction() {
+  const [state, setState] = useState({ busy: false, error: null });
+  const run = useCallback(async (work) => {
+    setState({ busy: true, error: null });
+    try {
+      const result = await work();
+      setState({ busy: false, error: null });
+      return result === undefined ? true : result;
+    } catch (error) {
+      setState({ busy: false, error });
+      return undefined;
+    }
+  }, []);
+  const clear = useCallback(() => setState({ busy: false, error: null }), []);
+  return { ...state, run, clear };
+}
+
+/**
+ * A document that is being edited, kept in this tab's storage until it is saved or thrown away.
+ * @template T
+ * @param {string} name
+ * @returns {{read: () => T|null, write: (draft: T) => void, drop: () => void}}
+ */
+export function draftOf(name) {
+  const place = `needlelab draft ${name}`;
+  return {
+    read() {
+      try {
+        return JSON.parse(sessionStorage.getItem(place));
+      } catch {
+        return null;
+      }
+    },
+    write(draft) {
+      try {
+        sessionStorage.setItem(place, JSON.stringify(draft));
+      } catch {
+        // a full or forbidden storage: the draft lives as long as the page
+      }
+    },
+    drop: () => sessionStorage.removeItem(place),
+  };
+}
+
+/** The value as it was when nothing had changed for `ms`. */
+export function useDebounced(value, ms) {
+  const [settled, setSettled] = useState(value);
+  useEffect(() => {
+    const timer = setTimeout(() => setSettled(value), ms);
+    return () => clearTimeout(timer);
+  }, [value, ms]);
+  return settled;
+}
+
+/** Calls `act` every `ms` while the page is there. */
+export function useEvery(ms, act) {
+  const latest = useRef(act);
+  latest.current = act;
+  useEffect(() => {
+    const timer = setInterval(() => latest.current(), ms);
+    return () => clearInterval(timer);
+  }, [ms]);
+}

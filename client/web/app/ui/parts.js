@@ -1,0 +1,81 @@
+// Small pieces that every page is made of.
+import { html, useEffect, useRef } from './html.js';
+
+/** The page's heading: gets the focus when the page changes. */
+export function Heading({ title, above, children }) {
+  useEffect(() => {
+    document.title = `${title} – needlelab`;
+  }, [title]);
+  return html`<header class="page-head">
+    ${above && html`<p class="crumb">${above}</p>`}
+    <div class="page-head-row"><h1 tabindex="-1" id="page-title">${title}</h1>
+      ${children && html`<div class="actions">${children}</div>`}</div>
+  </header>`;
+}
+
+/** Something failed: what, and what to do. */
+export function Problem({ error, retry, title }) {
+  if (!error) return null;
+  const away = error.kind === 'away';
+  return html`<div class="problem" role="alert">
+    <p><strong>${title ?? (away ? 'The server does not answer' : 'This did not work')}</strong></p>
+    <p>${error.message}</p>
+    ${retry && html`<button type="button" onClick=${retry}>Try again</button>`}
+  </div>`;
+}
+
+/** Nothing here yet: says what to do next. */
+export function Empty({ title, children }) {
+  return html`<div class="empty"><p><strong>${title}</strong></p>${children && html`<p>${children}</p>`}</div>`;
+}
+
+/** Shows what was loaded, or that it is loading, or why it is not there. */
+export function Loaded({ load, children }) {
+  if (load.data !== undefined) {
+    return html`${load.error && html`<${Problem} error=${load.error} retry=${load.reload} title="Could not be loaded anew; below is what was there before" />`}
+      ${children(load.data)}`;
+  }
+  if (load.error) {
+    const title = { denied: 'Not for your role', not_found: 'Not there' }[load.error.kind];
+    return html`<${Problem} error=${load.error} retry=${load.reload} title=${title} />`;
+  }
+  return html`<p class="loading" role="status">Loading …</p>`;
+}
+
+/** Symbol, colour and word together: nothing hangs on colour alone. */
+export function Mark({ kind, children }) {
+  const symbol = { good: '✓', bad: '✗', warn: '!', open: '○', locked: '⊘', info: 'i' }[kind];
+  return html`<span class=${'mark mark-' + kind}><span class="mark-symbol" aria-hidden="true">${symbol}</span>${children}</span>`;
+}
+
+/**
+ * A table that scrolls in its own frame, reachable by keyboard.
+ * @param {{caption: string, head: any[], children: any, class?: string}} props
+ */
+export function Table({ caption, head, children, class: name = '', hide_caption }) {
+  return html`<div class=${'table-frame ' + name} role="region" aria-label=${caption} tabindex="0">
+    <table><caption class=${hide_caption ? 'visually-hidden' : ''}>${caption}</caption>
+      <thead><tr>${head.map((cell) => html`<th scope="col">${cell}</th>`)}</tr></thead>
+      <tbody>${children}</tbody></table></div>`;
+}
+
+/** A question or a form above the page. Escape and Cancel close it; the focus goes back to where it was. */
+export function Dialog({ title, close, children, wide }) {
+  const element = useRef(null);
+  useEffect(() => {
+    const before = document.activeElement;
+    element.current.showModal();
+    return () => before instanceof HTMLElement && before.isConnected && before.focus();
+  }, []);
+  return html`<dialog ref=${element} class=${wide ? 'wide' : ''} aria-labelledby="dialog-title"
+      onCancel=${(event) => { event.preventDefault(); close?.(); }}>
+    <h2 id="dialog-title">${title}</h2>${children}</dialog>`;
+}
+
+/** Asks before something that cannot be undone. */
+export function Confirm({ title, children, word, act, close, busy, error }) {
+  return html`<${Dialog} title=${title} close=${close}>${children}
+    <${Problem} error=${error} />
+    <div class="actions"><button type="button" class="danger" disabled=${busy} onClick=${act}>${word}</button>
+      <button type="button" onClick=${close}>Cancel</button></div><//>`;
+}
