@@ -35,11 +35,11 @@ class StallWatch {
 
  private:
   void run() {
-    using Clock = std::chrono::steady_clock;
+    const auto now = [] { return std::chrono::steady_clock::now(); };
     while (!stop_) {
-      const auto due = Clock::now() + std::chrono::milliseconds(5);
+      const auto due = now() + std::chrono::milliseconds(5);
       std::this_thread::sleep_until(due);
-      const auto late_ms = std::chrono::duration_cast<std::chrono::milliseconds>(Clock::now() - due).count();
+      const auto late_ms = std::chrono::duration_cast<std::chrono::milliseconds>(now() - due).count();
       if (late_ms > 15) stalled_ms_ += late_ms;
     }
   }

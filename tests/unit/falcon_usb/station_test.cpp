@@ -10,6 +10,7 @@
 #include "falcon/falcon_geometry.h"
 #include "falcon_on_usb.h"
 #include "process.h"
+#include "support/stall_watch.h"
 #include "support/temp_folder.h"
 
 namespace needlelab::test {
@@ -49,21 +50,45 @@ class StationWithFalcon : public FalconOnUsb {
             "--json",
             folder_.path() / "out.json"};
   }
-  /// A station whose trainee is in the tissue, and feels it; null when that could not be had. A machine that
-  /// stands still for 20 ms makes the watchdog bite: then it is tried again.
+  /// The watchdog bit since the last call of `begin`: says whether the machine is why. Not each stall can be
+  /// seen from outside, so one bite proves nothing; `giveUp` judges them all.
+  void begin() {
+    (void)watch_.take();
+    waited_ = waitedForCores();
+  }
+  void bitten() {
+    const auto late = watch_.take(), waited = waitedForCores() - waited_;
+    ++bites_;
+    if (late > 0ms || waited > 500ms) ++excused_;
+    std::cout << "no force: the machine was late by " << late.count()
+              << " ms, our threads waited for a core for " << waited.count() << " ms: again\n";
+  }
+  /// After many bites: the test is skipped when the machine stood still in most of them, and fails otherwise.
+  void giveUp() const {
+    if (2 * excused_ < bites_) FAIL() << "the watchdog bites, and the machine does not stand still";
+    GTEST_SKIP() << "the machine stood still again and again: the watchdog bites after 20 ms";
+  }
+  /// A station whose trainee is in the tissue, and feels it. A machine that stands still for 20 ms makes the
+  /// watchdog bite: then it is tried again. Null when that could not be had, which is judged.
   std::unique_ptr<Process> stationInMidStroke(const std::vector<std::string>& arguments,
                                               const HandPath& hand) {
-    for (int again = 0; again < 10; ++again) {
+    for (int again = 0; again < 8; ++again) {
+      begin();
       falcon_.powerCycle(true);
       falcon_.holdRigidly([path = homingPath(0.2)](double t) { return path(std::fmod(t, 0.2)); });
       auto child = station(arguments, "log-" + std::to_string(again));
-      if (!waitUntil([this] { return falcon_.homed() == 7; }, 20s)) return nullptr;
+      if (!waitUntil([this] { return falcon_.homed() == 7; }, 20s)) {
+        ADD_FAILURE() << "not homed in 20 s: " << child->said();
+        return nullptr;
+      }
       falcon_.holdAt({0, 0, falcon::kOrigin_F_m.z});
       waitUntil([] { return false; }, 400ms);
       falcon_.holdRigidly(hand);
       waitUntil([&] { return falcon_.force().norm() > 0.3 || child->wait(0ms); }, 3s);
       if (falcon_.force().norm() > 0.3) return child;
+      bitten();
     }
+    giveUp();
     return nullptr;
   }
   /// As who stands beside it: takes the needle out, and acknowledges each fault that is said, once, and once
@@ -104,6 +129,9 @@ class StationWithFalcon : public FalconOnUsb {
 
   const TempFolder folder_;
   std::size_t acknowledged_ = 0;
+  StallWatch watch_;
+  std::chrono::milliseconds waited_{};
+  int bites_ = 0, excused_ = 0;
 };
 
 TEST_F(StationWithFalcon, aWholeLessonInRealTime) {
@@ -112,7 +140,8 @@ TEST_F(StationWithFalcon, aWholeLessonInRealTime) {
   std::string said;
   double greatest_N = 0;
   // a machine that stands still for 20 ms makes the watchdog bite: then the lesson is had again
-  for (int again = 0; again < 10; ++again) {
+  for (int again = 0;; ++again) {
+    begin();
     greatest_N = 0;
     falcon_.powerCycle(true);
     falcon_.holdRigidly([path = homingPath(0.2)](double t) { return path(std::fmod(t, 0.2)); });
@@ -124,9 +153,9 @@ TEST_F(StationWithFalcon, aWholeLessonInRealTime) {
     while (!child->wait(5ms)) greatest_N = std::max(greatest_N, falcon_.force().norm());
     said = child->said();
     summary = row();
-    if (summary["fault"].is_string() &&
-        summary["fault"].get<std::string>().find(kSilent) != std::string::npos) {
-      std::cout << "the machine stood still, the watchdog bit: the lesson is had again\n";
+    if (summary["fault"].is_string() && summary["fault"].get<std::string>().find(kSilent) == 0) {
+      bitten();
+      if (again == 7) return giveUp();
       continue;
     }
     ASSERT_EQ(child->wait(60s), kExitDone) << said;
@@ -157,7 +186,7 @@ TEST_F(StationWithFalcon, unpluggedInMidStrokeItSaysSoAndGoesOnWhenItIsAcknowled
     return Vector3d(0, -(kSkin_m + kDeep_m) * std::min(1.0, t / 0.6), falcon::kOrigin_F_m.z);
   };
   const auto child = stationInMidStroke(arguments, sink);
-  ASSERT_TRUE(child);
+  if (!child) return;
 
   falcon_.unplug();
   ASSERT_TRUE(waitUntil([&] { return timesIn(child->said(), "FAULT: ") > 0; }, 20s)) << child->said();
@@ -167,7 +196,9 @@ TEST_F(StationWithFalcon, unpluggedInMidStrokeItSaysSoAndGoesOnWhenItIsAcknowled
       waitUntil([this, before = falcon_.commands()] { return falcon_.commands() > before + 50; }, 20s));
   EXPECT_EQ(falcon_.force().norm(), 0) << "no force before somebody has seen it";
   bool pushed = false;
-  for (int again = 0; again < 10 && !pushed; ++again) {
+  for (int again = 0; !pushed; ++again) {
+    if (again == 10) return giveUp();
+    begin();
     ASSERT_TRUE(overcomeFaults(*child)) << child->said();
     falcon_.holdRigidly(sink);
     // only a new fault, which is none of the device's, excuses that there is no force
@@ -182,7 +213,7 @@ TEST_F(StationWithFalcon, unpluggedInMidStrokeItSaysSoAndGoesOnWhenItIsAcknowled
     const std::string said = child->said();
     ASSERT_GT(timesIn(said, "FAULT: "), faults) << "no force, and no word of it: " << said;
     ASSERT_EQ(said.find(kSilent, said.rfind("FAULT: ")), said.rfind("FAULT: ") + 7) << said;
-    std::cout << "the machine stood still, the watchdog bit: acknowledged again\n";
+    bitten();
   }
   EXPECT_TRUE(pushed) << child->said();
 
@@ -213,7 +244,7 @@ TEST_F(StationWithFalcon, withoutAFalconItSaysWhatToDo) {
 TEST_F(StationWithFalcon, stoppedInMidStrokeItLeavesNoTorque) {
   falcon_.plug();
   const auto child = stationInMidStroke(lesson("20"), stroke());
-  ASSERT_TRUE(child);
+  if (!child) return;
   child->signal(SIGTERM);
   ASSERT_TRUE(child->wait(20s)) << child->said();
   EXPECT_EQ(falcon_.force().norm(), 0);
@@ -222,7 +253,7 @@ TEST_F(StationWithFalcon, stoppedInMidStrokeItLeavesNoTorque) {
 TEST_F(StationWithFalcon, crashedInMidStrokeItLeavesNoTorque) {
   falcon_.plug();
   const auto child = stationInMidStroke(lesson("20"), stroke());
-  ASSERT_TRUE(child);
+  if (!child) return;
   child->signal(SIGSEGV);
   const auto code = child->wait(20s);
   ASSERT_TRUE(code) << child->said();
