@@ -311,12 +311,12 @@ TEST_F(ViewersTest, aHundredSlowOrDeadViewersHoldNobodyUp) {
     Times acks, live;
     std::chrono::milliseconds waited{};  // for a core, by all threads
   };
-  constexpr auto kWindow = 1200ms;
+  constexpr auto kMeasuredFor = 1200ms;
   const auto measure = [&] {
     for (const auto& station : stations) station->take();
     for (const auto& each : good) each->take();
     const auto before = waitedForCores();
-    std::this_thread::sleep_for(kWindow);
+    std::this_thread::sleep_for(kMeasuredFor);
     Measured all;
     all.waited = std::max(waitedForCores() - before, 0ms);
     for (const auto& station : stations)
@@ -346,10 +346,10 @@ TEST_F(ViewersTest, aHundredSlowOrDeadViewersHoldNobodyUp) {
     const auto stands_for = crowd->standsFor();
     const bool fine = heldUp(alone.acks, beside.acks).empty() && heldUp(alone.live, beside.live).empty() &&
                       grown_KiB < kMostGrown_KiB;
-    judged = stands_for < kWriteTimeout && (fine || beside.waited < kWindow / 2);
+    judged = stands_for < kWriteTimeout && (fine || beside.waited < kMeasuredFor / 2);
     if (!judged)
       std::cout << "the threads waited for a core for " << beside.waited.count() << " ms in "
-                << kWindow.count() << " ms, the crowd stood for "
+                << kMeasuredFor.count() << " ms, the crowd stood for "
                 << std::chrono::duration_cast<milliseconds>(stands_for).count() << " ms: measured again\n";
   }
   if (!judged) std::cout << "the machine was too busy each time: the times are not judged\n";
