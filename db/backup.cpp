@@ -7,12 +7,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <ctime>
 #include <string>
 #include <string_view>
 
 #include "base/atomic_file.h"
+#include "base/disk_words.h"
 #include "db/cancel_scope.h"
 #include "db/check.h"
 #include "db/meta_store.h"
@@ -24,10 +24,6 @@ namespace needlelab {
 namespace {
 
 constexpr int kPagesPerStep = 4096;
-
-Error systemError(const std::filesystem::path& path, const std::string& what) {
-  return {ErrorCode::kFailed, path.string() + ": cannot " + what + ": " + std::strerror(errno)};
-}
 
 /// Removes the unfinished copy unless it was renamed into place.
 class Partial {

@@ -16,7 +16,7 @@ constexpr std::string_view kInsert =
     "end_y_m,"
     " end_z_m, end_layer, end_tissue, end_insertion_m, end_depth_m, end_target, end_target_distance_m,"
     " end_hazard, hazards) VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)";
-constexpr std::string_view kSelect =
+constexpr std::string_view kSelectEvents =
     "SELECT kind, begin_tick, end_tick, begin_s, end_s, plunger_from, plunger_to, in_tissue_share,"
     " in_target_share, begin_x_m, begin_y_m, begin_z_m, begin_layer, begin_tissue, begin_insertion_m,"
     " begin_depth_m, begin_target, begin_target_distance_m, begin_hazard, end_x_m, end_y_m, end_z_m, "
@@ -105,7 +105,7 @@ Result<std::optional<std::vector<pb::SyringeEvent>>> EventStore::list(const Uuid
   if (!*found) return unknownSession(session);
   if (known.isNull(1)) return std::optional<std::vector<pb::SyringeEvent>>();
   std::vector<pb::SyringeEvent> events;
-  auto rows = connection_.query(kSelect, known.integer(0));
+  auto rows = connection_.query(kSelectEvents, known.integer(0));
   for (;;) {
     const auto row = rows.step();
     if (!row) return row.error();

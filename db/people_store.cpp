@@ -5,7 +5,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::string_view kSelect =
+constexpr std::string_view kSelectPeople =
     "SELECT name, role, password_hash, disabled, created_unix_ns FROM people ";
 
 Person personOf(const Statement& row) {
@@ -64,7 +64,7 @@ Status PeopleStore::setDisabled(std::string_view name, bool disabled) {
 }
 
 Result<std::optional<Person>> PeopleStore::find(std::string_view name) {
-  auto row = connection_.query(std::string(kSelect) + "WHERE name = ?", name);
+  auto row = connection_.query(std::string(kSelectPeople) + "WHERE name = ?", name);
   const auto found = row.step();
   if (!found) return found.error();
   if (!*found) return std::optional<Person>();
@@ -73,7 +73,7 @@ Result<std::optional<Person>> PeopleStore::find(std::string_view name) {
 
 Result<std::vector<Person>> PeopleStore::list() {
   std::vector<Person> people;
-  auto rows = connection_.prepare(std::string(kSelect) + "ORDER BY name");
+  auto rows = connection_.prepare(std::string(kSelectPeople) + "ORDER BY name");
   for (;;) {
     const auto row = rows.step();
     if (!row) return row.error();

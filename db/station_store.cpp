@@ -7,7 +7,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::string_view kSelect = "SELECT name, key_hash, revoked, created_unix_ns FROM stations ";
+constexpr std::string_view kSelectStations = "SELECT name, key_hash, revoked, created_unix_ns FROM stations ";
 
 Station stationOf(const Statement& row) {
   Station station;
@@ -46,7 +46,7 @@ Status StationStore::revoke(std::string_view name) {
 }
 
 Result<std::optional<Station>> StationStore::find(std::string_view name) {
-  auto row = connection_.query(std::string(kSelect) + "WHERE name = ?", name);
+  auto row = connection_.query(std::string(kSelectStations) + "WHERE name = ?", name);
   const auto found = row.step();
   if (!found) return found.error();
   if (!*found) return std::optional<Station>();
@@ -67,7 +67,7 @@ Result<bool> StationStore::checkKey(std::string_view name, std::string_view key)
 
 Result<std::vector<Station>> StationStore::list() {
   std::vector<Station> stations;
-  auto rows = connection_.prepare(std::string(kSelect) + "ORDER BY name");
+  auto rows = connection_.prepare(std::string(kSelectStations) + "ORDER BY name");
   for (;;) {
     const auto row = rows.step();
     if (!row) return row.error();

@@ -3,14 +3,12 @@
 #include <cmath>
 #include <numbers>
 
+#include "device/encoder_step.h"
+
 namespace needlelab {
 namespace {
 
 constexpr double kTwoPi = 2 * std::numbers::pi;
-
-double toStep(double value, double step) {
-  return step > 0 ? std::floor(value / step + 0.5) * step : value;
-}
 
 }  // namespace
 

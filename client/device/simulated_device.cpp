@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/range.h"
+#include "device/encoder_step.h"
 #include "haptics/limits.h"
 
 namespace needlelab {
@@ -45,10 +46,6 @@ Status checked(const SimulatedDeviceOptions& o, double rate_hz) {
 }
 
 constexpr std::uint64_t kSlots = SimulatedDevice::kMaxDelayTicks + 1;
-
-double toStep(double value, double step) {
-  return step > 0 ? std::floor(value / step + 0.5) * step : value;
-}
 
 // an angle is twice a quaternion component near rest: half a step there is a step of angle
 Pose asEncoded(const Pose& X, double step_m, double step_rad) {

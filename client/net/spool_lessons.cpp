@@ -48,7 +48,7 @@ Json parsedLesson(const std::string& text) {
   return deep ? Json(nullptr) : json;
 }
 
-Error broken(const std::filesystem::path& path, const std::string& why) {
+Error brokenLesson(const std::filesystem::path& path, const std::string& why) {
   return Error{ErrorCode::kCorrupt, path.string() + ": " + why +
                                         "; delete it and connect to the server once, which gives it anew"};
 }
@@ -60,25 +60,26 @@ struct CacheFile {
 
 Result<CacheFile> readCacheFile(const std::filesystem::path& path, const std::string& exercise_id) {
   std::error_code ignored;
-  if (!std::filesystem::is_regular_file(path, ignored)) return broken(path, "is not a file");
+  if (!std::filesystem::is_regular_file(path, ignored)) return brokenLesson(path, "is not a file");
   auto text = readWholeFile(path, kMaxFileBytes);
-  if (!text.ok()) return broken(path, "cannot be read (" + text.error().message + ")");
+  if (!text.ok()) return brokenLesson(path, "cannot be read (" + text.error().message + ")");
   const Json json = parsedLesson(*text);
-  if (!json.is_object()) return broken(path, "is not a JSON object: it was damaged, or somebody else's");
+  if (!json.is_object())
+    return brokenLesson(path, "is not a JSON object: it was damaged, or somebody else's");
 
   CacheFile file;
   const bool wrapped = json.contains("lesson");
   const auto parsed =
       google::protobuf::util::JsonStringToMessage(wrapped ? json["lesson"].dump() : *text, &file.lesson);
-  if (!parsed.ok()) return broken(path, "holds no lesson");
+  if (!parsed.ok()) return brokenLesson(path, "holds no lesson");
   if (const auto at = json.find("fetched_unix_ns"); at != json.end() && at->is_number_integer())
     file.fetched_unix_ns = at->get<std::int64_t>();
   if (wrapped && textAt(json, "hash") != hashOf(exercise_id, file.lesson))
-    return broken(path,
-                  "was changed since it came from the server (its hash does not agree): it is not used");
+    return brokenLesson(
+        path, "was changed since it came from the server (its hash does not agree): it is not used");
   const Json exercise = Json::parse(file.lesson.exercise_json(), nullptr, false);
   if (const std::string id = textAt(exercise, "id"); !id.empty() && id != exercise_id)
-    return broken(path, "is the lesson of another exercise, '" + printable(id) + "'");
+    return brokenLesson(path, "is the lesson of another exercise, '" + printable(id) + "'");
   return file;
 }
 

@@ -31,11 +31,6 @@ struct AccuracyCommand {
   std::string data;
 };
 
-int fail(const Error& error) {
-  std::fprintf(stderr, "needlelab-sim accuracy: %s\n", error.message.c_str());
-  return exitCodeOf(error);
-}
-
 // where the recordings are: the option, the environment, or beside the project; empty when nowhere
 Result<std::filesystem::path> dataFolder(const AccuracyCommand& command) {
   if (!command.data.empty()) {
@@ -97,14 +92,15 @@ Status writePictures(const AccuracyCommand& command, const AccuracyOptions& opti
 
 int accuracy(const AccuracyCommand& command) {
   const auto data = dataFolder(command);
-  if (!data.ok()) return fail(data.error());
+  if (!data.ok()) return failed("accuracy", data.error());
   if (!command.out.empty())
-    if (const Status status = makeFolder(command.out); !status.ok()) return fail(status.error());
+    if (const Status status = makeFolder(command.out); !status.ok())
+      return failed("accuracy", status.error());
   if (const Status status =
           checkOutputs({}, {{"--out", command.out.empty() ? command.out : command.out / "accuracy.csv"},
                             {"--json", command.json.file}});
       !status.ok())
-    return fail(status.error());
+    return failed("accuracy", status.error());
   const AccuracyOptions options{command.long_form, *data};
   const AccuracyProgress progress = progressOnTerminal();
   AccuracyRows rows;
@@ -114,8 +110,9 @@ int accuracy(const AccuracyCommand& command) {
     auto more = part.run(options, progress, notes);
     if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "\r\033[K");
     if (!more.ok())
-      return fail({more.error().code, "study " + std::string(nameOf(part.study)) + ", " +
-                                          std::string(part.name) + ": " + more.error().message});
+      return failed("accuracy",
+                    {more.error().code, "study " + std::string(nameOf(part.study)) + ", " +
+                                            std::string(part.name) + ": " + more.error().message});
     rows.insert(rows.end(), more->begin(), more->end());
   }
   for (const std::string& note : notes) std::fprintf(stderr, "needlelab-sim accuracy: %s\n", note.c_str());
@@ -131,11 +128,12 @@ int accuracy(const AccuracyCommand& command) {
   if (command.json.wanted) {
     auto array = nlohmann::ordered_json::array();
     for (const AccuracyRow& row : rows) array.push_back(jsonOf(row));
-    if (const Status status = writeJson(command.json, array); !status.ok()) return fail(status.error());
+    if (const Status status = writeJson(command.json, array); !status.ok())
+      return failed("accuracy", status.error());
   }
   if (!command.out.empty())
     if (const Status status = writePictures(command, options, rows); !status.ok())
-      return fail(status.error());
+      return failed("accuracy", status.error());
   return kExitDone;
 }
 

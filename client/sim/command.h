@@ -4,6 +4,8 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 
+#include "base/result.h"
+
 namespace needlelab {
 
 /// What the parsed command line asks for; gives the exit code. Messages go to stderr.
@@ -18,6 +20,9 @@ void addPrecomputeCommand(CLI::App& app, SimCommand& chosen);
 void addScoreCommand(CLI::App& app, SimCommand& chosen);
 void addStabilityCommand(CLI::App& app, SimCommand& chosen);
 void addEffectsCommand(CLI::App& app, SimCommand& chosen);
+
+/// Says on stderr what went wrong, `needlelab-sim COMMAND: words`, and gives the exit code.
+int failed(const char* command, const Error& error);
 
 /// Parses and runs a whole command line, as `main` does. Never throws; exit codes of base/exit_code.h.
 int runSim(int argc, const char* const* argv);

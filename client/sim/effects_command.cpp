@@ -25,11 +25,6 @@ struct EffectsOptions {
   JsonOption json;
 };
 
-int fail(const Error& error) {
-  std::fprintf(stderr, "needlelab-sim effects: %s\n", error.message.c_str());
-  return exitCodeOf(error);
-}
-
 // this program again, on the same scene, for callgrind
 std::vector<std::string> countingCommand(const EffectsOptions& options) {
   std::vector<std::string> command = {ownProgram(), "effects", "--count-only", "--rate",
@@ -63,31 +58,33 @@ nlohmann::ordered_json rowsOf(const std::vector<EffectSetCost>& sets) {
 
 int effects(const EffectsOptions& options) {
   const auto scene = effectsScene(options.profile);
-  if (!scene.ok()) return fail(scene.error());
+  if (!scene.ok()) return failed("effects", scene.error());
   if (options.count_only) {
     const Status status = runSetsForCounting(*scene, options.rate_hz);
-    return status.ok() ? kExitDone : fail(status.error());
+    return status.ok() ? kExitDone : failed("effects", status.error());
   }
   if (!options.out.empty()) {
     std::error_code made;
     std::filesystem::create_directories(options.out, made);
     if (made)
-      return fail({ErrorCode::kInvalidInput,
-                   "--out " + options.out.string() + ": cannot make the folder: " + made.message()});
+      return failed("effects", {ErrorCode::kInvalidInput, "--out " + options.out.string() +
+                                                              ": cannot make the folder: " + made.message()});
   }
   if (const Status status = checkOutputs({{"--profile", options.profile}}, {{"--json", options.json.file}});
       !status.ok())
-    return fail(status.error());
+    return failed("effects", status.error());
 
   const bool terminal = ::isatty(STDERR_FILENO) != 0;
   auto sets = timeEffectSets(*scene, options.rate_hz, [&](double share) {
     if (terminal) std::fprintf(stderr, "\rtiming %3.0f %%%s", share * 100, share >= 1 ? "\n" : "");
   });
-  if (!sets.ok()) return fail(sets.error());
-  if (const Status status = count(options, *scene, *sets); !status.ok()) return fail(status.error());
+  if (!sets.ok()) return failed("effects", sets.error());
+  if (const Status status = count(options, *scene, *sets); !status.ok())
+    return failed("effects", status.error());
 
   if (!options.out.empty()) {
-    if (const Status status = drawEffects(*sets, options.out); !status.ok()) return fail(status.error());
+    if (const Status status = drawEffects(*sets, options.out); !status.ok())
+      return failed("effects", status.error());
     if (!hasGnuplot())
       std::fprintf(stderr,
                    "needlelab-sim effects: gnuplot is not on the PATH: table only (Debian: gnuplot-nox)\n");
@@ -95,7 +92,7 @@ int effects(const EffectsOptions& options) {
   if (!options.json.wanted || !options.json.file.empty()) std::printf("%s", effectsTable(*sets).c_str());
   if (options.json.wanted)
     if (const Status status = writeJson(options.json, rowsOf(*sets)); !status.ok())
-      return fail(status.error());
+      return failed("effects", status.error());
   return kExitDone;
 }
 

@@ -7,7 +7,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kRate = 1000;
+constexpr double kFilmRate_hz = 1000;
 constexpr double kFrom_s = -0.25, kTo_s = 1.75;  // the time axis
 constexpr double kLeadIn_s = 0.8;  // rest before the figure's time 0; the gate's fade-in is over by then
 
@@ -42,7 +42,7 @@ HandPlan sixLayerPlan() {
 }  // namespace
 
 Result<FigureRun> runSixLayers() {
-  const auto model = paperScene("paper-six-layers", obliqueSkin(), kRate);
+  const auto model = paperScene("paper-six-layers", obliqueSkin(), kFilmRate_hz);
   if (!model.ok()) return model.error();
   return runPlan(*model, firmGrip(), sixLayerPlan(), -kLeadIn_s);
 }

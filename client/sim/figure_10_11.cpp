@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kRate = 1000;
+constexpr double kClampingRate_hz = 1000;
 constexpr Vec3 kTarget_W_m{0.008, 0, -0.036};  // the profile's target
 constexpr Vec3 kBeyond{0.005, 0, 0};           // the hand aims beyond the target: its spring gives way
 constexpr double kArrow_mm_per_N = 6;
@@ -72,7 +72,7 @@ std::string line3(Vec3 from_m, Vec3 to_m, const std::string& style) {
 }  // namespace
 
 Result<FigureRun> runClamping() {
-  const auto model = paperScene("paper-clamping", {}, kRate);
+  const auto model = paperScene("paper-clamping", {}, kClampingRate_hz);
   if (!model.ok()) return model.error();
   return runPlan(*model, {}, clampingPlan(), 0);
 }

@@ -14,11 +14,6 @@
 namespace needlelab {
 namespace {
 
-int fail(const Error& error) {
-  std::fprintf(stderr, "needlelab-sim figures: %s\n", error.message.c_str());
-  return exitCodeOf(error);
-}
-
 // which run each figure shows, and how it is drawn
 struct Experiment {
   Result<FigureRun> (*run)();
@@ -44,23 +39,23 @@ int figures(const FiguresOptions& options) {
   std::error_code made;
   std::filesystem::create_directories(out, made);
   if (made)
-    return fail(
-        {ErrorCode::kInvalidInput, "--out " + out.string() + ": cannot make the folder: " + made.message()});
+    return failed("figures", {ErrorCode::kInvalidInput,
+                              "--out " + out.string() + ": cannot make the folder: " + made.message()});
 
   const bool pictures = hasGnuplot();
   auto rows = nlohmann::ordered_json::array();
   for (const Experiment& experiment : experiments()) {
     const auto run = experiment.run();
-    if (!run.ok()) return fail(run.error());
+    if (!run.ok()) return failed("figures", run.error());
     for (const auto& [name, make] : experiment.figures) {
       const auto csv = out / (std::string(name) + ".csv"), png = out / (std::string(name) + ".png");
       const Figure figure = make(*run, csv);
       if (const Status status = writeFileAtomically(csv, viewOf(figure.csv)); !status.ok())
-        return fail(status.error());
+        return failed("figures", status.error());
       if (pictures)
         if (const Status status = plotPng(figure.script, png, figure.width_px, figure.height_px);
             !status.ok())
-          return fail(status.error());
+          return failed("figures", status.error());
       rows.push_back(
           {{"figure", name},
            {"title", figure.title},
@@ -76,7 +71,8 @@ int figures(const FiguresOptions& options) {
                  "needlelab-sim figures: gnuplot is not on the PATH: tables only, no pictures (Debian: "
                  "gnuplot-nox)\n");
   if (options.json.wanted)
-    if (const Status status = writeJson(options.json, rows); !status.ok()) return fail(status.error());
+    if (const Status status = writeJson(options.json, rows); !status.ok())
+      return failed("figures", status.error());
   return kExitDone;
 }
 

@@ -30,11 +30,6 @@ struct PrecomputeOptions {
   JsonOption json;
 };
 
-int fail(const Error& error) {
-  std::fprintf(stderr, "needlelab-sim precompute: %s\n", error.message.c_str());
-  return exitCodeOf(error);
-}
-
 Status checkOptions(const PrecomputeOptions& options) {
   const auto check = [](const char* option, double value, const NumberRange& range) -> Status {
     if (range.contains(value)) return {};
@@ -72,11 +67,13 @@ Result<pb::Profile> profileWithTable(const pb::Profile& from, SceneSpec table, c
 }
 
 int precompute(const PrecomputeOptions& options) {
-  if (const Status status = checkOptions(options); !status.ok()) return fail(status.error());
+  if (const Status status = checkOptions(options); !status.ok()) return failed("precompute", status.error());
   const auto profile = loadProfile(options.profile);
-  if (!profile.ok()) return fail(profile.error());
+  if (!profile.ok()) return failed("precompute", profile.error());
   const auto scene = sceneSpecOf(*profile);
-  if (!scene.ok()) return fail({scene.error().code, options.profile.string() + ": " + scene.error().message});
+  if (!scene.ok())
+    return failed("precompute",
+                  {scene.error().code, options.profile.string() + ": " + scene.error().message});
   if (scene->fem.layers.empty())
     std::fprintf(
         stderr,
@@ -95,7 +92,8 @@ int precompute(const PrecomputeOptions& options) {
   mesh_options.stations = options.stations;
   const auto compliance = precomputeCompliance(fem, mesh_options);
   if (!compliance.ok())
-    return fail({compliance.error().code, options.profile.string() + ": " + compliance.error().message});
+    return failed("precompute",
+                  {compliance.error().code, options.profile.string() + ": " + compliance.error().message});
   fem.fem.compliance = *compliance;
   const double mesh_s = watch.lap();
 
@@ -103,13 +101,15 @@ int precompute(const PrecomputeOptions& options) {
   const double depth_m = options.depth_m > 0 ? options.depth_m : studyDepth(fem);
   if (progress) std::fprintf(stderr, "insertion to %.1f mm and out …\n", 1e3 * depth_m);
   const auto rows = forceTable(fem, depth_m, options.rows);
-  if (!rows.ok()) return fail(rows.error());
+  if (!rows.ok()) return failed("precompute", rows.error());
   if (std::none_of(rows->begin(), rows->end(),
                    [](const PrecomputedSpec::Row& row) { return row.cutting_N > 0 || row.attracted_N > 0; }))
-    return fail({ErrorCode::kInvalidInput,
-                 options.profile.string() +
-                     ": nothing in it cuts or rubs, so every force of the table would be 0; give cutting_n and "
-                     "friction_n_per_m in fem.layers, or cutting_force_n and friction_n_per_m in layers"});
+    return failed(
+        "precompute",
+        {ErrorCode::kInvalidInput,
+         options.profile.string() +
+             ": nothing in it cuts or rubs, so every force of the table would be 0; give cutting_n and "
+             "friction_n_per_m in fem.layers, or cutting_force_n and friction_n_per_m in layers"});
   SceneSpec table = *scene;
   table.precomputed.table.clear();
   for (const PrecomputedSpec::Row& row : *rows)
@@ -125,15 +125,15 @@ int precompute(const PrecomputeOptions& options) {
       "where linear elasticity does not hold",
       profile->id().c_str(), (*compliance)->source.c_str(), depth_m, 100 * (*compliance)->strained_share);
   const auto made = profileWithTable(*profile, table, source);
-  if (!made.ok()) return fail(made.error());
+  if (!made.ok()) return failed("precompute", made.error());
   if (const Status status = writeFileAtomically(options.out, viewOf(profileJson(*made))); !status.ok())
-    return fail(status.error());
+    return failed("precompute", status.error());
 
   // what the table costs in accuracy, said at once
   const auto written = sceneSpecOf(*made);
-  if (!written.ok()) return fail(written.error());
+  if (!written.ok()) return failed("precompute", written.error());
   const auto error = tableError(fem, *written);
-  if (!error.ok()) return fail(error.error());
+  if (!error.ok()) return failed("precompute", error.error());
   if (!options.json.wanted) {
     std::printf(
         "%s: %zu rows to %.1f mm from %d nodes in %.1f s; against FEM live over the same stroke: %.3f N "
@@ -158,7 +158,7 @@ int precompute(const PrecomputeOptions& options) {
                                       {"error_max_n", error->max_N},
                                       {"fem_peak_n", error->fem_peak_N}};
   if (const Status status = writeJson(options.json, nlohmann::ordered_json::array({row})); !status.ok())
-    return fail(status.error());
+    return failed("precompute", status.error());
   return kExitDone;
 }
 

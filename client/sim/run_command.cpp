@@ -37,21 +37,16 @@ struct RunTotals {
   }
 };
 
-int fail(const Error& error) {
-  std::fprintf(stderr, "needlelab-sim run: %s\n", error.message.c_str());
-  return exitCodeOf(error);
-}
-
 int run(const RunOptions& options) {
   if (options.out.empty())
-    return fail({ErrorCode::kInvalidInput, "--out: is empty; give the name of a file"});
+    return failed("run", {ErrorCode::kInvalidInput, "--out: is empty; give the name of a file"});
   if (const Status status =
           checkOutputs({{"--profile", options.input.profile}, {"--trajectory", options.input.trajectory}},
                        {{"--out", options.out}, {"--json", options.json.file}});
       !status.ok())
-    return fail(status.error());
+    return failed("run", status.error());
   const auto scene = loadOffline(options.input);
-  if (!scene.ok()) return fail(scene.error());
+  if (!scene.ok()) return failed("run", scene.error());
   sayWarnings(*scene);
 
   constexpr std::size_t kTypicalRow = 400;
@@ -66,7 +61,7 @@ int run(const RunOptions& options) {
     appendRunRow(table, scene->track.t_s[i], report, scene->model.needle_length_m);
   }
   if (const Status status = writeFileAtomically(options.out, viewOf(table)); !status.ok())
-    return fail(status.error());
+    return failed("run", status.error());
   char hash[17];
   std::snprintf(hash, sizeof hash, "%016" PRIx64, fnv1a(table));
   if (options.hash && !options.json.wanted) std::printf("%s\n", hash);
@@ -81,7 +76,7 @@ int run(const RunOptions& options) {
                                       {"max_depth_m", totals.max_depth_m},
                                       {"hash", hash}};
   if (const Status status = writeJson(options.json, nlohmann::ordered_json::array({row})); !status.ok())
-    return fail(status.error());
+    return failed("run", status.error());
   return kExitDone;
 }
 

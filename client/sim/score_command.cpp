@@ -27,11 +27,6 @@ struct ScoreOptions {
   JsonOption json;
 };
 
-int fail(const Error& error) {
-  std::fprintf(stderr, "needlelab-sim score: %s\n", error.message.c_str());
-  return exitCodeOf(error);
-}
-
 // the trajectory through gate and engine, as a station would have recorded it
 Result<std::vector<GestureSample>> gestureOf(const OfflineScene& scene) {
   HapticChain chain(scene.model, DeviceLimits{}, scene.X_HT);
@@ -70,14 +65,14 @@ int score(const ScoreOptions& options) {
                                           {"--exercise", options.exercise}},
                                          {{"--json", options.json.file}});
       !status.ok())
-    return fail(status.error());
+    return failed("score", status.error());
   const auto scene = loadOffline(options.input);
-  if (!scene.ok()) return fail(scene.error());
+  if (!scene.ok()) return failed("score", scene.error());
   sayWarnings(*scene);
   const auto samples = gestureOf(*scene);
-  if (!samples.ok()) return fail(samples.error());
+  if (!samples.ok()) return failed("score", samples.error());
   const auto exercise = exerciseOf(options.exercise);
-  if (!exercise.ok()) return fail(exercise.error());
+  if (!exercise.ok()) return failed("score", exercise.error());
   const pb::Exercise* required = exercise->has_value() ? &**exercise : nullptr;
   const auto measures = scoreGesture(*samples, scene->rate_hz, scene->profile, scene->X_WL, required);
   const auto events = syringeEvents(*samples, scene->rate_hz, scene->profile, scene->X_WL);
@@ -89,7 +84,8 @@ int score(const ScoreOptions& options) {
   }
   const auto rows = nlohmann::ordered_json::parse(scoreJson(measures));
   const nlohmann::ordered_json more = {{"events", nlohmann::ordered_json::parse(eventsJson(events))}};
-  if (const Status status = writeJson(options.json, rows, more); !status.ok()) return fail(status.error());
+  if (const Status status = writeJson(options.json, rows, more); !status.ok())
+    return failed("score", status.error());
   return kExitDone;
 }
 

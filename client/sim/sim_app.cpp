@@ -7,6 +7,11 @@
 
 namespace needlelab {
 
+int failed(const char* command, const Error& error) {
+  std::fprintf(stderr, "needlelab-sim %s: %s\n", command, error.message.c_str());
+  return exitCodeOf(error);
+}
+
 int runSim(int argc, const char* const* argv) {
   try {
     CLI::App app{"needlelab-sim: the haptic engine without a device"};

@@ -29,11 +29,6 @@ struct StabilityOptions {
   bool long_form = false;
 };
 
-int fail(const Error& error) {
-  std::fprintf(stderr, "needlelab-sim stability: %s\n", error.message.c_str());
-  return exitCodeOf(error);
-}
-
 // the asked-for of all there is, in their order; all when nothing was asked for
 template <typename T, typename NameOf>
 Result<std::vector<T>> chosenOf(const std::vector<T>& all, const std::vector<std::string>& wanted,
@@ -103,22 +98,22 @@ Status writeAttachments(const std::vector<CaseOutcome>& outcomes, const std::fil
 
 int stability(const StabilityOptions& options) {
   const auto file = options.cases.empty() ? CaseFile::embedded() : CaseFile::load(options.cases);
-  if (!file.ok()) return fail(file.error());
+  if (!file.ok()) return failed("stability", file.error());
   const auto cases = chosenOf(allCases(), options.only_cases, "--case",
                               [](const StabilityCase& one) { return std::string_view(one.name); });
-  if (!cases.ok()) return fail(cases.error());
+  if (!cases.ok()) return failed("stability", cases.error());
   std::vector<AxialModel> all_models;
   for (std::size_t i = 0; i < kAxialModelCount; ++i) all_models.push_back(static_cast<AxialModel>(i));
   const auto models = chosenOf(all_models, options.only_models, "--model", axialModelName);
-  if (!models.ok()) return fail(models.error());
+  if (!models.ok()) return failed("stability", models.error());
   std::error_code made;
   if (!options.out.empty()) std::filesystem::create_directories(options.out, made);
   if (made)
-    return fail({ErrorCode::kInvalidInput,
-                 "--out " + options.out.string() + ": cannot make the folder: " + made.message()});
+    return failed("stability", {ErrorCode::kInvalidInput, "--out " + options.out.string() +
+                                                              ": cannot make the folder: " + made.message()});
   if (const Status status = checkOutputs({{"--cases", options.cases}}, {{"--json", options.json.file}});
       !status.ok())
-    return fail(status.error());
+    return failed("stability", status.error());
 
   const ForceSourceFactory engine = engineSource();
   const CaseSettings settings{*file, options.long_form};
@@ -131,7 +126,7 @@ int stability(const StabilityOptions& options) {
       auto outcome = runCase(one, settings, model, engine);
       if (!outcome.ok()) {
         progress.clear();
-        return fail(outcome.error());
+        return failed("stability", outcome.error());
       }
       rows.push_back(outcome->row);
       outcomes.push_back(*std::move(outcome));
@@ -141,16 +136,16 @@ int stability(const StabilityOptions& options) {
   if (!options.json.wanted || !options.json.file.empty()) std::fputs(rowsText(rows).c_str(), stdout);
   if (options.json.wanted)
     if (const Status status = writeJson(options.json, rowsJson(rows)); !status.ok())
-      return fail(status.error());
+      return failed("stability", status.error());
   if (!options.out.empty())
     if (const Status status = draw(outcomes, settings, options, progress); !status.ok()) {
       progress.clear();
-      return fail(status.error());
+      return failed("stability", status.error());
     }
 
   if (!options.out.empty())
     if (const Status status = writeAttachments(outcomes, options.out); !status.ok())
-      return fail(status.error());
+      return failed("stability", status.error());
 
   // what ships must be stable; the others may be what they are
   const auto unstable = std::find_if(rows.begin(), rows.end(), [](const CaseRow& row) {
@@ -158,7 +153,8 @@ int stability(const StabilityOptions& options) {
            row.verdict != Verdict::kStable;
   });
   if (unstable == rows.end()) return kExitDone;
-  return fail({ErrorCode::kFailed, "the enhanced tracking wall is not stable in " + unstable->case_name});
+  return failed("stability",
+                {ErrorCode::kFailed, "the enhanced tracking wall is not stable in " + unstable->case_name});
 }
 
 }  // namespace

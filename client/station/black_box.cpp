@@ -1,5 +1,7 @@
 #include "station/black_box.h"
 
+#include "station/ticks_in.h"
+
 #include <algorithm>
 #include <cmath>
 
@@ -8,10 +10,6 @@ namespace {
 
 constexpr double kBefore_s = 2, kAfter_s = 0.05, kLongestAfter_s = 0.5;
 constexpr double kSpare_s = 1;  // what the ring holds beyond a stretch while the reader copies it
-
-std::uint64_t ticksIn(double seconds, double rate_hz) {
-  return static_cast<std::uint64_t>(std::ceil(seconds * rate_hz));
-}
 
 // one thread writes it: no atomic increment is needed
 void countUp(std::atomic<std::uint64_t>& counter) noexcept {

@@ -6,6 +6,7 @@
 
 #include "haptics/device_condition.h"
 #include "station/self_test.h"
+#include "station/ticks_in.h"
 
 namespace needlelab {
 namespace {
@@ -34,10 +35,6 @@ double aboutLine(std::span<const QuietSample> w) {
   }
   // two of the n numbers of each coordinate went into the line
   return tt > 0 ? std::max(0.0, pp - normSquared(tp) / tt) / (n - 2) : 0;
-}
-
-std::uint64_t ticksIn(double seconds, double rate_hz) {
-  return static_cast<std::uint64_t>(std::max(1.0, std::ceil(seconds * rate_hz)));
 }
 
 }  // namespace

@@ -3,16 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "station/ticks_in.h"
+
 namespace needlelab {
 namespace {
 
 constexpr double kClosing_s = 0.02;     // the force fades out within this time before an end
 constexpr double kAfterFault_s = 0.05;  // long enough for the gate's ramp to zero to be rendered and recorded
 constexpr std::int64_t kLead_ns = 2'000'000;  // between the call of run and the first tick
-
-std::uint64_t ticksIn(double seconds, double rate_hz) {
-  return static_cast<std::uint64_t>(std::max(1.0, std::ceil(seconds * rate_hz)));
-}
 
 }  // namespace
 

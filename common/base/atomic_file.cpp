@@ -12,12 +12,6 @@
 namespace needlelab {
 namespace {
 
-Error systemError(const std::string& what, const std::filesystem::path& path) {
-  const int number = errno;
-  return {ErrorCode::kFailed,
-          path.string() + ": cannot " + what + ": " + std::strerror(number) + diskAdvice(number, path)};
-}
-
 // false: see errno
 bool writeAll(int fd, ByteView bytes) {
   std::size_t done = 0;
@@ -38,9 +32,9 @@ bool isStream(const std::filesystem::path& path) {
 
 Status writeToStream(const std::filesystem::path& path, ByteView bytes) {
   const int fd = ::open(path.c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC);
-  if (fd < 0) return systemError("open", path);
+  if (fd < 0) return systemError(path, "open");
   const bool written = writeAll(fd, bytes);
-  const Error error = systemError("write", path);
+  const Error error = systemError(path, "write");
   ::close(fd);
   if (!written) return error;
   return {};
@@ -87,12 +81,12 @@ Result<std::string> readWholeFile(const std::filesystem::path& path, std::size_t
 Status syncFolder(const std::filesystem::path& folder) {
   const std::filesystem::path name = folder.empty() ? std::filesystem::path(".") : folder;
   const int fd = ::open(name.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (fd < 0) return systemError("open folder", name);
+  if (fd < 0) return systemError(name, "open folder");
   const int rc = ::fsync(fd);
   const int saved = errno;
   ::close(fd);
   errno = saved;
-  if (rc != 0) return systemError("fsync folder", name);
+  if (rc != 0) return systemError(name, "fsync folder");
   return {};
 }
 
@@ -120,9 +114,9 @@ Status writeFileAtomically(const std::filesystem::path& name, ByteView bytes, un
   const std::filesystem::path& path = *replaced;
   std::string temporary = path.string() + ".XXXXXX";
   const int fd = ::mkostemp(temporary.data(), O_CLOEXEC);
-  if (fd < 0) return systemError("create a file beside it", path);
+  if (fd < 0) return systemError(path, "create a file beside it");
   const auto fail = [&](const std::string& what) -> Status {
-    const Error error = systemError(what, path);
+    const Error error = systemError(path, what);
     ::close(fd);
     ::unlink(temporary.c_str());
     return error;

@@ -1,13 +1,14 @@
 #include "base/disk_words.h"
 
 #include <cerrno>
+#include <cstring>
 #include <system_error>
 
 namespace needlelab {
 namespace {
 
 /// The nearest folder that is there.
-std::filesystem::path folderOf(const std::filesystem::path& path) {
+std::filesystem::path nearestFolder(const std::filesystem::path& path) {
   std::error_code error;
   auto folder = std::filesystem::absolute(path, error).parent_path();
   while (!std::filesystem::is_directory(folder, error) && folder.has_relative_path())
@@ -26,7 +27,7 @@ std::string roomOn(const std::filesystem::path& folder) {
 }  // namespace
 
 std::string diskAdvice(int error_number, const std::filesystem::path& path) {
-  const auto folder = folderOf(path);
+  const auto folder = nearestFolder(path);
   switch (error_number) {
     case ENOSPC:
     case EDQUOT:
@@ -44,6 +45,12 @@ std::string diskAdvice(int error_number, const std::filesystem::path& path) {
     default:
       return {};
   }
+}
+
+Error systemError(const std::filesystem::path& path, const std::string& what) {
+  const int number = errno;
+  return {ErrorCode::kFailed,
+          path.string() + ": cannot " + what + ": " + std::strerror(number) + diskAdvice(number, path)};
 }
 
 }  // namespace needlelab

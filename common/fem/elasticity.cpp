@@ -8,8 +8,6 @@ namespace {
 
 using Gradients = Eigen::Matrix<double, 3, 10>;  // ∂N/∂x of each node
 
-constexpr std::array<std::array<int, 2>, 6> kEdges = {{{0, 1}, {1, 2}, {0, 2}, {0, 3}, {1, 3}, {2, 3}}};
-
 // gradients of the four barycentric coordinates, constant in a straight-sided element
 Eigen::Matrix<double, 3, 4> barycentricGradients(const TetMesh& mesh, const TetNodes& e) {
   Eigen::Matrix3d edges;
@@ -27,7 +25,7 @@ Gradients shapeGradients(const Eigen::Matrix<double, 3, 4>& g, const Eigen::Vect
   Gradients d;
   for (int a = 0; a < 4; ++a) d.col(a) = (4.0 * at[a] - 1.0) * g.col(a);
   for (int n = 0; n < 6; ++n) {
-    const auto [a, b] = kEdges[static_cast<std::size_t>(n)];
+    const auto [a, b] = kTetEdges[static_cast<std::size_t>(n)];
     d.col(4 + n) = 4.0 * (at[a] * g.col(b) + at[b] * g.col(a));
   }
   return d;

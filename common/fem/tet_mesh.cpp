@@ -6,7 +6,6 @@
 namespace needlelab {
 namespace {
 
-constexpr std::array<std::array<int, 2>, 6> kEdges = {{{0, 1}, {1, 2}, {0, 2}, {0, 3}, {1, 3}, {2, 3}}};
 /// The orders in which a path goes along i, j, k from the least corner of a cell to the greatest.
 constexpr std::array<std::array<int, 3>, 6> kPaths = {
     {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {1, 0, 2}, {2, 1, 0}}};
@@ -72,9 +71,9 @@ void GridMesh::addCell(int i, int j, int k, int material) {
     // a path along j on the axis stays where it is
     if (e[0] == e[1] || e[1] == e[2] || e[2] == e[3]) continue;
     if (volumeOf(mesh_, e) < 0) std::swap(e[1], e[2]);
-    for (std::size_t n = 0; n < kEdges.size(); ++n)
-      e[4 + n] =
-          middleOrNew(e[static_cast<std::size_t>(kEdges[n][0])], e[static_cast<std::size_t>(kEdges[n][1])]);
+    for (std::size_t n = 0; n < kTetEdges.size(); ++n)
+      e[4 + n] = middleOrNew(e[static_cast<std::size_t>(kTetEdges[n][0])],
+                             e[static_cast<std::size_t>(kTetEdges[n][1])]);
     mesh_.element.push_back(e);
     mesh_.material.push_back(material);
   }

@@ -14,6 +14,10 @@ namespace needlelab {
 /// Corners 0-3 with positive volume, then the middles of the edges 01 12 02 03 13 23.
 using TetNodes = std::array<std::int32_t, 10>;
 
+/// The corners at the ends of each edge, in the order of the middle nodes.
+inline constexpr std::array<std::array<int, 2>, 6> kTetEdges = {
+    {{0, 1}, {1, 2}, {0, 2}, {0, 3}, {1, 3}, {2, 3}}};
+
 struct TetMesh {
   std::vector<Eigen::Vector3d> node_m;
   std::vector<TetNodes> element;

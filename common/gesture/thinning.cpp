@@ -110,9 +110,10 @@ void Thinner::settle(std::vector<GestureSample>& out, bool all) {
   // nothing that is still to be decided looks further back than this
   const double needed =
       (centers_.empty() ? due_ : ticksBetween(centers_.front().sample.tick, first_tick_)) - step_ticks_;
-  const auto keep_from = std::find_if(window_.begin(), window_.end() - 1, [&](const GestureSample& s) {
-    return ticksBetween(s.tick, first_tick_) > needed;
-  });
+  // by halves: at a low rate the window holds thousands, and this is asked for every sample
+  const auto keep_from = std::partition_point(
+      window_.begin(), window_.end() - 1,
+      [&](const GestureSample& s) { return ticksBetween(s.tick, first_tick_) <= needed; });
   // moved in larger lots, so that it costs nothing for each sample
   if (static_cast<double>(keep_from - window_.begin()) >= step_ticks_)
     window_.erase(window_.begin(), keep_from);

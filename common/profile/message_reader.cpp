@@ -19,10 +19,6 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using nlohmann::json;
 
-Error fault(const std::string& path, const std::string& words) {
-  return {ErrorCode::kInvalidInput, path.empty() ? words : path + ": " + words};
-}
-
 std::string join(const std::vector<std::string>& words) {
   std::string all;
   for (const std::string& word : words) all += (all.empty() ? "" : ", ") + word;
@@ -79,7 +75,7 @@ std::vector<std::string> enumNames(const EnumDescriptor& type) {
 }
 
 Result<double> readNumber(const FieldDescriptor& field, const std::string& path, const json& value) {
-  if (!value.is_number()) return fault(path, "must be a number, " + found(value));
+  if (!value.is_number()) return fieldError(path, "must be a number, " + found(value));
   const double number = value.get<double>() + 0.0;  // −0 becomes 0: one text for one value
   if (field.options().HasExtension(pb::range)) {
     const pb::Range& range = field.options().GetExtension(pb::range);
@@ -99,18 +95,18 @@ Result<std::int64_t> readWhole(const FieldDescriptor& field, const std::string& 
                                       : static_cast<double>(std::numeric_limits<std::uint32_t>::max())};
   if (!of_type.contains(*number)) return outOfRange(path, *number, of_type);
   if (*number != std::floor(*number))
-    return fault(path, "must be a whole number, found " + numberText(*number));
+    return fieldError(path, "must be a whole number, found " + numberText(*number));
   return static_cast<std::int64_t>(*number);
 }
 
 Result<std::string> readText(const FieldDescriptor& field, const std::string& path, const json& value) {
-  if (!value.is_string()) return fault(path, "must be a text, " + found(value));
+  if (!value.is_string()) return fieldError(path, "must be a text, " + found(value));
   const auto& text = value.get_ref<const std::string&>();
   const bool is_name = field.options().HasExtension(pb::max_length);
   if (is_name) {
     const std::size_t longest = field.options().GetExtension(pb::max_length);
     if (text.empty() || text.size() > longest) {
-      return fault(
+      return fieldError(
           path, "has " + std::to_string(text.size()) + " bytes, allowed are 1 to " + std::to_string(longest));
     }
   }
@@ -118,7 +114,8 @@ Result<std::string> readText(const FieldDescriptor& field, const std::string& pa
   for (const char c : text) {
     const auto byte = static_cast<unsigned char>(c);
     const bool is_break = c == '\n' || c == '\t';
-    if (byte == 0x7f || (byte < 0x20 && (is_name || !is_break))) return fault(path, "has control characters");
+    if (byte == 0x7f || (byte < 0x20 && (is_name || !is_break)))
+      return fieldError(path, "has control characters");
   }
   return text;
 }
@@ -126,10 +123,10 @@ Result<std::string> readText(const FieldDescriptor& field, const std::string& pa
 Result<int> readEnum(const FieldDescriptor& field, const std::string& path, const json& value) {
   const EnumDescriptor& type = *field.enum_type();
   const std::string allowed = "one of " + join(enumNames(type));
-  if (!value.is_string()) return fault(path, "must be " + allowed + "; " + found(value));
+  if (!value.is_string()) return fieldError(path, "must be " + allowed + "; " + found(value));
   const auto& name = value.get_ref<const std::string&>();
   const auto* known = endsWith(name, "_UNSPECIFIED") ? nullptr : type.FindValueByName(name);
-  if (known == nullptr) return fault(path, quotedText(name) + " is not " + allowed);
+  if (known == nullptr) return fieldError(path, quotedText(name) + " is not " + allowed);
   return known->number();
 }
 
@@ -159,7 +156,7 @@ Status readValue(const FieldDescriptor& field, const std::string& path, const js
       return {};
     }
     case FieldDescriptor::CPPTYPE_BOOL: {
-      if (!value.is_boolean()) return fault(path, "must be true or false, " + found(value));
+      if (!value.is_boolean()) return fieldError(path, "must be true or false, " + found(value));
       assert(!is_list && "lists of booleans are not supported");
       reflection.SetBool(&message, &field, value.get<bool>());
       return {};
@@ -185,19 +182,19 @@ Status readValue(const FieldDescriptor& field, const std::string& path, const js
     default:
       // programmer error: profile.proto got a type that this reader was not taught
       assert(false && "field type not supported");
-      return fault(path, "has a type that this program cannot read");
+      return fieldError(path, "has a type that this program cannot read");
   }
 }
 
 Status readList(const FieldDescriptor& field, const std::string& path, const json& value, Message& message) {
-  if (!value.is_array()) return fault(path, "must be a list, " + found(value));
+  if (!value.is_array()) return fieldError(path, "must be a list, " + found(value));
   const auto& options = field.options();
   const std::size_t least = options.GetExtension(pb::min_items);
   const std::size_t most =
       options.HasExtension(pb::max_items) ? options.GetExtension(pb::max_items) : value.max_size();
   if (value.size() < least || value.size() > most) {
-    return fault(path, "has " + std::to_string(value.size()) + " items, allowed are " +
-                           std::to_string(least) + " to " + std::to_string(most));
+    return fieldError(path, "has " + std::to_string(value.size()) + " items, allowed are " +
+                                std::to_string(least) + " to " + std::to_string(most));
   }
   for (std::size_t i = 0; i < value.size(); ++i) {
     Status status = readValue(field, path + "[" + std::to_string(i) + "]", value[i], message);
@@ -216,7 +213,7 @@ Status checkPresence(const Descriptor& type, const std::string& path,
   for (int i = 0; i < type.field_count(); ++i) {
     const FieldDescriptor* field = type.field(i);
     if (field->options().GetExtension(pb::required) && !given(field)) {
-      return fault(prefix + field->name(), "is missing");
+      return fieldError(prefix + field->name(), "is missing");
     }
   }
   for (int i = 0; i < type.real_oneof_decl_count(); ++i) {
@@ -227,15 +224,15 @@ Status checkPresence(const Descriptor& type, const std::string& path,
       if (given(choice.field(j))) present.push_back(choice.field(j)->name());
     }
     if (present.size() != 1) {
-      return fault(path, "give exactly one of " + join(names) + "; found " +
-                             (present.empty() ? std::string("none") : join(present)));
+      return fieldError(path, "give exactly one of " + join(names) + "; found " +
+                                  (present.empty() ? std::string("none") : join(present)));
     }
   }
   return {};
 }
 
 Status readObject(const json& value, const std::string& path, Message& message) {
-  if (!value.is_object()) return fault(path, "must be an object, " + found(value));
+  if (!value.is_object()) return fieldError(path, "must be an object, " + found(value));
   const Descriptor& type = *message.GetDescriptor();
   const std::string prefix = path.empty() ? "" : path + ".";
   std::vector<const FieldDescriptor*> seen;
@@ -243,11 +240,11 @@ Status readObject(const json& value, const std::string& path, Message& message) 
   for (const auto& [key, item] : value.items()) {
     const FieldDescriptor* field = fieldNamed(type, key);
     if (field == nullptr) {
-      return fault(path, "unknown field " + quotedText(key) + "; known are " + join(fieldNames(type)));
+      return fieldError(path, "unknown field " + quotedText(key) + "; known are " + join(fieldNames(type)));
     }
     const std::string field_path = prefix + field->name();
     if (std::find(seen.begin(), seen.end(), field) != seen.end()) {
-      return fault(field_path, "is given twice, as " + field->name() + " and as " + field->json_name());
+      return fieldError(field_path, "is given twice, as " + field->name() + " and as " + field->json_name());
     }
     seen.push_back(field);
     Status status = field->is_repeated() ? readList(*field, field_path, item, message)

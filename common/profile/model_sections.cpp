@@ -32,10 +32,6 @@ static_assert(pb::Profile::AxialModel_MAX == kAxialModelCount);
 constexpr std::array<std::string_view, 4> kMayBeSynthetic = {"mean_n", "sd_n", "correlation_length_m",
                                                              "factors"};
 
-Error fault(const std::string& path, const std::string& words) {
-  return {ErrorCode::kInvalidInput, path + ": " + words};
-}
-
 StatisticalSpec statisticalOf(const pb::Statistical& from) {
   StatisticalSpec to;
   for (const auto& row : from.table()) to.table.push_back({row.depth_m(), row.mean_n(), row.sd_n()});
@@ -50,7 +46,7 @@ StatisticalSpec statisticalOf(const pb::Statistical& from) {
 
 Status readModel(const pb::Profile& profile, SceneSpec& spec) {
   if (!pb::Profile::AxialModel_IsValid(profile.axial_model()))
-    return fault("axial_model", std::to_string(profile.axial_model()) + " is no known model");
+    return fieldError("axial_model", std::to_string(profile.axial_model()) + " is no known model");
   spec.axial_model = modelOf(profile.axial_model());
 
   if (profile.direct().has_stiffness_n_per_m())
@@ -87,21 +83,21 @@ Status checkModelSection(const pb::Profile& profile) {
     return model == needs_it && !there;
   };
   const std::string words = "is missing, and axial_model is " + pb::Profile::AxialModel_Name(model);
-  if (missing(pb::Profile::DIRECT, profile.has_direct())) return fault("direct", words);
-  if (missing(pb::Profile::VOIGT, profile.has_voigt())) return fault("voigt", words);
-  if (missing(pb::Profile::GOD_OBJECT, profile.has_god_object())) return fault("god_object", words);
-  if (missing(pb::Profile::STATISTICAL, profile.has_statistical())) return fault("statistical", words);
-  if (missing(pb::Profile::PRECOMPUTED, profile.has_precomputed())) return fault("precomputed", words);
-  if (missing(pb::Profile::FEM, profile.has_fem())) return fault("fem", words);
+  if (missing(pb::Profile::DIRECT, profile.has_direct())) return fieldError("direct", words);
+  if (missing(pb::Profile::VOIGT, profile.has_voigt())) return fieldError("voigt", words);
+  if (missing(pb::Profile::GOD_OBJECT, profile.has_god_object())) return fieldError("god_object", words);
+  if (missing(pb::Profile::STATISTICAL, profile.has_statistical())) return fieldError("statistical", words);
+  if (missing(pb::Profile::PRECOMPUTED, profile.has_precomputed())) return fieldError("precomputed", words);
+  if (missing(pb::Profile::FEM, profile.has_fem())) return fieldError("fem", words);
   for (int i = 0; i < profile.layers_size(); ++i)
     if (missing(pb::Profile::FIRST_ORDER, profile.layers(i).has_first_order()))
-      return fault("layers[" + std::to_string(i) + "].first_order", words);
+      return fieldError("layers[" + std::to_string(i) + "].first_order", words);
 
   for (int i = 0; i < profile.statistical().synthetic_size(); ++i) {
     const std::string& name = profile.statistical().synthetic(i);
     if (std::find(kMayBeSynthetic.begin(), kMayBeSynthetic.end(), name) == kMayBeSynthetic.end())
-      return fault("statistical.synthetic[" + std::to_string(i) + "]",
-                   quotedText(name) + " is none of mean_n, sd_n, correlation_length_m, factors");
+      return fieldError("statistical.synthetic[" + std::to_string(i) + "]",
+                        quotedText(name) + " is none of mean_n, sd_n, correlation_length_m, factors");
   }
   return {};
 }

@@ -10,8 +10,8 @@ namespace {
 
 /// Text to a checked message: JSON, then the fields' own limits, then what binds several fields.
 template <typename T, typename Rules>
-Result<T> parse(std::string_view json, std::string_view source, Rules rules) {
-  const Result<nlohmann::json> tree = readStrictJson(json, source, kMaxProfileBytes);
+Result<T> parse(std::string_view text, std::string_view source, Rules rules) {
+  const Result<nlohmann::json> tree = readStrictJson(text, source, kMaxProfileBytes);
   if (!tree) return tree.error();
   T message;
   Status status = readMessage(*tree, message);

@@ -135,4 +135,8 @@ Result<json> readStrictJson(std::string_view text, std::string_view source, std:
   return builder.takeTree();
 }
 
+Error fieldError(const std::string& path, const std::string& words) {
+  return {ErrorCode::kInvalidInput, path.empty() ? words : path + ": " + words};
+}
+
 }  // namespace needlelab

@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstring>
 #include <utility>
 
 #include "base/atomic_file.h"
@@ -20,12 +19,6 @@
 
 namespace needlelab {
 namespace {
-
-Error systemError(const std::filesystem::path& path, const std::string& what) {
-  const int number = errno;
-  return {ErrorCode::kFailed,
-          path.string() + ": cannot " + what + ": " + std::strerror(number) + diskAdvice(number, path)};
-}
 
 /// DIR, for its owner only when it is new.
 Status makeFolder(const std::filesystem::path& given) {

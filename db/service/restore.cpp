@@ -6,11 +6,11 @@
 
 #include <array>
 #include <cerrno>
-#include <cstring>
 #include <ctime>
 #include <string>
 
 #include "base/atomic_file.h"
+#include "base/disk_words.h"
 #include "db/check.h"
 #include "db/connection.h"
 #include "db/migrate.h"
@@ -24,10 +24,6 @@ namespace fs = std::filesystem;
 constexpr const char* kDatabase = "needlelab.db";
 constexpr const char* kCopy = "needlelab.db.restoring";
 constexpr const char* kPending = "restore.pending";  // holds the name under which the old database is kept
-
-Error systemError(const fs::path& path, const std::string& what) {
-  return {ErrorCode::kFailed, path.string() + ": cannot " + what + ": " + std::strerror(errno)};
-}
 
 Status removeFile(const fs::path& path) {
   if (::unlink(path.c_str()) == 0 || errno == ENOENT) return {};

@@ -2,6 +2,8 @@
 # needlelab_program(NAME SOURCES ... DEPS ...)              -> executable NAME in bin/
 # needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary, its tests known to ctest
 #   SERIAL: runs alone, because it keeps real time against an emulated device
+#   BESIDE filter: those of a SERIAL program's tests that run beside others, because they only wait
+#   TOGETHER: one test for ctest, because what its tests set up once is dear
 #   labels: unit, net, determinism say what it is; threads: runs under ThreadSanitizer too
 #
 # Headers are included as "FOLDERNAME/header.h". Each target publishes a folder of its own that holds one link, so
@@ -34,7 +36,7 @@ include(GoogleTest)
 add_custom_target(needlelab_threaded_tests)
 add_custom_target(needlelab_determinism_tests)
 function(needlelab_test name)
-  cmake_parse_arguments(ARG "SERIAL" "TIMEOUT" "LABEL;SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "SERIAL;TOGETHER" "TIMEOUT;BESIDE" "LABEL;SOURCES;DEPS" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
@@ -50,6 +52,16 @@ function(needlelab_test name)
   endif()
   # one label such as unit-net-threads: ctest selects by regular expression, and gtest_discover_tests loses lists
   string(JOIN "-" label ${ARG_LABEL})
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
+  if(ARG_TOGETHER)
+    add_test(NAME ${name} COMMAND ${name})
+    set_tests_properties(${name} PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ${ARG_SERIAL})
+    return()
+  endif()
+  if(ARG_BESIDE)
+    gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 TEST_FILTER "${ARG_BESIDE}"
+      TEST_LIST ${name}_BESIDE PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT})
+    set(rest TEST_FILTER "-${ARG_BESIDE}")
+  endif()
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 ${rest}
     PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ${ARG_SERIAL})
 endfunction()

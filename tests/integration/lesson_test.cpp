@@ -217,7 +217,7 @@ TEST_F(LessonTest, theStationIsKilledInMidLessonAndItsNextStartBringsTheRest) {
 
 TEST_F(LessonTest, theStationIsKilledManyTimesAndNothingIsLostOrDoubled) {
   lab_.startServer();
-  const int rounds = std::getenv("NEEDLELAB_LONG") != nullptr ? 50 : 4;
+  const int rounds = std::getenv("NEEDLELAB_LONG") != nullptr ? 50 : 3;
   std::mt19937 random(7);
   for (int round = 0; round < rounds; ++round) {
     auto station = lab_.startStation("station", {"--exercise", "ball-free-practice", "--hand-repeat", "0"});

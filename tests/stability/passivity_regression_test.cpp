@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr AxialModel kWall = AxialModel::kEnhancedTrackingWall;
+constexpr AxialModel kKeptModel = AxialModel::kEnhancedTrackingWall;
 const fs::path kFolder = NEEDLELAB_REGRESSIONS;
 constexpr const char* kKnown = "known-fixture-left-far-aside.json";
 
@@ -61,7 +61,7 @@ TEST(Regressions, theShippedWallPassesThem) {
     SCOPED_TRACE(path.filename().string());
     CounterExample example = loaded(path);
     example.gesture.profile.mutable_virtual_fixture()->set_mode(pb::VirtualFixture::PASSIVE);
-    const auto record = runGesture(example.gesture, kWall, engineSource());
+    const auto record = runGesture(example.gesture, kKeptModel, engineSource());
     ASSERT_TRUE(record.ok()) << record.error().message;
     EXPECT_FALSE(findingOf(*record, PassivityLimits{}));
   }
@@ -73,9 +73,9 @@ TEST(Regressions, theShippedWallPassesThem) {
 // fourth is left of it, and no energy comes of it.
 TEST(Regressions, theKnownOneIsASlopeAndNoJump) {
   CounterExample example = loaded(kFolder / kKnown);
-  const auto slow = runGesture(example.gesture, kWall, engineSource());
+  const auto slow = runGesture(example.gesture, kKeptModel, engineSource());
   example.gesture.rate_hz = 4000;
-  const auto fast = runGesture(example.gesture, kWall, engineSource());
+  const auto fast = runGesture(example.gesture, kKeptModel, engineSource());
   ASSERT_TRUE(slow.ok() && fast.ok());
   EXPECT_NEAR(fast->worst_step_N, slow->worst_step_N / 4, 0.1 * slow->worst_step_N / 4);
   EXPECT_LE(judgedEnergy_J(*slow), 5e-5);
@@ -132,13 +132,13 @@ TEST(Regressions, areWrittenAnew) {
     std::string file(name);
     std::replace_if(
         file.begin(), file.end(), [](unsigned char c) { return !std::isalnum(c); }, '-');
-    keep(kWall, referenceSource(defect), file + ".json");
+    keep(kKeptModel, referenceSource(defect), file + ".json");
   }
   search.source_name = "engine";
   keep(AxialModel::kDirect, engineSource(), "direct.json");
   keep(AxialModel::kVoigt, engineSource(), "voigt.json");
   search.range.clamping = ClampingMode::kProportional;
-  keep(kWall, engineSource(), "proportional.json");
+  keep(kKeptModel, engineSource(), "proportional.json");
 }
 
 }  // namespace

@@ -11,7 +11,7 @@
 namespace needlelab::test {
 namespace {
 
-constexpr AxialModel kWall = AxialModel::kEnhancedTrackingWall;
+constexpr AxialModel kShrunkModel = AxialModel::kEnhancedTrackingWall;
 
 // what a shrunk gesture may be at most
 struct Small {
@@ -50,12 +50,12 @@ PassivityFindings found(AxialModel model, const ForceSourceFactory& source, std:
 class PlantedDefect : public testing::TestWithParam<std::size_t> {};
 TEST_P(PlantedDefect, isFoundAndShrunk) {
   const auto& [name, defect] = kFindableDefects[GetParam()];
-  const auto findings = found(kWall, referenceSource(defect), sourceName(name));
+  const auto findings = found(kShrunkModel, referenceSource(defect), sourceName(name));
   ASSERT_GE(findings.failed, 1u);
   const CounterExample& example = findings.counter_examples.front();
   expectSmall(example, {});
   // it fails because of the defect: without it nothing is left
-  const auto sound = runGesture(example.gesture, kWall, referenceSource());
+  const auto sound = runGesture(example.gesture, kShrunkModel, referenceSource());
   ASSERT_TRUE(sound.ok()) << sound.error().message;
   EXPECT_FALSE(findingOf(*sound, PassivityLimits{})) << counterExampleJson(example);
 }
@@ -64,7 +64,7 @@ INSTANTIATE_TEST_SUITE_P(Shrink, PlantedDefect, testing::Range<std::size_t>(0, k
 TEST(Shrink, proportionalClampingIsFoundAndIsTheClampPump) {
   GestureRange range;
   range.clamping = ClampingMode::kProportional;
-  const auto findings = found(kWall, engineSource(), "engine", range);
+  const auto findings = found(kShrunkModel, engineSource(), "engine", range);
   ASSERT_GE(findings.failed, 1u);
   const CounterExample& example = findings.counter_examples.front();
   EXPECT_EQ(example.finding.check, PassivityCheck::kEnergy);
@@ -80,7 +80,7 @@ TEST(Shrink, directIsFoundToPayBackElsewhere) {
 }
 
 TEST(Shrink, theShippedEngineHasNothingToShrink) {
-  const auto findings = found(kWall, engineSource(), "engine");
+  const auto findings = found(kShrunkModel, engineSource(), "engine");
   EXPECT_EQ(findings.failed, 0u);
   for (const auto& example : findings.counter_examples) ADD_FAILURE() << counterExampleJson(example);
 }

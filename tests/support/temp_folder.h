@@ -25,10 +25,18 @@ class TempFolder {
   TempFolder& operator=(const TempFolder&) = delete;
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-  /// Writes `text` to a file of that name and gives its path.
+  /// Writes `text` to a file of that name and gives its path; throws when that cannot be done.
   std::filesystem::path write(const std::string& name, std::string_view text) const {
     const auto file = path_ / name;
-    std::ofstream(file, std::ios::binary) << text;
+    std::ofstream stream(file, std::ios::binary);
+    stream << text;
+    stream.close();
+    if (!stream) {
+      std::error_code unknown;
+      const auto room = std::filesystem::space(path_, unknown).available;
+      throw std::runtime_error("cannot write " + std::to_string(text.size()) + " bytes to " + file.string() +
+                               ": " + std::to_string(room) + " bytes are free there; make room, or set TMPDIR");
+    }
     return file;
   }
 

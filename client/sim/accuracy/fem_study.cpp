@@ -12,7 +12,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kRate_hz = 1000;
+constexpr double kFemRate_hz = 1000;
 constexpr char kScene[] = "paper-six-layers";
 
 Result<SceneSpec> femScene() {
@@ -33,7 +33,7 @@ Result<Finest> finestOf(SceneSpec spec, int nodes) {
   const auto compliance = precomputeCompliance(spec, options);
   if (!compliance.ok()) return compliance.error();
   spec.fem.compliance = *compliance;
-  auto model = compile(spec, kRate_hz);
+  auto model = compile(spec, kFemRate_hz);
   if (!model.ok()) return model.error();
   return Finest{*std::move(model), (*compliance)->nodes, (*compliance)->strained_share};
 }
@@ -61,14 +61,14 @@ AccuracyRow rowOf(AxialModel which, const SceneModel& model, const Finest& fines
   row.study = AccuracyStudy::kModel;
   row.scene = kScene;
   row.model = axialModelName(which);
-  row.rate_hz = kRate_hz;
+  row.rate_hz = kFemRate_hz;
   row.reference = reference(finest);
   row.rms_error_n = runs.rms();
   row.max_error_n = runs.max();
   row.rms_error_spread_n = runs.spread();
   row.max_step_n = step_N;
   row.noticeable_n = noticeableForce_N(felt.rms());
-  setTimes(row, timing, kRate_hz);
+  setTimes(row, timing, kFemRate_hz);
   char strained[96];
   std::snprintf(strained, sizeof strained, "; %.0f %% of the volume near the path above 10 %% strain",
                 100 * finest.strained_share);
@@ -86,7 +86,7 @@ AccuracyRow rowOf(const MeshRow& mesh, int finest_nodes) {
   row.study = AccuracyStudy::kMesh;
   row.scene = kScene;
   row.model = axialModelName(AxialModel::kFem);
-  row.rate_hz = kRate_hz;
+  row.rate_hz = kFemRate_hz;
   row.mesh_nodes = mesh.nodes;
   row.variant = "compliance made before";
   row.reference =
@@ -96,8 +96,8 @@ AccuracyRow rowOf(const MeshRow& mesh, int finest_nodes) {
   row.noticeable_n = noticeableForce_N(0);  // the least that there is: peaks may hide more
   row.median_ns = mesh.live_step_p50_s * 1e9;
   row.p99_ns = mesh.live_step_p99_s * 1e9;
-  row.cpu_share = mesh.live_step_p50_s * kRate_hz;
-  row.fits_rate = mesh.live_step_p99_s <= 1 / kRate_hz;
+  row.cpu_share = mesh.live_step_p50_s * kFemRate_hz;
+  row.fits_rate = mesh.live_step_p99_s <= 1 / kFemRate_hz;
   char text[240];
   std::snprintf(text, sizeof text,
                 "stiffness %.4g N/m, %+.1f %% of the finest; made once in %.2g s; %.0f %% of the volume near "
@@ -117,8 +117,8 @@ AccuracyRow solvedEachTick(AccuracyRow row, const MeshRow& mesh) {
   row.variant = "solved in each tick";
   row.median_ns = mesh.one_solve_s * 1e9;
   row.p99_ns.reset();
-  row.cpu_share = mesh.one_solve_s * kRate_hz;
-  row.fits_rate = mesh.one_solve_s <= 1 / kRate_hz;
+  row.cpu_share = mesh.one_solve_s * kFemRate_hz;
+  row.fits_rate = mesh.one_solve_s <= 1 / kFemRate_hz;
   row.uncertainty += "; one solve by the factor that is there, timed once";
   return row;
 }
@@ -134,7 +134,7 @@ Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const Accurac
   if (!finest.ok()) return finest.error();
   std::vector<StudyGesture> strokes;
   for (std::uint64_t seed = 1; seed <= (options.long_form ? 16u : 4u); ++seed)
-    strokes.push_back(strokeGesture(*spec, seed, kRate_hz));
+    strokes.push_back(strokeGesture(*spec, seed, kFemRate_hz));
 
   const auto scenes = studyScenes();
   if (!scenes.ok()) return scenes.error();
@@ -145,7 +145,7 @@ Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const Accurac
              static_cast<double>(m) / static_cast<double>(kAxialModelCount));
     SceneSpec same = likeForLike(scenes->back().spec, which);
     Status made = addCompliance(same);
-    auto model = made.ok() ? compile(same, kRate_hz) : Result<SceneModel>(made.error());
+    auto model = made.ok() ? compile(same, kFemRate_hz) : Result<SceneModel>(made.error());
     if (model.ok())
       rows.push_back(rowOf(which, *model, *finest, strokes, options.long_form ? 1.0 : 0.2));
     else
@@ -166,23 +166,23 @@ Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyPro
   if (!forces.ok()) return forces.error();
   table.axial_model = AxialModel::kPrecomputed;
   table.precomputed.table = *std::move(forces);
-  const auto error = tableError(*fem, table, kRate_hz);
+  const auto error = tableError(*fem, table, kFemRate_hz);
   if (!error.ok()) return error.error();
 
-  const auto model = compile(table, kRate_hz);
+  const auto model = compile(table, kFemRate_hz);
   if (!model.ok()) return model.error();
-  const Timing timing = timeSteps(*model, strokeGesture(*fem, 1, kRate_hz), options.long_form ? 1.0 : 0.2);
+  const Timing timing = timeSteps(*model, strokeGesture(*fem, 1, kFemRate_hz), options.long_form ? 1.0 : 0.2);
   AccuracyRow row;
   row.study = AccuracyStudy::kModel;
   row.scene = kScene;
   row.model = axialModelName(AxialModel::kPrecomputed);
   row.variant = "table from FEM, as needlelab-sim precompute makes it";
-  row.rate_hz = kRate_hz;
+  row.rate_hz = kFemRate_hz;
   row.reference = "live FEM over one straight insertion and withdrawal, the mesh that the table comes from";
   row.rms_error_n = error->rms_N;
   row.max_error_n = error->max_N;
   row.noticeable_n = noticeableForce_N(error->fem_peak_N);
-  setTimes(row, timing, kRate_hz);
+  setTimes(row, timing, kFemRate_hz);
   char text[200];
   std::snprintf(text, sizeof text, "in ± %.2g N, hold ± %.2g N, out ± %.2g N (rms); FEM's peak %.3g N; ",
                 error->in_rms_N, error->hold_rms_N, error->out_rms_N, error->fem_peak_N);

@@ -13,7 +13,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kRate_hz = 1000;
+constexpr double kLessonRate_hz = 1000;
 
 std::vector<GestureSample> samplesOf(const std::vector<ChainTick>& ticks) {
   HandRandom random(1);
@@ -39,7 +39,7 @@ DeviceReading readingOf(const GestureSample& s) {
 Result<StudyLesson> generatedLesson() {
   const auto spec = paperSceneSpec("paper-six-layers", {});
   if (!spec.ok()) return spec.error();
-  auto model = compile(*spec, kRate_hz);
+  auto model = compile(*spec, kLessonRate_hz);
   if (!model.ok()) return model.error();
   StudyLesson lesson{"generated lesson", *std::move(model), {}};
   std::vector<ChainTick> all;
@@ -48,7 +48,7 @@ Result<StudyLesson> generatedLesson() {
     options.hand.seed = seed;
     options.encoder_step_m = options.encoder_step_rad = 0;  // else a step of its own hides the stored one
     SimulatedDevice device(options, studyPlan(*spec, seed));
-    const auto ticks = static_cast<std::uint64_t>(studyPlan(*spec, seed).duration_s() * kRate_hz);
+    const auto ticks = static_cast<std::uint64_t>(studyPlan(*spec, seed).duration_s() * kLessonRate_hz);
     auto run = runClosedLoop(lesson.model, device, {}, ticks);
     if (!run.ok()) return run.error();
     for (ChainTick& tick : *run) {
@@ -68,14 +68,14 @@ Result<std::vector<StudyLesson>> recordedLessons(const AccuracyOptions& options)
     if (!std::filesystem::exists(file)) continue;
     const auto track = readPoseTrack(file);
     if (!track.ok()) return track.error();
-    const std::vector<Pose> poses = resamplePoses(*track, kRate_hz);
+    const std::vector<Pose> poses = resamplePoses(*track, kLessonRate_hz);
     auto spec = paperSceneSpec("paper-six-layers", {});
     if (!spec.ok()) return spec.error();
     Vec3 far = poses.front().p;
     for (const Pose& pose : poses)
       if (norm(pose.p - poses.front().p) > norm(far - poses.front().p)) far = pose.p;
     spec->limb = SphereLimb{far, 0.6 * norm(far - poses.front().p)};
-    auto model = compile(*spec, kRate_hz);
+    auto model = compile(*spec, kLessonRate_hz);
     if (!model.ok()) return model.error();
     StudyLesson lesson{std::string("recorded hand ") + name, *std::move(model), {}};
 

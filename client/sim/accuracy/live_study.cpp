@@ -18,7 +18,7 @@ namespace needlelab {
 namespace {
 
 constexpr std::array<std::size_t, 7> kFrames_ms = {5, 10, 20, 33, 50, 100, 200};
-constexpr double kRate_hz = 1000;
+constexpr double kLiveRate_hz = 1000;
 
 std::int64_t processorNow_ns() {
   timespec now{};
@@ -78,7 +78,7 @@ void setLatency(AccuracyRow& row, const Passed& passed, std::size_t per_frame) {
   double sum = 0;
   for (const double transit_ns : passed.transit_ns)
     for (std::size_t wait = 0; wait < per_frame; ++wait) {
-      latency_ms.push_back(static_cast<double>(wait) * 1e3 / kRate_hz + transit_ns * 1e-6);
+      latency_ms.push_back(static_cast<double>(wait) * 1e3 / kLiveRate_hz + transit_ns * 1e-6);
       sum += latency_ms.back();
     }
   row.latency_ms = sum / static_cast<double>(latency_ms.size());
@@ -87,7 +87,7 @@ void setLatency(AccuracyRow& row, const Passed& passed, std::size_t per_frame) {
 
 // the force that a viewer reads at a tick, against the force of that tick
 void setStaleness(AccuracyRow& row, const StudyLesson& lesson, std::size_t per_frame, double transit_ms) {
-  const auto late = static_cast<std::size_t>(std::ceil(transit_ms * kRate_hz * 1e-3));
+  const auto late = static_cast<std::size_t>(std::ceil(transit_ms * kLiveRate_hz * 1e-3));
   ErrorRuns runs;
   ErrorSum all, second, force;
   const auto force_N = [&](std::size_t i) {
@@ -113,8 +113,8 @@ AccuracyRow rowOf(const StudyLesson& lesson, std::size_t per_frame, const Passed
   AccuracyRow row;
   row.study = AccuracyStudy::kLive;
   row.scene = lesson.name;
-  row.rate_hz = kRate_hz;
-  row.frame_s = static_cast<double>(per_frame) / kRate_hz;
+  row.rate_hz = kLiveRate_hz;
+  row.frame_s = static_cast<double>(per_frame) / kLiveRate_hz;
   row.reference = "the lesson itself at the moment when the viewer looks";
   const Timing transit = timingOf(passed.transit_ns, 1);
   setLatency(row, passed, per_frame);

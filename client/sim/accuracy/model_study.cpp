@@ -8,7 +8,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kRate_hz = 1000;
+constexpr double kModelRate_hz = 1000;
 
 // a gesture and what the scene asks for in it
 struct Asked {
@@ -19,8 +19,8 @@ struct Asked {
 std::vector<Asked> askedOf(const SceneSpec& spec, std::uint64_t seeds) {
   std::vector<Asked> all;
   for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
-    Asked asked{studyGesture(spec, seed, kRate_hz), {}};
-    ForceProfile profile(spec, kRate_hz);
+    Asked asked{studyGesture(spec, seed, kModelRate_hz), {}};
+    ForceProfile profile(spec, kModelRate_hz);
     for (std::size_t i = 0; i < asked.gesture.tips.size(); ++i)
       asked.force_N.push_back(
           profile.next(signedDepth(spec.limb, asked.gesture.tips[i].p_WT_m), asked.gesture.intents[i]));
@@ -32,7 +32,7 @@ std::vector<Asked> askedOf(const SceneSpec& spec, std::uint64_t seeds) {
 Result<SceneModel> modelOf(const SceneSpec& spec, AxialModel model) {
   SceneSpec same = likeForLike(spec, model);
   if (const Status status = addCompliance(same); !status.ok()) return status.error();
-  return compile(same, kRate_hz);
+  return compile(same, kModelRate_hz);
 }
 
 AccuracyRow rowOf(const StudyScene& scene, AxialModel which, const SceneModel& model,
@@ -52,7 +52,7 @@ AccuracyRow rowOf(const StudyScene& scene, AxialModel which, const SceneModel& m
   row.study = AccuracyStudy::kModel;
   row.scene = scene.name;
   row.model = axialModelName(which);
-  row.rate_hz = kRate_hz;
+  row.rate_hz = kModelRate_hz;
   row.reference =
       "the scene's own force profile (cutting in, attracted out, the stop's fall), without springs";
   row.rms_error_n = runs.rms();
@@ -60,7 +60,7 @@ AccuracyRow rowOf(const StudyScene& scene, AxialModel which, const SceneModel& m
   row.rms_error_spread_n = runs.spread();
   row.max_step_n = step_N;
   row.noticeable_n = noticeableForce_N(felt.rms());
-  setTimes(row, timing, kRate_hz);
+  setTimes(row, timing, kModelRate_hz);
   row.uncertainty = spreadText(runs, "gestures") + "; " + timingText(timing);
   row.cannot_show =
       "whether the profile is right for tissue. The profile jumps at layers and at the skin, where a device "

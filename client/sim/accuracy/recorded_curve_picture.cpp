@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kPictureTo_m = 0.048;
 
-struct Drawn {
+struct DrawnFit {
   CurveFit fit;
   std::vector<double> depth_mm, force_N;  // the engine's, every 30 µm
 };
@@ -24,12 +24,12 @@ Result<DepthCurve> readCurve(const AccuracyOptions& options) {
   return depthCurve(*rows);
 }
 
-Result<Drawn> drawn(const DepthCurve& curve, const CurveModel& model, const BinChoice& choice) {
+Result<DrawnFit> drawn(const DepthCurve& curve, const CurveModel& model, const BinChoice& choice) {
   auto fit = fitCurve(curve, model, choice);
   if (!fit.ok()) return fit.error();
   const auto run = runCurve(fit->scene, kPictureTo_m);
   if (!run.ok()) return run.error();
-  Drawn made{std::move(fit).value(), {}, {}};
+  DrawnFit made{std::move(fit).value(), {}, {}};
   for (double d = 0; d < kPictureTo_m; d += 3e-5) made.depth_mm.push_back(d);
   made.force_N = forceAtDepths(*run, made.fit.scene.surface_m, made.depth_mm);
   for (double& d : made.depth_mm) d *= 1e3;

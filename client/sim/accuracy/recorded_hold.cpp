@@ -8,7 +8,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kRate_hz = 1000;
+constexpr double kHoldRate_hz = 1000;
 constexpr double kInsertionSpeed_mps = 0.003;
 constexpr double kInsertion_s = 1.2;  // 3.6 mm: the wall is stretched fully by then
 constexpr int kMostEvaluations = 600;
@@ -83,12 +83,12 @@ std::vector<double> modelAt(const Curve& curve, const StraightGesture& gesture, 
 
 // in at 3 mm/s, at rest at kHoldFrom_s, until `to_s`
 StraightGesture insertThenHold(double to_s) {
-  const auto in = static_cast<std::size_t>(kInsertion_s * kRate_hz);
-  StraightGesture gesture{kRate_hz, {}};
+  const auto in = static_cast<std::size_t>(kInsertion_s * kHoldRate_hz);
+  StraightGesture gesture{kHoldRate_hz, {}};
   // the first tick is outside: an insertion begins with an entry
   for (std::size_t i = 0; i <= in; ++i)
-    gesture.depth_m.push_back((static_cast<double>(i) - 0.5) * kInsertionSpeed_mps / kRate_hz);
-  const auto all = static_cast<std::size_t>(std::ceil((to_s - kHoldFrom_s) * kRate_hz)) + in + 1;
+    gesture.depth_m.push_back((static_cast<double>(i) - 0.5) * kInsertionSpeed_mps / kHoldRate_hz);
+  const auto all = static_cast<std::size_t>(std::ceil((to_s - kHoldFrom_s) * kHoldRate_hz)) + in + 1;
   gesture.depth_m.resize(std::max(all, gesture.depth_m.size()), gesture.depth_m.back());
   return gesture;
 }
@@ -126,7 +126,7 @@ Result<HoldFit> fitHold(const std::vector<ForceAtTime>& rows, StopMode mode, con
     HoldFit tried;
     tried.mode = mode;
     take(tried, values);
-    const auto model = compile(sceneOf(tried), kRate_hz);
+    const auto model = compile(sceneOf(tried), kHoldRate_hz);
     if (!model.ok()) return std::numeric_limits<double>::infinity();
     runStraight(*model, fit.gesture, run);
     return curveError(curve.bins, curve.force_N, modelAt(curve, fit.gesture, run, fit.from_s), fitted).rms;
@@ -160,13 +160,13 @@ Result<WithdrawalFit> fitWithdrawal(const std::vector<ForceAtTime>& rows, const 
     for (double& d : gesture.depth_m) d += shift_m;
     // with more depth than 3.6 mm the first tick must still be outside
     std::vector<double> before;
-    for (double d = gesture.depth_m.front(); d > 0; d -= kInsertionSpeed_mps / kRate_hz)
-      before.push_back(d - kInsertionSpeed_mps / kRate_hz);
+    for (double d = gesture.depth_m.front(); d > 0; d -= kInsertionSpeed_mps / kHoldRate_hz)
+      before.push_back(d - kInsertionSpeed_mps / kHoldRate_hz);
     gesture.depth_m.insert(gesture.depth_m.begin(), before.rbegin(), before.rend());
-    fit.from_s = kHoldFrom_s - kInsertion_s - static_cast<double>(before.size()) / kRate_hz;
-    const auto out = static_cast<std::size_t>((kWithdrawalTo_s - kHoldTo_s) * kRate_hz);
+    fit.from_s = kHoldFrom_s - kInsertion_s - static_cast<double>(before.size()) / kHoldRate_hz;
+    const auto out = static_cast<std::size_t>((kWithdrawalTo_s - kHoldTo_s) * kHoldRate_hz);
     for (std::size_t i = 0; i < out; ++i)
-      gesture.depth_m.push_back(gesture.depth_m.back() - speed_mps / kRate_hz);
+      gesture.depth_m.push_back(gesture.depth_m.back() - speed_mps / kHoldRate_hz);
     return gesture;
   };
   const auto sceneWith = [&](double attracted_N) {
@@ -178,7 +178,7 @@ Result<WithdrawalFit> fitWithdrawal(const std::vector<ForceAtTime>& rows, const 
 
   AxialRun run;
   const auto cost = [&](const std::vector<double>& values) {
-    const auto model = compile(sceneWith(values[2]), kRate_hz);
+    const auto model = compile(sceneWith(values[2]), kHoldRate_hz);
     if (!model.ok()) return std::numeric_limits<double>::infinity();
     const StraightGesture gesture = gestureOf(values[0], values[1]);
     runStraight(*model, gesture, run);

@@ -1,5 +1,7 @@
 #include "stability/case.h"
 
+#include <algorithm>
+#include <array>
 #include <utility>
 
 namespace needlelab {
@@ -47,6 +49,12 @@ void judge(CaseRow& row, bool growing) {
     row.verdict = Verdict::kStable;
   else
     row.verdict = !row.finite || growing ? Verdict::kDiverges : Verdict::kChatters;
+}
+
+bool hasStop(AxialModel model) {
+  constexpr std::array kWithStop = {AxialModel::kEnhancedTrackingWall, AxialModel::kTrackingWall,
+                                    AxialModel::kStatistical, AxialModel::kPrecomputed};
+  return std::find(kWithStop.begin(), kWithStop.end(), model) != kWithStop.end();
 }
 
 }  // namespace needlelab

@@ -13,6 +13,10 @@
 
 namespace needlelab {
 
+/// Whether the model stops the needle where the force does not suffice; the others' force stays what the
+/// depth says.
+bool hasStop(AxialModel model);
+
 enum class Verdict {
   kStable,         ///< within the limit and not growing
   kChatters,       ///< bounded, but over the limit

@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kNothing = 1e-9;  // rounding, in any unit of a row
+constexpr double kShownAsZero = 1e-9;  // rounding, in any unit of a row
 constexpr AxialModel kWall = AxialModel::kEnhancedTrackingWall;
 
 nlohmann::ordered_json orNull(std::optional<double> value) {
@@ -70,7 +70,7 @@ std::string_view shortName(AxialModel model) {
 
 std::string shortNumber(std::optional<double> value) {
   if (!value) return "-";
-  if (std::abs(*value) < kNothing) return "0";
+  if (std::abs(*value) < kShownAsZero) return "0";
   char text[32];
   std::snprintf(text, sizeof text, "%.3g", *value);
   return text;

@@ -19,19 +19,6 @@ int stopsIn(std::span<const PlantTick> ticks) {
   return stops;
 }
 
-// the others have no stop: their force stays what the depth says
-bool hasStop(AxialModel model) {
-  switch (model) {
-    case AxialModel::kEnhancedTrackingWall:
-    case AxialModel::kTrackingWall:
-    case AxialModel::kStatistical:
-    case AxialModel::kPrecomputed:
-      return true;
-    default:
-      return false;
-  }
-}
-
 }  // namespace
 
 Result<CaseOutcome> creepThenStop(const CaseSettings& settings, AxialModel model,

@@ -9,12 +9,6 @@ namespace needlelab {
 namespace {
 
 // the models whose force fades in a stop, because their wall is the tracking wall
-bool hasStop(AxialModel model) {
-  constexpr std::array kWithStop = {AxialModel::kEnhancedTrackingWall, AxialModel::kTrackingWall,
-                                    AxialModel::kStatistical, AxialModel::kPrecomputed};
-  return std::find(kWithStop.begin(), kWithStop.end(), model) != kWithStop.end();
-}
-
 double axialOf(const StepReport& report) {
   return report.cutting_N + report.attracted_N;
 }

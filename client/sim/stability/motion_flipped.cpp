@@ -13,7 +13,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kSpeed_mps = 0.02;
+constexpr double kFlippedSpeed_mps = 0.02;
 constexpr double kTorqueSlew_Nm = 0.1;     // a tick of 1 ms, §3.7
 constexpr double kDirectionError = 1e-12;  // §10
 
@@ -33,9 +33,9 @@ using Turn = Quat (*)(Quat);
 std::vector<DeviceSample> insertion(Turn turn, bool always) {
   const auto change = [turn](DeviceSample& sample, std::size_t) { sample.tip.q_WT = turn(sample.tip.q_WT); };
   DeviceScript script;
-  script.rest(0.3).goTo(0.015, kSpeed_mps).rest(0.1);
+  script.rest(0.3).goTo(0.015, kFlippedSpeed_mps).rest(0.1);
   always ? script.rest(0.05) : script.with(0.05, change);
-  auto samples = script.rest(0.3).goTo(0.02, kSpeed_mps).goTo(-0.005, kSpeed_mps).samples();
+  auto samples = script.rest(0.3).goTo(0.02, kFlippedSpeed_mps).goTo(-0.005, kFlippedSpeed_mps).samples();
   for (std::size_t k = 0; always && k < samples.size(); ++k) change(samples[k], k);
   return samples;
 }

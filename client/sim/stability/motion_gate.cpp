@@ -14,7 +14,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kSpeed_mps = 0.02;
+constexpr double kGateSpeed_mps = 0.02;
 constexpr double kAnyForce_N = 0.01;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
@@ -46,7 +46,7 @@ struct Outcome {
 Result<Outcome> disturbed(const GateEntry& entry, const ForceSourceFactory& source, const Disturbance& by,
                           Gate gate) {
   DeviceScript script;
-  script.rest(0.3).goTo(entry.depth_m, kSpeed_mps).rest(0.02);
+  script.rest(0.3).goTo(entry.depth_m, kGateSpeed_mps).rest(0.02);
   const std::size_t glitch = script.ticks();
   script.with(by.short_s, by.change);
   const std::size_t after_glitch = script.ticks();
@@ -57,10 +57,10 @@ Result<Outcome> disturbed(const GateEntry& entry, const ForceSourceFactory& sour
   timeline.slack_ticks = by.slack_ticks;
   timeline.fault = by.fault;
   // acknowledged inside: the tip must have been outside as well
-  script.with(by.long_s, by.change).rest(0.05).acknowledge().rest(0.05).goTo(-0.005, kSpeed_mps);
-  script.rest(0.3).goTo(entry.depth_m, kSpeed_mps).rest(0.01);
+  script.with(by.long_s, by.change).rest(0.05).acknowledge().rest(0.05).goTo(-0.005, kGateSpeed_mps);
+  script.rest(0.3).goTo(entry.depth_m, kGateSpeed_mps).rest(0.01);
   const std::size_t again = script.ticks() - 1;
-  script.goTo(-0.005, kSpeed_mps);
+  script.goTo(-0.005, kGateSpeed_mps);
 
   const auto ticks =
       runGated(source, entry.scene, script.samples(), DeviceScript::kRate_hz, gate == Gate::kPresent);
@@ -173,7 +173,7 @@ Result<CaseOutcome> frozenDevice(const CaseSettings& settings, AxialModel model,
   const auto entry = gateEntry(settings, "frozen_device", model);
   if (!entry.ok()) return entry.error();
   DeviceScript script;
-  script.rest(0.3).goTo(entry->depth_m, kSpeed_mps).rest(rest_s);
+  script.rest(0.3).goTo(entry->depth_m, kGateSpeed_mps).rest(rest_s);
   const auto ticks =
       runGated(source, entry->scene, script.samples(), DeviceScript::kRate_hz, gate == Gate::kPresent);
   if (!ticks.ok()) return ticks.error();

@@ -12,7 +12,6 @@
 namespace needlelab {
 namespace {
 
-constexpr double kMaxProfileStiffness_N_per_m = 10'000;  // DESIGN §4
 constexpr double kLeastStiffness_N_per_m = 20;
 constexpr double kStep = 1.25;       // on the way up from a stiffness that is stable
 constexpr double kPrecision = 1.02;  // of the bisection

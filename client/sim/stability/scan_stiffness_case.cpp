@@ -13,8 +13,6 @@
 namespace needlelab {
 namespace {
 
-constexpr double kMaxProfileStiffness_N_per_m = 10'000;  // DESIGN §4
-
 struct Point {
   double hand_N_per_m = 0, hand_Ns_per_m = 0;
   double rate_hz = 0, delay_ticks = 0;

@@ -20,12 +20,12 @@ struct Direct {
     return report.cutting_N = -pressed_N;
   }
 };
-constexpr StepTable kSteps = stepTable<Direct>();
+constexpr StepTable kDirectSteps = stepTable<Direct>();
 
 }  // namespace
 
 constinit const AxialEntry kDirectEntry = {
-    &kSteps,
+    &kDirectSteps,
     [](const SceneSpec& spec, SpecChecker& check) {
       check.enter("direct.");
       check.number("stiffness_n_per_m", spec.direct.stiffness_N_per_m, kStiffness);

@@ -27,7 +27,7 @@ struct Fem {
     return force.cutting_N + force.friction_N;
   }
 };
-constexpr StepTable kSteps = stepTable<Fem>();
+constexpr StepTable kFemSteps = stepTable<Fem>();
 
 void checkFem(const SceneSpec& spec, SpecChecker& check) {
   check.enter("");
@@ -62,6 +62,6 @@ void compileFem(const SceneSpec& spec, SceneModel& model) {
 
 }  // namespace
 
-constinit const AxialEntry kFemEntry = {&kSteps, checkFem, effectsOfFem, compileFem};
+constinit const AxialEntry kFemEntry = {&kFemSteps, checkFem, effectsOfFem, compileFem};
 
 }  // namespace needlelab

@@ -38,7 +38,7 @@ struct FirstOrder {
     return report.cutting_N + applyShaftFriction(model, state, own, report) + held_N;
   }
 };
-constexpr StepTable kSteps = stepTable<FirstOrder>();
+constexpr StepTable kFirstOrderSteps = stepTable<FirstOrder>();
 
 void checkFirstOrder(const SceneSpec& spec, SpecChecker& check) {
   check.enter("");
@@ -82,7 +82,8 @@ void compileFirstOrder(const SceneSpec& spec, SceneModel& model) {
 
 }  // namespace
 
-constinit const AxialEntry kFirstOrderEntry = {
-    &kSteps, checkFirstOrder, [](const SceneSpec&) { return bitOf(Effect::kCutting); }, compileFirstOrder};
+constinit const AxialEntry kFirstOrderEntry = {&kFirstOrderSteps, checkFirstOrder,
+                                               [](const SceneSpec&) { return bitOf(Effect::kCutting); },
+                                               compileFirstOrder};
 
 }  // namespace needlelab

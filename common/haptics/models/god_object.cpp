@@ -52,12 +52,12 @@ struct GodObject {
     } while (state.tops_met < model.layer_count && tick.depth_m >= model.layers[state.tops_met].top_m);
   }
 };
-constexpr StepTable kSteps = stepTable<GodObject>();
+constexpr StepTable kGodObjectSteps = stepTable<GodObject>();
 
 }  // namespace
 
 constinit const AxialEntry kGodObjectEntry = {
-    &kSteps,
+    &kGodObjectSteps,
     [](const SceneSpec& spec, SpecChecker& check) {
       check.enter("god_object.");
       check.number("stiffness_n_per_m", spec.god_object.stiffness_N_per_m, kStiffness);

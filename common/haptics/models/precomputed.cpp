@@ -12,7 +12,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMaxRows = 1024;
+constexpr std::size_t kMaxTableRows = 1024;
 
 struct Precomputed {
   static constexpr bool acts(EffectMask live) {
@@ -27,13 +27,14 @@ struct Precomputed {
                              {cut_m, attracted_m, model.layers[state.layer].rejection_stretch_m}, report);
   }
 };
-constexpr StepTable kSteps = stepTable<Precomputed>();
+constexpr StepTable kPrecomputedSteps = stepTable<Precomputed>();
 
 void checkPrecomputed(const SceneSpec& spec, SpecChecker& check) {
   const auto& table = spec.precomputed.table;
   check.enter("precomputed.");
-  check.require(!table.empty() && table.size() <= kMaxRows, "table",
-                std::to_string(table.size()) + " rows given, allowed are 1 to " + std::to_string(kMaxRows));
+  check.require(
+      !table.empty() && table.size() <= kMaxTableRows, "table",
+      std::to_string(table.size()) + " rows given, allowed are 1 to " + std::to_string(kMaxTableRows));
   for (std::size_t i = 0; i < table.size(); ++i) {
     check.enter("precomputed.table[" + std::to_string(i) + "].");
     check.number("depth_m", table[i].depth_m, kDepth);
@@ -66,6 +67,7 @@ void compileTable(const SceneSpec& spec, SceneModel& model) {
 
 }  // namespace
 
-constinit const AxialEntry kPrecomputedEntry = {&kSteps, checkPrecomputed, effectsWithNumbers, compileTable};
+constinit const AxialEntry kPrecomputedEntry = {&kPrecomputedSteps, checkPrecomputed, effectsWithNumbers,
+                                                compileTable};
 
 }  // namespace needlelab

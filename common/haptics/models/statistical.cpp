@@ -11,7 +11,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMaxRows = 256;
+constexpr std::size_t kMaxStatisticalRows = 256;
 constexpr NumberRange kFactor{0, 10, true};
 // above this share of the mean a log-normal force says nothing any more; sd 0 where the mean is 0 follows
 constexpr double kMostSdShare = 10;
@@ -30,14 +30,14 @@ struct Statistical {
         report);
   }
 };
-constexpr StepTable kSteps = stepTable<Statistical>();
+constexpr StepTable kStatisticalSteps = stepTable<Statistical>();
 
 void checkStatistical(const SceneSpec& spec, SpecChecker& check) {
   const StatisticalSpec& own = spec.statistical;
   check.enter("statistical.");
-  check.require(
-      !own.table.empty() && own.table.size() <= kMaxRows, "table",
-      std::to_string(own.table.size()) + " rows given, allowed are 1 to " + std::to_string(kMaxRows));
+  check.require(!own.table.empty() && own.table.size() <= kMaxStatisticalRows, "table",
+                std::to_string(own.table.size()) + " rows given, allowed are 1 to " +
+                    std::to_string(kMaxStatisticalRows));
   for (std::size_t i = 0; i < own.table.size(); ++i) {
     const StatisticalSpec::Row& row = own.table[i];
     check.enter("statistical.table[" + std::to_string(i) + "].");
@@ -81,7 +81,7 @@ double StatisticalTarget::at(std::uint64_t insertion, double depth_m, ScorePath&
 }
 
 constinit const AxialEntry kStatisticalEntry = {
-    &kSteps, checkStatistical,
+    &kStatisticalSteps, checkStatistical,
     [](const SceneSpec& spec) {
       const bool any = std::any_of(spec.statistical.table.begin(), spec.statistical.table.end(),
                                    [](const StatisticalSpec::Row& row) { return row.mean_N > 0; });

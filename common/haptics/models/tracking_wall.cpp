@@ -25,7 +25,7 @@ struct LayeredWall {
         {layer.cut_stretch_m, layer.attracted_stretch_m, layer.rejection_stretch_m}, report);
   }
 };
-constexpr StepTable kSteps = stepTable<LayeredWall>();
+constexpr StepTable kWallSteps = stepTable<LayeredWall>();
 
 // its section is part of every scene and checked there
 void nothingToCheck(const SceneSpec&, SpecChecker&) {}
@@ -36,10 +36,10 @@ void useWall(const SceneSpec& spec, SceneModel& model) {
 
 }  // namespace
 
-constinit const AxialEntry kTrackingWallEntry = {&kSteps, nothingToCheck, effectsOfLayers, useWall};
+constinit const AxialEntry kTrackingWallEntry = {&kWallSteps, nothingToCheck, effectsOfLayers, useWall};
 
 constinit const AxialEntry kPlainWallEntry = {
-    &kSteps, nothingToCheck,
+    &kWallSteps, nothingToCheck,
     [](const SceneSpec& spec) { return effectsOfLayers(spec) & bitOf(Effect::kCutting); }, useWall};
 
 }  // namespace needlelab

@@ -26,12 +26,12 @@ struct Voigt {
     return report.cutting_N = -std::max(0.0, pressed_N);
   }
 };
-constexpr StepTable kSteps = stepTable<Voigt>();
+constexpr StepTable kVoigtSteps = stepTable<Voigt>();
 
 }  // namespace
 
 constinit const AxialEntry kVoigtEntry = {
-    &kSteps,
+    &kVoigtSteps,
     [](const SceneSpec& spec, SpecChecker& check) {
       check.enter("voigt.");
       check.number("stiffness_n_per_m", spec.voigt.stiffness_N_per_m, kStiffness);

@@ -6,7 +6,7 @@
 namespace needlelab::test {
 namespace {
 
-constexpr std::size_t kPacket = 16, kHistory = 20'000;
+constexpr std::size_t kBoardPacket = 16, kHistory = 20'000;
 constexpr std::uint8_t kNothing = 0x41;  // the letter that stands for 0
 
 // a serial line bears about 3 % of difference; the chip's nearest to 1456312 is 3 % off
@@ -113,7 +113,7 @@ void FalconBoard::command(std::uint8_t byte, TimePoint at) {
   if (heard_.empty() && byte != '<') return ignore("a byte outside a packet");
   if (byte == '<' && !heard_.empty()) ignore("a packet that was cut off");
   heard_.push_back(byte);
-  if (heard_.size() < kPacket) {
+  if (heard_.size() < kBoardPacket) {
     if (heard_.size() > 1 && (byte < kNothing || byte > kNothing + 15)) ignore("a byte that no packet has");
     return;
   }

@@ -6,8 +6,7 @@
 namespace standin {
 namespace {
 
-constexpr int kIncorrectValue = 9, kWrongMode = 17, kCallTime = 19, kInvalidContext = 3;
-constexpr int kNoMode = 0, kImpedance = 3;
+constexpr int kIncorrectValue = 9, kWrongMode = 17, kCallTime = 19, kNoMode = 0;
 
 // one call: time, link, rule, answer. `rule` gives 0 or the code that the call is refused with
 template <typename Rule>

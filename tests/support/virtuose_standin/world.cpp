@@ -19,8 +19,8 @@ constexpr double kEncoder_m = 10e-6, kEncoder_rad = 100e-6;
 // the motors' heat: mean square of the force over 10 s against the continuous 3 N
 constexpr double kHeatTime_s = 10, kTooHot_N2 = 3.9 * 3.9, kCool_N2 = 2.7 * 2.7;
 constexpr double kHotShare = 0.5;  // a hot device renders less
-constexpr int kOutOfMemory = 1, kCommunication = 2, kInvalidContext = 3, kTimeOut = 6, kIncompatible = 20;
-constexpr int kIndexingAll = 0, kImpedance = 3;
+constexpr int kOutOfMemory = 1, kCommunication = 2, kTimeOut = 6, kIncompatible = 20;
+constexpr int kIndexingAll = 0;
 constexpr unsigned kOverheat = 0x4000, kSaturation = 0x8000, kOverrun = 0x20000;
 constexpr std::size_t kLog = 16'384;  // reserved: a haptic thread calls us
 

@@ -14,6 +14,9 @@
 
 namespace standin {
 
+// of the vendor's codes and modes, what both files of rules use
+inline constexpr int kInvalidContext = 3, kImpedance = 3;
+
 /// A connection, in the library's and in the service's eyes.
 struct Context {
   enum class State { kFree, kOpen, kCut, kLeftOpen };  // kLeftOpen: closed here, the service has not heard it

@@ -68,15 +68,17 @@ TEST_F(RetentionCommands, setShowRunAndWhatIsLeft) {
 
 TEST_F(RetentionCommands, wrongUsageIsTwo) {
   addSession(1);
-  using Arguments = std::vector<std::string>;
-  for (const Arguments& wrong :
-       {Arguments{"knee-1"}, Arguments{"--keep"}, Arguments{"knee-1", "--default", "--keep"},
-        Arguments{"knee-1", "--keep", "--delete-after", "3"}, Arguments{"knee-1", "--thin-after", "3"},
-        Arguments{"knee-1", "--rate", "3"}, Arguments{"knee-1", "--thin-after", "3", "--rate", "-5"},
-        Arguments{"knee-1", "--delete-after", "40000"},
-        Arguments{"knee-1", "--delete-after", "3", "--coarser", "2"},
-        Arguments{"knee-1", "--keep", "--without-backup"}}) {
-    Arguments all = {"retention", "set"};
+  for (const std::vector<std::string>& wrong :
+       {std::vector<std::string>{"knee-1"}, std::vector<std::string>{"--keep"},
+        std::vector<std::string>{"knee-1", "--default", "--keep"},
+        std::vector<std::string>{"knee-1", "--keep", "--delete-after", "3"},
+        std::vector<std::string>{"knee-1", "--thin-after", "3"},
+        std::vector<std::string>{"knee-1", "--rate", "3"},
+        std::vector<std::string>{"knee-1", "--thin-after", "3", "--rate", "-5"},
+        std::vector<std::string>{"knee-1", "--delete-after", "40000"},
+        std::vector<std::string>{"knee-1", "--delete-after", "3", "--coarser", "2"},
+        std::vector<std::string>{"knee-1", "--keep", "--without-backup"}}) {
+    std::vector<std::string> all = {"retention", "set"};
     all.insert(all.end(), wrong.begin(), wrong.end());
     const Run run = onData(all);
     EXPECT_EQ(run.code, 2) << run.err;

@@ -14,7 +14,7 @@
 namespace needlelab::test {
 namespace {
 
-constexpr double kRate = 1000;
+constexpr double kAxisRate_hz = 1000;
 
 DeviceInfo pointDevice() {
   DeviceInfo info;
@@ -65,7 +65,7 @@ class PointDevice : public testing::TestWithParam<Path> {
     SceneSpec spec = allEffects();
     spec.limb = GetParam().limb;
     spec.effects &= ~bitOf(Effect::kOrientationLimit);
-    model_ = *compile(spec, kRate);
+    model_ = *compile(spec, kAxisRate_hz);
   }
   // from the start to the end of the path and back again
   Vec3 place(int k) const {
@@ -132,7 +132,7 @@ TEST_P(PointDevice, theEngineGoesAlongTheNormal) {
 INSTANTIATE_TEST_SUITE_P(Limbs, PointDevice, testing::ValuesIn(kPaths));
 
 TEST(PointDeviceChain, theToolsOffsetIsTakenAlongWAndItsDirectionNotAtAll) {
-  const SceneModel model = *compile(paperOneDof(), kRate);
+  const SceneModel model = *compile(paperOneDof(), kAxisRate_hz);
   const Pose X_HT{{0.01, -0.02, -0.15}, normalized(Quat{0.3, 0.1, 0, 1})};
   HapticChain chain(model, pointDevice(), X_HT);
   ChainTick tick;
@@ -146,7 +146,7 @@ TEST(PointDeviceChain, theToolsOffsetIsTakenAlongWAndItsDirectionNotAtAll) {
 }
 
 TEST(PointDeviceChain, withOrientationButWithoutTorqueTheLeverIsNotAskedForAndTheRecordSaysWhatWasRendered) {
-  const SceneModel model = *compile(paperOneDof(), kRate);
+  const SceneModel model = *compile(paperOneDof(), kAxisRate_hz);
   DeviceInfo info;
   info.renders_torque = false;
   const Pose X_HT{{0.1, 0, 0}, {1, 0, 0, 0}};
@@ -160,7 +160,7 @@ TEST(PointDeviceChain, withOrientationButWithoutTorqueTheLeverIsNotAskedForAndTh
 }
 
 TEST(PointDeviceChain, aDeviceThatRendersNothingIsComputedWithTorqueForTheRecord) {
-  const SceneModel model = *compile(paperOneDof(), kRate);
+  const SceneModel model = *compile(paperOneDof(), kAxisRate_hz);
   DeviceInfo recording;
   recording.renders_force = recording.renders_torque = false;
   HapticChain chain(model, recording, {{0.1, 0, 0}, {1, 0, 0, 0}});
@@ -172,7 +172,7 @@ TEST(PointDeviceChain, aDeviceThatRendersNothingIsComputedWithTorqueForTheRecord
 TEST(PointDeviceChain, startingInsideGivesNoForceAndAFiniteAxis) {
   SceneSpec spec = paperOneDof();
   spec.limb = SphereLimb{{0, 0, 0}, 0.05};
-  const SceneModel model = *compile(spec, kRate);
+  const SceneModel model = *compile(spec, kAxisRate_hz);
   HapticChain chain(model, pointDevice(), {});
   ChainTick tick;
   // at the very centre, where a sphere has no normal
@@ -185,7 +185,7 @@ TEST(PointDeviceChain, startingInsideGivesNoForceAndAFiniteAxis) {
 }
 
 TEST(PointDeviceChain, aReadingThatIsNoNumberIsRejectedAsEver) {
-  const SceneModel model = *compile(paperOneDof(), kRate);
+  const SceneModel model = *compile(paperOneDof(), kAxisRate_hz);
   HapticChain chain(model, pointDevice(), {});
   ChainTick tick;
   for (int k = 0; k < 300; ++k) chain.tick(at({0, 0, 0.001 - 1e-5 * k}), true, 1, 1.0, tick);

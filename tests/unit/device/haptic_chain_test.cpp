@@ -10,7 +10,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kRate = 1000;
+constexpr double kChainRate_hz = 1000;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // a needle that points down, its hub on the handle, 100 mm beside it
@@ -29,7 +29,7 @@ class HapticChainTest : public testing::Test {
   void insert(int ticks) {
     for (int k = 0; k < ticks; ++k) chain_.tick(at(0.002 - 1e-5 * k), true, 1, 1.0, tick_);
   }
-  const SceneModel model_ = *compile(test::paperOneDof(), kRate);
+  const SceneModel model_ = *compile(test::paperOneDof(), kChainRate_hz);
   HapticChain chain_{model_, DeviceLimits{}, kTool};
   ChainTick tick_;
 };

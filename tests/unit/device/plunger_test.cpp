@@ -11,7 +11,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kRate = 1000;
+constexpr double kPlungerRate_hz = 1000;
 constexpr std::uint32_t kPush = 1u << 0, kPull = 1u << 1;
 
 PlungerSettings buttons() {
@@ -32,7 +32,7 @@ void hold(Plunger& plunger, std::uint32_t bits, int ticks) {
 }
 
 TEST(Plunger, aButtonPressesItDownInThreeSecondsAnotherDrawsItBack) {
-  Plunger plunger(buttons(), kRate);
+  Plunger plunger(buttons(), kPlungerRate_hz);
   EXPECT_EQ(plunger.position(), 0.2) << "so that one can aspirate";
   hold(plunger, kPull, 300);
   EXPECT_NEAR(plunger.position(), 0.1, 1e-12);
@@ -47,7 +47,7 @@ TEST(Plunger, aButtonPressesItDownInThreeSecondsAnotherDrawsItBack) {
 }
 
 TEST(Plunger, stopsAtItsEnds) {
-  Plunger plunger(buttons(), kRate);
+  Plunger plunger(buttons(), kPlungerRate_hz);
   hold(plunger, kPush, 10'000);
   EXPECT_EQ(plunger.position(), 1);
   hold(plunger, kPull, 10'000);
@@ -63,7 +63,7 @@ TEST(Plunger, takesTheSameTimeAtEveryRate) {
 }
 
 TEST(Plunger, missedTicksCountButNotALongStall) {
-  Plunger plunger(buttons(), kRate);
+  Plunger plunger(buttons(), kPlungerRate_hz);
   plunger.update(pressing(kPush), true, 50);
   EXPECT_NEAR(plunger.position(), 0.2 + 50 / 3000.0, 1e-12);
   plunger.update(pressing(kPush), true, 10'000);
@@ -73,7 +73,7 @@ TEST(Plunger, missedTicksCountButNotALongStall) {
 }
 
 TEST(Plunger, aLostDeviceDoesNotGoOnInjecting) {
-  Plunger plunger(buttons(), kRate);
+  Plunger plunger(buttons(), kPlungerRate_hz);
   hold(plunger, kPush, 300);
   for (int i = 0; i < 2000; ++i) plunger.update(pressing(kPush), false, 1);
   EXPECT_NEAR(plunger.position(), 0.3, 1e-12);
@@ -86,7 +86,7 @@ TEST(Plunger, aLostDeviceDoesNotGoOnInjecting) {
 }
 
 TEST(Plunger, isAsMeasuredWhereItIsMeasured) {
-  Plunger plunger({}, kRate);
+  Plunger plunger({}, kPlungerRate_hz);
   EXPECT_EQ(plunger.position(), 0);
   DeviceReading reading;
   reading.buttons = kPush;
@@ -107,7 +107,7 @@ TEST(Plunger, isAsMeasuredWhereItIsMeasured) {
 TEST(Plunger, staysWhereADeviceHasNone) {
   PlungerSettings none;
   none.source = PlungerSource::kNone;
-  Plunger plunger(none, kRate);
+  Plunger plunger(none, kPlungerRate_hz);
   EXPECT_EQ(plunger.update(pressing(kPush), true, 1), 0);
 }
 
@@ -115,7 +115,7 @@ TEST(Plunger, buttonsThatAreNoneMoveNothing) {
   PlungerSettings settings = buttons();
   settings.pull_button = -1;
   settings.push_button = 31;
-  Plunger plunger(settings, kRate);
+  Plunger plunger(settings, kPlungerRate_hz);
   hold(plunger, kPull | kPush, 100);
   EXPECT_EQ(plunger.position(), 0.2);
   hold(plunger, 1u << 31, 300);
@@ -123,7 +123,7 @@ TEST(Plunger, buttonsThatAreNoneMoveNothing) {
 }
 
 TEST(Plunger, allocatesNothing) {
-  Plunger plunger(buttons(), kRate);
+  Plunger plunger(buttons(), kPlungerRate_hz);
   const test::NoAllocScope guard;
   hold(plunger, kPush, 100);
   EXPECT_EQ(guard.calls(), 0u);

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <iostream>
 #include <nlohmann/json.hpp>
 
 #include "base/atomic_file.h"
@@ -9,6 +10,7 @@
 #include "falcon/falcon_geometry.h"
 #include "falcon_on_usb.h"
 #include "process.h"
+#include "support/stall_watch.h"
 #include "support/temp_folder.h"
 
 namespace needlelab::test {
@@ -19,6 +21,7 @@ using Eigen::Vector3d;
 
 constexpr double kSkin_m = 0.010;  // below the middle of the workspace
 constexpr double kDeep_m = 0.015;
+constexpr char kSilent[] = "the device stopped reporting";  // what the watchdog says
 
 class StationWithFalcon : public FalconOnUsb {
  protected:
@@ -47,22 +50,74 @@ class StationWithFalcon : public FalconOnUsb {
             "--json",
             folder_.path() / "out.json"};
   }
-  /// A station whose trainee is in the tissue, and feels it; null when that could not be had. A machine that
-  /// stands still for 20 ms makes the watchdog bite: then it is tried again.
+  /// The watchdog bit since the last call of `begin`: says whether the machine is why. Not each stall can be
+  /// seen from outside, so one bite proves nothing; `giveUp` judges them all.
+  void begin() {
+    (void)watch_.take();
+    waited_ = waitedForCores();
+  }
+  void bitten() {
+    const auto late = watch_.take(), waited = waitedForCores() - waited_;
+    ++bites_;
+    if (late > 0ms || waited > 500ms) ++excused_;
+    std::cout << "no force: the machine was late by " << late.count()
+              << " ms, our threads waited for a core for " << waited.count() << " ms: again\n";
+  }
+  /// After many bites: the test is skipped when the machine stood still in most of them, and fails otherwise.
+  void giveUp() const {
+    if (2 * excused_ < bites_) FAIL() << "the watchdog bites, and the machine does not stand still";
+    GTEST_SKIP() << "the machine stood still again and again: the watchdog bites after 20 ms";
+  }
+  /// A station whose trainee is in the tissue, and feels it. A machine that stands still for 20 ms makes the
+  /// watchdog bite: then it is tried again. Null when that could not be had, which is judged.
   std::unique_ptr<Process> stationInMidStroke(const std::vector<std::string>& arguments,
                                               const HandPath& hand) {
-    for (int again = 0; again < 4; ++again) {
+    for (int again = 0; again < 8; ++again) {
+      begin();
       falcon_.powerCycle(true);
       falcon_.holdRigidly([path = homingPath(0.2)](double t) { return path(std::fmod(t, 0.2)); });
       auto child = station(arguments, "log-" + std::to_string(again));
-      if (!waitUntil([this] { return falcon_.homed() == 7; }, 20s)) return nullptr;
+      if (!waitUntil([this] { return falcon_.homed() == 7; }, 20s)) {
+        ADD_FAILURE() << "not homed in 20 s: " << child->said();
+        return nullptr;
+      }
       falcon_.holdAt({0, 0, falcon::kOrigin_F_m.z});
       waitUntil([] { return false; }, 400ms);
       falcon_.holdRigidly(hand);
       waitUntil([&] { return falcon_.force().norm() > 0.3 || child->wait(0ms); }, 3s);
       if (falcon_.force().norm() > 0.3) return child;
+      bitten();
     }
+    giveUp();
     return nullptr;
+  }
+  /// As who stands beside it: takes the needle out, and acknowledges each fault that is said, once, and once
+  /// more whenever it says "not yet". A machine that stands still for 20 ms makes the watchdog bite at any
+  /// time, so there may be more faults than one. False when one stands after `most`.
+  bool overcomeFaults(Process& child, std::chrono::milliseconds most = 30s) {
+    falcon_.holdAt({0, 0, falcon::kOrigin_F_m.z});
+    waitUntil([] { return false; }, 200ms);
+    return waitUntil(
+        [&] {
+          const std::string said = child.said();
+          const std::size_t asked = timesIn(said, "FAULT: ") + timesIn(said, "not yet: ");
+          if (asked > acknowledged_) child.signal(SIGUSR1);
+          acknowledged_ = asked;
+          const auto asked_last = std::max(lastIn(said, "FAULT: "), lastIn(said, "not yet: "));
+          return std::max(lastIn(said, "the fault is over"), lastIn(said, "a FAULT, which is over")) >
+                 asked_last;
+        },
+        most);
+  }
+  static std::size_t timesIn(const std::string& text, const std::string& words) {
+    std::size_t times = 0;
+    for (auto at = text.find(words); at != std::string::npos; at = text.find(words, at + 1)) ++times;
+    return times;
+  }
+  /// Where `words` stand for the last time; −1 when they do not.
+  static std::ptrdiff_t lastIn(const std::string& text, const std::string& words) {
+    const auto at = text.rfind(words);
+    return at == std::string::npos ? -1 : static_cast<std::ptrdiff_t>(at);
   }
   // over the skin, in, rest, and out again
   static HandPath stroke() {
@@ -73,6 +128,10 @@ class StationWithFalcon : public FalconOnUsb {
   }
 
   const TempFolder folder_;
+  std::size_t acknowledged_ = 0;
+  StallWatch watch_;
+  std::chrono::milliseconds waited_{};
+  int bites_ = 0, excused_ = 0;
 };
 
 TEST_F(StationWithFalcon, aWholeLessonInRealTime) {
@@ -81,7 +140,8 @@ TEST_F(StationWithFalcon, aWholeLessonInRealTime) {
   std::string said;
   double greatest_N = 0;
   // a machine that stands still for 20 ms makes the watchdog bite: then the lesson is had again
-  for (int again = 0; again < 3; ++again) {
+  for (int again = 0;; ++again) {
+    begin();
     greatest_N = 0;
     falcon_.powerCycle(true);
     falcon_.holdRigidly([path = homingPath(0.2)](double t) { return path(std::fmod(t, 0.2)); });
@@ -93,7 +153,11 @@ TEST_F(StationWithFalcon, aWholeLessonInRealTime) {
     while (!child->wait(5ms)) greatest_N = std::max(greatest_N, falcon_.force().norm());
     said = child->said();
     summary = row();
-    if (!summary["fault"].is_null()) continue;
+    if (summary["fault"].is_string() && summary["fault"].get<std::string>().find(kSilent) == 0) {
+      bitten();
+      if (again == 7) return giveUp();
+      continue;
+    }
     ASSERT_EQ(child->wait(60s), kExitDone) << said;
     break;
   }
@@ -116,30 +180,42 @@ TEST_F(StationWithFalcon, aWholeLessonInRealTime) {
 
 TEST_F(StationWithFalcon, unpluggedInMidStrokeItSaysSoAndGoesOnWhenItIsAcknowledged) {
   falcon_.plug();
-  auto arguments = lesson("60");
+  auto arguments = lesson("600");
   arguments.insert(arguments.end(), {"--on-fault", "wait"});
   const auto sink = [](double t) {
     return Vector3d(0, -(kSkin_m + kDeep_m) * std::min(1.0, t / 0.6), falcon::kOrigin_F_m.z);
   };
   const auto child = stationInMidStroke(arguments, sink);
-  ASSERT_TRUE(child);
-  const auto says = [&child](const std::string& words) {
-    return waitUntil([&] { return child->said().find(words) != std::string::npos; }, 10s);
-  };
-  const auto pushed = [this] { return waitUntil([this] { return falcon_.force().norm() > 0.3; }, 10s); };
+  if (!child) return;
 
   falcon_.unplug();
-  ASSERT_TRUE(says("FAULT")) << child->said();
+  ASSERT_TRUE(waitUntil([&] { return timesIn(child->said(), "FAULT: ") > 0; }, 20s)) << child->said();
   falcon_.plug();
-  EXPECT_TRUE(waitUntil([this] { return falcon_.port().openClients() > 0; })) << child->said();
-  EXPECT_TRUE(waitUntil([this, before = falcon_.commands()] { return falcon_.commands() > before + 50; }));
+  EXPECT_TRUE(waitUntil([this] { return falcon_.port().openClients() > 0; }, 20s)) << child->said();
+  EXPECT_TRUE(
+      waitUntil([this, before = falcon_.commands()] { return falcon_.commands() > before + 50; }, 20s));
   EXPECT_EQ(falcon_.force().norm(), 0) << "no force before somebody has seen it";
-  falcon_.holdAt({0, 0, falcon::kOrigin_F_m.z});
-  waitUntil([] { return false; }, 200ms);
-  child->signal(SIGUSR1);
-  ASSERT_TRUE(says("the fault is over")) << child->said();
-  falcon_.holdRigidly(sink);
-  EXPECT_TRUE(pushed()) << child->said();
+  bool pushed = false;
+  for (int again = 0; !pushed; ++again) {
+    if (again == 10) return giveUp();
+    begin();
+    ASSERT_TRUE(overcomeFaults(*child)) << child->said();
+    falcon_.holdRigidly(sink);
+    // only a new fault, which is none of the device's, excuses that there is no force
+    const auto faults = timesIn(child->said(), "FAULT: ");
+    waitUntil(
+        [&] {
+          pushed = falcon_.force().norm() > 0.3;
+          return pushed || timesIn(child->said(), "FAULT: ") > faults;
+        },
+        10s);
+    if (pushed) break;
+    const std::string said = child->said();
+    ASSERT_GT(timesIn(said, "FAULT: "), faults) << "no force, and no word of it: " << said;
+    ASSERT_EQ(said.find(kSilent, said.rfind("FAULT: ")), said.rfind("FAULT: ") + 7) << said;
+    bitten();
+  }
+  EXPECT_TRUE(pushed) << child->said();
 
   child->signal(SIGTERM);
   ASSERT_TRUE(child->wait(20s)) << child->said();
@@ -168,7 +244,7 @@ TEST_F(StationWithFalcon, withoutAFalconItSaysWhatToDo) {
 TEST_F(StationWithFalcon, stoppedInMidStrokeItLeavesNoTorque) {
   falcon_.plug();
   const auto child = stationInMidStroke(lesson("20"), stroke());
-  ASSERT_TRUE(child);
+  if (!child) return;
   child->signal(SIGTERM);
   ASSERT_TRUE(child->wait(20s)) << child->said();
   EXPECT_EQ(falcon_.force().norm(), 0);
@@ -177,7 +253,7 @@ TEST_F(StationWithFalcon, stoppedInMidStrokeItLeavesNoTorque) {
 TEST_F(StationWithFalcon, crashedInMidStrokeItLeavesNoTorque) {
   falcon_.plug();
   const auto child = stationInMidStroke(lesson("20"), stroke());
-  ASSERT_TRUE(child);
+  if (!child) return;
   child->signal(SIGSEGV);
   const auto code = child->wait(20s);
   ASSERT_TRUE(code) << child->said();

@@ -27,13 +27,13 @@ double stiffnessOf(const NeedleCompliance& compliance) {
 }
 
 // a published case: G 3.45 kPa, ν 0.45, 20 mm, r₀ 0.4 mm
-constexpr double kShear_Pa = 3450, kPoisson = 0.45, kLength_m = 0.02;
+constexpr double kBlockShear_Pa = 3450, kBlockPoisson = 0.45, kLength_m = 0.02;
 SceneSpec factsScene() {
-  return softBlock(2 * kShear_Pa * (1 + kPoisson), kPoisson, kLength_m);
+  return softBlock(2 * kBlockShear_Pa * (1 + kBlockPoisson), kBlockPoisson, kLength_m);
 }
 double randolphWroth() {
-  return 2 * std::numbers::pi * kShear_Pa * kLength_m /
-         std::log(2.5 * kLength_m * (1 - kPoisson) / kNeedleRadius_m);
+  return 2 * std::numbers::pi * kBlockShear_Pa * kLength_m /
+         std::log(2.5 * kLength_m * (1 - kBlockPoisson) / kNeedleRadius_m);
 }
 
 TEST(NeedleCompliance, shaftIsAsStiffAsRandolphAndWrothSay) {
@@ -42,7 +42,7 @@ TEST(NeedleCompliance, shaftIsAsStiffAsRandolphAndWrothSay) {
   const double stiffness = stiffnessOf(*compliance);
   EXPECT_NEAR(stiffness / randolphWroth(), 1.0, 0.10);
   // the mesh has tissue below the tip, too: with the base, 4 G r₀/(1 − ν), they say what it says
-  const double base = 4 * kShear_Pa * kNeedleRadius_m / (1 - kPoisson);
+  const double base = 4 * kBlockShear_Pa * kNeedleRadius_m / (1 - kBlockPoisson);
   EXPECT_NEAR(stiffness / (randolphWroth() + base), 1.0, 0.05);
 }
 

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <functional>
@@ -46,6 +48,25 @@ TEST(Thinning, keepsTheGridTheFirstAndTheLast) {
               static_cast<std::uint64_t>(std::ceil(static_cast<double>(i) * 1000.0 / 300 - 1e-9)));
   EXPECT_EQ(thinned({}, 1000, 100).size(), 0u);
   EXPECT_EQ(thinned(made(1, [](GestureSample&, double) {}), 1000, 100).size(), 1u);
+}
+
+TEST(Thinning, aVeryLowRateCostsNoMoreThanAHighOne) {
+  const auto samples = made(200'000, [](GestureSample& s, double t) { s.insertion_m = 1e-3 * t; });
+  const auto seconds = [&](double target_hz) {
+    double best = 1e9;
+    for (int turn = 0; turn < 3; ++turn) {
+      const auto begin = std::chrono::steady_clock::now();
+      const auto out = thinned(samples, 1000, target_hz);
+      best = std::min(best, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+      EXPECT_NEAR(static_cast<double>(out.size()), 200 * target_hz, 2);
+    }
+    return best;
+  };
+  // 20 windows of 20,000 samples beside 20,000 windows of 20: each sample counts in two means at either rate
+  const double high = seconds(100), low = seconds(0.1);
+  RecordProperty("seconds_at_100_Hz", std::to_string(high));
+  RecordProperty("seconds_at_0_1_Hz", std::to_string(low));
+  EXPECT_LT(low, 5 * high);
 }
 
 TEST(Thinning, steadyMotionStaysAsItIs) {

@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kFall = 1.0 / 20, kRise = 1.0 / 200;  // shares per tick at 1 kHz
 
-TipSample tipAt(double z) {
+TipSample tipHeldAt(double z) {
   return {{0, 0, z}, {}};
 }
 
@@ -30,7 +30,7 @@ struct Bench {
 
   double tick() {
     if (gate.fault() != Fault::kNone && fresh) gate.noteOutside(outside);
-    admitted = gate.admit(tipAt(z), fresh, speed, elapsed, condition);
+    admitted = gate.admit(tipHeldAt(z), fresh, speed, elapsed, condition);
     const double out = gate.guard({{wanted_N, 0, 0}, {}}).wrench().force_N.x;
     if (admitted) gate.noteOutside(outside);
     return out;

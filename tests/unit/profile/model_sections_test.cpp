@@ -73,7 +73,7 @@ TEST(ModelSections, fieldsWithADefaultMayBeLeftOut) {
   EXPECT_EQ(scene.statistical.mean_factor, 1);
 }
 
-struct Wrong {
+struct WrongSection {
   const char* model;
   const char* pointer;
   const char* value;
@@ -81,7 +81,7 @@ struct Wrong {
 };
 
 // clang-format off
-const Wrong kWrongSections[] = {
+const WrongSection kWrongSections[] = {
     // missing where the model is chosen
     {"DIRECT", "/direct", "", "direct: is missing, and axial_model is DIRECT"},
     {"VOIGT", "/voigt", "", "voigt: is missing, and axial_model is VOIGT"},
@@ -131,7 +131,7 @@ const Wrong kWrongSections[] = {
 // clang-format on
 
 TEST(ModelSections, eachFaultIsRefusedWithFieldAndRange) {
-  for (const Wrong& wrong : kWrongSections) {
+  for (const WrongSection& wrong : kWrongSections) {
     SCOPED_TRACE(std::string(wrong.model) + " " + wrong.pointer + " = " + wrong.value);
     const std::string chosen = mutated(kGoodModels, "/axial_model", '"' + std::string(wrong.model) + '"');
     const auto good = parseProfile(chosen, "p.json");

@@ -10,14 +10,14 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-struct Wrong {
+struct WrongField {
   const char* pointer;   // into the good profile
   const char* value;     // JSON put there; "" erases
   const char* expected;  // part of the message
 };
 
 // clang-format off
-const Wrong kWrongProfiles[] = {
+const WrongField kWrongProfiles[] = {
     // missing
     {"/id", "", "id: is missing"},
     {"/name", "", "name: is missing"},
@@ -183,7 +183,7 @@ TEST(WrongProfiles, theUnchangedOneIsRight) {
 
 TEST(WrongProfiles, eachIsRefusedWithFileFieldAndRange) {
   EXPECT_GE(std::size(kWrongProfiles) + std::size(kWrongTexts), 80u);
-  for (const Wrong& wrong : kWrongProfiles) {
+  for (const WrongField& wrong : kWrongProfiles) {
     SCOPED_TRACE(std::string(wrong.pointer) + " = " + wrong.value);
     const auto profile = parseProfile(mutated(kGoodProfile, wrong.pointer, wrong.value), "dir/p.json");
     ASSERT_FALSE(profile.ok());
@@ -234,7 +234,7 @@ TEST(WrongProfiles, manyTargetsAndHazardsAreRefused) {
   }
 }
 
-const Wrong kWrongCurricula[] = {
+const WrongField kWrongCurricula[] = {
     {"/id", "", "id: is missing"},
     {"/exercises", "[]", "exercises: has 0 items, allowed are 1 to 1000"},
     {"/exercises/1/id", "\"one\"", "exercises[1].id: \"one\" is used twice"},
@@ -251,7 +251,7 @@ const Wrong kWrongCurricula[] = {
 
 TEST(WrongCurricula, eachIsRefusedWithFileFieldAndReason) {
   ASSERT_TRUE(parseCurriculum(kGoodCurriculum, "c.json").ok());
-  for (const Wrong& wrong : kWrongCurricula) {
+  for (const WrongField& wrong : kWrongCurricula) {
     SCOPED_TRACE(std::string(wrong.pointer) + " = " + wrong.value);
     const auto curriculum = parseCurriculum(mutated(kGoodCurriculum, wrong.pointer, wrong.value), "c.json");
     ASSERT_FALSE(curriculum.ok());

@@ -2,13 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include "milliseconds.h"
+
 namespace needlelab {
 namespace {
 
-constexpr std::int64_t kMs = 1'000'000;
 using Answer = Door::Answer;
 
-Door::Settings settings() {
+Door::Settings doorSettings() {
   Door::Settings s;
   s.max_connections = 20;
   s.max_strangers = 10;
@@ -19,7 +20,7 @@ Door::Settings settings() {
 }
 
 TEST(Door, whoLogsInCostsItsAddressNothing) {
-  Door door(settings());
+  Door door(doorSettings());
   for (std::uint64_t id = 0; id < 1000; ++id) {
     ASSERT_EQ(door.arrive(id, "10.0.0.1", 0).answer, Answer::kWelcome) << id;
     door.loggedIn(id, 0);
@@ -30,7 +31,7 @@ TEST(Door, whoLogsInCostsItsAddressNothing) {
 }
 
 TEST(Door, whoNeverLogsInUsesUpTheRoomOfItsOwnAddress) {
-  Door door(settings());
+  Door door(doorSettings());
   std::uint64_t id = 0;
   // open or closed again: six at once, then one each 100 ms
   for (int i = 0; i < 6; ++i) {
@@ -45,7 +46,7 @@ TEST(Door, whoNeverLogsInUsesUpTheRoomOfItsOwnAddress) {
 }
 
 TEST(Door, whenAllPlacesAreTakenTheGreediestAddressGivesWayWithItsOldest) {
-  Door door(settings());
+  Door door(doorSettings());
   for (std::uint64_t id = 1; id <= 6; ++id) (void)door.arrive(id, "10.0.0.1", 0);
   for (std::uint64_t id = 7; id <= 10; ++id) (void)door.arrive(id, "10.0.0.2", 0);
   EXPECT_EQ(door.strangers(), 10u);
@@ -63,7 +64,7 @@ TEST(Door, whenAllPlacesAreTakenTheGreediestAddressGivesWayWithItsOldest) {
 }
 
 TEST(Door, whoIsLoggedInNeverGivesWay) {
-  auto s = settings();
+  auto s = doorSettings();
   s.max_strangers = 20;
   s.charges_at_once = 100;
   Door door(s);
@@ -81,7 +82,7 @@ TEST(Door, whoIsLoggedInNeverGivesWay) {
 }
 
 TEST(Door, endsAreCountedOnceAndUnknownOnesNotAtAll) {
-  Door door(settings());
+  Door door(doorSettings());
   (void)door.arrive(1, "10.0.0.1", 0);
   door.left(1);
   door.left(1);
@@ -91,7 +92,7 @@ TEST(Door, endsAreCountedOnceAndUnknownOnesNotAtAll) {
 }
 
 TEST(Door, memoryIsBoundedWhateverTheAddresses) {
-  Door door(settings());
+  Door door(doorSettings());
   for (std::uint64_t id = 0; id < 5000; ++id) {
     (void)door.arrive(id, "10." + std::to_string(id / 250) + ".0." + std::to_string(id % 250), 0);
     EXPECT_LE(door.addresses(), 61u);  // those with a connection are kept: at most max_strangers beside

@@ -6,12 +6,11 @@
 #include <vector>
 
 #include "gesture/chunk.h"
+#include "milliseconds.h"
 #include "wire/live_queue.h"
 
 namespace needlelab {
 namespace {
-
-constexpr std::int64_t kMs = 1'000'000;
 
 /// Keeps what it was sent.
 struct FakePeer : HubPeer {

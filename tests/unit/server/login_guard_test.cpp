@@ -8,7 +8,7 @@ namespace {
 constexpr std::int64_t kS = 1'000'000'000;
 using std::chrono::milliseconds;
 
-LoginGuard::Settings settings() {
+LoginGuard::Settings guardSettings() {
   LoginGuard::Settings s;
   s.allowed_per_name = 3;
   s.first_wait = milliseconds(10'000);
@@ -21,7 +21,7 @@ LoginGuard::Settings settings() {
 }
 
 TEST(LoginGuard, afterThreeFailuresTheNameWaitsAtThisAddress) {
-  LoginGuard guard(settings());
+  LoginGuard guard(guardSettings());
   for (int i = 0; i < 3; ++i) {
     EXPECT_EQ(guard.mustWait("anna", "a", 0).count(), 0) << i;
     EXPECT_EQ(guard.failed("anna", "a", 0), i == 2) << "the third one begins a wait: worth noting once";
@@ -34,7 +34,7 @@ TEST(LoginGuard, afterThreeFailuresTheNameWaitsAtThisAddress) {
 }
 
 TEST(LoginGuard, eachFurtherFailureDoublesTheWaitUpToTheLongest) {
-  LoginGuard guard(settings());
+  LoginGuard guard(guardSettings());
   std::int64_t now = 0;
   for (int i = 0; i < 3; ++i) (void)guard.failed("anna", "a", now);
   for (const int expected_s : {10, 20, 40, 60, 60}) {
@@ -46,7 +46,7 @@ TEST(LoginGuard, eachFurtherFailureDoublesTheWaitUpToTheLongest) {
 }
 
 TEST(LoginGuard, aSuccessOrAnHourOfQuietBeginsAnew) {
-  LoginGuard guard(settings());
+  LoginGuard guard(guardSettings());
   for (int i = 0; i < 2; ++i) (void)guard.failed("anna", "a", 0);
   guard.succeeded("anna", "a", 0);
   for (int i = 0; i < 2; ++i) (void)guard.failed("anna", "a", kS);
@@ -58,21 +58,21 @@ TEST(LoginGuard, aSuccessOrAnHourOfQuietBeginsAnew) {
 }
 
 TEST(LoginGuard, guessingManyNamesFromOneAddressWaitsToo) {
-  LoginGuard guard(settings());
+  LoginGuard guard(guardSettings());
   for (int i = 0; i < 6; ++i) (void)guard.failed("name" + std::to_string(i), "a", 0);
   EXPECT_EQ(guard.mustWait("fresh", "a", 0), milliseconds(2'000));
   EXPECT_EQ(guard.mustWait("fresh", "b", 0).count(), 0);
 }
 
 TEST(LoginGuard, guessingOneNameFromManyAddressesWaitsToo) {
-  LoginGuard guard(settings());
+  LoginGuard guard(guardSettings());
   for (int i = 0; i < 8; ++i) (void)guard.failed("anna", "bot" + std::to_string(i), 0);
   EXPECT_EQ(guard.mustWait("anna", "fresh", 0), milliseconds(5'000));
   EXPECT_EQ(guard.mustWait("bert", "fresh", 0).count(), 0);
 }
 
 TEST(LoginGuard, nobodyElsewhereLocksATeacherOutOfTheLab) {
-  LoginGuard guard(settings());
+  LoginGuard guard(guardSettings());
   guard.succeeded("anna", "lab", 0);
   for (std::int64_t t = 0; t < 600 * kS; t += kS)
     for (int i = 0; i < 20; ++i) (void)guard.failed("anna", "bot" + std::to_string(i), t);
@@ -81,7 +81,7 @@ TEST(LoginGuard, nobodyElsewhereLocksATeacherOutOfTheLab) {
 }
 
 TEST(LoginGuard, oneWhoGuessesInTheLabDoesNotLockOutThoseWhoAreKnownThere) {
-  LoginGuard guard(settings());
+  LoginGuard guard(guardSettings());
   guard.succeeded("anna", "lab", 0);
   for (int i = 0; i < 1000; ++i) (void)guard.failed("name" + std::to_string(i % 7), "lab", 0);
   EXPECT_GT(guard.mustWait("stranger", "lab", 0).count(), 0);
@@ -105,13 +105,13 @@ TEST(LoginGuard, overADayFewTriesPass) {
 }
 
 TEST(LoginGuard, noNameLooksLikeAnotherOneElsewhere) {
-  LoginGuard guard(settings());
+  LoginGuard guard(guardSettings());
   for (int i = 0; i < 3; ++i) (void)guard.failed("anna a", "b", 0);
   EXPECT_EQ(guard.mustWait("anna", "a b", 0).count(), 0);
 }
 
 TEST(LoginGuard, memoryIsBoundedAndAFloodOfNamesDoesNotFreeTheOneThatWaits) {
-  auto s = settings();
+  auto s = guardSettings();
   s.max_entries = 100;
   LoginGuard guard(s);
   for (int i = 0; i < 1000; ++i) {

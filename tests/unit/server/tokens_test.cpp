@@ -2,10 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include "milliseconds.h"
+
 namespace needlelab {
 namespace {
 
-constexpr std::int64_t kMs = 1'000'000;
 const Tokens::Holder kAnna{{"anna", pb::INSTRUCTOR}, 0};
 
 TEST(Tokens, aTokenLastsAsLongAsItSays) {

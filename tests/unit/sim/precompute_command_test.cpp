@@ -15,13 +15,12 @@ namespace {
 using nlohmann::json;
 using test::sim;
 using testing::HasSubstr;
-const std::filesystem::path kSamples = NEEDLELAB_SAMPLES;
 
 TEST(PrecomputeCommand, writesAProfileThatRunsAndSaysHowFarItIsFromLiveFem) {
   const test::TempFolder folder;
   const auto out = folder.path() / "table.json";
-  const auto outcome = sim({"precompute", "--profile", (kSamples / "shoulder-models.json").string(), "--mesh",
-                            "1000", "--rows", "101", "--out", out.string(), "--json"});
+  const auto outcome = sim({"precompute", "--profile", (test::kSamples / "shoulder-models.json").string(),
+                            "--mesh", "1000", "--rows", "101", "--out", out.string(), "--json"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const json row = json::parse(outcome.out).at("rows").at(0);
   EXPECT_EQ(row.at("table_rows"), 101);
@@ -49,8 +48,8 @@ TEST(PrecomputeCommand, sameInputGivesTheSameTable) {
   std::string text[2];
   for (const int n : {0, 1}) {
     const auto out = folder.path() / ("table" + std::to_string(n) + ".json");
-    ASSERT_EQ(sim({"precompute", "--profile", (kSamples / "shoulder-models.json").string(), "--mesh", "500",
-                   "--rows", "21", "--out", out.string()})
+    ASSERT_EQ(sim({"precompute", "--profile", (test::kSamples / "shoulder-models.json").string(), "--mesh",
+                   "500", "--rows", "21", "--out", out.string()})
                   .code,
               0);
     text[n] = *readWholeFile(out);
@@ -61,8 +60,8 @@ TEST(PrecomputeCommand, sameInputGivesTheSameTable) {
 TEST(PrecomputeCommand, aProfileWithoutFemIsTakenByItsLayersAndSaysSo) {
   const test::TempFolder folder;
   const auto out = folder.path() / "table.json";
-  const auto outcome = sim({"precompute", "--profile", (kSamples / "paper-1dof.json").string(), "--mesh",
-                            "500", "--rows", "11", "--depth", "0.02", "--out", out.string()});
+  const auto outcome = sim({"precompute", "--profile", (test::kSamples / "paper-1dof.json").string(),
+                            "--mesh", "500", "--rows", "11", "--depth", "0.02", "--out", out.string()});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("no section fem"));
   EXPECT_THAT(outcome.out, HasSubstr("11 rows to 20.0 mm"));
@@ -71,7 +70,7 @@ TEST(PrecomputeCommand, aProfileWithoutFemIsTakenByItsLayersAndSaysSo) {
 TEST(PrecomputeCommand, refusesWithFieldValueAndRangeAndWritesNothing) {
   const test::TempFolder folder;
   const auto out = folder.path() / "table.json";
-  const std::string profile = (kSamples / "shoulder-models.json").string();
+  const std::string profile = (test::kSamples / "shoulder-models.json").string();
   const auto refused = [&](std::vector<std::string> more, const std::string& words) {
     std::vector<std::string> line = {"precompute", "--profile", profile, "--out", out.string()};
     line.insert(line.end(), more.begin(), more.end());
@@ -90,7 +89,7 @@ TEST(PrecomputeCommand, refusesWithFieldValueAndRangeAndWritesNothing) {
 TEST(PrecomputeCommand, keepsItsInput) {
   const test::TempFolder folder;
   const auto copy = folder.path() / "own.json";
-  std::filesystem::copy_file(kSamples / "shoulder-models.json", copy);
+  std::filesystem::copy_file(test::kSamples / "shoulder-models.json", copy);
   const auto outcome =
       sim({"precompute", "--profile", copy.string(), "--mesh", "500", "--out", copy.string()});
   EXPECT_EQ(outcome.code, 2);

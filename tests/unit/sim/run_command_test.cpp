@@ -25,7 +25,6 @@ namespace {
 
 using test::sim;
 using testing::HasSubstr;
-const std::filesystem::path kSamples = NEEDLELAB_SAMPLES;
 
 // an oblique insertion to 30 mm with a stop, a sideways drift and a withdrawal; tip poses at 1 kHz
 std::vector<Pose> gesture() {
@@ -75,7 +74,7 @@ TEST(RunCommand, writesWhatTheEngineSaysBitForBit) {
   const test::TempFolder folder;
   const auto poses = gesture();
   const auto trajectory = folder.write("t.csv", csvOf(poses)), out = folder.path() / "o.csv";
-  const auto profile = kSamples / "shoulder-adult.json";
+  const auto profile = test::kSamples / "shoulder-adult.json";
   const auto outcome = sim({"run", "--profile", profile.string(), "--trajectory", trajectory.string(),
                             "--out", out.string(), "--hash"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
@@ -125,7 +124,7 @@ TEST(RunCommand, writesWhatTheEngineSaysBitForBit) {
 TEST(RunCommand, runsEveryAxialModel) {
   const test::TempFolder folder;
   const auto trajectory = folder.write("t.csv", csvOf(gesture()));
-  const auto profile = (kSamples / "shoulder-models.json").string();
+  const auto profile = (test::kSamples / "shoulder-models.json").string();
   std::set<std::string> outputs;
   for (const std::string_view model : kAxialModelNames) {
     const auto out = folder.path() / (std::string(model) + ".csv");
@@ -144,7 +143,7 @@ TEST(RunCommand, runsEveryAxialModel) {
 TEST(RunCommand, aModelWithoutItsSectionIsRefusedWithTheSectionsName) {
   const test::TempFolder folder;
   const auto trajectory = folder.write("t.csv", csvOf(gesture()));
-  const auto profile = (kSamples / "paper-1dof.json").string();
+  const auto profile = (test::kSamples / "paper-1dof.json").string();
   const auto run = [&](const std::string& model) {
     return sim({"run", "--profile", profile, "--trajectory", trajectory.string(), "--out",
                 (folder.path() / "o.csv").string(), "--model", model});
@@ -169,7 +168,7 @@ TEST(RunCommand, findsColumnsByNameInAnyOrder) {
       folder.write("b.csv",
                    "qw,qz,qy,plunger,qx,note,pz_m,py_m,px_m,t_s\r\n0,0,0,0.5,1.0005,first,0.01,0,0,0\r\n"
                    "0,0,0,1,1,second,-0.002,0,0,0.001\r\n");
-  const auto profile = (kSamples / "paper-1dof.json").string();
+  const auto profile = (test::kSamples / "paper-1dof.json").string();
   const auto a = folder.path() / "ao.csv", b = folder.path() / "bo.csv";
   ASSERT_EQ(sim({"run", "--profile", profile, "--trajectory", plain.string(), "--out", a.string()}).code, 0);
   ASSERT_EQ(sim({"run", "--profile", profile, "--trajectory", mixed.string(), "--out", b.string()}).code, 0);
@@ -182,12 +181,12 @@ TEST(RunCommand, jsonSaysWhatTheRunCameTo) {
   const test::TempFolder folder;
   const auto trajectory =
       folder.write("t.csv", "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,0,0,0.01,1,0,0,0\n0.001,0,0,-0.003,1,0,0,0\n");
-  const auto out = folder.path() / "o.csv", json = folder.path() / "o.json";
-  ASSERT_EQ(sim({"run", "--profile", (kSamples / "paper-1dof.json").string(), "--trajectory",
-                 trajectory.string(), "--out", out.string(), "--json", json.string()})
+  const auto out = folder.path() / "o.csv", summary = folder.path() / "o.json";
+  ASSERT_EQ(sim({"run", "--profile", (test::kSamples / "paper-1dof.json").string(), "--trajectory",
+                 trajectory.string(), "--out", out.string(), "--json", summary.string()})
                 .code,
             0);
-  const auto whole = nlohmann::json::parse(*readWholeFile(json));
+  const auto whole = nlohmann::json::parse(*readWholeFile(summary));
   ASSERT_EQ(whole.at("rows").size(), 1u);
   const auto& row = whole.at("rows").at(0);
   EXPECT_EQ(row.at("ticks"), 2);
@@ -205,7 +204,7 @@ TEST(RunCommand, theTimeColumnIsCarriedThroughAndMeansNothing) {
       "t.csv",
       "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n7,0,0,0.01,1,0,0,0\n3.25,0,0,0.01,1,0,0,0\n3.25,0,0,0.01,1,0,0,0\n");
   const auto out = folder.path() / "o.csv";
-  ASSERT_EQ(sim({"run", "--profile", (kSamples / "paper-1dof.json").string(), "--trajectory",
+  ASSERT_EQ(sim({"run", "--profile", (test::kSamples / "paper-1dof.json").string(), "--trajectory",
                  trajectory.string(), "--out", out.string()})
                 .code,
             0);
@@ -219,7 +218,7 @@ TEST(RunCommand, toolAndPlacementOnlyMoveTheScene) {
   const Pose X_HT{{0.01, 0.02, 0.15}, normalized(Quat{0.1, 0.7, 0, 0.7})};
   std::vector<Pose> handles;
   for (const Pose& X_LT : tips) handles.push_back(X_WL * X_LT * inverse(X_HT));
-  const auto profile = (kSamples / "shoulder-adult.json").string();
+  const auto profile = (test::kSamples / "shoulder-adult.json").string();
   const auto plain = folder.path() / "plain.csv", moved = folder.path() / "moved.csv";
   ASSERT_EQ(sim({"run", "--profile", profile, "--trajectory", folder.write("t.csv", csvOf(tips)).string(),
                  "--out", plain.string()})
@@ -253,7 +252,7 @@ TEST(RunCommand, refusesWrongInputByNameAndWritesNothing) {
   const std::string header = "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n";
   const std::string good_row = "0,0,0,0.01,1,0,0,0\n";
   const auto good = folder.write("good.csv", header + good_row).string();
-  const auto profile = (kSamples / "paper-1dof.json").string();
+  const auto profile = (test::kSamples / "paper-1dof.json").string();
   std::string with_field = *readWholeFile(profile);
   with_field.insert(with_field.find("\"id\""), "\"colour\": 3, ");
   std::string out_of_range = *readWholeFile(profile);
@@ -321,13 +320,13 @@ TEST(RunCommand, anEarlierOutputStaysWholeWhenARunFails) {
   const test::TempFolder folder;
   const auto out = folder.write("o.csv", "earlier");
   const auto bad = folder.write("bad.csv", "t_s\n0\n");
-  const auto outcome = sim({"run", "--profile", (kSamples / "paper-1dof.json").string(), "--trajectory",
+  const auto outcome = sim({"run", "--profile", (test::kSamples / "paper-1dof.json").string(), "--trajectory",
                             bad.string(), "--out", out.string()});
   EXPECT_EQ(outcome.code, 2);
   EXPECT_EQ(*readWholeFile(out), "earlier");
   // a folder that does not exist is found before the work
   const auto good = folder.write("good.csv", "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,0,0,0.01,1,0,0,0\n");
-  const auto nowhere = sim({"run", "--profile", (kSamples / "paper-1dof.json").string(), "--trajectory",
+  const auto nowhere = sim({"run", "--profile", (test::kSamples / "paper-1dof.json").string(), "--trajectory",
                             good.string(), "--out", (folder.path() / "no" / "folder.csv").string()});
   EXPECT_EQ(nowhere.code, 2);
   EXPECT_THAT(nowhere.err, HasSubstr("folder.csv"));
@@ -338,7 +337,7 @@ TEST(RunCommand, anOutputThatIsAnInputIsRefused) {
   const test::TempFolder folder;
   const std::string table = "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,0,0,0.01,1,0,0,0\n";
   const auto trajectory = folder.write("t.csv", table);
-  const auto profile = (kSamples / "paper-1dof.json").string();
+  const auto profile = (test::kSamples / "paper-1dof.json").string();
   const auto link = folder.path() / "other-name.csv";
   std::filesystem::create_symlink(trajectory, link);
   for (const auto& out : {trajectory, link}) {
@@ -357,7 +356,7 @@ TEST(RunCommand, anOutputThatIsAnInputIsRefused) {
 // each would otherwise end with `{"version"…` in place of its own input, and exit code 0
 TEST(EveryCommand, refusesAJsonFileThatIsItsInput) {
   const test::TempFolder folder;
-  const std::string text = *readWholeFile(kSamples / "paper-1dof.json");
+  const std::string text = *readWholeFile(test::kSamples / "paper-1dof.json");
   const auto profile = folder.write("p.json", text).string();
   const auto trajectory =
       folder.write("t.csv", "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,0,0,0.01,1,0,0,0\n").string();
@@ -381,7 +380,7 @@ TEST(EveryCommand, refusesAJsonFileThatIsItsInput) {
 // DESIGN §4: a warning, with the numbers
 TEST(RunCommand, saysWhatIsDoubtfulInTheProfile) {
   const test::TempFolder folder;
-  std::string thin = *readWholeFile(kSamples / "paper-1dof.json");
+  std::string thin = *readWholeFile(test::kSamples / "paper-1dof.json");
   const std::string thickness = "\"thickness_m\": 0.05";
   ASSERT_NE(thin.find(thickness), std::string::npos);
   thin.replace(thin.find(thickness), thickness.size(), "\"thickness_m\": 0.002");
@@ -394,7 +393,7 @@ TEST(RunCommand, saysWhatIsDoubtfulInTheProfile) {
   EXPECT_EQ(doubtful.code, 0);
   EXPECT_THAT(doubtful.err, HasSubstr("layers[0]"));
   EXPECT_THAT(doubtful.err, HasSubstr("fidelity 0.1"));  // 1 − 0.9 N/(500 N/m · 2 mm)
-  EXPECT_EQ(run((kSamples / "paper-1dof.json").string()).err, "");
+  EXPECT_EQ(run((test::kSamples / "paper-1dof.json").string()).err, "");
 }
 
 TEST(SimApp, helpAndVersionAreEverywhere) {

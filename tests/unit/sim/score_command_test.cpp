@@ -15,7 +15,6 @@ namespace {
 using nlohmann::json;
 using test::sim;
 using testing::HasSubstr;
-const std::filesystem::path kSamples = NEEDLELAB_SAMPLES;
 
 // straight down from 10 mm above the skin to `depth_m`, a second of rest, and out the same way; 40 mm/s
 std::string strokeCsv(double depth_m) {
@@ -41,8 +40,8 @@ double valueOf(const json& whole, const std::string& measure) {
 TEST(ScoreCommand, measuresAStrokeThatIsKnown) {
   const test::TempFolder folder;
   const auto trajectory = folder.write("t.csv", strokeCsv(0.03));
-  const auto outcome = sim({"score", "--profile", (kSamples / "paper-1dof.json").string(), "--trajectory",
-                            trajectory.string(), "--json"});
+  const auto outcome = sim({"score", "--profile", (test::kSamples / "paper-1dof.json").string(),
+                            "--trajectory", trajectory.string(), "--json"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const json whole = json::parse(outcome.out);
   EXPECT_EQ(whole.at("version"), NEEDLELAB_VERSION);
@@ -58,7 +57,7 @@ TEST(ScoreCommand, measuresAStrokeThatIsKnown) {
 TEST(ScoreCommand, aTableForPeopleAndAFileForPrograms) {
   const test::TempFolder folder;
   const auto trajectory = folder.write("t.csv", strokeCsv(0.02)).string();
-  const auto profile = (kSamples / "paper-1dof.json").string();
+  const auto profile = (test::kSamples / "paper-1dof.json").string();
   const auto table = sim({"score", "--profile", profile, "--trajectory", trajectory});
   EXPECT_EQ(table.code, 0);
   EXPECT_THAT(table.out, HasSubstr("peak_force_n"));
@@ -73,7 +72,7 @@ TEST(ScoreCommand, aTableForPeopleAndAFileForPrograms) {
 TEST(ScoreCommand, checksAnExercisesRequirements) {
   const test::TempFolder folder;
   const auto trajectory = folder.write("t.csv", strokeCsv(0.02)).string();
-  const auto profile = (kSamples / "paper-1dof.json").string();
+  const auto profile = (test::kSamples / "paper-1dof.json").string();
   const auto exercise = folder.write("e.json", R"({"id": "e", "name": "Gently", "profile_id": "paper-1dof",
       "requirements": [{"measure": "peak_force_n", "max": 0.5}, {"measure": "entries", "max": 1}]})");
   const auto outcome = sim(
@@ -113,7 +112,7 @@ TEST(ScoreCommand, tellsWhatTheSyringeDidByThePlungerColumn) {
     appendNumber(text, plunger);
     text += "\n";
   }
-  const auto profile = (kSamples / "paper-1dof.json").string();
+  const auto profile = (test::kSamples / "paper-1dof.json").string();
   const auto trajectory = folder.write("t.csv", text).string();
   const auto outcome = sim({"score", "--profile", profile, "--trajectory", trajectory, "--json"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
@@ -142,8 +141,8 @@ TEST(ScoreCommand, aTrajectoryThatJumpsIsNoGesture) {
   std::string text = "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n";
   for (int k = 0; k < 20; ++k)
     text += std::to_string(k * 1e-3) + (k < 10 ? ",0,0,0.5,1,0,0,0\n" : ",0,0,-0.01,1,0,0,0\n");
-  const auto outcome = sim({"score", "--profile", (kSamples / "paper-1dof.json").string(), "--trajectory",
-                            folder.write("t.csv", text).string(), "--json"});
+  const auto outcome = sim({"score", "--profile", (test::kSamples / "paper-1dof.json").string(),
+                            "--trajectory", folder.write("t.csv", text).string(), "--json"});
   EXPECT_EQ(outcome.code, 1);
   EXPECT_THAT(outcome.err, HasSubstr("row 16"));  // five rejected samples after the jump in row 11
   EXPECT_THAT(outcome.err, HasSubstr("jumped"));
@@ -152,8 +151,8 @@ TEST(ScoreCommand, aTrajectoryThatJumpsIsNoGesture) {
 
 TEST(ScoreCommand, refusesWrongInputAsRunDoes) {
   const test::TempFolder folder;
-  const auto outcome = sim({"score", "--profile", (kSamples / "paper-1dof.json").string(), "--trajectory",
-                            folder.write("t.csv", "t_s\n0\n").string()});
+  const auto outcome = sim({"score", "--profile", (test::kSamples / "paper-1dof.json").string(),
+                            "--trajectory", folder.write("t.csv", "t_s\n0\n").string()});
   EXPECT_EQ(outcome.code, 2);
   EXPECT_THAT(outcome.err, HasSubstr("'px_m'"));
 }

@@ -3,12 +3,15 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
 #include "sim/command.h"
 
 namespace needlelab::test {
+
+inline const std::filesystem::path kSamples = NEEDLELAB_SAMPLES;  ///< the folder of the sample profiles
 
 struct Outcome {
   int code = -1;

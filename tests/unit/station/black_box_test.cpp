@@ -10,7 +10,7 @@
 namespace needlelab::test {
 namespace {
 
-constexpr double kRate = 100;  // 200 ticks before, 5 after, at most 50 after; 350 in the ring
+constexpr double kBoxRate_hz = 100;  // 200 ticks before, 5 after, at most 50 after; 350 in the ring
 
 class BlackBoxTest : public testing::Test {
  protected:
@@ -29,7 +29,7 @@ class BlackBoxTest : public testing::Test {
     ASSERT_EQ(ticks_.size(), last - first + 1);
     for (std::size_t i = 0; i < ticks_.size(); ++i) ASSERT_EQ(ticks_[i].tick, first + i);
   }
-  BlackBox box_{kRate, 3};
+  BlackBox box_{kBoxRate_hz, 3};
   std::uint64_t number_ = 0;
   BlackBoxDump dump_;
   std::vector<BlackBoxTick> ticks_;
@@ -129,7 +129,7 @@ TEST_F(BlackBoxTest, writingNeverTouchesTheHeap) {
 
 TEST_F(BlackBoxTest, aReaderOnAnotherThreadSeesWholeTicksInOrder) {
   // every value of a tick is its number: a tick that is half overwritten would show
-  BlackBox box(kRate, 32);
+  BlackBox box(kBoxRate_hz, 32);
   std::atomic<bool> done{false};
   std::uint64_t seen = 0;
   std::thread reader([&] {

@@ -6,6 +6,7 @@
 
 #include "base/formatted.h"
 #include "device/pivot_device.h"
+#include "no_signals.h"
 #include "station/calibrate.h"
 #include "station/self_test.h"
 #include "virtuose/virtuose_device.h"
@@ -15,12 +16,6 @@ namespace needlelab::test {
 namespace {
 
 using testing::HasSubstr;
-
-sigset_t noSignals() {
-  sigset_t none;
-  sigemptyset(&none);
-  return none;
-}
 
 VirtuoseDevice standinDevice() {
   VirtuoseOptions options;

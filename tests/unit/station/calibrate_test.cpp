@@ -11,6 +11,7 @@
 #include "device/pivot_device.h"
 #include "device/pose_option.h"
 #include "fake_loop.h"
+#include "no_signals.h"
 #include "station/modes.h"
 #include "station/tool_file.h"
 #include "support/temp_folder.h"
@@ -20,12 +21,6 @@ namespace {
 
 using test::FakeDevice;
 using testing::HasSubstr;
-
-sigset_t noSignals() {
-  sigset_t none;
-  sigemptyset(&none);
-  return none;
-}
 
 // plays a pivot motion and keeps what is written to it
 std::unique_ptr<FakeDevice> pivoting(const PivotMotion& motion) {

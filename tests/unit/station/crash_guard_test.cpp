@@ -26,7 +26,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr double kRate = 1000;
+constexpr double kGuardRate_hz = 1000;
 
 // what the parent sees of the child
 struct Seen {
@@ -97,11 +97,11 @@ int deeper(volatile int* depth) {
   if (::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(99);
   SceneSpec spec = paperOneDof();
   spec.effects = bitOf(Effect::kCutting);
-  const SceneModel model = *compile(spec, kRate);
+  const SceneModel model = *compile(spec, kGuardRate_hz);
   ChildDevice device(seen);
   SteadyLoopClock clock;
   auto ring = std::make_unique<SampleRing>();
-  ServoLoop loop(model, device, clock, *ring, ServoSettings{kRate, {}, 20'000});
+  ServoLoop loop(model, device, clock, *ring, ServoSettings{kGuardRate_hz, {}, 20'000});
   const CrashGuard guard(loop);
   std::thread haptic([&] {
     CrashGuard::thisIsTheHapticThread();
@@ -212,14 +212,14 @@ TEST(CrashGuard, aCrashOfTheHapticThreadItselfIsNotWaitedFor) {
     const rlimit none{0, 0};
     ::setrlimit(RLIMIT_CORE, &none);
     if (::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(99);
-    const SceneModel model = *compile(paperOneDof(), kRate);
+    const SceneModel model = *compile(paperOneDof(), kGuardRate_hz);
     FakeDevice device([](std::uint64_t tick, DeviceReading& reading) {
       if (tick >= 50) ::raise(SIGSEGV);  // that tick itself may be missed
-      return goingDown(0.01, kRate)(tick, reading);
+      return goingDown(0.01, kGuardRate_hz)(tick, reading);
     });
     SteadyLoopClock clock;
     auto ring = std::make_unique<SampleRing>();
-    ServoLoop loop(model, device, clock, *ring, ServoSettings{kRate, {}, 20'000});
+    ServoLoop loop(model, device, clock, *ring, ServoSettings{kGuardRate_hz, {}, 20'000});
     const CrashGuard guard(loop);
     std::thread([&] {
       CrashGuard::thisIsTheHapticThread();
@@ -240,11 +240,11 @@ TEST(CrashGuard, aLoopThatNeverAnswersHoldsNobodyUp) {
     const rlimit none{0, 0};
     ::setrlimit(RLIMIT_CORE, &none);
     if (::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(99);
-    const SceneModel model = *compile(paperOneDof(), kRate);
-    FakeDevice device(goingDown(0.01, kRate));
+    const SceneModel model = *compile(paperOneDof(), kGuardRate_hz);
+    FakeDevice device(goingDown(0.01, kGuardRate_hz));
     FakeClock clock;
     auto ring = std::make_unique<SampleRing>();
-    ServoLoop loop(model, device, clock, *ring, ServoSettings{kRate, {}, 100});
+    ServoLoop loop(model, device, clock, *ring, ServoSettings{kGuardRate_hz, {}, 100});
     const CrashGuard guard(loop);  // and nobody runs it
     std::abort();
   }
@@ -259,11 +259,11 @@ TEST(CrashGuard, afterwardsSignalsAreAsBefore) {
   }, during{}, after{};
   ::sigaction(SIGSEGV, nullptr, &before);
   {
-    const SceneModel model = *compile(paperOneDof(), kRate);
-    FakeDevice device(goingDown(0.01, kRate));
+    const SceneModel model = *compile(paperOneDof(), kGuardRate_hz);
+    FakeDevice device(goingDown(0.01, kGuardRate_hz));
     FakeClock clock;
     auto ring = std::make_unique<SampleRing>();
-    ServoLoop loop(model, device, clock, *ring, ServoSettings{kRate, {}, 100});
+    ServoLoop loop(model, device, clock, *ring, ServoSettings{kGuardRate_hz, {}, 100});
     const CrashGuard guard(loop);
     ::sigaction(SIGSEGV, nullptr, &during);
   }

@@ -10,14 +10,14 @@ namespace {
 
 using testing::HasSubstr;
 
-struct Outcome {
+struct ParsedMode {
   ParsedOptions parsed;
   std::string err;
 };
-Outcome parse(std::vector<const char*> arguments) {
+ParsedMode parse(std::vector<const char*> arguments) {
   arguments.insert(arguments.begin(), "needlelab-station");
   testing::internal::CaptureStderr();
-  Outcome outcome;
+  ParsedMode outcome;
   outcome.parsed = parseStationOptions(static_cast<int>(arguments.size()), arguments.data());
   outcome.err = testing::internal::GetCapturedStderr();
   return outcome;

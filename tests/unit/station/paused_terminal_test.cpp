@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cstdlib>
 #include <memory>
+#include <stdexcept>
 #include <thread>
 
 #include "fake_loop.h"
@@ -45,6 +46,7 @@ class FullPipe {
 
 // how `child` ended; −1 when it did not within 10 s
 int ended(pid_t child) {
+  if (child < 0) throw std::runtime_error("cannot fork");  // a signal to -1 would reach everybody
   int status = -1;
   for (int i = 0; i < 1000; ++i) {
     if (::waitpid(child, &status, WNOHANG) == child) return status;

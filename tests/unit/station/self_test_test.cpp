@@ -13,6 +13,7 @@
 #include "base/exit_code.h"
 #include "fake_loop.h"
 #include "haptics/device_condition.h"
+#include "no_signals.h"
 #include "station/modes.h"
 #include "station/sample_profiles.h"
 #include "support/temp_folder.h"
@@ -23,12 +24,6 @@ namespace {
 using test::FakeClock;
 using test::FakeDevice;
 using testing::HasSubstr;
-
-sigset_t noSignals() {
-  sigset_t none;
-  sigemptyset(&none);
-  return none;
-}
 
 // a computer, a device and a server with which nothing is wrong
 SelfTestFacts goodFacts() {

@@ -1,0 +1,73 @@
+#!/usr/bin/env python3
+"""What deploy/run_ctest says of tests that pass, fail, crash, hang, are skipped, and its exit code."""
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+RUN_CTEST = sys.argv.pop(1)
+
+
+def run(*tests):
+    """Exit code and lines of run_ctest on tests given as lines of a CTestTestfile.cmake."""
+    with tempfile.TemporaryDirectory(prefix="needlelab-run-ctest-") as folder:
+        pathlib.Path(folder, "CTestTestfile.cmake").write_text("\n".join(tests), encoding="utf-8")
+        done = subprocess.run([RUN_CTEST, folder, "--test-dir", folder, "--output-on-failure", "-j", "4"],
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", check=False)
+    return done.returncode, done.stdout.splitlines()
+
+
+def passing(count):
+    return [f"add_test(good{i} true)" for i in range(count)]
+
+
+class RunCtest(unittest.TestCase):
+    def test_passes_are_counted_and_not_listed(self):
+        code, lines = run(*passing(205))
+        self.assertEqual(code, 0, lines)
+        text = "\n".join(lines)
+        self.assertIn("100 of 205 tests done, 0 failed", text)
+        self.assertIn("200 of 205 tests done, 0 failed", text)
+        self.assertNotIn("Passed", text)
+        self.assertIn("The 15 slowest of 205 tests", text)
+        self.assertLess(len(lines), 40)
+
+    def test_a_failed_test_is_at_the_very_end_with_its_last_words(self):
+        code, lines = run(*passing(20), 'add_test("bad <one>" sh -c "seq 1 100; echo last word; exit 3")')
+        self.assertEqual(code, 8, lines)
+        self.assertEqual(lines.count("1"), 1, "its whole output stands above")
+        self.assertEqual(lines[-1], "1 failed: bad <one>")
+        self.assertEqual(lines[-3], "  last word")
+        at = next(i for i, line in enumerate(lines) if line.startswith("==== failed: bad <one>: Failed"))
+        self.assertEqual(lines[at + 1], "  62")
+        self.assertEqual(len(lines) - at, 43)
+        self.assertGreater(at, lines.index("The following tests FAILED:"))
+
+    def test_crashes_hangs_missing_programs_and_silence_are_failures(self):
+        code, lines = run('add_test(crash sh -c "echo before; kill -SEGV $$")', 'add_test(hang sleep 30)',
+                          'set_tests_properties(hang PROPERTIES TIMEOUT 1)', 'add_test(mute false)',
+                          'add_test(gone /no/such/program)')
+        self.assertEqual(code, 8, lines)
+        text = "\n".join(lines)
+        self.assertIn("==== failed: crash: Exception: SegFault", text)
+        self.assertIn("==== failed: hang: Timeout after ", text)
+        self.assertIn("==== failed: mute: Failed", text)
+        self.assertIn("it said nothing", text)
+        self.assertIn("==== failed: gone: Not Run", text)
+        self.assertEqual(sorted(lines[-1].removeprefix("4 failed: ").split(", ")), ["crash", "gone", "hang", "mute"])
+
+    def test_a_skipped_test_is_no_failure(self):
+        code, lines = run('add_test(skipped sh -c "exit 77")', "set_tests_properties(skipped PROPERTIES SKIP_RETURN_CODE 77)")
+        self.assertEqual(code, 0, lines)
+        self.assertFalse([line for line in lines if "failed: " in line])
+
+    def test_no_tests_and_wrong_arguments_keep_ctests_exit_code(self):
+        with tempfile.TemporaryDirectory(prefix="needlelab-run-ctest-") as folder:
+            pathlib.Path(folder, "CTestTestfile.cmake").write_text("", encoding="utf-8")
+            done = subprocess.run([RUN_CTEST, folder, "--test-dir", folder, "--no-tests=error"], capture_output=True, check=False)
+        self.assertNotEqual(done.returncode, 0)
+
+
+if __name__ == "__main__":
+    unittest.main()

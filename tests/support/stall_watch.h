@@ -1,0 +1,69 @@
+/// How long the machine kept threads from running that wanted to: so that a test that keeps real time can
+/// tell a fault of the program from a machine that stood still or was busy, and measure again.
+#pragma once
+
+#include <pthread.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <thread>
+
+namespace needlelab::test {
+
+/// A thread that wakes each 5 ms and adds up by how much it was late, where that was more than 15 ms.
+class StallWatch {
+ public:
+  /// `real_time`: it runs before all ordinary threads where that is allowed, so that it sees only what keeps
+  /// even a real-time thread from running.
+  explicit StallWatch(bool real_time = false) : thread_([this] { run(); }) {
+    const sched_param parameters{.sched_priority = 90};
+    if (real_time) (void)::pthread_setschedparam(thread_.native_handle(), SCHED_FIFO, &parameters);
+  }
+  ~StallWatch() {
+    stop_ = true;
+    thread_.join();
+  }
+  StallWatch(const StallWatch&) = delete;
+  StallWatch& operator=(const StallWatch&) = delete;
+
+  /// Stalled since the last call. Any thread.
+  std::chrono::milliseconds take() { return std::chrono::milliseconds(stalled_ms_.exchange(0)); }
+
+ private:
+  void run() {
+    const auto now = [] { return std::chrono::steady_clock::now(); };
+    while (!stop_) {
+      const auto due = now() + std::chrono::milliseconds(5);
+      std::this_thread::sleep_until(due);
+      const auto late_ms = std::chrono::duration_cast<std::chrono::milliseconds>(now() - due).count();
+      if (late_ms > 15) stalled_ms_ += late_ms;
+    }
+  }
+  std::atomic<bool> stop_{false};
+  std::atomic<long> stalled_ms_{0};
+  std::thread thread_;
+};
+
+/// How long the threads that this process has now were ready to run and had no core (proc(5), schedstat), and
+/// how long the host gave its cores to others (stat, steal): all added up. Ascending while no thread ends.
+inline std::chrono::milliseconds waitedForCores() {
+  std::uint64_t all_ns = 0;
+  std::error_code error;
+  for (auto at = std::filesystem::directory_iterator("/proc/self/task", error);
+       !error && at != std::filesystem::directory_iterator(); at.increment(error)) {
+    std::uint64_t ran_ns = 0, waited_ns = 0;
+    if (std::ifstream(at->path() / "schedstat") >> ran_ns >> waited_ns) all_ns += waited_ns;
+  }
+  std::ifstream stat("/proc/stat");
+  std::string cpu;
+  stat >> cpu;
+  std::uint64_t ticks = 0;  // of 10 ms; the eighth is what was stolen
+  for (int i = 0; i < 8; ++i) stat >> ticks;
+  return std::chrono::milliseconds(all_ns / 1'000'000 + ticks * 10);
+}
+
+}  // namespace needlelab::test
