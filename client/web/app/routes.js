@@ -2,6 +2,7 @@
 import { AccountPage } from './pages/account.js';
 import { AssignmentsPage } from './pages/assignments.js';
 import { AuditPage } from './pages/audit.js';
+import { CourseEditor } from './pages/course_editor.js';
 import { CoursesPage } from './pages/courses.js';
 import { ExportsPage } from './pages/exports.js';
 import { GroupPage, GroupsPage } from './pages/groups.js';
@@ -9,7 +10,9 @@ import { Home } from './pages/home.js';
 import { PeoplePage } from './pages/people.js';
 import { PeopleImportPage } from './pages/people_import.js';
 import { PersonPage } from './pages/person.js';
+import { ProfileEditor } from './pages/profile_editor.js';
 import { ProfilesPage } from './pages/profiles.js';
+import { CourseRevisions, ProfileRevisions } from './pages/revisions.js';
 import { SessionsPage } from './pages/sessions.js';
 import { UpkeepPage } from './pages/upkeep.js';
 
@@ -22,7 +25,13 @@ export const kRoutes = [
   { path: '/groups', page: GroupsPage, action: 'see people', section: 'Groups' },
   { path: '/groups/:id', page: GroupPage, action: 'see people', section: 'Groups' },
   { path: '/profiles', page: ProfilesPage, action: 'see profiles', section: 'Profiles' },
+  { path: '/profiles-new', page: ProfileEditor, action: 'edit profiles', section: 'Profiles' },
+  { path: '/profiles/:id', page: ProfileEditor, action: 'see profiles', section: 'Profiles' },
+  { path: '/profiles/:id/revisions', page: ProfileRevisions, action: 'see profiles', section: 'Profiles' },
   { path: '/courses', page: CoursesPage, action: 'see courses', section: 'Courses' },
+  { path: '/courses-new', page: CourseEditor, action: 'edit courses', section: 'Courses' },
+  { path: '/courses/:id', page: CourseEditor, action: 'see courses', section: 'Courses' },
+  { path: '/courses/:id/revisions', page: CourseRevisions, action: 'see courses', section: 'Courses' },
   { path: '/assignments', page: AssignmentsPage, action: 'assign', section: 'Assignments' },
   { path: '/sessions', page: SessionsPage, action: 'see sessions', section: 'Sessions' },
   { path: '/exports', page: ExportsPage, action: 'export', section: 'Exports' },

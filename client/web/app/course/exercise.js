@@ -1,0 +1,58 @@
+// One exercise: patient, needle, aids, attempts, time, what must be passed first, requirements.
+import { fromInput, toInput } from '../lib/time.js';
+import { href } from '../lib/routes.js';
+import { CheckField, problemsAt, TextField } from '../ui/fields.js';
+import { html } from '../ui/html.js';
+import { Requirements } from './requirements.js';
+
+const kAids = [['PHASE', 'Phase of the insertion'], ['LAYER', 'Tissue at the tip'], ['DEPTH', 'Depth'], ['FORCE', 'Force']];
+const kTips = [['', 'not known'], ['HYPODERMIC', 'Hypodermic'], ['QUINCKE', 'Quincke (spinal)'], ['TUOHY', 'Tuohy (epidural)'], ['PENCIL_POINT', 'Pencil point']];
+
+function Aids({ f, at }) {
+  const aids = f.at(`${at}.aids`);
+  // no list at all means: all of them
+  const allowed = aids ? aids.allowed ?? [] : kAids.map(([aid]) => aid);
+  const toggle = (aid) => (on) => {
+    const next = kAids.map(([name]) => name).filter((name) => (name === aid ? on : allowed.includes(name)));
+    f.set(`${at}.aids`)(next.length === kAids.length ? undefined : { allowed: next });
+  };
+  return html`<fieldset><legend>What the station may show while practising</legend>${kAids.map(([aid, label]) => html`<${CheckField} key=${aid} label=${label} checked=${allowed.includes(aid)} disabled=${f.readonly} onValue=${toggle(aid)} />`)}</fieldset>`;
+}
+
+function Needle({ f, at }) {
+  const own = f.at(`${at}.needle`);
+  return html`<${CheckField} label="Another needle than the patient's" checked=${!!own} disabled=${f.readonly} onValue=${(on) => f.set(`${at}.needle`)(on ? { length_m: 0.06, gauge: 22, tip: 'HYPODERMIC' } : undefined)} />
+    ${own && html`<div class="fields">${f.number(`${at}.needle.length_m`, 'Needle length')}${f.number(`${at}.needle.gauge`, 'Gauge')}${f.select(`${at}.needle.tip`, 'Tip', kTips)}</div>`}`;
+}
+
+function Prerequisites({ f, at, index }) {
+  const before = f.doc.exercises.slice(0, index), chosen = f.at(`${at}.prerequisites`) ?? [];
+  // one that comes later, or is not there, can still be taken off
+  const odd = chosen.filter((id) => !before.some((e) => e.id === id));
+  const toggle = (id) => (on) => {
+    const next = on ? [...chosen, id] : chosen.filter((c) => c !== id);
+    f.set(`${at}.prerequisites`)(next.length ? next : undefined);
+  };
+  const problems = (f.problems ?? []).filter((p) => p.path.startsWith(`${at}.prerequisites`));
+  return html`<fieldset><legend>Must be passed first</legend>
+    ${before.length + odd.length === 0 && html`<p class="help">This is the first exercise: nothing comes before it.</p>`}
+    ${[...before, ...odd.map((id) => ({ id, name: `${id} (not before this one)` }))].map((e) => html`<${CheckField} key=${e.id} label=${e.name || e.id} checked=${chosen.includes(e.id)} disabled=${f.readonly} onValue=${toggle(e.id)} />`)}
+    ${problems.map((p) => html`<p class="error">✗ ${p.message}</p>`)}</fieldset>`;
+}
+
+/** @param {{f: any, index: number, profiles: {id: string, name: string}[], measures: any[]}} props */
+export function ExerciseForm({ f, index, profiles, measures }) {
+  const at = `exercises[${index}]`, exercise = f.doc.exercises[index];
+  const rename = (id) => f.change((before) => ({ ...before, exercises: before.exercises.map((e, i) => (i === index ? { ...e, id } : e.prerequisites?.includes(exercise.id) ? { ...e, prerequisites: e.prerequisites.map((p) => (p === exercise.id ? id : p)) } : e)) }));
+  const patients = [['', 'Choose …'], ...profiles.map((p) => [p.id, p.name])];
+  if (exercise.profile_id && !profiles.some((p) => p.id === exercise.profile_id)) patients.push([exercise.profile_id, `${exercise.profile_id} (not there)`]);
+  return html`<section class="card" aria-label=${`Exercise ${index + 1}: ${exercise.name || exercise.id}`}>
+    <h2>${index + 1}. ${exercise.name || exercise.id}</h2>
+    <div class="fields">${f.text(`${at}.id`, 'Exercise id', { required: true, onValue: rename })}${f.text(`${at}.name`, 'Exercise name', { required: true })}</div>
+    ${f.text(`${at}.description`, 'Exercise description', { rows: 2, wide: true })}
+    <div class="fields">${f.select(`${at}.profile_id`, 'Patient', patients)}${f.number(`${at}.attempts`, 'Attempts', { help: 'empty: as many as one likes' })}${f.number(`${at}.time_limit_s`, 'Time limit', { help: 'empty: none' })}
+      <${TextField} label="Due" type="datetime-local" path=${`${at}.due_unix_ms`} problems=${problemsAt(f.problems, `${at}.due_unix_ms`)} value=${toInput(exercise.due_unix_ms)} readonly=${f.readonly} onValue=${(v) => f.set(`${at}.due_unix_ms`)(fromInput(v))} help="empty: any time; an assignment's own date goes before it" /></div>
+    ${exercise.profile_id && html`<p><a href=${href(['profiles', exercise.profile_id])}>Look at the patient</a></p>`}
+    <${Needle} f=${f} at=${at} /><${Prerequisites} f=${f} at=${at} index=${index} /><${Aids} f=${f} at=${at} />
+    <${Requirements} f=${f} at=${at} measures=${measures} /></section>`;
+}

@@ -1,0 +1,139 @@
+// The limb of a profile as geometry: depth under the skin, a frame at the place of insertion, a cut through it. Pure; metres.
+
+/** @typedef {{x: number, y: number, z: number}} Vec */
+
+const vec = (p) => ({ x: Number(p?.x) || 0, y: Number(p?.y) || 0, z: Number(p?.z) || 0 });
+export const add = (a, b, k = 1) => ({ x: a.x + k * b.x, y: a.y + k * b.y, z: a.z + k * b.z });
+export const minus = (a, b) => add(a, b, -1);
+export const dot = (a, b) => a.x * b.x + a.y * b.y + a.z * b.z;
+export const cross = (a, b) => ({ x: a.y * b.z - a.z * b.y, y: a.z * b.x - a.x * b.z, z: a.x * b.y - a.y * b.x });
+export const length = (a) => Math.sqrt(dot(a, a));
+const scaled = (a, k) => ({ x: a.x * k, y: a.y * k, z: a.z * k });
+/** `a` with length 1, or `instead` when it has none. */
+export const unit = (a, instead) => (length(a) > 1e-12 ? scaled(a, 1 / length(a)) : instead);
+
+function nearestOnSegment(p, a, b) {
+  const along = minus(b, a);
+  const square = dot(along, along);
+  const t = square > 0 ? Math.max(0, Math.min(1, dot(minus(p, a), along) / square)) : 0;
+  return add(a, along, t);
+}
+
+/**
+ * Signed depth under the skin (DESIGN §3.1): negative outside.
+ * @param {any} limb of a profile
+ * @returns {(p: Vec) => number} NaN for a limb that is none
+ */
+export function depthOf(limb) {
+  if (limb?.plane) {
+    const point = vec(limb.plane.point_m), normal = unit(vec(limb.plane.normal), { x: 0, y: 0, z: 1 });
+    return (p) => -dot(normal, minus(p, point));
+  }
+  if (limb?.sphere) {
+    const center = vec(limb.sphere.center_m), radius = Number(limb.sphere.radius_m);
+    return (p) => radius - length(minus(p, center));
+  }
+  if (limb?.capsule) {
+    const a = vec(limb.capsule.a_m), b = vec(limb.capsule.b_m), radius = Number(limb.capsule.radius_m);
+    return (p) => radius - length(minus(p, nearestOnSegment(p, a, b)));
+  }
+  return () => NaN;
+}
+
+/**
+ * Where the needle is meant to go in: the point of the skin next to the profile's origin; `n` points out, `e1` and `e2` along the skin.
+ * @param {any} limb
+ * @param {Vec} [near] another point than the origin, e.g. where a recording went in
+ * @param {Vec} [lean] the direction in the skin that e1 follows, e.g. the needle's; x where it has none
+ * @returns {{o: Vec, n: Vec, e1: Vec, e2: Vec}}
+ */
+export function frameOf(limb, near = { x: 0, y: 0, z: 0 }, lean = { x: 1, y: 0, z: 0 }) {
+  const up = { x: 0, y: 0, z: 1 };
+  let n = up, o = { x: 0, y: 0, z: 0 };
+  if (limb?.plane) {
+    n = unit(vec(limb.plane.normal), up);
+    o = add(near, n, -dot(n, minus(near, vec(limb.plane.point_m))));
+  } else if (limb?.sphere || limb?.capsule) {
+    const axis = limb.sphere ? null : { a: vec(limb.capsule.a_m), b: vec(limb.capsule.b_m) };
+    const center = axis ? nearestOnSegment(near, axis.a, axis.b) : vec(limb.sphere.center_m);
+    n = unit(minus(near, center), up);
+    o = add(center, n, Number((limb.sphere ?? limb.capsule).radius_m) || 0);
+  }
+  const along = (v) => add(v, n, -dot(v, n));
+  const first = along(lean);
+  const e1 = unit(length(first) > 0.02 ? first : along({ x: 1, y: 0, z: 0 }), unit(along({ x: 0, y: 1, z: 0 }), { x: 0, y: 1, z: 0 }));
+  return { o, n, e1, e2: cross(n, e1) };
+}
+
+/**
+ * A point in a frame: `u` along e1, `v` along e2, `d` down into the body.
+ * @param {{o: Vec, n: Vec, e1: Vec, e2: Vec}} frame
+ * @param {Vec} p
+ */
+export function inFrame({ o, n, e1, e2 }, p) {
+  const r = minus(vec(p), o);
+  return { u: dot(r, e1), v: dot(r, e2), d: -dot(r, n) };
+}
+
+/**
+ * The line in the cut (u, d) through the frame at which the depth is `level`.
+ * @param {(p: Vec) => number} depth
+ * @param {{o: Vec, n: Vec, e1: Vec}} frame
+ * @param {number} level
+ * @param {{from_u: number, to_u: number, from_d: number, to_d: number, columns?: number}} window
+ * @returns {{u: number, d: number}[]} columns without a crossing are left out
+ */
+export function levelLine(depth, { o, n, e1 }, level, { from_u, to_u, from_d, to_d, columns = 60 }) {
+  const line = [], kSteps = 80;
+  for (let c = 0; c <= columns; c++) {
+    const u = from_u + ((to_u - from_u) * c) / columns;
+    const at = (d) => depth(add(add(o, e1, u), n, -d)) - level;
+    let before = from_d;
+    if (at(before) >= 0) {
+      line.push({ u, d: before });
+      continue;
+    }
+    for (let i = 1; i <= kSteps; i++) {
+      const d = from_d + ((to_d - from_d) * i) / kSteps;
+      if (at(d) >= 0) {
+        let low = before, high = d;
+        for (let k = 0; k < 24; k++) {
+          const middle = (low + high) / 2;
+          if (at(middle) >= 0) high = middle;
+          else low = middle;
+        }
+        line.push({ u, d: high });
+        break;
+      }
+      before = d;
+    }
+  }
+  return line;
+}
+
+/** Depths at which the layers of a profile begin and end; thicknesses that are no numbers count as 0. */
+export function layerBounds(profile) {
+  let from_m = 0;
+  return (profile.layers ?? []).map((layer) => {
+    const thickness = Number(layer.thickness_m) > 0 ? Number(layer.thickness_m) : 0;
+    const bounds = { tissue: layer.tissue ?? 'OTHER', from_m, to_m: from_m + thickness };
+    from_m += thickness;
+    return bounds;
+  });
+}
+
+/** The needle's axis, hub to tip (+z of the tip's frame), of a quaternion. */
+export function axisOf(qx, qy, qz, qw) {
+  return { x: 2 * (qx * qz + qw * qy), y: 2 * (qy * qz - qw * qx), z: 1 - 2 * (qx * qx + qy * qy) };
+}
+
+/**
+ * Heights of labels so that none is nearer to the next than `gap`, each as near to its wish as may be.
+ * @param {number[]} wishes ascending
+ */
+export function spread(wishes, gap, from, to) {
+  const at = [...wishes];
+  for (let i = 0; i < at.length; i++) at[i] = Math.max(at[i], i ? at[i - 1] + gap : from);
+  for (let i = at.length - 1; i >= 0; i--) at[i] = Math.min(at[i], i === at.length - 1 ? to : at[i + 1] - gap);
+  return at;
+}

@@ -1,0 +1,65 @@
+// A course: its exercises in order, and one of them open.
+import { courseFaults, freshId, withoutExercise } from '../lib/course_rules.js';
+import { may } from '../lib/roles.js';
+import { href } from '../lib/routes.js';
+import { documents, measures } from '../net/lab.js';
+import { announce } from '../ui/announce.js';
+import { ConflictDialog } from '../ui/conflict.js';
+import { useDocument } from '../ui/document.js';
+import { ProblemList } from '../ui/fields.js';
+import { formOf } from '../ui/form.js';
+import { useLoad } from '../ui/hooks.js';
+import { html, useCallback, useMemo, useState } from '../ui/html.js';
+import { Heading, Problem } from '../ui/parts.js';
+import { ExerciseForm } from '../course/exercise.js';
+import { ExerciseOrder } from '../course/order.js';
+import { SaveBar, useSaveKey } from './profile_editor.js';
+
+const kBlank = { id: '', name: '', exercises: [] };
+
+export function CourseEditor({ params, person }) {
+  const id = params.id ?? '', readonly = !may(person.role, 'edit courses');
+  const editing = useDocument('courses', id, () => kBlank);
+  const known = useLoad(async (signal) => {
+    const [profiles, all_measures] = await Promise.all([documents('profiles').all(signal), measures(signal)]);
+    return { profiles, measures: all_measures };
+  }, []);
+  const [chosen, choose] = useState(0);
+  const [bad_fields, setBadFields] = useState([]);
+  const onBad = useCallback((path, bad) => setBadFields((all) => (all.includes(path) === bad ? all : bad ? [...all, path] : all.filter((p) => p !== path))), []);
+  const { doc } = editing;
+  // measures of single layers (peak_force_layer_3_n) are in no list: the server looks at names
+  const faults = useMemo(() => (doc ? courseFaults(doc, { profiles: known.data?.profiles.map((p) => p.id) }) : []), [doc, known.data]);
+  const bad = bad_fields.length > 0 || faults.length > 0;
+  const save = async () => {
+    if (readonly || bad || !editing.dirty) return;
+    const saved = await editing.save();
+    if (saved?.revision && !id) location.hash = href(['courses', doc.id]);
+  };
+  useSaveKey(save);
+  const title = id ? editing.base?.json.name ?? id : 'New course', above = html`<a href="#/courses">Courses</a>`;
+  if (!doc) return html`<${Heading} title=${title} above=${above} />${editing.error ? html`<${Problem} error=${editing.error} retry=${editing.reload} />` : html`<p class="loading" role="status">Loading …</p>`}`;
+  const refused = editing.saving.error?.field ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }] : [];
+  const problems = [...faults, ...refused];
+  const f = formOf({ doc, change: editing.change, problems, onBad, readonly });
+  const faulty = new Set(problems.map((p) => Number(/^exercises\[(\d+)\]/.exec(p.path)?.[1] ?? -1)));
+  const add = () => {
+    const exercise = { id: freshId(doc.exercises), name: `Exercise ${doc.exercises.length + 1}`, profile_id: '', requirements: [{ measure: 'target_reached', min: 1 }] };
+    editing.change({ ...doc, exercises: [...doc.exercises, exercise] });
+    choose(doc.exercises.length);
+    announce(`Exercise ${doc.exercises.length + 1} was added.`);
+  };
+  const remove = (index) => {
+    editing.change(withoutExercise(doc, index));
+    choose(Math.max(0, Math.min(chosen, doc.exercises.length - 2)));
+    announce(`${doc.exercises[index].name} was removed.`);
+  };
+  return html`<${Heading} title=${title} above=${above}>${id && html`<a class="button" href=${href(['courses', id, 'revisions'])}>Revisions</a><a class="button" href=${href(['results'], { course: id })}>Results</a>`}<//>
+    <${SaveBar} editing=${editing} save=${save} what="course" bad=${bad} readonly=${readonly} />
+    <${Problem} error=${known.error} retry=${known.reload} />
+    <form onSubmit=${(event) => event.preventDefault()} aria-label="Course">
+      <fieldset><legend>Course</legend><div class="fields">${!id && f.text('id', 'Id', { required: true, help: "letters, digits, '-', '_', '.'; never changed afterwards" })}${f.text('name', 'Name', { required: true })}</div>${f.text('description', 'Description', { rows: 2, wide: true })}</fieldset>
+      <div class="course-columns"><div><${ExerciseOrder} f=${f} chosen=${chosen} choose=${choose} add=${add} remove=${remove} faulty=${faulty} /><${ProblemList} problems=${problems} /></div>
+        <div>${doc.exercises?.[chosen] && html`<${ExerciseForm} key=${chosen} f=${f} index=${chosen} profiles=${known.data?.profiles ?? []} measures=${known.data?.measures ?? []} />`}</div></div></form>
+    ${editing.conflict && html`<${ConflictDialog} conflict=${editing.conflict} settle=${editing.settle} close=${editing.closeConflict} />`}`;
+}

@@ -1,0 +1,101 @@
+// A patient: form on the one side, what it looks and feels like on the other.
+import { may } from '../lib/roles.js';
+import { href } from '../lib/routes.js';
+import { quantity } from '../lib/units.js';
+import { checkProfile, documents } from '../net/lab.js';
+import { ConflictDialog } from '../ui/conflict.js';
+import { useDocument } from '../ui/document.js';
+import { ProblemList } from '../ui/fields.js';
+import { formOf } from '../ui/form.js';
+import { useDebounced } from '../ui/hooks.js';
+import { html, useCallback, useEffect, useState } from '../ui/html.js';
+import { Heading, Mark, Problem } from '../ui/parts.js';
+import { Legend, SideView } from '../ui/section.js';
+import { Hazards, LimbFields, Targets } from '../profile/anatomy.js';
+import { Layers } from '../profile/layers.js';
+import { ForceOverDepth, usePreview } from '../profile/preview.js';
+import { AsJson, Force, Naming, NeedleFields } from '../profile/sections.js';
+
+const kBlank = {
+  id: '', name: '', axial_model: 'ENHANCED_TRACKING_WALL', needle: { length_m: 0.06, gauge: 22, tip: 'HYPODERMIC' },
+  limb: { plane: { point_m: { x: 0, y: 0, z: 0 }, normal: { x: 0, y: 0, z: 1 } } },
+  layers: [{ tissue: 'SKIN', thickness_m: 0.003, cutting_force_n: 0.8, attracted_force_n: 0.4, rejection_force_n: 0.1, lateral_stiffness_n_per_m2: 9000, friction_n_per_m: 25 }],
+  tracking_wall: { stiffness_n_per_m: 500, stop_speed_m_s: 0.003, stop_dwell_s: 0.05, stop_duration_s: 0.8 }, max_force_n: 10, targets: [], hazards: [], effects: ['CUTTING', 'ATTRACTED'],
+};
+
+/** What the server says of the document, asked again when nothing was typed for a moment. */
+export function useCheck(doc, check) {
+  const settled = useDebounced(doc, 300);
+  const [problems, setProblems] = useState([]);
+  useEffect(() => {
+    if (!settled) return undefined;
+    const abort = new AbortController();
+    check(settled, abort.signal).then(setProblems, () => {});
+    return () => abort.abort();
+  }, [settled]);
+  return problems;
+}
+
+/** Ctrl+S saves. */
+export function useSaveKey(save) {
+  useEffect(() => {
+    const press = (event) => {
+      if (!(event.ctrlKey || event.metaKey) || event.key !== 's') return;
+      event.preventDefault();
+      save();
+    };
+    addEventListener('keydown', press);
+    return () => removeEventListener('keydown', press);
+  });
+}
+
+/** Whether there is something to save, and what became of it. */
+export function SaveBar({ editing, save, what, bad, readonly }) {
+  if (readonly) return html`<p class="help">Your role may look at this, not change it.</p>`;
+  const { saving, dirty, base, restored, discard } = editing;
+  return html`<div class="save-bar">${restored && html`<div class="hint"><p>Your unsaved changes are back.</p></div>`}
+    <${Problem} error=${saving.error} title=${`The ${what} was not saved`} />
+    <div class="actions"><button type="button" class="main" disabled=${!dirty || saving.busy || bad} onClick=${save}>${saving.busy ? 'Saving …' : 'Save'}</button>
+      <button type="button" disabled=${!dirty} onClick=${discard}>Discard changes</button>
+      ${dirty ? html`<${Mark} kind="warn">not saved yet<//>` : base.revision > 0 ? html`<${Mark} kind="good">revision ${base.revision}<//>` : ''}</div></div>`;
+}
+
+export function ProfileEditor({ params, query, person }) {
+  const id = params.id ?? '', readonly = !may(person.role, 'edit profiles');
+  const begin = useCallback(async () => {
+    if (!query.from) return kBlank;
+    const { json } = await documents('profiles').one(query.from);
+    return { ...json, id: `${json.id}-copy`, name: `${json.name} (copy)` };
+  }, [query.from]);
+  const editing = useDocument('profiles', id, begin);
+  const { doc } = editing;
+  const problems = useCheck(doc, checkProfile);
+  const rendered = usePreview(doc);
+  const [bad_fields, setBadFields] = useState([]);
+  const onBad = useCallback((path, bad) => setBadFields((all) => (all.includes(path) === bad ? all : bad ? [...all, path] : all.filter((p) => p !== path))), []);
+  const errors = problems.filter((p) => p.severity === 'ERROR');
+  const bad = bad_fields.length > 0;
+  const save = async () => {
+    if (readonly || bad || !editing.dirty) return;
+    const saved = await editing.save();
+    if (saved?.revision && !id) location.hash = href(['profiles', doc.id]);
+  };
+  useSaveKey(save);
+  const title = id ? editing.base?.json.name ?? id : 'New profile';
+  const above = html`<a href="#/profiles">Patient profiles</a>`;
+  if (!doc) return html`<${Heading} title=${title} above=${above} />${editing.error ? html`<${Problem} error=${editing.error} retry=${editing.reload} />` : html`<p class="loading" role="status">Loading …</p>`}`;
+  const refused = editing.saving.error?.field ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }] : [];
+  const all = [...problems, ...refused.filter((r) => !problems.some((p) => p.path === r.path))];
+  const f = formOf({ doc, change: editing.change, problems: all, onBad, readonly });
+  const fidelity = rendered.preview?.layers?.map((l) => l.fidelity);
+  return html`<${Heading} title=${title} above=${above}>${id && html`<a class="button" href=${href(['profiles', id, 'revisions'])}>Revisions</a>`}<//>
+    <${SaveBar} editing=${editing} save=${save} what="profile" bad=${bad} readonly=${readonly} />
+    <div class="columns"><form onSubmit=${(event) => event.preventDefault()} aria-label="Profile">
+        <${Naming} f=${f} is_new=${!id} /><${Layers} f=${f} /><${NeedleFields} f=${f} /><${LimbFields} f=${f} /><${Targets} f=${f} /><${Hazards} f=${f} /><${Force} f=${f} /><${AsJson} f=${f} /></form>
+      <aside class="sticky-side" tabindex="0" aria-label="What it looks and feels like"><h2>Side view, to scale</h2>
+        <${SideView} profile=${doc} fidelity=${fidelity} label=${`Side view of ${doc.layers?.length ?? 0} layers, ${quantity((doc.layers ?? []).reduce((sum, l) => sum + (Number(l.thickness_m) || 0), 0), 'm')} deep in all`} /><${Legend} profile=${doc} />
+        <p class="help">φ: how much of the step in force into a layer can be felt, 0 to 1; “!” below 0.5.</p>
+        <h2>Force over depth</h2><${ForceOverDepth} ...${rendered} />
+        <${ProblemList} problems=${all} />${bad && html`<p class="error">✗ A field holds no number: it is not saved.</p>`}${errors.length > 0 && html`<p class="help">The server will refuse this profile until these are mended.</p>`}</aside></div>
+    ${editing.conflict && html`<${ConflictDialog} conflict=${editing.conflict} settle=${editing.settle} close=${editing.closeConflict} />`}`;
+}

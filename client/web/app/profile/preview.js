@@ -1,0 +1,42 @@
+// What the engine will render: force over depth, asked of the server while one types.
+import { kCurves, tissueColor } from '../lib/tissue.js';
+import { number, quantity, words } from '../lib/units.js';
+import { previewProfile } from '../net/lab.js';
+import { Chart } from '../ui/chart.js';
+import { useDebounced } from '../ui/hooks.js';
+import { html, useEffect, useMemo, useState } from '../ui/html.js';
+
+/**
+ * The newest preview that could be made; `stale` while the document has changed since, or cannot be rendered.
+ * @returns {{preview: any, stale: boolean, error: Error|null}}
+ */
+export function usePreview(doc) {
+  const settled = useDebounced(doc, 350);
+  const [state, setState] = useState({ preview: null, of: null, error: null });
+  useEffect(() => {
+    if (!settled) return undefined;
+    const abort = new AbortController();
+    previewProfile(settled, abort.signal).then(
+      (preview) => setState({ preview, of: settled, error: null }),
+      (error) => error.name !== 'AbortError' && setState((before) => ({ ...before, error })),
+    );
+    return () => abort.abort();
+  }, [settled]);
+  return { preview: state.preview, stale: state.of !== doc, error: state.error };
+}
+
+export function ForceOverDepth({ preview, stale, error }) {
+  const shown = useMemo(() => {
+    if (!preview) return null;
+    const mm = preview.depth_m.map((d) => d * 1000);
+    const parts = (preview.by_effect ?? []).filter((c) => c.force_n.some((f) => Math.abs(f) > 1e-6));
+    const series = [{ label: 'Total (N)', values: preview.total_n, ...kCurves[0], width: 3 }, ...parts.map((c, i) => ({ label: `${words(c.effect)} (N)`, values: c.force_n, ...kCurves[1 + (i % (kCurves.length - 1))], width: 1.5 }))];
+    const bands = (preview.layers ?? []).map((l) => ({ from: l.from_m * 1000, to: l.to_m * 1000, label: words(l.tissue), color: tissueColor(l.tissue) }));
+    const peak = preview.total_n.reduce((best, f, i) => (f > preview.total_n[best] ? i : best), 0);
+    const summary = `Force against the needle over ${number(mm.at(-1), 3)} mm of depth: greatest ${quantity(preview.total_n[peak], 'N')} at ${quantity(preview.depth_m[peak], 'm')}, limit ${quantity(preview.max_force_n, 'N')}.`;
+    return { x: { label: 'Depth under the skin (mm)', values: mm }, series, bands, summary };
+  }, [preview]);
+  if (!shown) return html`<p class="help" role="status">${error ? 'The force can be drawn once the problems below are mended.' : 'Asking the engine …'}</p>`;
+  return html`<${Chart} title="Force over depth, as the engine renders it" summary=${shown.summary} x=${shown.x} series=${shown.series} bands=${shown.bands} y_label="Force (N)" height=${280} />
+    <p class="help" role="status">${stale && error ? '! This is the last version that could be rendered.' : stale ? 'Rendering …' : shown.summary}</p>`;
+}

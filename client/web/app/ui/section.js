@@ -1,0 +1,88 @@
+// A cut through the limb to scale: layers with their names, targets, hazards, and what a page draws over it.
+import { depthOf, frameOf, inFrame, layerBounds, levelLine, spread } from '../lib/scene.js';
+import { tissueColor } from '../lib/tissue.js';
+import { number, quantity, words } from '../lib/units.js';
+import { html, useMemo } from './html.js';
+
+const kWidth = 640, kLabels = 210, kTop_m = 0.012, kHeight = 460, kGap = 19;
+
+/** Shapes of a profile as circles or rounded lines in the plane (u, second). */
+function shapes(profile, frame, second) {
+  const at = (p) => { const f = inFrame(frame, p); return { u: f.u, w: f[second] }; };
+  const of = (kind, list) => (list ?? []).filter((x) => x.radius_m > 0).map((x) => ({ kind, name: x.name, tissue: x.kind, radius_m: Number(x.radius_m), a: at(x.center_m ?? x.a_m), b: x.center_m ? null : at(x.b_m) }));
+  return [...of('hazard', profile.hazards), ...of('target', profile.targets)];
+}
+
+function Shape({ shape, x, y, scale }) {
+  const title = html`<title>${`${shape.kind}: ${shape.name}`}</title>`;
+  const r = Math.max(2, shape.radius_m * scale);
+  return shape.b
+    ? html`<line class=${'shape-' + shape.kind + '-line'} x1=${x(shape.a.u)} y1=${y(shape.a.w)} x2=${x(shape.b.u)} y2=${y(shape.b.w)} stroke-width=${2 * r} stroke-linecap="round">${title}</line>`
+    : html`<circle class=${'shape-' + shape.kind} cx=${x(shape.a.u)} cy=${y(shape.a.w)} r=${r}>${title}</circle>`;
+}
+
+/**
+ * The side view.
+ * @param {{profile: any, frame?: any, fidelity?: (number|null)[], to_m?: number, label: string, over?: (at: {x: (u: number) => number, y: (d: number) => number, scale: number}) => any}} props
+ *   `over` draws in pixels on top
+ */
+export function SideView({ profile, frame: given, fidelity, to_m, label, over }) {
+  const drawn = useMemo(() => {
+    const layers = layerBounds(profile), frame = given ?? frameOf(profile.limb), depth = depthOf(profile.limb);
+    const bottom_m = Math.max(0.01, to_m ?? 0, layers.at(-1)?.to_m ?? 0), height_m = bottom_m + kTop_m;
+    const scale = Math.min(kHeight / height_m, (kWidth - kLabels) / 0.02);
+    const half_m = (kWidth - kLabels) / scale / 2;
+    const window = { from_u: -half_m, to_u: half_m, from_d: -kTop_m, to_d: bottom_m };
+    const lines = layers.map((l) => levelLine(depth, frame, l.from_m, window));
+    const all = shapes(profile, frame, 'd');
+    return { layers, frame, bottom_m, scale, half_m, height: height_m * scale, lines, all };
+  }, [profile, given, to_m]);
+  const { layers, scale, half_m, height, lines, all, bottom_m } = drawn;
+  const x = (u) => (u + half_m) * scale, y = (d) => (d + kTop_m) * scale;
+  const area = (line) => `${line.map((p) => `${x(p.u).toFixed(1)},${y(p.d).toFixed(1)}`).join(' ')} ${x(line.at(-1).u).toFixed(1)},${y(bottom_m).toFixed(1)} ${x(line[0].u).toFixed(1)},${y(bottom_m).toFixed(1)}`;
+  const edge = x(half_m);
+  // a leader begins inside its layer, as far to the right as the layer can be seen
+  const seen = (i) => {
+    const line = lines[i].filter((p) => p.d < bottom_m), end = line.at(-1) ?? { u: half_m, d: layers[i].from_m };
+    const below = lines[i + 1]?.find((p) => p.u >= end.u - 1e-9)?.d ?? bottom_m;
+    return { u: Math.min(end.u, half_m * 0.985), d: (end.d + Math.max(end.d, below)) / 2 };
+  };
+  const labels = layers.map((l, i) => {
+    const at = seen(i), phi = fidelity?.[i];
+    return { x: x(at.u), y: y(at.d), text: `${words(l.tissue)} ${quantity(l.to_m - l.from_m, 'm')}${Number.isFinite(phi) ? `, φ ${number(phi, 2)}${phi < 0.5 ? ' !' : ''}` : ''}` };
+  }).sort((a, b) => a.y - b.y);
+  const slots = spread(labels.map((l) => l.y), kGap, 12, Math.max(height - 6, 12 + kGap * labels.length));
+  const ruler_m = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05].find((m) => m * scale > 40) ?? 0.1;
+  return html`<svg class="section" viewBox=${`0 0 ${kWidth} ${Math.max(height, slots.at(-1) ?? 0) + 8}`} role="img" aria-label=${label}>
+    <clipPath id="section-clip"><rect x="0" y="0" width=${edge} height=${height} /></clipPath>
+    <rect class="section-air" x="0" y="0" width=${edge} height=${height} />
+    <g clip-path="url(#section-clip)">
+      ${lines.map((line, i) => line.length > 1 && html`<polygon points=${area(line)} fill=${tissueColor(layers[i].tissue)} class="section-layer" />`)}
+      ${all.map((shape) => html`<${Shape} shape=${shape} x=${x} y=${y} scale=${scale} />`)}
+      ${over?.({ x, y, scale })}</g>
+    ${labels.map((l, i) => html`<circle class="leader-dot" cx=${l.x} cy=${l.y} r="2" /><polyline class="leader" points=${`${l.x},${l.y} ${edge + 8},${slots[i]} ${edge + 16},${slots[i]}`} /><text x=${edge + 19} y=${slots[i] + 4}>${l.text}</text>`)}
+    <g class="ruler"><line x1="10" y1=${height - 10} x2=${10 + ruler_m * scale} y2=${height - 10} /><text x="10" y=${height - 15}>${quantity(ruler_m, 'm')}</text></g>
+  </svg>`;
+}
+
+/** The view from above, along the needle's way in. */
+export function TopView({ profile, frame, label, half_m = 0.03, over }) {
+  const size = 300, scale = size / 2 / half_m;
+  const x = (u) => size / 2 + u * scale, y = (v) => size / 2 - v * scale;
+  const all = shapes(profile, frame, 'v');
+  const skin = layerBounds(profile)[0]?.tissue;
+  return html`<svg class="section" viewBox=${`0 0 ${size} ${size}`} role="img" aria-label=${label}>
+    <rect x="0" y="0" width=${size} height=${size} fill=${tissueColor(skin)} />
+    ${all.map((shape) => html`<${Shape} shape=${shape} x=${x} y=${y} scale=${scale} />`)}
+    <path class="cross" d=${`M0 ${size / 2}H${size}M${size / 2} 0V${size}`} />
+    ${over?.({ x, y, scale })}
+    <g class="ruler"><line x1="10" y1=${size - 10} x2=${10 + 0.01 * scale} y2=${size - 10} /><text x="10" y=${size - 15}>10 mm</text></g></svg>`;
+}
+
+/** What the marks of the drawings mean. */
+export function Legend({ profile, path }) {
+  return html`<ul class="drawing-legend">
+    ${path && html`<li><svg viewBox="0 0 24 12" aria-hidden="true"><path class="tip-path" d="M1 10C8 2 14 2 23 8" /></svg>path of the tip</li>`}
+    ${(profile.targets ?? []).length > 0 && html`<li><svg viewBox="0 0 24 12" aria-hidden="true"><circle class="shape-target" cx="12" cy="6" r="5" /></svg>target: ${profile.targets.map((t) => t.name).join(', ')}</li>`}
+    ${(profile.hazards ?? []).length > 0 && html`<li><svg viewBox="0 0 24 12" aria-hidden="true"><circle class="shape-hazard" cx="12" cy="6" r="5" /></svg>hazard: ${profile.hazards.map((h) => `${h.name} (${words(h.kind)})`).join(', ')}</li>`}</ul>`;
+}
