@@ -7,12 +7,17 @@ import { CoursesPage } from './pages/courses.js';
 import { ExportsPage } from './pages/exports.js';
 import { GroupPage, GroupsPage } from './pages/groups.js';
 import { Home } from './pages/home.js';
+import { LivePage } from './pages/live.js';
+import { MinePage } from './pages/mine.js';
 import { PeoplePage } from './pages/people.js';
 import { PeopleImportPage } from './pages/people_import.js';
 import { PersonPage } from './pages/person.js';
 import { ProfileEditor } from './pages/profile_editor.js';
 import { ProfilesPage } from './pages/profiles.js';
+import { ProgressPage } from './pages/progress.js';
+import { ResultsPage } from './pages/results.js';
 import { CourseRevisions, ProfileRevisions } from './pages/revisions.js';
+import { SessionPage } from './pages/session.js';
 import { SessionsPage } from './pages/sessions.js';
 import { UpkeepPage } from './pages/upkeep.js';
 
@@ -33,6 +38,11 @@ export const kRoutes = [
   { path: '/courses/:id', page: CourseEditor, action: 'see courses', section: 'Courses' },
   { path: '/courses/:id/revisions', page: CourseRevisions, action: 'see courses', section: 'Courses' },
   { path: '/assignments', page: AssignmentsPage, action: 'assign', section: 'Assignments' },
+  { path: '/mine', page: MinePage, action: 'see own', section: 'My results' },
+  { path: '/results', page: ResultsPage, action: 'see results', section: 'Results' },
+  { path: '/progress/:name', page: ProgressPage, action: 'see sessions', section: 'Results' },
+  { path: '/live', page: LivePage, action: 'see live', section: 'Live lab' },
+  { path: '/sessions/:id', page: SessionPage, action: 'see sessions', section: 'Sessions' },
   { path: '/sessions', page: SessionsPage, action: 'see sessions', section: 'Sessions' },
   { path: '/exports', page: ExportsPage, action: 'export', section: 'Exports' },
   { path: '/audit', page: AuditPage, action: 'see audit', section: 'Audit' },

@@ -1,0 +1,71 @@
+// The columns of a recording as plots and replays need them. Pure.
+import { indexAt } from './decimate.js';
+import { axisOf, depthOf, frameOf, inFrame } from './scene.js';
+
+/** A reply of /samples: columns by name, whether they stand under `columns` or by themselves. */
+export function columnsOf(reply) {
+  return reply?.columns ?? reply ?? {};
+}
+
+/** |force| of each sample, in N. */
+export function forceOf({ fx_n = [], fy_n = [], fz_n = [] }) {
+  return fx_n.map((x, i) => Math.hypot(x, fy_n[i], fz_n[i]));
+}
+
+/**
+ * Stretches of time in one layer, from the column `layer`.
+ * @returns {{from: number, to: number, layer: number}[]} outside the tissue: none
+ */
+export function layerSpans({ t_s = [], layer = [] }) {
+  const spans = [];
+  for (let i = 0; i < t_s.length; i++) {
+    const last = spans.at(-1);
+    if (last && last.layer === layer[i]) last.to = t_s[i];
+    else {
+      if (last) last.to = t_s[i];
+      spans.push({ from: t_s[i], to: t_s[i], layer: layer[i] });
+    }
+  }
+  return spans.filter((s) => s.layer >= 0);
+}
+
+/**
+ * A pose of a frame in W, as `placement` of a session: x y z qx qy qz qw; empty: identity.
+ * @returns {(p: {x: number, y: number, z: number}, free?: boolean) => {x: number, y: number, z: number}} from W into the frame; `free`: a direction
+ */
+export function intoLimb(placement) {
+  if (!Array.isArray(placement) || placement.length !== 7) return (p) => p;
+  const [x, y, z, qx, qy, qz, qw] = placement;
+  // the inverse rotation is that of the conjugate: v + 2 q × (q × v + w v)
+  const rotate = (v) => {
+    const a = -qx, b = -qy, c = -qz;
+    const t = { x: b * v.z - c * v.y + qw * v.x, y: c * v.x - a * v.z + qw * v.y, z: a * v.y - b * v.x + qw * v.z };
+    return { x: v.x + 2 * (b * t.z - c * t.y), y: v.y + 2 * (c * t.x - a * t.z), z: v.z + 2 * (a * t.y - b * t.x) };
+  };
+  return (p, free) => rotate(free ? p : { x: p.x - x, y: p.y - y, z: p.z - z });
+}
+
+/**
+ * The way of the tip in the frame of its first insertion: the side view's plane holds the skin's normal and the needle.
+ * @param {Record<string, number[]>} columns
+ * @param {any} profile
+ * @param {number[]} [placement]
+ */
+export function wayOf(columns, profile, placement) {
+  const limb = intoLimb(placement), depth = depthOf(profile.limb), n = columns.t_s?.length ?? 0;
+  const points = [], axes = [];
+  for (let i = 0; i < n; i++) {
+    points.push(limb({ x: columns.px_m[i], y: columns.py_m[i], z: columns.pz_m[i] }));
+    axes.push(columns.qx ? limb(axisOf(columns.qx[i], columns.qy[i], columns.qz[i], columns.qw[i]), true) : { x: 0, y: 0, z: -1 });
+  }
+  const first = points.findIndex((p) => depth(p) > 0);
+  const entry = first < 0 ? Math.max(0, points.reduce((best, p, i) => (depth(p) > depth(points[best]) ? i : best), 0)) : first;
+  const frame = frameOf(profile.limb, points[entry], axes[entry]);
+  const flat = points.map((p) => inFrame(frame, p));
+  const still = { ...frame, o: { x: 0, y: 0, z: 0 } };
+  const leans = axes.map((a) => inFrame(still, a));
+  return { frame, t_s: columns.t_s ?? [], points: flat, axes: leans, deepest_m: Math.max(0, ...flat.map((p) => p.d).filter(Number.isFinite)) };
+}
+
+/** Index of the sample at a moment. */
+export const sampleAt = (way, at_s) => indexAt(way.t_s, at_s);

@@ -1,0 +1,70 @@
+// One session: plots, replay, score, remarks, syringe.
+import { advance, atRest, seek, toggle } from '../lib/playback.js';
+import { columnsOf } from '../lib/recording.js';
+import { href } from '../lib/routes.js';
+import { clock, moment } from '../lib/time.js';
+import { words } from '../lib/units.js';
+import { address } from '../net/api.js';
+import { sessions } from '../net/lab.js';
+import { may } from '../lib/roles.js';
+import { useLoad } from '../ui/hooks.js';
+import { html, useEffect, useMemo, useState } from '../ui/html.js';
+import { Empty, Heading, Loaded, Problem } from '../ui/parts.js';
+import { Annotations, SyringeEvents } from '../session/notes.js';
+import { Plots } from '../session/plots.js';
+import { Replay } from '../session/replay.js';
+import { Score } from '../session/score.js';
+import { Verdict, verdict } from './sessions.js';
+
+const kPoints = 2000;
+
+/** Downloads of a session: the next format is one more line. */
+const kFormats = [['Samples as CSV', (id) => address(['sessions', id, 'samples.csv'])]];
+
+/** A replay that runs by the browser's frames. */
+function usePlayback(from_s, to_s) {
+  const [playback, setPlayback] = useState(atRest(from_s, to_s));
+  useEffect(() => setPlayback(atRest(from_s, to_s)), [from_s, to_s]);
+  useEffect(() => {
+    if (!playback.playing) return undefined;
+    let frame = 0, before = performance.now();
+    const step = (now) => {
+      setPlayback((p) => advance(p, (now - before) / 1000));
+      before = now;
+      frame = requestAnimationFrame(step);
+    };
+    frame = requestAnimationFrame(step);
+    return () => cancelAnimationFrame(frame);
+  }, [playback.playing]);
+  const act = useMemo(() => ({ toggle: () => setPlayback(toggle), seek: (at_s) => setPlayback((p) => seek(p, at_s)), speed: (speed) => setPlayback((p) => ({ ...p, speed })) }), []);
+  return [playback, act];
+}
+
+function Recording({ id, session, person }) {
+  const [window, zoom] = useState(null);
+  const whole = useLoad((signal) => sessions.samples(id, { points: kPoints }, signal), [id]);
+  const near = useLoad((signal) => (window ? sessions.samples(id, { ...window, points: kPoints }, signal) : Promise.resolve(null)), [id, window]);
+  const notes = useLoad((signal) => sessions.annotations(id, signal), [id]);
+  const columns = useMemo(() => columnsOf(whole.data), [whole.data]);
+  const shown = useMemo(() => (window && near.data ? columnsOf(near.data) : columns), [window, near.data, columns]);
+  const marks = useMemo(() => (notes.data ?? []).map((a) => ({ x: a.t_s ?? 0, label: a.text })), [notes.data]);
+  const t = columns.t_s ?? [];
+  const [playback, act] = usePlayback(t[0] ?? 0, t.at(-1) ?? 0);
+  const { profile } = session.description;
+  return html`<${Loaded} load=${whole}>${() => (t.length === 0 ? html`<${Empty} title="There are no samples">The recording is empty, or has been deleted by retention.<//>`
+      : html`<section aria-labelledby="replay-title"><h2 id="replay-title">Replay</h2>${profile ? html`<${Replay} columns=${columns} session=${session} playback=${playback} act=${act} />` : html`<p class="help">Without its profile the session cannot be drawn.</p>`}</section>
+        <section aria-labelledby="plots-title"><h2 id="plots-title">Plots</h2><${Problem} error=${near.error} /><${Plots} columns=${shown} profile=${profile} marks=${marks} at=${playback.at_s} seek=${act.seek} window=${window} zoom=${zoom} busy=${near.loading && !!window} /></section>`)}<//>
+    <${Annotations} id=${id} at_s=${playback.at_s} seek=${act.seek} load=${notes} person=${person} /><${SyringeEvents} id=${id} seek=${act.seek} />`;
+}
+
+export function SessionPage({ params, person }) {
+  const { id } = params;
+  const load = useLoad((signal) => sessions.one(id, signal), [id]);
+  const d = load.data?.description;
+  return html`<${Heading} title=${d ? `${d.trainee}: ${d.exercise_id}` : 'Session'} above=${html`<a href="#/sessions">Sessions</a>`}>${kFormats.map(([name, link]) => html`<a class="button" href=${link(id)} download>${name}</a>`)}<//>
+    <${Loaded} load=${load}>${(session) => html`<dl class="facts"><dt>Begun</dt><dd>${moment(d.started_unix_ms)}, ${d.station}</dd><dt>Length</dt><dd>${clock(session.samples / d.rate_hz)} (${session.samples} samples at ${d.rate_hz} Hz)</dd>
+        <dt>Patient</dt><dd>${may(person.role, 'see profiles') ? html`<a href=${href(['profiles', d.profile_id])}>${d.profile_id}</a>` : d.profile_id}, revision ${d.profile_revision}</dd><dt>State</dt><dd>${words(String(session.state).replace('SESSION_', ''))}, engine ${d.engine_version}, ${d.device}</dd>
+        <dt>Verdict</dt><dd><${Verdict} passed=${verdict(session.score)} /></dd><dt>More</dt><dd><a href=${href(['progress', d.trainee], { exercise: d.exercise_id })}>Progress over attempts</a></dd></dl>
+      ${session.state === 'SESSION_OPEN' && html`<div class="hint"><p>This session is still being recorded: what is below is what has come so far.</p></div>`}
+      <${Score} session=${session} person=${person} /><${Recording} id=${id} session=${session} person=${person} />`}<//>`;
+}

@@ -1,0 +1,52 @@
+// The tip once more, in two views: from the side, in the plane of the needle's way in, and from above.
+import { kSpeeds } from '../lib/playback.js';
+import { sampleAt, wayOf } from '../lib/recording.js';
+import { clock } from '../lib/time.js';
+import { quantity, words } from '../lib/units.js';
+import { SelectField } from '../ui/fields.js';
+import { html, useId, useMemo } from '../ui/html.js';
+import { Legend, SideView, TopView } from '../ui/section.js';
+import { minMax } from '../lib/decimate.js';
+
+const kTrail = 400;
+
+/** Tip, needle and trail in one view. */
+function Tip({ way, at_s, x, y, second, length_m }) {
+  const i = sampleAt(way, at_s), here = way.points[i], lean = way.axes[i];
+  const trail = useMemo(() => {
+    const step = Math.max(1, Math.floor(way.points.length / kTrail));
+    return way.points.map((p, k) => ({ p, k })).filter(({ k }) => k % step === 0);
+  }, [way]);
+  if (!here) return null;
+  const done = trail.filter(({ k }) => k <= i).map(({ p }) => `${x(p.u).toFixed(1)},${y(p[second]).toFixed(1)}`).join(' ');
+  const hub = { u: here.u - lean.u * length_m, w: here[second] - lean[second] * length_m };
+  return html`<polyline class="tip-path" points=${done} /><line class="tip-needle" x1=${x(hub.u)} y1=${y(hub.w)} x2=${x(here.u)} y2=${y(here[second])} /><circle class="tip-now" cx=${x(here.u)} cy=${y(here[second])} r="5" />`;
+}
+
+/** @param {{columns: any, session: any, playback: import('../lib/playback.js').Playback, act: {toggle: () => void, seek: (s: number) => void, speed: (n: number) => void}}} props */
+export function Replay({ columns, session, playback, act }) {
+  const id = useId();
+  const { profile, placement } = session.description;
+  const way = useMemo(() => wayOf(columns, profile, placement), [columns, profile, placement]);
+  const length_m = profile.needle?.length_m ?? 0.05;
+  const half_m = useMemo(() => Math.max(0.006, ...minMax(way.t_s, way.points.map((p) => Math.hypot(p.u, p.v) * (p.d > -0.005 ? 1 : 0)), 200).y) * 1.3, [way]);
+  const keys = (event) => {
+    if (event.target.closest('input, select, button')) return;
+    const step = { ArrowLeft: -0.1, ArrowRight: 0.1 }[event.key];
+    if (event.key === ' ') act.toggle();
+    else if (step) act.seek(playback.at_s + step);
+    else return;
+    event.preventDefault();
+  };
+  const i = sampleAt(way, playback.at_s), layer = columns.layer?.[i] ?? -1;
+  const place = `${clock(playback.at_s)}: ${layer >= 0 ? `in ${words(profile.layers?.[layer]?.tissue).toLowerCase()}, ${quantity(columns.insertion_m?.[i], 'm')} deep` : 'outside'}, ${quantity(Math.hypot(columns.fx_n?.[i] ?? 0, columns.fy_n?.[i] ?? 0, columns.fz_n?.[i] ?? 0), 'N')}`;
+  const tip = (second) => ({ x, y }) => html`<${Tip} way=${way} at_s=${playback.at_s} x=${x} y=${y} second=${second} length_m=${length_m} />`;
+  return html`<div class="replay" role="group" aria-label="Replay of the tip" tabindex="0" onKeyDown=${keys}>
+    <div class="replay-views"><div><h3>Side view</h3><${SideView} profile=${profile} frame=${way.frame} to_m=${way.deepest_m * 1.1} label="Side view of the tip's way through the layers" over=${tip('d')} /></div>
+      <div><h3>From above</h3><${TopView} profile=${profile} frame=${way.frame} half_m=${half_m} label="View of the tip's way from above" over=${tip('v')} /></div></div>
+    <${Legend} profile=${profile} path />
+    <div class="actions"><button type="button" class="main" onClick=${act.toggle}>${playback.playing ? 'Pause' : 'Play'}</button>
+      <label for=${id}>Moment</label><input id=${id} class="seek" type="range" min=${playback.from_s} max=${playback.to_s} step="0.01" value=${playback.at_s} aria-valuetext=${place} onInput=${(event) => act.seek(Number(event.target.value))} />
+      <${SelectField} label="Speed" value=${String(playback.speed)} options=${kSpeeds.map((s) => [String(s), `${s}×`])} onValue=${(s) => act.speed(Number(s))} /></div>
+    <p class="replay-now">${place}</p></div>`;
+}

@@ -1,0 +1,66 @@
+// A score that explains itself: requirement, verdict in words, and where experts stand.
+import { may } from '../lib/roles.js';
+import { moment } from '../lib/time.js';
+import { number, quantity } from '../lib/units.js';
+import { references, sessions } from '../net/lab.js';
+import { announce } from '../ui/announce.js';
+import { useAction, useLoad } from '../ui/hooks.js';
+import { html } from '../ui/html.js';
+import { Empty, Loaded, Mark, Problem, Table } from '../ui/parts.js';
+
+/** Value, band from the 10th to the 90th percentile, mean: one line; the words beside it say the same. */
+function Band({ band, value }) {
+  const low = Math.min(band.p10, value, band.mean), high = Math.max(band.p90, value, band.mean), room = (high - low || 1) * 0.1;
+  const x = (v) => 4 + (112 * (v - low + room)) / (high - low + 2 * room);
+  return html`<svg class="band" viewBox="0 0 120 18" aria-hidden="true"><line class="band-axis" x1="2" x2="118" y1="9" y2="9" /><rect class="band-range" x=${x(band.p10)} y="4" width=${Math.max(1, x(band.p90) - x(band.p10))} height="10" />
+    <line class="band-mean" x1=${x(band.mean)} x2=${x(band.mean)} y1="3" y2="15" /><path class="band-value" d=${`M${x(value)} 2l4 7-4 7-4-7z`} /></svg>`;
+}
+
+function Row({ row, band }) {
+  const bound = [row.min !== undefined && `at least ${quantity(row.min, row.unit)}`, row.max !== undefined && `at most ${quantity(row.max, row.unit)}`].filter(Boolean).join(', ');
+  const has = band && Number.isFinite(row.value);
+  const z = has && band.sd > 0 ? (row.value - band.mean) / band.sd : null;
+  return html`<tr><th scope="row">${row.words?.split(':')[0] || row.measure}<br /><code>${row.measure}</code></th><td class="number">${row.value === null ? 'not measured' : quantity(row.value, row.unit)}</td><td>${bound || '–'}</td>
+    <td>${row.passed === undefined ? '' : row.passed ? html`<${Mark} kind="good">met<//>` : html`<${Mark} kind="bad">not met<//>`}</td>
+    <td>${has ? html`<${Band} band=${band} value=${row.value} /><br /><span class="help">${quantity(band.p10, row.unit)} to ${quantity(band.p90, row.unit)}${z === null ? '' : `; z = ${number(z, 2)}`}</span>` : '–'}</td><td class="long">${row.passed === undefined ? '' : row.words}</td></tr>`;
+}
+
+export function Score({ session, person }) {
+  const { session_id, exercise_id } = session.description;
+  const load = useLoad(async (signal) => {
+    const [score, reference] = await Promise.all([sessions.score(session_id, signal), references.one(exercise_id, signal).catch((error) => {
+      if (error.kind !== 'not_found') throw error;
+      return null;
+    })]);
+    return { score, reference };
+  }, [session_id]);
+  const action = useAction();
+  const rescore = async () => {
+    const score = await action.run(() => sessions.rescore(session_id));
+    if (!score) return;
+    load.setData({ ...load.data, score });
+    announce(`Scored again, by definitions ${score.definition_version}.`);
+  };
+  const chosen = load.data?.reference?.session_ids ?? [];
+  const mark = async () => {
+    const next = chosen.includes(session_id) ? chosen.filter((id) => id !== session_id) : [...chosen, session_id];
+    const reference = await action.run(() => references.put(exercise_id, next, load.data.reference?.revision ?? 0));
+    if (!reference) return;
+    load.setData({ ...load.data, reference });
+    announce(`${next.length} sessions make the reference of ${exercise_id} now.`);
+  };
+  return html`<section aria-labelledby="score-title"><h2 id="score-title">Score</h2>
+    <${Loaded} load=${load}>${({ score, reference }) => {
+      const rows = score.measures ?? score.score ?? [];
+      if (rows.length === 0) return html`<${Empty} title="There is no score yet">It is made when the session is closed.<//>`;
+      const judged = rows.filter((r) => typeof r.passed === 'boolean'), missed = judged.filter((r) => !r.passed);
+      const verdict = judged.length === 0 ? html`<${Mark} kind="open">no requirements<//>` : missed.length === 0 ? html`<${Mark} kind="good">passed<//> all ${judged.length} requirements are met` : html`<${Mark} kind="bad">not passed<//> ${missed.length} of ${judged.length} requirements are not met: ${missed.map((r) => r.words?.split(':')[0] ?? r.measure).join(', ')}`;
+      const bandOf = (row) => row.reference ?? reference?.bands?.find((b) => b.measure === row.measure);
+      const ordered = [...judged, ...rows.filter((r) => typeof r.passed !== 'boolean')];
+      return html`<p>${verdict}</p><${Table} caption=${`Measures, by definitions ${score.definition_version}, made ${moment(score.made_unix_ms)}`} head=${['Measure', 'Value', 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0}), 10–90 %`, 'In words']}>
+          ${ordered.map((row) => html`<${Row} key=${row.measure} row=${row} band=${bandOf(row)} />`)}<//>
+        <${Problem} error=${action.error} />
+        <div class="actions">${may(person.role, 'set reference') && html`<button type="button" disabled=${action.busy} onClick=${mark}>${chosen.includes(session_id) ? 'Take out of the reference' : 'Use as an expert reference'}</button>`}
+          ${may(person.role, 'rescore') && html`<button type="button" disabled=${action.busy} onClick=${rescore}>Score again by today's definitions</button>`}</div>`;
+    }}<//></section>`;
+}
