@@ -12,7 +12,7 @@ const kFullForce_N = 10, kFullDepth_m = 0.08;
 function Gauge({ label, value, full, unit, peak }) {
   const share = Math.max(0, Math.min(1, value / full)), peak_share = Math.max(0, Math.min(1, (peak ?? 0) / full));
   return html`<div class="gauge"><span>${label}</span><svg viewBox="0 0 100 8" preserveAspectRatio="none" aria-hidden="true"><rect class="gauge-room" width="100" height="8" /><rect class="gauge-value" width=${share * 100} height="8" />
-    ${peak > 0 && html`<rect class="gauge-peak" x=${peak_share * 100 - 1} width="1.5" height="8" />`}</svg><span class="gauge-number">${quantity(value, unit)}</span></div>`;
+    ${peak > 0 && html`<rect class="gauge-peak" x=${peak_share * 100 - 1} width="1.5" height="8" />`}</svg><span class="gauge-number">${quantity(value, unit, { digits: 2 })}</span></div>`;
 }
 
 function Tile({ tile, person }) {

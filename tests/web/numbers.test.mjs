@@ -1,0 +1,109 @@
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { backoff } from '../../client/web/app/lib/backoff.js';
+import { indexAt, minMax } from '../../client/web/app/lib/decimate.js';
+import { clock, fromInput, toInput } from '../../client/web/app/lib/time.js';
+import { bytes, fieldUnit, quantity, shown, typed, words } from '../../client/web/app/lib/units.js';
+import { advance, atRest, seek, toggle } from '../../client/web/app/lib/playback.js';
+import { random } from './mock/gesture.mjs';
+
+const en = { locale: 'en' };
+const plain = (text) => text.replace('\u00a0', ' ');
+
+test('quantities have SI prefixes and the digits that matter', () => {
+  const cases = [[0.0031, 'm', '3.1 mm'], [0.35, 'm', '350 mm'], [1.234, 'm', '1.23 m'], [0.99996e-3, 'm', '1 mm'], [-0.002, 'm', '-2 mm'], [0, 'm', '0 mm'], [0.35, 'N', '0.35 N'], [0.004, 'N', '4 mN'], [0.0012, 'm^2', '12 cm²'], [0.05, 'm/s', '50 mm/s'], [2, '', '2'], [0.5, 'share', '50 %'], [1.5e-6, 'm', '1.5 µm']];
+  for (const [value, unit, text] of cases) assert.equal(plain(quantity(value, unit, en)), text);
+  for (const nothing of [null, undefined, NaN, Infinity]) assert.equal(quantity(nothing, 'm', en), '–');
+  assert.equal(plain(quantity(0.0031, 'm', { locale: 'de' })), '3,1 mm');
+});
+
+test('what is typed in millimetres is stored in metres and comes back as it was typed', () => {
+  const { factor, unit } = fieldUnit('thickness_m');
+  assert.equal(unit, 'mm');
+  for (const text of ['3', '0.1', '12.345', '1e-3', '0.3']) {
+    const si = typed(text, factor);
+    assert.equal(typed(shown(si, factor), factor), si);
+    assert.equal(Number(shown(si, factor)), Number(text));
+  }
+  assert.equal(typed('3', factor), 0.003);
+  assert.equal(typed('3,5', factor), 0.0035);
+});
+
+test('angles survive the way through degrees', () => {
+  const { factor } = fieldUnit('bevel_angle_rad');
+  assert.ok(Math.abs(typed(shown(0.3, factor), factor) - 0.3) < 1e-11);
+});
+
+test('the longest ending of a name decides its unit', () => {
+  const wanted = { stiffness_n_per_m: 'N/m', lateral_stiffness_n_per_m2: 'N/m²', max_torque_nm: 'N·m', stop_speed_m_s: 'mm/s', cutting_force_n: 'N', stiffness_nm_per_rad: 'N·m/rad', attempts: '', young_pa: 'kPa', damping_ns_per_m: 'N·s/m' };
+  for (const [name, unit] of Object.entries(wanted)) assert.equal(fieldUnit(name).unit, unit, name);
+});
+
+test('nothing and no number are told apart', () => {
+  assert.equal(typed('  ', 1), undefined);
+  for (const bad of ['abc', '1..2', '1e', '--3', 'Infinity', 'NaN', '1e999', '0x10']) assert.equal(typed(bad, 1), null, bad);
+  for (const [text, value] of [['.5', 0.5], ['5.', 5], ['+1', 1], ['−2', -2], ['1e3', 1000]]) assert.equal(typed(text, 1), value);
+});
+
+test('names and sizes as people read them', () => {
+  assert.equal(words('CURRICULUM_MANAGER'), 'Curriculum manager');
+  assert.equal(plain(bytes(12_400_000, 'en')), '12.4 MB');
+  assert.equal(plain(bytes(512, 'en')), '512 B');
+});
+
+test('decimation keeps every peak, the ends and the order', () => {
+  const seed = Number(process.env.NEEDLELAB_SEED ?? 3), next = random(seed);
+  for (let round = 0; round < 50; round++) {
+    const n = 1 + Math.floor(next() * 5000), buckets = 1 + Math.floor(next() * 300);
+    const x = Array.from({ length: n }, (_, i) => i), y = x.map(() => (next() < 0.02 ? NaN : next() - 0.5));
+    const few = minMax(x, y, buckets);
+    const finite = y.filter(Number.isFinite), kept = few.y.filter(Number.isFinite);
+    const where = `seed ${seed}, round ${round}: n ${n}, buckets ${buckets}`;
+    assert.ok(few.x.length <= Math.max(2 * buckets + 2, 0) || few.x.length === n, where);
+    assert.equal(Math.max(...kept), Math.max(...finite), where);
+    assert.equal(Math.min(...kept), Math.min(...finite), where);
+    assert.equal(few.x[0], 0);
+    assert.equal(few.x.at(-1), n - 1);
+    assert.ok(few.x.every((v, i) => i === 0 || v > few.x[i - 1]), where);
+    assert.ok(few.x.every((v, i) => Object.is(few.y[i], Number.isFinite(y[v]) ? y[v] : null)), where);
+  }
+  assert.deepEqual(minMax([], [], 5), { x: [], y: [] });
+});
+
+test('a stretch without values stays a gap', () => {
+  const x = Array.from({ length: 1000 }, (_, i) => i);
+  const few = minMax(x, x.map((i) => (i >= 400 && i < 600 ? NaN : i)), 10);
+  assert.ok(few.y.includes(null));
+});
+
+test('the sample of a moment is the last one before it', () => {
+  const t = [0, 0.5, 1, 1, 2];
+  for (const [at, index] of [[-1, 0], [0, 0], [0.7, 1], [1, 3], [5, 4]]) assert.equal(indexAt(t, at), index);
+});
+
+test('times of recordings and dates of forms', () => {
+  assert.equal(clock(65.34), '1:05.3');
+  assert.equal(clock(59.96), '1:00.0');
+  assert.equal(clock(0), '0:00.0');
+  const moment = new Date(2026, 2, 29, 14, 30).getTime();
+  assert.equal(toInput(moment), '2026-03-29T14:30');
+  assert.equal(fromInput(toInput(moment)), moment);
+  assert.equal(fromInput(''), undefined);
+});
+
+test('back-off doubles to its bound and takes off at most a quarter', () => {
+  const least = { first_ms: 500, most_ms: 15_000, random: () => 1 }, most = { ...least, random: () => 0 };
+  assert.deepEqual([0, 1, 2, 5, 60].map((n) => backoff(n, most)), [500, 1000, 2000, 15_000, 15_000]);
+  assert.deepEqual([0, 60].map((n) => backoff(n, least)), [375, 11_250]);
+});
+
+test('a replay runs at its speed, stops at the end, and begins again', () => {
+  let p = { ...toggle(atRest(1, 5)), speed: 2 };
+  p = advance(p, 1.5);
+  assert.deepEqual([p.at_s, p.playing], [4, true]);
+  p = advance(p, 3);
+  assert.deepEqual([p.at_s, p.playing], [5, false]);
+  assert.equal(advance(p, 1), p);
+  assert.deepEqual([toggle(p).at_s, toggle(p).playing], [1, true]);
+  assert.equal(seek(p, -3).at_s, 1);
+});
