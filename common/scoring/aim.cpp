@@ -58,13 +58,12 @@ void addTargets(const Gesture& gesture, Rows& rows) {
     reached = true;
     time_s += gesture.weight_s(i);
   }
-  rows.add("target_reached", reached ? 1 : 0, "", "Target reached");
-  rows.add("time_at_target_s", time_s, "s", "Time at the target");
+  rows.add("target_reached", reached ? 1 : 0);
+  rows.add("time_at_target_s", time_s);
   std::size_t last = 0;
   if (!finalPoint(gesture, last)) return;
-  rows.add("target_distance_m", aimOf(gesture.anatomy, tipOf(gesture.samples[last])).distance_m, "m",
-           "Final distance from the target's centre");
-  rows.add("target_nearest_m", nearest_m, "m", "Least distance from the target's centre");
+  rows.add("target_distance_m", aimOf(gesture.anatomy, tipOf(gesture.samples[last])).distance_m);
+  rows.add("target_nearest_m", nearest_m);
 }
 
 }  // namespace
@@ -91,7 +90,7 @@ void addAim(const Gesture& gesture, Rows& rows) {
   for (std::size_t h = 0; h < hazards.size(); ++h) {
     if (touched[h]) names += (names.empty() ? " (" : ", ") + hazards[h].name;
   }
-  rows.add("hazards_touched", static_cast<double>(std::count(touched.begin(), touched.end(), true)), "",
+  rows.add("hazards_touched", static_cast<double>(std::count(touched.begin(), touched.end(), true)),
            "Hazards touched" + (names.empty() ? names : names + ")"));
   if (!gesture.anatomy.targets.empty()) addTargets(gesture, rows);
 }

@@ -8,6 +8,7 @@
 #include "needlelab/event.pb.h"
 #include "needlelab/profile.pb.h"
 #include "scoring/anatomy.h"
+#include "scoring/dtw.h"
 #include "scoring/measures.h"
 #include "scoring/track.h"
 
@@ -28,20 +29,25 @@ struct Gesture {
 /// Collects rows.
 class Rows {
  public:
-  /// `words` is the measure as a person would call it, e.g. "Peak force". Values that are not finite make no
-  /// row.
-  void add(std::string name, double value, std::string unit, std::string words);
+  /// Unit and words are those of measure_table.h; `words`: in place of those, e.g. with a layer's tissue.
+  /// Values that are not finite make no row, and names that the table does not have neither (asserted).
+  void add(std::string name, double value, std::string words = {});
   std::vector<Measure> take() { return std::move(rows_); }
 
  private:
   std::vector<Measure> rows_;
 };
 
-void addMotion(const Gesture& gesture, Rows& rows);  ///< time, path, speed, smoothness
-void addTissue(const Gesture& gesture, Rows& rows);  ///< depth, forces, what the needle did in tissue
-void addAim(const Gesture& gesture, Rows& rows);     ///< target and hazards
+void addMotion(const Gesture& gesture, Rows& rows);   ///< time, path, speed, smoothness
+void addActions(const Gesture& gesture, Rows& rows);  ///< movements, turns, work against clamping
+void addTissue(const Gesture& gesture, Rows& rows);   ///< depth, forces, what the needle did in tissue
+void addAim(const Gesture& gesture, Rows& rows);      ///< target and hazards
 /// Aspirations and injections.
 void addSyringe(const Gesture& gesture, std::span<const pb::SyringeEvent> events, Rows& rows);
+
+/// How far from the nearest reference gesture.
+void addReferences(const Gesture& gesture, const Pose& X_WL, std::span<const TipPath> references, Rows& rows);
+TipPath tipPathOf(const Gesture& gesture, const Pose& X_WL);
 
 /// Fills min, max, passed and the sentence of every row; adds rows for requirements on what was not measured.
 void applyRequirements(const pb::Exercise* exercise, std::vector<Measure>& measures);

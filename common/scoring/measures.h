@@ -1,6 +1,7 @@
 /// Measures of a gesture, from its recording alone (DESIGN §11): pure functions, no files, no clock.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
@@ -11,8 +12,16 @@
 #include "gesture/sample.h"
 #include "haptics/geometry.h"
 #include "needlelab/profile.pb.h"
+#include "scoring/dtw.h"
 
 namespace needlelab {
+
+/// The version of all definitions in this folder that decide about a value. It goes up by one whenever the
+/// value of any measure of any gesture changes or a measure comes or goes; a test over committed gestures
+/// (definition_test.cpp) tells when. Stored scores say which version they are of.
+/// 1: until issue 5. 2: movements, turns, mean force per layer, work against clamping, distance from
+/// references.
+inline constexpr std::uint32_t kScoreDefinitionVersion = 2;
 
 /// One row of a score.
 struct Measure {
@@ -30,8 +39,8 @@ struct Measure {
 /// All measures of a gesture, in a fixed order. A measure that does not apply is left out: of layers and
 /// targets that the profile does not have, of tissue that was never entered, smoothness without movement.
 ///
-/// Definitions stand beside the code of each group: motion.cpp, tissue.cpp, aim.cpp, syringe.cpp,
-/// smoothness.h. What they share:
+/// Definitions stand beside the code of each group: motion.cpp, actions.cpp, paths.cpp, tissue.cpp, aim.cpp,
+/// syringe.cpp, smoothness.h. What they share:
 /// - Lengths of paths, speeds, swept area and smoothness come from positions averaged to 100 Hz and
 /// low-passed to 6 Hz
 ///   (track.h), so that they do not depend on the loop's rate. Depths, distances and forces come from the
@@ -44,11 +53,13 @@ struct Measure {
 ///
 /// `rate_hz`: of the loop; outside 50-40,000 there is no score. `X_WL`: where the profile's frame stood in W.
 /// `exercise`: its requirements (and its time limit, as one on `elapsed_s`) fill min, max, passed; one on a
-/// measure that this gesture does not have makes a row that did not pass and says why. Thread: any; nothing
-/// is shared.
+/// measure that this gesture does not have makes a row that did not pass and says why. `references`: paths of
+/// gestures to compare with (paths.h); without any there is no `dtw_distance_m`. Thread: any; nothing is
+/// shared.
 std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double rate_hz,
                                   const pb::Profile& profile, const Pose& X_WL,
-                                  const pb::Exercise* exercise = nullptr);
+                                  const pb::Exercise* exercise = nullptr,
+                                  std::span<const TipPath> references = {});
 
 /// Whether `scoreGesture` can give a measure of this name for some profile, e.g. "peak_force_layer_3_n".
 bool isMeasureName(std::string_view name);
@@ -58,6 +69,8 @@ Status checkRequirements(const pb::Exercise& exercise);
 /// A JSON list of {"measure", "value", "unit", "words"} and, where there is a requirement, "min", "max",
 /// "passed". `value` is null where nothing was measured.
 std::string scoreJson(std::span<const Measure> measures);
+/// The rows that `scoreJson` wrote. kCorrupt: the text is none of its.
+Result<std::vector<Measure>> parseScore(const std::string& json);
 /// A table for a terminal: aligned columns, the words last, requirements marked.
 std::string scoreText(std::span<const Measure> measures);
 

@@ -79,19 +79,19 @@ void addMotion(const Gesture& gesture, Rows& rows) {
   const auto& samples = gesture.samples;
   const double elapsed_s =
       samples.empty() ? 0 : secondsBetween(samples.front(), samples.back(), gesture.rate_hz);
-  rows.add("elapsed_s", elapsed_s, "s", "Elapsed time");
-  rows.add("path_length_m", path_m, "m", "Path of the tip");
-  rows.add("time_in_tissue_s", time_in_s, "s", "Time in tissue");
-  rows.add("path_in_tissue_m", path_in_m, "m", "Path in tissue");
-  rows.add("mean_speed_m_s", time_s > 0 ? path_m / time_s : 0, "m/s", "Mean speed");
-  rows.add("peak_speed_m_s", peak_mps, "m/s", "Peak speed");
-  rows.add("tissue_damage_m2", area_m2, "m^2", "Tissue swept by the shaft");
+  rows.add("elapsed_s", elapsed_s);
+  rows.add("path_length_m", path_m);
+  rows.add("time_in_tissue_s", time_in_s);
+  rows.add("path_in_tissue_m", path_in_m);
+  rows.add("mean_speed_m_s", time_s > 0 ? path_m / time_s : 0);
+  rows.add("peak_speed_m_s", peak_mps);
+  rows.add("tissue_damage_m2", area_m2);
 
   double period_s = 0;
   const std::vector<double> speeds = speedProfile(gesture, period_s);
   if (!(period_s > 0)) return;
-  if (const auto value = sparc(speeds, 1 / period_s)) rows.add("sparc", *value, "", "Smoothness (SPARC)");
-  if (const auto value = ldlj(speeds, 1 / period_s)) rows.add("ldlj", *value, "", "Smoothness (LDLJ)");
+  if (const auto value = sparc(speeds, 1 / period_s)) rows.add("sparc", *value);
+  if (const auto value = ldlj(speeds, 1 / period_s)) rows.add("ldlj", *value);
 }
 
 }  // namespace needlelab

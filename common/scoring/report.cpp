@@ -31,6 +31,32 @@ std::string scoreJson(std::span<const Measure> measures) {
   return rows.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
+Result<std::vector<Measure>> parseScore(const std::string& json) {
+  const auto rows = nlohmann::json::parse(json, nullptr, false);
+  const Error wrong{ErrorCode::kCorrupt, "a stored score is not a list of measures"};
+  if (!rows.is_array()) return wrong;
+  std::vector<Measure> measures;
+  const auto limit = [](const nlohmann::json& row, const char* key) {
+    const auto found = row.find(key);
+    return found != row.end() && found->is_number() ? std::optional(found->get<double>()) : std::nullopt;
+  };
+  for (const auto& row : rows) {
+    if (!row.is_object() || !row.contains("measure") || !row["measure"].is_string() || !row.contains("value"))
+      return wrong;
+    Measure measure;
+    measure.name = row["measure"].get<std::string>();
+    measure.measured = row["value"].is_number();
+    if (measure.measured) measure.value = row["value"].get<double>();
+    if (row.contains("unit") && row["unit"].is_string()) measure.unit = row["unit"].get<std::string>();
+    if (row.contains("words") && row["words"].is_string()) measure.words = row["words"].get<std::string>();
+    measure.min = limit(row, "min");
+    measure.max = limit(row, "max");
+    if (row.contains("passed") && row["passed"].is_boolean()) measure.passed = row["passed"].get<bool>();
+    measures.push_back(std::move(measure));
+  }
+  return measures;
+}
+
 std::string scoreText(std::span<const Measure> measures) {
   // what was required first, then all the rest
   std::vector<const Measure*> order;

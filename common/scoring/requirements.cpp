@@ -1,42 +1,13 @@
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cstdio>
 
 #include "haptics/limits.h"
 #include "scoring/groups.h"
+#include "scoring/measure_table.h"
 
 namespace needlelab {
 namespace {
-
-constexpr std::array<std::string_view, 28> kNames = {"elapsed_s",
-                                                     "path_length_m",
-                                                     "time_in_tissue_s",
-                                                     "path_in_tissue_m",
-                                                     "mean_speed_m_s",
-                                                     "peak_speed_m_s",
-                                                     "tissue_damage_m2",
-                                                     "sparc",
-                                                     "ldlj",
-                                                     "greatest_depth_m",
-                                                     "peak_force_n",
-                                                     "greatest_insertion_m",
-                                                     "entries",
-                                                     "mean_force_in_tissue_n",
-                                                     "largest_lateral_error_m",
-                                                     "withdrawals",
-                                                     "trajectory_changes",
-                                                     "path_inefficiency",
-                                                     "hazards_touched",
-                                                     "target_reached",
-                                                     "time_at_target_s",
-                                                     "target_distance_m",
-                                                     "target_nearest_m",
-                                                     "aspirations",
-                                                     "injections",
-                                                     "injected_share",
-                                                     "injected_in_target_share",
-                                                     "aspirated_before_injection"};
 
 /// "3.2", "0.05", "120": three significant digits, no exponent for the sizes that occur, no zeros at the end.
 std::string threeDigits(double value) {
@@ -106,6 +77,7 @@ std::string valueText(double value, const std::string& unit) {
   const double size = std::abs(value);
   if (unit == "m") return size < 1 ? threeDigits(value * 1e3) + " mm" : threeDigits(value) + " m";
   if (unit == "m/s") return size < 1 ? threeDigits(value * 1e3) + " mm/s" : threeDigits(value) + " m/s";
+  if (unit == "J") return size < 1 ? threeDigits(value * 1e3) + " mJ" : threeDigits(value) + " J";
   if (unit == "m^2") return threeDigits(value * 1e4) + " cm²";
   return unit.empty() ? threeDigits(value) : threeDigits(value) + " " + unit;
 }
@@ -132,26 +104,18 @@ void applyRequirements(const pb::Exercise* exercise, std::vector<Measure>& measu
 }
 
 bool isMeasureName(std::string_view name) {
-  if (std::find(kNames.begin(), kNames.end(), name) != kNames.end()) return true;
-  constexpr std::string_view kPrefix = "peak_force_layer_", kSuffix = "_n";
-  if (!name.starts_with(kPrefix) || !name.ends_with(kSuffix) || name.size() < kPrefix.size() + kSuffix.size())
-    return false;
-  const std::string_view number = name.substr(kPrefix.size(), name.size() - kPrefix.size() - kSuffix.size());
-  std::size_t layer = 0;
-  const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), layer);
-  return error == std::errc() && end == number.data() + number.size() && number[0] != '0' && layer >= 1 &&
-         layer <= kMaxLayers;
+  return measureKind(name) != nullptr;
 }
 
 Status checkRequirements(const pb::Exercise& exercise) {
   for (int i = 0; i < exercise.requirements_size(); ++i) {
     if (isMeasureName(exercise.requirements(i).measure())) continue;
     std::string known;
-    for (const std::string_view name : kNames) known += std::string(name) + ", ";
+    for (const MeasureKind& kind : measureKinds())
+      known += (known.empty() ? "" : ", ") + std::string(kind.name);
     return Error{ErrorCode::kInvalidInput, "requirements[" + std::to_string(i) + "].measure: \"" +
                                                exercise.requirements(i).measure() + "\" is none of " + known +
-                                               "peak_force_layer_1_n to peak_force_layer_" +
-                                               std::to_string(kMaxLayers) + "_n"};
+                                               " (K: a layer, 1 to " + std::to_string(kMaxLayers) + ")"};
   }
   return {};
 }

@@ -34,14 +34,12 @@ void addSyringe(const Gesture& gesture, std::span<const pb::SyringeEvent> events
       was_aspirated = aspirated;
     }
   }
-  rows.add("aspirations", aspirations, "", "Aspirations");
-  rows.add("injections", injections, "", "Injections");
-  rows.add("injected_share", injected, "", "Share of the syringe injected");
+  rows.add("aspirations", aspirations);
+  rows.add("injections", injections);
+  rows.add("injected_share", injected);
   if (injections > 0 && !gesture.anatomy.targets.empty())
-    rows.add("injected_in_target_share", injected > 0 ? std::min(1.0, in_target / injected) : 0, "",
-             "Share of the injection in the target");
-  if (injected_in_tissue)
-    rows.add("aspirated_before_injection", was_aspirated ? 1 : 0, "", "Aspirated before the injection");
+    rows.add("injected_in_target_share", injected > 0 ? std::min(1.0, in_target / injected) : 0);
+  if (injected_in_tissue) rows.add("aspirated_before_injection", was_aspirated ? 1 : 0);
 }
 
 }  // namespace needlelab

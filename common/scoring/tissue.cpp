@@ -13,6 +13,9 @@ namespace {
 constexpr double kTurnPause_s = 0.2;
 /// Shorter insertions than this have no straight way to compare with.
 constexpr double kLeastWay_m = 1e-3;
+/// An insertion has ended when it is so near to its greatest length: at rest tremor comes to the greatest at
+/// any time.
+constexpr double kEndWithin_m = 0.25e-3;
 
 double forceOf(const GestureSample& s) {
   return norm({s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]});
@@ -58,9 +61,9 @@ Counts countEvents(const Gesture& gesture) {
   return counts;
 }
 
-/// The way in tissue from the entry of the insertion that reached furthest to its furthest point, over the
-/// straight line between the two. Ways before that entry (of insertions given up) count as way, too. 0 when
-/// there is none.
+/// The way in tissue up to the end of the insertion that reached furthest, over the straight line from its
+/// entry to that end. Ways before that entry (of insertions given up) count as way, too. The end is where the
+/// insertion first came within kEndWithin_m of its greatest length. 0 when there is none.
 double inefficiencyOf(const Gesture& gesture) {
   std::size_t deepest = 0, entry = 0, deepest_entry = 0;
   double greatest_m = 0;
@@ -75,12 +78,14 @@ double inefficiencyOf(const Gesture& gesture) {
     }
     was_inside = inside;
   }
-  const double straight_m =
-      gesture.samples.empty() ? 0
-                              : norm(tipOf(gesture.samples[deepest]) - tipOf(gesture.samples[deepest_entry]));
+  if (gesture.samples.empty()) return 0;
+  const auto& samples = gesture.samples;
+  std::size_t end = deepest_entry;
+  while (end < deepest && samples[end].insertion_m < greatest_m - kEndWithin_m) ++end;
+  const double straight_m = norm(tipOf(samples[end]) - tipOf(samples[deepest_entry]));
   if (straight_m < kLeastWay_m) return 0;
 
-  const double end_s = secondsBetween(gesture.samples.front(), gesture.samples[deepest], gesture.rate_hz);
+  const double end_s = secondsBetween(samples.front(), samples[end], gesture.rate_hz);
   double way_m = 0;
   for (const Run& run : gesture.runs) {
     for (std::size_t i = 0; i < run.inside.size(); ++i) {
@@ -108,14 +113,17 @@ double Gesture::weight_s(std::size_t i) const {
 /// - `peak_force_n`: greatest force on the hand, of all ticks; `peak_force_layer_K_n`: while the tip was in
 /// layer K (1 is
 ///   the skin's), 0 where it never was. `mean_force_in_tissue_n`: over time in tissue.
+///   `mean_force_layer_K_n`: over time in layer K; no row where there was none.
 /// - `largest_lateral_error_m`: distance of the tip from its trajectory.
 /// - `entries`: times the tip went in. `withdrawals`: times it was drawn back (a stop on the way does not
 /// begin another).
 ///   `trajectory_changes`: runs of turns, pauses up to 0.2 s included.
-/// - `path_inefficiency`: way in tissue over straight way to the furthest point; 1 is straight.
+/// - `path_inefficiency`: way in tissue over straight way to within 0.25 mm of the furthest point; 1 is
+/// straight.
 void addTissue(const Gesture& gesture, Rows& rows) {
   double depth_m = 0, insertion_m = 0, lateral_m = 0, peak_N = 0, impulse_Ns = 0, time_s = 0;
   std::vector<double> layer_peaks(static_cast<std::size_t>(gesture.profile->layers_size()), 0.0);
+  std::vector<double> layer_impulses(layer_peaks), layer_times(layer_peaks);
   for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
     const GestureSample& sample = gesture.samples[i];
     const double force_N = forceOf(sample);
@@ -130,24 +138,33 @@ void addTissue(const Gesture& gesture, Rows& rows) {
     time_s += weight_s;
     const auto layer =
         static_cast<std::size_t>(static_cast<unsigned char>(sample.layer));  // not negative here
-    if (layer < layer_peaks.size()) layer_peaks[layer] = std::max(layer_peaks[layer], force_N);
+    if (layer >= layer_peaks.size()) continue;
+    layer_peaks[layer] = std::max(layer_peaks[layer], force_N);
+    layer_impulses[layer] += force_N * weight_s;
+    layer_times[layer] += weight_s;
   }
-  rows.add("greatest_depth_m", depth_m, "m", "Greatest depth");
-  rows.add("greatest_insertion_m", insertion_m, "m", "Greatest insertion");
-  rows.add("peak_force_n", peak_N, "N", "Peak force");
-  rows.add("mean_force_in_tissue_n", time_s > 0 ? impulse_Ns / time_s : 0, "N", "Mean force in tissue");
+  rows.add("greatest_depth_m", depth_m);
+  rows.add("greatest_insertion_m", insertion_m);
+  rows.add("peak_force_n", peak_N);
+  rows.add("mean_force_in_tissue_n", time_s > 0 ? impulse_Ns / time_s : 0);
   for (std::size_t i = 0; i < layer_peaks.size(); ++i) {
     const auto& tissue = pb::Layer::Tissue_Name(gesture.profile->layers(static_cast<int>(i)).tissue());
-    rows.add("peak_force_layer_" + std::to_string(i + 1) + "_n", layer_peaks[i], "N",
+    rows.add("peak_force_layer_" + std::to_string(i + 1) + "_n", layer_peaks[i],
              "Peak force in layer " + std::to_string(i + 1) + " (" + tissue + ")");
   }
-  rows.add("largest_lateral_error_m", lateral_m, "m", "Largest lateral error");
+  for (std::size_t i = 0; i < layer_peaks.size(); ++i) {
+    if (!(layer_times[i] > 0)) continue;
+    const auto& tissue = pb::Layer::Tissue_Name(gesture.profile->layers(static_cast<int>(i)).tissue());
+    rows.add("mean_force_layer_" + std::to_string(i + 1) + "_n", layer_impulses[i] / layer_times[i],
+             "Mean force in layer " + std::to_string(i + 1) + " (" + tissue + ")");
+  }
+  rows.add("largest_lateral_error_m", lateral_m);
   const Counts counts = countEvents(gesture);
-  rows.add("entries", counts.entries, "", "Entries");
-  rows.add("withdrawals", counts.withdrawals, "", "Withdrawals");
-  rows.add("trajectory_changes", counts.turns, "", "Changes of trajectory");
+  rows.add("entries", counts.entries);
+  rows.add("withdrawals", counts.withdrawals);
+  rows.add("trajectory_changes", counts.turns);
   const double inefficiency = inefficiencyOf(gesture);
-  if (inefficiency > 0) rows.add("path_inefficiency", inefficiency, "", "Way over straight way");
+  if (inefficiency > 0) rows.add("path_inefficiency", inefficiency);
 }
 
 }  // namespace needlelab

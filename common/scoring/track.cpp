@@ -25,15 +25,16 @@ bool isUsable(const GestureSample& s) {
   return usable && isWithin(s.insertion_m, kFarthest_m) && isWithin(s.lateral_error_m, kFarthest_m);
 }
 
-/// What is smoothed: tip, axis, insertion, and whether the tip is inside (1 or 0; averaged, not smoothed).
-constexpr std::size_t kChannels = 8;
+/// What is averaged: tip, axis (both smoothed as well), insertion, whether the tip is inside (1 or 0), force.
+constexpr std::size_t kChannels = 11;
 using Channels = std::array<double, kChannels>;
-constexpr std::size_t kInside = 7;
+constexpr std::size_t kInside = 7, kForce = 8;
 
 Channels channelsOf(const GestureSample& s) {
   const Vec3 axis = zAxis(normalized(Quat{s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]}));
-  return {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2],   axis.x,
-          axis.y,      axis.z,      s.insertion_m, isInside(s) ? 1.0 : 0.0};
+  return {s.p_WT_m[0],    s.p_WT_m[1],    s.p_WT_m[2],   axis.x,
+          axis.y,         axis.z,         s.insertion_m, isInside(s) ? 1.0 : 0.0,
+          s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]};
 }
 
 /// Means over `count` bins of equal length of the piecewise linear signal through `times` (from 0 on) and
@@ -142,6 +143,10 @@ void fill(Run& run, std::span<const GestureSample> samples, double rate_hz) {
   const std::vector<Channels> halves = binMeans(times, values, 2 * intervals);
   for (std::size_t i = 0; i < intervals; ++i) {
     run.inside.push_back(std::clamp(0.5 * (halves[2 * i][kInside] + halves[2 * i + 1][kInside]), 0.0, 1.0));
+    const auto force = [&](std::size_t c) {
+      return 0.5 * (halves[2 * i][kForce + c] + halves[2 * i + 1][kForce + c]);
+    };
+    run.force_W_N.push_back({force(0), force(1), force(2)});
   }
   std::vector<Channels> points(intervals + 1);
   points.front() = values.front();

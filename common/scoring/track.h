@@ -37,7 +37,8 @@ struct Run {
   double start_s = 0;    ///< of the first sample, since the recording's first
   double period_s = 0;   ///< between points: at most `kAnalysisPeriod_s`, such that both ends are points
   std::vector<TrackPoint> points;  ///< at start_s + i·period_s; a single one when the run is one sample
-  std::vector<double> inside;  ///< share of the time between points i and i+1 in which the tip was in tissue
+  std::vector<double> inside;   ///< share of the time between points i and i+1 in which the tip was in tissue
+  std::vector<Vec3> force_W_N;  ///< on the hand, mean over the time between points i and i+1
 };
 
 /// The samples that can be used: ticks strictly ascending; positions, orientations, forces and lengths finite

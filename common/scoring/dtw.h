@@ -1,0 +1,36 @@
+/// Distance between two paths by dynamic time warping: how far apart they run when each may dwell where the
+/// other does.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "haptics/geometry.h"
+
+namespace needlelab {
+
+/// The tip's way from the first entry to the last exit in the limb's frame, a point each 1/kPathRateHz, m.
+using TipPath = std::vector<Vec3>;
+
+inline constexpr double kPathRateHz = 20;
+/// Alignments may run ahead or behind by this share of the longer path, and by `kLeastBand` points at least.
+inline constexpr double kBandShare = 0.2;
+inline constexpr std::size_t kLeastBand = 20;
+/// 30 minutes.
+inline constexpr std::size_t kMostPathPoints = 36'000;
+
+/// The symmetric form of Sakoe and Chiba (1978), without a limit on slopes: steps (1,0) and (0,1) count the
+/// distance of their points once, (1,1) and the start twice, the sum is divided by the number of points of
+/// both paths. So it is a mean distance in m, 0 for equal paths, the same whichever comes first, and with
+/// points in pairs for a shift by d everywhere at most d.
+///
+/// `band`: how many points an alignment may leave the straight line between both ends, raised to 1. Empty: a
+/// path without points, or with more than kMostPathPoints. Time O(longer · band), memory O(band).
+std::optional<double> dtwDistance(std::span<const Vec3> a, std::span<const Vec3> b, std::size_t band);
+
+/// With the band that scores use.
+std::optional<double> dtwDistance(std::span<const Vec3> a, std::span<const Vec3> b);
+
+}  // namespace needlelab

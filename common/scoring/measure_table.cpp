@@ -1,0 +1,144 @@
+#include "scoring/measure_table.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <nlohmann/json.hpp>
+
+#include "haptics/limits.h"
+
+namespace needlelab {
+namespace {
+
+constexpr Better kLessIsBetter = Better::kLess, kMoreIsBetter = Better::kMore, kNeitherIs = Better::kNeither;
+
+constexpr std::array<MeasureKind, 34> kMeasureKinds = {{
+    {"elapsed_s", "s", "Elapsed time", kLessIsBetter, "from the first tick to the last"},
+    {"path_length_m", "m", "Path of the tip", kLessIsBetter, "sum of the tip's steps on the smoothed track"},
+    {"time_in_tissue_s", "s", "Time in tissue", kLessIsBetter, "while the engine had the tip in a layer"},
+    {"path_in_tissue_m", "m", "Path in tissue", kLessIsBetter, "the part of the path during that time"},
+    {"mean_speed_m_s", "m/s", "Mean speed", kNeitherIs, "path over recorded time"},
+    {"peak_speed_m_s", "m/s", "Peak speed", kLessIsBetter, "greatest speed on the smoothed track"},
+    {"tissue_damage_m2", "m^2", "Tissue swept by the shaft", kLessIsBetter,
+     "area that the shaft's part in tissue sweeps by moving across itself; straight in and out sweeps none"},
+    {"sparc", "", "Smoothness (SPARC)", kMoreIsBetter,
+     "spectral arc length of the speed from first entry to last exit; below 0, nearer to 0 is smoother"},
+    {"ldlj", "", "Smoothness (LDLJ)", kMoreIsBetter,
+     "log dimensionless jerk of the same speed; nearer to 0 is smoother"},
+    {"translational_actions", "", "Movements of the tip", kLessIsBetter,
+     "stretches of 2 mm or more that begin above 3 mm/s and end when the tip stays below 1.5 mm/s for 0.1 s; "
+     "speeds over 0.1 s, so that tremor is none"},
+    {"rotational_actions", "", "Turns of the needle", kLessIsBetter,
+     "stretches of 0.05 rad or more that begin above 0.1 rad/s and end when the axis stays below 0.05 rad/s "
+     "for 0.1 s; rolling about the axis is none"},
+    {"clamping_work_j", "J", "Work against clamping", kLessIsBetter,
+     "done in tissue by moving the tip across the needle's axis against the force on the hand; what the "
+     "tissue gives back is not taken off"},
+    {"greatest_depth_m", "m", "Greatest depth", kNeitherIs, "of the tip under the surface, along its normal"},
+    {"greatest_insertion_m", "m", "Greatest insertion", kNeitherIs, "length of needle in tissue"},
+    {"peak_force_n", "N", "Peak force", kLessIsBetter, "greatest force on the hand, of all ticks"},
+    {"mean_force_in_tissue_n", "N", "Mean force in tissue", kLessIsBetter, "over the time in tissue"},
+    {"peak_force_layer_K_n", "N", "Peak force in layer K", kLessIsBetter,
+     "while the tip was in layer K (1 is the skin's); 0 where it never was"},
+    {"mean_force_layer_K_n", "N", "Mean force in layer K", kLessIsBetter,
+     "over the time in layer K; no row where the tip never was"},
+    {"largest_lateral_error_m", "m", "Largest lateral error", kLessIsBetter,
+     "of the tip from its trajectory"},
+    {"entries", "", "Entries", kLessIsBetter, "times that the tip went in"},
+    {"withdrawals", "", "Withdrawals", kLessIsBetter,
+     "times that it was drawn back; a stop on the way does not begin another"},
+    {"trajectory_changes", "", "Changes of trajectory", kLessIsBetter,
+     "runs of turns in tissue, pauses up to 0.2 s included"},
+    {"path_inefficiency", "", "Way over straight way", kLessIsBetter,
+     "way in tissue up to 0.25 mm before the furthest point over the straight line from its entry; 1 is "
+     "straight"},
+    {"hazards_touched", "", "Hazards touched", kLessIsBetter,
+     "how many the tip or the shaft in tissue came to"},
+    {"target_reached", "", "Target reached", kMoreIsBetter, "1: the tip was in a target, else 0"},
+    {"time_at_target_s", "s", "Time at the target", kNeitherIs, "time of the tip within a target's radius"},
+    {"target_distance_m", "m", "Final distance from the target's centre", kLessIsBetter,
+     "at the furthest point of the last insertion"},
+    {"target_nearest_m", "m", "Least distance from the target's centre", kLessIsBetter,
+     "at any time in tissue"},
+    {"aspirations", "", "Aspirations", kNeitherIs, "strokes of the plunger outwards"},
+    {"injections", "", "Injections", kNeitherIs, "strokes of the plunger inwards"},
+    {"injected_share", "", "Share of the syringe injected", kNeitherIs,
+     "of the syringe, all injections together"},
+    {"injected_in_target_share", "", "Share of the injection in the target", kMoreIsBetter,
+     "of what was injected; where there is a target and an injection"},
+    {"aspirated_before_injection", "", "Aspirated before the injection", kMoreIsBetter,
+     "1: an aspiration that began in tissue came before the first injection in tissue, else 0"},
+    {"dtw_distance_m", "m", "Distance from the nearest reference gesture", kLessIsBetter,
+     "mean distance between the paths of the tips in tissue, time warped (DTW), of the nearest reference; "
+     "where references are given"},
+}};
+
+/// Whether `name` is `pattern` with a layer's number in place of the K.
+bool isLayered(std::string_view name, std::string_view pattern) {
+  const std::size_t at = pattern.find('K');
+  if (at == std::string_view::npos) return false;
+  const std::string_view before = pattern.substr(0, at), after = pattern.substr(at + 1);
+  if (!name.starts_with(before) || !name.ends_with(after) || name.size() <= before.size() + after.size())
+    return false;
+  const std::string_view number = name.substr(at, name.size() - before.size() - after.size());
+  std::size_t layer = 0;
+  const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), layer);
+  return error == std::errc() && end == number.data() + number.size() && number[0] != '0' && layer >= 1 &&
+         layer <= kMaxLayers;
+}
+
+}  // namespace
+
+std::string_view betterName(Better better) {
+  switch (better) {
+    case Better::kLess:
+      return "less";
+    case Better::kMore:
+      return "more";
+    case Better::kNeither:
+      break;
+  }
+  return "neither";
+}
+
+std::span<const MeasureKind> measureKinds() {
+  return kMeasureKinds;
+}
+
+const MeasureKind* measureKind(std::string_view name) {
+  const auto* const found =
+      std::find_if(kMeasureKinds.begin(), kMeasureKinds.end(), [&](const MeasureKind& kind) {
+        // the pattern itself is the name of no row
+        return kind.name.find('K') == std::string_view::npos ? kind.name == name : isLayered(name, kind.name);
+      });
+  return found == kMeasureKinds.end() ? nullptr : found;
+}
+
+Better betterOf(std::string_view name) {
+  const MeasureKind* const kind = measureKind(name);
+  return kind == nullptr ? Better::kNeither : kind->better;
+}
+
+std::string measureTableJson() {
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  for (const MeasureKind& kind : kMeasureKinds) {
+    rows.push_back({{"measure", kind.name},
+                    {"unit", kind.unit},
+                    {"words", kind.words},
+                    {"better", betterName(kind.better)},
+                    {"definition", kind.definition}});
+  }
+  return rows.dump();
+}
+
+std::string measureTableMarkdown() {
+  std::string text = "| measure | unit | better | words | definition |\n|---|---|---|---|---|\n";
+  for (const MeasureKind& kind : kMeasureKinds) {
+    text += "| `" + std::string(kind.name) + "` | " + std::string(kind.unit) + " | " +
+            std::string(betterName(kind.better)) + " | " + std::string(kind.words) + " | " +
+            std::string(kind.definition) + " |\n";
+  }
+  return text;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,75 @@
+/// What experts reach, and how one gesture stands beside them.
+///
+/// A few experts are a small sample, and this says so: below `kLeastForZScore` gestures there is no z-score
+/// and no percentile, only the range. "Like the experts" means within the 95 % prediction interval of one
+/// more gesture from the same normal distribution, mean ± t(0.975, n−1)·sd·√(1 + 1/n), which is wide where n
+/// is small; it asks nothing of the population's true spread.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "scoring/dtw.h"
+#include "scoring/measure_table.h"
+#include "scoring/measures.h"
+
+namespace needlelab {
+
+inline constexpr std::size_t kLeastForZScore = 5;
+
+/// A measure over reference gestures; those that do not have it are left out.
+struct ReferenceBand {
+  std::string name, unit;
+  std::size_t n = 0;  ///< at least 1
+  double mean = 0;
+  double sd = 0;  ///< of the sample (n − 1); 0 where n = 1
+  double least = 0, greatest = 0, median = 0;
+  std::optional<double> p10, p25, p75, p90;  ///< interpolated between ranks; from kLeastForZScore on
+};
+
+/// In the order of measureKinds(), layers by number.
+std::vector<ReferenceBand> referenceBands(std::span<const std::vector<Measure>> gestures);
+
+/// A band of these values (at least one; not finite ones are left out).
+ReferenceBand bandOf(std::string name, std::string unit, std::span<const double> values);
+
+/// How far each reference is from the nearest of the others: with what a gesture's `dtw_distance_m` is to be
+/// compared. Empty for fewer than two.
+std::vector<double> distancesAmong(std::span<const TipPath> references);
+
+enum class Standing : std::uint8_t {
+  kLikeReference,  ///< within what another expert's gesture would show
+  kBetter,         ///< outside of it, on the better side
+  kWorse,
+  kDifferent,  ///< outside of it, and neither side is better
+  kTooFew,     ///< fewer than kLeastForZScore references
+};
+/// "like_reference", "better", "worse", "different", "too_few".
+std::string_view standingName(Standing standing);
+
+struct Comparison {
+  std::string name, unit;
+  double value = 0;
+  ReferenceBand band;
+  std::optional<double> z;  ///< (value − mean)/sd; empty: too few, or all references have the same value
+  Standing standing = Standing::kTooFew;
+  std::string words;  ///< one sentence
+};
+
+/// Each measured row that has a band, in the rows' order.
+std::vector<Comparison> compareWithReference(std::span<const Measure> measures,
+                                             std::span<const ReferenceBand> bands);
+
+/// t(0.975, df), the quantile of Student's distribution, to 0.3 %; df at least 1.
+double studentQuantile975(std::size_t df);
+
+/// A list of {"measure", "unit", "n", "mean", "sd", "least", "p10", "p25", "median", "p75", "p90",
+/// "greatest"}; percentiles are null where n is too small for them, sd where n = 1.
+std::string bandsJson(std::span<const ReferenceBand> bands);
+/// A list of {"measure", "value", "unit", "n", "mean", "sd", "z", "better", "standing", "words"}.
+std::string comparisonJson(std::span<const Comparison> comparisons);
+
+}  // namespace needlelab
