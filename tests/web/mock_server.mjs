@@ -109,7 +109,7 @@ function tiles(lab) {
  * @returns {Promise<{port: number, lab: any, close: () => Promise<void>}>} `lab.logins.clear()` makes every log-in expire
  */
 export async function startMock(port = 0) {
-  const lab = makeLab();
+  const lab = makeLab(), live = new Set();
   const server = createServer((request, response) => {
     const url = new URL(request.url, 'http://localhost');
     if (!url.pathname.startsWith('/api/v1/')) return file(response, url.pathname);
@@ -123,13 +123,15 @@ export async function startMock(port = 0) {
     const who = lab.logins.get(cookieOf(request));
     if (request.url !== '/api/v1/live' || !who) return socket.end('HTTP/1.1 401 Unauthorized\r\n\r\n');
     const say = acceptWebSocket(request, socket);
+    live.add(socket);
     const timer = setInterval(() => say(JSON.stringify({ tiles: tiles(lab) })), kTick_ms);
-    return socket.on('close', () => clearInterval(timer));
+    return socket.on('close', () => { clearInterval(timer); live.delete(socket); });
   });
   await new Promise((resolve, reject) => server.on('error', reject).listen(port, '127.0.0.1', resolve));
   const close = () => new Promise((resolve) => {
     server.close(resolve);
     server.closeAllConnections();
+    for (const socket of live) socket.destroy();
   });
   return { port: server.address().port, lab, close };
 }

@@ -47,7 +47,8 @@ test('columns that the layer does not reach are left out', () => {
 });
 
 test('layers add up; a thickness that is no number counts as none', () => {
-  assert.deepEqual(layerBounds({ layers: [{ tissue: 'SKIN', thickness_m: 0.003 }, { tissue: 'FAT', thickness_m: 'x' }, { thickness_m: 0.01 }] }), [{ tissue: 'SKIN', from_m: 0, to_m: 0.003 }, { tissue: 'FAT', from_m: 0.003, to_m: 0.003 }, { tissue: 'OTHER', from_m: 0.003, to_m: 0.013 }]);
+  const bounds = layerBounds({ layers: [{ tissue: 'SKIN', thickness_m: 0.25 }, { tissue: 'FAT', thickness_m: 'x' }, { thickness_m: 0.5 }] });
+  assert.deepEqual(bounds, [{ tissue: 'SKIN', from_m: 0, to_m: 0.25 }, { tissue: 'FAT', from_m: 0.25, to_m: 0.25 }, { tissue: 'OTHER', from_m: 0.25, to_m: 0.75 }]);
 });
 
 test('labels keep their distance and their order', () => {
@@ -88,6 +89,7 @@ test('the side view holds the way in: a slanted straight insertion has no part a
 
 test('forces are magnitudes; spans of layers join without holes', () => {
   assert.deepEqual(forceOf({ fx_n: [3, 0], fy_n: [4, 0], fz_n: [0, -2] }), [5, 2]);
+  assert.deepEqual(forceOf({ force_n: [7], fx_n: [3], fy_n: [4], fz_n: [0] }), [7], "the server's own comes first: extremes of components are not of one moment");
   assert.deepEqual(layerSpans({ t_s: [0, 1, 2, 3, 4], layer: [-1, 0, 0, 1, -1] }), [{ from: 1, to: 3, layer: 0 }, { from: 3, to: 4, layer: 1 }]);
   assert.deepEqual(layerSpans({}), []);
 });

@@ -117,7 +117,7 @@ export function makeLab() {
       }
     });
   });
-  const annotations = new Map([[sessions[0].session_id, [{ id: 1, t_s: 4.2, text: 'Slow down before the capsule.', author: 'ines', created_unix_ms: sessions[0].started_unix_ms + 60_000 }]]]);
+  const annotations = new Map([[sessions[0].session_id, [{ id: 1, tick: 4200, text: 'Slow down before the capsule.', author: 'ines', created_unix_ms: sessions[0].started_unix_ms + 60_000 }]]]);
   const assignments = [
     { id: 1, course_id: course.id, exercise_id: '', group_id: 'autumn-a', trainee: '', by: 'mara', created_unix_ms: kNow_ms - 25 * kDay_ms, due_unix_ms: kNow_ms + 40 * kDay_ms },
     { id: 2, course_id: course.id, exercise_id: '', group_id: 'autumn-b', trainee: '', by: 'mara', created_unix_ms: kNow_ms - 25 * kDay_ms, due_unix_ms: kNow_ms + 40 * kDay_ms },

@@ -7,9 +7,9 @@ export function columnsOf(reply) {
   return reply?.columns ?? reply ?? {};
 }
 
-/** |force| of each sample, in N. */
-export function forceOf({ fx_n = [], fy_n = [], fz_n = [] }) {
-  return fx_n.map((x, i) => Math.hypot(x, fy_n[i], fz_n[i]));
+/** |force| of each sample, in N; the server's own where it gives one: decimated components are not of one moment. */
+export function forceOf({ force_n, fx_n = [], fy_n = [], fz_n = [] }) {
+  return force_n ?? fx_n.map((x, i) => Math.hypot(x, fy_n[i], fz_n[i]));
 }
 
 /**

@@ -79,8 +79,9 @@ export const sessions = {
   rescore: (id) => post(['sessions', id, 'rescore'], {}),
   events: (id, signal) => getAll(['sessions', id, 'events'], { signal }),
   samples: (id, query, signal) => get(['sessions', id, 'samples'], { signal, query }),
-  annotations: (id, signal) => getAll(['sessions', id, 'annotations'], { signal }),
-  annotate: (id, t_s, text) => post(['sessions', id, 'annotations'], { t_s, text }),
+  /** Remarks stand at ticks; here they have seconds. */
+  annotations: async (id, rate_hz, signal) => (await getAll(['sessions', id, 'annotations'], { signal })).map((a) => ({ ...a, t_s: a.tick / rate_hz })),
+  annotate: (id, rate_hz, t_s, text) => post(['sessions', id, 'annotations'], { tick: Math.round(t_s * rate_hz), text }),
 };
 
 export const references = {

@@ -8,7 +8,7 @@ import { useDocument } from '../ui/document.js';
 import { ProblemList } from '../ui/fields.js';
 import { formOf } from '../ui/form.js';
 import { useDebounced } from '../ui/hooks.js';
-import { html, useCallback, useEffect, useState } from '../ui/html.js';
+import { html, useCallback, useEffect, useRef, useState } from '../ui/html.js';
 import { Heading, Mark, Problem } from '../ui/parts.js';
 import { Legend, SideView } from '../ui/section.js';
 import { Hazards, LimbFields, Targets } from '../profile/anatomy.js';
@@ -38,15 +38,18 @@ export function useCheck(doc, check) {
 
 /** Ctrl+S saves. */
 export function useSaveKey(save) {
+  // what was typed last counts, although effects run later than the next key
+  const latest = useRef(save);
+  latest.current = save;
   useEffect(() => {
     const press = (event) => {
       if (!(event.ctrlKey || event.metaKey) || event.key !== 's') return;
       event.preventDefault();
-      save();
+      latest.current();
     };
     addEventListener('keydown', press);
     return () => removeEventListener('keydown', press);
-  });
+  }, []);
 }
 
 /** Whether there is something to save, and what became of it. */

@@ -9,8 +9,8 @@ import { draftOf, useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 import { Empty, Loaded, Problem, Table } from '../ui/parts.js';
 
-/** @param {{id: string, at_s: number, seek: (s: number) => void, load: any, person: any}} props `load`: of the annotations */
-export function Annotations({ id, at_s, seek, load, person }) {
+/** @param {{id: string, rate_hz: number, at_s: number, seek: (s: number) => void, load: any, person: any}} props `load`: of the annotations */
+export function Annotations({ id, rate_hz, at_s, seek, load, person }) {
   const draft = draftOf(`annotation/${id}`);
   const [text, setText] = useState(draft.read() ?? '');
   const action = useAction();
@@ -20,7 +20,7 @@ export function Annotations({ id, at_s, seek, load, person }) {
   };
   const save = async (event) => {
     event.preventDefault();
-    if (!(await action.run(() => sessions.annotate(id, Number(at_s.toFixed(3)), text.trim())))) return;
+    if (!(await action.run(() => sessions.annotate(id, rate_hz, at_s, text.trim())))) return;
     draft.drop();
     setText('');
     announce(`The remark at ${clock(at_s)} was saved.`);
@@ -28,7 +28,7 @@ export function Annotations({ id, at_s, seek, load, person }) {
   };
   return html`<section aria-labelledby="notes-title"><h2 id="notes-title">Annotations</h2>
     <${Loaded} load=${load}>${(all) => (all.length === 0 ? html`<${Empty} title="No remarks yet">${may(person.role, 'annotate') ? 'Put the replay at a moment and write one below.' : ''}<//>`
-      : html`<ul class="notes">${all.map((a) => html`<li key=${a.id}><button type="button" class="small" aria-label=${`${clock(a.t_s ?? 0)}: go to this moment`} onClick=${() => seek(a.t_s ?? 0)}>${clock(a.t_s ?? 0)}</button> <span>${a.text}</span> <span class="help">${a.author}, ${moment(a.created_unix_ms)}</span></li>`)}</ul>`)}<//>
+      : html`<ul class="notes">${all.map((a) => html`<li key=${a.id}><button type="button" class="small" aria-label=${`${clock(a.t_s)}: go to this moment`} onClick=${() => seek(a.t_s)}>${clock(a.t_s)}</button> <span>${a.text}</span> <span class="help">${a.author}, ${moment(a.created_unix_ms)}</span></li>`)}</ul>`)}<//>
     ${may(person.role, 'annotate') && html`<form onSubmit=${save}><${TextField} label=${`Remark at ${clock(at_s)}`} rows="2" value=${text} onValue=${type} required wide /><${Problem} error=${action.error} />
       <div class="actions"><button type="submit" disabled=${action.busy || !text.trim()}>Add at ${clock(at_s)}</button></div></form>`}</section>`;
 }

@@ -1,12 +1,12 @@
 // The tip once more, in two views: from the side, in the plane of the needle's way in, and from above.
+import { minMax } from '../lib/decimate.js';
 import { kSpeeds } from '../lib/playback.js';
-import { sampleAt, wayOf } from '../lib/recording.js';
+import { forceOf, sampleAt, wayOf } from '../lib/recording.js';
 import { clock } from '../lib/time.js';
 import { quantity, words } from '../lib/units.js';
 import { SelectField } from '../ui/fields.js';
 import { html, useId, useMemo } from '../ui/html.js';
 import { Legend, SideView, TopView } from '../ui/section.js';
-import { minMax } from '../lib/decimate.js';
 
 const kTrail = 400;
 
@@ -30,6 +30,7 @@ export function Replay({ columns, session, playback, act }) {
   const way = useMemo(() => wayOf(columns, profile, placement), [columns, profile, placement]);
   const length_m = profile.needle?.length_m ?? 0.05;
   const half_m = useMemo(() => Math.max(0.006, ...minMax(way.t_s, way.points.map((p) => Math.hypot(p.u, p.v) * (p.d > -0.005 ? 1 : 0)), 200).y) * 1.3, [way]);
+  const force = useMemo(() => forceOf(columns), [columns]);
   const keys = (event) => {
     if (event.target.closest('input, select, button')) return;
     const step = { ArrowLeft: -0.1, ArrowRight: 0.1 }[event.key];
@@ -39,7 +40,7 @@ export function Replay({ columns, session, playback, act }) {
     event.preventDefault();
   };
   const i = sampleAt(way, playback.at_s), layer = columns.layer?.[i] ?? -1;
-  const place = `${clock(playback.at_s)}: ${layer >= 0 ? `in ${words(profile.layers?.[layer]?.tissue).toLowerCase()}, ${quantity(columns.insertion_m?.[i], 'm')} deep` : 'outside'}, ${quantity(Math.hypot(columns.fx_n?.[i] ?? 0, columns.fy_n?.[i] ?? 0, columns.fz_n?.[i] ?? 0), 'N')}`;
+  const place = `${clock(playback.at_s)}: ${layer >= 0 ? `in ${words(profile.layers?.[layer]?.tissue).toLowerCase()}, ${quantity(columns.insertion_m?.[i], 'm')} deep` : 'outside'}, ${quantity(force[i], 'N')}`;
   const tip = (second) => ({ x, y }) => html`<${Tip} way=${way} at_s=${playback.at_s} x=${x} y=${y} second=${second} length_m=${length_m} />`;
   return html`<div class="replay" role="group" aria-label="Replay of the tip" tabindex="0" onKeyDown=${keys}>
     <div class="replay-views"><div><h3>Side view</h3><${SideView} profile=${profile} frame=${way.frame} to_m=${way.deepest_m * 1.1} label="Side view of the tip's way through the layers" over=${tip('d')} /></div>
