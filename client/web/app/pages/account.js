@@ -1,6 +1,7 @@
 // One's own name, password and consent.
 import { words } from '../lib/units.js';
 import { moment } from '../lib/time.js';
+import { address } from '../net/api.js';
 import { people } from '../net/lab.js';
 import { useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
@@ -16,5 +17,6 @@ export function AccountPage({ person }) {
   return html`<${Heading} title="My account" />
     <dl class="facts"><dt>Name</dt><dd>${person.name}</dd><dt>Full name</dt><dd>${person.full_name || '–'}</dd><dt>Role</dt><dd>${words(person.role)}</dd>
       <dt>Logged in until</dt><dd>${moment(person.expires_unix_ms)}</dd></dl>
-    ${person.role === 'trainee' && html`<${OwnConsent} name=${person.name} />`}<${PasswordForm} name=${person.name} />`;
+    ${person.role === 'trainee' && html`<${OwnConsent} name=${person.name} />`}<${PasswordForm} name=${person.name} />
+    ${person.role !== 'researcher' && html`<fieldset><legend>Everything that is stored of me</legend><a class="button" href=${address(['people', person.name, 'export'])} download=${person.name + '.json'}>Download as JSON</a></fieldset>`}`;
 }

@@ -19,7 +19,7 @@ function Tile({ tile, person }) {
   const force = tile.force_n ?? tile.force_N ?? 0, peak = tile.peak_force_n ?? tile.peak_force_N ?? 0;
   const state = tile.fault ? html`<${Mark} kind="bad">fault<//>` : !tile.online ? html`<${Mark} kind="open">offline<//>` : tile.trainee ? html`<${Mark} kind="good">practising<//>` : html`<${Mark} kind="info">idle<//>`;
   return html`<li class=${'tile live-tile' + (tile.fault ? ' live-fault' : '')} aria-label=${`Station ${tile.station}`}><div class="card-head"><h2>${tile.station}</h2>${state}</div>
-    ${tile.fault && html`<p class="error">✗ ${words(tile.fault)}</p>`}
+    ${tile.fault && html`<p class="error">✗ ${tile.fault}</p>`}
     ${tile.online && tile.trainee ? html`<p><strong>${may(person.role, 'see people') ? html`<a href=${href(['people', tile.trainee])}>${tile.trainee}</a>` : tile.trainee}</strong>, ${tile.exercise}</p>
       <p>${words(tile.phase)}${tile.layer ? ` in ${words(tile.layer).toLowerCase()}` : ''}</p>
       <${Gauge} label="Depth" value=${tile.depth_m ?? 0} full=${kFullDepth_m} unit="m" /><${Gauge} label="Force" value=${force} peak=${peak} full=${kFullForce_N} unit="N" />

@@ -41,12 +41,11 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
   const x = (u) => (u + half_m) * scale, y = (d) => (d + kTop_m) * scale;
   const area = (line) => `${line.map((p) => `${x(p.u).toFixed(1)},${y(p.d).toFixed(1)}`).join(' ')} ${x(line.at(-1).u).toFixed(1)},${y(bottom_m).toFixed(1)} ${x(line[0].u).toFixed(1)},${y(bottom_m).toFixed(1)}`;
   const edge = x(half_m);
-  // a leader begins inside its layer, as far to the right as the layer can be seen
-  const seen = (i) => {
-    const line = lines[i].filter((p) => p.d < bottom_m), end = line.at(-1) ?? { u: half_m, d: layers[i].from_m };
-    const below = lines[i + 1]?.find((p) => p.u >= end.u - 1e-9)?.d ?? bottom_m;
-    return { u: Math.min(end.u, half_m * 0.985), d: (end.d + Math.max(end.d, below)) / 2 };
-  };
+  // leaders begin in one column that crosses all layers, as far to the right as may be: their order is that of the layers
+  const ends = lines.map((line) => line.filter((p) => p.d < bottom_m * 0.98).at(-1)?.u ?? 0);
+  const column = Math.max(0, Math.min(half_m * 0.985, ...ends.map((u) => (u >= half_m - 1e-9 ? half_m : u * 0.85))));
+  const top = (i) => lines[i]?.reduce((best, p) => (best && Math.abs(best.u - column) <= Math.abs(p.u - column) ? best : p), null)?.d ?? bottom_m;
+  const seen = (i) => ({ u: column, d: (top(i) + Math.max(top(i), i + 1 < lines.length ? top(i + 1) : bottom_m)) / 2 });
   const labels = layers.map((l, i) => {
     const at = seen(i), phi = fidelity?.[i];
     return { x: x(at.u), y: y(at.d), text: `${words(l.tissue)} ${quantity(l.to_m - l.from_m, 'm')}${Number.isFinite(phi) ? `, φ ${number(phi, 2)}${phi < 0.5 ? ' !' : ''}` : ''}` };
