@@ -34,19 +34,19 @@ export function quantity(value, unit, { digits = 3, locale } = {}) {
   return `${number(value / factor, digits, locale)}\u00a0${size === 0 && unit === 'm' ? 'mm' : prefix + unit}`;
 }
 
-/** Units in which fields of a document are edited, by the end of their name: the longest that fits. [suffix, SI per shown unit, shown] */
+/** Units in which fields of a document are edited, by the end of their name: the longest that fits. [suffix, SI per shown unit, shown, SI's own] */
 const kFieldUnits = [
   ['_n_per_m2', 1, 'N/m²'], ['_n_per_m', 1, 'N/m'], ['_nm_per_rad', 1, 'N·m/rad'], ['_ns_per_m', 1, 'N·s/m'], ['_nm', 1, 'N·m'],
-  ['_m_s', 1e-3, 'mm/s'], ['_rad', Math.PI / 180, '°'], ['_pa', 1e3, 'kPa'], ['_m2', 1e-4, 'cm²'], ['_m', 1e-3, 'mm'], ['_n', 1, 'N'], ['_s', 1, 's'], ['_hz', 1, 'Hz'],
+  ['_m_s', 1e-3, 'mm/s', 'm/s'], ['_rad', Math.PI / 180, '°', 'rad'], ['_pa', 1e3, 'kPa', 'Pa'], ['_m2', 1e-4, 'cm²', 'm²'], ['_m', 1e-3, 'mm', 'm'], ['_n', 1, 'N'], ['_s', 1, 's'], ['_hz', 1, 'Hz'],
 ];
 
 /**
  * @param {string} name of a field, e.g. thickness_m
- * @returns {{factor: number, unit: string}} SI value = shown value · factor
+ * @returns {{factor: number, unit: string, si: string}} SI value = shown value · factor; `si`: the unit of the value
  */
 export function fieldUnit(name) {
   const found = kFieldUnits.find(([suffix]) => name.endsWith(suffix));
-  return found ? { factor: found[1], unit: found[2] } : { factor: 1, unit: '' };
+  return found ? { factor: found[1], unit: found[2], si: found[3] ?? found[2] } : { factor: 1, unit: '', si: '' };
 }
 
 /** As `fieldUnit`, by the unit's name: of measures. */

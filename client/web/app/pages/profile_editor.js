@@ -93,12 +93,12 @@ export function ProfileEditor({ params, query, person }) {
   const fidelity = rendered.preview?.layers?.map((l) => l.fidelity);
   return html`<${Heading} title=${title} above=${above}>${id && html`<a class="button" href=${href(['profiles', id, 'revisions'])}>Revisions</a>`}<//>
     <${SaveBar} editing=${editing} save=${save} what="profile" bad=${bad} readonly=${readonly} />
-    <div class="columns"><form onSubmit=${(event) => event.preventDefault()} aria-label="Profile">
-        <${Naming} f=${f} is_new=${!id} /><${Layers} f=${f} /><${NeedleFields} f=${f} /><${LimbFields} f=${f} /><${Targets} f=${f} /><${Hazards} f=${f} /><${Force} f=${f} /><${AsJson} f=${f} /></form>
-      <aside class="sticky-side" tabindex="0" aria-label="What it looks and feels like"><h2>Side view, to scale</h2>
-        <${SideView} profile=${doc} fidelity=${fidelity} label=${`Side view of ${doc.layers?.length ?? 0} layers, ${quantity((doc.layers ?? []).reduce((sum, l) => sum + (Number(l.thickness_m) || 0), 0), 'm')} deep in all`} /><${Legend} profile=${doc} />
-        <p class="help">φ: how much of the step in force into a layer can be felt, 0 to 1; “!” below 0.5.</p>
-        <h2>Force over depth</h2><${ForceOverDepth} ...${rendered} />
-        <${ProblemList} problems=${all} />${bad && html`<p class="error">✗ A field holds no number: it is not saved.</p>`}${errors.length > 0 && html`<p class="help">The server will refuse this profile until these are mended.</p>`}</aside></div>
+    <div class="editor-columns"><aside class="look" tabindex="0" aria-label="What it looks and feels like"><section><h2>Side view, to scale</h2>
+          <${SideView} profile=${doc} fidelity=${fidelity} label=${`Side view of ${doc.layers?.length ?? 0} layers, ${quantity((doc.layers ?? []).reduce((sum, l) => sum + (Number(l.thickness_m) || 0), 0), 'm')} deep in all`} /><${Legend} profile=${doc} />
+          <p class="help">φ: how much of the step in force into a layer can be felt, 0 to 1; “!” below 0.5.</p></section>
+        <section><h2>Force over depth</h2><${ForceOverDepth} ...${rendered} /></section>
+        <${ProblemList} problems=${all} />${bad && html`<p class="error wide">✗ A field holds no number: it is not saved.</p>`}${errors.length > 0 && html`<p class="help wide">The server will refuse this profile until these are mended.</p>`}</aside>
+      <form onSubmit=${(event) => event.preventDefault()} aria-label="Profile">
+        <${Naming} f=${f} is_new=${!id} /><${Layers} f=${f} /><${NeedleFields} f=${f} /><${LimbFields} f=${f} /><${Targets} f=${f} /><${Hazards} f=${f} /><${Force} f=${f} /><${AsJson} f=${f} /></form></div>
     ${editing.conflict && html`<${ConflictDialog} conflict=${editing.conflict} settle=${editing.settle} close=${editing.closeConflict} />`}`;
 }

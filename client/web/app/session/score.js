@@ -20,9 +20,9 @@ function Row({ row, band }) {
   const bound = [row.min !== undefined && `at least ${quantity(row.min, row.unit)}`, row.max !== undefined && `at most ${quantity(row.max, row.unit)}`].filter(Boolean).join(', ');
   const has = band && Number.isFinite(row.value);
   const z = has && band.sd > 0 ? (row.value - band.mean) / band.sd : null;
-  return html`<tr><th scope="row">${row.words?.split(':')[0] || row.measure}<br /><code>${row.measure}</code></th><td class="number">${row.value === null ? 'not measured' : quantity(row.value, row.unit)}</td><td>${bound || '–'}</td>
+  return html`<tr><th scope="row">${row.words?.split(':')[0] || row.measure}<br /><code>${row.measure}</code>${row.passed !== undefined && html`<p class="explained">${row.words}</p>`}</th><td class="number">${row.value === null ? 'not measured' : quantity(row.value, row.unit)}</td><td>${bound || '–'}</td>
     <td>${row.passed === undefined ? '' : row.passed ? html`<${Mark} kind="good">met<//>` : html`<${Mark} kind="bad">not met<//>`}</td>
-    <td>${has ? html`<${Band} band=${band} value=${row.value} /><br /><span class="help">${quantity(band.p10, row.unit)} to ${quantity(band.p90, row.unit)}${z === null ? '' : `; z = ${number(z, 2)}`}</span>` : '–'}</td><td class="long">${row.passed === undefined ? '' : row.words}</td></tr>`;
+    <td>${has ? html`<${Band} band=${band} value=${row.value} /><br /><span class="help">${quantity(band.p10, row.unit)} to ${quantity(band.p90, row.unit)}${z === null ? '' : `; z = ${number(z, 2)}`}</span>` : '–'}</td></tr>`;
 }
 
 export function Score({ session, person }) {
@@ -57,7 +57,7 @@ export function Score({ session, person }) {
       const verdict = judged.length === 0 ? html`<${Mark} kind="open">no requirements<//>` : missed.length === 0 ? html`<${Mark} kind="good">passed<//> all ${judged.length} requirements are met` : html`<${Mark} kind="bad">not passed<//> ${missed.length} of ${judged.length} requirements are not met: ${missed.map((r) => r.words?.split(':')[0] ?? r.measure).join(', ')}`;
       const bandOf = (row) => row.reference ?? reference?.bands?.find((b) => b.measure === row.measure);
       const ordered = [...judged, ...rows.filter((r) => typeof r.passed !== 'boolean')];
-      return html`<p>${verdict}</p><${Table} caption=${`Measures, by definitions ${score.definition_version}, made ${moment(score.made_unix_ms)}`} head=${['Measure', 'Value', 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0}), 10–90 %`, 'In words']}>
+      return html`<p>${verdict}</p><${Table} caption=${`Measures, by definitions ${score.definition_version}, made ${moment(score.made_unix_ms)}`} head=${['Measure', 'Value', 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0}), 10–90 %`]}>
           ${ordered.map((row) => html`<${Row} key=${row.measure} row=${row} band=${bandOf(row)} />`)}<//>
         <${Problem} error=${action.error} />
         <div class="actions">${may(person.role, 'set reference') && html`<button type="button" disabled=${action.busy} onClick=${mark}>${chosen.includes(session_id) ? 'Take out of the reference' : 'Use as an expert reference'}</button>`}

@@ -79,7 +79,8 @@ export function Chart(props) {
       axes: [{ ...axis, label: x.label, labelSize: 22 }, { ...axis, label: y_label, size: 56, labelSize: 22 }],
       series: [{ label: x.label, value: (_, v) => (v === null ? '–' : number(v, 4)) }, ...series.map((s) => ({ label: s.label, stroke: s.color, dash: s.dash, width: s.width ?? 2, points: { show: points, size: 7 }, value: (_, v) => (v === null || v === undefined ? '–' : number(v, 3)) }))],
       cursor: { drag: { x: true, y: false, setScale: !latest.current.onZoom }, ...(sync ? { sync: { key: sync } } : {}) },
-      legend: { show: true },
+      // the sign in the legend is dashed as the curve is
+      legend: { markers: { width: 3, dash: (_, i) => { const dash = series[i - 1]?.dash ?? []; return dash.length === 0 ? 'solid' : dash[0] <= 2 ? 'dotted' : 'dashed'; } } },
       hooks: {
         drawClear: [(u) => drawBands(u, latest.current.bands ?? [])],
         draw: [(u) => drawMarks(u, latest.current.marks ?? [], latest.current.at)],

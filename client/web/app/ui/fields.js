@@ -37,7 +37,7 @@ export function TextField({ label, value, onValue, path = '', problems, help, wi
  * A number in the unit that people use; the value is SI. What is no number is said here and is not passed on, nor lost.
  * @param {{label: string, value: number|undefined, onValue: (value: number|undefined) => void, factor?: number, unit?: string, path?: string, problems?: FieldProblem[], [more: string]: any}} props
  */
-export function NumberField({ label, value, onValue, factor = 1, unit = '', path = '', problems, help, onBad, ...more }) {
+export function NumberField({ label, value, onValue, factor = 1, unit = '', si = unit, path = '', problems, help, onBad, ...more }) {
   const id = useId();
   const [text, setText] = useState(shown(value, factor));
   const sent = useRef(value);
@@ -49,7 +49,9 @@ export function NumberField({ label, value, onValue, factor = 1, unit = '', path
     }
   }, [value, factor]);
   const bad = typed(text, factor) === null;
-  const mine = [...(bad ? [{ path, message: `“${text}” is no number; such as 3.5` }] : []), ...problemsAt(problems, path)];
+  const said = problemsAt(problems, path);
+  // the server's words are about SI
+  const mine = [...(bad ? [{ path, message: `“${text}” is no number; such as 3.5` }] : []), ...said.map((p) => (si === unit ? p : { ...p, message: `${p.message} (in ${si}, not ${unit})` }))];
   useEffect(() => {
     onBad?.(path, bad);
     return () => onBad?.(path, false);

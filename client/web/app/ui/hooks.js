@@ -96,6 +96,22 @@ export function useDebounced(value, ms) {
   return settled;
 }
 
+/**
+ * How wide an element is, in CSS pixels, as it changes.
+ * @param {number} first before it is known
+ * @returns {[{current: Element|null}, number]} the first for its `ref`
+ */
+export function useWidth(first) {
+  const element = useRef(null);
+  const [width, setWidth] = useState(first);
+  useEffect(() => {
+    const observer = new ResizeObserver(([entry]) => setWidth(Math.round(entry.contentRect.width)));
+    observer.observe(element.current);
+    return () => observer.disconnect();
+  }, []);
+  return [element, width];
+}
+
 /** Calls `act` every `ms` while the page is there. */
 export function useEvery(ms, act) {
   const latest = useRef(act);

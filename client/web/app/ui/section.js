@@ -2,9 +2,10 @@
 import { depthOf, frameOf, inFrame, layerBounds, levelLine, spread } from '../lib/scene.js';
 import { tissueColor } from '../lib/tissue.js';
 import { number, quantity, words } from '../lib/units.js';
+import { useWidth } from './hooks.js';
 import { html, useMemo } from './html.js';
 
-const kWidth = 640, kLabels = 210, kTop_m = 0.012, kHeight = 460, kGap = 19;
+const kWidth = 640, kLabels = 185, kTop_m = 0.012, kHeight = 440, kGap = 18;
 
 /** Shapes of a profile as circles or rounded lines in the plane (u, second). */
 function shapes(profile, frame, second) {
@@ -27,16 +28,19 @@ function Shape({ shape, x, y, scale }) {
  *   `over` draws in pixels on top
  */
 export function SideView({ profile, frame: given, fidelity, to_m, label, over }) {
+  // drawn in the pixels that there are: letters keep their size
+  const [place, room] = useWidth(kWidth);
+  const width = Math.max(320, room);
   const drawn = useMemo(() => {
     const layers = layerBounds(profile), frame = given ?? frameOf(profile.limb), depth = depthOf(profile.limb);
     const bottom_m = Math.max(0.01, to_m ?? 0, layers.at(-1)?.to_m ?? 0), height_m = bottom_m + kTop_m;
-    const scale = Math.min(kHeight / height_m, (kWidth - kLabels) / 0.02);
-    const half_m = (kWidth - kLabels) / scale / 2;
+    const scale = Math.min(kHeight / height_m, (width - kLabels) / 0.02);
+    const half_m = (width - kLabels) / scale / 2;
     const window = { from_u: -half_m, to_u: half_m, from_d: -kTop_m, to_d: bottom_m };
     const lines = layers.map((l) => levelLine(depth, frame, l.from_m, window));
     const all = shapes(profile, frame, 'd');
     return { layers, frame, bottom_m, scale, half_m, height: height_m * scale, lines, all };
-  }, [profile, given, to_m]);
+  }, [profile, given, to_m, width]);
   const { layers, scale, half_m, height, lines, all, bottom_m } = drawn;
   const x = (u) => (u + half_m) * scale, y = (d) => (d + kTop_m) * scale;
   const area = (line) => `${line.map((p) => `${x(p.u).toFixed(1)},${y(p.d).toFixed(1)}`).join(' ')} ${x(line.at(-1).u).toFixed(1)},${y(bottom_m).toFixed(1)} ${x(line[0].u).toFixed(1)},${y(bottom_m).toFixed(1)}`;
@@ -52,7 +56,7 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
   }).sort((a, b) => a.y - b.y);
   const slots = spread(labels.map((l) => l.y), kGap, 12, Math.max(height - 6, 12 + kGap * labels.length));
   const ruler_m = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05].find((m) => m * scale > 40) ?? 0.1;
-  return html`<svg class="section" viewBox=${`0 0 ${kWidth} ${Math.max(height, slots.at(-1) ?? 0) + 8}`} role="img" aria-label=${label}>
+  return html`<svg ref=${place} class="section" viewBox=${`0 0 ${width} ${Math.max(height, slots.at(-1) ?? 0) + 8}`} role="img" aria-label=${label}>
     <clipPath id="section-clip"><rect x="0" y="0" width=${edge} height=${height} /></clipPath>
     <rect class="section-air" x="0" y="0" width=${edge} height=${height} />
     <g clip-path="url(#section-clip)">
