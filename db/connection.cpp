@@ -53,6 +53,18 @@ ErrorCode codeOf(int rc) {
   }
 }
 
+/// The last error of the system that the files themselves noted, the log's first; else 0.
+int fileErrorOf(sqlite3* handle) {
+  if (handle == nullptr) return 0;
+  int number = 0;
+  sqlite3_file* log = nullptr;
+  sqlite3_file_control(handle, "main", SQLITE_FCNTL_JOURNAL_POINTER, &log);
+  if (log != nullptr && log->pMethods != nullptr)
+    log->pMethods->xFileControl(log, SQLITE_FCNTL_LAST_ERRNO, &number);
+  if (number == 0) sqlite3_file_control(handle, "main", SQLITE_FCNTL_LAST_ERRNO, &number);
+  return number;
+}
+
 /// The system's word behind SQLite's, where it tells of the disk; else 0.
 int systemErrorOf(int rc, sqlite3* handle, const std::filesystem::path& path) {
   switch (rc & 0xff) {
@@ -62,20 +74,15 @@ int systemErrorOf(int rc, sqlite3* handle, const std::filesystem::path& path) {
       // SQLite opens for reading what it may not open for writing
       return ::access(path.c_str(), W_OK) == 0 ? 0 : errno;
     case SQLITE_CORRUPT: {
-      // what a page that the disk cannot read becomes in SQLite: the database's file knows, or the log's
-      int number = 0;
-      sqlite3_file* log = nullptr;
-      if (handle != nullptr) {
-        sqlite3_file_control(handle, "main", SQLITE_FCNTL_LAST_ERRNO, &number);
-        sqlite3_file_control(handle, "main", SQLITE_FCNTL_JOURNAL_POINTER, &log);
-      }
-      if (number == 0 && log != nullptr && log->pMethods != nullptr)
-        log->pMethods->xFileControl(log, SQLITE_FCNTL_LAST_ERRNO, &number);
+      // what a page that the disk cannot read becomes in SQLite
+      const int number = fileErrorOf(handle);
       return number == EIO || number == ENXIO ? EIO : 0;
     }
     case SQLITE_IOERR:
     case SQLITE_CANTOPEN: {
-      const int number = handle == nullptr ? 0 : sqlite3_system_errno(handle);
+      int number = handle == nullptr ? 0 : sqlite3_system_errno(handle);
+      // a COMMIT that fails does not tell its connection
+      if (number == 0) number = fileErrorOf(handle);
       return number == 0 && (rc & 0xff) == SQLITE_IOERR ? EIO : number;
     }
     default:
@@ -122,7 +129,8 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
                                                           : "PRAGMA synchronous=FULL;") +
       "PRAGMA foreign_keys=ON; PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;"
       "PRAGMA cell_size_check=ON;" +
-      (writer ? "" : "PRAGMA query_only=ON;");
+      // the pages that a thousand open sessions' next chunks touch: some 1,500, where SQLite would keep 500
+      (writer ? "PRAGMA cache_size=-16384;" : "PRAGMA query_only=ON;");
   if (auto done = connection.script(settings); !done) return done.error();
   return connection;
 }

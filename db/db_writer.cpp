@@ -32,6 +32,7 @@ DbWriter::~DbWriter() {
 }
 
 Status DbWriter::post(Work work, Done done) {
+  bool wakes = false;
   {
     const std::lock_guard lock(mutex_);
     if (stopping_ || failed_) return stoppedError(failed_);
@@ -40,8 +41,11 @@ Status DbWriter::post(Work work, Done done) {
                                                 std::to_string(queue_.size()) + " items: try again later"};
     }
     queue_.push_back({std::move(work), std::move(done)});
+    // those between the first of a group and the one that fills it change nothing for the writer: each would
+    // only wake it to wait on
+    wakes = queue_.size() == 1 || queue_.size() == options_.max_group;
   }
-  wake_.notify_one();
+  if (wakes) wake_.notify_one();
   return {};
 }
 

@@ -166,15 +166,15 @@ class Ours {
   DbWriter writer_;
 };
 
-/// SQLite alone: one prepared INSERT of the same rows into the same table, the same settings of durability, a
-/// checkpoint as often; no check of anything, no counters, no foreign keys.
+/// SQLite alone: one prepared INSERT of the same rows into the same table, the same settings of durability and
+/// of memory, a checkpoint as often; no check of anything, no counters, no foreign keys.
 class Raw {
  public:
   Raw(const Settings& settings, std::size_t group) : database_(settings, "ingest-raw.db"), group_(group) {
     ok(sqlite3_open_v2(database_.path.c_str(), &db_, SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX, nullptr));
     exec(
         "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA wal_autocheckpoint=0; PRAGMA "
-        "foreign_keys=OFF");
+        "foreign_keys=OFF; PRAGMA cache_size=-16384");
     ok(sqlite3_prepare_v2(db_, "INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (?,?,?,?,?)",
                           -1, &insert_, nullptr));
   }
