@@ -5,6 +5,7 @@ import { indexAt, minMax } from '../../client/web/app/lib/decimate.js';
 import { clock, fromInput, toInput } from '../../client/web/app/lib/time.js';
 import { bytes, fieldUnit, quantity, shown, typed, words } from '../../client/web/app/lib/units.js';
 import { advance, atRest, seek, toggle } from '../../client/web/app/lib/playback.js';
+import { measureTitle } from '../../client/web/app/lib/score.js';
 import { random } from './mock/gesture.mjs';
 
 const en = { locale: 'en' };
@@ -49,6 +50,12 @@ test('names and sizes as people read them', () => {
   assert.equal(words('CURRICULUM_MANAGER'), 'Curriculum manager');
   assert.equal(plain(bytes(12_400_000, 'en')), '12.4 MB');
   assert.equal(plain(bytes(512, 'en')), '512 B');
+});
+
+test('a measure is called by its words without value and verdict', () => {
+  const cases = { 'Peak force 2.52 N: within the 5 N allowed': 'Peak force', 'Tissue swept by the shaft 0.218 cm²': 'Tissue swept by the shaft', 'Smoothness (LDLJ) -16.6': 'Smoothness (LDLJ)', 'Peak force in layer 5 (TENDON) 2.14 N': 'Peak force in layer 5 (TENDON)', 'Mean speed 11.6 mm/s': 'Mean speed', 'Entries 1: within the 2 allowed': 'Entries', 'Target reached': 'Target reached', 'Way over straight way 1.04': 'Way over straight way', 'Largest lateral error 3.2e-05 m': 'Largest lateral error' };
+  for (const [words, title] of Object.entries(cases)) assert.equal(measureTitle({ measure: 'x', words }), title);
+  assert.equal(measureTitle({ measure: 'peak_force_n' }), 'peak_force_n');
 });
 
 test('decimation keeps every peak, the ends and the order', () => {

@@ -23,7 +23,7 @@ function Tile({ tile, person }) {
     ${tile.online && tile.trainee ? html`<p><strong>${may(person.role, 'see people') ? html`<a href=${href(['people', tile.trainee])}>${tile.trainee}</a>` : tile.trainee}</strong>, ${tile.exercise}</p>
       <p>${words(tile.phase)}${tile.layer ? ` in ${words(tile.layer).toLowerCase()}` : ''}</p>
       <${Gauge} label="Depth" value=${tile.depth_m ?? 0} full=${kFullDepth_m} unit="m" /><${Gauge} label="Force" value=${force} peak=${peak} full=${kFullForce_N} unit="N" />
-      <p class="help">Peak ${quantity(peak, 'N')}${tile.drops > 0 ? `; ${tile.drops} frames dropped on the way` : ''}</p>`
+      <p class="help">Peak ${quantity(peak, 'N')}${tile.drops > 0 ? `; the loop missed ${tile.drops} ticks` : ''}</p>`
       : html`<p class="help">${tile.online ? 'Nobody is practising here.' : 'The station is not connected.'}</p>`}</li>`;
 }
 

@@ -23,17 +23,20 @@ const kBlank = {
   tracking_wall: { stiffness_n_per_m: 500, stop_speed_m_s: 0.003, stop_dwell_s: 0.05, stop_duration_s: 0.8 }, max_force_n: 10, targets: [], hazards: [], effects: ['CUTTING', 'ATTRACTED'],
 };
 
-/** What the server says of the document, asked again when nothing was typed for a moment. */
+/** What the server says of the document, asked again when nothing was typed for a moment; `checked`: it has answered. */
 export function useCheck(doc, check) {
   const settled = useDebounced(doc, 300);
-  const [problems, setProblems] = useState([]);
+  const [state, setState] = useState({ problems: [], checked: false, error: null });
   useEffect(() => {
     if (!settled) return undefined;
     const abort = new AbortController();
-    check(settled, abort.signal).then(setProblems, () => {});
+    check(settled, abort.signal).then(
+      (problems) => setState({ problems, checked: true, error: null }),
+      (error) => error.name !== 'AbortError' && setState((before) => ({ ...before, checked: false, error })),
+    );
     return () => abort.abort();
   }, [settled]);
-  return problems;
+  return state;
 }
 
 /** Ctrl+S saves. */
@@ -72,7 +75,7 @@ export function ProfileEditor({ params, query, person }) {
   }, [query.from]);
   const editing = useDocument('profiles', id, begin);
   const { doc } = editing;
-  const problems = useCheck(doc, checkProfile);
+  const { problems, checked, error: unchecked } = useCheck(doc, checkProfile);
   const rendered = usePreview(doc);
   const [bad_fields, setBadFields] = useState([]);
   const onBad = useCallback((path, bad) => setBadFields((all) => (all.includes(path) === bad ? all : bad ? [...all, path] : all.filter((p) => p !== path))), []);
@@ -97,7 +100,7 @@ export function ProfileEditor({ params, query, person }) {
           <${SideView} profile=${doc} fidelity=${fidelity} label=${`Side view of ${doc.layers?.length ?? 0} layers, ${quantity((doc.layers ?? []).reduce((sum, l) => sum + (Number(l.thickness_m) || 0), 0), 'm')} deep in all`} /><${Legend} profile=${doc} />
           <p class="help">φ: how much of the step in force into a layer can be felt, 0 to 1; “!” below 0.5.</p></section>
         <section><h2>Force over depth</h2><${ForceOverDepth} ...${rendered} /></section>
-        <${ProblemList} problems=${all} />${bad && html`<p class="error wide">✗ A field holds no number: it is not saved.</p>`}${errors.length > 0 && html`<p class="help wide">The server will refuse this profile until these are mended.</p>`}</aside>
+        ${(checked || all.length > 0) && html`<${ProblemList} problems=${all} />`}${!checked && unchecked && !readonly && html`<p class="warning wide">! Not checked: ${unchecked.message}</p>`}${bad && html`<p class="error wide">✗ A field holds no number: it is not saved.</p>`}${errors.length > 0 && html`<p class="help wide">The server will refuse this profile until these are mended.</p>`}</aside>
       <form onSubmit=${(event) => event.preventDefault()} aria-label="Profile">
         <${Naming} f=${f} is_new=${!id} /><${Layers} f=${f} /><${NeedleFields} f=${f} /><${LimbFields} f=${f} /><${Targets} f=${f} /><${Hazards} f=${f} /><${Force} f=${f} /><${AsJson} f=${f} /></form></div>
     ${editing.conflict && html`<${ConflictDialog} conflict=${editing.conflict} settle=${editing.settle} close=${editing.closeConflict} />`}`;

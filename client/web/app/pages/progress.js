@@ -1,6 +1,7 @@
 // One trainee's attempts in time: does it get better?
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
+import { measureTitle } from '../lib/score.js';
 import { moment } from '../lib/time.js';
 import { measureUnit, quantity } from '../lib/units.js';
 import { kCurves } from '../lib/tissue.js';
@@ -20,7 +21,7 @@ function Curve({ attempts, measure }) {
     const rows = attempts.map((a) => scoreOf(a).find((r) => r.measure === measure));
     const row = rows.find(Boolean), { factor, unit } = measureUnit(row?.unit ?? '');
     const shown = (v) => (v === null || v === undefined ? null : v / factor);
-    const title = row?.words?.split(':')[0] ?? measure, label = unit ? `${title} (${unit})` : title;
+    const title = row ? measureTitle(row) : measure, label = unit ? `${title} (${unit})` : title;
     const series = [{ label, values: rows.map((r) => shown(r?.value)), ...kCurves[0] }];
     for (const [key, word, curve] of [['min', 'at least', kCurves[2]], ['max', 'at most', kCurves[1]]]) {
       const bound = rows.find((r) => r?.[key] !== undefined)?.[key];
@@ -35,13 +36,13 @@ function Curve({ attempts, measure }) {
 function Attempts({ attempts, exercise, measure, go }) {
   const measures = useMemo(() => {
     const all = new Map();
-    for (const attempt of attempts) for (const row of scoreOf(attempt)) if (!all.has(row.measure)) all.set(row.measure, row.words?.split(':')[0] || row.measure);
+    for (const attempt of attempts) for (const row of scoreOf(attempt)) if (!all.has(row.measure)) all.set(row.measure, measureTitle(row));
     return [...all];
   }, [attempts]);
   const chosen = measure && measures.some(([name]) => name === measure) ? measure : measures.find(([name]) => name === 'peak_force_n')?.[0] ?? measures[0]?.[0];
   return html`${chosen && html`<div class="filters"><${SelectField} label="Measure" value=${chosen} options=${measures} onValue=${(m) => go(exercise, m)} /></div><${Curve} attempts=${attempts} measure=${chosen} />`}
     <${Table} caption=${`${attempts.length} attempts, oldest first`} head=${['Attempt', 'Begun', 'Verdict', 'Not met', 'Remarks']}>${attempts.map((a) => html`<tr key=${a.session_id}><th scope="row"><a href=${href(['sessions', a.session_id])}>Attempt ${a.number}</a></th><td>${moment(a.started_unix_ms)}</td><td><${Verdict} passed=${a.passed} /></td>
-      <td class="long">${scoreOf(a).filter((r) => r.passed === false).map((r) => r.words?.split(':')[0] ?? r.measure).join(', ') || '–'}</td><td>${a.excused && html`<${Mark} kind="info">does not count<//>`}${a.late && html`<${Mark} kind="warn">late<//>`}</td></tr>`)}<//>`;
+      <td class="long">${scoreOf(a).filter((r) => r.passed === false).map(measureTitle).join(', ') || '–'}</td><td>${a.excused && html`<${Mark} kind="info">does not count<//>`}${a.late && html`<${Mark} kind="warn">late<//>`}</td></tr>`)}<//>`;
 }
 
 export function Progress({ name, query, base }) {

@@ -36,7 +36,7 @@ export function SessionsPage({ query, person }) {
       <${TextField} label="Exercise id" value=${filter.exercise} onValue=${(v) => setFilter({ ...filter, exercise: v })} autocomplete="off" />
       <div class="actions"><button type="submit">Find</button><a class="button" href="#/sessions">Show all</a></div></form>
     <${Loaded} load=${pages.load}>${() => (pages.items.length === 0
-      ? html`<${Empty} title="There are no sessions here">They come from the stations: assign an exercise, and let somebody practise.<//>`
+      ? html`<${Empty} title="There are no sessions here">They come from the stations: assign an exercise, and let somebody practise.<//>${pages.button}`
       : html`<${Table} caption=${`${pages.items.length} sessions, newest first`} head=${['Begun', 'Trainee', 'Exercise', 'Station', 'Length', 'State', 'Verdict']}>
         ${pages.items.map((s) => html`<tr key=${s.description.session_id}><th scope="row"><a href=${href(['sessions', s.description.session_id])}>${moment(s.description.started_unix_ms)}</a></th>
           <td>${s.description.trainee}</td><td>${s.description.exercise_id}</td><td>${s.description.station}</td><td class="number">${s.description.rate_hz ? clock(s.samples / s.description.rate_hz) : '–'}</td>

@@ -1,5 +1,6 @@
 // A score that explains itself: requirement, verdict in words, and where experts stand.
 import { may } from '../lib/roles.js';
+import { measureTitle } from '../lib/score.js';
 import { moment } from '../lib/time.js';
 import { number, quantity } from '../lib/units.js';
 import { references, sessions } from '../net/lab.js';
@@ -20,7 +21,7 @@ function Row({ row, band }) {
   const bound = [row.min !== undefined && `at least ${quantity(row.min, row.unit)}`, row.max !== undefined && `at most ${quantity(row.max, row.unit)}`].filter(Boolean).join(', ');
   const has = band && Number.isFinite(row.value);
   const z = has && band.sd > 0 ? (row.value - band.mean) / band.sd : null;
-  return html`<tr><th scope="row">${row.words?.split(':')[0] || row.measure}<br /><code>${row.measure}</code>${row.passed !== undefined && html`<p class="explained">${row.words}</p>`}</th><td class="number">${row.value === null ? 'not measured' : quantity(row.value, row.unit)}</td><td>${bound || '–'}</td>
+  return html`<tr><th scope="row">${measureTitle(row)}<br /><code>${row.measure}</code>${row.passed !== undefined && html`<p class="explained">${row.words}</p>`}</th><td class="number">${row.value === null ? 'not measured' : quantity(row.value, row.unit)}</td><td>${bound || '–'}</td>
     <td>${row.passed === undefined ? '' : row.passed ? html`<${Mark} kind="good">met<//>` : html`<${Mark} kind="bad">not met<//>`}</td>
     <td>${has ? html`<${Band} band=${band} value=${row.value} /><br /><span class="help">${quantity(band.p10, row.unit)} to ${quantity(band.p90, row.unit)}${z === null ? '' : `; z = ${number(z, 2)}`}</span>` : '–'}</td></tr>`;
 }
@@ -54,10 +55,10 @@ export function Score({ session, person }) {
       const rows = score.measures ?? score.score ?? [];
       if (rows.length === 0) return html`<${Empty} title="There is no score yet">It is made when the session is closed.<//>`;
       const judged = rows.filter((r) => typeof r.passed === 'boolean'), missed = judged.filter((r) => !r.passed);
-      const verdict = judged.length === 0 ? html`<${Mark} kind="open">no requirements<//>` : missed.length === 0 ? html`<${Mark} kind="good">passed<//> all ${judged.length} requirements are met` : html`<${Mark} kind="bad">not passed<//> ${missed.length} of ${judged.length} requirements are not met: ${missed.map((r) => r.words?.split(':')[0] ?? r.measure).join(', ')}`;
+      const verdict = judged.length === 0 ? html`<${Mark} kind="open">no requirements<//>` : missed.length === 0 ? html`<${Mark} kind="good">passed<//> all ${judged.length} requirements are met` : html`<${Mark} kind="bad">not passed<//> ${missed.length} of ${judged.length} requirements are not met: ${missed.map(measureTitle).join(', ')}`;
       const bandOf = (row) => row.reference ?? reference?.bands?.find((b) => b.measure === row.measure);
       const ordered = [...judged, ...rows.filter((r) => typeof r.passed !== 'boolean')];
-      return html`<p>${verdict}</p><${Table} caption=${`Measures, by definitions ${score.definition_version}, made ${moment(score.made_unix_ms)}`} head=${['Measure', 'Value', 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0}), 10–90 %`]}>
+      return html`<p>${verdict}</p><${Table} caption=${score.definition_version ? `Measures, by definitions ${score.definition_version}, made ${moment(score.made_unix_ms)}` : 'Measures'} head=${['Measure', 'Value', 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0}), 10–90 %`]}>
           ${ordered.map((row) => html`<${Row} key=${row.measure} row=${row} band=${bandOf(row)} />`)}<//>
         <${Problem} error=${action.error} />
         <div class="actions">${may(person.role, 'set reference') && html`<button type="button" disabled=${action.busy} onClick=${mark}>${chosen.includes(session_id) ? 'Take out of the reference' : 'Use as an expert reference'}</button>`}
