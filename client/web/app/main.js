@@ -16,6 +16,8 @@ function useRoute() {
   useEffect(() => {
     const change = () => setHash(location.hash);
     addEventListener('hashchange', change);
+    // it may have changed between the first drawing and now
+    change();
     return () => removeEventListener('hashchange', change);
   }, []);
   return match(kRoutes, hash);

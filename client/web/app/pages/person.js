@@ -60,8 +60,12 @@ export function PasswordForm({ name }) {
 
 export function ConsentForm({ shown, load }) {
   const action = useAction();
+  // shown at once; back to what is stored when the server refuses
+  const [wanted, setWanted] = useState(null);
   const set = async (consent) => {
+    setWanted(consent);
     const person = await action.run(() => people.change(shown, { consent }));
+    setWanted(null);
     if (person) {
       load.setData(person);
       announce(consent ? 'Consent was recorded.' : 'Consent was withdrawn.');
@@ -72,7 +76,7 @@ export function ConsentForm({ shown, load }) {
     <p>${consent?.given ? html`<${Mark} kind="good">consents<//>` : consent ? html`<${Mark} kind="locked">does not consent<//>` : html`<${Mark} kind="open">never asked<//>`}
       ${consent && html` since ${moment(consent.unix_ms)}, recorded by ${consent.recorded_by}${consent.note && ` (${consent.note})`}`}</p>
     <p class="help">Only recordings of people who consent go into pseudonymous exports for studies.</p>
-    <${CheckField} label="Recordings may be used in studies" checked=${!!consent?.given} disabled=${action.busy} onValue=${set} /><${Problem} error=${action.error} /></fieldset>`;
+    <${CheckField} label="Recordings may be used in studies" checked=${wanted ?? !!consent?.given} disabled=${action.busy} onValue=${set} /><${Problem} error=${action.error} /></fieldset>`;
 }
 
 function Erasure({ name }) {
