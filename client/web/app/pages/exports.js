@@ -29,7 +29,7 @@ export function ExportsPage({ person }) {
   }, [staff]);
   if (!staff) {
     return html`<${Heading} title="Exports" /><p>For studies, recordings and scores of people who consent are exported under pseudonyms by the command line:</p>
-      <pre><code>needlelab-admin --server HOST:PORT --ca FILE --user ${person.name} study export --study NAME --out FOLDER</code></pre>`;
+      <pre tabindex="0"><code>needlelab-admin --server HOST:PORT --ca FILE --user ${person.name} study export STUDY --out FILE</code></pre>`;
   }
   return html`<${Heading} title="Exports" /><${Loaded} load=${load}>${(all) => html`<${Scores} all=${all} />
     <fieldset><legend>Samples of a session</legend><p>Each <a href="#/sessions">session</a> has its samples as CSV: every tick, units in the header.</p></fieldset>`}<//>`;

@@ -17,9 +17,11 @@ import { html, useEffect, useRef } from './html.js';
  * @property {(from: number, to: number) => void} [onZoom] a stretch drawn with the mouse
  * @property {string} [sync] plots of one name share the cursor
  * @property {number} [height]
- * @property {boolean} [points] draw each value as a dot
+ * @property {boolean} [points] single values: each is drawn as a dot, x in whole numbers
  */
 
+// single values are numbered: no attempt 1.5
+const kWholeSteps = [1, 2, 5, 10, 20, 50, 100];
 const kInk = '#1b2630', kLine = '#c3ccd3', kFont = '12px system-ui, sans-serif';
 
 function drawBands(plot, bands) {
@@ -75,8 +77,8 @@ export function Chart(props) {
     const axis = { stroke: kInk, font: kFont, labelFont: kFont, grid: { stroke: kLine, width: 1 }, ticks: { stroke: kLine }, values: (_, all) => all.map((v) => number(v, 4)) };
     const made = new uPlot({
       width: Math.max(200, place.current.clientWidth), height,
-      scales: { x: { time: false } },
-      axes: [{ ...axis, label: x.label, labelSize: 22 }, { ...axis, label: y_label, size: 56, labelSize: 22 }],
+      scales: { x: { time: false, ...(points ? { range: (_, low, high) => [low - 0.25, high + 0.25] } : {}) } },
+      axes: [{ ...axis, label: x.label, labelSize: 22, ...(points ? { incrs: kWholeSteps } : {}) }, { ...axis, label: y_label, size: 56, labelSize: 22 }],
       series: [{ label: x.label, value: (_, v) => (v === null ? '–' : number(v, 4)) }, ...series.map((s) => ({ label: s.label, stroke: s.color, dash: s.dash, width: s.width ?? 2, points: { show: points, size: 7 }, value: (_, v) => (v === null || v === undefined ? '–' : number(v, 3)) }))],
       cursor: { drag: { x: true, y: false, setScale: !latest.current.onZoom }, ...(sync ? { sync: { key: sync } } : {}) },
       // the sign in the legend is dashed as the curve is
