@@ -28,13 +28,16 @@ Status AuditStore::add(const AuditRow& row) {
                          shown(row.detail));
 }
 
-Result<std::vector<AuditRow>> AuditStore::list(std::uint32_t limit, std::uint64_t before_id) {
+Result<std::vector<AuditRow>> AuditStore::list(std::uint32_t limit, std::uint64_t before_id,
+                                               std::string_view who, std::string_view action) {
   const std::uint32_t most = limit == 0 ? kMaxListed : std::min(limit, kMaxListed);
   std::vector<AuditRow> entries;
   auto rows = connection_.query(
-      "SELECT id, unix_ns, who, action, subject, detail FROM audit WHERE ?1 = 0 OR id < ?1 ORDER BY id DESC "
-      "LIMIT ?2",
-      before_id, most);
+      "SELECT id, unix_ns, who, action, subject, detail FROM audit WHERE (?1 = 0 OR id < ?1) AND (?2 = '' OR "
+      "who = ?2)"
+      " AND (?3 = '' OR action = ?3 OR substr(action, 1, length(?3) + 1) = ?3 || ' ') ORDER BY id DESC LIMIT "
+      "?4",
+      before_id, who, action, most);
   for (;;) {
     const auto row = rows.step();
     if (!row) return row.error();

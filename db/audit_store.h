@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/result.h"
@@ -26,8 +27,10 @@ class AuditStore {
 
   /// `row.id` is not read. Texts beyond 1,000 bytes are cut, with a mark.
   Status add(const AuditRow& row);
-  /// Newest first; limit 0: 1000, at most 1000.
-  Result<std::vector<AuditRow>> list(std::uint32_t limit, std::uint64_t before_id = 0);
+  /// Newest first; limit 0: 1000, at most 1000. Empty `who` and `action`: all; an action as its first words,
+  /// "user" is "user add", too.
+  Result<std::vector<AuditRow>> list(std::uint32_t limit, std::uint64_t before_id = 0,
+                                     std::string_view who = {}, std::string_view action = {});
 
  private:
   Connection& connection_;

@@ -129,8 +129,9 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
                                                           : "PRAGMA synchronous=FULL;") +
       "PRAGMA foreign_keys=ON; PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;"
       "PRAGMA cell_size_check=ON;" +
-      // the pages that a thousand open sessions' next chunks touch: some 1,500, where SQLite would keep 500
-      (writer ? "PRAGMA cache_size=-16384;" : "PRAGMA query_only=ON;");
+      // the pages that a thousand open sessions' next chunks touch: some 1,500, where SQLite would keep 500;
+      // what is deleted is overwritten: an erased person is not to be read from free pages
+      (writer ? "PRAGMA cache_size=-16384; PRAGMA secure_delete=ON;" : "PRAGMA query_only=ON;");
   if (auto done = connection.script(settings); !done) return done.error();
   return connection;
 }

@@ -1,8 +1,8 @@
 #include "db/curriculum_store.h"
 
 #include "base/text_rules.h"
-#include "db/people_store.h"
 #include "db/profile_store.h"
+#include "db/revision.h"
 
 namespace needlelab {
 namespace {
@@ -15,20 +15,23 @@ StoredExercise exerciseOf(const Statement& row) {
 
 }  // namespace
 
-Result<std::uint32_t> CurriculumStore::put(const StoredCurriculum& curriculum) {
+Result<std::uint32_t> CurriculumStore::put(const StoredCurriculum& curriculum,
+                                           std::optional<std::uint32_t> base) {
   for (const Status& valid :
        {checkName("curriculum id", curriculum.id), checkText("curriculum name", curriculum.name, 1, 200),
         checkNote("curriculum '" + curriculum.id + "'", curriculum.json, 2, kMaxJsonBytes)}) {
     if (!valid) return valid.error();
   }
-  std::uint32_t newest = 0;
-  const auto stored = get(curriculum.id);
+  NewestRevision before;
+  const auto stored = get(curriculum.id, 0);
   if (stored) {
-    if (stored->json == curriculum.json) return stored->revision;
-    newest = stored->revision;
+    before = {stored->revision, stored->author, stored->created_unix_ns};
   } else if (stored.error().code != ErrorCode::kNotFound) {
     return stored.error();
   }
+  if (auto newest = checkBase("course '" + curriculum.id + "'", base, before); !newest) return newest.error();
+  if (stored && stored->json == curriculum.json) return stored->revision;
+  const std::uint32_t newest = before.revision;
   if (auto done = connection_.run(
           "INSERT INTO curricula (id, revision, name, json, author, created_unix_ns) VALUES (?,?,?,?,?,?)",
           curriculum.id, newest + 1, curriculum.name, curriculum.json, curriculum.author,
@@ -37,13 +40,18 @@ Result<std::uint32_t> CurriculumStore::put(const StoredCurriculum& curriculum) {
     return done.error();
   }
 
+  if (auto done = setExercises(curriculum); !done) return done.error();
+  return newest + 1;
+}
+
+Status CurriculumStore::setExercises(const StoredCurriculum& curriculum) {
   // its exercises replace those of the revision before
   if (auto done = connection_.run("DELETE FROM exercises WHERE curriculum_id = ?", curriculum.id); !done)
-    return done.error();
+    return done;
   std::int64_t position = 0;
   for (const StoredExercise& item : curriculum.exercises) {
     const std::string field = "curriculum '" + curriculum.id + "', exercise '" + item.id + "'";
-    if (auto valid = checkName(field + ", id", item.id); !valid) return valid.error();
+    if (auto valid = checkName(field + ", id", item.id); !valid) return valid;
     if (const auto profile = ProfileStore(connection_).get(item.profile_id, 0); !profile) {
       return Error{profile.error().code,
                    field + ", profile_id: " + profile.error().message + ": import it first"};
@@ -60,20 +68,24 @@ Result<std::uint32_t> CurriculumStore::put(const StoredCurriculum& curriculum) {
                             "VALUES (?,?,?,?,?,?)",
                             item.id, curriculum.id, position++, item.name, item.profile_id, item.json);
         !done) {
-      return done.error();
+      return done;
     }
   }
-  return newest + 1;
+  return {};
 }
 
-Result<StoredCurriculum> CurriculumStore::get(std::string_view id) {
+Result<StoredCurriculum> CurriculumStore::get(std::string_view id, std::uint32_t revision) {
   auto row = connection_.query(
-      "SELECT id, revision, name, json, author, created_unix_ns FROM curricula WHERE id = ? ORDER BY "
-      "revision DESC LIMIT 1",
-      id);
+      "SELECT id, revision, name, json, author, created_unix_ns FROM curricula WHERE id = ?1 AND (?2 = 0 OR "
+      "revision = ?2)"
+      " ORDER BY revision DESC LIMIT 1",
+      id, revision);
   const auto found = row.step();
   if (!found) return found.error();
-  if (!*found) return Error{ErrorCode::kNotFound, "there is no curriculum '" + std::string(id) + "'"};
+  if (!*found) {
+    return Error{ErrorCode::kNotFound, "there is no curriculum '" + std::string(id) + "'" +
+                                           (revision == 0 ? "" : " of revision " + std::to_string(revision))};
+  }
   auto exercises = exercisesOf(id);
   if (!exercises) return exercises.error();
   return StoredCurriculum{row.text(0),          static_cast<std::uint32_t>(row.natural(1)),
@@ -118,34 +130,25 @@ Result<std::vector<StoredExercise>> CurriculumStore::exercisesOf(std::string_vie
   }
 }
 
-Status CurriculumStore::assign(const StoredAssignment& assignment) {
-  const auto person = PeopleStore(connection_).find(assignment.trainee);
-  if (!person) return person.error();
-  if (!*person) return Error{ErrorCode::kNotFound, "there is no person named '" + assignment.trainee + "'"};
-  if ((*person)->role != pb::TRAINEE) {
-    return Error{ErrorCode::kInvalidInput,
-                 "'" + assignment.trainee + "' is no trainee: exercises are for trainees"};
-  }
-  if (const auto known = exercise(assignment.exercise_id); !known) return known.error();
-  return connection_.run(
-      "INSERT INTO assignments (trainee, exercise_id, by_whom, created_unix_ns) VALUES (?,?,?,?)"
-      " ON CONFLICT (trainee, exercise_id) DO UPDATE SET by_whom = excluded.by_whom, created_unix_ns = "
-      "excluded.created_unix_ns",
-      assignment.trainee, assignment.exercise_id, assignment.by, assignment.created_unix_ns);
-}
-
-Result<std::vector<StoredAssignment>> CurriculumStore::assignments(std::string_view trainee) {
-  std::vector<StoredAssignment> assignments;
+Result<std::vector<StoredCurriculum>> CurriculumStore::revisions(std::string_view id) {
+  std::vector<StoredCurriculum> found;
   auto rows = connection_.query(
-      "SELECT trainee, exercise_id, by_whom, created_unix_ns FROM assignments WHERE ?1 = '' OR trainee = ?1"
-      " ORDER BY created_unix_ns DESC, trainee, exercise_id",
-      trainee);
+      "SELECT revision, name, author, created_unix_ns FROM curricula WHERE id = ? ORDER BY revision DESC",
+      id);
   for (;;) {
     const auto row = rows.step();
     if (!row) return row.error();
-    if (!*row) return assignments;
-    assignments.push_back({rows.text(0), rows.text(1), rows.text(2), rows.integer(3)});
+    if (!*row) break;
+    found.push_back({std::string(id),
+                     static_cast<std::uint32_t>(rows.natural(0)),
+                     rows.text(1),
+                     "",
+                     rows.text(2),
+                     rows.integer(3),
+                     {}});
   }
+  if (found.empty()) return Error{ErrorCode::kNotFound, "there is no curriculum '" + std::string(id) + "'"};
+  return found;
 }
 
 }  // namespace needlelab

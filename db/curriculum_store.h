@@ -1,4 +1,4 @@
-/// Curricula by id and revision, the exercises of their newest revisions, and who shall do which exercise.
+/// Curricula (courses) by id and revision, and the exercises of their newest revisions.
 #pragma once
 
 #include <cstdint>
@@ -30,13 +30,6 @@ struct StoredCurriculum {
   std::vector<StoredExercise> exercises;  ///< in order; `curriculum_id` is filled by the store
 };
 
-struct StoredAssignment {
-  std::string trainee;
-  std::string exercise_id;
-  std::string by;
-  std::int64_t created_unix_ns = 0;
-};
-
 /// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's.
 class CurriculumStore {
  public:
@@ -45,20 +38,19 @@ class CurriculumStore {
   /// Stores the next revision and makes its exercises the current ones, or gives the newest revision when its
   /// text is the same. Errors: kInvalidInput (sizes), kNotFound (an exercise names a profile that is not
   /// there), kAlreadyExists (an exercise of this id belongs to another curriculum).
-  Result<std::uint32_t> put(const StoredCurriculum& curriculum);
-  /// The newest revision, exercises included. kNotFound.
-  Result<StoredCurriculum> get(std::string_view id);
+  /// `base`: the revision that the text was made from (0: none), else kConflict; absent: whichever.
+  Result<std::uint32_t> put(const StoredCurriculum& curriculum, std::optional<std::uint32_t> base = {});
+  /// The part of put() that makes `curriculum.exercises` the current ones. Errors as there.
+  Status setExercises(const StoredCurriculum& curriculum);
+  /// `revision` 0: the newest. `exercises` are those of the newest in any case. kNotFound.
+  Result<StoredCurriculum> get(std::string_view id, std::uint32_t revision = 0);
+  /// All revisions of one, newest first, without texts and exercises. kNotFound.
+  Result<std::vector<StoredCurriculum>> revisions(std::string_view id);
   /// The newest revision of each, by id, with their exercises, without their texts.
   Result<std::vector<StoredCurriculum>> list();
 
   /// kNotFound.
   Result<StoredExercise> exercise(std::string_view id);
-
-  /// Errors: kNotFound (person or exercise), kInvalidInput (the person is no trainee). Repeating it renews
-  /// it.
-  Status assign(const StoredAssignment& assignment);
-  /// Newest first; empty `trainee`: everybody's.
-  Result<std::vector<StoredAssignment>> assignments(std::string_view trainee);
 
  private:
   Result<std::vector<StoredExercise>> exercisesOf(std::string_view curriculum_id);

@@ -8,7 +8,7 @@ namespace needlelab {
 
 Result<std::optional<SessionRow>> findSession(Connection& connection, const Uuid& session) {
   auto query = connection.query(
-      "SELECT number, station, state, chunks, samples, hash, recording FROM sessions WHERE id = ?",
+      "SELECT number, station, state, chunks, samples, hash, recording, erased FROM sessions WHERE id = ?",
       ByteView(session));
   const auto found = query.step();
   if (!found) return found.error();
@@ -21,6 +21,7 @@ Result<std::optional<SessionRow>> findSession(Connection& connection, const Uuid
   row.samples = query.natural(4);
   row.hash = digestOf(query.bytes(5));
   row.recording = static_cast<StoredRecording::Kind>(query.integer(6));
+  row.erased = query.integer(7) != 0;
   return std::optional(row);
 }
 

@@ -25,6 +25,7 @@ struct SessionRow {
   std::uint64_t samples = 0;
   std::optional<Digest> hash;  ///< once it is closed
   StoredRecording::Kind recording = StoredRecording::Kind::kOriginal;
+  bool erased = false;  ///< its person's data was erased
 };
 
 /// Nothing when the session is unknown; an error when the database fails.

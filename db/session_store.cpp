@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "base/planted_bug.h"
+#include "db/erasure_store.h"
 #include "db/session_row.h"
 #include "gesture/chunk.h"
 #include "session/session_rules.h"
@@ -40,18 +41,24 @@ Result<Appended> compareWithRemoved(Connection& connection, const SessionRow& ro
 
 }  // namespace
 
-Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& description,
-                                         std::int64_t now_unix_ns) {
-  if (auto valid = checkDescription(description); !valid) return valid.error();
+Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, std::int64_t now_unix_ns) {
+  if (auto valid = checkDescription(given); !valid) return valid.error();
+  // a station that was away brings a session of somebody who was erased meanwhile
+  const auto pseudonym = ErasureStore(connection_).pseudonymOf(given.trainee(), given.started_unix_ns());
+  if (!pseudonym) return pseudonym.error();
+  pb::SessionDescription description = given;
+  if (*pseudonym) description.set_trainee(**pseudonym);
   const std::string bytes = bytesOf(description);
 
   // known already: the same description is a reconnect, another one a mistake that must not be stored
-  auto known = connection_.query("SELECT chunks, description, profile_json FROM sessions WHERE id = ?",
-                                 viewOf(description.session_id()));
+  auto known =
+      connection_.query("SELECT chunks, description, profile_json, erased FROM sessions WHERE id = ?",
+                        viewOf(description.session_id()));
   const auto found = known.step();
   if (!found) return found.error();
   if (*found) {
-    if (textOf(known.bytes(1)) == bytes && known.text(2) == description.profile_json())
+    if (known.integer(3) != 0 ||
+        (textOf(known.bytes(1)) == bytes && known.text(2) == description.profile_json()))
       return known.natural(0);
     return Error{ErrorCode::kAlreadyExists,
                  "session " + sessionText(description.session_id()) +
@@ -73,6 +80,11 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& descripti
       description.profile_json(), description.engine_version(), description.rate_hz(),
       description.started_unix_ns(), viewOf(bytes), static_cast<int>(pb::SESSION_OPEN), now_unix_ns);
   if (!done) return done.error();
+  if (*pseudonym) {
+    const auto id = uuidOf(description.session_id());
+    if (auto emptied = ErasureStore(connection_).emptySession(*id, now_unix_ns); !emptied)
+      return emptied.error();
+  }
   return std::uint64_t{0};
 }
 
@@ -87,6 +99,9 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
   }
   const SessionRow& row = **found;
   const std::string chunk = name + ", chunk " + std::to_string(seq);
+
+  // acknowledged, so that the station's spool lets go of it, and not kept
+  if (row.erased) return Appended{Appended::Kind::kRepeated, std::max(seq + 1, row.chunks), {}};
 
   // seen before: the very same bytes, or a contradiction
   if (seq < row.chunks && row.recording != StoredRecording::Kind::kOriginal)
@@ -148,6 +163,7 @@ Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t
                   name + " was not opened by this station: open it first"};
   }
   const SessionRow& row = **found;
+  if (row.erased) return Closed{Closed::Kind::kRepeated, request.chunks(), row.state, {}};
   const auto contradiction = [&](const std::string& what) {
     return Closed{Closed::Kind::kContradiction, row.chunks, row.state, name + " cannot be closed: " + what};
   };
@@ -190,16 +206,6 @@ Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t
     return done.error();
   }
   return Closed{Closed::Kind::kClosed, row.chunks, state, {}};
-}
-
-Status SessionStore::setScore(const Uuid& session, std::string_view score_json) {
-  if (auto done =
-          connection_.run("UPDATE sessions SET score_json = ? WHERE id = ?", score_json, ByteView(session));
-      !done) {
-    return done;
-  }
-  if (connection_.changes() == 0) return unknownSession(session);
-  return {};
 }
 
 Status SessionStore::setClockOffset(const Uuid& session, std::int64_t offset_ns, std::int64_t round_trip_ns) {

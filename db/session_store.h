@@ -123,9 +123,10 @@ class SessionStore {
  public:
   explicit SessionStore(Connection& connection) : connection_(connection) {}
 
-  /// Gives the next seq: 0 for a new session. Repeating a known description is no error.
-  /// Errors: kInvalidInput (field, value, range), kAlreadyExists (the id is known with another description),
-  /// kNotFound (no such station).
+  /// Gives the next seq: 0 for a new session. Repeating a known description is no error. Of somebody whose
+  /// data was erased since it began: it is stored under the pseudonym, and what comes of it is acknowledged
+  /// and not kept. Errors: kInvalidInput (field, value, range), kAlreadyExists (the id is known with another
+  /// description), kNotFound (no such station).
   Result<std::uint64_t> open(const pb::SessionDescription& description, std::int64_t now_unix_ns);
 
   /// Checks the chunk (CRC, sample count) and stores it when it is the next one. `station`: the session must
@@ -173,7 +174,6 @@ class SessionStore {
   /// Reads all of it again. A fault in the data is `ok == false`; an error means it could not be looked at.
   Result<SessionCheck> verify(const Uuid& session);
 
-  Status setScore(const Uuid& session, std::string_view score_json);
   /// Kept only when the round trip is smaller than the one stored, or none is stored.
   Status setClockOffset(const Uuid& session, std::int64_t offset_ns, std::int64_t round_trip_ns);
   /// Chunks 0 … chunks−1 are in a verified backup. Never moves back.

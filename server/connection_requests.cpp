@@ -141,6 +141,10 @@ void PeerConnection::afterwards(const pb::Request& request, bool backup_done) {
     endAccess(request.revoke_station().name(), true, true, "the station's key was revoked");
   if (request.has_disable_user() && !request.disable_user().enable())
     endAccess(request.disable_user().name(), false, true, "the account was disabled");
+  if (request.has_change_user() && (request.change_user().has_role() || request.change_user().disabled()))
+    endAccess(request.change_user().name(), false, false, "the account was changed: log in again");
+  if (request.has_erase_person())
+    endAccess(request.erase_person().name(), false, true, "the account is no more");
   // who sets its own password goes on; its other connections may be those of somebody who knew the old one
   if (request.has_set_password())
     endAccess(request.set_password().name(), false, false, "the password was changed: log in again");

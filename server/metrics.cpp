@@ -59,7 +59,7 @@ Open openConnections(const ServerContext& context) {
 void connections(PrometheusText& out, const ServerContext& context, const Open& open) {
   const ServerCounters& counters = context.counters;
   out.metric("needlelab_connections", "gauge", "Connections by role (none: not logged in) and state.");
-  for (int role = pb::ROLE_UNSPECIFIED; role <= pb::STATION; ++role) {
+  for (int role = pb::ROLE_UNSPECIFIED; role <= pb::Role_MAX; ++role) {
     for (int state = 0; state < static_cast<int>(ConnectionState::kClosed); ++state) {
       const auto found = open.by_role_and_state.find({role, state});
       const std::string_view name =

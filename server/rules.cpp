@@ -16,8 +16,8 @@ constexpr unsigned bit(pb::Role role) {
 
 constexpr unsigned kLoggedIn = bit(State::kAuthenticated) | bit(State::kInSession);
 constexpr unsigned kStation = bit(pb::STATION);
-constexpr unsigned kPeople =
-    bit(pb::TRAINEE) | bit(pb::INSTRUCTOR) | bit(pb::CURRICULUM_MANAGER) | bit(pb::ADMINISTRATOR);
+constexpr unsigned kPeople = bit(pb::TRAINEE) | bit(pb::INSTRUCTOR) | bit(pb::CURRICULUM_MANAGER) |
+                             bit(pb::ADMINISTRATOR) | bit(pb::RESEARCHER);
 constexpr unsigned kWatchers = bit(pb::INSTRUCTOR) | bit(pb::CURRICULUM_MANAGER) | bit(pb::ADMINISTRATOR);
 constexpr unsigned kEverybody = kStation | kPeople;
 constexpr unsigned kNobodyYet = bit(pb::ROLE_UNSPECIFIED);

@@ -92,6 +92,9 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   auto store = Store::open(p.options.data, store_options);
   if (!store.ok()) return store.error();
   p.store = std::move(*store);
+  const auto repeat = p.store->service().erasuresToRepeat();
+  if (!repeat.ok()) return repeat.error();
+  for (const std::string& text : *repeat) logEvent(LogLevel::kWarning, "erasure_to_repeat", {{"text", text}});
 
   p.files = tlsFilesIn(p.options.data / "tls");
   auto made = ensureTlsFiles(p.files, certificateHosts(p.options.listen, p.options.host_names));

@@ -15,6 +15,7 @@ enum class ErrorCode {
   kInvalidInput,   ///< the caller's data is wrong: file, field, value, range are in the message (exit code 2)
   kNotFound,       ///< a named thing does not exist
   kAlreadyExists,  ///< a named thing exists and differs
+  kConflict,       ///< an edit was made from a revision that is not the newest any more
   kDenied,         ///< not allowed: role, key, password
   kUnavailable,    ///< a peer, device or file system does not answer now; trying again may help
   kCorrupt,        ///< stored or received bytes fail their check
@@ -24,7 +25,8 @@ enum class ErrorCode {
 
 struct [[nodiscard]] Error {
   ErrorCode code = ErrorCode::kFailed;
-  std::string message;  ///< for a person: what was tried, what was found, what to do
+  std::string message;            ///< for a person: what was tried, what was found, what to do
+  unsigned current_revision = 0;  ///< of kConflict: the newest one
 };
 
 /// A value or an error. `ok()` must be asked before `value()` (asserted).

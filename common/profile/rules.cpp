@@ -1,6 +1,10 @@
 #include "profile/rules.h"
 
+#include <cmath>
+#include <map>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "base/range.h"
 #include "profile/model_sections.h"
@@ -108,6 +112,19 @@ Status checkExerciseRules(const pb::Exercise& exercise, const std::string& path)
   const std::string prefix = path.empty() ? "" : path + ".";
   if (Status status = checkId(prefix + "id", exercise.id()); !status) return status;
   if (Status status = checkId(prefix + "profile_id", exercise.profile_id()); !status) return status;
+  if (exercise.has_needle()) {
+    if (Status status = checkNeedle(exercise.needle()); !status)
+      return Error{status.error().code, prefix + status.error().message};
+  }
+  std::set<int> aids;
+  for (int i = 0; i < exercise.aids().allowed_size(); ++i) {
+    if (!aids.insert(exercise.aids().allowed(i)).second)
+      return fieldError(prefix + "aids.allowed[" + std::to_string(i) + "]",
+                        pb::Exercise::Aid_Name(exercise.aids().allowed(i)) + " is listed twice");
+  }
+  if (exercise.has_due_unix_ms() && exercise.due_unix_ms() != std::floor(exercise.due_unix_ms()))
+    return fieldError(prefix + "due_unix_ms",
+                      "must be a whole number of milliseconds, found " + numberText(exercise.due_unix_ms()));
   for (int i = 0; i < exercise.requirements_size(); ++i) {
     const auto& requirement = exercise.requirements(i);
     const std::string where = prefix + "requirements[" + std::to_string(i) + "]";
@@ -122,6 +139,81 @@ Status checkExerciseRules(const pb::Exercise& exercise, const std::string& path)
   return {};
 }
 
+namespace {
+
+/// Exercises of a course and what must be passed before them.
+class Prerequisites {
+ public:
+  explicit Prerequisites(const pb::Curriculum& curriculum) : exercises_(curriculum.exercises()) {
+    for (int i = 0; i < exercises_.size(); ++i) index_[exercises_[i].id()] = i;
+    state_.resize(static_cast<std::size_t>(exercises_.size()), State::kNew);
+  }
+
+  /// All are exercises of this course, each once, none of them itself, and nothing waits for itself by way of
+  /// others.
+  Status check() {
+    for (int i = 0; i < exercises_.size(); ++i) {
+      std::set<std::string> named;
+      for (int j = 0; j < exercises_[i].prerequisites_size(); ++j) {
+        const std::string& id = exercises_[i].prerequisites(j);
+        const std::string path =
+            "exercises[" + std::to_string(i) + "].prerequisites[" + std::to_string(j) + "]";
+        if (!index_.contains(id)) return fieldError(path, quotedText(id) + " is no exercise of this course");
+        if (!named.insert(id).second) return fieldError(path, quotedText(id) + " is named twice");
+      }
+    }
+    for (int i = 0; i < exercises_.size(); ++i)
+      if (Status status = visit(i); !status) return status;
+    return {};
+  }
+
+ private:
+  enum class State { kNew, kOnTheWay, kDone };
+
+  /// Without recursion: a course may have a thousand exercises in one line.
+  Status visit(int first) {
+    struct Step {
+      int exercise = 0, next = 0;
+    };
+    std::vector<Step> way;
+    const auto enter = [&](int i) {
+      state_[static_cast<std::size_t>(i)] = State::kOnTheWay;
+      way.push_back({i, 0});
+    };
+    if (state_[static_cast<std::size_t>(first)] == State::kNew) enter(first);
+    while (!way.empty()) {
+      Step& step = way.back();
+      const pb::Exercise& exercise = exercises_[step.exercise];
+      if (step.next == exercise.prerequisites_size()) {
+        state_[static_cast<std::size_t>(step.exercise)] = State::kDone;
+        way.pop_back();
+        continue;
+      }
+      const int next = index_.at(exercise.prerequisites(step.next++));
+      const State state = state_[static_cast<std::size_t>(next)];
+      if (state == State::kNew) enter(next);
+      if (state != State::kOnTheWay) continue;
+      // the circle: from where it was entered back to there
+      std::string circle;
+      bool inside = false;
+      for (const Step& on_way : way) {
+        inside = inside || on_way.exercise == next;
+        if (inside) circle += quotedText(exercises_[on_way.exercise].id()) + " needs ";
+      }
+      return fieldError("exercises[" + std::to_string(way.back().exercise) + "].prerequisites",
+                        "go round in a circle, so that none of these can ever begin: " + circle +
+                            quotedText(exercises_[next].id()));
+    }
+    return {};
+  }
+
+  const google::protobuf::RepeatedPtrField<pb::Exercise>& exercises_;
+  std::map<std::string, int> index_;
+  std::vector<State> state_;
+};
+
+}  // namespace
+
 Status checkCurriculumRules(const pb::Curriculum& curriculum) {
   if (Status status = checkId("id", curriculum.id()); !status) return status;
   std::set<std::string> ids;
@@ -132,7 +224,7 @@ Status checkCurriculumRules(const pb::Curriculum& curriculum) {
       return fieldError(path + ".id", quotedText(curriculum.exercises(i).id()) + " is used twice");
     }
   }
-  return {};
+  return Prerequisites(curriculum).check();
 }
 
 }  // namespace needlelab

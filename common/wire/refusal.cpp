@@ -20,6 +20,7 @@ pb::Refusal refusalOf(const Error& error) {
       case ErrorCode::kInvalidInput: return pb::Refusal::INVALID;
       case ErrorCode::kNotFound: return pb::Refusal::NOT_FOUND;
       case ErrorCode::kAlreadyExists: return pb::Refusal::CONFLICT;
+      case ErrorCode::kConflict: return pb::Refusal::REVISION_CONFLICT;
       case ErrorCode::kDenied: return pb::Refusal::ROLE;
       case ErrorCode::kVersion: return pb::Refusal::VERSION;
       case ErrorCode::kUnavailable:
@@ -28,7 +29,9 @@ pb::Refusal refusalOf(const Error& error) {
     }
     return pb::Refusal::INTERNAL;
   }();
-  return makeRefusal(reason, error.message);
+  auto refusal = makeRefusal(reason, error.message);
+  refusal.set_current_revision(error.current_revision);
+  return refusal;
 }
 
 Error errorOf(const pb::Refusal& refusal) {
@@ -48,6 +51,8 @@ Error errorOf(const pb::Refusal& refusal) {
       case pb::Refusal::CONTRADICTION:
       case pb::Refusal::CONFLICT:
         return ErrorCode::kAlreadyExists;
+      case pb::Refusal::REVISION_CONFLICT:
+        return ErrorCode::kConflict;
       case pb::Refusal::RATE_LIMITED:
       case pb::Refusal::QUEUE_OVERFLOW:
       case pb::Refusal::TIMEOUT:
@@ -61,7 +66,7 @@ Error errorOf(const pb::Refusal& refusal) {
   if (refusal.reason() == pb::Refusal::VERSION) {
     text += " [peer " + versionText(refusal.ours()) + ", we " + versionText(refusal.theirs()) + "]";
   }
-  return {code, std::move(text)};
+  return {code, std::move(text), refusal.current_revision()};
 }
 
 std::string reasonName(pb::Refusal::Reason reason) {

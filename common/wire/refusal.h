@@ -9,7 +9,8 @@
 namespace needlelab {
 
 pb::Refusal makeRefusal(pb::Refusal::Reason reason, std::string text, bool fatal = false);
-/// The reason that fits an error: kInvalidInput → INVALID, kNotFound → NOT_FOUND, kDenied → ROLE, others INTERNAL.
+/// The reason that fits an error: kInvalidInput → INVALID, kNotFound → NOT_FOUND, kDenied → ROLE, others
+/// INTERNAL.
 pb::Refusal refusalOf(const Error& error);
 /// What a peer's refusal means to us; the message names the reason, and both versions where they are given.
 Error errorOf(const pb::Refusal& refusal);

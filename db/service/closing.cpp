@@ -4,11 +4,14 @@
 
 #include "base/clock.h"
 #include "db/annotation_store.h"
+#include "db/audit_store.h"
 #include "db/curriculum_store.h"
 #include "db/event_store.h"
+#include "db/score_store.h"
 #include "profile/profile.h"
 #include "scoring/measures.h"
 #include "service/handlers.h"
+#include "service/score_rows.h"
 #include "service/service.h"
 #include "service/session_samples.h"
 
@@ -104,7 +107,7 @@ Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session
   const auto events = eventsOf(*read);
   const auto stored = writer_.run([&](Connection& writer) {
     if (auto put = EventStore(writer).put(session, events); !put) return put;
-    return score && !score->empty() ? SessionStore(writer).setScore(session, *score) : Status();
+    return score && !score->empty() ? ScoreStore(writer).put(newScore(session, *score)) : Status();
   });
   if (!stored) return stored.error();
   if (score) settled.score_json = std::move(*score);
@@ -128,6 +131,37 @@ Status Service::settleRecording(const Uuid& session) {
   }
   const auto settled = settle(**reader, session);
   return settled ? Status() : Status(settled.error());
+}
+
+Result<pb::Reply> Service::rescore(const Principal& principal, const pb::RescoreSession& call) {
+  const auto id = handlers::sessionId(call.session_id());
+  if (!id) return id.error();
+  auto reader = readers_.borrow();
+  if (!reader) return reader.error();
+  const auto info = SessionStore(**reader).info(*id);
+  if (!info) return info.error();
+  const std::string name = "session " + uuidText(*id);
+  if (info->state() == pb::SESSION_OPEN)
+    return Error{ErrorCode::kUnavailable, name + " is still open: it is scored when it is closed"};
+  // a thinned recording does not give the measures of the original (README of common/gesture, thinning)
+  if (info->has_removed_original())
+    return Error{ErrorCode::kUnavailable,
+                 name + ": its original recording is gone, its scores stay as they are"};
+  const auto measures = scoreSession(**reader, *id);
+  if (!measures) return measures.error();
+  if (measures->empty()) return Error{ErrorCode::kInvalidInput, name + " has nothing to measure"};
+  const pb::Score score = newScore(*id, *measures);
+  const auto stored = writer_.run([&](Connection& writer) -> Status {
+    if (auto done = ScoreStore(writer).put(score); !done) return done;
+    return AuditStore(writer).add({0, wallNowNs(), principal.name, "rescore", uuidText(*id),
+                                   "definition version " + std::to_string(score.definition_version())});
+  });
+  if (!stored) return stored.error();
+  auto kept = ScoreStore(**reader).get(*id, score.definition_version());
+  if (!kept) return kept.error();
+  pb::Reply reply;
+  *reply.mutable_score() = std::move(*kept);
+  return reply;
 }
 
 }  // namespace needlelab

@@ -32,6 +32,18 @@ struct Context {
 Status write(const Context& context, const std::string& subject, const std::string& detail,
              const std::function<Status(Connection&)>& work);
 
+/// The same for an edit: a conflict's message says what the change that came first was, as the audit log has
+/// it.
+Status edit(const Context& context, const std::string& subject, const std::string& detail,
+            const std::function<Status(Connection&)>& work);
+/// A reply that says only that it was done.
+pb::Reply doneReply();
+/// kDenied unless `role` may be given, or taken away, or its password set by who asks: an administrator may
+/// all, a curriculum manager those up to its own but not researchers.
+Status mayManage(const Context& context, pb::Role role);
+/// kDenied for a trainee who asks for somebody else's. `what`: "results".
+Status ownOnly(const Context& context, const std::string& name, const std::string& what);
+
 /// A session id from the network. kInvalidInput when it is none.
 Result<Uuid> sessionId(const std::string& bytes);
 
@@ -40,6 +52,11 @@ Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call);
 Result<pb::Reply> setPassword(const Context& context, const pb::SetPassword& call);
 Result<pb::Reply> disableUser(const Context& context, const pb::DisableUser& call);
 Result<pb::Reply> listUsers(const Context& context, const pb::ListUsers& call);
+Result<pb::Reply> getUser(const Context& context, const pb::GetUser& call);
+Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call);
+Result<pb::Reply> setConsent(const Context& context, const pb::SetConsent& call);
+Result<pb::Reply> listConsents(const Context& context, const pb::ListConsents& call);
+Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& call);  ///< people_import.cpp
 Result<pb::Reply> addStation(const Context& context, const pb::AddStation& call);
 Result<pb::Reply> revokeStation(const Context& context, const pb::RevokeStation& call);
 Result<pb::Reply> listStations(const Context& context, const pb::ListStations& call);
@@ -53,9 +70,45 @@ Result<pb::Reply> listProfiles(const Context& context, const pb::ListProfiles& c
 Result<pb::Reply> importCurriculum(const Context& context, const pb::ImportCurriculum& call);
 Result<pb::Reply> getCurriculum(const Context& context, const pb::GetCurriculum& call);
 Result<pb::Reply> listCurricula(const Context& context, const pb::ListCurricula& call);
-Result<pb::Reply> assign(const Context& context, const pb::Assign& call);
-Result<pb::Reply> listAssignments(const Context& context, const pb::ListAssignments& call);
 Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call);
+
+// group_handlers.cpp
+Result<pb::Reply> putGroup(const Context& context, const pb::PutGroup& call);
+Result<pb::Reply> getGroup(const Context& context, const pb::GetGroup& call);
+Result<pb::Reply> listGroups(const Context& context, const pb::ListGroups& call);
+Result<pb::Reply> removeGroup(const Context& context, const pb::RemoveGroup& call);
+
+// what there is to learn: text_handlers.cpp; profile_preview.cpp
+Result<pb::Reply> profileRevisions(const Context& context, const pb::ListRevisions& call);
+Result<pb::Reply> curriculumRevisions(const Context& context, const pb::ListRevisions& call);
+Result<pb::Reply> checkJson(const Context& context, const pb::CheckText& call);
+Result<pb::Reply> listExercises(const Context& context, const pb::ListExercises& call);
+Result<pb::Reply> listMeasures(const Context& context, const pb::ListMeasures& call);
+Result<pb::Reply> previewProfile(const Context& context, const pb::PreviewProfile& call);
+
+// result_handlers.cpp
+Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call);
+Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& call);
+Result<pb::Reply> excuseAttempt(const Context& context, const pb::ExcuseAttempt& call);
+
+// score_handlers.cpp; rescoring: Service::rescore()
+Result<pb::Reply> getScore(const Context& context, const pb::GetScore& call);
+Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call);
+Result<pb::Reply> setReference(const Context& context, const pb::SetReference& call);
+Result<pb::Reply> getReference(const Context& context, const pb::GetReference& call);
+
+// erasure_handlers.cpp, study_handlers.cpp, record_handlers.cpp
+Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call);
+Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& call);
+Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudyRecording& call);
+Result<pb::Reply> exportPerson(const Context& context, const pb::ExportPerson& call);
+Result<pb::Reply> exportAll(const Context& context, const pb::ExportAll& call);
+Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call);
+
+// assignment_handlers.cpp
+Result<pb::Reply> assign(const Context& context, const pb::Assign& call);
+Result<pb::Reply> removeAssignment(const Context& context, const pb::RemoveAssignment& call);
+Result<pb::Reply> listAssignments(const Context& context, const pb::ListAssignments& call);
 
 // sessions and annotations: session_handlers.cpp
 Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& call);

@@ -1,3 +1,5 @@
+#include <optional>
+
 #include "db/curriculum_store.h"
 #include "db/people_store.h"
 #include "db/profile_store.h"
@@ -6,6 +8,7 @@
 #include "service/handlers.h"
 #include "service/lesson_texts.h"
 #include "service/page.h"
+#include "service/standing.h"
 
 namespace needlelab::handlers {
 namespace {
@@ -27,7 +30,29 @@ pb::Reply curriculumReply(const StoredCurriculum& curriculum) {
   text->set_id(curriculum.id);
   text->set_revision(curriculum.revision);
   text->set_json(curriculum.json);
+  text->set_created_unix_ns(curriculum.created_unix_ns);
+  text->set_author(curriculum.author);
   return reply;
+}
+
+/// The revision that an edit was made from; nothing: whichever is there.
+template <typename Call>
+std::optional<std::uint32_t> baseOf(const Call& call) {
+  return call.has_base_revision() ? std::optional(call.base_revision()) : std::nullopt;
+}
+
+/// An exercise's own needle makes a scene with its profile. A profile that is not there is the store's to
+/// refuse.
+Status needlesFit(const Context& context, const StoredCurriculum& curriculum) {
+  for (const StoredExercise& stored : curriculum.exercises) {
+    const auto exercise = exerciseOf(stored);
+    if (!exercise) return exercise.error();
+    if (!exercise->has_needle()) continue;
+    const auto profile = ProfileStore(context.reader).get(stored.profile_id, 0);
+    if (!profile) continue;
+    if (const auto fits = profileWithNeedle(profile->json, *exercise); !fits) return fits.error();
+  }
+  return {};
 }
 
 }  // namespace
@@ -35,13 +60,16 @@ pb::Reply curriculumReply(const StoredCurriculum& curriculum) {
 Result<pb::Reply> importProfile(const Context& context, const pb::ImportProfile& call) {
   auto profile = storedProfileOf(call.json(), "profile", context.who.name, context.now_unix_ns);
   if (!profile) return profile.error();
-  const auto status =
-      write(context, profile->id, std::to_string(profile->json.size()) + " bytes", [&](Connection& writer) {
-        const auto revision = ProfileStore(writer).put(*profile);
-        if (!revision) return Status(revision.error());
-        profile->revision = *revision;
-        return Status();
-      });
+  std::string detail;
+  const auto status = edit(context, profile->id, detail, [&](Connection& writer) {
+    const auto before = ProfileStore(writer).get(profile->id, 0);
+    const auto revision = ProfileStore(writer).put(*profile, baseOf(call));
+    if (!revision) return Status(revision.error());
+    profile->revision = *revision;
+    detail =
+        "revision " + std::to_string(*revision) + changedFields(before ? before->json : "", profile->json);
+    return Status();
+  });
   if (!status) return status.error();
   return profileReply(*profile);
 }
@@ -71,20 +99,23 @@ Result<pb::Reply> listProfiles(const Context& context, const pb::ListProfiles&) 
 Result<pb::Reply> importCurriculum(const Context& context, const pb::ImportCurriculum& call) {
   auto curriculum = storedCurriculumOf(call.json(), "curriculum", context.who.name, context.now_unix_ns);
   if (!curriculum) return curriculum.error();
-  const auto status =
-      write(context, curriculum->id, std::to_string(curriculum->exercises.size()) + " exercises",
-            [&](Connection& writer) {
-              const auto revision = CurriculumStore(writer).put(*curriculum);
-              if (!revision) return Status(revision.error());
-              curriculum->revision = *revision;
-              return Status();
-            });
+  if (auto fit = needlesFit(context, *curriculum); !fit) return fit.error();
+  std::string detail;
+  const auto status = edit(context, curriculum->id, detail, [&](Connection& writer) {
+    const auto before = CurriculumStore(writer).get(curriculum->id);
+    const auto revision = CurriculumStore(writer).put(*curriculum, baseOf(call));
+    if (!revision) return Status(revision.error());
+    curriculum->revision = *revision;
+    detail =
+        "revision " + std::to_string(*revision) + changedFields(before ? before->json : "", curriculum->json);
+    return Status();
+  });
   if (!status) return status.error();
   return curriculumReply(*curriculum);
 }
 
 Result<pb::Reply> getCurriculum(const Context& context, const pb::GetCurriculum& call) {
-  const auto curriculum = CurriculumStore(context.reader).get(call.id());
+  const auto curriculum = CurriculumStore(context.reader).get(call.id(), call.revision());
   if (!curriculum) return curriculum.error();
   return curriculumReply(*curriculum);
 }
@@ -99,46 +130,9 @@ Result<pb::Reply> listCurricula(const Context& context, const pb::ListCurricula&
     entry->set_id(curriculum.id);
     entry->set_name(curriculum.name);
     entry->set_revision(curriculum.revision);
+    entry->set_created_unix_ns(curriculum.created_unix_ns);
+    entry->set_author(curriculum.author);
     for (const StoredExercise& exercise : curriculum.exercises) entry->add_exercise_ids(exercise.id);
-  }
-  return reply;
-}
-
-Result<pb::Reply> assign(const Context& context, const pb::Assign& call) {
-  const StoredAssignment assignment{call.trainee(), call.exercise_id(), context.who.name,
-                                    context.now_unix_ns};
-  const auto status = write(context, call.trainee(), call.exercise_id(),
-                            [&](Connection& writer) { return CurriculumStore(writer).assign(assignment); });
-  if (!status) return status.error();
-  pb::Reply reply;
-  reply.mutable_done();
-  return reply;
-}
-
-Result<pb::Reply> listAssignments(const Context& context, const pb::ListAssignments& call) {
-  const bool own = context.who.role == pb::TRAINEE;
-  if (own && !call.trainee().empty() && call.trainee() != context.who.name) {
-    return Error{ErrorCode::kDenied, "a trainee sees own assignments only"};
-  }
-  const auto from = numberOfPage(call.page());
-  if (!from) return from.error();
-  const auto assignments =
-      CurriculumStore(context.reader).assignments(own ? context.who.name : call.trainee());
-  if (!assignments) return assignments.error();
-  pb::Reply reply;
-  auto* list = reply.mutable_assignments();
-  PageRoom room;
-  for (std::uint64_t i = *from; i < assignments->size(); ++i) {
-    const StoredAssignment& assignment = (*assignments)[i];
-    if (!room.take(assignment.trainee.size() + assignment.exercise_id.size() + assignment.by.size() + 32)) {
-      list->set_next_page(std::to_string(i));
-      break;
-    }
-    auto* entry = list->add_assignments();
-    entry->set_trainee(assignment.trainee);
-    entry->set_exercise_id(assignment.exercise_id);
-    entry->set_by(assignment.by);
-    entry->set_created_unix_ns(assignment.created_unix_ns);
   }
   return reply;
 }
@@ -154,13 +148,30 @@ Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call) {
       return Error{ErrorCode::kDenied, "'" + call.trainee() + "' is disabled: ask an administrator"};
     }
   }
-  const auto profile = ProfileStore(context.reader).get(exercise->profile_id, 0);
-  if (!profile) return profile.error();
+  const auto parsed = exerciseOf(*exercise);
+  if (!parsed) return parsed.error();
   pb::Reply reply;
   auto* lesson = reply.mutable_lesson();
+  if (!call.trainee().empty()) {
+    const auto standing = standingOf(context.reader, call.trainee(), *exercise, *parsed);
+    if (!standing) return standing.error();
+    const auto why_not = whyNot(context.reader, *parsed, *standing);
+    if (!why_not) return why_not.error();
+    if (*why_not) return Error{ErrorCode::kDenied, **why_not};
+    lesson->set_attempt(standing->attempts.all + 1);
+    if (standing->attempts_left) lesson->set_attempts_left(*standing->attempts_left);
+    lesson->set_due_unix_ns(standing->due_unix_ns);
+  }
+  const auto profile = ProfileStore(context.reader).get(exercise->profile_id, 0);
+  if (!profile) return profile.error();
   lesson->set_exercise_json(exercise->json);
   lesson->set_profile_json(profile->json);
   lesson->set_profile_revision(profile->revision);
+  if (parsed->has_needle()) {
+    auto with_needle = profileWithNeedle(profile->json, *parsed);
+    if (!with_needle) return with_needle.error();
+    lesson->set_profile_json(std::move(*with_needle));
+  }
   return reply;
 }
 

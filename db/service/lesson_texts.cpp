@@ -9,8 +9,6 @@
 namespace needlelab {
 namespace {
 
-constexpr const char* kSampleAuthor = "needlelab";
-
 bool isCurriculum(std::string_view json) {
   const auto value = nlohmann::json::parse(json, nullptr, false);
   return value.is_object() && value.contains("exercises");
@@ -40,6 +38,31 @@ Result<StoredCurriculum> storedCurriculumOf(std::string_view json, std::string_v
         {exercise.id(), curriculum->id(), exercise.name(), exercise.profile_id(), exerciseJson(exercise)});
   }
   return stored;
+}
+
+std::string changedFields(std::string_view before, std::string_view after) {
+  const auto was = nlohmann::json::parse(before, nullptr, false),
+             is = nlohmann::json::parse(after, nullptr, false);
+  if (!was.is_object() || !is.is_object()) return {};
+  std::string names;
+  const auto add = [&](const std::string& name) { names += (names.empty() ? ": " : ", ") + name; };
+  for (const auto& [name, value] : is.items())
+    if (!was.contains(name) || was[name] != value) add(name);
+  for (const auto& [name, value] : was.items())
+    if (!is.contains(name)) add(name);
+  return names;
+}
+
+Result<std::string> profileWithNeedle(const std::string& profile_json, const pb::Exercise& exercise) {
+  const std::string source =
+      "exercise '" + exercise.id() + "', its needle in profile '" + exercise.profile_id() + "'";
+  auto profile = parseProfile(profile_json, source);
+  if (!profile) return profile.error();
+  *profile->mutable_needle() = exercise.needle();
+  std::string json = profileJson(*profile);
+  // the two of them must make a scene
+  if (const auto checked = parseProfile(json, source); !checked) return checked.error();
+  return json;
 }
 
 Status storeSamples(Connection& writer, std::int64_t now_unix_ns) {

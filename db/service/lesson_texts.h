@@ -8,8 +8,12 @@
 #include "base/result.h"
 #include "db/curriculum_store.h"
 #include "db/profile_store.h"
+#include "needlelab/profile.pb.h"
 
 namespace needlelab {
+
+/// Who wrote what a new database begins with.
+inline constexpr const char* kSampleAuthor = "needlelab";
 
 /// Validated and canonical; `revision` is 0. `source` names the text in messages. kInvalidInput.
 Result<StoredProfile> storedProfileOf(std::string_view json, std::string_view source,
@@ -17,6 +21,12 @@ Result<StoredProfile> storedProfileOf(std::string_view json, std::string_view so
 /// The same; requirements must name measures that exist.
 Result<StoredCurriculum> storedCurriculumOf(std::string_view json, std::string_view source,
                                             const std::string& author, std::int64_t now_unix_ns);
+
+/// ": layers, name": the fields of the outermost object that differ; empty when `before` is.
+std::string changedFields(std::string_view before, std::string_view after);
+
+/// A stored profile with the exercise's needle in place of its own. kInvalidInput: they do not go together.
+Result<std::string> profileWithNeedle(const std::string& profile_json, const pb::Exercise& exercise);
 
 /// Stores the samples that the binary holds (db/samples/*.json). In a transaction of the writer.
 Status storeSamples(Connection& writer, std::int64_t now_unix_ns);

@@ -1,5 +1,7 @@
 #include "base/text_rules.h"
+#include "db/consent_store.h"
 #include "db/curriculum_store.h"
+#include "db/group_store.h"
 #include "db/password.h"
 #include "db/people_store.h"
 #include "db/station_store.h"
@@ -10,16 +12,48 @@
 namespace needlelab::handlers {
 namespace {
 
-pb::Reply done() {
-  pb::Reply reply;
-  reply.mutable_done();
-  return reply;
-}
-
 /// Who hold other people's data must be able to log in; a trainee need not.
 Result<std::string> hashFor(pb::Role role, const std::string& password) {
   if (password.empty() && role == pb::TRAINEE) return std::string();
   return hashPassword(password);
+}
+
+/// With groups and consent, in as many reads.
+Result<pb::User> userOf(Connection& connection, const Person& person) {
+  pb::User user;
+  user.set_name(person.name);
+  user.set_role(person.role);
+  user.set_disabled(person.disabled);
+  user.set_created_unix_ns(person.created_unix_ns);
+  user.set_has_password(!person.password_hash.empty());
+  user.set_full_name(person.full_name);
+  user.set_revision(person.revision);
+  user.set_changed_unix_ns(person.changed_unix_ns);
+  user.set_changed_by(person.changed_by);
+  const auto groups = GroupStore(connection).groupsOf(person.name);
+  if (!groups) return groups.error();
+  for (const std::string& group : *groups) user.add_groups(group);
+  const auto consent = ConsentStore(connection).newest(person.name);
+  if (!consent) return consent.error();
+  if (*consent) *user.mutable_consent() = **consent;
+  return user;
+}
+
+Result<Person> knownPerson(const Context& context, const std::string& name) {
+  auto person = PeopleStore(context.reader).find(name);
+  if (!person) return person.error();
+  if (!*person) return Error{ErrorCode::kNotFound, "there is no person named '" + printable(name) + "'"};
+  return std::move(**person);
+}
+
+Result<pb::Reply> userReply(const Context& context, const std::string& name) {
+  const auto person = knownPerson(context, name);
+  if (!person) return person.error();
+  auto user = userOf(context.reader, *person);
+  if (!user) return user.error();
+  pb::Reply reply;
+  *reply.mutable_user() = std::move(*user);
+  return reply;
 }
 
 Status stationExists(const Context& context, const std::string& name) {
@@ -31,21 +65,44 @@ Status stationExists(const Context& context, const std::string& name) {
 
 }  // namespace
 
+Status mayManage(const Context& context, pb::Role role) {
+  if (context.who.role == pb::ADMINISTRATOR) return {};
+  if (context.who.role == pb::CURRICULUM_MANAGER && role <= pb::CURRICULUM_MANAGER) return {};
+  return Error{ErrorCode::kDenied, "the role " + std::string(roleName(role)) +
+                                       " is managed by administrators, '" + context.who.name + "' is " +
+                                       std::string(roleName(context.who.role))};
+}
+
+Status ownOnly(const Context& context, const std::string& name, const std::string& what) {
+  if (context.who.role != pb::TRAINEE || name == context.who.name) return {};
+  return Error{ErrorCode::kDenied, "a trainee sees own " + what + " only"};
+}
+
 Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call) {
   // the slow part first, on this thread; the writer's thread only stores
   if (auto valid = checkName("name", call.name()); !valid) return valid.error();
+  if (auto may = mayManage(context, call.role()); !may) return may.error();
   const auto hash = hashFor(call.role(), call.password());
   if (!hash) return hash.error();
-  const Person person{call.name(), call.role(), *hash, false, context.now_unix_ns};
+  const Person person{call.name(), call.role(), *hash, false, context.now_unix_ns, call.full_name()};
   const auto status = write(context, call.name(), std::string(roleName(call.role())),
                             [&](Connection& writer) { return PeopleStore(writer).add(person); });
   if (!status) return status.error();
-  return done();
+  return doneReply();
 }
 
 Result<pb::Reply> setPassword(const Context& context, const pb::SetPassword& call) {
   if (context.who.role != pb::ADMINISTRATOR && context.who.name != call.name()) {
-    return Error{ErrorCode::kDenied, "only an administrator sets other people's passwords"};
+    // a manager: of those below itself, because a password is all that its owner may
+    const auto person = PeopleStore(context.reader).find(call.name());
+    if (!person) return person.error();
+    const bool below = *person && (*person)->role < pb::CURRICULUM_MANAGER;
+    if (context.who.role != pb::CURRICULUM_MANAGER || !below) {
+      return Error{ErrorCode::kDenied,
+                   "only an administrator sets other people's passwords, and a curriculum manager those of "
+                   "trainees and "
+                   "instructors"};
+    }
   }
   const auto hash = hashPassword(call.password());
   if (!hash) return hash.error();
@@ -53,15 +110,87 @@ Result<pb::Reply> setPassword(const Context& context, const pb::SetPassword& cal
     return PeopleStore(writer).setPasswordHash(call.name(), *hash);
   });
   if (!status) return status.error();
-  return done();
+  return doneReply();
 }
 
 Result<pb::Reply> disableUser(const Context& context, const pb::DisableUser& call) {
+  const auto person = knownPerson(context, call.name());
+  if (!person) return person.error();
+  if (auto may = mayManage(context, person->role); !may) return may.error();
   const auto status =
-      write(context, call.name(), call.enable() ? "enabled again" : "disabled",
-            [&](Connection& writer) { return PeopleStore(writer).setDisabled(call.name(), !call.enable()); });
+      write(context, call.name(), call.enable() ? "enabled again" : "disabled", [&](Connection& writer) {
+        return PeopleStore(writer).setDisabled(call.name(), !call.enable(), context.who.name,
+                                               context.now_unix_ns);
+      });
   if (!status) return status.error();
-  return done();
+  return doneReply();
+}
+
+Result<pb::Reply> getUser(const Context& context, const pb::GetUser& call) {
+  if (auto own = ownOnly(context, call.name(), "data"); !own) return own.error();
+  return userReply(context, call.name());
+}
+
+Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call) {
+  const auto person = knownPerson(context, call.name());
+  if (!person) return person.error();
+  if (auto may = mayManage(context, person->role); !may) return may.error();
+  PersonChange change;
+  std::string detail;
+  const auto say = [&](const std::string& words) { detail += (detail.empty() ? "" : "; ") + words; };
+  if (call.has_role() && call.role() != person->role) {
+    if (auto may = mayManage(context, call.role()); !may) return may.error();
+    if (call.role() != pb::TRAINEE && person->password_hash.empty())
+      return Error{ErrorCode::kInvalidInput, "role: '" + call.name() +
+                                                 "' has no password, and only trainees do without: set one "
+                                                 "first"};
+    say("role: " + std::string(roleName(person->role)) + " to " + std::string(roleName(call.role())));
+    change.role = call.role();
+  }
+  if (call.has_disabled() && call.disabled() != person->disabled) {
+    say(call.disabled() ? "disabled" : "enabled again");
+    change.disabled = call.disabled();
+  }
+  if (call.has_full_name() && call.full_name() != person->full_name) {
+    say("full name: '" + printable(call.full_name()) + "'");
+    change.full_name = call.full_name();
+  }
+  const auto status = edit(context, call.name(), detail, [&](Connection& writer) {
+    const auto changed = PeopleStore(writer).change(call.name(), call.base_revision(), change,
+                                                    context.who.name, context.now_unix_ns);
+    return changed ? Status() : Status(changed.error());
+  });
+  if (!status) return status.error();
+  return userReply(context, call.name());
+}
+
+Result<pb::Reply> setConsent(const Context& context, const pb::SetConsent& call) {
+  if (auto own = ownOnly(context, call.name(), "consent"); !own) return own.error();
+  pb::Consent consent;
+  consent.set_given(call.given());
+  consent.set_note(call.note());
+  consent.set_recorded_by(context.who.name);
+  consent.set_unix_ns(context.now_unix_ns);
+  const auto status =
+      write(context, call.name(), call.given() ? "given" : "withdrawn",
+            [&](Connection& writer) { return ConsentStore(writer).add(call.name(), consent); });
+  if (!status) return status.error();
+  return userReply(context, call.name());
+}
+
+Result<pb::Reply> listConsents(const Context& context, const pb::ListConsents& call) {
+  if (auto own = ownOnly(context, call.name(), "consent"); !own) return own.error();
+  if (const auto person = knownPerson(context, call.name()); !person) return person.error();
+  const auto consents = ConsentStore(context.reader).list(call.name());
+  if (!consents) return consents.error();
+  pb::Reply reply;
+  auto* list = reply.mutable_consents();
+  PageRoom room;
+  // somebody who changes its mind a thousand times: the newest are what counts
+  std::size_t first = consents->size();
+  while (first > 0 && room.take((*consents)[first - 1].ByteSizeLong())) --first;
+  for (; first < consents->size(); ++first) *list->add_consents() = (*consents)[first];
+  return reply;
 }
 
 Result<pb::Reply> listUsers(const Context& context, const pb::ListUsers& call) {
@@ -72,16 +201,13 @@ Result<pb::Reply> listUsers(const Context& context, const pb::ListUsers& call) {
   PageRoom room;
   for (const Person& person : *people) {
     if (person.name <= call.page()) continue;
-    if (!room.take(person.name.size() + 32)) {
+    auto user = userOf(context.reader, person);
+    if (!user) return user.error();
+    if (!room.take(user->ByteSizeLong())) {
       users->set_next_page(users->users().rbegin()->name());
       break;
     }
-    auto* user = users->add_users();
-    user->set_name(person.name);
-    user->set_role(person.role);
-    user->set_disabled(person.disabled);
-    user->set_created_unix_ns(person.created_unix_ns);
-    user->set_has_password(!person.password_hash.empty());
+    *users->add_users() = std::move(*user);
   }
   return reply;
 }
@@ -102,7 +228,7 @@ Result<pb::Reply> revokeStation(const Context& context, const pb::RevokeStation&
   const auto status = write(context, call.name(), "",
                             [&](Connection& writer) { return StationStore(writer).revoke(call.name()); });
   if (!status) return status.error();
-  return done();
+  return doneReply();
 }
 
 Result<pb::Reply> listStations(const Context& context, const pb::ListStations& call) {
@@ -129,14 +255,14 @@ Result<pb::Reply> listStations(const Context& context, const pb::ListStations& c
 Result<pb::Reply> traineeMessage(const Context& context, const pb::TraineeMessage& call) {
   if (auto valid = checkNote("text", call.text(), 1, kMaxNoteBytes); !valid) return valid.error();
   if (auto known = stationExists(context, call.station()); !known) return known.error();
-  return done();
+  return doneReply();
 }
 
 Result<pb::Reply> nextExercise(const Context& context, const pb::NextExercise& call) {
   if (auto known = stationExists(context, call.station()); !known) return known.error();
   const auto exercise = CurriculumStore(context.reader).exercise(call.exercise_id());
   if (!exercise) return exercise.error();
-  return done();
+  return doneReply();
 }
 
 }  // namespace needlelab::handlers

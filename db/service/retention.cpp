@@ -52,6 +52,27 @@ class Run {
     return report_;
   }
 
+  Status removeLeftovers() {
+    const auto sessions = read([](Connection& c) { return RetentionStore(c).leftovers(); });
+    if (!sessions) return sessions.error();
+    for (const Uuid& session : *sessions) {
+      if (stopped()) return {};
+      // nobody has read these rows in this run: the writer must not be the first to meet a damaged page
+      auto sound = read([&](Connection& c) { return RetentionStore(c).checkLeftovers(session); });
+      if (sound) sound = removeRows(session);
+      if (sound) continue;
+      if (tools_.writer.failed()) return sound;
+      not_removed_.insert(session);
+      pb::RetentionStep step;
+      step.set_action(pb::RetentionStep::LEFT_ALONE);
+      step.set_session_id(session.data(), session.size());
+      step.set_text(sound.error().message);
+      count(step);
+      if (report_.steps_size() < kMostSteps) *report_.add_steps() = std::move(step);
+    }
+    return {};
+  }
+
  private:
   [[nodiscard]] bool stopped() const { return tools_.stop.load(std::memory_order_relaxed); }
 
@@ -270,27 +291,6 @@ class Run {
     return std::optional(*stored);
   }
 
-  Status removeLeftovers() {
-    const auto sessions = read([](Connection& c) { return RetentionStore(c).leftovers(); });
-    if (!sessions) return sessions.error();
-    for (const Uuid& session : *sessions) {
-      if (stopped()) return {};
-      // nobody has read these rows in this run: the writer must not be the first to meet a damaged page
-      auto sound = read([&](Connection& c) { return RetentionStore(c).checkLeftovers(session); });
-      if (sound) sound = removeRows(session);
-      if (sound) continue;
-      if (tools_.writer.failed()) return sound;
-      not_removed_.insert(session);
-      pb::RetentionStep step;
-      step.set_action(pb::RetentionStep::LEFT_ALONE);
-      step.set_session_id(session.data(), session.size());
-      step.set_text(sound.error().message);
-      count(step);
-      if (report_.steps_size() < kMostSteps) *report_.add_steps() = std::move(step);
-    }
-    return {};
-  }
-
   /// Piece by piece; stops when it is told to, the next run goes on.
   Status removeRows(const Uuid& session) {
     bool more = true;
@@ -334,6 +334,10 @@ class Run {
 Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const std::string& by_whom,
                                          std::int64_t now_unix_ns, bool dry_run) {
   return Run(tools, by_whom, now_unix_ns).run(dry_run);
+}
+
+Status removeLeftovers(const RetentionTools& tools) {
+  return Run(tools, "erasure", 0).removeLeftovers();
 }
 
 }  // namespace needlelab

@@ -44,4 +44,8 @@ struct RetentionTools {
 Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const std::string& by_whom,
                                          std::int64_t now_unix_ns, bool dry_run);
 
+/// Only what is left over is removed: rows of recordings that were given up before, in the same pieces.
+/// Damaged ones stay, for the next run to name.
+Status removeLeftovers(const RetentionTools& tools);
+
 }  // namespace needlelab

@@ -17,9 +17,12 @@ constexpr unsigned kInstructor = bit(pb::INSTRUCTOR);
 constexpr unsigned kManager = bit(pb::CURRICULUM_MANAGER);
 constexpr unsigned kAdmin = bit(pb::ADMINISTRATOR);
 constexpr unsigned kStation = bit(pb::STATION);
+constexpr unsigned kResearcher = bit(pb::RESEARCHER);
 constexpr unsigned kStaff = kInstructor | kManager | kAdmin;
 constexpr unsigned kPeople = kStaff | kTrainee;
 constexpr unsigned kAll = kPeople | kStation;
+constexpr unsigned kReaders = kAll | kResearcher;  // of what names nobody
+constexpr unsigned kManagers = kManager | kAdmin;
 
 struct Rule {
   Request::CallCase call;
@@ -28,19 +31,20 @@ struct Rule {
 };
 
 constexpr std::array kRules = {
-    Rule{Request::kAddUser, "user add", kAdmin},
-    Rule{Request::kSetPassword, "user passwd", kPeople},  // one's own; an administrator: anybody's
-    Rule{Request::kDisableUser, "user disable", kAdmin},
+    Rule{Request::kAddUser, "user add",
+         kManagers},  // a manager: nobody above itself; the handlers see to that
+    Rule{Request::kSetPassword, "user passwd", kPeople | kResearcher},  // one's own; managers: below them
+    Rule{Request::kDisableUser, "user disable", kManagers},
     Rule{Request::kListUsers, "user list", kStaff},
     Rule{Request::kAddStation, "station add", kAdmin},
     Rule{Request::kRevokeStation, "station revoke", kAdmin},
     Rule{Request::kListStations, "station list", kStaff},
     Rule{Request::kImportProfile, "profile import", kManager | kAdmin},
-    Rule{Request::kGetProfile, "profile show", kAll},
-    Rule{Request::kListProfiles, "profile list", kAll},
+    Rule{Request::kGetProfile, "profile show", kReaders},
+    Rule{Request::kListProfiles, "profile list", kReaders},
     Rule{Request::kImportCurriculum, "curriculum import", kManager | kAdmin},
-    Rule{Request::kGetCurriculum, "curriculum export", kAll},
-    Rule{Request::kListCurricula, "curriculum list", kAll},
+    Rule{Request::kGetCurriculum, "curriculum export", kReaders},
+    Rule{Request::kListCurricula, "curriculum list", kReaders},
     Rule{Request::kAssign, "assign", kStaff},
     Rule{Request::kListAssignments, "assign list", kAll},
     Rule{Request::kGetLesson, "lesson", kAll},
@@ -60,6 +64,36 @@ constexpr std::array kRules = {
     Rule{Request::kRunRetention, "retention run", kManager | kAdmin},
     Rule{Request::kTraineeMessage, "message", kInstructor | kAdmin},
     Rule{Request::kNextExercise, "next exercise", kInstructor | kAdmin},
+    Rule{Request::kGetUser, "user show", kPeople},
+    Rule{Request::kChangeUser, "user change", kManagers},
+    Rule{Request::kSetConsent, "consent", kPeople},
+    Rule{Request::kListConsents, "consent list", kPeople},
+    Rule{Request::kImportPeople, "user import", kManagers},
+    Rule{Request::kExportPerson, "person export", kPeople},  // one's own; managers: anybody's
+    Rule{Request::kErasePerson, "person erase", kAdmin},
+    Rule{Request::kPutGroup, "group set", kManagers},
+    Rule{Request::kGetGroup, "group show", kStaff},
+    Rule{Request::kListGroups, "group list", kStaff},
+    Rule{Request::kRemoveGroup, "group remove", kManagers},
+    Rule{Request::kListProfileRevisions, "profile revisions", kStaff | kResearcher},
+    Rule{Request::kListCurriculumRevisions, "curriculum revisions", kStaff | kResearcher},
+    Rule{Request::kCheckText, "check text", kStaff},
+    Rule{Request::kPreviewProfile, "profile preview", kStaff},
+    Rule{Request::kListExercises, "exercise list", kReaders},
+    Rule{Request::kListMeasures, "measures", kReaders},
+    Rule{Request::kRemoveAssignment, "assign remove", kStaff},
+    Rule{Request::kGetResults, "results", kPeople},
+    Rule{Request::kGetProgress, "progress", kPeople},
+    Rule{Request::kExcuseAttempt, "attempt excuse", kStaff},
+    Rule{Request::kGetScore, "score show", kPeople},
+    Rule{Request::kRescoreSession, "rescore", kStaff},
+    Rule{Request::kListScores, "score list", kStaff},
+    Rule{Request::kSetReference, "reference set", kStaff},
+    Rule{Request::kGetReference, "reference show", kPeople},
+    Rule{Request::kExportStudy, "study export", kResearcher | kAdmin},
+    Rule{Request::kReadStudyRecording, "study recording", kResearcher | kAdmin},
+    Rule{Request::kExportAll, "export-all", kAdmin},
+    Rule{Request::kImportAll, "import-all", kAdmin},
 };
 
 struct RoleName {
@@ -72,6 +106,7 @@ constexpr std::array kRoleNames = {
     RoleName{pb::CURRICULUM_MANAGER, "curriculum-manager"},
     RoleName{pb::ADMINISTRATOR, "administrator"},
     RoleName{pb::STATION, "station"},
+    RoleName{pb::RESEARCHER, "researcher"},
 };
 
 const Rule* ruleOf(Request::CallCase call) {
@@ -94,7 +129,7 @@ Status checkRole(const Principal& principal, Request::CallCase call) {
     return Error{ErrorCode::kInvalidInput,
                  "the request holds no call that this program (needlelab " NEEDLELAB_VERSION ") knows"};
   }
-  if (principal.role > pb::ROLE_UNSPECIFIED && principal.role <= pb::STATION &&
+  if (principal.role > pb::ROLE_UNSPECIFIED && principal.role <= pb::Role_MAX &&
       (rule->roles & bit(principal.role)) != 0) {
     return {};
   }

@@ -3,6 +3,7 @@
 #include <charconv>
 
 #include "base/clock.h"
+#include "db/erasure_store.h"
 #include "db/meta_store.h"
 #include "db/password.h"
 #include "db/people_store.h"
@@ -43,6 +44,8 @@ Result<pb::Reply> dispatch(const handlers::Context& context, const pb::Request& 
       return handlers::listCurricula(context, request.list_curricula());
     case pb::Request::kAssign:
       return handlers::assign(context, request.assign());
+    case pb::Request::kRemoveAssignment:
+      return handlers::removeAssignment(context, request.remove_assignment());
     case pb::Request::kListAssignments:
       return handlers::listAssignments(context, request.list_assignments());
     case pb::Request::kGetLesson:
@@ -79,8 +82,65 @@ Result<pb::Reply> dispatch(const handlers::Context& context, const pb::Request& 
       return handlers::traineeMessage(context, request.trainee_message());
     case pb::Request::kNextExercise:
       return handlers::nextExercise(context, request.next_exercise());
+    case pb::Request::kGetUser:
+      return handlers::getUser(context, request.get_user());
+    case pb::Request::kChangeUser:
+      return handlers::changeUser(context, request.change_user());
+    case pb::Request::kSetConsent:
+      return handlers::setConsent(context, request.set_consent());
+    case pb::Request::kListConsents:
+      return handlers::listConsents(context, request.list_consents());
+    case pb::Request::kImportPeople:
+      return handlers::importPeople(context, request.import_people());
+    case pb::Request::kExportPerson:
+      return handlers::exportPerson(context, request.export_person());
+    case pb::Request::kErasePerson:
+      return handlers::erasePerson(context, request.erase_person());
+    case pb::Request::kPutGroup:
+      return handlers::putGroup(context, request.put_group());
+    case pb::Request::kGetGroup:
+      return handlers::getGroup(context, request.get_group());
+    case pb::Request::kListGroups:
+      return handlers::listGroups(context, request.list_groups());
+    case pb::Request::kRemoveGroup:
+      return handlers::removeGroup(context, request.remove_group());
+    case pb::Request::kListProfileRevisions:
+      return handlers::profileRevisions(context, request.list_profile_revisions());
+    case pb::Request::kListCurriculumRevisions:
+      return handlers::curriculumRevisions(context, request.list_curriculum_revisions());
+    case pb::Request::kCheckText:
+      return handlers::checkJson(context, request.check_text());
+    case pb::Request::kPreviewProfile:
+      return handlers::previewProfile(context, request.preview_profile());
+    case pb::Request::kListExercises:
+      return handlers::listExercises(context, request.list_exercises());
+    case pb::Request::kListMeasures:
+      return handlers::listMeasures(context, request.list_measures());
+    case pb::Request::kGetResults:
+      return handlers::getResults(context, request.get_results());
+    case pb::Request::kGetProgress:
+      return handlers::getProgress(context, request.get_progress());
+    case pb::Request::kExcuseAttempt:
+      return handlers::excuseAttempt(context, request.excuse_attempt());
+    case pb::Request::kGetScore:
+      return handlers::getScore(context, request.get_score());
+    case pb::Request::kListScores:
+      return handlers::listScores(context, request.list_scores());
+    case pb::Request::kSetReference:
+      return handlers::setReference(context, request.set_reference());
+    case pb::Request::kGetReference:
+      return handlers::getReference(context, request.get_reference());
+    case pb::Request::kExportStudy:
+      return handlers::exportStudy(context, request.export_study());
+    case pb::Request::kReadStudyRecording:
+      return handlers::readStudyRecording(context, request.read_study_recording());
+    case pb::Request::kExportAll:
+      return handlers::exportAll(context, request.export_all());
+    case pb::Request::kImportAll:
+      return handlers::importAll(context, request.import_all());
+    case pb::Request::kRescoreSession:
     case pb::Request::CALL_NOT_SET:
-      break;
+      break;  // execute() does the first
   }
   return Error{ErrorCode::kInvalidInput, "the request holds no call"};
 }
@@ -129,6 +189,8 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
       *reply.mutable_retention_report() = std::move(*report);
       return reply;
     }
+    if (request.call_case() == pb::Request::kRescoreSession)
+      return rescore(principal, request.rescore_session());
     std::unique_lock<std::mutex> one_backup;
     if (request.call_case() == pb::Request::kBackup) {
       one_backup = std::unique_lock(backup_mutex_, std::try_to_lock);
@@ -139,8 +201,15 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
     const Cleared cleared(one_backup.owns_lock() ? &backup_running_ : nullptr);
     auto reader = readers_.borrow();
     if (!reader) return reader.error();
-    return dispatch({principal, writer_, **reader, wallNowNs(), callName(request.call_case()), &cancelled_},
-                    request);
+    auto reply = dispatch(
+        {principal, writer_, **reader, wallNowNs(), callName(request.call_case()), &cancelled_}, request);
+    // what an erasure has given up goes at once; what a stopped server leaves, the next run of retention
+    // removes
+    if (reply && request.call_case() == pb::Request::kErasePerson) {
+      const std::scoped_lock one_run(retention_mutex_);
+      if (auto removed = removeLeftovers(retentionTools()); !removed) return removed.error();
+    }
+    return reply;
   };
   Outcome outcome;
   auto reply = run();
@@ -158,13 +227,17 @@ Result<pb::RetentionReport> Service::retention(const std::string& by_whom, bool 
   std::unique_lock one_run(retention_mutex_, std::try_to_lock);
   if (!one_run)
     return Error{ErrorCode::kUnavailable, "another run of retention is under way: try again when it is done"};
-  const RetentionTools tools{writer_,
-                             readers_,
-                             [this](const Uuid& id) { return settleRecording(id); },
-                             [this] { return backup_running_.load(std::memory_order_relaxed); },
-                             stop_retention_,
-                             retention_pace_};
+  const RetentionTools tools = retentionTools();
   return runRetention(tools, by_whom, wallNowNs(), dry_run);
+}
+
+RetentionTools Service::retentionTools() {
+  return {writer_,
+          readers_,
+          [this](const Uuid& id) { return settleRecording(id); },
+          [this] { return backup_running_.load(std::memory_order_relaxed); },
+          stop_retention_,
+          retention_pace_};
 }
 
 Result<pb::RetentionReport> Service::dailyRetention() {
@@ -222,6 +295,16 @@ Result<bool> Service::stillAllowed(const Principal& principal) {
   const auto person = PeopleStore(**reader).find(principal.name);
   if (!person) return person.error();
   return *person && !(*person)->disabled && (*person)->role == principal.role;
+}
+
+Result<std::vector<std::string>> Service::erasuresToRepeat() {
+  auto reader = readers_.borrow();
+  if (!reader) return reader.error();
+  const auto erasures = ErasureStore(**reader).toRepeat(readers_.path().parent_path());
+  if (!erasures) return erasures.error();
+  std::vector<std::string> texts;
+  for (const ErasureToRepeat& erasure : *erasures) texts.push_back(erasureToRepeatText(erasure));
+  return texts;
 }
 
 Status Service::note(const std::string& who, const std::string& action, const std::string& subject,

@@ -6,6 +6,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/result.h"
 #include "db/audit_store.h"
@@ -84,6 +85,10 @@ class Service {
   /// Before the first run.
   void setRetentionPace(const RetentionPace& pace) { retention_pace_ = pace; }
 
+  /// People who were erased and are in this database again, because a backup from before was restored: what
+  /// to do, a sentence each.
+  Result<std::vector<std::string>> erasuresToRepeat();
+
   /// Writes a line to the audit log, e.g. refused log-ins and chunks that contradict stored ones.
   Status note(const std::string& who, const std::string& action, const std::string& subject,
               const std::string& detail);
@@ -97,6 +102,9 @@ class Service {
   Result<Settled> settle(Connection& reader, const Uuid& session);
   /// The same before its recording is thinned or deleted, where something is missing.
   Status settleRecording(const Uuid& session);
+  /// Scores a closed session anew by the definitions of this program and keeps that beside the first score.
+  Result<pb::Reply> rescore(const Principal& principal, const pb::RescoreSession& call);
+  [[nodiscard]] RetentionTools retentionTools();
   /// Empty when there is nothing to measure.
   Result<std::string> scoreOf(Connection& reader, const SessionSamples& session);
   DbWriter& writer_;

@@ -2,6 +2,7 @@
 #include "db/backup.h"
 #include "db/cancel_scope.h"
 #include "db/check.h"
+#include "db/erasure_store.h"
 #include "service/handlers.h"
 #include "service/page.h"
 
@@ -14,6 +15,25 @@ Status write(const Context& context, const std::string& subject, const std::stri
     return AuditStore(writer).add(
         {0, context.now_unix_ns, context.who.name, std::string(context.action), subject, detail});
   });
+}
+
+Status edit(const Context& context, const std::string& subject, const std::string& detail,
+            const std::function<Status(Connection&)>& work) {
+  auto done = write(context, subject, detail, work);
+  if (done || done.error().code != ErrorCode::kConflict || done.error().current_revision == 0) return done;
+  Error conflict = done.error();
+  auto row = context.reader.query(
+      "SELECT detail FROM audit WHERE subject = ? AND action = ? ORDER BY id DESC LIMIT 1", subject,
+      context.action);
+  const auto found = row.step();
+  if (found && *found && !row.text(0).empty()) conflict.message += ". What came first: " + row.text(0);
+  return conflict;
+}
+
+pb::Reply doneReply() {
+  pb::Reply reply;
+  reply.mutable_done();
+  return reply;
 }
 
 Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
@@ -58,13 +78,20 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
   report->set_sessions(result->sessions);
   report->set_chunks(result->chunks);
   for (const std::string& fault : result->faults) report->add_faults(fault);
+  // nothing is broken, but somebody who must be forgotten is here
+  const auto repeat = ErasureStore(context.reader).toRepeat(context.reader.path().parent_path());
+  if (!repeat) return repeat.error();
+  for (const ErasureToRepeat& erasure : *repeat) {
+    report->set_ok(false);
+    report->add_faults(erasureToRepeatText(erasure));
+  }
   return reply;
 }
 
 Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call) {
   const auto before = numberOfPage(call.page());
   if (!before) return before.error();
-  const auto entries = AuditStore(context.reader).list(call.limit(), *before);
+  const auto entries = AuditStore(context.reader).list(call.limit(), *before, call.who(), call.action());
   if (!entries) return entries.error();
   pb::Reply reply;
   auto* list = reply.mutable_audit();

@@ -11,7 +11,7 @@ namespace {
 
 void look(const pb::Envelope& envelope) {
   for (int state = 0; state < kConnectionStates; ++state) {
-    for (int role = 0; role <= pb::STATION; ++role) {
+    for (int role = 0; role <= pb::Role_MAX; ++role) {
       const auto verdict = checkMessage(envelope.body_case(), static_cast<ConnectionState>(state),
                                         static_cast<pb::Role>(role));
       const bool logged_in = state == static_cast<int>(ConnectionState::kAuthenticated) ||
@@ -21,7 +21,7 @@ void look(const pb::Envelope& envelope) {
     }
   }
   if (envelope.has_request()) {
-    for (int role = -1; role <= pb::STATION + 1; ++role)
+    for (int role = -1; role <= pb::Role_MAX + 1; ++role)
       (void)checkRole({"x", static_cast<pb::Role>(role)}, envelope.request().call_case());
   }
   if (kPlanted && envelope.has_subscribe()) {

@@ -1,5 +1,6 @@
 #include "db/curriculum_store.h"
 
+#include "db/assignment_store.h"
 #include "db/people_store.h"
 #include "db/profile_store.h"
 #include "test_db.h"
@@ -52,19 +53,28 @@ TEST_F(CurriculumStoreTest, assignsExercisesToTrainees) {
   ASSERT_OK(store.put(curriculum("basics", "{}", {"a", "b"})));
   ASSERT_OK(PeopleStore(db.writer).add({"anna", pb::TRAINEE, "", false, 1}));
   ASSERT_OK(PeopleStore(db.writer).add({"ina", pb::INSTRUCTOR, "", false, 1}));
-  ASSERT_OK(store.assign({"anna", "a", "ina", 10}));
-  ASSERT_OK(store.assign({"anna", "b", "ina", 20}));
-  ASSERT_OK(store.assign({"anna", "a", "ina", 30}));
-  const auto list = store.assignments("anna");
+  AssignmentStore assignments(db.writer);
+  const auto assign = [&](const std::string& trainee, const std::string& exercise, std::int64_t created) {
+    pb::Assignment a;
+    a.set_trainee(trainee);
+    a.set_exercise_id(exercise);
+    a.set_by("ina");
+    a.set_created_unix_ns(created);
+    return assignments.put(a);
+  };
+  ASSERT_OK(assign("anna", "a", 10));
+  ASSERT_OK(assign("anna", "b", 20));
+  EXPECT_EQ(assign("anna", "a", 30)->id(), 1u);
+  const auto list = assignments.list({"anna", "", ""});
   ASSERT_OK(list);
   ASSERT_EQ(list->size(), 2u);
-  EXPECT_EQ((*list)[0].exercise_id, "a");
-  EXPECT_EQ((*list)[0].created_unix_ns, 30);
-  EXPECT_TRUE(store.assignments("ben")->empty());
-  EXPECT_EQ(store.assignments("")->size(), 2u);
-  EXPECT_EQ(store.assign({"nobody", "a", "ina", 1}).error().code, ErrorCode::kNotFound);
-  EXPECT_EQ(store.assign({"anna", "z", "ina", 1}).error().code, ErrorCode::kNotFound);
-  EXPECT_EQ(store.assign({"ina", "a", "ina", 1}).error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ((*list)[0].exercise_id(), "a");
+  EXPECT_EQ((*list)[0].created_unix_ns(), 30);
+  EXPECT_TRUE(assignments.list({"ben", "", ""})->empty());
+  EXPECT_EQ(assignments.list({})->size(), 2u);
+  EXPECT_EQ(assign("nobody", "a", 1).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(assign("anna", "z", 1).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(assign("ina", "a", 1).error().code, ErrorCode::kInvalidInput);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include "db/check.h"
 #include "db/event_store.h"
+#include "db/score_store.h"
 #include "test_db.h"
 
 namespace needlelab {
@@ -187,7 +188,7 @@ TEST_F(RetentionStoreTest, badPoliciesAreNamed) {
 
 TEST_F(RetentionStoreTest, aThinnedRecordingStandsInForItsOriginal) {
   const Uuid id = add("knee-1", 10);
-  ASSERT_OK(sessions.setScore(id, "[1]"));
+  ASSERT_OK(ScoreStore(db.writer).put(test::scoreOf(id, "[1]")));
   const auto before = sessions.info(id);
   ASSERT_OK(store.beginDerived(id, 100, 1));
   EXPECT_FALSE(store.beginDerived(id, 100, 1).ok()) << "one at a time";

@@ -1,5 +1,6 @@
 #include "db/session_store.h"
 
+#include "db/score_store.h"
 #include "test_db.h"
 
 namespace needlelab {
@@ -209,9 +210,9 @@ TEST_F(SessionStoreTest, theSmallestRoundTripWins) {
 
 TEST_F(SessionStoreTest, theScoreIsKept) {
   openAndAppend(0);
-  ASSERT_OK(store.setScore(id, "[{\"measure\":\"elapsed_s\"}]"));
+  ASSERT_OK(ScoreStore(db.writer).put(test::scoreOf(id, "[{\"measure\":\"elapsed_s\"}]")));
   EXPECT_EQ(store.info(id)->score_json(), "[{\"measure\":\"elapsed_s\"}]");
-  EXPECT_EQ(store.setScore(makeUuidV7(), "[]").error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(ScoreStore(db.writer).put(test::scoreOf(makeUuidV7(), "[]")).error().code, ErrorCode::kNotFound);
 }
 
 TEST_F(SessionStoreTest, theSafeMarkNeverMovesBack) {

@@ -11,6 +11,7 @@
 #include "db/session_store.h"
 #include "db/station_store.h"
 #include "gesture/chunk.h"
+#include "needlelab/teaching.pb.h"
 #include "support/temp_folder.h"
 
 namespace needlelab::test {
@@ -101,6 +102,17 @@ inline pb::CloseSession closeOf(const Uuid& id, std::uint64_t chunks, std::size_
   request.set_samples(chunks * count);
   request.set_hash(digest.data(), digest.size());
   return request;
+}
+
+/// A score of a session, by the first definitions.
+inline pb::Score scoreOf(const Uuid& id, const std::string& measures, std::uint32_t version = 1) {
+  pb::Score score;
+  score.set_session_id(bytesOfId(id));
+  score.set_definition_version(version);
+  score.set_measures_json(measures);
+  score.set_engine_version("0.1.0");
+  score.set_made_unix_ns(1);
+  return score;
 }
 
 }  // namespace needlelab::test

@@ -1,0 +1,303 @@
+// A class from a table: every row is looked at before any is stored, and all of them are stored or none.
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <set>
+#include <vector>
+
+#include "base/text_rules.h"
+#include "db/group_store.h"
+#include "db/password.h"
+#include "db/people_store.h"
+#include "service/csv_text.h"
+#include "service/handlers.h"
+#include "service/roles.h"
+
+namespace needlelab::handlers {
+namespace {
+
+constexpr std::size_t kMostImportRows = 5000;
+constexpr std::size_t kMostImportPasswords = 200;  // each takes 0.1 s
+constexpr int kMostRowsTold = 2000;
+
+/// A row, as it is to happen.
+struct ImportRow {
+  std::uint32_t line = 0;
+  Person person;
+  std::string password;
+  std::vector<std::string> groups;
+  pb::PeopleImport::What what = pb::PeopleImport::ADD;
+  std::string text, column;  ///< what is wrong, where
+  bool role_given = false, full_name_given = false;
+
+  void fault(const std::string& in_column, const std::string& words) {
+    if (what == pb::PeopleImport::FAULT) return;
+    what = pb::PeopleImport::FAULT;
+    column = in_column;
+    text = words;
+  }
+};
+
+/// ';' between ids, spaces around them.
+std::vector<std::string> idsOf(const std::string& cell) {
+  std::vector<std::string> ids;
+  for (std::size_t at = 0; at <= cell.size();) {
+    const std::size_t end = std::min(cell.find(';', at), cell.size());
+    std::size_t from = at, to = end;
+    while (from < to && cell[from] == ' ') ++from;
+    while (to > from && cell[to - 1] == ' ') --to;
+    if (to > from) ids.push_back(cell.substr(from, to - from));
+    at = end + 1;
+  }
+  return ids;
+}
+
+class PeopleTable {
+ public:
+  explicit PeopleTable(const Context& context) : context_(context) {}
+
+  /// kInvalidInput: the table as a whole.
+  Status read(const std::string& csv) {
+    const auto rows = parseCsvText(csv, kMostImportRows + 1);
+    if (!rows) return rows.error();
+    if (auto known = readHeader(*rows); !known) return known;
+    for (std::size_t i = 1; i < rows->size(); ++i) add((*rows)[i]);
+    if (rows_.empty()) return Error{ErrorCode::kInvalidInput, "csv: has a header and no rows"};
+    if (const auto with =
+            std::count_if(rows_.begin(), rows_.end(), [](const auto& row) { return !row.password.empty(); });
+        static_cast<std::size_t>(with) > kMostImportPasswords)
+      return Error{ErrorCode::kInvalidInput,
+                   "csv: has " + std::to_string(with) + " passwords, at most " +
+                       std::to_string(kMostImportPasswords) +
+                       " are taken at once (each takes a tenth of a second): split the table; trainees who "
+                       "only practise need none"};
+    return {};
+  }
+
+  /// Compares with what is there. Reader or writer.
+  Status compare(Connection& connection) {
+    for (ImportRow& row : rows_) {
+      if (row.what == pb::PeopleImport::FAULT) continue;
+      if (auto done = compareRow(connection, row); !done) return done;
+    }
+    return {};
+  }
+
+  [[nodiscard]] bool hasFaults() const {
+    return std::any_of(rows_.begin(), rows_.end(),
+                       [](const auto& row) { return row.what == pb::PeopleImport::FAULT; });
+  }
+
+  /// The slow part, before anything is stored.
+  Status hashPasswords() {
+    for (ImportRow& row : rows_) {
+      if (row.what != pb::PeopleImport::ADD || row.password.empty()) continue;
+      auto hash = hashPassword(row.password);
+      if (!hash) return hash.error();
+      row.person.password_hash = std::move(*hash);
+    }
+    return {};
+  }
+
+  /// In the writer's transaction.
+  Status store(Connection& writer) {
+    std::map<std::string, std::set<std::string>> joining;
+    for (const ImportRow& row : rows_) {
+      if (row.what == pb::PeopleImport::ADD) {
+        if (auto done = PeopleStore(writer).add(row.person); !done) return at(row, done.error());
+      } else if (row.what == pb::PeopleImport::CHANGE) {
+        PersonChange change;
+        if (row.role_given) change.role = row.person.role;
+        if (row.full_name_given) change.full_name = row.person.full_name;
+        const auto done =
+            PeopleStore(writer).change(row.person.name, {}, change, context_.who.name, context_.now_unix_ns);
+        if (!done) return at(row, done.error());
+      }
+      for (const std::string& group : row.groups) joining[group].insert(row.person.name);
+    }
+    for (auto& [id, names] : joining) {
+      auto group = GroupStore(writer).get(id);
+      if (!group && group.error().code != ErrorCode::kNotFound) return group.error();
+      pb::Group wanted = group ? *group : pb::Group();
+      wanted.set_id(id);
+      if (!group) wanted.set_name(id);
+      names.insert(wanted.members().begin(), wanted.members().end());
+      wanted.clear_members();
+      for (const std::string& name : names) wanted.add_members(name);
+      if (const auto put = GroupStore(writer).put(wanted, {}, context_.who.name, context_.now_unix_ns); !put)
+        return put.error();
+    }
+    return {};
+  }
+
+  void report(pb::PeopleImport& report) const {
+    for (const bool faults : {true, false}) {
+      for (const ImportRow& row : rows_) {
+        if ((row.what == pb::PeopleImport::FAULT) != faults || report.rows_size() >= kMostRowsTold) continue;
+        auto* told = report.add_rows();
+        told->set_line(row.line);
+        told->set_name(printable(row.person.name));
+        told->set_what(row.what);
+        told->set_text(row.text);
+        told->set_column(row.column);
+      }
+    }
+    const auto count = [&](pb::PeopleImport::What what) {
+      return static_cast<std::uint32_t>(
+          std::count_if(rows_.begin(), rows_.end(), [&](const auto& row) { return row.what == what; }));
+    };
+    report.set_added(count(pb::PeopleImport::ADD));
+    report.set_changed(count(pb::PeopleImport::CHANGE));
+    report.set_unchanged(count(pb::PeopleImport::NOTHING));
+    report.set_faults(count(pb::PeopleImport::FAULT));
+  }
+
+ private:
+  static Error at(const ImportRow& row, const Error& error) {
+    return {error.code,
+            "line " + std::to_string(row.line) + ", '" + printable(row.person.name) + "': " + error.message};
+  }
+
+  Status readHeader(const std::vector<CsvRow>& rows) {
+    if (rows.empty())
+      return Error{ErrorCode::kInvalidInput, "csv: is empty; the first line names the columns"};
+    for (std::size_t i = 0; i < rows[0].cells.size(); ++i) {
+      const std::string& name = rows[0].cells[i];
+      const bool known =
+          name == "name" || name == "full_name" || name == "role" || name == "group" || name == "password";
+      if (!known)
+        return Error{ErrorCode::kInvalidInput, "csv: column '" + printable(name) +
+                                                   "' is none of name, full_name, role, group, password"};
+      if (!columns_.emplace(name, i).second)
+        return Error{ErrorCode::kInvalidInput, "csv: column '" + name + "' is there twice"};
+    }
+    if (!columns_.contains("name")) return Error{ErrorCode::kInvalidInput, "csv: there is no column 'name'"};
+    return {};
+  }
+
+  void add(const CsvRow& cells) {
+    // an empty line at the end is no person
+    if (cells.cells.size() == 1 && cells.cells[0].empty()) return;
+    ImportRow row;
+    row.line = cells.line;
+    const auto cell = [&](const std::string& column) {
+      const auto found = columns_.find(column);
+      return found == columns_.end() || found->second >= cells.cells.size() ? std::string()
+                                                                            : cells.cells[found->second];
+    };
+    row.person.name = cell("name");
+    row.person.full_name = cell("full_name");
+    row.full_name_given = !row.person.full_name.empty();
+    row.password = cell("password");
+    row.groups = idsOf(cell("group"));
+    row.person.created_unix_ns = context_.now_unix_ns;
+    row.person.role = pb::TRAINEE;
+    if (cells.cells.size() != columns_.size())
+      row.fault("", "has " + std::to_string(cells.cells.size()) + " cells, the header has " +
+                        std::to_string(columns_.size()));
+    if (const std::string role = cell("role"); !role.empty()) {
+      row.role_given = true;
+      row.person.role = roleOfName(role == "manager" ? "curriculum-manager"
+                                   : role == "admin" ? "administrator"
+                                                     : role);
+      if (row.person.role == pb::ROLE_UNSPECIFIED || row.person.role == pb::STATION)
+        row.fault("role",
+                  "'" + printable(role) +
+                      "', allowed are trainee, instructor, curriculum-manager, administrator, researcher");
+    }
+    const auto check = [&](const char* column, const Status& valid) {
+      if (!valid) row.fault(column, valid.error().message);
+    };
+    check("name", checkName("name", row.person.name));
+    check("full_name", checkText("full_name", row.person.full_name, 0, 200));
+    for (const std::string& group : row.groups) check("group", checkName("group", group));
+    if (!row.password.empty() &&
+        (row.password.size() < kMinPasswordBytes || row.password.size() > kMaxPasswordBytes))
+      row.fault("password", "has " + std::to_string(row.password.size()) + " bytes, allowed are " +
+                                std::to_string(kMinPasswordBytes) + " to " +
+                                std::to_string(kMaxPasswordBytes));
+    if (row.what != pb::PeopleImport::FAULT) {
+      const auto [first, is_new] = lines_.emplace(row.person.name, row.line);
+      if (!is_new) row.fault("name", "stands in line " + std::to_string(first->second) + " already");
+    }
+    rows_.push_back(std::move(row));
+  }
+
+  Status compareRow(Connection& connection, ImportRow& row) {
+    const auto there = PeopleStore(connection).find(row.person.name);
+    if (!there) return there.error();
+    const auto groups = GroupStore(connection).groupsOf(row.person.name);
+    if (!groups) return groups.error();
+    std::string joins;
+    for (const std::string& group : row.groups) {
+      if (std::find(groups->begin(), groups->end(), group) != groups->end()) continue;
+      joins += (joins.empty() ? "joins " : ", ") + group;
+    }
+    if (!*there) {
+      row.what = pb::PeopleImport::ADD;
+      row.text = "added as " + std::string(roleName(row.person.role)) + (joins.empty() ? "" : ", " + joins);
+      if (auto may = mayManage(context_, row.person.role); !may) row.fault("role", may.error().message);
+      if (row.password.empty() && row.person.role != pb::TRAINEE)
+        row.fault("password", "is missing: only trainees do without");
+      return {};
+    }
+    const Person& before = **there;
+    row.text.clear();
+    const auto say = [&](const std::string& words) { row.text += (row.text.empty() ? "" : "; ") + words; };
+    if (row.role_given && row.person.role != before.role) {
+      for (const pb::Role role : {before.role, row.person.role}) {
+        if (auto may = mayManage(context_, role); !may) row.fault("role", may.error().message);
+      }
+      if (row.person.role != pb::TRAINEE && before.password_hash.empty())
+        row.fault("role", "has no password, and only trainees do without");
+      say("role: " + std::string(roleName(before.role)) + " to " + std::string(roleName(row.person.role)));
+    }
+    if (row.full_name_given && row.person.full_name != before.full_name) {
+      if (auto may = mayManage(context_, before.role); !may) row.fault("full_name", may.error().message);
+      say("full name: '" + before.full_name + "' to '" + row.person.full_name + "'");
+    }
+    if (!joins.empty()) say(joins);
+    if (row.what == pb::PeopleImport::FAULT) return {};
+    row.what = row.text.empty() ? pb::PeopleImport::NOTHING : pb::PeopleImport::CHANGE;
+    if (row.text.empty()) row.text = "is there already";
+    if (!row.password.empty()) row.text += "; the password is left as it is";
+    return {};
+  }
+
+  const Context& context_;
+  std::map<std::string, std::size_t> columns_;
+  std::map<std::string, std::uint32_t> lines_;  ///< by name
+  std::vector<ImportRow> rows_;
+};
+
+}  // namespace
+
+Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& call) {
+  PeopleTable table(context);
+  if (auto done = table.read(call.csv()); !done) return done.error();
+  if (auto done = table.compare(context.reader); !done) return done.error();
+  pb::Reply reply;
+  auto* report = reply.mutable_people_import();
+  if (table.hasFaults() || call.dry_run()) {
+    table.report(*report);
+    return reply;
+  }
+  if (auto done = table.hashPasswords(); !done) return done.error();
+  std::string detail;
+  const auto status = write(context, "", detail, [&](Connection& writer) -> Status {
+    // as it is now, which may be otherwise than when the passwords were hashed
+    if (auto done = table.compare(writer); !done) return done;
+    if (table.hasFaults()) return Error{ErrorCode::kConflict, "people were changed meanwhile: try again"};
+    pb::PeopleImport counts;
+    table.report(counts);
+    detail = std::to_string(counts.added()) + " added, " + std::to_string(counts.changed()) + " changed, " +
+             std::to_string(counts.unchanged()) + " as they were";
+    return table.store(writer);
+  });
+  if (!status) return status.error();
+  table.report(*report);
+  report->set_done(true);
+  return reply;
+}
+
+}  // namespace needlelab::handlers

@@ -1,0 +1,128 @@
+// The force over the depth that a profile will render, by the engine that will render it.
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <variant>
+
+#include "base/range.h"
+#include "haptics/engine.h"
+#include "profile/profile.h"
+#include "service/handlers.h"
+
+namespace needlelab::handlers {
+namespace {
+
+constexpr double kPreviewRate_hz = 1000;
+constexpr double kPreviewLead_m = 0.005;  // the needle begins so far outside
+
+struct PreviewEntry {
+  Vec3 point_m, normal;
+};
+
+/// Where a needle would be pushed in: a point of the surface, the topmost where the shape has one, and the
+/// normal there.
+PreviewEntry entryOf(const Limb& limb) {
+  const Vec3 up{0, 0, 1};
+  if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return {plane->point_m, normalized(plane->normal)};
+  if (const auto* sphere = std::get_if<SphereLimb>(&limb))
+    return {sphere->center_m + sphere->radius_m * up, up};
+  const auto& capsule = std::get<CapsuleLimb>(limb);
+  const Vec3 axis = normalized(capsule.b_m - capsule.a_m);
+  const Vec3 across =
+      std::fabs(dot(axis, up)) < 0.9 ? up - dot(axis, up) * axis : Vec3{1, 0, 0} - axis.x * axis;
+  const Vec3 normal = normalized(across);
+  return {0.5 * (capsule.a_m + capsule.b_m) + capsule.radius_m * normal, normal};
+}
+
+/// Turns +z, hub to tip, into `direction`.
+Quat zTo(Vec3 direction) {
+  const double w = 1 + direction.z;
+  if (w < 1e-9) return Quat{1, 0, 0, 0};
+  const Vec3 axis = cross({0, 0, 1}, direction);
+  return normalized(Quat{axis.x, axis.y, axis.z, w});
+}
+
+Status checkPreview(const pb::PreviewProfile& call) {
+  const auto within = [](const char* field, double value, double min, double max) -> Status {
+    const NumberRange range{min, max, false, false};
+    return value == 0 || range.contains(value) ? Status() : Status(outOfRange(field, value, range));
+  };
+  if (auto valid = within("to_depth_m", call.to_depth_m(), 0.001, 1); !valid) return valid;
+  if (auto valid = within("points", call.points(), 2, 2000); !valid) return valid;
+  return within("speed_m_s", call.speed_m_s(), 0.001, 0.5);
+}
+
+void addLayers(const pb::Profile& profile, pb::ProfilePreview& preview) {
+  double top_m = 0, before_N = 0;
+  for (const pb::Layer& layer : profile.layers()) {
+    auto* felt = preview.add_layers();
+    felt->set_tissue(pb::Layer::Tissue_Name(layer.tissue()));
+    felt->set_from_m(top_m);
+    felt->set_to_m(top_m += layer.thickness_m());
+    felt->set_fidelity(fidelity(before_N, layer.cutting_force_n(),
+                                profile.tracking_wall().stiffness_n_per_m(), layer.thickness_m()));
+    before_N = layer.cutting_force_n();
+  }
+}
+
+}  // namespace
+
+Result<pb::Reply> previewProfile(const Context& context, const pb::PreviewProfile& call) {
+  if (auto valid = checkPreview(call); !valid) return valid.error();
+  const auto profile = parseProfile(call.json(), "profile");
+  if (!profile) return profile.error();
+  if (profile->axial_model() == pb::Profile::FEM)
+    return Error{ErrorCode::kInvalidInput,
+                 "axial_model: FEM takes too long for a preview; look at it with needlelab-sim run"};
+  const auto spec = sceneSpecOf(*profile);
+  if (!spec) return spec.error();
+  const auto model = compile(*spec, kPreviewRate_hz);
+  if (!model) return model.error();
+
+  double bottom_m = 0;
+  for (const LayerSpec& layer : spec->layers) bottom_m += layer.thickness_m;
+  const double deepest_m =
+      std::min(call.to_depth_m() > 0 ? call.to_depth_m() : bottom_m, spec->needle_length_m);
+  const double speed_mps = call.speed_m_s() > 0 ? call.speed_m_s() : 0.01;
+  const std::uint32_t points = call.points() > 0 ? call.points() : 400;
+
+  pb::Reply reply;
+  auto* preview = reply.mutable_profile_preview();
+  preview->set_max_force_n(profile->has_max_force_n() ? profile->max_force_n() : 10);
+  addLayers(*profile, *preview);
+  auto* cutting = preview->add_by_effect();
+  cutting->set_effect("CUTTING");
+  auto* attracted = preview->add_by_effect();
+  attracted->set_effect("ATTRACTED");
+  auto* friction = preview->add_by_effect();
+  friction->set_effect("SHAFT_FRICTION");
+  auto* puncture = preview->add_by_effect();
+  puncture->set_effect("PUNCTURE");
+
+  const PreviewEntry entry = entryOf(spec->limb);
+  const Quat q_WT = zTo(-entry.normal);
+  const auto state = std::make_unique<SimState>();
+  StepReport report;
+  const double step_m = speed_mps / kPreviewRate_hz;
+  const auto ticks = static_cast<std::int64_t>(std::ceil((kPreviewLead_m + deepest_m) / step_m));
+  std::uint32_t taken = 0;
+  for (std::int64_t tick = 0; tick <= ticks && taken < points; ++tick) {
+    if (context.cancelled != nullptr && context.cancelled->load(std::memory_order_relaxed))
+      return Error{ErrorCode::kUnavailable, "the server ends"};
+    const double depth_m = std::min(static_cast<double>(tick) * step_m - kPreviewLead_m, deepest_m);
+    step(*model, {entry.point_m - depth_m * entry.normal, q_WT}, *state, report);
+    // the first tick at or behind each point of an even grid
+    if (depth_m < deepest_m * taken / (points - 1) - 1e-12) continue;
+    ++taken;
+    preview->add_depth_m(std::max(depth_m, 0.0));
+    preview->add_total_n(dot(report.wrench_W.force_N, entry.normal));
+    // along u, into the tissue: against the needle is the other way
+    cutting->add_force_n(0.0 - report.cutting_N);
+    attracted->add_force_n(0.0 - report.attracted_N);
+    friction->add_force_n(0.0 - report.friction_N);
+    puncture->add_force_n(0.0 - report.puncture_N);
+  }
+  return reply;
+}
+
+}  // namespace needlelab::handlers

@@ -1,0 +1,348 @@
+#include "service/record_tables.h"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <vector>
+
+#include "db/password.h"
+#include "db/pseudonym.h"
+
+namespace needlelab {
+namespace {
+
+using K = RecordColumnKind;
+
+constexpr std::array kPersonColumns = {RecordColumn{"name", K::kText, true},
+                                       RecordColumn{"role", K::kInteger},
+                                       RecordColumn{"password_hash", K::kText, false, true},
+                                       RecordColumn{"disabled", K::kInteger},
+                                       RecordColumn{"created_unix_ns", K::kInteger},
+                                       RecordColumn{"full_name"},
+                                       RecordColumn{"revision", K::kInteger},
+                                       RecordColumn{"changed_unix_ns", K::kInteger},
+                                       RecordColumn{"changed_by"}};
+constexpr std::array kGroupColumns = {
+    RecordColumn{"id", K::kText, true},           RecordColumn{"name"},
+    RecordColumn{"revision", K::kInteger},        RecordColumn{"changed_by"},
+    RecordColumn{"changed_unix_ns", K::kInteger}, RecordColumn{"removed", K::kInteger}};
+constexpr std::array kMemberColumns = {RecordColumn{"group_id", K::kText, true},
+                                       RecordColumn{"person", K::kText, true}};
+constexpr std::array kConsentColumns = {
+    RecordColumn{"id", K::kInteger, true}, RecordColumn{"person"},      RecordColumn{"given", K::kInteger},
+    RecordColumn{"unix_ns", K::kInteger},  RecordColumn{"recorded_by"}, RecordColumn{"note"}};
+constexpr std::array kStationColumns = {
+    RecordColumn{"name", K::kText, true}, RecordColumn{"key_hash", K::kHex, false, true},
+    RecordColumn{"revoked", K::kInteger}, RecordColumn{"created_unix_ns", K::kInteger}};
+constexpr std::array kProfileColumns = {RecordColumn{"id", K::kText, true},
+                                        RecordColumn{"revision", K::kInteger, true},
+                                        RecordColumn{"name"},
+                                        RecordColumn{"json"},
+                                        RecordColumn{"author"},
+                                        RecordColumn{"created_unix_ns", K::kInteger}};
+constexpr std::array kCourseColumns = {RecordColumn{"id", K::kText, true},
+                                       RecordColumn{"revision", K::kInteger, true},
+                                       RecordColumn{"name"},
+                                       RecordColumn{"json"},
+                                       RecordColumn{"author"},
+                                       RecordColumn{"created_unix_ns", K::kInteger}};
+constexpr std::array kAssignmentColumns = {RecordColumn{"id", K::kInteger, true},
+                                           RecordColumn{"course_id"},
+                                           RecordColumn{"exercise_id"},
+                                           RecordColumn{"group_id"},
+                                           RecordColumn{"trainee"},
+                                           RecordColumn{"due_unix_ns", K::kInteger},
+                                           RecordColumn{"by_whom"},
+                                           RecordColumn{"created_unix_ns", K::kInteger}};
+constexpr std::array kPolicyColumns = {RecordColumn{"exercise_id", K::kText, true},
+                                       RecordColumn{"thin_after_days", K::kInteger},
+                                       RecordColumn{"thin_rate_hz", K::kReal},
+                                       RecordColumn{"thin_coarser", K::kReal},
+                                       RecordColumn{"delete_after_days", K::kInteger},
+                                       RecordColumn{"without_backup", K::kInteger},
+                                       RecordColumn{"by_whom"},
+                                       RecordColumn{"changed_unix_ns", K::kInteger}};
+constexpr std::array kSessionColumns = {RecordColumn{"id", K::kHex, true},
+                                        RecordColumn{"station"},
+                                        RecordColumn{"trainee"},
+                                        RecordColumn{"exercise_id"},
+                                        RecordColumn{"profile_id"},
+                                        RecordColumn{"profile_revision", K::kInteger},
+                                        RecordColumn{"profile_json"},
+                                        RecordColumn{"engine_version"},
+                                        RecordColumn{"rate_hz", K::kReal},
+                                        RecordColumn{"started_unix_ns", K::kInteger},
+                                        RecordColumn{"description", K::kHex},
+                                        RecordColumn{"state", K::kInteger},
+                                        RecordColumn{"chunks", K::kInteger},
+                                        RecordColumn{"samples", K::kInteger},
+                                        RecordColumn{"stored_bytes", K::kInteger},
+                                        RecordColumn{"hash", K::kHex},
+                                        RecordColumn{"received_unix_ns", K::kInteger},
+                                        RecordColumn{"closed_unix_ns", K::kInteger},
+                                        RecordColumn{"score_json"},
+                                        RecordColumn{"clock_offset_ns", K::kInteger},
+                                        RecordColumn{"clock_round_trip_ns", K::kInteger},
+                                        RecordColumn{"events", K::kInteger},
+                                        RecordColumn{"passed", K::kInteger},
+                                        RecordColumn{"excused", K::kInteger},
+                                        RecordColumn{"erased", K::kInteger}};
+constexpr std::array kScoreColumns = {RecordColumn{"session", K::kSession, true},
+                                      RecordColumn{"definition_version", K::kInteger, true},
+                                      RecordColumn{"measures"},
+                                      RecordColumn{"passed", K::kInteger},
+                                      RecordColumn{"first", K::kInteger},
+                                      RecordColumn{"engine_version"},
+                                      RecordColumn{"made_unix_ns", K::kInteger}};
+constexpr std::array kEventColumns = {RecordColumn{"session", K::kSession, true},
+                                      RecordColumn{"position", K::kInteger, true},
+                                      RecordColumn{"kind", K::kInteger},
+                                      RecordColumn{"begin_tick", K::kInteger},
+                                      RecordColumn{"end_tick", K::kInteger},
+                                      RecordColumn{"begin_s", K::kReal},
+                                      RecordColumn{"end_s", K::kReal},
+                                      RecordColumn{"plunger_from", K::kReal},
+                                      RecordColumn{"plunger_to", K::kReal},
+                                      RecordColumn{"in_tissue_share", K::kReal},
+                                      RecordColumn{"in_target_share", K::kReal},
+                                      RecordColumn{"begin_x_m", K::kReal},
+                                      RecordColumn{"begin_y_m", K::kReal},
+                                      RecordColumn{"begin_z_m", K::kReal},
+                                      RecordColumn{"begin_layer", K::kInteger},
+                                      RecordColumn{"begin_tissue"},
+                                      RecordColumn{"begin_insertion_m", K::kReal},
+                                      RecordColumn{"begin_depth_m", K::kReal},
+                                      RecordColumn{"begin_target"},
+                                      RecordColumn{"begin_target_distance_m", K::kReal},
+                                      RecordColumn{"begin_hazard"},
+                                      RecordColumn{"end_x_m", K::kReal},
+                                      RecordColumn{"end_y_m", K::kReal},
+                                      RecordColumn{"end_z_m", K::kReal},
+                                      RecordColumn{"end_layer", K::kInteger},
+                                      RecordColumn{"end_tissue"},
+                                      RecordColumn{"end_insertion_m", K::kReal},
+                                      RecordColumn{"end_depth_m", K::kReal},
+                                      RecordColumn{"end_target"},
+                                      RecordColumn{"end_target_distance_m", K::kReal},
+                                      RecordColumn{"end_hazard"},
+                                      RecordColumn{"hazards"}};
+constexpr std::array kAnnotationColumns = {RecordColumn{"id", K::kInteger, true},
+                                           RecordColumn{"session", K::kSession},
+                                           RecordColumn{"tick", K::kInteger},
+                                           RecordColumn{"text"},
+                                           RecordColumn{"author"},
+                                           RecordColumn{"created_unix_ns", K::kInteger}};
+constexpr std::array kReferenceColumns = {
+    RecordColumn{"exercise_id", K::kText, true}, RecordColumn{"revision", K::kInteger, true},
+    RecordColumn{"sessions"}, RecordColumn{"by_whom"}, RecordColumn{"created_unix_ns", K::kInteger}};
+constexpr std::array kErasureColumns = {
+    RecordColumn{"pseudonym", K::kText, true}, RecordColumn{"name_hash", K::kHex},
+    RecordColumn{"erased_unix_ns", K::kInteger}, RecordColumn{"by_whom"}, RecordColumn{"reason"}};
+constexpr std::array kAuditColumns = {RecordColumn{"id", K::kInteger, true},
+                                      RecordColumn{"unix_ns", K::kInteger},
+                                      RecordColumn{"who"},
+                                      RecordColumn{"action"},
+                                      RecordColumn{"subject"},
+                                      RecordColumn{"detail"}};
+
+constexpr std::array kRecordTables = {
+    RecordTable{"person", "people", kPersonColumns, "", "name = ?1"},
+    RecordTable{"group", "groups", kGroupColumns, "", ""},
+    RecordTable{"group_member", "group_members", kMemberColumns, "", "person = ?1"},
+    RecordTable{"consent", "consents", kConsentColumns, "", "person = ?1"},
+    RecordTable{"station", "stations", kStationColumns, "", ""},
+    RecordTable{"profile", "profiles", kProfileColumns, "", ""},
+    RecordTable{"course", "curricula", kCourseColumns, "", ""},
+    RecordTable{"assignment", "assignments", kAssignmentColumns, "", "trainee = ?1"},
+    RecordTable{"retention_policy", "retention_policies", kPolicyColumns, "", ""},
+    RecordTable{"session", "sessions", kSessionColumns, "state <> 1", "trainee = ?1"},
+    RecordTable{"score", "scores", kScoreColumns, "session IN (SELECT number FROM sessions WHERE state <> 1)",
+                "session IN (SELECT number FROM sessions WHERE trainee = ?1)"},
+    RecordTable{"event", "session_events", kEventColumns,
+                "session IN (SELECT number FROM sessions WHERE state <> 1)",
+                "session IN (SELECT number FROM sessions WHERE trainee = ?1)"},
+    RecordTable{"annotation", "annotations", kAnnotationColumns,
+                "session IN (SELECT number FROM sessions WHERE state <> 1)",
+                "author = ?1 OR session IN (SELECT number FROM sessions WHERE trainee = ?1)"},
+    RecordTable{"reference", "exercise_references", kReferenceColumns, "", ""},
+    RecordTable{"erasure", "erasures", kErasureColumns, "", ""},
+    RecordTable{"audit", "audit", kAuditColumns, "", "who = ?1 OR subject = ?1"},
+};
+
+/// As it stands in a SELECT.
+std::string expressionOf(const RecordColumn& column) {
+  const std::string name(column.name);
+  return column.kind == K::kSession ? "(SELECT id FROM sessions WHERE number = session)" : name;
+}
+
+bool isWritten(const RecordColumn& column, bool secrets) {
+  return secrets || !column.secret;
+}
+
+RecordJson valueOf(const RecordColumn& column, const Statement& row, int at) {
+  if (row.isNull(at)) return nullptr;
+  switch (column.kind) {
+    case K::kInteger:
+      return row.integer(at);
+    case K::kReal:
+      return row.real(at);
+    case K::kText:
+      return row.text(at);
+    case K::kHex:
+    case K::kSession:
+      return hexDigitsOf(textOf(row.bytes(at)));
+  }
+  return nullptr;
+}
+
+Error recordFault(const RecordColumn& column, const std::string& words) {
+  return {ErrorCode::kInvalidInput, std::string(column.name) + ": " + words};
+}
+
+/// Binds a record's value for a column. kInvalidInput: of another type; a session that is not there.
+Status bindValue(Connection& connection, Statement& statement, const RecordColumn& column,
+                 const RecordJson& value) {
+  if (value.is_null()) {
+    statement.bindNull();
+    return {};
+  }
+  switch (column.kind) {
+    case K::kInteger:
+      if (!value.is_number_integer() ||
+          (value.is_number_unsigned() && value.get<std::uint64_t>() > INT64_MAX))
+        return recordFault(column, "must be a whole number of 64 bits");
+      statement.bind(value.get<std::int64_t>());
+      return {};
+    case K::kReal:
+      if (!value.is_number()) return recordFault(column, "must be a number");
+      statement.bind(value.get<double>());
+      return {};
+    case K::kText:
+      if (!value.is_string()) return recordFault(column, "must be a text");
+      statement.bind(value.get_ref<const std::string&>());
+      return {};
+    case K::kHex:
+    case K::kSession:
+      break;
+  }
+  if (!value.is_string()) return recordFault(column, "must be a text of hexadecimal digits");
+  const auto bytes = bytesOfHex(value.get_ref<const std::string&>());
+  if (!bytes) return recordFault(column, bytes.error().message);
+  if (column.kind == K::kHex) {
+    statement.bind(viewOf(*bytes));
+    return {};
+  }
+  auto session = connection.query("SELECT number FROM sessions WHERE id = ?", viewOf(*bytes));
+  const auto found = session.step();
+  if (!found) return found.error();
+  if (!*found) return recordFault(column, "there is no session " + value.get<std::string>());
+  statement.bind(session.integer(0));
+  return {};
+}
+
+/// " WHERE a = ? AND b = ?" over the keys.
+std::string whereKeys(const RecordTable& table) {
+  std::string where;
+  for (const RecordColumn& column : table.columns) {
+    if (!column.is_key) continue;
+    where += (where.empty() ? "" : " AND ") + std::string(column.name) + " = ?";
+  }
+  return where;
+}
+
+Status bindKeys(Connection& connection, Statement& statement, const RecordTable& table,
+                const RecordJson& record) {
+  for (const RecordColumn& column : table.columns) {
+    if (!column.is_key) continue;
+    const auto value = record.find(column.name);
+    if (value == record.end() || value->is_null()) return recordFault(column, "is missing");
+    if (auto bound = bindValue(connection, statement, column, *value); !bound) return bound;
+  }
+  return {};
+}
+
+/// What stands in the place of a secret that was not exported: nothing that anybody can log in with.
+Status bindMissing(Statement& statement, const RecordColumn& column) {
+  if (!column.secret) return recordFault(column, "is missing");
+  if (column.kind == K::kHex) {
+    const auto nobody = hashStationKey(makeStationKey());
+    statement.bind(ByteView(nobody));
+  } else {
+    statement.bindNull();
+  }
+  return {};
+}
+
+}  // namespace
+
+std::span<const RecordTable> recordTables() {
+  return kRecordTables;
+}
+
+const RecordTable* recordTable(std::string_view kind) {
+  const auto found = std::find_if(kRecordTables.begin(), kRecordTables.end(),
+                                  [&](const RecordTable& table) { return table.kind == kind; });
+  return found == kRecordTables.end() ? nullptr : &*found;
+}
+
+std::string selectRecords(const RecordTable& table, std::string_view where, bool secrets) {
+  std::string columns, keys;
+  for (const RecordColumn& column : table.columns) {
+    if (isWritten(column, secrets)) columns += (columns.empty() ? "" : ", ") + expressionOf(column);
+    if (column.is_key) keys += (keys.empty() ? "" : ", ") + std::string(column.name);
+  }
+  // revisions count upwards: a row refers to none behind it
+  return "SELECT " + columns + " FROM " + std::string(table.table) +
+         (where.empty() ? std::string() : " WHERE " + std::string(where)) + " ORDER BY " + keys;
+}
+
+RecordJson recordOf(const RecordTable& table, const Statement& row, bool secrets) {
+  RecordJson record{{"kind", table.kind}};
+  int at = 0;
+  for (const RecordColumn& column : table.columns) {
+    if (isWritten(column, secrets)) record[std::string(column.name)] = valueOf(column, row, at++);
+  }
+  return record;
+}
+
+Result<RecordJson> storedRecord(Connection& connection, const RecordTable& table, const RecordJson& record,
+                                bool secrets) {
+  auto row = connection.prepare(selectRecords(table, whereKeys(table), secrets));
+  if (auto bound = bindKeys(connection, row, table, record); !bound) return bound.error();
+  const auto found = row.step();
+  if (!found) return found.error();
+  return *found ? recordOf(table, row, secrets) : RecordJson(nullptr);
+}
+
+Status insertRecord(Connection& writer, const RecordTable& table, const RecordJson& record) {
+  for (const auto& [name, value] : record.items()) {
+    const bool known =
+        name == "kind" || std::any_of(table.columns.begin(), table.columns.end(),
+                                      [&name = name](const auto& column) { return column.name == name; });
+    if (!known) return Error{ErrorCode::kInvalidInput, "unknown field '" + name + "'"};
+  }
+  std::string columns, places;
+  for (const RecordColumn& column : table.columns) {
+    columns += (columns.empty() ? "" : ", ") + std::string(column.name);
+    places += places.empty() ? "?" : ", ?";
+  }
+  auto insert = writer.prepare("INSERT INTO " + std::string(table.table) + " (" + columns + ") VALUES (" +
+                               places + ")");
+  for (const RecordColumn& column : table.columns) {
+    const auto value = record.find(column.name);
+    auto bound =
+        value == record.end() ? bindMissing(insert, column) : bindValue(writer, insert, column, *value);
+    if (!bound) return bound;
+  }
+  const auto done = insert.run();
+  if (done || writer.damaged()) return done;
+  return Error{ErrorCode::kInvalidInput, "the schema refuses it: " + done.error().message};
+}
+
+Status removeRecord(Connection& writer, const RecordTable& table, const RecordJson& record) {
+  auto remove = writer.prepare("DELETE FROM " + std::string(table.table) + " WHERE " + whereKeys(table));
+  if (auto bound = bindKeys(writer, remove, table, record); !bound) return bound;
+  return remove.run();
+}
+
+}  // namespace needlelab

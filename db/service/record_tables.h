@@ -1,0 +1,61 @@
+/// Rows of the store as JSON records, one object each, and back: "kind" says which table. Exact both ways.
+/// Private to this folder.
+#pragma once
+
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "base/result.h"
+#include "db/connection.h"
+#include "db/statement.h"
+
+namespace needlelab {
+
+using RecordJson = nlohmann::ordered_json;
+
+/// How a column is written.
+enum class RecordColumnKind : std::uint8_t {
+  kInteger,
+  kReal,
+  kText,
+  kHex,      ///< bytes, as digits
+  kSession,  ///< the row number of a session, as the session's id in digits
+};
+
+struct RecordColumn {
+  std::string_view name;
+  RecordColumnKind kind = RecordColumnKind::kText;
+  bool is_key = false;
+  bool secret = false;  ///< hashes of passwords and keys: only when asked for
+};
+
+struct RecordTable {
+  std::string_view kind, table;
+  std::span<const RecordColumn> columns;
+  std::string_view only;  ///< a condition on the rows; empty: all
+  std::string_view
+      of_person;  ///< a condition on the rows that are a person's, its name as ?1; empty: none are
+};
+
+/// In an order in which they can be read in again: what is referred to comes first.
+std::span<const RecordTable> recordTables();
+/// Null when there is none of this kind.
+const RecordTable* recordTable(std::string_view kind);
+
+/// "SELECT … FROM … WHERE … ORDER BY …" of a table's records; `where` may be empty.
+std::string selectRecords(const RecordTable& table, std::string_view where, bool secrets);
+/// The present row of such a statement.
+RecordJson recordOf(const RecordTable& table, const Statement& row, bool secrets);
+
+/// The row that has the record's key, as a record; null when there is none. kInvalidInput: a key is missing
+/// or of a wrong type.
+Result<RecordJson> storedRecord(Connection& connection, const RecordTable& table, const RecordJson& record,
+                                bool secrets);
+/// Stores it. kInvalidInput: an unknown field, a wrong type, what the schema refuses.
+Status insertRecord(Connection& writer, const RecordTable& table, const RecordJson& record);
+Status removeRecord(Connection& writer, const RecordTable& table, const RecordJson& record);
+
+}  // namespace needlelab

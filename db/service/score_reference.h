@@ -1,0 +1,21 @@
+/// An exercise's reference: what its experts' sessions come to, and how a score stands beside it. Private to
+/// this folder.
+#pragma once
+
+#include <string>
+
+#include "base/result.h"
+#include "db/connection.h"
+#include "needlelab/teaching.pb.h"
+
+namespace needlelab {
+
+/// Fills bands and definition_version from the newest scores of the reference's sessions. Only scores of one
+/// version are taken together: the newest that there is.
+Status addBands(Connection& reader, pb::Reference& reference);
+
+/// As JSON (scoring/reference.h); empty when the exercise has no reference of the score's version.
+Result<std::string> comparisonWith(Connection& reader, const std::string& exercise_id,
+                                   const pb::Score& score);
+
+}  // namespace needlelab

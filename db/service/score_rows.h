@@ -1,0 +1,27 @@
+/// Scores as they are stored: the rows, and what they say of the requirements. Private to this folder.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "base/uuid.h"
+#include "needlelab/teaching.pb.h"
+
+namespace needlelab {
+
+/// The requirements in a score's rows.
+struct Verdicts {
+  std::uint32_t required = 0, met = 0;
+  /// Nothing: nothing was required, or the text is no score.
+  [[nodiscard]] std::optional<bool> passed() const {
+    return required == 0 ? std::nullopt : std::optional(met == required);
+  }
+};
+Verdicts verdictsOf(std::string_view measures_json);
+
+/// A score made now, by this program and its definitions.
+pb::Score newScore(const Uuid& session, const std::string& measures_json);
+
+}  // namespace needlelab

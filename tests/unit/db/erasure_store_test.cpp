@@ -1,0 +1,191 @@
+#include "db/erasure_store.h"
+
+#include <filesystem>
+#include <set>
+
+#include "base/atomic_file.h"
+#include "db/annotation_store.h"
+#include "db/audit_store.h"
+#include "db/check.h"
+#include "db/people_store.h"
+#include "db/retention_store.h"
+#include "db/score_store.h"
+#include "dump.h"
+#include "test_db.h"
+
+namespace needlelab {
+namespace {
+
+class ErasureStoreTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_OK(PeopleStore(db.writer).add({"anna", pb::TRAINEE, "", false, 1, "Anna Östlund-Berg"}));
+    ASSERT_OK(PeopleStore(db.writer).add({"ben", pb::TRAINEE, "", false, 1}));
+  }
+  Uuid session(const std::string& trainee, std::uint64_t chunks, bool closed) {
+    const Uuid id = makeUuidV7();
+    auto d = test::describe(id);
+    d.set_trainee(trainee);
+    EXPECT_OK(SessionStore(db.writer).open(d, 1));
+    for (std::uint64_t seq = 0; seq < chunks; ++seq)
+      EXPECT_OK(SessionStore(db.writer).append(id, seq, test::chunkOf(seq)));
+    if (closed) EXPECT_OK(SessionStore(db.writer).close(test::closeOf(id, chunks), 2));
+    return id;
+  }
+  ErasureLine line(const std::string& name, std::int64_t when) {
+    const auto key = PseudonymKey::ofFolder(db.folder.path());
+    return {"erased-1234", key->nameHash(name), when};
+  }
+  Result<pb::Erasure> erase(const std::string& name, std::int64_t when = 1'800'000'000'000'000'000) {
+    return ErasureStore(db.writer).erase(name, line(name, when), "ada", "asked for it", when);
+  }
+  void removeChunks(const Uuid& id) {
+    for (;;) {
+      const auto more = RetentionStore(db.writer).removeSome(id, 2);
+      ASSERT_OK(more);
+      if (!*more) return;
+    }
+  }
+  test::TestDb db;
+};
+
+TEST_F(ErasureStoreTest, nothingInTheDatabaseNamesThePersonAfterwards) {
+  const Uuid id = session("anna", 5, true), other = session("ben", 3, true);
+  ASSERT_OK(ScoreStore(db.writer).put(test::scoreOf(id, "[1]")));
+  ASSERT_OK(AnnotationStore(db.writer).add(
+      {0, id, 1, "Well done, ANNA! Mrs. Östlund-Berg holds still.", "ina", 1}));
+  ASSERT_OK(AnnotationStore(db.writer).add({0, other, 1, "better than anna, annabel", "ina", 1}));
+  ASSERT_OK(AuditStore(db.writer).add({0, 1, "ina", "assign", "anna", "exercise knee-1 for anna"}));
+  const auto erased = erase("anna");
+  ASSERT_OK(erased);
+  EXPECT_EQ(erased->sessions(), 1u);
+  EXPECT_EQ(erased->recordings(), 1u);
+  EXPECT_EQ(erased->scores(), 1u);
+  EXPECT_EQ(erased->remarks_kept(), 1u);
+  EXPECT_EQ(erased->audit_lines(), 1u);
+  const std::string all = test::dump(db.writer);
+  EXPECT_EQ(all.find("'anna'"), std::string::npos);
+  EXPECT_EQ(all.find("stlund"), std::string::npos);
+  // blobs are dumped as digits
+  EXPECT_EQ(all.find("616E6E61"), std::string::npos) << "in the description";
+  EXPECT_NE(all.find("Well done, erased-1234!"), std::string::npos);
+  EXPECT_NE(all.find("better than erased-1234, annabel"), std::string::npos);
+  EXPECT_NE(all.find("exercise knee-1 for erased-1234"), std::string::npos);
+  // others are untouched
+  EXPECT_EQ(SessionStore(db.writer).info(other)->chunks(), 3u);
+  removeChunks(id);
+  const auto check = checkDatabase(db.writer);
+  ASSERT_OK(check);
+  EXPECT_TRUE(check->ok()) << check->faults.front();
+  EXPECT_EQ(erase("anna").error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(ErasureStoreTest, whatAStationStillSendsIsAcknowledgedAndNotKept) {
+  const Uuid id = session("anna", 3, false);
+  ASSERT_EQ(ErasureStore(db.writer).openSessions("anna")->size(), 1u);
+  ASSERT_OK(erase("anna"));
+  removeChunks(id);
+  SessionStore sessions(db.writer);
+  // the station goes on as if nothing had happened: new chunks, old ones, its description, the end
+  for (const std::uint64_t seq : {3u, 4u, 1u}) {
+    const auto appended = sessions.append(id, seq, test::chunkOf(seq), "station-1");
+    ASSERT_OK(appended);
+    EXPECT_TRUE(appended->taken()) << appended->text;
+    EXPECT_GT(appended->next_seq, seq);
+  }
+  auto again = test::describe(id);
+  again.set_trainee("anna");
+  EXPECT_OK(sessions.open(again, 5));
+  const auto closed = sessions.close(test::closeOf(id, 5), 6, "station-1");
+  ASSERT_OK(closed);
+  EXPECT_TRUE(closed->taken()) << closed->text;
+  auto left = db.writer.prepare("SELECT count(*) FROM chunks");
+  ASSERT_TRUE(*left.step());
+  EXPECT_EQ(left.integer(0), 0);
+  EXPECT_EQ(test::dump(db.writer).find("616E6E61"), std::string::npos);
+  EXPECT_EQ(ScoreStore(db.writer).put(test::scoreOf(id, "[]")).error().code, ErrorCode::kUnavailable);
+}
+
+TEST_F(ErasureStoreTest, aSessionThatComesAfterTheErasureIsStoredWithoutNameAndEmpty) {
+  ASSERT_OK(erase("anna"));
+  SessionStore sessions(db.writer);
+  // it was recorded before, while the station was away
+  const Uuid id = makeUuidV7();
+  auto d = test::describe(id);
+  d.set_trainee("anna");
+  ASSERT_OK(sessions.open(d, 5));
+  EXPECT_EQ(sessions.info(id)->description().trainee(), "erased-1234");
+  EXPECT_TRUE(sessions.append(id, 0, test::chunkOf(0))->taken());
+  EXPECT_TRUE(sessions.close(test::closeOf(id, 1), 6)->taken());
+  EXPECT_EQ(sessions.info(id)->chunks(), 0u);
+  // somebody who has that name from now on is somebody else
+  const Uuid later = makeUuidV7();
+  d.set_session_id(test::bytesOfId(later));
+  d.set_started_unix_ns(1'900'000'000'000'000'000);
+  ASSERT_OK(sessions.open(d, 5));
+  EXPECT_EQ(sessions.info(later)->description().trainee(), "anna");
+  EXPECT_EQ(sessions.append(later, 0, test::chunkOf(0))->kind, Appended::Kind::kStored);
+  const auto check = checkDatabase(db.writer);
+  ASSERT_OK(check);
+  EXPECT_TRUE(check->ok()) << check->faults.front();
+}
+
+TEST_F(ErasureStoreTest, theLastAdministratorIsNotErased) {
+  ASSERT_OK(PeopleStore(db.writer).add({"ada", pb::ADMINISTRATOR, "h", false, 1}));
+  EXPECT_EQ(erase("ada").error().code, ErrorCode::kDenied);
+  ASSERT_OK(PeopleStore(db.writer).add({"alf", pb::ADMINISTRATOR, "h", false, 1}));
+  EXPECT_OK(erase("ada"));
+}
+
+TEST_F(ErasureStoreTest, aDatabaseFromBeforeSaysWhoMustBeErasedAgain) {
+  const auto made = line("anna", 77);
+  ASSERT_OK(writeErasures(db.folder.path(), {made}));
+  const auto lines = readErasures(db.folder.path());
+  ASSERT_OK(lines);
+  ASSERT_EQ(lines->size(), 1u);
+  EXPECT_EQ((*lines)[0].name_hash, made.name_hash);
+  EXPECT_EQ((*lines)[0].unix_ns, 77);
+  // the file knows, the database does not: as after a restore
+  const auto repeat = ErasureStore(db.writer).toRepeat(db.folder.path());
+  ASSERT_OK(repeat);
+  ASSERT_EQ(repeat->size(), 1u);
+  EXPECT_EQ((*repeat)[0].name, "anna");
+  EXPECT_NE(erasureToRepeatText((*repeat)[0]).find("person erase 'anna'"), std::string::npos);
+  ASSERT_OK(erase("anna"));
+  EXPECT_TRUE(ErasureStore(db.writer).toRepeat(db.folder.path())->empty());
+  ASSERT_OK(writeFileAtomically(db.folder.path() / "erasures", viewOf("nonsense\n")));
+  EXPECT_EQ(ErasureStore(db.writer).toRepeat(db.folder.path()).error().code, ErrorCode::kCorrupt);
+}
+
+TEST(Pseudonym, isStableWithinAStudyAndTellsNothingAcross) {
+  const test::TempFolder folder;
+  const auto key = PseudonymKey::ofFolder(folder.path());
+  ASSERT_OK(key);
+  const auto again = PseudonymKey::ofFolder(folder.path());
+  EXPECT_EQ(key->ofPerson("s", "anna", 1), again->ofPerson("s", "anna", 1));
+  const std::set<std::string> all{key->ofPerson("s", "anna", 1), key->ofPerson("t", "anna", 1),
+                                  key->ofPerson("s", "ben", 1), key->ofPerson("s", "anna", 2),
+                                  key->ofPerson("sa", "nna", 1)};
+  EXPECT_EQ(all.size(), 5u);
+  const test::TempFolder elsewhere;
+  EXPECT_NE(PseudonymKey::ofFolder(elsewhere.path())->ofPerson("s", "anna", 1),
+            key->ofPerson("s", "anna", 1));
+  const auto mode = std::filesystem::status(folder.path() / "pseudonym.key").permissions();
+  EXPECT_EQ(mode, std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+  ASSERT_OK(writeFileAtomically(folder.path() / "pseudonym.key", viewOf("short")));
+  EXPECT_EQ(PseudonymKey::ofFolder(folder.path()).error().code, ErrorCode::kCorrupt);
+}
+
+TEST(Pseudonym, aNameIsReplacedAsAWordOnly) {
+  EXPECT_EQ(withoutName("anna, Anna and annabel; susanna", "anna", "", "X"), "X, X and annabel; susanna");
+  EXPECT_EQ(withoutName("Dr. Berg and Li", "b1", "Anna Berg Li", "X"), "Dr. X and Li")
+      << "two letters may be any word";
+  EXPECT_EQ(withoutName("Anna Berg Li was here", "b1", "Anna Berg Li", "X"), "X was here");
+  EXPECT_EQ(withoutName("Jürg übte", "jürg", "", "X"), "X übte");
+  EXPECT_EQ(withoutName("", "anna", "", "X"), "");
+  EXPECT_EQ(withoutName("anna", "", "", "X"), "anna");
+  EXPECT_EQ(withoutName("ananas anna", "ana", "", "X"), "ananas anna");
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,282 @@
+// Groups, assignments, attempts, scores, references, consent: what the stores hold and refuse.
+#include <optional>
+
+#include "db/assignment_store.h"
+#include "db/attempt_store.h"
+#include "db/consent_store.h"
+#include "db/curriculum_store.h"
+#include "db/group_store.h"
+#include "db/people_store.h"
+#include "db/profile_store.h"
+#include "db/score_store.h"
+#include "test_db.h"
+
+namespace needlelab {
+namespace {
+
+class TeachingStores : public testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_OK(ProfileStore(db.writer).put({"knee", 0, "A knee", "{}", "mia", 1}));
+    ASSERT_OK(CurriculumStore(db.writer).put({"basics",
+                                              0,
+                                              "Basics",
+                                              "{}",
+                                              "mia",
+                                              1,
+                                              {{"a", "", "A", "knee", "{}"}, {"b", "", "B", "knee", "{}"}}}));
+    for (const char* name : {"anna", "ben", "zoe"})
+      ASSERT_OK(PeopleStore(db.writer).add({name, pb::TRAINEE, "", false, 1}));
+  }
+  static pb::Group group(const std::string& id, const std::vector<std::string>& members) {
+    pb::Group group;
+    group.set_id(id);
+    group.set_name("Group " + id);
+    for (const auto& name : members) group.add_members(name);
+    return group;
+  }
+  pb::Assignment assignment(const std::string& course, const std::string& exercise,
+                            const std::string& to_group, const std::string& trainee, std::int64_t due = 0) {
+    pb::Assignment a;
+    a.set_course_id(course);
+    a.set_exercise_id(exercise);
+    a.set_group_id(to_group);
+    a.set_trainee(trainee);
+    a.set_due_unix_ns(due);
+    a.set_by("mia");
+    a.set_created_unix_ns(++created_);
+    return a;
+  }
+  /// A session of a trainee, closed when it is scored.
+  Uuid session(const std::string& trainee, const std::string& exercise, std::int64_t started) {
+    const Uuid id = makeUuidV7();
+    auto d = test::describe(id);
+    d.set_trainee(trainee);
+    d.set_exercise_id(exercise);
+    d.set_started_unix_ns(started);
+    EXPECT_OK(SessionStore(db.writer).open(d, 1));
+    return id;
+  }
+
+  test::TestDb db;
+  std::int64_t created_ = 0;
+};
+
+TEST_F(TeachingStores, aGroupIsEditedFromItsNewestRevisionOnly) {
+  GroupStore groups(db.writer);
+  EXPECT_EQ(groups.put(group("g", {"ben", "anna"}), 0, "mia", 5)->revision(), 1u);
+  // the same again is no new revision, in whichever order
+  EXPECT_EQ(groups.put(group("g", {"anna", "ben"}), 1, "mia", 6)->revision(), 1u);
+  EXPECT_EQ(groups.put(group("g", {"anna"}), 1, "max", 1'764'000'000'000'000'000)->revision(), 2u);
+  const auto late = groups.put(group("g", {"anna", "zoe"}), 1, "mia", 8);
+  ASSERT_FALSE(late.ok());
+  EXPECT_EQ(late.error().code, ErrorCode::kConflict);
+  EXPECT_EQ(late.error().current_revision, 2u);
+  for (const char* word : {"'g'", "revision 2", "'max'", "2025-11-24 16:00:00 UTC", "revision 1"})
+    EXPECT_NE(late.error().message.find(word), std::string::npos) << word << ": " << late.error().message;
+  ASSERT_EQ(groups.get("g")->members_size(), 1);
+  // one that shall be new and is not; one that was meant to be there and is not
+  EXPECT_EQ(groups.put(group("g", {}), 0, "mia", 9).error().code, ErrorCode::kConflict);
+  EXPECT_EQ(groups.put(group("h", {}), 3, "mia", 9).error().code, ErrorCode::kConflict);
+}
+
+TEST_F(TeachingStores, aGroupsMembersArePeopleEachOnce) {
+  GroupStore groups(db.writer);
+  EXPECT_EQ(groups.put(group("g", {"anna", "nobody"}), 0, "mia", 1).error().code, ErrorCode::kNotFound);
+  ASSERT_OK(db.writer.script("DELETE FROM group_members; DELETE FROM groups"));
+  EXPECT_EQ(groups.put(group("g", {"anna", "anna"}), 0, "mia", 1).error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(groups.put(group("", {}), 0, "mia", 1).error().code, ErrorCode::kInvalidInput);
+}
+
+TEST_F(TeachingStores, aRemovedGroupTakesItsAssignmentsAndGoesOnCountingWhenItComesBack) {
+  GroupStore groups(db.writer);
+  ASSERT_OK(groups.put(group("g", {"anna"}), 0, "mia", 1));
+  ASSERT_OK(AssignmentStore(db.writer).put(assignment("basics", "", "g", "")));
+  EXPECT_EQ(groups.remove("g", 7, "mia", 2).error().code, ErrorCode::kConflict);
+  ASSERT_OK(groups.remove("g", 1, "mia", 2));
+  EXPECT_EQ(groups.get("g").error().code, ErrorCode::kNotFound);
+  EXPECT_TRUE(groups.list()->empty());
+  EXPECT_TRUE(groups.groupsOf("anna")->empty());
+  EXPECT_TRUE(AssignmentStore(db.writer).list({})->empty());
+  // an edit of the old one is not taken for one of the new one
+  EXPECT_EQ(groups.put(group("g", {"ben"}), 0, "mia", 3)->revision(), 3u);
+  EXPECT_EQ(groups.put(group("g", {"zoe"}), 1, "max", 4).error().code, ErrorCode::kConflict);
+}
+
+TEST_F(TeachingStores, anAssignmentIsOneOfEachPairAndRenewedInPlace) {
+  AssignmentStore assignments(db.writer);
+  ASSERT_OK(GroupStore(db.writer).put(group("g", {"anna", "ben"}), 0, "mia", 1));
+  const auto first = assignments.put(assignment("basics", "", "g", "", 100));
+  ASSERT_OK(first);
+  EXPECT_EQ(assignments.put(assignment("basics", "", "g", "", 200))->id(), first->id());
+  ASSERT_OK(assignments.put(assignment("", "a", "", "anna")));
+  EXPECT_EQ(assignments.list({"anna", "", ""})->size(), 2u) << "one's own and one's group's";
+  EXPECT_EQ(assignments.list({"ben", "", ""})->size(), 1u);
+  EXPECT_EQ(assignments.list({"zoe", "", ""})->size(), 0u);
+  EXPECT_EQ(assignments.list({"", "basics", ""})->size(), 2u) << "the course and an exercise of it";
+  EXPECT_EQ(assignments.list({"", "", "g"})->front().due_unix_ns(), 200);
+  for (const auto& wrong : {assignment("basics", "a", "", "anna"), assignment("", "", "", "anna"),
+                            assignment("basics", "", "", ""), assignment("basics", "", "g", "anna"),
+                            assignment("basics", "", "g", "", -1)})
+    EXPECT_EQ(assignments.put(wrong).error().code, ErrorCode::kInvalidInput) << wrong.ShortDebugString();
+  for (const auto& wrong :
+       {assignment("other", "", "g", ""), assignment("", "z", "g", ""), assignment("basics", "", "h", "")})
+    EXPECT_EQ(assignments.put(wrong).error().code, ErrorCode::kNotFound) << wrong.ShortDebugString();
+  // a number is never used again
+  ASSERT_OK(assignments.remove(2));
+  EXPECT_EQ(assignments.remove(2).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(assignments.put(assignment("", "a", "", "anna"))->id(), 3u);
+}
+
+TEST_F(TeachingStores, aDateForOnePersonGoesBeforeItsGroups) {
+  AssignmentStore assignments(db.writer);
+  ASSERT_OK(GroupStore(db.writer).put(group("g", {"anna", "ben"}), 0, "mia", 1));
+  ASSERT_OK(GroupStore(db.writer).put(group("h", {"anna"}), 0, "mia", 1));
+  const auto due = [&] { return *assignments.dueOf("anna", "a", "basics", 7); };
+  EXPECT_EQ(due(), 7) << "the exercise's own";
+  ASSERT_OK(assignments.put(assignment("basics", "", "g", "", 100)));
+  EXPECT_EQ(due(), 100);
+  ASSERT_OK(assignments.put(assignment("basics", "", "h", "", 150)));
+  EXPECT_EQ(due(), 150) << "of two groups the later";
+  ASSERT_OK(assignments.put(assignment("", "a", "g", "", 120)));
+  EXPECT_EQ(due(), 120);
+  ASSERT_OK(assignments.put(assignment("basics", "", "", "anna", 90)));
+  EXPECT_EQ(due(), 90);
+  ASSERT_OK(assignments.put(assignment("", "a", "", "anna", 300)));
+  EXPECT_EQ(due(), 300);
+  EXPECT_EQ(*assignments.dueOf("ben", "a", "basics", 7), 120);
+  EXPECT_EQ(*assignments.dueOf("zoe", "a", "basics", 7), 7);
+}
+
+TEST_F(TeachingStores, attemptsAreNumberedByWhenTheyWereBegunEachExerciseForItself) {
+  const Uuid second = session("anna", "a", 200), other = session("anna", "b", 150),
+             first = session("anna", "a", 100);
+  session("ben", "a", 50);
+  AttemptStore attempts(db.writer);
+  const auto of_a = attempts.list("anna", "a", false);
+  ASSERT_OK(of_a);
+  ASSERT_EQ(of_a->size(), 2u);
+  EXPECT_EQ((*of_a)[0].session_id(), test::bytesOfId(first));
+  EXPECT_EQ((*of_a)[1].number(), 2u);
+  EXPECT_EQ(attempts.list("anna", "", false)->size(), 3u);
+  EXPECT_EQ(attempts.get(other)->number(), 1u);
+  EXPECT_EQ(attempts.get(second)->number(), 2u);
+  // one that comes late takes its place
+  session("anna", "a", 120);
+  EXPECT_EQ(attempts.get(second)->number(), 3u);
+  EXPECT_EQ(attempts.standing("anna", "a")->counted, 3u);
+  EXPECT_TRUE(*attempts.excuse(second, true));
+  EXPECT_FALSE(*attempts.excuse(second, true));
+  EXPECT_EQ(attempts.standing("anna", "a")->counted, 2u);
+  EXPECT_EQ(attempts.standing("anna", "a")->all, 3u);
+  EXPECT_EQ(attempts.excuse(makeUuidV7(), true).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(*attempts.trainees("basics"), (std::vector<std::string>{"anna", "ben"}));
+}
+
+TEST_F(TeachingStores, theFirstScoreStaysWhateverComesAfterIt) {
+  const Uuid id = session("anna", "a", 1);
+  ScoreStore scores(db.writer);
+  const auto put = [&](std::uint32_t version, const std::string& measures, std::optional<bool> passed) {
+    auto score = test::scoreOf(id, measures, version);
+    if (passed) score.set_passed(*passed);
+    return scores.put(score);
+  };
+  EXPECT_EQ(scores.get(id, 0).error().code, ErrorCode::kNotFound);
+  // versions do not have to come in order: a server may have been updated and taken back
+  ASSERT_OK(put(3, "[3]", false));
+  EXPECT_EQ(SessionStore(db.writer).info(id)->score_json(), "[3]");
+  ASSERT_OK(put(2, "[2]", true));
+  ASSERT_OK(put(4, "[4]", true));
+  ASSERT_OK(put(4, "[4 again]", {}));
+  ASSERT_OK(put(3, "[not taken]", true));
+  EXPECT_EQ(SessionStore(db.writer).info(id)->score_json(), "[3]");
+  EXPECT_EQ(*AttemptStore(db.writer).standing("anna", "a")->passed, false)
+      << "the verdict is the first score's";
+  EXPECT_EQ(scores.get(id, 0)->measures_json(), "[4 again]");
+  EXPECT_FALSE(scores.get(id, 4)->has_passed());
+  EXPECT_EQ(scores.get(id, 3)->measures_json(), "[3]");
+  EXPECT_TRUE(scores.get(id, 3)->first());
+  EXPECT_EQ(scores.list(id)->size(), 3u);
+  EXPECT_EQ(put(0, "[]", {}).error().code, ErrorCode::kInvalidInput);
+}
+
+TEST_F(TeachingStores, aReferenceIsMadeOfClosedSessionsOfItsExercise) {
+  const Uuid closed = session("anna", "a", 1), open = session("anna", "a", 2),
+             other = session("anna", "b", 3);
+  for (const Uuid& id : {closed, other}) {
+    auto d = test::closeOf(id, 0);
+    ASSERT_OK(SessionStore(db.writer).close(d, 9));
+  }
+  ReferenceStore references(db.writer);
+  EXPECT_EQ(references.get("a")->revision(), 0u);
+  EXPECT_EQ(references.put("a", {open}, 0, "mia", 1).error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(references.put("a", {other}, 0, "mia", 1).error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(references.put("a", {closed, closed}, 0, "mia", 1).error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(references.put("a", {makeUuidV7()}, 0, "mia", 1).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(references.put("z", {}, 0, "mia", 1).error().code, ErrorCode::kNotFound);
+  const auto put = references.put("a", {closed}, 0, "mia", 1);
+  ASSERT_OK(put);
+  ASSERT_EQ(put->session_ids_size(), 1);
+  EXPECT_EQ(put->session_ids(0), test::bytesOfId(closed));
+  EXPECT_EQ(references.put("a", {}, 0, "max", 2).error().code, ErrorCode::kConflict);
+  EXPECT_EQ(references.put("a", {}, 1, "max", 2)->revision(), 2u);
+}
+
+TEST_F(TeachingStores, consentIsTheLastWordAndAllWordsAreKept) {
+  ConsentStore consents(db.writer);
+  const auto say = [&](const std::string& who, bool given, std::int64_t when) {
+    pb::Consent consent;
+    consent.set_given(given);
+    consent.set_unix_ns(when);
+    consent.set_recorded_by("ina");
+    return consents.add(who, consent);
+  };
+  EXPECT_FALSE(consents.newest("anna")->has_value());
+  ASSERT_OK(say("anna", true, 1));
+  ASSERT_OK(say("ben", true, 2));
+  EXPECT_EQ(*consents.consenting(), (std::vector<std::string>{"anna", "ben"}));
+  // a clock that went back does not undo what was said later
+  ASSERT_OK(say("anna", false, 0));
+  EXPECT_EQ(*consents.consenting(), std::vector<std::string>{"ben"});
+  EXPECT_EQ(consents.list("anna")->size(), 2u);
+  EXPECT_FALSE((*consents.newest("anna"))->given());
+  EXPECT_EQ(say("nobody", true, 1).error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(TeachingStores, peopleAreChangedFromTheirNewestRevision) {
+  PeopleStore people(db.writer);
+  EXPECT_EQ(people.find("anna")->value().revision, 1u);
+  EXPECT_EQ(people.change("anna", 1, {.full_name = "Anna A."}, "mia", 5)->revision, 2u);
+  EXPECT_EQ(people.change("anna", 2, {.full_name = "Anna A."}, "mia", 6)->revision, 2u)
+      << "nothing was changed";
+  const auto late = people.change("anna", 1, {.role = pb::INSTRUCTOR}, "max", 7);
+  ASSERT_FALSE(late.ok());
+  EXPECT_EQ(late.error().code, ErrorCode::kConflict);
+  EXPECT_NE(late.error().message.find("'mia'"), std::string::npos) << late.error().message;
+  EXPECT_EQ(people.find("anna")->value().role, pb::TRAINEE);
+  EXPECT_EQ(people.change("anna", 2, {.role = pb::STATION}, "max", 7).error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(people.change("anna", 2, {.role = pb::RESEARCHER}, "max", 7)->role, pb::RESEARCHER);
+}
+
+TEST_F(TeachingStores, profilesAndCoursesRefuseAnEditOfAnOldRevision) {
+  ProfileStore profiles(db.writer);
+  ASSERT_OK(profiles.put({"knee", 0, "A knee", "{2}", "max", 2}, 1));
+  EXPECT_EQ(profiles.put({"knee", 0, "A knee", "{3}", "mia", 3}, 1).error().code, ErrorCode::kConflict);
+  EXPECT_EQ(profiles.put({"knee", 0, "A knee", "{3}", "mia", 3}, 0).error().code, ErrorCode::kConflict)
+      << "it is not new";
+  EXPECT_EQ(*profiles.put({"knee", 0, "A knee", "{3}", "mia", 3}), 3u) << "an import does not ask";
+  EXPECT_EQ(profiles.revisions("knee")->size(), 3u);
+  EXPECT_EQ(profiles.revisions("knee")->front().revision, 3u);
+  EXPECT_EQ(profiles.get("knee", 2)->json, "{2}");
+  CurriculumStore courses(db.writer);
+  ASSERT_OK(courses.put({"basics", 0, "Basics", "{2}", "max", 2, {{"a", "", "A", "knee", "{}"}}}, 1));
+  EXPECT_EQ(
+      courses.put({"basics", 0, "Basics", "{3}", "mia", 3, {{"a", "", "A", "knee", "{}"}}}, 1).error().code,
+      ErrorCode::kConflict);
+  EXPECT_EQ(courses.revisions("basics")->size(), 2u);
+  EXPECT_EQ(courses.get("basics", 1)->json, "{}");
+  EXPECT_EQ(courses.get("basics", 9).error().code, ErrorCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace needlelab
