@@ -41,7 +41,8 @@ int fail(std::ostream& err, const Error& error) {
 }  // namespace
 
 int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream& err) try {
-  CLI::App app{"needlelab-admin: people, stations, profiles, curriculum, sessions, backup"};
+  CLI::App app{
+      "needlelab-admin: people, groups, stations, profiles, courses, results, sessions, studies, backup"};
   app.set_version_flag("--version", std::string("needlelab-admin ") + NEEDLELAB_VERSION);
   app.require_subcommand(1);
   app.fallthrough();  // the options below may stand after the subcommand, too
@@ -74,6 +75,8 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   addCertificateCommands(app, chosen);
   addUpkeepCommands(app, chosen);
   addRetentionCommands(app, chosen);
+  addTeachingCommands(app, chosen);
+  addPersonCommands(app, chosen);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -46,6 +46,8 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen);
 void addCertificateCommands(CLI::App& app, ChosenCommand& chosen);
 void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen);
 void addRetentionCommands(CLI::App& app, ChosenCommand& chosen);
+void addTeachingCommands(CLI::App& app, ChosenCommand& chosen);
+void addPersonCommands(CLI::App& app, ChosenCommand& chosen);
 
 /// Asks for a list page by page (control.proto): `ask` puts a page's name into the request, `take` keeps a
 /// reply's rows and gives the name of the page behind it; empty: enough.

@@ -1,6 +1,7 @@
 #include <memory>
 
 #include "admin/command.h"
+#include "admin/when.h"
 #include "base/atomic_file.h"
 #include "profile/profile.h"
 
@@ -63,16 +64,24 @@ Status listAssignments(CommandContext& context, const std::string& trainee) {
       },
       [&](const pb::Reply& reply) {
         for (const auto& assignment : reply.assignments().assignments()) {
-          rows.push_back({{"trainee", assignment.trainee()},
+          rows.push_back({{"id", assignment.id()},
+                          {"trainee", assignment.trainee()},
                           {"exercise_id", assignment.exercise_id()},
+                          {"course_id", assignment.course_id()},
+                          {"group_id", assignment.group_id()},
+                          {"due_unix_ns", assignment.due_unix_ns()},
                           {"by", assignment.by()},
                           {"created_unix_ns", assignment.created_unix_ns()}});
         }
         return reply.assignments().next_page();
       });
   if (!done) return done;
-  return context.output.list({{"trainee", "TRAINEE"},
+  return context.output.list({{"id", "NUMBER"},
+                              {"trainee", "TRAINEE"},
+                              {"group_id", "GROUP"},
                               {"exercise_id", "EXERCISE"},
+                              {"course_id", "COURSE"},
+                              {"due_unix_ns", "DUE", Column::Kind::kTime},
                               {"by", "BY"},
                               {"created_unix_ns", "SINCE", Column::Kind::kTime}},
                              rows, "nothing is assigned");
@@ -82,7 +91,8 @@ Status listAssignments(CommandContext& context, const std::string& trainee) {
 
 void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
   struct Values {
-    std::string file, id, out, trainee, exercise;
+    std::string file, id, out, trainee, exercise, group, course, due;
+    std::uint64_t number = 0;
   };
   const auto values = std::make_shared<Values>();
 
@@ -107,16 +117,44 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
     chosen.run = listCurricula;
   });
 
-  auto* assign = app.add_subcommand("assign", "a trainee shall do an exercise");
-  assign->add_option("trainee", values->trainee)->required();
-  assign->add_option("exercise", values->exercise)->required();
+  auto* assign = app.add_subcommand("assign", "a trainee or a group shall do an exercise or a course");
+  assign->add_option("trainee", values->trainee, "or --group");
+  assign->add_option("exercise,--exercise", values->exercise, "or --course");
+  assign->add_option("--group", values->group, "a group in place of a trainee");
+  assign->add_option("--course", values->course, "a course in place of an exercise");
+  assign->add_option("--due", values->due, "until when, e.g. 2026-12-01T18:00+01:00");
   assign->callback([&chosen, values] {
+    chosen.check = [values]() -> Status {
+      if (values->trainee.empty() == values->group.empty())
+        return Error{ErrorCode::kInvalidInput, "assign: give a trainee or --group"};
+      if (values->exercise.empty() == values->course.empty())
+        return Error{ErrorCode::kInvalidInput, "assign: give an exercise or --course"};
+      if (values->due.empty()) return {};
+      const auto due = momentOf("--due", values->due);
+      return due ? Status() : Status(due.error());
+    };
     chosen.run = [values](CommandContext& context) -> Status {
       pb::Request request;
-      request.mutable_assign()->set_trainee(values->trainee);
-      request.mutable_assign()->set_exercise_id(values->exercise);
+      auto* call = request.mutable_assign();
+      call->set_trainee(values->trainee);
+      call->set_exercise_id(values->exercise);
+      call->set_group_id(values->group);
+      call->set_course_id(values->course);
+      if (!values->due.empty()) call->set_due_unix_ns(*momentOf("--due", values->due));
       if (const auto reply = context.backend.call(request); !reply) return reply.error();
-      context.output.done("assigned '" + values->exercise + "' to '" + values->trainee + "'");
+      context.output.done("assigned '" + (values->course.empty() ? values->exercise : values->course) +
+                          "' to '" + (values->group.empty() ? values->trainee : values->group) + "'");
+      return {};
+    };
+  });
+  auto* unassign = app.add_subcommand("unassign", "take an assignment back");
+  unassign->add_option("number", values->number, "as `assignments` shows it")->required();
+  unassign->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) -> Status {
+      pb::Request request;
+      request.mutable_remove_assignment()->set_id(values->number);
+      if (const auto reply = context.backend.call(request); !reply) return reply.error();
+      context.output.done("took assignment " + std::to_string(values->number) + " back");
       return {};
     };
   });

@@ -59,6 +59,9 @@ Status restore(const std::filesystem::path& folder, Output& output, const std::s
           {{"from", from}, {"sessions", result->sessions}, {"chunks", result->chunks}, {"kept", kept}});
       !shown)
     return shown;
+  const auto repeat = (*store)->service().erasuresToRepeat();
+  if (!repeat) return repeat.error();
+  for (const std::string& erasure : *repeat) output.remark(erasure);
   output.text(
       "Start the server: stations send again what this backup lacks and their spools have. Stations, people "
       "and "

@@ -1,0 +1,251 @@
+// A person's data, consent, studies, and everything as records.
+#include <memory>
+
+#include "admin/command.h"
+#include "base/atomic_file.h"
+#include "base/uuid.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::size_t kMostPieceBytes = 700'000;  // of records in one request, which must fit into 1 MiB
+constexpr std::size_t kMostRecordsFile = 512u << 20;
+
+/// Pages of records as lines, to a file (atomically, for its owner only) or to the output.
+Status writeRecords(CommandContext& context, const std::string& file,
+                    const std::function<void(pb::Request&, const std::string&)>& ask,
+                    const std::string& what) {
+  std::string text;
+  std::uint64_t count = 0;
+  const auto done = eachPage(context.backend, ask, [&](const pb::Reply& reply) {
+    for (const std::string& record : reply.records().records()) {
+      text += record + "\n";
+      ++count;
+    }
+    return reply.records().next_page();
+  });
+  if (!done) return done;
+  if (file.empty()) {
+    if (!text.empty()) text.pop_back();
+    context.output.text(text);
+    return {};
+  }
+  if (auto written = writeFileAtomically(file, viewOf(text), 0600); !written) return written;
+  context.output.done("wrote " + std::to_string(count) + " records of " + what + " to " + file);
+  return {};
+}
+
+Status importAll(CommandContext& context, const std::string& file, bool dry_run) {
+  const auto text = readWholeFile(file, kMostRecordsFile);
+  if (!text) return text.error();
+  pb::Request request;
+  auto* import = request.mutable_import_all();
+  import->set_import_id(uuidText(makeUuidV7()));
+  import->set_dry_run(dry_run);
+  std::size_t bytes = 0;
+  pb::ImportReport report;
+  const auto send = [&](bool last) -> Status {
+    import->set_last(last);
+    const auto reply = context.backend.call(request);
+    if (!reply) return reply.error();
+    report = reply->import_report();
+    import->clear_records();
+    bytes = 0;
+    return {};
+  };
+  for (std::size_t at = 0; at < text->size();) {
+    const std::size_t end = std::min(text->find('\n', at), text->size());
+    if (bytes + (end - at) > kMostPieceBytes && bytes > 0) {
+      if (auto sent = send(false); !sent) return sent;
+    }
+    import->add_records(text->substr(at, end - at));
+    bytes += end - at + 8;
+    at = end + 1;
+  }
+  if (auto sent = send(true); !sent) return sent;
+  Json rows = Json::array();
+  for (const auto& count : report.counts())
+    rows.push_back({{"kind", count.kind()},
+                    {"added", count.added()},
+                    {"unchanged", count.unchanged()},
+                    {"faults", count.faults()}});
+  if (auto done = context.output.list(
+          {{"kind", "KIND"}, {"added", "ADDED"}, {"unchanged", "UNCHANGED"}, {"faults", "FAULTS"}}, rows,
+          "no records");
+      !done)
+    return done;
+  for (const auto& fault : report.faults())
+    context.output.remark(file + ": " + fault.path() + ": " + fault.message());
+  if (!report.faults().empty())
+    return Error{ErrorCode::kInvalidInput, file + ": nothing was imported, see the faults above"};
+  context.output.done(report.done() ? "imported" : "a dry run: nothing was changed");
+  return {};
+}
+
+void addConsentCommands(CLI::App& app, ChosenCommand& chosen) {
+  struct Values {
+    std::string name, note;
+  };
+  const auto values = std::make_shared<Values>();
+  auto* consent = app.add_subcommand("consent", "what people said to studies");
+  consent->require_subcommand(1);
+  for (const bool given : {true, false}) {
+    auto* command =
+        given ? consent->add_subcommand("give", "somebody consents to studies")
+              : consent->add_subcommand("withdraw", "somebody does so no more: from now on in no export");
+    command->add_option("name", values->name)->required();
+    command->add_option("--note", values->note, "e.g. where the signed paper is");
+    command->callback([&chosen, values, given] {
+      chosen.run = [values, given](CommandContext& context) -> Status {
+        pb::Request request;
+        request.mutable_set_consent()->set_name(values->name);
+        request.mutable_set_consent()->set_given(given);
+        request.mutable_set_consent()->set_note(values->note);
+        if (const auto reply = context.backend.call(request); !reply) return reply.error();
+        context.output.done("'" + values->name + (given ? "' consents" : "' consents no more"));
+        return {};
+      };
+    });
+  }
+  auto* list = consent->add_subcommand("list", "all that a person ever said");
+  list->add_option("name", values->name)->required();
+  list->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) -> Status {
+      pb::Request request;
+      request.mutable_list_consents()->set_name(values->name);
+      const auto reply = context.backend.call(request);
+      if (!reply) return reply.error();
+      Json rows = Json::array();
+      for (const auto& one : reply->consents().consents())
+        rows.push_back({{"given", one.given()},
+                        {"unix_ns", one.unix_ns()},
+                        {"recorded_by", one.recorded_by()},
+                        {"note", one.note()}});
+      return context.output.list({{"unix_ns", "WHEN", Column::Kind::kTime},
+                                  {"given", "CONSENTS"},
+                                  {"recorded_by", "RECORDED BY"},
+                                  {"note", "NOTE"}},
+                                 rows, "never asked");
+    };
+  });
+}
+
+void addOnePersonCommands(CLI::App& app, ChosenCommand& chosen) {
+  struct Values {
+    std::string name, out, confirm, reason;
+    bool with_open = false;
+  };
+  const auto values = std::make_shared<Values>();
+  auto* person = app.add_subcommand("person", "all of a person's data");
+  person->require_subcommand(1);
+  auto* out = person->add_subcommand("export", "everything but recordings, as JSON lines");
+  out->add_option("name", values->name)->required();
+  out->add_option("--out", values->out, "default: standard output")->type_name("FILE");
+  out->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) {
+      return writeRecords(
+          context, values->out,
+          [&](pb::Request& request, const std::string& page) {
+            request.mutable_export_person()->set_name(values->name);
+            request.mutable_export_person()->set_page(page);
+          },
+          "'" + values->name + "'");
+    };
+  });
+  auto* erase = person->add_subcommand("erase", "erase a person's data for ever");
+  erase->add_option("name", values->name)->required();
+  erase->add_option("--confirm", values->confirm, "the name again")->required()->type_name("NAME");
+  erase->add_option("--reason", values->reason, "for the record of erasures");
+  erase->add_flag("--with-open-sessions", values->with_open,
+                  "sessions that are open, too: what is still sent is not kept");
+  erase->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) -> Status {
+      pb::Request request;
+      auto* call = request.mutable_erase_person();
+      call->set_name(values->name);
+      call->set_confirm(values->confirm);
+      call->set_reason(values->reason);
+      call->set_with_open_sessions(values->with_open);
+      const auto reply = context.backend.call(request);
+      if (!reply) return reply.error();
+      const auto& erasure = reply->erasure();
+      if (auto done = context.output.one({{"pseudonym", "known as"},
+                                          {"sessions", "sessions"},
+                                          {"recordings", "recordings removed"},
+                                          {"scores", "scores removed"},
+                                          {"remarks_kept", "remarks by others kept, without the name"},
+                                          {"audit_lines", "lines of the audit log with the name replaced"}},
+                                         {{"pseudonym", erasure.pseudonym()},
+                                          {"sessions", erasure.sessions()},
+                                          {"recordings", erasure.recordings()},
+                                          {"scores", erasure.scores()},
+                                          {"remarks_kept", erasure.remarks_kept()},
+                                          {"audit_lines", erasure.audit_lines()},
+                                          {"text", erasure.text()}});
+          !done)
+        return done;
+      context.output.remark(erasure.text());
+      return {};
+    };
+  });
+}
+
+}  // namespace
+
+void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
+  addOnePersonCommands(app, chosen);
+  addConsentCommands(app, chosen);
+  struct Values {
+    std::string study, out, exercise, file;
+    bool remarks = false, passwords = false, dry_run = false;
+  };
+  const auto values = std::make_shared<Values>();
+  auto* study = app.add_subcommand("study", "for researchers: those who consent, under pseudonyms");
+  study->require_subcommand(1);
+  auto* out = study->add_subcommand("export", "sessions and scores as JSON lines");
+  out->add_option("study", values->study,
+                  "its name: pseudonyms are the same within it, and others in another")
+      ->required();
+  out->add_option("--out", values->out, "default: standard output")->type_name("FILE");
+  out->add_option("--exercise", values->exercise, "default: all");
+  out->add_flag("--with-remarks", values->remarks, "with what instructors wrote; names in it are replaced");
+  out->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) {
+      return writeRecords(
+          context, values->out,
+          [&](pb::Request& request, const std::string& page) {
+            auto* call = request.mutable_export_study();
+            call->set_study(values->study);
+            call->set_exercise_id(values->exercise);
+            call->set_with_remarks(values->remarks);
+            call->set_page(page);
+          },
+          "study '" + values->study + "'");
+    };
+  });
+  auto* all = app.add_subcommand("export-all", "everything but recordings, as JSON lines");
+  all->add_option("--out", values->out, "default: standard output")->type_name("FILE");
+  all->add_flag("--with-passwords", values->passwords, "with the hashes of passwords and of stations' keys");
+  all->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) {
+      return writeRecords(
+          context, values->out,
+          [&](pb::Request& request, const std::string& page) {
+            request.mutable_export_all()->set_with_passwords(values->passwords);
+            request.mutable_export_all()->set_page(page);
+          },
+          "everything");
+    };
+  });
+  auto* import = app.add_subcommand("import-all", "read in what export-all wrote: all of it or nothing");
+  import->add_option("file", values->file)->required()->type_name("FILE");
+  import->add_flag("--dry-run", values->dry_run, "only say what would happen");
+  import->callback([&chosen, values] {
+    chosen.may_create = true;
+  chosen.run = [values](CommandContext& context) {
+    return importAll(context, values->file, values->dry_run);
+  };
+});
+}  // namespace needlelab
+
+}  // namespace needlelab

@@ -1,0 +1,281 @@
+// Groups, results, progress, scores.
+#include <algorithm>
+#include <memory>
+#include <set>
+
+#include "admin/command.h"
+
+namespace needlelab {
+namespace {
+
+Result<pb::Group> groupNamed(Backend& backend, const std::string& id) {
+  pb::Request request;
+  request.mutable_get_group()->set_id(id);
+  const auto reply = backend.call(request);
+  if (!reply) return reply.error();
+  return reply->group();
+}
+
+/// The group as it is now, otherwise made; then what the command says.
+struct GroupEdit {
+  std::string id, name;
+  std::vector<std::string> join, leave;
+  bool create = false;
+};
+
+Status editGroup(CommandContext& context, const GroupEdit& edit) {
+  auto group = groupNamed(context.backend, edit.id);
+  if (!group && (!edit.create || group.error().code != ErrorCode::kNotFound)) return group.error();
+  pb::Request request;
+  auto* put = request.mutable_put_group();
+  if (group) *put->mutable_group() = *group;
+  put->mutable_group()->set_id(edit.id);
+  put->set_base_revision(group ? group->revision() : 0);
+  if (!edit.name.empty() || !group) put->mutable_group()->set_name(edit.name.empty() ? edit.id : edit.name);
+  std::set<std::string> members(put->group().members().begin(), put->group().members().end());
+  members.insert(edit.join.begin(), edit.join.end());
+  for (const std::string& name : edit.leave) {
+    if (members.erase(name) == 0)
+      return Error{ErrorCode::kNotFound, "'" + name + "' is not in group '" + edit.id + "'"};
+  }
+  put->mutable_group()->clear_members();
+  for (const std::string& name : members) put->mutable_group()->add_members(name);
+  const auto reply = context.backend.call(request);
+  if (!reply) return reply.error();
+  context.output.done("group '" + edit.id + "' has " + std::to_string(reply->group().members_size()) +
+                      " members, revision " + std::to_string(reply->group().revision()));
+  return {};
+}
+
+Json groupRow(const pb::Group& group) {
+  std::string members;
+  for (const auto& name : group.members()) members += (members.empty() ? "" : ", ") + name;
+  return {{"id", group.id()},
+          {"name", group.name()},
+          {"count", group.members_size()},
+          {"members", std::vector<std::string>(group.members().begin(), group.members().end())},
+          {"names", members},
+          {"revision", group.revision()},
+          {"changed_by", group.changed_by()},
+          {"changed_unix_ns", group.changed_unix_ns()}};
+}
+
+Status listGroups(CommandContext& context) {
+  Json rows = Json::array();
+  const auto done = eachPage(
+      context.backend,
+      [](pb::Request& request, const std::string& page) { request.mutable_list_groups()->set_page(page); },
+      [&](const pb::Reply& reply) {
+        for (const auto& group : reply.groups().groups()) rows.push_back(groupRow(group));
+        return reply.groups().next_page();
+      });
+  if (!done) return done;
+  return context.output.list({{"id", "ID"},
+                              {"name", "NAME"},
+                              {"count", "MEMBERS"},
+                              {"revision", "REVISION"},
+                              {"changed_by", "BY"},
+                              {"changed_unix_ns", "CHANGED", Column::Kind::kTime}},
+                             rows, "no group yet");
+}
+
+/// "passed (2)", "tried 3, 1 left", "locked", "-"
+std::string cellText(const pb::ResultCell& cell) {
+  std::string text = cell.passed()               ? "passed"
+                     : cell.attempts() > 0       ? "tried"
+                     : cell.locked_by_size() > 0 ? "locked"
+                                                 : "-";
+  if (cell.attempts() > 0) text += " " + std::to_string(cell.attempts());
+  if (cell.has_attempts_left() && !cell.passed())
+    text += ", " + std::to_string(cell.attempts_left()) + " left";
+  if (cell.overdue()) text += ", overdue";
+  return text;
+}
+
+Status showResults(CommandContext& context, const std::string& course, const std::string& group) {
+  Json rows = Json::array();
+  std::vector<std::string> exercises;
+  const auto done = eachPage(
+      context.backend,
+      [&](pb::Request& request, const std::string& page) {
+        request.mutable_get_results()->set_course_id(course);
+        request.mutable_get_results()->set_group_id(group);
+        request.mutable_get_results()->set_page(page);
+      },
+      [&](const pb::Reply& reply) {
+        exercises.assign(reply.results().exercise_ids().begin(), reply.results().exercise_ids().end());
+        for (const auto& row : reply.results().rows()) {
+          Json line{{"trainee", row.trainee()}, {"full_name", row.full_name()}};
+          for (const auto& cell : row.cells()) line[cell.exercise_id()] = cellText(cell);
+          rows.push_back(std::move(line));
+        }
+        return reply.results().next_page();
+      });
+  if (!done) return done;
+  std::vector<Column> columns{{"trainee", "TRAINEE"}};
+  for (const std::string& exercise : exercises) columns.push_back({exercise, exercise});
+  return context.output.list(columns, rows, "nobody has this course yet");
+}
+
+Status showProgress(CommandContext& context, const std::string& trainee, const std::string& exercise) {
+  Json rows = Json::array();
+  const auto done = eachPage(
+      context.backend,
+      [&](pb::Request& request, const std::string& page) {
+        request.mutable_get_progress()->set_trainee(trainee);
+        request.mutable_get_progress()->set_exercise_id(exercise);
+        request.mutable_get_progress()->set_page(page);
+      },
+      [&](const pb::Reply& reply) {
+        for (const auto& attempt : reply.progress().attempts()) {
+          Uuid id{};
+          std::copy_n(attempt.session_id().begin(), std::min(id.size(), attempt.session_id().size()),
+                      id.begin());
+          rows.push_back({{"exercise_id", attempt.exercise_id()},
+                          {"number", attempt.number()},
+                          {"session", uuidText(id)},
+                          {"started_unix_ns", attempt.started_unix_ns()},
+                          {"verdict", !attempt.has_passed() ? "-"
+                                      : attempt.passed()    ? "passed"
+                                                            : "not passed"},
+                          {"excused", attempt.excused()},
+                          {"late", attempt.late()},
+                          {"measures", Json::parse(attempt.score_json().empty() ? "[]" : attempt.score_json(),
+                                                   nullptr, false)}});
+        }
+        return reply.progress().next_page();
+      });
+  if (!done) return done;
+  return context.output.list({{"exercise_id", "EXERCISE"},
+                              {"number", "ATTEMPT"},
+                              {"session", "SESSION"},
+                              {"started_unix_ns", "BEGUN", Column::Kind::kTime},
+                              {"verdict", "VERDICT"},
+                              {"excused", "EXCUSED"},
+                              {"late", "LATE"}},
+                             rows, "no attempt yet");
+}
+
+void addGroupCommands(CLI::App& app, ChosenCommand& chosen) {
+  struct Values {
+    std::string id, name;
+    std::vector<std::string> people;
+  };
+  const auto values = std::make_shared<Values>();
+  auto* group = app.add_subcommand("group", "groups of people");
+  group->require_subcommand(1);
+  group->add_subcommand("list", "all groups")->callback([&chosen] { chosen.run = listGroups; });
+
+  auto* set = group->add_subcommand("set", "make a group, or give it another name");
+  set->add_option("id", values->id)->required();
+  set->add_option("--name", values->name, "default: the id");
+  set->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) {
+      return editGroup(context,
+                       {.id = values->id, .name = values->name, .join = {}, .leave = {}, .create = true});
+    };
+  });
+  for (const bool join : {true, false}) {
+    auto* command = join ? group->add_subcommand("join", "people join a group")
+                         : group->add_subcommand("leave", "people leave a group");
+    command->add_option("id", values->id)->required();
+    command->add_option("people", values->people)->required();
+    command->callback([&chosen, values, join] {
+      chosen.run = [values, join](CommandContext& context) {
+        GroupEdit edit{.id = values->id, .name = {}, .join = {}, .leave = {}};
+        (join ? edit.join : edit.leave) = values->people;
+        return editGroup(context, edit);
+      };
+    });
+  }
+  auto* show = group->add_subcommand("show", "a group and its members");
+  show->add_option("id", values->id)->required();
+  show->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) -> Status {
+      const auto found = groupNamed(context.backend, values->id);
+      if (!found) return found.error();
+      return context.output.one(
+          {{"id", "id"}, {"name", "name"}, {"revision", "revision"}, {"names", "members"}}, groupRow(*found));
+    };
+  });
+  auto* remove = group->add_subcommand("remove", "a group and its assignments; its people stay");
+  remove->add_option("id", values->id)->required();
+  remove->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) -> Status {
+      const auto found = groupNamed(context.backend, values->id);
+      if (!found) return found.error();
+      pb::Request request;
+      request.mutable_remove_group()->set_id(values->id);
+      request.mutable_remove_group()->set_base_revision(found->revision());
+      if (const auto reply = context.backend.call(request); !reply) return reply.error();
+      context.output.done("removed group '" + values->id + "'");
+      return {};
+    };
+  });
+}
+
+}  // namespace
+
+void addTeachingCommands(CLI::App& app, ChosenCommand& chosen) {
+  addGroupCommands(app, chosen);
+  struct Values {
+    std::string course, group, trainee, exercise, session, reason;
+    bool undo = false;
+  };
+  const auto values = std::make_shared<Values>();
+  auto* results = app.add_subcommand("results", "who passed what in a course");
+  results->add_option("course", values->course)->required();
+  results->add_option("--group", values->group,
+                      "default: all who have the course, or tried an exercise of it");
+  results->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) {
+      return showResults(context, values->course, values->group);
+    };
+  });
+  auto* progress = app.add_subcommand("progress", "the attempts of a trainee; with --json, their measures");
+  progress->add_option("trainee", values->trainee)->required();
+  progress->add_option("--exercise", values->exercise, "default: all");
+  progress->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) {
+      return showProgress(context, values->trainee, values->exercise);
+    };
+  });
+  auto* excuse = app.add_subcommand("excuse", "an attempt does not count, e.g. after a fault of the station");
+  excuse->add_option("session", values->session)->required();
+  excuse->add_option("--reason", values->reason, "for the audit log");
+  excuse->add_flag("--undo", values->undo, "it counts again");
+  excuse->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) -> Status {
+      const auto id = sessionIdOf(values->session);
+      if (!id) return id.error();
+      pb::Request request;
+      request.mutable_excuse_attempt()->set_session_id(id->data(), id->size());
+      request.mutable_excuse_attempt()->set_excused(!values->undo);
+      request.mutable_excuse_attempt()->set_reason(values->reason);
+      const auto reply = context.backend.call(request);
+      if (!reply) return reply.error();
+      context.output.done("attempt " + std::to_string(reply->attempt().number()) + " of '" +
+                          reply->attempt().trainee() + "' at '" + reply->attempt().exercise_id() +
+                          (values->undo ? "' counts again" : "' does not count"));
+      return {};
+    };
+  });
+  auto* rescore = app.add_subcommand(
+      "rescore", "score a stored session by the definitions of now; the first score stays");
+  rescore->add_option("session", values->session)->required();
+  rescore->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) -> Status {
+      const auto id = sessionIdOf(values->session);
+      if (!id) return id.error();
+      pb::Request request;
+      request.mutable_rescore_session()->set_session_id(id->data(), id->size());
+      const auto reply = context.backend.call(request);
+      if (!reply) return reply.error();
+      context.output.done("scored by definition version " +
+                          std::to_string(reply->score().definition_version()));
+      return {};
+    };
+  });
+}
+
+}  // namespace needlelab
