@@ -18,6 +18,7 @@ void addRunCommand(CLI::App& app, SimCommand& chosen);
 void addFiguresCommand(CLI::App& app, SimCommand& chosen);
 void addPrecomputeCommand(CLI::App& app, SimCommand& chosen);
 void addScoreCommand(CLI::App& app, SimCommand& chosen);
+void addSkillCommand(CLI::App& app, SimCommand& chosen);
 void addStabilityCommand(CLI::App& app, SimCommand& chosen);
 void addEffectsCommand(CLI::App& app, SimCommand& chosen);
 

@@ -10,8 +10,14 @@
 #include "base/atomic_file.h"
 #include "base/exit_code.h"
 #include "base/output_check.h"
+#include "base/range.h"
+#include "device/pose_option.h"
+#include "gesture/recording.h"
+#include "gesture/sample_csv.h"
+#include "haptics/limits.h"
 #include "profile/profile.h"
 #include "scoring/measures.h"
+#include "scoring/paths.h"
 #include "scoring/syringe_events.h"
 #include "sim/closed_loop.h"
 #include "sim/command.h"
@@ -23,7 +29,9 @@ namespace {
 
 struct ScoreOptions {
   OfflineOptions input;
-  std::filesystem::path exercise;  // empty = none
+  std::filesystem::path recorded;                 // in place of a trajectory
+  std::vector<std::filesystem::path> references;  // of the same kind
+  std::filesystem::path exercise;                 // empty = none
   JsonOption json;
 };
 
@@ -48,6 +56,61 @@ Result<std::vector<GestureSample>> gestureOf(const OfflineScene& scene) {
   return samples;
 }
 
+// what was recorded: a recording, or its samples as CSV
+Result<std::vector<GestureSample>> recordedOf(const std::filesystem::path& path) {
+  if (path.extension() == ".csv") return readSampleCsv(path);
+  const auto reader = RecordingReader::open(path);
+  if (!reader.ok()) return reader.error();
+  return reader->allSamples();
+}
+
+struct Scored {
+  OfflineScene scene;
+  std::vector<GestureSample> samples;
+  std::vector<TipPath> references;
+};
+
+// the gesture and those it is compared with
+Result<Scored> loadScored(const ScoreOptions& options) {
+  Scored scored;
+  if (!options.recorded.empty()) {
+    auto profile = loadProfile(options.input.profile);
+    if (!profile.ok()) return profile.error();
+    scored.scene.profile = *std::move(profile);
+    scored.scene.rate_hz = options.input.rate_hz;
+    if (!options.input.placement.empty()) {
+      const auto X_WL = parsePoseOption(options.input.placement, "--placement");
+      if (!X_WL.ok()) return X_WL.error();
+      scored.scene.X_WL = *X_WL;
+    }
+  } else {
+    auto scene = loadOffline(options.input);
+    if (!scene.ok()) return scene.error();
+    scored.scene = *std::move(scene);
+  }
+  const auto load = [&](const std::filesystem::path& path) -> Result<std::vector<GestureSample>> {
+    if (!options.recorded.empty()) return recordedOf(path);
+    auto track = readPoseTrack(path, TrackTimes::kAnyOrder);
+    if (!track.ok()) return track.error();
+    scored.scene.track = *std::move(track);
+    auto samples = gestureOf(scored.scene);
+    if (!samples.ok()) return Error{samples.error().code, path.string() + ": " + samples.error().message};
+    return samples;
+  };
+  for (const auto& path : options.references) {
+    const auto samples = load(path);
+    if (!samples.ok()) return samples.error();
+    scored.references.push_back(tipPathOf(*samples, scored.scene.rate_hz, scored.scene.X_WL));
+    if (scored.references.back().empty())
+      return Error{ErrorCode::kInvalidInput,
+                   path.string() + ": the tip is never in tissue; nothing to compare with"};
+  }
+  auto samples = load(options.recorded.empty() ? options.input.trajectory : options.recorded);
+  if (!samples.ok()) return samples.error();
+  scored.samples = *std::move(samples);
+  return scored;
+}
+
 Result<std::optional<pb::Exercise>> exerciseOf(const std::filesystem::path& path) {
   if (path.empty()) return std::optional<pb::Exercise>();
   const auto text = readWholeFile(path, kMaxProfileBytes);
@@ -60,22 +123,29 @@ Result<std::optional<pb::Exercise>> exerciseOf(const std::filesystem::path& path
 }
 
 int score(const ScoreOptions& options) {
-  if (const Status status = checkOutputs({{"--profile", options.input.profile},
-                                          {"--trajectory", options.input.trajectory},
-                                          {"--exercise", options.exercise}},
-                                         {{"--json", options.json.file}});
-      !status.ok())
+  if (options.recorded.empty() == options.input.trajectory.empty())
+    return failed("score", {ErrorCode::kInvalidInput,
+                            "give --trajectory, or --recorded for what a device recorded: one of them"});
+  const NumberRange rates{kMinRateHz, kMaxRateHz};
+  if (!rates.contains(options.input.rate_hz))
+    return failed("score", outOfRange("--rate in Hz", options.input.rate_hz, rates));
+  std::vector<NamedFile> inputs = {{"--profile", options.input.profile},
+                                   {"--trajectory", options.input.trajectory},
+                                   {"--recorded", options.recorded},
+                                   {"--exercise", options.exercise}};
+  for (const auto& path : options.references) inputs.push_back({"--reference", path});
+  if (const Status status = checkOutputs(inputs, {{"--json", options.json.file}}); !status.ok())
     return failed("score", status.error());
-  const auto scene = loadOffline(options.input);
-  if (!scene.ok()) return failed("score", scene.error());
-  sayWarnings(*scene);
-  const auto samples = gestureOf(*scene);
-  if (!samples.ok()) return failed("score", samples.error());
+  const auto scored = loadScored(options);
+  if (!scored.ok()) return failed("score", scored.error());
+  const OfflineScene& scene = scored->scene;
+  sayWarnings(scene);
   const auto exercise = exerciseOf(options.exercise);
   if (!exercise.ok()) return failed("score", exercise.error());
   const pb::Exercise* required = exercise->has_value() ? &**exercise : nullptr;
-  const auto measures = scoreGesture(*samples, scene->rate_hz, scene->profile, scene->X_WL, required);
-  const auto events = syringeEvents(*samples, scene->rate_hz, scene->profile, scene->X_WL);
+  const auto measures =
+      scoreGesture(scored->samples, scene.rate_hz, scene.profile, scene.X_WL, required, scored->references);
+  const auto events = syringeEvents(scored->samples, scene.rate_hz, scene.profile, scene.X_WL);
   if (!options.json.wanted) {
     std::fputs(scoreText(measures).c_str(), stdout);
     for (const pb::SyringeEvent& event : events) std::printf("\n%s", eventText(event).c_str());
@@ -83,7 +153,8 @@ int score(const ScoreOptions& options) {
     return kExitDone;
   }
   const auto rows = nlohmann::ordered_json::parse(scoreJson(measures));
-  const nlohmann::ordered_json more = {{"events", nlohmann::ordered_json::parse(eventsJson(events))}};
+  const nlohmann::ordered_json more = {{"events", nlohmann::ordered_json::parse(eventsJson(events))},
+                                       {"definition_version", kScoreDefinitionVersion}};
   if (const Status status = writeJson(options.json, rows, more); !status.ok())
     return failed("score", status.error());
   return kExitDone;
@@ -95,6 +166,13 @@ void addScoreCommand(CLI::App& app, SimCommand& chosen) {
   auto options = std::make_shared<ScoreOptions>();
   CLI::App* command = app.add_subcommand("score", "Gives the measures of a trajectory in a scene");
   addOfflineOptions(*command, options->input);
+  command->get_option("--trajectory")->required(false);
+  command->add_option(
+      "--recorded", options->recorded,
+      "instead of a trajectory: a session's recording, or its samples as CSV (session export); nothing is "
+      "computed anew, so that the measures are the server's");
+  command->add_option("--reference", options->references,
+                      "a gesture to compare with, of the same kind; may be given several times");
   command->add_option("--exercise", options->exercise, "an exercise's JSON: its requirements are checked");
   addJsonOption(*command, options->json);
   command->callback([options, &chosen] { chosen = [options] { return score(*options); }; });

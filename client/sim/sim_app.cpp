@@ -22,6 +22,7 @@ int runSim(int argc, const char* const* argv) {
     addPrecomputeCommand(app, chosen);
     addScoreCommand(app, chosen);
     addAccuracyCommand(app, chosen);
+    addSkillCommand(app, chosen);
     addStabilityCommand(app, chosen);
     addEffectsCommand(app, chosen);
     const std::string version = std::string("needlelab-sim ") + NEEDLELAB_VERSION;

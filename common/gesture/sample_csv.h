@@ -2,8 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <string>
+#include <vector>
 
+#include "base/result.h"
 #include "gesture/sample.h"
 
 namespace needlelab {
@@ -20,5 +23,10 @@ void appendSampleCsvRow(std::string& out, const GestureSample& sample, std::int6
 /// One JSON object with the CSV's names as keys, no line feed; not-a-number and infinities become null, as
 /// JSON has none.
 void appendSampleJson(std::string& out, const GestureSample& sample, std::int64_t first_time_ns);
+
+/// The samples of an exported CSV, as far as scores need them: the wall's columns are left out (NaN), and
+/// time_ns is exact up to 2^53 ns. Errors: those of readCsv; kInvalidInput naming line and column where a
+/// cell does not fit its column.
+Result<std::vector<GestureSample>> readSampleCsv(const std::filesystem::path& path);
 
 }  // namespace needlelab

@@ -39,9 +39,10 @@ constexpr std::array<MeasureKind, 34> kMeasureKinds = {{
     {"peak_force_n", "N", "Peak force", kLessIsBetter, "greatest force on the hand, of all ticks"},
     {"mean_force_in_tissue_n", "N", "Mean force in tissue", kLessIsBetter, "over the time in tissue"},
     {"peak_force_layer_K_n", "N", "Peak force in layer K", kLessIsBetter,
-     "while the tip was in layer K (1 is the skin's); 0 where it never was"},
+     "while the tip was in layer K (1 is the skin's); 0 where it never was; not in the "
+     "first 10 ms behind a boundary between layers"},
     {"mean_force_layer_K_n", "N", "Mean force in layer K", kLessIsBetter,
-     "over the time in layer K; no row where the tip never was"},
+     "over the same time; no row where the tip never was"},
     {"largest_lateral_error_m", "m", "Largest lateral error", kLessIsBetter,
      "of the tip from its trajectory"},
     {"entries", "", "Entries", kLessIsBetter, "times that the tip went in"},

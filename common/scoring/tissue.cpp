@@ -17,6 +17,10 @@ constexpr double kLeastWay_m = 1e-3;
 /// any time.
 constexpr double kEndWithin_m = 0.25e-3;
 
+/// After the tip went from one layer to the next, so long its force is of neither: the drop behind a boundary
+/// takes some ticks, how many depends on the loop's rate.
+constexpr double kLayerChange_s = 0.01;
+
 double forceOf(const GestureSample& s) {
   return norm({s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]});
 }
@@ -124,10 +128,14 @@ void addTissue(const Gesture& gesture, Rows& rows) {
   double depth_m = 0, insertion_m = 0, lateral_m = 0, peak_N = 0, impulse_Ns = 0, time_s = 0;
   std::vector<double> layer_peaks(static_cast<std::size_t>(gesture.profile->layers_size()), 0.0);
   std::vector<double> layer_impulses(layer_peaks), layer_times(layer_peaks);
+  int layer_before = -1;
+  const GestureSample* changed = nullptr;  // where the tip last went from one layer to another
   for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
     const GestureSample& sample = gesture.samples[i];
     const double force_N = forceOf(sample);
     peak_N = std::max(peak_N, force_N);
+    if (sample.layer != layer_before) changed = layer_before >= 0 && isInside(sample) ? &sample : nullptr;
+    layer_before = sample.layer;
     if (!isInside(sample)) continue;
     if (gesture.anatomy.has_limb)
       depth_m = std::max(depth_m, signedDepth(gesture.anatomy.limb, tipOf(sample)));
@@ -138,7 +146,9 @@ void addTissue(const Gesture& gesture, Rows& rows) {
     time_s += weight_s;
     const auto layer =
         static_cast<std::size_t>(static_cast<unsigned char>(sample.layer));  // not negative here
-    if (layer >= layer_peaks.size()) continue;
+    const bool changing =
+        changed != nullptr && secondsBetween(*changed, sample, gesture.rate_hz) < kLayerChange_s * (1 - 1e-9);
+    if (layer >= layer_peaks.size() || changing) continue;
     layer_peaks[layer] = std::max(layer_peaks[layer], force_N);
     layer_impulses[layer] += force_N * weight_s;
     layer_times[layer] += weight_s;

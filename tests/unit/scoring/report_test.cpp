@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "gestures.h"
+#include "scoring/score_csv.h"
 
 namespace needlelab {
 namespace {
@@ -63,6 +64,25 @@ TEST(ScoreText, linesUpAndPutsWhatWasRequiredFirst) {
       }
     }
   }
+}
+
+TEST(ScoreCsv, oneRowAnAttemptAndMeasure) {
+  std::string text;
+  appendScoreCsvHeader(text);
+  const std::string json =
+      R"([{"measure":"peak_force_n","value":0.1,"unit":"N","max":5.0,"passed":true,"words":"w"},)"
+      R"({"measure":"entries","value":2.0,"unit":"","words":"w"},)"
+      R"({"measure":"target_distance_m","value":null,"unit":"","max":0.01,"passed":false,"words":"w"}])";
+  ASSERT_TRUE(appendScoreCsvRows(text, {"id-1", "=1+1", "a,\"b\"", 3, 17, 2}, json).ok());
+  EXPECT_EQ(text,
+            "session,trainee,exercise,attempt,started_unix_ns,definition_version,measure,value,unit,better,"
+            "min,max,passed\n"
+            "id-1,'=1+1,\"a,\"\"b\"\"\",3,17,2,peak_force_n,0.10000000000000001,N,less,,5,1\n"
+            "id-1,'=1+1,\"a,\"\"b\"\"\",3,17,2,entries,2,,less,,,\n"
+            "id-1,'=1+1,\"a,\"\"b\"\"\",3,17,2,target_distance_m,,,less,,0.01,0\n");
+  const std::string before = text;
+  EXPECT_FALSE(appendScoreCsvRows(text, {}, "no score").ok());
+  EXPECT_EQ(text, before);
 }
 
 }  // namespace

@@ -6,6 +6,12 @@
 
 #include "base/atomic_file.h"
 #include "base/csv.h"
+#include "gesture/chunk.h"
+#include "gesture/recording.h"
+#include "gesture/sample_csv.h"
+#include "profile/profile.h"
+#include "scoring/measures.h"
+#include "scoring/paths.h"
 #include "sim_run.h"
 #include "support/temp_folder.h"
 
@@ -67,6 +73,84 @@ TEST(ScoreCommand, aTableForPeopleAndAFileForPrograms) {
   EXPECT_EQ(to_file.code, 0);
   EXPECT_EQ(to_file.out, "");
   EXPECT_EQ(valueOf(json::parse(*readWholeFile(file)), "entries"), 1);
+}
+
+TEST(ScoreCommand, comparesWithReferences) {
+  const test::TempFolder folder;
+  const auto trajectory = folder.write("t.csv", strokeCsv(0.03)).string();
+  const auto other = folder.write("o.csv", strokeCsv(0.02)).string();
+  const auto profile = (test::kSamples / "paper-1dof.json").string();
+  const auto distance = [&](std::vector<std::string> more) {
+    std::vector<std::string> line = {"score", "--profile", profile, "--trajectory", trajectory, "--json"};
+    line.insert(line.end(), more.begin(), more.end());
+    const auto outcome = sim(line);
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return valueOf(json::parse(outcome.out), "dtw_distance_m");
+  };
+  EXPECT_EQ(distance({"--reference", trajectory}), 0);
+  EXPECT_GT(distance({"--reference", other}), 1e-3);
+  EXPECT_EQ(distance({"--reference", other, "--reference", trajectory}), 0);
+
+  const auto above = folder.write("a.csv", strokeCsv(-0.005)).string();
+  const auto refused = sim({"score", "--profile", profile, "--trajectory", trajectory, "--reference", above});
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("never in tissue"));
+}
+
+TEST(ScoreCommand, scoresWhatWasRecordedAsItIs) {
+  // samples as a device might have recorded them; as recording and as exported CSV, and straight through the
+  // code that the server runs: the same, bit for bit
+  std::vector<GestureSample> samples(3000);
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    GestureSample& s = samples[i];
+    const double t = static_cast<double>(i) * 1e-3, depth = -0.01 + 0.04 * std::sin(t);
+    s.tick = 17 + i;
+    s.time_ns = static_cast<std::int64_t>(i) * 1'000'000;
+    s.p_WT_m[0] = 1e-3 * std::sin(7 * t), s.p_WT_m[2] = -depth;
+    s.q_WT[0] = 1, s.q_WT[3] = 0;
+    s.layer = depth > 0 ? 0 : -1;
+    s.insertion_m = std::max(0.0, depth);
+    s.force_W_N[0] = 0.1 * std::cos(3 * t), s.force_W_N[2] = depth > 0 ? 1 + t / 3 : 0;
+    s.plunger = std::min(1.0, t / 2);
+  }
+  const auto loaded = loadProfile(test::kSamples / "paper-1dof.json");
+  ASSERT_TRUE(loaded.ok());
+  const TipPath path = tipPathOf(samples, 1000, {});
+  const auto expected = scoreGesture(samples, 1000, *loaded, {}, nullptr, std::span(&path, 1));
+
+  const test::TempFolder folder;
+  std::string text;
+  appendSampleCsvHeader(text);
+  for (const GestureSample& s : samples) appendSampleCsvRow(text, s, 0);
+  const auto csv = folder.write("samples.csv", text).string();
+  const auto recording = (folder.path() / "session.nlrec").string();
+  auto writer = RecordingWriter::create(recording, "{}");
+  ASSERT_TRUE(writer.ok());
+  ASSERT_TRUE(writer->append(encodeChunk(Resolution::lossless(), samples)).ok());
+  ASSERT_TRUE(writer->finish().ok());
+
+  for (const std::string& file : {csv, recording}) {
+    const auto outcome = sim({"score", "--profile", (test::kSamples / "paper-1dof.json").string(),
+                              "--recorded", file, "--reference", file, "--json"});
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    const json whole = json::parse(outcome.out);
+    EXPECT_EQ(whole.at("definition_version"), kScoreDefinitionVersion);
+    ASSERT_EQ(whole.at("rows").size(), expected.size());
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+      EXPECT_EQ(whole.at("rows")[i].at("measure"), expected[i].name);
+      EXPECT_EQ(whole.at("rows")[i].at("value").get<double>(), expected[i].value) << expected[i].name;
+    }
+  }
+  // one of the two, and rows that are whole
+  const auto profile = (test::kSamples / "paper-1dof.json").string();
+  EXPECT_EQ(sim({"score", "--profile", profile}).code, 2);
+  EXPECT_EQ(sim({"score", "--profile", profile, "--recorded", csv, "--trajectory", csv}).code, 2);
+  std::string broken = text;
+  broken.replace(broken.rfind(",0,0,0"), 6, ",0,0.5,0");
+  const auto refused =
+      sim({"score", "--profile", profile, "--recorded", folder.write("b.csv", broken).string()});
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("line 3001"));
 }
 
 TEST(ScoreCommand, checksAnExercisesRequirements) {

@@ -1,0 +1,67 @@
+/// Do the measures tell a sure hand from an unsure one? Simulated hands of known skill, scored by the same
+/// code as people. A check of the machinery: nothing here says anything about people.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "base/result.h"
+#include "skill/effect_size.h"
+#include "skill/skilled_hand.h"
+
+namespace needlelab {
+
+struct SkillStudyOptions {
+  std::size_t trainees = 12;  ///< 4-200, an even number: half of them are novices, half experts
+  std::size_t attempts = 4;   ///< of each at each exercise, 1-100
+  std::uint64_t seed = 1;
+  std::size_t shuffles = 2000;
+  std::size_t exercises = 6;  ///< the first so many of the sample exercises, 1-6
+};
+
+/// Skill of trainee `i` of `n`: novices from 0 to 0.4, experts from 0.6 to 1, evenly spread.
+double levelOf(std::size_t i, std::size_t n);
+
+/// One measure over all trainees; a trainee counts once, by the mean over attempts and exercises.
+struct SkillRow {
+  std::string measure, unit, better;
+  double novice_mean = 0, expert_mean = 0;  ///< in the measure's unit, over all exercises
+  double novice_sd = 0, expert_sd = 0;      ///< between trainees
+  /// Of the standardised values: each exercise's less its mean, over its spread, averaged over exercises.
+  double hedges_g = 0;
+  Interval g_95;
+  double cliffs_delta = 0;     ///< of experts against novices
+  double p = 1;                ///< of the permutation test (effect_size.h)
+  bool separates = false;      ///< p ≤ 0.05
+  double shuffled_share = 0;   ///< of the shuffles in which it separates
+  std::vector<double> values;  ///< standardised, one a trainee, in order of skill
+  /// 500 Hz against 2 kHz: greatest difference over the gestures tried, in the unit, and as a share of the
+  /// spread between trainees (0 where there is no spread).
+  double rate_difference = 0, rate_share_of_spread = 0;
+};
+
+struct SkillReport {
+  SkillStudyOptions options;
+  std::vector<std::string> exercises;    ///< profiles
+  std::vector<HandSkill> hands;          ///< by trainee
+  std::size_t gestures = 0, faults = 0;  ///< faults: the gate ended them, they were not scored
+  std::vector<SkillRow> rows;            ///< greatest |g| first
+  std::vector<std::string> constant;     ///< measures that are the same for every trainee
+  double shuffled_mean_share = 0;        ///< of the measures that separate, mean over shuffles
+  double shuffled_most_share = 0;        ///< in the worst of them
+  bool exact_test = false;
+  std::size_t rate_gestures = 0;
+};
+
+/// `progress(done, all)`: called now and then, from this thread; may be empty. Errors: kInvalidInput
+/// (options).
+Result<SkillReport> runSkillStudy(const SkillStudyOptions& options,
+                                  const std::function<void(std::size_t, std::size_t)>& progress = {});
+
+/// What it found in one sentence, and what that is worth.
+std::string findingOf(const SkillReport& report);
+extern const char* const kSkillCaution;
+
+}  // namespace needlelab

@@ -1,0 +1,30 @@
+/// Simulated trainees: a level of skill sets what a hand is like, and nothing else.
+#pragma once
+
+#include "device/hand.h"
+#include "device/hand_plan.h"
+#include "device/hand_tremor.h"
+
+namespace needlelab {
+
+/// What a level of skill decides. The two ends are set by hand, within what hands do; they are no measurement
+/// of people.
+struct HandSkill {
+  double tremor_m = 0;     ///< peak per axis
+  double speed_mps = 0;    ///< greatest, of insertion and withdrawal
+  double aim_m = 0;        ///< spread of entry and of the point aimed at, across the way, per axis
+  double overshoot_m = 0;  ///< mean way beyond the target before it is drawn back
+  double pieces = 1;       ///< into how many movements the insertion breaks up: smoothness
+};
+
+/// `level`: 0 a beginner, 1 an expert; between them each quantity goes along a geometric row.
+HandSkill skillOf(double level);
+
+/// One attempt at `target_W_m` with this skill: where it aims, how far it overshoots, where it hesitates are
+/// drawn from `random`; aspirates and injects at the end, whatever the skill.
+HandPlan attemptPlan(const HandSkill& skill, const Limb& limb_W, Vec3 target_W_m, HandRandom& random);
+
+/// The hand that pursues such a plan.
+HandOptions handOf(const HandSkill& skill, std::uint64_t seed);
+
+}  // namespace needlelab

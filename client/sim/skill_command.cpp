@@ -1,0 +1,151 @@
+/// `needlelab-sim skill`: which measures tell simulated hands of different skill apart.
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "base/exit_code.h"
+#include "base/output_check.h"
+#include "sim/command.h"
+#include "sim/json_output.h"
+#include "sim/skill_picture.h"
+#include "skill/skill_study.h"
+
+namespace needlelab {
+namespace {
+
+struct SkillOptions {
+  SkillStudyOptions study;
+  std::filesystem::path pictures;
+  JsonOption json;
+};
+
+nlohmann::ordered_json finiteOrNull(double value) {
+  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json();
+}
+
+nlohmann::ordered_json rowsOfStudy(const SkillReport& report) {
+  auto rows = nlohmann::ordered_json::array();
+  for (const SkillRow& row : report.rows) {
+    rows.push_back({{"measure", row.measure},
+                    {"unit", row.unit},
+                    {"better", row.better},
+                    {"novice_mean", row.novice_mean},
+                    {"novice_sd", row.novice_sd},
+                    {"expert_mean", row.expert_mean},
+                    {"expert_sd", row.expert_sd},
+                    {"hedges_g", finiteOrNull(row.hedges_g)},
+                    {"g_low_95", finiteOrNull(row.g_95.low)},
+                    {"g_high_95", finiteOrNull(row.g_95.high)},
+                    {"cliffs_delta", row.cliffs_delta},
+                    {"p", row.p},
+                    {"separates", row.separates},
+                    {"shuffled_share", row.shuffled_share},
+                    {"rate_difference", row.rate_difference},
+                    {"rate_share_of_spread", row.rate_share_of_spread}});
+  }
+  return rows;
+}
+
+nlohmann::ordered_json restOfStudy(const SkillReport& report) {
+  auto hands = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < report.hands.size(); ++i) {
+    const HandSkill& hand = report.hands[i];
+    hands.push_back({{"level", levelOf(i, report.hands.size())},
+                     {"tremor_m", hand.tremor_m},
+                     {"speed_m_s", hand.speed_mps},
+                     {"aim_m", hand.aim_m},
+                     {"overshoot_m", hand.overshoot_m},
+                     {"pieces", hand.pieces}});
+  }
+  std::vector<std::string> apart;
+  for (const SkillRow& row : report.rows) {
+    if (!row.separates) apart.push_back(row.measure);
+  }
+  return {{"finding", findingOf(report)},
+          {"caution", kSkillCaution},
+          {"seed", report.options.seed},
+          {"trainees", report.options.trainees},
+          {"attempts", report.options.attempts},
+          {"exercises", report.exercises},
+          {"gestures", report.gestures},
+          {"faults", report.faults},
+          {"do_not_separate", apart},
+          {"the_same_for_all", report.constant},
+          {"shuffles", report.options.shuffles},
+          {"shuffled_mean_share", report.shuffled_mean_share},
+          {"shuffled_most_share", report.shuffled_most_share},
+          {"exact_test", report.exact_test},
+          {"rate_gestures", report.rate_gestures},
+          {"hands", hands}};
+}
+
+void printStudy(const SkillReport& report) {
+  std::printf("%s.\n%s\n\n", findingOf(report).c_str(), kSkillCaution);
+  std::printf("%-28s %12s %12s %-4s %8s %17s %7s %7s  %s\n", "MEASURE", "NOVICES", "EXPERTS", "", "G", "95 %",
+              "DELTA", "P", "500 Hz/2 kHz, SHARE OF SPREAD");
+  for (const SkillRow& row : report.rows) {
+    std::printf("%-28s %12.5g %12.5g %-4s %8.2f [%6.2f, %6.2f] %7.2f %7.3f  %.3f%s\n", row.measure.c_str(),
+                row.novice_mean, row.expert_mean, row.unit.c_str(), row.hedges_g, row.g_95.low, row.g_95.high,
+                row.cliffs_delta, row.p, row.rate_share_of_spread,
+                row.separates ? "" : "   does not separate");
+  }
+  if (!report.constant.empty()) {
+    std::printf("\nthe same for all:");
+    for (const std::string& name : report.constant) std::printf(" %s", name.c_str());
+    std::printf("\n");
+  }
+  std::printf(
+      "\n%zu gestures, %zu ended by the gate; seed %llu; labels shuffled %zu times: %.1f %% of the measures "
+      "separate "
+      "in the mean, %.1f %% at most\n",
+      report.gestures, report.faults, static_cast<unsigned long long>(report.options.seed),
+      report.options.shuffles, 100 * report.shuffled_mean_share, 100 * report.shuffled_most_share);
+}
+
+int skill(const SkillOptions& options) {
+  if (const Status status = checkOutputs({}, {{"--json", options.json.file}}); !status.ok())
+    return failed("skill", status.error());
+  const bool shows = ::isatty(STDERR_FILENO) == 1;
+  const auto report = runSkillStudy(options.study, [&](std::size_t done, std::size_t all) {
+    if (shows && (done % 16 == 0 || done == all))
+      std::fprintf(stderr, "\r%zu of %zu gestures%s", done, all, done == all ? "\n" : "");
+  });
+  if (!report.ok()) return failed("skill", report.error());
+  if (options.json.wanted) {
+    if (const Status status = writeJson(options.json, rowsOfStudy(*report), restOfStudy(*report));
+        !status.ok())
+      return failed("skill", status.error());
+  } else {
+    printStudy(*report);
+  }
+  if (!options.pictures.empty()) {
+    if (const Status status = drawSkill(*report, options.pictures); !status.ok())
+      return failed("skill", status.error());
+  }
+  return kExitDone;
+}
+
+}  // namespace
+
+void addSkillCommand(CLI::App& app, SimCommand& chosen) {
+  auto options = std::make_shared<SkillOptions>();
+  CLI::App* command = app.add_subcommand(
+      "skill", "Which measures tell simulated hands of different skill apart; no evidence about people");
+  command->add_option("--trainees", options->study.trainees, "simulated people, an even number from 4 to 200")
+      ->capture_default_str();
+  command->add_option("--attempts", options->study.attempts, "of each at each exercise, 1 to 100")
+      ->capture_default_str();
+  command
+      ->add_option("--exercises", options->study.exercises, "the first so many of the six sample exercises")
+      ->capture_default_str();
+  command->add_option("--seed", options->study.seed, "of everything that is left to chance")
+      ->capture_default_str();
+  command->add_option("--pictures", options->pictures, "a folder for skill.png (gnuplot)");
+  addJsonOption(*command, options->json);
+  command->callback([options, &chosen] { chosen = [options] { return skill(*options); }; });
+}
+
+}  // namespace needlelab
