@@ -49,6 +49,16 @@ Result<StationLesson> lessonOfMessage(const StationOptions& options, const pb::L
   return lesson;
 }
 
+LiveAids aidsOf(const StationLesson& lesson) {
+  if (!lesson.exercise || !lesson.exercise->has_aids()) return {};
+  const auto& allowed = lesson.exercise->aids().allowed();
+  const auto has = [&](pb::Exercise::Aid aid) {
+    return std::find(allowed.begin(), allowed.end(), aid) != allowed.end();
+  };
+  return {has(pb::Exercise::PHASE), has(pb::Exercise::LAYER), has(pb::Exercise::DEPTH),
+          has(pb::Exercise::FORCE)};
+}
+
 std::vector<PlanTarget> targetsOf(const pb::Profile& profile, const Pose& X_WL) {
   std::vector<PlanTarget> targets;
   for (const pb::Target& target : profile.targets()) {

@@ -12,6 +12,7 @@
 #include "haptics/scene_model.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/profile.pb.h"
+#include "station/live_line.h"
 #include "station/options.h"
 
 namespace needlelab {
@@ -30,6 +31,9 @@ struct StationLesson {
 Result<StationLesson> lessonOfFile(const StationOptions& options);
 /// From the server's or the cache's answer. Errors: kInvalidInput, naming the exercise.
 Result<StationLesson> lessonOfMessage(const StationOptions& options, const pb::Lesson& lesson);
+
+/// Which numbers the exercise allows on the live line; all of them where it says nothing.
+LiveAids aidsOf(const StationLesson& lesson);
 
 /// The profile's targets in W.
 std::vector<PlanTarget> targetsOf(const pb::Profile& profile, const Pose& X_WL);

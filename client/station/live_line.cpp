@@ -25,12 +25,17 @@ std::size_t widthOf(int file) {
 
 std::string place(const LiveView& view) {
   const GestureSample& s = view.sample;
-  std::string text = phaseName(static_cast<Phase>(s.phase));
+  std::string text;
+  const auto add = [&](bool shown, const std::string& words) {
+    if (shown) text += (text.empty() ? "" : " ") + words;
+  };
+  add(view.aids.phase, phaseName(static_cast<Phase>(s.phase)));
   if (s.layer >= 0) {
-    text += " " + (view.layer.empty() ? formatted("layer %d", s.layer) : view.layer);
-    text += formatted(" %.1f mm", 1e3 * s.insertion_m);
+    add(view.aids.layer, view.layer.empty() ? formatted("layer %d", s.layer) : view.layer);
+    add(view.aids.depth, formatted("%.1f mm", 1e3 * s.insertion_m));
   }
-  return text + formatted(" %.2f N", std::hypot(s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]));
+  add(view.aids.force, formatted("%.2f N", std::hypot(s.force_W_N[0], s.force_W_N[1], s.force_W_N[2])));
+  return text;
 }
 
 }  // namespace
@@ -40,7 +45,8 @@ std::string liveText(const LiveView& view) {
   std::string text = formatted("%ld:%02ld  ", seconds / 60, seconds % 60);
   if (view.fault != Fault::kNone) text += formatted("FAULT: %s | ", faultText(view.fault));
   if (view.fault == Fault::kNone && !view.hold.empty()) text += "NO FORCE: " + view.hold + " | ";
-  text += place(view);
+  const std::string where = place(view);
+  text += where.empty() ? "practising" : where;
   const auto us = [](std::int64_t ns) { return static_cast<double>(ns) * 1e-3; };
   text += formatted(" | wake-up p50 %.0f p99 %.0f max %.0f µs, %llu missed", us(view.wakeup.p50_ns),
                     us(view.wakeup.p99_ns), us(view.wakeup.max_ns),

@@ -13,6 +13,11 @@
 
 namespace needlelab {
 
+/// What the exercise lets the trainee see while it practises.
+struct LiveAids {
+  bool phase = true, layer = true, depth = true, force = true;
+};
+
 /// What the line shows: gathered by its owner from what the loop publishes, never from the loop itself.
 struct LiveView {
   double time_s = 0;     ///< since the lesson began
@@ -23,6 +28,7 @@ struct LiveView {
   LatencyQuantiles wakeup;
   std::uint64_t missed_ticks = 0;
   std::string spool, server;  ///< how they are, in few words
+  LiveAids aids = {};
 };
 
 /// "1:07  INSERTING muscle 23.4 mm 1.52 N | wake-up 25/46/452 µs, 0 missed | spool 3 | server"; a fault or a

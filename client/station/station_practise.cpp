@@ -125,9 +125,11 @@ void StationRun::watch(DeviceKeeper& keeper, FaultPolicy on_fault) {
     if (fault_watch.counts(state)) loop_->acknowledge();
     for (const std::string& line : fault_watch.look(state)) say(line);
     spool_guard_->look();
-    if (const std::int64_t now_ns = steadyNowNs(); liveLine().due(now_ns))
-      liveLine().show(viewer.look(spoolText(writer_->counts()), uplink_ ? serverText(uplink_->state()) : ""),
-                      now_ns);
+    if (const std::int64_t now_ns = steadyNowNs(); liveLine().due(now_ns)) {
+      LiveView view = viewer.look(spoolText(writer_->counts()), uplink_ ? serverText(uplink_->state()) : "");
+      view.aids = aidsOf(lesson_);
+      liveLine().show(view, now_ns);
+    }
     if (uplink_) reportToServer(fault_watch);
   }
   liveLine().end();

@@ -55,6 +55,16 @@ TEST(LiveLine, tellsPlaceForceTimingSpoolAndServer) {
   EXPECT_THAT(liveText(named), HasSubstr("INSERTING muscle 23.4 mm"));
 }
 
+TEST(LiveLine, showsTheAidsThatTheExerciseAllows) {
+  LiveView view = example();
+  view.aids = {.phase = false, .layer = false, .depth = true, .force = false};
+  EXPECT_THAT(liveText(view), HasSubstr("1:07  23.4 mm | wake-up"));
+  view.aids = {.phase = false, .layer = false, .depth = false, .force = false};
+  EXPECT_THAT(liveText(view), HasSubstr("1:07  practising | wake-up"));
+  view.fault = Fault::kEmergencyStop;
+  EXPECT_THAT(liveText(view), HasSubstr("FAULT")) << "never hidden";
+}
+
 TEST(LiveLine, aFaultStandsFirstAndAHoldInItsPlaceWhenThereIsNone) {
   LiveView view = example();
   view.hold = "the dead-man switch is released";
