@@ -131,17 +131,18 @@ Result<pb::SessionInfo> SessionStore::info(const Uuid& session) {
 }
 
 Result<std::vector<pb::SessionInfo>> SessionStore::list(std::string_view station, std::string_view trainee,
-                                                        std::uint32_t limit,
-                                                        const std::optional<Uuid>& after) {
+                                                        std::uint32_t limit, const std::optional<Uuid>& after,
+                                                        std::string_view exercise_id) {
   std::vector<pb::SessionInfo> sessions;
   const std::uint32_t most = limit == 0 ? kMaxListed : std::min(limit, kMaxListed);
   const std::string behind = after ? " AND (s.started_unix_ns, s.number) < (SELECT started_unix_ns, number "
-                                     "FROM sessions WHERE id = ?4)"
+                                     "FROM sessions WHERE id = ?5)"
                                    : "";
   auto rows = connection_.query(std::string(kInfoColumns) +
-                                    "WHERE (?1 = '' OR s.station = ?1) AND (?2 = '' OR s.trainee = ?2)" +
+                                    "WHERE (?1 = '' OR s.station = ?1) AND (?2 = '' OR s.trainee = ?2)"
+                                    " AND (?4 = '' OR s.exercise_id = ?4)" +
                                     behind + " ORDER BY s.started_unix_ns DESC, s.number DESC LIMIT ?3",
-                                station, trainee, most);
+                                station, trainee, most, exercise_id);
   if (after) rows.bind(ByteView(*after));
   for (;;) {
     const auto row = rows.step();

@@ -156,7 +156,8 @@ class SessionStore {
   /// Newest first, without profile JSON and score; empty filters mean all. At most `limit` and kMaxListed; 0
   /// means that many. `after`: those behind this session, for the next page.
   Result<std::vector<pb::SessionInfo>> list(std::string_view station, std::string_view trainee,
-                                            std::uint32_t limit, const std::optional<Uuid>& after = {});
+                                            std::uint32_t limit, const std::optional<Uuid>& after = {},
+                                            std::string_view exercise_id = {});
 
   /// Chunks from `from_seq` on, at most `max_chunks` and about `max_bytes` (at least one). Every CRC is
   /// checked: kCorrupt names the first one that fails. Of the recording that is there, original or thinned;

@@ -78,9 +78,10 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   }
   erasure.set_text(
       "Backups made before now still hold this person's data: remove them, or erase again after a restore "
-      "(the server and 'check' "
-      "say so then). Pages of the database are overwritten; the log beside it is within the next minutes of "
-      "writing.");
+      "(the "
+      "server's log and 'check' say so then). Freed pages of the database are overwritten now, those of the "
+      "log "
+      "beside it (needlelab.db-wal) when it comes round; the server's own log files go by their rotation.");
   pb::Reply reply;
   *reply.mutable_erasure() = std::move(erasure);
   return reply;

@@ -53,7 +53,8 @@ Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& c
     after = *id;
   }
   auto sessions = SessionStore(context.reader)
-                      .list(call.station(), own ? context.who.name : call.trainee(), call.limit(), after);
+                      .list(call.station(), own ? context.who.name : call.trainee(), call.limit(), after,
+                            call.exercise_id());
   if (!sessions) return sessions.error();
   pb::Reply reply;
   auto* list = reply.mutable_sessions();

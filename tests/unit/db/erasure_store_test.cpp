@@ -80,6 +80,31 @@ TEST_F(ErasureStoreTest, nothingInTheDatabaseNamesThePersonAfterwards) {
   EXPECT_EQ(erase("anna").error().code, ErrorCode::kNotFound);
 }
 
+TEST_F(ErasureStoreTest, whatWasErasedIsNotInTheFileEither) {
+  // a name that is nowhere else, and a rare one
+  ASSERT_OK(PeopleStore(db.writer).add({"qzxanna", pb::TRAINEE, "", false, 1, "Wqjvornov"}));
+  const Uuid id = session("qzxanna", 20, true);
+  ASSERT_OK(AnnotationStore(db.writer).add({0, id, 1, "Wqjvornov is good", "ina", 1}));
+  const auto count = [&](const std::string& word) {
+    EXPECT_OK(db.writer.checkpointPassive());
+    const auto bytes = readWholeFile(db.path);
+    EXPECT_OK(bytes);
+    std::size_t found = 0;
+    for (std::size_t at = bytes->find(word); at != std::string::npos; at = bytes->find(word, at + 1)) ++found;
+    return found;
+  };
+  const Bytes chunk = test::chunkOf(7);
+  const std::string motion(textOf(ByteView(chunk).subspan(8, 48)));
+  EXPECT_GT(count("qzxanna"), 0u);
+  EXPECT_GT(count("Wqjvornov"), 0u);
+  EXPECT_GT(count(motion), 0u);
+  ASSERT_OK(erase("qzxanna"));
+  removeChunks(id);
+  EXPECT_EQ(count("qzxanna"), 0u) << "pages that were freed are overwritten";
+  EXPECT_EQ(count("Wqjvornov"), 0u);
+  EXPECT_EQ(count(motion), 0u);
+}
+
 TEST_F(ErasureStoreTest, whatAStationStillSendsIsAcknowledgedAndNotKept) {
   const Uuid id = session("anna", 3, false);
   ASSERT_EQ(ErasureStore(db.writer).openSessions("anna")->size(), 1u);

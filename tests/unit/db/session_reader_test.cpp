@@ -50,6 +50,8 @@ TEST_F(SessionReaderTest, listsNewestFirstAndFilters) {
   EXPECT_EQ(store.list("", "anna", 0)->size(), 2u);
   EXPECT_EQ(store.list("station-1", "", 1)->size(), 1u);
   EXPECT_TRUE(store.list("station-2", "", 0)->empty());
+  EXPECT_EQ(store.list("", "", 0, {}, "knee-1")->size(), all->size());
+  EXPECT_TRUE(store.list("", "", 0, {}, "shoulder-1")->empty());
 }
 
 TEST_F(SessionReaderTest, readsChunksFromASeqWithinItsLimits) {

@@ -31,7 +31,9 @@ TEST_F(Pages, usersStationsAndAssignments) {
   ASSERT_OK(change([](Connection& c) -> Status {
     for (int i = 0; i < kMany; ++i) {
       const std::string name = "person with quite a long name " + std::to_string(i);
-      if (auto done = PeopleStore(c).add({name, pb::TRAINEE, "", false, 1}); !done) return done;
+      if (auto done = PeopleStore(c).add({name, pb::TRAINEE, "", false, 1, "and a full name of " + name});
+          !done)
+        return done;
       if (auto done = c.run("INSERT INTO assignments (trainee, exercise_id, by_whom, created_unix_ns) VALUES "
                             "(?, ?, 'somebody with a long name, too', ?)",
                             name, "exercise-" + std::string(40, 'x'), i / 7);
