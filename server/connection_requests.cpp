@@ -19,6 +19,11 @@ asio::thread_pool& poolFor(ServerContext& context, const pb::Request& request) {
     case pb::Request::kBackup:
     case pb::Request::kCheck:
     case pb::Request::kVerifySession:
+    // a class with passwords, a person's years, a whole gesture: seconds
+    case pb::Request::kImportPeople:
+    case pb::Request::kImportAll:
+    case pb::Request::kErasePerson:
+    case pb::Request::kRescoreSession:
       return context.slow_workers;
     case pb::Request::kRunRetention:
       return context.retention_workers;
@@ -31,6 +36,7 @@ asio::thread_pool& poolFor(ServerContext& context, const pb::Request& request) {
 std::shared_ptr<const pb::Request> secretOf(pb::Request request) {
   return {new pb::Request(std::move(request)), [](pb::Request* held) {
             if (held->has_add_user()) wipe(*held->mutable_add_user()->mutable_password());
+            if (held->has_import_people()) wipe(*held->mutable_import_people()->mutable_csv());
             if (held->has_set_password()) wipe(*held->mutable_set_password()->mutable_password());
             delete held;
           }};

@@ -5,6 +5,7 @@
 #include <set>
 #include <vector>
 
+#include "base/secret.h"
 #include "base/text_rules.h"
 #include "db/group_store.h"
 #include "db/password.h"
@@ -28,7 +29,7 @@ struct ImportRow {
   std::vector<std::string> groups;
   pb::PeopleImport::What what = pb::PeopleImport::ADD;
   std::string text, column;  ///< what is wrong, where
-  bool role_given = false, full_name_given = false;
+  bool role_given = false, full_name_given = false, has_password = false;
 
   void fault(const std::string& in_column, const std::string& words) {
     if (what == pb::PeopleImport::FAULT) return;
@@ -55,13 +56,20 @@ std::vector<std::string> idsOf(const std::string& cell) {
 class PeopleTable {
  public:
   explicit PeopleTable(const Context& context) : context_(context) {}
+  PeopleTable(const PeopleTable&) = delete;
+  PeopleTable& operator=(const PeopleTable&) = delete;
+  ~PeopleTable() { wipePasswords(); }
 
   /// kInvalidInput: the table as a whole.
   Status read(const std::string& csv) {
-    const auto rows = parseCsvText(csv, kMostImportRows + 1);
+    auto rows = parseCsvText(csv, kMostImportRows + 1);
     if (!rows) return rows.error();
     if (auto known = readHeader(*rows); !known) return known;
-    for (std::size_t i = 1; i < rows->size(); ++i) add((*rows)[i]);
+    for (std::size_t i = 1; i < rows->size(); ++i) {
+      add((*rows)[i]);
+      // one of them may be a password
+      for (std::string& cell : (*rows)[i].cells) wipe(cell);
+    }
     if (rows_.empty()) return Error{ErrorCode::kInvalidInput, "csv: has a header and no rows"};
     if (const auto with =
             std::count_if(rows_.begin(), rows_.end(), [](const auto& row) { return !row.password.empty(); });
@@ -96,6 +104,7 @@ class PeopleTable {
       if (!hash) return hash.error();
       row.person.password_hash = std::move(*hash);
     }
+    wipePasswords();
     return {};
   }
 
@@ -153,6 +162,10 @@ class PeopleTable {
   }
 
  private:
+  void wipePasswords() {
+    for (ImportRow& row : rows_) wipe(row.password);
+  }
+
   static Error at(const ImportRow& row, const Error& error) {
     return {error.code,
             "line " + std::to_string(row.line) + ", '" + printable(row.person.name) + "': " + error.message};
@@ -189,6 +202,7 @@ class PeopleTable {
     row.person.full_name = cell("full_name");
     row.full_name_given = !row.person.full_name.empty();
     row.password = cell("password");
+    row.has_password = !row.password.empty();
     row.groups = idsOf(cell("group"));
     row.person.created_unix_ns = context_.now_unix_ns;
     row.person.role = pb::TRAINEE;
@@ -237,7 +251,7 @@ class PeopleTable {
       row.what = pb::PeopleImport::ADD;
       row.text = "added as " + std::string(roleName(row.person.role)) + (joins.empty() ? "" : ", " + joins);
       if (auto may = mayManage(context_, row.person.role); !may) row.fault("role", may.error().message);
-      if (row.password.empty() && row.person.role != pb::TRAINEE)
+      if (!row.has_password && row.person.role != pb::TRAINEE)
         row.fault("password", "is missing: only trainees do without");
       return {};
     }
@@ -260,7 +274,7 @@ class PeopleTable {
     if (row.what == pb::PeopleImport::FAULT) return {};
     row.what = row.text.empty() ? pb::PeopleImport::NOTHING : pb::PeopleImport::CHANGE;
     if (row.text.empty()) row.text = "is there already";
-    if (!row.password.empty()) row.text += "; the password is left as it is";
+    if (row.has_password) row.text += "; the password is left as it is";
     return {};
   }
 

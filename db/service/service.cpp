@@ -203,10 +203,17 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
     if (!reader) return reader.error();
     auto reply = dispatch(
         {principal, writer_, **reader, wallNowNs(), callName(request.call_case()), &cancelled_}, request);
-    // what an erasure has given up goes at once; what a stopped server leaves, the next run of retention
-    // removes
+    // what an erasure has given up goes at once; while a run of retention is under way, the next one takes it
     if (reply && request.call_case() == pb::Request::kErasePerson) {
-      const std::scoped_lock one_run(retention_mutex_);
+      const std::unique_lock one_run(retention_mutex_, std::try_to_lock);
+      if (!one_run) {
+        auto* erasure = reply->mutable_erasure();
+        erasure->set_text(
+            "A run of retention is under way: the chunks go with the next one, at the latest tomorrow "
+            "(at once by needlelab-admin retention run when this one has ended). " +
+            erasure->text());
+        return reply;
+      }
       if (auto removed = removeLeftovers(retentionTools()); !removed) return removed.error();
     }
     return reply;

@@ -252,6 +252,10 @@ TEST_F(Teaching, aTableWithFaultsNamesRowColumnAndReasonAndChangesNothing) {
     request.mutable_import_people()->set_csv(csv);
     EXPECT_EQ(refusal(manager, request), ErrorCode::kInvalidInput) << csv;
   }
+  // who is given a password can log in
+  EXPECT_TRUE(importPeople("name,role,password\nira,instructor,correct horse\ntom,,\n").done());
+  EXPECT_OK(store->service().loginPerson("ira", "correct horse"));
+  EXPECT_FALSE(store->service().loginPerson("tom", "").ok());
   // spreadsheets of half of Europe, with a byte order mark
   EXPECT_EQ(importPeople("\xef\xbb\xbfname;full_name\nzoë;Zoë Ö\n").added(), 1u);
 }
