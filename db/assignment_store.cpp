@@ -26,10 +26,6 @@ pb::Assignment assignmentOf(const Statement& row) {
   return found;
 }
 
-std::optional<std::string> orNull(const std::string& text) {
-  return text.empty() ? std::nullopt : std::optional(text);
-}
-
 Status checkTrainee(Connection& connection, const std::string& name) {
   const auto person = PeopleStore(connection).find(name);
   if (!person) return person.error();
@@ -60,8 +56,6 @@ Result<pb::Assignment> AssignmentStore::put(const pb::Assignment& given) {
   } else if (const auto exercise = CurriculumStore(connection_).exercise(given.exercise_id()); !exercise) {
     return exercise.error();
   }
-  const std::optional<std::int64_t> due =
-      given.due_unix_ns() == 0 ? std::nullopt : std::optional<std::int64_t>(given.due_unix_ns());
   auto known = connection_.query(
       "SELECT id FROM assignments WHERE coalesce(course_id, '') = ? AND coalesce(exercise_id, '') = ?"
       " AND coalesce(group_id, '') = ? AND coalesce(trainee, '') = ?",
@@ -71,18 +65,18 @@ Result<pb::Assignment> AssignmentStore::put(const pb::Assignment& given) {
   pb::Assignment stored = given;
   if (*found) {
     stored.set_id(known.natural(0));
-    if (auto done = connection_.run(
-            "UPDATE assignments SET due_unix_ns = ?, by_whom = ?, created_unix_ns = ? WHERE id = ?", due,
-            given.by(), given.created_unix_ns(), stored.id());
-        !done)
-      return done.error();
+    auto renew = connection_.query(
+        "UPDATE assignments SET by_whom = ?, created_unix_ns = ?, due_unix_ns = nullif(?, 0) WHERE id = ?",
+        given.by(), given.created_unix_ns(), given.due_unix_ns(), stored.id());
+    if (auto done = renew.run(); !done) return done.error();
     return stored;
   }
   if (auto done = connection_.run(
           "INSERT INTO assignments (course_id, exercise_id, group_id, trainee, due_unix_ns, by_whom,"
-          " created_unix_ns) VALUES (?,?,?,?,?,?,?)",
-          orNull(given.course_id()), orNull(given.exercise_id()), orNull(given.group_id()),
-          orNull(given.trainee()), due, given.by(), given.created_unix_ns());
+          " created_unix_ns) VALUES (nullif(?, ''), nullif(?, ''), nullif(?, ''), nullif(?, ''), nullif(?, "
+          "0), ?, ?)",
+          given.course_id(), given.exercise_id(), given.group_id(), given.trainee(), given.due_unix_ns(),
+          given.by(), given.created_unix_ns());
       !done)
     return done.error();
   stored.set_id(static_cast<std::uint64_t>(connection_.lastRowId()));

@@ -57,16 +57,17 @@ Status ScoreStore::put(const pb::Score& score) {
     number = row.integer(0);
     has_first = row.integer(2) != 0;
   }
-  const std::optional<bool> passed = score.has_passed() ? std::optional(score.passed()) : std::nullopt;
-  if (auto done = connection_.run("INSERT INTO scores (session, definition_version, measures, passed, first, "
-                                  "engine_version, made_unix_ns) VALUES"
-                                  " (?,?,?,?,?,?,?) ON CONFLICT (session, definition_version) DO UPDATE SET "
-                                  "measures = excluded.measures,"
-                                  " passed = excluded.passed, engine_version = excluded.engine_version, "
-                                  "made_unix_ns = excluded.made_unix_ns"
-                                  " WHERE first = 0",
-                                  number, score.definition_version(), score.measures_json(), passed,
-                                  !has_first, score.engine_version(), score.made_unix_ns());
+  const int passed = score.has_passed() ? (score.passed() ? 1 : 0) : -1;
+  if (auto done = connection_.run(
+          "INSERT INTO scores (session, definition_version, measures, passed, first, "
+          "engine_version, made_unix_ns) VALUES"
+          " (?,?,?,nullif(?, -1),?,?,?) ON CONFLICT (session, definition_version) DO UPDATE SET "
+          "measures = excluded.measures,"
+          " passed = excluded.passed, engine_version = excluded.engine_version, "
+          "made_unix_ns = excluded.made_unix_ns"
+          " WHERE first = 0",
+          number, score.definition_version(), score.measures_json(), passed, !has_first,
+          score.engine_version(), score.made_unix_ns());
       !done)
     return done;
   return connection_.run(
