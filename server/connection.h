@@ -40,6 +40,9 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   /// A verified backup was made: tells the station what it covers.
   static Task<> tellSafe(std::shared_ptr<PeerConnection> self);
 
+  /// Sends it to this peer and waits until it has read it: the answer to a Ping behind it says so.
+  static Task<bool> sendConfirmed(std::shared_ptr<PeerConnection> self, pb::Envelope envelope);
+
   void sendControl(const pb::Envelope& envelope) override;
   void sendLive(Frame frame, bool counted) override;
 
@@ -48,6 +51,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   [[nodiscard]] const Principal& who() const { return who_; }
   [[nodiscard]] const std::string& address() const { return channel_->peerAddress(); }
   [[nodiscard]] const Channel& channel() const { return *channel_; }
+  [[nodiscard]] bool over() const { return state_ >= ConnectionState::kClosing; }
 
  private:
   /// What this connection has told, or is about to tell, of a session.
@@ -69,18 +73,13 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   void refusedByPeer(const pb::Refusal& refusal);
   void leave();
   [[nodiscard]] bool busy() const;
-  [[nodiscard]] bool over() const { return state_ >= ConnectionState::kClosing; }
   void answerPing(const pb::Ping& ping);
   [[nodiscard]] bool tooOften(pb::Envelope::BodyCase body);
 
   // --- connection_login.cpp
   void greet(const pb::Hello& hello);
   Task<> logIn(pb::Login given);
-  bool refusedToWait(const std::string& name, const std::string& host);
-  bool mayTryPassword(const std::string& name, const std::string& host);
-  Task<Result<Tokens::Holder>> checkLogin(std::shared_ptr<const pb::Login> login, std::string name,
-                                          std::string host);
-  void noteLocked(const std::string& name, const std::string& host);
+  Task<Result<Tokens::Holder>> checkLogin(std::shared_ptr<const pb::Login> login);
   Task<> welcome(std::int64_t password_ns);
 
   // --- connection_session.cpp: the durable plane
@@ -97,11 +96,6 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   // --- connection_requests.cpp
   static Task<> execute(std::shared_ptr<PeerConnection> self, pb::Request request);
   Task<> answer(const pb::Request& request, Outcome outcome);
-  void afterwards(const pb::Request& request, bool backup_done);
-  void endAccess(const std::string& name, bool station, bool mine_too, const std::string& text);
-  Task<std::optional<pb::Refusal>> deliver(std::string station, pb::Envelope envelope);
-  /// Sends it to this peer and waits until it has read it: the answer to a Ping behind it says so.
-  static Task<bool> sendConfirmed(std::shared_ptr<PeerConnection> self, pb::Envelope envelope);
 
   ServerContext& context_;
   const std::uint64_t id_;

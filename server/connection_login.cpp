@@ -4,23 +4,18 @@
 
 #include "base/clock.h"
 #include "base/secret.h"
-#include "base/text_rules.h"
 #include "db/session_store.h"
 #include "server/connection.h"
 #include "server/log.h"
+#include "server/person_login.h"
 #include "wire/refusal.h"
 #include "wire/version.h"
 
 namespace needlelab {
 namespace {
 
-std::string hostOf(const std::string& address) {
-  return address.substr(0, address.rfind(':'));
-}
-
 /// What a log-in is called in the log and counted under.
 std::string nameOf(const pb::Login& login) {
-  if (login.has_person()) return "person " + login.person().user();
   return login.has_station() ? "station " + login.station().station() : "token";
 }
 
@@ -61,67 +56,49 @@ void PeerConnection::greet(const pb::Hello& hello) {
 Task<> PeerConnection::logIn(pb::Login given) {
   auto self = shared_from_this();
   const std::shared_ptr<const pb::Login> login = secretOf(std::move(given));
-  const std::string host = Door::keyOf(hostOf(address())), name = nameOf(*login);
-  if (login->has_person() && !mayTryPassword(name, host)) co_return;
+  if (login->has_person()) {
+    auto secret = std::make_shared<const PersonSecret>(login->person().user(), login->person().password());
+    LoginPeer peer{id_, address(), [this] { return over() || channel_->closing(); }};
+    const PersonLogin known = co_await logInPerson(context_, std::move(secret), std::move(peer));
+    if (over() || channel_->closing()) co_return;
+    if (known.answer != PersonLogin::Answer::kWelcome) {
+      using Answer = PersonLogin::Answer;
+      const bool limited = known.answer == Answer::kMustWait || known.answer == Answer::kTooMany;
+      const auto reason = limited                            ? pb::Refusal::RATE_LIMITED
+                          : known.answer == Answer::kRefused ? pb::Refusal::LOGIN
+                                                             : pb::Refusal::INTERNAL;
+      refuseAndClose(makeRefusal(reason, textOf(known)));
+      co_return;
+    }
+    who_ = known.holder.who;
+    co_await welcome(known.holder.password_ns);
+    co_return;
+  }
   Result<Tokens::Holder> result = Error{ErrorCode::kDenied, "log-in refused"};
   std::uint64_t seen = 0;
   do {
-    // an account that is disabled while its password is checked must not slip in: then it is checked again
+    // an account that is disabled while its token is checked must not slip in: then it is checked again
     seen = context_.access_changes;
-    result = co_await checkLogin(login, name, host);
+    result = co_await checkLogin(login);
   } while (result.ok() && seen != context_.access_changes && !over() && !channel_->closing());
   if (over() || channel_->closing()) co_return;
 
   if (!result.ok()) {
     ++context_.counters.logins_refused;
     const bool denied = result.error().code == ErrorCode::kDenied;
-    logEvent(LogLevel::kWarning, "login_refused",
-             {{"conn", id_}, {"name", name}, {"peer", address()}, {"text", result.error().message}});
-    if (denied) {
-      // one text for unknown, wrong and disabled
-      refuseAndClose(makeRefusal(pb::Refusal::LOGIN,
-                                 "log-in refused: unknown name, wrong password or key, or disabled"));
-    } else {
-      refuseAndClose(
-          makeRefusal(pb::Refusal::INTERNAL, "the log-in could not be checked; see the server's log"));
-    }
+    logEvent(
+        LogLevel::kWarning, "login_refused",
+        {{"conn", id_}, {"name", nameOf(*login)}, {"peer", address()}, {"text", result.error().message}});
+    PersonLogin refused;
+    refused.answer = denied ? PersonLogin::Answer::kRefused : PersonLogin::Answer::kFailed;
+    refuseAndClose(makeRefusal(denied ? pb::Refusal::LOGIN : pb::Refusal::INTERNAL, textOf(refused)));
     co_return;
   }
-  if (login->has_person()) context_.guard.succeeded(name, host, steadyNowNs());
   who_ = result->who;
   co_await welcome(result->password_ns);
 }
 
-bool PeerConnection::refusedToWait(const std::string& name, const std::string& host) {
-  const auto wait = context_.guard.mustWait(name, host, steadyNowNs());
-  if (wait.count() <= 0) return false;
-  ++context_.counters.logins_refused;
-  logEvent(LogLevel::kWarning, "login_rate_limited", {{"conn", id_}, {"name", name}, {"peer", address()}});
-  refuseAndClose(makeRefusal(pb::Refusal::RATE_LIMITED, "too many failed log-ins; try again in " +
-                                                            std::to_string(wait.count() / 1000 + 1) + " s"));
-  return true;
-}
-
-bool PeerConnection::mayTryPassword(const std::string& name, const std::string& host) {
-  if (refusedToWait(name, host)) return false;
-  // a password costs time and memory by design: few at a time, a queue that ends, and in it room that no
-  // stranger takes
-  const ConnectionBounds& bounds = context_.bounds;
-  const auto here = context_.logins_waiting_at.find(host);
-  const bool known = context_.guard.knows(name, host);
-  if (context_.logins_waiting < (known ? bounds.logins_waiting : bounds.logins_waiting_of_strangers) &&
-      (known || here == context_.logins_waiting_at.end() ||
-       here->second < bounds.logins_waiting_at_address)) {
-    return true;
-  }
-  ++context_.counters.logins_refused;
-  refuseAndClose(
-      makeRefusal(pb::Refusal::RATE_LIMITED, "too many log-ins at once; try again in some seconds"));
-  return false;
-}
-
-Task<Result<Tokens::Holder>> PeerConnection::checkLogin(std::shared_ptr<const pb::Login> login,
-                                                        std::string name, std::string host) {
+Task<Result<Tokens::Holder>> PeerConnection::checkLogin(std::shared_ptr<const pb::Login> login) {
   auto self = shared_from_this();
   Service& service = context_.store.service();
   if (login->has_station()) {
@@ -132,32 +109,6 @@ Task<Result<Tokens::Holder>> PeerConnection::checkLogin(std::shared_ptr<const pb
     if (!who.ok()) co_return who.error();
     co_return Tokens::Holder{std::move(*who), 0};
   }
-  if (login->has_person()) {
-    std::function<Result<Principal>()> check = [&service, login] {
-      return service.loginPerson(login->person().user(), login->person().password());
-    };
-    const bool known = context_.guard.knows(name, host);
-    ++context_.logins_waiting;
-    if (!known) ++context_.logins_waiting_at[host];
-    // one after the other, and each looks again whether it may: of many guesses that came together, those
-    // after the last one that is allowed are never tried
-    const std::uint64_t turn = context_.password_turns++;
-    while (context_.password_turn != turn) co_await context_.password_done.wait();
-    Result<Principal> who = Error{ErrorCode::kUnavailable, "log-in refused"};
-    if (!over() && !channel_->closing() && !refusedToWait(name, host)) {
-      who = co_await offload(context_.passwords, std::move(check));
-      if (!who.ok() && who.error().code == ErrorCode::kDenied &&
-          context_.guard.failed(name, host, steadyNowNs()))
-        noteLocked(name, host);
-    }
-    ++context_.password_turn;
-    context_.password_done.notify();
-    --context_.logins_waiting;
-    if (const auto here = context_.logins_waiting_at.find(host); !known && --here->second == 0)
-      context_.logins_waiting_at.erase(here);
-    if (!who.ok()) co_return who.error();
-    co_return Tokens::Holder{std::move(*who), steadyNowNs()};
-  }
   auto holder = context_.tokens.find(login->token(), steadyNowNs());
   if (!login->has_token() || !holder) co_return Error{ErrorCode::kDenied, "log-in refused"};
   std::function<Result<bool>()> check = [&service, who = holder->who] { return service.stillAllowed(who); };
@@ -165,18 +116,6 @@ Task<Result<Tokens::Holder>> PeerConnection::checkLogin(std::shared_ptr<const pb
   if (!allowed.ok()) co_return allowed.error();
   if (!*allowed) co_return Error{ErrorCode::kDenied, "log-in refused"};
   co_return std::move(*holder);
-}
-
-void PeerConnection::noteLocked(const std::string& name, const std::string& host) {
-  const auto wait = context_.guard.mustWait(name, host, steadyNowNs());
-  const std::string text = "too many failed log-ins from " + hostOf(address()) + ": waits " +
-                           std::to_string(wait.count() / 1000 + 1) + " s";
-  logEvent(LogLevel::kWarning, "login_locked", {{"conn", id_}, {"name", name}, {"text", text}});
-  asio::post(context_.workers,
-             [&service = context_.store.service(), subject = printable(name.substr(0, 100)), text] {
-               const Status noted = service.note("server", "log-in locked", subject, text);
-               if (!noted.ok()) logEvent(LogLevel::kError, "audit_failed", {{"text", noted.error().message}});
-             });
 }
 
 Task<> PeerConnection::welcome(std::int64_t password_ns) {

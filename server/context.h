@@ -2,13 +2,16 @@
 /// otherwise.
 #pragma once
 
+#include <array>
 #include <boost/asio/thread_pool.hpp>
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "server/door.h"
@@ -59,6 +62,17 @@ struct ServerCounters {
   std::uint64_t bytes_received = 0, bytes_sent = 0;  ///< of connections that have ended
 };
 
+/// What the web port did since the start (server/http); shown with the metrics.
+struct WebCounters {
+  static constexpr std::array<double, 8> kLatency_s = {0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3};
+  std::map<std::pair<std::string, unsigned>, std::uint64_t> requests;  ///< by route's pattern and status
+  std::array<std::uint64_t, kLatency_s.size() + 1> latency{};          ///< request read to reply written
+  double latency_sum_s = 0;
+  std::uint64_t connections = 0, connections_refused = 0, handshakes_failed = 0;
+  std::uint64_t live_dropped = 0;                   ///< viewers cut because they did not read
+  std::size_t connections_open = 0, live_open = 0;  ///< now
+};
+
 struct ServerContext {
   asio::io_context& io;
   Store& store;                          ///< its parts are thread-safe
@@ -71,6 +85,7 @@ struct ServerContext {
   LoginGuard guard;
   Tokens tokens;
   ServerCounters counters;
+  WebCounters web{};
   Door door{};
   std::size_t logins_waiting = 0;
   std::unordered_map<std::string, std::size_t> logins_waiting_at{};  ///< of strangers, by address

@@ -51,6 +51,14 @@ int main(int argc, char** argv) try {
       "PORT or HOST:PORT for GET /metrics (Prometheus) and /healthz; a port alone is on 127.0.0.1");
   app.add_option("--metrics-port-file", options.metrics_port_file,
                  "Write the port of --metrics to this file");
+  options.web.listen = "127.0.0.1:7751";
+  auto* const web =
+      app.add_option("--web", options.web.listen,
+                     "HOST:PORT for browsers (HTTPS, the same certificate), or off; port 0 picks a free one")
+          ->capture_default_str();
+  app.add_option("--web-port-file", options.web.port_file, "Write the port of --web to this file");
+  app.add_option("--web-root", options.web.root,
+                 "Folder of the console's files; default: where they were installed or built");
   app.add_option("--max-backup-age", max_backup_age_h,
                  "/healthz fails when the last verified backup is older than so many hours; 0: never")
       ->check(CLI::Range(0.0, 1e6))
@@ -84,6 +92,8 @@ int main(int argc, char** argv) try {
   if (!format.ok()) return fail(format.error());
   needlelab::setLogFormat(*format);
   options.min_free_bytes = min_free_mib << 20;
+  // a second server on a machine need not be told that the first one has the usual port
+  options.web_optional = web->count() == 0;
   options.retention_every = std::chrono::hours(retention_every_h);
   options.monitor.max_backup_age = std::chrono::seconds(static_cast<std::int64_t>(max_backup_age_h * 3600));
 

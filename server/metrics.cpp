@@ -149,6 +149,35 @@ void storage(PrometheusText& out, const ServerContext& context, const StoreFacts
               "When the server's certificate ends, seconds since 1970.");
 }
 
+void browsers(PrometheusText& out, const ServerContext& context) {
+  const WebCounters& web = context.web;
+  out.gauge("needlelab_web_connections", real(web.connections_open), "Connections of browsers.");
+  out.counter("needlelab_web_connections_total", real(web.connections), "Connections of browsers accepted.");
+  out.counter("needlelab_web_connections_refused_total", real(web.connections_refused),
+              "Connections of browsers closed at once because there were too many.");
+  out.counter("needlelab_web_handshakes_failed_total", real(web.handshakes_failed),
+              "TLS handshakes of browsers that failed or took too long.");
+  out.gauge("needlelab_web_live_viewers", real(web.live_open), "Live pages that are open.");
+  out.counter("needlelab_web_live_dropped_total", real(web.live_dropped),
+              "Live pages that were cut because they did not read.");
+  out.metric("needlelab_web_requests_total", "counter",
+             "Requests of browsers answered, by route and status.");
+  for (const auto& [key, count] : web.requests)
+    out.sample(real(count), {{"route", key.first}, {"status", std::to_string(key.second)}});
+  out.metric("needlelab_web_request_seconds", "histogram",
+             "From a request's header to the end of its reply.");
+  std::uint64_t through = 0;
+  for (std::size_t i = 0; i < WebCounters::kLatency_s.size(); ++i) {
+    through += web.latency[i];
+    const std::string bound = formatted("%g", WebCounters::kLatency_s[i]);
+    out.sample(real(through), {{"le", bound}}, "_bucket");
+  }
+  through += web.latency.back();
+  out.sample(real(through), {{"le", "+Inf"}}, "_bucket");
+  out.sample(web.latency_sum_s, {}, "_sum");
+  out.sample(real(through), {}, "_count");
+}
+
 void process(PrometheusText& out, const ProcessFacts& facts) {
   out.counter("process_cpu_seconds_total", facts.cpu_s, "Processor time, user and system.");
   out.gauge("process_resident_memory_bytes", real(facts.rss_bytes), "Resident memory.");
@@ -170,6 +199,7 @@ std::string metricsText(const ServerContext& context, const StoreFacts& facts) {
   durablePlane(out, context, facts);
   livePlane(out, context, open);
   storage(out, context, facts);
+  browsers(out, context);
   process(out, facts.process);
   return out.text();
 }

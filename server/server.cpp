@@ -23,6 +23,11 @@
 #include "wire/certificates.h"
 #include "wire/tls.h"
 
+// g++ 12 takes a map inside the context, which is moved into its place, for uninitialised
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#endif
+
 namespace needlelab {
 
 /// Destroyed from the last to the first: the pools (joined) before the store, the store (drained) before the
@@ -40,6 +45,7 @@ struct Server::Parts {
   std::optional<Tcp::acceptor> acceptor;
   std::unique_ptr<Monitor> monitor;
   std::shared_ptr<MonitorHttp> monitor_http;
+  std::shared_ptr<WebServer> web;
   asio::signal_set signals{io};
   asio::steady_timer watchdog_timer{io};
   asio::steady_timer drain_timer{io};
@@ -123,6 +129,15 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .door = Door(p.options.door),
                                   .connections = {}});
   if (auto started = p.startMonitor(); !started.ok()) return started.error();
+  if (const std::string& web = p.options.web.listen; !web.empty() && web != "off") {
+    auto started = WebServer::start(*p.context, p.tls, p.options.web);
+    if (started.ok()) {
+      p.web = std::move(*started);
+    } else {
+      if (!p.options.web_optional || started.error().code != ErrorCode::kUnavailable) return started.error();
+      logEvent(LogLevel::kWarning, "no_web", {{"text", started.error().message}});
+    }
+  }
   // before anybody can know that this server is up: a signal between here and run() waits for it
   if (p.options.handle_signals) {
     p.signals.add(SIGTERM);
@@ -266,6 +281,7 @@ void Server::Parts::beginStop(const std::string& reason) {
   boost::system::error_code ignored;
   acceptor->close(ignored);
   if (monitor_http) monitor_http->stop();
+  if (web) web->stop();
   watchdog_timer.cancel();
   signals.cancel(ignored);
   retention_timer.cancel();
@@ -303,12 +319,14 @@ Task<> Server::Parts::retentionLoop() {
 
 Task<> Server::Parts::drainLoop() {
   const auto end = std::chrono::steady_clock::now() + options.drain;
-  while (!context->connections.empty() && std::chrono::steady_clock::now() < end) {
+  const auto all_gone = [this] { return context->connections.empty() && (!web || web->idle()); };
+  while (!all_gone() && std::chrono::steady_clock::now() < end) {
     drain_timer.expires_after(std::chrono::milliseconds(20));
     co_await drain_timer.async_wait(kUseTuple);
   }
   const auto left = context->connections;
   for (const auto& [id, connection] : left) connection->cut("the server's time to drain has passed");
+  if (web) web->cut("the server's time to drain has passed");
 }
 
 /// Tells systemd that this thread still turns: one that hangs is killed and started anew.
@@ -323,6 +341,9 @@ Task<> Server::Parts::watchdogLoop(std::chrono::microseconds period) {
 std::uint16_t Server::metricsPort() const {
   return parts_->monitor_http ? parts_->monitor_http->port() : 0;
 }
+std::uint16_t Server::webPort() const {
+  return parts_->web ? parts_->web->port() : 0;
+}
 std::uint16_t Server::port() const {
   return parts_->port;
 }
@@ -334,6 +355,9 @@ Store& Server::store() {
 }
 const ServerCounters& Server::counters() const {
   return parts_->context->counters;
+}
+const WebCounters& Server::webCounters() const {
+  return parts_->context->web;
 }
 
 }  // namespace needlelab

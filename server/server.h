@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "base/result.h"
+#include "http/web_server.h"
 #include "server/context.h"
 #include "server/monitor.h"
 #include "wire/channel.h"
@@ -17,11 +18,13 @@
 namespace needlelab {
 
 struct ServerOptions {
-  std::filesystem::path data;                ///< DIR: database, tls/, lock
-  std::string listen = "127.0.0.1:7750";     ///< HOST:PORT; port 0 picks one
-  int listen_fd = -1;                        ///< a listening socket in place of `listen`; taken over
-  std::string metrics;                       ///< HOST:PORT for GET /metrics and /healthz; empty: none
-  std::filesystem::path metrics_port_file;   ///< written with the port of `metrics`; empty: none
+  std::filesystem::path data;               ///< DIR: database, tls/, lock
+  std::string listen = "127.0.0.1:7750";    ///< HOST:PORT; port 0 picks one
+  int listen_fd = -1;                       ///< a listening socket in place of `listen`; taken over
+  std::string metrics;                      ///< HOST:PORT for GET /metrics and /healthz; empty: none
+  std::filesystem::path metrics_port_file;  ///< written with the port of `metrics`; empty: none
+  WebSettings web;                          ///< for browsers
+  bool web_optional = false;  ///< when the port of `web` is taken, the server goes on without it
   std::uint64_t min_free_bytes = 64u << 20;  ///< on the folder's disk; less: it does not start
   MonitorSettings monitor;
   std::filesystem::path port_file;      ///< written after listening; empty: none
@@ -58,10 +61,13 @@ class Server {
   [[nodiscard]] std::uint16_t port() const;
   /// Of `metrics`; 0: not served.
   [[nodiscard]] std::uint16_t metricsPort() const;
+  /// Of `web`; 0: not served.
+  [[nodiscard]] std::uint16_t webPort() const;
   [[nodiscard]] std::filesystem::path caFile() const;
   /// For tests, before run() or after it.
   [[nodiscard]] Store& store();
   [[nodiscard]] const ServerCounters& counters() const;
+  [[nodiscard]] const WebCounters& webCounters() const;
 
  private:
   struct Parts;

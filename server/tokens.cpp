@@ -40,6 +40,25 @@ std::optional<Tokens::Holder> Tokens::find(std::string_view token, std::int64_t 
   return found->second.holder;
 }
 
+std::optional<std::int64_t> Tokens::renew(std::string_view token, std::int64_t now_ns) {
+  const auto found = tokens_.find(hashOf(token));
+  if (found == tokens_.end() || found->second.expires_ns <= now_ns) return std::nullopt;
+  Entry& entry = found->second;
+  entry.expires_ns = std::min(now_ns + std::chrono::nanoseconds(lifetime_).count(),
+                              entry.holder.password_ns + std::chrono::nanoseconds(longest_).count());
+  return entry.expires_ns;
+}
+
+std::optional<std::int64_t> Tokens::endOf(std::string_view token, std::int64_t now_ns) const {
+  const auto found = tokens_.find(hashOf(token));
+  if (found == tokens_.end() || found->second.expires_ns <= now_ns) return std::nullopt;
+  return found->second.expires_ns;
+}
+
+bool Tokens::end(std::string_view token) {
+  return tokens_.erase(hashOf(token)) > 0;
+}
+
 std::size_t Tokens::forget(const std::string& name) {
   return std::erase_if(tokens_, [&](const auto& entry) { return entry.second.holder.who.name == name; });
 }

@@ -34,6 +34,13 @@ class Tokens {
   Issued issue(const Holder& holder, std::int64_t now_ns);
   /// Whose token it is, while it lasts.
   std::optional<Holder> find(std::string_view token, std::int64_t now_ns);
+  /// Lets a token that was just used last as long as a new one would, `longest` from the password at most.
+  /// When it ends now; nothing when there is no such token.
+  std::optional<std::int64_t> renew(std::string_view token, std::int64_t now_ns);
+  /// When it ends.
+  [[nodiscard]] std::optional<std::int64_t> endOf(std::string_view token, std::int64_t now_ns) const;
+  /// Log-out. False: there was none.
+  bool end(std::string_view token);
   /// All tokens of a name end: the person was disabled or has a new password. How many those were.
   std::size_t forget(const std::string& name);
   [[nodiscard]] std::size_t size() const { return tokens_.size(); }

@@ -19,6 +19,22 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using nlohmann::json;
 
+/// Where faults go: to the caller at once, or, where all of them are wanted, into a list, and reading goes
+/// on.
+class Faults {
+ public:
+  explicit Faults(std::vector<Error>* all) : all_(all) {}
+  Status take(Status status) {
+    if (status.ok() || all_ == nullptr) return status;
+    if (all_->size() < kMostFaults) all_->push_back(status.error());
+    return {};
+  }
+
+ private:
+  static constexpr std::size_t kMostFaults = 200;
+  std::vector<Error>* all_;
+};
+
 std::string join(const std::vector<std::string>& words) {
   std::string all;
   for (const std::string& word : words) all += (all.empty() ? "" : ", ") + word;
@@ -130,10 +146,11 @@ Result<int> readEnum(const FieldDescriptor& field, const std::string& path, cons
   return known->number();
 }
 
-Status readObject(const json& value, const std::string& path, Message& message);
+Status readObject(const json& value, const std::string& path, Message& message, Faults& faults);
 
 /// One value of a field: the whole of a single field, or an item of a list.
-Status readValue(const FieldDescriptor& field, const std::string& path, const json& value, Message& message) {
+Status readValue(const FieldDescriptor& field, const std::string& path, const json& value, Message& message,
+                 Faults& faults) {
   const auto& reflection = *message.GetReflection();
   const bool is_list = field.is_repeated();
   switch (field.cpp_type()) {
@@ -155,6 +172,23 @@ Status readValue(const FieldDescriptor& field, const std::string& path, const js
         reflection.SetUInt32(&message, &field, static_cast<std::uint32_t>(*number));
       return {};
     }
+    case FieldDescriptor::CPPTYPE_INT64:
+    case FieldDescriptor::CPPTYPE_UINT64: {
+      // whole as it is written: a double has not enough digits
+      assert(!is_list && "lists of whole numbers are not supported");
+      const bool is_signed = field.cpp_type() == FieldDescriptor::CPPTYPE_INT64;
+      // JSON knows one kind of number: a positive one may have come as either
+      const bool is_large = value.is_number_unsigned() && value.get<std::uint64_t>() > INT64_MAX;
+      const bool is_negative =
+          value.is_number_integer() && !value.is_number_unsigned() && value.get<std::int64_t>() < 0;
+      const bool fits = value.is_number_integer() && !(is_signed ? is_large : is_negative);
+      if (!fits)
+        return fieldError(path, std::string("must be a whole number") +
+                                    (is_signed ? "" : " that is not negative") + ", " + found(value));
+      is_signed ? reflection.SetInt64(&message, &field, value.get<std::int64_t>())
+                : reflection.SetUInt64(&message, &field, value.get<std::uint64_t>());
+      return {};
+    }
     case FieldDescriptor::CPPTYPE_BOOL: {
       if (!value.is_boolean()) return fieldError(path, "must be true or false, " + found(value));
       assert(!is_list && "lists of booleans are not supported");
@@ -162,6 +196,7 @@ Status readValue(const FieldDescriptor& field, const std::string& path, const js
       return {};
     }
     case FieldDescriptor::CPPTYPE_STRING: {
+      if (field.type() == FieldDescriptor::TYPE_BYTES) return fieldError(path, "cannot be given here");
       const Result<std::string> text = readText(field, path, value);
       if (!text) return text.error();
       is_list ? reflection.AddString(&message, &field, *text) : reflection.SetString(&message, &field, *text);
@@ -177,7 +212,7 @@ Status readValue(const FieldDescriptor& field, const std::string& path, const js
     case FieldDescriptor::CPPTYPE_MESSAGE: {
       Message& part =
           is_list ? *reflection.AddMessage(&message, &field) : *reflection.MutableMessage(&message, &field);
-      return readObject(value, path, part);
+      return readObject(value, path, part, faults);
     }
     default:
       // programmer error: profile.proto got a type that this reader was not taught
@@ -186,7 +221,8 @@ Status readValue(const FieldDescriptor& field, const std::string& path, const js
   }
 }
 
-Status readList(const FieldDescriptor& field, const std::string& path, const json& value, Message& message) {
+Status readList(const FieldDescriptor& field, const std::string& path, const json& value, Message& message,
+                Faults& faults) {
   if (!value.is_array()) return fieldError(path, "must be a list, " + found(value));
   const auto& options = field.options();
   const std::size_t least = options.GetExtension(pb::min_items);
@@ -197,7 +233,8 @@ Status readList(const FieldDescriptor& field, const std::string& path, const jso
                                 std::to_string(least) + " to " + std::to_string(most));
   }
   for (std::size_t i = 0; i < value.size(); ++i) {
-    Status status = readValue(field, path + "[" + std::to_string(i) + "]", value[i], message);
+    Status status =
+        faults.take(readValue(field, path + "[" + std::to_string(i) + "]", value[i], message, faults));
     if (!status) return status;
   }
   return {};
@@ -205,7 +242,7 @@ Status readList(const FieldDescriptor& field, const std::string& path, const jso
 
 /// Required fields are there, and exactly one of each oneof.
 Status checkPresence(const Descriptor& type, const std::string& path,
-                     const std::vector<const FieldDescriptor*>& seen) {
+                     const std::vector<const FieldDescriptor*>& seen, Faults& faults) {
   const auto given = [&](const FieldDescriptor* field) {
     return std::find(seen.begin(), seen.end(), field) != seen.end();
   };
@@ -213,7 +250,8 @@ Status checkPresence(const Descriptor& type, const std::string& path,
   for (int i = 0; i < type.field_count(); ++i) {
     const FieldDescriptor* field = type.field(i);
     if (field->options().GetExtension(pb::required) && !given(field)) {
-      return fieldError(prefix + field->name(), "is missing");
+      Status status = faults.take(fieldError(prefix + field->name(), "is missing"));
+      if (!status) return status;
     }
   }
   for (int i = 0; i < type.real_oneof_decl_count(); ++i) {
@@ -224,14 +262,16 @@ Status checkPresence(const Descriptor& type, const std::string& path,
       if (given(choice.field(j))) present.push_back(choice.field(j)->name());
     }
     if (present.size() != 1) {
-      return fieldError(path, "give exactly one of " + join(names) + "; found " +
-                                  (present.empty() ? std::string("none") : join(present)));
+      Status status =
+          faults.take(fieldError(path, "give exactly one of " + join(names) + "; found " +
+                                           (present.empty() ? std::string("none") : join(present))));
+      if (!status) return status;
     }
   }
   return {};
 }
 
-Status readObject(const json& value, const std::string& path, Message& message) {
+Status readObject(const json& value, const std::string& path, Message& message, Faults& faults) {
   if (!value.is_object()) return fieldError(path, "must be an object, " + found(value));
   const Descriptor& type = *message.GetDescriptor();
   const std::string prefix = path.empty() ? "" : path + ".";
@@ -240,24 +280,38 @@ Status readObject(const json& value, const std::string& path, Message& message) 
   for (const auto& [key, item] : value.items()) {
     const FieldDescriptor* field = fieldNamed(type, key);
     if (field == nullptr) {
-      return fieldError(path, "unknown field " + quotedText(key) + "; known are " + join(fieldNames(type)));
+      Status status = faults.take(
+          fieldError(path, "unknown field " + quotedText(key) + "; known are " + join(fieldNames(type))));
+      if (!status) return status;
+      continue;
     }
     const std::string field_path = prefix + field->name();
     if (std::find(seen.begin(), seen.end(), field) != seen.end()) {
-      return fieldError(field_path, "is given twice, as " + field->name() + " and as " + field->json_name());
+      Status status = faults.take(
+          fieldError(field_path, "is given twice, as " + field->name() + " and as " + field->json_name()));
+      if (!status) return status;
+      continue;
     }
     seen.push_back(field);
-    Status status = field->is_repeated() ? readList(*field, field_path, item, message)
-                                         : readValue(*field, field_path, item, message);
+    Status status = faults.take(field->is_repeated() ? readList(*field, field_path, item, message, faults)
+                                                     : readValue(*field, field_path, item, message, faults));
     if (!status) return status;
   }
-  return checkPresence(type, path, seen);
+  return checkPresence(type, path, seen, faults);
 }
 
 }  // namespace
 
 Status readMessage(const json& value, Message& message) {
-  return readObject(value, "", message);
+  Faults first(nullptr);
+  return readObject(value, "", message, first);
+}
+
+std::vector<Error> messageFaults(const json& value, Message& message) {
+  std::vector<Error> all;
+  Faults faults(&all);
+  (void)faults.take(readObject(value, "", message, faults));
+  return all;
 }
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// JSON text from anywhere to a tree, with nothing doubtful let through. Private to this folder.
+/// JSON text from anywhere to a tree, with nothing doubtful let through.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -2,6 +2,7 @@
 #include "db/curriculum_store.h"
 #include "db/profile_store.h"
 #include "profile/profile.h"
+#include "profile/profile_faults.h"
 #include "scoring/measure_table.h"
 #include "scoring/measures.h"
 #include "service/handlers.h"
@@ -81,7 +82,8 @@ Result<pb::Reply> checkJson(const Context& context, const pb::CheckText& call) {
     }
   } else {
     const auto profile = parseProfile(call.json(), "profile");
-    if (!profile) addProblem(*check, withoutSource(profile.error().message, "profile"));
+    for (const Error& fault : profileFaults(call.json()))
+      addProblem(*check, withoutSource(fault.message, "profile"));
     if (profile) {
       for (std::string& warning : profileWarnings(*profile)) check->add_warnings(std::move(warning));
     }

@@ -33,6 +33,7 @@ void spool(ByteView data);
 void live(ByteView data);
 void trajectory(ByteView data);
 void address(ByteView data);
+void http(ByteView data);
 
 void repairChunk(std::span<std::uint8_t> data);
 void repairRecording(std::span<std::uint8_t> data);
@@ -49,6 +50,7 @@ inline constexpr Target kTargets[] = {
     {"live", live, repairLive},
     {"trajectory", trajectory, nullptr},
     {"address", address, nullptr},
+    {"http", http, nullptr},
 };
 
 /// Built with -DNEEDLELAB_FUZZ_PLANT every target has one more fault, to show that its fuzzer finds such.

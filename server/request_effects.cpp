@@ -1,0 +1,134 @@
+#include "server/request_effects.h"
+
+#include <boost/asio/post.hpp>
+#include <utility>
+
+#include "base/secret.h"
+#include "server/connection.h"
+#include "server/log.h"
+#include "wire/refusal.h"
+
+namespace needlelab {
+namespace {
+
+Task<std::optional<pb::Refusal>> deliver(ServerContext& context, std::string station, pb::Envelope envelope) {
+  auto* const peer = dynamic_cast<PeerConnection*>(context.hub.stationPeer(station));
+  if (peer == nullptr)
+    co_return makeRefusal(pb::Refusal::NOT_FOUND, "station '" + station + "' is not online");
+  if (co_await PeerConnection::sendConfirmed(peer->shared_from_this(), std::move(envelope)))
+    co_return std::nullopt;
+  co_return makeRefusal(pb::Refusal::TIMEOUT,
+                        "station '" + station + "' did not confirm it within " +
+                            std::to_string(context.bounds.confirm_timeout.count()) +
+                            " ms, or its connection ended: it may not have arrived; say it again when the "
+                            "station is back");
+}
+
+}  // namespace
+
+asio::thread_pool& poolFor(ServerContext& context, const pb::Request& request) {
+  switch (request.call_case()) {
+    case pb::Request::kAddUser:
+    case pb::Request::kSetPassword:
+      return context.passwords;
+    case pb::Request::kBackup:
+    case pb::Request::kCheck:
+    case pb::Request::kVerifySession:
+    // a class with passwords, a person's years, a whole gesture: seconds
+    case pb::Request::kImportPeople:
+    case pb::Request::kImportAll:
+    case pb::Request::kErasePerson:
+    case pb::Request::kRescoreSession:
+      return context.slow_workers;
+    case pb::Request::kRunRetention:
+      return context.retention_workers;
+    default:
+      return context.workers;
+  }
+}
+
+std::shared_ptr<const pb::Request> heldSecretly(pb::Request request) {
+  return {new pb::Request(std::move(request)), [](pb::Request* held) {
+            if (held->has_add_user()) wipe(*held->mutable_add_user()->mutable_password());
+            if (held->has_import_people()) wipe(*held->mutable_import_people()->mutable_csv());
+            if (held->has_set_password()) wipe(*held->mutable_set_password()->mutable_password());
+            delete held;
+          }};
+}
+
+Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Request& request, std::string by,
+                                          Outcome& outcome) {
+  if (outcome.error) co_return refusalOf(*outcome.error);
+  std::optional<pb::Refusal> refusal;
+  pb::Envelope message;
+  switch (outcome.server_part) {
+    case Outcome::ServerPart::kNone:
+      break;
+    case Outcome::ServerPart::kFillStations:
+      context.hub.fillStations(*outcome.reply.mutable_stations());
+      break;
+    case Outcome::ServerPart::kDeliverMessage:
+      *message.mutable_trainee_message() = request.trainee_message();
+      message.mutable_trainee_message()->set_from(by);
+      refusal = co_await deliver(context, request.trainee_message().station(), message);
+      break;
+    case Outcome::ServerPart::kNextExercise:
+      *message.mutable_next_exercise() = request.next_exercise();
+      message.mutable_next_exercise()->set_from(by);
+      refusal = co_await deliver(context, request.next_exercise().station(), message);
+      break;
+  }
+  if (!refusal && outcome.reply.result_case() == pb::Reply::RESULT_NOT_SET) outcome.reply.mutable_done();
+  co_return refusal;
+}
+
+void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply,
+              const std::string& by, const PeerConnection* asker) {
+  if (reply.has_backup_done()) {
+    ++context.counters.backups;
+    for (const auto& [id, peer] : context.connections) {
+      if (peer->who().role == pb::STATION)
+        asio::co_spawn(context.io, PeerConnection::tellSafe(peer->shared_from_this()), rethrow);
+    }
+  }
+  if (request.has_revoke_station())
+    endAccess(context, request.revoke_station().name(), true, by, nullptr, "the station's key was revoked");
+  if (request.has_disable_user() && !request.disable_user().enable())
+    endAccess(context, request.disable_user().name(), false, by, nullptr, "the account was disabled");
+  if (request.has_change_user() && (request.change_user().has_role() || request.change_user().disabled()))
+    endAccess(context, request.change_user().name(), false, by, asker,
+              "the account was changed: log in again");
+  if (request.has_erase_person())
+    endAccess(context, request.erase_person().name(), false, by, nullptr, "the account is no more");
+  // who sets its own password goes on; its other connections may be those of somebody who knew the old one
+  if (request.has_set_password())
+    endAccess(context, request.set_password().name(), false, by, asker,
+              "the password was changed: log in again");
+}
+
+void endAccess(ServerContext& context, const std::string& name, bool station, const std::string& by,
+               const PeerConnection* except, const std::string& text) {
+  // log-ins that are being checked now are checked again
+  ++context.access_changes;
+  const std::size_t tokens = station ? 0 : context.tokens.forget(name);
+  std::size_t ended = 0;
+  // a copy: closing a connection takes it out of the map
+  const auto all = context.connections;
+  for (const auto& [id, peer] : all) {
+    if (peer->who().name != name || (peer->who().role == pb::STATION) != station || peer->over()) continue;
+    if (peer == except) continue;
+    peer->refuseAndClose(makeRefusal(pb::Refusal::LOGIN, text));
+    ++ended;
+  }
+  logEvent(LogLevel::kInfo, "access_ended",
+           {{"name", name}, {"by", by}, {"connections", ended}, {"tokens", tokens}, {"text", text}});
+  if (ended + tokens == 0) return;
+  const std::string detail =
+      text + "; ended: " + std::to_string(ended) + " connections, " + std::to_string(tokens) + " tokens";
+  asio::post(context.workers, [&service = context.store.service(), by, name, detail] {
+    const Status noted = service.note(by, "access ended", name, detail);
+    if (!noted.ok()) logEvent(LogLevel::kError, "audit_failed", {{"text", noted.error().message}});
+  });
+}
+
+}  // namespace needlelab
