@@ -1,6 +1,10 @@
 #include "service/service.h"
 
+#include <array>
 #include <charconv>
+#include <ctime>
+#include <filesystem>
+#include <system_error>
 
 #include "base/clock.h"
 #include "db/meta_store.h"
@@ -112,6 +116,14 @@ class Cleared {
   std::atomic<bool>* flag_;
 };
 
+std::string timeOf(std::int64_t unix_ns) {
+  const std::time_t seconds = unix_ns / 1'000'000'000;
+  std::tm parts{};
+  std::array<char, 40> text{};
+  std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M:%S UTC", ::gmtime_r(&seconds, &parts));
+  return text.data();
+}
+
 /// One text for every reason, so that names cannot be tried out.
 Error loginRefused() {
   return {ErrorCode::kDenied, "name or password (for a station: key) is wrong, or access was withdrawn"};
@@ -155,16 +167,38 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
 }
 
 Result<pb::RetentionReport> Service::retention(const std::string& by_whom, bool dry_run) {
-  std::unique_lock one_run(retention_mutex_, std::try_to_lock);
-  if (!one_run)
-    return Error{ErrorCode::kUnavailable, "another run of retention is under way: try again when it is done"};
+  const std::int64_t now = wallNowNs();
+  if (!dry_run) {
+    const std::lock_guard lock(retention_mutex_);
+    if (!retention_run_.empty())
+      return Error{ErrorCode::kUnavailable, "a run of retention is under way " + retention_run_ +
+                                                ": try again when it is done; a dry run says what is left"};
+    retention_run_ = "since " + timeOf(now) + " by " + by_whom;
+  }
+  struct Done {
+    Service& service;
+    const bool mine;
+    ~Done() {
+      if (!mine) return;
+      const std::lock_guard lock(service.retention_mutex_);
+      service.retention_run_.clear();
+    }
+  };
+  const Done done{*this, !dry_run};
   const RetentionTools tools{writer_,
                              readers_,
                              [this](const Uuid& id) { return settleRecording(id); },
                              [this] { return backup_running_.load(std::memory_order_relaxed); },
                              stop_retention_,
-                             retention_pace_};
-  return runRetention(tools, by_whom, wallNowNs(), dry_run);
+                             retention_pace_,
+                             [this]() -> std::optional<std::uint64_t> {
+                               std::error_code error;
+                               const auto space =
+                                   std::filesystem::space(readers_.path().parent_path(), error);
+                               if (error) return std::nullopt;
+                               return space.available;
+                             }};
+  return runRetention(tools, by_whom, now, dry_run);
 }
 
 Result<pb::RetentionReport> Service::dailyRetention() {

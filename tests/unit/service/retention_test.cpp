@@ -222,6 +222,61 @@ TEST_F(RetentionTest, openUnsafeAndDamagedSessionsAreLeftAlone) {
   EXPECT_FALSE(info(open).has_removed_original());
 }
 
+TEST_F(RetentionTest, anOriginalStaysWhileItsScoreCanStillBeMade) {
+  pb::Request profile;
+  profile.mutable_get_profile()->set_id("knee-adult");
+  const Uuid passing = addClosed(kChunks, true, get(admin, profile).profile().json()),
+             final = addClosed(kChunks, true, "{\"nonsense\":1}");
+  const std::string score = info(passing).score_json();
+  ASSERT_FALSE(score.empty());
+  // an exercise that cannot be read now, as after a faulty import
+  ASSERT_OK(change([](Connection& c) {
+    return c.script(
+        "UPDATE sessions SET events = NULL, score_json = NULL; DELETE FROM session_events;"
+        "INSERT OR REPLACE INTO exercises (id, curriculum_id, position, name, profile_id, json)"
+        " VALUES ('knee-1', 'c', 0, 'n', 'knee-adult', '{\"broken')");
+  }));
+  for (const auto& what : {policy(0, 100, -1), policy(-1, 0, 0)}) {
+    (void)get(manager, what);
+    const auto report = runNow();
+    EXPECT_EQ(report.left_alone(), 1u);
+    ASSERT_FALSE(info(passing).has_removed_original());
+    for (const auto& step : report.steps()) {
+      if (step.action() != pb::RetentionStep::LEFT_ALONE) continue;
+      EXPECT_NE(step.text().find(uuidText(passing)), std::string::npos) << step.text();
+      EXPECT_NE(step.text().find("no score yet"), std::string::npos) << step.text();
+    }
+  }
+  EXPECT_TRUE(info(final).has_removed_original()) << "no waiting helps it";
+  ASSERT_OK(change([](Connection& c) { return c.script("DELETE FROM exercises WHERE id = 'knee-1'"); }));
+  EXPECT_EQ(runNow().deleted(), 1u);
+  EXPECT_FALSE(info(passing).score_json().empty());
+}
+
+TEST_F(RetentionTest, whoAsksForARunDuringARunIsToldSoAtOnceAndADryRunIsMade) {
+  (void)addClosed();
+  (void)get(manager, policy(0, 100, -1));
+  // long pauses: the run lasts
+  store->service().setRetentionPace({.rows = 1, .bytes = 64, .pause = 50ms});
+  const auto commits = store->writer().counters().commits;
+  std::thread daily([&] { EXPECT_OK(store->service().dailyRetention()); });
+  while (store->writer().counters().commits == commits) std::this_thread::sleep_for(1ms);
+  pb::Request run;
+  run.mutable_run_retention();
+  const auto begin = std::chrono::steady_clock::now();
+  const Outcome refused = ask(manager, run);
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, 1s);
+  ASSERT_TRUE(refused.error.has_value());
+  EXPECT_EQ(refused.error->code, ErrorCode::kUnavailable);
+  EXPECT_NE(refused.error->message.find("under way since 20"), std::string::npos) << refused.error->message;
+  EXPECT_NE(refused.error->message.find("by retention"), std::string::npos) << refused.error->message;
+  run.mutable_run_retention()->set_dry_run(true);
+  EXPECT_TRUE(get(manager, run).retention_report().dry_run());
+  store->service().stopRetention();
+  daily.join();
+  EXPECT_TRUE(sound());
+}
+
 TEST_F(RetentionTest, aThinnedRecordingIsReadBeforeItIsDeleted) {
   const Uuid damaged = addClosed(), sound_one = addClosed();
   (void)get(manager, policy(0, 100, -1));
@@ -334,7 +389,7 @@ TEST_F(RetentionTest, aClockThatJumpedDeletesNothingByItself) {
 }
 
 TEST_F(RetentionTest, policiesAreShownAndBadOnesRefused) {
-  (void)get(manager, policy(30, 100, 365, "knee-1"));
+  (void)get(manager, policy(30, 100, 365, "knee-recess"));
   (void)get(admin, policy(-1, 0, -1));
   pb::Request show;
   show.mutable_list_retention();
@@ -346,6 +401,74 @@ TEST_F(RetentionTest, policiesAreShownAndBadOnesRefused) {
   EXPECT_GT(shown.policies(1).changed_unix_ns(), 0);
   EXPECT_EQ(refusal(manager, policy(30, 0, -1)), ErrorCode::kInvalidInput);
   EXPECT_EQ(refusal(instructor, show), ErrorCode::kDenied);
+}
+
+TEST_F(RetentionTest, aMisspeltExerciseIsRefusedAndThoseThereAreNamed) {
+  const Outcome refused = ask(manager, policy(30, 100, 365, "knee-reces"));
+  ASSERT_TRUE(refused.error.has_value());
+  EXPECT_EQ(refused.error->code, ErrorCode::kInvalidInput);
+  EXPECT_NE(refused.error->message.find("'knee-reces'"), std::string::npos) << refused.error->message;
+  EXPECT_NE(refused.error->message.find("knee-recess"), std::string::npos) << refused.error->message;
+  pb::Request show;
+  show.mutable_list_retention();
+  EXPECT_EQ(get(manager, show).retention().policies_size(), 0) << "nothing is left of it";
+  // an exercise whose curriculum is gone, or was never here: its sessions are
+  EXPECT_EQ(refusal(manager, policy(30, 100, 365, "knee-1")), ErrorCode::kInvalidInput);
+  (void)addClosed(5);
+  (void)get(manager, policy(30, 100, 365, "knee-1"));
+}
+
+TEST_F(RetentionTest, deletionsComeFirstAndWhatTheDiskHasNoRoomForIsLeftAlone) {
+  const Uuid thin = addClosed(), remove = addClosed();
+  ASSERT_OK(change([&](Connection& c) {
+    return c.run("UPDATE sessions SET exercise_id = 'wrist-joint' WHERE id = ?", ByteView(remove));
+  }));
+  (void)get(manager, policy(0, 100, -1, "knee-1"));
+  (void)get(manager, policy(-1, 0, 0, "wrist-joint"));
+  const std::atomic<bool> stop = false;
+  std::uint64_t room = 0, asked = 0, runs_out_after = UINT64_MAX;
+  const RetentionPace pace{.rows = 8, .bytes = 64, .pause = 0ms, .min_free_bytes = 64u << 20};
+  const RetentionTools tools{
+      store->writer(),
+      store->readers(),
+      [](const Uuid&) { return Status(); },
+      [] { return false; },
+      stop,
+      pace,
+      [&]() -> std::optional<std::uint64_t> { return asked++ < runs_out_after ? room : 0; }};
+  const auto run = [&] {
+    asked = 0;
+    const auto report = runRetention(tools, "test", wallNowNs(), false);
+    EXPECT_OK(report);
+    return report.ok() ? *report : pb::RetentionReport();
+  };
+  // not even for the pages of a deletion
+  room = 1u << 20;
+  EXPECT_EQ(run().left_alone(), 2u);
+  EXPECT_FALSE(info(remove).has_removed_original());
+  // an eighth: what makes room is done, and first, although its exercise comes last
+  room = 10u << 20;
+  const auto report = run();
+  ASSERT_EQ(report.steps_size(), 2);
+  EXPECT_EQ(report.steps(0).action(), pb::RetentionStep::DELETE);
+  EXPECT_EQ(report.steps(1).action(), pb::RetentionStep::LEFT_ALONE);
+  EXPECT_NE(report.steps(1).text().find("no room"), std::string::npos) << report.steps(1).text();
+  EXPECT_FALSE(info(thin).has_removed_original());
+  // room that ends in the midst of it: what was written is taken away
+  room = 1u << 30;
+  runs_out_after = 1;  // the look before it began
+  EXPECT_EQ(run().left_alone(), 1u);
+  EXPECT_GT(asked, 1u);
+  EXPECT_FALSE(info(thin).has_removed_original());
+  {
+    auto reader = store->readers().borrow();
+    EXPECT_TRUE(RetentionStore(**reader).leftovers()->empty());
+  }
+  // exactly what shall stay free: the pages that the deletion left in the database are enough
+  room = 64u << 20;
+  runs_out_after = UINT64_MAX;
+  EXPECT_EQ(run().thinned(), 1u);
+  EXPECT_TRUE(sound());
 }
 
 /// The power is cut at each sync of a whole run, on a disk that loses, reorders and tears what was not
