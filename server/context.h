@@ -63,9 +63,10 @@ struct ServerContext {
   asio::io_context& io;
   Store& store;                          ///< its parts are thread-safe
   asio::thread_pool& passwords;          ///< argon2id: 64 MiB and 0.1 s each, so few at a time
+  asio::thread_pool& logins;             ///< station keys, tokens: nobody's scores are before them
   asio::thread_pool& workers;            ///< short reads and scores
   asio::thread_pool& slow_workers;       ///< backup, check, verify: minutes
-  asio::thread_pool& retention_workers;  ///< retention: perhaps hours, with pauses
+  asio::thread_pool& retention_workers;  ///< two: one run, perhaps hours, with pauses; and answers
   ConnectionBounds bounds;
   Hub hub;
   LoginGuard guard;
