@@ -60,6 +60,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
 
   // --- connection.cpp: life and dispatch
   Task<Status> shakeHands();
+  [[nodiscard]] bool mayShakeHands() const;
+  void beginTurn();
   void endTurn();
   void setState(ConnectionState next);
   bool passLive(ByteView frame);

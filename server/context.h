@@ -32,6 +32,7 @@ struct ConnectionBounds {
   /// TLS handshakes of the whole server. A thousand at once would all be half done when their stations give
   /// up.
   std::size_t handshakes_at_once = 32;
+  std::size_t handshakes_of_address = 24;        ///< of those: one address alone never has all
   std::size_t logins_waiting = 64;               ///< of the whole server, for the password check
   std::size_t logins_waiting_of_strangers = 48;  ///< the rest is for who has logged in from there before
   std::size_t logins_waiting_at_address = 32;    ///< of those strangers, from one address
@@ -83,7 +84,8 @@ struct ServerContext {
       std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer is through with
   Signal room{io.get_executor()};                  ///< chunks_in_flight has fallen to half of its bound
   std::size_t handshakes = 0;                      ///< that go on now
-  std::vector<PeerConnection*> handshakes_wait{};  ///< the last one is served first
+  std::unordered_map<std::string, std::size_t> handshakes_of = {};  ///< of those, by address; none is 0
+  std::vector<PeerConnection*> handshakes_wait{};                   ///< the last one is served first
   bool stopping = false;
   std::unordered_map<std::uint64_t, PeerConnection*>
       connections;  ///< by id; each takes itself out at its end

@@ -4,12 +4,14 @@
 
 #include <cstdio>
 #include <optional>
+#include <thread>
 
 #include "base/clock.h"
 #include "load/database_check.h"
 #include "load/own_server.h"
 #include "load/station_crowd.h"
 #include "load/viewer_crowd.h"
+#include "net/backoff.h"
 #include "security/attackers.h"
 #include "support/sanitized.h"
 #include "support/temp_folder.h"
@@ -23,17 +25,21 @@ double ms(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-6;
 }
 
-/// How long a log-in takes, TLS and all; nothing when it fails within 20 s.
+/// How long a log-in takes, TLS and all, with new tries as a station makes them; nothing when it fails for
+/// 20 s.
 std::optional<std::int64_t> logInTime(const LoadShared& shared, const pb::Login& login) {
   ClientConfig config = shared.client;
   config.login = login;
   const std::int64_t begin_ns = steadyNowNs();
-  const auto client = BlockingClient::connect(config);
-  if (!client.ok()) {
+  Backoff backoff(1);
+  for (;;) {
+    const auto client = BlockingClient::connect(config);
+    const std::int64_t took_ns = steadyNowNs() - begin_ns;
+    if (client.ok()) return took_ns;
     std::fprintf(stderr, "flood: %s\n", client.error().message.c_str());
-    return std::nullopt;
+    if (took_ns > 20'000'000'000) return std::nullopt;
+    std::this_thread::sleep_for(backoff.next());
   }
-  return steadyNowNs() - begin_ns;
 }
 
 TEST(Flood, stationsAndViewersNoticeNothing) {
@@ -138,7 +144,8 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
   ASSERT_GT(live.total(), 50 * kStations);
   EXPECT_LE(ms(ack.quantile_ns(0.99)), 3 * ms(ack_before.quantile_ns(0.99)) + 200);
   EXPECT_LE(ms(live.quantile_ns(0.99)), 3 * ms(live_before.quantile_ns(0.99)) + 200);
-  EXPECT_TRUE(station_ns.has_value()) << "a legitimate station gets in";
+  ASSERT_TRUE(station_ns.has_value()) << "a legitimate station gets in";
+  EXPECT_LT(ms(*station_ns), 5000) << "and does not wait behind those who never end their handshake";
   EXPECT_TRUE(person_ns.has_value()) << "and so does a person who has been here before";
   // argon2id takes 64 MiB; 1,536 who are not logged in take some 60 KiB each
   if (!kSanitized) {
