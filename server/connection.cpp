@@ -21,9 +21,14 @@ PeerConnection::PeerConnection(ServerContext& context, std::uint64_t id, std::sh
       id_(id),
       channel_(std::move(channel)),
       pong_(channel_->executor()),
-      freed_(channel_->executor()) {}
+      freed_(channel_->executor()),
+      door_key_(Door::keyOf(peerHost())) {}
 
 PeerConnection::~PeerConnection() = default;
+
+std::string PeerConnection::peerHost() const {
+  return address().substr(0, address().rfind(':'));
+}
 
 void PeerConnection::setState(ConnectionState next) {
   assert(mayFollow(state_, next));
@@ -106,20 +111,20 @@ Task<Status> PeerConnection::shakeHands() {
 
 bool PeerConnection::mayShakeHands() const {
   if (context_.handshakes >= context_.bounds.handshakes_at_once) return false;
-  const auto mine = context_.handshakes_of.find(address());
+  const auto mine = context_.handshakes_of.find(door_key_);
   return mine == context_.handshakes_of.end() || mine->second < context_.bounds.handshakes_of_address;
 }
 
 void PeerConnection::beginTurn() {
   ++context_.handshakes;
-  ++context_.handshakes_of[address()];
+  ++context_.handshakes_of[door_key_];
   my_turn_ = true;
 }
 
 void PeerConnection::endTurn() {
   if (!std::exchange(my_turn_, false)) return;
   --context_.handshakes;
-  if (const auto mine = context_.handshakes_of.find(address()); --mine->second == 0)
+  if (const auto mine = context_.handshakes_of.find(door_key_); --mine->second == 0)
     context_.handshakes_of.erase(mine);
   auto& waiting = context_.handshakes_wait;
   const auto next =

@@ -14,10 +14,6 @@
 namespace needlelab {
 namespace {
 
-std::string hostOf(const std::string& address) {
-  return address.substr(0, address.rfind(':'));
-}
-
 /// What a log-in is called in the log and counted under.
 std::string nameOf(const pb::Login& login) {
   if (login.has_person()) return "person " + login.person().user();
@@ -61,7 +57,7 @@ void PeerConnection::greet(const pb::Hello& hello) {
 Task<> PeerConnection::logIn(pb::Login given) {
   auto self = shared_from_this();
   const std::shared_ptr<const pb::Login> login = secretOf(std::move(given));
-  const std::string host = Door::keyOf(hostOf(address())), name = nameOf(*login);
+  const std::string host = door_key_, name = nameOf(*login);
   if (login->has_person() && !mayTryPassword(name, host)) co_return;
   Result<Tokens::Holder> result = Error{ErrorCode::kDenied, "log-in refused"};
   std::uint64_t seen = 0;
@@ -169,7 +165,7 @@ Task<Result<Tokens::Holder>> PeerConnection::checkLogin(std::shared_ptr<const pb
 
 void PeerConnection::noteLocked(const std::string& name, const std::string& host) {
   const auto wait = context_.guard.mustWait(name, host, steadyNowNs());
-  const std::string text = "too many failed log-ins from " + hostOf(address()) + ": waits " +
+  const std::string text = "too many failed log-ins from " + peerHost() + ": waits " +
                            std::to_string(wait.count() / 1000 + 1) + " s";
   logEvent(LogLevel::kWarning, "login_locked", {{"conn", id_}, {"name", name}, {"text", text}});
   asio::post(context_.workers,
