@@ -14,6 +14,7 @@
 #include "net/backoff.h"
 #include "security/attackers.h"
 #include "support/sanitized.h"
+#include "support/sync_probe.h"
 #include "support/temp_folder.h"
 
 namespace needlelab::test {
@@ -97,19 +98,23 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
 
   std::optional<std::int64_t> station_ns, person_ns;
   std::uint64_t greatest_KiB = 0, handles = 0;
+  SyncProbe disk(folder.path());
   {
     const Attackers attackers(server.caFile(), server.port(), stolen[0], stolen[1]);
     const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(phase_s);
     std::this_thread::sleep_for(std::chrono::duration<double>(phase_s / 2));
     station_ns = logInTime(shared, stationLogin(newcomer, newcomer_key));
     person_ns = logInTime(shared, administrator);
+    bool stood_still = true;
     do {
       if (const auto sample = server.sample()) {
         greatest_KiB = std::max(greatest_KiB, sample->rss_KiB);
         handles = std::max(handles, sample->handles);
       }
       std::this_thread::sleep_for(100ms);
-    } while (std::chrono::steady_clock::now() < end);
+      // a disk that stands still all the time shows nothing of the server
+      if (crowd.totals().ack.since(ack_before).total() > kStations) stood_still = false;
+    } while (std::chrono::steady_clock::now() < (stood_still ? end + 20s : end));
     const AttackCounts& c = attackers.counts();
     std::fprintf(stderr,
                  "flood: garbage %llu, half-open %llu, slow bytes %llu, oversized %llu before and %llu after "
@@ -125,6 +130,7 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
       EXPECT_GT(count->load(), 3u);
     EXPECT_GT(c.pings, 1000u);
   }
+  const double longest_sync_ms = disk.takeLongest();
   const LatencyHistogram ack = crowd.totals().ack.since(ack_before);
   const LatencyHistogram live = viewers.totals().live.since(live_before);
   const auto report = [](const char* what, const LatencyHistogram& before, const LatencyHistogram& during) {
@@ -139,10 +145,13 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
       "flood: server %llu KiB before, at most %llu during, %llu handles; log-in of a station %.0f ms\n",
       static_cast<unsigned long long>(sample_before->rss_KiB), static_cast<unsigned long long>(greatest_KiB),
       static_cast<unsigned long long>(handles), ms(station_ns.value_or(-1)));
-  // stated ratio: at most three times as long, and what a busy machine adds (the attackers take a core, too)
+  std::fprintf(stderr, "flood: the disk's longest sync beside it %.0f ms\n", longest_sync_ms);
+  // stated ratio: at most three times as long, what a busy machine adds (the attackers take a core, too), and
+  // what the disk itself did in these seconds: the commit that goes on, a checkpoint's two syncs, its own
+  // commit
   ASSERT_GT(ack.total(), kStations);
   ASSERT_GT(live.total(), 50 * kStations);
-  EXPECT_LE(ms(ack.quantile_ns(0.99)), 3 * ms(ack_before.quantile_ns(0.99)) + 200);
+  EXPECT_LE(ms(ack.quantile_ns(0.99)), 3 * ms(ack_before.quantile_ns(0.99)) + 200 + 4 * longest_sync_ms);
   EXPECT_LE(ms(live.quantile_ns(0.99)), 3 * ms(live_before.quantile_ns(0.99)) + 200);
   ASSERT_TRUE(station_ns.has_value()) << "a legitimate station gets in";
   EXPECT_LT(ms(*station_ns), 5000) << "and does not wait behind those who never end their handshake";
