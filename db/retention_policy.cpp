@@ -114,6 +114,28 @@ Status RetentionStore::setPolicy(const pb::RetentionPolicy& policy) {
       policy.by(), policy.changed_unix_ns());
 }
 
+Status RetentionStore::checkExercise(const std::string& exercise_id) {
+  if (exercise_id.empty()) return {};
+  constexpr std::size_t kMostNamed = 30;
+  std::string names;
+  std::size_t count = 0;
+  auto rows = connection_.prepare(
+      "SELECT id FROM exercises UNION SELECT DISTINCT exercise_id FROM sessions"
+      " UNION SELECT exercise_id FROM retention_policies WHERE exercise_id <> '' ORDER BY 1");
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) break;
+    if (rows.text(0) == exercise_id) return {};
+    if (++count <= kMostNamed) names += (names.empty() ? "" : ", ") + std::string(rows.text(0));
+  }
+  if (count > kMostNamed) names += " and " + std::to_string(count - kMostNamed) + " more";
+  return Error{ErrorCode::kInvalidInput,
+               "retention policy, exercise_id: '" + exercise_id +
+                   "' is no exercise of a curriculum and no session's; there are: " +
+                   (names.empty() ? "none yet, import a curriculum first" : names)};
+}
+
 Status RetentionStore::removePolicy(const std::string& exercise_id) {
   if (auto done = connection_.run("DELETE FROM retention_policies WHERE exercise_id = ?", exercise_id); !done)
     return done;

@@ -42,6 +42,11 @@ class RetentionStore {
 
   /// kInvalidInput names field, value and range.
   Status setPolicy(const pb::RetentionPolicy& policy);
+  /// A name for a policy: empty (the default), an exercise of a curriculum, one with stored sessions (its
+  /// curriculum may be gone), or one that has a policy already. Else kInvalidInput, naming the exercises
+  /// there are: a misspelt policy would never act, and the recordings be treated by the default. A policy
+  /// comes after its exercise.
+  Status checkExercise(const std::string& exercise_id);
   /// The exercise follows the default again. kNotFound: it had no policy of its own.
   Status removePolicy(const std::string& exercise_id);
   /// The default first, then by exercise.

@@ -21,9 +21,14 @@ PeerConnection::PeerConnection(ServerContext& context, std::uint64_t id, std::sh
       id_(id),
       channel_(std::move(channel)),
       pong_(channel_->executor()),
-      freed_(channel_->executor()) {}
+      freed_(channel_->executor()),
+      door_key_(Door::keyOf(peerHost())) {}
 
 PeerConnection::~PeerConnection() = default;
+
+std::string PeerConnection::peerHost() const {
+  return address().substr(0, address().rfind(':'));
+}
 
 void PeerConnection::setState(ConnectionState next) {
   assert(mayFollow(state_, next));
@@ -76,11 +81,12 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
 // Few handshakes at once, each to its end; of those who wait the newest first. When a thousand stations come
 // back in one moment to a machine that is busy, those who waited longest are about to give up: to serve them
 // is work for nothing, and with all of them half done nobody would ever come in. Who gives up comes again.
+// Whose first record is not there yet waits outside, and an address has a part of the turns only: who opens
+// connections by the thousand keeps nobody else out.
 Task<Status> PeerConnection::shakeHands() {
   if (const Status spoke = co_await channel_->peerSpoke(); !spoke.ok()) co_return spoke;
-  if (context_.handshakes < context_.bounds.handshakes_at_once) {
-    ++context_.handshakes;
-    my_turn_ = true;
+  if (mayShakeHands()) {
+    beginTurn();
   } else {
     context_.handshakes_wait.push_back(this);
     while (!my_turn_ && !over() && !channel_->closing()) co_await freed_.wait();
@@ -103,16 +109,31 @@ Task<Status> PeerConnection::shakeHands() {
   co_return shaken;
 }
 
+bool PeerConnection::mayShakeHands() const {
+  if (context_.handshakes >= context_.bounds.handshakes_at_once) return false;
+  const auto mine = context_.handshakes_of.find(door_key_);
+  return mine == context_.handshakes_of.end() || mine->second < context_.bounds.handshakes_of_address;
+}
+
+void PeerConnection::beginTurn() {
+  ++context_.handshakes;
+  ++context_.handshakes_of[door_key_];
+  my_turn_ = true;
+}
+
 void PeerConnection::endTurn() {
   if (!std::exchange(my_turn_, false)) return;
   --context_.handshakes;
+  if (const auto mine = context_.handshakes_of.find(door_key_); --mine->second == 0)
+    context_.handshakes_of.erase(mine);
   auto& waiting = context_.handshakes_wait;
-  if (waiting.empty() || context_.handshakes >= context_.bounds.handshakes_at_once) return;
-  PeerConnection& next = *waiting.back();
-  waiting.pop_back();
-  ++context_.handshakes;
-  next.my_turn_ = true;
-  next.freed_.notify();
+  const auto next =
+      std::find_if(waiting.rbegin(), waiting.rend(), [](const auto* peer) { return peer->mayShakeHands(); });
+  if (next == waiting.rend()) return;
+  PeerConnection& peer = **next;
+  waiting.erase(std::next(next).base());
+  peer.beginTurn();
+  peer.freed_.notify();
 }
 
 void PeerConnection::leave() {

@@ -50,6 +50,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   [[nodiscard]] ConnectionState state() const { return state_; }
   [[nodiscard]] const Principal& who() const { return who_; }
   [[nodiscard]] const std::string& address() const { return channel_->peerAddress(); }
+  /// The address without the port.
+  [[nodiscard]] std::string peerHost() const;
   [[nodiscard]] const Channel& channel() const { return *channel_; }
   [[nodiscard]] bool over() const { return state_ >= ConnectionState::kClosing; }
 
@@ -64,6 +66,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
 
   // --- connection.cpp: life and dispatch
   Task<Status> shakeHands();
+  [[nodiscard]] bool mayShakeHands() const;
+  void beginTurn();
   void endTurn();
   void setState(ConnectionState next);
   bool passLive(ByteView frame);
@@ -113,7 +117,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   double small_messages_ = 0;         // leaks away with time
   std::int64_t small_messages_at_ns_ = 0;
   bool acks_scheduled_ = false;
-  bool my_turn_ = false;  // to shake hands
+  const std::string door_key_;  // what its address counts as (Door::keyOf)
+  bool my_turn_ = false;        // to shake hands
   std::map<std::string, Watermarks> sessions_;
   std::set<std::string> closing_sessions_;
 };

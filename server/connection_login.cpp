@@ -105,14 +105,14 @@ Task<Result<Tokens::Holder>> PeerConnection::checkLogin(std::shared_ptr<const pb
     std::function<Result<Principal>()> check = [&service, login] {
       return service.loginStation(login->station().station(), login->station().key());
     };
-    auto who = co_await offload(context_.workers, std::move(check));
+    auto who = co_await offload(context_.logins, std::move(check));
     if (!who.ok()) co_return who.error();
     co_return Tokens::Holder{std::move(*who), 0};
   }
   auto holder = context_.tokens.find(login->token(), steadyNowNs());
   if (!login->has_token() || !holder) co_return Error{ErrorCode::kDenied, "log-in refused"};
   std::function<Result<bool>()> check = [&service, who = holder->who] { return service.stillAllowed(who); };
-  const auto allowed = co_await offload(context_.workers, std::move(check));
+  const auto allowed = co_await offload(context_.logins, std::move(check));
   if (!allowed.ok()) co_return allowed.error();
   if (!*allowed) co_return Error{ErrorCode::kDenied, "log-in refused"};
   co_return std::move(*holder);
@@ -130,7 +130,7 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
       if (!reader.ok()) return reader.error();
       return SessionStore(**reader).openSessions(name);
     };
-    auto open = co_await offload(context_.workers, std::move(read));
+    auto open = co_await offload(context_.logins, std::move(read));
     if (over() || channel_->closing()) co_return;
     if (!open.ok()) {
       logEvent(LogLevel::kError, "read_failed", {{"conn", id_}, {"text", open.error().message}});

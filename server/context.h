@@ -35,6 +35,7 @@ struct ConnectionBounds {
   /// TLS handshakes of the whole server. A thousand at once would all be half done when their stations give
   /// up.
   std::size_t handshakes_at_once = 32;
+  std::size_t handshakes_of_address = 24;        ///< of those: one address alone never has all
   std::size_t logins_waiting = 64;               ///< of the whole server, for the password check
   std::size_t logins_waiting_of_strangers = 48;  ///< the rest is for who has logged in from there before
   std::size_t logins_waiting_at_address = 32;    ///< of those strangers, from one address
@@ -77,9 +78,10 @@ struct ServerContext {
   asio::io_context& io;
   Store& store;                          ///< its parts are thread-safe
   asio::thread_pool& passwords;          ///< argon2id: 64 MiB and 0.1 s each, so few at a time
+  asio::thread_pool& logins;             ///< station keys, tokens: nobody's scores are before them
   asio::thread_pool& workers;            ///< short reads and scores
   asio::thread_pool& slow_workers;       ///< backup, check, verify: minutes
-  asio::thread_pool& retention_workers;  ///< retention: perhaps hours, with pauses
+  asio::thread_pool& retention_workers;  ///< two: one run, perhaps hours, with pauses; and answers
   ConnectionBounds bounds;
   Hub hub;
   LoginGuard guard;
@@ -97,7 +99,8 @@ struct ServerContext {
       std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer is through with
   Signal room{io.get_executor()};                  ///< chunks_in_flight has fallen to half of its bound
   std::size_t handshakes = 0;                      ///< that go on now
-  std::vector<PeerConnection*> handshakes_wait{};  ///< the last one is served first
+  std::unordered_map<std::string, std::size_t> handshakes_of = {};  ///< of those, by address; none is 0
+  std::vector<PeerConnection*> handshakes_wait{};                   ///< the last one is served first
   bool stopping = false;
   std::unordered_map<std::uint64_t, PeerConnection*>
       connections;  ///< by id; each takes itself out at its end

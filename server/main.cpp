@@ -13,6 +13,7 @@
 #include "server/log.h"
 #include "server/server.h"
 #include "server/service_manager.h"
+#include "wire/protobuf_log.h"
 
 namespace {
 
@@ -30,6 +31,7 @@ void raiseFileLimit() {
 
 int main(int argc, char** argv) try {
   needlelab::keepOutOfCoreDumps();
+  needlelab::keepProtobufQuiet();
   needlelab::ServerOptions options;
   options.handle_signals = true;
   std::string log_level = "info", log_format = "text";

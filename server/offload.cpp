@@ -1,6 +1,17 @@
 #include "server/offload.h"
 
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include "server/log.h"
+
 namespace needlelab {
+
+void afterOthers() {
+  if (::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)), 10) != 0)
+    logEvent(LogLevel::kWarning, "retention_priority_not_lowered", {});
+}
 
 Task<Status> commit(DbWriter& writer, DbWriter::Work work) {
   struct State {

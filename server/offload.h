@@ -91,6 +91,9 @@ Task<T> offload(asio::thread_pool& pool, std::function<T()> work) {
   co_return std::move(*state->answer->value);
 }
 
+/// Retention has time: whoever acts for a person or a station goes before the calling thread, from now on.
+void afterOthers();
+
 /// Runs `work` in the writer's next group; the status comes after the commit.
 Task<Status> commit(DbWriter& writer, DbWriter::Work work);
 

@@ -1,9 +1,5 @@
 #include "server/server.h"
 
-#include <sys/resource.h>
-#include <sys/syscall.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <boost/asio/ip/address.hpp>
 #include <boost/asio/post.hpp>
@@ -15,6 +11,7 @@
 #include "base/atomic_file.h"
 #include "base/clock.h"
 #include "base/exit_code.h"
+#include "db/meta_store.h"
 #include "server/connection.h"
 #include "server/listen.h"
 #include "server/log.h"
@@ -23,12 +20,24 @@
 #include "wire/certificates.h"
 #include "wire/tls.h"
 
-// g++ 12 takes a map inside the context, which is moved into its place, for uninitialised
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
-#endif
-
 namespace needlelab {
+
+namespace {
+
+/// After a restore, once: who can log in again although it had been withdrawn (service/restore.h).
+Status sayValidAgain(Store& store) {
+  {
+    auto reader = store.readers().borrow();
+    if (!reader.ok()) return reader.error();
+    const auto text = MetaStore(**reader).get("access_valid_again");
+    if (!text.ok()) return text.error();
+    if (!*text || (*text)->empty()) return {};
+    logEvent(LogLevel::kWarning, "access_valid_again", {{"text", **text}});
+  }
+  return store.writer().run([](Connection& c) { return MetaStore(c).set("access_valid_again", ""); });
+}
+
+}  // namespace
 
 /// Destroyed from the last to the first: the pools (joined) before the store, the store (drained) before the
 /// io_context.
@@ -40,7 +49,8 @@ struct Server::Parts {
   TlsContext tls;
   TlsFiles files;
   std::unique_ptr<Store> store;
-  asio::thread_pool passwords{1}, workers{2}, slow_workers{1}, retention_workers{1};
+  // of retention one runs; the other says so to who asks meanwhile, and makes dry runs
+  asio::thread_pool passwords{1}, logins{1}, workers{2}, slow_workers{1}, retention_workers{2};
   std::optional<ServerContext> context;
   std::optional<Tcp::acceptor> acceptor;
   std::unique_ptr<Monitor> monitor;
@@ -101,6 +111,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   const auto repeat = p.store->service().erasuresToRepeat();
   if (!repeat.ok()) return repeat.error();
   for (const std::string& text : *repeat) logEvent(LogLevel::kWarning, "erasure_to_repeat", {{"text", text}});
+  if (auto said = sayValidAgain(*p.store); !said.ok()) return said.error();
 
   p.files = tlsFilesIn(p.options.data / "tls");
   auto made = ensureTlsFiles(p.files, certificateHosts(p.options.listen, p.options.host_names));
@@ -110,14 +121,10 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   p.tls = *tls;
 
   p.options.door.max_connections = p.options.max_connections;
-  // retention has time: whoever acts for a person or a station goes before it
-  asio::post(p.retention_workers, [] {
-    if (::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)), 10) != 0)
-      logEvent(LogLevel::kWarning, "retention_priority_not_lowered", {});
-  });
   p.context.emplace(ServerContext{.io = p.io,
                                   .store = *p.store,
                                   .passwords = p.passwords,
+                                  .logins = p.logins,
                                   .workers = p.workers,
                                   .slow_workers = p.slow_workers,
                                   .retention_workers = p.retention_workers,
@@ -188,7 +195,7 @@ Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 Server::~Server() {
   Parts& p = *parts_;
   // work that still runs posts its results into io, where nobody takes them any more
-  for (asio::thread_pool* pool : {&p.passwords, &p.workers, &p.slow_workers, &p.retention_workers})
+  for (asio::thread_pool* pool : {&p.passwords, &p.logins, &p.workers, &p.slow_workers, &p.retention_workers})
     pool->join();
   if (p.monitor) p.monitor->join();
   p.store->writer().stop();
@@ -300,7 +307,10 @@ Task<> Server::Parts::retentionLoop() {
     retention_timer.expires_after(std::exchange(wait, options.retention_every));
     co_await retention_timer.async_wait(kUseTuple);
     if (stopping) co_return;
-    std::function<Result<pb::RetentionReport>()> work = [this] { return store->service().dailyRetention(); };
+    std::function<Result<pb::RetentionReport>()> work = [this] {
+      afterOthers();
+      return store->service().dailyRetention();
+    };
     const auto report = co_await offload(retention_workers, std::move(work));
     if (!report.ok()) {
       logEvent(LogLevel::kWarning, "retention_not_run", {{"text", report.error().message}});

@@ -47,16 +47,23 @@ Status restore(const std::filesystem::path& folder, Output& output, const std::s
   options.create = false;
   auto store = Store::open(folder, options);
   if (!store) return store.error();
+  Json again = Json::array();
+  for (const RestoredAccess& one : result->valid_again)
+    again.push_back({{"kind", one.station ? "station" : "user"}, {"name", one.name}, {"text", one.text}});
   const std::string kept = result->kept.empty() ? "none" : result->kept.string();
   if (auto noted = (*store)->service().note("local", "restore", from, "replaced database kept as " + kept);
       !noted)
     return noted;
-  if (auto shown = output.one(
-          {{"from", "restored from"},
-           {"sessions", "sessions checked"},
-           {"chunks", "chunks checked"},
-           {"kept", "replaced database kept as"}},
-          {{"from", from}, {"sessions", result->sessions}, {"chunks", result->chunks}, {"kept", kept}});
+  if (auto shown = output.one({{"from", "restored from"},
+                               {"sessions", "sessions checked"},
+                               {"chunks", "chunks checked"},
+                               {"kept", "replaced database kept as"}},
+                              {{"from", from},
+                               {"sessions", result->sessions},
+                               {"chunks", result->chunks},
+                               {"kept", kept},
+                               {"valid_again", again},
+                               {"not_compared", result->not_compared}});
       !shown)
     return shown;
   const auto repeat = (*store)->service().erasuresToRepeat();
@@ -66,6 +73,14 @@ Status restore(const std::filesystem::path& folder, Output& output, const std::s
       "Start the server: stations send again what this backup lacks and their spools have. Stations, people "
       "and "
       "profiles added after the backup have to be added again.");
+  for (const RestoredAccess& one : result->valid_again) output.text("valid again: " + oneLine(one.text));
+  if (!result->valid_again.empty())
+    output.text("Withdraw them anew before anybody connects: user disable, user passwd, station revoke.");
+  if (!result->not_compared.empty())
+    output.text(
+        "The replaced database cannot be read (" + oneLine(result->not_compared) +
+        "): accounts and keys that were withdrawn after the backup are valid again; withdraw them anew.");
+  if (!result->kept.empty()) output.text("Back to the replaced database: deploy/OPERATIONS.md, Restore.");
   return {};
 }
 

@@ -10,6 +10,7 @@
 #include "base/secret.h"
 #include "instructor/headless.h"
 #include "net/password.h"
+#include "wire/protobuf_log.h"
 
 namespace {
 
@@ -25,6 +26,7 @@ void onSignal(int) {
 int main(int argc, char** argv) {
   using namespace needlelab;
   keepOutOfCoreDumps();
+  keepProtobufQuiet();
   InstructorOptions options;
   CLI::App app("needlelab-instructor: watch stations live, replay stored sessions.");
   app.set_version_flag("--version", programText("instructor"));

@@ -114,7 +114,9 @@ void UplinkSession::onOpened(std::uint64_t next_seq) {
 // the server has lost what it had closed: a backup was restored that is older
 void UplinkSession::sendAgain(std::uint64_t next_seq) {
   committed_ = sent_ = next_seq;
-  safe_ = std::min(safe_, next_seq);
+  // the last chunk is safe with the session's end only: this end is in no backup that counts
+  const std::uint64_t chunks = spool_->contents().chunks;
+  safe_ = std::min({safe_, next_seq, chunks - std::min<std::uint64_t>(chunks, 1)});
   verdict_.Clear();
   state_ = State::kNew;
   // the receipt first: from now on the spool must not let it go

@@ -21,7 +21,8 @@ Status write(const fs::path& path, const std::vector<BlackBoxTick>& ticks) {
   if (error)
     return Error{ErrorCode::kUnavailable,
                  "cannot make the folder " + path.parent_path().string() + ": " + error.message()};
-  return writeFileAtomically(path, viewOf(blackBoxCsv(ticks)));
+  // what a hand did is nobody else's affair, as with the rest of the spool
+  return writeFileAtomically(path, viewOf(blackBoxCsv(ticks)), 0600);
 }
 
 }  // namespace

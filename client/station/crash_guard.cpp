@@ -18,6 +18,7 @@ namespace {
 constexpr std::array kCrashSignals = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
 constexpr int kPatience_ms = 200;
 constexpr int kDeviceWatchdog_ms = 50;  // a device with a thread of its own misses the loop after 20 ms
+constexpr int kLastWord_ms = 400;       // within this also a crowded machine lets that thread send "no force"
 constexpr std::size_t kStackBytes = 64 * 1024;
 
 // all that the handler reads
@@ -57,7 +58,7 @@ void onCrash(int signal) {
     for (int ms = 0; ms < kPatience_ms && !loop->ended(); ++ms) pauseMs(1);
     if (!loop->ended()) tell("station: the haptic loop did not answer; the device's own watchdog has to\n");
     // the loop's last word, no force, is still on its way through a device with a thread of its own
-    pauseMs(kDeviceWatchdog_ms);
+    pauseMs(kLastWord_ms);
   }
   // die by the same signal, as if nobody had looked
   struct sigaction by_default {};

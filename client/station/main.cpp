@@ -9,9 +9,11 @@
 #include "station/modes.h"
 #include "station/options.h"
 #include "station/station.h"
+#include "wire/protobuf_log.h"
 
 int main(int argc, char** argv) {
   needlelab::keepOutOfCoreDumps();
+  needlelab::keepProtobufQuiet();
   try {
     const sigset_t stop_signals = needlelab::blockStopSignals();
     const needlelab::ParsedOptions parsed = needlelab::parseStationOptions(argc, argv);

@@ -61,8 +61,9 @@ class Channel : public std::enable_shared_from_this<Channel> {
   /// TLS; then the writer and the watch over time-outs run. Once. Errors: kUnavailable (network, time-out),
   /// kDenied (the peer's certificate); the channel is closed then.
   Task<Status> handshake(asio::ssl::stream_base::handshake_type side);
-  /// Before `handshake`, optional: waits until the peer has sent something, at most handshake_timeout from
-  /// the channel's beginning. Errors: as handshake.
+  /// Before `handshake`, optional: waits until the peer's first TLS record is there as a whole, or something
+  /// that is none, or its end; at most handshake_timeout from the channel's beginning. Reads nothing. Errors:
+  /// as handshake.
   Task<Status> peerSpoke();
   /// The peer has ended its side of the connection: asked of the kernel, nothing is read.
   [[nodiscard]] bool peerHungUp();

@@ -20,7 +20,9 @@ namespace {
 
 constexpr std::size_t kReadBytes = 64u << 10;
 constexpr std::size_t kRecordBytes = 17u << 10;  // TLS may hold back as much of an unfinished record
-constexpr int kWritesInARow = 16;                // then others have their turn
+constexpr int kTlsHeaderBytes = 5;               // type, version, length (RFC 8446, 5.1)
+constexpr std::uint8_t kTlsHandshakeRecord = 22;
+constexpr int kWritesInARow = 16;  // then others have their turn
 
 /// Where the network's bytes land before they are decrypted, which is at once: one for all channels of a
 /// thread.
@@ -57,12 +59,25 @@ Task<Status> Channel::handshake(asio::ssl::stream_base::handshake_type side) {
 Task<Status> Channel::peerSpoke() {
   auto self = shared_from_this();
   if (!std::exchange(watching_, true)) asio::co_spawn(socket_.get_executor(), watchLoop(self), rethrow);
-  auto [error] = co_await socket_.async_wait(Tcp::socket::wait_read, kUseTuple);
-  if (closed_) co_return closedError();
-  if (error) {
-    close(CloseReason::kNetwork, error.message());
-    co_return closedError();
+  // the kernel wakes us when so many bytes are there: the record's header, then all of it
+  const int fd = socket_.native_handle();
+  std::array<std::uint8_t, kTlsHeaderBytes> header{};
+  int wanted = kTlsHeaderBytes;
+  for (int step = 0; step < 2; ++step) {
+    ::setsockopt(fd, SOL_SOCKET, SO_RCVLOWAT, &wanted, sizeof wanted);
+    auto [error] = co_await socket_.async_wait(Tcp::socket::wait_read, kUseTuple);
+    if (closed_) co_return closedError();
+    if (error) {
+      close(CloseReason::kNetwork, error.message());
+      co_return closedError();
+    }
+    const auto seen = ::recv(fd, header.data(), header.size(), MSG_PEEK | MSG_DONTWAIT);
+    // who has ended, or does not speak TLS, learns that at once
+    if (seen < kTlsHeaderBytes || header[0] != kTlsHandshakeRecord) break;
+    wanted = kTlsHeaderBytes + (header[3] << 8 | header[4]);
   }
+  wanted = 1;
+  ::setsockopt(fd, SOL_SOCKET, SO_RCVLOWAT, &wanted, sizeof wanted);
   co_return Status{};
 }
 

@@ -94,7 +94,7 @@ Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, cons
   auto settled = settle(**reader, *id);
   if (!settled) return settled.error();
   outcome.score_json = std::move(settled->score_json);
-  outcome.score_fault = std::move(settled->score_fault);
+  if (settled->fault) outcome.score_fault = settled->fault->message;
   return outcome;
 }
 
@@ -102,7 +102,8 @@ Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session
   Settled settled;
   const auto read = samplesOf(reader, session);
   auto score = read ? scoreOf(reader, *read) : Result<std::string>(read.error());
-  if (!score) settled.score_fault = score.error().message;
+  if (!score) settled.fault = score.error();
+  settled.final = !read && read.error().code == ErrorCode::kInvalidInput;
   if (!read) return settled;
   const auto events = eventsOf(*read);
   const auto stored = writer_.run([&](Connection& writer) {
@@ -125,12 +126,16 @@ Status Service::settleRecording(const Uuid& session) {
   if (!info->score_json().empty() && events->has_value()) return {};
   if (!info->score_json().empty()) {
     const auto read = samplesOf(**reader, session);
-    if (!read) return {};
+    if (!read) return read.error().code == ErrorCode::kInvalidInput ? Status() : Status(read.error());
     return writer_.run(
         [&, made = eventsOf(*read)](Connection& writer) { return EventStore(writer).put(session, made); });
   }
   const auto settled = settle(**reader, session);
-  return settled ? Status() : Status(settled.error());
+  if (!settled) return settled.error();
+  if (!settled->fault || settled->final) return {};
+  return Error{settled->fault->code,
+               "session " + uuidText(session) +
+                   " has no score yet, and it cannot be made now: " + settled->fault->message};
 }
 
 Result<pb::Reply> Service::rescore(const Principal& principal, const pb::RescoreSession& call) {

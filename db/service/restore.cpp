@@ -6,13 +6,17 @@
 
 #include <array>
 #include <cerrno>
+#include <cstdio>
 #include <ctime>
 #include <string>
+#include <utility>
 
 #include "base/atomic_file.h"
 #include "base/disk_words.h"
+#include "db/audit_store.h"
 #include "db/check.h"
 #include "db/connection.h"
+#include "db/meta_store.h"
 #include "db/migrate.h"
 #include "service/bootstrap.h"
 
@@ -76,11 +80,47 @@ Result<RestoreResult> checkCopy(const fs::path& copy, const fs::path& from) {
                                           ", this program (needlelab " NEEDLELAB_VERSION
                                           ") knows versions up to " +
                                           std::to_string(newestSchemaVersion()) + ": use the newer program"};
-  return RestoreResult{{}, 0, 0, *version};
+  RestoreResult result;
+  result.schema = *version;
+  return result;
+}
+
+/// What the replaced database had withdrawn and the copy has not: noted in the copy, so that it is said
+/// whoever completes the restore. A replaced database that cannot be read is no reason not to restore.
+Status noteAccess(Connection& writer, const fs::path& replaced, const fs::path& from,
+                  std::int64_t now_unix_ns, RestoreResult& result) {
+  std::error_code error;
+  if (!fs::exists(replaced, error)) return {};
+  auto old = Connection::open(replaced, {.mode = Connection::Mode::kReader});
+  if (!old) {
+    result.not_compared = old.error().message;
+  } else {
+    auto again = accessValidAgain(*old, writer);
+    if (again) {
+      result.valid_again = std::move(*again);
+    } else {
+      result.not_compared = again.error().message;
+    }
+  }
+  const auto add = [&](const std::string& subject, const std::string& text) {
+    return AuditStore(writer).add({0, now_unix_ns, "local", "access valid again", subject, text});
+  };
+  std::string lines;
+  for (const RestoredAccess& one : result.valid_again) {
+    if (auto done = add(one.name, one.text + " (restored from " + from.string() + ")"); !done) return done;
+    lines += (lines.empty() ? "" : "; ") + one.text;
+  }
+  if (!result.not_compared.empty()) {
+    lines = "the replaced database could not be read (" + result.not_compared +
+            "): accounts and keys are those of the backup";
+    if (auto done = add("(all)", lines); !done) return done;
+  }
+  return MetaStore(writer).set("access_valid_again", lines);
 }
 
 /// The copy is brought to this program's schema and closed without a log beside it; then all of it is read.
-Status migrateAndCheck(const fs::path& copy, const fs::path& from, RestoreResult& result) {
+Status migrateAndCheck(const fs::path& copy, const fs::path& from, const fs::path& replaced,
+                       std::int64_t now_unix_ns, RestoreResult& result) {
   {
     auto writer = Connection::open(copy, {.mode = Connection::Mode::kWriter});
     if (!writer) return writer.error();
@@ -93,6 +133,7 @@ Status migrateAndCheck(const fs::path& copy, const fs::path& from, RestoreResult
                        " (" + std::to_string(checked->faults.size()) + " faults); take another backup"};
     result.sessions = checked->sessions;
     result.chunks = checked->chunks;
+    if (auto done = noteAccess(*writer, replaced, from, now_unix_ns, result); !done) return done;
     // everything into the one file that is renamed
     if (auto done = writer->checkpointPassive(); !done) return done;
     if (auto done = writer->script("PRAGMA journal_mode=DELETE"); !done) return done;
@@ -116,15 +157,23 @@ std::string timeText(std::int64_t now_unix_ns) {
   return text.data();
 }
 
-/// A second name for a file; none when it is not there. Repeating it is no error.
-Status keep(const fs::path& file, const fs::path& as) {
-  if (::link(file.c_str(), as.c_str()) == 0 || errno == ENOENT || errno == EEXIST) return {};
-  return systemError(as, "keep the replaced database under this name");
+/// A second name for a file, or a new one where the disk knows no second; none when it is not there.
+/// Repeating it is no error: nobody opens a database of this folder before finishRestore() is through.
+Status keep(const fs::path& file, const fs::path& as, LinkCall link) {
+  if (link(file.c_str(), as.c_str()) == 0 || errno == ENOENT || errno == EEXIST) return {};
+  // FAT, some network disks, some containers
+  if (::renameat2(AT_FDCWD, file.c_str(), AT_FDCWD, as.c_str(), RENAME_NOREPLACE) == 0) return {};
+  if (errno == EINVAL || errno == ENOSYS) {
+    struct stat there {};
+    if (::lstat(as.c_str(), &there) == 0 || ::rename(file.c_str(), as.c_str()) == 0) return {};
+  }
+  return errno == EEXIST ? Status() : systemError(as, "keep the replaced database under this name");
 }
 
 }  // namespace
 
-Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, std::int64_t now_unix_ns) {
+Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, std::int64_t now_unix_ns,
+                                  LinkCall link) {
   std::error_code error;
   if (!fs::is_directory(folder, error))
     return Error{ErrorCode::kInvalidInput,
@@ -141,7 +190,7 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
                                                  log.string() + "): it is a database in use and no backup"};
   auto lock = FolderLock::take(folder, "needlelab-admin restore");
   if (!lock) return lock.error();
-  if (auto done = finishRestore(folder); !done) return done.error();
+  if (auto done = finishRestore(folder, link); !done) return done.error();
 
   const auto drop = [&] {
     for (const char* suffix : {"", "-wal", "-shm", "-journal"}) (void)removeFile(copy.string() + suffix);
@@ -153,7 +202,7 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
   }
   auto result = checkCopy(copy, from);
   if (result)
-    if (auto done = migrateAndCheck(copy, from, *result); !done) result = done.error();
+    if (auto done = migrateAndCheck(copy, from, database, now_unix_ns, *result); !done) result = done.error();
   if (!result) {
     drop();
     return result;
@@ -169,11 +218,12 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
     drop();
     return done.error();
   }
-  if (auto done = finishRestore(folder); !done) return done.error();
+  if (auto done = finishRestore(folder, link); !done) return done.error();
   return result;
 }
 
-Status finishRestore(const fs::path& folder) {
+Status finishRestore(const fs::path& folder, LinkCall link) {
+  if (link == nullptr) link = ::link;
   const fs::path pending = folder / kPending, database = folder / kDatabase, copy = folder / kCopy;
   std::error_code error;
   if (!fs::exists(pending, error)) return {};
@@ -187,8 +237,8 @@ Status finishRestore(const fs::path& folder) {
   // the copy is there until it takes the database's place: the last step
   if (fs::exists(copy, error)) {
     // both names before anything is removed: the old database never lacks its log
-    if (auto done = keep(database.string() + "-wal", folder / (*kept + "-wal")); !done) return done;
-    if (auto done = keep(database, folder / *kept); !done) return done;
+    if (auto done = keep(database.string() + "-wal", folder / (*kept + "-wal"), link); !done) return done;
+    if (auto done = keep(database, folder / *kept, link); !done) return done;
     if (auto done = syncFolder(folder); !done) return done;
     // a log of the old database must not be applied to the new one
     for (const char* suffix : {"-wal", "-shm"})

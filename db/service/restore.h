@@ -3,29 +3,41 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "base/result.h"
+#include "service/restored_access.h"
 
 namespace needlelab {
 
+/// As link(2).
+using LinkCall = int (*)(const char* from, const char* to);
+
 struct RestoreResult {
-  std::filesystem::path
-      kept;  ///< the database that was replaced, with its log beside it; empty: there was none
+  /// The database that was replaced, with its log beside it; empty: there was none.
+  std::filesystem::path kept;
   std::uint64_t sessions = 0, chunks = 0;  ///< in the restored one, all of them checked
-  int schema = 0;  ///< of the backup; an older one was migrated
+  int schema = 0;                          ///< of the backup; an older one was migrated
+  /// Accesses that were withdrawn since the backup and are valid again, to be withdrawn anew.
+  std::vector<RestoredAccess> valid_again;
+  std::string not_compared;  ///< why nobody knows which: the replaced database cannot be read; empty: known
 };
 
 /// Copies `from` beside DIR's database, checks *the copy* (structure, every chunk, every hash), and then,
 /// under the folder's lock, keeps the old database as needlelab.db.replaced-TIME (with its -wal) and puts the
 /// copy in its place, without a -wal or -shm. A crash at any instant leaves the old database or, after the
 /// decision was written to DIR/restore.pending, is completed by the next start of anything on DIR. `from` is
-/// only read. Errors: kUnavailable (a server runs on DIR), kInvalidInput (no such file, or it is DIR's own
-/// database), kVersion (newer schema), kCorrupt (it fails its check; nothing was changed), kFailed.
+/// only read. Accesses that were withdrawn since stand in the audit log of the restored database, and in its
+/// meta `access_valid_again` for the server's log. On a disk that refuses hard links the old database is
+/// renamed in place of linked. `link`: link(2), or what a test puts in its place. Errors: kUnavailable (a
+/// server runs on DIR), kInvalidInput (no such file, or it is DIR's own database), kVersion (newer schema),
+/// kCorrupt (it fails its check; nothing was changed), kFailed.
 Result<RestoreResult> restoreFrom(const std::filesystem::path& folder, const std::filesystem::path& from,
-                                  std::int64_t now_unix_ns);
+                                  std::int64_t now_unix_ns, LinkCall link = nullptr);
 
 /// Completes what restoreFrom decided before it was cut off. Under the folder's lock, before the database is
 /// opened.
-Status finishRestore(const std::filesystem::path& folder);
+Status finishRestore(const std::filesystem::path& folder, LinkCall link = nullptr);
 
 }  // namespace needlelab

@@ -1,5 +1,6 @@
 #include "service/retention.h"
 
+#include <algorithm>
 #include <set>
 #include <thread>
 #include <utility>
@@ -34,8 +35,10 @@ class Run {
     if (!dry_run) {
       if (auto done = removeLeftovers(); !done) return done.error();
     }
-    const auto due = read([&](Connection& c) { return RetentionStore(c).due(now_unix_ns_); });
+    auto due = read([&](Connection& c) { return RetentionStore(c).due(now_unix_ns_); });
     if (!due) return due.error();
+    // what goes first makes room for what is written
+    std::stable_partition(due->begin(), due->end(), [](const DueRecording& one) { return one.deletes; });
     for (const DueRecording& one : *due) {
       if (stopped()) break;
       // it stands in the report already
@@ -81,6 +84,23 @@ class Run {
     auto reader = tools_.readers.borrow();
     if (!reader) return reader.error();
     return work(**reader);
+  }
+
+  /// An error when the disk has less than the bytes that shall stay free there. `more`: will be written.
+  /// Asked before each piece: a writer that meets a full disk is the server's end.
+  Status checkDiskRoom(std::uint64_t keep_free, std::uint64_t more) {
+    if (!tools_.room) return {};
+    const auto left = tools_.room();
+    if (!left) return {};
+    if (*left >= keep_free + more) return {};
+    // pages that are free in the database do not make it larger
+    const auto space = read([](Connection& c) { return RetentionStore(c).space(); });
+    if (!space) return space.error();
+    if (*left >= keep_free && *left + space->free_bytes >= keep_free + more) return {};
+    return Error{ErrorCode::kUnavailable,
+                 "no room: the database's disk has " + std::to_string(*left >> 20) + " MiB left, " +
+                     std::to_string(keep_free >> 20) + " MiB shall stay free and up to " +
+                     std::to_string((more >> 20) + 1) + " MiB would be written: make room there"};
   }
 
   /// One piece of work for the writer, then a pause.
@@ -165,6 +185,7 @@ class Run {
   Result<std::optional<std::uint64_t>> remove(const DueRecording& due) {
     const auto info = read([&](Connection& c) { return SessionStore(c).info(due.session); });
     if (!info) return info.error();
+    if (auto room = checkDiskRoom(tools_.pace.min_free_bytes / 8, 0); !room) return room.error();
     ReadOriginal original;
     if (!due.thinned) {
       if (auto settled = tools_.settle(due.session); !settled) return settled.error();
@@ -193,6 +214,7 @@ class Run {
     const double rate_hz = info->description().rate_hz(), target_hz = due.policy.thin_rate_hz();
     const std::string name = "session " + uuidText(due.session);
     if (info->samples() == 0) return Error{ErrorCode::kNotFound, name + " has no samples to thin"};
+    if (auto room = checkDiskRoom(tools_.pace.min_free_bytes, due.stored_bytes); !room) return room.error();
     if (target_hz >= rate_hz && due.policy.thin_coarser() <= 1)
       return Error{ErrorCode::kInvalidInput,
                    name + " has " + std::to_string(rate_hz) + " Hz: nothing to thin"};
@@ -233,6 +255,7 @@ class Run {
     };
     const auto store = [&]() -> Status {
       if (ready.empty()) return {};
+      if (auto room = checkDiskRoom(tools_.pace.min_free_bytes, 0); !room) return room;
       auto done = piece([&](Connection& c) -> Status {
         std::uint64_t seq = written.chunks;
         for (const Bytes& chunk : ready) {

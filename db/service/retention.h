@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "base/result.h"
@@ -21,6 +22,9 @@ struct RetentionPace {
   std::size_t bytes = 96u << 10;        ///< of thinned chunks written in one piece; also read at once
   std::chrono::milliseconds pause{20};  ///< after each piece
   std::uint64_t queue = 256;            ///< items waiting at the writer: with more, the run waits
+  /// On the database's disk, beyond what a thinned recording takes: less is left to what stations send. With
+  /// an eighth of it recordings are still deleted, which makes room.
+  std::uint64_t min_free_bytes = 64u << 20;
 };
 
 /// What a run works with; all must outlive it.
@@ -33,12 +37,16 @@ struct RetentionTools {
   std::function<bool()> hold;
   const std::atomic<bool>& stop;  ///< set: the run ends after the piece at hand; the next one goes on
   RetentionPace pace;
+  /// Bytes that are free on the database's disk for this user; nothing when it cannot be asked. Null: there
+  /// is always room.
+  std::function<std::optional<std::uint64_t>()> room{};
 };
 
 /// Order for one recording (DESIGN §6, §8): read all of the original, its CRCs and its hash; write the
 /// thinned recording beside it; read that back from the database; switch over in one transaction, audit line
 /// included; remove the original. A crash at any instant leaves the original or the thinned recording
-/// complete, and the next run removes what is left over. A damaged recording is left alone. Errors: the
+/// complete, and the next run removes what is left over. What is to be deleted goes first, so that it makes
+/// room; what the disk has no room for is left alone. A damaged recording is left alone, too. Errors: the
 /// database failed; what is wrong with one session only stands in the report. Thread: any but the writer's;
 /// one run at a time.
 Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const std::string& by_whom,

@@ -58,11 +58,14 @@ Result<pb::Reply> setRetention(const Context& context, const pb::SetRetention& c
   policy.set_by(context.who.name);
   policy.set_changed_unix_ns(context.now_unix_ns);
   const std::string subject = policy.exercise_id().empty() ? "(default)" : policy.exercise_id();
-  const auto status = write(
-      context, subject, call.as_default() ? "as the default" : textOfPolicy(policy), [&](Connection& writer) {
-        RetentionStore store(writer);
-        return call.as_default() ? store.removePolicy(policy.exercise_id()) : store.setPolicy(policy);
-      });
+  const auto status = write(context, subject, call.as_default() ? "as the default" : textOfPolicy(policy),
+                            [&](Connection& writer) {
+                              RetentionStore store(writer);
+                              if (call.as_default()) return store.removePolicy(policy.exercise_id());
+                              // in one transaction with the policy, which would make its own name a known one
+                              auto known = store.checkExercise(policy.exercise_id());
+                              return known ? store.setPolicy(policy) : known;
+                            });
   if (!status) return status.error();
   pb::Reply reply;
   reply.mutable_done();

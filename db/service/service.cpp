@@ -1,6 +1,10 @@
 #include "service/service.h"
 
+#include <array>
 #include <charconv>
+#include <ctime>
+#include <filesystem>
+#include <system_error>
 
 #include "base/clock.h"
 #include "db/erasure_store.h"
@@ -172,6 +176,42 @@ class Cleared {
   std::atomic<bool>* flag_;
 };
 
+std::string timeOf(std::int64_t unix_ns) {
+  const std::time_t seconds = unix_ns / 1'000'000'000;
+  std::tm parts{};
+  std::array<char, 40> text{};
+  std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M:%S UTC", ::gmtime_r(&seconds, &parts));
+  return text.data();
+}
+
+/// The turn of one run of retention, given back at its end. `run` is guarded by `mutex` and names the run that
+/// is under way.
+class RetentionTurn {
+ public:
+  RetentionTurn(std::mutex& mutex, std::string& run, std::string words) : mutex_(mutex), run_(run) {
+    const std::lock_guard lock(mutex_);
+    mine_ = run_.empty();
+    (mine_ ? run_ : other_) = mine_ ? std::move(words) : run_;
+  }
+  ~RetentionTurn() {
+    if (!mine_) return;
+    const std::lock_guard lock(mutex_);
+    run_.clear();
+  }
+  RetentionTurn(const RetentionTurn&) = delete;
+  RetentionTurn& operator=(const RetentionTurn&) = delete;
+
+  [[nodiscard]] bool mine() const { return mine_; }
+  /// Words of the run that has it instead.
+  [[nodiscard]] const std::string& other() const { return other_; }
+
+ private:
+  std::mutex& mutex_;
+  std::string& run_;
+  std::string other_;
+  bool mine_ = false;
+};
+
 /// One text for every reason, so that names cannot be tried out.
 Error loginRefused() {
   return {ErrorCode::kDenied, "name or password (for a station: key) is wrong, or access was withdrawn"};
@@ -205,8 +245,9 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
         {principal, writer_, **reader, wallNowNs(), callName(request.call_case()), &cancelled_}, request);
     // what an erasure has given up goes at once; while a run of retention is under way, the next one takes it
     if (reply && request.call_case() == pb::Request::kErasePerson) {
-      const std::unique_lock one_run(retention_mutex_, std::try_to_lock);
-      if (!one_run) {
+      const RetentionTurn turn(retention_mutex_, retention_run_,
+                               "since " + timeOf(wallNowNs()) + " by an erasure");
+      if (!turn.mine()) {
         auto* erasure = reply->mutable_erasure();
         erasure->set_text(
             "A run of retention is under way: the chunks go with the next one, at the latest tomorrow "
@@ -231,11 +272,15 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
 }
 
 Result<pb::RetentionReport> Service::retention(const std::string& by_whom, bool dry_run) {
-  std::unique_lock one_run(retention_mutex_, std::try_to_lock);
-  if (!one_run)
-    return Error{ErrorCode::kUnavailable, "another run of retention is under way: try again when it is done"};
-  const RetentionTools tools = retentionTools();
-  return runRetention(tools, by_whom, wallNowNs(), dry_run);
+  const std::int64_t now = wallNowNs();
+  std::optional<RetentionTurn> turn;
+  if (!dry_run) {
+    turn.emplace(retention_mutex_, retention_run_, "since " + timeOf(now) + " by " + by_whom);
+    if (!turn->mine())
+      return Error{ErrorCode::kUnavailable, "a run of retention is under way " + turn->other() +
+                                                ": try again when it is done; a dry run says what is left"};
+  }
+  return runRetention(retentionTools(), by_whom, now, dry_run);
 }
 
 RetentionTools Service::retentionTools() {
@@ -244,7 +289,13 @@ RetentionTools Service::retentionTools() {
           [this](const Uuid& id) { return settleRecording(id); },
           [this] { return backup_running_.load(std::memory_order_relaxed); },
           stop_retention_,
-          retention_pace_};
+          retention_pace_,
+          [this]() -> std::optional<std::uint64_t> {
+            std::error_code error;
+            const auto space = std::filesystem::space(readers_.path().parent_path(), error);
+            if (error) return std::nullopt;
+            return space.available;
+          }};
 }
 
 Result<pb::RetentionReport> Service::dailyRetention() {

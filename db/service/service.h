@@ -74,7 +74,8 @@ class Service {
   /// with. kInvalidInput: the profile text is not valid, or the gesture is longer than kMaxScoredSamples.
   Result<std::string> scoreSession(Connection& reader, const Uuid& session);
 
-  /// One run of retention (retention.h): minutes to hours. kUnavailable: another one is under way.
+  /// One run of retention (retention.h): minutes to hours. kUnavailable, at once: another one is under way,
+  /// since when and by whom. A dry run reads only and waits for nobody.
   Result<pb::RetentionReport> retention(const std::string& by_whom, bool dry_run);
   /// As the server does it by itself each day, in the name "retention". kUnavailable as well when the last
   /// run was not within the last 31 days: a clock that has jumped must not delete anything; a run that
@@ -95,12 +96,14 @@ class Service {
 
  private:
   struct Settled {
-    std::string score_json;   ///< empty when there is nothing to measure
-    std::string score_fault;  ///< why there is no score
+    std::string score_json;      ///< empty when there is nothing to measure
+    std::optional<Error> fault;  ///< why there is no score
+    bool final = false;          ///< … and never will be: too long, or its profile is none
   };
   /// Works out score and events of a closed session and stores them. Errors: the database's.
   Result<Settled> settle(Connection& reader, const Uuid& session);
-  /// The same before its recording is thinned or deleted, where something is missing.
+  /// The same before its recording is thinned or deleted, where something is missing. An error where the
+  /// fault may pass (memory, an exercise that is imported anew …): the original must stay for it.
   Status settleRecording(const Uuid& session);
   /// Scores a closed session anew by the definitions of this program and keeps that beside the first score.
   Result<pb::Reply> rescore(const Principal& principal, const pb::RescoreSession& call);
@@ -112,7 +115,8 @@ class Service {
   std::atomic<bool> cancelled_{false};
   std::mutex backup_mutex_;  ///< one backup at a time
   std::atomic<bool> backup_running_ = false;
-  std::mutex retention_mutex_;  ///< one run at a time
+  std::mutex retention_mutex_;  ///< guards the text below; never held for long
+  std::string retention_run_;   ///< of the run that is under way: "since … by …"; one at a time
   std::atomic<bool> stop_retention_ = false;
   RetentionPace retention_pace_;
 };

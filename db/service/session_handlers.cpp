@@ -2,6 +2,7 @@
 #include <optional>
 
 #include "db/annotation_store.h"
+#include "db/cancel_scope.h"
 #include "db/session_store.h"
 #include "db/transaction.h"
 #include "service/handlers.h"
@@ -155,6 +156,7 @@ Result<pb::Reply> seekSession(const Context& context, const pb::SeekSession& cal
 Result<pb::Reply> verifySession(const Context& context, const pb::VerifySession& call) {
   const auto id = sessionId(call.session_id());
   if (!id) return id.error();
+  const CancelScope may_end(context.reader, context.cancelled);
   const auto check = SessionStore(context.reader).verify(*id);
   if (!check) return check.error();
   pb::Reply reply;

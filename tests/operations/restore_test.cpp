@@ -3,10 +3,12 @@
 
 #include <gmock/gmock.h>
 
+#include <cerrno>
 #include <fstream>
 
 #include "base/atomic_file.h"
 #include "db/backup.h"
+#include "db/meta_store.h"
 #include "db/migrate.h"
 #include "running_server.h"
 
@@ -102,6 +104,102 @@ TEST_F(RestoreTest, putsTheBackupInPlaceAndKeepsWhatWasThere) {
   ASSERT_TRUE(again.ok()) << again.error().message;
   EXPECT_NE(again->kept, result->kept);
   EXPECT_EQ(people(again->kept), (std::vector<std::string>{"kept", "later"}));
+}
+
+TEST_F(RestoreTest, accessesThatWereWithdrawnSinceTheBackupAreNamedAndNoted) {
+  const auto ask = [&](Store& store, const pb::Request& request) {
+    const Outcome outcome = store.service().execute({"root", pb::ADMINISTRATOR}, request);
+    EXPECT_FALSE(outcome.error) << outcome.error->message;
+  };
+  const fs::path later = folder_.path() / "later.db";
+  {
+    auto store = open();
+    const auto person = [&](const std::string& name) {
+      pb::Request request;
+      request.mutable_add_user()->set_name(name);
+      request.mutable_add_user()->set_role(pb::INSTRUCTOR);
+      request.mutable_add_user()->set_password("a long enough password");
+      ask(*store, request);
+    };
+    for (const char* name : {"dismissed", "changed", "same"}) person(name);
+    for (const char* name : {"stolen", "renewed", "mine"}) {
+      pb::Request request;
+      request.mutable_add_station()->set_name(name);
+      ask(*store, request);
+    }
+    auto reader = store->readers().borrow();
+    ASSERT_TRUE(backupTo(**reader, later).ok());
+  }
+  {
+    auto store = open();
+    pb::Request request;
+    request.mutable_disable_user()->set_name("dismissed");
+    ask(*store, request);
+    request.mutable_set_password()->set_name("changed");
+    request.mutable_set_password()->set_password("another long password");
+    ask(*store, request);
+    for (const char* name : {"stolen", "renewed"}) {
+      request.mutable_revoke_station()->set_name(name);
+      ask(*store, request);
+    }
+    request.mutable_add_station()->set_name("renewed");
+    ask(*store, request);
+  }
+  const auto result = restoreFrom(data(), later, kNow);
+  ASSERT_TRUE(result.ok()) << result.error().message;
+  EXPECT_EQ(result->not_compared, "");
+  std::vector<std::string> texts;
+  for (const RestoredAccess& one : result->valid_again) texts.push_back(one.text);
+  EXPECT_THAT(texts, testing::ElementsAre(HasSubstr("user changed: had a new password"),
+                                          HasSubstr("user dismissed: was disabled"),
+                                          HasSubstr("station renewed: had got a new key"),
+                                          HasSubstr("station stolen: its key was revoked")));
+  const auto store = open();
+  auto reader = store->readers().borrow();
+  auto rows = (*reader)->prepare(
+      "SELECT count(*) FROM audit WHERE action = 'access valid again' AND who = 'local'");
+  ASSERT_TRUE(*rows.step());
+  EXPECT_EQ(rows.integer(0), 4);
+  EXPECT_THAT(MetaStore(**reader).get("access_valid_again")->value(), HasSubstr("user dismissed"));
+}
+
+TEST_F(RestoreTest, aReplacedDatabaseThatCannotBeReadDoesNotKeepTheRestoreAndItIsSaid) {
+  std::ofstream(data() / "needlelab.db", std::ios::trunc) << std::string(20'000, 'x');
+  fs::remove(data() / "needlelab.db-wal");
+  fs::remove(data() / "needlelab.db-shm");
+  const auto result = restoreFrom(data(), backup(), kNow);
+  ASSERT_TRUE(result.ok()) << result.error().message;
+  EXPECT_NE(result->not_compared, "");
+  EXPECT_EQ(people(), std::vector<std::string>{"kept"});
+  EXPECT_EQ(*readWholeFile(result->kept), std::string(20'000, 'x'));
+}
+
+TEST_F(RestoreTest, aDiskWithoutHardLinksKeepsTheReplacedDatabaseAsWellAndTheWayBackIsARename) {
+  const auto refuses = [](const char*, const char*) {
+    errno = EPERM;
+    return -1;
+  };
+  {
+    auto writer = Connection::open(data() / "needlelab.db", {.mode = Connection::Mode::kWriter});
+    ASSERT_TRUE(writer->script("INSERT INTO meta VALUES ('in_the_log', '1')").ok());
+  }
+  const auto result = restoreFrom(data(), backup(), kNow, refuses);
+  ASSERT_TRUE(result.ok()) << result.error().message;
+  EXPECT_EQ(people(), std::vector<std::string>{"kept"});
+  EXPECT_FALSE(fs::exists(data() / "restore.pending"));
+  EXPECT_EQ(people(result->kept), (std::vector<std::string>{"kept", "late"}));
+  // back, as OPERATIONS.md says
+  fs::create_directory(data() / "restored");
+  for (const char* suffix : {"", "-wal", "-shm"}) {
+    const std::string name = std::string("needlelab.db") + suffix;
+    if (fs::exists(data() / name)) fs::rename(data() / name, data() / "restored" / name);
+    if (fs::exists(result->kept.string() + suffix)) fs::rename(result->kept.string() + suffix, data() / name);
+  }
+  { const auto store = open(); }
+  EXPECT_EQ(people(), (std::vector<std::string>{"kept", "late"}));
+  auto old = Connection::open(data() / "needlelab.db", {.mode = Connection::Mode::kReader});
+  auto rows = old->prepare("SELECT value FROM meta WHERE key = 'in_the_log'");
+  EXPECT_TRUE(*rows.step()) << "with its log";
 }
 
 TEST_F(RestoreTest, aNewMachineGetsItsDatabase) {

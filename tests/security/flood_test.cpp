@@ -4,14 +4,17 @@
 
 #include <cstdio>
 #include <optional>
+#include <thread>
 
 #include "base/clock.h"
 #include "load/database_check.h"
 #include "load/own_server.h"
 #include "load/station_crowd.h"
 #include "load/viewer_crowd.h"
+#include "net/backoff.h"
 #include "security/attackers.h"
 #include "support/sanitized.h"
+#include "support/sync_probe.h"
 #include "support/temp_folder.h"
 
 namespace needlelab::test {
@@ -23,17 +26,21 @@ double ms(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-6;
 }
 
-/// How long a log-in takes, TLS and all; nothing when it fails within 20 s.
+/// How long a log-in takes, TLS and all, with new tries as a station makes them; nothing when it fails for
+/// 20 s.
 std::optional<std::int64_t> logInTime(const LoadShared& shared, const pb::Login& login) {
   ClientConfig config = shared.client;
   config.login = login;
   const std::int64_t begin_ns = steadyNowNs();
-  const auto client = BlockingClient::connect(config);
-  if (!client.ok()) {
+  Backoff backoff(1);
+  for (;;) {
+    const auto client = BlockingClient::connect(config);
+    const std::int64_t took_ns = steadyNowNs() - begin_ns;
+    if (client.ok()) return took_ns;
     std::fprintf(stderr, "flood: %s\n", client.error().message.c_str());
-    return std::nullopt;
+    if (took_ns > 20'000'000'000) return std::nullopt;
+    std::this_thread::sleep_for(backoff.next());
   }
-  return steadyNowNs() - begin_ns;
 }
 
 TEST(Flood, stationsAndViewersNoticeNothing) {
@@ -91,19 +98,23 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
 
   std::optional<std::int64_t> station_ns, person_ns;
   std::uint64_t greatest_KiB = 0, handles = 0;
+  SyncProbe disk(folder.path());
   {
     const Attackers attackers(server.caFile(), server.port(), stolen[0], stolen[1]);
     const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(phase_s);
     std::this_thread::sleep_for(std::chrono::duration<double>(phase_s / 2));
     station_ns = logInTime(shared, stationLogin(newcomer, newcomer_key));
     person_ns = logInTime(shared, administrator);
+    bool stood_still = true;
     do {
       if (const auto sample = server.sample()) {
         greatest_KiB = std::max(greatest_KiB, sample->rss_KiB);
         handles = std::max(handles, sample->handles);
       }
       std::this_thread::sleep_for(100ms);
-    } while (std::chrono::steady_clock::now() < end);
+      // a disk that stands still all the time shows nothing of the server
+      if (crowd.totals().ack.since(ack_before).total() > kStations) stood_still = false;
+    } while (std::chrono::steady_clock::now() < (stood_still ? end + 20s : end));
     const AttackCounts& c = attackers.counts();
     std::fprintf(stderr,
                  "flood: garbage %llu, half-open %llu, slow bytes %llu, oversized %llu before and %llu after "
@@ -119,6 +130,7 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
       EXPECT_GT(count->load(), 3u);
     EXPECT_GT(c.pings, 1000u);
   }
+  const double longest_sync_ms = disk.takeLongest();
   const LatencyHistogram ack = crowd.totals().ack.since(ack_before);
   const LatencyHistogram live = viewers.totals().live.since(live_before);
   const auto report = [](const char* what, const LatencyHistogram& before, const LatencyHistogram& during) {
@@ -133,12 +145,16 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
       "flood: server %llu KiB before, at most %llu during, %llu handles; log-in of a station %.0f ms\n",
       static_cast<unsigned long long>(sample_before->rss_KiB), static_cast<unsigned long long>(greatest_KiB),
       static_cast<unsigned long long>(handles), ms(station_ns.value_or(-1)));
-  // stated ratio: at most three times as long, and what a busy machine adds (the attackers take a core, too)
+  std::fprintf(stderr, "flood: the disk's longest sync beside it %.0f ms\n", longest_sync_ms);
+  // stated ratio: at most three times as long, what a busy machine adds (the attackers take a core, too), and
+  // what the disk itself did in these seconds: the commit that goes on, a checkpoint's two syncs, its own
+  // commit
   ASSERT_GT(ack.total(), kStations);
   ASSERT_GT(live.total(), 50 * kStations);
-  EXPECT_LE(ms(ack.quantile_ns(0.99)), 3 * ms(ack_before.quantile_ns(0.99)) + 200);
+  EXPECT_LE(ms(ack.quantile_ns(0.99)), 3 * ms(ack_before.quantile_ns(0.99)) + 200 + 4 * longest_sync_ms);
   EXPECT_LE(ms(live.quantile_ns(0.99)), 3 * ms(live_before.quantile_ns(0.99)) + 200);
-  EXPECT_TRUE(station_ns.has_value()) << "a legitimate station gets in";
+  ASSERT_TRUE(station_ns.has_value()) << "a legitimate station gets in";
+  EXPECT_LT(ms(*station_ns), 5000) << "and does not wait behind those who never end their handshake";
   EXPECT_TRUE(person_ns.has_value()) << "and so does a person who has been here before";
   // argon2id takes 64 MiB; 1,536 who are not logged in take some 60 KiB each
   if (!kSanitized) {

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "base/clock.h"
 #include "gesture/chunk.h"
 #include "net/spool_samples.h"
 #include "support/temp_folder.h"
@@ -141,6 +142,37 @@ TEST_F(UplinkSessionTest, aRestoredServerThatHasAllButTheEndClosesItAgain) {
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(3);
   EXPECT_EQ(sends(), Names{"close"});
+}
+
+TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHasIt) {
+  ASSERT_TRUE(session_->end(false).ok());
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  EXPECT_EQ(sends(), Names{"close"});
+  upload_->onClosed({});
+  ack(3, 3);
+  ASSERT_EQ(session_->receipt().safe, 3u);
+  // the server was restored from a backup that has all the chunks and not the end
+  upload_->onConnectionLost();
+  upload_->onConnected(true);
+  EXPECT_FALSE(session_->receipt().closed);
+  EXPECT_EQ(session_->receipt().safe, 2u);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  ack(3, 2);
+  EXPECT_EQ(sends(), Names{"close"});
+  upload_->onClosed({});
+  EXPECT_TRUE(session_->receipt().closed);
+  EXPECT_EQ(spool_->cleanUp({}, wallNowNs()), Names{}) << "no backup has this end";
+  EXPECT_EQ(spool_->closedButNotSafe().size(), 1u);
+  // on the next connection it is asked for, until a backup covers it
+  upload_->onConnectionLost();
+  upload_->onConnected(false);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  ack(3, 3);
+  EXPECT_EQ(session_->receipt().safe, 3u);
+  EXPECT_EQ(spool_->cleanUp({}, wallNowNs()).size(), 1u);
 }
 
 TEST_F(UplinkSessionTest, aClosedSessionIsAskedForOnceAConnectionUntilItIsSafe) {

@@ -1,6 +1,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <atomic>
+#include <cstdio>
+#include <cstdlib>
+#include <thread>
+
+#include "db/session_store.h"
 #include "running_server.h"
 
 namespace needlelab {
@@ -137,6 +144,96 @@ TEST(LogIn, nobodyThereIsUnavailable) {
   const auto client = BlockingClient::connect(config);
   ASSERT_FALSE(client.ok());
   EXPECT_EQ(client.error().code, ErrorCode::kUnavailable);
+}
+
+/// Stations close sessions by the hundred, as after a long outage: a log-in meanwhile must not wait for all
+/// the scores. NEEDLELAB_LONG: 500 sessions.
+TEST(LogIn, doesNotWaitForTheScoresOfManySessions) {
+  const bool all = std::getenv("NEEDLELAB_LONG") != nullptr;
+  // a connection has at most 8 closes at work
+  const std::size_t stations = all ? 63 : 6, each = 8;
+  constexpr std::uint64_t kChunks = 60;
+  RunningServer server;
+  pb::Request ask;
+  ask.mutable_get_profile()->set_id("knee-adult");
+  const std::string profile = server.asAdmin(ask).profile().json();
+  std::vector<Bytes> chunks;
+  for (std::uint64_t seq = 0; seq < kChunks; ++seq) chunks.push_back(FakeSession::bytes(seq));
+  std::vector<BlockingClient> clients;
+  std::vector<std::vector<FakeSession>> sessions(stations);
+  for (std::size_t i = 0; i < stations; ++i) {
+    const std::string name = "bench-" + std::to_string(i);
+    auto client = server.connect(stationLogin(name, server.addStation(name)));
+    ASSERT_TRUE(client.ok()) << client.error().message;
+    clients.push_back(std::move(*client));
+    for (std::size_t k = 0; k < each; ++k) sessions[i].emplace_back(name);
+    ASSERT_TRUE(server.server()
+                    .store()
+                    .writer()
+                    .run([&](Connection& c) -> Status {
+                      for (const FakeSession& session : sessions[i]) {
+                        SessionStore store(c);
+                        const auto description = session.open(profile).open_session().description();
+                        if (auto opened = store.open(description, 1); !opened.ok()) return opened.error();
+                        Uuid id{};
+                        std::copy(session.id().begin(), session.id().end(), id.begin());
+                        for (std::uint64_t seq = 0; seq < kChunks; ++seq)
+                          if (auto put = store.append(id, seq, chunks[seq]); !put.ok()) return put.error();
+                      }
+                      return {};
+                    })
+                    .ok());
+  }
+  for (std::size_t i = 0; i < stations; ++i) {
+    for (const FakeSession& session : sessions[i]) {
+      ASSERT_TRUE(clients[i].send(session.open(profile)).ok());
+      (void)waitFor(clients[i], [](const pb::Envelope& e) { return e.has_session_opened(); });
+    }
+  }
+  const std::string key = server.addStation("late");
+  server.addUser("ina", pb::INSTRUCTOR, "a rather long password");
+  std::vector<pb::Envelope> closes;
+  for (const auto& of_station : sessions)
+    for (const FakeSession& session : of_station) closes.push_back(session.close(kChunks));
+
+  const auto person = server.connect(personLogin("ina", "a rather long password"));
+  ASSERT_TRUE(person.ok()) << person.error().message;
+  pb::Login token;
+  token.set_token(person->welcome().token());
+
+  using Clock = std::chrono::steady_clock;
+  const auto secondsSince = [](Clock::time_point from) {
+    return std::chrono::duration<double>(Clock::now() - from).count();
+  };
+  const auto begin = Clock::now();
+  for (std::size_t n = 0; n < closes.size(); ++n) ASSERT_TRUE(clients[n / each].send(closes[n]).ok());
+  std::atomic<bool> over = false;
+  std::vector<double> waits;
+  std::thread others([&] {
+    while (!over) {
+      for (const auto& login : {stationLogin("late", key), token}) {
+        const auto asked = Clock::now();
+        const auto in = server.connect(login);
+        EXPECT_TRUE(in.ok()) << in.error().message;
+        waits.push_back(secondsSince(asked));
+      }
+    }
+  });
+  std::size_t scored = 0;
+  for (std::size_t n = 0; n < closes.size(); ++n) {
+    const auto closed = waitFor(
+        clients[n / each], [](const pb::Envelope& e) { return e.has_session_closed() || e.has_refusal(); },
+        milliseconds(all ? 120'000 : 30'000));
+    if (!closed.session_closed().score_json().empty()) ++scored;
+  }
+  const double scores_s = secondsSince(begin);
+  over = true;
+  others.join();
+  EXPECT_EQ(scored, closes.size());
+  std::sort(waits.begin(), waits.end());
+  std::printf("%zu scores took %.2f s; beside them %zu log-ins: median %.3f s, longest %.3f s\n", scored,
+              scores_s, waits.size(), waits[waits.size() / 2], waits.back());
+  EXPECT_LT(waits.back(), scores_s / 2);
 }
 
 }  // namespace

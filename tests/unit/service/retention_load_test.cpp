@@ -38,6 +38,7 @@ class RetentionLoad : public test::ServiceTest {
   struct Times {
     std::mutex mutex;
     std::vector<double> ms;
+    void add(const Times& other) { ms.insert(ms.end(), other.ms.begin(), other.ms.end()); }
     double at(double share) {
       std::sort(ms.begin(), ms.end());
       return ms.empty() ? 0
@@ -77,8 +78,8 @@ class RetentionLoad : public test::ServiceTest {
 
 TEST_F(RetentionLoad, stationsHardlyNotice) {
   const bool lengthy = std::getenv("NEEDLELAB_LONG") != nullptr;
-  const int turns = lengthy ? 6 : 2;
-  const auto each = lengthy ? 2000ms : 500ms;
+  const int turns = lengthy ? 25 : 9;
+  const auto each = lengthy ? 500ms : 120ms;
   addStation();
   for (int i = 0; i < kStations; ++i) open_.push_back(addSession("anna", 0));
   // old sessions, as many as no turn can finish
@@ -116,11 +117,13 @@ TEST_F(RetentionLoad, stationsHardlyNotice) {
     return RetentionStore(c).setPolicy(policy);
   }));
 
-  Times alone, beside;
+  // of each turn by itself: a disk that stands still for a second is in one of them, and not in the median
+  Times alone, beside, slowest_alone, slowest_beside;
   std::uint64_t thinned = 0;
   bool due_left = true;
   for (int turn = 0; turn < turns; ++turn) {
-    load(each, alone);
+    Times without, with;
+    load(each, without);
     std::atomic<bool> stop = false;
     const RetentionTools tools{
         store->writer(), store->readers(), [](const Uuid&) { return Status(); }, [] { return false; }, stop,
@@ -133,18 +136,24 @@ TEST_F(RetentionLoad, stationsHardlyNotice) {
       if (report) thinned += report->thinned();
       due_left = report.ok() && report->stopped();
     });
-    load(each, beside);
+    load(each, with);
     stop = true;
     run.join();
+    alone.add(without);
+    beside.add(with);
+    slowest_alone.ms.push_back(without.at(0.99));
+    slowest_beside.ms.push_back(with.at(0.99));
   }
   EXPECT_TRUE(due_left) << "the run ended before the load: it was not beside it all the time";
   std::cout << "commit of a chunk, ms: alone p50 " << alone.at(0.5) << " p99 " << alone.at(0.99) << " max "
             << alone.at(1) << "; beside retention p50 " << beside.at(0.5) << " p99 " << beside.at(0.99)
             << " max " << beside.at(1) << "; " << thinned << " sessions of " << kOldChunks
             << " chunks thinned meanwhile\n";
+  std::cout << "p99 of a turn, median of " << turns << ": alone " << slowest_alone.at(0.5) << ", beside "
+            << slowest_beside.at(0.5) << " ms\n";
   // ratios of one run on a machine that does other things, too: the goal is 2, the bound stands a stall
   if (!test::kSanitized) {
-    EXPECT_LT(beside.at(0.99), (lengthy ? 2 : 3) * alone.at(0.99) + 50);
+    EXPECT_LT(slowest_beside.at(0.5), (lengthy ? 2 : 3) * slowest_alone.at(0.5) + 50);
   }
 }
 

@@ -1,16 +1,11 @@
-// Runs of retention: what is thinned and deleted, what stays, and what a power cut at any instant leaves.
+// Runs of retention: what is thinned and deleted, and what stays.
 #include "service/retention.h"
-
-#include <fstream>
-#include <random>
 
 #include "base/clock.h"
 #include "db/check.h"
 #include "db/event_store.h"
 #include "db/session_row.h"
-#include "gesture/thinning.h"
-#include "shim_vfs.h"
-#include "test_service.h"
+#include "retention_fixture.h"
 
 namespace needlelab {
 namespace {
@@ -18,91 +13,17 @@ namespace {
 using namespace std::chrono_literals;
 using test::chunkOf;
 using test::closeOf;
-
-constexpr std::uint64_t kChunks = 60;
-constexpr std::size_t kEach = 50;  // samples
-
-/// What a thinned recording of the chunks of chunkOf() must hold, worked out from the samples as stored.
-std::vector<GestureSample> expectedThinned(std::uint64_t chunks, double target_hz) {
-  Thinner thinner(1000, target_hz);
-  std::vector<GestureSample> out;
-  for (std::uint64_t seq = 0; seq < chunks; ++seq) {
-    const auto samples = decodeChunk(chunkOf(seq, kEach));
-    for (const GestureSample& sample : *samples) thinner.add(sample, out);
-  }
-  thinner.finish(out);
-  return out;
-}
-
-std::vector<GestureSample> samplesIn(Connection& connection, const Uuid& id) {
-  std::vector<GestureSample> all;
-  const auto chunks = SessionStore(connection).readChunks(id, 0, UINT32_MAX, SIZE_MAX);
-  EXPECT_OK(chunks);
-  if (!chunks) return all;
-  for (const StoredChunk& chunk : *chunks) {
-    const auto samples = decodeChunk(chunk.bytes);
-    all.insert(all.end(), samples->begin(), samples->end());
-  }
-  return all;
-}
-
-/// Within half a step of what was predicted, ticks and times exactly.
-void expectSame(const std::vector<GestureSample>& found, const std::vector<GestureSample>& expected) {
-  ASSERT_EQ(found.size(), expected.size());
-  for (std::size_t i = 0; i < found.size(); ++i) {
-    ASSERT_EQ(found[i].tick, expected[i].tick);
-    ASSERT_EQ(found[i].time_ns, expected[i].time_ns);
-    ASSERT_NEAR(found[i].p_WT_m[0], expected[i].p_WT_m[0], 0.51e-6);
-    ASSERT_NEAR(found[i].force_W_N[2], expected[i].force_W_N[2], 0.51e-3);
-  }
-}
-
-class RetentionTest : public test::ServiceTest {
- protected:
-  void SetUp() override {
-    addStation();
-    store->service().setRetentionPace({.rows = 16, .bytes = 8 << 10, .pause = 0ms});
-  }
-  Uuid addClosed(std::uint64_t chunks = kChunks, bool safe = true, const std::string& profile = "") {
-    const Uuid id = addSession("anna", chunks, kEach, profile);
-    EXPECT_OK(store->service().closeSession(closeOf(id, chunks, kEach), "station-1"));
-    if (safe) EXPECT_OK(change([&](Connection& c) { return SessionStore(c).markSafe(id, chunks); }));
-    return id;
-  }
-  pb::Request policy(int thin_days, double hz, int delete_days, const std::string& exercise = "") {
-    pb::Request request;
-    auto* p = request.mutable_set_retention()->mutable_policy();
-    p->set_exercise_id(exercise);
-    if (thin_days >= 0) {
-      p->set_thin_after_days(static_cast<std::uint32_t>(thin_days));
-      p->set_thin_rate_hz(hz);
-    }
-    if (delete_days >= 0) p->set_delete_after_days(static_cast<std::uint32_t>(delete_days));
-    return request;
-  }
-  pb::RetentionReport runNow(bool dry = false) {
-    pb::Request request;
-    request.mutable_run_retention()->set_dry_run(dry);
-    return get(manager, request).retention_report();
-  }
-  pb::SessionInfo info(const Uuid& id) {
-    pb::Request request;
-    request.mutable_get_session()->set_session_id(test::bytesOfId(id));
-    return get(instructor, request).session();
-  }
-  bool sound() {
-    pb::Request request;
-    request.mutable_check();
-    const auto report = get(admin, request).check_report();
-    for (const auto& fault : report.faults()) ADD_FAILURE() << fault;
-    return report.ok();
-  }
-};
+using test::expectedThinned;
+using test::expectSame;
+using test::kClosedChunks;
+using test::kSamplesEach;
+using test::samplesIn;
+using RetentionTest = test::RetentionTest;
 
 TEST_F(RetentionTest, thinsToWhatTheThinnerPredictsAndKeepsScoreEventsAndRemarks) {
   pb::Request profile;
   profile.mutable_get_profile()->set_id("knee-adult");
-  const Uuid id = addClosed(kChunks, true, get(admin, profile).profile().json());
+  const Uuid id = addClosed(kClosedChunks, true, get(admin, profile).profile().json());
   pb::Request note;
   note.mutable_annotate()->set_session_id(test::bytesOfId(id));
   note.mutable_annotate()->set_text("well done");
@@ -137,7 +58,7 @@ TEST_F(RetentionTest, thinsToWhatTheThinnerPredictsAndKeepsScoreEventsAndRemarks
   EXPECT_EQ(after.removed_original().hash(), before.hash());
   EXPECT_EQ(after.removed_original().samples(), before.samples());
   auto reader = store->readers().borrow();
-  expectSame(samplesIn(**reader, id), expectedThinned(kChunks, 100));
+  expectSame(samplesIn(**reader, id), expectedThinned(kClosedChunks, 100));
   EXPECT_TRUE(events()->has_value());
   EXPECT_TRUE(sound());
   EXPECT_EQ(runNow().steps_size(), 0) << "once";
@@ -157,7 +78,7 @@ TEST_F(RetentionTest, thinsToWhatTheThinnerPredictsAndKeepsScoreEventsAndRemarks
   read.mutable_read_chunks()->set_hash(before.hash());
   EXPECT_EQ(refusal(instructor, read), ErrorCode::kUnavailable);
   EXPECT_FALSE(store->service().scoreSession(**reader, id).ok());
-  const auto again = store->service().closeSession(closeOf(id, kChunks, kEach), "station-1");
+  const auto again = store->service().closeSession(closeOf(id, kClosedChunks, kSamplesEach), "station-1");
   ASSERT_OK(again);
   EXPECT_EQ(again->closed.kind, Closed::Kind::kRepeated);
   EXPECT_EQ(again->score_json, before.score_json());
@@ -178,7 +99,7 @@ TEST_F(RetentionTest, deletesAndTheSpaceIsUsedAgain) {
   EXPECT_EQ(report.bytes_after(), 0u);
   const auto emptied = where();
   EXPECT_EQ(emptied.deleted_sessions(), 6u);
-  EXPECT_GT(emptied.free_bytes(), full.free_bytes() + 6 * kChunks * 150);
+  EXPECT_GT(emptied.free_bytes(), full.free_bytes() + 6 * kClosedChunks * 150);
   EXPECT_GT(emptied.last_run_unix_ns(), 0);
   for (const Uuid& id : old) {
     EXPECT_EQ(info(id).removed_original().fate(), pb::RemovedOriginal::DELETED);
@@ -195,7 +116,7 @@ TEST_F(RetentionTest, deletesAndTheSpaceIsUsedAgain) {
 }
 
 TEST_F(RetentionTest, openUnsafeAndDamagedSessionsAreLeftAlone) {
-  const Uuid open = addSession("anna", 5, kEach), unsafe = addClosed(5, false), crc = addClosed(),
+  const Uuid open = addSession("anna", 5, kSamplesEach), unsafe = addClosed(5, false), crc = addClosed(),
              hash = addClosed();
   ASSERT_OK(change([&](Connection& c) {
     return c.script(
@@ -222,6 +143,61 @@ TEST_F(RetentionTest, openUnsafeAndDamagedSessionsAreLeftAlone) {
   EXPECT_FALSE(info(open).has_removed_original());
 }
 
+TEST_F(RetentionTest, anOriginalStaysWhileItsScoreCanStillBeMade) {
+  pb::Request profile;
+  profile.mutable_get_profile()->set_id("knee-adult");
+  const Uuid passing = addClosed(kClosedChunks, true, get(admin, profile).profile().json()),
+             final = addClosed(kClosedChunks, true, "{\"nonsense\":1}");
+  const std::string score = info(passing).score_json();
+  ASSERT_FALSE(score.empty());
+  // an exercise that cannot be read now, as after a faulty import
+  ASSERT_OK(change([](Connection& c) {
+    return c.script(
+        "UPDATE sessions SET events = NULL, score_json = NULL; DELETE FROM session_events;"
+        "INSERT OR REPLACE INTO exercises (id, curriculum_id, position, name, profile_id, json)"
+        " VALUES ('knee-1', 'c', 0, 'n', 'knee-adult', '{\"broken')");
+  }));
+  for (const auto& what : {policy(0, 100, -1), policy(-1, 0, 0)}) {
+    (void)get(manager, what);
+    const auto report = runNow();
+    EXPECT_EQ(report.left_alone(), 1u);
+    ASSERT_FALSE(info(passing).has_removed_original());
+    for (const auto& step : report.steps()) {
+      if (step.action() != pb::RetentionStep::LEFT_ALONE) continue;
+      EXPECT_NE(step.text().find(uuidText(passing)), std::string::npos) << step.text();
+      EXPECT_NE(step.text().find("no score yet"), std::string::npos) << step.text();
+    }
+  }
+  EXPECT_TRUE(info(final).has_removed_original()) << "no waiting helps it";
+  ASSERT_OK(change([](Connection& c) { return c.script("DELETE FROM exercises WHERE id = 'knee-1'"); }));
+  EXPECT_EQ(runNow().deleted(), 1u);
+  EXPECT_FALSE(info(passing).score_json().empty());
+}
+
+TEST_F(RetentionTest, whoAsksForARunDuringARunIsToldSoAtOnceAndADryRunIsMade) {
+  (void)addClosed();
+  (void)get(manager, policy(0, 100, -1));
+  // long pauses: the run lasts
+  store->service().setRetentionPace({.rows = 1, .bytes = 64, .pause = 50ms});
+  const auto commits = store->writer().counters().commits;
+  std::thread daily([&] { EXPECT_OK(store->service().dailyRetention()); });
+  while (store->writer().counters().commits == commits) std::this_thread::sleep_for(1ms);
+  pb::Request run;
+  run.mutable_run_retention();
+  const auto begin = std::chrono::steady_clock::now();
+  const Outcome refused = ask(manager, run);
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, 1s);
+  ASSERT_TRUE(refused.error.has_value());
+  EXPECT_EQ(refused.error->code, ErrorCode::kUnavailable);
+  EXPECT_NE(refused.error->message.find("under way since 20"), std::string::npos) << refused.error->message;
+  EXPECT_NE(refused.error->message.find("by retention"), std::string::npos) << refused.error->message;
+  run.mutable_run_retention()->set_dry_run(true);
+  EXPECT_TRUE(get(manager, run).retention_report().dry_run());
+  store->service().stopRetention();
+  daily.join();
+  EXPECT_TRUE(sound());
+}
+
 TEST_F(RetentionTest, aThinnedRecordingIsReadBeforeItIsDeleted) {
   const Uuid damaged = addClosed(), sound_one = addClosed();
   (void)get(manager, policy(0, 100, -1));
@@ -245,9 +221,9 @@ TEST_F(RetentionTest, damagedLeftoversAreNamedAndTheRunGoesOn) {
   ASSERT_OK(change([](Connection& c) -> Status {
     for (const std::int64_t session : {1, 2}) {
       for (std::uint64_t seq = 0; seq < 20; ++seq) {
-        const Bytes chunk = chunkOf(seq, kEach);
+        const Bytes chunk = chunkOf(seq, kSamplesEach);
         if (auto put = c.run("INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (?,?,?,?,?)",
-                             session, seq, kEach, stationCrcOf(chunk), ByteView(chunk));
+                             session, seq, kSamplesEach, stationCrcOf(chunk), ByteView(chunk));
             !put)
           return put;
       }
@@ -305,9 +281,9 @@ TEST_F(RetentionTest, aRunThatIsStoppedIsFinishedByTheNext) {
     ASSERT_TRUE(sound()) << pieces;
     auto reader = store->readers().borrow();
     if (info(id).has_removed_original()) {
-      expectSame(samplesIn(**reader, id), expectedThinned(kChunks, 100));
+      expectSame(samplesIn(**reader, id), expectedThinned(kClosedChunks, 100));
     } else {
-      EXPECT_EQ(samplesIn(**reader, id).size(), kChunks * kEach);
+      EXPECT_EQ(samplesIn(**reader, id).size(), kClosedChunks * kSamplesEach);
     }
   }
   EXPECT_TRUE(finished);
@@ -331,108 +307,6 @@ TEST_F(RetentionTest, aClockThatJumpedDeletesNothingByItself) {
   // a person who asks says that the clock is right
   EXPECT_EQ(runNow().deleted(), 1u);
   EXPECT_OK(store->service().dailyRetention());
-}
-
-TEST_F(RetentionTest, policiesAreShownAndBadOnesRefused) {
-  (void)get(manager, policy(30, 100, 365, "knee-1"));
-  (void)get(admin, policy(-1, 0, -1));
-  pb::Request show;
-  show.mutable_list_retention();
-  const auto shown = get(manager, show).retention();
-  ASSERT_EQ(shown.policies_size(), 2);
-  EXPECT_EQ(shown.policies(0).exercise_id(), "");
-  EXPECT_EQ(shown.policies(1).by(), "mia");
-  EXPECT_EQ(shown.policies(1).thin_after_days(), 30u);
-  EXPECT_GT(shown.policies(1).changed_unix_ns(), 0);
-  EXPECT_EQ(refusal(manager, policy(30, 0, -1)), ErrorCode::kInvalidInput);
-  EXPECT_EQ(refusal(instructor, show), ErrorCode::kDenied);
-}
-
-/// The power is cut at each sync of a whole run, on a disk that loses, reorders and tears what was not
-/// synced. What is left is always one whole recording, the original or the thinned one, and the next run
-/// finishes.
-TEST(RetentionPowerCut, leavesTheOriginalOrTheThinnedRecordingWhole) {
-  constexpr std::uint64_t kLong = 200;  // its thinned recording has several chunks: cuts fall between them
-  auto& vfs = test::ShimVfs::instance();
-  vfs.startRecording();
-  test::TestDb db(test::ShimVfs::name());
-  const Uuid id = makeUuidV7();
-  {
-    SessionStore sessions(db.writer);
-    ASSERT_OK(db.writer.script("BEGIN"));
-    ASSERT_OK(sessions.open(test::describe(id), 1));
-    for (std::uint64_t seq = 0; seq < kLong; ++seq) ASSERT_OK(sessions.append(id, seq, chunkOf(seq, kEach)));
-    ASSERT_OK(sessions.close(closeOf(id, kLong, kEach), 1));
-    ASSERT_OK(sessions.markSafe(id, kLong));
-    pb::RetentionPolicy policy;
-    policy.set_thin_after_days(1);
-    policy.set_thin_rate_hz(500);
-    policy.set_by("mia");
-    ASSERT_OK(RetentionStore(db.writer).setPolicy(policy));
-    ASSERT_OK(db.writer.script("COMMIT"));
-  }
-  const auto expected = expectedThinned(kLong, 500);
-  const std::int64_t now = 100LL * 86'400 * 1'000'000'000;
-  const std::atomic<bool> stop = false;
-  // each of them is a commit of its own
-  const RetentionPace pace{.rows = 8, .bytes = 64, .pause = 0ms};
-  const auto runOn = [&](DbWriter& writer, ReaderPool& readers) {
-    return runRetention(
-        {writer, readers, [](const Uuid&) { return Status(); }, [] { return false; }, stop, pace},
-        "retention", now, false);
-  };
-
-  const test::TempFolder cuts;
-  int count = 0;
-  std::mt19937_64 random(5);
-  vfs.setHook([&](test::ShimVfs::Op op, const std::string&, std::int64_t, int) {
-    if (op != test::ShimVfs::Op::kSync) return SQLITE_OK;
-    const auto folder = cuts.path() / std::to_string(count++);
-    std::filesystem::create_directory(folder);
-    vfs.writeAfterPowerCut(folder, random);
-    return SQLITE_OK;
-  });
-  {
-    DbWriter writer(std::move(db.writer), {.window = 0ms, .checkpoint_every = 5ms}, {});
-    ReaderPool readers(db.path);
-    const auto report = runOn(writer, readers);
-    ASSERT_OK(report);
-    EXPECT_EQ(report->thinned(), 1u);
-  }
-  vfs.setHook({});
-  ASSERT_GT(count, 10) << "hardly any piece was cut";
-
-  int originals = 0, thinned = 0;
-  for (int i = 0; i < count; ++i) {
-    SCOPED_TRACE("cut " + std::to_string(i));
-    const auto path = cuts.path() / std::to_string(i) / "needlelab.db";
-    auto left = test::TestDb::must(Connection::open(path, {.mode = Connection::Mode::kWriter}));
-    const auto check = checkDatabase(left);
-    ASSERT_OK(check);
-    ASSERT_TRUE(check->ok()) << check->faults.front();
-    const auto info = SessionStore(left).info(id);
-    ASSERT_OK(info);
-    if (info->has_removed_original()) {
-      ++thinned;
-      expectSame(samplesIn(left, id), expected);
-    } else {
-      ++originals;
-      const auto chunks = SessionStore(left).readChunks(id, 0, UINT32_MAX, SIZE_MAX);
-      ASSERT_OK(chunks);
-      ASSERT_EQ(chunks->size(), kLong);
-      for (const StoredChunk& chunk : *chunks) ASSERT_EQ(chunk.bytes, chunkOf(chunk.seq, kEach));
-    }
-    ASSERT_OK(left.script("PRAGMA synchronous=OFF"));
-    DbWriter writer(std::move(left), {.window = 0ms}, {});
-    ReaderPool readers(path);
-    ASSERT_OK(runOn(writer, readers));
-    auto reader = readers.borrow();
-    expectSame(samplesIn(**reader, id), expected);
-    EXPECT_TRUE(RetentionStore(**reader).leftovers()->empty());
-    EXPECT_TRUE(checkDatabase(**reader)->ok());
-  }
-  EXPECT_GT(originals, 3);
-  EXPECT_GT(thinned, 3);
 }
 
 }  // namespace

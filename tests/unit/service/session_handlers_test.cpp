@@ -126,5 +126,14 @@ TEST_F(SessionHandlers, annotationsAreKeptWithTheirAuthor) {
   EXPECT_EQ(refusal(instructor, request), ErrorCode::kInvalidInput);
 }
 
+TEST_F(SessionHandlers, aVerificationIsGivenUpWhenTheProgramEnds) {
+  const Uuid id = addSession("anna", 300);
+  pb::Request verify;
+  verify.mutable_verify_session()->set_session_id(test::bytesOfId(id));
+  EXPECT_TRUE(get(admin, verify).verified().ok());
+  store->service().cancelLongWork();
+  EXPECT_TRUE(ask(admin, verify).error.has_value());
+}
+
 }  // namespace
 }  // namespace needlelab

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "wire/protobuf_log.h"
+
 namespace needlelab {
 namespace {
 
@@ -55,6 +57,20 @@ TEST(Framing, anEnvelopeComesBackAsItWas) {
   const auto back = decodeFrame(viewOf(**frame));
   ASSERT_TRUE(back.ok());
   EXPECT_EQ(back->SerializeAsString(), envelope.SerializeAsString());
+}
+
+TEST(Framing, aTextThatIsNoUtf8IsRefusedWithoutALineOnStandardError) {
+  // the name of a program as none of ours would write it
+  pb::Envelope envelope;
+  envelope.mutable_hello()->set_program("needlelab");
+  std::string bytes = envelope.SerializeAsString();
+  const std::size_t at = bytes.find("needlelab");
+  ASSERT_NE(at, std::string::npos);
+  bytes[at] = static_cast<char>(0xff);
+  keepProtobufQuiet();
+  testing::internal::CaptureStderr();
+  EXPECT_FALSE(decodeFrame(viewOf(bytes)).ok());
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
 TEST(Framing, everyStepWidthGivesTheSameFrames) {
