@@ -4,6 +4,8 @@
 #include <charconv>
 #include <ctime>
 #include <filesystem>
+#include <optional>
+#include <string>
 #include <system_error>
 
 #include "base/clock.h"
@@ -191,7 +193,10 @@ class RetentionTurn {
   RetentionTurn(std::mutex& mutex, std::string& run, std::string words) : mutex_(mutex), run_(run) {
     const std::lock_guard lock(mutex_);
     mine_ = run_.empty();
-    (mine_ ? run_ : other_) = mine_ ? std::move(words) : run_;
+    if (mine_)
+      run_ = std::move(words);
+    else
+      other_ = run_;
   }
   ~RetentionTurn() {
     if (!mine_) return;
