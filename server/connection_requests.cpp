@@ -14,7 +14,7 @@ Task<> PeerConnection::execute(std::shared_ptr<PeerConnection> self, pb::Request
   ++peer.requests_at_work_;
   Service& service = peer.context_.store.service();
   std::function<Outcome()> work = [&service, shared, who = peer.who_] {
-    if (shared->has_run_retention()) afterOthers();
+    if (shared->has_run_retention() || shared->has_rescore_all()) afterOthers();
     return service.execute(who, *shared);
   };
   Outcome outcome = co_await offload(poolFor(peer.context_, *shared), std::move(work));

@@ -41,6 +41,7 @@ asio::thread_pool& poolFor(ServerContext& context, const pb::Request& request) {
     case pb::Request::kRescoreSession:
       return context.slow_workers;
     case pb::Request::kRunRetention:
+    case pb::Request::kRescoreAll:
       return context.retention_workers;
     default:
       return context.workers;

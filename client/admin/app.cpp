@@ -76,6 +76,7 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   addUpkeepCommands(app, chosen);
   addRetentionCommands(app, chosen);
   addTeachingCommands(app, chosen);
+  addScoreCommands(app, chosen);
   addPersonCommands(app, chosen);
   try {
     app.parse(argc, argv);

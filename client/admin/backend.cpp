@@ -40,7 +40,8 @@ class ServerBackend : public Backend {
   explicit ServerBackend(BlockingClient client) : client_(std::move(client)) {}
   Result<pb::Reply> call(const pb::Request& request) override {
     // these may read the whole database
-    const bool slow = request.has_backup() || request.has_check() || request.has_run_retention();
+    const bool slow = request.has_backup() || request.has_check() || request.has_run_retention() ||
+                      request.has_rescore_all();
     return client_.call(request, slow ? std::chrono::hours(12) : std::chrono::minutes(5));
   }
   [[nodiscard]] bool local() const override { return false; }

@@ -47,12 +47,16 @@ void addCertificateCommands(CLI::App& app, ChosenCommand& chosen);
 void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen);
 void addRetentionCommands(CLI::App& app, ChosenCommand& chosen);
 void addTeachingCommands(CLI::App& app, ChosenCommand& chosen);
+void addScoreCommands(CLI::App& app, ChosenCommand& chosen);
 void addPersonCommands(CLI::App& app, ChosenCommand& chosen);
 
 /// Asks for a list page by page (control.proto): `ask` puts a page's name into the request, `take` keeps a
 /// reply's rows and gives the name of the page behind it; empty: enough.
 Status eachPage(Backend& backend, const std::function<void(pb::Request&, const std::string&)>& ask,
                 const std::function<std::string(const pb::Reply&)>& take);
+
+/// A score with its comparison; `version` of the definitions, 0: the newest that there is.
+Status showSessionScore(CommandContext& context, const Uuid& id, std::uint32_t version);
 
 /// A session's id from the command line. kInvalidInput.
 Result<Uuid> sessionIdOf(const std::string& text);

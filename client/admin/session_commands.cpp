@@ -176,7 +176,7 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   session->require_subcommand(1);
   struct Values {
     std::string id, station, trainee, format = "csv", out, text;
-    std::uint32_t limit = 100;
+    std::uint32_t limit = 100, version = 0;
     std::uint64_t tick = 0;
     ExportRange range;
   };
@@ -210,6 +210,12 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   with_id(session->add_subcommand("show", "what it is, its score and remarks"), showSession);
   with_id(session->add_subcommand("verify", "read it again: every chunk, the hash"), verifySession);
   with_id(session->add_subcommand("events", "aspirations and injections, with place and time"), listEvents);
+  auto* score =
+      session->add_subcommand("score", "its measures, in words, beside those of the exercise's experts");
+  score->add_option("--version", values->version, "of the definitions; 0: the newest")->capture_default_str();
+  with_id(score, [values](CommandContext& context, const Uuid& id) {
+    return showSessionScore(context, id, values->version);
+  });
   auto* export_command = session->add_subcommand("export", "its samples, for other programs");
   export_command->add_option("--format", values->format, "csv, json or recording (common/gesture/FORMAT.md)")
       ->check(CLI::IsMember({"csv", "json", "recording"}))

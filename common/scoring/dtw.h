@@ -18,8 +18,8 @@ inline constexpr double kPathRateHz = 20;
 /// Alignments may run ahead or behind by this share of the longer path, and by `kLeastBand` points at least.
 inline constexpr double kBandShare = 0.2;
 inline constexpr std::size_t kLeastBand = 20;
-/// 30 minutes.
-inline constexpr std::size_t kMostPathPoints = 36'000;
+/// 5 minutes: a comparison takes 30 ms then; longer gestures are compared with none.
+inline constexpr std::size_t kMostPathPoints = 6'000;
 
 /// The symmetric form of Sakoe and Chiba (1978), without a limit on slopes: steps (1,0) and (0,1) count the
 /// distance of their points once, (1,1) and the start twice, the sum is divided by the number of points of

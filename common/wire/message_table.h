@@ -98,6 +98,7 @@ inline constexpr NumberedName kRequestCalls[] = {
     {135, "list_scores"},
     {136, "set_reference"},
     {137, "get_reference"},
+    {138, "rescore_all"},
     {140, "export_study"},
     {141, "read_study_recording"},
     {150, "export_all"},
@@ -146,6 +147,7 @@ inline constexpr NumberedName kReplyResults[] = {
     {133, "score"},
     {135, "scores"},
     {137, "reference"},
+    {138, "rescore_report"},
     {151, "import_report"},
 };
 

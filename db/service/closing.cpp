@@ -55,8 +55,12 @@ Result<std::string> Service::scoreOf(Connection& reader, const SessionSamples& s
   } else if (stored.error().code != ErrorCode::kNotFound) {
     return stored.error();
   }
+  const auto id = handlers::sessionId(description.session_id());
+  if (!id) return id.error();
+  const auto references = reference_paths_.ofExercise(reader, description.exercise_id(), *id);
+  if (!references) return references.error();
   return scoreJson(scoreGesture(session.samples, description.rate_hz(), session.profile, session.X_WL,
-                                exercise ? &*exercise : nullptr));
+                                exercise ? &*exercise : nullptr, *references));
 }
 
 Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, const std::string& station) {

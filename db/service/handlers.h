@@ -15,6 +15,7 @@
 #include "needlelab/live.pb.h"
 #include "needlelab/types.pb.h"
 #include "service/principal.h"
+#include "service/reference_paths.h"
 
 namespace needlelab::handlers {
 
@@ -26,6 +27,7 @@ struct Context {
   std::int64_t now_unix_ns;
   std::string_view action;                       ///< for the audit log
   const std::atomic<bool>* cancelled = nullptr;  ///< set when the program ends: long reads are given up
+  ReferencePaths* paths = nullptr;               ///< of reference sessions
 };
 
 /// Runs `work` on the writer with a line in the audit log, both or neither; returns after the commit.

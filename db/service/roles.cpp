@@ -87,6 +87,7 @@ constexpr std::array kRules = {
     Rule{Request::kExcuseAttempt, "attempt excuse", kStaff},
     Rule{Request::kGetScore, "score show", kPeople},
     Rule{Request::kRescoreSession, "rescore", kStaff},
+    Rule{Request::kRescoreAll, "rescore all", kManagers},
     Rule{Request::kListScores, "score list", kStaff},
     Rule{Request::kSetReference, "reference set", kStaff},
     Rule{Request::kGetReference, "reference show", kPeople},

@@ -11,7 +11,7 @@ namespace needlelab::handlers {
 namespace {
 
 Result<pb::Reply> referenceReply(const Context& context, pb::Reference reference) {
-  if (auto done = addBands(context.reader, reference); !done) return done.error();
+  if (auto done = addBands(context.reader, *context.paths, reference); !done) return done.error();
   pb::Reply reply;
   *reply.mutable_reference() = std::move(reference);
   return reply;
@@ -24,7 +24,7 @@ Result<pb::Reply> getScore(const Context& context, const pb::GetScore& call) {
   if (!info) return info.error();
   auto score = ScoreStore(context.reader).get(*sessionId(call.session_id()), call.definition_version());
   if (!score) return score.error();
-  auto comparison = comparisonWith(context.reader, info->description().exercise_id(), *score);
+  auto comparison = comparisonWith(context.reader, *context.paths, info->description().exercise_id(), *score);
   if (!comparison) return comparison.error();
   score->set_comparison_json(std::move(*comparison));
   pb::Reply reply;

@@ -1,6 +1,7 @@
 #include "service/score_reference.h"
 
 #include <algorithm>
+#include <optional>
 #include <vector>
 
 #include "db/score_store.h"
@@ -38,13 +39,25 @@ Result<ReferenceScores> referenceScores(Connection& reader, const pb::Reference&
   return taken;
 }
 
+constexpr const char* kDistance = "dtw_distance_m";
+
+/// The bands of stored measures, and that of the distances among the references as they are now.
+std::vector<ReferenceBand> bandsWith(Connection& reader, ReferencePaths& paths,
+                                     const pb::Reference& reference, const ReferenceScores& scores) {
+  auto bands = referenceBands(scores.gestures);
+  std::erase_if(bands, [](const ReferenceBand& band) { return band.name == kDistance; });
+  const auto distances = distancesAmong(paths.ofReference(reader, reference, std::nullopt));
+  if (!distances.empty()) bands.push_back(bandOf(kDistance, "m", distances));
+  return bands;
+}
+
 }  // namespace
 
-Status addBands(Connection& reader, pb::Reference& reference) {
+Status addBands(Connection& reader, ReferencePaths& paths, pb::Reference& reference) {
   const auto scores = referenceScores(reader, reference, 0);
   if (!scores) return scores.error();
   reference.set_definition_version(scores->version);
-  for (const ReferenceBand& band : referenceBands(scores->gestures)) {
+  for (const ReferenceBand& band : bandsWith(reader, paths, reference, *scores)) {
     auto* row = reference.add_bands();
     row->set_measure(band.name);
     row->set_unit(band.unit);
@@ -62,7 +75,7 @@ Status addBands(Connection& reader, pb::Reference& reference) {
   return {};
 }
 
-Result<std::string> comparisonWith(Connection& reader, const std::string& exercise_id,
+Result<std::string> comparisonWith(Connection& reader, ReferencePaths& paths, const std::string& exercise_id,
                                    const pb::Score& score) {
   const auto reference = ReferenceStore(reader).get(exercise_id);
   if (!reference) return reference.error();
@@ -70,9 +83,26 @@ Result<std::string> comparisonWith(Connection& reader, const std::string& exerci
   const auto scores = referenceScores(reader, *reference, score.definition_version());
   if (!scores) return scores.error();
   if (scores->gestures.empty()) return std::string();
-  const auto measures = parseScore(score.measures_json());
+  auto measures = parseScore(score.measures_json());
   if (!measures) return measures.error();
-  const auto bands = referenceBands(scores->gestures);
+  const auto bands = bandsWith(reader, paths, *reference, *scores);
+  std::erase_if(*measures, [](const Measure& measure) { return measure.name == kDistance; });
+  const auto id = handlers::sessionId(score.session_id());
+  if (!id) return id.error();
+  if (const TipPath path = paths.of(reader, *id); !path.empty()) {
+    std::optional<double> nearest;
+    for (const TipPath& other : paths.ofReference(reader, *reference, *id)) {
+      const auto distance = dtwDistance(path, other);
+      if (distance && (!nearest || *distance < *nearest)) nearest = distance;
+    }
+    if (nearest) {
+      Measure row;
+      row.name = kDistance;
+      row.unit = "m";
+      row.value = *nearest;
+      measures->push_back(row);
+    }
+  }
   return comparisonJson(compareWithReference(*measures, bands));
 }
 

@@ -15,6 +15,7 @@
 #include "db/people_store.h"
 #include "db/station_store.h"
 #include "service/handlers.h"
+#include "service/rescoring.h"
 #include "service/roles.h"
 
 namespace needlelab {
@@ -145,6 +146,7 @@ Result<pb::Reply> dispatch(const handlers::Context& context, const pb::Request& 
     case pb::Request::kImportAll:
       return handlers::importAll(context, request.import_all());
     case pb::Request::kRescoreSession:
+    case pb::Request::kRescoreAll:
     case pb::Request::CALL_NOT_SET:
       break;  // execute() does the first
   }
@@ -234,6 +236,13 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
       *reply.mutable_retention_report() = std::move(*report);
       return reply;
     }
+    if (request.call_case() == pb::Request::kRescoreAll) {
+      auto report = rescoreAll(principal.name, request.rescore_all());
+      if (!report) return report.error();
+      pb::Reply reply;
+      *reply.mutable_rescore_report() = std::move(*report);
+      return reply;
+    }
     if (request.call_case() == pb::Request::kRescoreSession)
       return rescore(principal, request.rescore_session());
     std::unique_lock<std::mutex> one_backup;
@@ -246,10 +255,12 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
     const Cleared cleared(one_backup.owns_lock() ? &backup_running_ : nullptr);
     auto reader = readers_.borrow();
     if (!reader) return reader.error();
-    auto reply = dispatch(
-        {principal, writer_, **reader, wallNowNs(), callName(request.call_case()), &cancelled_}, request);
+    auto reply = dispatch({principal, writer_, **reader, wallNowNs(), callName(request.call_case()),
+                           &cancelled_, &reference_paths_},
+                          request);
     // what an erasure has given up goes at once; while a run of retention is under way, the next one takes it
     if (reply && request.call_case() == pb::Request::kErasePerson) {
+      reference_paths_.forget();
       const RetentionTurn turn(retention_mutex_, retention_run_,
                                "since " + timeOf(wallNowNs()) + " by an erasure");
       if (!turn.mine()) {
@@ -286,6 +297,19 @@ Result<pb::RetentionReport> Service::retention(const std::string& by_whom, bool 
                                                 ": try again when it is done; a dry run says what is left"};
   }
   return runRetention(retentionTools(), by_whom, now, dry_run);
+}
+
+Result<pb::RescoreReport> Service::rescoreAll(const std::string& by_whom, const pb::RescoreAll& call) {
+  std::unique_lock one_run(rescore_mutex_, std::try_to_lock);
+  if (!one_run)
+    return Error{ErrorCode::kUnavailable, "another run of rescoring is under way: try again when it is done"};
+  const RescoreTools tools{writer_,
+                           readers_,
+                           [this](Connection& reader, const Uuid& id) { return scoreSession(reader, id); },
+                           [this] { return backup_running_.load(std::memory_order_relaxed); },
+                           stop_retention_,
+                           retention_pace_};
+  return runRescoring(tools, call.exercise_id(), by_whom, call.dry_run());
 }
 
 RetentionTools Service::retentionTools() {

@@ -16,6 +16,7 @@
 #include "needlelab/control.pb.h"
 #include "needlelab/session.pb.h"
 #include "service/principal.h"
+#include "service/reference_paths.h"
 #include "service/retention.h"
 #include "service/session_samples.h"
 
@@ -81,7 +82,10 @@ class Service {
   /// run was not within the last 31 days: a clock that has jumped must not delete anything; a run that
   /// somebody asks for says that the clock is right.
   Result<pb::RetentionReport> dailyRetention();
-  /// A run that is under way ends within a piece of work, and no other begins.
+  /// Scores the sessions anew that have none of the definitions of now (rescoring.h): minutes to hours.
+  /// kUnavailable: another one is under way.
+  Result<pb::RescoreReport> rescoreAll(const std::string& by_whom, const pb::RescoreAll& call);
+  /// A run of either that is under way ends within a piece of work, and no other begins.
   void stopRetention() { stop_retention_.store(true, std::memory_order_relaxed); }
   /// Before the first run.
   void setRetentionPace(const RetentionPace& pace) { retention_pace_ = pace; }
@@ -117,6 +121,8 @@ class Service {
   std::atomic<bool> backup_running_ = false;
   std::mutex retention_mutex_;  ///< guards the text below; never held for long
   std::string retention_run_;   ///< of the run that is under way: "since … by …"; one at a time
+  ReferencePaths reference_paths_;
+  std::mutex rescore_mutex_;  ///< one run at a time
   std::atomic<bool> stop_retention_ = false;
   RetentionPace retention_pace_;
 };

@@ -68,6 +68,7 @@ const std::map<std::string, std::string>& expected() {
       {"excuse_attempt", "IMA"},
       {"get_score", "TIMA"},
       {"rescore_session", "IMA"},
+      {"rescore_all", "MA"},
       {"list_scores", "IMA"},
       {"set_reference", "IMA"},
       {"get_reference", "TIMA"},

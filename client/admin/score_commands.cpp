@@ -1,0 +1,155 @@
+// Scores: of a session, of everybody as a table, again by newer definitions; the experts that others are
+// compared with.
+#include <algorithm>
+#include <memory>
+
+#include "admin/command.h"
+#include "admin/growing_file.h"
+#include "scoring/score_csv.h"
+
+namespace needlelab {
+namespace {
+
+/// The rows of a list in a reply; an empty list for a text that is none.
+Json rowsOfText(const std::string& json) {
+  Json rows = Json::parse(json.empty() ? "[]" : json, nullptr, false);
+  return rows.is_array() ? rows : Json::array();
+}
+
+struct ScoreChoice {
+  std::string course, group, format = "csv", out, exercise;
+  std::uint32_t version = 0;
+  bool dry_run = false;
+};
+
+/// Further formats: another pair of functions that take what ListScores gives, one row after the other.
+Status exportScores(CommandContext& context, const ScoreChoice& choice) {
+  auto file = GrowingFile::create(choice.out);
+  if (!file) return file.error();
+  std::string text;
+  appendScoreCsvHeader(text);
+  std::uint64_t scores = 0;
+  Status fault;
+  const auto done = eachPage(
+      context.backend,
+      [&](pb::Request& request, const std::string& page) {
+        auto* call = request.mutable_list_scores();
+        call->set_course_id(choice.course);
+        call->set_group_id(choice.group);
+        call->set_page(page);
+      },
+      [&](const pb::Reply& reply) {
+        for (const pb::ScoreRow& row : reply.scores().scores()) {
+          const auto& attempt = row.attempt();
+          Uuid id{};
+          if (attempt.session_id().size() == id.size())
+            std::copy(attempt.session_id().begin(), attempt.session_id().end(), id.begin());
+          const ScoreCsvAttempt beside{
+              uuidText(id),     attempt.trainee(),         attempt.exercise_id(),
+              attempt.number(), attempt.started_unix_ns(), row.score().definition_version()};
+          fault = appendScoreCsvRows(text, beside, row.score().measures_json());
+          if (!fault) {
+            fault = Error{fault.error().code, "session " + beside.session + ": " + fault.error().message};
+            return std::string();
+          }
+          ++scores;
+        }
+        fault = file->append(viewOf(text));
+        text.clear();
+        return fault ? reply.scores().next_page() : std::string();
+      });
+  if (!done) return done;
+  if (!fault) return fault;
+  if (auto finished = file->finish(); !finished) return finished;
+  context.output.done(std::to_string(scores) + " scores in " + choice.out);
+  return {};
+}
+
+Status rescoreAll(CommandContext& context, const ScoreChoice& choice) {
+  pb::Request request;
+  request.mutable_rescore_all()->set_exercise_id(choice.exercise);
+  request.mutable_rescore_all()->set_dry_run(choice.dry_run);
+  const auto reply = context.backend.call(request);
+  if (!reply) return reply.error();
+  const auto& report = reply->rescore_report();
+  Json rows = Json::array();
+  for (const auto& fault : report.faults()) {
+    Uuid id{};
+    if (fault.session_id().size() == id.size())
+      std::copy(fault.session_id().begin(), fault.session_id().end(), id.begin());
+    rows.push_back({{"session_id", uuidText(id)}, {"text", fault.text()}});
+  }
+  if (auto done = context.output.list({{"session_id", "LEFT ALONE"}, {"text", ""}}, rows,
+                                      "no session was left alone");
+      !done)
+    return done;
+  context.output.done((report.dry_run() ? "would be scored: " : "scored: ") +
+                      std::to_string(report.rescored()) + " sessions, by definition version " +
+                      std::to_string(report.definition_version()) + "; " +
+                      std::to_string(report.left_alone()) + " left alone" +
+                      (report.stopped() ? "; stopped by the server's end, the next run goes on" : ""));
+  return {};
+}
+
+}  // namespace
+
+void addScoreCommands(CLI::App& app, ChosenCommand& chosen) {
+  const auto choice = std::make_shared<ScoreChoice>();
+  auto* scores =
+      app.add_subcommand("scores", "measures of sessions, and the definitions they were made with");
+  scores->require_subcommand(1);
+
+  auto* out = scores->add_subcommand("export", "one row for each attempt and measure");
+  out->add_option("--format", choice->format, "csv")->check(CLI::IsMember({"csv"}))->capture_default_str();
+  out->add_option("--out", choice->out, "the new file")->required()->type_name("FILE");
+  out->add_option("--course", choice->course, "exercises of this course only");
+  out->add_option("--group", choice->group, "people of this group only");
+  out->callback([&chosen, choice] {
+    chosen.run = [choice](CommandContext& context) { return exportScores(context, *choice); };
+  });
+
+  auto* again = scores->add_subcommand(
+      "rescore", "every session whose score is of older definitions; the scores that it has stay");
+  again->add_option("--exercise", choice->exercise, "sessions of this exercise only");
+  again->add_flag("--dry-run", choice->dry_run, "only say how many there are");
+  again->callback([&chosen, choice] {
+    chosen.run = [choice](CommandContext& context) { return rescoreAll(context, *choice); };
+  });
+}
+
+Status showSessionScore(CommandContext& context, const Uuid& id, std::uint32_t version) {
+  pb::Request request;
+  request.mutable_get_score()->set_session_id(id.data(), id.size());
+  request.mutable_get_score()->set_definition_version(version);
+  const auto reply = context.backend.call(request);
+  if (!reply) return reply.error();
+  const pb::Score& score = reply->score();
+  Json row = {{"session_id", uuidText(id)},
+              {"definition_version", score.definition_version()},
+              {"passed", score.has_passed() ? Json(score.passed()) : Json()},
+              {"first", score.first()},
+              {"made_unix_ns", score.made_unix_ns()},
+              {"engine_version", score.engine_version()},
+              {"measures", rowsOfText(score.measures_json())},
+              {"comparison", rowsOfText(score.comparison_json())}};
+  if (auto done = context.output.one({{"session_id", "session"},
+                                      {"definition_version", "definitions"},
+                                      {"passed", "passed"},
+                                      {"first", "the first one"},
+                                      {"made_unix_ns", "made", Column::Kind::kTime}},
+                                     row);
+      !done || context.output.json())
+    return done;
+  context.output.text(
+      "\n" +
+      tableText(
+          {{"measure", "MEASURE"}, {"value", "VALUE"}, {"unit", "UNIT"}, {"passed", "PASSED"}, {"words", ""}},
+          row["measures"]));
+  if (!row["comparison"].empty())
+    context.output.text(
+        "\n" + tableText({{"measure", "MEASURE"}, {"z", "Z"}, {"standing", "STANDING"}, {"words", ""}},
+                         row["comparison"]));
+  return {};
+}
+
+}  // namespace needlelab

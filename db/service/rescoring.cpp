@@ -1,0 +1,114 @@
+#include "service/rescoring.h"
+
+#include <thread>
+#include <vector>
+
+#include "base/clock.h"
+#include "db/audit_store.h"
+#include "db/score_store.h"
+#include "db/session_row.h"
+#include "scoring/measures.h"
+#include "service/score_rows.h"
+
+namespace needlelab {
+namespace {
+
+constexpr int kRescoreFaultsListed = 100;
+constexpr int kRescoreAtOnce = 64;
+
+struct DueScore {
+  std::int64_t number = 0;
+  Uuid session{};
+};
+
+/// The next sessions behind `after` that have no score of this version.
+Result<std::vector<DueScore>> dueScores(Connection& reader, const std::string& exercise_id,
+                                        std::int64_t after) {
+  auto rows = reader.query(
+      "SELECT number, id FROM sessions WHERE number > ?1 AND state <> ?2 AND recording = 1 AND erased = 0 "
+      "AND samples > 0"
+      " AND (?3 = '' OR exercise_id = ?3) AND NOT EXISTS (SELECT 1 FROM scores WHERE session = number AND"
+      " definition_version >= ?4) ORDER BY number LIMIT ?5",
+      after, static_cast<std::int64_t>(pb::SESSION_OPEN), exercise_id, kScoreDefinitionVersion,
+      kRescoreAtOnce);
+  std::vector<DueScore> due;
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) return due;
+    const auto id = uuidOf(rows.text(1));
+    if (id) due.push_back({rows.integer(0), *id});
+  }
+}
+
+}  // namespace
+
+Result<pb::RescoreReport> runRescoring(const RescoreTools& tools, const std::string& exercise_id,
+                                       const std::string& by_whom, bool dry_run) {
+  pb::RescoreReport report;
+  report.set_dry_run(dry_run);
+  report.set_definition_version(kScoreDefinitionVersion);
+  const auto stopped = [&] { return tools.stop.load(std::memory_order_relaxed); };
+  std::int64_t after = 0;
+  while (!stopped()) {
+    std::vector<DueScore> due;
+    {
+      auto reader = tools.readers.borrow();
+      if (!reader) return reader.error();
+      auto found = dueScores(**reader, exercise_id, after);
+      if (!found) return found.error();
+      due = std::move(*found);
+    }
+    if (due.empty()) break;
+    for (const DueScore& one : due) {
+      if (stopped()) break;
+      after = one.number;
+      if (dry_run) {
+        report.set_rescored(report.rescored() + 1);
+        continue;
+      }
+      // reading and scoring takes the disk from others as well: not while they are busy
+      while ((tools.writer.counters().waiting > tools.pace.queue || tools.hold()) && !stopped())
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      if (stopped()) break;
+      Result<std::string> measures = std::string();
+      {
+        auto reader = tools.readers.borrow();
+        if (!reader) return reader.error();
+        measures = tools.score(**reader, one.session);
+      }
+      Status stored;
+      if (measures && !measures->empty()) {
+        const pb::Score score = newScore(one.session, *measures);
+        stored = tools.writer.run([&](Connection& writer) { return ScoreStore(writer).put(score); });
+        if (!stored && tools.writer.failed()) return stored.error();
+      }
+      if (measures && !measures->empty() && stored) {
+        report.set_rescored(report.rescored() + 1);
+      } else {
+        report.set_left_alone(report.left_alone() + 1);
+        if (report.faults_size() < kRescoreFaultsListed) {
+          auto* fault = report.add_faults();
+          fault->set_session_id(one.session.data(), one.session.size());
+          fault->set_text(!measures ? measures.error().message
+                          : !stored ? stored.error().message
+                                    : "nothing to measure");
+        }
+      }
+      std::this_thread::sleep_for(tools.pace.pause);
+    }
+  }
+  report.set_stopped(stopped());
+  if (dry_run || report.rescored() + report.left_alone() == 0) return report;
+  const std::string what = std::to_string(report.rescored()) + " sessions scored by definition version " +
+                           std::to_string(kScoreDefinitionVersion) + ", " +
+                           std::to_string(report.left_alone()) + " left alone" +
+                           (report.stopped() ? "; stopped, to be gone on with" : "");
+  const auto noted = tools.writer.run([&](Connection& writer) {
+    return AuditStore(writer).add({0, wallNowNs(), by_whom, "rescore all", exercise_id, what});
+  });
+  if (!noted) return noted.error();
+  return report;
+}
+
+}  // namespace needlelab
