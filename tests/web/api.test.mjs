@@ -93,3 +93,29 @@ test('without the server the request says so, and the connection comes back by i
   setCsrfToken('');
   assert.ok((await get(['groups'])).items.length > 0);
 });
+
+test('another page of this browser logs in anew: the next change takes its token over and goes through', async () => {
+  await logIn('mara', kPassword);
+  setCsrfToken('of the log-in before');
+  sent = [];
+  await groups.add({ id: 'g2', name: 'G', members: [] });
+  assert.deepEqual(sent.map((s) => s.method), ['POST', 'GET', 'POST']);
+  await groups.remove({ id: 'g2', revision: 1 });
+});
+
+test('another page of this browser logs in as somebody else: nothing is sent in their name', async () => {
+  await logIn('mara', kPassword);
+  await real_fetch(`http://127.0.0.1:${mock.port}/api/v1/session`, { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ name: 'root', password: kPassword }) })
+    .then((reply) => (cookie = reply.headers.get('set-cookie').split(';')[0]));
+  sent = [];
+  await assert.rejects(groups.add({ id: 'g3', name: 'G', members: [] }), (error) => error.kind === 'expired' && /root/.test(error.message));
+  assert.deepEqual(sent.map((s) => s.method), ['POST', 'GET']);
+  assert.equal(session.get().state, 'out');
+  assert.equal(mock.lab.groups.has('g3'), false);
+});
+
+test('all of a person is fetched to its end', async () => {
+  await logIn('mara', kPassword);
+  const all = await people.everything('mara');
+  assert.equal(all[0].kind, 'person');
+});

@@ -38,12 +38,49 @@ test('the same field changed twice is a clash, and both values can be had', () =
   assert.equal(resolved(merged, clashes, { name: 'theirs' }).name, 'theirs');
 });
 
-test('a list that one side lengthened is taken whole; both: a clash of the lists', () => {
+test('what one side added stays, and so does what the other changed', () => {
   const longer = { ...base, layers: [...base.layers, { tissue: 'BONE', thickness_m: 0.02 }] };
   assert.equal(merge(base, base, longer).merged.layers.length, 3);
   const other = withValue(base, 'layers[0].thickness_m', 0.005);
-  const { clashes } = merge(base, longer, other);
-  assert.deepEqual(clashes.map((c) => c.path), ['layers']);
+  for (const [mine, theirs] of [[longer, other], [other, longer]]) {
+    const { merged, clashes } = merge(base, mine, theirs);
+    assert.deepEqual(clashes, []);
+    assert.deepEqual(merged.layers, [{ tissue: 'SKIN', thickness_m: 0.005 }, base.layers[1], longer.layers[2]]);
+  }
+});
+
+test('items that one side moved are followed by their names', () => {
+  const course = { exercises: [{ id: 'a' }, { id: 'b', attempts: 3 }, { id: 'c' }] }, [a, b, c] = course.exercises;
+  const moved = { exercises: [b, a, c] }, changed = { exercises: [{ ...a, attempts: 1 }, b, c] };
+  for (const [mine, theirs] of [[moved, changed], [changed, moved]]) {
+    const { merged, clashes } = merge(course, mine, theirs);
+    assert.deepEqual(clashes, []);
+    assert.deepEqual(merged.exercises, [b, { id: 'a', attempts: 1 }, c]);
+  }
+  const clash = merge(course, { exercises: [b, { id: 'a', attempts: 2 }, c] }, changed).clashes;
+  assert.deepEqual(clash, [{ path: 'exercises[1].attempts', base: undefined, mine: 2, theirs: 1 }]);
+});
+
+test('two orders, or a change of what the other took away, are a clash of the whole list', () => {
+  const course = { exercises: [{ id: 'a' }, { id: 'b' }, { id: 'c' }] }, [a, b, c] = course.exercises;
+  for (const [mine, theirs] of [[[b, a, c], [a, c, b]], [[{ id: 'a', attempts: 1 }, b, c], [b, c]], [[b, c], [{ id: 'a', attempts: 1 }, b, c]]]) {
+    const { merged, clashes } = merge(course, { exercises: mine }, { exercises: theirs });
+    assert.deepEqual(clashes, [{ path: 'exercises', base: course.exercises, mine, theirs }]);
+    assert.deepEqual(resolved(merged, clashes, { exercises: 'theirs' }).exercises, theirs);
+  }
+});
+
+test('what both took away goes, what both added stands there once, a group keeps the members of both', () => {
+  assert.deepEqual(merge({ m: ['x', 'y', 'z'] }, { m: ['y', 'z', 'new'] }, { m: ['x', 'y', 'two'] }), { merged: { m: ['y', 'new', 'two'] }, taken: [{ path: 'm[2]', before: 'z', after: undefined }, { path: 'm[2]', before: undefined, after: 'two' }], clashes: [] });
+  assert.deepEqual(merge({ m: ['x'] }, { m: ['n'] }, { m: ['n'] }).merged, { m: ['n'] });
+});
+
+test('a place in space is one value, layers of one tissue are not mistaken for each other', () => {
+  assert.deepEqual(merge({ p: [0, 0, 0] }, { p: [1, 0, 0] }, { p: [0, 2, 0] }).clashes.map((c) => c.path), ['p']);
+  const twice = { layers: [{ tissue: 'OTHER', k: 1 }, { tissue: 'OTHER', k: 2 }] }, [one, two] = twice.layers;
+  const changed = { layers: [one, { ...two, k: 5 }] };
+  assert.deepEqual(merge(twice, { layers: [{ ...one, k: 9 }, two] }, changed).merged.layers, [{ tissue: 'OTHER', k: 9 }, { tissue: 'OTHER', k: 5 }]);
+  assert.deepEqual(merge(twice, { layers: [one] }, changed).clashes.map((c) => c.path), ['layers']);
 });
 
 test('a field that they took away and I did not touch goes; one that I changed is a clash', () => {
@@ -54,7 +91,7 @@ test('a field that they took away and I did not touch goes; one that I changed i
 
 test('random edits: each value of the merged document comes from one of the two, and choosing all of one side gives that side where both changed', () => {
   const seed = Number(process.env.NEEDLELAB_SEED ?? 5), next = random(seed);
-  const paths = ['name', 'needle.length_m', 'layers[0].tissue', 'layers[1].thickness_m', 'effects[0]'];
+  const paths = ['name', 'needle.length_m', 'needle.gauge', 'layers[0].thickness_m', 'layers[1].thickness_m'];
   const edit = (doc) => paths.reduce((d, path) => (next() < 0.5 ? withValue(d, path, `v${Math.floor(next() * 3)}`) : d), doc);
   for (let round = 0; round < 500; round++) {
     const mine = edit(base), theirs = edit(base);

@@ -1,7 +1,7 @@
 // The console: who is logged in, which page, and the frame around it.
 import { match } from './lib/routes.js';
 import { may } from './lib/roles.js';
-import { giveUp, resume, session } from './net/session.js';
+import { giveUp, resume, session, stillIn } from './net/session.js';
 import { html, render, useEffect, useRef, useState } from './ui/html.js';
 import { useStore } from './ui/hooks.js';
 import { Problem } from './ui/parts.js';
@@ -57,6 +57,12 @@ function LoginAgain({ name }) {
 function App() {
   const { state, person, error } = useStore(session);
   useEffect(() => { resume(); }, []);
+  useEffect(() => {
+    // meanwhile another page of this browser may have logged in, out, or in as somebody else
+    const look = () => document.visibilityState === 'visible' && session.get().state === 'in' && stillIn().catch(() => {});
+    document.addEventListener('visibilitychange', look);
+    return () => document.removeEventListener('visibilitychange', look);
+  }, []);
   if (state === 'asking') return html`<main id="main"><p class="loading" role="status">Loading …</p></main>`;
   if (state === 'failed') return html`<main id="main" class="alone"><h1>needlelab</h1><${Problem} error=${error} retry=${resume} /></main>`;
   if (!person) return html`<${LoginPage} />`;

@@ -1,4 +1,5 @@
 // What changed between two JSON documents, and what becomes of two people's changes to one.
+import { joinedOrder, namingOf, samePlaces } from './list_merge.js';
 import { withValue, writePath } from './paths.js';
 
 /** @typedef {{path: string, before: any, after: any}} Change undefined: not there */
@@ -34,7 +35,8 @@ export function changes(before, after, at = []) {
 
 /**
  * Two people's changes to one document put together: what only one of them changed is taken over, what both changed to
- * different values is a clash and keeps mine for now. Lists whose length one side changed are one value.
+ * different values is a clash and keeps mine for now. Items of lists are followed by their names when they move (list_merge.js); a list whose items
+ * have none, or that two people rearranged differently, is one value.
  * @param {any} base what both began with
  * @param {any} mine
  * @param {any} theirs
@@ -49,8 +51,16 @@ export function merge(base, mine, theirs) {
       taken.push(...changes(b, t, at));
       return t;
     }
-    const lists = [b, m, t].every(Array.isArray) && b.length === m.length && b.length === t.length;
-    if (lists) return m.map((value, i) => join(b[i], value, t[i], [...at, i]));
+    if ([b, m, t].every(Array.isArray)) {
+      const name = namingOf([b, m, t]);
+      const order = name && joinedOrder(b, m, t, name, same);
+      const of = (list, key) => list.find((item) => name(item) === key);
+      if (order) {
+        b.forEach((item, i) => of(m, name(item)) !== undefined && of(t, name(item)) === undefined && taken.push({ path: writePath([...at, i]), before: item, after: undefined }));
+        return order.map((key, i) => join(of(b, key), of(m, key), of(t, key), [...at, i]));
+      }
+      if (!name && samePlaces([b, m, t])) return m.map((value, i) => join(b[i], value, t[i], [...at, i]));
+    }
     if ([m, t].every(isObject) && (b === undefined || isObject(b))) {
       const joined = {};
       for (const key of new Set([...Object.keys(t), ...Object.keys(m)])) {

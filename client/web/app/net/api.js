@@ -10,11 +10,15 @@ let csrf_token = '';
 /** Asks for a new log-in and resolves when there is one. Set by session.js. @type {() => Promise<void>} */
 let renew = () => Promise.reject(new ApiError('expired', 'Log in first.'));
 
+/** Takes over the token of the log-in that another page of this browser made; fails where that is somebody else's. Set by session.js. */
+let takeOver = () => Promise.reject(new ApiError('expired', 'Log in first.'));
+
 export function setCsrfToken(token) {
   csrf_token = token;
 }
-export function setRenewal(ask) {
+export function setRenewal(ask, take_over) {
   renew = ask;
+  takeOver = take_over;
 }
 
 /**
@@ -34,12 +38,15 @@ export function setRenewal(ask) {
  * @throws {ApiError} ('away' when the server cannot be reached) or the signal's AbortError
  */
 export async function request(method, parts, ask = {}) {
-  for (let tries = 1; ; tries++) {
+  for (let tries = 1, taken_over = false; ; tries++) {
     try {
       return await once(method, parts, ask);
     } catch (error) {
       if (error.kind === 'expired' && ask.may_expire !== false) await renew();
-      else if (error.kind === 'busy' && method === 'GET' && tries < kGetTries) await wait(Math.min(error.retry_after_s ?? tries, kLongestWait_s), ask.signal);
+      else if (error.code === 'csrf' && !taken_over) {
+        taken_over = true;
+        await takeOver();
+      } else if (error.kind === 'busy' && method === 'GET' && tries < kGetTries) await wait(Math.min(error.retry_after_s ?? tries, kLongestWait_s), ask.signal);
       else throw error;
     }
   }

@@ -6,12 +6,12 @@ export class ApiError extends Error {
   /**
    * @param {ErrorKind} kind
    * @param {string} message for a person
-   * @param {{status?: number, field?: string, current_revision?: number, retry_after_s?: number}} [more]
+   * @param {{status?: number, field?: string, code?: string, current_revision?: number, retry_after_s?: number}} [more]
    */
   constructor(kind, message, more = {}) {
     super(message);
     this.kind = kind;
-    Object.assign(this, { status: 0, field: '', ...more });
+    Object.assign(this, { status: 0, field: '', code: '', ...more });
   }
 }
 
@@ -28,6 +28,7 @@ export function errorOf(status, body, retry_after) {
   return new ApiError(kKinds[status] ?? 'failed', text, {
     status,
     field: error.field ?? '',
+    code: error.code ?? '',
     current_revision: error.current_revision ?? body?.current_revision,
     retry_after_s: Number(retry_after) || undefined,
   });

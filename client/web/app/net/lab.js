@@ -16,6 +16,8 @@ export const people = {
   setPassword: (name, password) => post(['people', name, 'password'], { password }),
   importCsv: (csv, dry_run) => post(['people', 'import'], { csv, dry_run }),
   erase: (name, reason) => remove(['people', name, 'data'], { body: { confirm: name, reason } }),
+  /** All that is stored of one person, to its end. */
+  everything: (name) => getAll(['people', name, 'export'], {}, Infinity),
   progress: (name, exercise, signal) => getAll(['people', name, 'progress'], { signal, query: { exercise } }),
 };
 

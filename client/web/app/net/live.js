@@ -1,9 +1,12 @@
 // The lab as it is now: a WebSocket that comes back by itself.
 import { backoff } from '../lib/backoff.js';
+import { stillIn } from './session.js';
 
 const kPath = '/api/v1/live';
 // the server speaks five times a second: so long a silence means that the line is dead
 const kSilence_ms = 5000;
+// a picture that comes by itself does not keep the log-in: the page that is looked at says so now and then
+const kLook_ms = 4 * 60 * 1000;
 
 /**
  * @typedef {{state: 'connecting'|'live'|'waiting', next_try_ms: number}} LineState
@@ -12,7 +15,7 @@ const kSilence_ms = 5000;
  * @returns {{stop: () => void, retry: () => void}}
  */
 export function followLab(on_tiles, on_state) {
-  let socket = null, retry_timer = 0, silence_timer = 0, attempt = 0, stopped = false;
+  let socket = null, retry_timer = 0, silence_timer = 0, attempt = 0, stopped = false, asks = null;
 
   function connect() {
     clearTimeout(retry_timer);
@@ -51,14 +54,18 @@ export function followLab(on_tiles, on_state) {
     if (stopped) return;
     const wait = backoff(attempt++);
     on_state({ state: 'waiting', next_try_ms: Date.now() + wait });
-    retry_timer = setTimeout(connect, wait);
+    // a closed line does not say why: an expired log-in is asked for again, then there is no need to wait
+    const ask = asks ??= stillIn().then(() => true, (error) => error.kind !== 'expired').finally(() => (asks = null));
+    retry_timer = setTimeout(async () => (await ask) && !stopped && connect(), wait);
   }
+  const look_timer = setInterval(() => document.visibilityState === 'visible' && stillIn().catch(() => {}), kLook_ms);
   connect();
   return {
     stop() {
       stopped = true;
       clearTimeout(retry_timer);
       clearTimeout(silence_timer);
+      clearInterval(look_timer);
       socket.onclose = null;
       socket.close();
     },

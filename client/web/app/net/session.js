@@ -29,7 +29,25 @@ setRenewal(() => {
   }
   if (state !== 'expired') session.set({ state: 'expired', person });
   return waiting.promise;
-});
+}, takeOver);
+
+/** Another page of this browser has logged in anew: the cookie is that one's, and so must be the CSRF token. */
+async function takeOver() {
+  const before = session.get().person;
+  const reply = await get(['session'], { may_expire: false });
+  if (before && before.name !== reply.name) {
+    giveUp();
+    throw new ApiError('expired', `In another page of this browser ${reply.name} has logged in: this was not sent.`);
+  }
+  accept(reply);
+}
+
+/** Keeps the log-in while somebody looks at a page that asks for nothing, or asks for a new one. @throws {ApiError} 'away' */
+export async function stillIn() {
+  const reply = await get(['session']);
+  if (reply.name === session.get().person?.name) accept(reply);
+  else giveUp();
+}
 
 /** On start: is there a cookie that still holds? */
 export async function resume() {

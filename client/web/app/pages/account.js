@@ -1,8 +1,8 @@
 // One's own name, password and consent.
 import { words } from '../lib/units.js';
 import { moment } from '../lib/time.js';
-import { address } from '../net/api.js';
 import { people } from '../net/lab.js';
+import { JsonDownload } from '../ui/download.js';
 import { useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
 import { Heading, Loaded } from '../ui/parts.js';
@@ -18,5 +18,5 @@ export function AccountPage({ person }) {
     <dl class="facts"><dt>Name</dt><dd>${person.name}</dd><dt>Full name</dt><dd>${person.full_name || '–'}</dd><dt>Role</dt><dd>${words(person.role)}</dd>
       <dt>Logged in until</dt><dd>${moment(person.expires_unix_ms)}</dd></dl>
     ${person.role === 'trainee' && html`<${OwnConsent} name=${person.name} />`}<${PasswordForm} name=${person.name} />
-    ${person.role !== 'researcher' && html`<fieldset><legend>Everything that is stored of me</legend><a class="button" href=${address(['people', person.name, 'export'])} download=${person.name + '.json'}>Download as JSON</a></fieldset>`}`;
+    ${person.role !== 'researcher' && html`<fieldset><legend>Everything that is stored of me</legend><${JsonDownload} file=${person.name + '.json'} make=${() => people.everything(person.name)}>Download as JSON<//></fieldset>`}`;
 }

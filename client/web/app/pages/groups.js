@@ -1,8 +1,10 @@
 // Groups, and who belongs to one.
+import { merge, resolved } from '../lib/diff.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { groups, people } from '../net/lab.js';
 import { announce } from '../ui/announce.js';
+import { ConflictDialog } from '../ui/conflict.js';
 import { CheckField, TextField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
@@ -41,12 +43,29 @@ function Members({ group, all, load, edit }) {
   const [members, setMembers] = useState(group.members);
   const [text, setText] = useState('');
   const [removing, setRemoving] = useState(false);
+  const [base, setBase] = useState(group);
+  const [conflict, setConflict] = useState(null);
   const action = useAction();
-  const save = async (revision) => {
-    const saved = await action.run(() => groups.put({ ...group, name, members, revision }));
-    if (!saved) return;
-    announce(`${name} was saved: ${members.length} members.`);
+  const put = async (mine, from) => {
+    try {
+      await groups.put({ ...mine, id: group.id, revision: from.revision });
+    } catch (error) {
+      if (error.kind !== 'conflict') throw error;
+      const theirs = await groups.one(group.id), what = (g) => ({ name: g.name, members: [...g.members].sort() });
+      setConflict({ theirs: { ...theirs, author: theirs.changed_by }, ...merge(what(from), what(mine), what(theirs)) });
+      return;
+    }
+    announce(`${mine.name} was saved: ${mine.members.length} members.`);
     load.reload();
+  };
+  const save = () => action.run(() => put({ name, members }, base));
+  const settle = (choice, and_save) => {
+    const both = resolved(conflict.merged, conflict.clashes, choice), theirs = conflict.theirs;
+    setConflict(null);
+    setBase(theirs);
+    setName(both.name);
+    setMembers(both.members);
+    return and_save ? action.run(() => put(both, theirs)) : undefined;
   };
   const drop = async () => {
     if (await action.run(() => groups.remove(group))) {
@@ -57,15 +76,14 @@ function Members({ group, all, load, edit }) {
   const toggle = (who) => (on) => setMembers(on ? [...members, who].sort() : members.filter((m) => m !== who));
   const shown = all.filter((p) => p.role === 'trainee' || members.includes(p.name)).filter((p) => `${p.name} ${p.full_name}`.toLowerCase().includes(text.trim().toLowerCase()));
   if (!edit) return html`<ul>${group.members.map((m) => html`<li><a href=${href(['people', m])}>${m}</a></li>`)}</ul>`;
-  return html`<form onSubmit=${(event) => { event.preventDefault(); save(group.revision); }}>
+  return html`<form onSubmit=${(event) => { event.preventDefault(); save(); }}>
     <${TextField} label="Name" value=${name} onValue=${setName} required />
     <fieldset><legend>Members: ${members.length}</legend>
       <${TextField} label="Find a trainee" type="search" value=${text} onValue=${setText} />
       <div class="choices">${shown.map((p) => html`<${CheckField} key=${p.name} label=${`${p.full_name || p.name} (${p.name})`} checked=${members.includes(p.name)} onValue=${toggle(p.name)} />`)}</div>
     </fieldset>
-    ${action.error?.kind === 'conflict' ? html`<div class="problem" role="alert"><p><strong>Somebody else changed this group in the meantime.</strong> Nothing was saved, and your choice is still here.</p>
-        <div class="actions"><button type="button" onClick=${() => save(action.error.current_revision)}>Save mine over it</button><button type="button" onClick=${() => { action.clear(); load.reload(); }}>Take theirs</button></div></div>`
-      : html`<${Problem} error=${action.error} />`}
+    <${Problem} error=${action.error} />
+    ${conflict && html`<${ConflictDialog} conflict=${conflict} settle=${settle} close=${() => setConflict(null)} />`}
     <div class="actions"><button type="submit" class="main" disabled=${action.busy}>Save</button><button type="button" class="danger" onClick=${() => setRemoving(true)}>Remove the group …</button></div>
     ${removing && html`<${Confirm} title=${`Remove ${group.name}?`} word="Remove" act=${drop} close=${() => setRemoving(false)} busy=${action.busy} error=${action.error}>
       <p>Its assignments go with it. The people and their results stay.</p><//>`}</form>`;

@@ -3,11 +3,11 @@ import { grantable, may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
 import { words } from '../lib/units.js';
-import { address } from '../net/api.js';
 import { people } from '../net/lab.js';
 import { announce } from '../ui/announce.js';
 import { CheckField, SelectField, TextField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
+import { JsonDownload } from '../ui/download.js';
 import { html, useState } from '../ui/html.js';
 import { Confirm, Heading, Loaded, Mark, Problem } from '../ui/parts.js';
 
@@ -113,6 +113,6 @@ export function PersonPage({ params, person: me }) {
       ${may(me.role, 'edit people') && html`<${Data} key=${shown.revision} shown=${shown} me=${me} load=${load} />`}
       <${ConsentForm} shown=${shown} load=${load} />
       ${may(me.role, 'edit people') && grantable(me.role).includes(shown.role) && html`<${PasswordForm} name=${shown.name} />`}
-      ${may(me.role, 'export person') && html`<fieldset><legend>Everything that is stored</legend><a class="button" href=${address(['people', shown.name, 'export'])} download=${shown.name + '.json'}>Download as JSON</a></fieldset>`}
+      ${may(me.role, 'export person') && html`<fieldset><legend>Everything that is stored</legend><${JsonDownload} file=${shown.name + '.json'} make=${() => people.everything(shown.name)}>Download as JSON<//></fieldset>`}
       ${may(me.role, 'erase person') && shown.name !== me.name && html`<${Erasure} name=${shown.name} />`}`}<//>`;
 }

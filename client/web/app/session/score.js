@@ -9,21 +9,24 @@ import { useAction, useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
 import { Empty, Loaded, Mark, Problem, Table } from '../ui/parts.js';
 
-/** Value, band from the 10th to the 90th percentile, mean: one line; the words beside it say the same. */
+/** From the 10th to the 90th percentile; of few experts, who have no percentiles, from the least to the greatest. */
+const rangeOf = (band) => [band.p10 ?? band.least, band.p90 ?? band.greatest];
+
+/** Value, the experts' range, mean: one line; the words beside it say the same. */
 function Band({ band, value }) {
-  const low = Math.min(band.p10, value, band.mean), high = Math.max(band.p90, value, band.mean), room = (high - low || 1) * 0.1;
+  const [from, to] = rangeOf(band);
+  const low = Math.min(from, value, band.mean), high = Math.max(to, value, band.mean), room = (high - low || 1) * 0.1;
   const x = (v) => 4 + (112 * (v - low + room)) / (high - low + 2 * room);
-  return html`<svg class="band" viewBox="0 0 120 18" aria-hidden="true"><line class="band-axis" x1="2" x2="118" y1="9" y2="9" /><rect class="band-range" x=${x(band.p10)} y="4" width=${Math.max(1, x(band.p90) - x(band.p10))} height="10" />
+  return html`<svg class="band" viewBox="0 0 120 18" aria-hidden="true"><line class="band-axis" x1="2" x2="118" y1="9" y2="9" /><rect class="band-range" x=${x(from)} y="4" width=${Math.max(1, x(to) - x(from))} height="10" />
     <line class="band-mean" x1=${x(band.mean)} x2=${x(band.mean)} y1="3" y2="15" /><path class="band-value" d=${`M${x(value)} 2l4 7-4 7-4-7z`} /></svg>`;
 }
 
-function Row({ row, band }) {
+function Row({ row, band, beside }) {
   const bound = [row.min !== undefined && `at least ${quantity(row.min, row.unit)}`, row.max !== undefined && `at most ${quantity(row.max, row.unit)}`].filter(Boolean).join(', ');
   const has = band && Number.isFinite(row.value);
-  const z = has && band.sd > 0 ? (row.value - band.mean) / band.sd : null;
   return html`<tr><th scope="row">${measureTitle(row)}<br /><code>${row.measure}</code>${row.passed !== undefined && html`<p class="explained">${row.words}</p>`}</th><td class="number">${row.value === null ? 'not measured' : quantity(row.value, row.unit)}</td><td>${bound || '–'}</td>
     <td>${row.passed === undefined ? '' : row.passed ? html`<${Mark} kind="good">met<//>` : html`<${Mark} kind="bad">not met<//>`}</td>
-    <td>${has ? html`<${Band} band=${band} value=${row.value} /><br /><span class="help">${quantity(band.p10, row.unit)} to ${quantity(band.p90, row.unit)}${z === null ? '' : `; z = ${number(z, 2)}`}</span>` : '–'}</td></tr>`;
+    <td>${has ? html`<${Band} band=${band} value=${row.value} /><br /><span class="help">${rangeOf(band).map((v) => quantity(v, row.unit)).join(' to ')}${Number.isFinite(beside?.z) ? `; z = ${number(beside.z, 2)}` : ''}</span>` : beside ? '' : '–'}${beside && html`<p class="explained">${beside.words}</p>`}</td></tr>`;
 }
 
 export function Score({ session, person }) {
@@ -56,10 +59,13 @@ export function Score({ session, person }) {
       if (rows.length === 0) return html`<${Empty} title="There is no score yet">It is made when the session is closed.<//>`;
       const judged = rows.filter((r) => typeof r.passed === 'boolean'), missed = judged.filter((r) => !r.passed);
       const verdict = judged.length === 0 ? html`<${Mark} kind="open">no requirements<//>` : missed.length === 0 ? html`<${Mark} kind="good">passed<//> all ${judged.length} requirements are met` : html`<${Mark} kind="bad">not passed<//> ${missed.length} of ${judged.length} requirements are not met: ${missed.map(measureTitle).join(', ')}`;
-      const bandOf = (row) => row.reference ?? reference?.bands?.find((b) => b.measure === row.measure);
+      // bands by other definitions say nothing about this score; the server compares by the same ones
+      const fits = reference?.definition_version === score.definition_version;
+      const bandOf = (row) => (fits ? reference?.bands?.find((b) => b.measure === row.measure) : undefined);
+      const besideOf = (row) => score.comparison?.find((c) => c.measure === row.measure);
       const ordered = [...judged, ...rows.filter((r) => typeof r.passed !== 'boolean')];
-      return html`<p>${verdict}</p><${Table} caption=${score.definition_version ? `Measures, by definitions ${score.definition_version}, made ${moment(score.made_unix_ms)}` : 'Measures'} head=${['Measure', 'Value', 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0}), 10–90 %`]}>
-          ${ordered.map((row) => html`<${Row} key=${row.measure} row=${row} band=${bandOf(row)} />`)}<//>
+      return html`<p>${verdict}</p><${Table} caption=${score.definition_version ? `Measures, by definitions ${score.definition_version}, made ${moment(score.made_unix_ms)}` : 'Measures'} head=${['Measure', 'Value', 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0})`]}>
+          ${ordered.map((row) => html`<${Row} key=${row.measure} row=${row} band=${bandOf(row)} beside=${besideOf(row)} />`)}<//>
         <${Problem} error=${action.error} />
         <div class="actions">${may(person.role, 'set reference') && html`<button type="button" disabled=${action.busy} onClick=${mark}>${chosen.includes(session_id) ? 'Take out of the reference' : 'Use as an expert reference'}</button>`}
           ${may(person.role, 'rescore') && html`<button type="button" disabled=${action.busy} onClick=${rescore}>Score again by today's definitions</button>`}</div>`;

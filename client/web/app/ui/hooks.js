@@ -1,5 +1,6 @@
 // What pages have in common: following a store, loading, saving, drafts that outlive a reload.
 import { connection } from '../net/connection.js';
+import { session } from '../net/session.js';
 import { useCallback, useEffect, useRef, useState } from './html.js';
 
 /** @template T @param {{get: () => T, follow: (f: (v: T) => void) => () => void}} source @returns {T} */
@@ -60,13 +61,13 @@ export function useAction() {
 }
 
 /**
- * A document that is being edited, kept in this tab's storage until it is saved or thrown away.
+ * A document that is being edited, kept in this tab's storage until it is saved or thrown away; the next person in this tab has drafts of their own.
  * @template T
  * @param {string} name
  * @returns {{read: () => T|null, write: (draft: T) => void, drop: () => void}}
  */
 export function draftOf(name) {
-  const place = `needlelab draft ${name}`;
+  const place = `needlelab draft ${session.get().person?.name ?? ''} ${name}`;
   return {
     read() {
       try {
