@@ -95,9 +95,11 @@ Result<std::vector<BackupResult::Covered>> coveredBy(Connection& copy) {
   std::vector<BackupResult::Covered> covered;
   // a session that is open here may be closed by now: its end is not in the copy. Its last chunk does not
   // count, so that the station keeps the whole until a backup holds the end as well.
-  auto rows =
-      copy.query("SELECT id, chunks - (state = ?1) FROM sessions WHERE chunks - (state = ?1) > safe_chunks",
-                 static_cast<int>(pb::SESSION_OPEN));
+  auto rows = copy.query(
+      "SELECT id, covered FROM (SELECT s.id, s.safe_chunks, coalesce(p.chunks, s.chunks) -"
+      " (s.state = ?) AS covered FROM sessions s LEFT JOIN session_progress p ON p.session ="
+      " s.number) WHERE covered > safe_chunks",
+      static_cast<int>(pb::SESSION_OPEN));
   for (;;) {
     const auto row = rows.step();
     if (!row) return row.error();

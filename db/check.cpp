@@ -26,7 +26,9 @@ Status collect(Connection& connection, std::string_view pragma, std::string_view
 
 Result<std::vector<Uuid>> allSessions(Connection& connection, DatabaseCheck& check) {
   std::vector<Uuid> ids;
-  auto rows = connection.prepare("SELECT id, stored_bytes FROM sessions ORDER BY number");
+  auto rows = connection.prepare(
+      "SELECT s.id, coalesce(p.stored_bytes, s.stored_bytes) FROM sessions s"
+      " LEFT JOIN session_progress p ON p.session = s.number ORDER BY s.number");
   for (;;) {
     const auto row = rows.step();
     if (!row) return row.error();

@@ -114,7 +114,9 @@ Status ErasureStore::eraseSessions(const std::string& name, const std::string& f
   std::vector<Session> sessions;
   {
     auto rows = connection_.query(
-        "SELECT number, state, recording, chunks, description FROM sessions WHERE trainee = ?", name);
+        "SELECT s.number, s.state, s.recording, coalesce(p.chunks, s.chunks), s.description FROM sessions s"
+        " LEFT JOIN session_progress p ON p.session = s.number WHERE s.trainee = ?",
+        name);
     for (;;) {
       const auto row = rows.step();
       if (!row) return row.error();

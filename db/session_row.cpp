@@ -8,7 +8,10 @@ namespace needlelab {
 
 Result<std::optional<SessionRow>> findSession(Connection& connection, const Uuid& session) {
   auto query = connection.query(
-      "SELECT number, station, state, chunks, samples, hash, recording, erased FROM sessions WHERE id = ?",
+      "SELECT s.number, s.station, s.state, coalesce(p.chunks, s.chunks), coalesce(p.samples, s.samples),"
+      " coalesce(p.stored_bytes, s.stored_bytes), s.hash, s.recording, s.erased, p.session IS NOT NULL FROM "
+      "sessions s"
+      " LEFT JOIN session_progress p ON p.session = s.number WHERE s.id = ?",
       ByteView(session));
   const auto found = query.step();
   if (!found) return found.error();
@@ -19,9 +22,11 @@ Result<std::optional<SessionRow>> findSession(Connection& connection, const Uuid
   row.state = static_cast<pb::SessionState>(query.integer(2));
   row.chunks = query.natural(3);
   row.samples = query.natural(4);
-  row.hash = digestOf(query.bytes(5));
-  row.recording = static_cast<StoredRecording::Kind>(query.integer(6));
-  row.erased = query.integer(7) != 0;
+  row.stored_bytes = query.natural(5);
+  row.hash = digestOf(query.bytes(6));
+  row.recording = static_cast<StoredRecording::Kind>(query.integer(7));
+  row.erased = query.integer(8) != 0;
+  row.counting = query.integer(9) != 0;
   return std::optional(row);
 }
 

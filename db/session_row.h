@@ -20,9 +20,12 @@ struct SessionRow {
   std::int64_t number = 0;
   std::string station;
   pb::SessionState state = pb::SESSION_OPEN;
-  // of the original recording, whatever retention has made of it
+  // of the original recording, whatever retention has made of it; while it is open they stand in
+  // session_progress, afterwards in its row
   std::uint64_t chunks = 0;
   std::uint64_t samples = 0;
+  std::uint64_t stored_bytes = 0;
+  bool counting = false;       ///< has a row in session_progress, as every open session has and no other
   std::optional<Digest> hash;  ///< once it is closed
   StoredRecording::Kind recording = StoredRecording::Kind::kOriginal;
   bool erased = false;  ///< its person's data was erased

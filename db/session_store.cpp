@@ -22,6 +22,48 @@ std::string times(std::uint64_t count, const char* what) {
   return std::to_string(count) + " " + what;
 }
 
+/// An open session, by what its next chunk needs. Its row's profile, some kB, is not touched.
+struct OpenRow {
+  std::int64_t number = 0;
+  std::uint64_t chunks = 0;
+};
+/// Nothing when it is unknown, closed (as every erased one is) or another station's (empty: any).
+Result<std::optional<OpenRow>> findOpen(Connection& connection, const Uuid& session,
+                                        std::string_view station) {
+  auto query = connection.query(
+      "SELECT s.number, p.chunks, s.station FROM sessions s JOIN session_progress p ON p.session = s.number"
+      " WHERE s.id = ?",
+      ByteView(session));
+  const auto found = query.step();
+  if (!found) return found.error();
+  if (!*found || (!station.empty() && textOf(query.bytes(2)) != station)) return std::optional<OpenRow>();
+  return std::optional(OpenRow{query.integer(0), query.natural(1)});
+}
+
+Error countersMissing(const std::string& name) {
+  return {ErrorCode::kCorrupt, name +
+                                   " is open, but its counters are not there: nothing is stored; "
+                                   "needlelab-admin check names all such sessions"};
+}
+
+/// The two writes of a chunk that has passed all checks.
+Result<Appended> storeChunk(Connection& connection, const OpenRow& row, std::uint64_t seq,
+                            std::uint64_t samples, ByteView bytes) {
+  if (auto done = connection.run("INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (?,?,?,?,?)",
+                                 row.number, seq, samples, stationCrcOf(bytes), bytes);
+      !done) {
+    return done.error();
+  }
+  if (auto done = connection.run("UPDATE session_progress SET chunks = chunks + 1, samples = samples + ?,"
+                                 " stored_bytes = stored_bytes + ? WHERE session = ?",
+                                 samples, static_cast<std::uint64_t>(bytes.size()), row.number);
+      !done) {
+    return done.error();
+  }
+  if (connection.changes() != 1) return countersMissing("session number " + std::to_string(row.number));
+  return Appended{Appended::Kind::kStored, row.chunks + 1, {}};
+}
+
 /// A chunk whose original retention has taken away: its CRC was kept.
 Result<Appended> compareWithRemoved(Connection& connection, const SessionRow& row, const std::string& chunk,
                                     std::uint64_t seq, ByteView bytes) {
@@ -51,9 +93,10 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
   const std::string bytes = bytesOf(description);
 
   // known already: the same description is a reconnect, another one a mistake that must not be stored
-  auto known =
-      connection_.query("SELECT chunks, description, profile_json, erased FROM sessions WHERE id = ?",
-                        viewOf(description.session_id()));
+  auto known = connection_.query(
+      "SELECT coalesce(p.chunks, s.chunks), s.description, s.profile_json, s.erased FROM sessions s"
+      " LEFT JOIN session_progress p ON p.session = s.number WHERE s.id = ?",
+      viewOf(description.session_id()));
   const auto found = known.step();
   if (!found) return found.error();
   if (*found) {
@@ -90,6 +133,14 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
 
 Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, ByteView bytes,
                                       std::string_view station) {
+  // the next chunk of an open session, which most are: one look-up, no words
+  const auto open = findOpen(connection_, session, station);
+  if (!open) return open.error();
+  if (*open && seq == (*open)->chunks && bytes.size() <= kMaxStoredChunkBytes) {
+    if (const auto info = inspectChunk(bytes))
+      return storeChunk(connection_, **open, seq, info->count, bytes);
+  }
+
   const auto found = findSession(connection_, session);
   if (!found) return found.error();
   const std::string name = "session " + uuidText(session);
@@ -138,18 +189,7 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
   const auto info = inspectChunk(bytes);
   if (!info) return Appended{Appended::Kind::kCorrupt, row.chunks, chunk + ": " + info.error().message};
 
-  if (auto done = connection_.run("INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (?,?,?,?,?)",
-                                  row.number, seq, info->count, stationCrcOf(bytes), bytes);
-      !done) {
-    return done.error();
-  }
-  if (auto done = connection_.run("UPDATE sessions SET chunks = chunks + 1, samples = samples + ?,"
-                                  " stored_bytes = stored_bytes + ? WHERE number = ?",
-                                  info->count, static_cast<std::uint64_t>(bytes.size()), row.number);
-      !done) {
-    return done.error();
-  }
-  return Appended{Appended::Kind::kStored, row.chunks + 1, {}};
+  return storeChunk(connection_, {row.number, row.chunks}, seq, info->count, bytes);
 }
 
 Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t now_unix_ns,
@@ -196,9 +236,11 @@ Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t
                          ", which is not the station's");
   }
   if (row.state != pb::SESSION_OPEN) return Closed{Closed::Kind::kRepeated, row.chunks, row.state, {}};
+  if (!row.counting) return countersMissing(name);
 
   const bool whole = !request.interrupted() && request.samples_lost() == 0;
   const auto state = whole ? pb::SESSION_COMPLETE : pb::SESSION_INTERRUPTED;
+  // the schema's trigger takes the counters from session_progress into the session's row
   if (auto done =
           connection_.run("UPDATE sessions SET state = ?, hash = ?, closed_unix_ns = ? WHERE number = ?",
                           static_cast<int>(state), ByteView(hash), now_unix_ns, row.number);

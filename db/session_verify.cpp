@@ -14,6 +14,7 @@ namespace {
 struct Noted {
   StoredRecording recording;
   std::uint64_t samples = 0;
+  std::uint64_t stored_bytes = 0;
   std::optional<Digest> hash;           ///< nothing while the session is open
   std::optional<Digest> original_hash;  ///< of a thinned one: what it says that it was made from
   std::string remark;                   ///< of a sound one
@@ -27,10 +28,13 @@ Result<std::uint64_t> count(Connection& connection, std::string_view sql, std::i
   return rows.natural(0);
 }
 
-/// The rows that retention keeps beside the session: which there must be, which there must not be.
+/// The rows beside the session's, its counters and those of retention: which there must be, which not.
 Result<std::vector<std::string>> bookFaults(Connection& connection, const std::string& name,
                                             const SessionRow& row) {
   std::vector<std::string> faults;
+  const bool open = row.state == pb::SESSION_OPEN;
+  if (open && !row.counting) faults.push_back(name + " is open, but its counters are not there");
+  if (!open && row.counting) faults.push_back(name + " is closed, but has the counters of an open one");
   auto query = connection.query(
       "SELECT leftover, length(crcs), (SELECT complete FROM derived_recordings WHERE session = ?1)"
       " FROM removed_originals WHERE session = ?1",
@@ -61,6 +65,7 @@ Result<Noted> notedOf(Connection& connection, const std::string& name, const Ses
   noted.recording = *recording;
   if (row.recording == StoredRecording::Kind::kOriginal) {
     noted.samples = row.samples;
+    noted.stored_bytes = row.stored_bytes;
     noted.hash = row.hash;
     noted.remark =
         row.state == pb::SESSION_OPEN ? "all chunks so far are sound; the session is still open" : "sound";
@@ -71,12 +76,14 @@ Result<Noted> notedOf(Connection& connection, const std::string& name, const Ses
   noted.remark = "sound; " + *why;
   if (row.recording == StoredRecording::Kind::kDeleted) return noted;
   auto query = connection.query(
-      "SELECT samples, hash, original_hash FROM derived_recordings WHERE session = ?", row.number);
+      "SELECT samples, hash, original_hash, stored_bytes FROM derived_recordings WHERE session = ?",
+      row.number);
   const auto found = query.step();
   if (!found) return found.error();
   noted.samples = query.natural(0);
   noted.hash = digestOf(query.bytes(1));
   noted.original_hash = digestOf(query.bytes(2));
+  noted.stored_bytes = query.natural(3);
   return noted;
 }
 
@@ -116,6 +123,7 @@ Result<SessionCheck> SessionStore::verify(const Uuid& session) {
   if (!noted) return finished();
 
   SessionHash hash;
+  std::uint64_t bytes = 0;
   ChunkScan scan(connection_, name, noted->recording, 0, UINT64_MAX);
   while (check.faults.size() < kMaxFaults) {
     const auto item = scan.next();
@@ -126,6 +134,7 @@ Result<SessionCheck> SessionStore::verify(const Uuid& session) {
       continue;
     }
     hash.update((*item)->bytes);
+    bytes += (*item)->bytes.size();
     ++check.chunks;
     check.samples += (*item)->samples;
   }
@@ -146,6 +155,10 @@ Result<SessionCheck> SessionStore::verify(const Uuid& session) {
   if (check.samples != noted->samples) {
     bad(name + " holds " + std::to_string(check.samples) + " samples, noted are " +
         std::to_string(noted->samples));
+  }
+  if (bytes != noted->stored_bytes) {
+    bad(name + " holds " + std::to_string(bytes) + " bytes, noted are " +
+        std::to_string(noted->stored_bytes));
   }
   if (row.state != pb::SESSION_OPEN && noted->hash != check.hash)
     bad(name + ": the hash over its chunks is not the one it was closed with");

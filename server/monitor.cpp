@@ -59,7 +59,9 @@ StoreFacts readStoreFacts(Store& store, const std::filesystem::path& certificate
   }
   facts.sessions_open = oneNumber(**reader, "SELECT count(*) FROM sessions WHERE state = 1", facts.fault);
   facts.unsafe_chunks = oneNumber(
-      **reader, "SELECT coalesce(sum(chunks - safe_chunks), 0) FROM sessions WHERE chunks > safe_chunks",
+      **reader,
+      "SELECT coalesce(sum(max(coalesce(p.chunks, s.chunks) - s.safe_chunks, 0)), 0) FROM sessions s"
+      " LEFT JOIN session_progress p ON p.session = s.number",
       facts.fault);
   if (const auto when = MetaStore(**reader).get("backup_unix_ns"); !when.ok()) {
     facts.fault = when.error().message;

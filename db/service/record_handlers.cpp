@@ -137,6 +137,10 @@ class Import {
 
   /// What the schema cannot say.
   static Status validate(const RecordTable& table, const RecordJson& record) {
+    // a person's own export holds open sessions, too; their chunks are still with their station
+    if (table.kind == "session" && record.value("state", RecordJson()) == 1)
+      return Error{ErrorCode::kInvalidInput,
+                   "state: is 1, an open session: only closed ones can be imported"};
     for (const char* name : {"name", "id"}) {
       if (table.kind != "person" && table.kind != "group" && table.kind != "station") break;
       if (record.contains(name) && record[name].is_string() &&

@@ -74,9 +74,9 @@ constexpr std::array kSessionColumns = {RecordColumn{"id", K::kHex, true},
                                         RecordColumn{"started_unix_ns", K::kInteger},
                                         RecordColumn{"description", K::kHex},
                                         RecordColumn{"state", K::kInteger},
-                                        RecordColumn{"chunks", K::kInteger},
-                                        RecordColumn{"samples", K::kInteger},
-                                        RecordColumn{"stored_bytes", K::kInteger},
+                                        RecordColumn{"chunks", K::kCounter},
+                                        RecordColumn{"samples", K::kCounter},
+                                        RecordColumn{"stored_bytes", K::kCounter},
                                         RecordColumn{"hash", K::kHex},
                                         RecordColumn{"received_unix_ns", K::kInteger},
                                         RecordColumn{"closed_unix_ns", K::kInteger},
@@ -172,7 +172,10 @@ constexpr std::array kRecordTables = {
 /// As it stands in a SELECT.
 std::string expressionOf(const RecordColumn& column) {
   const std::string name(column.name);
-  return column.kind == K::kSession ? "(SELECT id FROM sessions WHERE number = session)" : name;
+  if (column.kind == K::kSession) return "(SELECT id FROM sessions WHERE number = session)";
+  if (column.kind == K::kCounter)
+    return "coalesce((SELECT p." + name + " FROM session_progress p WHERE p.session = number), " + name + ")";
+  return name;
 }
 
 bool isWritten(const RecordColumn& column, bool secrets) {
@@ -183,6 +186,7 @@ RecordJson valueOf(const RecordColumn& column, const Statement& row, int at) {
   if (row.isNull(at)) return nullptr;
   switch (column.kind) {
     case K::kInteger:
+    case K::kCounter:
       return row.integer(at);
     case K::kReal:
       return row.real(at);
@@ -208,6 +212,7 @@ Status bindValue(Connection& connection, Statement& statement, const RecordColum
   }
   switch (column.kind) {
     case K::kInteger:
+    case K::kCounter:
       if (!value.is_number_integer() ||
           (value.is_number_unsigned() && value.get<std::uint64_t>() > INT64_MAX))
         return recordFault(column, "must be a whole number of 64 bits");

@@ -23,6 +23,7 @@ enum class RecordColumnKind : std::uint8_t {
   kText,
   kHex,      ///< bytes, as digits
   kSession,  ///< the row number of a session, as the session's id in digits
+  kCounter,  ///< of a session: a whole number, which stands in session_progress while the session is open
 };
 
 struct RecordColumn {

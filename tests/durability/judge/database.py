@@ -47,10 +47,15 @@ def message(data):
 class Session:
     """A row of `sessions` with its chunks in order of seq: (seq, samples, crc, bytes, Chunk or the reason why not)."""
 
-    def __init__(self, row, chunks):
+    def __init__(self, row, chunks, progress):
         self.id = row["id"].hex()
         self.station, self.state = row["station"], row["state"]
-        self.row_chunks, self.row_samples, self.row_bytes = row["chunks"], row["samples"], row["stored_bytes"]
+        # the counters of an open session stand in session_progress since schema 5, and only its
+        self.progress_fault = None
+        if progress is not False and (progress is not None) != (self.state == OPEN):
+            self.progress_fault = "is open without counters" if self.state == OPEN else "is closed, but has counters of an open one"
+        sums = progress or row
+        self.row_chunks, self.row_samples, self.row_bytes = sums["chunks"], sums["samples"], sums["stored_bytes"]
         # 1: the original; retention may have thinned (2) or deleted (3) a recording, by a policy
         self.recording = row["recording"] if "recording" in row.keys() else 1
         self.hash = row["hash"].hex() if row["hash"] is not None else None
@@ -103,11 +108,17 @@ class Database:
             for (said,) in connection.execute("PRAGMA integrity_check"):
                 if said != "ok":
                     self.faults.append(f"integrity_check: {said}")
+            tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_schema WHERE type = 'table'")}
+            progress = {}  # session -> its counters; False: a database of before schema 5
+            if "session_progress" in tables:
+                progress = {p["session"]: p for p in connection.execute("SELECT * FROM session_progress")}
             for row in connection.execute("SELECT * FROM sessions"):
                 chunks = [(c["seq"], c["samples"], c["crc"], bytes(c["bytes"]), *_decoded(c["bytes"]))
                           for c in connection.execute("SELECT * FROM chunks WHERE session = ? ORDER BY seq", (row["number"],))]
-                session = Session(row, chunks)
+                session = Session(row, chunks, progress.pop(row["number"], None) if "session_progress" in tables else False)
                 self.sessions[session.id] = session
+            if progress:
+                self.faults.append(f"{len(progress)} counters belong to no session")
             orphans = connection.execute("SELECT count(*) FROM chunks WHERE session NOT IN (SELECT number FROM sessions)")
             if count := orphans.fetchone()[0]:
                 self.faults.append(f"{count} chunks belong to no session")

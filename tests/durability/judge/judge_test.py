@@ -105,6 +105,10 @@ class Spoilt(unittest.TestCase):
         self.db.execute("UPDATE sessions SET chunks = ?, samples = ?, stored_bytes = (SELECT sum(length(bytes)) FROM chunks)",
                         (chunks, SAMPLES * chunks))
 
+    def reopen(self):
+        self.db.execute("INSERT INTO session_progress SELECT number, chunks, samples, stored_bytes FROM sessions")
+        self.db.execute("UPDATE sessions SET state = 1, hash = NULL, chunks = 0, samples = 0, stored_bytes = 0")
+
     def test_what_is_good_has_no_fault(self):
         self.assertEqual(self.names(), set())
         self.assertEqual(self.names(at_end=False), set())
@@ -191,8 +195,27 @@ class Spoilt(unittest.TestCase):
         self.assertEqual(self.names(), {"not-safe"})
 
     def test_open_after_it_was_said_to_be_closed(self):
-        self.db.execute("UPDATE sessions SET state = 1, hash = NULL")
+        self.reopen()
         self.assertEqual(self.names(at_end=False), {"never-closed"})
+
+    def test_counters_of_an_open_session(self):
+        self.reopen()
+        self.events = [e for e in self.events if e["e"] not in ("end", "closed")]
+        self.assertEqual(self.names(at_end=False), set())
+        for column in ("chunks", "samples", "stored_bytes"):
+            self.db.execute(f"UPDATE session_progress SET {column} = {column} + 1")
+            self.assertEqual(self.names(at_end=False), {"gap"}, column)
+            self.db.execute(f"UPDATE session_progress SET {column} = {column} - 1")
+        self.db.execute("DELETE FROM session_progress")
+        self.assertEqual(self.names(at_end=False), {"gap"})
+
+    def test_a_closed_session_with_counters_of_an_open_one(self):
+        self.db.execute("INSERT INTO session_progress SELECT number, chunks, samples, stored_bytes FROM sessions")
+        self.assertEqual(self.names(), {"gap"})
+
+    def test_counters_of_no_session(self):
+        self.db.execute("INSERT INTO session_progress VALUES (7, 0, 0, 0)")
+        self.assertNotEqual(self.names(), set())
 
     def test_a_killed_station_may_lose_20_ms_and_no_more(self):
         self.db.execute("DELETE FROM chunks WHERE seq = 2")
@@ -218,7 +241,7 @@ class Spoilt(unittest.TestCase):
     def test_after_a_restore_only_what_was_acknowledged_since_counts_midway(self):
         self.db.execute("DELETE FROM chunks WHERE seq = 2")
         self.count(2)
-        self.db.execute("UPDATE sessions SET state = 1, hash = NULL")
+        self.reopen()
         self.note(e="restore", t=10)
         self.assertEqual(self.names(at_end=False), set())
         self.note(e="ack", id=ID.hex(), t=11, committed=3, safe=0)

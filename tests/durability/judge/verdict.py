@@ -47,6 +47,8 @@ def _check_row(stored, judge, name):
     """What the session's row says agrees with its chunks, and these with themselves."""
     if stored.fault:
         judge.fault("unreadable", f"{name}: {stored.fault}")
+    if stored.progress_fault:
+        judge.fault("gap", f"{name}: {stored.progress_fault}")
     for position, (seq, samples, crc, data, chunk, why) in enumerate(stored.chunks):
         if seq != position:
             judge.fault("gap", f"{name}: chunk {position} is not there, {seq} comes next")

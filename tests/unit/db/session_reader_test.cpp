@@ -110,6 +110,34 @@ TEST_F(SessionReaderTest, everyKindOfDamageIsFoundByVerify) {
   EXPECT_TRUE(store.verify(id)->ok);
 }
 
+TEST_F(SessionReaderTest, wrongCountersAreFoundByVerifyInOpenAndInClosedSessions) {
+  const std::string of_open[] = {
+      "UPDATE session_progress SET chunks = chunks - 1",
+      "UPDATE session_progress SET chunks = chunks + 1",
+      "UPDATE session_progress SET samples = samples + 1",
+      "UPDATE session_progress SET stored_bytes = stored_bytes + 1",
+      "DELETE FROM session_progress",
+  };
+  const std::string of_closed[] = {
+      "UPDATE sessions SET stored_bytes = stored_bytes - 1",
+      "INSERT INTO session_progress SELECT number, chunks, samples, stored_bytes FROM sessions",
+  };
+  const Uuid id = add("anna", 100, 3);
+  const auto each = [&](const auto& damages) {
+    for (const std::string& damage : damages) {
+      ASSERT_OK(db.writer.script("BEGIN;" + damage));
+      const auto check = store.verify(id);
+      ASSERT_OK(check);
+      EXPECT_FALSE(check->ok) << damage;
+      ASSERT_OK(db.writer.script("ROLLBACK"));
+      EXPECT_TRUE(store.verify(id)->ok) << "without: " << damage;
+    }
+  };
+  each(of_open);
+  ASSERT_OK(store.close(closeOf(id, 3), 1));
+  each(of_closed);
+}
+
 TEST_F(SessionReaderTest, theStationsCrcIsKeptAndDiffersFromChunkToChunk) {
   add("anna", 100, 4);
   auto rows = db.writer.prepare("SELECT crc, bytes FROM chunks ORDER BY seq");

@@ -131,6 +131,46 @@ TEST_F(SessionStoreTest, closesWhenAllIsThereAndTheHashAgrees) {
   EXPECT_EQ(store.info(id)->closed_unix_ns(), 77);
 }
 
+TEST_F(SessionStoreTest, theCountersAreInOneTableAtATime) {
+  const auto counted = [&](const std::string& sql) {
+    auto row = db.writer.prepare(sql);
+    std::string text;
+    while (*row.step()) text += row.text(0) + " " + row.text(1) + " " + row.text(2) + ";";
+    return text;
+  };
+  const std::string in_progress = "SELECT chunks, samples, stored_bytes FROM session_progress";
+  const std::string in_session = "SELECT chunks, samples, stored_bytes FROM sessions";
+  const std::string sums = "2 40 " + std::to_string(chunkOf(0).size() + chunkOf(1).size()) + ";";
+  ASSERT_OK(store.open(describe(id), 1));
+  EXPECT_EQ(counted(in_progress), "0 0 0;");
+  for (std::uint64_t seq = 0; seq < 2; ++seq) ASSERT_OK(store.append(id, seq, chunkOf(seq)));
+  EXPECT_EQ(counted(in_progress), sums);
+  EXPECT_EQ(counted(in_session), "0 0 0;");
+  const auto open = store.info(id);
+  ASSERT_OK(open);
+  ASSERT_EQ(store.close(closeOf(id, 2), 1)->kind, Closed::Kind::kClosed);
+  EXPECT_EQ(counted(in_progress), "");
+  EXPECT_EQ(counted(in_session), sums);
+  // who reads the session sees no difference
+  const auto closed = store.info(id);
+  ASSERT_OK(closed);
+  EXPECT_EQ(open->chunks(), closed->chunks());
+  EXPECT_EQ(open->samples(), closed->samples());
+  EXPECT_EQ(open->stored_bytes(), closed->stored_bytes());
+}
+
+TEST_F(SessionStoreTest, anOpenSessionWithoutCountersTakesNothing) {
+  ASSERT_OK(store.open(describe(id), 1));
+  ASSERT_OK(db.writer.script("DELETE FROM session_progress"));
+  const auto refused = store.append(id, 0, chunkOf(0));
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kCorrupt);
+  EXPECT_NE(refused.error().message.find("counters"), std::string::npos) << refused.error().message;
+  const auto unclosed = store.close(closeOf(id, 0), 1);
+  ASSERT_FALSE(unclosed.ok());
+  EXPECT_EQ(unclosed.error().code, ErrorCode::kCorrupt);
+}
+
 TEST_F(SessionStoreTest, closingAfterARestartIsInterrupted) {
   openAndAppend(1);
   auto request = closeOf(id, 1);

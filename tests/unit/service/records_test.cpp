@@ -210,6 +210,36 @@ TEST_F(Records, everythingComesBackExactly) {
   }
 }
 
+TEST_F(Records, anOpenSessionIsExportedWithWhatItHoldsSoFarAndNotTakenElsewhere) {
+  addStation();
+  addNamed("anna", "Anna A");
+  addSession("anna", 3);
+  const auto own = all(trainee, *store, [](pb::Request& request, const std::string& page) {
+    request.mutable_export_person()->set_name("anna");
+    request.mutable_export_person()->set_page(page);
+  });
+  std::vector<std::string> sessions;
+  std::copy_if(own.begin(), own.end(), std::back_inserter(sessions), [](const std::string& record) {
+    return record.find(R"("kind":"session")") != std::string::npos;
+  });
+  ASSERT_EQ(sessions.size(), 1u);
+  const auto json = nlohmann::json::parse(sessions[0]);
+  std::uint64_t bytes = 0;
+  for (std::uint64_t seq = 0; seq < 3; ++seq) bytes += test::chunkOf(seq).size();
+  EXPECT_EQ(json["state"], 1);
+  EXPECT_EQ(json["chunks"], 3);
+  EXPECT_EQ(json["samples"], 60);
+  EXPECT_EQ(json["stored_bytes"], bytes);
+  const test::TempFolder elsewhere;
+  const auto other = test::openStore(elsewhere.path() / "data");
+  ASSERT_OK(other->writer().run(
+      [](Connection& c) { return StationStore(c).add("station-1", StationKeyBytes{}, 1); }));
+  const auto report = importAll(*other, sessions, 3);
+  EXPECT_FALSE(report.done());
+  ASSERT_EQ(report.faults_size(), 1);
+  EXPECT_NE(report.faults(0).message().find("open"), std::string::npos) << report.ShortDebugString();
+}
+
 TEST_F(Records, anImportThatDoesNotFitChangesNothingAndNamesTheRecords) {
   addPerson("anna", pb::TRAINEE);
   const auto before = exportAll(*store);
@@ -343,6 +373,7 @@ TEST_F(Records, anErasureTakesRecordingsAwayAtOnceAndIsAskedForTwice) {
   EXPECT_NE(busy.error->message.find("station-1"), std::string::npos) << busy.error->message;
   const auto erasure = get(admin, erase("anna", true)).erasure();
   EXPECT_EQ(erasure.sessions(), 2u);
+  EXPECT_EQ(erasure.recordings(), 2u) << "the open one's counts, too";
   EXPECT_EQ(erasure.remarks_kept(), 1u);
   EXPECT_NE(erasure.text().find("ackup"), std::string::npos);
   ASSERT_OK(change([&](Connection& c) -> Status {
