@@ -61,6 +61,13 @@ class RunCtest(unittest.TestCase):
         code, lines = run('add_test(skipped sh -c "exit 77")', "set_tests_properties(skipped PROPERTIES SKIP_RETURN_CODE 77)")
         self.assertEqual(code, 0, lines)
         self.assertFalse([line for line in lines if "failed: " in line])
+        self.assertIn("not run: skipped: it said nothing", lines)
+
+    def test_a_skipped_test_says_why(self):
+        code, lines = run('add_test(shy sh -c "echo looking; echo skipped: there is no browser; exit 77")',
+                          "set_tests_properties(shy PROPERTIES SKIP_RETURN_CODE 77)", *passing(3))
+        self.assertEqual(code, 0, lines)
+        self.assertIn("not run: shy: skipped: there is no browser", lines)
 
     def test_no_tests_and_wrong_arguments_keep_ctests_exit_code(self):
         with tempfile.TemporaryDirectory(prefix="needlelab-run-ctest-") as folder:

@@ -50,8 +50,8 @@ async function check(path, json, signal) {
 }
 export const checkProfile = (json, signal) => check(['profiles', 'check'], json, signal);
 
-/** Force over depth as the engine renders it. */
-export const previewProfile = (json, signal) => post(['profiles', 'preview'], json, { signal });
+/** Force over depth as the engine renders it; what it is called does not matter to it. */
+export const previewProfile = (json, signal) => post(['profiles', 'preview'], { ...json, id: json.id || 'new', name: json.name || 'new' }, { signal });
 
 export const measures = (signal) => getAll(['measures'], { signal });
 export const exercises = async (signal) => (await getAll(['exercises'], { signal })).map(({ json, ...row }) => ({ ...json, ...row }));
@@ -81,9 +81,9 @@ export const sessions = {
   rescore: (id) => post(['sessions', id, 'rescore'], {}),
   events: (id, signal) => getAll(['sessions', id, 'events'], { signal }),
   samples: (id, query, signal) => get(['sessions', id, 'samples'], { signal, query }),
-  /** Remarks stand at ticks; here they have seconds. */
-  annotations: async (id, rate_hz, signal) => (await getAll(['sessions', id, 'annotations'], { signal })).map((a) => ({ ...a, t_s: a.tick / rate_hz })),
-  annotate: (id, rate_hz, t_s, text) => post(['sessions', id, 'annotations'], { tick: Math.round(t_s * rate_hz), text }),
+  /** Remarks stand at moments: `t_s` since the first sample. */
+  annotations: (id, signal) => getAll(['sessions', id, 'annotations'], { signal }),
+  annotate: (id, t_s, text) => post(['sessions', id, 'annotations'], { t_s, text }),
 };
 
 export const references = {

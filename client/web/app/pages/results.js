@@ -24,6 +24,7 @@ export function Cell({ cell, trainee, nameOf }) {
   return html`<${Mark} kind=${kind}>${word}<//>
     ${cell.attempts > 0 && html`<br /><a class="cell-link" href=${href(['progress', trainee], { exercise: cell.exercise_id })} aria-label=${`${tried} of ${trainee} at ${nameOf(cell.exercise_id)}`}>${tried}</a>`}
     ${cell.best && html` · <a class="cell-link" href=${href(['sessions', cell.best.session_id])} aria-label=${`best session of ${trainee} at ${nameOf(cell.exercise_id)}`}>best</a>`}
+    ${cell.attempts > 0 && cell.attempts_left > 0 && cell.passed !== true && html`<br /><span class="help">${cell.attempts_left} left</span>`}
     ${kind === 'locked' && html`<br /><span class="help">first: ${cell.locked_by.map(nameOf).join(', ')}</span>`}
     ${cell.due_unix_ms && cell.passed !== true && html`<br /><span class="help">due ${day(cell.due_unix_ms)}</span>`}`;
 }

@@ -44,7 +44,7 @@ function Recording({ id, session, person }) {
   const [window, zoom] = useState(null);
   const whole = useLoad((signal) => sessions.samples(id, { points: kPoints }, signal), [id]);
   const near = useLoad((signal) => (window ? sessions.samples(id, { ...window, points: kPoints }, signal) : Promise.resolve(null)), [id, window]);
-  const notes = useLoad((signal) => sessions.annotations(id, session.description.rate_hz, signal), [id]);
+  const notes = useLoad((signal) => sessions.annotations(id, signal), [id]);
   const columns = useMemo(() => columnsOf(whole.data), [whole.data]);
   const shown = useMemo(() => (window && near.data ? columnsOf(near.data) : columns), [window, near.data, columns]);
   const marks = useMemo(() => (notes.data ?? []).map((a) => ({ x: a.t_s, label: a.text })), [notes.data]);
@@ -54,7 +54,7 @@ function Recording({ id, session, person }) {
   return html`<${Loaded} load=${whole}>${() => (t.length === 0 ? html`<${Empty} title="There are no samples">The recording is empty, or has been deleted by retention.<//>`
       : html`<section aria-labelledby="replay-title"><h2 id="replay-title">Replay</h2>${profile ? html`<${Replay} columns=${columns} session=${session} playback=${playback} act=${act} />` : html`<p class="help">Without its profile the session cannot be drawn.</p>`}</section>
         <section aria-labelledby="plots-title"><h2 id="plots-title">Plots</h2><${Problem} error=${near.error} /><${Plots} columns=${shown} profile=${profile} marks=${marks} at=${playback.at_s} seek=${act.seek} window=${window} zoom=${zoom} busy=${near.loading && !!window} /></section>`)}<//>
-    <${Annotations} id=${id} rate_hz=${session.description.rate_hz} at_s=${playback.at_s} seek=${act.seek} load=${notes} person=${person} /><${SyringeEvents} id=${id} seek=${act.seek} />`;
+    <${Annotations} id=${id} at_s=${playback.at_s} seek=${act.seek} load=${notes} person=${person} /><${SyringeEvents} id=${id} seek=${act.seek} />`;
 }
 
 export function SessionPage({ params, person }) {

@@ -9,8 +9,8 @@ import { draftOf, useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 import { Empty, Loaded, Problem, Table } from '../ui/parts.js';
 
-/** @param {{id: string, rate_hz: number, at_s: number, seek: (s: number) => void, load: any, person: any}} props `load`: of the annotations */
-export function Annotations({ id, rate_hz, at_s, seek, load, person }) {
+/** @param {{id: string, at_s: number, seek: (s: number) => void, load: any, person: any}} props `load`: of the annotations */
+export function Annotations({ id, at_s, seek, load, person }) {
   const draft = draftOf(`annotation/${id}`);
   const [text, setText] = useState(draft.read() ?? '');
   const action = useAction();
@@ -20,7 +20,7 @@ export function Annotations({ id, rate_hz, at_s, seek, load, person }) {
   };
   const save = async (event) => {
     event.preventDefault();
-    if (!(await action.run(() => sessions.annotate(id, rate_hz, at_s, text.trim())))) return;
+    if (!(await action.run(() => sessions.annotate(id, at_s, text.trim())))) return;
     draft.drop();
     setText('');
     announce(`The remark at ${clock(at_s)} was saved.`);

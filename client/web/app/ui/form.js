@@ -17,5 +17,5 @@ export function formOf({ doc, change, problems, onBad, readonly }) {
   const text = (path, label, more = {}) => html`<${TextField} ...${shared(path)} label=${label} onValue=${(value) => set(path)(value === '' && !more.required ? undefined : value)} readonly=${readonly} ...${more} />`;
   const select = (path, label, options, more = {}) => html`<${SelectField} ...${shared(path)} label=${label} options=${options} onValue=${(value) => set(path)(value === '' ? undefined : value)} disabled=${readonly} ...${more} />`;
   const vector = (path, label, more = {}) => html`<div class="vector" role="group" aria-label=${label}>${['x', 'y', 'z'].map((axis) => number(`${path}.${axis}`, `${label} ${axis}`, more))}</div>`;
-  return { doc, number, text, select, vector, set, at: (path) => valueAt(doc, path), readonly, problems };
+  return { doc, change, number, text, select, vector, set, at: (path) => valueAt(doc, path), readonly, problems };
 }

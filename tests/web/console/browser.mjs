@@ -1,0 +1,150 @@
+// Chromium, and what every page of it is watched for: errors of scripts, the content policy, requests to elsewhere.
+import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
+import { createRequire } from 'node:module';
+import { it } from 'node:test';
+import { chromium } from 'playwright-core';
+import { kLong_ms, kPassword } from './lab.mjs';
+
+export const kChromium = process.env.NEEDLELAB_CHROMIUM ?? '/usr/bin/chromium';
+export const kDesk = { width: 1280, height: 900 };
+export const kTablet = { width: 820, height: 1180 };
+const kAxe = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
+// Chromium says these of every answer from 400 on, also of those that a page expects and shows
+const kAnswered = /^Failed to load resource: the server responded with a status of (\d+)/;
+const kNoLine = /^(Failed to load resource: net::ERR_|WebSocket connection to .* failed)/;
+
+export class Browser {
+  /** @param {import('./lab.mjs').Lab} lab */
+  constructor(lab) {
+    this.lab = lab;
+    /** name → cookies of a log-in: each takes the server a quarter of a second on purpose */
+    this.log_ins = new Map();
+  }
+
+  async begin() {
+    this.chromium = await chromium.launch({
+      executablePath: kChromium, headless: true,
+      args: ['--no-sandbox', '--disable-gpu', '--disable-quic', '--disable-background-networking', '--disable-component-update', '--disable-sync', '--no-first-run'],
+    });
+  }
+  end() { return this.chromium?.close(); }
+
+  /** What the open pages show, for whoever reads why a test failed. */
+  async testify(name) {
+    const folder = process.env.NEEDLELAB_SHOTS;
+    for (const page of this.chromium?.contexts().flatMap((context) => context.pages()) ?? []) {
+      console.error(`--- ${page.url()}\n${page.faults?.join('\n') ?? ''}\n${(await page.locator('body').innerText({ timeout: 2000 }).catch(String)).slice(0, 3000)}`);
+      if (folder) await page.screenshot({ path: `${folder}/${name.replace(/\W+/g, '-').slice(0, 60)}-${page.url().split('#')[1]?.replace(/\W+/g, '-') ?? ''}.png`, fullPage: true }).catch(() => {});
+    }
+  }
+
+  /**
+   * A window of its own, without a log-in. `page.faults` collects what must not be.
+   * @param {{viewport?: {width: number, height: number}}} [options]
+   */
+  async window(options = {}) {
+    // the certificate is the lab's own: its authority is in no browser
+    const context = await this.chromium.newContext({ viewport: kDesk, locale: 'en-GB', ignoreHTTPSErrors: true, acceptDownloads: true, ...options });
+    context.setDefaultTimeout(kLong_ms);
+    const page = await context.newPage();
+    page.faults = [];
+    /** statuses that the test expects, such as 409 */
+    page.expected = new Set([401, 404]);
+    page.line_may_break = false;
+    page.on('pageerror', (error) => page.faults.push(`script: ${error.stack ?? error.message}`));
+    page.on('console', (message) => {
+      if (message.type() !== 'error' && !/Content Security Policy/.test(message.text())) return;
+      const answered = kAnswered.exec(message.text());
+      if (answered && page.expected.has(Number(answered[1]))) return;
+      if (page.line_may_break && kNoLine.test(message.text())) return;
+      page.faults.push(`console: ${message.text()} (${message.location().url})`);
+    });
+    context.on('request', (request) => {
+      const url = request.url();
+      if (!url.startsWith(this.lab.base) && !url.startsWith(this.lab.base.replace('https', 'wss')) && !/^(data|blob):/.test(url)) page.faults.push(`elsewhere: ${url}`);
+    });
+    return page;
+  }
+
+  /** A window in which `name` is logged in; by the log-in of an earlier window where that still holds. */
+  async as(name, options) {
+    const page = await this.window({ storageState: { cookies: this.log_ins.get(name) ?? [], origins: [] }, ...options });
+    await page.goto(this.lab.base);
+    const inside = page.getByRole('button', { name: 'Log out' });
+    await inside.or(page.getByRole('button', { name: 'Log in' })).waitFor();
+    if (await inside.isVisible()) return page;
+    await logIn(page, name);
+    this.log_ins.set(name, (await page.context().storageState()).cookies);
+    return page;
+  }
+}
+
+export async function logIn(page, name, password = kPassword) {
+  await page.getByLabel('Name').fill(name);
+  await page.getByLabel('Password').fill(password);
+  await page.getByRole('button', { name: 'Log in' }).click();
+  await page.getByRole('button', { name: 'Log out' }).waitFor();
+}
+
+/** @param {string} hash '#/people' */
+export async function open(page, lab, hash, title) {
+  await page.goto(lab.base + hash);
+  if (title) await page.getByRole('heading', { level: 1, name: title }).waitFor();
+  await settled(page);
+}
+
+/** Nothing is being loaded. */
+export async function settled(page) {
+  await page.waitForFunction(() => !document.querySelector('.loading'));
+}
+
+export async function done(page) {
+  const { faults } = page;
+  await page.context().close();
+  assert.deepEqual(faults, [], 'the page was not clean');
+}
+
+/** What axe finds serious or worse, and everything that is wider than the window. */
+export async function accessible(page, where) {
+  await settled(page);
+  // as an expression of the debugger: the content policy forbids scripts that a page makes of text
+  if (!(await page.evaluate(() => 'axe' in window))) await page.evaluate(kAxe);
+  const found = await page.evaluate(async () => {
+    const { violations } = await window.axe.run(document, { resultTypes: ['violations'] });
+    return violations.map((v) => ({ impact: v.impact, text: `${v.impact} ${v.id}: ${v.nodes.slice(0, 3).map((n) => `${n.target.join(' ')} (${n.failureSummary?.split('\n')[1]?.trim() ?? ''})`).join('; ')}` }));
+  });
+  assert.deepEqual(found.filter((v) => ['serious', 'critical'].includes(v.impact)).map((v) => v.text), [], `axe on ${where}`);
+  return found;
+}
+
+export async function fitsWidth(page, where) {
+  const over = await page.evaluate(() => document.documentElement.scrollWidth - window.innerWidth);
+  assert.ok(over <= 0, `${where} is ${over} px wider than the window`);
+}
+
+/** What a link or button downloads, as text. */
+export async function downloaded(page, press) {
+  const [download] = await Promise.all([page.waitForEvent('download'), press()]);
+  return { name: download.suggestedFilename(), text: readFileSync(await download.path(), 'utf8') };
+}
+
+/**
+ * Tests that go on where the one before ended: after one that fails the rest is skipped. What stood on the pages then is printed,
+ * and drawn into the folder NEEDLELAB_SHOTS, where that is set.
+ * @param {{browser: Browser}} t
+ */
+export function story(t) {
+  let broken = '';
+  return (name, work) => it(name, async (test) => {
+    if (broken) return test.skip(`after “${broken}” failed`);
+    try {
+      await work();
+    } catch (error) {
+      broken = name;
+      await t.browser?.testify(name);
+      throw error;
+    }
+    return undefined;
+  });
+}

@@ -1,0 +1,89 @@
+// Each role on each page: what it sees, what it may press, what is refused, by the page and by the server.
+import assert from 'node:assert/strict';
+import { it } from 'node:test';
+import { done, settled } from './browser.mjs';
+import { api } from './week.mjs';
+
+const kRoles = { t: 'tina', i: 'ines', m: 'mara', a: 'ada', r: 'rhea' };
+/**
+ * By hand, not from the console's own table: [address, roles that see it, heading, what it asks of the server, {what can be pressed: by whom}].
+ * t trainee, i instructor, m manager, a administrator, r researcher.
+ */
+const kPages = [
+  ['/', 'timar', /^Welcome/, 'session', { 'My results': 't', 'Bring in a class': 'ma', 'Backup and check': 'a', Results: 'ima', Exports: 'imar' }],
+  ['/account', 'timar', /^My account$/, 'session', { 'Set the password': 'timar', 'Download as JSON': 'tima' }],
+  ['/people', 'ima', /^People$/, 'people', { 'Add a person': 'ma', 'Import from CSV': 'ma' }],
+  ['/people/import', 'ma', /^Import people$/, null, { Import: 'ma' }],
+  ['/people/tina', 'ima', /^tina$/, 'people/ines', { Save: 'ma', Disable: 'ma', 'Set the password': 'ma', 'Download as JSON': 'ma', 'Erase all data …': 'a' }],
+  ['/groups', 'ima', /^Groups$/, 'groups', { 'Add a group': 'ma' }],
+  ['/groups/both', 'ima', /^Both/, 'groups/both', { Save: 'ma', 'Remove the group …': 'ma' }],
+  ['/profiles', 'ima', /^Patient profiles$/, null, { 'New profile': 'ma' }],
+  ['/profiles-new', 'ma', /^New profile$/, null, { Save: 'ma' }],
+  ['/profiles/knee-adult', 'ima', /^Knee, adult/, null, { Save: 'ma', Revisions: 'ima', 'Add a target': 'ma' }],
+  ['/profiles/wrist-adult/revisions', 'ima', /^Revisions of/, null, { 'Save as the newest: revision 1': 'ma' }],
+  ['/courses', 'ima', /^Courses$/, null, { 'New course': 'ma' }],
+  ['/courses-new', 'ma', /^New course$/, null, { Save: 'ma' }],
+  ['/courses/rheumatology-basics', 'ima', /^Rheumatology/, null, { Save: 'ma', 'Add an exercise': 'ma' }],
+  ['/courses/rheumatology-basics/revisions', 'ima', /^Revisions of/, null, {}],
+  ['/assignments', 'ima', /^Assignments$/, 'people', { Assign: 'ima' }],
+  ['/mine', 't', /^My results$/, null, { 'My progress': 't' }],
+  ['/results?course=rheumatology-basics', 'ima', /^Results$/, 'groups', { 'Scores as CSV': 'ima' }],
+  ['/progress/tina', 'tima', /progress/i, 'people/tina/progress', {}],
+  ['/live', 'ima', /^Live lab$/, 'stations', {}],
+  ['/sessions', 'tima', /^Sessions$/, 'sessions', { Find: 'tima' }],
+  ['SESSION', 'tima', /^tina: knee-recess$/, 'SESSION', { 'Samples as CSV': 'tima', 'Use as an expert reference': 'ima', 'Add at 0:00.0': 'ia' }],
+  ['/exports', 'imar', /^Exports$/, null, { 'Download scores as CSV': 'ima' }],
+  ['/audit', 'a', /^Audit$/, 'audit', { Filter: 'a' }],
+  ['/upkeep', 'a', /^Upkeep$/, 'audit', { 'Back up now': 'a', 'Check now': 'a' }],
+];
+
+/** @param {{lab: import('./lab.mjs').Lab, browser: import('./browser.mjs').Browser}} t */
+export function roles(t) {
+  for (const [letter, name] of Object.entries(kRoles)) {
+    it(`${name}: ${kPages.filter(([, who]) => who.includes(letter)).length} pages of ${kPages.length}`, async () => {
+      const page = await t.browser.as(name);
+      for (const [path, who, title, asked, pressed] of kPages) {
+        const address = path === 'SESSION' ? `/sessions/${t.session}` : path;
+        const where = `${name} at ${address}`;
+        await page.goto(`${t.lab.base}#${address}`);
+        const heading = page.getByRole('heading', { level: 1 });
+        if (!who.includes(letter)) {
+          await page.getByRole('heading', { level: 1, name: '403: not for your role' }).waitFor();
+          assert.equal(await page.getByRole('navigation').getByRole('link').evaluateAll((links, here) => links.filter((l) => l.getAttribute('href') === here).length, `#${address}`), 0, `${where}: refused, but offered above`);
+          if (asked) {
+            const at = asked === 'SESSION' ? `sessions/${t.session}` : asked;
+            page.expected.add(403);
+            const status = await page.evaluate(async (url) => (await fetch(url)).status, `/api/v1/${at}`);
+            assert.equal(status, 403, `${where}: the server does not refuse GET ${at}`);
+          }
+          continue;
+        }
+        page.expected.delete(403);
+        await heading.filter({ hasText: title }).waitFor();
+        await settled(page);
+        assert.deepEqual(await page.locator('.problem').allInnerTexts(), [], where);
+        for (const [words, by] of Object.entries(pressed)) {
+          const thing = page.locator('main').getByRole('button', { name: words, exact: true }).or(page.locator('main').getByRole('link', { name: words, exact: true }));
+          if (by.includes(letter)) await thing.first().waitFor();
+          else assert.equal(await thing.count(), 0, `${where}: “${words}” is offered`);
+        }
+      }
+      await done(page);
+    });
+  }
+
+  it('a trainee sees nothing of another\'s', async () => {
+    const page = await t.browser.as('tina');
+    page.expected.add(403);
+    const other = (await api(await t.browser.as('ada'), 'sessions')).items.find((s) => s.description.trainee !== 'tina').description.session_id;
+    await page.goto(`${t.lab.base}#/sessions/${other}`);
+    await page.getByText('Not for your role').or(page.getByText('Not there')).first().waitFor();
+    await page.goto(`${t.lab.base}#/progress/anna.bauer`);
+    await page.getByRole('heading', { name: '403: not for your role' }).waitFor();
+    await page.goto(`${t.lab.base}#/mine`);
+    await page.getByRole('heading', { level: 1, name: 'My results' }).waitFor();
+    await settled(page);
+    assert.ok(!/Bauer|Osei/.test(await page.locator('body').innerText()));
+    await done(page);
+  });
+}

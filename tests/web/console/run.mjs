@@ -1,0 +1,42 @@
+// The console's tests as ctest runs them: exit code 77 (skipped) says what is not there. Else node's own runner.
+// usage: node tests/web/console/run.mjs   environment: NEEDLELAB_BIN, NEEDLELAB_WEB_ROOT, NEEDLELAB_CHROMIUM, NEEDLELAB_SHOTS=DIR, NEEDLELAB_KEEP=1
+import { spawnSync } from 'node:child_process';
+import { accessSync, constants } from 'node:fs';
+import { join } from 'node:path';
+import { fileURLToPath } from 'node:url';
+
+const here = fileURLToPath(new URL('.', import.meta.url));
+const bin = process.env.NEEDLELAB_BIN ?? join(here, '../../../build/release/bin');
+const chromium = process.env.NEEDLELAB_CHROMIUM ?? '/usr/bin/chromium';
+
+function runs(file) {
+  try {
+    accessSync(file, constants.X_OK);
+    return true;
+  } catch {
+    return false;
+  }
+}
+
+async function missing() {
+  if (Number(process.versions.node.split('.')[0]) < 18) return `node ${process.version} is too old: 18 or later is needed`;
+  if (!runs(chromium)) return `there is no ${chromium} (Debian's package chromium): run deploy/setup`;
+  for (const name of ['playwright-core', 'axe-core']) {
+    try {
+      await import(name);
+    } catch (error) {
+      return `the npm package ${name} is not in tests/web/node_modules (${error.code ?? error.message}): run deploy/setup where the npm registry can be reached`;
+    }
+  }
+  const lost = ['needlelab-server', 'needlelab-admin', 'needlelab-station'].find((name) => !runs(join(bin, name)));
+  return lost && `${join(bin, lost)} is not built`;
+}
+
+const reason = await missing();
+if (reason) {
+  console.log(`skipped: ${reason}`);
+  process.exitCode = 77;
+} else {
+  const { status } = spawnSync(process.execPath, ['--test', join(here, 'console.test.mjs')], { stdio: 'inherit' });
+  process.exitCode = status ?? 1;
+}

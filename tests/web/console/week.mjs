@@ -1,0 +1,248 @@
+// The week of somebody who manages a course, from the class list to the exported scores, by hand in a browser.
+import assert from 'node:assert/strict';
+import { accessible, done, downloaded, open, settled, story } from './browser.mjs';
+import { until } from './lab.mjs';
+
+const kClass = ['anna.bauer', 'ben.osei', 'chen.li', 'dora.kovacs'];
+const csvOf = (rows) => ['name,full_name,role,group', ...rows].join('\n') + '\n';
+const kRows = ['anna.bauer,Anna Bauer,trainee,autumn', 'ben.osei,Ben Osei,trainee,autumn', 'chen.li,"Li, Chen",trainee,autumn', 'dora.kovacs,Dóra Kovács,trainee,autumn'];
+const kGood = ['--hand-speed-m-s', '0.03', '--hand-hold-s', '1.5', '--hand-seed', '7'];
+
+/** Server's JSON, asked with the page's own cookie. */
+export const api = (page, path) => page.evaluate(async (at) => (await fetch(`/api/v1/${at}`)).json(), path);
+
+/** @param {{lab: import('./lab.mjs').Lab, browser: import('./browser.mjs').Browser}} t filled before the first test runs */
+export function week(t) {
+  const it = story(t);
+  let page, stations;
+
+  it('imports a class: what is wrong is said before anything happens', async () => {
+    page = await t.browser.as('mara');
+    await open(page, t.lab, '#/people', 'People');
+    await page.getByRole('link', { name: 'Import from CSV' }).click();
+    await page.getByLabel('CSV file').setInputFiles({ name: 'class.csv', mimeType: 'text/csv', buffer: Buffer.from(csvOf([...kRows, 'flo.new,Flo,wizard,autumn', 'eve,Eve,administrator,'])) });
+    await page.getByRole('button', { name: /^Check/ }).click();
+    await page.getByText('2 rows are wrong').waitFor();
+    assert.equal(await page.getByRole('row', { name: /wrong/ }).count(), 2);
+    assert.ok(await page.getByRole('button', { name: 'Import', exact: true }).isDisabled());
+    await accessible(page, 'the import with faults');
+    assert.ok(!(await api(page, 'people')).items.some((p) => p.name === 'anna.bauer'), 'a dry run changed something');
+
+    await page.getByLabel('The list').fill(csvOf(kRows));
+    await page.getByRole('button', { name: /^Check/ }).click();
+    await page.getByText('4 new, 0 changed, 0 unchanged, 0 wrong').first().waitFor();
+    await page.getByRole('button', { name: 'Import', exact: true }).click();
+    await page.getByText('✓ Imported:').waitFor();
+    await page.getByRole('link', { name: 'See the people' }).click();
+    await page.getByRole('link', { name: 'chen.li' }).waitFor();
+    assert.match(await page.getByRole('row', { name: /chen\.li/ }).innerText(), /Li, Chen.*autumn/s);
+    const group = await api(page, 'groups/autumn');
+    assert.deepEqual(group.members, kClass);
+  });
+
+  it('makes a patient from another one: drawing and force follow what is typed', async () => {
+    await open(page, t.lab, '#/profiles', 'Patient profiles');
+    await page.getByRole('link', { name: 'Make a copy of Knee, adult, median' }).click();
+    await page.getByLabel('Id', { exact: true }).fill('knee-autumn');
+    await page.getByLabel('Name', { exact: true }).first().fill('Knee, autumn course');
+    // as far as the needle of 50 mm reaches
+    await page.getByText(/^Force against the needle over 50\smm of depth: greatest/).last().waitFor();
+    const drawing = page.getByRole('img', { name: /Side view of 6 layers, 52\smm deep/ });
+    await drawing.getByText(/^Fat 6\smm, φ/).waitFor();
+    // 8 mm of fat in place of 6: the drawing's label, and everything below it 2 mm deeper in what the engine renders
+    const rendered = page.waitForResponse(async (r) => r.url().endsWith('/profiles/preview') && r.ok() && (await r.json()).layers?.[1].to_m > 0.0105);
+    await page.getByRole('listitem').filter({ has: page.getByRole('heading', { name: /2\. Fat/ }) }).getByLabel(/^Thickness/).fill('8');
+    await page.getByRole('img', { name: /Side view of 6 layers, 54\smm deep/ }).getByText(/^Fat 8\smm, φ/).waitFor();
+    const preview = await (await rendered).json();
+    assert.ok(Math.abs(preview.layers[1].to_m - 0.011) < 1e-9);
+    const cutting = preview.by_effect.find((e) => e.effect === 'CUTTING').force_n;
+    const at = (depth_m) => preview.depth_m.findIndex((d) => d >= depth_m);
+    // the middle of each layer takes its own cutting force: 0.4 N of fat, 1.6 N of muscle, 4 N of bone
+    for (const [depth_m, newton] of [[0.007, 0.4], [0.015, 1.6], [0.045, 4]]) assert.ok(Math.abs(cutting[at(depth_m)] - newton) < 0.02, `${cutting[at(depth_m)]} N at ${depth_m} m, not ${newton}`);
+    await page.getByRole('status', { name: 'Problems of this form' }).getByText(/No problems|warning/).first().waitFor();
+    await accessible(page, 'the profile editor');
+    await page.getByRole('button', { name: 'Save', exact: true }).click();
+    await page.getByText('was saved as revision 1').waitFor();
+    await page.waitForURL(/#\/profiles\/knee-autumn$/);
+  });
+
+  it('refuses what cannot be while it is typed, and shows where', async () => {
+    await page.getByRole('heading', { level: 1, name: 'Knee, autumn course' }).waitFor();
+    const field = page.getByLabel(/^Cutting force/).nth(2);
+    // no force can be drawn of what is not valid
+    page.expected.add(400);
+    await field.fill('abc');
+    await page.getByText('“abc” is no number; such as 3.5').waitFor();
+    assert.equal(await field.getAttribute('aria-invalid'), 'true');
+    await field.fill('-3');
+    await page.locator('.field-problem, .field .error').getByText(/outside|range|from 0/).first().waitFor();
+    await page.getByRole('button', { name: 'layers[2].cutting_force_n' }).first().click();
+    assert.ok(await field.evaluate((e) => e === document.activeElement), 'the problem leads to its field');
+    await field.fill('2.2');
+    await page.getByRole('status', { name: 'Problems of this form' }).getByText(/No problems|warning/).first().waitFor();
+    page.expected.delete(400);
+  });
+
+  it('revises the patient: a new revision, the old one kept, the difference field by field', async () => {
+    await page.keyboard.press('Control+s');
+    await page.getByText('was saved as revision 2').waitFor();
+    await page.getByRole('link', { name: 'Revisions' }).click();
+    const changes = page.getByRole('region', { name: '1 change from revision 1 to 2' });
+    await changes.waitFor();
+    assert.match(await changes.innerText(), /layers\[2\]\.cutting_force_n\s+.*changed\s+1\.6\s+2\.2/s);
+    await accessible(page, 'the revisions');
+    assert.equal((await api(page, 'profiles/knee-autumn?revision=1')).json.layers[2].cutting_force_n, 1.6);
+  });
+
+  it('builds a course and assigns it to the class', async () => {
+    await open(page, t.lab, '#/courses-new', 'New course');
+    await page.getByLabel('Id', { exact: true }).fill('autumn-course');
+    await page.getByLabel('Name', { exact: true }).fill('Autumn course');
+    for (const [name, patient] of [['Ball first', 'phantom-ball'], ['Knee', 'knee-autumn']]) {
+      await page.getByRole('button', { name: 'Add an exercise' }).click();
+      await page.getByLabel('Exercise name').fill(name);
+      await page.getByLabel('Exercise id').fill(name === 'Knee' ? 'autumn-knee' : 'autumn-ball');
+      await page.getByLabel('Patient', { exact: true }).selectOption(patient);
+    }
+    // the knee: at most 4 N, 3 attempts, and it comes first after all
+    await page.getByRole('button', { name: 'Add a requirement' }).click();
+    await page.getByLabel('Measure').nth(1).selectOption('peak_force_n');
+    await page.getByLabel(/^At most/).nth(1).fill('6');
+    await page.getByLabel(/^Attempts/).fill('3');
+    await page.getByRole('button', { name: '2. Knee' }).press('Alt+ArrowUp');
+    await page.getByRole('button', { name: '1. Knee' }).waitFor();
+    await page.getByRole('button', { name: '2. Ball first' }).click();
+    await page.getByRole('group', { name: 'Must be passed first' }).getByLabel('Knee').check();
+    await accessible(page, 'the course editor');
+    await page.getByRole('button', { name: 'Save', exact: true }).click();
+    await page.getByText('was saved as revision 1').waitFor();
+    const { json } = await api(page, 'courses/autumn-course');
+    assert.deepEqual(json.exercises.map((e) => [e.id, e.profile_id, e.prerequisites ?? []]), [['autumn-knee', 'knee-autumn', []], ['autumn-ball', 'phantom-ball', ['autumn-knee']]]);
+    assert.deepEqual(json.exercises[0].requirements[1], { measure: 'peak_force_n', max: 6 });
+
+    await open(page, t.lab, '#/assignments', 'Assignments');
+    await page.getByLabel('What').selectOption('course:autumn-course');
+    await page.getByLabel('To whom').selectOption('group:autumn');
+    await page.getByLabel('Due').fill('2031-01-05T12:00');
+    await page.getByRole('button', { name: 'Assign', exact: true }).click();
+    await page.getByText('autumn-course was assigned to autumn.').waitFor();
+    await page.getByRole('row', { name: /Autumn course autumn/ }).waitFor();
+  });
+
+  it('watches the live page while trainees practise', async () => {
+    await open(page, t.lab, '#/live', 'Live lab');
+    await page.getByRole('status', { name: 'Connection' }).getByText('live').waitFor();
+    stations = [t.lab.practise('station-1', 'anna.bauer', 'autumn-knee', [...kGood, '--seconds', '300', '--hand-repeat', '0']), t.lab.practise('station-2', 'ben.osei', 'autumn-knee', [...kGood, '--hand-plan', 'depth:0.012', '--seconds', '8'])];
+    const tile = page.getByRole('listitem', { name: 'Station station-1' });
+    await tile.getByText('practising').waitFor();
+    await tile.getByText('anna.bauer').waitFor();
+    await page.getByText('2 of 2 stations are in use.').waitFor();
+    // the hand goes in and out: depth moves, and the tissue at the tip is named; to the end once, so that the target was reached
+    const depths = new Set();
+    let deepest = false;
+    await until('one way in and out', async () => {
+      const text = await tile.innerText();
+      depths.add(/Depth\s+([\d.]+\s\S+)/.exec(text)?.[1]);
+      const layer = / in (skin|fat|muscle|capsule|other|bone)/.exec(text)?.[1];
+      deepest ||= layer === 'other';
+      return deepest && depths.size >= 4 && layer !== 'other';
+    });
+    await accessible(page, 'the live lab');
+    stations[0].child.kill('SIGTERM');
+  });
+
+  it('sees in the matrix who passed, and goes down to a session', async () => {
+    for (const station of stations) assert.equal(await station.ended, 0, station.said);
+    await page.getByRole('listitem', { name: 'Station station-1' }).getByText('offline').waitFor();
+    await open(page, t.lab, '#/results?course=autumn-course&group=autumn', 'Results');
+    const matrix = page.getByRole('region', { name: 'Results' });
+    await matrix.waitFor();
+    assert.equal(await matrix.getByRole('row').count(), 1 + kClass.length);
+    const row = (name) => matrix.getByRole('row', { name: new RegExp(`^${name}`) });
+    await row('Anna Bauer').locator('.mark-good').getByText('passed').waitFor();
+    await row('Ben Osei').getByText('not passed').waitFor();
+    // who has not passed the knee may not begin the ball
+    await row('Ben Osei').getByText('locked').waitFor();
+    await row('Li, Chen').getByText('not begun').waitFor();
+    assert.match(await row('Ben Osei').innerText(), /2 left/);
+    await accessible(page, 'the results');
+    await row('Ben Osei').getByRole('link', { name: /best session/ }).click();
+    await page.getByRole('heading', { level: 1, name: 'ben.osei: autumn-knee' }).waitFor();
+  });
+
+  it('reads the session: the score explains itself, plots, replay', async () => {
+    await page.getByRole('heading', { name: 'Replay' }).waitFor();
+    await page.getByText(/not passed/).first().waitFor();
+    const score = page.getByRole('region', { name: /^Measures/ });
+    await score.getByText(/Target not reached/i).first().waitFor();
+    assert.match(await score.getByRole('row', { name: /peak_force_n/ }).first().innerText(), /within the 6 N allowed[\s\S]*at most 6\sN[\s\S]*met/);
+    for (const title of ['Force over time', 'Depth over time', 'Speed over time']) assert.ok((await page.getByRole('group', { name: title }).locator('canvas').boundingBox()).height > 100);
+    // what the plot says in words is what the server has
+    const id = page.url().split('/').at(-1);
+    const samples = await api(page, `sessions/${id}/samples?points=2000`);
+    const peak_N = Math.max(...samples.columns.force_n);
+    const words = await page.getByText(/^Force: from .* N between/).innerText();
+    assert.ok(Math.abs(Number(/to ([\d.]+) N/.exec(words)[1]) - peak_N) < 0.01, `${words} but ${peak_N} N`);
+
+    // closer: finer samples of that stretch are asked for
+    const plot = page.getByRole('group', { name: 'Force over time' }).locator('.u-over');
+    await plot.scrollIntoViewIfNeeded();
+    const box = await plot.boundingBox();
+    const finer = page.waitForResponse((r) => /samples\?.*from_s=/.test(r.url()) && r.ok());
+    await page.mouse.move(box.x + box.width * 0.3, box.y + 40);
+    await page.mouse.down();
+    await page.mouse.move(box.x + box.width * 0.5, box.y + 45, { steps: 5 });
+    await page.mouse.up();
+    await finer;
+    await page.getByRole('button', { name: 'Show the whole recording' }).click();
+
+    const moment = page.getByRole('slider', { name: 'Moment' });
+    await moment.fill('1');
+    const before = await page.locator('.tip-now').first().getAttribute('cy');
+    await page.getByLabel('Speed', { exact: true }).selectOption('4');
+    await page.getByRole('button', { name: 'Play' }).click();
+    await until('the replay to move on', async () => Number(await moment.inputValue()) > 1.2);
+    await page.getByRole('button', { name: 'Pause' }).click();
+    await moment.fill('2');
+    await page.getByText(/^0:02\.0: in .* deep, /).waitFor();
+    assert.notEqual(await page.locator('.tip-now').first().getAttribute('cy'), before);
+    await accessible(page, 'a session');
+  });
+
+  it('an instructor annotates what a manager may only read', async () => {
+    const address = page.url().slice(t.lab.base.length);
+    assert.equal(await page.getByLabel(/^Remark at/).count(), 0, 'managers do not annotate');
+    const ines = await t.browser.as('ines');
+    await open(ines, t.lab, address);
+    await ines.getByRole('slider', { name: 'Moment' }).fill('2.5');
+    await ines.getByLabel(/^Remark at/).fill('Stopped too early: the capsule was still ahead.');
+    await ines.getByRole('button', { name: /^Add at/ }).click();
+    await ines.getByText('Stopped too early').waitFor();
+    // where it was written it stands, also for others
+    await page.reload();
+    await page.getByRole('region', { name: 'Annotations' }).getByRole('button', { name: '0:02.5: go to this moment' }).click();
+    assert.ok(Math.abs(Number(await page.getByRole('slider', { name: 'Moment' }).inputValue()) - 2.5) < 0.01);
+    await done(ines);
+  });
+
+  it('exports samples and scores as CSV with units', async () => {
+    const samples = await downloaded(page, () => page.getByRole('link', { name: 'Samples as CSV' }).click());
+    const lines = samples.text.trimEnd().split(/\r?\n/);
+    const head = lines.find((line) => !line.startsWith('#')).split(',');
+    for (const column of ['time_ns', 'fz_n', 'insertion_m', 'speed_m_s']) assert.ok(head.includes(column), `${column} in ${head}`);
+    const id = page.url().split('/').at(-1);
+    const { samples: count } = await api(page, `sessions/${id}`);
+    assert.equal(lines.filter((line) => /^[\d-]/.test(line)).length, count);
+
+    await open(page, t.lab, '#/exports', 'Exports');
+    await page.getByLabel('Course').selectOption('autumn-course');
+    await page.getByLabel('Group').selectOption('autumn');
+    const scores = await downloaded(page, () => page.getByRole('link', { name: 'Download scores as CSV' }).click());
+    assert.match(scores.text, /^trainee,exercise_id,attempt,session_id,.*measure,value,unit,/);
+    assert.match(scores.text, /^ben\.osei,autumn-knee,1,.*,peak_force_n,[\d.e-]+,N,,6,yes\r?$/m);
+    assert.ok(!/^(tina|chen)/m.test(scores.text), 'only who has practised, only of this group');
+    await accessible(page, 'the exports');
+    await settled(page);
+    await done(page);
+  });
+}
