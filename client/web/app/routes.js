@@ -15,7 +15,9 @@ import { PersonPage } from './pages/person.js';
 import { ProfileEditor } from './pages/profile_editor.js';
 import { ProfilesPage } from './pages/profiles.js';
 import { ProgressPage } from './pages/progress.js';
+import { ReferencePage } from './pages/reference.js';
 import { ResultsPage } from './pages/results.js';
+import { RetentionPage } from './pages/retention.js';
 import { CourseRevisions, ProfileRevisions } from './pages/revisions.js';
 import { SessionPage } from './pages/session.js';
 import { SessionsPage } from './pages/sessions.js';
@@ -41,10 +43,12 @@ export const kRoutes = [
   { path: '/mine', page: MinePage, action: 'see own', section: 'My results' },
   { path: '/results', page: ResultsPage, action: 'see results', section: 'Results' },
   { path: '/progress/:name', page: ProgressPage, action: 'see sessions', section: 'Results' },
+  { path: '/references/:exercise', page: ReferencePage, action: 'set reference', section: 'Results' },
   { path: '/live', page: LivePage, action: 'see live', section: 'Live lab' },
   { path: '/sessions/:id', page: SessionPage, action: 'see sessions', section: 'Sessions' },
   { path: '/sessions', page: SessionsPage, action: 'see sessions', section: 'Sessions' },
   { path: '/exports', page: ExportsPage, action: 'export', section: 'Exports' },
   { path: '/audit', page: AuditPage, action: 'see audit', section: 'Audit' },
+  { path: '/retention', page: RetentionPage, action: 'retention', section: 'Retention' },
   { path: '/upkeep', page: UpkeepPage, action: 'upkeep', section: 'Upkeep' },
 ];

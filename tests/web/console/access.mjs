@@ -6,7 +6,7 @@ import { kPassword } from './lab.mjs';
 import { api } from './week.mjs';
 
 const kPages = ['/', '/account', '/people', '/people/import', '/people/tina', '/groups', '/groups/both', '/profiles', '/profiles-new', '/profiles/knee-adult', '/profiles/wrist-adult/revisions', '/courses', '/courses-new', '/courses/rheumatology-basics',
-  '/courses/rheumatology-basics/revisions', '/assignments', '/results?course=rheumatology-basics', '/progress/tina', '/live', '/sessions', 'SESSION', '/exports', '/audit', '/upkeep', '/nowhere'];
+  '/courses/rheumatology-basics/revisions', '/assignments', '/results?course=rheumatology-basics', '/progress/tina', '/live', '/sessions', 'SESSION', '/references/knee-recess', '/exports', '/retention', '/audit', '/upkeep', '/nowhere'];
 
 /** Tab until the focus is on what is called so; everything on the way must show that it has the focus. */
 async function tabTo(page, name, most = 120) {

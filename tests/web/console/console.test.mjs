@@ -6,6 +6,7 @@ import { Browser } from './browser.mjs';
 import { Lab } from './lab.mjs';
 import { roles } from './roles.mjs';
 import { trouble } from './trouble.mjs';
+import { upkeep } from './upkeep.mjs';
 import { api, week } from './week.mjs';
 
 const t = {};
@@ -32,6 +33,7 @@ describe('the web console', { concurrency: false }, () => {
     });
     trouble(t);
   });
+  describe('upkeep', () => upkeep(t));
   describe('roles', () => roles(t));
   describe('access', () => access(t));
   it('the server stops in order', async () => assert.equal(await t.lab.stopServer(), 0, t.lab.server.said));

@@ -31,10 +31,12 @@ const kPages = [
   ['/progress/tina', 'tima', /progress/i, 'people/tina/progress', {}],
   ['/live', 'ima', /^Live lab$/, 'stations', {}],
   ['/sessions', 'tima', /^Sessions$/, 'sessions', { Find: 'tima' }],
-  ['SESSION', 'tima', /^tina: knee-recess$/, 'SESSION', { 'Samples as CSV': 'tima', 'Use as an expert reference': 'ima', 'Add at 0:00.0': 'ia' }],
-  ['/exports', 'imar', /^Exports$/, null, { 'Download scores as CSV': 'ima' }],
+  ['SESSION', 'tima', /^tina: knee-recess$/, 'SESSION', { 'Samples as CSV': 'tima', 'Use as an expert reference': 'ima', 'Excuse attempt 1 of tina': 'ima', 'Add at 0:00.0': 'ia' }],
+  ['/references/knee-recess', 'ima', /^Experts of knee-recess$/, null, { 'Save the choice': 'ima' }],
+  ['/exports', 'imar', /^Exports$/, null, { 'Download scores as CSV': 'ima', 'Download the study': 'ar' }],
+  ['/retention', 'ma', /^Retention$/, 'retention', { 'Save the policy': 'ma', 'Show what would happen': 'ma' }],
   ['/audit', 'a', /^Audit$/, 'audit', { Filter: 'a' }],
-  ['/upkeep', 'a', /^Upkeep$/, 'audit', { 'Back up now': 'a', 'Check now': 'a' }],
+  ['/upkeep', 'a', /^Upkeep$/, 'audit', { 'Back up now': 'a', 'Check now': 'a', 'Score them again': 'a' }],
 ];
 
 /** @param {{lab: import('./lab.mjs').Lab, browser: import('./browser.mjs').Browser}} t */

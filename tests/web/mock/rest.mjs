@@ -65,7 +65,7 @@ const infoOf = (lab, s) => ({
 const attemptOf = (lab, s) => {
   const score = scored(lab, s);
   const number = lab.sessions.filter((o) => o.trainee === s.trainee && o.exercise_id === s.exercise_id && o.started_unix_ms <= s.started_unix_ms).length;
-  return { session_id: s.session_id, trainee: s.trainee, exercise_id: s.exercise_id, number, started_unix_ms: s.started_unix_ms, passed: passedOf(score), state: 'SESSION_COMPLETE', excused: false, score, profile_revision: s.profile_revision, engine_version: '0.1.0', late: false };
+  return { session_id: s.session_id, trainee: s.trainee, exercise_id: s.exercise_id, number, started_unix_ms: s.started_unix_ms, passed: passedOf(score), state: 'SESSION_COMPLETE', excused: !!s.excused, score, profile_revision: s.profile_revision, engine_version: '0.1.0', late: false };
 };
 
 function resultsOf(lab, query, who) {
@@ -200,6 +200,16 @@ export const kTable = [
   ['GET', 'sessions/:id', kPeople, ({ lab, params, who }) => infoOf(lab, sessionOf(lab, params.id, who))],
   ['GET', 'sessions/:id/score', kPeople, ({ lab, params, who }) => { const s = sessionOf(lab, params.id, who), rows = scored(lab, s); return { session_id: s.session_id, definition_version: 1, measures: rows, passed: passedOf(rows), made_unix_ms: s.started_unix_ms + 60_000, first: true, engine_version: '0.1.0' }; }],
   ['POST', 'sessions/:id/rescore', kStaff, ({ lab, params, who }) => { const s = sessionOf(lab, params.id, who), rows = scored(lab, s); return { session_id: s.session_id, definition_version: 1, measures: rows, passed: passedOf(rows), made_unix_ms: Date.now(), first: false, engine_version: '0.1.0' }; }],
+  ['POST', 'sessions/:id/excuse', kStaff, ({ lab, params, body, who }) => { const s = sessionOf(lab, params.id, who); s.excused = body.excused; return attemptOf(lab, s); }],
+  ['POST', 'scores/rescore', kAdmin, ({ lab, body }) => ({ dry_run: !!body.dry_run, definition_version: 1, rescored: lab.sessions.length, left_alone: 0, faults: [], stopped: false })],
+  ['GET', 'retention', kManagers, ({ lab }) => ({ policies: lab.retention ?? [], database_bytes: 12_400_000, free_bytes: 40_960, thinned_sessions: 0, deleted_sessions: 0, last_run_unix_ms: null })],
+  ['PUT', 'retention', kManagers, ({ lab, body, who }) => {
+    const rest = (lab.retention ?? []).filter((p) => p.exercise_id !== body.policy.exercise_id);
+    lab.retention = body.as_default ? rest : [...rest, { ...body.policy, by: who.name, changed_unix_ms: Date.now() }];
+    return {};
+  }],
+  ['POST', 'retention/run', kManagers, ({ body }) => ({ dry_run: !!body.dry_run, stopped: false, thinned: 0, deleted: 0, waiting_for_backup: 0, left_alone: 0, bytes_before: 0, bytes_after: 0, steps: [], free_bytes: 0 })],
+  ['GET', 'studies/:study', ['ADMINISTRATOR', 'RESEARCHER'], ({ lab, params }) => ({ items: [{ kind: 'study', study: params.study, format: 1, people: [...lab.people.values()].filter((p) => p.consent?.given).length, sessions: 0, program: 'mock' }], next_page: '' })],
   ['GET', 'sessions/:id/events', kPeople, ({ lab, params, who }) => {
     const s = sessionOf(lab, params.id, who), t = s.gesture.inserted_s, at = place(s, 'target');
     return { items: [{ kind: 'ASPIRATION', begin_s: t + 0.5, end_s: t + 1, plunger_from: 0.5, plunger_to: 0.4, in_tissue_share: 1, in_target_share: 1, begin: at, end: at }, { kind: 'INJECTION', begin_s: t + 1, end_s: t + 2.5, plunger_from: 0.4, plunger_to: 0.9, in_tissue_share: 1, in_target_share: 0.8, begin: at, end: at }], stored: true, next_page: '' };

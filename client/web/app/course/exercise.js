@@ -52,7 +52,7 @@ export function ExerciseForm({ f, index, profiles, measures }) {
     ${f.text(`${at}.description`, 'Exercise description', { rows: 2, wide: true })}
     <div class="fields">${f.select(`${at}.profile_id`, 'Patient', patients)}${f.number(`${at}.attempts`, 'Attempts', { help: 'empty: as many as one likes' })}${f.number(`${at}.time_limit_s`, 'Time limit', { help: 'empty: none' })}
       <${TextField} label="Due" type="datetime-local" path=${`${at}.due_unix_ms`} problems=${problemsAt(f.problems, `${at}.due_unix_ms`)} value=${toInput(exercise.due_unix_ms)} readonly=${f.readonly} onValue=${(v) => f.set(`${at}.due_unix_ms`)(fromInput(v))} help="empty: any time; an assignment's own date goes before it" /></div>
-    ${exercise.profile_id && html`<p><a href=${href(['profiles', exercise.profile_id])}>Look at the patient</a></p>`}
+    ${exercise.profile_id && html`<p><a href=${href(['profiles', exercise.profile_id])}>Look at the patient</a> · <a href=${href(['references', exercise.id])}>Choose its experts</a></p>`}
     <${Needle} f=${f} at=${at} /><${Prerequisites} f=${f} at=${at} index=${index} /><${Aids} f=${f} at=${at} />
     <${Requirements} f=${f} at=${at} measures=${measures} /></section>`;
 }

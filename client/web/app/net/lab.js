@@ -79,6 +79,7 @@ export const sessions = {
   one: (id, signal) => get(['sessions', id], { signal }),
   score: (id, signal) => get(['sessions', id, 'score'], { signal }),
   rescore: (id) => post(['sessions', id, 'rescore'], {}),
+  excuse: (id, excused, reason) => post(['sessions', id, 'excuse'], { excused, reason }),
   events: (id, signal) => getAll(['sessions', id, 'events'], { signal }),
   samples: (id, query, signal) => get(['sessions', id, 'samples'], { signal, query }),
   /** Remarks stand at moments: `t_s` since the first sample. */
@@ -91,8 +92,29 @@ export const references = {
   put: (exercise, session_ids, revision) => put(['exercises', exercise, 'reference'], { session_ids }, { base_revision: revision }),
 };
 
+export const retention = {
+  all: (signal) => get(['retention'], { signal }),
+  put: (policy) => put(['retention'], { policy }),
+  /** The exercise's own policy is taken away: that of all others holds. */
+  drop: (exercise_id) => put(['retention'], { policy: { exercise_id }, as_default: true }),
+  run: (dry_run) => post(['retention', 'run'], { dry_run }),
+};
+
+/** Records of a study, page by page: `said` is told how many there are so far. */
+export async function studyRecords(study, { exercise, remarks }, said) {
+  const records = [];
+  for (let page = ''; ;) {
+    const reply = await get(['studies', study], { query: { exercise, remarks: remarks ? 'yes' : '', page } });
+    records.push(...reply.items);
+    said(records.length);
+    page = reply.next_page ?? '';
+    if (!page) return records;
+  }
+}
+
 export const upkeep = {
   backup: (path) => post(['backup'], path ? { path } : {}),
   check: () => post(['check'], {}),
+  rescore: (exercise_id, dry_run) => post(['scores', 'rescore'], { exercise_id, dry_run }),
   audit: (query, signal) => get(['audit'], { signal, query }),
 };

@@ -1,11 +1,12 @@
 // Data for other tools: one list of formats, so that the next one is one more line.
 import { may } from '../lib/roles.js';
 import { address } from '../net/api.js';
-import { documents, groups } from '../net/lab.js';
-import { SelectField } from '../ui/fields.js';
-import { useLoad } from '../ui/hooks.js';
+import { documents, exercises, groups, studyRecords } from '../net/lab.js';
+import { saveAs } from '../ui/download.js';
+import { CheckField, SelectField, TextField } from '../ui/fields.js';
+import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
-import { Heading, Loaded } from '../ui/parts.js';
+import { Heading, Loaded, Problem } from '../ui/parts.js';
 
 /** @type {{name: string, words: string, link: (choice: {course: string, group: string}) => string}[]} */
 const kScoreFormats = [
@@ -20,17 +21,41 @@ function Scores({ all }) {
     <ul class="plain">${kScoreFormats.map((f) => html`<li><a class="button main" href=${f.link(choice)} download>Download scores as ${f.name}</a> <span class="help">${f.words}</span></li>`)}</ul></fieldset>`;
 }
 
+/** Who consents, under pseudonyms: a record a line, as the command line writes it. */
+function Study({ all }) {
+  const [ask, setAsk] = useState({ study: '', exercise: '', remarks: false });
+  const [count, setCount] = useState(0);
+  const [result, setResult] = useState(null);
+  const action = useAction();
+  const set = (key) => (value) => setAsk({ ...ask, [key]: value });
+  const save = async (event) => {
+    event.preventDefault();
+    setCount(0);
+    setResult(null);
+    const study = ask.study.trim(), records = await action.run(() => studyRecords(study, ask, setCount));
+    if (!records) return;
+    saveAs(`${study}.jsonl`, records.map((r) => JSON.stringify(r) + '\n').join(''), 'application/x-ndjson');
+    setResult(records.find((r) => r.kind === 'study') ?? { people: 0, sessions: 0 });
+  };
+  return html`<form onSubmit=${save}><fieldset><legend>Study</legend>
+    <p>Scores, measures and profiles of people who consent, under pseudonyms that are the same within one study and tell nothing across studies.</p>
+    <div class="fields"><${TextField} label="Study" value=${ask.study} onValue=${set('study')} required maxlength="64" autocomplete="off" help="its name makes the pseudonyms: the same name, the same people" />
+      <${SelectField} label="Exercise" value=${ask.exercise} onValue=${set('exercise')} options=${[['', 'All exercises'], ...all.exercises.map((e) => [e.id, e.name])]} /></div>
+    <${CheckField} label="With remarks" checked=${ask.remarks} onValue=${set('remarks')} help="Names in them are replaced; read them before you pass them on." />
+    <${Problem} error=${action.error} />
+    <div class="actions"><button type="submit" class="main" disabled=${action.busy}>${action.busy ? `Collecting … ${count} records` : 'Download the study'}</button></div>
+    <div role="status">${result && html`<p>✓ ${result.people} ${result.people === 1 ? 'person' : 'people'}, ${result.sessions} ${result.sessions === 1 ? 'session' : 'sessions'}.${result.people === 0 ? ' Nobody consents yet.' : ''}</p>`}</div></fieldset></form>`;
+}
+
 export function ExportsPage({ person }) {
   const staff = may(person.role, 'see results');
   const load = useLoad(async (signal) => {
-    if (!staff) return { courses: [], groups: [] };
-    const [courses, all_groups] = await Promise.all([documents('courses').all(signal), groups.all(signal)]);
-    return { courses, groups: all_groups };
+    const [courses, all_groups, all_exercises] = await Promise.all([documents('courses').all(signal), staff ? groups.all(signal) : [], exercises(signal)]);
+    return { courses, groups: all_groups, exercises: all_exercises };
   }, [staff]);
-  if (!staff) {
-    return html`<${Heading} title="Exports" /><p>For studies, recordings and scores of people who consent are exported under pseudonyms by the command line:</p>
-      <pre tabindex="0"><code>needlelab-admin --server HOST:PORT --ca FILE --user ${person.name} study export STUDY --out FILE</code></pre>`;
-  }
-  return html`<${Heading} title="Exports" /><${Loaded} load=${load}>${(all) => html`<${Scores} all=${all} />
-    <fieldset><legend>Samples of a session</legend><p>Each <a href="#/sessions">session</a> has its samples as CSV: every tick, units in the header.</p></fieldset>`}<//>`;
+  return html`<${Heading} title="Exports" /><${Loaded} load=${load}>${(all) => html`
+    ${staff && html`<${Scores} all=${all} />
+      <fieldset><legend>Samples of a session</legend><p>Each <a href="#/sessions">session</a> has its samples as CSV: every tick, units in the header.</p></fieldset>`}
+    ${may(person.role, 'export study') && html`<${Study} all=${all} />
+      <p>With the recordings, by the command line:</p><pre tabindex="0"><code>needlelab-admin --server HOST:PORT --ca FILE --user ${person.name} study export STUDY --out FILE</code></pre>`}`}<//>`;
 }

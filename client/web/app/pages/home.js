@@ -14,6 +14,7 @@ const kTasks = [
   ['assign', 'Assignments', '#/assignments', 'Give a course or an exercise to a group or a trainee.'],
   ['see people', 'People and groups', '#/people', 'Who is there, and who belongs together.'],
   ['export', 'Exports', '#/exports', 'Scores and samples as CSV with units, for your own tools.'],
+  ['retention', 'Retention', '#/retention', 'How long recordings are kept whole, and when they go.'],
   ['see audit', 'Audit', '#/audit', 'Who changed what, and when.'],
   ['upkeep', 'Backup and check', '#/upkeep', 'A copy of the database, and whether all of it can be read.'],
 ];

@@ -11,6 +11,7 @@ import { SelectField } from '../ui/fields.js';
 import { useLoad } from '../ui/hooks.js';
 import { html, useMemo } from '../ui/html.js';
 import { Empty, Heading, Loaded, Mark, Table } from '../ui/parts.js';
+import { Excuse } from '../session/excuse.js';
 import { Forbidden } from './forbidden.js';
 import { Verdict } from './sessions.js';
 
@@ -33,19 +34,21 @@ function Curve({ attempts, measure }) {
   return html`<${Chart} ...${drawn} points />`;
 }
 
-function Attempts({ attempts, exercise, measure, go }) {
+function Attempts({ attempts, exercise, measure, go, me, reload }) {
   const measures = useMemo(() => {
     const all = new Map();
     for (const attempt of attempts) for (const row of scoreOf(attempt)) if (!all.has(row.measure)) all.set(row.measure, measureTitle(row));
     return [...all];
   }, [attempts]);
+  const excuses = may(me.role, 'excuse');
   const chosen = measure && measures.some(([name]) => name === measure) ? measure : measures.find(([name]) => name === 'peak_force_n')?.[0] ?? measures[0]?.[0];
   return html`${chosen && html`<div class="filters"><${SelectField} label="Measure" value=${chosen} options=${measures} onValue=${(m) => go(exercise, m)} /></div><${Curve} attempts=${attempts} measure=${chosen} />`}
-    <${Table} caption=${`${attempts.length} attempts, oldest first`} head=${['Attempt', 'Begun', 'Verdict', 'Not met', 'Remarks']}>${attempts.map((a) => html`<tr key=${a.session_id}><th scope="row"><a href=${href(['sessions', a.session_id])}>Attempt ${a.number}</a></th><td>${moment(a.started_unix_ms)}</td><td><${Verdict} passed=${a.passed} /></td>
-      <td class="long">${scoreOf(a).filter((r) => r.passed === false).map(measureTitle).join(', ') || '–'}</td><td>${a.excused && html`<${Mark} kind="info">does not count<//>`}${a.late && html`<${Mark} kind="warn">late<//>`}</td></tr>`)}<//>`;
+    <${Table} caption=${`${attempts.length} attempts, oldest first`} head=${['Attempt', 'Begun', 'Verdict', 'Not met', 'Remarks', ...(excuses ? [html`<span class="visually-hidden">Actions</span>`] : [])]}>${attempts.map((a) => html`<tr key=${a.session_id}><th scope="row"><a href=${href(['sessions', a.session_id])}>Attempt ${a.number}</a></th><td>${moment(a.started_unix_ms)}</td><td><${Verdict} passed=${a.passed} /></td>
+      <td class="long">${scoreOf(a).filter((r) => r.passed === false).map(measureTitle).join(', ') || '–'}</td><td>${a.excused && html`<${Mark} kind="info">does not count<//>`}${a.late && html`<${Mark} kind="warn">late<//>`}</td>
+      ${excuses && html`<td><${Excuse} attempt=${a} done=${reload} /></td>`}</tr>`)}<//>`;
 }
 
-export function Progress({ name, query, base }) {
+export function Progress({ name, query, base, me }) {
   const load = useLoad((signal) => people.progress(name, undefined, signal), [name]);
   const go = (exercise, measure) => { location.hash = href(base, { exercise, measure }); };
   return html`<${Loaded} load=${load}>${(all) => {
@@ -53,7 +56,7 @@ export function Progress({ name, query, base }) {
     if (exercises.length === 0) return html`<${Empty} title="No attempts yet">They appear here after the first practice at a station.<//>`;
     const exercise = exercises.includes(query.exercise) ? query.exercise : exercises.at(-1);
     return html`<div class="filters"><${SelectField} label="Exercise" value=${exercise} options=${exercises.map((e) => [e, e])} onValue=${(e) => go(e, query.measure)} /></div>
-      <${Attempts} attempts=${all.filter((a) => a.exercise_id === exercise)} exercise=${exercise} measure=${query.measure} go=${go} />`;
+      <${Attempts} attempts=${all.filter((a) => a.exercise_id === exercise)} exercise=${exercise} measure=${query.measure} go=${go} me=${me} reload=${load.reload} />`;
   }}<//>`;
 }
 
@@ -61,5 +64,5 @@ export function ProgressPage({ params, query, person }) {
   const own = params.name === person.name;
   if (!own && !may(person.role, 'see results')) return html`<${Forbidden} person=${person} path=${`/progress/${params.name}`} />`;
   return html`<${Heading} title=${own ? 'My progress' : `Progress of ${params.name}`} above=${own ? html`<a href="#/mine">My results</a>` : html`<a href="#/results">Results</a>`} />
-    <${Progress} name=${params.name} query=${query} base=${['progress', params.name]} />`;
+    <${Progress} name=${params.name} query=${query} base=${['progress', params.name]} me=${person} />`;
 }

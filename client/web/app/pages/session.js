@@ -5,11 +5,12 @@ import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
 import { words } from '../lib/units.js';
 import { address } from '../net/api.js';
-import { sessions } from '../net/lab.js';
+import { people, sessions } from '../net/lab.js';
 import { may } from '../lib/roles.js';
 import { useLoad } from '../ui/hooks.js';
 import { html, useEffect, useMemo, useState } from '../ui/html.js';
-import { Empty, Heading, Loaded, Problem } from '../ui/parts.js';
+import { Empty, Heading, Loaded, Mark, Problem } from '../ui/parts.js';
+import { Excuse } from '../session/excuse.js';
 import { Annotations, SyringeEvents } from '../session/notes.js';
 import { Plots } from '../session/plots.js';
 import { Replay } from '../session/replay.js';
@@ -57,6 +58,13 @@ function Recording({ id, session, person }) {
     <${Annotations} id=${id} at_s=${playback.at_s} seek=${act.seek} load=${notes} person=${person} /><${SyringeEvents} id=${id} seek=${act.seek} />`;
 }
 
+/** Which attempt of the exercise this is, and whether it counts. */
+function AttemptFact({ description, person }) {
+  const load = useLoad(async (signal) => (await people.progress(description.trainee, description.exercise_id, signal)).find((a) => a.session_id === description.session_id) ?? null, [description.session_id]);
+  return html`<${Loaded} load=${load}>${(attempt) => (!attempt ? html`<span>is none</span>` : html`number ${attempt.number}
+    ${attempt.excused && html`<${Mark} kind="info">does not count<//>`}${attempt.late && html`<${Mark} kind="warn">late<//>`} ${may(person.role, 'excuse') && html`<${Excuse} attempt=${attempt} done=${load.reload} />`}`)}<//>`;
+}
+
 export function SessionPage({ params, person }) {
   const { id } = params;
   const load = useLoad((signal) => sessions.one(id, signal), [id]);
@@ -64,7 +72,7 @@ export function SessionPage({ params, person }) {
   return html`<${Heading} title=${d ? `${d.trainee}: ${d.exercise_id}` : 'Session'} above=${html`<a href="#/sessions">Sessions</a>`}>${kFormats.map(([name, link]) => html`<a class="button" href=${link(id)} download>${name}</a>`)}<//>
     <${Loaded} load=${load}>${(session) => html`<dl class="facts"><dt>Begun</dt><dd>${moment(d.started_unix_ms)}, ${d.station}</dd><dt>Length</dt><dd>${clock(session.samples / d.rate_hz)} (${session.samples} samples at ${d.rate_hz} Hz)</dd>
         <dt>Patient</dt><dd>${may(person.role, 'see profiles') ? html`<a href=${href(['profiles', d.profile_id])}>${d.profile_id}</a>` : d.profile_id}, revision ${d.profile_revision}</dd><dt>State</dt><dd>${words(String(session.state).replace('SESSION_', ''))}, engine ${d.engine_version}, ${d.device}</dd>
-        <dt>Verdict</dt><dd><${Verdict} passed=${verdict(session.score)} /></dd><dt>More</dt><dd><a href=${href(['progress', d.trainee], { exercise: d.exercise_id })}>Progress over attempts</a></dd></dl>
+        <dt>Verdict</dt><dd><${Verdict} passed=${verdict(session.score)} /></dd>${d.exercise_id && html`<dt>Attempt</dt><dd class="actions"><${AttemptFact} description=${d} person=${person} /></dd>`}<dt>More</dt><dd><a href=${href(['progress', d.trainee], { exercise: d.exercise_id })}>Progress over attempts</a></dd></dl>
       ${session.state === 'SESSION_OPEN' && html`<div class="hint"><p>This session is still being recorded: what is below is what has come so far.</p></div>`}
       <${Score} session=${session} person=${person} /><${Recording} id=${id} session=${session} person=${person} />`}<//>`;
 }

@@ -1,5 +1,6 @@
 // A score that explains itself: requirement, verdict in words, and where experts stand.
 import { may } from '../lib/roles.js';
+import { href } from '../lib/routes.js';
 import { measureTitle } from '../lib/score.js';
 import { moment } from '../lib/time.js';
 import { number, quantity } from '../lib/units.js';
@@ -32,17 +33,18 @@ function Row({ row, band, beside }) {
 export function Score({ session, person }) {
   const { session_id, exercise_id } = session.description;
   const load = useLoad(async (signal) => {
-    const [score, reference] = await Promise.all([sessions.score(session_id, signal), references.one(exercise_id, signal).catch((error) => {
+    const orNone = (error) => {
       if (error.kind !== 'not_found') throw error;
       return null;
-    })]);
+    };
+    const [score, reference] = await Promise.all([sessions.score(session_id, signal).catch(orNone), exercise_id ? references.one(exercise_id, signal).catch(orNone) : null]);
     return { score, reference };
   }, [session_id]);
   const action = useAction();
   const rescore = async () => {
     const score = await action.run(() => sessions.rescore(session_id));
     if (!score) return;
-    load.setData({ ...load.data, score });
+    load.reload();
     announce(`Scored again, by definitions ${score.definition_version}.`);
   };
   const chosen = load.data?.reference?.session_ids ?? [];
@@ -50,12 +52,12 @@ export function Score({ session, person }) {
     const next = chosen.includes(session_id) ? chosen.filter((id) => id !== session_id) : [...chosen, session_id];
     const reference = await action.run(() => references.put(exercise_id, next, load.data.reference?.revision ?? 0));
     if (!reference) return;
-    load.setData({ ...load.data, reference });
-    announce(`${next.length} sessions make the reference of ${exercise_id} now.`);
+    load.reload();
+    announce(`${next.length} ${next.length === 1 ? 'session makes' : 'sessions make'} the reference of ${exercise_id} now.`);
   };
   return html`<section aria-labelledby="score-title"><h2 id="score-title">Score</h2>
     <${Loaded} load=${load}>${({ score, reference }) => {
-      const rows = score.measures ?? score.score ?? [];
+      const rows = score?.measures ?? [];
       if (rows.length === 0) return html`<${Empty} title="There is no score yet">It is made when the session is closed.<//>`;
       const judged = rows.filter((r) => typeof r.passed === 'boolean'), missed = judged.filter((r) => !r.passed);
       const verdict = judged.length === 0 ? html`<${Mark} kind="open">no requirements<//>` : missed.length === 0 ? html`<${Mark} kind="good">passed<//> all ${judged.length} requirements are met` : html`<${Mark} kind="bad">not passed<//> ${missed.length} of ${judged.length} requirements are not met: ${missed.map(measureTitle).join(', ')}`;
@@ -63,11 +65,18 @@ export function Score({ session, person }) {
       const fits = reference?.definition_version === score.definition_version;
       const bandOf = (row) => (fits ? reference?.bands?.find((b) => b.measure === row.measure) : undefined);
       const besideOf = (row) => score.comparison?.find((c) => c.measure === row.measure);
-      const ordered = [...judged, ...rows.filter((r) => typeof r.passed !== 'boolean')];
-      return html`<p>${verdict}</p><${Table} caption=${score.definition_version ? `Measures, by definitions ${score.definition_version}, made ${moment(score.made_unix_ms)}` : 'Measures'} head=${['Measure', 'Value', 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0})`]}>
-          ${ordered.map((row) => html`<${Row} key=${row.measure} row=${row} band=${bandOf(row)} beside=${besideOf(row)} />`)}<//>
+      // the distance from the experts' paths is measured anew each time, whenever the experts were chosen
+      const path = besideOf({ measure: 'dtw_distance_m' });
+      const others = rows.filter((r) => typeof r.passed !== 'boolean' && !(path && r.measure === 'dtw_distance_m'));
+      const table = (caption, list) => html`<${Table} caption=${caption} head=${['Measure', 'Value', 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0})`]}>
+          ${list.map((row) => html`<${Row} key=${row.measure} row=${row} band=${bandOf(row)} beside=${besideOf(row)} />`)}<//>`;
+      const made = score.definition_version ? `, by definitions ${score.definition_version}, made ${moment(score.made_unix_ms)}` : '';
+      return html`<p>${verdict}</p>${path && html`<p>Path of the tip: <strong>${quantity(path.value, 'm')}</strong> on average from the nearest expert's (DTW). <span class="help">${path.words}</span></p>`}
+        ${judged.length > 0 && table(`Measures that were required${made}`, judged)}
+        ${judged.length > 0 && others.length > 0 ? html`<details><summary>${others.length} further measures</summary>${table(`Further measures${made}`, others)}</details>` : others.length > 0 && table(`Measures${made}`, others)}
         <${Problem} error=${action.error} />
-        <div class="actions">${may(person.role, 'set reference') && html`<button type="button" disabled=${action.busy} onClick=${mark}>${chosen.includes(session_id) ? 'Take out of the reference' : 'Use as an expert reference'}</button>`}
-          ${may(person.role, 'rescore') && html`<button type="button" disabled=${action.busy} onClick=${rescore}>Score again by today's definitions</button>`}</div>`;
+        <div class="actions">${may(person.role, 'set reference') && exercise_id && html`<button type="button" disabled=${action.busy} onClick=${mark}>${chosen.includes(session_id) ? 'Take out of the reference' : 'Use as an expert reference'}</button>`}
+          ${may(person.role, 'rescore') && html`<button type="button" disabled=${action.busy} onClick=${rescore}>Score again by today's definitions</button>`}
+          ${may(person.role, 'set reference') && exercise_id && html`<a class="button" href=${href(['references', exercise_id])}>All experts of this exercise</a>`}</div>`;
     }}<//></section>`;
 }

@@ -21,6 +21,7 @@ export const kSections = [
   ['Sessions', '#/sessions', 'see sessions', 's'],
   ['Live lab', '#/live', 'see live', 'l'],
   ['Exports', '#/exports', 'export', 'e'],
+  ['Retention', '#/retention', 'retention', 't'],
   ['Audit', '#/audit', 'see audit', 'u'],
   ['Upkeep', '#/upkeep', 'upkeep', 'k'],
 ];

@@ -1,0 +1,38 @@
+// An attempt that shall not count, such as one in which the station failed.
+import { sessions } from '../net/lab.js';
+import { announce } from '../ui/announce.js';
+import { TextField } from '../ui/fields.js';
+import { useAction } from '../ui/hooks.js';
+import { html, useState } from '../ui/html.js';
+import { Dialog, Problem } from '../ui/parts.js';
+
+function Reason({ attempt, close, done }) {
+  const [reason, setReason] = useState('');
+  const action = useAction();
+  const save = async (event) => {
+    event.preventDefault();
+    if (!(await action.run(() => sessions.excuse(attempt.session_id, true, reason.trim())))) return;
+    announce(`Attempt ${attempt.number} of ${attempt.trainee} does not count.`);
+    done();
+  };
+  return html`<${Dialog} title=${`Excuse attempt ${attempt.number} of ${attempt.trainee}?`} close=${close}><form onSubmit=${save}>
+    <p>It takes none of the attempts that are allowed. Recording and score stay; it can count again later.</p>
+    <${TextField} label="Reason" value=${reason} onValue=${setReason} required maxlength="500" help="e.g. the device lost its force; stands in the audit" />
+    <${Problem} error=${action.error} />
+    <div class="actions"><button type="submit" class="main" disabled=${action.busy || !reason.trim()}>Excuse</button><button type="button" onClick=${close}>Cancel</button></div></form><//>`;
+}
+
+/** @param {{attempt: {session_id: string, number: number, trainee: string, excused: boolean}, done: () => void}} props */
+export function Excuse({ attempt, done }) {
+  const [asking, setAsking] = useState(false);
+  const action = useAction();
+  const count = async () => {
+    if (!(await action.run(() => sessions.excuse(attempt.session_id, false, '')))) return;
+    announce(`Attempt ${attempt.number} of ${attempt.trainee} counts again.`);
+    done();
+  };
+  const which = `attempt ${attempt.number} of ${attempt.trainee}`;
+  return html`${attempt.excused ? html`<button type="button" class="small" disabled=${action.busy} aria-label=${`Let ${which} count again`} onClick=${count}>Let it count again</button>`
+    : html`<button type="button" class="small" aria-label=${`Excuse ${which}`} onClick=${() => setAsking(true)}>Excuse …</button>`}<${Problem} error=${action.error} />
+    ${asking && html`<${Reason} attempt=${attempt} close=${() => setAsking(false)} done=${() => { setAsking(false); done(); }} />`}`;
+}

@@ -1,0 +1,95 @@
+// What keeps the lab's memory: consent and studies, retention, backup, scores anew, the audit, a person's own data.
+import assert from 'node:assert/strict';
+import { existsSync } from 'node:fs';
+import { it } from 'node:test';
+import { accessible, done, downloaded, open, settled } from './browser.mjs';
+import { api } from './week.mjs';
+
+/** @param {{lab: import('./lab.mjs').Lab, browser: import('./browser.mjs').Browser}} t */
+export function upkeep(t) {
+  it('only who consents is in a study, and by a pseudonym', async () => {
+    const [rhea, tina] = [await t.browser.as('rhea'), await t.browser.as('tina')];
+    const exported = async (study) => {
+      await rhea.getByLabel('Study', { exact: true }).fill(study);
+      const file = await downloaded(rhea, () => rhea.getByRole('button', { name: 'Download the study' }).click());
+      await rhea.getByRole('status').getByText(/✓ \d+ (person|people)/).waitFor();
+      return file.text.trimEnd().split('\n').map((line) => JSON.parse(line));
+    };
+    await open(rhea, t.lab, '#/exports', 'Exports');
+    assert.equal((await exported('before'))[0].people, 0);
+    await open(tina, t.lab, '#/account', 'My account');
+    await tina.getByLabel('Recordings may be used in studies').check();
+    await tina.getByText('Consent was recorded.').waitFor();
+    const records = await exported('after');
+    assert.equal(records[0].people, 1);
+    assert.ok(records[0].sessions >= 1);
+    assert.ok(!records.some((r) => JSON.stringify(r).includes('tina')), 'the name is in the export');
+    await accessible(rhea, 'the exports as a researcher');
+    await done(rhea);
+    await done(tina);
+  });
+
+  it('a person gets everything that is stored of it', async () => {
+    const tina = await t.browser.as('tina');
+    await open(tina, t.lab, '#/account', 'My account');
+    const thing = tina.getByRole('button', { name: 'Download as JSON' }).or(tina.getByRole('link', { name: 'Download as JSON' }));
+    const file = await downloaded(tina, () => thing.click());
+    assert.equal(file.name, 'tina.json');
+    const kept = JSON.parse(file.text);
+    const kinds = new Set((kept.items ?? kept.records ?? kept).map((r) => r.kind));
+    for (const kind of ['person', 'session', 'consent']) assert.ok(kinds.has(kind), `${kind} in ${[...kinds]}`);
+    await done(tina);
+  });
+
+  it('retention: a policy is set, what would happen is shown, and it is taken away again', async () => {
+    const page = await t.browser.as('mara');
+    await open(page, t.lab, '#/retention', 'Retention');
+    await page.getByText('Nothing is set').waitFor();
+    await page.getByLabel('Exercise').selectOption('knee-recess');
+    await page.getByLabel(/^Thin out after/).fill('30');
+    await page.getByText('how many samples a second are left').waitFor();
+    assert.ok(await page.getByRole('button', { name: 'Save the policy' }).isDisabled());
+    await page.getByLabel(/^Samples left/).fill('100');
+    await page.getByLabel(/^Delete after/).fill('10');
+    await page.getByText('later than the thinning').waitFor();
+    await page.getByLabel(/^Delete after/).fill('365');
+    await page.getByRole('button', { name: 'Save the policy' }).click();
+    const row = page.getByRole('row', { name: /suprapatellar/ });
+    await row.waitFor();
+    assert.match(await row.innerText(), /after 30 days: to 100 samples a second\s+after 365 days\s+waits\s+mara/);
+    const [policy] = (await api(page, 'retention')).policies;
+    assert.deepEqual([policy.exercise_id, policy.thin_after_days, policy.thin_rate_hz, policy.delete_after_days, policy.without_backup], ['knee-recess', 30, 100, 365, false]);
+    await page.getByRole('button', { name: 'Show what would happen' }).click();
+    await page.getByText(/0 thinned, 0 deleted/).waitFor();
+    assert.ok(await page.getByRole('button', { name: /^Run now/ }).isDisabled(), 'there is nothing to do');
+    await accessible(page, 'retention');
+    await row.getByRole('button', { name: /^Take away/ }).click();
+    await page.getByText('Nothing is set').waitFor();
+    await done(page);
+  });
+
+  it('backup and check while the lab goes on; scores anew; all of it in the audit', async () => {
+    const page = await t.browser.as('ada');
+    await open(page, t.lab, '#/upkeep', 'Upkeep');
+    const copy = t.lab.path('copy.db');
+    await page.getByLabel(/^File on the server/).fill(copy);
+    await page.getByRole('button', { name: 'Back up now' }).click();
+    await page.getByText(/verified.*pieces of recordings read back/s).first().waitFor();
+    assert.ok(existsSync(copy));
+    await page.getByRole('button', { name: 'Check now' }).click();
+    await page.getByText('all is well').waitFor();
+    await page.getByRole('button', { name: 'How many are there?' }).click();
+    await page.getByText(/0 scored by definitions \d/).waitFor();
+    // a second time to the same file: refused, and said
+    page.expected.add(400).add(409).add(500);
+    await page.getByRole('button', { name: 'Back up now' }).click();
+    await page.getByText('There is no new backup').waitFor();
+
+    await open(page, t.lab, '#/audit?action=backup', 'Audit');
+    await page.getByRole('row', { name: /ada\s+backup/ }).first().waitFor();
+    await page.getByRole('link', { name: 'Show all' }).click();
+    await settled(page);
+    for (const action of ['profile import', 'curriculum import', 'user import']) await page.getByRole('cell', { name: action }).first().waitFor();
+    await done(page);
+  });
+}
