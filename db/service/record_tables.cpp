@@ -178,6 +178,11 @@ std::string expressionOf(const RecordColumn& column) {
   return name;
 }
 
+/// What a column is called in a record, where "kind" says which table it is of.
+std::string_view fieldOf(const RecordColumn& column) {
+  return column.name == "kind" ? std::string_view("what") : column.name;
+}
+
 bool isWritten(const RecordColumn& column, bool secrets) {
   return secrets || !column.secret;
 }
@@ -200,7 +205,7 @@ RecordJson valueOf(const RecordColumn& column, const Statement& row, int at) {
 }
 
 Error recordFault(const RecordColumn& column, const std::string& words) {
-  return {ErrorCode::kInvalidInput, std::string(column.name) + ": " + words};
+  return {ErrorCode::kInvalidInput, std::string(fieldOf(column)) + ": " + words};
 }
 
 /// Binds a record's value for a column. kInvalidInput: of another type; a session that is not there.
@@ -259,7 +264,7 @@ Status bindKeys(Connection& connection, Statement& statement, const RecordTable&
                 const RecordJson& record) {
   for (const RecordColumn& column : table.columns) {
     if (!column.is_key) continue;
-    const auto value = record.find(column.name);
+    const auto value = record.find(fieldOf(column));
     if (value == record.end() || value->is_null()) return recordFault(column, "is missing");
     if (auto bound = bindValue(connection, statement, column, *value); !bound) return bound;
   }
@@ -305,7 +310,7 @@ RecordJson recordOf(const RecordTable& table, const Statement& row, bool secrets
   RecordJson record{{"kind", table.kind}};
   int at = 0;
   for (const RecordColumn& column : table.columns) {
-    if (isWritten(column, secrets)) record[std::string(column.name)] = valueOf(column, row, at++);
+    if (isWritten(column, secrets)) record[std::string(fieldOf(column))] = valueOf(column, row, at++);
   }
   return record;
 }
@@ -323,7 +328,7 @@ Status insertRecord(Connection& writer, const RecordTable& table, const RecordJs
   for (const auto& [name, value] : record.items()) {
     const bool known =
         name == "kind" || std::any_of(table.columns.begin(), table.columns.end(),
-                                      [&name = name](const auto& column) { return column.name == name; });
+                                      [&name = name](const auto& column) { return fieldOf(column) == name; });
     if (!known) return Error{ErrorCode::kInvalidInput, "unknown field '" + name + "'"};
   }
   std::string columns, places;
@@ -334,7 +339,7 @@ Status insertRecord(Connection& writer, const RecordTable& table, const RecordJs
   auto insert = writer.prepare("INSERT INTO " + std::string(table.table) + " (" + columns + ") VALUES (" +
                                places + ")");
   for (const RecordColumn& column : table.columns) {
-    const auto value = record.find(column.name);
+    const auto value = record.find(fieldOf(column));
     auto bound =
         value == record.end() ? bindMissing(insert, column) : bindValue(writer, insert, column, *value);
     if (!bound) return bound;

@@ -1,5 +1,6 @@
 // Everything out and in again; studies; a person's data out, and away.
 #include <algorithm>
+#include <array>
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -9,6 +10,7 @@
 #include "base/atomic_file.h"
 #include "db/annotation_store.h"
 #include "db/erasure_store.h"
+#include "db/event_store.h"
 #include "db/score_store.h"
 #include "dump.h"
 #include "test_service.h"
@@ -156,6 +158,14 @@ void fillAtRandom(Connection& c, std::uint64_t seed) {
     ASSERT_OK(ScoreStore(c).put(
         test::scoreOf(id, R"([{"measure":")" + std::string("m") + R"(","value":0.1}])", 1)));
     ASSERT_OK(ScoreStore(c).put(test::scoreOf(id, "[]", 2)));
+    // a stroke's own kind must not take the place of the record's
+    pb::SyringeEvent drawn, pressed;
+    drawn.set_kind(pb::SyringeEvent::ASPIRATION);
+    drawn.set_end_s(static_cast<double>(random() % 1'000'000) / 997.0);
+    drawn.mutable_begin()->set_tissue(text());
+    pressed.set_kind(pb::SyringeEvent::INJECTION);
+    pressed.add_hazards("artery");
+    ASSERT_OK(EventStore(c).put(id, std::array{drawn, pressed}));
     const auto added = AnnotationStore(c).add({0, id, random() % 1000, text(), text(), number(1ull << 62)});
     ASSERT_OK(added);
     ASSERT_OK(
@@ -182,6 +192,9 @@ TEST_F(Records, everythingComesBackExactly) {
   for (const bool secrets : {false, true}) {
     const auto records = exportAll(*store, secrets);
     ASSERT_GT(records.size(), 60u);
+    EXPECT_EQ(std::count_if(records.begin(), records.end(),
+                            [](const std::string& r) { return r.find(R"("kind":"event")") != r.npos; }),
+              14);
     const test::TempFolder elsewhere;
     const auto other = test::openStore(elsewhere.path() / "data");
     const auto plan = importAll(*other, records, 7, true);
