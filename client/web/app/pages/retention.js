@@ -20,7 +20,7 @@ function faultsOf(p) {
   const whole = (path) => isSet(p[path]) && !(Number.isInteger(p[path]) && p[path] >= 0 && p[path] <= 36500) && say(path, 'whole days, at most 36500');
   whole('thin_after_days');
   whole('delete_after_days');
-  if (isSet(p.thin_after_days) && !(p.thin_rate_hz > 0)) say('thin_rate_hz', 'how many samples a second are left, more than 0');
+  if (isSet(p.thin_after_days) && !(p.thin_rate_hz >= 0.1 && p.thin_rate_hz <= 10_000)) say('thin_rate_hz', 'how many samples a second are left: 0.1 to 10000');
   if (isSet(p.thin_coarser) && !(p.thin_coarser >= 1 && p.thin_coarser <= 1000)) say('thin_coarser', '1 to 1000');
   if (isSet(p.thin_after_days) && isSet(p.delete_after_days) && p.delete_after_days <= p.thin_after_days) say('delete_after_days', 'later than the thinning');
   return faults;
