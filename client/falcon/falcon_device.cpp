@@ -164,6 +164,7 @@ Status FalconDevice::loadFirmware(falcon::FalconLink& link) {
 }
 
 void FalconDevice::run(std::unique_ptr<falcon::FalconLink> link) noexcept {
+  static_cast<void>(::pthread_setname_np(::pthread_self(), "falcon-usb"));
   useFifo(options_.priority);
   while (!stop_) {
     if (link) {

@@ -1,11 +1,16 @@
 #include "falcon/falcon_usb_link.h"
 
 #include <poll.h>
+#include <sys/ioctl.h>
 #include <time.h>
 
+#include <linux/usbdevice_fs.h>
+
 #include <algorithm>
+#include <cerrno>
 
 #include "base/clock.h"
+#include "device/last_word.h"
 #include "falcon/falcon_geometry.h"
 
 namespace needlelab::falcon {
@@ -16,6 +21,22 @@ constexpr std::uint8_t kVendorRequest = 0x40;  // out, vendor, to the device
 constexpr unsigned kWriteTimeout_ms = 100;
 constexpr int kMostFailuresInARow = 10;
 constexpr std::int64_t kLastTransfers_ns = 1'000'000'000;
+
+// lights out, zero torque; made before anything can crash
+Packet no_force = encodeCommand({});
+
+// In a signal's handler, past libusb, whose state may be broken: the kernel sends it behind whatever is under
+// way to the device, and waits until the device has it.
+bool sayNoForce(int file) noexcept {
+  constexpr unsigned kEndpoint = 0x02, kTimeout_ms = 50;
+  usbdevfs_bulktransfer transfer{kEndpoint, kPacketBytes, kTimeout_ms, no_force.data()};
+  int sent = -1;
+  for (int tries = 0; tries < 2 && sent < 0; ++tries) {
+    sent = ::ioctl(file, USBDEVFS_BULK, &transfer);
+    if (sent < 0 && errno != EINTR) break;
+  }
+  return sent == static_cast<int>(kPacketBytes);
+}
 
 timespec asTimespec(std::int64_t ns) {
   return {static_cast<std::time_t>(ns / 1'000'000'000), static_cast<long>(ns % 1'000'000'000)};
@@ -171,9 +192,18 @@ Status UsbLink::startStream(LinkListener& listener) {
     files_.push_back({list[i]->fd, list[i]->events, 0});
   libusb_free_pollfds(list);
   for (Read& read : reads_) submit(read);
+  offerToSayZero();
   if (!lost_) return {};
   stopStream();
   return said("starting to read", LIBUSB_ERROR_NO_DEVICE);
+}
+
+void UsbLink::offerToSayZero() const noexcept {
+  // libusb waits on usbfs for "can be written", on its own files for "can be read"; this is the one device
+  // that it has open
+  const auto device = std::find_if(files_.begin(), files_.end(),
+                                   [](const pollfd& file) { return (file.events & POLLOUT) != 0; });
+  if (device != files_.end()) offerLastWord(&sayNoForce, device->fd);
 }
 
 bool UsbLink::send(const Packet& packet) noexcept {
@@ -219,6 +249,7 @@ bool UsbLink::anythingPending() const noexcept {
 
 void UsbLink::stopStream() noexcept {
   stopping_ = true;
+  withdrawLastWord();
   for (const Read& read : reads_)
     if (read.pending) static_cast<void>(libusb_cancel_transfer(read.transfer));
   if (write_pending_) static_cast<void>(libusb_cancel_transfer(write_));

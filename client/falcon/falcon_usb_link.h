@@ -53,6 +53,7 @@ class UsbLink final : public FalconLink {
   void submit(Read& read) noexcept;
   [[nodiscard]] bool anythingPending() const noexcept;
   void handleEvents(long microseconds) noexcept;
+  void offerToSayZero() const noexcept;
   Status said(const std::string& doing, int code);
 
   libusb_context* context_;

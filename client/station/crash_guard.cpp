@@ -12,6 +12,8 @@
 #include <cstring>
 #include <ctime>
 
+#include "device/last_word.h"
+
 namespace needlelab {
 namespace {
 
@@ -49,9 +51,18 @@ void pauseMs(long ms) noexcept {
 // in the crashed thread; only what is safe in a signal's handler
 void onCrash(int signal) {
   ServoLoop* loop = guarded_loop.load(std::memory_order_acquire);
-  if (loop != nullptr && thisThread() == haptic_thread.load(std::memory_order_acquire)) {
+  if (loop != nullptr && thisThread() == lastWordThread()) {
+    // nobody is left who could send what the loop says
+    const bool said = sayLastWord();
+    loop->crashStop();
+    tell(said
+             ? "station: the device's own thread crashed; it was told that there is no force\n"
+             : "station: the device's own thread crashed and the device cannot be told; its own watchdog has "
+               "to take the force away\n");
+  } else if (loop != nullptr && thisThread() == haptic_thread.load(std::memory_order_acquire)) {
     tell("station: the haptic thread itself crashed; the device's own watchdog takes the force away\n");
     pauseMs(kDeviceWatchdog_ms);
+    sayLastWord();
   } else if (loop != nullptr) {
     loop->crashStop();
     tell("station: a part of the program crashed; taking the force away\n");
@@ -59,6 +70,8 @@ void onCrash(int signal) {
     if (!loop->ended()) tell("station: the haptic loop did not answer; the device's own watchdog has to\n");
     // the loop's last word, no force, is still on its way through a device with a thread of its own
     pauseMs(kLastWord_ms);
+    // should that thread be stuck, by a lock that this one holds
+    sayLastWord();
   }
   // die by the same signal, as if nobody had looked
   struct sigaction by_default {};

@@ -11,7 +11,7 @@ namespace needlelab {
 /// do what they always did: the program dies by that signal, with its core dump. On the haptic thread itself
 /// there is no loop left that could do anything: the program dies 50 ms later, in which a backend with a
 /// thread of its own (the Falcon's) misses the loop and sends zero; else the device's own watchdog takes the
-/// force away.
+/// force away. When that thread itself crashes, or cannot go on, this handler sends the zero (last_word.h).
 ///
 /// One at a time. Thread: made and destroyed by one, while no loop runs; `haptic` on the haptic thread. The
 /// loop must outlive it.

@@ -200,6 +200,8 @@ void UsbPort::unplug() {
     gone_ = true;
     for (std::deque<Transfer>* queue : {&in_, &out_})
       for (; !queue->empty(); queue->pop_front()) finish(queue->front(), -ESHUTDOWN, 0);
+    for (; !waiting_writes_.empty(); waiting_writes_.pop_front())
+      umockdev_ioctl_client_complete(waiting_writes_.front().client, -1, ENODEV);
     claimed_by_ = nullptr;
     detach();
   }

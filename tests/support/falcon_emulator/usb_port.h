@@ -65,6 +65,12 @@ class UsbPort {
     _UMockdevIoctlData* urb = nullptr;
     _UMockdevIoctlClient* client = nullptr;
   };
+  /// A bulk transfer to the device for which its caller waits in the ioctl.
+  struct WaitingWrite {
+    _UMockdevIoctlClient* client = nullptr;
+    Bytes bytes;
+    TimePoint end;
+  };
   struct Glue;  ///< C callbacks of umockdev and GLib
 
   void attach();
@@ -73,6 +79,7 @@ class UsbPort {
   bool submit(_UMockdevIoctlClient* client);
   void reap(_UMockdevIoctlClient* client);
   void discard(_UMockdevIoctlClient* client);
+  void writeAndWait(_UMockdevIoctlClient* client);
   bool controlNow(Transfer& transfer, TimePoint now);
   void finish(const Transfer& transfer, int status, std::size_t actual);
   void pump();
@@ -102,6 +109,7 @@ class UsbPort {
   _UMockdevIoctlClient* claimed_by_ = nullptr;
   std::deque<Transfer> in_, out_;  ///< in flight
   std::deque<Transfer> finished_;  ///< to be reaped
+  std::deque<WaitingWrite> waiting_writes_;
   UsbCounts counts_;
 };
 

@@ -39,6 +39,16 @@ void UsbPort::pump() {
     finish(out_.front(), 0, size);
     out_.pop_front();
   }
+  // behind what was submitted before
+  while (out_.empty() && !waiting_writes_.empty()) {
+    const WaitingWrite& call = waiting_writes_.front();
+    const bool taken = peripheral_.out(call.bytes, now);
+    if (!taken && now < call.end) break;
+    counts_.out_transfers += taken ? 1 : 0;
+    umockdev_ioctl_client_complete(call.client, taken ? static_cast<glong>(call.bytes.size()) : -1,
+                                   taken ? 0 : ETIMEDOUT);
+    waiting_writes_.pop_front();
+  }
   while (!in_.empty()) {
     usbdevfs_urb& urb = urbOf(in_.front().urb);
     const auto data = peripheral_.in(static_cast<std::size_t>(urb.buffer_length), now);
@@ -49,11 +59,12 @@ void UsbPort::pump() {
     in_.pop_front();
   }
   showReadiness();
-  if (in_.empty() && out_.empty()) {
+  if (in_.empty() && out_.empty() && waiting_writes_.empty()) {
     armTimer(TimePoint::max());
   } else {
     const std::size_t room = in_.empty() ? 0 : static_cast<std::size_t>(urbOf(in_.front().urb).buffer_length);
-    armTimer(peripheral_.nextEvent(room, now));
+    const TimePoint next = peripheral_.nextEvent(room, now);
+    armTimer(waiting_writes_.empty() ? next : std::min(next, waiting_writes_.front().end));
   }
 }
 
@@ -114,6 +125,27 @@ bool UsbPort::submit(_UMockdevIoctlClient* client) {
   umockdev_ioctl_client_complete(client, 0, 0);
   pump();
   return true;
+}
+
+void UsbPort::writeAndWait(_UMockdevIoctlClient* client) {
+  UMockdevIoctlData* const call = umockdev_ioctl_data_resolve(umockdev_ioctl_client_get_arg(client), 0,
+                                                              sizeof(usbdevfs_bulktransfer), nullptr);
+  if (call == nullptr) {
+    umockdev_ioctl_client_complete(client, -1, EFAULT);
+    return;
+  }
+  const auto& asked = *reinterpret_cast<const usbdevfs_bulktransfer*>(call->data);
+  UMockdevIoctlData* const data =
+      umockdev_ioctl_data_resolve(call, offsetof(usbdevfs_bulktransfer, data), asked.len, nullptr);
+  if (data == nullptr || claimed_by_ != client || asked.ep != peripheral_.identity().out_endpoint) {
+    umockdev_ioctl_client_complete(client, -1, data == nullptr ? EFAULT : EINVAL);
+  } else {
+    waiting_writes_.push_back({client, Bytes(data->data, data->data + asked.len),
+                               Clock::now() + std::chrono::milliseconds(asked.timeout)});
+    pump();
+  }
+  if (data != nullptr) umockdev_ioctl_data_unref(data);
+  umockdev_ioctl_data_unref(call);
 }
 
 void UsbPort::reap(_UMockdevIoctlClient* client) {
@@ -230,6 +262,9 @@ bool UsbPort::handle(_UMockdevIoctlClient* client) {
     case USBDEVFS_DISCARDURB:
       discard(client);
       return true;
+    case USBDEVFS_BULK:
+      writeAndWait(client);
+      return true;
     default:
       return answer(ENOTTY);
   }
@@ -244,6 +279,7 @@ void UsbPort::forgetClient(_UMockdevIoctlClient* client) {
       if (one.client == client) umockdev_ioctl_data_unref(one.urb);
     std::erase_if(*queue, [client](const Transfer& one) { return one.client == client; });
   }
+  std::erase_if(waiting_writes_, [client](const WaitingWrite& one) { return one.client == client; });
   if (claimed_by_ == client) claimed_by_ = nullptr;
   clients_.erase(known);
   showReadiness();

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <csignal>
 #include <filesystem>
+#include <fstream>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
@@ -264,6 +265,46 @@ TEST_F(StationWithFalcon, crashedInMidStrokeItLeavesNoTorque) {
   ASSERT_TRUE(code) << child->said();
   EXPECT_NE(*code, kExitDone);
   EXPECT_EQ(falcon_.force().norm(), 0) << child->said();
+}
+
+/// Of the thread with this name; −1 when there is none.
+pid_t threadOf(pid_t process, const std::string& name) {
+  for (const auto& task : std::filesystem::directory_iterator("/proc/" + std::to_string(process) + "/task")) {
+    std::string found;
+    std::getline(std::ifstream(task.path() / "comm"), found);
+    if (found == name) return static_cast<pid_t>(std::stol(task.path().filename().string()));
+  }
+  return -1;
+}
+
+TEST_F(StationWithFalcon, aCrashOfTheDevicesOwnThreadLeavesNoTorque) {
+  falcon_.plug();
+  const auto child = stationInMidStroke(lesson("20"), [](double t) {
+    return Vector3d(0, -(kSkin_m + kDeep_m) * std::min(1.0, t / 0.6), falcon::kOrigin_F_m.z);
+  });
+  if (!child) return;
+  const pid_t thread = threadOf(child->pid(), "falcon-usb");
+  ASSERT_GT(thread, 0);
+  const TimePoint crash = Clock::now();
+  ASSERT_EQ(::syscall(SYS_tgkill, child->pid(), thread, SIGSEGV), 0);
+  const auto code = child->wait(20s);
+  ASSERT_TRUE(code) << child->said();
+  EXPECT_NE(*code, kExitDone);
+  EXPECT_NE(child->said().find("it was told that there is no force"), std::string::npos) << child->said();
+  const auto history = falcon_.history();
+  ASSERT_FALSE(history.empty());
+  EXPECT_EQ(history.back().motors, (std::array<std::int16_t, 3>{}));
+  EXPECT_EQ(falcon_.force().norm(), 0);
+  // the last packet with a force, and that without which the handler sent
+  const auto last_force = std::find_if(history.rbegin(), history.rend(), [](const CommandSeen& seen) {
+    return seen.motors != std::array<std::int16_t, 3>{};
+  });
+  ASSERT_NE(last_force, history.rend());
+  ASSERT_NE(last_force, history.rbegin());
+  const TimePoint without = std::prev(last_force)->at;
+  std::cout << "no force " << std::chrono::duration<double, std::milli>(without - crash).count()
+            << " ms after the crash\n";
+  EXPECT_LT(without - crash, 100ms) << "the machine was late by " << watch_.take().count() << " ms";
 }
 
 }  // namespace

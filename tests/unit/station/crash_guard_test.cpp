@@ -2,6 +2,7 @@
 // and a "view" that dies.
 #include "station/crash_guard.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
@@ -9,6 +10,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cstdlib>
@@ -17,6 +19,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "device/last_word.h"
 #include "fake_loop.h"
 #include "support/sanitized.h"
 #include "support/scenes.h"
@@ -232,6 +235,59 @@ TEST(CrashGuard, aCrashOfTheHapticThreadItselfIsNotWaitedFor) {
   EXPECT_TRUE(WIFSIGNALED(status));
   EXPECT_EQ(WTERMSIG(status), SIGSEGV);
   EXPECT_LT(std::chrono::steady_clock::now() - before, 10s) << "and it does not hang";
+}
+
+// where a device's last word goes
+struct WordPipe {
+  WordPipe() { EXPECT_EQ(::pipe2(ends, O_NONBLOCK | O_CLOEXEC), 0); }
+  ~WordPipe() {
+    ::close(ends[0]);
+    ::close(ends[1]);
+  }
+  static bool say(int file) noexcept { return ::write(file, "0", 1) == 1; }
+  [[nodiscard]] std::string said() const {
+    std::array<char, 16> text{};
+    const ssize_t got = ::read(ends[0], text.data(), text.size());
+    return {text.data(), static_cast<std::size_t>(std::max<ssize_t>(0, got))};
+  }
+  int ends[2] = {-1, -1};
+};
+
+TEST(CrashGuard, aDeviceWhoseOwnThreadCrashesIsToldByTheHandler) {
+  const SharedSeen shared;
+  const WordPipe words;
+  const int status = runChild(*shared.seen, [&] {
+    offerLastWord(&WordPipe::say, words.ends[1]);
+    segfault();
+  });
+  EXPECT_TRUE(WIFSIGNALED(status));
+  EXPECT_EQ(WTERMSIG(status), SIGSEGV);
+  EXPECT_EQ(words.said(), "0");
+}
+
+TEST(CrashGuard, aDeviceWhoseThreadLivesIsToldByTheLoopFirstAndThenOnceMore) {
+  const SharedSeen shared;
+  const WordPipe words;
+  const int status = runChild(*shared.seen, [&] {
+    std::thread([&] { offerLastWord(&WordPipe::say, words.ends[1]); }).join();
+    segfault();
+  });
+  EXPECT_EQ(WTERMSIG(status), SIGSEGV);
+  expectRampToZero(*shared.seen);
+  EXPECT_EQ(words.said(), "0");
+}
+
+TEST(CrashGuard, aDeviceThatWasLetGoIsToldNothing) {
+  const SharedSeen shared;
+  const WordPipe words;
+  const int status = runChild(*shared.seen, [&] {
+    offerLastWord(&WordPipe::say, words.ends[1]);
+    withdrawLastWord();
+    segfault();
+  });
+  EXPECT_EQ(WTERMSIG(status), SIGSEGV);
+  expectRampToZero(*shared.seen);
+  EXPECT_EQ(words.said(), "");
 }
 
 TEST(CrashGuard, aLoopThatNeverAnswersHoldsNobodyUp) {
