@@ -187,7 +187,11 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope) {
   };
   const std::uint64_t request = envelope.has_request() ? envelope.request().id() : 0;
   if (!over() && tooOften(envelope.body_case())) {
-    refuse(pb::Refusal::RATE_LIMITED, text("comes too often"));
+    pb::Refusal refusal = makeRefusal(pb::Refusal::RATE_LIMITED, text("comes too often"));
+    // so that the station knows which one waits for an answer
+    if (envelope.has_open_session())
+      refusal.set_session_id(envelope.open_session().description().session_id());
+    refuse(std::move(refusal), request);
     co_return;
   }
   switch (checkMessage(envelope.body_case(), state_, who_.role)) {

@@ -37,9 +37,11 @@ pb::Refusal sessionRefusal(pb::Refusal::Reason reason, std::string text, const s
 }  // namespace
 
 PeerConnection::Watermarks& PeerConnection::watermarks(const std::string& session_id) {
-  // ids are ordered by time (UUIDv7): the first is the oldest
+  // ids are ordered by time (UUIDv7): the oldest is forgotten, but none whose acknowledgement is still due
   if (sessions_.size() >= context_.bounds.known_sessions && !sessions_.contains(session_id)) {
-    sessions_.erase(sessions_.begin());
+    const auto oldest = std::find_if(sessions_.begin(), sessions_.end(),
+                                     [](const auto& entry) { return !entry.second.ack_due; });
+    if (oldest != sessions_.end()) sessions_.erase(oldest);
   }
   return sessions_[session_id];
 }

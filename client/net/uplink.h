@@ -108,7 +108,7 @@ class Uplink {
   void takeAdded();
   void publish();
   /// Whether the server, when it welcomed us, had this session as open.
-  [[nodiscard]] bool openThere(const UplinkSession& session) const;
+  [[nodiscard]] UplinkSession::There there(const UplinkSession& session) const;
   void sayItIsSentAgain(const UplinkSession& session) const;
   UplinkSession* find(const std::string& session_id);
   void say(const std::string& text) const;

@@ -31,8 +31,9 @@ void Uplink::handle(const pb::Envelope& envelope) {
     case pb::Envelope::kSessionClosed:
       if (events_.closed) events_.closed(envelope.session_closed());
       if (auto* session = find(envelope.session_closed().session_id())) {
+        const bool was_closed = session->closed();
         session->onClosed(envelope.session_closed());
-        if (session != current_)
+        if (session != current_ && !was_closed)
           say("session " + session->spool()->idText() + " of an earlier run is now in the server's database");
       }
       break;

@@ -40,7 +40,9 @@ std::optional<pb::Envelope> UplinkSession::next(bool may_send_chunk) {
     state_ = State::kOpening;
     return openMessage();
   }
-  if (state_ == State::kClosed && !asked_ && safe_ < spool_->contents().chunks) {
+  if (state_ == State::kClosed && std::exchange(end_due_, false)) return closeMessage(spool_->contents());
+  if (state_ == State::kClosed && !asked_ && (end_unsaid_ || safe_ < spool_->contents().chunks)) {
+    if (steadyNowNs() < not_before_ns_) return std::nullopt;
     asked_ = asking_ = true;
     return openMessage();
   }
@@ -91,14 +93,21 @@ pb::Envelope UplinkSession::closeMessage(const SpoolContents& contents) const {
   return envelope;
 }
 
-void UplinkSession::onConnected(bool open_there) {
-  asked_ = asking_ = false;
+void UplinkSession::onConnected(There there) {
+  asked_ = asking_ = end_due_ = false;
+  end_unsaid_ = there == There::kUnsaid;
   // all its chunks are in the restored backup, but not its end
-  if (closed() && open_there) sendAgain(committed_);
+  if (closed() && there == There::kOpen) sendAgain(committed_);
 }
 
 void UplinkSession::onOpened(std::uint64_t next_seq) {
-  if (std::exchange(asking_, false) && closed() && next_seq < spool_->contents().chunks) sendAgain(next_seq);
+  if (closed() && asking_) {
+    if (next_seq < spool_->contents().chunks)
+      sendAgain(next_seq);
+    else if (end_unsaid_)
+      endAgain();
+    asking_ = end_due_;
+  }
   if (state_ != State::kOpening) return;
   const SpoolContents contents = spool_->contents();
   if (next_seq > contents.chunks) {
@@ -126,6 +135,16 @@ void UplinkSession::sendAgain(std::uint64_t next_seq) {
   }
 }
 
+// whether the server has the end cannot be asked: it is told again
+void UplinkSession::endAgain() {
+  end_due_ = true;
+  // until the server says that a backup has the end, too: the ack behind its answer does
+  const std::uint64_t chunks = spool_->contents().chunks;
+  if (chunks == 0 || safe_ < chunks) return;
+  safe_ = chunks - 1;
+  saveReceipt(steadyNowNs(), true);
+}
+
 void UplinkSession::onAck(const pb::Ack& ack) {
   if (closed() && ack.safe_seqs() > safe_) {
     // news of a backup: from now on the spool may let it go
@@ -144,13 +163,22 @@ void UplinkSession::onClosed(const pb::SessionClosed& closed) {
   verdict_ = closed;
   state_ = State::kClosed;
   asked_ = true;  // this connection has just told us
+  asking_ = end_due_ = false;
   committed_ = sent_ = spool_->contents().chunks;
   saveReceipt(steadyNowNs(), true);
 }
 
 void UplinkSession::onRefusal(const pb::Refusal& refusal) {
-  asking_ = false;  // asked again on the next connection
-  if (finished()) return;
+  if (finished()) {
+    // too many questions: a little later again, and no others before. Else on the next connection
+    if (asking_ && refusal.reason() == pb::Refusal::RATE_LIMITED) {
+      asked_ = end_due_ = false;
+      not_before_ns_ = steadyNowNs() + kAskAgain_ns;
+    } else {
+      asking_ = false;
+    }
+    return;
+  }
   switch (refusal.reason()) {
     case pb::Refusal::GAP:
     case pb::Refusal::UNKNOWN_SESSION:

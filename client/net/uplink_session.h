@@ -14,10 +14,17 @@ namespace needlelab {
 
 /// States of a connection: not opened → opening → open → closing → closed; or refused, for good in this run.
 /// A closed session that no verified backup covers is asked for once a connection: a server that was restored
-/// from an older backup has lost it, and gets it again.
+/// from an older backup has lost it, and gets it again. A Welcome names 1,000 open sessions at most
+/// (kFullWelcome); of a station that has more there, each closed session is asked for and its end told again,
+/// which changes nothing at a server that has it.
 /// No network in here: the uplink asks for messages and tells of answers. Thread: one.
 class UplinkSession {
  public:
+  /// Whether the server had a session as open when it welcomed us.
+  enum class There : std::uint8_t { kOpen, kNotOpen, kUnsaid };
+  /// A Welcome with so many open sessions may not have named all (session.proto).
+  static constexpr int kFullWelcome = 1000;
+
   /// `station`: the name that the uplink logs in with; a session that was recorded without one gets it.
   explicit UplinkSession(std::shared_ptr<SpoolSession> spool, std::string station = {});
 
@@ -25,8 +32,8 @@ class UplinkSession {
   /// room.
   std::optional<pb::Envelope> next(bool may_send_chunk);
 
-  /// A new connection; `open_there`: the server's database has it as open.
-  void onConnected(bool open_there);
+  /// A new connection; `there`: what its Welcome said of this session.
+  void onConnected(There there);
   void onOpened(std::uint64_t next_seq);
   void onAck(const pb::Ack& ack);
   void onClosed(const pb::SessionClosed& closed);
@@ -57,6 +64,7 @@ class UplinkSession {
   std::optional<pb::Envelope> nextChunk();
   [[nodiscard]] pb::Envelope openMessage() const;
   void sendAgain(std::uint64_t next_seq);
+  void endAgain();
   [[nodiscard]] pb::Envelope closeMessage(const SpoolContents& contents) const;
 
   std::shared_ptr<SpoolSession> spool_;
@@ -67,6 +75,8 @@ class UplinkSession {
   std::uint64_t safe_ = 0;
   bool asked_ = false;          // on this connection, whether the server still has what it closed
   bool asking_ = false;         // … and it has not answered yet
+  bool end_unsaid_ = false;     // the Welcome did not say whether the server has its end
+  bool end_due_ = false;        // the server has all its chunks: now the end again
   bool reconnected_ = false;    // the connection was lost before
   std::uint32_t reopened_ = 0;  // on the server's demand, since the last ack that brought something
   std::int64_t saved_ns_ = 0, not_before_ns_ = 0;

@@ -91,7 +91,7 @@ Task<> Uplink::serve(ClientConnection connection) {
   welcome_ = std::move(connection.welcome);
   for (const auto& session : sessions_) {
     const bool was_closed = session->closed();
-    session->onConnected(openThere(*session));
+    session->onConnected(there(*session));
     if (was_closed && !session->closed()) sayItIsSentAgain(*session);
   }
   asio::co_spawn(io_, keepTime(), rethrow);
@@ -107,11 +107,14 @@ Task<> Uplink::serve(ClientConnection connection) {
   }
 }
 
-bool Uplink::openThere(const UplinkSession& session) const {
+UplinkSession::There Uplink::there(const UplinkSession& session) const {
   const auto& open = welcome_.open_sessions();
-  return std::any_of(open.begin(), open.end(), [&](const auto& each) {
-    return each.session_id() == session.spool()->description().session_id();
-  });
+  if (std::any_of(open.begin(), open.end(), [&](const auto& each) {
+        return each.session_id() == session.spool()->description().session_id();
+      }))
+    return UplinkSession::There::kOpen;
+  return open.size() < UplinkSession::kFullWelcome ? UplinkSession::There::kNotOpen
+                                                   : UplinkSession::There::kUnsaid;
 }
 
 void Uplink::sayItIsSentAgain(const UplinkSession& session) const {
@@ -141,7 +144,7 @@ void Uplink::takeAdded() {
   for (auto& [spool, current] : added) {
     auto session =
         std::make_unique<UplinkSession>(std::move(spool), config_.client.login.station().station());
-    if (channel_) session->onConnected(openThere(*session));
+    if (channel_) session->onConnected(there(*session));
     if (current) {
       current_ = session.get();
       sessions_.insert(sessions_.begin(), std::move(session));

@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 
+#include <chrono>
+#include <thread>
+
 #include "base/clock.h"
 #include "gesture/chunk.h"
 #include "net/spool_samples.h"
@@ -138,7 +141,7 @@ TEST_F(UplinkSessionTest, aRestoredServerThatHasAllButTheEndClosesItAgain) {
   ASSERT_TRUE(session_->end(false).ok());
   ASSERT_TRUE(session_->setReceipt({3, 0, true, 7}).ok());
   upload_ = std::make_unique<UplinkSession>(session_);
-  upload_->onConnected(true);
+  upload_->onConnected(UplinkSession::There::kOpen);
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(3);
   EXPECT_EQ(sends(), Names{"close"});
@@ -154,7 +157,7 @@ TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHas
   ASSERT_EQ(session_->receipt().safe, 3u);
   // the server was restored from a backup that has all the chunks and not the end
   upload_->onConnectionLost();
-  upload_->onConnected(true);
+  upload_->onConnected(UplinkSession::There::kOpen);
   EXPECT_FALSE(session_->receipt().closed);
   EXPECT_EQ(session_->receipt().safe, 2u);
   EXPECT_EQ(sends(), Names{"open"});
@@ -167,7 +170,7 @@ TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHas
   EXPECT_EQ(spool_->closedButNotSafe().size(), 1u);
   // on the next connection it is asked for, until a backup covers it
   upload_->onConnectionLost();
-  upload_->onConnected(false);
+  upload_->onConnected(UplinkSession::There::kNotOpen);
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(3);
   ack(3, 3);
@@ -184,13 +187,65 @@ TEST_F(UplinkSessionTest, aClosedSessionIsAskedForOnceAConnectionUntilItIsSafe) 
   EXPECT_EQ(sends(), Names{}) << "the server has it";
   EXPECT_FALSE(upload_->asking());
   upload_->onConnectionLost();
-  upload_->onConnected(false);
+  upload_->onConnected(UplinkSession::There::kNotOpen);
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(3);
   ack(3, 3);
   EXPECT_EQ(session_->receipt().safe, 3u) << "so that the spool may let it go";
-  upload_->onConnected(false);
+  upload_->onConnected(UplinkSession::There::kNotOpen);
   EXPECT_EQ(sends(), Names{}) << "a verified backup has it";
+}
+
+TEST_F(UplinkSessionTest, whereTheWelcomeWasFullTheEndIsToldAgain) {
+  ASSERT_TRUE(session_->end(false).ok());
+  ASSERT_TRUE(session_->setReceipt({3, 3, true, 7}).ok());
+  upload_ = std::make_unique<UplinkSession>(session_);
+  upload_->onConnected(UplinkSession::There::kUnsaid);
+  EXPECT_EQ(sends(), Names{"open"}) << "also of one that was safe: which backup was restored is unknown";
+  upload_->onOpened(3);
+  EXPECT_TRUE(upload_->asking()) << "the next old session waits";
+  EXPECT_EQ(session_->receipt().safe, 2u) << "whether the server has its end is not known yet";
+  EXPECT_TRUE(session_->receipt().closed);
+  ack(3, 3);
+  EXPECT_EQ(session_->receipt().safe, 3u);
+  EXPECT_EQ(sends(), Names{"close"});
+  EXPECT_EQ(sends(), Names{}) << "once";
+  upload_->onClosed({});
+  EXPECT_FALSE(upload_->asking());
+  EXPECT_EQ(sends(), Names{});
+  // a server that lost chunks as well gets them, as ever
+  upload_->onConnectionLost();
+  upload_->onConnected(UplinkSession::There::kUnsaid);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(2);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(2);
+  EXPECT_EQ(sends(), Names{"chunk 2"});
+}
+
+TEST_F(UplinkSessionTest, whoAskedTooOftenAsksAgainAndLetsNobodyElseAskBefore) {
+  ASSERT_TRUE(session_->end(false).ok());
+  ASSERT_TRUE(session_->setReceipt({3, 0, true, 7}).ok());
+  upload_ = std::make_unique<UplinkSession>(session_);
+  EXPECT_EQ(sends(), Names{"open"});
+  refuse(pb::Refusal::RATE_LIMITED);
+  EXPECT_TRUE(upload_->asking());
+  EXPECT_EQ(sends(), Names{}) << "not at once";
+  const std::int64_t end_ns = steadyNowNs() + 10'000'000'000;
+  Names sent;
+  while (sent.empty() && steadyNowNs() < end_ns) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    sent = sends();
+  }
+  EXPECT_EQ(sent, Names{"open"});
+  upload_->onOpened(3);
+  EXPECT_FALSE(upload_->asking());
+  // any other no is for the next connection
+  upload_->onConnected(UplinkSession::There::kNotOpen);
+  EXPECT_EQ(sends(), Names{"open"});
+  refuse(pb::Refusal::INTERNAL);
+  EXPECT_FALSE(upload_->asking());
+  EXPECT_EQ(sends(), Names{});
 }
 
 TEST_F(UplinkSessionTest, aServerThatHasMoreThanTheSpoolIsNotArguedWith) {
