@@ -1,5 +1,7 @@
 #include "server/server.h"
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <boost/asio/ip/address.hpp>
 #include <boost/asio/post.hpp>
@@ -60,6 +62,7 @@ struct Server::Parts {
   asio::steady_timer watchdog_timer{io};
   asio::steady_timer drain_timer{io};
   asio::steady_timer retention_timer{io};
+  asio::steady_timer heap_timer{io};
   std::uint16_t port = 0;
   std::uint64_t next_id = 1;
   bool stopping = false;
@@ -73,6 +76,7 @@ struct Server::Parts {
   Task<> watchdogLoop(std::chrono::microseconds period);
   Status startMonitor();
   Task<> retentionLoop();
+  Task<> heapLoop();
   void accepted(Tcp::socket socket);
   void turnedAway(const std::string& host);
   void beginStop(const std::string& reason);
@@ -209,6 +213,7 @@ int Server::run() {
     asio::co_spawn(p.io, p.watchdogLoop(*period), rethrow);
   if (p.options.handle_signals) notifyManager("READY=1\nSTATUS=serving");
   if (p.options.retention_every.count() > 0) asio::co_spawn(p.io, p.retentionLoop(), rethrow);
+  asio::co_spawn(p.io, p.heapLoop(), rethrow);
   p.io.run();
   // all connections have ended; what is posted to the writer is committed before the end
   p.store->writer().stop();
@@ -292,6 +297,7 @@ void Server::Parts::beginStop(const std::string& reason) {
   watchdog_timer.cancel();
   signals.cancel(ignored);
   retention_timer.cancel();
+  heap_timer.cancel();
   store->service().stopRetention();
   const auto all = context->connections;
   for (const auto& [id, connection] : all) {
@@ -324,6 +330,18 @@ Task<> Server::Parts::retentionLoop() {
               {"bytes_before", report->bytes_before()},
               {"bytes_after", report->bytes_after()},
               {"stopped", report->stopped() ? "yes" : "no"}});
+  }
+}
+
+/// Each burst (many that reconnect, a viewer that does not read) takes memory; when it is over, the C library
+/// keeps what lies between pieces still in use, so that the heap only ever grew with the largest burst so
+/// far.
+Task<> Server::Parts::heapLoop() {
+  while (!stopping) {
+    heap_timer.expires_after(options.heap_every);
+    co_await heap_timer.async_wait(kUseTuple);
+    if (stopping) co_return;
+    asio::post(workers, [] { ::malloc_trim(0); });
   }
 }
 

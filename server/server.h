@@ -39,6 +39,7 @@ struct ServerOptions {
   Door::Settings door;  ///< its max_connections is the one above
   std::chrono::milliseconds token_lifetime = std::chrono::minutes(15);
   DbWriter::Options writer;
+  std::chrono::milliseconds heap_every{60'000};   ///< free memory goes back to the system, so often
   std::chrono::minutes retention_first{10};       ///< from the start to the first run of retention
   std::chrono::minutes retention_every{24 * 60};  ///< between two runs; 0: only when somebody asks for one
 };

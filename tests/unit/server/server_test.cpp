@@ -2,17 +2,45 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <atomic>
+#include <fstream>
 #include <future>
 
 #include "base/atomic_file.h"
 #include "running_server.h"
+#include "support/sanitized.h"
 
 namespace needlelab {
 namespace {
 
 using namespace test;
+
+std::uint64_t residentBytes() {
+  std::uint64_t all = 0, resident = 0;
+  std::ifstream("/proc/self/statm") >> all >> resident;
+  return resident * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+}
+
+TEST(Server, memoryThatABurstLeftFreeGoesBackToTheSystem) {
+  if (kSanitized) GTEST_SKIP() << "a sanitizer's allocator keeps what is freed";
+  RunningServer server([](ServerOptions& options) { options.heap_every = milliseconds(50); });
+  constexpr std::size_t kBurstBytes = 64u << 20, kPiece = 8u << 10;
+  const std::uint64_t before = residentBytes();
+  // pieces that stay lie between those that go, as after many connections: the heap's end cannot go down
+  std::vector<std::string> pieces, kept;
+  for (std::size_t i = 0; i < kBurstBytes / kPiece; ++i) {
+    pieces.emplace_back(kPiece, 'x');
+    if (i % 64 == 0) kept.emplace_back(64, 'y');
+  }
+  ASSERT_GT(residentBytes(), before + kBurstBytes / 2);
+  std::vector<std::string>().swap(pieces);
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  while (residentBytes() > before + kBurstBytes / 4 && std::chrono::steady_clock::now() < end)
+    std::this_thread::sleep_for(milliseconds(20));
+  EXPECT_LT(residentBytes(), before + kBurstBytes / 4);
+}
 
 TEST(Server, peersHearByeAndTheExitIsClean) {
   RunningServer server;
