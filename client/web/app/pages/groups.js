@@ -8,7 +8,7 @@ import { ConflictDialog } from '../ui/conflict.js';
 import { CheckField, TextField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
-import { Confirm, Dialog, Empty, Heading, Loaded, Problem, Table } from '../ui/parts.js';
+import { Confirm, Dialog, Empty, Heading, Loaded, number, Problem, Table } from '../ui/parts.js';
 
 function AddGroup({ close }) {
   const [entry, setEntry] = useState({ id: '', name: '' });
@@ -32,7 +32,7 @@ export function GroupsPage({ person }) {
   return html`<${Heading} title="Groups">${edit && html`<button type="button" class="main" onClick=${() => setAdding(true)}>Add a group</button>`}<//>
     <${Loaded} load=${load}>${(all) => (all.length === 0
       ? html`<${Empty} title="There are no groups yet">Add one, or import people with a column “group”.<//>`
-      : html`<${Table} caption="Groups" head=${['Group', 'Id', 'Members', 'Results']}>${all.map((g) => html`<tr key=${g.id}>
+      : html`<${Table} caption="Groups" head=${['Group', 'Id', number('Members'), 'Results']}>${all.map((g) => html`<tr key=${g.id}>
           <th scope="row"><a href=${href(['groups', g.id])}>${g.name}</a></th><td>${g.id}</td><td class="number">${g.members.length}</td>
           <td><a href=${href(['results'], { group: g.id })}>Results of ${g.name}</a></td></tr>`)}<//>`)}<//>
     ${adding && html`<${AddGroup} close=${() => setAdding(false)} />`}`;

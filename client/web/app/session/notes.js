@@ -7,7 +7,7 @@ import { announce } from '../ui/announce.js';
 import { TextField } from '../ui/fields.js';
 import { draftOf, useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
-import { Empty, Loaded, Problem, Table } from '../ui/parts.js';
+import { Empty, Loaded, number, Problem, Table } from '../ui/parts.js';
 
 /** @param {{id: string, at_s: number, seek: (s: number) => void, load: any, person: any}} props `load`: of the annotations */
 export function Annotations({ id, at_s, seek, load, person }) {
@@ -38,7 +38,7 @@ export function SyringeEvents({ id, seek }) {
   const percent = (share) => quantity(share, 'share', { digits: 2 });
   return html`<section aria-labelledby="syringe-title"><h2 id="syringe-title">Syringe</h2>
     <${Loaded} load=${load}>${(all) => (all.length === 0 ? html`<${Empty} title="The plunger was not moved" />`
-      : html`<${Table} caption="Aspirations and injections" hide_caption head=${['When', 'What', 'How much', 'Where', 'In the target']}>${all.map((e, i) => html`<tr key=${i}><td><button type="button" class="small" aria-label=${`${clock(e.begin_s)}: go to this moment`} onClick=${() => seek(e.begin_s)}>${clock(e.begin_s)}</button></td>
+      : html`<${Table} caption="Aspirations and injections" hide_caption head=${['When', 'What', number('How much'), 'Where', number('In the target')]}>${all.map((e, i) => html`<tr key=${i}><td><button type="button" class="small" aria-label=${`${clock(e.begin_s)}: go to this moment`} onClick=${() => seek(e.begin_s)}>${clock(e.begin_s)}</button></td>
         <th scope="row">${words(e.kind)}</th><td class="number">${percent(Math.abs(e.plunger_to - e.plunger_from))}</td>
         <td>${e.begin?.in_tissue ? `${words(e.begin.tissue)}, ${quantity(e.begin.depth_m, 'm')} deep` : 'outside'}${e.hazards?.length ? html` <span class="error">✗ in ${e.hazards.join(', ')}</span>` : ''}</td><td class="number">${percent(e.in_target_share)}</td></tr>`)}<//>`)}<//></section>`;
 }

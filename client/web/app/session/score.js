@@ -8,7 +8,7 @@ import { references, sessions } from '../net/lab.js';
 import { announce } from '../ui/announce.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
-import { Empty, Loaded, Mark, Problem, Table } from '../ui/parts.js';
+import { Empty, Loaded, Mark, number as right, Problem, Table } from '../ui/parts.js';
 
 /** From the 10th to the 90th percentile; of few experts, who have no percentiles, from the least to the greatest. */
 const rangeOf = (band) => [band.p10 ?? band.least, band.p90 ?? band.greatest];
@@ -68,7 +68,7 @@ export function Score({ session, person }) {
       // the distance from the experts' paths is measured anew each time, whenever the experts were chosen
       const path = besideOf({ measure: 'dtw_distance_m' });
       const others = rows.filter((r) => typeof r.passed !== 'boolean' && !(path && r.measure === 'dtw_distance_m'));
-      const table = (caption, list) => html`<${Table} caption=${caption} head=${['Measure', 'Value', 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0})`]}>
+      const table = (caption, list) => html`<${Table} caption=${caption} head=${['Measure', right('Value'), 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0})`]}>
           ${list.map((row) => html`<${Row} key=${row.measure} row=${row} band=${bandOf(row)} beside=${besideOf(row)} />`)}<//>`;
       const made = score.definition_version ? `, by definitions ${score.definition_version}, made ${moment(score.made_unix_ms)}` : '';
       return html`<p>${verdict}</p>${path && html`<p>Path of the tip: <strong>${quantity(path.value, 'm')}</strong> on average from the nearest expert's (DTW). <span class="help">${path.words}</span></p>`}

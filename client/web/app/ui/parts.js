@@ -48,6 +48,9 @@ export function Mark({ kind, children }) {
   return html`<span class=${'mark mark-' + kind}><span class="mark-symbol" aria-hidden="true">${symbol}</span>${children}</span>`;
 }
 
+/** The head of a column of numbers, which stand on the right. */
+export const number = (text) => ({ text, right: true });
+
 /**
  * A table that scrolls in its own frame, reachable by keyboard.
  * @param {{caption: string, head: any[], children: any, class?: string}} props
@@ -55,7 +58,7 @@ export function Mark({ kind, children }) {
 export function Table({ caption, head, children, class: name = '', hide_caption }) {
   return html`<div class=${'table-frame ' + name} role="region" aria-label=${caption} tabindex="0">
     <table><caption class=${hide_caption ? 'visually-hidden' : ''}>${caption}</caption>
-      <thead><tr>${head.map((cell) => html`<th scope="col">${cell}</th>`)}</tr></thead>
+      <thead><tr>${head.map((cell) => (cell.right ? html`<th scope="col" class="number">${cell.text}</th>` : html`<th scope="col">${cell}</th>`))}</tr></thead>
       <tbody>${children}</tbody></table></div>`;
 }
 
