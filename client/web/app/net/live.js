@@ -1,6 +1,6 @@
 // The lab as it is now: a WebSocket that comes back by itself.
 import { backoff } from '../lib/backoff.js';
-import { stillIn } from './session.js';
+import { stay, stillIn } from './session.js';
 
 const kPath = '/api/v1/live';
 // the server speaks five times a second: so long a silence means that the line is dead
@@ -58,7 +58,7 @@ export function followLab(on_tiles, on_state) {
     const ask = asks ??= stillIn().then(() => true, (error) => error.kind !== 'expired').finally(() => (asks = null));
     retry_timer = setTimeout(async () => (await ask) && !stopped && connect(), wait);
   }
-  const look_timer = setInterval(() => document.visibilityState === 'visible' && stillIn().catch(() => {}), kLook_ms);
+  const look_timer = setInterval(() => document.visibilityState === 'visible' && stay(), kLook_ms);
   connect();
   return {
     stop() {

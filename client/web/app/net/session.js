@@ -42,7 +42,13 @@ async function takeOver() {
   accept(reply);
 }
 
-/** Keeps the log-in while somebody looks at a page that asks for nothing, or asks for a new one. @throws {ApiError} 'away' */
+/** For a page that is looked at and asks for nothing by itself: any other request than for the session makes the log-in last longer. */
+export async function stay() {
+  const { state, person } = session.get();
+  if (state === 'in') await get(['people', person.name]).catch(() => {});
+}
+
+/** Whether the log-in still holds, and whose it is; asks for a new one where it does not. @throws {ApiError} 'away' */
 export async function stillIn() {
   const reply = await get(['session']);
   if (reply.name === session.get().person?.name) accept(reply);
