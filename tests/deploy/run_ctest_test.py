@@ -69,6 +69,49 @@ class RunCtest(unittest.TestCase):
         self.assertEqual(code, 0, lines)
         self.assertIn("not run: shy: skipped: there is no browser", lines)
 
+    def test_what_keeps_real_time_has_a_second_run_alone_and_is_named(self):
+        with tempfile.TemporaryDirectory() as seen:
+            # fails the first time, passes the second
+            once = f"test -e {seen}/$0 || {{ touch {seen}/$0; echo too late; exit 1; }}"
+            late = [f'add_test({name} sh -c "{once}" {name})' for name in ("late", "alone")]
+            late.append("set_tests_properties(late PROPERTIES LABELS unit-threads)")
+            late.append("set_tests_properties(alone PROPERTIES RUN_SERIAL ON)")
+            code, lines = run(*passing(3), *late)
+        self.assertEqual(code, 0, lines)
+        self.assertTrue([line for line in lines if line.startswith("==== failed: late: Failed")], "shown all the same")
+        self.assertEqual(lines[-1][:len("2 of 2 passed in a second run, alone: ")], "2 of 2 passed in a second run, alone: ")
+
+    def test_no_second_run_for_other_tests_for_findings_and_for_many(self):
+        with tempfile.TemporaryDirectory() as seen:
+            once = f"test -e {seen}/$0 || {{ touch {seen}/$0; echo $1; exit 1; }}"
+            plain = f'add_test(plain sh -c "{once}" plain)'
+            code, lines = run(plain)
+            self.assertEqual((code, lines[-1]), (8, "1 failed: plain"))
+            race = [f'add_test(race sh -c "{once}" race "WARNING: ThreadSanitizer: data race")',
+                    "set_tests_properties(race PROPERTIES LABELS net)"]
+            code, lines = run(*race)
+            self.assertEqual((code, lines[-1]), (8, "1 failed: race"))
+            many = [f'add_test(many{i} sh -c "{once}" many{i})' for i in range(6)]
+            many += [f"set_tests_properties(many{i} PROPERTIES LABELS net)" for i in range(6)]
+            code, lines = run(*many)
+            self.assertEqual(code, 8)
+            self.assertNotIn("second run", "\n".join(lines))
+
+    def test_a_test_that_fails_twice_has_failed(self):
+        code, lines = run("add_test(bad false)", "set_tests_properties(bad PROPERTIES LABELS net)")
+        self.assertEqual(code, 8, lines)
+        self.assertIn("==== second run, alone: bad", lines)
+
+    def test_a_finding_in_any_process_fails_the_run_and_a_signal_alone_does_not(self):
+        # as a sanitizer writes it: to log_path.PID
+        report = "echo $0 > $(echo $TSAN_OPTIONS | sed s/.*log_path=//).$$; true"
+        code, lines = run(f'add_test(child sh -c "{report}" "WARNING: ThreadSanitizer: data race (pid=1)")')
+        self.assertEqual(code, 1, lines)
+        self.assertEqual(lines[-1], "sanitizers found something in 1 processes: see above")
+        self.assertIn("  WARNING: ThreadSanitizer: data race (pid=1)", lines)
+        code, lines = run(f'add_test(child sh -c "{report}" "ERROR: AddressSanitizer: SEGV on unknown address")')
+        self.assertEqual(code, 0, lines)
+
     def test_no_tests_and_wrong_arguments_keep_ctests_exit_code(self):
         with tempfile.TemporaryDirectory(prefix="needlelab-run-ctest-") as folder:
             pathlib.Path(folder, "CTestTestfile.cmake").write_text("", encoding="utf-8")

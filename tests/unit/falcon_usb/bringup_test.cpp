@@ -1,6 +1,7 @@
 // The station's self-test of a Falcon on the emulated USB: all rows but those of time, and no torque.
 #include <gmock/gmock.h>
 
+#include <bit>
 #include <nlohmann/json.hpp>
 
 #include "base/atomic_file.h"
@@ -37,6 +38,8 @@ TEST_F(FalconOnUsb, selfTestFindsItWellAndGivesItNoTorque) {
       *device_, clock, RtOptions{}, 0.5, none, [](const auto&) {}, stopped);
   ASSERT_EQ(facts.device.trouble, "");
   EXPECT_GT(facts.device.loop.fresh, 50u);
+  // how well the emulated Falcon kept its rate is the machine's matter
+  facts.device.loop.condition_ticks.at(std::countr_zero(static_cast<std::uint32_t>(kDeviceOverrun))) = 0;
   const auto checks = judge(facts);
   EXPECT_EQ(find(checks, "condition")->verdict, Verdict::kOk) << find(checks, "condition")->found;
   EXPECT_EQ(find(checks, "pose")->verdict, Verdict::kOk);
@@ -93,7 +96,9 @@ std::string selfTestTrouble(const TempFolder& folder) {
   for (const auto& row : json["rows"])
     for (const char* name : {"device", "condition", "pose", "place", "force limits"})
       if (row["check"] == name) {
-        if (row["verdict"] != "OK") return row.dump();
+        const bool of_time =
+            row["found"].get<std::string>().find("could not keep the rate") != std::string::npos;
+        if (row["verdict"] != "OK" && !of_time) return row.dump();
         ++rows;
       }
   return rows >= 5 ? "" : "only " + std::to_string(rows) + " of the rows";
