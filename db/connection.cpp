@@ -167,12 +167,11 @@ void Connection::close() {
 }
 
 Statement Connection::prepare(std::string_view sql) {
-  std::string key(sql);
-  if (const auto found = idle_.find(key); found != idle_.end()) {
-    sqlite3_stmt* statement = found->second;
-    idle_.erase(found);
-    return {this, statement, std::nullopt};
-  }
+  // five times for each chunk that comes in: neither key nor entry is made anew
+  thread_local std::string key;
+  key.assign(sql);
+  if (const auto found = idle_.find(key); found != idle_.end() && found->second != nullptr)
+    return {this, std::exchange(found->second, nullptr), std::nullopt};
   sqlite3_stmt* statement = nullptr;
   const int rc = sqlite3_prepare_v3(handle_, key.c_str(), static_cast<int>(key.size() + 1),
                                     SQLITE_PREPARE_PERSISTENT, &statement, nullptr);
@@ -183,9 +182,17 @@ Statement Connection::prepare(std::string_view sql) {
 void Connection::giveBack(sqlite3_stmt* statement) {
   sqlite3_reset(statement);
   sqlite3_clear_bindings(statement);
-  // a second statement of the same text was in use at the same time: one is enough
-  if (idle_.size() >= kMaxIdle || !idle_.emplace(sqlite3_sql(statement), statement).second)
+  thread_local std::string key;
+  key.assign(sqlite3_sql(statement));
+  const auto found = idle_.find(key);
+  if (found == idle_.end() && idle_.size() < kMaxIdle) {
+    idle_.emplace(key, statement);
+  } else if (found != idle_.end() && found->second == nullptr) {
+    found->second = statement;
+  } else {
+    // a second statement of the same text was in use at the same time: one is enough
     sqlite3_finalize(statement);
+  }
 }
 
 Status Connection::script(const std::string& sql) {
