@@ -20,6 +20,7 @@ struct ScoreChoice {
   std::string course, group, format = "csv", out, exercise;
   std::uint32_t version = 0;
   bool dry_run = false;
+  std::vector<std::string> sessions;
 };
 
 /// Further formats: another pair of functions that take what ListScores gives, one row after the other.
@@ -91,9 +92,78 @@ Status rescoreAll(CommandContext& context, const ScoreChoice& choice) {
   return {};
 }
 
+Status showReference(CommandContext& context, const pb::Reference& reference) {
+  Json rows = Json::array();
+  for (const auto& band : reference.bands()) {
+    rows.push_back({{"measure", band.measure()},
+                    {"unit", band.unit()},
+                    {"n", band.n()},
+                    {"mean", band.mean()},
+                    {"sd", band.has_sd() ? Json(band.sd()) : Json()},
+                    {"p10", band.has_p10() ? Json(band.p10()) : Json()},
+                    {"median", band.median()},
+                    {"p90", band.has_p90() ? Json(band.p90()) : Json()}});
+  }
+  return context.output.list({{"measure", "MEASURE"},
+                              {"unit", "UNIT"},
+                              {"n", "N"},
+                              {"mean", "MEAN"},
+                              {"sd", "SD"},
+                              {"p10", "P10"},
+                              {"median", "MEDIAN"},
+                              {"p90", "P90"}},
+                             rows, "no session of experts was chosen yet");
+}
+
+/// In place of those that were chosen before.
+Status setReference(CommandContext& context, const ScoreChoice& choice) {
+  pb::Request now;
+  now.mutable_get_reference()->set_exercise_id(choice.exercise);
+  const auto before = context.backend.call(now);
+  if (!before) return before.error();
+  pb::Request request;
+  auto* call = request.mutable_set_reference();
+  call->set_exercise_id(choice.exercise);
+  call->set_base_revision(before->reference().revision());
+  for (const std::string& text : choice.sessions) {
+    const auto id = parseUuid(text);
+    if (!id) return id.error();
+    call->add_session_ids(id->data(), id->size());
+  }
+  const auto reply = context.backend.call(request);
+  if (!reply) return reply.error();
+  context.output.done("the reference of '" + choice.exercise + "' is revision " +
+                      std::to_string(reply->reference().revision()) + ", of " +
+                      std::to_string(reply->reference().session_ids_size()) + " sessions");
+  return {};
+}
+
+void addReferenceCommands(CLI::App& app, ChosenCommand& chosen) {
+  const auto choice = std::make_shared<ScoreChoice>();
+  auto* reference = app.add_subcommand("reference", "the experts' sessions that others are compared with");
+  reference->require_subcommand(1);
+  auto* set = reference->add_subcommand("set", "choose them anew; without any there is no comparison");
+  set->add_option("exercise", choice->exercise)->required();
+  set->add_option("sessions", choice->sessions, "their UUIDs");
+  set->callback([&chosen, choice] {
+    chosen.run = [choice](CommandContext& context) { return setReference(context, *choice); };
+  });
+  auto* show = reference->add_subcommand("show", "the bands that come of them, a row a measure");
+  show->add_option("exercise", choice->exercise)->required();
+  show->callback([&chosen, choice] {
+    chosen.run = [choice](CommandContext& context) -> Status {
+      pb::Request request;
+      request.mutable_get_reference()->set_exercise_id(choice->exercise);
+      const auto reply = context.backend.call(request);
+      return reply ? showReference(context, reply->reference()) : Status(reply.error());
+    };
+  });
+}
+
 }  // namespace
 
 void addScoreCommands(CLI::App& app, ChosenCommand& chosen) {
+  addReferenceCommands(app, chosen);
   const auto choice = std::make_shared<ScoreChoice>();
   auto* scores =
       app.add_subcommand("scores", "measures of sessions, and the definitions they were made with");

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "device/hand_plan.h"
@@ -33,6 +34,9 @@ struct HandOptions {
   bool aspirate = false;
   std::uint64_t seed = 1;    ///< of the tremor
   std::uint64_t repeat = 1;  ///< how often the plan is done; 0 = without end
+  /// [0, 1], from a beginner to an expert: what the plan `target` is like then (skilled_hand.h). Tremor and
+  /// speed are set beside it.
+  std::optional<double> skill = std::nullopt;
   /// `target[:NAME]`, `retry[:NAME]`, `depth:METRES`, `rest`, or a CSV file of tip poses in W (see
   /// hand_plan_choice.h)
   std::string plan = "target";

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <string>
 
+#include "device/skilled_hand.h"
+
 namespace needlelab {
 namespace {
 
@@ -38,7 +40,21 @@ void addHandOptions(CLI::App& app, HandOptions& o) {
   o.correction_per_s = kCommandLineCorrection_per_s;
   o.aspirate = true;
   add("--hand-plan", o.plan, "target[:NAME], retry[:NAME], depth[:METRES], rest, or a CSV file of tip poses");
-  add("--hand-speed-m-s", o.speed_mps, "speed of insertion and withdrawal")->check(within(0, 0.5, false));
+  auto* skill = app.add_option_function<double>(
+                       "--hand-skill",
+                       [&o](double level) {
+                         const HandSkill hand = skillOf(level);
+                         o.skill = level;
+                         o.tremor_m = hand.tremor_m;
+                         o.speed_mps = hand.speed_mps;
+                       },
+                       "from 0, a beginner, to 1, an expert: tremor, speed, aim, overshoot and smoothness of "
+                       "an attempt at the target")
+                    ->group("Simulated hand")
+                    ->check(within(0, 1));
+  add("--hand-speed-m-s", o.speed_mps, "speed of insertion and withdrawal")
+      ->check(within(0, 0.5, false))
+      ->excludes(skill);
   add("--hand-hold-s", o.hold_s, "time at the target")->check(within(0, 600, false));
   app.add_flag("--hand-aspirate,!--hand-no-aspirate", o.aspirate,
                "draws the plunger back at the target before it injects; that is the default")
@@ -47,7 +63,9 @@ void addHandOptions(CLI::App& app, HandOptions& o) {
   add("--hand-correction", o.correction_per_s,
       "share of the error that the aim makes up for in a second; 0 = none")
       ->check(within(0, 20));
-  add("--hand-tremor-m", o.tremor_m, "tremor in 8-12 Hz, peak per axis")->check(within(0, 0.005));
+  add("--hand-tremor-m", o.tremor_m, "tremor in 8-12 Hz, peak per axis")
+      ->check(within(0, 0.005))
+      ->excludes(skill);
   add("--hand-seed", o.seed, "seed of the tremor")->check(kDigits);
   add("--hand-stiffness", o.stiffness_N_per_m, "in N/m")->check(within(0, 10'000));
   add("--hand-damping", o.damping_Ns_per_m, "in N·s/m")->check(within(0, 100));

@@ -6,6 +6,7 @@
 #include <variant>
 
 #include "device/recording_device.h"
+#include "device/skilled_hand.h"
 #include "haptics/scene_model.h"
 
 namespace needlelab {
@@ -78,6 +79,10 @@ Result<HandPlan> planByName(const std::string& kind, const std::string& argument
   if (!(signedDepth(scene.limb, named->center_W_m) > 0))
     return invalid("target '" + named->name + "' is not inside the limb");
   if (kind == "retry") return retryPlan(scene.limb, named->center_W_m, kMiss_rad, style);
+  if (options.skill) {
+    HandRandom random(options.seed);
+    return attemptPlan(skillOf(*options.skill), scene.limb, named->center_W_m, random, named->entry_W_m);
+  }
   return targetPlan(scene.limb, named->center_W_m, style);
 }
 

@@ -1,6 +1,7 @@
 /// From the words of `--hand-plan` to a plan, for a scene that stands in W.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,11 +15,13 @@ namespace needlelab {
 struct PlanTarget {
   std::string name;
   Vec3 center_W_m;
+  std::optional<Vec3> entry_W_m = std::nullopt;  ///< where its author marked the skin
 };
 
 /// Makes the plan that `options.plan` names:
 /// - `target` or `target:NAME`: straight to that target (the first one without a name; without any target as
 /// `depth`);
+///   with `options.skill` an attempt of that skill (skilled_hand.h), by way of the marked entry;
 /// - `retry` or `retry:NAME`: first beside it, then drawn back, turned, and into it (paper, Fig. 10);
 /// - `depth:METRES`: straight in by that depth above the limb's reference point; `depth` alone: half of the
 /// layers;

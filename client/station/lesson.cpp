@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "device/skilled_hand.h"
 #include "fem/needle_mesh.h"
 #include "profile/profile.h"
 
@@ -61,9 +62,11 @@ LiveAids aidsOf(const StationLesson& lesson) {
 
 std::vector<PlanTarget> targetsOf(const pb::Profile& profile, const Pose& X_WL) {
   std::vector<PlanTarget> targets;
+  const auto scene = sceneSpecOf(profile, X_WL);
+  const auto entry = scene.ok() ? markedEntry(scene->limb, X_WL) : std::nullopt;
   for (const pb::Target& target : profile.targets()) {
     const pb::Vector3& center = target.center_m();
-    targets.push_back({target.name(), X_WL * Vec3{center.x(), center.y(), center.z()}});
+    targets.push_back({target.name(), X_WL * Vec3{center.x(), center.y(), center.z()}, entry});
   }
   return targets;
 }

@@ -62,7 +62,8 @@ std::vector<GestureSample> attempt(const SkillScene& scene, double rate_hz, cons
   HandRandom random(seed);
   SimulatedDeviceOptions options;
   options.hand = handOf(skill, random.next());
-  SimulatedDevice device(options, attemptPlan(skill, scene.spec.limb, scene.target_W_m, random));
+  SimulatedDevice device(options, attemptPlan(skill, scene.spec.limb, scene.target_W_m, random,
+                                              markedEntry(scene.spec.limb, Pose{})));
   const auto ticks = runClosedLoop(*model, device, {}, kMostTicks);
   std::vector<GestureSample> samples;
   if (!ticks.ok()) return samples;

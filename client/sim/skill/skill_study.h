@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "base/result.h"
+#include "device/skilled_hand.h"
 #include "skill/effect_size.h"
-#include "skill/skilled_hand.h"
 
 namespace needlelab {
 
@@ -18,7 +18,7 @@ struct SkillStudyOptions {
   std::size_t attempts = 4;   ///< of each at each exercise, 1-100
   std::uint64_t seed = 1;
   std::size_t shuffles = 2000;
-  std::size_t exercises = 6;  ///< the first so many of the sample exercises, 1-6
+  std::size_t exercises = 6;  ///< the first so many of the course injection-steps, 1-6
 };
 
 /// Skill of trainee `i` of `n`: novices from 0 to 0.4, experts from 0.6 to 1, evenly spread.

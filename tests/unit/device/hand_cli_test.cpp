@@ -26,6 +26,24 @@ TEST(HandCli, aPersonAspiratesUnlessAskedNotTo) {
   EXPECT_TRUE(o.aspirate);
 }
 
+TEST(HandCli, aSkillSetsTremorAndSpeed) {
+  HandOptions beginner, expert;
+  parse(beginner, {"--hand-skill", "0"});
+  parse(expert, {"--hand-skill", "1"});
+  EXPECT_EQ(beginner.skill, 0);
+  EXPECT_EQ(expert.skill, 1);
+  EXPECT_GT(beginner.tremor_m, expert.tremor_m);
+  EXPECT_LT(beginner.speed_mps, expert.speed_mps);
+  EXPECT_EQ(beginner.stiffness_N_per_m, expert.stiffness_N_per_m);
+  HandOptions o;
+  EXPECT_FALSE(o.skill.has_value());
+  for (const char* const level : {"-0.1", "1.1", "nan", "much"})
+    EXPECT_THROW(parse(o, {"--hand-skill", level}), CLI::ValidationError) << level;
+  // one of them says what the hand is like, not both
+  EXPECT_THROW(parse(o, {"--hand-skill", "0.5", "--hand-tremor-m", "1e-4"}), CLI::ExcludesError);
+  EXPECT_THROW(parse(o, {"--hand-speed-m-s", "0.03", "--hand-skill", "0.5"}), CLI::ExcludesError);
+}
+
 TEST(HandCli, everyOptionReachesItsField) {
   HandOptions o;
   parse(o, {"--hand-plan",

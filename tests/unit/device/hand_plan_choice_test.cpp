@@ -3,9 +3,11 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 
+#include "device/skilled_hand.h"
 #include "haptics/scene_model.h"
 
 namespace needlelab {
@@ -37,6 +39,37 @@ TEST(ChoosePlan, findsTargetsByName) {
   EXPECT_NEAR(deepest(*choose("target")), 0.02, 1e-9);
   EXPECT_NEAR(deepest(*choose("target:joint space")), 0.03, 1e-9);
   EXPECT_NEAR(deepest(*choose("retry:bursa")), 0.02, 1e-6);
+}
+
+TEST(ChoosePlan, aSkillMakesAnAttemptOfItsOwnByWayOfTheMarkedEntry) {
+  HandOptions options;
+  options.skill = 1;
+  const std::vector<PlanTarget> oblique = {{"joint", {0.01, 0, -0.02}, Vec3{0, 0, 0}}};
+  std::size_t different = 0;
+  double tilt = 0;
+  for (options.seed = 1; options.seed <= 20; ++options.seed) {
+    const auto by_entry = choosePlan(options, scene(), oblique),
+               straight = choosePlan(options, scene(), kTargets);
+    ASSERT_TRUE(by_entry.ok() && straight.ok());
+    EXPECT_GT(deepest(*by_entry), 0.019);
+    EXPECT_LT(deepest(*by_entry), 0.022) << "an expert overshoots by little";
+    // the needle's axis in W, hub to tip
+    const Vec3 axis = rotate(by_entry->start().X_WT.q, Vec3{0, 0, 1});
+    tilt += std::atan2(axis.x, -axis.z) / 20;
+    different += by_entry->duration_s() != straight->duration_s();
+  }
+  EXPECT_NEAR(tilt, std::atan2(0.01, 0.02), 0.03);
+  EXPECT_GT(different, 0u);
+  options.seed = 3;
+  EXPECT_EQ(choosePlan(options, scene(), oblique)->duration_s(),
+            choosePlan(options, scene(), oblique)->duration_s());
+}
+
+TEST(ChoosePlan, theMarkedEntryIsTheFramesOriginOnTheSurface) {
+  const Limb plane = PlaneLimb{{0, 0, 0}, {0, 0, 2}};
+  EXPECT_EQ(markedEntry(plane, Pose{}), Vec3());
+  EXPECT_EQ(markedEntry(plane, Pose{{0.1, 0.2, 0}, {}}), (Vec3{0.1, 0.2, 0}));
+  EXPECT_FALSE(markedEntry(plane, Pose{{0, 0, 0.001}, {}}).has_value());
 }
 
 TEST(ChoosePlan, withoutTargetsGoesToHalfOfTheLayers) {

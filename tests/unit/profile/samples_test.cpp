@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <set>
 
 #include "base/atomic_file.h"
@@ -13,12 +14,20 @@ namespace {
 
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using ::testing::UnorderedElementsAre;
+using ::testing::UnorderedElementsAreArray;
 
 const std::filesystem::path kSamples = NEEDLELAB_SAMPLES;
 
-const std::vector<std::string> kPatients = {"shoulder-adult", "shoulder-muscular", "shoulder-frail",
-                                            "knee-adult",     "wrist-adult",       "lumbar-adult"};
+const std::vector<std::string> kPatients = {
+    "shoulder-adult", "shoulder-muscular",  "shoulder-frail", "knee-adult",   "wrist-adult",  "lumbar-adult",
+    "deltoid-adult",  "shoulder-posterior", "hip-adult",      "finger-adult", "carpal-tunnel"};
+/// Courses by file; each with the patients that it uses.
+const std::map<std::string, std::vector<std::string>> kCourses = {
+    {"curriculum",
+     {"shoulder-adult", "shoulder-muscular", "shoulder-frail", "knee-adult", "wrist-adult", "lumbar-adult",
+      "phantom-ball"}},
+    {"injection-steps-curriculum",
+     {"deltoid-adult", "shoulder-posterior", "knee-adult", "hip-adult", "finger-adult", "carpal-tunnel"}}};
 const std::string kPhantom = "phantom-ball";
 const std::string kMeasured = "epidural-porcine";
 const std::string kModels = "shoulder-models";
@@ -62,7 +71,8 @@ double distance(const pb::Hazard& hazard, Vec3 p) {
 }
 
 TEST(Samples, theFolderHoldsTheseAndNoOther) {
-  std::set<std::string> found, expected = {"README.md", "curriculum.json"};
+  std::set<std::string> found, expected = {"README.md"};
+  for (const auto& [file, patients] : kCourses) expected.insert(file + ".json");
   for (const std::string& id : all()) expected.insert(id + ".json");
   for (const auto& entry : std::filesystem::directory_iterator(kSamples))
     found.insert(entry.path().filename());
@@ -182,18 +192,59 @@ TEST(Samples, theMeasuredOneHasItsForceInATableAlone) {
   EXPECT_EQ(profile.virtual_fixture().mode(), pb::VirtualFixture::PASSIVE);
 }
 
-TEST(Samples, theCurriculumUsesEveryPatientAndIsCanonical) {
-  const auto curriculum = loadCurriculum(kSamples / "curriculum.json");
-  ASSERT_TRUE(curriculum.ok()) << curriculum.error().message;
-  EXPECT_EQ(curriculum->id(), "rheumatology-basics");
-  EXPECT_EQ(curriculumJson(*curriculum), *readWholeFile(kSamples / "curriculum.json"));
-  std::vector<std::string> used;
-  for (const auto& exercise : curriculum->exercises()) {
-    used.push_back(exercise.profile_id());
-    EXPECT_GE(exercise.requirements_size(), 3) << exercise.id();
+TEST(Samples, theCoursesUseTheirPatientsAndAreCanonical) {
+  std::set<std::string> ids;
+  std::set<std::string> used_by_any;
+  for (const auto& [file, patients] : kCourses) {
+    SCOPED_TRACE(file);
+    const auto curriculum = loadCurriculum(kSamples / (file + ".json"));
+    ASSERT_TRUE(curriculum.ok()) << curriculum.error().message;
+    EXPECT_EQ(curriculumJson(*curriculum), *readWholeFile(kSamples / (file + ".json")));
+    std::vector<std::string> used;
+    for (const auto& exercise : curriculum->exercises()) {
+      used.push_back(exercise.profile_id());
+      used_by_any.insert(exercise.profile_id());
+      EXPECT_TRUE(ids.insert(exercise.id()).second) << exercise.id() << " stands in two courses";
+      EXPECT_GE(exercise.requirements_size(), 3) << exercise.id();
+    }
+    EXPECT_THAT(used, UnorderedElementsAreArray(patients));
   }
-  EXPECT_THAT(used, UnorderedElementsAre("shoulder-adult", "shoulder-muscular", "shoulder-frail",
-                                         "knee-adult", "wrist-adult", "lumbar-adult", "phantom-ball"));
+  for (const std::string& id : kPatients) EXPECT_TRUE(used_by_any.contains(id)) << id;
+}
+
+// graded: first with all aids and no conditions, at the end with none and after the first was passed
+TEST(Samples, theStepsAreGraded) {
+  const auto steps = loadCurriculum(kSamples / "injection-steps-curriculum.json");
+  ASSERT_TRUE(steps.ok()) << steps.error().message;
+  EXPECT_EQ(steps->id(), "injection-steps");
+  ASSERT_EQ(steps->exercises_size(), 6);
+  int aids = 5;
+  for (const auto& exercise : steps->exercises()) {
+    ASSERT_TRUE(exercise.has_aids()) << exercise.id();
+    EXPECT_LE(exercise.aids().allowed_size(), aids) << exercise.id();
+    aids = exercise.aids().allowed_size();
+  }
+  EXPECT_EQ(aids, 0);
+  EXPECT_EQ(steps->exercises(0).prerequisites_size(), 0);
+  EXPECT_EQ(steps->exercises(5).prerequisites(0), steps->exercises(0).id());
+  // the oblique ones: the straight way in is not the shortest
+  for (const char* const id : {"shoulder-posterior", "carpal-tunnel"}) {
+    const Vec3 target = vec(sample(id).targets(0).center_m());
+    EXPECT_GT(std::hypot(target.x, target.y) / norm(target), std::sin(0.3)) << id;
+  }
+  // and at the shoulder that one meets bone
+  const pb::Profile shoulder = sample("shoulder-posterior");
+  const Vec3 target = vec(shoulder.targets(0).center_m()), middle = vec(shoulder.limb().sphere().center_m());
+  const Vec3 out = normalized(target - middle);
+  double nearest = 1;
+  for (int i = 0; i <= 100; ++i)
+    nearest =
+        std::min(nearest, distance(shoulder.hazards(0), target + out * (depth(shoulder, target) * i / 100)));
+  EXPECT_LT(nearest, 0);
+  // the nerve beside the way
+  const pb::Profile wrist = sample("carpal-tunnel");
+  EXPECT_EQ(wrist.hazards(0).kind(), pb::Hazard::NERVE);
+  EXPECT_NEAR(distance(wrist.hazards(0), vec(wrist.targets(0).center_m())), 0.003, 0.0005);
 }
 
 TEST(Samples, everyAxialModelCanBeChosenForTheOneThatHasAllSections) {

@@ -1,4 +1,4 @@
-#include "skill/skilled_hand.h"
+#include "device/skilled_hand.h"
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +12,7 @@ namespace {
 constexpr HandSkill kBeginner{250e-6, 0.010, 4e-3, 5e-3, 6};
 constexpr HandSkill kExpert{40e-6, 0.020, 0.7e-3, 0.5e-3, 1};
 constexpr double kApproach_m = 0.02, kRest_s = 0.5;
+constexpr double kOnSurface_m = 1e-6;
 
 /// About a normal distribution: the sum of twelve uniform numbers less six; no C library decides about bits.
 double nearlyNormal(HandRandom& random) {
@@ -48,16 +49,23 @@ HandOptions handOf(const HandSkill& skill, std::uint64_t seed) {
   return hand;
 }
 
-HandPlan attemptPlan(const HandSkill& skill, const Limb& limb_W, Vec3 target_W_m, HandRandom& random) {
+std::optional<Vec3> markedEntry(const Limb& limb_W, const Pose& X_WL) {
+  if (!(std::abs(depthBelow(limb_W, X_WL.p)) <= kOnSurface_m)) return std::nullopt;
+  return X_WL.p;
+}
+
+HandPlan attemptPlan(const HandSkill& skill, const Limb& limb_W, Vec3 target_W_m, HandRandom& random,
+                     std::optional<Vec3> entry_W_m) {
   const Vec3 n = outwardNormal(limb_W, target_W_m);
-  const Vec3 side = normalized(cross(n, std::abs(n.x) < 0.9 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));
-  const Vec3 other = cross(n, side);
+  const Vec3 meant = entry_W_m ? *entry_W_m : target_W_m + n * depthBelow(limb_W, target_W_m);
+  const Vec3 back = normalized(meant - target_W_m);
+  const Vec3 side = normalized(cross(back, std::abs(back.x) < 0.9 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));
+  const Vec3 other = cross(back, side);
   const auto astray = [&] {
     return (skill.aim_m * nearlyNormal(random)) * side + (skill.aim_m * nearlyNormal(random)) * other;
   };
   // the way that the hand takes: from where it enters to where it believes the target is
-  const double depth_m = depthBelow(limb_W, target_W_m);
-  const Vec3 entry = target_W_m + n * depth_m + astray();
+  const Vec3 entry = meant + astray();
   const Vec3 believed = target_W_m + 0.5 * astray();
   const Vec3 way = believed - entry;
   const double length_m = norm(way);
