@@ -44,6 +44,8 @@ nlohmann::ordered_json rowsOfStudy(const SkillReport& report) {
                     {"separates", row.separates},
                     {"shuffled_share", row.shuffled_share},
                     {"rate_difference", row.rate_difference},
+                    {"rate_tolerance", row.rate_tolerance},
+                    {"same_at_both_rates", row.sameAtBothRates()},
                     {"rate_share_of_spread", row.rate_share_of_spread}});
   }
   return rows;
@@ -60,9 +62,11 @@ nlohmann::ordered_json restOfStudy(const SkillReport& report) {
                      {"overshoot_m", hand.overshoot_m},
                      {"pieces", hand.pieces}});
   }
-  std::vector<std::string> apart;
+  std::vector<std::string> apart, against, differ;
   for (const SkillRow& row : report.rows) {
     if (!row.separates) apart.push_back(row.measure);
+    if (row.againstItsDirection()) against.push_back(row.measure);
+    if (!row.sameAtBothRates()) differ.push_back(row.measure);
   }
   return {{"finding", findingOf(report)},
           {"caution", kSkillCaution},
@@ -73,6 +77,8 @@ nlohmann::ordered_json restOfStudy(const SkillReport& report) {
           {"gestures", report.gestures},
           {"faults", report.faults},
           {"do_not_separate", apart},
+          {"separate_the_other_way", against},
+          {"differ_between_rates", differ},
           {"the_same_for_all", report.constant},
           {"shuffles", report.options.shuffles},
           {"shuffled_mean_share", report.shuffled_mean_share},
@@ -85,12 +91,15 @@ nlohmann::ordered_json restOfStudy(const SkillReport& report) {
 void printStudy(const SkillReport& report) {
   std::printf("%s.\n%s\n\n", findingOf(report).c_str(), kSkillCaution);
   std::printf("%-28s %12s %12s %-4s %8s %17s %7s %7s  %s\n", "MEASURE", "NOVICES", "EXPERTS", "", "G", "95 %",
-              "DELTA", "P", "500 Hz/2 kHz, SHARE OF SPREAD");
+              "DELTA", "P", "500 Hz/2 kHz");
   for (const SkillRow& row : report.rows) {
-    std::printf("%-28s %12.5g %12.5g %-4s %8.2f [%6.2f, %6.2f] %7.2f %7.3f  %.3f%s\n", row.measure.c_str(),
+    std::printf("%-28s %12.5g %12.5g %-4s %8.2f [%6.2f, %6.2f] %7.2f %7.3f  %.2g%s%s\n", row.measure.c_str(),
                 row.novice_mean, row.expert_mean, row.unit.c_str(), row.hedges_g, row.g_95.low, row.g_95.high,
-                row.cliffs_delta, row.p, row.rate_share_of_spread,
-                row.separates ? "" : "   does not separate");
+                row.cliffs_delta, row.p, row.rate_difference,
+                row.sameAtBothRates() ? "" : " (above its tolerance)",
+                !row.separates              ? "   does not separate"
+                : row.againstItsDirection() ? "   separates, but the other way"
+                                            : "");
   }
   if (!report.constant.empty()) {
     std::printf("\nthe same for all:");
@@ -139,7 +148,8 @@ void addSkillCommand(CLI::App& app, SimCommand& chosen) {
   command->add_option("--attempts", options->study.attempts, "of each at each exercise, 1 to 100")
       ->capture_default_str();
   command
-      ->add_option("--exercises", options->study.exercises, "the first so many of the six sample exercises")
+      ->add_option("--exercises", options->study.exercises,
+                   "the first so many of the course injection-steps, 1 to 6")
       ->capture_default_str();
   command->add_option("--seed", options->study.seed, "of everything that is left to chance")
       ->capture_default_str();

@@ -51,14 +51,14 @@ Status drawSkill(const SkillReport& report, const std::filesystem::path& folder)
             "'DejaVu "
             "Sans Bold,12'\n";
   script +=
-      "set xlabel \"Hedges' g, experts against novices (dimensionless), with 95 % bootstrap interval (cut at "
+      "set xlabel \"Hedges' g, experts against novices (dimensionless), 95 % bootstrap interval (cut at "
       "the edge)\" font "
       "'DejaVu Sans,11' offset 0,0.5\nset xtics font 'DejaVu Sans,10'\n";
   script += "set xrange [" + fixed(-most, 0) + ":" + fixed(most, 0) +
             "]\nset yrange [0:" + std::to_string(n + 1) + "]\nset ytics (" + tics +
             ") font 'DejaVu Sans,9'\nset grid x lc rgb '#dde1e4'\n" +
             "set arrow 1 from 0, graph 0 to 0, graph 1 nohead lc rgb '#7d8790'\n" +
-            "set key below center horizontal font 'DejaVu Sans,10'\n";
+            "set key below center horizontal font 'DejaVu Sans,10'\nset bmargin 6\n";
   std::string plots;
   const auto add = [&](const std::string& text) { plots += (plots.empty() ? "plot " : ", ") + text; };
   if (!data[0].empty())

@@ -206,6 +206,7 @@ class SkillStudy {
         row.measure = name;
         row.unit = kind.unit;
         row.better = betterName(kind.better);
+        row.rate_tolerance = rateTolerance(name, row.unit);
         const auto middle = static_cast<std::ptrdiff_t>(half);
         const std::vector<double> novices(plain.begin(), plain.begin() + middle),
             experts(plain.begin() + middle, plain.end());
@@ -280,6 +281,19 @@ class SkillStudy {
 };
 
 }  // namespace
+
+double rateTolerance(const std::string& measure, const std::string& unit) {
+  if (unit == "s") return 5e-3;
+  if (unit == "m") return 2e-4;
+  if (unit == "m^2") return 5e-6;
+  if (unit == "N") return 0.1;
+  if (unit == "m/s") return 2e-3;
+  if (unit == "J") return 5e-6;
+  if (measure == "sparc") return 0.5;
+  if (measure == "ldlj") return 0.5;
+  if (measure.ends_with("_share") || measure == "path_inefficiency") return 5e-3;
+  return 0;
+}
 
 double levelOf(std::size_t i, std::size_t n) {
   const std::size_t half = n / 2;

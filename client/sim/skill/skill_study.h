@@ -40,7 +40,19 @@ struct SkillRow {
   /// 500 Hz against 2 kHz: greatest difference over the gestures tried, in the unit, and as a share of the
   /// spread between trainees (0 where there is no spread).
   double rate_difference = 0, rate_share_of_spread = 0;
+  double rate_tolerance = 0;  ///< the difference up to which it counts as the same (rateTolerance)
+  [[nodiscard]] bool sameAtBothRates() const { return rate_difference <= rate_tolerance; }
+  /// It separates, but experts have more of what is better less of, or the other way round.
+  [[nodiscard]] bool againstItsDirection() const {
+    return separates && ((better == "less" && hedges_g > 0) || (better == "more" && hedges_g < 0));
+  }
 };
+
+/// How far a measure of the same movement may be off between 500 Hz and 2 kHz, in its unit. Set by hand,
+/// below what a requirement is set to by whole steps: 5 ms, 0.2 mm, 5 mm², 0.1 N (a peak may fall between two
+/// ticks), 2 mm/s, 5 µJ, 0.5 % of a share, 0.5 of SPARC and of LDLJ (sums over a spectrum, and a logarithm);
+/// counts must be the same.
+double rateTolerance(const std::string& measure, const std::string& unit);
 
 struct SkillReport {
   SkillStudyOptions options;
