@@ -99,7 +99,11 @@ const course = { id: 'c', name: 'C', exercises: [{ id: 'a', name: 'A', profile_i
 test('a course is right, or says where it is not', () => {
   assert.deepEqual(courseFaults(course, { profiles: ['p'], measures: [] }), []);
   const paths = (c, known) => courseFaults(c, known).map((f) => f.path);
-  assert.deepEqual(paths({ ...course, exercises: [...course.exercises].reverse() }), ['exercises[0].prerequisites[0]']);
+  // what must be passed first may stand further down; only a circle cannot be begun
+  assert.deepEqual(paths({ ...course, exercises: [...course.exercises].reverse() }), []);
+  const circle = { ...course, exercises: [{ ...course.exercises[0], prerequisites: ['c'] }, course.exercises[1], { id: 'c', name: 'C', profile_id: 'p', prerequisites: ['b'] }] };
+  assert.deepEqual(paths(circle), [0, 1, 2].map((i) => `exercises[${i}].prerequisites[0]`));
+  assert.deepEqual(paths({ ...course, exercises: [{ ...course.exercises[0], prerequisites: ['a'] }, course.exercises[1]] }), ['exercises[0].prerequisites[0]']);
   assert.deepEqual(paths(course, { profiles: [] }), ['exercises[0].profile_id', 'exercises[1].profile_id']);
   assert.deepEqual(paths({ id: '', name: ' ', exercises: [] }), ['id', 'name', 'exercises']);
   const odd = { ...course, exercises: [{ id: 'a', name: 'A', profile_id: 'p', attempts: 1.5, time_limit_s: 0, requirements: [{ measure: 'entries', min: 3, max: 2 }, { measure: '' }] }, { ...course.exercises[0] }] };

@@ -33,6 +33,7 @@ export class Browser {
   /** What the open pages show, for whoever reads why a test failed. */
   async testify(name) {
     const folder = process.env.NEEDLELAB_SHOTS;
+    if (this.lab.server?.over) console.error(`--- the server ended with ${this.lab.server.code}:\n${this.lab.server.said.slice(-3000)}`);
     for (const page of this.chromium?.contexts().flatMap((context) => context.pages()) ?? []) {
       console.error(`--- ${page.url()}\n${page.faults?.join('\n') ?? ''}\n${(await page.locator('body').innerText({ timeout: 2000 }).catch(String)).slice(0, 3000)}`);
       if (folder) await page.screenshot({ path: `${folder}/${name.replace(/\W+/g, '-').slice(0, 60)}-${page.url().split('#')[1]?.replace(/\W+/g, '-') ?? ''}.png`, fullPage: true }).catch(() => {});

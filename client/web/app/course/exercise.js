@@ -27,7 +27,7 @@ function Needle({ f, at }) {
 
 function Prerequisites({ f, at, index }) {
   const before = f.doc.exercises.slice(0, index), chosen = f.at(`${at}.prerequisites`) ?? [];
-  // one that comes later, or is not there, can still be taken off
+  // one that stands further down, or is not there, can be taken off
   const odd = chosen.filter((id) => !before.some((e) => e.id === id));
   const toggle = (id) => (on) => {
     const next = on ? [...chosen, id] : chosen.filter((c) => c !== id);
@@ -36,7 +36,7 @@ function Prerequisites({ f, at, index }) {
   const problems = (f.problems ?? []).filter((p) => p.path.startsWith(`${at}.prerequisites`));
   return html`<fieldset><legend>Must be passed first</legend>
     ${before.length + odd.length === 0 && html`<p class="help">This is the first exercise: nothing comes before it.</p>`}
-    ${[...before, ...odd.map((id) => ({ id, name: `${id} (not before this one)` }))].map((e) => html`<${CheckField} key=${e.id} label=${e.name || e.id} checked=${chosen.includes(e.id)} disabled=${f.readonly} onValue=${toggle(e.id)} />`)}
+    ${[...before, ...odd.map((id) => ({ id, name: `${id} (further down)` }))].map((e) => html`<${CheckField} key=${e.id} label=${e.name || e.id} checked=${chosen.includes(e.id)} disabled=${f.readonly} onValue=${toggle(e.id)} />`)}
     ${problems.map((p) => html`<p class="error">✗ ${p.message}</p>`)}</fieldset>`;
 }
 

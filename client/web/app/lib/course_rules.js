@@ -4,6 +4,19 @@
 
 const kId = /^[A-Za-z0-9._-]{1,64}$/;
 
+/** Whether `from` cannot be begun before `to` has been passed, over however many others. */
+function leadsTo(exercises, from, to) {
+  const seen = new Set(), open = [from];
+  while (open.length > 0) {
+    const id = open.pop();
+    if (id === to) return true;
+    if (seen.has(id)) continue;
+    seen.add(id);
+    open.push(...(exercises.find((e) => e.id === id)?.prerequisites ?? []));
+  }
+  return false;
+}
+
 /**
  * @param {any} course
  * @param {{profiles?: string[], measures?: string[]}} known ids and names that exist; absent: not looked at
@@ -26,7 +39,7 @@ export function courseFaults(course, { profiles, measures } = {}) {
     (exercise.prerequisites ?? []).forEach((id, k) => {
       const place = exercises.findIndex((e) => e.id === id);
       if (place < 0) say(`${at}.prerequisites[${k}]`, `there is no exercise ${id} in this course`);
-      else if (place >= i) say(`${at}.prerequisites[${k}]`, `${id} comes later in the course: nobody could begin`);
+      else if (leadsTo(exercises, id, exercise.id)) say(`${at}.prerequisites[${k}]`, id === exercise.id ? 'an exercise cannot come before itself' : `${id} needs this one first, too: nobody could begin either`);
     });
     (exercise.requirements ?? []).forEach((rule, k) => {
       const here = `${at}.requirements[${k}]`;

@@ -49,6 +49,7 @@ async function check(path, json, signal) {
   return [...(reply.problems ?? []).map((p) => ({ ...p, severity: 'ERROR' })), ...warnings];
 }
 export const checkProfile = (json, signal) => check(['profiles', 'check'], json, signal);
+export const checkCourse = (json, signal) => check(['courses', 'check'], json, signal);
 
 /** Force over depth as the engine renders it; what it is called does not matter to it. */
 export const previewProfile = (json, signal) => post(['profiles', 'preview'], { ...json, id: json.id || 'new', name: json.name || 'new' }, { signal });

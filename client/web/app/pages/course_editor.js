@@ -2,7 +2,7 @@
 import { courseFaults, freshId, withoutExercise } from '../lib/course_rules.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
-import { documents, measures } from '../net/lab.js';
+import { checkCourse, documents, measures } from '../net/lab.js';
 import { announce } from '../ui/announce.js';
 import { ConflictDialog } from '../ui/conflict.js';
 import { useDocument } from '../ui/document.js';
@@ -13,7 +13,7 @@ import { html, useCallback, useMemo, useState } from '../ui/html.js';
 import { Heading, Problem } from '../ui/parts.js';
 import { ExerciseForm } from '../course/exercise.js';
 import { ExerciseOrder } from '../course/order.js';
-import { SaveBar, useSaveKey } from './profile_editor.js';
+import { SaveBar, useCheck, useSaveKey } from './profile_editor.js';
 
 const kBlank = { id: '', name: '', exercises: [] };
 
@@ -30,6 +30,7 @@ export function CourseEditor({ params, person }) {
   const { doc } = editing;
   // measures of single layers (peak_force_layer_3_n) are in no list: the server looks at names
   const faults = useMemo(() => (doc ? courseFaults(doc, { profiles: known.data?.profiles.map((p) => p.id) }) : []), [doc, known.data]);
+  const { problems: said } = useCheck(doc, checkCourse);
   const bad = bad_fields.length > 0 || faults.length > 0;
   const save = async () => {
     if (readonly || bad || !editing.dirty) return;
@@ -40,7 +41,8 @@ export function CourseEditor({ params, person }) {
   const title = id ? editing.base?.json.name ?? id : 'New course', above = html`<a href="#/courses">Courses</a>`;
   if (!doc) return html`<${Heading} title=${title} above=${above} />${editing.error ? html`<${Problem} error=${editing.error} retry=${editing.reload} />` : html`<p class="loading" role="status">Loading …</p>`}`;
   const refused = editing.saving.error?.field ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }] : [];
-  const problems = [...faults, ...refused];
+  // the server knows more: names of measures, bounds of numbers; what is said here already is not said twice
+  const problems = [...faults, ...[...said, ...refused].filter((p) => !faults.some((f) => f.path.startsWith(p.path)))];
   const f = formOf({ doc, change: editing.change, problems, onBad, readonly });
   const faulty = new Set(problems.map((p) => Number(/^exercises\[(\d+)\]/.exec(p.path)?.[1] ?? -1)));
   const add = () => {

@@ -66,7 +66,7 @@ export function Score({ session, person }) {
       const bandOf = (row) => (fits ? reference?.bands?.find((b) => b.measure === row.measure) : undefined);
       const besideOf = (row) => score.comparison?.find((c) => c.measure === row.measure);
       // the distance from the experts' paths is measured anew each time, whenever the experts were chosen
-      const path = besideOf({ measure: 'dtw_distance_m' });
+      const path = besideOf({ measure: 'dtw_distance_m' }) ?? rows.find((r) => r.measure === 'dtw_distance_m');
       const others = rows.filter((r) => typeof r.passed !== 'boolean' && !(path && r.measure === 'dtw_distance_m'));
       const table = (caption, list) => html`<${Table} caption=${caption} head=${['Measure', right('Value'), 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0})`]}>
           ${list.map((row) => html`<${Row} key=${row.measure} row=${row} band=${bandOf(row)} beside=${besideOf(row)} />`)}<//>`;
