@@ -60,7 +60,7 @@ export function upkeep(t) {
     const [policy] = (await api(page, 'retention')).policies;
     assert.deepEqual([policy.exercise_id, policy.thin_after_days, policy.thin_rate_hz, policy.delete_after_days, policy.without_backup], ['knee-recess', 30, 100, 365, false]);
     await page.getByRole('button', { name: 'Show what would happen' }).click();
-    await page.getByText(/0 thinned, 0 deleted/).waitFor();
+    await page.getByRole('status').getByText(/0 thinned, 0 deleted, 0 wait/).waitFor();
     assert.ok(await page.getByRole('button', { name: /^Run now/ }).isDisabled(), 'there is nothing to do');
     await accessible(page, 'retention');
     await row.getByRole('button', { name: /^Take away/ }).click();
