@@ -66,8 +66,9 @@ struct ServerCounters {
 /// What the web port did since the start (server/http); shown with the metrics.
 struct WebCounters {
   static constexpr std::array<double, 8> kLatency_s = {0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3};
-  std::map<std::pair<std::string, unsigned>, std::uint64_t> requests;  ///< by route's pattern and status
-  std::array<std::uint64_t, kLatency_s.size() + 1> latency{};          ///< request read to reply written
+  /// By route's pattern, then by status.
+  std::unordered_map<std::string, std::map<unsigned, std::uint64_t>> requests;
+  std::array<std::uint64_t, kLatency_s.size() + 1> latency{};  ///< request read to reply written
   double latency_sum_s = 0;
   std::uint64_t connections = 0, connections_refused = 0, handshakes_failed = 0;
   std::uint64_t live_dropped = 0;                   ///< viewers cut because they did not read
@@ -80,6 +81,7 @@ struct ServerContext {
   asio::thread_pool& passwords;          ///< argon2id: 64 MiB and 0.1 s each, so few at a time
   asio::thread_pool& logins;             ///< station keys, tokens: nobody's scores are before them
   asio::thread_pool& workers;            ///< short reads and scores
+  asio::thread_pool& views;              ///< plots, exports, results: nobody's lesson waits for them
   asio::thread_pool& slow_workers;       ///< backup, check, verify: minutes
   asio::thread_pool& retention_workers;  ///< two: one run, perhaps hours, with pauses; and answers
   ConnectionBounds bounds;

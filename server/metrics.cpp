@@ -162,8 +162,12 @@ void browsers(PrometheusText& out, const ServerContext& context) {
               "Live pages that were cut because they did not read.");
   out.metric("needlelab_web_requests_total", "counter",
              "Requests of browsers answered, by route and status.");
-  for (const auto& [key, count] : web.requests)
-    out.sample(real(count), {{"route", key.first}, {"status", std::to_string(key.second)}});
+  const std::map<std::string, std::map<unsigned, std::uint64_t>> sorted(web.requests.begin(),
+                                                                        web.requests.end());
+  for (const auto& [route, by_status] : sorted) {
+    for (const auto& [status, count] : by_status)
+      out.sample(real(count), {{"route", route}, {"status", std::to_string(status)}});
+  }
   out.metric("needlelab_web_request_seconds", "histogram",
              "From a request's header to the end of its reply.");
   std::uint64_t through = 0;

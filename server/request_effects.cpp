@@ -43,6 +43,14 @@ asio::thread_pool& poolFor(ServerContext& context, const pb::Request& request) {
     case pb::Request::kRunRetention:
     case pb::Request::kRescoreAll:
       return context.retention_workers;
+    // the engine, and lists over all sessions: tens of milliseconds to seconds, and anybody of the staff may
+    case pb::Request::kPreviewProfile:
+    case pb::Request::kExportPerson:
+    case pb::Request::kExportStudy:
+    case pb::Request::kReadStudyRecording:
+    case pb::Request::kGetResults:
+    case pb::Request::kListScores:
+      return context.views;
     default:
       return context.workers;
   }
@@ -99,8 +107,16 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
   if (request.has_change_user() && (request.change_user().has_role() || request.change_user().disabled()))
     endAccess(context, request.change_user().name(), false, by, asker,
               "the account was changed: log in again");
+  // the name must not come into the log again: its pseudonym stands for it from now on
   if (request.has_erase_person())
-    endAccess(context, request.erase_person().name(), false, by, nullptr, "the account is no more");
+    endAccess(context, request.erase_person().name(), false, by, nullptr, "the account is no more",
+              reply.erasure().pseudonym());
+  if (reply.people_import().done()) {
+    for (const auto& row : reply.people_import().rows()) {
+      if (row.what() == pb::PeopleImport::CHANGE && row.text().starts_with("role: "))
+        endAccess(context, row.name(), false, by, asker, "the account was changed: log in again");
+    }
+  }
   // who sets its own password goes on; its other connections may be those of somebody who knew the old one
   if (request.has_set_password())
     endAccess(context, request.set_password().name(), false, by, asker,
@@ -108,7 +124,7 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
 }
 
 void endAccess(ServerContext& context, const std::string& name, bool station, const std::string& by,
-               const PeerConnection* except, const std::string& text) {
+               const PeerConnection* except, const std::string& text, const std::string& said_as) {
   // log-ins that are being checked now are checked again
   ++context.access_changes;
   const std::size_t tokens = station ? 0 : context.tokens.forget(name);
@@ -121,13 +137,14 @@ void endAccess(ServerContext& context, const std::string& name, bool station, co
     peer->refuseAndClose(makeRefusal(pb::Refusal::LOGIN, text));
     ++ended;
   }
+  const std::string subject = said_as.empty() ? name : said_as;
   logEvent(LogLevel::kInfo, "access_ended",
-           {{"name", name}, {"by", by}, {"connections", ended}, {"tokens", tokens}, {"text", text}});
+           {{"name", subject}, {"by", by}, {"connections", ended}, {"tokens", tokens}, {"text", text}});
   if (ended + tokens == 0) return;
   const std::string detail =
       text + "; ended: " + std::to_string(ended) + " connections, " + std::to_string(tokens) + " tokens";
-  asio::post(context.workers, [&service = context.store.service(), by, name, detail] {
-    const Status noted = service.note(by, "access ended", name, detail);
+  asio::post(context.workers, [&service = context.store.service(), by, subject, detail] {
+    const Status noted = service.note(by, "access ended", subject, detail);
     if (!noted.ok()) logEvent(LogLevel::kError, "audit_failed", {{"text", noted.error().message}});
   });
 }

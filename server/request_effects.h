@@ -28,8 +28,9 @@ Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Requ
 void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply,
               const std::string& by, const PeerConnection* asker);
 
-/// All connections and tokens of a name end. Thread: the network's.
+/// All connections and tokens of a name end. `said_as`: what the logs say in place of the name; empty: the
+/// name. Thread: the network's.
 void endAccess(ServerContext& context, const std::string& name, bool station, const std::string& by,
-               const PeerConnection* except, const std::string& text);
+               const PeerConnection* except, const std::string& text, const std::string& said_as = {});
 
 }  // namespace needlelab

@@ -52,7 +52,7 @@ struct Server::Parts {
   TlsFiles files;
   std::unique_ptr<Store> store;
   // of retention one runs; the other says so to who asks meanwhile, and makes dry runs
-  asio::thread_pool passwords{1}, logins{1}, workers{2}, slow_workers{1}, retention_workers{2};
+  asio::thread_pool passwords{1}, logins{1}, workers{2}, views{2}, slow_workers{1}, retention_workers{2};
   std::optional<ServerContext> context;
   std::optional<Tcp::acceptor> acceptor;
   std::unique_ptr<Monitor> monitor;
@@ -130,6 +130,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .passwords = p.passwords,
                                   .logins = p.logins,
                                   .workers = p.workers,
+                                  .views = p.views,
                                   .slow_workers = p.slow_workers,
                                   .retention_workers = p.retention_workers,
                                   .bounds = p.options.bounds,
@@ -199,7 +200,8 @@ Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 Server::~Server() {
   Parts& p = *parts_;
   // work that still runs posts its results into io, where nobody takes them any more
-  for (asio::thread_pool* pool : {&p.passwords, &p.logins, &p.workers, &p.slow_workers, &p.retention_workers})
+  for (asio::thread_pool* pool :
+       {&p.passwords, &p.logins, &p.workers, &p.views, &p.slow_workers, &p.retention_workers})
     pool->join();
   if (p.monitor) p.monitor->join();
   p.store->writer().stop();

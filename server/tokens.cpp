@@ -18,11 +18,21 @@ std::string hashOf(std::string_view token) {
 
 Tokens::Issued Tokens::issue(const Holder& holder, std::int64_t now_ns) {
   dropExpired(now_ns);
-  if (tokens_.size() >= max_tokens_) {
-    const auto first = std::min_element(tokens_.begin(), tokens_.end(), [](const auto& a, const auto& b) {
-      return a.second.expires_ns < b.second.expires_ns;
-    });
-    tokens_.erase(first);
+  const auto giveUpFirst = [this](auto counts) {
+    auto first = tokens_.end();
+    for (auto it = tokens_.begin(); it != tokens_.end(); ++it) {
+      if (counts(it->second) && (first == tokens_.end() || it->second.expires_ns < first->second.expires_ns))
+        first = it;
+    }
+    if (first != tokens_.end()) tokens_.erase(first);
+  };
+  const auto is_theirs = [&](const Entry& entry) { return entry.holder.who.name == holder.who.name; };
+  const auto theirs = std::count_if(tokens_.begin(), tokens_.end(),
+                                    [&](const auto& entry) { return is_theirs(entry.second); });
+  if (static_cast<std::size_t>(theirs) >= kMostOfPerson) {
+    giveUpFirst(is_theirs);
+  } else if (tokens_.size() >= max_tokens_) {
+    giveUpFirst([](const Entry&) { return true; });
   }
   Issued issued;
   issued.token.resize(32);

@@ -21,6 +21,7 @@ class Tokens {
     Principal who;
     std::int64_t password_ns = 0;  ///< when the password was given from which the token comes
   };
+  static constexpr std::size_t kMostOfPerson = 512;
   struct Issued {
     std::string token;  ///< 32 random bytes
     std::int64_t expires_ns = 0;
@@ -30,7 +31,8 @@ class Tokens {
                   std::size_t max_tokens = 10'000, std::chrono::milliseconds longest = std::chrono::hours(12))
       : lifetime_(lifetime), longest_(longest), max_tokens_(max_tokens) {}
 
-  /// When all places are taken, the one that ends first is given up.
+  /// When all places are taken, or this person has kMostOfPerson, the one that ends first is given up: who
+  /// logs in again and again costs nobody else a token.
   Issued issue(const Holder& holder, std::int64_t now_ns);
   /// Whose token it is, while it lasts.
   std::optional<Holder> find(std::string_view token, std::int64_t now_ns);

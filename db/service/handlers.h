@@ -43,7 +43,7 @@ pb::Reply doneReply();
 /// kDenied unless `role` may be given, or taken away, or its password set by who asks: an administrator may
 /// all, a curriculum manager those up to its own but not researchers.
 Status mayManage(const Context& context, pb::Role role);
-/// kDenied for a trainee who asks for somebody else's. `what`: "results".
+/// kDenied for a trainee or a researcher who asks for somebody else's. `what`: "results".
 Status ownOnly(const Context& context, const std::string& name, const std::string& what);
 
 /// A session id from the network. kInvalidInput when it is none.

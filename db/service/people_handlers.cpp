@@ -74,8 +74,10 @@ Status mayManage(const Context& context, pb::Role role) {
 }
 
 Status ownOnly(const Context& context, const std::string& name, const std::string& what) {
-  if (context.who.role != pb::TRAINEE || name == context.who.name) return {};
-  return Error{ErrorCode::kDenied, "a trainee sees own " + what + " only"};
+  const bool limited = context.who.role == pb::TRAINEE || context.who.role == pb::RESEARCHER;
+  if (!limited || name == context.who.name) return {};
+  return Error{ErrorCode::kDenied,
+               "a " + std::string(roleName(context.who.role)) + " sees own " + what + " only"};
 }
 
 Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call) {

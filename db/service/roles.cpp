@@ -64,7 +64,7 @@ constexpr std::array kRules = {
     Rule{Request::kRunRetention, "retention run", kManager | kAdmin},
     Rule{Request::kTraineeMessage, "message", kInstructor | kAdmin},
     Rule{Request::kNextExercise, "next exercise", kInstructor | kAdmin},
-    Rule{Request::kGetUser, "user show", kPeople},
+    Rule{Request::kGetUser, "user show", kPeople | kResearcher},  // a trainee, a researcher: its own
     Rule{Request::kChangeUser, "user change", kManagers},
     Rule{Request::kSetConsent, "consent", kPeople},
     Rule{Request::kListConsents, "consent list", kPeople},

@@ -37,12 +37,12 @@ Result<BoardFacts> readBoardFacts(Store& store, bool stations_too, const std::ve
     }
   }
   for (const std::string& bytes : sessions) {
-    auto& names = facts.tissues[bytes];
     Uuid id;
     if (bytes.size() != id.size()) continue;
     std::copy(bytes.begin(), bytes.end(), id.begin());
     const auto info = SessionStore(**reader).info(id);
-    if (!info) continue;
+    if (!info) continue;  // its first status came before it was stored: asked for again
+    auto& names = facts.tissues[bytes];
     const auto profile = parseProfile(info->description().profile_json(), "profile");
     if (!profile) continue;
     for (const pb::Layer& layer : profile->layers()) names.push_back(pb::Layer::Tissue_Name(layer.tissue()));

@@ -69,7 +69,8 @@ class Viewer : public LiveSocket {
  private:
   PlainWebStream& plain() { return socket_.next_layer().next_layer(); }
 
-  /// Pings, pongs and the end are seen by reading; the rest is thrown away.
+  /// Pings, pongs and the end are seen by reading. A message, whatever it says, means that somebody looks at
+  /// the page: the session lasts longer.
   Task<> readAll(std::shared_ptr<LiveSocket> /*kept alive by it*/) {
     beast::flat_buffer buffer(kMostFromViewer);
     for (;;) {
@@ -77,6 +78,7 @@ class Viewer : public LiveSocket {
       auto [error, count] = co_await socket_.async_read(buffer, kUseTuple);
       (void)count;
       if (error) break;
+      (void)server_->context().tokens.renew(token_, steadyNowNs());
     }
     over_ = true;
     reading_ = false;

@@ -11,6 +11,23 @@ NUMBERS = {"double": "number", "float": "number", "bool": "boolean"}
 INTEGERS = {"int32", "uint32", "sint32", "int64", "uint64"}
 
 
+# texts that are JSON themselves: rows of common/scoring/report.h and reference.h
+MAYBE = {"type": ["number", "null"]}
+
+
+def rows(required, **fields):
+    return {"type": ["array", "null"], "description": "null: there is none",
+            "items": {"type": "object", "properties": fields, "required": required.split(), "additionalProperties": False}}
+
+
+MEASURES = rows("measure value unit words", measure={"type": "string"}, value=MAYBE, unit={"type": "string"}, min={"type": "number"},
+                max={"type": "number"}, passed={"type": "boolean"}, words={"type": "string"})
+COMPARISON = rows("measure value unit n mean sd z better standing words", measure={"type": "string"}, value=MAYBE, unit={"type": "string"},
+                  n={"type": "integer"}, mean=MAYBE, sd=MAYBE, z=MAYBE, better={"type": "string"}, standing={"type": "string"}, words={"type": "string"})
+INNER = {("Score", "measures"): MEASURES, ("Score", "comparison"): COMPARISON, ("SessionInfo", "score"): MEASURES,
+         ("Attempt", "score"): MEASURES}
+
+
 def without_comments(text):
     return re.sub(r"//[^\n]*", "", text)
 
@@ -79,7 +96,8 @@ def schemas():
             if field == "unix_ns" or field.endswith("_unix_ns"):
                 key = field[:-2] + "ms"
             elif type_name == "string" and label != "repeated" and (field == "json" or field.endswith("_json")):
-                key, schema, label = field if field == "json" else field[:-5], {}, "optional"  # lists leave it out
+                key = field if field == "json" else field[:-5]
+                schema, label = INNER.get((name, key), {}), "optional"  # lists leave it out
             if field == "records":
                 schema = {"type": "object"}
             if label == "repeated":
@@ -120,7 +138,7 @@ TEXT, NUMBER, FLAG, WHOLE = {"type": "string"}, {"type": "number"}, {"type": "bo
 NUMBERS_LIST = {"type": "array", "items": {"type": ["number", "null"]}}
 EMPTY = {"type": "object", "maxProperties": 0}
 ROLES = {"enum": re.findall(r"(\w+)\s*=", dict((n, b) for _, n, b in blocks((PROTO / "types.proto").read_text())[0])["Role"])}
-SESSION = obj("name role csrf_token expires_unix_ms", name=TEXT, role=ROLES, csrf_token=TEXT, expires_unix_ms=NUMBER)
+SESSION = obj("name full_name role csrf_token expires_unix_ms", name=TEXT, full_name=TEXT, role=ROLES, csrf_token=TEXT, expires_unix_ms=NUMBER)
 PLOT = obj("rate_hz samples from_s to_s decimated columns", rate_hz=NUMBER, samples=WHOLE, from_s=NUMBER, to_s=NUMBER, decimated=FLAG,
            columns={"type": "object", "additionalProperties": NUMBERS_LIST, "required": ["t_s", "force_n"]})
 REMARK = {**MADE["Annotation"], "properties": {**MADE["Annotation"]["properties"], "t_s": NUMBER}, "required": MADE["Annotation"]["required"] + ["t_s"]}
@@ -140,7 +158,7 @@ TABLE = [
     ("PATCH", "/people/{name}", "Role, name, access (If-Match); or the word on studies, alone", "", {"type": "object"}, ref("User")),
     ("POST", "/people/{name}/password", "A new password; ends the person's sessions", "", obj("password", password=TEXT), EMPTY),
     ("GET", "/people/{name}/consents", "All words on studies", "", None, list_of(ref("Consent"))),
-    ("GET", "/people/{name}/export", "Everything that is stored of a person", "page", None, list_of({"type": "object"})),
+    ("GET", "/people/{name}/export", "Everything that is stored of a person, to download", "", None, obj("items", items={"type": "array", "items": {"type": "object"}})),
     ("DELETE", "/people/{name}/data", "Erases a person; confirm must be the name", "", body_of("ErasePerson", "name"), ref("Erasure")),
     ("GET", "/people/{name}/progress", "Attempts in order of time", "exercise page", None, list_of(ref("Attempt"))),
     ("GET", "/groups", "Groups", "page", None, list_of(ref("Group"))),
@@ -184,6 +202,8 @@ TABLE = [
     ("POST", "/backup", "A verified copy on the server's machine; without a path beside the database", "", obj("", path=TEXT, keep=WHOLE), ref("BackupDone")),
     ("POST", "/check", "The database and every recording in it", "", None, ref("CheckReport")),
     ("GET", "/retention", "What is kept how long", "", None, ref("Retention")),
+    ("PUT", "/retention", "A policy of an exercise, or of all; as_default: the exercise's own is taken away", "", body_of("SetRetention"), EMPTY),
+    ("POST", "/retention/run", "Thins and deletes now, or says what it would", "", body_of("RunRetention"), ref("RetentionReport")),
 ]
 CREATED = {("POST", "/people"), ("POST", "/groups"), ("POST", "/assignments"), ("POST", "/sessions/{id}/annotations")}
 
@@ -191,7 +211,7 @@ CREATED = {("POST", "/people"), ("POST", "/groups"), ("POST", "/assignments"), (
 def operation(method, path, words, query, body, reply):
     parameters = [{"name": n, "in": "path", "required": True, "schema": TEXT} for n in re.findall(r"\{(\w+)\}", path)]
     parameters += [{"name": n, "in": "query", "schema": TEXT} for n in query.split()]
-    if method in ("PUT", "PATCH") or (method, path) == ("DELETE", "/groups/{id}"):
+    if method in ("PUT", "PATCH") and path != "/retention" or (method, path) == ("DELETE", "/groups/{id}"):
         parameters.append({"name": "If-Match", "in": "header", "required": method != "PATCH", "schema": TEXT,
                            "description": "the revision that was changed, in quotes; 409 with current_revision when it is not the newest"})
     if method != "GET" and path != "/session" or method == "DELETE":

@@ -1,6 +1,7 @@
 /// What the tables of routes have in common. Private to this folder.
 #pragma once
 
+#include <functional>
 #include <span>
 #include <string>
 
@@ -23,6 +24,10 @@ Status readBodyInto(const WebCall& call, google::protobuf::Message& message,
                     std::initializer_list<const char*> outside);
 /// The service's reply, or its error. On a worker's thread.
 Result<pb::Reply> replyOf(Service& service, const WebCall& call, const pb::Request& request);
+/// A stream whose first piece is made at once, so that what is wrong with the question is said before the
+/// file begins. `file_name`: what is no letter, digit, '-', '_' or '.' becomes '_'. On a worker's thread.
+Result<WebStream> streamFromFirst(std::string type, std::string file_name,
+                                  std::function<Result<std::string>()> next);
 /// {}.
 WebJson emptyReply(const WebCall& call, const pb::Reply& reply);
 /// {id} of the address as a session's.

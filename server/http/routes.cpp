@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <memory>
+#include <utility>
 
 #include "http/openapi.h"
 #include "http/route_parts.h"
@@ -80,6 +82,23 @@ Result<pb::Reply> replyOf(Service& service, const WebCall& call, const pb::Reque
   Outcome outcome = service.execute(call.who, request);
   if (outcome.error) return *outcome.error;
   return std::move(outcome.reply);
+}
+
+Result<WebStream> streamFromFirst(std::string type, std::string file_name,
+                                  std::function<Result<std::string>()> next) {
+  for (char& c : file_name) {
+    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+                       c == '-' || c == '_' || c == '.';
+    if (!plain) c = '_';
+  }
+  auto piece = next();
+  if (!piece) return piece.error();
+  const auto first = std::make_shared<std::string>(std::move(*piece));
+  return WebStream{std::move(type), std::move(file_name),
+                   [next = std::move(next), first]() -> Result<std::string> {
+                     if (!first->empty()) return std::exchange(*first, std::string());
+                     return next();
+                   }};
 }
 
 WebJson emptyReply(const WebCall&, const pb::Reply&) {

@@ -1,4 +1,7 @@
 // People, groups, stations, and the database itself.
+#include <memory>
+#include <utility>
+
 #include "http/route_parts.h"
 
 namespace needlelab {
@@ -86,15 +89,39 @@ WebJson consentsJson(const WebCall&, const pb::Reply& reply) {
   return listOf(reply.consents(), "consents");
 }
 
-Result<pb::Request> exportPerson(const WebCall& call) {
-  pb::Request request;
-  auto& ask = *request.mutable_export_person();
-  ask.set_name(call.parts[0]);
-  if (auto page = setPage(call, *ask.mutable_page()); !page) return page.error();
-  return request;
-}
-WebJson recordsJson(const WebCall&, const pb::Reply& reply) {
-  return listOf(reply.records(), "records");
+/// All of a person's records as one document, page by page of ExportPerson.
+class PersonRecords {
+ public:
+  PersonRecords(Service& service, WebCall call) : service_(service), call_(std::move(call)) {}
+
+  Result<std::string> next() {
+    if (ended_) return std::string();
+    pb::Request request;
+    request.mutable_export_person()->set_name(call_.parts[0]);
+    request.mutable_export_person()->set_page(page_);
+    const auto reply = replyOf(service_, call_, request);
+    if (!reply) return reply.error();
+    std::string text = page_.empty() ? "{\"items\": [" : "";
+    for (const std::string& record : reply->records().records()) {
+      text += (first_ ? "\n" : ",\n") + record;
+      first_ = false;
+    }
+    page_ = reply->records().next_page();
+    ended_ = page_.empty();
+    if (ended_) text += "\n]}\n";
+    return text;
+  }
+
+ private:
+  Service& service_;
+  const WebCall call_;
+  std::string page_;
+  bool first_ = true, ended_ = false;
+};
+
+Result<WebStream> personRecords(Service& service, const WebCall& call) {
+  auto records = std::make_shared<PersonRecords>(service, call);
+  return streamFromFirst("application/json", call.parts[0] + ".json", [records] { return records->next(); });
 }
 
 Result<pb::Request> erasePerson(const WebCall& call) {
@@ -209,6 +236,21 @@ WebJson retentionJson(const WebCall&, const pb::Reply& reply) {
   return jsonOf(reply.retention());
 }
 
+Result<pb::Request> setRetention(const WebCall& call) {
+  pb::Request request;
+  if (auto read = readBodyInto(call, *request.mutable_set_retention(), {}); !read) return read.error();
+  return request;
+}
+
+Result<pb::Request> runRetention(const WebCall& call) {
+  pb::Request request;
+  if (auto read = readBodyInto(call, *request.mutable_run_retention(), {}); !read) return read.error();
+  return request;
+}
+WebJson retentionReportJson(const WebCall&, const pb::Reply& reply) {
+  return jsonOf(reply.retention_report());
+}
+
 constexpr auto kAsk = WebAction::kRequest;
 
 constexpr auto kPeopleRoutes = std::to_array<WebRoute>({
@@ -220,7 +262,8 @@ constexpr auto kPeopleRoutes = std::to_array<WebRoute>({
     {"PATCH", "/people/{name}", Call::kSetConsent, kAsk, changePerson, personJson},
     {"POST", "/people/{name}/password", Call::kSetPassword, kAsk, setPersonsPassword, emptyReply},
     {"GET", "/people/{name}/consents", Call::kListConsents, kAsk, listConsents, consentsJson},
-    {"GET", "/people/{name}/export", Call::kExportPerson, kAsk, exportPerson, recordsJson},
+    {"GET", "/people/{name}/export", Call::kExportPerson, WebAction::kStream, nullptr, nullptr, nullptr, 200,
+     personRecords},
     {"DELETE", "/people/{name}/data", Call::kErasePerson, kAsk, erasePerson, erasureJson},
     {"GET", "/groups", Call::kListGroups, kAsk, listGroups, groupsJson},
     {"POST", "/groups", Call::kPutGroup, kAsk, addGroup, groupJson, nullptr, 201},
@@ -232,6 +275,8 @@ constexpr auto kPeopleRoutes = std::to_array<WebRoute>({
     {"POST", "/backup", Call::kBackup, kAsk, makeBackup, backupJson},
     {"POST", "/check", Call::kCheck, kAsk, checkAll, checkReportJson},
     {"GET", "/retention", Call::kListRetention, kAsk, listRetention, retentionJson},
+    {"PUT", "/retention", Call::kSetRetention, kAsk, setRetention, emptyReply},
+    {"POST", "/retention/run", Call::kRunRetention, kAsk, runRetention, retentionReportJson},
 });
 
 }  // namespace

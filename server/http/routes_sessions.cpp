@@ -240,6 +240,10 @@ class ScoreLines {
     if (row.contains(name) && row[name].is_number()) appendNumber(text, row[name].get<double>());
     return text;
   }
+  static std::string textCell(const nlohmann::json& row, const char* name) {
+    return row.contains(name) && row[name].is_string() ? csvCell(row[name].get<std::string>())
+                                                       : std::string();
+  }
   static void addLines(std::string& text, const pb::ScoreRow& row) {
     const pb::Attempt& attempt = row.attempt();
     const auto measures = nlohmann::json::parse(row.score().measures_json(), nullptr, false);
@@ -252,8 +256,8 @@ class ScoreLines {
                        std::to_string(row.score().definition_version()) + ",";
     for (const nlohmann::json& measure : measures) {
       if (!measure.is_object()) continue;
-      text += head + csvCell(measure.value("measure", "")) + "," + numberCell(measure, "value") + "," +
-              csvCell(measure.value("unit", "")) + "," + numberCell(measure, "min") + "," +
+      text += head + textCell(measure, "measure") + "," + numberCell(measure, "value") + "," +
+              textCell(measure, "unit") + "," + numberCell(measure, "min") + "," +
               numberCell(measure, "max") + "," +
               (measure.contains("passed") && measure["passed"].is_boolean()
                    ? (measure["passed"].get<bool>() ? "yes" : "no")
@@ -270,14 +274,7 @@ class ScoreLines {
 
 Result<WebStream> scoresCsv(Service& service, const WebCall& call) {
   auto lines = std::make_shared<ScoreLines>(service, call);
-  // what is wrong with the question is said before the file begins
-  auto first = std::make_shared<Result<std::string>>(lines->next());
-  if (!first->ok()) return first->error();
-  return WebStream{"text/csv; charset=utf-8", "scores.csv", [lines, first]() -> Result<std::string> {
-                     if (first->ok() && !first->value().empty())
-                       return std::exchange(first->value(), std::string());
-                     return lines->next();
-                   }};
+  return streamFromFirst("text/csv; charset=utf-8", "scores.csv", [lines] { return lines->next(); });
 }
 
 // --- studies

@@ -53,6 +53,7 @@ struct WebCall {
   WebTarget target;
   std::vector<std::string> parts;         ///< what stood for the {…} of the route's pattern
   nlohmann::json body;                    ///< null: there was none
+  std::size_t body_bytes = 0;             ///< of its text
   std::optional<std::uint32_t> if_match;  ///< revision that a change was made from
   Principal who;
 

@@ -2,6 +2,7 @@
 
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/http.hpp>
+#include <cstring>
 #include <utility>
 
 #include "base/clock.h"
@@ -99,6 +100,7 @@ class BrowserConnection : public WebConnection {
     request->connection = id_;
     request->address = address_;
     request->gone = [this] { return cut_; };
+    if (!request->body.empty()) wipeBuffer();
     const std::string method = request->method, path = request->target.substr(0, request->target.find('?'));
     plain().expires_never();
     WebAnswer answer;
@@ -108,7 +110,10 @@ class BrowserConnection : public WebConnection {
     } else {
       answer = co_await answerTo(server_, request, trace);
     }
-    if (cut_) co_return false;
+    if (cut_) {
+      if (!answer.live_token.empty()) server_->viewerLeft(trace->who);  // its place was taken
+      co_return false;
+    }
     if (!answer.live_token.empty()) {
       co_await goLive(parser, answer, *trace, begun_ns);
       co_return false;
@@ -224,7 +229,7 @@ class BrowserConnection : public WebConnection {
             bool sent, std::int64_t begun_ns) {
     const double seconds = static_cast<double>(steadyNowNs() - begun_ns) * 1e-9;
     WebCounters& web = server_->context().web;
-    ++web.requests[{trace.route, status}];
+    ++web.requests[trace.route][status];
     web.latency_sum_s += seconds;
     std::size_t bucket = 0;
     while (bucket < WebCounters::kLatency_s.size() && seconds > WebCounters::kLatency_s[bucket]) ++bucket;
@@ -239,6 +244,13 @@ class BrowserConnection : public WebConnection {
               {"status", status},
               {"ms", static_cast<std::int64_t>(seconds * 1000)},
               {"sent", sent ? "yes" : "no"}});
+  }
+
+  /// There may have been a password in what was read. What is behind the request stays.
+  void wipeBuffer() {
+    if (buffer_.size() > 0 || buffer_.capacity() == 0) return;
+    const auto room = buffer_.prepare(buffer_.capacity());
+    std::memset(room.data(), 0, room.size());
   }
 
   /// Takes what the peer still sends, for a moment: else its kernel would throw our answer away.

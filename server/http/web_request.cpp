@@ -22,6 +22,9 @@ namespace {
 using Shared = std::shared_ptr<WebServer>;
 using Request = std::shared_ptr<WebRequest>;
 
+/// JSON of that size is read in a millisecond.
+constexpr std::size_t kSmallBody = 16u << 10;
+
 WebAnswer notLoggedIn() {
   WebAnswer answer = errorAnswer(401, "not_logged_in", "log in first: there is no session, or it has ended");
   return answer;
@@ -58,13 +61,20 @@ std::optional<WebAnswer> foreignPage(const WebRequest& request, bool needs_origi
   return errorAnswer(403, "wrong_origin", "only pages of this server may ask for that");
 }
 
-WebJson sessionState(WebServer& server, const Principal& who, const std::string& token) {
+Task<WebJson> sessionState(Shared server, Principal who, std::string token) {
+  pb::Request own;
+  own.mutable_get_user()->set_name(who.name);
+  std::function<Outcome()> read = [&service = server->context().store.service(), who, own] {
+    return service.execute(who, own);
+  };
+  const Outcome person = co_await offload(server->context().workers, std::move(read));
   const std::int64_t now = steadyNowNs();
-  const std::int64_t left = server.context().tokens.endOf(token, now).value_or(now) - now;
-  return {{"name", who.name},
-          {"role", pb::Role_Name(who.role)},
-          {"csrf_token", server.sessions().csrfOf(token)},
-          {"expires_unix_ms", static_cast<double>(wallNowNs() + left) / 1e6}};
+  const std::int64_t left = server->context().tokens.endOf(token, now).value_or(now) - now;
+  co_return WebJson{{"name", who.name},
+                    {"full_name", person.reply.user().full_name()},
+                    {"role", pb::Role_Name(who.role)},
+                    {"csrf_token", server->sessions().csrfOf(token)},
+                    {"expires_unix_ms", static_cast<double>(wallNowNs() + left) / 1e6}};
 }
 
 Task<WebAnswer> logIn(Shared server, Request request, nlohmann::json body) {
@@ -86,6 +96,9 @@ Task<WebAnswer> logIn(Shared server, Request request, nlohmann::json body) {
   if (login.answer == Answer::kRefused)
     co_return errorAnswer(401, "login_refused", "unknown name, wrong password, or disabled");
   if (login.answer != Answer::kWelcome) co_return errorAnswer(500, "failed", textOf(login));
+  // the browser forgets the session that it had
+  if (const auto before = server->sessions().find(request->cookie, steadyNowNs()))
+    context.tokens.end(before->token);
   const auto issued = context.tokens.issue(login.holder, steadyNowNs());
   ++context.counters.logins;
   logEvent(LogLevel::kInfo, "web_login",
@@ -93,7 +106,7 @@ Task<WebAnswer> logIn(Shared server, Request request, nlohmann::json body) {
             {"who", login.holder.who.name},
             {"role", pb::Role_Name(login.holder.who.role)},
             {"peer", request->address}});
-  WebAnswer answer = jsonAnswer(sessionState(*server, login.holder.who, issued.token));
+  WebAnswer answer = jsonAnswer(co_await sessionState(server, login.holder.who, issued.token));
   answer.headers.emplace_back("Set-Cookie", WebSessions::cookieFor(issued.token));
   co_return answer;
 }
@@ -124,13 +137,26 @@ Status placeBackup(const ServerContext& context, pb::Request& request) {
   return {};
 }
 
-Task<WebAnswer> throughService(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
+/// Of a body that became a request, which is wiped by itself.
+void wipeSecrets(nlohmann::json& body) {
+  if (!body.is_object()) return;
+  for (const char* name : {"password", "csv"}) {
+    if (const auto found = body.find(name); found != body.end() && found->is_string())
+      wipe(found->get_ref<std::string&>());
+  }
+}
+
+Task<WebAnswer> throughService(Shared server, const WebRoute& route, std::shared_ptr<WebCall> call) {
   ServerContext& context = server->context();
-  auto built = route.build(*call);
+  // a class or a course of a megabyte takes a while to read: not on the network's thread
+  std::function<Result<pb::Request>()> build = [&route, call] { return route.build(*call); };
+  auto built = call->body_bytes > kSmallBody ? co_await offload(context.views, std::move(build)) : build();
+  wipeSecrets(call->body);
   if (!built) co_return errorAnswer(built.error());
   if (const Status placed = placeBackup(context, *built); !placed) co_return errorAnswer(placed.error());
   const auto request = heldSecretly(std::move(*built));
   std::function<std::shared_ptr<Outcome>()> work = [&service = context.store.service(), request, call] {
+    if (request->has_run_retention()) afterOthers();
     return std::make_shared<Outcome>(service.execute(call->who, *request));
   };
   const auto outcome = co_await offload(poolFor(context, *request), std::move(work));
@@ -141,7 +167,7 @@ Task<WebAnswer> throughService(Shared server, const WebRoute& route, std::shared
   std::function<WebAnswer()> write = [&route, call, outcome] {
     return jsonAnswer(route.shape(*call, outcome->reply), route.status);
   };
-  co_return co_await offload(context.workers, std::move(write));
+  co_return co_await offload(context.views, std::move(write));
 }
 
 Task<WebAnswer> throughWork(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
@@ -150,12 +176,16 @@ Task<WebAnswer> throughWork(Shared server, const WebRoute& route, std::shared_pt
     auto json = route.work(service, *call);
     return json ? jsonAnswer(*json, route.status) : errorAnswer(json.error());
   };
-  co_return co_await offload(context.workers, std::move(work));
+  co_return co_await offload(context.views, std::move(work));
 }
 
 Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<WebStream> stream) {
   std::function<Result<std::string>()> work = [stream] { return stream->next(); };
-  co_return co_await offload(server->context().workers, std::move(work));
+  try {
+    co_return co_await offload(server->context().views, std::move(work));
+  } catch (const std::exception& fault) {
+    co_return Error{ErrorCode::kFailed, fault.what()};
+  }
 }
 
 Task<WebAnswer> throughStream(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
@@ -163,7 +193,7 @@ Task<WebAnswer> throughStream(Shared server, const WebRoute& route, std::shared_
   std::function<Result<WebStream>()> open = [&service = context.store.service(), &route, call] {
     return route.stream(service, *call);
   };
-  auto opened = co_await offload(context.workers, std::move(open));
+  auto opened = co_await offload(context.views, std::move(open));
   if (!opened) co_return errorAnswer(opened.error());
   WebAnswer answer;
   answer.type = opened->type;
@@ -174,7 +204,7 @@ Task<WebAnswer> throughStream(Shared server, const WebRoute& route, std::shared_
 }
 
 /// The body as JSON where there should be one. Nothing: it is fine.
-std::optional<WebAnswer> readBody(WebRequest& request, nlohmann::json& body) {
+std::optional<WebAnswer> bodyFault(WebRequest& request, nlohmann::json& body) {
   const bool carries = request.method == "POST" || request.method == "PUT" || request.method == "PATCH" ||
                        !request.body.empty();
   if (!carries || (request.body.empty() && request.content_type.empty())) return std::nullopt;
@@ -186,6 +216,15 @@ std::optional<WebAnswer> readBody(WebRequest& request, nlohmann::json& body) {
   if (!parsed) return errorAnswer(parsed.error());
   body = std::move(*parsed);
   return std::nullopt;
+}
+
+Task<std::optional<WebAnswer>> readBody(Shared server, Request request, std::shared_ptr<WebCall> call) {
+  call->body_bytes = request->body.size();
+  std::function<std::optional<WebAnswer>()> read = [request, call] {
+    return bodyFault(*request, call->body);
+  };
+  if (call->body_bytes <= kSmallBody) co_return read();
+  co_return co_await offload(server->context().views, std::move(read));
 }
 
 Task<WebAnswer> apiAnswer(Shared server, Request request, std::shared_ptr<WebTrace> trace, WebTarget target) {
@@ -206,7 +245,7 @@ Task<WebAnswer> apiAnswer(Shared server, Request request, std::shared_ptr<WebTra
 
   auto call = std::make_shared<WebCall>();
   if (route.action == WebAction::kLogIn) {
-    if (auto fault = readBody(*request, call->body)) co_return std::move(*fault);
+    if (auto fault = co_await readBody(server, request, call)) co_return std::move(*fault);
     co_return co_await logIn(server, request, std::move(call->body));
   }
 
@@ -227,13 +266,13 @@ Task<WebAnswer> apiAnswer(Shared server, Request request, std::shared_ptr<WebTra
     context.tokens.end(session->token);
     co_return notLoggedIn();
   }
-  server->loggedIn(request->connection);
+  server->loggedIn(request->connection, session->holder.who.name);
   // who only asks how long the session lasts does not make it last longer; nor does a page that is left open
   if (route.action != WebAction::kWhoAmI && route.action != WebAction::kLive)
     (void)context.tokens.renew(session->token, steadyNowNs());
 
   if (route.action == WebAction::kWhoAmI)
-    co_return jsonAnswer(sessionState(*server, call->who, session->token));
+    co_return jsonAnswer(co_await sessionState(server, call->who, session->token));
   if (route.action == WebAction::kLogOut) {
     context.tokens.end(session->token);
     logEvent(LogLevel::kInfo, "web_logout", {{"conn", request->connection}, {"who", call->who.name}});
@@ -244,7 +283,7 @@ Task<WebAnswer> apiAnswer(Shared server, Request request, std::shared_ptr<WebTra
   if (route.call != pb::Request::CALL_NOT_SET) {
     if (const Status role = checkRole(call->who, route.call); !role) co_return errorAnswer(role.error());
   }
-  if (auto fault = readBody(*request, call->body)) co_return std::move(*fault);
+  if (auto fault = co_await readBody(server, request, call)) co_return std::move(*fault);
   if (!request->if_match.empty()) {
     const auto revision = parseIfMatch(request->if_match);
     if (!revision) co_return errorAnswer(revision.error());
@@ -290,8 +329,15 @@ Task<WebAnswer> answerTo(std::shared_ptr<WebServer> server, std::shared_ptr<WebR
   if (!target) co_return errorAnswer(target.error());
   if (request->host.empty()) co_return errorAnswer(400, "invalid_input", "the header Host is missing");
   const auto& segments = target->segments;
-  if (segments.size() >= 2 && segments[0] == "api" && segments[1] == "v1")
-    co_return co_await apiAnswer(std::move(server), std::move(request), std::move(trace), std::move(*target));
+  if (segments.size() >= 2 && segments[0] == "api" && segments[1] == "v1") {
+    // what one request meets (a stored text that nobody expected, no memory) is not the end of all lessons
+    try {
+      co_return co_await apiAnswer(server, request, trace, std::move(*target));
+    } catch (const std::exception& fault) {
+      logEvent(LogLevel::kError, "web_request_failed", {{"route", trace->route}, {"text", fault.what()}});
+    }
+    co_return errorAnswer(500, "failed", "the server could not answer that; its log says why");
+  }
   if (!segments.empty() && segments[0] == "api")
     co_return errorAnswer(404, "not_found", "there is no such address");
   trace->route = "file";

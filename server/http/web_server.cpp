@@ -117,12 +117,31 @@ void WebServer::accepted(Tcp::socket socket) {
 void WebServer::left(std::uint64_t id, const std::string& host_key) {
   if (connections_.erase(id) == 0) return;
   door_.left(id);
+  forgetPerson(id);
   --context_.web.connections_open;
   if (const auto here = by_address_.find(host_key); --here->second == 0) by_address_.erase(here);
 }
 
-void WebServer::loggedIn(std::uint64_t id) {
+void WebServer::loggedIn(std::uint64_t id, const std::string& who) {
   door_.loggedIn(id, steadyNowNs());
+  forgetPerson(id);
+  person_of_.emplace(id, who);
+  std::vector<std::uint64_t>& theirs = by_person_[who];
+  theirs.push_back(id);
+  if (theirs.size() <= settings_.connections_per_person) return;
+  const std::uint64_t idlest = theirs.front();
+  forgetPerson(idlest);
+  const auto found = connections_.find(idlest);
+  if (const auto connection = found == connections_.end() ? nullptr : found->second.lock()) connection->cut();
+}
+
+void WebServer::forgetPerson(std::uint64_t id) {
+  const auto person = person_of_.find(id);
+  if (person == person_of_.end()) return;
+  const auto theirs = by_person_.find(person->second);
+  std::erase(theirs->second, id);
+  if (theirs->second.empty()) by_person_.erase(theirs);
+  person_of_.erase(person);
 }
 
 bool WebServer::viewerCame(const std::string& who) {

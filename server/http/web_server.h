@@ -33,6 +33,8 @@ struct WebSettings {
   std::chrono::milliseconds body_timeout{30'000};
   std::chrono::milliseconds write_timeout{30'000};  ///< for a reply; of a stream, for a piece
   std::size_t connections_per_address = 256;
+  /// of somebody who is logged in; then the one gives way that asked for something the longest time ago
+  std::size_t connections_per_person = 64;
   /// connections that have not shown a session yet give way as on the other port
   Door::Settings door{.max_connections = 512, .max_strangers = 256, .charges_at_once = 512};
 
@@ -75,13 +77,14 @@ class WebServer : public std::enable_shared_from_this<WebServer> {
   bool viewerCame(const std::string& who);
   void viewerLeft(const std::string& who);
   void left(std::uint64_t id, const std::string& host_key);
-  void loggedIn(std::uint64_t id);
+  void loggedIn(std::uint64_t id, const std::string& who);
 
  private:
   WebServer(ServerContext& context, TlsContext tls, WebSettings settings, StaticFiles files,
             Tcp::acceptor acceptor);
   static Task<> acceptLoop(std::shared_ptr<WebServer> self);
   void accepted(Tcp::socket socket);
+  void forgetPerson(std::uint64_t id);
 
   ServerContext& context_;
   const TlsContext tls_;
@@ -96,6 +99,9 @@ class WebServer : public std::enable_shared_from_this<WebServer> {
   std::size_t all_viewers_ = 0;
   std::unordered_map<std::uint64_t, std::weak_ptr<WebConnection>> connections_;
   std::unordered_map<std::string, std::size_t> by_address_;
+  std::unordered_map<std::uint64_t, std::string> person_of_;  // by connection
+  std::unordered_map<std::string, std::vector<std::uint64_t>>
+      by_person_;  // the one that asked last at the end
   std::uint64_t next_id_ = 1;
   bool stopping_ = false;
 };

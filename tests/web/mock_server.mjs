@@ -53,10 +53,10 @@ function logIn(lab, { name, password }) {
 
 function find(method, parts) {
   let other = false;
-  for (const [wanted, path, roles, handler] of kTable) {
+  for (const [wanted, path, roles, handler, status = 200] of kTable) {
     const steps = path.split('/');
     if (steps.length !== parts.length || !steps.every((s, i) => s.startsWith(':') || s === parts[i])) continue;
-    if (wanted === method) return { roles, handler, params: Object.fromEntries(steps.map((s, i) => [s.slice(1), parts[i]]).filter((_, i) => steps[i].startsWith(':'))) };
+    if (wanted === method) return { roles, handler, status, params: Object.fromEntries(steps.map((s, i) => [s.slice(1), parts[i]]).filter((_, i) => steps[i].startsWith(':'))) };
     other = true;
   }
   throw other ? new Refusal(405, 'method', `${method} is not for this path`) : new Refusal(404, 'not_found', `there is no /${parts.join('/')}`);
@@ -77,11 +77,11 @@ async function answer(lab, request, response, url) {
     return send(response, 200, {}, { 'Set-Cookie': `${kCookie}=; Path=/; Max-Age=0; Secure` });
   }
   if (request.method === 'GET' && parts.at(-1).endsWith('.csv')) return send(response, 200, csvOf(lab, parts, query), { 'Content-Type': 'text/csv; charset=utf-8', 'Content-Disposition': 'attachment' });
-  const { roles, handler, params } = find(request.method, parts);
+  const { roles, handler, status, params } = find(request.method, parts);
   if (!roles.includes(who.role)) throw new Refusal(403, 'role', `${request.method} /${parts.join('/')} is not for the role ${who.role}`);
   const match = request.headers['if-match'];
   const base = match === undefined ? undefined : Number(match.replaceAll('"', ''));
-  return send(response, 200, handler({ lab, who, params, query, base, body: await bodyOf(request) }) ?? {});
+  return send(response, status, handler({ lab, who, params, query, base, body: await bodyOf(request) }) ?? {});
 }
 
 async function file(response, path) {

@@ -220,6 +220,15 @@ TEST(Tokens, lastLongerByUseAndEndWhenTold) {
   EXPECT_FALSE(tokens.endOf(next.token, 1).has_value());
 }
 
+TEST(Tokens, whoLogsInAgainAndAgainCostsNobodyElseOne) {
+  Tokens tokens;
+  const auto bert = tokens.issue({{"bert", pb::INSTRUCTOR}, 0}, 0);
+  for (std::size_t i = 0; i < Tokens::kMostOfPerson + 100; ++i)
+    (void)tokens.issue({{"anna", pb::INSTRUCTOR}, 0}, static_cast<std::int64_t>(i));
+  EXPECT_EQ(tokens.size(), Tokens::kMostOfPerson + 1);
+  EXPECT_TRUE(tokens.endOf(bert.token, 1).has_value());
+}
+
 TEST(ProfileFaults, allOfThemWithTheirPaths) {
   const auto faults = profileFaults(R"({"id": "x", "layers": [{"tissue": "SKIN", "thickness_m": 2},
       {"tissue": "ROCK", "thickness_m": 0.01, "colour": 3}]})");

@@ -57,6 +57,33 @@ TEST(WebLive, twoViewersSeeWhatAStationDoesAndOneThatNeverReadsHoldsUpNobody) {
   }
 }
 
+TEST(WebLive, whoDoesNotReadIsCutWhenItsBufferIsFull) {
+  WebLab lab([](ServerOptions& options) {
+    options.web.live_period = milliseconds(10);
+    options.web.live_write_timeout = milliseconds(300);
+    options.metrics = "127.0.0.1:0";
+  });
+  // much to say: 200 stations are some 40 KB ten times in a tenth of a second
+  for (int i = 0; i < 200; ++i)
+    (void)lab.server().addStation("a bench with a long name, number " + std::to_string(i));
+  Browser ines = lab.browserOf("ines");
+  const auto reading = ines.live(), silent = ines.live();
+  ASSERT_TRUE(reading && silent);
+  const auto dropped = [&] {
+    WebWire wire(lab.server().server().metricsPort(), false);
+    (void)wire.sendPlain("GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n");
+    return wire.receivePlain().find("needlelab_web_live_dropped_total 1\n") != std::string::npos;
+  };
+  bool cut = false;
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  for (int i = 0; !cut && std::chrono::steady_clock::now() < end; ++i) {
+    ASSERT_TRUE(reading->readText().has_value()) << "the other viewer goes on";
+    if (i % 20 == 0) cut = dropped();
+  }
+  EXPECT_TRUE(cut);
+  EXPECT_TRUE(reading->readText().has_value());
+}
+
 TEST(WebLive, comesFiveTimesASecond) {
   WebLab lab;
   const auto viewer = lab.browserOf("ines").live();

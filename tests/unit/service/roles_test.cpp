@@ -45,7 +45,7 @@ const std::map<std::string, std::string>& expected() {
       {"run_retention", "MA"},
       {"trainee_message", "IA"},
       {"next_exercise", "IA"},
-      {"get_user", "TIMA"},
+      {"get_user", "TIMAR"},
       {"change_user", "MA"},
       {"set_consent", "TIMA"},
       {"list_consents", "TIMA"},

@@ -34,9 +34,11 @@ const kMeasures = [
   ['aspirated_before_injection', '', 'Aspirated before the injection', (s) => (s.skill > 0.3 ? 1 : 0)],
   ['injected_in_target_share', '', 'Share injected in the target', (s) => Math.min(1, 0.4 + 0.7 * s.skill)],
 ];
-export const measures = kMeasures.map(([name, unit, words]) => ({ name, unit, words }));
+const kMore = ['target_reached', 'time_at_target_s', 'injected_in_target_share'];
+const betterOf = (name) => (kMore.includes(name) ? 'more' : 'less');
+export const measures = kMeasures.map(([name, unit, words]) => ({ name, unit, words, better: betterOf(name), definition: `${words}, as the mock makes it up` }));
 
-export function scoreOf(session, exercise, band) {
+export function scoreOf(session, exercise) {
   return kMeasures.map(([measure, unit, words, value_of]) => {
     const value = value_of(session);
     const rule = exercise.requirements?.find((r) => r.measure === measure);
@@ -47,12 +49,17 @@ export function scoreOf(session, exercise, band) {
       row.passed = (rule.min === undefined || value >= rule.min) && (rule.max === undefined || value <= rule.max);
       row.words = `${words}: ${value.toPrecision(3)} ${unit}, wanted ${rule.min !== undefined ? `at least ${rule.min}` : `at most ${rule.max}`}${unit && ' ' + unit}: ${row.passed ? 'met' : 'not met'}`;
     }
-    const reference = band?.find((b) => b.measure === measure);
-    if (reference) {
-      row.reference = reference;
-      row.z = reference.sd > 0 ? (value - reference.mean) / reference.sd : null;
-    }
     return row;
+  });
+}
+
+/** A score beside the band of the experts. */
+export function comparisonOf(rows, bands) {
+  return bands.map((band) => {
+    const { value, unit } = rows.find((row) => row.measure === band.measure);
+    const z = band.sd > 0 ? (value - band.mean) / band.sd : null;
+    const standing = z === null || Math.abs(z) < 1 ? 'like_experts' : betterOf(band.measure) === 'more' === z > 0 ? 'better' : 'worse';
+    return { measure: band.measure, value, unit, n: band.n, mean: band.mean, sd: band.sd ?? null, z, better: betterOf(band.measure), standing, words: `${band.measure} ${value.toPrecision(3)}: experts ${band.mean.toPrecision(3)}` };
   });
 }
 
@@ -61,7 +68,11 @@ export function bandOf(sessions) {
     const values = sessions.map(value_of).sort((a, b) => a - b);
     const n = values.length, mean = values.reduce((a, b) => a + b, 0) / n;
     const at = (q) => values[Math.round(q * (n - 1))];
-    return { measure, unit, n, mean, sd: Math.sqrt(values.reduce((a, b) => a + (b - mean) ** 2, 0) / Math.max(1, n - 1)), p10: at(0.1), p90: at(0.9) };
+    // as the engine: what too few sessions cannot say is not there
+    return {
+      measure, unit, n, mean, ...(n > 1 ? { sd: Math.sqrt(values.reduce((a, b) => a + (b - mean) ** 2, 0) / (n - 1)) } : {}), least: values[0],
+      ...(n > 9 ? { p10: at(0.1) } : {}), ...(n > 3 ? { p25: at(0.25) } : {}), median: at(0.5), ...(n > 3 ? { p75: at(0.75) } : {}), ...(n > 9 ? { p90: at(0.9) } : {}), greatest: values.at(-1),
+    };
   });
 }
 
@@ -69,15 +80,15 @@ export function bandOf(sessions) {
 export function makeLab() {
   const next = random(7);
   const people = new Map();
-  for (const [name, full_name, role] of kStaff) people.set(name, { name, full_name, role, disabled: false, revision: 1, consent: null, created_unix_ms: kNow_ms - 90 * kDay_ms, has_password: true, password: kPassword });
+  for (const [name, full_name, role] of kStaff) people.set(name, { name, full_name, role, disabled: false, revision: 1, created_unix_ms: kNow_ms - 90 * kDay_ms, has_password: true, changed_unix_ms: kNow_ms - 90 * kDay_ms, changed_by: 'root', password: kPassword });
   for (const [i, full_name] of kTrainees.entries()) {
     const name = nameOf(full_name);
-    people.set(name, { name, full_name, role: 'TRAINEE', disabled: i === 11, revision: 1, consent: i % 3 === 0 ? null : { given: true, unix_ms: kNow_ms - 29 * kDay_ms, recorded_by: 'mara', note: 'signed paper' }, created_unix_ms: kNow_ms - 30 * kDay_ms, has_password: i < 6, password: kPassword });
+    people.set(name, { name, full_name, role: 'TRAINEE', disabled: i === 11, revision: 1, ...(i % 3 === 0 ? {} : { consent: { given: true, unix_ms: kNow_ms - 29 * kDay_ms, recorded_by: 'mara', note: 'signed paper' } }), created_unix_ms: kNow_ms - 30 * kDay_ms, has_password: i < 6, changed_unix_ms: kNow_ms - 30 * kDay_ms, changed_by: 'mara', password: kPassword });
   }
   const trainees = kTrainees.map(nameOf);
   const groups = new Map([
-    ['autumn-a', { id: 'autumn-a', name: 'Autumn course, group A', members: trainees.slice(0, 6), revision: 1 }],
-    ['autumn-b', { id: 'autumn-b', name: 'Autumn course, group B', members: trainees.slice(6), revision: 2 }],
+    ['autumn-a', { id: 'autumn-a', name: 'Autumn course, group A', members: trainees.slice(0, 6), revision: 1, changed_unix_ms: kNow_ms - 25 * kDay_ms, changed_by: 'mara' }],
+    ['autumn-b', { id: 'autumn-b', name: 'Autumn course, group B', members: trainees.slice(6), revision: 2, changed_unix_ms: kNow_ms - 25 * kDay_ms, changed_by: 'mara' }],
   ]);
   const profiles = new Map();
   for (const file of readdirSync(kSamples).filter((n) => n.endsWith('.json') && n !== 'curriculum.json')) {
@@ -117,7 +128,7 @@ export function makeLab() {
       }
     });
   });
-  const annotations = new Map([[sessions[0].session_id, [{ id: 1, tick: 4200, text: 'Slow down before the capsule.', author: 'ines', created_unix_ms: sessions[0].started_unix_ms + 60_000 }]]]);
+  const annotations = new Map([[sessions[0].session_id, [{ id: 1, session_id: sessions[0].session_id, tick: 4200, t_s: 4.2, text: 'Slow down before the capsule.', author: 'ines', created_unix_ms: sessions[0].started_unix_ms + 60_000 }]]]);
   const assignments = [
     { id: 1, course_id: course.id, exercise_id: '', group_id: 'autumn-a', trainee: '', by: 'mara', created_unix_ms: kNow_ms - 25 * kDay_ms, due_unix_ms: kNow_ms + 40 * kDay_ms },
     { id: 2, course_id: course.id, exercise_id: '', group_id: 'autumn-b', trainee: '', by: 'mara', created_unix_ms: kNow_ms - 25 * kDay_ms, due_unix_ms: kNow_ms + 40 * kDay_ms },

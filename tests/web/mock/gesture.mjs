@@ -31,7 +31,7 @@ export function gesture(profile, { seed, skill, depth_m }) {
   const length_s = kBegin_s + insert_s + kRest_s + 2.5;
   const tremor_m = 0.0002 + 0.0012 * (1 - skill), tilt = 0.05 + 0.2 * (1 - skill) * next();
   const phase = next() * 6;
-  const columns = Object.fromEntries(['t_s', 'px_m', 'py_m', 'pz_m', 'qx', 'qy', 'qz', 'qw', 'speed_m_s', 'fx_n', 'fy_n', 'fz_n', 'phase', 'layer', 'insertion_m', 'lateral_error_m', 'plunger'].map((n) => [n, []]));
+  const columns = Object.fromEntries(['t_s', 'px_m', 'py_m', 'pz_m', 'qx', 'qy', 'qz', 'qw', 'speed_m_s', 'fx_n', 'fy_n', 'fz_n', 'force_n', 'phase', 'layer', 'insertion_m', 'lateral_error_m', 'plunger'].map((n) => [n, []]));
   let before = -0.02;
   for (let i = 0; i <= length_s * kRate_hz; i++) {
     const t = i / kRate_hz;
@@ -54,7 +54,7 @@ export function gesture(profile, { seed, skill, depth_m }) {
     const speed = (depth - before) * kRate_hz;
     before = depth;
     const row = {
-      t_s: t, px_m: x, py_m: y, pz_m: -depth, qx: Math.cos(tilt / 2), qy: 0, qz: Math.sin(tilt / 2), qw: 0, speed_m_s: Math.abs(speed), fx_n: 0.05 * force, fy_n: 0, fz_n: force,
+      t_s: t, px_m: x, py_m: y, pz_m: -depth, qx: Math.cos(tilt / 2), qy: 0, qz: Math.sin(tilt / 2), qw: 0, speed_m_s: Math.abs(speed), fx_n: 0.05 * force, fy_n: 0, fz_n: force, force_n: Math.hypot(0.05 * force, force),
       phase: depth <= 0 ? 0 : Math.abs(speed) < 0.001 ? 2 : speed > 0 ? 1 : 3, layer, insertion_m: Math.max(0, depth), lateral_error_m: depth > 0 ? Math.abs(y) + tremor_m : 0,
       plunger: t < kBegin_s + insert_s + 0.5 ? 0.5 : t < kBegin_s + insert_s + 1 ? 0.4 : t < kBegin_s + insert_s + 2.5 ? 0.4 + 0.5 * smooth((t - kBegin_s - insert_s - 1) / 1.5) : 0.9,
     };

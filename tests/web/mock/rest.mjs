@@ -1,5 +1,5 @@
 // The REST table of the server over the mock's lab: [method, path, roles, handler]. Replies as server/http writes them.
-import { bandOf, kNow_ms, measures, scoreOf } from './data.mjs';
+import { bandOf, comparisonOf, kNow_ms, measures, scoreOf } from './data.mjs';
 import { preview, problemsOf } from './profiles.mjs';
 
 const kStaff = ['INSTRUCTOR', 'CURRICULUM_MANAGER', 'ADMINISTRATOR'], kManagers = kStaff.slice(1), kAdmin = ['ADMINISTRATOR'];
@@ -16,6 +16,8 @@ const found = (map, key, what) => map.get(key) ?? (() => { throw missing(`${what
 
 const withoutPassword = (lab, { password, ...person }) => ({ ...person, groups: [...lab.groups.values()].filter((g) => g.members.includes(person.name)).map((g) => g.id) });
 
+const changedBy = (who) => ({ changed_unix_ms: Date.now(), changed_by: who });
+
 function paged(items, query, size = 50) {
   const begin = Number(query.page ?? 0) || 0;
   return { items: items.slice(begin, begin + size), next_page: begin + size < items.length ? String(begin + size) : '' };
@@ -24,11 +26,13 @@ function paged(items, query, size = 50) {
 /** A new revision of a document, unless somebody else's came first. */
 function putRevision(map, id, base, json, who) {
   const revisions = map.get(id) ?? [];
-  if (base !== undefined && base !== revisions.length) {
+  if (base === undefined) throw new Refusal(400, 'invalid_input', 'If-Match: give the revision that was changed; "0" for something new');
+  if (base !== revisions.length) {
     throw new Refusal(409, 'conflict', `'${id}' was changed by ${revisions.at(-1)?.author} in the meantime: revision ${revisions.length}, not ${base}`, { current_revision: revisions.length });
   }
   map.set(id, [...revisions, { revision: revisions.length + 1, created_unix_ms: Date.now(), author: who, json }]);
-  return { id, revision: revisions.length + 1 };
+  const { revision, created_unix_ms, author } = map.get(id).at(-1);
+  return { id, revision, created_unix_ms, author };
 }
 const newest = (map, id, what) => found(map, id, what).at(-1);
 const textOf = (id, text) => ({ id, ...text });
@@ -53,14 +57,18 @@ const sessionOf = (lab, id, who) => {
   if (who.role === 'TRAINEE' && session.trainee !== who.name) throw new Refusal(403, 'role', 'this session is somebody else\'s');
   return session;
 };
-const scored = (lab, session) => scoreOf(session, exerciseOf(lab, session.exercise_id), lab.references.get(session.exercise_id)?.bands);
+const scored = (lab, session) => scoreOf(session, exerciseOf(lab, session.exercise_id));
+const scoreReply = (lab, s, first) => {
+  const rows = scored(lab, s), bands = lab.references.get(s.exercise_id)?.bands;
+  return { session_id: s.session_id, definition_version: 1, measures: rows, passed: passedOf(rows), made_unix_ms: first ? s.started_unix_ms + 60_000 : Date.now(), first, engine_version: '0.1.0', comparison: bands ? comparisonOf(rows, bands) : null };
+};
 const passedOf = (rows) => rows.every((row) => row.passed !== false);
 const infoOf = (lab, s) => ({
   description: {
     session_id: s.session_id, station: s.station, trainee: s.trainee, exercise_id: s.exercise_id, profile_id: s.profile_id, profile_revision: s.profile_revision, profile: lab.profiles.get(s.profile_id)[0].json,
-    engine_version: '0.1.0', rate_hz: 1000, started_unix_ms: s.started_unix_ms, device: 'Virtuose 6D Desktop (simulated)', axial_model: 'ENHANCED_TRACKING_WALL', live_effects: ['CUTTING', 'ATTRACTED', 'CLAMPING', 'PUNCTURE'],
+    engine_version: '0.1.0', rate_hz: 1000, resolution: { length_m: 1e-6, quaternion: 2 ** -15, force_n: 1e-3, torque_nm: 1e-4, time_s: 1e-6, speed_m_s: 1e-4 }, started_unix_ms: s.started_unix_ms, started_steady_ns: 0, placement: [], tool: [], device_notes: [], device: 'Virtuose 6D Desktop (simulated)', axial_model: 'ENHANCED_TRACKING_WALL', live_effects: ['CUTTING', 'ATTRACTED', 'CLAMPING', 'PUNCTURE'],
   },
-  state: 'SESSION_COMPLETE', chunks: Math.ceil(s.gesture.length_s), samples: Math.round(s.gesture.length_s * 1000), received_unix_ms: s.started_unix_ms, closed_unix_ms: s.started_unix_ms + s.gesture.length_s * 1000, stored_bytes: 412_000, score: scored(lab, s),
+  state: 'SESSION_COMPLETE', chunks: Math.ceil(s.gesture.length_s), samples: Math.round(s.gesture.length_s * 1000), hash: 'ab'.repeat(32), clock_offset_ns: 0, clock_round_trip_ns: 0, received_unix_ms: s.started_unix_ms, closed_unix_ms: s.started_unix_ms + s.gesture.length_s * 1000, stored_bytes: 412_000, score: scored(lab, s),
 });
 const attemptOf = (lab, s) => {
   const score = scored(lab, s);
@@ -90,7 +98,7 @@ function importPeople(lab, { csv, dry_run }) {
   const count = { added: 0, changed: 0, unchanged: 0, faults: 0 }, doing = [];
   const rows = lines.map((line, i) => {
     const v = Object.fromEntries(line.split(',').map((cell, c) => [columns[c], cell.trim()]));
-    const row = (what, text, column) => ({ line: i + 2, name: v.name ?? '', what, text, ...(column ? { column } : {}) });
+    const row = (what, text, column = '') => ({ line: i + 2, name: v.name ?? '', what, text, column });
     const role = (v.role || 'trainee').toUpperCase().replaceAll('-', '_');
     if (!/^[a-z0-9._-]+$/.test(v.name ?? '')) { count.faults++; return row('FAULT', `'${v.name}' is no name: small letters, digits, '.', '-', '_'`, 'name'); }
     if (!kAll.includes(role)) { count.faults++; return row('FAULT', `'${v.role}' is no role: trainee, instructor, curriculum-manager`, 'role'); }
@@ -98,8 +106,8 @@ function importPeople(lab, { csv, dry_run }) {
     if (there && there.full_name === (v.full_name || there.full_name)) { count.unchanged++; return row('NOTHING', 'is there already, with the same data'); }
     count[there ? 'changed' : 'added']++;
     doing.push(() => {
-      lab.people.set(v.name, { ...(there ?? { name: v.name, disabled: false, revision: 1, consent: null, created_unix_ms: Date.now(), has_password: !!v.password, password: v.password }), full_name: v.full_name ?? '', role });
-      if (v.group && !lab.groups.has(v.group)) lab.groups.set(v.group, { id: v.group, name: v.group, members: [], revision: 1 });
+      lab.people.set(v.name, { ...(there ?? { name: v.name, disabled: false, revision: 1, ...changedBy('mara'), created_unix_ms: Date.now(), has_password: !!v.password, password: v.password }), full_name: v.full_name ?? '', role });
+      if (v.group && !lab.groups.has(v.group)) lab.groups.set(v.group, { id: v.group, name: v.group, members: [], revision: 1, ...changedBy('mara') });
       if (v.group && !lab.groups.get(v.group).members.includes(v.name)) lab.groups.get(v.group).members.push(v.name);
     });
     return row(there ? 'CHANGE' : 'ADD', there ? `full_name '${there.full_name}' becomes '${v.full_name}'` : `new ${role.toLowerCase()}${v.group ? `, joins ${v.group}` : ''}`);
@@ -114,35 +122,36 @@ function samplesOf(session, query) {
   const from = Number(query.from_s ?? 0), to = Number(query.to_s ?? Infinity), points = Number(query.points ?? 2000);
   const inside = columns.t_s.map((t, i) => i).filter((i) => columns.t_s[i] >= from && columns.t_s[i] <= to);
   const step = Math.max(1, Math.ceil(inside.length / points));
-  return { rate_hz: 1000, from_s: columns.t_s[inside[0]] ?? 0, to_s: columns.t_s[inside.at(-1)] ?? 0, columns: Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, inside.filter((_, k) => k % step === 0).map((i) => values[i])])) };
+  return { rate_hz: 1000, samples: Math.round(session.gesture.length_s * 1000), decimated: step > 1, from_s: columns.t_s[inside[0]] ?? 0, to_s: columns.t_s[inside.at(-1)] ?? 0, columns: Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, inside.filter((_, k) => k % step === 0).map((i) => values[i])])) };
 }
 
 const place = (s, target) => ({ x_m: 0, y_m: 0, z_m: -s.depth_m, in_tissue: true, layer: 3, tissue: 'BURSA', insertion_m: s.depth_m, depth_m: s.depth_m, target, target_distance_m: -0.0004, hazard: '' });
 
-/** @type {[string, string, string[], (c: any) => any][]} c: {lab, who, params, query, body, base} */
+/** @type {[string, string, string[], (c: any) => any, number?][]} c: {lab, who, params, query, body, base}; a status other than 200 */
 export const kTable = [
   ['GET', 'people', kStaff, ({ lab, query }) => paged([...lab.people.values()].map((p) => withoutPassword(lab, p)), query, 8)],
-  ['POST', 'people', kManagers, ({ lab, body }) => {
+  ['POST', 'people', kManagers, ({ lab, body, who }) => {
     if (!/^[a-z0-9._-]{1,64}$/.test(body.name ?? '')) throw new Refusal(400, 'invalid_input', `name: '${body.name}' may hold small letters, digits, '.', '-' and '_'`, { field: 'name' });
     if (lab.people.has(body.name)) throw new Refusal(409, 'conflict', `'${body.name}' is there already`);
-    lab.people.set(body.name, { full_name: '', role: 'TRAINEE', disabled: false, revision: 1, consent: null, created_unix_ms: Date.now(), has_password: !!body.password, ...body });
-    return withoutPassword(lab, lab.people.get(body.name));
-  }],
+    lab.people.set(body.name, { full_name: '', role: 'TRAINEE', disabled: false, revision: 1, ...changedBy(who.name), created_unix_ms: Date.now(), has_password: !!body.password, ...body });
+    return { name: body.name, role: lab.people.get(body.name).role };
+  }, 201],
   ['POST', 'people/import', kManagers, ({ lab, body }) => importPeople(lab, body)],
-  ['GET', 'people/:name', kPeople, ({ lab, params, who }) => {
-    if (who.role === 'TRAINEE' && params.name !== who.name) throw new Refusal(403, 'role', 'trainees see themselves only');
+  ['GET', 'people/:name', kAll, ({ lab, params, who }) => {
+    if (['TRAINEE', 'RESEARCHER'].includes(who.role) && params.name !== who.name) throw new Refusal(403, 'role', 'trainees and researchers see themselves only');
     return withoutPassword(lab, found(lab.people, params.name, 'person'));
   }],
   ['PATCH', 'people/:name', kPeople, ({ lab, params, body, who, base }) => {
     const person = found(lab.people, params.name, 'person');
-    if (base !== undefined && base !== person.revision) throw new Refusal(409, 'conflict', 'somebody else changed this person', { current_revision: person.revision });
+    if (base === undefined && body.consent === undefined) throw new Refusal(400, 'invalid_input', 'If-Match: give the revision that was changed');
+    if (base !== undefined && body.consent === undefined && base !== person.revision) throw new Refusal(409, 'conflict', 'somebody else changed this person', { current_revision: person.revision });
     const { consent, ...rest } = body;
     Object.assign(person, rest, consent === undefined ? {} : { consent: { given: consent, unix_ms: Date.now(), recorded_by: who.name, note: '' } });
-    person.revision++;
+    if (consent === undefined) Object.assign(person, { revision: person.revision + 1 }, changedBy(who.name));
     return withoutPassword(lab, person);
   }],
   ['POST', 'people/:name/password', kAll, ({ lab, params, body }) => { Object.assign(found(lab.people, params.name, 'person'), { password: body.password, has_password: true }); return {}; }],
-  ['GET', 'people/:name/export', kPeople, ({ lab, params }) => ({ items: [{ kind: 'person', ...withoutPassword(lab, found(lab.people, params.name, 'person')) }], next_page: '' })],
+  ['GET', 'people/:name/export', kPeople, ({ lab, params }) => ({ items: [{ kind: 'person', ...withoutPassword(lab, found(lab.people, params.name, 'person')) }] })],
   ['DELETE', 'people/:name/data', kAdmin, ({ lab, params, body }) => {
     found(lab.people, params.name, 'person');
     if (body?.confirm !== params.name) throw new Refusal(400, 'invalid_input', 'confirm: must be the name', { field: 'confirm' });
@@ -151,19 +160,24 @@ export const kTable = [
   }],
   ['GET', 'people/:name/progress', kPeople, ({ lab, params, query }) => ({ items: lab.sessions.filter((s) => s.trainee === params.name && (!query.exercise || s.exercise_id === query.exercise)).map((s) => attemptOf(lab, s)), next_page: '' })],
   ['GET', 'groups', kStaff, ({ lab, query }) => paged([...lab.groups.values()], query)],
-  ['POST', 'groups', kManagers, ({ lab, body }) => {
+  ['POST', 'groups', kManagers, ({ lab, body, who }) => {
     if (lab.groups.has(body.id)) throw new Refusal(409, 'conflict', `group '${body.id}' is there already`, { current_revision: lab.groups.get(body.id).revision });
-    lab.groups.set(body.id, { members: [], ...body, revision: 1 });
+    lab.groups.set(body.id, { members: [], ...body, revision: 1, ...changedBy(who.name) });
     return lab.groups.get(body.id);
-  }],
+  }, 201],
   ['GET', 'groups/:id', kStaff, ({ lab, params }) => found(lab.groups, params.id, 'group')],
-  ['PUT', 'groups/:id', kManagers, ({ lab, params, body, base }) => {
+  ['PUT', 'groups/:id', kManagers, ({ lab, params, body, base, who }) => {
     const group = found(lab.groups, params.id, 'group');
     if (base !== group.revision) throw new Refusal(409, 'conflict', `group '${params.id}' was changed in the meantime`, { current_revision: group.revision });
-    lab.groups.set(params.id, { ...group, ...body, revision: group.revision + 1 });
+    lab.groups.set(params.id, { ...group, ...body, revision: group.revision + 1, ...changedBy(who.name) });
     return lab.groups.get(params.id);
   }],
-  ['DELETE', 'groups/:id', kManagers, ({ lab, params }) => { found(lab.groups, params.id, 'group'); lab.groups.delete(params.id); return {}; }],
+  ['DELETE', 'groups/:id', kManagers, ({ lab, params, base }) => {
+    const group = found(lab.groups, params.id, 'group');
+    if (base !== group.revision) throw new Refusal(409, 'conflict', `group '${params.id}' was changed in the meantime`, { current_revision: group.revision });
+    lab.groups.delete(params.id);
+    return {};
+  }],
   ['GET', 'profiles', kAll, ({ lab }) => ({ items: [...lab.profiles].map(([id, r]) => ({ id, revision: r.length, name: r.at(-1).json.name, created_unix_ms: r.at(-1).created_unix_ms, author: r.at(-1).author })), next_page: '' })],
   ['POST', 'profiles/check', kStaff, ({ body }) => { const all = problemsOf(body), errors = all.filter((p) => p.severity === 'ERROR'); return { ok: errors.length === 0, problems: errors.map(({ path, message }) => ({ path, message })), warnings: all.filter((p) => p.severity === 'WARNING').map((p) => `${p.path}: ${p.message}`) }; }],
   ['POST', 'profiles/preview', kStaff, ({ body }) => {
@@ -177,7 +191,7 @@ export const kTable = [
     if (problem) throw new Refusal(400, 'invalid_input', `${problem.path}: ${problem.message}`, { field: problem.path });
     return putRevision(lab.profiles, params.id, base, body, who.name);
   }],
-  ['GET', 'profiles/:id/revisions', kStaff, ({ lab, params }) => revisionList(lab.profiles, params.id, 'profile')],
+  ['GET', 'profiles/:id/revisions', [...kStaff, 'RESEARCHER'], ({ lab, params }) => revisionList(lab.profiles, params.id, 'profile')],
   ['GET', 'courses', kAll, ({ lab }) => ({ items: [...lab.courses].map(([id, r]) => ({ id, name: r.at(-1).json.name, revision: r.length, exercise_ids: r.at(-1).json.exercises.map((e) => e.id), created_unix_ms: r.at(-1).created_unix_ms, author: r.at(-1).author })), next_page: '' })],
   ['POST', 'courses/check', kStaff, ({ body }) => { const problems = body.exercises?.length ? [] : [{ path: 'exercises', message: 'at least one exercise is needed' }]; return { ok: problems.length === 0, problems, warnings: [] }; }],
   ['GET', 'courses/:id', kAll, ({ lab, params, query }) => revisionAsked(lab.courses, params.id, query, 'course')],
@@ -185,21 +199,21 @@ export const kTable = [
     if (!body.exercises?.length) throw new Refusal(400, 'invalid_input', 'exercises: at least one is needed', { field: 'exercises' });
     return putRevision(lab.courses, params.id, base, body, who.name);
   }],
-  ['GET', 'courses/:id/revisions', kStaff, ({ lab, params }) => revisionList(lab.courses, params.id, 'course')],
+  ['GET', 'courses/:id/revisions', [...kStaff, 'RESEARCHER'], ({ lab, params }) => revisionList(lab.courses, params.id, 'course')],
   ['GET', 'exercises', kAll, ({ lab }) => ({ items: [...lab.courses].flatMap(([course_id, r]) => r.at(-1).json.exercises.map((json, position) => ({ course_id, position, json, course_revision: r.length }))), next_page: '' })],
-  ['GET', 'measures', kAll, () => ({ items: measures, definition_version: 1 })],
+  ['GET', 'measures', kAll, () => ({ items: measures, definition_version: 1, next_page: '' })],
   ['GET', 'assignments', kPeople, ({ lab, query }) => paged(lab.assignments, query)],
   ['POST', 'assignments', kStaff, ({ lab, body, who }) => {
     const assignment = { id: Math.max(0, ...lab.assignments.map((a) => a.id)) + 1, course_id: '', exercise_id: '', group_id: '', trainee: '', due_unix_ms: null, ...body, by: who.name, created_unix_ms: Date.now() };
     lab.assignments.push(assignment);
     return assignment;
-  }],
+  }, 201],
   ['DELETE', 'assignments/:id', kStaff, ({ lab, params }) => { lab.assignments = lab.assignments.filter((a) => String(a.id) !== params.id); return {}; }],
   ['GET', 'results', kPeople, ({ lab, query, who }) => resultsOf(lab, query, who)],
   ['GET', 'sessions', kPeople, ({ lab, query, who }) => paged(lab.sessions.filter((s) => (!query.trainee || s.trainee === query.trainee) && (!query.exercise || s.exercise_id === query.exercise) && (who.role !== 'TRAINEE' || s.trainee === who.name)).sort((a, b) => b.started_unix_ms - a.started_unix_ms).map((s) => infoOf(lab, s)), query, 25)],
   ['GET', 'sessions/:id', kPeople, ({ lab, params, who }) => infoOf(lab, sessionOf(lab, params.id, who))],
-  ['GET', 'sessions/:id/score', kPeople, ({ lab, params, who }) => { const s = sessionOf(lab, params.id, who), rows = scored(lab, s); return { session_id: s.session_id, definition_version: 1, measures: rows, passed: passedOf(rows), made_unix_ms: s.started_unix_ms + 60_000, first: true, engine_version: '0.1.0' }; }],
-  ['POST', 'sessions/:id/rescore', kStaff, ({ lab, params, who }) => { const s = sessionOf(lab, params.id, who), rows = scored(lab, s); return { session_id: s.session_id, definition_version: 1, measures: rows, passed: passedOf(rows), made_unix_ms: Date.now(), first: false, engine_version: '0.1.0' }; }],
+  ['GET', 'sessions/:id/score', kPeople, ({ lab, params, who }) => scoreReply(lab, sessionOf(lab, params.id, who), true)],
+  ['POST', 'sessions/:id/rescore', kStaff, ({ lab, params, who }) => scoreReply(lab, sessionOf(lab, params.id, who), false)],
   ['POST', 'sessions/:id/excuse', kStaff, ({ lab, params, body, who }) => { const s = sessionOf(lab, params.id, who); s.excused = body.excused; return attemptOf(lab, s); }],
   ['POST', 'scores/rescore', kAdmin, ({ lab, body }) => ({ dry_run: !!body.dry_run, definition_version: 1, rescored: lab.sessions.length, left_alone: 0, faults: [], stopped: false })],
   ['GET', 'retention', kManagers, ({ lab }) => ({ policies: lab.retention ?? [], database_bytes: 12_400_000, free_bytes: 40_960, thinned_sessions: 0, deleted_sessions: 0, last_run_unix_ms: null })],
@@ -212,17 +226,17 @@ export const kTable = [
   ['GET', 'studies/:study', ['ADMINISTRATOR', 'RESEARCHER'], ({ lab, params }) => ({ items: [{ kind: 'study', study: params.study, format: 1, people: [...lab.people.values()].filter((p) => p.consent?.given).length, sessions: 0, program: 'mock' }], next_page: '' })],
   ['GET', 'sessions/:id/events', kPeople, ({ lab, params, who }) => {
     const s = sessionOf(lab, params.id, who), t = s.gesture.inserted_s, at = place(s, 'target');
-    return { items: [{ kind: 'ASPIRATION', begin_s: t + 0.5, end_s: t + 1, plunger_from: 0.5, plunger_to: 0.4, in_tissue_share: 1, in_target_share: 1, begin: at, end: at }, { kind: 'INJECTION', begin_s: t + 1, end_s: t + 2.5, plunger_from: 0.4, plunger_to: 0.9, in_tissue_share: 1, in_target_share: 0.8, begin: at, end: at }], stored: true, next_page: '' };
+    return { items: [{ kind: 'ASPIRATION', begin_tick: Math.round((t + 0.5) * 1000), end_tick: Math.round((t + 1) * 1000), hazards: [], begin_s: t + 0.5, end_s: t + 1, plunger_from: 0.5, plunger_to: 0.4, in_tissue_share: 1, in_target_share: 1, begin: at, end: at }, { kind: 'INJECTION', begin_tick: Math.round((t + 1) * 1000), end_tick: Math.round((t + 2.5) * 1000), hazards: [], begin_s: t + 1, end_s: t + 2.5, plunger_from: 0.4, plunger_to: 0.9, in_tissue_share: 1, in_target_share: 0.8, begin: at, end: at }], stored: true, next_page: '' };
   }],
   ['GET', 'sessions/:id/samples', kPeople, ({ lab, params, query, who }) => samplesOf(sessionOf(lab, params.id, who), query)],
   ['GET', 'sessions/:id/annotations', kPeople, ({ lab, params, who }) => ({ items: lab.annotations.get(sessionOf(lab, params.id, who).session_id) ?? [], next_page: '' })],
   ['POST', 'sessions/:id/annotations', ['INSTRUCTOR', 'ADMINISTRATOR'], ({ lab, params, body, who }) => {
     const all = lab.annotations.get(params.id) ?? [];
-    const annotation = { id: all.length + 1, author: who.name, created_unix_ms: Date.now(), session_id: params.id, ...body };
+    const annotation = { id: all.length + 1, author: who.name, created_unix_ms: Date.now(), session_id: params.id, tick: Math.round(body.t_s * 1000), ...body };
     lab.annotations.set(params.id, [...all, annotation]);
     return annotation;
-  }],
-  ['GET', 'exercises/:id/reference', kPeople, ({ lab, params }) => lab.references.get(params.id) ?? { exercise_id: params.id, revision: 0, definition_version: 1 }],
+  }, 201],
+  ['GET', 'exercises/:id/reference', kPeople, ({ lab, params }) => lab.references.get(params.id) ?? { exercise_id: params.id, revision: 0, session_ids: [], bands: [], changed_by: '', changed_unix_ms: null, definition_version: 1 }],
   ['PUT', 'exercises/:id/reference', kStaff, ({ lab, params, body, who }) => {
     const bands = bandOf(lab.sessions.filter((s) => body.session_ids.includes(s.session_id)));
     lab.references.set(params.id, { exercise_id: params.id, revision: (lab.references.get(params.id)?.revision ?? 0) + 1, session_ids: body.session_ids, bands, changed_by: who.name, changed_unix_ms: Date.now(), definition_version: 1 });
@@ -230,8 +244,8 @@ export const kTable = [
   }],
   ['GET', 'stations', kStaff, () => ({ items: [1, 2, 3, 4].map((i) => ({ name: `bench-${i}`, revoked: false, created_unix_ms: kNow_ms, online: i < 4 })), next_page: '' })],
   ['GET', 'audit', kAdmin, ({ lab, query }) => paged(lab.audit.filter((e) => (!query.who || e.who === query.who) && (!query.action || e.action === query.action)).reverse(), query)],
-  ['POST', 'backup', kAdmin, ({ body }) => ({ path: body?.path || '/var/backups/needlelab/2026-11-20T09-00-00Z.db', bytes: 12_400_000, chunks_verified: 914 })],
-  ['POST', 'check', kAdmin, ({ lab }) => ({ ok: true, sessions: lab.sessions.length, chunks: 914 })],
+  ['POST', 'backup', kAdmin, ({ body }) => ({ path: body?.path || '/var/backups/needlelab/2026-11-20T09-00-00Z.db', bytes: 12_400_000, chunks_verified: 914, removed: [] })],
+  ['POST', 'check', kAdmin, ({ lab }) => ({ ok: true, sessions: lab.sessions.length, chunks: 914, faults: [] })],
 ];
 
 /** CSV with units in the header. */
