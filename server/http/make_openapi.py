@@ -187,6 +187,7 @@ TABLE = [
     ("DELETE", "/assignments/{id}", "Takes it back", "", None, EMPTY),
     ("GET", "/results", "Trainee by exercise", "course group page", None, ref("Results")),
     ("GET", "/scores.csv", "Scores, a measure a line; units in a column", "course group", None, "text/csv"),
+    ("POST", "/scores/rescore", "All sessions whose newest score is of older definitions", "", body_of("RescoreAll"), ref("RescoreReport")),
     ("GET", "/studies/{study}", "Records of those who consent, under pseudonyms", "exercise remarks page", None, list_of({"type": "object"})),
     ("GET", "/sessions", "Recorded sessions, newest first", "trainee station exercise limit page", None, list_of(ref("SessionInfo"))),
     ("GET", "/sessions/{id}", "One session", "", None, ref("SessionInfo")),

@@ -158,6 +158,15 @@ Result<pb::Request> rescore(const WebCall& call) {
   return request;
 }
 
+Result<pb::Request> rescoreAll(const WebCall& call) {
+  pb::Request request;
+  if (auto read = readBodyInto(call, *request.mutable_rescore_all(), {}); !read) return read.error();
+  return request;
+}
+WebJson rescoreReportJson(const WebCall&, const pb::Reply& reply) {
+  return jsonOf(reply.rescore_report());
+}
+
 Result<pb::Request> excuse(const WebCall& call) {
   pb::Request request;
   auto& ask = *request.mutable_excuse_attempt();
@@ -311,6 +320,7 @@ constexpr auto kSessionRoutes = std::to_array<WebRoute>({
     {"GET", "/exercises/{id}/reference", Call::kGetReference, kAskThe, getReference, referenceJson},
     {"PUT", "/exercises/{id}/reference", Call::kSetReference, kAskThe, setReference, referenceJson},
     {"GET", "/scores.csv", Call::kListScores, WebAction::kStream, nullptr, nullptr, nullptr, 200, scoresCsv},
+    {"POST", "/scores/rescore", Call::kRescoreAll, kAskThe, rescoreAll, rescoreReportJson},
     {"GET", "/studies/{study}", Call::kExportStudy, kAskThe, exportStudy, studyJson},
 });
 

@@ -106,7 +106,8 @@ Task<WebAnswer> logIn(Shared server, Request request, nlohmann::json body) {
             {"who", login.holder.who.name},
             {"role", pb::Role_Name(login.holder.who.role)},
             {"peer", request->address}});
-  WebAnswer answer = jsonAnswer(co_await sessionState(server, login.holder.who, issued.token));
+  const WebJson state = co_await sessionState(server, login.holder.who, issued.token);
+  WebAnswer answer = jsonAnswer(state);
   answer.headers.emplace_back("Set-Cookie", WebSessions::cookieFor(issued.token));
   co_return answer;
 }
@@ -150,13 +151,17 @@ Task<WebAnswer> throughService(Shared server, const WebRoute& route, std::shared
   ServerContext& context = server->context();
   // a class or a course of a megabyte takes a while to read: not on the network's thread
   std::function<Result<pb::Request>()> build = [&route, call] { return route.build(*call); };
-  auto built = call->body_bytes > kSmallBody ? co_await offload(context.views, std::move(build)) : build();
+  Result<pb::Request> built = Error{ErrorCode::kFailed, ""};
+  if (call->body_bytes > kSmallBody)  // no ?: around co_await, which g++ 12 gets wrong
+    built = co_await offload(context.views, std::move(build));
+  else
+    built = build();
   wipeSecrets(call->body);
   if (!built) co_return errorAnswer(built.error());
   if (const Status placed = placeBackup(context, *built); !placed) co_return errorAnswer(placed.error());
   const auto request = heldSecretly(std::move(*built));
   std::function<std::shared_ptr<Outcome>()> work = [&service = context.store.service(), request, call] {
-    if (request->has_run_retention()) afterOthers();
+    if (request->has_run_retention() || request->has_rescore_all()) afterOthers();
     return std::make_shared<Outcome>(service.execute(call->who, *request));
   };
   const auto outcome = co_await offload(poolFor(context, *request), std::move(work));

@@ -9,7 +9,7 @@ import { startMock } from './mock_server.mjs';
 const api = JSON.parse(readFileSync(new URL('../../server/http/openapi.json', import.meta.url), 'utf8'));
 const kPassword = 'correct horse';
 // addresses that no page of the console asks for
-const kUnused = ['GET /openapi.json', 'GET /retention', 'PUT /retention', 'POST /retention/run', 'GET /studies/{study}', 'GET /people/{name}/consents', 'POST /sessions/{id}/excuse', 'GET /live'];
+const kUnused = ['GET /openapi.json', 'GET /people/{name}/consents', 'GET /live'];
 
 let mock, lab;
 const who = {};
@@ -108,6 +108,12 @@ test('changes, and what comes of those that are too late', async () => {
   await one('ines', 'POST', '/sessions/{id}/rescore', { path: `/sessions/${id}/rescore`, body: {} });
   await one('ines', 'PUT', '/exercises/{id}/reference', { path: `/exercises/${exercise}/reference`, body: { session_ids: [id] }, base: 0 });
   await one('ines', 'GET', '/sessions/{id}/score', { path: `/sessions/${id}/score` });
+  await one('ines', 'POST', '/sessions/{id}/excuse', { path: `/sessions/${id}/excuse`, body: { excused: true, reason: 'the station failed' } });
+  await one('mara', 'PUT', '/retention', { body: { policy: { exercise_id: '', delete_after_days: 3650 } } });
+  await one('mara', 'GET', '/retention', {});
+  await one('mara', 'POST', '/retention/run', { body: { dry_run: true } });
+  await one('root', 'POST', '/scores/rescore', { body: { dry_run: true } });
+  await one('rhea', 'GET', '/studies/{study}', { path: '/studies/s1' });
   await one('root', 'POST', '/backup', { body: {} });
   await one('root', 'POST', '/check', { body: {} });
   await one('root', 'DELETE', '/people/{name}/data', { path: '/people/new.one/data', body: { confirm: 'new.one' } });

@@ -81,6 +81,56 @@ TEST(WebLogIn, whatIsNoLogInIsRefused) {
   EXPECT_EQ(browser.logIn("ines", kWebPassword).status, 200);
 }
 
+TEST(WebLogIn, saysTheFullNameAndEndsTheSessionThatTheBrowserHad) {
+  WebLab lab;
+  Browser ada = lab.browserOf("ada");
+  EXPECT_EQ(askChecked(ada, "PATCH", "/api/v1/people/rhea", R"({"full_name": "Rhea Sato"})",
+                       {{"If-Match", "\"1\""}})
+                .status,
+            200);
+  Browser rhea = lab.browserOf("rhea"), before = lab.browser();
+  before.cookie = rhea.cookie;
+  EXPECT_EQ(askChecked(rhea, "GET", "/api/v1/session").json()["full_name"], "Rhea Sato");
+  // a researcher sees its own data and nobody else's
+  EXPECT_EQ(askChecked(rhea, "GET", "/api/v1/people/rhea").json()["full_name"], "Rhea Sato");
+  EXPECT_EQ(askChecked(rhea, "GET", "/api/v1/people/ada").status, 403);
+  const std::string body = json{{"name", "rhea"}, {"password", kWebPassword}}.dump();
+  EXPECT_EQ(askChecked(rhea, "POST", "/api/v1/session", body).status, 200);
+  EXPECT_EQ(askChecked(before, "GET", "/api/v1/session").status, 401);
+}
+
+TEST(WebSession, endsWithARoleThatAListOfPeopleChanges) {
+  WebLab lab;
+  Browser ada = lab.browserOf("ada"), ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
+  const auto viewer = ines.live();
+  ASSERT_TRUE(viewer);
+  const std::string csv = "name,role,full_name\nines,curriculum-manager,Ines\nmara,curriculum-manager,Mara\n";
+  EXPECT_EQ(askChecked(ada, "POST", "/api/v1/people/import", json{{"csv", csv}}.dump()).json()["changed"], 2);
+  EXPECT_EQ(askChecked(ines, "GET", "/api/v1/profiles").status, 401);
+  EXPECT_EQ(askChecked(mara, "GET", "/api/v1/profiles").status, 200) << "only her full name is another";
+  while (viewer->readText().has_value()) {
+  }
+  EXPECT_EQ(viewer->closeCode(), 1008);
+}
+
+TEST(WebSession, anErasedNameDoesNotComeBackIntoTheAuditLog) {
+  WebLab lab;
+  Browser ada = lab.browserOf("ada"), tina = lab.browserOf("tina");
+  EXPECT_EQ(askChecked(tina, "GET", "/api/v1/profiles").status, 200);
+  const WebReply erased = askChecked(ada, "DELETE", "/api/v1/people/tina/data", R"({"confirm": "tina"})");
+  ASSERT_EQ(erased.status, 200) << erased.body;
+  const std::string pseudonym = erased.json()["pseudonym"];
+  EXPECT_EQ(askChecked(tina, "GET", "/api/v1/profiles").status, 401);
+  bool noted = false;
+  for (int i = 0; i < 200 && !noted; ++i) {
+    std::this_thread::sleep_for(milliseconds(10));
+    const std::string audit = askChecked(ada, "GET", "/api/v1/audit").body;
+    EXPECT_THAT(audit, testing::Not(HasSubstr("tina")));
+    noted = audit.find("access ended") != std::string::npos && audit.find(pseudonym) != std::string::npos;
+  }
+  EXPECT_TRUE(noted);
+}
+
 TEST(WebSession, aChangeNeedsTheTokenOfItsOwnSession) {
   WebLab lab;
   Browser ada = lab.browserOf("ada"), other = lab.browserOf("ada");

@@ -140,7 +140,11 @@ TEST(WebLessons, aManagersWeekGoesThroughAndTwoWhoEditAtOnceHearOfIt) {
   EXPECT_EQ(done("GET", "/people/anna/progress", "")["items"].size(), 0u);
   EXPECT_EQ(done("PATCH", "/people/anna", R"({"consent": true})")["consent"]["given"], true);
   EXPECT_EQ(done("GET", "/people/anna/consents", "")["items"].size(), 1u);
-  EXPECT_GT(done("GET", "/people/anna/export", "")["items"].size(), 0u);
+  const WebReply all = askChecked(mara, "GET", "/api/v1/people/anna/export");
+  EXPECT_THAT(all.header("content-disposition"), HasSubstr("anna.json"));
+  EXPECT_GT(all.json()["items"].size(), 0u);
+  EXPECT_EQ(all.json()["items"][0]["kind"], "person");
+  EXPECT_EQ(askChecked(mara, "GET", "/api/v1/people/nobody/export").status, 404);
   const std::string base =
       "\"" + std::to_string(done("GET", "/people/anna", "")["revision"].get<int>()) + "\"";
   EXPECT_EQ(done("PATCH", "/people/anna", R"({"full_name": "Anna B."})", {{"If-Match", base}})["full_name"],
@@ -160,6 +164,67 @@ TEST(WebLessons, aManagersWeekGoesThroughAndTwoWhoEditAtOnceHearOfIt) {
   EXPECT_EQ(askChecked(ada, "DELETE", "/api/v1/people/anna/data", R"({"confirm": "ben"})").status, 400);
   EXPECT_EQ(askChecked(ada, "DELETE", "/api/v1/people/anna/data", R"({"confirm": "anna"})").status, 200);
   EXPECT_EQ(askChecked(mara, "GET", "/api/v1/people/anna").status, 404);
+}
+
+TEST(WebLessons, filtersHoldAcrossPages) {
+  WebLab lab;
+  Browser ada = lab.browserOf("ada"), mara = lab.browserOf("mara");
+  // mara's lines are among ada's: a page of the audit has 200
+  for (int i = 0; i < 450; ++i) {
+    pb::Request request;
+    request.mutable_set_consent()->set_name("tina");
+    request.mutable_set_consent()->set_given(i % 2 == 0);
+    (void)lab.server().service().execute(
+        i % 3 == 0 ? Principal{"mara", pb::CURRICULUM_MANAGER} : Principal{"ada", pb::ADMINISTRATOR},
+        request);
+  }
+  const auto all = [&](const std::string& query) {
+    std::size_t lines = 0, pages = 0;
+    std::string page;
+    do {
+      const json reply = askChecked(ada, "GET", "/api/v1/audit?" + query + "&page=" + page).json();
+      for (const json& line : reply["items"]) {
+        EXPECT_TRUE(query.find("who=") == std::string::npos || line["who"] == "mara") << line.dump();
+        EXPECT_EQ(line["action"], "consent");
+      }
+      lines += reply["items"].size();
+      page = reply["next_page"];
+    } while (!page.empty() && ++pages < 20);
+    EXPECT_TRUE(page.empty());
+    return lines;
+  };
+  EXPECT_EQ(all("action=consent"), 450u);
+  EXPECT_EQ(all("action=consent&who=mara"), 150u);
+
+  // sessions of one trainee, of one exercise: three of them, one a page
+  for (int i = 0; i < 3; ++i) (void)lab.recorded(1);
+  std::set<std::string> seen;
+  std::string page;
+  do {
+    const json reply = askChecked(mara, "GET", "/api/v1/sessions?trainee=tina&limit=1&page=" + page).json();
+    for (const json& session : reply["items"])
+      seen.insert(session["description"]["session_id"].get<std::string>());
+    page = reply["next_page"];
+  } while (!page.empty());
+  EXPECT_EQ(seen.size(), 3u);
+  const json other = askChecked(mara, "GET", "/api/v1/sessions?trainee=tom&limit=1").json();
+  EXPECT_TRUE(other["items"].empty() && other["next_page"] == "") << other.dump();
+}
+
+TEST(WebLessons, aPolicyOfRetentionIsSetAndTriedOut) {
+  WebLab lab;
+  Browser mara = lab.browserOf("mara");
+  EXPECT_EQ(
+      askChecked(mara, "PUT", "/api/v1/retention",
+                 R"({"policy": {"exercise_id": "", "delete_after_days": 3650, "without_backup": true}})")
+          .status,
+      200);
+  const json kept = askChecked(mara, "GET", "/api/v1/retention").json();
+  ASSERT_EQ(kept["policies"].size(), 1u);
+  EXPECT_EQ(kept["policies"][0]["delete_after_days"], 3650);
+  const WebReply run = askChecked(mara, "POST", "/api/v1/retention/run", R"({"dry_run": true})");
+  EXPECT_EQ(run.status, 200) << run.body;
+  EXPECT_EQ(run.json()["deleted"], 0);
 }
 
 std::vector<std::vector<double>> rowsOf(const std::string& csv, std::string& header) {

@@ -179,6 +179,27 @@ TEST(WebLimits, anAddressHasItsNumberOfConnections) {
   EXPECT_TRUE(again);
 }
 
+TEST(WebLimits, onePersonsConnectionsGiveWayAmongThemselves) {
+  WebLab lab([](ServerOptions& options) { options.web.connections_per_person = 3; });
+  Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
+  std::vector<std::unique_ptr<WebWire>> open;
+  const auto ask = [&](Browser& who, WebWire& wire) {
+    (void)wire.send(requestText("GET", "/api/v1/session", "", who.own("GET")));
+    return wire.read().status;
+  };
+  WebWire of_mara(lab.port());
+  EXPECT_EQ(ask(mara, of_mara), 200);
+  for (int i = 0; i < 3; ++i) open.push_back(std::make_unique<WebWire>(lab.port()));
+  for (const auto& wire : open) EXPECT_EQ(ask(ines, *wire), 200);
+  EXPECT_EQ(ask(ines, *open[0]), 200);  // now the second one is the idlest
+  WebWire fourth(lab.port());
+  EXPECT_EQ(ask(ines, fourth), 200);
+  EXPECT_TRUE(open[1]->endsWithin(milliseconds(5000)));
+  EXPECT_EQ(ask(ines, *open[0]), 200);
+  EXPECT_EQ(ask(ines, *open[2]), 200);
+  EXPECT_EQ(ask(mara, of_mara), 200);
+}
+
 TEST(WebLimits, strangersGiveWayAndTheOtherPortGoesOn) {
   WebLab lab([](ServerOptions& options) { options.web.door.max_strangers = 3; });
   std::vector<std::unique_ptr<WebWire>> open;

@@ -131,6 +131,24 @@ TEST(WebLive, endsWithItsSession) {
   EXPECT_EQ(disabled->closeCode(), 1008);
 }
 
+TEST(WebLive, lastsAsLongAsSomebodyLooksAtIt) {
+  WebLab lab([](ServerOptions& options) { options.token_lifetime = milliseconds(3000); });
+  Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
+  const auto looked_at = ines.live(), left_open = mara.live();
+  ASSERT_TRUE(looked_at && left_open);
+  const auto end = std::chrono::steady_clock::now() + milliseconds(4500);
+  bool open = true;
+  while (open && std::chrono::steady_clock::now() < end) {
+    open = looked_at->sendFrame(1, "looked at") && looked_at->readText().has_value();
+    (void)left_open->readText(milliseconds(100));
+  }
+  EXPECT_TRUE(open);
+  EXPECT_EQ(ines.get("/api/v1/session").status, 200);
+  while (left_open->readText().has_value()) {
+  }
+  EXPECT_EQ(left_open->closeCode(), 1008);
+}
+
 TEST(WebLive, endsWithTheServer) {
   WebLab lab;
   const auto viewer = lab.browserOf("ines").live();

@@ -219,7 +219,7 @@ export const kTable = [
   ['GET', 'retention', kManagers, ({ lab }) => ({ policies: lab.retention ?? [], database_bytes: 12_400_000, free_bytes: 40_960, thinned_sessions: 0, deleted_sessions: 0, last_run_unix_ms: null })],
   ['PUT', 'retention', kManagers, ({ lab, body, who }) => {
     const rest = (lab.retention ?? []).filter((p) => p.exercise_id !== body.policy.exercise_id);
-    lab.retention = body.as_default ? rest : [...rest, { ...body.policy, by: who.name, changed_unix_ms: Date.now() }];
+    lab.retention = body.as_default ? rest : [...rest, { thin_rate_hz: 0, thin_coarser: 0, without_backup: false, ...body.policy, by: who.name, changed_unix_ms: Date.now() }];
     return {};
   }],
   ['POST', 'retention/run', kManagers, ({ body }) => ({ dry_run: !!body.dry_run, stopped: false, thinned: 0, deleted: 0, waiting_for_backup: 0, left_alone: 0, bytes_before: 0, bytes_after: 0, steps: [], free_bytes: 0 })],
