@@ -2,7 +2,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { forceOf, intoLimb, layerSpans, wayOf } from '../../client/web/app/lib/recording.js';
 import { axisOf, depthOf, dot, frameOf, inFrame, layerBounds, length, levelLine, spread } from '../../client/web/app/lib/scene.js';
-import { courseFaults, freshId, withoutExercise } from '../../client/web/app/lib/course_rules.js';
+import { courseFaults, freshId, numbered, withoutExercise } from '../../client/web/app/lib/course_rules.js';
 
 const near = (a, b, limit = 1e-9) => assert.ok(Math.abs(a - b) <= limit, `${a} is not ${b}`);
 const v = (x, y, z) => ({ x, y, z });
@@ -108,6 +108,10 @@ test('a course is right, or says where it is not', () => {
   assert.deepEqual(paths({ id: '', name: ' ', exercises: [] }), ['id', 'name', 'exercises']);
   const odd = { ...course, exercises: [{ id: 'a', name: 'A', profile_id: 'p', attempts: 1.5, time_limit_s: 0, requirements: [{ measure: 'entries', min: 3, max: 2 }, { measure: '' }] }, { ...course.exercises[0] }] };
   assert.deepEqual(paths(odd, { measures: ['entries'] }), ['exercises[0].requirements[0].max', 'exercises[0].requirements[1].measure', 'exercises[0].requirements[1].min', 'exercises[0].attempts', 'exercises[0].time_limit_s', 'exercises[1].id']);
+});
+
+test('an exercise has its number once', () => {
+  assert.deepEqual([numbered(1, 'Knee'), numbered(0, '1 Straight'), numbered(4, '5. Small')], ['2. Knee', '1 Straight', '5. Small']);
 });
 
 test('an exercise that goes is required by nobody any more; a new one has an id of its own', () => {

@@ -25,7 +25,7 @@ export class Browser {
   async begin() {
     this.chromium = await chromium.launch({
       executablePath: kChromium, headless: true,
-      args: ['--no-sandbox', '--disable-gpu', '--disable-quic', '--disable-background-networking', '--disable-component-update', '--disable-sync', '--no-first-run'],
+      args: ['--no-sandbox', '--disable-gpu', '--disable-dev-shm-usage', '--disable-quic', '--disable-background-networking', '--disable-component-update', '--disable-sync', '--no-first-run'],
     });
   }
   end() { return this.chromium?.close(); }

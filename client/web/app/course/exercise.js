@@ -1,5 +1,6 @@
 // One exercise: patient, needle, aids, attempts, time, what must be passed first, requirements.
 import { fromInput, toInput } from '../lib/time.js';
+import { numbered } from '../lib/course_rules.js';
 import { href } from '../lib/routes.js';
 import { CheckField, problemsAt, TextField } from '../ui/fields.js';
 import { html } from '../ui/html.js';
@@ -47,7 +48,7 @@ export function ExerciseForm({ f, index, profiles, measures }) {
   const patients = [['', 'Choose …'], ...profiles.map((p) => [p.id, p.name])];
   if (exercise.profile_id && !profiles.some((p) => p.id === exercise.profile_id)) patients.push([exercise.profile_id, `${exercise.profile_id} (not there)`]);
   return html`<section class="card" aria-label=${`Exercise ${index + 1}: ${exercise.name || exercise.id}`}>
-    <h2>${index + 1}. ${exercise.name || exercise.id}</h2>
+    <h2>${numbered(index, exercise.name || exercise.id)}</h2>
     <div class="fields">${f.text(`${at}.id`, 'Exercise id', { required: true, onValue: rename })}${f.text(`${at}.name`, 'Exercise name', { required: true })}</div>
     ${f.text(`${at}.description`, 'Exercise description', { rows: 2, wide: true })}
     <div class="fields">${f.select(`${at}.profile_id`, 'Patient', patients)}${f.number(`${at}.attempts`, 'Attempts', { help: 'empty: as many as one likes' })}${f.number(`${at}.time_limit_s`, 'Time limit', { help: 'empty: none' })}

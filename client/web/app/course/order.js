@@ -1,4 +1,5 @@
 // The row of exercises: chosen by click, ordered by buttons, Alt and arrows, or drag.
+import { numbered } from '../lib/course_rules.js';
 import { moved } from '../lib/paths.js';
 import { announce } from '../ui/announce.js';
 import { html, useState } from '../ui/html.js';
@@ -30,7 +31,7 @@ export function ExerciseOrder({ f, chosen, choose, add, remove, faulty }) {
   return html`<section aria-label="Exercises in order"><h2>Exercises</h2>
     ${exercises.length === 0 && html`<div class="empty"><p><strong>No exercises yet</strong></p><p>Add the first one: a patient to practise on, and what is needed to pass.</p></div>`}
     <ol class="order">${exercises.map((exercise, i) => html`<li key=${i} class=${`${i === chosen ? 'order-chosen' : ''} ${i === dragged ? 'dragged' : ''}`} onKeyDown=${keys(i)} ...${drag(i)}>
-      <button type="button" class="order-name" id=${`exercise-${i}`} aria-current=${i === chosen ? 'true' : undefined} onClick=${() => choose(i)}>${i + 1}. ${nameOf(i)}${faulty.has(i) && html` <span class="error">✗ not right yet</span>`}</button>
+      <button type="button" class="order-name" id=${`exercise-${i}`} aria-current=${i === chosen ? 'true' : undefined} onClick=${() => choose(i)}>${numbered(i, nameOf(i))}${faulty.has(i) && html` <span class="error">✗ not right yet</span>`}</button>
       ${!f.readonly && html`<div class="actions"><button type="button" class="small" disabled=${i === 0} aria-label=${`Move ${nameOf(i)} up`} onClick=${() => move(i, i - 1)}>↑</button>
         <button type="button" class="small" disabled=${i === exercises.length - 1} aria-label=${`Move ${nameOf(i)} down`} onClick=${() => move(i, i + 1)}>↓</button>
         <button type="button" class="small danger" aria-label=${`Remove ${nameOf(i)}`} onClick=${() => remove(i)}>Remove</button></div>`}</li>`)}</ol>

@@ -54,6 +54,9 @@ export function courseFaults(course, { profiles, measures } = {}) {
   return faults;
 }
 
+/** "2. Knee"; a name that brings a number of its own stays as it is. */
+export const numbered = (index, name) => (/^\d/.test(name) ? name : `${index + 1}. ${name}`);
+
 /** An id for one more exercise that no other has: "exercise-3". */
 export function freshId(exercises, stem = 'exercise') {
   const taken = new Set(exercises.map((e) => e.id));

@@ -57,5 +57,5 @@ export function ExportsPage({ person }) {
     ${staff && html`<${Scores} all=${all} />
       <fieldset><legend>Samples of a session</legend><p>Each <a href="#/sessions">session</a> has its samples as CSV: every tick, units in the header.</p></fieldset>`}
     ${may(person.role, 'export study') && html`<${Study} all=${all} />
-      <p>With the recordings, by the command line:</p><pre tabindex="0"><code>needlelab-admin --server HOST:PORT --ca FILE --user ${person.name} study export STUDY --out FILE</code></pre>`}`}<//>`;
+      <p>The same by the command line, for scripts:</p><pre tabindex="0"><code>needlelab-admin --server HOST:PORT --ca FILE --user ${person.name} study export STUDY --out FILE</code></pre>`}`}<//>`;
 }

@@ -1,4 +1,5 @@
 // A trainee's own page: what is assigned, what is passed, what comes next.
+import { numbered } from '../lib/course_rules.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
 import { assignments, documents, exercises, results } from '../net/lab.js';
@@ -28,7 +29,7 @@ function Course({ row, person }) {
   const nameOf = (id) => list.find((e) => e.id === id)?.name ?? id;
   return html`<section aria-label=${course.name}><h2>${course.name}</h2>
     <p>${passed === list.length ? html`<${Mark} kind="good">all passed<//>` : html`${passed} of ${list.length} exercises passed.`} ${due && html`Due ${moment(due)}.`} ${next && html`<strong>Next: ${next.name}.</strong>`}</p>
-    <ol class="tiles">${list.map((e, i) => { const cell = cells.find((c) => c.exercise_id === e.id); return html`<li class="tile" key=${e.id}><h3>${i + 1}. ${e.name}</h3>${e.description && html`<p class="help">${e.description}</p>`}
+    <ol class="tiles">${list.map((e, i) => { const cell = cells.find((c) => c.exercise_id === e.id); return html`<li class="tile" key=${e.id}><h3>${numbered(i, e.name)}</h3>${e.description && html`<p class="help">${e.description}</p>`}
       <p>${cell ? html`<${Cell} cell=${cell} trainee=${person.name} nameOf=${nameOf} />` : html`<${Mark} kind="open">not begun<//>`}</p></li>`; })}</ol></section>`;
 }
 

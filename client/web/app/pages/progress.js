@@ -5,7 +5,7 @@ import { measureTitle } from '../lib/score.js';
 import { moment } from '../lib/time.js';
 import { measureUnit, quantity } from '../lib/units.js';
 import { kCurves } from '../lib/tissue.js';
-import { people } from '../net/lab.js';
+import { exercises, people } from '../net/lab.js';
 import { Chart } from '../ui/chart.js';
 import { SelectField } from '../ui/fields.js';
 import { useLoad } from '../ui/hooks.js';
@@ -50,12 +50,13 @@ function Attempts({ attempts, exercise, measure, go, me, reload }) {
 
 export function Progress({ name, query, base, me }) {
   const load = useLoad((signal) => people.progress(name, undefined, signal), [name]);
+  const known = useLoad((signal) => exercises(signal), []);
   const go = (exercise, measure) => { location.hash = href(base, { exercise, measure }); };
   return html`<${Loaded} load=${load}>${(all) => {
-    const exercises = [...new Set(all.map((a) => a.exercise_id))];
-    if (exercises.length === 0) return html`<${Empty} title="No attempts yet">They appear here after the first practice at a station.<//>`;
-    const exercise = exercises.includes(query.exercise) ? query.exercise : exercises.at(-1);
-    return html`<div class="filters"><${SelectField} label="Exercise" value=${exercise} options=${exercises.map((e) => [e, e])} onValue=${(e) => go(e, query.measure)} /></div>
+    const tried = [...new Set(all.map((a) => a.exercise_id))], nameOf = (id) => known.data?.find((e) => e.id === id)?.name ?? id;
+    if (tried.length === 0) return html`<${Empty} title="No attempts yet">They appear here after the first practice at a station.<//>`;
+    const exercise = tried.includes(query.exercise) ? query.exercise : tried.at(-1);
+    return html`<div class="filters"><${SelectField} label="Exercise" value=${exercise} options=${tried.map((id) => [id, nameOf(id)])} onValue=${(e) => go(e, query.measure)} /></div>
       <${Attempts} attempts=${all.filter((a) => a.exercise_id === exercise)} exercise=${exercise} measure=${query.measure} go=${go} me=${me} reload=${load.reload} />`;
   }}<//>`;
 }

@@ -1,4 +1,5 @@
 // Trainee × exercise: who passed what, at a glance, with a way down to every session.
+import { numbered } from '../lib/course_rules.js';
 import { href } from '../lib/routes.js';
 import { day } from '../lib/time.js';
 import { address } from '../net/api.js';
@@ -36,7 +37,7 @@ function Matrix({ course, group }) {
     const nameOf = (id) => exercises.find((e) => e.id === id)?.name ?? id;
     const passed = (id) => rows.filter((r) => r.cells.find((c) => c.exercise_id === id)?.passed === true).length;
     return html`<div class="table-frame matrix" role="region" aria-label="Results" tabindex="0"><table><caption>${rows.length} trainees, ${exercises.length} exercises</caption>
-      <thead><tr><th scope="col">Trainee</th>${exercises.map((e, i) => html`<th scope="col">${i + 1}. ${e.name}<br /><span class="unit">${passed(e.id)} of ${rows.length} passed</span></th>`)}</tr></thead>
+      <thead><tr><th scope="col">Trainee</th>${exercises.map((e, i) => html`<th scope="col">${numbered(i, e.name)}<br /><span class="unit">${passed(e.id)} of ${rows.length} passed</span></th>`)}</tr></thead>
       <tbody>${rows.map((row) => html`<tr key=${row.trainee}><th scope="row"><a href=${href(['progress', row.trainee])}>${row.full_name || row.trainee}</a><br /><span class="unit">${row.cells.filter((c) => c.passed === true).length} of ${exercises.length} passed</span></th>
         ${exercises.map((e) => { const cell = row.cells.find((c) => c.exercise_id === e.id); return html`<td>${cell ? html`<${Cell} cell=${cell} trainee=${row.trainee} nameOf=${nameOf} />` : '–'}</td>`; })}</tr>`)}</tbody></table></div>`;
   }}<//>`;
