@@ -58,7 +58,7 @@ Status drawSkill(const SkillReport& report, const std::filesystem::path& folder)
             "]\nset yrange [0:" + std::to_string(n + 1) + "]\nset ytics (" + tics +
             ") font 'DejaVu Sans,9'\nset grid x lc rgb '#dde1e4'\n" +
             "set arrow 1 from 0, graph 0 to 0, graph 1 nohead lc rgb '#7d8790'\n" +
-            "set key below center horizontal font 'DejaVu Sans,10'\nset bmargin 6\n";
+            "set key below center horizontal font 'DejaVu Sans,10'\nset bmargin 5\n";
   std::string plots;
   const auto add = [&](const std::string& text) { plots += (plots.empty() ? "plot " : ", ") + text; };
   if (!data[0].empty())
