@@ -38,7 +38,7 @@ quietly() {
 practises() {
   local station=$1 trainee=$2 skill=$3 child='' exercise
   shift 3
-  trap '[ -z "$child" ] || kill "$child" 2>/dev/null || true; exit 0' TERM INT
+  trap '[ -z "$child" ] || { kill "$child" 2>/dev/null || true; wait "$child" || true; }; exit 0' TERM
   while :; do
     for exercise; do
       "$bin/needlelab-station" "${peer[@]}" --key "$out/$station.key" --trainee "$trainee" --exercise "$exercise" \
@@ -52,6 +52,19 @@ practises() {
   done
 }
 
+# what runs beside this script: trainees first, then the server, which must not hear Ctrl+C by itself (setsid)
+server_pid='' live=()
+class_stop() {
+  local pid
+  for pid in "${live[@]}"; do kill "$pid" 2>/dev/null || true; done
+  for pid in "${live[@]}"; do wait "$pid" 2>/dev/null || true; done
+  live=()
+  [ -n "$server_pid" ] || return 0
+  kill -TERM "$server_pid" 2>/dev/null || true
+  wait "$server_pid" || { server_pid=; return 1; }
+  server_pid=
+}
+
 class_demo() {
   local course=injection-steps stations=3 attempts=3 weeks=4
   local exercises=(step-1-straight step-2-oblique step-3-capsule step-4-deep step-5-small step-6-beside-a-nerve)
@@ -63,15 +76,7 @@ class_demo() {
 
   out=${NEEDLELAB_CLASS_OUT:-$root/out/class}/$(date +%Y%m%d-%H%M%S)-$$
   mkdir -p "$out"; chmod 700 "$out"
-  local data=$out/server server_pid='' live=() i
-  # shellcheck disable=SC2317
-  class_stop() {
-    local pid
-    for pid in "${live[@]}"; do kill "$pid" 2>/dev/null || true; done
-    for pid in "${live[@]}"; do wait "$pid" 2>/dev/null || true; done
-    live=()
-    [ -z "$server_pid" ] || { kill -TERM "$server_pid" 2>/dev/null || true; wait "$server_pid" || true; server_pid=; }
-  }
+  local data=$out/server i
   trap class_stop EXIT
 
   say "people, groups, stations"
@@ -100,7 +105,7 @@ class_demo() {
   # the console's usual port, where it is free
   local web=127.0.0.1:7751
   if [ "$once" = yes ] || (exec 3<>/dev/tcp/127.0.0.1/7751) 2>/dev/null; then web=127.0.0.1:0; fi
-  "$bin/needlelab-server" --data "$data" --listen 127.0.0.1:0 --port-file "$out/port" --web "$web" --web-port-file "$out/web-port" \
+  setsid "$bin/needlelab-server" --data "$data" --listen 127.0.0.1:0 --port-file "$out/port" --web "$web" --web-port-file "$out/web-port" \
     --web-root "$root/client/web" >"$out/server.log" 2>&1 &
   server_pid=$!
   for _ in $(seq 200); do
@@ -202,13 +207,12 @@ TEXT
 TEXT
   if [ "$once" = no ]; then
     echo "  The lab runs until Ctrl+C."
-    trap 'exit 0' INT TERM
-    wait "$server_pid" || die "the server ended; see $out/server.log"
+    # a wait that a signal ends is no end of the server
+    local told=no
+    trap 'told=yes' INT TERM
+    while [ "$told" = no ] && kill -0 "$server_pid" 2>/dev/null; do wait "$server_pid" || true; done
+    [ "$told" = yes ] || { server_pid=; die "the server ended; see $out/server.log"; }
   fi
-  local pid
-  for pid in "${live[@]}"; do kill "$pid" 2>/dev/null || true; wait "$pid" 2>/dev/null || true; done
-  live=()
-  kill -TERM "$server_pid"; wait "$server_pid" || { server_pid=; die "the server did not stop cleanly; see $out/server.log"; }
-  server_pid=
+  class_stop || die "the server did not stop cleanly; see $out/server.log"
   trap - EXIT
 }
