@@ -1,7 +1,6 @@
 // For everybody: axe on every page at a tablet's width, and a whole task without a mouse.
 import assert from 'node:assert/strict';
-import { it } from 'node:test';
-import { accessible, done, fitsWidth, kTablet } from './browser.mjs';
+import { accessible, done, fitsWidth, kTablet, single } from './browser.mjs';
 import { kPassword } from './lab.mjs';
 import { api } from './week.mjs';
 
@@ -26,6 +25,7 @@ async function tabTo(page, name, most = 120) {
 
 /** @param {{lab: import('./lab.mjs').Lab, browser: import('./browser.mjs').Browser}} t */
 export function access(t) {
+  const it = single(t);
   it('axe finds nothing serious on any page, and every page fits a tablet', async () => {
     const page = await t.browser.window({ viewport: kTablet });
     await page.goto(t.lab.base);

@@ -24,11 +24,14 @@ export class Browser {
 
   async begin() {
     this.chromium = await chromium.launch({
-      executablePath: kChromium, headless: true,
+      // the first start of a machine reads the whole browser from its disk
+      executablePath: kChromium, headless: true, timeout: 2 * kLong_ms,
       args: ['--no-sandbox', '--disable-gpu', '--disable-dev-shm-usage', '--disable-quic', '--disable-background-networking', '--disable-component-update', '--disable-sync', '--no-first-run'],
     });
   }
   end() { return this.chromium?.close(); }
+
+  closeAll() { return Promise.all(this.chromium?.contexts().map((context) => context.close()) ?? []); }
 
   /** What the open pages show, for whoever reads why a test failed. */
   async testify(name) {
@@ -131,8 +134,21 @@ export async function downloaded(page, press) {
 }
 
 /**
- * Tests that go on where the one before ended: after one that fails the rest is skipped. What stood on the pages then is printed,
- * and drawn into the folder NEEDLELAB_SHOTS, where that is set.
+ * Tests that stand alone. What was on the pages when one failed is printed, and drawn into the folder NEEDLELAB_SHOTS, where that is set.
+ * @param {{browser: Browser}} t
+ */
+export const single = (t) => (name, work) => it(name, async () => {
+  try {
+    await work();
+  } catch (error) {
+    await t.browser?.testify(name);
+    await t.browser?.closeAll();
+    throw error;
+  }
+});
+
+/**
+ * Tests that go on where the one before ended: after one that fails the rest is skipped.
  * @param {{browser: Browser}} t
  */
 export function story(t) {
@@ -144,6 +160,7 @@ export function story(t) {
     } catch (error) {
       broken = name;
       await t.browser?.testify(name);
+      await t.browser?.closeAll();
       throw error;
     }
     return undefined;

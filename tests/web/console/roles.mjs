@@ -1,7 +1,6 @@
 // Each role on each page: what it sees, what it may press, what is refused, by the page and by the server.
 import assert from 'node:assert/strict';
-import { it } from 'node:test';
-import { done, settled } from './browser.mjs';
+import { done, settled, single } from './browser.mjs';
 import { api } from './week.mjs';
 
 const kRoles = { t: 'tina', i: 'ines', m: 'mara', a: 'ada', r: 'rhea' };
@@ -41,6 +40,7 @@ const kPages = [
 
 /** @param {{lab: import('./lab.mjs').Lab, browser: import('./browser.mjs').Browser}} t */
 export function roles(t) {
+  const it = single(t);
   for (const [letter, name] of Object.entries(kRoles)) {
     it(`${name}: ${kPages.filter(([, who]) => who.includes(letter)).length} pages of ${kPages.length}`, async () => {
       const page = await t.browser.as(name);

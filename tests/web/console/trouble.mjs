@@ -1,7 +1,6 @@
 // What goes wrong in a lab: two managers at once, a server that dies, a log-in that ends. Nothing that was typed is lost.
 import assert from 'node:assert/strict';
-import { it } from 'node:test';
-import { accessible, done, open } from './browser.mjs';
+import { accessible, done, open, single } from './browser.mjs';
 import { kPassword } from './lab.mjs';
 import { api } from './week.mjs';
 
@@ -14,6 +13,7 @@ async function logInAgain(page) {
 
 /** @param {{lab: import('./lab.mjs').Lab, browser: import('./browser.mjs').Browser}} t */
 export function trouble(t) {
+  const it = single(t);
   it('two managers change a patient at once: both are kept, field by field', async () => {
     const [first, second] = [await t.browser.as('mara'), await t.browser.as('milo')];
     for (const page of [first, second]) {

@@ -1,12 +1,12 @@
 // What keeps the lab's memory: consent and studies, retention, backup, scores anew, the audit, a person's own data.
 import assert from 'node:assert/strict';
 import { existsSync } from 'node:fs';
-import { it } from 'node:test';
-import { accessible, done, downloaded, open, settled } from './browser.mjs';
+import { accessible, done, downloaded, open, settled, single } from './browser.mjs';
 import { api } from './week.mjs';
 
 /** @param {{lab: import('./lab.mjs').Lab, browser: import('./browser.mjs').Browser}} t */
 export function upkeep(t) {
+  const it = single(t);
   it('only who consents is in a study, and by a pseudonym', async () => {
     const [rhea, tina] = [await t.browser.as('rhea'), await t.browser.as('tina')];
     const exported = async (study) => {
@@ -39,6 +39,72 @@ export function upkeep(t) {
     const kinds = new Set((kept.items ?? kept.records ?? kept).map((r) => r.kind));
     for (const kind of ['person', 'session', 'consent']) assert.ok(kinds.has(kind), `${kind} in ${[...kinds]}`);
     await done(tina);
+  });
+
+  it('one more person: added, refused twice, disabled, and gone with all data', async () => {
+    const page = await t.browser.as('ada');
+    page.expected.add(400).add(409);
+    await open(page, t.lab, '#/people', 'People');
+    const add = async () => {
+      await page.getByRole('button', { name: 'Add a person' }).click();
+      const dialog = page.getByRole('dialog', { name: 'Add a person' });
+      await dialog.getByLabel('Name', { exact: true }).fill('gina.gone');
+      await dialog.getByLabel('Full name').fill('Gina Gone');
+      await dialog.getByLabel('Password').fill('a long enough password');
+      await dialog.getByRole('button', { name: 'Add' }).click();
+      return dialog;
+    };
+    await add();
+    await page.getByText('gina.gone was added.').waitFor();
+    const again = await add();
+    await again.getByText("there is already a person named 'gina.gone'").waitFor();
+    await page.keyboard.press('Escape');
+
+    await page.getByRole('link', { name: 'gina.gone' }).click();
+    await page.getByRole('button', { name: 'Disable' }).click();
+    await page.getByText('gina.gone is disabled.').waitFor();
+    const gina = await t.browser.window();
+    await gina.goto(t.lab.base);
+    await gina.getByLabel('Name').fill('gina.gone');
+    await gina.getByLabel('Password').fill('a long enough password');
+    await gina.getByRole('button', { name: 'Log in' }).click();
+    await gina.getByText(/password is wrong, or this person is disabled/).waitFor();
+    await done(gina);
+
+    await page.getByRole('button', { name: 'Erase all data …' }).click();
+    const dialog = page.getByRole('dialog', { name: /^Erase all data of gina/ });
+    const erase = dialog.getByRole('button', { name: 'Erase for ever' });
+    await dialog.getByLabel('Name').fill('gina');
+    assert.ok(await erase.isDisabled(), 'half a name is no confirmation');
+    await dialog.getByLabel('Name').fill('gina.gone');
+    await dialog.getByLabel('Reason').fill('asked for it');
+    await erase.click();
+    await page.getByText('The data of gina.gone were erased.').waitFor();
+    const { items } = await api(page, 'audit');
+    assert.ok(!items.some((line) => JSON.stringify(line).includes('gina')), 'the name still stands in the audit');
+    assert.ok(!(await api(page, 'people')).items.some((p) => p.name === 'gina.gone'));
+    await done(page);
+  });
+
+  it('takes an assignment back, and an older revision of a patient up again', async () => {
+    const page = await t.browser.as('milo');
+    await open(page, t.lab, '#/assignments', 'Assignments');
+    await page.getByLabel('What').selectOption('exercise:knee-recess');
+    await page.getByLabel('To whom').selectOption('person:tina');
+    await page.getByRole('button', { name: 'Assign', exact: true }).click();
+    await page.getByText('knee-recess was assigned to tina.').waitFor();
+    await page.getByRole('button', { name: 'Take back knee-recess from tina' }).click();
+    await page.getByRole('dialog').getByRole('button', { name: 'Take back' }).click();
+    await page.getByText('The assignment was taken back.').waitFor();
+    assert.deepEqual((await api(page, 'assignments?trainee=tina')).items.filter((a) => a.exercise_id === 'knee-recess'), []);
+
+    await open(page, t.lab, '#/profiles/wrist-adult/revisions', /^Revisions of/);
+    await page.getByRole('button', { name: 'Save as the newest: revision 1' }).click();
+    await page.getByText(/^Revision 1 was saved again, as revision 4/).waitFor();
+    const [first, now] = [await api(page, 'profiles/wrist-adult?revision=1'), await api(page, 'profiles/wrist-adult')];
+    assert.equal(now.revision, 4);
+    assert.deepEqual(now.json, first.json);
+    await done(page);
   });
 
   it('retention: a policy is set, what would happen is shown, and it is taken away again', async () => {

@@ -19,7 +19,7 @@ export function AddPerson({ role, close, done }) {
     if (await action.run(() => people.add(password ? entry : rest))) done(entry.name);
   };
   return html`<${Dialog} title="Add a person" close=${close}><form onSubmit=${save}>
-    <${TextField} label="Name" help="for logging in: small letters, digits, '.', '-', '_'" required autocapitalize="none" spellcheck="false" autocomplete="off" ...${field('name')} />
+    <${TextField} label="Name" help="for logging in, e.g. anna.bauer; it is never changed afterwards" required autocapitalize="none" spellcheck="false" autocomplete="off" ...${field('name')} />
     <${TextField} label="Full name" autocomplete="off" ...${field('full_name')} />
     <${SelectField} label="Role" options=${grantable(role).map((r) => [r, words(r)])} ...${field('role')} />
     <${TextField} label="Password" type="password" autocomplete="new-password" help="trainees may have none: a station vouches for them" ...${field('password')} />
