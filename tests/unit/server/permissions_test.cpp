@@ -127,6 +127,8 @@ Verdict seenVerdict(RawPeer& peer, const pb::Envelope& message, bool logged_in) 
     const auto got = peer.receive(milliseconds(quiet ? 300 : 60'000));
     if (!got) return verdict;  // closed
     if (got->has_pong() && got->pong().id() == id) return verdict;
+    // a request is worked on beside what comes after it: its answer says nothing about that
+    if (got->has_reply() && !message.has_request()) continue;
     if (!got->has_refusal()) {
       verdict = Verdict::kAllowed;
       if (!logged_in) return verdict;
