@@ -17,7 +17,7 @@ using namespace std::chrono_literals;
 
 constexpr std::size_t kLineEvery = 36;  // attempts, where no terminal shows each
 
-/// A cell that no table program takes for a formula or parts at a comma.
+/// A quoted cell: commas and quotes in it part nothing.
 std::string cellOf(const std::string& text) {
   std::string cell = "\"";
   for (const char c : text) cell += c == '"' ? std::string("\"\"") : std::string(1, c == '\n' ? ' ' : c);

@@ -3,7 +3,9 @@
 #include <sys/stat.h>
 
 #include <fstream>
+#include <map>
 
+#include "base/atomic_file.h"
 #include "db/embedded_file.h"
 #include "db/event_store.h"
 #include "run_admin.h"
@@ -164,12 +166,17 @@ TEST_F(Admin, profilesGoInAndOutUnchanged) {
 
 TEST_F(Admin, curriculaAndAssignments) {
   good({"user", "add", "tom", "--role", "trainee"});
-  good({"curriculum", "import", NEEDLELAB_SAMPLES "/curriculum.json"});
   const auto curricula = good({"curriculum", "list", "--json"}).rows();
-  ASSERT_EQ(curricula.size(), 1u);
+  ASSERT_EQ(curricula.size(), 2u) << "the sample courses";
   const std::string exercise = curricula[0].at("exercise_ids")[0];
-  good({"curriculum", "export", curricula[0].at("id"), "--out", file("c.json")});
-  good({"curriculum", "import", file("c.json")});
+  // out and in again, to the letter
+  for (const auto& [id, sample] : std::map<std::string, std::string>{
+           {"rheumatology-basics", NEEDLELAB_SAMPLES "/curriculum.json"},
+           {"injection-steps", NEEDLELAB_SAMPLES "/injection-steps-curriculum.json"}}) {
+    good({"curriculum", "export", id, "--out", file(id)});
+    EXPECT_EQ(*readWholeFile(file(id)), *readWholeFile(sample));
+    EXPECT_NE(good({"curriculum", "import", file(id)}).out.find("revision 1"), std::string::npos) << id;
+  }
   good({"assign", "tom", exercise});
   const auto assignments = good({"assignments", "--trainee", "tom", "--json"}).rows();
   ASSERT_EQ(assignments.size(), 1u);
