@@ -103,7 +103,7 @@ Result<std::vector<pb::Assignment>> AssignmentStore::list(const Filter& filter) 
                                     "group_members WHERE person = ?1))"
                                     " AND (?2 = '' OR course_id = ?2 OR exercise_id IN (SELECT id FROM "
                                     "exercises WHERE curriculum_id = ?2))"
-                                    " AND (?3 = '' OR group_id = ?3) ORDER BY created_unix_ns DESC, id DESC",
+                                    " AND (?3 = '' OR group_id = ?3) ORDER BY id DESC",
                                 filter.trainee, filter.course_id, filter.group_id);
   for (;;) {
     const auto row = rows.step();

@@ -64,7 +64,8 @@ Result<pb::Attempt> AttemptStore::get(const Uuid& session) {
 Result<AttemptStanding> AttemptStore::standing(std::string_view trainee, std::string_view exercise_id) {
   AttemptStanding standing;
   auto row = connection_.query(
-      "SELECT count(*), coalesce(sum(excused = 0), 0), max(passed) FROM sessions WHERE trainee = ? AND "
+      "SELECT count(*), coalesce(sum(excused = 0), 0), max(CASE excused WHEN 0 THEN passed END) FROM "
+      "sessions WHERE trainee = ? AND "
       "exercise_id = ?",
       trainee, exercise_id);
   const auto found = row.step();

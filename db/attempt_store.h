@@ -18,7 +18,7 @@ namespace needlelab {
 struct AttemptStanding {
   std::uint32_t counted = 0;  ///< attempts that are not excused
   std::uint32_t all = 0;
-  std::optional<bool> passed;  ///< any attempt; nothing: none has a verdict
+  std::optional<bool> passed;  ///< any attempt that is not excused; nothing: none has a verdict
 };
 
 /// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's.

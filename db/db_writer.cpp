@@ -128,6 +128,20 @@ std::vector<DbWriter::Item> DbWriter::takeGroup() {
   return group;
 }
 
+Status DbWriter::runWork(const Item& item) {
+  // sound: statements and savepoints are given back as the stack unwinds, so the item is undone as one that
+  // failed; and the lessons of others go on
+  try {
+    return item.work(connection_);
+  } catch (const std::exception& thrown) {
+    const std::string text = thrown.what();
+    if (options_.on_thrown) options_.on_thrown(text);
+    return Error{ErrorCode::kFailed,
+                 "a piece of work for the database failed inside (" + text +
+                     "): nothing of it was stored; please report this as a fault of the program"};
+  }
+}
+
 bool DbWriter::commitGroup(std::vector<Item>& group) {
   const auto began = std::chrono::steady_clock::now();
   auto transaction = Transaction::begin(connection_, Transaction::Kind::kWrite);
@@ -152,7 +166,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     {
       auto savepoint = Savepoint::begin(connection_);
       if (!savepoint) return fail(savepoint.error(), group), false;
-      result = item.work(connection_);
+      result = runWork(item);
       if (result.ok()) result = savepoint->release();
     }
     // an error that undoes the whole transaction, or puts the disk in doubt, is not one item's affair

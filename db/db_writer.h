@@ -9,6 +9,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -20,11 +21,11 @@ namespace needlelab {
 
 /// Group commit (DESIGN §8). All work posted within `window` runs in one transaction, each item in a
 /// savepoint of its own. `done` is called on the writer's thread, with success only after COMMIT returned,
-/// i.e. after fsync. An item that fails is undone alone and reported alone. A failed COMMIT, write or fsync
-/// stops the writer for good: every item of that group and every later one is reported as failed, then
-/// `on_fatal` is called once. Thread: post(), run(), stop(), failed(), counters() may be called from any
-/// thread; `work`, `done` and `on_fatal` run on the writer's thread, must not call run() or stop(), and
-/// should be short.
+/// i.e. after fsync. An item that fails, or throws, is undone alone and reported alone. A failed COMMIT,
+/// write or fsync stops the writer for good: every item of that group and every later one is reported as
+/// failed, then `on_fatal` is called once. Thread: post(), run(), stop(), failed(), counters() may be called
+/// from any thread; `work`, `done` and `on_fatal` run on the writer's thread, must not call run() or stop(),
+/// and should be short.
 class DbWriter {
  public:
   using Work = std::function<Status(Connection&)>;
@@ -36,6 +37,9 @@ class DbWriter {
     std::chrono::milliseconds checkpoint_every{100};  ///< PASSIVE, between commits
     std::size_t max_items = 16384;                    ///< waiting; more are refused
     std::size_t max_group = 4096;  ///< items in a transaction; reaching it ends the window early
+    /// Told what an item threw, after it was undone and refused like any other fault; may be empty. Thread:
+    /// the writer's.
+    std::function<void(const std::string&)> on_thrown{};
   };
 
   /// Since the start. `commit` times are of COMMIT alone (the fsync is in it), without the work before them.
@@ -84,6 +88,8 @@ class DbWriter {
   };
   void loop();
   std::vector<Item> takeGroup();
+  /// The item's work; what it throws is its error.
+  Status runWork(const Item& item);
   /// One transaction. False: the writer must not go on.
   bool commitGroup(std::vector<Item>& group);
   void fail(const Error& error, std::vector<Item>& group);

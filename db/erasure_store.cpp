@@ -77,11 +77,20 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
              !last) {
     return last.error();  // the last administrator
   }
-  const std::string full_name = *person ? (*person)->full_name : std::string();
+  ErasedNames names{name, {}, {}, line.pseudonym};
+  auto earlier = loggedFullNames(connection_, name);
+  if (!earlier) return earlier.error();
+  names.full_names = std::move(*earlier);
+  if (*person && !(*person)->full_name.empty()) {
+    std::erase(names.full_names, (*person)->full_name);
+    names.full_names.push_back((*person)->full_name);
+  }
+  if (auto done = addOthers(connection_, names); !done) return done.error();
   pb::Erasure erasure;
   erasure.set_pseudonym(line.pseudonym);
-  if (auto done = eraseSessions(name, full_name, line.pseudonym, now_unix_ns, by, erasure); !done)
-    return done.error();
+  std::set<std::string> sessions;
+  if (auto done = eraseSessions(names, now_unix_ns, by, sessions, erasure); !done) return done.error();
+  if (auto done = eraseRemarks(names); !done) return done.error();
   for (const std::string_view sql :
        {"DELETE FROM assignments WHERE trainee = ?", "DELETE FROM consents WHERE person = ?",
         "UPDATE groups SET revision = revision + 1 WHERE id IN (SELECT group_id FROM group_members WHERE "
@@ -90,31 +99,32 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
     if (auto done = connection_.run(sql, name); !done) return done.error();
   }
   if (auto done = connection_.run("DELETE FROM import_pieces"); !done) return done.error();
-  if (auto done = eraseWords(name, full_name, line.pseudonym, erasure); !done) return done.error();
+  if (auto done = eraseWords(names, sessions, erasure); !done) return done.error();
   if (auto done = connection_.run(
           "INSERT INTO erasures (pseudonym, name_hash, erased_unix_ns, by_whom, reason) VALUES (?,?,?,?,?)"
           " ON CONFLICT (pseudonym) DO UPDATE SET erased_unix_ns = excluded.erased_unix_ns",
-          line.pseudonym, ByteView(line.name_hash), line.unix_ns, by,
-          withoutName(reason, name, full_name, line.pseudonym));
+          line.pseudonym, ByteView(line.name_hash), line.unix_ns, by, withoutNames(reason, names, true));
       !done)
     return done.error();
   return erasure;
 }
 
-Status ErasureStore::eraseSessions(const std::string& name, const std::string& full_name,
-                                   const std::string& pseudonym, std::int64_t now_unix_ns,
-                                   const std::string& by, pb::Erasure& erasure) {
+Status ErasureStore::eraseSessions(const ErasedNames& names, std::int64_t now_unix_ns, const std::string& by,
+                                   std::set<std::string>& ids, pb::Erasure& erasure) {
+  const std::string& name = names.name;
+  const std::string& pseudonym = names.in_its_place;
   struct Session {
     std::int64_t number = 0;
     pb::SessionState state = pb::SESSION_OPEN;
     int recording = 1;
     std::uint64_t chunks = 0;
-    std::string description;
+    std::string description, id;
   };
   std::vector<Session> sessions;
   {
     auto rows = connection_.query(
-        "SELECT s.number, s.state, s.recording, coalesce(p.chunks, s.chunks), s.description FROM sessions s"
+        "SELECT s.number, s.state, s.recording, coalesce(p.chunks, s.chunks), s.description, s.id FROM "
+        "sessions s"
         " LEFT JOIN session_progress p ON p.session = s.number WHERE s.trainee = ?",
         name);
     for (;;) {
@@ -122,11 +132,13 @@ Status ErasureStore::eraseSessions(const std::string& name, const std::string& f
       if (!row) return row.error();
       if (!*row) break;
       sessions.push_back({rows.integer(0), static_cast<pb::SessionState>(rows.integer(1)),
-                          static_cast<int>(rows.integer(2)), rows.natural(3), rows.text(4)});
+                          static_cast<int>(rows.integer(2)), rows.natural(3), rows.text(4),
+                          sessionText(rows.text(5))});
     }
   }
   constexpr std::string_view kReason = "the data of its person was erased";
   for (const Session& session : sessions) {
+    ids.insert(session.id);
     pb::SessionDescription description;
     if (!description.ParseFromString(session.description))
       return Error{ErrorCode::kCorrupt, "the stored description of a session cannot be read"};
@@ -171,38 +183,47 @@ Status ErasureStore::eraseSessions(const std::string& name, const std::string& f
     erasure.set_remarks_kept(erasure.remarks_kept() + remarks->size());
   }
   erasure.set_sessions(sessions.size());
-  // remarks name people in other people's sessions, too
-  const auto remarks = textRows(connection_.prepare("SELECT id, text FROM annotations"), 1);
-  if (!remarks) return remarks.error();
-  for (const TextRow& remark : *remarks) {
-    const std::string text = withoutName(remark.texts[0], name, full_name, pseudonym);
-    if (text == remark.texts[0]) continue;
-    if (auto done = connection_.run("UPDATE annotations SET text = ? WHERE id = ?", text, remark.id); !done)
-      return done;
+  return {};
+}
+
+Status ErasureStore::eraseRemarks(const ErasedNames& names) {
+  // remarks name people in other people's sessions, too; words of a full name are its own only in its own
+  for (const bool own : {true, false}) {
+    const auto remarks = textRows(
+        connection_.query("SELECT a.id, a.text FROM annotations a JOIN sessions s ON s.number = a.session"
+                          " WHERE (s.trainee = ?1) = ?2",
+                          names.in_its_place, own),
+        1);
+    if (!remarks) return remarks.error();
+    for (const TextRow& remark : *remarks) {
+      const std::string text = withoutNames(remark.texts[0], names, own);
+      if (text == remark.texts[0]) continue;
+      if (auto done = connection_.run("UPDATE annotations SET text = ? WHERE id = ?", text, remark.id); !done)
+        return done;
+    }
   }
   return {};
 }
 
-Status ErasureStore::eraseWords(const std::string& name, const std::string& full_name,
-                                const std::string& pseudonym, pb::Erasure& erasure) {
+Status ErasureStore::eraseWords(const ErasedNames& names, const std::set<std::string>& sessions,
+                                pb::Erasure& erasure) {
   for (const auto& [table, column] : kDoers) {
     if (auto done = connection_.run("UPDATE " + std::string(table) + " SET " + std::string(column) +
                                         " = ? WHERE " + std::string(column) + " = ?",
-                                    pseudonym, name);
+                                    names.in_its_place, names.name);
         !done)
       return done;
   }
   // the log keeps its lines and their order; only the name in them changes
-  const auto lines = textRows(connection_.prepare("SELECT id, who, subject, detail FROM audit"), 3);
+  const auto lines = textRows(connection_.prepare("SELECT id, who, action, subject, detail FROM audit"), 4);
   if (!lines) return lines.error();
   for (const TextRow& line : *lines) {
-    auto texts = line.texts;
-    for (std::string& text : texts)
-      text = text == name ? pseudonym : withoutName(text, name, full_name, pseudonym);
-    if (texts == line.texts) continue;
+    const AuditRow before{0, 0, line.texts[0], line.texts[1], line.texts[2], line.texts[3]};
+    const AuditRow after = withoutNames(before, names, sessions);
+    if (after.who == before.who && after.subject == before.subject && after.detail == before.detail) continue;
     erasure.set_audit_lines(erasure.audit_lines() + 1);
     if (auto done = connection_.run("UPDATE audit SET who = ?, subject = ?, detail = ? WHERE id = ?",
-                                    texts[0], texts[1], texts[2], line.id);
+                                    after.who, after.subject, after.detail, line.id);
         !done)
       return done;
   }
@@ -217,7 +238,8 @@ Result<std::optional<std::string>> ErasureStore::pseudonymOf(std::string_view tr
     if (!found) return found.error();
     if (!*found || trainee.empty()) return std::optional<std::string>();
   }
-  const auto key = PseudonymKey::ofFolder(connection_.path().parent_path());
+  const auto key = this->key();
+  if (!key && key.error().code == ErrorCode::kCorrupt) return std::optional<std::string>();
   if (!key) return key.error();
   const auto hash = key->nameHash(trainee);
   auto row = connection_.query(
@@ -244,29 +266,59 @@ Status ErasureStore::emptySession(const Uuid& session, std::int64_t now_unix_ns)
       now_unix_ns, ByteView(session));
 }
 
+Result<PseudonymKey> ErasureStore::key() {
+  const auto folder = connection_.path().parent_path();
+  std::error_code error;
+  if (!std::filesystem::exists(folder / "pseudonym.key", error)) {
+    const auto lines = readErasures(folder);
+    if (!lines) return lines.error();
+    auto row = connection_.prepare("SELECT count(*) FROM erasures");
+    const auto found = row.step();
+    if (!found) return found.error();
+    if (!lines->empty() || row.integer(0) != 0)
+      return Error{ErrorCode::kCorrupt,
+                   (folder / "pseudonym.key").string() +
+                       ": is not there, although people were erased: nobody could tell any more who they "
+                       "were. Put back the file from where keys are kept (deploy/OPERATIONS.md)"};
+  }
+  return PseudonymKey::ofFolder(folder);
+}
+
 Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesystem::path& folder) {
   std::vector<ErasureToRepeat> repeat;
   auto lines = readErasures(folder);
   if (!lines) return lines.error();
-  std::vector<ErasureLine> unknown;
-  for (ErasureLine& line : *lines) {
-    auto row = connection_.query("SELECT 1 FROM erasures WHERE pseudonym = ?", line.pseudonym);
-    const auto found = row.step();
-    if (!found) return found.error();
-    if (!*found) unknown.push_back(std::move(line));
+  // those that the database knows of, too: records of before may have come back
+  std::set<std::string> known;
+  auto rows = connection_.prepare("SELECT pseudonym, name_hash, erased_unix_ns FROM erasures");
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) break;
+    ErasureLine line{rows.text(0), {}, rows.integer(2)};
+    const auto hash = rows.bytes(1);
+    if (hash.size() != line.name_hash.size()) continue;
+    std::copy(hash.begin(), hash.end(), line.name_hash.begin());
+    known.insert(line.pseudonym);
+    std::erase_if(*lines, [&](const ErasureLine& other) { return other.pseudonym == line.pseudonym; });
+    lines->push_back(std::move(line));
   }
-  if (unknown.empty()) return repeat;
-  const auto key = PseudonymKey::ofFolder(folder);
+  if (lines->empty()) return repeat;
+  const auto key = this->key();
   if (!key) return key.error();
-  auto names =
-      connection_.prepare("SELECT name FROM people UNION SELECT trainee FROM sessions WHERE erased = 0");
+  auto names = connection_.prepare(
+      "SELECT name, min(made) FROM (SELECT name, created_unix_ns AS made FROM people UNION ALL SELECT "
+      "trainee, "
+      "started_unix_ns FROM sessions WHERE erased = 0) GROUP BY name");
   for (;;) {
     const auto row = names.step();
     if (!row) return row.error();
     if (!*row) return repeat;
     const auto hash = key->nameHash(names.text(0));
-    for (const ErasureLine& line : unknown) {
-      if (line.name_hash == hash) repeat.push_back({names.text(0), line.pseudonym, line.unix_ns});
+    for (const ErasureLine& line : *lines) {
+      // somebody who has got the name since is somebody else
+      const bool before = !known.contains(line.pseudonym) || names.integer(1) <= line.unix_ns;
+      if (line.name_hash == hash && before) repeat.push_back({names.text(0), line.pseudonym, line.unix_ns});
     }
   }
 }

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "base/result.h"
 #include "base/uuid.h"
 #include "db/connection.h"
+#include "db/erasure_names.h"
 #include "db/pseudonym.h"
 #include "needlelab/teaching.pb.h"
 
@@ -28,8 +30,7 @@ struct ErasureLine {
 Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder);
 Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines);
 
-/// An erasure that this database does not know of although its folder does: it was restored from a backup
-/// made before.
+/// Somebody who was erased and is here again: the database was restored from a backup made before.
 struct ErasureToRepeat {
   std::string name;  ///< who is here again
   std::string pseudonym;
@@ -38,17 +39,15 @@ struct ErasureToRepeat {
 /// "'anna' was erased on … and is in this database again, …: needlelab-admin person erase anna": for people.
 std::string erasureToRepeatText(const ErasureToRepeat& erasure);
 
-/// The name in a text by others is replaced where it stands as a word of its own, in either case; so is each
-/// word of the full name that is longer than two letters.
-std::string withoutName(const std::string& text, std::string_view name, std::string_view full_name,
-                        std::string_view in_its_place);
-
 /// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's and
 /// a transaction.
 class ErasureStore {
  public:
   explicit ErasureStore(Connection& connection) : connection_(connection) {}
 
+  /// The key beside the database, made when there is none. kCorrupt: there is none although people were
+  /// erased: a new one could not tell who they were.
+  Result<PseudonymKey> key();
   /// Open sessions of this trainee, as "… at station …".
   Result<std::vector<std::string>> openSessions(std::string_view name);
   /// In one transaction (DESIGN of it: db/README.md). Sessions keep their rows, closed, under the pseudonym,
@@ -59,19 +58,21 @@ class ErasureStore {
                             const std::string& reason, std::int64_t now_unix_ns);
 
   /// The pseudonym of a trainee who was erased after `started_unix_ns`: a station that was away may bring a
-  /// session of it yet. Reads the key beside the database; nothing without one.
+  /// session of it yet. Nothing when the key is not there: what is recorded is taken in any case, and `check`
+  /// says that the key is missing.
   Result<std::optional<std::string>> pseudonymOf(std::string_view trainee, std::int64_t started_unix_ns);
   /// A session without chunks that a station has opened for somebody who was erased: closed at once, marked,
   /// and to be kept empty.
   Status emptySession(const Uuid& session, std::int64_t now_unix_ns);
-  /// Lines of DIR/erasures that this database lacks, and whose names it has. Empty when all is well.
+  /// Who was erased, by DIR/erasures or by this database, and is here again: from a backup that was restored,
+  /// or from records of before. Empty when all is well. kCorrupt: as key().
   Result<std::vector<ErasureToRepeat>> toRepeat(const std::filesystem::path& folder);
 
  private:
-  Status eraseSessions(const std::string& name, const std::string& full_name, const std::string& pseudonym,
-                       std::int64_t now_unix_ns, const std::string& by, pb::Erasure& erasure);
-  Status eraseWords(const std::string& name, const std::string& full_name, const std::string& pseudonym,
-                    pb::Erasure& erasure);
+  Status eraseSessions(const ErasedNames& names, std::int64_t now_unix_ns, const std::string& by,
+                       std::set<std::string>& ids, pb::Erasure& erasure);
+  Status eraseRemarks(const ErasedNames& names);
+  Status eraseWords(const ErasedNames& names, const std::set<std::string>& sessions, pb::Erasure& erasure);
   Connection& connection_;
 };
 

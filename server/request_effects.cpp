@@ -104,19 +104,17 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
     endAccess(context, request.revoke_station().name(), true, by, nullptr, "the station's key was revoked");
   if (request.has_disable_user() && !request.disable_user().enable())
     endAccess(context, request.disable_user().name(), false, by, nullptr, "the account was disabled");
-  if (request.has_change_user() && (request.change_user().has_role() || request.change_user().disabled()))
-    endAccess(context, request.change_user().name(), false, by, asker,
-              "the account was changed: log in again");
-  // the name must not come into the log again: its pseudonym stands for it from now on
+  // who has another role now goes on with none of the old one's connections, its own least of all
+  const char* const changed = "the account was changed: log in again";
+  if (request.has_change_user() && (request.change_user().has_role() || request.change_user().disabled())) {
+    const bool same = asker != nullptr && reply.user().role() == asker->who().role;
+    endAccess(context, request.change_user().name(), false, by, same ? asker : nullptr, changed);
+  }
   if (request.has_erase_person())
     endAccess(context, request.erase_person().name(), false, by, nullptr, "the account is no more",
               reply.erasure().pseudonym());
-  if (reply.people_import().done()) {
-    for (const auto& row : reply.people_import().rows()) {
-      if (row.what() == pb::PeopleImport::CHANGE && row.text().starts_with("role: "))
-        endAccess(context, row.name(), false, by, asker, "the account was changed: log in again");
-    }
-  }
+  for (const std::string& name : reply.people_import().roles_changed())
+    endAccess(context, name, false, by, nullptr, changed);
   // who sets its own password goes on; its other connections may be those of somebody who knew the old one
   if (request.has_set_password())
     endAccess(context, request.set_password().name(), false, by, asker,

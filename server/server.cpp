@@ -102,6 +102,9 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
 
   Store::Options store_options;
   store_options.writer = p.options.writer;
+  store_options.writer.on_thrown = [](const std::string& text) {
+    logEvent(LogLevel::kError, "store_work_failed", {{"text", text}});
+  };
   store_options.on_fatal = [raw = parts.get()](const Error& error) {
     logEvent(LogLevel::kError, "store_failed", {{"text", error.message}});
     asio::post(raw->io, [raw] {

@@ -70,12 +70,14 @@ Result<pb::Reply> listAssignments(const Context& context, const pb::ListAssignme
   pb::Reply reply;
   auto* list = reply.mutable_assignments();
   PageRoom room;
-  for (std::uint64_t i = *from; i < assignments->size(); ++i) {
-    if (!room.take((*assignments)[i].ByteSizeLong())) {
-      list->set_next_page(std::to_string(i));
+  for (const pb::Assignment& assignment : *assignments) {
+    // newest ids first; the page is the last one's id, so that those that come or go move no others
+    if (*from != 0 && assignment.id() >= *from) continue;
+    if (!room.take(assignment.ByteSizeLong())) {
+      list->set_next_page(std::to_string(list->assignments().rbegin()->id()));
       break;
     }
-    *list->add_assignments() = (*assignments)[i];
+    *list->add_assignments() = assignment;
   }
   return reply;
 }

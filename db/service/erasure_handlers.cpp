@@ -38,7 +38,7 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
                      ": let it be ended first, or say that what is still sent of it shall not be kept "
                      "(with_open_sessions)"};
   const auto folder = context.reader.path().parent_path();
-  const auto key = PseudonymKey::ofFolder(folder);
+  const auto key = ErasureStore(context.reader).key();
   if (!key) return key.error();
 
   // one at a time: the file is read and written as a whole

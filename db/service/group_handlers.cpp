@@ -18,7 +18,14 @@ std::string someNames(const std::vector<std::string>& names) {
   return text;
 }
 
-/// What of a group is other than before: for the audit log and for who comes second.
+pb::Reply groupReply(pb::Group group) {
+  pb::Reply reply;
+  *reply.mutable_group() = std::move(group);
+  return reply;
+}
+
+}  // namespace
+
 std::string groupChange(const pb::Group& before, const pb::Group& after) {
   std::vector<std::string> joined, left;
   std::set_difference(after.members().begin(), after.members().end(), before.members().begin(),
@@ -31,14 +38,6 @@ std::string groupChange(const pb::Group& before, const pb::Group& after) {
   if (!left.empty()) text += "; left: " + someNames(left);
   return text;
 }
-
-pb::Reply groupReply(pb::Group group) {
-  pb::Reply reply;
-  *reply.mutable_group() = std::move(group);
-  return reply;
-}
-
-}  // namespace
 
 Result<pb::Reply> putGroup(const Context& context, const pb::PutGroup& call) {
   pb::Group stored;

@@ -17,6 +17,10 @@
 #include "service/principal.h"
 #include "service/reference_paths.h"
 
+namespace needlelab {
+class ExportLedger;
+}
+
 namespace needlelab::handlers {
 
 /// What a handler works with, for one request.
@@ -25,7 +29,8 @@ struct Context {
   DbWriter& writer;
   Connection& reader;
   std::int64_t now_unix_ns;
-  std::string_view action;                       ///< for the audit log
+  std::string_view action;  ///< for the audit log
+  ExportLedger& exports;
   const std::atomic<bool>* cancelled = nullptr;  ///< set when the program ends: long reads are given up
   ReferencePaths* paths = nullptr;               ///< of reference sessions
 };
@@ -43,6 +48,10 @@ pb::Reply doneReply();
 /// kDenied unless `role` may be given, or taken away, or its password set by who asks: an administrator may
 /// all, a curriculum manager those up to its own but not researchers.
 Status mayManage(const Context& context, pb::Role role);
+/// The same for a role that is taken away for another one: a curriculum manager takes none from its equals.
+Status mayChangeRole(const Context& context, pb::Role from, pb::Role to);
+/// What of a group is other than before: for the audit log and for who comes second.
+std::string groupChange(const pb::Group& before, const pb::Group& after);
 /// kDenied for a trainee or a researcher who asks for somebody else's. `what`: "results".
 Status ownOnly(const Context& context, const std::string& name, const std::string& what);
 

@@ -138,6 +138,10 @@ Result<pb::Reply> listCurricula(const Context& context, const pb::ListCurricula&
 }
 
 Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call) {
+  // how far somebody is is that person's; for nobody, anybody may look at a lesson
+  if (!call.trainee().empty()) {
+    if (auto own = ownOnly(context, call.trainee(), "lessons"); !own) return own.error();
+  }
   const auto exercise = CurriculumStore(context.reader).exercise(call.exercise_id());
   if (!exercise) return exercise.error();
   // an unknown trainee may practise (the station's key vouches for it), a disabled one may not

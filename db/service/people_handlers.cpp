@@ -39,21 +39,33 @@ Result<pb::User> userOf(Connection& connection, const Person& person) {
   return user;
 }
 
-Result<Person> knownPerson(const Context& context, const std::string& name) {
-  auto person = PeopleStore(context.reader).find(name);
+Result<Person> knownPerson(Connection& connection, const std::string& name) {
+  auto person = PeopleStore(connection).find(name);
   if (!person) return person.error();
   if (!*person) return Error{ErrorCode::kNotFound, "there is no person named '" + printable(name) + "'"};
   return std::move(**person);
 }
 
 Result<pb::Reply> userReply(const Context& context, const std::string& name) {
-  const auto person = knownPerson(context, name);
+  const auto person = knownPerson(context.reader, name);
   if (!person) return person.error();
   auto user = userOf(context.reader, *person);
   if (!user) return user.error();
   pb::Reply reply;
   *reply.mutable_user() = std::move(*user);
   return reply;
+}
+
+/// Oneself; a manager: of those below itself, because a password is all that its owner may.
+Status maySetPassword(const Context& context, Connection& connection, const std::string& name) {
+  if (context.who.role == pb::ADMINISTRATOR || context.who.name == name) return {};
+  const auto person = PeopleStore(connection).find(name);
+  if (!person) return person.error();
+  const bool below = *person && (*person)->role < pb::CURRICULUM_MANAGER;
+  if (context.who.role == pb::CURRICULUM_MANAGER && below) return {};
+  return Error{ErrorCode::kDenied,
+               "only an administrator sets other people's passwords, and a curriculum manager those of "
+               "trainees and instructors"};
 }
 
 Status stationExists(const Context& context, const std::string& name) {
@@ -70,6 +82,15 @@ Status mayManage(const Context& context, pb::Role role) {
   if (context.who.role == pb::CURRICULUM_MANAGER && role <= pb::CURRICULUM_MANAGER) return {};
   return Error{ErrorCode::kDenied, "the role " + std::string(roleName(role)) +
                                        " is managed by administrators, '" + context.who.name + "' is " +
+                                       std::string(roleName(context.who.role))};
+}
+
+Status mayChangeRole(const Context& context, pb::Role from, pb::Role to) {
+  if (auto may = mayManage(context, to); !may) return may;
+  // else a manager could make another one an instructor, give it a password, and be that manager
+  if (context.who.role == pb::ADMINISTRATOR || from < pb::CURRICULUM_MANAGER) return {};
+  return Error{ErrorCode::kDenied, "the role " + std::string(roleName(from)) +
+                                       " is taken away by administrators, '" + context.who.name + "' is " +
                                        std::string(roleName(context.who.role))};
 }
 
@@ -94,21 +115,12 @@ Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call) {
 }
 
 Result<pb::Reply> setPassword(const Context& context, const pb::SetPassword& call) {
-  if (context.who.role != pb::ADMINISTRATOR && context.who.name != call.name()) {
-    // a manager: of those below itself, because a password is all that its owner may
-    const auto person = PeopleStore(context.reader).find(call.name());
-    if (!person) return person.error();
-    const bool below = *person && (*person)->role < pb::CURRICULUM_MANAGER;
-    if (context.who.role != pb::CURRICULUM_MANAGER || !below) {
-      return Error{ErrorCode::kDenied,
-                   "only an administrator sets other people's passwords, and a curriculum manager those of "
-                   "trainees and "
-                   "instructors"};
-    }
-  }
+  if (auto may = maySetPassword(context, context.reader, call.name()); !may) return may.error();
   const auto hash = hashPassword(call.password());
   if (!hash) return hash.error();
-  const auto status = write(context, call.name(), "", [&](Connection& writer) {
+  const auto status = write(context, call.name(), "", [&](Connection& writer) -> Status {
+    // as it is now: hashing took a while
+    if (auto may = maySetPassword(context, writer, call.name()); !may) return may;
     return PeopleStore(writer).setPasswordHash(call.name(), *hash);
   });
   if (!status) return status.error();
@@ -116,14 +128,14 @@ Result<pb::Reply> setPassword(const Context& context, const pb::SetPassword& cal
 }
 
 Result<pb::Reply> disableUser(const Context& context, const pb::DisableUser& call) {
-  const auto person = knownPerson(context, call.name());
-  if (!person) return person.error();
-  if (auto may = mayManage(context, person->role); !may) return may.error();
-  const auto status =
-      write(context, call.name(), call.enable() ? "enabled again" : "disabled", [&](Connection& writer) {
-        return PeopleStore(writer).setDisabled(call.name(), !call.enable(), context.who.name,
-                                               context.now_unix_ns);
-      });
+  const auto status = write(context, call.name(), call.enable() ? "enabled again" : "disabled",
+                            [&](Connection& writer) -> Status {
+                              const auto person = knownPerson(writer, call.name());
+                              if (!person) return person.error();
+                              if (auto may = mayManage(context, person->role); !may) return may;
+                              return PeopleStore(writer).setDisabled(call.name(), !call.enable(),
+                                                                     context.who.name, context.now_unix_ns);
+                            });
   if (!status) return status.error();
   return doneReply();
 }
@@ -134,30 +146,32 @@ Result<pb::Reply> getUser(const Context& context, const pb::GetUser& call) {
 }
 
 Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call) {
-  const auto person = knownPerson(context, call.name());
-  if (!person) return person.error();
-  if (auto may = mayManage(context, person->role); !may) return may.error();
-  PersonChange change;
   std::string detail;
   const auto say = [&](const std::string& words) { detail += (detail.empty() ? "" : "; ") + words; };
-  if (call.has_role() && call.role() != person->role) {
-    if (auto may = mayManage(context, call.role()); !may) return may.error();
-    if (call.role() != pb::TRAINEE && person->password_hash.empty())
-      return Error{ErrorCode::kInvalidInput, "role: '" + call.name() +
-                                                 "' has no password, and only trainees do without: set one "
-                                                 "first"};
-    say("role: " + std::string(roleName(person->role)) + " to " + std::string(roleName(call.role())));
-    change.role = call.role();
-  }
-  if (call.has_disabled() && call.disabled() != person->disabled) {
-    say(call.disabled() ? "disabled" : "enabled again");
-    change.disabled = call.disabled();
-  }
-  if (call.has_full_name() && call.full_name() != person->full_name) {
-    say("full name: '" + printable(call.full_name()) + "'");
-    change.full_name = call.full_name();
-  }
-  const auto status = edit(context, call.name(), detail, [&](Connection& writer) {
+  // all of it in the writer's transaction: who it is, and what asks may do to it, is as it is then
+  const auto status = edit(context, call.name(), detail, [&](Connection& writer) -> Status {
+    const auto person = knownPerson(writer, call.name());
+    if (!person) return person.error();
+    if (auto may = mayManage(context, person->role); !may) return may;
+    PersonChange change;
+    if (call.has_role() && call.role() != person->role) {
+      if (auto may = mayChangeRole(context, person->role, call.role()); !may) return may;
+      if (call.role() != pb::TRAINEE && person->password_hash.empty())
+        return Error{ErrorCode::kInvalidInput, "role: '" + call.name() +
+                                                   "' has no password, and only trainees do without: set one "
+                                                   "first"};
+      say("role: " + std::string(roleName(person->role)) + " to " + std::string(roleName(call.role())));
+      change.role = call.role();
+    }
+    if (call.has_disabled() && call.disabled() != person->disabled) {
+      say(call.disabled() ? "disabled" : "enabled again");
+      change.disabled = call.disabled();
+    }
+    if (call.has_full_name() && call.full_name() != person->full_name) {
+      // last, and in these words: an erasure finds earlier names by them (db/erasure_names.h)
+      say("full name: '" + printable(person->full_name) + "' to '" + printable(call.full_name()) + "'");
+      change.full_name = call.full_name();
+    }
     const auto changed = PeopleStore(writer).change(call.name(), call.base_revision(), change,
                                                     context.who.name, context.now_unix_ns);
     return changed ? Status() : Status(changed.error());
@@ -182,7 +196,7 @@ Result<pb::Reply> setConsent(const Context& context, const pb::SetConsent& call)
 
 Result<pb::Reply> listConsents(const Context& context, const pb::ListConsents& call) {
   if (auto own = ownOnly(context, call.name(), "consent"); !own) return own.error();
-  if (const auto person = knownPerson(context, call.name()); !person) return person.error();
+  if (const auto person = knownPerson(context.reader, call.name()); !person) return person.error();
   const auto consents = ConsentStore(context.reader).list(call.name());
   if (!consents) return consents.error();
   pb::Reply reply;

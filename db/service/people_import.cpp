@@ -7,6 +7,7 @@
 
 #include "base/secret.h"
 #include "base/text_rules.h"
+#include "db/audit_store.h"
 #include "db/group_store.h"
 #include "db/password.h"
 #include "db/people_store.h"
@@ -30,6 +31,7 @@ struct ImportRow {
   pb::PeopleImport::What what = pb::PeopleImport::ADD;
   std::string text, column;  ///< what is wrong, where
   bool role_given = false, full_name_given = false, has_password = false;
+  bool role_changes = false;
 
   void fault(const std::string& in_column, const std::string& words) {
     if (what == pb::PeopleImport::FAULT) return;
@@ -122,6 +124,9 @@ class PeopleTable {
             PeopleStore(writer).change(row.person.name, {}, change, context_.who.name, context_.now_unix_ns);
         if (!done) return at(row, done.error());
       }
+      if (row.what != pb::PeopleImport::NOTHING) {
+        if (auto done = note(writer, row.person.name, "user import", row.text); !done) return done;
+      }
       for (const std::string& group : row.groups) joining[group].insert(row.person.name);
     }
     for (auto& [id, names] : joining) {
@@ -133,8 +138,11 @@ class PeopleTable {
       names.insert(wanted.members().begin(), wanted.members().end());
       wanted.clear_members();
       for (const std::string& name : names) wanted.add_members(name);
-      if (const auto put = GroupStore(writer).put(wanted, {}, context_.who.name, context_.now_unix_ns); !put)
-        return put.error();
+      const auto put = GroupStore(writer).put(wanted, {}, context_.who.name, context_.now_unix_ns);
+      if (!put) return put.error();
+      const pb::Group before = group ? *group : pb::Group();
+      if (put->revision() == before.revision()) continue;
+      if (auto done = note(writer, id, "group set", groupChange(before, *put)); !done) return done;
     }
     return {};
   }
@@ -161,7 +169,20 @@ class PeopleTable {
     report.set_faults(count(pb::PeopleImport::FAULT));
   }
 
+  /// Whose connections end, once it is done.
+  void tellRoles(pb::PeopleImport& report) const {
+    for (const ImportRow& row : rows_) {
+      if (row.what == pb::PeopleImport::CHANGE && row.role_changes) report.add_roles_changed(row.person.name);
+    }
+  }
+
  private:
+  /// A line for each that is changed: who asks later what became of somebody finds it under the name.
+  Status note(Connection& writer, const std::string& subject, const std::string& action,
+              const std::string& detail) {
+    return AuditStore(writer).add({0, context_.now_unix_ns, context_.who.name, action, subject, detail});
+  }
+
   void wipePasswords() {
     for (ImportRow& row : rows_) wipe(row.password);
   }
@@ -257,20 +278,23 @@ class PeopleTable {
     }
     const Person& before = **there;
     row.text.clear();
+    row.role_changes = false;
     const auto say = [&](const std::string& words) { row.text += (row.text.empty() ? "" : "; ") + words; };
     if (row.role_given && row.person.role != before.role) {
-      for (const pb::Role role : {before.role, row.person.role}) {
-        if (auto may = mayManage(context_, role); !may) row.fault("role", may.error().message);
-      }
+      if (auto may = mayManage(context_, before.role); !may) row.fault("role", may.error().message);
+      if (auto may = mayChangeRole(context_, before.role, row.person.role); !may)
+        row.fault("role", may.error().message);
       if (row.person.role != pb::TRAINEE && before.password_hash.empty())
         row.fault("role", "has no password, and only trainees do without");
+      row.role_changes = true;
       say("role: " + std::string(roleName(before.role)) + " to " + std::string(roleName(row.person.role)));
     }
+    if (!joins.empty()) say(joins);
     if (row.full_name_given && row.person.full_name != before.full_name) {
       if (auto may = mayManage(context_, before.role); !may) row.fault("full_name", may.error().message);
-      say("full name: '" + before.full_name + "' to '" + row.person.full_name + "'");
+      // last, and in these words: an erasure finds earlier names by them (db/erasure_names.h)
+      say("full name: '" + printable(before.full_name) + "' to '" + printable(row.person.full_name) + "'");
     }
-    if (!joins.empty()) say(joins);
     if (row.what == pb::PeopleImport::FAULT) return {};
     row.what = row.text.empty() ? pb::PeopleImport::NOTHING : pb::PeopleImport::CHANGE;
     if (row.text.empty()) row.text = "is there already";
@@ -310,6 +334,7 @@ Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& c
   });
   if (!status) return status.error();
   table.report(*report);
+  table.tellRoles(*report);
   report->set_done(true);
   return reply;
 }

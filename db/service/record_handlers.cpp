@@ -1,13 +1,18 @@
 // A person's data, and everything, as records; everything read in again.
-#include <map>
+#include <optional>
 #include <set>
+#include <unordered_set>
+#include <vector>
 
 #include "base/text_rules.h"
-#include "db/audit_store.h"
 #include "db/curriculum_store.h"
+#include "db/transaction.h"
+#include "service/export_ledger.h"
 #include "service/handlers.h"
+#include "service/import_erasures.h"
 #include "service/lesson_texts.h"
 #include "service/page.h"
+#include "service/record_checks.h"
 #include "service/record_tables.h"
 
 namespace needlelab::handlers {
@@ -18,50 +23,111 @@ constexpr std::uint64_t kMostImportBytes = 512ull << 20;
 constexpr std::int64_t kPieceLife_ns = 86'400LL * 1'000'000'000;
 constexpr std::string_view kNotHere = "imported without its recording";
 
-/// "table:row", where a page goes on.
+/// Where a page goes on: behind the row with these keys. What came later than the first page is of no page.
 struct RecordPage {
   std::size_t table = 0;
-  std::uint64_t row = 0;
+  RecordJson keys;                 ///< null: from the table's first row on
+  std::int64_t last_session = 0;   ///< rows behind it came later
+  std::vector<std::int64_t> open;  ///< sessions that were open: they are left out, also when they end
+  std::uint64_t audit_id = 0;      ///< the log's last line when it began
 };
 
-Result<RecordPage> recordPageOf(const std::string& page) {
-  const std::size_t colon = page.find(':');
-  if (page.empty()) return RecordPage{};
-  const auto table = numberOfPage(page.substr(0, colon));
-  const auto row = numberOfPage(colon == std::string::npos ? "x" : page.substr(colon + 1));
-  if (!table) return table.error();
-  if (!row) return row.error();
-  return RecordPage{*table, *row};
+std::string placeOf(const RecordPage& page) {
+  return RecordJson::array({page.table, page.keys, page.last_session, page.open, page.audit_id}).dump();
 }
 
-/// `person`: only what is theirs; nothing: all.
-Result<pb::Reply> recordsReply(const Context& context, const std::string& page, const std::string* person,
-                               bool secrets) {
-  const auto from = recordPageOf(page);
-  if (!from) return from.error();
+/// Only of what placeOf() has written (ExportLedger).
+RecordPage recordPageOf(const std::string& place) {
+  const auto parts = RecordJson::parse(place);
+  return {parts.at(0).get<std::size_t>(), parts.at(1), parts.at(2).get<std::int64_t>(),
+          parts.at(3).get<std::vector<std::int64_t>>(), parts.at(4).get<std::uint64_t>()};
+}
+
+Result<RecordPage> firstPage(Connection& reader) {
+  RecordPage page;
+  {
+    auto row = reader.prepare(
+        "SELECT (SELECT coalesce(max(number), 0) FROM sessions), (SELECT coalesce(max(id), 0) FROM audit)");
+    const auto found = row.step();
+    if (!found) return found.error();
+    page.last_session = row.integer(0);
+    page.audit_id = row.natural(1);
+  }
+  auto open = reader.prepare("SELECT number FROM sessions WHERE state = 1");
+  for (;;) {
+    const auto row = open.step();
+    if (!row) return row.error();
+    if (!*row) return page;
+    page.open.push_back(open.integer(0));
+  }
+}
+
+/// Pages are read one after the other: what changes rows that others refer to makes the whole one that cannot
+/// be read in again. kConflict.
+Status sameAsBefore(Connection& reader, const RecordPage& page) {
+  auto row = reader.query(
+      "SELECT who, action, subject FROM audit WHERE id > ? AND action IN ('user add', 'user import', 'group "
+      "set', 'group remove', 'person erase', 'station add', 'import-all') LIMIT 1",
+      page.audit_id);
+  const auto found = row.step();
+  if (!found) return found.error();
+  if (!*found) return {};
+  return Error{ErrorCode::kConflict, "what is exported was changed meanwhile ('" + row.text(1) + "' by " +
+                                         row.text(0) + "): begin again"};
+}
+
+/// A condition on a table's rows, for all of the store.
+std::string conditionOf(const RecordTable& table, const RecordPage& page) {
+  if (table.only.empty()) return {};
+  std::string open;
+  for (const std::int64_t number : page.open) open += (open.empty() ? "" : ",") + std::to_string(number);
+  const std::string then =
+      "number <= " + std::to_string(page.last_session) + " AND number NOT IN (" + open + ")";
+  if (table.kind == "session") return std::string(table.only) + " AND " + then;
+  return std::string(table.only) + " AND session IN (SELECT number FROM sessions WHERE " + then + ")";
+}
+
+/// `person`: only what is theirs; nothing: all. `what` names the request, for its pages.
+Result<pb::Reply> recordsReply(const Context& context, const std::string& what, const std::string& given,
+                               const std::string* person, bool secrets) {
+  const auto place = context.exports.open(context.who, what, given);
+  if (!place) return place.error();
+  const auto view = Transaction::begin(context.reader, Transaction::Kind::kRead);
+  if (!view) return view.error();
+  RecordPage page;
+  if (place->empty()) {
+    auto first = firstPage(context.reader);
+    if (!first) return first.error();
+    page = *first;
+  } else {
+    page = recordPageOf(*place);
+    if (person == nullptr) {
+      if (auto same = sameAsBefore(context.reader, page); !same) return same.error();
+    }
+  }
   pb::Reply reply;
   auto* list = reply.mutable_records();
   PageRoom room;
   const auto tables = recordTables();
-  for (std::size_t i = from->table; i < tables.size(); ++i) {
-    const RecordTable& table = tables[i];
+  for (; page.table < tables.size(); ++page.table, page.keys = nullptr) {
+    const RecordTable& table = tables[page.table];
     if (person != nullptr && table.of_person.empty()) continue;
-    const std::uint64_t first = i == from->table ? from->row : 0;
-    auto rows = context.reader.prepare(
-        selectRecords(table, person != nullptr ? table.of_person : table.only, secrets) +
-        (person != nullptr ? " LIMIT -1 OFFSET ?2" : " LIMIT -1 OFFSET ?"));
-    if (person != nullptr) rows.bind(*person);
-    rows.bind(first);
-    for (std::uint64_t at = first;; ++at) {
-      const auto row = rows.step();
+    auto rows = recordsAfter(context.reader, table,
+                             person != nullptr ? std::string(table.of_person) : conditionOf(table, page),
+                             person, page.keys, secrets);
+    if (!rows) return rows.error();
+    for (;;) {
+      const auto row = rows->step();
       if (!row) return row.error();
       if (!*row) break;
-      std::string record = recordOf(table, rows, secrets).dump();
-      if (!room.take(record.size() + 8)) {
-        list->set_next_page(std::to_string(i) + ":" + std::to_string(at));
+      const RecordJson record = recordOf(table, *rows, secrets);
+      std::string text = record.dump();
+      if (!room.take(text.size() + 8)) {
+        list->set_next_page(context.exports.seal(context.who, what, placeOf(page)));
         return reply;
       }
-      list->add_records(std::move(record));
+      page.keys = keysOf(table, record);
+      list->add_records(std::move(text));
     }
   }
   return reply;
@@ -92,6 +158,13 @@ class Import {
     return {};
   }
 
+  Status begin() {
+    auto erasures = ImportErasures::open(writer_);
+    if (!erasures) return erasures.error();
+    erasures_.emplace(std::move(*erasures));
+    return {};
+  }
+
   /// The exercises of courses' newest revisions.
   Status finish() {
     for (const std::string& id : courses_) {
@@ -107,14 +180,24 @@ class Import {
   }
 
  private:
-  Status store(const RecordTable& table, const RecordJson& record) {
-    if (table.kind == "course") courses_.insert(record.value("id", std::string()));
+  Status store(const RecordTable& table, RecordJson record) {
+    // first of all: nothing behind this meets a field of another type
+    if (auto valid = checkFields(table, record); !valid) return valid;
+    const auto verdict = erasures_->look(table, record);
+    if (!verdict) return verdict.error();
+    if (*verdict == ImportErasures::Verdict::kLeftOut) {
+      count(table.kind).set_erased(count(table.kind).erased() + 1);
+      return {};
+    }
+    if (table.kind == "audit") return storeLine(table, std::move(record));
+    if (table.kind == "course" && record.contains("id") && record["id"].is_string())
+      courses_.insert(record["id"].get<std::string>());
     const bool secrets = record.contains("password_hash") || record.contains("key_hash");
     const auto there = storedRecord(writer_, table, record, secrets);
     if (!there) return there.error();
     if (!there->is_null()) {
-      // the log of this store is its own; samples came with the program
-      const bool same = *there == record || table.kind == "audit";
+      const bool same = *there == record || erasures_->isErasuresWork(table, *there, record);
+      // samples came with the program
       const bool sample =
           (table.kind == "profile" || table.kind == "course") && (*there)["author"] == kSampleAuthor;
       if (same || !sample) {
@@ -126,7 +209,7 @@ class Import {
       }
       if (auto done = removeRecord(writer_, table, record); !done) return done;
     }
-    if (auto valid = validate(table, record); !valid) return valid;
+    if (auto valid = checkRecord(table, record); !valid) return valid;
     if (auto done = insertRecord(writer_, table, record); !done) return done;
     if (table.kind == "session") {
       if (auto done = withoutRecording(record); !done) return done;
@@ -135,34 +218,39 @@ class Import {
     return {};
   }
 
-  /// What the schema cannot say.
-  static Status validate(const RecordTable& table, const RecordJson& record) {
-    // a person's own export holds open sessions, too; their chunks are still with their station
-    if (table.kind == "session" && record.value("state", RecordJson()) == 1)
-      return Error{ErrorCode::kInvalidInput,
-                   "state: is 1, an open session: only closed ones can be imported"};
-    for (const char* name : {"name", "id"}) {
-      if (table.kind != "person" && table.kind != "group" && table.kind != "station") break;
-      if (record.contains(name) && record[name].is_string() &&
-          (table.kind != "group" || std::string(name) == "id")) {
-        if (auto valid = checkName(name, record[name].get<std::string>()); !valid) return valid;
-      }
+  /// A line of the log, once: under its number, or, where this store has another one there, under a new one.
+  Status storeLine(const RecordTable& table, RecordJson record) {
+    if (auto done = readLines(table); !done) return done;
+    const std::string text = lineText(record);
+    if (lines_->contains(text)) {
+      count(table.kind).set_unchanged(count(table.kind).unchanged() + 1);
+      return {};
     }
-    if (table.kind == "profile" || table.kind == "course") {
-      const std::string json = record.value("json", std::string()), id = record.value("id", std::string());
-      if (table.kind == "profile") {
-        const auto profile = storedProfileOf(json, "json", "", 0);
-        if (!profile) return profile.error();
-        if (profile->id != id || profile->json != json)
-          return Error{ErrorCode::kInvalidInput, "json: is not canonical, or has another id"};
-      } else {
-        const auto course = storedCurriculumOf(json, "json", "", 0);
-        if (!course) return course.error();
-        if (course->id != id || course->json != json)
-          return Error{ErrorCode::kInvalidInput, "json: is not canonical, or has another id"};
-      }
-    }
+    const auto there = storedRecord(writer_, table, record, false);
+    if (!there) return there.error();
+    if (!there->is_null()) record["id"] = nullptr;  // SQLite gives it the next one
+    if (auto done = insertRecord(writer_, table, record); !done) return done;
+    lines_->insert(text);
+    count(table.kind).set_added(count(table.kind).added() + 1);
     return {};
+  }
+
+  /// What a line says, without its number.
+  static std::string lineText(RecordJson record) {
+    record.erase("id");
+    return record.dump();
+  }
+
+  Status readLines(const RecordTable& table) {
+    if (lines_) return {};
+    lines_.emplace();
+    auto rows = writer_.prepare(selectRecords(table, "", false));
+    for (;;) {
+      const auto row = rows.step();
+      if (!row) return row.error();
+      if (!*row) return {};
+      lines_->insert(lineText(recordOf(table, rows, false)));
+    }
   }
 
   /// Its chunks are elsewhere: here it is one whose recording is gone.
@@ -201,6 +289,8 @@ class Import {
   const std::int64_t now_unix_ns_;
   std::uint64_t number_ = 0;
   std::set<std::string> courses_;
+  std::optional<ImportErasures> erasures_;                ///< since begin()
+  std::optional<std::unordered_set<std::string>> lines_;  ///< of the audit log, once one has come
 };
 
 /// All pieces, in order, a record a line.
@@ -229,7 +319,7 @@ Result<pb::Reply> exportPerson(const Context& context, const pb::ExportPerson& c
   if (!managed && call.name() != context.who.name)
     return Error{ErrorCode::kDenied,
                  "all of a person's data is for that person, curriculum managers and administrators"};
-  auto reply = recordsReply(context, call.page(), &call.name(), false);
+  auto reply = recordsReply(context, "person " + call.name(), call.page(), &call.name(), false);
   if (!reply) return reply;
   if (call.page().empty() && reply->records().records().empty())
     return Error{ErrorCode::kNotFound,
@@ -247,7 +337,8 @@ Result<pb::Reply> exportAll(const Context& context, const pb::ExportAll& call) {
                              [](Connection&) { return Status(); });
     if (!noted) return noted.error();
   }
-  return recordsReply(context, call.page(), nullptr, call.with_passwords());
+  return recordsReply(context, call.with_passwords() ? "all with hashes" : "all", call.page(), nullptr,
+                      call.with_passwords());
 }
 
 Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call) {
@@ -283,6 +374,7 @@ Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call) {
   std::string detail;
   const auto status = write(context, call.import_id(), detail, [&](Connection& writer) -> Status {
     Import import(writer, *report, context.now_unix_ns);
+    if (auto done = import.begin(); !done) return done;
     if (auto done = takePieces(writer, call.import_id(), import); !done) return done;
     if (auto done = import.finish(); !done) return done;
     // undone: the writer takes back what fails

@@ -166,7 +166,10 @@ constexpr std::array kRecordTables = {
                 "author = ?1 OR session IN (SELECT number FROM sessions WHERE trainee = ?1)"},
     RecordTable{"reference", "exercise_references", kReferenceColumns, "", ""},
     RecordTable{"erasure", "erasures", kErasureColumns, "", ""},
-    RecordTable{"audit", "audit", kAuditColumns, "", "who = ?1 OR subject = ?1"},
+    RecordTable{"audit", "audit", kAuditColumns, "",
+                "who = ?1 OR (subject = ?1 AND action IN ('user add', 'user passwd', 'user disable', 'user "
+                "change', 'user import', 'consent', 'person export', 'access ended', 'access valid again', "
+                "'log-in locked', 'assign', 'assign remove'))"},
 };
 
 /// As it stands in a SELECT.
@@ -176,11 +179,6 @@ std::string expressionOf(const RecordColumn& column) {
   if (column.kind == K::kCounter)
     return "coalesce((SELECT p." + name + " FROM session_progress p WHERE p.session = number), " + name + ")";
   return name;
-}
-
-/// What a column is called in a record, where "kind" says which table it is of.
-std::string_view fieldOf(const RecordColumn& column) {
-  return column.name == "kind" ? std::string_view("what") : column.name;
 }
 
 bool isWritten(const RecordColumn& column, bool secrets) {
@@ -285,6 +283,10 @@ Status bindMissing(Statement& statement, const RecordColumn& column) {
 
 }  // namespace
 
+std::string_view fieldOf(const RecordColumn& column) {
+  return column.name == "kind" ? std::string_view("what") : column.name;
+}
+
 std::span<const RecordTable> recordTables() {
   return kRecordTables;
 }
@@ -304,6 +306,34 @@ std::string selectRecords(const RecordTable& table, std::string_view where, bool
   // revisions count upwards: a row refers to none behind it
   return "SELECT " + columns + " FROM " + std::string(table.table) +
          (where.empty() ? std::string() : " WHERE " + std::string(where)) + " ORDER BY " + keys;
+}
+
+Result<Statement> recordsAfter(Connection& connection, const RecordTable& table, const std::string& where,
+                               const std::string* person, const RecordJson& keys, bool secrets) {
+  std::string condition = where.empty() ? std::string() : "(" + where + ")";
+  if (!keys.is_null()) {
+    std::string names, places;
+    for (const RecordColumn& column : table.columns) {
+      if (!column.is_key) continue;
+      names += (names.empty() ? "" : ", ") + std::string(column.name);
+      places += places.empty() ? "?" : ", ?";
+    }
+    condition += (condition.empty() ? "(" : " AND (") + names + ") > (" + places + ")";
+  }
+  auto rows = connection.prepare(selectRecords(table, condition, secrets));
+  if (person != nullptr) rows.bind(*person);
+  if (!keys.is_null()) {
+    if (auto bound = bindKeys(connection, rows, table, keys); !bound) return bound.error();
+  }
+  return rows;
+}
+
+RecordJson keysOf(const RecordTable& table, const RecordJson& record) {
+  RecordJson keys = RecordJson::object();
+  for (const RecordColumn& column : table.columns) {
+    if (column.is_key) keys[std::string(fieldOf(column))] = record[std::string(fieldOf(column))];
+  }
+  return keys;
 }
 
 RecordJson recordOf(const RecordTable& table, const Statement& row, bool secrets) {

@@ -33,6 +33,9 @@ struct RecordColumn {
   bool secret = false;  ///< hashes of passwords and keys: only when asked for
 };
 
+/// What a column is called in a record, where "kind" says which table it is of.
+std::string_view fieldOf(const RecordColumn& column);
+
 struct RecordTable {
   std::string_view kind, table;
   std::span<const RecordColumn> columns;
@@ -48,6 +51,12 @@ const RecordTable* recordTable(std::string_view kind);
 
 /// "SELECT … FROM … WHERE … ORDER BY …" of a table's records; `where` may be empty.
 std::string selectRecords(const RecordTable& table, std::string_view where, bool secrets);
+/// The same, bound: of `person` (may be null) where the condition has a ?1, and only rows behind `keys`
+/// (null: all), which are as keysOf() gave them. kInvalidInput.
+Result<Statement> recordsAfter(Connection& connection, const RecordTable& table, const std::string& where,
+                               const std::string* person, const RecordJson& keys, bool secrets);
+/// The fields that a record is known by.
+RecordJson keysOf(const RecordTable& table, const RecordJson& record);
 /// The present row of such a statement.
 RecordJson recordOf(const RecordTable& table, const Statement& row, bool secrets);
 

@@ -1,13 +1,17 @@
 // Who is how far: the matrix of a course, the attempts of a trainee.
 #include <algorithm>
+#include <optional>
 #include <set>
+#include <vector>
 
 #include "db/assignment_store.h"
 #include "db/attempt_store.h"
 #include "db/curriculum_store.h"
 #include "db/group_store.h"
 #include "db/people_store.h"
+#include "db/score_store.h"
 #include "db/transaction.h"
+#include "scoring/progress.h"
 #include "service/handlers.h"
 #include "service/page.h"
 #include "service/score_rows.h"
@@ -46,12 +50,12 @@ Result<std::set<std::string>> traineesOf(Connection& reader, const std::string& 
   return names;
 }
 
-/// Passed before not passed, then the most requirements met, then the newest.
+/// Of those that count: passed before not passed, then the most requirements met, then the newest.
 const pb::Attempt* bestOf(const std::vector<pb::Attempt>& attempts) {
   const pb::Attempt* best = nullptr;
   std::uint32_t best_met = 0;
   for (const pb::Attempt& attempt : attempts) {
-    if (attempt.state() == pb::SESSION_OPEN) continue;
+    if (attempt.state() == pb::SESSION_OPEN || attempt.excused()) continue;
     const std::uint32_t met = verdictsOf(attempt.score_json()).met;
     const bool better = best == nullptr || attempt.passed() > best->passed() ||
                         (attempt.passed() == best->passed() && met >= best_met);
@@ -73,7 +77,7 @@ Result<pb::ResultCell> cellOf(Connection& reader, const std::string& trainee, co
   for (const std::string& id : standing->locked_by) cell.add_locked_by(id);
   if (standing->attempts_left) cell.set_attempts_left(*standing->attempts_left);
   cell.set_due_unix_ns(standing->due_unix_ns);
-  cell.set_overdue(standing->due_unix_ns != 0 && standing->due_unix_ns < now_unix_ns && !cell.passed());
+  cell.set_overdue(standing->due_unix_ns != 0 && standing->due_unix_ns < now_unix_ns && !standing->done);
   if (standing->attempts.all == 0) return cell;
   const auto attempts = AttemptStore(reader).list(trainee, course.stored.id, true);
   if (!attempts) return attempts.error();
@@ -84,6 +88,32 @@ Result<pb::ResultCell> cellOf(Connection& reader, const std::string& trainee, co
                                   best->started_unix_ns() > standing->due_unix_ns);
   }
   return cell;
+}
+
+/// How the measures of one exercise went over these attempts, as JSON; attempts that do not count, or have no
+/// score of the newest version that any of them has, are gaps.
+Result<std::string> measuresOver(Connection& reader, const std::vector<pb::Attempt>& attempts) {
+  constexpr std::size_t kMost = 300;
+  std::vector<std::optional<pb::Score>> scores(attempts.size());
+  std::uint32_t newest = 0;
+  for (std::size_t i = attempts.size() - std::min(attempts.size(), kMost); i < attempts.size(); ++i) {
+    if (attempts[i].excused() || attempts[i].state() == pb::SESSION_OPEN) continue;
+    const auto id = sessionId(attempts[i].session_id());
+    if (!id) return id.error();
+    auto score = ScoreStore(reader).get(*id, 0);
+    if (!score && score.error().code == ErrorCode::kNotFound) continue;
+    if (!score) return score.error();
+    newest = std::max(newest, score->definition_version());
+    scores[i] = std::move(*score);
+  }
+  std::vector<std::vector<Measure>> measures(attempts.size());
+  for (std::size_t i = 0; i < scores.size(); ++i) {
+    if (!scores[i] || scores[i]->definition_version() != newest) continue;
+    auto rows = parseScore(scores[i]->measures_json());
+    if (!rows) return rows.error();
+    measures[i] = std::move(*rows);
+  }
+  return newest == 0 ? std::string() : progressJson(progressOf(measures));
 }
 
 }  // namespace
@@ -148,6 +178,12 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
   pb::Reply reply;
   auto* list = reply.mutable_progress();
   PageRoom room;
+  if (*from == 0 && !call.exercise_id().empty()) {
+    auto measures = measuresOver(context.reader, *attempts);
+    if (!measures) return measures.error();
+    room.take(measures->size() + 1);
+    list->set_measures_json(std::move(*measures));
+  }
   for (std::uint64_t i = *from; i < attempts->size(); ++i) {
     pb::Attempt& attempt = (*attempts)[i];
     // an exercise that is gone was never due

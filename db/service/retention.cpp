@@ -76,6 +76,8 @@ class Run {
     return {};
   }
 
+  [[nodiscard]] const pb::RetentionReport& report() const { return report_; }
+
  private:
   [[nodiscard]] bool stopped() const { return tools_.stop.load(std::memory_order_relaxed); }
 
@@ -359,8 +361,12 @@ Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const std:
   return Run(tools, by_whom, now_unix_ns).run(dry_run);
 }
 
-Status removeLeftovers(const RetentionTools& tools) {
-  return Run(tools, "erasure", 0).removeLeftovers();
+Result<pb::RetentionReport> removeLeftovers(const RetentionTools& tools) {
+  Run run(tools, "erasure", 0);
+  if (auto done = run.removeLeftovers(); !done) return done.error();
+  pb::RetentionReport report = run.report();
+  report.set_stopped(tools.stop.load(std::memory_order_relaxed));
+  return report;
 }
 
 }  // namespace needlelab

@@ -53,7 +53,7 @@ Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const std:
                                          std::int64_t now_unix_ns, bool dry_run);
 
 /// Only what is left over is removed: rows of recordings that were given up before, in the same pieces.
-/// Damaged ones stay, for the next run to name.
-Status removeLeftovers(const RetentionTools& tools);
+/// Damaged ones stay; the report names them as LEFT_ALONE.
+Result<pb::RetentionReport> removeLeftovers(const RetentionTools& tools);
 
 }  // namespace needlelab

@@ -1,4 +1,8 @@
 // Scores by version, for one session and for a course; the sessions that others are compared with.
+#include <cstdint>
+#include <sstream>
+#include <string>
+
 #include "db/attempt_store.h"
 #include "db/curriculum_store.h"
 #include "db/score_store.h"
@@ -17,6 +21,33 @@ Result<pb::Reply> referenceReply(const Context& context, pb::Reference reference
   return reply;
 }
 
+/// A row of the list of scores, in its order.
+struct ScoreKey {
+  std::string trainee, exercise;
+  std::int64_t started_ns = INT64_MIN, number = 0;
+  std::uint32_t version = 0;
+};
+
+std::string pageOf(const ScoreKey& key) {
+  return std::to_string(key.started_ns) + " " + std::to_string(key.number) + " " +
+         std::to_string(key.version) + " " + std::to_string(key.trainee.size()) + " " + key.trainee +
+         key.exercise;
+}
+
+Result<ScoreKey> scoreKeyOf(const std::string& page) {
+  ScoreKey key;
+  if (page.empty()) return key;
+  std::istringstream in(page);
+  std::size_t trainee = 0;
+  in >> key.started_ns >> key.number >> key.version >> trainee;
+  const std::streamoff at = in ? static_cast<std::streamoff>(in.tellg()) + 1 : -1;
+  if (at < 0 || static_cast<std::size_t>(at) + trainee > page.size())
+    return Error{ErrorCode::kInvalidInput, "page: give back the next_page of the reply before"};
+  key.trainee = page.substr(static_cast<std::size_t>(at), trainee);
+  key.exercise = page.substr(static_cast<std::size_t>(at) + trainee);
+  return key;
+}
+
 }  // namespace
 
 Result<pb::Reply> getScore(const Context& context, const pb::GetScore& call) {
@@ -33,22 +64,26 @@ Result<pb::Reply> getScore(const Context& context, const pb::GetScore& call) {
 }
 
 Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call) {
-  const auto from = numberOfPage(call.page());
+  const auto from = scoreKeyOf(call.page());
   if (!from) return from.error();
   const auto view = Transaction::begin(context.reader, Transaction::Kind::kRead);
   if (!view) return view.error();
+  // pages by key: rows that come or go meanwhile move no others
   auto rows = context.reader.query(
-      "SELECT s.id, c.definition_version FROM scores c JOIN sessions s ON s.number = c.session WHERE "
+      "SELECT s.id, c.definition_version, s.number FROM scores c JOIN sessions s ON s.number = c.session "
+      "WHERE "
       "s.trainee <> '' AND"
       " (?1 = '' OR s.exercise_id IN (SELECT id FROM exercises WHERE curriculum_id = ?1)) AND"
-      " (?2 = '' OR s.trainee IN (SELECT person FROM group_members WHERE group_id = ?2))"
-      " ORDER BY s.trainee, s.exercise_id, s.started_unix_ns, s.number, c.definition_version LIMIT -1 OFFSET "
-      "?3",
-      call.course_id(), call.group_id(), *from);
+      " (?2 = '' OR s.trainee IN (SELECT person FROM group_members WHERE group_id = ?2)) AND"
+      " (s.trainee, s.exercise_id, s.started_unix_ns, s.number, c.definition_version) > (?3, ?4, ?5, ?6, ?7)"
+      " ORDER BY s.trainee, s.exercise_id, s.started_unix_ns, s.number, c.definition_version",
+      call.course_id(), call.group_id(), from->trainee, from->exercise, from->started_ns, from->number,
+      from->version);
   pb::Reply reply;
   auto* list = reply.mutable_scores();
   PageRoom room;
-  for (std::uint64_t at = *from;; ++at) {
+  ScoreKey last = *from;
+  for (;;) {
     const auto row = rows.step();
     if (!row) return row.error();
     if (!*row) return reply;
@@ -63,9 +98,11 @@ Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call)
     if (!score) return score.error();
     *entry.mutable_score() = std::move(*score);
     if (!room.take(entry.ByteSizeLong())) {
-      list->set_next_page(std::to_string(at));
+      list->set_next_page(pageOf(last));
       return reply;
     }
+    last = {entry.attempt().trainee(), entry.attempt().exercise_id(), entry.attempt().started_unix_ns(),
+            rows.integer(2), entry.score().definition_version()};
     *list->add_scores() = std::move(entry);
   }
 }

@@ -188,8 +188,8 @@ std::string timeOf(std::int64_t unix_ns) {
   return text.data();
 }
 
-/// The turn of one run of retention, given back at its end. `run` is guarded by `mutex` and names the run that
-/// is under way.
+/// The turn of one run of retention, given back at its end. `run` is guarded by `mutex` and names the run
+/// that is under way.
 class RetentionTurn {
  public:
   RetentionTurn(std::mutex& mutex, std::string& run, std::string words) : mutex_(mutex), run_(run) {
@@ -255,28 +255,30 @@ Outcome Service::execute(const Principal& principal, const pb::Request& request)
     const Cleared cleared(one_backup.owns_lock() ? &backup_running_ : nullptr);
     auto reader = readers_.borrow();
     if (!reader) return reader.error();
-    auto reply = dispatch({principal, writer_, **reader, wallNowNs(), callName(request.call_case()),
+    auto reply = dispatch({principal, writer_, **reader, wallNowNs(), callName(request.call_case()), exports_,
                            &cancelled_, &reference_paths_},
                           request);
     // what an erasure has given up goes at once; while a run of retention is under way, the next one takes it
     if (reply && request.call_case() == pb::Request::kErasePerson) {
       reference_paths_.forget();
-      const RetentionTurn turn(retention_mutex_, retention_run_,
-                               "since " + timeOf(wallNowNs()) + " by an erasure");
-      if (!turn.mine()) {
-        auto* erasure = reply->mutable_erasure();
-        erasure->set_text(
-            "A run of retention is under way: the chunks go with the next one, at the latest tomorrow "
-            "(at once by needlelab-admin retention run when this one has ended). " +
-            erasure->text());
-        return reply;
-      }
-      if (auto removed = removeLeftovers(retentionTools()); !removed) return removed.error();
+      // the erasure is done and stays so, whatever comes of this: its reply says what is left
+      auto* erasure = reply->mutable_erasure();
+      erasure->set_text(removeErased() + erasure->text());
     }
     return reply;
   };
+  const auto guarded = [&]() -> Result<pb::Reply> {
+    // a request is never worth the lessons of others: what no handler foresaw is this request's fault alone
+    try {
+      return run();
+    } catch (const std::exception& thrown) {
+      return Error{ErrorCode::kFailed, "the request '" + std::string(callName(request.call_case())) +
+                                           "' failed inside: " + thrown.what() +
+                                           ": please report this as a fault of the program"};
+    }
+  };
   Outcome outcome;
-  auto reply = run();
+  auto reply = guarded();
   if (reply) {
     outcome.reply = std::move(*reply);
     outcome.server_part = serverPartOf(request.call_case());
@@ -310,6 +312,25 @@ Result<pb::RescoreReport> Service::rescoreAll(const std::string& by_whom, const 
                            stop_retention_,
                            retention_pace_};
   return runRescoring(tools, call.exercise_id(), by_whom, call.dry_run());
+}
+
+std::string Service::removeErased() {
+  const RetentionTurn turn(retention_mutex_, retention_run_,
+                           "since " + timeOf(wallNowNs()) + " by an erasure");
+  if (!turn.mine())
+    return "A run of retention is under way: the chunks go with the next one, at the latest tomorrow "
+           "(at once by needlelab-admin retention run when this one has ended). ";
+  const auto removed = removeLeftovers(retentionTools());
+  if (removed && removed->stopped())
+    return "The program is ending: the chunks go with the next run of retention. ";
+  if (!removed)
+    return "Its chunks are not all removed yet (" + removed.error().message +
+           "): they go with the next run of retention, at the latest tomorrow (at once by needlelab-admin "
+           "retention run). ";
+  if (removed->steps().empty()) return {};
+  return std::to_string(removed->left_alone()) +
+         " recordings are damaged, and what is left of them could not be removed: " +
+         removed->steps(0).text() + " (see needlelab-admin check). ";
 }
 
 RetentionTools Service::retentionTools() {
@@ -388,6 +409,8 @@ Result<std::vector<std::string>> Service::erasuresToRepeat() {
   auto reader = readers_.borrow();
   if (!reader) return reader.error();
   const auto erasures = ErasureStore(**reader).toRepeat(readers_.path().parent_path());
+  // a file of its own that is missing or broken is to be said, too, and no reason to give no lessons
+  if (!erasures && erasures.error().code == ErrorCode::kCorrupt) return std::vector{erasures.error().message};
   if (!erasures) return erasures.error();
   std::vector<std::string> texts;
   for (const ErasureToRepeat& erasure : *erasures) texts.push_back(erasureToRepeatText(erasure));

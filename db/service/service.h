@@ -15,6 +15,7 @@
 #include "db/session_store.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/session.pb.h"
+#include "service/export_ledger.h"
 #include "service/principal.h"
 #include "service/reference_paths.h"
 #include "service/retention.h"
@@ -112,10 +113,14 @@ class Service {
   /// Scores a closed session anew by the definitions of this program and keeps that beside the first score.
   Result<pb::Reply> rescore(const Principal& principal, const pb::RescoreSession& call);
   [[nodiscard]] RetentionTools retentionTools();
+  /// Removes the chunks that an erasure gave up. What is left of them, and why, as a sentence; empty:
+  /// nothing.
+  std::string removeErased();
   /// Empty when there is nothing to measure.
   Result<std::string> scoreOf(Connection& reader, const SessionSamples& session);
   DbWriter& writer_;
   ReaderPool& readers_;
+  ExportLedger exports_;
   std::atomic<bool> cancelled_{false};
   std::mutex backup_mutex_;  ///< one backup at a time
   std::atomic<bool> backup_running_ = false;

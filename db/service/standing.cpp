@@ -11,27 +11,32 @@ Result<pb::Exercise> exerciseOf(const StoredExercise& stored) {
   return exercise;
 }
 
+bool isDone(const AttemptStanding& attempts, const pb::Exercise& exercise) {
+  const bool asks_nothing = exercise.requirements().empty() && !exercise.has_time_limit_s();
+  return asks_nothing ? attempts.counted > 0 : attempts.passed.value_or(false);
+}
+
 Result<ExerciseStanding> standingOf(Connection& connection, const std::string& trainee,
                                     const StoredExercise& stored, const pb::Exercise& exercise) {
   ExerciseStanding standing;
   const auto attempts = AttemptStore(connection).standing(trainee, stored.id);
   if (!attempts) return attempts.error();
   standing.attempts = *attempts;
+  standing.done = isDone(*attempts, exercise);
   if (exercise.has_attempts()) {
     const std::uint32_t used = std::min(exercise.attempts(), attempts->counted);
     standing.attempts_left = exercise.attempts() - used;
   }
   for (const std::string& before : exercise.prerequisites()) {
-    const auto passed = AttemptStore(connection).standing(trainee, before);
-    if (!passed) return passed.error();
-    // one that asks for nothing is done when it was tried
-    bool done = passed->passed.value_or(false);
-    if (!done && !passed->passed && passed->all > 0) {
-      const auto other = CurriculumStore(connection).exercise(before);
-      if (!other) return other.error();
+    const auto there = AttemptStore(connection).standing(trainee, before);
+    if (!there) return there.error();
+    const auto other = CurriculumStore(connection).exercise(before);
+    if (!other && other.error().code != ErrorCode::kNotFound) return other.error();
+    bool done = there->passed.value_or(false);
+    if (other) {
       const auto text = exerciseOf(*other);
       if (!text) return text.error();
-      done = text->requirements().empty() && !text->has_time_limit_s();
+      done = isDone(*there, *text);
     }
     if (!done) standing.locked_by.push_back(before);
   }

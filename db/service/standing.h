@@ -14,8 +14,12 @@
 
 namespace needlelab {
 
+/// Passed, or, when the exercise asks for nothing, tried in an attempt that counts.
+bool isDone(const AttemptStanding& attempts, const pb::Exercise& exercise);
+
 struct ExerciseStanding {
   AttemptStanding attempts;
+  bool done = false;
   std::vector<std::string> locked_by;          ///< exercises that must be passed first, and are not
   std::optional<std::uint32_t> attempts_left;  ///< nothing: as many as one likes
   std::int64_t due_unix_ns = 0;                ///< 0: never

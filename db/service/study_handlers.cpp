@@ -1,5 +1,5 @@
 // What researchers see: sessions of those who consent, under pseudonyms. No record has a name, a station or a
-// time of day in it.
+// time of day in it; what is measured is as it is, and can be recognised by who has it from elsewhere.
 #include <algorithm>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -10,12 +10,15 @@
 #include "db/attempt_store.h"
 #include "db/audit_store.h"
 #include "db/consent_store.h"
+#include "db/erasure_names.h"
 #include "db/erasure_store.h"
 #include "db/people_store.h"
 #include "db/pseudonym.h"
 #include "db/score_store.h"
 #include "db/session_store.h"
 #include "db/transaction.h"
+#include "gesture/chunk.h"
+#include "service/export_ledger.h"
 #include "service/handlers.h"
 #include "service/page.h"
 
@@ -27,8 +30,8 @@ using StudyJson = nlohmann::ordered_json;
 /// A session that may be seen, and whose it is.
 struct StudySession {
   Uuid id{};
-  std::string person;         ///< the pseudonym
-  std::int64_t since_ns = 0;  ///< from the person's first session to this one
+  std::string person;           ///< the pseudonym
+  std::int64_t since_days = 0;  ///< from the person's first session to this one, whole days
   pb::Attempt attempt;
 };
 
@@ -36,7 +39,7 @@ class Study {
  public:
   static Result<Study> open(Connection& reader, const std::string& name) {
     if (auto valid = checkName("study", name); !valid) return valid.error();
-    auto key = PseudonymKey::ofFolder(reader.path().parent_path());
+    auto key = ErasureStore(reader).key();
     if (!key) return key.error();
     return Study(reader, name, *key);
   }
@@ -62,7 +65,8 @@ class Study {
           continue;
         const auto id = sessionId(attempt.session_id());
         if (!id) return id.error();
-        all.push_back({*id, pseudonym, attempt.started_unix_ns() - first_ns, std::move(attempt)});
+        const std::int64_t since_days = (attempt.started_unix_ns() - first_ns) / 86'400'000'000'000;
+        all.push_back({*id, pseudonym, since_days, std::move(attempt)});
       }
     }
     std::stable_sort(all.begin(), all.end(),
@@ -70,18 +74,39 @@ class Study {
     return all;
   }
 
-  /// Names that no text may hold: everybody's, not only of those who consent.
+  /// A remark or a description without anybody's name, not only of those who consent. Ids and numbers have
+  /// none: they are given out as they are.
   Result<std::string> withoutNames(std::string text) {
     if (!people_) {
       auto people = PeopleStore(reader_).list();
       if (!people) return people.error();
       people_ = std::move(*people);
     }
-    for (const Person& person : *people_) text = withoutName(text, person.name, person.full_name, "[name]");
-    return text;
+    // somebody may be called "name"
+    constexpr char kMark = '\x01';
+    for (const Person& person : *people_)
+      text = withoutName(text, person.name, person.full_name, std::string_view(&kMark, 1));
+    std::string marked;
+    for (const char c : text) marked += c == kMark ? std::string("[name]") : std::string(1, c);
+    return marked;
   }
 
-  Result<std::vector<std::string>> recordsOf(const StudySession& session, bool with_remarks) {
+  /// The profile that a session ran with: only its free texts are looked at. Many sessions have the same.
+  Result<StudyJson> profileOf(const std::string& text) {
+    if (const auto known = profiles_.find(text); known != profiles_.end()) return known->second;
+    StudyJson profile = StudyJson::parse(text, nullptr, false);
+    if (profile.is_discarded()) profile = nullptr;
+    for (const char* field : {"name", "description", "sources"}) {
+      if (!profile.is_object() || !profile.contains(field) || !profile[field].is_string()) continue;
+      auto words = withoutNames(profile[field].get<std::string>());
+      if (!words) return words.error();
+      profile[field] = std::move(*words);
+    }
+    return profiles_.emplace(text, std::move(profile)).first->second;
+  }
+
+  Result<std::vector<std::string>> recordsOf(const StudySession& session, bool with_remarks,
+                                             bool with_setup) {
     auto info = SessionStore(reader_).info(session.id);
     if (!info) return info.error();
     const pb::SessionDescription& d = info->description();
@@ -92,16 +117,13 @@ class Study {
         {"exercise_id", d.exercise_id()},
         {"attempt", session.attempt.number()},
         {"excused", session.attempt.excused()},
-        {"begun_after_first_s", static_cast<double>(session.since_ns) * 1e-9},
+        {"begun_after_first_days", session.since_days},
         {"profile_id", d.profile_id()},
         {"profile_revision", d.profile_revision()},
         {"engine_version", d.engine_version()},
         {"rate_hz", d.rate_hz()},
-        {"device", d.device()},
         {"axial_model", d.axial_model()},
         {"live_effects", std::vector<std::string>(d.live_effects().begin(), d.live_effects().end())},
-        {"placement", std::vector<double>(d.placement().begin(), d.placement().end())},
-        {"tool", std::vector<double>(d.tool().begin(), d.tool().end())},
         {"state", pb::SessionState_Name(info->state())},
         {"chunks", info->chunks()},
         {"samples", info->samples()},
@@ -109,10 +131,15 @@ class Study {
                       : info->removed_original().fate() == pb::RemovedOriginal::THINNED ? "THINNED"
                                                                                         : "DELETED"},
         {"passed", session.attempt.has_passed() ? StudyJson(session.attempt.passed()) : StudyJson(nullptr)}};
-    auto profile = withoutNames(d.profile_json());
+    // each station has its own
+    if (with_setup) {
+      record["device"] = d.device();
+      record["placement"] = std::vector<double>(d.placement().begin(), d.placement().end());
+      record["tool"] = std::vector<double>(d.tool().begin(), d.tool().end());
+    }
+    auto profile = profileOf(d.profile_json());
     if (!profile) return profile.error();
-    const auto tree = StudyJson::parse(*profile, nullptr, false);
-    record["profile"] = tree.is_discarded() ? StudyJson(*profile) : tree;
+    record["profile"] = std::move(*profile);
     std::vector<std::string> records{record.dump()};
     const auto scores = ScoreStore(reader_).list(session.id);
     if (!scores) return scores.error();
@@ -150,13 +177,56 @@ class Study {
   std::string name_;
   PseudonymKey key_;
   std::optional<std::vector<Person>> people_;
+  std::map<std::string, StudyJson> profiles_;  ///< by their text
 };
+
+/// Where a page of a study goes on: behind this session, or, when it is of the study no more, behind its
+/// person.
+std::size_t placeBehind(const std::vector<StudySession>& sessions, const Study& study,
+                        const std::string& place) {
+  const std::size_t blank = place.find(' ');
+  const std::string person = place.substr(0, blank);
+  const std::string session = blank == std::string::npos ? std::string() : place.substr(blank + 1);
+  for (std::size_t i = 0; i < sessions.size(); ++i) {
+    if (sessions[i].person == person && study.sessionName(sessions[i].id) == session) return i + 1;
+  }
+  const auto next = std::find_if(sessions.begin(), sessions.end(),
+                                 [&](const StudySession& other) { return other.person > person; });
+  return static_cast<std::size_t>(next - sessions.begin());
+}
+
+/// A recording begins with tick 0 at time 0: by a station's own clock, sessions of several people would stand
+/// in their order, with exact gaps.
+Status beginWithZero(Connection& reader, const Uuid& session, pb::Chunks& chunks) {
+  if (chunks.chunks().empty()) return {};
+  const auto first = SessionStore(reader).readChunks(session, 0, 1, kMaxReplyBytes);
+  if (!first) return first.error();
+  if (first->empty()) return Error{ErrorCode::kCorrupt, "the recording has no first chunk"};
+  const auto origin = inspectChunk(first->front().bytes);
+  if (!origin) return origin.error();
+  for (auto& chunk : *chunks.mutable_chunks()) {
+    const auto head = inspectChunk(viewOf(chunk.data()));
+    if (!head) return head.error();
+    auto samples = decodeChunk(viewOf(chunk.data()));
+    if (!samples) return samples.error();
+    for (GestureSample& sample : *samples) {
+      if (sample.tick < origin->first_tick)
+        return Error{ErrorCode::kUnavailable, "the recording was thinned while it was read: begin anew"};
+      sample.tick -= origin->first_tick;
+      sample.time_ns -= origin->first_time_ns;
+    }
+    chunk.set_data(std::string(textOf(encodeChunk(head->resolution, *samples))));
+  }
+  return {};
+}
 
 }  // namespace
 
 Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& call) {
-  const auto from = numberOfPage(call.page());
-  if (!from) return from.error();
+  const std::string what = "study " + call.study() + "\n" + call.exercise_id() + "\n" +
+                           (call.with_remarks() ? "remarks" : "") + "\n" + (call.with_setup() ? "setup" : "");
+  const auto place = context.exports.open(context.who, what, call.page());
+  if (!place) return place.error();
   pb::Reply reply;
   auto* list = reply.mutable_records();
   {
@@ -167,34 +237,40 @@ Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& cal
     const auto sessions = study->sessions(call.exercise_id());
     if (!sessions) return sessions.error();
     PageRoom room;
-    if (*from == 0) {
+    if (place->empty()) {
       std::set<std::string> people;
       for (const StudySession& session : *sessions) people.insert(session.person);
       list->add_records(StudyJson({{"kind", "study"},
                                    {"study", call.study()},
-                                   {"format", 1},
+                                   {"format", 2},
                                    {"people", people.size()},
                                    {"sessions", sessions->size()},
                                    {"program", "needlelab " NEEDLELAB_VERSION}})
                             .dump());
       room.take(list->records(0).size());
     }
-    for (std::uint64_t i = *from; i < sessions->size(); ++i) {
-      auto records = study->recordsOf((*sessions)[i], call.with_remarks());
+    for (std::size_t i = place->empty() ? 0 : placeBehind(*sessions, *study, *place); i < sessions->size();
+         ++i) {
+      auto records = study->recordsOf((*sessions)[i], call.with_remarks(), call.with_setup());
       if (!records) return records.error();
       std::size_t bytes = 0;
       for (const std::string& record : *records) bytes += record.size() + 4;
       if (!room.take(bytes)) {
-        list->set_next_page(std::to_string(i));
+        const std::string behind =
+            i == 0 ? " " : (*sessions)[i - 1].person + " " + study->sessionName((*sessions)[i - 1].id);
+        list->set_next_page(context.exports.seal(context.who, what, behind));
         break;
       }
       for (std::string& record : *records) list->add_records(std::move(record));
     }
   }
-  if (*from != 0) return reply;
-  // who took what out: written down once, with the first page
-  const auto noted = write(context, call.study(), call.with_remarks() ? "with remarks" : "",
-                           [](Connection&) { return Status(); });
+  if (!place->empty()) return reply;
+  // who took what out: written down with the first page, without which there is no other
+  std::string detail;
+  for (const auto& [with, words] :
+       {std::pair{call.with_remarks(), "with remarks"}, std::pair{call.with_setup(), "with devices' places"}})
+    if (with) detail += (detail.empty() ? "" : ", ") + std::string(words);
+  const auto noted = write(context, call.study(), detail, [](Connection&) { return Status(); });
   if (!noted) return noted.error();
   return reply;
 }
@@ -206,12 +282,20 @@ Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudy
   if (!sessions) return sessions.error();
   for (const StudySession& session : *sessions) {
     if (study->sessionName(session.id) != call.session()) continue;
+    // before anything of it is given out
+    if (context.exports.isNew(context.who, call.study() + "\n" + call.session(), context.now_unix_ns)) {
+      if (auto noted = write(context, call.study(), call.session(), [](Connection&) { return Status(); });
+          !noted)
+        return noted.error();
+    }
     pb::ReadChunks read;
     read.set_session_id(session.id.data(), session.id.size());
     read.set_from_seq(call.from_seq());
     read.set_max_chunks(call.max_chunks());
     auto reply = readChunks(context, read);
     if (!reply) return reply.error();
+    if (auto done = beginWithZero(context.reader, session.id, *reply->mutable_chunks()); !done)
+      return done.error();
     // the id has the time in it
     for (auto& chunk : *reply->mutable_chunks()->mutable_chunks()) chunk.set_session_id(call.session());
     return reply;

@@ -22,9 +22,11 @@ Status edit(const Context& context, const std::string& subject, const std::strin
   auto done = write(context, subject, detail, work);
   if (done || done.error().code != ErrorCode::kConflict || done.error().current_revision == 0) return done;
   Error conflict = done.error();
+  // a person may have been changed by a table of the class
+  const std::string_view other = context.action == "user change" ? "user import" : context.action;
   auto row = context.reader.query(
-      "SELECT detail FROM audit WHERE subject = ? AND action = ? ORDER BY id DESC LIMIT 1", subject,
-      context.action);
+      "SELECT detail FROM audit WHERE subject = ? AND action IN (?, ?) ORDER BY id DESC LIMIT 1", subject,
+      context.action, other);
   const auto found = row.step();
   if (found && *found && !row.text(0).empty()) conflict.message += ". What came first: " + row.text(0);
   return conflict;
@@ -80,7 +82,12 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
   for (const std::string& fault : result->faults) report->add_faults(fault);
   // nothing is broken, but somebody who must be forgotten is here
   const auto repeat = ErasureStore(context.reader).toRepeat(context.reader.path().parent_path());
-  if (!repeat) return repeat.error();
+  if (!repeat && repeat.error().code != ErrorCode::kCorrupt) return repeat.error();
+  if (!repeat) {
+    report->set_ok(false);
+    report->add_faults(repeat.error().message);
+    return reply;
+  }
   for (const ErasureToRepeat& erasure : *repeat) {
     report->set_ok(false);
     report->add_faults(erasureToRepeatText(erasure));

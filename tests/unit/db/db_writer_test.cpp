@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <future>
+#include <stdexcept>
 
 #include "db/audit_store.h"
 #include "shim_vfs.h"
@@ -63,6 +64,39 @@ TEST(DbWriter, aFailingItemIsUndoneAndReportedAlone) {
   EXPECT_EQ(writer.counters().items, 2u);
   EXPECT_EQ(writer.counters().refused, 3u);
   EXPECT_FALSE(writer.failed().has_value());
+}
+
+TEST(DbWriter, anItemThatThrowsIsUndoneAndReportedAloneAndSaid) {
+  test::TestDb db;
+  auto reader = db.reader();
+  std::vector<std::string> said;
+  {
+    DbWriter::Options options;
+    options.window = 30ms;
+    options.on_thrown = [&](const std::string& text) { said.push_back(text); };
+    DbWriter writer(std::move(db.writer), options, {});
+    std::promise<Status> good, bad;
+    ASSERT_OK(writer.post(
+        [](Connection& connection) -> Status {
+          auto rows = connection.prepare("SELECT name FROM stations");
+          EXPECT_TRUE(rows.step().ok()) << "a statement that is under way";
+          if (auto done = StationStore(connection).add("half", StationKeyBytes{}, 1); !done) return done;
+          throw std::out_of_range("no such field");
+        },
+        [&](const Status& status) { bad.set_value(status); }));
+    ASSERT_OK(writer.post(addStation("after"), [&](const Status& status) { good.set_value(status); }));
+    const Status refused = bad.get_future().get();
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::kFailed);
+    EXPECT_NE(refused.error().message.find("no such field"), std::string::npos);
+    EXPECT_OK(good.get_future().get());
+    EXPECT_OK(writer.run(addStation("later")));
+    EXPECT_FALSE(writer.failed().has_value());
+  }
+  EXPECT_EQ(said, std::vector<std::string>{"no such field"});
+  EXPECT_TRUE(known(reader, "after"));
+  EXPECT_TRUE(known(reader, "later"));
+  EXPECT_FALSE(known(reader, "half"));
 }
 
 TEST(DbWriter, manyItemsShareACommitAndKeepTheirOrder) {

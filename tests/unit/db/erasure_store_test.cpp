@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <set>
+#include <sstream>
 
 #include "base/atomic_file.h"
 #include "db/annotation_store.h"
@@ -78,6 +79,81 @@ TEST_F(ErasureStoreTest, nothingInTheDatabaseNamesThePersonAfterwards) {
   ASSERT_OK(check);
   EXPECT_TRUE(check->ok()) << check->faults.front();
   EXPECT_EQ(erase("anna").error().code, ErrorCode::kNotFound);
+}
+
+/// Lines of the audit log as "who|action|subject|detail".
+std::vector<std::string> auditLines(Connection& c) {
+  std::vector<std::string> lines;
+  const auto rows = AuditStore(c).list(0);
+  EXPECT_OK(rows);
+  for (const AuditRow& row : *rows)
+    lines.insert(lines.begin(), row.who + "|" + row.action + "|" + row.subject + "|" + row.detail);
+  return lines;
+}
+
+TEST_F(ErasureStoreTest, linesOfTheLogAboutOthersStayAsTheyWere) {
+  PeopleStore people(db.writer);
+  ASSERT_OK(people.add({"ann", pb::TRAINEE, "", false, 1, "Ann Bone Page"}));
+  for (const char* name : {"ann-maria", "ann berg", "ann.b", "b, ann-x"})
+    ASSERT_OK(people.add({name, pb::TRAINEE, "", false, 1}));
+  const Uuid own = session("ann", 1, true), other = session("ben", 1, true);
+  const std::vector<std::string> of_others{
+      "ann-maria|user add|ann berg|trainee",
+      "ada|user change|ann.b|full name: '' to 'Will Bone'",
+      "ada|group set|ann|revision 2; joined: ann-maria, ann berg, ann.b",
+      "ada|group remove|ann|with its assignments",
+      "ada|assign|ann|course page for group ann",
+      "ada|profile import|bone-page|revision 2; changed: layers[0].tissue (Bone), ann",
+      "ada|access ended|ann|the station's key was revoked; ended: 1 connections, 0 tokens",
+      "ada|attempt excuse|" + uuidText(other) + "|does not count: Bone at Page 4, says ann-maria"};
+  const std::vector<std::pair<std::string, std::string>> own_lines{
+      {"ann|consent|ann|given", "x|consent|x|given"},
+      {"ada|assign|ann|exercise knee-1 for ann", "ada|assign|x|exercise knee-1 for x"},
+      {"ada|group set|g|revision 3; joined: ann, ann berg; left: ann",
+       "ada|group set|g|revision 3; joined: x, ann berg; left: x"},
+      {"server|log-in locked|ann|too many", "server|log-in locked|x|too many"},
+      {"ada|attempt excuse|" + uuidText(own) + "|does not count: Mrs. Bone fell",
+       "ada|attempt excuse|" + uuidText(own) + "|does not count: Mrs. x fell"},
+      {"ada|attempt excuse|" + uuidText(other) + "|counts again: Ann was in the way",
+       "ada|attempt excuse|" + uuidText(other) + "|counts again: x was in the way"}};
+  std::vector<std::string> before, expected;
+  for (const auto& line : of_others) before.push_back(line), expected.push_back(line);
+  for (const auto& [was, is] : own_lines) before.push_back(was), expected.push_back(is);
+  for (const std::string& line : before) {
+    std::vector<std::string> cells;
+    std::istringstream in(line);
+    for (std::string cell; std::getline(in, cell, '|');) cells.push_back(cell);
+    ASSERT_OK(AuditStore(db.writer).add({0, 1, cells.at(0), cells.at(1), cells.at(2), cells.at(3)}));
+  }
+  ASSERT_OK(AnnotationStore(db.writer).add({0, own, 1, "Bone hit the bone, Ann", "ina", 1}));
+  ASSERT_OK(AnnotationStore(db.writer).add(
+      {0, other, 1, "Bone hit; ANN-Maria and ann looked at Page 3", "ina", 1}));
+  const auto erased = ErasureStore(db.writer).erase(
+      "ann", {"x", PseudonymKey::ofFolder(db.folder.path())->nameHash("ann"), 5}, "ada", "", 5);
+  ASSERT_OK(erased);
+  EXPECT_EQ(auditLines(db.writer), expected);
+  EXPECT_EQ(erased->audit_lines(), own_lines.size());
+  EXPECT_EQ(AnnotationStore(db.writer).list(own)->front().text, "x hit the bone, x");
+  EXPECT_EQ(AnnotationStore(db.writer).list(other)->front().text,
+            "Bone hit; ANN-Maria and x looked at Page 3");
+}
+
+TEST_F(ErasureStoreTest, earlierFullNamesGoWithTheLast) {
+  const Uuid id = session("ben", 1, true), other = session("anna", 1, true);
+  for (const char* change :
+       {"role: trainee to instructor; full name: '' to 'Ben Altmann'",
+        "full name: 'Ben Altmann' to 'Benno Neumann'", "full name: 'Benno Neumann' to ''"})
+    ASSERT_OK(AuditStore(db.writer).add({0, 1, "ada", "user change", "ben", change}));
+  ASSERT_OK(AnnotationStore(db.writer).add({0, id, 1, "Altmann, now Neumann", "ina", 1}));
+  ASSERT_OK(AnnotationStore(db.writer).add({0, other, 1, "as ben altmann did; ask Neumann", "ina", 1}));
+  ASSERT_OK(erase("ben"));
+  const std::string all = test::dump(db.writer);
+  for (const char* name : {"Altmann", "altmann", "Benno"})
+    EXPECT_EQ(all.find(name), std::string::npos) << name;
+  EXPECT_EQ(auditLines(db.writer).front(),
+            "ada|user change|erased-1234|role: trainee to instructor; full name changed");
+  EXPECT_EQ(AnnotationStore(db.writer).list(other)->front().text, "as erased-1234 did; ask Neumann")
+      << "a word of it in somebody else's session is not known to be the name";
 }
 
 TEST_F(ErasureStoreTest, whatWasErasedIsNotInTheFileEither) {

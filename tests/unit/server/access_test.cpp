@@ -188,6 +188,61 @@ TEST(Access, aDisabledAccountIsPutOutAtOnceWithItsTokensAndItIsNoted) {
   EXPECT_THAT(noted[0].detail(), HasSubstr("2 connections, 2 tokens"));
 }
 
+TEST(Access, anErasedPersonIsPutOutAndTheLogDoesNotNameIt) {
+  RunningServer server;
+  server.addUser("anna", pb::TRAINEE, kPassword);
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto anna = server.connect(personLogin("anna", kPassword));
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(anna.ok() && chief.ok());
+  pb::Request erase;
+  erase.mutable_erase_person()->set_name("anna");
+  erase.mutable_erase_person()->set_confirm("anna");
+  const auto erased = chief->call(erase);
+  ASSERT_TRUE(erased.ok()) << erased.error().message;
+  expectEnded(*anna);
+  const auto noted = auditOf(server, "access ended");
+  ASSERT_EQ(noted.size(), 1u);
+  EXPECT_EQ(noted[0].subject(), erased->erasure().pseudonym());
+  pb::Request list;
+  list.mutable_list_audit();
+  const pb::Reply lines = server.asAdmin(list);
+  for (const auto& line : lines.audit().entries())
+    EXPECT_EQ(line.ShortDebugString().find("anna"), std::string::npos) << line.ShortDebugString();
+}
+
+TEST(Access, whoGetsAnotherRoleByATableIsPutOutAndNamedInTheLog) {
+  RunningServer server;
+  server.addUser("anna", pb::ADMINISTRATOR, kPassword);
+  server.addUser("bert", pb::INSTRUCTOR, kPassword);
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto anna = server.connect(personLogin("anna", kPassword));
+  auto bert = server.connect(personLogin("bert", kPassword));
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(anna.ok() && bert.ok() && chief.ok());
+  pb::Request import;
+  import.mutable_import_people()->set_csv("name,role\nanna,instructor\nbert,instructor\n");
+  const auto done = chief->call(import);
+  ASSERT_TRUE(done.ok()) << done.error().message;
+  expectEnded(*anna);
+  EXPECT_EQ(server.connect(byToken(anna->welcome().token())).error().code, ErrorCode::kDenied);
+  pb::Request list;
+  list.mutable_list_users();
+  EXPECT_TRUE(bert->call(list).ok()) << "whose role is the same goes on";
+  const auto noted = auditOf(server, "user import");
+  ASSERT_EQ(noted.size(), 2u);
+  EXPECT_EQ(noted[1].subject(), "anna");
+  EXPECT_THAT(noted[1].detail(), HasSubstr("role: administrator to instructor"));
+  // by its own hand: after the answer, the connection of the old role is over, too
+  pb::Request own;
+  own.mutable_change_user()->set_name("chief");
+  own.mutable_change_user()->set_base_revision(1);
+  own.mutable_change_user()->set_role(pb::INSTRUCTOR);
+  server.addUser("deputy", pb::ADMINISTRATOR, kPassword);
+  EXPECT_TRUE(chief->call(own).ok());
+  expectEnded(*chief);
+}
+
 TEST(Access, whoDisablesItselfIsOutAfterTheAnswer) {
   RunningServer server;
   server.addUser("chief", pb::ADMINISTRATOR, kPassword);

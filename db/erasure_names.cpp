@@ -1,0 +1,213 @@
+#include "db/erasure_names.h"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+
+namespace needlelab {
+namespace {
+
+constexpr std::string_view kFullNameWords = "full name: '";
+
+/// Actions whose subject is a person, always. Those of "assign" are looked at by their detail.
+constexpr std::array<std::string_view, 10> kAboutPeople = {
+    "user add", "user passwd",   "user disable", "user change",  "user import",
+    "consent",  "person export", "person erase", "access ended", "access valid again"};
+
+char lowered(char c) {
+  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+}
+bool sameLetter(char a, char b) {
+  return lowered(a) == lowered(b);
+}
+
+/// Letters, digits, and all of UTF-8 beyond ASCII.
+bool isWordByte(char c) {
+  const auto byte = static_cast<unsigned char>(c);
+  return byte >= 0x80 || (byte >= '0' && byte <= '9') || (lowered(c) >= 'a' && lowered(c) <= 'z') || c == '_';
+}
+
+bool standsAlone(std::string_view text, std::size_t begin, std::size_t end) {
+  return (begin == 0 || !isWordByte(text[begin - 1])) && (end == text.size() || !isWordByte(text[end]));
+}
+
+enum class Case : bool { kEither, kOwn };
+
+/// Where `word` stands from `from` on; npos.
+std::size_t findWord(std::string_view text, std::string_view word, std::size_t from, Case letters) {
+  while (from < text.size()) {
+    const auto begin = text.begin() + static_cast<std::ptrdiff_t>(from);
+    const auto found = letters == Case::kOwn
+                           ? std::search(begin, text.end(), word.begin(), word.end())
+                           : std::search(begin, text.end(), word.begin(), word.end(), sameLetter);
+    if (found == text.end()) break;
+    const auto at = static_cast<std::size_t>(found - text.begin());
+    if (standsAlone(text, at, at + word.size())) return at;
+    from = at + 1;
+  }
+  return std::string_view::npos;
+}
+
+/// Whether one of `others` stands around [begin, end).
+bool isWithinOther(std::string_view text, std::size_t begin, std::size_t end,
+                   const std::vector<std::string>& others) {
+  return std::any_of(others.begin(), others.end(), [&](const std::string& other) {
+    if (other.size() <= end - begin) return false;
+    const std::size_t reach = other.size() - (end - begin);
+    for (std::size_t at = begin > reach ? begin - reach : 0; at <= begin; ++at) {
+      const std::size_t found = findWord(text, other, at, Case::kEither);
+      if (found == std::string_view::npos || found > begin) return false;
+      if (found + other.size() >= end) return true;
+      at = found;
+    }
+    return false;
+  });
+}
+
+void replaceWord(std::string& text, std::string_view word, std::string_view in_its_place, Case letters,
+                 const std::vector<std::string>& others) {
+  if (word.empty()) return;
+  std::size_t from = 0;
+  for (;;) {
+    const std::size_t at = findWord(text, word, from, letters);
+    if (at == std::string::npos) return;
+    const bool other = isWithinOther(text, at, at + word.size(), others);
+    if (!other) text.replace(at, word.size(), in_its_place);
+    from = other ? at + 1 : at + in_its_place.size();
+  }
+}
+
+/// Each word of a full name that is longer than two bytes.
+template <typename Take>
+void eachPart(std::string_view full_name, const Take& take) {
+  for (std::size_t at = 0; at < full_name.size();) {
+    const std::size_t end = std::min(full_name.find_first_of(" ,", at), full_name.size());
+    if (end - at > 2) take(full_name.substr(at, end - at));
+    at = end + 1;
+  }
+}
+
+/// In "…joined: a, b and 3 more; left: c": only whole entries.
+std::string withoutListed(std::string text, const std::string& name, const std::string& in_its_place) {
+  for (std::size_t at = text.find(name); at != std::string::npos;) {
+    const std::string_view before = std::string_view(text).substr(0, at);
+    const std::string_view after = std::string_view(text).substr(at + name.size());
+    const bool begins = before.ends_with(": ") || before.ends_with(", ");
+    const bool ends =
+        after.empty() || after.starts_with(", ") || after.starts_with("; ") || after.starts_with(" and ");
+    if (begins && ends) text.replace(at, name.size(), in_its_place);
+    at = text.find(name, at + (begins && ends ? in_its_place.size() : 1));
+  }
+  return text;
+}
+
+bool isPersonSubject(const AuditRow& line, const std::string& name) {
+  if (line.action == "log-in locked") return line.subject == name || line.subject == "person " + name;
+  if (line.subject != name) return false;
+  // the same word may be a group, or a station
+  if (line.action == "assign" || line.action == "assign remove")
+    return line.detail.find(" for group " + name) == std::string::npos;
+  if (line.action == "access ended" && line.detail.starts_with("the station's key")) return false;
+  if (line.action == "access valid again" && line.detail.starts_with("station ")) return false;
+  return std::find(kAboutPeople.begin(), kAboutPeople.end(), line.action) != kAboutPeople.end();
+}
+
+}  // namespace
+
+std::string withoutName(const std::string& text, std::string_view name, std::string_view full_name,
+                        std::string_view in_its_place) {
+  std::string without = text;
+  replaceWord(without, full_name, in_its_place, Case::kEither, {});
+  replaceWord(without, name, in_its_place, Case::kEither, {});
+  eachPart(full_name,
+           [&](std::string_view part) { replaceWord(without, part, in_its_place, Case::kEither, {}); });
+  return without;
+}
+
+std::string withoutNames(const std::string& text, const ErasedNames& names, bool parts) {
+  std::string without = text;
+  for (const std::string& full_name : names.full_names)
+    replaceWord(without, full_name, names.in_its_place, Case::kEither, names.others);
+  replaceWord(without, names.name, names.in_its_place, Case::kEither, names.others);
+  if (!parts) return without;
+  for (const std::string& full_name : names.full_names) {
+    eachPart(full_name, [&](std::string_view part) {
+      replaceWord(without, part, names.in_its_place, Case::kOwn, names.others);
+    });
+  }
+  return without;
+}
+
+Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name) {
+  std::vector<std::string> full_names;
+  auto rows = connection.query(
+      "SELECT detail FROM audit WHERE subject = ? AND action IN ('user change', 'user import') ORDER BY id",
+      name);
+  const auto add = [&](const std::string& full_name) {
+    if (full_name.empty()) return;
+    if (std::find(full_names.begin(), full_names.end(), full_name) == full_names.end())
+      full_names.push_back(full_name);
+  };
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) return full_names;
+    const std::string detail = rows.text(0);
+    const std::size_t at = detail.find(kFullNameWords);
+    if (at == std::string::npos) continue;
+    std::string both = detail.substr(at + kFullNameWords.size());
+    if (both.ends_with("'")) both.pop_back();
+    const std::size_t to = both.find("' to '");
+    if (to != std::string::npos) add(both.substr(0, to));
+    add(to == std::string::npos ? both : both.substr(to + 6));
+  }
+}
+
+Status addOthers(Connection& connection, ErasedNames& names) {
+  std::set<std::string> others;
+  auto rows = connection.prepare(
+      "SELECT name FROM people UNION SELECT full_name FROM people UNION SELECT trainee FROM sessions"
+      " UNION SELECT name FROM stations UNION SELECT id FROM groups UNION SELECT name FROM groups"
+      " UNION SELECT id FROM profiles UNION SELECT id FROM curricula UNION SELECT id FROM exercises");
+  std::vector<std::string_view> own(names.full_names.begin(), names.full_names.end());
+  own.push_back(names.name);
+  for (const std::string& full_name : names.full_names)
+    eachPart(full_name, [&](std::string_view part) { own.push_back(part); });
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) break;
+    const std::string other = rows.text(0);
+    const bool mine = other == names.name || std::find(names.full_names.begin(), names.full_names.end(),
+                                                       other) != names.full_names.end();
+    const bool holds = std::any_of(own.begin(), own.end(), [&](std::string_view word) {
+      return word.size() < other.size() && findWord(other, word, 0, Case::kEither) != std::string::npos;
+    });
+    if (!mine && holds) others.insert(other);
+  }
+  names.others.assign(others.begin(), others.end());
+  return {};
+}
+
+AuditRow withoutNames(const AuditRow& line, const ErasedNames& names,
+                      const std::set<std::string>& own_sessions) {
+  AuditRow without = line;
+  const bool by = line.who == names.name && line.action != "chunk contradicts";  // that one is a station's
+  const bool about = isPersonSubject(line, names.name);
+  if (by) without.who = names.in_its_place;
+  if (about) {
+    without.subject = line.subject == names.name ? names.in_its_place : "person " + names.in_its_place;
+    if (const std::size_t at = line.detail.find(kFullNameWords); at != std::string::npos)
+      without.detail = line.detail.substr(0, at) + "full name changed";
+  }
+  if (line.action == "group set") {
+    without.detail = withoutListed(line.detail, names.name, names.in_its_place);
+  } else if (about || own_sessions.contains(line.subject)) {
+    without.detail = withoutNames(without.detail, names, true);
+  } else if (by || line.action == "attempt excuse") {
+    without.detail = withoutNames(without.detail, names, false);
+  }
+  return without;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,173 @@
+#include "service/record_checks.h"
+
+#include <cmath>
+#include <limits>
+
+#include "base/text_rules.h"
+#include "base/uuid.h"
+#include "db/pseudonym.h"
+#include "scoring/measures.h"
+#include "service/lesson_texts.h"
+#include "session/session_rules.h"
+
+namespace needlelab {
+namespace {
+
+/// Far beyond any recording; its CRCs, 4 bytes each, are kept.
+constexpr std::int64_t kMostChunksOfRecord = 1 << 22;
+
+Error wrongField(std::string_view name, const std::string& words) {
+  return {ErrorCode::kInvalidInput, std::string(name) + ": " + words};
+}
+
+/// The text of a field whose type was checked; empty where there is none.
+std::string textIn(const RecordJson& record, const char* name) {
+  const auto found = record.find(name);
+  return found != record.end() && found->is_string() ? found->get<std::string>() : std::string();
+}
+std::int64_t numberIn(const RecordJson& record, const char* name) {
+  const auto found = record.find(name);
+  return found != record.end() && found->is_number_integer() ? found->get<std::int64_t>() : 0;
+}
+bool isGiven(const RecordJson& record, const char* name) {
+  const auto found = record.find(name);
+  return found != record.end() && !found->is_null();
+}
+
+Status checkInteger(std::string_view name, const RecordJson& value) {
+  if (!value.is_number_integer() || (value.is_number_unsigned() && value.get<std::uint64_t>() > INT64_MAX))
+    return wrongField(name, "must be a whole number of 64 bits");
+  const auto number = value.get<std::int64_t>();
+  // the clocks' difference has a sign; outside of all layers the layer is -1
+  if (number < 0 && name != "clock_offset_ns" && !name.ends_with("_layer"))
+    return wrongField(name, "is " + std::to_string(number) + ", must not be negative");
+  const bool is_short = name.ends_with("revision") || name == "definition_version";
+  if (is_short && number > std::numeric_limits<std::uint32_t>::max())
+    return wrongField(name, "is " + std::to_string(number) + ", has no more than 32 bits");
+  return {};
+}
+
+Status checkColumn(const RecordColumn& column, const RecordJson& value) {
+  switch (column.kind) {
+    case RecordColumnKind::kInteger:
+    case RecordColumnKind::kCounter:
+      return checkInteger(column.name, value);
+    case RecordColumnKind::kReal:
+      if (!value.is_number() || !std::isfinite(value.get<double>()))
+        return wrongField(column.name, "must be a number");
+      return {};
+    case RecordColumnKind::kText:
+      if (!value.is_string()) return wrongField(column.name, "must be a text");
+      if (!isUtf8(value.get_ref<const std::string&>()))
+        return wrongField(column.name, "is no text of UTF-8 without zeros");
+      return {};
+    case RecordColumnKind::kHex:
+    case RecordColumnKind::kSession:
+      break;
+  }
+  if (!value.is_string()) return wrongField(column.name, "must be a text of hexadecimal digits");
+  const auto bytes = bytesOfHex(value.get_ref<const std::string&>());
+  if (!bytes) return wrongField(column.name, bytes.error().message);
+  const std::size_t wanted = column.kind == RecordColumnKind::kSession || column.name == "id" ? 16
+                             : column.name == "description"                                   ? bytes->size()
+                                                                                              : 32;
+  if (bytes->size() != wanted)
+    return wrongField(column.name,
+                      "has " + std::to_string(bytes->size()) + " bytes, must have " + std::to_string(wanted));
+  return {};
+}
+
+Status checkProfileRecord(const RecordJson& record) {
+  const auto profile = storedProfileOf(textIn(record, "json"), "json", "", 0);
+  if (!profile) return profile.error();
+  if (profile->id == textIn(record, "id") && profile->json == textIn(record, "json")) return {};
+  return wrongField("json", "is not canonical, or has another id");
+}
+
+Status checkCourseRecord(const RecordJson& record) {
+  const auto course = storedCurriculumOf(textIn(record, "json"), "json", "", 0);
+  if (!course) return course.error();
+  if (course->id == textIn(record, "id") && course->json == textIn(record, "json")) return {};
+  return wrongField("json", "is not canonical, or has another id");
+}
+
+/// The rows of a score.
+Status checkMeasures(const char* field, const std::string& json) {
+  if (parseScore(json)) return {};
+  return wrongField(field, "is no list of measures: objects with \"measure\", a text, and \"value\"");
+}
+
+Status checkSessionRecord(const RecordJson& record) {
+  const auto bytes = bytesOfHex(textIn(record, "description"));
+  pb::SessionDescription d;
+  if (!bytes || !d.ParseFromString(*bytes))
+    return wrongField("description", "is no description of a session");
+  const auto same = [&](const char* name, bool equal) {
+    return equal ? Status() : Status(wrongField(name, "is not what the description says"));
+  };
+  for (const auto& checked :
+       {same("id", hexDigitsOf(d.session_id()) == textIn(record, "id")),
+        same("station", d.station() == textIn(record, "station")),
+        same("trainee", d.trainee() == textIn(record, "trainee")),
+        same("exercise_id", d.exercise_id() == textIn(record, "exercise_id")),
+        same("profile_id", d.profile_id() == textIn(record, "profile_id")),
+        same("profile_revision",
+             static_cast<std::int64_t>(d.profile_revision()) == numberIn(record, "profile_revision")),
+        same("started_unix_ns", d.started_unix_ns() == numberIn(record, "started_unix_ns"))}) {
+    if (!checked) return checked;
+  }
+  d.set_profile_json(textIn(record, "profile_json"));
+  if (auto valid = checkDescription(d); !valid) return wrongField("description", valid.error().message);
+  if (numberIn(record, "chunks") > kMostChunksOfRecord)
+    return wrongField("chunks", "more than " + std::to_string(kMostChunksOfRecord));
+  const std::int64_t state = numberIn(record, "state");
+  if (state != pb::SESSION_COMPLETE && state != pb::SESSION_INTERRUPTED)
+    return wrongField("state",
+                      "is " + std::to_string(state) +
+                          (state == pb::SESSION_OPEN ? ", an open session: only closed ones can be imported"
+                                                     : ", which is no state of a closed session"));
+  return isGiven(record, "score_json") ? checkMeasures("score_json", textIn(record, "score_json")) : Status();
+}
+
+Status checkReferenceRecord(const RecordJson& record) {
+  const auto ids = RecordJson::parse(textIn(record, "sessions"), nullptr, false);
+  if (!ids.is_array()) return wrongField("sessions", "is no list of sessions");
+  for (const auto& id : ids) {
+    if (!id.is_string() || id.get_ref<const std::string&>().size() > 36)
+      return wrongField("sessions", "is no list of sessions' ids");
+  }
+  return {};
+}
+
+}  // namespace
+
+Status checkFields(const RecordTable& table, const RecordJson& record) {
+  for (const RecordColumn& column : table.columns) {
+    const auto value = record.find(fieldOf(column));
+    if (value == record.end() || value->is_null()) continue;  // the schema says which may be
+    if (auto valid = checkColumn(column, *value); !valid) return valid;
+  }
+  return {};
+}
+
+Status checkRecord(const RecordTable& table, const RecordJson& record) {
+  if (table.kind == "person") {
+    if (auto valid = checkText("full_name", textIn(record, "full_name"), 0, 200); !valid) return valid;
+    if (auto valid = checkText("password_hash", textIn(record, "password_hash"), 0, 200); !valid)
+      return valid;
+  }
+  if (table.kind == "person" || table.kind == "station") return checkName("name", textIn(record, "name"));
+  if (table.kind == "group") {
+    if (auto valid = checkName("id", textIn(record, "id")); !valid) return valid;
+    return checkText("name", textIn(record, "name"), 1, 200);
+  }
+  if (table.kind == "consent") return checkText("note", textIn(record, "note"), 0, 1000);
+  if (table.kind == "profile") return checkProfileRecord(record);
+  if (table.kind == "course") return checkCourseRecord(record);
+  if (table.kind == "session") return checkSessionRecord(record);
+  if (table.kind == "score") return checkMeasures("measures", textIn(record, "measures"));
+  if (table.kind == "reference") return checkReferenceRecord(record);
+  return {};
+}
+
+}  // namespace needlelab
