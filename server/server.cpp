@@ -82,6 +82,14 @@ struct Server::Parts {
   void beginStop(const std::string& reason);
 };
 
+namespace {
+
+void sayThrown(const std::string& text) {
+  logEvent(LogLevel::kError, "store_work_failed", {{"text", text}});
+}
+
+}  // namespace
+
 Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   auto endpoint = resolveListen(options.listen);
   if (!endpoint.ok()) return endpoint.error();
@@ -102,9 +110,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
 
   Store::Options store_options;
   store_options.writer = p.options.writer;
-  store_options.writer.on_thrown = [](const std::string& text) {
-    logEvent(LogLevel::kError, "store_work_failed", {{"text", text}});
-  };
+  store_options.writer.on_thrown = sayThrown;
   store_options.on_fatal = [raw = parts.get()](const Error& error) {
     logEvent(LogLevel::kError, "store_failed", {{"text", error.message}});
     asio::post(raw->io, [raw] {
