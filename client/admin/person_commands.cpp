@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "admin/command.h"
+#include "admin/study_recording.h"
 #include "base/atomic_file.h"
 #include "base/uuid.h"
 
@@ -196,8 +197,8 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
   addOnePersonCommands(app, chosen);
   addConsentCommands(app, chosen);
   struct Values {
-    std::string study, out, exercise, file;
-    bool remarks = false, passwords = false, dry_run = false;
+    std::string study, out, exercise, file, session, format = "csv";
+    bool remarks = false, setup = false, passwords = false, dry_run = false;
   };
   const auto values = std::make_shared<Values>();
   auto* study = app.add_subcommand("study", "for researchers: those who consent, under pseudonyms");
@@ -209,18 +210,33 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
   out->add_option("--out", values->out, "default: standard output")->type_name("FILE");
   out->add_option("--exercise", values->exercise, "default: all");
   out->add_flag("--with-remarks", values->remarks, "with what instructors wrote; names in it are replaced");
+  out->add_flag("--with-setup", values->setup,
+                "with device, placement and tool, by which stations can be told apart");
   out->callback([&chosen, values] {
     chosen.run = [values](CommandContext& context) {
       return writeRecords(
           context, values->out,
           [&](pb::Request& request, const std::string& page) {
             auto* call = request.mutable_export_study();
+            call->set_with_setup(values->setup);
             call->set_study(values->study);
             call->set_exercise_id(values->exercise);
             call->set_with_remarks(values->remarks);
             call->set_page(page);
           },
           "study '" + values->study + "'");
+    };
+  });
+  auto* recording =
+      study->add_subcommand("recording", "the samples of one of its sessions; times begin with 0");
+  recording->add_option("study", values->study)->required();
+  recording->add_option("session", values->session, "as study export names it")->required();
+  recording->add_option("--format", values->format)->check(CLI::IsMember({"csv", "json", "recording"}));
+  recording->add_option("--out", values->out)->required()->type_name("FILE");
+  recording->callback([&chosen, values] {
+    chosen.run = [values](CommandContext& context) {
+      return exportStudyRecording(context.backend, context.output, values->study, values->session,
+                                  values->format, values->out);
     };
   });
   auto* all = app.add_subcommand("export-all", "everything but recordings, as JSON lines");

@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <atomic>
 #include <filesystem>
+#include <nlohmann/json.hpp>
+#include <sstream>
 #include <thread>
 
 #include "admin/backend.h"
@@ -172,6 +174,30 @@ TEST_F(TeachingCommands, twoClientsWhoEditOneGroupBothGetTheirWayOneAfterTheOthe
   const auto rows = as("mia", {"group", "show", "class", "--json"}).rows();
   EXPECT_EQ(rows[0].at("revision"), 1 + 2 * kRounds) << "each edit is a revision, none was lost";
   EXPECT_EQ(rows[0].at("count"), 0);
+}
+
+TEST_F(TeachingCommands, aRecordingOfAStudyIsFoundByItsPseudonymAndBeginsWithZero) {
+  const std::string id = uuidText(addSession(3));
+  const std::string trainee = good({"session", "show", id, "--json"}).rows()[0].at("trainee");
+  good({"user", "add", trainee, "--role", "trainee"});
+  good({"consent", "give", trainee, "--note", "paper"});
+  good({"study", "export", "s1", "--out", file("study.jsonl")});
+  std::string session;
+  std::istringstream lines(*readWholeFile(file("study.jsonl")));
+  for (std::string line; std::getline(lines, line);) {
+    const auto record = nlohmann::json::parse(line);
+    if (record.at("kind") == "session") session = record.at("session");
+  }
+  ASSERT_NE(session, "");
+  EXPECT_NE(session, id);
+  good({"study", "recording", "s1", session, "--out", file("a.csv")});
+  const std::string csv = *readWholeFile(file("a.csv"));
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 61) << "a head, three chunks of 20 samples";
+  EXPECT_NE(csv.find("\n0,0,"), std::string::npos) << csv.substr(0, 400);
+  EXPECT_EQ(csv.find(id), std::string::npos);
+  const Run unknown = onData({"study", "recording", "s2", session, "--out", file("b.csv")});
+  EXPECT_EQ(unknown.code, 1);
+  EXPECT_FALSE(std::filesystem::exists(file("b.csv")));
 }
 
 TEST(Moments, haveATimeZone) {
