@@ -24,6 +24,11 @@ MEASURES = rows("measure value unit words", measure={"type": "string"}, value=MA
                 max={"type": "number"}, passed={"type": "boolean"}, words={"type": "string"})
 COMPARISON = rows("measure value unit n mean sd z better standing words", measure={"type": "string"}, value=MAYBE, unit={"type": "string"},
                   n={"type": "integer"}, mean=MAYBE, sd=MAYBE, z=MAYBE, better={"type": "string"}, standing={"type": "string"}, words={"type": "string"})
+PROGRESS = rows("measure unit better attempts values trend curve words", measure={"type": "string"}, unit={"type": "string"}, better={"type": "string"},
+                attempts={"type": "array", "items": {"type": "integer"}}, values={"type": "array", "items": MAYBE},
+                trend={"type": ["object", "null"], "properties": dict.fromkeys(("slope_per_attempt", "tau", "p"), MAYBE), "additionalProperties": False},
+                curve={"type": ["object", "null"], "properties": dict.fromkeys(("end", "gain", "attempts", "r_squared"), MAYBE), "additionalProperties": False},
+                words={"type": "string"})
 INNER = {("Score", "measures"): MEASURES, ("Score", "comparison"): COMPARISON, ("SessionInfo", "score"): MEASURES,
          ("Attempt", "score"): MEASURES}
 
@@ -160,7 +165,7 @@ TABLE = [
     ("GET", "/people/{name}/consents", "All words on studies", "", None, list_of(ref("Consent"))),
     ("GET", "/people/{name}/export", "Everything that is stored of a person, to download", "", None, obj("items", items={"type": "array", "items": {"type": "object"}})),
     ("DELETE", "/people/{name}/data", "Erases a person; confirm must be the name", "", body_of("ErasePerson", "name"), ref("Erasure")),
-    ("GET", "/people/{name}/progress", "Attempts in order of time", "exercise page", None, list_of(ref("Attempt"))),
+    ("GET", "/people/{name}/progress", "Attempts in order of time", "exercise page", None, list_of(ref("Attempt"), measures=PROGRESS)),
     ("GET", "/groups", "Groups", "page", None, list_of(ref("Group"))),
     ("POST", "/groups", "A new group", "", {"type": "object"}, ref("Group")),
     ("GET", "/groups/{id}", "One group", "", None, ref("Group")),

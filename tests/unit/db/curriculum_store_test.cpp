@@ -68,8 +68,10 @@ TEST_F(CurriculumStoreTest, assignsExercisesToTrainees) {
   const auto list = assignments.list({"anna", "", ""});
   ASSERT_OK(list);
   ASSERT_EQ(list->size(), 2u);
-  EXPECT_EQ((*list)[0].exercise_id(), "a");
-  EXPECT_EQ((*list)[0].created_unix_ns(), 30);
+  // by number, the newest first
+  EXPECT_EQ((*list)[0].exercise_id(), "b");
+  EXPECT_EQ((*list)[1].exercise_id(), "a");
+  EXPECT_EQ((*list)[1].created_unix_ns(), 30);
   EXPECT_TRUE(assignments.list({"ben", "", ""})->empty());
   EXPECT_EQ(assignments.list({})->size(), 2u);
   EXPECT_EQ(assign("nobody", "a", 1).error().code, ErrorCode::kNotFound);

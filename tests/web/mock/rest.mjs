@@ -114,7 +114,7 @@ function importPeople(lab, { csv, dry_run }) {
   });
   const done = !dry_run && count.faults === 0;
   if (done) doing.forEach((act) => act());
-  return { rows: rows.sort((a, b) => (b.what === 'FAULT') - (a.what === 'FAULT')), ...count, done };
+  return { rows: rows.sort((a, b) => (b.what === 'FAULT') - (a.what === 'FAULT')), ...count, done, roles_changed: [] };
 }
 
 function samplesOf(session, query) {
@@ -158,7 +158,7 @@ export const kTable = [
     lab.people.delete(params.name);
     return { pseudonym: 'erased-7f3a', sessions: 3, recordings: 3, scores: 3, remarks_kept: 1, audit_lines: 12, text: 'Backups made before today still hold the data.' };
   }],
-  ['GET', 'people/:name/progress', kPeople, ({ lab, params, query }) => ({ items: lab.sessions.filter((s) => s.trainee === params.name && (!query.exercise || s.exercise_id === query.exercise)).map((s) => attemptOf(lab, s)), next_page: '' })],
+  ['GET', 'people/:name/progress', kPeople, ({ lab, params, query }) => ({ items: lab.sessions.filter((s) => s.trainee === params.name && (!query.exercise || s.exercise_id === query.exercise)).map((s) => attemptOf(lab, s)), next_page: '', measures: null })],
   ['GET', 'groups', kStaff, ({ lab, query }) => paged([...lab.groups.values()], query)],
   ['POST', 'groups', kManagers, ({ lab, body, who }) => {
     if (lab.groups.has(body.id)) throw new Refusal(409, 'conflict', `group '${body.id}' is there already`, { current_revision: lab.groups.get(body.id).revision });

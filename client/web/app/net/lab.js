@@ -18,6 +18,8 @@ export const people = {
   erase: (name, reason) => remove(['people', name, 'data'], { body: { confirm: name, reason } }),
   /** All that is stored of one person, to its end. */
   everything: (name) => getAll(['people', name, 'export'], {}, Infinity),
+  /** How each measure of an exercise went over the attempts; null where nothing can be said. */
+  trends: async (name, exercise, signal) => (await get(['people', name, 'progress'], { signal, query: { exercise } })).measures,
   progress: (name, exercise, signal) => getAll(['people', name, 'progress'], { signal, query: { exercise } }),
 };
 

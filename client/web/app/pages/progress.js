@@ -34,7 +34,14 @@ function Curve({ attempts, measure }) {
   return html`<${Chart} ...${drawn} points />`;
 }
 
-function Attempts({ attempts, exercise, measure, go, me, reload }) {
+/** One sentence of the server on how a measure went. */
+function Trend({ name, exercise, measure }) {
+  const load = useLoad((signal) => people.trends(name, exercise, signal), [name, exercise]);
+  const row = load.data?.find((r) => r.measure === measure);
+  return row ? html`<p class="explained">${row.words}</p>` : null;
+}
+
+function Attempts({ name, attempts, exercise, measure, go, me, reload }) {
   const measures = useMemo(() => {
     const all = new Map();
     for (const attempt of attempts) for (const row of scoreOf(attempt)) if (!all.has(row.measure)) all.set(row.measure, measureTitle(row));
@@ -42,7 +49,7 @@ function Attempts({ attempts, exercise, measure, go, me, reload }) {
   }, [attempts]);
   const excuses = may(me.role, 'excuse');
   const chosen = measure && measures.some(([name]) => name === measure) ? measure : measures.find(([name]) => name === 'peak_force_n')?.[0] ?? measures[0]?.[0];
-  return html`${chosen && html`<div class="filters"><${SelectField} label="Measure" value=${chosen} options=${measures} onValue=${(m) => go(exercise, m)} /></div><${Curve} attempts=${attempts} measure=${chosen} />`}
+  return html`${chosen && html`<div class="filters"><${SelectField} label="Measure" value=${chosen} options=${measures} onValue=${(m) => go(exercise, m)} /></div><${Curve} attempts=${attempts} measure=${chosen} /><${Trend} name=${name} exercise=${exercise} measure=${chosen} />`}
     <${Table} caption=${`${attempts.length} attempts, oldest first`} head=${['Attempt', 'Begun', 'Verdict', 'Not met', 'Remarks', ...(excuses ? [html`<span class="visually-hidden">Actions</span>`] : [])]}>${attempts.map((a) => html`<tr key=${a.session_id}><th scope="row"><a href=${href(['sessions', a.session_id])}>Attempt ${a.number}</a></th><td>${moment(a.started_unix_ms)}</td><td><${Verdict} passed=${a.passed} /></td>
       <td class="long">${scoreOf(a).filter((r) => r.passed === false).map(measureTitle).join(', ') || '–'}</td><td>${a.excused && html`<${Mark} kind="info">does not count<//>`}${a.late && html`<${Mark} kind="warn">late<//>`}</td>
       ${excuses && html`<td><${Excuse} attempt=${a} done=${reload} /></td>`}</tr>`)}<//>`;
@@ -57,7 +64,7 @@ export function Progress({ name, query, base, me }) {
     if (tried.length === 0) return html`<${Empty} title="No attempts yet">They appear here after the first practice at a station.<//>`;
     const exercise = tried.includes(query.exercise) ? query.exercise : tried.at(-1);
     return html`<div class="filters"><${SelectField} label="Exercise" value=${exercise} options=${tried.map((id) => [id, nameOf(id)])} onValue=${(e) => go(e, query.measure)} /></div>
-      <${Attempts} attempts=${all.filter((a) => a.exercise_id === exercise)} exercise=${exercise} measure=${query.measure} go=${go} me=${me} reload=${load.reload} />`;
+      <${Attempts} name=${name} attempts=${all.filter((a) => a.exercise_id === exercise)} exercise=${exercise} measure=${query.measure} go=${go} me=${me} reload=${load.reload} />`;
   }}<//>`;
 }
 
