@@ -102,16 +102,6 @@ class RunCtest(unittest.TestCase):
         self.assertEqual(code, 8, lines)
         self.assertIn("==== second run, alone: bad", lines)
 
-    def test_a_finding_in_any_process_fails_the_run_and_a_signal_alone_does_not(self):
-        # as a sanitizer writes it: to log_path.PID
-        report = "echo $0 > $(echo $TSAN_OPTIONS | sed s/.*log_path=//).$$; true"
-        code, lines = run(f'add_test(child sh -c "{report}" "WARNING: ThreadSanitizer: data race (pid=1)")')
-        self.assertEqual(code, 1, lines)
-        self.assertEqual(lines[-1], "sanitizers found something in 1 processes: see above")
-        self.assertIn("  WARNING: ThreadSanitizer: data race (pid=1)", lines)
-        code, lines = run(f'add_test(child sh -c "{report}" "ERROR: AddressSanitizer: SEGV on unknown address")')
-        self.assertEqual(code, 0, lines)
-
     def test_no_tests_and_wrong_arguments_keep_ctests_exit_code(self):
         with tempfile.TemporaryDirectory(prefix="needlelab-run-ctest-") as folder:
             pathlib.Path(folder, "CTestTestfile.cmake").write_text("", encoding="utf-8")
