@@ -84,7 +84,8 @@ TEST(Enrol, twoCommandsMakeAStation) {
   EXPECT_FALSE(fs::exists(none / "ca.crt"));
   // … a key that is not the station's, and no bundle at all
   text = *readWholeFile(bundle);
-  text[text.find("key ") + 4] ^= 1;
+  char& digit = text[text.find("key ") + 4];
+  digit = digit == '0' ? '1' : '0';
   std::ofstream(lab.path("other.enrol")) << text;
   const auto [wrong, refusal] =
       station("wrong.log", {"--enrol", lab.path("other.enrol"), "--enrolled", none});
