@@ -90,11 +90,11 @@ TEST(Observer, aForceThatIsNoNumberIsFound) {
 }
 
 TEST(RandomGesture, sameSeedSameGestureOtherSeedAnother) {
-  const auto same = [](const Gesture& a, const Gesture& b) {
+  const auto same = [](const PassivityGesture& a, const PassivityGesture& b) {
     return a.profile.SerializeAsString() == b.profile.SerializeAsString() &&
            a.strokes.size() == b.strokes.size();
   };
-  const Gesture a = randomGesture(5, LimbShape::kSphere);
+  const PassivityGesture a = randomGesture(5, LimbShape::kSphere);
   EXPECT_TRUE(same(a, randomGesture(5, LimbShape::kSphere)));
   EXPECT_FALSE(same(a, randomGesture(6, LimbShape::kSphere)));
 }
@@ -102,11 +102,11 @@ TEST(RandomGesture, sameSeedSameGestureOtherSeedAnother) {
 TEST(RandomGesture, startsAndEndsOutsideAndIsNoFasterThanAHand) {
   std::set<StrokeKind> kinds;
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
-    const Gesture gesture = randomGesture(seed, static_cast<LimbShape>(seed % 3));
+    const PassivityGesture gesture = randomGesture(seed, static_cast<LimbShape>(seed % 3));
     EXPECT_LT(gesture.start.depth_m, 0);
     EXPECT_LT(gesture.strokes.back().depth_m, 0);
-    for (const Stroke& stroke : gesture.strokes) kinds.insert(stroke.kind);
-    Gesture still = gesture;
+    for (const PassivityStroke& stroke : gesture.strokes) kinds.insert(stroke.kind);
+    PassivityGesture still = gesture;
     still.tremor_m = still.encoder_step_m = 0;
     const auto samples = samplesOf(still);
     for (std::size_t k = 1; k < samples.size(); ++k)

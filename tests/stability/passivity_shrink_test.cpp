@@ -20,7 +20,7 @@ struct Small {
 };
 
 void expectSmall(const CounterExample& example, const Small& most) {
-  const Gesture& gesture = example.gesture;
+  const PassivityGesture& gesture = example.gesture;
   const std::string text = counterExampleJson(example);
   EXPECT_LE(gesture.strokes.size(), most.strokes) << text;
   EXPECT_LE(gesture.profile.effects_size(), most.effects) << text;
@@ -29,7 +29,7 @@ void expectSmall(const CounterExample& example, const Small& most) {
   EXPECT_EQ(gesture.encoder_step_m, 0) << text;
   // round numbers: two digits or fewer, nearly everywhere
   int long_numbers = 0;
-  for (const Stroke& stroke : gesture.strokes)
+  for (const PassivityStroke& stroke : gesture.strokes)
     for (const double value : {stroke.x_m, stroke.y_m, stroke.depth_m, stroke.tilt_x, stroke.tilt_y})
       long_numbers += significantDigits(value) > 2;
   EXPECT_LE(long_numbers, 2) << text;
@@ -87,14 +87,14 @@ TEST(Shrink, theShippedEngineHasNothingToShrink) {
 
 // what makes a gesture fail is kept to the last, whatever else it is made of
 TEST(Shrink, keepsWhatTheFailureNeedsAndNothingElse) {
-  const auto deepAndAside = [](const Gesture& gesture) {
-    for (const Stroke& stroke : gesture.strokes)
+  const auto deepAndAside = [](const PassivityGesture& gesture) {
+    for (const PassivityStroke& stroke : gesture.strokes)
       if (stroke.depth_m > 0.01 && stroke.x_m > 0.005) return true;
     return false;
   };
   int tried = 0;
   for (std::uint64_t seed = 1; seed <= 60; ++seed) {
-    const Gesture gesture = randomGesture(seed, shapeOf(seed));
+    const PassivityGesture gesture = randomGesture(seed, shapeOf(seed));
     if (!deepAndAside(gesture)) continue;
     ++tried;
     const ShrinkResult result = shrunk(gesture, deepAndAside);
@@ -111,9 +111,9 @@ TEST(Shrink, keepsWhatTheFailureNeedsAndNothingElse) {
 }
 
 TEST(Shrink, stopsAtTheGivenNumberOfTries) {
-  const Gesture gesture = randomGesture(1, LimbShape::kPlane);
+  const PassivityGesture gesture = randomGesture(1, LimbShape::kPlane);
   std::size_t asked = 0;
-  const auto always = [&](const Gesture&) {
+  const auto always = [&](const PassivityGesture&) {
     ++asked;
     return true;
   };

@@ -61,50 +61,51 @@ void visitSections(pb::Profile& profile, const NumberVisit& number) {
   }
 }
 
-void visitPlace(Stroke& stroke, const NumberVisit& number) {
+void visitPlace(PassivityStroke& stroke, const NumberVisit& number) {
   for (double* value : {&stroke.x_m, &stroke.y_m, &stroke.depth_m, &stroke.tilt_x, &stroke.tilt_y})
     number(*value);
 }
 
 }  // namespace
 
-void visitStrokes(Gesture& gesture, const NumberVisit& number) {
+void visitStrokes(PassivityGesture& gesture, const NumberVisit& number) {
   visitPlace(gesture.start, number);
-  for (Stroke& stroke : gesture.strokes) {
+  for (PassivityStroke& stroke : gesture.strokes) {
     visitPlace(stroke, number);
     number(stroke.seconds);
   }
 }
 
-void visitLayers(Gesture& gesture, const NumberVisit& number) {
+void visitLayers(PassivityGesture& gesture, const NumberVisit& number) {
   for (auto& layer : *gesture.profile.mutable_layers()) visitLayer(layer, number);
 }
 
-void visitAll(Gesture& gesture, const NumberVisit& number) {
+void visitAll(PassivityGesture& gesture, const NumberVisit& number) {
   visitStrokes(gesture, number);
   visitLayers(gesture, number);
   visitSections(gesture.profile, number);
 }
 
-double wayBetween(const Stroke& a, const Stroke& b) {
+double wayBetween(const PassivityStroke& a, const PassivityStroke& b) {
   return norm(Vec3{a.x_m - b.x_m, a.y_m - b.y_m, a.depth_m - b.depth_m});
 }
 
-double turnBetween(const Stroke& a, const Stroke& b) {
+double turnBetween(const PassivityStroke& a, const PassivityStroke& b) {
   return std::abs(a.tilt_x - b.tilt_x) + std::abs(a.tilt_y - b.tilt_y);
 }
 
-double sizeOf(const Gesture& gesture) {
-  Gesture copy = gesture;  // the visitors hand out references
+double sizeOf(const PassivityGesture& gesture) {
+  PassivityGesture copy = gesture;  // the visitors hand out references
   double digits = 0, seconds = 0, magnitudes = 0;
   visitAll(copy, [&](double& value) { digits += significantDigits(value); });
   visitStrokes(copy, [&](double& value) { magnitudes += std::min(std::abs(value), 10.0); });
   // directions that change from stroke to stroke are what makes a gesture hard to follow
   double changes = 0;
-  const Stroke* before = &gesture.start;
-  for (const Stroke& stroke : gesture.strokes) {
+  const PassivityStroke* before = &gesture.start;
+  for (const PassivityStroke& stroke : gesture.strokes) {
     seconds += stroke.seconds;
-    for (double Stroke::*member : {&Stroke::x_m, &Stroke::y_m, &Stroke::tilt_x, &Stroke::tilt_y})
+    for (double PassivityStroke::*member :
+         {&PassivityStroke::x_m, &PassivityStroke::y_m, &PassivityStroke::tilt_x, &PassivityStroke::tilt_y})
       changes += stroke.*member != before->*member;
     before = &stroke;
   }

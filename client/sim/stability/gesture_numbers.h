@@ -12,18 +12,18 @@ namespace needlelab {
 using NumberVisit = std::function<void(double&)>;
 
 /// Places, tilts and times of the strokes.
-void visitStrokes(Gesture& gesture, const NumberVisit& number);
+void visitStrokes(PassivityGesture& gesture, const NumberVisit& number);
 /// Numbers of the layers and their membranes.
-void visitLayers(Gesture& gesture, const NumberVisit& number);
+void visitLayers(PassivityGesture& gesture, const NumberVisit& number);
 /// Both, and the sections of the scene that must stay above zero.
-void visitAll(Gesture& gesture, const NumberVisit& number);
+void visitAll(PassivityGesture& gesture, const NumberVisit& number);
 
 /// Distance between two strokes' ends in m, and the sum of the changes of their tilts' tangents.
-double wayBetween(const Stroke& a, const Stroke& b);
-double turnBetween(const Stroke& a, const Stroke& b);
+double wayBetween(const PassivityStroke& a, const PassivityStroke& b);
+double turnBetween(const PassivityStroke& a, const PassivityStroke& b);
 
 /// How big a gesture is to a reader: less is simpler. Strokes, effects and layers weigh most, then times that
 /// are not short, then the digits of its numbers.
-double sizeOf(const Gesture& gesture);
+double sizeOf(const PassivityGesture& gesture);
 
 }  // namespace needlelab

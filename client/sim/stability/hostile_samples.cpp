@@ -109,7 +109,7 @@ Result<FuzzFindings> fuzzSource(const ForceSourceFactory& make_source, AxialMode
   for (std::uint64_t seed = 1; findings.ticks < ticks; ++seed) {
     GestureRange range;
     range.clamping = seed % 2 == 0 ? ClampingMode::kPassive : ClampingMode::kProportional;
-    const Gesture gesture = randomGesture(seed, shapeOf(seed), range);
+    const PassivityGesture gesture = randomGesture(seed, shapeOf(seed), range);
     auto scene = sceneSpecOf(gesture.profile);
     if (!scene.ok()) return scene.error();
     scene->max_force_N = seed % 3 == 0 ? 1.0 : 10.0;

@@ -23,8 +23,8 @@ double energyAtGrip_J(const PlantRun& run, const SimulatedDeviceOptions& device)
 
 // The gate lets the force fade in over the first 200 ms (§3.7). A spring that is pressed meanwhile gives back
 // more than it took: a gesture begins after it.
-HandPlan restedPlan(Gesture gesture) {
-  Stroke rest = gesture.start;
+HandPlan restedPlan(PassivityGesture gesture) {
+  PassivityStroke rest = gesture.start;
   rest.seconds = 0.25;
   gesture.strokes.insert(gesture.strokes.begin(), rest);
   return planOf(gesture);
@@ -45,7 +45,7 @@ Result<WithHand> withHands(std::uint64_t gestures, const PassivitySearch& search
                            const ForceSourceFactory& make_source) {
   WithHand worst;
   for (std::uint64_t seed = search.first_seed; seed < search.first_seed + gestures; ++seed) {
-    const Gesture gesture = randomGesture(seed, shapeOf(seed), search.range);
+    const PassivityGesture gesture = randomGesture(seed, shapeOf(seed), search.range);
     const auto scene = sceneSpecOf(gesture.profile);
     if (!scene.ok()) return scene.error();
     auto source = make_source(likeForLike(*scene, model), plant.rate_hz);

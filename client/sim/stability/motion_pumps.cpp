@@ -13,7 +13,7 @@ namespace {
 // the case's motion in its scene
 struct Prescribed {
   SceneSpec scene;
-  Gesture motion;
+  PassivityGesture motion;
   double limit = 0;
 };
 

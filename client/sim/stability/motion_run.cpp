@@ -36,14 +36,15 @@ std::vector<TipSample> samplesOf(const HandPlan& plan, double rate_hz) {
   return samples;
 }
 
-Result<Gesture> motionOf(const CaseSettings& settings, std::string_view case_name, std::string_view field) {
+Result<PassivityGesture> motionOf(const CaseSettings& settings, std::string_view case_name,
+                                  std::string_view field) {
   const auto& cases = settings.file.json().at("cases");
   const std::string name(case_name), key(field);
   const std::string where = settings.file.source() + ": cases." + name + "." + key;
   const auto found = cases.find(name);
   if (found == cases.end() || !found->is_object() || !found->contains(key))
     return Error{ErrorCode::kInvalidInput, where + ": missing"};
-  Gesture gesture;
+  PassivityGesture gesture;
   if (Status status = readMotion((*found)[key], where, gesture); !status.ok()) return status.error();
   return gesture;
 }

@@ -32,8 +32,8 @@ Result<MotionRun> runMotion(const ForceSourceFactory& source, const SceneSpec& s
 std::vector<TipSample> samplesOf(const HandPlan& plan, double rate_hz);
 
 /// The motion that stands in a case's `field` in cases.json. Errors: kInvalidInput naming the field.
-Result<Gesture> motionOf(const CaseSettings& settings, std::string_view case_name,
-                         std::string_view field = "motion");
+Result<PassivityGesture> motionOf(const CaseSettings& settings, std::string_view case_name,
+                                  std::string_view field = "motion");
 
 /// The run under the passivity observer; `with_slant` false judges force steps by ΣK·|Δp| alone.
 PassivityRecord observed(const MotionRun& run, bool with_slant = true);

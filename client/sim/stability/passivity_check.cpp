@@ -7,7 +7,7 @@
 
 namespace needlelab {
 
-Result<PassivityRecord> runGesture(const Gesture& gesture, AxialModel model,
+Result<PassivityRecord> runGesture(const PassivityGesture& gesture, AxialModel model,
                                    const ForceSourceFactory& make_source) {
   auto scene = sceneSpecOf(gesture.profile);
   if (!scene.ok()) return scene.error();

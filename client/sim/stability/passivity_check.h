@@ -29,7 +29,7 @@ struct PassivityFinding {
 
 /// The motion is prescribed; the scene is the gesture's, rendered by `model` (likeForLike). Errors: those of
 /// the profile and of the source.
-Result<PassivityRecord> runGesture(const Gesture& gesture, AxialModel model,
+Result<PassivityRecord> runGesture(const PassivityGesture& gesture, AxialModel model,
                                    const ForceSourceFactory& source);
 
 /// The energy that is judged: the greatest of the whole gesture's net and of what any insertion had given at

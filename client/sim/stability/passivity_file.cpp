@@ -16,15 +16,15 @@ using nlohmann::ordered_json;
 
 struct Field {
   const char* name;
-  double Stroke::*member;
+  double PassivityStroke::*member;
   NumberRange range;
 };
-constexpr std::array<Field, 6> kFields = {{{"x_m", &Stroke::x_m, {-1, 1}},
-                                           {"y_m", &Stroke::y_m, {-1, 1}},
-                                           {"depth_m", &Stroke::depth_m, {-1, 1}},
-                                           {"tilt_x", &Stroke::tilt_x, {-1000, 1000}},
-                                           {"tilt_y", &Stroke::tilt_y, {-1000, 1000}},
-                                           {"seconds", &Stroke::seconds, {1e-3, 600}}}};
+constexpr std::array<Field, 6> kFields = {{{"x_m", &PassivityStroke::x_m, {-1, 1}},
+                                           {"y_m", &PassivityStroke::y_m, {-1, 1}},
+                                           {"depth_m", &PassivityStroke::depth_m, {-1, 1}},
+                                           {"tilt_x", &PassivityStroke::tilt_x, {-1000, 1000}},
+                                           {"tilt_y", &PassivityStroke::tilt_y, {-1000, 1000}},
+                                           {"seconds", &PassivityStroke::seconds, {1e-3, 600}}}};
 
 Error wrong(const std::string& field, const std::string& words) {
   return {ErrorCode::kInvalidInput, field + ": " + words};
@@ -38,7 +38,7 @@ Status readNumber(const json& value, const std::string& field, NumberRange range
 }
 
 // `stroke` comes in as the one before
-Status readStroke(const json& value, const std::string& where, Stroke& stroke, bool is_start) {
+Status readStroke(const json& value, const std::string& where, PassivityStroke& stroke, bool is_start) {
   if (!value.is_object()) return wrong(where, "is not an object");
   if (!is_start && !value.contains("seconds")) return wrong(where + ".seconds", "is missing");
   for (const auto& [name, number] : value.items()) {
@@ -60,11 +60,11 @@ Status readStroke(const json& value, const std::string& where, Stroke& stroke, b
   return {};
 }
 
-std::string strokeJson(const Stroke& stroke, const Stroke* before) {
+std::string strokeJson(const PassivityStroke& stroke, const PassivityStroke* before) {
   ordered_json line;
   if (before != nullptr) line["kind"] = kStrokeNames[static_cast<std::size_t>(stroke.kind)];
   for (const Field& field : kFields) {
-    const bool is_time = field.member == &Stroke::seconds;
+    const bool is_time = field.member == &PassivityStroke::seconds;
     if (before == nullptr ? !is_time : is_time || stroke.*field.member != before->*field.member)
       line[field.name] = stroke.*field.member;
   }
@@ -110,7 +110,7 @@ Status readFound(const json& found, const std::string& where, CounterExample& ex
 }  // namespace
 
 std::string counterExampleJson(const CounterExample& example) {
-  const Gesture& gesture = example.gesture;
+  const PassivityGesture& gesture = example.gesture;
   const ordered_json found = {
       {"source", example.source},
       {"model", axialModelName(example.model)},
@@ -124,8 +124,8 @@ std::string counterExampleJson(const CounterExample& example) {
           ", \"tremor_seed\": " + json(gesture.tremor_seed).dump() + ",\n";
   text += "    \"encoder_step_m\": " + json(gesture.encoder_step_m).dump() + ",\n";
   text += "    \"start\": " + strokeJson(gesture.start, nullptr) + ",\n    \"strokes\": [";
-  const Stroke* before = &gesture.start;
-  for (const Stroke& stroke : gesture.strokes) {
+  const PassivityStroke* before = &gesture.start;
+  for (const PassivityStroke& stroke : gesture.strokes) {
     text += (before == &gesture.start ? "\n      " : ",\n      ") + strokeJson(stroke, before);
     before = &stroke;
   }
@@ -134,7 +134,7 @@ std::string counterExampleJson(const CounterExample& example) {
   return text + "\n    ]\n  },\n  \"profile\": " + indented(profile, "  ") + "\n}\n";
 }
 
-Status readMotion(const json& motion, const std::string& where, Gesture& gesture) {
+Status readMotion(const json& motion, const std::string& where, PassivityGesture& gesture) {
   if (!motion.is_object()) return wrong(where, "is not an object");
   gesture.strokes.clear();
   gesture.start = {};
@@ -164,7 +164,7 @@ Status readMotion(const json& motion, const std::string& where, Gesture& gesture
   const auto strokes = motion.find("strokes");
   if (strokes == motion.end() || !strokes->is_array())
     return wrong(where + ".strokes", "is missing or no list");
-  Stroke stroke = gesture.start;
+  PassivityStroke stroke = gesture.start;
   for (std::size_t i = 0; i < strokes->size(); ++i) {
     stroke.kind = StrokeKind::kInsert;
     const std::string field = where + ".strokes[" + std::to_string(i) + "]";

@@ -21,7 +21,7 @@ struct CounterExample {
   AxialModel model = AxialModel::kEnhancedTrackingWall;
   std::uint64_t seed = 0;  ///< of the random gesture that it was shrunk from
   PassivityFinding finding;
-  Gesture gesture;
+  PassivityGesture gesture;
 };
 
 /// One stroke a line; a stroke's fields that are as in the one before are left out. Ends with a newline.
@@ -33,6 +33,6 @@ Result<CounterExample> loadCounterExample(const std::filesystem::path& path);
 /// Reads `start`, `strokes` and, where present, `rate_hz`, `tremor_m`, `tremor_seed` and `encoder_step_m`
 /// into `gesture`; its profile stays. Unknown fields are refused. Errors as above, fields named from `where`
 /// on.
-Status readMotion(const nlohmann::json& json, const std::string& where, Gesture& gesture);
+Status readMotion(const nlohmann::json& json, const std::string& where, PassivityGesture& gesture);
 
 }  // namespace needlelab

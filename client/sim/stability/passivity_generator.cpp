@@ -107,13 +107,13 @@ class StrokeDraw {
  public:
   StrokeDraw(Draw& draw, const GestureRange& range) : draw_(draw), range_(range) {}
 
-  Stroke start() {
+  PassivityStroke start() {
     now_.kind = StrokeKind::kStart;
     now_.depth_m = draw_.in(-0.008, -0.001);
     tilt();
     return last_ = now_;
   }
-  Stroke next() {
+  PassivityStroke next() {
     const bool inside = now_.depth_m > 0;
     if (!inside)
       draw_.chance(0.15) ? graze() : insert();
@@ -122,7 +122,7 @@ class StrokeDraw {
     timed(now_);
     return now_;
   }
-  Stroke exit() {
+  PassivityStroke exit() {
     now_.kind = StrokeKind::kExit;
     now_.depth_m = draw_.in(-0.01, -0.001);
     if (draw_.chance(0.3)) moveAside(0.3);
@@ -197,7 +197,7 @@ class StrokeDraw {
     now_.tilt_y = draw_.in(-most, most);
   }
   // slow, brisk or a rest; never faster than the range says
-  void timed(Stroke& stroke) {
+  void timed(PassivityStroke& stroke) {
     const double drawn = draw_.chance(0.3) ? draw_.in(0.5, 2) : draw_.in(0.05, 0.6);
     const Vec3 way{stroke.x_m - last_.x_m, stroke.y_m - last_.y_m, stroke.depth_m - last_.depth_m};
     const double least_s = kMinJerkPeak * norm(way) / range_.most_speed_mps;
@@ -209,14 +209,14 @@ class StrokeDraw {
 
   Draw& draw_;
   const GestureRange& range_;
-  Stroke now_, last_;
+  PassivityStroke now_, last_;
 };
 
 }  // namespace
 
-Gesture randomGesture(std::uint64_t seed, LimbShape shape, const GestureRange& range) {
+PassivityGesture randomGesture(std::uint64_t seed, LimbShape shape, const GestureRange& range) {
   Draw draw(seed);
-  Gesture gesture;
+  PassivityGesture gesture;
   gesture.profile.set_id("random-" + std::to_string(seed));
   gesture.profile.set_name("Random scene " + std::to_string(seed));
   drawScene(draw, shape, range, gesture.profile);

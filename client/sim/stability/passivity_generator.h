@@ -24,6 +24,6 @@ struct GestureRange {
 
 /// A random scene and gesture. Starts and ends outside. Numbers have three significant digits, so that what
 /// is written to a file is what was run.
-Gesture randomGesture(std::uint64_t seed, LimbShape shape, const GestureRange& range = {});
+PassivityGesture randomGesture(std::uint64_t seed, LimbShape shape, const GestureRange& range = {});
 
 }  // namespace needlelab

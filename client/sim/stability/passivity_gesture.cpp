@@ -13,13 +13,13 @@ double onGrid(double value, double step) {
 
 }  // namespace
 
-Pose poseOf(const Stroke& stroke) {
+Pose poseOf(const PassivityStroke& stroke) {
   return {{stroke.x_m, stroke.y_m, -stroke.depth_m}, orientationAlong({stroke.tilt_x, stroke.tilt_y, -1})};
 }
 
-HandPlan planOf(const Gesture& gesture) {
+HandPlan planOf(const PassivityGesture& gesture) {
   HandPlan plan(poseOf(gesture.start));
-  for (const Stroke& stroke : gesture.strokes) {
+  for (const PassivityStroke& stroke : gesture.strokes) {
     const Pose to = poseOf(stroke);
     if (to == plan.end().X_WT)
       plan.hold(stroke.seconds);
@@ -29,7 +29,7 @@ HandPlan planOf(const Gesture& gesture) {
   return plan;
 }
 
-std::vector<TipSample> samplesOf(const Gesture& gesture) {
+std::vector<TipSample> samplesOf(const PassivityGesture& gesture) {
   const HandPlan plan = planOf(gesture);
   HandTremor tremor(gesture.tremor_m, gesture.tremor_seed, 1 / gesture.rate_hz);
   const auto ticks = static_cast<std::size_t>(std::floor(plan.duration_s() * gesture.rate_hz + 0.5)) + 1;

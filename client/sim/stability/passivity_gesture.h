@@ -31,7 +31,7 @@ inline constexpr std::array<std::string_view, 9> kStrokeNames = {
 
 /// Where the tip goes and how the needle stands there. Depth runs along W's −z from W's origin, which lies on
 /// the skin; the axis is (tilt_x, tilt_y, −1), made a unit vector.
-struct Stroke {
+struct PassivityStroke {
   StrokeKind kind = StrokeKind::kInsert;
   double x_m = 0, y_m = 0, depth_m = 0;
   double tilt_x = 0, tilt_y = 0;  ///< tangents
@@ -39,21 +39,21 @@ struct Stroke {
 };
 
 /// A scene and a prescribed motion in it. `profile`'s limb touches W's origin with its normal along +z.
-struct Gesture {
+struct PassivityGesture {
   pb::Profile profile;
   double rate_hz = 1000;
   double tremor_m = 0;  ///< peak per axis, 8-12 Hz
   std::uint64_t tremor_seed = 1;
   double encoder_step_m = 0;  ///< 0 = exact
-  Stroke start;               ///< its `seconds` is not used
-  std::vector<Stroke> strokes;
+  PassivityStroke start;      ///< its `seconds` is not used
+  std::vector<PassivityStroke> strokes;
 };
 
 /// The tip's pose where a stroke ends.
-Pose poseOf(const Stroke& stroke);
+Pose poseOf(const PassivityStroke& stroke);
 /// The strokes as a plan for the simulated hand; a stroke to where the tip already is rests there.
-HandPlan planOf(const Gesture& gesture);
+HandPlan planOf(const PassivityGesture& gesture);
 /// The motion tick by tick, tremor and encoder included. Deterministic.
-std::vector<TipSample> samplesOf(const Gesture& gesture);
+std::vector<TipSample> samplesOf(const PassivityGesture& gesture);
 
 }  // namespace needlelab

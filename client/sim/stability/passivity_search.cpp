@@ -25,16 +25,17 @@ LimbShape shapeOf(std::uint64_t seed) {
   return static_cast<LimbShape>(seed % kLimbShapeNames.size());
 }
 
-CounterExample smallestOf(const Gesture& gesture, const PassivityFinding& finding,
+CounterExample smallestOf(const PassivityGesture& gesture, const PassivityFinding& finding,
                           const PassivityLimits& limits, AxialModel model, const ForceSourceFactory& source) {
-  const auto found = [&](const Gesture& candidate) -> std::optional<PassivityFinding> {
+  const auto found = [&](const PassivityGesture& candidate) -> std::optional<PassivityFinding> {
     const auto record = runGesture(candidate, model, source);
     return record.ok() ? findingOf(*record, limits, finding.check) : std::nullopt;
   };
   CounterExample example;
   example.model = model;
-  example.gesture =
-      shrunk(gesture, [&](const Gesture& candidate) { return found(candidate).has_value(); }).gesture;
+  example.gesture = shrunk(gesture, [&](const PassivityGesture& candidate) {
+                      return found(candidate).has_value();
+                    }).gesture;
   example.finding = found(example.gesture).value_or(finding);
   return example;
 }
@@ -44,7 +45,7 @@ Result<PassivityFindings> searchGestures(const PassivitySearch& search, AxialMod
   PassivityFindings findings;
   findings.worst.net_J = -1e9;  // nets of gestures are negative as a rule
   for (std::uint64_t seed = search.first_seed; seed < search.first_seed + search.gestures; ++seed) {
-    Gesture gesture = randomGesture(seed, shapeOf(seed), search.range);
+    PassivityGesture gesture = randomGesture(seed, shapeOf(seed), search.range);
     gesture.rate_hz = search.rate_hz;
     const auto record = runGesture(gesture, model, source);
     if (!record.ok()) return record.error();

@@ -37,7 +37,7 @@ Result<PassivityFindings> searchGestures(const PassivitySearch& search, AxialMod
                                          const ForceSourceFactory& source);
 
 /// Shrinks a gesture that fails `finding.check`.
-CounterExample smallestOf(const Gesture& gesture, const PassivityFinding& finding,
+CounterExample smallestOf(const PassivityGesture& gesture, const PassivityFinding& finding,
                           const PassivityLimits& limits, AxialModel model, const ForceSourceFactory& source);
 
 }  // namespace needlelab

@@ -13,16 +13,16 @@ namespace needlelab {
 namespace {
 
 // a smaller gesture is one that a hand could make too: outside at both ends, …
-bool beginsAndEndsOutside(const Gesture& gesture) {
+bool beginsAndEndsOutside(const PassivityGesture& gesture) {
   constexpr double kOutside_m = -5e-4;
   return !gesture.strokes.empty() && gesture.start.depth_m <= kOutside_m &&
          gesture.strokes.back().depth_m <= kOutside_m;
 }
 
 // … and no faster than the one that came in: strokes that are get the time that they need
-void giveTime(Gesture& gesture, double most_speed_mps, double most_turn_per_s) {
-  const Stroke* before = &gesture.start;
-  for (Stroke& stroke : gesture.strokes) {
+void giveTime(PassivityGesture& gesture, double most_speed_mps, double most_turn_per_s) {
+  const PassivityStroke* before = &gesture.start;
+  for (PassivityStroke& stroke : gesture.strokes) {
     const double least_s = std::max(
         {0.02, wayBetween(*before, stroke) / most_speed_mps, turnBetween(*before, stroke) / most_turn_per_s});
     if (stroke.seconds < least_s) stroke.seconds = roundedTo(1.05 * least_s, 2);
@@ -31,7 +31,7 @@ void giveTime(Gesture& gesture, double most_speed_mps, double most_turn_per_s) {
 }
 
 // what a stroke does now, whatever it was drawn for
-StrokeKind kindOf(const Stroke& stroke, const Stroke& before) {
+StrokeKind kindOf(const PassivityStroke& stroke, const PassivityStroke& before) {
   if (stroke.depth_m < 0) return StrokeKind::kExit;
   if (stroke.depth_m > before.depth_m) return StrokeKind::kInsert;
   if (stroke.depth_m < before.depth_m) return StrokeKind::kRetreat;
@@ -41,12 +41,13 @@ StrokeKind kindOf(const Stroke& stroke, const Stroke& before) {
 
 class Shrinker {
  public:
-  Shrinker(const Gesture& gesture, const std::function<bool(const Gesture&)>& fails, std::size_t most_tries)
+  Shrinker(const PassivityGesture& gesture, const std::function<bool(const PassivityGesture&)>& fails,
+           std::size_t most_tries)
       : fails_(fails), most_tries_(most_tries) {
     best_.gesture = gesture;
     size_ = sizeOf(gesture);
-    const Stroke* before = &gesture.start;
-    for (const Stroke& stroke : gesture.strokes) {
+    const PassivityStroke* before = &gesture.start;
+    for (const PassivityStroke& stroke : gesture.strokes) {
       most_speed_mps_ = std::max(most_speed_mps_, wayBetween(*before, stroke) / stroke.seconds);
       most_turn_per_s_ = std::max(most_turn_per_s_, turnBetween(*before, stroke) / stroke.seconds);
       before = &stroke;
@@ -63,8 +64,8 @@ class Shrinker {
       roundNumbers();
       if (best_.taken == taken_before || best_.tried >= most_tries_) break;
     }
-    const Stroke* before = &best_.gesture.start;
-    for (Stroke& stroke : best_.gesture.strokes) {
+    const PassivityStroke* before = &best_.gesture.start;
+    for (PassivityStroke& stroke : best_.gesture.strokes) {
       stroke.kind = kindOf(stroke, *before);
       before = &stroke;
     }
@@ -73,7 +74,7 @@ class Shrinker {
 
  private:
   // keeps the candidate when it is smaller and still fails
-  bool take(Gesture candidate) {
+  bool take(PassivityGesture candidate) {
     // a hundredth of a millimetre is the least that a reader can picture
     visitStrokes(candidate, [](double& value) { value = std::abs(value) < 1e-5 ? 0 : value; });
     giveTime(candidate, most_speed_mps_, most_turn_per_s_);
@@ -91,7 +92,7 @@ class Shrinker {
   void removeStrokes() {
     for (std::size_t length = std::max<std::size_t>(best_.gesture.strokes.size() / 2, 1);; length /= 2) {
       for (std::size_t from = 0; from < best_.gesture.strokes.size();) {
-        Gesture candidate = best_.gesture;
+        PassivityGesture candidate = best_.gesture;
         const auto first = candidate.strokes.begin() + static_cast<std::ptrdiff_t>(from);
         const std::size_t count = std::min(length, candidate.strokes.size() - from);
         candidate.strokes.erase(first, first + static_cast<std::ptrdiff_t>(count));
@@ -103,7 +104,7 @@ class Shrinker {
 
   void removeEffects() {
     for (int i = best_.gesture.profile.effects_size() - 1; i >= 0; --i) {
-      Gesture candidate = best_.gesture;
+      PassivityGesture candidate = best_.gesture;
       auto& effects = *candidate.profile.mutable_effects();
       effects.erase(effects.begin() + i);
       take(candidate);
@@ -112,7 +113,7 @@ class Shrinker {
 
   void removeLayers() {
     for (int i = best_.gesture.profile.layers_size() - 1; i >= 0; --i) {
-      Gesture candidate = best_.gesture;
+      PassivityGesture candidate = best_.gesture;
       auto& layers = *candidate.profile.mutable_layers();
       if (layers.size() > 1) {
         layers.erase(layers.begin() + i);
@@ -126,16 +127,16 @@ class Shrinker {
 
   void simplify() {
     const auto tryWith = [&](const auto& change) {
-      Gesture candidate = best_.gesture;
+      PassivityGesture candidate = best_.gesture;
       change(candidate);
       take(candidate);
     };
-    tryWith([](Gesture& g) {
+    tryWith([](PassivityGesture& g) {
       g.tremor_m = 0;
       g.tremor_seed = 1;
     });
-    tryWith([](Gesture& g) { g.encoder_step_m = 0; });
-    tryWith([](Gesture& g) {
+    tryWith([](PassivityGesture& g) { g.encoder_step_m = 0; });
+    tryWith([](PassivityGesture& g) {
       auto& plane = *g.profile.mutable_limb()->mutable_plane();
       plane.mutable_point_m()->set_x(0);
       plane.mutable_point_m()->set_y(0);
@@ -144,12 +145,15 @@ class Shrinker {
       plane.mutable_normal()->set_y(0);
       plane.mutable_normal()->set_z(1);
     });
-    tryWith([](Gesture& g) { g.profile.mutable_tracking_wall()->set_stop_mode(pb::TrackingWall::RAMP); });
+    tryWith([](PassivityGesture& g) {
+      g.profile.mutable_tracking_wall()->set_stop_mode(pb::TrackingWall::RAMP);
+    });
     // a stroke along fewer directions: as the one before it in one number
     for (std::size_t i = 0; i < best_.gesture.strokes.size(); ++i)
-      for (double Stroke::*member : {&Stroke::x_m, &Stroke::y_m, &Stroke::tilt_x, &Stroke::tilt_y}) {
-        Gesture candidate = best_.gesture;
-        const Stroke& before = i == 0 ? candidate.start : candidate.strokes[i - 1];
+      for (double PassivityStroke::*member : {&PassivityStroke::x_m, &PassivityStroke::y_m,
+                                              &PassivityStroke::tilt_x, &PassivityStroke::tilt_y}) {
+        PassivityGesture candidate = best_.gesture;
+        const PassivityStroke& before = i == 0 ? candidate.start : candidate.strokes[i - 1];
         candidate.strokes[i].*member = before.*member;
         take(candidate);
       }
@@ -157,12 +161,12 @@ class Shrinker {
 
   // asks for every number in turn: `change` gives what to try in its place, false when there is no more
   template <typename Change>
-  void eachNumber(void (*visitor)(Gesture&, const NumberVisit&), const Change& change) {
+  void eachNumber(void (*visitor)(PassivityGesture&, const NumberVisit&), const Change& change) {
     std::size_t count = 0;
     visitor(best_.gesture, [&](double&) { ++count; });
     for (std::size_t wanted = 0; wanted < count; ++wanted) {
       for (int attempt = 0;; ++attempt) {
-        Gesture candidate = best_.gesture;
+        PassivityGesture candidate = best_.gesture;
         std::size_t at = 0;
         bool more = false;
         visitor(candidate, [&](double& value) {
@@ -198,7 +202,7 @@ class Shrinker {
     });
   }
 
-  const std::function<bool(const Gesture&)>& fails_;
+  const std::function<bool(const PassivityGesture&)>& fails_;
   std::size_t most_tries_;
   ShrinkResult best_;
   double size_;
@@ -207,8 +211,8 @@ class Shrinker {
 
 }  // namespace
 
-ShrinkResult shrunk(const Gesture& gesture, const std::function<bool(const Gesture&)>& fails,
-                    std::size_t most_tries) {
+ShrinkResult shrunk(const PassivityGesture& gesture,
+                    const std::function<bool(const PassivityGesture&)>& fails, std::size_t most_tries) {
   return Shrinker(gesture, fails, most_tries).run();
 }
 

@@ -9,14 +9,14 @@
 namespace needlelab {
 
 struct ShrinkResult {
-  Gesture gesture;
+  PassivityGesture gesture;
   std::size_t tried = 0, taken = 0;  ///< smaller gestures
 };
 
 /// `fails` must hold for `gesture` (and is asked at most `most_tries` times). Removes strokes, effects,
 /// layers, membranes, tremor and encoder, replaces the limb by a plane, shortens, and rounds numbers, over
 /// and over until nothing helps. Each step makes `sizeOf` less, so it ends. Deterministic.
-ShrinkResult shrunk(const Gesture& gesture, const std::function<bool(const Gesture&)>& fails,
-                    std::size_t most_tries = 3000);
+ShrinkResult shrunk(const PassivityGesture& gesture,
+                    const std::function<bool(const PassivityGesture&)>& fails, std::size_t most_tries = 3000);
 
 }  // namespace needlelab
