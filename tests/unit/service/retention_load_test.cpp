@@ -63,8 +63,11 @@ class RetentionLoad : public test::ServiceTest {
           },
           [&, due](const Status& status) {
             EXPECT_OK(status);
-            const std::lock_guard lock(times.mutex);
-            times.ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - due).count());
+            {
+              const std::lock_guard lock(times.mutex);
+              times.ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - due).count());
+            }
+            // last: then all of this may be gone
             --left;
           });
       ASSERT_OK(posted);
