@@ -132,6 +132,8 @@ export function week(t) {
   it('watches the live page while trainees practise', async () => {
     await open(page, t.lab, '#/live', 'Live lab');
     await page.getByRole('status', { name: 'Connection' }).getByText('live').waitFor();
+    // a station's spool is one program's: the lesson before has to be over, on a fast machine, too
+    await t.first_lesson.ended;
     stations = [t.lab.practise('station-1', 'anna.bauer', 'autumn-knee', [...kGood, '--seconds', '300', '--hand-repeat', '0']), t.lab.practise('station-2', 'ben.osei', 'autumn-knee', [...kGood, '--hand-plan', 'depth:0.012', '--seconds', '8'])];
     const tile = page.getByRole('listitem', { name: 'Station station-1' });
     await tile.getByText('practising').waitFor();
