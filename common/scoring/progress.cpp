@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -148,7 +149,7 @@ std::optional<LearningCurve> learningCurveOf(std::span<const double> values, std
   // one parameter is not linear: a fine grid in its logarithm, then halving steps about the best
   const double low = std::log(0.25), high = std::log(2 * n);
   constexpr int kSteps = 200;
-  double best = low, best_rest = INFINITY;
+  double best = low, best_rest = std::numeric_limits<double>::infinity();
   const auto look = [&](double logarithm) {
     const double rest = fitCurve(values, std::exp(logarithm)).rest;
     if (rest < best_rest) best_rest = rest, best = logarithm;
