@@ -64,6 +64,9 @@ Result<pb::Group> GroupStore::put(const pb::Group& group, std::optional<std::uin
       before ? NewestRevision{before->revision(), before->changed_by(), before->changed_unix_ns()}
              : NewestRevision{};
   if (auto same = checkBase("group '" + group.id() + "'", base, newest); !same) return same.error();
+  if (last == 0) {
+    if (auto valid = checkNewName("group id", group.id()); !valid) return valid.error();
+  }
   if (before && before->name() == group.name() &&
       std::equal(wanted->begin(), wanted->end(), before->members().begin(), before->members().end()))
     return *before;

@@ -36,7 +36,7 @@ Error unknown(std::string_view name) {
 }  // namespace
 
 Status PeopleStore::add(const Person& person) {
-  if (auto valid = checkName("name", person.name); !valid) return valid;
+  if (auto valid = checkNewName("name", person.name); !valid) return valid;
   if (auto valid = checkRoleOfPerson(person.role); !valid) return valid;
   if (auto valid = checkText("full_name", person.full_name, 0, 200); !valid) return valid;
   const auto known = find(person.name);

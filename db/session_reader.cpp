@@ -1,6 +1,8 @@
 // What reads sessions: list, info, chunks, verify. What changes them is in session_store.cpp.
 #include <algorithm>
+#include <variant>
 
+#include "base/text_rules.h"
 #include "db/chunk_scan.h"
 #include "db/session_row.h"
 #include "db/session_store.h"
@@ -15,13 +17,13 @@ constexpr std::string_view kInfoColumns =
     " s.clock_round_trip_ns, s.recording, coalesce(p.chunks, s.chunks), coalesce(p.samples, s.samples),"
     " coalesce(p.stored_bytes, s.stored_bytes), s.hash,"
     " d.chunks, d.samples, d.stored_bytes, d.hash, d.rate_hz,"
-    " o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number, s.profile_json, s.score_json FROM sessions s"
+    " o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number, s.profile_json, s.score_json, s.passed FROM sessions s"
     " LEFT JOIN session_progress p ON p.session = s.number"
     " LEFT JOIN derived_recordings d ON d.session = s.number AND d.complete = 1"
     " LEFT JOIN removed_originals o ON o.session = s.number ";
 
-/// A row of kInfoColumns; `texts`: with profile and score.
-Result<pb::SessionInfo> infoOf(const Statement& row, bool texts) {
+/// A row of kInfoColumns.
+Result<pb::SessionInfo> infoOf(const Statement& row, bool with_profile) {
   pb::SessionInfo info;
   const ByteView description = row.bytes(0);
   if (!info.mutable_description()->ParseFromArray(description.data(), static_cast<int>(description.size()))) {
@@ -54,11 +56,83 @@ Result<pb::SessionInfo> infoOf(const Statement& row, bool texts) {
     removed->set_deleted_unix_ns(row.integer(17));
     removed->set_reason(row.text(18));
   }
-  if (texts) {
-    info.mutable_description()->set_profile_json(row.text(20));
-    info.set_score_json(row.text(21));
-  }
+  if (with_profile) info.mutable_description()->set_profile_json(row.text(20));
+  info.set_score_json(row.text(21));
+  if (!row.isNull(22)) info.set_passed(row.integer(22) != 0);
   return info;
+}
+
+/// SessionConditions of a list, each with its value; only those that are asked for, so that an index may serve them.
+class SessionConditions {
+ public:
+  void add(std::string condition, std::string_view text) {
+    if (text.empty()) return;
+    push(std::move(condition));
+    values_.emplace_back(std::string(text));
+  }
+  void add(std::string condition, std::int64_t number) {
+    push(std::move(condition));
+    values_.emplace_back(number);
+  }
+  void add(std::string condition, const Uuid& id) {
+    push(std::move(condition));
+    values_.emplace_back(id);
+  }
+  void push(std::string condition) {
+    text_ += (text_.empty() ? "WHERE " : " AND ") + std::move(condition);
+  }
+  /// The last value stands in its condition twice.
+  void again() { values_.push_back(values_.back()); }
+  [[nodiscard]] const std::string& text() const { return text_; }
+  void bindTo(Statement& query) const {
+    for (const auto& value : values_) {
+      if (const auto* const id = std::get_if<Uuid>(&value)) query.bind(ByteView(*id));
+      if (const auto* const text = std::get_if<std::string>(&value)) query.bind(*text);
+      if (const auto* const number = std::get_if<std::int64_t>(&value)) query.bind(*number);
+    }
+  }
+
+ private:
+  std::string text_;
+  std::vector<std::variant<std::int64_t, std::string, Uuid>> values_;
+};
+
+Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std::optional<Uuid>& after) {
+  SessionConditions conditions;
+  conditions.add("s.station = ?", wanted.station());
+  conditions.add("s.trainee = ?", wanted.trainee());
+  conditions.add("s.exercise_id = ?", wanted.exercise_id());
+  if (wanted.from_unix_ns() != 0) conditions.add("s.started_unix_ns >= ?", wanted.from_unix_ns());
+  if (wanted.to_unix_ns() != 0) conditions.add("s.started_unix_ns < ?", wanted.to_unix_ns());
+  switch (wanted.verdict()) {
+    case pb::ListSessions::ANY:
+      break;
+    case pb::ListSessions::PASSED:
+      conditions.push("s.passed = 1");
+      break;
+    case pb::ListSessions::FAILED:
+      conditions.push("s.passed = 0");
+      break;
+    case pb::ListSessions::NONE:
+      conditions.push("s.passed IS NULL");
+      break;
+    default:
+      return Error{ErrorCode::kInvalidInput,
+                   "verdict: " + std::to_string(wanted.verdict()) + " is no verdict that this server knows"};
+  }
+  if (!wanted.search().empty()) {
+    if (auto valid = checkText("search", wanted.search(), 1, kMaxNameBytes); !valid) return valid.error();
+    // somebody whom people do not list may have sessions, too: from a station that was away
+    conditions.add(
+        "(instr(lower(s.trainee), lower(?)) > 0 OR s.trainee IN (SELECT name FROM people WHERE"
+        " instr(lower(full_name), lower(?)) > 0))",
+        wanted.search());
+    conditions.again();
+  }
+  if (after)
+    conditions.add("(s.started_unix_ns, s.number) < (SELECT started_unix_ns, number FROM sessions WHERE id = ?)",
+                   *after);
+  return conditions;
 }
 
 }  // namespace
@@ -133,20 +207,16 @@ Result<pb::SessionInfo> SessionStore::info(const Uuid& session) {
   return infoOf(row, true);
 }
 
-Result<std::vector<pb::SessionInfo>> SessionStore::list(std::string_view station, std::string_view trainee,
-                                                        std::uint32_t limit, const std::optional<Uuid>& after,
-                                                        std::string_view exercise_id) {
+Result<std::vector<pb::SessionInfo>> SessionStore::list(const pb::ListSessions& wanted,
+                                                        const std::optional<Uuid>& after) {
+  const auto conditions = conditionsOf(wanted, after);
+  if (!conditions) return conditions.error();
+  const std::uint32_t most = wanted.limit() == 0 ? kMaxListed : std::min(wanted.limit(), kMaxListed);
+  auto rows = connection_.query(std::string(kInfoColumns) + conditions->text() +
+                                " ORDER BY s.started_unix_ns DESC, s.number DESC LIMIT ?");
+  conditions->bindTo(rows);
+  rows.bind(most);
   std::vector<pb::SessionInfo> sessions;
-  const std::uint32_t most = limit == 0 ? kMaxListed : std::min(limit, kMaxListed);
-  const std::string behind = after ? " AND (s.started_unix_ns, s.number) < (SELECT started_unix_ns, number "
-                                     "FROM sessions WHERE id = ?5)"
-                                   : "";
-  auto rows = connection_.query(std::string(kInfoColumns) +
-                                    "WHERE (?1 = '' OR s.station = ?1) AND (?2 = '' OR s.trainee = ?2)"
-                                    " AND (?4 = '' OR s.exercise_id = ?4)" +
-                                    behind + " ORDER BY s.started_unix_ns DESC, s.number DESC LIMIT ?3",
-                                station, trainee, most, exercise_id);
-  if (after) rows.bind(ByteView(*after));
   for (;;) {
     const auto row = rows.step();
     if (!row) return row.error();

@@ -14,6 +14,7 @@
 #include "base/uuid.h"
 #include "db/connection.h"
 #include "gesture/session_hash.h"
+#include "needlelab/control.pb.h"
 #include "needlelab/session.pb.h"
 #include "needlelab/types.pb.h"
 
@@ -153,11 +154,11 @@ class SessionStore {
 
   /// Everything known of a session, profile JSON and score included. kNotFound.
   Result<pb::SessionInfo> info(const Uuid& session);
-  /// Newest first, without profile JSON and score; empty filters mean all. At most `limit` and kMaxListed; 0
-  /// means that many. `after`: those behind this session, for the next page.
-  Result<std::vector<pb::SessionInfo>> list(std::string_view station, std::string_view trainee,
-                                            std::uint32_t limit, const std::optional<Uuid>& after = {},
-                                            std::string_view exercise_id = {});
+  /// Newest first, without profile JSON but with score and verdict. `wanted.page` is not read; `after`: those
+  /// behind this session, for the next page. At most `limit` and kMaxListed; 0 means that many. kInvalidInput:
+  /// a verdict that is none, a text to search for that is no text.
+  Result<std::vector<pb::SessionInfo>> list(const pb::ListSessions& wanted,
+                                            const std::optional<Uuid>& after = {});
 
   /// Chunks from `from_seq` on, at most `max_chunks` and about `max_bytes` (at least one). Every CRC is
   /// checked: kCorrupt names the first one that fails. Of the recording that is there, original or thinned;

@@ -25,6 +25,9 @@ Status StationStore::add(std::string_view name, const StationKeyBytes& key_hash,
   if (auto valid = checkName("station name", name); !valid) return valid;
   const auto known = find(name);
   if (!known) return known.error();
+  if (!*known) {
+    if (auto valid = checkNewName("station name", name); !valid) return valid;
+  }
   if (*known && !(*known)->revoked) {
     return Error{ErrorCode::kAlreadyExists, "there is already a station named '" + std::string(name) +
                                                 "': revoke it first to give it a new key"};

@@ -49,6 +49,9 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   [[nodiscard]] std::uint64_t id() const { return id_; }
   [[nodiscard]] ConnectionState state() const { return state_; }
   [[nodiscard]] const Principal& who() const { return who_; }
+  /// As its Hello said: somebody else's text and numbers.
+  [[nodiscard]] const std::string& program() const { return program_; }
+  [[nodiscard]] const pb::Version& version() const { return version_; }
   [[nodiscard]] const std::string& address() const { return channel_->peerAddress(); }
   /// The address without the port.
   [[nodiscard]] std::string peerHost() const;
@@ -107,6 +110,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   ConnectionState state_ = ConnectionState::kConnecting;
   Principal who_;
   std::string program_;                                 // as its Hello said
+  pb::Version version_;                                 // … so, too
   Signal pong_;                                         // a Pong has come, or this connection ends
   std::uint64_t pings_asked_ = 0, pings_answered_ = 0;  // ids of our own Pings; the channel's have none
   Signal freed_;  // something under way has ended: there may be room to read on

@@ -33,6 +33,7 @@ std::shared_ptr<const pb::Login> secretOf(pb::Login login) {
 
 void PeerConnection::greet(const pb::Hello& hello) {
   program_ = hello.program();
+  version_ = hello.version();
   const pb::Version ours = ourVersion();
   if (const Status fits = checkVersion(ours, hello.version()); !fits.ok()) {
     logEvent(LogLevel::kWarning, "version_refused",

@@ -31,6 +31,17 @@ std::optional<pb::Refusal> checkSessionId(const char* message, std::string_view 
                                                std::to_string(id.size()) + " bytes, not 16 or none");
 }
 
+/// What was of another session is not of this one.
+void setSession(pb::StationStatus& status, std::string_view session_id) {
+  if (status.session_id() == session_id) return;
+  status.set_session_id(std::string(session_id));
+  status.clear_peak_force_n();
+  status.clear_hazards_touched();
+  status.clear_force_limit_n();
+  status.clear_tissue();
+  status.clear_started_unix_ns();
+}
+
 }  // namespace
 
 HubPeer* Hub::attachStation(const std::string& name, HubPeer& peer) {
@@ -163,7 +174,7 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
 void Hub::onSession(const std::string& name, const std::string& session_id) {
   const auto found = stations_.find(name);
   if (found == stations_.end() || found->second.peer == nullptr) return;
-  found->second.status.set_session_id(session_id);
+  setSession(found->second.status, session_id);
   refreshWatch(found->second);
 }
 
@@ -391,11 +402,13 @@ void Hub::sendDecimated(Subscription& subscription, const std::string& name, con
 
 void Hub::statusFromSamples(Station& station, const LiveFrameView& frame, const GestureSample& last) {
   pb::StationStatus& status = station.status;
-  status.set_session_id(std::string(frame.session_id));
+  setSession(status, frame.session_id);
   status.set_phase(last.phase);
   status.set_layer(last.layer);
   status.set_insertion_m(last.insertion_m);
   status.set_force_n(std::hypot(last.force_W_N[0], last.force_W_N[1], last.force_W_N[2]));
+  // the station's own watch sees every sample; until its next line it is at least this
+  status.set_peak_force_n(std::max(status.peak_force_n(), status.force_n()));
   status.set_fault(last.fault);
   status.set_samples(last.tick + 1);
 }

@@ -37,7 +37,7 @@ class HubPeer {
 
 struct HubSettings {
   std::chrono::milliseconds status_period{100};  ///< of one station in an overview, at the most frequent
-  double overview_lines_per_s = 200;             ///< of all stations together, for one viewer
+  double overview_lines_per_s = 500;             ///< of all stations together, for one viewer
   std::size_t max_subscriptions = 2000;          ///< of one viewer
   std::size_t max_frame_bytes = 64u << 10;       ///< of a live frame's data
   std::size_t max_frame_samples = 1000;          ///< of a live frame; stations send 20

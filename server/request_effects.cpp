@@ -4,24 +4,78 @@
 #include <utility>
 
 #include "base/secret.h"
+#include "base/text_rules.h"
 #include "server/connection.h"
 #include "server/log.h"
+#include "service/roles.h"
 #include "wire/refusal.h"
+#include "wire/version.h"
 
 namespace needlelab {
 namespace {
 
-Task<std::optional<pb::Refusal>> deliver(ServerContext& context, std::string station, pb::Envelope envelope) {
-  auto* const peer = dynamic_cast<PeerConnection*>(context.hub.stationPeer(station));
-  if (peer == nullptr)
-    co_return makeRefusal(pb::Refusal::NOT_FOUND, "station '" + station + "' is not online");
-  if (co_await PeerConnection::sendConfirmed(peer->shared_from_this(), std::move(envelope)))
+/// What a request says to a station: which one, the message, and since which minor version it is known.
+struct Spoken {
+  std::string station;
+  std::string session_id;  // the lesson that is meant; empty: whichever
+  pb::Envelope message;
+  std::uint32_t since_minor = 0;
+};
+
+Spoken spokenBy(const pb::Request& request, const std::string& by) {
+  Spoken spoken;
+  const auto say = [&](const auto& asked, auto& message) {
+    message = asked;
+    message.set_from(by);
+    spoken.station = asked.station();
+  };
+  if (request.has_trainee_message())
+    say(request.trainee_message(), *spoken.message.mutable_trainee_message());
+  if (request.has_next_exercise()) say(request.next_exercise(), *spoken.message.mutable_next_exercise());
+  if (request.has_set_aids()) {
+    say(request.set_aids(), *spoken.message.mutable_set_aids());
+    spoken.session_id = request.set_aids().session_id();
+    spoken.since_minor = 2;
+  }
+  if (request.has_stop_lesson()) {
+    say(request.stop_lesson(), *spoken.message.mutable_stop_lesson());
+    spoken.session_id = request.stop_lesson().session_id();
+    spoken.since_minor = 2;
+  }
+  return spoken;
+}
+
+/// Gives the refusal when it did not reach the station, or may not have.
+Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Request& request, std::string by) {
+  Spoken spoken = spokenBy(request, by);
+  auto* const peer = dynamic_cast<PeerConnection*>(context.hub.stationPeer(spoken.station));
+  const std::string name = "station '" + spoken.station + "'";
+  if (peer == nullptr) co_return makeRefusal(pb::Refusal::NOT_FOUND, name + " is not online");
+  if (peer->version().minor() < spoken.since_minor) {
+    // it would answer the ping and pass over what it does not know: that is no delivery
+    pb::Refusal refusal =
+        makeRefusal(pb::Refusal::VERSION, name + " runs " + printable(peer->program()) + " (protocol " +
+                                              versionText(peer->version()) +
+                                              "), which does not know that: bring it up to date");
+    *refusal.mutable_ours() = ourVersion();
+    *refusal.mutable_theirs() = peer->version();
+    co_return refusal;
+  }
+  if (co_await PeerConnection::sendConfirmed(peer->shared_from_this(), std::move(spoken.message)))
     co_return std::nullopt;
-  co_return makeRefusal(pb::Refusal::TIMEOUT,
-                        "station '" + station + "' did not confirm it within " +
-                            std::to_string(context.bounds.confirm_timeout.count()) +
-                            " ms, or its connection ended: it may not have arrived; say it again when the "
-                            "station is back");
+  co_return makeRefusal(pb::Refusal::TIMEOUT, name + " did not confirm it within " +
+                                                  std::to_string(context.bounds.confirm_timeout.count()) +
+                                                  " ms, or its connection ended: it may not have arrived; "
+                                                  "say it again when the station is back");
+}
+
+/// In the audit log, behind the line that says what was to be delivered.
+void noteLater(ServerContext& context, const std::string& who, const std::string& action,
+               const std::string& subject, const std::string& detail) {
+  asio::post(context.workers, [&service = context.store.service(), who, action, subject, detail] {
+    const Status noted = service.note(who, action, subject, detail);
+    if (!noted.ok()) logEvent(LogLevel::kError, "audit_failed", {{"text", noted.error().message}});
+  });
 }
 
 }  // namespace
@@ -69,22 +123,17 @@ Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Requ
                                           Outcome& outcome) {
   if (outcome.error) co_return refusalOf(*outcome.error);
   std::optional<pb::Refusal> refusal;
-  pb::Envelope message;
   switch (outcome.server_part) {
     case Outcome::ServerPart::kNone:
       break;
     case Outcome::ServerPart::kFillStations:
       context.hub.fillStations(*outcome.reply.mutable_stations());
       break;
-    case Outcome::ServerPart::kDeliverMessage:
-      *message.mutable_trainee_message() = request.trainee_message();
-      message.mutable_trainee_message()->set_from(by);
-      refusal = co_await deliver(context, request.trainee_message().station(), message);
-      break;
-    case Outcome::ServerPart::kNextExercise:
-      *message.mutable_next_exercise() = request.next_exercise();
-      message.mutable_next_exercise()->set_from(by);
-      refusal = co_await deliver(context, request.next_exercise().station(), message);
+    case Outcome::ServerPart::kDeliver:
+      refusal = co_await deliver(context, request, by);
+      if (refusal)
+        noteLater(context, by, "not delivered", spokenBy(request, by).station,
+                  std::string(callName(request.call_case())) + ": " + refusal->text());
       break;
   }
   if (!refusal && outcome.reply.result_case() == pb::Reply::RESULT_NOT_SET) outcome.reply.mutable_done();
@@ -141,10 +190,7 @@ void endAccess(ServerContext& context, const std::string& name, bool station, co
   if (ended + tokens == 0) return;
   const std::string detail =
       text + "; ended: " + std::to_string(ended) + " connections, " + std::to_string(tokens) + " tokens";
-  asio::post(context.workers, [&service = context.store.service(), by, subject, detail] {
-    const Status noted = service.note(by, "access ended", subject, detail);
-    if (!noted.ok()) logEvent(LogLevel::kError, "audit_failed", {{"text", noted.error().message}});
-  });
+  noteLater(context, by, "access ended", subject, detail);
 }
 
 }  // namespace needlelab

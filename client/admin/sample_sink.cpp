@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "admin/growing_file.h"
+#include "base/growing_file.h"
 #include "base/machine.h"
 #include "gesture/chunk.h"
 #include "gesture/recording.h"

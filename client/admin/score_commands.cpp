@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "admin/command.h"
-#include "admin/growing_file.h"
+#include "base/growing_file.h"
 #include "scoring/score_csv.h"
 
 namespace needlelab {

@@ -1,8 +1,10 @@
 #include <memory>
+#include <tuple>
 
 #include "admin/command.h"
 #include "admin/session_export.h"
 #include "admin/session_rows.h"
+#include "admin/when.h"
 #include "scoring/syringe_events.h"
 
 namespace needlelab {
@@ -30,6 +32,7 @@ Status listSessions(CommandContext& context, const pb::ListSessions& filter) {
                               {"trainee", "TRAINEE"},
                               {"exercise_id", "EXERCISE"},
                               {"state", "STATE"},
+                              {"verdict", "VERDICT"},
                               {"recording", "RECORDING"},
                               {"samples", "SAMPLES"},
                               {"stored_bytes", "SIZE", Column::Kind::kBytes}},
@@ -175,7 +178,7 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* session = app.add_subcommand("session", "recorded gestures");
   session->require_subcommand(1);
   struct Values {
-    std::string id, station, trainee, format = "csv", out, text;
+    std::string id, station, trainee, exercise, from, to, verdict, search, format = "csv", out, text;
     std::uint32_t limit = 100, version = 0;
     std::uint64_t tick = 0;
     ExportRange range;
@@ -185,15 +188,36 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* list = session->add_subcommand("list", "newest first");
   list->add_option("--station", values->station, "of this station only");
   list->add_option("--trainee", values->trainee, "of this trainee only");
+  list->add_option("--exercise", values->exercise, "of this exercise only");
+  list->add_option("--from", values->from, "started at this moment or later")->type_name("2026-12-01T18:00Z");
+  list->add_option("--to", values->to, "started before this moment")->type_name("2026-12-01T18:00Z");
+  list->add_option("--verdict", values->verdict, "passed, failed, or none: no score, or nothing is required")
+      ->check(CLI::IsMember({"passed", "failed", "none"}));
+  list->add_option("--search", values->search, "whose trainee's name or full name has this in it");
   list->add_option("--limit", values->limit, "at most so many; 0: all")->capture_default_str();
   list->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) {
-      pb::ListSessions filter;
-      filter.set_station(values->station);
-      filter.set_trainee(values->trainee);
-      filter.set_limit(values->limit);
-      return listSessions(context, filter);
+    const auto filter = std::make_shared<pb::ListSessions>();
+    chosen.check = [values, filter]() -> Status {
+      filter->set_station(values->station);
+      filter->set_trainee(values->trainee);
+      filter->set_exercise_id(values->exercise);
+      filter->set_limit(values->limit);
+      filter->set_search(values->search);
+      if (!values->verdict.empty())
+        filter->set_verdict(values->verdict == "passed"   ? pb::ListSessions::PASSED
+                            : values->verdict == "failed" ? pb::ListSessions::FAILED
+                                                          : pb::ListSessions::NONE);
+      for (const auto& [option, text, set] :
+           {std::tuple("--from", &values->from, &pb::ListSessions::set_from_unix_ns),
+            std::tuple("--to", &values->to, &pb::ListSessions::set_to_unix_ns)}) {
+        if (text->empty()) continue;
+        const auto moment = momentOf(option, *text);
+        if (!moment) return moment.error();
+        ((*filter).*set)(*moment);
+      }
+      return {};
     };
+    chosen.run = [filter](CommandContext& context) { return listSessions(context, *filter); };
   });
 
   /// Subcommands that begin with a session's id.

@@ -70,6 +70,12 @@ Json sessionRow(const pb::SessionInfo& session) {
               {"hash", nullptr},
               {"clock_offset_ns", nullptr},
               {"clock_round_trip_ns", nullptr}};
+  row["verdict"] = session.has_passed() ? Json(session.passed() ? "passed" : "failed") : Json();
+  if (session.figures_size() > 0) {
+    Json& figures = row["figures"] = Json::object();
+    for (const pb::Figure& figure : session.figures())
+      figures[figure.measure()] = figure.has_value() ? Json(figure.value()) : Json();
+  }
   row["recording"] = "original";
   if (session.has_removed_original()) {
     const auto& removed = session.removed_original();

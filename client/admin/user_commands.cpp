@@ -142,7 +142,7 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
     chosen.check = [values]() -> Status {
       const auto role = parseRole(values->role);
       if (!role) return role.error();
-      return checkName("name", values->name);
+      return checkNewName("name", values->name);
     };
     chosen.run = [&global, &chosen, values](CommandContext& context) -> Status {
       const auto role = parseRole(values->role);

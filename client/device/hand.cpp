@@ -3,20 +3,17 @@
 #include <algorithm>
 #include <utility>
 
+#include "device/turn_vector.h"
+
 namespace needlelab {
 namespace {
 
 constexpr double kMaxCorrection_m = 0.05;
 
-// twice the vector part of the turn from `from` to `to`, the short way: the rotation vector of a small turn
-Vec3 turnVector(Quat from, Quat to) {
-  const Quat d = to * conjugate(from);
-  return Vec3{d.x, d.y, d.z} * (d.w < 0 ? -2.0 : 2.0);
-}
-
 }  // namespace
 
-Hand::Hand(const HandOptions& options, HandPlan plan, const Pose& X_HT, double step_s)
+Hand::Hand(const HandOptions& options, HandPlan plan, const Pose& X_HT, double step_s,
+           std::shared_ptr<HandSteering> steering)
     : options_(options),
       plan_(std::move(plan)),
       X_TH_(inverse(X_HT)),
@@ -24,18 +21,21 @@ Hand::Hand(const HandOptions& options, HandPlan plan, const Pose& X_HT, double s
       tremor_(options.tremor_m, options.seed, step_s),
       // a device is read before the hand's first step
       plunger_(plan_.start().plunger),
-      wanted_(startPose()) {}
+      wanted_(startPose()) {
+  if (steering) steered_.emplace(std::move(steering), plan_.start(), step_s);
+}
 
 Pose Hand::startPose() const {
   return plan_.start().X_WT * X_TH_;
 }
 
 bool Hand::finished() const noexcept {
+  if (steered_) return false;
   const double all = plan_.duration_s() * static_cast<double>(options_.repeat);
   return options_.repeat != 0 && static_cast<double>(step_) * step_s_ >= all;
 }
 
-Wrench Hand::pull(const HandleState& handle) noexcept {
+HandAim Hand::plannedAim() const noexcept {
   // time within the plan; whole repeats are taken off
   double t = static_cast<double>(step_) * step_s_;
   if (const double duration = plan_.duration_s(); duration > 0 && t >= duration) {
@@ -43,7 +43,11 @@ Wrench Hand::pull(const HandleState& handle) noexcept {
     const bool last = options_.repeat != 0 && done >= static_cast<double>(options_.repeat);
     t = last ? duration : std::max(0.0, t - done * duration);
   }
-  const HandAim aim = plan_.at(t);
+  return plan_.at(t);
+}
+
+Wrench Hand::pull(const HandleState& handle) noexcept {
+  const HandAim aim = steered_ ? steered_->next() : plannedAim();
   plunger_ = aim.plunger;
 
   // the tip's aim with tremor and correction, moved to the handle; its velocity from the step before

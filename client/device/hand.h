@@ -3,11 +3,13 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "device/hand_plan.h"
 #include "device/hand_tremor.h"
+#include "device/steered_aim.h"
 #include "haptics/geometry.h"
 
 namespace needlelab {
@@ -37,7 +39,7 @@ struct HandOptions {
   /// [0, 1], from a beginner to an expert: what the plan `target` is like then (skilled_hand.h). Tremor and
   /// speed are set beside it.
   std::optional<double> skill = std::nullopt;
-  /// `target[:NAME]`, `retry[:NAME]`, `depth:METRES`, `rest`, or a CSV file of tip poses in W (see
+  /// `target[:NAME]`, `retry[:NAME]`, `depth:METRES`, `rest`, `pointer`, or a CSV file of tip poses in W (see
   /// hand_plan_choice.h)
   std::string plan = "target";
 };
@@ -53,8 +55,10 @@ struct HandleState {
 class Hand {
  public:
   /// `X_HT`: the tip in the handle's frame, as in tool_transform.h. `step_s`: time between two calls of
-  /// `pull`.
-  Hand(const HandOptions& options, HandPlan plan, const Pose& X_HT, double step_s);
+  /// `pull`. With `steering` the hand goes after its wishes in place of the plan, of which it has the start only,
+  /// and is never finished.
+  Hand(const HandOptions& options, HandPlan plan, const Pose& X_HT, double step_s,
+       std::shared_ptr<HandSteering> steering = nullptr);
 
   /// Where the hand wants the handle at the first step.
   [[nodiscard]] Pose startPose() const;
@@ -68,8 +72,11 @@ class Hand {
   [[nodiscard]] const Pose& wanted() const noexcept { return wanted_; }
 
  private:
+  HandAim plannedAim() const noexcept;
+
   HandOptions options_;
   HandPlan plan_;
+  std::optional<SteeredAim> steered_;
   Pose X_TH_;
   double step_s_;
   HandTremor tremor_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <string_view>
 #include <variant>
 
@@ -96,6 +97,8 @@ Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W
   if (!(options.hold_s > 0 && options.hold_s <= 600))
     return Error{ErrorCode::kInvalidInput,
                  "--hand-hold-s: " + std::to_string(options.hold_s) + ", allowed is above 0 and up to 600"};
+  if (options.plan == kPointerPlan)
+    return invalid("pointer: mouse and keys need a window to steer in; choose another plan, or open the window");
   const std::size_t colon = options.plan.find(':');
   const std::string kind = options.plan.substr(0, colon);
   const std::string argument = colon == std::string::npos ? "" : options.plan.substr(colon + 1);
@@ -108,6 +111,18 @@ Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W
     if (plan->end().X_WT != plan->start().X_WT)
       plan->moveTo(plan->start().X_WT, 5 * options.speed_mps, Motion::kMinJerk);
   }
+  return plan;
+}
+
+HandPlan steeredStart(const SceneSpec& scene_W, const std::vector<PlanTarget>& targets_W) {
+  constexpr double kOutside_m = 0.03, kBeside_m = 0.015;
+  const Vec3 entry = !targets_W.empty() && targets_W.front().entry_W_m ? *targets_W.front().entry_W_m
+                                                                       : referencePoint(scene_W.limb);
+  const Vec3 n = outwardNormal(scene_W.limb, entry);
+  const Vec3 right = std::abs(n.y) < 0.9 ? Vec3{0, 1, 0} : Vec3{1, 0, 0};
+  const Vec3 beside = normalized(right - n * dot(right, n));
+  HandPlan plan({entry + n * kOutside_m + beside * kBeside_m, orientationAlong(-n)});
+  plan.plungerAtStart(kPlungerBeforeAspiration);
   return plan;
 }
 

@@ -11,6 +11,9 @@
 
 namespace needlelab {
 
+/// The plan of a hand that is steered while it moves.
+inline constexpr const char* kPointerPlan = "pointer";
+
 /// A target of the profile, already placed in W.
 struct PlanTarget {
   std::string name;
@@ -28,7 +31,12 @@ struct PlanTarget {
 /// - `rest`: stays 20 mm outside for the time of the hold;
 /// - anything else: a CSV file of tip poses in W as readPoseTrack reads it, straight lines between its rows.
 /// Errors: kInvalidInput.
+/// `pointer` is refused: such a hand has no plan, see steeredStart.
 Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W,
                             const std::vector<PlanTarget>& targets_W);
+
+/// Where a hand waits that somebody steers (kPointerPlan): upright, 30 mm outside the marked entry of the first target,
+/// or else the limb's reference point, and 15 mm beside it: to aim is part of the exercise.
+HandPlan steeredStart(const SceneSpec& scene_W, const std::vector<PlanTarget>& targets_W);
 
 }  // namespace needlelab

@@ -75,7 +75,7 @@ Status SimulatedDevice::open(double rate_hz) {
   steps_per_tick_ =
       std::max<std::int64_t>(1, static_cast<std::int64_t>(options_.integration_hz / rate_hz + 0.5));
   step_s_ = 1 / (rate_hz * static_cast<double>(steps_per_tick_));
-  hand_.emplace(options_.hand, plan_, options_.X_HT, step_s_);
+  hand_.emplace(options_.hand, plan_, options_.X_HT, step_s_, options_.steering);
   handle_ = {hand_->startPose(), {}, {}};
   tick_ = 0;
   pending_.fill({});

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 
 #include "device/device.h"
@@ -13,6 +14,7 @@ namespace needlelab {
 
 struct SimulatedDeviceOptions {
   HandOptions hand;
+  std::shared_ptr<HandSteering> steering;  ///< the hand is steered; null: it pursues its plan
   Pose X_HT;                   ///< tip in the handle's frame: the hand pursues its plan with the tip
   DeviceLimits limits;         ///< its apparent mass and damping move the handle
   double inertia_kgm2 = 1e-3;  ///< of the handle about every axis

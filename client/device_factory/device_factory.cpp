@@ -24,10 +24,13 @@ Result<std::unique_ptr<Device>> makeDevice(const std::string& spec, const Device
   const std::string rest = colon == std::string::npos ? "" : spec.substr(colon + 1);
 
   if (kind == "simulated" && colon == std::string::npos) {
-    auto plan = choosePlan(options.hand, options.scene, options.targets);
+    const bool steered = options.hand.plan == kPointerPlan && options.steering != nullptr;
+    auto plan = steered ? Result<HandPlan>(steeredStart(options.scene, options.targets))
+                        : choosePlan(options.hand, options.scene, options.targets);
     if (!plan.ok()) return plan.error();
     SimulatedDeviceOptions simulated;
     simulated.hand = options.hand;
+    if (steered) simulated.steering = options.steering;
     simulated.X_HT = options.X_HT;
     return std::unique_ptr<Device>(std::make_unique<SimulatedDevice>(simulated, std::move(*plan)));
   }

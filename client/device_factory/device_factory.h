@@ -20,6 +20,7 @@ struct DeviceOptions {
   std::vector<PlanTarget> targets;  ///< of the profile, in W
   Pose X_HT;                        ///< the tool: the tip in the handle's frame
   HandOptions hand;                 ///< `--hand-…` (hand_cli.h)
+  std::shared_ptr<HandSteering> steering = nullptr;  ///< for the plan `pointer`
 };
 
 /// For `--help` and for error messages: the kinds of device that there are, e.g. "simulated, recording:FILE".

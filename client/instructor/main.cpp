@@ -1,4 +1,4 @@
-// needlelab-instructor: watch live, replay, speak to the trainee.
+// needlelab-instructor: watch live, replay, speak to the trainee; a window, or lines in a terminal.
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <csignal>
@@ -9,6 +9,8 @@
 #include "base/exit_code.h"
 #include "base/secret.h"
 #include "instructor/headless.h"
+#include "instructor/window_mode.h"
+#include "instructor_model/report.h"
 #include "net/password.h"
 #include "wire/protobuf_log.h"
 
@@ -30,12 +32,19 @@ int main(int argc, char** argv) {
   InstructorOptions options;
   CLI::App app("needlelab-instructor: watch stations live, replay stored sessions.");
   app.set_version_flag("--version", programText("instructor"));
-  app.add_option("--server", options.server, "HOST:PORT of the server")->required();
-  app.add_option("--ca", options.ca, "The server's tls/ca.crt")->required();
-  app.add_option("--user", options.user, "Name of an instructor")->required();
+  app.add_option("--server", options.server, "HOST:PORT of the server");
+  app.add_option("--ca", options.ca, "The server's tls/ca.crt");
+  app.add_option("--user", options.user, "Name of an instructor");
   app.add_option("--password-file", options.password_file,
                  "First line is the password; without it the terminal asks");
-  app.add_flag("--headless", options.headless, "Lines in this terminal");
+  app.add_flag("--headless", options.headless, "Lines in this terminal, no window");
+  app.add_option("--report", options.report, "Write a report about --session as an HTML file");
+  app.add_option("--script", options.script, "Of the window: do what this file lists, then end")->type_name("FILE");
+  app.add_option("--screenshot", options.screenshot, "Of the window: a PNG of it")->type_name("FILE");
+  app.add_flag("--off-screen", options.off_screen, "Draw the window into memory: needs no display");
+  app.add_option("--window", options.window_size, "The window's size in pixels, e.g. 1280x720; default: as it was left")
+      ->type_name("WxH");
+  app.add_option("--font-scale", options.font_scale, "Letters, 0.8 to 2.5")->capture_default_str();
   app.add_option("--station", options.station, "Watch this station; without it an overview of all");
   app.add_option("--session", options.session, "Watch this session (its UUID), or replay it");
   app.add_flag("--replay", options.replay, "Replay the stored session");
@@ -47,34 +56,52 @@ int main(int argc, char** argv) {
   app.add_option("--seconds", options.seconds, "End after so long; without it on Ctrl-C");
   app.add_option("--message", options.message, "Say this to the trainee of --station");
   app.add_option("--next-exercise", options.next_exercise, "Set the next exercise of --station");
+  app.add_option("--aids", options.aids,
+                 "What the trainee at --station is shown from now on: DEPTH,FORCE,…, none, all; reset: as the "
+                 "exercise says");
+  auto* const stop = app.add_option("--stop", options.stop_reason,
+                                    "End the lesson at --station, with a reason for the trainee")
+                         ->expected(0, 1)
+                         ->type_name("[REASON]");
+  app.add_option("--annotate", options.annotate, "A remark on the lesson at --station or on --session, now or --at");
+  app.add_option("--at", options.at_s, "Of the remark: so many seconds after the session's first sample; of --screenshot: after the window's beginning (2)");
+  app.add_flag("--once", options.once, "End when all of this has been said; else go on watching");
   app.add_flag("--json", options.json, "One JSON object a line");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? kExitDone : kExitInvalid;
   }
+  options.stop = stop->count() > 0;
   const auto fail = [](const Error& error) {
     std::fprintf(stderr, "needlelab-instructor: %s\n", error.message.c_str());
     return exitCodeOf(error);
   };
 
   if (const Status ok = checkOptions(options); !ok.ok()) return fail(ok.error());
-  if (!options.headless) {
-    return fail({ErrorCode::kInvalidInput, "the window of the instructor is not built yet: use --headless"});
+  std::signal(SIGINT, onSignal);
+  std::signal(SIGTERM, onSignal);
+  const auto stopped = [] { return interrupted.load(std::memory_order_relaxed); };
+  if (options.window()) {
+    const Status done = runWindowMode(options, stopped);
+    return done.ok() ? kExitDone : fail(done.error());
   }
   const auto password = readPassword(options.password_file, "Password of " + options.user + ": ");
   if (!password.ok()) return fail(password.error());
-
-  std::signal(SIGINT, onSignal);
-  std::signal(SIGTERM, onSignal);
   ServerLink link(clientConfig(options), options.user, *password);
   if (const Status connected = link.connect(); !connected.ok()) return fail(connected.error());
+  if (!options.report.empty()) {
+    const Status written = writeReport([&](const pb::Request& request) { return link.client().call(request); },
+                                       sessionBytes(options), options.report);
+    if (!written.ok()) return fail(written.error());
+    std::printf("written: %s\n", options.report.c_str());
+    return kExitDone;
+  }
   using Clock = ServerLink::Clock;
   const auto end = options.seconds ? Clock::now() + std::chrono::duration_cast<Clock::duration>(
                                                         std::chrono::duration<double>(*options.seconds))
                                    : Clock::time_point::max();
-  const HeadlessRun run{options, link, std::cout, [] { return interrupted.load(std::memory_order_relaxed); },
-                        end};
+  const HeadlessRun run{options, link, std::cout, stopped, end};
   const Status done = runHeadless(run);
   return done.ok() ? kExitDone : fail(done.error());
 }

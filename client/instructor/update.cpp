@@ -125,4 +125,10 @@ std::string noteLine(const std::string& text, bool json) {
   return line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
+std::string saidLine(const std::string& what, bool ok, const std::string& text, bool json) {
+  if (!json) return noteLine(ok ? text : what + ": " + text, false);
+  const nlohmann::ordered_json line = {{"type", "note"}, {"said", what}, {"ok", ok}, {"text", text}};
+  return line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
 }  // namespace needlelab

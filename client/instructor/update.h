@@ -39,5 +39,7 @@ std::string textLine(const Update& update);
 std::string jsonLine(const Update& update);
 /// Anything else that is worth a line: "type": "note".
 std::string noteLine(const std::string& text, bool json);
+/// What became of something that was to be said ("stop"): a note, as JSON with "said" and "ok".
+std::string saidLine(const std::string& what, bool ok, const std::string& text, bool json);
 
 }  // namespace needlelab

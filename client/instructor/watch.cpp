@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <vector>
 
 #include "base/clock.h"
@@ -11,6 +12,7 @@
 #include "instructor/live_stats.h"
 #include "instructor/plunger_watch.h"
 #include "instructor/update.h"
+#include "instructor/words.h"
 #include "wire/refusal.h"
 
 namespace needlelab {
@@ -29,10 +31,12 @@ class Watch {
   explicit Watch(const HeadlessRun& run) : run_(run) {}
 
   Status run() {
+    words_.onStored();
+    if (saidEnough()) return saidOutcome();
     if (auto status = askForStation(); !status.ok()) return status;
     if (auto status = subscribe(); !status.ok()) return status;
     Status result;
-    while (!run_.over()) {
+    while (!run_.over() && !saidEnough()) {
       auto got = run_.link.client().receive(std::chrono::milliseconds(100));
       if (!got.ok()) {
         if (got.error().code == ErrorCode::kNotFound) continue;
@@ -46,8 +50,9 @@ class Watch {
     }
     summary();
     // a loss that the end of --seconds cut short is no failure when something was seen
-    if (!result.ok() && result.error().code == ErrorCode::kUnavailable && stats_.frames() > 0) return {};
-    return result;
+    const bool cut_short =
+        !result.ok() && result.error().code == ErrorCode::kUnavailable && stats_.frames() > 0;
+    return result.ok() || cut_short ? saidOutcome() : result;
   }
 
  private:
@@ -71,6 +76,16 @@ class Watch {
               (names.empty() ? "none" : names) + ". Waiting in case it is added; Ctrl-C ends");
     return {};
   }
+
+  /// Who asked for something to be said wants to know that it was, or why not.
+  [[nodiscard]] Status saidOutcome() const {
+    if (words_.refused()) return *words_.refused();
+    if (!run_.options.once || words_.allSaid()) return {};
+    return Error{ErrorCode::kUnavailable,
+                 "the time is over, and not everything could be said: the station was not online, or no lesson "
+                 "ran there"};
+  }
+  [[nodiscard]] bool saidEnough() const { return run_.options.once && words_.allSaid(); }
 
   Status subscribe() {
     pb::Envelope envelope;
@@ -100,28 +115,9 @@ class Watch {
       run_.note("station " + status.station() +
                 (words.empty() ? ": no trouble any more" : ": TROUBLE: " + words));
     }
-    if (status.online()) speak();
-  }
-
-  /// What the instructor wanted to tell the trainee, once.
-  void speak() {
-    if (std::exchange(spoken_, true)) return;
-    if (!run_.options.message.empty()) {
-      pb::Request request;
-      request.mutable_trainee_message()->set_station(run_.options.station);
-      request.mutable_trainee_message()->set_text(run_.options.message);
-      tell(request, "message sent");
-    }
-    if (!run_.options.next_exercise.empty()) {
-      pb::Request request;
-      request.mutable_next_exercise()->set_station(run_.options.station);
-      request.mutable_next_exercise()->set_exercise_id(run_.options.next_exercise);
-      tell(request, "next exercise set");
-    }
-  }
-  void tell(const pb::Request& request, const std::string& done) {
-    const auto reply = run_.link.client().call(request);
-    run_.note(reply.ok() ? done : reply.error().message);
+    if (!status.online()) return;
+    words_.online();
+    if (!status.session_id().empty()) words_.lesson(status.session_id());
   }
 
   void onFrame(const pb::LiveFrame& frame) {
@@ -133,6 +129,7 @@ class Watch {
     }
     stats_.add(frame, samples->size(), received);
     const GestureSample& newest = samples->back();
+    words_.moment(frame.session_id(), newest.tick);
     const SessionFacts& facts = factsOf(frame, newest);
     if (frame.session_id() != plunger_of_) {
       plunger_ = {};
@@ -201,7 +198,10 @@ class Watch {
   std::map<std::string, SessionFacts> facts_;
   std::optional<bool> online_;
   std::string trouble_;
-  bool spoken_ = false;
+  Words words_{run_.options, [this](const pb::Request& request) { return run_.link.client().call(request); },
+               [this](const std::string& what, bool ok, const std::string& text) {
+                 run_.line(saidLine(what, ok, text, run_.options.json));
+               }};
 };
 
 }  // namespace

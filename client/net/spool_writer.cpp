@@ -132,7 +132,8 @@ void SpoolWriter::writeTail() {
 // for whoever watches
 void SpoolWriter::showPiece() {
   auto bytes = std::make_shared<const Bytes>(encodeChunk(resolution_, piece_));
-  SamplePiece piece{std::move(bytes), piece_.back(), 0, 0};
+  SamplePiece piece{std::move(bytes), piece_.back(), 0, 0,
+                    std::make_shared<const std::vector<GestureSample>>(piece_)};
   for (const GestureSample& sample : piece_) piece.flags |= sample.flags;
   piece_.clear();
   {

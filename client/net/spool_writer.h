@@ -31,6 +31,7 @@ struct SamplePiece {
   GestureSample last;                  ///< the newest of its samples
   std::uint64_t samples_so_far = 0;    ///< of the session, this piece included
   std::uint32_t flags = 0;             ///< of all of its samples
+  std::shared_ptr<const std::vector<GestureSample>> samples = {};  ///< all of it, as they were recorded
 };
 
 /// What the writer has done so far.

@@ -6,7 +6,7 @@
 
 #include "base/clock.h"
 #include "base/text_rules.h"
-#include "net/uplink_lesson_call.h"
+#include "net/uplink_call.h"
 
 namespace needlelab {
 namespace {
@@ -52,6 +52,16 @@ void Uplink::add(std::shared_ptr<SpoolSession> session, bool current) {
   {
     const std::scoped_lock lock(mutex_);
     added_.emplace_back(std::move(session), current);
+    if (current) {
+      current_added_ = true;
+      state_.current_committed = 0;
+      state_.current_verdict.reset();
+      state_.current_trouble.clear();
+      newest_.reset();
+      live_.clear();
+      facts_ = {};
+      dropped_before_ = state_.live_dropped;
+    }
     ++state_.sessions_open;
   }
   wake();
@@ -77,6 +87,11 @@ void Uplink::offer(const SamplePiece& piece) {
   asio::post(io_, [this] { pumpLive(); });
 }
 
+void Uplink::noteLesson(LessonFacts facts) {
+  const std::scoped_lock lock(mutex_);
+  facts_ = std::move(facts);
+}
+
 void Uplink::noteTrouble(const std::string& source, const std::string& words) {
   const std::scoped_lock lock(mutex_);
   if (words.empty())
@@ -88,11 +103,21 @@ void Uplink::noteTrouble(const std::string& source, const std::string& words) {
 Result<pb::Lesson> Uplink::getLesson(const std::string& exercise_id, const std::string& trainee,
                                      std::chrono::milliseconds patience, bool once,
                                      const std::function<bool()>& stopped) {
-  auto call = std::make_shared<LessonCall>();
-  call->call.set_exercise_id(exercise_id);
-  call->call.set_trainee(trainee);
+  pb::Request request;
+  request.mutable_get_lesson()->set_exercise_id(exercise_id);
+  request.mutable_get_lesson()->set_trainee(trainee);
+  auto reply = ask(std::move(request), patience, once, stopped);
+  if (!reply.ok()) return reply.error();
+  if (!reply->has_lesson()) return Error{ErrorCode::kFailed, "the server answered, but with no lesson"};
+  return std::move(*reply->mutable_lesson());
+}
+
+Result<pb::Reply> Uplink::ask(pb::Request request, std::chrono::milliseconds patience, bool once,
+                              const std::function<bool()>& stopped) {
+  auto call = std::make_shared<Call>();
+  call->request = std::move(request);
   std::unique_lock lock(mutex_);
-  lesson_ = call;
+  call_ = call;
   lock.unlock();
   wake();
   lock.lock();
@@ -108,7 +133,7 @@ Result<pb::Lesson> Uplink::getLesson(const std::string& exercise_id, const std::
     stop = stopped && stopped();
     lock.lock();
   }
-  lesson_.reset();
+  call_.reset();
   if (call->result) return *call->result;
   if (stop) return Error{ErrorCode::kFailed, "stopped while waiting for the server"};
   if (state_.denied) return Error{ErrorCode::kDenied, state_.error};

@@ -36,8 +36,20 @@ struct UplinkEvents {
   std::function<void(const std::string&)> say;  ///< for a person: connected, lost, refused, …
   std::function<void(const pb::TraineeMessage&)> trainee_message;  ///< an instructor speaks
   std::function<void(const pb::NextExercise&)> next_exercise;      ///< an instructor chose
+  /// An instructor changes what is shown; all numbers are aids, and it is for the current session or for any.
+  std::function<void(const pb::SetAids&)> set_aids;
+  /// … ends the lesson, so, too.
+  std::function<void(const pb::StopLesson&)> stop_lesson;
   std::function<void(const pb::Ack&)> acknowledged;      ///< as it came; for tests that keep a ledger
   std::function<void(const pb::SessionClosed&)> closed;  ///< … so, too
+};
+
+/// What a watch over the lesson knows of it, for the station's status lines.
+struct LessonFacts {
+  double peak_force_N = 0;                   ///< since the session began
+  std::vector<std::string> hazards_touched;  ///< names, in order
+  double force_limit_N = 0;                  ///< what the exercise requires of the peak force; 0: nothing
+  std::string tissue;                        ///< of the layer that the tip is in; empty outside
 };
 
 /// How it stands.
@@ -75,6 +87,8 @@ class Uplink {
   void offer(const SamplePiece& piece);
   void noteMissedTicks(std::uint64_t missed) { missed_ticks_.store(missed, std::memory_order_relaxed); }
   void noteWakeup(std::uint32_t p99_us) { wakeup_p99_us_.store(p99_us, std::memory_order_relaxed); }
+  /// Of the current session; forgotten when another one is added. Thread: any.
+  void noteLesson(LessonFacts facts);
   /// What a person at the server should look at, for StationStatus.trouble; empty words: all is well again.
   /// Each `source` (disk, device, …) speaks for itself; in the status line all stand beside each other.
   void noteTrouble(const std::string& source, const std::string& words);
@@ -85,6 +99,10 @@ class Uplink {
   Result<pb::Lesson> getLesson(const std::string& exercise_id, const std::string& trainee,
                                std::chrono::milliseconds patience, bool once,
                                const std::function<bool()>& stopped = {});
+  /// The same for any request. One at a time: a second question takes the place of the first. Errors as getLesson, and
+  /// what else a Refusal says (errorOf).
+  Result<pb::Reply> ask(pb::Request request, std::chrono::milliseconds patience, bool once,
+                        const std::function<bool()>& stopped = {});
   /// Waits until the server has closed (or refused) every session, or refuses us. False when `patience`
   /// passed before.
   bool waitUntilDone(std::chrono::milliseconds patience);
@@ -94,12 +112,14 @@ class Uplink {
   [[nodiscard]] UplinkState state() const;
 
  private:
-  struct LessonCall;
+  struct Call;
   Task<> run();
   Task<> serve(ClientConnection connection);
   Task<> keepTime();
   void handle(const pb::Envelope& envelope);
   void handleRefusal(const pb::Envelope& envelope);
+  /// Is what an instructor says for the current session, or for any? Says so when it is not.
+  [[nodiscard]] bool meansCurrent(const std::string& session_id) const;
   void pump();
   void pumpLive();
   void sendStatus();
@@ -141,7 +161,10 @@ class Uplink {
   std::uint64_t live_skipped_ = 0;     // dropped since the last frame that was taken
   std::optional<SamplePiece> newest_;  // for the status line
   std::uint32_t flags_since_status_ = 0;
-  std::shared_ptr<LessonCall> lesson_;
+  std::shared_ptr<Call> call_;
+  bool current_added_ = false;  // to `added_`: what is known of the current session is of the one before
+  LessonFacts facts_;                 // of the current session
+  std::uint64_t dropped_before_ = 0;  // live frames, when the current session was added
   std::map<std::string, std::string> troubles_;  // by source
 
   std::atomic<bool> watched_{false};

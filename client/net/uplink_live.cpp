@@ -8,6 +8,8 @@
 namespace needlelab {
 namespace {
 
+constexpr std::size_t kMostHazardBytes = 400;  // of all names together, beside 1 KiB of trouble
+
 /// Servers refuse long status lines (server/hub.h): the beginning of the text, not through a character.
 void cutText(std::string& text, std::size_t bytes) {
   if (text.size() <= bytes) return;
@@ -58,12 +60,24 @@ void Uplink::sendStatus() {
       status.set_fault(last.fault);
       status.set_warnings(std::exchange(flags_since_status_, 0));
     }
+    status.set_peak_force_n(facts_.peak_force_N);
+    status.set_force_limit_n(facts_.force_limit_N);
+    status.set_tissue(facts_.tissue);
+    cutText(*status.mutable_tissue(), 64);
+    std::size_t room = kMostHazardBytes;
+    for (const std::string& name : facts_.hazards_touched) {
+      if (name.size() + 3 > room) break;
+      room -= name.size() + 3;  // with its tag and length
+      status.add_hazards_touched(name);
+    }
+    status.set_live_dropped(state_.live_dropped - dropped_before_);
   }
   if (current_ != nullptr && !current_->spool()->contents().ended) {
     const pb::SessionDescription& description = current_->spool()->description();
     status.set_session_id(description.session_id());
     status.set_trainee(description.trainee());
     status.set_exercise_id(description.exercise_id());
+    status.set_started_unix_ns(description.started_unix_ns());
   }
   status.set_missed_ticks(missed_ticks_.load(std::memory_order_relaxed));
   status.set_wakeup_p99_us(wakeup_p99_us_.load(std::memory_order_relaxed));

@@ -1,10 +1,32 @@
 // What the server's messages mean; on the uplink's own thread.
 #include "base/clock.h"
 #include "net/uplink.h"
-#include "net/uplink_lesson_call.h"
+#include "net/uplink_call.h"
 #include "wire/refusal.h"
 
 namespace needlelab {
+namespace {
+
+/// Without those of a newer server that we cannot show.
+pb::SetAids withKnownAids(const pb::SetAids& set) {
+  pb::SetAids known = set;
+  known.clear_aids();
+  for (const int aid : set.aids()) {
+    if (aid != pb::Exercise::AID_UNSPECIFIED && pb::Exercise::Aid_IsValid(aid))
+      known.add_aids(static_cast<pb::Exercise::Aid>(aid));
+  }
+  return known;
+}
+
+}  // namespace
+
+bool Uplink::meansCurrent(const std::string& session_id) const {
+  if (session_id.empty() ||
+      (current_ != nullptr && current_->spool()->description().session_id() == session_id))
+    return true;
+  say("an instructor's word for another lesson than this one came too late and is passed over");
+  return false;
+}
 
 UplinkSession* Uplink::find(const std::string& session_id) {
   for (const auto& session : sessions_)
@@ -42,8 +64,8 @@ void Uplink::handle(const pb::Envelope& envelope) {
       break;
     case pb::Envelope::kReply: {
       const std::scoped_lock lock(mutex_);
-      if (lesson_ && lesson_->sent_as == envelope.reply().id() && envelope.reply().has_lesson()) {
-        lesson_->result = envelope.reply().lesson();
+      if (call_ && call_->sent_as == envelope.reply().id()) {
+        call_->result = envelope.reply();
         changed_.notify_all();
       }
       break;
@@ -64,6 +86,14 @@ void Uplink::handle(const pb::Envelope& envelope) {
     case pb::Envelope::kNextExercise:
       if (events_.next_exercise) events_.next_exercise(envelope.next_exercise());
       break;
+    case pb::Envelope::kSetAids:
+      if (meansCurrent(envelope.set_aids().session_id()) && events_.set_aids)
+        events_.set_aids(withKnownAids(envelope.set_aids()));
+      break;
+    case pb::Envelope::kStopLesson:
+      if (meansCurrent(envelope.stop_lesson().session_id()) && events_.stop_lesson)
+        events_.stop_lesson(envelope.stop_lesson());
+      break;
     case pb::Envelope::kBye:
       channel_->finish(CloseReason::kPeerClosed, "the server says goodbye: " + envelope.bye().reason());
       break;
@@ -76,8 +106,8 @@ void Uplink::handleRefusal(const pb::Envelope& envelope) {
   const pb::Refusal& refusal = envelope.refusal();
   if (envelope.refused_request() != 0) {
     const std::scoped_lock lock(mutex_);
-    if (lesson_ && lesson_->sent_as == envelope.refused_request()) {
-      lesson_->result = errorOf(refusal);
+    if (call_ && call_->sent_as == envelope.refused_request()) {
+      call_->result = errorOf(refusal);
       changed_.notify_all();
     }
     return;

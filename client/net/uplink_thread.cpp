@@ -5,7 +5,7 @@
 #include "base/clock.h"
 #include "net/backoff.h"
 #include "net/uplink.h"
-#include "net/uplink_lesson_call.h"
+#include "net/uplink_call.h"
 
 namespace needlelab {
 namespace {
@@ -72,7 +72,7 @@ Task<> Uplink::run() {
       state_.denied = denied;
       state_.error = why;
       live_.clear();
-      if (lesson_) lesson_->sent_as = 0;
+      if (call_) call_->sent_as = 0;
     }
     changed_.notify_all();
     if (stopping_) break;
@@ -140,6 +140,7 @@ void Uplink::takeAdded() {
   {
     const std::scoped_lock lock(mutex_);
     added.swap(added_);
+    current_added_ = false;
   }
   for (auto& [spool, current] : added) {
     auto session =
@@ -160,11 +161,11 @@ void Uplink::pump() {
   if (channel_ && !channel_->closing()) {
     {
       const std::scoped_lock lock(mutex_);
-      if (lesson_ && lesson_->sent_as == 0 && !lesson_->result) {
+      if (call_ && call_->sent_as == 0 && !call_->result) {
         pb::Envelope envelope;
-        lesson_->sent_as = ++request_;
+        call_->sent_as = ++request_;
+        *envelope.mutable_request() = call_->request;
         envelope.mutable_request()->set_id(request_);
-        *envelope.mutable_request()->mutable_get_lesson() = lesson_->call;
         channel_->send(envelope);
       }
     }
@@ -202,7 +203,7 @@ void Uplink::publish() {
     state_.chunks_left = left;
     state_.sessions_open = open + added_.size();
     state_.clock = clock_.best();
-    if (current_ != nullptr) {
+    if (current_ != nullptr && !current_added_) {
       state_.current_committed = current_->committed();
       if (current_->closed()) state_.current_verdict = current_->verdict();
       state_.current_trouble = current_->trouble();

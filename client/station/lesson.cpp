@@ -47,17 +47,18 @@ Result<StationLesson> lessonOfMessage(const StationOptions& options, const pb::L
   if (!lesson.ok()) return lesson;
   lesson->exercise = std::move(*exercise);
   lesson->profile_revision = message.profile_revision();
+  lesson->attempt = message.attempt();
+  if (message.has_attempts_left()) lesson->attempts_left = message.attempts_left();
   return lesson;
 }
 
+LiveAids aidsOf(const AidList& aids) {
+  return {hasAid(aids, pb::Exercise::PHASE), hasAid(aids, pb::Exercise::LAYER),
+          hasAid(aids, pb::Exercise::DEPTH), hasAid(aids, pb::Exercise::FORCE)};
+}
+
 LiveAids aidsOf(const StationLesson& lesson) {
-  if (!lesson.exercise || !lesson.exercise->has_aids()) return {};
-  const auto& allowed = lesson.exercise->aids().allowed();
-  const auto has = [&](pb::Exercise::Aid aid) {
-    return std::find(allowed.begin(), allowed.end(), aid) != allowed.end();
-  };
-  return {has(pb::Exercise::PHASE), has(pb::Exercise::LAYER), has(pb::Exercise::DEPTH),
-          has(pb::Exercise::FORCE)};
+  return aidsOf(lesson.exercise ? aidsOfExercise(*lesson.exercise) : usualAids());
 }
 
 std::vector<PlanTarget> targetsOf(const pb::Profile& profile, const Pose& X_WL) {

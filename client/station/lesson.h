@@ -12,6 +12,7 @@
 #include "haptics/scene_model.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/profile.pb.h"
+#include "profile/aid_list.h"
 #include "station/live_line.h"
 #include "station/options.h"
 
@@ -25,6 +26,8 @@ struct StationLesson {
   SceneSpec scene;  ///< in W
   SceneModel model;
   std::vector<std::string> warnings;  ///< of the profile, for a person
+  std::uint32_t attempt = 0;                   ///< the trainee's attempt number; 0: not known
+  std::optional<std::uint32_t> attempts_left;  ///< this one included; none: as many as one likes
 };
 
 /// From a profile in a file (`options.profile_file`). Errors: kInvalidInput.
@@ -34,6 +37,8 @@ Result<StationLesson> lessonOfMessage(const StationOptions& options, const pb::L
 
 /// Which numbers the exercise allows on the live line; all of them where it says nothing.
 LiveAids aidsOf(const StationLesson& lesson);
+/// The same for aids that were chosen.
+LiveAids aidsOf(const AidList& aids);
 
 /// The profile's targets in W.
 std::vector<PlanTarget> targetsOf(const pb::Profile& profile, const Pose& X_WL);

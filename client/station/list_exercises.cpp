@@ -4,6 +4,7 @@
 #include <iostream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "base/clock.h"
 #include "base/exit_code.h"
@@ -37,23 +38,28 @@ Result<std::vector<ServerExercise>> exercisesOfServer(const StationOptions& opti
   config.login = stationLogin(options.station.empty() ? key->station : options.station, key->key);
   auto client = BlockingClient::connect(config);
   if (!client.ok()) return client.error();
+  auto exercises = exercisesBy([&](pb::Request request) { return client->call(std::move(request)); });
+  client->finish();
+  return exercises;
+}
 
+Result<std::vector<ServerExercise>> exercisesBy(const AskServer& ask) {
   pb::Request request;
   request.mutable_list_curricula();
-  const auto curricula = client->call(request);
+  const auto curricula = ask(request);
   if (!curricula.ok()) return curricula.error();
   std::vector<ServerExercise> exercises;
   for (const pb::CurriculumSummary& summary : curricula->curricula().curricula()) {
     request.mutable_get_curriculum()->set_id(summary.id());
-    const auto reply = client->call(request);
+    const auto reply = ask(request);
     if (!reply.ok()) return reply.error();
     const auto curriculum = nlohmann::json::parse(reply->curriculum().json(), nullptr, false);
     if (!curriculum.is_object() || !curriculum.contains("exercises") || !curriculum["exercises"].is_array())
       continue;
     for (const auto& exercise : curriculum["exercises"])
-      exercises.push_back({textAt(exercise, "id"), textAt(exercise, "name"), textAt(exercise, "profile_id")});
+      exercises.push_back({textAt(exercise, "id"), textAt(exercise, "name"), textAt(exercise, "profile_id"),
+                           textAt(exercise, "description")});
   }
-  client->finish();
   return exercises;
 }
 

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "needlelab/control.pb.h"
 #include "net/spool_lessons.h"
 #include "station/options.h"
 
@@ -21,9 +23,13 @@ struct ListedExercise {
 
 /// An exercise as the server lists it.
 struct ServerExercise {
-  std::string exercise_id, name, profile_id;
+  std::string exercise_id, name, profile_id, description;
 };
-/// Errors: as BlockingClient::connect.
+/// Puts a request to the server: by a connection of one's own, or by the uplink's.
+using AskServer = std::function<Result<pb::Reply>(pb::Request)>;
+/// All exercises of all courses. Errors: those of `ask`.
+Result<std::vector<ServerExercise>> exercisesBy(const AskServer& ask);
+/// By a connection for this alone. Errors: as BlockingClient::connect.
 Result<std::vector<ServerExercise>> exercisesOfServer(const StationOptions& options);
 
 /// Both together, by id. `on_server`: none when it was not asked or did not answer.

@@ -32,7 +32,7 @@ Result<LocalScore> localScore(const SpoolSession& session, const StationLesson& 
   const auto measures = scoreGesture(samples, session.description().rate_hz(), lesson.profile, X_WL,
                                      lesson.exercise ? &*lesson.exercise : nullptr);
   const auto events = syringeEvents(samples, session.description().rate_hz(), lesson.profile, X_WL);
-  return LocalScore{scoreJson(measures), eventsJson(events)};
+  return LocalScore{scoreJson(measures), eventsJson(events), gestureCurve(samples, lesson.model.limb)};
 }
 
 }  // namespace needlelab

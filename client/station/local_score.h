@@ -7,6 +7,7 @@
 #include "base/result.h"
 #include "haptics/geometry.h"
 #include "net/spool.h"
+#include "station/gesture_curve.h"
 #include "station/lesson.h"
 
 namespace needlelab {
@@ -14,6 +15,7 @@ namespace needlelab {
 struct LocalScore {
   std::string score_json;   ///< rows as of scoreJson
   std::string events_json;  ///< rows as of eventsJson
+  GestureCurve curve;       ///< for plots
 };
 
 /// Reads the session's chunks again, as the server would. Errors: kInvalidInput for a session too long to be

@@ -9,6 +9,7 @@
 #include "station/modes.h"
 #include "station/options.h"
 #include "station/station.h"
+#include "trainee/trainee_app.h"
 #include "wire/protobuf_log.h"
 
 int main(int argc, char** argv) {
@@ -32,7 +33,8 @@ int main(int argc, char** argv) {
       case needlelab::StationMode::kLesson:
         break;
     }
-    return needlelab::runStation(parsed.options, stop_signals);
+    return parsed.options.opensWindow() ? needlelab::runTrainee(parsed.options, stop_signals)
+                                        : needlelab::runStation(parsed.options, stop_signals);
   } catch (const std::exception& error) {
     // memory is out, or a thread could not be started: the spool keeps what it has
     std::cerr << "needlelab-station: " << error.what() << "\n";

@@ -13,6 +13,7 @@ namespace {
 
 constexpr const char* kServer = "Server";
 constexpr const char* kLesson = "Lesson";
+constexpr const char* kWindow = "Window";
 constexpr const char* kDevice = "Device";
 constexpr const char* kRealTime = "Real time";
 constexpr const char* kSpool = "Spool";
@@ -48,7 +49,28 @@ void addLesson(CLI::App& app, StationOptions& o) {
   app.add_option("--seconds", o.seconds, "end after so long; default: when the device or the exercise ends")
       ->check(CLI::Range(0.001, 86'400.0))
       ->group(kLesson);
-  app.add_flag("--headless", o.headless, "no window")->group(kLesson);
+  app.add_flag("--headless", o.headless, "no window: the lesson begins at once")->group(kLesson);
+}
+
+void addWindow(CLI::App& app, StationOptions& o, RawOptions& raw) {
+  app.add_flag("--start", o.window.start,
+               "the first lesson begins at once; else the window first shows who practises what")
+      ->group(kWindow);
+  app.add_option("--screenshot", raw.screenshots,
+                 "PNG of the window; may be given several times, each with an --at. Without a display the "
+                 "lesson begins at once, is drawn without one, and the program ends with it")
+      ->type_name("FILE")
+      ->group(kWindow);
+  app.add_option("--at", raw.screenshot_times,
+                 "of each --screenshot: seconds into the lesson, or start or end for those screens")
+      ->type_name("S")
+      ->group(kWindow);
+  app.add_option("--window", raw.window_size, "the window's size in pixels, e.g. 1280x720; default: as it was left")
+      ->type_name("WxH")
+      ->group(kWindow);
+  app.add_option("--font-scale", o.window.font_scale, "larger or smaller letters, 1 is ordinary; default: as it was left")
+      ->check(CLI::Range(0.8, 2.5))
+      ->group(kWindow);
 }
 
 void addDevice(CLI::App& app, StationOptions& o, RawOptions& raw) {
@@ -172,6 +194,7 @@ void addStationOptions(CLI::App& app, StationOptions& o, RawOptions& raw) {
   app.set_version_flag("--version", programText("station"));
   addServer(app, o, raw);
   addLesson(app, o);
+  addWindow(app, o, raw);
   addDevice(app, o, raw);
   addRealTime(app, o);
   addModes(app, o, raw);

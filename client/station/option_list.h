@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "station/options.h"
 
@@ -16,6 +17,8 @@ struct RawOptions {
   std::optional<std::string> json;
   double keep_days = 14, quota_mib = 4096;
   std::optional<std::string> enrolled;
+  std::vector<std::string> screenshots, screenshot_times;
+  std::string window_size;
   bool list_devices = false, self_test = false, calibrate = false, list_exercises = false;
 };
 

@@ -1,6 +1,7 @@
 #include "station/options.h"
 
 #include <CLI/CLI.hpp>
+#include <charconv>
 #include <cmath>
 #include <iostream>
 #include <utility>
@@ -40,6 +41,42 @@ Status takeEnrolment(StationOptions& options, RawOptions& raw) {
   return {};
 }
 
+constexpr int kLeastWidth_px = 640, kLeastHeight_px = 360, kMostSide_px = 8192;
+
+// a number, and nothing else
+template <typename Number>
+bool readNumber(const std::string& text, Number& value) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc() && end == text.data() + text.size();
+}
+
+Status takeWindow(WindowOptions& window, const RawOptions& raw) {
+  const auto usage = [](const std::string& text) { return Error{ErrorCode::kInvalidInput, text}; };
+  if (raw.screenshots.size() != raw.screenshot_times.size())
+    return usage("each --screenshot FILE needs its --at S: there are " + std::to_string(raw.screenshots.size()) +
+                 " and " + std::to_string(raw.screenshot_times.size()));
+  for (std::size_t i = 0; i < raw.screenshots.size(); ++i) {
+    PictureRequest picture{raw.screenshots[i], PictureRequest::When::kLesson, 0};
+    const std::string& at = raw.screenshot_times[i];
+    if (at == "start")
+      picture.when = PictureRequest::When::kStart;
+    else if (at == "end")
+      picture.when = PictureRequest::When::kEnd;
+    else if (!readNumber(at, picture.at_s) || !(picture.at_s >= 0 && picture.at_s <= 86'400))
+      return usage("--at '" + at + "', allowed is a number of seconds from 0 to 86400, start, or end");
+    window.pictures.push_back(std::move(picture));
+  }
+  if (raw.window_size.empty()) return {};
+  const std::size_t x = raw.window_size.find('x');
+  window.size_given = x != std::string::npos && readNumber(raw.window_size.substr(0, x), window.width_px) &&
+                      readNumber(raw.window_size.substr(x + 1), window.height_px) &&
+                      window.width_px >= kLeastWidth_px && window.height_px >= kLeastHeight_px &&
+                      window.width_px <= kMostSide_px && window.height_px <= kMostSide_px;
+  if (!window.size_given)
+    return usage("--window '" + raw.window_size + "', allowed is WIDTHxHEIGHT in pixels from 640x360 to 8192x8192");
+  return {};
+}
+
 // what CLI11 cannot check by itself
 Status complete(StationOptions& options, const RawOptions& raw) {
   const std::string &server = raw.server, &tool = raw.tool, &placement = raw.placement;
@@ -52,6 +89,8 @@ Status complete(StationOptions& options, const RawOptions& raw) {
     if (std::isnan(value)) return usage(std::string(name) + " is not a number");
   if (options.mode != StationMode::kCalibrate && !options.tool_out.empty())
     return usage("--out is the tool file that --calibrate writes; add --calibrate, or leave --out away");
+  // a window can ask a person; one that begins by itself, or that nobody sees, cannot
+  const bool asked_now = options.mode == StationMode::kLesson && (options.headless || options.window.start);
   if (!server.empty()) {
     auto endpoint = parseEndpoint(server);
     if (!endpoint.ok()) return endpoint.error();
@@ -59,12 +98,14 @@ Status complete(StationOptions& options, const RawOptions& raw) {
     if (options.ca_file.empty()) return usage("--server needs --ca FILE, the server's tls/ca.crt");
     if (options.key_file.empty())
       return usage("--server needs --key FILE, made by needlelab-admin station add");
-    if (options.trainee.empty() && options.mode == StationMode::kLesson)
+    if (options.trainee.empty() && asked_now)
       return usage("--server needs --trainee NAME: whose lesson is it?");
   }
-  if (options.mode == StationMode::kLesson && options.exercise.empty() && options.profile_file.empty())
+  if (options.exercise.empty() && options.profile_file.empty() && asked_now)
     return usage(
-        "there is nothing to practise: give --exercise ID, or --profile FILE for a profile of your own");
+        "there is nothing to practise: give --exercise ID, or --profile FILE for a profile of your own" +
+        std::string(options.headless ? "" : "; without --start the window asks"));
+  options.trainee_given = !options.trainee.empty();
   if (!options.exercise.empty() && !options.profile_file.empty())
     return usage("--exercise and --profile exclude each other: an exercise has its own profile");
   if (!tool.empty()) {
@@ -120,16 +161,19 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   if (!o.bundle.empty()) o.mode = StationMode::kEnrol;
   o.json = app.count("--json") > 0;
   if (raw.json) o.json_file = *raw.json;
+  o.hand_plan_given = app.count("--hand-plan") > 0;
   if (!raw.on_fault.empty()) o.on_fault = raw.on_fault == "wait" ? FaultPolicy::kWait : FaultPolicy::kEnd;
+  std::vector<NamedFile> outputs = {{"--json", o.json_file}, {"--out", o.tool_out}};
+  for (const std::string& picture : raw.screenshots) outputs.push_back({"--screenshot", picture});
   if (const Status status =
-          checkOutputs({{"--profile", o.profile_file}, {"--key", o.key_file}, {"--ca", o.ca_file}},
-                       {{"--json", o.json_file}, {"--out", o.tool_out}});
+          checkOutputs({{"--profile", o.profile_file}, {"--key", o.key_file}, {"--ca", o.ca_file}}, outputs);
       !status.ok()) {
     std::cerr << "needlelab-station: " << status.error().message << "\n";
     parsed.exit_code = exitCodeOf(status.error());
     return parsed;
   }
   auto status = takeEnrolment(o, raw);
+  if (status.ok()) status = takeWindow(o.window, raw);
   if (status.ok()) status = complete(o, raw);
   if (status.ok() && !raw.plunger.empty()) status = parsePlungerOption(raw.plunger, o.plunger);
   if (!status.ok()) {

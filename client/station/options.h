@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/result.h"
 #include "device/hand.h"
@@ -24,6 +25,23 @@ enum class StationMode : std::uint8_t {
   kCalibrate,
   kListExercises,
   kEnrol
+};
+
+/// When a picture of the window is taken.
+struct PictureRequest {
+  enum class When : std::uint8_t { kStart, kLesson, kEnd };  ///< which screen
+  std::filesystem::path file;                                ///< PNG
+  When when = When::kLesson;
+  double at_s = 0;  ///< kLesson: seconds since the loop's first tick
+};
+
+/// The trainee's window.
+struct WindowOptions {
+  bool start = false;  ///< --start: the first lesson begins at once
+  std::vector<PictureRequest> pictures;
+  std::optional<double> font_scale;      ///< 0.8-2.5; none: as it was left
+  int width_px = 1280, height_px = 720;
+  bool size_given = false;               ///< --window: else as it was left
 };
 
 struct StationOptions {
@@ -48,6 +66,11 @@ struct StationOptions {
   double spin_us = 0;      ///< --spin-us
   std::optional<FaultPolicy> on_fault;  ///< --on-fault; none: wait where there is a terminal, else end
   bool headless = false;
+  WindowOptions window;
+  bool hand_plan_given = false;  ///< --hand-plan was said
+  bool trainee_given = false;    ///< --trainee was said
+  /// A lesson in a window, on a display or, for pictures, without one.
+  [[nodiscard]] bool opensWindow() const { return mode == StationMode::kLesson && !headless; }
   // --calibrate
   bool tool_given = false;         ///< --tool was said
   std::filesystem::path tool_out;  ///< --out: the tool file to write; empty: only say what was found

@@ -1,11 +1,9 @@
-// Who practises what: spool, server, lesson.
+// Who practises what: the lesson, from the server, the cache or a file.
 #include <utility>
 
-#include "base/clock.h"
 #include "net/spool_lessons.h"
 #include "station/say.h"
 #include "station/signals.h"
-#include "station/station_key.h"
 #include "station/station_run.h"
 
 namespace needlelab {
@@ -17,55 +15,11 @@ constexpr auto kPatience = 10s;  // for a lesson from the server
 
 }  // namespace
 
-Status StationRun::openSpool() {
-  auto spool = Spool::open(options_.spool);
-  if (!spool.ok()) return spool.error();
-  spool_ = std::move(*spool);
-  for (const std::string& note : spool_->notes()) say(note);
-  for (const std::string& note : spool_->cleanUp(options_.keep, wallNowNs())) say(note);
-  spool_guard_ = std::make_unique<SpoolGuard>(*spool_, options_.keep, options_.rate_hz, say);
-  spool_guard_->report();
-  return {};
-}
-
-Status StationRun::connect() {
-  Result<StationKey> key = StationKey{};
-  if (!options_.key_file.empty()) {
-    key = loadStationKey(options_.key_file);
-    if (!key.ok()) return key.error();
-    // without a server, too: what is recorded now is uploaded under this name later
-    if (station_.empty()) station_ = key->station;
-  }
-  if (!options_.server) {
-    if (const auto waiting = spool_->unfinished().size(); waiting > 0)
-      say(std::to_string(waiting) +
-          " session(s) of before wait in the spool for a server; without --server they go on waiting");
-    return {};
-  }
-  UplinkConfig config;
-  auto tls = makeClientTls(options_.ca_file);
-  if (!tls.ok()) return tls.error();
-  config.client.tls = std::move(*tls);
-  config.client.server = *options_.server;
-  config.client.program = programText("station");
-  config.client.login = stationLogin(station_, key->key);
-  UplinkEvents events;
-  events.say = say;
-  events.trainee_message = [](const pb::TraineeMessage& message) {
-    say("message from " + message.from() + ": " + message.text());
-  };
-  events.next_exercise = [](const pb::NextExercise& next) {
-    say("next exercise, says " + next.from() + ": " + next.exercise_id() + " (start it with --exercise " +
-        next.exercise_id() + ")");
-  };
-  const auto waiting = spool_->unfinished(), not_safe = spool_->closedButNotSafe();
-  uplink_ = std::make_unique<Uplink>(std::move(config), std::move(events));
-  for (const auto& session : waiting) uplink_->add(session, false);
-  for (const auto& session : not_safe) uplink_->add(session, false);
-  if (!waiting.empty())
-    say(std::to_string(waiting.size()) +
-        " sessions of earlier runs are in the spool; they are uploaded beside this one");
-  return {};
+// a signal ends the program, a person's word only this lesson
+bool StationRun::isStopped() {
+  if (signalWithin(signals_, 0ms) != 0) interrupted_ = true;
+  if (auto stop = home_.requests().takeStop()) stopped_ = std::move(stop);
+  return interrupted_ || stopped_;
 }
 
 Status StationRun::getLesson() {
@@ -75,9 +29,9 @@ Status StationRun::getLesson() {
     auto cached = cache.find(options_.exercise);
     if (!cached.ok() && cached.error().code == ErrorCode::kInvalidInput)
       return cached.error();  // no id at all
-    if (uplink_) {
-      auto fetched = uplink_->getLesson(options_.exercise, options_.trainee, kPatience, cached.ok(),
-                                        [this] { return signalWithin(signals_, 0ms) != 0; });
+    if (Uplink* uplink = home_.uplink()) {
+      auto fetched = uplink->getLesson(options_.exercise, options_.trainee, kPatience, cached.ok(),
+                                       [this] { return isStopped(); });
       if (fetched.ok()) {
         if (auto kept = cache.keep(options_.exercise, *fetched); !kept.ok())
           say("the lesson is not cached: " + kept.error().message);

@@ -1,6 +1,8 @@
 // After the lesson: the server gets what it has not got yet, and a person reads how it went.
 #include <algorithm>
 #include <iostream>
+#include <string>
+#include <vector>
 
 #include "base/atomic_file.h"
 #include "base/exit_code.h"
@@ -15,20 +17,32 @@ namespace needlelab {
 using namespace std::chrono_literals;
 
 void StationRun::drain() {
-  if (!uplink_) return;
+  Uplink* const uplink = home_.uplink();
+  if (uplink == nullptr) return;
   DrainPatience patience;
   patience.whole = std::chrono::duration<double>(options_.drain_s);
   // a disk that stayed full: the session ends at the next start only
   if (!session_->contents().ended)
     patience.whole = std::min(patience.whole, std::chrono::duration<double>(2));
-  const DrainEnd end = needlelab::drain(*uplink_, patience, [&] { return signalWithin(signals_, 0ms) != 0; });
-  if (const std::string words = drainText(end, uplink_->state()); !words.empty()) say(words);
+  home_.requests().clear();
+  // a second signal, or a person's second word, does not wait for the server any more
+  const DrainEnd end = needlelab::drain(*uplink, patience, [&] {
+    return signalWithin(signals_, 0ms) != 0 || home_.requests().takeStop().has_value();
+  });
+  if (const std::string words = drainText(end, uplink->state()); !words.empty()) say(words);
+}
+
+// once: it reads the whole recording again
+void StationRun::scoreHere() {
+  if (local_) return;
+  local_ = localScore(*session_, lesson_, options_.X_WL);
+  if (!local_->ok()) say("no score by this station: " + local_->error().message);
 }
 
 StationSummary StationRun::summarise() {
   StationSummary s;
   s.session_id = session_->idText();
-  s.station = station_;
+  s.station = home_.station();
   s.trainee = options_.trainee;
   s.exercise = options_.exercise;
   s.profile = lesson_.profile.id();
@@ -46,10 +60,12 @@ StationSummary StationRun::summarise() {
   s.black_box = black_box_;
   s.device_notes = device_notes_;
   s.spool = options_.spool.string();
+  if (stopped_) s.stopped = *stopped_;
   s.state = "OPEN";
-  s.has_server = uplink_ != nullptr;
-  if (uplink_) {
-    s.uplink = uplink_->state();
+  Uplink* const uplink = home_.uplink();
+  s.has_server = uplink != nullptr;
+  if (uplink != nullptr) {
+    s.uplink = uplink->state();
     s.spool_left = s.uplink.chunks_left;
     s.samples_acked = session_->samplesIn(s.uplink.current_committed);
     if (s.uplink.current_verdict) {
@@ -61,32 +77,35 @@ StationSummary StationRun::summarise() {
       s.score_source = "server";
     }
   } else {
-    for (const auto& session : spool_->unfinished())
+    for (const auto& session : home_.spool().unfinished())
       s.spool_left +=
           session->contents().chunks - std::min(session->contents().chunks, session->receipt().committed);
   }
-  const auto local = localScore(*session_, lesson_, options_.X_WL);
-  if (local.ok()) s.syringe_json = local->events_json;
-  if (s.score_json.empty()) {
-    if (local.ok()) {
-      s.score_json = local->score_json;
-      s.score_source = "station";
-    } else {
-      say("no score: " + local.error().message);
-    }
+  if (local_->ok()) s.syringe_json = (*local_)->events_json;
+  if (s.score_json.empty() && local_->ok()) {
+    s.score_json = (*local_)->score_json;
+    s.score_source = "station";
   }
   return s;
 }
 
-int StationRun::conclude(const Status& stored) {
-  const StationSummary summary = summarise();
-  if (uplink_) uplink_->stop();
-  spool_guard_->report();
+LessonOutcome StationRun::outcome() {
+  scoreHere();
+  LessonOutcome outcome;
+  outcome.summary = summarise();
+  outcome.stored = stored_;
+  if (local_->ok()) outcome.curve = (*local_)->curve;
+  return outcome;
+}
+
+int StationRun::report(const LessonOutcome& outcome, const std::vector<StationSummary>& earlier) {
+  const StationSummary& summary = outcome.summary;
   const bool json_on_stdout = options_.json && options_.json_file.empty();
   (json_on_stdout ? std::cerr : std::cout) << summaryText(summary) << std::flush;
-  if (json_on_stdout) std::cout << summaryJson(summary) << std::flush;
+  if (json_on_stdout) std::cout << summaryJson(summary, earlier) << std::flush;
   if (options_.json && !json_on_stdout)
-    if (auto status = writeFileAtomically(options_.json_file, viewOf(summaryJson(summary))); !status.ok()) {
+    if (auto status = writeFileAtomically(options_.json_file, viewOf(summaryJson(summary, earlier)));
+        !status.ok()) {
       say(status.error().message);
       return kExitFailed;
     }
@@ -104,7 +123,7 @@ int StationRun::conclude(const Status& stored) {
     say("the server did not take the session: " + summary.uplink.current_trouble);
     return kExitFailed;
   }
-  return stored.ok() ? kExitDone : kExitFailed;
+  return outcome.stored.ok() ? kExitDone : kExitFailed;
 }
 
 }  // namespace needlelab

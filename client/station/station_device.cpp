@@ -1,5 +1,6 @@
 // Which device, what of the lesson it can render, and the session that keeps all of that.
 #include <cmath>
+#include <memory>
 #include <utility>
 
 #include "base/clock.h"
@@ -22,8 +23,10 @@ void putPose(google::protobuf::RepeatedField<double>& to, const Pose& pose) {
 }  // namespace
 
 Status StationRun::chooseDevice() {
+  if (options_.opensWindow() && options_.device == "simulated" && options_.hand.plan == kPointerPlan)
+    steering_ = std::make_shared<HandSteering>();
   DeviceOptions device_options{lesson_.scene, targetsOf(lesson_.profile, options_.X_WL), options_.X_HT,
-                               options_.hand};
+                               options_.hand, steering_};
   auto device = makeDevice(options_.device, device_options);
   if (!device.ok()) return device.error();
   device_ = std::move(*device);
@@ -51,10 +54,10 @@ Status StationRun::openDevice() {
   if (const auto warning = passivityWarning(lesson_.model, device_->info(), hand)) say(*warning);
   if (auto status = device_->open(options_.rate_hz); !status.ok()) return status;
 
-  double seconds = options_.seconds;
-  if (seconds == 0 && lesson_.exercise && lesson_.exercise->time_limit_s() > 0)
-    seconds = lesson_.exercise->time_limit_s();
-  max_ticks_ = static_cast<std::uint64_t>(std::llround(seconds * options_.rate_hz));
+  time_limit_s_ = options_.seconds;
+  if (time_limit_s_ == 0 && lesson_.exercise && lesson_.exercise->time_limit_s() > 0)
+    time_limit_s_ = lesson_.exercise->time_limit_s();
+  max_ticks_ = static_cast<std::uint64_t>(std::llround(time_limit_s_ * options_.rate_hz));
   return {};
 }
 
@@ -62,7 +65,7 @@ Status StationRun::openSession() {
   pb::SessionDescription d;
   const Uuid id = makeUuidV7();
   d.set_session_id(id.data(), id.size());
-  d.set_station(station_);
+  d.set_station(home_.station());
   d.set_trainee(options_.trainee);
   d.set_exercise_id(options_.exercise);
   d.set_profile_id(lesson_.profile.id());
@@ -79,11 +82,28 @@ Status StationRun::openSession() {
   for (const std::string& note : device_notes_) d.add_device_notes(note);
   if (!(options_.X_WL == Pose{})) putPose(*d.mutable_placement(), options_.X_WL);
   if (!(options_.X_HT == Pose{})) putPose(*d.mutable_tool(), options_.X_HT);
-  auto session = spool_->create(d);
+  auto session = home_.spool().create(d);
   if (!session.ok()) return session.error();
   session_ = std::move(*session);
-  if (uplink_) uplink_->add(session_, true);
+  if (Uplink* uplink = home_.uplink()) uplink->add(session_, true);
   return {};
+}
+
+// to who looks on
+void StationRun::announce() {
+  auto beginning = std::make_shared<LessonBeginning>();
+  beginning->session_id = session_->idText();
+  beginning->trainee = options_.trainee;
+  beginning->lesson = lesson_;
+  beginning->X_WL = options_.X_WL;
+  beginning->rate_hz = options_.rate_hz;
+  beginning->time_limit_s = time_limit_s_;
+  beginning->device = device_->info();
+  beginning->device_notes = device_notes_;
+  beginning->steering = steering_;
+  if (steering_)
+    beginning->hand_start = steeredStart(lesson_.scene, targetsOf(lesson_.profile, options_.X_WL)).start();
+  home_.audience().began(std::move(beginning));
 }
 
 }  // namespace needlelab

@@ -3,9 +3,14 @@
 
 #include <cmath>
 #include <future>
+#include <memory>
+#include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "base/clock.h"
+#include "scoring/lesson_watch.h"
 #include "station/acknowledgement.h"
 #include "station/crash_guard.h"
 #include "station/fault_watch.h"
@@ -33,16 +38,44 @@ std::vector<std::string> layerNames(const pb::Profile& profile) {
   return names;
 }
 
+LessonStanding standingOf(const WatchedState& state, const LiveView& view, bool waits, const std::string& room) {
+  LessonStanding standing;
+  standing.time_s = view.time_s;
+  standing.fault = state.fault;
+  standing.cause_lasts = state.cause_lasts;
+  standing.acknowledged = state.acknowledged;
+  standing.waits = waits;
+  standing.condition = state.condition;
+  standing.device_words = state.device_words;
+  standing.hold = view.hold;
+  standing.wakeup = view.wakeup;
+  standing.missed_ticks = view.missed_ticks;
+  standing.spool = view.spool;
+  standing.server = view.server;
+  standing.room = room;
+  return standing;
+}
+
 }  // namespace
 
 Status StationRun::practise() {
   // what takes the ticks away from the loop
   SpoolWriter::Callbacks callbacks;
   callbacks.trouble = say;
-  if (uplink_) {
-    callbacks.piece = [this](const SamplePiece& piece) { uplink_->offer(piece); };
-    callbacks.durable = [this] { uplink_->wake(); };
-  }
+  Uplink* const uplink = home_.uplink();
+  // what an instructor's overview says of the lesson; on the writer's thread
+  const auto lesson_watch = std::make_shared<LessonWatch>(
+      lesson_.profile, options_.X_WL, lesson_.exercise ? &*lesson_.exercise : nullptr);
+  callbacks.piece = [this, uplink, lesson_watch](const SamplePiece& piece) {
+    if (uplink != nullptr) {
+      uplink->offer(piece);
+      lesson_watch->add(*piece.samples);
+      uplink->noteLesson({lesson_watch->peakForce_N(), lesson_watch->hazardsTouched(),
+                          lesson_watch->forceLimit_N(), lesson_watch->tissue()});
+    }
+    home_.audience().piece(piece);
+  };
+  if (uplink != nullptr) callbacks.durable = [uplink] { uplink->wake(); };
   SpoolWriterOptions writer_options;
   writer_options.rate_hz = options_.rate_hz;
   const auto core = coreForLoop(options_.cpu);
@@ -61,7 +94,7 @@ Status StationRun::practise() {
   rt_options.spin_ns = std::llround(options_.spin_us * 1e3);
   rt_options.rate_hz = options_.rate_hz;
   SteadyLoopClock clock(rt_options.spin_ns);
-  const bool somebody_there = EnterKey(STDIN_FILENO).isTerminal();
+  const bool somebody_there = options_.opensWindow() || EnterKey(STDIN_FILENO).isTerminal();
   ServoSettings settings{options_.rate_hz, options_.X_HT, max_ticks_};
   settings.on_fault = options_.on_fault.value_or(somebody_there ? FaultPolicy::kWait : FaultPolicy::kEnd);
   settings.black_box = &black_box;
@@ -93,9 +126,24 @@ Status StationRun::practise() {
   device_->close();
   black_box_writer.finish();
   black_box_ = black_box_writer.counts();
-  const Status stored = writer_->finish(5s);
-  if (!stored.ok()) say(stored.error().message);
-  return stored;
+  home_.audience().concluding();
+  stored_ = writer_->finish(5s);
+  if (!stored_.ok()) say(stored_.error().message);
+  return stored_;
+}
+
+// what a person at the window or an instructor asks for
+void StationRun::hear(LiveAids& aids) {
+  if (auto stop = home_.requests().takeStop(); stop && !stopped_) {
+    stopped_ = std::move(stop);
+    say(stopText(stopped_));
+    loop_->stop();
+  }
+  if (const auto chosen = home_.requests().takeAids()) {
+    aids = chosen->reset ? aidsOf(lesson_) : aidsOf(chosen->aids);
+    say(chosen->by + " changed what is shown");
+    home_.audience().aids(*chosen);
+  }
 }
 
 // until the loop ends: signals, faults in words, acknowledgements
@@ -103,16 +151,21 @@ void StationRun::watch(DeviceKeeper& keeper, FaultPolicy on_fault) {
   sigset_t signals = signals_;
   ::sigaddset(&signals, SIGUSR1);
   EnterKey enter(STDIN_FILENO);
+  const bool waits = on_fault == FaultPolicy::kWait;
+  const bool enter_works = enter.isTerminal() || options_.opensWindow();
   FaultWatch fault_watch(
-      on_fault == FaultPolicy::kWait,
-      enter.isTerminal() ? "press Enter" : "send SIGUSR1 (kill -USR1 " + std::to_string(::getpid()) + ")");
+      waits, enter_works ? "press Enter" : "send SIGUSR1 (kill -USR1 " + std::to_string(::getpid()) + ")");
   LiveViewer viewer(*loop_, options_.rate_hz, layerNames(lesson_.profile));
+  LiveAids aids = aidsOf(lesson_);
+  Uplink* const uplink = home_.uplink();
   while (!loop_->ended()) {
     const int signal = signalWithin(signals, 50ms);
     if (signal != 0 && signal != SIGUSR1) {
       say("stopping");
+      interrupted_ = true;
       loop_->stop();
     }
+    hear(aids);
     WatchedState state;
     state.now_s = static_cast<double>(steadyNowNs()) * 1e-9;
     state.faults = loop_->faults();
@@ -121,27 +174,31 @@ void StationRun::watch(DeviceKeeper& keeper, FaultPolicy on_fault) {
     state.acknowledged = loop_->acknowledgementStands();
     state.condition = loop_->condition();
     state.device_words = keeper.words();
-    state.acknowledge_pressed = enter.pressed() || signal == SIGUSR1;
+    const bool at_window = home_.requests().takeAcknowledgement();
+    state.acknowledge_pressed = enter.pressed() || signal == SIGUSR1 || at_window;
     if (fault_watch.counts(state)) loop_->acknowledge();
-    for (const std::string& line : fault_watch.look(state)) say(line);
-    spool_guard_->look();
-    if (const std::int64_t now_ns = steadyNowNs(); liveLine().due(now_ns)) {
-      LiveView view = viewer.look(spoolText(writer_->counts()), uplink_ ? serverText(uplink_->state()) : "");
-      view.aids = aidsOf(lesson_);
-      liveLine().show(view, now_ns);
+    for (const std::string& line : fault_watch.look(state)) {
+      say(line);
+      home_.audience().said(line);
     }
-    if (uplink_) reportToServer(fault_watch);
+    home_.guard().look();
+    LiveView view = viewer.look(spoolText(writer_->counts()), uplink ? serverText(uplink->state()) : "");
+    view.aids = aids;
+    home_.audience().stands(standingOf(state, view, waits, home_.guard().trouble()));
+    if (const std::int64_t now_ns = steadyNowNs(); liveLine().due(now_ns)) liveLine().show(view, now_ns);
+    if (uplink) reportToServer(fault_watch);
   }
   liveLine().end();
 }
 
 // what an instructor sees of this station beside its samples
 void StationRun::reportToServer(const FaultWatch& faults) {
-  uplink_->noteMissedTicks(loop_->missedTicks());
-  uplink_->noteWakeup(static_cast<std::uint32_t>(loop_->stats().wakeup.quantile_ns(0.99) / 1000));
-  uplink_->noteTrouble("disk", writer_->trouble());
-  uplink_->noteTrouble("spool", spool_guard_->trouble());
-  uplink_->noteTrouble("device", faults.trouble());
+  Uplink& uplink = *home_.uplink();
+  uplink.noteMissedTicks(loop_->missedTicks());
+  uplink.noteWakeup(static_cast<std::uint32_t>(loop_->stats().wakeup.quantile_ns(0.99) / 1000));
+  uplink.noteTrouble("disk", writer_->trouble());
+  uplink.noteTrouble("spool", home_.guard().trouble());
+  uplink.noteTrouble("device", faults.trouble());
 }
 
 }  // namespace needlelab

@@ -11,6 +11,7 @@
 #include "net/spool_writer.h"
 #include "net/uplink.h"
 #include "station/black_box_writer.h"
+#include "station/lesson_requests.h"
 #include "station/rt_thread.h"
 #include "station/servo_loop.h"
 
@@ -41,6 +42,7 @@ struct StationSummary {
   std::string syringe_json;  ///< aspirations and injections, as of eventsJson; empty when not worked out
   std::string score_source;  ///< "server" or "station"
   std::string spool;
+  std::optional<StopCause> stopped;  ///< by a person: at the window, or an instructor
 };
 
 /// What a bit of StepFlag or GateFlag means, in words; empty for bits without meaning.
@@ -55,7 +57,9 @@ std::string effectCostsText(const EffectCosts& costs);
 
 std::string summaryText(const StationSummary& summary);
 /// {"version", "machine", "rows": [{…}]}: one row with the keys of DESIGN §9 and more, which stand beside
-/// "rows" as well.
-std::string summaryJson(const StationSummary& summary);
+/// "rows" as well. `earlier` lessons of the same program are rows before it.
+std::string summaryJson(const StationSummary& summary, const std::vector<StationSummary>& earlier = {});
+/// "stopped by ines: wrong side", "stopped at the window"; empty for nobody.
+std::string stopText(const std::optional<StopCause>& stopped);
 
 }  // namespace needlelab

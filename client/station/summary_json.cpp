@@ -47,9 +47,7 @@ void putQuantiles(Json& row, const std::string& name, const LatencyHistogram& h)
   for (const auto& [suffix, ns] : all) row[name + suffix] = ns;
 }
 
-}  // namespace
-
-std::string summaryJson(const StationSummary& s) {
+Json rowOf(const StationSummary& s) {
   Json row = {
       {"session_id", s.session_id},
       {"station", s.station},
@@ -120,7 +118,19 @@ std::string summaryJson(const StationSummary& s) {
   row["realtime"] = Json::array();
   for (const RtStep& step : s.realtime)
     row["realtime"].push_back({{"name", step.name}, {"ok", step.ok}, {"message", step.message}});
-  Json all = {{"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", Json::array({row})}};
+  row["stopped_by"] = s.stopped ? Json(s.stopped->by.empty() ? s.trainee : s.stopped->by) : Json(nullptr);
+  row["stop_reason"] = s.stopped ? Json(s.stopped->reason) : Json(nullptr);
+  return row;
+}
+
+}  // namespace
+
+std::string summaryJson(const StationSummary& s, const std::vector<StationSummary>& earlier) {
+  Json rows = Json::array();
+  for (const StationSummary& before : earlier) rows.push_back(rowOf(before));
+  const Json row = rowOf(s);
+  rows.push_back(row);
+  Json all = {{"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", std::move(rows)}};
   all.update(row);
   return all.dump(1) + "\n";
 }

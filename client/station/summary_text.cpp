@@ -88,6 +88,7 @@ std::string summaryText(const StationSummary& s) {
   std::string text;
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
   text += formatted("session      %s (%s)\n", s.session_id.c_str(), servoEndText(s.servo.end));
+  if (s.stopped) text += "             " + stopText(s.stopped) + "\n";
   if (s.servo.fault != Fault::kNone) text += formatted("FAULT        %s\n", faultText(s.servo.fault));
   text += faultLines(s);
   text += formatted("samples      %llu at %g Hz; %llu of %llu ticks missed; %llu lost\n",

@@ -81,6 +81,12 @@ const char* servoEndText(ServoEnd end) {
   return "?";
 }
 
+std::string stopText(const std::optional<StopCause>& stopped) {
+  if (!stopped) return {};
+  return (stopped->by.empty() ? std::string("stopped at the window") : "stopped by " + stopped->by) +
+         (stopped->reason.empty() ? "" : ": " + stopped->reason);
+}
+
 std::string effectCostsText(const EffectCosts& costs) {
   std::string text = formatted("%.1f ns a tick", costs.tick_ns);
   const char* before = "; beside the others each adds: ";

@@ -78,6 +78,14 @@ Status checkName(std::string_view field, std::string_view value) {
   return {};
 }
 
+Status checkNewName(std::string_view field, std::string_view value) {
+  if (auto done = checkName(field, value); !done) return done;
+  if (value.find('/') != std::string_view::npos)
+    return invalid(field, "holds a '/', which addresses of the web use for themselves: take '-' or a space");
+  if (value == "." || value == "..") return invalid(field, "is '" + std::string(value) + "', which is a folder's");
+  return {};
+}
+
 Status checkNote(std::string_view field, std::string_view value, std::size_t min, std::size_t max) {
   return check(field, value, min, max, true);
 }

@@ -25,8 +25,12 @@ std::string printable(std::string_view text);
 /// `min` to `max` bytes of UTF-8 without control characters. kInvalidInput names field, length and allowed
 /// range.
 Status checkText(std::string_view field, std::string_view value, std::size_t min, std::size_t max);
-/// As checkText, 1 to kMaxNameBytes, not beginning or ending with a space.
+/// As checkText, 1 to kMaxNameBytes, not beginning or ending with a space. What may be said of a name that is
+/// there already.
 Status checkName(std::string_view field, std::string_view value);
+/// What may become a name: as checkName, and no '/', nor "." or "..", which mean something else in addresses
+/// of the web.
+Status checkNewName(std::string_view field, std::string_view value);
 /// As checkText, but line ends and tabs are allowed.
 Status checkNote(std::string_view field, std::string_view value, std::size_t min, std::size_t max);
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/range.h"
+#include "profile/aid_list.h"
 #include "profile/model_sections.h"
 #include "profile/needle.h"
 #include "profile/profile.h"
@@ -116,12 +117,7 @@ Status checkExerciseRules(const pb::Exercise& exercise, const std::string& path)
     if (Status status = checkNeedle(exercise.needle()); !status)
       return Error{status.error().code, prefix + status.error().message};
   }
-  std::set<int> aids;
-  for (int i = 0; i < exercise.aids().allowed_size(); ++i) {
-    if (!aids.insert(exercise.aids().allowed(i)).second)
-      return fieldError(prefix + "aids.allowed[" + std::to_string(i) + "]",
-                        pb::Exercise::Aid_Name(exercise.aids().allowed(i)) + " is listed twice");
-  }
+  if (Status status = checkAids(prefix + "aids.allowed", exercise.aids().allowed()); !status) return status;
   if (exercise.has_due_unix_ms() && exercise.due_unix_ms() != std::floor(exercise.due_unix_ms()))
     return fieldError(prefix + "due_unix_ms",
                       "must be a whole number of milliseconds, found " + numberText(exercise.due_unix_ms()));

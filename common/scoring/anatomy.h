@@ -1,4 +1,4 @@
-/// The profile's limb, targets and hazards, placed in W, and distances to them. Private to this folder.
+/// The profile's limb, targets and hazards, placed in W, and distances to them: for scores, and for whoever shows them.
 #pragma once
 
 #include <string>

@@ -9,6 +9,7 @@
 #include "needlelab/profile.pb.h"
 #include "scoring/anatomy.h"
 #include "scoring/dtw.h"
+#include "scoring/measure_table.h"
 #include "scoring/measures.h"
 #include "scoring/track.h"
 
@@ -51,8 +52,5 @@ TipPath tipPathOf(const Gesture& gesture, const Pose& X_WL);
 
 /// Fills min, max, passed and the sentence of every row; adds rows for requirements on what was not measured.
 void applyRequirements(const pb::Exercise* exercise, std::vector<Measure>& measures);
-
-/// A value as a person reads it: "3.2 N", "12.4 mm", "0.35 m", "8.1 cm²".
-std::string valueText(double value, const std::string& unit);
 
 }  // namespace needlelab

@@ -120,6 +120,14 @@ Better betterOf(std::string_view name) {
   return kind == nullptr ? Better::kNeither : kind->better;
 }
 
+std::span<const std::string_view> mainMeasures() {
+  static constexpr std::array<std::string_view, 6> kMain = {
+      "elapsed_s",         "peak_force_n",    "greatest_depth_m", "largest_lateral_error_m",
+      "target_distance_m", "hazards_touched",
+  };
+  return kMain;
+}
+
 std::string measureTableJson() {
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
   for (const MeasureKind& kind : kMeasureKinds) {
@@ -140,6 +148,15 @@ std::string measureTableMarkdown() {
             std::string(kind.definition) + " |\n";
   }
   return text;
+}
+
+std::string measureWords(std::string_view name) {
+  const MeasureKind* const kind = measureKind(name);
+  std::string words(kind == nullptr ? name : kind->words);
+  // a layer's row: its number in place of the K
+  if (const std::size_t k = kind == nullptr ? std::string::npos : kind->name.find('K'); k != std::string::npos)
+    words.replace(words.find('K'), 1, name.substr(k, name.size() - (kind->name.size() - 1)));
+  return words;
 }
 
 }  // namespace needlelab

@@ -34,6 +34,15 @@ const MeasureKind* measureKind(std::string_view name);
 /// Which way is better for a row of this name; `kNeither` for unknown ones.
 Better betterOf(std::string_view name);
 
+/// What a person calls a row, with its layer's number: "Peak force in layer 3"; the name itself for unknown ones.
+std::string measureWords(std::string_view name);
+
+/// A value as a person reads it: "3.2 N", "12.4 mm", "0.35 m", "8.1 cm²".
+std::string valueText(double value, const std::string& unit);
+/// The few that a list of sessions shows of a score, where it has them: elapsed time, peak force, depth,
+/// distance from the target, lateral error, hazards touched.
+std::span<const std::string_view> mainMeasures();
+
 /// The table as JSON: a list of {"measure", "unit", "words", "better", "definition"}.
 std::string measureTableJson();
 /// The table as Markdown, as it stands in this folder's README.

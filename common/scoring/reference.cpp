@@ -188,13 +188,7 @@ std::vector<Comparison> compareWithReference(std::span<const Measure> measures,
     row.unit = measure.unit;
     row.value = measure.value;
     row.band = *band;
-    const MeasureKind* const kind = measureKind(row.name);
-    std::string words(kind == nullptr ? std::string_view(row.name) : kind->words);
-    // a layer's row: its number in place of the K
-    if (const std::size_t k = kind == nullptr ? std::string::npos : kind->name.find('K');
-        k != std::string::npos) {
-      words.replace(words.find('K'), 1, row.name.substr(k, row.name.size() - (kind->name.size() - 1)));
-    }
+    const std::string words = measureWords(row.name);
     judge(row, words);
     rows.push_back(std::move(row));
   }

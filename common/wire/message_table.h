@@ -37,6 +37,8 @@ inline constexpr NumberedName kEnvelopeMessages[] = {
     {43, "unsubscribe"},
     {44, "trainee_message"},
     {45, "next_exercise"},
+    {46, "set_aids"},
+    {47, "stop_lesson"},
 };
 
 inline constexpr NumberedName kRequestCalls[] = {
@@ -72,6 +74,8 @@ inline constexpr NumberedName kRequestCalls[] = {
     {75, "run_retention"},
     {80, "trainee_message"},
     {81, "next_exercise"},
+    {82, "set_aids"},
+    {83, "stop_lesson"},
     {100, "get_user"},
     {101, "change_user"},
     {102, "set_consent"},

@@ -11,7 +11,7 @@
 namespace needlelab {
 
 inline constexpr std::uint32_t kProtocolMajor = 1;
-inline constexpr std::uint32_t kProtocolMinor = 1;
+inline constexpr std::uint32_t kProtocolMinor = 2;
 
 pb::Version ourVersion();
 std::string versionText(const pb::Version& version);

@@ -71,8 +71,12 @@ Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& c
 Result<pb::Reply> addStation(const Context& context, const pb::AddStation& call);
 Result<pb::Reply> revokeStation(const Context& context, const pb::RevokeStation& call);
 Result<pb::Reply> listStations(const Context& context, const pb::ListStations& call);
+
+// to a station, once the server has it delivered: talk_handlers.cpp
 Result<pb::Reply> traineeMessage(const Context& context, const pb::TraineeMessage& call);
 Result<pb::Reply> nextExercise(const Context& context, const pb::NextExercise& call);
+Result<pb::Reply> setAids(const Context& context, const pb::SetAids& call);
+Result<pb::Reply> stopLesson(const Context& context, const pb::StopLesson& call);
 
 // profiles, curricula, lessons: lesson_handlers.cpp
 Result<pb::Reply> importProfile(const Context& context, const pb::ImportProfile& call);

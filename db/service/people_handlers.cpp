@@ -1,6 +1,5 @@
 #include "base/text_rules.h"
 #include "db/consent_store.h"
-#include "db/curriculum_store.h"
 #include "db/group_store.h"
 #include "db/password.h"
 #include "db/people_store.h"
@@ -68,11 +67,16 @@ Status maySetPassword(const Context& context, Connection& connection, const std:
                "trainees and instructors"};
 }
 
-Status stationExists(const Context& context, const std::string& name) {
-  const auto station = StationStore(context.reader).find(name);
-  if (!station) return station.error();
-  if (!*station) return Error{ErrorCode::kNotFound, "there is no station named '" + name + "'"};
-  return {};
+/// Whose access may be ended, or given back: a manager's equals are not its to lock out, itself is.
+Status mayEndAccess(const Context& context, const Person& person) {
+  if (auto may = mayManage(context, person.role); !may) return may;
+  if (context.who.role == pb::ADMINISTRATOR || person.role < pb::CURRICULUM_MANAGER ||
+      person.name == context.who.name)
+    return {};
+  return Error{ErrorCode::kDenied, "the access of '" + person.name + "', who is " +
+                                       std::string(roleName(person.role)) +
+                                       ", is ended and given back by administrators, '" + context.who.name +
+                                       "' is " + std::string(roleName(context.who.role))};
 }
 
 }  // namespace
@@ -103,7 +107,7 @@ Status ownOnly(const Context& context, const std::string& name, const std::strin
 
 Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call) {
   // the slow part first, on this thread; the writer's thread only stores
-  if (auto valid = checkName("name", call.name()); !valid) return valid.error();
+  if (auto valid = checkNewName("name", call.name()); !valid) return valid.error();
   if (auto may = mayManage(context, call.role()); !may) return may.error();
   const auto hash = hashFor(call.role(), call.password());
   if (!hash) return hash.error();
@@ -132,7 +136,7 @@ Result<pb::Reply> disableUser(const Context& context, const pb::DisableUser& cal
                             [&](Connection& writer) -> Status {
                               const auto person = knownPerson(writer, call.name());
                               if (!person) return person.error();
-                              if (auto may = mayManage(context, person->role); !may) return may;
+                              if (auto may = mayEndAccess(context, *person); !may) return may;
                               return PeopleStore(writer).setDisabled(call.name(), !call.enable(),
                                                                      context.who.name, context.now_unix_ns);
                             });
@@ -164,6 +168,7 @@ Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call)
       change.role = call.role();
     }
     if (call.has_disabled() && call.disabled() != person->disabled) {
+      if (auto may = mayEndAccess(context, *person); !may) return may;
       say(call.disabled() ? "disabled" : "enabled again");
       change.disabled = call.disabled();
     }
@@ -266,19 +271,6 @@ Result<pb::Reply> listStations(const Context& context, const pb::ListStations& c
     info->set_created_unix_ns(station.created_unix_ns);
   }
   return reply;
-}
-
-Result<pb::Reply> traineeMessage(const Context& context, const pb::TraineeMessage& call) {
-  if (auto valid = checkNote("text", call.text(), 1, kMaxNoteBytes); !valid) return valid.error();
-  if (auto known = stationExists(context, call.station()); !known) return known.error();
-  return doneReply();
-}
-
-Result<pb::Reply> nextExercise(const Context& context, const pb::NextExercise& call) {
-  if (auto known = stationExists(context, call.station()); !known) return known.error();
-  const auto exercise = CurriculumStore(context.reader).exercise(call.exercise_id());
-  if (!exercise) return exercise.error();
-  return doneReply();
 }
 
 }  // namespace needlelab::handlers

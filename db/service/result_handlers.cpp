@@ -169,23 +169,31 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
 
 Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& call) {
   if (auto own = ownOnly(context, call.trainee(), "progress"); !own) return own.error();
-  const auto from = numberOfPage(call.page());
-  if (!from) return from.error();
   const auto view = Transaction::begin(context.reader, Transaction::Kind::kRead);
   if (!view) return view.error();
   auto attempts = AttemptStore(context.reader).list(call.trainee(), call.exercise_id(), true);
   if (!attempts) return attempts.error();
+  // a page is the attempt before it, wherever that stands by now: sessions of a station that was away move those behind
+  auto next = attempts->begin();
+  if (!call.page().empty()) {
+    next = std::find_if(attempts->begin(), attempts->end(),
+                        [&](const pb::Attempt& attempt) { return attempt.session_id() == call.page(); });
+    if (next == attempts->end())
+      return Error{ErrorCode::kInvalidInput, "page: give back the next_page of the reply before; if you did, the list "
+                                             "has changed meanwhile: begin anew"};
+    ++next;
+  }
   pb::Reply reply;
   auto* list = reply.mutable_progress();
   PageRoom room;
-  if (*from == 0 && !call.exercise_id().empty()) {
+  if (call.page().empty() && !call.exercise_id().empty()) {
     auto measures = measuresOver(context.reader, *attempts);
     if (!measures) return measures.error();
     room.take(measures->size() + 1);
     list->set_measures_json(std::move(*measures));
   }
-  for (std::uint64_t i = *from; i < attempts->size(); ++i) {
-    pb::Attempt& attempt = (*attempts)[i];
+  for (; next != attempts->end(); ++next) {
+    pb::Attempt& attempt = *next;
     // an exercise that is gone was never due
     const auto stored = CurriculumStore(context.reader).exercise(attempt.exercise_id());
     if (!stored && stored.error().code != ErrorCode::kNotFound) return stored.error();
@@ -196,8 +204,8 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
       if (!standing) return standing.error();
       attempt.set_late(standing->due_unix_ns != 0 && attempt.started_unix_ns() > standing->due_unix_ns);
     }
-    if (!room.take(attempt.ByteSizeLong())) {
-      list->set_next_page(std::to_string(i));
+    if (!room.take(attempt.ByteSizeLong()) && list->attempts_size() > 0) {
+      list->set_next_page(list->attempts().rbegin()->session_id());
       break;
     }
     *list->add_attempts() = std::move(attempt);

@@ -64,6 +64,8 @@ constexpr std::array kRules = {
     Rule{Request::kRunRetention, "retention run", kManager | kAdmin},
     Rule{Request::kTraineeMessage, "message", kInstructor | kAdmin},
     Rule{Request::kNextExercise, "next exercise", kInstructor | kAdmin},
+    Rule{Request::kSetAids, "aids", kStaff},
+    Rule{Request::kStopLesson, "stop", kStaff},
     Rule{Request::kGetUser, "user show", kPeople | kResearcher},  // a trainee, a researcher: its own
     Rule{Request::kChangeUser, "user change", kManagers},
     Rule{Request::kSetConsent, "consent", kPeople},

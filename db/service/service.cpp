@@ -89,6 +89,10 @@ Result<pb::Reply> dispatch(const handlers::Context& context, const pb::Request& 
       return handlers::traineeMessage(context, request.trainee_message());
     case pb::Request::kNextExercise:
       return handlers::nextExercise(context, request.next_exercise());
+    case pb::Request::kSetAids:
+      return handlers::setAids(context, request.set_aids());
+    case pb::Request::kStopLesson:
+      return handlers::stopLesson(context, request.stop_lesson());
     case pb::Request::kGetUser:
       return handlers::getUser(context, request.get_user());
     case pb::Request::kChangeUser:
@@ -158,9 +162,10 @@ Outcome::ServerPart serverPartOf(pb::Request::CallCase call) {
     case pb::Request::kListStations:
       return Outcome::ServerPart::kFillStations;
     case pb::Request::kTraineeMessage:
-      return Outcome::ServerPart::kDeliverMessage;
     case pb::Request::kNextExercise:
-      return Outcome::ServerPart::kNextExercise;
+    case pb::Request::kSetAids:
+    case pb::Request::kStopLesson:
+      return Outcome::ServerPart::kDeliver;
     default:
       return Outcome::ServerPart::kNone;
   }

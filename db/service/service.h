@@ -28,10 +28,8 @@ struct Outcome {
   /// What only the running server can do; `needlelab-admin --data` says so to its user.
   enum class ServerPart {
     kNone,
-    kFillStations,    ///< reply.stations is there: fill in `online` and `status`
-    kDeliverMessage,  ///< request.trainee_message is allowed: send it to the station, then answer
-    kNextExercise,    ///< request.next_exercise is allowed and its exercise exists: send it to the station,
-                      ///< then answer
+    kFillStations,  ///< reply.stations is there: fill in `online` and `status`
+    kDeliver,       ///< what it says to a station is allowed and noted: send it there, then answer
   };
   pb::Reply reply;  ///< with the request's id
   std::optional<Error>

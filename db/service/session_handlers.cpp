@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -5,6 +6,8 @@
 #include "db/cancel_scope.h"
 #include "db/session_store.h"
 #include "db/transaction.h"
+#include "scoring/measure_table.h"
+#include "scoring/measures.h"
 #include "service/handlers.h"
 #include "service/page.h"
 
@@ -18,6 +21,23 @@ void fill(pb::Annotation& annotation, const StoredAnnotation& stored) {
   annotation.set_text(stored.text);
   annotation.set_author(stored.author);
   annotation.set_created_unix_ns(stored.created_unix_ns);
+}
+
+/// The main measures in place of the whole score, which is kilobytes. A score that cannot be read has none:
+/// the list goes on.
+void figuresForScore(pb::SessionInfo& session) {
+  const auto measures = parseScore(session.score_json());
+  session.clear_score_json();
+  if (!measures) return;
+  for (const std::string_view name : mainMeasures()) {
+    const auto found = std::find_if(measures->begin(), measures->end(),
+                                    [name](const Measure& measure) { return measure.name == name; });
+    if (found == measures->end()) continue;
+    pb::Figure& figure = *session.add_figures();
+    figure.set_measure(found->name);
+    if (found->measured) figure.set_value(found->value);
+    figure.set_unit(found->unit);
+  }
 }
 
 }  // namespace
@@ -53,14 +73,15 @@ Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& c
     if (!id) return Error{ErrorCode::kInvalidInput, "page: give back the next_page of the reply before"};
     after = *id;
   }
-  auto sessions = SessionStore(context.reader)
-                      .list(call.station(), own ? context.who.name : call.trainee(), call.limit(), after,
-                            call.exercise_id());
+  pb::ListSessions wanted = call;
+  if (own) wanted.set_trainee(context.who.name);
+  auto sessions = SessionStore(context.reader).list(wanted, after);
   if (!sessions) return sessions.error();
   pb::Reply reply;
   auto* list = reply.mutable_sessions();
   PageRoom room;
   for (pb::SessionInfo& session : *sessions) {
+    figuresForScore(session);
     if (!room.take(session.ByteSizeLong())) break;
     list->set_next_page(session.description().session_id());
     *list->add_sessions() = std::move(session);

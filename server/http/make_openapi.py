@@ -194,7 +194,7 @@ TABLE = [
     ("GET", "/scores.csv", "Scores, a measure a line; units in a column", "course group", None, "text/csv"),
     ("POST", "/scores/rescore", "All sessions whose newest score is of older definitions", "", body_of("RescoreAll"), ref("RescoreReport")),
     ("GET", "/studies/{study}", "Records of those who consent, under pseudonyms", "exercise remarks page", None, list_of({"type": "object"})),
-    ("GET", "/sessions", "Recorded sessions, newest first", "trainee station exercise limit page", None, list_of(ref("SessionInfo"))),
+    ("GET", "/sessions", "Recorded sessions, newest first", "trainee station exercise from_ms to_ms verdict search limit page", None, list_of(ref("SessionInfo"))),
     ("GET", "/sessions/{id}", "One session", "", None, ref("SessionInfo")),
     ("GET", "/sessions/{id}/score", "Its score; definition_version: by default the newest", "definition_version", None, ref("Score")),
     ("POST", "/sessions/{id}/rescore", "Scores it by the definitions of now", "", None, ref("Score")),

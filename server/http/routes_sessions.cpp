@@ -1,7 +1,11 @@
 // Sessions, their samples and scores, references, exports for studies.
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <memory>
+#include <string_view>
+#include <utility>
 
 #include "base/csv.h"
 #include "base/uuid.h"
@@ -22,12 +26,35 @@ WebJson sessionRowJson(const pb::SessionInfo& session) {
   return row;
 }
 
+constexpr std::pair<std::string_view, pb::ListSessions::Verdict> kVerdicts[] = {
+    {"passed", pb::ListSessions::PASSED},
+    {"failed", pb::ListSessions::FAILED},
+    {"none", pb::ListSessions::NONE},
+};
+
 Result<pb::Request> listSessions(const WebCall& call) {
   pb::Request request;
   auto& list = *request.mutable_list_sessions();
   list.set_trainee(call.query("trainee"));
   list.set_station(call.query("station"));
   list.set_exercise_id(call.query("exercise"));
+  list.set_search(call.query("search"));
+  if (const std::string verdict = call.query("verdict"); !verdict.empty()) {
+    const auto found = std::find_if(std::begin(kVerdicts), std::end(kVerdicts),
+                                    [&](const auto& known) { return known.first == verdict; });
+    if (found == std::end(kVerdicts))
+      return Error{ErrorCode::kInvalidInput, "verdict: must be passed, failed or none"};
+    list.set_verdict(found->second);
+  }
+  constexpr std::uint64_t kLatest_ms = 9'200'000'000'000;  // 2261: as far as ns reach
+  for (const auto& [name, set] : {std::pair("from_ms", &pb::ListSessions::set_from_unix_ns),
+                                  std::pair("to_ms", &pb::ListSessions::set_to_unix_ns)}) {
+    const std::string text = call.query(name);
+    if (text.empty()) continue;
+    const auto moment_ms = wholeOf(name, text, 0, kLatest_ms);
+    if (!moment_ms) return moment_ms.error();
+    (list.*set)(static_cast<std::int64_t>(*moment_ms) * 1'000'000);
+  }
   list.set_limit(100);
   if (const std::string limit = call.query("limit"); !limit.empty()) {
     const auto number = wholeOf("limit", limit, 1, 1000);

@@ -16,6 +16,29 @@ namespace {
 using Admin = test::AdminTest;
 using Arguments = std::vector<std::string>;
 
+TEST_F(Admin, sessionsAreSearchedByDateVerdictExerciseAndName) {
+  const std::string id = uuidText(addSession(2));  // of anna, at knee-1, started 2023-11-14T22:13:20Z
+  const auto found = [&](const Arguments& more) {
+    Arguments arguments = {"session", "list", "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return good(arguments).rows().size();
+  };
+  EXPECT_EQ(found({"--from", "2023-11-14T22:13:20Z", "--to", "2023-11-14T22:13:21Z"}), 1u);
+  EXPECT_EQ(found({"--from", "2023-11-14T22:13:21Z"}), 0u);
+  EXPECT_EQ(found({"--to", "2023-11-14T22:13:20Z"}), 0u);
+  EXPECT_EQ(found({"--exercise", "knee-1", "--trainee", "anna", "--search", "NN"}), 1u);
+  EXPECT_EQ(found({"--exercise", "hip-1"}), 0u);
+  EXPECT_EQ(found({"--verdict", "none"}), 1u);
+  EXPECT_EQ(found({"--verdict", "passed"}), 0u);
+  EXPECT_EQ(good({"session", "list", "--json"}).rows()[0].at("verdict"), nullptr);
+  EXPECT_NE(good({"session", "list"}).out.find("VERDICT"), std::string::npos);
+  EXPECT_EQ(onData({"session", "list", "--verdict", "good"}).code, 2);
+  const auto bare = onData({"session", "list", "--from", "2023-11-14T22:13"});
+  EXPECT_EQ(bare.code, 2);
+  EXPECT_NE(bare.err.find("has no time zone"), std::string::npos) << bare.err;
+  EXPECT_EQ(good({"session", "show", id, "--json"}).code, 0);
+}
+
 TEST_F(Admin, setsUpAFolderBeforeTheFirstServerStart) {
   const auto password = folder.write("pw", "correct horse\n").string();
   good({"user", "add", "ines", "--role", "instructor", "--password-file", password});

@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-class ExportRange : public test::AdminTest {
+class RangeOfExport : public test::AdminTest {
  protected:
   std::string content(const std::string& name) const {
     std::ifstream in(file(name), std::ios::binary);
@@ -30,7 +30,7 @@ class ExportRange : public test::AdminTest {
 };
 
 // chunkOf(): a sample each ms, 20 a chunk, ticks from 0
-TEST_F(ExportRange, fromAndToCutAtTheSample) {
+TEST_F(RangeOfExport, fromAndToCutAtTheSample) {
   const std::string id = uuidText(addSession(50));
   good({"session", "export", id, "--format", "json", "--from", "0.333", "--to", "0.5", "--out",
         file("a.json")});
@@ -56,7 +56,7 @@ TEST_F(ExportRange, fromAndToCutAtTheSample) {
   EXPECT_EQ(reader->entries().back().last_tick, 499u);
 }
 
-TEST_F(ExportRange, badRangesAreWrongInput) {
+TEST_F(RangeOfExport, badRangesAreWrongInput) {
   const std::string id = uuidText(addSession(2));
   for (const auto& [from, to] :
        {std::pair{"-1", "2"}, std::pair{"3", "2"}, std::pair{"nan", "2"}, std::pair{"1", "1e99"}}) {
@@ -66,7 +66,7 @@ TEST_F(ExportRange, badRangesAreWrongInput) {
   }
 }
 
-TEST_F(ExportRange, damagedChunksAreNamedAndTheRestWritten) {
+TEST_F(RangeOfExport, damagedChunksAreNamedAndTheRestWritten) {
   const std::string id = uuidText(addSession(
       50, false, "UPDATE chunks SET crc = 1 WHERE seq IN (3, 4); DELETE FROM chunks WHERE seq = 20"));
   const Run refused = onData({"session", "export", id, "--format", "json", "--out", file("d.json")});
@@ -101,7 +101,7 @@ TEST_F(ExportRange, damagedChunksAreNamedAndTheRestWritten) {
     EXPECT_NE(check.out.find(chunk), std::string::npos) << check.out;
 }
 
-TEST_F(ExportRange, aHashThatDisagreesIsNamedToo) {
+TEST_F(RangeOfExport, aHashThatDisagreesIsNamedToo) {
   const std::string id = uuidText(addSession(3, false, "UPDATE sessions SET hash = zeroblob(32)"));
   EXPECT_EQ(onData({"session", "export", id, "--out", file("h.csv")}).code, 1);
   EXPECT_FALSE(std::filesystem::exists(file("h.csv")));

@@ -28,6 +28,19 @@ TEST(TextRules, namesHaveLengthAndNoControlCharacters) {
   }
 }
 
+TEST(TextRules, newNamesFitIntoAddressesOfTheWeb) {
+  for (const std::string_view good : {"Anna-Lena Müller", "a.b", "...", "a\\b", "50 %", "x"})
+    EXPECT_TRUE(checkNewName("name", good).ok()) << good;
+  for (const std::string_view bad : {"a/b", "/", "//a", "b/", ".", ".."}) {
+    EXPECT_TRUE(checkName("name", bad).ok()) << bad << " may be there already";
+    const auto refused = checkNewName("the field", bad);
+    ASSERT_FALSE(refused.ok()) << bad;
+    EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+    EXPECT_EQ(refused.error().message.rfind("the field: ", 0), 0u);
+  }
+  EXPECT_FALSE(checkNewName("name", " a").ok()) << "what is no name is no new one";
+}
+
 TEST(TextRules, notesMayHaveLines) {
   EXPECT_TRUE(checkNote("text", "one\ntwo\tthree\r\n", 1, 100).ok());
   EXPECT_FALSE(checkNote("text", std::string("a\0b", 3), 1, 100).ok());

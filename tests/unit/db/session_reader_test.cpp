@@ -39,7 +39,14 @@ TEST_F(SessionReaderTest, listsNewestFirstAndFilters) {
   const Uuid old = add("anna", 100, 1);
   const Uuid newest = add("ben", 300, 0);
   const Uuid middle = add("anna", 200, 2);
-  const auto all = store.list("", "", 0);
+  const auto wanted = [](const std::string& station, const std::string& trainee, std::uint32_t limit = 0) {
+    pb::ListSessions list;
+    list.set_station(station);
+    list.set_trainee(trainee);
+    list.set_limit(limit);
+    return list;
+  };
+  const auto all = store.list({});
   ASSERT_OK(all);
   ASSERT_EQ(all->size(), 3u);
   EXPECT_EQ((*all)[0].description().session_id(), test::bytesOfId(newest));
@@ -47,11 +54,16 @@ TEST_F(SessionReaderTest, listsNewestFirstAndFilters) {
   EXPECT_EQ((*all)[2].description().session_id(), test::bytesOfId(old));
   EXPECT_EQ((*all)[1].samples(), 40u);
   EXPECT_TRUE((*all)[0].description().profile_json().empty());
-  EXPECT_EQ(store.list("", "anna", 0)->size(), 2u);
-  EXPECT_EQ(store.list("station-1", "", 1)->size(), 1u);
-  EXPECT_TRUE(store.list("station-2", "", 0)->empty());
-  EXPECT_EQ(store.list("", "", 0, {}, "knee-1")->size(), all->size());
-  EXPECT_TRUE(store.list("", "", 0, {}, "shoulder-1")->empty());
+  EXPECT_EQ(store.list(wanted("", "anna"))->size(), 2u);
+  EXPECT_EQ(store.list(wanted("station-1", "", 1))->size(), 1u);
+  EXPECT_TRUE(store.list(wanted("station-2", ""))->empty());
+  EXPECT_EQ(store.list({}, newest)->size(), 2u) << "those behind it";
+  EXPECT_EQ(store.list(wanted("", "anna"), middle)->size(), 1u);
+  auto of_exercise = wanted("", "");
+  of_exercise.set_exercise_id("knee-1");
+  EXPECT_EQ(store.list(of_exercise)->size(), all->size());
+  of_exercise.set_exercise_id("shoulder-1");
+  EXPECT_TRUE(store.list(of_exercise)->empty());
 }
 
 TEST_F(SessionReaderTest, readsChunksFromASeqWithinItsLimits) {

@@ -40,6 +40,14 @@ TEST(WebLessons, listsAndDocumentsAreAsTheyAreDescribed) {
   ASSERT_EQ(sessions["items"].size(), 1u);
   EXPECT_EQ(sessions["items"][0]["description"]["session_id"], id);
   EXPECT_EQ(ok("/sessions?exercise=other")["items"].size(), 0u);
+  const std::size_t all = sessions["items"].size();
+  const auto started_ms = static_cast<std::int64_t>(sessions["items"][0]["description"]["started_unix_ms"].get<double>());
+  const auto found = [&](const std::string& query) { return ok("/sessions?trainee=tina&" + query)["items"].size(); };
+  EXPECT_EQ(found("search=TIN"), all);
+  EXPECT_EQ(found("search=nobody"), 0u);
+  EXPECT_EQ(found("from_ms=" + std::to_string(started_ms + 1)), 0u);
+  EXPECT_EQ(found("to_ms=" + std::to_string(started_ms + 1)), all);
+  EXPECT_EQ(found("verdict=passed") + found("verdict=failed") + found("verdict=none"), all);
   EXPECT_EQ(ok("/sessions/" + id)["samples"], 500);
   // its profile is none: there is nothing to score it by
   EXPECT_EQ(askChecked(ada, "GET", "/api/v1/sessions/" + id + "/score").status, 404);

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -57,7 +58,8 @@ class Headless : public testing::Test {
   }
 
   /// Opens a session, and while it is watched sends a frame of 20 samples every 20 ms.
-  void playStation(const FakeSession& session, std::atomic<bool>& stop, std::string* heard = nullptr) {
+  void playStation(const FakeSession& session, std::atomic<bool>& stop, std::string* heard = nullptr,
+                   std::vector<pb::Envelope>* told = nullptr) {
     auto client = server_.connect(stationLogin("bench-1", key_));
     ASSERT_TRUE(client.ok());
     ASSERT_TRUE(client->send(session.open()).ok());
@@ -71,6 +73,8 @@ class Headless : public testing::Test {
         const auto got = client->receive(std::chrono::ceil<milliseconds>(left));
         if (!got.ok()) continue;
         if (got->has_watch_state()) watched = got->watch_state().watched();
+        if (told != nullptr && (got->has_set_aids() || got->has_stop_lesson() || got->has_trainee_message()))
+          told->push_back(*got);
         if (got->has_trainee_message() && heard != nullptr) *heard = got->trainee_message().text();
       }
       if (!watched) continue;
@@ -122,6 +126,94 @@ TEST_F(Headless, aStationThatIsNotYetOnlineIsWaitedForAndThenWatched) {
   EXPECT_EQ(output.summary["dropped"], 0);
   EXPECT_GT(output.summary["live_p99_ms"], 0.0);
   EXPECT_GE(output.summary["live_p99_ms"], output.summary["live_p50_ms"]);
+}
+
+TEST_F(Headless, aidsRemarkAndStopAreSaidOnceInTheLessonThatRunsAndThenItEnds) {
+  options_.station = "bench-1";
+  options_.message = "well done";
+  options_.aids = "force, ultrasound";
+  options_.annotate = "a steady hand";
+  options_.stop = true;
+  options_.stop_reason = "enough";
+  options_.rate_hz = 0;
+  options_.once = true;
+  FakeSession session("bench-1");
+  std::atomic<bool> stop{false};
+  std::vector<pb::Envelope> told;
+  std::thread station([&] { playStation(session, stop, nullptr, &told); });
+  const auto output = run(60);  // ends by itself long before
+  stop = true;
+  station.join();
+  ASSERT_TRUE(output.status.ok()) << output.status.error().message;
+  ASSERT_EQ(told.size(), 3u);
+  EXPECT_EQ(told[0].trainee_message().text(), "well done");
+  ASSERT_EQ(told[1].set_aids().aids_size(), 2);
+  EXPECT_EQ(told[1].set_aids().aids(0), pb::Exercise::FORCE);
+  EXPECT_EQ(told[1].set_aids().session_id(), session.id()) << "the lesson that was seen";
+  EXPECT_EQ(told[2].stop_lesson().reason(), "enough");
+  EXPECT_EQ(told[2].stop_lesson().session_id(), session.id());
+  std::vector<std::string> said;
+  for (const auto& note : output.notes) {
+    if (!note.contains("said")) continue;
+    EXPECT_EQ(note["ok"], true) << note;
+    said.push_back(note["said"]);
+  }
+  EXPECT_EQ(said, (std::vector<std::string>{"message", "aids", "annotate", "stop"}));
+  pb::Request list;
+  list.mutable_list_annotations()->set_session_id(session.id());
+  const auto remarks = server_.asAdmin(list).annotations();
+  ASSERT_EQ(remarks.annotations_size(), 1);
+  EXPECT_EQ(remarks.annotations(0).text(), "a steady hand");
+  EXPECT_EQ(remarks.annotations(0).author(), "anna");
+  EXPECT_EQ(remarks.annotations(0).tick() % 20, 19u) << "the newest sample of a frame";
+}
+
+TEST_F(Headless, whatIsRefusedOrComesToNothingFailsTheCommand) {
+  options_.station = "bench-1";
+  options_.next_exercise = "no such exercise";
+  options_.once = true;
+  FakeSession session("bench-1");
+  std::atomic<bool> stop{false};
+  std::thread station([&] { playStation(session, stop); });
+  auto output = run(60);
+  stop = true;
+  station.join();
+  ASSERT_FALSE(output.status.ok());
+  EXPECT_EQ(output.status.error().code, ErrorCode::kNotFound);
+  ASSERT_FALSE(output.notes.empty());
+  EXPECT_EQ(output.notes.back()["ok"], false);
+  // nobody is there
+  options_.next_exercise.clear();
+  options_.stop = true;
+  output = run(0.3);
+  ASSERT_FALSE(output.status.ok());
+  EXPECT_EQ(output.status.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(output.status.error().message, HasSubstr("no lesson ran there"));
+}
+
+TEST_F(Headless, aRemarkOnAMomentOfAStoredSessionNeedsNoStation) {
+  FakeSession session("bench-1");
+  {
+    auto client = server_.connect(stationLogin("bench-1", key_));
+    ASSERT_TRUE(client.ok());
+    ASSERT_TRUE(client->send(session.open()).ok());
+    (void)waitFor(*client, [](const pb::Envelope& e) { return e.has_session_opened(); });
+  }
+  Uuid id{};
+  std::copy(session.id().begin(), session.id().end(), id.begin());
+  options_.session = uuidText(id);
+  options_.annotate = "here";
+  options_.at_s = 1.5;
+  options_.once = true;
+  const auto output = run(60);
+  ASSERT_TRUE(output.status.ok()) << output.status.error().message;
+  pb::Request list, show;
+  show.mutable_get_session()->set_session_id(session.id());
+  const double rate_hz = server_.asAdmin(show).session().description().rate_hz();
+  list.mutable_list_annotations()->set_session_id(session.id());
+  const auto remarks = server_.asAdmin(list).annotations();
+  ASSERT_EQ(remarks.annotations_size(), 1);
+  EXPECT_EQ(remarks.annotations(0).tick(), static_cast<std::uint64_t>(1.5 * rate_hz));
 }
 
 TEST_F(Headless, theRateIsLinesPerSecond) {

@@ -71,6 +71,10 @@ class FakeServer {
   }
   std::uint64_t liveFrames() { return live_frames_; }
   std::uint64_t statusLines() { return status_lines_; }
+  pb::StationStatus newestStatus() {
+    const std::scoped_lock lock(status_mutex_);
+    return newest_status_;
+  }
   /// Of one session, so far.
   std::uint64_t mostChunks() { return most_chunks_; }
   /// To all stations that are connected.
@@ -178,6 +182,8 @@ class FakeServer {
     } else if (envelope.has_live_frame()) {
       ++live_frames_;
     } else if (envelope.has_station_status()) {
+      const std::scoped_lock status_lock(status_mutex_);
+      newest_status_ = envelope.station_status();
       ++status_lines_;
     } else if (envelope.has_request() && envelope.request().has_get_lesson()) {
       if (envelope.request().get_lesson().exercise_id() == "unknown") {
@@ -239,6 +245,8 @@ class FakeServer {
   std::mutex mutex_;
   std::map<std::string, KeptSession> sessions_;
   std::atomic<std::uint64_t> live_frames_{0}, status_lines_{0}, most_chunks_{0};
+  std::mutex status_mutex_;
+  pb::StationStatus newest_status_;
   std::thread thread_;
 };
 

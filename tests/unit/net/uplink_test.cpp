@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+
 #include "gesture/chunk.h"
 #include "net/fake_server.h"
 #include "net/spool_samples.h"
@@ -47,6 +49,10 @@ class UplinkTest : public testing::Test {
     events.say = [this](const std::string& text) { note(text); };
     events.trainee_message = [this](const pb::TraineeMessage& message) { note("message " + message.text()); };
     events.next_exercise = [this](const pb::NextExercise& next) { note("next " + next.exercise_id()); };
+    events.set_aids = [this](const pb::SetAids& set) {
+      note("aids of " + set.from() + ": " + std::to_string(set.aids_size()) + (set.reset() ? " reset" : ""));
+    };
+    events.stop_lesson = [this](const pb::StopLesson& stop) { note("stop: " + stop.reason()); };
     return std::make_unique<Uplink>(config, events);
   }
   void note(const std::string& text) {
@@ -215,6 +221,45 @@ TEST_F(UplinkTest, oldSessionsAreUploadedBesideTheCurrentOne) {
   EXPECT_EQ(keptOf(server, *current).chunks.size(), 2u);
 }
 
+// a window practises lesson after lesson over one uplink
+TEST_F(UplinkTest, theVerdictOnOneSessionIsNeverTakenForTheNextOnes) {
+  FakeServer server;
+  auto uplink = connected(server.clientConfig());
+  for (int lesson = 0; lesson < 5; ++lesson) {
+    auto session = makeSession(2, false);
+    uplink->add(session, true);
+    // from the moment on that it is added
+    for (int look = 0; look < 20; ++look) {
+      ASSERT_FALSE(uplink->state().current_verdict);
+      std::this_thread::sleep_for(1ms);
+    }
+    ASSERT_TRUE(session->end(false).ok());
+    uplink->wake();
+    ASSERT_TRUE(eventually([&] { return uplink->state().current_verdict.has_value(); }));
+    EXPECT_EQ(uplink->state().current_verdict->session_id(), session->description().session_id());
+    EXPECT_EQ(uplink->state().current_committed, 2u);
+  }
+}
+
+TEST_F(UplinkTest, aQuestionThatIsNoneOfALessonIsAnsweredOrRefusedToo) {
+  FakeServer server;
+  auto uplink = connected(server.clientConfig());
+  pb::Request request;
+  request.mutable_get_lesson()->set_exercise_id("shoulder");
+  const auto reply = uplink->ask(request, 5s, false);
+  ASSERT_TRUE(reply.ok()) << reply.error().message;
+  EXPECT_TRUE(reply->has_lesson());
+  request.mutable_get_lesson()->set_exercise_id("unknown");
+  const auto refused = uplink->ask(request, 5s, false);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
+  // nobody answers this one: whoever has no more patience, or is told to, goes
+  pb::Request mute;
+  mute.mutable_list_curricula();
+  EXPECT_EQ(uplink->ask(mute, 50ms, false).error().code, ErrorCode::kUnavailable);
+  EXPECT_EQ(uplink->ask(mute, 10s, false, [] { return true; }).error().code, ErrorCode::kFailed);
+}
+
 TEST_F(UplinkTest, aServerThatComesLaterGetsEverything) {
   std::uint16_t port = 0;
   {
@@ -271,7 +316,7 @@ TEST_F(UplinkTest, liveFramesOnlyWhileSomebodyWatches) {
   ASSERT_TRUE(eventually([&] { return keptOf(server, *session).opened == 1; }));
   const auto samples = samplesFrom(0, 20);
   SamplePiece piece{std::make_shared<const Bytes>(encodeChunk(Resolution::standard(), samples)),
-                    samples.back(), 20, 0};
+                    samples.back(), 20, 0, nullptr};
   for (int i = 0; i < 5; ++i) uplink->offer(piece);
   ASSERT_TRUE(eventually([&] { return server.statusLines() >= 2; }));
   EXPECT_EQ(server.liveFrames(), 0u);
@@ -316,6 +361,68 @@ TEST_F(UplinkTest, wordsOfInstructorsAreShown) {
   ASSERT_TRUE(eventually([&] { return said().size() >= 3; }));
   EXPECT_THAT(said(), testing::Contains("message slower"));
   EXPECT_THAT(said(), testing::Contains("next knee"));
+}
+
+TEST_F(UplinkTest, statusLinesTellWhatIsKnownOfTheLessonAndNeverOutgrowTheirBound) {
+  FakeServer server;
+  auto session = makeSession(1, false);
+  auto uplink = connected(server.clientConfig());
+  uplink->add(session, true);
+  uplink->noteLesson({4.5, {"nerve", "artery"}, 3.0, "muscle"});
+  ASSERT_TRUE(eventually([&] { return server.newestStatus().peak_force_n() == 4.5; }));
+  pb::StationStatus status = server.newestStatus();
+  ASSERT_EQ(status.hazards_touched_size(), 2);
+  EXPECT_EQ(status.hazards_touched(0), "nerve");
+  EXPECT_EQ(status.force_limit_n(), 3.0);
+  EXPECT_EQ(status.tissue(), "muscle");
+  EXPECT_EQ(status.started_unix_ns(), session->description().started_unix_ns());
+  EXPECT_EQ(status.live_dropped(), 0u);
+
+  LessonFacts long_ones{5, {}, 0, std::string(5000, 't')};
+  for (int i = 0; i < 100; ++i) long_ones.hazards_touched.push_back(std::string(60, 'h') + std::to_string(i));
+  uplink->noteTrouble("device", std::string(5000, 'x'));
+  uplink->noteLesson(long_ones);
+  ASSERT_TRUE(eventually([&] { return server.newestStatus().peak_force_n() == 5; }));
+  ASSERT_TRUE(eventually([&] { return server.newestStatus().trouble().size() == 1024; }));
+  status = server.newestStatus();
+  EXPECT_GE(status.hazards_touched_size(), 5);
+  EXPECT_EQ(status.hazards_touched(0), std::string(60, 'h') + "0");
+  EXPECT_LE(status.ByteSizeLong(), 2048u) << "a server refuses more";
+
+  uplink->add(makeSession(1, false), true);
+  ASSERT_TRUE(eventually([&] { return server.newestStatus().peak_force_n() == 0; })) << "another lesson";
+}
+
+TEST_F(UplinkTest, wordsForAnotherLessonThanThisOneArePassedOver) {
+  FakeServer server;
+  auto session = makeSession(1, false);
+  auto uplink = connected(server.clientConfig());
+  uplink->add(session, true);
+  ASSERT_TRUE(eventually([&] { return uplink->state().current_committed == 1; }));
+  const auto stop = [&](const std::string& id, const std::string& reason) {
+    pb::Envelope envelope;
+    envelope.mutable_stop_lesson()->set_session_id(id);
+    envelope.mutable_stop_lesson()->set_reason(reason);
+    server.broadcast(envelope);
+  };
+  stop(std::string(16, 'x'), "of before");
+  stop(session->description().session_id(), "of this one");
+  stop("", "whichever");
+  pb::Envelope aids;
+  aids.mutable_set_aids()->set_from("ines");
+  aids.mutable_set_aids()->add_aids(pb::Exercise::DEPTH);
+  aids.mutable_set_aids()->add_aids(static_cast<pb::Exercise::Aid>(77));  // of a newer server
+  aids.mutable_set_aids()->add_aids(pb::Exercise::AID_UNSPECIFIED);
+  server.broadcast(aids);
+  const auto has = [&](const std::string& text) {
+    const auto all = said();
+    return std::find(all.begin(), all.end(), text) != all.end();
+  };
+  ASSERT_TRUE(eventually([&] { return has("aids of ines: 1"); }));
+  EXPECT_TRUE(has("stop: of this one"));
+  EXPECT_TRUE(has("stop: whichever"));
+  EXPECT_FALSE(has("stop: of before"));
+  EXPECT_THAT(said(), testing::Contains(testing::HasSubstr("came too late")));
 }
 
 TEST(ClockProbe, theLeastRoundTripWins) {

@@ -62,6 +62,9 @@ TEST(MeasureTable, namesAreOnceAndUnitsAreInThem) {
     EXPECT_TRUE(kind.name.ends_with(suffix)) << kind.name;
   }
   EXPECT_EQ(measureKind("peak_force_layer_K_n"), nullptr);
+  EXPECT_EQ(measureWords("peak_force_layer_13_n"), "Peak force in layer 13");
+  EXPECT_EQ(measureWords("entries"), "Entries");
+  EXPECT_EQ(measureWords("of no kind"), "of no kind");
   EXPECT_EQ(measureKind("peak_force_layer_0_n"), nullptr);
   EXPECT_EQ(measureKind("peak_force_layer_01_n"), nullptr);
   EXPECT_EQ(measureKind("mean_force_layer_3_n")->name, "mean_force_layer_K_n");

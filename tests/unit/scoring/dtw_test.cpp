@@ -133,5 +133,57 @@ TEST(Paths, aScoreHasTheDistanceFromTheNearestReference) {
   EXPECT_NEAR(valueOf(with({far, aside}), "dtw_distance_m"), 0.002, 1e-12);
 }
 
+/// The sum that an alignment stands for, by the header's words.
+double costOf(const DtwAlignment& alignment, const TipPath& a, const TipPath& b) {
+  double sum = 2 * norm(a[0] - b[0]);
+  for (std::size_t k = 1; k < alignment.pairs.size(); ++k) {
+    const auto& [i, j] = alignment.pairs[k];
+    const auto steps = (i - alignment.pairs[k - 1].a) + (j - alignment.pairs[k - 1].b);
+    sum += static_cast<double>(steps) * norm(a[i] - b[j]);
+  }
+  return sum / static_cast<double>(a.size() + b.size());
+}
+
+TEST(DtwAlignment, aHandMadeOne) {
+  // 0 1 1 2 beside 0 1 2: the 1 is dwelt on
+  const auto alignment = dtwAlignment(along({0, 1, 1, 2}), along({0, 1, 2}), 5);
+  ASSERT_TRUE(alignment);
+  EXPECT_EQ(alignment->pairs, (std::vector<DtwPair>{{0, 0}, {1, 1}, {2, 1}, {3, 2}}));
+  EXPECT_DOUBLE_EQ(alignment->distance_m, 0);
+  // the other way round the pairs are turned over
+  const auto turned = dtwAlignment(along({0, 1, 2}), along({0, 1, 1, 2}), 5);
+  EXPECT_EQ(turned->pairs, (std::vector<DtwPair>{{0, 0}, {1, 1}, {1, 2}, {2, 3}}));
+}
+
+TEST(DtwAlignment, isAWalkFromStartToEndThatCostsTheDistance) {
+  std::mt19937 random(20261121);
+  std::uniform_real_distribution<double> place(-1, 1);
+  std::uniform_int_distribution<std::size_t> length(1, 90);
+  for (int trial = 0; trial < 200; ++trial) {
+    TipPath a(length(random)), b(length(random));
+    for (auto* path : {&a, &b})
+      for (Vec3& p : *path) p = {place(random), place(random), place(random)};
+    const std::size_t band = 1 + trial % 30;
+    const auto distance = dtwDistance(a, b, band);
+    const auto alignment = dtwAlignment(a, b, band);
+    ASSERT_EQ(distance.has_value(), alignment.has_value());
+    if (!alignment) continue;
+    EXPECT_EQ(alignment->distance_m, *distance);
+    EXPECT_EQ(alignment->pairs.front(), (DtwPair{0, 0}));
+    EXPECT_EQ(alignment->pairs.back(), (DtwPair{a.size() - 1, b.size() - 1}));
+    for (std::size_t k = 1; k < alignment->pairs.size(); ++k) {
+      const std::size_t di = alignment->pairs[k].a - alignment->pairs[k - 1].a;
+      const std::size_t dj = alignment->pairs[k].b - alignment->pairs[k - 1].b;
+      ASSERT_TRUE(di <= 1 && dj <= 1 && di + dj >= 1);
+    }
+    EXPECT_NEAR(costOf(*alignment, a, b), *distance, 1e-12);
+  }
+}
+
+TEST(DtwAlignment, whatHasNoDistanceHasNone) {
+  EXPECT_FALSE(dtwAlignment({}, along({1}), 3));
+  EXPECT_FALSE(dtwAlignment(TipPath(kMostPathPoints + 1), along({1}), 3));
+}
+
 }  // namespace
 }  // namespace needlelab

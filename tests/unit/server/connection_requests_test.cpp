@@ -1,7 +1,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <thread>
+#include <vector>
+
+#include "raw_peer.h"
 #include "running_server.h"
+#include "wire/version.h"
 
 namespace needlelab {
 namespace {
@@ -56,6 +61,84 @@ TEST(Requests, aMessageReachesTheTraineeAndNamesItsSender) {
   const auto refused = lab.instructor.call(request);
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
+}
+
+TEST(Requests, aidsAndStopsReachTheStationAndNameWhoSaysSo) {
+  Lab lab;
+  pb::Request aids, stop;
+  aids.mutable_set_aids()->set_station("bench-1");
+  aids.mutable_set_aids()->set_from("the dean");
+  aids.mutable_set_aids()->add_aids(pb::Exercise::ULTRASOUND);
+  stop.mutable_stop_lesson()->set_station("bench-1");
+  stop.mutable_stop_lesson()->set_reason("enough for today");
+  pb::SetAids set;
+  pb::StopLesson ended;
+  std::thread station([&] {
+    set = waitFor(lab.station, [](const pb::Envelope& e) { return e.has_set_aids(); }).set_aids();
+    ended = waitFor(lab.station, [](const pb::Envelope& e) { return e.has_stop_lesson(); }).stop_lesson();
+    (void)lab.station.receive(milliseconds(100));  // answers the Ping behind it
+  });
+  EXPECT_TRUE(lab.instructor.call(aids).ok());
+  EXPECT_TRUE(lab.instructor.call(stop).ok());
+  station.join();
+  EXPECT_EQ(set.from(), "anna");
+  ASSERT_EQ(set.aids_size(), 1);
+  EXPECT_EQ(set.aids(0), pb::Exercise::ULTRASOUND);
+  EXPECT_EQ(ended.from(), "anna");
+  EXPECT_EQ(ended.reason(), "enough for today");
+}
+
+std::vector<pb::AuditEntry> auditLines(RunningServer& server, const std::string& action) {
+  pb::Request list;
+  list.mutable_list_audit()->set_action(action);
+  const pb::Reply reply = server.asAdmin(list);
+  return {reply.audit().entries().begin(), reply.audit().entries().end()};
+}
+
+TEST(Requests, whatDidNotReachAStationIsSaidAndNoted) {
+  Lab lab;
+  lab.server.addStation("bench-2");
+  pb::Request stop;
+  stop.mutable_stop_lesson()->set_station("bench-2");
+  stop.mutable_stop_lesson()->set_reason("enough");
+  const auto refused = lab.instructor.call(stop);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
+  // the second line is written beside the answer
+  std::vector<pb::AuditEntry> lines;
+  for (int i = 0; i < 1000 && lines.empty(); ++i) {
+    lines = auditLines(lab.server, "not delivered");
+    if (lines.empty()) std::this_thread::sleep_for(milliseconds(10));
+  }
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_EQ(lines[0].who(), "anna");
+  EXPECT_EQ(lines[0].subject(), "bench-2");
+  EXPECT_THAT(lines[0].detail(), HasSubstr("stop: station 'bench-2' is not online"));
+  lines = auditLines(lab.server, "stop");
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_EQ(lines[0].detail(), "enough");
+}
+
+TEST(Requests, aStationOfAnOlderMinorIsNotToldWhatItWouldPassOver) {
+  Lab lab;
+  const std::string key = lab.server.addStation("old");
+  RawPeer old(lab.server);
+  pb::Envelope hello, login;
+  hello.mutable_hello()->mutable_version()->set_major(kProtocolMajor);
+  hello.mutable_hello()->mutable_version()->set_minor(1);
+  hello.mutable_hello()->set_program("needlelab-station 0.0.9");
+  old.send(hello);
+  ASSERT_TRUE(old.receive().has_value());
+  *login.mutable_login() = stationLogin("old", key);
+  old.send(login);
+  const auto welcome = old.receive();
+  ASSERT_TRUE(welcome && welcome->has_welcome());
+  pb::Request aids;
+  aids.mutable_set_aids()->set_station("old");
+  const auto refused = lab.instructor.call(aids);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_THAT(refused.error().message, HasSubstr("needlelab-station 0.0.9 (protocol 1.1)"));
+  EXPECT_TRUE(lab.instructor.connected()) << "that was about the station";
 }
 
 TEST(Requests, whatARoleMayNotDoIsRefusedAndTheConnectionGoesOn) {

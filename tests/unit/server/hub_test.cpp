@@ -334,6 +334,36 @@ TEST(Hub, overviewsOfAWatchedStationComeFromItsSamples) {
   EXPECT_EQ(boss.liveFrames(), 0u);
 }
 
+TEST(Hub, thePeakOfALessonRisesWithItsSamplesAndEndsWithIt) {
+  Hub hub;
+  FakePeer station, viewer;
+  hub.attachStation("bench-1", station);
+  ASSERT_FALSE(hub.subscribe(viewer, toStation(1, ""), 0));
+  pb::StationStatus status;
+  status.set_session_id(std::string(16, 's'));
+  status.set_peak_force_n(2);
+  status.add_hazards_touched("nerve");
+  status.set_tissue("muscle");
+  ASSERT_FALSE(hub.onStatus("bench-1", status, kMs));
+  pb::Stations stations;
+  stations.add_stations()->set_name("bench-1");
+  const auto known = [&] {
+    hub.fillStations(stations);
+    return stations.stations(0).status();
+  };
+  EXPECT_EQ(known().peak_force_n(), 2);
+  // a frame of 5 N between two status lines: hypot(3, 4)
+  FakePeer close_up;
+  ASSERT_FALSE(hub.subscribe(close_up, toStation(1, "bench-1"), 0));
+  ASSERT_FALSE(hub.onLiveFrame("bench-1", frameNumber(1), 200 * kMs));
+  EXPECT_NEAR(known().peak_force_n(), 5, 1e-3);
+  EXPECT_EQ(known().hazards_touched_size(), 1) << "what only the station knows stays";
+  hub.onSession("bench-1", std::string(16, 't'));
+  EXPECT_EQ(known().peak_force_n(), 0);
+  EXPECT_EQ(known().hazards_touched_size(), 0);
+  EXPECT_EQ(known().tissue(), "");
+}
+
 TEST(Hub, theNewestConnectionOfAStationCounts) {
   Hub hub;
   FakePeer older, newer, anna;

@@ -2,6 +2,7 @@
 #include <set>
 
 #include "db/annotation_store.h"
+#include "db/score_store.h"
 #include "test_service.h"
 
 namespace needlelab {
@@ -109,6 +110,39 @@ TEST_F(Pages, sessionsInOrder) {
   pb::Request bad;
   bad.mutable_list_sessions()->set_page("x");
   EXPECT_EQ(refusal(instructor, bad), ErrorCode::kInvalidInput);
+}
+
+TEST_F(Pages, attemptsGoOnBehindTheLastOneThoughAnOlderOneComesIn) {
+  addStation();
+  const auto attempt = [this](std::int64_t started) {
+    const Uuid id = addSession("anna", 1);
+    EXPECT_OK(change([&](Connection& c) -> Status {
+      if (auto done = c.run("UPDATE sessions SET started_unix_ns = ? WHERE id = ?", started, ByteView(id)); !done)
+        return done;
+      if (auto closed = SessionStore(c).close(test::closeOf(id, 1), 1); !closed) return closed.error();
+      return ScoreStore(c).put(test::scoreOf(
+          id, R"([{"measure":"elapsed_s","value":1,"unit":"s","words":")" + std::string(20'000, 'w') + "\"}]"));
+    }));
+    return test::bytesOfId(id);
+  };
+  std::set<std::string> wanted, seen;
+  for (int i = 0; i < 120; ++i) wanted.insert(attempt(1000 + i));
+  pb::Request request;
+  request.mutable_get_progress()->set_trainee("anna");
+  int pages = 0;
+  do {
+    const pb::Reply reply = get(instructor, request);
+    for (const auto& one : reply.progress().attempts()) EXPECT_TRUE(seen.insert(one.session_id()).second);
+    request.mutable_get_progress()->set_page(reply.progress().next_page());
+    if (++pages == 1) {
+      (void)attempt(1);  // of a station that was away: before all others
+    }
+    ASSERT_LT(pages, 50);
+  } while (!request.get_progress().page().empty());
+  EXPECT_GT(pages, 1);
+  EXPECT_EQ(seen, wanted) << "none twice, none left out";
+  request.mutable_get_progress()->set_page("17");
+  EXPECT_EQ(refusal(instructor, request), ErrorCode::kInvalidInput);
 }
 
 TEST_F(Pages, auditAndRemarks) {

@@ -45,6 +45,8 @@ const std::map<std::string, std::string>& expected() {
       {"run_retention", "MA"},
       {"trainee_message", "IA"},
       {"next_exercise", "IA"},
+      {"set_aids", "IMA"},
+      {"stop_lesson", "IMA"},
       {"get_user", "TIMAR"},
       {"change_user", "MA"},
       {"set_consent", "TIMA"},

@@ -24,7 +24,7 @@ ParsedMode parse(std::vector<const char*> arguments) {
 }
 
 TEST(ModeOptions, noModeButTheLessonNeedsAnExercise) {
-  EXPECT_EQ(parse({}).parsed.exit_code, kExitInvalid);
+  EXPECT_EQ(parse({"--headless"}).parsed.exit_code, kExitInvalid);
   const std::pair<const char*, StationMode> modes[] = {{"--list-devices", StationMode::kListDevices},
                                                        {"--self-test", StationMode::kSelfTest},
                                                        {"--calibrate", StationMode::kCalibrate}};

@@ -106,11 +106,22 @@ TEST(StationOptions, practiceWithoutAServerNeedsOnlyAProfile) {
 
 TEST(StationOptions, wrongUsageIsExitCode2AndSaysWhatIsMissing) {
   const std::vector<std::pair<std::vector<const char*>, std::string>> cases = {
-      {{}, "--exercise ID"},
+      {{"--headless"}, "--exercise ID"},
+      {{"--start"}, "the window asks"},
       {{"--exercise", "a", "--profile", "b"}, "exclude each other"},
       {{"--server", "x", "--exercise", "a", "--trainee", "t", "--key", "k"}, "--ca"},
       {{"--server", "x", "--exercise", "a", "--trainee", "t", "--ca", "c"}, "--key"},
-      {{"--server", "x", "--exercise", "a", "--ca", "c", "--key", "k"}, "--trainee"},
+      {{"--headless", "--server", "x", "--exercise", "a", "--ca", "c", "--key", "k"}, "--trainee"},
+      {{"--start", "--server", "x", "--exercise", "a", "--ca", "c", "--key", "k"}, "--trainee"},
+      {{"--profile", "p", "--screenshot", "a.png"}, "--at"},
+      {{"--profile", "p", "--screenshot", "a.png", "--at", "later"}, "later"},
+      {{"--profile", "p", "--screenshot", "a.png", "--at", "-1"}, "-1"},
+      {{"--profile", "p", "--screenshot", "a.png", "--at", "nan"}, "nan"},
+      {{"--profile", "p", "--screenshot", "p", "--at", "1"}, "--screenshot"},
+      {{"--profile", "p", "--window", "1280"}, "--window"},
+      {{"--profile", "p", "--window", "1280x72x"}, "--window"},
+      {{"--profile", "p", "--window", "100x100"}, "640x360"},
+      {{"--profile", "p", "--font-scale", "3"}, "--font-scale"},
       {{"--server", "x:99999", "--exercise", "a", "--trainee", "t", "--ca", "c", "--key", "k"}, "99999"},
       {{"--profile", "p", "--rate", "49"}, "--rate"},
       {{"--profile", "p", "--trainee", "a\tb"}, "--trainee"},
@@ -143,10 +154,44 @@ TEST(StationOptions, whatAFaultDoesIsChosenOrLeftToWhetherThereIsATerminal) {
   EXPECT_EQ(parse({"--profile", "p", "--on-fault", "end"}).parsed.options.on_fault, FaultPolicy::kEnd);
 }
 
+TEST(StationOptions, aWindowNeedsNeitherExerciseNorTraineeBecauseItAsks) {
+  const auto outcome = parse({"--server", "x", "--ca", "c", "--key", "k"});
+  ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
+  EXPECT_TRUE(outcome.parsed.options.opensWindow());
+  EXPECT_FALSE(outcome.parsed.options.trainee_given);
+  EXPECT_TRUE(parse({"--trainee", "tom"}).parsed.options.trainee_given);
+  EXPECT_FALSE(parse({"--headless", "--profile", "p"}).parsed.options.opensWindow());
+  EXPECT_FALSE(parse({"--self-test"}).parsed.options.opensWindow()) << "only a lesson has one";
+}
+
+TEST(StationOptions, theWindowsSizeLettersAndPictures) {
+  const auto outcome =
+      parse({"--profile", "p", "--window", "1600x900", "--font-scale", "1.5", "--screenshot", "a.png", "--at",
+             "2.5", "--screenshot", "b.png", "--at", "end", "--screenshot", "c.png", "--at", "start"});
+  ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
+  const WindowOptions& window = outcome.parsed.options.window;
+  EXPECT_TRUE(window.size_given);
+  EXPECT_EQ(window.width_px, 1600);
+  EXPECT_EQ(window.height_px, 900);
+  EXPECT_EQ(window.font_scale, 1.5);
+  ASSERT_EQ(window.pictures.size(), 3u);
+  EXPECT_EQ(window.pictures[0].file, "a.png");
+  EXPECT_EQ(window.pictures[0].when, PictureRequest::When::kLesson);
+  EXPECT_EQ(window.pictures[0].at_s, 2.5);
+  EXPECT_EQ(window.pictures[1].when, PictureRequest::When::kEnd);
+  EXPECT_EQ(window.pictures[2].when, PictureRequest::When::kStart);
+  EXPECT_EQ(parse({"--profile", "p"}).parsed.options.window.font_scale, std::nullopt) << "as it was left";
+}
+
+TEST(StationOptions, aPlanThatWasSaidIsToldFromTheDefault) {
+  EXPECT_FALSE(parse({"--profile", "p"}).parsed.options.hand_plan_given);
+  EXPECT_TRUE(parse({"--profile", "p", "--hand-plan", "pointer"}).parsed.options.hand_plan_given);
+}
+
 TEST(StationOptions, helpShowsEveryGroup) {
   const auto outcome = parse({"--help"});
   for (const char* group :
-       {"Server", "Lesson", "Device", "Real time", "Spool", "Summary", "Instead of a lesson"})
+       {"Server", "Lesson", "Window", "Device", "Real time", "Spool", "Summary", "Instead of a lesson"})
     EXPECT_THAT(outcome.out, HasSubstr(std::string("\n") + group));
 }
 

@@ -68,8 +68,17 @@ const infoOf = (lab, s) => ({
     session_id: s.session_id, station: s.station, trainee: s.trainee, exercise_id: s.exercise_id, profile_id: s.profile_id, profile_revision: s.profile_revision, profile: lab.profiles.get(s.profile_id)[0].json,
     engine_version: '0.1.0', rate_hz: 1000, resolution: { length_m: 1e-6, quaternion: 2 ** -15, force_n: 1e-3, torque_nm: 1e-4, time_s: 1e-6, speed_m_s: 1e-4 }, started_unix_ms: s.started_unix_ms, started_steady_ns: 0, placement: [], tool: [], device_notes: [], device: 'Virtuose 6D Desktop (simulated)', axial_model: 'ENHANCED_TRACKING_WALL', live_effects: ['CUTTING', 'ATTRACTED', 'CLAMPING', 'PUNCTURE'],
   },
-  state: 'SESSION_COMPLETE', chunks: Math.ceil(s.gesture.length_s), samples: Math.round(s.gesture.length_s * 1000), hash: 'ab'.repeat(32), clock_offset_ns: 0, clock_round_trip_ns: 0, received_unix_ms: s.started_unix_ms, closed_unix_ms: s.started_unix_ms + s.gesture.length_s * 1000, stored_bytes: 412_000, score: scored(lab, s),
+  state: 'SESSION_COMPLETE', chunks: Math.ceil(s.gesture.length_s), samples: Math.round(s.gesture.length_s * 1000), hash: 'ab'.repeat(32), clock_offset_ns: 0, clock_round_trip_ns: 0, received_unix_ms: s.started_unix_ms, closed_unix_ms: s.started_unix_ms + s.gesture.length_s * 1000, stored_bytes: 412_000, score: scored(lab, s), passed: passedOf(scored(lab, s)), figures: [],
 });
+/** As in lists: the main figures in place of the score. */
+const rowOf = (lab, s) => ({ ...infoOf(lab, s), score: null, figures: scored(lab, s).filter((r) => ['elapsed_s', 'peak_force_n', 'target_distance_m'].includes(r.measure)).map(({ measure, value, unit }) => ({ measure, value, unit })) });
+const kVerdicts = { passed: true, failed: false };
+function isAsked(lab, s, query, who) {
+  const person = lab.people.get(s.trainee), part = (query.search ?? '').toLowerCase();
+  return (!query.trainee || s.trainee === query.trainee) && (!query.exercise || s.exercise_id === query.exercise) && (who.role !== 'TRAINEE' || s.trainee === who.name)
+    && (!query.from_ms || s.started_unix_ms >= Number(query.from_ms)) && (!query.to_ms || s.started_unix_ms < Number(query.to_ms))
+    && (!query.verdict || passedOf(scored(lab, s)) === kVerdicts[query.verdict]) && (s.trainee.toLowerCase().includes(part) || (person?.full_name ?? '').toLowerCase().includes(part));
+}
 const attemptOf = (lab, s) => {
   const score = scored(lab, s);
   const number = lab.sessions.filter((o) => o.trainee === s.trainee && o.exercise_id === s.exercise_id && o.started_unix_ms <= s.started_unix_ms).length;
@@ -210,7 +219,7 @@ export const kTable = [
   }, 201],
   ['DELETE', 'assignments/:id', kStaff, ({ lab, params }) => { lab.assignments = lab.assignments.filter((a) => String(a.id) !== params.id); return {}; }],
   ['GET', 'results', kPeople, ({ lab, query, who }) => resultsOf(lab, query, who)],
-  ['GET', 'sessions', kPeople, ({ lab, query, who }) => paged(lab.sessions.filter((s) => (!query.trainee || s.trainee === query.trainee) && (!query.exercise || s.exercise_id === query.exercise) && (who.role !== 'TRAINEE' || s.trainee === who.name)).sort((a, b) => b.started_unix_ms - a.started_unix_ms).map((s) => infoOf(lab, s)), query, 25)],
+  ['GET', 'sessions', kPeople, ({ lab, query, who }) => paged(lab.sessions.filter((s) => isAsked(lab, s, query, who)).sort((a, b) => b.started_unix_ms - a.started_unix_ms).map((s) => rowOf(lab, s)), query, 25)],
   ['GET', 'sessions/:id', kPeople, ({ lab, params, who }) => infoOf(lab, sessionOf(lab, params.id, who))],
   ['GET', 'sessions/:id/score', kPeople, ({ lab, params, who }) => scoreReply(lab, sessionOf(lab, params.id, who), true)],
   ['POST', 'sessions/:id/rescore', kStaff, ({ lab, params, who }) => scoreReply(lab, sessionOf(lab, params.id, who), false)],

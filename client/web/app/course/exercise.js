@@ -6,16 +6,18 @@ import { CheckField, problemsAt, TextField } from '../ui/fields.js';
 import { html } from '../ui/html.js';
 import { Requirements } from './requirements.js';
 
-const kAids = [['PHASE', 'Phase of the insertion'], ['LAYER', 'Tissue at the tip'], ['DEPTH', 'Depth'], ['FORCE', 'Force']];
+const kAids = [['PHASE', 'Phase of the insertion'], ['LAYER', 'Tissue at the tip'], ['DEPTH', 'Depth'], ['FORCE', 'Force'], ['ULTRASOUND', 'Ultrasound-like slice'],
+  ['TISSUES', 'Layers, translucent, with names'], ['ANATOMY', 'Targets and hazards'], ['GUIDES', 'Insertion line, angle cone, wall'], ['ARROWS', 'Force arrows'], ['ALIGNMENT', 'Lateral error, angle, speed']];
+const kUsualAids = kAids.map(([aid]) => aid).filter((aid) => aid !== 'ULTRASOUND');
 const kTips = [['', 'not known'], ['HYPODERMIC', 'Hypodermic'], ['QUINCKE', 'Quincke (spinal)'], ['TUOHY', 'Tuohy (epidural)'], ['PENCIL_POINT', 'Pencil point']];
 
 function Aids({ f, at }) {
   const aids = f.at(`${at}.aids`);
-  // no list at all means: all of them
-  const allowed = aids ? aids.allowed ?? [] : kAids.map(([aid]) => aid);
+  // no list at all means: all but the slice, which takes time to draw
+  const allowed = aids ? aids.allowed ?? [] : kUsualAids;
   const toggle = (aid) => (on) => {
     const next = kAids.map(([name]) => name).filter((name) => (name === aid ? on : allowed.includes(name)));
-    f.set(`${at}.aids`)(next.length === kAids.length ? undefined : { allowed: next });
+    f.set(`${at}.aids`)(next.join() === kUsualAids.join() ? undefined : { allowed: next });
   };
   return html`<fieldset><legend>What the station may show while practising</legend>${kAids.map(([aid, label]) => html`<${CheckField} key=${aid} label=${label} checked=${allowed.includes(aid)} disabled=${f.readonly} onValue=${toggle(aid)} />`)}</fieldset>`;
 }

@@ -9,7 +9,7 @@ import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 import { usePages } from '../ui/paged.js';
 import { Empty, Heading, Loaded, number as right, Problem, Table } from '../ui/parts.js';
-import { judged, Verdict, verdict } from './sessions.js';
+import { Verdict } from './sessions.js';
 
 /** Measures of single layers are in no list. */
 const layerTitle = (name) => name.replace(/^(peak|mean)_force_layer_(\d+)_n$/, (_, what, layer) => `${what === 'peak' ? 'Peak' : 'Mean'} force in layer ${layer}`);
@@ -35,10 +35,10 @@ function Choice({ exercise, reference, reload }) {
   // some may stand further down than what has been loaded
   const elsewhere = chosen.filter((id) => !pages.items.some((s) => s.description.session_id === id));
   return html`<${Loaded} load=${pages.load}>${() => (pages.items.length === 0 ? html`<${Empty} title="Nobody has practised this exercise yet">Let an expert practise it at a station; then choose the session here.<//>`
-    : html`<${Table} caption="Sessions of this exercise, newest first" head=${['Expert', 'Trainee', 'Begun', 'Station', right('Length'), ...(judged(pages.items) ? ['Verdict'] : [])]}>${pages.items.map((s) => {
+    : html`<${Table} caption="Sessions of this exercise, newest first" head=${['Expert', 'Trainee', 'Begun', 'Station', right('Length'), 'Verdict']}>${pages.items.map((s) => {
         const d = s.description;
         return html`<tr key=${d.session_id}><td><${CheckField} label=${html`<span class="visually-hidden">${`${d.trainee}, ${moment(d.started_unix_ms)} is an expert's`}</span>`} checked=${chosen.includes(d.session_id)} onValue=${toggle(d.session_id)} /></td>
-          <th scope="row">${d.trainee}</th><td><a href=${href(['sessions', d.session_id])}>${moment(d.started_unix_ms)}</a></td><td>${d.station}</td><td class="number">${d.rate_hz ? clock(s.samples / d.rate_hz) : '–'}</td>${judged(pages.items) && html`<td><${Verdict} passed=${verdict(s.score)} /></td>`}</tr>`;
+          <th scope="row">${d.trainee}</th><td><a href=${href(['sessions', d.session_id])}>${moment(d.started_unix_ms)}</a></td><td>${d.station}</td><td class="number">${d.rate_hz ? clock(s.samples / d.rate_hz) : '–'}</td><td><${Verdict} passed=${s.passed} /></td></tr>`;
       })}<//>${pages.button}`)}<//>
     ${elsewhere.length > 0 && html`<p class="help">Chosen, and not in the list above: ${elsewhere.map((id, i) => html`${i > 0 && ', '}<a href=${href(['sessions', id])}>${id.slice(0, 8)}</a>`)}.</p>`}
     ${action.error?.kind === 'conflict' ? html`<div class="problem" role="alert"><p><strong>Somebody else chose other sessions in the meantime.</strong> Your choice is still here; nothing was saved.</p>

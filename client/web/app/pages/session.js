@@ -15,7 +15,7 @@ import { Annotations, SyringeEvents } from '../session/notes.js';
 import { Plots } from '../session/plots.js';
 import { Replay } from '../session/replay.js';
 import { Score } from '../session/score.js';
-import { Verdict, verdict } from './sessions.js';
+import { Verdict } from './sessions.js';
 
 const kPoints = 2000;
 
@@ -72,7 +72,7 @@ export function SessionPage({ params, person }) {
   return html`<${Heading} title=${d ? `${d.trainee}: ${d.exercise_id}` : 'Session'} above=${html`<a href="#/sessions">Sessions</a>`}>${kFormats.map(([name, link]) => html`<a class="button" href=${link(id)} download>${name}</a>`)}<//>
     <${Loaded} load=${load}>${(session) => html`<dl class="facts"><dt>Begun</dt><dd>${moment(d.started_unix_ms)}, ${d.station}</dd><dt>Length</dt><dd>${clock(session.samples / d.rate_hz)} (${session.samples} samples at ${d.rate_hz} Hz)</dd>
         <dt>Patient</dt><dd>${may(person.role, 'see profiles') ? html`<a href=${href(['profiles', d.profile_id])}>${d.profile_id}</a>` : d.profile_id}, revision ${d.profile_revision}</dd><dt>State</dt><dd>${words(String(session.state).replace('SESSION_', ''))}, engine ${d.engine_version}, ${d.device}</dd>
-        <dt>Verdict</dt><dd><${Verdict} passed=${verdict(session.score)} /></dd>${d.exercise_id && html`<dt>Attempt</dt><dd class="actions"><${AttemptFact} description=${d} person=${person} /></dd>`}<dt>More</dt><dd><a href=${href(['progress', d.trainee], { exercise: d.exercise_id })}>Progress over attempts</a></dd></dl>
+        <dt>Verdict</dt><dd><${Verdict} passed=${session.passed} /></dd>${d.exercise_id && html`<dt>Attempt</dt><dd class="actions"><${AttemptFact} description=${d} person=${person} /></dd>`}<dt>More</dt><dd><a href=${href(['progress', d.trainee], { exercise: d.exercise_id })}>Progress over attempts</a></dd></dl>
       ${session.state === 'SESSION_OPEN' && html`<div class="hint"><p>This session is still being recorded: what is below is what has come so far.</p></div>`}
       <${Score} session=${session} person=${person} /><${Recording} id=${id} session=${session} person=${person} />`}<//>`;
 }

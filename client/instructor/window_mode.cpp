@@ -1,0 +1,60 @@
+#include "instructor/window_mode.h"
+
+#include <cstdlib>
+#include <system_error>
+
+#include "instructor_model/login_memory.h"
+#include "instructor_window/window_run.h"
+#include "net/password.h"
+
+namespace needlelab {
+namespace {
+
+/// Where the window's place and the log-in are kept between two runs; empty: nowhere.
+std::filesystem::path stateFolder() {
+  if (const char* state = std::getenv("XDG_STATE_HOME"); state != nullptr && *state == '/')
+    return std::filesystem::path(state) / "needlelab";
+  if (const char* home = std::getenv("HOME"); home != nullptr && *home == '/')
+    return std::filesystem::path(home) / ".local" / "state" / "needlelab";
+  return {};
+}
+
+}  // namespace
+
+Status runWindowMode(const InstructorOptions& options, const std::function<bool()>& stopped) {
+  WindowRunOptions run;
+  // scripts and pictures begin the same way each time
+  if (const auto folder = stateFolder(); options.screenshot.empty() && options.script.empty() && !folder.empty()) {
+    std::error_code ignored;
+    std::filesystem::create_directories(folder, ignored);
+    run.surface.state_file = folder / "instructor-window.json";
+    run.login_memory = folder / "instructor-login.json";
+    recallLogin(run.login_memory, run.form);
+  }
+  if (!options.server.empty()) run.form.server = options.server;
+  if (!options.ca.empty()) run.form.ca_file = std::filesystem::absolute(options.ca).string();
+  if (!options.user.empty()) run.form.user = options.user;
+  if (!options.password_file.empty()) {
+    auto password = readPassword(options.password_file, {});
+    if (!password.ok()) return password.error();
+    run.form.password = *std::move(password);
+  }
+  run.surface.kind = options.off_screen ? SurfaceOptions::Kind::kOffScreen
+                     : options.screenshot.empty() && options.script.empty() ? SurfaceOptions::Kind::kWindow
+                                                                            : SurfaceOptions::Kind::kAny;
+  run.surface.title = "needlelab: instructor";
+  const auto size = windowSizeOf(options);
+  if (!size.ok()) return size.error();
+  run.surface.width_px = size->width_px;
+  run.surface.height_px = size->height_px;
+  run.surface.font_scale = options.font_scale;
+  run.script = options.script;
+  run.screenshot = options.screenshot;
+  run.screenshot_at_s = options.at_s.value_or(2);
+  run.seconds = options.seconds;
+  run.station = options.station;
+  run.session = options.session;
+  return runInstructorWindow(run, stopped);
+}
+
+}  // namespace needlelab

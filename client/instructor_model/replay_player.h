@@ -1,0 +1,52 @@
+/// The clock of a replay: play, pause, seek, speed, step, loop. Pure: the view tells how much time went by.
+#pragma once
+
+#include <optional>
+
+namespace needlelab {
+
+inline constexpr double kSlowestReplay = 0.1, kFastestReplay = 8;
+/// One step back or forward.
+inline constexpr double kReplayStep_s = 0.01;
+
+struct ReplayLoop {
+  double from_s = 0, to_s = 0;
+};
+
+/// Times are those of the gesture. Thread: one.
+class ReplayPlayer {
+ public:
+  /// A gesture from `first_s` to `last_s`; stands at its beginning, paused, at speed 1, without a loop.
+  void load(double first_s, double last_s);
+
+  void play();  ///< from the end: from the beginning (of the loop, where there is one)
+  void pause() { playing_ = false; }
+  void toggle() { playing_ ? pause() : play(); }
+  /// Held to the gesture.
+  void seek(double time_s);
+  /// Pauses, and goes so many steps.
+  void step(int steps);
+  /// Held to kSlowestReplay … kFastestReplay; what is not finite changes nothing.
+  void setSpeed(double speed);
+  /// The next of 0.1 0.25 0.5 1 2 4 8 in that direction.
+  void faster();
+  void slower();
+  /// Held to the gesture; a loop shorter than a step, or turned round, is none. Nothing: plays to the end.
+  void setLoop(std::optional<ReplayLoop> loop);
+  /// `elapsed_s` of the view's clock went by.
+  void advance(double elapsed_s);
+
+  [[nodiscard]] bool playing() const { return playing_; }
+  [[nodiscard]] double at_s() const { return at_s_; }
+  [[nodiscard]] double speed() const { return speed_; }
+  [[nodiscard]] double first_s() const { return first_s_; }
+  [[nodiscard]] double last_s() const { return last_s_; }
+  [[nodiscard]] const std::optional<ReplayLoop>& loop() const { return loop_; }
+
+ private:
+  double first_s_ = 0, last_s_ = 0, at_s_ = 0, speed_ = 1;
+  bool playing_ = false;
+  std::optional<ReplayLoop> loop_;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,348 @@
+#include "view/surface.h"
+
+#include <epoxy/gl.h>
+
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <imgui/backends/imgui_impl_glfw.h>
+#include <imgui/backends/imgui_impl_opengl3.h>
+#include <imgui/imgui.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <thread>
+
+#include "base/clock.h"
+#include "view/fonts.h"
+#include "view/frame_buffer.h"
+#include "view/gl_context.h"
+#include "view/redraw.h"
+#include "view/theme.h"
+#include "view/window_state.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kUsualFrames_per_s = 30;
+constexpr int kMostRepeats = 15;
+
+double heldScale(double scale) {
+  return std::clamp(std::isfinite(scale) ? scale : 1.0, 0.8, 2.5);
+}
+
+bool hasDisplay() {
+  const char* display = std::getenv("DISPLAY");
+  return display != nullptr && *display != '\0';
+}
+
+// keys by GLFW's numbers, as ImGui's GLFW backend has them: the same shortcuts work off screen
+void mapKeys(ImGuiIO& io) {
+  io.KeyMap[ImGuiKey_Tab] = GLFW_KEY_TAB;
+  io.KeyMap[ImGuiKey_LeftArrow] = GLFW_KEY_LEFT;
+  io.KeyMap[ImGuiKey_RightArrow] = GLFW_KEY_RIGHT;
+  io.KeyMap[ImGuiKey_UpArrow] = GLFW_KEY_UP;
+  io.KeyMap[ImGuiKey_DownArrow] = GLFW_KEY_DOWN;
+  io.KeyMap[ImGuiKey_PageUp] = GLFW_KEY_PAGE_UP;
+  io.KeyMap[ImGuiKey_PageDown] = GLFW_KEY_PAGE_DOWN;
+  io.KeyMap[ImGuiKey_Home] = GLFW_KEY_HOME;
+  io.KeyMap[ImGuiKey_End] = GLFW_KEY_END;
+  io.KeyMap[ImGuiKey_Insert] = GLFW_KEY_INSERT;
+  io.KeyMap[ImGuiKey_Delete] = GLFW_KEY_DELETE;
+  io.KeyMap[ImGuiKey_Backspace] = GLFW_KEY_BACKSPACE;
+  io.KeyMap[ImGuiKey_Space] = GLFW_KEY_SPACE;
+  io.KeyMap[ImGuiKey_Enter] = GLFW_KEY_ENTER;
+  io.KeyMap[ImGuiKey_Escape] = GLFW_KEY_ESCAPE;
+  io.KeyMap[ImGuiKey_KeyPadEnter] = GLFW_KEY_KP_ENTER;
+  io.KeyMap[ImGuiKey_A] = GLFW_KEY_A;
+  io.KeyMap[ImGuiKey_C] = GLFW_KEY_C;
+  io.KeyMap[ImGuiKey_V] = GLFW_KEY_V;
+  io.KeyMap[ImGuiKey_X] = GLFW_KEY_X;
+  io.KeyMap[ImGuiKey_Y] = GLFW_KEY_Y;
+  io.KeyMap[ImGuiKey_Z] = GLFW_KEY_Z;
+}
+
+// FNV over 64-bit words: what the frame would draw
+std::uint64_t hashOfBytes(const void* data, std::size_t size, std::uint64_t hash) {
+  const auto* bytes = static_cast<const unsigned char*>(data);
+  for (; size >= 8; size -= 8, bytes += 8) {
+    std::uint64_t word = 0;
+    std::memcpy(&word, bytes, 8);
+    hash = (hash ^ word) * 0x100000001B3u;
+    hash ^= hash >> 29;
+  }
+  for (; size > 0; --size, ++bytes) hash = (hash ^ *bytes) * 0x100000001B3u;
+  return hash;
+}
+
+std::uint64_t hashOfFrame(const ImDrawData& data, int width_px, int height_px) {
+  std::uint64_t hash = (0xCBF29CE484222325u ^ takeContent()) * 0x100000001B3u ^ textureChanges();
+  hash =
+      (hash ^ static_cast<std::uint64_t>(width_px)) * 0x100000001B3u ^ static_cast<std::uint64_t>(height_px);
+  for (int i = 0; i < data.CmdListsCount; ++i) {
+    const ImDrawList& list = *data.CmdLists[i];
+    hash = hashOfBytes(list.VtxBuffer.Data, static_cast<std::size_t>(list.VtxBuffer.size_in_bytes()), hash);
+    hash = hashOfBytes(list.IdxBuffer.Data, static_cast<std::size_t>(list.IdxBuffer.size_in_bytes()), hash);
+    for (const ImDrawCmd& command : list.CmdBuffer) {
+      hash = hashOfBytes(&command.ClipRect, sizeof command.ClipRect, hash);
+      hash = (hash ^ reinterpret_cast<std::uintptr_t>(command.TextureId)) * 0x100000001B3u;
+    }
+  }
+  return hash;
+}
+
+}  // namespace
+
+struct Surface::Parts {
+  SurfaceOptions options;
+  std::unique_ptr<GlContext> context;
+  std::unique_ptr<FrameBuffer> buffer;  // off screen: what is drawn into
+  bool imgui = false;
+  bool closed = false;
+  double font_scale = 1, wanted_scale = 1;
+  std::int64_t due_ns = 0, began_ns = 0;
+  double cost_s = 0;
+  std::uint64_t drawn_hash = 0;  // of the frame that is shown
+  std::uint64_t frames_drawn = 0;
+  int repeats = 0;                  // frames since, that were the same
+  int width_px = 0, height_px = 0;  // of the picture
+
+  ~Parts();
+  void start();
+  void waitForTurn();
+  void takeSize();
+  void applyFontScale();
+};
+
+Surface::Parts::~Parts() {
+  buffer.reset();
+  if (!imgui) return;
+  ImGui_ImplOpenGL3_Shutdown();
+  if (context->window() != nullptr) ImGui_ImplGlfw_Shutdown();
+  ImGui::DestroyContext();
+}
+
+Surface::Surface(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+
+Surface::~Surface() {
+  GLFWwindow* window = parts_->context->window();
+  if (window == nullptr || parts_->options.state_file.empty()) return;
+  WindowState state;
+  glfwGetWindowPos(window, &state.x_px, &state.y_px);
+  glfwGetWindowSize(window, &state.width_px, &state.height_px);
+  state.font_scale = parts_->wanted_scale;
+  // a place that cannot be kept is no reason to fail at the end of a lesson
+  (void)writeWindowState(parts_->options.state_file, state).ok();
+}
+
+Result<std::unique_ptr<Surface>> Surface::open(const SurfaceOptions& options) {
+  // one worker: a view beside a haptic loop has one core to itself at most
+  ::setenv("LP_NUM_THREADS", "1", /*overwrite=*/0);
+  const bool window = options.kind == SurfaceOptions::Kind::kWindow ||
+                      (options.kind == SurfaceOptions::Kind::kAny && hasDisplay());
+  Result<std::unique_ptr<GlContext>> context = window ? makeWindowContext(options) : makeOffScreenContext();
+  if (!context && options.kind == SurfaceOptions::Kind::kAny && window) context = makeOffScreenContext();
+  if (!context) return context.error();
+  auto parts = std::make_unique<Parts>();
+  parts->options = options;
+  parts->context = std::move(context).value();
+  if (epoxy_gl_version() < 33) {
+    return Error{ErrorCode::kUnavailable,
+                 "the graphics driver has no OpenGL 3.3: install a newer one, or libgl1-mesa-dri"};
+  }
+  parts->start();
+  return std::unique_ptr<Surface>(new Surface(std::move(parts)));
+}
+
+void Surface::Parts::start() {
+  ImGui::CreateContext();
+  ImGuiIO& io = ImGui::GetIO();
+  io.IniFilename = nullptr;  // layouts are ours, not dragged about
+  io.LogFilename = nullptr;
+  io.ConfigFlags |= ImGuiConfigFlags_NavEnableKeyboard;
+  io.ConfigWindowsMoveFromTitleBarOnly = true;
+  imgui = true;
+  if (context->window() != nullptr) {
+    ImGui_ImplGlfw_InitForOpenGL(context->window(), /*install_callbacks=*/true);
+  } else {
+    buffer = std::make_unique<FrameBuffer>();
+    mapKeys(io);
+    io.BackendFlags |= ImGuiBackendFlags_HasMouseCursors;
+    io.MousePos = {-FLT_MAX, -FLT_MAX};
+    io.ConfigInputTextCursorBlink = false;  // the same picture each time
+  }
+  ImGui_ImplOpenGL3_Init("#version 330 core");
+  const std::optional<WindowState> before =
+      context->window() != nullptr ? readWindowState(options.state_file) : std::nullopt;
+  wanted_scale = heldScale(before ? before->font_scale : options.font_scale);
+  font_scale = 0;
+  takeSize();
+}
+
+void Surface::Parts::takeSize() {
+  width_px = std::clamp(options.width_px, 64, 16384);
+  height_px = std::clamp(options.height_px, 64, 16384);
+  if (context->window() != nullptr) glfwGetFramebufferSize(context->window(), &width_px, &height_px);
+}
+
+void Surface::Parts::applyFontScale() {
+  if (font_scale == wanted_scale) return;
+  const bool first = font_scale == 0;
+  font_scale = wanted_scale;
+  loadFonts(font_scale);
+  applyTheme(font_scale);
+  if (first) return;
+  noteTextureChange();
+  ImGui_ImplOpenGL3_DestroyFontsTexture();
+  ImGui_ImplOpenGL3_CreateFontsTexture();
+}
+
+// sleeps until the next frame is due; what the hand does wakes a window early, but is drawn in its turn
+void Surface::Parts::waitForTurn() {
+  if (context->window() != nullptr) glfwPollEvents();
+  if (!(options.frames_per_s > 0)) return;
+  const auto period_ns = static_cast<std::int64_t>(1e9 / options.frames_per_s);
+  std::int64_t now_ns = steadyNowNs();
+  while (now_ns < due_ns) {
+    const double left_s = static_cast<double>(due_ns - now_ns) * 1e-9;
+    if (context->window() != nullptr)
+      glfwWaitEventsTimeout(left_s);
+    else
+      std::this_thread::sleep_for(std::chrono::nanoseconds(due_ns - now_ns));
+    now_ns = steadyNowNs();
+  }
+  // a frame that came late does not make the next ones come in a rush
+  due_ns += period_ns;
+  if (due_ns <= now_ns) due_ns = now_ns + period_ns;
+}
+
+bool Surface::beginFrame() {
+  Parts& parts = *parts_;
+  GLFWwindow* window = parts.context->window();
+  if (window != nullptr && glfwWindowShouldClose(window) != 0) parts.closed = true;
+  if (parts.closed) return false;
+  parts.waitForTurn();
+  if (window != nullptr && glfwWindowShouldClose(window) != 0) {
+    parts.closed = true;
+    return false;
+  }
+  parts.began_ns = steadyNowNs();
+  parts.takeSize();
+  parts.applyFontScale();
+  ImGui_ImplOpenGL3_NewFrame();
+  if (window != nullptr) {
+    ImGui_ImplGlfw_NewFrame();
+  } else {
+    ImGuiIO& io = ImGui::GetIO();
+    io.DisplaySize = {static_cast<float>(parts.width_px), static_cast<float>(parts.height_px)};
+    const double rate = parts.options.frames_per_s > 0 ? parts.options.frames_per_s : kUsualFrames_per_s;
+    io.DeltaTime = static_cast<float>(1 / rate);
+  }
+  ImGui::NewFrame();
+  return true;
+}
+
+void Surface::endFrame() {
+  Parts& parts = *parts_;
+  ImGui::Render();
+  // the same frame again: it is shown already. Now and then it is drawn all the same, for a display that lost
+  // it
+  const std::uint64_t hash = hashOfFrame(*ImGui::GetDrawData(), parts.width_px, parts.height_px);
+  const bool same = hash == parts.drawn_hash && ++parts.repeats < kMostRepeats;
+  if (same) {
+    parts.cost_s = static_cast<double>(steadyNowNs() - parts.began_ns) * 1e-9;
+    return;
+  }
+  parts.drawn_hash = hash;
+  parts.repeats = 0;
+  ++parts.frames_drawn;
+  if (parts.buffer)
+    parts.buffer->bind(parts.width_px, parts.height_px);
+  else
+    glViewport(0, 0, parts.width_px, parts.height_px);
+  glClearColor(kWindowGrey.red, kWindowGrey.green, kWindowGrey.blue, 1);
+  glClear(GL_COLOR_BUFFER_BIT);
+  ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
+  if (parts.buffer) {
+    parts.buffer->resolve();
+    glFinish();
+  }
+  parts.cost_s = static_cast<double>(steadyNowNs() - parts.began_ns) * 1e-9;
+  parts.context->swap();
+}
+
+RgbaImage Surface::picture() const {
+  if (parts_->buffer) return parts_->buffer->read();
+  // a window's buffer is gone once it was shown: the frame's lists are still there
+  ImDrawData* data = ImGui::GetDrawData();
+  if (data == nullptr || !data->Valid) return {};
+  FrameBuffer copy;
+  copy.bind(parts_->width_px, parts_->height_px);
+  glClearColor(kWindowGrey.red, kWindowGrey.green, kWindowGrey.blue, 1);
+  glClear(GL_COLOR_BUFFER_BIT);
+  ImGui_ImplOpenGL3_RenderDrawData(data);
+  copy.resolve();
+  return copy.read();
+}
+
+void Surface::close() {
+  parts_->closed = true;
+}
+bool Surface::isWindow() const {
+  return parts_->context->window() != nullptr;
+}
+int Surface::width_px() const {
+  return parts_->width_px;
+}
+int Surface::height_px() const {
+  return parts_->height_px;
+}
+double Surface::time_s() const {
+  return ImGui::GetTime();
+}
+double Surface::frameCost_s() const {
+  return parts_->cost_s;
+}
+std::uint64_t Surface::framesDrawn() const {
+  return parts_->frames_drawn;
+}
+double Surface::fontScale() const {
+  return parts_->wanted_scale;
+}
+void Surface::setFontScale(double scale) {
+  parts_->wanted_scale = heldScale(scale);
+}
+
+void Surface::moveMouse(double x_px, double y_px) {
+  ImGui::GetIO().MousePos = {static_cast<float>(x_px), static_cast<float>(y_px)};
+}
+void Surface::setMouseButton(int button, bool down) {
+  if (button >= 0 && button < 5) ImGui::GetIO().MouseDown[button] = down;
+}
+void Surface::scroll(double steps) {
+  ImGui::GetIO().MouseWheel += static_cast<float>(steps);
+}
+void Surface::setKey(int glfw_key, bool down) {
+  ImGuiIO& io = ImGui::GetIO();
+  if (glfw_key < 0 || glfw_key >= static_cast<int>(std::size(io.KeysDown))) return;
+  io.KeysDown[glfw_key] = down;
+  io.KeyCtrl = io.KeysDown[GLFW_KEY_LEFT_CONTROL] || io.KeysDown[GLFW_KEY_RIGHT_CONTROL];
+  io.KeyShift = io.KeysDown[GLFW_KEY_LEFT_SHIFT] || io.KeysDown[GLFW_KEY_RIGHT_SHIFT];
+  io.KeyAlt = io.KeysDown[GLFW_KEY_LEFT_ALT] || io.KeysDown[GLFW_KEY_RIGHT_ALT];
+}
+void Surface::typeText(const std::string& utf8) {
+  ImGui::GetIO().AddInputCharactersUTF8(utf8.c_str());
+}
+
+}  // namespace needlelab
+
+#if defined(__SANITIZE_ADDRESS__)
+// drivers, LLVM and the X client library keep what they made until the process ends
+extern "C" const char* __lsan_default_suppressions();
+extern "C" const char* __lsan_default_suppressions() {
+  return "leak:swrast_dri\nleak:libgallium\nleak:libLLVM\nleak:libEGL\nleak:libGLX\nleak:libGL.so\nleak:"
+         "libX11\nleak:libepoxy\n";
+}
+#endif

@@ -1,0 +1,102 @@
+/// Something to draw on: a window (GLFW), or without a display a picture (surfaceless EGL); one frame loop
+/// for both.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "base/result.h"
+#include "view_model/image.h"
+
+namespace needlelab {
+
+struct SurfaceOptions {
+  enum class Kind : std::uint8_t {
+    kWindow,     ///< needs a display (X11)
+    kOffScreen,  ///< a picture: EGL without a surface; no display, keyboard or mouse
+    kAny,        ///< a window where there is a display, else off screen
+  };
+  Kind kind = Kind::kAny;
+  std::string title = "needlelab";
+  int width_px = 1280, height_px = 720;
+  double font_scale = 1;     ///< 0.8 - 2.5
+  double frames_per_s = 30;  ///< at most; 0: no pacing (off screen: as fast as it goes)
+  /// JSON: place, size and font scale of the window; read at the start, written at the end. Empty: none.
+  /// What is unreadable or off every monitor is passed over.
+  std::filesystem::path state_file;
+};
+
+/// One window with its OpenGL 3.3 core context and Dear ImGui. Use:
+///
+///     while (surface->beginFrame()) {
+///       … ImGui calls …
+///       surface->endFrame();
+///     }
+///
+/// Thread: one makes, uses and destroys it (GLFW: the process's first thread when it is a window). One at a
+/// time in a process. llvmpipe starts its worker threads while the surface is made, with the affinity of the
+/// thread that makes it: beside a haptic loop make it within `KeepOffCore` (station/loop_core.h). How many:
+/// the environment's LP_NUM_THREADS; 1 is set here where it says nothing (setenv: before other threads are
+/// made, or set it oneself), so that the view's own thread and one worker share what cores the affinity
+/// leaves them.
+class Surface {
+ public:
+  /// Errors: kUnavailable, in words with what to do (no display, no OpenGL 3.3, …).
+  static Result<std::unique_ptr<Surface>> open(const SurfaceOptions& options);
+  /// Writes the state file.
+  ~Surface();
+  Surface(const Surface&) = delete;
+  Surface& operator=(const Surface&) = delete;
+
+  /// Waits for its time (never spins), takes the window's events and begins an ImGui frame. False once the
+  /// window was closed; then there is no frame.
+  bool beginFrame();
+  /// Draws the frame and shows it.
+  void endFrame();
+  /// Asks for the end, as the window's close button does.
+  void close();
+
+  [[nodiscard]] bool isWindow() const;
+  [[nodiscard]] int width_px() const;
+  [[nodiscard]] int height_px() const;
+  /// From the first frame, as ImGui counts it: off screen each frame takes exactly 1/frames_per_s (1/30 where
+  /// that is 0), so that pictures of animations are the same each time.
+  [[nodiscard]] double time_s() const;
+  /// What the last frame's drawing took, without waiting: CPU time of this thread's wall clock from
+  /// beginFrame's return to the end of endFrame (before the swap's wait). In s.
+  [[nodiscard]] double frameCost_s() const;
+
+  /// How many frames were drawn. A frame that looks as the one before is not (but each 15th is): a window
+  /// where nothing happens costs next to nothing.
+  [[nodiscard]] std::uint64_t framesDrawn() const;
+
+  [[nodiscard]] double fontScale() const;
+  /// Held to 0.8 - 2.5; takes effect with the next frame.
+  void setFontScale(double scale);
+
+  /// The last frame that was ended. Off screen the same calls give the same bytes.
+  [[nodiscard]] RgbaImage picture() const;
+
+  /// Off screen only: what a hand would do, seen from the next frame on. x to the right, y down, in pixels.
+  void moveMouse(double x_px, double y_px);
+  void setMouseButton(int button, bool down);  ///< 0 left, 1 right, 2 middle
+  void scroll(double steps);
+  void setKey(int glfw_key,
+              bool down);  ///< e.g. GLFW_KEY_ENTER: as ImGui::IsKeyDown takes it, off screen too
+  void typeText(const std::string& utf8);
+
+ private:
+  struct Parts;
+  explicit Surface(std::unique_ptr<Parts> parts);
+  std::unique_ptr<Parts> parts_;
+};
+
+/// Errors: kFailed, with the file's name. Rows from top to bottom.
+Status savePng(const RgbaImage& image, const std::filesystem::path& file);
+/// Errors: kNotFound, kCorrupt. For tests and reference pictures.
+Result<RgbaImage> loadPng(const std::filesystem::path& file);
+
+}  // namespace needlelab

@@ -1,0 +1,33 @@
+/// The ultrasound slice as a widget that keeps its own time.
+#pragma once
+
+#include <memory>
+
+#include <imgui/imgui.h>
+
+#include "view/texture.h"
+#include "view_model/ultrasound_slice.h"
+
+namespace needlelab {
+
+/// Draws the slice anew at most `pictures_per_s` times a second of ImGui's time, shows it with a depth scale
+/// and with what it costs ("1.8 ms, 15/s"). Used only while its aid is on: nothing is computed otherwise.
+/// Thread: the surface's.
+class UltrasoundView {
+ public:
+  explicit UltrasoundView(double pictures_per_s = 15) : pictures_per_s_(pictures_per_s) {}
+  /// `size_px`: 0 is the rest of the window.
+  void show(const char* id, const SceneView& scene, const Moment& moment, ImVec2 size_px);
+  [[nodiscard]] double lastCost_s() const { return cost_s_; }
+
+ private:
+  double pictures_per_s_;
+  double next_s_ = 0, cost_s_ = 0, mean_cost_s_ = 0;
+  bool has_plane_ = false;
+  SlicePlane plane_;
+  SliceSettings settings_;
+  GreyImage image_;
+  Texture texture_;
+};
+
+}  // namespace needlelab

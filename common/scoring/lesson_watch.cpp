@@ -1,0 +1,71 @@
+#include "scoring/lesson_watch.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+#include "scoring/anatomy.h"
+#include "scoring/track.h"
+
+namespace needlelab {
+namespace {
+
+/// "MUSCLE" as a word within a sentence.
+std::string lowerCase(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return text;
+}
+
+}  // namespace
+
+struct LessonWatch::Scene {
+  Anatomy anatomy;
+  std::vector<bool> touched;         // by hazard
+  std::vector<std::string> tissues;  // by layer
+};
+
+LessonWatch::LessonWatch(const pb::Profile& profile, const Pose& X_WL, const pb::Exercise* exercise)
+    : scene_(std::make_unique<Scene>()) {
+  scene_->anatomy = anatomyOf(profile, X_WL);
+  scene_->touched.assign(scene_->anatomy.hazards.size(), false);
+  for (const pb::Layer& layer : profile.layers())
+    scene_->tissues.push_back(lowerCase(pb::Layer::Tissue_Name(layer.tissue())));
+  if (exercise == nullptr) return;
+  for (const auto& requirement : exercise->requirements()) {
+    if (requirement.measure() == "peak_force_n" && requirement.has_max())
+      force_limit_N_ = requirement.max();
+  }
+}
+
+LessonWatch::LessonWatch(LessonWatch&&) noexcept = default;
+LessonWatch& LessonWatch::operator=(LessonWatch&&) noexcept = default;
+LessonWatch::~LessonWatch() = default;
+
+void LessonWatch::add(std::span<const GestureSample> samples) {
+  for (const GestureSample& sample : samples) look(sample);
+}
+
+void LessonWatch::look(const GestureSample& sample) {
+  const double force_N = norm({sample.force_W_N[0], sample.force_W_N[1], sample.force_W_N[2]});
+  if (std::isfinite(force_N)) peak_force_N_ = std::max(peak_force_N_, force_N);
+  if (sample.layer != layer_) {
+    layer_ = sample.layer;
+    const auto index = static_cast<std::size_t>(layer_);
+    tissue_ = layer_ >= 0 && index < scene_->tissues.size() ? scene_->tissues[index] : std::string();
+  }
+  if (!isInside(sample)) return;
+  const Vec3 tip_W_m{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]};
+  const Quat q_WT{sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]};
+  if (!isFinite(tip_W_m) || !isFinite(q_WT) || !(dot(q_WT, q_WT) > 0.25) || !std::isfinite(sample.insertion_m))
+    return;
+  const Vec3 skin_W_m = tip_W_m - sample.insertion_m * zAxis(normalized(q_WT));
+  for (std::size_t h = 0; h < scene_->touched.size(); ++h) {
+    const Region& hazard = scene_->anatomy.hazards[h];
+    if (scene_->touched[h] || distanceTo(hazard, tip_W_m, skin_W_m) > 0) continue;
+    scene_->touched[h] = true;
+    touched_.push_back(hazard.name);
+  }
+}
+
+}  // namespace needlelab

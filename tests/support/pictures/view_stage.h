@@ -1,0 +1,32 @@
+/// A surface without a display for tests of screens and widgets.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+
+#include "view/surface.h"
+
+namespace needlelab::test {
+
+/// Makes one off-screen surface for the test; skips it, saying why, where no OpenGL can be had (with
+/// NEEDLELAB_NEED_GL=1, as deploy/test sets it, that is a failure). Sizes and scale are the derived class's
+/// choice.
+class ViewStage : public ::testing::Test {
+ protected:
+  void SetUp() override;
+  void TearDown() override;
+  /// Before SetUp has run: `options` to be used.
+  SurfaceOptions options_;
+  std::unique_ptr<Surface> surface_;
+
+  /// So many frames of these ImGui calls; the last one's picture.
+  RgbaImage draw(const std::function<void()>& screen, int frames = 2);
+  /// Presses and lets go of the left button there, over three frames of `screen`.
+  void click(const std::function<void()>& screen, double x_px, double y_px);
+  /// Presses and lets go of a key (GLFW's number), over two frames.
+  void press(const std::function<void()>& screen, int glfw_key);
+};
+
+}  // namespace needlelab::test

@@ -1,0 +1,36 @@
+/// A lesson to look at: a needle that goes to the first target of a profile with a little tremor, rests, and
+/// comes out again. For tests and benchmarks of what is shown; no device, no clock.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "gesture/sample.h"
+#include "haptics/engine.h"
+#include "needlelab/profile.pb.h"
+#include "view_model/scene_view.h"
+
+namespace needlelab::test {
+
+struct SampleLesson {
+  pb::Profile profile;
+  std::shared_ptr<const SceneModel> model;
+  std::shared_ptr<const SceneView> scene;
+  std::vector<GestureSample> samples;  ///< 1 kHz, as the engine saw them
+  std::vector<StepReport> reports;     ///< the engine's own, one a sample
+};
+
+struct LessonShape {
+  double lateral_m = 0.0015;  ///< how far beside the target the hand aims
+  double tilt_rad = 0.12;     ///< of the needle against the surface's normal
+  double approach_s = 0.6, insert_s = 2.5, rest_s = 1.0, withdraw_s = 1.5;
+  double beyond_m = 0;  ///< past the target's middle
+};
+
+/// `name`: a file of db/samples without its ending, e.g. "shoulder-adult". Throws nothing; a profile that is
+/// not there is a fault of the tests and ends the program with words.
+SampleLesson sampleLesson(const std::string& name, const LessonShape& shape = {});
+
+}  // namespace needlelab::test

@@ -1,0 +1,121 @@
+/// A display of a test's own (Xvfb), with a mouse and keys (xdotool): for programs with windows.
+#pragma once
+
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace needlelab::test {
+
+/// Sets DISPLAY for this process and all that it starts, until it goes. One at a time.
+class XDisplay {
+ public:
+  explicit XDisplay(int width_px = 1280, int height_px = 720) {
+    const char* const before = std::getenv("DISPLAY");
+    before_ = before == nullptr ? "" : before;
+    int ends[2];
+    if (::pipe(ends) != 0) return;
+    const std::string out = std::to_string(ends[1]);
+    const std::string screen = std::to_string(width_px) + "x" + std::to_string(height_px) + "x24";
+    // the server chooses a number that is free, and says it once it is up
+    pid_ = start({"Xvfb", "-displayfd", out, "-screen", "0", screen, "-nolisten", "tcp"}, ends[1]);
+    ::close(ends[1]);
+    std::string number;
+    char c = 0;
+    while (::read(ends[0], &c, 1) == 1 && c != '\n') number += c;
+    ::close(ends[0]);
+    if (number.empty()) return;
+    name_ = ":" + number;
+    ::setenv("DISPLAY", name_.c_str(), 1);
+  }
+  ~XDisplay() {
+    end();
+    if (before_.empty())
+      ::unsetenv("DISPLAY");
+    else
+      ::setenv("DISPLAY", before_.c_str(), 1);
+  }
+  XDisplay(const XDisplay&) = delete;
+  XDisplay& operator=(const XDisplay&) = delete;
+
+  /// False where there is no Xvfb: skip the test, and say so.
+  [[nodiscard]] bool isThere() const { return !name_.empty(); }
+  [[nodiscard]] const std::string& name() const { return name_; }
+  /// As when a display goes: its server ends at once.
+  void end() {
+    if (pid_ <= 0) return;
+    ::kill(pid_, SIGKILL);
+    ::waitpid(pid_, nullptr, 0);
+    pid_ = -1;
+  }
+
+  /// xdotool with these words, e.g. {"key", "Return"}; gives its exit code.
+  int tool(std::vector<std::string> words) {
+    words.insert(words.begin(), "xdotool");
+    const pid_t pid = start(words, -1);
+    int status = -1;
+    if (pid <= 0 || ::waitpid(pid, &status, 0) != pid) return -1;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  /// Pressed long enough to be seen by a window that draws five frames a second.
+  void key(const std::string& name, std::chrono::milliseconds held = std::chrono::milliseconds(250)) {
+    tool({"keydown", name});
+    std::this_thread::sleep_for(held);
+    tool({"keyup", name});
+    std::this_thread::sleep_for(std::chrono::milliseconds(250));
+  }
+  void moveTo(int x_px, int y_px) { tool({"mousemove", std::to_string(x_px), std::to_string(y_px)}); }
+  /// From where the mouse is, in steps, with `button` held.
+  void drag(int button, int dx_px, int dy_px, int steps = 10) {
+    const auto pause = std::chrono::milliseconds(300);
+    std::this_thread::sleep_for(pause);
+    tool({"mousedown", std::to_string(button)});
+    std::this_thread::sleep_for(pause);
+    for (int i = 1; i <= steps; ++i) {
+      const int x = dx_px * i / steps - dx_px * (i - 1) / steps, y = dy_px * i / steps - dy_px * (i - 1) / steps;
+      tool({"mousemove_relative", "--", std::to_string(x), std::to_string(y)});
+      std::this_thread::sleep_for(std::chrono::milliseconds(60));
+    }
+    std::this_thread::sleep_for(pause);
+    tool({"mouseup", std::to_string(button)});
+    std::this_thread::sleep_for(pause);
+  }
+  /// Notches of the wheel; positive away from the person.
+  void wheel(int notches, std::chrono::milliseconds between = std::chrono::milliseconds(70)) {
+    for (int i = 0; i < std::abs(notches); ++i) {
+      tool({"click", notches > 0 ? "4" : "5"});
+      std::this_thread::sleep_for(between);
+    }
+  }
+
+ private:
+  // the descriptor `kept` stays open in the child
+  static pid_t start(const std::vector<std::string>& words, int kept) {
+    std::vector<char*> argv;
+    argv.reserve(words.size() + 1);
+    for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
+    argv.push_back(nullptr);
+    posix_spawn_file_actions_t files;
+    posix_spawn_file_actions_init(&files);
+    posix_spawn_file_actions_addopen(&files, 1, "/dev/null", O_WRONLY, 0);
+    posix_spawn_file_actions_addopen(&files, 2, "/dev/null", O_WRONLY, 0);
+    if (kept >= 0) posix_spawn_file_actions_adddup2(&files, kept, kept);
+    pid_t pid = -1;
+    const int error = ::posix_spawnp(&pid, argv[0], &files, nullptr, argv.data(), environ);
+    posix_spawn_file_actions_destroy(&files);
+    return error == 0 ? pid : -1;
+  }
+
+  std::string before_, name_;
+  pid_t pid_ = -1;
+};
+
+}  // namespace needlelab::test

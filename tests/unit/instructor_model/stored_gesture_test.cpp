@@ -1,0 +1,121 @@
+#include "instructor_model/stored_gesture.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "instructor_model/lab_connection.h"
+#include "instructor_model/report.h"
+#include "lesson_gestures.h"
+#include "running_server.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+using testing::HasSubstr;
+
+/// A server with one lesson of tina's in it, as a station would have sent it.
+class StoredGestureTest : public testing::Test {
+ protected:
+  RunningServer server_;
+  std::string key_ = server_.addStation("bench-1");
+  std::string profile_ = sampleProfile("shoulder-adult");
+  pb::SessionInfo info_ = lessonInfo(profile_);
+  std::vector<GestureSample> samples_ = lessonSamples(profile_, {.depth_m = 0.02, .seconds = 1});
+  std::optional<BlockingClient> instructor_;
+
+  void SetUp() override {
+    server_.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
+    auto station = server_.connect(stationLogin("bench-1", key_));
+    ASSERT_TRUE(station.ok()) << station.error().message;
+    const std::string& id = info_.description().session_id();
+    pb::Envelope envelope;
+    *envelope.mutable_open_session()->mutable_description() = info_.description();
+    ASSERT_TRUE(station->send(envelope).ok());
+    SessionHash hash;
+    std::uint64_t seq = 0;
+    for (std::size_t k = 0; k < samples_.size(); k += 500, ++seq) {
+      const Bytes data = encodeChunk(Resolution::standard(), std::span(samples_).subspan(k, 500));
+      hash.update(data);
+      pb::Envelope chunk;
+      chunk.mutable_chunk()->set_session_id(id);
+      chunk.mutable_chunk()->set_seq(seq);
+      chunk.mutable_chunk()->set_data(data.data(), data.size());
+      ASSERT_TRUE(station->send(chunk).ok());
+    }
+    const Digest digest = hash.digest();
+    pb::Envelope close;
+    close.mutable_close_session()->set_session_id(id);
+    close.mutable_close_session()->set_chunks(seq);
+    close.mutable_close_session()->set_samples(samples_.size());
+    close.mutable_close_session()->set_hash(digest.data(), digest.size());
+    ASSERT_TRUE(station->send(close).ok());
+    (void)waitFor(*station, [](const auto& e) { return e.has_session_closed(); });
+    auto instructor = server_.connect(personLogin("anna", "correct horse battery"));
+    ASSERT_TRUE(instructor.ok());
+    instructor_.emplace(std::move(*instructor));
+  }
+  LabCall call() {
+    return [this](const pb::Request& request) { return instructor_->call(request); };
+  }
+};
+
+TEST_F(StoredGestureTest, isReadWholeWithItsRemarks) {
+  pb::Request remark;
+  remark.mutable_annotate()->set_session_id(info_.description().session_id());
+  remark.mutable_annotate()->set_tick(750);
+  remark.mutable_annotate()->set_text("slower here");
+  ASSERT_TRUE(instructor_->call(remark).ok());
+  LoadProgress progress;
+  const auto gesture = loadGesture(call(), info_.description().session_id(), {}, &progress);
+  ASSERT_TRUE(gesture.ok()) << gesture.error().message;
+  ASSERT_EQ((*gesture)->samples.size(), samples_.size());
+  EXPECT_EQ(progress.chunks_read, progress.chunks);
+  EXPECT_TRUE((*gesture)->notes.empty()) << (*gesture)->notes[0];
+  EXPECT_TRUE((*gesture)->scene.model);
+  for (std::size_t i = 0; i < samples_.size(); i += 97) {
+    EXPECT_EQ((*gesture)->samples[i].tick, samples_[i].tick);
+    EXPECT_NEAR((*gesture)->samples[i].p_WT_m[2], samples_[i].p_WT_m[2], 0.51e-6);
+    EXPECT_EQ((*gesture)->sampleAt((*gesture)->timeOfTick(samples_[i].tick) + 0.0004), i);
+  }
+  EXPECT_THAT((*gesture)->title(), HasSubstr("tina, shoulder-bursa, 2025-11-21"));
+  ASSERT_EQ((*gesture)->annotations.size(), 1u);
+  const auto& events = (*gesture)->trace.events();
+  EXPECT_TRUE(std::any_of(events.begin(), events.end(), [](const TraceEvent& e) {
+    return e.kind == TraceEvent::Kind::kRemark && e.text == "anna: slower here";
+  }));
+}
+
+TEST_F(StoredGestureTest, becomesAReport) {
+  const auto gesture = loadGesture(call(), info_.description().session_id());
+  ASSERT_TRUE(gesture.ok());
+  const auto data = collectReport(call(), *gesture);
+  ASSERT_TRUE(data.ok()) << data.error().message;
+  EXPECT_FALSE(data->measures.empty());
+  EXPECT_EQ(data->attempt, 1u);
+  EXPECT_NE(reportHtml(*data).find("Definitions of version"), std::string::npos);
+}
+
+TEST_F(StoredGestureTest, whatIsNotThereIsSaid) {
+  EXPECT_EQ(loadGesture(call(), std::string(16, 'x')).error().code, ErrorCode::kNotFound);
+  LoadProgress progress;
+  progress.stop = true;
+  EXPECT_FALSE(loadGesture(call(), info_.description().session_id(), {}, &progress).ok());
+}
+
+TEST_F(StoredGestureTest, isLoadedByAWorkerThroughTheLabsConnection) {
+  LabConnection lab;
+  const auto config = server_.config({});
+  lab.logIn({config.server, config.ca_file, "anna", "correct horse battery"});
+  std::optional<Result<std::shared_ptr<const StoredGesture>>> gesture;
+  std::thread worker([&] {
+    gesture.emplace(loadGesture([&](const pb::Request& request) { return lab.call(request); },
+                                info_.description().session_id()));
+  });
+  worker.join();
+  ASSERT_TRUE(gesture->ok()) << gesture->error().message;
+  EXPECT_EQ((**gesture)->samples.size(), samples_.size());
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,178 @@
+// The instructor's window and a lab of eight: find the station in trouble, look over, speak, replay, compare,
+// export; and what happens when the instructor or the server is killed in the middle of it.
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <optional>
+#include <regex>
+
+#include "base/atomic_file.h"
+#include "base/exit_code.h"
+#include "lab_of_eight.h"
+#include "support/x_display.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+struct Latency {
+  double p50_ms = 0, p99_ms = 0;
+  std::size_t frames = 0;
+};
+
+/// All that the script's `latency` printed, in order.
+std::vector<Latency> latenciesIn(const std::string& words) {
+  static const std::regex line(
+      R"(capture to screen: p50 ([0-9.]+) ms +p99 ([0-9.]+) ms +of ([0-9]+) live frames)");
+  std::vector<Latency> all;
+  for (std::sregex_iterator it(words.begin(), words.end(), line), end; it != end; ++it)
+    all.push_back({std::stod((*it)[1]), std::stod((*it)[2]), static_cast<std::size_t>(std::stoul((*it)[3]))});
+  return all;
+}
+
+class LabWindows : public testing::Test {
+ protected:
+  std::string shot(const std::string& name) const {
+    return "screenshot " + lab_.picture(name).string() + "\n";
+  }
+  static bool says(const Process& process, const std::string& text, std::chrono::seconds limit = 180s) {
+    return eventually([&] { return process.said().find(text) != std::string::npos; }, limit);
+  }
+  std::vector<std::string> audit(const std::string& action) const {
+    std::vector<std::string> lines;
+    for (const auto& row : lab_.rows({"audit", "--limit", "200"}))
+      if (row["action"] == action)
+        lines.push_back(row["who"].get<std::string>() + " " + row["subject"].get<std::string>() + ": " +
+                        row["detail"].get<std::string>());
+    return lines;
+  }
+  LabOfEight lab_;
+};
+
+TEST_F(LabWindows, theStationInTroubleIsFoundLookedOverSpokenToReplayedComparedAndExported) {
+  XDisplay display(1280, 720);
+  lab_.startServer();
+  const std::string first = lab_.practise(7, 0.9, 8), second = lab_.practise(8, 0.2, 8);
+  ASSERT_TRUE(!first.empty() && !second.empty());
+  lab_.startStations();
+  const auto report = lab_.path("report.html"), csv = lab_.path("samples.csv");
+  const std::string script =
+      "timeout 120\nlogin\n"
+      "wait-station bench-1 lesson\nwait-station bench-8 lesson\nwait-station bench-5 help\nwait 2\n" +
+      shot("instructor_lab.png") +
+      // who needs help stands first
+      "filter help\nopen-first\nwait 2\nexpect bench-5\nexpect trainee-5\n" + shot("instructor_trouble.png") +
+      "message \"take the needle out\"\n"
+      // a lesson that goes on
+      "lab\nfilter all\nopen station bench-2\nwait 8\nlatency\n" +
+      shot("instructor_live.png") +
+      "annotate \"watch the angle\"\nmessage \"slower, please\"\naids \"depth, force\"\n"
+      "pause\nscroll-back 3\n" +
+      shot("instructor_scrolled.png") + "resume\nstop-lesson \"enough for today\"\nwait 1\n" +
+      // afterwards
+      "search trainee-\n" + shot("instructor_sessions.png") + "replay session " + first +
+      "\nseek 2\nspeed 2\nplay\nwait 2\npause\n" + shot("instructor_replay.png") +
+      "annotate \"well done\"\n" + "scores\n" + shot("instructor_scores.png") + "export " + report.string() +
+      "\nexport " + csv.string() + "\n" + "rerun own TRACKING_WALL\n" + shot("instructor_rerun.png") +
+      "compare " + first + " " + second + " dtw\n" + shot("instructor_compare.png") + "frames\nquit\n";
+  auto window = lab_.window("window", script, !display.isThere());
+  ASSERT_EQ(window->wait(400s), kExitDone) << window->said();
+  const std::string words = window->said();
+  std::cout << words;
+
+  // what the trainees heard
+  EXPECT_TRUE(says(lab_.station(5), "message from ines: take the needle out")) << lab_.station(5).said();
+  EXPECT_TRUE(says(lab_.station(2), "message from ines: slower, please")) << lab_.station(2).said();
+  EXPECT_TRUE(says(lab_.station(2), "stopped by ines: enough for today")) << lab_.station(2).said();
+  EXPECT_EQ(lab_.station(2).wait(60s), kExitDone);
+  // what the log says of it
+  EXPECT_THAT(audit("message"), testing::UnorderedElementsAre("ines bench-5: take the needle out",
+                                                              "ines bench-2: slower, please"));
+  EXPECT_THAT(audit("aids"), testing::ElementsAre(HasSubstr("ines bench-2: DEPTH, FORCE")));
+  EXPECT_THAT(audit("stop"), testing::ElementsAre(HasSubstr("ines bench-2: enough for today")));
+  EXPECT_EQ(audit("annotate").size(), 2u);
+  EXPECT_TRUE(audit("not delivered").empty());
+  // capture to screen, at the window's own rate
+  const auto latencies = latenciesIn(words);
+  ASSERT_EQ(latencies.size(), 1u) << words;
+  EXPECT_GT(latencies[0].frames, 50u);
+  EXPECT_GT(latencies[0].p99_ms, 0);
+  EXPECT_LT(latencies[0].p50_ms, 5000) << "of another clock, or a picture of before";
+  RecordProperty("capture_to_screen_p99_ms", std::to_string(latencies[0].p99_ms));
+  // what was exported
+  const auto page = readWholeFile(report);
+  ASSERT_TRUE(page.ok());
+  for (const char* const text : {"<svg", "trainee-7", "Peak force", "ball-free-practice"})
+    EXPECT_NE(page->find(text), std::string::npos) << text;  // a page is too long to be printed
+  EXPECT_EQ(page->find("<script"), std::string::npos);
+  const auto shown = lab_.rows({"session", "show", first});
+  ASSERT_EQ(shown.size(), 1u);
+  ASSERT_EQ(shown[0]["annotations"].size(), 1u);
+  EXPECT_EQ(shown[0]["annotations"][0]["text"], "well done");
+  const auto samples = readWholeFile(csv);
+  ASSERT_TRUE(samples.ok());
+  EXPECT_GT(std::count(samples->begin(), samples->end(), '\n'), 5000) << "8 s at 1 kHz";
+
+  lab_.stopStations();
+  EXPECT_EQ(lab_.stopServer(), kExitDone);
+  EXPECT_EQ(lab_.verifyAll().size(), 10u);
+}
+
+TEST_F(LabWindows, aServerThatIsKilledInMidViewComesBackAndTheViewGoesOn) {
+  lab_.startServer();
+  lab_.startStations();
+  auto window = lab_.window(
+      "window",
+      "timeout 180\nlogin\nwait-station bench-3 lesson\nopen station bench-3\nwait 4\nlatency\nprint \"KILL "
+      "NOW\"\n"
+      "wait 6\nwait-station bench-3 online\nwait 4\n" +
+          shot("instructor_back.png") +
+          "latency\nexpect bench-3\nmessage \"there you are\"\nannotate \"after the storm\"\nquit\n",
+      true);
+  ASSERT_TRUE(says(*window, "KILL NOW")) << window->said();
+  lab_.killServer();
+  std::this_thread::sleep_for(2s);
+  lab_.startServer();
+  ASSERT_EQ(window->wait(400s), kExitDone) << window->said();
+  const auto latencies = latenciesIn(window->said());
+  ASSERT_EQ(latencies.size(), 2u) << window->said();
+  EXPECT_GT(latencies[1].frames, latencies[0].frames) << "live frames came again";
+  EXPECT_TRUE(says(lab_.station(3), "message from ines: there you are")) << lab_.station(3).said();
+  lab_.stopStations();
+  EXPECT_EQ(lab_.stopServer(), kExitDone);
+  EXPECT_EQ(lab_.verifyAll().size(), 8u) << "nothing is lost, and nothing doubled";
+}
+
+TEST_F(LabWindows, anInstructorWhoIsKilledInMidViewTakesNothingWithThem) {
+  lab_.startServer();
+  lab_.startStations();
+  auto killed =
+      lab_.window("killed",
+                  "timeout 180\nlogin\nwait-station bench-1 lesson\nopen station bench-1\nwait 2\nannotate "
+                  "\"half a thought\"\nprint \"KILL NOW\"\nwait 1000\n",
+                  true);
+  ASSERT_TRUE(says(*killed, "KILL NOW")) << killed->said();
+  killed->signal(SIGKILL);
+  ASSERT_EQ(killed->wait(10s), -SIGKILL);
+  // who comes after sees the same lab, and the remark
+  auto window = lab_.window(
+      "window",
+      "timeout 180\nlogin\nwait-station bench-1 lesson\nopen station bench-1\nwait 4\nlatency\nquit\n", true);
+  ASSERT_EQ(window->wait(300s), kExitDone) << window->said();
+  EXPECT_GT(latenciesIn(window->said()).at(0).frames, 10u);
+  EXPECT_EQ(audit("annotate").size(), 1u);
+  // and so does one without a window
+  EXPECT_EQ(lab_.headless({"--station", "bench-4", "--stop", "enough", "--annotate", "last words", "--once",
+                           "--seconds", "60"}),
+            0);
+  EXPECT_TRUE(says(lab_.station(4), "stopped by ines: enough")) << lab_.station(4).said();
+  EXPECT_EQ(lab_.station(4).wait(60s), kExitDone);
+  lab_.stopStations();
+  EXPECT_EQ(lab_.stopServer(), kExitDone);
+  EXPECT_EQ(lab_.verifyAll().size(), 8u);
+}
+
+}  // namespace
+}  // namespace needlelab::test

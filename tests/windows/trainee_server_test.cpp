@@ -1,0 +1,105 @@
+// The trainee's window at a real server: what an instructor says and does reaches it, and what it records reaches the
+// server.
+#include <gmock/gmock.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <thread>
+
+#include "base/exit_code.h"
+#include "integration/lab.h"
+#include "support/x_display.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+class TraineeServerTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!display_.isThere()) GTEST_SKIP() << "no Xvfb here: apt-get install xvfb xdotool";
+    lab_.startServer();
+  }
+  std::unique_ptr<Process> startWindow(const std::vector<std::string>& more) {
+    auto arguments = lab_.stationArguments(more);
+    arguments.erase(std::find(arguments.begin(), arguments.end(), "--headless"));
+    arguments.insert(arguments.end(), {"--window", "1280x720", "--json", lab_.path("window.json")});
+    return std::make_unique<Process>("needlelab-station", arguments, lab_.path("window.log"));
+  }
+  static bool says(Process& station, const std::string& text) {
+    return eventually([&] { return station.said().find(text) != std::string::npos; }, 60s);
+  }
+  void tell(const pb::Request& request) const {
+    auto client = lab_.instructor();
+    ASSERT_TRUE(client.ok()) << client.error().message;
+    const auto reply = client->call(request);
+    ASSERT_TRUE(reply.ok()) << reply.error().message;
+  }
+  Lab lab_;
+  XDisplay display_;
+};
+
+TEST_F(TraineeServerTest, anInstructorTalksChangesAidsStopsAndChoosesWhatComesNext) {
+  auto station = startWindow({"--exercise", "ball-free-practice", "--start", "--hand-plan", "rest", "--hand-repeat", "0"});
+  ASSERT_TRUE(says(*station, "session ")) << station->said();
+  // the server has heard of it
+  ASSERT_TRUE(eventually([&] { return lab_.sessions().size() == 1; }, 60s)) << station->said();
+  pb::Request request;
+  request.mutable_trainee_message()->set_station("station-1");
+  request.mutable_trainee_message()->set_text("Slower, please.");
+  tell(request);
+  request.mutable_set_aids()->set_station("station-1");
+  request.mutable_set_aids()->add_aids(pb::Exercise::DEPTH);
+  tell(request);
+  request.mutable_next_exercise()->set_station("station-1");
+  request.mutable_next_exercise()->set_exercise_id("knee-recess");
+  tell(request);
+  ASSERT_TRUE(says(*station, "Slower, please.")) << station->said();
+  ASSERT_TRUE(says(*station, "ines changed what is shown")) << station->said();
+  request.mutable_stop_lesson()->set_station("station-1");
+  request.mutable_stop_lesson()->set_reason("wrong side");
+  tell(request);
+  ASSERT_TRUE(says(*station, "stopped by ines: wrong side")) << station->said();
+  // scored by the server
+  ASSERT_TRUE(says(*station, "session COMPLETE")) << station->said();
+
+  // End offers what the instructor chose: one key begins it
+  display_.moveTo(600, 400);
+  std::this_thread::sleep_for(1s);
+  display_.key("Return");
+  ASSERT_TRUE(eventually([&] { return lab_.sessions().size() == 2; }, 60s)) << station->said();
+  std::this_thread::sleep_for(1s);
+  station->signal(SIGTERM);
+  ASSERT_EQ(station->wait(60s), kExitDone) << station->said();
+
+  const auto out = lab_.summary("window");
+  ASSERT_EQ(out["rows"].size(), 2u) << station->said();
+  EXPECT_EQ(out["rows"][0]["stopped_by"], "ines");
+  EXPECT_EQ(out["rows"][0]["stop_reason"], "wrong side");
+  EXPECT_EQ(out["rows"][0]["state"], "COMPLETE");
+  EXPECT_EQ(out["rows"][1]["exercise"], "knee-recess");
+  EXPECT_EQ(out["rows"][1]["state"], "COMPLETE") << "what was recorded is sent before the end";
+  for (const pb::SessionInfo& info : lab_.sessions()) EXPECT_EQ(info.state(), pb::SESSION_COMPLETE);
+}
+
+TEST_F(TraineeServerTest, theServerGoesAndComesBackInMidLesson) {
+  auto station = startWindow({"--exercise", "ball-free-practice", "--start", "--hand-plan", "rest", "--hand-repeat", "0",
+                              "--seconds", "8", "--drain", "30"});
+  ASSERT_TRUE(eventually([&] { return lab_.sessions().size() == 1; }, 60s)) << station->said();
+  lab_.killServer();
+  std::this_thread::sleep_for(2s);
+  lab_.startServer();
+  ASSERT_TRUE(says(*station, "session COMPLETE")) << station->said();
+  station->signal(SIGTERM);
+  ASSERT_EQ(station->wait(60s), kExitDone) << station->said();
+  const auto out = lab_.summary("window");
+  EXPECT_EQ(out["samples_acked"], out["samples"]);
+  EXPECT_EQ(out["samples_lost"], 0);
+}
+
+}  // namespace
+}  // namespace needlelab::test
