@@ -3,8 +3,8 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <optional>
-#include <regex>
 
 #include "base/atomic_file.h"
 #include "base/exit_code.h"
@@ -24,11 +24,13 @@ struct Latency {
 
 /// All that the script's `latency` printed, in order.
 std::vector<Latency> latenciesIn(const std::string& words) {
-  static const std::regex line(
-      R"(capture to screen: p50 ([0-9.]+) ms +p99 ([0-9.]+) ms +of ([0-9]+) live frames)");
   std::vector<Latency> all;
-  for (std::sregex_iterator it(words.begin(), words.end(), line), end; it != end; ++it)
-    all.push_back({std::stod((*it)[1]), std::stod((*it)[2]), static_cast<std::size_t>(std::stoul((*it)[3]))});
+  for (std::size_t at = 0; (at = words.find("capture to screen:", at)) != std::string::npos; ++at) {
+    Latency one;
+    if (std::sscanf(words.c_str() + at, "capture to screen: p50 %lf ms p99 %lf ms of %zu live frames",
+                    &one.p50_ms, &one.p99_ms, &one.frames) == 3)
+      all.push_back(one);
+  }
   return all;
 }
 
