@@ -77,7 +77,8 @@ std::optional<Insertion> deepestInsertion(const std::vector<GestureSample>& samp
 }
 
 Error neverIn(const StoredGesture& gesture) {
-  return {ErrorCode::kInvalidInput, "the needle of " + gesture.title() + " was never in tissue: nothing to compare"};
+  return {ErrorCode::kInvalidInput,
+          "the needle of " + gesture.title() + " was never in tissue: nothing to compare"};
 }
 
 Status byDepth(const StoredGesture& a, const StoredGesture& b, std::vector<ComparedPoint>& points) {
@@ -121,15 +122,15 @@ Status byWarping(const StoredGesture& a, const StoredGesture& b, GestureComparis
   if (pb_.path.empty()) return neverIn(b);
   const auto aligned = dtwAlignment(pa.path, pb_.path);
   if (!aligned)
-    return Error{ErrorCode::kInvalidInput, "a gesture of more than " +
-                                               std::to_string(static_cast<int>(kMostPathPoints / kPathRateHz / 60)) +
-                                               " minutes in tissue cannot be warped; compare by depth"};
+    return Error{ErrorCode::kInvalidInput,
+                 "a gesture of more than " +
+                     std::to_string(static_cast<int>(kMostPathPoints / kPathRateHz / 60)) +
+                     " minutes in tissue cannot be warped; compare by depth"};
   comparison.dtw_distance_m = aligned->distance_m;
   const double steps = std::max<double>(1, static_cast<double>(aligned->pairs.size()) - 1);
   for (std::size_t k = 0; k < aligned->pairs.size(); ++k) {
     const DtwPair& pair = aligned->pairs[k];
-    ComparedPoint point =
-        pointOf(a, a.sampleAt(pa.times_s[pair.a]), b, b.sampleAt(pb_.times_s[pair.b]));
+    ComparedPoint point = pointOf(a, a.sampleAt(pa.times_s[pair.a]), b, b.sampleAt(pb_.times_s[pair.b]));
     point.at = static_cast<double>(k) / steps;
     point.apart_m = norm(pa.path[pair.a] - pb_.path[pair.b]);
     comparison.points.push_back(point);
@@ -169,9 +170,12 @@ constexpr std::array<SeriesStyle, kComparedSeriesCount> kSeries = {{{"force", "N
 
 std::string whereText(Alignment alignment, const ComparedPoint& point) {
   switch (alignment) {
-    case Alignment::kDepth: return formatted("at %.1f mm", 1e3 * point.at);
-    case Alignment::kTime: return formatted("%.1f s after the entry", point.at);
-    case Alignment::kDtw: break;
+    case Alignment::kDepth:
+      return formatted("at %.1f mm", 1e3 * point.at);
+    case Alignment::kTime:
+      return formatted("%.1f s after the entry", point.at);
+    case Alignment::kDtw:
+      break;
   }
   return formatted("at %.1f s of the first", point.time_a_s);
 }
@@ -196,7 +200,8 @@ std::optional<std::string> wordsOf(const GestureComparison& comparison, Compared
   const double k = style.shown_per_si;
   return formatted("%s: the second differs by %+.*f %s on average, by %+.*f %s at most, ",
                    std::string(style.word).c_str(), style.decimals, k * sum / static_cast<double>(n),
-                   std::string(style.unit).c_str(), style.decimals, k * greatest, std::string(style.unit).c_str()) +
+                   std::string(style.unit).c_str(), style.decimals, k * greatest,
+                   std::string(style.unit).c_str()) +
          whereText(comparison.alignment, *where);
 }
 
@@ -205,17 +210,20 @@ void sayWhatStrikes(GestureComparison& comparison) {
     if (auto words = wordsOf(comparison, series)) comparison.words.push_back(std::move(*words));
   }
   if (comparison.alignment == Alignment::kDtw)
-    comparison.words.push_back(
-        formatted("paths: %.1f mm apart on average when warped onto each other", 1e3 * comparison.dtw_distance_m));
+    comparison.words.push_back(formatted("paths: %.1f mm apart on average when warped onto each other",
+                                         1e3 * comparison.dtw_distance_m));
 }
 
 }  // namespace
 
 std::string_view wordOf(Alignment alignment) {
   switch (alignment) {
-    case Alignment::kDepth: return "depth";
-    case Alignment::kDtw: return "dtw";
-    case Alignment::kTime: break;
+    case Alignment::kDepth:
+      return "depth";
+    case Alignment::kDtw:
+      return "dtw";
+    case Alignment::kTime:
+      break;
   }
   return "time";
 }
@@ -226,38 +234,60 @@ std::string_view wordOf(ComparedSeries series) {
 
 double valueOfA(ComparedSeries series, const ComparedPoint& point) {
   switch (series) {
-    case ComparedSeries::kTotalForce: return point.force_a_N;
-    case ComparedSeries::kSpeed: return point.speed_a_mps;
-    case ComparedSeries::kLateral: return point.lateral_a_m;
-    case ComparedSeries::kInsertion: return point.insertion_a_m;
-    case ComparedSeries::kTilt: break;
+    case ComparedSeries::kTotalForce:
+      return point.force_a_N;
+    case ComparedSeries::kSpeed:
+      return point.speed_a_mps;
+    case ComparedSeries::kLateral:
+      return point.lateral_a_m;
+    case ComparedSeries::kInsertion:
+      return point.insertion_a_m;
+    case ComparedSeries::kTilt:
+      break;
   }
   return point.tilt_a_rad;
 }
 
 double valueOfB(ComparedSeries series, const ComparedPoint& point) {
   switch (series) {
-    case ComparedSeries::kTotalForce: return point.force_b_N;
-    case ComparedSeries::kSpeed: return point.speed_b_mps;
-    case ComparedSeries::kLateral: return point.lateral_b_m;
-    case ComparedSeries::kInsertion: return point.insertion_b_m;
-    case ComparedSeries::kTilt: break;
+    case ComparedSeries::kTotalForce:
+      return point.force_b_N;
+    case ComparedSeries::kSpeed:
+      return point.speed_b_mps;
+    case ComparedSeries::kLateral:
+      return point.lateral_b_m;
+    case ComparedSeries::kInsertion:
+      return point.insertion_b_m;
+    case ComparedSeries::kTilt:
+      break;
   }
   return point.tilt_b_rad;
 }
 
-Result<GestureComparison> compareGestures(const StoredGesture& a, const StoredGesture& b, Alignment alignment) {
+Result<GestureComparison> compareGestures(const StoredGesture& a, const StoredGesture& b,
+                                          Alignment alignment) {
   if (a.samples.empty()) return neverIn(a);
   if (b.samples.empty()) return neverIn(b);
   GestureComparison comparison;
   comparison.alignment = alignment;
   Status done;
   switch (alignment) {
-    case Alignment::kDepth: done = byDepth(a, b, comparison.points); break;
-    case Alignment::kDtw: done = byWarping(a, b, comparison); break;
-    case Alignment::kTime: done = byTime(a, b, comparison.points); break;
+    case Alignment::kDepth:
+      done = byDepth(a, b, comparison.points);
+      break;
+    case Alignment::kDtw:
+      done = byWarping(a, b, comparison);
+      break;
+    case Alignment::kTime:
+      done = byTime(a, b, comparison.points);
+      break;
   }
   if (!done.ok()) return done.error();
+  const std::string& exercise_a = a.info.description().exercise_id();
+  const std::string& exercise_b = b.info.description().exercise_id();
+  if (exercise_a != exercise_b)
+    comparison.words.push_back("two different exercises (" + exercise_a + ", " + exercise_b +
+                               "): what differs may be the task's, not the hand's");
   sayWhatStrikes(comparison);
   return comparison;
 }

@@ -13,6 +13,7 @@ namespace needlelab {
 namespace {
 
 constexpr double kWidth = 720, kHeight = 200, kLeft = 56, kRight = 12, kTop = 26, kBottom = 34;
+constexpr double kLegendLetter = 7, kHeadingLetter = 8;  // px, of 11 and 12 px letters, rather too wide
 constexpr std::size_t kColumns = static_cast<std::size_t>(kWidth - kLeft - kRight);
 
 /// Where numbers come to lie.
@@ -28,9 +29,10 @@ struct SvgFrame {
   }
 };
 
-std::string text(double x, double y, const char* anchor, const std::string& words, const std::string& more = {}) {
-  return formatted("<text x='%.1f' y='%.1f' text-anchor='%s'%s>", x, y, anchor, more.c_str()) + htmlText(words) +
-         "</text>";
+std::string text(double x, double y, const char* anchor, const std::string& words,
+                 const std::string& more = {}) {
+  return formatted("<text x='%.1f' y='%.1f' text-anchor='%s'%s>", x, y, anchor, more.c_str()) +
+         htmlText(words) + "</text>";
 }
 
 std::string line(double x1, double y1, double x2, double y2, const char* kind) {
@@ -47,7 +49,8 @@ std::string inkOf(Rgb colour) {
 class CurvePath {
  public:
   void add(double x, double y) {
-    if (last_ && before_ && std::abs(before_->second - last_->second) < 0.05 && std::abs(last_->second - y) < 0.05) {
+    if (last_ && before_ && std::abs(before_->second - last_->second) < 0.05 &&
+        std::abs(last_->second - y) < 0.05) {
       last_->first = x;
       return;
     }
@@ -68,7 +71,8 @@ class CurvePath {
   std::string text_;
 };
 
-std::string seriesPath(const SvgSeries& series, const std::vector<PixelColumn>& columns, const SvgFrame& frame) {
+std::string seriesPath(const SvgSeries& series, const std::vector<PixelColumn>& columns,
+                       const SvgFrame& frame) {
   CurvePath path;
   for (std::size_t i = 0; i < columns.size(); ++i) {
     const PixelColumn& column = columns[i];
@@ -97,9 +101,30 @@ std::string axes(const SvgFrame& frame, const AxisTicks& x_ticks, const AxisTick
   return out + line(kLeft, kHeight - kBottom, kWidth - kRight, kHeight - kBottom, "a");
 }
 
+/// The series' names with a piece of their lines, up to the right edge; no further left than `from`.
+std::string legend(const std::vector<SvgSeries>& series, double from) {
+  if (series.size() < 2) return {};
+  std::size_t letters = 0;
+  for (const SvgSeries& each : series) letters += each.name.size();
+  const auto n = static_cast<double>(series.size());
+  const double room = kWidth - kRight - from - kLegendLetter * static_cast<double>(letters);
+  const double piece = std::clamp(room / n - 8, 8.0, 30.0);
+  std::string out;
+  double x = kWidth - kRight;
+  for (auto each = series.rbegin(); each != series.rend(); ++each) {
+    x -= kLegendLetter * static_cast<double>(each->name.size()) + 8;
+    out += text(x, 14, "start", each->name);
+    out +=
+        formatted("<line x1='%.1f' y1='10' x2='%.1f' y2='10' stroke='%s' stroke-width='3'%s/>", x - piece + 8,
+                  x - 4, inkOf(each->colour).c_str(), each->dashed ? " stroke-dasharray='5 4'" : "");
+    x -= piece;
+  }
+  return out;
+}
+
 std::string openSvg(double width, double height, const std::string& label) {
-  return formatted("<svg viewBox='0 0 %.0f %.0f' width='%.0f' height='%.0f' role='img' aria-label='", width, height,
-                   width, height) +
+  return formatted("<svg viewBox='0 0 %.0f %.0f' width='%.0f' height='%.0f' role='img' aria-label='", width,
+                   height, width, height) +
          htmlText(label) + "'>";
 }
 
@@ -128,11 +153,12 @@ std::string svgPlot(const SvgPlot& plot) {
 
   std::string out = openSvg(kWidth, kHeight, plot.title);
   for (const SvgBand& band : plot.bands) {
-    const double a = std::clamp(band.low, frame.low, frame.high), b = std::clamp(band.high, frame.low, frame.high);
+    const double a = std::clamp(band.low, frame.low, frame.high),
+                 b = std::clamp(band.high, frame.low, frame.high);
     if (!(b > a)) continue;
     const double top = std::min(frame.y(a), frame.y(b)), height = std::abs(frame.y(a) - frame.y(b));
-    out += formatted("<rect x='%.1f' y='%.1f' width='%.1f' height='%.1f' fill='%s' fill-opacity='.28'/>", kLeft, top,
-                     kWidth - kLeft - kRight, height, hexText(band.colour).c_str());
+    out += formatted("<rect x='%.1f' y='%.1f' width='%.1f' height='%.1f' fill='%s' fill-opacity='.28'/>",
+                     kLeft, top, kWidth - kLeft - kRight, height, hexText(band.colour).c_str());
     if (height > 11) out += text(kWidth - kRight - 4, top + height / 2 + 4, "end", band.name, " class='q'");
   }
   out += axes(frame, x_ticks, y_ticks);
@@ -140,18 +166,13 @@ std::string svgPlot(const SvgPlot& plot) {
   for (const SvgMark& mark : plot.marks) {
     if (mark.x < frame.from || mark.x > frame.to) continue;
     out += "<g>" + line(frame.x(mark.x), kTop, frame.x(mark.x), kHeight - kBottom, "m") +
-           text(frame.x(mark.x), kTop - 2, "middle", mark.sign) + "<title>" + htmlText(mark.text) + "</title></g>";
+           text(frame.x(mark.x), kTop - 2, "middle", mark.sign) + "<title>" + htmlText(mark.text) +
+           "</title></g>";
   }
-  // heading, and the legend right of it
-  out += text(kLeft, 14, "start", plot.title + (plot.unit.empty() ? "" : ", " + plot.unit), " class='h'");
-  double x = kWidth - kRight;
-  for (auto series = plot.series.rbegin(); plot.series.size() > 1 && series != plot.series.rend(); ++series) {
-    x -= 7.0 * static_cast<double>(series->name.size()) + 8;
-    out += text(x, 14, "start", series->name);
-    out += formatted("<line x1='%.1f' y1='10' x2='%.1f' y2='10' stroke='%s' stroke-width='3'%s/>", x - 22, x - 4,
-                     inkOf(series->colour).c_str(), series->dashed ? " stroke-dasharray='5 4'" : "");
-    x -= 30;
-  }
+  // heading, and the legend right of it: closer together where it would run into the heading
+  const std::string heading = plot.title + (plot.unit.empty() ? "" : ", " + plot.unit);
+  out += text(kLeft, 14, "start", heading, " class='h'");
+  out += legend(plot.series, kLeft + kHeadingLetter * static_cast<double>(heading.size()) + 12);
   out += text(kWidth - kRight, kHeight - 4, "end", plot.x_title);
   return out + "</svg>";
 }
@@ -159,7 +180,8 @@ std::string svgPlot(const SvgPlot& plot) {
 std::string svgProgress(const SvgProgress& progress) {
   constexpr double kWide = 340, kHigh = 130, kX = 52, kY = 22, kW = 276, kH = 80;
   double low = 0, high = 0;
-  if (progress.band_high > progress.band_low) high = progress.band_high, low = std::min(0.0, progress.band_low);
+  if (progress.band_high > progress.band_low)
+    high = progress.band_high, low = std::min(0.0, progress.band_low);
   for (const double v : progress.values) low = std::min(low, v), high = std::max(high, v);
   const AxisTicks ticks = axisTicks(low, high > low ? high : low + 1, 4, true);
   const double last = std::max(2.0, progress.attempts.empty() ? 2.0 : progress.attempts.back());
@@ -167,12 +189,14 @@ std::string svgProgress(const SvgProgress& progress) {
   const auto y = [&](double value) { return kY + (1 - (value - ticks.low) / (ticks.high - ticks.low)) * kH; };
   std::string out = openSvg(kWide, kHigh, progress.title);
   if (progress.band_high > progress.band_low) {
-    const double top = y(std::min(progress.band_high, ticks.high)), end = y(std::max(progress.band_low, ticks.low));
-    out += formatted("<rect x='%.1f' y='%.1f' width='%.1f' height='%.1f' fill='%s' fill-opacity='.2'/>", kX, top, kW,
-                     std::max(1.0, end - top), hexText(kBluishGreen).c_str());
+    const double top = y(std::min(progress.band_high, ticks.high)),
+                 end = y(std::max(progress.band_low, ticks.low));
+    out += formatted("<rect x='%.1f' y='%.1f' width='%.1f' height='%.1f' fill='%s' fill-opacity='.2'/>", kX,
+                     top, kW, std::max(1.0, end - top), hexText(kBluishGreen).c_str());
   }
   for (const double at : ticks.at) {
-    out += line(kX, y(at), kX + kW, y(at), "g") + text(kX - 5, y(at) + 4, "end", tickText(at, ticks.decimals));
+    out +=
+        line(kX, y(at), kX + kW, y(at), "g") + text(kX - 5, y(at) + 4, "end", tickText(at, ticks.decimals));
   }
   std::string path;
   for (std::size_t i = 0; i < progress.values.size() && i < progress.attempts.size(); ++i) {
@@ -181,7 +205,8 @@ std::string svgProgress(const SvgProgress& progress) {
     out += formatted("<circle cx='%.1f' cy='%.1f' r='3.5' fill='%s'/>", px, py, hexText(kBlue).c_str());
   }
   out += "<path d='" + path + "' stroke='" + hexText(kBlue) + "' class='s'/>";
-  out += text(kX, 13, "start", progress.title + (progress.unit.empty() ? "" : ", " + progress.unit), " class='h'");
+  out += text(kX, 13, "start", progress.title + (progress.unit.empty() ? "" : ", " + progress.unit),
+              " class='h'");
   out += text(kX, kHigh - 6, "middle", "1") + text(kX + kW, kHigh - 6, "middle", formatted("%.0f", last)) +
          text(kX + kW / 2, kHigh - 6, "middle", "attempt");
   return out + "</svg>";
@@ -198,7 +223,8 @@ std::string svgStanding(const SvgStanding& s) {
   if (s.p90 > s.p10)
     out += formatted("<rect x='%.1f' y='4' width='%.1f' height='10' fill='%s' fill-opacity='.55'/>", x(s.p10),
                      std::max(1.0, x(s.p90) - x(s.p10)), hexText(kBluishGreen).c_str());
-  out += formatted("<line x1='%.1f' y1='2' x2='%.1f' y2='16' stroke='#333' stroke-width='1.5'/>", x(s.mean), x(s.mean));
+  out += formatted("<line x1='%.1f' y1='2' x2='%.1f' y2='16' stroke='#333' stroke-width='1.5'/>", x(s.mean),
+                   x(s.mean));
   const double v = x(s.value);
   // a diamond: told apart from the mean by shape, not by colour alone
   out += formatted("<path d='M%.1f 9l4.5 -6l4.5 6l-4.5 6z' fill='%s' stroke='#fff'/>", v - 4.5,

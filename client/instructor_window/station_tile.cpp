@@ -14,8 +14,7 @@ std::string depthWords(const StationTile& tile) {
   if (!tile.online || tile.session_id.empty()) return {};
   const std::string phase(phaseWord(tile.phase <= 3 ? static_cast<Phase>(tile.phase) : Phase::kFree));
   if (tile.layer < 0) return phase;
-  const std::string where =
-      tile.tissue.empty() ? formatted("layer %d", tile.layer + 1) : tile.tissue;
+  const std::string where = tile.tissue.empty() ? formatted("layer %d", tile.layer + 1) : tile.tissue;
   return formatted("%s, %.1f mm, ", phase.c_str(), 1e3 * tile.insertion_m) + where;
 }
 
@@ -24,8 +23,10 @@ std::string healthWords(const StationTile& tile) {
   if (!tile.online) return "offline";
   if (tile.stale) return "no news";
   std::string words = formatted("loop p99 %u µs", tile.wakeup_p99_us);
-  if (tile.missed_ticks > 0) words += formatted(", %llu missed", static_cast<unsigned long long>(tile.missed_ticks));
-  if (tile.spool_left > 0) words += formatted(", spool %llu", static_cast<unsigned long long>(tile.spool_left));
+  if (tile.missed_ticks > 0)
+    words += formatted(", %llu missed", static_cast<unsigned long long>(tile.missed_ticks));
+  if (tile.spool_left > 0)
+    words += formatted(", spool %llu", static_cast<unsigned long long>(tile.spool_left));
   return words;
 }
 
@@ -47,10 +48,12 @@ void tileLines(const StationTile& tile, float inner, float height_px) {
   }
   // force now against its limit, with the peak; the last seconds as a line
   if (tile.online && !tile.session_id.empty()) {
-    const float bar = inner * 0.58F;
-    levelBar(tile.force_N / tile.force_limit_N, formatted("%.1f N  peak %.1f", tile.force_N, tile.peak_force_N),
-             kSkyBlue, bar);
-    if (tile.forces_N.size() > 1) {
+    const std::string words = formatted("%.1f N  peak %.1f", tile.force_N, tile.peak_force_N);
+    // as wide as its words with the sign of too much force need
+    const float needed = ImGui::CalcTextSize(words.c_str()).x + ImGui::GetFontSize() + 2 * space();
+    const float bar = std::min(inner, std::max(inner * 0.58F, needed));
+    levelBar(tile.force_N / tile.force_limit_N, words, kSkyBlue, bar);
+    if (tile.forces_N.size() > 1 && inner - bar > 4 * space()) {
       ImGui::SameLine();
       const std::vector<float> values(tile.forces_N.begin(), tile.forces_N.end());
       sparkline(values, 0, static_cast<float>(std::max(tile.force_limit_N, tile.peak_force_N)), kSkyBlue,
@@ -70,8 +73,9 @@ bool stationTile(const StationTile& tile, float width_px) {
   const bool calls = needsHelp(tile.need);
   ImGui::PushID(tile.station.c_str());
   ImGui::PushStyleColor(ImGuiCol_Border, colourOf(calls ? style.colour : kLineGrey));
-  ImGui::BeginChild("tile", {width_px, height_px}, true,
-                    ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
+  ImGui::BeginChild(
+      "tile", {width_px, height_px}, true,
+      ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
   const ImVec2 corner = ImGui::GetWindowPos();
   solidRect(*ImGui::GetWindowDrawList(), {corner.x + 1, corner.y + 1},
             {corner.x + width_px - 1, corner.y + height_px - 1},

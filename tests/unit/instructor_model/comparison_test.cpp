@@ -26,6 +26,18 @@ TEST(Comparison, aGestureBesideItselfDiffersNowhere) {
   }
 }
 
+TEST(Comparison, twoDifferentExercisesAreNamed) {
+  const auto one = lesson(), same = lesson();
+  auto info = one->info;
+  info.mutable_description()->set_exercise_id("another-one");
+  const auto other = gestureOf(info, one->samples);
+  const auto alike = compareGestures(*one, *same, Alignment::kDepth);
+  const auto unlike = compareGestures(*one, *other, Alignment::kDepth);
+  ASSERT_TRUE(alike.ok() && unlike.ok());
+  EXPECT_EQ(unlike->words.size(), alike->words.size() + 1);
+  EXPECT_NE(unlike->words.front().find("another-one"), std::string::npos) << unlike->words.front();
+}
+
 TEST(Comparison, byDepthTheSlowerHandIsMetAtTheSamePlace) {
   const auto fast = lesson({.depth_m = 0.02, .seconds = 2});
   const auto slow = lesson({.depth_m = 0.015, .seconds = 4});

@@ -30,11 +30,25 @@ TEST(SvgPlot, namesAreEscapedAndNoNumberIsBroken) {
   one.bands.push_back({0, 2, kYellow, "'skin'"});
   one.marks.push_back({2, "▼", "\"said\""});
   const std::string svg = svgPlot(one);
-  for (const char* part : {"force &lt;b&gt;, N", "a&amp;b", "&#39;skin&#39;", "&quot;said&quot;", "stroke-dasharray"})
+  for (const char* part :
+       {"force &lt;b&gt;, N", "a&amp;b", "&#39;skin&#39;", "&quot;said&quot;", "stroke-dasharray"})
     EXPECT_THAT(svg, HasSubstr(part));
   for (const char* part : {"<b>", "nan", "inf"}) EXPECT_THAT(svg, Not(HasSubstr(part)));
   // every element that is opened is closed
   EXPECT_EQ(svg.rfind("</svg>"), svg.size() - 6);
+}
+
+TEST(SvgPlot, aLongLegendDoesNotRunIntoTheHeading) {
+  SvgPlot one = plot();
+  one.title = "force at the hand, all of it";
+  for (const char* name : {"cutting", "attracted", "friction", "puncture", "clamping"})
+    one.series.push_back({name, kOrange, columnsOf(kX, kY), true});
+  const std::string svg = svgPlot(one);
+  // where the first name of the legend stands, and where a heading of so many letters of 12 px can end
+  const std::size_t first = svg.find("' y='14.0' text-anchor='start'>all<");
+  ASSERT_NE(first, std::string::npos) << svg;
+  const double x = std::stod(svg.substr(svg.rfind("x='", first) + 3));
+  EXPECT_GT(x, 56 + 7.5 * static_cast<double>(one.title.size() + 3));
 }
 
 TEST(SvgPlot, theGreatestValueIsNearTheTopAndDepthGrowsDownward) {
