@@ -17,7 +17,8 @@ constexpr std::string_view kInfoColumns =
     " s.clock_round_trip_ns, s.recording, coalesce(p.chunks, s.chunks), coalesce(p.samples, s.samples),"
     " coalesce(p.stored_bytes, s.stored_bytes), s.hash,"
     " d.chunks, d.samples, d.stored_bytes, d.hash, d.rate_hz,"
-    " o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number, s.profile_json, s.score_json, s.passed FROM sessions s"
+    " o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number, s.profile_json, s.score_json, s.passed FROM "
+    "sessions s"
     " LEFT JOIN session_progress p ON p.session = s.number"
     " LEFT JOIN derived_recordings d ON d.session = s.number AND d.complete = 1"
     " LEFT JOIN removed_originals o ON o.session = s.number ";
@@ -62,7 +63,8 @@ Result<pb::SessionInfo> infoOf(const Statement& row, bool with_profile) {
   return info;
 }
 
-/// SessionConditions of a list, each with its value; only those that are asked for, so that an index may serve them.
+/// SessionConditions of a list, each with its value; only those that are asked for, so that an index may
+/// serve them.
 class SessionConditions {
  public:
   void add(std::string condition, std::string_view text) {
@@ -78,9 +80,7 @@ class SessionConditions {
     push(std::move(condition));
     values_.emplace_back(id);
   }
-  void push(std::string condition) {
-    text_ += (text_.empty() ? "WHERE " : " AND ") + std::move(condition);
-  }
+  void push(std::string condition) { text_ += (text_.empty() ? "WHERE " : " AND ") + std::move(condition); }
   /// The last value stands in its condition twice.
   void again() { values_.push_back(values_.back()); }
   [[nodiscard]] const std::string& text() const { return text_; }
@@ -130,8 +130,9 @@ Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std
     conditions.again();
   }
   if (after)
-    conditions.add("(s.started_unix_ns, s.number) < (SELECT started_unix_ns, number FROM sessions WHERE id = ?)",
-                   *after);
+    conditions.add(
+        "(s.started_unix_ns, s.number) < (SELECT started_unix_ns, number FROM sessions WHERE id = ?)",
+        *after);
   return conditions;
 }
 

@@ -155,8 +155,8 @@ class SessionStore {
   /// Everything known of a session, profile JSON and score included. kNotFound.
   Result<pb::SessionInfo> info(const Uuid& session);
   /// Newest first, without profile JSON but with score and verdict. `wanted.page` is not read; `after`: those
-  /// behind this session, for the next page. At most `limit` and kMaxListed; 0 means that many. kInvalidInput:
-  /// a verdict that is none, a text to search for that is no text.
+  /// behind this session, for the next page. At most `limit` and kMaxListed; 0 means that many.
+  /// kInvalidInput: a verdict that is none, a text to search for that is no text.
   Result<std::vector<pb::SessionInfo>> list(const pb::ListSessions& wanted,
                                             const std::optional<Uuid>& after = {});
 

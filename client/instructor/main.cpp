@@ -39,10 +39,12 @@ int main(int argc, char** argv) {
                  "First line is the password; without it the terminal asks");
   app.add_flag("--headless", options.headless, "Lines in this terminal, no window");
   app.add_option("--report", options.report, "Write a report about --session as an HTML file");
-  app.add_option("--script", options.script, "Of the window: do what this file lists, then end")->type_name("FILE");
+  app.add_option("--script", options.script, "Of the window: do what this file lists, then end")
+      ->type_name("FILE");
   app.add_option("--screenshot", options.screenshot, "Of the window: a PNG of it")->type_name("FILE");
   app.add_flag("--off-screen", options.off_screen, "Draw the window into memory: needs no display");
-  app.add_option("--window", options.window_size, "The window's size in pixels, e.g. 1280x720; default: as it was left")
+  app.add_option("--window", options.window_size,
+                 "The window's size in pixels, e.g. 1280x720; default: as it was left")
       ->type_name("WxH");
   app.add_option("--font-scale", options.font_scale, "Letters, 0.8 to 2.5")->capture_default_str();
   app.add_option("--station", options.station, "Watch this station; without it an overview of all");
@@ -56,15 +58,19 @@ int main(int argc, char** argv) {
   app.add_option("--seconds", options.seconds, "End after so long; without it on Ctrl-C");
   app.add_option("--message", options.message, "Say this to the trainee of --station");
   app.add_option("--next-exercise", options.next_exercise, "Set the next exercise of --station");
-  app.add_option("--aids", options.aids,
-                 "What the trainee at --station is shown from now on: DEPTH,FORCE,…, none, all; reset: as the "
-                 "exercise says");
+  app.add_option(
+      "--aids", options.aids,
+      "What the trainee at --station is shown from now on: DEPTH,FORCE,…, none, all; reset: as the "
+      "exercise says");
   auto* const stop = app.add_option("--stop", options.stop_reason,
                                     "End the lesson at --station, with a reason for the trainee")
                          ->expected(0, 1)
                          ->type_name("[REASON]");
-  app.add_option("--annotate", options.annotate, "A remark on the lesson at --station or on --session, now or --at");
-  app.add_option("--at", options.at_s, "Of the remark: so many seconds after the session's first sample; of --screenshot: after the window's beginning (2)");
+  app.add_option("--annotate", options.annotate,
+                 "A remark on the lesson at --station or on --session, now or --at");
+  app.add_option("--at", options.at_s,
+                 "Of the remark: so many seconds after the session's first sample; of --screenshot: after "
+                 "the window's beginning (2)");
   app.add_flag("--once", options.once, "End when all of this has been said; else go on watching");
   app.add_flag("--json", options.json, "One JSON object a line");
   try {
@@ -91,8 +97,9 @@ int main(int argc, char** argv) {
   ServerLink link(clientConfig(options), options.user, *password);
   if (const Status connected = link.connect(); !connected.ok()) return fail(connected.error());
   if (!options.report.empty()) {
-    const Status written = writeReport([&](const pb::Request& request) { return link.client().call(request); },
-                                       sessionBytes(options), options.report);
+    const Status written =
+        writeReport([&](const pb::Request& request) { return link.client().call(request); },
+                    sessionBytes(options), options.report);
     if (!written.ok()) return fail(written.error());
     std::printf("written: %s\n", options.report.c_str());
     return kExitDone;

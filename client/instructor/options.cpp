@@ -24,9 +24,9 @@ Status refuse(const std::string& text) {
 Status checkOptions(const InstructorOptions& options) {
   // the window asks for what is missing
   if (!options.window()) {
-    for (const auto& [name, missing] : {std::pair{"--server", options.server.empty()},
-                                        std::pair{"--ca", options.ca.empty()},
-                                        std::pair{"--user", options.user.empty()}})
+    for (const auto& [name, missing] :
+         {std::pair{"--server", options.server.empty()}, std::pair{"--ca", options.ca.empty()},
+          std::pair{"--user", options.user.empty()}})
       if (missing) return refuse(std::string(name) + " is required");
   }
   if (!options.server.empty() || !options.window()) {
@@ -49,7 +49,9 @@ Status checkOptions(const InstructorOptions& options) {
   const bool to_station =
       !options.message.empty() || !options.next_exercise.empty() || !options.aids.empty() || options.stop;
   if (options.window() && (to_station || !options.annotate.empty() || options.once))
-    return refuse("--message, --next-exercise, --aids, --stop, --annotate and --once need --headless: the window has them all");
+    return refuse(
+        "--message, --next-exercise, --aids, --stop, --annotate and --once need --headless: the window has "
+        "them all");
   if (to_station && options.station.empty())
     return refuse("--message, --next-exercise, --aids and --stop need --station NAME");
   if (!options.aids.empty() && options.aids != kResetAids) {
@@ -89,8 +91,9 @@ Result<WindowSize> windowSizeOf(const InstructorOptions& options) {
   if (by && height.ec == std::errc() && height.ptr == end && size.width_px >= 640 && size.width_px <= 8192 &&
       size.height_px >= 360 && size.height_px <= 8192)
     return size;
-  return Error{ErrorCode::kInvalidInput, "--window '" + options.window_size +
-                                             "', allowed is WIDTHxHEIGHT in pixels from 640x360 to 8192x8192"};
+  return Error{
+      ErrorCode::kInvalidInput,
+      "--window '" + options.window_size + "', allowed is WIDTHxHEIGHT in pixels from 640x360 to 8192x8192"};
 }
 
 ClientConfig clientConfig(const InstructorOptions& options) {

@@ -29,15 +29,15 @@ struct InstructorOptions {
   double speed = 1;               ///< of a replay; 0: as fast as it comes
   std::optional<double> seconds;  ///< end after so long; none: on Ctrl-C
   // said once, as soon as it can be: to an online station, in a lesson that runs, at a moment of it
-  std::string message;            ///< to the trainee
+  std::string message;  ///< to the trainee
   std::string next_exercise;
-  std::string aids;               ///< "depth, force", "none", "all", or "reset": as the exercise says
-  bool stop = false;              ///< the lesson that runs
+  std::string aids;   ///< "depth, force", "none", "all", or "reset": as the exercise says
+  bool stop = false;  ///< the lesson that runs
   std::string stop_reason;
-  std::string annotate;           ///< a remark on the lesson's moment, or on that of `at_s`
-  std::optional<double> at_s;     ///< since the session's first sample
-  bool once = false;              ///< end when all of it has been said
-  std::filesystem::path report;      ///< of --session, an HTML file; needs neither window nor --headless
+  std::string annotate;          ///< a remark on the lesson's moment, or on that of `at_s`
+  std::optional<double> at_s;    ///< since the session's first sample
+  bool once = false;             ///< end when all of it has been said
+  std::filesystem::path report;  ///< of --session, an HTML file; needs neither window nor --headless
   // the window
   std::filesystem::path script, screenshot;
   bool off_screen = false;

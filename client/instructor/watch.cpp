@@ -81,9 +81,10 @@ class Watch {
   [[nodiscard]] Status saidOutcome() const {
     if (words_.refused()) return *words_.refused();
     if (!run_.options.once || words_.allSaid()) return {};
-    return Error{ErrorCode::kUnavailable,
-                 "the time is over, and not everything could be said: the station was not online, or no lesson "
-                 "ran there"};
+    return Error{
+        ErrorCode::kUnavailable,
+        "the time is over, and not everything could be said: the station was not online, or no lesson "
+        "ran there"};
   }
   [[nodiscard]] bool saidEnough() const { return run_.options.once && words_.allSaid(); }
 

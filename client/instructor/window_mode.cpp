@@ -24,7 +24,8 @@ std::filesystem::path stateFolder() {
 Status runWindowMode(const InstructorOptions& options, const std::function<bool()>& stopped) {
   WindowRunOptions run;
   // scripts and pictures begin the same way each time
-  if (const auto folder = stateFolder(); options.screenshot.empty() && options.script.empty() && !folder.empty()) {
+  if (const auto folder = stateFolder();
+      options.screenshot.empty() && options.script.empty() && !folder.empty()) {
     std::error_code ignored;
     std::filesystem::create_directories(folder, ignored);
     run.surface.state_file = folder / "instructor-window.json";
@@ -39,7 +40,7 @@ Status runWindowMode(const InstructorOptions& options, const std::function<bool(
     if (!password.ok()) return password.error();
     run.form.password = *std::move(password);
   }
-  run.surface.kind = options.off_screen ? SurfaceOptions::Kind::kOffScreen
+  run.surface.kind = options.off_screen                                     ? SurfaceOptions::Kind::kOffScreen
                      : options.screenshot.empty() && options.script.empty() ? SurfaceOptions::Kind::kWindow
                                                                             : SurfaceOptions::Kind::kAny;
   run.surface.title = "needlelab: instructor";

@@ -9,8 +9,8 @@
 namespace needlelab {
 
 /// Runs until the window is closed, a script ends, or `stopped` says so. `options` must be checked. Errors:
-/// kInvalidInput (password file, script), kUnavailable (no display, no OpenGL, or no window in this build), kFailed
-/// (an action of the script).
+/// kInvalidInput (password file, script), kUnavailable (no display, no OpenGL, or no window in this build),
+/// kFailed (an action of the script).
 Status runWindowMode(const InstructorOptions& options, const std::function<bool()>& stopped);
 
 }  // namespace needlelab

@@ -35,7 +35,8 @@ Words::Words(const InstructorOptions& options, Ask ask, Tell tell)
   }
   // last: it ends the lesson that the others are about
   if (options.stop) {
-    const When when = waiting_.empty() || waiting_.back().when != When::kAtMoment ? When::kInLesson : When::kAtMoment;
+    const When when =
+        waiting_.empty() || waiting_.back().when != When::kAtMoment ? When::kInLesson : When::kAtMoment;
     auto& stop = *add("stop", when, "lesson stopped").mutable_stop_lesson();
     stop.set_station(options.station);
     stop.set_reason(options.stop_reason);

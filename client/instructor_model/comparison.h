@@ -1,4 +1,5 @@
-/// Two gestures beside each other: which moment of one belongs to which of the other, and what is different there.
+/// Two gestures beside each other: which moment of one belongs to which of the other, and what is different
+/// there.
 #pragma once
 
 #include <cstdint>
@@ -44,6 +45,7 @@ struct GestureComparison {
 };
 
 /// Errors: kInvalidInput in words: one of them was never in tissue, or is too long to be warped.
-Result<GestureComparison> compareGestures(const StoredGesture& a, const StoredGesture& b, Alignment alignment);
+Result<GestureComparison> compareGestures(const StoredGesture& a, const StoredGesture& b,
+                                          Alignment alignment);
 
 }  // namespace needlelab

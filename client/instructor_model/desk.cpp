@@ -22,7 +22,8 @@ void Desk::logIn() {
   if (!server.ok())
     form_trouble = "Server: " + server.error().message;
   else if (form.ca_file.empty())
-    form_trouble = "The CA file is missing: the tls/ca.crt of the server's folder. Who runs the server has it.";
+    form_trouble =
+        "The CA file is missing: the tls/ca.crt of the server's folder. Who runs the server has it.";
   else if (form.user.empty())
     form_trouble = "Type your name as an instructor.";
   else if (form.password.empty())

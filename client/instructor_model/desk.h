@@ -1,5 +1,5 @@
-/// Everything behind the instructor's window: the lab's line, the overview, the stations that are looked over, the
-/// sessions on the desk. The screens show it and call it; scripts do the same.
+/// Everything behind the instructor's window: the lab's line, the overview, the stations that are looked
+/// over, the sessions on the desk. The screens show it and call it; scripts do the same.
 #pragma once
 
 #include <map>
@@ -64,7 +64,8 @@ class Desk {
   [[nodiscard]] LiveStation* live() { return live_.get(); }
   /// A remark at the moment that is shown, live or in the replay.
   void annotate(const std::string& text);
-  /// What the trainee who is looked over is shown: as it was set here in this session, else as the exercise has it.
+  /// What the trainee who is looked over is shown: as it was set here in this session, else as the exercise
+  /// has it.
   [[nodiscard]] AidList aidsNow() const;
   void setAids(const AidList& aids);
   void resetAids();

@@ -153,7 +153,8 @@ Task<> LabConnection::Net::run() {
     }
     const std::int64_t connected_ns = steadyNowNs();
     co_await serve(std::move(*connection));
-    const Error why = ended ? *ended : Error{ErrorCode::kUnavailable, "the connection is lost: " + channel->closeText()};
+    const Error why =
+        ended ? *ended : Error{ErrorCode::kUnavailable, "the connection is lost: " + channel->closeText()};
     // what is queued (our goodbye) still has to go; the channel bounds the time
     while (!channel->closed()) co_await pause(std::chrono::milliseconds(10));
     channel.reset();
@@ -236,7 +237,8 @@ void LabConnection::Net::take(pb::Envelope envelope) {
   } else if (envelope.has_station_status()) {
     std::string name = envelope.station_status().station();
     const std::scoped_lock lock(mutex);
-    const auto [place, is_new] = statuses.insert_or_assign(name, std::move(*envelope.mutable_station_status()));
+    const auto [place, is_new] =
+        statuses.insert_or_assign(name, std::move(*envelope.mutable_station_status()));
     if (is_new) status_order.push_back(std::move(name));
   } else if (envelope.has_reply()) {
     const std::uint64_t id = envelope.reply().id();
@@ -264,9 +266,8 @@ void LabConnection::Net::deliver(Waiting& done, Result<pb::Reply> reply) {
     return;
   }
   const std::scoped_lock lock(mutex);
-  answers.push_back([answer = std::move(done.answer), reply = std::move(reply)]() mutable {
-    answer(std::move(reply));
-  });
+  answers.push_back(
+      [answer = std::move(done.answer), reply = std::move(reply)]() mutable { answer(std::move(reply)); });
 }
 
 void LabConnection::Net::send(std::uint64_t id, const Waiting& one) {
@@ -292,7 +293,8 @@ void LabConnection::Net::ask(Waiting one) {
     return;
   }
   if (one.on_loss == OnLoss::kGiveUp && !online()) {
-    deliver(one, Error{ErrorCode::kUnavailable, "there is no connection to the server now: nothing was done"});
+    deliver(one,
+            Error{ErrorCode::kUnavailable, "there is no connection to the server now: nothing was done"});
     return;
   }
   if (waiting.size() >= settings.most_waiting) {

@@ -1,5 +1,5 @@
-/// The instructor's line to the lab: connects, logs in, keeps what is watched and asked through every loss of the
-/// connection. The network has a thread of its own; the view polls and never waits.
+/// The instructor's line to the lab: connects, logs in, keeps what is watched and asked through every loss of
+/// the connection. The network has a thread of its own; the view polls and never waits.
 #pragma once
 
 #include <cstdint>
@@ -36,11 +36,11 @@ struct LinkState {
   std::string server, user;    ///< of the log-in
   std::string server_version;  ///< of the last connection
   pb::Role role = pb::ROLE_UNSPECIFIED;
-  LinkTrouble trouble;             ///< of kAway and kRefused
-  std::int64_t away_since_ns = 0;  ///< steady clock; 0: not away
-  std::int64_t next_try_ns = 0;    ///< steady clock, of kAway
-  std::uint64_t connections = 0;   ///< made so far
-  std::uint64_t frames = 0;        ///< live frames that came
+  LinkTrouble trouble;               ///< of kAway and kRefused
+  std::int64_t away_since_ns = 0;    ///< steady clock; 0: not away
+  std::int64_t next_try_ns = 0;      ///< steady clock, of kAway
+  std::uint64_t connections = 0;     ///< made so far
+  std::uint64_t frames = 0;          ///< live frames that came
   std::uint64_t frames_dropped = 0;  ///< of them dropped here, because nobody polled
   std::uint64_t waiting = 0;         ///< requests without an answer
 };
@@ -71,8 +71,8 @@ struct LabConnectionSettings {
   std::string program = "instructor";             ///< as it names itself to the server
 };
 
-/// Thread: `call` from any thread but the one that polls, the rest from one thread, the view's. The destructor
-/// says goodbye and takes a second at most; no `call` may be under way then.
+/// Thread: `call` from any thread but the one that polls, the rest from one thread, the view's. The
+/// destructor says goodbye and takes a second at most; no `call` may be under way then.
 class LabConnection {
  public:
   using Answer = std::function<void(Result<pb::Reply>)>;

@@ -123,15 +123,16 @@ void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
     tile.hazards.clear();
     for (const std::string& name : status.hazards_touched()) tile.hazards.push_back(printable(name));
     // a peak between two lines is one, too
-    if (tile.peak_force_N > tile.force_limit_N && tile.peak_force_N > before_N && tile.force_N <= tile.force_limit_N) {
+    if (tile.peak_force_N > tile.force_limit_N && tile.peak_force_N > before_N &&
+        tile.force_N <= tile.force_limit_N) {
       entry.excess_N = tile.peak_force_N;
       entry.excess_s = now_s;
     }
     tile.forces_N.push_back(static_cast<float>(tile.force_N));
     if (tile.forces_N.size() > kForcesKept) tile.forces_N.pop_front();
     if (tile.force_N > tile.force_limit_N) {
-      entry.excess_N = now_s - entry.excess_s > kNeedLasts_s ? tile.force_N
-                                                             : std::max(entry.excess_N, tile.force_N);
+      entry.excess_N =
+          now_s - entry.excess_s > kNeedLasts_s ? tile.force_N : std::max(entry.excess_N, tile.force_N);
       entry.excess_s = now_s;
     }
   }

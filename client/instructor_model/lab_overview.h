@@ -31,7 +31,9 @@ inline constexpr std::size_t kNeedCount = 9;
 std::string_view wordOf(Need need);
 Condition conditionOf(Need need);
 /// For a filter: "help" is kFault … kLost.
-inline bool needsHelp(Need need) { return need <= Need::kLost; }
+inline bool needsHelp(Need need) {
+  return need <= Need::kLost;
+}
 
 /// Excessive force is remembered for so long, so that a peak is not missed between two looks.
 inline constexpr double kNeedLasts_s = 10;
@@ -58,7 +60,7 @@ struct StationTile {
   std::uint64_t missed_ticks = 0, samples = 0, spool_left = 0;
   std::uint32_t wakeup_p99_us = 0;
   Need need = Need::kOffline;
-  std::string why;  ///< the need in words: "force 9.1 N, allowed 6 N"
+  std::string why;             ///< the need in words: "force 9.1 N, allowed 6 N"
   std::deque<float> forces_N;  ///< of the last status lines, oldest first: a sparkline
 };
 
@@ -83,8 +85,8 @@ class LabOverview {
   void connectionLost();
 
   [[nodiscard]] const StationTile* find(const std::string& station) const;
-  /// Chosen and ordered. With kNeed: urgent first, then by name; the order of two tiles of the same need never
-  /// changes by itself, so that nothing jumps under the pointer.
+  /// Chosen and ordered. With kNeed: urgent first, then by name; the order of two tiles of the same need
+  /// never changes by itself, so that nothing jumps under the pointer.
   [[nodiscard]] std::vector<const StationTile*> tiles(TileOrder order, const TileFilter& filter = {}) const;
   [[nodiscard]] std::size_t size() const { return entries_.size(); }
   /// How many tiles have which need.
@@ -93,11 +95,11 @@ class LabOverview {
  private:
   struct Entry {
     StationTile tile;
-    double news_s = -1e9;      // of the last status line
-    double began_s = 0;        // when this session was seen first
-    double excess_s = -1e9;    // force above its limit
+    double news_s = -1e9;    // of the last status line
+    double began_s = 0;      // when this session was seen first
+    double excess_s = -1e9;  // force above its limit
     double excess_N = 0;
-    double ended_s = -1e9;     // a lesson ended
+    double ended_s = -1e9;  // a lesson ended
     bool lost_in_lesson = false;
   };
   void judge(Entry& entry, double now_s) const;

@@ -32,7 +32,8 @@ void LatencyMeter::clear() {
 double LatencyMeter::quantile_ms(double q) const {
   if (shown_ms_.empty()) return 0;
   std::vector<float> sorted(shown_ms_);
-  const auto rank = static_cast<std::size_t>(std::ceil(std::clamp(q, 0.0, 1.0) * static_cast<double>(sorted.size())));
+  const auto rank =
+      static_cast<std::size_t>(std::ceil(std::clamp(q, 0.0, 1.0) * static_cast<double>(sorted.size())));
   const std::size_t index = std::clamp<std::size_t>(rank, 1, sorted.size()) - 1;
   std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(index), sorted.end());
   return static_cast<double>(sorted[index]);

@@ -8,7 +8,8 @@
 
 namespace needlelab {
 
-/// By the wall clocks of station and viewer: true on one machine, or where both keep the time of day. Thread: one.
+/// By the wall clocks of station and viewer: true on one machine, or where both keep the time of day. Thread:
+/// one.
 class LatencyMeter {
  public:
   static constexpr std::size_t kKept = 20'000;  ///< newest live frames: 6 minutes of one station

@@ -1,5 +1,5 @@
-/// Looking over a trainee's shoulder: the last minutes of one station, as they come, and a view of them that can
-/// be stopped and scrolled back while the stream goes on.
+/// Looking over a trainee's shoulder: the last minutes of one station, as they come, and a view of them that
+/// can be stopped and scrolled back while the stream goes on.
 #pragma once
 
 #include <cstdint>
@@ -38,15 +38,17 @@ class LiveStation {
 
   // --- what there is
   [[nodiscard]] const std::string& station() const { return station_; }
-  [[nodiscard]] const std::string& sessionId() const { return session_id_; }  ///< empty: idle, or not known yet
+  [[nodiscard]] const std::string& sessionId() const {
+    return session_id_;
+  }  ///< empty: idle, or not known yet
   [[nodiscard]] const pb::SessionInfo& info() const { return info_; }
   [[nodiscard]] const SessionScene& scene() const { return scene_; }
   [[nodiscard]] const pb::StationStatus& status() const { return status_; }
   [[nodiscard]] const GestureTrace& trace() const { return trace_; }
   [[nodiscard]] const LiveStats& stats() const { return stats_; }
   [[nodiscard]] LatencyMeter& latency() { return latency_; }
-  /// The frame that shows it is on the screen now. Of a scene that is new the first pictures do not count for the
-  /// latency: its shapes are made then, once.
+  /// The frame that shows it is on the screen now. Of a scene that is new the first pictures do not count for
+  /// the latency: its shapes are made then, once.
   void presented(std::int64_t now_unix_ns);
   [[nodiscard]] std::uint64_t newestTick() const { return newest_tick_; }
   [[nodiscard]] double rate_hz() const { return rate_hz_; }

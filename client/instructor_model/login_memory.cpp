@@ -22,7 +22,8 @@ void recallLogin(const std::filesystem::path& file, LoginForm& form) {
 }
 
 Status rememberLogin(const std::filesystem::path& file, const LoginForm& form) {
-  const nlohmann::ordered_json json = {{"server", form.server}, {"ca_file", form.ca_file}, {"user", form.user}};
+  const nlohmann::ordered_json json = {
+      {"server", form.server}, {"ca_file", form.ca_file}, {"user", form.user}};
   const std::string text = json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
   return writeFileAtomically(file, viewOf(text), 0600);
 }

@@ -49,7 +49,8 @@ void ReplayPlayer::slower() {
 void ReplayPlayer::setLoop(std::optional<ReplayLoop> loop) {
   loop_.reset();
   if (!loop || !std::isfinite(loop->from_s) || !std::isfinite(loop->to_s)) return;
-  const ReplayLoop held{std::clamp(loop->from_s, first_s_, last_s_), std::clamp(loop->to_s, first_s_, last_s_)};
+  const ReplayLoop held{std::clamp(loop->from_s, first_s_, last_s_),
+                        std::clamp(loop->to_s, first_s_, last_s_)};
   if (held.to_s - held.from_s >= kReplayStep_s) loop_ = held;
 }
 

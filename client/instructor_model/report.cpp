@@ -18,13 +18,20 @@ namespace needlelab {
 namespace {
 
 constexpr const char* kStyle =
-    "<style>body{font:15px/1.45 'DejaVu Sans',Verdana,sans-serif;color:#1b1f24;max-width:60em;margin:2em auto;"
-    "padding:0 1em}h1{font-size:1.5em;margin-bottom:.1em}h2{font-size:1.15em;margin-top:2em;border-bottom:1px solid "
-    "#bbb}table{border-collapse:collapse;width:100%}td,th{padding:.25em .6em;text-align:left;vertical-align:middle;"
-    "border-bottom:1px solid #e3e6ea}th{font-weight:600}.n{text-align:right;white-space:nowrap}.v{font-size:1.1em;"
-    "font-weight:700}.d{color:#59636e}svg{max-width:100%;height:auto;display:inline-block;margin:.35em 0}svg text{"
-    "font-size:11px;fill:#333}svg .h{font-weight:600;font-size:12px}svg .q{fill:#59636e}svg .g{stroke:#e3e6ea}svg .a{"
-    "stroke:#59636e}svg .m{stroke:#59636e;stroke-dasharray:2 3}svg .s{fill:none;stroke-width:1.6;stroke-linejoin:"
+    "<style>body{font:15px/1.45 'DejaVu Sans',Verdana,sans-serif;color:#1b1f24;max-width:60em;margin:2em "
+    "auto;"
+    "padding:0 "
+    "1em}h1{font-size:1.5em;margin-bottom:.1em}h2{font-size:1.15em;margin-top:2em;border-bottom:1px solid "
+    "#bbb}table{border-collapse:collapse;width:100%}td,th{padding:.25em "
+    ".6em;text-align:left;vertical-align:middle;"
+    "border-bottom:1px solid "
+    "#e3e6ea}th{font-weight:600}.n{text-align:right;white-space:nowrap}.v{font-size:1.1em;"
+    "font-weight:700}.d{color:#59636e}svg{max-width:100%;height:auto;display:inline-block;margin:.35em 0}svg "
+    "text{"
+    "font-size:11px;fill:#333}svg .h{font-weight:600;font-size:12px}svg .q{fill:#59636e}svg "
+    ".g{stroke:#e3e6ea}svg .a{"
+    "stroke:#59636e}svg .m{stroke:#59636e;stroke-dasharray:2 3}svg "
+    ".s{fill:none;stroke-width:1.6;stroke-linejoin:"
     "round}@media print{body{margin:0}h2{break-after:avoid}tr,svg{break-inside:avoid}}</style>";
 
 std::string heading(const std::string& words) {
@@ -45,8 +52,8 @@ std::string headOf(const ReportData& data) {
   const StoredGesture& gesture = *data.gesture;
   const auto& d = gesture.info.description();
   std::string out = "<h1>" + htmlText(d.trainee().empty() ? "a trainee" : d.trainee()) + ": " +
-                    htmlText(data.exercise_name.empty() ? d.exercise_id() : data.exercise_name) + "</h1>\n<p class='v'>" +
-                    htmlText(verdictOf(data)) + "</p>\n";
+                    htmlText(data.exercise_name.empty() ? d.exercise_id() : data.exercise_name) +
+                    "</h1>\n<p class='v'>" + htmlText(verdictOf(data)) + "</p>\n";
   if (!data.exercise_text.empty()) out += "<p>" + htmlText(data.exercise_text) + "</p>\n";
   out += "<table>\n" + fact("session", gesture.id) + fact("when and what", gesture.title()) +
          fact("station", d.station()) + fact("device", d.device()) +
@@ -94,10 +101,9 @@ std::string measuresOf(const ReportData& data) {
       if (measure.passed.has_value() != required) continue;
       const char* const sign = !required ? "" : *measure.passed ? "✔" : "✘";
       out += std::string("<tr><td class='v'>") + sign + "</td><td title='" + htmlText(measure.words) + "'>" +
-             htmlText(measureWords(measure.name)) +
-             "</td><td class='n'>" +
-             htmlText(measure.measured ? valueText(measure.value, measure.unit) : std::string("–")) + "</td><td>" +
-             htmlText(requiredText(measure)) + "</td>" +
+             htmlText(measureWords(measure.name)) + "</td><td class='n'>" +
+             htmlText(measure.measured ? valueText(measure.value, measure.unit) : std::string("–")) +
+             "</td><td>" + htmlText(requiredText(measure)) + "</td>" +
              (data.bands.empty() ? std::string() : "<td>" + standingOf(data, measure) + "</td>") + "</tr>\n";
     }
   }
@@ -111,9 +117,11 @@ std::string eventsOf(const ReportData& data) {
   };
   std::vector<Line> lines;
   const StoredGesture& gesture = *data.gesture;
-  for (const auto& event : gesture.events) lines.push_back({gesture.timeOfTick(event.begin_tick()), eventText(event)});
+  for (const auto& event : gesture.events)
+    lines.push_back({gesture.timeOfTick(event.begin_tick()), eventText(event)});
   for (const auto& remark : data.remarks)
-    lines.push_back({gesture.timeOfTick(remark.tick()), "remark by " + remark.author() + ": " + remark.text()});
+    lines.push_back(
+        {gesture.timeOfTick(remark.tick()), "remark by " + remark.author() + ": " + remark.text()});
   for (const TraceEvent& event : gesture.trace.events()) {
     if (event.kind != TraceEvent::Kind::kFault && event.kind != TraceEvent::Kind::kEntry &&
         event.kind != TraceEvent::Kind::kExit)
@@ -124,13 +132,14 @@ std::string eventsOf(const ReportData& data) {
   if (lines.empty()) return "<p>Nothing.</p>\n";
   std::string out = "<table>\n";
   for (const Line& line : lines)
-    out += "<tr><td class='n'>" + clockText(line.at_s, 1) + "</td><td>" + htmlText(line.text) + "</td></tr>\n";
+    out +=
+        "<tr><td class='n'>" + clockText(line.at_s, 1) + "</td><td>" + htmlText(line.text) + "</td></tr>\n";
   return out + "</table>\n";
 }
 
 std::string progressOfTrainee(const ReportData& data) {
   // the measures that a teacher looks at first
-  constexpr std::string_view kShown[] = {"elapsed_s",         "peak_force_n",    "largest_lateral_error_m",
+  constexpr std::string_view kShown[] = {"elapsed_s",         "peak_force_n",     "largest_lateral_error_m",
                                          "target_distance_m", "tissue_damage_m2", "dtw_distance_m"};
   std::string out;
   for (const std::string_view name : kShown) {
@@ -167,7 +176,8 @@ std::string reportHtml(const ReportData& data) {
   out += heading("Events and remarks") + eventsOf(data);
   out += heading("Progress at this exercise") + progressOfTrainee(data);
   out += "<p class='d'>needlelab " NEEDLELAB_VERSION
-         ". Green: where most of the experts are (10 to 90 %); grey: all of them; line: their mean; diamond: this "
+         ". Green: where most of the experts are (10 to 90 %); grey: all of them; line: their mean; diamond: "
+         "this "
          "gesture.</p>\n</body>\n</html>\n";
   return out;
 }

@@ -1,4 +1,5 @@
-/// A session as a page for people: one HTML file that needs no other, with plots, measures, progress, remarks.
+/// A session as a page for people: one HTML file that needs no other, with plots, measures, progress,
+/// remarks.
 #pragma once
 
 #include <filesystem>
@@ -9,12 +10,12 @@
 
 namespace needlelab {
 
-/// The whole page. Everything that came from elsewhere is escaped; no script, no link to another file. The same
-/// data give the same bytes.
+/// The whole page. Everything that came from elsewhere is escaped; no script, no link to another file. The
+/// same data give the same bytes.
 std::string reportHtml(const ReportData& data);
 
-/// Reads the session and what belongs to it, and writes the page. Errors: those of loadGesture, collectReport and the
-/// disk.
+/// Reads the session and what belongs to it, and writes the page. Errors: those of loadGesture, collectReport
+/// and the disk.
 Status writeReport(const LabCall& call, const std::string& session_id, const std::filesystem::path& file,
                    const ScenePreparer& prepare = {});
 

@@ -96,11 +96,13 @@ class Collector {
     request.mutable_get_reference()->set_exercise_id(exercise_id);
     auto reply = ask(request, "reference");
     if (!reply.ok()) return reply.error();
-    if (*reply) data_.bands.assign((*reply)->reference().bands().begin(), (*reply)->reference().bands().end());
+    if (*reply)
+      data_.bands.assign((*reply)->reference().bands().begin(), (*reply)->reference().bands().end());
     return {};
   }
 
-  Status readProgress(const std::string& trainee, const std::string& exercise_id, const std::string& session) {
+  Status readProgress(const std::string& trainee, const std::string& exercise_id,
+                      const std::string& session) {
     pb::Request request;
     request.mutable_get_progress()->set_trainee(trainee);
     request.mutable_get_progress()->set_exercise_id(exercise_id);
@@ -124,7 +126,8 @@ std::vector<StandingRow> standingRowsOf(const std::string& comparison_json) {
   const auto list = ReplyJson::parse(comparison_json, nullptr, false);
   if (!list.is_array()) return rows;
   for (const auto& row : list)
-    if (row.is_object()) rows.push_back({textIn(row, "measure"), textIn(row, "standing"), textIn(row, "words")});
+    if (row.is_object())
+      rows.push_back({textIn(row, "measure"), textIn(row, "standing"), textIn(row, "words")});
   return rows;
 }
 
@@ -134,8 +137,8 @@ std::vector<ProgressRow> progressRowsOf(const std::string& measures_json) {
   if (!list.is_array()) return rows;
   for (const auto& row : list) {
     if (!row.is_object()) continue;
-    ProgressRow one{textIn(row, "measure"), textIn(row, "unit"), textIn(row, "words"), numbersIn(row, "attempts"),
-                    numbersIn(row, "values")};
+    ProgressRow one{textIn(row, "measure"), textIn(row, "unit"), textIn(row, "words"),
+                    numbersIn(row, "attempts"), numbersIn(row, "values")};
     for (double& attempt : one.attempts) attempt += 1;  // they count from 0 there
     const std::size_t n = std::min(one.attempts.size(), one.values.size());
     one.attempts.resize(n);

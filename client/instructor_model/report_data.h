@@ -32,13 +32,14 @@ struct ReportData {
   std::vector<pb::ReferenceBand> bands;  ///< of the exercise's reference
   std::vector<StandingRow> standings;
   std::vector<ProgressRow> progress;
-  std::vector<pb::Annotation> remarks;  ///< by time, as they are now: some may be newer than the loaded gesture
-  std::uint32_t attempt = 0;  ///< this session's number; 0: not known
+  std::vector<pb::Annotation>
+      remarks;                     ///< by time, as they are now: some may be newer than the loaded gesture
+  std::uint32_t attempt = 0;       ///< this session's number; 0: not known
   std::vector<std::string> notes;  ///< what could not be had, in words
 };
 
-/// Everything beside the recording. What the server does not have is left out and noted; a lost connection is an
-/// error. `gesture` not null.
+/// Everything beside the recording. What the server does not have is left out and noted; a lost connection is
+/// an error. `gesture` not null.
 Result<ReportData> collectReport(const LabCall& call, std::shared_ptr<const StoredGesture> gesture);
 
 /// Rows of GetProgress.measures_json.

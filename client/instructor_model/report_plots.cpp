@@ -25,7 +25,7 @@ SvgPlot plotOf(const StoredGesture& gesture, TraceChannel channel) {
 
 SvgPlot forces(const StoredGesture& gesture) {
   SvgPlot plot = plotOf(gesture, TraceChannel::kForce);
-    plot.series.push_back(seriesOf(gesture, TraceChannel::kForce, "all", kBlack));
+  plot.series.push_back(seriesOf(gesture, TraceChannel::kForce, "all", kBlack));
   if (!gesture.scene.model) return plot;  // without the engine there are no parts
   constexpr std::array kParts = {TraceChannel::kCutting, TraceChannel::kAttracted, TraceChannel::kFriction,
                                  TraceChannel::kPuncture, TraceChannel::kClamping};
@@ -48,7 +48,8 @@ SvgPlot depth(const StoredGesture& gesture, const std::vector<pb::Annotation>& r
     plot.marks.push_back({gesture.timeOfTick(remark.tick()), "✎", remark.author() + ": " + remark.text()});
   for (const pb::SyringeEvent& event : gesture.events) {
     const bool in = event.kind() == pb::SyringeEvent::INJECTION;
-    plot.marks.push_back({gesture.timeOfTick(event.begin_tick()), in ? "▼" : "△", in ? "injection" : "aspiration"});
+    plot.marks.push_back(
+        {gesture.timeOfTick(event.begin_tick()), in ? "▼" : "△", in ? "injection" : "aspiration"});
   }
   return plot;
 }

@@ -13,8 +13,8 @@ namespace needlelab {
 namespace {
 
 /// A moment of the run: the recording's tip, the engine's everything else.
-Moment momentOfStep(const GestureSample& sample, double rate_hz, const StepReport& report, const SimState& state,
-                    double needle_length_m) {
+Moment momentOfStep(const GestureSample& sample, double rate_hz, const StepReport& report,
+                    const SimState& state, double needle_length_m) {
   Moment moment = momentOfSample(sample, rate_hz);
   moment.force_W_N = report.wrench_W.force_N;
   moment.torque_W_Nm = report.wrench_W.torque_Nm;
@@ -60,17 +60,20 @@ Result<pb::SessionDescription> chosen(const StoredGesture& gesture, const RerunC
 }
 
 void sayIt(Rerun& run, const StoredGesture& gesture) {
-  run.words.push_back(formatted("greatest force %.2f N, as recorded %.2f N", run.peak_force_N, run.felt_peak_N));
-  run.words.push_back(formatted("mean force in tissue %.2f N, as recorded %.2f N; it differs by %+.2f N on average",
-                                run.mean_force_in_tissue_N, run.felt_mean_in_tissue_N, run.mean_difference_N));
+  run.words.push_back(
+      formatted("greatest force %.2f N, as recorded %.2f N", run.peak_force_N, run.felt_peak_N));
+  run.words.push_back(
+      formatted("mean force in tissue %.2f N, as recorded %.2f N; it differs by %+.2f N on average",
+                run.mean_force_in_tissue_N, run.felt_mean_in_tissue_N, run.mean_difference_N));
   run.words.push_back("the recorded hand did not feel this: with other forces it would have moved otherwise");
   if (gesture.thinned) run.words.push_back("thinned recording: forces that depend on speed are less exact");
 }
 
 }  // namespace
 
-Result<Rerun> rerunGesture(const StoredGesture& gesture, const RerunChoice& choice, const ScenePreparer& prepare,
-                           const std::function<bool()>& stop, const std::function<void(const StepReport&)>& each) {
+Result<Rerun> rerunGesture(const StoredGesture& gesture, const RerunChoice& choice,
+                           const ScenePreparer& prepare, const std::function<bool()>& stop,
+                           const std::function<void(const StepReport&)>& each) {
   const auto description = chosen(gesture, choice);
   if (!description.ok()) return description.error();
   Rerun run;

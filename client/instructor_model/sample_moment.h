@@ -1,4 +1,5 @@
-/// A Moment from a sample alone, where the engine cannot step along: what the sample carries, and nothing more.
+/// A Moment from a sample alone, where the engine cannot step along: what the sample carries, and nothing
+/// more.
 #pragma once
 
 #include "gesture/sample.h"
@@ -16,8 +17,9 @@ inline Moment momentOfSample(const GestureSample& sample, double loop_rate_hz) {
   moment.force_W_N = {sample.force_W_N[0], sample.force_W_N[1], sample.force_W_N[2]};
   moment.torque_W_Nm = {sample.torque_W_Nm[0], sample.torque_W_Nm[1], sample.torque_W_Nm[2]};
   moment.wall_W_m = {sample.wall_W_m[0], sample.wall_W_m[1], sample.wall_W_m[2]};
-  moment.phase = sample.phase <= static_cast<std::uint8_t>(Phase::kWithdrawing) ? static_cast<Phase>(sample.phase)
-                                                                               : Phase::kFree;
+  moment.phase = sample.phase <= static_cast<std::uint8_t>(Phase::kWithdrawing)
+                     ? static_cast<Phase>(sample.phase)
+                     : Phase::kFree;
   moment.layer = sample.layer;
   moment.insertion_m = sample.insertion_m;
   moment.speed_mps = sample.speed_mps;

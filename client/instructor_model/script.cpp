@@ -13,10 +13,12 @@ namespace needlelab {
 namespace {
 
 constexpr std::array kVerbs = {
-    ScriptVerb{"login", 0, 0, "login", "log in with what the command line or the form says; waits until it is done"},
+    ScriptVerb{"login", 0, 0, "login",
+               "log in with what the command line or the form says; waits until it is done"},
     ScriptVerb{"logout", 0, 0, "logout", "log out"},
     ScriptVerb{"wait", 1, 1, "wait SECONDS", "let time go by"},
-    ScriptVerb{"timeout", 1, 1, "timeout SECONDS", "how long waiting actions may take from here on; 30 at first"},
+    ScriptVerb{"timeout", 1, 1, "timeout SECONDS",
+               "how long waiting actions may take from here on; 30 at first"},
     ScriptVerb{"wait-station", 1, 2, "wait-station NAME [online|lesson|help|offline]",
                "wait until the tile is there and as said (online)"},
     ScriptVerb{"wait-text", 1, 1, "wait-text TEXT", "wait until the text stands on the screen"},
@@ -44,9 +46,11 @@ constexpr std::array kVerbs = {
     ScriptVerb{"loop", 1, 2, "loop FROM TO | loop off", "seconds since the beginning"},
     ScriptVerb{"compare", 2, 3, "compare A B [depth|dtw|time]",
                "two sessions: IDs, newest, previous, or reference (the exercise's first expert)"},
-    ScriptVerb{"rerun", 1, 2, "rerun PROFILE|own [MODEL]", "the session that is replayed, by another profile or model"},
+    ScriptVerb{"rerun", 1, 2, "rerun PROFILE|own [MODEL]",
+               "the session that is replayed, by another profile or model"},
     ScriptVerb{"scores", 0, 0, "scores", "measures and progress of the session that is replayed"},
-    ScriptVerb{"export", 1, 1, "export FILE.html|FILE.csv", "report or samples of the session that is replayed"},
+    ScriptVerb{"export", 1, 1, "export FILE.html|FILE.csv",
+               "report or samples of the session that is replayed"},
     ScriptVerb{"help", 0, 0, "help", "show the keyboard shortcuts, or hide them"},
     ScriptVerb{"font-scale", 1, 1, "font-scale FACTOR", "0.8 to 2.5"},
     ScriptVerb{"screenshot", 1, 1, "screenshot FILE.png", "of the next frame"},
@@ -63,7 +67,8 @@ constexpr std::array<std::string_view, 8> kNumbers = {"wait", "timeout", "scroll
                                                       "step", "speed",   "font-scale",  "latency"};
 
 const ScriptVerb* verbOf(std::string_view name) {
-  const auto found = std::find_if(kVerbs.begin(), kVerbs.end(), [&](const ScriptVerb& v) { return v.verb == name; });
+  const auto found =
+      std::find_if(kVerbs.begin(), kVerbs.end(), [&](const ScriptVerb& v) { return v.verb == name; });
   return found == kVerbs.end() ? nullptr : &*found;
 }
 
@@ -87,7 +92,8 @@ std::optional<std::vector<std::string>> wordsOf(std::string_view line) {
       }
       ++i;
     } else {
-      while (i < line.size() && line[i] != ' ' && line[i] != '\t' && line[i] != '\r' && line[i] != '#') word += line[i++];
+      while (i < line.size() && line[i] != ' ' && line[i] != '\t' && line[i] != '\r' && line[i] != '#')
+        word += line[i++];
     }
     words.push_back(std::move(word));
   }
@@ -104,7 +110,8 @@ std::string faultOf(const ScriptAction& action) {
     for (const std::string& word : action.words)
       if (const auto number = numberOf(word); !number.ok()) return number.error().message;
   }
-  if (action.verb == "open" && action.words[0] != "station") return "it is written: " + std::string(verb->usage);
+  if (action.verb == "open" && action.words[0] != "station")
+    return "it is written: " + std::string(verb->usage);
   if (action.verb == "replay" && action.words.size() == 2 && action.words[0] != "session")
     return "it is written: " + std::string(verb->usage);
   if (action.verb == "compare" && action.words.size() == 3 && action.words[2] != "depth" &&

@@ -14,8 +14,8 @@
 namespace needlelab {
 
 struct ScriptAction {
-  std::size_t line = 0;  ///< from 1
-  std::string verb;      ///< "open"
+  std::size_t line = 0;            ///< from 1
+  std::string verb;                ///< "open"
   std::vector<std::string> words;  ///< what follows; "quoted text" is one word, with \" and \\ in it
 };
 
@@ -27,8 +27,8 @@ struct ScriptVerb {
 };
 std::span<const ScriptVerb> scriptVerbs();
 
-/// Empty lines and what follows a # outside of quotes are passed over. Errors: kInvalidInput, "NAME:3: …": the
-/// first line with an unknown verb, a wrong number of words, a number that is none, an open quote.
+/// Empty lines and what follows a # outside of quotes are passed over. Errors: kInvalidInput, "NAME:3: …":
+/// the first line with an unknown verb, a wrong number of words, a number that is none, an open quote.
 Result<std::vector<ScriptAction>> parseScript(std::string_view text, const std::string& name);
 /// From a file of at most 1 MiB.
 Result<std::vector<ScriptAction>> loadScript(const std::filesystem::path& file);

@@ -13,7 +13,8 @@ namespace needlelab {
 Result<Pose> placementOf(const pb::SessionDescription& description) {
   const auto& numbers = description.placement();
   if (numbers.empty()) return Pose{};
-  if (numbers.size() != 7 || !std::all_of(numbers.begin(), numbers.end(), [](double v) { return std::isfinite(v); }))
+  if (numbers.size() != 7 ||
+      !std::all_of(numbers.begin(), numbers.end(), [](double v) { return std::isfinite(v); }))
     return Error{ErrorCode::kInvalidInput, "placement: seven finite numbers are needed"};
   const Quat q{numbers[3], numbers[4], numbers[5], numbers[6]};
   if (!(dot(q, q) > 1e-12)) return Error{ErrorCode::kInvalidInput, "placement: the quaternion is zero"};

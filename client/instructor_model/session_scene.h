@@ -7,13 +7,14 @@
 
 #include "base/result.h"
 #include "haptics/engine.h"
-#include "needlelab/types.pb.h"
 #include "needlelab/profile.pb.h"
+#include "needlelab/types.pb.h"
 #include "view_model/scene_view.h"
 
 namespace needlelab {
 
-/// Fills in what a scene needs beside its profile before it can be compiled: FEM's compliance (addCompliance).
+/// Fills in what a scene needs beside its profile before it can be compiled: FEM's compliance
+/// (addCompliance).
 using ScenePreparer = std::function<Status(SceneSpec&)>;
 
 struct SessionScene {

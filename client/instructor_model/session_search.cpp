@@ -20,7 +20,8 @@ Result<std::int64_t> dayOf(const char* field, const std::string& text) {
   int year = 0, month = 0, day = 0, used = 0;
   if (std::sscanf(text.c_str(), "%4d-%2d-%2d%n", &year, &month, &day, &used) == 3 &&
       static_cast<std::size_t>(used) == text.size()) {
-    const std::chrono::year_month_day date{std::chrono::year(year), std::chrono::month(static_cast<unsigned>(month)),
+    const std::chrono::year_month_day date{std::chrono::year(year),
+                                           std::chrono::month(static_cast<unsigned>(month)),
                                            std::chrono::day(static_cast<unsigned>(day))};
     if (date.ok() && year >= 1970 && year <= 2200)
       return static_cast<std::int64_t>(std::chrono::sys_days(date).time_since_epoch().count()) * kDay_ns;
@@ -90,8 +91,8 @@ void SessionSearch::ask(const std::string& page) {
   pb::Request request;
   *request.mutable_list_sessions() = *list;
   // a search that came later, or this object's end, makes the answer void
-  lab_.ask(request, [this, meant = *asking_, alive = std::weak_ptr(asking_), first = page.empty()](
-                        Result<pb::Reply> reply) {
+  lab_.ask(request, [this, meant = *asking_, alive = std::weak_ptr(asking_),
+                     first = page.empty()](Result<pb::Reply> reply) {
     const auto now = alive.lock();
     if (!now || *now != meant) return;
     waiting_ = false;
@@ -119,12 +120,15 @@ void SessionSearch::sort() {
     return a.description().started_unix_ns() > b.description().started_unix_ns();
   });
   switch (order_) {
-    case SessionOrder::kNewest: break;
+    case SessionOrder::kNewest:
+      break;
     case SessionOrder::kTrainee:
       by([](const auto& a, const auto& b) { return a.description().trainee() < b.description().trainee(); });
       break;
     case SessionOrder::kExercise:
-      by([](const auto& a, const auto& b) { return a.description().exercise_id() < b.description().exercise_id(); });
+      by([](const auto& a, const auto& b) {
+        return a.description().exercise_id() < b.description().exercise_id();
+      });
       break;
     case SessionOrder::kPeakForce:
       by([](const auto& a, const auto& b) {

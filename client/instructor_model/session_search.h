@@ -11,9 +11,9 @@ namespace needlelab {
 
 /// What is looked for; empty fields filter nothing.
 struct SessionQuery {
-  std::string search;       ///< part of the trainee's name or full name
+  std::string search;  ///< part of the trainee's name or full name
   std::string station, exercise_id;
-  std::string from, to;     ///< days, "2026-11-21", UTC; `to` is included
+  std::string from, to;  ///< days, "2026-11-21", UTC; `to` is included
   pb::ListSessions::Verdict verdict = pb::ListSessions::ANY;
   friend bool operator==(const SessionQuery&, const SessionQuery&) = default;
 };

@@ -19,8 +19,7 @@ constexpr std::size_t kNotesKept = 20;
 class TraceMaker {
  public:
   explicit TraceMaker(StoredGesture& gesture) : gesture_(gesture) {
-    if (gesture.scene.model)
-      replica_.emplace(gesture.scene.model, gesture.thinned, gesture.rate_hz);
+    if (gesture.scene.model) replica_.emplace(gesture.scene.model, gesture.thinned, gesture.rate_hz);
   }
   void feed(const GestureSample& sample) {
     gesture_.trace.push(replica_ ? replica_->feed(sample) : momentOfSample(sample, gesture_.rate_hz));
@@ -54,7 +53,8 @@ std::shared_ptr<StoredGesture> beginGesture(pb::SessionInfo info, const ScenePre
   gesture->scene = sceneOfSession(description, prepare);
   if (!gesture->scene.why.empty()) gesture->notes.push_back(printable(gesture->scene.why));
   // ticks can be missing: room for twice the time that so many samples last
-  const double span_s = 2 * static_cast<double>(std::min<std::uint64_t>(samples, kMostLoadedSamples)) / sample_rate_hz;
+  const double span_s =
+      2 * static_cast<double>(std::min<std::uint64_t>(samples, kMostLoadedSamples)) / sample_rate_hz;
   gesture->trace = GestureTrace(std::max(10.0, span_s));
   return gesture;
 }
@@ -178,9 +178,9 @@ class Loader {
 }  // namespace
 
 std::size_t StoredGesture::sampleAt(double time_s) const {
-  const auto after = std::upper_bound(samples.begin(), samples.end(), time_s, [&](double t, const GestureSample& s) {
-    return t < timeOfTick(s.tick);
-  });
+  const auto after =
+      std::upper_bound(samples.begin(), samples.end(), time_s,
+                       [&](double t, const GestureSample& s) { return t < timeOfTick(s.tick); });
   return after == samples.begin() ? 0 : static_cast<std::size_t>(after - samples.begin()) - 1;
 }
 
@@ -207,12 +207,14 @@ Result<std::vector<pb::Annotation>> readRemarks(const LabCall& call, const std::
     remarks.insert(remarks.end(), list.annotations().begin(), list.annotations().end());
     page = list.next_page();
   } while (!page.empty() && remarks.size() < kMostRemarks);
-  std::stable_sort(remarks.begin(), remarks.end(), [](const auto& a, const auto& b) { return a.tick() < b.tick(); });
+  std::stable_sort(remarks.begin(), remarks.end(),
+                   [](const auto& a, const auto& b) { return a.tick() < b.tick(); });
   return remarks;
 }
 
 Result<std::shared_ptr<const StoredGesture>> loadGesture(const LabCall& call, const std::string& session_id,
-                                                         const ScenePreparer& prepare, LoadProgress* progress) {
+                                                         const ScenePreparer& prepare,
+                                                         LoadProgress* progress) {
   return Loader(call, session_id, progress).run(prepare);
 }
 

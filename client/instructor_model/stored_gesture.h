@@ -50,9 +50,9 @@ struct LoadProgress {
   std::atomic<bool> stop{false};
 };
 
-/// Reads a session as far as it is stored, in pieces. An open one is read as far as it has come. Damaged chunks
-/// are left out and noted. Errors: those of the call; kNotFound where retention deleted the recording; kFailed
-/// when it was stopped.
+/// Reads a session as far as it is stored, in pieces. An open one is read as far as it has come. Damaged
+/// chunks are left out and noted. Errors: those of the call; kNotFound where retention deleted the recording;
+/// kFailed when it was stopped.
 Result<std::shared_ptr<const StoredGesture>> loadGesture(const LabCall& call, const std::string& session_id,
                                                          const ScenePreparer& prepare = {},
                                                          LoadProgress* progress = nullptr);

@@ -34,7 +34,8 @@ struct SvgPlot {
   std::vector<SvgMark> marks;
 };
 
-/// One <svg> of 720 × 200 points, all names escaped. Long series are drawn by least and greatest of each point.
+/// One <svg> of 720 × 200 points, all names escaped. Long series are drawn by least and greatest of each
+/// point.
 std::string svgPlot(const SvgPlot& plot);
 
 /// A few values by attempt, from 1, with the reference's band where there is one (high > low).

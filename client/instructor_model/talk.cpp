@@ -10,8 +10,8 @@ void Talk::ask(const pb::Request& request, std::string done_words, std::function
   ++*waiting_;
   lab_.ask(
       request,
-      [this, alive = std::weak_ptr(waiting_), done_words = std::move(done_words), done = std::move(done)](
-          Result<pb::Reply> reply) {
+      [this, alive = std::weak_ptr(waiting_), done_words = std::move(done_words),
+       done = std::move(done)](Result<pb::Reply> reply) {
         const auto waiting = alive.lock();
         if (!waiting) return;
         --*waiting;

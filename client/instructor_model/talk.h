@@ -11,8 +11,8 @@
 
 namespace needlelab {
 
-/// Each call is answered by a notice once the station has read it, or with why it did not. Thread: the one that
-/// polls `lab`.
+/// Each call is answered by a notice once the station has read it, or with why it did not. Thread: the one
+/// that polls `lab`.
 class Talk {
  public:
   Talk(LabConnection& lab, Notices& notices) : lab_(lab), notices_(notices) {}

@@ -54,10 +54,11 @@ Result<std::string> Workbench::idOf(const SessionChoice& which, const LabCall& c
     const auto reply = call(request);
     if (!reply.ok()) return reply.error();
     if (reply->reference().session_ids().empty())
-      return Error{ErrorCode::kNotFound,
-                   "the exercise '" + which.substr(10) +
-                       "' has no reference yet: choose experts' sessions in the web console, or by needlelab-admin "
-                       "reference set"};
+      return Error{
+          ErrorCode::kNotFound,
+          "the exercise '" + which.substr(10) +
+              "' has no reference yet: choose experts' sessions in the web console, or by needlelab-admin "
+              "reference set"};
     return reply->reference().session_ids(0);
   }
   const auto id = parseUuid(which);
@@ -116,23 +117,24 @@ void Workbench::dropSecond() {
 
 void Workbench::loadBoth(const SessionChoice& first, const SessionChoice& second, Alignment alignment) {
   trouble_.clear();
-  worker_.start("loading two sessions", [this, first, second, alignment](const auto& stopped) -> Worker::Finish {
-    auto a = load(first, stopped);
-    if (!a.ok()) return [this, error = a.error()] { say(error); };
-    SessionChoice exact = second;
-    if (second == "reference") exact = "reference " + (*a)->info.description().exercise_id();
-    auto b = load(exact, stopped);
-    if (!b.ok()) return [this, error = b.error()] { say(error); };
-    auto both = compareGestures(**a, **b, alignment);
-    return [this, a = std::move(*a), b = std::move(*b), both = std::move(both)]() mutable {
-      takeFirst(std::move(a));
-      second_ = std::move(b);
-      if (both.ok())
-        comparison_ = std::move(*both);
-      else
-        say(both.error());
-    };
-  });
+  worker_.start("loading two sessions",
+                [this, first, second, alignment](const auto& stopped) -> Worker::Finish {
+                  auto a = load(first, stopped);
+                  if (!a.ok()) return [this, error = a.error()] { say(error); };
+                  SessionChoice exact = second;
+                  if (second == "reference") exact = "reference " + (*a)->info.description().exercise_id();
+                  auto b = load(exact, stopped);
+                  if (!b.ok()) return [this, error = b.error()] { say(error); };
+                  auto both = compareGestures(**a, **b, alignment);
+                  return [this, a = std::move(*a), b = std::move(*b), both = std::move(both)]() mutable {
+                    takeFirst(std::move(a));
+                    second_ = std::move(b);
+                    if (both.ok())
+                      comparison_ = std::move(*both);
+                    else
+                      say(both.error());
+                  };
+                });
 }
 
 void Workbench::compare(Alignment alignment) {
@@ -153,34 +155,35 @@ void Workbench::rerun(const std::string& profile_id, const std::string& axial_mo
   if (!first_) return say({ErrorCode::kInvalidInput, "load a session first"});
   worker_.start("running the engine on the recording",
                 [this, gesture = first_, profile_id, axial_model](const auto& stopped) -> Worker::Finish {
-    RerunChoice choice;
-    choice.axial_model = axial_model;
-    if (!profile_id.empty() && profile_id != "own") {
-      pb::Request request;
-      request.mutable_get_profile()->set_id(profile_id);
-      auto reply = lab_.call(request, stopped);
-      if (!reply.ok()) return [this, error = reply.error()] { say(error); };
-      choice.profile_json = reply->profile().json();
-    }
-    auto run = rerunGesture(*gesture, choice, prepare_, stopped);
-    if (!run.ok()) return [this, error = run.error()] { say(error); };
-    return [this, gesture, result = std::make_shared<const Rerun>(std::move(*run))] {
-      if (gesture == first_) rerun_ = result;
-    };
-  });
+                  RerunChoice choice;
+                  choice.axial_model = axial_model;
+                  if (!profile_id.empty() && profile_id != "own") {
+                    pb::Request request;
+                    request.mutable_get_profile()->set_id(profile_id);
+                    auto reply = lab_.call(request, stopped);
+                    if (!reply.ok()) return [this, error = reply.error()] { say(error); };
+                    choice.profile_json = reply->profile().json();
+                  }
+                  auto run = rerunGesture(*gesture, choice, prepare_, stopped);
+                  if (!run.ok()) return [this, error = run.error()] { say(error); };
+                  return [this, gesture, result = std::make_shared<const Rerun>(std::move(*run))] {
+                    if (gesture == first_) rerun_ = result;
+                  };
+                });
 }
 
 void Workbench::collect() {
   trouble_.clear();
   if (!first_) return say({ErrorCode::kInvalidInput, "load a session first"});
-  worker_.start("reading score and progress", [this, gesture = first_](const auto& stopped) -> Worker::Finish {
-    auto data = collectReport(caller(stopped), gesture);
-    return [this, gesture, data = std::move(data)]() mutable {
-      if (gesture != first_) return;
-      if (!data.ok()) return say(data.error());
-      report_ = std::move(*data);
-    };
-  });
+  worker_.start("reading score and progress",
+                [this, gesture = first_](const auto& stopped) -> Worker::Finish {
+                  auto data = collectReport(caller(stopped), gesture);
+                  return [this, gesture, data = std::move(data)]() mutable {
+                    if (gesture != first_) return;
+                    if (!data.ok()) return say(data.error());
+                    report_ = std::move(*data);
+                  };
+                });
 }
 
 void Workbench::exportTo(const std::filesystem::path& file) {
@@ -188,7 +191,8 @@ void Workbench::exportTo(const std::filesystem::path& file) {
   if (!first_) return say({ErrorCode::kInvalidInput, "load a session first"});
   const std::string kind = file.extension().string();
   if (kind != ".html" && kind != ".csv")
-    return say({ErrorCode::kInvalidInput, file.string() + ": the name must end in .html (report) or .csv (samples)"});
+    return say({ErrorCode::kInvalidInput,
+                file.string() + ": the name must end in .html (report) or .csv (samples)"});
   worker_.start("exporting", [this, gesture = first_, file, kind](const auto& stopped) -> Worker::Finish {
     const Status done = [&]() -> Status {
       if (kind == ".csv") return writeSamplesCsv(*gesture, file);

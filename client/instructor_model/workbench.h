@@ -1,5 +1,5 @@
-/// One or two stored sessions on the desk: replayed, compared, run again, scored, exported. What takes long is done
-/// by a worker; the view polls.
+/// One or two stored sessions on the desk: replayed, compared, run again, scored, exported. What takes long
+/// is done by a worker; the view polls.
 #pragma once
 
 #include <filesystem>
@@ -18,8 +18,8 @@
 
 namespace needlelab {
 
-/// Which session: an id (text or 16 bytes), "newest" (of the closed ones), "previous" (the one before), or "reference" (the
-/// first expert's of the first session's exercise).
+/// Which session: an id (text or 16 bytes), "newest" (of the closed ones), "previous" (the one before), or
+/// "reference" (the first expert's of the first session's exercise).
 using SessionChoice = std::string;
 
 /// Thread: one, that polls `lab`.
@@ -55,7 +55,9 @@ class Workbench {
   [[nodiscard]] const std::optional<GestureComparison>& comparison() const { return comparison_; }
   [[nodiscard]] const std::shared_ptr<const Rerun>& rerunResult() const { return rerun_; }
   [[nodiscard]] const std::optional<ReportData>& report() const { return report_; }
-  [[nodiscard]] const std::string& trouble() const { return trouble_; }  ///< of the last thing asked; empty: none
+  [[nodiscard]] const std::string& trouble() const {
+    return trouble_;
+  }  ///< of the last thing asked; empty: none
   [[nodiscard]] std::string doing() const { return worker_.doing(); }
   [[nodiscard]] bool busy() const { return worker_.busy(); }
   [[nodiscard]] double loadedShare() const;  ///< 0-1, of what is being loaded

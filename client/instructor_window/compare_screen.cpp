@@ -24,7 +24,9 @@ void CompareScreen::takeIn(const GestureComparison& comparison) {
   alignment = comparison.alignment;
   x_.clear();
   curves_.assign(kShown.size(), {});
-  const double scale = comparison.alignment == Alignment::kDepth ? 1000 : comparison.alignment == Alignment::kDtw ? 100 : 1;
+  const double scale = comparison.alignment == Alignment::kDepth ? 1000
+                       : comparison.alignment == Alignment::kDtw ? 100
+                                                                 : 1;
   for (const ComparedPoint& point : comparison.points) {
     x_.push_back(scale * point.at);
     for (std::size_t i = 0; i < kShown.size(); ++i) {
@@ -55,7 +57,7 @@ void CompareScreen::showChoice(Desk& desk) {
   }
   if (desk.bench.second() || desk.bench.busy()) {
     for (const Alignment each : {Alignment::kDepth, Alignment::kDtw, Alignment::kTime}) {
-      const char* const word = each == Alignment::kDepth  ? "by depth"
+      const char* const word = each == Alignment::kDepth ? "by depth"
                                : each == Alignment::kDtw ? "warped (DTW)"
                                                          : "by time";
       if (ImGui::RadioButton(word, alignment == each)) {
@@ -85,7 +87,8 @@ void CompareScreen::showScenes(Desk& desk, ImVec2 size_px) {
   TipTrail trail_a = trailOf(a.trace, point.time_a_s, 30, kFirstGesture);
   TipTrail trail_b = trailOf(b.trace, point.time_b_s, 30, kSecondGesture);
   if (overlaid_) {
-    first_.show("both", a.scene.view, now_a, allAidSet(), size_px, now_b, {std::move(trail_a), std::move(trail_b)});
+    first_.show("both", a.scene.view, now_a, allAidSet(), size_px, now_b,
+                {std::move(trail_a), std::move(trail_b)});
     return;
   }
   const float half = (size_px.y - ImGui::GetStyle().ItemSpacing.y) * 0.5F;
@@ -110,7 +113,8 @@ void CompareScreen::showCurves(Desk& desk, ImVec2 size_px) {
     plot.spec.cursor = at_;
     plot.series.push_back({"first", kFirstGesture, columnsOf(x_, curves_[i].a), false, false});
     plot.series.push_back({"second", kSecondGesture, columnsOf(x_, curves_[i].b), true, false});
-    plot.series.push_back({"second − first", kReddishPurple, columnsOf(x_, curves_[i].difference), false, true});
+    plot.series.push_back(
+        {"second − first", kReddishPurple, columnsOf(x_, curves_[i].difference), false, true});
     plots.push_back(std::move(plot));
   }
   ImGui::BeginChild("curves", size_px, false, ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoBackground);
@@ -137,9 +141,9 @@ void CompareScreen::show(Desk& desk) {
   if (!desk.bench.second() || !desk.bench.comparison()) {
     if (!desk.bench.busy())
       showEmpty(desk.bench.trouble().empty() ? "One session is loaded" : "That does not work",
-                desk.bench.trouble().empty()
-                    ? "Choose a second one in the list (button “beside”), or the expert's reference of its exercise."
-                    : desk.bench.trouble());
+                desk.bench.trouble().empty() ? "Choose a second one in the list (button “beside”), or the "
+                                               "expert's reference of its exercise."
+                                             : desk.bench.trouble());
     return;
   }
   takeIn(*desk.bench.comparison());

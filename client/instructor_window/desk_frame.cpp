@@ -15,18 +15,24 @@ struct Place {
   DeskScreen screen;
   const char* label;
 };
-constexpr std::array kPlaces = {Place{DeskScreen::kLab, "Lab"},           Place{DeskScreen::kLive, "Look over"},
-                                Place{DeskScreen::kSessions, "Sessions"}, Place{DeskScreen::kReplay, "Replay"},
-                                Place{DeskScreen::kCompare, "Compare"},   Place{DeskScreen::kRerun, "Re-run"},
-                                Place{DeskScreen::kScores, "Scores"}};
+constexpr std::array kPlaces = {
+    Place{DeskScreen::kLab, "Lab"},           Place{DeskScreen::kLive, "Look over"},
+    Place{DeskScreen::kSessions, "Sessions"}, Place{DeskScreen::kReplay, "Replay"},
+    Place{DeskScreen::kCompare, "Compare"},   Place{DeskScreen::kRerun, "Re-run"},
+    Place{DeskScreen::kScores, "Scores"}};
 
 void linkWord(const LinkState& link) {
   switch (link.phase) {
-    case LinkPhase::kOnline: return conditionLine(Condition::kGood, "online");
-    case LinkPhase::kAway: return conditionLine(Condition::kAttention, "reconnecting");
-    case LinkPhase::kRefused: return conditionLine(Condition::kTrouble, "refused");
-    case LinkPhase::kConnecting: return conditionLine(Condition::kUnknown, "connecting");
-    case LinkPhase::kLoggedOut: break;
+    case LinkPhase::kOnline:
+      return conditionLine(Condition::kGood, "online");
+    case LinkPhase::kAway:
+      return conditionLine(Condition::kAttention, "reconnecting");
+    case LinkPhase::kRefused:
+      return conditionLine(Condition::kTrouble, "refused");
+    case LinkPhase::kConnecting:
+      return conditionLine(Condition::kUnknown, "connecting");
+    case LinkPhase::kLoggedOut:
+      break;
   }
   conditionLine(Condition::kUnknown, "logged out");
 }
@@ -68,7 +74,8 @@ void showLinkBanner(Desk& desk) {
   const bool refused = link.phase == LinkPhase::kRefused;
   beginPanel("link", {}, 0, 6.2F * space());
   const ImVec2 corner = ImGui::GetWindowPos(), size = ImGui::GetWindowSize();
-  solidRect(*ImGui::GetWindowDrawList(), {corner.x + 1, corner.y + 1}, {corner.x + size.x - 1, corner.y + size.y - 1},
+  solidRect(*ImGui::GetWindowDrawList(), {corner.x + 1, corner.y + 1},
+            {corner.x + size.x - 1, corner.y + size.y - 1},
             mixed(kPanelGrey, refused ? kVermillion : kOrange, 0.25F));
   const double away_s = 1e-9 * static_cast<double>(steadyNowNs() - link.away_since_ns);
   const double next_s = 1e-9 * static_cast<double>(link.next_try_ns - steadyNowNs());

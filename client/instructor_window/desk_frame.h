@@ -12,8 +12,8 @@ void showNavigation(Desk& desk, bool& show_help);
 void showLinkBanner(Desk& desk);
 /// Over everything at the lower edge.
 void showNotices(Desk& desk);
-/// In the middle of an empty screen: what is missing and how to get it. `action`: a button's label, or null; true
-/// when it was pressed.
+/// In the middle of an empty screen: what is missing and how to get it. `action`: a button's label, or null;
+/// true when it was pressed.
 bool showEmpty(std::string_view headline, std::string_view advice, const char* action = nullptr);
 /// What is being loaded or worked out, with a bar; nothing when nothing is.
 void showWork(const Desk& desk);

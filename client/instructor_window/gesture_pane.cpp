@@ -12,9 +12,8 @@ constexpr std::array<std::pair<Look, const char*>, 4> kLooks = {{{Look::kTrainee
                                                                  {Look::kAbove, "From above"},
                                                                  {Look::kSide, "From the side"},
                                                                  {Look::kFree, "Free (drag)"}}};
-constexpr std::array<std::pair<PlotSet, const char*>, 3> kSets = {{{PlotSet::kForces, "Forces"},
-                                                                   {PlotSet::kMotion, "Motion"},
-                                                                   {PlotSet::kWallAndTip, "Wall and tip"}}};
+constexpr std::array<std::pair<PlotSet, const char*>, 3> kSets = {
+    {{PlotSet::kForces, "Forces"}, {PlotSet::kMotion, "Motion"}, {PlotSet::kWallAndTip, "Wall and tip"}}};
 
 /// A row of buttons of which one is chosen. True: another was.
 template <typename Choice, std::size_t n>
@@ -22,7 +21,8 @@ bool chooseOne(const std::array<std::pair<Choice, const char*>, n>& choices, Cho
   bool changed = false;
   for (const auto& [choice, word] : choices) {
     const bool here = choice == chosen;
-    ImGui::PushStyleColor(ImGuiCol_Button, here ? colourOf(kBlue) : ImGui::GetStyleColorVec4(ImGuiCol_Button));
+    ImGui::PushStyleColor(ImGuiCol_Button,
+                          here ? colourOf(kBlue) : ImGui::GetStyleColorVec4(ImGuiCol_Button));
     if (ImGui::Button(here ? (std::string("● ") + word).c_str() : word)) {
       chosen = choice;
       changed = true;
@@ -50,10 +50,17 @@ void ScenePane::look(Look look) {
 void ScenePane::aim() {
   if (!scene_) return;
   switch (look_) {
-    case Look::kTrainee: frame_.camera = firstLook(*scene_); break;
-    case Look::kAbove: frame_.camera = lookFromAbove(*scene_); break;
-    case Look::kSide: frame_.camera = lookFromTheSide(*scene_); break;
-    case Look::kFree: break;
+    case Look::kTrainee:
+      frame_.camera = firstLook(*scene_);
+      break;
+    case Look::kAbove:
+      frame_.camera = lookFromAbove(*scene_);
+      break;
+    case Look::kSide:
+      frame_.camera = lookFromTheSide(*scene_);
+      break;
+    case Look::kFree:
+      break;
   }
 }
 
@@ -64,8 +71,9 @@ void ScenePane::showLooks() {
 void ScenePane::show(const char* id, const std::shared_ptr<const SceneView>& scene, const Moment& moment,
                      const AidSet& aids, ImVec2 size_px, const std::optional<Moment>& second,
                      std::vector<TipTrail> trails) {
-  ImGui::BeginChild(id, size_px, false,
-                    ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
+  ImGui::BeginChild(
+      id, size_px, false,
+      ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
   showLooks();
   if (scene != scene_) {
     scene_ = scene;
@@ -91,16 +99,20 @@ void choosePlots(PlotSet& set) {
   chooseOne(kSets, set);
 }
 
-PlotResult gesturePlots(const char* id, PlotSet set, const GestureTrace& trace, const SceneView* scene, double from_s,
-                        double to_s, std::optional<double> cursor_s, ImVec2 size_px,
+PlotResult gesturePlots(const char* id, PlotSet set, const GestureTrace& trace, const SceneView* scene,
+                        double from_s, double to_s, std::optional<double> cursor_s, ImVec2 size_px,
                         const std::vector<PlotMark>& extra) {
   std::vector<GesturePlot> which;
   switch (set) {
-    case PlotSet::kForces: which = {GesturePlot::kForces, GesturePlot::kDepth, GesturePlot::kSpeed}; break;
+    case PlotSet::kForces:
+      which = {GesturePlot::kForces, GesturePlot::kDepth, GesturePlot::kSpeed};
+      break;
     case PlotSet::kMotion:
       which = {GesturePlot::kSpeed, GesturePlot::kAlignment, GesturePlot::kAngles, GesturePlot::kDepth};
       break;
-    case PlotSet::kWallAndTip: which = {GesturePlot::kPlaces, GesturePlot::kForces}; break;
+    case PlotSet::kWallAndTip:
+      which = {GesturePlot::kPlaces, GesturePlot::kForces};
+      break;
   }
   std::vector<StackedPlot> plots;
   for (const GesturePlot one : which) {
@@ -115,7 +127,8 @@ PlotResult gesturePlots(const char* id, PlotSet set, const GestureTrace& trace, 
 TipTrail trailOf(const GestureTrace& trace, double until_s, double seconds, Rgb colour) {
   TipTrail trail;
   trail.colour = colour;
-  for (const Moment& moment : trace.between(until_s - seconds, until_s)) trail.points_W_m.push_back(moment.p_WT_m);
+  for (const Moment& moment : trace.between(until_s - seconds, until_s))
+    trail.points_W_m.push_back(moment.p_WT_m);
   return trail;
 }
 

@@ -22,9 +22,11 @@ class ScenePane {
 
   void look(Look look);
   [[nodiscard]] Look looking() const { return look_; }
-  /// Camera buttons, then the picture; `size_px`: of both. `aids`: what is drawn. `second`: another needle in it.
-  void show(const char* id, const std::shared_ptr<const SceneView>& scene, const Moment& moment, const AidSet& aids,
-            ImVec2 size_px, const std::optional<Moment>& second = {}, std::vector<TipTrail> trails = {});
+  /// Camera buttons, then the picture; `size_px`: of both. `aids`: what is drawn. `second`: another needle in
+  /// it.
+  void show(const char* id, const std::shared_ptr<const SceneView>& scene, const Moment& moment,
+            const AidSet& aids, ImVec2 size_px, const std::optional<Moment>& second = {},
+            std::vector<TipTrail> trails = {});
 
  private:
   explicit ScenePane(std::unique_ptr<SceneRenderer> renderer) : renderer_(std::move(renderer)) {}
@@ -45,8 +47,8 @@ enum class PlotSet : std::uint8_t {
 /// Buttons for it; changes `set`.
 void choosePlots(PlotSet& set);
 /// [from_s, to_s] of a trace. `cursor_s`: a line there, with the values. `extra`: marks of the caller.
-PlotResult gesturePlots(const char* id, PlotSet set, const GestureTrace& trace, const SceneView* scene, double from_s,
-                        double to_s, std::optional<double> cursor_s, ImVec2 size_px,
+PlotResult gesturePlots(const char* id, PlotSet set, const GestureTrace& trace, const SceneView* scene,
+                        double from_s, double to_s, std::optional<double> cursor_s, ImVec2 size_px,
                         const std::vector<PlotMark>& extra = {});
 
 /// The tip's way in the last `seconds` before `until_s`, for the scene.

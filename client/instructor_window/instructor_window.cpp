@@ -21,12 +21,12 @@ Result<std::unique_ptr<InstructorWindow>> InstructorWindow::make(Surface& surfac
   if (!first.ok()) return first.error();
   auto second = ScenePane::make();
   if (!second.ok()) return second.error();
-  return std::unique_ptr<InstructorWindow>(new InstructorWindow(surface, desk, std::move(*live), std::move(*replay),
-                                                                std::move(*first), std::move(*second)));
+  return std::unique_ptr<InstructorWindow>(new InstructorWindow(
+      surface, desk, std::move(*live), std::move(*replay), std::move(*first), std::move(*second)));
 }
 
-InstructorWindow::InstructorWindow(Surface& surface, Desk& desk, ScenePane live, ScenePane replay, ScenePane first,
-                                   ScenePane second)
+InstructorWindow::InstructorWindow(Surface& surface, Desk& desk, ScenePane live, ScenePane replay,
+                                   ScenePane first, ScenePane second)
     : live_screen(std::move(live)),
       replay_screen(std::move(replay)),
       compare_screen(std::move(first), std::move(second)),
@@ -35,14 +35,22 @@ InstructorWindow::InstructorWindow(Surface& surface, Desk& desk, ScenePane live,
 
 void InstructorWindow::drawScreen() {
   switch (desk_.screen) {
-    case DeskScreen::kLogin: return showLogin(desk_);
-    case DeskScreen::kLab: return showLab(desk_);
-    case DeskScreen::kLive: return live_screen.show(desk_);
-    case DeskScreen::kSessions: return sessions_screen.show(desk_);
-    case DeskScreen::kReplay: return replay_screen.show(desk_);
-    case DeskScreen::kCompare: return compare_screen.show(desk_);
-    case DeskScreen::kRerun: return rerun_screen.show(desk_);
-    case DeskScreen::kScores: return scores_screen.show(desk_);
+    case DeskScreen::kLogin:
+      return showLogin(desk_);
+    case DeskScreen::kLab:
+      return showLab(desk_);
+    case DeskScreen::kLive:
+      return live_screen.show(desk_);
+    case DeskScreen::kSessions:
+      return sessions_screen.show(desk_);
+    case DeskScreen::kReplay:
+      return replay_screen.show(desk_);
+    case DeskScreen::kCompare:
+      return compare_screen.show(desk_);
+    case DeskScreen::kRerun:
+      return rerun_screen.show(desk_);
+    case DeskScreen::kScores:
+      return scores_screen.show(desk_);
   }
 }
 

@@ -38,7 +38,8 @@ class InstructorWindow {
   bool show_help = false;
 
  private:
-  InstructorWindow(Surface& surface, Desk& desk, ScenePane live, ScenePane replay, ScenePane first, ScenePane second);
+  InstructorWindow(Surface& surface, Desk& desk, ScenePane live, ScenePane replay, ScenePane first,
+                   ScenePane second);
   void drawScreen();
   Surface& surface_;
   Desk& desk_;

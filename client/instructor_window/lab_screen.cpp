@@ -22,12 +22,14 @@ void showCounts(const Desk& desk) {
   for (std::size_t i = 0; i < kNeedCount; ++i)
     if (needsHelp(static_cast<Need>(i))) help += counts[i];
   conditionLine(help > 0 ? Condition::kTrouble : Condition::kGood,
-                help == 0 ? std::string("nobody needs help") : formatted("%zu need%s help", help, help == 1 ? "s" : ""));
+                help == 0 ? std::string("nobody needs help")
+                          : formatted("%zu need%s help", help, help == 1 ? "s" : ""));
   for (const Need need : {Need::kPractising, Need::kWaiting, Need::kDone, Need::kOffline}) {
     ImGui::SameLine(0, 2 * space());
     WithTextColour dim(kDimText);
     ImGui::TextUnformatted(
-        formatted("%zu %s", counts[static_cast<std::size_t>(need)], std::string(wordOf(need)).c_str()).c_str());
+        formatted("%zu %s", counts[static_cast<std::size_t>(need)], std::string(wordOf(need)).c_str())
+            .c_str());
   }
 }
 
@@ -37,12 +39,14 @@ void showChoices(Desk& desk) {
   ImGui::SameLine();
   ImGui::Checkbox("only online", &desk.filter.only_online);
   ImGui::SameLine();
-  constexpr std::array<std::pair<TileOrder, const char*>, 4> kOrders = {{{TileOrder::kNeed, "by need"},
-                                                                         {TileOrder::kName, "by name"},
-                                                                         {TileOrder::kTrainee, "by trainee"},
-                                                                         {TileOrder::kPeakForce, "by force"}}};
+  constexpr std::array<std::pair<TileOrder, const char*>, 4> kOrders = {
+      {{TileOrder::kNeed, "by need"},
+       {TileOrder::kName, "by name"},
+       {TileOrder::kTrainee, "by trainee"},
+       {TileOrder::kPeakForce, "by force"}}};
   ImGui::SetNextItemWidth(14 * space());
-  const auto now = std::find_if(kOrders.begin(), kOrders.end(), [&](const auto& o) { return o.first == desk.order; });
+  const auto now =
+      std::find_if(kOrders.begin(), kOrders.end(), [&](const auto& o) { return o.first == desk.order; });
   if (ImGui::BeginCombo("##order", now->second)) {
     for (const auto& [order, word] : kOrders)
       if (ImGui::Selectable(word, order == desk.order)) desk.order = order;
@@ -61,7 +65,8 @@ void showLab(Desk& desk) {
   const auto tiles = desk.overview.tiles(desk.order, desk.filter);
   if (desk.overview.size() == 0) {
     showEmpty("No station is known yet",
-              "An administrator adds stations: needlelab-admin station add NAME. Then a station is started with the "
+              "An administrator adds stations: needlelab-admin station add NAME. Then a station is started "
+              "with the "
               "key that this made, and appears here by itself.");
     return;
   }

@@ -17,7 +17,8 @@ constexpr double kTrail_s = 8;
 /// What is wrong at the station itself, if anything.
 void stationState(const LiveStation& live) {
   const auto& status = live.status();
-  if (!status.online()) return conditionLine(Condition::kAttention, "the station is not online: waiting for it");
+  if (!status.online())
+    return conditionLine(Condition::kAttention, "the station is not online: waiting for it");
   if (live.shown().fault != 0)
     return conditionLine(Condition::kTrouble,
                          std::string("FAULT: ") + faultText(static_cast<Fault>(live.shown().fault)));
@@ -41,7 +42,8 @@ void LiveScreen::showHead(Desk& desk) {
   ImGui::SameLine(0, 2 * space());
   stationState(live);
   // how late, how complete: at the right end of the second line
-  if (ImGui::Button(live.paused() ? "▶ Follow (Space)" : "❚❚ Pause (Space)")) live.paused() ? live.resume() : live.pause();
+  if (ImGui::Button(live.paused() ? "▶ Follow (Space)" : "❚❚ Pause (Space)"))
+    live.paused() ? live.resume() : live.pause();
   ImGui::SameLine();
   ImGui::Checkbox("as the trainee sees it", &as_trainee_);
   ImGui::SameLine(0, 2 * space());
@@ -53,7 +55,7 @@ void LiveScreen::showHead(Desk& desk) {
   words += formatted("latency %.0f ms to here, %.0f ms to the screen (p99 %.0f)   ", stats.lastLatencyMs(),
                      live.latency().last_ms(), live.latency().quantile_ms(0.99)) +
            formatted("%llu frames, %llu dropped", static_cast<unsigned long long>(stats.frames()),
-                                static_cast<unsigned long long>(stats.dropped() + desk.link().frames_dropped));
+                     static_cast<unsigned long long>(stats.dropped() + desk.link().frames_dropped));
   if (live.approximate()) words += "   forces by effect are approximate until the needle is out";
   WithTextColour dim(live.paused() ? kYellow : kDimText);
   textLine(words);
@@ -67,8 +69,9 @@ void LiveScreen::showScene(LiveStation& live, const AidSet& allowed, ImVec2 size
 }
 
 void LiveScreen::showPlots(LiveStation& live, ImVec2 size_px) {
-  ImGui::BeginChild("plots", size_px, false,
-                    ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
+  ImGui::BeginChild(
+      "plots", size_px, false,
+      ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
   choosePlots(plots);
   const double end_s = live.viewEnd_s();
   // a lesson that has just begun fills the plots from the left

@@ -9,7 +9,8 @@
 namespace needlelab {
 namespace {
 
-bool field(const char* caption, const char* id, std::string& text, const char* hint, ImGuiInputTextFlags flags = 0) {
+bool field(const char* caption, const char* id, std::string& text, const char* hint,
+           ImGuiInputTextFlags flags = 0) {
   {
     WithTextColour dim(kDimText);
     ImGui::TextUnformatted(caption);

@@ -28,7 +28,8 @@ void playerButtons(ReplayPlayer& player) {
   ImGui::SetNextItemWidth(15 * space());
   if (ImGui::BeginCombo("##speed", formatted("%.3g× speed", player.speed()).c_str())) {
     for (const double speed : kSpeeds)
-      if (ImGui::Selectable(formatted("%.3g×", speed).c_str(), speed == player.speed())) player.setSpeed(speed);
+      if (ImGui::Selectable(formatted("%.3g×", speed).c_str(), speed == player.speed()))
+        player.setSpeed(speed);
     ImGui::EndCombo();
   }
   ImGui::SameLine(0, 2 * space());
@@ -58,8 +59,9 @@ void ReplayScreen::showHead(Desk& desk) {
   if (!gesture.notes.empty()) {
     ImGui::SameLine(0, 2 * space());
     WithTextColour dim(kOrange);
-    textLine(gesture.notes.front() +
-             (gesture.notes.size() > 1 ? formatted(" (and %zu more)", gesture.notes.size() - 1) : std::string()));
+    textLine(gesture.notes.front() + (gesture.notes.size() > 1
+                                          ? formatted(" (and %zu more)", gesture.notes.size() - 1)
+                                          : std::string()));
   }
 }
 
@@ -94,18 +96,20 @@ void ReplayScreen::show(Desk& desk) {
   const StoredGesture& gesture = *desk.bench.first();
   showHead(desk);
   if (gesture.trace.empty()) {
-    showEmpty("This recording has no samples", "It was opened and closed without a tick, or nothing could be read.");
+    showEmpty("This recording has no samples",
+              "It was opened and closed without a tick, or nothing could be read.");
     return;
   }
   ReplayPlayer& player = desk.bench.player;
   const ImVec2 room = ImGui::GetContentRegionAvail();
   const float height = room.y - 11.5F * space();
   const double at_s = player.at_s();
-  pane_.show("replay scene", gesture.scene.view, gesture.trace.at(at_s), allAidSet(), {room.x * 0.48F, height}, {},
-             {trailOf(gesture.trace, at_s, 8, kFirstGesture)});
+  pane_.show("replay scene", gesture.scene.view, gesture.trace.at(at_s), allAidSet(),
+             {room.x * 0.48F, height}, {}, {trailOf(gesture.trace, at_s, 8, kFirstGesture)});
   ImGui::SameLine();
-  ImGui::BeginChild("replay plots", {0, height}, false,
-                    ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
+  ImGui::BeginChild(
+      "replay plots", {0, height}, false,
+      ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
   choosePlots(plots);
   const double from_s = whole_ ? player.first_s() : at_s - 5, to_s = whole_ ? player.last_s() : at_s + 5;
   const auto result =

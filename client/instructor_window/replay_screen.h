@@ -23,7 +23,7 @@ class ReplayScreen {
   ScenePane pane_;
   std::string remark_;
   bool focus_remark_ = false;
-  bool whole_ = true;       ///< plots: all of it, else 10 s about where it is
+  bool whole_ = true;  ///< plots: all of it, else 10 s about where it is
 };
 
 /// Play, step, speed, loop. Also under the comparison.

@@ -75,10 +75,11 @@ void RerunScreen::show(Desk& desk) {
   if (ImGui::Button("Run")) desk.bench.rerun(profile, model);
   if (!desk.bench.rerunResult()) {
     if (desk.bench.busy()) return;
-    showEmpty(desk.bench.trouble().empty() ? "Choose a patient or a model, then run" : "That does not run",
-              desk.bench.trouble().empty()
-                  ? "The engine steps along the recorded hand and shows the forces beside those that were felt."
-                  : desk.bench.trouble());
+    showEmpty(
+        desk.bench.trouble().empty() ? "Choose a patient or a model, then run" : "That does not run",
+        desk.bench.trouble().empty()
+            ? "The engine steps along the recorded hand and shows the forces beside those that were felt."
+            : desk.bench.trouble());
     return;
   }
   for (const std::string& line : desk.bench.rerunResult()->words) textLine(line);

@@ -31,7 +31,8 @@ void standingBar(const pb::ReferenceBand& band, double value, float width) {
   const float middle = low.y + height * 0.5F;
   list.AddRectFilled({x(band.least()), middle - 3}, {x(band.greatest()) + 1, middle + 3}, packed(kLineGrey));
   if (band.has_p10() && band.has_p90())
-    list.AddRectFilled({x(band.p10()), middle - 5}, {x(band.p90()) + 1, middle + 5}, packed(kBluishGreen, 0.7F));
+    list.AddRectFilled({x(band.p10()), middle - 5}, {x(band.p90()) + 1, middle + 5},
+                       packed(kBluishGreen, 0.7F));
   list.AddLine({x(band.mean()), middle - 8}, {x(band.mean()), middle + 8}, packed(kWhite), 2);
   const float v = x(value);
   list.AddQuadFilled({v - 6, middle}, {v, middle - 7}, {v + 6, middle}, {v, middle + 7}, packed(kVermillion));
@@ -73,9 +74,8 @@ std::string allowedText(const Measure& measure) {
 }  // namespace
 
 void ScoresScreen::showMeasures(const ReportData& data) {
-  constexpr ImGuiTableFlags kFlags =
-      ImGuiTableFlags_RowBg | ImGuiTableFlags_ScrollY | ImGuiTableFlags_BordersInnerH |
-      ImGuiTableFlags_SizingStretchProp;
+  constexpr ImGuiTableFlags kFlags = ImGuiTableFlags_RowBg | ImGuiTableFlags_ScrollY |
+                                     ImGuiTableFlags_BordersInnerH | ImGuiTableFlags_SizingStretchProp;
   if (!ImGui::BeginTable("measures", 5, kFlags)) return;
   ImGui::TableSetupScrollFreeze(0, 1);
   ImGui::TableSetupColumn("", ImGuiTableColumnFlags_WidthFixed, 3 * space());
@@ -128,10 +128,12 @@ void ScoresScreen::showProgress(const ReportData& data) {
     for (const pb::ReferenceBand& band : data.bands)
       if (band.measure() == row.measure)
         spec.bands.push_back({scale * (band.has_p10() ? band.p10() : band.least()),
-                              scale * (band.has_p90() ? band.p90() : band.greatest()), kBluishGreen, "experts"});
+                              scale * (band.has_p90() ? band.p90() : band.greatest()), kBluishGreen,
+                              "experts"});
     std::vector<double> values;
     for (const double v : row.values) values.push_back(scale * v);
-    const std::vector<PlotSeries> series = {{"value", kSkyBlue, lineThrough(row.attempts, values), false, false}};
+    const std::vector<PlotSeries> series = {
+        {"value", kSkyBlue, lineThrough(row.attempts, values), false, false}};
     linePlot(row.measure.c_str(), spec, series, {0, 13 * space()});
     WithFont small(Letters::kSmall);
     WithTextColour dim(kDimText);
@@ -157,7 +159,8 @@ void ScoresScreen::show(Desk& desk) {
   showWork(desk);
   if (!desk.bench.first()) {
     if (desk.bench.busy()) return;
-    if (showEmpty("No session is loaded", "Choose the one whose score is to be looked at.", "To the sessions"))
+    if (showEmpty("No session is loaded", "Choose the one whose score is to be looked at.",
+                  "To the sessions"))
       desk.screen = DeskScreen::kSessions;
     return;
   }
@@ -179,7 +182,8 @@ void ScoresScreen::show(Desk& desk) {
   const ReportData& data = *desk.bench.report();
   ImGui::SameLine(0, 2 * space());
   if (data.passed)
-    conditionLine(*data.passed ? Condition::kGood : Condition::kTrouble, *data.passed ? "passed" : "not passed");
+    conditionLine(*data.passed ? Condition::kGood : Condition::kTrouble,
+                  *data.passed ? "passed" : "not passed");
   else
     conditionLine(Condition::kUnknown, data.measures.empty() ? "no score yet" : "nothing was required");
   showExport(desk);

@@ -5,8 +5,8 @@
 
 namespace needlelab {
 
-/// Everything that is written between construction and `take`, in the order of writing. One at a time, within one
-/// ImGui window that opens no other (tooltips end it).
+/// Everything that is written between construction and `take`, in the order of writing. One at a time, within
+/// one ImGui window that opens no other (tooltips end it).
 class ScreenText {
  public:
   ScreenText();

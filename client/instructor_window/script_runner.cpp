@@ -59,7 +59,8 @@ void ScriptRunner::afterFrame(InstructorWindow& window) {
     return;
   }
   if (now_s - began_s_ > patience_s_ && action.verb != "wait")
-    fail(action, formatted("not so within %.0f s; the screen says: ", patience_s_) + window.text().substr(0, 600));
+    fail(action,
+         formatted("not so within %.0f s; the screen says: ", patience_s_) + window.text().substr(0, 600));
 }
 
 Result<bool> ScriptRunner::act(const ScriptAction& action, InstructorWindow& window, bool first) {
@@ -78,7 +79,8 @@ Result<bool> ScriptRunner::actOnLink(const ScriptAction& action, InstructorWindo
   if (verb == "login") {
     if (first && !desk.inside()) desk.logIn();
     if (!desk.form_trouble.empty()) return wrong(desk.form_trouble);
-    if (desk.link().phase == LinkPhase::kRefused) return wrong(desk.link().trouble.what + " " + desk.link().trouble.detail);
+    if (desk.link().phase == LinkPhase::kRefused)
+      return wrong(desk.link().trouble.what + " " + desk.link().trouble.detail);
     return desk.link().phase == LinkPhase::kOnline && desk.inside();
   }
   if (verb == "logout") {
@@ -130,7 +132,8 @@ Result<bool> ScriptRunner::actOnLab(const ScriptAction& action, InstructorWindow
     return true;
   }
   if (verb == "open") {
-    if (desk.live() == nullptr || desk.live()->station() != action.words[1] || desk.screen != DeskScreen::kLive) {
+    if (desk.live() == nullptr || desk.live()->station() != action.words[1] ||
+        desk.screen != DeskScreen::kLive) {
       if (desk.overview.find(action.words[1]) == nullptr) return false;
       desk.open(action.words[1]);
     }
@@ -165,7 +168,8 @@ Result<bool> ScriptRunner::actOnStation(const ScriptAction& action, InstructorWi
     verb == "pause" ? live->pause() : live->resume();
     return true;
   }
-  constexpr std::array<std::string_view, 5> kVerbs = {"scroll-back", "message", "next-exercise", "aids", "stop-lesson"};
+  constexpr std::array<std::string_view, 5> kVerbs = {"scroll-back", "message", "next-exercise", "aids",
+                                                      "stop-lesson"};
   if (std::find(kVerbs.begin(), kVerbs.end(), verb) == kVerbs.end()) return Error{ErrorCode::kNotFound, {}};
   if (live == nullptr) return wrong("no station is looked over: open one first");
   if (verb == "scroll-back") {
@@ -240,14 +244,20 @@ Result<bool> ScriptRunner::actOnBench(const ScriptAction& action, InstructorWind
     return worked(desk);
   }
   ReplayPlayer& player = desk.bench.player;
-  if (verb == "play") player.play();
-  else if (verb == "seek") player.seek(player.first_s() + number(action));
-  else if (verb == "step") player.step(static_cast<int>(std::clamp(number(action), -1e6, 1e6)));
-  else if (verb == "speed") player.setSpeed(number(action));
-  else if (verb == "loop" && action.words[0] == "off") player.setLoop({});
+  if (verb == "play")
+    player.play();
+  else if (verb == "seek")
+    player.seek(player.first_s() + number(action));
+  else if (verb == "step")
+    player.step(static_cast<int>(std::clamp(number(action), -1e6, 1e6)));
+  else if (verb == "speed")
+    player.setSpeed(number(action));
+  else if (verb == "loop" && action.words[0] == "off")
+    player.setLoop({});
   else if (verb == "loop")
     player.setLoop(ReplayLoop{player.first_s() + number(action), player.first_s() + number(action, 1)});
-  else return Error{ErrorCode::kNotFound, {}};
+  else
+    return Error{ErrorCode::kNotFound, {}};
   if (!desk.bench.first()) return wrong("no session is loaded: replay one first");
   return true;
 }
@@ -270,8 +280,10 @@ Result<bool> ScriptRunner::actOnWindow(const ScriptAction& action, InstructorWin
   }
   if (verb == "camera") {
     const std::string& where = action.words[0];
-    const Look look = where == "above" ? Look::kAbove : where == "side" ? Look::kSide
-                      : where == "free" ? Look::kFree : Look::kTrainee;
+    const Look look = where == "above"  ? Look::kAbove
+                      : where == "side" ? Look::kSide
+                      : where == "free" ? Look::kFree
+                                        : Look::kTrainee;
     window.live_screen.pane().look(look);
     window.replay_screen.pane().look(look);
     return true;
@@ -290,8 +302,9 @@ Result<bool> ScriptRunner::actOnWindow(const ScriptAction& action, InstructorWin
     const LatencyMeter& meter = live->latency();
     if (meter.count() == 0) return false;
     const double p99_ms = meter.quantile_ms(0.99);
-    print_(formatted("capture to screen: p50 %.1f ms  p99 %.1f ms  of %zu live frames; %llu dropped", meter.quantile_ms(0.5),
-                     p99_ms, meter.count(), static_cast<unsigned long long>(live->stats().dropped())));
+    print_(formatted("capture to screen: p50 %.1f ms  p99 %.1f ms  of %zu live frames; %llu dropped",
+                     meter.quantile_ms(0.5), p99_ms, meter.count(),
+                     static_cast<unsigned long long>(live->stats().dropped())));
     if (!action.words.empty() && p99_ms > number(action)) return wrong(formatted("p99 is %.1f ms", p99_ms));
     return true;
   }

@@ -15,7 +15,8 @@ namespace needlelab {
 class ScriptRunner {
  public:
   /// `name`: of the file, for messages. `print`: where print, latency and frames write.
-  ScriptRunner(std::vector<ScriptAction> actions, std::string name, std::function<void(const std::string&)> print);
+  ScriptRunner(std::vector<ScriptAction> actions, std::string name,
+               std::function<void(const std::string&)> print);
 
   /// After a frame. Actions that need nothing to happen first are done one a frame.
   void afterFrame(InstructorWindow& window);

@@ -79,13 +79,14 @@ void SessionsScreen::showFilter(Desk& desk) {
 }
 
 void SessionsScreen::showTable(Desk& desk) {
-  constexpr ImGuiTableFlags kFlags = ImGuiTableFlags_RowBg | ImGuiTableFlags_ScrollY | ImGuiTableFlags_Sortable |
-                                     ImGuiTableFlags_BordersInnerH | ImGuiTableFlags_SizingStretchProp;
+  constexpr ImGuiTableFlags kFlags = ImGuiTableFlags_RowBg | ImGuiTableFlags_ScrollY |
+                                     ImGuiTableFlags_Sortable | ImGuiTableFlags_BordersInnerH |
+                                     ImGuiTableFlags_SizingStretchProp;
   if (!ImGui::BeginTable("sessions", 8, kFlags)) return;
   ImGui::TableSetupScrollFreeze(0, 1);
   constexpr ImGuiTableColumnFlags kNoSort = ImGuiTableColumnFlags_NoSort;
-  ImGui::TableSetupColumn("when (UTC)", ImGuiTableColumnFlags_DefaultSort | ImGuiTableColumnFlags_PreferSortDescending,
-                          1.2F);
+  ImGui::TableSetupColumn(
+      "when (UTC)", ImGuiTableColumnFlags_DefaultSort | ImGuiTableColumnFlags_PreferSortDescending, 1.2F);
   ImGui::TableSetupColumn("trainee", 0, 1);
   ImGui::TableSetupColumn("exercise", 0, 1.5F);
   ImGui::TableSetupColumn("station", kNoSort, 0.8F);
@@ -95,8 +96,8 @@ void SessionsScreen::showTable(Desk& desk) {
   ImGui::TableSetupColumn("", kNoSort, 1.6F);
   ImGui::TableHeadersRow();
   if (ImGuiTableSortSpecs* specs = ImGui::TableGetSortSpecs(); specs != nullptr && specs->SpecsDirty) {
-    constexpr std::array kOrders = {SessionOrder::kNewest,    SessionOrder::kTrainee, SessionOrder::kExercise,
-                                    SessionOrder::kNewest,    SessionOrder::kVerdict, SessionOrder::kPeakForce};
+    constexpr std::array kOrders = {SessionOrder::kNewest, SessionOrder::kTrainee, SessionOrder::kExercise,
+                                    SessionOrder::kNewest, SessionOrder::kVerdict, SessionOrder::kPeakForce};
     const int column = specs->SpecsCount > 0 ? specs->Specs[0].ColumnIndex : 0;
     if (column >= 0 && column < 6) desk.sessions.order(kOrders[static_cast<std::size_t>(column)]);
     specs->SpecsDirty = false;

@@ -46,12 +46,14 @@ bool actEverywhere(InstructorWindow& window) {
     return true;
   }
   if (!io.KeyCtrl) return false;
-  if (pressed(GLFW_KEY_EQUAL, true) || pressed(GLFW_KEY_KP_ADD, true)) surface.setFontScale(surface.fontScale() + 0.1);
+  if (pressed(GLFW_KEY_EQUAL, true) || pressed(GLFW_KEY_KP_ADD, true))
+    surface.setFontScale(surface.fontScale() + 0.1);
   if (pressed(GLFW_KEY_MINUS, true) || pressed(GLFW_KEY_KP_SUBTRACT, true))
     surface.setFontScale(surface.fontScale() - 0.1);
   if (pressed(GLFW_KEY_0)) surface.setFontScale(1);
-  constexpr std::array kScreens = {DeskScreen::kLab,     DeskScreen::kLive,  DeskScreen::kSessions, DeskScreen::kReplay,
-                                   DeskScreen::kCompare, DeskScreen::kRerun, DeskScreen::kScores};
+  constexpr std::array kScreens = {DeskScreen::kLab,    DeskScreen::kLive,    DeskScreen::kSessions,
+                                   DeskScreen::kReplay, DeskScreen::kCompare, DeskScreen::kRerun,
+                                   DeskScreen::kScores};
   for (std::size_t i = 0; desk.inside() && i < kScreens.size(); ++i)
     if (pressed(GLFW_KEY_1 + static_cast<int>(i))) desk.screen = kScreens[i];
   return true;
@@ -107,7 +109,8 @@ void actInReplay(InstructorWindow& window) {
   if (pressed(GLFW_KEY_EQUAL) || pressed(GLFW_KEY_KP_ADD)) player.faster();
   if (pressed(GLFW_KEY_MINUS) || pressed(GLFW_KEY_KP_SUBTRACT)) player.slower();
   if (pressed(GLFW_KEY_L))
-    player.setLoop(player.loop() ? std::nullopt : std::optional(ReplayLoop{player.at_s(), player.at_s() + 2}));
+    player.setLoop(player.loop() ? std::nullopt
+                                 : std::optional(ReplayLoop{player.at_s(), player.at_s() + 2}));
   if (pressed(GLFW_KEY_N)) window.replay_screen.focusRemark();
 }
 
@@ -128,10 +131,14 @@ void actOnKeys(InstructorWindow& window) {
     return;
   }
   switch (desk.screen) {
-    case DeskScreen::kLab: return actInLab(desk);
-    case DeskScreen::kLive: return actLive(window);
-    case DeskScreen::kReplay: return actInReplay(window);
-    default: return;
+    case DeskScreen::kLab:
+      return actInLab(desk);
+    case DeskScreen::kLive:
+      return actLive(window);
+    case DeskScreen::kReplay:
+      return actInReplay(window);
+    default:
+      return;
   }
 }
 

@@ -10,7 +10,8 @@
 namespace needlelab {
 namespace {
 
-bool lineAndButton(const char* id, const char* hint, std::string& text, const char* button, bool& focus, float width) {
+bool lineAndButton(const char* id, const char* hint, std::string& text, const char* button, bool& focus,
+                   float width) {
   if (std::exchange(focus, false)) ImGui::SetKeyboardFocusHere();
   ImGui::SetNextItemWidth(width);
   bool go = ImGui::InputTextWithHint(id, hint, &text, ImGuiInputTextFlags_EnterReturnsTrue);
@@ -29,8 +30,8 @@ void TalkPanel::showWords(Desk& desk) {
   }
   ImGui::SameLine(0, 3 * space());
   const bool paused = desk.live()->paused();
-  if (lineAndButton("##remark", paused ? "remark at the moment that is shown" : "remark at this moment", remark_,
-                    "Annotate", focus_remark_, width)) {
+  if (lineAndButton("##remark", paused ? "remark at the moment that is shown" : "remark at this moment",
+                    remark_, "Annotate", focus_remark_, width)) {
     desk.annotate(remark_);
     remark_.clear();
   }

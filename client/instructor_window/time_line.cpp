@@ -29,8 +29,9 @@ std::vector<LineMark> marksOf(const StoredGesture& gesture, const std::vector<pb
                      bad ? kVermillion : kDimText});
   }
   for (const pb::SyringeEvent& event : gesture.events)
-    marks.push_back({gesture.timeOfTick(event.begin_tick()), event.kind() == pb::SyringeEvent::INJECTION ? "▼" : "△",
-                     eventText(event), kBluishGreen});
+    marks.push_back({gesture.timeOfTick(event.begin_tick()),
+                     event.kind() == pb::SyringeEvent::INJECTION ? "▼" : "△", eventText(event),
+                     kBluishGreen});
   for (const pb::Annotation& remark : remarks)
     marks.push_back({gesture.timeOfTick(remark.tick()), "✎",
                      printable(remark.author()) + ": " + printable(remark.text()), kYellow});
@@ -50,7 +51,9 @@ void timeLine(ReplayPlayer& player, const StoredGesture& gesture, const std::vec
   const auto x = [&](double at_s) {
     return low.x + static_cast<float>((at_s - player.first_s()) / length_s) * width;
   };
-  const auto timeAt = [&](float px) { return player.first_s() + static_cast<double>((px - low.x) / width) * length_s; };
+  const auto timeAt = [&](float px) {
+    return player.first_s() + static_cast<double>((px - low.x) / width) * length_s;
+  };
   // the line, the part that is looped, ticks
   const float middle = low.y + height_px * 0.55F;
   list.AddRectFilled({low.x, low.y}, {low.x + width, low.y + height_px}, packed(kPanelGrey), 4);
@@ -63,8 +66,8 @@ void timeLine(ReplayPlayer& player, const StoredGesture& gesture, const std::vec
     const float px = x(player.first_s() + at);
     list.AddLine({px, middle - 3}, {px, middle + 3}, packed(kDimText));
     if (px + 5 * space() > low.x + width) continue;  // no room for its number
-    list.AddText(fontOf(Letters::kSmall), fontOf(Letters::kSmall)->FontSize, {px + 3, middle + 4}, packed(kDimText),
-                 clockText(at, length_s < 20 ? 1 : 0).c_str());
+    list.AddText(fontOf(Letters::kSmall), fontOf(Letters::kSmall)->FontSize, {px + 3, middle + 4},
+                 packed(kDimText), clockText(at, length_s < 20 ? 1 : 0).c_str());
   }
   // marks; the nearest one's words
   const float mouse = ImGui::GetIO().MousePos.x;

@@ -10,7 +10,8 @@
 
 namespace needlelab {
 
-/// A click or drag seeks; with Shift a drag marks a loop. Marks have signs, and their words when the mouse is near.
+/// A click or drag seeks; with Shift a drag marks a loop. Marks have signs, and their words when the mouse is
+/// near.
 void timeLine(ReplayPlayer& player, const StoredGesture& gesture, const std::vector<pb::Annotation>& remarks,
               float height_px);
 

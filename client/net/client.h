@@ -9,8 +9,8 @@
 
 #include "base/result.h"
 #include "needlelab/envelope.pb.h"
-#include "wire/endpoint.h"
 #include "wire/channel.h"
+#include "wire/endpoint.h"
 #include "wire/version.h"
 
 namespace needlelab {

@@ -99,8 +99,8 @@ class Uplink {
   Result<pb::Lesson> getLesson(const std::string& exercise_id, const std::string& trainee,
                                std::chrono::milliseconds patience, bool once,
                                const std::function<bool()>& stopped = {});
-  /// The same for any request. One at a time: a second question takes the place of the first. Errors as getLesson, and
-  /// what else a Refusal says (errorOf).
+  /// The same for any request. One at a time: a second question takes the place of the first. Errors as
+  /// getLesson, and what else a Refusal says (errorOf).
   Result<pb::Reply> ask(pb::Request request, std::chrono::milliseconds patience, bool once,
                         const std::function<bool()>& stopped = {});
   /// Waits until the server has closed (or refused) every session, or refuses us. False when `patience`
@@ -163,8 +163,8 @@ class Uplink {
   std::uint32_t flags_since_status_ = 0;
   std::shared_ptr<Call> call_;
   bool current_added_ = false;  // to `added_`: what is known of the current session is of the one before
-  LessonFacts facts_;                 // of the current session
-  std::uint64_t dropped_before_ = 0;  // live frames, when the current session was added
+  LessonFacts facts_;           // of the current session
+  std::uint64_t dropped_before_ = 0;             // live frames, when the current session was added
   std::map<std::string, std::string> troubles_;  // by source
 
   std::atomic<bool> watched_{false};

@@ -19,7 +19,8 @@ bool isFinitePoint(const GestureSample& s) {
 
 }  // namespace
 
-GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& limb_W, std::size_t most_points) {
+GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& limb_W,
+                          std::size_t most_points) {
   GestureCurve curve;
   if (samples.empty() || most_points == 0) return curve;
   const std::size_t group = (samples.size() + most_points - 1) / most_points;

@@ -21,8 +21,8 @@ struct CurvePoint {
 };
 using GestureCurve = std::vector<CurvePoint>;
 
-/// At most `most_points` (at least 1), evenly over the samples; those that are not finite are left out. `limb_W`: a
-/// plane's normal is a unit vector.
+/// At most `most_points` (at least 1), evenly over the samples; those that are not finite are left out.
+/// `limb_W`: a plane's normal is a unit vector.
 GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& limb_W,
                           std::size_t most_points = 4000);
 

@@ -25,7 +25,7 @@ struct StationLesson {
   std::optional<pb::Exercise> exercise;
   SceneSpec scene;  ///< in W
   SceneModel model;
-  std::vector<std::string> warnings;  ///< of the profile, for a person
+  std::vector<std::string> warnings;           ///< of the profile, for a person
   std::uint32_t attempt = 0;                   ///< the trainee's attempt number; 0: not known
   std::optional<std::uint32_t> attempts_left;  ///< this one included; none: as many as one likes
 };

@@ -27,7 +27,7 @@ struct LessonBeginning {
   double rate_hz = 1000;
   double time_limit_s = 0;  ///< 0: none
   DeviceInfo device;
-  std::vector<std::string> device_notes;  ///< what it cannot do and was done instead
+  std::vector<std::string> device_notes;   ///< what it cannot do and was done instead
   std::shared_ptr<HandSteering> steering;  ///< of a hand that waits to be steered; null otherwise
   HandAim hand_start;                      ///< … where it waits
 };
@@ -37,24 +37,25 @@ struct LessonStanding {
   double time_s = 0;  ///< since the loop's first tick
   Fault fault = Fault::kNone;
   bool cause_lasts = false, acknowledged = false;
-  bool waits = false;             ///< a fault waits for an acknowledgement; else it ends the lesson
-  std::uint32_t condition = 0;    ///< DeviceFlag bits
-  std::string device_words;       ///< Device::status
-  std::string hold;               ///< why there is no force although there is no fault
+  bool waits = false;           ///< a fault waits for an acknowledgement; else it ends the lesson
+  std::uint32_t condition = 0;  ///< DeviceFlag bits
+  std::string device_words;     ///< Device::status
+  std::string hold;             ///< why there is no force although there is no fault
   LatencyQuantiles wakeup;
   std::uint64_t missed_ticks = 0;
-  std::string spool, server;      ///< in few words, as on the live line
-  std::string room;               ///< of the spool; empty unless it is urgent
+  std::string spool, server;  ///< in few words, as on the live line
+  std::string room;           ///< of the spool; empty unless it is urgent
 };
 
 /// A lesson that is over, as far as it is known by now: the server's word may come later.
 struct LessonOutcome {
   StationSummary summary;
-  Status stored;           ///< whether the recording is safe
+  Status stored;  ///< whether the recording is safe
   GestureCurve curve;
 };
 
-/// Called by the station's threads, never by the haptic one; none of it may wait for anything but a short lock.
+/// Called by the station's threads, never by the haptic one; none of it may wait for anything but a short
+/// lock.
 class LessonAudience {
  public:
   virtual ~LessonAudience() = default;

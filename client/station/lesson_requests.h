@@ -1,4 +1,5 @@
-/// What others ask of the lesson that runs: the window, an instructor. Asked by any thread, answered by the lesson's.
+/// What others ask of the lesson that runs: the window, an instructor. Asked by any thread, answered by the
+/// lesson's.
 #pragma once
 
 #include <mutex>

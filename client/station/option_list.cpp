@@ -65,10 +65,12 @@ void addWindow(CLI::App& app, StationOptions& o, RawOptions& raw) {
                  "of each --screenshot: seconds into the lesson, or start or end for those screens")
       ->type_name("S")
       ->group(kWindow);
-  app.add_option("--window", raw.window_size, "the window's size in pixels, e.g. 1280x720; default: as it was left")
+  app.add_option("--window", raw.window_size,
+                 "the window's size in pixels, e.g. 1280x720; default: as it was left")
       ->type_name("WxH")
       ->group(kWindow);
-  app.add_option("--font-scale", o.window.font_scale, "larger or smaller letters, 1 is ordinary; default: as it was left")
+  app.add_option("--font-scale", o.window.font_scale,
+                 "larger or smaller letters, 1 is ordinary; default: as it was left")
       ->check(CLI::Range(0.8, 2.5))
       ->group(kWindow);
 }

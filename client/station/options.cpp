@@ -53,8 +53,9 @@ bool readNumber(const std::string& text, Number& value) {
 Status takeWindow(WindowOptions& window, const RawOptions& raw) {
   const auto usage = [](const std::string& text) { return Error{ErrorCode::kInvalidInput, text}; };
   if (raw.screenshots.size() != raw.screenshot_times.size())
-    return usage("each --screenshot FILE needs its --at S: there are " + std::to_string(raw.screenshots.size()) +
-                 " and " + std::to_string(raw.screenshot_times.size()));
+    return usage("each --screenshot FILE needs its --at S: there are " +
+                 std::to_string(raw.screenshots.size()) + " and " +
+                 std::to_string(raw.screenshot_times.size()));
   for (std::size_t i = 0; i < raw.screenshots.size(); ++i) {
     PictureRequest picture{raw.screenshots[i], PictureRequest::When::kLesson, 0};
     const std::string& at = raw.screenshot_times[i];
@@ -73,7 +74,8 @@ Status takeWindow(WindowOptions& window, const RawOptions& raw) {
                       window.width_px >= kLeastWidth_px && window.height_px >= kLeastHeight_px &&
                       window.width_px <= kMostSide_px && window.height_px <= kMostSide_px;
   if (!window.size_given)
-    return usage("--window '" + raw.window_size + "', allowed is WIDTHxHEIGHT in pixels from 640x360 to 8192x8192");
+    return usage("--window '" + raw.window_size +
+                 "', allowed is WIDTHxHEIGHT in pixels from 640x360 to 8192x8192");
   return {};
 }
 

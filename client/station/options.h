@@ -39,9 +39,9 @@ struct PictureRequest {
 struct WindowOptions {
   bool start = false;  ///< --start: the first lesson begins at once
   std::vector<PictureRequest> pictures;
-  std::optional<double> font_scale;      ///< 0.8-2.5; none: as it was left
+  std::optional<double> font_scale;  ///< 0.8-2.5; none: as it was left
   int width_px = 1280, height_px = 720;
-  bool size_given = false;               ///< --window: else as it was left
+  bool size_given = false;  ///< --window: else as it was left
 };
 
 struct StationOptions {

@@ -21,8 +21,8 @@ struct RtOptions {
   std::optional<int> cpu;  ///< the core that it stays on; none = the system chooses
   bool cpu_needs_fifo = false;  ///< leave the choice to the system where the priority was refused: others
                                 ///< would keep an ordinary thread waiting there
-  std::int64_t spin_ns = 0;  ///< it wakes so much earlier and watches the clock, 0-200'000
-  double rate_hz = 1000;     ///< to say what the spin costs
+  std::int64_t spin_ns = 0;     ///< it wakes so much earlier and watches the clock, 0-200'000
+  double rate_hz = 1000;        ///< to say what the spin costs
 };
 
 /// Keeps all memory of the process, present and future, in RAM: no page fault in the loop. For the whole

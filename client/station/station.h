@@ -8,9 +8,9 @@
 
 namespace needlelab {
 
-/// Runs one lesson without a window and prints its summary. `stop_signals`: from blockStopSignals; the first such signal ends
-/// the lesson properly, the second one does not wait for the server any more. Gives the program's exit code
-/// (base/exit_code.h). Thread: main; starts and joins all others.
+/// Runs one lesson without a window and prints its summary. `stop_signals`: from blockStopSignals; the first
+/// such signal ends the lesson properly, the second one does not wait for the server any more. Gives the
+/// program's exit code (base/exit_code.h). Thread: main; starts and joins all others.
 int runStation(const StationOptions& options, const sigset_t& stop_signals);
 
 }  // namespace needlelab

@@ -21,8 +21,8 @@ class StationHome {
 
   /// First. Errors: as Spool::open.
   Status openSpool();
-  /// Second: the key's name; with a server, the link to it. Errors: of the key and the CA file; a server that is away
-  /// is none.
+  /// Second: the key's name; with a server, the link to it. Errors: of the key and the CA file; a server that
+  /// is away is none.
   Status connect();
   /// Says goodbye to the server. May be called twice.
   void close();

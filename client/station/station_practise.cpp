@@ -38,7 +38,8 @@ std::vector<std::string> layerNames(const pb::Profile& profile) {
   return names;
 }
 
-LessonStanding standingOf(const WatchedState& state, const LiveView& view, bool waits, const std::string& room) {
+LessonStanding standingOf(const WatchedState& state, const LiveView& view, bool waits,
+                          const std::string& room) {
   LessonStanding standing;
   standing.time_s = view.time_s;
   standing.fault = state.fault;
@@ -64,8 +65,8 @@ Status StationRun::practise() {
   callbacks.trouble = say;
   Uplink* const uplink = home_.uplink();
   // what an instructor's overview says of the lesson; on the writer's thread
-  const auto lesson_watch = std::make_shared<LessonWatch>(
-      lesson_.profile, options_.X_WL, lesson_.exercise ? &*lesson_.exercise : nullptr);
+  const auto lesson_watch = std::make_shared<LessonWatch>(lesson_.profile, options_.X_WL,
+                                                          lesson_.exercise ? &*lesson_.exercise : nullptr);
   callbacks.piece = [this, uplink, lesson_watch](const SamplePiece& piece) {
     if (uplink != nullptr) {
       uplink->offer(piece);

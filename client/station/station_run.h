@@ -22,8 +22,9 @@
 
 namespace needlelab {
 
-/// Everything of one lesson, in the order in which it comes to be: `prepare`, `practise`, then `drain` where one waits
-/// for the server, `outcome` as often as one likes, `report` once. Thread: one, which starts and joins all others.
+/// Everything of one lesson, in the order in which it comes to be: `prepare`, `practise`, then `drain` where
+/// one waits for the server, `outcome` as often as one likes, `report` once. Thread: one, which starts and
+/// joins all others.
 class StationRun {
  public:
   /// `options`: with this lesson's trainee and exercise. `home` is open and connected, and outlives it.
@@ -38,8 +39,8 @@ class StationRun {
   void drain();
   /// How it went, as far as it is known by now.
   [[nodiscard]] LessonOutcome outcome();
-  /// Says it on standard output and, when asked to, as JSON, `earlier` lessons of this program before it. Gives the
-  /// exit code.
+  /// Says it on standard output and, when asked to, as JSON, `earlier` lessons of this program before it.
+  /// Gives the exit code.
   int report(const LessonOutcome& outcome, const std::vector<StationSummary>& earlier = {});
 
   /// A stop signal came: the program is to end, not only the lesson.

@@ -27,8 +27,8 @@ constexpr auto kOffersPatience = 5s;
 
 }  // namespace
 
-Conductor::Conductor(const StationOptions& options, const sigset_t& stop_signals, LessonBoard& board, bool alone,
-                     bool begins)
+Conductor::Conductor(const StationOptions& options, const sigset_t& stop_signals, LessonBoard& board,
+                     bool alone, bool begins)
     : options_(options),
       signals_(stop_signals),
       board_(board),
@@ -37,8 +37,8 @@ Conductor::Conductor(const StationOptions& options, const sigset_t& stop_signals
       home_(options, board) {}
 
 LessonChoice Conductor::firstChoice() const {
-  return {options_.trainee_given || alone_ || begins_ ? options_.trainee : std::string(),
-          options_.exercise, !options_.profile_file.empty()};
+  return {options_.trainee_given || alone_ || begins_ ? options_.trainee : std::string(), options_.exercise,
+          !options_.profile_file.empty()};
 }
 
 bool Conductor::open() {
@@ -127,7 +127,8 @@ void Conductor::refreshOffers() {
       return uplink->ask(std::move(request), kOffersPatience, true, [&] { return board_.wishWaits(); });
     };
     if (const Status status = addServersOffers(offers, cached, ask); !status.ok()) {
-      const bool away = status.error().code == ErrorCode::kUnavailable || status.error().code == ErrorCode::kFailed;
+      const bool away =
+          status.error().code == ErrorCode::kUnavailable || status.error().code == ErrorCode::kFailed;
       if (!away) say(status.error().message);
     }
   }

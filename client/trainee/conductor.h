@@ -14,16 +14,17 @@
 
 namespace needlelab {
 
-/// Thread: made by one; `run` on the thread that shall run the lessons, which is not the window's. Everything else
-/// goes by the board, and `requests`.
+/// Thread: made by one; `run` on the thread that shall run the lessons, which is not the window's. Everything
+/// else goes by the board, and `requests`.
 class Conductor {
  public:
-  /// All must outlive it. `alone`: nobody is at the window (there is no display). `begins`: the first lesson begins at
-  /// once.
-  Conductor(const StationOptions& options, const sigset_t& stop_signals, LessonBoard& board, bool alone, bool begins);
+  /// All must outlive it. `alone`: nobody is at the window (there is no display). `begins`: the first lesson
+  /// begins at once.
+  Conductor(const StationOptions& options, const sigset_t& stop_signals, LessonBoard& board, bool alone,
+            bool begins);
 
-  /// Until a person quits or a stop signal comes. Gives the program's exit code: 1 when a lesson ended in FAULT or is
-  /// not safe, and when nothing could be practised, that error's.
+  /// Until a person quits or a stop signal comes. Gives the program's exit code: 1 when a lesson ended in
+  /// FAULT or is not safe, and when nothing could be practised, that error's.
   int run();
   /// For stops and acknowledgements. Thread: any.
   [[nodiscard]] LessonRequests& requests() { return home_.requests(); }
@@ -47,8 +48,8 @@ class Conductor {
   LessonBoard& board_;
   const bool alone_, begins_;
   StationHome home_;
-  std::unique_ptr<StationRun> last_;       // not reported yet
-  std::optional<LessonOutcome> outcome_;   // its
+  std::unique_ptr<StationRun> last_;      // not reported yet
+  std::optional<LessonOutcome> outcome_;  // its
   std::vector<StationSummary> earlier_;
   std::string offers_of_;  // the server's state that the offers were made in
   std::int64_t next_device_look_ns_ = 0, next_server_look_ns_ = 0, drain_until_ns_ = 0;

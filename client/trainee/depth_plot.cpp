@@ -38,7 +38,8 @@ void drawBands(ImDrawList* draw, const DepthAxes& axes, const SceneView& scene) 
     // names of thin layers go to other rows
     const float width = ImGui::CalcTextSize(layer.name.c_str()).x;
     row = right - left > width + 4 ? 0 : (row + 1) % 3;
-    draw->AddText({std::min(left + 3, end - width), axes.corner.y + 2 + static_cast<float>(row) * ImGui::GetTextLineHeight()},
+    draw->AddText({std::min(left + 3, end - width),
+                   axes.corner.y + 2 + static_cast<float>(row) * ImGui::GetTextLineHeight()},
                   packed(kText), layer.name.c_str());
   }
   for (const TargetView& target : scene.targets) {
@@ -57,14 +58,16 @@ void drawAxes(ImDrawList* draw, const DepthAxes& axes) {
     const std::string text = tickText(mm, depths.decimals);
     const float x = axes.x(1e-3 * mm);
     draw->AddLine({x, bottom}, {x, bottom + 4}, packed(kDimText));
-    draw->AddText({x - 0.5F * ImGui::CalcTextSize(text.c_str()).x, bottom + 5}, packed(kDimText), text.c_str());
+    draw->AddText({x - 0.5F * ImGui::CalcTextSize(text.c_str()).x, bottom + 5}, packed(kDimText),
+                  text.c_str());
   }
   const AxisTicks forces = axisTicks(0, axes.range.force_N, 5, false);
   for (const double force : forces.at) {
     const std::string text = tickText(force, forces.decimals);
     const float y = axes.y(force);
     draw->AddLine({axes.corner.x, y}, {axes.corner.x + axes.size.x, y}, packed(kLineGrey, 0.6F));
-    draw->AddText({axes.corner.x - ImGui::CalcTextSize(text.c_str()).x - 5, y - 0.5F * line}, packed(kDimText), text.c_str());
+    draw->AddText({axes.corner.x - ImGui::CalcTextSize(text.c_str()).x - 5, y - 0.5F * line},
+                  packed(kDimText), text.c_str());
   }
 }
 
@@ -74,7 +77,8 @@ void drawGesture(ImDrawList* draw, const DepthAxes& axes, const GestureCurve& cu
   bool inward = true;
   const auto flush = [&] {
     if (points.size() > 1)
-      draw->AddPolyline(points.data(), static_cast<int>(points.size()), packed(inward ? kSkyBlue : kOrange), 0, 2);
+      draw->AddPolyline(points.data(), static_cast<int>(points.size()), packed(inward ? kSkyBlue : kOrange),
+                        0, 2);
     if (!points.empty()) points.erase(points.begin(), points.end() - 1);
   };
   double turn_m = curve.empty() ? 0 : static_cast<double>(curve.front().depth_m);

@@ -32,7 +32,9 @@ Condition conditionOf(LessonVerdict::Kind kind) {
 
 // sign and words, the words wrapped beside the sign
 void verdictRow(const VerdictRow& row) {
-  const Condition condition = !row.passed ? Condition::kUnknown : *row.passed ? Condition::kGood : Condition::kTrouble;
+  const Condition condition = !row.passed   ? Condition::kUnknown
+                              : *row.passed ? Condition::kGood
+                                            : Condition::kTrouble;
   {
     const WithTextColour colour(styleOf(condition).colour);
     ImGui::TextUnformatted(styleOf(condition).sign.data());
@@ -45,7 +47,8 @@ void verdictRow(const VerdictRow& row) {
 }  // namespace
 
 void EndScreen::take(const LessonOutcome& outcome) {
-  if (outcome.summary.session_id != session_ || keys_from_s_ == 0) keys_from_s_ = ImGui::GetTime() + kKeysAfter_s;
+  if (outcome.summary.session_id != session_ || keys_from_s_ == 0)
+    keys_from_s_ = ImGui::GetTime() + kKeysAfter_s;
   session_ = outcome.summary.session_id;
   verdict_ = verdictOf(outcome);
   time_s_.clear();
@@ -95,7 +98,8 @@ void EndScreen::showVerdict() {
     const WithFont small(Letters::kSmall);
     {
       const WithTextColour dim(kDimText);
-      textBlock("The lesson ended: " + verdict_.ended + (verdict_.by.empty() ? "." : "; " + verdict_.by + "."));
+      textBlock("The lesson ended: " + verdict_.ended +
+                (verdict_.by.empty() ? "." : "; " + verdict_.by + "."));
     }
     const WithTextColour colour(verdict_.kept_well ? kDimText : styleOf(Condition::kTrouble).colour);
     textBlock(verdict_.kept);
@@ -105,7 +109,8 @@ void EndScreen::showVerdict() {
   if (verdict_.others.empty()) return;
   ImGui::Spacing();
   const bool all = verdict_.required.empty();
-  if (ImGui::CollapsingHeader(all ? "All measures" : "All other measures", all ? ImGuiTreeNodeFlags_DefaultOpen : 0)) {
+  if (ImGui::CollapsingHeader(all ? "All measures" : "All other measures",
+                              all ? ImGuiTreeNodeFlags_DefaultOpen : 0)) {
     const WithFont small(Letters::kSmall);
     for (const VerdictRow& row : verdict_.others) verdictRow(row);
   }
@@ -131,14 +136,16 @@ void EndScreen::showPlots(const LessonOutcome& outcome, const SceneView* scene) 
 }
 
 void EndScreen::showNext(const BoardState& state, LessonBoard& board) {
-  const bool passed = verdict_.kind == LessonVerdict::Kind::kPassed || verdict_.kind == LessonVerdict::Kind::kNoRequirements;
+  const bool passed =
+      verdict_.kind == LessonVerdict::Kind::kPassed || verdict_.kind == LessonVerdict::Kind::kNoRequirements;
   LessonChoice again = state.choice;
   LessonChoice next = again;
   if (state.next) next.exercise = state.next->exercise, next.by_profile = false;
   const auto begin = [&](const LessonChoice& choice) { board.ask({BoardWish::Kind::kBegin, choice}); };
   ImGui::Spacing();
   if (state.next) {
-    const std::string label = "Next: " + exerciseName(state.offers, state.next->exercise) + " (" + state.next->from + ")";
+    const std::string label =
+        "Next: " + exerciseName(state.offers, state.next->exercise) + " (" + state.next->from + ")";
     if (bigButton(label.c_str(), true)) begin(next);
     ImGui::SameLine();
   }

@@ -24,7 +24,7 @@ class EndScreen {
   void showNext(const BoardState& state, LessonBoard& board);
 
   std::shared_ptr<const LessonOutcome> shown_;
-  std::string session_;    // of what is shown
+  std::string session_;     // of what is shown
   double keys_from_s_ = 0;  // a key that was meant for the lesson begins nothing
   LessonVerdict verdict_;
   std::vector<double> time_s_, lateral_mm_;

@@ -53,7 +53,9 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
   ImGui::Dummy(size_px);
   ImDrawList* const draw = ImGui::GetWindowDrawList();
   const float scale_width = depth ? 4.2F * space() : 0, mark_width = 2.2F * space();
-  const LadderScale ladder{{corner.x + scale_width, corner.y}, {size_px.x - scale_width - mark_width, size_px.y}, ladderDepth_m(scene)};
+  const LadderScale ladder{{corner.x + scale_width, corner.y},
+                           {size_px.x - scale_width - mark_width, size_px.y},
+                           ladderDepth_m(scene)};
   const float left = ladder.corner.x, right = left + ladder.size.x, bottom = corner.y + size_px.y;
   const float line = ImGui::GetTextLineHeight();
 
@@ -62,7 +64,8 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
   for (std::size_t i = 0; i < scene.layers.size(); ++i) {
     const LayerView& layer = scene.layers[i];
     if (layer.top_m >= ladder.depth_m) break;
-    const float top = ladder.y(layer.top_m), end = i + 1 == scene.layers.size() ? bottom : ladder.y(layer.bottom_m);
+    const float top = ladder.y(layer.top_m),
+                end = i + 1 == scene.layers.size() ? bottom : ladder.y(layer.bottom_m);
     const Rgb colour = names ? tissueColour(layer.tissue) : kLineGrey;
     const bool here = names && now.layer == static_cast<int>(i);
     draw->AddRectFilled({left, top}, {right, end}, packed(colour, here || !names ? 1.0F : 0.65F));
@@ -84,7 +87,8 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
     for (const double mm : ticks.at) {
       const float y = ladder.y(1e-3 * mm);
       draw->AddLine({left - 0.5F * space(), y}, {left, y}, packed(kDimText));
-      drawText(draw, {corner.x, std::min(y - 0.5F * line, bottom - line)}, kDimText, tickText(mm, ticks.decimals));
+      drawText(draw, {corner.x, std::min(y - 0.5F * line, bottom - line)}, kDimText,
+               tickText(mm, ticks.decimals));
     }
     // the tip, also while it is outside
     const float y = ladder.y(std::max(now.depth_m, -kOutside / (1 - kOutside) * ladder.depth_m));

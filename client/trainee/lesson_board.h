@@ -40,11 +40,11 @@ struct LessonChoice {
 
 /// The Start screen's lists.
 struct LessonOffers {
-  std::vector<ListedExercise> exercises;     ///< by id
-  std::vector<ServerExercise> descriptions;  ///< of those that the server has
-  std::vector<std::string> trainees;         ///< names that are known here
+  std::vector<ListedExercise> exercises;                      ///< by id
+  std::vector<ServerExercise> descriptions;                   ///< of those that the server has
+  std::vector<std::string> trainees;                          ///< names that are known here
   std::vector<std::pair<std::string, std::string>> assigned;  ///< trainee, exercise
-  std::string profile_file;                  ///< --profile; empty: none
+  std::string profile_file;                                   ///< --profile; empty: none
 };
 
 /// How the chosen device is before a lesson.
@@ -70,16 +70,16 @@ struct BoardState {
   Stage stage = Stage::kOpening;
   LessonOffers offers;
   DeviceNews device;
-  std::string server;     ///< in few words; empty without one
+  std::string server;  ///< in few words; empty without one
   bool server_away = false;
-  LessonChoice choice;    ///< what is preselected, and of a lesson what it is
-  std::string preparing;  ///< words
-  std::string trouble;    ///< why the last attempt to begin failed
+  LessonChoice choice;       ///< what is preselected, and of a lesson what it is
+  std::string preparing;     ///< words
+  std::string trouble;       ///< why the last attempt to begin failed
   std::uint64_t lesson = 0;  ///< counts up; 0: none yet
   std::shared_ptr<const LessonBeginning> beginning;
   LessonStanding standing;
-  AidList aids;              ///< that hold now
-  std::string aids_by;       ///< who changed them; empty: the exercise's own
+  AidList aids;                        ///< that hold now
+  std::string aids_by;                 ///< who changed them; empty: the exercise's own
   std::vector<BoardMessage> messages;  ///< the newest 50
   std::shared_ptr<const LessonOutcome> outcome;
   std::optional<NextOffer> next;
@@ -98,8 +98,8 @@ struct BoardWish {
   LessonChoice choice;
 };
 
-/// Thread: any but the haptic one. The window can hold up nobody: samples wait in a queue of `most_pieces` (the
-/// oldest are dropped and counted), and no lock is held for longer than a copy.
+/// Thread: any but the haptic one. The window can hold up nobody: samples wait in a queue of `most_pieces`
+/// (the oldest are dropped and counted), and no lock is held for longer than a copy.
 class LessonBoard final : public LessonAudience {
  public:
   explicit LessonBoard(std::size_t most_pieces = 500) : most_pieces_(most_pieces) {}
@@ -107,8 +107,8 @@ class LessonBoard final : public LessonAudience {
   // --- the window's thread
   /// Copies the state when it is newer than `seen`, which becomes its number.
   bool look(BoardState& state, std::uint64_t& seen) const;
-  /// Moves what has come of the lesson `lesson` to the end of `samples`, oldest first; gives how many samples were
-  /// dropped before them since the last call.
+  /// Moves what has come of the lesson `lesson` to the end of `samples`, oldest first; gives how many samples
+  /// were dropped before them since the last call.
   std::uint64_t takeSamples(std::uint64_t lesson, std::vector<GestureSample>& samples);
   /// The newest wish counts; kQuit stays.
   void ask(BoardWish wish);

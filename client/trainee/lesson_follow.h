@@ -1,4 +1,5 @@
-/// The window's own picture of the lesson that runs: samples from the board become what screens show. No drawing.
+/// The window's own picture of the lesson that runs: samples from the board become what screens show. No
+/// drawing.
 #pragma once
 
 #include <cstdint>

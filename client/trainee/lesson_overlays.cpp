@@ -4,9 +4,9 @@
 #include <string>
 
 #include "base/formatted.h"
+#include "trainee/keys.h"
 #include "trainee/lesson_screen.h"
 #include "trainee/overlay_words.h"
-#include "trainee/keys.h"
 #include "view/theme.h"
 #include "view_model/palette.h"
 
@@ -29,7 +29,8 @@ std::string clockOf(std::int64_t unix_ns) {
 
 }  // namespace
 
-void lessonOverlay(const LessonStanding& standing, LessonRequests& requests, ImVec2 corner_px, ImVec2 size_px) {
+void lessonOverlay(const LessonStanding& standing, LessonRequests& requests, ImVec2 corner_px,
+                   ImVec2 size_px) {
   const Overlay overlay = overlayOf(standing);
   if (overlay.kind == Overlay::Kind::kNone) return;
   const bool fault = overlay.kind == Overlay::Kind::kFault;
@@ -65,14 +66,16 @@ void lessonOverlay(const LessonStanding& standing, LessonRequests& requests, ImV
 
 void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px) {
   if (state.messages.empty() && !state.next) return;
-  ImGui::SetNextWindowPos({corner_px.x + space(), corner_px.y + size_px.y - space()}, ImGuiCond_Always, {0, 1});
+  ImGui::SetNextWindowPos({corner_px.x + space(), corner_px.y + size_px.y - space()}, ImGuiCond_Always,
+                          {0, 1});
   ImGui::SetNextWindowSize({0.62F * size_px.x, 0});
   ImGui::SetNextWindowBgAlpha(0.88F);
   ImGui::PushStyleColor(ImGuiCol_Border, colourOf(kSkyBlue));
   ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 2);
   if (ImGui::Begin("##messages", nullptr, kLaidOver | ImGuiWindowFlags_NoInputs)) {
     // what was said a while ago is one line, so that it hides nothing
-    const bool fresh = !state.messages.empty() && state.messages.back().lesson_s + kFresh_s > state.standing.time_s;
+    const bool fresh =
+        !state.messages.empty() && state.messages.back().lesson_s + kFresh_s > state.standing.time_s;
     const std::size_t shown = fresh ? kMessagesShown : 1;
     const std::size_t first = state.messages.size() - std::min(state.messages.size(), shown);
     for (std::size_t i = first; i < state.messages.size(); ++i) {

@@ -45,7 +45,8 @@ void showPhase(const LessonFollow& lesson, const AidSet& aids) {
   const Moment& now = lesson.now();
   std::string text;
   if (aids.has(pb::Exercise::PHASE)) text = phaseWord(now.phase);
-  if (aids.has(pb::Exercise::LAYER) && now.inside) text += (text.empty() ? "" : ", in ") + layerName(*lesson.scene(), now.layer);
+  if (aids.has(pb::Exercise::LAYER) && now.inside)
+    text += (text.empty() ? "" : ", in ") + layerName(*lesson.scene(), now.layer);
   if (text.empty()) return;
   const WithFont heading(Letters::kHeading);
   const WithTextColour colour(aids.has(pb::Exercise::PHASE) ? phaseColour(now.phase) : kText);
@@ -83,13 +84,16 @@ void showHealth(const BoardState& state, const LessonFollow& lesson) {
   const LessonStanding& s = state.standing;
   const double missed_share =
       s.time_s > 0 ? static_cast<double>(s.missed_ticks) / (s.time_s * lesson.beginning().rate_hz) : 0;
-  conditionLine(missed_share > 0.01 ? Condition::kTrouble : missed_share > 0.001 ? Condition::kAttention : Condition::kGood,
+  conditionLine(missed_share > 0.01    ? Condition::kTrouble
+                : missed_share > 0.001 ? Condition::kAttention
+                                       : Condition::kGood,
                 formatted("loop %.0f Hz: 99 %% within %.0f µs, %llu missed", lesson.beginning().rate_hz,
-                          1e-3 * static_cast<double>(s.wakeup.p99_ns), static_cast<unsigned long long>(s.missed_ticks)));
+                          1e-3 * static_cast<double>(s.wakeup.p99_ns),
+                          static_cast<unsigned long long>(s.missed_ticks)));
   const bool recording = s.spool == "recording";
   std::string stored = s.spool.empty() ? "recording" : s.spool;
   if (!s.server.empty()) stored += "; " + s.server;
-  conditionLine(!s.spool.empty() && !recording ? Condition::kTrouble
+  conditionLine(!s.spool.empty() && !recording                                        ? Condition::kTrouble
                 : s.server.starts_with("server away") || s.server == "server refuses" ? Condition::kAttention
                                                                                       : Condition::kGood,
                 stored);
@@ -107,8 +111,8 @@ void showHealth(const BoardState& state, const LessonFollow& lesson) {
 
 }  // namespace
 
-void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidSet& aids, UltrasoundView& ultrasound,
-                 ImVec2 size_px) {
+void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidSet& aids,
+                 UltrasoundView& ultrasound, ImVec2 size_px) {
   beginPanel("figures", "", size_px.x, size_px.y);
   const float width = ImGui::GetContentRegionAvail().x;
   showPhase(lesson, aids);
@@ -117,10 +121,11 @@ void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidS
   showPlunger(lesson);
 
   // what is left is shared by ladder, slice and plot
-  const float health = ImGui::GetTextLineHeightWithSpacing() * 2.4F +
-                       (state.aids_by.empty() ? 0 : ImGui::GetTextLineHeightWithSpacing()) +
-                       (lesson.dropped() > 0 ? ImGui::GetTextLineHeightWithSpacing() : 0) +
-                       static_cast<float>(lesson.beginning().device_notes.size()) * ImGui::GetTextLineHeightWithSpacing();
+  const float health =
+      ImGui::GetTextLineHeightWithSpacing() * 2.4F +
+      (state.aids_by.empty() ? 0 : ImGui::GetTextLineHeightWithSpacing()) +
+      (lesson.dropped() > 0 ? ImGui::GetTextLineHeightWithSpacing() : 0) +
+      static_cast<float>(lesson.beginning().device_notes.size()) * ImGui::GetTextLineHeightWithSpacing();
   const float rest = std::max(8 * space(), ImGui::GetContentRegionAvail().y - health);
   const bool ladder = aids.has(pb::Exercise::LAYER) || aids.has(pb::Exercise::DEPTH);
   const bool slice = aids.has(pb::Exercise::ULTRASOUND);
@@ -128,14 +133,18 @@ void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidS
   const bool plot = aids.has(pb::Exercise::FORCE) && (!(ladder || slice) || rest > 26 * space());
   const float upper = (ladder || slice) ? (plot ? 0.52F * rest : rest) : 0;
   if (ladder) {
-    layerLadder(*lesson.scene(), lesson.now(), aids, {slice ? 0.42F * width : width, upper - ImGui::GetStyle().ItemSpacing.y});
+    layerLadder(*lesson.scene(), lesson.now(), aids,
+                {slice ? 0.42F * width : width, upper - ImGui::GetStyle().ItemSpacing.y});
     if (slice) ImGui::SameLine();
   }
-  if (slice) ultrasound.show("ultrasound", *lesson.scene(), lesson.now(), {0, upper - ImGui::GetStyle().ItemSpacing.y});
+  if (slice)
+    ultrasound.show("ultrasound", *lesson.scene(), lesson.now(),
+                    {0, upper - ImGui::GetStyle().ItemSpacing.y});
   if (plot) {
     const double now_s = std::max(lesson.trace().lastTime_s(), kPlotSpan_s);
     std::vector<StackedPlot> plots;
-    plots.push_back(gesturePlot(GesturePlot::kForces, lesson.trace(), lesson.scene().get(), now_s - kPlotSpan_s, now_s));
+    plots.push_back(
+        gesturePlot(GesturePlot::kForces, lesson.trace(), lesson.scene().get(), now_s - kPlotSpan_s, now_s));
     plotStack("forces", plots, {width, rest - upper});
   } else if (upper == 0 && !aids.has(pb::Exercise::PHASE) && !aids.has(pb::Exercise::ALIGNMENT)) {
     const WithTextColour dim(kDimText);

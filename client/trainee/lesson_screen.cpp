@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <string>
 
+#include "trainee/keys.h"
 #include "trainee/overlay_words.h"
 #include "trainee/start_choice.h"
-#include "trainee/keys.h"
 #include "view/theme.h"
 #include "view_model/axis_ticks.h"
 
@@ -127,8 +127,12 @@ void LessonScreen::steer(const LessonFollow& lesson, bool hovered) {
   SteerInput input;
   input.dt_s = static_cast<double>(io.DeltaTime);
   input.fine = io.KeyShift;
-  if (held_across_) input.across_right_px = static_cast<double>(io.MouseDelta.x), input.across_up_px = -static_cast<double>(io.MouseDelta.y);
-  if (held_tilt_) input.tilt_right_px = static_cast<double>(io.MouseDelta.x), input.tilt_up_px = -static_cast<double>(io.MouseDelta.y);
+  if (held_across_)
+    input.across_right_px = static_cast<double>(io.MouseDelta.x),
+    input.across_up_px = -static_cast<double>(io.MouseDelta.y);
+  if (held_tilt_)
+    input.tilt_right_px = static_cast<double>(io.MouseDelta.x),
+    input.tilt_up_px = -static_cast<double>(io.MouseDelta.y);
   if (hovered && mouse) input.wheel = static_cast<double>(io.MouseWheel);
   if (!io.WantTextInput && !asks_for_end_) {
     input.advance = held(GLFW_KEY_W, GLFW_KEY_S);
@@ -153,7 +157,8 @@ void LessonScreen::askForEnd(LessonRequests& requests) {
   }
   const ImVec2 middle{0.5F * ImGui::GetIO().DisplaySize.x, 0.5F * ImGui::GetIO().DisplaySize.y};
   ImGui::SetNextWindowPos(middle, ImGuiCond_Always, {0.5F, 0.5F});
-  if (!ImGui::BeginPopupModal(kQuestion, nullptr, ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove)) {
+  if (!ImGui::BeginPopupModal(kQuestion, nullptr,
+                              ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove)) {
     asks_for_end_ = false;
     return;
   }

@@ -40,10 +40,11 @@ class LessonScreen {
 };
 
 /// The side panel of a lesson: figures, ladder, plots, each only with its aid.
-void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidSet& aids, UltrasoundView& ultrasound,
-                 ImVec2 size_px);
+void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidSet& aids,
+                 UltrasoundView& ultrasound, ImVec2 size_px);
 /// Fault or hold over the picture; its button acknowledges.
-void lessonOverlay(const LessonStanding& standing, LessonRequests& requests, ImVec2 corner_px, ImVec2 size_px);
+void lessonOverlay(const LessonStanding& standing, LessonRequests& requests, ImVec2 corner_px,
+                   ImVec2 size_px);
 /// What instructors said, newest last, over the picture's lower left corner.
 void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px);
 

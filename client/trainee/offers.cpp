@@ -68,13 +68,15 @@ DeviceNews deviceNews(const StationOptions& options, bool steered, bool& hangs) 
   const std::string kind = kindOf(options.device);
   if (kind == "simulated")
     return {"simulated Virtuose 6D Desktop",
-            steered ? "you move it with mouse and keys" : "a simulated hand moves it (plan " + options.hand.plan + ")",
+            steered ? "you move it with mouse and keys"
+                    : "a simulated hand moves it (plan " + options.hand.plan + ")",
             true, true};
   if (kind == "recording") {
     const std::string file = options.device.substr(options.device.find(':') + 1);
     std::error_code error;
     const bool there = std::filesystem::is_regular_file(file, error);
-    return {"recorded motion", there ? file + "; the hand feels nothing" : file + " is not there", there, true};
+    return {"recorded motion", there ? file + "; the hand feels nothing" : file + " is not there", there,
+            true};
   }
   std::vector<DeviceLister> listers;
   for (DeviceLister& lister : deviceListers())

@@ -11,9 +11,9 @@ namespace needlelab {
 struct Overlay {
   enum class Kind : std::uint8_t { kNone, kHold, kFault };
   Kind kind = Kind::kNone;
-  std::string title;  ///< "The force was taken away"
-  std::string what;   ///< why
-  std::string todo;   ///< what to do now
+  std::string title;             ///< "The force was taken away"
+  std::string what;              ///< why
+  std::string todo;              ///< what to do now
   bool can_acknowledge = false;  ///< Enter, or the button, counts now
 };
 

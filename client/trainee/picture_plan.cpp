@@ -14,8 +14,9 @@ std::vector<PictureRequest> PicturePlan::due(Stage stage, double lesson_s) {
     const PictureRequest& picture = pictures_[i];
     const bool is_due = picture.when == PictureRequest::When::kLesson
                             ? stage == Stage::kLesson && frames_ >= kSettled && lesson_s >= picture.at_s
-                        : picture.when == PictureRequest::When::kStart ? stage == Stage::kStart && frames_ >= kSettled
-                                                                       : stage == Stage::kEnd && frames_ >= kSettled;
+                        : picture.when == PictureRequest::When::kStart
+                            ? stage == Stage::kStart && frames_ >= kSettled
+                            : stage == Stage::kEnd && frames_ >= kSettled;
     if (!is_due) continue;
     taken_[i] = true;
     now.push_back(picture);

@@ -16,8 +16,8 @@ class PicturePlan {
   explicit PicturePlan(std::vector<PictureRequest> pictures)
       : pictures_(std::move(pictures)), taken_(pictures_.size(), false) {}
 
-  /// Those that are due at a frame that shows `stage`, `lesson_s` into the lesson. Start and End are due at the third
-  /// frame of theirs: by then everything stands where it belongs.
+  /// Those that are due at a frame that shows `stage`, `lesson_s` into the lesson. Start and End are due at
+  /// the third frame of theirs: by then everything stands where it belongs.
   std::vector<PictureRequest> due(Stage stage, double lesson_s);
   /// All are taken, or cannot be any more.
   [[nodiscard]] bool done() const;

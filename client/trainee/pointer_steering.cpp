@@ -39,7 +39,8 @@ const SteeringWish& PointerSteering::update(const SteerInput& input, const Steer
   const double away_m = share * (input.across_up * kAcross_mps * dt + input.across_up_px * kAcross_m_per_px);
   wish_.X_WT.p += axis * along_m + right * right_m + away * away_m;
 
-  const double tilt_right = share * (input.tilt_right * kTilt_radps * dt + input.tilt_right_px * kTilt_rad_per_px);
+  const double tilt_right =
+      share * (input.tilt_right * kTilt_radps * dt + input.tilt_right_px * kTilt_rad_per_px);
   const double tilt_up = share * (input.tilt_up * kTilt_radps * dt + input.tilt_up_px * kTilt_rad_per_px);
   // the hub is at −axis from the tip: to take it to `right`, turn about −axis × right
   if (std::abs(tilt_right) > kNearly) wish_.X_WT.q = turned(wish_.X_WT.q, cross(-axis, right), tilt_right);

@@ -47,7 +47,8 @@ void StartChoice::list() {
                           "",
                           true});
   for (const ListedExercise& listed : offers_.exercises) {
-    ExerciseOffer row{{trainee_, listed.exercise_id, false}, exerciseName(offers_, listed.exercise_id), "", "", true};
+    ExerciseOffer row{
+        {trainee_, listed.exercise_id, false}, exerciseName(offers_, listed.exercise_id), "", "", true};
     for (const ServerExercise& exercise : offers_.descriptions)
       if (exercise.exercise_id == listed.exercise_id) row.description = exercise.description;
     if (isAssigned(offers_, trainee_, listed.exercise_id)) row.note = "assigned";
@@ -97,7 +98,8 @@ void StartChoice::stepTrainee(int by) {
   if (trainees_.empty()) return;
   const auto at = std::find(trainees_.begin(), trainees_.end(), trainee_);
   const int last = static_cast<int>(trainees_.size()) - 1;
-  const int next = at == trainees_.end() ? 0 : std::clamp(static_cast<int>(at - trainees_.begin()) + by, 0, last);
+  const int next =
+      at == trainees_.end() ? 0 : std::clamp(static_cast<int>(at - trainees_.begin()) + by, 0, last);
   chooseTrainee(std::string(trainees_[static_cast<std::size_t>(next)]));
 }
 

@@ -10,10 +10,10 @@
 namespace needlelab {
 
 struct ExerciseOffer {
-  LessonChoice choice;      ///< its exercise, or the profile's file
-  std::string name;         ///< for a person
+  LessonChoice choice;  ///< its exercise, or the profile's file
+  std::string name;     ///< for a person
   std::string description;
-  std::string note;         ///< "assigned", "from the cache: the server is away", why it cannot be used
+  std::string note;  ///< "assigned", "from the cache: the server is away", why it cannot be used
   bool usable = true;
 };
 

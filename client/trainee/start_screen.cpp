@@ -13,9 +13,7 @@
 #include "view/theme.h"
 
 namespace needlelab {
-namespace {
-
-}  // namespace
+namespace {}  // namespace
 
 void StartScreen::show(const BoardState& state, bool changed, LessonBoard& board) {
   if (changed || fresh_) {
@@ -116,7 +114,9 @@ void StartScreen::showExercises() {
 
 void StartScreen::showStation(const BoardState& state, LessonBoard& board) {
   const DeviceNews& device = state.device;
-  conditionLine(!device.known ? Condition::kUnknown : device.ready ? Condition::kGood : Condition::kTrouble,
+  conditionLine(!device.known  ? Condition::kUnknown
+                : device.ready ? Condition::kGood
+                               : Condition::kTrouble,
                 device.known ? device.name : "looking at the device …");
   if (device.known) {
     const WithFont small(Letters::kSmall);
@@ -124,8 +124,9 @@ void StartScreen::showStation(const BoardState& state, LessonBoard& board) {
   }
   ImGui::Spacing();
   if (!state.server.empty())
-    conditionLine(state.server_away ? Condition::kAttention : Condition::kGood,
-                  state.server_away ? state.server + "; lessons work on, what is recorded waits here" : state.server);
+    conditionLine(
+        state.server_away ? Condition::kAttention : Condition::kGood,
+        state.server_away ? state.server + "; lessons work on, what is recorded waits here" : state.server);
   else
     conditionLine(Condition::kUnknown, "without a server: recordings stay here");
   if (state.next) {

@@ -37,7 +37,8 @@ bool thereIsADisplay() {
 
 bool wantsPicture(const StationOptions& options, PictureRequest::When when) {
   const auto& pictures = options.window.pictures;
-  return std::any_of(pictures.begin(), pictures.end(), [&](const auto& picture) { return picture.when == when; });
+  return std::any_of(pictures.begin(), pictures.end(),
+                     [&](const auto& picture) { return picture.when == when; });
 }
 
 int refused(const std::string& why, int code) {
@@ -119,8 +120,8 @@ class LessonThread {
 /// The frame loop.
 class FrameLoop {
  public:
-  FrameLoop(const StationOptions& options, const sigset_t& signals, bool alone, Surface& surface, TraineeWindow& window,
-            LessonBoard& board, LessonThread& lessons)
+  FrameLoop(const StationOptions& options, const sigset_t& signals, bool alone, Surface& surface,
+            TraineeWindow& window, LessonBoard& board, LessonThread& lessons)
       : options_(options),
         signals_(signals),
         alone_(alone),
@@ -145,8 +146,8 @@ class FrameLoop {
       if (alone_) goOnAlone();
     }
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-    say(formatted("window: %d frames, %.1f a second, %.1f ms each", frames_, frames_ / std::max(seconds, 1e-3),
-                  1e3 * drawn_s_ / std::max(frames_, 1)));
+    say(formatted("window: %d frames, %.1f a second, %.1f ms each", frames_,
+                  frames_ / std::max(seconds, 1e-3), 1e3 * drawn_s_ / std::max(frames_, 1)));
     for (const PictureRequest& picture : plan_.missing())
       say("no picture " + picture.file.string() + ": the lesson ended before it");
     return all_saved_ && plan_.done();

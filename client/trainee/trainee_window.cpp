@@ -17,7 +17,8 @@ Result<std::unique_ptr<TraineeWindow>> TraineeWindow::make(LessonBoard& board, L
   return std::unique_ptr<TraineeWindow>(new TraineeWindow(board, requests, std::move(*renderer)));
 }
 
-TraineeWindow::TraineeWindow(LessonBoard& board, LessonRequests& requests, std::unique_ptr<SceneRenderer> renderer)
+TraineeWindow::TraineeWindow(LessonBoard& board, LessonRequests& requests,
+                             std::unique_ptr<SceneRenderer> renderer)
     : board_(board), requests_(requests), renderer_(std::move(renderer)), lesson_screen_(*renderer_) {}
 
 double TraineeWindow::lessonTime_s() const {
@@ -58,7 +59,8 @@ void TraineeWindow::frame() {
       return showPreparing(state_, requests_);
     case Stage::kEnd:
     case Stage::kClosing:
-      if (state_.outcome) return end_.show(state_, changed, follow_ ? follow_->scene().get() : nullptr, board_);
+      if (state_.outcome)
+        return end_.show(state_, changed, follow_ ? follow_->scene().get() : nullptr, board_);
       return showPreparing(state_, requests_);
     case Stage::kFailed:
       return showFailed(state_, board_);

@@ -31,7 +31,8 @@ void judge(const std::vector<Measure>& measures, LessonVerdict& verdict) {
     verdict.title = all == 1 ? "Passed" : formatted("Passed: all %zu requirements are met", all);
   } else {
     verdict.kind = LessonVerdict::Kind::kNotYet;
-    verdict.title = formatted("Not yet: %zu of %zu requirements %s not met", missing, all, missing == 1 ? "is" : "are");
+    verdict.title =
+        formatted("Not yet: %zu of %zu requirements %s not met", missing, all, missing == 1 ? "is" : "are");
   }
 }
 

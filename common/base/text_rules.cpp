@@ -82,7 +82,8 @@ Status checkNewName(std::string_view field, std::string_view value) {
   if (auto done = checkName(field, value); !done) return done;
   if (value.find('/') != std::string_view::npos)
     return invalid(field, "holds a '/', which addresses of the web use for themselves: take '-' or a space");
-  if (value == "." || value == "..") return invalid(field, "is '" + std::string(value) + "', which is a folder's");
+  if (value == "." || value == "..")
+    return invalid(field, "is '" + std::string(value) + "', which is a folder's");
   return {};
 }
 

@@ -9,25 +9,26 @@ namespace needlelab {
 
 /// Units as named. W is the device's base frame. NaN is allowed in `wall_W_m` only ("no wall").
 struct GestureSample {
-  std::uint64_t tick = 0;          ///< of the station's loop, counts missed ticks too; never rewritten
-  std::int64_t time_ns = 0;        ///< station steady clock when the tick was due to start its work; never rewritten
-  double p_WT_m[3] = {};           ///< tip
-  double q_WT[4] = {0, 0, 0, 1};   ///< x y z w, unit
-  double speed_mps = 0;            ///< of the tip along the trajectory over 100 ms (engine's v); 0 when free
-  double force_W_N[3] = {};        ///< on the hand, after the gate
-  double torque_W_Nm[3] = {};      ///< about the tip, after the gate
+  std::uint64_t tick = 0;  ///< of the station's loop, counts missed ticks too; never rewritten
+  std::int64_t time_ns =
+      0;                  ///< station steady clock when the tick was due to start its work; never rewritten
+  double p_WT_m[3] = {};  ///< tip
+  double q_WT[4] = {0, 0, 0, 1};  ///< x y z w, unit
+  double speed_mps = 0;           ///< of the tip along the trajectory over 100 ms (engine's v); 0 when free
+  double force_W_N[3] = {};       ///< on the hand, after the gate
+  double torque_W_Nm[3] = {};     ///< about the tip, after the gate
   double wall_W_m[3] = {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN(),
                         std::numeric_limits<double>::quiet_NaN()};  ///< P0 + u·w
-  double insertion_m = 0;          ///< d_t
-  double lateral_error_m = 0;      ///< |e|
-  double plunger = 0;              ///< 0-1
-  std::int32_t device_ns = 0;      ///< time spent in the device's read and write in this tick
-  std::int32_t engine_ns = 0;      ///< time spent in the engine and gate in this tick
-  std::uint32_t flags = 0;         ///< StepFlag | GateFlag
-  std::uint32_t buttons = 0;       ///< bit i: button i is pressed
-  std::int8_t layer = -1;          ///< −1 when free
-  std::uint8_t phase = 0;          ///< needlelab::Phase
-  std::uint8_t fault = 0;          ///< needlelab::Fault
+  double insertion_m = 0;                                           ///< d_t
+  double lateral_error_m = 0;                                       ///< |e|
+  double plunger = 0;                                               ///< 0-1
+  std::int32_t device_ns = 0;  ///< time spent in the device's read and write in this tick
+  std::int32_t engine_ns = 0;  ///< time spent in the engine and gate in this tick
+  std::uint32_t flags = 0;     ///< StepFlag | GateFlag
+  std::uint32_t buttons = 0;   ///< bit i: button i is pressed
+  std::int8_t layer = -1;      ///< −1 when free
+  std::uint8_t phase = 0;      ///< needlelab::Phase
+  std::uint8_t fault = 0;      ///< needlelab::Fault
 };
 static_assert(std::is_trivially_copyable_v<GestureSample>);
 

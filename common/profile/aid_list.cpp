@@ -36,8 +36,8 @@ Status checkAids(const std::string& path, const AidList& aids) {
   for (int i = 0; i < aids.size(); ++i) {
     const std::string at = path + "[" + std::to_string(i) + "]: ";
     if (!isAid(aids.Get(i)))
-      return Error{ErrorCode::kInvalidInput, at + std::to_string(aids.Get(i)) + " is no aid, there are " +
-                                                 aidsText(allAids())};
+      return Error{ErrorCode::kInvalidInput,
+                   at + std::to_string(aids.Get(i)) + " is no aid, there are " + aidsText(allAids())};
     // a list that is valid up to here is no longer than there are aids
     if (std::find(aids.begin(), aids.begin() + i, aids.Get(i)) != aids.begin() + i)
       return Error{ErrorCode::kInvalidInput,

@@ -42,8 +42,9 @@ struct DtwAlignment {
   double distance_m = 0;       ///< as dtwDistance
   std::vector<DtwPair> pairs;  ///< from (0, 0) to both ends; each step raises a, b or both by 1
 };
-/// The alignment behind dtwDistance, bit for bit the same distance. Where several are as short, steps (1,1) go
-/// before (1,0) of the longer path, and those before (0,1). Memory O(longer · band) bytes: 15 MB at the most.
+/// The alignment behind dtwDistance, bit for bit the same distance. Where several are as short, steps (1,1)
+/// go before (1,0) of the longer path, and those before (0,1). Memory O(longer · band) bytes: 15 MB at the
+/// most.
 std::optional<DtwAlignment> dtwAlignment(std::span<const Vec3> a, std::span<const Vec3> b, std::size_t band);
 /// With the band that scores use.
 std::optional<DtwAlignment> dtwAlignment(std::span<const Vec3> a, std::span<const Vec3> b);

@@ -33,8 +33,7 @@ LessonWatch::LessonWatch(const pb::Profile& profile, const Pose& X_WL, const pb:
     scene_->tissues.push_back(lowerCase(pb::Layer::Tissue_Name(layer.tissue())));
   if (exercise == nullptr) return;
   for (const auto& requirement : exercise->requirements()) {
-    if (requirement.measure() == "peak_force_n" && requirement.has_max())
-      force_limit_N_ = requirement.max();
+    if (requirement.measure() == "peak_force_n" && requirement.has_max()) force_limit_N_ = requirement.max();
   }
 }
 
@@ -57,7 +56,8 @@ void LessonWatch::look(const GestureSample& sample) {
   if (!isInside(sample)) return;
   const Vec3 tip_W_m{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]};
   const Quat q_WT{sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]};
-  if (!isFinite(tip_W_m) || !isFinite(q_WT) || !(dot(q_WT, q_WT) > 0.25) || !std::isfinite(sample.insertion_m))
+  if (!isFinite(tip_W_m) || !isFinite(q_WT) || !(dot(q_WT, q_WT) > 0.25) ||
+      !std::isfinite(sample.insertion_m))
     return;
   const Vec3 skin_W_m = tip_W_m - sample.insertion_m * zAxis(normalized(q_WT));
   for (std::size_t h = 0; h < scene_->touched.size(); ++h) {

@@ -154,7 +154,8 @@ std::string measureWords(std::string_view name) {
   const MeasureKind* const kind = measureKind(name);
   std::string words(kind == nullptr ? name : kind->words);
   // a layer's row: its number in place of the K
-  if (const std::size_t k = kind == nullptr ? std::string::npos : kind->name.find('K'); k != std::string::npos)
+  if (const std::size_t k = kind == nullptr ? std::string::npos : kind->name.find('K');
+      k != std::string::npos)
     words.replace(words.find('K'), 1, name.substr(k, name.size() - (kind->name.size() - 1)));
   return words;
 }

@@ -34,7 +34,8 @@ const MeasureKind* measureKind(std::string_view name);
 /// Which way is better for a row of this name; `kNeither` for unknown ones.
 Better betterOf(std::string_view name);
 
-/// What a person calls a row, with its layer's number: "Peak force in layer 3"; the name itself for unknown ones.
+/// What a person calls a row, with its layer's number: "Peak force in layer 3"; the name itself for unknown
+/// ones.
 std::string measureWords(std::string_view name);
 
 /// A value as a person reads it: "3.2 N", "12.4 mm", "0.35 m", "8.1 cm²".

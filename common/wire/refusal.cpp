@@ -17,15 +17,22 @@ pb::Refusal makeRefusal(pb::Refusal::Reason reason, std::string text, bool fatal
 pb::Refusal refusalOf(const Error& error) {
   const auto reason = [&] {
     switch (error.code) {
-      case ErrorCode::kInvalidInput: return pb::Refusal::INVALID;
-      case ErrorCode::kNotFound: return pb::Refusal::NOT_FOUND;
-      case ErrorCode::kAlreadyExists: return pb::Refusal::CONFLICT;
-      case ErrorCode::kConflict: return pb::Refusal::REVISION_CONFLICT;
-      case ErrorCode::kDenied: return pb::Refusal::ROLE;
-      case ErrorCode::kVersion: return pb::Refusal::VERSION;
+      case ErrorCode::kInvalidInput:
+        return pb::Refusal::INVALID;
+      case ErrorCode::kNotFound:
+        return pb::Refusal::NOT_FOUND;
+      case ErrorCode::kAlreadyExists:
+        return pb::Refusal::CONFLICT;
+      case ErrorCode::kConflict:
+        return pb::Refusal::REVISION_CONFLICT;
+      case ErrorCode::kDenied:
+        return pb::Refusal::ROLE;
+      case ErrorCode::kVersion:
+        return pb::Refusal::VERSION;
       case ErrorCode::kUnavailable:
       case ErrorCode::kCorrupt:
-      case ErrorCode::kFailed: break;
+      case ErrorCode::kFailed:
+        break;
     }
     return pb::Refusal::INTERNAL;
   }();

@@ -173,14 +173,16 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
   if (!view) return view.error();
   auto attempts = AttemptStore(context.reader).list(call.trainee(), call.exercise_id(), true);
   if (!attempts) return attempts.error();
-  // a page is the attempt before it, wherever that stands by now: sessions of a station that was away move those behind
+  // a page is the attempt before it, wherever that stands by now: sessions of a station that was away move
+  // those behind
   auto next = attempts->begin();
   if (!call.page().empty()) {
     next = std::find_if(attempts->begin(), attempts->end(),
                         [&](const pb::Attempt& attempt) { return attempt.session_id() == call.page(); });
     if (next == attempts->end())
-      return Error{ErrorCode::kInvalidInput, "page: give back the next_page of the reply before; if you did, the list "
-                                             "has changed meanwhile: begin anew"};
+      return Error{ErrorCode::kInvalidInput,
+                   "page: give back the next_page of the reply before; if you did, the list "
+                   "has changed meanwhile: begin anew"};
     ++next;
   }
   pb::Reply reply;

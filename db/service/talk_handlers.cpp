@@ -1,5 +1,5 @@
-// What an instructor says to a station: whether it may be said, and a line in the audit log before it goes out.
-// The running server delivers it (server/request_effects.h).
+// What an instructor says to a station: whether it may be said, and a line in the audit log before it goes
+// out. The running server delivers it (server/request_effects.h).
 #include <string>
 
 #include "base/text_rules.h"
@@ -54,7 +54,8 @@ Result<pb::Reply> nextExercise(const Context& context, const pb::NextExercise& c
 
 Result<pb::Reply> setAids(const Context& context, const pb::SetAids& call) {
   if (call.reset() && call.aids_size() > 0)
-    return Error{ErrorCode::kInvalidInput, "set_aids: reset goes back to the exercise's aids, give no others"};
+    return Error{ErrorCode::kInvalidInput,
+                 "set_aids: reset goes back to the exercise's aids, give no others"};
   if (auto valid = checkAids("aids", call.aids()); !valid) return valid.error();
   if (auto meant = checkMeant(call.session_id()); !meant) return meant.error();
   if (auto known = stationExists(context, call.station()); !known) return known.error();

@@ -166,8 +166,8 @@ class Ours {
   DbWriter writer_;
 };
 
-/// SQLite alone: one prepared INSERT of the same rows into the same table, the same settings of durability and
-/// of memory, a checkpoint as often; no check of anything, no counters, no foreign keys.
+/// SQLite alone: one prepared INSERT of the same rows into the same table, the same settings of durability
+/// and of memory, a checkpoint as often; no check of anything, no counters, no foreign keys.
 class Raw {
  public:
   Raw(const Settings& settings, std::size_t group) : database_(settings, "ingest-raw.db"), group_(group) {

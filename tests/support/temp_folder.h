@@ -35,7 +35,8 @@ class TempFolder {
       std::error_code unknown;
       const auto room = std::filesystem::space(path_, unknown).available;
       throw std::runtime_error("cannot write " + std::to_string(text.size()) + " bytes to " + file.string() +
-                               ": " + std::to_string(room) + " bytes are free there; make room, or set TMPDIR");
+                               ": " + std::to_string(room) +
+                               " bytes are free there; make room, or set TMPDIR");
     }
     return file;
   }

@@ -80,7 +80,8 @@ class XDisplay {
     tool({"mousedown", std::to_string(button)});
     std::this_thread::sleep_for(pause);
     for (int i = 1; i <= steps; ++i) {
-      const int x = dx_px * i / steps - dx_px * (i - 1) / steps, y = dy_px * i / steps - dy_px * (i - 1) / steps;
+      const int x = dx_px * i / steps - dx_px * (i - 1) / steps,
+                y = dy_px * i / steps - dy_px * (i - 1) / steps;
       tool({"mousemove_relative", "--", std::to_string(x), std::to_string(y)});
       std::this_thread::sleep_for(std::chrono::milliseconds(60));
     }

@@ -1,5 +1,5 @@
-// The trainee's window at a real server: what an instructor says and does reaches it, and what it records reaches the
-// server.
+// The trainee's window at a real server: what an instructor says and does reaches it, and what it records
+// reaches the server.
 #include <gmock/gmock.h>
 #include <signal.h>
 
@@ -44,7 +44,8 @@ class TraineeServerTest : public testing::Test {
 };
 
 TEST_F(TraineeServerTest, anInstructorTalksChangesAidsStopsAndChoosesWhatComesNext) {
-  auto station = startWindow({"--exercise", "ball-free-practice", "--start", "--hand-plan", "rest", "--hand-repeat", "0"});
+  auto station = startWindow(
+      {"--exercise", "ball-free-practice", "--start", "--hand-plan", "rest", "--hand-repeat", "0"});
   ASSERT_TRUE(says(*station, "session ")) << station->said();
   // the server has heard of it
   ASSERT_TRUE(eventually([&] { return lab_.sessions().size() == 1; }, 60s)) << station->said();
@@ -87,8 +88,8 @@ TEST_F(TraineeServerTest, anInstructorTalksChangesAidsStopsAndChoosesWhatComesNe
 }
 
 TEST_F(TraineeServerTest, theServerGoesAndComesBackInMidLesson) {
-  auto station = startWindow({"--exercise", "ball-free-practice", "--start", "--hand-plan", "rest", "--hand-repeat", "0",
-                              "--seconds", "8", "--drain", "30"});
+  auto station = startWindow({"--exercise", "ball-free-practice", "--start", "--hand-plan", "rest",
+                              "--hand-repeat", "0", "--seconds", "8", "--drain", "30"});
   ASSERT_TRUE(eventually([&] { return lab_.sessions().size() == 1; }, 60s)) << station->said();
   lab_.killServer();
   std::this_thread::sleep_for(2s);

@@ -25,8 +25,10 @@ class TraineeWindowTest : public testing::Test {
   }
   [[nodiscard]] std::filesystem::path path(const std::string& name) const { return folder_.path() / name; }
   void start(const std::vector<std::string>& more) {
-    std::vector<std::string> arguments = {"--profile", NEEDLELAB_SAMPLES "/shoulder-adult.json", "--spool",
-                                          path("spool"), "--json", path("out.json"), "--window", "1280x720",
+    std::vector<std::string> arguments = {"--profile",       NEEDLELAB_SAMPLES "/shoulder-adult.json",
+                                          "--spool",         path("spool"),
+                                          "--json",          path("out.json"),
+                                          "--window",        "1280x720",
                                           "--hand-tremor-m", "0"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     station_ = std::make_unique<Process>("needlelab-station", arguments, path("log"));
@@ -37,7 +39,11 @@ class TraineeWindowTest : public testing::Test {
   void pause(std::chrono::milliseconds time) { std::this_thread::sleep_for(time); }
   // the window is there and has the keys
   void waitForWindow() {
-    ASSERT_TRUE(eventually([&] { return display_.tool({"search", "--name", "needlelab station"}) == 0; }, 60s))
+    ASSERT_TRUE(eventually(
+        [&] {
+          return display_.tool({"search", "--name", "needlelab station"}) == 0;
+        },
+        60s))
         << station_->said();
     display_.moveTo(300, 300);
     pause(1s);
@@ -121,14 +127,18 @@ TEST_F(TraineeWindowTest, keysAloneSuffice) {
   display_.key("Escape");
   display_.key("Return");
   ASSERT_TRUE(says("score  ")) << station_->said();
-  // once more, by one key; it is pressed again while the End screen is not there yet (in a lesson it does nothing)
-  ASSERT_TRUE(eventually([&] {
-    const std::string said = station_->said();
-    if (said.rfind("real time: ") > said.find("score  ")) return true;
-    display_.key("Return");
-    pause(500ms);
-    return false;
-  }, 60s)) << station_->said();
+  // once more, by one key; it is pressed again while the End screen is not there yet (in a lesson it does
+  // nothing)
+  ASSERT_TRUE(eventually(
+      [&] {
+        const std::string said = station_->said();
+        if (said.rfind("real time: ") > said.find("score  ")) return true;
+        display_.key("Return");
+        pause(500ms);
+        return false;
+      },
+      60s))
+      << station_->said();
   pause(1s);
   station_->signal(SIGTERM);
   ASSERT_EQ(station_->wait(60s), kExitDone) << station_->said();
@@ -167,7 +177,8 @@ TEST_F(TraineeWindowTest, aDisplayThatGoesEndsTheLessonAndKeepsIt) {
 TEST(TraineeWithoutADisplay, isToldWhatElseThereIs) {
   TempFolder folder;
   ::unsetenv("DISPLAY");
-  Process station("needlelab-station", {"--profile", NEEDLELAB_SAMPLES "/shoulder-adult.json", "--spool", folder.path() / "spool"},
+  Process station("needlelab-station",
+                  {"--profile", NEEDLELAB_SAMPLES "/shoulder-adult.json", "--spool", folder.path() / "spool"},
                   folder.path() / "log");
   EXPECT_EQ(station.wait(60s), kExitFailed);
   EXPECT_THAT(station.said(), HasSubstr("--headless"));
@@ -177,11 +188,16 @@ TEST(TraineeWithoutADisplay, isToldWhatElseThereIs) {
 TEST(TraineeWithoutADisplay, picturesAreTakenOfALessonThatEndsByItself) {
   TempFolder folder;
   ::unsetenv("DISPLAY");
-  Process station("needlelab-station",
-                  {"--profile", NEEDLELAB_SAMPLES "/shoulder-adult.json", "--spool", folder.path() / "spool", "--seconds",
-                   "3", "--screenshot", folder.path() / "start.png", "--at", "start", "--screenshot",
-                   folder.path() / "lesson.png", "--at", "1.5", "--screenshot", folder.path() / "end.png", "--at",
-                   "end", "--window", "1280x720"},
+  Process station("needlelab-station", {"--profile",    NEEDLELAB_SAMPLES "/shoulder-adult.json",
+                                        "--spool",      folder.path() / "spool",
+                                        "--seconds",    "3",
+                                        "--screenshot", folder.path() / "start.png",
+                                        "--at",         "start",
+                                        "--screenshot", folder.path() / "lesson.png",
+                                        "--at",         "1.5",
+                                        "--screenshot", folder.path() / "end.png",
+                                        "--at",         "end",
+                                        "--window",     "1280x720"},
                   folder.path() / "log");
   EXPECT_EQ(station.wait(120s), kExitDone) << station.said();
   for (const char* name : {"start.png", "lesson.png", "end.png"})

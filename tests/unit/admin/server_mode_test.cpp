@@ -65,7 +65,8 @@ TEST_F(AdminOnServer, theSameCommandsWork) {
 
 TEST_F(AdminOnServer, partsAreExportedAndRetentionRuns) {
   const auto id = uuidText(session_);
-  const Run part = as("ines", {"session", "export", id, "--from", "0.4", "--to", "0.5", "--out", file("p.csv")});
+  const Run part =
+      as("ines", {"session", "export", id, "--from", "0.4", "--to", "0.5", "--out", file("p.csv")});
   EXPECT_EQ(part.code, 0) << part.err;
   std::ifstream in(file("p.csv"));
   EXPECT_EQ(std::count(std::istreambuf_iterator<char>(in), {}, '\n'), 100 + 1);

@@ -41,8 +41,11 @@ TEST(WebLessons, listsAndDocumentsAreAsTheyAreDescribed) {
   EXPECT_EQ(sessions["items"][0]["description"]["session_id"], id);
   EXPECT_EQ(ok("/sessions?exercise=other")["items"].size(), 0u);
   const std::size_t all = sessions["items"].size();
-  const auto started_ms = static_cast<std::int64_t>(sessions["items"][0]["description"]["started_unix_ms"].get<double>());
-  const auto found = [&](const std::string& query) { return ok("/sessions?trainee=tina&" + query)["items"].size(); };
+  const auto started_ms =
+      static_cast<std::int64_t>(sessions["items"][0]["description"]["started_unix_ms"].get<double>());
+  const auto found = [&](const std::string& query) {
+    return ok("/sessions?trainee=tina&" + query)["items"].size();
+  };
   EXPECT_EQ(found("search=TIN"), all);
   EXPECT_EQ(found("search=nobody"), 0u);
   EXPECT_EQ(found("from_ms=" + std::to_string(started_ms + 1)), 0u);

@@ -48,7 +48,8 @@ TEST(WebErrors, areJsonAndSayWhatIsAllowed) {
   EXPECT_EQ(askChecked(ada, "GET", "/api/v1/sessions?limit=0").json()["error"]["field"], "limit");
   EXPECT_EQ(askChecked(ada, "GET", "/api/v1/sessions?verdict=good").json()["error"]["field"], "verdict");
   EXPECT_EQ(askChecked(ada, "GET", "/api/v1/sessions?from_ms=yesterday").json()["error"]["field"], "from_ms");
-  EXPECT_EQ(askChecked(ada, "GET", "/api/v1/sessions?to_ms=99999999999999").json()["error"]["field"], "to_ms");
+  EXPECT_EQ(askChecked(ada, "GET", "/api/v1/sessions?to_ms=99999999999999").json()["error"]["field"],
+            "to_ms");
   EXPECT_EQ(askChecked(ada, "GET", "/api/v1/people?page=***").status, 400);
   EXPECT_EQ(askChecked(ada, "POST", "/api/v1/people", "{", {}).status, 400);
   EXPECT_EQ(askChecked(ada, "GET", "/api/v1/profiles/none").status, 404);

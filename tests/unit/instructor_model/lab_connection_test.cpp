@@ -115,7 +115,8 @@ TEST_F(LabConnectionTest, aRestartOfTheServerLosesNeitherWatchesNorQuestions) {
   // what only reads waits for the server; what acts is refused at once
   std::optional<Result<pb::Reply>> reads, acts;
   lab.ask(listStations(), [&](Result<pb::Reply> reply) { reads.emplace(std::move(reply)); });
-  lab.ask(listStations(), [&](Result<pb::Reply> reply) { acts.emplace(std::move(reply)); }, OnLoss::kGiveUp);
+  lab.ask(
+      listStations(), [&](Result<pb::Reply> reply) { acts.emplace(std::move(reply)); }, OnLoss::kGiveUp);
   ASSERT_TRUE(until(lab, [&] { return acts.has_value(); }));
   EXPECT_EQ(acts->error().code, ErrorCode::kUnavailable);
   EXPECT_FALSE(reads.has_value());

@@ -23,8 +23,8 @@ inline std::string sampleProfile(const std::string& name) {
   return text.ok() ? *text : std::string();
 }
 
-/// How a hand moves: along the surface's normal to `depth_m` within `seconds`, rests for half of that, comes out;
-/// aside by `aside_m` meanwhile.
+/// How a hand moves: along the surface's normal to `depth_m` within `seconds`, rests for half of that, comes
+/// out; aside by `aside_m` meanwhile.
 struct LessonHand {
   double depth_m = 0.02, seconds = 2, aside_m = 0;
 };
@@ -108,7 +108,8 @@ inline std::vector<GestureSample> lessonSamples(const std::string& profile_json,
     s.layer = static_cast<std::int8_t>(report.layer);
     s.phase = static_cast<std::uint8_t>(report.phase);
     s.flags = report.flags;
-    s.wall_W_m[0] = report.p_wall_W_m.x, s.wall_W_m[1] = report.p_wall_W_m.y, s.wall_W_m[2] = report.p_wall_W_m.z;
+    s.wall_W_m[0] = report.p_wall_W_m.x, s.wall_W_m[1] = report.p_wall_W_m.y,
+    s.wall_W_m[2] = report.p_wall_W_m.z;
   }
   return samples;
 }

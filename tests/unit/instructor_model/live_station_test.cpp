@@ -46,7 +46,8 @@ TEST_F(LiveStationTest, whatCameBeforeTheDescriptionIsNotLost) {
   EXPECT_EQ(live_.newestTick(), 999u);
   // the same numbers as in the stored session
   const auto stored = gestureOf(info_, samples_);
-  for (const auto channel : {TraceChannel::kForce, TraceChannel::kCutting, TraceChannel::kAlpha, TraceChannel::kDepth})
+  for (const auto channel :
+       {TraceChannel::kForce, TraceChannel::kCutting, TraceChannel::kAlpha, TraceChannel::kDepth})
     EXPECT_EQ(live_.trace().value(channel, 0.9), stored->trace.value(channel, 0.9));
 }
 
@@ -122,7 +123,8 @@ TEST_F(LiveStationTest, remarksStandOnTheTimeLine) {
   live_.addRemark(500, "slower");
   bool found = false;
   for (const TraceEvent& event : live_.trace().events())
-    found = found || (event.kind == TraceEvent::Kind::kRemark && event.text == "slower" && event.time_s == 0.5);
+    found =
+        found || (event.kind == TraceEvent::Kind::kRemark && event.text == "slower" && event.time_s == 0.5);
   EXPECT_TRUE(found);
 }
 

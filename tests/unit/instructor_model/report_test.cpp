@@ -42,7 +42,8 @@ ReportData dataOf(const std::string& trainee = "tina") {
   band.set_p90(3);
   data.bands.push_back(band);
   data.standings.push_back({"peak_force_n", "worse", "1.8 standard deviations above the mean"});
-  data.progress.push_back({"peak_force_n", "N", "falls by 0.3 N with each attempt", {1, 2, 3}, {4, 3.5, 3.25}});
+  data.progress.push_back(
+      {"peak_force_n", "N", "falls by 0.3 N with each attempt", {1, 2, 3}, {4, 3.5, 3.25}});
   return data;
 }
 

@@ -45,7 +45,8 @@ TEST(RerunAndSim, giveTheSameBits) {
       appendRunRow(table, 0, report, length_m);
     });
     ASSERT_TRUE(run.ok()) << run.error().message;
-    EXPECT_EQ(fnv1a(table), fnv1a(simTable(std::string(NEEDLELAB_SAMPLES) + "/" + name + ".json", poses, model)))
+    EXPECT_EQ(fnv1a(table),
+              fnv1a(simTable(std::string(NEEDLELAB_SAMPLES) + "/" + name + ".json", poses, model)))
         << name << " " << model;
     EXPECT_GT(table.size(), 10'000u);
   }

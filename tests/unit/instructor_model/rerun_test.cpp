@@ -26,7 +26,8 @@ TEST(Rerun, withItsOwnProfileItFeelsAsRecorded) {
 
 TEST(Rerun, anotherPatientFeelsOtherwise) {
   const auto gesture = lesson();
-  const auto run = rerunGesture(*gesture, {.profile_json = sampleProfile("shoulder-muscular"), .axial_model = {}});
+  const auto run =
+      rerunGesture(*gesture, {.profile_json = sampleProfile("shoulder-muscular"), .axial_model = {}});
   ASSERT_TRUE(run.ok()) << run.error().message;
   EXPECT_NE(run->peak_force_N, run->felt_peak_N);
   EXPECT_NE(run->what.find("shoulder-muscular"), std::string::npos);
@@ -40,12 +41,13 @@ TEST(Rerun, isTheSameToTheBitEachTime) {
   const auto gesture = lesson({.depth_m = 0.02, .seconds = 1, .aside_m = 0.003});
   const auto bits = [&] {
     std::vector<double> forces;
-    const auto run = rerunGesture(*gesture, {.profile_json = sampleProfile("shoulder-frail"), .axial_model = {}}, {}, {},
-                                  [&](const StepReport& report) {
-                                    forces.push_back(report.wrench_W.force_N.x);
-                                    forces.push_back(report.wrench_W.force_N.z);
-                                    forces.push_back(report.clamping_N);
-                                  });
+    const auto run =
+        rerunGesture(*gesture, {.profile_json = sampleProfile("shoulder-frail"), .axial_model = {}}, {}, {},
+                     [&](const StepReport& report) {
+                       forces.push_back(report.wrench_W.force_N.x);
+                       forces.push_back(report.wrench_W.force_N.z);
+                       forces.push_back(report.clamping_N);
+                     });
     EXPECT_TRUE(run.ok());
     return forces;
   };
@@ -56,7 +58,8 @@ TEST(Rerun, isTheSameToTheBitEachTime) {
 
 TEST(Rerun, whatCannotRunIsSaid) {
   const auto gesture = lesson();
-  EXPECT_EQ(rerunGesture(*gesture, {.profile_json = "{", .axial_model = {}}).error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(rerunGesture(*gesture, {.profile_json = "{", .axial_model = {}}).error().code,
+            ErrorCode::kInvalidInput);
   EXPECT_EQ(rerunGesture(*gesture, {.profile_json = {}, .axial_model = "MAGIC"}).error().code,
             ErrorCode::kInvalidInput);
   EXPECT_FALSE(rerunGesture(*gesture, {}, {}, [] { return true; }).ok()) << "stopped";

@@ -40,18 +40,15 @@ TEST(Script, faultsAreNamedByLine) {
     const char* text;
     const char* message;
   };
-  for (const Row& row : {Row{"login\nfly away\n", "tour:2: no such action: 'fly'"},
-                         Row{"seek", "tour:1: it is written: seek SECONDS"},
-                         Row{"\n\nseek now", "tour:3: 'now' is no number"},
-                         Row{"seek inf", "no number"},
-                         Row{"seek 3x", "'3x' is no number"},
-                         Row{"annotate \"open", "tour:1: a quote is not closed"},
-                         Row{"open bench-1 twice", "open station NAME"},
-                         Row{"compare a b sideways", "alignments are depth, dtw and time"},
-                         Row{"loop 3", "loop FROM TO"},
-                         Row{"loop off 3", "'off' is no number"},
-                         Row{"latency soon", "'soon' is no number"},
-                         Row{"quit now", "it is written: quit"}}) {
+  for (const Row& row :
+       {Row{"login\nfly away\n", "tour:2: no such action: 'fly'"},
+        Row{"seek", "tour:1: it is written: seek SECONDS"}, Row{"\n\nseek now", "tour:3: 'now' is no number"},
+        Row{"seek inf", "no number"}, Row{"seek 3x", "'3x' is no number"},
+        Row{"annotate \"open", "tour:1: a quote is not closed"},
+        Row{"open bench-1 twice", "open station NAME"},
+        Row{"compare a b sideways", "alignments are depth, dtw and time"}, Row{"loop 3", "loop FROM TO"},
+        Row{"loop off 3", "'off' is no number"}, Row{"latency soon", "'soon' is no number"},
+        Row{"quit now", "it is written: quit"}}) {
     const auto script = parseScript(row.text, "tour");
     ASSERT_FALSE(script.ok()) << row.text;
     EXPECT_EQ(script.error().code, ErrorCode::kInvalidInput);

@@ -17,14 +17,16 @@ TEST(SessionQuery, daysBecomeMoments) {
   ASSERT_TRUE(list.ok()) << list.error().message;
   // 20,777 days after 1970-01-01, by the calendar's own count
   EXPECT_EQ(list->from_unix_ns(), 1'795'132'800'000'000'000);
-  EXPECT_EQ(list->to_unix_ns() - list->from_unix_ns(), 2 * 86'400'000'000'000) << "the second day is included";
+  EXPECT_EQ(list->to_unix_ns() - list->from_unix_ns(), 2 * 86'400'000'000'000)
+      << "the second day is included";
   EXPECT_EQ(list->search(), "tin");
   EXPECT_EQ(list->verdict(), pb::ListSessions::FAILED);
   EXPECT_EQ(messageOf({})->from_unix_ns(), 0);
 }
 
 TEST(SessionQuery, whatIsNoDayIsNamed) {
-  for (const char* text : {"yesterday", "2026-13-01", "2026-02-30", "2026-11-21x", "1960-01-01", "21.11.2026"}) {
+  for (const char* text :
+       {"yesterday", "2026-13-01", "2026-02-30", "2026-11-21x", "1960-01-01", "21.11.2026"}) {
     SessionQuery query;
     query.from = text;
     const auto list = messageOf(query);

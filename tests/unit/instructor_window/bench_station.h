@@ -1,4 +1,5 @@
-/// Stations as a server sees them, in threads of the test: lessons that are uploaded, or go on and are watched.
+/// Stations as a server sees them, in threads of the test: lessons that are uploaded, or go on and are
+/// watched.
 #pragma once
 
 #include <atomic>
@@ -25,7 +26,8 @@ inline void uploadLesson(RunningServer& server, const std::string& key, const pb
   std::uint64_t seq = 0;
   for (std::size_t k = 0; k < samples.size(); k += 500, ++seq) {
     const Bytes data =
-        encodeChunk(Resolution::standard(), std::span(samples).subspan(k, std::min<std::size_t>(500, samples.size() - k)));
+        encodeChunk(Resolution::standard(),
+                    std::span(samples).subspan(k, std::min<std::size_t>(500, samples.size() - k)));
     hash.update(data);
     pb::Envelope chunk;
     chunk.mutable_chunk()->set_session_id(id);

@@ -40,7 +40,8 @@ TEST_F(Frames, fiftyTilesAtTenHertzStayFluent) {
   std::sort(costs_ms.begin(), costs_ms.end());
   const double p50 = costs_ms[costs_ms.size() / 2], p95 = costs_ms[costs_ms.size() * 95 / 100];
   std::printf("50 tiles: %.1f ms a frame with news (p50), %.1f ms (p95)\n", p50, p95);
-  // fluent is 33 ms; a machine under load and sanitizers get room, a mistake of an order of magnitude does not
+  // fluent is 33 ms; a machine under load and sanitizers get room, a mistake of an order of magnitude does
+  // not
   EXPECT_LT(p50, 250);
 }
 

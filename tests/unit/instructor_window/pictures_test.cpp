@@ -21,7 +21,8 @@ class Pictures : public WindowLab {
     auto first = lessonInfo(profile), second = lessonInfo(profile);
     second.mutable_description()->set_started_unix_ns(first.description().started_unix_ns() + 60'000'000'000);
     uploadLesson(server_, key_, first, lessonSamples(profile, {.depth_m = 0.022, .seconds = 1}));
-    uploadLesson(server_, key_, second, lessonSamples(profile, {.depth_m = 0.024, .seconds = 1.5, .aside_m = 0.003}));
+    uploadLesson(server_, key_, second,
+                 lessonSamples(profile, {.depth_m = 0.024, .seconds = 1.5, .aside_m = 0.003}));
   }
   /// `more`: what else is not the same each time.
   void looksAsIs(const std::string& name, std::vector<PictureArea> more = {}) {
@@ -30,7 +31,8 @@ class Pictures : public WindowLab {
     // the server's port
     tolerance.passed_over = {{640, 0, 640, 44}};
     tolerance.passed_over.insert(tolerance.passed_over.end(), more.begin(), more.end());
-    EXPECT_TRUE(looksLike(surface_->picture(), std::string(NEEDLELAB_REFERENCE) + "/" + name + ".png", tolerance));
+    EXPECT_TRUE(
+        looksLike(surface_->picture(), std::string(NEEDLELAB_REFERENCE) + "/" + name + ".png", tolerance));
   }
 };
 
@@ -43,7 +45,8 @@ TEST_F(Pictures, logIn) {
 TEST_F(Pictures, lab) {
   for (int i = 2; i <= 8; ++i) (void)server_.addStation("bench-" + std::to_string(i));
   ASSERT_TRUE(script("login\nwait-text \"8 offline\"").ok());
-  const auto say = [&](int i, const std::string& trainee, const std::function<void(pb::StationStatus&)>& change) {
+  const auto say = [&](int i, const std::string& trainee,
+                       const std::function<void(pb::StationStatus&)>& change) {
     pb::StationStatus status;
     status.set_station("bench-" + std::to_string(i));
     status.set_online(true);
@@ -67,14 +70,16 @@ TEST_F(Pictures, lab) {
   say(3, "carl", [](auto& s) { s.set_fault(4); });
   say(4, "dora", [](auto& s) { s.set_force_n(6.3); });
   say(5, "emil", [](auto& s) { s.clear_session_id(), s.clear_trainee(); });
-  say(6, "fay", [](auto& s) { s.set_trouble("the disk is nearly full: 300 MB are left"), s.set_missed_ticks(12); });
+  say(6, "fay",
+      [](auto& s) { s.set_trouble("the disk is nearly full: 300 MB are left"), s.set_missed_ticks(12); });
   looksAsIs("lab");
 }
 
 TEST_F(Pictures, lookOver) {
   BenchStation bench(server_, "bench-1", key_, "tina");
   ASSERT_TRUE(script("login\nwait-station bench-1 lesson\nopen station bench-1\nwait-text latency").ok());
-  ASSERT_TRUE(until([&] { return desk_->live()->trace().lastTime_s() - desk_->live()->trace().firstTime_s() > 6.5; }));
+  ASSERT_TRUE(until(
+      [&] { return desk_->live()->trace().lastTime_s() - desk_->live()->trace().firstTime_s() > 6.5; }));
   desk_->live()->setSpan(2);
   // the hand does the same every 3 s: 0.9 s into a round it is on its way in
   const double newest_s = desk_->live()->trace().lastTime_s();

@@ -40,21 +40,25 @@ TEST_F(Screens, whoNeedsHelpComesFirstAndIsLookedOverByOneKey) {
   std::vector<std::unique_ptr<BenchStation>> benches;
   for (int i = 1; i <= 8; ++i) {
     const std::string name = "bench-" + std::to_string(i);
-    benches.push_back(std::make_unique<BenchStation>(
-        server_, name, server_.addStation(name), "trainee " + std::to_string(i), [i](pb::StationStatus& status) {
-          if (i == 6) status.add_hazards_touched("axillary nerve");
-        }));
+    benches.push_back(std::make_unique<BenchStation>(server_, name, server_.addStation(name),
+                                                     "trainee " + std::to_string(i),
+                                                     [i](pb::StationStatus& status) {
+                                                       if (i == 6)
+                                                         status.add_hazards_touched("axillary nerve");
+                                                     }));
   }
   logIn();
   ASSERT_TRUE(untilText("axillary nerve")) << window_->text();
-  ASSERT_TRUE(until([&] { return desk_->overview.counts()[static_cast<std::size_t>(Need::kPractising)] == 7; }));
+  ASSERT_TRUE(
+      until([&] { return desk_->overview.counts()[static_cast<std::size_t>(Need::kPractising)] == 7; }));
   EXPECT_THAT(window_->text(), HasSubstr("1 needs help"));
   EXPECT_EQ(desk_->overview.tiles(TileOrder::kNeed).front()->station, "bench-6");
   press(GLFW_KEY_H);
   EXPECT_THAT(window_->text(), Not(HasSubstr("bench-1 ")));
   press(GLFW_KEY_1);
   ASSERT_TRUE(untilText("bench-6 · trainee 6")) << window_->text();
-  ASSERT_TRUE(until([&] { return desk_->live()->trace().lastTime_s() > desk_->live()->trace().firstTime_s() + 1; }));
+  ASSERT_TRUE(
+      until([&] { return desk_->live()->trace().lastTime_s() > desk_->live()->trace().firstTime_s() + 1; }));
   // pause: the picture stands, the stream goes on
   press(GLFW_KEY_SPACE);
   EXPECT_TRUE(desk_->live()->paused());
@@ -107,15 +111,19 @@ TEST_F(Screens, aRecordingIsFoundReplayedComparedRunAgainAndExported) {
   auto first = lessonInfo(profile), second = lessonInfo(profile);
   second.mutable_description()->set_started_unix_ns(first.description().started_unix_ns() + 60'000'000'000);
   uploadLesson(server_, key, first, lessonSamples(profile, {.depth_m = 0.022, .seconds = 1}));
-  uploadLesson(server_, key, second, lessonSamples(profile, {.depth_m = 0.02, .seconds = 1.5, .aside_m = 0.002}));
-  const std::string html = (files_.path() / "report.html").string(), csv = (files_.path() / "samples.csv").string();
+  uploadLesson(server_, key, second,
+               lessonSamples(profile, {.depth_m = 0.02, .seconds = 1.5, .aside_m = 0.002}));
+  const std::string html = (files_.path() / "report.html").string(),
+                    csv = (files_.path() / "samples.csv").string();
   const std::string annotated = (files_.path() / "annotated.html").string();
   const Status done = script(
       "login\nsearch tin\nexpect \"2 sessions\"\nsearch nobody\nexpect \"No session matches\"\n"
       "replay newest\nexpect shoulder-bursa\nseek 1.2\nspeed 0.5\nloop 0.5 1.5\nplay\nwait 0.3\npause\n"
       "annotate \"look at the angle here\"\nstep -2\nexport " +
-      annotated + "\n"
-      "compare previous newest depth\nexpect \"second differs\"\ncompare newest previous dtw\nexpect \"warped onto\"\n"
+      annotated +
+      "\n"
+      "compare previous newest depth\nexpect \"second differs\"\ncompare newest previous dtw\nexpect "
+      "\"warped onto\"\n"
       "rerun own DIRECT\nexpect \"did not feel this\"\nscores\nwait-text Measures\nexport " +
       html + "\nexport " + csv);
   ASSERT_TRUE(done.ok()) << done.error().message;
@@ -137,12 +145,10 @@ TEST_F(Screens, aRecordingIsFoundReplayedComparedRunAgainAndExported) {
 TEST_F(Screens, whereThereIsNothingItSaysWhatToDo) {
   (void)server_.addStation("bench-1");
   logIn();
-  const std::vector<std::pair<DeskScreen, const char*>> rows = {{DeskScreen::kLive, "Nobody is looked over"},
-                                                                {DeskScreen::kSessions, "No session matches"},
-                                                                {DeskScreen::kReplay, "No session is loaded"},
-                                                                {DeskScreen::kCompare, "Nothing to compare yet"},
-                                                                {DeskScreen::kRerun, "No session is loaded"},
-                                                                {DeskScreen::kScores, "No session is loaded"}};
+  const std::vector<std::pair<DeskScreen, const char*>> rows = {
+      {DeskScreen::kLive, "Nobody is looked over"},  {DeskScreen::kSessions, "No session matches"},
+      {DeskScreen::kReplay, "No session is loaded"}, {DeskScreen::kCompare, "Nothing to compare yet"},
+      {DeskScreen::kRerun, "No session is loaded"},  {DeskScreen::kScores, "No session is loaded"}};
   for (const auto& [screen, words] : rows) {
     desk_->screen = screen;
     EXPECT_TRUE(untilText(words)) << words << ": " << window_->text();

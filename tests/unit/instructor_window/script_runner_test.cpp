@@ -29,7 +29,8 @@ TEST_F(ScriptRunnerTest, quitEndsAndWaitingLetsTimeGoBy) {
 
 TEST_F(ScriptRunnerTest, latencyIsMeasuredAndJudged) {
   BenchStation bench(server_, "bench-1", server_.addStation("bench-1"), "tina");
-  const Status done = script("login\nwait-station bench-1 lesson\nopen station bench-1\nwait 2\nlatency 100000\nframes");
+  const Status done =
+      script("login\nwait-station bench-1 lesson\nopen station bench-1\nwait 2\nlatency 100000\nframes");
   ASSERT_TRUE(done.ok()) << done.error().message;
   ASSERT_EQ(printed_.size(), 2u);
   EXPECT_THAT(printed_[0], HasSubstr("capture to screen: p50"));

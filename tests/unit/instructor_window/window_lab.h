@@ -87,7 +87,8 @@ class WindowLab : public testing::Test {
   Status script(const std::string& text) {
     auto actions = parseScript(text, "script");
     if (!actions.ok()) return actions.error();
-    ScriptRunner runner(std::move(*actions), "script", [this](const std::string& line) { printed_.push_back(line); });
+    ScriptRunner runner(std::move(*actions), "script",
+                        [this](const std::string& line) { printed_.push_back(line); });
     while (!runner.over()) {
       frame();
       runner.afterFrame(*window_);

@@ -40,7 +40,8 @@ TEST(LessonWatch, saysAtEachMomentWhatTheScoreSaysInTheEnd) {
 
   const auto rows = scoreGesture(samples, 1000, profile, {});
   const auto value = [&](const std::string& name) {
-    const auto found = std::find_if(rows.begin(), rows.end(), [&](const Measure& m) { return m.name == name; });
+    const auto found =
+        std::find_if(rows.begin(), rows.end(), [&](const Measure& m) { return m.name == name; });
     return found == rows.end() ? std::numeric_limits<double>::quiet_NaN() : found->value;
   };
   EXPECT_DOUBLE_EQ(value("hazards_touched"), 1);

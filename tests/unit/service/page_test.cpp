@@ -117,11 +117,12 @@ TEST_F(Pages, attemptsGoOnBehindTheLastOneThoughAnOlderOneComesIn) {
   const auto attempt = [this](std::int64_t started) {
     const Uuid id = addSession("anna", 1);
     EXPECT_OK(change([&](Connection& c) -> Status {
-      if (auto done = c.run("UPDATE sessions SET started_unix_ns = ? WHERE id = ?", started, ByteView(id)); !done)
+      if (auto done = c.run("UPDATE sessions SET started_unix_ns = ? WHERE id = ?", started, ByteView(id));
+          !done)
         return done;
       if (auto closed = SessionStore(c).close(test::closeOf(id, 1), 1); !closed) return closed.error();
-      return ScoreStore(c).put(test::scoreOf(
-          id, R"([{"measure":"elapsed_s","value":1,"unit":"s","words":")" + std::string(20'000, 'w') + "\"}]"));
+      return ScoreStore(c).put(test::scoreOf(id, R"([{"measure":"elapsed_s","value":1,"unit":"s","words":")" +
+                                                     std::string(20'000, 'w') + "\"}]"));
     }));
     return test::bytesOfId(id);
   };

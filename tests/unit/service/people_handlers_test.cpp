@@ -114,14 +114,16 @@ TEST_F(PeopleHandlers, managersEndTheAccessOfThoseBelowThemAndAdministratorsAnyb
 
 TEST_F(PeopleHandlers, namesWithASlashAreNotMadeAnyMoreAndThoseOfBeforeStayUsable) {
   ASSERT_OK(change([](Connection& c) -> Status {
-    if (auto done = c.run("INSERT INTO people (name, role, created_unix_ns, changed_unix_ns) VALUES ('a/b',1,1,1)");
+    if (auto done =
+            c.run("INSERT INTO people (name, role, created_unix_ns, changed_unix_ns) VALUES ('a/b',1,1,1)");
         !done)
       return done;
     if (auto done = c.run("INSERT INTO stations (name, key_hash, revoked, created_unix_ns) VALUES ('lab/1',"
                           "zeroblob(32),1,1)");
         !done)
       return done;
-    return c.run("INSERT INTO groups (id, name, revision, changed_by, changed_unix_ns) VALUES ('c/1','C',1,'x',1)");
+    return c.run(
+        "INSERT INTO groups (id, name, revision, changed_by, changed_unix_ns) VALUES ('c/1','C',1,'x',1)");
   }));
   EXPECT_EQ(refusal(admin, addUser("n/m", pb::TRAINEE, "")), ErrorCode::kInvalidInput);
   EXPECT_EQ(refusal(admin, addUser("..", pb::TRAINEE, "")), ErrorCode::kInvalidInput);

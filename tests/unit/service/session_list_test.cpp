@@ -54,13 +54,13 @@ class SessionList : public test::ServiceTest {
 };
 
 TEST_F(SessionList, rowsTellVerdictAndMainFiguresOfTheFirstScore) {
-  const std::string scored = add(
-      {"anna", "knee-1", 1,
-       R"([{"measure":"path_length_m","value":0.4,"unit":"m","words":""},)"
-       R"({"measure":"peak_force_n","value":3.25,"unit":"N","words":"","max":3,"passed":false},)"
-       R"({"measure":"target_distance_m","value":null,"unit":"m","words":""},)"
-       R"({"measure":"hazards_touched","value":0,"unit":"","words":""}])",
-       false});
+  const std::string scored =
+      add({"anna", "knee-1", 1,
+           R"([{"measure":"path_length_m","value":0.4,"unit":"m","words":""},)"
+           R"({"measure":"peak_force_n","value":3.25,"unit":"N","words":"","max":3,"passed":false},)"
+           R"({"measure":"target_distance_m","value":null,"unit":"m","words":""},)"
+           R"({"measure":"hazards_touched","value":0,"unit":"","words":""}])",
+           false});
   const std::string broken = add({"anna", "knee-1", 2, "{", {}});
   const std::string open = add({"anna", "knee-1", 3, {}, {}});
   pb::Request request;

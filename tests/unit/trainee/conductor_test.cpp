@@ -1,4 +1,5 @@
-// Lesson after lesson, as a window asks for them, with the simulated device in real time and without a server.
+// Lesson after lesson, as a window asks for them, with the simulated device in real time and without a
+// server.
 #include "trainee/conductor.h"
 
 #include <gmock/gmock.h>
@@ -74,7 +75,8 @@ class ConductorTest : public testing::Test {
 
 TEST_F(ConductorTest, showsWhatCanBePractisedAndHowTheDeviceIs) {
   start();
-  ASSERT_TRUE(until([](const BoardState& state) { return state.stage == Stage::kStart && state.device.known; }));
+  ASSERT_TRUE(
+      until([](const BoardState& state) { return state.stage == Stage::kStart && state.device.known; }));
   EXPECT_EQ(state_.offers.profile_file, options_.profile_file);
   EXPECT_TRUE(state_.device.ready);
   EXPECT_TRUE(state_.choice.by_profile);
@@ -87,8 +89,9 @@ TEST_F(ConductorTest, oneLessonAfterAnotherEachIsRecordedAndScored) {
   std::string first;
   for (std::uint64_t lesson = 1; lesson <= 2; ++lesson) {
     board_.ask({BoardWish::Kind::kBegin, {"tom", "", true}});
-    ASSERT_TRUE(until([&](const BoardState& state) { return state.stage == Stage::kEnd && state.lesson == lesson; }))
-        << state_.trouble;
+    ASSERT_TRUE(until([&](const BoardState& state) {
+      return state.stage == Stage::kEnd && state.lesson == lesson;
+    })) << state_.trouble;
     ASSERT_TRUE(state_.outcome);
     EXPECT_EQ(state_.outcome->summary.trainee, "tom");
     EXPECT_TRUE(state_.outcome->stored.ok());
@@ -110,7 +113,8 @@ TEST_F(ConductorTest, oneLessonAfterAnotherEachIsRecordedAndScored) {
 TEST_F(ConductorTest, aPersonEndsALessonAndIsNamed) {
   options_.seconds = 0;
   start(true);
-  ASSERT_TRUE(until([](const BoardState& state) { return state.stage == Stage::kLesson && state.standing.time_s > 0; }));
+  ASSERT_TRUE(until(
+      [](const BoardState& state) { return state.stage == Stage::kLesson && state.standing.time_s > 0; }));
   conductor_->requests().stop({"ines", "wrong side"});
   ASSERT_TRUE(until(Stage::kEnd));
   ASSERT_TRUE(state_.outcome->summary.stopped);
@@ -123,7 +127,8 @@ TEST_F(ConductorTest, aPersonEndsALessonAndIsNamed) {
 TEST_F(ConductorTest, whoQuitsInALessonKeepsIt) {
   options_.seconds = 0;
   start(true);
-  ASSERT_TRUE(until([](const BoardState& state) { return state.stage == Stage::kLesson && state.standing.time_s > 0.2; }));
+  ASSERT_TRUE(until(
+      [](const BoardState& state) { return state.stage == Stage::kLesson && state.standing.time_s > 0.2; }));
   EXPECT_EQ(quit(), kExitDone);
   EXPECT_GT(summary()["samples"], 100);
 }
@@ -132,7 +137,8 @@ TEST_F(ConductorTest, aLessonThatCannotBeginIsSaidAtTheStart) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   board_.ask({BoardWish::Kind::kBegin, {"tom", "never-fetched", false}});
-  ASSERT_TRUE(until([](const BoardState& state) { return state.stage == Stage::kStart && !state.trouble.empty(); }));
+  ASSERT_TRUE(
+      until([](const BoardState& state) { return state.stage == Stage::kStart && !state.trouble.empty(); }));
   EXPECT_THAT(state_.trouble, HasSubstr("never fetched"));
   // and one that can is not held up by it
   board_.ask({BoardWish::Kind::kBegin, {"tom", "", true}});
@@ -184,7 +190,8 @@ TEST_F(ConductorTest, theNextExerciseIsPreselectedAndForgottenOnceItIsTaken) {
   EXPECT_FALSE(state_.choice.by_profile);
   ASSERT_TRUE(state_.next);
   board_.ask({BoardWish::Kind::kBegin, {"tom", "knee-recess", false}});
-  ASSERT_TRUE(until([](const BoardState& state) { return !state.trouble.empty(); })) << "it is not in the cache";
+  ASSERT_TRUE(until([](const BoardState& state) { return !state.trouble.empty(); }))
+      << "it is not in the cache";
   EXPECT_FALSE(state_.next);
 }
 
@@ -193,7 +200,8 @@ TEST_F(ConductorTest, aSteeredHandGoesWhereItIsWished) {
   options_.hand.tremor_m = 0;
   options_.seconds = 0;
   start(true);
-  ASSERT_TRUE(until([](const BoardState& state) { return state.stage == Stage::kLesson && state.standing.time_s > 0; }));
+  ASSERT_TRUE(until(
+      [](const BoardState& state) { return state.stage == Stage::kLesson && state.standing.time_s > 0; }));
   const auto beginning = state_.beginning;
   ASSERT_TRUE(beginning->steering);
   const Pose start = beginning->hand_start.X_WT;

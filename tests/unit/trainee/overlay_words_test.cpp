@@ -53,8 +53,10 @@ TEST(OverlayWords, aFaultThatEndsTheLessonSaysThatItIsStored) {
 }
 
 TEST(OverlayWords, eachHoldHasItsRemedy) {
-  const std::pair<std::uint32_t, const char*> holds[] = {
-      {kDeviceReleased, "Take the handle"}, {kDevicePowerOff, "motors on"}, {kDeviceNotReady, "Wait"}, {0, "Draw the needle out"}};
+  const std::pair<std::uint32_t, const char*> holds[] = {{kDeviceReleased, "Take the handle"},
+                                                         {kDevicePowerOff, "motors on"},
+                                                         {kDeviceNotReady, "Wait"},
+                                                         {0, "Draw the needle out"}};
   for (const auto& [condition, todo] : holds) {
     LessonStanding standing;
     standing.hold = "the hold";

@@ -8,7 +8,10 @@ namespace {
 using When = PictureRequest::When;
 
 TEST(PicturePlan, takesEachOnceWhenItsTimeHasCome) {
-  PicturePlan plan({{"start", When::kStart, 0}, {"early", When::kLesson, 0}, {"late", When::kLesson, 2}, {"end", When::kEnd, 0}});
+  PicturePlan plan({{"start", When::kStart, 0},
+                    {"early", When::kLesson, 0},
+                    {"late", When::kLesson, 2},
+                    {"end", When::kEnd, 0}});
   const auto names = [&](Stage stage, double s) {
     std::string text;
     for (const auto& picture : plan.due(stage, s)) text += picture.file.string() + " ";

@@ -71,7 +71,8 @@ TEST(PointerSteering, dragsMoveAcrossToTheRightAndAwayAsSeen) {
   expectNear(t.moved(input), {-20 * PointerSteering::kAcross_m_per_px, 0, 0});
   // from the other side both are the other way
   Steered u;
-  expectNear(u.moved(input, {{0, -1, 0}, normalized(Vec3{0.3, 0, 1})}), {20 * PointerSteering::kAcross_m_per_px, 0, 0});
+  expectNear(u.moved(input, {{0, -1, 0}, normalized(Vec3{0.3, 0, 1})}),
+             {20 * PointerSteering::kAcross_m_per_px, 0, 0});
 }
 
 TEST(PointerSteering, seenFromAboveUpInThePictureIsAway) {
@@ -113,7 +114,8 @@ TEST(PointerSteering, fineIsAQuarterOfEverything) {
   input.fine = true;
   input.advance = 1;
   input.across_right_px = 8;
-  expectNear(s.moved(input), {0, 2 * PointerSteering::kAcross_m_per_px, -0.01 * PointerSteering::kAdvance_mps});
+  expectNear(s.moved(input),
+             {0, 2 * PointerSteering::kAcross_m_per_px, -0.01 * PointerSteering::kAdvance_mps});
 }
 
 TEST(PointerSteering, aWindowThatStoodStillDoesNotJump) {

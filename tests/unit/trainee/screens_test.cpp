@@ -2,9 +2,9 @@
 #include <gmock/gmock.h>
 
 #include "haptics/device_condition.h"
+#include "scoring/measures.h"
 #include "stage.h"
 #include "station/local_score.h"
-#include "scoring/measures.h"
 
 namespace needlelab::test {
 namespace {
@@ -128,7 +128,10 @@ TEST_F(TraineeScreens, everyAidShowsSomethingAndCanBeTakenAway) {
     AidList less;
     for (const int aid : all)
       if (aid != number) less.Add(aid);
-    EXPECT_GT(changes([&] { board_.aids({"ines", less, false}); }), 5e-4)
+    EXPECT_GT(changes([&] {
+                board_.aids({"ines", less, false});
+              }),
+              5e-4)
         << pb::Exercise::Aid_Name(static_cast<pb::Exercise::Aid>(number));
   }
 }
@@ -211,7 +214,8 @@ TEST_F(TraineeScreens, mouseAndKeysBecomeWishesOfTheHand) {
   surface_->setKey(GLFW_KEY_W, false);
   picture(2);
   ASSERT_TRUE(steering_->fetch(wish));
-  EXPECT_NEAR(wish.X_WT.p.z, 0.027 - PointerSteering::kAdvance_mps * 10 / 30, PointerSteering::kAdvance_mps / 30);
+  EXPECT_NEAR(wish.X_WT.p.z, 0.027 - PointerSteering::kAdvance_mps * 10 / 30,
+              PointerSteering::kAdvance_mps / 30);
   // the side panel is not the picture
   const Vec3 before = wish.X_WT.p;
   surface_->moveMouse(1100, 400);
@@ -251,7 +255,8 @@ TEST_F(TraineeScreens, endOfALessonThatWasPassedOffersWhatTheInstructorWants) {
 TEST_F(TraineeScreens, aStationThatCannotWorkSaysWhy) {
   board_.change([](BoardState& state) {
     state.stage = Stage::kFailed;
-    state.trouble = "the spool /var/lib/needlelab/spool cannot be opened: Permission denied; choose another with --spool";
+    state.trouble =
+        "the spool /var/lib/needlelab/spool cannot be opened: Permission denied; choose another with --spool";
   });
   EXPECT_TRUE(looksLike(picture(), referenceOf("failed")));
 }

@@ -36,7 +36,8 @@ Measure plain(const std::string& name) {
 }
 
 TEST(Verdict, whatWasMissedStandsFirst) {
-  const LessonVerdict verdict = verdictOf(scored({required("a", true), plain("b"), required("c", false), required("d", true)}));
+  const LessonVerdict verdict =
+      verdictOf(scored({required("a", true), plain("b"), required("c", false), required("d", true)}));
   EXPECT_EQ(verdict.kind, LessonVerdict::Kind::kNotYet);
   EXPECT_EQ(verdict.title, "Not yet: 1 of 3 requirements is not met");
   ASSERT_EQ(verdict.required.size(), 3u);
