@@ -1,4 +1,4 @@
-# A build from nothing spends half its time on reading the same headers. With NEEDLELAB_UNITY they are read four times in
+# A build from nothing reads the same headers in every batch of files. With NEEDLELAB_UNITY they are read four times in
 # all: for programs and for tests (whose own code is compiled at -O1), each with the wire's headers and without.
 # `dev` and the fuzzers do without, so a missing #include shows there.
 #
