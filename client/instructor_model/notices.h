@@ -25,8 +25,10 @@ class Notices {
   [[nodiscard]] const std::deque<Notice>& all() const { return notices_; }
 
  private:
-  static constexpr std::size_t kMost = 4;
+  static constexpr std::size_t kMost = 3;  // what is behind them is wanted, too
   void add(std::string text, Condition condition, double seconds) {
+    // the same again is one notice, that stays longer
+    std::erase_if(notices_, [&](const Notice& notice) { return notice.text == text; });
     notices_.push_back({std::move(text), condition, now_s_ + seconds});
     if (notices_.size() > kMost) notices_.pop_front();
   }
@@ -36,7 +38,7 @@ class Notices {
 
 inline void Notices::tick(double now_s) {
   now_s_ = now_s;
-  while (!notices_.empty() && notices_.front().until_s < now_s) notices_.pop_front();
+  std::erase_if(notices_, [&](const Notice& notice) { return notice.until_s < now_s; });
 }
 
 }  // namespace needlelab

@@ -102,9 +102,12 @@ void showLinkBanner(Desk& desk) {
 void showNotices(Desk& desk) {
   const auto& notices = desk.notices.all();
   if (notices.empty()) return;
-  const float line = ImGui::GetFontSize() * 1.9F;
   const ImVec2 screen = ImGui::GetIO().DisplaySize;
-  const float height = line * static_cast<float>(notices.size()) + space();
+  const float words_px = screen.x * 0.6F - 6 * space();
+  float height = 2 * space();
+  for (const Notice& notice : notices)
+    height += ImGui::CalcTextSize(notice.text.c_str(), nullptr, false, words_px).y +
+              ImGui::GetStyle().ItemSpacing.y;
   // above what is typed at the lower edge
   ImGui::SetCursorPos({screen.x * 0.2F, screen.y - height - 13 * space()});
   beginPanel("notices", {}, screen.x * 0.6F, height);

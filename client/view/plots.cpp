@@ -82,7 +82,7 @@ void drawAxes(ImDrawList& list, const PlotFrame& frame, const PlotSpec& spec) {
                  words, text);
   }
   const int wanted = std::max(2, static_cast<int>((frame.high_px.x - frame.low_px.x) / (text_px * 7)));
-  const AxisTicks x = axisTicks(frame.from, frame.to, wanted, false);
+  const AxisTicks x = axisTicks(frame.from, frame.to, wanted, false, spec.clock_axis ? 0 : 1);
   for (const double value : x.at) {
     const float x_px = frame.xAt(value);
     list.AddLine({x_px, frame.low_px.y}, {x_px, frame.high_px.y}, line);

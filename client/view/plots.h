@@ -41,7 +41,7 @@ struct PlotMark {
 struct PlotSpec {
   std::string title, unit;  ///< "force", "N"
   double from = 0, to = 1;  ///< x
-  bool clock_axis = true;   ///< x is s, shown m:ss; else numbers with `x_unit`
+  bool clock_axis = true;   ///< x is s, shown m:ss; else whole numbers with `x_unit`
   std::string x_unit;
   bool show_x_axis = true;
   std::optional<double> low, high;  ///< y; absent: as the data wants, calmly (round numbers)

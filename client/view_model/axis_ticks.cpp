@@ -20,7 +20,7 @@ double roundStep(double rough) {
 
 }  // namespace
 
-AxisTicks axisTicks(double low, double high, int wanted, bool widen) {
+AxisTicks axisTicks(double low, double high, int wanted, bool widen, double least_step) {
   if (!std::isfinite(low)) low = 0;
   if (!std::isfinite(high)) high = low;
   low = std::clamp(low, -kLargest, kLargest);
@@ -33,10 +33,16 @@ AxisTicks axisTicks(double low, double high, int wanted, bool widen) {
     high += half;
   }
   AxisTicks ticks;
-  ticks.step = roundStep((high - low) / std::max(wanted, 2));
-  ticks.decimals = std::max(0, static_cast<int>(std::ceil(-std::log10(ticks.step) - 1e-9)));
   // indices of the multiples, so that no sum of steps drifts
-  double first = std::ceil(low / ticks.step - 1e-9), last = std::floor(high / ticks.step + 1e-9);
+  double first = 0, last = 0;
+  // a range may lie so that it holds one multiple, or none: one tick alone tells no scale
+  for (double rough = (high - low) / std::max(wanted, 2);; rough *= 0.5) {
+    ticks.step = roundStep(std::max(rough, least_step));
+    first = std::ceil(low / ticks.step - 1e-9);
+    last = std::floor(high / ticks.step + 1e-9);
+    if (last > first || widen || ticks.step <= least_step) break;
+  }
+  ticks.decimals = std::max(0, static_cast<int>(std::ceil(-std::log10(ticks.step) - 1e-9)));
   if (widen) {
     first = std::floor(low / ticks.step + 1e-9);
     last = std::ceil(high / ticks.step - 1e-9);

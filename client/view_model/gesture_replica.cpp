@@ -20,6 +20,30 @@ bool canBeStepped(const GestureSample& sample) {
 
 }  // namespace
 
+void copySample(const GestureSample& sample, double loop_rate_hz, Moment& now) {
+  now.tick = sample.tick;
+  now.time_s = static_cast<double>(sample.tick) / loop_rate_hz;
+  const Vec3 p_W_m = vectorOf(sample.p_WT_m);
+  const Quat q_W{sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]};
+  // what is no place or no rotation is not drawn: the last good one stays
+  if (isFinite(p_W_m)) now.p_WT_m = p_W_m;
+  if (isFinite(q_W) && dot(q_W, q_W) > 0.25) now.q_WT = q_W;
+  now.force_W_N = vectorOf(sample.force_W_N);
+  now.torque_W_Nm = vectorOf(sample.torque_W_Nm);
+  now.wall_W_m = vectorOf(sample.wall_W_m);
+  now.phase = sample.phase <= static_cast<std::uint8_t>(Phase::kWithdrawing)
+                  ? static_cast<Phase>(sample.phase)
+                  : Phase::kFree;
+  now.layer = sample.layer;
+  now.insertion_m = sample.insertion_m;
+  now.speed_mps = sample.speed_mps;
+  now.lateral_error_m = sample.lateral_error_m;
+  now.plunger = sample.plunger;
+  now.flags = sample.flags;
+  now.buttons = sample.buttons;
+  now.fault = sample.fault;
+}
+
 struct GestureReplica::State {
   std::shared_ptr<const SceneModel> model;
   bool thinned = false;
@@ -33,7 +57,6 @@ struct GestureReplica::State {
   bool guessed = false;   // entry and u are of the pose, because the entry was not seen
   Vec3 guessed_entry_W_m, guessed_u_W;
 
-  void copySample(const GestureSample& sample);
   void stepAlong();
   void compareWith(const GestureSample& sample);
   void tellInsertion();
@@ -72,7 +95,7 @@ const Moment& GestureReplica::feed(const GestureSample& sample) {
   State& state = *state_;
   if (state.fed > 0 && sample.tick <= state.now.tick) restart();
   ++state.fed;
-  state.copySample(sample);
+  copySample(sample, state.loop_rate_hz, state.now);
   if (canBeStepped(sample)) {
     state.stepAlong();
     state.compareWith(sample);
@@ -84,30 +107,6 @@ const Moment& GestureReplica::feed(const GestureSample& sample) {
 const Moment& GestureReplica::feed(std::span<const GestureSample> samples) {
   for (const GestureSample& sample : samples) feed(sample);
   return state_->now;
-}
-
-void GestureReplica::State::copySample(const GestureSample& sample) {
-  now.tick = sample.tick;
-  now.time_s = static_cast<double>(sample.tick) / loop_rate_hz;
-  const Vec3 p_W_m = vectorOf(sample.p_WT_m);
-  const Quat q_W{sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]};
-  // what is no place or no rotation is not drawn: the last good one stays
-  if (isFinite(p_W_m)) now.p_WT_m = p_W_m;
-  if (isFinite(q_W) && dot(q_W, q_W) > 0.25) now.q_WT = q_W;
-  now.force_W_N = vectorOf(sample.force_W_N);
-  now.torque_W_Nm = vectorOf(sample.torque_W_Nm);
-  now.wall_W_m = vectorOf(sample.wall_W_m);
-  now.phase = sample.phase <= static_cast<std::uint8_t>(Phase::kWithdrawing)
-                  ? static_cast<Phase>(sample.phase)
-                  : Phase::kFree;
-  now.layer = sample.layer;
-  now.insertion_m = sample.insertion_m;
-  now.speed_mps = sample.speed_mps;
-  now.lateral_error_m = sample.lateral_error_m;
-  now.plunger = sample.plunger;
-  now.flags = sample.flags;
-  now.buttons = sample.buttons;
-  now.fault = sample.fault;
 }
 
 void GestureReplica::State::stepAlong() {

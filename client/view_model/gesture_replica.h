@@ -43,6 +43,10 @@ struct Moment {
   bool approximate = false;
 };
 
+/// Takes over what the sample carries. A place or a rotation that is none is not shown: the last one stays.
+/// `loop_rate_hz`: of the ticks' numbers.
+void copySample(const GestureSample& sample, double loop_rate_hz, Moment& moment);
+
 /// Thread: one at a time. Memory: some 40 KiB. `feed` costs about a tick of the engine (well under 1 µs).
 class GestureReplica {
  public:

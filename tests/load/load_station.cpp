@@ -25,6 +25,19 @@ std::span<GestureSample> scratch(std::size_t count) {
 
 }  // namespace
 
+void StationTotals::add(const StationTotals& other) {
+  late.add(other.late);
+  ack.add(other.ack);
+  samples_sent += other.samples_sent;
+  samples_acked += other.samples_acked;
+  chunks_resent += other.chunks_resent;
+  chunk_bytes += other.chunk_bytes;
+  live_frames += other.live_frames;
+  status_lines += other.status_lines;
+  connections += other.connections;
+  unsent_peak = std::max(unsent_peak, other.unsent_peak);
+}
+
 LoadStation::LoadStation(LoadShared& shared, std::size_t index, StationTotals& totals, asio::io_context& io)
     : shared_(shared),
       plan_(shared.stations[index]),

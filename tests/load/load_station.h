@@ -25,6 +25,9 @@ struct StationTotals {
   std::uint64_t live_frames = 0, status_lines = 0;
   std::uint64_t connections = 0;
   std::uint64_t unsent_peak = 0;  ///< most chunks that waited for an acknowledgement at one station
+
+  /// What those of another thread saw, too.
+  void add(const StationTotals& other);
 };
 
 /// As the station's uplink (client/net) with everything in memory: there is no spool on disk. Thread: its

@@ -1,27 +1,19 @@
-/// All stations of a run on one network thread, and the schedule by which they are due.
+/// All stations of a run, on a few network threads.
 #pragma once
 
 #include <memory>
-#include <string>
 #include <vector>
 
-#include "load/load_station.h"
-#include "load/net_thread.h"
+#include "load/station_thread.h"
 
 namespace needlelab::test {
 
-/// What is known of the crowd at an instant.
-struct CrowdState {
-  std::size_t opened = 0, ended = 0, closed = 0, finished = 0;
-  std::uint64_t samples_made = 0, samples_sent = 0, samples_acked = 0;
-  std::string trouble;  ///< of one that has any
-};
-
-/// Thread: the owner's; its own for the network.
+/// Thread: the owner's.
 class StationCrowd {
  public:
-  explicit StationCrowd(LoadShared& shared);
-  ~StationCrowd();
+  /// Two threads: one alone would make a thousand stations' frames in the time of one core, and be late with
+  /// them, while the machine's other core has time left.
+  explicit StationCrowd(LoadShared& shared, std::size_t threads = 2);
 
   /// Begins to connect them, so many a second.
   void connect(double per_s);
@@ -31,22 +23,15 @@ class StationCrowd {
   void endNow();
   void cut(std::size_t station);
   [[nodiscard]] CrowdState state();
-  /// After the end: how many samples each has made.
-  [[nodiscard]] std::vector<std::uint64_t> ticks();
-  /// After the end. The histograms may be read while it runs.
-  [[nodiscard]] const StationTotals& totals() const { return totals_; }
-  /// Closes all connections and ends the thread.
+  /// After stop(): how many samples each has made.
+  [[nodiscard]] std::vector<std::uint64_t> ticks() const;
+  [[nodiscard]] StationTotals totals();
+  /// Closes all connections and ends the threads.
   void stop();
 
  private:
-  Task<> connectAll(double per_s);
-  Task<> schedule();
-  LoadShared& shared_;
-  NetThread net_;  // destroyed last: stations have timers on it; stop() has ended its thread before
-  StationTotals totals_;
-  bool end_now_ = false, stopping_ = false;
-  std::vector<std::shared_ptr<LoadStation>> stations_;
-  std::vector<bool> ended_;
+  std::size_t stations_;
+  std::vector<std::unique_ptr<StationThread>> threads_;
 };
 
 }  // namespace needlelab::test

@@ -7,6 +7,7 @@
 #include "instructor_model/report.h"
 #include "lesson_gestures.h"
 #include "running_server.h"
+#include "upload_lesson.h"
 
 namespace needlelab {
 namespace {
@@ -26,31 +27,7 @@ class StoredGestureTest : public testing::Test {
 
   void SetUp() override {
     server_.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
-    auto station = server_.connect(stationLogin("bench-1", key_));
-    ASSERT_TRUE(station.ok()) << station.error().message;
-    const std::string& id = info_.description().session_id();
-    pb::Envelope envelope;
-    *envelope.mutable_open_session()->mutable_description() = info_.description();
-    ASSERT_TRUE(station->send(envelope).ok());
-    SessionHash hash;
-    std::uint64_t seq = 0;
-    for (std::size_t k = 0; k < samples_.size(); k += 500, ++seq) {
-      const Bytes data = encodeChunk(Resolution::standard(), std::span(samples_).subspan(k, 500));
-      hash.update(data);
-      pb::Envelope chunk;
-      chunk.mutable_chunk()->set_session_id(id);
-      chunk.mutable_chunk()->set_seq(seq);
-      chunk.mutable_chunk()->set_data(data.data(), data.size());
-      ASSERT_TRUE(station->send(chunk).ok());
-    }
-    const Digest digest = hash.digest();
-    pb::Envelope close;
-    close.mutable_close_session()->set_session_id(id);
-    close.mutable_close_session()->set_chunks(seq);
-    close.mutable_close_session()->set_samples(samples_.size());
-    close.mutable_close_session()->set_hash(digest.data(), digest.size());
-    ASSERT_TRUE(station->send(close).ok());
-    (void)waitFor(*station, [](const auto& e) { return e.has_session_closed(); });
+    ASSERT_NO_FATAL_FAILURE(uploadLesson(server_, key_, info_, samples_));
     auto instructor = server_.connect(personLogin("anna", "correct horse battery"));
     ASSERT_TRUE(instructor.ok());
     instructor_.emplace(std::move(*instructor));

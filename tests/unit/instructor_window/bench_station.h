@@ -1,5 +1,4 @@
-/// Stations as a server sees them, in threads of the test: lessons that are uploaded, or go on and are
-/// watched.
+/// Stations as a server sees them, in threads of the test: their lessons go on and are watched.
 #pragma once
 
 #include <atomic>
@@ -12,38 +11,6 @@
 #include "running_server.h"
 
 namespace needlelab::test {
-
-/// What a station would have sent of a lesson that is over.
-inline void uploadLesson(RunningServer& server, const std::string& key, const pb::SessionInfo& info,
-                         const std::vector<GestureSample>& samples) {
-  auto station = server.connect(stationLogin(info.description().station(), key));
-  ASSERT_TRUE(station.ok()) << station.error().message;
-  const std::string& id = info.description().session_id();
-  pb::Envelope open;
-  *open.mutable_open_session()->mutable_description() = info.description();
-  ASSERT_TRUE(station->send(open).ok());
-  SessionHash hash;
-  std::uint64_t seq = 0;
-  for (std::size_t k = 0; k < samples.size(); k += 500, ++seq) {
-    const Bytes data =
-        encodeChunk(Resolution::standard(),
-                    std::span(samples).subspan(k, std::min<std::size_t>(500, samples.size() - k)));
-    hash.update(data);
-    pb::Envelope chunk;
-    chunk.mutable_chunk()->set_session_id(id);
-    chunk.mutable_chunk()->set_seq(seq);
-    chunk.mutable_chunk()->set_data(data.data(), data.size());
-    ASSERT_TRUE(station->send(chunk).ok());
-  }
-  const Digest digest = hash.digest();
-  pb::Envelope close;
-  close.mutable_close_session()->set_session_id(id);
-  close.mutable_close_session()->set_chunks(seq);
-  close.mutable_close_session()->set_samples(samples.size());
-  close.mutable_close_session()->set_hash(digest.data(), digest.size());
-  ASSERT_TRUE(station->send(close).ok());
-  (void)waitFor(*station, [](const pb::Envelope& e) { return e.has_session_closed(); });
-}
 
 /// A station with a lesson that goes on, over and over the same hand; what an instructor says is kept.
 class BenchStation {

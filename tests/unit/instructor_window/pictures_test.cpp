@@ -1,5 +1,6 @@
 // Each screen beside a picture of it that was looked at.
 #include "pictures/picture_check.h"
+#include "upload_lesson.h"
 #include "window_lab.h"
 
 namespace needlelab {

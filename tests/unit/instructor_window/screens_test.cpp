@@ -2,6 +2,7 @@
 #include <GLFW/glfw3.h>
 
 #include "base/atomic_file.h"
+#include "upload_lesson.h"
 #include "window_lab.h"
 
 namespace needlelab {

@@ -171,20 +171,33 @@ TEST_F(PlotsTest, theMouseReadsSeeksAndZooms) {
 }
 
 TEST_F(PlotsTest, nothingOrNonsenseMakesAnEmptyPlot) {
+  const auto anyYellow = [&](const RgbaImage& picture) {
+    for (int x = static_cast<int>(field_.low_px.x); x < static_cast<int>(field_.high_px.x); ++x)
+      if (rowsOf(picture, x, kYellow).first >= 0) return true;
+    return false;
+  };
+  const std::vector<double> x = {5}, y = {1e300}, none;
   PlotSpec spec;
+  spec.legend = false;
   spec.from = spec.to = std::nan("");
-  drawn(spec, {});
-  spec.from = 5;
-  spec.to = 5;
-  std::vector<double> x = {5}, y = {1e300};
-  drawn(spec, {seriesThrough(x, y, kYellow), PlotSeries{}});
-  draw([&] {
+  const RgbaImage empty = drawn(spec, {});
+  EXPECT_GE(field_.high_px.x - field_.low_px.x, 400) << "the field is there";
+  EXPECT_FALSE(anyYellow(empty));
+  EXPECT_FALSE(anyYellow(drawn(spec, {seriesThrough(x, y, kYellow)})));
+  spec.from = spec.to = 5;
+  EXPECT_FALSE(anyYellow(drawn(spec, {seriesThrough(none, none, kYellow), PlotSeries{}})));
+  // where there is no room at all, nothing stands outside of it
+  const RgbaImage tiny = draw([&] {
     beginScreen("s");
     (void)linePlot("tiny", spec, {}, {5, 5});
     (void)plotStack("none", {}, {50, 50});
     sparkline({}, 0, 1, kYellow, {50, 10});
     endScreen();
   });
+  const unsigned ground = test::pixelAt(tiny, 590, 410);
+  for (int row = 100; row < 420; ++row)
+    for (int column = 100; column < 600; ++column)
+      ASSERT_EQ(test::pixelAt(tiny, column, row), ground) << column << ", " << row;
 }
 
 TEST_F(PlotsTest, gesturePlotsLookAsTheirReference) {

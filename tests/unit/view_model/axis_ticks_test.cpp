@@ -67,5 +67,22 @@ TEST(ClockText, roundsBeforeItSplits) {
   EXPECT_EQ(clockText(std::numeric_limits<double>::infinity()), "–:––");
 }
 
+TEST(AxisTicks, areNeverOneAloneThatTellsNoScale) {
+  for (const auto& [low, high] :
+       {std::pair{63.7, 65.9}, std::pair{2.5, 3.9}, std::pair{0.1, 1.9}, std::pair{-0.9, 0.9}})
+    for (const int wanted : {2, 3, 8}) {
+      const AxisTicks ticks = axisTicks(low, high, wanted, false);
+      EXPECT_GE(ticks.at.size(), 2u) << low << " to " << high << ", " << wanted;
+    }
+}
+
+TEST(AxisTicks, ofWhatIsCountedAreWhole) {
+  EXPECT_EQ(axisTicks(1, 2, 5, false, 1).at, (std::vector<double>{1, 2}));
+  EXPECT_EQ(axisTicks(1, 2, 5, false, 1).decimals, 0);
+  EXPECT_EQ(axisTicks(1, 3.001, 9, false, 1).at, (std::vector<double>{1, 2, 3}));
+  EXPECT_EQ(axisTicks(1.2, 1.8, 5, false, 1).at, std::vector<double>{});
+  EXPECT_EQ(axisTicks(1, 40, 4, false, 1).step, 10);
+}
+
 }  // namespace
 }  // namespace needlelab
