@@ -1,5 +1,5 @@
 # A build from nothing reads the same headers in every batch of files. With NEEDLELAB_UNITY they are read four times in
-# all: for programs and for tests (whose own code is compiled at -O1), each with the wire's headers and without.
+# all: for programs and for tests (whose own code is not optimised), each with the wire's headers and without.
 # `dev` and the fuzzers do without, so a missing #include shows there.
 #
 # needlelab_precompile(FOLDER ...): to be called after every target of the FOLDERs is known
