@@ -42,9 +42,9 @@ option(NEEDLELAB_UNITY "Compile the files of a target in batches" OFF)
 if(NEEDLELAB_UNITY)
   set(CMAKE_UNITY_BUILD ON)
   set(CMAKE_UNITY_BUILD_BATCH_SIZE 8)
-  # said of every coroutine's frame with a local type, once its file is included by a batch
-  target_compile_options(needlelab_warnings INTERFACE -Wno-subobject-linkage)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    # said of every coroutine's frame with a local type, once its file is included by a batch
+    target_compile_options(needlelab_warnings INTERFACE -Wno-subobject-linkage)
     # GCC 12 sees a string's own buffer overrun in operator+ of <string> (its bug 105651 and kin); that this is a system's
     # header it forgets when the header was precompiled
     target_compile_options(needlelab_warnings INTERFACE -Wno-array-bounds -Wno-stringop-overflow -Wno-stringop-overread)
