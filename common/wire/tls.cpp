@@ -7,7 +7,7 @@
 
 #include <openssl/err.h>
 #include <openssl/ssl.h>
-#include <openssl/x509_vfy.h>
+#include <openssl/x509v3.h>
 #include <boost/asio/ip/address.hpp>
 
 #if defined(__aarch64__)
@@ -76,6 +76,12 @@ Result<TlsContext> makeClientTls(const std::filesystem::path& ca) {
   boost::system::error_code error;
   (*context)->load_verify_file(ca.string(), error);
   if (error) return fileError("the CA's certificate", ca, error);
+  // OpenSSL takes a certificate's extensions apart when it first needs them: now, before threads share it
+  const STACK_OF(X509_OBJECT)* const known =
+      X509_STORE_get0_objects(SSL_CTX_get_cert_store((*context)->native_handle()));
+  for (int i = 0; i < sk_X509_OBJECT_num(known); ++i)
+    if (X509* const certificate = X509_OBJECT_get0_X509(sk_X509_OBJECT_value(known, i)))
+      X509_check_purpose(certificate, -1, 0);
   (*context)->set_verify_mode(asio::ssl::verify_peer | asio::ssl::verify_fail_if_no_peer_cert, error);
   if (error) return fileError("the CA's certificate", ca, error);
   return context;
