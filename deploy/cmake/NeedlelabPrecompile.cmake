@@ -1,6 +1,6 @@
 # A build from nothing reads the same headers in every batch of files. With NEEDLELAB_UNITY they are read four times in
 # all: for programs and for tests (whose own code is not optimised), each with the wire's headers and without.
-# `dev` and the fuzzers do without, so a missing #include shows there.
+# `dev` does without, so a missing #include shows there; so do the fuzzers, as what is passed here is GCC's.
 #
 # needlelab_precompile(FOLDER ...): to be called after every target of the FOLDERs is known
 

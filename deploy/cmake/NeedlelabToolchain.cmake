@@ -37,7 +37,7 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
 endif()
 
 # A whole build from nothing takes a third of the time when a target's files are compiled in batches; an incremental one
-# does not. So the presets that test a fresh checkout say ON, and `dev` and the fuzzers, which stay OFF, show a missing #include.
+# does not. So the presets that test a fresh checkout say ON, and `dev`, which stays OFF, shows a missing #include.
 option(NEEDLELAB_UNITY "Compile the files of a target in batches" OFF)
 if(NEEDLELAB_UNITY)
   set(CMAKE_UNITY_BUILD ON)
