@@ -104,7 +104,8 @@ Result<std::uint64_t> SpoolFile::scan(const std::function<bool(const SpoolRecord
   }
 }
 
-Result<bool> SpoolFile::hasRecordBehind(std::uint64_t offset) const {
+Result<bool> SpoolFile::anyBehind(std::uint64_t offset,
+                                  const std::function<bool(const SpoolRecord&)>& is) const {
   Bytes block(64 * 1024), data;
   SpoolRecord record;
   std::uint64_t at = offset + 1;
@@ -116,7 +117,7 @@ Result<bool> SpoolFile::hasRecordBehind(std::uint64_t offset) const {
     for (std::size_t i = 0; i + sizeof kMagic <= *got; ++i) {
       if (std::memcmp(block.data() + i, &kMagic, sizeof kMagic) != 0) continue;
       auto good = readRecord(at + i, record, data);
-      if (!good.ok() || *good) return good;
+      if (!good.ok() || (*good && is(record))) return good;
     }
     at += *got - (sizeof kMagic - 1);
   }

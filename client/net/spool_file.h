@@ -3,7 +3,8 @@
 ///
 /// Record (little-endian): magic "NLS1" (4), bytes of data (4), seq (8), part (4), CRC-32C (4) over the 16
 /// bytes before it (without the magic) and the data, then the data. In the file `chunks` seq counts from 0
-/// and part is 0; in the file `tail` seq is that of the chunk to be, and part counts its pieces from 0.
+/// and part says how many chunks were surely on disk when this one was written; in the file `tail` seq is
+/// that of the chunk to be, and part counts its pieces from 0.
 #pragma once
 
 #include <cstdint>
@@ -44,9 +45,9 @@ class SpoolFile {
   /// cannot be read.
   Result<std::uint64_t> scan(const std::function<bool(const SpoolRecord&)>& visit) const;
 
-  /// Whether a good record begins anywhere behind `offset`: then what stands at `offset` is damage, not a
-  /// torn end.
-  [[nodiscard]] Result<bool> hasRecordBehind(std::uint64_t offset) const;
+  /// Whether any good record that begins behind `offset` is as asked. Errors: kUnavailable.
+  [[nodiscard]] Result<bool> anyBehind(std::uint64_t offset,
+                                       const std::function<bool(const SpoolRecord&)>& is) const;
 
   /// Appends a record (at most kMaxSpoolRecord bytes). When the disk refuses, the file is as it was:
   /// kUnavailable.

@@ -199,8 +199,10 @@ Status SpoolSession::loadChunks() {
     ended_ = false;
   }
   if (!ended_) {
-    // good records behind a bad one: that is damage and no torn end; the file is kept as it is found
-    auto damaged = chunks_.hasRecordBehind(*good_end);
+    // A bad record is a torn end, even with good ones behind it (a power cut keeps what it likes of what was
+    // not synced), unless one of those knew it to be on disk: that is damage; the file is kept as it is found
+    auto damaged = chunks_.anyBehind(
+        *good_end, [&](const SpoolRecord& record) { return record.part > entries_.size(); });
     if (!damaged.ok()) return damaged.error();
     if (*damaged)
       if (auto kept = keepDamaged(); !kept.ok()) return kept;
@@ -264,12 +266,14 @@ Status SpoolSession::appendPiece(std::uint64_t seq, ByteView piece) {
 
 Status SpoolSession::appendChunk(ByteView chunk, std::uint64_t samples) {
   const std::uint64_t offset = chunks_.size();
-  std::uint64_t seq = 0;
+  std::uint64_t seq = 0, synced = 0;
   {
     const std::scoped_lock lock(mutex_);
     seq = entries_.size();
+    synced = synced_;
   }
-  if (auto status = chunks_.append(seq, 0, chunk); !status.ok()) return status;
+  if (auto status = chunks_.append(seq, static_cast<std::uint32_t>(synced), chunk); !status.ok())
+    return status;
   hash_.update(chunk);
   const std::scoped_lock lock(mutex_);
   addEntry(offset, samples, chunk.size());

@@ -192,12 +192,17 @@ TEST(Spool, aTailWhoseChunkIsAlreadyThereIsNotDoubled) {
   EXPECT_EQ(found.samples.size(), 100u);
 }
 
-// three chunks of 100 samples, on disk; the program ended the session, or died without a word. The session's
-// folder.
-fs::path sessionOfThreeChunks(const fs::path& folder, bool ended) {
+// three chunks of 100 samples, synced one by one or all at last; the program ended the session, or died
+// without a word. The session's folder.
+fs::path sessionOfThreeChunks(const fs::path& folder, bool ended, bool synced_each = true) {
   auto spool = opened(folder);
   auto made = *spool->create(describeSession(makeUuidV7()));
-  for (std::uint64_t k = 0; k < 3; ++k) EXPECT_TRUE(made->appendChunk(coded(100 * k, 100), 100).ok());
+  for (std::uint64_t k = 0; k < 3; ++k) {
+    EXPECT_TRUE(made->appendChunk(coded(100 * k, 100), 100).ok());
+    if (synced_each) {
+      EXPECT_TRUE(made->sync().ok());
+    }
+  }
   EXPECT_TRUE(made->sync().ok());
   if (ended) {
     EXPECT_TRUE(made->end(false).ok());
@@ -247,6 +252,20 @@ TEST(Spool, damageInTheMiddleOfASessionThatDidNotEndKeepsTheFileATornEndDoesNot)
       EXPECT_EQ(*readWholeFile(session / "chunks.damaged"), text);
     }
   }
+}
+
+TEST(Spool, aGapInWhatWasNotSyncedIsATornEndAndNoDamage) {
+  // a power cut took the first sectors of what was in flight and kept later ones
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), false, false);
+  auto text = *readWholeFile(session / "chunks");
+  text[text.size() / 2] = static_cast<char>(~text[text.size() / 2]);
+  std::ofstream(session / "chunks", std::ios::binary) << text;
+  EXPECT_THAT((*Spool::open(folder.path()))->notes(), testing::Not(testing::Contains(HasSubstr("damaged"))));
+  EXPECT_FALSE(fs::exists(session / "chunks.damaged"));
+  const Recovered found = recover(folder.path());
+  EXPECT_TRUE(found.contents.interrupted);
+  EXPECT_EQ(found.samples.size(), 100u);
 }
 
 TEST(Spool, damagedChunksAreNotCutOffWhileNoCopyCanBeKept) {
