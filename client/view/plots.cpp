@@ -14,9 +14,18 @@ namespace needlelab {
 namespace {
 
 /// What a plot remembers from frame to frame: its range of y, so that it grows at once and shrinks calmly.
+/// It holds for the stretch of x that was shown: a jump elsewhere or another zoom begins anew.
 struct PlotMemory {
   double low = 0, high = 0;
   bool known = false;
+  double from = 0, to = 0;  ///< x of the last frame
+
+  void show(double new_from, double new_to) {
+    const double span = to - from, new_span = new_to - new_from;
+    if (new_from >= to || new_to <= from || new_span > 1.5 * span || span > 1.5 * new_span) known = false;
+    from = new_from;
+    to = new_to;
+  }
 };
 
 PlotMemory& memoryOf(ImGuiID id) {
@@ -53,7 +62,9 @@ AxisTicks rangeOf(const PlotSpec& spec, PlotRange data, PlotMemory& memory, floa
   const double low = data.low == 0 ? 0 : std::floor((data.low - air) / quarter) * quarter;
   const double high = data.high == 0 ? 0 : std::ceil((data.high + air) / quarter) * quarter;
   AxisTicks ticks = axisTicks(spec.low.value_or(low), spec.high.value_or(high), wanted, false);
-  memory = {ticks.low, ticks.high, true};
+  memory.low = ticks.low;
+  memory.high = ticks.high;
+  memory.known = true;
   return ticks;
 }
 
@@ -183,7 +194,9 @@ PlotResult linePlot(const char* id, const PlotSpec& spec, std::span<const PlotSe
       data.take(static_cast<double>(column.max));
     }
   }
-  frame.y = rangeOf(spec, data, memoryOf(ImGui::GetID("memory")), frame.high_px.y - frame.low_px.y);
+  PlotMemory& memory = memoryOf(ImGui::GetID("memory"));
+  memory.show(frame.from, frame.to);
+  frame.y = rangeOf(spec, data, memory, frame.high_px.y - frame.low_px.y);
   const PlotResult result = mouseOn(frame);
 
   ImDrawList& list = *ImGui::GetWindowDrawList();
