@@ -1,6 +1,7 @@
 // What a peer sends: frames, the envelope in them, and whether it may come now.
 #include <array>
 
+#include "quiet_protobuf.h"
 #include "server/rules.h"
 #include "service/roles.h"
 #include "target.h"

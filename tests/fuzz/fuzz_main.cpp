@@ -6,25 +6,28 @@
 #include "target.h"
 
 namespace {
-const needlelab::fuzz::Target& target() {
-  static const auto& found =
-      *std::find_if(std::begin(needlelab::fuzz::kTargets), std::end(needlelab::fuzz::kTargets),
-                    [](const auto& t) { return t.name == NEEDLELAB_FUZZ_TARGET; });
-  return found;
-}
+// chosen when it is compiled: only this target's code is linked, and libFuzzer looks at its counters alone
+constexpr needlelab::fuzz::Target kTarget =
+    *std::find_if(std::begin(needlelab::fuzz::kTargets), std::end(needlelab::fuzz::kTargets),
+                  [](const auto& t) { return t.name == NEEDLELAB_FUZZ_TARGET; });
 }  // namespace
 
 extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t max_size);
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  target().run({data, size});
+  kTarget.run({data, size});
   return 0;
 }
 
 extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::size_t max_size,
                                                unsigned seed) {
-  const std::size_t count = LLVMFuzzerMutate(data, size, max_size);
-  // one in eight keeps its broken check: that path is code, too
-  if (target().repair != nullptr && seed % 8 != 0) target().repair({data, count});
+  if (kTarget.mutate != nullptr && seed % 2 == 0)
+    if (const std::size_t count = kTarget.mutate({data, max_size}, size, seed); count > 0) return count;
+  std::size_t count = LLVMFuzzerMutate(data, size, max_size);
+  if (kTarget.repair == nullptr) return count;
+  // one in eight keeps its broken check: that path is code, too. One in 16 ends anywhere, as crashes leave it
+  if (seed % 8 == 0) return count;
+  if (seed / 8 % 16 == 0) count = 1 + seed / 128 % count;
+  kTarget.repair({data, count}, seed >> 24);
   return count;
 }

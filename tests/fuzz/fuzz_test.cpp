@@ -40,9 +40,11 @@ TEST_P(Replay, corpusAndFindingsPass) {
     std::fprintf(stderr, "%s\n", file.c_str());
     GetParam().run(viewOf(*bytes));
     if (GetParam().repair == nullptr) continue;
-    Bytes mended(bytes->begin(), bytes->end());
-    GetParam().repair(mended);
-    GetParam().run(mended);
+    for (const unsigned how : {0u, 1u, 2u, 3u}) {
+      Bytes mended(bytes->begin(), bytes->end());
+      GetParam().repair(mended, how);
+      GetParam().run(mended);
+    }
   }
 }
 

@@ -10,6 +10,7 @@
 #include "http/web_parser.h"
 #include "http/web_session.h"
 #include "profile/strict_json.h"
+#include "quiet_protobuf.h"
 #include "service/roles.h"
 #include "target.h"
 

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "gesture/chunk.h"
+#include "quiet_protobuf.h"
 #include "server/hub.h"
 #include "target.h"
 #include "wire/live_splice.h"
@@ -31,31 +32,25 @@ class Peer : public HubPeer {
   }
 };
 
-/// An operation: kind, who, number, length of its data (u16), data.
-struct Operation {
-  unsigned kind = 0, who = 0, number = 0;
-  std::size_t at = 0, count = 0;
-};
+constexpr std::size_t kMostOperations = 200;
 
-template <typename Visit>
-void forEachOperation(ByteView data, Visit visit) {
-  std::size_t at = 0;
-  for (int n = 0; n < 200 && at + 5 <= data.size(); ++n) {
-    std::uint16_t length = 0;
-    std::memcpy(&length, data.data() + at + 3, 2);
-    const Operation operation{data[at] % 10u, data[at + 1] % 3u, data[at + 2], at + 5,
-                              std::min<std::size_t>(length, data.size() - at - 5)};
-    visit(operation);
-    at = operation.at + operation.count;
-  }
-}
+/// An operation: a part of the input with kind, who, number, data.
+template <typename Byte>
+struct Operation {
+  explicit Operation(std::span<Byte> part)
+      : kind(part[0] % 10u), who(part[1] % 3u), number(part[2]), data(part.subspan(3)) {}
+  unsigned kind, who, number;
+  std::span<Byte> data;
+};
 
 }  // namespace
 
-void repairLive(std::span<std::uint8_t> data) {
-  forEachOperation(data, [&](const Operation& op) {
-    if (op.kind == 3) repairChunk(data.subspan(op.at, op.count));
-  });
+void repairLive(std::span<std::uint8_t> data, unsigned how) {
+  for (const auto part : partsOf(data, kMostOperations)) {
+    if (part.size() < 3) continue;
+    const Operation op(part);
+    if (op.kind == 3) repairChunk(op.data, how);
+  }
 }
 
 void live(ByteView data) {
@@ -64,8 +59,10 @@ void live(ByteView data) {
   const std::array<std::string, 3> sessions = {std::string(16, 'a'), std::string(16, 'b'), ""};
   Hub hub;
   std::int64_t now_ns = 1'000'000'000;
-  forEachOperation(data, [&](const Operation& op) {
-    const ByteView rest = data.subspan(op.at, op.count);
+  for (const ByteView part : partsOf(data, kMostOperations)) {
+    if (part.size() < 3) continue;
+    const Operation op(part);
+    const ByteView rest = op.data;
     const std::string& name = names[op.who];
     now_ns += 20'000'000;
     switch (op.kind) {
@@ -136,7 +133,7 @@ void live(ByteView data) {
       }
     }
     require(hub.stationsOnline() <= 3, "no more stations than there are");
-  });
+  }
   for (std::size_t i = 0; i < 3; ++i) {
     hub.detachStation(names[i], stations[i]);
     hub.detachViewer(viewers[i]);

@@ -105,10 +105,10 @@ std::string wire(const google::protobuf::Message& message) {
 
 void put(Bytes& out, std::uint8_t kind, std::uint8_t who, std::uint8_t number, ByteView data) {
   ByteWriter writer(out);
+  if (!out.empty()) writer.put(viewOf(fuzz::kPartMark));
   writer.put(kind);
   writer.put(who);
   writer.put(number);
-  writer.put(static_cast<std::uint16_t>(data.size()));
   writer.put(data);
 }
 
@@ -148,6 +148,11 @@ void lives(const fs::path& folder) {
   put(as_bytes, 4, 0, 0, viewOf(wire(full)));
   put(as_bytes, 9, 0, 0, viewOf(wire(passed_on)));
   save(folder / "passed_on", as_bytes);
+  // of a station that has counted for long: the same, twice
+  passed_on.mutable_live_frame()->set_frame_seq(2'000'000'000);
+  put(as_bytes, 9, 0, 0, viewOf(wire(passed_on)));
+  put(as_bytes, 9, 0, 0, viewOf(wire(passed_on)));
+  save(folder / "counted_for_long", as_bytes);
   Bytes by_session;
   put(by_session, 4, 0, 128, viewOf(wire(slow)));
   put(by_session, 0, 1, 0, {});
@@ -181,7 +186,7 @@ bool spools(const fs::path& folder) {
           session / "acked.json", session / "lost", where / "lessons/practice.json"}) {
       const auto text = fs::exists(file) ? readWholeFile(file) : Result<std::string>(std::string());
       ByteWriter writer(out);
-      writer.put(static_cast<std::uint16_t>(text->size()));
+      if (!out.empty()) writer.put(viewOf(fuzz::kPartMark));
       writer.put(viewOf(*text));
     }
     save(folder / name, out);
@@ -210,6 +215,13 @@ int main(int argc, char** argv) {
   if (argc != 2) return 2;
   const fs::path folder = argv[1];
   frames(folder / "envelope");
+  // a second of a hand at rest, as a station sends it
+  std::vector<GestureSample> still(1000);
+  for (std::size_t i = 0; i < still.size(); ++i) {
+    still[i].tick = i;
+    still[i].time_ns = static_cast<std::int64_t>(i) * 1'000'000;
+  }
+  save(folder / "chunk/second_at_rest", encodeChunk(Resolution::standard(), still));
   lives(folder / "live");
   if (!spools(folder / "spool")) return 1;
   save(folder / "trajectory/two_rows",

@@ -19,7 +19,7 @@ void putCrc(std::span<std::uint8_t> at, ByteView of) {
 }  // namespace
 
 // written from FORMAT.md, not from the reader's code
-void repairRecording(std::span<std::uint8_t> data) {
+void repairRecording(std::span<std::uint8_t> data, unsigned how) {
   if (data.size() < 16) return;
   putCrc(data.subspan(12, 4), ByteView(data).first(12));
   std::size_t at = 16;
@@ -29,7 +29,7 @@ void repairRecording(std::span<std::uint8_t> data) {
     std::memcpy(&length, data.data() + at + 8, 4);
     if (length > data.size() - at - 20) return;
     const auto content = data.subspan(at + 16, length);
-    if (data[at + 4] == 2) repairChunk(content);
+    if (data[at + 4] == 2) repairChunk(content, how);
     putCrc(data.subspan(at + 16 + length, 4), content);
     at += 20 + length;
   }
@@ -50,7 +50,7 @@ void recording(ByteView data) {
     const auto& entry = reader->entries()[i];
     if (kPlanted && entry.offset > 16) {
       // the fault: an offset from the file is not checked
-      samples += data.data()[entry.offset + entry.bytes + 20];
+      samples += surely(data.data()[entry.offset + entry.bytes + 20]);
     }
     const auto bytes = reader->chunkBytes(i);
     const auto some = reader->samples(i);

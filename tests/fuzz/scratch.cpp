@@ -1,5 +1,6 @@
 #include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 
 #include "target.h"
@@ -28,6 +29,25 @@ struct Folder {
 };
 
 }  // namespace
+
+std::vector<std::span<std::uint8_t>> partsOf(std::span<std::uint8_t> data, std::size_t most) {
+  std::vector<std::span<std::uint8_t>> parts;
+  auto from = data.begin();
+  while (parts.size() < most) {
+    const auto mark = std::search(from, data.end(), kPartMark.begin(), kPartMark.end(),
+                                  [](std::uint8_t a, char b) { return a == static_cast<std::uint8_t>(b); });
+    parts.emplace_back(from, mark);
+    if (mark == data.end()) break;
+    from = mark + kPartMark.size();
+  }
+  return parts;
+}
+
+std::vector<ByteView> partsOf(ByteView data, std::size_t most) {
+  // only looked at here: the views given are of constant bytes again
+  const auto parts = partsOf(std::span(const_cast<std::uint8_t*>(data.data()), data.size()), most);
+  return {parts.begin(), parts.end()};
+}
 
 const std::filesystem::path& scratchFolder() {
   static const Folder folder;

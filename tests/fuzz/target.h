@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "base/bytes.h"
 
@@ -15,13 +16,19 @@ namespace needlelab::fuzz {
 
 /// Takes any bytes; a fault is a crash, a sanitizer's report or a failed `require`.
 using Run = void (*)(ByteView data);
-/// Mends the checks (CRC) of bytes that the fuzzer has changed, so that it gets behind them. Same size.
-using Repair = void (*)(std::span<std::uint8_t> data);
+/// Mends the checks (CRC) of bytes that the fuzzer has changed, so that it gets behind them. Same size. `how`
+/// is random: its low bits say what is mended beside, or left to contradict itself.
+using Repair = void (*)(std::span<std::uint8_t> data, unsigned how);
+
+/// Changes the first `size` bytes of `room` in the manner of their format; the new size, 0 when they are none
+/// of it. `seed` alone decides.
+using Mutate = std::size_t (*)(std::span<std::uint8_t> room, std::size_t size, unsigned seed);
 
 struct Target {
   std::string_view name;
   Run run = nullptr;
   Repair repair = nullptr;  ///< none: nothing to mend
+  Mutate mutate = nullptr;  ///< none: libFuzzer's mutations of bytes alone; else half of the time
 };
 
 void envelope(ByteView data);
@@ -35,17 +42,18 @@ void trajectory(ByteView data);
 void address(ByteView data);
 void http(ByteView data);
 
-void repairChunk(std::span<std::uint8_t> data);
-void repairRecording(std::span<std::uint8_t> data);
-void repairSpool(std::span<std::uint8_t> data);
-void repairLive(std::span<std::uint8_t> data);
+void repairChunk(std::span<std::uint8_t> data, unsigned how);
+void repairRecording(std::span<std::uint8_t> data, unsigned how);
+void repairSpool(std::span<std::uint8_t> data, unsigned how);
+void repairLive(std::span<std::uint8_t> data, unsigned how);
+std::size_t mutateJson(std::span<std::uint8_t> room, std::size_t size, unsigned seed);
 
 inline constexpr Target kTargets[] = {
     {"envelope", envelope, nullptr},
     {"chunk", chunk, repairChunk},
     {"recording", recording, repairRecording},
-    {"profile", profile, nullptr},
-    {"curriculum", curriculum, nullptr},
+    {"profile", profile, nullptr, mutateJson},
+    {"curriculum", curriculum, nullptr, mutateJson},
     {"spool", spool, repairSpool},
     {"live", live, repairLive},
     {"trajectory", trajectory, nullptr},
@@ -60,12 +68,26 @@ inline constexpr bool kPlanted = true;
 inline constexpr bool kPlanted = false;
 #endif
 
+/// What a planted fault reads and writes goes through this: the optimiser would leave out what nobody uses,
+/// and with it the fault.
+template <typename T>
+volatile T& surely(T& place) {
+  return place;
+}
+
 /// What must hold whatever the bytes are.
 inline void require(bool holds, const char* what) {
   if (holds) return;
   std::fprintf(stderr, "fuzz: does not hold: %s\n", what);
   std::abort();
 }
+
+/// Between the parts of an input that has several (files, operations). No lengths: a part that grows or
+/// shrinks leaves the others what they were.
+inline constexpr std::string_view kPartMark = "\x1E\xA7|";
+/// The parts, at most `most`; what is behind is left out. Views into `data`.
+std::vector<std::span<std::uint8_t>> partsOf(std::span<std::uint8_t> data, std::size_t most);
+std::vector<ByteView> partsOf(ByteView data, std::size_t most);
 
 /// A folder of this process' own in memory (or under /tmp), emptied by the caller, removed at the end.
 const std::filesystem::path& scratchFolder();

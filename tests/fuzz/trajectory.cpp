@@ -15,10 +15,9 @@ void trajectory(ByteView data) {
   require(!track->t_s.empty() && track->t_s.size() == track->X_WH.size(), "columns have one length");
   require(track->plunger.empty() || track->plunger.size() == track->t_s.size(), "the plunger's too");
   if (kPlanted) {
-    // the fault: the last row is believed to be followed by another
-    double sum = 0;
-    for (std::size_t i = 0; i < track->t_s.size(); ++i) sum += track->t_s.data()[i + 1];
-    require(sum == sum, "times are numbers");
+    // the fault: a time in tenths of a second is an index
+    static std::array<int, 64> seen{};
+    for (const double t_s : track->t_s) surely(seen.data()[static_cast<int>(t_s * 10)]) = 1;
   }
   if (track->t_s.back() - track->t_s.front() > 10) return;  // resampling it is only long
   const auto poses = resamplePoses(*track, 1000);
