@@ -154,7 +154,8 @@ void SpoolWriter::noteLoss() {
         "samples are LOST from now on: the spool's disk has refused them for longer than memory lasts. "
         "The force goes on; make room on that disk");
   loss_noted_ = loss;
-  noteDisk(session_->setLoss(loss));
+  // it has its room from the beginning: that it could be written says nothing of the room for samples
+  if (const Status status = session_->setLoss(loss); !status.ok()) noteDisk(status);
 }
 
 void SpoolWriter::makeChunk() {
