@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """What deploy/run_ctest says of tests that pass, fail, crash, hang, are skipped, and its exit code."""
+import os
 import pathlib
 import subprocess
 import sys
@@ -9,12 +10,13 @@ import unittest
 RUN_CTEST = sys.argv.pop(1)
 
 
-def run(*tests):
-    """Exit code and lines of run_ctest on tests given as lines of a CTestTestfile.cmake."""
+def run(*tests, stat="/dev/null"):
+    """Exit code and lines of run_ctest on tests given as lines of a CTestTestfile.cmake; `stat` stands for /proc/stat."""
     with tempfile.TemporaryDirectory(prefix="needlelab-run-ctest-") as folder:
         pathlib.Path(folder, "CTestTestfile.cmake").write_text("\n".join(tests), encoding="utf-8")
         done = subprocess.run([RUN_CTEST, folder, "--test-dir", folder, "--output-on-failure", "-j", "4"],
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", check=False)
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", check=False,
+                              env={**os.environ, "NEEDLELAB_PROC_STAT": str(stat)})
     return done.returncode, done.stdout.splitlines()
 
 
@@ -101,6 +103,38 @@ class RunCtest(unittest.TestCase):
         code, lines = run("add_test(bad false)", "set_tests_properties(bad PROPERTIES LABELS net)")
         self.assertEqual(code, 8, lines)
         self.assertIn("==== second run, alone: bad", lines)
+
+    def while_the_host_steals(self, words, properties, count=1):
+        """Runs `count` tests that each time add an hour to what was stolen and then do as `words` (shell) say."""
+        with tempfile.TemporaryDirectory() as folder:
+            stat = pathlib.Path(folder, "stat")
+            stat.write_text("cpu 1 2 3 4 5 6 7 0 0 0\n", encoding="ascii")
+            script = pathlib.Path(folder, "late.sh")
+            script.write_text(f"cat $0.$1 2>/dev/null; echo run >> $0.$1\n"
+                              f"n=$(cat $0.* | wc -l); echo cpu 1 2 3 4 5 6 7 $((360000 * n)) 0 0 > {stat}\n{words}\n",
+                              encoding="ascii")
+            tests = [f"add_test(late{i} sh {script} {i})" for i in range(count)]
+            tests += [f"set_tests_properties(late{i} PROPERTIES {properties})" for i in range(count)]
+            return run(*passing(2), *tests, stat=stat)
+
+    def test_while_the_host_takes_the_cores_a_run_that_fails_does_not_count(self):
+        third = 'test "$(wc -l < $0.$1)" -ge 3'
+        code, lines = self.while_the_host_steals(third, "LABELS net")
+        self.assertEqual(code, 0, lines)
+        self.assertIn("==== once more, alone: late0", lines)
+        code, lines = self.while_the_host_steals('test "$(wc -l < $0.$1)" -ge 2', "LABELS net", count=7)
+        self.assertEqual(code, 0, lines)
+        self.assertTrue(lines[-1].startswith("7 of 7 passed in a second run, alone: "), lines[-1])
+
+    def test_without_a_calm_run_only_what_runs_alone_is_not_judged(self):
+        code, lines = self.while_the_host_steals("false", "RUN_SERIAL ON")
+        self.assertEqual(code, 0, lines)
+        self.assertEqual(lines[-1], "NOT JUDGED, the host took the cores away in each of 4 runs: late0")
+        code, lines = self.while_the_host_steals("false", "LABELS net")
+        self.assertEqual(code, 8, lines)
+        code, lines = self.while_the_host_steals('echo "runtime error: x"; false', "RUN_SERIAL ON")
+        self.assertEqual(code, 8, lines)
+        self.assertNotIn("second run", "\n".join(lines))
 
     def test_no_tests_and_wrong_arguments_keep_ctests_exit_code(self):
         with tempfile.TemporaryDirectory(prefix="needlelab-run-ctest-") as folder:
