@@ -10,13 +10,14 @@ import unittest
 RUN_CTEST = sys.argv.pop(1)
 
 
-def run(*tests, stat="/dev/null"):
-    """Exit code and lines of run_ctest on tests given as lines of a CTestTestfile.cmake; `stat` stands for /proc/stat."""
+def run(*tests, stat="/dev/null", wake_us=15):
+    """Exit code and lines of run_ctest on tests given as lines of a CTestTestfile.cmake. `stat` stands for /proc/stat, and
+    `wake_us` for what is measured."""
     with tempfile.TemporaryDirectory(prefix="needlelab-run-ctest-") as folder:
         pathlib.Path(folder, "CTestTestfile.cmake").write_text("\n".join(tests), encoding="utf-8")
         done = subprocess.run([RUN_CTEST, folder, "--test-dir", folder, "--output-on-failure", "-j", "4"],
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", check=False,
-                              env={**os.environ, "NEEDLELAB_PROC_STAT": str(stat)})
+                              env={**os.environ, "NEEDLELAB_PROC_STAT": str(stat), "NEEDLELAB_WAKE_US": str(wake_us)})
     return done.returncode, done.stdout.splitlines()
 
 
@@ -129,12 +130,20 @@ class RunCtest(unittest.TestCase):
     def test_without_a_calm_run_only_what_runs_alone_is_not_judged(self):
         code, lines = self.while_the_host_steals("false", "RUN_SERIAL ON")
         self.assertEqual(code, 0, lines)
-        self.assertEqual(lines[-1], "NOT JUDGED, the host took the cores away in each of 4 runs: late0")
+        self.assertEqual(lines[-1], "NOT JUDGED, this machine kept no real time in any of 4 runs: late0")
         code, lines = self.while_the_host_steals("false", "LABELS net")
         self.assertEqual(code, 8, lines)
         code, lines = self.while_the_host_steals('echo "runtime error: x"; false', "RUN_SERIAL ON")
         self.assertEqual(code, 8, lines)
         self.assertNotIn("second run", "\n".join(lines))
+
+    def test_slow_wake_ups_are_unfair_too(self):
+        bad = ["add_test(bad false)", "set_tests_properties(bad PROPERTIES RUN_SERIAL ON)"]
+        code, lines = run(*bad, wake_us=90)
+        self.assertEqual((code, lines[-1]), (0, "NOT JUDGED, this machine kept no real time in any of 4 runs: bad"))
+        self.assertIn("meanwhile waking a thread and being woken took 90 µs: that was no fair run", lines)
+        code, lines = run(*bad, wake_us=50)
+        self.assertEqual(code, 8, lines)
 
     def test_no_tests_and_wrong_arguments_keep_ctests_exit_code(self):
         with tempfile.TemporaryDirectory(prefix="needlelab-run-ctest-") as folder:
