@@ -11,8 +11,8 @@
 #include <string>
 #include <string_view>
 
-#include "base/atomic_file.h"
-#include "base/disk_words.h"
+#include "common/base/atomic_file.h"
+#include "common/base/disk_words.h"
 #include "db/cancel_scope.h"
 #include "db/check.h"
 #include "db/meta_store.h"

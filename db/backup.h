@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
-#include "base/uuid.h"
+#include "common/base/result.h"
+#include "common/base/uuid.h"
 #include "db/connection.h"
 
 namespace needlelab {

@@ -8,8 +8,8 @@
 #include <cstring>
 #include <utility>
 
-#include "base/disk_words.h"
-#include "base/planted_bug.h"
+#include "common/base/disk_words.h"
+#include "common/base/planted_bug.h"
 
 namespace needlelab {
 namespace {

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <unordered_map>
 
-#include "base/result.h"
+#include "common/base/result.h"
 #include "db/statement.h"
 
 namespace needlelab {

@@ -4,7 +4,7 @@
 #include <future>
 #include <utility>
 
-#include "base/planted_bug.h"
+#include "common/base/planted_bug.h"
 #include "db/transaction.h"
 
 namespace needlelab {

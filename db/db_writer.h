@@ -13,8 +13,8 @@
 #include <thread>
 #include <vector>
 
-#include "base/histogram.h"
-#include "base/result.h"
+#include "common/base/histogram.h"
+#include "common/base/result.h"
 #include "db/connection.h"
 
 namespace needlelab {

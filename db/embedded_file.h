@@ -1,9 +1,9 @@
-/// Text files that were put into the binary at build time (embed.cmake).
+/// Text files that were put into the binary at build time (deploy/cmake/NeedlelabEmbed.cmake).
 #pragma once
 
 #include <span>
 
-#include "base/embedded_file.h"
+#include "common/base/embedded_file.h"
 
 namespace needlelab {
 

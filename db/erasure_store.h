@@ -10,8 +10,8 @@
 #include <string_view>
 #include <vector>
 
-#include "base/result.h"
-#include "base/uuid.h"
+#include "common/base/result.h"
+#include "common/base/uuid.h"
 #include "db/connection.h"
 #include "db/erasure_names.h"
 #include "db/pseudonym.h"

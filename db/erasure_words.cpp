@@ -3,7 +3,7 @@
 #include <charconv>
 #include <sstream>
 
-#include "base/atomic_file.h"
+#include "common/base/atomic_file.h"
 #include "db/erasure_store.h"
 #include "db/revision.h"
 

@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "base/result.h"
-#include "base/uuid.h"
+#include "common/base/result.h"
+#include "common/base/uuid.h"
 #include "db/connection.h"
 #include "needlelab/event.pb.h"
 

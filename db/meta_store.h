@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "base/result.h"
+#include "common/base/result.h"
 #include "db/connection.h"
 
 namespace needlelab {

@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "base/result.h"
+#include "common/base/result.h"
 #include "db/connection.h"
 #include "db/embedded_file.h"
 

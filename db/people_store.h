@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/result.h"
+#include "common/base/result.h"
 #include "db/connection.h"
 #include "needlelab/types.pb.h"
 

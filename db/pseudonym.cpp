@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <mutex>
 
-#include "base/atomic_file.h"
-#include "base/bytes.h"
+#include "common/base/atomic_file.h"
+#include "common/base/bytes.h"
 
 namespace needlelab {
 namespace {

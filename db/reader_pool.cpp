@@ -1,6 +1,6 @@
 #include "db/reader_pool.h"
 
-#include "base/planted_bug.h"
+#include "common/base/planted_bug.h"
 
 namespace needlelab {
 

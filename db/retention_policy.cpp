@@ -3,7 +3,7 @@
 #include <cmath>
 #include <map>
 
-#include "base/text_rules.h"
+#include "common/base/text_rules.h"
 #include "db/retention_store.h"
 #include "db/session_row.h"
 

@@ -1,10 +1,10 @@
 // The steps by which a recording is thinned or deleted. Each is one transaction of the writer.
 #include "db/retention_store.h"
 
+#include "common/gesture/chunk.h"
+#include "common/gesture/thinning.h"
 #include "db/audit_store.h"
 #include "db/session_row.h"
-#include "gesture/chunk.h"
-#include "gesture/thinning.h"
 
 namespace needlelab {
 namespace {

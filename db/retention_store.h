@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "base/bytes.h"
-#include "base/result.h"
-#include "base/uuid.h"
+#include "common/base/bytes.h"
+#include "common/base/result.h"
+#include "common/base/uuid.h"
+#include "common/gesture/session_hash.h"
 #include "db/connection.h"
-#include "gesture/session_hash.h"
 #include "needlelab/control.pb.h"
 
 namespace needlelab {

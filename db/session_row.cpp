@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "gesture/chunk.h"
+#include "common/gesture/chunk.h"
 
 namespace needlelab {
 

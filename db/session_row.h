@@ -7,11 +7,11 @@
 #include <string>
 #include <string_view>
 
-#include "base/result.h"
-#include "base/uuid.h"
+#include "common/base/result.h"
+#include "common/base/uuid.h"
+#include "common/gesture/session_hash.h"
 #include "db/chunk_scan.h"
 #include "db/connection.h"
-#include "gesture/session_hash.h"
 #include "needlelab/types.pb.h"
 
 namespace needlelab {

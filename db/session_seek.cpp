@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <optional>
 
+#include "common/gesture/chunk.h"
 #include "db/session_row.h"
 #include "db/session_store.h"
 #include "db/transaction.h"
-#include "gesture/chunk.h"
 
 namespace needlelab {
 namespace {

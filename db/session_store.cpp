@@ -3,11 +3,11 @@
 
 #include <algorithm>
 
-#include "base/planted_bug.h"
+#include "common/base/planted_bug.h"
+#include "common/gesture/chunk.h"
 #include "db/erasure_store.h"
 #include "db/session_row.h"
-#include "gesture/chunk.h"
-#include "session/session_rules.h"
+#include "proto/session_rules.h"
 
 namespace needlelab {
 namespace {

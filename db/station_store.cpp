@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "base/text_rules.h"
+#include "common/base/text_rules.h"
 
 namespace needlelab {
 namespace {

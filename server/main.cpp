@@ -8,12 +8,12 @@
 #include <exception>
 #include <string>
 
-#include "base/exit_code.h"
-#include "base/secret.h"
-#include "server/log.h"
+#include "common/base/exit_code.h"
+#include "common/base/secret.h"
+#include "common/wire/protobuf_log.h"
+#include "server/live/log.h"
 #include "server/server.h"
 #include "server/service_manager.h"
-#include "wire/protobuf_log.h"
 
 namespace {
 

@@ -10,17 +10,17 @@
 #include <optional>
 #include <utility>
 
-#include "base/atomic_file.h"
-#include "base/clock.h"
-#include "base/exit_code.h"
+#include "common/base/atomic_file.h"
+#include "common/base/clock.h"
+#include "common/base/exit_code.h"
+#include "common/wire/certificates.h"
+#include "common/wire/tls.h"
 #include "db/meta_store.h"
-#include "server/connection.h"
-#include "server/listen.h"
-#include "server/log.h"
+#include "server/live/connection.h"
+#include "server/live/listen.h"
+#include "server/live/log.h"
+#include "server/live/startup.h"
 #include "server/service_manager.h"
-#include "server/startup.h"
-#include "wire/certificates.h"
-#include "wire/tls.h"
 
 namespace needlelab {
 

@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
-#include "http/web_server.h"
-#include "server/context.h"
-#include "server/monitor.h"
-#include "wire/channel.h"
+#include "common/base/result.h"
+#include "common/wire/channel.h"
+#include "server/live/context.h"
+#include "server/live/monitor.h"
+#include "server/web/web_server.h"
 
 namespace needlelab {
 

@@ -1,13 +1,13 @@
-#include "admin/app.h"
+#include "client/admin/app.h"
 
 #include <CLI/CLI.hpp>
 #include <exception>
 #include <ostream>
 
-#include "admin/command.h"
-#include "admin/secrets.h"
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
+#include "client/admin/command.h"
+#include "client/admin/secrets.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "admin/backend.h"
+#include "client/admin/backend.h"
 
 #include <pwd.h>
 #include <unistd.h>
@@ -6,9 +6,9 @@
 #include <chrono>
 #include <optional>
 
-#include "net/blocking_client.h"
-#include "service/bootstrap.h"
-#include "wire/version.h"
+#include "client/net/blocking_client.h"
+#include "common/wire/version.h"
+#include "db/service/bootstrap.h"
 
 namespace needlelab {
 namespace {

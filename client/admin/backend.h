@@ -5,9 +5,9 @@
 #include <memory>
 #include <string>
 
-#include "base/result.h"
+#include "client/net/endpoint.h"
+#include "common/base/result.h"
 #include "needlelab/control.pb.h"
-#include "net/endpoint.h"
 
 namespace needlelab {
 

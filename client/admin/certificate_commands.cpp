@@ -2,9 +2,9 @@
 #include <algorithm>
 #include <memory>
 
-#include "admin/command.h"
-#include "base/clock.h"
-#include "wire/certificates.h"
+#include "client/admin/command.h"
+#include "common/base/clock.h"
+#include "common/wire/certificates.h"
 
 namespace needlelab {
 namespace {

@@ -1,9 +1,9 @@
 #include <memory>
 
-#include "admin/command.h"
-#include "admin/when.h"
-#include "base/atomic_file.h"
-#include "profile/profile.h"
+#include "client/admin/command.h"
+#include "client/admin/when.h"
+#include "common/base/atomic_file.h"
+#include "common/profile/profile.h"
 
 namespace needlelab {
 namespace {

@@ -1,8 +1,8 @@
 #include <iostream>
 
-#include "admin/app.h"
-#include "base/secret.h"
-#include "wire/protobuf_log.h"
+#include "client/admin/app.h"
+#include "common/base/secret.h"
+#include "common/wire/protobuf_log.h"
 
 int main(int argc, char** argv) {
   needlelab::keepOutOfCoreDumps();

@@ -1,12 +1,12 @@
-#include "admin/output.h"
+#include "client/admin/output.h"
 
 #include <algorithm>
 #include <cstdio>
 #include <ctime>
 #include <ostream>
 
-#include "base/atomic_file.h"
-#include "base/machine.h"
+#include "common/base/atomic_file.h"
+#include "common/base/machine.h"
 
 namespace needlelab {
 namespace {

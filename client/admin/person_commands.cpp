@@ -1,10 +1,10 @@
 // A person's data, consent, studies, and everything as records.
 #include <memory>
 
-#include "admin/command.h"
-#include "admin/study_recording.h"
-#include "base/atomic_file.h"
-#include "base/uuid.h"
+#include "client/admin/command.h"
+#include "client/admin/study_recording.h"
+#include "common/base/atomic_file.h"
+#include "common/base/uuid.h"
 
 namespace needlelab {
 namespace {
@@ -40,17 +40,17 @@ Status importAll(CommandContext& context, const std::string& file, bool dry_run)
   const auto text = readWholeFile(file, kMostRecordsFile);
   if (!text) return text.error();
   pb::Request request;
-  auto* import = request.mutable_import_all();
-  import->set_import_id(uuidText(makeUuidV7()));
-  import->set_dry_run(dry_run);
+  auto* import_all = request.mutable_import_all();
+  import_all->set_import_id(uuidText(makeUuidV7()));
+  import_all->set_dry_run(dry_run);
   std::size_t bytes = 0;
   pb::ImportReport report;
   const auto send = [&](bool last) -> Status {
-    import->set_last(last);
+    import_all->set_last(last);
     const auto reply = context.backend.call(request);
     if (!reply) return reply.error();
     report = reply->import_report();
-    import->clear_records();
+    import_all->clear_records();
     bytes = 0;
     return {};
   };
@@ -59,7 +59,7 @@ Status importAll(CommandContext& context, const std::string& file, bool dry_run)
     if (bytes + (end - at) > kMostPieceBytes && bytes > 0) {
       if (auto sent = send(false); !sent) return sent;
     }
-    import->add_records(text->substr(at, end - at));
+    import_all->add_records(text->substr(at, end - at));
     bytes += end - at + 8;
     at = end + 1;
   }
@@ -253,15 +253,15 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
           "everything");
     };
   });
-  auto* import = app.add_subcommand("import-all", "read in what export-all wrote: all of it or nothing");
-  import->add_option("file", values->file)->required()->type_name("FILE");
-  import->add_flag("--dry-run", values->dry_run, "only say what would happen");
-  import->callback([&chosen, values] {
+  auto* import_all = app.add_subcommand("import-all", "read in what export-all wrote: all of it or nothing");
+  import_all->add_option("file", values->file)->required()->type_name("FILE");
+  import_all->add_flag("--dry-run", values->dry_run, "only say what would happen");
+  import_all->callback([&chosen, values] {
     chosen.may_create = true;
-  chosen.run = [values](CommandContext& context) {
-    return importAll(context, values->file, values->dry_run);
-  };
-});
+    chosen.run = [values](CommandContext& context) {
+      return importAll(context, values->file, values->dry_run);
+    };
+  });
 }  // namespace needlelab
 
 }  // namespace needlelab

@@ -1,8 +1,8 @@
 #include <memory>
 
-#include "admin/command.h"
-#include "base/atomic_file.h"
-#include "profile/profile.h"
+#include "client/admin/command.h"
+#include "common/base/atomic_file.h"
+#include "common/profile/profile.h"
 
 namespace needlelab {
 namespace {

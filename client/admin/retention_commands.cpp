@@ -1,8 +1,8 @@
 // What happens to recordings after a time.
 #include <memory>
 
-#include "admin/command.h"
-#include "base/uuid.h"
+#include "client/admin/command.h"
+#include "common/base/uuid.h"
 
 namespace needlelab {
 namespace {

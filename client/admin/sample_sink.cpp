@@ -1,12 +1,12 @@
-#include "admin/sample_sink.h"
+#include "client/admin/sample_sink.h"
 
 #include <utility>
 
-#include "base/growing_file.h"
-#include "base/machine.h"
-#include "gesture/chunk.h"
-#include "gesture/recording.h"
-#include "gesture/sample_csv.h"
+#include "common/base/growing_file.h"
+#include "common/base/machine.h"
+#include "common/gesture/chunk.h"
+#include "common/gesture/recording.h"
+#include "common/gesture/sample_csv.h"
 
 namespace needlelab {
 namespace {

@@ -6,9 +6,9 @@
 #include <optional>
 #include <string>
 
-#include "admin/output.h"
-#include "base/bytes.h"
-#include "base/result.h"
+#include "client/admin/output.h"
+#include "common/base/bytes.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

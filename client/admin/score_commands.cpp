@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <memory>
 
-#include "admin/command.h"
-#include "base/growing_file.h"
-#include "scoring/score_csv.h"
+#include "client/admin/command.h"
+#include "common/base/growing_file.h"
+#include "common/scoring/score_csv.h"
 
 namespace needlelab {
 namespace {

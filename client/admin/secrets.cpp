@@ -1,4 +1,4 @@
-#include "admin/secrets.h"
+#include "client/admin/secrets.h"
 
 #include <fcntl.h>
 #include <termios.h>
@@ -6,8 +6,8 @@
 
 #include <cerrno>
 
-#include "base/atomic_file.h"
-#include "base/secret.h"
+#include "common/base/atomic_file.h"
+#include "common/base/secret.h"
 
 namespace needlelab {
 namespace {

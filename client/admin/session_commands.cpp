@@ -1,11 +1,11 @@
 #include <memory>
 #include <tuple>
 
-#include "admin/command.h"
-#include "admin/session_export.h"
-#include "admin/session_rows.h"
-#include "admin/when.h"
-#include "scoring/syringe_events.h"
+#include "client/admin/command.h"
+#include "client/admin/session_export.h"
+#include "client/admin/session_rows.h"
+#include "client/admin/when.h"
+#include "common/scoring/syringe_events.h"
 
 namespace needlelab {
 namespace {

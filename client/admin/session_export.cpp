@@ -1,4 +1,4 @@
-#include "admin/session_export.h"
+#include "client/admin/session_export.h"
 
 #include <unistd.h>
 
@@ -7,9 +7,9 @@
 #include <cstdio>
 #include <vector>
 
-#include "admin/sample_sink.h"
-#include "admin/session_rows.h"
-#include "gesture/session_hash.h"
+#include "client/admin/sample_sink.h"
+#include "client/admin/session_rows.h"
+#include "common/gesture/session_hash.h"
 
 namespace needlelab {
 namespace {

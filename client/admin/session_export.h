@@ -6,10 +6,10 @@
 #include <optional>
 #include <string>
 
-#include "admin/backend.h"
-#include "admin/output.h"
-#include "base/result.h"
-#include "base/uuid.h"
+#include "client/admin/backend.h"
+#include "client/admin/output.h"
+#include "common/base/result.h"
+#include "common/base/uuid.h"
 
 namespace needlelab {
 

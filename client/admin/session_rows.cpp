@@ -1,6 +1,6 @@
-#include "admin/session_rows.h"
+#include "client/admin/session_rows.h"
 
-#include "base/uuid.h"
+#include "common/base/uuid.h"
 
 namespace needlelab {
 namespace {

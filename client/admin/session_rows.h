@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "admin/output.h"
+#include "client/admin/output.h"
 #include "needlelab/types.pb.h"
 
 namespace needlelab {

@@ -4,12 +4,12 @@
 #include <filesystem>
 #include <memory>
 
-#include "admin/command.h"
-#include "base/atomic_file.h"
-#include "base/secret.h"
-#include "base/text_rules.h"
-#include "net/enrolment.h"
-#include "wire/certificates.h"
+#include "client/admin/command.h"
+#include "client/net/enrolment.h"
+#include "common/base/atomic_file.h"
+#include "common/base/secret.h"
+#include "common/base/text_rules.h"
+#include "common/wire/certificates.h"
 
 namespace needlelab {
 namespace {

@@ -1,6 +1,6 @@
-#include "admin/study_recording.h"
+#include "client/admin/study_recording.h"
 
-#include "admin/sample_sink.h"
+#include "client/admin/sample_sink.h"
 
 namespace needlelab {
 

@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <string>
 
-#include "admin/backend.h"
-#include "admin/output.h"
-#include "base/result.h"
+#include "client/admin/backend.h"
+#include "client/admin/output.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

@@ -3,7 +3,7 @@
 #include <memory>
 #include <set>
 
-#include "admin/command.h"
+#include "client/admin/command.h"
 
 namespace needlelab {
 namespace {

@@ -1,10 +1,10 @@
 #include <filesystem>
 #include <memory>
 
-#include "admin/command.h"
-#include "base/clock.h"
-#include "service/bootstrap.h"
-#include "service/restore.h"
+#include "client/admin/command.h"
+#include "common/base/clock.h"
+#include "db/service/bootstrap.h"
+#include "db/service/restore.h"
 
 namespace needlelab {
 namespace {

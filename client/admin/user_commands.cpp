@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <memory>
 
-#include "admin/command.h"
-#include "admin/secrets.h"
-#include "base/atomic_file.h"
-#include "base/text_rules.h"
-#include "service/roles.h"
+#include "client/admin/command.h"
+#include "client/admin/secrets.h"
+#include "common/base/atomic_file.h"
+#include "common/base/text_rules.h"
+#include "db/service/roles.h"
 
 namespace needlelab {
 namespace {
@@ -164,72 +164,72 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
     };
   });
 
-  auto* import = user->add_subcommand("import", "people from a table: all rows or none");
-  import
+  auto* import_people = user->add_subcommand("import", "people from a table: all rows or none");
+  import_people
       ->add_option("file", values->file,
                    "columns name, full_name, role, group, password; only name must be there")
       ->required()
       ->type_name("FILE.csv");
-  import->add_flag("--dry-run", values->dry_run, "only say what would happen");
-  import->callback([&chosen, values] {
+  import_people->add_flag("--dry-run", values->dry_run, "only say what would happen");
+  import_people->callback([&chosen, values] {
     chosen.may_create = true;
-  chosen.run = [values](CommandContext& context) {
-    return importPeople(context, values->file, values->dry_run);
-  };
-});
-auto* change = user->add_subcommand("change", "another role or full name");
-change->add_option("name", values->name)->required();
-change->add_option("--role", values->role);
-auto* full_name = change->add_option("--full-name", values->full_name);
-change->callback([&chosen, values, full_name] {
-  chosen.run = [values, full_name](CommandContext& context) -> Status {
-    pb::ChangeUser wanted;
-    wanted.set_name(values->name);
-    if (!values->role.empty()) {
-      const auto role = parseRole(values->role);
-      if (!role) return role.error();
-      wanted.set_role(*role);
-    }
-    if (full_name->count() > 0) wanted.set_full_name(values->full_name);
-    return changeUser(context, wanted);
-  };
-});
+    chosen.run = [values](CommandContext& context) {
+      return importPeople(context, values->file, values->dry_run);
+    };
+  });
+  auto* change = user->add_subcommand("change", "another role or full name");
+  change->add_option("name", values->name)->required();
+  change->add_option("--role", values->role);
+  auto* full_name = change->add_option("--full-name", values->full_name);
+  change->callback([&chosen, values, full_name] {
+    chosen.run = [values, full_name](CommandContext& context) -> Status {
+      pb::ChangeUser wanted;
+      wanted.set_name(values->name);
+      if (!values->role.empty()) {
+        const auto role = parseRole(values->role);
+        if (!role) return role.error();
+        wanted.set_role(*role);
+      }
+      if (full_name->count() > 0) wanted.set_full_name(values->full_name);
+      return changeUser(context, wanted);
+    };
+  });
 
-user->add_subcommand("list", "everybody")->callback([&chosen] { chosen.run = listUsers; });
+  user->add_subcommand("list", "everybody")->callback([&chosen] { chosen.run = listUsers; });
 
-for (const bool enable : {false, true}) {
-  auto* command = enable ? user->add_subcommand("enable", "undo a disable")
-                         : user->add_subcommand("disable", "no more log-in; nothing is deleted");
-  command->add_option("name", values->name)->required();
-  command->callback([&chosen, values, enable] {
-    chosen.run = [values, enable](CommandContext& context) -> Status {
+  for (const bool enable : {false, true}) {
+    auto* command = enable ? user->add_subcommand("enable", "undo a disable")
+                           : user->add_subcommand("disable", "no more log-in; nothing is deleted");
+    command->add_option("name", values->name)->required();
+    command->callback([&chosen, values, enable] {
+      chosen.run = [values, enable](CommandContext& context) -> Status {
+        pb::Request request;
+        request.mutable_disable_user()->set_name(values->name);
+        request.mutable_disable_user()->set_enable(enable);
+        if (const auto reply = context.backend.call(request); !reply) return reply.error();
+        context.output.done((enable ? "enabled '" : "disabled '") + values->name + "'");
+        return {};
+      };
+    });
+  }
+
+  auto* passwd = user->add_subcommand("passwd", "set a password: one's own, or as administrator anybody's");
+  passwd->add_option("name", values->name)->required();
+  add_password_options(passwd);
+  passwd->callback([&global, &chosen, values] {
+    chosen.run = [&global, &chosen, values](CommandContext& context) -> Status {
+      std::string file = chosen.new_password_file;
+      if (file.empty() && context.backend.local()) file = global.password_file;
+      const auto password = newPassword(values->name, file);
+      if (!password) return password.error();
       pb::Request request;
-      request.mutable_disable_user()->set_name(values->name);
-      request.mutable_disable_user()->set_enable(enable);
+      request.mutable_set_password()->set_name(values->name);
+      request.mutable_set_password()->set_password(*password);
       if (const auto reply = context.backend.call(request); !reply) return reply.error();
-      context.output.done((enable ? "enabled '" : "disabled '") + values->name + "'");
+      context.output.done("password of '" + values->name + "' set");
       return {};
     };
   });
-}
-
-auto* passwd = user->add_subcommand("passwd", "set a password: one's own, or as administrator anybody's");
-passwd->add_option("name", values->name)->required();
-add_password_options(passwd);
-passwd->callback([&global, &chosen, values] {
-  chosen.run = [&global, &chosen, values](CommandContext& context) -> Status {
-    std::string file = chosen.new_password_file;
-    if (file.empty() && context.backend.local()) file = global.password_file;
-    const auto password = newPassword(values->name, file);
-    if (!password) return password.error();
-    pb::Request request;
-    request.mutable_set_password()->set_name(values->name);
-    request.mutable_set_password()->set_password(*password);
-    if (const auto reply = context.backend.call(request); !reply) return reply.error();
-    context.output.done("password of '" + values->name + "' set");
-    return {};
-  };
-});
 }  // namespace needlelab
 
 }  // namespace needlelab

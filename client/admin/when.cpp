@@ -1,4 +1,4 @@
-#include "admin/when.h"
+#include "client/admin/when.h"
 
 #include <cstdio>
 #include <ctime>

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "base/result.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

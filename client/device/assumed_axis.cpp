@@ -1,6 +1,6 @@
-#include "device/assumed_axis.h"
+#include "client/device/assumed_axis.h"
 
-#include "haptics/surface.h"
+#include "common/haptics/surface.h"
 
 namespace needlelab {
 namespace {

@@ -1,8 +1,8 @@
 /// The needle's direction for a device that does not measure one.
 #pragma once
 
-#include "haptics/scene_model.h"
-#include "haptics/sim_state.h"
+#include "common/haptics/scene_model.h"
+#include "common/haptics/sim_state.h"
 
 namespace needlelab {
 

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <string>
 
-#include "base/result.h"
-#include "haptics/force_gate.h"
+#include "common/base/result.h"
+#include "common/haptics/force_gate.h"
 
 namespace needlelab {
 

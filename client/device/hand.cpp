@@ -1,9 +1,9 @@
-#include "device/hand.h"
+#include "client/device/hand.h"
 
 #include <algorithm>
 #include <utility>
 
-#include "device/turn_vector.h"
+#include "client/device/turn_vector.h"
 
 namespace needlelab {
 namespace {

@@ -7,10 +7,10 @@
 #include <optional>
 #include <string>
 
-#include "device/hand_plan.h"
-#include "device/hand_tremor.h"
-#include "device/steered_aim.h"
-#include "haptics/geometry.h"
+#include "client/device/hand_plan.h"
+#include "client/device/hand_tremor.h"
+#include "client/device/steered_aim.h"
+#include "common/haptics/geometry.h"
 
 namespace needlelab {
 
@@ -55,8 +55,8 @@ struct HandleState {
 class Hand {
  public:
   /// `X_HT`: the tip in the handle's frame, as in tool_transform.h. `step_s`: time between two calls of
-  /// `pull`. With `steering` the hand goes after its wishes in place of the plan, of which it has the start only,
-  /// and is never finished.
+  /// `pull`. With `steering` the hand goes after its wishes in place of the plan, of which it has the start
+  /// only, and is never finished.
   Hand(const HandOptions& options, HandPlan plan, const Pose& X_HT, double step_s,
        std::shared_ptr<HandSteering> steering = nullptr);
 

@@ -1,9 +1,9 @@
-#include "device/hand_cli.h"
+#include "client/device/hand_cli.h"
 
 #include <cmath>
 #include <string>
 
-#include "device/skilled_hand.h"
+#include "client/device/skilled_hand.h"
 
 namespace needlelab {
 namespace {
@@ -39,7 +39,8 @@ void addHandOptions(CLI::App& app, HandOptions& o) {
   };
   o.correction_per_s = kCommandLineCorrection_per_s;
   o.aspirate = true;
-  add("--hand-plan", o.plan, "target[:NAME], retry[:NAME], depth[:METRES], rest, a CSV file of tip poses, or, in a window, pointer: "
+  add("--hand-plan", o.plan,
+      "target[:NAME], retry[:NAME], depth[:METRES], rest, a CSV file of tip poses, or, in a window, pointer: "
       "mouse and keys move it");
   auto* skill = app.add_option_function<double>(
                        "--hand-skill",

@@ -3,7 +3,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "device/hand.h"
+#include "client/device/hand.h"
 
 namespace needlelab {
 

@@ -1,9 +1,9 @@
-#include "device/hand_plan.h"
+#include "client/device/hand_plan.h"
 
 #include <algorithm>
 #include <cassert>
 
-#include "haptics/scene_model.h"
+#include "common/haptics/scene_model.h"
 
 namespace needlelab {
 namespace {

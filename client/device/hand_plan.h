@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "haptics/geometry.h"
-#include "haptics/scene_spec.h"
+#include "common/haptics/geometry.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 

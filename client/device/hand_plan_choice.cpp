@@ -1,4 +1,4 @@
-#include "device/hand_plan_choice.h"
+#include "client/device/hand_plan_choice.h"
 
 #include <algorithm>
 #include <charconv>
@@ -6,9 +6,9 @@
 #include <string_view>
 #include <variant>
 
-#include "device/recording_device.h"
-#include "device/skilled_hand.h"
-#include "haptics/scene_model.h"
+#include "client/device/recording_device.h"
+#include "client/device/skilled_hand.h"
+#include "common/haptics/scene_model.h"
 
 namespace needlelab {
 namespace {
@@ -98,7 +98,8 @@ Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W
     return Error{ErrorCode::kInvalidInput,
                  "--hand-hold-s: " + std::to_string(options.hold_s) + ", allowed is above 0 and up to 600"};
   if (options.plan == kPointerPlan)
-    return invalid("pointer: mouse and keys need a window to steer in; choose another plan, or open the window");
+    return invalid(
+        "pointer: mouse and keys need a window to steer in; choose another plan, or open the window");
   const std::size_t colon = options.plan.find(':');
   const std::string kind = options.plan.substr(0, colon);
   const std::string argument = colon == std::string::npos ? "" : options.plan.substr(colon + 1);

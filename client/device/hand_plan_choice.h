@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
-#include "device/hand.h"
-#include "haptics/scene_spec.h"
+#include "client/device/hand.h"
+#include "common/base/result.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 
@@ -35,8 +35,8 @@ struct PlanTarget {
 Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W,
                             const std::vector<PlanTarget>& targets_W);
 
-/// Where a hand waits that somebody steers (kPointerPlan): upright, 30 mm outside the marked entry of the first target,
-/// or else the limb's reference point, and 15 mm beside it: to aim is part of the exercise.
+/// Where a hand waits that somebody steers (kPointerPlan): upright, 30 mm outside the marked entry of the
+/// first target, or else the limb's reference point, and 15 mm beside it: to aim is part of the exercise.
 HandPlan steeredStart(const SceneSpec& scene_W, const std::vector<PlanTarget>& targets_W);
 
 }  // namespace needlelab

@@ -1,8 +1,8 @@
 /// What somebody wants of a simulated hand while it moves: the way from a window to the haptic thread.
 #pragma once
 
-#include "base/latest_value.h"
-#include "haptics/geometry.h"
+#include "common/base/latest_value.h"
+#include "common/haptics/geometry.h"
 
 namespace needlelab {
 
@@ -12,8 +12,9 @@ struct SteeringWish {
   double plunger = 0;  ///< 0-1
 };
 
-/// The newest wish counts. Neither side ever waits: a window that stands still leaves a hand at rest, and a loop
-/// that ends leaves a window that speaks to nobody. Thread: `wish` by one, `fetch` by the haptic thread alone.
+/// The newest wish counts. Neither side ever waits: a window that stands still leaves a hand at rest, and a
+/// loop that ends leaves a window that speaks to nobody. Thread: `wish` by one, `fetch` by the haptic thread
+/// alone.
 class HandSteering {
  public:
   void wish(const SteeringWish& wish) noexcept { newest_.publish(wish); }

@@ -1,6 +1,6 @@
-#include "device/hand_tremor.h"
+#include "client/device/hand_tremor.h"
 
-#include "haptics/det_math.h"
+#include "common/haptics/det_math.h"
 
 namespace needlelab {
 

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "haptics/geometry.h"
+#include "common/haptics/geometry.h"
 
 namespace needlelab {
 

@@ -1,11 +1,11 @@
-#include "device/haptic_chain.h"
+#include "client/device/haptic_chain.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "haptics/device_condition.h"
-#include "haptics/tool_transform.h"
+#include "common/haptics/device_condition.h"
+#include "common/haptics/tool_transform.h"
 
 namespace needlelab {
 namespace {

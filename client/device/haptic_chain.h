@@ -4,12 +4,12 @@
 
 #include <cstdint>
 
-#include "device/assumed_axis.h"
-#include "device/device.h"
-#include "device/plunger.h"
-#include "gesture/sample.h"
-#include "haptics/engine.h"
-#include "haptics/force_gate.h"
+#include "client/device/assumed_axis.h"
+#include "client/device/device.h"
+#include "client/device/plunger.h"
+#include "common/gesture/sample.h"
+#include "common/haptics/engine.h"
+#include "common/haptics/force_gate.h"
 
 namespace needlelab {
 

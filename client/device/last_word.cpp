@@ -1,4 +1,4 @@
-#include "device/last_word.h"
+#include "client/device/last_word.h"
 
 #include <sys/syscall.h>
 #include <unistd.h>

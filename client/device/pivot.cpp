@@ -1,4 +1,4 @@
-#include "device/pivot.h"
+#include "client/device/pivot.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "base/formatted.h"
+#include "common/base/formatted.h"
 
 namespace needlelab {
 namespace {

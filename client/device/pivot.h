@@ -14,8 +14,8 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
-#include "haptics/geometry.h"
+#include "common/base/result.h"
+#include "common/haptics/geometry.h"
 
 namespace needlelab {
 

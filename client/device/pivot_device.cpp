@@ -1,9 +1,9 @@
-#include "device/pivot_device.h"
+#include "client/device/pivot_device.h"
 
 #include <cmath>
 #include <numbers>
 
-#include "device/encoder_step.h"
+#include "client/device/encoder_step.h"
 
 namespace needlelab {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "device/device.h"
+#include "client/device/device.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "device/plunger.h"
+#include "client/device/plunger.h"
 
 #include <algorithm>
 #include <cmath>

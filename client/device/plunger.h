@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "device/device.h"
+#include "client/device/device.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "device/plunger_option.h"
+#include "client/device/plunger_option.h"
 
 #include <charconv>
 #include <string_view>

@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "base/result.h"
-#include "device/plunger.h"
+#include "client/device/plunger.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

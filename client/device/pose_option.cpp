@@ -1,4 +1,4 @@
-#include "device/pose_option.h"
+#include "client/device/pose_option.h"
 
 #include <array>
 #include <charconv>
@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
-#include "base/atomic_file.h"
-#include "base/csv.h"
-#include "base/range.h"
+#include "common/base/atomic_file.h"
+#include "common/base/csv.h"
+#include "common/base/range.h"
 
 namespace needlelab {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "base/result.h"
-#include "haptics/geometry.h"
+#include "common/base/result.h"
+#include "common/haptics/geometry.h"
 
 namespace needlelab {
 

@@ -1,12 +1,12 @@
-#include "device/recording_device.h"
+#include "client/device/recording_device.h"
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
 
-#include "base/csv.h"
-#include "base/range.h"
+#include "common/base/csv.h"
+#include "common/base/range.h"
 
 namespace needlelab {
 namespace {

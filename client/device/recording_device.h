@@ -7,8 +7,8 @@
 #include <memory>
 #include <vector>
 
-#include "base/result.h"
-#include "device/device.h"
+#include "client/device/device.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "device/simulated_device.h"
+#include "client/device/simulated_device.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,9 +6,9 @@
 #include <string>
 #include <utility>
 
-#include "base/range.h"
-#include "device/encoder_step.h"
-#include "haptics/limits.h"
+#include "client/device/encoder_step.h"
+#include "common/base/range.h"
+#include "common/haptics/limits.h"
 
 namespace needlelab {
 namespace {

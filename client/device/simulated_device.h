@@ -7,8 +7,8 @@
 #include <memory>
 #include <optional>
 
-#include "device/device.h"
-#include "device/hand.h"
+#include "client/device/device.h"
+#include "client/device/hand.h"
 
 namespace needlelab {
 

@@ -1,10 +1,10 @@
-#include "device/skilled_hand.h"
+#include "client/device/skilled_hand.h"
 
 #include <algorithm>
 #include <cmath>
 #include <variant>
 
-#include "haptics/scene_model.h"
+#include "common/haptics/scene_model.h"
 
 namespace needlelab {
 namespace {

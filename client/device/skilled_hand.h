@@ -3,9 +3,9 @@
 
 #include <optional>
 
-#include "device/hand.h"
-#include "device/hand_plan.h"
-#include "device/hand_tremor.h"
+#include "client/device/hand.h"
+#include "client/device/hand_plan.h"
+#include "client/device/hand_tremor.h"
 
 namespace needlelab {
 

@@ -1,16 +1,16 @@
-#include "device/steered_aim.h"
+#include "client/device/steered_aim.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "device/turn_vector.h"
+#include "client/device/turn_vector.h"
 
 namespace needlelab {
 namespace {
 
-constexpr double kFollow_per_s = 8;    // speed by distance: a quarter of it is left after 0.17 s
-constexpr double kSpeedUp_s = 0.025;   // 8/s · 25 ms is below 1/4: no overshoot
+constexpr double kFollow_per_s = 8;   // speed by distance: a quarter of it is left after 0.17 s
+constexpr double kSpeedUp_s = 0.025;  // 8/s · 25 ms is below 1/4: no overshoot
 constexpr double kRotationError = 1e-3;
 
 bool isUsable(const SteeringWish& wish) {

@@ -1,11 +1,11 @@
-#include "effect_cost/calibration.h"
+#include "client/effect_cost/calibration.h"
 
 #include <algorithm>
 #include <cstddef>
 #include <utility>
 
-#include "base/clock.h"
-#include "effect_cost/tick_run.h"
+#include "client/effect_cost/tick_run.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "effect_cost/instruction_count.h"
+#include "client/effect_cost/instruction_count.h"
 
 #include <fcntl.h>
 #include <spawn.h>
@@ -12,7 +12,7 @@
 #include <sstream>
 #include <system_error>
 
-#include "base/atomic_file.h"
+#include "common/base/atomic_file.h"
 
 extern char** environ;  // POSIX: the environment that the child gets
 

@@ -1,10 +1,10 @@
-#include "effect_cost/tick_run.h"
+#include "client/effect_cost/tick_run.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "device/hand_plan.h"
+#include "client/device/hand_plan.h"
 
 namespace needlelab {
 namespace {

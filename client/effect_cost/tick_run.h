@@ -5,8 +5,8 @@
 #include <memory>
 #include <vector>
 
-#include "base/timing.h"
-#include "haptics/engine.h"
+#include "common/base/timing.h"
+#include "common/haptics/engine.h"
 
 namespace needlelab {
 

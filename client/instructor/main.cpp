@@ -6,13 +6,13 @@
 #include <iostream>
 #include <string>
 
-#include "base/exit_code.h"
-#include "base/secret.h"
-#include "instructor/headless.h"
-#include "instructor/window_mode.h"
-#include "instructor_model/report.h"
-#include "net/password.h"
-#include "wire/protobuf_log.h"
+#include "client/instructor/model/report.h"
+#include "client/instructor/terminal/headless.h"
+#include "client/instructor/window_mode.h"
+#include "client/net/password.h"
+#include "common/base/exit_code.h"
+#include "common/base/secret.h"
+#include "common/wire/protobuf_log.h"
 
 namespace {
 

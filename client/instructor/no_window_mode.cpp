@@ -1,4 +1,4 @@
-#include "instructor/window_mode.h"
+#include "client/instructor/window_mode.h"
 
 namespace needlelab {
 

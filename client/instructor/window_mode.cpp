@@ -1,11 +1,11 @@
-#include "instructor/window_mode.h"
+#include "client/instructor/window_mode.h"
 
 #include <cstdlib>
 #include <system_error>
 
-#include "instructor_model/login_memory.h"
-#include "instructor_window/window_run.h"
-#include "net/password.h"
+#include "client/instructor/model/login_memory.h"
+#include "client/instructor/screens/window_run.h"
+#include "client/net/password.h"
 
 namespace needlelab {
 namespace {

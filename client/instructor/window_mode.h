@@ -3,8 +3,8 @@
 
 #include <functional>
 
-#include "base/result.h"
-#include "instructor/options.h"
+#include "client/instructor/terminal/options.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

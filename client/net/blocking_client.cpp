@@ -1,10 +1,10 @@
-#include "net/blocking_client.h"
+#include "client/net/blocking_client.h"
 
 #include <deque>
 #include <optional>
 #include <utility>
 
-#include "wire/refusal.h"
+#include "common/wire/refusal.h"
 
 namespace needlelab {
 namespace {

@@ -4,9 +4,9 @@
 #include <chrono>
 #include <memory>
 
-#include "base/result.h"
+#include "client/net/client.h"
+#include "common/base/result.h"
 #include "needlelab/envelope.pb.h"
-#include "net/client.h"
 
 namespace needlelab {
 

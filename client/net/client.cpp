@@ -1,12 +1,12 @@
-#include "net/client.h"
+#include "client/net/client.h"
 
 #include <utility>
 #include <vector>
 
 #include <boost/asio/ip/address.hpp>
 
-#include "base/clock.h"
-#include "wire/refusal.h"
+#include "common/base/clock.h"
+#include "common/wire/refusal.h"
 
 namespace needlelab {
 namespace {

@@ -7,11 +7,11 @@
 #include <memory>
 #include <string>
 
-#include "base/result.h"
+#include "common/base/result.h"
+#include "common/wire/channel.h"
+#include "common/wire/endpoint.h"
+#include "common/wire/version.h"
 #include "needlelab/envelope.pb.h"
-#include "wire/channel.h"
-#include "wire/endpoint.h"
-#include "wire/version.h"
 
 namespace needlelab {
 

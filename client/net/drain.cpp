@@ -1,8 +1,8 @@
-#include "net/drain.h"
+#include "client/net/drain.h"
 
 #include <algorithm>
 
-#include "base/clock.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
 

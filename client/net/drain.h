@@ -4,7 +4,7 @@
 #include <chrono>
 #include <functional>
 
-#include "net/uplink.h"
+#include "client/net/uplink.h"
 
 namespace needlelab {
 

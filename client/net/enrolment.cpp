@@ -1,13 +1,13 @@
-#include "net/enrolment.h"
+#include "client/net/enrolment.h"
 
 #include <unistd.h>
 
 #include <cstdlib>
 #include <utility>
 
-#include "base/atomic_file.h"
-#include "base/text_rules.h"
-#include "net/blocking_client.h"
+#include "client/net/blocking_client.h"
+#include "common/base/atomic_file.h"
+#include "common/base/text_rules.h"
 
 namespace needlelab {
 namespace {

@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
-#include "base/result.h"
-#include "wire/endpoint.h"
+#include "common/base/result.h"
+#include "common/wire/endpoint.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "net/password.h"
+#include "client/net/password.h"
 
 #include <fcntl.h>
 #include <termios.h>
@@ -6,8 +6,8 @@
 
 #include <array>
 
-#include "base/atomic_file.h"
-#include "base/secret.h"
+#include "common/base/atomic_file.h"
+#include "common/base/secret.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "net/spool.h"
+#include "client/net/spool.h"
 
 #include <fcntl.h>
 #include <sys/file.h>
@@ -10,8 +10,8 @@
 #include <optional>
 #include <utility>
 
-#include "base/atomic_file.h"
-#include "base/planted_bug.h"
+#include "common/base/atomic_file.h"
+#include "common/base/planted_bug.h"
 
 namespace needlelab {
 namespace {

@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "base/uuid.h"
-#include "gesture/resolution.h"
-#include "gesture/session_hash.h"
+#include "client/net/spool_file.h"
+#include "common/base/uuid.h"
+#include "common/gesture/resolution.h"
+#include "common/gesture/session_hash.h"
 #include "needlelab/session.pb.h"
-#include "net/spool_file.h"
 
 namespace needlelab {
 

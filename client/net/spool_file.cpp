@@ -1,4 +1,4 @@
-#include "net/spool_file.h"
+#include "client/net/spool_file.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -9,7 +9,7 @@
 #include <string>
 #include <utility>
 
-#include "base/crc32c.h"
+#include "common/base/crc32c.h"
 
 namespace needlelab {
 namespace {

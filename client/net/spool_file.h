@@ -11,8 +11,8 @@
 #include <filesystem>
 #include <functional>
 
-#include "base/bytes.h"
-#include "base/result.h"
+#include "common/base/bytes.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

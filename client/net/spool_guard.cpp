@@ -1,8 +1,8 @@
-#include "net/spool_guard.h"
+#include "client/net/spool_guard.h"
 
 #include <algorithm>
 
-#include "base/clock.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
 namespace {

@@ -5,7 +5,7 @@
 #include <functional>
 #include <string>
 
-#include "net/spool_outlook.h"
+#include "client/net/spool_outlook.h"
 
 namespace needlelab {
 

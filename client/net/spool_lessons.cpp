@@ -1,14 +1,14 @@
-#include "net/spool_lessons.h"
+#include "client/net/spool_lessons.h"
 
 #include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "base/atomic_file.h"
-#include "base/clock.h"
-#include "base/text_rules.h"
-#include "gesture/session_hash.h"
+#include "common/base/atomic_file.h"
+#include "common/base/clock.h"
+#include "common/base/text_rules.h"
+#include "common/gesture/session_hash.h"
 
 namespace needlelab {
 namespace {

@@ -1,9 +1,9 @@
-#include "net/spool_outlook.h"
+#include "client/net/spool_outlook.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "base/formatted.h"
+#include "common/base/formatted.h"
 
 namespace needlelab {
 

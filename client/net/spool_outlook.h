@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <string>
 
-#include "net/spool.h"
+#include "client/net/spool.h"
 
 namespace needlelab {
 

@@ -10,12 +10,12 @@
 #include <span>
 #include <utility>
 
-#include "base/atomic_file.h"
-#include "base/formatted.h"
-#include "base/planted_bug.h"
-#include "gesture/chunk.h"
-#include "net/spool.h"
-#include "session/session_rules.h"
+#include "client/net/spool.h"
+#include "common/base/atomic_file.h"
+#include "common/base/formatted.h"
+#include "common/base/planted_bug.h"
+#include "common/gesture/chunk.h"
+#include "proto/session_rules.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "net/spool_writer.h"
+#include "client/net/spool_writer.h"
 
 #include <pthread.h>
 #include <sched.h>
@@ -9,8 +9,8 @@
 #include <span>
 #include <utility>
 
-#include "base/clock.h"
-#include "gesture/chunk.h"
+#include "common/base/clock.h"
+#include "common/gesture/chunk.h"
 
 namespace needlelab {
 namespace {

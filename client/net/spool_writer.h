@@ -14,9 +14,9 @@
 #include <thread>
 #include <vector>
 
-#include "base/spsc_ring.h"
-#include "gesture/sample.h"
-#include "net/spool.h"
+#include "client/net/spool.h"
+#include "common/base/spsc_ring.h"
+#include "common/gesture/sample.h"
 
 namespace needlelab {
 

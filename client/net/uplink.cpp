@@ -1,12 +1,12 @@
 // What the program calls, on any thread.
-#include "net/uplink.h"
+#include "client/net/uplink.h"
 
 #include <algorithm>
 #include <utility>
 
-#include "base/clock.h"
-#include "base/text_rules.h"
-#include "net/uplink_call.h"
+#include "client/net/uplink_call.h"
+#include "common/base/clock.h"
+#include "common/base/text_rules.h"
 
 namespace needlelab {
 namespace {

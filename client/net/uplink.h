@@ -16,12 +16,12 @@
 #include <thread>
 #include <vector>
 
-#include "base/result.h"
-#include "net/client.h"
-#include "net/spool.h"
-#include "net/spool_writer.h"
-#include "net/uplink_clock.h"
-#include "net/uplink_session.h"
+#include "client/net/client.h"
+#include "client/net/spool.h"
+#include "client/net/spool_writer.h"
+#include "client/net/uplink_clock.h"
+#include "client/net/uplink_session.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

@@ -3,8 +3,8 @@
 
 #include <optional>
 
+#include "client/net/uplink.h"
 #include "needlelab/control.pb.h"
-#include "net/uplink.h"
 
 namespace needlelab {
 

@@ -2,15 +2,15 @@
 #include <cmath>
 #include <utility>
 
-#include "base/clock.h"
-#include "net/uplink.h"
+#include "client/net/uplink.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
 namespace {
 
 constexpr std::size_t kMostHazardBytes = 400;  // of all names together, beside 1 KiB of trouble
 
-/// Servers refuse long status lines (server/hub.h): the beginning of the text, not through a character.
+/// Servers refuse long status lines (server/live/hub.h): the beginning of the text, not through a character.
 void cutText(std::string& text, std::size_t bytes) {
   if (text.size() <= bytes) return;
   while (bytes > 0 && (static_cast<unsigned char>(text[bytes]) & 0xc0) == 0x80) --bytes;

@@ -1,8 +1,8 @@
 // What the server's messages mean; on the uplink's own thread.
-#include "base/clock.h"
-#include "net/uplink.h"
-#include "net/uplink_call.h"
-#include "wire/refusal.h"
+#include "client/net/uplink.h"
+#include "client/net/uplink_call.h"
+#include "common/base/clock.h"
+#include "common/wire/refusal.h"
 
 namespace needlelab {
 namespace {

@@ -1,12 +1,12 @@
-#include "net/uplink_session.h"
+#include "client/net/uplink_session.h"
 
 #include <algorithm>
 #include <utility>
 
-#include "base/clock.h"
-#include "base/planted_bug.h"
-#include "gesture/chunk.h"
-#include "wire/refusal.h"
+#include "common/base/clock.h"
+#include "common/base/planted_bug.h"
+#include "common/gesture/chunk.h"
+#include "common/wire/refusal.h"
 
 namespace needlelab {
 namespace {

@@ -7,8 +7,8 @@
 #include <optional>
 #include <string>
 
+#include "client/net/spool.h"
 #include "needlelab/envelope.pb.h"
-#include "net/spool.h"
 
 namespace needlelab {
 

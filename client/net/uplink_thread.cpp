@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/clock.h"
-#include "net/backoff.h"
-#include "net/uplink.h"
-#include "net/uplink_call.h"
+#include "client/net/backoff.h"
+#include "client/net/uplink.h"
+#include "client/net/uplink_call.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
 namespace {

@@ -7,18 +7,18 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
-#include "accuracy/plot.h"
-#include "accuracy/recommendation.h"
-#include "accuracy/recorded_pictures.h"
-#include "accuracy/report.h"
-#include "accuracy/study.h"
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
-#include "base/machine.h"
-#include "base/output_check.h"
-#include "sim/command.h"
-#include "sim/gnuplot.h"
-#include "sim/json_output.h"
+#include "client/sim/accuracy/plot.h"
+#include "client/sim/accuracy/recommendation.h"
+#include "client/sim/accuracy/recorded_pictures.h"
+#include "client/sim/accuracy/report.h"
+#include "client/sim/accuracy/study.h"
+#include "client/sim/command.h"
+#include "client/sim/tools/gnuplot.h"
+#include "client/sim/tools/json_output.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
+#include "common/base/machine.h"
+#include "common/base/output_check.h"
 
 namespace needlelab {
 namespace {

@@ -4,7 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 
-#include "base/result.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

@@ -7,13 +7,13 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
-#include "base/exit_code.h"
-#include "base/output_check.h"
-#include "effect_cost/instruction_count.h"
-#include "sim/command.h"
-#include "sim/effects_study.h"
-#include "sim/gnuplot.h"
-#include "sim/json_output.h"
+#include "client/effect_cost/instruction_count.h"
+#include "client/sim/command.h"
+#include "client/sim/effects_study.h"
+#include "client/sim/tools/gnuplot.h"
+#include "client/sim/tools/json_output.h"
+#include "common/base/exit_code.h"
+#include "common/base/output_check.h"
 
 namespace needlelab {
 namespace {

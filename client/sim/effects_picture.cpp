@@ -3,11 +3,11 @@
 #include <bit>
 #include <cstdio>
 
-#include "base/atomic_file.h"
-#include "base/formatted.h"
-#include "sim/effects_study.h"
-#include "sim/figure_table.h"
-#include "sim/gnuplot.h"
+#include "client/sim/effects_study.h"
+#include "client/sim/tools/figure_table.h"
+#include "client/sim/tools/gnuplot.h"
+#include "common/base/atomic_file.h"
+#include "common/base/formatted.h"
 
 namespace needlelab {
 namespace {

@@ -1,14 +1,14 @@
-#include "sim/effects_study.h"
+#include "client/sim/effects_study.h"
 
 #include <algorithm>
 #include <memory>
 
-#include "base/clock.h"
-#include "effect_cost/instruction_count.h"
-#include "effect_cost/tick_run.h"
-#include "fem/needle_mesh.h"
-#include "profile/profile.h"
-#include "sim/figures.h"
+#include "client/effect_cost/instruction_count.h"
+#include "client/effect_cost/tick_run.h"
+#include "client/sim/tools/figures.h"
+#include "common/base/clock.h"
+#include "common/fem/needle_mesh.h"
+#include "common/profile/profile.h"
 
 namespace needlelab {
 namespace {

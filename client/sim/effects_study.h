@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
-#include "base/timing.h"
-#include "haptics/scene_spec.h"
+#include "common/base/result.h"
+#include "common/base/timing.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 

@@ -2,7 +2,7 @@
 /// on the way out.
 #include <limits>
 
-#include "sim/figure_table.h"
+#include "client/sim/tools/figure_table.h"
 
 namespace needlelab {
 namespace {

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sim/figure_table.h"
+#include "client/sim/tools/figure_table.h"
 
 namespace needlelab {
 namespace {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <optional>
 
-#include "sim/figure_table.h"
+#include "client/sim/tools/figure_table.h"
 
 namespace needlelab {
 namespace {

@@ -4,12 +4,12 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
-#include "sim/command.h"
-#include "sim/figures.h"
-#include "sim/gnuplot.h"
-#include "sim/json_output.h"
+#include "client/sim/command.h"
+#include "client/sim/tools/figures.h"
+#include "client/sim/tools/gnuplot.h"
+#include "client/sim/tools/json_output.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "sim/command.h"
+#include "client/sim/command.h"
 
 int main(int argc, char** argv) {
   return needlelab::runSim(argc, argv);

@@ -8,17 +8,17 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
-#include "base/output_check.h"
-#include "base/range.h"
-#include "fem/needle_mesh.h"
-#include "fem/needle_stroke.h"
-#include "fem/stopwatch.h"
-#include "haptics/models/like_for_like.h"
-#include "profile/profile.h"
-#include "sim/command.h"
-#include "sim/json_output.h"
+#include "client/sim/command.h"
+#include "client/sim/tools/json_output.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
+#include "common/base/output_check.h"
+#include "common/base/range.h"
+#include "common/fem/needle_mesh.h"
+#include "common/fem/needle_stroke.h"
+#include "common/fem/stopwatch.h"
+#include "common/haptics/models/like_for_like.h"
+#include "common/profile/profile.h"
 
 namespace needlelab {
 namespace {

@@ -5,13 +5,13 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
-#include "base/output_check.h"
-#include "sim/command.h"
-#include "sim/json_output.h"
-#include "sim/offline_cli.h"
-#include "sim/run_output.h"
+#include "client/sim/command.h"
+#include "client/sim/tools/json_output.h"
+#include "client/sim/tools/offline_cli.h"
+#include "client/sim/tools/run_output.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
+#include "common/base/output_check.h"
 
 namespace needlelab {
 namespace {

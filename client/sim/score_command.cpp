@@ -7,22 +7,22 @@
 #include <utility>
 #include <vector>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
-#include "base/output_check.h"
-#include "base/range.h"
-#include "device/pose_option.h"
-#include "gesture/recording.h"
-#include "gesture/sample_csv.h"
-#include "haptics/limits.h"
-#include "profile/profile.h"
-#include "scoring/measures.h"
-#include "scoring/paths.h"
-#include "scoring/syringe_events.h"
-#include "sim/closed_loop.h"
-#include "sim/command.h"
-#include "sim/json_output.h"
-#include "sim/offline_cli.h"
+#include "client/device/pose_option.h"
+#include "client/sim/command.h"
+#include "client/sim/tools/closed_loop.h"
+#include "client/sim/tools/json_output.h"
+#include "client/sim/tools/offline_cli.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
+#include "common/base/output_check.h"
+#include "common/base/range.h"
+#include "common/gesture/recording.h"
+#include "common/gesture/sample_csv.h"
+#include "common/haptics/limits.h"
+#include "common/profile/profile.h"
+#include "common/scoring/measures.h"
+#include "common/scoring/paths.h"
+#include "common/scoring/syringe_events.h"
 
 namespace needlelab {
 namespace {

@@ -2,8 +2,8 @@
 #include <exception>
 #include <string>
 
-#include "base/exit_code.h"
-#include "sim/command.h"
+#include "client/sim/command.h"
+#include "common/base/exit_code.h"
 
 namespace needlelab {
 

@@ -6,12 +6,12 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "base/exit_code.h"
-#include "base/output_check.h"
-#include "sim/command.h"
-#include "sim/json_output.h"
-#include "sim/skill_picture.h"
-#include "skill/skill_study.h"
+#include "client/sim/command.h"
+#include "client/sim/skill/skill_study.h"
+#include "client/sim/skill_picture.h"
+#include "client/sim/tools/json_output.h"
+#include "common/base/exit_code.h"
+#include "common/base/output_check.h"
 
 namespace needlelab {
 namespace {

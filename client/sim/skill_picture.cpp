@@ -1,11 +1,11 @@
-#include "sim/skill_picture.h"
+#include "client/sim/skill_picture.h"
 
 #include <algorithm>
 #include <cmath>
 #include <system_error>
 
-#include "sim/figure_table.h"
-#include "sim/gnuplot.h"
+#include "client/sim/tools/figure_table.h"
+#include "client/sim/tools/gnuplot.h"
 
 namespace needlelab {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <filesystem>
 
-#include "base/result.h"
-#include "skill/skill_study.h"
+#include "client/sim/skill/skill_study.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

@@ -9,15 +9,15 @@
 #include <system_error>
 #include <vector>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
-#include "base/output_check.h"
-#include "sim/command.h"
-#include "sim/gnuplot.h"
-#include "sim/json_output.h"
-#include "sim/stability_pictures.h"
-#include "stability/case_output.h"
-#include "stability/scan_limits.h"
+#include "client/sim/command.h"
+#include "client/sim/stability/case_output.h"
+#include "client/sim/stability/scan_limits.h"
+#include "client/sim/stability_pictures.h"
+#include "client/sim/tools/gnuplot.h"
+#include "client/sim/tools/json_output.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
+#include "common/base/output_check.h"
 
 namespace needlelab {
 namespace {

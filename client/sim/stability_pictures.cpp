@@ -1,14 +1,14 @@
-#include "sim/stability_pictures.h"
+#include "client/sim/stability_pictures.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 
-#include "base/atomic_file.h"
-#include "sim/figure_table.h"
-#include "sim/gnuplot.h"
-#include "stability/case_output.h"
+#include "client/sim/stability/case_output.h"
+#include "client/sim/tools/figure_table.h"
+#include "client/sim/tools/gnuplot.h"
+#include "common/base/atomic_file.h"
 
 namespace needlelab {
 namespace {

@@ -4,13 +4,13 @@
 #include <exception>
 #include <iostream>
 
-#include "base/exit_code.h"
-#include "base/secret.h"
-#include "station/modes.h"
-#include "station/options.h"
-#include "station/station.h"
-#include "trainee/trainee_app.h"
-#include "wire/protobuf_log.h"
+#include "client/station/run/modes.h"
+#include "client/station/run/options.h"
+#include "client/station/run/station.h"
+#include "client/station/window/trainee_app.h"
+#include "common/base/exit_code.h"
+#include "common/base/secret.h"
+#include "common/wire/protobuf_log.h"
 
 int main(int argc, char** argv) {
   needlelab::keepOutOfCoreDumps();

@@ -1,10 +1,10 @@
-#include "view/fonts.h"
+#include "client/view/fonts.h"
 
 #include <imgui/imgui.h>
 
 #include <filesystem>
 
-#include "view/theme.h"
+#include "client/view/theme.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "view/frame_buffer.h"
+#include "client/view/frame_buffer.h"
 
 #include <epoxy/gl.h>
 

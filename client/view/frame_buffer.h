@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "view_model/image.h"
+#include "client/view/model/image.h"
 
 namespace needlelab {
 

@@ -1,7 +1,7 @@
 #include <algorithm>
 
-#include "view/plots.h"
-#include "view/theme.h"
+#include "client/view/plots.h"
+#include "client/view/theme.h"
 
 namespace needlelab {
 namespace {

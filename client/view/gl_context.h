@@ -3,8 +3,8 @@
 
 #include <memory>
 
-#include "base/result.h"
-#include "view/surface.h"
+#include "client/view/surface.h"
+#include "common/base/result.h"
 
 struct GLFWwindow;
 

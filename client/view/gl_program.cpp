@@ -1,4 +1,4 @@
-#include "view/gl_program.h"
+#include "client/view/gl_program.h"
 
 #include <epoxy/gl.h>
 

@@ -4,11 +4,11 @@
 #include <initializer_list>
 #include <string>
 
-#include "base/result.h"
-#include "haptics/geometry.h"
-#include "view_model/camera.h"
-#include "view_model/mesh.h"
-#include "view_model/palette.h"
+#include "client/view/model/camera.h"
+#include "client/view/model/mesh.h"
+#include "client/view/model/palette.h"
+#include "common/base/result.h"
+#include "common/haptics/geometry.h"
 
 namespace needlelab {
 

@@ -1,7 +1,7 @@
 #include <epoxy/egl.h>
 
-#include "base/formatted.h"
-#include "view/gl_context.h"
+#include "client/view/gl_context.h"
+#include "common/base/formatted.h"
 
 namespace needlelab {
 namespace {

@@ -1,9 +1,9 @@
-#include "view/plot_draw.h"
+#include "client/view/plot_draw.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "view/theme.h"
+#include "client/view/theme.h"
 
 namespace needlelab {
 namespace {

@@ -6,8 +6,8 @@
 
 #include <imgui/imgui.h>
 
-#include "view/plots.h"
-#include "view_model/axis_ticks.h"
+#include "client/view/model/axis_ticks.h"
+#include "client/view/plots.h"
 
 namespace needlelab {
 

@@ -1,14 +1,14 @@
-#include "view/plots.h"
+#include "client/view/plots.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
 
-#include "base/formatted.h"
-#include "view/plot_draw.h"
-#include "view/theme.h"
-#include "view_model/axis_ticks.h"
+#include "client/view/model/axis_ticks.h"
+#include "client/view/plot_draw.h"
+#include "client/view/theme.h"
+#include "common/base/formatted.h"
 
 namespace needlelab {
 namespace {

@@ -10,10 +10,10 @@
 
 #include <imgui/imgui.h>
 
-#include "view_model/gesture_trace.h"
-#include "view_model/palette.h"
-#include "view_model/pixel_columns.h"
-#include "view_model/scene_view.h"
+#include "client/view/model/gesture_trace.h"
+#include "client/view/model/palette.h"
+#include "client/view/model/pixel_columns.h"
+#include "client/view/model/scene_view.h"
 
 namespace needlelab {
 

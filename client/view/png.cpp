@@ -1,8 +1,8 @@
 #include <stb/stb_image.h>
 #include <stb/stb_image_write.h>
 
-#include "base/atomic_file.h"
-#include "view/surface.h"
+#include "client/view/surface.h"
+#include "common/base/atomic_file.h"
 
 namespace needlelab {
 

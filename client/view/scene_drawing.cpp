@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "view/scene_parts.h"
-#include "view/tissue_table.h"
+#include "client/view/scene_parts.h"
+#include "client/view/tissue_table.h"
 
 namespace needlelab {
 namespace {

@@ -1,11 +1,11 @@
-#include "view/scene_labels.h"
+#include "client/view/scene_labels.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "haptics/surface.h"
-#include "view/theme.h"
-#include "view_model/axis_ticks.h"
+#include "client/view/model/axis_ticks.h"
+#include "client/view/theme.h"
+#include "common/haptics/surface.h"
 
 namespace needlelab {
 namespace {

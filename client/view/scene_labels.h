@@ -3,7 +3,7 @@
 
 #include <imgui/imgui.h>
 
-#include "view/scene_renderer.h"
+#include "client/view/scene_renderer.h"
 
 namespace needlelab {
 

@@ -4,11 +4,11 @@
 #include <memory>
 #include <vector>
 
-#include "view/frame_buffer.h"
-#include "view/gl_program.h"
-#include "view/scene_renderer.h"
-#include "view/texture.h"
-#include "view_model/mesh.h"
+#include "client/view/frame_buffer.h"
+#include "client/view/gl_program.h"
+#include "client/view/model/mesh.h"
+#include "client/view/scene_renderer.h"
+#include "client/view/texture.h"
 
 namespace needlelab {
 

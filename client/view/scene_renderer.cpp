@@ -1,4 +1,4 @@
-#include "view/scene_renderer.h"
+#include "client/view/scene_renderer.h"
 
 #include <epoxy/gl.h>
 
@@ -7,13 +7,13 @@
 #include <cmath>
 #include <cstdint>
 
-#include "base/clock.h"
-#include "view/redraw.h"
-#include "view/scene_parts.h"
-#include "view/scene_shaders.h"
-#include "view/surface_pixels.h"
-#include "view/tissue_table.h"
-#include "view_model/mesh_tools.h"
+#include "client/view/model/mesh_tools.h"
+#include "client/view/redraw.h"
+#include "client/view/scene_parts.h"
+#include "client/view/scene_shaders.h"
+#include "client/view/surface_pixels.h"
+#include "client/view/tissue_table.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
 namespace {

@@ -9,13 +9,13 @@
 
 #include <imgui/imgui.h>
 
-#include "base/result.h"
-#include "view_model/aids.h"
-#include "view_model/camera.h"
-#include "view_model/gesture_replica.h"
-#include "view_model/image.h"
-#include "view_model/palette.h"
-#include "view_model/scene_view.h"
+#include "client/view/model/aids.h"
+#include "client/view/model/camera.h"
+#include "client/view/model/gesture_replica.h"
+#include "client/view/model/image.h"
+#include "client/view/model/palette.h"
+#include "client/view/model/scene_view.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

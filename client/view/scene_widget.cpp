@@ -1,8 +1,8 @@
 #include <algorithm>
 
-#include "view/scene_labels.h"
-#include "view/scene_renderer.h"
-#include "view/theme.h"
+#include "client/view/scene_labels.h"
+#include "client/view/scene_renderer.h"
+#include "client/view/theme.h"
 
 namespace needlelab {
 namespace {

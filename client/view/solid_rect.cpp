@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <deque>
 
-#include "view/redraw.h"
-#include "view/surface_pixels.h"
-#include "view/theme.h"
+#include "client/view/redraw.h"
+#include "client/view/surface_pixels.h"
+#include "client/view/theme.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "view/surface.h"
+#include "client/view/surface.h"
 
 #include <epoxy/gl.h>
 
@@ -16,13 +16,13 @@
 #include <cstring>
 #include <thread>
 
-#include "base/clock.h"
-#include "view/fonts.h"
-#include "view/frame_buffer.h"
-#include "view/gl_context.h"
-#include "view/redraw.h"
-#include "view/theme.h"
-#include "view/window_state.h"
+#include "client/view/fonts.h"
+#include "client/view/frame_buffer.h"
+#include "client/view/gl_context.h"
+#include "client/view/redraw.h"
+#include "client/view/theme.h"
+#include "client/view/window_state.h"
+#include "common/base/clock.h"
 
 #if defined(__SANITIZE_ADDRESS__)
 namespace {

@@ -8,8 +8,8 @@
 #include <optional>
 #include <string>
 
-#include "base/result.h"
-#include "view_model/image.h"
+#include "client/view/model/image.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

@@ -3,7 +3,7 @@
 
 #include <imgui/imgui.h>
 
-#include "view/frame_buffer.h"
+#include "client/view/frame_buffer.h"
 
 namespace needlelab {
 

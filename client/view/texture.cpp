@@ -1,11 +1,11 @@
-#include "view/texture.h"
+#include "client/view/texture.h"
 
 #include <epoxy/gl.h>
 
 #include <cstdint>
 #include <utility>
 
-#include "view/redraw.h"
+#include "client/view/redraw.h"
 
 namespace needlelab {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <imgui/imgui.h>
 
-#include "view_model/image.h"
+#include "client/view/model/image.h"
 
 namespace needlelab {
 

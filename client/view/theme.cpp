@@ -1,4 +1,4 @@
-#include "view/theme.h"
+#include "client/view/theme.h"
 
 #include <algorithm>
 #include <cmath>

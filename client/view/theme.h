@@ -5,7 +5,7 @@
 
 #include <imgui/imgui.h>
 
-#include "view_model/palette.h"
+#include "client/view/model/palette.h"
 
 namespace needlelab {
 

@@ -1,10 +1,10 @@
-#include "view/tissue_table.h"
+#include "client/view/tissue_table.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 
-#include "view_model/palette.h"
+#include "client/view/model/palette.h"
 
 namespace needlelab {
 namespace {

@@ -1,8 +1,8 @@
 /// The tissues' colours over depth, as a picture for the cut. Private to this folder.
 #pragma once
 
-#include "view_model/image.h"
-#include "view_model/scene_view.h"
+#include "client/view/model/image.h"
+#include "client/view/model/scene_view.h"
 
 namespace needlelab {
 

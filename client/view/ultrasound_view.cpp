@@ -1,12 +1,12 @@
-#include "view/ultrasound_view.h"
+#include "client/view/ultrasound_view.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "base/clock.h"
-#include "base/formatted.h"
-#include "view/theme.h"
-#include "view_model/axis_ticks.h"
+#include "client/view/model/axis_ticks.h"
+#include "client/view/theme.h"
+#include "common/base/clock.h"
+#include "common/base/formatted.h"
 
 namespace needlelab {
 

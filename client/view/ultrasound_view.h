@@ -5,8 +5,8 @@
 
 #include <imgui/imgui.h>
 
-#include "view/texture.h"
-#include "view_model/ultrasound_slice.h"
+#include "client/view/model/ultrasound_slice.h"
+#include "client/view/texture.h"
 
 namespace needlelab {
 

@@ -3,8 +3,8 @@
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 
-#include "view/gl_context.h"
-#include "view/window_state.h"
+#include "client/view/gl_context.h"
+#include "client/view/window_state.h"
 
 namespace needlelab {
 namespace {

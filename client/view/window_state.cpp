@@ -1,9 +1,9 @@
-#include "view/window_state.h"
+#include "client/view/window_state.h"
 
 #include <nlohmann/json.hpp>
 
-#include "base/atomic_file.h"
-#include "base/formatted.h"
+#include "common/base/atomic_file.h"
+#include "common/base/formatted.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "base/atomic_file.h"
+#include "common/base/atomic_file.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -7,7 +7,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "base/disk_words.h"
+#include "common/base/disk_words.h"
 
 namespace needlelab {
 namespace {

@@ -1,9 +1,9 @@
-#include "base/crc32c.h"
+#include "common/base/crc32c.h"
 
 #include <array>
 #include <cstring>
 
-#include "base/crc32c_tables.h"
+#include "common/base/crc32c_tables.h"
 
 #if defined(__x86_64__)
 #include <nmmintrin.h>

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "base/bytes.h"
+#include "common/base/bytes.h"
 
 namespace needlelab {
 

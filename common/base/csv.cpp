@@ -1,10 +1,10 @@
-#include "base/csv.h"
+#include "common/base/csv.h"
 
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 
-#include "base/atomic_file.h"
+#include "common/base/atomic_file.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "base/disk_words.h"
+#include "common/base/disk_words.h"
 
 #include <cerrno>
 #include <cstring>

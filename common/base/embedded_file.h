@@ -1,4 +1,4 @@
-/// Text files that were put into the binary at build time (db/embed.cmake).
+/// Text files that were put into the binary at build time (deploy/cmake/NeedlelabEmbed.cmake).
 #pragma once
 
 #include <string_view>

@@ -1,7 +1,7 @@
 /// Exit codes of every binary (DESIGN §5).
 #pragma once
 
-#include "base/result.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

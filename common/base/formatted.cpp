@@ -1,4 +1,4 @@
-#include "base/formatted.h"
+#include "common/base/formatted.h"
 
 #include <cstdarg>
 #include <cstddef>

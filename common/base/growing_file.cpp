@@ -1,4 +1,4 @@
-#include "base/growing_file.h"
+#include "common/base/growing_file.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -9,7 +9,7 @@
 #include <cstring>
 #include <utility>
 
-#include "base/atomic_file.h"
+#include "common/base/atomic_file.h"
 
 namespace needlelab {
 

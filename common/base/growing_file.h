@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <string>
 
-#include "base/bytes.h"
-#include "base/result.h"
+#include "common/base/bytes.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "base/machine.h"
+#include "common/base/machine.h"
 
 #include <sys/utsname.h>
 #include <unistd.h>

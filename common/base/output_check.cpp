@@ -1,4 +1,4 @@
-#include "base/output_check.h"
+#include "common/base/output_check.h"
 
 #include <unistd.h>
 

@@ -1,5 +1,5 @@
 // Alone in its file: a test's program that brings its own definition never takes this one from the library.
-#include "base/planted_bug.h"
+#include "common/base/planted_bug.h"
 
 namespace needlelab {
 

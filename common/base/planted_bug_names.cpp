@@ -1,4 +1,4 @@
-#include "base/planted_bug.h"
+#include "common/base/planted_bug.h"
 
 namespace needlelab {
 

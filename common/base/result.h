@@ -1,5 +1,5 @@
-/// Expected failures as values. Programmer errors are asserts; inside the haptic loop neither is used (STYLE:
-/// Q5).
+/// Expected failures as values. Programmer errors are asserts; inside the haptic loop neither is
+/// used.
 #pragma once
 
 #include <cassert>
@@ -65,3 +65,21 @@ class [[nodiscard]] Status {
 };
 
 }  // namespace needlelab
+
+/// Ends the function with the error of `expression`, a Status or Result, if it has one.
+#define RETURN_IF_ERROR(expression)                                           \
+  do {                                                                        \
+    if (auto status_of_expression = (expression); !status_of_expression.ok()) \
+      return status_of_expression.error();                                    \
+  } while (false)
+
+/// ASSIGN_OR_RETURN(const auto row, store.find(id)): declares or sets the first from the value of a Result,
+/// or ends the function with its error. Not in an `if` without braces: it is two statements.
+#define ASSIGN_OR_RETURN(target, expression) \
+  ASSIGN_OR_RETURN_AS(NEEDLELAB_JOIN(result_of_line_, __LINE__), target, expression)
+#define ASSIGN_OR_RETURN_AS(result, target, expression) \
+  auto result = (expression);                           \
+  if (!result.ok()) return result.error();              \
+  target = std::move(result).value()
+#define NEEDLELAB_JOIN(a, b) NEEDLELAB_JOIN_EXPANDED(a, b)
+#define NEEDLELAB_JOIN_EXPANDED(a, b) a##b

@@ -1,4 +1,4 @@
-#include "base/text_rules.h"
+#include "common/base/text_rules.h"
 
 #include <algorithm>
 #include <cstdint>

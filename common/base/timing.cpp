@@ -1,4 +1,4 @@
-#include "base/timing.h"
+#include "common/base/timing.h"
 
 #include <cmath>
 #include <cstdio>

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "base/clock.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
 

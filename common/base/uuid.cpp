@@ -1,4 +1,4 @@
-#include "base/uuid.h"
+#include "common/base/uuid.h"
 
 #include <sys/random.h>
 
@@ -6,7 +6,7 @@
 #include <atomic>
 #include <cstdlib>
 
-#include "base/clock.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
 

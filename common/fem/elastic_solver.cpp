@@ -1,9 +1,9 @@
-#include "fem/elastic_solver.h"
+#include "common/fem/elastic_solver.h"
 
 #include <Eigen/CholmodSupport>
 #include <string>
 
-#include "fem/stopwatch.h"
+#include "common/fem/stopwatch.h"
 
 namespace needlelab {
 

@@ -3,8 +3,8 @@
 
 #include <memory>
 
-#include "base/result.h"
-#include "fem/elasticity.h"
+#include "common/base/result.h"
+#include "common/fem/elasticity.h"
 
 namespace needlelab {
 

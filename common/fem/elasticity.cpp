@@ -1,4 +1,4 @@
-#include "fem/elasticity.h"
+#include "common/fem/elasticity.h"
 
 #include <Eigen/LU>
 #include <cmath>

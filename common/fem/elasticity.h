@@ -1,13 +1,14 @@
 /// Small-strain isotropic elasticity on ten-node tetrahedra.
-/// Quadratic displacements do not lock near incompressibility as four-node ones do (tests/unit/fem shows
-/// both): a ten-node element has about 4 unknowns for each volume constraint, a four-node one about half.
+/// Quadratic displacements do not lock near incompressibility as four-node ones do (tests/unit/common/fem
+/// shows both): a ten-node element has about 4 unknowns for each volume constraint, a four-node one about
+/// half.
 #pragma once
 
 #include <Eigen/Core>
 #include <Eigen/SparseCore>
 #include <vector>
 
-#include "fem/tet_mesh.h"
+#include "common/fem/tet_mesh.h"
 
 namespace needlelab {
 

@@ -1,10 +1,10 @@
-#include "fem/mesh_study.h"
+#include "common/fem/mesh_study.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "fem/needle_stroke.h"
-#include "fem/stopwatch.h"
+#include "common/fem/needle_stroke.h"
+#include "common/fem/stopwatch.h"
 
 namespace needlelab {
 namespace {

@@ -4,7 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "fem/needle_mesh.h"
+#include "common/fem/needle_mesh.h"
 
 namespace needlelab {
 

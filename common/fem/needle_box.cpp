@@ -1,4 +1,4 @@
-#include "fem/needle_box.h"
+#include "common/fem/needle_box.h"
 
 #include <algorithm>
 #include <array>

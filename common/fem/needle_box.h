@@ -5,7 +5,7 @@
 #include <Eigen/SparseCore>
 #include <vector>
 
-#include "fem/elasticity.h"
+#include "common/fem/elasticity.h"
 
 namespace needlelab {
 

@@ -1,14 +1,14 @@
-#include "fem/needle_mesh.h"
+#include "common/fem/needle_mesh.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
-#include "base/range.h"
-#include "fem/elastic_solver.h"
-#include "fem/needle_box.h"
-#include "fem/stopwatch.h"
+#include "common/base/range.h"
+#include "common/fem/elastic_solver.h"
+#include "common/fem/needle_box.h"
+#include "common/fem/stopwatch.h"
 
 namespace needlelab {
 namespace {

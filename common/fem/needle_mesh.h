@@ -4,9 +4,9 @@
 
 #include <memory>
 
-#include "base/result.h"
-#include "haptics/models/needle_compliance.h"
-#include "haptics/scene_spec.h"
+#include "common/base/result.h"
+#include "common/haptics/models/needle_compliance.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 

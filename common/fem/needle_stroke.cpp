@@ -1,9 +1,9 @@
-#include "fem/needle_stroke.h"
+#include "common/fem/needle_stroke.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "haptics/engine.h"
+#include "common/haptics/engine.h"
 
 namespace needlelab {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "base/result.h"
-#include "haptics/models/fem_needle.h"
+#include "common/base/result.h"
+#include "common/haptics/models/fem_needle.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "fem/tet_mesh.h"
+#include "common/fem/tet_mesh.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>

@@ -7,10 +7,10 @@
 #include <span>
 #include <vector>
 
-#include "base/bytes.h"
-#include "base/result.h"
-#include "gesture/resolution.h"
-#include "gesture/sample.h"
+#include "common/base/bytes.h"
+#include "common/base/result.h"
+#include "common/gesture/resolution.h"
+#include "common/gesture/sample.h"
 
 namespace needlelab {
 

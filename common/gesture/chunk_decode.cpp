@@ -3,10 +3,10 @@
 #include <cstring>
 #include <limits>
 
-#include "base/crc32c.h"
-#include "gesture/chunk.h"
-#include "gesture/chunk_format.h"
-#include "gesture/column_coding.h"
+#include "common/base/crc32c.h"
+#include "common/gesture/chunk.h"
+#include "common/gesture/chunk_format.h"
+#include "common/gesture/column_coding.h"
 
 namespace needlelab {
 namespace {

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "gesture/chunk.h"
+#include "common/gesture/chunk.h"
 
 namespace needlelab::chunk_format {
 

@@ -1,4 +1,4 @@
-#include "gesture/column_coding.h"
+#include "common/gesture/column_coding.h"
 
 #include <algorithm>
 #include <bit>

@@ -9,10 +9,10 @@
 #include <string_view>
 #include <vector>
 
-#include "base/bytes.h"
-#include "base/result.h"
-#include "gesture/chunk.h"
-#include "gesture/session_hash.h"
+#include "common/base/bytes.h"
+#include "common/base/result.h"
+#include "common/gesture/chunk.h"
+#include "common/gesture/session_hash.h"
 
 namespace needlelab {
 

@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <cstring>
 
-#include "base/bytes.h"
-#include "base/crc32c.h"
-#include "gesture/recording.h"
+#include "common/base/bytes.h"
+#include "common/base/crc32c.h"
+#include "common/gesture/recording.h"
 
 namespace needlelab::recording_format {
 

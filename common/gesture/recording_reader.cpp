@@ -7,8 +7,8 @@
 #include <cstring>
 #include <utility>
 
-#include "gesture/recording.h"
-#include "gesture/recording_format.h"
+#include "common/gesture/recording.h"
+#include "common/gesture/recording_format.h"
 
 namespace needlelab {
 

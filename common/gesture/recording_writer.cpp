@@ -6,9 +6,9 @@
 #include <cstring>
 #include <utility>
 
-#include "base/atomic_file.h"
-#include "gesture/recording.h"
-#include "gesture/recording_format.h"
+#include "common/base/atomic_file.h"
+#include "common/gesture/recording.h"
+#include "common/gesture/recording_format.h"
 
 namespace needlelab {
 

@@ -1,6 +1,6 @@
-#include "gesture/resolution.h"
+#include "common/gesture/resolution.h"
 
-#include "base/csv.h"
+#include "common/base/csv.h"
 
 namespace needlelab {
 

@@ -1,7 +1,7 @@
 /// The steps to which a gesture's columns are rounded when they are stored (DESIGN §6).
 #pragma once
 
-#include "base/result.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

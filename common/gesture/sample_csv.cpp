@@ -1,9 +1,9 @@
-#include "gesture/sample_csv.h"
+#include "common/gesture/sample_csv.h"
 
 #include <charconv>
 #include <cmath>
 
-#include "base/csv.h"
+#include "common/base/csv.h"
 
 namespace needlelab {
 namespace {

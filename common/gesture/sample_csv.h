@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
-#include "gesture/sample.h"
+#include "common/base/result.h"
+#include "common/gesture/sample.h"
 
 namespace needlelab {
 

@@ -3,8 +3,8 @@
 #include <limits>
 #include <string>
 
-#include "base/csv.h"
-#include "gesture/sample_csv.h"
+#include "common/base/csv.h"
+#include "common/gesture/sample_csv.h"
 
 namespace needlelab {
 namespace {

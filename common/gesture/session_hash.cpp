@@ -1,4 +1,4 @@
-#include "gesture/session_hash.h"
+#include "common/gesture/session_hash.h"
 
 namespace needlelab {
 

@@ -8,8 +8,8 @@
 #include <string>
 #include <string_view>
 
-#include "base/bytes.h"
-#include "base/result.h"
+#include "common/base/bytes.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "gesture/thinning.h"
+#include "common/gesture/thinning.h"
 
 #include <algorithm>
 #include <array>

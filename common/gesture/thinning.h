@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "gesture/resolution.h"
-#include "gesture/sample.h"
+#include "common/gesture/resolution.h"
+#include "common/gesture/sample.h"
 
 namespace needlelab {
 

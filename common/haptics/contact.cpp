@@ -1,9 +1,9 @@
-#include "haptics/contact.h"
+#include "common/haptics/contact.h"
 
 #include <algorithm>
 
-#include "haptics/det_math.h"
-#include "haptics/surface.h"
+#include "common/haptics/det_math.h"
+#include "common/haptics/surface.h"
 
 namespace needlelab {
 namespace {

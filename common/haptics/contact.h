@@ -3,7 +3,7 @@
 
 #include <limits>
 
-#include "haptics/effects/tick.h"
+#include "common/haptics/effects/tick.h"
 
 namespace needlelab {
 

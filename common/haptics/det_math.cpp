@@ -1,4 +1,4 @@
-#include "haptics/det_math.h"
+#include "common/haptics/det_math.h"
 
 #include <algorithm>
 #include <bit>

@@ -1,4 +1,4 @@
-#include "haptics/engine.h"
+#include "common/haptics/engine.h"
 
 namespace needlelab {
 

@@ -4,8 +4,8 @@
 
 #include <cstdint>
 
-#include "haptics/scene_model.h"
-#include "haptics/sim_state.h"
+#include "common/haptics/scene_model.h"
+#include "common/haptics/sim_state.h"
 
 namespace needlelab {
 

@@ -1,9 +1,9 @@
-#include "haptics/force_gate.h"
+#include "common/haptics/force_gate.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "haptics/device_condition.h"
+#include "common/haptics/device_condition.h"
 
 namespace needlelab {
 namespace {

@@ -5,8 +5,8 @@
 #include <array>
 #include <cstdint>
 
-#include "haptics/engine.h"
-#include "haptics/thermal_budget.h"
+#include "common/haptics/engine.h"
+#include "common/haptics/thermal_budget.h"
 
 namespace needlelab {
 

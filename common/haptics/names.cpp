@@ -1,5 +1,5 @@
-#include "haptics/force_gate.h"
-#include "haptics/sim_state.h"
+#include "common/haptics/force_gate.h"
+#include "common/haptics/sim_state.h"
 
 namespace needlelab {
 

@@ -1,9 +1,9 @@
-#include "haptics/needle_spec.h"
+#include "common/haptics/needle_spec.h"
 
 #include <array>
 #include <cmath>
 
-#include "haptics/det_math.h"
+#include "common/haptics/det_math.h"
 
 namespace needlelab {
 namespace {

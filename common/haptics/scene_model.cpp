@@ -1,4 +1,4 @@
-#include "haptics/scene_model.h"
+#include "common/haptics/scene_model.h"
 
 #include <algorithm>
 #include <bit>
@@ -6,8 +6,8 @@
 #include <limits>
 #include <string>
 
-#include "haptics/det_math.h"
-#include "haptics/models/axial_entry.h"
+#include "common/haptics/det_math.h"
+#include "common/haptics/models/axial_entry.h"
 
 namespace needlelab {
 namespace {

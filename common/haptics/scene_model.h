@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <memory>
 
-#include "haptics/limits.h"
-#include "haptics/scene_spec.h"
+#include "common/haptics/limits.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 

@@ -1,11 +1,11 @@
-#include "haptics/scene_spec.h"
+#include "common/haptics/scene_spec.h"
 
 #include <algorithm>
 
-#include "base/range.h"
-#include "haptics/limits.h"
-#include "haptics/models/axial_entry.h"
-#include "haptics/spec_checker.h"
+#include "common/base/range.h"
+#include "common/haptics/limits.h"
+#include "common/haptics/models/axial_entry.h"
+#include "common/haptics/spec_checker.h"
 
 namespace needlelab {
 namespace {

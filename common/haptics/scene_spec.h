@@ -10,9 +10,9 @@
 #include <variant>
 #include <vector>
 
-#include "base/result.h"
-#include "haptics/axial_model.h"
-#include "haptics/geometry.h"
+#include "common/base/result.h"
+#include "common/haptics/axial_model.h"
+#include "common/haptics/geometry.h"
 
 namespace needlelab {
 

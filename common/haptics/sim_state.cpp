@@ -1,4 +1,4 @@
-#include "haptics/sim_state.h"
+#include "common/haptics/sim_state.h"
 
 #include <algorithm>
 #include <bit>

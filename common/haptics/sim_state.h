@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <type_traits>
 
-#include "haptics/geometry.h"
-#include "haptics/limits.h"
-#include "haptics/models/needle_state.h"
-#include "haptics/models/score_process.h"
+#include "common/haptics/geometry.h"
+#include "common/haptics/limits.h"
+#include "common/haptics/models/needle_state.h"
+#include "common/haptics/models/score_process.h"
 
 namespace needlelab {
 

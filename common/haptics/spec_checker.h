@@ -6,9 +6,9 @@
 #include <string_view>
 #include <utility>
 
-#include "base/range.h"
-#include "base/result.h"
-#include "haptics/geometry.h"
+#include "common/base/range.h"
+#include "common/base/result.h"
+#include "common/haptics/geometry.h"
 
 namespace needlelab {
 

@@ -7,13 +7,13 @@
 #include <limits>
 #include <utility>
 
-#include "haptics/contact.h"
-#include "haptics/effects/clamping.h"
-#include "haptics/effects/orientation_limit.h"
-#include "haptics/effects/puncture.h"
-#include "haptics/effects/shaft_friction.h"
-#include "haptics/effects/tracking_wall.h"
-#include "haptics/models/axial_entry.h"
+#include "common/haptics/contact.h"
+#include "common/haptics/effects/clamping.h"
+#include "common/haptics/effects/orientation_limit.h"
+#include "common/haptics/effects/puncture.h"
+#include "common/haptics/effects/shaft_friction.h"
+#include "common/haptics/effects/tracking_wall.h"
+#include "common/haptics/models/axial_entry.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "haptics/surface.h"
+#include "common/haptics/surface.h"
 
 #include <algorithm>
 

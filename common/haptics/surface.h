@@ -2,8 +2,8 @@
 /// whoever must know beforehand what it will take for entry and normal.
 #pragma once
 
-#include "haptics/scene_spec.h"
-#include "haptics/sim_state.h"
+#include "common/haptics/scene_spec.h"
+#include "common/haptics/sim_state.h"
 
 namespace needlelab {
 

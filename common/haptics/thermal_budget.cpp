@@ -1,4 +1,4 @@
-#include "haptics/thermal_budget.h"
+#include "common/haptics/thermal_budget.h"
 
 #include <algorithm>
 #include <cmath>

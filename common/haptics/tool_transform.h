@@ -2,7 +2,7 @@
 /// §3.7).
 #pragma once
 
-#include "haptics/geometry.h"
+#include "common/haptics/geometry.h"
 
 namespace needlelab {
 

@@ -1,10 +1,10 @@
-#include "profile/aid_list.h"
+#include "common/profile/aid_list.h"
 
 #include <algorithm>
 #include <cctype>
 #include <cstddef>
 
-#include "base/text_rules.h"
+#include "common/base/text_rules.h"
 
 namespace needlelab {
 namespace {

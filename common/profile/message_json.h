@@ -1,5 +1,5 @@
 /// Messages from and to JSON, by their descriptors and the options of options.proto: those of profile.proto
-/// both ways, those of requests (server/http) from it.
+/// both ways, those of requests (server/web) from it.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

@@ -5,10 +5,10 @@
 #include <optional>
 #include <vector>
 
-#include "base/range.h"
+#include "common/base/range.h"
+#include "common/profile/message_json.h"
+#include "common/profile/strict_json.h"
 #include "needlelab/options.pb.h"
-#include "profile/message_json.h"
-#include "profile/strict_json.h"
 
 namespace needlelab {
 namespace {

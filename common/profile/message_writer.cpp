@@ -1,6 +1,6 @@
-#include "base/range.h"
+#include "common/base/range.h"
+#include "common/profile/message_json.h"
 #include "needlelab/options.pb.h"
-#include "profile/message_json.h"
 
 namespace needlelab {
 namespace {

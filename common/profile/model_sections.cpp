@@ -1,11 +1,11 @@
-#include "profile/model_sections.h"
+#include "common/profile/model_sections.h"
 
 #include <algorithm>
 #include <array>
 #include <string>
 
-#include "profile/profile.h"
-#include "profile/strict_json.h"
+#include "common/profile/profile.h"
+#include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {

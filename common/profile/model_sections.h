@@ -1,8 +1,8 @@
 /// The axial model of a profile and its section, from and to the engine's scene. Private to this folder.
 #pragma once
 
-#include "base/result.h"
-#include "haptics/scene_spec.h"
+#include "common/base/result.h"
+#include "common/haptics/scene_spec.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {

@@ -1,10 +1,10 @@
-#include "profile/needle.h"
+#include "common/profile/needle.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "base/formatted.h"
-#include "base/range.h"
+#include "common/base/formatted.h"
+#include "common/base/range.h"
 
 namespace needlelab {
 

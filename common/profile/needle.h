@@ -1,8 +1,8 @@
 /// A profile's needle as numbers.
 #pragma once
 
-#include "base/result.h"
-#include "haptics/needle_spec.h"
+#include "common/base/result.h"
+#include "common/haptics/needle_spec.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {

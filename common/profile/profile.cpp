@@ -1,9 +1,9 @@
-#include "profile/profile.h"
+#include "common/profile/profile.h"
 
-#include "base/atomic_file.h"
-#include "profile/message_json.h"
-#include "profile/rules.h"
-#include "profile/strict_json.h"
+#include "common/base/atomic_file.h"
+#include "common/profile/message_json.h"
+#include "common/profile/rules.h"
+#include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {

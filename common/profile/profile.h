@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "base/result.h"
-#include "haptics/scene_spec.h"
+#include "common/base/result.h"
+#include "common/haptics/scene_spec.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {

@@ -1,4 +1,4 @@
-#include "profile/rules.h"
+#include "common/profile/rules.h"
 
 #include <cmath>
 #include <map>
@@ -6,12 +6,12 @@
 #include <string>
 #include <vector>
 
-#include "base/range.h"
-#include "profile/aid_list.h"
-#include "profile/model_sections.h"
-#include "profile/needle.h"
-#include "profile/profile.h"
-#include "profile/strict_json.h"
+#include "common/base/range.h"
+#include "common/profile/aid_list.h"
+#include "common/profile/model_sections.h"
+#include "common/profile/needle.h"
+#include "common/profile/profile.h"
+#include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {

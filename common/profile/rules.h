@@ -1,7 +1,7 @@
 /// What a profile or exercise must fulfil beyond single fields. Private to this folder.
 #pragma once
 
-#include "base/result.h"
+#include "common/base/result.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {

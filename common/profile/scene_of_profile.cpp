@@ -1,7 +1,7 @@
-#include "base/range.h"
-#include "profile/model_sections.h"
-#include "profile/needle.h"
-#include "profile/profile.h"
+#include "common/base/range.h"
+#include "common/profile/model_sections.h"
+#include "common/profile/needle.h"
+#include "common/profile/profile.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "profile/strict_json.h"
+#include "common/profile/strict_json.h"
 
 #include <vector>
 

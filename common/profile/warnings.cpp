@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "base/range.h"
-#include "profile/profile.h"
+#include "common/base/range.h"
+#include "common/profile/profile.h"
 
 namespace needlelab {
 namespace {

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "scoring/groups.h"
+#include "common/scoring/groups.h"
 
 namespace needlelab {
 namespace {

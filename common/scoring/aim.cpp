@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "scoring/groups.h"
+#include "common/scoring/groups.h"
 
 namespace needlelab {
 namespace {

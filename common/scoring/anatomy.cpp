@@ -1,4 +1,4 @@
-#include "scoring/anatomy.h"
+#include "common/scoring/anatomy.h"
 
 #include <algorithm>
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "haptics/scene_spec.h"
+#include "common/haptics/scene_spec.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {

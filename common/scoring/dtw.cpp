@@ -1,4 +1,4 @@
-#include "scoring/dtw.h"
+#include "common/scoring/dtw.h"
 
 #include <algorithm>
 #include <cmath>

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "haptics/geometry.h"
+#include "common/haptics/geometry.h"
 
 namespace needlelab {
 

@@ -5,13 +5,13 @@
 #include <string>
 #include <vector>
 
+#include "common/scoring/anatomy.h"
+#include "common/scoring/dtw.h"
+#include "common/scoring/measure_table.h"
+#include "common/scoring/measures.h"
+#include "common/scoring/track.h"
 #include "needlelab/event.pb.h"
 #include "needlelab/profile.pb.h"
-#include "scoring/anatomy.h"
-#include "scoring/dtw.h"
-#include "scoring/measure_table.h"
-#include "scoring/measures.h"
-#include "scoring/track.h"
 
 namespace needlelab {
 

@@ -1,11 +1,11 @@
-#include "scoring/lesson_watch.h"
+#include "common/scoring/lesson_watch.h"
 
 #include <algorithm>
 #include <cctype>
 #include <cmath>
 
-#include "scoring/anatomy.h"
-#include "scoring/track.h"
+#include "common/scoring/anatomy.h"
+#include "common/scoring/track.h"
 
 namespace needlelab {
 namespace {

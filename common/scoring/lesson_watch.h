@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "gesture/sample.h"
-#include "haptics/geometry.h"
+#include "common/gesture/sample.h"
+#include "common/haptics/geometry.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {

@@ -1,11 +1,11 @@
-#include "scoring/measure_table.h"
+#include "common/scoring/measure_table.h"
 
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <nlohmann/json.hpp>
 
-#include "haptics/limits.h"
+#include "common/haptics/limits.h"
 
 namespace needlelab {
 namespace {

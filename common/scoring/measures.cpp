@@ -1,12 +1,12 @@
-#include "scoring/measures.h"
+#include "common/scoring/measures.h"
 
 #include <cassert>
 #include <cmath>
 
-#include "haptics/limits.h"
-#include "scoring/groups.h"
-#include "scoring/measure_table.h"
-#include "scoring/syringe_events.h"
+#include "common/haptics/limits.h"
+#include "common/scoring/groups.h"
+#include "common/scoring/measure_table.h"
+#include "common/scoring/syringe_events.h"
 
 namespace needlelab {
 

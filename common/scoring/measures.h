@@ -8,11 +8,11 @@
 #include <string_view>
 #include <vector>
 
-#include "base/result.h"
-#include "gesture/sample.h"
-#include "haptics/geometry.h"
+#include "common/base/result.h"
+#include "common/gesture/sample.h"
+#include "common/haptics/geometry.h"
+#include "common/scoring/dtw.h"
 #include "needlelab/profile.pb.h"
-#include "scoring/dtw.h"
 
 namespace needlelab {
 

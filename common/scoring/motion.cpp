@@ -1,7 +1,7 @@
 #include <algorithm>
 
-#include "scoring/groups.h"
-#include "scoring/smoothness.h"
+#include "common/scoring/groups.h"
+#include "common/scoring/smoothness.h"
 
 namespace needlelab {
 namespace {

@@ -1,10 +1,10 @@
-#include "scoring/paths.h"
+#include "common/scoring/paths.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "haptics/limits.h"
-#include "scoring/groups.h"
+#include "common/haptics/limits.h"
+#include "common/scoring/groups.h"
 
 namespace needlelab {
 

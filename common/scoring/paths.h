@@ -3,9 +3,9 @@
 
 #include <span>
 
-#include "gesture/sample.h"
-#include "haptics/geometry.h"
-#include "scoring/dtw.h"
+#include "common/gesture/sample.h"
+#include "common/haptics/geometry.h"
+#include "common/scoring/dtw.h"
 
 namespace needlelab {
 

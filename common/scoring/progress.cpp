@@ -1,4 +1,4 @@
-#include "scoring/progress.h"
+#include "common/scoring/progress.h"
 
 #include <algorithm>
 #include <array>
@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
-#include "scoring/groups.h"
-#include "scoring/measure_table.h"
+#include "common/scoring/groups.h"
+#include "common/scoring/measure_table.h"
 
 namespace needlelab {
 namespace {

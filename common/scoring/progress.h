@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "scoring/measures.h"
+#include "common/scoring/measures.h"
 
 namespace needlelab {
 

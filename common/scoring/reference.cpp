@@ -1,4 +1,4 @@
-#include "scoring/reference.h"
+#include "common/scoring/reference.h"
 
 #include <algorithm>
 #include <array>
@@ -6,7 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "scoring/groups.h"
+#include "common/scoring/groups.h"
 
 namespace needlelab {
 namespace {

@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "scoring/dtw.h"
-#include "scoring/measure_table.h"
-#include "scoring/measures.h"
+#include "common/scoring/dtw.h"
+#include "common/scoring/measure_table.h"
+#include "common/scoring/measures.h"
 
 namespace needlelab {
 

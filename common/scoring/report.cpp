@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "base/range.h"
-#include "scoring/measures.h"
+#include "common/base/range.h"
+#include "common/scoring/measures.h"
 
 namespace needlelab {
 namespace {

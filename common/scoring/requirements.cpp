@@ -2,9 +2,9 @@
 #include <array>
 #include <cstdio>
 
-#include "haptics/limits.h"
-#include "scoring/groups.h"
-#include "scoring/measure_table.h"
+#include "common/haptics/limits.h"
+#include "common/scoring/groups.h"
+#include "common/scoring/measure_table.h"
 
 namespace needlelab {
 namespace {

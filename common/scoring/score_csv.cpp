@@ -1,8 +1,8 @@
-#include "scoring/score_csv.h"
+#include "common/scoring/score_csv.h"
 
-#include "base/csv.h"
-#include "scoring/measure_table.h"
-#include "scoring/measures.h"
+#include "common/base/csv.h"
+#include "common/scoring/measure_table.h"
+#include "common/scoring/measures.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "scoring/smoothness.h"
+#include "common/scoring/smoothness.h"
 
 #include <algorithm>
 #include <bit>

@@ -1,10 +1,10 @@
-#include "scoring/strokes.h"
+#include "common/scoring/strokes.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "scoring/syringe_events.h"
-#include "scoring/track.h"
+#include "common/scoring/syringe_events.h"
+#include "common/scoring/track.h"
 
 namespace needlelab {
 namespace {

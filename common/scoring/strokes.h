@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "gesture/sample.h"
+#include "common/gesture/sample.h"
 
 namespace needlelab {
 

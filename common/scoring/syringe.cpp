@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "scoring/groups.h"
-#include "scoring/syringe_events.h"
+#include "common/scoring/groups.h"
+#include "common/scoring/syringe_events.h"
 
 namespace needlelab {
 

@@ -1,14 +1,14 @@
-#include "scoring/syringe_events.h"
+#include "common/scoring/syringe_events.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "haptics/limits.h"
-#include "haptics/scene_model.h"
-#include "profile/needle.h"
-#include "scoring/anatomy.h"
-#include "scoring/strokes.h"
-#include "scoring/track.h"
+#include "common/haptics/limits.h"
+#include "common/haptics/scene_model.h"
+#include "common/profile/needle.h"
+#include "common/scoring/anatomy.h"
+#include "common/scoring/strokes.h"
+#include "common/scoring/track.h"
 
 namespace needlelab {
 namespace {

@@ -1,9 +1,9 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "base/formatted.h"
-#include "scoring/groups.h"
-#include "scoring/syringe_events.h"
+#include "common/base/formatted.h"
+#include "common/scoring/groups.h"
+#include "common/scoring/syringe_events.h"
 
 namespace needlelab {
 namespace {

@@ -1,9 +1,9 @@
 #include <algorithm>
 
-#include "haptics/engine.h"
-#include "haptics/scene_model.h"
-#include "haptics/sim_state.h"
-#include "scoring/groups.h"
+#include "common/haptics/engine.h"
+#include "common/haptics/scene_model.h"
+#include "common/haptics/sim_state.h"
+#include "common/scoring/groups.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "scoring/track.h"
+#include "common/scoring/track.h"
 
 #include <algorithm>
 #include <array>

@@ -11,8 +11,8 @@
 #include <span>
 #include <vector>
 
-#include "gesture/sample.h"
-#include "haptics/geometry.h"
+#include "common/gesture/sample.h"
+#include "common/haptics/geometry.h"
 
 namespace needlelab {
 

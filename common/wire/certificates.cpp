@@ -1,4 +1,4 @@
-#include "wire/certificates.h"
+#include "common/wire/certificates.h"
 
 #include <algorithm>
 #include <array>
@@ -19,8 +19,8 @@
 #include <openssl/x509v3.h>
 #include <boost/asio/ip/address.hpp>
 
-#include "base/atomic_file.h"
-#include "base/disk_words.h"
+#include "common/base/atomic_file.h"
+#include "common/base/disk_words.h"
 
 namespace needlelab {
 namespace {

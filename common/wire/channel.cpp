@@ -1,10 +1,10 @@
-#include "wire/channel.h"
+#include "common/wire/channel.h"
 
 #include <algorithm>
 #include <utility>
 
-#include "base/clock.h"
-#include "wire/refusal.h"
+#include "common/base/clock.h"
+#include "common/wire/refusal.h"
 
 namespace needlelab {
 namespace {

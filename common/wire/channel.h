@@ -10,13 +10,13 @@
 #include <optional>
 #include <string>
 
-#include "base/result.h"
+#include "common/base/result.h"
+#include "common/wire/asio.h"
+#include "common/wire/framing.h"
+#include "common/wire/live_queue.h"
+#include "common/wire/tls.h"
+#include "common/wire/tls_engine.h"
 #include "needlelab/envelope.pb.h"
-#include "wire/asio.h"
-#include "wire/framing.h"
-#include "wire/live_queue.h"
-#include "wire/tls.h"
-#include "wire/tls_engine.h"
 
 namespace needlelab {
 

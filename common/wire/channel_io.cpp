@@ -12,8 +12,8 @@
 #include <memory>
 #include <utility>
 
-#include "base/clock.h"
-#include "wire/channel.h"
+#include "common/base/clock.h"
+#include "common/wire/channel.h"
 
 namespace needlelab {
 namespace {

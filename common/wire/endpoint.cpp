@@ -1,4 +1,4 @@
-#include "wire/endpoint.h"
+#include "common/wire/endpoint.h"
 
 #include <charconv>
 

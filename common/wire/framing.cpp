@@ -1,4 +1,4 @@
-#include "wire/framing.h"
+#include "common/wire/framing.h"
 
 #include <algorithm>
 #include <cassert>

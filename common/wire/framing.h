@@ -9,8 +9,8 @@
 #include <span>
 #include <string>
 
-#include "base/bytes.h"
-#include "base/result.h"
+#include "common/base/bytes.h"
+#include "common/base/result.h"
 #include "needlelab/envelope.pb.h"
 
 namespace needlelab {

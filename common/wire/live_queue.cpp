@@ -1,4 +1,4 @@
-#include "wire/live_queue.h"
+#include "common/wire/live_queue.h"
 
 namespace needlelab {
 

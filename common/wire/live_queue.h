@@ -6,7 +6,7 @@
 #include <deque>
 #include <optional>
 
-#include "wire/framing.h"
+#include "common/wire/framing.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "wire/live_splice.h"
+#include "common/wire/live_splice.h"
 
 #include <bit>
 #include <cstring>

@@ -5,9 +5,9 @@
 #include <optional>
 #include <string_view>
 
-#include "base/bytes.h"
+#include "common/base/bytes.h"
+#include "common/wire/framing.h"
 #include "needlelab/live.pb.h"
-#include "wire/framing.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "wire/protobuf_log.h"
+#include "common/wire/protobuf_log.h"
 
 #include <google/protobuf/stubs/logging.h>
 

@@ -1,8 +1,8 @@
-#include "wire/refusal.h"
+#include "common/wire/refusal.h"
 
 #include <utility>
 
-#include "wire/version.h"
+#include "common/wire/version.h"
 
 namespace needlelab {
 

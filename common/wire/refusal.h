@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "base/result.h"
+#include "common/base/result.h"
 #include "needlelab/session.pb.h"
 
 namespace needlelab {

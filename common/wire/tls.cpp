@@ -1,4 +1,4 @@
-#include "wire/tls.h"
+#include "common/wire/tls.h"
 
 #include <array>
 #include <ctime>

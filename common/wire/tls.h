@@ -5,8 +5,8 @@
 #include <memory>
 #include <string>
 
-#include "base/result.h"
-#include "wire/asio.h"
+#include "common/base/result.h"
+#include "common/wire/asio.h"
 
 namespace needlelab {
 

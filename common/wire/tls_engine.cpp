@@ -1,4 +1,4 @@
-#include "wire/tls_engine.h"
+#include "common/wire/tls_engine.h"
 
 #include <openssl/bio.h>
 #include <openssl/err.h>

@@ -10,7 +10,7 @@
 #include <span>
 #include <string>
 
-#include "base/bytes.h"
+#include "common/base/bytes.h"
 
 namespace needlelab {
 

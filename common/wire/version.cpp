@@ -1,4 +1,4 @@
-#include "wire/version.h"
+#include "common/wire/version.h"
 
 namespace needlelab {
 

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <string>
 
-#include "base/result.h"
+#include "common/base/result.h"
 #include "needlelab/session.pb.h"
 
 namespace needlelab {

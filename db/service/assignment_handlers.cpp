@@ -1,7 +1,7 @@
 #include "db/assignment_store.h"
 #include "db/revision.h"
-#include "service/handlers.h"
-#include "service/page.h"
+#include "db/service/handlers.h"
+#include "db/service/page.h"
 
 namespace needlelab::handlers {
 namespace {

@@ -1,4 +1,4 @@
-#include "service/bootstrap.h"
+#include "db/service/bootstrap.h"
 
 #include <fcntl.h>
 #include <sys/file.h>
@@ -8,14 +8,14 @@
 #include <cerrno>
 #include <utility>
 
-#include "base/atomic_file.h"
-#include "base/clock.h"
-#include "base/disk_words.h"
+#include "common/base/atomic_file.h"
+#include "common/base/clock.h"
+#include "common/base/disk_words.h"
 #include "db/meta_store.h"
 #include "db/migrate.h"
+#include "db/service/lesson_texts.h"
+#include "db/service/restore.h"
 #include "db/transaction.h"
-#include "service/lesson_texts.h"
-#include "service/restore.h"
 
 namespace needlelab {
 namespace {

@@ -6,10 +6,10 @@
 #include <memory>
 #include <string>
 
-#include "base/result.h"
+#include "common/base/result.h"
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
-#include "service/service.h"
+#include "db/service/service.h"
 
 namespace needlelab {
 

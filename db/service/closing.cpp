@@ -2,18 +2,18 @@
 #include <algorithm>
 #include <vector>
 
-#include "base/clock.h"
+#include "common/base/clock.h"
+#include "common/profile/profile.h"
+#include "common/scoring/measures.h"
 #include "db/annotation_store.h"
 #include "db/audit_store.h"
 #include "db/curriculum_store.h"
 #include "db/event_store.h"
 #include "db/score_store.h"
-#include "profile/profile.h"
-#include "scoring/measures.h"
-#include "service/handlers.h"
-#include "service/score_rows.h"
-#include "service/service.h"
-#include "service/session_samples.h"
+#include "db/service/handlers.h"
+#include "db/service/score_rows.h"
+#include "db/service/service.h"
+#include "db/service/session_samples.h"
 
 namespace needlelab {
 namespace {

@@ -1,6 +1,6 @@
-#include "service/csv_text.h"
+#include "db/service/csv_text.h"
 
-#include "base/text_rules.h"
+#include "common/base/text_rules.h"
 
 namespace needlelab {
 namespace {

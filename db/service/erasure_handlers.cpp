@@ -9,7 +9,7 @@
 #include "db/audit_store.h"
 #include "db/erasure_store.h"
 #include "db/pseudonym.h"
-#include "service/handlers.h"
+#include "db/service/handlers.h"
 
 namespace needlelab::handlers {
 namespace {

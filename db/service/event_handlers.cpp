@@ -1,9 +1,9 @@
 // What was done with the syringe in a session.
 #include "db/event_store.h"
+#include "db/service/handlers.h"
+#include "db/service/page.h"
+#include "db/service/session_samples.h"
 #include "db/session_store.h"
-#include "service/handlers.h"
-#include "service/page.h"
-#include "service/session_samples.h"
 
 namespace needlelab::handlers {
 

@@ -1,8 +1,8 @@
-#include "service/export_ledger.h"
+#include "db/service/export_ledger.h"
 
 #include <sodium.h>
 
-#include "base/bytes.h"
+#include "common/base/bytes.h"
 #include "db/pseudonym.h"
 
 namespace needlelab {

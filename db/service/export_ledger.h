@@ -8,8 +8,8 @@
 #include <string>
 #include <string_view>
 
-#include "base/result.h"
-#include "service/principal.h"
+#include "common/base/result.h"
+#include "db/service/principal.h"
 
 namespace needlelab {
 

@@ -3,8 +3,8 @@
 #include <vector>
 
 #include "db/group_store.h"
-#include "service/handlers.h"
-#include "service/page.h"
+#include "db/service/handlers.h"
+#include "db/service/page.h"
 
 namespace needlelab::handlers {
 namespace {

@@ -7,15 +7,15 @@
 #include <functional>
 #include <string>
 
-#include "base/result.h"
-#include "base/uuid.h"
+#include "common/base/result.h"
+#include "common/base/uuid.h"
 #include "db/connection.h"
 #include "db/db_writer.h"
+#include "db/service/principal.h"
+#include "db/service/reference_paths.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/live.pb.h"
 #include "needlelab/types.pb.h"
-#include "service/principal.h"
-#include "service/reference_paths.h"
 
 namespace needlelab {
 class ExportLedger;

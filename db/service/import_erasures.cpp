@@ -1,4 +1,4 @@
-#include "service/import_erasures.h"
+#include "db/service/import_erasures.h"
 
 #include <algorithm>
 

@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
+#include "common/base/result.h"
 #include "db/connection.h"
 #include "db/erasure_store.h"
-#include "service/record_tables.h"
+#include "db/service/record_tables.h"
 
 namespace needlelab {
 

@@ -1,14 +1,14 @@
 #include <optional>
 
+#include "common/profile/profile.h"
+#include "common/scoring/measures.h"
 #include "db/curriculum_store.h"
 #include "db/people_store.h"
 #include "db/profile_store.h"
-#include "profile/profile.h"
-#include "scoring/measures.h"
-#include "service/handlers.h"
-#include "service/lesson_texts.h"
-#include "service/page.h"
-#include "service/standing.h"
+#include "db/service/handlers.h"
+#include "db/service/lesson_texts.h"
+#include "db/service/page.h"
+#include "db/service/standing.h"
 
 namespace needlelab::handlers {
 namespace {

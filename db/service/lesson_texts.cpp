@@ -1,10 +1,10 @@
-#include "service/lesson_texts.h"
+#include "db/service/lesson_texts.h"
 
 #include <nlohmann/json.hpp>
 
+#include "common/profile/profile.h"
+#include "common/scoring/measures.h"
 #include "db/embedded_file.h"
-#include "profile/profile.h"
-#include "scoring/measures.h"
 
 namespace needlelab {
 namespace {

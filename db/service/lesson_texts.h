@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "base/result.h"
+#include "common/base/result.h"
 #include "db/curriculum_store.h"
 #include "db/profile_store.h"
 #include "needlelab/profile.pb.h"

@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <string>
 
-#include "base/result.h"
-#include "service/handlers.h"
+#include "common/base/result.h"
+#include "db/service/handlers.h"
 
 namespace needlelab::handlers {
 

@@ -1,12 +1,12 @@
-#include "base/text_rules.h"
+#include "common/base/text_rules.h"
 #include "db/consent_store.h"
 #include "db/group_store.h"
 #include "db/password.h"
 #include "db/people_store.h"
+#include "db/service/handlers.h"
+#include "db/service/page.h"
+#include "db/service/roles.h"
 #include "db/station_store.h"
-#include "service/handlers.h"
-#include "service/page.h"
-#include "service/roles.h"
 
 namespace needlelab::handlers {
 namespace {

@@ -5,15 +5,15 @@
 #include <set>
 #include <vector>
 
-#include "base/secret.h"
-#include "base/text_rules.h"
+#include "common/base/secret.h"
+#include "common/base/text_rules.h"
 #include "db/audit_store.h"
 #include "db/group_store.h"
 #include "db/password.h"
 #include "db/people_store.h"
-#include "service/csv_text.h"
-#include "service/handlers.h"
-#include "service/roles.h"
+#include "db/service/csv_text.h"
+#include "db/service/handlers.h"
+#include "db/service/roles.h"
 
 namespace needlelab::handlers {
 namespace {

@@ -4,10 +4,10 @@
 #include <memory>
 #include <variant>
 
-#include "base/range.h"
-#include "haptics/engine.h"
-#include "profile/profile.h"
-#include "service/handlers.h"
+#include "common/base/range.h"
+#include "common/haptics/engine.h"
+#include "common/profile/profile.h"
+#include "db/service/handlers.h"
 
 namespace needlelab::handlers {
 namespace {

@@ -1,14 +1,14 @@
-#include "service/record_checks.h"
+#include "db/service/record_checks.h"
 
 #include <cmath>
 #include <limits>
 
-#include "base/text_rules.h"
-#include "base/uuid.h"
+#include "common/base/text_rules.h"
+#include "common/base/uuid.h"
+#include "common/scoring/measures.h"
 #include "db/pseudonym.h"
-#include "scoring/measures.h"
-#include "service/lesson_texts.h"
-#include "session/session_rules.h"
+#include "db/service/lesson_texts.h"
+#include "proto/session_rules.h"
 
 namespace needlelab {
 namespace {

@@ -1,8 +1,8 @@
 /// What the schema cannot say of a record that is read in. Private to this folder.
 #pragma once
 
-#include "base/result.h"
-#include "service/record_tables.h"
+#include "common/base/result.h"
+#include "db/service/record_tables.h"
 
 namespace needlelab {
 

@@ -4,16 +4,16 @@
 #include <unordered_set>
 #include <vector>
 
-#include "base/text_rules.h"
+#include "common/base/text_rules.h"
 #include "db/curriculum_store.h"
+#include "db/service/export_ledger.h"
+#include "db/service/handlers.h"
+#include "db/service/import_erasures.h"
+#include "db/service/lesson_texts.h"
+#include "db/service/page.h"
+#include "db/service/record_checks.h"
+#include "db/service/record_tables.h"
 #include "db/transaction.h"
-#include "service/export_ledger.h"
-#include "service/handlers.h"
-#include "service/import_erasures.h"
-#include "service/lesson_texts.h"
-#include "service/page.h"
-#include "service/record_checks.h"
-#include "service/record_tables.h"
 
 namespace needlelab::handlers {
 namespace {
@@ -294,7 +294,7 @@ class Import {
 };
 
 /// All pieces, in order, a record a line.
-Status takePieces(Connection& writer, const std::string& import_id, Import& import) {
+Status takePieces(Connection& writer, const std::string& import_id, Import& batch) {
   auto pieces =
       writer.query("SELECT records FROM import_pieces WHERE import_id = ? ORDER BY position", import_id);
   for (;;) {
@@ -305,7 +305,7 @@ Status takePieces(Connection& writer, const std::string& import_id, Import& impo
     for (std::size_t at = 0; at < records.size();) {
       const std::size_t end = std::min(records.find('\n', at), records.size());
       if (end > at) {
-        if (auto done = import.take(records.substr(at, end - at)); !done) return done;
+        if (auto done = batch.take(records.substr(at, end - at)); !done) return done;
       }
       at = end + 1;
     }
@@ -373,10 +373,10 @@ Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call) {
 
   std::string detail;
   const auto status = write(context, call.import_id(), detail, [&](Connection& writer) -> Status {
-    Import import(writer, *report, context.now_unix_ns);
-    if (auto done = import.begin(); !done) return done;
-    if (auto done = takePieces(writer, call.import_id(), import); !done) return done;
-    if (auto done = import.finish(); !done) return done;
+    Import batch(writer, *report, context.now_unix_ns);
+    if (auto done = batch.begin(); !done) return done;
+    if (auto done = takePieces(writer, call.import_id(), batch); !done) return done;
+    if (auto done = batch.finish(); !done) return done;
     // undone: the writer takes back what fails
     if (!report->faults().empty() || call.dry_run()) return Error{ErrorCode::kInvalidInput, "not done"};
     for (const auto& count : report->counts())

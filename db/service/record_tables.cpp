@@ -1,4 +1,4 @@
-#include "service/record_tables.h"
+#include "db/service/record_tables.h"
 
 #include <algorithm>
 #include <array>

@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-#include "base/result.h"
+#include "common/base/result.h"
 #include "db/connection.h"
 #include "db/statement.h"
 

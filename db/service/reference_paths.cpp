@@ -1,11 +1,11 @@
-#include "service/reference_paths.h"
+#include "db/service/reference_paths.h"
 
 #include <algorithm>
 
+#include "common/scoring/paths.h"
 #include "db/score_store.h"
-#include "scoring/paths.h"
-#include "service/handlers.h"
-#include "service/session_samples.h"
+#include "db/service/handlers.h"
+#include "db/service/session_samples.h"
 
 namespace needlelab {
 namespace {

@@ -7,11 +7,11 @@
 #include <optional>
 #include <vector>
 
-#include "base/result.h"
-#include "base/uuid.h"
+#include "common/base/result.h"
+#include "common/base/uuid.h"
+#include "common/scoring/dtw.h"
 #include "db/connection.h"
 #include "needlelab/teaching.pb.h"
-#include "scoring/dtw.h"
 
 namespace needlelab {
 

@@ -1,14 +1,14 @@
-#include "service/rescoring.h"
+#include "db/service/rescoring.h"
 
 #include <thread>
 #include <vector>
 
-#include "base/clock.h"
+#include "common/base/clock.h"
+#include "common/scoring/measures.h"
 #include "db/audit_store.h"
 #include "db/score_store.h"
+#include "db/service/score_rows.h"
 #include "db/session_row.h"
-#include "scoring/measures.h"
-#include "service/score_rows.h"
 
 namespace needlelab {
 namespace {

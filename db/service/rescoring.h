@@ -6,12 +6,12 @@
 #include <functional>
 #include <string>
 
-#include "base/result.h"
-#include "base/uuid.h"
+#include "common/base/result.h"
+#include "common/base/uuid.h"
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
+#include "db/service/retention.h"
 #include "needlelab/teaching.pb.h"
-#include "service/retention.h"
 
 namespace needlelab {
 

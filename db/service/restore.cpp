@@ -1,4 +1,4 @@
-#include "service/restore.h"
+#include "db/service/restore.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -11,14 +11,14 @@
 #include <string>
 #include <utility>
 
-#include "base/atomic_file.h"
-#include "base/disk_words.h"
+#include "common/base/atomic_file.h"
+#include "common/base/disk_words.h"
 #include "db/audit_store.h"
 #include "db/check.h"
 #include "db/connection.h"
 #include "db/meta_store.h"
 #include "db/migrate.h"
-#include "service/bootstrap.h"
+#include "db/service/bootstrap.h"
 
 namespace needlelab {
 namespace {

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
-#include "service/restored_access.h"
+#include "common/base/result.h"
+#include "db/service/restored_access.h"
 
 namespace needlelab {
 

@@ -1,8 +1,8 @@
-#include "service/restored_access.h"
+#include "db/service/restored_access.h"
 
 #include <map>
 
-#include "base/bytes.h"
+#include "common/base/bytes.h"
 #include "needlelab/types.pb.h"
 
 namespace needlelab {

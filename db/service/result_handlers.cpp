@@ -4,18 +4,18 @@
 #include <set>
 #include <vector>
 
+#include "common/scoring/progress.h"
 #include "db/assignment_store.h"
 #include "db/attempt_store.h"
 #include "db/curriculum_store.h"
 #include "db/group_store.h"
 #include "db/people_store.h"
 #include "db/score_store.h"
+#include "db/service/handlers.h"
+#include "db/service/page.h"
+#include "db/service/score_rows.h"
+#include "db/service/standing.h"
 #include "db/transaction.h"
-#include "scoring/progress.h"
-#include "service/handlers.h"
-#include "service/page.h"
-#include "service/score_rows.h"
-#include "service/standing.h"
 
 namespace needlelab::handlers {
 namespace {

@@ -1,16 +1,16 @@
-#include "service/retention.h"
+#include "db/service/retention.h"
 
 #include <algorithm>
 #include <set>
 #include <thread>
 #include <utility>
 
-#include "base/bytes.h"
+#include "common/base/bytes.h"
+#include "common/gesture/chunk.h"
+#include "common/gesture/thinning.h"
 #include "db/audit_store.h"
 #include "db/meta_store.h"
 #include "db/session_store.h"
-#include "gesture/chunk.h"
-#include "gesture/thinning.h"
 
 namespace needlelab {
 namespace {

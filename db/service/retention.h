@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "base/result.h"
+#include "common/base/result.h"
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
 #include "db/retention_store.h"

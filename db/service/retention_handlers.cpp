@@ -3,7 +3,7 @@
 
 #include "db/meta_store.h"
 #include "db/retention_store.h"
-#include "service/handlers.h"
+#include "db/service/handlers.h"
 
 namespace needlelab::handlers {
 namespace {

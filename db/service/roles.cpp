@@ -1,4 +1,4 @@
-#include "service/roles.h"
+#include "db/service/roles.h"
 
 #include <array>
 

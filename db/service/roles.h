@@ -4,9 +4,9 @@
 #include <string>
 #include <string_view>
 
-#include "base/result.h"
+#include "common/base/result.h"
+#include "db/service/principal.h"
 #include "needlelab/control.pb.h"
-#include "service/principal.h"
 
 namespace needlelab {
 

@@ -6,10 +6,10 @@
 #include "db/attempt_store.h"
 #include "db/curriculum_store.h"
 #include "db/score_store.h"
+#include "db/service/handlers.h"
+#include "db/service/page.h"
+#include "db/service/score_reference.h"
 #include "db/transaction.h"
-#include "service/handlers.h"
-#include "service/page.h"
-#include "service/score_reference.h"
 
 namespace needlelab::handlers {
 namespace {

@@ -1,13 +1,13 @@
-#include "service/score_reference.h"
+#include "db/service/score_reference.h"
 
 #include <algorithm>
 #include <optional>
 #include <vector>
 
+#include "common/scoring/measures.h"
+#include "common/scoring/reference.h"
 #include "db/score_store.h"
-#include "scoring/measures.h"
-#include "scoring/reference.h"
-#include "service/handlers.h"
+#include "db/service/handlers.h"
 
 namespace needlelab {
 namespace {

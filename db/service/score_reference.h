@@ -4,10 +4,10 @@
 
 #include <string>
 
-#include "base/result.h"
+#include "common/base/result.h"
 #include "db/connection.h"
+#include "db/service/reference_paths.h"
 #include "needlelab/teaching.pb.h"
-#include "service/reference_paths.h"
 
 namespace needlelab {
 

@@ -1,9 +1,9 @@
-#include "service/score_rows.h"
+#include "db/service/score_rows.h"
 
 #include <nlohmann/json.hpp>
 
-#include "base/clock.h"
-#include "scoring/measures.h"
+#include "common/base/clock.h"
+#include "common/scoring/measures.h"
 
 namespace needlelab {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "base/uuid.h"
+#include "common/base/uuid.h"
 #include "needlelab/teaching.pb.h"
 
 namespace needlelab {

@@ -1,4 +1,4 @@
-#include "service/service.h"
+#include "db/service/service.h"
 
 #include <array>
 #include <charconv>
@@ -8,15 +8,15 @@
 #include <string>
 #include <system_error>
 
-#include "base/clock.h"
+#include "common/base/clock.h"
 #include "db/erasure_store.h"
 #include "db/meta_store.h"
 #include "db/password.h"
 #include "db/people_store.h"
+#include "db/service/handlers.h"
+#include "db/service/rescoring.h"
+#include "db/service/roles.h"
 #include "db/station_store.h"
-#include "service/handlers.h"
-#include "service/rescoring.h"
-#include "service/roles.h"
 
 namespace needlelab {
 namespace {

@@ -8,18 +8,18 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
+#include "common/base/result.h"
 #include "db/audit_store.h"
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
+#include "db/service/export_ledger.h"
+#include "db/service/principal.h"
+#include "db/service/reference_paths.h"
+#include "db/service/retention.h"
+#include "db/service/session_samples.h"
 #include "db/session_store.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/session.pb.h"
-#include "service/export_ledger.h"
-#include "service/principal.h"
-#include "service/reference_paths.h"
-#include "service/retention.h"
-#include "service/session_samples.h"
 
 namespace needlelab {
 

@@ -2,14 +2,14 @@
 #include <cmath>
 #include <optional>
 
+#include "common/scoring/measure_table.h"
+#include "common/scoring/measures.h"
 #include "db/annotation_store.h"
 #include "db/cancel_scope.h"
+#include "db/service/handlers.h"
+#include "db/service/page.h"
 #include "db/session_store.h"
 #include "db/transaction.h"
-#include "scoring/measure_table.h"
-#include "scoring/measures.h"
-#include "service/handlers.h"
-#include "service/page.h"
 
 namespace needlelab::handlers {
 namespace {

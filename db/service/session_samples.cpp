@@ -1,11 +1,11 @@
-#include "service/session_samples.h"
+#include "db/service/session_samples.h"
 
 #include <string>
 
+#include "common/gesture/chunk.h"
+#include "common/profile/profile.h"
+#include "common/scoring/syringe_events.h"
 #include "db/session_store.h"
-#include "gesture/chunk.h"
-#include "profile/profile.h"
-#include "scoring/syringe_events.h"
 
 namespace needlelab {
 namespace {

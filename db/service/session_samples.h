@@ -4,11 +4,11 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/result.h"
-#include "base/uuid.h"
+#include "common/base/result.h"
+#include "common/base/uuid.h"
+#include "common/gesture/sample.h"
+#include "common/haptics/geometry.h"
 #include "db/connection.h"
-#include "gesture/sample.h"
-#include "haptics/geometry.h"
 #include "needlelab/event.pb.h"
 #include "needlelab/profile.pb.h"
 #include "needlelab/types.pb.h"

@@ -1,7 +1,7 @@
-#include "service/standing.h"
+#include "db/service/standing.h"
 
+#include "common/profile/profile.h"
 #include "db/assignment_store.h"
-#include "profile/profile.h"
 
 namespace needlelab {
 

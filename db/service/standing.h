@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
+#include "common/base/result.h"
 #include "db/attempt_store.h"
 #include "db/connection.h"
 #include "db/curriculum_store.h"

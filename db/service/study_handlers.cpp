@@ -5,7 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "base/text_rules.h"
+#include "common/base/text_rules.h"
+#include "common/gesture/chunk.h"
 #include "db/annotation_store.h"
 #include "db/attempt_store.h"
 #include "db/audit_store.h"
@@ -15,12 +16,11 @@
 #include "db/people_store.h"
 #include "db/pseudonym.h"
 #include "db/score_store.h"
+#include "db/service/export_ledger.h"
+#include "db/service/handlers.h"
+#include "db/service/page.h"
 #include "db/session_store.h"
 #include "db/transaction.h"
-#include "gesture/chunk.h"
-#include "service/export_ledger.h"
-#include "service/handlers.h"
-#include "service/page.h"
 
 namespace needlelab::handlers {
 namespace {

@@ -1,12 +1,12 @@
 // What an instructor says to a station: whether it may be said, and a line in the audit log before it goes
-// out. The running server delivers it (server/request_effects.h).
+// out. The running server delivers it (server/live/request_effects.h).
 #include <string>
 
-#include "base/text_rules.h"
+#include "common/base/text_rules.h"
+#include "common/profile/aid_list.h"
 #include "db/curriculum_store.h"
+#include "db/service/handlers.h"
 #include "db/station_store.h"
-#include "profile/aid_list.h"
-#include "service/handlers.h"
 
 namespace needlelab::handlers {
 namespace {

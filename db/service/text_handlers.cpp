@@ -1,13 +1,13 @@
 // What there is to learn: revisions of profiles and courses, checks as somebody types, exercises, measures.
+#include "common/profile/profile.h"
+#include "common/profile/profile_faults.h"
+#include "common/scoring/measure_table.h"
+#include "common/scoring/measures.h"
 #include "db/curriculum_store.h"
 #include "db/profile_store.h"
-#include "profile/profile.h"
-#include "profile/profile_faults.h"
-#include "scoring/measure_table.h"
-#include "scoring/measures.h"
-#include "service/handlers.h"
-#include "service/lesson_texts.h"
-#include "service/page.h"
+#include "db/service/handlers.h"
+#include "db/service/lesson_texts.h"
+#include "db/service/page.h"
 
 namespace needlelab::handlers {
 namespace {

@@ -3,8 +3,8 @@
 #include "db/cancel_scope.h"
 #include "db/check.h"
 #include "db/erasure_store.h"
-#include "service/handlers.h"
-#include "service/page.h"
+#include "db/service/handlers.h"
+#include "db/service/page.h"
 
 namespace needlelab::handlers {
 

@@ -9,16 +9,8 @@
 #   labels: unit, net, determinism say what it is; threads: runs under ThreadSanitizer in .ci/run; memory: under
 #   AddressSanitizer and UBSan there (what takes bytes from outside, keeps them, or works on the haptic thread)
 #
-# Headers are included as "FOLDERNAME/header.h". Each target publishes a folder of its own that holds one link, so
-# that only what a target names in DEPS can be included.
-
-function(needlelab_publish_headers target folder)
-  get_filename_component(name "${folder}" NAME)
-  set(root "${CMAKE_BINARY_DIR}/include/${target}")
-  file(MAKE_DIRECTORY "${root}")
-  file(CREATE_LINK "${folder}" "${root}/${name}" SYMBOLIC)
-  target_include_directories(${target} PUBLIC "${root}")
-endfunction()
+# Headers are included by their path from the top, "common/haptics/engine.h". Which folder may include which is said in
+# ARCHITECTURE.md and held by tests/structure.
 
 # -O1 under a sanitizer, which else is -O0
 function(needlelab_optimise target)
@@ -35,7 +27,6 @@ function(needlelab_library name)
     needlelab_optimise(${target})
   endif()
   add_library(needlelab::${name} ALIAS ${target})
-  needlelab_publish_headers(${target} "${CMAKE_CURRENT_SOURCE_DIR}")
   target_link_libraries(${target} PUBLIC needlelab_flags ${ARG_DEPS} PRIVATE needlelab_warnings)
 endfunction()
 

@@ -25,6 +25,7 @@ if(NEEDLELAB_MOLD)
 endif()
 
 add_library(needlelab_flags INTERFACE)
+target_include_directories(needlelab_flags INTERFACE "${CMAKE_SOURCE_DIR}")
 # Same inputs, same bits: no contraction into fused multiply-adds, no fast-math (DESIGN §12, "Determinism").
 target_compile_options(needlelab_flags INTERFACE -ffp-contract=off)
 add_library(needlelab_warnings INTERFACE)

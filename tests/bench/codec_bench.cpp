@@ -6,12 +6,12 @@
 #include <string>
 #include <string_view>
 
-#include "../unit/gesture/gesture_samples.h"
-#include "../unit/gesture/recorded_gestures.h"
-#include "base/crc32c.h"
-#include "codec_record.h"
-#include "gesture/chunk.h"
-#include "gesture/session_hash.h"
+#include "common/base/crc32c.h"
+#include "common/gesture/chunk.h"
+#include "common/gesture/session_hash.h"
+#include "tests/bench/codec_record.h"
+#include "tests/unit/common/gesture/gesture_samples.h"
+#include "tests/unit/common/gesture/recorded_gestures.h"
 
 namespace needlelab {
 namespace {

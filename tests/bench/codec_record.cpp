@@ -1,4 +1,4 @@
-#include "codec_record.h"
+#include "tests/bench/codec_record.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -7,12 +7,12 @@
 #include <sstream>
 #include <vector>
 
-#include "../unit/gesture/recorded_gestures.h"
-#include "base/atomic_file.h"
-#include "base/formatted.h"
-#include "base/machine.h"
-#include "gesture/chunk.h"
-#include "result_folder.h"
+#include "common/base/atomic_file.h"
+#include "common/base/formatted.h"
+#include "common/base/machine.h"
+#include "common/gesture/chunk.h"
+#include "tests/bench/result_folder.h"
+#include "tests/unit/common/gesture/recorded_gestures.h"
 
 namespace needlelab::test {
 namespace {

@@ -9,11 +9,11 @@
 #include <map>
 #include <utility>
 
-#include "fem/needle_mesh.h"
-#include "haptics/models/fem_needle.h"
-#include "haptics/models/like_for_like.h"
-#include "support/random.h"
-#include "support/scenes.h"
+#include "common/fem/needle_mesh.h"
+#include "common/haptics/models/fem_needle.h"
+#include "common/haptics/models/like_for_like.h"
+#include "tests/support/random.h"
+#include "tests/support/scenes.h"
 
 namespace {
 

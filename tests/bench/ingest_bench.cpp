@@ -16,18 +16,18 @@
 #include <string>
 #include <vector>
 
-#include "../unit/gesture/gesture_samples.h"
-#include "../unit/gesture/recorded_gestures.h"
-#include "base/atomic_file.h"
-#include "base/formatted.h"
-#include "base/machine.h"
+#include "common/base/atomic_file.h"
+#include "common/base/formatted.h"
+#include "common/base/machine.h"
+#include "common/gesture/chunk.h"
 #include "db/db_writer.h"
 #include "db/migrate.h"
 #include "db/session_row.h"
 #include "db/session_store.h"
 #include "db/station_store.h"
-#include "gesture/chunk.h"
-#include "result_folder.h"
+#include "tests/bench/result_folder.h"
+#include "tests/unit/common/gesture/gesture_samples.h"
+#include "tests/unit/common/gesture/recorded_gestures.h"
 
 namespace needlelab::test {
 namespace {

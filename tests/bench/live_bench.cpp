@@ -17,17 +17,17 @@
 #include <thread>
 #include <vector>
 
-#include "../unit/gesture/gesture_samples.h"
-#include "base/clock.h"
-#include "base/uuid.h"
+#include "client/net/client.h"
+#include "common/base/clock.h"
+#include "common/base/uuid.h"
+#include "common/gesture/chunk.h"
+#include "common/wire/tls.h"
 #include "db/password.h"
 #include "db/station_store.h"
-#include "gesture/chunk.h"
-#include "net/client.h"
-#include "server/log.h"
+#include "server/live/log.h"
 #include "server/server.h"
-#include "support/temp_folder.h"
-#include "wire/tls.h"
+#include "tests/support/temp_folder.h"
+#include "tests/unit/common/gesture/gesture_samples.h"
 
 namespace needlelab {
 namespace {

@@ -11,14 +11,14 @@
 #include <filesystem>
 #include <memory>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
-#include "base/formatted.h"
-#include "base/machine.h"
-#include "base/timing.h"
-#include "loop_report.h"
-#include "result_folder.h"
-#include "station/black_box.h"
+#include "client/station/run/black_box.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
+#include "common/base/formatted.h"
+#include "common/base/machine.h"
+#include "common/base/timing.h"
+#include "tests/bench/loop_report.h"
+#include "tests/bench/result_folder.h"
 
 namespace needlelab::test {
 namespace {

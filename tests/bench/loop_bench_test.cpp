@@ -5,7 +5,7 @@
 
 #include <iostream>
 
-#include "loop_report.h"
+#include "tests/bench/loop_report.h"
 
 namespace needlelab::test {
 namespace {

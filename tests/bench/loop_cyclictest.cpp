@@ -6,9 +6,9 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "base/atomic_file.h"
-#include "loop_slices.h"
-#include "support/temp_folder.h"
+#include "common/base/atomic_file.h"
+#include "tests/bench/loop_slices.h"
+#include "tests/support/temp_folder.h"
 
 extern char** environ;
 

@@ -1,10 +1,10 @@
-#include "loop_report.h"
+#include "tests/bench/loop_report.h"
 
 #include <nlohmann/json.hpp>
 
-#include "base/formatted.h"
-#include "base/machine.h"
-#include "result_folder.h"
+#include "common/base/formatted.h"
+#include "common/base/machine.h"
+#include "tests/bench/result_folder.h"
 
 namespace needlelab::test {
 namespace {

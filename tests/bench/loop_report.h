@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "loop_slices.h"
+#include "tests/bench/loop_slices.h"
 
 namespace needlelab::test {
 

@@ -1,4 +1,4 @@
-#include "loop_slices.h"
+#include "tests/bench/loop_slices.h"
 
 #include <algorithm>
 #include <chrono>
@@ -6,16 +6,16 @@
 #include <memory>
 #include <thread>
 
-#include "base/clock.h"
-#include "base/formatted.h"
-#include "device_factory/device_factory.h"
-#include "net/spool_writer.h"
-#include "station/black_box.h"
-#include "station/loop_core.h"
-#include "station/rt_machine.h"
-#include "station/servo_loop.h"
-#include "support/scenes.h"
-#include "support/temp_folder.h"
+#include "client/device/factory/device_factory.h"
+#include "client/net/spool_writer.h"
+#include "client/station/run/black_box.h"
+#include "client/station/run/loop_core.h"
+#include "client/station/run/rt_machine.h"
+#include "client/station/run/servo_loop.h"
+#include "common/base/clock.h"
+#include "common/base/formatted.h"
+#include "tests/support/scenes.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 namespace {

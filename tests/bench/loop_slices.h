@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
-#include "station/latency_histogram.h"
-#include "station/rt_thread.h"
+#include "client/station/run/rt_thread.h"
+#include "common/base/latency_histogram.h"
+#include "common/base/result.h"
 
 namespace needlelab::test {
 

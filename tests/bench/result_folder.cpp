@@ -1,4 +1,4 @@
-#include "result_folder.h"
+#include "tests/bench/result_folder.h"
 
 #include <cctype>
 #include <ctime>

@@ -9,12 +9,12 @@
 #include <cstring>
 #include <thread>
 
-#include "base/timing.h"
-#include "fem/needle_mesh.h"
-#include "haptics/models/like_for_like.h"
-#include "step_loops.h"
-#include "step_record.h"
-#include "support/reference_engine.h"
+#include "common/base/timing.h"
+#include "common/fem/needle_mesh.h"
+#include "common/haptics/models/like_for_like.h"
+#include "tests/bench/step_loops.h"
+#include "tests/bench/step_record.h"
+#include "tests/support/reference_engine.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,4 +1,4 @@
-#include "step_loops.h"
+#include "tests/bench/step_loops.h"
 
 #include <cmath>
 #include <numbers>

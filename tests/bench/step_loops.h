@@ -4,9 +4,9 @@
 #include <memory>
 #include <string>
 
-#include "base/result.h"
-#include "support/motions.h"
-#include "support/scenes.h"
+#include "common/base/result.h"
+#include "tests/support/motions.h"
+#include "tests/support/scenes.h"
 
 namespace needlelab::test {
 

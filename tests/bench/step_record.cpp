@@ -1,4 +1,4 @@
-#include "step_record.h"
+#include "tests/bench/step_record.h"
 
 #include <benchmark/benchmark.h>
 
@@ -10,9 +10,9 @@
 #include <sstream>
 #include <vector>
 
-#include "base/atomic_file.h"
-#include "base/machine.h"
-#include "result_folder.h"
+#include "common/base/atomic_file.h"
+#include "common/base/machine.h"
+#include "tests/bench/result_folder.h"
 
 namespace needlelab::test {
 namespace {

@@ -20,16 +20,16 @@
 #include <thread>
 #include <vector>
 
-#include "base/clock.h"
-#include "base/formatted.h"
-#include "base/machine.h"
-#include "result_folder.h"
-#include "view/plots.h"
-#include "view/scene_renderer.h"
-#include "view/surface.h"
-#include "view/theme.h"
-#include "view/ultrasound_view.h"
-#include "view_lesson/sample_lesson.h"
+#include "client/view/plots.h"
+#include "client/view/scene_renderer.h"
+#include "client/view/surface.h"
+#include "client/view/theme.h"
+#include "client/view/ultrasound_view.h"
+#include "common/base/clock.h"
+#include "common/base/formatted.h"
+#include "common/base/machine.h"
+#include "tests/bench/result_folder.h"
+#include "tests/support/view_lesson/sample_lesson.h"
 
 namespace needlelab::test {
 namespace {

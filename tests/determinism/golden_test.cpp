@@ -15,11 +15,11 @@
 #include <memory>
 #include <sstream>
 
-#include "base/csv.h"
-#include "haptics/engine.h"
-#include "support/model_scenes.h"
-#include "support/motions.h"
-#include "support/scenes.h"
+#include "common/base/csv.h"
+#include "common/haptics/engine.h"
+#include "tests/support/model_scenes.h"
+#include "tests/support/motions.h"
+#include "tests/support/scenes.h"
 
 namespace needlelab::test {
 namespace {

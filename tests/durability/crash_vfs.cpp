@@ -12,7 +12,7 @@
 #include <cstring>
 #include <string_view>
 
-#include "crash_page.h"
+#include "tests/durability/crash_page.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,4 +1,4 @@
-#include "station_ledger.h"
+#include "tests/durability/station_ledger.h"
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "base/atomic_file.h"
-#include "base/clock.h"
+#include "common/base/atomic_file.h"
+#include "common/base/clock.h"
 
 namespace needlelab::test {
 namespace {

@@ -5,9 +5,9 @@
 #include <mutex>
 #include <string>
 
-#include "gesture/sample.h"
+#include "client/net/spool.h"
+#include "common/gesture/sample.h"
 #include "needlelab/session.pb.h"
-#include "net/spool.h"
 
 namespace needlelab::test {
 

@@ -10,12 +10,12 @@
 #include <set>
 #include <thread>
 
-#include "base/atomic_file.h"
-#include "base/clock.h"
-#include "net/drain.h"
-#include "net/uplink.h"
-#include "station_ledger.h"
-#include "wire/tls.h"
+#include "client/net/drain.h"
+#include "client/net/uplink.h"
+#include "common/base/atomic_file.h"
+#include "common/base/clock.h"
+#include "common/wire/tls.h"
+#include "tests/durability/station_ledger.h"
 
 namespace needlelab::test {
 namespace {

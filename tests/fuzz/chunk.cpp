@@ -2,10 +2,10 @@
 #include <array>
 #include <cstring>
 
-#include "base/crc32c.h"
-#include "gesture/chunk.h"
-#include "gesture/sample_csv.h"
-#include "target.h"
+#include "common/base/crc32c.h"
+#include "common/gesture/chunk.h"
+#include "common/gesture/sample_csv.h"
+#include "tests/fuzz/target.h"
 
 namespace needlelab::fuzz {
 

@@ -1,11 +1,11 @@
 // What a peer sends: frames, the envelope in them, and whether it may come now.
 #include <array>
 
-#include "quiet_protobuf.h"
-#include "server/rules.h"
-#include "service/roles.h"
-#include "target.h"
-#include "wire/framing.h"
+#include "common/wire/framing.h"
+#include "db/service/roles.h"
+#include "server/live/rules.h"
+#include "tests/fuzz/quiet_protobuf.h"
+#include "tests/fuzz/target.h"
 
 namespace needlelab::fuzz {
 namespace {

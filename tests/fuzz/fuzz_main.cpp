@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "target.h"
+#include "tests/fuzz/target.h"
 
 namespace {
 // chosen when it is compiled: only this target's code is linked, and libFuzzer looks at its counters alone

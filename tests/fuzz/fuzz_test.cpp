@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "base/atomic_file.h"
-#include "target.h"
+#include "common/base/atomic_file.h"
+#include "tests/fuzz/target.h"
 
 namespace needlelab::fuzz {
 namespace {

@@ -3,16 +3,16 @@
 #include <boost/asio/buffer.hpp>
 #include <string>
 
-#include "http/reply_json.h"
-#include "http/routes.h"
-#include "http/web_answer.h"
-#include "http/web_call.h"
-#include "http/web_parser.h"
-#include "http/web_session.h"
-#include "profile/strict_json.h"
-#include "quiet_protobuf.h"
-#include "service/roles.h"
-#include "target.h"
+#include "common/profile/strict_json.h"
+#include "db/service/roles.h"
+#include "server/web/reply_json.h"
+#include "server/web/routes.h"
+#include "server/web/web_answer.h"
+#include "server/web/web_call.h"
+#include "server/web/web_parser.h"
+#include "server/web/web_session.h"
+#include "tests/fuzz/quiet_protobuf.h"
+#include "tests/fuzz/target.h"
 
 namespace needlelab::fuzz {
 namespace {

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "target.h"
+#include "tests/fuzz/target.h"
 
 namespace needlelab::fuzz {
 namespace {

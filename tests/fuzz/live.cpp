@@ -3,11 +3,11 @@
 #include <cstring>
 #include <limits>
 
-#include "gesture/chunk.h"
-#include "quiet_protobuf.h"
-#include "server/hub.h"
-#include "target.h"
-#include "wire/live_splice.h"
+#include "common/gesture/chunk.h"
+#include "common/wire/live_splice.h"
+#include "server/live/hub.h"
+#include "tests/fuzz/quiet_protobuf.h"
+#include "tests/fuzz/target.h"
 
 namespace needlelab::fuzz {
 namespace {

@@ -4,13 +4,13 @@
 #include <fstream>
 #include <vector>
 
-#include "base/atomic_file.h"
-#include "gesture/chunk.h"
-#include "gesture/session_hash.h"
-#include "net/spool.h"
-#include "net/spool_lessons.h"
-#include "target.h"
-#include "wire/framing.h"
+#include "client/net/spool.h"
+#include "client/net/spool_lessons.h"
+#include "common/base/atomic_file.h"
+#include "common/gesture/chunk.h"
+#include "common/gesture/session_hash.h"
+#include "common/wire/framing.h"
+#include "tests/fuzz/target.h"
 
 namespace {
 

@@ -2,9 +2,9 @@
 #include <array>
 #include <cstring>
 
-#include "haptics/scene_model.h"
-#include "profile/profile.h"
-#include "target.h"
+#include "common/haptics/scene_model.h"
+#include "common/profile/profile.h"
+#include "tests/fuzz/target.h"
 
 namespace needlelab::fuzz {
 

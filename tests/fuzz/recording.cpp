@@ -2,9 +2,9 @@
 #include <array>
 #include <cstring>
 
-#include "base/crc32c.h"
-#include "gesture/recording.h"
-#include "target.h"
+#include "common/base/crc32c.h"
+#include "common/gesture/recording.h"
+#include "tests/fuzz/target.h"
 
 namespace needlelab::fuzz {
 namespace {

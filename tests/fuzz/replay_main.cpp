@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <vector>
 
-#include "base/atomic_file.h"
-#include "target.h"
+#include "common/base/atomic_file.h"
+#include "tests/fuzz/target.h"
 
 int main(int argc, char** argv) {
   namespace fs = std::filesystem;

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <fstream>
 
-#include "target.h"
+#include "tests/fuzz/target.h"
 
 namespace needlelab::fuzz {
 namespace {

@@ -2,12 +2,12 @@
 #include <array>
 #include <cstring>
 
-#include "base/crc32c.h"
-#include "gesture/chunk.h"
-#include "net/spool.h"
-#include "net/spool_lessons.h"
-#include "quiet_protobuf.h"
-#include "target.h"
+#include "client/net/spool.h"
+#include "client/net/spool_lessons.h"
+#include "common/base/crc32c.h"
+#include "common/gesture/chunk.h"
+#include "tests/fuzz/quiet_protobuf.h"
+#include "tests/fuzz/target.h"
 
 namespace needlelab::fuzz {
 namespace {

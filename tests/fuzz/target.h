@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/bytes.h"
+#include "common/base/bytes.h"
 
 namespace needlelab::fuzz {
 

@@ -1,9 +1,9 @@
 // What comes as text from a person: recorded trajectories (CSV), HOST:PORT.
 #include <array>
 
-#include "device/recording_device.h"
-#include "target.h"
-#include "wire/endpoint.h"
+#include "client/device/recording_device.h"
+#include "common/wire/endpoint.h"
+#include "tests/fuzz/target.h"
 
 namespace needlelab::fuzz {
 

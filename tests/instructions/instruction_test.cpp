@@ -7,11 +7,11 @@
 #include <cstring>
 #include <map>
 
-#include "effect_cost/instruction_count.h"
-#include "effect_cost/tick_run.h"
-#include "haptics/models/axial_entry.h"
-#include "support/sanitized.h"
-#include "support/scenes.h"
+#include "client/effect_cost/instruction_count.h"
+#include "client/effect_cost/tick_run.h"
+#include "common/haptics/models/axial_entry.h"
+#include "tests/support/sanitized.h"
+#include "tests/support/scenes.h"
 
 namespace needlelab {
 

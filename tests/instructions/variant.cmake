@@ -16,7 +16,7 @@ endfunction()
 
 # what an effect's header gave is declared only: to use it would not link
 macro(drop effect header declaration)
-  swap(step "#include \"haptics/effects/${header}\"\n" "namespace needlelab {\n${declaration}\n}\n")
+  swap(step "#include \"common/haptics/effects/${header}\"\n" "namespace needlelab {\n${declaration}\n}\n")
   swap(step "live(Effect::${effect})" "false")
 endmacro()
 
@@ -53,6 +53,6 @@ string(SUBSTRING "${entry}" 0 ${at} entry)
 string(APPEND entry "}  // namespace needlelab\n")
 swap(entry "constinit const AxialEntry kTrackingWallEntry = {" "extern const AxialEntry kEntry_${VARIANT};\nconstinit const AxialEntry kEntry_${VARIANT} = {")
 
-file(WRITE "${OUT}/haptics/step_live.h" "${step}")
-file(WRITE "${OUT}/haptics/effects/tracking_wall.h" "${wall}")
+file(WRITE "${OUT}/common/haptics/step_live.h" "${step}")
+file(WRITE "${OUT}/common/haptics/effects/tracking_wall.h" "${wall}")
 file(WRITE "${OUT}/entry_${VARIANT}.cpp" "${entry}")

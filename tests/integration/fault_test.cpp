@@ -4,9 +4,9 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "base/exit_code.h"
-#include "process.h"
-#include "support/temp_folder.h"
+#include "common/base/exit_code.h"
+#include "tests/integration/process.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 namespace {

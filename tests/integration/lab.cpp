@@ -1,6 +1,6 @@
-#include "lab.h"
+#include "tests/integration/lab.h"
 
-#include "base/atomic_file.h"
+#include "common/base/atomic_file.h"
 
 namespace needlelab::test {
 namespace {

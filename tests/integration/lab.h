@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "gesture/chunk.h"
-#include "net/blocking_client.h"
-#include "net/spool.h"
-#include "process.h"
-#include "support/temp_folder.h"
+#include "client/net/blocking_client.h"
+#include "client/net/spool.h"
+#include "common/gesture/chunk.h"
+#include "tests/integration/process.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 

@@ -4,13 +4,13 @@
 #include <cstdlib>
 #include <random>
 
-#include "base/csv.h"
-#include "base/exit_code.h"
-#include "device/hand_plan.h"
-#include "device/pose_option.h"
-#include "device/recording_device.h"
-#include "haptics/tool_transform.h"
-#include "lab.h"
+#include "client/device/hand_plan.h"
+#include "client/device/pose_option.h"
+#include "client/device/recording_device.h"
+#include "common/base/csv.h"
+#include "common/base/exit_code.h"
+#include "common/haptics/tool_transform.h"
+#include "tests/integration/lab.h"
 
 namespace needlelab::test {
 namespace {

@@ -4,11 +4,11 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
-#include "haptics/axial_model.h"
-#include "process.h"
-#include "support/temp_folder.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
+#include "common/haptics/axial_model.h"
+#include "tests/integration/process.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 namespace {

@@ -2,8 +2,8 @@
 // own.
 #include <gmock/gmock.h>
 
-#include "base/exit_code.h"
-#include "lab.h"
+#include "common/base/exit_code.h"
+#include "tests/integration/lab.h"
 
 namespace needlelab::test {
 namespace {

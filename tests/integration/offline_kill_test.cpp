@@ -13,11 +13,11 @@
 
 #include <random>
 
-#include "base/clock.h"
-#include "base/exit_code.h"
-#include "lab.h"
-#include "support/sanitized.h"
-#include "support/stall_watch.h"
+#include "common/base/clock.h"
+#include "common/base/exit_code.h"
+#include "tests/integration/lab.h"
+#include "tests/support/sanitized.h"
+#include "tests/support/stall_watch.h"
 
 namespace needlelab::test {
 namespace {

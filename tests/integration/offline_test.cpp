@@ -1,9 +1,9 @@
 // A lab without its server: lessons from the cache, everything uploaded later, in order and once.
 #include <gmock/gmock.h>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
-#include "lab.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
+#include "tests/integration/lab.h"
 
 namespace needlelab::test {
 namespace {

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <fstream>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
-#include "lab.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
+#include "tests/integration/lab.h"
 
 namespace needlelab::test {
 namespace {

@@ -6,11 +6,11 @@
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
-#include "process.h"
-#include "support/temp_folder.h"
-#include "virtuose/virtuose_api.h"
+#include "client/device/virtuose/virtuose_api.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
+#include "tests/integration/process.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,4 +1,4 @@
-#include "load/comparison.h"
+#include "tests/load/comparison.h"
 
 #include <cmath>
 #include <utility>

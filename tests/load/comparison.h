@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "gesture/resolution.h"
-#include "load/station_stream.h"
+#include "common/gesture/resolution.h"
+#include "tests/load/station_stream.h"
 
 namespace needlelab::test {
 

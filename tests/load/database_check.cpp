@@ -1,12 +1,12 @@
-#include "load/database_check.h"
+#include "tests/load/database_check.h"
 
 #include <algorithm>
 #include <atomic>
 #include <mutex>
 #include <thread>
 
+#include "common/gesture/chunk.h"
 #include "db/connection.h"
-#include "gesture/chunk.h"
 
 namespace needlelab::test {
 namespace {

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "load/comparison.h"
-#include "load/load_shared.h"
-#include "net/blocking_client.h"
+#include "client/net/blocking_client.h"
+#include "tests/load/comparison.h"
+#include "tests/load/load_shared.h"
 
 namespace needlelab::test {
 

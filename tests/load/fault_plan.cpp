@@ -1,4 +1,4 @@
-#include "load/fault_plan.h"
+#include "tests/load/fault_plan.h"
 
 #include <algorithm>
 #include <cmath>

@@ -6,8 +6,8 @@
 #include <optional>
 #include <vector>
 
-#include "device/hand_tremor.h"
-#include "load/load_options.h"
+#include "client/device/hand_tremor.h"
+#include "tests/load/load_options.h"
 
 namespace needlelab::test {
 

@@ -1,13 +1,13 @@
-#include "load/gesture_pool.h"
+#include "tests/load/gesture_pool.h"
 
 #include <algorithm>
 
+#include "client/device/hand_tremor.h"
+#include "client/device/simulated_device.h"
+#include "client/sim/tools/closed_loop.h"
+#include "common/haptics/scene_model.h"
+#include "common/profile/profile.h"
 #include "db/embedded_file.h"
-#include "device/hand_tremor.h"
-#include "device/simulated_device.h"
-#include "haptics/scene_model.h"
-#include "profile/profile.h"
-#include "sim/closed_loop.h"
 
 namespace needlelab::test {
 namespace {

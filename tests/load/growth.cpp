@@ -4,15 +4,15 @@
 #include <fstream>
 #include <iostream>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
-#include "base/formatted.h"
-#include "base/machine.h"
-#include "bench/result_folder.h"
-#include "integration/process.h"
-#include "load/growth_report.h"
-#include "soak/process_sample.h"
-#include "support/temp_folder.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
+#include "common/base/formatted.h"
+#include "common/base/machine.h"
+#include "tests/bench/result_folder.h"
+#include "tests/integration/process.h"
+#include "tests/load/growth_report.h"
+#include "tests/soak/process_sample.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 namespace {

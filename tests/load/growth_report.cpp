@@ -1,12 +1,12 @@
-#include "load/growth_report.h"
+#include "tests/load/growth_report.h"
 
 #include <algorithm>
 #include <thread>
 
-#include "base/formatted.h"
-#include "base/machine.h"
-#include "bench/result_folder.h"
-#include "sim/gnuplot.h"
+#include "client/sim/tools/gnuplot.h"
+#include "common/base/formatted.h"
+#include "common/base/machine.h"
+#include "tests/bench/result_folder.h"
 
 namespace needlelab::test {
 namespace {

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
-#include "load/server_profile.h"
+#include "common/base/result.h"
+#include "tests/load/server_profile.h"
 
 namespace needlelab::test {
 

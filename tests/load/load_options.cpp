@@ -1,6 +1,6 @@
-#include "load/load_options.h"
+#include "tests/load/load_options.h"
 
-#include "base/range.h"
+#include "common/base/range.h"
 
 namespace needlelab::test {
 namespace {

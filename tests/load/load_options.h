@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "base/result.h"
-#include "wire/endpoint.h"
+#include "common/base/result.h"
+#include "common/wire/endpoint.h"
 
 namespace needlelab::test {
 

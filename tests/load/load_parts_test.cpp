@@ -4,15 +4,15 @@
 #include <cmath>
 #include <set>
 
-#include "base/clock.h"
-#include "gesture/chunk.h"
-#include "haptics/force_gate.h"
-#include "load/comparison.h"
-#include "load/fault_plan.h"
-#include "load/growth_report.h"
-#include "load/load_soak.h"
-#include "load/load_station.h"
-#include "load/server_profile.h"
+#include "common/base/clock.h"
+#include "common/gesture/chunk.h"
+#include "common/haptics/force_gate.h"
+#include "tests/load/comparison.h"
+#include "tests/load/fault_plan.h"
+#include "tests/load/growth_report.h"
+#include "tests/load/load_soak.h"
+#include "tests/load/load_station.h"
+#include "tests/load/server_profile.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,7 +1,7 @@
-#include "load/load_report.h"
+#include "tests/load/load_report.h"
 
-#include "base/formatted.h"
-#include "base/machine.h"
+#include "common/base/formatted.h"
+#include "common/base/machine.h"
 
 namespace needlelab::test {
 namespace {

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "load/load_run.h"
+#include "tests/load/load_run.h"
 
 namespace needlelab::test {
 

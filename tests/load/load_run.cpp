@@ -1,4 +1,4 @@
-#include "load/load_run.h"
+#include "tests/load/load_run.h"
 
 #include <sys/resource.h>
 #include <sys/vfs.h>
@@ -8,16 +8,16 @@
 #include <optional>
 #include <thread>
 
-#include "base/atomic_file.h"
-#include "base/clock.h"
-#include "base/formatted.h"
-#include "bench/result_folder.h"
-#include "load/fault_plan.h"
-#include "load/own_server.h"
-#include "load/station_crowd.h"
-#include "load/viewer_crowd.h"
-#include "net/password.h"
-#include "support/temp_folder.h"
+#include "client/net/password.h"
+#include "common/base/atomic_file.h"
+#include "common/base/clock.h"
+#include "common/base/formatted.h"
+#include "tests/bench/result_folder.h"
+#include "tests/load/fault_plan.h"
+#include "tests/load/own_server.h"
+#include "tests/load/station_crowd.h"
+#include "tests/load/viewer_crowd.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 namespace {

@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "load/database_check.h"
-#include "load/load_options.h"
-#include "load/load_station.h"
-#include "load/load_viewer.h"
-#include "soak/process_sample.h"
+#include "tests/load/database_check.h"
+#include "tests/load/load_options.h"
+#include "tests/load/load_station.h"
+#include "tests/load/load_viewer.h"
+#include "tests/soak/process_sample.h"
 
 namespace needlelab::test {
 

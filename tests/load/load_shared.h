@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "base/uuid.h"
-#include "load/gesture_pool.h"
-#include "net/client.h"
+#include "client/net/client.h"
+#include "common/base/uuid.h"
+#include "tests/load/gesture_pool.h"
 
 namespace needlelab::test {
 

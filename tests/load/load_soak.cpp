@@ -1,13 +1,13 @@
-#include "load/load_soak.h"
+#include "tests/load/load_soak.h"
 
 #include <algorithm>
 
-#include "base/atomic_file.h"
-#include "base/formatted.h"
-#include "base/machine.h"
-#include "load/load_report.h"
-#include "sim/gnuplot.h"
-#include "soak/soak_report.h"
+#include "client/sim/tools/gnuplot.h"
+#include "common/base/atomic_file.h"
+#include "common/base/formatted.h"
+#include "common/base/machine.h"
+#include "tests/load/load_report.h"
+#include "tests/soak/soak_report.h"
 
 namespace needlelab::test {
 namespace {

@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <vector>
 
-#include "load/load_run.h"
-#include "soak/soak_judge.h"
+#include "tests/load/load_run.h"
+#include "tests/soak/soak_judge.h"
 
 namespace needlelab::test {
 

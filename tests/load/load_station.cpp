@@ -1,13 +1,13 @@
-#include "load/load_station.h"
+#include "tests/load/load_station.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "base/clock.h"
-#include "gesture/chunk.h"
-#include "wire/framing.h"
-#include "wire/refusal.h"
+#include "common/base/clock.h"
+#include "common/gesture/chunk.h"
+#include "common/wire/framing.h"
+#include "common/wire/refusal.h"
 
 namespace needlelab::test {
 namespace {

@@ -6,12 +6,12 @@
 #include <memory>
 #include <string>
 
-#include "gesture/session_hash.h"
-#include "load/load_shared.h"
-#include "load/station_stream.h"
-#include "net/backoff.h"
-#include "net/uplink_clock.h"
-#include "station/latency_histogram.h"
+#include "client/net/backoff.h"
+#include "client/net/uplink_clock.h"
+#include "common/base/latency_histogram.h"
+#include "common/gesture/session_hash.h"
+#include "tests/load/load_shared.h"
+#include "tests/load/station_stream.h"
 
 namespace needlelab::test {
 

@@ -1,10 +1,10 @@
 // A load station's connection: what it says first, and what the server's answers mean.
 #include <utility>
 
-#include "base/clock.h"
-#include "gesture/resolution.h"
-#include "load/load_station.h"
-#include "wire/refusal.h"
+#include "common/base/clock.h"
+#include "common/gesture/resolution.h"
+#include "common/wire/refusal.h"
+#include "tests/load/load_station.h"
 
 namespace needlelab::test {
 

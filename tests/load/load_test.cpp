@@ -4,16 +4,16 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "base/atomic_file.h"
-#include "base/clock.h"
+#include "common/base/atomic_file.h"
+#include "common/base/clock.h"
+#include "common/gesture/chunk.h"
+#include "common/gesture/session_hash.h"
 #include "db/session_store.h"
-#include "gesture/chunk.h"
-#include "gesture/session_hash.h"
-#include "integration/process.h"
-#include "load/database_check.h"
-#include "load/load_run.h"
-#include "load/own_server.h"
-#include "support/temp_folder.h"
+#include "tests/integration/process.h"
+#include "tests/load/database_check.h"
+#include "tests/load/load_run.h"
+#include "tests/load/own_server.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 namespace {

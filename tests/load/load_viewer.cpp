@@ -1,10 +1,10 @@
-#include "load/load_viewer.h"
+#include "tests/load/load_viewer.h"
 
 #include <utility>
 
-#include "base/clock.h"
-#include "gesture/chunk.h"
-#include "wire/refusal.h"
+#include "common/base/clock.h"
+#include "common/gesture/chunk.h"
+#include "common/wire/refusal.h"
 
 namespace needlelab::test {
 

@@ -7,10 +7,10 @@
 #include <unordered_map>
 #include <vector>
 
-#include "load/load_shared.h"
-#include "load/station_stream.h"
-#include "net/backoff.h"
-#include "station/latency_histogram.h"
+#include "client/net/backoff.h"
+#include "common/base/latency_histogram.h"
+#include "tests/load/load_shared.h"
+#include "tests/load/station_stream.h"
 
 namespace needlelab::test {
 

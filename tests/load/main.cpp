@@ -4,13 +4,13 @@
 #include <cstdio>
 #include <iostream>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
-#include "base/output_check.h"
-#include "load/load_report.h"
-#include "load/load_soak.h"
-#include "sim/json_output.h"
-#include "soak/soak_report.h"
+#include "client/sim/tools/json_output.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
+#include "common/base/output_check.h"
+#include "tests/load/load_report.h"
+#include "tests/load/load_soak.h"
+#include "tests/soak/soak_report.h"
 
 namespace {
 

@@ -7,7 +7,7 @@
 #include <thread>
 #include <utility>
 
-#include "wire/asio.h"
+#include "common/wire/asio.h"
 
 namespace needlelab::test {
 

@@ -1,14 +1,14 @@
-#include "load/own_server.h"
+#include "tests/load/own_server.h"
 
 #include <sodium.h>
 
-#include "base/atomic_file.h"
-#include "base/clock.h"
-#include "base/formatted.h"
+#include "common/base/atomic_file.h"
+#include "common/base/clock.h"
+#include "common/base/formatted.h"
 #include "db/password.h"
 #include "db/people_store.h"
+#include "db/service/bootstrap.h"
 #include "db/station_store.h"
-#include "service/bootstrap.h"
 
 namespace needlelab::test {
 namespace {

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
-#include "integration/process.h"
-#include "soak/process_sample.h"
+#include "common/base/result.h"
+#include "tests/integration/process.h"
+#include "tests/soak/process_sample.h"
 
 namespace needlelab::test {
 

@@ -1,4 +1,4 @@
-#include "load/server_profile.h"
+#include "tests/load/server_profile.h"
 
 #include <cstdlib>
 #include <initializer_list>

@@ -1,4 +1,4 @@
-#include "load/station_crowd.h"
+#include "tests/load/station_crowd.h"
 
 #include <algorithm>
 

@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "load/station_thread.h"
+#include "tests/load/station_thread.h"
 
 namespace needlelab::test {
 

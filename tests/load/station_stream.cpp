@@ -1,4 +1,4 @@
-#include "load/station_stream.h"
+#include "tests/load/station_stream.h"
 
 #include <algorithm>
 

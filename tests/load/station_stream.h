@@ -7,10 +7,10 @@
 #include <span>
 #include <vector>
 
-#include "device/hand_tremor.h"
-#include "gesture/sample.h"
-#include "haptics/geometry.h"
-#include "load/gesture_pool.h"
+#include "client/device/hand_tremor.h"
+#include "common/gesture/sample.h"
+#include "common/haptics/geometry.h"
+#include "tests/load/gesture_pool.h"
 
 namespace needlelab::test {
 

@@ -1,8 +1,8 @@
-#include "load/station_thread.h"
+#include "tests/load/station_thread.h"
 
 #include <queue>
 
-#include "base/clock.h"
+#include "common/base/clock.h"
 
 namespace needlelab::test {
 namespace {

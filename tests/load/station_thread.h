@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "load/load_station.h"
-#include "load/net_thread.h"
+#include "tests/load/load_station.h"
+#include "tests/load/net_thread.h"
 
 namespace needlelab::test {
 

@@ -1,4 +1,4 @@
-#include "load/viewer_crowd.h"
+#include "tests/load/viewer_crowd.h"
 
 namespace needlelab::test {
 

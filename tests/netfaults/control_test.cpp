@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <set>
 
-#include "fault_station.h"
-#include "proxy/fault_proxy.h"
+#include "tests/netfaults/fault_station.h"
+#include "tests/support/proxy/fault_proxy.h"
 
 namespace needlelab::test {
 namespace {

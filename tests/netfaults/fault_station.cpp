@@ -1,9 +1,9 @@
-#include "fault_station.h"
+#include "tests/netfaults/fault_station.h"
 
 #include <algorithm>
 #include <utility>
 
-#include "net/spool_samples.h"
+#include "tests/unit/client/net/spool_samples.h"
 
 namespace needlelab::test {
 

@@ -10,10 +10,10 @@
 #include <thread>
 #include <vector>
 
-#include "net/spool.h"
-#include "net/uplink.h"
-#include "server/running_server.h"
-#include "support/temp_folder.h"
+#include "client/net/spool.h"
+#include "client/net/uplink.h"
+#include "tests/support/temp_folder.h"
+#include "tests/unit/server/live/running_server.h"
 
 namespace needlelab::test {
 

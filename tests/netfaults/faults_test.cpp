@@ -2,8 +2,8 @@
 // only.
 #include <gtest/gtest.h>
 
-#include "fault_station.h"
-#include "proxy/fault_proxy.h"
+#include "tests/netfaults/fault_station.h"
+#include "tests/support/proxy/fault_proxy.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,6 +1,6 @@
-#include "herd_server.h"
+#include "tests/netfaults/herd_server.h"
 
-#include "base/atomic_file.h"
+#include "common/base/atomic_file.h"
 #include "server/server.h"
 
 namespace needlelab::test {

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "process.h"
-#include "support/temp_folder.h"
-#include "wire/tls.h"
+#include "common/wire/tls.h"
+#include "tests/integration/process.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 

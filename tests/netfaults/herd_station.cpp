@@ -1,12 +1,12 @@
-#include "herd_station.h"
+#include "tests/netfaults/herd_station.h"
 
 #include <algorithm>
 #include <utility>
 
-#include "base/uuid.h"
-#include "gesture/chunk.h"
-#include "support/random.h"
-#include "wire/refusal.h"
+#include "common/base/uuid.h"
+#include "common/gesture/chunk.h"
+#include "common/wire/refusal.h"
+#include "tests/support/random.h"
 
 namespace needlelab::test {
 namespace {

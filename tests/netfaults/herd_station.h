@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "gesture/session_hash.h"
-#include "net/backoff.h"
-#include "net/client.h"
-#include "net/spool.h"
+#include "client/net/backoff.h"
+#include "client/net/client.h"
+#include "client/net/spool.h"
+#include "common/gesture/session_hash.h"
 
 namespace needlelab::test {
 

@@ -7,9 +7,9 @@
 #include <iostream>
 #include <thread>
 
-#include "herd_server.h"
-#include "herd_station.h"
-#include "soak/process_sample.h"
+#include "tests/netfaults/herd_server.h"
+#include "tests/netfaults/herd_station.h"
+#include "tests/soak/process_sample.h"
 
 namespace needlelab::test {
 namespace {

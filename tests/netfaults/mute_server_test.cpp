@@ -5,10 +5,10 @@
 #include <atomic>
 #include <mutex>
 
-#include "base/clock.h"
-#include "net/uplink.h"
-#include "support/temp_folder.h"
-#include "wire/certificates.h"
+#include "client/net/uplink.h"
+#include "common/base/clock.h"
+#include "common/wire/certificates.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 namespace {

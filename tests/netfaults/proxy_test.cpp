@@ -5,7 +5,7 @@
 #include <array>
 #include <mutex>
 
-#include "proxy/fault_proxy.h"
+#include "tests/support/proxy/fault_proxy.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,8 +1,8 @@
 // A newer connection gets through before the older one's bytes and its end arrive.
 #include <gtest/gtest.h>
 
-#include "fault_station.h"
-#include "proxy/fault_proxy.h"
+#include "tests/netfaults/fault_station.h"
+#include "tests/support/proxy/fault_proxy.h"
 
 namespace needlelab::test {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "base/exit_code.h"
-#include "lab.h"
+#include "common/base/exit_code.h"
+#include "tests/integration/lab.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,9 +1,9 @@
 // The network of a station stalls: its haptic loop does not notice.
 #include <gtest/gtest.h>
 
-#include "base/exit_code.h"
-#include "lab.h"
-#include "proxy/fault_proxy.h"
+#include "common/base/exit_code.h"
+#include "tests/integration/lab.h"
+#include "tests/support/proxy/fault_proxy.h"
 
 namespace needlelab::test {
 namespace {

@@ -10,14 +10,14 @@
 #include <optional>
 #include <set>
 
-#include "base/clock.h"
-#include "net/client.h"
-#include "proxy/fault_proxy.h"
-#include "server/running_server.h"
-#include "soak/process_sample.h"
-#include "support/sanitized.h"
-#include "support/stall_watch.h"
-#include "wire/refusal.h"
+#include "client/net/client.h"
+#include "common/base/clock.h"
+#include "common/wire/refusal.h"
+#include "tests/soak/process_sample.h"
+#include "tests/support/proxy/fault_proxy.h"
+#include "tests/support/sanitized.h"
+#include "tests/support/stall_watch.h"
+#include "tests/unit/server/live/running_server.h"
 
 namespace needlelab::test {
 namespace {

@@ -3,9 +3,9 @@
 
 #include <fstream>
 
-#include "base/atomic_file.h"
-#include "lab.h"
-#include "net/enrolment.h"
+#include "client/net/enrolment.h"
+#include "common/base/atomic_file.h"
+#include "tests/integration/lab.h"
 
 namespace needlelab {
 namespace {

@@ -4,9 +4,9 @@
 #include <fstream>
 #include <sstream>
 
-#include "base/atomic_file.h"
-#include "process.h"
-#include "support/temp_folder.h"
+#include "common/base/atomic_file.h"
+#include "tests/integration/process.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab {
 namespace {

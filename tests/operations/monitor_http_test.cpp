@@ -9,9 +9,9 @@
 #include <future>
 #include <nlohmann/json.hpp>
 
-#include "prometheus_text.h"
-#include "running_server.h"
-#include "server/prometheus.h"
+#include "server/live/prometheus.h"
+#include "tests/operations/prometheus_text.h"
+#include "tests/unit/server/live/running_server.h"
 
 namespace {
 

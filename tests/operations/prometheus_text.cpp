@@ -1,4 +1,4 @@
-#include "prometheus_text.h"
+#include "tests/operations/prometheus_text.h"
 
 #include <arpa/inet.h>
 #include <poll.h>

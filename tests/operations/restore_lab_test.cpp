@@ -3,7 +3,7 @@
 
 #include <map>
 
-#include "lab.h"
+#include "tests/integration/lab.h"
 
 namespace needlelab {
 namespace {

@@ -1,16 +1,16 @@
 // A backup put in a database's place: complete or not at all.
-#include "service/restore.h"
+#include "db/service/restore.h"
 
 #include <gmock/gmock.h>
 
 #include <cerrno>
 #include <fstream>
 
-#include "base/atomic_file.h"
+#include "common/base/atomic_file.h"
 #include "db/backup.h"
 #include "db/meta_store.h"
 #include "db/migrate.h"
-#include "running_server.h"
+#include "tests/unit/server/live/running_server.h"
 
 namespace needlelab {
 namespace {
@@ -156,8 +156,8 @@ TEST_F(RestoreTest, accessesThatWereWithdrawnSinceTheBackupAreNamedAndNoted) {
                                           HasSubstr("station stolen: its key was revoked")));
   const auto store = open();
   auto reader = store->readers().borrow();
-  auto rows = (*reader)->prepare(
-      "SELECT count(*) FROM audit WHERE action = 'access valid again' AND who = 'local'");
+  auto rows =
+      (*reader)->prepare("SELECT count(*) FROM audit WHERE action = 'access valid again' AND who = 'local'");
   ASSERT_TRUE(*rows.step());
   EXPECT_EQ(rows.integer(0), 4);
   EXPECT_THAT(MetaStore(**reader).get("access_valid_again")->value(), HasSubstr("user dismissed"));

@@ -1,5 +1,5 @@
 // Each fault at the start: what it says, what it advises, and the exit code.
-#include "server/startup.h"
+#include "server/live/startup.h"
 
 #include <gmock/gmock.h>
 #include <netinet/in.h>
@@ -11,13 +11,13 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
+#include "common/wire/certificates.h"
 #include "db/connection.h"
-#include "lab.h"
+#include "db/service/bootstrap.h"
 #include "server/service_manager.h"
-#include "service/bootstrap.h"
-#include "wire/certificates.h"
+#include "tests/integration/lab.h"
 
 namespace needlelab {
 namespace {

@@ -5,9 +5,9 @@
 #include <sys/socket.h>
 #include <sys/un.h>
 
-#include "base/atomic_file.h"
-#include "lab.h"
-#include "prometheus_text.h"
+#include "common/base/atomic_file.h"
+#include "tests/integration/lab.h"
+#include "tests/operations/prometheus_text.h"
 
 namespace needlelab {
 namespace {

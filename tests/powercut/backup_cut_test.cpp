@@ -1,11 +1,11 @@
 // Power cuts while a backup is made: a file under the backup's name is a whole backup.
 #include <gtest/gtest.h>
 
-#include "campaign.h"
 #include "db/backup.h"
 #include "db/check.h"
-#include "unit/db/test_db.h"
-#include "watched_disk.h"
+#include "tests/powercut/campaign.h"
+#include "tests/powercut/watched_disk.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,4 +1,4 @@
-#include "campaign.h"
+#include "tests/powercut/campaign.h"
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>

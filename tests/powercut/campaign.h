@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "disk_log.h"
-#include "support/temp_folder.h"
+#include "tests/powercut/disk_log.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 

@@ -6,13 +6,13 @@
 
 #include <atomic>
 
-#include "base/clock.h"
-#include "base/uuid.h"
-#include "net/spool_writer.h"
-#include "net/uplink.h"
-#include "unit/db/test_db.h"
-#include "unit/net/spool_samples.h"
-#include "unit/server/running_server.h"
+#include "client/net/spool_writer.h"
+#include "client/net/uplink.h"
+#include "common/base/clock.h"
+#include "common/base/uuid.h"
+#include "tests/unit/client/net/spool_samples.h"
+#include "tests/unit/db/test_db.h"
+#include "tests/unit/server/live/running_server.h"
 
 namespace needlelab::test {
 namespace {

@@ -5,11 +5,11 @@
 #include <fstream>
 #include <map>
 
-#include "campaign.h"
 #include "db/check.h"
+#include "db/service/bootstrap.h"
 #include "db/transaction.h"
-#include "service/bootstrap.h"
-#include "unit/db/test_db.h"
+#include "tests/powercut/campaign.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab::test {
 namespace {

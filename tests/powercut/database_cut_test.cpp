@@ -5,12 +5,12 @@
 #include <cerrno>
 #include <map>
 
-#include "campaign.h"
 #include "db/check.h"
 #include "db/db_writer.h"
 #include "db/transaction.h"
-#include "unit/db/test_db.h"
-#include "watched_disk.h"
+#include "tests/powercut/campaign.h"
+#include "tests/powercut/watched_disk.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab::test {
 namespace {

@@ -7,16 +7,16 @@
 #include <cerrno>
 #include <thread>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
-#include "campaign.h"
+#include "client/net/uplink.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
 #include "db/check.h"
-#include "integration/process.h"
-#include "net/uplink.h"
-#include "unit/db/test_db.h"
-#include "unit/net/spool_samples.h"
-#include "unit/server/running_server.h"
-#include "watched_disk.h"
+#include "tests/integration/process.h"
+#include "tests/powercut/campaign.h"
+#include "tests/powercut/watched_disk.h"
+#include "tests/unit/client/net/spool_samples.h"
+#include "tests/unit/db/test_db.h"
+#include "tests/unit/server/live/running_server.h"
 
 namespace needlelab::test {
 namespace {

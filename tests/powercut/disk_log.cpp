@@ -1,4 +1,4 @@
-#include "disk_log.h"
+#include "tests/powercut/disk_log.h"
 
 #include <algorithm>
 #include <fstream>

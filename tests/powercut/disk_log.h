@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "support/random.h"
+#include "tests/support/random.h"
 
 namespace needlelab::test {
 

@@ -1,13 +1,13 @@
 // Power cuts while a server makes its folder: the next start works, and a CA that was given out stays.
 #include <gtest/gtest.h>
 
-#include "base/atomic_file.h"
-#include "campaign.h"
+#include "common/base/atomic_file.h"
+#include "common/wire/certificates.h"
 #include "db/station_store.h"
-#include "server/log.h"
+#include "server/live/log.h"
 #include "server/server.h"
-#include "watched_disk.h"
-#include "wire/certificates.h"
+#include "tests/powercut/campaign.h"
+#include "tests/powercut/watched_disk.h"
 
 namespace needlelab::test {
 namespace {

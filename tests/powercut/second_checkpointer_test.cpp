@@ -4,12 +4,12 @@
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 
-#include "campaign.h"
 #include "db/check.h"
 #include "db/reader_pool.h"
 #include "db/station_store.h"
-#include "unit/db/shim_vfs.h"
-#include "unit/db/test_db.h"
+#include "tests/powercut/campaign.h"
+#include "tests/unit/db/shim_vfs.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab::test {
 namespace {

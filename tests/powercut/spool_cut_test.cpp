@@ -5,13 +5,13 @@
 #include <map>
 #include <optional>
 
-#include "campaign.h"
-#include "gesture/chunk.h"
-#include "net/spool_lessons.h"
-#include "net/spool_writer.h"
-#include "net/uplink_session.h"
-#include "unit/net/spool_samples.h"
-#include "watched_disk.h"
+#include "client/net/spool_lessons.h"
+#include "client/net/spool_writer.h"
+#include "client/net/uplink_session.h"
+#include "common/gesture/chunk.h"
+#include "tests/powercut/campaign.h"
+#include "tests/powercut/watched_disk.h"
+#include "tests/unit/client/net/spool_samples.h"
 
 namespace needlelab::test {
 namespace {

@@ -5,11 +5,11 @@
 #include <fstream>
 #include <set>
 
-#include "campaign.h"
-#include "gesture/chunk.h"
-#include "net/spool.h"
-#include "net/spool_lessons.h"
-#include "unit/net/spool_samples.h"
+#include "client/net/spool.h"
+#include "client/net/spool_lessons.h"
+#include "common/gesture/chunk.h"
+#include "tests/powercut/campaign.h"
+#include "tests/unit/client/net/spool_samples.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,4 +1,4 @@
-#include "watched_disk.h"
+#include "tests/powercut/watched_disk.h"
 
 #include <fcntl.h>
 #include <limits.h>

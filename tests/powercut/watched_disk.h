@@ -7,7 +7,7 @@
 #include <functional>
 #include <string>
 
-#include "disk_log.h"
+#include "tests/powercut/disk_log.h"
 
 namespace needlelab::test {
 

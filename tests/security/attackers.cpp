@@ -1,4 +1,4 @@
-#include "security/attackers.h"
+#include "tests/security/attackers.h"
 
 #include <arpa/inet.h>
 #include <sys/socket.h>
@@ -10,10 +10,10 @@
 #include <memory>
 #include <random>
 
-#include "net/client.h"
-#include "wire/framing.h"
-#include "wire/tls.h"
-#include "wire/version.h"
+#include "client/net/client.h"
+#include "common/wire/framing.h"
+#include "common/wire/tls.h"
+#include "common/wire/version.h"
 
 namespace needlelab::test {
 namespace {

@@ -6,16 +6,16 @@
 #include <optional>
 #include <thread>
 
-#include "base/clock.h"
-#include "load/database_check.h"
-#include "load/own_server.h"
-#include "load/station_crowd.h"
-#include "load/viewer_crowd.h"
-#include "net/backoff.h"
-#include "security/attackers.h"
-#include "support/sanitized.h"
-#include "support/sync_probe.h"
-#include "support/temp_folder.h"
+#include "client/net/backoff.h"
+#include "common/base/clock.h"
+#include "tests/load/database_check.h"
+#include "tests/load/own_server.h"
+#include "tests/load/station_crowd.h"
+#include "tests/load/viewer_crowd.h"
+#include "tests/security/attackers.h"
+#include "tests/support/sanitized.h"
+#include "tests/support/sync_probe.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 namespace {

@@ -7,8 +7,8 @@
 #include <algorithm>
 #include <map>
 
-#include "base/atomic_file.h"
-#include "lab.h"
+#include "common/base/atomic_file.h"
+#include "tests/integration/lab.h"
 
 namespace needlelab::test {
 namespace {

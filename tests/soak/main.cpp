@@ -2,8 +2,8 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
-#include "base/exit_code.h"
-#include "soak/soak_report.h"
+#include "common/base/exit_code.h"
+#include "tests/soak/soak_report.h"
 
 namespace needlelab::test {
 namespace {

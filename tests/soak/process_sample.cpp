@@ -1,4 +1,4 @@
-#include "soak/process_sample.h"
+#include "tests/soak/process_sample.h"
 
 #include <unistd.h>
 

@@ -1,11 +1,11 @@
-#include "soak/soak_judge.h"
+#include "tests/soak/soak_judge.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 
-#include "base/formatted.h"
+#include "common/base/formatted.h"
 
 namespace needlelab::test {
 namespace {

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "soak/soak_minutes.h"
-#include "soak/soak_run.h"
+#include "tests/soak/soak_minutes.h"
+#include "tests/soak/soak_run.h"
 
 namespace needlelab::test {
 

@@ -1,12 +1,12 @@
-#include "soak/soak_minutes.h"
+#include "tests/soak/soak_minutes.h"
 
 #include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <limits>
 
-#include "gesture/chunk.h"
-#include "net/spool.h"
+#include "client/net/spool.h"
+#include "common/gesture/chunk.h"
 
 namespace needlelab::test {
 

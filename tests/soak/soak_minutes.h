@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "soak/soak_run.h"
+#include "tests/soak/soak_run.h"
 
 namespace needlelab::test {
 

@@ -1,12 +1,12 @@
-#include "soak/soak_report.h"
+#include "tests/soak/soak_report.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "base/atomic_file.h"
-#include "base/formatted.h"
-#include "base/machine.h"
-#include "sim/gnuplot.h"
+#include "client/sim/tools/gnuplot.h"
+#include "common/base/atomic_file.h"
+#include "common/base/formatted.h"
+#include "common/base/machine.h"
 
 namespace needlelab::test {
 namespace {

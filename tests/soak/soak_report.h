@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "soak/soak_judge.h"
+#include "tests/soak/soak_judge.h"
 
 namespace needlelab::test {
 

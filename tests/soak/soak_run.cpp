@@ -1,4 +1,4 @@
-#include "soak/soak_run.h"
+#include "tests/soak/soak_run.h"
 
 #include <algorithm>
 #include <chrono>
@@ -9,10 +9,10 @@
 #include <set>
 #include <thread>
 
-#include "base/atomic_file.h"
-#include "base/uuid.h"
-#include "integration/process.h"
-#include "net/blocking_client.h"
+#include "client/net/blocking_client.h"
+#include "common/base/atomic_file.h"
+#include "common/base/uuid.h"
+#include "tests/integration/process.h"
 
 namespace needlelab::test {
 namespace {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
-#include "soak/process_sample.h"
+#include "common/base/result.h"
+#include "tests/soak/process_sample.h"
 
 namespace needlelab::test {
 

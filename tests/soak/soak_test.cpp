@@ -4,8 +4,8 @@
 #include <cstdlib>
 #include <random>
 
-#include "soak/soak_report.h"
-#include "support/temp_folder.h"
+#include "tests/soak/soak_report.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 namespace {

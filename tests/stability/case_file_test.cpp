@@ -1,9 +1,9 @@
 // cases.json: what is wrong in it is named by file, case and field.
-#include "stability/case_file.h"
+#include "client/sim/stability/case_file.h"
 
 #include <gtest/gtest.h>
 
-#include "stability/case.h"
+#include "client/sim/stability/case.h"
 
 namespace needlelab {
 namespace {

@@ -7,8 +7,8 @@
 #include <string>
 #include <string_view>
 
-#include "stability/case.h"
-#include "support/reference_source.h"
+#include "client/sim/stability/case.h"
+#include "tests/support/reference_source.h"
 
 namespace needlelab::test {
 

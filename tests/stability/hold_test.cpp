@@ -2,7 +2,7 @@
 // a planted defect that fails the same check.
 #include <gtest/gtest.h>
 
-#include "case_rows.h"
+#include "tests/stability/case_rows.h"
 
 namespace needlelab::test {
 namespace {

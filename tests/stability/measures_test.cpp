@@ -1,5 +1,5 @@
 // What is measured on a run, against numbers that were worked out by hand.
-#include "stability/measures.h"
+#include "client/sim/stability/measures.h"
 
 #include <gtest/gtest.h>
 

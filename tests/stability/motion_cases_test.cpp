@@ -1,13 +1,13 @@
 // The cases of prescribed motion: the wall stands each, and what each is there to find does not.
-#include "stability/motion_cases.h"
+#include "client/sim/stability/motion_cases.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <functional>
 
-#include "case_rows.h"
-#include "support/reference_source.h"
+#include "tests/stability/case_rows.h"
+#include "tests/support/reference_source.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,13 +1,13 @@
 // The observer's own arithmetic, and the gestures that it is fed with.
-#include "stability/passivity_observer.h"
+#include "client/sim/stability/passivity_observer.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <set>
 
-#include "stability/passivity_generator.h"
-#include "stability/round_number.h"
+#include "client/sim/stability/passivity_generator.h"
+#include "client/sim/stability/round_number.h"
 
 namespace needlelab::test {
 namespace {

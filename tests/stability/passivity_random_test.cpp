@@ -1,9 +1,9 @@
 // Random gestures: the wall gives the hand nothing and steps nowhere, whatever the gesture.
 #include <gtest/gtest.h>
 
-#include "case_rows.h"
-#include "stability/motion_cases.h"
-#include "stability/passivity_search.h"
+#include "client/sim/stability/motion_cases.h"
+#include "client/sim/stability/passivity_search.h"
+#include "tests/stability/case_rows.h"
 
 namespace needlelab::test {
 namespace {

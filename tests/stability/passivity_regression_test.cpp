@@ -8,10 +8,10 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "base/atomic_file.h"
-#include "planted_sources.h"
-#include "profile/profile.h"
-#include "stability/passivity_search.h"
+#include "client/sim/stability/passivity_search.h"
+#include "common/base/atomic_file.h"
+#include "common/profile/profile.h"
+#include "tests/stability/planted_sources.h"
 
 namespace needlelab::test {
 namespace {

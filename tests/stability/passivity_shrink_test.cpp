@@ -1,12 +1,12 @@
 // Planted defects are found by random gestures and shrunk to something that a person understands.
-#include "stability/passivity_shrink.h"
+#include "client/sim/stability/passivity_shrink.h"
 
 #include <gtest/gtest.h>
 
-#include "planted_sources.h"
-#include "stability/gesture_numbers.h"
-#include "stability/passivity_search.h"
-#include "stability/round_number.h"
+#include "client/sim/stability/gesture_numbers.h"
+#include "client/sim/stability/passivity_search.h"
+#include "client/sim/stability/round_number.h"
+#include "tests/stability/planted_sources.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,13 +1,13 @@
 // The plant of the hard cases against the device and chain that the station uses.
-#include "stability/plant.h"
+#include "client/sim/stability/plant.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "sim/closed_loop.h"
-#include "stability/case_file.h"
-#include "support/reference_source.h"
+#include "client/sim/stability/case_file.h"
+#include "client/sim/tools/closed_loop.h"
+#include "tests/support/reference_source.h"
 
 namespace needlelab {
 namespace {

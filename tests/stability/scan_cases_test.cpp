@@ -3,7 +3,7 @@
 
 #include <utility>
 
-#include "case_rows.h"
+#include "tests/stability/case_rows.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,13 +1,13 @@
 // The study of the largest stable stiffness against what it is compared with.
-#include "stability/scan_limits.h"
+#include "client/sim/stability/scan_limits.h"
 
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "stability/scan_nudge.h"
-#include "support/sanitized.h"
+#include "client/sim/stability/scan_nudge.h"
+#include "tests/support/sanitized.h"
 
 namespace needlelab {
 namespace {

@@ -1,5 +1,5 @@
 // The bounds of theory against each other and against the loop itself.
-#include "stability/scan_theory.h"
+#include "client/sim/stability/scan_theory.h"
 
 #include <gtest/gtest.h>
 

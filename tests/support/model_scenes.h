@@ -5,9 +5,9 @@
 #include <cmath>
 #include <memory>
 
-#include "haptics/models/like_for_like.h"
-#include "haptics/models/needle_compliance.h"
-#include "support/scenes.h"
+#include "common/haptics/models/like_for_like.h"
+#include "common/haptics/models/needle_compliance.h"
+#include "tests/support/scenes.h"
 
 namespace needlelab::test {
 

@@ -1,10 +1,10 @@
-#include "support/motions.h"
+#include "tests/support/motions.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "support/random.h"
+#include "tests/support/random.h"
 
 namespace needlelab::test {
 namespace {

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "haptics/engine.h"
-#include "support/scenes.h"
+#include "common/haptics/engine.h"
+#include "tests/support/scenes.h"
 
 namespace needlelab::test {
 

@@ -1,9 +1,9 @@
-#include "support/no_alloc.h"
+#include "tests/support/no_alloc.h"
 
 #include <cerrno>
 #include <cstdlib>
 
-#include "support/sanitized.h"
+#include "tests/support/sanitized.h"
 
 namespace {
 

@@ -1,4 +1,4 @@
-#include "support/no_lock.h"
+#include "tests/support/no_lock.h"
 
 #include <dlfcn.h>
 #include <pthread.h>
@@ -6,7 +6,7 @@
 
 #include <cstdlib>
 
-#include "support/sanitized.h"
+#include "tests/support/sanitized.h"
 
 namespace {
 

@@ -1,6 +1,6 @@
 // For a test's program: the bug that NEEDLELAB_PLANT names is in it. In the program's own sources, so that it
 // stands before the library's (common/base/planted_bug.cpp).
-#include "base/planted_bug.h"
+#include "common/base/planted_bug.h"
 
 #include <cstdlib>
 

@@ -1,4 +1,4 @@
-#include "support/reference_engine.h"
+#include "tests/support/reference_engine.h"
 
 #include <algorithm>
 #include <cmath>

@@ -6,8 +6,8 @@
 #include <optional>
 #include <vector>
 
-#include "haptics/engine.h"
-#include "haptics/scene_spec.h"
+#include "common/haptics/engine.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab::test {
 

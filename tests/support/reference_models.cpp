@@ -1,9 +1,9 @@
-#include "support/reference_models.h"
+#include "tests/support/reference_models.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "haptics/models/score_process.h"
+#include "common/haptics/models/score_process.h"
 
 namespace needlelab::test {
 namespace {

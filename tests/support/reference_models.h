@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "haptics/scene_spec.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab::test {
 

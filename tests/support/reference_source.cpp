@@ -1,4 +1,4 @@
-#include "support/reference_source.h"
+#include "tests/support/reference_source.h"
 
 #include <utility>
 

@@ -1,8 +1,8 @@
 /// The reference engine as a force source of the hard cases, with a planted defect or none.
 #pragma once
 
-#include "stability/force_source.h"
-#include "support/reference_engine.h"
+#include "client/sim/stability/force_source.h"
+#include "tests/support/reference_engine.h"
 
 namespace needlelab::test {
 

@@ -1,4 +1,4 @@
-#include "support/scenes.h"
+#include "tests/support/scenes.h"
 
 namespace needlelab::test {
 namespace {

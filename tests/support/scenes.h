@@ -4,7 +4,7 @@
 #include <array>
 #include <string_view>
 
-#include "haptics/scene_spec.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab::test {
 

@@ -1,4 +1,4 @@
-#include "support/syscall_jail.h"
+#include "tests/support/syscall_jail.h"
 
 #include <linux/audit.h>
 #include <linux/filter.h>
@@ -14,7 +14,7 @@
 #include <cstddef>
 #include <thread>
 
-#include "support/sanitized.h"
+#include "tests/support/sanitized.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,4 +1,4 @@
-// What of openapi.json a reply does not keep to: the part of JSON Schema that server/http/make_openapi.py writes.
+// What of openapi.json a reply does not keep to: the part of JSON Schema that server/web/make_openapi.py writes.
 
 const kUnderstood = new Set(['type', 'enum', '$ref', 'properties', 'required', 'additionalProperties', 'items', 'minimum', 'maxProperties', 'format', 'description']);
 

@@ -1,12 +1,12 @@
-// The mock server is a double of server/http: every route of openapi.json that the console asks for, its replies as they are
-// described there. (tests/unit/http compares the real port with the same file.)
+// The mock server is a double of server/web: every route of openapi.json that the console asks for, its replies as they are
+// described there. (tests/unit/server/web compares the real port with the same file.)
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
 import { replySchema, schemaFaults } from './json_schema.mjs';
 import { startMock } from './mock_server.mjs';
 
-const api = JSON.parse(readFileSync(new URL('../../server/http/openapi.json', import.meta.url), 'utf8'));
+const api = JSON.parse(readFileSync(new URL('../../server/web/openapi.json', import.meta.url), 'utf8'));
 const kPassword = 'correct horse';
 // addresses that no page of the console asks for
 const kUnused = ['GET /openapi.json', 'GET /people/{name}/consents', 'GET /live'];

@@ -1,10 +1,10 @@
-#include "lab_of_eight.h"
+#include "tests/windows/lab_of_eight.h"
 
 #include <cstdlib>
 #include <fstream>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
 
 namespace needlelab::test {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "integration/lab.h"
+#include "tests/integration/lab.h"
 
 namespace needlelab::test {
 

@@ -6,10 +6,10 @@
 #include <cstdio>
 #include <optional>
 
-#include "base/atomic_file.h"
-#include "base/exit_code.h"
-#include "lab_of_eight.h"
-#include "support/x_display.h"
+#include "common/base/atomic_file.h"
+#include "common/base/exit_code.h"
+#include "tests/support/x_display.h"
+#include "tests/windows/lab_of_eight.h"
 
 namespace needlelab::test {
 namespace {

@@ -8,9 +8,9 @@
 #include <cstdlib>
 #include <thread>
 
-#include "base/exit_code.h"
-#include "integration/lab.h"
-#include "support/x_display.h"
+#include "common/base/exit_code.h"
+#include "tests/integration/lab.h"
+#include "tests/support/x_display.h"
 
 namespace needlelab::test {
 namespace {

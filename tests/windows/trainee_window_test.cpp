@@ -7,10 +7,10 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "base/exit_code.h"
-#include "integration/process.h"
-#include "support/temp_folder.h"
-#include "support/x_display.h"
+#include "common/base/exit_code.h"
+#include "tests/integration/process.h"
+#include "tests/support/temp_folder.h"
+#include "tests/support/x_display.h"
 
 namespace needlelab::test {
 namespace {

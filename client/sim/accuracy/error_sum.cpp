@@ -1,4 +1,4 @@
-#include "accuracy/error_sum.h"
+#include "client/sim/accuracy/error_sum.h"
 
 #include <cstdio>
 

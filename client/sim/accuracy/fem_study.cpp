@@ -1,13 +1,13 @@
-#include "accuracy/fem_study.h"
+#include "client/sim/accuracy/fem_study.h"
 
 #include <cstdio>
 #include <string>
 #include <utility>
 
-#include "accuracy/rendering.h"
-#include "fem/mesh_study.h"
-#include "fem/needle_stroke.h"
-#include "haptics/models/like_for_like.h"
+#include "client/sim/accuracy/rendering.h"
+#include "common/fem/mesh_study.h"
+#include "common/fem/needle_stroke.h"
+#include "common/haptics/models/like_for_like.h"
 
 namespace needlelab {
 namespace {

@@ -1,7 +1,7 @@
 /// The studies that rest on the reference FEM (common/fem): a reference for compliance, never for cutting.
 #pragma once
 
-#include "accuracy/study.h"
+#include "client/sim/accuracy/study.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "accuracy/force_profile.h"
+#include "client/sim/accuracy/force_profile.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,7 +3,7 @@
 
 #include <cstddef>
 
-#include "accuracy/gesture.h"
+#include "client/sim/accuracy/gesture.h"
 
 namespace needlelab {
 

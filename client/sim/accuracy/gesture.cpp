@@ -1,10 +1,10 @@
-#include "accuracy/gesture.h"
+#include "client/sim/accuracy/gesture.h"
 
 #include <algorithm>
 #include <utility>
 
-#include "device/hand_tremor.h"
-#include "sim/figures.h"
+#include "client/device/hand_tremor.h"
+#include "client/sim/tools/figures.h"
 
 namespace needlelab {
 namespace {

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
-#include "device/hand_plan.h"
-#include "haptics/engine.h"
+#include "client/device/hand_plan.h"
+#include "common/base/result.h"
+#include "common/haptics/engine.h"
 
 namespace needlelab {
 

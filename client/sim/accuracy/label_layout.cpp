@@ -1,4 +1,4 @@
-#include "accuracy/label_layout.h"
+#include "client/sim/accuracy/label_layout.h"
 
 #include <algorithm>
 #include <array>

@@ -1,14 +1,14 @@
-#include "accuracy/lesson_samples.h"
+#include "client/sim/accuracy/lesson_samples.h"
 
 #include <cmath>
 #include <utility>
 
-#include "accuracy/gesture.h"
-#include "device/hand_tremor.h"
-#include "device/recording_device.h"
-#include "device/simulated_device.h"
-#include "sim/closed_loop.h"
-#include "sim/figures.h"
+#include "client/device/hand_tremor.h"
+#include "client/device/recording_device.h"
+#include "client/device/simulated_device.h"
+#include "client/sim/accuracy/gesture.h"
+#include "client/sim/tools/closed_loop.h"
+#include "client/sim/tools/figures.h"
 
 namespace needlelab {
 namespace {

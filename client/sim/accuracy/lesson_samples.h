@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "accuracy/study.h"
-#include "gesture/sample.h"
-#include "haptics/scene_model.h"
+#include "client/sim/accuracy/study.h"
+#include "common/gesture/sample.h"
+#include "common/haptics/scene_model.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "accuracy/live_study.h"
+#include "client/sim/accuracy/live_study.h"
 
 #include <time.h>
 
@@ -8,11 +8,11 @@
 #include <cstdio>
 #include <span>
 
-#include "accuracy/error_sum.h"
-#include "accuracy/lesson_samples.h"
-#include "accuracy/tls_loopback.h"
-#include "base/timing.h"
-#include "gesture/chunk.h"
+#include "client/sim/accuracy/error_sum.h"
+#include "client/sim/accuracy/lesson_samples.h"
+#include "client/sim/accuracy/tls_loopback.h"
+#include "common/base/timing.h"
+#include "common/gesture/chunk.h"
 
 namespace needlelab {
 namespace {

@@ -1,7 +1,7 @@
 /// Study `live`: how late a viewer sees a lesson, and what that costs.
 #pragma once
 
-#include "accuracy/study.h"
+#include "client/sim/accuracy/study.h"
 
 namespace needlelab {
 

@@ -1,9 +1,9 @@
-#include "accuracy/model_study.h"
+#include "client/sim/accuracy/model_study.h"
 
-#include "accuracy/force_profile.h"
-#include "accuracy/rendering.h"
-#include "fem/needle_mesh.h"
-#include "haptics/models/like_for_like.h"
+#include "client/sim/accuracy/force_profile.h"
+#include "client/sim/accuracy/rendering.h"
+#include "common/fem/needle_mesh.h"
+#include "common/haptics/models/like_for_like.h"
 
 namespace needlelab {
 namespace {

@@ -1,7 +1,7 @@
 /// Study `model`: the axial models against what the scene asks for.
 #pragma once
 
-#include "accuracy/study.h"
+#include "client/sim/accuracy/study.h"
 
 namespace needlelab {
 

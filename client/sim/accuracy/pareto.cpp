@@ -1,4 +1,4 @@
-#include "accuracy/pareto.h"
+#include "client/sim/accuracy/pareto.h"
 
 #include <algorithm>
 #include <cmath>

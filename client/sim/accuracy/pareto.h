@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "accuracy/row.h"
+#include "client/sim/accuracy/row.h"
 
 namespace needlelab {
 

@@ -1,14 +1,14 @@
-#include "accuracy/plot.h"
+#include "client/sim/accuracy/plot.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "accuracy/pareto.h"
-#include "accuracy/plot_panel.h"
-#include "accuracy/recommendation.h"
-#include "accuracy/report.h"
-#include "base/machine.h"
-#include "sim/figure_table.h"
+#include "client/sim/accuracy/pareto.h"
+#include "client/sim/accuracy/plot_panel.h"
+#include "client/sim/accuracy/recommendation.h"
+#include "client/sim/accuracy/report.h"
+#include "client/sim/tools/figure_table.h"
+#include "common/base/machine.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "accuracy/plot_panel.h"
+#include "client/sim/accuracy/plot_panel.h"
 
 #include <algorithm>
 #include <array>
@@ -6,9 +6,9 @@
 #include <cstdio>
 #include <utility>
 
-#include "accuracy/label_layout.h"
-#include "accuracy/report.h"
-#include "sim/figure_table.h"
+#include "client/sim/accuracy/label_layout.h"
+#include "client/sim/accuracy/report.h"
+#include "client/sim/tools/figure_table.h"
 
 namespace needlelab {
 namespace {

@@ -1,15 +1,15 @@
-#include "accuracy/rate_study.h"
+#include "client/sim/accuracy/rate_study.h"
 
 #include <array>
 #include <cmath>
 #include <optional>
 
-#include "accuracy/error_sum.h"
-#include "accuracy/gesture.h"
-#include "accuracy/rendering.h"
-#include "base/timing.h"
-#include "device/simulated_device.h"
-#include "sim/closed_loop.h"
+#include "client/device/simulated_device.h"
+#include "client/sim/accuracy/error_sum.h"
+#include "client/sim/accuracy/gesture.h"
+#include "client/sim/accuracy/rendering.h"
+#include "client/sim/tools/closed_loop.h"
+#include "common/base/timing.h"
 
 namespace needlelab {
 namespace {

@@ -1,7 +1,7 @@
 /// Study `rate`: what a faster haptic loop gives, and costs.
 #pragma once
 
-#include "accuracy/study.h"
+#include "client/sim/accuracy/study.h"
 
 namespace needlelab {
 

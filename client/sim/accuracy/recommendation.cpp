@@ -1,4 +1,4 @@
-#include "accuracy/recommendation.h"
+#include "client/sim/accuracy/recommendation.h"
 
 #include <algorithm>
 #include <cmath>

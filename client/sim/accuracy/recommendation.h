@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "accuracy/pareto.h"
+#include "client/sim/accuracy/pareto.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "accuracy/recorded_curve.h"
+#include "client/sim/accuracy/recorded_curve.h"
 
 #include <algorithm>
 #include <cmath>

@@ -2,11 +2,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "accuracy/recorded_curve.h"
-#include "accuracy/recorded_pictures.h"
-#include "accuracy/recorded_text.h"
-#include "base/formatted.h"
-#include "sim/figure_table.h"
+#include "client/sim/accuracy/recorded_curve.h"
+#include "client/sim/accuracy/recorded_pictures.h"
+#include "client/sim/accuracy/recorded_text.h"
+#include "client/sim/tools/figure_table.h"
+#include "common/base/formatted.h"
 
 namespace needlelab {
 namespace {

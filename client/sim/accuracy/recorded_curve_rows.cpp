@@ -2,11 +2,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "accuracy/recorded_curve.h"
-#include "accuracy/recorded_rows.h"
-#include "accuracy/recorded_spread.h"
-#include "accuracy/recorded_text.h"
-#include "base/formatted.h"
+#include "client/sim/accuracy/recorded_curve.h"
+#include "client/sim/accuracy/recorded_rows.h"
+#include "client/sim/accuracy/recorded_spread.h"
+#include "client/sim/accuracy/recorded_text.h"
+#include "common/base/formatted.h"
 
 namespace needlelab {
 namespace {

@@ -1,12 +1,12 @@
-#include "accuracy/recorded_data.h"
+#include "client/sim/accuracy/recorded_data.h"
 
 #include <algorithm>
 #include <cstdlib>
 #include <sstream>
 #include <system_error>
 
-#include "base/atomic_file.h"
-#include "base/csv.h"
+#include "common/base/atomic_file.h"
+#include "common/base/csv.h"
 
 namespace needlelab {
 namespace {

@@ -1,12 +1,12 @@
-#include "accuracy/recorded_epidural.h"
+#include "client/sim/accuracy/recorded_epidural.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "accuracy/recorded_rows.h"
-#include "accuracy/recorded_run.h"
-#include "accuracy/recorded_text.h"
-#include "base/formatted.h"
+#include "client/sim/accuracy/recorded_rows.h"
+#include "client/sim/accuracy/recorded_run.h"
+#include "client/sim/accuracy/recorded_text.h"
+#include "common/base/formatted.h"
 
 namespace needlelab {
 namespace {

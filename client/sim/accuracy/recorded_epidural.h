@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "haptics/scene_spec.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 

@@ -1,9 +1,9 @@
-#include "accuracy/recorded_film.h"
+#include "client/sim/accuracy/recorded_film.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "accuracy/recorded_run.h"
+#include "client/sim/accuracy/recorded_run.h"
 
 namespace needlelab {
 

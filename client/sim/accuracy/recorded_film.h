@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "accuracy/recorded_data.h"
+#include "client/sim/accuracy/recorded_data.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "accuracy/recorded_fit.h"
+#include "client/sim/accuracy/recorded_fit.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "accuracy/recorded_hold.h"
+#include "client/sim/accuracy/recorded_hold.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,9 +5,9 @@
 #include <functional>
 #include <vector>
 
-#include "accuracy/recorded_data.h"
-#include "accuracy/recorded_fit.h"
-#include "accuracy/recorded_run.h"
+#include "client/sim/accuracy/recorded_data.h"
+#include "client/sim/accuracy/recorded_fit.h"
+#include "client/sim/accuracy/recorded_run.h"
 
 namespace needlelab {
 

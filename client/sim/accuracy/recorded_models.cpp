@@ -1,10 +1,10 @@
-#include "accuracy/recorded_models.h"
+#include "client/sim/accuracy/recorded_models.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "accuracy/recorded_run.h"
-#include "haptics/limits.h"
+#include "client/sim/accuracy/recorded_run.h"
+#include "common/haptics/limits.h"
 
 namespace needlelab {
 namespace {

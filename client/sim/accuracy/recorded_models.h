@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "accuracy/recorded_fit.h"
-#include "haptics/scene_spec.h"
+#include "client/sim/accuracy/recorded_fit.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 

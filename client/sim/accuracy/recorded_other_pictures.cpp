@@ -2,14 +2,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include "accuracy/recorded_epidural.h"
-#include "accuracy/recorded_film.h"
-#include "accuracy/recorded_hold.h"
-#include "accuracy/recorded_pictures.h"
-#include "accuracy/recorded_statistical.h"
-#include "accuracy/recorded_text.h"
-#include "base/formatted.h"
-#include "sim/figure_table.h"
+#include "client/sim/accuracy/recorded_epidural.h"
+#include "client/sim/accuracy/recorded_film.h"
+#include "client/sim/accuracy/recorded_hold.h"
+#include "client/sim/accuracy/recorded_pictures.h"
+#include "client/sim/accuracy/recorded_statistical.h"
+#include "client/sim/accuracy/recorded_text.h"
+#include "client/sim/tools/figure_table.h"
+#include "common/base/formatted.h"
 
 namespace needlelab {
 namespace {

@@ -1,13 +1,13 @@
-#include "accuracy/recorded_pictures.h"
+#include "client/sim/accuracy/recorded_pictures.h"
 
 #include <algorithm>
 #include <array>
 
-#include "accuracy/recorded_data.h"
-#include "base/atomic_file.h"
-#include "base/csv.h"
-#include "sim/figure_table.h"
-#include "sim/gnuplot.h"
+#include "client/sim/accuracy/recorded_data.h"
+#include "client/sim/tools/figure_table.h"
+#include "client/sim/tools/gnuplot.h"
+#include "common/base/atomic_file.h"
+#include "common/base/csv.h"
 
 namespace needlelab {
 namespace {

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "accuracy/study.h"
+#include "client/sim/accuracy/study.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "accuracy/recorded_rows.h"
+#include "client/sim/accuracy/recorded_rows.h"
 
 namespace needlelab {
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "accuracy/study.h"
+#include "client/sim/accuracy/study.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "accuracy/recorded_run.h"
+#include "client/sim/accuracy/recorded_run.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/result.h"
-#include "haptics/engine.h"
-#include "haptics/scene_spec.h"
+#include "common/base/result.h"
+#include "common/haptics/engine.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 

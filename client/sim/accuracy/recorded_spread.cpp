@@ -1,9 +1,9 @@
-#include "accuracy/recorded_spread.h"
+#include "client/sim/accuracy/recorded_spread.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "accuracy/recorded_statistical.h"
+#include "client/sim/accuracy/recorded_statistical.h"
 
 namespace needlelab {
 

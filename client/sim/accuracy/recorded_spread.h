@@ -2,7 +2,7 @@
 /// its standard deviation.
 #pragma once
 
-#include "accuracy/recorded_curve.h"
+#include "client/sim/accuracy/recorded_curve.h"
 
 namespace needlelab {
 

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "base/result.h"
-#include "haptics/scene_spec.h"
+#include "common/base/result.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 

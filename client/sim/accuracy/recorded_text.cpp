@@ -1,9 +1,9 @@
-#include "accuracy/recorded_text.h"
+#include "client/sim/accuracy/recorded_text.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "accuracy/rendering.h"
+#include "client/sim/accuracy/rendering.h"
 
 namespace needlelab {
 

@@ -3,9 +3,9 @@
 
 #include <string>
 
-#include "accuracy/recorded_run.h"
-#include "accuracy/row.h"
-#include "base/timing.h"
+#include "client/sim/accuracy/recorded_run.h"
+#include "client/sim/accuracy/row.h"
+#include "common/base/timing.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "accuracy/rendering.h"
+#include "client/sim/accuracy/rendering.h"
 
 #include <algorithm>
 #include <cmath>

@@ -4,9 +4,9 @@
 
 #include <vector>
 
-#include "accuracy/error_sum.h"
-#include "accuracy/gesture.h"
-#include "base/timing.h"
+#include "client/sim/accuracy/error_sum.h"
+#include "client/sim/accuracy/gesture.h"
+#include "common/base/timing.h"
 
 namespace needlelab {
 

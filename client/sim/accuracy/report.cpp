@@ -1,4 +1,4 @@
-#include "accuracy/report.h"
+#include "client/sim/accuracy/report.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "accuracy/pareto.h"
+#include "client/sim/accuracy/pareto.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "accuracy/row.h"
+#include "client/sim/accuracy/row.h"
 
 #include <algorithm>
 #include <cmath>

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/timing.h"
+#include "common/base/timing.h"
 
 namespace needlelab {
 

@@ -1,14 +1,14 @@
-#include "accuracy/storage_study.h"
+#include "client/sim/accuracy/storage_study.h"
 
 #include <algorithm>
 #include <array>
 #include <span>
 #include <utility>
 
-#include "accuracy/error_sum.h"
-#include "accuracy/lesson_samples.h"
-#include "base/timing.h"
-#include "gesture/chunk.h"
+#include "client/sim/accuracy/error_sum.h"
+#include "client/sim/accuracy/lesson_samples.h"
+#include "common/base/timing.h"
+#include "common/gesture/chunk.h"
 
 namespace needlelab {
 namespace {

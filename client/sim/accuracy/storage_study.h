@@ -1,8 +1,8 @@
 /// Study `storage`: what a finer stored resolution gives, and costs.
 #pragma once
 
-#include "accuracy/study.h"
-#include "gesture/resolution.h"
+#include "client/sim/accuracy/study.h"
+#include "common/gesture/resolution.h"
 
 namespace needlelab {
 

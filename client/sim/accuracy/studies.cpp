@@ -1,10 +1,10 @@
-#include "accuracy/fem_study.h"
-#include "accuracy/live_study.h"
-#include "accuracy/model_study.h"
-#include "accuracy/rate_study.h"
-#include "accuracy/recorded_rows.h"
-#include "accuracy/storage_study.h"
-#include "accuracy/study.h"
+#include "client/sim/accuracy/fem_study.h"
+#include "client/sim/accuracy/live_study.h"
+#include "client/sim/accuracy/model_study.h"
+#include "client/sim/accuracy/rate_study.h"
+#include "client/sim/accuracy/recorded_rows.h"
+#include "client/sim/accuracy/storage_study.h"
+#include "client/sim/accuracy/study.h"
 
 namespace needlelab {
 

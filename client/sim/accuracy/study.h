@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "accuracy/row.h"
-#include "base/result.h"
+#include "client/sim/accuracy/row.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

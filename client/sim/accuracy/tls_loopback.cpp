@@ -1,4 +1,4 @@
-#include "accuracy/tls_loopback.h"
+#include "client/sim/accuracy/tls_loopback.h"
 
 #include <openssl/bio.h>
 #include <openssl/ssl.h>
@@ -10,8 +10,8 @@
 #include <system_error>
 #include <utility>
 
-#include "wire/certificates.h"
-#include "wire/channel.h"
+#include "common/wire/certificates.h"
+#include "common/wire/channel.h"
 
 namespace needlelab {
 namespace {

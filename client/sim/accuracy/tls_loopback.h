@@ -6,8 +6,8 @@
 #include <memory>
 #include <string>
 
-#include "base/result.h"
-#include "wire/framing.h"
+#include "common/base/result.h"
+#include "common/wire/framing.h"
 
 namespace needlelab {
 

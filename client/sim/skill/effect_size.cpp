@@ -1,4 +1,4 @@
-#include "skill/effect_size.h"
+#include "client/sim/skill/effect_size.h"
 
 #include <algorithm>
 #include <cmath>

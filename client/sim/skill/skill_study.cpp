@@ -1,4 +1,4 @@
-#include "skill/skill_study.h"
+#include "client/sim/skill/skill_study.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,13 +7,13 @@
 #include <set>
 #include <span>
 
-#include "base/embedded_file.h"
-#include "device/simulated_device.h"
-#include "fem/needle_mesh.h"
-#include "profile/profile.h"
-#include "scoring/measure_table.h"
-#include "scoring/measures.h"
-#include "sim/closed_loop.h"
+#include "client/device/simulated_device.h"
+#include "client/sim/tools/closed_loop.h"
+#include "common/base/embedded_file.h"
+#include "common/fem/needle_mesh.h"
+#include "common/profile/profile.h"
+#include "common/scoring/measure_table.h"
+#include "common/scoring/measures.h"
 
 namespace needlelab {
 

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "base/result.h"
-#include "device/skilled_hand.h"
-#include "skill/effect_size.h"
+#include "client/device/skilled_hand.h"
+#include "client/sim/skill/effect_size.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "stability/case.h"
+#include "client/sim/stability/case.h"
 
 #include <algorithm>
 #include <array>

@@ -7,9 +7,9 @@
 #include <string_view>
 #include <vector>
 
-#include "haptics/axial_model.h"
-#include "stability/case_file.h"
-#include "stability/force_source.h"
+#include "client/sim/stability/case_file.h"
+#include "client/sim/stability/force_source.h"
+#include "common/haptics/axial_model.h"
 
 namespace needlelab {
 

@@ -2,10 +2,10 @@
 #include <cmath>
 #include <utility>
 
-#include "base/range.h"
-#include "haptics/models/like_for_like.h"
-#include "profile/profile.h"
-#include "stability/case_file.h"
+#include "client/sim/stability/case_file.h"
+#include "common/base/range.h"
+#include "common/haptics/models/like_for_like.h"
+#include "common/profile/profile.h"
 
 namespace needlelab {
 namespace {

@@ -1,12 +1,12 @@
-#include "stability/case_file.h"
+#include "client/sim/stability/case_file.h"
 
 #include <span>
 #include <utility>
 
-#include "base/atomic_file.h"
-#include "base/range.h"
-#include "db/embedded_file.h"
-#include "profile/strict_json.h"
+#include "common/base/atomic_file.h"
+#include "common/base/embedded_file.h"
+#include "common/base/range.h"
+#include "common/profile/strict_json.h"
 
 namespace needlelab {
 

@@ -9,12 +9,12 @@
 #include <string_view>
 #include <vector>
 
-#include "base/result.h"
-#include "device/hand_plan.h"
-#include "haptics/axial_model.h"
-#include "haptics/scene_spec.h"
-#include "stability/measures.h"
-#include "stability/plant.h"
+#include "client/device/hand_plan.h"
+#include "client/sim/stability/measures.h"
+#include "client/sim/stability/plant.h"
+#include "common/base/result.h"
+#include "common/haptics/axial_model.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 

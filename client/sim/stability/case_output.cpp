@@ -1,4 +1,4 @@
-#include "stability/case_output.h"
+#include "client/sim/stability/case_output.h"
 
 #include <algorithm>
 #include <array>

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "stability/case.h"
+#include "client/sim/stability/case.h"
 
 namespace needlelab {
 

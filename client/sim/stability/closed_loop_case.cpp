@@ -1,4 +1,4 @@
-#include "stability/closed_loop_case.h"
+#include "client/sim/stability/closed_loop_case.h"
 
 #include <algorithm>
 #include <cmath>

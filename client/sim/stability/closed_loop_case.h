@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "stability/case.h"
-#include "stability/measures.h"
+#include "client/sim/stability/case.h"
+#include "client/sim/stability/measures.h"
 
 namespace needlelab {
 

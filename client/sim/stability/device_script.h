@@ -6,8 +6,8 @@
 #include <cstddef>
 #include <vector>
 
-#include "device/hand_plan.h"
-#include "stability/gated_run.h"
+#include "client/device/hand_plan.h"
+#include "client/sim/stability/gated_run.h"
 
 namespace needlelab {
 

@@ -1,10 +1,10 @@
-#include "stability/force_source.h"
+#include "client/sim/stability/force_source.h"
 
 #include <map>
 #include <utility>
 #include <vector>
 
-#include "fem/needle_mesh.h"
+#include "common/fem/needle_mesh.h"
 
 namespace needlelab {
 namespace {

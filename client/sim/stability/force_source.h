@@ -4,9 +4,9 @@
 #include <functional>
 #include <memory>
 
-#include "base/result.h"
-#include "haptics/engine.h"
-#include "haptics/scene_spec.h"
+#include "common/base/result.h"
+#include "common/haptics/engine.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 

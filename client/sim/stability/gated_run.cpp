@@ -1,4 +1,4 @@
-#include "stability/gated_run.h"
+#include "client/sim/stability/gated_run.h"
 
 #include <algorithm>
 #include <cmath>

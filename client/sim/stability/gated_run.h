@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "haptics/force_gate.h"
-#include "stability/force_source.h"
+#include "client/sim/stability/force_source.h"
+#include "common/haptics/force_gate.h"
 
 namespace needlelab {
 

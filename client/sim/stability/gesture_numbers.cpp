@@ -1,9 +1,9 @@
-#include "stability/gesture_numbers.h"
+#include "client/sim/stability/gesture_numbers.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "stability/round_number.h"
+#include "client/sim/stability/round_number.h"
 
 namespace needlelab {
 namespace {

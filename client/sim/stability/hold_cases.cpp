@@ -1,4 +1,4 @@
-#include "stability/hold_cases.h"
+#include "client/sim/stability/hold_cases.h"
 
 namespace needlelab {
 

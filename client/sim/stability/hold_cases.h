@@ -1,7 +1,7 @@
 /// The closed-loop cases of a hand that inserts, holds and stops. Private to this folder.
 #pragma once
 
-#include "stability/case.h"
+#include "client/sim/stability/case.h"
 
 namespace needlelab {
 

@@ -1,8 +1,8 @@
 /// hold_quantised and boundary_hold: nobody moves, so the force must not either.
 #include <cstdio>
 
-#include "stability/closed_loop_case.h"
-#include "stability/hold_cases.h"
+#include "client/sim/stability/closed_loop_case.h"
+#include "client/sim/stability/hold_cases.h"
 
 namespace needlelab {
 

@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "stability/closed_loop_case.h"
-#include "stability/hold_cases.h"
+#include "client/sim/stability/closed_loop_case.h"
+#include "client/sim/stability/hold_cases.h"
 
 namespace needlelab {
 namespace {

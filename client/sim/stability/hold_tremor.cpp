@@ -3,9 +3,9 @@
 #include <cmath>
 #include <cstdio>
 
-#include "haptics/models/like_for_like.h"
-#include "stability/closed_loop_case.h"
-#include "stability/hold_cases.h"
+#include "client/sim/stability/closed_loop_case.h"
+#include "client/sim/stability/hold_cases.h"
+#include "common/haptics/models/like_for_like.h"
 
 namespace needlelab {
 namespace {

@@ -1,15 +1,15 @@
-#include "stability/hostile_samples.h"
+#include "client/sim/stability/hostile_samples.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "device/hand_tremor.h"
-#include "haptics/force_gate.h"
-#include "haptics/models/like_for_like.h"
-#include "profile/profile.h"
-#include "stability/passivity_generator.h"
-#include "stability/passivity_search.h"
+#include "client/device/hand_tremor.h"
+#include "client/sim/stability/passivity_generator.h"
+#include "client/sim/stability/passivity_search.h"
+#include "common/haptics/force_gate.h"
+#include "common/haptics/models/like_for_like.h"
+#include "common/profile/profile.h"
 
 namespace needlelab {
 namespace {

@@ -4,8 +4,8 @@
 
 #include <cstdint>
 
-#include "haptics/axial_model.h"
-#include "stability/force_source.h"
+#include "client/sim/stability/force_source.h"
+#include "common/haptics/axial_model.h"
 
 namespace needlelab {
 

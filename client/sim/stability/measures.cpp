@@ -1,4 +1,4 @@
-#include "stability/measures.h"
+#include "client/sim/stability/measures.h"
 
 #include <algorithm>
 #include <cmath>

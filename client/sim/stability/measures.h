@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "stability/plant.h"
+#include "client/sim/stability/plant.h"
 
 namespace needlelab {
 

@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <array>
 
-#include "stability/motion_cases.h"
-#include "stability/motion_run.h"
+#include "client/sim/stability/motion_cases.h"
+#include "client/sim/stability/motion_run.h"
 
 namespace needlelab {
 namespace {

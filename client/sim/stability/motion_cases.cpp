@@ -1,4 +1,4 @@
-#include "stability/motion_cases.h"
+#include "client/sim/stability/motion_cases.h"
 
 namespace needlelab {
 namespace {

@@ -2,7 +2,7 @@
 /// and its tests.
 #pragma once
 
-#include "stability/case.h"
+#include "client/sim/stability/case.h"
 
 namespace needlelab {
 

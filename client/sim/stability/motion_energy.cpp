@@ -1,12 +1,12 @@
 /// Random gestures in random scenes under the passivity observer: prescribed, and made by a simulated hand.
 #include <algorithm>
 
-#include "base/formatted.h"
-#include "haptics/models/like_for_like.h"
-#include "profile/profile.h"
-#include "stability/motion_cases.h"
-#include "stability/motion_run.h"
-#include "stability/passivity_search.h"
+#include "client/sim/stability/motion_cases.h"
+#include "client/sim/stability/motion_run.h"
+#include "client/sim/stability/passivity_search.h"
+#include "common/base/formatted.h"
+#include "common/haptics/models/like_for_like.h"
+#include "common/profile/profile.h"
 
 namespace needlelab {
 namespace {

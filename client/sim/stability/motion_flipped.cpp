@@ -2,13 +2,13 @@
 #include <algorithm>
 #include <vector>
 
-#include "base/range.h"
-#include "stability/closed_loop_case.h"
-#include "stability/device_script.h"
-#include "stability/hostile_samples.h"
-#include "stability/motion_cases.h"
-#include "stability/motion_run.h"
-#include "stability/round_number.h"
+#include "client/sim/stability/closed_loop_case.h"
+#include "client/sim/stability/device_script.h"
+#include "client/sim/stability/hostile_samples.h"
+#include "client/sim/stability/motion_cases.h"
+#include "client/sim/stability/motion_run.h"
+#include "client/sim/stability/round_number.h"
+#include "common/base/range.h"
 
 namespace needlelab {
 namespace {

@@ -4,8 +4,8 @@
 #include <array>
 #include <cstdio>
 
-#include "stability/motion_cases.h"
-#include "stability/motion_run.h"
+#include "client/sim/stability/motion_cases.h"
+#include "client/sim/stability/motion_run.h"
 
 namespace needlelab {
 namespace {

@@ -1,12 +1,12 @@
-#include "stability/motion_run.h"
+#include "client/sim/stability/motion_run.h"
 
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "stability/passivity_check.h"
-#include "stability/passivity_file.h"
+#include "client/sim/stability/passivity_check.h"
+#include "client/sim/stability/passivity_file.h"
 
 namespace needlelab {
 

@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "stability/case.h"
-#include "stability/gated_run.h"
-#include "stability/passivity_gesture.h"
-#include "stability/passivity_observer.h"
+#include "client/sim/stability/case.h"
+#include "client/sim/stability/gated_run.h"
+#include "client/sim/stability/passivity_gesture.h"
+#include "client/sim/stability/passivity_observer.h"
 
 namespace needlelab {
 

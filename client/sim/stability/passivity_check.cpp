@@ -1,9 +1,9 @@
-#include "stability/passivity_check.h"
+#include "client/sim/stability/passivity_check.h"
 
 #include <algorithm>
 
-#include "haptics/models/like_for_like.h"
-#include "profile/profile.h"
+#include "common/haptics/models/like_for_like.h"
+#include "common/profile/profile.h"
 
 namespace needlelab {
 

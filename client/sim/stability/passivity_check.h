@@ -5,9 +5,9 @@
 #include <optional>
 #include <string_view>
 
-#include "stability/force_source.h"
-#include "stability/passivity_gesture.h"
-#include "stability/passivity_observer.h"
+#include "client/sim/stability/force_source.h"
+#include "client/sim/stability/passivity_gesture.h"
+#include "client/sim/stability/passivity_observer.h"
 
 namespace needlelab {
 

@@ -1,12 +1,12 @@
-#include "stability/passivity_file.h"
+#include "client/sim/stability/passivity_file.h"
 
 #include <algorithm>
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
 
-#include "base/range.h"
-#include "profile/profile.h"
+#include "common/base/range.h"
+#include "common/profile/profile.h"
 
 namespace needlelab {
 namespace {

@@ -8,10 +8,10 @@
 #include <string>
 #include <string_view>
 
-#include "base/result.h"
-#include "haptics/axial_model.h"
-#include "stability/passivity_check.h"
-#include "stability/passivity_gesture.h"
+#include "client/sim/stability/passivity_check.h"
+#include "client/sim/stability/passivity_gesture.h"
+#include "common/base/result.h"
+#include "common/haptics/axial_model.h"
 
 namespace needlelab {
 

@@ -1,11 +1,11 @@
-#include "stability/passivity_generator.h"
+#include "client/sim/stability/passivity_generator.h"
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 
-#include "device/hand_tremor.h"
-#include "stability/round_number.h"
+#include "client/device/hand_tremor.h"
+#include "client/sim/stability/round_number.h"
 
 namespace needlelab {
 namespace {

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <string_view>
 
-#include "haptics/scene_spec.h"
-#include "stability/passivity_gesture.h"
+#include "client/sim/stability/passivity_gesture.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 

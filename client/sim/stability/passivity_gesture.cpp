@@ -1,8 +1,8 @@
-#include "stability/passivity_gesture.h"
+#include "client/sim/stability/passivity_gesture.h"
 
 #include <cmath>
 
-#include "device/hand_tremor.h"
+#include "client/device/hand_tremor.h"
 
 namespace needlelab {
 namespace {

@@ -7,9 +7,9 @@
 #include <string_view>
 #include <vector>
 
-#include "base/result.h"
-#include "device/hand_plan.h"
-#include "haptics/engine.h"
+#include "client/device/hand_plan.h"
+#include "common/base/result.h"
+#include "common/haptics/engine.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {

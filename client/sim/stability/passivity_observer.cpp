@@ -1,4 +1,4 @@
-#include "stability/passivity_observer.h"
+#include "client/sim/stability/passivity_observer.h"
 
 #include <algorithm>
 #include <cmath>

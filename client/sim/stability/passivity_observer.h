@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "haptics/engine.h"
+#include "common/haptics/engine.h"
 
 namespace needlelab {
 

@@ -1,8 +1,8 @@
-#include "stability/passivity_search.h"
+#include "client/sim/stability/passivity_search.h"
 
 #include <algorithm>
 
-#include "stability/passivity_shrink.h"
+#include "client/sim/stability/passivity_shrink.h"
 
 namespace needlelab {
 namespace {

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "stability/passivity_check.h"
-#include "stability/passivity_file.h"
-#include "stability/passivity_generator.h"
+#include "client/sim/stability/passivity_check.h"
+#include "client/sim/stability/passivity_file.h"
+#include "client/sim/stability/passivity_generator.h"
 
 namespace needlelab {
 

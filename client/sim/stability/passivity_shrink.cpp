@@ -1,4 +1,4 @@
-#include "stability/passivity_shrink.h"
+#include "client/sim/stability/passivity_shrink.h"
 
 #include <algorithm>
 #include <array>
@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "stability/gesture_numbers.h"
-#include "stability/round_number.h"
+#include "client/sim/stability/gesture_numbers.h"
+#include "client/sim/stability/round_number.h"
 
 namespace needlelab {
 namespace {

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <functional>
 
-#include "stability/passivity_gesture.h"
+#include "client/sim/stability/passivity_gesture.h"
 
 namespace needlelab {
 

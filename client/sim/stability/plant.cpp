@@ -1,9 +1,9 @@
-#include "stability/plant.h"
+#include "client/sim/stability/plant.h"
 
 #include <algorithm>
 #include <deque>
 
-#include "base/range.h"
+#include "common/base/range.h"
 
 namespace needlelab {
 namespace {

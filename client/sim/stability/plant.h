@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "device/simulated_device.h"
-#include "stability/force_source.h"
+#include "client/device/simulated_device.h"
+#include "client/sim/stability/force_source.h"
 
 namespace needlelab {
 

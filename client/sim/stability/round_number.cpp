@@ -1,4 +1,4 @@
-#include "stability/round_number.h"
+#include "client/sim/stability/round_number.h"
 
 #include <array>
 #include <charconv>

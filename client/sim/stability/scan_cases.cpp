@@ -1,4 +1,4 @@
-#include "stability/scan_cases.h"
+#include "client/sim/stability/scan_cases.h"
 
 namespace needlelab {
 

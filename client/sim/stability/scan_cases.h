@@ -1,7 +1,7 @@
 /// The closed-loop cases of stiffness, release, reversal and late ticks. Private to this folder.
 #pragma once
 
-#include "stability/case.h"
+#include "client/sim/stability/case.h"
 
 namespace needlelab {
 

@@ -1,13 +1,13 @@
-#include "stability/scan_limits.h"
+#include "client/sim/stability/scan_limits.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "stability/closed_loop_case.h"
-#include "stability/scan_model.h"
-#include "stability/scan_nudge.h"
-#include "stability/scan_theory.h"
+#include "client/sim/stability/closed_loop_case.h"
+#include "client/sim/stability/scan_model.h"
+#include "client/sim/stability/scan_nudge.h"
+#include "client/sim/stability/scan_theory.h"
 
 namespace needlelab {
 namespace {

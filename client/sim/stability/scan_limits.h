@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "base/result.h"
-#include "stability/case.h"
+#include "client/sim/stability/case.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 

@@ -1,10 +1,10 @@
-#include "stability/scan_model.h"
+#include "client/sim/stability/scan_model.h"
 
 #include <memory>
 
-#include "fem/needle_mesh.h"
-#include "haptics/models/like_for_like.h"
-#include "haptics/models/needle_compliance.h"
+#include "common/fem/needle_mesh.h"
+#include "common/haptics/models/like_for_like.h"
+#include "common/haptics/models/needle_compliance.h"
 
 namespace needlelab {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <string_view>
 
-#include "haptics/scene_spec.h"
-#include "stability/scan_nudge.h"
+#include "client/sim/stability/scan_nudge.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 

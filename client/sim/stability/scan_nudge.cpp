@@ -1,11 +1,11 @@
-#include "stability/scan_nudge.h"
+#include "client/sim/stability/scan_nudge.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 #include <vector>
 
-#include "stability/closed_loop_case.h"
+#include "client/sim/stability/closed_loop_case.h"
 
 namespace needlelab {
 namespace {

@@ -2,10 +2,10 @@
 /// whether the swing dies out.
 #pragma once
 
-#include "haptics/scene_spec.h"
-#include "stability/case_file.h"
-#include "stability/force_source.h"
-#include "stability/plant.h"
+#include "client/sim/stability/case_file.h"
+#include "client/sim/stability/force_source.h"
+#include "client/sim/stability/plant.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <set>
 
-#include "sim/figure_table.h"
-#include "stability/scan_report.h"
+#include "client/sim/stability/scan_report.h"
+#include "client/sim/tools/figure_table.h"
 
 namespace needlelab {
 namespace {

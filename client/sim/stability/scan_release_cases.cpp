@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <string>
 
-#include "stability/closed_loop_case.h"
-#include "stability/scan_cases.h"
+#include "client/sim/stability/closed_loop_case.h"
+#include "client/sim/stability/scan_cases.h"
 
 namespace needlelab {
 namespace {

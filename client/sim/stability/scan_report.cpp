@@ -1,12 +1,12 @@
-#include "stability/scan_report.h"
+#include "client/sim/stability/scan_report.h"
 
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "base/atomic_file.h"
-#include "sim/figure_table.h"
-#include "sim/gnuplot.h"
-#include "stability/scan_model.h"
+#include "client/sim/stability/scan_model.h"
+#include "client/sim/tools/figure_table.h"
+#include "client/sim/tools/gnuplot.h"
+#include "common/base/atomic_file.h"
 
 namespace needlelab {
 namespace {

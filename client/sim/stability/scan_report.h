@@ -5,7 +5,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "stability/scan_limits.h"
+#include "client/sim/stability/scan_limits.h"
 
 namespace needlelab {
 

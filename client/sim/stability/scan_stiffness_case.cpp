@@ -4,11 +4,11 @@
 #include <string>
 #include <vector>
 
-#include "stability/closed_loop_case.h"
-#include "stability/scan_cases.h"
-#include "stability/scan_model.h"
-#include "stability/scan_nudge.h"
-#include "stability/scan_theory.h"
+#include "client/sim/stability/closed_loop_case.h"
+#include "client/sim/stability/scan_cases.h"
+#include "client/sim/stability/scan_model.h"
+#include "client/sim/stability/scan_nudge.h"
+#include "client/sim/stability/scan_theory.h"
 
 namespace needlelab {
 namespace {

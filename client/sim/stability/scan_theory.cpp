@@ -1,4 +1,4 @@
-#include "stability/scan_theory.h"
+#include "client/sim/stability/scan_theory.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,9 +1,9 @@
-#include "haptics/effects/clamping.h"
+#include "common/haptics/effects/clamping.h"
 
 #include <cmath>
 
-#include "haptics/det_math.h"
-#include "haptics/effects/orientation_limit.h"
+#include "common/haptics/det_math.h"
+#include "common/haptics/effects/orientation_limit.h"
 
 namespace needlelab {
 namespace {

@@ -1,6 +1,6 @@
-#include "haptics/effects/orientation_limit.h"
+#include "common/haptics/effects/orientation_limit.h"
 
-#include "haptics/det_math.h"
+#include "common/haptics/det_math.h"
 
 namespace needlelab {
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "haptics/effects/tick.h"
+#include "common/haptics/effects/tick.h"
 
 namespace needlelab {
 

@@ -1,7 +1,7 @@
 /// What one tick derives before the effects run, and what they leave behind. Lives on the stack of `step`.
 #pragma once
 
-#include "haptics/engine.h"
+#include "common/haptics/engine.h"
 
 namespace needlelab {
 

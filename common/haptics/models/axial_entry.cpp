@@ -1,6 +1,6 @@
-#include "haptics/models/axial_entry.h"
+#include "common/haptics/models/axial_entry.h"
 
-#include "haptics/axial_model.h"
+#include "common/haptics/axial_model.h"
 
 namespace needlelab {
 

@@ -4,9 +4,9 @@
 
 #include <array>
 
-#include "haptics/engine.h"
-#include "haptics/scene_model.h"
-#include "haptics/spec_checker.h"
+#include "common/haptics/engine.h"
+#include "common/haptics/scene_model.h"
+#include "common/haptics/spec_checker.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "haptics/models/fem_needle.h"
+#include "common/haptics/models/fem_needle.h"
 
 #include <algorithm>
 #include <cmath>

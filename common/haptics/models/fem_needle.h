@@ -13,10 +13,10 @@
 #include <cstdint>
 #include <memory>
 
-#include "haptics/limits.h"
-#include "haptics/models/needle_compliance.h"
-#include "haptics/models/needle_state.h"
-#include "haptics/scene_spec.h"
+#include "common/haptics/limits.h"
+#include "common/haptics/models/needle_compliance.h"
+#include "common/haptics/models/needle_state.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "haptics/models/like_for_like.h"
+#include "common/haptics/models/like_for_like.h"
 
 #include <algorithm>
 #include <cmath>

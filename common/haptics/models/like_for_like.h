@@ -1,7 +1,7 @@
 /// The same scene rendered by another axial model, for comparisons.
 #pragma once
 
-#include "haptics/scene_spec.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 

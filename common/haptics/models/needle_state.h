@@ -4,7 +4,7 @@
 #include <array>
 #include <cstdint>
 
-#include "haptics/models/needle_compliance.h"
+#include "common/haptics/models/needle_compliance.h"
 
 namespace needlelab {
 

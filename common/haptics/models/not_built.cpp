@@ -2,7 +2,7 @@
 /// never rendered by another model unnoticed.
 #include <string>
 
-#include "haptics/models/axial_entry.h"
+#include "common/haptics/models/axial_entry.h"
 
 namespace needlelab {
 

@@ -1,10 +1,10 @@
-#include "haptics/models/score_process.h"
+#include "common/haptics/models/score_process.h"
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
 
-#include "haptics/det_math.h"
+#include "common/haptics/det_math.h"
 
 namespace needlelab {
 namespace {

@@ -1,12 +1,12 @@
-#include "haptics/models/statistical.h"
+#include "common/haptics/models/statistical.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "haptics/det_math.h"
-#include "haptics/effects/tracking_wall.h"
-#include "haptics/models/axial_entry.h"
-#include "haptics/step_live.h"
+#include "common/haptics/det_math.h"
+#include "common/haptics/effects/tracking_wall.h"
+#include "common/haptics/models/axial_entry.h"
+#include "common/haptics/step_live.h"
 
 namespace needlelab {
 namespace {

@@ -3,9 +3,9 @@
 
 #include <cstdint>
 
-#include "haptics/axial_model.h"
-#include "haptics/models/depth_table.h"
-#include "haptics/models/score_process.h"
+#include "common/haptics/axial_model.h"
+#include "common/haptics/models/depth_table.h"
+#include "common/haptics/models/score_process.h"
 
 namespace needlelab {
 

@@ -1,7 +1,7 @@
 /// Where the tip was at the tick before, for models that interpolate or differentiate. Inside `apply` only.
 #pragma once
 
-#include "haptics/sim_state.h"
+#include "common/haptics/sim_state.h"
 
 namespace needlelab {
 

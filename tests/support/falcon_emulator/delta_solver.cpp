@@ -1,4 +1,4 @@
-#include "falcon_emulator/delta_solver.h"
+#include "tests/support/falcon_emulator/delta_solver.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -6,7 +6,7 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "falcon/falcon_geometry.h"
+#include "client/device/falcon/falcon_geometry.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,4 +1,4 @@
-#include "falcon_emulator/falcon_board.h"
+#include "tests/support/falcon_emulator/falcon_board.h"
 
 #include <cmath>
 #include <utility>

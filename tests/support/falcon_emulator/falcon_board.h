@@ -8,8 +8,8 @@
 #include <random>
 #include <string>
 
-#include "falcon_emulator/falcon_body.h"
-#include "falcon_emulator/ftdi_chip.h"
+#include "tests/support/falcon_emulator/falcon_body.h"
+#include "tests/support/falcon_emulator/ftdi_chip.h"
 
 namespace needlelab::test {
 

@@ -1,10 +1,10 @@
-#include "falcon_emulator/falcon_body.h"
+#include "tests/support/falcon_emulator/falcon_body.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "falcon/falcon_geometry.h"
+#include "client/device/falcon/falcon_geometry.h"
 
 namespace needlelab::test {
 namespace {

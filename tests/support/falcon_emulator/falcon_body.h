@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <functional>
 
-#include "falcon_emulator/delta_solver.h"
-#include "falcon_emulator/usb_peripheral.h"
+#include "tests/support/falcon_emulator/delta_solver.h"
+#include "tests/support/falcon_emulator/usb_peripheral.h"
 
 namespace needlelab::test {
 

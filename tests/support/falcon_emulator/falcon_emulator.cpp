@@ -1,8 +1,8 @@
-#include "falcon_emulator/falcon_emulator.h"
+#include "tests/support/falcon_emulator/falcon_emulator.h"
 
 #include <utility>
 
-#include "falcon/falcon_geometry.h"
+#include "client/device/falcon/falcon_geometry.h"
 
 namespace needlelab::test {
 namespace {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "falcon_emulator/falcon_board.h"
-#include "falcon_emulator/usb_port.h"
+#include "tests/support/falcon_emulator/falcon_board.h"
+#include "tests/support/falcon_emulator/usb_port.h"
 
 namespace needlelab::test {
 

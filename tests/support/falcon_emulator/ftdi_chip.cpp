@@ -1,4 +1,4 @@
-#include "falcon_emulator/ftdi_chip.h"
+#include "tests/support/falcon_emulator/ftdi_chip.h"
 
 #include <algorithm>
 

@@ -5,7 +5,7 @@
 #include <deque>
 #include <string>
 
-#include "falcon_emulator/usb_peripheral.h"
+#include "tests/support/falcon_emulator/usb_peripheral.h"
 
 namespace needlelab::test {
 

@@ -1,4 +1,4 @@
-#include "falcon_emulator/usb_port.h"
+#include "tests/support/falcon_emulator/usb_port.h"
 
 namespace needlelab::test {
 namespace {

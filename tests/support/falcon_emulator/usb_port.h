@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "falcon_emulator/usb_peripheral.h"
-#include "falcon_emulator/usb_testbed.h"
+#include "tests/support/falcon_emulator/usb_peripheral.h"
+#include "tests/support/falcon_emulator/usb_testbed.h"
 
 struct _UMockdevIoctlBase;
 struct _UMockdevIoctlClient;

@@ -9,7 +9,7 @@
 #include <cstddef>
 #include <cstring>
 
-#include "falcon_emulator/usb_port.h"
+#include "tests/support/falcon_emulator/usb_port.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,4 +1,4 @@
-#include "falcon_emulator/usb_testbed.h"
+#include "tests/support/falcon_emulator/usb_testbed.h"
 
 #include <pthread.h>
 #include <sched.h>

@@ -1,9 +1,9 @@
-#include "pictures/picture_check.h"
+#include "tests/support/pictures/picture_check.h"
 
 #include <algorithm>
 #include <cstdlib>
 
-#include "view/surface.h"
+#include "client/view/surface.h"
 
 namespace needlelab::test {
 namespace {

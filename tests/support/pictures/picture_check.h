@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "view_model/image.h"
+#include "client/view/model/image.h"
 
 namespace needlelab::test {
 

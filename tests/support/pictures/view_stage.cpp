@@ -1,4 +1,4 @@
-#include "pictures/view_stage.h"
+#include "tests/support/pictures/view_stage.h"
 
 #include <cstdlib>
 

@@ -6,7 +6,7 @@
 #include <functional>
 #include <memory>
 
-#include "view/surface.h"
+#include "client/view/surface.h"
 
 namespace needlelab::test {
 

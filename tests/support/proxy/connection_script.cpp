@@ -1,4 +1,4 @@
-#include "proxy/connection_script.h"
+#include "tests/support/proxy/connection_script.h"
 
 #include <sstream>
 

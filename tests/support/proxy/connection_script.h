@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "support/random.h"
+#include "tests/support/random.h"
 
 namespace needlelab::test {
 

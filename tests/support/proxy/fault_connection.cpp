@@ -1,9 +1,9 @@
-#include "proxy/fault_connection.h"
+#include "tests/support/proxy/fault_connection.h"
 
 #include <algorithm>
 #include <utility>
 
-#include "proxy/fault_proxy.h"
+#include "tests/support/proxy/fault_proxy.h"
 
 namespace needlelab::test {
 namespace {

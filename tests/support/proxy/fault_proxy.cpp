@@ -1,10 +1,10 @@
-#include "proxy/fault_proxy.h"
+#include "tests/support/proxy/fault_proxy.h"
 
 #include <boost/asio/post.hpp>
 #include <future>
 #include <utility>
 
-#include "proxy/fault_connection.h"
+#include "tests/support/proxy/fault_connection.h"
 
 namespace needlelab::test {
 

@@ -9,8 +9,8 @@
 #include <memory>
 #include <thread>
 
-#include "proxy/connection_script.h"
-#include "wire/asio.h"
+#include "common/wire/asio.h"
+#include "tests/support/proxy/connection_script.h"
 
 namespace needlelab::test {
 

@@ -1,13 +1,13 @@
-#include "view_lesson/sample_lesson.h"
+#include "tests/support/view_lesson/sample_lesson.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 
-#include "haptics/engine.h"
-#include "profile/profile.h"
-#include "view_model/camera.h"
+#include "client/view/model/camera.h"
+#include "common/haptics/engine.h"
+#include "common/profile/profile.h"
 
 namespace needlelab::test {
 namespace {

@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "gesture/sample.h"
-#include "haptics/engine.h"
+#include "client/view/model/scene_view.h"
+#include "common/gesture/sample.h"
+#include "common/haptics/engine.h"
 #include "needlelab/profile.pb.h"
-#include "view_model/scene_view.h"
 
 namespace needlelab::test {
 

@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "virtuose_standin/standin.h"
+#include "tests/support/virtuose_standin/standin.h"
 
 namespace needlelab::test {
 

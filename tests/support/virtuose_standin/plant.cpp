@@ -1,4 +1,4 @@
-#include "virtuose_standin/plant.h"
+#include "tests/support/virtuose_standin/plant.h"
 
 namespace standin {
 namespace {

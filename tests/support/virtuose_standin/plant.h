@@ -2,7 +2,7 @@
 /// client/device/simulated_device so that the two can be compared.
 #pragma once
 
-#include "haptics/geometry.h"
+#include "common/haptics/geometry.h"
 
 namespace standin {
 

@@ -3,7 +3,7 @@
 #include <cstdlib>
 #include <sstream>
 
-#include "virtuose_standin/world.h"
+#include "tests/support/virtuose_standin/world.h"
 
 namespace standin {
 namespace {

@@ -1,7 +1,7 @@
 // The vendor's functions, as far as the station uses them, with the vendor's rules.
 #include <cmath>
 
-#include "virtuose_standin/world.h"
+#include "tests/support/virtuose_standin/world.h"
 
 namespace standin {
 namespace {

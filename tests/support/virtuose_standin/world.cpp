@@ -1,4 +1,4 @@
-#include "virtuose_standin/world.h"
+#include "tests/support/virtuose_standin/world.h"
 
 #include <algorithm>
 #include <chrono>

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "virtuose_standin/plant.h"
-#include "virtuose_standin/standin.h"
+#include "tests/support/virtuose_standin/plant.h"
+#include "tests/support/virtuose_standin/standin.h"
 
 namespace standin {
 

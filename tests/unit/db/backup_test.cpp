@@ -4,8 +4,8 @@
 
 #include "db/check.h"
 #include "db/meta_store.h"
-#include "dump.h"
-#include "test_db.h"
+#include "tests/unit/db/dump.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab {
 namespace {

@@ -13,8 +13,8 @@
 #include "db/check.h"
 #include "db/db_writer.h"
 #include "db/transaction.h"
-#include "shim_vfs.h"
-#include "test_db.h"
+#include "tests/unit/db/shim_vfs.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab {
 namespace {

@@ -3,7 +3,7 @@
 #include "db/assignment_store.h"
 #include "db/people_store.h"
 #include "db/profile_store.h"
-#include "test_db.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab {
 namespace {

@@ -6,8 +6,8 @@
 #include <stdexcept>
 
 #include "db/audit_store.h"
-#include "shim_vfs.h"
-#include "test_db.h"
+#include "tests/unit/db/shim_vfs.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab {
 namespace {

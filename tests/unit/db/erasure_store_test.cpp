@@ -4,15 +4,15 @@
 #include <set>
 #include <sstream>
 
-#include "base/atomic_file.h"
+#include "common/base/atomic_file.h"
 #include "db/annotation_store.h"
 #include "db/audit_store.h"
 #include "db/check.h"
 #include "db/people_store.h"
 #include "db/retention_store.h"
 #include "db/score_store.h"
-#include "dump.h"
-#include "test_db.h"
+#include "tests/unit/db/dump.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab {
 namespace {

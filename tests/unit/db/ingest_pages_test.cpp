@@ -4,10 +4,10 @@
 #include <numeric>
 #include <random>
 
-#include "../gesture/gesture_samples.h"
 #include "db/session_store.h"
 #include "db/transaction.h"
-#include "test_db.h"
+#include "tests/unit/common/gesture/gesture_samples.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab {
 namespace {

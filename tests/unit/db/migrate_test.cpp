@@ -2,10 +2,10 @@
 
 #include <cstdlib>
 
-#include "base/atomic_file.h"
+#include "common/base/atomic_file.h"
 #include "db/check.h"
-#include "dump.h"
-#include "test_db.h"
+#include "tests/unit/db/dump.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab {
 namespace {

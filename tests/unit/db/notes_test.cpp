@@ -2,7 +2,7 @@
 #include "db/annotation_store.h"
 #include "db/audit_store.h"
 #include "db/meta_store.h"
-#include "test_db.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <thread>
 
-#include "test_db.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab {
 namespace {

@@ -6,7 +6,7 @@
 #include "db/check.h"
 #include "db/event_store.h"
 #include "db/score_store.h"
-#include "test_db.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab {
 namespace {

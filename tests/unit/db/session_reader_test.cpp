@@ -1,9 +1,9 @@
 // Reading sessions back, also from a database that was damaged.
 #include <set>
 
-#include "base/crc32c.h"
+#include "common/base/crc32c.h"
 #include "db/session_store.h"
-#include "test_db.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab {
 namespace {

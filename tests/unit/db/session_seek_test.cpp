@@ -4,7 +4,7 @@
 
 #include "db/session_store.h"
 #include "db/transaction.h"
-#include "test_db.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab {
 namespace {

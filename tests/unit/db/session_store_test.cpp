@@ -1,7 +1,7 @@
 #include "db/session_store.h"
 
 #include "db/score_store.h"
-#include "test_db.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab {
 namespace {

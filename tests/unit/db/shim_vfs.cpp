@@ -1,4 +1,4 @@
-#include "shim_vfs.h"
+#include "tests/unit/db/shim_vfs.h"
 
 #include <sqlite3.h>
 

@@ -1,6 +1,6 @@
 #include "db/station_store.h"
 
-#include "test_db.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab {
 namespace {

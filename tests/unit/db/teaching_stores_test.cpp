@@ -9,7 +9,7 @@
 #include "db/people_store.h"
 #include "db/profile_store.h"
 #include "db/score_store.h"
-#include "test_db.h"
+#include "tests/unit/db/test_db.h"
 
 namespace needlelab {
 namespace {

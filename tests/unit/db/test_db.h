@@ -6,13 +6,13 @@
 #include <string>
 #include <vector>
 
+#include "common/gesture/chunk.h"
 #include "db/connection.h"
 #include "db/migrate.h"
 #include "db/session_store.h"
 #include "db/station_store.h"
-#include "gesture/chunk.h"
 #include "needlelab/teaching.pb.h"
-#include "support/temp_folder.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 

@@ -1,4 +1,4 @@
-// The REST table of the server over the mock's lab: [method, path, roles, handler]. Replies as server/http writes them.
+// The REST table of the server over the mock's lab: [method, path, roles, handler]. Replies as server/web writes them.
 import { bandOf, comparisonOf, kNow_ms, measures, scoreOf } from './data.mjs';
 import { preview, problemsOf } from './profiles.mjs';
 

@@ -1,0 +1,117 @@
+#include "client/device/falcon/falcon_exchange.h"
+
+#include <algorithm>
+
+#include "client/device/falcon/falcon_geometry.h"
+#include "common/base/clock.h"
+#include "common/haptics/device_condition.h"
+
+namespace needlelab::falcon {
+
+Exchange::Exchange(FalconLink& link, Mailboxes& boxes, std::int64_t now_ns)
+    : link_(link),
+      boxes_(boxes),
+      due_ns_(now_ns),
+      sent_ns_(now_ns),
+      last_report_ns_(now_ns),
+      last_wish_ns_(now_ns - kWatchdog_ns - 1) {
+  // what was wished for before this link is forgotten
+  MotorWish old;
+  static_cast<void>(boxes_.wishes.fetch(old));
+}
+
+void Exchange::onRead(std::span<const std::uint8_t> raw, std::int64_t now_ns) noexcept {
+  TimedReport seen;
+  bool fresh = false;
+  eachPayloadByte(raw, [&](std::uint8_t byte) {
+    if (!reader_.push(byte, seen.report)) return;
+    fresh = true;
+    ++counts_.reports;
+    if (unanswered_ > 0) --unanswered_;
+  });
+  counts_.bad_packets = reader_.bad();
+  if (!fresh) return;
+  seen.at_ns = last_report_ns_ = now_ns;
+  homed_ = (seen.report.bits & kInHomed) == kInHomed;
+  boxes_.reports.publish(seen);
+}
+
+void Exchange::onSent(bool done) noexcept {
+  sending_ = false;
+  // nobody will answer what did not go out
+  if (!done && unanswered_ > 0) --unanswered_;
+}
+
+void Exchange::judge(std::int64_t now_ns) noexcept {
+  if (reader_.badInARow() >= kMostBadInARow)
+    trouble_ = Trouble::kBadPackets;
+  else if (now_ns - last_report_ns_ > kSilent_ns)
+    trouble_ = Trouble::kSilent;
+  else
+    trouble_ = Trouble::kNone;
+  std::uint32_t condition = 0;
+  if (trouble_ != Trouble::kNone) condition |= kDeviceTrouble;
+  if (!homed_) condition |= kDeviceNotReady;
+  boxes_.condition.store(condition, std::memory_order_release);
+}
+
+Command Exchange::nextCommand(std::int64_t now_ns) noexcept {
+  if (boxes_.wishes.fetch(wish_)) {
+    last_wish_ns_ = now_ns;
+    starved_ = false;
+  } else if (now_ns - last_wish_ns_ > kWatchdog_ns) {
+    if (!starved_) ++counts_.starved_times;
+    starved_ = true;
+  }
+  Command command;
+  if (homed_ && !starved_ && trouble_ == Trouble::kNone) command.motor = wish_.motor;
+  // red while the hand has something to do for it, green when it is ready
+  command.bits = homed_ ? kOutGreen : kOutRed | kOutHome;
+  return command;
+}
+
+std::int64_t Exchange::turn(std::int64_t now_ns) noexcept {
+  judge(now_ns);
+  if (unanswered_ > 0 && now_ns - sent_ns_ > kReplyTime_ns) {
+    counts_.unanswered += static_cast<std::uint64_t>(unanswered_);
+    unanswered_ = 0;
+  }
+  if (sending_ || unanswered_ >= kMostUnderWay)
+    return std::max(sent_ns_ + kReplyTime_ns + 1, now_ns + kPeriod_ns);
+  if (now_ns < due_ns_) return due_ns_;
+
+  // the period keeps its phase unless a whole one was missed
+  due_ns_ += kPeriod_ns;
+  if (due_ns_ <= now_ns) due_ns_ = now_ns + kPeriod_ns;
+  const Packet packet = encodeCommand(nextCommand(now_ns));
+  if (link_.send(packet)) {
+    ++counts_.sent;
+    ++unanswered_;
+    sending_ = true;
+    sent_ns_ = now_ns;
+  }
+  return due_ns_;
+}
+
+bool Exchange::sayGoodbye(std::int64_t patience_ns) noexcept {
+  const Packet last = encodeCommand({});
+  const std::int64_t end_ns = steadyNowNs() + patience_ns;
+  // what is under way first: it still has torque in it
+  bool asked = false;
+  std::int64_t again_ns = 0;
+  std::uint64_t reports_before = counts_.reports;
+  for (;;) {
+    const std::int64_t now_ns = steadyNowNs();
+    if (link_.lost() || now_ns >= end_ns) return false;
+    if (!sending_ && asked && counts_.reports > reports_before) return true;
+    if (!sending_ && now_ns >= again_ns && link_.send(last)) {
+      // the answer that counts is none to an earlier command
+      if (!asked) reports_before = counts_.reports + static_cast<std::uint64_t>(unanswered_);
+      asked = sending_ = true;
+      again_ns = now_ns + kReplyTime_ns;
+    }
+    link_.wait(std::min(end_ns, std::max(again_ns, now_ns + kPeriod_ns)));
+  }
+}
+
+}  // namespace needlelab::falcon

@@ -1,0 +1,231 @@
+#include "client/device/falcon/firmware_loader.h"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <utility>
+
+#include "client/device/falcon/falcon_geometry.h"
+#include "client/device/falcon/falcon_packet.h"
+#include "common/base/formatted.h"
+
+namespace needlelab::falcon {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr milliseconds kWrite{1000}, kAnswer{1000}, kReply{50};
+constexpr std::size_t kMostFirmware = 1u << 20;
+
+constexpr std::array<std::uint8_t, 3> kGreeting = {0x0A, 0x43, 0x0D};
+constexpr std::array<std::uint8_t, 4> kGreetingAnswer = {0x0A, 0x44, 0x2C, 0x0D};
+constexpr std::array<std::uint8_t, 1> kKnocking = {0x41};
+
+Status controls(FtdiPort& port, std::initializer_list<std::array<std::uint16_t, 3>> requests) {
+  for (const auto& [request, value, index] : requests)
+    if (Status done = port.control(static_cast<std::uint8_t>(request), value, index); !done.ok()) return done;
+  return {};
+}
+
+Status setBaud(FtdiPort& port, double baud) {
+  const BaudDivisor divisor = baudDivisor(baud);
+  return port.control(kFtdiBaudRate, divisor.value, divisor.index);
+}
+
+std::string hex(std::span<const std::uint8_t> bytes) {
+  std::string text;
+  for (const std::uint8_t byte : bytes) text += formatted(text.empty() ? "%02X" : " %02X", byte);
+  return text.empty() ? "nothing" : text;
+}
+
+const char* nameOf(LoadStep step) {
+  switch (step) {
+    case LoadStep::kLine:
+      return "setting its line";
+    case LoadStep::kGreet:
+      return "greeting its loader";
+    case LoadStep::kSpeedUp:
+      return "setting its line for loading";
+    case LoadStep::kKnock:
+      return "calling its loader at full speed";
+    case LoadStep::kChunk:
+      return "sending the firmware";
+    case LoadStep::kRun:
+      return "setting its line for running";
+    case LoadStep::kFirstWord:
+      return "waiting for the firmware to answer";
+    case LoadStep::kDone:
+    case LoadStep::kFailed:
+      break;
+  }
+  return "loading";
+}
+
+}  // namespace
+
+Result<std::vector<std::uint8_t>> readFirmware(const std::string& file) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in)
+    return Error{ErrorCode::kNotFound, "Falcon firmware '" + file + "': cannot be read (" +
+                                           std::strerror(errno) +
+                                           "); name the maker's firmware file as falcon:FILE or in "
+                                           "NEEDLELAB_FALCON_FIRMWARE"};
+  std::vector<std::uint8_t> bytes;
+  std::array<char, 65536> buffer{};
+  while (bytes.size() <= kMostFirmware && (in.read(buffer.data(), buffer.size()), in.gcount() > 0))
+    bytes.insert(bytes.end(), buffer.begin(), buffer.begin() + in.gcount());
+  if (in.bad()) return Error{ErrorCode::kNotFound, "Falcon firmware '" + file + "': reading it failed"};
+  if (bytes.empty() || bytes.size() > kMostFirmware)
+    return Error{ErrorCode::kInvalidInput,
+                 "Falcon firmware '" + file + "': " +
+                     (bytes.empty() ? std::string("is empty")
+                                    : "is longer than " + std::to_string(kMostFirmware) + " bytes") +
+                     "; it should be the maker's firmware, some ten thousand bytes"};
+  return bytes;
+}
+
+Status setRunLine(FtdiPort& port) {
+  // a chip that was unplugged from USB while the device kept its power has forgotten its format, too
+  if (Status done =
+          controls(port, {{kFtdiLatency, 1, 0}, {kFtdiData, kData8N1, 0}, {kFtdiFlowControl, 0, 0}});
+      !done.ok())
+    return done;
+  if (Status done = setBaud(port, kRunBaud); !done.ok()) return done;
+  return controls(port, {{kFtdiReset, kPurgeIn, 0}, {kFtdiReset, kPurgeOut, 0}});
+}
+
+Result<bool> firmwareRuns(FtdiPort& port, int tries) {
+  if (Status done = setRunLine(port); !done.ok()) return done.error();
+  FtdiInput input(port);
+  PacketReader reader;
+  for (int i = 0; i < tries; ++i) {
+    // a loader that waits for more firmware echoes, and an echo looks like the report of a device that has
+    // just been switched on: two patterns of lights, so that no buttons held down look like both
+    const Command ask{{}, i % 2 == 0 ? kOutRed : kOutBlue};
+    if (Status done = port.write(encodeCommand(ask), kWrite); !done.ok()) return done.error();
+    std::vector<std::uint8_t> bytes;
+    if (Status done = input.read(kPacketBytes, kReply, bytes); !done.ok()) return done.error();
+    Report report;
+    for (const std::uint8_t byte : bytes)
+      if (reader.push(byte, report) && report != Report{ask.motor, ask.bits}) return true;
+  }
+  return false;
+}
+
+FirmwareLoader::FirmwareLoader(FtdiPort& port, std::span<const std::uint8_t> firmware, std::string file)
+    : port_(port), input_(port), firmware_(firmware), file_(std::move(file)) {}
+
+bool FirmwareLoader::step() {
+  if (next_ == LoadStep::kDone || next_ == LoadStep::kFailed) return false;
+  const LoadStep now = next_;
+  if (Status done = doStep(); !done.ok()) {
+    result_ = Error{done.error().code, std::string("loading the Falcon's firmware, ") + nameOf(now) + ": " +
+                                           done.error().message};
+    next_ = LoadStep::kFailed;
+    return false;
+  }
+  return next_ != LoadStep::kDone;
+}
+
+Status FirmwareLoader::doStep() {
+  Status done;
+  switch (next_) {
+    case LoadStep::kLine:
+      done = setLine();
+      next_ = LoadStep::kGreet;
+      break;
+    case LoadStep::kGreet:
+      done = ask(kGreeting, kGreetingAnswer, "greeting");
+      next_ = LoadStep::kSpeedUp;
+      break;
+    case LoadStep::kSpeedUp:
+      done = controls(port_, {{kFtdiModemControl, kDtrLow, 0}});
+      if (done.ok()) done = setBaud(port_, kLoaderBaud);
+      next_ = LoadStep::kKnock;
+      break;
+    case LoadStep::kKnock:
+      done = ask(kKnocking, kKnocking, "call");
+      next_ = LoadStep::kChunk;
+      break;
+    case LoadStep::kChunk:
+      done = sendChunk();
+      if (sent_ == firmware_.size()) next_ = LoadStep::kRun;
+      break;
+    case LoadStep::kRun:
+      done = setRunLine(port_);
+      input_.forget();
+      next_ = LoadStep::kFirstWord;
+      break;
+    case LoadStep::kFirstWord:
+      done = firstWord();
+      next_ = LoadStep::kDone;
+      break;
+    case LoadStep::kDone:
+    case LoadStep::kFailed:
+      break;
+  }
+  return done;
+}
+
+Status FirmwareLoader::setLine() {
+  if (Status done =
+          controls(port_, {{kFtdiReset, kPurgeIn, 0}, {kFtdiReset, kPurgeOut, 0}, {kFtdiLatency, 16, 0}});
+      !done.ok())
+    return done;
+  if (Status done = setBaud(port_, kGreetingBaud); !done.ok()) return done;
+  return controls(port_, {{kFtdiData, kData8N1, 0},
+                          {kFtdiFlowControl, 0, 0},
+                          {kFtdiModemControl, kRtsLow, 0},
+                          {kFtdiModemControl, kDtrLow, 0},
+                          {kFtdiModemControl, kDtrHigh, 0}});
+}
+
+Status FirmwareLoader::ask(std::span<const std::uint8_t> question, std::span<const std::uint8_t> answer,
+                           const char* what) {
+  if (Status done = port_.write(question, kWrite); !done.ok()) return done;
+  std::vector<std::uint8_t> got;
+  if (Status done = input_.read(answer.size(), kAnswer, got); !done.ok()) return done;
+  if (std::equal(got.begin(), got.end(), answer.begin(), answer.end())) return {};
+  return Error{ErrorCode::kUnavailable, std::string("its ") + what + " " + hex(question) +
+                                            " was answered by " + hex(got) + " in place of " + hex(answer) +
+                                            "; check its power supply, unplug it from power and USB, plug in "
+                                            "both again"};
+}
+
+Status FirmwareLoader::sendChunk() {
+  const auto chunk = firmware_.subspan(sent_, std::min(kChunkBytes, firmware_.size() - sent_));
+  if (Status done = port_.write(chunk, kWrite); !done.ok()) return done;
+  std::vector<std::uint8_t> echo;
+  if (Status done = input_.read(chunk.size(), kAnswer, echo); !done.ok()) return done;
+  for (std::size_t i = 0; i < chunk.size(); ++i) {
+    if (i < echo.size() && echo[i] == chunk[i]) continue;
+    const std::string byte = formatted("byte %zu (0x%zX) of '", sent_ + i, sent_ + i) + file_ + "', " +
+                             formatted("0x%02X, ", chunk[i]);
+    return Error{
+        ErrorCode::kCorrupt,
+        byte +
+            (i < echo.size() ? formatted("came back as 0x%02X", echo[i])
+                             : formatted("did not come back within %g s", 1e-3 * kAnswer.count())) +
+            "; unplug the Falcon from power and USB, plug in both again, and see that the file is the "
+            "maker's firmware"};
+  }
+  sent_ += chunk.size();
+  return {};
+}
+
+Status FirmwareLoader::firstWord() {
+  constexpr int kTries = 20;
+  const auto runs = firmwareRuns(port_, kTries);
+  if (!runs.ok()) return runs.error();
+  if (*runs) return {};
+  return Error{ErrorCode::kUnavailable,
+               "all " + std::to_string(sent_) + " bytes of '" + file_ +
+                   "' were taken but no firmware answers; is it the maker's firmware "
+                   "for the Falcon?"};
+}
+
+}  // namespace needlelab::falcon

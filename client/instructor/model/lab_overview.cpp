@@ -1,0 +1,224 @@
+#include "client/instructor/model/lab_overview.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+
+#include "common/base/formatted.h"
+#include "common/base/text_rules.h"
+#include "common/haptics/force_gate.h"
+
+namespace needlelab {
+namespace {
+
+struct NeedStyle {
+  std::string_view word;
+  Condition condition;
+};
+constexpr std::array<NeedStyle, kNeedCount> kNeeds = {{{"FAULT", Condition::kTrouble},
+                                                       {"too much force", Condition::kTrouble},
+                                                       {"hazard touched", Condition::kTrouble},
+                                                       {"trouble", Condition::kAttention},
+                                                       {"lost in mid-lesson", Condition::kAttention},
+                                                       {"waiting", Condition::kUnknown},
+                                                       {"done", Condition::kGood},
+                                                       {"practising", Condition::kGood},
+                                                       {"offline", Condition::kUnknown}}};
+
+std::string lowered(std::string_view text) {
+  std::string out(text);
+  std::transform(out.begin(), out.end(), out.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return out;
+}
+
+bool holds(const StationTile& tile, const std::string& part) {
+  return lowered(tile.station).find(part) != std::string::npos ||
+         lowered(tile.trainee).find(part) != std::string::npos ||
+         lowered(tile.exercise).find(part) != std::string::npos;
+}
+
+/// What the network says, as it may be shown.
+double sane(double value) {
+  return std::isfinite(value) ? value : 0;
+}
+
+std::string joined(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
+}  // namespace
+
+std::string_view wordOf(Need need) {
+  return kNeeds[static_cast<std::size_t>(need)].word;
+}
+Condition conditionOf(Need need) {
+  return kNeeds[static_cast<std::size_t>(need)].condition;
+}
+
+void LabOverview::setStations(const pb::Stations& stations, double now_s) {
+  std::set<std::string> known;
+  for (const pb::StationInfo& info : stations.stations()) {
+    if (info.revoked() && !info.online()) continue;  // it cannot come back
+    known.insert(info.name());
+    Entry& entry = entries_[info.name()];
+    entry.tile.station = printable(info.name());
+    entry.tile.revoked = info.revoked();
+    pb::StationStatus status = info.status();
+    status.set_station(info.name());
+    status.set_online(info.online());
+    onStatus(status, now_s);
+  }
+  std::erase_if(entries_, [&](const auto& each) { return !known.contains(each.first); });
+}
+
+void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
+  Entry& entry = entries_[status.station()];
+  StationTile& tile = entry.tile;
+  tile.station = printable(status.station());
+  const bool had_lesson = !tile.session_id.empty();
+  const bool was_online = tile.online;
+  entry.news_s = now_s;
+  tile.online = status.online();
+  tile.stale = false;
+  if (!tile.online) {
+    // what it did last stays to be seen
+    if (was_online) entry.lost_in_lesson = had_lesson;
+    judge(entry, now_s);
+    return;
+  }
+  entry.lost_in_lesson = false;
+  if (status.session_id() != tile.session_id) {
+    if (had_lesson && status.session_id().empty()) entry.ended_s = now_s;
+    if (!status.session_id().empty()) {
+      entry.began_s = now_s;
+      entry.ended_s = entry.excess_s = -1e9;
+      tile.peak_force_N = 0;
+      tile.hazards.clear();
+      tile.forces_N.clear();
+    }
+    tile.session_id = status.session_id();
+  }
+  if (!status.trainee().empty()) tile.trainee = printable(status.trainee());
+  if (!status.exercise_id().empty()) tile.exercise = printable(status.exercise_id());
+  tile.phase = status.phase();
+  tile.layer = status.layer();
+  tile.insertion_m = sane(status.insertion_m());
+  tile.force_N = sane(status.force_n());
+  tile.fault = status.fault();
+  tile.trouble = printable(status.trouble());
+  tile.missed_ticks = status.missed_ticks();
+  tile.samples = status.samples();
+  tile.spool_left = status.spool_left();
+  tile.wakeup_p99_us = status.wakeup_p99_us();
+  tile.tissue = printable(status.tissue());
+  tile.force_limit_N = sane(status.force_limit_n()) > 0 ? status.force_limit_n() : kExcessiveForce_N;
+  if (!tile.session_id.empty()) {
+    // a station of an older version says neither peak nor hazards: what is seen here counts then
+    const double before_N = tile.peak_force_N;
+    tile.peak_force_N = std::max({tile.peak_force_N, tile.force_N, sane(status.peak_force_n())});
+    tile.hazards.clear();
+    for (const std::string& name : status.hazards_touched()) tile.hazards.push_back(printable(name));
+    // a peak between two lines is one, too
+    if (tile.peak_force_N > tile.force_limit_N && tile.peak_force_N > before_N &&
+        tile.force_N <= tile.force_limit_N) {
+      entry.excess_N = tile.peak_force_N;
+      entry.excess_s = now_s;
+    }
+    tile.forces_N.push_back(static_cast<float>(tile.force_N));
+    if (tile.forces_N.size() > kForcesKept) tile.forces_N.pop_front();
+    if (tile.force_N > tile.force_limit_N) {
+      entry.excess_N =
+          now_s - entry.excess_s > kNeedLasts_s ? tile.force_N : std::max(entry.excess_N, tile.force_N);
+      entry.excess_s = now_s;
+    }
+  }
+  judge(entry, now_s);
+}
+
+void LabOverview::judge(Entry& entry, double now_s) const {
+  StationTile& tile = entry.tile;
+  const bool lesson = !tile.session_id.empty();
+  tile.lesson_s = lesson ? std::max(0.0, now_s - entry.began_s) : 0;
+  tile.why.clear();
+  if (!tile.online) {
+    tile.need = entry.lost_in_lesson ? Need::kLost : Need::kOffline;
+    if (entry.lost_in_lesson) tile.why = "the lesson goes on at the station and is kept there";
+    return;
+  }
+  if (lesson && tile.fault != 0) {
+    tile.need = Need::kFault;
+    tile.why = faultText(static_cast<Fault>(tile.fault));
+  } else if (lesson && now_s - entry.excess_s <= kNeedLasts_s) {
+    tile.need = Need::kExcessiveForce;
+    tile.why = formatted("%.1f N, allowed %.3g N", entry.excess_N, tile.force_limit_N);
+  } else if (lesson && !tile.hazards.empty()) {
+    tile.need = Need::kHazard;
+    tile.why = joined(tile.hazards);
+  } else if (!tile.trouble.empty()) {
+    tile.need = Need::kTrouble;
+    tile.why = tile.trouble;
+  } else if (lesson) {
+    tile.need = Need::kPractising;
+  } else {
+    tile.need = now_s - entry.ended_s <= kDoneLasts_s ? Need::kDone : Need::kWaiting;
+  }
+}
+
+void LabOverview::tick(double now_s) {
+  for (auto& [name, entry] : entries_) {
+    entry.tile.stale = entry.tile.online && now_s - entry.news_s > kStale_s;
+    judge(entry, now_s);
+  }
+}
+
+void LabOverview::connectionLost() {
+  for (auto& [name, entry] : entries_) {
+    entry.tile.stale = true;
+    entry.news_s = -1e9;
+  }
+}
+
+const StationTile* LabOverview::find(const std::string& station) const {
+  const auto found = entries_.find(station);
+  return found == entries_.end() ? nullptr : &found->second.tile;
+}
+
+std::vector<const StationTile*> LabOverview::tiles(TileOrder order, const TileFilter& filter) const {
+  std::vector<const StationTile*> chosen;
+  const std::string part = lowered(filter.text);
+  for (const auto& [name, entry] : entries_) {
+    const StationTile& tile = entry.tile;
+    if (filter.only_help && !needsHelp(tile.need)) continue;
+    if (filter.only_online && !tile.online) continue;
+    if (!part.empty() && !holds(tile, part)) continue;
+    chosen.push_back(&tile);
+  }
+  // the map is in the order of names: stable sorts keep it within equals
+  const auto by = [&](auto before) { std::stable_sort(chosen.begin(), chosen.end(), before); };
+  switch (order) {
+    case TileOrder::kNeed:
+      by([](const auto* a, const auto* b) { return a->need < b->need; });
+      break;
+    case TileOrder::kTrainee:
+      by([](const auto* a, const auto* b) { return a->trainee < b->trainee; });
+      break;
+    case TileOrder::kPeakForce:
+      by([](const auto* a, const auto* b) { return a->peak_force_N > b->peak_force_N; });
+      break;
+    case TileOrder::kName:
+      break;
+  }
+  return chosen;
+}
+
+std::array<std::size_t, kNeedCount> LabOverview::counts() const {
+  std::array<std::size_t, kNeedCount> counts{};
+  for (const auto& [name, entry] : entries_) ++counts[static_cast<std::size_t>(entry.tile.need)];
+  return counts;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,131 @@
+#include "client/instructor/model/live_station.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "client/instructor/model/sample_moment.h"
+#include "common/gesture/chunk.h"
+
+namespace needlelab {
+
+LiveStation::LiveStation(std::string station) : station_(std::move(station)), trace_(kLiveSpan_s) {}
+
+void LiveStation::beginSession(const std::string& session_id) {
+  session_id_ = session_id;
+  described_ = false;
+  asked_s_ = -1e9;
+  info_.Clear();
+  scene_ = {};
+  replica_.reset();
+  trace_.clear();
+  undescribed_.clear();
+  last_frame_.reset();
+  stats_.streamRestarts();
+  newest_tick_ = 0;
+  paused_at_s_.reset();
+}
+
+void LiveStation::feed(const LiveArrival& arrival) {
+  const pb::LiveFrame& frame = arrival.frame;
+  if (frame.station() != station_ || frame.session_id().empty()) return;
+  if (frame.session_id() != session_id_) beginSession(frame.session_id());
+  auto samples = decodeChunk(viewOf(frame.data()));
+  if (!samples.ok() || samples->empty()) {
+    ++unreadable_;
+    return;
+  }
+  stats_.add(frame, samples->size(), arrival.received_unix_ns);
+  if (described_) latency_.fed(frame.capture_unix_ns());
+  if (last_frame_ && frame.frame_seq() != *last_frame_ + 1 && replica_) replica_->noteGap();
+  last_frame_ = frame.frame_seq();
+  newest_tick_ = samples->back().tick;
+  if (described_) {
+    take(*samples);
+    return;
+  }
+  undescribed_.push_back(std::move(*samples));
+  if (undescribed_.size() > kFramesKept) undescribed_.pop_front();
+}
+
+void LiveStation::take(const std::vector<GestureSample>& samples) {
+  for (const GestureSample& sample : samples)
+    trace_.push(replica_ ? replica_->feed(sample) : momentOfSample(sample, rate_hz_));
+}
+
+void LiveStation::onStatus(const pb::StationStatus& status) {
+  if (status.station() != station_) return;
+  // a station that came back begins its frames anew
+  if (status.online() != status_.online()) {
+    stats_.streamRestarts();
+    last_frame_.reset();
+    if (replica_) replica_->noteGap();
+  }
+  status_ = status;
+}
+
+std::string LiveStation::sessionToAskFor(double now_s) {
+  if (described_ || session_id_.empty() || now_s - asked_s_ < kAskAgain_s) return {};
+  asked_s_ = now_s;
+  return session_id_;
+}
+
+void LiveStation::setSession(const pb::SessionInfo& info, const ScenePreparer& prepare) {
+  if (described_ || info.description().session_id() != session_id_) return;
+  described_ = true;
+  new_scene_frames_ = 0;
+  info_ = info;
+  const double rate_hz = info.description().rate_hz();
+  rate_hz_ = rate_hz >= 50 && rate_hz <= 40'000 ? rate_hz : 1000;
+  scene_ = sceneOfSession(info.description(), prepare);
+  trace_ = GestureTrace(kLiveSpan_s);
+  if (scene_.model) replica_ = std::make_unique<GestureReplica>(scene_.model, false, rate_hz_);
+  for (const auto& samples : undescribed_) take(samples);
+  undescribed_.clear();
+}
+
+void LiveStation::connectionLost() {
+  stats_.streamRestarts();
+  last_frame_.reset();
+  if (replica_) replica_->noteGap();
+}
+
+void LiveStation::presented(std::int64_t now_unix_ns) {
+  constexpr int kFirstFrames = 3;
+  if (described_ && !trace_.empty() && new_scene_frames_ < kFirstFrames) {
+    ++new_scene_frames_;
+    latency_.discard();
+    return;
+  }
+  latency_.presented(now_unix_ns);
+}
+
+void LiveStation::addRemark(std::uint64_t tick, const std::string& text) {
+  TraceEvent event;
+  event.kind = TraceEvent::Kind::kRemark;
+  event.time_s = static_cast<double>(tick) / rate_hz_;
+  event.text = text;
+  trace_.add(std::move(event));
+}
+
+void LiveStation::pause() {
+  if (!paused_at_s_) paused_at_s_ = trace_.lastTime_s();
+}
+
+void LiveStation::scrollTo(double end_s) {
+  if (std::isfinite(end_s)) paused_at_s_ = std::clamp(end_s, trace_.firstTime_s(), trace_.lastTime_s());
+}
+
+void LiveStation::setSpan(double span_s) {
+  if (std::isfinite(span_s)) span_s_ = std::clamp(span_s, 2.0, kLiveSpan_s);
+}
+
+double LiveStation::viewEnd_s() const {
+  return paused_at_s_ ? std::max(*paused_at_s_, trace_.firstTime_s()) : trace_.lastTime_s();
+}
+
+const Moment& LiveStation::shown() const {
+  return paused_at_s_ && !trace_.empty() ? trace_.at(viewEnd_s()) : trace_.last();
+}
+
+}  // namespace needlelab

@@ -1,0 +1,64 @@
+#include "client/instructor/model/session_scene.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "common/base/uuid.h"
+#include "common/profile/profile.h"
+
+namespace needlelab {
+
+Result<Pose> placementOf(const pb::SessionDescription& description) {
+  const auto& numbers = description.placement();
+  if (numbers.empty()) return Pose{};
+  if (numbers.size() != 7 ||
+      !std::all_of(numbers.begin(), numbers.end(), [](double v) { return std::isfinite(v); }))
+    return Error{ErrorCode::kInvalidInput, "placement: seven finite numbers are needed"};
+  const Quat q{numbers[3], numbers[4], numbers[5], numbers[6]};
+  if (!(dot(q, q) > 1e-12)) return Error{ErrorCode::kInvalidInput, "placement: the quaternion is zero"};
+  return Pose{{numbers[0], numbers[1], numbers[2]}, normalized(q)};
+}
+
+std::string sessionIdText(const std::string& bytes) {
+  Uuid id{};
+  if (bytes.size() != id.size()) return "?";
+  std::copy(bytes.begin(), bytes.end(), id.begin());
+  return uuidText(id);
+}
+
+SessionScene sceneOfSession(const pb::SessionDescription& description, const ScenePreparer& prepare) {
+  SessionScene scene;
+  auto profile = parseProfile(description.profile_json(), "the session's profile");
+  auto X_WL = placementOf(description);
+  if (!profile.ok() || !X_WL.ok()) {
+    scene.why = "the scene cannot be shown: " + (profile.ok() ? X_WL.error() : profile.error()).message;
+    return scene;
+  }
+  scene.profile = *std::move(profile);
+  scene.X_WL = *X_WL;
+  auto view = sceneViewOf(scene.profile, scene.X_WL);
+  if (!view.ok()) {
+    scene.why = "the scene cannot be shown: " + view.error().message;
+    return scene;
+  }
+  scene.view = std::make_shared<const SceneView>(*std::move(view));
+  const auto compiled = [&]() -> Result<SceneModel> {
+    auto spec = sceneSpecOf(scene.profile, scene.X_WL);
+    if (!spec.ok()) return spec.error();
+    if (prepare) {
+      if (auto ready = prepare(*spec); !ready.ok()) return ready.error();
+    }
+    return compile(*spec, description.rate_hz());
+  };
+  auto model = compiled();
+  if (!model.ok()) {
+    scene.why = "forces by effect cannot be worked out here: " + model.error().message;
+    return scene;
+  }
+  scene.model = std::make_shared<const SceneModel>(*std::move(model));
+  return scene;
+}
+
+}  // namespace needlelab

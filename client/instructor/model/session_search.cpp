@@ -1,0 +1,145 @@
+#include "client/instructor/model/session_search.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "common/base/text_rules.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::uint32_t kRowsAtOnce = 200;
+constexpr std::int64_t kDay_ns = 86'400'000'000'000;
+
+/// The day's beginning, UTC.
+Result<std::int64_t> dayOf(const char* field, const std::string& text) {
+  int year = 0, month = 0, day = 0, used = 0;
+  if (std::sscanf(text.c_str(), "%4d-%2d-%2d%n", &year, &month, &day, &used) == 3 &&
+      static_cast<std::size_t>(used) == text.size()) {
+    const std::chrono::year_month_day date{std::chrono::year(year),
+                                           std::chrono::month(static_cast<unsigned>(month)),
+                                           std::chrono::day(static_cast<unsigned>(day))};
+    if (date.ok() && year >= 1970 && year <= 2200)
+      return static_cast<std::int64_t>(std::chrono::sys_days(date).time_since_epoch().count()) * kDay_ns;
+  }
+  return Error{ErrorCode::kInvalidInput,
+               std::string(field) + ": '" + printable(text) + "' is no day; it is written 2026-11-21"};
+}
+
+/// What a row is ordered by under kVerdict: what failed first.
+int verdictRank(const pb::SessionInfo& row) {
+  return !row.has_passed() ? 1 : row.passed() ? 2 : 0;
+}
+
+}  // namespace
+
+double figureOf(const pb::SessionInfo& row, std::string_view measure) {
+  for (const pb::Figure& figure : row.figures())
+    if (figure.measure() == measure && figure.has_value()) return figure.value();
+  return std::numeric_limits<double>::quiet_NaN();
+}
+
+Result<pb::ListSessions> messageOf(const SessionQuery& query) {
+  pb::ListSessions list;
+  list.set_search(query.search);
+  list.set_station(query.station);
+  list.set_exercise_id(query.exercise_id);
+  list.set_verdict(query.verdict);
+  list.set_limit(kRowsAtOnce);
+  if (!query.from.empty()) {
+    const auto day = dayOf("from", query.from);
+    if (!day.ok()) return day.error();
+    list.set_from_unix_ns(*day);
+  }
+  if (!query.to.empty()) {
+    const auto day = dayOf("to", query.to);
+    if (!day.ok()) return day.error();
+    list.set_to_unix_ns(*day + kDay_ns);
+    if (list.to_unix_ns() <= list.from_unix_ns())
+      return Error{ErrorCode::kInvalidInput, "to: it comes before the other day"};
+  }
+  return list;
+}
+
+SessionSearch::SessionSearch(LabConnection& lab) : lab_(lab) {}
+
+void SessionSearch::search(const SessionQuery& query) {
+  query_ = query;
+  asked_ = true;
+  trouble_.clear();
+  ++*asking_;
+  ask({});
+}
+
+void SessionSearch::more() {
+  if (!waiting_ && !next_page_.empty()) ask(next_page_);
+}
+
+void SessionSearch::ask(const std::string& page) {
+  auto list = messageOf(query_);
+  if (!list.ok()) {
+    waiting_ = false;
+    trouble_ = list.error().message;
+    return;
+  }
+  waiting_ = true;
+  list->set_page(page);
+  pb::Request request;
+  *request.mutable_list_sessions() = *list;
+  // a search that came later, or this object's end, makes the answer void
+  lab_.ask(request, [this, meant = *asking_, alive = std::weak_ptr(asking_),
+                     first = page.empty()](Result<pb::Reply> reply) {
+    const auto now = alive.lock();
+    if (!now || *now != meant) return;
+    waiting_ = false;
+    if (!reply.ok()) {
+      trouble_ = printable(reply.error().message);
+      return;
+    }
+    if (first) rows_.clear();
+    const auto& sessions = reply->sessions().sessions();
+    rows_.insert(rows_.end(), sessions.begin(), sessions.end());
+    next_page_ = reply->sessions().next_page();
+    sort();
+  });
+}
+
+void SessionSearch::order(SessionOrder order) {
+  order_ = order;
+  sort();
+}
+
+void SessionSearch::sort() {
+  const auto by = [&](auto before) { std::stable_sort(rows_.begin(), rows_.end(), before); };
+  // newest first, within equals, too
+  by([](const auto& a, const auto& b) {
+    return a.description().started_unix_ns() > b.description().started_unix_ns();
+  });
+  switch (order_) {
+    case SessionOrder::kNewest:
+      break;
+    case SessionOrder::kTrainee:
+      by([](const auto& a, const auto& b) { return a.description().trainee() < b.description().trainee(); });
+      break;
+    case SessionOrder::kExercise:
+      by([](const auto& a, const auto& b) {
+        return a.description().exercise_id() < b.description().exercise_id();
+      });
+      break;
+    case SessionOrder::kPeakForce:
+      by([](const auto& a, const auto& b) {
+        const double fa = figureOf(a, "peak_force_n"), fb = figureOf(b, "peak_force_n");
+        return fa == fa && (!(fb == fb) || fa > fb);
+      });
+      break;
+    case SessionOrder::kVerdict:
+      by([](const auto& a, const auto& b) { return verdictRank(a) < verdictRank(b); });
+      break;
+  }
+}
+
+}  // namespace needlelab

@@ -1,0 +1,60 @@
+/// The list of stored sessions: what is looked for, what was found, page after page.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "client/instructor/model/lab_connection.h"
+
+namespace needlelab {
+
+/// What is looked for; empty fields filter nothing.
+struct SessionQuery {
+  std::string search;  ///< part of the trainee's name or full name
+  std::string station, exercise_id;
+  std::string from, to;  ///< days, "2026-11-21", UTC; `to` is included
+  pb::ListSessions::Verdict verdict = pb::ListSessions::ANY;
+  friend bool operator==(const SessionQuery&, const SessionQuery&) = default;
+};
+/// Errors: kInvalidInput naming a day that is none, or that `to` comes before `from`.
+Result<pb::ListSessions> messageOf(const SessionQuery& query);
+
+/// How the rows that are here are ordered; the server gives the newest first.
+enum class SessionOrder : std::uint8_t { kNewest, kTrainee, kExercise, kPeakForce, kVerdict };
+
+/// Thread: the one that polls `lab`; answers that come after its end are passed over.
+class SessionSearch {
+ public:
+  explicit SessionSearch(LabConnection& lab);
+
+  /// Asks anew; what was found before is shown until the answer comes.
+  void search(const SessionQuery& query);
+  void again() { search(query_); }
+  /// The next page behind the rows, if there is one.
+  void more();
+  void order(SessionOrder order);
+
+  [[nodiscard]] const SessionQuery& query() const { return query_; }
+  [[nodiscard]] const std::vector<pb::SessionInfo>& rows() const { return rows_; }
+  [[nodiscard]] bool waiting() const { return waiting_; }
+  [[nodiscard]] bool hasMore() const { return !next_page_.empty(); }
+  [[nodiscard]] bool asked() const { return asked_; }
+  [[nodiscard]] const std::string& trouble() const { return trouble_; }  ///< of the last search; empty: none
+
+ private:
+  void ask(const std::string& page);
+  void sort();
+  LabConnection& lab_;
+  SessionQuery query_;
+  SessionOrder order_ = SessionOrder::kNewest;
+  std::vector<pb::SessionInfo> rows_;
+  std::string next_page_, trouble_;
+  bool waiting_ = false, asked_ = false;
+  std::shared_ptr<std::uint64_t> asking_ = std::make_shared<std::uint64_t>(0);  // which search is meant
+};
+
+/// The figure of that measure in a row of a list; NaN where it has none.
+double figureOf(const pb::SessionInfo& row, std::string_view measure);
+
+}  // namespace needlelab

@@ -1,0 +1,230 @@
+#include "client/instructor/model/stored_gesture.h"
+
+#include <algorithm>
+#include <ctime>
+#include <optional>
+#include <utility>
+
+#include "client/instructor/model/sample_moment.h"
+#include "common/base/text_rules.h"
+#include "common/gesture/chunk.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::uint32_t kChunksAtOnce = 16;
+constexpr std::size_t kNotesKept = 20;
+
+/// Samples in, trace out: with the engine where the scene allows it.
+class TraceMaker {
+ public:
+  explicit TraceMaker(StoredGesture& gesture) : gesture_(gesture) {
+    if (gesture.scene.model) replica_.emplace(gesture.scene.model, gesture.thinned, gesture.rate_hz);
+  }
+  void feed(const GestureSample& sample) {
+    gesture_.trace.push(replica_ ? replica_->feed(sample) : momentOfSample(sample, gesture_.rate_hz));
+  }
+  void noteGap() {
+    if (replica_) replica_->noteGap();
+  }
+
+ private:
+  StoredGesture& gesture_;
+  std::optional<GestureReplica> replica_;
+};
+
+/// Head of a gesture: everything but its samples.
+std::shared_ptr<StoredGesture> beginGesture(pb::SessionInfo info, const ScenePreparer& prepare,
+                                            std::uint64_t samples) {
+  auto gesture = std::make_shared<StoredGesture>();
+  gesture->info = std::move(info);
+  gesture->id = sessionIdText(gesture->info.description().session_id());
+  const double rate_hz = gesture->info.description().rate_hz();
+  gesture->rate_hz = rate_hz >= 50 && rate_hz <= 40'000 ? rate_hz : 1000;
+  pb::SessionDescription description = gesture->info.description();
+  const auto& removed = gesture->info.removed_original();
+  gesture->thinned = removed.fate() == pb::RemovedOriginal::THINNED;
+  double sample_rate_hz = gesture->rate_hz;
+  if (gesture->thinned) {
+    sample_rate_hz = std::clamp(removed.thinned_rate_hz(), 50.0, gesture->rate_hz);
+    description.set_rate_hz(sample_rate_hz);
+    gesture->notes.push_back("thinned recording: " + printable(removed.reason()));
+  }
+  gesture->scene = sceneOfSession(description, prepare);
+  if (!gesture->scene.why.empty()) gesture->notes.push_back(printable(gesture->scene.why));
+  // ticks can be missing: room for twice the time that so many samples last
+  const double span_s =
+      2 * static_cast<double>(std::min<std::uint64_t>(samples, kMostLoadedSamples)) / sample_rate_hz;
+  gesture->trace = GestureTrace(std::max(10.0, span_s));
+  return gesture;
+}
+
+/// Remarks and syringe events on the time line.
+void addEvents(StoredGesture& gesture) {
+  for (const pb::Annotation& annotation : gesture.annotations) {
+    TraceEvent event;
+    event.kind = TraceEvent::Kind::kRemark;
+    event.time_s = gesture.timeOfTick(annotation.tick());
+    event.text = printable(annotation.author()) + ": " + printable(annotation.text());
+    gesture.trace.add(std::move(event));
+  }
+}
+
+class Loader {
+ public:
+  Loader(const LabCall& call, std::string id, LoadProgress* progress)
+      : call_(call), id_(std::move(id)), progress_(progress) {}
+
+  Result<std::shared_ptr<const StoredGesture>> run(const ScenePreparer& prepare) {
+    pb::Request get;
+    get.mutable_get_session()->set_session_id(id_);
+    auto info = call_(get);
+    if (!info.ok()) return info.error();
+    if (info->session().removed_original().fate() == pb::RemovedOriginal::DELETED)
+      return Error{ErrorCode::kNotFound, "its recording was deleted by retention: " +
+                                             printable(info->session().removed_original().reason())};
+    const std::uint64_t samples = info->session().samples();
+    gesture_ = beginGesture(std::move(*info->mutable_session()), prepare, samples);
+    if (progress_ != nullptr) progress_->chunks = gesture_->info.chunks();
+    if (auto done = readSamples(); !done.ok()) return done.error();
+    if (auto done = readAnnotations(); !done.ok()) return done.error();
+    if (auto done = readEvents(); !done.ok()) return done.error();
+    addEvents(*gesture_);
+    return std::shared_ptr<const StoredGesture>(std::move(gesture_));
+  }
+
+ private:
+  Status readSamples() {
+    TraceMaker maker(*gesture_);
+    gesture_->samples.reserve(std::min<std::size_t>(gesture_->info.samples(), kMostLoadedSamples));
+    for (std::uint64_t next = 0; next < gesture_->info.chunks();) {
+      if (progress_ != nullptr && progress_->stop) return Error{ErrorCode::kFailed, "stopped"};
+      pb::Request request;
+      request.mutable_read_chunks()->set_session_id(id_);
+      request.mutable_read_chunks()->set_from_seq(next);
+      request.mutable_read_chunks()->set_max_chunks(kChunksAtOnce);
+      request.mutable_read_chunks()->set_skip_damaged(true);
+      request.mutable_read_chunks()->set_hash(gesture_->info.hash());
+      const auto reply = call_(request);
+      if (!reply.ok()) return reply.error();
+      const pb::Chunks& chunks = reply->chunks();
+      for (const auto& damaged : chunks.damaged()) note("damaged, left out: " + printable(damaged.text()));
+      if (chunks.damaged_size() > 0) maker.noteGap();
+      for (const pb::Chunk& chunk : chunks.chunks()) {
+        if (auto taken = take(chunk, maker); !taken.ok()) return taken;
+      }
+      const std::uint64_t behind =
+          std::max(chunks.next_seq(), next + static_cast<std::uint64_t>(chunks.chunks_size()));
+      if (progress_ != nullptr) progress_->chunks_read = behind;
+      if (behind == next || chunks.end() || full_) break;
+      next = behind;
+    }
+    return {};
+  }
+
+  Status take(const pb::Chunk& chunk, TraceMaker& maker) {
+    auto samples = decodeChunk(viewOf(chunk.data()));
+    if (!samples.ok()) {
+      note("chunk " + std::to_string(chunk.seq()) + " left out: " + samples.error().message);
+      maker.noteGap();
+      return {};
+    }
+    for (const GestureSample& sample : *samples) {
+      if (gesture_->samples.size() >= kMostLoadedSamples) {
+        if (!std::exchange(full_, true))
+          note("only the first " + std::to_string(kMostLoadedSamples) + " samples are shown");
+        return {};
+      }
+      // ticks ascend in what a station records; hostile bytes need not
+      if (!gesture_->samples.empty() && sample.tick <= gesture_->samples.back().tick) continue;
+      gesture_->samples.push_back(sample);
+      maker.feed(sample);
+    }
+    return {};
+  }
+
+  Status readAnnotations() {
+    auto remarks = readRemarks(call_, id_);
+    if (!remarks.ok()) return remarks.error();
+    gesture_->annotations = *std::move(remarks);
+    return {};
+  }
+
+  Status readEvents() {
+    if (gesture_->info.state() == pb::SESSION_OPEN) return {};  // they are of closed sessions
+    pb::Request request;
+    request.mutable_list_events()->set_session_id(id_);
+    const auto reply = call_(request);
+    if (!reply.ok()) {
+      // a profile that cannot be read has none: no reason to show nothing at all
+      note("aspirations and injections: " + printable(reply.error().message));
+      return {};
+    }
+    gesture_->events.assign(reply->events().events().begin(), reply->events().events().end());
+    return {};
+  }
+
+  void note(std::string text) {
+    if (gesture_->notes.size() < kNotesKept) gesture_->notes.push_back(std::move(text));
+  }
+
+  const LabCall& call_;
+  const std::string id_;
+  LoadProgress* progress_;
+  std::shared_ptr<StoredGesture> gesture_;
+  bool full_ = false;
+};
+
+}  // namespace
+
+std::size_t StoredGesture::sampleAt(double time_s) const {
+  const auto after =
+      std::upper_bound(samples.begin(), samples.end(), time_s,
+                       [&](double t, const GestureSample& s) { return t < timeOfTick(s.tick); });
+  return after == samples.begin() ? 0 : static_cast<std::size_t>(after - samples.begin()) - 1;
+}
+
+std::string StoredGesture::title() const {
+  const auto& d = info.description();
+  const std::time_t seconds = static_cast<std::time_t>(d.started_unix_ns() / 1'000'000'000);
+  std::tm utc{};
+  char when[32] = "";
+  if (::gmtime_r(&seconds, &utc) != nullptr) std::strftime(when, sizeof when, "%Y-%m-%d %H:%M", &utc);
+  return printable(d.trainee()) + ", " + printable(d.exercise_id()) + ", " + when;
+}
+
+Result<std::vector<pb::Annotation>> readRemarks(const LabCall& call, const std::string& session_id) {
+  constexpr std::size_t kMostRemarks = 10'000;
+  std::vector<pb::Annotation> remarks;
+  std::string page;
+  do {
+    pb::Request request;
+    request.mutable_list_annotations()->set_session_id(session_id);
+    request.mutable_list_annotations()->set_page(page);
+    const auto reply = call(request);
+    if (!reply.ok()) return reply.error();
+    const auto& list = reply->annotations();
+    remarks.insert(remarks.end(), list.annotations().begin(), list.annotations().end());
+    page = list.next_page();
+  } while (!page.empty() && remarks.size() < kMostRemarks);
+  std::stable_sort(remarks.begin(), remarks.end(),
+                   [](const auto& a, const auto& b) { return a.tick() < b.tick(); });
+  return remarks;
+}
+
+Result<std::shared_ptr<const StoredGesture>> loadGesture(const LabCall& call, const std::string& session_id,
+                                                         const ScenePreparer& prepare,
+                                                         LoadProgress* progress) {
+  return Loader(call, session_id, progress).run(prepare);
+}
+
+std::shared_ptr<const StoredGesture> gestureOf(pb::SessionInfo info, std::vector<GestureSample> samples,
+                                               const ScenePreparer& prepare) {
+  auto gesture = beginGesture(std::move(info), prepare, samples.size());
+  gesture->samples = std::move(samples);
+  TraceMaker maker(*gesture);
+  for (const GestureSample& sample : gesture->samples) maker.feed(sample);
+  return gesture;
+}
+
+}  // namespace needlelab

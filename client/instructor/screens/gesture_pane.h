@@ -1,0 +1,57 @@
+/// What look-over, replay and comparison share: the 3-D scene with its cameras, and the stack of plots.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/view/plots.h"
+#include "client/view/scene_renderer.h"
+
+namespace needlelab {
+
+/// Where one looks from.
+enum class Look : std::uint8_t { kTrainee, kAbove, kSide, kFree };
+
+/// A 3-D scene with its own camera. Thread: the surface's.
+class ScenePane {
+ public:
+  /// Needs a surface. Errors: as SceneRenderer::make.
+  static Result<ScenePane> make();
+
+  void look(Look look);
+  [[nodiscard]] Look looking() const { return look_; }
+  /// Camera buttons, then the picture; `size_px`: of both. `aids`: what is drawn. `second`: another needle in
+  /// it.
+  void show(const char* id, const std::shared_ptr<const SceneView>& scene, const Moment& moment,
+            const AidSet& aids, ImVec2 size_px, const std::optional<Moment>& second = {},
+            std::vector<TipTrail> trails = {});
+
+ private:
+  explicit ScenePane(std::unique_ptr<SceneRenderer> renderer) : renderer_(std::move(renderer)) {}
+  void showLooks();
+  void aim();
+  std::unique_ptr<SceneRenderer> renderer_;
+  std::shared_ptr<const SceneView> scene_;
+  SceneFrame frame_;
+  Look look_ = Look::kTrainee;
+};
+
+/// Which plots stand under one another.
+enum class PlotSet : std::uint8_t {
+  kForces,      ///< forces by effect, depth with its layers, speed
+  kMotion,      ///< speed, lateral error, angles, depth
+  kWallAndTip,  ///< wall against tip per axis, as the paper's Fig. 8 and 9, and the force
+};
+/// Buttons for it; changes `set`.
+void choosePlots(PlotSet& set);
+/// [from_s, to_s] of a trace. `cursor_s`: a line there, with the values. `extra`: marks of the caller.
+PlotResult gesturePlots(const char* id, PlotSet set, const GestureTrace& trace, const SceneView* scene,
+                        double from_s, double to_s, std::optional<double> cursor_s, ImVec2 size_px,
+                        const std::vector<PlotMark>& extra = {});
+
+/// The tip's way in the last `seconds` before `until_s`, for the scene.
+TipTrail trailOf(const GestureTrace& trace, double until_s, double seconds, Rgb colour);
+
+}  // namespace needlelab

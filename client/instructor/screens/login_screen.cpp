@@ -1,0 +1,59 @@
+#include "client/instructor/screens/login_screen.h"
+
+#include <imgui/imgui_stdlib.h>
+
+#include <algorithm>
+
+#include "client/view/theme.h"
+
+namespace needlelab {
+namespace {
+
+bool field(const char* caption, const char* id, std::string& text, const char* hint,
+           ImGuiInputTextFlags flags = 0) {
+  {
+    WithTextColour dim(kDimText);
+    ImGui::TextUnformatted(caption);
+  }
+  ImGui::SetNextItemWidth(-1);
+  return ImGui::InputTextWithHint(id, hint, &text, flags | ImGuiInputTextFlags_EnterReturnsTrue);
+}
+
+void whatIsWrong(const Desk& desk) {
+  if (!desk.form_trouble.empty()) return conditionLine(Condition::kAttention, desk.form_trouble);
+  const LinkState& link = desk.link();
+  if (link.phase == LinkPhase::kConnecting) return conditionLine(Condition::kUnknown, "connecting …");
+  if (link.phase != LinkPhase::kAway && link.phase != LinkPhase::kRefused) return;
+  conditionLine(link.trouble.needs_person ? Condition::kTrouble : Condition::kAttention, link.trouble.what);
+  textBlock(link.trouble.todo);
+  WithFont small(Letters::kSmall);
+  WithTextColour dim(kDimText);
+  textBlock(link.trouble.detail);
+}
+
+}  // namespace
+
+void showLogin(Desk& desk) {
+  const ImVec2 room = ImGui::GetContentRegionAvail();
+  const float width = std::min(room.x, 56 * space());
+  ImGui::SetCursorPos({(room.x - width) * 0.5F, room.y * 0.07F});
+  beginPanel("login", "needlelab: instructor", width, room.y * 0.88F);
+  {
+    WithTextColour dim(kDimText);
+    textBlock("Watch the lab, speak to trainees, go through recordings.");
+  }
+  ImGui::Dummy({0, space()});
+  bool go = field("Server (host:port)", "##server", desk.form.server, "lab.example:7750");
+  go |= field("CA file: the server's tls/ca.crt", "##ca", desk.form.ca_file, "/path/to/ca.crt");
+  go |= field("Name", "##user", desk.form.user, "your name as an instructor");
+  go |= field("Password", "##password", desk.form.password, "", ImGuiInputTextFlags_Password);
+  ImGui::Dummy({0, space()});
+  const bool busy = desk.link().phase == LinkPhase::kConnecting;
+  go |= bigButton("Log in", true, 20 * space(), !busy);
+  if (go && !busy) desk.logIn();
+  ImGui::Dummy({0, 0.5F * space()});
+  whatIsWrong(desk);
+  endPanel();
+}
+
+}  // namespace needlelab

@@ -1,0 +1,331 @@
+#include "client/instructor/screens/script_runner.h"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "common/base/formatted.h"
+
+namespace needlelab {
+namespace {
+
+Error wrong(std::string words) {
+  return {ErrorCode::kFailed, std::move(words)};
+}
+
+double number(const ScriptAction& action, std::size_t i = 0) {
+  return *numberOf(action.words[i]);
+}
+
+constexpr std::array<std::pair<std::string_view, DeskScreen>, 3> kPlaces = {
+    {{"lab", DeskScreen::kLab}, {"sessions", DeskScreen::kSessions}, {"scores", DeskScreen::kScores}}};
+
+}  // namespace
+
+ScriptRunner::ScriptRunner(std::vector<ScriptAction> actions, std::string name,
+                           std::function<void(const std::string&)> print)
+    : actions_(std::move(actions)), name_(std::move(name)), print_(std::move(print)) {}
+
+void ScriptRunner::fail(const ScriptAction& action, const std::string& why) {
+  std::string line = action.verb;
+  for (const std::string& word : action.words) line += " \"" + word + "\"";
+  status_ = Error{ErrorCode::kFailed, name_ + ":" + std::to_string(action.line) + ": " + line + ": " + why};
+  over_ = true;
+}
+
+void ScriptRunner::afterFrame(InstructorWindow& window) {
+  const double cost_s = window.surface().frameCost_s();
+  ++frame_count_;
+  frame_cost_s_ += cost_s;
+  frame_most_s_ = std::max(frame_most_s_, cost_s);
+  if (over_) return;
+  if (next_ >= actions_.size()) {
+    over_ = true;
+    return;
+  }
+  const ScriptAction& action = actions_[next_];
+  const double now_s = window.desk().now_s();
+  const bool first = !std::exchange(begun_, true);
+  if (first) {
+    began_s_ = now_s;
+    frames_ = 0;
+  }
+  ++frames_;
+  const auto done = act(action, window, first);
+  if (!done.ok()) return fail(action, done.error().message);
+  if (*done) {
+    begun_ = false;
+    ++next_;
+    return;
+  }
+  if (now_s - began_s_ > patience_s_ && action.verb != "wait")
+    fail(action,
+         formatted("not so within %.0f s; the screen says: ", patience_s_) + window.text().substr(0, 600));
+}
+
+Result<bool> ScriptRunner::act(const ScriptAction& action, InstructorWindow& window, bool first) {
+  for (const auto part : {&ScriptRunner::actOnLink, &ScriptRunner::actOnLab, &ScriptRunner::actOnStation,
+                          &ScriptRunner::actOnBench, &ScriptRunner::actOnWindow}) {
+    const auto done = (this->*part)(action, window, first);
+    // kNotFound: this part does not know the verb
+    if (done.ok() || done.error().code != ErrorCode::kNotFound) return done;
+  }
+  return wrong("this window cannot do that");
+}
+
+Result<bool> ScriptRunner::actOnLink(const ScriptAction& action, InstructorWindow& window, bool first) {
+  Desk& desk = window.desk();
+  const std::string& verb = action.verb;
+  if (verb == "login") {
+    if (first && !desk.inside()) desk.logIn();
+    if (!desk.form_trouble.empty()) return wrong(desk.form_trouble);
+    if (desk.link().phase == LinkPhase::kRefused)
+      return wrong(desk.link().trouble.what + " " + desk.link().trouble.detail);
+    return desk.link().phase == LinkPhase::kOnline && desk.inside();
+  }
+  if (verb == "logout") {
+    desk.logOut();
+    return true;
+  }
+  if (verb == "wait") return desk.now_s() - began_s_ >= number(action);
+  if (verb == "timeout") {
+    patience_s_ = number(action);
+    return true;
+  }
+  return Error{ErrorCode::kNotFound, {}};
+}
+
+Result<bool> ScriptRunner::actOnLab(const ScriptAction& action, InstructorWindow& window, bool) {
+  Desk& desk = window.desk();
+  const std::string& verb = action.verb;
+  for (const auto& [name, screen] : kPlaces) {
+    if (verb != name) continue;
+    desk.screen = screen;
+    return true;
+  }
+  if (verb == "wait-station") {
+    const StationTile* const tile = desk.overview.find(action.words[0]);
+    if (tile == nullptr) return false;
+    const std::string state = action.words.size() > 1 ? action.words[1] : "online";
+    if (state == "online") return tile->online && !tile->stale;
+    if (state == "offline") return !tile->online;
+    if (state == "lesson") return tile->online && !tile->session_id.empty();
+    if (state == "help") return needsHelp(tile->need);
+    return wrong("a station is online, offline, in a lesson, or needs help; not '" + state + "'");
+  }
+  if (verb == "filter") {
+    const std::string& what = action.words[0];
+    desk.filter = {};
+    if (what == "help")
+      desk.filter.only_help = true;
+    else if (what == "online")
+      desk.filter.only_online = true;
+    else if (what != "all")
+      desk.filter.text = what;
+    desk.screen = DeskScreen::kLab;
+    return true;
+  }
+  if (verb == "open-first") {
+    const auto tiles = desk.overview.tiles(desk.order, desk.filter);
+    if (tiles.empty()) return false;
+    desk.open(tiles.front()->station);
+    return true;
+  }
+  if (verb == "open") {
+    if (desk.live() == nullptr || desk.live()->station() != action.words[1] ||
+        desk.screen != DeskScreen::kLive) {
+      if (desk.overview.find(action.words[1]) == nullptr) return false;
+      desk.open(action.words[1]);
+    }
+    return true;
+  }
+  return Error{ErrorCode::kNotFound, {}};
+}
+
+Result<bool> ScriptRunner::answered(Desk& desk) const {
+  if (desk.talk.waiting() > 0) return false;
+  if (!desk.notices.all().empty() && desk.notices.all().back().condition == Condition::kTrouble)
+    return wrong(desk.notices.all().back().text);
+  return true;
+}
+
+Result<bool> ScriptRunner::actOnStation(const ScriptAction& action, InstructorWindow& window, bool first) {
+  Desk& desk = window.desk();
+  const std::string& verb = action.verb;
+  const bool in_replay = desk.screen == DeskScreen::kReplay;
+  LiveStation* const live = desk.live();
+  if (verb == "annotate") {
+    if (first) desk.annotate(action.words[0]);
+    return answered(desk);
+  }
+  if (verb == "pause" || verb == "resume") {
+    if (in_replay) {
+      verb == "pause" ? desk.bench.player.pause() : desk.bench.player.play();
+      return true;
+    }
+    if (live == nullptr) return wrong("no station is looked over: open one first");
+    if (live->trace().empty()) return false;
+    verb == "pause" ? live->pause() : live->resume();
+    return true;
+  }
+  constexpr std::array<std::string_view, 5> kVerbs = {"scroll-back", "message", "next-exercise", "aids",
+                                                      "stop-lesson"};
+  if (std::find(kVerbs.begin(), kVerbs.end(), verb) == kVerbs.end()) return Error{ErrorCode::kNotFound, {}};
+  if (live == nullptr) return wrong("no station is looked over: open one first");
+  if (verb == "scroll-back") {
+    if (live->trace().lastTime_s() - live->trace().firstTime_s() < number(action)) return false;
+    live->scrollTo(live->trace().lastTime_s() - number(action));
+    return true;
+  }
+  if (first && verb == "message") desk.talk.message(live->station(), action.words[0]);
+  if (first && verb == "next-exercise") desk.talk.nextExercise(live->station(), action.words[0]);
+  if (first && verb == "stop-lesson")
+    desk.talk.stopLesson(live->station(), live->sessionId(), action.words.empty() ? "" : action.words[0]);
+  if (first && verb == "aids") {
+    if (action.words[0] == "reset") {
+      desk.resetAids();
+    } else {
+      const auto aids = parseAids(action.words[0]);
+      if (!aids.ok()) return aids.error();
+      desk.setAids(*aids);
+    }
+  }
+  return answered(desk);
+}
+
+Result<bool> ScriptRunner::worked(Desk& desk) const {
+  if (desk.bench.busy()) return false;
+  if (!desk.bench.trouble().empty()) return wrong(desk.bench.trouble());
+  return true;
+}
+
+Result<bool> ScriptRunner::actOnBench(const ScriptAction& action, InstructorWindow& window, bool first) {
+  Desk& desk = window.desk();
+  const std::string& verb = action.verb;
+  if (verb == "search") {
+    if (first) {
+      desk.screen = DeskScreen::kSessions;
+      window.sessions_screen.query = {};
+      window.sessions_screen.query.search = action.words[0];
+      desk.sessions.search(window.sessions_screen.query);
+    }
+    if (!desk.sessions.trouble().empty()) return wrong(desk.sessions.trouble());
+    return !desk.sessions.waiting();
+  }
+  if (verb == "replay") {
+    if (first) {
+      desk.bench.loadFirst(action.words.back());
+      desk.screen = DeskScreen::kReplay;
+    }
+    return worked(desk);
+  }
+  if (verb == "compare") {
+    if (first) {
+      const std::string how = action.words.size() > 2 ? action.words[2] : "depth";
+      desk.bench.loadBoth(action.words[0], action.words[1],
+                          how == "dtw"    ? Alignment::kDtw
+                          : how == "time" ? Alignment::kTime
+                                          : Alignment::kDepth);
+      desk.screen = DeskScreen::kCompare;
+    }
+    return worked(desk);
+  }
+  if (verb == "rerun") {
+    if (first) {
+      window.rerun_screen.profile = action.words[0];
+      window.rerun_screen.model = action.words.size() > 1 ? action.words[1] : "";
+      desk.bench.rerun(window.rerun_screen.profile, window.rerun_screen.model);
+      desk.screen = DeskScreen::kRerun;
+    }
+    return worked(desk);
+  }
+  if (verb == "export") {
+    if (first) desk.bench.exportTo(action.words[0]);
+    return worked(desk);
+  }
+  ReplayPlayer& player = desk.bench.player;
+  if (verb == "play")
+    player.play();
+  else if (verb == "seek")
+    player.seek(player.first_s() + number(action));
+  else if (verb == "step")
+    player.step(static_cast<int>(std::clamp(number(action), -1e6, 1e6)));
+  else if (verb == "speed")
+    player.setSpeed(number(action));
+  else if (verb == "loop" && action.words[0] == "off")
+    player.setLoop({});
+  else if (verb == "loop")
+    player.setLoop(ReplayLoop{player.first_s() + number(action), player.first_s() + number(action, 1)});
+  else
+    return Error{ErrorCode::kNotFound, {}};
+  if (!desk.bench.first()) return wrong("no session is loaded: replay one first");
+  return true;
+}
+
+Result<bool> ScriptRunner::actOnWindow(const ScriptAction& action, InstructorWindow& window, bool first) {
+  const std::string& verb = action.verb;
+  const auto stands = [&] { return window.text().find(flatText(action.words[0])) != std::string::npos; };
+  if (verb == "wait-text") return stands();
+  if (verb == "wait-gone") return !stands();
+  if (verb == "expect") {
+    // what the action before it did is on the screen a frame later
+    if (frames_ < 3) return false;
+    if (stands()) return true;
+    return wrong("does not stand there; the screen says: " + window.text().substr(0, 1500));
+  }
+  if (verb == "screenshot") {
+    if (frames_ < 3) return false;
+    if (auto saved = savePng(window.surface().picture(), action.words[0]); !saved.ok()) return saved.error();
+    return true;
+  }
+  if (verb == "camera") {
+    const std::string& where = action.words[0];
+    const Look look = where == "above"  ? Look::kAbove
+                      : where == "side" ? Look::kSide
+                      : where == "free" ? Look::kFree
+                                        : Look::kTrainee;
+    window.live_screen.pane().look(look);
+    window.replay_screen.pane().look(look);
+    return true;
+  }
+  if (verb == "help") {
+    window.show_help = !window.show_help;
+    return true;
+  }
+  if (verb == "font-scale") {
+    window.surface().setFontScale(number(action));
+    return true;
+  }
+  if (verb == "latency") {
+    LiveStation* const live = window.desk().live();
+    if (live == nullptr) return wrong("no station is looked over: open one first");
+    const LatencyMeter& meter = live->latency();
+    if (meter.count() == 0) return false;
+    const double p99_ms = meter.quantile_ms(0.99);
+    print_(formatted("capture to screen: p50 %.1f ms  p99 %.1f ms  of %zu live frames; %llu dropped",
+                     meter.quantile_ms(0.5), p99_ms, meter.count(),
+                     static_cast<unsigned long long>(live->stats().dropped())));
+    if (!action.words.empty() && p99_ms > number(action)) return wrong(formatted("p99 is %.1f ms", p99_ms));
+    return true;
+  }
+  if (verb == "frames") {
+    print_(formatted("frames: %zu, %.1f ms each on average, %.1f ms at most", frame_count_,
+                     1e3 * frame_cost_s_ / static_cast<double>(std::max<std::size_t>(1, frame_count_)),
+                     1e3 * frame_most_s_));
+    frame_count_ = 0;
+    frame_cost_s_ = frame_most_s_ = 0;
+    return true;
+  }
+  if (verb == "print") {
+    print_(action.words[0]);
+    return true;
+  }
+  if (verb == "quit") {
+    (void)first;
+    over_ = true;
+    return true;
+  }
+  return Error{ErrorCode::kNotFound, {}};
+}
+
+}  // namespace needlelab

@@ -1,0 +1,52 @@
+/// Does what a script says, an action after the other, while frames go by.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/instructor/model/script.h"
+#include "client/instructor/screens/instructor_window.h"
+
+namespace needlelab {
+
+/// Thread: the surface's.
+class ScriptRunner {
+ public:
+  /// `name`: of the file, for messages. `print`: where print, latency and frames write.
+  ScriptRunner(std::vector<ScriptAction> actions, std::string name,
+               std::function<void(const std::string&)> print);
+
+  /// After a frame. Actions that need nothing to happen first are done one a frame.
+  void afterFrame(InstructorWindow& window);
+  /// All was done, `quit` came, or something failed.
+  [[nodiscard]] bool over() const { return over_; }
+  /// "tour:7: expect \"…\": …" when it failed.
+  [[nodiscard]] const Status& status() const { return status_; }
+
+ private:
+  /// Whether the action is done; an error in words ends the script.
+  Result<bool> act(const ScriptAction& action, InstructorWindow& window, bool first);
+  Result<bool> actOnLink(const ScriptAction& action, InstructorWindow& window, bool first);
+  Result<bool> actOnLab(const ScriptAction& action, InstructorWindow& window, bool first);
+  Result<bool> actOnStation(const ScriptAction& action, InstructorWindow& window, bool first);
+  Result<bool> actOnBench(const ScriptAction& action, InstructorWindow& window, bool first);
+  Result<bool> actOnWindow(const ScriptAction& action, InstructorWindow& window, bool first);
+  Result<bool> answered(Desk& desk) const;
+  Result<bool> worked(Desk& desk) const;
+  void fail(const ScriptAction& action, const std::string& why);
+
+  std::vector<ScriptAction> actions_;
+  std::string name_;
+  std::function<void(const std::string&)> print_;
+  std::size_t next_ = 0;
+  bool begun_ = false, over_ = false;
+  double began_s_ = 0, patience_s_ = 30;
+  std::size_t frames_ = 0;  // since the action began
+  std::size_t frame_count_ = 0;
+  double frame_cost_s_ = 0, frame_most_s_ = 0;
+  Status status_;
+};
+
+}  // namespace needlelab

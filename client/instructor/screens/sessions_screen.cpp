@@ -1,0 +1,172 @@
+#include "client/instructor/screens/sessions_screen.h"
+
+#include <imgui/imgui_stdlib.h>
+
+#include <array>
+#include <cmath>
+#include <ctime>
+#include <utility>
+
+#include "client/instructor/screens/desk_frame.h"
+#include "client/view/theme.h"
+#include "common/base/formatted.h"
+#include "common/base/text_rules.h"
+
+namespace needlelab {
+namespace {
+
+std::string whenText(std::int64_t unix_ns) {
+  const std::time_t seconds = static_cast<std::time_t>(unix_ns / 1'000'000'000);
+  std::tm utc{};
+  char text[32] = "";
+  if (::gmtime_r(&seconds, &utc) != nullptr) std::strftime(text, sizeof text, "%Y-%m-%d %H:%M", &utc);
+  return text;
+}
+
+std::pair<Condition, const char*> verdictOf(const pb::SessionInfo& row) {
+  if (row.state() == pb::SESSION_OPEN) return {Condition::kUnknown, "going on"};
+  if (!row.has_passed()) return {Condition::kUnknown, "no verdict"};
+  return row.passed() ? std::pair{Condition::kGood, "passed"} : std::pair{Condition::kTrouble, "not passed"};
+}
+
+std::string figureText(const pb::SessionInfo& row, const char* measure, double scale, const char* unit) {
+  const double value = figureOf(row, measure);
+  return std::isfinite(value) ? formatted("%.3g %s", scale * value, unit) : std::string("–");
+}
+
+}  // namespace
+
+void SessionsScreen::showFilter(Desk& desk) {
+  const auto field = [](const char* id, const char* hint, std::string& text, float width) {
+    ImGui::SetNextItemWidth(width);
+    const bool go = ImGui::InputTextWithHint(id, hint, &text, ImGuiInputTextFlags_EnterReturnsTrue);
+    ImGui::SameLine();
+    return go;
+  };
+  bool go = field("##who", "trainee", query.search, 24 * space());
+  ImGui::SetNextItemWidth(28 * space());
+  std::string exercise = "any exercise";
+  for (const ExerciseChoice& choice : desk.exercises())
+    if (choice.id == query.exercise_id) exercise = choice.name;
+  if (ImGui::BeginCombo("##exercise", exercise.c_str())) {
+    if (ImGui::Selectable("any exercise", query.exercise_id.empty())) query.exercise_id.clear(), go = true;
+    for (const ExerciseChoice& choice : desk.exercises())
+      if (ImGui::Selectable((choice.name + "##" + choice.id).c_str(), choice.id == query.exercise_id))
+        query.exercise_id = choice.id, go = true;
+    ImGui::EndCombo();
+  }
+  ImGui::SameLine();
+  go |= field("##from", "from 2026-11-01", query.from, 17 * space());
+  go |= field("##to", "to 2026-11-21", query.to, 17 * space());
+  constexpr std::array<std::pair<pb::ListSessions::Verdict, const char*>, 4> kVerdicts = {
+      {{pb::ListSessions::ANY, "any score"},
+       {pb::ListSessions::PASSED, "passed"},
+       {pb::ListSessions::FAILED, "not passed"},
+       {pb::ListSessions::NONE, "no verdict"}}};
+  ImGui::SetNextItemWidth(16 * space());
+  const char* word = "any score";
+  for (const auto& [verdict, name] : kVerdicts)
+    if (verdict == query.verdict) word = name;
+  if (ImGui::BeginCombo("##verdict", word)) {
+    for (const auto& [verdict, name] : kVerdicts)
+      if (ImGui::Selectable(name, verdict == query.verdict)) query.verdict = verdict, go = true;
+    ImGui::EndCombo();
+  }
+  ImGui::SameLine();
+  go |= ImGui::Button("Search");
+  if (go) desk.sessions.search(query);
+  if (!desk.sessions.trouble().empty()) conditionLine(Condition::kAttention, desk.sessions.trouble());
+}
+
+void SessionsScreen::showTable(Desk& desk) {
+  constexpr ImGuiTableFlags kFlags = ImGuiTableFlags_RowBg | ImGuiTableFlags_ScrollY |
+                                     ImGuiTableFlags_Sortable | ImGuiTableFlags_BordersInnerH |
+                                     ImGuiTableFlags_SizingStretchProp;
+  if (!ImGui::BeginTable("sessions", 8, kFlags)) return;
+  ImGui::TableSetupScrollFreeze(0, 1);
+  constexpr ImGuiTableColumnFlags kNoSort = ImGuiTableColumnFlags_NoSort;
+  ImGui::TableSetupColumn(
+      "when (UTC)", ImGuiTableColumnFlags_DefaultSort | ImGuiTableColumnFlags_PreferSortDescending, 1.2F);
+  ImGui::TableSetupColumn("trainee", 0, 1);
+  ImGui::TableSetupColumn("exercise", 0, 1.5F);
+  ImGui::TableSetupColumn("station", kNoSort, 0.8F);
+  ImGui::TableSetupColumn("verdict", 0, 1);
+  ImGui::TableSetupColumn("peak force", ImGuiTableColumnFlags_PreferSortDescending, 0.8F);
+  ImGui::TableSetupColumn("time", kNoSort, 0.6F);
+  ImGui::TableSetupColumn("", kNoSort, 1.6F);
+  ImGui::TableHeadersRow();
+  if (ImGuiTableSortSpecs* specs = ImGui::TableGetSortSpecs(); specs != nullptr && specs->SpecsDirty) {
+    constexpr std::array kOrders = {SessionOrder::kNewest, SessionOrder::kTrainee, SessionOrder::kExercise,
+                                    SessionOrder::kNewest, SessionOrder::kVerdict, SessionOrder::kPeakForce};
+    const int column = specs->SpecsCount > 0 ? specs->Specs[0].ColumnIndex : 0;
+    if (column >= 0 && column < 6) desk.sessions.order(kOrders[static_cast<std::size_t>(column)]);
+    specs->SpecsDirty = false;
+  }
+  ImGuiListClipper clipper;
+  const auto& rows = desk.sessions.rows();
+  clipper.Begin(static_cast<int>(rows.size()));
+  while (clipper.Step()) {
+    for (int i = clipper.DisplayStart; i < clipper.DisplayEnd; ++i) {
+      const pb::SessionInfo& row = rows[static_cast<std::size_t>(i)];
+      const auto& d = row.description();
+      ImGui::PushID(i);
+      ImGui::TableNextRow();
+      const auto cell = [](const std::string& text) {
+        ImGui::TableNextColumn();
+        textLine(printable(text));
+      };
+      cell(whenText(d.started_unix_ns()));
+      cell(d.trainee());
+      cell(d.exercise_id());
+      cell(d.station());
+      ImGui::TableNextColumn();
+      const auto [condition, word] = verdictOf(row);
+      conditionLine(condition, word);
+      cell(figureText(row, "peak_force_n", 1, "N"));
+      cell(figureText(row, "elapsed_s", 1, "s"));
+      ImGui::TableNextColumn();
+      if (ImGui::SmallButton("Replay")) {
+        desk.bench.loadFirst(d.session_id());
+        desk.screen = DeskScreen::kReplay;
+      }
+      ImGui::SameLine();
+      if (ImGui::SmallButton("Scores")) {
+        desk.bench.loadFirst(d.session_id());
+        desk.screen = DeskScreen::kScores;
+      }
+      if (desk.bench.first()) {
+        ImGui::SameLine();
+        if (ImGui::SmallButton("beside")) {
+          desk.bench.loadSecond(d.session_id());
+          desk.screen = DeskScreen::kCompare;
+        }
+      }
+      ImGui::PopID();
+    }
+  }
+  ImGui::EndTable();
+}
+
+void SessionsScreen::show(Desk& desk) {
+  if (!desk.sessions.asked()) desk.sessions.search(query);
+  showFilter(desk);
+  const std::size_t n = desk.sessions.rows().size();
+  WithTextColour dim(kDimText);
+  ImGui::TextUnformatted(desk.sessions.waiting() ? "looking …" : formatted("%zu sessions", n).c_str());
+  if (desk.sessions.hasMore()) {
+    ImGui::SameLine();
+    if (ImGui::SmallButton("More")) desk.sessions.more();
+  }
+  WithTextColour text(kText);
+  if (n == 0 && !desk.sessions.waiting()) {
+    if (showEmpty("No session matches", "Widen the search: fewer letters, another time, any score.",
+                  query == SessionQuery{} ? nullptr : "Search all")) {
+      query = {};
+      desk.sessions.search(query);
+    }
+    return;
+  }
+  showTable(desk);
+}
+
+}  // namespace needlelab

@@ -1,0 +1,38 @@
+/// The instructor in a terminal: live lines of a station or session, an overview of all stations, or a
+/// replay.
+#pragma once
+
+#include <functional>
+#include <ostream>
+
+#include "client/instructor/terminal/options.h"
+#include "client/instructor/terminal/server_link.h"
+#include "common/base/result.h"
+
+namespace needlelab {
+
+/// What the three of them share.
+struct HeadlessRun {
+  const InstructorOptions& options;
+  ServerLink& link;
+  std::ostream& out;
+  std::function<bool()> stop;         ///< Ctrl-C
+  ServerLink::Clock::time_point end;  ///< --seconds
+
+  [[nodiscard]] bool over() const { return stop() || ServerLink::Clock::now() >= end; }
+  void line(const std::string& text) const;
+  void note(const std::string& text) const;
+  /// Reconnects; says so before and after.
+  Status recover(const Error& why) const;
+};
+
+/// Lines until --seconds or Ctrl-C, then the summary. The link must be connected.
+/// Errors: kNotFound (no such session), kCorrupt (a stored chunk), kDenied, kUnavailable (lost, and the time
+/// is over).
+Status runHeadless(const HeadlessRun& run);
+
+Status watchLive(const HeadlessRun& run);      // watch.cpp
+Status overview(const HeadlessRun& run);       // overview.cpp
+Status replaySession(const HeadlessRun& run);  // replay.cpp
+
+}  // namespace needlelab

@@ -1,0 +1,187 @@
+// A stored session again, at the speed of its own clock, with what was written beside it.
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <thread>
+#include <vector>
+
+#include "client/instructor/terminal/headless.h"
+#include "client/instructor/terminal/plunger_watch.h"
+#include "client/instructor/terminal/update.h"
+#include "common/gesture/chunk.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kDefaultRateHz = 10;
+constexpr std::uint32_t kChunksAtOnce = 16;
+
+class Replay {
+ public:
+  explicit Replay(const HeadlessRun& run) : run_(run) {}
+
+  Status run() {
+    if (auto status = readHead(); !status.ok()) return status;
+    const auto first = seek();
+    if (!first.ok()) return first.error();
+    std::uint64_t next = *first;
+    bool end = info_.chunks() == 0;
+    while (!end && !run_.over()) {
+      auto chunks = readChunks(next);
+      if (!chunks.ok()) return chunks.error();
+      for (const auto& damaged : chunks->damaged()) run_.note("damaged, left out: " + damaged.text());
+      const std::uint64_t behind =
+          std::max(chunks->next_seq(), next + static_cast<std::uint64_t>(chunks->chunks_size()));
+      end = chunks->end() || behind == next;
+      next = behind;
+      for (const pb::Chunk& chunk : chunks->chunks()) {
+        const auto samples = decodeChunk(viewOf(chunk.data()));
+        if (!samples.ok()) {
+          return Error{samples.error().code,
+                       "chunk " + std::to_string(chunk.seq()) + ": " + samples.error().message};
+        }
+        if (!show(*samples)) break;
+      }
+    }
+    summary();
+    return {};
+  }
+
+ private:
+  /// The description and the annotations.
+  Status readHead() {
+    pb::Request request;
+    request.mutable_get_session()->set_session_id(sessionBytes(run_.options));
+    auto reply = run_.link.client().call(request);
+    if (!reply.ok()) return reply.error();
+    info_ = reply->session();
+    const auto& d = info_.description();
+    run_.note("session " + run_.options.session + " of " + d.trainee() + " at " + d.station() +
+              ", exercise " + d.exercise_id() + ", profile " + d.profile_id() + ", " +
+              std::to_string(info_.samples()) + " samples, " + pb::SessionState_Name(info_.state()));
+    if (info_.has_removed_original()) run_.note("retention: " + info_.removed_original().reason());
+    pb::Request list;
+    list.mutable_list_annotations()->set_session_id(sessionBytes(run_.options));
+    auto annotations = run_.link.client().call(list);
+    if (!annotations.ok()) return annotations.error();
+    annotations_.assign(annotations->annotations().annotations().begin(),
+                        annotations->annotations().annotations().end());
+    std::stable_sort(annotations_.begin(), annotations_.end(),
+                     [](const auto& a, const auto& b) { return a.tick() < b.tick(); });
+    return {};
+  }
+
+  /// The chunk to begin with.
+  Result<std::uint64_t> seek() {
+    const double from_s = run_.options.from_s.value_or(0);
+    if (from_s <= 0 || info_.chunks() == 0) return std::uint64_t{0};
+    pb::Request request;
+    request.mutable_seek_session()->set_session_id(sessionBytes(run_.options));
+    request.mutable_seek_session()->set_seconds(from_s);
+    const auto reply = run_.link.client().call(request);
+    if (!reply.ok()) return reply.error();
+    first_ns_ = reply->sought().recording_first_time_ns();
+    known_first_ = true;
+    next_line_s_ = from_s;
+    return reply->sought().seq();
+  }
+
+  Result<pb::Chunks> readChunks(std::uint64_t from) {
+    pb::Request request;
+    request.mutable_read_chunks()->set_skip_damaged(true);
+    request.mutable_read_chunks()->set_hash(info_.hash());
+    request.mutable_read_chunks()->set_session_id(sessionBytes(run_.options));
+    request.mutable_read_chunks()->set_from_seq(from);
+    request.mutable_read_chunks()->set_max_chunks(kChunksAtOnce);
+    for (;;) {
+      auto reply = run_.link.client().call(request);
+      if (reply.ok()) return std::move(*reply->mutable_chunks());
+      if (reply.error().code != ErrorCode::kUnavailable) return reply.error();
+      if (const auto back = run_.recover(reply.error()); !back.ok()) return back.error();
+    }
+  }
+
+  /// False: the time is over.
+  bool show(const std::vector<GestureSample>& samples) {
+    const double rate_hz = run_.options.rate_hz.value_or(kDefaultRateHz);
+    const double from_s = run_.options.from_s.value_or(0);
+    for (const GestureSample& sample : samples) {
+      if (!known_first_) first_ns_ = sample.time_ns;
+      known_first_ = true;
+      plunger_.add(sample);
+      const double time_s = 1e-9 * static_cast<double>(sample.time_ns - first_ns_);
+      if (time_s < from_s) {
+        // remarks on what is not shown are not, either
+        while (noted_ < annotations_.size() && annotations_[noted_].tick() <= sample.tick) ++noted_;
+        continue;
+      }
+      ++samples_;
+      for (; noted_ < annotations_.size() && annotations_[noted_].tick() <= sample.tick; ++noted_) {
+        run_.note(annotations_[noted_].author() + ": " + annotations_[noted_].text());
+      }
+      if (rate_hz > 0 && time_s < next_line_s_) continue;
+      if (rate_hz > 0)
+        next_line_s_ += 1 / rate_hz * std::max(1.0, 1 + std::floor((time_s - next_line_s_) * rate_hz));
+      if (!waitUntil(time_s)) return false;
+      Update update = updateOf(sample);
+      update.syringe = plunger_.action();
+      update.time_s = time_s;
+      update.station = info_.description().station();
+      update.trainee = info_.description().trainee();
+      update.session = run_.options.session;
+      run_.line(run_.options.json ? jsonLine(update) : textLine(update));
+      ++lines_;
+    }
+    return !run_.over();
+  }
+
+  bool waitUntil(double time_s) {
+    if (run_.options.speed <= 0) return !run_.over();
+    using Clock = ServerLink::Clock;
+    const auto due = started_ + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
+                                    (time_s - run_.options.from_s.value_or(0)) / run_.options.speed));
+    while (Clock::now() < due) {
+      if (run_.over()) return false;
+      // waiting here keeps the connection alive; a loss shows at the next chunk
+      const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(due - Clock::now());
+      const auto nap = std::clamp(left, std::chrono::milliseconds(1), std::chrono::milliseconds(100));
+      if (run_.link.client().connected()) {
+        (void)run_.link.client().receive(nap).ok();
+      } else {
+        std::this_thread::sleep_for(nap);
+      }
+    }
+    return true;
+  }
+
+  void summary() const {
+    if (run_.options.json) {
+      nlohmann::ordered_json json = {{"type", "summary"}, {"samples", samples_}, {"updates", lines_}};
+      const auto score = nlohmann::ordered_json::parse(info_.score_json(), nullptr, false);
+      if (!score.is_discarded()) json["score"] = score;
+      run_.line(json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+      return;
+    }
+    run_.line("samples " + std::to_string(samples_) + " of " + std::to_string(info_.samples()) + "  lines " +
+              std::to_string(lines_));
+  }
+
+  const HeadlessRun& run_;
+  pb::SessionInfo info_;
+  std::vector<pb::Annotation> annotations_;
+  std::size_t noted_ = 0;
+  PlungerWatch plunger_;
+  std::uint64_t samples_ = 0, lines_ = 0;
+  std::int64_t first_ns_ = 0;
+  bool known_first_ = false;
+  double next_line_s_ = 0;
+  const ServerLink::Clock::time_point started_ = ServerLink::Clock::now();
+};
+
+}  // namespace
+
+Status replaySession(const HeadlessRun& run) {
+  return Replay(run).run();
+}
+
+}  // namespace needlelab

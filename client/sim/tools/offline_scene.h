@@ -1,0 +1,40 @@
+/// A profile and a recorded trajectory, ready for the engine: what `run` and `score` start from.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "client/device/recording_device.h"
+#include "common/base/result.h"
+#include "common/haptics/engine.h"
+#include "needlelab/profile.pb.h"
+
+namespace needlelab {
+
+/// As on the command line.
+struct OfflineOptions {
+  std::filesystem::path profile, trajectory;
+  double rate_hz = 1000;
+  std::string model;      ///< instead of the profile's `axial_model`; empty = the profile's
+  std::string placement;  ///< the limb in W, see parsePoseOption; empty = at W's origin
+  std::string tool;       ///< the tip in the handle's frame; empty = the rows are the tip itself
+};
+
+struct OfflineScene {
+  pb::Profile profile;
+  Pose X_WL, X_HT;
+  double rate_hz = 0;
+  SceneModel model;
+  PoseTrack track;  ///< as recorded: of the handle where there is a tool
+  /// The tip at row `i`.
+  [[nodiscard]] TipSample tip(std::size_t i) const;
+};
+
+/// Errors: kInvalidInput naming file, field, value and range.
+Result<OfflineScene> loadOffline(const OfflineOptions& options);
+
+/// The names of the axial models that there are, e.g. "ENHANCED_TRACKING_WALL".
+std::vector<std::string> axialModelNames();
+
+}  // namespace needlelab

@@ -1,0 +1,45 @@
+#include "client/sim/tools/run_output.h"
+
+#include "common/base/csv.h"
+#include "common/haptics/scene_model.h"
+
+namespace needlelab {
+
+std::string_view runHeader() {
+  return "t_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,wx_m,wy_m,wz_m,phase,layer,depth_m,insertion_m,alpha_rad,"
+         "lateral_error_m,cutting_n,attracted_n,friction_n,puncture_n,clamping_n\n";
+}
+
+void appendRunRow(std::string& out, double t_s, const StepReport& report, double needle_length_m) {
+  const auto number = [&out](double value) {
+    appendNumber(out, value);
+    out += ',';
+  };
+  const auto vector = [&number](Vec3 v) { number(v.x), number(v.y), number(v.z); };
+  number(t_s);
+  vector(report.wrench_W.force_N);
+  vector(report.wrench_W.torque_Nm);
+  vector(report.p_wall_W_m);
+  out += phaseName(report.phase);
+  out += ',';
+  out += std::to_string(report.layer);
+  out += ',';
+  number(report.depth_m);
+  number(report.insertion_m);
+  number(orientationLimitAngle(needle_length_m, report.insertion_m));
+  number(report.lateral_error_m);
+  number(report.cutting_N);
+  number(report.attracted_N);
+  number(report.friction_N);
+  number(report.puncture_N);
+  appendNumber(out, report.clamping_N);
+  out += '\n';
+}
+
+std::uint64_t fnv1a(std::string_view text) {
+  std::uint64_t hash = 14695981039346656037u;
+  for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211u;
+  return hash;
+}
+
+}  // namespace needlelab

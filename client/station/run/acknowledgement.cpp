@@ -1,0 +1,36 @@
+#include "client/station/run/acknowledgement.h"
+
+#include <poll.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+
+namespace needlelab {
+
+bool EnterKey::isTerminal() const {
+  return ::isatty(descriptor_) == 1;
+}
+
+bool EnterKey::pressed() {
+  bool pressed = false;
+  // a bounded number of reads: somebody may pour a file into it
+  for (int reads = 0; !closed_ && reads < 16; ++reads) {
+    if (isTerminal() && ::tcgetpgrp(descriptor_) != ::getpgrp()) break;
+    pollfd ready{descriptor_, POLLIN, 0};
+    if (::poll(&ready, 1, 0) <= 0 || (ready.revents & (POLLIN | POLLHUP)) == 0) {
+      closed_ = closed_ || (ready.revents & (POLLNVAL | POLLERR)) != 0;
+      break;
+    }
+    std::array<char, 256> text;
+    const ssize_t count = ::read(descriptor_, text.data(), text.size());
+    if (count <= 0) {
+      closed_ = true;
+      break;
+    }
+    pressed = pressed || std::find(text.data(), text.data() + count, '\n') != text.data() + count;
+  }
+  return pressed;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,71 @@
+/// What others ask of the lesson that runs: the window, an instructor. Asked by any thread, answered by the
+/// lesson's.
+#pragma once
+
+#include <mutex>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "common/profile/aid_list.h"
+
+namespace needlelab {
+
+/// Why a lesson was stopped by a person.
+struct StopCause {
+  std::string by;      ///< an instructor's name; empty: the trainee, at the window
+  std::string reason;  ///< as written; may be empty
+};
+
+/// Aids that an instructor chose for the lesson that runs.
+struct ChosenAids {
+  std::string by;
+  AidList aids;
+  bool reset = false;  ///< the exercise's own again, whatever stands in `aids`
+};
+
+/// Each request is taken once. Thread: any but the haptic one.
+class LessonRequests {
+ public:
+  void stop(StopCause cause) {
+    const std::scoped_lock lock(mutex_);
+    if (!stop_) stop_ = std::move(cause);  // who came first stopped it
+  }
+  /// A person has seen the fault that stands.
+  void acknowledge() {
+    const std::scoped_lock lock(mutex_);
+    acknowledged_ = true;
+  }
+  void setAids(ChosenAids chosen) {
+    const std::scoped_lock lock(mutex_);
+    aids_ = std::move(chosen);
+  }
+
+  std::optional<StopCause> takeStop() {
+    const std::scoped_lock lock(mutex_);
+    return std::exchange(stop_, std::nullopt);
+  }
+  bool takeAcknowledgement() {
+    const std::scoped_lock lock(mutex_);
+    return std::exchange(acknowledged_, false);
+  }
+  std::optional<ChosenAids> takeAids() {
+    const std::scoped_lock lock(mutex_);
+    return std::exchange(aids_, std::nullopt);
+  }
+  /// What was asked of an earlier lesson does not count for the next.
+  void clear() {
+    const std::scoped_lock lock(mutex_);
+    stop_.reset();
+    aids_.reset();
+    acknowledged_ = false;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::optional<StopCause> stop_;
+  std::optional<ChosenAids> aids_;
+  bool acknowledged_ = false;
+};
+
+}  // namespace needlelab

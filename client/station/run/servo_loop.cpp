@@ -1,0 +1,137 @@
+#include "client/station/run/servo_loop.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "client/station/run/ticks_in.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kClosing_s = 0.02;     // the force fades out within this time before an end
+constexpr double kAfterFault_s = 0.05;  // long enough for the gate's ramp to zero to be rendered and recorded
+constexpr std::int64_t kLead_ns = 2'000'000;  // between the call of run and the first tick
+
+}  // namespace
+
+ServoLoop::ServoLoop(const SceneModel& model, Device& device, LoopClock& clock, SampleRing& ring,
+                     const ServoSettings& settings)
+    : device_(device),
+      clock_(clock),
+      ring_(ring),
+      settings_(settings),
+      period_ns_(1e9 / settings.rate_hz),
+      closing_ticks_(ticksIn(kClosing_s, settings.rate_hz)),
+      after_fault_ticks_(ticksIn(kAfterFault_s, settings.rate_hz)),
+      chain_(model, device.info(), settings.X_HT, settings.plunger),
+      storm_(settings.rate_hz) {}
+
+std::int64_t ServoLoop::dueNs(std::uint64_t tick) const noexcept {
+  return start_ns_ + std::llround(static_cast<double>(tick) * period_ns_);
+}
+
+void ServoLoop::run() noexcept {
+  start_ns_ = clock_.nowNs() + kLead_ns;
+  std::uint64_t number = 0;
+  for (;;) {
+    TickTimes times;
+    times.due_ns = dueNs(number);
+    clock_.sleepUntilNs(times.due_ns);
+    times.began_ns = clock_.nowNs();
+    times.late_ns = times.began_ns - times.due_ns;
+    times.missed = miss(times.late_ns);
+    if (times.missed > 0) {
+      number += times.missed;
+      times.due_ns = dueNs(number);
+    }
+    if (settings_.max_ticks > 0 && number >= settings_.max_ticks) {
+      stats_.ticks = settings_.max_ticks;
+      stats_.missed_ticks -= number - settings_.max_ticks;
+      stats_.end = ServoEnd::kTicksDone;
+      break;
+    }
+    const bool goes_on = tick(number, times);
+    stats_.ticks = stats_.samples + stats_.missed_ticks;
+    if (!goes_on) break;
+    ++number;
+  }
+  stats_.fault = chain_.gate().fault();
+  device_.write(GuardedWrench{});
+  if (settings_.black_box != nullptr) settings_.black_box->finish();
+  ended_.store(true, std::memory_order_release);
+}
+
+// ticks whose time is over are missed: the tick number goes on without them
+std::uint64_t ServoLoop::miss(std::int64_t late_ns) noexcept {
+  stats_.wakeup.add(late_ns);
+  if (static_cast<double>(late_ns) < period_ns_) return 0;
+  const auto missed = static_cast<std::uint64_t>(static_cast<double>(late_ns) / period_ns_);
+  ++stats_.late_wakeups;
+  stats_.missed_ticks += missed;
+  missed_.store(stats_.missed_ticks, std::memory_order_relaxed);
+  device_.skip(missed);
+  return missed;
+}
+
+// what other threads asked for since the last tick
+void ServoLoop::hearOthers(std::uint64_t number) noexcept {
+  if (acknowledged_.load(std::memory_order_relaxed)) {
+    acknowledged_.store(false, std::memory_order_relaxed);
+    chain_.acknowledge();
+  }
+  if (!crashing_ && crash_.load(std::memory_order_relaxed)) {
+    crashing_ = true;
+    crash_since_ = number;
+    chain_.raiseFromOutside(Fault::kProgramTrouble);
+  }
+}
+
+// 1 in the lesson; falls to 0 over the last ticks before a planned end
+double ServoLoop::closingShare(std::uint64_t number) noexcept {
+  if (!closing_) {
+    const bool last_ticks = settings_.max_ticks > 0 && number + closing_ticks_ >= settings_.max_ticks;
+    if (!last_ticks && !stop_.load(std::memory_order_relaxed)) return 1;
+    closing_ = true;
+    closing_since_ = number;
+  }
+  const std::uint64_t done = std::min(number - closing_since_ + 1, closing_ticks_);
+  return 1 - static_cast<double>(done) / static_cast<double>(closing_ticks_);
+}
+
+bool ServoLoop::tick(std::uint64_t number, TickTimes& times) noexcept {
+  // device
+  const DeviceRead read = device_.read(reading_);
+  times.read_ns = clock_.nowNs();
+  if (read == DeviceRead::kFinished) {
+    stats_.end = ServoEnd::kDeviceFinished;
+    return false;
+  }
+
+  // tool → gate → engine → gate → device
+  hearOthers(number);
+  const auto elapsed_ticks = static_cast<std::int64_t>(times.missed) + 1;
+  const GuardedWrench guarded =
+      chain_.tick(reading_, read == DeviceRead::kFresh, elapsed_ticks, closingShare(number), chain_tick_);
+  times.computed_ns = clock_.nowNs();
+  device_.write(guarded);
+  times.wrote_ns = clock_.nowNs();
+
+  record(read, times);
+  stats_.end = endAfter(number);
+  return stats_.end == ServoEnd::kNotYet;
+}
+
+// is it over?
+ServoEnd ServoLoop::endAfter(std::uint64_t number) noexcept {
+  if (crashing_ && number - crash_since_ + 1 >= closing_ticks_) return ServoEnd::kCrash;
+  if (chain_tick_.fault != Fault::kNone && settings_.on_fault == FaultPolicy::kEnd) {
+    if (fault_since_ == 0) fault_since_ = number + 1;
+    return number + 1 - fault_since_ < after_fault_ticks_ ? ServoEnd::kNotYet : ServoEnd::kFault;
+  }
+  fault_since_ = 0;
+  if (!closing_ || number - closing_since_ + 1 < closing_ticks_) return ServoEnd::kNotYet;
+  return settings_.max_ticks > 0 && number + 1 >= settings_.max_ticks ? ServoEnd::kTicksDone
+                                                                      : ServoEnd::kStopped;
+}
+
+}  // namespace needlelab

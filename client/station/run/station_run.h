@@ -1,0 +1,89 @@
+/// One lesson from its beginning to its end: what `runStation` and the window are made of.
+#pragma once
+
+#include <csignal>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "client/device/hand_steering.h"
+#include "client/station/run/black_box_writer.h"
+#include "client/station/run/device_keeper.h"
+#include "client/station/run/fault_watch.h"
+#include "client/station/run/lesson.h"
+#include "client/station/run/lesson_audience.h"
+#include "client/station/run/local_score.h"
+#include "client/station/run/servo_loop.h"
+#include "client/station/run/station_home.h"
+#include "client/station/run/summary.h"
+
+namespace needlelab {
+
+/// Everything of one lesson, in the order in which it comes to be: `prepare`, `practise`, then `drain` where
+/// one waits for the server, `outcome` as often as one likes, `report` once. Thread: one, which starts and
+/// joins all others.
+class StationRun {
+ public:
+  /// `options`: with this lesson's trainee and exercise. `home` is open and connected, and outlives it.
+  StationRun(StationHome& home, StationOptions options, const sigset_t& stop_signals)
+      : home_(home), options_(std::move(options)), signals_(stop_signals) {}
+
+  /// Lesson, device, session. Errors say what to do; nothing was recorded then.
+  Status prepare();
+  /// Runs the loop until the lesson ends. Errors: what was recorded is not all safe.
+  Status practise();
+  /// Waits until the server has everything, as long as that makes sense.
+  void drain();
+  /// How it went, as far as it is known by now.
+  [[nodiscard]] LessonOutcome outcome();
+  /// Says it on standard output and, when asked to, as JSON, `earlier` lessons of this program before it.
+  /// Gives the exit code.
+  int report(const LessonOutcome& outcome, const std::vector<StationSummary>& earlier = {});
+
+  /// A stop signal came: the program is to end, not only the lesson.
+  [[nodiscard]] bool interrupted() const { return interrupted_; }
+
+ private:
+  bool isStopped();
+  // station_begin.cpp: what
+  Status getLesson();
+  // station_device.cpp: with which device, and what of the lesson it can render
+  Status chooseDevice();
+  Status measureEffects();
+  Status openDevice();
+  Status openSession();
+  void announce();
+  // station_practise.cpp
+  void watch(DeviceKeeper& keeper, FaultPolicy on_fault);
+  void hear(LiveAids& aids);
+  void reportToServer(const FaultWatch& faults);
+  // station_conclude.cpp
+  void scoreHere();
+  StationSummary summarise();
+
+  StationHome& home_;
+  const StationOptions options_;
+  const sigset_t& signals_;
+  std::shared_ptr<HandSteering> steering_;  // of a simulated hand that a person steers in the window
+  SampleRing ring_;
+  StationLesson lesson_;
+  std::vector<std::string> device_notes_;
+  std::optional<EffectCosts> effect_costs_;
+  std::unique_ptr<Device> device_;
+  std::shared_ptr<SpoolSession> session_;
+  std::unique_ptr<ServoLoop> loop_;
+  std::unique_ptr<SpoolWriter> writer_;
+  std::vector<RtStep> realtime_;
+  BlackBoxCounts black_box_;
+  double time_limit_s_ = 0;
+  std::uint64_t max_ticks_ = 0;
+  bool interrupted_ = false;
+  std::optional<StopCause> stopped_;
+  Status stored_;
+  std::optional<Result<LocalScore>> local_;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,138 @@
+#include "client/station/window/lesson_board.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "common/base/clock.h"
+#include "common/base/text_rules.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::size_t kMostMessages = 50;
+
+}  // namespace
+
+bool LessonBoard::look(BoardState& state, std::uint64_t& seen) const {
+  const std::scoped_lock lock(mutex_);
+  if (seen == revision_) return false;
+  seen = revision_;
+  state = state_;
+  return true;
+}
+
+std::uint64_t LessonBoard::takeSamples(std::uint64_t lesson, std::vector<GestureSample>& samples) {
+  std::deque<Waiting> pieces;
+  std::uint64_t dropped = 0;
+  {
+    const std::scoped_lock lock(mutex_);
+    pieces.swap(pieces_);
+    dropped = std::exchange(dropped_since_, 0);
+  }
+  // copied without the lock: the spool's writer never waits for this
+  for (const Waiting& waiting : pieces)
+    if (waiting.lesson == lesson)
+      samples.insert(samples.end(), waiting.samples->begin(), waiting.samples->end());
+  return dropped;
+}
+
+void LessonBoard::ask(BoardWish wish) {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (wish.kind == BoardWish::Kind::kQuit) quit_ = true;
+    wish_ = std::move(wish);
+  }
+  wished_.notify_all();
+}
+
+BoardWish LessonBoard::waitForWish(std::chrono::milliseconds patience) {
+  std::unique_lock lock(mutex_);
+  wished_.wait_for(lock, patience, [this] { return quit_ || wish_.kind != BoardWish::Kind::kNothing; });
+  if (quit_) return {BoardWish::Kind::kQuit, {}};
+  return std::exchange(wish_, BoardWish{});
+}
+
+bool LessonBoard::wishWaits() const {
+  const std::scoped_lock lock(mutex_);
+  return quit_ || wish_.kind != BoardWish::Kind::kNothing;
+}
+
+std::uint64_t LessonBoard::droppedPieces() const {
+  const std::scoped_lock lock(mutex_);
+  return dropped_;
+}
+
+void LessonBoard::said(const std::string&) {}
+
+void LessonBoard::preparing(const std::string& what) {
+  change([&](BoardState& state) { state.preparing = what; });
+}
+
+void LessonBoard::began(std::shared_ptr<const LessonBeginning> beginning) {
+  const auto aids = beginning->lesson.exercise ? aidsOfExercise(*beginning->lesson.exercise) : usualAids();
+  change([&](BoardState& state) {
+    pieces_.clear();
+    dropped_since_ = 0;
+    ++state.lesson;
+    state.stage = Stage::kLesson;
+    state.beginning = std::move(beginning);
+    state.standing = {};
+    state.aids = aids;
+    state.aids_by.clear();
+    state.outcome.reset();
+    state.trouble.clear();
+    // what was said before belongs to what was before
+    state.messages.clear();
+  });
+}
+
+void LessonBoard::stands(const LessonStanding& standing) {
+  change([&](BoardState& state) {
+    state.standing = standing;
+    state.server = standing.server;
+  });
+}
+
+void LessonBoard::aids(const ChosenAids& chosen) {
+  change([&](BoardState& state) {
+    const auto& exercise = state.beginning->lesson.exercise;
+    state.aids = !chosen.reset ? chosen.aids : exercise ? aidsOfExercise(*exercise) : usualAids();
+    state.aids_by = chosen.reset ? "" : printable(chosen.by);
+  });
+}
+
+void LessonBoard::concluding() {
+  change([](BoardState& state) { state.stage = Stage::kConcluding; });
+}
+
+void LessonBoard::message(const std::string& from, const std::string& text) {
+  change([&](BoardState& state) {
+    BoardMessage message{printable(from), printable(text), wallNowNs(), -1};
+    if (state.stage == Stage::kLesson) message.lesson_s = state.standing.time_s;
+    state.messages.push_back(std::move(message));
+    if (state.messages.size() > kMostMessages) state.messages.erase(state.messages.begin());
+  });
+}
+
+void LessonBoard::nextExercise(const std::string& from, const std::string& exercise_id) {
+  change([&](BoardState& state) {
+    state.next = NextOffer{printable(from), printable(exercise_id)};
+    // who is choosing sees it chosen; in a lesson it waits for the end
+    if (state.stage != Stage::kStart) return;
+    state.choice.exercise = state.next->exercise;
+    state.choice.by_profile = false;
+  });
+}
+
+void LessonBoard::piece(const SamplePiece& piece) {
+  if (!piece.samples) return;
+  const std::scoped_lock lock(mutex_);
+  if (pieces_.size() >= most_pieces_) {
+    dropped_since_ += pieces_.front().samples->size();
+    pieces_.pop_front();
+    ++dropped_;
+  }
+  pieces_.push_back({piece.samples, state_.lesson});
+}
+
+}  // namespace needlelab

@@ -1,0 +1,33 @@
+#include "client/station/window/lesson_follow.h"
+
+#include <utility>
+
+namespace needlelab {
+namespace {
+
+constexpr double kTraceSpan_s = 180;
+
+}  // namespace
+
+LessonFollow::LessonFollow(std::shared_ptr<const LessonBeginning> beginning, SceneView scene)
+    : beginning_(std::move(beginning)),
+      scene_(std::make_shared<const SceneView>(std::move(scene))),
+      // the beginning holds the model, and lives as long
+      replica_(std::shared_ptr<const SceneModel>(beginning_, &beginning_->lesson.model)),
+      trace_(kTraceSpan_s) {}
+
+Result<std::unique_ptr<LessonFollow>> LessonFollow::make(std::shared_ptr<const LessonBeginning> beginning) {
+  auto scene = sceneViewOf(beginning->lesson.profile, beginning->X_WL);
+  if (!scene.ok()) return scene.error();
+  return std::unique_ptr<LessonFollow>(new LessonFollow(std::move(beginning), std::move(*scene)));
+}
+
+void LessonFollow::feed(const std::vector<GestureSample>& samples, std::uint64_t dropped) {
+  if (dropped > 0) {
+    dropped_ += dropped;
+    replica_.noteGap();
+  }
+  for (const GestureSample& sample : samples) trace_.push(replica_.feed(sample));
+}
+
+}  // namespace needlelab

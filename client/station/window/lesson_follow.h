@@ -1,0 +1,43 @@
+/// The window's own picture of the lesson that runs: samples from the board become what screens show. No
+/// drawing.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "client/station/run/lesson_audience.h"
+#include "client/view/model/gesture_replica.h"
+#include "client/view/model/gesture_trace.h"
+#include "client/view/model/scene_view.h"
+
+namespace needlelab {
+
+/// Thread: the window's.
+class LessonFollow {
+ public:
+  /// Errors: of sceneViewOf.
+  static Result<std::unique_ptr<LessonFollow>> make(std::shared_ptr<const LessonBeginning> beginning);
+
+  /// Samples in the order of ticks; `dropped` of them were lost to the window just before.
+  void feed(const std::vector<GestureSample>& samples, std::uint64_t dropped);
+
+  [[nodiscard]] const LessonBeginning& beginning() const { return *beginning_; }
+  [[nodiscard]] const std::shared_ptr<const SceneView>& scene() const { return scene_; }
+  [[nodiscard]] const Moment& now() const { return replica_.now(); }
+  [[nodiscard]] const GestureTrace& trace() const { return trace_; }
+  /// Samples that the window did not see, because it was too slow. The recording has them.
+  [[nodiscard]] std::uint64_t dropped() const { return dropped_; }
+  [[nodiscard]] bool begun() const { return replica_.fed() > 0; }
+
+ private:
+  LessonFollow(std::shared_ptr<const LessonBeginning> beginning, SceneView scene);
+
+  std::shared_ptr<const LessonBeginning> beginning_;
+  std::shared_ptr<const SceneView> scene_;
+  GestureReplica replica_;
+  GestureTrace trace_;
+  std::uint64_t dropped_ = 0;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,193 @@
+#include "client/station/window/start_screen.h"
+
+#include <imgui/imgui.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <utility>
+
+#include "client/station/run/lesson_requests.h"
+#include "client/station/window/keys.h"
+#include "client/view/theme.h"
+#include "common/base/text_rules.h"
+
+namespace needlelab {
+namespace {}  // namespace
+
+void StartScreen::show(const BoardState& state, bool changed, LessonBoard& board) {
+  if (changed || fresh_) {
+    choice_.update(state);
+    if (fresh_ || !ImGui::GetIO().WantTextInput) typed_ = choice_.trainee();
+    fresh_ = false;
+  }
+  beginScreen("start");
+  {
+    const WithFont heading(Letters::kHeading);
+    ImGui::TextUnformatted("Needle injection: a new lesson");
+  }
+  const float width = ImGui::GetContentRegionAvail().x;
+  const float foot = 4.2F * space();
+  const float height = ImGui::GetContentRegionAvail().y - foot;
+  const float gap = ImGui::GetStyle().ItemSpacing.x;
+  beginPanel("who", "Who practises", 0.23F * width - gap, height);
+  showTrainees();
+  endPanel();
+  ImGui::SameLine();
+  beginPanel("what", "What", 0.45F * width - gap, height);
+  showExercises();
+  endPanel();
+  ImGui::SameLine();
+  beginPanel("station", "This station", 0, height);
+  showStation(state, board);
+  endPanel();
+
+  keyHint("Left/Right", "trainee");
+  ImGui::SameLine();
+  keyHint("Up/Down", "exercise");
+  ImGui::SameLine();
+  keyHint("Enter", "begin");
+  endScreen();
+
+  if (!ImGui::GetIO().WantTextInput) {
+    if (ImGui::IsKeyPressed(GLFW_KEY_DOWN)) choice_.step(1);
+    if (ImGui::IsKeyPressed(GLFW_KEY_UP)) choice_.step(-1);
+    for (const auto& [key, by] : {std::pair(GLFW_KEY_LEFT, -1), std::pair(GLFW_KEY_RIGHT, 1)})
+      if (ImGui::IsKeyPressed(key)) {
+        choice_.stepTrainee(by);
+        typed_ = choice_.trainee();
+      }
+  }
+  if (enterPressed()) begin(board);
+}
+
+void StartScreen::showTrainees() {
+  std::array<char, kMaxNameBytes + 1> text{};
+  std::memcpy(text.data(), typed_.data(), std::min(typed_.size(), kMaxNameBytes));
+  ImGui::SetNextItemWidth(-1);
+  if (ImGui::InputTextWithHint("##name", "name", text.data(), text.size())) {
+    typed_ = text.data();
+    choice_.chooseTrainee(typed_);
+  }
+  ImGui::Spacing();
+  for (const std::string& name : choice_.trainees()) {
+    ImGui::PushID(name.c_str());
+    if (ImGui::Selectable(name.c_str(), name == choice_.trainee())) {
+      choice_.chooseTrainee(name);
+      typed_ = name;
+    }
+    ImGui::PopID();
+  }
+  if (choice_.trainees().empty()) {
+    const WithTextColour dim(kDimText);
+    textBlock("Write the name above. Names that the server has assigned something to are listed here.");
+  }
+}
+
+void StartScreen::showExercises() {
+  const int chosen = choice_.exercise();
+  int index = 0;
+  for (const ExerciseOffer& exercise : choice_.exercises()) {
+    ImGui::PushID(index);
+    {
+      const WithTextColour colour(exercise.usable ? kText : kDimText);
+      if (ImGui::Selectable(exercise.name.c_str(), index == chosen)) choice_.chooseExercise(index);
+    }
+    if (index == chosen && ImGui::IsWindowAppearing()) ImGui::SetScrollHereY();
+    if (!exercise.note.empty()) {
+      const WithFont small(Letters::kSmall);
+      const WithTextColour colour(exercise.usable ? kYellow : kDimText);
+      ImGui::Indent();
+      textLine(exercise.note);
+      ImGui::Unindent();
+    }
+    if (index == chosen && !exercise.description.empty()) {
+      const WithFont small(Letters::kSmall);
+      ImGui::Indent();
+      textBlock(exercise.description);
+      ImGui::Unindent();
+    }
+    ImGui::PopID();
+    ++index;
+  }
+}
+
+void StartScreen::showStation(const BoardState& state, LessonBoard& board) {
+  const DeviceNews& device = state.device;
+  conditionLine(!device.known  ? Condition::kUnknown
+                : device.ready ? Condition::kGood
+                               : Condition::kTrouble,
+                device.known ? device.name : "looking at the device …");
+  if (device.known) {
+    const WithFont small(Letters::kSmall);
+    textBlock(device.state);
+  }
+  ImGui::Spacing();
+  if (!state.server.empty())
+    conditionLine(
+        state.server_away ? Condition::kAttention : Condition::kGood,
+        state.server_away ? state.server + "; lessons work on, what is recorded waits here" : state.server);
+  else
+    conditionLine(Condition::kUnknown, "without a server: recordings stay here");
+  if (state.next) {
+    ImGui::Spacing();
+    conditionLine(Condition::kAttention,
+                  state.next->from + " wants next: " + exerciseName(state.offers, state.next->exercise));
+  }
+  if (!state.trouble.empty()) {
+    ImGui::Spacing();
+    const WithTextColour colour(styleOf(Condition::kTrouble).colour);
+    textBlock("It did not begin: " + state.trouble);
+  }
+  ImGui::Spacing();
+  const std::string missing = choice_.missing();
+  if (!missing.empty()) {
+    const WithTextColour dim(kDimText);
+    textBlock(missing);
+  }
+  if (bigButton("Begin", true, -1, missing.empty())) begin(board);
+  ImGui::Spacing();
+  if (bigButton("Look again", false, -1)) board.ask({BoardWish::Kind::kLook, {}});
+}
+
+void StartScreen::begin(LessonBoard& board) {
+  if (const auto choice = choice_.choice()) board.ask({BoardWish::Kind::kBegin, *choice});
+}
+
+namespace {
+
+// a panel in the middle of an otherwise empty screen
+void beginNotice(const char* id, const std::string& heading) {
+  beginScreen(id);
+  const ImVec2 rest = ImGui::GetContentRegionAvail();
+  const ImVec2 corner = ImGui::GetCursorPos();
+  const ImVec2 size{std::max(0.6F * rest.x, 40 * space()), std::max(0.34F * rest.y, 16 * space())};
+  ImGui::SetCursorPos({corner.x + 0.5F * (rest.x - size.x), corner.y + 0.3F * (rest.y - size.y)});
+  beginPanel(id, heading, size.x, size.y);
+}
+
+void endNotice() {
+  endPanel();
+  endScreen();
+}
+
+}  // namespace
+
+void showPreparing(const BoardState& state, LessonRequests& requests) {
+  const std::string name = exerciseName(state.offers, state.choice.exercise);
+  beginNotice("preparing", name.empty() ? "needlelab" : name);
+  textBlock((state.preparing.empty() ? std::string("preparing") : state.preparing) + " …");
+  ImGui::Spacing();
+  if (state.stage == Stage::kPreparing && bigButton("Not now")) requests.stop({});
+  endNotice();
+}
+
+void showFailed(const BoardState& state, LessonBoard& board) {
+  beginNotice("failed", "This station cannot work");
+  textBlock(state.trouble);
+  ImGui::Spacing();
+  if (bigButton("Quit", true)) board.ask({BoardWish::Kind::kQuit, {}});
+  endNotice();
+}
+
+}  // namespace needlelab

@@ -1,0 +1,34 @@
+/// The window before a lesson: who practises what, and how the device is.
+#pragma once
+
+#include <string>
+
+#include "client/station/run/lesson_requests.h"
+#include "client/station/window/lesson_board.h"
+#include "client/station/window/start_choice.h"
+
+namespace needlelab {
+
+/// Thread: the window's.
+class StartScreen {
+ public:
+  /// One frame; asks `board` for what a person wants. `changed`: `state` is newer than at the last call.
+  void show(const BoardState& state, bool changed, LessonBoard& board);
+
+ private:
+  void showTrainees();
+  void showExercises();
+  void showStation(const BoardState& state, LessonBoard& board);
+  void begin(LessonBoard& board);
+
+  StartChoice choice_;
+  std::string typed_;  // the name's field
+  bool fresh_ = true;
+};
+
+/// "Fetching the exercise …", with a way back.
+void showPreparing(const BoardState& state, LessonRequests& requests);
+/// It cannot go on: why, and that one can quit.
+void showFailed(const BoardState& state, LessonBoard& board);
+
+}  // namespace needlelab

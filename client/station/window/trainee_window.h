@@ -1,0 +1,49 @@
+/// All screens of the trainee's window, one frame at a time.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "client/station/run/lesson_requests.h"
+#include "client/station/window/end_screen.h"
+#include "client/station/window/lesson_board.h"
+#include "client/station/window/lesson_follow.h"
+#include "client/station/window/lesson_screen.h"
+#include "client/station/window/start_screen.h"
+#include "client/view/scene_renderer.h"
+#include "common/base/result.h"
+
+namespace needlelab {
+
+/// Shows what the board says, and asks it for what a person wants. Thread: the surface's.
+class TraineeWindow {
+ public:
+  /// Needs a surface. Errors: as SceneRenderer::make.
+  static Result<std::unique_ptr<TraineeWindow>> make(LessonBoard& board, LessonRequests& requests);
+
+  /// Between Surface::beginFrame and endFrame.
+  void frame();
+
+  /// What the last frame showed.
+  [[nodiscard]] const BoardState& shown() const { return state_; }
+  /// How far the lesson was that it showed, in s: of the newest sample.
+  [[nodiscard]] double lessonTime_s() const;
+
+ private:
+  TraineeWindow(LessonBoard& board, LessonRequests& requests, std::unique_ptr<SceneRenderer> renderer);
+  void follow();
+
+  LessonBoard& board_;
+  LessonRequests& requests_;
+  std::unique_ptr<SceneRenderer> renderer_;
+  BoardState state_;
+  std::uint64_t seen_ = 0, lesson_ = 0;
+  std::vector<GestureSample> samples_;
+  std::unique_ptr<LessonFollow> follow_;
+  StartScreen start_;
+  LessonScreen lesson_screen_;
+  EndScreen end_;
+};
+
+}  // namespace needlelab

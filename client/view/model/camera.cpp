@@ -1,0 +1,141 @@
+#include "client/view/model/camera.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace needlelab {
+namespace {
+
+constexpr double kMaxElevation_rad = 85 * std::numbers::pi / 180;
+constexpr double kNearest_m = 0.02, kFarthest_m = 2;
+
+// unit, at right angles to the unit vector `up`, as near to `wanted` as can be
+Vec3 levelled(Vec3 wanted, Vec3 up) {
+  const Vec3 level = wanted - up * dot(up, wanted);
+  if (normSquared(level) > 1e-6) return normalized(level);
+  const Vec3 other = std::fabs(up.x) < 0.7 ? Vec3{1, 0, 0} : Vec3{0, 1, 0};
+  return normalized(other - up * dot(up, other));
+}
+
+// seen from the focus, unit
+Vec3 outward(const OrbitCamera& camera) {
+  const Vec3 side = cross(camera.up_W, camera.front_W);
+  const Vec3 level = camera.front_W * std::cos(camera.azimuth_rad) - side * std::sin(camera.azimuth_rad);
+  return level * std::cos(camera.elevation_rad) + camera.up_W * std::sin(camera.elevation_rad);
+}
+
+}  // namespace
+
+Vec3 OrbitCamera::eye_W_m() const {
+  return focus_W_m + outward(*this) * distance_m;
+}
+
+Vec3 OrbitCamera::right_W() const {
+  return normalized(cross(up_W, outward(*this)));
+}
+
+Vec3 OrbitCamera::upward_W() const {
+  return cross(outward(*this), right_W());
+}
+
+void OrbitCamera::orbit(double dx_px, double dy_px, double height_px) {
+  const double rad_per_px = std::numbers::pi / std::max(height_px, 1.0);
+  azimuth_rad = std::remainder(azimuth_rad + dx_px * rad_per_px, 2 * std::numbers::pi);
+  elevation_rad = std::clamp(elevation_rad + dy_px * rad_per_px, -kMaxElevation_rad, kMaxElevation_rad);
+}
+
+void OrbitCamera::pan(double dx_px, double dy_px, double height_px) {
+  const double m_per_px = metresPerPixel(height_px);
+  focus_W_m += right_W() * (-dx_px * m_per_px) + upward_W() * (dy_px * m_per_px);
+}
+
+void OrbitCamera::zoom(double steps) {
+  distance_m = std::clamp(distance_m * std::pow(0.88, steps), kNearest_m, kFarthest_m);
+}
+
+Matrix4 OrbitCamera::view() const {
+  const Vec3 right = right_W(), up = upward_W(), back = outward(*this), eye = eye_W_m();
+  const auto f = [](double v) { return static_cast<float>(v); };
+  return {f(right.x),          f(up.x),          f(back.x),          0,  //
+          f(right.y),          f(up.y),          f(back.y),          0,  //
+          f(right.z),          f(up.z),          f(back.z),          0,  //
+          f(-dot(right, eye)), f(-dot(up, eye)), f(-dot(back, eye)), 1};
+}
+
+Matrix4 OrbitCamera::projection(double width_px, double height_px) const {
+  // the nearest thing that matters is a needle in front of the focus; 24 bits of depth then resolve
+  // micrometres
+  const double near_m = distance_m * 0.1, far_m = distance_m * 10;
+  const double scale = 1 / std::tan(field_of_view_rad / 2);
+  const double aspect = std::max(width_px, 1.0) / std::max(height_px, 1.0);
+  const auto f = [](double v) { return static_cast<float>(v); };
+  return {f(scale / aspect),
+          0,
+          0,
+          0,  //
+          0,
+          f(scale),
+          0,
+          0,  //
+          0,
+          0,
+          f((far_m + near_m) / (near_m - far_m)),
+          -1,
+          0,
+          0,
+          f(2 * far_m * near_m / (near_m - far_m)),
+          0};
+}
+
+std::optional<PicturePoint> OrbitCamera::project(Vec3 p_W_m, double width_px, double height_px) const {
+  const Vec3 from_eye = p_W_m - eye_W_m();
+  const double ahead_m = -dot(outward(*this), from_eye);
+  const double near_m = distance_m * 0.1, far_m = distance_m * 10;
+  if (!(ahead_m > near_m)) return std::nullopt;
+  const double px_per_share = height_px / 2 / std::tan(field_of_view_rad / 2);
+  PicturePoint point;
+  point.x_px = width_px / 2 + dot(right_W(), from_eye) / ahead_m * px_per_share;
+  point.y_px = height_px / 2 - dot(upward_W(), from_eye) / ahead_m * px_per_share;
+  point.depth = far_m * (ahead_m - near_m) / (ahead_m * (far_m - near_m));
+  return point;
+}
+
+Vec3 OrbitCamera::ray_W(double x_px, double y_px, double width_px, double height_px) const {
+  const double share_per_px = 2 * std::tan(field_of_view_rad / 2) / height_px;
+  return normalized(-outward(*this) + right_W() * ((x_px - width_px / 2) * share_per_px) +
+                    upward_W() * ((height_px / 2 - y_px) * share_per_px));
+}
+
+double OrbitCamera::metresPerPixel(double height_px) const {
+  return 2 * distance_m * std::tan(field_of_view_rad / 2) / std::max(height_px, 1.0);
+}
+
+OrbitCamera firstLook(const SceneView& scene) {
+  OrbitCamera camera;
+  camera.up_W = scene.focus_normal_W;
+  camera.front_W = levelled({1, 0, 0}, camera.up_W);
+  // a little below the skin: needle and syringe above, target and layers below
+  camera.focus_W_m = scene.focus_W_m - scene.focus_normal_W * (0.12 * scene.extent_m);
+  camera.azimuth_rad = 25 * std::numbers::pi / 180;
+  camera.elevation_rad = 14 * std::numbers::pi / 180;
+  camera.distance_m = std::clamp(3.6 * scene.extent_m, kNearest_m, kFarthest_m);
+  return camera;
+}
+
+OrbitCamera lookFromAbove(const SceneView& scene) {
+  OrbitCamera camera = firstLook(scene);
+  camera.azimuth_rad = 0;
+  camera.elevation_rad = kMaxElevation_rad;
+  camera.focus_W_m = scene.focus_W_m;
+  return camera;
+}
+
+OrbitCamera lookFromTheSide(const SceneView& scene) {
+  OrbitCamera camera = firstLook(scene);
+  camera.azimuth_rad = 90 * std::numbers::pi / 180;
+  camera.elevation_rad = 0;
+  return camera;
+}
+
+}  // namespace needlelab

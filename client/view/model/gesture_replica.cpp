@@ -1,0 +1,196 @@
+#include "client/view/model/gesture_replica.h"
+
+#include <cmath>
+#include <limits>
+
+namespace needlelab {
+namespace {
+
+// a stored pose is off by half a micrometre: near the skin replica and record may differ for so many ticks
+constexpr int kPatience_ticks = 5;
+
+Vec3 vectorOf(const double (&v)[3]) {
+  return {v[0], v[1], v[2]};
+}
+
+bool canBeStepped(const GestureSample& sample) {
+  return (sample.flags & kFlagNotStepped) == 0 && isFinite(vectorOf(sample.p_WT_m)) &&
+         isFinite(Quat{sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]});
+}
+
+}  // namespace
+
+void copySample(const GestureSample& sample, double loop_rate_hz, Moment& now) {
+  now.tick = sample.tick;
+  now.time_s = static_cast<double>(sample.tick) / loop_rate_hz;
+  const Vec3 p_W_m = vectorOf(sample.p_WT_m);
+  const Quat q_W{sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]};
+  // what is no place or no rotation is not drawn: the last good one stays
+  if (isFinite(p_W_m)) now.p_WT_m = p_W_m;
+  if (isFinite(q_W) && dot(q_W, q_W) > 0.25) now.q_WT = q_W;
+  now.force_W_N = vectorOf(sample.force_W_N);
+  now.torque_W_Nm = vectorOf(sample.torque_W_Nm);
+  now.wall_W_m = vectorOf(sample.wall_W_m);
+  now.phase = sample.phase <= static_cast<std::uint8_t>(Phase::kWithdrawing)
+                  ? static_cast<Phase>(sample.phase)
+                  : Phase::kFree;
+  now.layer = sample.layer;
+  now.insertion_m = sample.insertion_m;
+  now.speed_mps = sample.speed_mps;
+  now.lateral_error_m = sample.lateral_error_m;
+  now.plunger = sample.plunger;
+  now.flags = sample.flags;
+  now.buttons = sample.buttons;
+  now.fault = sample.fault;
+}
+
+struct GestureReplica::State {
+  std::shared_ptr<const SceneModel> model;
+  bool thinned = false;
+  double loop_rate_hz = 1000;
+  SimState engine{};
+  StepReport report;
+  Moment now;
+  std::uint64_t fed = 0;
+  bool lost = false;      // something is missing since the tip was last outside
+  int disagreements = 0;  // ticks in a row in which replica and record differ on being inside
+  bool guessed = false;   // entry and u are of the pose, because the entry was not seen
+  Vec3 guessed_entry_W_m, guessed_u_W;
+
+  void stepAlong();
+  void compareWith(const GestureSample& sample);
+  void tellInsertion();
+};
+
+GestureReplica::GestureReplica(std::shared_ptr<const SceneModel> model, bool thinned, double loop_rate_hz)
+    : state_(std::make_unique<State>()) {
+  state_->thinned = thinned;
+  state_->loop_rate_hz = loop_rate_hz > 0 ? loop_rate_hz : model->rate_hz;
+  state_->model = std::move(model);
+  restart();
+}
+
+GestureReplica::GestureReplica(GestureReplica&&) noexcept = default;
+GestureReplica& GestureReplica::operator=(GestureReplica&&) noexcept = default;
+GestureReplica::~GestureReplica() = default;
+
+void GestureReplica::restart() {
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  state_->engine = {};
+  state_->report = {};
+  state_->report.p_wall_W_m = {nan, nan, nan};
+  state_->now = {};
+  state_->now.wall_W_m = {nan, nan, nan};
+  state_->now.alpha_rad = orientationLimitAngle(state_->model->needle_length_m, 0);
+  state_->fed = 0;
+  state_->lost = state_->guessed = false;
+  state_->disagreements = 0;
+}
+
+void GestureReplica::noteGap() {
+  state_->lost = true;
+}
+
+const Moment& GestureReplica::feed(const GestureSample& sample) {
+  State& state = *state_;
+  if (state.fed > 0 && sample.tick <= state.now.tick) restart();
+  ++state.fed;
+  copySample(sample, state.loop_rate_hz, state.now);
+  if (canBeStepped(sample)) {
+    state.stepAlong();
+    state.compareWith(sample);
+  }
+  state.tellInsertion();
+  return state.now;
+}
+
+const Moment& GestureReplica::feed(std::span<const GestureSample> samples) {
+  for (const GestureSample& sample : samples) feed(sample);
+  return state_->now;
+}
+
+void GestureReplica::State::stepAlong() {
+  step(*model, {now.p_WT_m, now.q_WT}, engine, report);
+}
+
+// the record is right on whether there is an insertion; the replica follows it
+void GestureReplica::State::compareWith(const GestureSample& sample) {
+  const bool recorded_inside = sample.layer >= 0;
+  if (!recorded_inside && report.depth_m <= 0) lost = guessed = false;
+  if (recorded_inside == engine.inside) {
+    disagreements = 0;
+    guessed = false;
+    return;
+  }
+  if (++disagreements <= kPatience_ticks) return;
+  lost = true;
+  if (!recorded_inside) {
+    // another start of the engine than ours, e.g. inside the tissue: no force until it was outside
+    engine = {};
+  } else if (!guessed) {
+    guessed = true;
+    guessed_u_W = normalized(zAxis(now.q_WT));
+    guessed_entry_W_m = now.p_WT_m - guessed_u_W * now.insertion_m;
+  }
+}
+
+void GestureReplica::State::tellInsertion() {
+  now.depth_m = report.depth_m;
+  now.inside = engine.inside || guessed;
+  now.approximate = now.inside && (lost || thinned);
+  now.alpha_rad = orientationLimitAngle(model->needle_length_m, now.inside ? now.insertion_m : 0);
+  now.tilt_rad = 0;
+  now.clamping_W = {};
+  // in a FAULT nothing is stepped and the force is gone
+  const bool forces = engine.inside && now.fault == 0;
+  now.cutting_N = forces ? report.cutting_N : 0;
+  now.attracted_N = forces ? report.attracted_N : 0;
+  now.friction_N = forces ? report.friction_N : 0;
+  now.puncture_N = forces ? report.puncture_N : 0;
+  now.clamping_N = forces ? report.clamping_N : 0;
+  if (!now.inside) return;
+  now.p_entry_W_m = engine.inside ? engine.p_entry_W_m : guessed_entry_W_m;
+  now.u_W = engine.inside ? engine.u_W : guessed_u_W;
+  const Vec3 axis_W = zAxis(now.q_WT);
+  now.tilt_rad = std::atan2(norm(cross(axis_W, now.u_W)), dot(axis_W, now.u_W));
+  const Vec3 from_entry = now.p_WT_m - now.p_entry_W_m;
+  const Vec3 aside = from_entry - now.u_W * dot(now.u_W, from_entry);
+  if (now.clamping_N > 0 && normSquared(aside) > 0) now.clamping_W = -normalized(aside);
+}
+
+const Moment& GestureReplica::now() const {
+  return state_->now;
+}
+const StepReport& GestureReplica::report() const {
+  return state_->report;
+}
+std::uint64_t GestureReplica::fed() const {
+  return state_->fed;
+}
+const SceneModel& GestureReplica::model() const {
+  return *state_->model;
+}
+
+std::vector<Moment> momentsOf(std::shared_ptr<const SceneModel> model, std::span<const GestureSample> samples,
+                              std::size_t keep_every) {
+  GestureReplica replica(std::move(model));
+  std::vector<Moment> moments;
+  keep_every = keep_every == 0 ? 1 : keep_every;
+  moments.reserve(samples.size() / keep_every + 1);
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const Moment& now = replica.feed(samples[i]);
+    if (i % keep_every == 0 || i + 1 == samples.size()) moments.push_back(now);
+  }
+  return moments;
+}
+
+double forceOf(const Moment& moment) {
+  return norm(moment.force_W_N);
+}
+
+std::array<double, 6> partsOf(const Moment& moment) {
+  return {moment.cutting_N,  moment.attracted_N, moment.friction_N,
+          moment.puncture_N, moment.clamping_N,  norm(moment.torque_W_Nm)};
+}
+
+}  // namespace needlelab

@@ -1,0 +1,372 @@
+#include "client/view/model/gesture_trace.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace needlelab {
+namespace {
+
+constexpr std::size_t kBlock = 1024, kPart = 32, kParts = kBlock / kPart;
+constexpr double kMomentPeriod_s = 0.01;
+constexpr std::size_t kMostEvents = 4000;
+constexpr double kSameTurn_s = 0.2;  // turns closer together than this are one event
+constexpr double kDegrees = 180 / std::numbers::pi;
+
+float shortened(double value) {
+  return static_cast<float>(value);
+}
+
+}  // namespace
+
+const ChannelInfo& infoOf(TraceChannel channel) {
+  static constexpr std::array<ChannelInfo, kChannelCount> kInfo = {{
+      {"force", "N", 1},        {"cutting", "N", 1},     {"attracted", "N", 1},         {"friction", "N", 1},
+      {"puncture", "N", 1},     {"clamping", "N", 1},    {"torque", "N·m", 1},          {"depth", "mm", 1000},
+      {"inserted", "mm", 1000}, {"speed", "mm/s", 1000}, {"lateral error", "mm", 1000}, {"α", "°", kDegrees},
+      {"tilt", "°", kDegrees},  {"tip x", "mm", 1000},   {"tip y", "mm", 1000},         {"tip z", "mm", 1000},
+      {"wall x", "mm", 1000},   {"wall y", "mm", 1000},  {"wall z", "mm", 1000},        {"force x", "N", 1},
+      {"force y", "N", 1},      {"force z", "N", 1},     {"plunger", "%", 100},         {"layer", "", 1},
+      {"phase", "", 1},
+  }};
+  return kInfo[static_cast<std::size_t>(channel)];
+}
+
+double valueOf(TraceChannel channel, const Moment& moment) {
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  switch (channel) {
+    case TraceChannel::kForce:
+      return forceOf(moment);
+    case TraceChannel::kCutting:
+      return -moment.cutting_N;
+    case TraceChannel::kAttracted:
+      return -moment.attracted_N;
+    case TraceChannel::kFriction:
+      return -moment.friction_N;
+    case TraceChannel::kPuncture:
+      return -moment.puncture_N;
+    case TraceChannel::kClamping:
+      return moment.clamping_N;
+    case TraceChannel::kTorque:
+      return norm(moment.torque_W_Nm);
+    case TraceChannel::kDepth:
+      return moment.depth_m;
+    case TraceChannel::kInsertion:
+      return moment.insertion_m;
+    case TraceChannel::kSpeed:
+      return moment.speed_mps;
+    case TraceChannel::kLateralError:
+      return moment.lateral_error_m;
+    case TraceChannel::kAlpha:
+      return moment.alpha_rad;
+    case TraceChannel::kTilt:
+      return moment.inside ? moment.tilt_rad : nan;
+    case TraceChannel::kTipX:
+      return moment.p_WT_m.x;
+    case TraceChannel::kTipY:
+      return moment.p_WT_m.y;
+    case TraceChannel::kTipZ:
+      return moment.p_WT_m.z;
+    case TraceChannel::kWallX:
+      return moment.wall_W_m.x;
+    case TraceChannel::kWallY:
+      return moment.wall_W_m.y;
+    case TraceChannel::kWallZ:
+      return moment.wall_W_m.z;
+    case TraceChannel::kForceX:
+      return moment.force_W_N.x;
+    case TraceChannel::kForceY:
+      return moment.force_W_N.y;
+    case TraceChannel::kForceZ:
+      return moment.force_W_N.z;
+    case TraceChannel::kPlunger:
+      return moment.plunger;
+    case TraceChannel::kLayer:
+      return moment.layer;
+    case TraceChannel::kPhase:
+      return static_cast<double>(moment.phase);
+  }
+  return nan;
+}
+
+std::string_view wordOf(TraceEvent::Kind kind) {
+  switch (kind) {
+    case TraceEvent::Kind::kEntry:
+      return "in";
+    case TraceEvent::Kind::kExit:
+      return "out";
+    case TraceEvent::Kind::kLayerChange:
+      return "layer";
+    case TraceEvent::Kind::kRupture:
+      return "rupture";
+    case TraceEvent::Kind::kTurn:
+      return "change of trajectory";
+    case TraceEvent::Kind::kStop:
+      return "at rest";
+    case TraceEvent::Kind::kFault:
+      return "FAULT";
+    case TraceEvent::Kind::kGap:
+      return "samples lost";
+    case TraceEvent::Kind::kRemark:
+      return "remark";
+  }
+  return "";
+}
+
+std::string_view signOf(TraceEvent::Kind kind) {
+  switch (kind) {
+    case TraceEvent::Kind::kEntry:
+      return "▼";
+    case TraceEvent::Kind::kExit:
+      return "▲";
+    case TraceEvent::Kind::kLayerChange:
+      return "–";
+    case TraceEvent::Kind::kRupture:
+      return "✶";
+    case TraceEvent::Kind::kTurn:
+      return "↷";
+    case TraceEvent::Kind::kStop:
+      return "■";
+    case TraceEvent::Kind::kFault:
+      return "⚠";
+    case TraceEvent::Kind::kGap:
+      return "…";
+    case TraceEvent::Kind::kRemark:
+      return "✎";
+  }
+  return "";
+}
+
+// a page of ticks, with the least and greatest of each channel for every 32 and for the whole
+struct GestureTrace::Store {
+  struct Block {
+    std::size_t count = 0;
+    std::array<double, kBlock> time_s;
+    std::array<std::array<float, kBlock>, kChannelCount> values;
+    std::array<std::array<PixelColumn, kParts>, kChannelCount> parts{};
+    std::array<PixelColumn, kChannelCount> whole{};
+
+    void push(const Moment& moment);
+  };
+
+  double span_s = 300;
+  std::deque<std::unique_ptr<Block>> blocks;
+  std::deque<Moment> moments;
+  std::deque<TraceEvent> events;
+  Moment last;
+  bool any = false;
+  double last_turn_s = 0;
+
+  void findEvents(const Moment& moment);
+  void addEvent(TraceEvent event);
+  void forgetOld();
+  void columns(std::size_t channel, double from_s, double to_s, std::span<PixelColumn> out) const;
+  static void addBlock(const Block& block, std::size_t channel, double from_s, double to_s,
+                       std::span<PixelColumn> out);
+};
+
+void GestureTrace::Store::Block::push(const Moment& moment) {
+  time_s[count] = moment.time_s;
+  for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
+    const float value = shortened(valueOf(static_cast<TraceChannel>(channel), moment));
+    values[channel][count] = value;
+    if (!std::isfinite(value)) continue;
+    parts[channel][count / kPart].take(value);
+    whole[channel].take(value);
+  }
+  ++count;
+}
+
+GestureTrace::GestureTrace(double span_s) : store_(std::make_unique<Store>()) {
+  store_->span_s = span_s;
+}
+GestureTrace::GestureTrace(GestureTrace&&) noexcept = default;
+GestureTrace& GestureTrace::operator=(GestureTrace&&) noexcept = default;
+GestureTrace::~GestureTrace() = default;
+
+void GestureTrace::clear() {
+  const double span_s = store_->span_s;
+  *store_ = {};
+  store_->span_s = span_s;
+}
+
+void GestureTrace::push(const Moment& moment) {
+  if (store_->any && moment.time_s <= store_->last.time_s) clear();
+  Store& store = *store_;
+  if (store.blocks.empty() || store.blocks.back()->count == kBlock)
+    store.blocks.push_back(std::make_unique<Store::Block>());
+  store.blocks.back()->push(moment);
+  const std::size_t events_before = store.events.size();
+  store.findEvents(moment);
+  // whole moments: each hundredth of a second, and where something happens
+  if (store.moments.empty() || moment.time_s >= store.moments.back().time_s + kMomentPeriod_s - 1e-9 ||
+      store.events.size() != events_before)
+    store.moments.push_back(moment);
+  store.last = moment;
+  store.any = true;
+  store.forgetOld();
+}
+
+void GestureTrace::Store::forgetOld() {
+  const double oldest_s = last.time_s - span_s;
+  while (blocks.size() > 1 && blocks.front()->time_s[blocks.front()->count - 1] < oldest_s)
+    blocks.pop_front();
+  while (moments.size() > 1 && moments[1].time_s <= oldest_s) moments.pop_front();
+  while (!events.empty() && (events.front().time_s < oldest_s || events.size() > kMostEvents))
+    events.pop_front();
+}
+
+void GestureTrace::Store::addEvent(TraceEvent event) {
+  const auto after = std::upper_bound(events.begin(), events.end(), event.time_s,
+                                      [](double time_s, const TraceEvent& e) { return time_s < e.time_s; });
+  events.insert(after, std::move(event));
+}
+
+void GestureTrace::Store::findEvents(const Moment& moment) {
+  using Kind = TraceEvent::Kind;
+  const auto note = [&](Kind kind) {
+    TraceEvent event;
+    event.kind = kind;
+    event.time_s = moment.time_s;
+    event.layer = moment.layer;
+    event.fault = moment.fault;
+    addEvent(std::move(event));
+  };
+  const int layer_before = any ? last.layer : -1;
+  if (moment.layer >= 0 && layer_before < 0) note(Kind::kEntry);
+  if (moment.layer < 0 && layer_before >= 0) note(Kind::kExit);
+  if (moment.layer >= 0 && layer_before >= 0 && moment.layer != layer_before) note(Kind::kLayerChange);
+  if ((moment.flags & kFlagRupture) != 0) note(Kind::kRupture);
+  if ((moment.flags & kFlagTurn) != 0) {
+    if (last_turn_s == 0 || moment.time_s > last_turn_s + kSameTurn_s) note(Kind::kTurn);
+    last_turn_s = moment.time_s;
+  }
+  if (moment.phase == Phase::kStopped && any && last.phase != Phase::kStopped) note(Kind::kStop);
+  if (moment.fault != 0 && (!any || last.fault != moment.fault)) note(Kind::kFault);
+}
+
+void GestureTrace::add(TraceEvent event) {
+  store_->addEvent(std::move(event));
+}
+
+bool GestureTrace::empty() const {
+  return !store_->any;
+}
+
+double GestureTrace::firstTime_s() const {
+  return store_->any ? store_->blocks.front()->time_s[0] : 0;
+}
+
+double GestureTrace::lastTime_s() const {
+  return store_->any ? store_->last.time_s : 0;
+}
+
+const Moment& GestureTrace::last() const {
+  return store_->last;
+}
+
+const Moment& GestureTrace::at(double time_s) const {
+  const Store& store = *store_;
+  if (store.moments.empty() || time_s >= store.last.time_s) return store.last;
+  const auto after = std::upper_bound(store.moments.begin(), store.moments.end(), time_s,
+                                      [](double t, const Moment& moment) { return t < moment.time_s; });
+  return after == store.moments.begin() ? store.moments.front() : *std::prev(after);
+}
+
+std::vector<Moment> GestureTrace::between(double from_s, double to_s) const {
+  const auto& moments = store_->moments;
+  const auto before = [](const Moment& moment, double t) { return moment.time_s < t; };
+  const auto first = std::lower_bound(moments.begin(), moments.end(), from_s, before);
+  std::vector<Moment> out;
+  for (auto at = first; at != moments.end() && at->time_s <= to_s; ++at) out.push_back(*at);
+  return out;
+}
+
+const std::deque<TraceEvent>& GestureTrace::events() const {
+  return store_->events;
+}
+
+std::optional<float> GestureTrace::value(TraceChannel channel, double time_s) const {
+  const auto& blocks = store_->blocks;
+  const auto after = std::upper_bound(blocks.begin(), blocks.end(), time_s,
+                                      [](double t, const auto& block) { return t < block->time_s[0]; });
+  if (after == blocks.begin()) return std::nullopt;
+  const Store::Block& block = **std::prev(after);
+  const auto end = block.time_s.begin() + static_cast<std::ptrdiff_t>(block.count);
+  const auto next = std::upper_bound(block.time_s.begin(), end, time_s);
+  const auto index = static_cast<std::size_t>(next - block.time_s.begin()) - 1;
+  const float found = block.values[static_cast<std::size_t>(channel)][index];
+  return std::isfinite(found) ? std::optional<float>(found) : std::nullopt;
+}
+
+double GestureTrace::peakForce_N() const {
+  double peak_N = 0;
+  for (const auto& block : store_->blocks)
+    peak_N = std::fmax(peak_N,
+                       static_cast<double>(block->whole[static_cast<std::size_t>(TraceChannel::kForce)].max));
+  return peak_N;
+}
+
+// a stretch of ticks that falls into one column is added at once, by its least and greatest
+void GestureTrace::Store::addBlock(const Block& block, std::size_t channel, double from_s, double to_s,
+                                   std::span<PixelColumn> out) {
+  const double per_s = static_cast<double>(out.size()) / (to_s - from_s);
+  const auto columnOf = [&](double time_s) -> std::ptrdiff_t {
+    return static_cast<std::ptrdiff_t>(std::floor((time_s - from_s) * per_s));
+  };
+  const auto size = static_cast<std::ptrdiff_t>(out.size());
+  const auto addStretch = [&](std::size_t first, std::size_t until, const PixelColumn& extremes) {
+    const std::ptrdiff_t column = columnOf(block.time_s[first]);
+    if (column != columnOf(block.time_s[until])) return false;
+    if (column < 0 || column >= size || extremes.empty()) return true;
+    PixelColumn& into = out[static_cast<std::size_t>(column)];
+    into.take(extremes.min);
+    into.take(extremes.max);
+    into.last = extremes.last;
+    return true;
+  };
+  if (addStretch(0, block.count - 1, block.whole[channel])) return;
+  for (std::size_t first = 0; first < block.count; first += kPart) {
+    const std::size_t last = std::min(first + kPart, block.count) - 1;
+    if (block.time_s[last] < from_s || block.time_s[first] >= to_s) continue;
+    if (addStretch(first, last, block.parts[channel][first / kPart])) continue;
+    for (std::size_t i = first; i <= last; ++i) {
+      const float value = block.values[channel][i];
+      const std::ptrdiff_t column = columnOf(block.time_s[i]);
+      if (std::isfinite(value) && column >= 0 && column < size)
+        out[static_cast<std::size_t>(column)].take(value);
+    }
+  }
+}
+
+void GestureTrace::Store::columns(std::size_t channel, double from_s, double to_s,
+                                  std::span<PixelColumn> out) const {
+  std::fill(out.begin(), out.end(), PixelColumn{});
+  if (out.empty() || !(to_s > from_s)) return;
+  for (const auto& block : blocks) {
+    if (block->time_s[block->count - 1] < from_s) continue;
+    if (block->time_s[0] >= to_s) break;
+    addBlock(*block, channel, from_s, to_s, out);
+  }
+}
+
+void GestureTrace::columns(TraceChannel channel, double from_s, double to_s,
+                           std::span<PixelColumn> out) const {
+  store_->columns(static_cast<std::size_t>(channel), from_s, to_s, out);
+}
+
+ColumnSource GestureTrace::source(TraceChannel channel) const {
+  const Store* store = store_.get();
+  const auto scale = static_cast<float>(infoOf(channel).shown_per_si);
+  return [store, channel, scale](double from_s, double to_s, std::span<PixelColumn> out) {
+    store->columns(static_cast<std::size_t>(channel), from_s, to_s, out);
+    for (PixelColumn& column : out) {
+      column.min *= scale;
+      column.max *= scale;
+      column.last *= scale;
+    }
+  };
+}
+
+}  // namespace needlelab

@@ -1,0 +1,119 @@
+/// The last minutes of a gesture: for plots, and for scrolling back while it goes on.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "client/view/model/gesture_replica.h"
+#include "client/view/model/pixel_columns.h"
+
+namespace needlelab {
+
+/// What can be plotted over time. Order: append only.
+enum class TraceChannel : std::uint8_t {
+  kForce,      ///< |force| after the gate
+  kCutting,    ///< along u, as resistance: positive pushes the hand out
+  kAttracted,  ///< … negative pulls the hand in
+  kFriction,
+  kPuncture,
+  kClamping,  ///< magnitude
+  kTorque,    ///< magnitude, N·m
+  kDepth,     ///< δ
+  kInsertion,
+  kSpeed,  ///< along u
+  kLateralError,
+  kAlpha,
+  kTilt,
+  kTipX,
+  kTipY,
+  kTipZ,
+  kWallX,
+  kWallY,
+  kWallZ,
+  kForceX,
+  kForceY,
+  kForceZ,
+  kPlunger,
+  kLayer,
+  kPhase,
+};
+inline constexpr std::size_t kChannelCount = 25;
+struct ChannelInfo {
+  std::string_view name;  ///< for an axis: "force", "lateral error"
+  std::string_view unit;  ///< as shown: "N", "mm", "°"
+  double shown_per_si;    ///< 1000 for mm, 180/π for °
+};
+const ChannelInfo& infoOf(TraceChannel channel);
+/// The channel's value in SI; NaN where it has none (no wall, no tilt outside).
+double valueOf(TraceChannel channel, const Moment& moment);
+
+/// Something that happened at one time.
+struct TraceEvent {
+  enum class Kind : std::uint8_t {
+    kEntry,
+    kExit,
+    kLayerChange,
+    kRupture,
+    kTurn,
+    kStop,
+    kFault,
+    kGap,
+    kRemark
+  };
+  Kind kind = Kind::kEntry;
+  double time_s = 0;
+  int layer = -1;  ///< the one that was entered
+  std::uint8_t fault = 0;
+  std::string text;  ///< of a remark
+};
+/// A word for people: "in", "out", "rupture", … and one glyph.
+std::string_view wordOf(TraceEvent::Kind kind);
+std::string_view signOf(TraceEvent::Kind kind);
+
+/// Every moment's channels as 32-bit floats for `span_s` seconds, oldest overwritten; whole Moments at up to
+/// 100 Hz (for the 3-D view at a time gone by); events. Memory: about 120 B a tick and 40 KiB/s: 50 MiB for
+/// 5 minutes at 1 kHz, taken as it fills. Thread: one at a time.
+class GestureTrace {
+ public:
+  explicit GestureTrace(double span_s = 300);
+  GestureTrace(GestureTrace&&) noexcept;
+  GestureTrace& operator=(GestureTrace&&) noexcept;
+  ~GestureTrace();
+
+  /// Times must ascend; an earlier one begins anew (another session).
+  void push(const Moment& moment);
+  void add(TraceEvent event);  ///< such as a remark; entries, exits, layers … are found by `push`
+  void clear();
+
+  [[nodiscard]] bool empty() const;
+  [[nodiscard]] double firstTime_s() const;  ///< of what is still kept; 0 when empty
+  [[nodiscard]] double lastTime_s() const;
+  [[nodiscard]] const Moment& last() const;  ///< value-initialised when empty
+  /// The kept Moment nearest before `time_s` (the first when there is none before).
+  [[nodiscard]] const Moment& at(double time_s) const;
+  /// Kept Moments of [from, to], oldest first, e.g. for the tip's path.
+  [[nodiscard]] std::vector<Moment> between(double from_s, double to_s) const;
+  [[nodiscard]] const std::deque<TraceEvent>& events() const;
+  /// The channel's value at the tick nearest before, in SI; empty where nothing is kept or it has none.
+  [[nodiscard]] std::optional<float> value(TraceChannel channel, double time_s) const;
+  /// Greatest |force| in the kept time, in N.
+  [[nodiscard]] double peakForce_N() const;
+
+  /// In SI; quick by a pyramid of least and greatest values (a few µs for any span).
+  void columns(TraceChannel channel, double from_s, double to_s, std::span<PixelColumn> out) const;
+  /// As the plot wants it, in shown units (ChannelInfo); refers to this trace.
+  [[nodiscard]] ColumnSource source(TraceChannel channel) const;
+
+ private:
+  struct Store;
+  std::unique_ptr<Store> store_;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,53 @@
+/// Triangles, made from the scene's numbers; the renderer only uploads them.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "client/view/model/scene_view.h"
+#include "common/haptics/geometry.h"
+#include "common/haptics/needle_spec.h"
+
+namespace needlelab {
+
+struct MeshVertex {
+  float p_m[3] = {};
+  float normal[3] = {};  ///< unit
+};
+
+struct Mesh {
+  std::vector<MeshVertex> vertices;
+  std::vector<std::uint32_t> triangles;  ///< three indices each, counter-clockwise from outside
+};
+
+/// About the origin.
+Mesh ballMesh(double radius_m, int rings = 16);
+/// From `a` to `b`, radii at both ends (0: a point), with caps where `closed`.
+Mesh coneMesh(Vec3 a_m, Vec3 b_m, double radius_a_m, double radius_b_m, int sides = 24, bool closed = true);
+/// All within `radius_m` of the segment; a ball when a = b.
+Mesh tubeMesh(Vec3 a_m, Vec3 b_m, double radius_m, int rings = 8, int sides = 24);
+/// An arrow from the origin along +z, 1 long, with a head of 0.3; shaft radius 0.04.
+Mesh arrowMesh(int sides = 16);
+
+/// The surface at depth `depth_m` of the limb, as far as it is near the scene's focus (radius: 1.2 extents);
+/// empty when the limb is not that deep. Normals point out of the tissue.
+Mesh layerSurface(const SceneView& scene, double depth_m);
+
+/// Needle in its own frame T: tip at the origin, the shaft along −z. The bevel looks to +y. A pencil point
+/// has its cone.
+Mesh needleMesh(const NeedleSpec& needle, double drawn_diameter_m);
+
+/// A syringe behind a needle of `needle_length_m`, in T. The plunger is a mesh of its own: it is drawn
+/// shifted by `plungerShift_m` along +z.
+struct SyringeMesh {
+  Mesh hub, barrel, scale, plunger;
+  double stroke_m = 0;
+  // of the barrel's inside, along T's z: the stopper's front when drawn out, and the end toward the hub
+  double stopper_z_m = 0, outlet_z_m = 0, radius_m = 0;
+  double end_z_m = 0;  ///< of the plunger's plate when it is drawn out: the hindmost point
+};
+SyringeMesh syringeMesh(double needle_length_m);
+/// 0 (drawn out) - 1 (pressed down).
+double plungerShift_m(const SyringeMesh& syringe, double plunger);
+
+}  // namespace needlelab

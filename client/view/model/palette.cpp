@@ -1,0 +1,151 @@
+#include "client/view/model/palette.h"
+
+#include <cmath>
+
+#include "common/base/formatted.h"
+
+namespace needlelab {
+namespace {
+
+unsigned byteOf(float share) {
+  return static_cast<unsigned>(std::lround(std::fmin(std::fmax(share, 0.0F), 1.0F) * 255.0F));
+}
+
+// sRGB to linear light (IEC 61966-2-1)
+double linearLight(double share) {
+  return share <= 0.04045 ? share / 12.92 : std::pow((share + 0.055) / 1.055, 2.4);
+}
+
+}  // namespace
+
+std::string hexText(Rgb colour) {
+  return formatted("#%02x%02x%02x", byteOf(colour.red), byteOf(colour.green), byteOf(colour.blue));
+}
+
+double relativeLuminance(Rgb colour) {
+  return 0.2126 * linearLight(static_cast<double>(colour.red)) +
+         0.7152 * linearLight(static_cast<double>(colour.green)) +
+         0.0722 * linearLight(static_cast<double>(colour.blue));
+}
+
+Rgb tissueColour(pb::Layer::Tissue tissue) {
+  switch (tissue) {
+    case pb::Layer::SKIN:
+      return rgbOf(0xE8B48C);
+    case pb::Layer::FAT:
+      return rgbOf(0xF3DC7E);
+    case pb::Layer::MUSCLE:
+      return rgbOf(0xB4503C);
+    case pb::Layer::BURSA:
+      return rgbOf(0x8CCBEA);
+    case pb::Layer::CAPSULE:
+      return rgbOf(0xC08FB4);
+    case pb::Layer::TENDON:
+      return rgbOf(0xEAE3CF);
+    case pb::Layer::CARTILAGE:
+      return rgbOf(0x7FB5A8);
+    case pb::Layer::BONE:
+      return rgbOf(0xF7F1E1);
+    default:
+      return rgbOf(0x8A93A6);
+  }
+}
+
+std::string_view tissueWord(pb::Layer::Tissue tissue) {
+  switch (tissue) {
+    case pb::Layer::SKIN:
+      return "skin";
+    case pb::Layer::FAT:
+      return "fat";
+    case pb::Layer::MUSCLE:
+      return "muscle";
+    case pb::Layer::BURSA:
+      return "bursa";
+    case pb::Layer::CAPSULE:
+      return "capsule";
+    case pb::Layer::TENDON:
+      return "tendon";
+    case pb::Layer::CARTILAGE:
+      return "cartilage";
+    case pb::Layer::BONE:
+      return "bone";
+    default:
+      return "tissue";
+  }
+}
+
+Rgb hazardColour(pb::Hazard::Kind kind) {
+  switch (kind) {
+    case pb::Hazard::BONE:
+      return rgbOf(0xD8D2C2);
+    case pb::Hazard::NERVE:
+      return kYellow;
+    case pb::Hazard::VESSEL:
+      return kVermillion;
+    default:
+      return kReddishPurple;
+  }
+}
+
+std::string_view hazardWord(pb::Hazard::Kind kind) {
+  switch (kind) {
+    case pb::Hazard::BONE:
+      return "bone";
+    case pb::Hazard::NERVE:
+      return "nerve";
+    case pb::Hazard::VESSEL:
+      return "vessel";
+    default:
+      return "structure";
+  }
+}
+
+const ForcePartStyle& styleOf(ForcePart part) {
+  static constexpr std::array<ForcePartStyle, kForcePartCount> kStyles = {{
+      {kVermillion, "cutting", "N"},
+      {kSkyBlue, "attracted", "N"},
+      {kOrange, "friction", "N"},
+      {kYellow, "puncture", "N"},
+      {kReddishPurple, "clamping", "N"},
+      {kBluishGreen, "torque", "N·m"},
+  }};
+  return kStyles[static_cast<std::size_t>(part)];
+}
+
+const ConditionStyle& styleOf(Condition condition) {
+  static constexpr std::array<ConditionStyle, 4> kStyles = {{
+      {rgbOf(0xA7B0BD), "○", "unknown"},
+      {rgbOf(0x2FBF94), "●", "good"},
+      {kOrange, "▲", "attention"},
+      {rgbOf(0xFF7A33), "■", "trouble"},
+  }};
+  return kStyles[static_cast<std::size_t>(condition)];
+}
+
+Rgb phaseColour(Phase phase) {
+  switch (phase) {
+    case Phase::kInserting:
+      return kOrange;
+    case Phase::kStopped:
+      return kYellow;
+    case Phase::kWithdrawing:
+      return kSkyBlue;
+    default:
+      return kDimText;
+  }
+}
+
+std::string_view phaseWord(Phase phase) {
+  switch (phase) {
+    case Phase::kInserting:
+      return "going in";
+    case Phase::kStopped:
+      return "at rest";
+    case Phase::kWithdrawing:
+      return "coming out";
+    default:
+      return "outside";
+  }
+}
+
+}  // namespace needlelab

@@ -1,0 +1,118 @@
+#include "client/view/model/scene_view.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "client/view/model/palette.h"
+#include "common/haptics/scene_model.h"
+#include "common/haptics/surface.h"
+#include "common/profile/needle.h"
+#include "common/profile/profile.h"
+#include "common/scoring/anatomy.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kUsualDiameter_m = 0.0008;  // a 21G needle's
+
+std::vector<LayerView> layersOf(const pb::Profile& profile) {
+  std::map<int, int> count, seen;
+  for (const pb::Layer& layer : profile.layers()) ++count[layer.tissue()];
+  std::vector<LayerView> views;
+  double top_m = 0;
+  for (const pb::Layer& layer : profile.layers()) {
+    LayerView view;
+    view.tissue = layer.tissue();
+    view.name = tissueWord(layer.tissue());
+    if (count[layer.tissue()] > 1) view.name += " " + std::to_string(++seen[layer.tissue()]);
+    view.top_m = top_m;
+    view.bottom_m = top_m += layer.thickness_m();
+    view.cutting_N = layer.cutting_force_n();
+    view.has_membrane = layer.has_puncture();
+    views.push_back(std::move(view));
+  }
+  return views;
+}
+
+// how far below its surface a limb goes; infinite for a plane
+double reachOf(const Limb& limb) {
+  if (const auto* sphere = std::get_if<SphereLimb>(&limb)) return sphere->radius_m;
+  if (const auto* capsule = std::get_if<CapsuleLimb>(&limb)) return capsule->radius_m;
+  return std::numeric_limits<double>::infinity();
+}
+
+Vec3 middleOf(const Limb& limb) {
+  if (const auto* sphere = std::get_if<SphereLimb>(&limb)) return sphere->center_m;
+  if (const auto* capsule = std::get_if<CapsuleLimb>(&limb)) return (capsule->a_m + capsule->b_m) * 0.5;
+  return std::get<PlaneLimb>(limb).point_m;
+}
+
+}  // namespace
+
+Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
+  // the engine's own reading of the profile: checks it, and places the limb
+  Result<SceneSpec> spec = sceneSpecOf(profile, X_WL);
+  if (!spec) return spec.error();
+  SceneView view;
+  view.profile_id = profile.id();
+  view.profile_name = profile.name();
+  view.X_WL = {X_WL.p, normalized(X_WL.q)};
+  view.limb_W = spec->limb;
+  if (auto* plane = std::get_if<PlaneLimb>(&view.limb_W)) plane->normal = normalized(plane->normal);
+  view.layers = layersOf(profile);
+  // the last layer has no end: a limb that is round is filled with it
+  if (const double reach_m = reachOf(view.limb_W); std::isfinite(reach_m))
+    view.layers.back().bottom_m = std::max(view.layers.back().bottom_m, reach_m);
+  view.needle = needleOf(profile.needle());
+  view.max_force_N = spec->max_force_N;
+
+  // the regions' places are those that the score takes
+  Anatomy anatomy = anatomyOf(profile, X_WL);
+  for (Region& region : anatomy.targets)
+    view.targets.push_back({std::move(region.name), region.a_W_m, region.radius_m});
+  for (std::size_t i = 0; i < anatomy.hazards.size(); ++i) {
+    Region& region = anatomy.hazards[i];
+    view.hazards.push_back({std::move(region.name), profile.hazards(static_cast<int>(i)).kind(), region.a_W_m,
+                            region.b_W_m, region.radius_m});
+  }
+
+  // where one looks: above the target; where a limb has no normal (its middle) the profile's z is up
+  const Vec3 from = view.targets.empty() ? middleOf(view.limb_W) : view.targets.front().center_W_m;
+  view.focus_normal_W = surfaceNormal(view.limb_W, from, -zAxis(view.X_WL.q));
+  const double below_m = signedDepth(view.limb_W, from);
+  view.focus_W_m = from + view.focus_normal_W * below_m;
+  const double target_m = view.targets.empty() ? 0 : below_m;
+  view.extent_m = std::clamp(std::max(0.9 * view.needle.length_m, 1.5 * target_m), 0.01, 0.5);
+  return view;
+}
+
+double depthAt(const SceneView& scene, Vec3 p_W_m) {
+  return signedDepth(scene.limb_W, p_W_m);
+}
+
+int layerAt(const SceneView& scene, double depth_m) {
+  if (!(depth_m > 0)) return -1;
+  int layer = 0;
+  const int last = static_cast<int>(scene.layers.size()) - 1;
+  while (layer < last && depth_m >= scene.layers[static_cast<std::size_t>(layer)].bottom_m) ++layer;
+  return layer;
+}
+
+const std::string& layerName(const SceneView& scene, int layer) {
+  static const std::string kOutside = "outside", kNone = "?";
+  if (layer < 0) return kOutside;
+  if (static_cast<std::size_t>(layer) >= scene.layers.size()) return kNone;
+  return scene.layers[static_cast<std::size_t>(layer)].name;
+}
+
+double drawnDiameter_m(const SceneView& scene) {
+  return scene.needle.outer_diameter_m > 0 ? scene.needle.outer_diameter_m : kUsualDiameter_m;
+}
+
+double distanceToHazard_m(const HazardView& hazard, Vec3 tip_W_m, Vec3 skin_W_m) {
+  return segmentDistance(tip_W_m, skin_W_m, hazard.a_W_m, hazard.b_W_m) - hazard.radius_m;
+}
+
+}  // namespace needlelab

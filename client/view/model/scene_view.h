@@ -1,0 +1,70 @@
+/// A scene as something to look at, all of it in W: for the 3-D view, the ultrasound slice, plots' layer
+/// bands.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/haptics/needle_spec.h"
+#include "common/haptics/scene_spec.h"
+#include "needlelab/profile.pb.h"
+
+namespace needlelab {
+
+struct LayerView {
+  pb::Layer::Tissue tissue = pb::Layer::OTHER;
+  std::string name;      ///< the tissue's word, numbered where it occurs more than once: "tendon 2"
+  double top_m = 0;      ///< depth δ below the surface, [top, bottom)
+  double bottom_m = 0;   ///< as drawn; the last layer has no end in the engine
+  double cutting_N = 0;  ///< f_cut
+  bool has_membrane = false;
+};
+
+struct TargetView {
+  std::string name;
+  Vec3 center_W_m;
+  double radius_m = 0;
+};
+
+/// A ball (a = b), or all within `radius_m` of the segment a-b.
+struct HazardView {
+  std::string name;
+  pb::Hazard::Kind kind = pb::Hazard::OTHER;
+  Vec3 a_W_m, b_W_m;
+  double radius_m = 0;
+};
+
+/// Immutable once made. Thread: any may read.
+struct SceneView {
+  std::string profile_id, profile_name;
+  Limb limb_W;                    ///< a plane's normal is a unit vector
+  std::vector<LayerView> layers;  ///< 1-32, from the skin inward
+  std::vector<TargetView> targets;
+  std::vector<HazardView> hazards;
+  NeedleSpec needle;        ///< of a diameter that is not known: 0
+  double max_force_N = 10;  ///< the profile's cap: the scale of force arrows
+  Pose X_WL;
+  /// Where one looks: the surface point above the first target, else above the limb's middle, and the
+  /// surface's unit normal there, out of the tissue.
+  Vec3 focus_W_m, focus_normal_W;
+  double extent_m = 0.1;  ///< radius about the focus that a first look should hold: target, needle, limb
+};
+
+/// `profile` as it ran (an exercise's own needle already in it, as in SessionDescription.profile_json);
+/// `X_WL`: where the profile's frame stands in W, its quaternion is normalised. Errors: kInvalidInput, for a
+/// profile that did not come from `parseProfile` or a placement that is not finite.
+Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL = {});
+
+/// δ at a point of W, as the engine has it: negative outside.
+double depthAt(const SceneView& scene, Vec3 p_W_m);
+/// Index of the layer at depth δ; −1 outside.
+int layerAt(const SceneView& scene, double depth_m);
+/// "skin", "muscle 2", … ; "outside" for −1, and for an index that the scene does not have "?".
+const std::string& layerName(const SceneView& scene, int layer);
+/// The diameter to draw: the needle's, or 0.8 mm where none is known.
+double drawnDiameter_m(const SceneView& scene);
+/// From a hazard's or target's surface to the straight shaft between tip and `skin`; negative inside.
+double distanceToHazard_m(const HazardView& hazard, Vec3 tip_W_m, Vec3 skin_W_m);
+
+}  // namespace needlelab

@@ -1,0 +1,303 @@
+#include "client/view/model/ultrasound_slice.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "common/haptics/scene_model.h"
+#include "common/haptics/surface.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kDeepest_m = 0.12, kShallowest_m = 0.02;
+constexpr double kMaxTurn_rad = 0.2;      // of the plane, from one picture to the next
+constexpr double kDepthStep_m = 0.00005;  // of the table of echoes over depth
+constexpr int kGrainSize = 256;           // a tile of speckle, repeated
+constexpr double kGrainAcross_m = 0.00022,
+                 kGrainDown_m = 0.00012;  // wider than high: sound resolves better along its way
+
+/// What a tissue sends back: 0 black to 1 white, and how grainy it is.
+struct Echo {
+  float mean = 0.3F, grain = 0.5F;
+  bool stops_sound = false;
+};
+
+Echo echoOf(pb::Layer::Tissue tissue) {
+  switch (tissue) {
+    case pb::Layer::SKIN:
+      return {0.62F, 0.35F, false};
+    case pb::Layer::FAT:
+      return {0.26F, 0.5F, false};
+    case pb::Layer::MUSCLE:
+      return {0.34F, 0.75F, false};
+    case pb::Layer::BURSA:
+      return {0.08F, 0.25F, false};
+    case pb::Layer::CAPSULE:
+      return {0.55F, 0.45F, false};
+    case pb::Layer::TENDON:
+      return {0.58F, 0.6F, false};
+    case pb::Layer::CARTILAGE:
+      return {0.14F, 0.2F, false};
+    case pb::Layer::BONE:
+      return {0.3F, 0.3F, true};
+    default:
+      return {0.1F, 0.3F, false};  // fluid, mostly
+  }
+}
+
+Echo echoOf(pb::Hazard::Kind kind) {
+  switch (kind) {
+    case pb::Hazard::BONE:
+      return {0.3F, 0.3F, true};
+    case pb::Hazard::NERVE:
+      return {0.5F, 0.9F, false};
+    case pb::Hazard::VESSEL:
+      return {0.04F, 0.15F, false};
+    default:
+      return {0.6F, 0.5F, false};
+  }
+}
+
+// speckle: the size of a sum of random phases (Rayleigh's), about 1 in the mean; smoothed a little, tiles
+// without a seam
+std::array<float, kGrainSize * kGrainSize> makeGrain() {
+  std::array<float, kGrainSize * kGrainSize> raw{}, smooth{};
+  std::uint64_t state = 0x9E3779B97F4A7C15u;
+  for (float& value : raw) {
+    state ^= state << 13;
+    state ^= state >> 7;
+    state ^= state << 17;
+    const double uniform = (static_cast<double>(state >> 11) + 0.5) * 0x1.0p-53;
+    value = static_cast<float>(std::sqrt(-2 * std::log(uniform)) * 0.7979);
+  }
+  for (int y = 0; y < kGrainSize; ++y) {
+    for (int x = 0; x < kGrainSize; ++x) {
+      float sum = 0;
+      for (int dx = -1; dx <= 1; ++dx)
+        for (int dy = -1; dy <= 1; ++dy)
+          sum += raw[static_cast<std::size_t>(((y + dy) & 255) * kGrainSize + ((x + dx) & 255))] *
+                 (dx == 0 ? 0.5F : 0.25F) * (dy == 0 ? 0.6F : 0.2F);
+      smooth[static_cast<std::size_t>(y * kGrainSize + x)] = sum;
+    }
+  }
+  return smooth;
+}
+
+using GrainTile = std::array<float, kGrainSize * kGrainSize>;
+const GrainTile& grainTile() {
+  static const GrainTile kGrain = makeGrain();
+  return kGrain;
+}
+
+float grainAt(const GrainTile& tile, int x, int y) {
+  return tile[static_cast<std::size_t>((y & 255) * kGrainSize + (x & 255))];
+}
+
+/// Echo by depth below the skin, so that a pixel costs one look-up: the layers, and a bright line where one
+/// begins.
+struct EchoTable {
+  std::vector<Echo> echoes;
+  std::vector<float> line;
+
+  explicit EchoTable(const SceneView& scene, double deepest_m) {
+    const auto size = static_cast<std::size_t>(deepest_m / kDepthStep_m) + 2;
+    echoes.resize(size);
+    line.assign(size, 0.0F);
+    for (std::size_t i = 0; i < size; ++i) {
+      const double depth_m = (static_cast<double>(i) + 0.5) * kDepthStep_m;
+      echoes[i] = echoOf(scene.layers[static_cast<std::size_t>(std::max(0, layerAt(scene, depth_m)))].tissue);
+    }
+    for (const LayerView& layer : scene.layers) {
+      const float strength = layer.tissue == pb::Layer::BONE ? 0.75F : layer.has_membrane ? 0.5F : 0.3F;
+      const double wide_m = layer.tissue == pb::Layer::BONE ? 0.0006 : 0.0003;
+      const double first_m = std::max(0.0, layer.top_m - 3 * wide_m);
+      for (auto i = static_cast<std::size_t>(first_m / kDepthStep_m); i < size; ++i) {
+        const double away = ((static_cast<double>(i) + 0.5) * kDepthStep_m - layer.top_m) / wide_m;
+        if (away > 3) break;
+        line[i] = std::max(line[i], strength * static_cast<float>(std::exp(-away * away)));
+      }
+    }
+  }
+  [[nodiscard]] std::size_t indexOf(double depth_m) const {
+    return std::min(static_cast<std::size_t>(depth_m / kDepthStep_m), echoes.size() - 1);
+  }
+};
+
+/// A hazard's cut with the plane: distances are taken in the plane's own coordinates.
+struct Shape {
+  Vec3 a, b;  // x right, y down, z out of the plane, from the picture's origin
+  double radius_m = 0;
+  Echo echo;
+
+  // distance from the surface, negative inside
+  [[nodiscard]] double distance_m(double x_m, double y_m) const {
+    const Vec3 p{x_m, y_m, 0}, ab = b - a;
+    const double squared = normSquared(ab);
+    const double t = squared > 0 ? std::clamp(dot(p - a, ab) / squared, 0.0, 1.0) : 0.0;
+    return norm(p - (a + ab * t)) - radius_m;
+  }
+  /// Whether it can be seen at all, and where: most pixels need not ask for the distance.
+  [[nodiscard]] bool isNear(double x_m, double y_m, double margin_m) const {
+    const double reach_m = radius_m + margin_m;
+    return y_m > std::min(a.y, b.y) - reach_m && y_m < std::max(a.y, b.y) + reach_m &&
+           x_m > std::min(a.x, b.x) - reach_m && x_m < std::max(a.x, b.x) + reach_m &&
+           std::min(a.z, b.z) < reach_m && std::max(a.z, b.z) > -reach_m;
+  }
+};
+
+Vec3 inPlane(const SlicePlane& plane, Vec3 p_W_m) {
+  const Vec3 from = p_W_m - plane.origin_W_m;
+  return {dot(from, plane.right_W), dot(from, plane.down_W), dot(from, cross(plane.right_W, plane.down_W))};
+}
+
+std::uint8_t greyOf(float share) {
+  return static_cast<std::uint8_t>(std::clamp(share, 0.0F, 1.0F) * 255.0F + 0.5F);
+}
+
+/// The needle: a bright line, brighter at its tip, with fainter echoes of itself below; weaker where the
+/// plane does not hold it.
+void drawNeedle(const SlicePlane& plane, const Moment& moment, double needle_length_m, double m_per_px,
+                GreyImage& out) {
+  const Vec3 tip = inPlane(plane, moment.p_WT_m);
+  const Vec3 hub = inPlane(plane, moment.p_WT_m - normalized(zAxis(moment.q_WT)) * needle_length_m);
+  const double length_px = norm(hub - tip) / m_per_px;
+  if (!(length_px > 0)) return;
+  const double half_width_px = std::max(1.0, 0.00035 / m_per_px);
+  const int samples = std::min(4000, static_cast<int>(length_px * 2) + 2);
+  const auto put = [&](double x_m, double y_m, float light) {
+    const double x_px = x_m / m_per_px + out.width * 0.5, y_px = y_m / m_per_px;
+    const int x0 = static_cast<int>(std::floor(x_px - 2 * half_width_px));
+    const int x1 = static_cast<int>(std::ceil(x_px + 2 * half_width_px));
+    const int y0 = static_cast<int>(std::floor(y_px - 2 * half_width_px));
+    const int y1 = static_cast<int>(std::ceil(y_px + 2 * half_width_px));
+    for (int y = std::max(0, y0); y <= std::min(out.height - 1, y1); ++y) {
+      for (int x = std::max(0, x0); x <= std::min(out.width - 1, x1); ++x) {
+        const double away = std::hypot(x + 0.5 - x_px, y + 0.5 - y_px) / half_width_px;
+        std::uint8_t& pixel = out.pixels[static_cast<std::size_t>(y * out.width + x)];
+        pixel = std::max(pixel, greyOf(light * static_cast<float>(std::exp(-away * away))));
+      }
+    }
+  };
+  for (int i = samples; i >= 0; --i) {
+    const double share = static_cast<double>(i) / samples;
+    const Vec3 p = tip + (hub - tip) * share;
+    if (p.y < -0.001) continue;
+    if (std::fabs(p.x) > 0.6 * out.width * m_per_px) continue;
+    // seen only near the plane
+    const auto held = static_cast<float>(std::exp(-(p.z / 0.0015) * (p.z / 0.0015)));
+    const float at_tip = share * length_px * m_per_px < 0.0015 ? 1.0F : 0.0F;
+    const float wave = 0.85F + 0.15F * grainAt(grainTile(), i / 2, 7);
+    put(p.x, p.y, held * (0.78F + 0.22F * at_tip) * wave);
+    if (i % 2 == 0) {
+      put(p.x, p.y + 0.0016, held * 0.34F * wave);
+      put(p.x, p.y + 0.0032, held * 0.2F * wave);
+    }
+  }
+}
+
+}  // namespace
+
+SlicePlane slicePlaneOf(const SceneView& scene, const Moment& moment, const SlicePlane* before) {
+  SlicePlane plane;
+  const Vec3 axis_W = moment.inside ? moment.u_W : normalized(zAxis(moment.q_WT));
+  const Vec3 out_W = surfaceNormal(scene.limb_W, moment.inside ? moment.p_entry_W_m : moment.p_WT_m, axis_W);
+  plane.down_W = -out_W;
+  plane.origin_W_m =
+      moment.inside ? moment.p_entry_W_m : moment.p_WT_m + out_W * signedDepth(scene.limb_W, moment.p_WT_m);
+  // the needle's own direction across the skin, where it has one; else the plane of before
+  const auto level = [&](Vec3 v) { return v - plane.down_W * dot(plane.down_W, v); };
+  Vec3 across = level(axis_W);
+  // a needle outside wavers; one in the tissue has its trajectory, and a plane beside that would lose it
+  const double open = moment.inside ? 0.02 : 0.09;
+  const Vec3 kept = before != nullptr ? level(before->right_W) : level({1, 0, 0});
+  const Vec3 usual = normalized(normSquared(kept) > 1e-6 ? kept : level({0, 1, 0}));
+  if (normSquared(across) < open * open) across = usual;
+  // towards the same side as before, so that the picture does not flip; and no faster than a hand turns a
+  // probe
+  across = normalized(dot(across, usual) < 0 ? -across : across);
+  if (before == nullptr) {
+    plane.right_W = across;
+    return plane;
+  }
+  const Vec3 beside = cross(plane.down_W, usual);
+  const double turn_rad =
+      std::clamp(std::atan2(dot(across, beside), dot(across, usual)), -kMaxTurn_rad, kMaxTurn_rad);
+  plane.right_W = usual * std::cos(turn_rad) + beside * std::sin(turn_rad);
+  return plane;
+}
+
+double sliceDepth_m(const SceneView& scene, const SliceSettings& settings) {
+  if (settings.depth_m > 0) return std::clamp(settings.depth_m, 0.005, 0.5);
+  double deepest_m = 0;
+  for (const TargetView& target : scene.targets)
+    deepest_m = std::max(deepest_m, depthAt(scene, target.center_W_m) + target.radius_m);
+  if (!(deepest_m > 0)) deepest_m = 0.6 * scene.needle.length_m;
+  return std::clamp(1.33 * deepest_m, kShallowest_m, kDeepest_m);
+}
+
+void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& moment,
+               const SliceSettings& settings, GreyImage& out) {
+  out.width = std::clamp(settings.width, 16, 1024);
+  out.height = std::clamp(settings.height, 16, 1024);
+  out.pixels.assign(static_cast<std::size_t>(out.width) * static_cast<std::size_t>(out.height), 0);
+  const double depth_m = sliceDepth_m(scene, settings);
+  const double m_per_px = depth_m / out.height;
+  const EchoTable table(scene, 2 * depth_m);
+
+  std::vector<Shape> shapes;
+  for (const HazardView& hazard : scene.hazards)
+    shapes.push_back(
+        {inPlane(plane, hazard.a_W_m), inPlane(plane, hazard.b_W_m), hazard.radius_m, echoOf(hazard.kind)});
+
+  // from the probe downward, so that what stops sound darkens all that is below it
+  std::vector<float> sound(static_cast<std::size_t>(out.width), 1.0F);
+  const auto lost_in_bone = static_cast<float>(std::exp(-m_per_px / 0.0008));
+  // grain is the tissue's: it stands still in W when the plane moves along
+  const double shift_x_m = dot(plane.origin_W_m, plane.right_W),
+               shift_y_m = dot(plane.origin_W_m, plane.down_W);
+  const GrainTile& tile = grainTile();
+  for (int y = 0; y < out.height; ++y) {
+    const double y_m = (y + 0.5) * m_per_px;
+    const auto fading = static_cast<float>(1.0 - 0.35 * y_m / depth_m);
+    const int grain_y = static_cast<int>(std::floor((y_m + shift_y_m) / kGrainDown_m));
+    const Vec3 row_W_m = plane.origin_W_m + plane.down_W * y_m;
+    for (int x = 0; x < out.width; ++x) {
+      const double x_m = (x + 0.5 - out.width * 0.5) * m_per_px;
+      const double below_m = signedDepth(scene.limb_W, row_W_m + plane.right_W * x_m);
+      float& heard = sound[static_cast<std::size_t>(x)];
+      std::uint8_t& pixel = out.pixels[static_cast<std::size_t>(y * out.width + x)];
+      if (!(below_m > 0)) {
+        // gel between probe and skin
+        pixel = greyOf(0.03F + (y < 3 ? 0.25F : 0.0F));
+        continue;
+      }
+      const std::size_t at = table.indexOf(below_m);
+      Echo echo = table.echoes[at];
+      float line = table.line[at];
+      for (const Shape& shape : shapes) {
+        if (!shape.isNear(x_m, y_m, 0.001)) continue;
+        const double away_m = shape.distance_m(x_m, y_m);
+        if (away_m < 0) {
+          echo = shape.echo;
+          line = 0;
+        }
+        // its wall; bone shows only the side that the sound meets
+        const double wide_m = shape.echo.stops_sound ? 0.0005 : 0.00025;
+        if (std::fabs(away_m) < 3 * wide_m)
+          line = std::max(line, (shape.echo.stops_sound ? 0.85F : 0.45F) *
+                                    static_cast<float>(std::exp(-(away_m / wide_m) * (away_m / wide_m))));
+      }
+      const int grain_x = static_cast<int>(std::floor((x_m + shift_x_m) / kGrainAcross_m));
+      const float grain = grainAt(tile, grain_x, grain_y);
+      const float light = echo.mean * (1 + echo.grain * (grain - 1)) + line * (0.75F + 0.25F * grain);
+      pixel = greyOf(light * heard * fading);
+      if (echo.stops_sound) heard *= lost_in_bone;
+    }
+  }
+  drawNeedle(plane, moment, scene.needle.length_m, m_per_px, out);
+}
+
+}  // namespace needlelab

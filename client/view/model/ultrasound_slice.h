@@ -1,0 +1,36 @@
+/// An ultrasound-like picture of the scene in the needle's plane: layers with speckle, a bright needle, a
+/// shadow behind bone. A teaching picture, not a simulation of sound.
+#pragma once
+
+#include "client/view/model/gesture_replica.h"
+#include "client/view/model/image.h"
+#include "client/view/model/scene_view.h"
+
+namespace needlelab {
+
+/// The picture's place in W: `origin_W_m` is the middle of its upper edge, on the skin under the probe.
+struct SlicePlane {
+  Vec3 origin_W_m;
+  Vec3 right_W;  ///< unit, to the right in the picture
+  Vec3 down_W;   ///< unit, into the tissue
+  friend constexpr bool operator==(const SlicePlane&, const SlicePlane&) = default;
+};
+
+/// Where a probe would be held: the plane that holds the needle and the normal at its entry (before entry: at
+/// the surface point below the tip). A needle nearly along the normal leaves the plane open: then it is that
+/// of `before`, or of W's x without one. From `before` it turns by 0.2 rad at most: the picture neither spins
+/// nor flips.
+SlicePlane slicePlaneOf(const SceneView& scene, const Moment& moment, const SlicePlane* before = nullptr);
+
+struct SliceSettings {
+  int width = 280, height = 320;  ///< pixels, 16-1024 each
+  double depth_m = 0;             ///< of the lower edge; 0: a third beyond the deepest target, at most 12 cm
+};
+double sliceDepth_m(const SceneView& scene, const SliceSettings& settings);
+
+/// Pure: the same scene, plane, pose and settings give the same bytes. Costs about 20-60 ns a pixel; the
+/// caller measures and shows it. Thread: any.
+void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& moment,
+               const SliceSettings& settings, GreyImage& out);
+
+}  // namespace needlelab

@@ -1,0 +1,72 @@
+#include "proto/session_rules.h"
+
+#include <cmath>
+#include <string>
+
+#include "common/base/text_rules.h"
+#include "common/base/uuid.h"
+
+namespace needlelab {
+namespace {
+
+Error invalid(const std::string& field, const std::string& why) {
+  return {ErrorCode::kInvalidInput, "session description, " + field + ": " + why};
+}
+
+/// x y z qx qy qz qw, or nothing.
+Status checkPose(const std::string& field, const google::protobuf::RepeatedField<double>& pose) {
+  if (pose.empty()) return {};
+  if (pose.size() != 7)
+    return invalid(field, "has " + std::to_string(pose.size()) + " numbers, allowed are none or 7");
+  for (const double number : pose) {
+    if (!std::isfinite(number)) return invalid(field, "holds a number that is not finite");
+  }
+  double square = 0;
+  for (int i = 3; i < 7; ++i) square += pose[i] * pose[i];
+  if (std::abs(std::sqrt(square) - 1) > 1e-3) {
+    return invalid(
+        field, "its quaternion has length " + std::to_string(std::sqrt(square)) + ", allowed is 1 ± 0.001");
+  }
+  return {};
+}
+
+Status checkStep(const std::string& field, double step) {
+  if (std::isfinite(step) && step >= 0 && step <= 1) return {};
+  return invalid("resolution." + field, std::to_string(step) + ", allowed is 0 (lossless) to 1");
+}
+
+}  // namespace
+
+Status checkDescription(const pb::SessionDescription& d) {
+  if (d.session_id().size() != std::tuple_size_v<Uuid>) {
+    return invalid("session_id", "has " + std::to_string(d.session_id().size()) + " bytes, allowed are 16");
+  }
+  Status checks[] = {
+      checkName("session description, station", d.station()),
+      checkName("session description, trainee", d.trainee()),
+      checkText("session description, exercise_id", d.exercise_id(), 0, kMaxNameBytes),
+      checkName("session description, profile_id", d.profile_id()),
+      checkNote("session description, profile_json", d.profile_json(), 2, kMaxJsonBytes),
+      checkText("session description, engine_version", d.engine_version(), 1, 100),
+      checkText("session description, device", d.device(), 0, 200),
+      checkPose("placement", d.placement()),
+      checkPose("tool", d.tool()),
+      checkStep("length_m", d.resolution().length_m()),
+      checkStep("quaternion", d.resolution().quaternion()),
+      checkStep("force_n", d.resolution().force_n()),
+      checkStep("torque_nm", d.resolution().torque_nm()),
+      checkStep("time_s", d.resolution().time_s()),
+      checkStep("speed_m_s", d.resolution().speed_m_s()),
+  };
+  for (Status& check : checks) {
+    if (!check) return std::move(check);
+  }
+  if (!std::isfinite(d.rate_hz()) || d.rate_hz() <= 0 || d.rate_hz() > 1e5) {
+    return invalid("rate_hz", std::to_string(d.rate_hz()) + ", allowed is above 0 to 100000");
+  }
+  if (d.started_unix_ns() <= 0)
+    return invalid("started_unix_ns", std::to_string(d.started_unix_ns()) + ", allowed is above 0");
+  return {};
+}
+
+}  // namespace needlelab

@@ -1,0 +1,388 @@
+#include "server/live/connection.h"
+
+#include <algorithm>
+#include <cassert>
+#include <utility>
+
+#include "common/base/clock.h"
+#include "common/wire/refusal.h"
+#include "common/wire/version.h"
+#include "server/live/log.h"
+
+namespace needlelab {
+namespace {
+
+constexpr auto kTurn = std::chrono::milliseconds(1000);
+
+}  // namespace
+
+PeerConnection::PeerConnection(ServerContext& context, std::uint64_t id, std::shared_ptr<Channel> channel)
+    : context_(context),
+      id_(id),
+      channel_(std::move(channel)),
+      pong_(channel_->executor()),
+      freed_(channel_->executor()),
+      door_key_(Door::keyOf(peerHost())) {}
+
+PeerConnection::~PeerConnection() = default;
+
+std::string PeerConnection::peerHost() const {
+  return address().substr(0, address().rfind(':'));
+}
+
+void PeerConnection::setState(ConnectionState next) {
+  assert(mayFollow(state_, next));
+  logEvent(LogLevel::kDebug, "connection_state",
+           {{"conn", id_}, {"from", nameOf(state_)}, {"to", nameOf(next)}});
+  state_ = next;
+}
+
+Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
+  PeerConnection& peer = *self;
+  ++peer.context_.counters.connections;
+  peer.context_.connections.emplace(peer.id_, &peer);
+  logEvent(LogLevel::kInfo, "connection_opened", {{"conn", peer.id_}, {"peer", peer.address()}});
+
+  const Status shaken = co_await peer.shakeHands();
+  if (!shaken.ok()) ++peer.context_.counters.handshakes_failed;
+  if (shaken.ok() && peer.state_ == ConnectionState::kConnecting) peer.setState(ConnectionState::kGreeting);
+  while (!peer.over() && !peer.channel_->closing()) {
+    auto cut = peer.channel_->next();
+    if (cut.ok() && !cut->has_value()) {
+      if (const Status more = co_await peer.channel_->readMore(); !more.ok()) break;
+      continue;
+    }
+    // by far the most messages are live frames: they go on as the bytes that they are
+    if (cut.ok() && peer.passLive(**cut)) continue;
+    auto got = cut.ok() ? decodeFrame(**cut) : Result<pb::Envelope>(cut.error());
+    if (!got.ok()) {
+      // bytes that are no message: the stream is lost, but the peer may learn why
+      const ErrorCode code = got.error().code;
+      if (code == ErrorCode::kInvalidInput || code == ErrorCode::kCorrupt) {
+        const auto reason = code == ErrorCode::kCorrupt ? pb::Refusal::INVALID : pb::Refusal::TOO_LARGE;
+        peer.refuseAndClose(makeRefusal(reason, got.error().message, true));
+      }
+      break;
+    }
+    co_await peer.dispatch(std::move(*got));
+    // what is under way is bounded: until some of it is done, this socket (and no other) is not read
+    while (peer.busy() && !peer.over() && !peer.channel_->closing()) co_await peer.freed_.wait();
+    // after an outage all stations come at once with what they spooled: they wait, they are not cut off
+    while (peer.context_.chunks_in_flight >= peer.context_.bounds.all_chunks_in_flight && !peer.over() &&
+           !peer.channel_->closing()) {
+      co_await peer.context_.room.wait();
+    }
+  }
+  // the server's end: shutDown has the last word
+  while (peer.over() && !peer.channel_->closing()) co_await peer.freed_.wait();
+  peer.leave();
+}
+
+// Few handshakes at once, each to its end; of those who wait the newest first. When a thousand stations come
+// back in one moment to a machine that is busy, those who waited longest are about to give up: to serve them
+// is work for nothing, and with all of them half done nobody would ever come in. Who gives up comes again.
+// Whose first record is not there yet waits outside, and an address has a part of the turns only: who opens
+// connections by the thousand keeps nobody else out.
+Task<Status> PeerConnection::shakeHands() {
+  if (const Status spoke = co_await channel_->peerSpoke(); !spoke.ok()) co_return spoke;
+  if (mayShakeHands()) {
+    beginTurn();
+  } else {
+    context_.handshakes_wait.push_back(this);
+    while (!my_turn_ && !over() && !channel_->closing()) co_await freed_.wait();
+    if (!my_turn_) std::erase(context_.handshakes_wait, this);
+  }
+  Status shaken = Error{ErrorCode::kUnavailable, "the peer gave up before its handshake began"};
+  if (my_turn_ && !over() && !channel_->closing()) {
+    if (channel_->peerHungUp()) {
+      channel_->close(CloseReason::kPeerClosed, shaken.error().message);
+    } else {
+      // who dawdles must not keep others waiting
+      asio::steady_timer limit(context_.io, kTurn);
+      limit.async_wait([self = shared_from_this()](const boost::system::error_code& error) {
+        if (!error) self->endTurn();
+      });
+      shaken = co_await channel_->handshake(asio::ssl::stream_base::server);
+    }
+  }
+  endTurn();
+  co_return shaken;
+}
+
+bool PeerConnection::mayShakeHands() const {
+  if (context_.handshakes >= context_.bounds.handshakes_at_once) return false;
+  const auto mine = context_.handshakes_of.find(door_key_);
+  return mine == context_.handshakes_of.end() || mine->second < context_.bounds.handshakes_of_address;
+}
+
+void PeerConnection::beginTurn() {
+  ++context_.handshakes;
+  ++context_.handshakes_of[door_key_];
+  my_turn_ = true;
+}
+
+void PeerConnection::endTurn() {
+  if (!std::exchange(my_turn_, false)) return;
+  --context_.handshakes;
+  if (const auto mine = context_.handshakes_of.find(door_key_); --mine->second == 0)
+    context_.handshakes_of.erase(mine);
+  auto& waiting = context_.handshakes_wait;
+  const auto next =
+      std::find_if(waiting.rbegin(), waiting.rend(), [](const auto* peer) { return peer->mayShakeHands(); });
+  if (next == waiting.rend()) return;
+  PeerConnection& peer = **next;
+  waiting.erase(std::next(next).base());
+  peer.beginTurn();
+  peer.freed_.notify();
+}
+
+void PeerConnection::leave() {
+  if (state_ == ConnectionState::kClosed) return;
+  if (who_.role == pb::STATION) context_.hub.detachStation(who_.name, *this);
+  context_.hub.detachViewer(*this);
+  context_.door.left(id_);
+  context_.counters.live_dropped += channel_->live().dropped();
+  context_.counters.bytes_received += channel_->bytesReceived();
+  context_.counters.bytes_sent += channel_->bytesSent();
+  if (!channel_->closing()) channel_->close(CloseReason::kLocal, "the connection ended");
+  logEvent(LogLevel::kInfo, "connection_closed",
+           {{"conn", id_},
+            {"who", who_.name},
+            {"reason", nameOf(channel_->closeReason())},
+            {"text", channel_->closeText()},
+            {"bytes_in", channel_->bytesReceived()},
+            {"bytes_out", channel_->bytesSent()},
+            {"live_dropped", channel_->live().dropped()}});
+  if (refusals_of_peer_ > 1)
+    logEvent(LogLevel::kWarning, "refused_by_peer_often",
+             {{"conn", id_}, {"who", who_.name}, {"count", refusals_of_peer_}});
+  setState(ConnectionState::kClosed);
+  context_.connections.erase(id_);
+  pong_.notify();
+}
+
+bool PeerConnection::busy() const {
+  const ConnectionBounds& bounds = context_.bounds;
+  return chunks_in_flight_ >= bounds.chunks_in_flight ||
+         chunk_bytes_in_flight_ > bounds.chunk_bytes_in_flight ||
+         requests_at_work_ + closing_sessions_.size() >= bounds.requests_at_work;
+}
+
+/// False: it is no plain live frame that may come now; dispatch() will say what is wrong with it, if
+/// anything.
+bool PeerConnection::passLive(ByteView bytes) {
+  if (checkMessage(pb::Envelope::kLiveFrame, state_, who_.role) != Verdict::kAllowed) return false;
+  const auto frame = viewLiveFrame(bytes);
+  if (!frame || tooOften(pb::Envelope::kLiveFrame)) return false;
+  if (auto refusal = context_.hub.onLiveFrame(*this, *frame, steadyNowNs())) refuse(std::move(*refusal));
+  return true;
+}
+
+Task<> PeerConnection::dispatch(pb::Envelope envelope) {
+  // first of all: may this message come now, and from this peer?
+  const auto text = [&](const char* what) {
+    const auto* field = pb::Envelope::descriptor()->FindFieldByNumber(static_cast<int>(envelope.body_case()));
+    return "'" + (field != nullptr ? field->name() : "unknown") + "' " + what + " (state " + nameOf(state_) +
+           ")";
+  };
+  const std::uint64_t request = envelope.has_request() ? envelope.request().id() : 0;
+  if (!over() && tooOften(envelope.body_case())) {
+    pb::Refusal refusal = makeRefusal(pb::Refusal::RATE_LIMITED, text("comes too often"));
+    // so that the station knows which one waits for an answer
+    if (envelope.has_open_session())
+      refusal.set_session_id(envelope.open_session().description().session_id());
+    refuse(std::move(refusal), request);
+    co_return;
+  }
+  switch (checkMessage(envelope.body_case(), state_, who_.role)) {
+    case Verdict::kAllowed:
+      break;
+    case Verdict::kIgnored:
+      // of no consequence, but that everything before it was read
+      if (envelope.has_pong() && envelope.pong().id() <= pings_asked_) {
+        pings_answered_ = std::max(pings_answered_, envelope.pong().id());
+        pong_.notify();
+      }
+      co_return;
+    case Verdict::kUnknown:
+      refuse(pb::Refusal::INVALID,
+             "a message without a body that protocol " + versionText(ourVersion()) + " knows");
+      co_return;
+    case Verdict::kWrongState:
+      refuse(pb::Refusal::STATE, text("is not legal now"), request);
+      co_return;
+    case Verdict::kWrongRole:
+      refuse(pb::Refusal::ROLE, text("is not for your role"), request);
+      co_return;
+    case Verdict::kNeverFromPeer:
+      refuse(pb::Refusal::STATE, text("is sent by servers only"), request);
+      co_return;
+  }
+
+  switch (envelope.body_case()) {
+    case pb::Envelope::kHello:
+      greet(envelope.hello());
+      break;
+    case pb::Envelope::kLogin:
+      co_await logIn(std::move(*envelope.mutable_login()));
+      break;
+    case pb::Envelope::kPing:
+      answerPing(envelope.ping());
+      break;
+    case pb::Envelope::kOpenSession:
+      co_await openSession(std::move(*envelope.mutable_open_session()));
+      break;
+    case pb::Envelope::kChunk:
+      takeChunk(std::move(*envelope.mutable_chunk()));
+      break;
+    case pb::Envelope::kClockOffset:
+      takeClockOffset(envelope.clock_offset());
+      break;
+    case pb::Envelope::kStationStatus: {
+      auto refusal = context_.hub.onStatus(who_.name, envelope.station_status(), steadyNowNs());
+      if (refusal) refuse(std::move(*refusal));
+      break;
+    }
+    case pb::Envelope::kLiveFrame: {
+      auto refusal = context_.hub.onLiveFrame(who_.name, envelope.live_frame(), steadyNowNs());
+      if (refusal) refuse(std::move(*refusal));
+      break;
+    }
+    case pb::Envelope::kCloseSession:
+      asio::co_spawn(context_.io,
+                     closeSession(shared_from_this(), std::move(*envelope.mutable_close_session())), rethrow);
+      break;
+    case pb::Envelope::kRequest:
+      asio::co_spawn(context_.io, execute(shared_from_this(), std::move(*envelope.mutable_request())),
+                     rethrow);
+      break;
+    case pb::Envelope::kSubscribe: {
+      auto refusal = context_.hub.subscribe(*this, envelope.subscribe(), steadyNowNs());
+      if (refusal) refuse(std::move(*refusal));
+      break;
+    }
+    case pb::Envelope::kUnsubscribe: {
+      auto refusal = context_.hub.unsubscribe(*this, envelope.unsubscribe().subscription());
+      if (refusal) refuse(std::move(*refusal));
+      break;
+    }
+    case pb::Envelope::kRefusal:
+      refusedByPeer(envelope.refusal());
+      break;
+    case pb::Envelope::kBye:
+      setState(ConnectionState::kClosing);
+      channel_->finish(CloseReason::kPeerClosed, "the peer said bye: " + envelope.bye().reason());
+      break;
+    default:
+      break;  // checkMessage allows nothing else
+  }
+}
+
+bool PeerConnection::tooOften(pb::Envelope::BodyCase body) {
+  // these are bounded by what is under way: busy()
+  if (body == pb::Envelope::kChunk || body == pb::Envelope::kRequest || body == pb::Envelope::kCloseSession)
+    return false;
+  const std::int64_t now = steadyNowNs();
+  const double leaked =
+      context_.bounds.small_messages_per_s * 1e-9 * static_cast<double>(now - small_messages_at_ns_);
+  small_messages_ = std::max(0.0, small_messages_ - leaked) + 1;
+  small_messages_at_ns_ = now;
+  return small_messages_ > context_.bounds.small_messages_at_once;
+}
+
+void PeerConnection::refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request) {
+  refuse(makeRefusal(reason, std::move(text)), request);
+}
+
+void PeerConnection::refuse(pb::Refusal refusal, std::uint64_t request) {
+  ++context_.counters.messages_refused;
+  logEvent(LogLevel::kWarning, "message_refused",
+           {{"conn", id_},
+            {"who", who_.name},
+            {"reason", reasonName(refusal.reason())},
+            {"text", refusal.text()}});
+  // before log-in there is no second try; and who goes on making mistakes is cut off
+  const bool logged_in = who_.role != pb::ROLE_UNSPECIFIED;
+  if (!logged_in || ++refusals_ > context_.bounds.refusals) {
+    refuseAndClose(std::move(refusal));
+    return;
+  }
+  pb::Envelope envelope;
+  envelope.set_refused_request(request);
+  *envelope.mutable_refusal() = std::move(refusal);
+  sendControl(envelope);
+}
+
+void PeerConnection::refuseAndClose(pb::Refusal refusal) {
+  if (over()) return;
+  refusal.set_fatal(true);
+  pb::Envelope envelope;
+  const std::string text = reasonName(refusal.reason()) + ": " + refusal.text();
+  *envelope.mutable_refusal() = std::move(refusal);
+  setState(ConnectionState::kClosing);
+  channel_->finish(CloseReason::kRefused, text, &envelope);
+  freed_.notify();
+}
+
+/// What a peer may send as often as it likes must not fill the log: a stranger's ends the connection, whose
+/// own line says why; of others' the first is a line, and at the end how many there were.
+void PeerConnection::refusedByPeer(const pb::Refusal& refusal) {
+  if (who_.role == pb::ROLE_UNSPECIFIED) {
+    setState(ConnectionState::kClosing);
+    channel_->finish(
+        CloseReason::kPeerClosed,
+        "the peer refuses: " + std::string(reasonName(refusal.reason())) + ": " + refusal.text());
+    freed_.notify();
+    return;
+  }
+  if (++refusals_of_peer_ > 1) return;
+  logEvent(LogLevel::kWarning, "refused_by_peer",
+           {{"conn", id_},
+            {"who", who_.name},
+            {"reason", reasonName(refusal.reason())},
+            {"text", refusal.text()}});
+}
+
+Task<> PeerConnection::shutDown(std::shared_ptr<PeerConnection> self, std::string reason) {
+  PeerConnection& peer = *self;
+  if (peer.over()) co_return;
+  // what comes from now on is ignored; the peer keeps it and sends it again to the next server
+  peer.setState(ConnectionState::kClosing);
+  while ((peer.chunks_in_flight_ > 0 || !peer.closing_sessions_.empty()) && !peer.channel_->closing()) {
+    co_await peer.freed_.wait();
+  }
+  peer.sendAcks();
+  pb::Envelope bye;
+  bye.mutable_bye()->set_reason(reason);
+  peer.channel_->finish(CloseReason::kLocal, reason, &bye);
+  peer.freed_.notify();
+}
+
+void PeerConnection::cut(const std::string& reason) {
+  if (!over()) setState(ConnectionState::kClosing);
+  channel_->close(CloseReason::kLocal, reason);
+  freed_.notify();
+}
+
+void PeerConnection::sendControl(const pb::Envelope& envelope) {
+  if (!channel_->closing() && !channel_->send(envelope)) {
+    logEvent(LogLevel::kWarning, "slow_peer",
+             {{"conn", id_}, {"who", who_.name}, {"text", channel_->closeText()}});
+    freed_.notify();
+  }
+}
+
+void PeerConnection::sendLive(Frame frame, bool counted) {
+  channel_->sendLive(std::move(frame), counted);
+}
+
+void PeerConnection::answerPing(const pb::Ping& ping) {
+  pb::Envelope envelope;
+  pb::Pong& pong = *envelope.mutable_pong();
+  pong.set_id(ping.id());
+  pong.set_sender_steady_ns(ping.sender_steady_ns());
+  pong.set_receiver_steady_ns(steadyNowNs());
+  sendControl(envelope);
+}
+
+}  // namespace needlelab

@@ -1,0 +1,130 @@
+/// One peer of the server, from TLS to the end: its state, its role, and what it has under way.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+
+#include "common/wire/channel.h"
+#include "db/session_store.h"
+#include "needlelab/envelope.pb.h"
+#include "server/live/context.h"
+#include "server/live/hub.h"
+#include "server/live/offload.h"
+#include "server/live/rules.h"
+
+namespace needlelab {
+
+/// Thread: the network's. Ownership: shared by its coroutines and callbacks; the context must outlive it.
+class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerConnection> {
+ public:
+  PeerConnection(ServerContext& context, std::uint64_t id, std::shared_ptr<Channel> channel);
+  ~PeerConnection() override;
+  PeerConnection(const PeerConnection&) = delete;
+  PeerConnection& operator=(const PeerConnection&) = delete;
+
+  /// The whole life: handshake, messages, end. The context knows the connection while it runs.
+  static Task<> run(std::shared_ptr<PeerConnection> self);
+
+  /// Server's end: reads no more, waits until what was received is committed and acknowledged, says Bye.
+  static Task<> shutDown(std::shared_ptr<PeerConnection> self, std::string reason);
+
+  /// Sends the refusal as the last message and closes.
+  void refuseAndClose(pb::Refusal refusal);
+
+  /// Ends it now, without a word.
+  void cut(const std::string& reason);
+
+  /// A verified backup was made: tells the station what it covers.
+  static Task<> tellSafe(std::shared_ptr<PeerConnection> self);
+
+  /// Sends it to this peer and waits until it has read it: the answer to a Ping behind it says so.
+  static Task<bool> sendConfirmed(std::shared_ptr<PeerConnection> self, pb::Envelope envelope);
+
+  void sendControl(const pb::Envelope& envelope) override;
+  void sendLive(Frame frame, bool counted) override;
+
+  [[nodiscard]] std::uint64_t id() const { return id_; }
+  [[nodiscard]] ConnectionState state() const { return state_; }
+  [[nodiscard]] const Principal& who() const { return who_; }
+  /// As its Hello said: somebody else's text and numbers.
+  [[nodiscard]] const std::string& program() const { return program_; }
+  [[nodiscard]] const pb::Version& version() const { return version_; }
+  [[nodiscard]] const std::string& address() const { return channel_->peerAddress(); }
+  /// The address without the port.
+  [[nodiscard]] std::string peerHost() const;
+  [[nodiscard]] const Channel& channel() const { return *channel_; }
+  [[nodiscard]] bool over() const { return state_ >= ConnectionState::kClosing; }
+
+ private:
+  /// What this connection has told, or is about to tell, of a session.
+  struct Watermarks {
+    std::uint64_t committed = 0;
+    std::uint64_t safe = 0;
+    bool ack_due = false;
+    bool open = false;
+  };
+
+  // --- connection.cpp: life and dispatch
+  Task<Status> shakeHands();
+  [[nodiscard]] bool mayShakeHands() const;
+  void beginTurn();
+  void endTurn();
+  void setState(ConnectionState next);
+  bool passLive(ByteView frame);
+  Task<> dispatch(pb::Envelope envelope);
+  void refuse(pb::Refusal refusal, std::uint64_t request = 0);
+  void refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request = 0);
+  void refusedByPeer(const pb::Refusal& refusal);
+  void leave();
+  [[nodiscard]] bool busy() const;
+  void answerPing(const pb::Ping& ping);
+  [[nodiscard]] bool tooOften(pb::Envelope::BodyCase body);
+
+  // --- connection_login.cpp
+  void greet(const pb::Hello& hello);
+  Task<> logIn(pb::Login given);
+  Task<Result<Tokens::Holder>> checkLogin(std::shared_ptr<const pb::Login> login);
+  Task<> welcome(std::int64_t password_ns);
+
+  // --- connection_session.cpp: the durable plane
+  Task<> openSession(pb::OpenSession request);
+  void takeChunk(pb::Chunk chunk);
+  void chunkDone(const pb::Chunk& chunk, const Status& status, const Appended& appended);
+  void refuseChunk(const pb::Chunk& chunk, const Appended& appended);
+  void scheduleAcks();
+  void sendAcks();
+  static Task<> closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request);
+  void takeClockOffset(const pb::ClockOffset& offset);
+  Watermarks& watermarks(const std::string& session_id);
+
+  // --- connection_requests.cpp
+  static Task<> execute(std::shared_ptr<PeerConnection> self, pb::Request request);
+  Task<> answer(const pb::Request& request, Outcome outcome);
+
+  ServerContext& context_;
+  const std::uint64_t id_;
+  const std::shared_ptr<Channel> channel_;
+  ConnectionState state_ = ConnectionState::kConnecting;
+  Principal who_;
+  std::string program_;                                 // as its Hello said
+  pb::Version version_;                                 // … so, too
+  Signal pong_;                                         // a Pong has come, or this connection ends
+  std::uint64_t pings_asked_ = 0, pings_answered_ = 0;  // ids of our own Pings; the channel's have none
+  Signal freed_;  // something under way has ended: there may be room to read on
+  std::size_t chunks_in_flight_ = 0, chunk_bytes_in_flight_ = 0;
+  std::size_t requests_at_work_ = 0;
+  std::size_t refusals_ = 0;          // by us
+  std::size_t refusals_of_peer_ = 0;  // after log-in
+  double small_messages_ = 0;         // leaks away with time
+  std::int64_t small_messages_at_ns_ = 0;
+  bool acks_scheduled_ = false;
+  const std::string door_key_;  // what its address counts as (Door::keyOf)
+  bool my_turn_ = false;        // to shake hands
+  std::map<std::string, Watermarks> sessions_;
+  std::set<std::string> closing_sessions_;
+};
+
+}  // namespace needlelab

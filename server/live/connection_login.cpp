@@ -1,0 +1,203 @@
+// Greeting and log-in of a connection.
+#include <algorithm>
+#include <utility>
+
+#include "common/base/clock.h"
+#include "common/base/secret.h"
+#include "common/wire/refusal.h"
+#include "common/wire/version.h"
+#include "db/session_store.h"
+#include "server/live/connection.h"
+#include "server/live/log.h"
+#include "server/live/person_login.h"
+
+namespace needlelab {
+namespace {
+
+/// What a log-in is called in the log and counted under.
+std::string nameOf(const pb::Login& login) {
+  return login.has_station() ? "station " + login.station().station() : "token";
+}
+
+/// Wipes its secrets at the end, whoever holds it last.
+std::shared_ptr<const pb::Login> secretOf(pb::Login login) {
+  return {new pb::Login(std::move(login)), [](pb::Login* held) {
+            if (held->has_person()) wipe(*held->mutable_person()->mutable_password());
+            if (held->has_station()) wipe(*held->mutable_station()->mutable_key());
+            if (held->has_token()) wipe(*held->mutable_token());
+            delete held;
+          }};
+}
+
+}  // namespace
+
+void PeerConnection::greet(const pb::Hello& hello) {
+  program_ = hello.program();
+  version_ = hello.version();
+  const pb::Version ours = ourVersion();
+  if (const Status fits = checkVersion(ours, hello.version()); !fits.ok()) {
+    logEvent(LogLevel::kWarning, "version_refused",
+             {{"conn", id_},
+              {"program", program_},
+              {"theirs", versionText(hello.version())},
+              {"ours", versionText(ours)}});
+    pb::Refusal refusal = makeRefusal(pb::Refusal::VERSION, fits.error().message, true);
+    *refusal.mutable_ours() = ours;
+    *refusal.mutable_theirs() = hello.version();
+    refuseAndClose(std::move(refusal));
+    return;
+  }
+  pb::Envelope envelope;
+  *envelope.mutable_hello()->mutable_version() = ours;
+  envelope.mutable_hello()->set_program(programText("server"));
+  setState(ConnectionState::kLoggingIn);
+  sendControl(envelope);
+}
+
+Task<> PeerConnection::logIn(pb::Login given) {
+  auto self = shared_from_this();
+  const std::shared_ptr<const pb::Login> login = secretOf(std::move(given));
+  if (login->has_person()) {
+    auto secret = std::make_shared<const PersonSecret>(login->person().user(), login->person().password());
+    LoginPeer peer{id_, address(), [this] { return over() || channel_->closing(); }};
+    const PersonLogin known = co_await logInPerson(context_, std::move(secret), std::move(peer));
+    if (over() || channel_->closing()) co_return;
+    if (known.answer != PersonLogin::Answer::kWelcome) {
+      using Answer = PersonLogin::Answer;
+      const bool limited = known.answer == Answer::kMustWait || known.answer == Answer::kTooMany;
+      const auto reason = limited                            ? pb::Refusal::RATE_LIMITED
+                          : known.answer == Answer::kRefused ? pb::Refusal::LOGIN
+                                                             : pb::Refusal::INTERNAL;
+      refuseAndClose(makeRefusal(reason, textOf(known)));
+      co_return;
+    }
+    who_ = known.holder.who;
+    co_await welcome(known.holder.password_ns);
+    co_return;
+  }
+  Result<Tokens::Holder> result = Error{ErrorCode::kDenied, "log-in refused"};
+  std::uint64_t seen = 0;
+  do {
+    // an account that is disabled while its token is checked must not slip in: then it is checked again
+    seen = context_.access_changes;
+    result = co_await checkLogin(login);
+  } while (result.ok() && seen != context_.access_changes && !over() && !channel_->closing());
+  if (over() || channel_->closing()) co_return;
+
+  if (!result.ok()) {
+    ++context_.counters.logins_refused;
+    const bool denied = result.error().code == ErrorCode::kDenied;
+    logEvent(
+        LogLevel::kWarning, "login_refused",
+        {{"conn", id_}, {"name", nameOf(*login)}, {"peer", address()}, {"text", result.error().message}});
+    PersonLogin refused;
+    refused.answer = denied ? PersonLogin::Answer::kRefused : PersonLogin::Answer::kFailed;
+    refuseAndClose(makeRefusal(denied ? pb::Refusal::LOGIN : pb::Refusal::INTERNAL, textOf(refused)));
+    co_return;
+  }
+  who_ = result->who;
+  co_await welcome(result->password_ns);
+}
+
+Task<Result<Tokens::Holder>> PeerConnection::checkLogin(std::shared_ptr<const pb::Login> login) {
+  auto self = shared_from_this();
+  Service& service = context_.store.service();
+  if (login->has_station()) {
+    std::function<Result<Principal>()> check = [&service, login] {
+      return service.loginStation(login->station().station(), login->station().key());
+    };
+    auto who = co_await offload(context_.logins, std::move(check));
+    if (!who.ok()) co_return who.error();
+    co_return Tokens::Holder{std::move(*who), 0};
+  }
+  auto holder = context_.tokens.find(login->token(), steadyNowNs());
+  if (!login->has_token() || !holder) co_return Error{ErrorCode::kDenied, "log-in refused"};
+  std::function<Result<bool>()> check = [&service, who = holder->who] { return service.stillAllowed(who); };
+  const auto allowed = co_await offload(context_.logins, std::move(check));
+  if (!allowed.ok()) co_return allowed.error();
+  if (!*allowed) co_return Error{ErrorCode::kDenied, "log-in refused"};
+  co_return std::move(*holder);
+}
+
+Task<> PeerConnection::welcome(std::int64_t password_ns) {
+  auto self = shared_from_this();
+  pb::Envelope envelope;
+  pb::Welcome& welcome = *envelope.mutable_welcome();
+  if (who_.role == pb::STATION) {
+    // from the database, not from memory: it is what a station's spool relies on
+    using Open = std::vector<pb::Welcome::OpenSession>;
+    std::function<Result<Open>()> read = [&store = context_.store, name = who_.name]() -> Result<Open> {
+      auto reader = store.readers().borrow();
+      if (!reader.ok()) return reader.error();
+      return SessionStore(**reader).openSessions(name);
+    };
+    auto open = co_await offload(context_.logins, std::move(read));
+    if (over() || channel_->closing()) co_return;
+    if (!open.ok()) {
+      logEvent(LogLevel::kError, "read_failed", {{"conn", id_}, {"text", open.error().message}});
+      refuseAndClose(
+          makeRefusal(pb::Refusal::INTERNAL, "the station's sessions cannot be read; see the server's log"));
+      co_return;
+    }
+    for (auto& session : *open) {
+      Watermarks& marks = watermarks(session.session_id());
+      marks.committed = session.next_seq();
+      marks.open = true;
+      *welcome.add_open_sessions() = std::move(session);
+    }
+  } else {
+    // also after a log-in by token, so that a program that goes on working need not ask for the password
+    // again
+    const std::int64_t now = steadyNowNs();
+    const auto mine =
+        std::count_if(context_.connections.begin(), context_.connections.end(), [this](const auto& entry) {
+          const PeerConnection& other = *entry.second;
+          return &other != this && other.who().name == who_.name && other.who().role == who_.role;
+        });
+    if (static_cast<std::size_t>(mine) >= context_.bounds.connections_of_person) {
+      refuseAndClose(makeRefusal(pb::Refusal::RATE_LIMITED,
+                                 who_.name + " has " + std::to_string(mine) + " connections already"));
+      co_return;
+    }
+    const auto issued = context_.tokens.issue({who_, password_ns}, now);
+    welcome.set_token(issued.token);
+    welcome.set_token_expires_unix_ns(wallNowNs() + (issued.expires_ns - now));
+  }
+  // A log-in that was under way for long comes late: the station has given this connection up and is here by
+  // a newer one, which it must not lose.
+  if (auto* const there = dynamic_cast<PeerConnection*>(
+          who_.role == pb::STATION ? context_.hub.stationPeer(who_.name) : nullptr);
+      there != nullptr && there->id() > id_) {
+    logEvent(LogLevel::kWarning, "late_login",
+             {{"conn", id_}, {"newer", there->id()}, {"station", who_.name}});
+    refuseAndClose(makeRefusal(
+        pb::Refusal::CONFLICT,
+        "station " + who_.name + " is logged in by a later connection, from " + there->address()));
+    co_return;
+  }
+  welcome.set_name(who_.name);
+  welcome.set_role(who_.role);
+  welcome.set_server_unix_ns(wallNowNs());
+  welcome.set_server_version(NEEDLELAB_VERSION);
+
+  channel_->established();
+  context_.door.loggedIn(id_, steadyNowNs());
+  setState(ConnectionState::kAuthenticated);
+  if (!sessions_.empty()) setState(ConnectionState::kInSession);
+  ++context_.counters.logins;
+  logEvent(LogLevel::kInfo, "login_ok",
+           {{"conn", id_}, {"who", who_.name}, {"role", pb::Role_Name(who_.role)}, {"program", program_}});
+  sendControl(envelope);
+
+  if (who_.role != pb::STATION) co_return;
+  // one connection for a station: the newest, because the older one is often dead without knowing it
+  if (HubPeer* const older = context_.hub.attachStation(who_.name, *this); older != nullptr) {
+    auto& connection = dynamic_cast<PeerConnection&>(*older);
+    logEvent(LogLevel::kWarning, "station_replaced",
+             {{"conn", connection.id()}, {"by", id_}, {"station", who_.name}});
+    connection.refuseAndClose(
+        makeRefusal(pb::Refusal::CONFLICT, "station " + who_.name + " logged in again from " + address()));
+  }
+}
+
+}  // namespace needlelab

@@ -1,0 +1,333 @@
+// The durable plane of a connection: sessions, chunks, acknowledgements.
+#include <algorithm>
+#include <boost/asio/post.hpp>
+#include <utility>
+
+#include "common/base/clock.h"
+#include "common/wire/refusal.h"
+#include "server/live/connection.h"
+#include "server/live/log.h"
+
+namespace needlelab {
+namespace {
+
+Result<Uuid> uuidOf(const std::string& bytes) {
+  Uuid id{};
+  if (bytes.size() != id.size()) {
+    return Error{ErrorCode::kInvalidInput,
+                 "session_id has " + std::to_string(bytes.size()) + " bytes, not 16"};
+  }
+  std::copy(bytes.begin(), bytes.end(), id.begin());
+  return id;
+}
+
+std::string sessionText(const std::string& bytes) {
+  const auto id = uuidOf(bytes);
+  return id.ok() ? uuidText(*id) : "invalid";
+}
+
+pb::Refusal sessionRefusal(pb::Refusal::Reason reason, std::string text, const std::string& session_id,
+                           std::uint64_t expected_seq = 0) {
+  pb::Refusal refusal = makeRefusal(reason, std::move(text));
+  refusal.set_session_id(session_id);
+  refusal.set_expected_seq(expected_seq);
+  return refusal;
+}
+
+}  // namespace
+
+PeerConnection::Watermarks& PeerConnection::watermarks(const std::string& session_id) {
+  // ids are ordered by time (UUIDv7): the oldest is forgotten, but none whose acknowledgement is still due
+  if (sessions_.size() >= context_.bounds.known_sessions && !sessions_.contains(session_id)) {
+    const auto oldest = std::find_if(sessions_.begin(), sessions_.end(),
+                                     [](const auto& entry) { return !entry.second.ack_due; });
+    if (oldest != sessions_.end()) sessions_.erase(oldest);
+  }
+  return sessions_[session_id];
+}
+
+Task<> PeerConnection::openSession(pb::OpenSession request) {
+  auto self = shared_from_this();
+  const pb::SessionDescription& description = request.description();
+  const std::string session_id = description.session_id();
+  const auto id = uuidOf(session_id);
+  if (!id.ok()) {
+    refuse(sessionRefusal(pb::Refusal::INVALID, id.error().message, session_id));
+    co_return;
+  }
+  if (description.station() != who_.name) {
+    refuse(sessionRefusal(
+        pb::Refusal::INVALID,
+        "open_session.station '" + description.station() + "' is not this station, '" + who_.name + "'",
+        session_id));
+    co_return;
+  }
+
+  // committed before it is answered: what a station hears of a session outlives the server
+  struct Opened {
+    std::uint64_t next_seq = 0, safe = 0;
+    bool closed = false;
+  };
+  auto opened = std::make_shared<Opened>();
+  DbWriter::Work work = [opened, description, id = *id](Connection& writer) -> Status {
+    SessionStore store(writer);
+    auto next = store.open(description, wallNowNs());
+    if (!next.ok()) return next.error();
+    opened->next_seq = *next;
+    auto safe = store.safeSeqs(id);
+    if (!safe.ok()) return safe.error();
+    opened->safe = *safe;
+    auto state = writer.query("SELECT state FROM sessions WHERE id = ?", ByteView(id));
+    const auto found = state.step();
+    if (!found.ok()) return found.error();
+    opened->closed = *found && state.integer(0) != pb::SESSION_OPEN;
+    return {};
+  };
+  const Status status = co_await commit(context_.store.writer(), std::move(work));
+  if (channel_->closing()) co_return;
+  if (!status.ok()) {
+    pb::Refusal refusal = refusalOf(status.error());
+    refusal.set_session_id(session_id);
+    refuse(std::move(refusal));
+    co_return;
+  }
+  Watermarks& marks = watermarks(session_id);
+  marks.committed = opened->next_seq;
+  marks.safe = opened->safe;
+  marks.open = !opened->closed;
+  // of a closed one, too: its station may have lost the answer to CloseSession and sends it again
+  if (state_ == ConnectionState::kAuthenticated) setState(ConnectionState::kInSession);
+  // of a closed one the station asks only whether it is still there
+  if (marks.open) context_.hub.onSession(who_.name, session_id);
+  logEvent(marks.open ? LogLevel::kInfo : LogLevel::kDebug,
+           marks.open ? "session_opened" : "session_confirmed",
+           {{"conn", id_},
+            {"session", sessionText(session_id)},
+            {"station", who_.name},
+            {"trainee", description.trainee()},
+            {"exercise", description.exercise_id()},
+            {"next_seq", opened->next_seq}});
+  pb::Envelope envelope;
+  envelope.mutable_session_opened()->set_session_id(session_id);
+  envelope.mutable_session_opened()->set_next_seq(opened->next_seq);
+  sendControl(envelope);
+  marks.ack_due = true;
+  sendAcks();
+}
+
+void PeerConnection::takeChunk(pb::Chunk chunk) {
+  const auto id = uuidOf(chunk.session_id());
+  if (!id.ok()) {
+    refuse(sessionRefusal(pb::Refusal::INVALID, id.error().message, chunk.session_id()));
+    return;
+  }
+  ++chunks_in_flight_;
+  ++context_.chunks_in_flight;
+  chunk_bytes_in_flight_ += chunk.data().size();
+  auto shared = std::make_shared<const pb::Chunk>(std::move(chunk));
+  auto appended = std::make_shared<Appended>();
+  DbWriter::Work work = [shared, appended, id = *id, station = who_.name](Connection& writer) -> Status {
+    auto result = SessionStore(writer).append(id, shared->seq(), viewOf(shared->data()), station);
+    if (!result.ok()) return result.error();
+    *appended = std::move(*result);
+    return {};
+  };
+  // called on the writer's thread, after the commit
+  DbWriter::Done done = [self = shared_from_this(), shared, appended](const Status& status) {
+    self->context_.committed->put(
+        [self, shared, appended, status] { self->chunkDone(*shared, status, *appended); });
+  };
+  if (const Status posted = context_.store.writer().post(std::move(work), std::move(done)); !posted.ok()) {
+    chunkDone(*shared, posted, *appended);
+  }
+}
+
+void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, const Appended& appended) {
+  --chunks_in_flight_;
+  chunk_bytes_in_flight_ -= chunk.data().size();
+  freed_.notify();
+  if (--context_.chunks_in_flight == context_.bounds.all_chunks_in_flight / 2) context_.room.notify();
+  if (!status.ok()) {
+    // not stored and not acknowledged: the station keeps it, and sends it again on its next connection
+    logEvent(LogLevel::kError, "chunk_not_stored",
+             {{"conn", id_},
+              {"session", sessionText(chunk.session_id())},
+              {"seq", chunk.seq()},
+              {"text", status.error().message}});
+    refuseAndClose(sessionRefusal(pb::Refusal::INTERNAL,
+                                  "the chunk could not be stored: " + status.error().message,
+                                  chunk.session_id(), chunk.seq()));
+    return;
+  }
+  if (!appended.taken()) {
+    refuseChunk(chunk, appended);
+    return;
+  }
+  ++(appended.kind == Appended::Kind::kStored ? context_.counters.chunks_stored
+                                              : context_.counters.chunks_repeated);
+  Watermarks& marks = watermarks(chunk.session_id());
+  marks.committed = std::max(marks.committed, appended.next_seq);
+  marks.ack_due = true;
+  scheduleAcks();
+}
+
+void PeerConnection::refuseChunk(const pb::Chunk& chunk, const Appended& appended) {
+  ++context_.counters.chunks_refused;
+  const auto reason = [&] {
+    switch (appended.kind) {
+      case Appended::Kind::kGap:
+        return pb::Refusal::GAP;
+      case Appended::Kind::kContradiction:
+        return pb::Refusal::CONTRADICTION;
+      case Appended::Kind::kUnknownSession:
+        return pb::Refusal::UNKNOWN_SESSION;
+      default:
+        return pb::Refusal::INVALID;
+    }
+  }();
+  logEvent(LogLevel::kWarning, "chunk_refused",
+           {{"conn", id_},
+            {"station", who_.name},
+            {"session", sessionText(chunk.session_id())},
+            {"seq", chunk.seq()},
+            {"reason", reasonName(reason)},
+            {"expected_seq", appended.next_seq}});
+  if (over()) return;
+  refuse(sessionRefusal(reason, appended.text, chunk.session_id(), appended.next_seq));
+  if (appended.kind != Appended::Kind::kContradiction) return;
+  // two recordings under one name: somebody will want to know later
+  asio::post(context_.workers, [&service = context_.store.service(), who = who_.name,
+                                session = sessionText(chunk.session_id()), text = appended.text] {
+    if (const Status noted = service.note(who, "chunk contradicts", session, text); !noted.ok()) {
+      logEvent(LogLevel::kError, "audit_failed", {{"session", session}, {"text", noted.error().message}});
+    }
+  });
+}
+
+void PeerConnection::scheduleAcks() {
+  // the chunks of one commit come back together; they get one acknowledgement
+  if (std::exchange(acks_scheduled_, true)) return;
+  asio::post(context_.io, [self = shared_from_this()] {
+    self->acks_scheduled_ = false;
+    self->sendAcks();
+  });
+}
+
+void PeerConnection::sendAcks() {
+  for (auto& [session_id, marks] : sessions_) {
+    if (!std::exchange(marks.ack_due, false)) continue;
+    pb::Envelope envelope;
+    envelope.mutable_ack()->set_session_id(session_id);
+    envelope.mutable_ack()->set_committed_seqs(marks.committed);
+    envelope.mutable_ack()->set_safe_seqs(marks.safe);
+    ++context_.counters.acks;
+    sendControl(envelope);
+  }
+}
+
+Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request) {
+  PeerConnection& peer = *self;
+  const std::string session_id = request.session_id();
+  if (!peer.closing_sessions_.insert(session_id).second)
+    co_return;  // under way already: one answer serves both
+
+  // the chunks before it first: an empty piece of work is done when all before it is committed
+  DbWriter::Work nothing = [](Connection&) { return Status{}; };
+  const Status committed = co_await commit(peer.context_.store.writer(), std::move(nothing));
+  Service& service = peer.context_.store.service();
+  std::function<Result<CloseOutcome>()> work = [&service, request, station = peer.who_.name] {
+    return service.closeSession(request, station);
+  };
+  Result<CloseOutcome> outcome = Error{ErrorCode::kFailed, "not done"};
+  if (committed.ok()) {
+    outcome = co_await offload(peer.context_.workers, std::move(work));
+  } else {
+    outcome = committed.error();
+  }
+  peer.closing_sessions_.erase(session_id);
+  peer.freed_.notify();
+
+  if (!outcome.ok()) {
+    pb::Refusal refusal = refusalOf(outcome.error());
+    refusal.set_session_id(session_id);
+    peer.refuse(std::move(refusal));
+    co_return;
+  }
+  const Closed& closed = outcome->closed;
+  if (!closed.taken()) {
+    const auto reason = closed.kind == Closed::Kind::kIncomplete      ? pb::Refusal::GAP
+                        : closed.kind == Closed::Kind::kContradiction ? pb::Refusal::CONTRADICTION
+                                                                      : pb::Refusal::UNKNOWN_SESSION;
+    peer.refuse(sessionRefusal(reason, closed.text, session_id, closed.next_seq));
+    co_return;
+  }
+  ++peer.context_.counters.sessions_closed;
+  logEvent(LogLevel::kInfo, "session_closed",
+           {{"conn", peer.id_},
+            {"session", sessionText(session_id)},
+            {"station", peer.who_.name},
+            {"state", pb::SessionState_Name(closed.state)},
+            {"chunks", closed.next_seq},
+            {"score_fault", outcome->score_fault.empty() ? "none" : outcome->score_fault}});
+  pb::Envelope envelope;
+  pb::SessionClosed& answer = *envelope.mutable_session_closed();
+  answer.set_session_id(session_id);
+  answer.set_state(closed.state);
+  answer.set_score_json(outcome->score_json);
+  peer.sendControl(envelope);
+
+  peer.watermarks(session_id).open = false;
+  const bool any_open = std::any_of(peer.sessions_.begin(), peer.sessions_.end(),
+                                    [](const auto& entry) { return entry.second.open; });
+  if (!any_open && peer.state_ == ConnectionState::kInSession) peer.setState(ConnectionState::kAuthenticated);
+}
+
+void PeerConnection::takeClockOffset(const pb::ClockOffset& offset) {
+  const auto id = uuidOf(offset.session_id());
+  if (!id.ok() || !sessions_.contains(offset.session_id())) {
+    refuse(sessionRefusal(pb::Refusal::UNKNOWN_SESSION, "clock_offset: not a session of this connection",
+                          offset.session_id()));
+    return;
+  }
+  DbWriter::Work work = [id = *id, offset](Connection& writer) {
+    return SessionStore(writer).setClockOffset(id, offset.offset_ns(), offset.round_trip_ns());
+  };
+  DbWriter::Done done = [conn = id_](const Status& status) {
+    if (!status.ok())
+      logEvent(LogLevel::kWarning, "clock_offset_not_stored",
+               {{"conn", conn}, {"text", status.error().message}});
+  };
+  if (const Status posted = context_.store.writer().post(std::move(work), done); !posted.ok()) done(posted);
+}
+
+Task<> PeerConnection::tellSafe(std::shared_ptr<PeerConnection> self) {
+  PeerConnection& peer = *self;
+  std::vector<std::string> ids;
+  for (const auto& [session_id, marks] : peer.sessions_) ids.push_back(session_id);
+  using Safe = std::map<std::string, std::uint64_t>;
+  std::function<Result<Safe>()> read = [&store = peer.context_.store, ids]() -> Result<Safe> {
+    auto reader = store.readers().borrow();
+    if (!reader.ok()) return reader.error();
+    Safe safe;
+    for (const std::string& session_id : ids) {
+      auto seqs = SessionStore(**reader).safeSeqs(*uuidOf(session_id));
+      if (!seqs.ok()) return seqs.error();
+      safe[session_id] = *seqs;
+    }
+    return safe;
+  };
+  auto safe = co_await offload(peer.context_.workers, std::move(read));
+  if (!safe.ok()) {
+    logEvent(LogLevel::kError, "read_failed", {{"conn", peer.id_}, {"text", safe.error().message}});
+    co_return;
+  }
+  for (const auto& [session_id, seqs] : *safe) {
+    const auto found = peer.sessions_.find(session_id);
+    if (found == peer.sessions_.end() || seqs <= found->second.safe) continue;
+    found->second.safe = seqs;
+    found->second.ack_due = true;
+  }
+  peer.sendAcks();
+}
+
+}  // namespace needlelab

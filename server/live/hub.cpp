@@ -1,0 +1,416 @@
+#include "server/live/hub.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "common/gesture/chunk.h"
+#include "common/wire/refusal.h"
+
+namespace needlelab {
+namespace {
+
+pb::Envelope statusEnvelope(const pb::StationStatus& status) {
+  pb::Envelope envelope;
+  *envelope.mutable_station_status() = status;
+  return envelope;
+}
+
+/// Of the statuses that one message or one answer to an overview may hold; the rest of it has room beside.
+constexpr std::size_t kMostStatusBytes = kMaxFrameBytes - (64u << 10);
+
+/// What cannot be sent is not worth a viewer's connection: it is left out.
+void sendStatus(HubPeer& viewer, const pb::StationStatus& status) {
+  if (status.ByteSizeLong() <= kMostStatusBytes) viewer.sendControl(statusEnvelope(status));
+}
+
+/// Session ids are kept and sent on to viewers: a station must not make them long.
+std::optional<pb::Refusal> checkSessionId(const char* message, std::string_view id) {
+  if (id.empty() || id.size() == 16) return std::nullopt;
+  return makeRefusal(pb::Refusal::INVALID, std::string(message) + ".session_id has " +
+                                               std::to_string(id.size()) + " bytes, not 16 or none");
+}
+
+/// What was of another session is not of this one.
+void setSession(pb::StationStatus& status, std::string_view session_id) {
+  if (status.session_id() == session_id) return;
+  status.set_session_id(std::string(session_id));
+  status.clear_peak_force_n();
+  status.clear_hazards_touched();
+  status.clear_force_limit_n();
+  status.clear_tissue();
+  status.clear_started_unix_ns();
+}
+
+}  // namespace
+
+HubPeer* Hub::attachStation(const std::string& name, HubPeer& peer) {
+  Station& station = stations_[name];
+  HubPeer* const older = std::exchange(station.peer, &peer);
+  if (older != nullptr) older->station_ = nullptr;
+  peer.station_ = &station;
+  if (older == nullptr) ++online_;
+  station.told_watched = false;
+  station.status.Clear();
+  station.status.set_station(name);
+  station.status.set_online(true);
+  announce(name, station);
+  refreshWatch(station);
+  return older;
+}
+
+HubPeer* Hub::stationPeer(const std::string& name) const {
+  const auto found = stations_.find(name);
+  return found != stations_.end() ? found->second.peer : nullptr;
+}
+
+void Hub::detachStation(const std::string& name, const HubPeer& peer) {
+  const auto found = stations_.find(name);
+  if (found == stations_.end() || found->second.peer != &peer) return;
+  Station& station = found->second;
+  station.peer->station_ = nullptr;
+  station.peer = nullptr;
+  --online_;
+  station.told_watched = false;
+  station.status.set_online(false);
+  announce(name, station);
+  forgetIfUnused(name);
+}
+
+std::optional<pb::Refusal> Hub::onStatus(const std::string& name, const pb::StationStatus& status,
+                                         std::int64_t now_ns) {
+  if (auto wrong = checkSessionId("station_status", status.session_id())) return wrong;
+  if (const std::size_t bytes = status.ByteSizeLong(); bytes > settings_.max_status_bytes) {
+    return makeRefusal(pb::Refusal::TOO_LARGE, "a status line of " + std::to_string(bytes) +
+                                                   " bytes: the limit is " +
+                                                   std::to_string(settings_.max_status_bytes));
+  }
+  const auto found = stations_.find(name);
+  if (found == stations_.end() || found->second.peer == nullptr) return std::nullopt;
+  Station& station = found->second;
+  const bool other_session = status.session_id() != station.status.session_id();
+  station.status = status;
+  station.status.set_station(name);
+  station.status.set_online(true);
+  station.status_ns = now_ns;
+  if (other_session) refreshWatch(station);
+  // who watches this station hears of it even while no samples come
+  if (const auto watchers = watchersOf(station); !watchers.empty()) {
+    if (const auto frame = encodeFrame(statusEnvelope(station.status)); frame.ok()) {
+      for (Subscription* watcher : watchers) watcher->viewer->sendLive(*frame, false);
+    }
+  }
+  sendOverview(name, station, now_ns);
+  return std::nullopt;
+}
+
+std::optional<pb::Refusal> Hub::onLiveFrame(const std::string& name, const LiveFrameView& frame,
+                                            std::int64_t now_ns) {
+  const auto found = stations_.find(name);
+  if (found == stations_.end() || found->second.peer == nullptr) return std::nullopt;
+  return onLiveFrame(*found->second.peer, frame, now_ns);
+}
+
+std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrameView& frame,
+                                            std::int64_t now_ns) {
+  if (frame.data.size() > settings_.max_frame_bytes) {
+    return makeRefusal(pb::Refusal::TOO_LARGE, "a live frame of " + std::to_string(frame.data.size()) +
+                                                   " bytes: the limit is " +
+                                                   std::to_string(settings_.max_frame_bytes));
+  }
+  if (auto wrong = checkSessionId("live_frame", frame.session_id)) return wrong;
+  // columns that stand still take no bytes: a small frame could be a second's work for us and each viewer
+  if (const auto claimed = claimedSamples(viewOf(frame.data));
+      claimed && *claimed > settings_.max_frame_samples) {
+    return makeRefusal(pb::Refusal::TOO_LARGE, "a live frame of " + std::to_string(*claimed) +
+                                                   " samples: the limit is " +
+                                                   std::to_string(settings_.max_frame_samples));
+  }
+  // a station that has connected anew has taken over: its older connection is nobody any more
+  if (from.station_ == nullptr) return std::nullopt;
+  Station& station = *static_cast<Station*>(from.station_);
+  const std::string& name = station.status.station();
+  ++frames_in_;
+  if (frame.session_id != station.status.session_id()) {
+    station.status.set_session_id(std::string(frame.session_id));
+    refreshWatch(station);
+  }
+
+  // decoded at most once, and only when somebody needs it
+  std::optional<std::vector<GestureSample>> samples;
+  const auto decoded = [&]() -> std::span<const GestureSample> {
+    if (!samples) {
+      auto result = decodeChunk(viewOf(frame.data));
+      samples = result.ok() ? std::move(*result) : std::vector<GestureSample>{};
+    }
+    return *samples;
+  };
+
+  // all viewers at full rate share one encoded frame
+  Frame shared;
+  forEachWatcher(station, [&](Subscription& watcher) {
+    if (watcher.decimator) {
+      sendDecimated(watcher, name, frame, decoded());
+      return;
+    }
+    if (!shared) shared = encodeLiveFrame(frame, name);
+    if (!shared) return;
+    watcher.viewer->sendLive(shared, true);
+    ++frames_out_;
+  });
+
+  // a station that sends frames need not send status lines; overviews get theirs from the samples
+  if (!overviews_.empty() &&
+      now_ns - station.status_ns >= std::chrono::nanoseconds(settings_.status_period).count()) {
+    if (const auto all = decoded(); !all.empty()) {
+      statusFromSamples(station, frame, all.back());
+      station.status_ns = now_ns;
+      sendOverview(name, station, now_ns);
+    }
+  }
+  return std::nullopt;
+}
+
+void Hub::onSession(const std::string& name, const std::string& session_id) {
+  const auto found = stations_.find(name);
+  if (found == stations_.end() || found->second.peer == nullptr) return;
+  setSession(found->second.status, session_id);
+  refreshWatch(found->second);
+}
+
+bool Hub::sendToStation(const std::string& name, const pb::Envelope& envelope) {
+  const auto found = stations_.find(name);
+  if (found == stations_.end() || found->second.peer == nullptr) return false;
+  found->second.peer->sendControl(envelope);
+  return true;
+}
+
+std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& wanted, std::int64_t now_ns) {
+  const auto refuse = [](pb::Refusal::Reason reason, std::string text) {
+    return makeRefusal(reason, std::move(text));
+  };
+  if (!std::isfinite(wanted.rate_hz()) || wanted.rate_hz() < 0 || wanted.rate_hz() > 1e6) {
+    return refuse(pb::Refusal::INVALID,
+                  "subscribe.rate_hz " + std::to_string(wanted.rate_hz()) + " is not in [0, 1e6]");
+  }
+  if (wanted.station().size() > 256 || (!wanted.session_id().empty() && wanted.session_id().size() != 16)) {
+    return refuse(pb::Refusal::INVALID, "subscribe.station is at most 256 bytes, session_id 16 or none");
+  }
+  if (!wanted.station().empty() && !wanted.session_id().empty()) {
+    return refuse(pb::Refusal::INVALID, "subscribe: either a station or a session, not both");
+  }
+  auto& mine = viewers_[&viewer];
+  if (mine.contains(wanted.subscription())) {
+    return refuse(pb::Refusal::CONFLICT,
+                  "subscription " + std::to_string(wanted.subscription()) + " exists already");
+  }
+  if (mine.size() >= settings_.max_subscriptions) {
+    return refuse(pb::Refusal::TOO_LARGE,
+                  "a viewer has at most " + std::to_string(settings_.max_subscriptions) + " subscriptions");
+  }
+  for (const auto& [number, other] : mine) {
+    if (other->station == wanted.station() && other->session_id == wanted.session_id()) {
+      return refuse(pb::Refusal::CONFLICT,
+                    "subscription " + std::to_string(number) + " watches the same already");
+    }
+  }
+
+  auto owned = std::make_unique<Subscription>();
+  Subscription& subscription = *owned;
+  subscription.viewer = &viewer;
+  subscription.number = wanted.subscription();
+  subscription.station = wanted.station();
+  subscription.session_id = wanted.session_id();
+  subscription.rate_hz = wanted.rate_hz();
+  mine.emplace(wanted.subscription(), std::move(owned));
+
+  pb::Envelope answer;
+  answer.mutable_subscribed()->set_subscription(wanted.subscription());
+  viewer.sendControl(answer);
+
+  if (subscription.station.empty() && subscription.session_id.empty()) {
+    overviews_.push_back(&subscription);
+    std::size_t bytes = 0;
+    for (auto& [name, station] : stations_) {
+      if (station.peer == nullptr) continue;
+      // not more at once than a viewer's queue takes; the others come with their next line
+      if ((bytes += station.status.ByteSizeLong()) > kMostStatusBytes) break;
+      sendStatus(viewer, station.status);
+      subscription.last_line_ns[&station] = now_ns;
+    }
+    return std::nullopt;
+  }
+  if (wanted.rate_hz() > 0) subscription.decimator.emplace(wanted.rate_hz());
+  if (!subscription.session_id.empty()) {
+    by_session_[subscription.session_id].push_back(&subscription);
+    for (auto& [name, station] : stations_) {
+      if (station.status.session_id() != subscription.session_id) continue;
+      sendStatus(viewer, station.status);
+      refreshWatch(station);
+    }
+    return std::nullopt;
+  }
+  Station& station = stations_[subscription.station];
+  station.status.set_station(subscription.station);
+  station.watchers.push_back(&subscription);
+  sendStatus(viewer, station.status);
+  refreshWatch(station);
+  return std::nullopt;
+}
+
+std::optional<pb::Refusal> Hub::unsubscribe(HubPeer& viewer, std::uint32_t subscription) {
+  const auto mine = viewers_.find(&viewer);
+  if (mine == viewers_.end() || !mine->second.contains(subscription)) {
+    return makeRefusal(pb::Refusal::NOT_FOUND, "no subscription " + std::to_string(subscription));
+  }
+  auto owned = std::move(mine->second.extract(subscription).mapped());
+  if (mine->second.empty()) viewers_.erase(mine);
+  remove(std::move(owned));
+  return std::nullopt;
+}
+
+void Hub::detachViewer(const HubPeer& viewer) {
+  const auto mine = viewers_.find(&viewer);
+  if (mine == viewers_.end()) return;
+  auto all = std::move(mine->second);
+  viewers_.erase(mine);
+  for (auto& [number, subscription] : all) remove(std::move(subscription));
+}
+
+void Hub::remove(std::unique_ptr<Subscription> subscription) {
+  Subscription* const gone = subscription.get();
+  std::erase(overviews_, gone);
+  if (!gone->session_id.empty()) {
+    const auto found = by_session_.find(gone->session_id);
+    std::erase(found->second, gone);
+    if (found->second.empty()) by_session_.erase(found);
+    for (auto& [name, station] : stations_) {
+      if (station.status.session_id() == gone->session_id) refreshWatch(station);
+    }
+  }
+  if (!gone->station.empty()) {
+    Station& station = stations_.at(gone->station);
+    std::erase(station.watchers, gone);
+    refreshWatch(station);
+    forgetIfUnused(gone->station);
+  }
+}
+
+void Hub::fillStations(pb::Stations& stations) const {
+  std::size_t bytes = stations.ByteSizeLong();
+  for (pb::StationInfo& info : *stations.mutable_stations()) {
+    const auto found = stations_.find(info.name());
+    const bool online = found != stations_.end() && found->second.peer != nullptr;
+    info.set_online(online);
+    if (!online) continue;
+    bytes += found->second.status.ByteSizeLong() + 16;
+    if (bytes <= kMostStatusBytes) *info.mutable_status() = found->second.status;
+  }
+}
+
+bool Hub::isWatched(const std::string& name) const {
+  const auto found = stations_.find(name);
+  return found != stations_.end() && found->second.told_watched;
+}
+
+std::vector<Hub::Subscription*> Hub::watchersOf(const Station& station) const {
+  std::vector<Subscription*> all = station.watchers;
+  if (by_session_.empty() || station.status.session_id().empty()) return all;
+  if (const auto found = by_session_.find(station.status.session_id()); found != by_session_.end()) {
+    for (Subscription* watcher : found->second) {
+      // who watches the station and its session gets each frame once
+      const auto same = [&](const Subscription* other) { return other->viewer == watcher->viewer; };
+      if (std::none_of(all.begin(), all.end(), same)) all.push_back(watcher);
+    }
+  }
+  return all;
+}
+
+template <typename Act>
+void Hub::forEachWatcher(const Station& station, Act act) const {
+  if (by_session_.empty()) {  // as nearly always: no list need be made
+    for (Subscription* watcher : station.watchers) act(*watcher);
+    return;
+  }
+  for (Subscription* watcher : watchersOf(station)) act(*watcher);
+}
+
+void Hub::refreshWatch(Station& station) {
+  if (station.peer == nullptr) return;
+  const bool watched = !station.watchers.empty() || (!by_session_.empty() && !watchersOf(station).empty());
+  if (watched == station.told_watched) return;
+  station.told_watched = watched;
+  pb::Envelope envelope;
+  envelope.mutable_watch_state()->set_watched(watched);
+  station.peer->sendControl(envelope);
+}
+
+void Hub::forgetIfUnused(const std::string& name) {
+  const auto found = stations_.find(name);
+  if (found->second.peer == nullptr && found->second.watchers.empty()) stations_.erase(found);
+}
+
+void Hub::announce(const std::string& name, Station& station) {
+  station.status.set_station(name);
+  for (Subscription* watcher : watchersOf(station)) sendStatus(*watcher->viewer, station.status);
+  for (Subscription* overview : overviews_) sendStatus(*overview->viewer, station.status);
+}
+
+void Hub::sendOverview(const std::string& name, Station& station, std::int64_t now_ns) {
+  if (overviews_.empty()) return;
+  station.status.set_station(name);
+  // many stations: fewer lines of each, so that a viewer gets a readable number
+  const double many_ns = 1e9 * static_cast<double>(online_) / settings_.overview_lines_per_s;
+  const double least_ns =
+      std::max(many_ns, static_cast<double>(std::chrono::nanoseconds(settings_.status_period).count()));
+  Frame shared;
+  for (Subscription* overview : overviews_) {
+    const double period_ns = overview->rate_hz > 0 ? std::max(least_ns, 1e9 / overview->rate_hz) : least_ns;
+    const auto [last, first_time] = overview->last_line_ns.try_emplace(&station, 0);
+    // a tenth early is in time: lines come at 10 Hz with some jitter
+    if (!first_time && static_cast<double>(now_ns - last->second) < 0.9 * period_ns) continue;
+    last->second = now_ns;
+    if (!shared) {
+      auto encoded = encodeFrame(statusEnvelope(station.status));
+      if (!encoded.ok()) return;
+      shared = std::move(*encoded);
+    }
+    overview->viewer->sendLive(shared, false);
+  }
+}
+
+void Hub::sendDecimated(Subscription& subscription, const std::string& name, const LiveFrameView& frame,
+                        std::span<const GestureSample> samples) {
+  // frames that the station's queue dropped stay visible as a gap in our own numbers
+  if (subscription.last_upstream_seq && frame.frame_seq > *subscription.last_upstream_seq + 1) {
+    subscription.frames += frame.frame_seq - *subscription.last_upstream_seq - 1;
+  }
+  subscription.last_upstream_seq = frame.frame_seq;
+  const auto kept = subscription.decimator->keep(samples);
+  if (kept.empty()) return;
+  const auto info = inspectChunk(viewOf(frame.data));
+  if (!info.ok()) return;
+  const Bytes data = encodeChunk(info->resolution, kept);
+  LiveFrameView thinned = frame;
+  thinned.frame_seq = subscription.frames++;
+  thinned.data = textOf(data);
+  if (Frame encoded = encodeLiveFrame(thinned, name)) {
+    subscription.viewer->sendLive(std::move(encoded), true);
+    ++frames_out_;
+  }
+}
+
+void Hub::statusFromSamples(Station& station, const LiveFrameView& frame, const GestureSample& last) {
+  pb::StationStatus& status = station.status;
+  setSession(status, frame.session_id);
+  status.set_phase(last.phase);
+  status.set_layer(last.layer);
+  status.set_insertion_m(last.insertion_m);
+  status.set_force_n(std::hypot(last.force_W_N[0], last.force_W_N[1], last.force_W_N[2]));
+  // the station's own watch sees every sample; until its next line it is at least this
+  status.set_peak_force_n(std::max(status.peak_force_n(), status.force_n()));
+  status.set_fault(last.fault);
+  status.set_samples(last.tick + 1);
+}
+
+}  // namespace needlelab

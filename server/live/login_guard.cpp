@@ -1,0 +1,96 @@
+#include "server/live/login_guard.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace needlelab {
+namespace {
+
+constexpr std::int64_t kNsPerMs = 1'000'000;
+
+/// Lengths apart, so that no name can look like another name at another address.
+std::string pairKey(const std::string& name, const std::string& address) {
+  return std::to_string(name.size()) + " " + name + " " + address;
+}
+
+}  // namespace
+
+double LoginGuard::leftAfter(const Entry& entry, Milliseconds refill, std::int64_t now_ns) {
+  const double leaked =
+      static_cast<double>(now_ns - entry.at_ns) / (1e6 * static_cast<double>(refill.count()));
+  return std::max(0.0, entry.failures - leaked);
+}
+
+LoginGuard::Milliseconds LoginGuard::waitOf(const Entries& entries, const std::string& key, double allowed,
+                                            Milliseconds refill, std::int64_t now_ns) {
+  const auto found = entries.find(key);
+  if (found == entries.end()) return Milliseconds(0);
+  const double above = leftAfter(found->second, refill, now_ns) - (allowed - 1);
+  if (above <= 0) return Milliseconds(0);
+  return Milliseconds(
+      static_cast<std::int64_t>(std::ceil(above * static_cast<double>(refill.count()) - 1e-3)));
+}
+
+LoginGuard::Milliseconds LoginGuard::waitOfPair(const std::string& key, std::int64_t now_ns) const {
+  const auto found = pairs_.find(key);
+  if (found == pairs_.end()) return Milliseconds(0);
+  const double above = found->second.failures - settings_.allowed_per_name;
+  if (above < 0) return Milliseconds(0);
+  const double wait_ms = std::min(static_cast<double>(settings_.first_wait.count()) * std::exp2(above),
+                                  static_cast<double>(settings_.longest_wait.count()));
+  const double left_ms =
+      wait_ms - static_cast<double>(now_ns - found->second.at_ns) / static_cast<double>(kNsPerMs);
+  return Milliseconds(static_cast<std::int64_t>(std::ceil(std::max(0.0, left_ms))));
+}
+
+LoginGuard::Milliseconds LoginGuard::mustWait(const std::string& name, const std::string& address,
+                                              std::int64_t now_ns) const {
+  const Milliseconds own = waitOfPair(pairKey(name, address), now_ns);
+  if (knows(name, address)) return own;
+  return std::max(
+      {own, waitOf(names_, name, settings_.allowed_everywhere, settings_.refill_everywhere, now_ns),
+       waitOf(addresses_, address, settings_.allowed_per_address, settings_.refill_address, now_ns)});
+}
+
+bool LoginGuard::failed(const std::string& name, const std::string& address, std::int64_t now_ns) {
+  const bool waited = mustWait(name, address, now_ns).count() > 0;
+  Entry& pair = entryOf(pairs_, pairKey(name, address));
+  if (now_ns - pair.at_ns > settings_.quiet.count() * kNsPerMs) pair.failures = 0;
+  pair.failures += 1;
+  pair.at_ns = now_ns;
+  // a teacher who mistypes is no reason to be wary of the lab's address
+  if (!knows(name, address)) {
+    count(names_, name, settings_.refill_everywhere, now_ns);
+    count(addresses_, address, settings_.refill_address, now_ns);
+  }
+  return !waited && mustWait(name, address, now_ns).count() > 0;
+}
+
+void LoginGuard::succeeded(const std::string& name, const std::string& address, std::int64_t now_ns) {
+  const std::string key = pairKey(name, address);
+  pairs_.erase(key);
+  entryOf(known_, key).at_ns = now_ns;
+}
+
+bool LoginGuard::knows(const std::string& name, const std::string& address) const {
+  return known_.contains(pairKey(name, address));
+}
+
+LoginGuard::Entry& LoginGuard::entryOf(Entries& entries, const std::string& key) const {
+  if (entries.size() >= settings_.max_entries && !entries.contains(key)) {
+    // not all at once: who could fill the table could else wipe it
+    entries.erase(std::min_element(entries.begin(), entries.end(), [](const auto& a, const auto& b) {
+      return a.second.at_ns < b.second.at_ns;
+    }));
+  }
+  return entries[key];
+}
+
+void LoginGuard::count(Entries& entries, const std::string& key, Milliseconds refill,
+                       std::int64_t now_ns) const {
+  Entry& entry = entryOf(entries, key);
+  entry.failures = leftAfter(entry, refill, now_ns) + 1;
+  entry.at_ns = now_ns;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,211 @@
+// The metrics: names, meanings, and where each comes from.
+#include <array>
+#include <map>
+#include <string>
+
+#include "common/base/clock.h"
+#include "common/base/formatted.h"
+#include "db/service/roles.h"
+#include "server/live/connection.h"
+#include "server/live/monitor.h"
+#include "server/live/prometheus.h"
+
+namespace needlelab {
+namespace {
+
+double real(std::uint64_t count) {
+  return static_cast<double>(count);
+}
+
+/// `unit`: of a stored value, e.g. 1e-9 for ns shown as seconds.
+template <typename Histogram>
+void histogram(PrometheusText& out, std::string_view name, const Histogram& values, double unit,
+               std::string_view help) {
+  out.metric(name, "histogram", help);
+  std::uint64_t through = 0;
+  const auto bounds = values.bounds();
+  for (std::size_t i = 0; i < bounds.size(); ++i) {
+    through += values.buckets()[i];
+    const std::string bound = formatted("%g", static_cast<double>(bounds[i]) * unit);
+    out.sample(real(through), {{"le", bound}}, "_bucket");
+  }
+  out.sample(real(values.count()), {{"le", "+Inf"}}, "_bucket");
+  out.sample(static_cast<double>(values.sum()) * unit, {}, "_sum");
+  out.sample(real(values.count()), {}, "_count");
+}
+
+/// Sums over the connections that are there.
+struct Open {
+  std::map<std::pair<int, int>, std::uint64_t> by_role_and_state;
+  std::uint64_t control_bytes = 0, most_control_bytes = 0, live_bytes = 0, live_dropped = 0;
+  std::uint64_t bytes_received = 0, bytes_sent = 0;
+};
+
+Open openConnections(const ServerContext& context) {
+  Open open;
+  for (const auto& [id, peer] : context.connections) {
+    ++open.by_role_and_state[{static_cast<int>(peer->who().role), static_cast<int>(peer->state())}];
+    const Channel& channel = peer->channel();
+    open.control_bytes += channel.controlQueueBytes();
+    open.most_control_bytes = std::max<std::uint64_t>(open.most_control_bytes, channel.controlQueueBytes());
+    open.live_bytes += channel.live().bytes();
+    open.live_dropped += channel.live().dropped();
+    open.bytes_received += channel.bytesReceived();
+    open.bytes_sent += channel.bytesSent();
+  }
+  return open;
+}
+
+void connections(PrometheusText& out, const ServerContext& context, const Open& open) {
+  const ServerCounters& counters = context.counters;
+  out.metric("needlelab_connections", "gauge", "Connections by role (none: not logged in) and state.");
+  for (int role = pb::ROLE_UNSPECIFIED; role <= pb::Role_MAX; ++role) {
+    for (int state = 0; state < static_cast<int>(ConnectionState::kClosed); ++state) {
+      const auto found = open.by_role_and_state.find({role, state});
+      const std::string_view name =
+          role == pb::ROLE_UNSPECIFIED ? "none" : roleName(static_cast<pb::Role>(role));
+      out.sample(found == open.by_role_and_state.end() ? 0 : real(found->second),
+                 {{"role", name}, {"state", nameOf(static_cast<ConnectionState>(state))}});
+    }
+  }
+  out.counter("needlelab_connections_total", real(counters.connections), "Connections accepted.");
+  out.counter("needlelab_connections_refused_total", real(counters.connections_refused),
+              "Connections closed at once because there were too many.");
+  out.counter("needlelab_handshakes_failed_total", real(counters.handshakes_failed),
+              "TLS handshakes that failed or took too long.");
+  out.counter("needlelab_logins_total", real(counters.logins), "Log-ins that succeeded.");
+  out.counter("needlelab_logins_refused_total", real(counters.logins_refused), "Log-ins refused.");
+  out.counter("needlelab_messages_refused_total", real(counters.messages_refused), "Messages refused.");
+  out.gauge("needlelab_logins_waiting", real(context.logins_waiting),
+            "Log-ins of people that wait for the password check.");
+  out.counter("needlelab_received_bytes_total", real(counters.bytes_received + open.bytes_received),
+              "Bytes received from peers, without TLS.");
+  out.counter("needlelab_sent_bytes_total", real(counters.bytes_sent + open.bytes_sent),
+              "Bytes sent to peers, without TLS.");
+}
+
+void durablePlane(PrometheusText& out, const ServerContext& context, const StoreFacts& facts) {
+  const ServerCounters& counters = context.counters;
+  out.metric("needlelab_chunks_total", "counter", "Chunks received, by what became of them.");
+  out.sample(real(counters.chunks_stored), {{"result", "stored"}});
+  out.sample(real(counters.chunks_repeated), {{"result", "repeated"}});
+  out.sample(real(counters.chunks_refused), {{"result", "refused"}});
+  out.gauge("needlelab_chunks_in_flight", real(context.chunks_in_flight),
+            "Chunks received and not yet committed.");
+  out.counter("needlelab_acks_total", real(counters.acks),
+              "Acknowledgements sent; one may cover many chunks.");
+  out.counter("needlelab_sessions_closed_total", real(counters.sessions_closed), "Sessions closed.");
+  out.gauge("needlelab_sessions_open", real(facts.sessions_open),
+            "Sessions in the database that are not closed.");
+
+  const DbWriter::Counters writer = context.store.writer().counters();
+  out.gauge("needlelab_writer_failed", context.store.writer().failed() ? 1 : 0,
+            "1 after a write or fsync failed: nothing is stored any more.");
+  out.gauge("needlelab_writer_queue_items", real(writer.waiting),
+            "Items that wait for the database's writer.");
+  out.counter("needlelab_writer_items_total", real(writer.items), "Items committed.");
+  out.counter("needlelab_writer_items_refused_total", real(writer.refused), "Items that failed alone.");
+  histogram(out, "needlelab_commit_seconds", writer.commit_ns, 1e-9, "COMMIT of a group, fsync included.");
+  histogram(out, "needlelab_group_work_seconds", writer.work_ns, 1e-9,
+            "A group's work from BEGIN to COMMIT.");
+  histogram(out, "needlelab_checkpoint_seconds", writer.checkpoint_ns, 1e-9,
+            "A checkpoint of the write-ahead log.");
+  histogram(out, "needlelab_commit_group_items", writer.group_items, 1, "Items committed together.");
+}
+
+void livePlane(PrometheusText& out, const ServerContext& context, const Open& open) {
+  out.counter("needlelab_live_frames_received_total", real(context.hub.framesIn()),
+              "Live frames from stations.");
+  out.counter("needlelab_live_frames_sent_total", real(context.hub.framesOut()),
+              "Live frames given to viewers.");
+  out.counter("needlelab_live_frames_dropped_total", real(context.counters.live_dropped + open.live_dropped),
+              "Live frames dropped because a viewer was too slow.");
+  out.gauge("needlelab_stations_online", real(context.hub.stationsOnline()), "Stations that are connected.");
+  out.gauge("needlelab_control_queue_bytes", real(open.control_bytes),
+            "Unsent control messages, all connections.");
+  out.gauge("needlelab_control_queue_bytes_largest", real(open.most_control_bytes),
+            "Unsent control messages of the connection that has most.");
+  out.gauge("needlelab_live_queue_bytes", real(open.live_bytes), "Unsent live frames, all connections.");
+}
+
+void storage(PrometheusText& out, const ServerContext& context, const StoreFacts& facts) {
+  out.gauge("needlelab_database_bytes", real(facts.database_bytes), "Size of the database's file.");
+  out.gauge("needlelab_wal_bytes", real(facts.wal_bytes), "Size of the write-ahead log's file.");
+  out.gauge("needlelab_wal_pages_waiting", real(context.store.writer().counters().wal_pages_waiting),
+            "Pages in the log that the last checkpoint left there.");
+  out.gauge("needlelab_disk_free_bytes", real(facts.free_bytes), "Free on the database's disk.");
+  out.gauge("needlelab_disk_size_bytes", real(facts.disk_bytes), "Size of the database's disk.");
+  out.gauge("needlelab_database_readable", facts.fault.empty() ? 1 : 0,
+            "0 when the database could not be read.");
+  // without a backup there is no age: alarms on absence, too
+  out.metric("needlelab_backup_age_seconds", "gauge",
+             "Age of the last verified backup; absent when there is none.");
+  if (facts.backup_unix_ns) out.sample(static_cast<double>(wallNowNs() - *facts.backup_unix_ns) / 1e9);
+  out.gauge("needlelab_unsafe_chunks", real(facts.unsafe_chunks),
+            "Chunks committed that no verified backup holds.");
+  out.counter("needlelab_backups_total", real(context.counters.backups), "Verified backups made.");
+  if (facts.certificate_end_unix_s != 0)
+    out.gauge("needlelab_certificate_not_after_seconds", static_cast<double>(facts.certificate_end_unix_s),
+              "When the server's certificate ends, seconds since 1970.");
+}
+
+void browsers(PrometheusText& out, const ServerContext& context) {
+  const WebCounters& web = context.web;
+  out.gauge("needlelab_web_connections", real(web.connections_open), "Connections of browsers.");
+  out.counter("needlelab_web_connections_total", real(web.connections), "Connections of browsers accepted.");
+  out.counter("needlelab_web_connections_refused_total", real(web.connections_refused),
+              "Connections of browsers closed at once because there were too many.");
+  out.counter("needlelab_web_handshakes_failed_total", real(web.handshakes_failed),
+              "TLS handshakes of browsers that failed or took too long.");
+  out.gauge("needlelab_web_live_viewers", real(web.live_open), "Live pages that are open.");
+  out.counter("needlelab_web_live_dropped_total", real(web.live_dropped),
+              "Live pages that were cut because they did not read.");
+  out.metric("needlelab_web_requests_total", "counter",
+             "Requests of browsers answered, by route and status.");
+  const std::map<std::string, std::map<unsigned, std::uint64_t>> sorted(web.requests.begin(),
+                                                                        web.requests.end());
+  for (const auto& [route, by_status] : sorted) {
+    for (const auto& [status, count] : by_status)
+      out.sample(real(count), {{"route", route}, {"status", std::to_string(status)}});
+  }
+  out.metric("needlelab_web_request_seconds", "histogram",
+             "From a request's header to the end of its reply.");
+  std::uint64_t through = 0;
+  for (std::size_t i = 0; i < WebCounters::kLatency_s.size(); ++i) {
+    through += web.latency[i];
+    const std::string bound = formatted("%g", WebCounters::kLatency_s[i]);
+    out.sample(real(through), {{"le", bound}}, "_bucket");
+  }
+  through += web.latency.back();
+  out.sample(real(through), {{"le", "+Inf"}}, "_bucket");
+  out.sample(web.latency_sum_s, {}, "_sum");
+  out.sample(real(through), {}, "_count");
+}
+
+void process(PrometheusText& out, const ProcessFacts& facts) {
+  out.counter("process_cpu_seconds_total", facts.cpu_s, "Processor time, user and system.");
+  out.gauge("process_resident_memory_bytes", real(facts.rss_bytes), "Resident memory.");
+  out.gauge("process_open_fds", real(facts.open_files), "Open files.");
+  out.gauge("process_max_fds", real(facts.most_files), "Most files that may be open.");
+  out.gauge("process_threads", real(facts.threads), "Threads.");
+  out.gauge("process_start_time_seconds", facts.started_unix_s,
+            "When the process was started, seconds since 1970.");
+  out.metric("needlelab_build_info", "gauge", "1, with the version in its labels.");
+  out.sample(1, {{"version", NEEDLELAB_VERSION}, {"compiler", __VERSION__}});
+}
+
+}  // namespace
+
+std::string metricsText(const ServerContext& context, const StoreFacts& facts) {
+  const Open open = openConnections(context);
+  PrometheusText out;
+  connections(out, context, open);
+  durablePlane(out, context, facts);
+  livePlane(out, context, open);
+  storage(out, context, facts);
+  browsers(out, context);
+  process(out, facts.process);
+  return out.text();
+}
+
+}  // namespace needlelab

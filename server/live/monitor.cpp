@@ -1,0 +1,221 @@
+#include "server/live/monitor.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "common/base/clock.h"
+#include "common/base/formatted.h"
+#include "common/wire/certificates.h"
+#include "db/meta_store.h"
+#include "server/live/log.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::int64_t kSecond = 1'000'000'000;
+constexpr std::int64_t kTryWriteAfter = 10 * kSecond;  // without a commit by anybody
+
+/// A number from one row; what cannot be read leaves a fault.
+std::uint64_t oneNumber(Connection& reader, std::string_view sql, std::string& fault) {
+  auto rows = reader.prepare(sql);
+  const auto row = rows.step();
+  if (!row.ok()) {
+    fault = row.error().message;
+    return 0;
+  }
+  return *row ? rows.natural(0) : 0;
+}
+
+}  // namespace
+
+StoreFacts readStoreFacts(Store& store, const std::filesystem::path& certificate) {
+  StoreFacts facts;
+  const std::filesystem::path path = store.databasePath();
+  std::error_code error;
+  const auto size = [&](const std::filesystem::path& file) {
+    const auto bytes = std::filesystem::file_size(file, error);
+    return error ? 0 : static_cast<std::uint64_t>(bytes);
+  };
+  facts.database_bytes = size(path);
+  facts.wal_bytes = size(path.string() + "-wal");
+  const auto space = std::filesystem::space(path.parent_path(), error);
+  if (error) {
+    facts.fault = path.parent_path().string() + ": " + error.message();
+  } else {
+    facts.free_bytes = space.available;
+    facts.disk_bytes = space.capacity;
+  }
+  facts.process = processFacts();
+  if (const auto read = readCertificate(certificate); read.ok())
+    facts.certificate_end_unix_s = read->not_after_unix_s;
+
+  auto reader = store.readers().borrow();
+  if (!reader.ok()) {
+    facts.fault = reader.error().message;
+    return facts;
+  }
+  facts.sessions_open = oneNumber(**reader, "SELECT count(*) FROM sessions WHERE state = 1", facts.fault);
+  facts.unsafe_chunks = oneNumber(
+      **reader,
+      "SELECT coalesce(sum(max(coalesce(p.chunks, s.chunks) - s.safe_chunks, 0)), 0) FROM sessions s"
+      " LEFT JOIN session_progress p ON p.session = s.number",
+      facts.fault);
+  if (const auto when = MetaStore(**reader).get("backup_unix_ns"); !when.ok()) {
+    facts.fault = when.error().message;
+  } else if (*when) {
+    facts.backup_unix_ns = std::strtoll((*when)->c_str(), nullptr, 10);
+  }
+  return facts;
+}
+
+HttpAnswer healthAnswer(const Health& health, const StoreFacts& facts, std::int64_t now_unix_ns) {
+  const auto tenths = [](double value) { return std::round(value * 10) / 10; };
+  nlohmann::ordered_json json;
+  json["healthy"] = health.problems.empty();
+  json["database_writable"] = health.writable;
+  json["last_commit_age_s"] = nullptr;
+  if (health.last_commit_age_s >= 0) json["last_commit_age_s"] = tenths(health.last_commit_age_s);
+  json["disk_free_bytes"] = facts.free_bytes;
+  json["backup_age_s"] = nullptr;
+  if (facts.backup_unix_ns)
+    json["backup_age_s"] = tenths(static_cast<double>(now_unix_ns - *facts.backup_unix_ns) / 1e9);
+  const double days =
+      (static_cast<double>(facts.certificate_end_unix_s) - static_cast<double>(now_unix_ns) / 1e9) / 86'400;
+  json["certificate_days_left"] = tenths(days);
+  json["problems"] = health.problems;
+  // a path with bytes that are no UTF-8 must not throw
+  const std::string text = json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return {health.problems.empty() ? 200 : 503, "application/json", text};
+}
+
+Monitor::Monitor(ServerContext& context, std::filesystem::path certificate, MonitorSettings settings)
+    : context_(context),
+      certificate_(std::move(certificate)),
+      settings_(settings),
+      read_(context.io.get_executor()),
+      written_(context.io.get_executor()) {}
+
+Monitor::~Monitor() = default;
+
+void Monitor::join() {
+  worker_.join();
+}
+
+Task<HttpAnswer> Monitor::answer(std::string path) {
+  if (path != "/metrics" && path != "/healthz")
+    co_return HttpAnswer{404, "text/plain; charset=utf-8", "there is /metrics and /healthz\n"};
+  const StoreFacts facts = co_await this->facts();
+  if (path == "/metrics")
+    co_return HttpAnswer{200, "text/plain; version=0.0.4; charset=utf-8", metricsText(context_, facts)};
+  if (!facts.answered) {
+    // no trial write: it would wait as well, and the words would be those of an old reading
+    Health health;
+    health.last_commit_age_s =
+        last_commit_ns_ == 0 ? -1 : static_cast<double>(steadyNowNs() - last_commit_ns_) / 1e9;
+    health.problems.push_back(facts.fault);
+    co_return healthAnswer(health, facts, wallNowNs());
+  }
+  const Health health = co_await this->health(facts);
+  co_return healthAnswer(health, facts, wallNowNs());
+}
+
+Task<> Monitor::read(Monitor& self) {
+  std::function<StoreFacts()> work = [&store = self.context_.store, file = self.certificate_] {
+    return readStoreFacts(store, file);
+  };
+  self.facts_ = co_await offload(self.worker_, std::move(work));
+  self.facts_ns_ = steadyNowNs();
+  self.reading_ = false;
+  self.read_.notify();
+}
+
+Task<StoreFacts> Monitor::facts() {
+  // who asks more often than once a second gets the same answer: asking costs reads
+  const std::int64_t asked_ns = steadyNowNs();
+  const auto fresh = [&] { return facts_ && facts_ns_ >= asked_ns - kSecond; };
+  const std::int64_t patience_ns = std::chrono::nanoseconds(settings_.read_patience).count();
+  while (!fresh()) {
+    // a disk that hangs holds its reader for as long as it likes, and not those who ask how we are
+    const std::int64_t left_ns = patience_ns - (steadyNowNs() - asked_ns);
+    if (left_ns <= 0) {
+      StoreFacts last = facts_.value_or(StoreFacts{});
+      last.fault = formatted("the disk does not answer: nothing was read within %.1f s",
+                             static_cast<double>(patience_ns) / 1e9);
+      last.answered = false;
+      co_return last;
+    }
+    if (!std::exchange(reading_, true)) asio::co_spawn(context_.io, read(*this), rethrow);
+    asio::steady_timer patience(context_.io, std::chrono::nanoseconds(left_ns));
+    patience.async_wait([this](const boost::system::error_code& stopped) {
+      if (!stopped) read_.notify();
+    });
+    co_await read_.wait();
+  }
+  co_return *facts_;
+}
+
+/// Proves that the database takes writes, when nobody else has proved it just now.
+Task<> Monitor::tryWrite(Monitor& self) {
+  DbWriter::Work work = [](Connection& writer) {
+    return MetaStore(writer).set("health_unix_ns", std::to_string(wallNowNs()));
+  };
+  const Status status = co_await commit(self.context_.store.writer(), std::move(work));
+  self.writing_ = false;
+  if (!status.ok()) logEvent(LogLevel::kWarning, "trial_write_failed", {{"text", status.error().message}});
+  self.written_.notify();
+}
+
+Task<Health> Monitor::health(const StoreFacts& facts) {
+  DbWriter& writer = context_.store.writer();
+  const auto look = [&] {
+    if (const auto commits = writer.counters().commits; commits != seen_commits_) {
+      seen_commits_ = commits;
+      last_commit_ns_ = steadyNowNs();
+    }
+    return last_commit_ns_ != 0 && steadyNowNs() - last_commit_ns_ < kTryWriteAfter;
+  };
+  Health health;
+  const bool room = facts.free_bytes >= settings_.min_free_bytes;
+  health.writable = look();
+  // a write that fails for want of room would stop the writer for good: then it is not tried
+  if (!health.writable && room && !writer.failed()) {
+    if (!std::exchange(writing_, true)) asio::co_spawn(context_.io, tryWrite(*this), rethrow);
+    asio::steady_timer patience(context_.io, settings_.write_patience);
+    patience.async_wait([this](const boost::system::error_code& stopped) {
+      if (!stopped) written_.notify();
+    });
+    co_await written_.wait();
+    health.writable = look();
+  }
+  health.last_commit_age_s =
+      last_commit_ns_ == 0 ? -1 : static_cast<double>(steadyNowNs() - last_commit_ns_) / 1e9;
+
+  const std::int64_t now_ns = wallNowNs();
+  if (const auto failed = writer.failed()) {
+    health.writable = false;
+    health.problems.push_back("the database writer has stopped: " + failed->message);
+  } else if (!room) {
+    health.problems.push_back(formatted("the database's disk has %llu MiB left, wanted are %llu",
+                                        static_cast<unsigned long long>(facts.free_bytes >> 20),
+                                        static_cast<unsigned long long>(settings_.min_free_bytes >> 20)));
+  } else if (!health.writable) {
+    health.problems.emplace_back("a trial write was not committed in time");
+  }
+  if (!facts.fault.empty()) health.problems.push_back("the database cannot be read: " + facts.fault);
+  if (facts.certificate_end_unix_s != 0 && facts.certificate_end_unix_s < now_ns / kSecond)
+    health.problems.emplace_back("the server's certificate has expired: restart the server, which renews it");
+  if (settings_.max_backup_age.count() > 0) {
+    if (!facts.backup_unix_ns) {
+      health.problems.emplace_back("there was never a verified backup");
+    } else if ((now_ns - *facts.backup_unix_ns) / kSecond > settings_.max_backup_age.count()) {
+      health.problems.push_back(formatted("the last verified backup is %.1f h old",
+                                          static_cast<double>(now_ns - *facts.backup_unix_ns) / 3.6e12));
+    }
+  }
+  co_return health;
+}
+
+}  // namespace needlelab

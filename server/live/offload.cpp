@@ -1,0 +1,35 @@
+#include "server/live/offload.h"
+
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include "server/live/log.h"
+
+namespace needlelab {
+
+void afterOthers() {
+  if (::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)), 10) != 0)
+    logEvent(LogLevel::kWarning, "retention_priority_not_lowered", {});
+}
+
+Task<Status> commit(DbWriter& writer, DbWriter::Work work) {
+  struct State {
+    explicit State(asio::any_io_executor executor) : done(std::move(executor)) {}
+    Signal done;
+    std::optional<Status> status;
+  };
+  const asio::any_io_executor executor = co_await asio::this_coro::executor;
+  auto state = std::make_shared<State>(executor);
+  auto posted = writer.post(std::move(work), [state, executor](const Status& status) mutable {
+    asio::post(executor, [state = std::move(state), status] {
+      state->status = status;
+      state->done.notify();
+    });
+  });
+  if (!posted.ok()) co_return posted;
+  while (!state->status) co_await state->done.wait();
+  co_return *state->status;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,143 @@
+#include "server/live/person_login.h"
+
+#include <boost/asio/post.hpp>
+#include <utility>
+
+#include "common/base/clock.h"
+#include "common/base/secret.h"
+#include "common/base/text_rules.h"
+#include "server/live/log.h"
+
+namespace needlelab {
+namespace {
+
+using Answer = PersonLogin::Answer;
+
+PersonLogin waitOf(ServerContext& context, const std::string& name, const std::string& host,
+                   const LoginPeer& peer) {
+  PersonLogin login;
+  login.wait = context.guard.mustWait(name, host, steadyNowNs());
+  if (login.wait.count() <= 0) return login;
+  login.answer = Answer::kMustWait;
+  ++context.counters.logins_refused;
+  logEvent(LogLevel::kWarning, "login_rate_limited",
+           {{"conn", peer.connection}, {"name", name}, {"peer", peer.address}});
+  return login;
+}
+
+// a password costs time and memory by design: few at a time, a queue that ends, and in it room that no
+// stranger takes
+bool roomToWait(const ServerContext& context, bool known, const std::string& host) {
+  const ConnectionBounds& bounds = context.bounds;
+  if (context.logins_waiting >= (known ? bounds.logins_waiting : bounds.logins_waiting_of_strangers))
+    return false;
+  const auto here = context.logins_waiting_at.find(host);
+  return known || here == context.logins_waiting_at.end() || here->second < bounds.logins_waiting_at_address;
+}
+
+void noteLocked(ServerContext& context, const std::string& name, const std::string& host,
+                const LoginPeer& peer) {
+  const auto wait = context.guard.mustWait(name, host, steadyNowNs());
+  const std::string text = "too many failed log-ins from " + hostOfAddress(peer.address) + ": waits " +
+                           std::to_string(wait.count() / 1000 + 1) + " s";
+  logEvent(LogLevel::kWarning, "login_locked", {{"conn", peer.connection}, {"name", name}, {"text", text}});
+  asio::post(context.workers,
+             [&service = context.store.service(), subject = printable(name.substr(0, 100)), text] {
+               const Status noted = service.note("server", "log-in locked", subject, text);
+               if (!noted.ok()) logEvent(LogLevel::kError, "audit_failed", {{"text", noted.error().message}});
+             });
+}
+
+/// One check in its turn.
+Task<PersonLogin> checkOnce(ServerContext& context, std::shared_ptr<const PersonSecret> secret,
+                            std::string name, std::string host, LoginPeer peer) {
+  const bool known = context.guard.knows(name, host);
+  ++context.logins_waiting;
+  if (!known) ++context.logins_waiting_at[host];
+  // one after the other, and each looks again whether it may: of many guesses that came together, those
+  // after the last one that is allowed are never tried
+  const std::uint64_t turn = context.password_turns++;
+  while (context.password_turn != turn) co_await context.password_done.wait();
+  PersonLogin login;
+  login.answer = Answer::kGone;
+  if (!peer.gone()) {
+    login = waitOf(context, name, host, peer);
+    if (login.answer != Answer::kMustWait) {
+      std::function<Result<Principal>()> check = [&service = context.store.service(), secret] {
+        return service.loginPerson(secret->user, secret->password);
+      };
+      auto who = co_await offload(context.passwords, std::move(check));
+      if (who.ok()) {
+        login.answer = Answer::kWelcome;
+        login.holder = {std::move(*who), steadyNowNs()};
+      } else {
+        const bool denied = who.error().code == ErrorCode::kDenied;
+        login.answer = denied ? Answer::kRefused : Answer::kFailed;
+        ++context.counters.logins_refused;
+        logEvent(LogLevel::kWarning, "login_refused",
+                 {{"conn", peer.connection},
+                  {"name", name},
+                  {"peer", peer.address},
+                  {"text", who.error().message}});
+        if (denied && context.guard.failed(name, host, steadyNowNs())) noteLocked(context, name, host, peer);
+      }
+    }
+  }
+  ++context.password_turn;
+  context.password_done.notify();
+  --context.logins_waiting;
+  if (const auto here = context.logins_waiting_at.find(host); !known && --here->second == 0)
+    context.logins_waiting_at.erase(here);
+  co_return login;
+}
+
+}  // namespace
+
+PersonSecret::~PersonSecret() {
+  wipe(password);
+}
+
+std::string hostOfAddress(const std::string& address) {
+  return address.substr(0, address.rfind(':'));
+}
+
+std::string textOf(const PersonLogin& login) {
+  switch (login.answer) {
+    case Answer::kMustWait:
+      return "too many failed log-ins; try again in " + std::to_string(login.wait.count() / 1000 + 1) + " s";
+    case Answer::kTooMany:
+      return "too many log-ins at once; try again in some seconds";
+    case Answer::kRefused:
+      // one text for unknown, wrong and disabled
+      return "log-in refused: unknown name, wrong password or key, or disabled";
+    case Answer::kFailed:
+      return "the log-in could not be checked; see the server's log";
+    case Answer::kWelcome:
+    case Answer::kGone:
+      break;
+  }
+  return {};
+}
+
+Task<PersonLogin> logInPerson(ServerContext& context, std::shared_ptr<const PersonSecret> secret,
+                              LoginPeer peer) {
+  const std::string host = Door::keyOf(hostOfAddress(peer.address)), name = "person " + secret->user;
+  if (auto wait = waitOf(context, name, host, peer); wait.answer == Answer::kMustWait) co_return wait;
+  if (!roomToWait(context, context.guard.knows(name, host), host)) {
+    ++context.counters.logins_refused;
+    PersonLogin login;
+    login.answer = Answer::kTooMany;
+    co_return login;
+  }
+  PersonLogin login;
+  std::uint64_t seen = 0;
+  do {
+    // an account that is disabled while its password is checked must not slip in: then it is checked again
+    seen = context.access_changes;
+    login = co_await checkOnce(context, secret, name, host, peer);
+  } while (login.answer == Answer::kWelcome && seen != context.access_changes && !peer.gone());
+  if (login.answer == Answer::kWelcome) context.guard.succeeded(name, host, steadyNowNs());
+  co_return login;
+}
+
+}  // namespace needlelab

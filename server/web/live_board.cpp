@@ -1,0 +1,167 @@
+#include "server/web/live_board.h"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "common/base/clock.h"
+#include "common/base/uuid.h"
+#include "common/haptics/force_gate.h"
+#include "common/haptics/sim_state.h"
+#include "common/profile/profile.h"
+#include "db/session_store.h"
+#include "db/station_store.h"
+#include "server/live/log.h"
+#include "server/web/web_answer.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::int64_t kStationsEvery_ns = 2'000'000'000;
+
+struct BoardFacts {
+  pb::Stations stations;
+  std::map<std::string, std::vector<std::string>> tissues;
+};
+
+/// On a worker's thread: the stations that there are, and the layers of the sessions that are new.
+Result<BoardFacts> readBoardFacts(Store& store, bool stations_too, const std::vector<std::string>& sessions) {
+  auto reader = store.readers().borrow();
+  if (!reader) return reader.error();
+  BoardFacts facts;
+  if (stations_too) {
+    const auto stations = StationStore(**reader).list();
+    if (!stations) return stations.error();
+    for (const Station& station : *stations) {
+      if (!station.revoked) facts.stations.add_stations()->set_name(station.name);
+    }
+  }
+  for (const std::string& bytes : sessions) {
+    Uuid id;
+    if (bytes.size() != id.size()) continue;
+    std::copy(bytes.begin(), bytes.end(), id.begin());
+    const auto info = SessionStore(**reader).info(id);
+    if (!info) continue;  // its first status came before it was stored: asked for again
+    auto& names = facts.tissues[bytes];
+    const auto profile = parseProfile(info->description().profile_json(), "profile");
+    if (!profile) continue;
+    for (const pb::Layer& layer : profile->layers()) names.push_back(pb::Layer::Tissue_Name(layer.tissue()));
+  }
+  return facts;
+}
+
+std::string boardSessionText(const std::string& bytes) {
+  Uuid id;
+  if (bytes.size() != id.size()) return {};
+  std::copy(bytes.begin(), bytes.end(), id.begin());
+  return uuidText(id);
+}
+
+}  // namespace
+
+void LiveBoard::viewerCame() {
+  ++viewers_;
+  if (std::exchange(running_, true)) return;
+  asio::co_spawn(context_.io, run(shared_from_this()), rethrow);
+}
+
+void LiveBoard::viewerLeft() {
+  --viewers_;
+}
+
+void LiveBoard::stop() {
+  stopping_ = true;
+  wakeAll();
+}
+
+Task<> LiveBoard::run(std::shared_ptr<LiveBoard> self) {
+  LiveBoard& board = *self;
+  asio::steady_timer tick(board.context_.io);
+  auto next = std::chrono::steady_clock::now();
+  while (board.viewers_ > 0 && !board.stopping_) {
+    co_await board.readStore();
+    if (board.stopping_) break;
+    board.newest_ = std::make_shared<const std::string>(board.make());
+    ++board.number_;
+    board.wakeAll();
+    // a machine that stalled does not catch up with a burst
+    next = std::max(next + board.period_, std::chrono::steady_clock::now() + board.period_ / 2);
+    tick.expires_at(next);
+    co_await tick.async_wait(kUseTuple);
+  }
+  board.running_ = false;
+  board.newest_.reset();
+  board.peaks_.clear();
+  board.tissues_.clear();
+}
+
+Task<> LiveBoard::readStore() {
+  const std::int64_t now = steadyNowNs();
+  const bool stations_too = stations_ns_ == 0 || now - stations_ns_ >= kStationsEvery_ns;
+  context_.hub.fillStations(stations_);
+  std::vector<std::string> unknown;
+  std::map<std::string, std::vector<std::string>> known;
+  for (const pb::StationInfo& station : stations_.stations()) {
+    const std::string& session = station.status().session_id();
+    if (session.empty()) continue;
+    const auto found = tissues_.find(session);
+    if (found == tissues_.end())
+      unknown.push_back(session);
+    else
+      known.insert(*found);
+  }
+  tissues_ = std::move(known);
+  if (!stations_too && unknown.empty()) co_return;
+  std::function<Result<BoardFacts>()> read = [&store = context_.store, stations_too, unknown] {
+    return readBoardFacts(store, stations_too, unknown);
+  };
+  auto facts = co_await offload(context_.workers, std::move(read));
+  if (!facts.ok()) {
+    logEvent(LogLevel::kWarning, "live_read_failed", {{"text", facts.error().message}});
+    co_return;
+  }
+  tissues_.merge(facts->tissues);
+  if (!stations_too) co_return;
+  stations_ns_ = now;
+  stations_ = std::move(facts->stations);
+  context_.hub.fillStations(stations_);
+}
+
+std::string LiveBoard::make() {
+  WebJson tiles = WebJson::array();
+  std::map<std::string, Peak> peaks;
+  for (pb::StationInfo& station : *stations_.mutable_stations()) {
+    const pb::StationStatus& status = station.status();
+    const bool idle = !station.online() || status.session_id().empty();
+    Peak peak = peaks_[station.name()];
+    if (peak.session_id != status.session_id()) peak = {status.session_id(), 0};
+    if (!idle) peak.force_N = std::max(peak.force_N, status.force_n());
+    const auto tissues = tissues_.find(status.session_id());
+    std::string layer;
+    if (!idle && status.layer() >= 0 && tissues != tissues_.end() &&
+        static_cast<std::size_t>(status.layer()) < tissues->second.size())
+      layer = tissues->second[static_cast<std::size_t>(status.layer())];
+    const bool trouble = status.trouble().empty() && status.fault() != 0;
+    tiles.push_back({{"station", station.name()},
+                     {"online", station.online()},
+                     {"session_id", boardSessionText(status.session_id())},
+                     {"trainee", idle ? std::string() : status.trainee()},
+                     {"exercise", idle ? std::string() : status.exercise_id()},
+                     {"phase", phaseName(static_cast<Phase>(idle ? 0 : std::min(status.phase(), 255u)))},
+                     {"depth_m", idle ? 0 : status.insertion_m()},
+                     {"layer", layer},
+                     {"force_n", idle ? 0 : status.force_n()},
+                     {"peak_force_n", idle ? 0 : peak.force_N},
+                     {"fault", trouble ? faultText(static_cast<Fault>(std::min(status.fault(), 255u)))
+                                       : status.trouble()},
+                     {"drops", status.missed_ticks()}});
+    peaks.insert_or_assign(station.name(), std::move(peak));
+    // a status that is older than its station's connection is nobody's
+    station.clear_status();
+    station.set_online(false);
+  }
+  peaks_ = std::move(peaks);
+  return WebJson{{"tiles", std::move(tiles)}}.dump(-1, ' ', false, WebJson::error_handler_t::replace);
+}
+
+}  // namespace needlelab

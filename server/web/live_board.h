@@ -1,0 +1,58 @@
+/// What every viewer of the live page sees: one line a station, made once for all of them.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "needlelab/control.pb.h"
+#include "server/live/context.h"
+
+namespace needlelab {
+
+/// `{"tiles":[{station, online, session_id, trainee, exercise, phase, depth_m, layer, force_n, peak_force_n,
+/// fault, drops}]}`. `layer` is the tissue's name, `fault` what a person should look at, `drops` the ticks
+/// that the station missed; `peak_force_n` is the greatest that this board saw in the session. Made only
+/// while there are viewers. Thread: the network's. Ownership: kept alive by its coroutine.
+class LiveBoard : public std::enable_shared_from_this<LiveBoard> {
+ public:
+  LiveBoard(ServerContext& context, std::chrono::milliseconds period)
+      : context_(context), period_(period), fresh_(context.io.get_executor()) {}
+
+  void viewerCame();
+  void viewerLeft();
+  /// Ends its coroutine.
+  void stop();
+
+  [[nodiscard]] std::uint64_t number() const { return number_; }
+  [[nodiscard]] std::shared_ptr<const std::string> newest() const { return newest_; }
+  /// Waits until there may be a newer one.
+  Task<> wait() { return fresh_.wait(); }
+  void wakeAll() { fresh_.notify(); }
+
+ private:
+  struct Peak {
+    std::string session_id;
+    double force_N = 0;
+  };
+  static Task<> run(std::shared_ptr<LiveBoard> self);
+  Task<> readStore();
+  std::string make();
+
+  ServerContext& context_;
+  const std::chrono::milliseconds period_;
+  Signal fresh_;
+  std::size_t viewers_ = 0;
+  bool running_ = false, stopping_ = false;
+  std::uint64_t number_ = 0;
+  std::shared_ptr<const std::string> newest_;
+  pb::Stations stations_;  // names, from the database
+  std::int64_t stations_ns_ = 0;
+  std::map<std::string, Peak> peaks_;                        // by station
+  std::map<std::string, std::vector<std::string>> tissues_;  // of each session, by layer; those on the board
+};
+
+}  // namespace needlelab

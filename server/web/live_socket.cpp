@@ -1,0 +1,155 @@
+#include "server/web/live_socket.h"
+
+#include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/websocket.hpp>
+#include <boost/beast/websocket/ssl.hpp>
+#include <utility>
+
+#include "common/base/clock.h"
+#include "server/live/log.h"
+#include "server/web/live_board.h"
+#include "server/web/web_server.h"
+
+namespace needlelab {
+
+namespace beast = boost::beast;
+namespace websocket = boost::beast::websocket;
+
+namespace {
+
+constexpr std::size_t kMostFromViewer = 4096;
+constexpr std::chrono::milliseconds kGoodbye{1000};
+
+class Viewer : public LiveSocket {
+ public:
+  Viewer(std::shared_ptr<WebServer> server, SecureWebStream stream, std::string token, std::string who)
+      : server_(std::move(server)),
+        token_(std::move(token)),
+        who_(std::move(who)),
+        socket_(std::move(stream)),
+        deadline_(server_->context().io) {}
+
+  void stop() override {
+    stopping_ = true;
+    server_->board().wakeAll();
+  }
+  void cut() override {
+    stopping_ = cut_ = true;
+    plain().close();
+    server_->board().wakeAll();
+  }
+
+ protected:
+  Task<> serve(std::shared_ptr<LiveSocket> self, std::shared_ptr<const Upgrade> request) override {
+    plain().expires_never();
+    websocket::stream_base::timeout times =
+        websocket::stream_base::timeout::suggested(beast::role_type::server);
+    // pings after half of it: who is gone without a word is noticed
+    times.idle_timeout = std::chrono::seconds(30);
+    times.keep_alive_pings = true;
+    socket_.set_option(times);
+    socket_.read_message_max(kMostFromViewer);
+    auto [failed] = co_await socket_.async_accept(*request, kUseTuple);
+    if (failed) co_return;
+    WebCounters& web = server_->context().web;
+    ++web.live_open;
+    server_->board().viewerCame();
+    reading_ = true;
+    asio::co_spawn(server_->context().io, readAll(self), rethrow);
+    co_await sendAll();
+    // the reader ends by itself, now that the socket does
+    while (reading_) {
+      asio::steady_timer pause(server_->context().io, std::chrono::milliseconds(20));
+      co_await pause.async_wait(kUseTuple);
+    }
+    server_->board().viewerLeft();
+    --web.live_open;
+  }
+
+ private:
+  PlainWebStream& plain() { return socket_.next_layer().next_layer(); }
+
+  /// Pings, pongs and the end are seen by reading. A message, whatever it says, means that somebody looks at
+  /// the page: the session lasts longer.
+  Task<> readAll(std::shared_ptr<LiveSocket> /*kept alive by it*/) {
+    beast::flat_buffer buffer(kMostFromViewer);
+    for (;;) {
+      buffer.clear();
+      auto [error, count] = co_await socket_.async_read(buffer, kUseTuple);
+      (void)count;
+      if (error) break;
+      (void)server_->context().tokens.renew(token_, steadyNowNs());
+    }
+    over_ = true;
+    reading_ = false;
+    server_->board().wakeAll();
+  }
+
+  Task<> sendAll() {
+    LiveBoard& board = server_->board();
+    std::uint64_t sent = 0;
+    websocket::close_reason reason(websocket::close_code::going_away, "the server is shutting down");
+    socket_.text(true);
+    while (!stopping_ && !over_) {
+      if (!server_->context().tokens.endOf(token_, steadyNowNs())) {
+        reason = websocket::close_reason(websocket::close_code::policy_error, "the session has ended");
+        break;
+      }
+      const auto text = board.newest();
+      if (text == nullptr || board.number() == sent) {
+        co_await board.wait();
+        continue;
+      }
+      sent = board.number();
+      arm(server_->settings().live_write_timeout, true);
+      auto [error, count] = co_await socket_.async_write(asio::buffer(*text), kUseTuple);
+      (void)count;
+      deadline_.cancel();
+      if (error) over_ = true;
+    }
+    if (over_ || cut_) {
+      plain().close();
+      co_return;
+    }
+    // who does not say goodbye in turn is not waited for
+    arm(kGoodbye, false);
+    (void)co_await socket_.async_close(reason, kUseTuple);
+    deadline_.cancel();
+    plain().close();
+  }
+
+  /// From now on it is cut when nothing happens in time.
+  void arm(std::chrono::milliseconds limit, bool slow) {
+    deadline_.expires_after(limit);
+    deadline_.async_wait([this, slow, alive = weak_](const boost::system::error_code& error) {
+      if (error || alive.expired()) return;
+      if (slow) {
+        ++server_->context().web.live_dropped;
+        logEvent(LogLevel::kWarning, "live_viewer_dropped",
+                 {{"who", who_}, {"text", "it did not take a message in time"}});
+      }
+      cut();
+    });
+  }
+
+  const std::shared_ptr<WebServer> server_;
+  const std::string token_, who_;
+  websocket::stream<SecureWebStream> socket_;
+  asio::steady_timer deadline_;
+  std::shared_ptr<int> here_ = std::make_shared<int>(0);
+  std::weak_ptr<int> weak_ = here_;
+  bool reading_ = false, over_ = false, stopping_ = false, cut_ = false;
+};
+
+}  // namespace
+
+std::shared_ptr<LiveSocket> LiveSocket::make(std::shared_ptr<WebServer> server, SecureWebStream stream,
+                                             std::string token, std::string who) {
+  return std::make_shared<Viewer>(std::move(server), std::move(stream), std::move(token), std::move(who));
+}
+
+Task<> LiveSocket::run(std::shared_ptr<LiveSocket> self, std::shared_ptr<const Upgrade> request) {
+  co_await self->serve(self, request);
+}
+
+}  // namespace needlelab

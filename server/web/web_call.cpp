@@ -1,0 +1,213 @@
+#include "server/web/web_call.h"
+
+#include <charconv>
+#include <utility>
+
+#include "common/base/text_rules.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::size_t kMostTarget = 2048;
+constexpr std::size_t kMostNames = 32;
+
+Error targetFault(const std::string& words) {
+  return {ErrorCode::kInvalidInput, "the address " + words};
+}
+
+int hexDigit(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+  return -1;
+}
+
+/// %XX to bytes; in a query '+' is a blank.
+Result<std::string> unescaped(std::string_view text, bool is_query) {
+  std::string plain;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    char c = text[i];
+    if (c == '%') {
+      const int high = i + 2 < text.size() ? hexDigit(text[i + 1]) : -1;
+      const int low = i + 2 < text.size() ? hexDigit(text[i + 2]) : -1;
+      if (high < 0 || low < 0) return targetFault("has a '%' without two hexadecimal digits");
+      c = static_cast<char>(high * 16 + low);
+      i += 2;
+      if (!is_query && c == '/') return targetFault("has an escaped '/'");
+    } else if (is_query && c == '+') {
+      c = ' ';
+    }
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) return targetFault("has control characters");
+    plain += c;
+  }
+  if (!isUtf8(plain)) return targetFault("is not UTF-8");
+  return plain;
+}
+
+std::string_view trimmed(std::string_view text) {
+  while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) text.remove_prefix(1);
+  while (!text.empty() && (text.back() == ' ' || text.back() == '\t')) text.remove_suffix(1);
+  return text;
+}
+
+char lowerAscii(char c) {
+  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+}
+
+bool equalIgnoringCase(std::string_view a, std::string_view b) {
+  if (a.size() != b.size()) return false;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (lowerAscii(a[i]) != lowerAscii(b[i])) return false;
+  }
+  return true;
+}
+
+Status takeQuery(std::string_view text, WebTarget& target) {
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find('&'), text.size());
+    const std::string_view pair = text.substr(0, end);
+    text.remove_prefix(std::min(end + 1, text.size()));
+    if (pair.empty()) continue;
+    const std::size_t equals = std::min(pair.find('='), pair.size());
+    const auto name = unescaped(pair.substr(0, equals), true);
+    if (!name) return name.error();
+    const auto value = unescaped(pair.substr(std::min(equals + 1, pair.size())), true);
+    if (!value) return value.error();
+    if (!target.query.emplace(*name, *value).second)
+      return targetFault("gives '" + name->substr(0, 60) + "' twice");
+    if (target.query.size() > kMostNames) return targetFault("gives too many names");
+  }
+  return {};
+}
+
+}  // namespace
+
+std::string WebTarget::path() const {
+  if (segments.empty()) return "/";
+  std::string all;
+  for (const std::string& segment : segments) all += "/" + segment;
+  return all;
+}
+
+Result<WebTarget> parseTarget(std::string_view target) {
+  if (target.size() > kMostTarget) return targetFault("has more than 2048 bytes");
+  if (target.empty() || target.front() != '/') return targetFault("does not begin with '/'");
+  WebTarget parsed;
+  const std::size_t question = std::min(target.find('?'), target.size());
+  std::string_view path = target.substr(1, question == 0 ? 0 : question - 1);
+  while (!path.empty()) {
+    const std::size_t end = std::min(path.find('/'), path.size());
+    auto segment = unescaped(path.substr(0, end), false);
+    if (!segment) return segment.error();
+    if (segment->empty()) return targetFault("has an empty part");
+    if (*segment == "." || *segment == "..") return targetFault("has a part '" + *segment + "'");
+    parsed.segments.push_back(std::move(*segment));
+    path.remove_prefix(std::min(end + 1, path.size()));
+  }
+  if (question < target.size()) {
+    if (const Status taken = takeQuery(target.substr(question + 1), parsed); !taken) return taken.error();
+  }
+  return parsed;
+}
+
+std::optional<std::string> cookieNamed(std::string_view header, std::string_view name) {
+  std::optional<std::string> found;
+  while (!header.empty()) {
+    const std::size_t end = std::min(header.find(';'), header.size());
+    const std::string_view pair = trimmed(header.substr(0, end));
+    header.remove_prefix(std::min(end + 1, header.size()));
+    const std::size_t equals = pair.find('=');
+    if (equals == std::string_view::npos || trimmed(pair.substr(0, equals)) != name) continue;
+    if (found) return std::nullopt;
+    found = std::string(trimmed(pair.substr(equals + 1)));
+  }
+  return found;
+}
+
+Result<std::uint32_t> parseIfMatch(std::string_view header) {
+  std::string_view text = trimmed(header);
+  if (text.starts_with("W/")) text.remove_prefix(2);
+  const Error fault{ErrorCode::kInvalidInput,
+                    "If-Match: give the revision that was changed, in quotes, e.g. \"7\""};
+  if (text.size() < 3 || text.front() != '"' || text.back() != '"') return fault;
+  text = text.substr(1, text.size() - 2);
+  std::uint32_t revision = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), revision);
+  if (error != std::errc() || end != text.data() + text.size()) return fault;
+  return revision;
+}
+
+bool isSameOrigin(std::string_view origin, std::string_view host) {
+  constexpr std::string_view kScheme = "https://";
+  if (host.empty() || origin.size() <= kScheme.size() ||
+      !equalIgnoringCase(origin.substr(0, kScheme.size()), kScheme))
+    return false;
+  return equalIgnoringCase(origin.substr(kScheme.size()), host);
+}
+
+bool isJsonType(std::string_view content_type) {
+  return equalIgnoringCase(trimmed(content_type.substr(0, content_type.find(';'))), "application/json");
+}
+
+Result<std::uint64_t> wholeOf(std::string_view name, std::string_view text, std::uint64_t min,
+                              std::uint64_t max) {
+  std::uint64_t number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error == std::errc() && end == text.data() + text.size() && number >= min && number <= max)
+    return number;
+  return Error{ErrorCode::kInvalidInput, std::string(name) + ": '" + printable(text.substr(0, 40)) +
+                                             "' is not a whole number from " + std::to_string(min) + " to " +
+                                             std::to_string(max)};
+}
+
+Result<double> numberOf(std::string_view name, std::string_view text, double min, double max) {
+  double number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error == std::errc() && end == text.data() + text.size() && number >= min && number <= max)
+    return number;
+  return Error{ErrorCode::kInvalidInput, std::string(name) + ": '" + printable(text.substr(0, 40)) +
+                                             "' is not a number from " + std::to_string(min) + " to " +
+                                             std::to_string(max)};
+}
+
+namespace {
+constexpr std::string_view kBase64Url = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_";
+}
+
+std::string base64Url(std::string_view bytes) {
+  std::string text;
+  std::uint32_t held = 0;
+  int bits = 0;
+  for (const char c : bytes) {
+    held = (held << 8) | static_cast<unsigned char>(c);
+    for (bits += 8; bits >= 6; bits -= 6) text += kBase64Url[(held >> (bits - 6)) & 63];
+  }
+  if (bits > 0) text += kBase64Url[(held << (6 - bits)) & 63];
+  return text;
+}
+
+std::optional<std::string> bytesOfBase64Url(std::string_view text) {
+  std::string bytes;
+  std::uint32_t held = 0;
+  int bits = 0;
+  for (const char c : text) {
+    const std::size_t digit = kBase64Url.find(c);
+    if (digit == std::string_view::npos) return std::nullopt;
+    held = (held << 6) | static_cast<std::uint32_t>(digit);
+    bits += 6;
+    if (bits >= 8) {
+      bits -= 8;
+      bytes += static_cast<char>((held >> bits) & 255);
+    }
+  }
+  // of one text only: what is left over must be zero, and less than a digit
+  if (bits >= 6 || (held & ((1u << bits) - 1)) != 0) return std::nullopt;
+  return bytes;
+}
+
+std::string WebCall::query(const std::string& name) const {
+  const auto found = target.query.find(name);
+  return found == target.query.end() ? std::string() : found->second;
+}
+
+}  // namespace needlelab

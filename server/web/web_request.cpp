@@ -1,0 +1,352 @@
+#include "server/web/web_request.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <utility>
+
+#include "common/base/clock.h"
+#include "common/base/secret.h"
+#include "common/profile/strict_json.h"
+#include "common/wire/refusal.h"
+#include "db/service/roles.h"
+#include "server/live/log.h"
+#include "server/live/person_login.h"
+#include "server/live/request_effects.h"
+#include "server/web/reply_json.h"
+#include "server/web/routes.h"
+#include "server/web/web_server.h"
+
+namespace needlelab {
+namespace {
+
+using Shared = std::shared_ptr<WebServer>;
+using Request = std::shared_ptr<WebRequest>;
+
+/// JSON of that size is read in a millisecond.
+constexpr std::size_t kSmallBody = 16u << 10;
+
+WebAnswer notLoggedIn() {
+  WebAnswer answer = errorAnswer(401, "not_logged_in", "log in first: there is no session, or it has ended");
+  return answer;
+}
+
+WebAnswer fileAnswer(const WebServer& server, const WebRequest& request, const WebTarget& target) {
+  if (request.method != "GET" && request.method != "HEAD") {
+    WebAnswer answer = errorAnswer(405, "method_not_allowed", "only GET and HEAD");
+    answer.headers.emplace_back("Allow", "GET, HEAD");
+    return answer;
+  }
+  const StaticFile* file = server.files().find(target.path());
+  if (file == nullptr) return errorAnswer(404, "not_found", "there is no such page");
+  WebAnswer answer;
+  answer.no_store = false;
+  answer.type = file->type;
+  answer.headers.emplace_back("ETag", file->etag);
+  if (request.if_none_match == "*" || request.if_none_match.find(file->etag) != std::string::npos) {
+    answer.status = 304;
+  } else {
+    answer.shared_body = file->body;
+  }
+  return answer;
+}
+
+/// A page elsewhere that makes this browser ask: refused whatever it has.
+std::optional<WebAnswer> foreignPage(const WebRequest& request, bool needs_origin) {
+  const bool safe = (request.method == "GET" || request.method == "HEAD") && !needs_origin;
+  if (safe) return std::nullopt;
+  const bool wrong = request.origin.empty() ? needs_origin : !isSameOrigin(request.origin, request.host);
+  const bool site_wrong =
+      !request.fetch_site.empty() && request.fetch_site != "same-origin" && request.fetch_site != "none";
+  if (!wrong && !site_wrong) return std::nullopt;
+  return errorAnswer(403, "wrong_origin", "only pages of this server may ask for that");
+}
+
+Task<WebJson> sessionState(Shared server, Principal who, std::string token) {
+  pb::Request own;
+  own.mutable_get_user()->set_name(who.name);
+  std::function<Outcome()> read = [&service = server->context().store.service(), who, own] {
+    return service.execute(who, own);
+  };
+  const Outcome person = co_await offload(server->context().workers, std::move(read));
+  const std::int64_t now = steadyNowNs();
+  const std::int64_t left = server->context().tokens.endOf(token, now).value_or(now) - now;
+  co_return WebJson{{"name", who.name},
+                    {"full_name", person.reply.user().full_name()},
+                    {"role", pb::Role_Name(who.role)},
+                    {"csrf_token", server->sessions().csrfOf(token)},
+                    {"expires_unix_ms", static_cast<double>(wallNowNs() + left) / 1e6}};
+}
+
+Task<WebAnswer> logIn(Shared server, Request request, nlohmann::json body) {
+  if (!body.is_object() || body.size() != 2 || !body.contains("name") || !body["name"].is_string() ||
+      !body.contains("password") || !body["password"].is_string())
+    co_return errorAnswer(400, "invalid_input", "give {\"name\": TEXT, \"password\": TEXT}");
+  auto secret = std::make_shared<const PersonSecret>(body["name"].get<std::string>(),
+                                                     body["password"].get<std::string>());
+  wipe(body["password"].get_ref<std::string&>());
+  ServerContext& context = server->context();
+  LoginPeer peer{request->connection, request->address, request->gone};
+  const PersonLogin login = co_await logInPerson(context, secret, std::move(peer));
+  using Answer = PersonLogin::Answer;
+  if (login.answer == Answer::kMustWait || login.answer == Answer::kTooMany) {
+    WebAnswer answer = errorAnswer(429, "rate_limited", textOf(login));
+    answer.headers.emplace_back("Retry-After", std::to_string(login.wait.count() / 1000 + 1));
+    co_return answer;
+  }
+  if (login.answer == Answer::kRefused)
+    co_return errorAnswer(401, "login_refused", "unknown name, wrong password, or disabled");
+  if (login.answer != Answer::kWelcome) co_return errorAnswer(500, "failed", textOf(login));
+  // the browser forgets the session that it had
+  if (const auto before = server->sessions().find(request->cookie, steadyNowNs()))
+    context.tokens.end(before->token);
+  const auto issued = context.tokens.issue(login.holder, steadyNowNs());
+  ++context.counters.logins;
+  logEvent(LogLevel::kInfo, "web_login",
+           {{"conn", request->connection},
+            {"who", login.holder.who.name},
+            {"role", pb::Role_Name(login.holder.who.role)},
+            {"peer", request->address}});
+  const WebJson state = co_await sessionState(server, login.holder.who, issued.token);
+  WebAnswer answer = jsonAnswer(state);
+  answer.headers.emplace_back("Set-Cookie", WebSessions::cookieFor(issued.token));
+  co_return answer;
+}
+
+/// The error's own code where there is one; a refusal of the running server else.
+WebAnswer refusedAnswer(const Outcome& outcome, const pb::Refusal& refusal) {
+  if (outcome.error) return errorAnswer(*outcome.error);
+  switch (refusal.reason()) {
+    case pb::Refusal::NOT_FOUND:
+      return errorAnswer({ErrorCode::kNotFound, refusal.text()});
+    case pb::Refusal::TIMEOUT:
+      return errorAnswer({ErrorCode::kUnavailable, refusal.text()});
+    default:
+      return errorAnswer({ErrorCode::kFailed, refusal.text()});
+  }
+}
+
+/// Who only presses the button gets one beside the database; of those the newest ten are kept.
+Status placeBackup(const ServerContext& context, pb::Request& request) {
+  if (!request.has_backup() || !request.backup().path().empty()) return {};
+  const auto folder = context.store.databasePath().parent_path() / "backups";
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) return Error{ErrorCode::kUnavailable, "cannot make " + folder.string() + ": " + error.message()};
+  std::filesystem::permissions(folder, std::filesystem::perms::owner_all, error);
+  request.mutable_backup()->set_path(folder.string());
+  if (request.backup().keep() == 0) request.mutable_backup()->set_keep(10);
+  return {};
+}
+
+/// Of a body that became a request, which is wiped by itself.
+void wipeSecrets(nlohmann::json& body) {
+  if (!body.is_object()) return;
+  for (const char* name : {"password", "csv"}) {
+    if (const auto found = body.find(name); found != body.end() && found->is_string())
+      wipe(found->get_ref<std::string&>());
+  }
+}
+
+Task<WebAnswer> throughService(Shared server, const WebRoute& route, std::shared_ptr<WebCall> call) {
+  ServerContext& context = server->context();
+  // a class or a course of a megabyte takes a while to read: not on the network's thread
+  std::function<Result<pb::Request>()> build = [&route, call] { return route.build(*call); };
+  Result<pb::Request> built = Error{ErrorCode::kFailed, ""};
+  if (call->body_bytes > kSmallBody)  // no ?: around co_await, which g++ 12 gets wrong
+    built = co_await offload(context.views, std::move(build));
+  else
+    built = build();
+  wipeSecrets(call->body);
+  if (!built) co_return errorAnswer(built.error());
+  if (const Status placed = placeBackup(context, *built); !placed) co_return errorAnswer(placed.error());
+  const auto request = heldSecretly(std::move(*built));
+  std::function<std::shared_ptr<Outcome>()> work = [&service = context.store.service(), request, call] {
+    if (request->has_run_retention() || request->has_rescore_all()) afterOthers();
+    return std::make_shared<Outcome>(service.execute(call->who, *request));
+  };
+  const auto outcome = co_await offload(poolFor(context, *request), std::move(work));
+  if (const auto refusal = co_await complete(context, *request, call->who.name, *outcome))
+    co_return refusedAnswer(*outcome, *refusal);
+  followUp(context, *request, outcome->reply, call->who.name, nullptr);
+  // long lists take a while to write
+  std::function<WebAnswer()> write = [&route, call, outcome] {
+    return jsonAnswer(route.shape(*call, outcome->reply), route.status);
+  };
+  co_return co_await offload(context.views, std::move(write));
+}
+
+Task<WebAnswer> throughWork(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
+  ServerContext& context = server->context();
+  std::function<WebAnswer()> work = [&service = context.store.service(), &route, call] {
+    auto json = route.work(service, *call);
+    return json ? jsonAnswer(*json, route.status) : errorAnswer(json.error());
+  };
+  co_return co_await offload(context.views, std::move(work));
+}
+
+Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<WebStream> stream) {
+  std::function<Result<std::string>()> work = [stream] { return stream->next(); };
+  try {
+    co_return co_await offload(server->context().views, std::move(work));
+  } catch (const std::exception& fault) {
+    co_return Error{ErrorCode::kFailed, fault.what()};
+  }
+}
+
+Task<WebAnswer> throughStream(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
+  ServerContext& context = server->context();
+  std::function<Result<WebStream>()> open = [&service = context.store.service(), &route, call] {
+    return route.stream(service, *call);
+  };
+  auto opened = co_await offload(context.views, std::move(open));
+  if (!opened) co_return errorAnswer(opened.error());
+  WebAnswer answer;
+  answer.type = opened->type;
+  answer.headers.emplace_back("Content-Disposition", "attachment; filename=\"" + opened->file_name + "\"");
+  auto stream = std::make_shared<WebStream>(std::move(*opened));
+  answer.pieces = [server, stream] { return nextPiece(server, stream); };
+  co_return answer;
+}
+
+/// The body as JSON where there should be one. Nothing: it is fine.
+std::optional<WebAnswer> bodyFault(WebRequest& request, nlohmann::json& body) {
+  const bool carries = request.method == "POST" || request.method == "PUT" || request.method == "PATCH" ||
+                       !request.body.empty();
+  if (!carries || (request.body.empty() && request.content_type.empty())) return std::nullopt;
+  if (!isJsonType(request.content_type))
+    return errorAnswer(415, "unsupported_media_type", "send the body as application/json");
+  if (request.body.empty()) return std::nullopt;
+  auto parsed = readStrictJson(request.body, "body", request.body.size());
+  wipe(request.body);  // there may be a password in it
+  if (!parsed) return errorAnswer(parsed.error());
+  body = std::move(*parsed);
+  return std::nullopt;
+}
+
+Task<std::optional<WebAnswer>> readBody(Shared server, Request request, std::shared_ptr<WebCall> call) {
+  call->body_bytes = request->body.size();
+  std::function<std::optional<WebAnswer>()> read = [request, call] {
+    return bodyFault(*request, call->body);
+  };
+  if (call->body_bytes <= kSmallBody) co_return read();
+  co_return co_await offload(server->context().views, std::move(read));
+}
+
+Task<WebAnswer> apiAnswer(Shared server, Request request, std::shared_ptr<WebTrace> trace, WebTarget target) {
+  ServerContext& context = server->context();
+  const std::span<const std::string> below(target.segments.begin() + 2, target.segments.end());
+  const WebMatch match = matchRoute(request->method, below);
+  if (match.route == nullptr) {
+    if (match.allowed.empty()) co_return errorAnswer(404, "not_found", "there is no such address");
+    std::string methods;
+    for (const std::string& method : match.allowed) methods += (methods.empty() ? "" : ", ") + method;
+    WebAnswer answer = errorAnswer(405, "method_not_allowed", "allowed: " + methods);
+    answer.headers.emplace_back("Allow", methods);
+    co_return answer;
+  }
+  const WebRoute& route = *match.route;
+  trace->route = std::string(route.method) + " " + std::string(route.pattern);
+  if (auto foreign = foreignPage(*request, route.action == WebAction::kLive)) co_return std::move(*foreign);
+
+  auto call = std::make_shared<WebCall>();
+  if (route.action == WebAction::kLogIn) {
+    if (auto fault = co_await readBody(server, request, call)) co_return std::move(*fault);
+    co_return co_await logIn(server, request, std::move(call->body));
+  }
+
+  // from here on only with a session
+  const auto session = server->sessions().find(request->cookie, steadyNowNs());
+  if (!session) co_return notLoggedIn();
+  trace->who = session->holder.who.name;
+  call->who = session->holder.who;
+  const bool safe = request->method == "GET" || request->method == "HEAD";
+  if (!safe && !server->sessions().csrfFits(session->token, request->csrf))
+    co_return errorAnswer(403, "csrf", "send the session's csrf_token in the header X-CSRF-Token");
+  std::function<Result<bool>()> check = [&service = context.store.service(), who = call->who] {
+    return service.stillAllowed(who);
+  };
+  const auto allowed = co_await offload(context.workers, std::move(check));
+  if (!allowed.ok()) co_return errorAnswer(allowed.error());
+  if (!*allowed) {
+    context.tokens.end(session->token);
+    co_return notLoggedIn();
+  }
+  server->loggedIn(request->connection, session->holder.who.name);
+  // who only asks how long the session lasts does not make it last longer; nor does a page that is left open
+  if (route.action != WebAction::kWhoAmI && route.action != WebAction::kLive)
+    (void)context.tokens.renew(session->token, steadyNowNs());
+
+  if (route.action == WebAction::kWhoAmI)
+    co_return jsonAnswer(co_await sessionState(server, call->who, session->token));
+  if (route.action == WebAction::kLogOut) {
+    context.tokens.end(session->token);
+    logEvent(LogLevel::kInfo, "web_logout", {{"conn", request->connection}, {"who", call->who.name}});
+    WebAnswer answer = jsonAnswer(WebJson::object());
+    answer.headers.emplace_back("Set-Cookie", WebSessions::cookieFor(""));
+    co_return answer;
+  }
+  if (route.call != pb::Request::CALL_NOT_SET) {
+    if (const Status role = checkRole(call->who, route.call); !role) co_return errorAnswer(role.error());
+  }
+  if (auto fault = co_await readBody(server, request, call)) co_return std::move(*fault);
+  if (!request->if_match.empty()) {
+    const auto revision = parseIfMatch(request->if_match);
+    if (!revision) co_return errorAnswer(revision.error());
+    call->if_match = *revision;
+  }
+  call->target = std::move(target);
+  call->parts = match.parts;
+  if (route.action == WebAction::kLive) {
+    if (!request->upgrade) {
+      WebAnswer answer = errorAnswer(426, "upgrade_required", "this address is a WebSocket");
+      answer.headers.emplace_back("Upgrade", "websocket");
+      co_return answer;
+    }
+    if (!server->viewerCame(call->who.name)) {
+      WebAnswer answer = errorAnswer(429, "rate_limited", "too many live pages are open");
+      answer.headers.emplace_back("Retry-After", "5");
+      co_return answer;
+    }
+    WebAnswer answer;
+    answer.live_token = session->token;
+    co_return answer;
+  }
+  if (route.action == WebAction::kText) {
+    WebAnswer answer;
+    answer.body = std::string(route.text());
+    co_return answer;
+  }
+  if (route.action == WebAction::kStream) co_return co_await throughStream(server, route, call);
+  if (route.action == WebAction::kWork) co_return co_await throughWork(server, route, call);
+  co_return co_await throughService(server, route, call);
+}
+
+}  // namespace
+
+std::size_t bodyLimitOf(WebServer& server, const std::string& cookie) {
+  return server.sessions().find(cookie, steadyNowNs()) ? server.settings().body_bytes
+                                                       : server.settings().stranger_body_bytes;
+}
+
+Task<WebAnswer> answerTo(std::shared_ptr<WebServer> server, std::shared_ptr<WebRequest> request,
+                         std::shared_ptr<WebTrace> trace) {
+  auto target = parseTarget(request->target);
+  if (!target) co_return errorAnswer(target.error());
+  if (request->host.empty()) co_return errorAnswer(400, "invalid_input", "the header Host is missing");
+  const auto& segments = target->segments;
+  if (segments.size() >= 2 && segments[0] == "api" && segments[1] == "v1") {
+    // what one request meets (a stored text that nobody expected, no memory) is not the end of all lessons
+    try {
+      co_return co_await apiAnswer(server, request, trace, std::move(*target));
+    } catch (const std::exception& fault) {
+      logEvent(LogLevel::kError, "web_request_failed", {{"route", trace->route}, {"text", fault.what()}});
+    }
+    co_return errorAnswer(500, "failed", "the server could not answer that; its log says why");
+  }
+  if (!segments.empty() && segments[0] == "api")
+    co_return errorAnswer(404, "not_found", "there is no such address");
+  trace->route = "file";
+  co_return fileAnswer(*server, *request, *target);
+}
+
+}  // namespace needlelab

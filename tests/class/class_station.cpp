@@ -1,0 +1,171 @@
+#include "tests/class/class_station.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <utility>
+
+#include "client/device/skilled_hand.h"
+#include "client/net/client.h"
+#include "client/station/run/lesson.h"
+#include "client/station/run/station_key.h"
+#include "common/gesture/chunk.h"
+#include "common/profile/profile.h"
+
+namespace needlelab {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto kPatienceForALesson = 10s, kPatienceForVerdicts = 60s;
+constexpr std::size_t kChunkSamples = 1000;
+
+/// Nothing: nothing was required.
+std::optional<bool> passedOf(const std::string& score_json) {
+  const auto rows = nlohmann::json::parse(score_json, nullptr, false);
+  std::optional<bool> passed;
+  if (!rows.is_array()) return passed;
+  for (const auto& row : rows) {
+    if (!row.is_object() || !row.contains("passed") || !row["passed"].is_boolean()) continue;
+    passed = passed.value_or(true) && row["passed"].get<bool>();
+  }
+  return passed;
+}
+
+}  // namespace
+
+ClassStation::ClassStation(ClassPlace place, const std::vector<ClassTrainee>& trainees,
+                           const std::vector<std::string>& exercises, std::function<void()> done)
+    : place_(std::move(place)), trainees_(trainees), exercises_(exercises), done_(std::move(done)) {}
+
+ClassStation::~ClassStation() = default;
+
+Status ClassStation::connect() {
+  auto key = loadStationKey(place_.key_file);
+  if (!key.ok()) return key.error();
+  station_ = key->station;
+  auto spool = Spool::open(place_.spool);
+  if (!spool.ok()) return spool.error();
+  spool_ = std::move(*spool);
+  UplinkConfig config;
+  auto tls = makeClientTls(place_.ca_file);
+  if (!tls.ok()) return tls.error();
+  config.client.tls = std::move(*tls);
+  config.client.server = place_.server;
+  config.client.program = programText("class");
+  config.client.login = stationLogin(station_, key->key);
+  UplinkEvents events;
+  events.closed = [this](const pb::SessionClosed& closed) {
+    const std::scoped_lock lock(mutex_);
+    verdicts_[closed.session_id()] = closed;
+  };
+  uplink_ = std::make_unique<Uplink>(std::move(config), std::move(events));
+  return {};
+}
+
+Status ClassStation::practise(std::vector<ClassSession>& attempts, const std::function<bool()>& stopped) {
+  std::size_t first = 0;
+  for (std::size_t i = 0; i < attempts.size(); ++i) {
+    if (stopped()) return Error{ErrorCode::kFailed, "stopped"};
+    // what was passed decides about what is locked: the server's word is waited for before another exercise
+    if (i > first && (attempts[i].plan.exercise != attempts[first].plan.exercise ||
+                      attempts[i].plan.trainee != attempts[first].plan.trainee)) {
+      if (const Status status = settle(attempts, first, i); !status.ok()) return status;
+      first = i;
+    }
+    if (const Status status = one(attempts[i]); !status.ok()) return status;
+    done_();
+  }
+  return settle(attempts, first, attempts.size());
+}
+
+Status ClassStation::one(ClassSession& attempt) {
+  const std::string& name = trainees_[attempt.plan.trainee].name;
+  const std::string& exercise = exercises_[attempt.plan.exercise];
+  const auto message = uplink_->getLesson(exercise, name, kPatienceForALesson, false);
+  if (!message.ok()) {
+    if (message.error().code != ErrorCode::kDenied || uplink_->state().denied) return message.error();
+    attempt.locked = true;
+    attempt.trouble = message.error().message;
+    return {};
+  }
+  const auto lesson = classLessonOf(*message);
+  if (!lesson.ok()) return lesson.error();
+  const auto samples = practiseOnce(*lesson, attempt.plan.skill, attempt.plan.seed);
+  if (!samples.ok())
+    return Error{samples.error().code, name + " at " + exercise + ": " + samples.error().message};
+  const auto session = record(attempt, *lesson, *samples);
+  if (!session.ok()) return session.error();
+  attempt.session_id = (*session)->idText();
+  attempt.samples = samples->size();
+  uplink_->add(*session, false);
+  uplink_->wake();
+  return {};
+}
+
+Result<std::shared_ptr<SpoolSession>> ClassStation::record(const ClassSession& attempt,
+                                                           const ClassLesson& lesson,
+                                                           const std::vector<GestureSample>& samples) {
+  pb::SessionDescription d;
+  const Uuid id = makeUuidV7();
+  d.set_session_id(id.data(), id.size());
+  d.set_station(station_);
+  d.set_trainee(trainees_[attempt.plan.trainee].name);
+  d.set_exercise_id(exercises_[attempt.plan.exercise]);
+  d.set_profile_id(lesson.profile.id());
+  d.set_profile_revision(lesson.profile_revision);
+  d.set_profile_json(profileJson(lesson.profile));
+  d.set_engine_version(NEEDLELAB_VERSION);
+  d.set_rate_hz(kClassRate_hz);
+  const Resolution resolution = Resolution::standard();
+  setResolution(d, resolution);
+  d.set_started_unix_ns(attempt.plan.started_unix_ns);
+  d.set_started_steady_ns(kClassClock_ns);
+  char device[96];
+  std::snprintf(device, sizeof device, "simulated hand of skill %.2f, faster than real time",
+                attempt.plan.skill);
+  d.set_device(device);
+  d.set_axial_model(std::string(axialModelName(lesson.model.axial_model)));
+  for (const std::string& effect : liveEffects(lesson.model)) d.add_live_effects(effect);
+  auto session = spool_->create(d);
+  if (!session.ok()) return session;
+  const std::span<const GestureSample> all(samples);
+  for (std::size_t at = 0; at < all.size(); at += kChunkSamples) {
+    const auto some = all.subspan(at, std::min(kChunkSamples, all.size() - at));
+    if (const Status status = (*session)->appendChunk(encodeChunk(resolution, some), some.size());
+        !status.ok())
+      return status.error();
+  }
+  if (const Status status = (*session)->sync(); !status.ok()) return status.error();
+  if (const Status status = (*session)->end(false); !status.ok()) return status.error();
+  return session;
+}
+
+Status ClassStation::settle(std::vector<ClassSession>& attempts, std::size_t first, std::size_t end) {
+  const bool all = uplink_->waitUntilDone(kPatienceForVerdicts);
+  const std::scoped_lock lock(mutex_);
+  for (std::size_t i = first; i < end; ++i) {
+    ClassSession& attempt = attempts[i];
+    if (attempt.session_id.empty()) continue;
+    const auto id = parseUuid(attempt.session_id);
+    if (!id) continue;
+    const auto verdict = verdicts_.find(std::string(id->begin(), id->end()));
+    if (verdict == verdicts_.end()) {
+      attempt.trouble = "the server has not closed it";
+      if (!all)
+        return Error{ErrorCode::kUnavailable, "session " + attempt.session_id +
+                                                  ": the server has not closed it in time (" +
+                                                  uplink_->state().error + ")"};
+      continue;
+    }
+    attempt.closed = verdict->second.state() == pb::SESSION_COMPLETE;
+    if (!attempt.closed)
+      attempt.trouble = "closed as " + pb::SessionState_Name(verdict->second.state()) + ", not complete";
+    attempt.passed = passedOf(verdict->second.score_json());
+    verdicts_.erase(verdict);
+  }
+  return {};
+}
+
+}  // namespace needlelab

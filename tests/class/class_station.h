@@ -1,0 +1,73 @@
+/// A station of the class: it asks the server for lessons, has simulated trainees practise them, and uploads
+/// what was recorded, with the station's own parts (client/net).
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/net/spool.h"
+#include "client/net/uplink.h"
+#include "common/base/result.h"
+#include "tests/class/class_gesture.h"
+#include "tests/class/timetable.h"
+
+namespace needlelab {
+
+/// What became of a planned attempt.
+struct ClassSession {
+  PlannedAttempt plan;
+  std::string session_id;  ///< empty: it was not begun
+  std::uint64_t samples = 0;
+  bool closed = false;         ///< the server has verified it
+  std::optional<bool> passed;  ///< as the server scored it
+  std::string trouble;         ///< why it was not begun, or not taken
+  bool locked = false;         ///< not begun, because the server said no to this trainee
+};
+
+struct ClassPlace {
+  Endpoint server;
+  std::string ca_file, key_file;
+  std::filesystem::path spool;  ///< a folder of this station alone
+};
+
+/// Thread: one.
+class ClassStation {
+ public:
+  /// `done()`: after each attempt, from this station's thread.
+  ClassStation(ClassPlace place, const std::vector<ClassTrainee>& trainees,
+               const std::vector<std::string>& exercises, std::function<void()> done);
+  ~ClassStation();
+  ClassStation(const ClassStation&) = delete;
+  ClassStation& operator=(const ClassStation&) = delete;
+
+  /// Key and server. Errors: kInvalidInput, kUnavailable, kDenied.
+  Status connect();
+  /// All of them, in order; one that is refused is noted, the others go on. Errors: those that end the work:
+  /// the server is away for good, a full disk, a gesture that the gate ended.
+  Status practise(std::vector<ClassSession>& attempts, const std::function<bool()>& stopped);
+
+ private:
+  Status one(ClassSession& attempt);
+  Result<std::shared_ptr<SpoolSession>> record(const ClassSession& attempt, const ClassLesson& lesson,
+                                               const std::vector<GestureSample>& samples);
+  Status settle(std::vector<ClassSession>& attempts, std::size_t first, std::size_t end);
+
+  ClassPlace place_;
+  const std::vector<ClassTrainee>& trainees_;
+  const std::vector<std::string>& exercises_;
+  std::function<void()> done_;
+  std::string station_;
+  std::unique_ptr<Spool> spool_;
+  std::mutex mutex_;  // guards verdicts_
+  std::map<std::string, pb::SessionClosed> verdicts_;
+  std::unique_ptr<Uplink> uplink_;  // after all that its thread uses
+};
+
+}  // namespace needlelab

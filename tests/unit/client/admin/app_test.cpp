@@ -1,0 +1,298 @@
+#include "client/admin/app.h"
+
+#include <sys/stat.h>
+
+#include <fstream>
+#include <map>
+
+#include "common/base/atomic_file.h"
+#include "db/embedded_file.h"
+#include "db/event_store.h"
+#include "tests/unit/client/admin/run_admin.h"
+
+namespace needlelab {
+namespace {
+
+using Admin = test::AdminTest;
+using Arguments = std::vector<std::string>;
+
+TEST_F(Admin, sessionsAreSearchedByDateVerdictExerciseAndName) {
+  const std::string id = uuidText(addSession(2));  // of anna, at knee-1, started 2023-11-14T22:13:20Z
+  const auto found = [&](const Arguments& more) {
+    Arguments arguments = {"session", "list", "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return good(arguments).rows().size();
+  };
+  EXPECT_EQ(found({"--from", "2023-11-14T22:13:20Z", "--to", "2023-11-14T22:13:21Z"}), 1u);
+  EXPECT_EQ(found({"--from", "2023-11-14T22:13:21Z"}), 0u);
+  EXPECT_EQ(found({"--to", "2023-11-14T22:13:20Z"}), 0u);
+  EXPECT_EQ(found({"--exercise", "knee-1", "--trainee", "anna", "--search", "NN"}), 1u);
+  EXPECT_EQ(found({"--exercise", "hip-1"}), 0u);
+  EXPECT_EQ(found({"--verdict", "none"}), 1u);
+  EXPECT_EQ(found({"--verdict", "passed"}), 0u);
+  EXPECT_EQ(good({"session", "list", "--json"}).rows()[0].at("verdict"), nullptr);
+  EXPECT_NE(good({"session", "list"}).out.find("VERDICT"), std::string::npos);
+  EXPECT_EQ(onData({"session", "list", "--verdict", "good"}).code, 2);
+  const auto bare = onData({"session", "list", "--from", "2023-11-14T22:13"});
+  EXPECT_EQ(bare.code, 2);
+  EXPECT_NE(bare.err.find("has no time zone"), std::string::npos) << bare.err;
+  EXPECT_EQ(good({"session", "show", id, "--json"}).code, 0);
+}
+
+TEST_F(Admin, setsUpAFolderBeforeTheFirstServerStart) {
+  const auto password = folder.write("pw", "correct horse\n").string();
+  good({"user", "add", "ines", "--role", "instructor", "--password-file", password});
+  good({"--password-file", password, "user", "add", "ada", "--role", "ADMIN"});
+  good({"user", "add", "tom", "--role", "trainee"});
+  good({"station", "add", "lab 1", "--out", file("lab1.key")});
+
+  const auto users = good({"user", "list", "--json"}).rows();
+  ASSERT_EQ(users.size(), 3u);
+  EXPECT_EQ(users[0].at("name"), "ada");
+  EXPECT_EQ(users[0].at("role"), "administrator");
+  EXPECT_EQ(users[1].at("has_password"), true);
+  EXPECT_EQ(users[2].at("has_password"), false);
+
+  // the password and the key work
+  auto store = test::TestDb::must(Store::open(data(), {}));
+  EXPECT_OK(store->service().loginPerson("ines", "correct horse"));
+  EXPECT_OK(store->service().loginPerson("ada", "correct horse"));
+  struct stat info {};
+  ASSERT_EQ(::stat(file("lab1.key").c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777u, 0600u);
+  std::ifstream in(file("lab1.key"));
+  std::string line;
+  std::getline(in, line);
+  ASSERT_EQ(line.rfind("lab 1:", 0), 0u);
+  ASSERT_EQ(line.size(), 6u + 64u);
+  std::string key;
+  for (std::size_t i = 6; i < line.size(); i += 2)
+    key += static_cast<char>(std::stoi(line.substr(i, 2), nullptr, 16));
+  EXPECT_OK(store->service().loginStation("lab 1", key));
+}
+
+TEST_F(Admin, wrongUsageAndInputAreTwoAndMakeNothing) {
+  const auto empty = folder.write("empty", "\n").string();
+  const auto bad_json = folder.write("bad.json", "{\"id\": 5}").string();
+  const std::string key = folder.write("taken.key", "x").string();
+  const Arguments wrong[] = {
+      {},
+      {"user"},
+      {"fly"},
+      {"user", "list"},
+      {"--data", data(), "--server", "localhost:1", "user", "list"},
+      {"--data", data(), "user", "list"},  // no database there
+      {"--data", data(), "user", "add", "x"},
+      {"--data", data(), "user", "add", "x", "--role", "boss"},
+      {"--data", data(), "user", "add", "x", "--role", "station"},
+      {"--data", data(), "user", "add", std::string(65, 'x'), "--role", "trainee"},
+      {"--data", data(), "user", "add", "x", "--role", "trainee", "--password", "secret"},
+      {"--data", data(), "station", "add", "x"},
+      {"--data", data(), "station", "add", "x", "--out", key},
+      {"--data", data(), "station", "add", "x", "--out", file("none/x.key")},
+      {"--data", data(), "session", "list", "--limit", "0"},
+      {"--data", data(), "session", "list", "--limit", "1001"},
+      {"--data", data(), "session", "export", "x", "--format", "xml", "--out", "y"},
+      {"--data", data(), "session", "export", "x"},
+      {"--server", "localhost:1", "user", "list"},
+      {"--server", "localhost:1", "--ca", "none", "user", "list"},
+      {"--server", "localhost:1", "--ca", "none", "--user", "x", "--password-file", file("none"), "user",
+       "list"},
+      {"--server", "localhost:1", "--ca", "none", "--user", "x", "--password-file", empty, "user", "list"},
+      {"--server", "localhost:99999", "--ca", "none", "--user", "x", "--password-file", key, "user", "list"},
+      {"--server", "localhost:1", "--ca", file("none"), "--user", "x", "--password-file", key, "user",
+       "list"},
+  };
+  for (const Arguments& arguments : wrong) {
+    const Run result = run(arguments);
+    std::string shown;
+    for (const auto& argument : arguments) shown += argument + " ";
+    EXPECT_EQ(result.code, 2) << shown << "\n" << result.err;
+    EXPECT_FALSE(result.err.empty()) << shown;
+    EXPECT_TRUE(result.out.empty()) << shown << result.out;
+  }
+  EXPECT_FALSE(std::filesystem::exists(data()));
+}
+
+TEST_F(Admin, wrongInputOnAFolderIsTwoAndNamed) {
+  good({"user", "add", "tom", "--role", "trainee"});
+  const auto bad_json = folder.write("bad.json", "{\"id\": 5}").string();
+  const auto short_password = folder.write("pw", "short").string();
+  const std::pair<Arguments, std::string> wrong[] = {
+      {{"profile", "import", file("none.json")}, "none.json"},
+      {{"profile", "import", bad_json}, "bad.json: id"},
+      {{"curriculum", "import", bad_json}, "bad.json"},
+      {{"profile", "import", folder.path().string()}, "not a regular file"},
+      {{"session", "show", "123"}, "'123' is not a session id"},
+      {{"session", "verify", ""}, "session id"},
+      {{"annotate", "123", "--text", "x"}, "'123'"},
+      {{"annotate", "019aa0c3-7c1e-7b3a-9d5e-0123456789ab", "--text", ""}, "text"},
+      {{"user", "add", "ada", "--role", "administrator", "--password-file", short_password}, "8 to 256"},
+      {{"backup", file("none/copy.db")}, "folder does not exist"},
+  };
+  for (const auto& [arguments, text] : wrong) {
+    const Run result = onData(arguments);
+    EXPECT_EQ(result.code, 2) << result.err;
+    EXPECT_NE(result.err.find(text), std::string::npos) << result.err;
+    EXPECT_EQ(result.err.rfind("needlelab-admin: ", 0), 0u) << result.err;
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+  }
+}
+
+TEST_F(Admin, whatIsRefusedOrMissingIsOne) {
+  good({"user", "add", "tom", "--role", "trainee"});
+  const auto password = folder.write("pw", "correct horse").string();
+  const Arguments refused[] = {
+      {"user", "add", "tom", "--role", "trainee"},
+      {"user", "disable", "nobody"},
+      {"user", "passwd", "nobody", "--password-file", password},
+      {"station", "revoke", "nothing"},
+      {"profile", "show", "nothing"},
+      {"profile", "export", "knee-adult", "--revision", "99"},
+      {"curriculum", "export", "nothing"},
+      {"assign", "tom", "nothing"},
+      {"assign", "nobody", "knee-recess"},
+      {"session", "show", "019aa0c3-7c1e-7b3a-9d5e-0123456789ab"},
+      {"session", "verify", "019aa0c3-7c1e-7b3a-9d5e-0123456789ab"},
+      {"session", "export", "019aa0c3-7c1e-7b3a-9d5e-0123456789ab", "--out", file("x.csv")},
+      {"annotate", "019aa0c3-7c1e-7b3a-9d5e-0123456789ab", "--text", "x"},
+  };
+  for (const Arguments& arguments : refused) {
+    const Run result = onData(arguments);
+    EXPECT_EQ(result.code, 1) << arguments[0] << " " << result.err;
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+  }
+  EXPECT_FALSE(std::filesystem::exists(file("x.csv")));
+}
+
+TEST_F(Admin, aRunningServersFolderIsRefusedByName) {
+  const auto store = test::TestDb::must(Store::open(data(), {}));
+  const Run result = onData({"user", "list"});
+  EXPECT_EQ(result.code, 1);
+  EXPECT_NE(result.err.find("a server is running on " + data()), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("--server"), std::string::npos);
+}
+
+TEST_F(Admin, profilesGoInAndOutUnchanged) {
+  good({"profile", "import", NEEDLELAB_SAMPLES "/knee-adult.json", NEEDLELAB_SAMPLES "/wrist-adult.json"});
+  const auto rows = good({"profile", "list", "--json"}).rows();
+  EXPECT_EQ(rows.size() + 2, embeddedSamples().size()) << "two of them are courses";
+  for (const auto& row : rows) EXPECT_EQ(row.at("revision"), 1) << "an unchanged text is no new revision";
+  good({"profile", "export", "knee-adult", "--out", file("knee.json")});
+  std::ifstream exported(file("knee.json"));
+  EXPECT_EQ(nlohmann::json::parse(exported).at("id"), "knee-adult");
+  EXPECT_NE(good({"profile", "import", file("knee.json")}).out.find("revision 1"), std::string::npos);
+  EXPECT_EQ(nlohmann::json::parse(good({"profile", "export", "knee-adult"}).out).at("id"), "knee-adult");
+  EXPECT_NE(good({"profile", "show", "knee-adult"}).out.find("CAPSULE"), std::string::npos);
+  EXPECT_EQ(good({"profile", "show", "knee-adult", "--json"}).rows()[0].at("profile").at("id"), "knee-adult");
+}
+
+TEST_F(Admin, curriculaAndAssignments) {
+  good({"user", "add", "tom", "--role", "trainee"});
+  const auto curricula = good({"curriculum", "list", "--json"}).rows();
+  ASSERT_EQ(curricula.size(), 2u) << "the sample courses";
+  const std::string exercise = curricula[0].at("exercise_ids")[0];
+  // out and in again, to the letter
+  for (const auto& [id, sample] : std::map<std::string, std::string>{
+           {"rheumatology-basics", NEEDLELAB_SAMPLES "/curriculum.json"},
+           {"injection-steps", NEEDLELAB_SAMPLES "/injection-steps-curriculum.json"}}) {
+    good({"curriculum", "export", id, "--out", file(id)});
+    EXPECT_EQ(*readWholeFile(file(id)), *readWholeFile(sample));
+    EXPECT_NE(good({"curriculum", "import", file(id)}).out.find("revision 1"), std::string::npos) << id;
+  }
+  good({"assign", "tom", exercise});
+  const auto assignments = good({"assignments", "--trainee", "tom", "--json"}).rows();
+  ASSERT_EQ(assignments.size(), 1u);
+  EXPECT_EQ(assignments[0].at("exercise_id"), exercise);
+}
+
+TEST_F(Admin, sessionsAreListedShownVerifiedAndAnnotated) {
+  const std::string id = uuidText(addSession(3));
+  EXPECT_NE(good({"session", "list"}).out.find(id), std::string::npos);
+  EXPECT_TRUE(good({"session", "list", "--trainee", "nobody", "--json"}).rows().empty());
+  good({"annotate", id, "--tick", "7", "--text", "good angle"});
+  const auto shown = good({"session", "show", id, "--json"}).rows()[0];
+  EXPECT_EQ(shown.at("state"), "complete");
+  EXPECT_EQ(shown.at("samples"), 60);
+  EXPECT_EQ(shown.at("annotations")[0].at("text"), "good angle");
+  EXPECT_NE(good({"session", "show", id}).out.find("good angle"), std::string::npos);
+  EXPECT_EQ(good({"session", "verify", id, "--json"}).rows()[0].at("ok"), true);
+}
+
+TEST_F(Admin, theSyringesEventsOfASessionAreListed) {
+  pb::SyringeEvent event;
+  event.set_kind(pb::SyringeEvent::INJECTION);
+  event.set_begin_s(12.3);
+  event.set_end_s(14.3);
+  event.set_plunger_to(0.8);
+  event.mutable_begin()->set_in_tissue(true);
+  event.mutable_begin()->set_layer(3);
+  event.mutable_begin()->set_tissue("BURSA");
+  event.mutable_begin()->set_depth_m(0.021);
+  *event.mutable_end() = event.begin();
+  const Uuid with = addSession(3);
+  {
+    auto store = test::TestDb::must(Store::open(data(), {}));
+    const std::vector<pb::SyringeEvent> events = {event};
+    ASSERT_OK(store->writer().run([&](Connection& c) { return EventStore(c).put(with, events); }));
+  }
+  const std::string words = "injection of 80 % at 12.3 s for 2.0 s, 21 mm deep in BURSA";
+  EXPECT_NE(good({"session", "events", uuidText(with)}).out.find(words), std::string::npos);
+  const auto rows = good({"session", "events", uuidText(with), "--json"}).rows();
+  ASSERT_EQ(rows.size(), 1u);
+  EXPECT_EQ(rows[0].at("event"), "INJECTION");
+  EXPECT_EQ(rows[0].at("begin").at("tissue"), "BURSA");
+  EXPECT_NE(good({"session", "show", uuidText(with)}).out.find(words), std::string::npos);
+  EXPECT_EQ(good({"session", "show", uuidText(with), "--json"}).rows()[0].at("events").size(), 1u);
+
+  const std::string without = uuidText(addSession(3, false, "UPDATE sessions SET events = 0"));
+  EXPECT_NE(good({"session", "events", without}).err.find("no aspirations"), std::string::npos);
+  // still open: said; its other facts are shown all the same
+  const std::string open = uuidText(addSession(3, true));
+  const Run refused = onData({"session", "events", open});
+  EXPECT_EQ(refused.code, 1);
+  EXPECT_NE(refused.err.find("still open"), std::string::npos) << refused.err;
+  EXPECT_TRUE(good({"session", "show", open, "--json"}).rows()[0].at("events").is_null());
+}
+
+TEST_F(Admin, damageMakesVerifyCheckAndBackupFail) {
+  const std::string id = uuidText(addSession(3, false, "UPDATE chunks SET crc = 1 WHERE seq = 1"));
+  const Run verify = onData({"session", "verify", id});
+  EXPECT_EQ(verify.code, 1);
+  EXPECT_NE(verify.err.find("chunk 1"), std::string::npos);
+  const Run check = onData({"check", "--json"});
+  EXPECT_EQ(check.code, 1);
+  EXPECT_EQ(check.rows()[0].at("ok"), false);
+  EXPECT_EQ(onData({"backup", file("copy.db")}).code, 1);
+  EXPECT_FALSE(std::filesystem::exists(file("copy.db")));
+}
+
+TEST_F(Admin, backupAndAudit) {
+  addSession(3);
+  EXPECT_EQ(good({"backup", file("copy.db"), "--json"}).rows()[0].at("chunks_verified"), 3);
+  const auto audit = good({"audit", "--json"}).rows();
+  ASSERT_EQ(audit.size(), 1u);
+  EXPECT_EQ(audit[0].at("action"), "backup");
+  EXPECT_EQ(audit[0].at("who").get<std::string>().rfind("local:", 0), 0u);
+}
+
+TEST_F(Admin, jsonGoesToAFileWholly) {
+  good({"user", "add", "tom", "--role", "trainee"});
+  const Run result = good({"user", "list", "--json", file("users.json")});
+  EXPECT_TRUE(result.out.empty());
+  std::ifstream in(file("users.json"));
+  const auto whole = nlohmann::json::parse(in);
+  EXPECT_EQ(whole.at("version"), NEEDLELAB_VERSION);
+  EXPECT_TRUE(whole.contains("machine"));
+  EXPECT_EQ(whole.at("rows")[0].at("name"), "tom");
+  EXPECT_EQ(onData({"user", "list", "--json", file("none/users.json")}).code, 1);
+}
+
+TEST_F(Admin, helpAndVersionAreZero) {
+  EXPECT_EQ(run({"--help"}).code, 0);
+  EXPECT_EQ(run({"user", "add", "--help"}).code, 0);
+  EXPECT_EQ(run({"--version"}).out, "needlelab-admin " NEEDLELAB_VERSION "\n");
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,216 @@
+// Classes, courses, studies and everything at once, on a folder and on a running server.
+#include <algorithm>
+#include <atomic>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <thread>
+
+#include "client/admin/backend.h"
+#include "client/admin/when.h"
+#include "common/base/atomic_file.h"
+#include "server/server.h"
+#include "tests/unit/client/admin/run_admin.h"
+
+namespace needlelab {
+namespace {
+
+class TeachingCommands : public test::AdminTest {
+ protected:
+  void SetUp() override {
+    password_ = folder.write("pw", "correct horse").string();
+    good({"user", "add", "ada", "--role", "administrator", "--password-file", password_});
+    good({"user", "add", "mia", "--role", "curriculum-manager", "--password-file", password_});
+    good({"user", "add", "max", "--role", "curriculum-manager", "--password-file", password_});
+  }
+  void TearDown() override { stop(); }
+  void start() {
+    ServerOptions options;
+    options.data = data();
+    options.listen = "127.0.0.1:0";
+    auto server = Server::start(options);
+    ASSERT_OK(server);
+    server_ = std::move(*server);
+    thread_ = std::thread([this] { EXPECT_EQ(server_->run(), 0); });
+  }
+  void stop() {
+    if (server_) server_->stop();
+    if (thread_.joinable()) thread_.join();
+    server_.reset();
+  }
+  Run as(const std::string& user, std::vector<std::string> arguments) const {
+    arguments.insert(arguments.begin(),
+                     {"--server", "127.0.0.1:" + std::to_string(server_->port()), "--ca",
+                      server_->caFile().string(), "--user", user, "--password-file", password_});
+    return run(arguments);
+  }
+  std::unique_ptr<Backend> client(const std::string& user) const {
+    return test::TestDb::must(
+        connectServer({{"127.0.0.1", server_->port()}, server_->caFile(), user, "correct horse"}));
+  }
+  /// The same words, by whichever way.
+  Run either(bool on_server, const std::string& user, const std::vector<std::string>& arguments) const {
+    return on_server ? as(user, arguments) : onData(arguments);
+  }
+  std::string password_;
+  std::unique_ptr<Server> server_;
+  std::thread thread_;
+};
+
+TEST_F(TeachingCommands, aWeekOfAManagerOnAFolderAndOnAServer) {
+  const auto csv =
+      folder.write("class.csv", "name,full_name,group\nanna,Anna A,class-a\nben,Ben B,class-a\n").string();
+  const auto bad = folder.write("bad.csv", "name,role\nzoe,\nyan,boss\n").string();
+  for (const bool on_server : {false, true}) {
+    if (on_server) start();
+    const std::string group = on_server ? "g2" : "g1";
+    const auto ok = [&](const std::string& user, const std::vector<std::string>& arguments) {
+      Run done = either(on_server, user, arguments);
+      EXPECT_EQ(done.code, 0) << done.err;
+      return done;
+    };
+    ok("mia", {"user", "import", csv, "--dry-run"});
+    ok("mia", {"user", "import", csv});
+    const Run faults = either(on_server, "mia", {"user", "import", bad});
+    EXPECT_EQ(faults.code, 2);
+    EXPECT_NE(faults.out.find("role"), std::string::npos) << faults.out;
+    EXPECT_NE(faults.err.find("nothing was changed"), std::string::npos) << faults.err;
+    ok("mia", {"user", "change", "anna", "--full-name", "Anna of " + group});
+    ok("mia", {"group", "set", group, "--name", "A group"});
+    ok("mia", {"group", "join", group, "anna", "ben"});
+    ok("mia", {"group", "leave", group, "ben"});
+    EXPECT_EQ(either(on_server, "mia", {"group", "leave", group, "ben"}).code, 1);
+    EXPECT_EQ(ok("mia", {"group", "show", group, "--json"}).rows()[0].at("names"), "anna");
+    ok("mia",
+       {"assign", "--group", group, "--course", "rheumatology-basics", "--due", "2026-12-01T18:00+01:00"});
+    ok("mia", {"assign", "ben", "knee-recess"});
+    const auto assignments = ok("mia", {"assignments", "--json"}).rows();
+    ASSERT_EQ(assignments.size(), 2u);
+    ok("mia", {"unassign", std::to_string(assignments[0].at("id").get<int>())});
+    EXPECT_EQ(either(on_server, "mia", {"unassign", "77"}).code, 1);
+    EXPECT_EQ(ok("mia", {"results", "rheumatology-basics", "--json"}).rows().size(), 1u);
+    ok("mia", {"progress", "anna"});
+    ok("mia", {"consent", "give", "anna", "--note", "paper 7"});
+    ok("mia", {"consent", "withdraw", "anna"});
+    EXPECT_EQ(ok("mia", {"consent", "list", "anna", "--json"}).rows().size(), on_server ? 4u : 2u);
+    ok("ada", {"study", "export", "s1", "--out", file("study.jsonl")});
+    ok("ada", {"person", "export", "anna", "--out", file("anna.jsonl")});
+    EXPECT_EQ(either(on_server, "ada", {"person", "erase", "ben", "--confirm", "anna"}).code, 2);
+    ok("ada", {"person", "erase", "ben", "--confirm", "ben"});
+    ok("mia", {"group", "remove", group});
+    EXPECT_EQ(ok("mia", {"group", "list", "--json"}).rows().size(), 1u);
+    ok("mia", {"group", "remove", "class-a"});
+    ok("ada", {"check"});
+    stop();
+  }
+}
+
+TEST_F(TeachingCommands, everythingGoesFromOneServerToAnother) {
+  const auto csv = folder.write("class.csv", "name,group\nanna,class-a\nben,class-a\n").string();
+  good({"user", "import", csv});
+  good({"assign", "--group", "class-a", "--exercise", "knee-recess"});
+  good({"export-all", "--out", file("all.jsonl"), "--with-passwords"});
+  const auto mode = std::filesystem::status(file("all.jsonl")).permissions();
+  EXPECT_EQ(mode, std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+  const std::string other = file("other");
+  EXPECT_EQ(run({"--data", other, "import-all", file("all.jsonl"), "--dry-run"}).code, 0);
+  EXPECT_EQ(run({"--data", other, "import-all", file("all.jsonl")}).code, 0);
+  EXPECT_EQ(run({"--data", other, "group", "show", "class-a"}).code, 0);
+  EXPECT_EQ(run({"--data", other, "user", "list", "--json"}).rows()[3].at("has_password"), true);
+  // on a running server the same file again is nothing new
+  start();
+  const Run again = as("ada", {"import-all", file("all.jsonl")});
+  EXPECT_EQ(again.code, 0) << again.err;
+  EXPECT_EQ(as("mia", {"export-all"}).code, 1) << "for administrators";
+  const auto text = readWholeFile(file("all.jsonl"));
+  ASSERT_OK(text);
+  std::string changed = *text;
+  changed.replace(changed.find("\"anna\",\"role\":1"), 15, "\"anna\",\"role\":2");
+  const auto wrong = folder.write("wrong.jsonl", changed).string();
+  const Run refused = as("ada", {"import-all", wrong});
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_NE(refused.err.find("(person)"), std::string::npos) << refused.err;
+}
+
+TEST_F(TeachingCommands, twoClientsWhoEditOneGroupBothGetTheirWayOneAfterTheOther) {
+  for (const char* name : {"t0", "t1"}) good({"user", "add", name, "--role", "trainee"});
+  good({"group", "set", "class"});
+  start();
+  constexpr int kRounds = 10;
+  std::atomic<int> conflicts{0};
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 2; ++i) {
+    threads.emplace_back([&, i] {
+      const auto backend = client(i == 0 ? "mia" : "max");
+      const std::string me = "t" + std::to_string(i);
+      for (int round = 0; round < kRounds;) {
+        pb::Request read;
+        read.mutable_get_group()->set_id("class");
+        const auto group = backend->call(read);
+        if (!group) return ADD_FAILURE() << group.error().message;
+        pb::Request put;
+        *put.mutable_put_group()->mutable_group() = group->group();
+        put.mutable_put_group()->set_base_revision(group->group().revision());
+        auto* members = put.mutable_put_group()->mutable_group()->mutable_members();
+        const auto mine = std::find(members->begin(), members->end(), me);
+        if (mine == members->end())
+          *members->Add() = me;
+        else
+          members->erase(mine);
+        const auto done = backend->call(put);
+        if (done) {
+          ++round;
+          continue;
+        }
+        ++conflicts;
+        EXPECT_EQ(done.error().code, ErrorCode::kConflict) << done.error().message;
+        EXPECT_GT(done.error().current_revision, group->group().revision());
+        EXPECT_NE(done.error().message.find(i == 0 ? "'max'" : "'mia'"), std::string::npos)
+            << done.error().message;
+      }
+    });
+  }
+  for (auto& thread : threads) thread.join();
+  const auto rows = as("mia", {"group", "show", "class", "--json"}).rows();
+  EXPECT_EQ(rows[0].at("revision"), 1 + 2 * kRounds) << "each edit is a revision, none was lost";
+  EXPECT_EQ(rows[0].at("count"), 0);
+}
+
+TEST_F(TeachingCommands, aRecordingOfAStudyIsFoundByItsPseudonymAndBeginsWithZero) {
+  const std::string id = uuidText(addSession(3));
+  const std::string trainee = good({"session", "show", id, "--json"}).rows()[0].at("trainee");
+  good({"user", "add", trainee, "--role", "trainee"});
+  good({"consent", "give", trainee, "--note", "paper"});
+  good({"study", "export", "s1", "--out", file("study.jsonl")});
+  std::string session;
+  std::istringstream lines(*readWholeFile(file("study.jsonl")));
+  for (std::string line; std::getline(lines, line);) {
+    const auto record = nlohmann::json::parse(line);
+    if (record.at("kind") == "session") session = record.at("session");
+  }
+  ASSERT_NE(session, "");
+  EXPECT_NE(session, id);
+  good({"study", "recording", "s1", session, "--out", file("a.csv")});
+  const std::string csv = *readWholeFile(file("a.csv"));
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 61) << "a head, three chunks of 20 samples";
+  EXPECT_NE(csv.find("\n0,0,"), std::string::npos) << csv.substr(0, 400);
+  EXPECT_EQ(csv.find(id), std::string::npos);
+  const Run unknown = onData({"study", "recording", "s2", session, "--out", file("b.csv")});
+  EXPECT_EQ(unknown.code, 1);
+  EXPECT_FALSE(std::filesystem::exists(file("b.csv")));
+}
+
+TEST(Moments, haveATimeZone) {
+  EXPECT_EQ(*momentOf("--due", "1970-01-01T00:00Z"), 0);
+  EXPECT_EQ(*momentOf("--due", "2026-12-01T18:00+01:00"), *momentOf("--due", "2026-12-01T17:00Z"));
+  EXPECT_EQ(*momentOf("--due", "2026-12-01T18:00:30-03:30"), *momentOf("--due", "2026-12-01T21:30:30Z"));
+  EXPECT_EQ(*momentOf("--due", "2024-02-29T00:00Z"), 1'709'164'800'000'000'000);
+  for (const char* wrong :
+       {"", "tomorrow", "2026-12-01", "2026-12-01T18:00", "2026-12-01T18:00 Z", "2026-02-29T00:00Z",
+        "2026-13-01T00:00Z", "2026-12-01T25:00Z", "2026-12-01T18:00+1", "2026-12-01T18:00+15:00",
+        "1969-12-31T00:00Z", "9999-01-01T00:00Z"})
+    EXPECT_EQ(momentOf("--due", wrong).error().code, ErrorCode::kInvalidInput) << wrong;
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,341 @@
+// How the device `falcon` is found, loaded, kept alive and let go.
+#include <sys/types.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+#include "client/device/falcon/falcon_geometry.h"
+#include "common/haptics/device_condition.h"
+#include "tests/support/temp_folder.h"
+#include "tests/unit/client/device/falcon_usb/falcon_on_usb.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+// --- found -----------------------------------------------------------------------------------------------
+
+TEST_F(FalconOnUsb, noneIsListedInWords) {
+  const auto found = listFalcons();
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_FALSE(found[0].ready);
+  EXPECT_NE(found[0].state.find("USB cable"), std::string::npos);
+  FalconDevice device{FalconOptions{}};
+  const Status opened = device.open(1000);
+  ASSERT_FALSE(opened.ok());
+  EXPECT_EQ(opened.error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(FalconOnUsb, oneIsListedWithItsSerialNumber) {
+  falcon_.plug();
+  const auto found = listFalcons();
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_TRUE(found[0].ready) << found[0].state;
+  EXPECT_EQ(found[0].spec, "falcon");
+  EXPECT_NE(found[0].name.find("FALCON01"), std::string::npos) << found[0].name;
+  EXPECT_EQ(falcon_.commands(), 0u) << "listing moves nothing";
+}
+
+TEST_F(FalconOnUsb, ofTwoOneIsChosenBySerialNumberOrPath) {
+  FalconEmulator second{testbed_, {.serial = "FALCON02", .firmware = {}}};
+  falcon_.plug();
+  second.plug();
+  EXPECT_EQ(listFalcons().size(), 2u);
+
+  FalconDevice any{FalconOptions{}};
+  const Status opened = any.open(1000);
+  ASSERT_FALSE(opened.ok());
+  EXPECT_EQ(opened.error().code, ErrorCode::kInvalidInput);
+  EXPECT_NE(opened.error().message.find("falcon@"), std::string::npos) << opened.error().message;
+
+  FalconOptions unknown;
+  unknown.which = "FALCON03";
+  EXPECT_EQ(FalconDevice(unknown).open(1000).error().code, ErrorCode::kNotFound);
+
+  FalconOptions chosen;
+  chosen.which = "FALCON02";
+  FalconDevice device(chosen);
+  ASSERT_TRUE(device.open(1000).ok());
+  EXPECT_TRUE(waitUntil([&] { return second.commands() > 10; }));
+  EXPECT_EQ(falcon_.commands(), 0u);
+  device.close();
+
+  for (const FoundDevice& found : listFalcons()) {
+    ASSERT_EQ(found.spec.rfind("falcon@", 0), 0u) << found.spec;
+    FalconOptions by_path;
+    by_path.which = found.spec.substr(7);
+    FalconDevice one(by_path);
+    EXPECT_TRUE(one.open(1000).ok()) << found.spec;
+  }
+  EXPECT_GT(falcon_.commands(), 0u);
+}
+
+TEST_F(FalconOnUsb, twoAtOnceDoNotDisturbEachOther) {
+  FalconEmulator second{testbed_, {.serial = "FALCON02", .firmware = {}}};
+  second.plug();
+  FalconOptions first_options, second_options;
+  first_options.which = "FALCON01";
+  second_options.which = "FALCON02";
+  openDevice(first_options);
+  FalconDevice other(second_options);
+  ASSERT_TRUE(other.open(1000).ok());
+  second.setButtons(4);
+  DeviceReading read_of_other;
+  EXPECT_TRUE(runTicks(3s, [&] {
+    device_->read(reading_);
+    other.read(read_of_other);
+    return read_of_other.buttons != 4;
+  }));
+  EXPECT_EQ(reading_.buttons, 0u);
+}
+
+TEST_F(FalconOnUsb, withoutRightsItSaysWhoMustGiveThem) {
+  falcon_.plug();
+  falcon_.port().setMode(0);
+  // root may open anything: be somebody else for as long as it takes
+  std::filesystem::permissions(testbed_.root(), std::filesystem::perms::all);
+  for (const auto& file : std::filesystem::recursive_directory_iterator(testbed_.root() + "/ioctl"))
+    std::filesystem::permissions(file.path(), std::filesystem::perms::all);
+  const bool root = ::geteuid() == 0;
+  ASSERT_EQ(::seteuid(root ? 65534 : ::geteuid()), 0);
+  FalconDevice device{FalconOptions{}};
+  const Status opened = device.open(1000);
+  const auto found = listFalcons();
+  ASSERT_EQ(::seteuid(root ? 0 : ::geteuid()), 0);
+  ASSERT_FALSE(opened.ok());
+  EXPECT_EQ(opened.error().code, ErrorCode::kDenied) << opened.error().message;
+  EXPECT_NE(opened.error().message.find("udev"), std::string::npos) << opened.error().message;
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_FALSE(found[0].ready);
+}
+
+TEST_F(FalconOnUsb, usedByAnotherProgramItSaysSo) {
+  falcon_.port().setBusy(true);
+  falcon_.plug();
+  FalconDevice device{FalconOptions{}};
+  const Status opened = device.open(1000);
+  ASSERT_FALSE(opened.ok());
+  EXPECT_EQ(opened.error().code, ErrorCode::kUnavailable);
+  EXPECT_NE(opened.error().message.find("another program"), std::string::npos) << opened.error().message;
+  EXPECT_FALSE(listFalcons()[0].ready);
+}
+
+TEST_F(FalconOnUsb, theKernelsDriverMakesRoomAndComesBack) {
+  falcon_.port().setKernelDriver("ftdi_sio");
+  openDevice();
+  EXPECT_FALSE(falcon_.port().kernelDriverAttached());
+  device_->close();
+  EXPECT_TRUE(falcon_.port().kernelDriverAttached());
+}
+
+TEST_F(FalconOnUsb, aRateThatItCannotKeepIsRefused) {
+  falcon_.plug();
+  FalconDevice device{FalconOptions{}};
+  EXPECT_EQ(device.open(2000).error().code, ErrorCode::kInvalidInput);
+}
+
+// --- kept alive --------------------------------------------------------------------------------------------
+
+TEST_F(FalconOnUsb, exchangesAboutAThousandPacketsASecond) {
+  openDevice();
+  home();
+  double sent = 0, chances = 0;
+  int fresh = 0, ticks = 0;
+  // up to five seconds: each packet wakes other threads, which an overloaded host is slow at for a while
+  for (int second = 0; second < 5 && sent <= 0.4 * chances; ++second) {
+    const std::uint64_t commands = falcon_.commands(), transfers = falcon_.port().counts().in_transfers;
+    fresh = ticks = 0;
+    runTicks(1000ms, [&] {
+      fresh += device_->read(reading_) == DeviceRead::kFresh ? 1 : 0;
+      device_->write(pusher_.push({}));
+      return ++ticks > 0;
+    });
+    sent = static_cast<double>(falcon_.commands() - commands);
+    chances = static_cast<double>(falcon_.port().counts().in_transfers - transfers);
+  }
+  RecordProperty("packets_per_s", static_cast<int>(sent));
+  RecordProperty("fresh_ticks", fresh);
+  // 1000 and 1000 on a quiet machine; on any, the chip's packets and the ticks are used
+  EXPECT_GT(sent, 0.4 * chances);
+  EXPECT_LT(sent, 1050);
+  EXPECT_GT(fresh, 0.3 * std::min<double>(ticks, sent));
+}
+
+TEST_F(FalconOnUsb, aSilentHapticThreadGetsZeroTorque) {
+  openDevice();
+  home();
+  runTicks(400ms, [this] {
+    device_->read(reading_);
+    device_->write(pusher_.push({0, 0, 2}));
+    return true;
+  });
+  ASSERT_GT(falcon_.force().norm(), 1);
+  const TimePoint silent = Clock::now();
+  EXPECT_TRUE(waitUntil([this] { return falcon_.force().norm() == 0; }, 2s));
+  // the watchdog's 20 ms and a packet, on a machine that may be slow
+  const auto history = falcon_.history();
+  TimePoint last_push{};
+  for (const CommandSeen& seen : history)
+    if (seen.motors != std::array<std::int16_t, 3>{}) last_push = seen.at;
+  EXPECT_LT(std::chrono::duration<double>(last_push - silent).count(), 0.1);
+  EXPECT_GE(device_->counts().starved_times, 0u);
+  // and it goes on when the thread does
+  EXPECT_TRUE(waitForFresh());
+}
+
+TEST_F(FalconOnUsb, closingLeavesNoTorqueAndNoLight) {
+  openDevice();
+  home();
+  runTicks(400ms, [this] {
+    device_->read(reading_);
+    device_->write(pusher_.push({0, 0, 2}));
+    return true;
+  });
+  ASSERT_GT(falcon_.force().norm(), 1);
+  device_->close();
+  const auto history = falcon_.history();
+  ASSERT_FALSE(history.empty());
+  EXPECT_EQ(history.back().motors, (std::array<std::int16_t, 3>{}));
+  EXPECT_EQ(falcon_.lights(), 0u);
+  EXPECT_EQ(falcon_.force().norm(), 0);
+  EXPECT_TRUE(waitUntil([this] { return falcon_.port().openClients() == 0; }));
+  device_->close();  // twice does no harm
+}
+
+TEST_F(FalconOnUsb, canBeOpenedAgain) {
+  openDevice();
+  home();
+  device_->close();
+  ASSERT_TRUE(device_->open(1000).ok());
+  EXPECT_TRUE(waitForFresh()) << "its encoders still know their zero";
+}
+
+// --- loaded ------------------------------------------------------------------------------------------------
+
+class FalconFirmware : public FalconOnUsb {
+ protected:
+  // a device that starts only the bytes of `firmware_`
+  static constexpr std::size_t kBytes = 62 * 6 + 20;
+  FalconOptions fileWith(const Bytes& bytes) {
+    const auto path = folder_.path() / "novint.bin";
+    std::ofstream(path, std::ios::binary)
+        .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+    FalconOptions options;
+    options.firmware_file = path.string();
+    return options;
+  }
+  Error failure(const FalconOptions& options) {
+    bare_.plug();
+    FalconDevice device(options);
+    const Status opened = device.open(1000);
+    EXPECT_FALSE(opened.ok());
+    return opened.ok() ? Error{} : opened.error();
+  }
+
+  TempFolder folder_;
+  const Bytes firmware_ = anyBytes(kBytes, 11);
+  FalconEmulator bare_{testbed_, {.serial = "BARE", .firmware = firmware_, .firmware_running = false}};
+};
+
+TEST_F(FalconFirmware, isLoadedFromTheFile) {
+  bare_.plug();
+  FalconOptions options = fileWith(firmware_);
+  std::vector<std::string> told;
+  options.progress = [&told](const std::string& words) { told.push_back(words); };
+  FalconDevice device(options);
+  const Status opened = device.open(1000);
+  ASSERT_TRUE(opened.ok()) << opened.error().message << "; device: " << bare_.silentBecause();
+  EXPECT_EQ(bare_.mode(), FalconBoard::Mode::kRuns);
+  EXPECT_FALSE(told.empty());
+}
+
+TEST_F(FalconFirmware, thatRunsIsNotLoadedAgain) {
+  bare_.powerCycle(true);
+  bare_.plug();
+  FalconDevice device{FalconOptions{}};
+  EXPECT_TRUE(device.open(1000).ok());
+}
+
+TEST_F(FalconFirmware, isAskedForWhenNoneIsNamed) {
+  ::unsetenv("NEEDLELAB_FALCON_FIRMWARE");
+  const Error error = failure({});
+  EXPECT_EQ(error.code, ErrorCode::kInvalidInput);
+  EXPECT_NE(error.message.find("NEEDLELAB_FALCON_FIRMWARE"), std::string::npos) << error.message;
+}
+
+TEST_F(FalconFirmware, comesFromTheEnvironmentToo) {
+  ::setenv("NEEDLELAB_FALCON_FIRMWARE", fileWith(firmware_).firmware_file.c_str(), 1);
+  bare_.plug();
+  FalconDevice device{FalconOptions{}};
+  ::unsetenv("NEEDLELAB_FALCON_FIRMWARE");
+  EXPECT_TRUE(device.open(1000).ok());
+}
+
+TEST_F(FalconFirmware, thatIsNotThereIsNamed) {
+  FalconOptions options;
+  options.firmware_file = "/nowhere/novint.bin";
+  const Error error = failure(options);
+  EXPECT_EQ(error.code, ErrorCode::kNotFound);
+  EXPECT_NE(error.message.find("/nowhere/novint.bin"), std::string::npos) << error.message;
+}
+
+TEST_F(FalconFirmware, thatIsEmptyIsRefused) {
+  EXPECT_EQ(failure(fileWith({})).code, ErrorCode::kInvalidInput);
+}
+
+TEST_F(FalconFirmware, whoseEchoDiffersSaysAtWhichByte) {
+  BoardTrouble trouble;
+  trouble.echo_wrong_at = 100;
+  bare_.setBoardTrouble(trouble);
+  const Error error = failure(fileWith(firmware_));
+  EXPECT_NE(error.message.find("100"), std::string::npos) << error.message;
+  EXPECT_NE(error.message.find("novint.bin"), std::string::npos) << error.message;
+}
+
+TEST_F(FalconFirmware, whoseEchoStopsSaysAtWhichByte) {
+  BoardTrouble trouble;
+  trouble.echo_stops_at = 150;
+  bare_.setBoardTrouble(trouble);
+  const Error error = failure(fileWith(firmware_));
+  EXPECT_NE(error.message.find("150"), std::string::npos) << error.message;
+}
+
+TEST_F(FalconFirmware, ofAnotherDeviceDoesNotAnswer) {
+  const Error error = failure(fileWith(anyBytes(kBytes, 12)));
+  EXPECT_NE(bare_.silentBecause().find("not this device's firmware"), std::string::npos)
+      << bare_.silentBecause();
+  EXPECT_NE(error.message.find("novint.bin"), std::string::npos) << error.message;
+}
+
+TEST_F(FalconFirmware, withoutPowerSaysSo) {
+  BoardTrouble trouble;
+  trouble.deaf = true;
+  bare_.setBoardTrouble(trouble);
+  const Error error = failure(fileWith(firmware_));
+  EXPECT_EQ(error.code, ErrorCode::kUnavailable);
+  EXPECT_NE(error.message.find("power"), std::string::npos) << error.message;
+}
+
+TEST_F(FalconFirmware, unpluggedInTheMiddleEndsAtOnce) {
+  bare_.plug();
+  FalconOptions options = fileWith(anyBytes(20'000, 13));  // some six seconds
+  std::atomic<bool> begun{false};
+  options.progress = [&begun](const std::string&) { begun = true; };
+  std::thread puller([&] {
+    waitUntil([&] { return begun.load(); });
+    bare_.unplug();
+  });
+  FalconDevice device(options);
+  const TimePoint begin = Clock::now();
+  const Status opened = device.open(1000);
+  puller.join();
+  EXPECT_FALSE(opened.ok());
+  EXPECT_LT(Clock::now() - begin, 5s);
+}
+
+}  // namespace
+}  // namespace needlelab::test

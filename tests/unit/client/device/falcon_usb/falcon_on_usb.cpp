@@ -1,0 +1,97 @@
+#include "tests/unit/client/device/falcon_usb/falcon_on_usb.h"
+
+#include <algorithm>
+#include <random>
+#include <thread>
+
+#include "client/device/falcon/falcon_geometry.h"
+
+namespace needlelab::test {
+
+using namespace std::chrono_literals;
+
+GuardedWrench Pusher::push(Vec3 force_W_N) noexcept {
+  gate_.admit(TipSample{}, true, 0);
+  return gate_.guard(Wrench{force_W_N, {}});
+}
+
+void FalconOnUsb::SetUp() {
+  if (const std::string why = testbed_.trouble(); !why.empty()) GTEST_SKIP() << why;
+  // ticks as the station's loop has them, also beside other tests
+  preferThisThread();
+}
+
+void FalconOnUsb::TearDown() {
+  if (device_) device_->close();
+}
+
+void FalconOnUsb::openDevice(FalconOptions options) {
+  falcon_.plug();
+  device_ = std::make_unique<FalconDevice>(std::move(options));
+  const Status opened = device_->open(1000);
+  ASSERT_TRUE(opened.ok()) << opened.error().message;
+}
+
+bool FalconOnUsb::runTicks(std::chrono::milliseconds most, const std::function<bool()>& tick) {
+  const TimePoint end = Clock::now() + most;
+  TimePoint due = Clock::now();
+  while (Clock::now() < end) {
+    if (!tick()) return true;
+    due = std::max(due + 1ms, Clock::now());
+    std::this_thread::sleep_until(due);
+  }
+  return false;
+}
+
+bool FalconOnUsb::waitForFresh(std::chrono::milliseconds most) {
+  return runTicks(most, [this] {
+    last_read_ = device_->read(reading_);
+    device_->write(pusher_.push({}));
+    return last_read_ != DeviceRead::kFresh;
+  });
+}
+
+HandPath homingPath(double seconds) {
+  const Eigen::Vector3d middle(falcon::kOrigin_F_m.x, falcon::kOrigin_F_m.y, falcon::kOrigin_F_m.z);
+  return [middle, seconds](double t) {
+    const double part = t / seconds;
+    const double out = part < 0.5 ? 0.035 : (part < 1 ? -0.035 : 0);
+    return Eigen::Vector3d(middle + Eigen::Vector3d(0, 0, out));
+  };
+}
+
+void FalconOnUsb::home() {
+  // again and again, so that a slow machine misses nothing
+  falcon_.holdRigidly([path = homingPath(0.1)](double t) { return path(std::fmod(t, 0.1)); });
+  ASSERT_TRUE(waitForFresh()) << device_->status();
+  falcon_.holdRigidly([path = homingPath(0.0001)](double t) { return path(t + 1); });
+  settle();
+}
+
+void FalconOnUsb::settle(std::chrono::milliseconds time) {
+  const std::uint64_t commands = falcon_.commands();
+  runTicks(2s, [this, commands, end = Clock::now() + time] {
+    last_read_ = device_->read(reading_);
+    device_->write(pusher_.push({}));
+    // the answers to four commands have come: those of the place now are among them
+    return Clock::now() < end || falcon_.commands() < commands + 5;
+  });
+}
+
+bool waitUntil(const std::function<bool()>& done, std::chrono::milliseconds most) {
+  const TimePoint end = Clock::now() + most;
+  while (!done()) {
+    if (Clock::now() > end) return false;
+    std::this_thread::sleep_for(2ms);
+  }
+  return true;
+}
+
+Bytes anyBytes(std::size_t count, unsigned seed) {
+  std::mt19937_64 random(seed);
+  Bytes bytes(count);
+  for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random());
+  return bytes;
+}
+
+}  // namespace needlelab::test

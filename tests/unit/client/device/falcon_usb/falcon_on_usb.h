@@ -1,0 +1,58 @@
+/// Our device `falcon` on the emulated USB, driven by ticks as the station's loop drives it.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "client/device/falcon/falcon_device.h"
+#include "common/haptics/force_gate.h"
+#include "tests/support/falcon_emulator/falcon_emulator.h"
+
+namespace needlelab::test {
+
+/// A gate whose tip rests: whatever force is asked for comes out after the start ramp, as fast as the slew
+/// limit allows.
+class Pusher {
+ public:
+  GuardedWrench push(Vec3 force_W_N) noexcept;
+
+ private:
+  ForceGate gate_{DeviceLimits{}, 1000};
+};
+
+class FalconOnUsb : public testing::Test {
+ protected:
+  void SetUp() override;
+  void TearDown() override;
+
+  /// The only Falcon, plugged in, its firmware running, opened.
+  void openDevice(FalconOptions options = {});
+  /// Ticks of 1 ms, late ones left out, until `tick` says false or the time is over. False when it was over.
+  bool runTicks(std::chrono::milliseconds most, const std::function<bool()>& tick);
+  /// Reads in each tick, with no force, until a fresh reading comes.
+  bool waitForFresh(std::chrono::milliseconds most = std::chrono::seconds(5));
+  /// Pulls the grip out and pushes it in until the encoders have found their zero and the device reads;
+  /// leaves it in the middle.
+  void home();
+  /// Waits until the device tells of the place where the hand holds it now.
+  void settle(std::chrono::milliseconds time = std::chrono::milliseconds(30));
+
+  UsbTestbed testbed_;
+  FalconEmulator falcon_{testbed_};
+  std::unique_ptr<FalconDevice> device_;
+  DeviceReading reading_;
+  DeviceRead last_read_ = DeviceRead::kNoUpdate;
+  Pusher pusher_;
+};
+
+/// Out for the first half of `seconds`, in for the second, and then in the middle.
+HandPath homingPath(double seconds);
+/// Waits for something that another thread does; false when it did not come.
+bool waitUntil(const std::function<bool()>& done, std::chrono::milliseconds most = std::chrono::seconds(5));
+Bytes anyBytes(std::size_t count, unsigned seed);
+
+}  // namespace needlelab::test

@@ -1,0 +1,61 @@
+/// A Virtuose on the stand-in, for tests: virtual time, one call a tick.
+#pragma once
+
+#include <gmock/gmock.h>
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "client/device/haptic_chain.h"
+#include "client/device/virtuose/virtuose_device.h"
+#include "client/device/virtuose/virtuose_words.h"
+#include "common/haptics/device_condition.h"
+#include "tests/support/virtuose_standin/control.h"
+
+namespace needlelab::test {
+
+inline constexpr double kTick_s = 0.001;
+
+inline VirtuoseApi standinApi() {
+  auto api = loadVirtuoseApi(kStandinLibrary);
+  if (!api.ok()) throw std::runtime_error(api.error().message);
+  return *api;
+}
+
+inline VirtuoseOptions standinOptions() {
+  VirtuoseOptions options;
+  options.library = kStandinLibrary;
+  options.first_retry = options.longest_retry = std::chrono::milliseconds(0);  // time is virtual
+  return options;
+}
+
+/// An open device whose readings go through a gate.
+class VirtuoseTest : public testing::Test {
+ protected:
+  void open(double rate_hz = 1000) {
+    const Status status = device_.open(rate_hz);
+    ASSERT_TRUE(status.ok()) << status.error().message;
+  }
+  /// One tick: a millisecond passes, the device is read, `wanted` is written through the gate.
+  DeviceRead tick(const Wrench& wanted = {}) {
+    standin_.advance(kTick_s);
+    const DeviceRead read = device_.read(reading_);
+    const bool is_admitted = gate_.admit({reading_.X_WH.p, reading_.X_WH.q}, read == DeviceRead::kFresh,
+                                         reading_.speed_mps, 1, reading_.condition);
+    device_.write(gate_.guard(is_admitted ? wanted : Wrench{}));
+    return read;
+  }
+  void ticks(int count, const Wrench& wanted = {}) {
+    for (int k = 0; k < count; ++k) tick(wanted);
+  }
+  /// Every kind of question was asked since.
+  void askAll() { ticks(7); }
+
+  Standin standin_;
+  VirtuoseDevice device_{standinOptions()};
+  ForceGate gate_{DeviceLimits{}, 1000};
+  DeviceReading reading_;
+};
+
+}  // namespace needlelab::test

@@ -1,0 +1,268 @@
+// The backend's readings, states and errors against the stand-in.
+#include <cmath>
+
+#include "tests/support/no_alloc.h"
+#include "tests/unit/client/device/virtuose/bench.h"
+
+namespace needlelab::test {
+namespace {
+
+using testing::HasSubstr;
+
+class VirtuoseReading : public VirtuoseTest {};
+
+TEST_F(VirtuoseReading, isThePlaceSpeedAndTurnOfTheHandle) {
+  standin_.command("place 0.1 -0.2 0.3 0 0 0 1");
+  open();
+  standin_.command("hand 0.15 -0.2 0.3 0 0.19866933 0 0.98006658 0.5");  // 0.4 rad about y
+  for (int k = 0; k < 1000; ++k) {
+    ASSERT_EQ(tick(), DeviceRead::kFresh);
+    const StandinState truth = standin_.state();
+    ASSERT_NEAR(reading_.X_WH.p.x, truth.position_m[0], 5.1e-6);
+    ASSERT_NEAR(reading_.X_WH.p.y, truth.position_m[1], 5.1e-6);
+    ASSERT_NEAR(reading_.X_WH.q.y, truth.orientation[1], 1e-4);
+    // the device speaks in floats; what we make of them is a rotation in doubles
+    ASSERT_NEAR(dot(reading_.X_WH.q, reading_.X_WH.q), 1, 1e-14);
+    const double* v = truth.velocity_mps;
+    ASSERT_NEAR(reading_.speed_mps, std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]), 1e-6);
+  }
+  EXPECT_NEAR(reading_.X_WH.p.x, 0.15, 2e-4);
+  EXPECT_NEAR(2 * std::asin(reading_.X_WH.q.y), 0.4, 2e-3);
+  EXPECT_EQ(standin_.complaints(), "");
+}
+
+TEST_F(VirtuoseReading, saysWhatTheDeviceIs) {
+  const DeviceInfo& info = device_.info();
+  EXPECT_TRUE(info.has_dead_man);
+  EXPECT_TRUE(info.renders_torque);
+  EXPECT_TRUE(info.has_orientation);
+  EXPECT_EQ(info.max_rate_hz, 1000);
+  EXPECT_EQ(info.plunger, PlungerSource::kButtons);
+  EXPECT_EQ(info.limits.peak_force_N, 10);
+  EXPECT_EQ(info.limits.continuous_force_N, 3);
+  EXPECT_EQ(info.limits.peak_torque_Nm, 0.8);
+  EXPECT_EQ(info.limits.continuous_torque_Nm, 0.2);
+  EXPECT_EQ(info.limits.max_stiffness_N_per_m, 1000);
+  EXPECT_EQ(info.limits.max_rotational_stiffness_Nm_per_rad, 4);
+  EXPECT_EQ(info.limits.apparent_mass_kg, 0.35);
+  EXPECT_EQ(info.limits.damping_Ns_per_m, 1.7);
+  EXPECT_EQ(info.limits.fault_speed_mps, 1.6);
+  EXPECT_THAT(info.name, HasSubstr("127.0.0.1#53210"));
+}
+
+TEST_F(VirtuoseReading, buttonsAreBitsWithinSevenTicks) {
+  open();
+  askAll();
+  EXPECT_EQ(reading_.buttons, 0u);
+  standin_.command("button 1 1");
+  standin_.command("button 3 1");
+  askAll();
+  EXPECT_EQ(reading_.buttons, 0b101u);
+  standin_.command("button 1 0");
+  askAll();
+  EXPECT_EQ(reading_.buttons, 0b100u);
+}
+
+TEST_F(VirtuoseReading, aHandleWithoutAButtonIsAskedForItOnce) {
+  standin_.command("fail virtGetButton 9");
+  open();
+  const std::string complaints = standin_.complaints();
+  askAll();
+  EXPECT_EQ(standin_.complaints(), complaints);
+  EXPECT_EQ(reading_.condition, 0u);
+}
+
+TEST_F(VirtuoseReading, aWrenchArrivesAsForceThenTorque) {
+  open();
+  ticks(300, {{1, -2, 3}, {0.1, -0.2, 0.15}});
+  const StandinState truth = standin_.state();
+  const double expected[] = {1, -2, 3, 0.1, -0.2, 0.15};
+  for (int i = 0; i < 6; ++i) EXPECT_NEAR(truth.commanded[i], expected[i], 1e-3 * std::abs(expected[i])) << i;
+}
+
+TEST_F(VirtuoseReading, sensorsAndAlarmsBecomeFlagsAndWords) {
+  const struct {
+    const char *on, *off, *words;
+    std::uint32_t flag;
+    int within_ticks;
+  } rows[] = {
+      {"estop press", "estop free", "emergency stop", kDeviceEmergencyStop, 1},
+      {"dead_man 0", "dead_man 1", "holds the handle", kDeviceReleased, 1},
+      {"switch 0", "switch 1", "power switch", kDevicePowerOff, 6},
+      {"overheat 1", "overheat 0", "too hot", kDeviceOverheated, 6},
+      {"alarm 0x8000", "alarm 0", "at their limit", kDeviceSaturated, 6},
+      {"alarm 0x20000", "alarm 0", "too fast", kDeviceOverrun, 6},
+      {"alarm 0x40000", "alarm 0", "its own position", kDeviceTrouble, 6},
+      {"failure 0x4", "failure 0", "encoder 3", kDeviceTrouble, 6},
+  };
+  open();
+  askAll();
+  for (const auto& row : rows) {
+    SCOPED_TRACE(row.on);
+    EXPECT_EQ(reading_.condition, 0u);
+    EXPECT_EQ(device_.status(), "");
+    standin_.command(row.on);
+    int needed = 1;
+    while (tick() == DeviceRead::kFresh && (reading_.condition & row.flag) == 0 && needed < 20) ++needed;
+    EXPECT_LE(needed, row.within_ticks);
+    askAll();
+    EXPECT_THAT(device_.status(), HasSubstr(row.words));
+    standin_.command(row.off);
+    standin_.command("switch 1");  // the emergency stop took it along
+    askAll();
+  }
+  EXPECT_EQ(reading_.condition, 0u);
+}
+
+TEST_F(VirtuoseReading, aDeviceThatIsNotReadyOpensAllTheSameAndSaysWhatToDo) {
+  standin_.command("switch 0");
+  open();
+  EXPECT_THAT(device_.status(), HasSubstr("power switch"));
+  tick();
+  EXPECT_EQ(reading_.condition, static_cast<std::uint32_t>(kDevicePowerOff));  // from the first tick on
+  device_.close();
+  standin_.command("estop press");
+  open();
+  EXPECT_THAT(device_.status(), HasSubstr("emergency stop"));
+  tick();
+  EXPECT_TRUE(reading_.condition & kDeviceEmergencyStop);
+}
+
+TEST_F(VirtuoseReading, noCallFailsUnseen) {
+  for (const char* call :
+       {"virtGetPosition", "virtGetSpeed", "virtGetDeadMan", "virtGetEmergencyStop", "virtGetPowerOn",
+        "virtGetAlarm", "virtGetFailure", "virtGetButton", "virtSetForce"})
+    for (const int code : {9, 11, 12, 17, 77}) {
+      SCOPED_TRACE(std::string(call) + " " + std::to_string(code));
+      const std::string fail = std::string("fail ") + call + " ";
+      open();
+      askAll();
+      ASSERT_EQ(reading_.condition, 0u);
+      standin_.command(fail + std::to_string(code));
+      std::uint32_t seen = 0;
+      for (int k = 0; k < 8; ++k) {
+        tick();
+        seen |= reading_.condition;
+      }
+      EXPECT_EQ(seen, static_cast<std::uint32_t>(kDeviceTrouble));
+      standin_.command(fail + "0");
+      askAll();
+      EXPECT_EQ(reading_.condition, 0u);  // and it goes on when it works again
+      device_.close();
+      standin_.advance(0.2);  // closing and opening at once would be too fast for the device
+    }
+}
+
+TEST_F(VirtuoseReading, aRefusalIsSaidWithItsCallNumberAndWords) {
+  open();
+  standin_.command("fail virtGetSpeed 11");
+  tick();
+  EXPECT_THAT(device_.status(),
+              HasSubstr("virtGetSpeed failed with error 11, the device reports a hardware error"));
+  standin_.command("fail virtGetSpeed 77");
+  tick();
+  EXPECT_THAT(device_.status(), HasSubstr("\"a message of a newer library\""));
+  standin_.command("fail virtGetSpeed 0");
+  tick();
+  EXPECT_EQ(device_.status(), "");
+}
+
+TEST_F(VirtuoseReading, everyStepOfTheSetUpThatFailsIsNamedAndUndone) {
+  for (const VirtuoseStep& step : virtuoseSteps({})) {
+    SCOPED_TRACE(step.call);
+    standin_.command(std::string("fail ") + step.call + " 11");
+    const Status status = device_.open(1000);
+    ASSERT_FALSE(status.ok());
+    EXPECT_THAT(status.error().message, HasSubstr(std::string(step.call) + "("));
+    EXPECT_THAT(status.error().message, HasSubstr("error 11"));
+    EXPECT_THAT(standin_.calls(), testing::EndsWith("virtSetForce virtSetPowerOn virtClose"));
+    EXPECT_EQ(standin_.state().open_contexts, 0);
+    EXPECT_EQ(standin_.state().commanded[0], 0);
+    EXPECT_EQ(tick(), DeviceRead::kNoUpdate);
+    standin_.command(std::string("fail ") + step.call + " 0");
+  }
+  for (const char* call :
+       {"virtGetPowerOn", "virtGetAlarm", "virtGetFailure", "virtGetDeadMan", "virtGetEmergencyStop"}) {
+    standin_.command(std::string("fail ") + call + " 8");
+    const Status status = device_.open(1000);
+    ASSERT_FALSE(status.ok());
+    EXPECT_THAT(status.error().message, HasSubstr(std::string(call) + " failed with error 8"));
+    EXPECT_EQ(standin_.state().open_contexts, 0);
+    standin_.command(std::string("fail ") + call + " 0");
+  }
+  open();
+}
+
+TEST_F(VirtuoseReading, closingLeavesNoForceAndNoPower) {
+  open();
+  ticks(300, {{3, 0, 0}, {}});
+  EXPECT_NEAR(standin_.state().felt[0], 3, 1e-3);
+  device_.close();
+  standin_.advance(0.003);
+  const StandinState truth = standin_.state();
+  EXPECT_EQ(truth.felt[0], 0);
+  EXPECT_EQ(truth.is_powered, 0);
+  EXPECT_EQ(truth.open_contexts, 0);
+  EXPECT_THAT(standin_.calls(), testing::EndsWith("virtSetForce virtSetPowerOn virtClose"));
+  device_.close();
+  EXPECT_EQ(standin_.complaints(), "");
+  // and it opens again
+  open();
+  EXPECT_EQ(tick(), DeviceRead::kFresh);
+}
+
+TEST_F(VirtuoseReading, aPoseThatIsNoneGoesToTheGateAsItIs) {
+  open();
+  ticks(10);
+  standin_.command("jump 0.5 0 0");
+  for (int k = 0; k < 10; ++k) {
+    tick();
+    standin_.command("jump 0.5 0 0");
+  }
+  EXPECT_EQ(gate_.fault(), Fault::kTipTooFast);
+}
+
+TEST_F(VirtuoseReading, roundingIsMendedAndAQuaternionThatIsNoneIsLeftToTheGate) {
+  open();
+  ticks(10);
+  standin_.command("bad_turn 1.000001");  // what floats may do
+  ticks(10);
+  EXPECT_NEAR(dot(reading_.X_WH.q, reading_.X_WH.q), 1, 1e-14);
+  EXPECT_EQ(gate_.fault(), Fault::kNone);
+  standin_.command("bad_turn 0.5");  // what no rotation can be: mending it would hide it
+  ticks(10);
+  EXPECT_NEAR(dot(reading_.X_WH.q, reading_.X_WH.q), 0.25, 1e-6);
+  EXPECT_EQ(gate_.fault(), Fault::kOrientationInvalid);
+}
+
+TEST_F(VirtuoseReading, readAndWriteUseNoHeap) {
+  open();
+  ticks(10);
+  const NoAllocScope scope;
+  for (int k = 0; k < 1000; ++k) {
+    tick({{1, 2, 3}, {0.1, 0, 0}});
+    device_.skip(2);
+  }
+  EXPECT_EQ(scope.calls(), 0u);
+}
+
+TEST_F(VirtuoseReading, losingTheLinkUsesNoHeapEither) {
+  open();
+  ticks(10);
+  standin_.command("link_down 5");
+  std::uint64_t calls = 0;
+  {
+    const NoAllocScope scope;
+    for (int k = 0; k < 100; ++k) {
+      standin_.advance(kTick_s);
+      device_.read(reading_);
+      device_.write({});
+    }
+    calls = scope.calls();
+  }
+  EXPECT_EQ(calls, 0u);
+  EXPECT_EQ(reading_.condition, static_cast<std::uint32_t>(kDeviceLost));
+}
+
+}  // namespace
+}  // namespace needlelab::test

@@ -1,0 +1,336 @@
+// The vendor's rules (FACTS.md), one by one: a backend that breaks it is refused by the stand-in, ours is
+// not.
+#include <cmath>
+#include <limits>
+
+#include "tests/unit/client/device/virtuose/bench.h"
+
+namespace needlelab::test {
+namespace {
+
+using testing::HasSubstr;
+
+using Steps = std::vector<VirtuoseStep>;
+
+std::size_t placeOf(const Steps& steps, const std::string& call) {
+  for (std::size_t i = 0; i < steps.size(); ++i)
+    if (steps[i].call == call) return i;
+  throw std::out_of_range(call);
+}
+
+// our set-up with one call moved behind another
+Steps moved(Steps steps, const std::string& call, const std::string& behind) {
+  const VirtuoseStep step = steps[placeOf(steps, call)];
+  steps.erase(steps.begin() + static_cast<std::ptrdiff_t>(placeOf(steps, call)));
+  steps.insert(steps.begin() + static_cast<std::ptrdiff_t>(placeOf(steps, behind)) + 1, step);
+  return steps;
+}
+
+Steps without(Steps steps, const std::string& call) {
+  steps.erase(steps.begin() + static_cast<std::ptrdiff_t>(placeOf(steps, call)));
+  return steps;
+}
+
+class VirtuoseRules : public VirtuoseTest {
+ protected:
+  Result<VirtContext> openWith(const Steps& steps) { return openVirtuose(api_, VirtuoseSetup{}, steps); }
+  VirtContext opened(const Steps& steps) {
+    auto context = openWith(steps);
+    if (!context.ok()) throw std::runtime_error(context.error().message);
+    return *context;
+  }
+  int force(VirtContext context, float x, float torque = 0) const {
+    float wrench[6] = {x, 0, 0, 0, torque, 0};
+    return api_.virtSetForce(context, wrench);
+  }
+  const VirtuoseApi api_ = standinApi();
+  const Steps steps_ = virtuoseSteps(VirtuoseSetup{});
+};
+
+TEST_F(VirtuoseRules, ourSetUpIsInTheVendorsOrderAndNothingIsRefused) {
+  open();
+  EXPECT_EQ(standin_.calls(),
+            "virtOpen virtSetIndexingMode virtSetForceFactor virtSetSpeedFactor virtSetTimeStep "
+            "virtSetBaseFrame virtSetObservationFrame virtSetCommandType virtSaturateTorque "
+            "virtSetTimeoutValue virtSetForce virtSetPowerOn");
+  ticks(100);
+  device_.close();
+  EXPECT_EQ(standin_.complaints(), "");
+}
+
+TEST_F(VirtuoseRules, order_factorOrTimeStepAfterTheCommandTypeIsRefused) {
+  for (const char* call : {"virtSetForceFactor", "virtSetTimeStep"}) {
+    const auto context = openWith(moved(steps_, call, "virtSetCommandType"));
+    ASSERT_FALSE(context.ok()) << call;
+    EXPECT_THAT(context.error().message, HasSubstr(std::string(call) + "("));
+    EXPECT_THAT(context.error().message, HasSubstr("error 19"));
+    EXPECT_EQ(standin_.state().open_contexts, 0);
+  }
+}
+
+TEST_F(VirtuoseRules, mode_forceWithoutImpedanceIsRefused) {
+  const auto context = openWith(without(steps_, "virtSetCommandType"));
+  ASSERT_FALSE(context.ok());
+  EXPECT_THAT(context.error().message, HasSubstr("virtSetForce(zero) failed with error 17"));
+
+  Steps cartesian = steps_;
+  cartesian[placeOf(cartesian, "virtSetCommandType")].run = [](const VirtuoseApi& api, VirtContext vc) {
+    return api.virtSetCommandType(vc, 2);
+  };
+  EXPECT_FALSE(openWith(cartesian).ok());
+}
+
+TEST_F(VirtuoseRules, values_whatTheDeviceCannotTakeIsRefusedAndNeverSentByUs) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  VirtContext context = opened(without(without(steps_, "virtSetCommandType"), "virtSetForce"));
+  const auto refused = [&](int result) { return result != 0 && api_.virtGetErrorCode(context) == 9; };
+  EXPECT_TRUE(refused(api_.virtSetTimeStep(context, 0.0005f)));
+  EXPECT_TRUE(refused(api_.virtSetTimeStep(context, nan)));
+  EXPECT_TRUE(refused(api_.virtSetForceFactor(context, 0)));
+  EXPECT_TRUE(refused(api_.virtSetIndexingMode(context, 5)));
+  EXPECT_TRUE(refused(api_.virtSetCommandType(context, 8)));
+  EXPECT_TRUE(refused(api_.virtSetTimeoutValue(context, 0)));
+  float no_turn[7] = {};
+  EXPECT_TRUE(refused(api_.virtSetBaseFrame(context, no_turn)));
+  int pressed = 0;
+  EXPECT_TRUE(refused(api_.virtGetButton(context, 4, &pressed)));
+  ASSERT_EQ(api_.virtSetCommandType(context, kVirtImpedance), 0);
+  EXPECT_TRUE(refused(force(context, nan)));
+  closeVirtuose(api_, context);
+
+  // a loop that is too fast, or too slow, is refused before anything is opened
+  const auto calls = standin_.calls();
+  for (const double rate : {1000.5, 2000.0, 40'000.0, 49.0, 0.0, -1.0, std::nan("")}) {
+    const Status status = device_.open(rate);
+    ASSERT_FALSE(status.ok()) << rate;
+    EXPECT_EQ(status.error().code, ErrorCode::kInvalidInput);
+    EXPECT_THAT(status.error().message, HasSubstr("[50, 1000]"));
+    EXPECT_THAT(status.error().message, HasSubstr("--rate"));
+  }
+  EXPECT_EQ(standin_.calls(), calls);
+  for (const double rate : {50.0, 333.0, 1000.0}) {
+    EXPECT_TRUE(device_.open(rate).ok()) << rate;
+    device_.close();
+  }
+}
+
+TEST_F(VirtuoseRules, timeOut_aSilentLinkIsError6) {
+  VirtContext context = opened(steps_);
+  standin_.command("link_down 0.1");
+  float pose[7];
+  EXPECT_NE(api_.virtGetPosition(context, pose), 0);
+  EXPECT_EQ(api_.virtGetErrorCode(context), 6);
+  standin_.advance(0.11);
+  EXPECT_EQ(api_.virtGetPosition(context, pose), 0);  // a short one is got over by whoever asks again
+  closeVirtuose(api_, context);
+}
+
+TEST_F(VirtuoseRules, communication_nothingBehindTheAddressIsError2) {
+  standin_.command("daemon 0");
+  const auto context = openWith(steps_);
+  ASSERT_FALSE(context.ok());
+  EXPECT_EQ(context.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(context.error().message,
+              HasSubstr("Virtuose at 127.0.0.1#53210: connecting failed with error 2"));
+}
+
+TEST_F(VirtuoseRules, version_aLibraryOfAnotherVersionIsError20) {
+  standin_.command("version wrong");
+  const auto context = openWith(steps_);
+  ASSERT_FALSE(context.ok());
+  EXPECT_EQ(context.error().code, ErrorCode::kVersion);
+  EXPECT_THAT(context.error().message, HasSubstr("error 20"));
+  EXPECT_THAT(context.error().message, HasSubstr("install the VirtuoseAPI"));
+}
+
+TEST_F(VirtuoseRules, oneProgram_aSecondConnectionIsRefusedUntilTheFirstIsClosed) {
+  VirtContext first = opened(steps_);
+  EXPECT_FALSE(openWith(steps_).ok());
+  closeVirtuose(api_, first);
+  closeVirtuose(api_, opened(steps_));
+  float pose[7];
+  EXPECT_NE(api_.virtGetPosition(first, pose), 0);  // and who goes on with the old one is told so
+  EXPECT_EQ(api_.virtGetErrorCode(first), 3);
+}
+
+TEST_F(VirtuoseRules, power_isOnlyPermittedByUsAndCompletedByTheUser) {
+  const auto felt = [&](VirtContext context) {
+    for (int k = 0; k < 5; ++k) {
+      force(context, 1);
+      standin_.advance(kTick_s);
+    }
+    return standin_.state().felt[0];
+  };
+  // a backend that forgets to permit it has no force, whatever the user does
+  VirtContext context = opened(without(steps_, "virtSetPowerOn"));
+  EXPECT_EQ(felt(context), 0);
+  closeVirtuose(api_, context);
+
+  context = opened(steps_);
+  EXPECT_EQ(felt(context), 1);
+  standin_.command("switch 0");
+  EXPECT_EQ(felt(context), 0);
+  standin_.command("switch 1");
+  standin_.command("dead_man 0");
+  EXPECT_EQ(felt(context), 0);
+  standin_.command("dead_man 1");
+  EXPECT_EQ(felt(context), 1);
+  // the emergency stop takes the switch with it
+  standin_.command("estop press");
+  EXPECT_EQ(felt(context), 0);
+  standin_.command("estop free");
+  EXPECT_EQ(felt(context), 0);
+  standin_.command("switch 1");
+  EXPECT_EQ(felt(context), 1);
+  closeVirtuose(api_, context);
+}
+
+TEST_F(VirtuoseRules, watchdog_twoSecondsOfSilenceCutForceAndLink) {
+  VirtContext context = opened(steps_);
+  force(context, 1);
+  standin_.advance(1.9);
+  EXPECT_EQ(standin_.state().felt[0], 1);  // until then the last force goes on
+  standin_.advance(0.2);
+  EXPECT_EQ(standin_.state().felt[0], 0);
+  EXPECT_NE(force(context, 1), 0);
+  EXPECT_EQ(api_.virtGetErrorCode(context), 2);
+  closeVirtuose(api_, context);
+}
+
+TEST_F(VirtuoseRules, watchdog_oursIsKeptAliveUntilTheLoopBegins) {
+  VirtuoseOptions options = standinOptions();
+  options.keep_alive = std::chrono::milliseconds(1);
+  VirtuoseDevice device(options);
+  ASSERT_TRUE(device.open(1000).ok());
+  // ten seconds of preparation, in virtual time
+  for (int k = 0; k < 10; ++k) {
+    const long before = standin_.state().exchanges;
+    standin_.advance(1);
+    const auto patience = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    while (standin_.state().exchanges == before && std::chrono::steady_clock::now() < patience)
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  DeviceRead read = DeviceRead::kNoUpdate;
+  for (int k = 0; k < 100 && read != DeviceRead::kFresh; ++k) read = device.read(reading_);
+  EXPECT_EQ(read, DeviceRead::kFresh);
+  EXPECT_EQ(reading_.condition & kDeviceLost, 0u);
+  device.close();
+}
+
+TEST_F(VirtuoseRules, rate_moreThanOneExchangeAMillisecondIsAnOverrun) {
+  const auto alarm = [&](VirtContext context) {
+    unsigned bits = 0;
+    EXPECT_EQ(api_.virtGetAlarm(context, &bits), 0);
+    return bits;
+  };
+  VirtContext context = opened(steps_);
+  for (int k = 0; k < 20; ++k) {  // a loop of 2 kHz
+    force(context, 0);
+    force(context, 0);
+    standin_.advance(kTick_s);
+  }
+  EXPECT_NE(alarm(context) & kVirtAlarmOverrun, 0u);
+  closeVirtuose(api_, context);
+}
+
+TEST_F(VirtuoseRules, rate_oursIsOneExchangeAMillisecondAlsoWithLateTicks) {
+  open();
+  ticks(100);
+  for (int k = 0; k < 50; ++k) {  // each second tick comes 0.9 ms late
+    standin_.advance(0.0009);
+    tick();
+    device_.read(reading_);
+    device_.write({});
+    standin_.advance(0.0001);
+  }
+  EXPECT_EQ(standin_.state().overruns, 0);
+  EXPECT_EQ(reading_.condition & kDeviceOverrun, 0u);
+}
+
+TEST_F(VirtuoseRules, saturation_theDeviceHoldsOurLimitsAndSaysSo) {
+  // a backend that does not tell its limits gets all that the motors have
+  VirtContext context = opened(without(steps_, "virtSaturateTorque"));
+  force(context, 14, 1);
+  standin_.advance(0.003);
+  EXPECT_NEAR(standin_.state().felt[0], 14, 1e-6);
+  closeVirtuose(api_, context);
+
+  context = opened(steps_);
+  force(context, 14, 1);
+  standin_.advance(0.003);
+  EXPECT_NEAR(standin_.state().felt[0], 10, 1e-6);
+  EXPECT_NEAR(standin_.state().felt[4], 0.8, 1e-6);
+  EXPECT_NE(standin_.state().alarms & kVirtAlarmSaturation, 0u);
+  closeVirtuose(api_, context);
+
+  // ours never asks for more: the gate has the same limits
+  open();
+  double most_N = 0;
+  for (int k = 0; k < 300; ++k) {
+    tick({{0, 50, 0}, {0, 5, 0}});
+    ASSERT_EQ(standin_.state().alarms & kVirtAlarmSaturation, 0u) << k;
+    most_N = std::max(most_N, standin_.state().felt[1]);
+  }
+  EXPECT_GT(most_N, 9.5);  // before the thermal budget takes some of it
+}
+
+TEST_F(VirtuoseRules, heat_aLastingForceOverheatsAndOursStaysBelow) {
+  VirtContext context = opened(steps_);
+  double hot_after_s = 0;
+  for (int k = 0; k < 10'000 && hot_after_s == 0; ++k) {
+    force(context, 8);
+    standin_.advance(kTick_s);
+    if ((standin_.state().alarms & kVirtAlarmOverheat) != 0) hot_after_s = k * kTick_s;
+  }
+  // mean square over 10 s: 64 (1 − exp(−t/10)) = 3.9²
+  EXPECT_NEAR(hot_after_s, -10 * std::log(1 - 3.9 * 3.9 / 64), 0.01);
+  closeVirtuose(api_, context);
+
+  standin_.advance(30);
+  ASSERT_EQ(standin_.state().alarms, 0u);
+  standin_.command("let_go");  // nobody's hand has to bear it
+  standin_.command("dead_man 1");
+  open();
+  for (int k = 0; k < 40'000; ++k) {
+    // to and fro, so that the handle stays
+    tick({{k / 20 % 2 == 0 ? 8.0 : -8.0, 0, 0}, {}});
+    ASSERT_EQ(standin_.state().alarms & kVirtAlarmOverheat, 0u) << k;
+    ASSERT_EQ(gate_.fault(), Fault::kNone) << k;
+  }
+}
+
+TEST_F(VirtuoseRules, indexing_ourPositionIsTheHandlesOwn) {
+  const auto elsewhere = [&] {  // the hand lets go of the sensor, goes 30 mm on, and takes hold again
+    standin_.command("place 0 0 0 0 0 0 1");
+    standin_.command("dead_man 0");
+    standin_.command("hand 0.03 0 0 0 0 0 1 0.5");
+    ticks(1000);
+    standin_.command("dead_man 1");
+    ticks(10);
+  };
+  float pose[7];
+  Steps shifting = steps_;
+  shifting[placeOf(shifting, "virtSetIndexingMode")].run = [](const VirtuoseApi& api, VirtContext vc) {
+    return api.virtSetIndexingMode(vc, 0);
+  };
+  VirtContext context = opened(shifting);
+  standin_.command("place 0 0 0 0 0 0 1");
+  standin_.command("dead_man 0");
+  standin_.command("hand 0.03 0 0 0 0 0 1 0.5");
+  for (int k = 0; k < 1000; ++k) {
+    force(context, 0);
+    standin_.advance(kTick_s);
+  }
+  ASSERT_EQ(api_.virtGetPosition(context, pose), 0);
+  EXPECT_NEAR(pose[0], 0, 1e-4);  // a backend with indexing believes itself where it was: the patient moves
+  closeVirtuose(api_, context);
+
+  standin_.command("dead_man 1");
+  open();
+  elsewhere();
+  EXPECT_NEAR(reading_.X_WH.p.x, 0.03, 1e-3);
+  EXPECT_NEAR(reading_.X_WH.p.x, standin_.state().position_m[0], 1e-5);
+}
+
+}  // namespace
+}  // namespace needlelab::test

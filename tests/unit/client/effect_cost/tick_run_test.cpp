@@ -1,0 +1,77 @@
+#include "client/effect_cost/tick_run.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "tests/support/scenes.h"
+
+namespace needlelab::test {
+namespace {
+
+// what a gesture does to a scene
+struct Seen {
+  std::set<int> layers;
+  std::set<Phase> phases;
+  std::uint32_t flags = 0;
+  std::size_t outside = 0;
+  double deepest_m = 0;
+};
+
+Seen seenBy(const SceneSpec& scene, double rate_hz, const std::vector<TipSample>& gesture) {
+  const SceneModel model = *compile(scene, rate_hz);
+  const auto state = std::make_unique<SimState>();
+  Seen seen;
+  StepReport report;
+  for (const TipSample& sample : gesture) {
+    step(model, sample, *state, report);
+    seen.layers.insert(report.layer);
+    seen.phases.insert(report.phase);
+    seen.flags |= report.flags;
+    if (report.phase == Phase::kFree) ++seen.outside;
+    seen.deepest_m = std::max(seen.deepest_m, report.insertion_m);
+  }
+  return seen;
+}
+
+TEST(MeasuringGesture, goesThroughAllLayersAndPhasesAndIsInTheTissueButForOneTick) {
+  for (const LimbKind kind : kLimbKinds)
+    for (const double rate_hz : {250.0, 1000.0, 8000.0}) {
+      const SceneSpec scene = withLimb(allEffects(), kind);
+      const Seen seen = seenBy(scene, rate_hz, measuringGesture(scene, rate_hz));
+      EXPECT_EQ(seen.outside, 1u) << limbName(kind) << " " << rate_hz;
+      // a capsule of 45 mm ends before the sixth layer's 10 mm, but not before its top
+      for (int layer = 0; layer < 6; ++layer)
+        EXPECT_TRUE(seen.layers.contains(layer)) << limbName(kind) << layer;
+      EXPECT_EQ(seen.phases.size(), 4u) << limbName(kind) << " " << rate_hz;
+      EXPECT_TRUE(seen.flags & kFlagRupture);
+      EXPECT_FALSE(seen.flags &
+                   (kFlagTurn | kFlagTorque | kFlagNotStepped | kFlagStartedInside | kFlagBeyondNeedle))
+          << limbName(kind) << " " << seen.flags;
+    }
+}
+
+TEST(MeasuringGesture, staysWithinAShortNeedleAndASmallLimb) {
+  SceneSpec scene = allEffects();
+  scene.needle_length_m = 0.02;
+  EXPECT_LE(seenBy(scene, 1000, measuringGesture(scene, 1000)).deepest_m, 0.0181);
+  scene.limb = SphereLimb{{0, 0, 0}, 0.01};
+  const Seen seen = seenBy(scene, 1000, measuringGesture(scene, 1000));
+  EXPECT_GT(seen.deepest_m, 0.006);
+  EXPECT_LE(seen.deepest_m, 0.0085);
+}
+
+TEST(TickRun, repeatsTheGesture) {
+  const SceneSpec scene = allEffects();
+  const SceneModel model = *compile(scene, 250);
+  const auto gesture = measuringGesture(scene, 250);
+  const Timing timing = [&] {
+    TickRun run(model, gesture);
+    return timeBatches(200, 16, [&] { run.tick(); });
+  }();
+  EXPECT_GT(timing.median_ns, 1);
+  EXPECT_GE(timing.p99_ns, timing.median_ns);
+}
+
+}  // namespace
+}  // namespace needlelab::test

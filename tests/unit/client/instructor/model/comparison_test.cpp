@@ -1,0 +1,100 @@
+#include "client/instructor/model/comparison.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/client/instructor/model/lesson_gestures.h"
+
+namespace needlelab {
+namespace {
+
+using test::lesson;
+using test::LessonHand;
+
+TEST(Comparison, aGestureBesideItselfDiffersNowhere) {
+  const auto gesture = lesson();
+  for (const auto alignment : {Alignment::kDepth, Alignment::kDtw, Alignment::kTime}) {
+    const auto both = compareGestures(*gesture, *gesture, alignment);
+    ASSERT_TRUE(both.ok()) << both.error().message;
+    ASSERT_GT(both->points.size(), 10u);
+    for (const ComparedPoint& point : both->points) {
+      EXPECT_EQ(point.force_a_N, point.force_b_N);
+      EXPECT_EQ(point.time_a_s, point.time_b_s);
+      EXPECT_EQ(point.apart_m, 0);
+    }
+    EXPECT_EQ(both->dtw_distance_m, 0);
+    EXPECT_FALSE(both->words.empty());
+  }
+}
+
+TEST(Comparison, twoDifferentExercisesAreNamed) {
+  const auto one = lesson(), same = lesson();
+  auto info = one->info;
+  info.mutable_description()->set_exercise_id("another-one");
+  const auto other = gestureOf(info, one->samples);
+  const auto alike = compareGestures(*one, *same, Alignment::kDepth);
+  const auto unlike = compareGestures(*one, *other, Alignment::kDepth);
+  ASSERT_TRUE(alike.ok() && unlike.ok());
+  EXPECT_EQ(unlike->words.size(), alike->words.size() + 1);
+  EXPECT_NE(unlike->words.front().find("another-one"), std::string::npos) << unlike->words.front();
+}
+
+TEST(Comparison, byDepthTheSlowerHandIsMetAtTheSamePlace) {
+  const auto fast = lesson({.depth_m = 0.02, .seconds = 2});
+  const auto slow = lesson({.depth_m = 0.015, .seconds = 4});
+  const auto both = compareGestures(*fast, *slow, Alignment::kDepth);
+  ASSERT_TRUE(both.ok());
+  // to where the shallower one came, in steps of 0.25 mm
+  EXPECT_NEAR(both->points.back().at, 0.015, 0.0003);
+  for (const ComparedPoint& point : both->points) {
+    if (point.at < 0.001 || point.at > 0.0145) continue;
+    // a tick of 1 ms at up to 20 mm/s
+    EXPECT_NEAR(point.insertion_a_m, point.at, 5e-5);
+    EXPECT_NEAR(point.insertion_b_m, point.at, 5e-5);
+    EXPECT_GT(point.time_b_s, point.time_a_s);
+  }
+}
+
+TEST(Comparison, warpingFindsAShiftOfThePaths) {
+  const auto straight = lesson({.depth_m = 0.02, .seconds = 2});
+  auto info = test::lessonInfo(test::sampleProfile("shoulder-adult"));
+  auto samples = straight->samples;
+  // all of it 3 mm aside, where limb and device stand the same
+  for (GestureSample& s : samples) s.p_WT_m[0] += 0.003;
+  const auto aside = gestureOf(info, samples);
+  const auto both = compareGestures(*straight, *aside, Alignment::kDtw);
+  ASSERT_TRUE(both.ok());
+  EXPECT_GT(both->dtw_distance_m, 0.0005);
+  EXPECT_LE(both->dtw_distance_m, 0.003 + 1e-9);
+  // the limb moved as well: no difference in its own frame
+  for (const double v : {0.003, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0}) info.mutable_description()->add_placement(v);
+  const auto moved = compareGestures(*straight, *gestureOf(info, samples), Alignment::kDtw);
+  ASSERT_TRUE(moved.ok());
+  EXPECT_NEAR(moved->dtw_distance_m, 0, 1e-9);
+}
+
+TEST(Comparison, theAxisAscendsAndTimesDoNotGoBack) {
+  const auto a = lesson({.seconds = 2}), b = lesson({.seconds = 3, .aside_m = 0.002});
+  for (const auto alignment : {Alignment::kDepth, Alignment::kDtw, Alignment::kTime}) {
+    const auto both = compareGestures(*a, *b, alignment);
+    ASSERT_TRUE(both.ok());
+    for (std::size_t i = 1; i < both->points.size(); ++i) {
+      EXPECT_GT(both->points[i].at, both->points[i - 1].at);
+      EXPECT_GE(both->points[i].time_a_s, both->points[i - 1].time_a_s);
+      EXPECT_GE(both->points[i].time_b_s, both->points[i - 1].time_b_s);
+    }
+  }
+}
+
+TEST(Comparison, aNeedleThatStayedOutsideIsSaid) {
+  const auto in = lesson(), out = lesson({.depth_m = -0.001});
+  for (const auto alignment : {Alignment::kDepth, Alignment::kDtw, Alignment::kTime}) {
+    const auto both = compareGestures(*in, *out, alignment);
+    ASSERT_FALSE(both.ok());
+    EXPECT_NE(both.error().message.find("never in tissue"), std::string::npos);
+  }
+  pb::SessionInfo info = in->info;
+  EXPECT_FALSE(compareGestures(*gestureOf(info, {}), *in, Alignment::kDepth).ok());
+}
+
+}  // namespace
+}  // namespace needlelab

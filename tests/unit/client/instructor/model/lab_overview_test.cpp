@@ -1,0 +1,225 @@
+#include "client/instructor/model/lab_overview.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <limits>
+#include <set>
+
+#include <cmath>
+
+#include "common/haptics/force_gate.h"
+
+namespace needlelab {
+namespace {
+
+const std::string kSession(16, 's');
+
+pb::StationStatus practising(const std::string& station) {
+  pb::StationStatus status;
+  status.set_station(station);
+  status.set_online(true);
+  status.set_session_id(kSession);
+  status.set_trainee("tina");
+  status.set_exercise_id("knee-recess");
+  status.set_phase(1);
+  status.set_layer(2);
+  status.set_insertion_m(0.02);
+  status.set_force_n(2);
+  return status;
+}
+
+std::vector<std::string> names(const std::vector<const StationTile*>& tiles) {
+  std::vector<std::string> list;
+  for (const StationTile* tile : tiles) list.push_back(tile->station);
+  return list;
+}
+
+/// Each state of a station, and what it needs.
+TEST(LabOverview, whatAStationNeeds) {
+  struct Row {
+    const char* name;
+    Need need;
+    std::function<void(LabOverview&)> happens;
+  };
+  const auto say = [](LabOverview& lab, double at_s, auto change) {
+    auto status = practising("one");
+    change(status);
+    lab.onStatus(status, at_s);
+  };
+  const std::vector<Row> rows = {
+      {"a lesson", Need::kPractising, [&](auto& lab) { say(lab, 0, [](auto&) {}); }},
+      {"idle", Need::kWaiting, [&](auto& lab) { say(lab, 0, [](auto& s) { s.clear_session_id(); }); }},
+      {"a lesson that ended", Need::kDone,
+       [&](auto& lab) {
+         say(lab, 0, [](auto&) {});
+         say(lab, 1, [](auto& s) { s.clear_session_id(); });
+       }},
+      {"a lesson that ended long ago", Need::kWaiting,
+       [&](auto& lab) {
+         say(lab, 0, [](auto&) {});
+         say(lab, 1, [](auto& s) { s.clear_session_id(); });
+         lab.tick(1 + kDoneLasts_s + 1);
+       }},
+      {"a fault", Need::kFault,
+       [&](auto& lab) {
+         say(lab, 0, [](auto& s) { s.set_fault(static_cast<std::uint32_t>(Fault::kTipTooFast)); });
+       }},
+      {"too much force", Need::kExcessiveForce,
+       [&](auto& lab) { say(lab, 0, [](auto& s) { s.set_force_n(9); }); }},
+      {"too much force a moment ago", Need::kExcessiveForce,
+       [&](auto& lab) {
+         say(lab, 0, [](auto& s) { s.set_force_n(9); });
+         say(lab, kNeedLasts_s - 1, [](auto&) {});
+       }},
+      {"too much force once", Need::kPractising,
+       [&](auto& lab) {
+         say(lab, 0, [](auto& s) { s.set_force_n(9); });
+         say(lab, kNeedLasts_s + 1, [](auto&) {});
+       }},
+      {"above the exercise's own limit", Need::kExcessiveForce,
+       [&](auto& lab) { say(lab, 0, [](auto& s) { s.set_force_limit_n(1.5); }); }},
+      {"a peak between two lines", Need::kExcessiveForce,
+       [&](auto& lab) {
+         say(lab, 0, [](auto&) {});
+         say(lab, 0.1, [](auto& s) { s.set_peak_force_n(9); });
+       }},
+      {"a hazard touched", Need::kHazard,
+       [&](auto& lab) { say(lab, 0, [](auto& s) { s.add_hazards_touched("nerve"); }); }},
+      {"force goes before a hazard", Need::kExcessiveForce,
+       [&](auto& lab) {
+         say(lab, 0, [](auto& s) {
+           s.add_hazards_touched("nerve");
+           s.set_force_n(9);
+         });
+       }},
+      {"the device rests", Need::kTrouble,
+       [&](auto& lab) { say(lab, 0, [](auto& s) { s.set_trouble("disk nearly full"); }); }},
+      {"a fault goes before force", Need::kFault,
+       [&](auto& lab) {
+         say(lab, 0, [](auto& s) {
+           s.set_fault(2);
+           s.set_force_n(9);
+         });
+       }},
+      {"gone in mid-lesson", Need::kLost,
+       [&](auto& lab) {
+         say(lab, 0, [](auto&) {});
+         say(lab, 1, [](auto& s) { s.set_online(false); });
+       }},
+      {"switched off", Need::kOffline,
+       [&](auto& lab) {
+         say(lab, 0, [](auto& s) { s.clear_session_id(); });
+         say(lab, 1, [](auto& s) { s.set_online(false); });
+       }},
+  };
+  for (const Row& row : rows) {
+    LabOverview lab;
+    row.happens(lab);
+    const StationTile* tile = lab.find("one");
+    ASSERT_NE(tile, nullptr) << row.name;
+    EXPECT_EQ(wordOf(tile->need), wordOf(row.need)) << row.name;
+    EXPECT_EQ(lab.counts()[static_cast<std::size_t>(row.need)], 1u) << row.name;
+  }
+}
+
+TEST(LabOverview, urgentOnesComeFirstAndEqualsStayInTheOrderOfNames) {
+  LabOverview lab;
+  for (const char* name : {"c", "a", "d", "b"}) lab.onStatus(practising(name), 0);
+  auto bad = practising("d");
+  bad.set_fault(4);
+  lab.onStatus(bad, 1);
+  EXPECT_EQ(names(lab.tiles(TileOrder::kNeed)), (std::vector<std::string>{"d", "a", "b", "c"}));
+  lab.onStatus(practising("d"), 2);
+  EXPECT_EQ(names(lab.tiles(TileOrder::kNeed)), (std::vector<std::string>{"a", "b", "c", "d"}));
+  EXPECT_EQ(names(lab.tiles(TileOrder::kName)), (std::vector<std::string>{"a", "b", "c", "d"}));
+  auto strong = practising("c");
+  strong.set_force_n(5);
+  lab.onStatus(strong, 3);
+  EXPECT_EQ(lab.tiles(TileOrder::kPeakForce).front()->station, "c");
+}
+
+TEST(LabOverview, filtersByHelpByTextAndByWhoIsThere) {
+  LabOverview lab;
+  lab.onStatus(practising("bench-1"), 0);
+  auto bad = practising("bench-2");
+  bad.set_trouble("no disk");
+  bad.set_trainee("Tom");
+  lab.onStatus(bad, 0);
+  auto away = practising("bench-3");
+  away.clear_session_id();
+  away.set_online(false);
+  lab.onStatus(away, 0);
+  EXPECT_EQ(names(lab.tiles(TileOrder::kName, {.only_help = true})), std::vector<std::string>{"bench-2"});
+  EXPECT_EQ(names(lab.tiles(TileOrder::kName, {.only_online = true})).size(), 2u);
+  EXPECT_EQ(names(lab.tiles(TileOrder::kName, {.text = "TOM"})), std::vector<std::string>{"bench-2"});
+  EXPECT_EQ(lab.tiles(TileOrder::kName, {.text = "KNEE-rec"}).size(), 2u);
+  EXPECT_TRUE(lab.tiles(TileOrder::kName, {.text = "nobody"}).empty());
+}
+
+TEST(LabOverview, thePeakIsThatOfTheLesson) {
+  LabOverview lab;
+  const auto force = [&](double newtons, char session, double at_s) {
+    auto status = practising("one");
+    status.set_session_id(std::string(16, session));
+    status.set_force_n(newtons);
+    lab.onStatus(status, at_s);
+    return lab.find("one")->peak_force_N;
+  };
+  EXPECT_EQ(force(1, 'a', 0), 1);
+  EXPECT_EQ(force(3, 'a', 1), 3);
+  EXPECT_EQ(force(2, 'a', 2), 3);
+  EXPECT_EQ(lab.find("one")->lesson_s, 2);
+  EXPECT_EQ(lab.find("one")->forces_N.size(), 3u);
+  EXPECT_EQ(force(1, 'b', 3), 1);
+  EXPECT_EQ(lab.find("one")->lesson_s, 0);
+}
+
+TEST(LabOverview, stationsThatTheServerNoLongerKnowsGoAndOthersComeOffline) {
+  LabOverview lab;
+  lab.onStatus(practising("old"), 0);
+  pb::Stations stations;
+  stations.add_stations()->set_name("new");
+  auto& revoked = *stations.add_stations();
+  revoked.set_name("stolen");
+  revoked.set_revoked(true);
+  lab.setStations(stations, 1);
+  EXPECT_EQ(names(lab.tiles(TileOrder::kName)), std::vector<std::string>{"new"});
+  EXPECT_EQ(lab.find("new")->need, Need::kOffline);
+}
+
+TEST(LabOverview, whatIsHeardNoMoreIsStale) {
+  LabOverview lab;
+  lab.onStatus(practising("one"), 0);
+  lab.tick(kStale_s - 0.1);
+  EXPECT_FALSE(lab.find("one")->stale);
+  lab.tick(kStale_s + 0.1);
+  EXPECT_TRUE(lab.find("one")->stale);
+  lab.onStatus(practising("one"), 5);
+  EXPECT_FALSE(lab.find("one")->stale);
+  lab.connectionLost();
+  EXPECT_TRUE(lab.find("one")->stale);
+}
+
+TEST(LabOverview, whatTheNetworkSaysIsMadeSafeToShow) {
+  LabOverview lab;
+  auto status = practising("one");
+  status.set_trainee("a\x1b[31mb");
+  status.set_force_n(std::numeric_limits<double>::quiet_NaN());
+  status.set_insertion_m(std::numeric_limits<double>::infinity());
+  status.set_fault(4'000'000'000u);
+  lab.onStatus(status, 0);
+  EXPECT_EQ(lab.find("one")->trainee, "a?[31mb");
+  EXPECT_EQ(lab.find("one")->force_N, 0);
+  EXPECT_EQ(lab.find("one")->insertion_m, 0);
+  EXPECT_EQ(lab.find("one")->need, Need::kFault);
+}
+
+TEST(LabOverview, eachNeedHasAWordOfItsOwn) {
+  std::set<std::string_view> words;
+  for (std::size_t i = 0; i < kNeedCount; ++i) words.insert(wordOf(static_cast<Need>(i)));
+  EXPECT_EQ(words.size(), kNeedCount);
+}
+
+}  // namespace
+}  // namespace needlelab

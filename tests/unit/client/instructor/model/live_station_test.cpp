@@ -1,0 +1,139 @@
+#include "client/instructor/model/live_station.h"
+
+#include <gtest/gtest.h>
+
+#include "common/gesture/chunk.h"
+#include "tests/unit/client/instructor/model/lesson_gestures.h"
+
+namespace needlelab {
+namespace {
+
+class LiveStationTest : public testing::Test {
+ protected:
+  /// Frames of 20 samples, [from, to).
+  void feed(std::size_t from, std::size_t to) {
+    for (std::size_t k = from; k < to; k += 20) {
+      LiveArrival arrival;
+      const Bytes data = encodeChunk(Resolution::lossless(), std::span(samples_).subspan(k, 20));
+      arrival.frame.set_station("bench-1");
+      arrival.frame.set_session_id(info_.description().session_id());
+      arrival.frame.set_frame_seq(k / 20);
+      arrival.frame.set_data(data.data(), data.size());
+      arrival.frame.set_capture_unix_ns(1'000'000'000 + static_cast<std::int64_t>(k) * 1'000'000);
+      arrival.received_unix_ns = arrival.frame.capture_unix_ns() + 5'000'000;
+      live_.feed(arrival);
+    }
+  }
+  const std::string profile_ = test::sampleProfile("shoulder-adult");
+  pb::SessionInfo info_ = test::lessonInfo(profile_);
+  std::vector<GestureSample> samples_ = test::lessonSamples(profile_, {.depth_m = 0.02, .seconds = 1});
+  LiveStation live_{"bench-1"};
+};
+
+TEST_F(LiveStationTest, whatCameBeforeTheDescriptionIsNotLost) {
+  feed(0, 400);
+  EXPECT_TRUE(live_.trace().empty());
+  EXPECT_EQ(live_.sessionToAskFor(10), info_.description().session_id());
+  EXPECT_EQ(live_.sessionToAskFor(10.1), "") << "it was asked for a moment ago";
+  EXPECT_EQ(live_.sessionToAskFor(13), info_.description().session_id()) << "no answer came";
+  live_.setSession(info_);
+  EXPECT_DOUBLE_EQ(live_.trace().firstTime_s(), 0);
+  EXPECT_DOUBLE_EQ(live_.trace().lastTime_s(), 0.399);
+  EXPECT_EQ(live_.sessionToAskFor(20), "");
+  feed(400, 1000);
+  EXPECT_DOUBLE_EQ(live_.trace().lastTime_s(), 0.999);
+  EXPECT_EQ(live_.stats().dropped(), 0u);
+  EXPECT_EQ(live_.newestTick(), 999u);
+  // the same numbers as in the stored session
+  const auto stored = gestureOf(info_, samples_);
+  for (const auto channel :
+       {TraceChannel::kForce, TraceChannel::kCutting, TraceChannel::kAlpha, TraceChannel::kDepth})
+    EXPECT_EQ(live_.trace().value(channel, 0.9), stored->trace.value(channel, 0.9));
+}
+
+TEST_F(LiveStationTest, aPausedViewStandsWhileTheStreamGoesOn) {
+  live_.setSession(info_);
+  feed(0, 600);
+  live_.setSession(info_);
+  live_.pause();
+  const double stands_s = live_.viewEnd_s();
+  feed(600, 1200);
+  EXPECT_TRUE(live_.paused());
+  EXPECT_EQ(live_.viewEnd_s(), stands_s);
+  EXPECT_DOUBLE_EQ(live_.trace().lastTime_s(), 1.199) << "nothing of the stream was lost";
+  live_.scrollTo(0.3);
+  EXPECT_DOUBLE_EQ(live_.viewEnd_s(), 0.3);
+  EXPECT_NEAR(live_.shown().time_s, 0.3, 0.011);
+  live_.scrollTo(-50);
+  EXPECT_EQ(live_.viewEnd_s(), 0);
+  live_.resume();
+  EXPECT_DOUBLE_EQ(live_.viewEnd_s(), 1.199);
+  EXPECT_EQ(live_.shown().tick, 1199u);
+}
+
+TEST_F(LiveStationTest, gapsAreCountedAndFlagged) {
+  live_.feed({});
+  feed(0, 20);
+  live_.setSession(info_);
+  feed(20, 700);
+  EXPECT_FALSE(live_.approximate());
+  feed(800, 840);  // five frames were lost, in tissue
+  EXPECT_EQ(live_.stats().dropped(), 5u);
+  EXPECT_TRUE(live_.approximate());
+  feed(840, samples_.size() / 20 * 20);  // out again
+  EXPECT_FALSE(live_.approximate());
+}
+
+TEST_F(LiveStationTest, anotherSessionBeginsAnew) {
+  feed(0, 400);
+  live_.setSession(info_);
+  live_.pause();
+  info_ = test::lessonInfo(profile_);
+  feed(0, 20);
+  EXPECT_FALSE(live_.paused());
+  EXPECT_TRUE(live_.trace().empty());
+  EXPECT_EQ(live_.sessionToAskFor(0), info_.description().session_id());
+  EXPECT_EQ(live_.stats().dropped(), 0u);
+}
+
+TEST_F(LiveStationTest, withoutAReadableProfileTheSamplesAreShownAsTheyAre) {
+  feed(0, 700);
+  info_.mutable_description()->set_profile_json("{}");
+  live_.setSession(info_);
+  EXPECT_FALSE(live_.scene().view);
+  EXPECT_FALSE(live_.scene().why.empty());
+  EXPECT_FALSE(live_.trace().empty());
+  EXPECT_GT(live_.trace().peakForce_N(), 0);
+}
+
+TEST_F(LiveStationTest, bytesThatAreNoFrameAreCountedAndPassedOver) {
+  LiveArrival arrival;
+  arrival.frame.set_station("bench-1");
+  arrival.frame.set_session_id(info_.description().session_id());
+  arrival.frame.set_data("no chunk");
+  live_.feed(arrival);
+  arrival.frame.set_station("bench-2");
+  live_.feed(arrival);
+  EXPECT_EQ(live_.unreadable(), 1u);
+}
+
+TEST_F(LiveStationTest, remarksStandOnTheTimeLine) {
+  feed(0, 600);
+  live_.setSession(info_);
+  live_.addRemark(500, "slower");
+  bool found = false;
+  for (const TraceEvent& event : live_.trace().events())
+    found =
+        found || (event.kind == TraceEvent::Kind::kRemark && event.text == "slower" && event.time_s == 0.5);
+  EXPECT_TRUE(found);
+}
+
+TEST_F(LiveStationTest, theSpanIsHeld) {
+  live_.setSpan(0.001);
+  EXPECT_EQ(live_.span_s(), 2);
+  live_.setSpan(1e9);
+  EXPECT_EQ(live_.span_s(), kLiveSpan_s);
+}
+
+}  // namespace
+}  // namespace needlelab

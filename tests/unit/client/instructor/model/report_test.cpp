@@ -1,0 +1,142 @@
+#include "client/instructor/model/report.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "common/base/atomic_file.h"
+#include "common/gesture/sample_csv.h"
+#include "tests/support/temp_folder.h"
+#include "tests/unit/client/instructor/model/lesson_gestures.h"
+
+namespace needlelab {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+ReportData dataOf(const std::string& trainee = "tina") {
+  const std::string json = test::sampleProfile("shoulder-adult");
+  ReportData data;
+  data.gesture = gestureOf(test::lessonInfo(json, trainee), test::lessonSamples(json, {}));
+  Measure force;
+  force.name = "peak_force_n";
+  force.value = 3.25;
+  force.unit = "N";
+  force.max = 5;
+  force.passed = true;
+  force.words = "Greatest force 3.25 N";
+  Measure entries;
+  entries.name = "entries";
+  entries.value = 1;
+  data.measures = {entries, force};
+  data.passed = true;
+  data.definition_version = 2;
+  pb::ReferenceBand band;
+  band.set_measure("peak_force_n");
+  band.set_least(1);
+  band.set_greatest(4);
+  band.set_mean(2);
+  band.set_p10(1.5);
+  band.set_p90(3);
+  data.bands.push_back(band);
+  data.standings.push_back({"peak_force_n", "worse", "1.8 standard deviations above the mean"});
+  data.progress.push_back(
+      {"peak_force_n", "N", "falls by 0.3 N with each attempt", {1, 2, 3}, {4, 3.5, 3.25}});
+  return data;
+}
+
+TEST(Report, saysWhatTheScoreSays) {
+  const std::string html = reportHtml(dataOf());
+  for (const char* part : {"✔ passed", "3.25 N", "at most 5", "1.8 standard deviations above the mean",
+                           "falls by 0.3 N", "Definitions of version 2", "shoulder-bursa", "bench-1"})
+    EXPECT_THAT(html, HasSubstr(part));
+  // plots: forces, depth, speed, lateral error, angles; one of progress; one standing
+  std::size_t plots = 0;
+  for (std::size_t at = html.find("<svg"); at != std::string::npos; at = html.find("<svg", at + 1)) ++plots;
+  EXPECT_EQ(plots, 7u);
+  EXPECT_THAT(html, HasSubstr("beside the experts"));
+  // required ones come first
+  EXPECT_LT(html.find("at most 5"), html.find(">1<"));
+}
+
+TEST(Report, isOneFileWithoutScriptsOrLinks) {
+  const std::string html = reportHtml(dataOf());
+  for (const char* part : {"<script", "http://", "https://", "<link", "<img", "@import", "url("})
+    EXPECT_THAT(html, Not(HasSubstr(part)));
+  const ReportData data = dataOf();
+  EXPECT_EQ(reportHtml(data), reportHtml(data));
+}
+
+TEST(Report, whatComesFromElsewhereIsEscaped) {
+  const std::string evil = "<img src=x onerror='alert(1)'>";
+  ReportData data = dataOf(evil);
+  auto gesture = std::make_shared<StoredGesture>();
+  gesture->info = data.gesture->info;
+  auto& d = *gesture->info.mutable_description();
+  d.set_station(evil);
+  d.set_device(evil);
+  d.set_profile_id(evil);
+  d.set_exercise_id(evil);
+  d.add_device_notes(evil);
+  gesture->notes.push_back(evil);
+  pb::Annotation remark;
+  remark.set_author(evil);
+  remark.set_text(evil);
+  data.remarks.push_back(remark);
+  pb::SyringeEvent event;
+  event.mutable_begin()->set_tissue(evil);
+  event.mutable_begin()->set_target(evil);
+  event.add_hazards(evil);
+  gesture->events.push_back(event);
+  data.gesture = gesture;
+  data.exercise_name = data.exercise_text = evil;
+  data.measures[0].name = data.measures[0].words = data.measures[0].unit = evil;
+  data.standings[0].words = evil;
+  data.progress[0].words = evil;
+  data.notes.push_back(evil);
+  const std::string html = reportHtml(data);
+  EXPECT_THAT(html, Not(HasSubstr("<img")));
+  EXPECT_THAT(html, Not(HasSubstr("onerror='")));
+  EXPECT_THAT(html, HasSubstr("&lt;img"));
+}
+
+TEST(Report, aSessionWithoutScoreOrSamplesHasAPageToo) {
+  ReportData data;
+  data.gesture = gestureOf(test::lessonInfo("{}"), {});
+  const std::string html = reportHtml(data);
+  EXPECT_THAT(html, HasSubstr("no score yet"));
+  EXPECT_THAT(html, Not(HasSubstr("nan")));
+}
+
+TEST(Report, theCsvHoldsTheSamples) {
+  const test::TempFolder folder;
+  const auto gesture = test::lesson();
+  const auto file = folder.path() / "samples.csv";
+  ASSERT_TRUE(writeSamplesCsv(*gesture, file).ok());
+  const auto back = readSampleCsv(file);
+  ASSERT_TRUE(back.ok()) << back.error().message;
+  ASSERT_EQ(back->size(), gesture->samples.size());
+  for (std::size_t i = 0; i < back->size(); i += 100) {
+    EXPECT_EQ((*back)[i].tick, gesture->samples[i].tick);
+    EXPECT_EQ((*back)[i].p_WT_m[2], gesture->samples[i].p_WT_m[2]);
+    EXPECT_EQ((*back)[i].force_W_N[0], gesture->samples[i].force_W_N[0]);
+  }
+  EXPECT_FALSE(writeSamplesCsv(*gesture, folder.path() / "no" / "such" / "folder.csv").ok());
+}
+
+TEST(ReportData, rowsOfJsonFromTheNetwork) {
+  EXPECT_TRUE(progressRowsOf("").empty());
+  EXPECT_TRUE(progressRowsOf("{}").empty());
+  EXPECT_TRUE(progressRowsOf("[1, \"x\", {}]").empty());
+  const auto rows = progressRowsOf(
+      R"([{"measure":"peak_force_n","unit":"N","attempts":[0,2,"x"],"values":[4,null,3],"words":"falls"}])");
+  ASSERT_EQ(rows.size(), 1u);
+  EXPECT_EQ(rows[0].attempts, (std::vector<double>{1, 3}));
+  EXPECT_EQ(rows[0].values.size(), 2u);
+  EXPECT_EQ(standingRowsOf(R"([{"measure":"a","standing":"better","words":"w"},7])").size(), 1u);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,54 @@
+#include "client/instructor/model/session_scene.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "tests/unit/client/instructor/model/lesson_gestures.h"
+
+namespace needlelab {
+namespace {
+
+TEST(SessionScene, aSampleProfileCanBeDrawnAndStepped) {
+  const auto info = test::lessonInfo(test::sampleProfile("shoulder-adult"));
+  const SessionScene scene = sceneOfSession(info.description());
+  EXPECT_TRUE(scene.view);
+  EXPECT_TRUE(scene.model);
+  EXPECT_TRUE(scene.why.empty());
+}
+
+TEST(SessionScene, whatCannotBeReadIsSaidInWords) {
+  auto info = test::lessonInfo("{}");
+  SessionScene scene = sceneOfSession(info.description());
+  EXPECT_FALSE(scene.view);
+  EXPECT_FALSE(scene.model);
+  EXPECT_FALSE(scene.why.empty());
+
+  info = test::lessonInfo(test::sampleProfile("shoulder-adult"));
+  info.mutable_description()->set_rate_hz(3);  // drawn, but not stepped
+  scene = sceneOfSession(info.description());
+  EXPECT_TRUE(scene.view);
+  EXPECT_FALSE(scene.model);
+  EXPECT_FALSE(scene.why.empty());
+}
+
+TEST(SessionScene, placementsFromTheNetworkAreChecked) {
+  pb::SessionDescription d;
+  EXPECT_EQ(*placementOf(d), Pose{});
+  for (const double v : {1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 2.0}) d.add_placement(v);
+  EXPECT_EQ(*placementOf(d), (Pose{{1, 2, 3}, {0, 0, 0, 1}}));
+  d.set_placement(6, 0);
+  EXPECT_FALSE(placementOf(d).ok());
+  d.set_placement(6, std::numeric_limits<double>::infinity());
+  EXPECT_FALSE(placementOf(d).ok());
+  d.add_placement(1);
+  EXPECT_FALSE(placementOf(d).ok());
+}
+
+TEST(SessionScene, idsAsText) {
+  EXPECT_EQ(sessionIdText("short"), "?");
+  EXPECT_EQ(sessionIdText(std::string(16, '\x11')), "11111111-1111-1111-1111-111111111111");
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,98 @@
+#include "client/instructor/model/stored_gesture.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "client/instructor/model/lab_connection.h"
+#include "client/instructor/model/report.h"
+#include "tests/unit/client/instructor/model/lesson_gestures.h"
+#include "tests/unit/client/instructor/model/upload_lesson.h"
+#include "tests/unit/server/live/running_server.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+using testing::HasSubstr;
+
+/// A server with one lesson of tina's in it, as a station would have sent it.
+class StoredGestureTest : public testing::Test {
+ protected:
+  RunningServer server_;
+  std::string key_ = server_.addStation("bench-1");
+  std::string profile_ = sampleProfile("shoulder-adult");
+  pb::SessionInfo info_ = lessonInfo(profile_);
+  std::vector<GestureSample> samples_ = lessonSamples(profile_, {.depth_m = 0.02, .seconds = 1});
+  std::optional<BlockingClient> instructor_;
+
+  void SetUp() override {
+    server_.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
+    ASSERT_NO_FATAL_FAILURE(uploadLesson(server_, key_, info_, samples_));
+    auto instructor = server_.connect(personLogin("anna", "correct horse battery"));
+    ASSERT_TRUE(instructor.ok());
+    instructor_.emplace(std::move(*instructor));
+  }
+  LabCall call() {
+    return [this](const pb::Request& request) { return instructor_->call(request); };
+  }
+};
+
+TEST_F(StoredGestureTest, isReadWholeWithItsRemarks) {
+  pb::Request remark;
+  remark.mutable_annotate()->set_session_id(info_.description().session_id());
+  remark.mutable_annotate()->set_tick(750);
+  remark.mutable_annotate()->set_text("slower here");
+  ASSERT_TRUE(instructor_->call(remark).ok());
+  LoadProgress progress;
+  const auto gesture = loadGesture(call(), info_.description().session_id(), {}, &progress);
+  ASSERT_TRUE(gesture.ok()) << gesture.error().message;
+  ASSERT_EQ((*gesture)->samples.size(), samples_.size());
+  EXPECT_EQ(progress.chunks_read, progress.chunks);
+  EXPECT_TRUE((*gesture)->notes.empty()) << (*gesture)->notes[0];
+  EXPECT_TRUE((*gesture)->scene.model);
+  for (std::size_t i = 0; i < samples_.size(); i += 97) {
+    EXPECT_EQ((*gesture)->samples[i].tick, samples_[i].tick);
+    EXPECT_NEAR((*gesture)->samples[i].p_WT_m[2], samples_[i].p_WT_m[2], 0.51e-6);
+    EXPECT_EQ((*gesture)->sampleAt((*gesture)->timeOfTick(samples_[i].tick) + 0.0004), i);
+  }
+  EXPECT_THAT((*gesture)->title(), HasSubstr("tina, shoulder-bursa, 2025-11-21"));
+  ASSERT_EQ((*gesture)->annotations.size(), 1u);
+  const auto& events = (*gesture)->trace.events();
+  EXPECT_TRUE(std::any_of(events.begin(), events.end(), [](const TraceEvent& e) {
+    return e.kind == TraceEvent::Kind::kRemark && e.text == "anna: slower here";
+  }));
+}
+
+TEST_F(StoredGestureTest, becomesAReport) {
+  const auto gesture = loadGesture(call(), info_.description().session_id());
+  ASSERT_TRUE(gesture.ok());
+  const auto data = collectReport(call(), *gesture);
+  ASSERT_TRUE(data.ok()) << data.error().message;
+  EXPECT_FALSE(data->measures.empty());
+  EXPECT_EQ(data->attempt, 1u);
+  EXPECT_NE(reportHtml(*data).find("Definitions of version"), std::string::npos);
+}
+
+TEST_F(StoredGestureTest, whatIsNotThereIsSaid) {
+  EXPECT_EQ(loadGesture(call(), std::string(16, 'x')).error().code, ErrorCode::kNotFound);
+  LoadProgress progress;
+  progress.stop = true;
+  EXPECT_FALSE(loadGesture(call(), info_.description().session_id(), {}, &progress).ok());
+}
+
+TEST_F(StoredGestureTest, isLoadedByAWorkerThroughTheLabsConnection) {
+  LabConnection lab;
+  const auto config = server_.config({});
+  lab.logIn({config.server, config.ca_file, "anna", "correct horse battery"});
+  std::optional<Result<std::shared_ptr<const StoredGesture>>> gesture;
+  std::thread worker([&] {
+    gesture.emplace(loadGesture([&](const pb::Request& request) { return lab.call(request); },
+                                info_.description().session_id()));
+  });
+  worker.join();
+  ASSERT_TRUE(gesture->ok()) << gesture->error().message;
+  EXPECT_EQ((**gesture)->samples.size(), samples_.size());
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,87 @@
+#include "client/instructor/model/svg_plot.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace needlelab {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+const std::vector<double> kX = {0, 1, 2, 3, 4}, kY = {0, 2, 1, std::nan(""), 4};
+
+SvgPlot plot() {
+  SvgPlot plot;
+  plot.title = "force <b>";
+  plot.unit = "N";
+  plot.x_title = "s";
+  plot.to = 4.1;  // columns are half open
+  plot.series.push_back({"all", kBlue, columnsOf(kX, kY), false});
+  return plot;
+}
+
+TEST(SvgPlot, namesAreEscapedAndNoNumberIsBroken) {
+  SvgPlot one = plot();
+  one.series[0].name = "a&b";
+  one.series.push_back({"c", kOrange, columnsOf(kX, kY), true});
+  one.bands.push_back({0, 2, kYellow, "'skin'"});
+  one.marks.push_back({2, "▼", "\"said\""});
+  const std::string svg = svgPlot(one);
+  for (const char* part :
+       {"force &lt;b&gt;, N", "a&amp;b", "&#39;skin&#39;", "&quot;said&quot;", "stroke-dasharray"})
+    EXPECT_THAT(svg, HasSubstr(part));
+  for (const char* part : {"<b>", "nan", "inf"}) EXPECT_THAT(svg, Not(HasSubstr(part)));
+  // every element that is opened is closed
+  EXPECT_EQ(svg.rfind("</svg>"), svg.size() - 6);
+}
+
+TEST(SvgPlot, aLongLegendDoesNotRunIntoTheHeading) {
+  SvgPlot one = plot();
+  one.title = "force at the hand, all of it";
+  for (const char* name : {"cutting", "attracted", "friction", "puncture", "clamping"})
+    one.series.push_back({name, kOrange, columnsOf(kX, kY), true});
+  const std::string svg = svgPlot(one);
+  // where the first name of the legend stands, and where a heading of so many letters of 12 px can end
+  const std::size_t first = svg.find("' y='14.0' text-anchor='start'>all<");
+  ASSERT_NE(first, std::string::npos) << svg;
+  const double x = std::stod(svg.substr(svg.rfind("x='", first) + 3));
+  EXPECT_GT(x, 56 + 7.5 * static_cast<double>(one.title.size() + 3));
+}
+
+TEST(SvgPlot, theGreatestValueIsNearTheTopAndDepthGrowsDownward) {
+  const auto yOfLast = [](const std::string& svg) {
+    // the curve's last point
+    const std::size_t path = svg.find("<path d='"), end = svg.find("' stroke", path);
+    const std::string d = svg.substr(path + 9, end - path - 9);
+    return std::stod(d.substr(d.rfind(' ') + 1));
+  };
+  SvgPlot one = plot();
+  const double up = yOfLast(svgPlot(one));
+  one.downward = true;
+  const double down = yOfLast(svgPlot(one));
+  EXPECT_LT(up, 60);
+  EXPECT_GT(down, 120);
+}
+
+TEST(SvgPlot, nothingAtAllIsAPictureToo) {
+  SvgPlot one;
+  one.from = one.to = 3;
+  EXPECT_THAT(svgPlot(one), HasSubstr("</svg>"));
+  EXPECT_THAT(svgProgress({}), HasSubstr("</svg>"));
+  EXPECT_THAT(svgStanding({}), Not(HasSubstr("nan")));
+}
+
+TEST(SvgStanding, aValueBeyondTheReferenceIsStillInThePicture) {
+  const std::string svg = svgStanding({1, 2, 1.5, 10, 1.2, 1.8});
+  const std::size_t path = svg.find("<path d='M");
+  ASSERT_NE(path, std::string::npos);
+  const double x = std::stod(svg.substr(path + 10));
+  EXPECT_GT(x, 160);
+  EXPECT_LT(x, 180);
+}
+
+}  // namespace
+}  // namespace needlelab

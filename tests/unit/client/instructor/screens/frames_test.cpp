@@ -1,0 +1,49 @@
+// Fifty tiles, ten times a second: every frame in time.
+#include <algorithm>
+#include <cstdio>
+
+#include "tests/unit/client/instructor/screens/window_lab.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+
+using Frames = WindowLab;
+
+TEST_F(Frames, fiftyTilesAtTenHertzStayFluent) {
+  for (int i = 1; i <= 50; ++i) (void)server_.addStation("bench-" + std::to_string(i));
+  desk_->logIn();
+  ASSERT_TRUE(until([&] { return desk_->overview.size() == 50; }));
+  std::vector<double> costs_ms;
+  for (int n = 0; n < 150; ++n) {
+    // the lines that fifty stations would send in a tenth of a second
+    if (n % 3 == 0) {
+      for (int i = 1; i <= 50; ++i) {
+        pb::StationStatus status;
+        status.set_station("bench-" + std::to_string(i));
+        status.set_online(true);
+        status.set_session_id(std::string(16, static_cast<char>(i)));
+        status.set_trainee("trainee " + std::to_string(i));
+        status.set_exercise_id("shoulder-bursa");
+        status.set_phase(1);
+        status.set_layer(2);
+        status.set_insertion_m(0.001 * ((n + i) % 30));
+        status.set_force_n(0.2 * ((n * 7 + i) % 40));
+        desk_->overview.onStatus(status, desk_->now_s());
+      }
+    }
+    frame();
+    // frames without news are not drawn again: they would flatter
+    if (n % 3 == 0 && n > 0) costs_ms.push_back(1e3 * surface_->frameCost_s());
+  }
+  std::sort(costs_ms.begin(), costs_ms.end());
+  const double p50 = costs_ms[costs_ms.size() / 2], p95 = costs_ms[costs_ms.size() * 95 / 100];
+  std::printf("50 tiles: %.1f ms a frame with news (p50), %.1f ms (p95)\n", p50, p95);
+  // fluent is 33 ms; a machine under load and sanitizers get room, a mistake of an order of magnitude does
+  // not
+  EXPECT_LT(p50, 250);
+}
+
+}  // namespace
+}  // namespace needlelab

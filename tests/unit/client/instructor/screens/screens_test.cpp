@@ -1,0 +1,180 @@
+// Each screen against a server: what it says, what it does.
+#include <GLFW/glfw3.h>
+
+#include "common/base/atomic_file.h"
+#include "tests/unit/client/instructor/model/upload_lesson.h"
+#include "tests/unit/client/instructor/screens/window_lab.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+using testing::HasSubstr;
+using testing::Not;
+
+class Screens : public WindowLab {
+ protected:
+  void logIn() {
+    desk_->logIn();
+    ASSERT_TRUE(until([&] {
+      const std::string text = window_->text();
+      return text.find("help") != std::string::npos || text.find("No station") != std::string::npos;
+    })) << window_->text();
+  }
+};
+
+TEST_F(Screens, logInSaysWhatIsMissingAndWhatIsWrong) {
+  frames(2);
+  EXPECT_THAT(window_->text(), HasSubstr("needlelab: instructor"));
+  desk_->form.ca_file.clear();
+  desk_->logIn();
+  frames(2);
+  EXPECT_THAT(window_->text(), HasSubstr("The CA file is missing"));
+  desk_->form.ca_file = server_.config({}).ca_file;
+  desk_->form.password = "wrong";
+  desk_->logIn();
+  ASSERT_TRUE(untilText("does not accept this name and password")) << window_->text();
+  desk_->form.password = "correct horse battery";
+  desk_->logIn();
+  ASSERT_TRUE(untilText("No station is known yet")) << window_->text();
+  EXPECT_THAT(window_->text(), HasSubstr("needlelab-admin station add"));
+}
+
+TEST_F(Screens, whoNeedsHelpComesFirstAndIsLookedOverByOneKey) {
+  std::vector<std::unique_ptr<BenchStation>> benches;
+  for (int i = 1; i <= 8; ++i) {
+    const std::string name = "bench-" + std::to_string(i);
+    benches.push_back(std::make_unique<BenchStation>(server_, name, server_.addStation(name),
+                                                     "trainee " + std::to_string(i),
+                                                     [i](pb::StationStatus& status) {
+                                                       if (i == 6)
+                                                         status.add_hazards_touched("axillary nerve");
+                                                     }));
+  }
+  logIn();
+  ASSERT_TRUE(untilText("axillary nerve")) << window_->text();
+  ASSERT_TRUE(
+      until([&] { return desk_->overview.counts()[static_cast<std::size_t>(Need::kPractising)] == 7; }));
+  EXPECT_THAT(window_->text(), HasSubstr("1 needs help"));
+  EXPECT_EQ(desk_->overview.tiles(TileOrder::kNeed).front()->station, "bench-6");
+  press(GLFW_KEY_H);
+  EXPECT_THAT(window_->text(), Not(HasSubstr("bench-1 ")));
+  press(GLFW_KEY_1);
+  ASSERT_TRUE(untilText("bench-6 · trainee 6")) << window_->text();
+  ASSERT_TRUE(
+      until([&] { return desk_->live()->trace().lastTime_s() > desk_->live()->trace().firstTime_s() + 1; }));
+  // pause: the picture stands, the stream goes on
+  press(GLFW_KEY_SPACE);
+  EXPECT_TRUE(desk_->live()->paused());
+  const double stands_s = desk_->live()->viewEnd_s(), newest_s = desk_->live()->trace().lastTime_s();
+  ASSERT_TRUE(until([&] { return desk_->live()->trace().lastTime_s() > newest_s + 0.5; }));
+  EXPECT_EQ(desk_->live()->viewEnd_s(), stands_s);
+  EXPECT_THAT(window_->text(), HasSubstr("PAUSED"));
+  press(GLFW_KEY_LEFT);
+  EXPECT_LT(desk_->live()->viewEnd_s(), stands_s);
+  press(GLFW_KEY_END);
+  EXPECT_FALSE(desk_->live()->paused());
+  EXPECT_GT(desk_->live()->latency().count(), 0u);
+}
+
+TEST_F(Screens, whatTheInstructorSaysArrivesAndIsTold) {
+  BenchStation bench(server_, "bench-1", server_.addStation("bench-1"), "tina");
+  ASSERT_TRUE(script("login\nwait-station bench-1 lesson\nopen station bench-1\nwait-text latency\n"
+                     "message \"slower, please\"\naids \"depth, force\"\n"
+                     "stop-lesson \"enough for today\"\nscreenshot " +
+                     (files_.path() / "live.png").string())
+                  .ok());
+  EXPECT_THAT(bench.heard(), HasSubstr("anna: slower, please"));
+  EXPECT_THAT(bench.heard(), HasSubstr("aids 2"));
+  EXPECT_THAT(bench.heard(), HasSubstr("stop enough for today"));
+  EXPECT_TRUE(std::filesystem::exists(files_.path() / "live.png"));
+  const auto& notices = desk_->notices.all();
+  EXPECT_THAT(notices.back().text, HasSubstr("is stopped"));
+}
+
+TEST_F(Screens, aLostServerTakesNothingAwayAndComesBackByItself) {
+  auto bench = std::make_unique<BenchStation>(server_, "bench-1", server_.addStation("bench-1"), "tina");
+  logIn();
+  ASSERT_TRUE(untilText("tina"));
+  desk_->open("bench-1");
+  ASSERT_TRUE(until([&] { return desk_->live() != nullptr && desk_->live()->trace().lastTime_s() > 0.5; }));
+  (void)server_.stop();
+  ASSERT_TRUE(untilText("What is shown stays")) << window_->text();
+  EXPECT_EQ(desk_->screen, DeskScreen::kLive);
+  EXPECT_FALSE(desk_->live()->trace().empty());
+  const double before_s = desk_->live()->trace().lastTime_s();
+  server_.start();
+  ASSERT_TRUE(until([&] { return desk_->live()->trace().lastTime_s() > before_s + 0.5; })) << window_->text();
+  EXPECT_THAT(window_->text(), Not(HasSubstr("What is shown stays")));
+  bench.reset();
+}
+
+TEST_F(Screens, aRecordingIsFoundReplayedComparedRunAgainAndExported) {
+  const std::string key = server_.addStation("bench-1");
+  const std::string profile = sampleProfile("shoulder-adult");
+  auto first = lessonInfo(profile), second = lessonInfo(profile);
+  second.mutable_description()->set_started_unix_ns(first.description().started_unix_ns() + 60'000'000'000);
+  uploadLesson(server_, key, first, lessonSamples(profile, {.depth_m = 0.022, .seconds = 1}));
+  uploadLesson(server_, key, second,
+               lessonSamples(profile, {.depth_m = 0.02, .seconds = 1.5, .aside_m = 0.002}));
+  const std::string html = (files_.path() / "report.html").string(),
+                    csv = (files_.path() / "samples.csv").string();
+  const std::string annotated = (files_.path() / "annotated.html").string();
+  const Status done = script(
+      "login\nsearch tin\nexpect \"2 sessions\"\nsearch nobody\nexpect \"No session matches\"\n"
+      "replay newest\nexpect shoulder-bursa\nseek 1.2\nspeed 0.5\nloop 0.5 1.5\nplay\nwait 0.3\npause\n"
+      "annotate \"look at the angle here\"\nstep -2\nexport " +
+      annotated +
+      "\n"
+      "compare previous newest depth\nexpect \"second differs\"\ncompare newest previous dtw\nexpect "
+      "\"warped onto\"\n"
+      "rerun own DIRECT\nexpect \"did not feel this\"\nscores\nwait-text Measures\nexport " +
+      html + "\nexport " + csv);
+  ASSERT_TRUE(done.ok()) << done.error().message;
+  // the session that was annotated came again as the first of the second comparison
+  ASSERT_EQ(desk_->bench.remarks().size(), 1u);
+  EXPECT_EQ(desk_->bench.remarks()[0].author(), "anna");
+  const auto page = readWholeFile(html);
+  ASSERT_TRUE(page.ok());
+  EXPECT_THAT(*page, HasSubstr("look at the angle here"));
+  EXPECT_TRUE(std::filesystem::exists(csv));
+  // a remark made a moment before stands in the report
+  EXPECT_THAT(*readWholeFile(annotated), HasSubstr("anna: look at the angle here"));
+  // what cannot be done is said, and nothing is lost
+  EXPECT_THAT(script("export nowhere.txt").error().message, HasSubstr("must end in .html"));
+  EXPECT_THAT(script("compare newest reference").error().message, HasSubstr("reference"));
+  EXPECT_TRUE(desk_->bench.first());
+}
+
+TEST_F(Screens, whereThereIsNothingItSaysWhatToDo) {
+  (void)server_.addStation("bench-1");
+  logIn();
+  const std::vector<std::pair<DeskScreen, const char*>> rows = {
+      {DeskScreen::kLive, "Nobody is looked over"},  {DeskScreen::kSessions, "No session matches"},
+      {DeskScreen::kReplay, "No session is loaded"}, {DeskScreen::kCompare, "Nothing to compare yet"},
+      {DeskScreen::kRerun, "No session is loaded"},  {DeskScreen::kScores, "No session is loaded"}};
+  for (const auto& [screen, words] : rows) {
+    desk_->screen = screen;
+    EXPECT_TRUE(untilText(words)) << words << ": " << window_->text();
+  }
+  desk_->screen = DeskScreen::kLab;
+  desk_->filter.text = "no such station";
+  EXPECT_TRUE(untilText("No station matches"));
+}
+
+TEST_F(Screens, keysListThemselvesAndLettersGrow) {
+  (void)server_.addStation("bench-1");
+  logIn();
+  press(GLFW_KEY_F1);
+  EXPECT_THAT(window_->text(), HasSubstr("Keyboard"));
+  press(GLFW_KEY_ESCAPE);
+  EXPECT_THAT(window_->text(), Not(HasSubstr("Keyboard")));
+  const double before = surface_->fontScale();
+  press(GLFW_KEY_EQUAL, /*ctrl=*/true);
+  EXPECT_NEAR(surface_->fontScale(), before + 0.1, 1e-6);
+  press(GLFW_KEY_3, /*ctrl=*/true);
+  EXPECT_EQ(desk_->screen, DeskScreen::kSessions);
+}
+
+}  // namespace
+}  // namespace needlelab

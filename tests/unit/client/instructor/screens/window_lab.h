@@ -1,0 +1,112 @@
+/// A server, its stations, and an instructor's window that is drawn into memory.
+#pragma once
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "client/instructor/screens/instructor_window.h"
+#include "client/instructor/screens/script_runner.h"
+#include "tests/unit/client/instructor/screens/bench_station.h"
+
+namespace needlelab::test {
+
+class WindowLab : public testing::Test {
+ protected:
+  int port_ = 0;
+  RunningServer server_{[this](ServerOptions& options) {
+    if (port_ != 0) options.listen = "127.0.0.1:" + std::to_string(port_);
+  }};
+  TempFolder files_;
+  std::unique_ptr<Surface> surface_;
+  std::unique_ptr<Desk> desk_;
+  std::unique_ptr<InstructorWindow> window_;
+  std::vector<std::string> printed_;
+  const std::int64_t began_ns_ = steadyNowNs();
+
+  void SetUp() override {
+    port_ = server_.server().port();
+    server_.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
+    server_.addUser("tina", pb::TRAINEE, "correct horse battery");
+    SurfaceOptions options;
+    options.kind = SurfaceOptions::Kind::kOffScreen;
+    options.frames_per_s = 30;
+    auto surface = Surface::open(options);
+    if (!surface.ok()) {
+      // as tests/support/pictures/view_stage.h
+      if (std::getenv("NEEDLELAB_NEED_GL") != nullptr) FAIL() << surface.error().message;
+      GTEST_SKIP() << surface.error().message;
+    }
+    surface_ = std::move(*surface);
+    LabConnectionSettings settings;
+    settings.first_retry = milliseconds(20);
+    settings.most_retry = milliseconds(200);
+    desk_ = std::make_unique<Desk>(ScenePreparer{}, settings);
+    const auto config = server_.config({});
+    desk_->form.server = "127.0.0.1:" + std::to_string(config.server.port);
+    desk_->form.ca_file = config.ca_file;
+    desk_->form.user = "anna";
+    desk_->form.password = "correct horse battery";
+    auto window = InstructorWindow::make(*surface_, *desk_);
+    ASSERT_TRUE(window.ok()) << window.error().message;
+    window_ = std::move(*window);
+  }
+  void TearDown() override {
+    window_.reset();
+    desk_.reset();
+    surface_.reset();
+  }
+
+  void frame() {
+    ASSERT_TRUE(surface_->beginFrame());
+    desk_->update(1e-9 * static_cast<double>(steadyNowNs() - began_ns_));
+    window_->draw(true);
+    surface_->endFrame();
+    desk_->presented(wallNowNs());
+  }
+  void frames(int n) {
+    for (int i = 0; i < n; ++i) frame();
+  }
+  /// Frames until it is so, 40 s at most.
+  bool until(const std::function<bool()>& so) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(40);
+    while (!so()) {
+      if (std::chrono::steady_clock::now() > end) return false;
+      frame();
+    }
+    return true;
+  }
+  bool untilText(const std::string& words) {
+    return until([&] { return window_->text().find(words) != std::string::npos; });
+  }
+  /// Runs a script to its end.
+  Status script(const std::string& text) {
+    auto actions = parseScript(text, "script");
+    if (!actions.ok()) return actions.error();
+    ScriptRunner runner(std::move(*actions), "script",
+                        [this](const std::string& line) { printed_.push_back(line); });
+    while (!runner.over()) {
+      frame();
+      runner.afterFrame(*window_);
+    }
+    return runner.status();
+  }
+  /// A key, pressed and let go.
+  void press(int key, bool ctrl = false, bool shift = false) {
+    constexpr int kLeftShift = 340, kLeftCtrl = 341;
+    if (ctrl) surface_->setKey(kLeftCtrl, true);
+    if (shift) surface_->setKey(kLeftShift, true);
+    surface_->setKey(key, true);
+    frame();
+    surface_->setKey(key, false);
+    surface_->setKey(kLeftCtrl, false);
+    surface_->setKey(kLeftShift, false);
+    frames(2);
+  }
+};
+
+}  // namespace needlelab::test

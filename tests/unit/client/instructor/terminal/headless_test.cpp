@@ -1,0 +1,288 @@
+#include "client/instructor/terminal/headless.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <thread>
+
+#include "tests/unit/server/live/running_server.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+using testing::HasSubstr;
+
+class Headless : public testing::Test {
+ protected:
+  RunningServer server_;
+  std::string key_ = server_.addStation("bench-1");
+  InstructorOptions options_;
+
+  void SetUp() override {
+    server_.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
+    options_.json = true;
+    options_.user = "anna";
+  }
+
+  struct Output {
+    Status status;
+    std::vector<nlohmann::json> updates, notes;
+    nlohmann::json summary;
+  };
+  Output run(double seconds) {
+    auto config = server_.config({});
+    options_.server = "127.0.0.1:" + std::to_string(config.server.port);
+    ServerLink link(config, "anna", "correct horse battery");
+    const Status connected = link.connect();
+    if (!connected.ok()) return {connected, {}, {}, {}};
+    std::ostringstream text;
+    const auto end = ServerLink::Clock::now() + std::chrono::milliseconds(static_cast<int>(seconds * 1000));
+    Output output;
+    output.status = runHeadless({options_, link, text, [] { return false; }, end});
+    std::istringstream lines(text.str());
+    for (std::string line; std::getline(lines, line);) {
+      auto json = nlohmann::json::parse(line);
+      if (json["type"] == "update")
+        output.updates.push_back(std::move(json));
+      else if (json["type"] == "note")
+        output.notes.push_back(std::move(json));
+      else
+        output.summary = std::move(json);
+    }
+    return output;
+  }
+
+  /// Opens a session, and while it is watched sends a frame of 20 samples every 20 ms.
+  void playStation(const FakeSession& session, std::atomic<bool>& stop, std::string* heard = nullptr,
+                   std::vector<pb::Envelope>* told = nullptr) {
+    auto client = server_.connect(stationLogin("bench-1", key_));
+    ASSERT_TRUE(client.ok());
+    ASSERT_TRUE(client->send(session.open()).ok());
+    std::uint64_t n = 0;
+    bool watched = false;
+    auto due = std::chrono::steady_clock::now();
+    while (!stop) {
+      due += milliseconds(20);
+      for (auto left = due - std::chrono::steady_clock::now(); left.count() > 0;
+           left = due - std::chrono::steady_clock::now()) {
+        const auto got = client->receive(std::chrono::ceil<milliseconds>(left));
+        if (!got.ok()) continue;
+        if (got->has_watch_state()) watched = got->watch_state().watched();
+        if (told != nullptr && (got->has_set_aids() || got->has_stop_lesson() || got->has_trainee_message()))
+          told->push_back(*got);
+        if (got->has_trainee_message() && heard != nullptr) *heard = got->trainee_message().text();
+      }
+      if (!watched) continue;
+      std::vector<GestureSample> samples(20);
+      for (std::size_t i = 0; i < samples.size(); ++i) {
+        samples[i].tick = n * 20 + i;
+        samples[i].time_ns = 1'000'000'000 + static_cast<std::int64_t>(samples[i].tick) * 1'000'000;
+        samples[i].force_W_N[0] = 2;
+        samples[i].phase = 1;
+      }
+      const Bytes data = encodeChunk(Resolution::standard(), samples);
+      pb::Envelope frame;
+      frame.mutable_live_frame()->set_session_id(session.id());
+      frame.mutable_live_frame()->set_frame_seq(n++);
+      frame.mutable_live_frame()->set_data(data.data(), data.size());
+      frame.mutable_live_frame()->set_capture_unix_ns(wallNowNs());
+      ASSERT_TRUE(client->send(frame).ok());
+    }
+  }
+};
+
+TEST_F(Headless, aStationThatIsNotYetOnlineIsWaitedForAndThenWatched) {
+  options_.station = "bench-1";
+  options_.rate_hz = 0;
+  options_.message = "slower, please";
+  FakeSession session("bench-1");
+  std::atomic<bool> stop{false};
+  std::string heard;
+  std::thread station([&] {
+    std::this_thread::sleep_for(milliseconds(300));
+    playStation(session, stop, &heard);
+  });
+  const auto output = run(1.6);
+  stop = true;
+  station.join();
+  ASSERT_TRUE(output.status.ok()) << output.status.error().message;
+  ASSERT_GE(output.notes.size(), 2u);
+  EXPECT_THAT(output.notes[0]["text"], HasSubstr("not online: waiting"));
+  EXPECT_THAT(output.notes[1]["text"], HasSubstr("is online"));
+  EXPECT_EQ(heard, "slower, please");
+  ASSERT_GT(output.updates.size(), 10u);
+  const auto& update = output.updates.back();
+  EXPECT_EQ(update["station"], "bench-1");
+  EXPECT_EQ(update["trainee"], "tina");
+  EXPECT_EQ(update["phase"], "INSERTING");
+  EXPECT_NEAR(update["force_n"], 2, 1e-3);
+  EXPECT_EQ(output.summary["frames"], output.updates.size());
+  EXPECT_EQ(output.summary["samples"], 20 * output.updates.size());
+  EXPECT_EQ(output.summary["dropped"], 0);
+  EXPECT_GT(output.summary["live_p99_ms"], 0.0);
+  EXPECT_GE(output.summary["live_p99_ms"], output.summary["live_p50_ms"]);
+}
+
+TEST_F(Headless, aidsRemarkAndStopAreSaidOnceInTheLessonThatRunsAndThenItEnds) {
+  options_.station = "bench-1";
+  options_.message = "well done";
+  options_.aids = "force, ultrasound";
+  options_.annotate = "a steady hand";
+  options_.stop = true;
+  options_.stop_reason = "enough";
+  options_.rate_hz = 0;
+  options_.once = true;
+  FakeSession session("bench-1");
+  std::atomic<bool> stop{false};
+  std::vector<pb::Envelope> told;
+  std::thread station([&] { playStation(session, stop, nullptr, &told); });
+  const auto output = run(60);  // ends by itself long before
+  stop = true;
+  station.join();
+  ASSERT_TRUE(output.status.ok()) << output.status.error().message;
+  ASSERT_EQ(told.size(), 3u);
+  EXPECT_EQ(told[0].trainee_message().text(), "well done");
+  ASSERT_EQ(told[1].set_aids().aids_size(), 2);
+  EXPECT_EQ(told[1].set_aids().aids(0), pb::Exercise::FORCE);
+  EXPECT_EQ(told[1].set_aids().session_id(), session.id()) << "the lesson that was seen";
+  EXPECT_EQ(told[2].stop_lesson().reason(), "enough");
+  EXPECT_EQ(told[2].stop_lesson().session_id(), session.id());
+  std::vector<std::string> said;
+  for (const auto& note : output.notes) {
+    if (!note.contains("said")) continue;
+    EXPECT_EQ(note["ok"], true) << note;
+    said.push_back(note["said"]);
+  }
+  EXPECT_EQ(said, (std::vector<std::string>{"message", "aids", "annotate", "stop"}));
+  pb::Request list;
+  list.mutable_list_annotations()->set_session_id(session.id());
+  const auto remarks = server_.asAdmin(list).annotations();
+  ASSERT_EQ(remarks.annotations_size(), 1);
+  EXPECT_EQ(remarks.annotations(0).text(), "a steady hand");
+  EXPECT_EQ(remarks.annotations(0).author(), "anna");
+  EXPECT_EQ(remarks.annotations(0).tick() % 20, 19u) << "the newest sample of a frame";
+}
+
+TEST_F(Headless, whatIsRefusedOrComesToNothingFailsTheCommand) {
+  options_.station = "bench-1";
+  options_.next_exercise = "no such exercise";
+  options_.once = true;
+  FakeSession session("bench-1");
+  std::atomic<bool> stop{false};
+  std::thread station([&] { playStation(session, stop); });
+  auto output = run(60);
+  stop = true;
+  station.join();
+  ASSERT_FALSE(output.status.ok());
+  EXPECT_EQ(output.status.error().code, ErrorCode::kNotFound);
+  ASSERT_FALSE(output.notes.empty());
+  EXPECT_EQ(output.notes.back()["ok"], false);
+  // nobody is there
+  options_.next_exercise.clear();
+  options_.stop = true;
+  output = run(0.3);
+  ASSERT_FALSE(output.status.ok());
+  EXPECT_EQ(output.status.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(output.status.error().message, HasSubstr("no lesson ran there"));
+}
+
+TEST_F(Headless, aRemarkOnAMomentOfAStoredSessionNeedsNoStation) {
+  FakeSession session("bench-1");
+  {
+    auto client = server_.connect(stationLogin("bench-1", key_));
+    ASSERT_TRUE(client.ok());
+    ASSERT_TRUE(client->send(session.open()).ok());
+    (void)waitFor(*client, [](const pb::Envelope& e) { return e.has_session_opened(); });
+  }
+  Uuid id{};
+  std::copy(session.id().begin(), session.id().end(), id.begin());
+  options_.session = uuidText(id);
+  options_.annotate = "here";
+  options_.at_s = 1.5;
+  options_.once = true;
+  const auto output = run(60);
+  ASSERT_TRUE(output.status.ok()) << output.status.error().message;
+  pb::Request list, show;
+  show.mutable_get_session()->set_session_id(session.id());
+  const double rate_hz = server_.asAdmin(show).session().description().rate_hz();
+  list.mutable_list_annotations()->set_session_id(session.id());
+  const auto remarks = server_.asAdmin(list).annotations();
+  ASSERT_EQ(remarks.annotations_size(), 1);
+  EXPECT_EQ(remarks.annotations(0).tick(), static_cast<std::uint64_t>(1.5 * rate_hz));
+}
+
+TEST_F(Headless, theRateIsLinesPerSecond) {
+  options_.station = "bench-1";
+  options_.rate_hz = 10;
+  FakeSession session("bench-1");
+  std::atomic<bool> stop{false};
+  std::thread station([&] { playStation(session, stop); });
+  const auto output = run(1.5);
+  stop = true;
+  station.join();
+  EXPECT_GE(output.updates.size(), 5u);
+  EXPECT_LE(output.updates.size(), 17u);
+  EXPECT_EQ(output.summary["samples"], output.updates.size());
+}
+
+TEST_F(Headless, theOverviewShowsAllStations) {
+  server_.addStation("bench-2");
+  auto station = server_.connect(stationLogin("bench-1", key_));
+  ASSERT_TRUE(station.ok());
+  const auto output = run(0.4);
+  ASSERT_TRUE(output.status.ok());
+  std::map<std::string, bool> online;
+  for (const auto& update : output.updates) online[update["station"]] = update["online"];
+  EXPECT_EQ(online, (std::map<std::string, bool>{{"bench-1", true}, {"bench-2", false}}));
+}
+
+TEST_F(Headless, aStoredSessionIsReplayedAtItsOwnPaceWithItsAnnotations) {
+  FakeSession session("bench-1");
+  auto station = server_.connect(stationLogin("bench-1", key_));
+  ASSERT_TRUE(station.ok());
+  ASSERT_TRUE(station->send(session.open()).ok());
+  for (std::uint64_t seq = 0; seq < 10; ++seq) ASSERT_TRUE(station->send(session.chunk(seq)).ok());
+  session.waitForAck(*station, 10);
+  pb::Request annotate;
+  annotate.mutable_annotate()->set_session_id(session.id());
+  annotate.mutable_annotate()->set_tick(500);
+  annotate.mutable_annotate()->set_text("here it slipped");
+  server_.asAdmin(annotate);
+
+  Uuid id{};
+  std::copy(session.id().begin(), session.id().end(), id.begin());
+  options_.session = uuidText(id);
+  options_.replay = true;
+  const auto started = std::chrono::steady_clock::now();
+  const auto paced = run(30);
+  const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  ASSERT_TRUE(paced.status.ok()) << paced.status.error().message;
+  // 1,000 samples at 1 kHz: a second, ten lines
+  EXPECT_GE(took_s, 0.9);
+  EXPECT_EQ(paced.updates.size(), 10u);
+  EXPECT_EQ(paced.summary["samples"], 1000);
+  for (std::size_t i = 0; i < paced.updates.size(); ++i)
+    EXPECT_NEAR(paced.updates[i]["time_s"], 0.1 * static_cast<double>(i), 0.0011);
+  ASSERT_EQ(paced.notes.size(), 2u);
+  EXPECT_THAT(paced.notes[1]["text"], HasSubstr("here it slipped"));
+
+  options_.speed = 0;
+  options_.rate_hz = 0;
+  EXPECT_EQ(run(30).updates.size(), 1000u);
+}
+
+TEST_F(Headless, aSessionThatIsNotThereIsNotFound) {
+  options_.session = uuidText(makeUuidV7());
+  options_.replay = true;
+  const auto output = run(5);
+  ASSERT_FALSE(output.status.ok());
+  EXPECT_EQ(output.status.error().code, ErrorCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace needlelab

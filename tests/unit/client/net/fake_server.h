@@ -1,0 +1,253 @@
+/// A server that speaks the real protocol over TLS but keeps sessions in memory and misbehaves on demand.
+#pragma once
+
+#include <atomic>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "client/net/client.h"
+#include "common/base/clock.h"
+#include "common/wire/certificates.h"
+#include "common/wire/channel.h"
+#include "common/wire/refusal.h"
+#include "common/wire/tls.h"
+#include "tests/support/temp_folder.h"
+
+namespace needlelab::test {
+
+/// What the server does wrong. Set before or while it runs.
+struct ServerFaults {
+  std::atomic<int> drop_after_chunks{-1};  ///< cut the connection after so many chunks, once
+  std::atomic<int> forget_every_chunk{0};  ///< n > 0: do not take every n-th chunk, so that a gap comes
+  std::atomic<bool> deny_login{false};
+  std::atomic<bool> never_ack{false};
+  std::atomic<bool> contradict{false};      ///< call every chunk a contradiction
+  std::atomic<bool> forget_session{false};  ///< once: a chunk's session is unknown
+};
+
+/// What it holds of a session.
+struct KeptSession {
+  pb::SessionDescription description;
+  std::vector<std::string> chunks;
+  std::uint64_t repeated = 0;  ///< chunks that came again
+  std::uint64_t opened = 0;    ///< times
+  bool closed = false;
+  pb::CloseSession close;
+  std::int64_t clock_round_trip_ns = 0;
+};
+
+/// Its own thread. Thread: all public members from the test's.
+class FakeServer {
+ public:
+  FakeServer() : FakeServer(0) {}
+  explicit FakeServer(std::uint16_t port)
+      : acceptor_(io_, Tcp::endpoint(asio::ip::address_v4::loopback(), port)) {
+    asio::co_spawn(io_, accept(), rethrow);
+    thread_ = std::thread([this] { io_.run(); });
+  }
+  ~FakeServer() {
+    io_.stop();
+    thread_.join();
+  }
+  [[nodiscard]] std::uint16_t port() const { return acceptor_.local_endpoint().port(); }
+  [[nodiscard]] ClientConfig clientConfig() const { return clientConfig(port()); }
+  static ClientConfig clientConfig(std::uint16_t port) {
+    ClientConfig config;
+    config.server = {"127.0.0.1", port};
+    config.tls = tls().client;
+    config.program = "test";
+    config.login = stationLogin("station-1", std::string(32, 'k'));
+    return config;
+  }
+  /// A copy of what it holds, by session id.
+  std::map<std::string, KeptSession> sessions() {
+    const std::scoped_lock lock(mutex_);
+    return sessions_;
+  }
+  std::uint64_t liveFrames() { return live_frames_; }
+  std::uint64_t statusLines() { return status_lines_; }
+  pb::StationStatus newestStatus() {
+    const std::scoped_lock lock(status_mutex_);
+    return newest_status_;
+  }
+  /// Of one session, so far.
+  std::uint64_t mostChunks() { return most_chunks_; }
+  /// To all stations that are connected.
+  void broadcast(const pb::Envelope& envelope) {
+    asio::post(io_, [this, envelope] {
+      for (const auto& channel : channels_) channel->send(envelope);
+    });
+  }
+  void dropConnections() {
+    asio::post(io_, [this] {
+      for (const auto& channel : channels_) channel->close(CloseReason::kLocal, "the test cuts it");
+      channels_.clear();
+    });
+  }
+  /// Acknowledges everything that it has of every session (with `never_ack`).
+  void ackNow() {
+    asio::post(io_, [this] {
+      const std::scoped_lock lock(mutex_);
+      for (const auto& channel : channels_)
+        for (const auto& [id, session] : sessions_) sendAck(channel, id, session);
+    });
+  }
+  ServerFaults faults;
+
+ private:
+  struct Tls {
+    TempFolder folder;
+    TlsContext server, client;
+    Tls() {
+      const TlsFiles files = tlsFilesIn(folder.path() / "tls");
+      const auto made = ensureTlsFiles(files, {"127.0.0.1"});
+      if (!made.ok()) throw std::runtime_error(made.error().message);
+      server = *makeServerTls(files.certificate, files.key);
+      client = *makeClientTls(files.ca_certificate);
+    }
+  };
+  static Tls& tls() {
+    static Tls made;
+    return made;
+  }
+
+  Task<> accept() {
+    for (;;) {
+      auto [error, socket] = co_await acceptor_.async_accept(kUseTuple);
+      if (error) co_return;
+      asio::co_spawn(io_, serve(Channel::make(TlsStream(std::move(socket), *tls().server), {})), rethrow);
+    }
+  }
+
+  Task<> serve(std::shared_ptr<Channel> channel) {
+    if (auto shaken = co_await channel->handshake(asio::ssl::stream_base::server); !shaken.ok()) co_return;
+    pb::Envelope hello;
+    *hello.mutable_hello()->mutable_version() = ourVersion();
+    channel->send(hello);
+    bool logged_in = false;
+    for (;;) {
+      auto got = co_await channel->receive();
+      if (!got.ok()) co_return;
+      if (got->has_login()) {
+        if (faults.deny_login) {
+          pb::Envelope no;
+          *no.mutable_refusal() = makeRefusal(pb::Refusal::LOGIN, "wrong key", true);
+          channel->finish(CloseReason::kRefused, "login", &no);
+          co_return;
+        }
+        channel->established();
+        logged_in = true;
+        pb::Envelope welcome;
+        welcome.mutable_welcome()->set_name(got->login().station().station());
+        channel->send(welcome);
+        channels_.push_back(channel);
+        continue;
+      }
+      if (logged_in) handle(channel, *got);
+    }
+  }
+
+  void handle(const std::shared_ptr<Channel>& channel, const pb::Envelope& envelope) {
+    const std::scoped_lock lock(mutex_);
+    pb::Envelope answer;
+    if (envelope.has_open_session()) {
+      const auto& description = envelope.open_session().description();
+      KeptSession& session = sessions_[description.session_id()];
+      session.description = description;
+      ++session.opened;
+      answer.mutable_session_opened()->set_session_id(description.session_id());
+      answer.mutable_session_opened()->set_next_seq(session.chunks.size());
+      channel->send(answer);
+    } else if (envelope.has_chunk()) {
+      takeChunk(channel, envelope.chunk());
+    } else if (envelope.has_close_session()) {
+      KeptSession& session = sessions_[envelope.close_session().session_id()];
+      session.closed = true;
+      session.close = envelope.close_session();
+      answer.mutable_session_closed()->set_session_id(envelope.close_session().session_id());
+      answer.mutable_session_closed()->set_state(session.close.interrupted() ? pb::SESSION_INTERRUPTED
+                                                                             : pb::SESSION_COMPLETE);
+      answer.mutable_session_closed()->set_score_json("[]");
+      channel->send(answer);
+    } else if (envelope.has_ping()) {
+      channel->send(pongTo(envelope.ping()));
+    } else if (envelope.has_clock_offset()) {
+      sessions_[envelope.clock_offset().session_id()].clock_round_trip_ns =
+          envelope.clock_offset().round_trip_ns();
+    } else if (envelope.has_live_frame()) {
+      ++live_frames_;
+    } else if (envelope.has_station_status()) {
+      const std::scoped_lock status_lock(status_mutex_);
+      newest_status_ = envelope.station_status();
+      ++status_lines_;
+    } else if (envelope.has_request() && envelope.request().has_get_lesson()) {
+      if (envelope.request().get_lesson().exercise_id() == "unknown") {
+        *answer.mutable_refusal() = makeRefusal(pb::Refusal::NOT_FOUND, "no such exercise");
+        answer.set_refused_request(envelope.request().id());
+      } else {
+        answer.mutable_reply()->set_id(envelope.request().id());
+        answer.mutable_reply()->mutable_lesson()->set_profile_json("{}");
+        answer.mutable_reply()->mutable_lesson()->set_profile_revision(7);
+      }
+      channel->send(answer);
+    }
+  }
+
+  void takeChunk(const std::shared_ptr<Channel>& channel, const pb::Chunk& chunk) {
+    KeptSession& session = sessions_[chunk.session_id()];
+    ++chunks_seen_;
+    const auto refuse = [&](pb::Refusal::Reason reason) {
+      pb::Envelope no;
+      *no.mutable_refusal() = makeRefusal(reason, "the test says so");
+      no.mutable_refusal()->set_session_id(chunk.session_id());
+      no.mutable_refusal()->set_expected_seq(session.chunks.size());
+      channel->send(no);
+    };
+    if (faults.contradict) return refuse(pb::Refusal::CONTRADICTION);
+    if (faults.forget_session.exchange(false)) return refuse(pb::Refusal::UNKNOWN_SESSION);
+    if (faults.forget_every_chunk > 0 &&
+        chunks_seen_ % static_cast<std::uint64_t>(faults.forget_every_chunk) == 0)
+      return;
+    if (chunk.seq() > session.chunks.size()) return refuse(pb::Refusal::GAP);
+    if (chunk.seq() < session.chunks.size()) {
+      ++session.repeated;
+      if (session.chunks[chunk.seq()] != chunk.data()) return refuse(pb::Refusal::CONTRADICTION);
+    } else {
+      session.chunks.push_back(chunk.data());
+    }
+    most_chunks_ = std::max<std::uint64_t>(most_chunks_, session.chunks.size());
+    if (faults.drop_after_chunks >= 0 && --faults.drop_after_chunks < 0) {
+      // taken, but the station never hears of it
+      channel->close(CloseReason::kLocal, "dropped by the test");
+      std::erase(channels_, channel);
+      return;
+    }
+    if (!faults.never_ack) sendAck(channel, chunk.session_id(), session);
+  }
+
+  static void sendAck(const std::shared_ptr<Channel>& channel, const std::string& id,
+                      const KeptSession& session) {
+    pb::Envelope ack;
+    ack.mutable_ack()->set_session_id(id);
+    ack.mutable_ack()->set_committed_seqs(session.chunks.size());
+    channel->send(ack);
+  }
+
+  asio::io_context io_{1};
+  Tcp::acceptor acceptor_;
+  std::vector<std::shared_ptr<Channel>> channels_;
+  std::uint64_t chunks_seen_ = 0;
+  std::mutex mutex_;
+  std::map<std::string, KeptSession> sessions_;
+  std::atomic<std::uint64_t> live_frames_{0}, status_lines_{0}, most_chunks_{0};
+  std::mutex status_mutex_;
+  pb::StationStatus newest_status_;
+  std::thread thread_;
+};
+
+}  // namespace needlelab::test

@@ -1,0 +1,31 @@
+#include "client/net/password.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/temp_folder.h"
+
+namespace needlelab {
+namespace {
+
+TEST(Password, isTheFirstLineOfTheFile) {
+  const test::TempFolder folder;
+  EXPECT_EQ(*readPassword(folder.write("a", "correct horse\nsecond line\n"), ""), "correct horse");
+  EXPECT_EQ(*readPassword(folder.write("b", "no newline"), ""), "no newline");
+  EXPECT_EQ(*readPassword(folder.write("c", "windows\r\n"), ""), "windows");
+  EXPECT_EQ(*readPassword(folder.write("d", " spaces stay "), ""), " spaces stay ");
+}
+
+TEST(Password, emptyLongAndMissingAreRefusedByName) {
+  const test::TempFolder folder;
+  for (const auto& file :
+       {folder.write("empty", "\nx"), folder.write("long", std::string(1025, 'x')), folder.path() / "none"}) {
+    const auto password = readPassword(file, "");
+    ASSERT_FALSE(password.ok()) << file;
+    EXPECT_EQ(password.error().code, ErrorCode::kInvalidInput);
+    EXPECT_THAT(password.error().message, testing::HasSubstr(file.filename().string()));
+  }
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,499 @@
+#include "client/net/spool.h"
+
+#include <gmock/gmock.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <random>
+
+#include "client/net/spool_writer.h"
+#include "common/base/atomic_file.h"
+#include "common/gesture/chunk.h"
+#include "tests/support/temp_folder.h"
+#include "tests/unit/client/net/spool_samples.h"
+
+namespace needlelab::test {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+std::unique_ptr<Spool> opened(const fs::path& folder) {
+  auto spool = Spool::open(folder);
+  EXPECT_TRUE(spool.ok()) << spool.error().message;
+  return spool.ok() ? std::move(*spool) : nullptr;
+}
+
+Bytes coded(std::uint64_t first, std::size_t count) {
+  return encodeChunk(Resolution::standard(), samplesFrom(first, count));
+}
+
+// Thousands of spools are opened below, each with its syncs: in memory where that is to be had. What is
+// tested here is the death of the program; no test can see a sync.
+[[maybe_unused]] const bool kInMemory = [] {
+  return fs::is_directory("/dev/shm") && ::access("/dev/shm", W_OK) == 0 &&
+         ::setenv("TMPDIR", "/dev/shm", 0) == 0;
+}();
+
+// what the next start finds: every sample of the one session, in order
+struct Recovered {
+  SpoolContents contents;
+  std::vector<GestureSample> samples;
+  std::vector<Bytes> chunks;
+};
+Recovered recover(const fs::path& folder) {
+  Recovered found;
+  auto spool = opened(folder);
+  const auto sessions = spool->unfinished();
+  EXPECT_EQ(sessions.size(), 1u);
+  if (sessions.size() != 1) return found;
+  found.contents = sessions[0]->contents();
+  SessionHash hash;
+  for (std::uint64_t seq = 0; seq < found.contents.chunks; ++seq) {
+    auto chunk = sessions[0]->readChunk(seq);
+    EXPECT_TRUE(chunk.ok());
+    auto samples = decodeChunk(*chunk);
+    EXPECT_TRUE(samples.ok());
+    found.samples.insert(found.samples.end(), samples->begin(), samples->end());
+    hash.update(*chunk);
+    found.chunks.push_back(*chunk);
+  }
+  EXPECT_EQ(found.contents.hash, hash.digest());
+  EXPECT_EQ(found.contents.samples, found.samples.size());
+  return found;
+}
+
+void expectTicksFromZero(const std::vector<GestureSample>& samples) {
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    ASSERT_EQ(samples[i].tick, i);
+    ASSERT_TRUE(isSampleOfItsTick(samples[i])) << i;
+  }
+}
+
+TEST(Spool, aSessionThatEndedIsFoundAgainAsItWas) {
+  const TempFolder folder;
+  const Uuid id = makeUuidV7();
+  std::vector<Bytes> chunks = {coded(0, 1000), coded(1000, 1000), coded(2000, 123)};
+  {
+    auto spool = opened(folder.path());
+    auto session = spool->create(describeSession(id));
+    ASSERT_TRUE(session.ok());
+    for (const Bytes& chunk : chunks) ASSERT_TRUE((*session)->appendChunk(chunk, 1).ok());
+    EXPECT_EQ((*session)->contents().chunks, 0u) << "not synced yet: nothing may be sent";
+    ASSERT_TRUE((*session)->sync().ok());
+    EXPECT_EQ((*session)->contents().chunks, 3u);
+    ASSERT_TRUE((*session)->end(false).ok());
+  }
+  const Recovered found = recover(folder.path());
+  EXPECT_TRUE(found.contents.ended);
+  EXPECT_FALSE(found.contents.interrupted);
+  EXPECT_EQ(found.chunks, chunks);
+  auto spool = opened(folder.path());
+  EXPECT_EQ(spool->unfinished()[0]->description().SerializeAsString(),
+            describeSession(id).SerializeAsString());
+}
+
+TEST(Spool, oneProgramAtATime) {
+  const TempFolder folder;
+  auto first = opened(folder.path());
+  auto second = Spool::open(folder.path());
+  ASSERT_FALSE(second.ok());
+  EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(second.error().message, HasSubstr("another station"));
+}
+
+TEST(Spool, aFolderThatCannotBeMadeIsRefusedByName) {
+  const TempFolder folder;
+  const auto file = folder.write("file", "x");
+  auto spool = Spool::open(file / "spool");
+  ASSERT_FALSE(spool.ok());
+  EXPECT_THAT(spool.error().message, HasSubstr((file / "spool").string()));
+}
+
+// the files as they are when the program dies with two chunks and three pieces of the third written
+fs::path cutOffSession(const TempFolder& folder) {
+  auto spool = opened(folder.path());
+  auto session = *spool->create(describeSession(makeUuidV7()));
+  EXPECT_TRUE(session->appendChunk(coded(0, 20), 20).ok());
+  EXPECT_TRUE(session->appendChunk(coded(20, 20), 20).ok());
+  EXPECT_TRUE(session->sync().ok());
+  for (std::uint64_t piece = 0; piece < 3; ++piece)
+    EXPECT_TRUE(session->appendPiece(2, coded(40 + 4 * piece, 4)).ok());
+  return session->folder();
+}
+
+TEST(Spool, theTailOfASessionThatWasCutOffBecomesItsLastChunk) {
+  const TempFolder folder;
+  cutOffSession(folder);
+  const Recovered found = recover(folder.path());
+  EXPECT_EQ(found.contents.chunks, 3u);
+  EXPECT_TRUE(found.contents.ended);
+  EXPECT_TRUE(found.contents.interrupted);
+  ASSERT_EQ(found.samples.size(), 52u);
+  expectTicksFromZero(found.samples);
+  // and opening it once more changes nothing
+  EXPECT_EQ(recover(folder.path()).chunks, found.chunks);
+}
+
+TEST(Spool, everyTruncationOfChunksAndTailGivesAWholeBeginning) {
+  const TempFolder original;
+  const fs::path session = cutOffSession(original);
+  for (const char* name : {"chunks", "tail"}) {
+    const auto size = fs::file_size(session / name);
+    for (std::uintmax_t cut = 0; cut < size; ++cut) {
+      const TempFolder copy;
+      fs::copy(original.path(), copy.path(), fs::copy_options::recursive);
+      fs::resize_file(copy.path() / session.filename() / name, cut);
+      const Recovered found = recover(copy.path());
+      ASSERT_TRUE(found.contents.interrupted) << name << " cut at " << cut;
+      ASSERT_NO_FATAL_FAILURE(expectTicksFromZero(found.samples)) << name << " cut at " << cut;
+      // whole records before the cut are all there; the tail's pieces count only behind the last whole chunk
+      const std::size_t most = name == std::string("tail") ? 40 + 12 : 40;
+      const std::size_t least = name == std::string("tail") ? 40 : 0;
+      ASSERT_GE(found.samples.size(), least);
+      ASSERT_LE(found.samples.size(), most);
+      ASSERT_EQ(found.samples.size() % 4, 0u);
+    }
+  }
+}
+
+TEST(Spool, everyFlippedByteOfTheTailIsNoticed) {
+  const TempFolder original;
+  const fs::path session = cutOffSession(original);
+  auto tail = readWholeFile(session / "tail");
+  ASSERT_TRUE(tail.ok());
+  for (std::size_t at = 0; at < tail->size(); at += 3) {
+    const TempFolder copy;
+    fs::copy(original.path(), copy.path(), fs::copy_options::recursive);
+    std::string damaged = *tail;
+    damaged[at] = static_cast<char>(damaged[at] ^ 0x10);
+    std::ofstream(copy.path() / session.filename() / "tail", std::ios::binary) << damaged;
+    const Recovered found = recover(copy.path());
+    ASSERT_NO_FATAL_FAILURE(expectTicksFromZero(found.samples)) << at;
+    ASSERT_LT(found.samples.size(), 52u) << "a flipped byte was believed";
+  }
+}
+
+TEST(Spool, aTailWhoseChunkIsAlreadyThereIsNotDoubled) {
+  const TempFolder folder;
+  {
+    auto spool = opened(folder.path());
+    auto session = *spool->create(describeSession(makeUuidV7()));
+    // died between the chunk and the new beginning of the tail
+    for (std::uint64_t piece = 0; piece < 5; ++piece)
+      ASSERT_TRUE(session->appendPiece(0, coded(20 * piece, 20)).ok());
+    ASSERT_TRUE(session->appendChunk(coded(0, 100), 100).ok());
+    ASSERT_TRUE(session->sync().ok());
+  }
+  const Recovered found = recover(folder.path());
+  EXPECT_EQ(found.contents.chunks, 1u);
+  EXPECT_EQ(found.samples.size(), 100u);
+}
+
+// three chunks of 100 samples, synced one by one or all at last; the program ended the session, or died
+// without a word. The session's folder.
+fs::path sessionOfThreeChunks(const fs::path& folder, bool ended, bool synced_each = true) {
+  auto spool = opened(folder);
+  auto made = *spool->create(describeSession(makeUuidV7()));
+  for (std::uint64_t k = 0; k < 3; ++k) {
+    EXPECT_TRUE(made->appendChunk(coded(100 * k, 100), 100).ok());
+    if (synced_each) {
+      EXPECT_TRUE(made->sync().ok());
+    }
+  }
+  EXPECT_TRUE(made->sync().ok());
+  if (ended) {
+    EXPECT_TRUE(made->end(false).ok());
+  }
+  return made->folder();
+}
+
+TEST(Spool, aSessionThatEndedAndLostChunksAfterwardsIsInterruptedAndTheFileKept) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  auto text = *readWholeFile(session / "chunks");
+  text[text.size() / 2] = static_cast<char>(~text[text.size() / 2]);
+  std::ofstream(session / "chunks", std::ios::binary) << text;
+  const Recovered found = recover(folder.path());
+  EXPECT_TRUE(found.contents.interrupted);
+  EXPECT_EQ(found.samples.size(), 100u);
+  EXPECT_EQ(*readWholeFile(session / "chunks.damaged"), text);
+}
+
+TEST(Spool, damageIsSaidOnceWithWhatIsLeftAndWhereTheRestIs) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  auto text = *readWholeFile(session / "chunks");
+  text[text.size() / 2] = static_cast<char>(~text[text.size() / 2]);
+  std::ofstream(session / "chunks", std::ios::binary) << text;
+  const auto notes = [&] { return (*Spool::open(folder.path()))->notes(); };
+  EXPECT_THAT(notes(), testing::ElementsAre(testing::AllOf(
+                           HasSubstr("100 samples"), HasSubstr((session / "chunks.damaged").string()))));
+  EXPECT_THAT(notes(), testing::IsEmpty());
+}
+
+TEST(Spool, damageInTheMiddleOfASessionThatDidNotEndKeepsTheFileATornEndDoesNot) {
+  for (const bool torn : {true, false}) {
+    const TempFolder folder;
+    const fs::path session = sessionOfThreeChunks(folder.path(), false);
+    auto text = *readWholeFile(session / "chunks");
+    if (torn)
+      text.resize(text.size() - 5);
+    else
+      text[text.size() / 2] = static_cast<char>(~text[text.size() / 2]);
+    std::ofstream(session / "chunks", std::ios::binary) << text;
+    const Recovered found = recover(folder.path());
+    EXPECT_TRUE(found.contents.interrupted);
+    EXPECT_EQ(found.samples.size(), torn ? 200u : 100u);
+    EXPECT_EQ(fs::exists(session / "chunks.damaged"), !torn);
+    if (!torn) {
+      EXPECT_EQ(*readWholeFile(session / "chunks.damaged"), text);
+    }
+  }
+}
+
+TEST(Spool, aGapInWhatWasNotSyncedIsATornEndAndNoDamage) {
+  // a power cut took the first sectors of what was in flight and kept later ones
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), false, false);
+  auto text = *readWholeFile(session / "chunks");
+  text[text.size() / 2] = static_cast<char>(~text[text.size() / 2]);
+  std::ofstream(session / "chunks", std::ios::binary) << text;
+  EXPECT_THAT((*Spool::open(folder.path()))->notes(), testing::Not(testing::Contains(HasSubstr("damaged"))));
+  EXPECT_FALSE(fs::exists(session / "chunks.damaged"));
+  const Recovered found = recover(folder.path());
+  EXPECT_TRUE(found.contents.interrupted);
+  EXPECT_EQ(found.samples.size(), 100u);
+}
+
+TEST(Spool, damagedChunksAreNotCutOffWhileNoCopyCanBeKept) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  auto text = *readWholeFile(session / "chunks");
+  text[text.size() / 2] = static_cast<char>(~text[text.size() / 2]);
+  std::ofstream(session / "chunks", std::ios::binary) << text;
+  // a folder in the copy's way stands for a full disk
+  fs::create_directories(session / "chunks.damaged.partial" / "x");
+  {
+    auto spool = opened(folder.path());
+    EXPECT_TRUE(spool->unfinished().empty());
+    ASSERT_EQ(spool->notes().size(), 1u);
+    EXPECT_NE(spool->notes()[0].find("no copy of them can be kept"), std::string::npos) << spool->notes()[0];
+  }
+  EXPECT_EQ(*readWholeFile(session / "chunks"), text);
+}
+
+TEST(Spool, whatNoServerWouldTakeIsRefusedBeforeItIsRecorded) {
+  const TempFolder folder;
+  auto spool = opened(folder.path());
+  for (const std::string& trainee : {std::string(65, 'n'), std::string("a\tb"), std::string("\xff\xfe")}) {
+    auto description = describeSession(makeUuidV7());
+    description.set_trainee(trainee);
+    const auto made = spool->create(description);
+    ASSERT_FALSE(made.ok());
+    EXPECT_EQ(made.error().code, ErrorCode::kInvalidInput);
+    EXPECT_NE(made.error().message.find("trainee"), std::string::npos) << made.error().message;
+  }
+  // practice without a key: the station's name comes with the upload
+  auto nameless = describeSession(makeUuidV7());
+  nameless.clear_station();
+  EXPECT_TRUE(spool->create(nameless).ok());
+}
+
+TEST(Spool, foldersThatAreNoSessionsAreLeftAloneAndNamed) {
+  const TempFolder folder;
+  const std::string id = uuidText(makeUuidV7()), empty = uuidText(makeUuidV7()),
+                    wrong = uuidText(makeUuidV7());
+  fs::create_directory(folder.path() / id);
+  folder.write(id + "/chunks", "something");
+  fs::create_directory(folder.path() / empty);
+  fs::create_directory(folder.path() / wrong);
+  folder.write(wrong + "/session.json", "{\"session_id\": 7");
+  fs::create_directory(folder.path() / "notes of a technician");
+  auto spool = opened(folder.path());
+  EXPECT_TRUE(spool->unfinished().empty());
+  EXPECT_THAT(spool->notes(), testing::UnorderedElementsAre(HasSubstr(id), HasSubstr(wrong)));
+  EXPECT_TRUE(fs::exists(folder.path() / id / "chunks"));
+  EXPECT_TRUE(fs::exists(folder.path() / wrong));
+  EXPECT_FALSE(fs::exists(folder.path() / empty)) << "died before anything was recorded";
+  EXPECT_TRUE(fs::exists(folder.path() / "notes of a technician"));
+}
+
+TEST(Spool, whatTheServerClosedIsNotOfferedAgainAndLeavesByAgeQuotaOrBackup) {
+  const TempFolder folder;
+  const std::int64_t now_ns = 1'000'000'000'000'000'000;
+  const auto day_ns = std::int64_t{86'400} * 1'000'000'000;
+  std::vector<std::string> ids;
+  {
+    auto spool = opened(folder.path());
+    for (int i = 0; i < 4; ++i) {
+      auto session = *spool->create(describeSession(makeUuidV7()));
+      ids.push_back(session->idText());
+      ASSERT_TRUE(session->appendChunk(coded(0, 100), 100).ok());
+      ASSERT_TRUE(session->sync().ok());
+      ASSERT_TRUE(session->end(false).ok());
+      // 0: closed 20 days ago; 1: closed and safe; 2: closed today; 3: acknowledged but not closed
+      const bool closed = i < 3;
+      ASSERT_TRUE(
+          session->setReceipt({1, i == 1 ? 1u : 0u, closed, closed ? now_ns - (i == 0 ? 20 : 0) * day_ns : 0})
+              .ok());
+    }
+  }
+  auto spool = opened(folder.path());
+  ASSERT_EQ(spool->unfinished().size(), 1u);
+  EXPECT_EQ(spool->unfinished()[0]->idText(), ids[3]);
+  EXPECT_EQ(spool->cleanUp({14 * 86'400, 1u << 30, 0}, now_ns).size(), 2u);
+  EXPECT_FALSE(fs::exists(folder.path() / ids[0]));
+  EXPECT_FALSE(fs::exists(folder.path() / ids[1]));
+  EXPECT_TRUE(fs::exists(folder.path() / ids[2]));
+  EXPECT_THAT(spool->cleanUp({14 * 86'400, 0, 0}, now_ns), testing::ElementsAre(HasSubstr(ids[2])));
+  EXPECT_FALSE(fs::exists(folder.path() / ids[2]));
+  EXPECT_TRUE(fs::exists(folder.path() / ids[3])) << "what the server has not closed is never touched";
+}
+
+// Four closed sessions, the second of which no server has; their names.
+std::vector<std::string> fourClosed(Spool& spool) {
+  std::vector<std::string> ids;
+  for (int i = 0; i < 4; ++i) {
+    auto session = *spool.create(describeSession(makeUuidV7()));
+    ids.push_back(session->idText());
+    EXPECT_TRUE(session->appendChunk(coded(0, 1000), 1000).ok());
+    EXPECT_TRUE(session->sync().ok());
+    EXPECT_TRUE(session->end(false).ok());
+    if (i != 1) {
+      EXPECT_TRUE(session->setReceipt({1, 0, true, 1}).ok());
+    }
+  }
+  return ids;
+}
+
+TEST(Spool, onAFullDiskClosedSessionsMakeRoomOldestFirstAndUnsentOnesStay) {
+  // others write on this disk, and delete, meanwhile: until there is a moment in which nobody did
+  for (int attempt = 0; attempt < 200; ++attempt) {
+    const TempFolder folder;
+    auto spool = opened(folder.path());
+    const std::vector<std::string> ids = fourClosed(*spool);
+    // one byte short: the oldest that the server has is enough
+    SpoolKeep keep{1'000'000'000, std::uint64_t{1} << 40, fs::space(folder.path()).available + 1};
+    const auto said = spool->cleanUp(keep, 2);
+    ASSERT_LE(said.size(), 3u);
+    if (said.size() != 1) continue;
+    EXPECT_THAT(said, testing::ElementsAre(AllOf(HasSubstr(ids[0]), HasSubstr("nearly full"))));
+    keep.min_free_bytes = std::uint64_t{1} << 60;  // never enough
+    EXPECT_THAT(spool->cleanUp(keep, 2), testing::ElementsAre(HasSubstr(ids[2]), HasSubstr(ids[3])));
+    EXPECT_TRUE(fs::exists(folder.path() / ids[1] / "chunks")) << "no server has it: no disk is full enough";
+    return;
+  }
+  GTEST_SKIP() << "somebody else fills or empties this disk all the time";
+}
+
+TEST(Spool, usageCountsWhatNoServerHasChunkByChunk) {
+  const TempFolder folder;
+  auto spool = opened(folder.path());
+  EXPECT_EQ(spool->usage()->unsent_bytes, 0u);
+  EXPECT_EQ(spool->usage()->unsent_samples, 0u);
+  std::uint64_t expected = 0;
+  for (int i = 0; i < 3; ++i) {
+    auto session = *spool->create(describeSession(makeUuidV7()));
+    std::vector<std::size_t> sizes;
+    for (std::uint64_t seq = 0; seq < 4; ++seq) {
+      const Bytes chunk = coded(seq * 500, 500);
+      sizes.push_back(chunk.size());
+      ASSERT_TRUE(session->appendChunk(chunk, 500).ok());
+    }
+    ASSERT_TRUE(session->sync().ok());
+    // 0: none acknowledged; 1: the first three; 2: all, not closed yet
+    const auto committed = static_cast<std::uint64_t>(i == 0 ? 0 : i + 2);
+    ASSERT_TRUE(session->setReceipt({committed, 0, false, 0}).ok());
+    for (auto seq = committed; seq < 4; ++seq) expected += sizes[seq];
+  }
+  const SpoolUsage usage = *spool->usage();
+  EXPECT_EQ(usage.unsent_sessions, 2u);
+  EXPECT_EQ(usage.unsent_bytes, expected);
+  EXPECT_EQ(usage.unsent_samples, 5u * 500);
+  EXPECT_GT(usage.free_bytes, 0u);
+}
+
+TEST(Spool, aLossIsKnownAfterTheProgramsDeath) {
+  const TempFolder folder;
+  {
+    auto spool = opened(folder.path());
+    auto session = *spool->create(describeSession(makeUuidV7()));
+    ASSERT_TRUE(session->appendChunk(coded(0, 100), 100).ok());
+    ASSERT_TRUE(session->setLoss({7, 100}).ok());
+    ASSERT_TRUE(session->setLoss({1234567, 100}).ok());
+    EXPECT_EQ(fs::file_size(session->folder() / "lost"), 42u) << "always as long: written in place";
+  }
+  const Recovered found = recover(folder.path());
+  EXPECT_TRUE(found.contents.interrupted);
+  EXPECT_EQ(found.contents.loss, (SpoolLoss{1234567, 100}));
+}
+
+TEST(Spool, aLossFileThatIsMissingOrNonsenseSaysNothing) {
+  const TempFolder folder;
+  std::string id;
+  {
+    auto spool = opened(folder.path());
+    auto session = *spool->create(describeSession(makeUuidV7()));
+    id = session->idText();
+    ASSERT_TRUE(session->appendChunk(coded(0, 100), 100).ok());
+  }
+  folder.write(id + "/lost", "many, and early");
+  EXPECT_EQ(recover(folder.path()).contents.loss, SpoolLoss{});
+  fs::remove(folder.path() / id / "lost");
+  EXPECT_EQ(recover(folder.path()).contents.loss, SpoolLoss{});
+}
+
+// the child writes a session as fast as it can and tells through a pipe what is safely written; it is killed
+// at a random instant
+TEST(Spool, killedAtRandomInstantsNothingThatWasWrittenIsLost) {
+  std::mt19937 random(20261120);
+  int most_chunks = 0;
+  for (int round = 0; round < 15; ++round) {
+    const TempFolder folder;
+    int to_parent[2];
+    ASSERT_EQ(::pipe(to_parent), 0);
+    const pid_t child = ::fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+      auto spool = Spool::open(folder.path());
+      auto session = spool.ok() ? (*spool)->create(describeSession(makeUuidV7())) : Error{};
+      if (!session.ok()) ::_exit(1);
+      for (std::uint64_t seq = 0;; ++seq) {
+        for (std::uint64_t piece = 0; piece < 5; ++piece) {
+          const std::uint64_t first = seq * 100 + piece * 20;
+          if (!(*session)->appendPiece(seq, coded(first, 20)).ok()) ::_exit(2);
+          const std::uint64_t written = first + 20;
+          if (::write(to_parent[1], &written, sizeof written) != sizeof written) ::_exit(3);
+        }
+        if (!(*session)->appendChunk(coded(seq * 100, 100), 100).ok() || !(*session)->restartTail().ok())
+          ::_exit(4);
+        if (seq % 8 == 0 && !(*session)->sync().ok()) ::_exit(5);
+      }
+    }
+    ::close(to_parent[1]);
+    // reading keeps the pipe from filling; the last whole number is what the child had written for sure
+    std::uint64_t written = 0, word = 0;
+    const auto wanted = random() % 4000 + 20;
+    while (written < wanted && ::read(to_parent[0], &word, sizeof word) == sizeof word) written = word;
+    ::usleep(static_cast<useconds_t>(random() % 3000));
+    ::kill(child, SIGKILL);
+    while (::read(to_parent[0], &word, sizeof word) == sizeof word) written = word;
+    ::close(to_parent[0]);
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    ASSERT_TRUE(WIFSIGNALED(status)) << "the child failed by itself: " << WEXITSTATUS(status);
+
+    const Recovered found = recover(folder.path());
+    ASSERT_NO_FATAL_FAILURE(expectTicksFromZero(found.samples));
+    ASSERT_GE(found.samples.size(), written) << "round " << round;
+    ASSERT_LE(found.samples.size(), written + 20);
+    most_chunks = std::max(most_chunks, static_cast<int>(found.contents.chunks));
+  }
+  EXPECT_GT(most_chunks, 5) << "the test did not reach the interesting places";
+}
+
+}  // namespace
+}  // namespace needlelab::test

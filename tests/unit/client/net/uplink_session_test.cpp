@@ -1,0 +1,337 @@
+#include "client/net/uplink_session.h"
+
+#include <gmock/gmock.h>
+
+#include <chrono>
+#include <thread>
+
+#include "common/base/clock.h"
+#include "common/gesture/chunk.h"
+#include "tests/support/temp_folder.h"
+#include "tests/unit/client/net/spool_samples.h"
+
+namespace needlelab::test {
+namespace {
+
+using testing::HasSubstr;
+
+// a spooled session of three chunks and what the uplink makes of it
+class UplinkSessionTest : public testing::Test {
+ protected:
+  UplinkSessionTest() : spool_(std::move(Spool::open(folder_.path())).value()) {
+    session_ = *spool_->create(describeSession(makeUuidV7()));
+    for (std::uint64_t seq = 0; seq < 3; ++seq)
+      EXPECT_TRUE(
+          session_->appendChunk(encodeChunk(Resolution::standard(), samplesFrom(seq * 10, 10)), 10).ok());
+    EXPECT_TRUE(session_->sync().ok());
+    upload_ = std::make_unique<UplinkSession>(session_);
+  }
+  // the names of the messages that it would send now
+  std::vector<std::string> sends(bool room = true) {
+    std::vector<std::string> names;
+    while (auto message = upload_->next(room)) {
+      if (message->has_open_session()) names.push_back("open");
+      if (message->has_chunk()) names.push_back("chunk " + std::to_string(message->chunk().seq()));
+      if (message->has_close_session()) names.push_back("close");
+    }
+    return names;
+  }
+  void ack(std::uint64_t committed, std::uint64_t safe = 0) {
+    pb::Ack message;
+    message.set_committed_seqs(committed);
+    message.set_safe_seqs(safe);
+    upload_->onAck(message);
+  }
+  void refuse(pb::Refusal::Reason reason, std::uint64_t expected = 0) {
+    pb::Refusal refusal;
+    refusal.set_reason(reason);
+    refusal.set_expected_seq(expected);
+    refusal.set_text("says the test");
+    upload_->onRefusal(refusal);
+  }
+  using Names = std::vector<std::string>;
+  TempFolder folder_;
+  std::unique_ptr<Spool> spool_;
+  std::shared_ptr<SpoolSession> session_;
+  std::unique_ptr<UplinkSession> upload_;
+};
+
+TEST_F(UplinkSessionTest, aSessionThatLostSamplesIsClosedAsInterruptedWithTheirNumber) {
+  ASSERT_TRUE(session_->setLoss({321, 30}).ok());
+  ASSERT_TRUE(session_->end(false).ok());
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  const auto close = upload_->next(true);
+  ASSERT_TRUE(close && close->has_close_session());
+  EXPECT_TRUE(close->close_session().interrupted()) << "an older server shows it, too";
+  EXPECT_EQ(close->close_session().samples_lost(), 321u);
+  EXPECT_EQ(close->close_session().lost_from_tick(), 30u);
+}
+
+TEST_F(UplinkSessionTest, aSessionRecordedWithoutAKeyGetsTheNameOfTheLogIn) {
+  auto description = describeSession(makeUuidV7());
+  UplinkSession named(*spool_->create(description), "s9");
+  EXPECT_EQ(named.next(true)->open_session().description().station(), description.station());
+  description = describeSession(makeUuidV7());
+  description.clear_station();
+  UplinkSession nameless(*spool_->create(description), "s9");
+  EXPECT_EQ(nameless.next(true)->open_session().description().station(), "s9");
+}
+
+TEST_F(UplinkSessionTest, opensSendsInOrderAndClosesWhenAllIsCommitted) {
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(0);
+  EXPECT_EQ(sends(), (Names{"chunk 0", "chunk 1", "chunk 2"}));
+  EXPECT_EQ(upload_->inFlight(), 3u);
+  ASSERT_TRUE(session_->end(false).ok());
+  EXPECT_EQ(sends(), Names{}) << "not everything is committed yet";
+  ack(2);
+  EXPECT_EQ(upload_->inFlight(), 1u);
+  ack(3);
+  EXPECT_EQ(sends(), Names{"close"});
+  EXPECT_EQ(sends(), Names{}) << "once";
+  upload_->onClosed({});
+  EXPECT_TRUE(upload_->finished());
+  EXPECT_TRUE(session_->receipt().closed);
+}
+
+TEST_F(UplinkSessionTest, withoutRoomNoChunkButEverythingElse) {
+  EXPECT_EQ(sends(false), Names{"open"});
+  upload_->onOpened(0);
+  EXPECT_EQ(sends(false), Names{});
+}
+
+TEST_F(UplinkSessionTest, theServersNextSeqCountsMoreThanTheReceipt) {
+  ASSERT_TRUE(session_->setReceipt({3, 0, false, 0}).ok());
+  UplinkSession again(session_);
+  EXPECT_EQ(again.committed(), 3u);
+  ASSERT_TRUE(again.next(true)->has_open_session());
+  again.onOpened(1);  // restored from a backup that was older than its acks
+  EXPECT_EQ(again.next(true)->chunk().seq(), 1u);
+}
+
+TEST_F(UplinkSessionTest, aServerThatWasRestoredGetsWhatItHadClosedAgain) {
+  ASSERT_TRUE(session_->end(false).ok());
+  ASSERT_TRUE(session_->setReceipt({3, 1, true, 7}).ok());
+  // by the next program: it does not read a closed session's chunks unless they are needed
+  const auto hash = session_->contents().hash;
+  session_.reset();
+  spool_.reset();
+  spool_ = std::move(Spool::open(folder_.path())).value();
+  ASSERT_TRUE(spool_->unfinished().empty());
+  ASSERT_EQ(spool_->closedButNotSafe().size(), 1u);
+  session_ = spool_->closedButNotSafe()[0];
+  upload_ = std::make_unique<UplinkSession>(session_);
+  EXPECT_EQ(sends(), Names{"open"}) << "asks whether the server still has it";
+  EXPECT_TRUE(upload_->asking());
+  EXPECT_TRUE(upload_->finished()) << "nobody waits for the answer";
+  upload_->onOpened(1);  // the restored backup has one chunk
+  EXPECT_FALSE(session_->receipt().closed) << "from now on the spool keeps it whatever its age";
+  EXPECT_EQ(session_->contents().hash, hash);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(1);
+  EXPECT_EQ(sends(), (Names{"chunk 1", "chunk 2"}));
+  ack(3);
+  EXPECT_EQ(sends(), Names{"close"});
+  upload_->onClosed({});
+  EXPECT_TRUE(session_->receipt().closed);
+}
+
+TEST_F(UplinkSessionTest, aRestoredServerThatHasAllButTheEndClosesItAgain) {
+  ASSERT_TRUE(session_->end(false).ok());
+  ASSERT_TRUE(session_->setReceipt({3, 0, true, 7}).ok());
+  upload_ = std::make_unique<UplinkSession>(session_);
+  upload_->onConnected(UplinkSession::There::kOpen);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  EXPECT_EQ(sends(), Names{"close"});
+}
+
+TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHasIt) {
+  ASSERT_TRUE(session_->end(false).ok());
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  EXPECT_EQ(sends(), Names{"close"});
+  upload_->onClosed({});
+  ack(3, 3);
+  ASSERT_EQ(session_->receipt().safe, 3u);
+  // the server was restored from a backup that has all the chunks and not the end
+  upload_->onConnectionLost();
+  upload_->onConnected(UplinkSession::There::kOpen);
+  EXPECT_FALSE(session_->receipt().closed);
+  EXPECT_EQ(session_->receipt().safe, 2u);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  ack(3, 2);
+  EXPECT_EQ(sends(), Names{"close"});
+  upload_->onClosed({});
+  EXPECT_TRUE(session_->receipt().closed);
+  EXPECT_EQ(spool_->cleanUp({}, wallNowNs()), Names{}) << "no backup has this end";
+  EXPECT_EQ(spool_->closedButNotSafe().size(), 1u);
+  // on the next connection it is asked for, until a backup covers it
+  upload_->onConnectionLost();
+  upload_->onConnected(UplinkSession::There::kNotOpen);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  ack(3, 3);
+  EXPECT_EQ(session_->receipt().safe, 3u);
+  EXPECT_EQ(spool_->cleanUp({}, wallNowNs()).size(), 1u);
+}
+
+TEST_F(UplinkSessionTest, aClosedSessionIsAskedForOnceAConnectionUntilItIsSafe) {
+  ASSERT_TRUE(session_->end(false).ok());
+  ASSERT_TRUE(session_->setReceipt({3, 0, true, 7}).ok());
+  upload_ = std::make_unique<UplinkSession>(session_);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  EXPECT_EQ(sends(), Names{}) << "the server has it";
+  EXPECT_FALSE(upload_->asking());
+  upload_->onConnectionLost();
+  upload_->onConnected(UplinkSession::There::kNotOpen);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  ack(3, 3);
+  EXPECT_EQ(session_->receipt().safe, 3u) << "so that the spool may let it go";
+  upload_->onConnected(UplinkSession::There::kNotOpen);
+  EXPECT_EQ(sends(), Names{}) << "a verified backup has it";
+}
+
+TEST_F(UplinkSessionTest, whereTheWelcomeWasFullTheEndIsToldAgain) {
+  ASSERT_TRUE(session_->end(false).ok());
+  ASSERT_TRUE(session_->setReceipt({3, 3, true, 7}).ok());
+  upload_ = std::make_unique<UplinkSession>(session_);
+  upload_->onConnected(UplinkSession::There::kUnsaid);
+  EXPECT_EQ(sends(), Names{"open"}) << "also of one that was safe: which backup was restored is unknown";
+  upload_->onOpened(3);
+  EXPECT_TRUE(upload_->asking()) << "the next old session waits";
+  EXPECT_EQ(session_->receipt().safe, 2u) << "whether the server has its end is not known yet";
+  EXPECT_TRUE(session_->receipt().closed);
+  ack(3, 3);
+  EXPECT_EQ(session_->receipt().safe, 3u);
+  EXPECT_EQ(sends(), Names{"close"});
+  EXPECT_EQ(sends(), Names{}) << "once";
+  upload_->onClosed({});
+  EXPECT_FALSE(upload_->asking());
+  EXPECT_EQ(sends(), Names{});
+  // a server that lost chunks as well gets them, as ever
+  upload_->onConnectionLost();
+  upload_->onConnected(UplinkSession::There::kUnsaid);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(2);
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(2);
+  EXPECT_EQ(sends(), Names{"chunk 2"});
+}
+
+TEST_F(UplinkSessionTest, whoAskedTooOftenAsksAgainAndLetsNobodyElseAskBefore) {
+  ASSERT_TRUE(session_->end(false).ok());
+  ASSERT_TRUE(session_->setReceipt({3, 0, true, 7}).ok());
+  upload_ = std::make_unique<UplinkSession>(session_);
+  EXPECT_EQ(sends(), Names{"open"});
+  refuse(pb::Refusal::RATE_LIMITED);
+  EXPECT_TRUE(upload_->asking());
+  EXPECT_EQ(sends(), Names{}) << "not at once";
+  const std::int64_t end_ns = steadyNowNs() + 10'000'000'000;
+  Names sent;
+  while (sent.empty() && steadyNowNs() < end_ns) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    sent = sends();
+  }
+  EXPECT_EQ(sent, Names{"open"});
+  upload_->onOpened(3);
+  EXPECT_FALSE(upload_->asking());
+  // any other no is for the next connection
+  upload_->onConnected(UplinkSession::There::kNotOpen);
+  EXPECT_EQ(sends(), Names{"open"});
+  refuse(pb::Refusal::INTERNAL);
+  EXPECT_FALSE(upload_->asking());
+  EXPECT_EQ(sends(), Names{});
+}
+
+TEST_F(UplinkSessionTest, aServerThatHasMoreThanTheSpoolIsNotArguedWith) {
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(4);
+  EXPECT_TRUE(upload_->refused());
+  EXPECT_THAT(upload_->trouble(), HasSubstr("4 chunks"));
+  EXPECT_EQ(sends(), Names{});
+}
+
+TEST_F(UplinkSessionTest, manyRefusalsForOneGapAskOnce) {
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(0);
+  EXPECT_EQ(sends().size(), 3u);
+  refuse(pb::Refusal::GAP, 1);  // for chunk 1, and soon for chunk 2 as well
+  EXPECT_EQ(sends(), Names{"open"});
+  refuse(pb::Refusal::GAP, 1);
+  EXPECT_EQ(sends(), Names{});
+  upload_->onOpened(1);
+  EXPECT_EQ(sends(), (Names{"chunk 1", "chunk 2"}));
+}
+
+TEST_F(UplinkSessionTest, endlessGapsEndInAWord) {
+  for (int i = 0; i < 100 && !upload_->refused(); ++i) {
+    static_cast<void>(sends());
+    upload_->onOpened(0);
+    static_cast<void>(sends());
+    refuse(pb::Refusal::GAP, 0);
+  }
+  EXPECT_TRUE(upload_->refused());
+  EXPECT_THAT(upload_->trouble(), HasSubstr("says the test"));
+}
+
+TEST_F(UplinkSessionTest, everyRefusalForGoodParksItAndKeepsTheSpool) {
+  for (const auto reason : {pb::Refusal::CONTRADICTION, pb::Refusal::INVALID, pb::Refusal::ROLE,
+                            pb::Refusal::TOO_LARGE, pb::Refusal::CONFLICT, pb::Refusal::NOT_FOUND}) {
+    UplinkSession upload(session_);
+    static_cast<void>(upload.next(true));
+    pb::Refusal refusal;
+    refusal.set_reason(reason);
+    refusal.set_text("no");
+    upload.onRefusal(refusal);
+    EXPECT_TRUE(upload.refused()) << reason;
+    upload.onConnectionLost();
+    EXPECT_FALSE(upload.next(true)) << "not in this run again";
+    EXPECT_FALSE(session_->receipt().closed);
+  }
+}
+
+TEST_F(UplinkSessionTest, aRefusalOfTheMomentIsNotForGood) {
+  EXPECT_EQ(sends(), Names{"open"});
+  refuse(pb::Refusal::INTERNAL);
+  EXPECT_FALSE(upload_->refused());
+  EXPECT_EQ(sends(), Names{}) << "asked again, but not at once";
+}
+
+TEST_F(UplinkSessionTest, acksBeyondWhatThereIsAreNotBelieved) {
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(0);
+  EXPECT_EQ(sends().size(), 3u);
+  ack(1'000'000, 2'000'000);
+  EXPECT_EQ(upload_->committed(), 3u);
+  upload_->saveReceipt(0, true);
+  EXPECT_EQ(session_->receipt().safe, 3u);
+}
+
+TEST_F(UplinkSessionTest, newsOfABackupReachTheReceiptOfAClosedSession) {
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(3);
+  ASSERT_TRUE(session_->end(false).ok());
+  EXPECT_EQ(sends(), Names{"close"});
+  upload_->onClosed({});
+  ack(3, 3);
+  EXPECT_EQ(session_->receipt().safe, 3u);
+}
+
+TEST_F(UplinkSessionTest, aLostConnectionSendsTheUncommittedAgain) {
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(0);
+  EXPECT_EQ(sends().size(), 3u);
+  ack(1);
+  upload_->onConnectionLost();
+  EXPECT_EQ(sends(), Names{"open"});
+  upload_->onOpened(1);
+  EXPECT_EQ(sends(), (Names{"chunk 1", "chunk 2"}));
+}
+
+}  // namespace
+}  // namespace needlelab::test

@@ -1,0 +1,439 @@
+#include "client/net/uplink.h"
+
+#include <gmock/gmock.h>
+
+#include <algorithm>
+
+#include "common/gesture/chunk.h"
+#include "tests/unit/client/net/fake_server.h"
+#include "tests/unit/client/net/spool_samples.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+class UplinkTest : public testing::Test {
+ protected:
+  UplinkTest() { reopenSpool(); }
+  void reopenSpool() {
+    spool_.reset();
+    auto spool = Spool::open(folder_.path());
+    ASSERT_TRUE(spool.ok()) << spool.error().message;
+    spool_ = std::move(*spool);
+  }
+  std::shared_ptr<SpoolSession> makeSession(std::uint64_t chunks, bool ended, std::size_t samples = 50) {
+    auto session = *spool_->create(describeSession(makeUuidV7()));
+    addChunks(*session, 0, chunks, samples);
+    if (ended) {
+      EXPECT_TRUE(session->end(false).ok());
+    }
+    return session;
+  }
+  static void addChunks(SpoolSession& session, std::uint64_t first, std::uint64_t count,
+                        std::size_t samples = 50) {
+    for (std::uint64_t seq = first; seq < first + count; ++seq)
+      ASSERT_TRUE(
+          session
+              .appendChunk(encodeChunk(Resolution::standard(), samplesFrom(seq * samples, samples)), samples)
+              .ok());
+    ASSERT_TRUE(session.sync().ok());
+  }
+  std::unique_ptr<Uplink> connected(const ClientConfig& client) {
+    UplinkConfig config;
+    config.client = client;
+    config.first_retry = 20ms;
+    config.most_retry = 100ms;
+    UplinkEvents events;
+    events.say = [this](const std::string& text) { note(text); };
+    events.trainee_message = [this](const pb::TraineeMessage& message) { note("message " + message.text()); };
+    events.next_exercise = [this](const pb::NextExercise& next) { note("next " + next.exercise_id()); };
+    events.set_aids = [this](const pb::SetAids& set) {
+      note("aids of " + set.from() + ": " + std::to_string(set.aids_size()) + (set.reset() ? " reset" : ""));
+    };
+    events.stop_lesson = [this](const pb::StopLesson& stop) { note("stop: " + stop.reason()); };
+    return std::make_unique<Uplink>(config, events);
+  }
+  void note(const std::string& text) {
+    const std::scoped_lock lock(mutex_);
+    said_.push_back(text);
+  }
+  std::vector<std::string> said() {
+    const std::scoped_lock lock(mutex_);
+    return said_;
+  }
+  template <typename Condition>
+  static bool eventually(Condition condition) {
+    for (int i = 0; i < 1000; ++i) {
+      if (condition()) return true;
+      std::this_thread::sleep_for(5ms);
+    }
+    return false;
+  }
+  // the server has every chunk as the spool has it, and the hash that it was told fits them
+  static void expectWhole(const KeptSession& kept, const SpoolSession& session) {
+    const SpoolContents contents = session.contents();
+    ASSERT_EQ(kept.chunks.size(), contents.chunks);
+    SessionHash hash;
+    for (std::uint64_t seq = 0; seq < contents.chunks; ++seq) {
+      ASSERT_EQ(kept.chunks[seq], std::string(textOf(*session.readChunk(seq))));
+      hash.update(viewOf(kept.chunks[seq]));
+    }
+    const Digest digest = hash.digest();
+    EXPECT_TRUE(kept.closed);
+    EXPECT_EQ(kept.close.hash(), std::string(digest.begin(), digest.end()));
+    EXPECT_EQ(kept.close.chunks(), contents.chunks);
+    EXPECT_EQ(kept.close.samples(), contents.samples);
+  }
+  KeptSession keptOf(FakeServer& server, const SpoolSession& session) {
+    return server.sessions()[session.description().session_id()];
+  }
+
+  TempFolder folder_;
+  std::unique_ptr<Spool> spool_;
+  std::mutex mutex_;
+  std::vector<std::string> said_;
+};
+
+TEST_F(UplinkTest, aSessionThatGrowsIsUploadedAndClosed) {
+  FakeServer server;
+  auto session = makeSession(3, false);
+  auto uplink = connected(server.clientConfig());
+  uplink->add(session, true);
+  ASSERT_TRUE(eventually([&] { return uplink->state().current_committed == 3; }));
+  addChunks(*session, 3, 4);
+  uplink->wake();
+  ASSERT_TRUE(eventually([&] { return uplink->state().current_committed == 7; }));
+  EXPECT_FALSE(uplink->waitUntilDone(50ms)) << "it has not ended";
+  ASSERT_TRUE(session->end(false).ok());
+  uplink->wake();
+  ASSERT_TRUE(uplink->waitUntilDone(5s));
+  expectWhole(keptOf(server, *session), *session);
+  const UplinkState state = uplink->state();
+  EXPECT_EQ(state.chunks_left, 0u);
+  ASSERT_TRUE(state.current_verdict);
+  EXPECT_EQ(state.current_verdict->state(), pb::SESSION_COMPLETE);
+  EXPECT_EQ(state.current_verdict->score_json(), "[]");
+  uplink->stop();
+  EXPECT_TRUE(session->receipt().closed);
+  reopenSpool();
+  EXPECT_TRUE(spool_->unfinished().empty()) << "a restart does not offer it again";
+}
+
+TEST_F(UplinkTest, theWindowHoldsAtMost64Chunks) {
+  FakeServer server;
+  server.faults.never_ack = true;
+  auto session = makeSession(200, true, 5);
+  auto uplink = connected(server.clientConfig());
+  uplink->add(session, true);
+  ASSERT_TRUE(eventually([&] { return server.mostChunks() >= 64; }));
+  std::this_thread::sleep_for(50ms);
+  EXPECT_EQ(server.mostChunks(), 64u);
+  EXPECT_EQ(uplink->state().chunks_left, 200u);
+  server.faults.never_ack = false;
+  server.ackNow();
+  ASSERT_TRUE(uplink->waitUntilDone(5s));
+  expectWhole(keptOf(server, *session), *session);
+}
+
+TEST_F(UplinkTest, lostConnectionsAndLostAcksLoseAndDoubleNothing) {
+  FakeServer server;
+  auto session = makeSession(150, true, 5);
+  server.faults.drop_after_chunks = 40;  // taken but never acknowledged
+  auto uplink = connected(server.clientConfig());
+  uplink->add(session, true);
+  ASSERT_TRUE(uplink->waitUntilDone(10s));
+  const KeptSession kept = keptOf(server, *session);
+  expectWhole(kept, *session);
+  EXPECT_EQ(kept.opened, 2u);
+  EXPECT_EQ(kept.repeated, 0u) << "the server's next_seq is believed, not the last ack";
+  EXPECT_EQ(uplink->state().connections, 2u);
+  EXPECT_THAT(said(), testing::Contains(HasSubstr("is lost")));
+}
+
+TEST_F(UplinkTest, whoIsThrownOutAtOnceComesBackMoreAndMoreSlowly) {
+  FakeServer server;
+  auto uplink = connected(server.clientConfig());
+  const auto end = std::chrono::steady_clock::now() + 600ms;
+  while (std::chrono::steady_clock::now() < end) {
+    server.dropConnections();
+    std::this_thread::sleep_for(2ms);
+  }
+  // waits of at least 10, 20, 40, then 50 ms; 10 ms each would make about 40 connections
+  EXPECT_GE(uplink->state().connections, 2u);
+  EXPECT_LE(uplink->state().connections, 16u);
+}
+
+TEST_F(UplinkTest, aGapIsSentAgainFromWhereTheServerStands) {
+  FakeServer server;
+  server.faults.forget_every_chunk = 37;
+  auto session = makeSession(150, true, 5);
+  auto uplink = connected(server.clientConfig());
+  uplink->add(session, true);
+  // a forgotten last chunk shows only by its missing ack; the next piece of news brings it out
+  ASSERT_TRUE(eventually([&] { return keptOf(server, *session).chunks.size() >= 140; }));
+  server.faults.forget_every_chunk = 0;
+  if (!uplink->waitUntilDone(1s)) server.dropConnections();
+  ASSERT_TRUE(uplink->waitUntilDone(5s));
+  expectWhole(keptOf(server, *session), *session);
+}
+
+TEST_F(UplinkTest, aSessionThatTheServerForgotIsOpenedAgain) {
+  FakeServer server;
+  server.faults.forget_session = true;
+  auto session = makeSession(5, true);
+  auto uplink = connected(server.clientConfig());
+  uplink->add(session, true);
+  ASSERT_TRUE(uplink->waitUntilDone(5s));
+  EXPECT_EQ(keptOf(server, *session).opened, 2u);
+  expectWhole(keptOf(server, *session), *session);
+}
+
+TEST_F(UplinkTest, aContradictionParksThatSessionAndTheOthersGoOn) {
+  FakeServer server;
+  server.faults.contradict = true;
+  auto bad = makeSession(3, true), good = makeSession(3, true);
+  auto uplink = connected(server.clientConfig());
+  uplink->add(bad, true);
+  ASSERT_TRUE(eventually([&] { return !uplink->state().current_trouble.empty(); }));
+  server.faults.contradict = false;
+  uplink->add(good, false);
+  ASSERT_TRUE(uplink->waitUntilDone(5s));
+  EXPECT_THAT(uplink->state().current_trouble, HasSubstr("CONTRADICTION"));
+  expectWhole(keptOf(server, *good), *good);
+  EXPECT_EQ(uplink->state().chunks_left, 3u) << "what was refused still waits in the spool";
+  uplink->stop();
+  EXPECT_FALSE(bad->receipt().closed);
+  EXPECT_TRUE(std::filesystem::exists(bad->folder() / "chunks"));
+}
+
+TEST_F(UplinkTest, oldSessionsAreUploadedBesideTheCurrentOne) {
+  FakeServer server;
+  std::vector<std::shared_ptr<SpoolSession>> old;
+  for (int i = 0; i < 4; ++i) old.push_back(makeSession(20, true));
+  auto current = makeSession(2, false);
+  auto uplink = connected(server.clientConfig());
+  for (const auto& session : old) uplink->add(session, false);
+  uplink->add(current, true);
+  ASSERT_TRUE(eventually([&] { return uplink->state().sessions_open == 1; }));
+  for (const auto& session : old) expectWhole(keptOf(server, *session), *session);
+  EXPECT_EQ(keptOf(server, *current).chunks.size(), 2u);
+}
+
+// a window practises lesson after lesson over one uplink
+TEST_F(UplinkTest, theVerdictOnOneSessionIsNeverTakenForTheNextOnes) {
+  FakeServer server;
+  auto uplink = connected(server.clientConfig());
+  for (int lesson = 0; lesson < 5; ++lesson) {
+    auto session = makeSession(2, false);
+    uplink->add(session, true);
+    // from the moment on that it is added
+    for (int look = 0; look < 20; ++look) {
+      ASSERT_FALSE(uplink->state().current_verdict);
+      std::this_thread::sleep_for(1ms);
+    }
+    ASSERT_TRUE(session->end(false).ok());
+    uplink->wake();
+    ASSERT_TRUE(eventually([&] { return uplink->state().current_verdict.has_value(); }));
+    EXPECT_EQ(uplink->state().current_verdict->session_id(), session->description().session_id());
+    EXPECT_EQ(uplink->state().current_committed, 2u);
+  }
+}
+
+TEST_F(UplinkTest, aQuestionThatIsNoneOfALessonIsAnsweredOrRefusedToo) {
+  FakeServer server;
+  auto uplink = connected(server.clientConfig());
+  pb::Request request;
+  request.mutable_get_lesson()->set_exercise_id("shoulder");
+  const auto reply = uplink->ask(request, 5s, false);
+  ASSERT_TRUE(reply.ok()) << reply.error().message;
+  EXPECT_TRUE(reply->has_lesson());
+  request.mutable_get_lesson()->set_exercise_id("unknown");
+  const auto refused = uplink->ask(request, 5s, false);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
+  // nobody answers this one: whoever has no more patience, or is told to, goes
+  pb::Request mute;
+  mute.mutable_list_curricula();
+  EXPECT_EQ(uplink->ask(mute, 50ms, false).error().code, ErrorCode::kUnavailable);
+  EXPECT_EQ(uplink->ask(mute, 10s, false, [] { return true; }).error().code, ErrorCode::kFailed);
+}
+
+TEST_F(UplinkTest, aServerThatComesLaterGetsEverything) {
+  std::uint16_t port = 0;
+  {
+    FakeServer gone;
+    port = gone.port();
+  }
+  auto session = makeSession(10, true);
+  auto uplink = connected(FakeServer::clientConfig(port));
+  uplink->add(session, true);
+  ASSERT_TRUE(eventually([&] { return !uplink->state().error.empty(); }));
+  EXPECT_FALSE(uplink->state().connected);
+  FakeServer server(port);
+  ASSERT_TRUE(uplink->waitUntilDone(10s));
+  expectWhole(keptOf(server, *session), *session);
+  const auto texts = said();
+  EXPECT_EQ(std::count_if(texts.begin(), texts.end(),
+                          [](const auto& text) { return text.find("trying again") != text.npos; }),
+            1)
+      << "said once, not at every try";
+}
+
+TEST_F(UplinkTest, aRefusedLogInIsToldAtOnce) {
+  FakeServer server;
+  server.faults.deny_login = true;
+  auto uplink = connected(server.clientConfig());
+  auto lesson = uplink->getLesson("shoulder", "tom", 10s, false);
+  ASSERT_FALSE(lesson.ok());
+  EXPECT_EQ(lesson.error().code, ErrorCode::kDenied);
+  EXPECT_TRUE(uplink->state().denied);
+  uplink->add(makeSession(1, true), true);
+  EXPECT_FALSE(uplink->waitUntilDone(10s)) << "does not wait for a server that says no";
+}
+
+TEST_F(UplinkTest, lessonsComeFromTheServerWithItsNoOrNotAtAll) {
+  FakeServer server;
+  auto uplink = connected(server.clientConfig());
+  auto lesson = uplink->getLesson("shoulder", "tom", 5s, false);
+  ASSERT_TRUE(lesson.ok()) << lesson.error().message;
+  EXPECT_EQ(lesson->profile_revision(), 7u);
+  auto unknown = uplink->getLesson("unknown", "tom", 5s, false);
+  ASSERT_FALSE(unknown.ok());
+  EXPECT_EQ(unknown.error().code, ErrorCode::kNotFound);
+  auto nobody = connected(FakeServer::clientConfig(1));
+  auto away = nobody->getLesson("shoulder", "tom", 10s, true);
+  ASSERT_FALSE(away.ok());
+  EXPECT_EQ(away.error().code, ErrorCode::kUnavailable);
+}
+
+TEST_F(UplinkTest, liveFramesOnlyWhileSomebodyWatches) {
+  FakeServer server;
+  auto session = makeSession(0, false);
+  auto uplink = connected(server.clientConfig());
+  uplink->add(session, true);
+  ASSERT_TRUE(eventually([&] { return keptOf(server, *session).opened == 1; }));
+  const auto samples = samplesFrom(0, 20);
+  SamplePiece piece{std::make_shared<const Bytes>(encodeChunk(Resolution::standard(), samples)),
+                    samples.back(), 20, 0, nullptr};
+  for (int i = 0; i < 5; ++i) uplink->offer(piece);
+  ASSERT_TRUE(eventually([&] { return server.statusLines() >= 2; }));
+  EXPECT_EQ(server.liveFrames(), 0u);
+  pb::Envelope watch;
+  watch.mutable_watch_state()->set_watched(true);
+  server.broadcast(watch);
+  ASSERT_TRUE(eventually([&] {
+    uplink->offer(piece);
+    return server.liveFrames() > 5;
+  }));
+  watch.mutable_watch_state()->set_watched(false);
+  server.broadcast(watch);
+  std::this_thread::sleep_for(100ms);
+  const auto before = server.liveFrames();
+  for (int i = 0; i < 5; ++i) uplink->offer(piece);
+  std::this_thread::sleep_for(50ms);
+  EXPECT_EQ(server.liveFrames(), before);
+}
+
+TEST_F(UplinkTest, theClockOffsetIsMeasuredAndTold) {
+  FakeServer server;
+  auto session = makeSession(0, false);
+  auto uplink = connected(server.clientConfig());
+  uplink->add(session, true);
+  ASSERT_TRUE(eventually([&] { return keptOf(server, *session).clock_round_trip_ns > 0; }));
+  ASSERT_TRUE(eventually([&] { return uplink->state().clock.has_value(); }));
+  // both clocks are the same one: the offset is within half the round trip of zero
+  const auto clock = *uplink->state().clock;
+  EXPECT_LE(std::abs(clock.offset_ns), clock.round_trip_ns / 2 + 1);
+}
+
+TEST_F(UplinkTest, wordsOfInstructorsAreShown) {
+  FakeServer server;
+  auto uplink = connected(server.clientConfig());
+  ASSERT_TRUE(eventually([&] { return uplink->state().connected; }));
+  pb::Envelope message, next;
+  message.mutable_trainee_message()->set_text("slower");
+  next.mutable_next_exercise()->set_exercise_id("knee");
+  ASSERT_TRUE(eventually([&] { return server.statusLines() > 0; }));
+  server.broadcast(message);
+  server.broadcast(next);
+  ASSERT_TRUE(eventually([&] { return said().size() >= 3; }));
+  EXPECT_THAT(said(), testing::Contains("message slower"));
+  EXPECT_THAT(said(), testing::Contains("next knee"));
+}
+
+TEST_F(UplinkTest, statusLinesTellWhatIsKnownOfTheLessonAndNeverOutgrowTheirBound) {
+  FakeServer server;
+  auto session = makeSession(1, false);
+  auto uplink = connected(server.clientConfig());
+  uplink->add(session, true);
+  uplink->noteLesson({4.5, {"nerve", "artery"}, 3.0, "muscle"});
+  ASSERT_TRUE(eventually([&] { return server.newestStatus().peak_force_n() == 4.5; }));
+  pb::StationStatus status = server.newestStatus();
+  ASSERT_EQ(status.hazards_touched_size(), 2);
+  EXPECT_EQ(status.hazards_touched(0), "nerve");
+  EXPECT_EQ(status.force_limit_n(), 3.0);
+  EXPECT_EQ(status.tissue(), "muscle");
+  EXPECT_EQ(status.started_unix_ns(), session->description().started_unix_ns());
+  EXPECT_EQ(status.live_dropped(), 0u);
+
+  LessonFacts long_ones{5, {}, 0, std::string(5000, 't')};
+  for (int i = 0; i < 100; ++i) long_ones.hazards_touched.push_back(std::string(60, 'h') + std::to_string(i));
+  uplink->noteTrouble("device", std::string(5000, 'x'));
+  uplink->noteLesson(long_ones);
+  ASSERT_TRUE(eventually([&] { return server.newestStatus().peak_force_n() == 5; }));
+  ASSERT_TRUE(eventually([&] { return server.newestStatus().trouble().size() == 1024; }));
+  status = server.newestStatus();
+  EXPECT_GE(status.hazards_touched_size(), 5);
+  EXPECT_EQ(status.hazards_touched(0), std::string(60, 'h') + "0");
+  EXPECT_LE(status.ByteSizeLong(), 2048u) << "a server refuses more";
+
+  uplink->add(makeSession(1, false), true);
+  ASSERT_TRUE(eventually([&] { return server.newestStatus().peak_force_n() == 0; })) << "another lesson";
+}
+
+TEST_F(UplinkTest, wordsForAnotherLessonThanThisOneArePassedOver) {
+  FakeServer server;
+  auto session = makeSession(1, false);
+  auto uplink = connected(server.clientConfig());
+  uplink->add(session, true);
+  ASSERT_TRUE(eventually([&] { return uplink->state().current_committed == 1; }));
+  const auto stop = [&](const std::string& id, const std::string& reason) {
+    pb::Envelope envelope;
+    envelope.mutable_stop_lesson()->set_session_id(id);
+    envelope.mutable_stop_lesson()->set_reason(reason);
+    server.broadcast(envelope);
+  };
+  stop(std::string(16, 'x'), "of before");
+  stop(session->description().session_id(), "of this one");
+  stop("", "whichever");
+  pb::Envelope aids;
+  aids.mutable_set_aids()->set_from("ines");
+  aids.mutable_set_aids()->add_aids(pb::Exercise::DEPTH);
+  aids.mutable_set_aids()->add_aids(static_cast<pb::Exercise::Aid>(77));  // of a newer server
+  aids.mutable_set_aids()->add_aids(pb::Exercise::AID_UNSPECIFIED);
+  server.broadcast(aids);
+  const auto has = [&](const std::string& text) {
+    const auto all = said();
+    return std::find(all.begin(), all.end(), text) != all.end();
+  };
+  ASSERT_TRUE(eventually([&] { return has("aids of ines: 1"); }));
+  EXPECT_TRUE(has("stop: of this one"));
+  EXPECT_TRUE(has("stop: whichever"));
+  EXPECT_FALSE(has("stop: of before"));
+  EXPECT_THAT(said(), testing::Contains(testing::HasSubstr("came too late")));
+}
+
+TEST(ClockProbe, theLeastRoundTripWins) {
+  ClockProbe probe;
+  EXPECT_TRUE(probe.add(1000, 50'500, 2000));   // round trip 1000, offset 49,000
+  EXPECT_FALSE(probe.add(3000, 60'000, 9000));  // slower: says less
+  EXPECT_TRUE(probe.add(10'000, 59'100, 10'200));
+  EXPECT_EQ(probe.best()->offset_ns, 49'000);
+  EXPECT_EQ(probe.best()->round_trip_ns, 200);
+  EXPECT_FALSE(probe.add(20'000, 0, 19'000)) << "an answer before the question";
+}
+
+}  // namespace
+}  // namespace needlelab::test

@@ -1,0 +1,259 @@
+/// The accuracy report from made-up rows: front, tables, CSV, JSON, recommendation, pictures' scripts.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "client/sim/accuracy/label_layout.h"
+#include "client/sim/accuracy/pareto.h"
+#include "client/sim/accuracy/plot.h"
+#include "client/sim/accuracy/plot_panel.h"
+#include "client/sim/accuracy/recommendation.h"
+#include "client/sim/accuracy/report.h"
+#include "tests/unit/client/sim/accuracy_rows.h"
+
+namespace needlelab {
+namespace {
+
+using test::liveRow;
+using test::modelRow;
+using test::rateRow;
+using test::storageRow;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Not;
+
+TEST(ParetoFront, holdsWhatNothingBeatsInBothMeasures) {
+  EXPECT_THAT(paretoFront(std::vector<CostError>{{1, 5}, {2, 3}, {3, 4}, {4, 1}, {2, 6}}),
+              ElementsAre(true, true, false, true, false));
+}
+
+TEST(ParetoFront, equalPointsAreOnItTogetherAndTiesInOneMeasureAreNot) {
+  EXPECT_THAT(paretoFront(std::vector<CostError>{{1, 1}, {1, 1}, {1, 2}, {2, 1}}),
+              ElementsAre(true, true, false, false));
+}
+
+TEST(ParetoFront, whatWasNotMeasuredIsNotOnItAndBeatsNothing) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THAT(paretoFront(std::vector<CostError>{{nan, 0}, {1, 1}, {0, nan}}),
+              ElementsAre(false, true, false));
+}
+
+TEST(AccuracyGroups, rowsOfAnotherReferenceOrSceneAreNotCompared) {
+  AccuracyRows rows = {modelRow("A", 1, 1), modelRow("B", 2, 2), modelRow("C", 3, 3), modelRow("D", 4, 4)};
+  rows[1].reference = "another";
+  rows[2].scene = "another";
+  const auto groups = groupsOf(rows);
+  ASSERT_EQ(groups.size(), 3u);
+  EXPECT_EQ(groups[0].rows.size(), 2u);
+  EXPECT_EQ(groups[0].rows[1]->model, "D");
+}
+
+TEST(AccuracyGroups, aRatesCostIsItsShareOfACoreInAMillisecond) {
+  EXPECT_DOUBLE_EQ(*costOf_ns(rateRow(4000, 0.1, 2)), 400);
+  EXPECT_DOUBLE_EQ(*costOf_ns(modelRow("A", 0.1, 30)), 30);
+}
+
+TEST(AccuracyTable, saysComparatorUncertaintyAndWhatItCannotShow) {
+  AccuracyRows rows = {modelRow("SLOW", 0.01, 2e6, false), modelRow("QUICK", 0.5, 20)};
+  const std::string text = accuracyTables(rows);
+  EXPECT_THAT(text, HasSubstr("against: a made-up force"));
+  EXPECT_THAT(text, HasSubstr("cannot show: anything"));
+  EXPECT_THAT(text, HasSubstr("NO"));
+  EXPECT_THAT(text, HasSubstr("rms error [N]"));
+  EXPECT_THAT(text, Not(HasSubstr("bytes/sample"))) << "no row of the group has it";
+}
+
+TEST(AccuracyTable, columnsAlignWhateverTheLettersBytes) {
+  AccuracyRows rows = {storageRow(1e-6, 0.1, 3), storageRow(0, 0, 40)};
+  std::vector<std::size_t> at;
+  std::istringstream lines(accuracyTables(rows));
+  for (std::string line; std::getline(lines, line);)
+    for (const std::string mark : {"none", "uncertainty"}) {
+      const auto found = line.find(mark);
+      if (found == std::string::npos) continue;
+      // letters before it, not bytes
+      std::size_t letters = 0;
+      for (std::size_t i = 0; i < found; ++i)
+        letters += (static_cast<unsigned char>(line[i]) & 0xC0u) != 0x80u;
+      at.push_back(letters);
+    }
+  ASSERT_EQ(at.size(), 3u);
+  EXPECT_EQ(at[0], at[1]);
+  EXPECT_EQ(at[1], at[2]);
+}
+
+TEST(AccuracyJson, hasTheColumnsOfTheDesignAndNullWhereAStudyUsesNone) {
+  const auto json = jsonOf(modelRow("VOIGT", 0.25, 20));
+  for (const char* key : {"study", "scene", "model", "rate_hz", "mesh_nodes", "quantum_m", "frame_s",
+                          "reference", "rms_error_n", "max_error_n", "bytes_per_sample", "latency_ms",
+                          "cpu_share", "median_ns", "p99_ns", "fits_rate", "uncertainty", "cannot_show"})
+    EXPECT_TRUE(json.contains(key)) << key;
+  EXPECT_EQ(json["study"], "model");
+  EXPECT_EQ(json["rms_error_n"], 0.25);
+  EXPECT_TRUE(json["quantum_m"].is_null());
+  EXPECT_EQ(json["fits_rate"], true);
+}
+
+TEST(AccuracyJson, whatIsNotFiniteIsNull) {
+  AccuracyRow row = modelRow("FEM", std::numeric_limits<double>::infinity(), 20);
+  EXPECT_TRUE(jsonOf(row)["rms_error_n"].is_null());
+}
+
+TEST(AccuracyCsv, everyRowHasAsManyCellsAsTheHeader) {
+  AccuracyRow row = modelRow("A", 1, 1);
+  row.cannot_show = "words, with a comma and \"quotes\"";
+  const std::string csv = accuracyCsv({row});
+  EXPECT_THAT(csv, HasSubstr("\"words, with a comma and \"\"quotes\"\"\""));
+  const auto cells = [](const std::string& line) {
+    std::size_t count = 1;
+    bool quoted = false;
+    for (const char c : line) {
+      if (c == '"') quoted = !quoted;
+      count += c == ',' && !quoted;
+    }
+    return count;
+  };
+  const auto end = csv.find('\n');
+  EXPECT_EQ(cells(csv.substr(0, end)), cells(csv.substr(end + 1)));
+  EXPECT_EQ(csv.rfind("study,scene,model", 0), 0u);
+}
+
+std::string adviceOf(const AccuracyRows& rows) {
+  return adviceFor(groupsOf(rows).front()).text;
+}
+
+TEST(Recommendation, takesTheCheapestModelWhoseErrorNobodyNotices) {
+  EXPECT_THAT(
+      adviceOf({modelRow("CHEAP", 0.5, 10), modelRow("GOOD", 0.15, 20), modelRow("BETTER", 0.05, 500)}),
+      HasSubstr("take GOOD"));
+}
+
+TEST(Recommendation, changesWhenTheRowsChange) {
+  // the same rows, but the cheap one is now good enough
+  EXPECT_THAT(adviceOf({modelRow("CHEAP", 0.1, 10), modelRow("GOOD", 0.15, 20)}), HasSubstr("take CHEAP"));
+  // the cheap one steps: a step is felt, whatever the mean error
+  AccuracyRows rows = {modelRow("CHEAP", 0.1, 10), modelRow("GOOD", 0.15, 20)};
+  rows[0].max_step_n = 1;
+  EXPECT_THAT(adviceOf(rows), HasSubstr("take GOOD"));
+  // and when the good one is too slow, nothing is good enough: the least error that fits
+  rows[1].fits_rate = false;
+  EXPECT_THAT(adviceOf(rows), HasSubstr("take CHEAP"));
+  EXPECT_THAT(adviceOf(rows), HasSubstr("none is below"));
+  EXPECT_THAT(adviceOf(rows), HasSubstr("Too slow for their rate: GOOD"));
+}
+
+TEST(Recommendation, saysWhenNothingFits) {
+  const Advice advice = adviceFor({AccuracyStudy::kModel, "scene", "reference", "", {}, {}});
+  EXPECT_EQ(advice.row, nullptr);
+  EXPECT_THAT(adviceOf({modelRow("A", 0.1, 2e6, false)}), HasSubstr("no choice can be recommended"));
+}
+
+TEST(Recommendation, aRateNeedsTwiceTheScenesStiffness) {
+  EXPECT_THAT(adviceOf({rateRow(250, 0.01, 0.6), rateRow(500, 0.01, 1.1), rateRow(1000, 0.01, 2.3)}),
+              HasSubstr("take 1 kHz"));
+  EXPECT_THAT(adviceOf({rateRow(250, 0.01, 2.6), rateRow(500, 0.01, 5.1)}), HasSubstr("take 250 Hz"));
+}
+
+TEST(Recommendation, storageTakesTheFewestBytesBelowATenthOfWhatIsNoticed) {
+  EXPECT_THAT(adviceOf({storageRow(0, 0, 40), storageRow(1e-6, 0.001, 3), storageRow(1e-5, 0.019, 2),
+                        storageRow(1e-4, 0.021, 1)}),
+              HasSubstr("take 10 µm"));
+}
+
+TEST(Recommendation, liveFramesMustLeaveHalfTheTimeToTheNetwork) {
+  EXPECT_THAT(adviceOf({liveRow(0.005, 5, 34e3), liveRow(0.02, 20, 11e3), liveRow(0.05, 50, 7e3)}),
+              HasSubstr("take 20 ms"));
+  EXPECT_THAT(adviceOf({liveRow(0.05, 50, 7e3), liveRow(0.2, 200, 4e3)}),
+              HasSubstr("none has a p99 latency"));
+}
+
+TEST(Recommendation, theSumTakesTheMostCarefulChoiceOfSeveralScenes) {
+  AccuracyRows rows = {storageRow(1e-6, 0.001, 3), storageRow(1e-5, 0.01, 2), storageRow(1e-6, 0.001, 3),
+                       storageRow(1e-5, 0.5, 2)};
+  rows[2].scene = rows[3].scene = "another scene";
+  EXPECT_THAT(recommendation(rows).back(),
+              HasSubstr("stored steps of 1 µm (the most careful choice, in 1 of 2"));
+  EXPECT_TRUE(recommendation({}).empty());
+}
+
+TEST(Recommendation, oneChoiceAloneIsNotRecommended) {
+  AccuracyRows rows = {modelRow("A", 0.1, 10), modelRow("A", 0.05, 10)};
+  rows[1].variant = "fitted";
+  const Advice advice = adviceFor(groupsOf(rows).front());
+  EXPECT_FALSE(advice.is_choice);
+  EXPECT_THAT(advice.text, HasSubstr("nothing to choose from"));
+  EXPECT_THAT(recommendation(rows), testing::SizeIs(1)) << "and no sum";
+}
+
+TEST(Recommendation, scenesWithTheSameChoiceShareAParagraph) {
+  AccuracyRows rows = {storageRow(1e-6, 0.001, 3), storageRow(1e-5, 0.01, 2), storageRow(1e-6, 0.001, 3),
+                       storageRow(1e-5, 0.012, 2)};
+  rows[2].scene = rows[3].scene = "second scene";
+  const auto paragraphs = recommendation(rows);
+  ASSERT_EQ(paragraphs.size(), 2u);
+  EXPECT_THAT(paragraphs[0], HasSubstr("The same choice in second scene (rms error 0.012 N"));
+}
+
+AccuracyRow meshRow(double nodes, double error_n, double median_ns) {
+  AccuracyRow row = modelRow("FEM", error_n, median_ns);
+  row.study = AccuracyStudy::kMesh;
+  row.mesh_nodes = nodes;
+  row.fits_rate = median_ns < 1e6;
+  return row;
+}
+
+TEST(Recommendation, takesTheCoarsestMeshThatIsGoodEnoughAndNamesTheLargestThatFits) {
+  const AccuracyRows rows = {meshRow(500, 0.4, 1e3), meshRow(2000, 0.15, 2e3), meshRow(9000, 0.05, 9e5),
+                             meshRow(20'000, 0.01, 2e6), meshRow(50'000, 0, 4e6)};
+  EXPECT_THAT(adviceOf(rows), HasSubstr("take 2,000 nodes"));
+  EXPECT_THAT(adviceOf(rows), HasSubstr("The largest mesh tried that fits its rate: 9,000 nodes."));
+  EXPECT_THAT(adviceOf(rows), HasSubstr("Too slow for their rate: 20,000 nodes and 50,000 nodes."));
+}
+
+TEST(ParetoFront, theFinestMeshIsTheComparatorNotAChoice) {
+  const AccuracyRows rows = {meshRow(500, 0.4, 1e3), meshRow(2000, 0.15, 2e3), meshRow(50'000, 0, 900)};
+  EXPECT_THAT(paretoFront(groupsOf(rows).front()), ElementsAre(true, true, false));
+}
+
+TEST(SiText, keepsThreeFiguresAndNeverAThousand) {
+  EXPECT_EQ(siText(2e-8, "s"), "20 ns");
+  EXPECT_EQ(siText(0.00123456, "N"), "1.23 mN");
+  EXPECT_EQ(siText(9.999e-7, "s"), "1 µs");
+  EXPECT_EQ(siText(3e5, "B/s"), "300 kB/s");
+  EXPECT_EQ(siText(0, "N"), "0 N");
+}
+
+TEST(LabelLayout, namesCoverNeitherEachOtherNorAPoint) {
+  // nine points in a heap, as models of the same cost are
+  std::vector<PixelPoint> points;
+  std::vector<std::string> labels;
+  for (int i = 0; i < 9; ++i) {
+    points.push_back({400.0 + 6 * (i % 3), 300.0 + 9 * (i / 3)});
+    labels.push_back("ENHANCED_TRACKING_WALL");
+  }
+  const LabelSpace space{{0, 0, 800, 600}, {}, 8, 15};
+  const auto placed = placeLabels(points, labels, space);
+  ASSERT_EQ(placed.size(), 9u);
+  for (std::size_t i = 0; i < placed.size(); ++i) {
+    EXPECT_TRUE(placed[i].box.within(space.frame));
+    for (std::size_t k = i + 1; k < placed.size(); ++k) EXPECT_FALSE(placed[i].box.overlaps(placed[k].box));
+    for (const PixelPoint& p : points)
+      EXPECT_FALSE(placed[i].box.overlaps({p.x - 4, p.y - 4, p.x + 4, p.y + 4}));
+  }
+}
+
+TEST(AccuracyPictures, onePerStudyWithRowsAndAnOverview) {
+  const AccuracyRows rows = {modelRow("A", 0.1, 10), modelRow("B", 0.05, 20), rateRow(1000, 0.1, 3),
+                             rateRow(2000, 0.05, 6)};
+  const auto pictures = accuracyPictures(rows);
+  ASSERT_EQ(pictures.size(), 3u);
+  EXPECT_EQ(pictures[0].name, "accuracy_model");
+  EXPECT_EQ(pictures[1].name, "accuracy_rate");
+  EXPECT_EQ(pictures[2].name, "accuracy");
+  EXPECT_TRUE(accuracyPictures({}).empty());
+}
+
+}  // namespace
+}  // namespace needlelab

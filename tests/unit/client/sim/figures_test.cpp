@@ -1,0 +1,192 @@
+// The figures show what the paper's section IV says: the numbers below are the paper's.
+#include "client/sim/tools/figures.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <functional>
+
+#include "common/base/csv.h"
+#include "tests/support/temp_folder.h"
+
+namespace needlelab {
+namespace {
+
+// columns of a figure's table, read back from its text
+class Table {
+ public:
+  Table(const Figure& figure, const std::vector<std::string>& columns) {
+    const test::TempFolder folder;
+    auto table = readCsv(folder.write("f.csv", figure.csv), columns);
+    if (!table.ok()) throw std::runtime_error(table.error().message);
+    table_ = *std::move(table);
+  }
+  [[nodiscard]] std::size_t rows() const { return table_.rows(); }
+  double at(const char* column, std::size_t row) const {
+    return table_.columns[static_cast<std::size_t>(table_.find(column))][row];
+  }
+  // the values of a column in the rows that `wanted` takes
+  [[nodiscard]] std::vector<double> where(const char* column,
+                                          const std::function<bool(std::size_t)>& wanted) const {
+    std::vector<double> found;
+    for (std::size_t i = 0; i < rows(); ++i)
+      if (wanted(i)) found.push_back(at(column, i));
+    return found;
+  }
+  [[nodiscard]] std::vector<double> between(const char* column, double from_s, double to_s) const {
+    return where(column, [&](std::size_t i) { return at("t_s", i) >= from_s && at("t_s", i) < to_s; });
+  }
+
+ private:
+  CsvTable table_;
+};
+
+double least(const std::vector<double>& v) {
+  return *std::min_element(v.begin(), v.end());
+}
+double greatest(const std::vector<double>& v) {
+  return *std::max_element(v.begin(), v.end());
+}
+
+TEST(Figure07, oneNewtonInDecayInTheStopHalfANewtonOut) {
+  const auto run = runOneLayer();
+  ASSERT_TRUE(run.ok()) << run.error().message;
+  const Table t(figure07(*run, "fig07.csv"), {"t_s", "z_m", "force_z_n", "rendered_force_z_n", "depth_m"});
+
+  // free motion: nothing
+  EXPECT_EQ(greatest(t.between("force_z_n", 22, 23.9)), 0);
+  EXPECT_EQ(least(t.between("force_z_n", 22, 23.9)), 0);
+  // insertion, 24 to 27 s: up to 1 N ± 2 %, and the plateau lasts
+  EXPECT_NEAR(greatest(t.between("force_z_n", 24, 27)), 1, 0.02);
+  EXPECT_NEAR(least(t.between("force_z_n", 24.8, 26.8)), 1, 0.02);
+  // intentional stop, 27 to 29.5 s: it falls all the time (but for the tremor) and ends at nothing
+  double before = 1.001;
+  for (double from = 27; from < 29.4; from += 0.2) {
+    const double now = greatest(t.between("force_z_n", from, from + 0.2));
+    EXPECT_LE(now, before + 0.01) << from;
+    before = now;
+  }
+  EXPECT_LE(greatest(t.between("force_z_n", 29.2, 29.5)), 0.02);
+  EXPECT_GE(least(t.between("force_z_n", 27, 29.5)), -0.02);
+  // withdrawal, 29.5 to 31.5 s: 0.5 N inwards
+  EXPECT_NEAR(least(t.between("force_z_n", 29.5, 31.5)), -0.5, 0.01);
+  EXPECT_NEAR(greatest(t.between("force_z_n", 30.2, 31.2)), -0.5, 0.01);
+  // free again
+  EXPECT_LT(greatest(t.between("depth_m", 31.8, 33)), 0);
+  EXPECT_EQ(least(t.between("force_z_n", 31.8, 33)), 0);
+  // the gate took nothing away: what the hand got is what the engine said, up to the slew at the exit
+  for (std::size_t i = 0; i < t.rows(); ++i)
+    ASSERT_NEAR(t.at("force_z_n", i), t.at("rendered_force_z_n", i), 1e-6) << t.at("t_s", i);
+}
+
+TEST(Figure09, sixPlateausInAndFourTenthsOut) {
+  const auto run = runSixLayers();
+  ASSERT_TRUE(run.ok()) << run.error().message;
+  const Table t(figure09(*run, "fig09.csv"),
+                {"t_s", "cutting_force_n", "attracted_force_n", "layer", "depth_m"});
+  const double forces[] = {1, 2, 1.5, 2.5, 3, 4};
+  for (int layer = 0; layer < 6; ++layer) {
+    // way in through this layer: from its first tick to the first in the next one, or to the deepest
+    std::size_t first = 0;
+    while (t.at("layer", first) != layer) ++first;
+    std::size_t last = first;
+    while (last + 1 < t.rows() && t.at("layer", last + 1) == layer &&
+           t.at("depth_m", last + 1) >= t.at("depth_m", last) - 1e-5)
+      ++last;
+    ASSERT_GT(last - first, 40u) << "layer " << layer + 1;
+    for (std::size_t i = first + (last - first) / 2; i < last; ++i)
+      ASSERT_NEAR(t.at("cutting_force_n", i), forces[layer], 0.02 * forces[layer]) << "layer " << layer + 1;
+  }
+  EXPECT_NEAR(least(t.between("attracted_force_n", 0, 2)), -0.4, 0.008);
+  EXPECT_NEAR(greatest(t.between("attracted_force_n", 1.0, 1.3)), -0.4, 0.008);
+  // in by 0.75 s, out by 1.5 s, only one of the two forces at a time
+  EXPECT_GT(greatest(t.between("depth_m", 0.5, 0.8)), 0.045);
+  EXPECT_LT(greatest(t.between("depth_m", 1.5, 2)), 0);
+  for (std::size_t i = 0; i < t.rows(); ++i)
+    ASSERT_TRUE(t.at("cutting_force_n", i) == 0 || t.at("attracted_force_n", i) == 0) << i;
+}
+
+TEST(Figure08, theWallFollowsAlongEveryAxisAtTheDistanceOfTheForce) {
+  const auto run = runSixLayers();
+  ASSERT_TRUE(run.ok());
+  const Figure figure = figure08(*run, "fig08.csv");
+  const Table t(figure, {"t_s", "px_m", "py_m", "pz_m"});
+  for (const char* axis : {"px_m", "py_m", "pz_m"})
+    EXPECT_GT(greatest(t.between(axis, 0, 0.75)) - least(t.between(axis, 0, 0.75)), 0.015) << axis;
+  // K_t = 500 N/m: the difference distance is 2 mm per newton
+  std::size_t seen = 0;
+  for (const ChainTick& tick : run->ticks) {
+    if (tick.report.phase == Phase::kFree) continue;
+    const double axial = std::abs(tick.report.cutting_N + tick.report.attracted_N);
+    ASSERT_NEAR(norm(tick.X_WT.p - tick.report.p_wall_W_m), axial / 500, 2e-4);
+    ++seen;
+  }
+  EXPECT_GT(seen, 1000u);
+}
+
+TEST(Figure10, theForcePullsBackToTheTrajectoryWhichChangesInTheEnd) {
+  const auto run = runClamping();
+  ASSERT_TRUE(run.ok()) << run.error().message;
+  double deepest_first = 0, shallowest_between = 1, nearest = 1;
+  bool turned = false;
+  int entries = 0;
+  const Vec3 target{0.008, 0, -0.036};
+  double angle = 0;
+  for (const ChainTick& tick : run->ticks) {
+    const StepReport& r = tick.report;
+    entries += (r.flags & kFlagEntry) != 0;
+    turned = turned || (r.flags & kFlagTurn) != 0;
+    if (!turned && r.phase != Phase::kFree) {
+      if (r.insertion_m > deepest_first) deepest_first = r.insertion_m, shallowest_between = 1;
+      shallowest_between = std::min(shallowest_between, r.insertion_m);
+    }
+    if (turned) nearest = std::min(nearest, norm(tick.X_WT.p - target));
+    // eq. 8 up to the limit, 1.5 N in this scene
+    ASSERT_NEAR(r.clamping_N, std::min(1.5, r.clamping_stiffness_N_per_m * r.lateral_error_m), 1e-9);
+    ASSERT_NEAR(norm(r.wrench_W.force_N), r.clamping_N, 1e-9);
+    angle = std::max(angle, r.lateral_error_m);
+  }
+  EXPECT_EQ(entries, 1);           // drawn back, but not totally
+  EXPECT_GT(deepest_first, 0.03);  // point 1
+  EXPECT_LT(shallowest_between, 0.016);
+  EXPECT_GT(shallowest_between, 0.005);
+  EXPECT_TRUE(turned);
+  EXPECT_LT(nearest, 0.003);  // point 2, the target's radius
+  EXPECT_GT(angle, 0.004);
+}
+
+TEST(Figure11, theForceIsSmallAtFirstRisesWithDepthAndFallsOnTheWayBack) {
+  const auto run = runClamping();
+  ASSERT_TRUE(run.ok());
+  const Table t(figure11(*run, "fig11.csv"), {"t_s", "clamping_n", "insertion_m", "turning"});
+  // where the way in is still shallow the user almost follows the trajectory
+  const auto first_way = [&](double from_m, double to_m) {
+    bool back = false;
+    double most = 0;
+    for (std::size_t i = 0; i < t.rows() && !back; ++i) {
+      const double d = t.at("insertion_m", i);
+      if (d >= from_m && d < to_m) most = std::max(most, t.at("clamping_n", i));
+      back = most > 0 && d > to_m;
+    }
+    return most;
+  };
+  const double shallow = first_way(0.001, 0.012), middle = first_way(0.02, 0.025),
+               deep = first_way(0.03, 0.035);
+  EXPECT_LT(shallow, 0.15);
+  EXPECT_GT(middle, 2 * shallow);
+  EXPECT_GT(deep, 1.5 * middle);
+  EXPECT_NEAR(greatest(t.where("clamping_n", [&](std::size_t i) { return t.at("turning", i) > 0; })), 1.5,
+              1e-9);
+  EXPECT_EQ(t.at("clamping_n", t.rows() - 1), 0);
+}
+
+TEST(PaperScene, anUnknownOneIsNamed) {
+  const auto scene = paperScene("paper-hip", {}, 1000);
+  ASSERT_FALSE(scene.ok());
+  EXPECT_EQ(scene.error().code, ErrorCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,64 @@
+#include "client/sim/tools/gnuplot.h"
+
+#include <gmock/gmock.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+
+#include "common/base/atomic_file.h"
+#include "tests/support/temp_folder.h"
+
+namespace needlelab {
+namespace {
+
+using testing::HasSubstr;
+
+std::size_t filesIn(const std::filesystem::path& folder) {
+  return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(folder), {}));
+}
+
+TEST(Gnuplot, drawsAPictureOfTheAskedSize) {
+  if (!hasGnuplot()) GTEST_SKIP() << "gnuplot is not on the PATH";
+  const test::TempFolder folder;
+  const auto png = folder.path() / "it's a test.png";
+  const Status status = plotPng("plot sin(x) title 'ω_n'", png, 640, 360);
+  ASSERT_TRUE(status.ok()) << status.error().message;
+  const std::string bytes = *readWholeFile(png);
+  // PNG signature, then the header chunk with width and height, big-endian
+  ASSERT_GT(bytes.size(), 1000u);
+  EXPECT_EQ(bytes.substr(0, 8), "\x89PNG\r\n\x1a\n");
+  const auto number = [&](std::size_t at) {
+    unsigned value = 0;
+    for (std::size_t i = 0; i < 4; ++i) value = value << 8 | static_cast<unsigned char>(bytes[at + i]);
+    return value;
+  };
+  EXPECT_EQ(number(16), 640u);
+  EXPECT_EQ(number(20), 360u);
+  EXPECT_EQ(filesIn(folder.path()), 1u);
+}
+
+TEST(Gnuplot, aWrongScriptFailsWithGnuplotsWordsAndLeavesNothing) {
+  if (!hasGnuplot()) GTEST_SKIP() << "gnuplot is not on the PATH";
+  const test::TempFolder folder;
+  const Status status = plotPng("plod sin(x)", folder.path() / "p.png", 640, 360);
+  ASSERT_FALSE(status.ok());
+  EXPECT_EQ(status.error().code, ErrorCode::kFailed);
+  EXPECT_THAT(status.error().message, HasSubstr("plod"));
+  EXPECT_EQ(filesIn(folder.path()), 0u);
+}
+
+TEST(Gnuplot, isNotThereWhenThePathHasNone) {
+  const test::TempFolder folder;
+  const std::string path = std::getenv("PATH");
+  ::setenv("PATH", folder.path().c_str(), 1);
+  const bool found = hasGnuplot();
+  ::setenv("PATH", "", 1);
+  const bool found_nowhere = hasGnuplot();
+  ::setenv("PATH", path.c_str(), 1);
+  EXPECT_FALSE(found);
+  EXPECT_FALSE(found_nowhere);
+}
+
+}  // namespace
+}  // namespace needlelab

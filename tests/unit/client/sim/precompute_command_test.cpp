@@ -1,0 +1,100 @@
+// `needlelab-sim precompute`: whole command lines on small meshes.
+#include <gmock/gmock.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "common/base/atomic_file.h"
+#include "common/profile/profile.h"
+#include "tests/support/temp_folder.h"
+#include "tests/unit/client/sim/sim_run.h"
+
+namespace needlelab {
+namespace {
+
+using nlohmann::json;
+using test::sim;
+using testing::HasSubstr;
+
+TEST(PrecomputeCommand, writesAProfileThatRunsAndSaysHowFarItIsFromLiveFem) {
+  const test::TempFolder folder;
+  const auto out = folder.path() / "table.json";
+  const auto outcome = sim({"precompute", "--profile", (test::kSamples / "shoulder-models.json").string(),
+                            "--mesh", "1000", "--rows", "101", "--out", out.string(), "--json"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const json row = json::parse(outcome.out).at("rows").at(0);
+  EXPECT_EQ(row.at("table_rows"), 101);
+  EXPECT_GT(row.at("fem_peak_n"), 0.5);
+  EXPECT_GE(row.at("error_max_n"), row.at("error_rms_n"));
+
+  const auto profile = loadProfile(out);
+  ASSERT_TRUE(profile.ok()) << profile.error().message;
+  EXPECT_EQ(profile->axial_model(), pb::Profile::PRECOMPUTED);
+  EXPECT_EQ(profile->id(), "shoulder-models-precomputed");
+  ASSERT_EQ(profile->precomputed().table_size(), 101);
+  EXPECT_EQ(profile->precomputed().table(0).cutting_n(), 0.0);
+  EXPECT_THAT(profile->precomputed().source(),
+              HasSubstr("needlelab-sim precompute of profile shoulder-models"));
+  EXPECT_THAT(profile->precomputed().source(), HasSubstr("strained above 10 %"));
+  // the shaft's friction is in the table: it is not added again
+  const auto scene = sceneSpecOf(*profile);
+  ASSERT_TRUE(scene.ok()) << scene.error().message;
+  EXPECT_EQ(scene->effects & bitOf(Effect::kShaftFriction), 0u);
+  EXPECT_NE(scene->effects & bitOf(Effect::kAttracted), 0u);
+}
+
+TEST(PrecomputeCommand, sameInputGivesTheSameTable) {
+  const test::TempFolder folder;
+  std::string text[2];
+  for (const int n : {0, 1}) {
+    const auto out = folder.path() / ("table" + std::to_string(n) + ".json");
+    ASSERT_EQ(sim({"precompute", "--profile", (test::kSamples / "shoulder-models.json").string(), "--mesh",
+                   "500", "--rows", "21", "--out", out.string()})
+                  .code,
+              0);
+    text[n] = *readWholeFile(out);
+  }
+  EXPECT_EQ(text[0], text[1]);
+}
+
+TEST(PrecomputeCommand, aProfileWithoutFemIsTakenByItsLayersAndSaysSo) {
+  const test::TempFolder folder;
+  const auto out = folder.path() / "table.json";
+  const auto outcome = sim({"precompute", "--profile", (test::kSamples / "paper-1dof.json").string(),
+                            "--mesh", "500", "--rows", "11", "--depth", "0.02", "--out", out.string()});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("no section fem"));
+  EXPECT_THAT(outcome.out, HasSubstr("11 rows to 20.0 mm"));
+}
+
+TEST(PrecomputeCommand, refusesWithFieldValueAndRangeAndWritesNothing) {
+  const test::TempFolder folder;
+  const auto out = folder.path() / "table.json";
+  const std::string profile = (test::kSamples / "shoulder-models.json").string();
+  const auto refused = [&](std::vector<std::string> more, const std::string& words) {
+    std::vector<std::string> line = {"precompute", "--profile", profile, "--out", out.string()};
+    line.insert(line.end(), more.begin(), more.end());
+    const auto outcome = sim(line);
+    EXPECT_EQ(outcome.code, 2) << words;
+    EXPECT_THAT(outcome.err, HasSubstr(words));
+    EXPECT_FALSE(std::filesystem::exists(out));
+  };
+  refused({"--mesh", "99"}, "--mesh: 99 is out of range");
+  refused({"--stations", "0"}, "--stations: 0 is out of range");
+  refused({"--rows", "1025"}, "--rows: 1025 is out of range");
+  refused({"--depth", "2"}, "--depth in m: 2 is out of range");
+  EXPECT_EQ(sim({"precompute", "--profile", profile}).code, 2);
+}
+
+TEST(PrecomputeCommand, keepsItsInput) {
+  const test::TempFolder folder;
+  const auto copy = folder.path() / "own.json";
+  std::filesystem::copy_file(test::kSamples / "shoulder-models.json", copy);
+  const auto outcome =
+      sim({"precompute", "--profile", copy.string(), "--mesh", "500", "--out", copy.string()});
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("is the same file as the input"));
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,74 @@
+#include "client/sim/skill/effect_size.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace needlelab {
+namespace {
+
+TEST(EffectSize, cliffsDeltaByHand) {
+  EXPECT_EQ(cliffsDelta(std::vector<double>{1, 2, 3}, std::vector<double>{4, 5}), 1);
+  EXPECT_EQ(cliffsDelta(std::vector<double>{4, 5}, std::vector<double>{1, 2, 3}), -1);
+  // 1<2 1<3 2=2 2<3: (3 − 0)/4
+  EXPECT_EQ(cliffsDelta(std::vector<double>{1, 2}, std::vector<double>{2, 3}), 0.75);
+}
+
+TEST(EffectSize, hedgesGByHand) {
+  // means 2 and 5, both of variance 1: d = 3, n = 6: times 1 − 3/15
+  EXPECT_DOUBLE_EQ(hedgesG(std::vector<double>{1, 2, 3}, std::vector<double>{4, 5, 6}), 3 * (1 - 3 / 15.0));
+  EXPECT_EQ(hedgesG(std::vector<double>{1, 1}, std::vector<double>{1, 1}), 0);
+  EXPECT_EQ(hedgesG(std::vector<double>{1, 1}, std::vector<double>{2, 2}), INFINITY);
+}
+
+TEST(EffectSize, theBootstrapsIntervalHoldsTheEstimate) {
+  HandRandom random(4);
+  const std::vector<double> a{1, 2, 3, 4, 5, 6}, b{3, 4, 5, 6, 7, 9};
+  const Interval interval = bootstrapG(a, b, 2000, random);
+  EXPECT_LT(interval.low, hedgesG(a, b));
+  EXPECT_GT(interval.high, hedgesG(a, b));
+  EXPECT_LT(interval.high - interval.low, 6);
+}
+
+TEST(LabelTest, countsAllLabellings) {
+  HandRandom random(4);
+  // 20 ways; only the given one and its mirror part them wholly
+  const LabelTest test({1, 2, 3, 11, 12, 13}, 3, random);
+  EXPECT_TRUE(test.exact());
+  EXPECT_DOUBLE_EQ(test.p({true, true, true, false, false, false}), 2 / 20.0);
+  EXPECT_DOUBLE_EQ(test.p({false, false, false, true, true, true}), 2 / 20.0);
+  // the next: 1 2 4 against 3 5 6
+  EXPECT_DOUBLE_EQ(test.p({true, true, false, true, false, false}), 4 / 20.0);
+  const LabelTest same({5, 5, 5, 5}, 2, random);
+  EXPECT_EQ(same.p({true, true, false, false}), 1);
+}
+
+TEST(LabelTest, chanceSeparatesInFiveOfAHundredAtMost) {
+  HandRandom random(9);
+  for (const std::size_t n : {std::size_t{8}, std::size_t{12}, std::size_t{40}}) {
+    std::vector<double> values(n);
+    for (double& v : values) v = std::floor(20 * random.uniform());  // with ties
+    const LabelTest test(values, n / 2, random);
+    EXPECT_EQ(test.exact(), n < 40);
+    int found = 0;
+    constexpr int kShuffles = 4000;
+    for (int i = 0; i < kShuffles; ++i) found += test.p(randomLabels(n, n / 2, random)) <= 0.05;
+    EXPECT_LE(found / static_cast<double>(kShuffles), 0.05 + 4 * std::sqrt(0.05 * 0.95 / kShuffles)) << n;
+  }
+}
+
+TEST(LabelTest, labelsAreDrawnEvenly) {
+  HandRandom random(2);
+  std::vector<int> first(6, 0);
+  for (int i = 0; i < 6000; ++i) {
+    const auto labels = randomLabels(6, 2, random);
+    EXPECT_EQ(std::count(labels.begin(), labels.end(), true), 2);
+    for (std::size_t k = 0; k < 6; ++k) first[k] += labels[k];
+  }
+  for (const int count : first) EXPECT_NEAR(count, 2000, 4 * std::sqrt(6000 * 2 / 9.0));
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,101 @@
+#include <gmock/gmock.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "client/sim/stability/case_file.h"
+#include "client/sim/tools/gnuplot.h"
+#include "common/base/atomic_file.h"
+#include "tests/support/temp_folder.h"
+#include "tests/unit/client/sim/sim_run.h"
+
+namespace needlelab {
+namespace {
+
+using nlohmann::json;
+using test::Outcome;
+using test::sim;
+using testing::HasSubstr;
+
+json jsonFrom(const std::filesystem::path& file) {
+  const auto text = readWholeFile(file);
+  return text.ok() ? json::parse(*text) : json();
+}
+
+TEST(StabilityCommand, givesTheRowsOfTheContract) {
+  const test::TempFolder folder;
+  const auto file = folder.path() / "rows.json";
+  const Outcome run = sim({"stability", "--case", "boundary_hold", "--model", "ENHANCED_TRACKING_WALL",
+                           "--model", "DIRECT", "--json", file.string()});
+  ASSERT_EQ(run.code, 0) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("boundary_hold"));
+  const json whole = jsonFrom(file);
+  ASSERT_TRUE(whole.contains("version") && whole.contains("machine"));
+  ASSERT_EQ(whole.at("rows").size(), 2U);
+  const json &wall = whole["rows"][0], &direct = whole["rows"][1];
+  EXPECT_EQ(wall.at("case"), "boundary_hold");
+  EXPECT_EQ(wall.at("model"), "ENHANCED_TRACKING_WALL");
+  EXPECT_EQ(wall.at("applicable"), true);
+  EXPECT_EQ(wall.at("finite"), true);
+  EXPECT_EQ(wall.at("verdict"), "stable");
+  EXPECT_EQ(wall.at("passed"), true);
+  EXPECT_LE(wall.at("measured"), wall.at("limit"));
+  EXPECT_LE(wall.at("max_unexplained_step_n"), 0.05);
+  EXPECT_LT(wall.at("energy_j"), 0) << "the hand pays for the insertion";
+  EXPECT_GT(wall.at("max_force_n"), 1);
+  EXPECT_EQ(direct.at("verdict"), "chatters");
+  EXPECT_EQ(direct.at("passed"), false);
+  EXPECT_GT(direct.at("chatter_n"), wall.at("chatter_n"));
+}
+
+TEST(StabilityCommand, aModelThatACaseSaysNothingAboutIsSaidToBeSo) {
+  const Outcome run = sim({"stability", "--case", "creep_then_stop", "--model", "DIRECT", "--json"});
+  ASSERT_EQ(run.code, 0) << run.err;
+  const json row = json::parse(run.out).at("rows").at(0);
+  EXPECT_EQ(row.at("applicable"), false);
+  for (const char* field : {"finite", "measured", "limit", "passed", "verdict"})
+    EXPECT_TRUE(row.at(field).is_null()) << field;
+}
+
+TEST(StabilityCommand, aWallThatIsNotStableIsAFailure) {
+  const test::TempFolder folder;
+  const auto file = CaseFile::embedded();
+  ASSERT_TRUE(file.ok());
+  json changed = file->json();
+  changed["cases"]["hold_quantised"]["limit"] = 0.001;
+  const auto cases = folder.write("cases.json", changed.dump());
+  const Outcome run = sim({"stability", "--cases", cases.string(), "--case", "hold_quantised", "--model",
+                           "ENHANCED_TRACKING_WALL"});
+  EXPECT_EQ(run.code, 1);
+  EXPECT_THAT(run.err, HasSubstr("the enhanced tracking wall is not stable in hold_quantised"));
+}
+
+TEST(StabilityCommand, wrongInputIsNamed) {
+  const test::TempFolder folder;
+  const Outcome no_case = sim({"stability", "--case", "hold_fast"});
+  EXPECT_EQ(no_case.code, 2);
+  EXPECT_THAT(no_case.err, HasSubstr("--case: there is no 'hold_fast'; there are hold_quantised, "));
+  const Outcome no_model = sim({"stability", "--model", "WALL"});
+  EXPECT_EQ(no_model.code, 2);
+  EXPECT_THAT(no_model.err, HasSubstr("--model: there is no 'WALL'; there are ENHANCED_TRACKING_WALL, "));
+  const auto broken = folder.write("cases.json", R"({"version": 1})");
+  const Outcome wrong = sim({"stability", "--cases", broken.string()});
+  EXPECT_EQ(wrong.code, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("cases.json: filters: must be an object"));
+  const Outcome none = sim({"stability", "--cases", (folder.path() / "none.json").string()});
+  EXPECT_NE(none.code, 0);
+  EXPECT_THAT(none.err, HasSubstr("none.json"));
+}
+
+TEST(StabilityCommand, drawsWhatItRan) {
+  if (!hasGnuplot()) GTEST_SKIP() << "gnuplot is not on the PATH";
+  const test::TempFolder folder;
+  const Outcome run = sim({"stability", "--case", "boundary_hold", "--model", "ENHANCED_TRACKING_WALL",
+                           "--model", "DIRECT", "--out", (folder.path() / "out").string()});
+  ASSERT_EQ(run.code, 0) << run.err;
+  for (const char* name : {"stability.png", "stability-holds.png"})
+    EXPECT_GT(std::filesystem::file_size(folder.path() / "out" / name), 5000U) << name;
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,140 @@
+/// Self-test and calibration of a Virtuose, with the stand-in for its vendor's library.
+
+#include <gmock/gmock.h>
+
+#include <cmath>
+
+#include "client/device/pivot_device.h"
+#include "client/device/virtuose/virtuose_device.h"
+#include "client/station/run/calibrate.h"
+#include "client/station/run/self_test.h"
+#include "common/base/formatted.h"
+#include "tests/support/virtuose_standin/control.h"
+#include "tests/unit/client/station/run/no_signals.h"
+
+namespace needlelab::test {
+namespace {
+
+using testing::HasSubstr;
+
+VirtuoseDevice standinDevice() {
+  VirtuoseOptions options;
+  options.library = kStandinLibrary;
+  return VirtuoseDevice(options);
+}
+
+bool noForce(const StandinState& state) {
+  for (const double value : state.commanded)
+    if (value != 0) return false;
+  return true;
+}
+
+/// The stand-in's time goes by the loop's ticks, and its last command is looked at in each.
+class StandinClock final : public LoopClock {
+ public:
+  explicit StandinClock(Standin& standin) : standin_(standin) {}
+  std::int64_t nowNs() noexcept override { return now_ns_; }
+  void sleepUntilNs(std::int64_t due_ns) noexcept override {
+    if (!noForce(standin_.state())) ++forces;
+    standin_.advance(static_cast<double>(due_ns - now_ns_) * 1e-9);
+    now_ns_ = due_ns;
+  }
+  int forces = 0;
+
+ private:
+  Standin& standin_;
+  std::int64_t now_ns_ = 0;
+};
+
+const Check& find(const std::vector<Check>& checks, const std::string& name) {
+  for (const Check& check : checks)
+    if (check.name == name) return check;
+  throw std::out_of_range(name);
+}
+
+TEST(BringupVirtuose, selfTestFindsItWellAndGivesItNoForce) {
+  Standin standin;
+  standin.useRealTime();
+  auto device = standinDevice();
+  SteadyLoopClock clock;
+  bool stopped = false;
+  SelfTestFacts facts;
+  facts.device = measureDevice(
+      device, clock, RtOptions{}, 0.5, noSignals(), [](const auto&) {}, stopped);
+  EXPECT_EQ(facts.device.trouble, "");
+  EXPECT_GT(facts.device.loop.fresh, 100u);
+  const auto checks = judge(facts);
+  EXPECT_EQ(find(checks, "condition").verdict, Verdict::kOk);
+  EXPECT_EQ(find(checks, "pose").verdict, Verdict::kOk);
+  EXPECT_EQ(find(checks, "force limits").found, "10 N peak, 3 N continuous, 1000 N/m at most");
+  EXPECT_TRUE(noForce(standin.state()));
+  EXPECT_EQ(standin.state().open_contexts, 0);
+}
+
+TEST(BringupVirtuose, selfTestTellsOfThePressedEmergencyStop) {
+  Standin standin;
+  standin.useRealTime();
+  standin.command("estop press");
+  auto device = standinDevice();
+  SteadyLoopClock clock;
+  bool stopped = false;
+  SelfTestFacts facts;
+  std::vector<std::string> said;
+  facts.device = measureDevice(
+      device, clock, RtOptions{}, 0.3, noSignals(), [&](const auto& text) { said.push_back(text); }, stopped);
+  const auto checks = judge(facts);
+  EXPECT_EQ(find(checks, "condition").verdict, Verdict::kFailed);
+  EXPECT_THAT(find(checks, "device says").found, HasSubstr("emergency stop"));
+  EXPECT_EQ(said.size(), 1u);
+}
+
+TEST(BringupVirtuose, selfTestSaysThatTheServiceIsAway) {
+  Standin standin;
+  standin.useRealTime();
+  standin.command("daemon 0");
+  auto device = standinDevice();
+  SteadyLoopClock clock;
+  bool stopped = false;
+  SelfTestFacts facts;
+  facts.device = measureDevice(
+      device, clock, RtOptions{}, 0.3, noSignals(), [](const auto&) {}, stopped);
+  const auto checks = judge(facts);
+  EXPECT_EQ(find(checks, "device").verdict, Verdict::kFailed);
+  EXPECT_THAT(find(checks, "device").found, HasSubstr("service"));
+}
+
+// The stand-in's hand swings the handle about a point 135 mm away: slowly, as its spring lags otherwise.
+TEST(BringupVirtuose, calibrationFindsTheTipWithoutForce) {
+  PivotMotion motion;
+  motion.X_HT.p = {0.004, -0.003, 0.135};
+  motion.p_WP_m = {0.05, 0.02, -0.1};
+  motion.swing_period_s = 6;
+  motion.swing_rad = 0.4;
+  const PivotDevice hand(motion);
+  const auto poseText = [&](double t_s) {
+    const Pose X = hand.handleAt(t_s);
+    return formatted("%.8f %.8f %.8f %.8f %.8f %.8f %.8f", X.p.x, X.p.y, X.p.z, X.q.x, X.q.y, X.q.z, X.q.w);
+  };
+  std::string script = "0 place " + poseText(0) + "\n";
+  for (int i = 0; i < 25 * 20; ++i)
+    script += formatted("%.3f hand ", i * 0.05) + poseText(i * 0.05 + 0.05) + " 0.05\n";
+
+  Standin standin;
+  standin.script(script);
+  auto device = standinDevice();
+  ASSERT_TRUE(device.open(1000).ok());
+  StandinClock clock(standin);
+  CalibrationSettings settings;
+  settings.settle_s = 1;
+  settings.seconds = settings.enough_s = 20;
+  settings.real_time = false;
+  const auto found = calibrateTip(device, clock, settings, noSignals(), [](const auto&) {});
+  ASSERT_TRUE(found.ok()) << found.error().message;
+  EXPECT_EQ(pivotTrouble(found->fit), "");
+  EXPECT_LT(norm(found->fit.p_HT_m - motion.X_HT.p), 3e-4);
+  EXPECT_EQ(clock.forces, 0);
+  device.close();
+}
+
+}  // namespace
+}  // namespace needlelab::test

@@ -1,0 +1,72 @@
+/// A clock that the test turns and a device that the test scripts: the haptic loop on virtual time.
+#pragma once
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <map>
+#include <memory>
+#include <utility>
+
+#include "client/device/device.h"
+#include "client/net/spool_writer.h"
+#include "client/station/run/rt_thread.h"
+
+namespace needlelab::test {
+
+/// Wakes exactly on time, but for the wake-ups (counted from 0) that a test makes late.
+class FakeClock final : public LoopClock {
+ public:
+  std::int64_t nowNs() noexcept override { return now_ns += read_cost_ns; }
+  void sleepUntilNs(std::int64_t due_ns) noexcept override {
+    if (due_ns > now_ns) now_ns = due_ns;
+    if (const auto late = late_ns.find(wakeups++); late != late_ns.end()) now_ns += late->second;
+  }
+  std::int64_t now_ns = 1'000'000'000;
+  std::int64_t read_cost_ns = 0;  ///< how long each look at the clock takes
+  std::uint64_t wakeups = 0;
+  std::map<std::uint64_t, std::int64_t> late_ns;  ///< made before the loop runs
+};
+
+/// Gives what `script` says for the n-th tick of the device's own count, skipped ticks included.
+class FakeDevice final : public Device {
+ public:
+  using Script = std::function<DeviceRead(std::uint64_t tick, DeviceReading& reading)>;
+  explicit FakeDevice(Script script) : script_(std::move(script)) { writes.reserve(100'000); }
+  [[nodiscard]] const DeviceInfo& info() const override { return device_info; }
+  Status open(double) override { return {}; }
+  DeviceRead read(DeviceReading& reading) noexcept override {
+    ++reads;
+    if (read_cost) read_cost();
+    return script_(tick++, reading);
+  }
+  void write(const GuardedWrench& wrench) noexcept override {
+    if (writes.size() < writes.capacity()) writes.push_back(wrench.wrench());
+    if (on_write) on_write(tick);
+  }
+  void skip(std::uint64_t ticks) noexcept override {
+    tick += ticks;
+    skipped += ticks;
+  }
+  void close() noexcept override {}
+
+  DeviceInfo device_info{"fake", {}, true, true, true};
+  std::uint64_t tick = 0, reads = 0, skipped = 0;
+  std::vector<Wrench> writes;
+  std::function<void(std::uint64_t)> on_write;
+  std::function<void()> read_cost;  ///< turns the test's clock
+
+ private:
+  Script script_;
+};
+
+/// The tip goes straight down at `speed_mps`, from 1 mm above z = 0, needle axis downward.
+inline FakeDevice::Script goingDown(double speed_mps, double rate_hz) {
+  return [speed_mps, rate_hz](std::uint64_t tick, DeviceReading& reading) {
+    reading.X_WH.p = {0, 0, 1e-3 - speed_mps * static_cast<double>(tick) / rate_hz};
+    reading.X_WH.q = {1, 0, 0, 0};  // half a turn about x: +z of the tool points down
+    return DeviceRead::kFresh;
+  };
+}
+
+}  // namespace needlelab::test

@@ -1,0 +1,208 @@
+#include "client/station/run/options.h"
+
+#include <gmock/gmock.h>
+
+#include "common/base/exit_code.h"
+
+namespace needlelab {
+namespace {
+
+using testing::HasSubstr;
+
+// what the program says and answers to a command line
+struct Outcome {
+  ParsedOptions parsed;
+  std::string out, err;
+};
+Outcome parse(std::vector<const char*> arguments) {
+  arguments.insert(arguments.begin(), "needlelab-station");
+  testing::internal::CaptureStdout();
+  testing::internal::CaptureStderr();
+  Outcome outcome;
+  outcome.parsed = parseStationOptions(static_cast<int>(arguments.size()), arguments.data());
+  outcome.out = testing::internal::GetCapturedStdout();
+  outcome.err = testing::internal::GetCapturedStderr();
+  return outcome;
+}
+
+TEST(StationOptions, theHapticThreadsCoreAndSpin) {
+  const auto outcome = parse({"--profile", "p.json", "--cpu", "1", "--spin-us", "80"});
+  ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
+  EXPECT_EQ(outcome.parsed.options.cpu, 1);
+  EXPECT_EQ(outcome.parsed.options.spin_us, 80);
+  EXPECT_EQ(parse({"--profile", "p.json"}).parsed.options.cpu, std::nullopt);
+  for (const char* spin : {"201", "-1", "nan", "much"})
+    EXPECT_EQ(parse({"--profile", "p.json", "--spin-us", spin}).parsed.exit_code, kExitInvalid) << spin;
+  for (const char* core : {"-1", "1.5", "one"})
+    EXPECT_EQ(parse({"--profile", "p.json", "--cpu", core}).parsed.exit_code, kExitInvalid) << core;
+}
+
+TEST(StationOptions, aWholeCommandLine) {
+  const auto outcome = parse({"--server",
+                              "lab:7751",
+                              "--ca",
+                              "ca.crt",
+                              "--key",
+                              "s.key",
+                              "--trainee",
+                              "tom",
+                              "--exercise",
+                              "knee",
+                              "--device",
+                              "recording:x.csv",
+                              "--rate",
+                              "2000",
+                              "--seconds",
+                              "2.5",
+                              "--headless",
+                              "--spool",
+                              "sp",
+                              "--spool-keep",
+                              "2",
+                              "--spool-quota",
+                              "10",
+                              "--drain",
+                              "3",
+                              "--json",
+                              "out.json",
+                              "--tool",
+                              "0,0,0.15,0,0,0,1",
+                              "--placement",
+                              "1,2,3,1,0,0,0",
+                              "--hand-seed",
+                              "9"});
+  ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
+  const StationOptions& o = outcome.parsed.options;
+  EXPECT_EQ(o.server->host, "lab");
+  EXPECT_EQ(o.server->port, 7751);
+  EXPECT_EQ(o.trainee, "tom");
+  EXPECT_EQ(o.exercise, "knee");
+  EXPECT_EQ(o.device, "recording:x.csv");
+  EXPECT_EQ(o.rate_hz, 2000);
+  EXPECT_EQ(o.seconds, 2.5);
+  EXPECT_TRUE(o.headless);
+  EXPECT_EQ(o.spool, "sp");
+  EXPECT_EQ(o.keep.age_s, 2 * 86'400);
+  EXPECT_EQ(o.keep.quota_bytes, 10u << 20);
+  EXPECT_EQ(o.drain_s, 3);
+  EXPECT_TRUE(o.json);
+  EXPECT_EQ(o.json_file, "out.json");
+  EXPECT_EQ(o.X_HT.p, (Vec3{0, 0, 0.15}));
+  EXPECT_EQ(o.X_WL.q, (Quat{1, 0, 0, 0}));
+  EXPECT_EQ(o.hand.seed, 9u);
+  EXPECT_EQ(o.station, "") << "the key file's name counts";
+}
+
+TEST(StationOptions, practiceWithoutAServerNeedsOnlyAProfile) {
+  const auto outcome = parse({"--profile", "p.json", "--json"});
+  ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
+  EXPECT_TRUE(outcome.parsed.options.json);
+  EXPECT_TRUE(outcome.parsed.options.json_file.empty());
+  EXPECT_FALSE(outcome.parsed.options.server);
+  EXPECT_EQ(outcome.parsed.options.station, "") << "the upload names it";
+  EXPECT_EQ(outcome.parsed.options.trainee, "guest");
+  EXPECT_FALSE(outcome.parsed.options.spool.empty());
+}
+
+TEST(StationOptions, wrongUsageIsExitCode2AndSaysWhatIsMissing) {
+  const std::vector<std::pair<std::vector<const char*>, std::string>> cases = {
+      {{"--headless"}, "--exercise ID"},
+      {{"--start"}, "the window asks"},
+      {{"--exercise", "a", "--profile", "b"}, "exclude each other"},
+      {{"--server", "x", "--exercise", "a", "--trainee", "t", "--key", "k"}, "--ca"},
+      {{"--server", "x", "--exercise", "a", "--trainee", "t", "--ca", "c"}, "--key"},
+      {{"--headless", "--server", "x", "--exercise", "a", "--ca", "c", "--key", "k"}, "--trainee"},
+      {{"--start", "--server", "x", "--exercise", "a", "--ca", "c", "--key", "k"}, "--trainee"},
+      {{"--profile", "p", "--screenshot", "a.png"}, "--at"},
+      {{"--profile", "p", "--screenshot", "a.png", "--at", "later"}, "later"},
+      {{"--profile", "p", "--screenshot", "a.png", "--at", "-1"}, "-1"},
+      {{"--profile", "p", "--screenshot", "a.png", "--at", "nan"}, "nan"},
+      {{"--profile", "p", "--screenshot", "p", "--at", "1"}, "--screenshot"},
+      {{"--profile", "p", "--window", "1280"}, "--window"},
+      {{"--profile", "p", "--window", "1280x72x"}, "--window"},
+      {{"--profile", "p", "--window", "100x100"}, "640x360"},
+      {{"--profile", "p", "--font-scale", "3"}, "--font-scale"},
+      {{"--server", "x:99999", "--exercise", "a", "--trainee", "t", "--ca", "c", "--key", "k"}, "99999"},
+      {{"--profile", "p", "--rate", "49"}, "--rate"},
+      {{"--profile", "p", "--trainee", "a\tb"}, "--trainee"},
+      {{"--profile", "p", "--trainee", "\xff\xfe"}, "--trainee"},
+      {{"--profile", "p", "--trainee", "nnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnn"},
+       "--trainee"},
+      {{"--profile", "p", "--station", " x"}, "--station"},
+      {{"--profile", "p", "--rate", "nan"}, "--rate"},
+      {{"--profile", "p", "--seconds", "-1"}, "--seconds"},
+      {{"--profile", "p", "--seconds", "inf"}, "--seconds"},
+      {{"--profile", "p", "--tool", "1,2,3"}, "--tool"},
+      {{"--profile", "p", "--tool", "0,0,142,0,0,0,1"}, "give metres"},
+      {{"--profile", "p", "--placement", "0,0,0,0,0,0,2"}, "--placement"},
+      {{"--profile", "p", "--fly"}, "--fly"},
+      {{"--profile", "p", "--on-fault", "ignore"}, "--on-fault"},
+      {{"--profile", "p", "--hand-tremor-m", "1"}, "--hand-tremor-m"},
+  };
+  for (const auto& [arguments, expected] : cases) {
+    const auto outcome = parse(arguments);
+    ASSERT_TRUE(outcome.parsed.exit_code) << expected;
+    EXPECT_EQ(*outcome.parsed.exit_code, kExitInvalid) << expected;
+    EXPECT_THAT(outcome.err, HasSubstr(expected));
+    EXPECT_TRUE(outcome.out.empty());
+  }
+}
+
+TEST(StationOptions, whatAFaultDoesIsChosenOrLeftToWhetherThereIsATerminal) {
+  EXPECT_EQ(parse({"--profile", "p"}).parsed.options.on_fault, std::nullopt);
+  EXPECT_EQ(parse({"--profile", "p", "--on-fault", "wait"}).parsed.options.on_fault, FaultPolicy::kWait);
+  EXPECT_EQ(parse({"--profile", "p", "--on-fault", "end"}).parsed.options.on_fault, FaultPolicy::kEnd);
+}
+
+TEST(StationOptions, aWindowNeedsNeitherExerciseNorTraineeBecauseItAsks) {
+  const auto outcome = parse({"--server", "x", "--ca", "c", "--key", "k"});
+  ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
+  EXPECT_TRUE(outcome.parsed.options.opensWindow());
+  EXPECT_FALSE(outcome.parsed.options.trainee_given);
+  EXPECT_TRUE(parse({"--trainee", "tom"}).parsed.options.trainee_given);
+  EXPECT_FALSE(parse({"--headless", "--profile", "p"}).parsed.options.opensWindow());
+  EXPECT_FALSE(parse({"--self-test"}).parsed.options.opensWindow()) << "only a lesson has one";
+}
+
+TEST(StationOptions, theWindowsSizeLettersAndPictures) {
+  const auto outcome =
+      parse({"--profile", "p", "--window", "1600x900", "--font-scale", "1.5", "--screenshot", "a.png", "--at",
+             "2.5", "--screenshot", "b.png", "--at", "end", "--screenshot", "c.png", "--at", "start"});
+  ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
+  const WindowOptions& window = outcome.parsed.options.window;
+  EXPECT_TRUE(window.size_given);
+  EXPECT_EQ(window.width_px, 1600);
+  EXPECT_EQ(window.height_px, 900);
+  EXPECT_EQ(window.font_scale, 1.5);
+  ASSERT_EQ(window.pictures.size(), 3u);
+  EXPECT_EQ(window.pictures[0].file, "a.png");
+  EXPECT_EQ(window.pictures[0].when, PictureRequest::When::kLesson);
+  EXPECT_EQ(window.pictures[0].at_s, 2.5);
+  EXPECT_EQ(window.pictures[1].when, PictureRequest::When::kEnd);
+  EXPECT_EQ(window.pictures[2].when, PictureRequest::When::kStart);
+  EXPECT_EQ(parse({"--profile", "p"}).parsed.options.window.font_scale, std::nullopt) << "as it was left";
+}
+
+TEST(StationOptions, aPlanThatWasSaidIsToldFromTheDefault) {
+  EXPECT_FALSE(parse({"--profile", "p"}).parsed.options.hand_plan_given);
+  EXPECT_TRUE(parse({"--profile", "p", "--hand-plan", "pointer"}).parsed.options.hand_plan_given);
+}
+
+TEST(StationOptions, helpShowsEveryGroup) {
+  const auto outcome = parse({"--help"});
+  for (const char* group :
+       {"Server", "Lesson", "Window", "Device", "Real time", "Spool", "Summary", "Instead of a lesson"})
+    EXPECT_THAT(outcome.out, HasSubstr(std::string("\n") + group));
+}
+
+TEST(StationOptions, helpAndVersionEndWell) {
+  for (const char* flag : {"--help", "--version"}) {
+    const auto outcome = parse({flag});
+    ASSERT_TRUE(outcome.parsed.exit_code);
+    EXPECT_EQ(*outcome.parsed.exit_code, kExitDone);
+    EXPECT_FALSE(outcome.out.empty());
+  }
+}
+
+}  // namespace
+}  // namespace needlelab

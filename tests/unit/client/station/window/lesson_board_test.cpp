@@ -1,0 +1,198 @@
+// What the station's threads and the window tell each other; that the window holds up nobody.
+#include "client/station/window/lesson_board.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <thread>
+#include <utility>
+
+namespace needlelab {
+namespace {
+
+using namespace std::chrono_literals;
+
+std::shared_ptr<const LessonBeginning> someLesson(AidList aids = usualAids()) {
+  auto beginning = std::make_shared<LessonBeginning>();
+  pb::Exercise exercise;
+  *exercise.mutable_aids()->mutable_allowed() = aids;
+  beginning->lesson.exercise = exercise;
+  return beginning;
+}
+
+SamplePiece pieceFrom(std::uint64_t first_tick, std::uint64_t count = 20) {
+  std::vector<GestureSample> samples(count);
+  for (std::uint64_t i = 0; i < count; ++i) samples[i].tick = first_tick + i;
+  SamplePiece piece;
+  piece.last = samples.back();
+  piece.samples = std::make_shared<const std::vector<GestureSample>>(std::move(samples));
+  return piece;
+}
+
+TEST(LessonBoard, theWindowSeesEachChangeOnce) {
+  LessonBoard board;
+  BoardState state;
+  std::uint64_t seen = 0;
+  EXPECT_TRUE(board.look(state, seen));
+  EXPECT_EQ(state.stage, Stage::kOpening);
+  EXPECT_FALSE(board.look(state, seen));
+  board.change([](BoardState& s) { s.stage = Stage::kStart; });
+  EXPECT_TRUE(board.look(state, seen));
+  EXPECT_EQ(state.stage, Stage::kStart);
+}
+
+TEST(LessonBoard, samplesComeInOrderAndOnce) {
+  LessonBoard board;
+  board.began(someLesson());
+  board.piece(pieceFrom(0));
+  board.piece(pieceFrom(20));
+  std::vector<GestureSample> samples;
+  EXPECT_EQ(board.takeSamples(1, samples), 0u);
+  ASSERT_EQ(samples.size(), 40u);
+  for (std::uint64_t i = 0; i < 40; ++i) EXPECT_EQ(samples[i].tick, i);
+  EXPECT_EQ(board.takeSamples(1, samples), 0u);
+  EXPECT_EQ(samples.size(), 40u);
+}
+
+TEST(LessonBoard, aWindowThatStandsStillLosesTheOldestSamplesAndIsToldHowMany) {
+  LessonBoard board(10);
+  board.began(someLesson());
+  for (std::uint64_t i = 0; i < 25; ++i) board.piece(pieceFrom(20 * i));
+  std::vector<GestureSample> samples;
+  EXPECT_EQ(board.takeSamples(1, samples), 15u * 20u);
+  ASSERT_EQ(samples.size(), 200u);
+  EXPECT_EQ(samples.front().tick, 300u);
+  EXPECT_EQ(board.droppedPieces(), 15u);
+  samples.clear();
+  EXPECT_EQ(board.takeSamples(1, samples), 0u) << "said once";
+}
+
+TEST(LessonBoard, samplesOfTheLessonBeforeAreNotTakenForThisOne) {
+  LessonBoard board;
+  board.began(someLesson());
+  board.piece(pieceFrom(0));
+  board.began(someLesson());
+  board.piece(pieceFrom(500));
+  std::vector<GestureSample> samples;
+  EXPECT_EQ(board.takeSamples(2, samples), 0u);
+  ASSERT_EQ(samples.size(), 20u);
+  EXPECT_EQ(samples.front().tick, 500u);
+}
+
+TEST(LessonBoard, aWishIsTakenOnceAndTheNewestCounts) {
+  LessonBoard board;
+  EXPECT_EQ(board.waitForWish(0ms).kind, BoardWish::Kind::kNothing);
+  board.ask({BoardWish::Kind::kStart, {}});
+  board.ask({BoardWish::Kind::kBegin, {"tom", "knee", false}});
+  EXPECT_TRUE(board.wishWaits());
+  const BoardWish wish = board.waitForWish(0ms);
+  EXPECT_EQ(wish.kind, BoardWish::Kind::kBegin);
+  EXPECT_EQ(wish.choice.trainee, "tom");
+  EXPECT_EQ(board.waitForWish(0ms).kind, BoardWish::Kind::kNothing);
+}
+
+TEST(LessonBoard, whoQuitsIsNotOutshouted) {
+  LessonBoard board;
+  board.ask({BoardWish::Kind::kQuit, {}});
+  board.ask({BoardWish::Kind::kBegin, {"tom", "knee", false}});
+  EXPECT_EQ(board.waitForWish(0ms).kind, BoardWish::Kind::kQuit);
+  EXPECT_EQ(board.waitForWish(0ms).kind, BoardWish::Kind::kQuit);
+}
+
+TEST(LessonBoard, instructorsWordsCarryWhoAndWhenAndNothingThatCommandsATerminal) {
+  LessonBoard board;
+  board.began(someLesson());
+  LessonStanding standing;
+  standing.time_s = 12.5;
+  board.stands(standing);
+  board.message("ines", "slower\x1b[2J");
+  board.nextExercise("ines", "knee-recess");
+  BoardState state;
+  std::uint64_t seen = 0;
+  ASSERT_TRUE(board.look(state, seen));
+  ASSERT_EQ(state.messages.size(), 1u);
+  EXPECT_EQ(state.messages[0].from, "ines");
+  EXPECT_EQ(state.messages[0].text, "slower?[2J");
+  EXPECT_EQ(state.messages[0].lesson_s, 12.5);
+  EXPECT_GT(state.messages[0].unix_ns, 0);
+  ASSERT_TRUE(state.next);
+  EXPECT_EQ(state.next->exercise, "knee-recess");
+  for (int i = 0; i < 100; ++i) board.message("ines", std::to_string(i));
+  ASSERT_TRUE(board.look(state, seen));
+  EXPECT_EQ(state.messages.size(), 50u);
+  EXPECT_EQ(state.messages.back().text, "99");
+}
+
+TEST(LessonBoard, theNextExerciseIsChosenForWhoIsChoosingAndWaitsForWhoPractises) {
+  LessonBoard board;
+  BoardState state;
+  std::uint64_t seen = 0;
+  board.change([](BoardState& s) { s.stage = Stage::kStart; });
+  board.nextExercise("ines", "knee-recess");
+  ASSERT_TRUE(board.look(state, seen));
+  EXPECT_EQ(state.choice.exercise, "knee-recess");
+  board.began(someLesson());
+  board.nextExercise("ines", "hip");
+  ASSERT_TRUE(board.look(state, seen));
+  EXPECT_EQ(state.choice.exercise, "knee-recess");
+  EXPECT_EQ(state.next->exercise, "hip");
+}
+
+TEST(LessonBoard, anInstructorsAidsHoldUntilTheyAreTakenBackOrTheLessonIsAnother) {
+  AidList own;
+  own.Add(pb::Exercise::DEPTH);
+  LessonBoard board;
+  board.began(someLesson(own));
+  BoardState state;
+  std::uint64_t seen = 0;
+  ASSERT_TRUE(board.look(state, seen));
+  EXPECT_EQ(aidsText(state.aids), "DEPTH");
+  AidList chosen;
+  chosen.Add(pb::Exercise::FORCE);
+  board.aids({"ines", chosen, false});
+  ASSERT_TRUE(board.look(state, seen));
+  EXPECT_EQ(aidsText(state.aids), "FORCE");
+  EXPECT_EQ(state.aids_by, "ines");
+  board.aids({"ines", {}, true});
+  ASSERT_TRUE(board.look(state, seen));
+  EXPECT_EQ(aidsText(state.aids), "DEPTH");
+  EXPECT_EQ(state.aids_by, "");
+  board.aids({"ines", chosen, false});
+  board.began(someLesson(own));
+  ASSERT_TRUE(board.look(state, seen));
+  EXPECT_EQ(aidsText(state.aids), "DEPTH");
+}
+
+TEST(LessonBoard, manyThreadsAtOnce) {
+  LessonBoard board(50);
+  board.began(someLesson());
+  std::atomic<bool> stop{false};
+  std::thread writer([&] {
+    for (std::uint64_t i = 0; i < 400; ++i) board.piece(pieceFrom(20 * i));
+    stop = true;
+  });
+  std::thread station([&] {
+    while (!stop) {
+      board.stands({});
+      static_cast<void>(board.waitForWish(0ms));
+    }
+  });
+  std::uint64_t seen = 0, got = 0, dropped = 0;
+  BoardState state;
+  std::vector<GestureSample> samples;
+  const auto take = [&] {
+    samples.clear();
+    dropped += board.takeSamples(1, samples);
+    got += samples.size();
+    board.look(state, seen);
+    board.ask({BoardWish::Kind::kLook, {}});
+  };
+  while (!stop) take();
+  writer.join();
+  station.join();
+  take();
+  EXPECT_EQ(got + dropped, 8000u);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,103 @@
+// The window's picture of a lesson is the engine's own.
+#include "client/station/window/lesson_follow.h"
+
+#include <gtest/gtest.h>
+
+#include "client/station/run/options.h"
+#include "client/station/window/depth_plot.h"
+#include "client/station/window/layer_ladder.h"
+#include "common/profile/profile.h"
+
+namespace needlelab {
+namespace {
+
+std::shared_ptr<const LessonBeginning> shoulder() {
+  StationOptions options;
+  options.profile_file = NEEDLELAB_SAMPLES "/shoulder-adult.json";
+  auto beginning = std::make_shared<LessonBeginning>();
+  beginning->lesson = *lessonOfFile(options);
+  beginning->rate_hz = 1000;
+  return beginning;
+}
+
+// the samples that a station would record going straight in at 20 mm/s, and the reports behind them
+struct Recorded {
+  std::vector<GestureSample> samples;
+  std::vector<StepReport> reports;
+};
+Recorded goingIn(const SceneModel& model, std::uint64_t ticks) {
+  Recorded recorded;
+  SimState state{};
+  for (std::uint64_t k = 0; k < ticks; ++k) {
+    TipSample tip{{0, 0, 0.005 - 20e-6 * static_cast<double>(k)}, {1, 0, 0, 0}};
+    StepReport report;
+    step(model, tip, state, report);
+    GestureSample sample;
+    sample.tick = k;
+    sample.time_ns = static_cast<std::int64_t>(k) * 1'000'000;
+    sample.p_WT_m[2] = tip.p_WT_m.z;
+    sample.q_WT[0] = 1, sample.q_WT[3] = 0;
+    sample.layer = static_cast<std::int8_t>(report.layer);
+    sample.phase = static_cast<std::uint8_t>(report.phase);
+    sample.insertion_m = report.insertion_m;
+    recorded.samples.push_back(sample);
+    recorded.reports.push_back(report);
+  }
+  return recorded;
+}
+
+TEST(LessonFollow, findsWhatTheEngineSaidAgain) {
+  const auto beginning = shoulder();
+  auto follow = LessonFollow::make(beginning);
+  ASSERT_TRUE(follow.ok());
+  EXPECT_FALSE((*follow)->begun());
+  const Recorded recorded = goingIn(beginning->lesson.model, 800);
+  (*follow)->feed(recorded.samples, 0);
+  EXPECT_TRUE((*follow)->begun());
+  const Moment& now = (*follow)->now();
+  const StepReport& report = recorded.reports.back();
+  EXPECT_TRUE(now.inside);
+  EXPECT_NEAR(now.cutting_N, report.cutting_N, 1e-9);
+  EXPECT_NEAR(now.friction_N, report.friction_N, 1e-9);
+  EXPECT_NEAR(now.depth_m, report.depth_m, 1e-12);
+  EXPECT_NEAR(now.time_s, 0.799, 1e-9);
+  EXPECT_NEAR((*follow)->trace().lastTime_s(), 0.799, 1e-9);
+  EXPECT_FALSE(now.approximate);
+}
+
+TEST(LessonFollow, aGapIsCountedAndSaidUntilTheNeedleIsOutside) {
+  const auto beginning = shoulder();
+  auto follow = std::move(*LessonFollow::make(beginning));
+  const Recorded recorded = goingIn(beginning->lesson.model, 800);
+  const auto part = [&](std::size_t from, std::size_t to) {
+    return std::vector<GestureSample>(recorded.samples.begin() + static_cast<std::ptrdiff_t>(from),
+                                      recorded.samples.begin() + static_cast<std::ptrdiff_t>(to));
+  };
+  follow->feed(part(0, 500), 0);
+  EXPECT_FALSE(follow->now().approximate);
+  follow->feed(part(700, 800), 200);
+  EXPECT_EQ(follow->dropped(), 200u);
+  EXPECT_TRUE(follow->now().approximate);
+}
+
+TEST(LayerLadder, reachesAFifthBeyondTheTarget) {
+  const auto scene = LessonFollow::make(shoulder());
+  ASSERT_TRUE(scene.ok());
+  // the bursa is 26 mm deep with a radius of 3
+  EXPECT_NEAR(ladderDepth_m(*(*scene)->scene()), 1.2 * 0.029, 1e-9);
+}
+
+TEST(DepthPlot, holdsTheWholeGestureAndTheTarget) {
+  const auto follow = LessonFollow::make(shoulder());
+  const SceneView& scene = *(*follow)->scene();
+  const DepthPlotRange shallow = depthPlotRange({{0, 0.004F, 0.004F, 2, 0, 0}}, scene);
+  EXPECT_GT(shallow.to_m, 0.029) << "the target, where nobody came near it";
+  EXPECT_NEAR(shallow.force_N, 2.2, 1e-6);
+  const DepthPlotRange deep = depthPlotRange({{0, 0.05F, 0.05F, 2, 0, 0}}, scene);
+  EXPECT_NEAR(deep.to_m, 0.054, 1e-6);
+  EXPECT_LT(deep.from_m, 0);
+  EXPECT_GT(depthPlotRange({}, scene).force_N, 0);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,265 @@
+// Every screen of the trainee's window beside its reference picture, and what its keys and buttons ask for.
+#include <gmock/gmock.h>
+
+#include "client/station/run/local_score.h"
+#include "common/haptics/device_condition.h"
+#include "common/scoring/measures.h"
+#include "tests/unit/client/station/window/stage.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+class TraineeScreens : public TraineeStage {
+ protected:
+  /// The share of the pixels that change when `change` is done to the board.
+  double changes(const std::function<void()>& change) {
+    const RgbaImage before = picture();
+    change();
+    return shareThatDiffers(before, picture(), 28);
+  }
+  void showEnd(bool passed) {
+    showLesson(6);
+    picture(2);
+    auto outcome = std::make_shared<LessonOutcome>();
+    pb::Exercise exercise;
+    const auto require = [&](const char* measure, double min, double max) {
+      auto* requirement = exercise.add_requirements();
+      requirement->set_measure(measure);
+      if (min > 0) requirement->set_min(min);
+      if (max > 0) requirement->set_max(max);
+    };
+    require("target_reached", 1, 0);
+    require("time_at_target_s", passed ? 0.1 : 9, 0);
+    require("peak_force_n", 0, passed ? 9 : 0.2);
+    require("entries", 0, 2);
+    const auto measures = scoreGesture(sample_.samples, 1000, sample_.profile, {}, &exercise);
+    outcome->summary.score_json = scoreJson(measures);
+    outcome->summary.score_source = "server";
+    outcome->summary.state = "COMPLETE";
+    outcome->summary.has_server = true;
+    outcome->summary.exercise = "shoulder-bursa";
+    outcome->summary.servo.end = ServoEnd::kTicksDone;
+    outcome->curve = gestureCurve(sample_.samples, sample_.model->limb);
+    board_.change([&](BoardState& state) {
+      state.stage = Stage::kEnd;
+      state.outcome = outcome;
+      state.choice = {"tom", "shoulder-bursa", false};
+    });
+  }
+};
+
+TEST_F(TraineeScreens, start) {
+  showStart();
+  EXPECT_TRUE(looksLike(picture(), referenceOf("start")));
+}
+
+TEST_F(TraineeScreens, startBeginsByEnterOrButton) {
+  showStart();
+  picture();
+  press(screen(), GLFW_KEY_ENTER);
+  BoardWish wish = board_.waitForWish(0ms);
+  ASSERT_EQ(wish.kind, BoardWish::Kind::kBegin);
+  EXPECT_EQ(wish.choice, (LessonChoice{"tom", "shoulder-bursa", false}));
+  // another trainee and exercise by keys
+  press(screen(), GLFW_KEY_RIGHT);
+  press(screen(), GLFW_KEY_UP);
+  press(screen(), GLFW_KEY_ENTER);
+  wish = board_.waitForWish(0ms);
+  EXPECT_EQ(wish.choice.trainee, "zoe");
+  EXPECT_EQ(wish.choice.exercise, "knee-recess") << "nothing is assigned to zoe: by name";
+}
+
+TEST_F(TraineeScreens, startWithTheServerAwayAndALessonThatDidNotBegin) {
+  showStart();
+  board_.change([](BoardState& state) {
+    state.server = "server away, 3 chunks wait";
+    state.server_away = true;
+    state.offers.exercises[1].cached_revision.reset();
+    state.trouble = "exercise knee-recess was never fetched from a server";
+    state.device = {"Virtuose 6D Desktop", "no library: install the vendor's package", false, true};
+    state.next = NextOffer{"ines", "knee-recess"};
+  });
+  EXPECT_TRUE(looksLike(picture(), referenceOf("start_trouble")));
+}
+
+TEST_F(TraineeScreens, preparingCanBeCalledOff) {
+  showStart();
+  board_.change([](BoardState& state) {
+    state.stage = Stage::kPreparing;
+    state.preparing = "fetching the exercise";
+  });
+  EXPECT_TRUE(looksLike(picture(), referenceOf("preparing")));
+}
+
+TEST_F(TraineeScreens, lessonWithTheUsualAids) {
+  showLesson(2.4);
+  EXPECT_TRUE(looksLike(picture(), referenceOf("lesson")));
+}
+
+TEST_F(TraineeScreens, lessonInLargeLetters) {
+  surface_->setFontScale(1.5);
+  showLesson(2.4);
+  EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_large")));
+}
+
+TEST_F(TraineeScreens, lessonWithUltrasound) {
+  AidList aids = usualAids();
+  aids.Add(pb::Exercise::ULTRASOUND);
+  showLesson(3.2, aids);
+  PictureTolerance tolerance;
+  tolerance.share_of_pixels = 0.03;  // what it costs stands there, and differs
+  EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_ultrasound"), tolerance));
+}
+
+TEST_F(TraineeScreens, lessonByFeel) {
+  showLesson(2.4, AidList{});
+  EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_by_feel")));
+}
+
+// each aid hides what it names, at once
+TEST_F(TraineeScreens, everyAidShowsSomethingAndCanBeTakenAway) {
+  for (int number = pb::Exercise::PHASE; number <= pb::Exercise::ALIGNMENT; ++number) {
+    AidList all = usualAids();
+    all.Add(pb::Exercise::ULTRASOUND);
+    showLesson(2.4, all);
+    picture();
+    AidList less;
+    for (const int aid : all)
+      if (aid != number) less.Add(aid);
+    EXPECT_GT(changes([&] {
+                board_.aids({"ines", less, false});
+              }),
+              5e-4)
+        << pb::Exercise::Aid_Name(static_cast<pb::Exercise::Aid>(number));
+  }
+}
+
+TEST_F(TraineeScreens, aFaultIsSaidOverThePictureAndEnterAcknowledges) {
+  showLesson(2.4);
+  standing_.fault = Fault::kTipTooFast;
+  board_.stands(standing_);
+  EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_fault")));
+  EXPECT_FALSE(requests_.takeAcknowledgement());
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_TRUE(requests_.takeAcknowledgement());
+}
+
+TEST_F(TraineeScreens, enterWithoutAFaultAcknowledgesNothing) {
+  showLesson(1);
+  picture();
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_FALSE(requests_.takeAcknowledgement());
+  EXPECT_FALSE(requests_.takeStop());
+}
+
+TEST_F(TraineeScreens, whatInstructorsSayAndWant) {
+  showLesson(2.4);
+  board_.change([](BoardState& state) {
+    const std::int64_t noon_ns = 1'700'000'000'000'000'000;
+    state.messages = {{"ines", "Aspirate before you inject.", noon_ns, 1},
+                      {"ines", "Good. A little slower near the bursa, and keep the needle upright.",
+                       noon_ns + 8'000'000'000, 2}};
+    state.next = NextOffer{"ines", "shoulder-bursa-frail"};
+  });
+  standing_.hold = "nobody holds the handle";
+  standing_.condition = kDeviceReleased;
+  board_.stands(standing_);
+  EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_messages")));
+}
+
+TEST_F(TraineeScreens, escapeAsksAndEnterEnds) {
+  showLesson(1);
+  picture();
+  press(screen(), GLFW_KEY_ESCAPE);
+  picture(2);
+  EXPECT_FALSE(requests_.takeStop());
+  press(screen(), GLFW_KEY_ESCAPE);
+  picture(2);
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_FALSE(requests_.takeStop()) << "it was called off";
+  press(screen(), GLFW_KEY_ESCAPE);
+  picture(2);
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_TRUE(requests_.takeStop());
+}
+
+TEST_F(TraineeScreens, mouseAndKeysBecomeWishesOfTheHand) {
+  showLesson(0, usualAids(), true);
+  picture();
+  SteeringWish wish;
+  ASSERT_TRUE(steering_->fetch(wish));
+  EXPECT_EQ(wish.X_WT.p, (Vec3{0, 0, 0.03}));
+  // from above, right is W's y
+  press(screen(), GLFW_KEY_3);
+  surface_->moveMouse(400, 400);
+  picture(2);
+  surface_->setMouseButton(0, true);
+  picture(2);
+  surface_->moveMouse(350, 400);
+  picture(2);
+  surface_->setMouseButton(0, false);
+  picture(2);
+  ASSERT_TRUE(steering_->fetch(wish));
+  EXPECT_NEAR(wish.X_WT.p.y, -50 * PointerSteering::kAcross_m_per_px, 1e-9);
+  EXPECT_NEAR(wish.X_WT.p.z, 0.03, 1e-9);
+  surface_->scroll(3);
+  picture(2);
+  ASSERT_TRUE(steering_->fetch(wish));
+  EXPECT_NEAR(wish.X_WT.p.z, 0.03 - 3 * PointerSteering::kWheel_m, 1e-9);
+  // W for ten frames of 1/30 s
+  surface_->setKey(GLFW_KEY_W, true);
+  picture(10);
+  surface_->setKey(GLFW_KEY_W, false);
+  picture(2);
+  ASSERT_TRUE(steering_->fetch(wish));
+  EXPECT_NEAR(wish.X_WT.p.z, 0.027 - PointerSteering::kAdvance_mps * 10 / 30,
+              PointerSteering::kAdvance_mps / 30);
+  // the side panel is not the picture
+  const Vec3 before = wish.X_WT.p;
+  surface_->moveMouse(1100, 400);
+  picture(2);
+  surface_->scroll(5);
+  picture(2);
+  ASSERT_TRUE(steering_->fetch(wish));
+  EXPECT_EQ(wish.X_WT.p, before);
+}
+
+TEST_F(TraineeScreens, endOfALessonThatWasNotPassed) {
+  showEnd(false);
+  EXPECT_TRUE(looksLike(picture(), referenceOf("end_not_yet")));
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_FALSE(board_.wishWaits()) << "that was meant for the lesson";
+  picture(30);
+  press(screen(), GLFW_KEY_ENTER);
+  const BoardWish wish = board_.waitForWish(0ms);
+  EXPECT_EQ(wish.kind, BoardWish::Kind::kBegin);
+  EXPECT_EQ(wish.choice.exercise, "shoulder-bursa") << "the next try";
+}
+
+TEST_F(TraineeScreens, endOfALessonThatWasPassedOffersWhatTheInstructorWants) {
+  showEnd(true);
+  board_.nextExercise("ines", "knee-recess");
+  EXPECT_TRUE(looksLike(picture(30), referenceOf("end_passed")));
+  press(screen(), GLFW_KEY_ENTER);
+  BoardWish wish = board_.waitForWish(0ms);
+  EXPECT_EQ(wish.kind, BoardWish::Kind::kBegin);
+  EXPECT_EQ(wish.choice.exercise, "knee-recess");
+  EXPECT_EQ(wish.choice.trainee, "tom");
+  press(screen(), GLFW_KEY_O);
+  wish = board_.waitForWish(0ms);
+  EXPECT_EQ(wish.kind, BoardWish::Kind::kStart);
+}
+
+TEST_F(TraineeScreens, aStationThatCannotWorkSaysWhy) {
+  board_.change([](BoardState& state) {
+    state.stage = Stage::kFailed;
+    state.trouble =
+        "the spool /var/lib/needlelab/spool cannot be opened: Permission denied; choose another with --spool";
+  });
+  EXPECT_TRUE(looksLike(picture(), referenceOf("failed")));
+}
+
+}  // namespace
+}  // namespace needlelab::test

@@ -1,0 +1,121 @@
+/// The trainee's window off screen, on a board that a test fills.
+#pragma once
+
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "client/station/run/options.h"
+#include "client/station/window/trainee_window.h"
+#include "tests/support/pictures/picture_check.h"
+#include "tests/support/pictures/view_stage.h"
+#include "tests/support/view_lesson/sample_lesson.h"
+
+namespace needlelab::test {
+
+class TraineeStage : public ViewStage {
+ protected:
+  TraineeStage() {
+    ::setenv("TZ", "UTC", 1);
+    options_.width_px = 1280;
+    options_.height_px = 720;
+  }
+  void SetUp() override {
+    ViewStage::SetUp();
+    if (surface_ == nullptr) return;
+    auto window = TraineeWindow::make(board_, requests_);
+    ASSERT_TRUE(window.ok()) << window.error().message;
+    window_ = std::move(*window);
+  }
+  void TearDown() override {
+    window_.reset();
+    ViewStage::TearDown();
+  }
+
+  std::function<void()> screen() {
+    return [this] { window_->frame(); };
+  }
+  RgbaImage picture(int frames = 4) { return draw(screen(), frames); }
+
+  /// Start, with a server and three exercises.
+  void showStart() {
+    board_.change([](BoardState& state) {
+      state.stage = Stage::kStart;
+      state.server = "server";
+      state.device = {"simulated Virtuose 6D Desktop", "you move it with mouse and keys", true, true};
+      state.offers.trainees = {"mia", "tom", "zoe"};
+      state.offers.assigned = {{"tom", "shoulder-bursa"}};
+      const char* names[][2] = {{"ball-free-practice", "Training ball: free practice"},
+                                {"knee-recess", "Knee: suprapatellar recess"},
+                                {"shoulder-bursa", "Shoulder: subacromial bursa"}};
+      for (const auto& [id, name] : names) {
+        ListedExercise exercise;
+        exercise.exercise_id = id;
+        exercise.name = name;
+        exercise.cached_revision = 1;
+        state.offers.exercises.push_back(exercise);
+        state.offers.descriptions.push_back(
+            {id, name, "", "A thin target between muscle and tendon: stop when the resistance drops."});
+      }
+      state.choice = {"tom", "shoulder-bursa", false};
+    });
+  }
+
+  /// A lesson in the shoulder, until `seconds` of it have been seen.
+  void showLesson(double seconds, const AidList& aids = usualAids(), bool steered = false) {
+    if (sample_.samples.empty()) sample_ = sampleLesson("shoulder-adult");
+    StationOptions options;
+    options.profile_file = NEEDLELAB_SAMPLES "/shoulder-adult.json";
+    auto beginning = std::make_shared<LessonBeginning>();
+    beginning->lesson = *lessonOfFile(options);
+    pb::Exercise exercise;
+    exercise.set_id("shoulder-bursa");
+    exercise.set_name("Shoulder: subacromial bursa");
+    exercise.set_description("A thin target between muscle and tendon: stop when the resistance drops.");
+    *exercise.mutable_aids()->mutable_allowed() = aids;
+    beginning->lesson.exercise = exercise;
+    beginning->lesson.attempt = 2;
+    beginning->lesson.attempts_left = 3;
+    beginning->trainee = "tom";
+    beginning->time_limit_s = 60;
+    if (steered) {
+      steering_ = std::make_shared<HandSteering>();
+      beginning->steering = steering_;
+      beginning->hand_start.X_WT = {{0, 0, 0.03}, {1, 0, 0, 0}};
+    }
+    board_.began(beginning);
+    const auto count = std::min(sample_.samples.size(), static_cast<std::size_t>(seconds * 1000));
+    for (std::size_t i = 0; i < count; i += 20) {
+      const auto from = sample_.samples.begin() + static_cast<std::ptrdiff_t>(i);
+      SamplePiece piece;
+      piece.samples = std::make_shared<const std::vector<GestureSample>>(
+          from, from + static_cast<std::ptrdiff_t>(std::min<std::size_t>(20, count - i)));
+      board_.piece(piece);
+    }
+    standing_.time_s = seconds;
+    standing_.spool = "recording";
+    standing_.server = "server";
+    standing_.wakeup = {20'000, 30'000, 45'000, 60'000};
+    standing_.waits = true;
+    board_.stands(standing_);
+  }
+
+  LessonBoard board_;
+  LessonRequests requests_;
+  std::unique_ptr<TraineeWindow> window_;
+  SampleLesson sample_;
+  LessonStanding standing_;
+  std::shared_ptr<HandSteering> steering_;
+};
+
+inline std::filesystem::path referenceOf(const std::string& name) {
+  return std::filesystem::path(NEEDLELAB_REFERENCE) / (name + ".png");
+}
+
+}  // namespace needlelab::test

@@ -1,0 +1,146 @@
+#include "client/view/model/camera.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "tests/support/random.h"
+#include "tests/support/view_lesson/sample_lesson.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kWidth = 800, kHeight = 600;
+
+OrbitCamera someCamera(test::Random& draw) {
+  OrbitCamera camera;
+  camera.focus_W_m = {draw.in(-1, 1), draw.in(-1, 1), draw.in(-1, 1)};
+  camera.azimuth_rad = draw.in(-3, 3);
+  camera.elevation_rad = draw.in(-1.4, 1.4);
+  camera.distance_m = draw.in(0.05, 1);
+  return camera;
+}
+
+// as OpenGL would: clip coordinates, divided, then the viewport
+PicturePoint byMatrices(const OrbitCamera& camera, Vec3 p) {
+  const Matrix4 view = camera.view(), projection = camera.projection(kWidth, kHeight);
+  const auto apply = [](const Matrix4& m, const std::array<double, 4>& v) {
+    std::array<double, 4> out{};
+    for (std::size_t row = 0; row < 4; ++row)
+      for (std::size_t k = 0; k < 4; ++k) out[row] += static_cast<double>(m[4 * k + row]) * v[k];
+    return out;
+  };
+  const auto clip = apply(projection, apply(view, {p.x, p.y, p.z, 1}));
+  return {(clip[0] / clip[3] + 1) / 2 * kWidth, (1 - clip[1] / clip[3]) / 2 * kHeight,
+          (clip[2] / clip[3] + 1) / 2};
+}
+
+TEST(OrbitCamera, projectsAsTheMatricesThatOpenGlGets) {
+  test::Random draw(1);
+  for (int i = 0; i < 200; ++i) {
+    const OrbitCamera camera = someCamera(draw);
+    const Vec3 p = camera.focus_W_m +
+                   Vec3{draw.in(-0.3, 0.3), draw.in(-0.3, 0.3), draw.in(-0.3, 0.3)} * camera.distance_m;
+    const auto point = camera.project(p, kWidth, kHeight);
+    ASSERT_TRUE(point);
+    const PicturePoint expected = byMatrices(camera, p);
+    EXPECT_NEAR(point->x_px, expected.x_px, 0.05);
+    EXPECT_NEAR(point->y_px, expected.y_px, 0.05);
+    EXPECT_NEAR(point->depth, expected.depth, 1e-4);
+  }
+}
+
+TEST(OrbitCamera, theFocusIsInTheMiddleAndNothingBehindTheEyeIsSeen) {
+  test::Random draw(2);
+  for (int i = 0; i < 50; ++i) {
+    const OrbitCamera camera = someCamera(draw);
+    const auto middle = camera.project(camera.focus_W_m, kWidth, kHeight);
+    ASSERT_TRUE(middle);
+    EXPECT_NEAR(middle->x_px, kWidth / 2, 1e-6);
+    EXPECT_NEAR(middle->y_px, kHeight / 2, 1e-6);
+    const Vec3 back = camera.eye_W_m() + (camera.eye_W_m() - camera.focus_W_m);
+    EXPECT_FALSE(camera.project(back, kWidth, kHeight));
+    EXPECT_NEAR(norm(camera.eye_W_m() - camera.focus_W_m), camera.distance_m, 1e-12);
+  }
+}
+
+TEST(OrbitCamera, aRayThroughAPixelMeetsThePointThatIsThere) {
+  test::Random draw(3);
+  for (int i = 0; i < 100; ++i) {
+    const OrbitCamera camera = someCamera(draw);
+    const Vec3 p = camera.focus_W_m +
+                   Vec3{draw.in(-0.3, 0.3), draw.in(-0.3, 0.3), draw.in(-0.3, 0.3)} * camera.distance_m;
+    const auto point = camera.project(p, kWidth, kHeight);
+    ASSERT_TRUE(point);
+    const Vec3 ray = camera.ray_W(point->x_px, point->y_px, kWidth, kHeight);
+    EXPECT_NEAR(norm(cross(ray, normalized(p - camera.eye_W_m()))), 0, 1e-9);
+  }
+}
+
+TEST(OrbitCamera, upStaysUpInThePicture) {
+  test::Random draw(4);
+  for (int i = 0; i < 50; ++i) {
+    const OrbitCamera camera = someCamera(draw);
+    const auto low = camera.project(camera.focus_W_m, kWidth, kHeight);
+    const auto high =
+        camera.project(camera.focus_W_m + camera.up_W * (0.1 * camera.distance_m), kWidth, kHeight);
+    ASSERT_TRUE(low && high);
+    EXPECT_LT(high->y_px, low->y_px);
+    EXPECT_NEAR(high->x_px, low->x_px, 1e-6);
+  }
+}
+
+TEST(OrbitCamera, aDragTurnsTheSceneWithThePointerAndHoldsItsElevation) {
+  OrbitCamera camera;
+  // a point nearer than the focus goes with the pointer, to the right and down
+  const Vec3 front = camera.focus_W_m + (camera.eye_W_m() - camera.focus_W_m) * 0.3;
+  const auto before = camera.project(front, kWidth, kHeight);
+  camera.orbit(30, 20, kHeight);
+  const auto after = camera.project(front, kWidth, kHeight);
+  ASSERT_TRUE(before && after);
+  EXPECT_GT(after->x_px, before->x_px + 1);
+  EXPECT_GT(after->y_px, before->y_px + 1);
+  camera.orbit(0, 1e6, kHeight);
+  EXPECT_NEAR(camera.elevation_rad, 85 * std::numbers::pi / 180, 1e-12);
+  camera.zoom(1e3);
+  EXPECT_DOUBLE_EQ(camera.distance_m, 0.02);
+  camera.zoom(-1e3);
+  EXPECT_DOUBLE_EQ(camera.distance_m, 2);
+}
+
+TEST(OrbitCamera, aShiftKeepsThePointUnderThePointer) {
+  OrbitCamera camera;
+  const auto before = camera.project(camera.focus_W_m, kWidth, kHeight);
+  const Vec3 held = camera.focus_W_m;
+  camera.pan(40, -25, kHeight);
+  const auto after = camera.project(held, kWidth, kHeight);
+  ASSERT_TRUE(before && after);
+  EXPECT_NEAR(after->x_px - before->x_px, 40, 1e-6);
+  EXPECT_NEAR(after->y_px - before->y_px, -25, 1e-6);
+}
+
+TEST(FirstLook, holdsTargetEntryAndNeedleOfEverySampleScene) {
+  for (const char* name :
+       {"shoulder-adult", "knee-adult", "lumbar-adult", "wrist-adult", "finger-adult", "paper-clamping"}) {
+    const test::SampleLesson lesson = test::sampleLesson(name);
+    const OrbitCamera camera = firstLook(*lesson.scene);
+    const Vec3 out = lesson.scene->focus_normal_W;
+    for (const Vec3 p : {lesson.scene->targets.front().center_W_m, lesson.scene->focus_W_m,
+                         lesson.scene->focus_W_m + out * (0.8 * lesson.scene->needle.length_m)}) {
+      const auto point = camera.project(p, 780, 700);
+      ASSERT_TRUE(point) << name;
+      EXPECT_TRUE(point->x_px > 0 && point->x_px < 780 && point->y_px > 0 && point->y_px < 700) << name;
+    }
+  }
+}
+
+TEST(Looks, fromAboveAndFromTheSideSeeTheSameFocus) {
+  const test::SampleLesson lesson = test::sampleLesson("shoulder-adult");
+  const OrbitCamera above = lookFromAbove(*lesson.scene), side = lookFromTheSide(*lesson.scene);
+  EXPECT_GT(dot(normalized(above.eye_W_m() - above.focus_W_m), lesson.scene->focus_normal_W), 0.98);
+  EXPECT_NEAR(dot(side.eye_W_m() - side.focus_W_m, lesson.scene->focus_normal_W), 0, 1e-9);
+}
+
+}  // namespace
+}  // namespace needlelab

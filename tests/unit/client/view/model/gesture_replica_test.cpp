@@ -1,0 +1,257 @@
+#include "client/view/model/gesture_replica.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <span>
+
+#include "common/gesture/chunk.h"
+#include "common/profile/profile.h"
+#include "tests/support/view_lesson/sample_lesson.h"
+
+namespace needlelab {
+namespace {
+
+using test::SampleLesson;
+using test::sampleLesson;
+
+// every number of the report, bit by bit: padding has no say
+std::vector<std::uint64_t> bitsOf(const StepReport& r) {
+  const double numbers[] = {r.wrench_W.force_N.x,
+                            r.wrench_W.force_N.y,
+                            r.wrench_W.force_N.z,
+                            r.wrench_W.torque_Nm.x,
+                            r.wrench_W.torque_Nm.y,
+                            r.wrench_W.torque_Nm.z,
+                            r.p_wall_W_m.x,
+                            r.p_wall_W_m.y,
+                            r.p_wall_W_m.z,
+                            r.depth_m,
+                            r.insertion_m,
+                            r.speed_mps,
+                            r.lateral_error_m,
+                            r.cutting_N,
+                            r.attracted_N,
+                            r.friction_N,
+                            r.puncture_N,
+                            r.clamping_N,
+                            r.clamping_stiffness_N_per_m};
+  std::vector<std::uint64_t> bits;
+  for (const double number : numbers) {
+    // nan is "no wall", whatever its bits are
+    std::uint64_t word = 0;
+    if (!std::isnan(number)) std::memcpy(&word, &number, sizeof word);
+    bits.push_back(word);
+  }
+  bits.push_back(r.flags);
+  bits.push_back(static_cast<std::uint64_t>(r.layer));
+  bits.push_back(static_cast<std::uint64_t>(r.phase));
+  return bits;
+}
+
+TEST(GestureReplica, givesTheEnginesReportsBitByBit) {
+  for (const char* name : {"shoulder-adult", "lumbar-adult", "paper-six-layers", "shoulder-models"}) {
+    const SampleLesson lesson = sampleLesson(name);
+    GestureReplica replica(lesson.model);
+    for (std::size_t i = 0; i < lesson.samples.size(); ++i) {
+      const Moment& now = replica.feed(lesson.samples[i]);
+      ASSERT_EQ(bitsOf(replica.report()), bitsOf(lesson.reports[i])) << name << ", tick " << i;
+      ASSERT_FALSE(now.approximate) << name << ", tick " << i;
+    }
+    EXPECT_EQ(replica.fed(), lesson.samples.size());
+  }
+}
+
+TEST(GestureReplica, findsEntryLineAndAlpha) {
+  const SampleLesson lesson = sampleLesson("shoulder-adult");
+  GestureReplica replica(lesson.model);
+  bool seen_inside = false;
+  for (const GestureSample& sample : lesson.samples) {
+    const Moment& now = replica.feed(sample);
+    ASSERT_EQ(now.inside, sample.layer >= 0) << sample.tick;
+    const double length_m = lesson.scene->needle.length_m;
+    ASSERT_NEAR(now.alpha_rad, std::atan((length_m - now.insertion_m) / (length_m + now.insertion_m)), 1e-12);
+    if (!now.inside) continue;
+    seen_inside = true;
+    // P0 lies on the skin, and the sample's own lateral error is that from the line through it
+    ASSERT_NEAR(depthAt(*lesson.scene, now.p_entry_W_m), 0, 1e-6);
+    ASSERT_NEAR(norm(now.u_W), 1, 1e-9);
+    const Vec3 from = now.p_WT_m - now.p_entry_W_m;
+    ASSERT_NEAR(norm(from - now.u_W * dot(from, now.u_W)), sample.lateral_error_m, 1e-9);
+    if (now.clamping_N > 1e-6) {
+      ASSERT_LT(dot(now.clamping_W, from - now.u_W * dot(from, now.u_W)), 0);
+    }
+  }
+  EXPECT_TRUE(seen_inside);
+}
+
+TEST(GestureReplica, theForcesOfTheEffectsAddUpToTheForceOnTheHand) {
+  const SampleLesson lesson = sampleLesson("shoulder-adult");
+  GestureReplica replica(lesson.model);
+  for (const GestureSample& sample : lesson.samples) {
+    const Moment& now = replica.feed(sample);
+    if (!now.inside) continue;
+    const double along_N = now.cutting_N + now.attracted_N + now.friction_N + now.puncture_N;
+    const Vec3 sum = now.u_W * along_N + now.clamping_W * now.clamping_N;
+    ASSERT_NEAR(norm(sum - now.force_W_N), 0, 1e-9) << sample.tick;
+  }
+}
+
+TEST(GestureReplica, ticksThatTheStationMissedAreNoGap) {
+  // a station that missed ticks: its engine did not step them either
+  const SampleLesson whole = sampleLesson("shoulder-adult");
+  auto engine = std::make_unique<SimState>();
+  StepReport report;
+  GestureReplica replica(whole.model);
+  for (std::size_t i = 0; i < whole.samples.size(); ++i) {
+    if (i % 7 == 3 || (i > 1500 && i < 1530)) continue;
+    GestureSample sample = whole.samples[i];
+    step(*whole.model,
+         {{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]},
+          {sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]}},
+         *engine, report);
+    sample.layer = static_cast<std::int8_t>(report.layer);
+    const Moment& now = replica.feed(sample);
+    ASSERT_EQ(bitsOf(replica.report()), bitsOf(report));
+    ASSERT_FALSE(now.approximate);
+  }
+}
+
+TEST(GestureReplica, lostSamplesAreFlaggedUntilTheTipIsOutside) {
+  const SampleLesson lesson = sampleLesson("shoulder-adult");
+  GestureReplica replica(lesson.model);
+  bool gap = false, flagged = false;
+  for (std::size_t i = 0; i < lesson.samples.size(); ++i) {
+    const GestureSample& sample = lesson.samples[i];
+    if (!gap && sample.layer >= 1) {
+      // 200 ms are lost in the tissue
+      gap = true;
+      replica.noteGap();
+      i += 200;
+      continue;
+    }
+    const Moment& now = replica.feed(sample);
+    if (!gap) {
+      ASSERT_FALSE(now.approximate);
+    } else if (now.inside) {
+      ASSERT_TRUE(now.approximate);
+      flagged = true;
+      // entry and line were seen before
+      ASSERT_NEAR(depthAt(*lesson.scene, now.p_entry_W_m), 0, 1e-6);
+    } else {
+      ASSERT_FALSE(now.approximate);
+    }
+  }
+  EXPECT_TRUE(flagged);
+}
+
+TEST(GestureReplica, anEntryThatWasNotSeenIsGuessedFromThePose) {
+  const SampleLesson lesson = sampleLesson("shoulder-adult");
+  GestureReplica replica(lesson.model);
+  std::size_t first = 0;
+  while (lesson.samples[first].layer < 2) ++first;
+  double worst_m = 0;
+  int guessed = 0;
+  for (std::size_t i = first; i < lesson.samples.size(); ++i) {
+    const Moment& now = replica.feed(lesson.samples[i]);
+    if (lesson.samples[i].layer < 0 || i < first + 10) continue;
+    ASSERT_TRUE(now.inside && now.approximate) << i;
+    ++guessed;
+    worst_m = std::max(worst_m, std::fabs(depthAt(*lesson.scene, now.p_entry_W_m)));
+  }
+  EXPECT_GT(guessed, 500);
+  // within a few millimetres of the skin: better than no line
+  EXPECT_LT(worst_m, 0.004);
+  EXPECT_FALSE(replica.now().inside);
+  EXPECT_FALSE(replica.now().approximate);
+}
+
+TEST(GestureReplica, whatWasNotSteppedIsShownAndNotStepped) {
+  const SampleLesson lesson = sampleLesson("shoulder-adult");
+  GestureReplica replica(lesson.model), clean(lesson.model);
+  for (const GestureSample& sample : lesson.samples) {
+    clean.feed(sample);
+    replica.feed(sample);
+    if (sample.tick == 2000) break;
+  }
+  ASSERT_TRUE(replica.now().inside);
+  GestureSample bad = lesson.samples[2001];
+  bad.p_WT_m[0] = std::numeric_limits<double>::quiet_NaN();
+  bad.flags |= kFlagNotStepped;
+  bad.fault = 1;
+  const Vec3 before = replica.now().p_WT_m;
+  const Moment& now = replica.feed(bad);
+  EXPECT_EQ(now.p_WT_m, before);
+  EXPECT_EQ(now.fault, 1);
+  EXPECT_EQ(now.cutting_N, 0);  // in a FAULT there is no force
+  const GestureSample after = lesson.samples[2002];
+  replica.feed(after);
+  clean.feed(after);
+  EXPECT_EQ(bitsOf(replica.report()), bitsOf(clean.report()));
+}
+
+TEST(GestureReplica, aStoredRecordingGivesNearlyTheSame) {
+  const SampleLesson lesson = sampleLesson("shoulder-adult");
+  const Resolution resolution;
+  GestureReplica replica(lesson.model);
+  double worst_N = 0, worst_m = 0;
+  for (std::size_t first = 0; first < lesson.samples.size(); first += 1000) {
+    const std::size_t count = std::min<std::size_t>(1000, lesson.samples.size() - first);
+    const Bytes chunk = encodeChunk(resolution, std::span(lesson.samples).subspan(first, count));
+    const auto decoded = decodeChunk(chunk);
+    ASSERT_TRUE(decoded) << decoded.error().message;
+    for (std::size_t i = 0; i < decoded->size(); ++i) {
+      const Moment& now = replica.feed((*decoded)[i]);
+      ASSERT_FALSE(now.approximate);
+      const StepReport& report = lesson.reports[first + i];
+      worst_m = std::max(worst_m, std::fabs(now.depth_m - report.depth_m));
+      if (report.depth_m > 1e-4 && (report.flags & kFlagRupture) == 0)
+        worst_N = std::max(worst_N, std::fabs(now.cutting_N - report.cutting_N));
+    }
+  }
+  EXPECT_LT(worst_m, 2e-6);
+  // half a micrometre on a wall of 500 N/m; a layer's change may come a tick off
+  EXPECT_LT(worst_N, 0.02);
+}
+
+TEST(GestureReplica, aThinnedStreamIsCalledApproximateInside) {
+  const SampleLesson lesson = sampleLesson("shoulder-adult");
+  const auto spec = sceneSpecOf(lesson.profile);
+  ASSERT_TRUE(spec);
+  auto slow = compile(*spec, 100);
+  ASSERT_TRUE(slow);
+  GestureReplica replica(std::make_shared<const SceneModel>(*slow), true, 1000);
+  double worst_m = 0;
+  for (std::size_t i = 0; i < lesson.samples.size(); i += 10) {
+    const Moment& now = replica.feed(lesson.samples[i]);
+    EXPECT_EQ(now.approximate, now.inside);
+    EXPECT_DOUBLE_EQ(now.time_s, static_cast<double>(i) / 1000);
+    if (now.inside)
+      worst_m = std::max(worst_m, std::fabs(replica.report().insertion_m - lesson.samples[i].insertion_m));
+  }
+  EXPECT_LT(worst_m, 1e-4);
+}
+
+TEST(GestureReplica, anEarlierTickBeginsAnew) {
+  const SampleLesson lesson = sampleLesson("shoulder-adult");
+  GestureReplica replica(lesson.model);
+  replica.feed(lesson.samples[2500]);
+  replica.feed(lesson.samples[0]);
+  EXPECT_EQ(replica.fed(), 1u);
+  for (std::size_t i = 1; i < 2500; ++i) replica.feed(lesson.samples[i]);
+  EXPECT_EQ(bitsOf(replica.report()), bitsOf(lesson.reports[2499]));
+}
+
+TEST(MomentsOf, keepsEveryNthAndTheLast) {
+  const SampleLesson lesson = sampleLesson("shoulder-adult");
+  const auto moments = momentsOf(lesson.model, lesson.samples, 100);
+  ASSERT_EQ(moments.size(),
+            (lesson.samples.size() - 1) / 100 + 1 + ((lesson.samples.size() - 1) % 100 != 0 ? 1 : 0));
+  EXPECT_EQ(moments[3].tick, 300u);
+  EXPECT_EQ(moments.back().tick, lesson.samples.back().tick);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,146 @@
+#include "client/view/model/gesture_trace.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "tests/support/random.h"
+#include "tests/support/view_lesson/sample_lesson.h"
+
+namespace needlelab {
+namespace {
+
+Moment momentAt(double time_s, double force_N, int layer = -1) {
+  Moment moment;
+  moment.tick = static_cast<std::uint64_t>(std::llround(time_s * 1000));
+  moment.time_s = time_s;
+  moment.force_W_N = {0, 0, force_N};
+  moment.layer = layer;
+  return moment;
+}
+
+TEST(GestureTrace, columnsAreThoseOfAllPointsOneByOne) {
+  test::Random draw(11);
+  GestureTrace trace(1000);
+  std::vector<double> x, y;
+  double time_s = 0;
+  for (int i = 0; i < 5000; ++i) {
+    time_s += draw.chance(0.02) ? 0.2 : 0.001;
+    const double force_N = draw.in(0, 5);
+    trace.push(momentAt(time_s, force_N));
+    x.push_back(time_s);
+    y.push_back(force_N);
+  }
+  for (int round = 0; round < 60; ++round) {
+    const double from = draw.in(-1, time_s), to = from + draw.in(0.001, time_s);
+    std::vector<PixelColumn> quick(1 + draw.below(700)), slow(quick.size());
+    trace.columns(TraceChannel::kForce, from, to, quick);
+    fillColumns(x, y, from, to, slow);
+    for (std::size_t i = 0; i < quick.size(); ++i) {
+      ASSERT_EQ(quick[i].empty(), slow[i].empty()) << round << ", " << i;
+      if (quick[i].empty()) continue;
+      ASSERT_FLOAT_EQ(quick[i].min, slow[i].min) << round << ", " << i;
+      ASSERT_FLOAT_EQ(quick[i].max, slow[i].max) << round << ", " << i;
+      ASSERT_FLOAT_EQ(quick[i].last, slow[i].last) << round << ", " << i;
+    }
+  }
+}
+
+TEST(GestureTrace, forgetsWhatIsOlderThanItsSpan) {
+  GestureTrace trace(2);
+  for (int i = 0; i < 10000; ++i) trace.push(momentAt(i * 0.001, 1, i % 5000 < 2500 ? -1 : 0));
+  EXPECT_GT(trace.firstTime_s(), 5.9);
+  EXPECT_LE(trace.firstTime_s(), 8.0);
+  EXPECT_DOUBLE_EQ(trace.lastTime_s(), 9.999);
+  for (const TraceEvent& event : trace.events()) EXPECT_GE(event.time_s, 7.99);
+  EXPECT_GE(trace.at(0).time_s, 7.9);
+}
+
+TEST(GestureTrace, theValueAtATimeIsThatOfTheTickBefore) {
+  GestureTrace trace;
+  for (int i = 0; i < 3000; ++i) trace.push(momentAt(i * 0.001, i));
+  EXPECT_FALSE(trace.value(TraceChannel::kForce, -0.1));
+  EXPECT_FLOAT_EQ(trace.value(TraceChannel::kForce, 0.0104).value(), 10);
+  EXPECT_FLOAT_EQ(trace.value(TraceChannel::kForce, 1.5005).value(), 1500);
+  EXPECT_FLOAT_EQ(trace.value(TraceChannel::kForce, 99).value(), 2999);
+  EXPECT_FALSE(trace.value(TraceChannel::kTilt, 1));  // outside there is none
+  EXPECT_DOUBLE_EQ(trace.peakForce_N(), 2999);
+}
+
+TEST(GestureTrace, wholeMomentsComeEachHundredthOfASecond) {
+  GestureTrace trace;
+  for (int i = 0; i < 2000; ++i) trace.push(momentAt(i * 0.001, i));
+  EXPECT_DOUBLE_EQ(trace.at(1.2345).time_s, 1.23);
+  EXPECT_DOUBLE_EQ(trace.at(50).time_s, 1.999);
+  const auto some = trace.between(0.5, 0.6);
+  ASSERT_EQ(some.size(), 11u);
+  EXPECT_DOUBLE_EQ(some.front().time_s, 0.5);
+}
+
+TEST(GestureTrace, findsEntryLayersRuptureStopFaultAndExit) {
+  const test::SampleLesson lesson = test::sampleLesson("shoulder-adult");
+  GestureReplica replica(lesson.model);
+  GestureTrace trace;
+  std::map<TraceEvent::Kind, int> expected, found;
+  int layer = -1;
+  for (const GestureSample& sample : lesson.samples) {
+    if (sample.layer >= 0 && layer < 0) ++expected[TraceEvent::Kind::kEntry];
+    if (sample.layer < 0 && layer >= 0) ++expected[TraceEvent::Kind::kExit];
+    if (sample.layer >= 0 && layer >= 0 && layer != sample.layer) ++expected[TraceEvent::Kind::kLayerChange];
+    if ((sample.flags & kFlagRupture) != 0) ++expected[TraceEvent::Kind::kRupture];
+    layer = sample.layer;
+    trace.push(replica.feed(sample));
+  }
+  for (const TraceEvent& event : trace.events()) {
+    if (expected.contains(event.kind)) ++found[event.kind];
+    EXPECT_FALSE(wordOf(event.kind).empty());
+    EXPECT_FALSE(signOf(event.kind).empty());
+  }
+  EXPECT_EQ(found, expected);
+  EXPECT_EQ(expected[TraceEvent::Kind::kEntry], 1);
+  EXPECT_EQ(expected[TraceEvent::Kind::kRupture], 1);
+}
+
+TEST(GestureTrace, aRemarkStandsWhereItBelongsAndAnEarlierTimeBeginsAnew) {
+  GestureTrace trace;
+  trace.push(momentAt(1, 0));
+  trace.push(momentAt(2, 0, 1));
+  TraceEvent remark;
+  remark.kind = TraceEvent::Kind::kRemark;
+  remark.time_s = 1.5;
+  remark.text = "good angle";
+  trace.add(remark);
+  ASSERT_EQ(trace.events().size(), 2u);
+  EXPECT_EQ(trace.events().front().text, "good angle");
+  trace.push(momentAt(0.5, 0));
+  EXPECT_TRUE(trace.events().empty());
+  EXPECT_DOUBLE_EQ(trace.firstTime_s(), 0.5);
+}
+
+TEST(GestureTrace, aSourceOutlivesAMoveOfItsTraceAndGivesShownUnits) {
+  GestureTrace trace;
+  Moment moment = momentAt(1, 0);
+  moment.depth_m = 0.0125;
+  trace.push(moment);
+  const ColumnSource source = trace.source(TraceChannel::kDepth);
+  const GestureTrace moved = std::move(trace);
+  std::vector<PixelColumn> columns(1);
+  source(0, 2, columns);
+  EXPECT_FLOAT_EQ(columns[0].last, 12.5F);
+}
+
+TEST(TraceChannels, areNamedAndPointTheSameWayForEveryEffect) {
+  for (std::size_t i = 0; i < kChannelCount; ++i)
+    EXPECT_FALSE(infoOf(static_cast<TraceChannel>(i)).name.empty()) << i;
+  Moment moment;
+  moment.cutting_N = -2;  // pushes the hand out
+  moment.attracted_N = 0.4;
+  EXPECT_DOUBLE_EQ(valueOf(TraceChannel::kCutting, moment), 2);
+  EXPECT_DOUBLE_EQ(valueOf(TraceChannel::kAttracted, moment), -0.4);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,95 @@
+#include "client/view/model/palette.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+namespace needlelab {
+namespace {
+
+double contrast(Rgb a, Rgb b) {
+  const double la = relativeLuminance(a), lb = relativeLuminance(b);
+  return (std::max(la, lb) + 0.05) / (std::min(la, lb) + 0.05);
+}
+
+// how a dichromat sees it: Viénot, Brettel and Mollon 1999, in linear light
+Rgb seenBy(Rgb colour, bool protanope) {
+  const auto linear = [](float v) { return std::pow(static_cast<double>(v), 2.2); };
+  const double r = linear(colour.red), g = linear(colour.green), b = linear(colour.blue);
+  const double red = protanope ? 0.112 * r + 0.888 * g : 0.293 * r + 0.707 * g;
+  const double green = protanope ? 0.112 * r + 0.888 * g : 0.293 * r + 0.707 * g;
+  const double blue = protanope ? 0.004 * r - 0.004 * g + b : -0.021 * r + 0.021 * g + b;
+  const auto back = [](double v) { return static_cast<float>(std::pow(std::clamp(v, 0.0, 1.0), 1 / 2.2)); };
+  return {back(red), back(green), back(blue)};
+}
+
+double distance(Rgb a, Rgb b) {
+  return std::hypot(static_cast<double>(a.red - b.red), static_cast<double>(a.green - b.green),
+                    static_cast<double>(a.blue - b.blue));
+}
+
+TEST(Palette, hexAndLuminanceAreThoseOfTheStandard) {
+  EXPECT_EQ(hexText(kVermillion), "#d55e00");
+  EXPECT_EQ(hexText({2, -1, 0.5F}), "#ff0080");
+  EXPECT_DOUBLE_EQ(relativeLuminance(kBlack), 0);
+  EXPECT_NEAR(relativeLuminance(kWhite), 1, 1e-12);
+  EXPECT_NEAR(relativeLuminance(rgbOf(0x808080)), 0.2159, 1e-4);  // WCAG's own figure of mid-grey
+}
+
+TEST(Palette, lettersStandOutFromTheirGround) {
+  for (const Rgb ground : {kWindowGrey, kPanelGrey}) {
+    EXPECT_GT(contrast(kText, ground), 12);
+    EXPECT_GT(contrast(kDimText, ground), 7);  // WCAG AAA
+    for (const Condition condition :
+         {Condition::kUnknown, Condition::kGood, Condition::kAttention, Condition::kTrouble})
+      EXPECT_GT(contrast(styleOf(condition).colour, ground), 4.5);
+    for (std::size_t i = 0; i < kForcePartCount; ++i)
+      EXPECT_GT(contrast(styleOf(static_cast<ForcePart>(i)).colour, ground), 3) << i;
+  }
+}
+
+TEST(Palette, partsOfTheForceAreToldApartByDichromatsToo) {
+  for (const bool protanope : {false, true})
+    for (std::size_t i = 0; i < kForcePartCount; ++i)
+      for (std::size_t j = i + 1; j < kForcePartCount; ++j)
+        EXPECT_GT(distance(seenBy(styleOf(static_cast<ForcePart>(i)).colour, protanope),
+                           seenBy(styleOf(static_cast<ForcePart>(j)).colour, protanope)),
+                  0.1)
+            << i << " and " << j;
+}
+
+TEST(Palette, nothingIsSaidByColourAlone) {
+  std::set<std::string_view> signs, words;
+  for (const Condition condition :
+       {Condition::kUnknown, Condition::kGood, Condition::kAttention, Condition::kTrouble}) {
+    signs.insert(styleOf(condition).sign);
+    words.insert(styleOf(condition).word);
+  }
+  EXPECT_EQ(signs.size(), 4u);
+  EXPECT_EQ(words.size(), 4u);
+  std::set<std::string_view> tissues;
+  for (int tissue = pb::Layer::SKIN; tissue <= pb::Layer::OTHER; ++tissue)
+    tissues.insert(tissueWord(static_cast<pb::Layer::Tissue>(tissue)));
+  EXPECT_EQ(tissues.size(), 9u);
+  std::set<std::string_view> phases;
+  for (const Phase phase : {Phase::kFree, Phase::kInserting, Phase::kStopped, Phase::kWithdrawing})
+    phases.insert(phaseWord(phase));
+  EXPECT_EQ(phases.size(), 4u);
+  EXPECT_EQ(hazardWord(pb::Hazard::NERVE), "nerve");
+}
+
+TEST(Palette, neighbouringTissuesOfTheSamplesDifferInLightness) {
+  const pb::Layer::Tissue pairs[][2] = {
+      {pb::Layer::SKIN, pb::Layer::FAT},         {pb::Layer::FAT, pb::Layer::MUSCLE},
+      {pb::Layer::MUSCLE, pb::Layer::BURSA},     {pb::Layer::BURSA, pb::Layer::TENDON},
+      {pb::Layer::TENDON, pb::Layer::CARTILAGE}, {pb::Layer::CARTILAGE, pb::Layer::BONE},
+      {pb::Layer::MUSCLE, pb::Layer::CAPSULE},   {pb::Layer::OTHER, pb::Layer::BONE}};
+  for (const auto& pair : pairs)
+    EXPECT_GT(contrast(tissueColour(pair[0]), tissueColour(pair[1])), 1.25)
+        << tissueWord(pair[0]) << " and " << tissueWord(pair[1]);
+}
+
+}  // namespace
+}  // namespace needlelab

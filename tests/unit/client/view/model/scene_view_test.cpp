@@ -1,0 +1,108 @@
+#include "client/view/model/scene_view.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "common/haptics/scene_model.h"
+#include "tests/support/random.h"
+#include "tests/support/view_lesson/sample_lesson.h"
+
+namespace needlelab {
+namespace {
+
+const char* const kProfiles[] = {"shoulder-adult", "knee-adult",   "lumbar-adult",
+                                 "finger-adult",   "phantom-ball", "paper-1dof"};
+
+TEST(SceneView, depthsAndLayersAreTheEngines) {
+  test::Random draw(5);
+  for (const char* name : kProfiles) {
+    const test::SampleLesson lesson = test::sampleLesson(name);
+    const SceneView& scene = *lesson.scene;
+    ASSERT_EQ(scene.layers.size(), lesson.model->layer_count) << name;
+    for (int i = 0; i < 300; ++i) {
+      const Vec3 p =
+          scene.focus_W_m + Vec3{draw.in(-1, 1), draw.in(-1, 1), draw.in(-1, 1)} * (0.8 * scene.extent_m);
+      const double depth_m = depthInLimb(*lesson.model, p);
+      ASSERT_NEAR(depthAt(scene, p), depth_m, 1e-12) << name;
+      int expected = -1;
+      for (std::uint32_t k = 0; k < lesson.model->layer_count; ++k)
+        if (depth_m > 0 && depth_m >= lesson.model->layers[k].top_m) expected = static_cast<int>(k);
+      ASSERT_EQ(layerAt(scene, depth_m), expected) << name << " at " << depth_m;
+    }
+  }
+}
+
+TEST(SceneView, everythingMovesWithThePlacement) {
+  const Pose X_WL{{0.1, -0.2, 0.3}, normalized(Quat{0.2, 0.4, -0.1, 0.8})};
+  for (const char* name : kProfiles) {
+    const test::SampleLesson lesson = test::sampleLesson(name);
+    const auto placed = sceneViewOf(lesson.profile, X_WL);
+    ASSERT_TRUE(placed) << placed.error().message;
+    const SceneView &before = *lesson.scene, &after = *placed;
+    EXPECT_NEAR(norm(after.focus_W_m - X_WL * before.focus_W_m), 0, 1e-9) << name;
+    EXPECT_NEAR(norm(after.focus_normal_W - rotate(X_WL.q, before.focus_normal_W)), 0, 1e-9) << name;
+    EXPECT_NEAR(after.extent_m, before.extent_m, 1e-9);
+    for (std::size_t i = 0; i < before.targets.size(); ++i)
+      EXPECT_NEAR(norm(after.targets[i].center_W_m - X_WL * before.targets[i].center_W_m), 0, 1e-9);
+    for (std::size_t i = 0; i < before.hazards.size(); ++i) {
+      EXPECT_NEAR(norm(after.hazards[i].a_W_m - X_WL * before.hazards[i].a_W_m), 0, 1e-9);
+      EXPECT_NEAR(norm(after.hazards[i].b_W_m - X_WL * before.hazards[i].b_W_m), 0, 1e-9);
+    }
+    const Vec3 p = before.focus_W_m - before.focus_normal_W * 0.004;
+    EXPECT_NEAR(depthAt(after, X_WL * p), depthAt(before, p), 1e-9);
+  }
+}
+
+TEST(SceneView, theFocusLiesOnTheSkinAboveTheTarget) {
+  for (const char* name : kProfiles) {
+    const test::SampleLesson lesson = test::sampleLesson(name);
+    const SceneView& scene = *lesson.scene;
+    EXPECT_NEAR(depthAt(scene, scene.focus_W_m), 0, 1e-9) << name;
+    EXPECT_NEAR(norm(scene.focus_normal_W), 1, 1e-12);
+    ASSERT_FALSE(scene.targets.empty());
+    EXPECT_NEAR(norm(cross(scene.focus_W_m - scene.targets[0].center_W_m, scene.focus_normal_W)), 0, 1e-9)
+        << name;
+    EXPECT_GE(scene.extent_m, 0.01);
+  }
+}
+
+TEST(SceneView, layersAreNamedAndNumberedWhereTheyComeTwice) {
+  const test::SampleLesson lumbar = test::sampleLesson("lumbar-adult");
+  std::vector<std::string> names;
+  for (const LayerView& layer : lumbar.scene->layers) names.push_back(layer.name);
+  EXPECT_EQ(names, (std::vector<std::string>{"skin", "fat 1", "tendon 1", "tendon 2", "fat 2", "bone"}));
+  EXPECT_EQ(layerName(*lumbar.scene, -1), "outside");
+  EXPECT_EQ(layerName(*lumbar.scene, 3), "tendon 2");
+  EXPECT_EQ(layerName(*lumbar.scene, 99), "?");
+  EXPECT_TRUE(lumbar.scene->layers[3].has_membrane);
+  // what is round is filled by its last layer
+  const test::SampleLesson shoulder = test::sampleLesson("shoulder-adult");
+  EXPECT_DOUBLE_EQ(shoulder.scene->layers.back().bottom_m, 0.06);
+}
+
+TEST(SceneView, distancesToHazardsAreFromTheirSurfaceToTheShaft) {
+  HazardView hazard{"nerve", pb::Hazard::NERVE, {-1, 0.01, -0.02}, {1, 0.01, -0.02}, 0.002};
+  EXPECT_NEAR(distanceToHazard_m(hazard, {0, 0, -0.03}, {0, 0, 0}), 0.008, 1e-12);  // passes beside it
+  EXPECT_NEAR(distanceToHazard_m(hazard, {0, 0, -0.01}, {0, 0, 0}), std::hypot(0.01, 0.01) - 0.002, 1e-12);
+  EXPECT_LT(distanceToHazard_m(hazard, {0, 0.01, -0.03}, {0, 0.01, 0}), 0);
+}
+
+TEST(SceneView, refusesWhatIsNoProfileAndNoPlacement) {
+  EXPECT_FALSE(sceneViewOf(pb::Profile{}));
+  const test::SampleLesson lesson = test::sampleLesson("shoulder-adult");
+  EXPECT_FALSE(sceneViewOf(lesson.profile, {{std::numeric_limits<double>::quiet_NaN(), 0, 0}, {}}));
+  EXPECT_FALSE(sceneViewOf(lesson.profile, {{0, 0, 0}, {0, 0, 0, 3}}));
+}
+
+TEST(SceneView, aNeedleOfUnknownThicknessIsDrawnAllTheSame) {
+  const test::SampleLesson paper = test::sampleLesson("paper-six-layers");
+  EXPECT_EQ(paper.scene->needle.outer_diameter_m, 0);
+  EXPECT_DOUBLE_EQ(drawnDiameter_m(*paper.scene), 0.0008);
+  const test::SampleLesson shoulder = test::sampleLesson("shoulder-adult");
+  EXPECT_DOUBLE_EQ(drawnDiameter_m(*shoulder.scene), 0.0007);  // 22 gauge
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,105 @@
+#include "common/base/csv.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cmath>
+#include <limits>
+
+#include "tests/support/random.h"
+#include "tests/support/temp_folder.h"
+
+namespace needlelab {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using namespace std::string_view_literals;
+
+struct Csv : ::testing::Test {
+  test::TempFolder folder;
+  Result<CsvTable> read(std::string_view text, std::size_t max_rows = 1000) {
+    return readCsv(folder.write("t.csv", text), {"t_s", "px_m"}, {"plunger"}, max_rows);
+  }
+  std::string refusal(std::string_view text, std::size_t max_rows = 1000) {
+    const auto table = read(text, max_rows);
+    if (table.ok()) return "it was accepted";
+    EXPECT_EQ(table.error().code, ErrorCode::kInvalidInput);
+    EXPECT_THAT(table.error().message, HasSubstr("t.csv"));
+    return table.error().message;
+  }
+};
+
+TEST_F(Csv, columnsAreFoundByNameInAnyOrderAndOthersAreSkipped) {
+  const auto table = read("px_m,remark,t_s\n1.5,hello,0\n-2e-3,,0.001\n");
+  ASSERT_TRUE(table.ok()) << table.error().message;
+  ASSERT_EQ(table->rows(), 2u);
+  const auto px = static_cast<std::size_t>(table->find("px_m")),
+             t = static_cast<std::size_t>(table->find("t_s"));
+  EXPECT_EQ(table->columns[px][1], -2e-3);
+  EXPECT_EQ(table->columns[t][1], 0.001);
+  EXPECT_EQ(table->find("plunger"), -1);
+  EXPECT_EQ(table->find("remark"), -1);
+}
+
+TEST_F(Csv, windowsLineEndsByteOrderMarkBlankLinesAndNoLastLineEnd) {
+  const auto table = read("\xEF\xBB\xBFt_s, px_m\r\n0, 1\r\n\r\n1,\t2");
+  ASSERT_TRUE(table.ok()) << table.error().message;
+  ASSERT_EQ(table->rows(), 2u);
+  EXPECT_EQ(table->columns[1][1], 2.0);
+}
+
+TEST_F(Csv, badInputNamesLineColumnAndValue) {
+  EXPECT_THAT(refusal(""), HasSubstr("empty"));
+  EXPECT_THAT(refusal("t_s,px_m\n"), HasSubstr("no rows"));
+  EXPECT_THAT(refusal("t_s,qx\n0,1\n"), AllOf(HasSubstr("px_m"), HasSubstr("missing")));
+  EXPECT_THAT(refusal("t_s,px_m,px_m\n0,1,2\n"), AllOf(HasSubstr("px_m"), HasSubstr("twice")));
+  EXPECT_THAT(refusal("t_s,px_m\n0,1\n0\n"),
+              AllOf(HasSubstr("line 3"), HasSubstr("1 cells"), HasSubstr("2")));
+  EXPECT_THAT(refusal("t_s,px_m\n0,1,2\n"), AllOf(HasSubstr("line 2"), HasSubstr("3 cells")));
+  for (const char* bad : {"", "x", "1x", "0x10", "nan", "inf", "-inf", "1e999", "1 2", "--1"}) {
+    const std::string text = std::string("t_s,px_m\n0,1\n1,") + bad + "\n";
+    EXPECT_THAT(refusal(text),
+                AllOf(HasSubstr("line 3"), HasSubstr("px_m"), HasSubstr("'" + std::string(bad) + "'")))
+        << bad;
+  }
+  EXPECT_THAT(refusal("t_s,px_m\n0,1\n1,1\n2,1\n", 2), HasSubstr("more than 2 rows"));
+  EXPECT_THAT(refusal("t_s,px_m\n0,\x1b[31m1\n"), HasSubstr("'?[31m1'")) << "a terminal is not steered";
+}
+
+TEST_F(Csv, missingFileAndFolderAreInvalidInput) {
+  EXPECT_EQ(readCsv(folder.path() / "none.csv", {"a"}).error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(readCsv(folder.path(), {"a"}).error().code, ErrorCode::kInvalidInput);
+}
+
+TEST_F(Csv, randomBytesNeverCrashIt) {
+  test::Random random(3);
+  static constexpr std::string_view kAlphabet = "t_spxm,,\n\r0123456789.e-+ \0\xFF\""sv;
+  for (int i = 0; i < 300; ++i) {
+    std::string text = i % 2 ? "t_s,px_m\n" : "";
+    for (std::uint64_t n = random.below(80); n > 0; --n) text += kAlphabet[random.below(kAlphabet.size())];
+    const auto table = read(text);
+    if (!table.ok()) continue;
+    for (const auto& column : table->columns) EXPECT_EQ(column.size(), table->rows());
+  }
+}
+
+TEST(CsvNumber, readsBackAsTheSameDouble) {
+  test::Random random(11);
+  for (int i = 0; i < 2000; ++i) {
+    const double value = std::bit_cast<double>(random.bits());
+    if (!std::isfinite(value)) continue;
+    std::string text;
+    appendNumber(text, value);
+    EXPECT_EQ(std::bit_cast<std::uint64_t>(std::strtod(text.c_str(), nullptr)),
+              std::bit_cast<std::uint64_t>(value))
+        << text;
+  }
+  std::string text;
+  appendNumber(text, std::numeric_limits<double>::quiet_NaN());
+  EXPECT_EQ(text, "nan");
+}
+
+}  // namespace
+}  // namespace needlelab

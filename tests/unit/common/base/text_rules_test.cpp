@@ -1,0 +1,51 @@
+#include "common/base/text_rules.h"
+
+#include <gtest/gtest.h>
+
+namespace needlelab {
+namespace {
+
+TEST(TextRules, utf8IsToldFromOtherBytes) {
+  for (const std::string_view good : {"", "abc", "é", "漢字", "🙂", "\x7f", "\xf4\x8f\xbf\xbf"})
+    EXPECT_TRUE(isUtf8(good)) << good;
+  const std::string bad[] = {"\x80",         "\xc3",         "\xc0\x80",          "\xc1\xbf",
+                             "\xe0\x80\x80", "\xed\xa0\x80", "\xf5\x80\x80\x80",  "\xf4\x90\x80\x80",
+                             "\xe2\x82",     "\xff",         std::string(1, '\0')};
+  for (const std::string& text : bad) EXPECT_FALSE(isUtf8(text));
+}
+
+TEST(TextRules, namesHaveLengthAndNoControlCharacters) {
+  EXPECT_TRUE(checkName("name", "Anna-Lena Müller").ok());
+  EXPECT_TRUE(checkName("name", "10 \u00b5m, caf\u00e9").ok());  // U+00A0 and above are letters and signs
+  EXPECT_TRUE(checkName("name", std::string(kMaxNameBytes, 'x')).ok());
+  for (const std::string& bad : {std::string(), std::string(kMaxNameBytes + 1, 'x'), std::string("a\tb"),
+                                 std::string("a\x7f"), std::string("a\xc2\x9b[2J"), std::string("a\xc2\x80"),
+                                 std::string(" a"), std::string("a "), std::string("\x80")}) {
+    const auto refused = checkName("the field", bad);
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+    EXPECT_EQ(refused.error().message.rfind("the field: ", 0), 0u);
+  }
+}
+
+TEST(TextRules, newNamesFitIntoAddressesOfTheWeb) {
+  for (const std::string_view good : {"Anna-Lena Müller", "a.b", "...", "a\\b", "50 %", "x"})
+    EXPECT_TRUE(checkNewName("name", good).ok()) << good;
+  for (const std::string_view bad : {"a/b", "/", "//a", "b/", ".", ".."}) {
+    EXPECT_TRUE(checkName("name", bad).ok()) << bad << " may be there already";
+    const auto refused = checkNewName("the field", bad);
+    ASSERT_FALSE(refused.ok()) << bad;
+    EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+    EXPECT_EQ(refused.error().message.rfind("the field: ", 0), 0u);
+  }
+  EXPECT_FALSE(checkNewName("name", " a").ok()) << "what is no name is no new one";
+}
+
+TEST(TextRules, notesMayHaveLines) {
+  EXPECT_TRUE(checkNote("text", "one\ntwo\tthree\r\n", 1, 100).ok());
+  EXPECT_FALSE(checkNote("text", std::string("a\0b", 3), 1, 100).ok());
+  EXPECT_FALSE(checkNote("text", "\x1b[2J", 1, 100).ok());
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,187 @@
+// The needle's compliance by the mesh: against the theory of piles, and what any compliance must be.
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <numbers>
+
+#include "common/fem/needle_box.h"
+#include "common/haptics/models/fem_needle.h"
+#include "tests/unit/common/fem/soft_tissue.h"
+
+namespace needlelab::test {
+namespace {
+
+using Matrix = Eigen::Map<const Eigen::MatrixXd>;
+Matrix matrixOf(const NeedleCompliance& compliance) {
+  const auto n = static_cast<Eigen::Index>(compliance.stations());
+  return {compliance.give_m_per_N.data(), n, n};
+}
+
+// force per displacement of the needle stuck over its whole length: by Eigen, not by the live needle's own
+// solver
+double stiffnessOf(const NeedleCompliance& compliance) {
+  const Eigen::MatrixXd give = matrixOf(compliance);
+  return give.ldlt().solve(Eigen::VectorXd::Ones(give.rows())).sum();
+}
+
+// a published case: G 3.45 kPa, ν 0.45, 20 mm, r₀ 0.4 mm
+constexpr double kBlockShear_Pa = 3450, kBlockPoisson = 0.45, kLength_m = 0.02;
+SceneSpec factsScene() {
+  return softBlock(2 * kBlockShear_Pa * (1 + kBlockPoisson), kBlockPoisson, kLength_m);
+}
+double randolphWroth() {
+  return 2 * std::numbers::pi * kBlockShear_Pa * kLength_m /
+         std::log(2.5 * kLength_m * (1 - kBlockPoisson) / kNeedleRadius_m);
+}
+
+TEST(NeedleCompliance, shaftIsAsStiffAsRandolphAndWrothSay) {
+  EXPECT_NEAR(randolphWroth(), 102, 0.6);
+  const auto compliance = complianceOf(factsScene(), 10'000, 20);
+  const double stiffness = stiffnessOf(*compliance);
+  EXPECT_NEAR(stiffness / randolphWroth(), 1.0, 0.10);
+  // the mesh has tissue below the tip, too: with the base, 4 G r₀/(1 − ν), they say what it says
+  const double base = 4 * kBlockShear_Pa * kNeedleRadius_m / (1 - kBlockPoisson);
+  EXPECT_NEAR(stiffness / (randolphWroth() + base), 1.0, 0.05);
+}
+
+TEST(NeedleCompliance, changesLittleBetweenTheTwoFinestMeshes) {
+  const SceneSpec scene = factsScene();
+  const int fine = longForm() ? 30'000 : 12'000, coarser = longForm() ? 10'000 : 5000;
+  FemNeedle needle[2];
+  double stiffness[2];
+  for (const int n : {0, 1}) {
+    SceneSpec with_mesh = scene;
+    with_mesh.fem.compliance = complianceOf(scene, n == 0 ? coarser : fine, 20);
+    needle[n] = compileNeedle(with_mesh);
+    stiffness[n] = stiffnessOf(*with_mesh.fem.compliance);
+    EXPECT_NEAR(needle[n].stiffness_N_per_m / stiffness[n], 1.0, 1e-9);  // the live needle's own solver
+  }
+  EXPECT_NEAR(stiffness[0] / stiffness[1], 1.0, 0.05);
+  for (const double depth : {0.004, 0.01, 0.016})
+    EXPECT_NEAR(tipGive_m_per_N(needle[0], depth) / tipGive_m_per_N(needle[1], depth), 1.0,
+                longForm() ? 0.05 : 0.08)
+        << "tip at " << depth;
+}
+
+TEST(NeedleCompliance, isSymmetricAndPositiveDefinite) {
+  // more stations than the mesh can tell apart, too
+  for (const int stations : {1, 10, 60}) {
+    const auto compliance = complianceOf(factsScene(), 1000, stations);
+    const Eigen::MatrixXd give = matrixOf(*compliance);
+    EXPECT_EQ(give, give.transpose());
+    const Eigen::VectorXd values =
+        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(give, Eigen::EigenvaluesOnly).eigenvalues();
+    EXPECT_GT(values.minCoeff(), 1e-4 * give.diagonal().mean()) << stations << " stations";
+    EXPECT_GT(give.minCoeff(), 0.0);  // all of the tissue goes with the needle
+  }
+}
+
+TEST(NeedleCompliance, scalesWithTheInverseOfYoung) {
+  const auto soft = complianceOf(softBlock(5e3, 0.45, 0.03), 1000, 10);
+  const auto hard = complianceOf(softBlock(50e3, 0.45, 0.03), 1000, 10);
+  EXPECT_LT((10 * matrixOf(*hard) - matrixOf(*soft)).cwiseAbs().maxCoeff(),
+            1e-9 * matrixOf(*soft).maxCoeff());
+}
+
+TEST(NeedleCompliance, ofTwoLayersLiesBetweenTheirs) {
+  SceneSpec scene = softBlock(5e3, 0.45, 0.03);
+  scene.layers[0].thickness_m = 0.015;
+  scene.layers.push_back(scene.layers[0]);
+  scene.fem.layers.push_back({20e3, 0.45, 0, 0});
+  const auto layered = complianceOf(scene, 3000, 12);
+  const auto soft = complianceOf(softBlock(5e3, 0.45, 0.03), 3000, 12);
+  const auto hard = complianceOf(softBlock(20e3, 0.45, 0.03), 3000, 12);
+  EXPECT_LT(stiffnessOf(*layered), stiffnessOf(*hard));
+  EXPECT_GT(stiffnessOf(*layered), stiffnessOf(*soft));
+  // deep in a layer it is nearly that layer's own
+  EXPECT_NEAR(layered->give(2, 2) / soft->give(2, 2), 1.0, 0.12);
+  EXPECT_NEAR(layered->give(10, 10) / hard->give(10, 10), 1.0, 0.12);
+}
+
+TEST(NeedleCompliance, farBoundaryHardlyMatters) {
+  const SceneSpec scene = factsScene();
+  NeedleMeshOptions options;
+  options.nodes = 10'000;
+  options.stations = 10;
+  const auto near = precomputeCompliance(scene, options);
+  options.half_width_per_length = 32;
+  const auto far = precomputeCompliance(scene, options);
+  EXPECT_NEAR(stiffnessOf(**near) / stiffnessOf(**far), 1.0, 0.02);
+}
+
+TEST(NeedleCompliance, loadIsSpreadOverTheWholeSurfaceOfAStation) {
+  NeedleBoxSpec spec;
+  spec.length_m = 0.02;
+  spec.radius_m = kNeedleRadius_m;
+  spec.half_width_m = 0.1;
+  spec.depth_m = 0.1;
+  spec.top_m = {0, 0.0031};
+  spec.materials = {{5e3, 0.45}, {9e3, 0.45}};
+  const NeedleBox box(spec, 2000);
+  const std::vector<double> edges = {0, 0.0013, 0.0050, 0.0200};
+  const auto loads = box.surfaceLoads(edges);
+  for (int c = 0; c < 3; ++c) {
+    double sum = 0, moment = 0;
+    for (Eigen::SparseMatrix<double>::InnerIterator at(loads, c); at; ++at) {
+      const Eigen::Vector3d& p = box.mesh().node_m[static_cast<std::size_t>(at.row() / 3)];
+      EXPECT_EQ(at.row() % 3, 2);
+      // on the circle with the polygon's circumference
+      EXPECT_NEAR(p.head<2>().norm(), kNeedleRadius_m, 0.06 * kNeedleRadius_m);
+      sum += at.value();
+      moment += at.value() * p.z();
+    }
+    const auto edge = static_cast<std::size_t>(c);
+    EXPECT_NEAR(sum, 1.0, 1e-12);
+    EXPECT_NEAR(moment, 0.5 * (edges[edge] + edges[edge + 1]), 1e-12);
+  }
+}
+
+TEST(NeedleCompliance, everyLayerHasCells) {
+  SceneSpec scene = softBlock(5e3, 0.45, 0.06);
+  scene.layers.assign(8, scene.layers[0]);
+  scene.fem.layers.assign(8, scene.fem.layers[0]);
+  for (std::size_t i = 0; i < 8; ++i) {
+    scene.layers[i].thickness_m = 0.0005 * static_cast<double>(i + 1);
+    scene.fem.layers[i].young_Pa = 1e3 * static_cast<double>(i + 1);
+  }
+  const auto fine = complianceOf(scene, 500, 20);
+  EXPECT_GT(fine->nodes, 500);  // eight layers need more
+  EXPECT_GT(stiffnessOf(*fine), 0.0);
+}
+
+TEST(NeedleCompliance, strainedShareGrowsWithTheForce) {
+  SceneSpec scene = softBlock(10e3, 0.45, 0.04, 0, 1e-4);
+  EXPECT_EQ(complianceOf(scene, 1000, 20)->strained_share, 0.0);
+  scene.fem.layers[0].cutting_N = 0.5;
+  const double some = complianceOf(scene, 1000, 20)->strained_share;
+  scene.fem.layers[0].cutting_N = 2.0;
+  const double more = complianceOf(scene, 1000, 20)->strained_share;
+  EXPECT_GT(some, 0.0);
+  EXPECT_GT(more, some);
+}
+
+TEST(NeedleCompliance, refusesWhatItCannotMeshByName) {
+  const auto wordsFor = [](const SceneSpec& scene, NeedleMeshOptions options = {}) {
+    const auto compliance = precomputeCompliance(scene, options);
+    EXPECT_FALSE(compliance.ok());
+    return compliance.ok() ? std::string() : compliance.error().message;
+  };
+  SceneSpec scene = softBlock(5e3, 0.45, 0.03);
+  scene.fem.layers[0].poisson = 0.5;
+  EXPECT_EQ(wordsFor(scene), "fem.layers[0].poisson: 0.5 is out of range [0, 0.49]");
+  scene.fem.layers[0].poisson = 0.45;
+  scene.fem.layers.push_back(scene.fem.layers[0]);
+  EXPECT_NE(wordsFor(scene).find("fem.layers: 2 given, the scene has 1 layers"), std::string::npos);
+  scene.fem.layers.pop_back();
+  NeedleMeshOptions options;
+  options.nodes = 50;
+  EXPECT_EQ(wordsFor(scene, options).find("fem.nodes: 50 is out of range [100, "), 0u);
+  options.nodes = 1000;
+  options.stations = 129;
+  EXPECT_EQ(wordsFor(scene, options), "stations: 129 is out of range [1, 128]");
+}
+
+}  // namespace
+}  // namespace needlelab::test

@@ -1,0 +1,148 @@
+// The elements themselves: what every correct finite element must do, against closed forms.
+#include "common/fem/elasticity.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+
+#include "common/fem/elastic_solver.h"
+#include "tests/support/random.h"
+
+namespace needlelab::test {
+namespace {
+
+constexpr double kYoung_Pa = 12e3;
+
+// a block of crooked cells: corners inside are moved at random, the outside stays a box
+GridMesh crookedBlock(std::uint64_t seed) {
+  Random random(seed);
+  static constexpr int n = 3;
+  return GridMesh(
+      {n, n, n},
+      [&](int i, int j, int k) {
+        Eigen::Vector3d p(0.02 * i / n, 0.03 * j / n, 0.01 * k / n);
+        const auto inside = [](int at) { return at > 0 && at < n; };
+        if (inside(i) && inside(j) && inside(k))
+          p += Eigen::Vector3d(random.in(-1, 1), random.in(-1, 1), random.in(-1, 1)) * 5e-4;
+        return p;
+      },
+      [](int, int, int) { return 0; });
+}
+
+bool onBox(const Eigen::Vector3d& p) {
+  constexpr double kNear = 1e-9;
+  return p.x() < kNear || p.y() < kNear || p.z() < kNear || p.x() > 0.02 - kNear || p.y() > 0.03 - kNear ||
+         p.z() > 0.01 - kNear;
+}
+
+std::vector<std::int32_t> allFree(const TetMesh& mesh) {
+  std::vector<std::int32_t> index(3 * mesh.node_m.size());
+  for (std::size_t u = 0; u < index.size(); ++u) index[u] = static_cast<std::int32_t>(u);
+  return index;
+}
+
+TEST(TetElements, gridOfCellsFillsItsVolume) {
+  const GridMesh grid = crookedBlock(3);
+  double volume = 0;
+  for (const TetNodes& e : grid.mesh().element) {
+    EXPECT_GT(volumeOf(grid.mesh(), e), 0.0);
+    volume += volumeOf(grid.mesh(), e);
+  }
+  EXPECT_NEAR(volume, 0.02 * 0.03 * 0.01, 1e-15);
+  EXPECT_EQ(grid.mesh().element.size(), 6u * 27u);
+  // ten-node tetrahedra on such a grid have their nodes on a grid twice as fine
+  EXPECT_EQ(grid.mesh().node_m.size(), 7u * 7u * 7u);
+}
+
+TEST(TetElements, patchTest) {
+  for (const double poisson : {0.0, 0.3, 0.49}) {
+    const GridMesh grid = crookedBlock(7);
+    const TetMesh& mesh = grid.mesh();
+    Eigen::Matrix3d gradient;
+    gradient << 1e-3, 4e-4, -2e-4, 3e-4, -2e-3, 5e-4, 7e-4, -6e-4, 1.5e-3;
+    std::vector<bool> held;
+    Eigen::VectorXd exact(static_cast<Eigen::Index>(3 * mesh.node_m.size()));
+    for (std::size_t n = 0; n < mesh.node_m.size(); ++n) {
+      exact.segment<3>(static_cast<Eigen::Index>(3 * n)) =
+          gradient * mesh.node_m[n] + Eigen::Vector3d(1e-3, 2e-3, -1e-3);
+      held.insert(held.end(), 3, onBox(mesh.node_m[n]));
+    }
+    const auto solver = ElasticSolver::make(mesh, {{kYoung_Pa, poisson}}, held);
+    ASSERT_TRUE(solver.ok());
+    Eigen::VectorXd prescribed = exact;
+    for (std::size_t u = 0; u < held.size(); ++u)
+      if (!held[u]) prescribed[static_cast<Eigen::Index>(u)] = 0;
+    const Eigen::VectorXd found = *(*solver)->solvePrescribed(prescribed);
+    EXPECT_LT((found - exact).cwiseAbs().maxCoeff(), 1e-14) << "Poisson " << poisson;
+    for (const TetNodes& e : mesh.element)
+      EXPECT_LT((strainInMiddle(mesh, e, found) - 0.5 * (gradient + gradient.transpose())).norm(), 1e-11);
+  }
+}
+
+TEST(TetElements, exactlySixRigidModesCostNothing) {
+  const GridMesh grid(
+      {1, 1, 1},
+      [](int i, int j, int k) {
+        return Eigen::Vector3d(0.011 * i + 0.002 * j, 0.009 * j + 0.001 * k, 0.013 * k);
+      },
+      [](int, int, int) { return 0; });
+  const TetMesh& mesh = grid.mesh();
+  const auto index = allFree(mesh);
+  const Eigen::SparseMatrix<double> whole =
+      stiffnessMatrix(mesh, {{kYoung_Pa, 0.45}}, index, static_cast<int>(index.size()))
+          .selfadjointView<Eigen::Lower>();
+  const Eigen::MatrixXd stiffness = whole;
+  const Eigen::VectorXd values =
+      Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(stiffness, Eigen::EigenvaluesOnly).eigenvalues();
+  const double greatest = values.maxCoeff();
+  EXPECT_LT(std::fabs(values[5]), 1e-12 * greatest);
+  EXPECT_GT(values[6], 1e-6 * greatest);
+
+  // the modes themselves: moved and turned about any point
+  for (int mode = 0; mode < 6; ++mode) {
+    Eigen::VectorXd u(values.size());
+    for (std::size_t n = 0; n < mesh.node_m.size(); ++n)
+      u.segment<3>(static_cast<Eigen::Index>(3 * n)) =
+          mode < 3 ? Eigen::Vector3d(Eigen::Vector3d::Unit(mode))
+                   : Eigen::Vector3d(Eigen::Vector3d::Unit(mode - 3).cross(mesh.node_m[n]));
+    EXPECT_LT(u.dot(stiffness * u), 1e-12 * greatest * u.squaredNorm()) << "mode " << mode;
+  }
+}
+
+// a bar pulled at its ends, free at its sides
+TEST(TetElements, pulledBarStretchesByYoungAndNarrowsByPoisson) {
+  constexpr double kPoisson = 0.37, kWidth = 0.01, kLength = 0.04, kStretch = 1e-4;
+  const GridMesh grid(
+      {2, 2, 5},
+      [&](int i, int j, int k) { return Eigen::Vector3d(kWidth * i / 2, kWidth * j / 2, kLength * k / 5); },
+      [](int, int, int) { return 0; });
+  const TetMesh& mesh = grid.mesh();
+  std::vector<bool> held;
+  Eigen::VectorXd prescribed = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(3 * mesh.node_m.size()));
+  for (std::size_t n = 0; n < mesh.node_m.size(); ++n) {
+    const Eigen::Vector3d& p = mesh.node_m[n];
+    const bool top = p.z() > kLength - 1e-9;
+    held.push_back(p.x() < 1e-9);  // planes of symmetry
+    held.push_back(p.y() < 1e-9);
+    held.push_back(p.z() < 1e-9 || top);
+    if (top) prescribed[static_cast<Eigen::Index>(3 * n + 2)] = kStretch;
+  }
+  const std::vector<ElasticMaterial> material = {{kYoung_Pa, kPoisson}};
+  const auto solver = ElasticSolver::make(mesh, material, held);
+  ASSERT_TRUE(solver.ok());
+  const Eigen::VectorXd u = *(*solver)->solvePrescribed(prescribed);
+  for (std::size_t n = 0; n < mesh.node_m.size(); ++n) {
+    const Eigen::Vector3d& p = mesh.node_m[n];
+    EXPECT_NEAR(u[static_cast<Eigen::Index>(3 * n)], -kPoisson * kStretch / kLength * p.x(), 1e-15);
+    EXPECT_NEAR(u[static_cast<Eigen::Index>(3 * n + 2)], kStretch / kLength * p.z(), 1e-15);
+  }
+  // the force is E A ε: from the energy ½ F Δ
+  const auto index = allFree(mesh);
+  const auto stiffness = stiffnessMatrix(mesh, material, index, static_cast<int>(index.size()));
+  const double energy = 0.5 * u.dot(stiffness.selfadjointView<Eigen::Lower>() * u);
+  const double force = kYoung_Pa * kWidth * kWidth * kStretch / kLength;
+  EXPECT_NEAR(energy, 0.5 * force * kStretch, 1e-9 * force * kStretch);
+}
+
+}  // namespace
+}  // namespace needlelab::test

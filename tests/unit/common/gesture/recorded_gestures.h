@@ -1,0 +1,28 @@
+/// The four recorded hand movements of a real Virtuose as gestures with the engine's forces, for tests and
+/// benchmarks.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "common/gesture/sample.h"
+
+namespace needlelab::testing {
+
+/// Folder of the recordings: the variable NEEDLELAB_DATA, else `../shared/data` beside the repository. May
+/// not exist.
+std::filesystem::path dataFolder();
+
+struct RecordedGesture {
+  std::string name;
+  std::vector<GestureSample> samples;  ///< 1 kHz; clocks on the tick, without jitter
+  double share_in_tissue = 0;
+};
+
+/// The recordings that are there: poses brought to 1 kHz between their neighbours by the recorded time, then
+/// the engine with all six effects on a sphere around the far end of the path (radius 0.6 of the way there),
+/// then the gate.
+std::vector<RecordedGesture> recordedGestures();
+
+}  // namespace needlelab::testing

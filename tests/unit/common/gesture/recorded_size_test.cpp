@@ -1,0 +1,95 @@
+/// Bytes a sample takes, over the recordings of a real hand (DESIGN §12: at most 8, clock columns apart).
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+#include "tests/unit/common/gesture/gesture_samples.h"
+#include "tests/unit/common/gesture/recorded_gestures.h"
+
+namespace needlelab {
+namespace {
+
+// chunks of one second, as the station makes them
+std::size_t encodedBytes(const std::vector<GestureSample>& samples, const Resolution& resolution) {
+  std::size_t bytes = 0;
+  for (std::size_t at = 0; at < samples.size(); at += 1000)
+    bytes += encodeChunk(resolution,
+                         std::span(samples).subspan(at, std::min<std::size_t>(1000, samples.size() - at)))
+                 .size();
+  return bytes;
+}
+
+void addTickTimes(std::vector<GestureSample>& samples) {
+  std::mt19937_64 random(1);
+  for (GestureSample& s : samples) {
+    s.device_ns = static_cast<std::int32_t>(8'000 + random() % 4'000);
+    s.engine_ns = static_cast<std::int32_t>(30 + random() % 400);
+  }
+}
+void addClockJitter(std::vector<GestureSample>& samples) {
+  std::mt19937_64 random(2);
+  for (GestureSample& s : samples)  // wake-ups late by about 0-20 µs
+    s.time_ns += static_cast<std::int64_t>((random() % 10'000) + (random() % 10'000));
+}
+
+TEST(RecordedSize, fourRealRecordingsWithEngineForces) {
+  const auto gestures = testing::recordedGestures();
+  if (gestures.empty())
+    GTEST_SKIP() << "no recordings in " << testing::dataFolder() << "; set NEEDLELAB_DATA";
+  EXPECT_EQ(gestures.size(), 4u);
+  double all_samples = 0, all_bytes = 0, all_times = 0, all_clock = 0, all_lossless = 0;
+  std::printf("%-22s %8s %9s | bytes/sample: %6s %6s %6s %9s\n", "recording", "samples", "in tissue",
+              "values", "+times", "+clock", "lossless");
+  for (const auto& gesture : gestures) {
+    const auto count = static_cast<double>(gesture.samples.size());
+    auto samples = gesture.samples;
+    const auto values = static_cast<double>(encodedBytes(samples, Resolution::standard()));
+    const auto lossless = static_cast<double>(encodedBytes(samples, Resolution::lossless()));
+    addTickTimes(samples);
+    const auto times = static_cast<double>(encodedBytes(samples, Resolution::standard()));
+    addClockJitter(samples);
+    const auto clock = static_cast<double>(encodedBytes(samples, Resolution::standard()));
+    std::printf("%-22s %8.0f %8.1f%% | %20.3f %6.3f %6.3f %9.3f\n", gesture.name.c_str(), count,
+                100 * gesture.share_in_tissue, values / count, times / count, clock / count,
+                lossless / count);
+    EXPECT_GT(gesture.share_in_tissue, 0.1)
+        << gesture.name << " must meet the tissue, else it proves nothing";
+    for (const GestureSample& s : gesture.samples)
+      ASSERT_EQ(s.fault, 0) << gesture.name << ": forces must not be cut off by a fault";
+    all_samples += count;
+    all_bytes += values;
+    all_times += times;
+    all_clock += clock;
+    all_lossless += lossless;
+  }
+  std::printf("%-22s %8.0f %9s | %20.3f %6.3f %6.3f %9.3f\n", "all", all_samples, "", all_bytes / all_samples,
+              all_times / all_samples, all_clock / all_samples, all_lossless / all_samples);
+  RecordProperty("bytes_per_sample", std::to_string(all_bytes / all_samples));
+  EXPECT_LE(all_bytes / all_samples, 8.0);  // the goal
+  EXPECT_LE(all_bytes / all_samples,
+            3.3);  // what was reached (2.96), with a margin: a change that costs more shows here
+}
+
+TEST(RecordedSize, recordedPosesComeBackWithinHalfAStep) {
+  const auto gestures = testing::recordedGestures();
+  if (gestures.empty())
+    GTEST_SKIP() << "no recordings in " << testing::dataFolder() << "; set NEEDLELAB_DATA";
+  for (const auto& gesture : gestures)
+    for (std::size_t at = 0; at < gesture.samples.size(); at += 1000) {
+      const auto part =
+          std::span(gesture.samples).subspan(at, std::min<std::size_t>(1000, gesture.samples.size() - at));
+      const auto back = decodeChunk(encodeChunk(Resolution::standard(), part));
+      ASSERT_TRUE(back.ok());
+      for (std::size_t i = 0; i < part.size(); ++i)
+        for (int k = 0; k < 3; ++k) {
+          ASSERT_TRUE(testing::within((*back)[i].p_WT_m[k], part[i].p_WT_m[k], 1e-6));
+          ASSERT_TRUE(testing::within((*back)[i].force_W_N[k], part[i].force_W_N[k], 1e-3));
+          ASSERT_TRUE(testing::within((*back)[i].torque_W_Nm[k], part[i].torque_W_Nm[k], 1e-4));
+          ASSERT_TRUE(testing::within((*back)[i].wall_W_m[k], part[i].wall_W_m[k], 1e-6));
+          ASSERT_TRUE(testing::within((*back)[i].q_WT[k], part[i].q_WT[k], 0x1p-15));
+        }
+    }
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,94 @@
+#include "common/gesture/sample_csv.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "common/base/csv.h"
+#include "tests/unit/common/gesture/gesture_samples.h"
+
+namespace needlelab {
+namespace {
+
+GestureSample exampleSample() {
+  GestureSample s;
+  s.tick = 18'446'744'073'709'551'615u;
+  s.time_ns = 9'000'000'001'500'000;
+  s.p_WT_m[0] = 0.1;
+  s.q_WT[2] = -0.5;
+  s.speed_mps = 0.25;
+  s.force_W_N[1] = -3;
+  s.torque_W_Nm[2] = 1e-4;
+  s.insertion_m = 0.02;
+  s.lateral_error_m = 0.001;
+  s.plunger = 1;
+  s.buttons = 5;
+  s.device_ns = -7;
+  s.engine_ns = 20;
+  s.flags = 65536;
+  s.layer = -1;
+  s.phase = 3;
+  s.fault = 2;
+  return s;
+}
+
+TEST(SampleCsv, headerNamesColumnsAndUnits) {
+  std::string text;
+  appendSampleCsvHeader(text);
+  EXPECT_EQ(text,
+            "t_s,tick,time_ns,px_m,py_m,pz_m,qx,qy,qz,qw,speed_m_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,wx_m,wy_"
+            "m,wz_m,phase,layer,"
+            "insertion_m,lateral_error_m,plunger,buttons,device_ns,engine_ns,flags,fault\n");
+}
+
+TEST(SampleCsv, rowIsWrittenAsExpected) {
+  std::string text;
+  appendSampleCsvRow(text, exampleSample(), 9'000'000'000'000'000);
+  EXPECT_EQ(text,
+            "0.0015,18446744073709551615,9000000001500000,0.10000000000000001,0,0,0,0,-0.5,1,0.25,0,-3,0,0,0,"
+            "0.0001,nan,nan,nan,3,-1,0.02,0.001,1,5,-7,20,65536,2\n");
+}
+
+TEST(SampleCsv, jsonHasTheSameNamesAndNoNan) {
+  std::string text;
+  GestureSample s = exampleSample();
+  s.force_W_N[0] = std::numeric_limits<double>::infinity();
+  appendSampleJson(text, s, 9'000'000'001'500'000);
+  EXPECT_EQ(
+      text,
+      R"({"t_s":0,"tick":18446744073709551615,"time_ns":9000000001500000,"px_m":0.10000000000000001,"py_m":0,"pz_m":0,)"
+      R"("qx":0,"qy":0,"qz":-0.5,"qw":1,"speed_m_s":0.25,"fx_n":null,"fy_n":-3,"fz_n":0,"tx_nm":0,"ty_nm":0,"tz_nm":0.0001,)"
+      R"("wx_m":null,"wy_m":null,"wz_m":null,"phase":3,"layer":-1,"insertion_m":0.02,"lateral_error_m":0.001,"plunger":1,)"
+      R"("buttons":5,"device_ns":-7,"engine_ns":20,"flags":65536,"fault":2})");
+}
+
+TEST(SampleCsv, writtenNumbersReadBackBitForBit) {
+  const auto samples = testing::smoothGesture(200);
+  std::string text;
+  appendSampleCsvHeader(text);
+  for (const auto& s : samples) appendSampleCsvRow(text, s, samples[0].time_ns);
+  const auto path = std::filesystem::temp_directory_path() / "needlelab_sample_csv_test.csv";
+  std::ofstream(path) << text;
+  const auto table = readCsv(path, {"t_s", "px_m", "qw", "fx_n", "layer"});
+  std::filesystem::remove(path);
+  ASSERT_TRUE(table.ok()) << table.error().message;
+  ASSERT_EQ(table->rows(), samples.size());
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    EXPECT_EQ(table->columns[static_cast<std::size_t>(table->find("px_m"))][i], samples[i].p_WT_m[0]);
+    EXPECT_EQ(table->columns[static_cast<std::size_t>(table->find("qw"))][i], samples[i].q_WT[3]);
+    EXPECT_EQ(table->columns[static_cast<std::size_t>(table->find("fx_n"))][i], samples[i].force_W_N[0]);
+    EXPECT_EQ(table->columns[static_cast<std::size_t>(table->find("layer"))][i], samples[i].layer);
+  }
+}
+
+TEST(SampleCsv, timeBeforeTheFirstSampleIsNegative) {
+  std::string text;
+  GestureSample s;
+  s.time_ns = -250'000'000;
+  appendSampleCsvRow(text, s, 250'000'000);
+  EXPECT_EQ(text.substr(0, 5), "-0.5,");
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,216 @@
+// Clamping force and change of trajectory (DESIGN §3.3) by formula.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "common/haptics/scene_model.h"
+#include "tests/unit/common/haptics/probe.h"
+
+namespace needlelab::test {
+namespace {
+
+constexpr EffectMask kClamping = bitOf(Effect::kClamping);
+
+SceneSpec clampingScene(double lateral_N_per_m2, ClampingMode mode, double f_max_N = 50) {
+  SceneSpec scene = withEffects(withClamping(oneLayer(1, 0.5, 0.1), mode), kClamping);
+  scene.layers[0].lateral_stiffness_N_per_m2 = lateral_N_per_m2;
+  scene.virtual_fixture.max_force_N = f_max_N;
+  scene.max_force_N = 50;
+  return scene;
+}
+
+double angleOf(Vec3 a, Vec3 b) {
+  return std::atan2(norm(cross(a, b)), dot(a, b));
+}
+
+TEST(Clamping, stiffnessIsTheIntegralOverTheLayersCrossed) {
+  SceneSpec scene = withEffects(paperSixLayers(), kClamping);
+  scene.virtual_fixture.max_stiffness_N_per_m = 10'000;
+  for (const double tangent : {0.0, 0.8}) {
+    const Vec3 axis = tilted({0, 0, -1}, tangent, {1, 0, 0});
+    const double c = -axis.z;
+    EngineRun run(scene, 1000);
+    for (const auto& sample : insertHoldWithdraw(1000, defaultSite(), axis, axis, 0.045, 0.05, 0.01)) {
+      const StepReport report = run.step(sample);
+      // by the depth of the tip: along the normal each layer counts with its thickness, along u with
+      // thickness/c
+      double left = -sample.p_WT_m.z, expected = 0;
+      for (std::size_t i = 0; i < scene.layers.size() && left > 0; ++i) {
+        const bool last = i + 1 == scene.layers.size();
+        const double here = last ? left : std::min(left, scene.layers[i].thickness_m);
+        expected += scene.layers[i].lateral_stiffness_N_per_m2 * here / c;
+        left -= here;
+      }
+      ASSERT_NEAR(report.clamping_stiffness_N_per_m, expected, 1e-8);
+      ASSERT_NEAR(report.clamping_N, 0, 1e-9) << "on the line there is no clamping force";
+    }
+  }
+}
+
+TEST(Clamping, stiffnessStopsAtItsMaximum) {
+  SceneSpec scene = clampingScene(1e5, ClampingMode::kProportional);
+  scene.virtual_fixture.max_stiffness_N_per_m = 300;
+  Probe probe(scene, 1000);
+  probe.at(-1e-4);
+  probe.go(100, 0.002);
+  EXPECT_NEAR(probe.last().clamping_stiffness_N_per_m, 200, 1e-9);
+  probe.go(100, 0.02);
+  EXPECT_EQ(probe.last().clamping_stiffness_N_per_m, 300);
+}
+
+TEST(Clamping, forceIsTowardTheLineAndProportionalInBothModesWhenDeviationComesAfterDepth) {
+  for (const auto mode : {ClampingMode::kProportional, ClampingMode::kPassive}) {
+    Probe probe(clampingScene(10'000, mode), 1000);
+    probe.at(-1e-4);
+    probe.go(100, 0.02);
+    for (const auto& report : probe.go(50, 0.02, 0.002, -0.001)) {
+      const double k = 200, e = report.lateral_error_m;
+      ASSERT_NEAR(report.clamping_N, k * e, 1e-9);
+      ASSERT_NEAR(norm(report.wrench_W.force_N + probe.site().across_1 * 0), report.clamping_N, 1e-9);
+    }
+    const Vec3 expected = (probe.site().across_1 * 0.002 + probe.site().across_2 * -0.001) * -200;
+    EXPECT_NEAR(norm(probe.last().wrench_W.force_N - expected), 0, 1e-9);
+  }
+}
+
+// DESIGN §3.3: "half of it on a straight diverging path"
+TEST(Clamping, passiveGivesHalfTheForceOnAStraightDivergingPath) {
+  Probe probe(clampingScene(10'000, ClampingMode::kPassive), 1000);
+  probe.at(-1e-4);
+  probe.at(0);  // entry of the path exactly at the skin
+  for (const auto& report : probe.go(2000, 0.03, 0.003)) {
+    if (report.insertion_m < 0.01) continue;
+    const double whole = report.clamping_stiffness_N_per_m * report.lateral_error_m;
+    ASSERT_NEAR(report.clamping_N, 0.5 * whole, 0.002 * whole);
+  }
+}
+
+TEST(Clamping, passiveGivesNoEnergyWhereProportionalPumps) {
+  // aside while shallow, in, back to the line, out (the path of `clamp_pump`)
+  const auto cycle = [](ClampingMode mode) {
+    const Site site = defaultSite();
+    const auto at = [&](double depth, double aside) {
+      return site.p_surface_m + site.inward * depth + site.across_1 * aside;
+    };
+    MotionBuilder builder(4000, at(-0.002, 0), site.inward);
+    builder.moveTo(at(0.002, 0), 0.3).moveTo(at(0.002, 0.0099), 0.5).moveTo(at(0.03, 0.0099), 0.8);
+    builder.moveTo(at(0.03, 0), 0.5).moveTo(at(-0.002, 0), 0.8);
+    const Motion motion = builder.take();
+    EngineRun run(clampingScene(10'000, mode), 4000);
+    return forceWork(motion, run.run(motion));
+  };
+  EXPECT_LE(cycle(ClampingMode::kPassive), 5e-5);
+  EXPECT_GT(cycle(ClampingMode::kProportional), 1e-3) << "the negative control: eq. 8 taken literally";
+}
+
+TEST(Clamping, forceIsCappedAndTheFlagSaysSo) {
+  Probe probe(clampingScene(10'000, ClampingMode::kProportional, 0.5), 1000);
+  probe.at(-1e-4);
+  probe.go(100, 0.001);
+  probe.go(200, 0.001, 0.1);  // x < |e|: u does not turn; k = 10 N/m
+  EXPECT_NEAR(probe.last().clamping_N, 0.5, 1e-12);
+  EXPECT_TRUE(probe.last().flags & kFlagClampCapped);
+  EXPECT_FALSE(probe.last().flags & kFlagTurn);
+  EXPECT_NEAR(norm(probe.state().u_W - probe.site().inward), 0, 0);
+}
+
+TEST(Clamping, aSlowPushAsideTurnsTheTrajectoryUntilTheForceIsTheMaximum) {
+  for (const auto mode : {ClampingMode::kProportional, ClampingMode::kPassive}) {
+    Probe probe(clampingScene(10'000, mode, 0.5), 1000);
+    probe.at(-1e-4);
+    probe.go(300, 0.03);
+    bool turned = false;
+    for (const auto& report : probe.go(1000, 0.03, 0.006)) {
+      turned = turned || (report.flags & kFlagTurn) != 0;
+      if (!turned) continue;
+      ASSERT_NEAR(report.clamping_N, 0.5, 2e-3) << "|e| is brought to f_max/k";
+      ASSERT_NEAR(norm(probe.state().u_W), 1.0, 1e-12);
+    }
+    EXPECT_TRUE(turned);
+    // geometry: r = √(x² + aside²); the tip stays f_max/k beside the new line
+    const double r = std::hypot(0.03, 0.006), k = probe.last().clamping_stiffness_N_per_m;
+    const double expected = std::asin(0.006 / r) - std::asin(0.5 / k / r);
+    EXPECT_NEAR(angleOf(probe.state().u_W, probe.site().inward), expected, 1e-3);
+  }
+}
+
+TEST(Clamping, theTurnIsNeverFasterThanTwoRadiansASecond) {
+  for (const double rate_hz : {500.0, 1000.0}) {
+    Probe probe(clampingScene(20'000, ClampingMode::kProportional, 0.1), rate_hz);
+    probe.at(-1e-4);
+    probe.go(100, 0.04);
+    Vec3 before = probe.state().u_W;
+    bool at_limit = false;
+    for (int i = 0; i < 20; ++i) {
+      probe.go(1, 0.04, 0.002 * (i + 1));
+      const double angle = angleOf(probe.state().u_W, before);
+      ASSERT_LE(angle, 2.0 / rate_hz + 1e-12);
+      at_limit = at_limit || std::abs(angle - 2.0 / rate_hz) < 1e-12;
+      before = probe.state().u_W;
+    }
+    EXPECT_TRUE(at_limit);
+  }
+}
+
+TEST(Clamping, theConeHoldsTheTurnBack) {
+  const SceneSpec scene = clampingScene(20'000, ClampingMode::kProportional, 0.1);
+  Probe probe(scene, 1000);
+  probe.at(-1e-4);
+  probe.go(300, 0.03);
+  bool bound = false;
+  double before = 0;
+  for (const auto& report : probe.go(1500, 0.03, 0.04)) {
+    const double angle = angleOf(probe.state().u_W, probe.state().u0_W);
+    const double cone = orientationLimitAngle(scene.needle_length_m, report.insertion_m);
+    ASSERT_LE(angle, std::max(cone, before) + 1e-12);
+    bound = bound || std::abs(angle - cone) < 1e-9;
+    before = angle;
+  }
+  EXPECT_TRUE(bound) << "the test must get to the cone";
+}
+
+// §3.3: "w, the friction wall, the membranes' places and the kept past values of x move …, so that no force
+// jumps"
+TEST(Clamping, aTurnMakesNoForceJump) {
+  SceneSpec scene = allEffects();
+  scene.virtual_fixture.max_force_N = 0.5;
+  scene.virtual_fixture.mode = ClampingMode::kPassive;
+  Probe probe(scene, 1000);
+  probe.at(-1e-4);
+  probe.go(700, 0.02);
+  StepReport before = probe.last();
+  int turns = 0;
+  for (int i = 1; i <= 500; ++i) {
+    const StepReport report = probe.at(0.02, 0.02 * i / 500);
+    if (report.flags & kFlagTurn) {
+      ++turns;
+      const double step = 0.02 / 500, sum_K = 500 + 140 + report.clamping_stiffness_N_per_m + 300;
+      ASSERT_LE(std::abs(report.cutting_N + report.attracted_N - before.cutting_N - before.attracted_N),
+                500 * step + 3e-3);
+      ASSERT_LE(norm(report.wrench_W.force_N - before.wrench_W.force_N), sum_K * step / 0.7 + 3e-3);
+      ASSERT_LE(std::abs(report.speed_mps - before.speed_mps), 2 * step / 0.1 + 1e-9)
+          << "past positions moved as well";
+    }
+    before = report;
+  }
+  EXPECT_GT(turns, 50);
+}
+
+TEST(Clamping, withoutTheEffectNothingTurnsAndNothingClamps) {
+  SceneSpec scene = withEffects(allEffects(), kAllEffects & ~kClamping);
+  scene.virtual_fixture.max_force_N = 0;
+  Probe probe(scene, 1000);
+  probe.at(-1e-4);
+  probe.go(300, 0.03);
+  for (const auto& report : probe.go(300, 0.03, 0.01)) {
+    ASSERT_EQ(report.clamping_N, 0);
+    ASSERT_EQ(report.clamping_stiffness_N_per_m, 0);
+    ASSERT_FALSE(report.flags & (kFlagTurn | kFlagClampCapped));
+  }
+  EXPECT_EQ(probe.state().u_W, probe.state().u0_W);
+  EXPECT_NEAR(probe.last().lateral_error_m, 0.01, 1e-15) << "the deviation is told all the same";
+}
+
+}  // namespace
+}  // namespace needlelab::test

@@ -1,0 +1,100 @@
+// Properties over random gestures (DESIGN §10, `random_energy`, with prescribed motion): with PASSIVE
+// clamping the scene gives the hand no energy, and outside declared releases no force jumps.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/unit/common/haptics/probe.h"
+
+namespace needlelab::test {
+namespace {
+
+// slow enough for the trapezoidal rule at this rate: the springs' own curve between two ticks is straight
+constexpr double kRate_hz = 2000;
+
+GestureRange slowGestures() {
+  GestureRange range;
+  range.least_leg_s = 0.4;
+  range.most_leg_s = 1.2;
+  range.legs = 3;
+  range.most_hold_s = 0.4;
+  return range;
+}
+
+double worstEnergy(LimbKind limb, ClampingMode mode, int gestures) {
+  const SceneSpec scene = withClamping(withLimb(allEffects(), limb), mode);
+  double worst = -1;
+  for (int i = 0; i < gestures; ++i) {
+    const Motion motion =
+        randomGesture(static_cast<std::uint64_t>(i) + 1, kRate_hz, siteOf(limb), slowGestures());
+    EngineRun run(scene, kRate_hz);
+    worst = std::max(worst, energyToHand(motion, run.run(motion)));
+  }
+  return worst;
+}
+
+TEST(RandomEnergy, passiveSceneGivesTheHandNothing) {
+  const int gestures = longForm() ? 1000 : 50;  // on each of four limbs
+  for (const LimbKind limb : kLimbKinds)
+    EXPECT_LE(worstEnergy(limb, ClampingMode::kPassive, gestures), 5e-5) << limbName(limb);
+}
+
+TEST(RandomEnergy, clampingAloneIsPassiveToo) {
+  const int gestures = longForm() ? 1000 : 25;
+  for (const double f_max_N : {0.5, 4.0}) {
+    SceneSpec scene =
+        withEffects(withClamping(allEffects(), ClampingMode::kPassive), bitOf(Effect::kClamping));
+    scene.virtual_fixture.max_force_N = f_max_N;
+    for (int i = 0; i < gestures; ++i) {
+      const Motion motion =
+          randomGesture(static_cast<std::uint64_t>(i) + 50, kRate_hz, defaultSite(), slowGestures());
+      EngineRun run(scene, kRate_hz);
+      EXPECT_LE(energyToHand(motion, run.run(motion)), 5e-5) << "gesture " << i << ", f_max " << f_max_N;
+    }
+  }
+}
+
+TEST(RandomEnergy, orientationLimitAloneIsPassive) {
+  const SceneSpec scene = withEffects(allEffects(), bitOf(Effect::kOrientationLimit));
+  for (int i = 0; i < 25; ++i) {
+    const Motion motion =
+        randomGesture(static_cast<std::uint64_t>(i) + 90, kRate_hz, defaultSite(), slowGestures());
+    EngineRun run(scene, kRate_hz);
+    EXPECT_LE(energyToHand(motion, run.run(motion)), 5e-5) << "gesture " << i;
+  }
+}
+
+// §10: outside declared releases force step beyond ΣK·|Δp|/c ≤ 0.05 N, ΣK = K_t + K_f + k + k1 + 2·k2·z
+TEST(RandomEnergy, noForceStepWithoutADeclaredRelease) {
+  const int gestures = longForm() ? 500 : 15;
+  for (const LimbKind limb : {LimbKind::kPlane, LimbKind::kSphere}) {
+    const SceneSpec scene = withClamping(withLimb(allEffects(), limb), ClampingMode::kPassive);
+    double steepest = 0;
+    for (const auto& layer : scene.layers)
+      if (layer.membrane)
+        steepest += std::sqrt(layer.membrane->linear_N_per_m * layer.membrane->linear_N_per_m +
+                              4 * layer.membrane->quadratic_N_per_m2 * layer.membrane->force_N);
+    double worst_N = 0;
+    for (int i = 0; i < gestures; ++i) {
+      const Motion motion = randomGesture(static_cast<std::uint64_t>(i) + 300, 1000, siteOf(limb));
+      EngineRun run(scene, 1000);
+      StepReport before = run.step(motion.front());
+      for (std::size_t k = 1; k < motion.size(); ++k) {
+        const StepReport now = run.step(motion[k]);
+        constexpr std::uint32_t kReleases = kFlagExit | kFlagLayerChange | kFlagRupture;
+        if (!(now.flags & kReleases)) {
+          const double sum_K = 500 + 140 + now.clamping_stiffness_N_per_m + steepest;
+          const double way = norm(motion[k].p_WT_m - motion[k - 1].p_WT_m);
+          const double c = now.layer < 0 ? 1.0 : run.state().slant;
+          const double step = norm(now.wrench_W.force_N - before.wrench_W.force_N);
+          worst_N = std::max(worst_N, step - sum_K * way / c);
+        }
+        before = now;
+      }
+    }
+    EXPECT_LE(worst_N, 0.05) << limbName(limb);
+  }
+}
+
+}  // namespace
+}  // namespace needlelab::test

@@ -1,0 +1,176 @@
+// What each axial model does, by hand: numbers that a reader can check in the head.
+#include <gtest/gtest.h>
+
+#include "tests/support/model_scenes.h"
+#include "tests/unit/common/haptics/probe.h"
+
+namespace needlelab::test {
+namespace {
+
+// two layers: 1 N to 10 mm, 2 N below
+SceneSpec twoLayers(AxialModel model) {
+  SceneSpec scene = paperOneDof();
+  scene.layers[0].thickness_m = 0.01;
+  scene.layers.push_back(scene.layers[0]);
+  scene.layers[1].cutting_force_N = 2.0;
+  return likeForLike(scene, model);
+}
+
+TEST(DirectModel, isASpringFromTheSurfaceUpToTheLayersForce) {
+  Probe probe(twoLayers(AxialModel::kDirect), 1000);
+  probe.at(-0.001);
+  EXPECT_DOUBLE_EQ(probe.at(0.001).cutting_N, -0.5);
+  EXPECT_DOUBLE_EQ(probe.at(0.005).cutting_N, -1.0) << "the layer's force";
+  EXPECT_DOUBLE_EQ(probe.at(0.011).cutting_N, -2.0) << "it steps";
+  EXPECT_DOUBLE_EQ(probe.at(0.001).cutting_N, -0.5) << "back the same way: it stores energy";
+  SceneSpec endless = twoLayers(AxialModel::kDirect);
+  endless.direct.step_at_layers = false;
+  Probe deep(endless, 1000);
+  deep.at(-0.001);
+  EXPECT_DOUBLE_EQ(deep.at(0.012).cutting_N, -6.0);
+}
+
+TEST(VoigtModel, addsTheDamperAndNeverPulls) {
+  Probe probe(twoLayers(AxialModel::kVoigt), 1000);  // 500 N/m, 5 N·s/m
+  probe.at(-0.001);
+  EXPECT_NEAR(probe.at(0.0002).cutting_N, -(500 * 0.0002 + 5 * 0.2), 1e-12) << "x = 0 at the tick before";
+  EXPECT_NEAR(probe.at(0.0002).cutting_N, -0.1, 1e-12);
+  EXPECT_NEAR(probe.at(0.0004).cutting_N, -(0.2 + 1.0), 1e-12);
+  EXPECT_EQ(probe.at(0.0001).cutting_N, 0.0) << "outward the damper would pull";
+  EXPECT_EQ(probe.last().attracted_N, 0.0);
+}
+
+TEST(GodObjectModel, holdsOnEachTopLetsThroughAndIsForcelessBetween) {
+  Probe probe(twoLayers(AxialModel::kGodObject), 1000);
+  probe.at(-0.001);
+  EXPECT_DOUBLE_EQ(probe.at(0.0015).cutting_N, -0.75);
+  EXPECT_EQ(norm(probe.last().p_wall_W_m), 0.0) << "the proxy lies on the skin";
+  EXPECT_DOUBLE_EQ(probe.at(0.002).cutting_N, -1.0) << "1 N is not exceeded yet";
+  const StepReport through = probe.at(0.0021);
+  EXPECT_EQ(through.cutting_N, 0.0);
+  EXPECT_TRUE(through.flags & kFlagRupture) << "a declared release";
+  for (const StepReport& r : probe.go(20, 0.0099)) EXPECT_EQ(r.cutting_N, 0.0);
+  EXPECT_NEAR(probe.at(0.013).cutting_N, -500 * 0.003, 1e-12) << "from the second top, at 10 mm";
+  EXPECT_NEAR(probe.at(0.0138).cutting_N, -1.9, 1e-12);
+  EXPECT_EQ(probe.at(0.008).cutting_N, 0.0) << "above its top it does not pull";
+  EXPECT_NEAR(probe.at(0.012).cutting_N, -1.0, 1e-12) << "the second top is where it was";
+  EXPECT_EQ(probe.at(0.015).cutting_N, 0.0);
+  probe.at(-0.001);
+  EXPECT_DOUBLE_EQ(probe.at(0.001).cutting_N, -0.5) << "a new insertion meets the skin again";
+}
+
+TEST(GodObjectModel, aTopThatWasPassedWhileAnotherHeldIsMetWhereItWas) {
+  SceneSpec scene = twoLayers(AxialModel::kGodObject);
+  scene.layers[0].thickness_m = 0.001;  // the second top lies within the first's reach of 2 mm
+  Probe probe(scene, 1000);
+  probe.at(-0.0005);
+  EXPECT_DOUBLE_EQ(probe.at(0.0019).cutting_N, -0.95);
+  EXPECT_NEAR(probe.at(0.0021).cutting_N, -500 * 0.0011, 1e-12) << "let through to the top at 1 mm";
+}
+
+SceneSpec firstOrderScene() {
+  SceneSpec scene = twoLayers(AxialModel::kEnhancedTrackingWall);
+  scene.axial_model = AxialModel::kFirstOrder;
+  scene.layers[0].first_order = FirstOrderSpec{400, 0.8, 0.3, 20};
+  scene.layers[1].first_order = FirstOrderSpec{1000, 0.5, 0.6, 0};
+  return scene;
+}
+
+TEST(FirstOrderModel, isStiffnessThenCuttingAndFriction) {
+  Probe probe(firstOrderScene(), 1000);  // K_t 500, K_f 140
+  probe.at(-0.001);
+  StepReport r = probe.at(0.0015);
+  EXPECT_NEAR(r.puncture_N, -0.6, 1e-12);
+  EXPECT_EQ(r.cutting_N, 0.0) << "nothing is cut beyond a top that holds";
+  EXPECT_EQ(r.friction_N, 0.0);
+  r = probe.at(0.0021);  // 0.84 N: through
+  EXPECT_TRUE(r.flags & kFlagRupture);
+  EXPECT_EQ(r.puncture_N, 0.0);
+  EXPECT_EQ(r.cutting_N, 0.0) << "the walls follow: nothing jumps but what was held";
+  probe.go(100, 0.008);
+  EXPECT_NEAR(probe.last().cutting_N, -0.3, 1e-12);
+  EXPECT_NEAR(probe.last().friction_N, -20 * 0.008, 1e-12);
+  // the second top, from 10 mm: cutting and friction stand still while it holds
+  r = probe.go(50, 0.0104).back();
+  EXPECT_NEAR(r.puncture_N, -1000 * 0.0004, 1e-12);
+  EXPECT_NEAR(r.cutting_N, -0.3, 1e-12);
+  EXPECT_NEAR(r.friction_N, -20 * 0.010, 1e-12);
+  r = probe.go(50, 0.015).back();
+  EXPECT_NEAR(r.cutting_N, -0.6, 1e-12);
+  EXPECT_NEAR(r.friction_N, -20 * 0.010, 1e-12) << "the second layer does not rub";
+  // outward: no cutting; friction turns round
+  r = probe.go(100, 0.009).back();
+  EXPECT_EQ(r.cutting_N, 0.0);
+  EXPECT_NEAR(r.friction_N, 20 * 0.009, 1e-12);
+  EXPECT_EQ(r.attracted_N, 0.0);
+}
+
+TEST(FirstOrderModel, refusesPunctureAndShaftFrictionByName) {
+  for (const Effect effect : {Effect::kPuncture, Effect::kShaftFriction}) {
+    SceneSpec scene = firstOrderScene();
+    scene.effects |= bitOf(effect);
+    const auto model = compile(scene, 1000);
+    ASSERT_FALSE(model.ok());
+    EXPECT_NE(model.error().message.find("effects: lists " +
+                                         std::string(kEffectNames[static_cast<std::size_t>(effect)])),
+              std::string::npos)
+        << model.error().message;
+  }
+}
+
+TEST(PrecomputedModel, isTheTableByTheWall) {
+  SceneSpec scene = twoLayers(AxialModel::kEnhancedTrackingWall);
+  scene.axial_model = AxialModel::kPrecomputed;
+  scene.precomputed.table = {{0.002, 1.0, 0.2}, {0.012, 3.0, 0.6}};
+  Probe probe(scene, 1000);
+  probe.at(-0.001);
+  probe.go(400, 0.007);
+  EXPECT_NEAR(probe.last().cutting_N, -2.0, 1e-9) << "half-way between the rows";
+  probe.go(400, 0.02);
+  EXPECT_NEAR(probe.last().cutting_N, -3.0, 1e-9) << "constant beyond the last";
+  probe.go(400, 0.010);
+  EXPECT_NEAR(probe.last().attracted_N, 0.2 + 0.4 * 0.8, 1e-9);
+  probe.go(200, 0.001);
+  EXPECT_NEAR(probe.last().attracted_N, 0.2, 1e-9) << "constant before the first";
+}
+
+// the table made of the layers shows what the wall shows, but for the 10 µm within which a table falls
+TEST(LikeForLike, thePrecomputedTableOfTheLayersIsTheWallsForce) {
+  const Site site = defaultSite();
+  const Motion motion = insertHoldWithdraw(1000, site, site.inward, site.inward, 0.038, 0.02, 0.3);
+  EngineRun wall(paperSixLayers(), 1000), table(modelScene(AxialModel::kPrecomputed), 1000);
+  int compared = 0;
+  for (const TipSample& sample : motion) {
+    const StepReport a = wall.step(sample), b = table.step(sample);
+    double to_top_m = 1, top_m = 0;
+    for (const LayerSpec& layer : paperSixLayers().layers) {
+      to_top_m = std::min(to_top_m, std::abs(a.depth_m - top_m));
+      top_m += layer.thickness_m;
+    }
+    if (to_top_m < 3e-5) continue;
+    EXPECT_NEAR(a.cutting_N + a.attracted_N, b.cutting_N + b.attracted_N, 1e-9) << a.depth_m;
+    ++compared;
+  }
+  EXPECT_GT(compared, 3000);
+}
+
+TEST(LikeForLike, everyModelOfEverySceneCompilesAndASectionOfTheScenesOwnStays) {
+  for (const SceneSpec& scene : {paperOneDof(), paperSixLayers(), allEffects()})
+    for (const AxialModel model : kAllModels) {
+      const auto compiled_scene = compile(renderedBy(scene, model), 1000);
+      EXPECT_TRUE(compiled_scene.ok())
+          << axialModelName(model) << ": " << (compiled_scene.ok() ? "" : compiled_scene.error().message);
+    }
+  SceneSpec own = paperSixLayers();
+  own.precomputed.table = {{0.01, 1.5, 0.1}};
+  own.voigt.stiffness_N_per_m = 333;
+  EXPECT_EQ(likeForLike(own, AxialModel::kPrecomputed).precomputed.table.size(), 1u);
+  EXPECT_EQ(likeForLike(own, AxialModel::kVoigt).voigt.stiffness_N_per_m, 333);
+  own.tracking_wall.stiffness_N_per_m = 800;
+  EXPECT_EQ(likeForLike(own, AxialModel::kDirect).direct.stiffness_N_per_m, 800);
+  EXPECT_FALSE(likeForLike(allEffects(), AxialModel::kFirstOrder).effects &
+               (bitOf(Effect::kPuncture) | bitOf(Effect::kShaftFriction)));
+}
+
+}  // namespace
+}  // namespace needlelab::test

@@ -1,0 +1,95 @@
+// Each axial model against a literal transcription of DESIGN §3.6 (support/reference_models.h).
+#include <gtest/gtest.h>
+
+#include "tests/support/model_scenes.h"
+#include "tests/support/random.h"
+#include "tests/support/reference_models.h"
+#include "tests/unit/common/haptics/probe.h"
+
+namespace needlelab::test {
+namespace {
+
+// a run of the engine beside the reference; the reference is told the engine's contact, trajectory and speed,
+// which have their own tests
+struct Worst {
+  double difference_N = 0;
+  std::uint32_t flags = 0;
+  int acting = 0;  // ticks with an axial force
+};
+
+Worst compare(const SceneSpec& scene, double rate_hz, const Motion& motion) {
+  EngineRun run(scene, rate_hz);
+  ReferenceModel reference(scene, rate_hz);
+  Worst worst;
+  Vec3 u_before{};
+  for (const TipSample& sample : motion) {
+    const StepReport r = run.step(sample);
+    worst.flags |= r.flags;
+    if (r.phase == Phase::kFree) continue;
+    const SimState& state = run.state();
+    const Vec3 arm = sample.p_WT_m - state.p_entry_W_m;
+    ModelTick tick;
+    tick.entry = (r.flags & kFlagEntry) != 0;
+    const Vec3 u_old = tick.entry ? state.u0_W : u_before;
+    tick.x_m = dot(state.u_W, arm);
+    tick.moved_m = (r.flags & kFlagTurn) != 0 ? tick.x_m - dot(u_old, arm) : 0.0;
+    tick.depth_m = r.depth_m;
+    tick.insertion_m = r.insertion_m;
+    tick.slant = state.slant;
+    tick.speed_mps = r.speed_mps;
+    u_before = state.u_W;
+    const ModelForce expected = reference.step(tick);
+    for (const double difference : {r.cutting_N - expected.cutting_N, r.attracted_N - expected.attracted_N,
+                                    r.friction_N - expected.friction_N, r.puncture_N - expected.puncture_N})
+      worst.difference_N = std::max(worst.difference_N, std::abs(difference));
+    if (r.cutting_N + r.attracted_N != 0) ++worst.acting;
+  }
+  return worst;
+}
+
+class ModelReference : public testing::TestWithParam<AxialModel> {};
+
+TEST_P(ModelReference, agreesOnRandomGesturesOnEveryLimb) {
+  const int gestures = longForm() ? 40 : 4;
+  for (const LimbKind limb : kLimbKinds)
+    for (int i = 0; i < gestures; ++i) {
+      SceneSpec scene = modelScene(GetParam(), limb);
+      scene.virtual_fixture.max_force_N = 0.8;  // so that u turns
+      scene.tracking_wall.stop_mode = i % 2 == 0 ? StopMode::kRamp : StopMode::kExponential;
+      const double rate_hz = i % 3 == 2 ? 250 : 1000;
+      GestureRange range;
+      range.tremor_m = i % 2 == 0 ? 0 : 5e-5;
+      const Worst worst = compare(
+          scene, rate_hz, randomGesture(static_cast<std::uint64_t>(i) + 700, rate_hz, siteOf(limb), range));
+      EXPECT_LE(worst.difference_N, 1e-9) << limbName(limb) << " " << i;
+      EXPECT_GT(worst.acting, 100) << limbName(limb) << " " << i;
+      EXPECT_TRUE(worst.flags & kFlagTurn) << limbName(limb) << " " << i;
+    }
+}
+
+TEST_P(ModelReference, agreesOnManyEntriesAndOnAQuantisedTip) {
+  const Site site = defaultSite();
+  const Motion motion = joined(quantised(multipleEntries(5, 1000, site, 4), 0x1p-15),
+                               insertHoldWithdraw(1000, site, site.inward, site.inward, 0.045, 0.05, 1.0));
+  const Worst worst = compare(modelScene(GetParam()), 1000, motion);
+  EXPECT_LE(worst.difference_N, 1e-9);
+  EXPECT_TRUE(worst.flags & kFlagExit);
+}
+
+// a tip that jumps through several layers in one tick
+TEST_P(ModelReference, agreesWhereTheTipJumps) {
+  Random random(8);
+  const SceneSpec scene = modelScene(GetParam());
+  Motion motion;
+  for (int k = 0; k < 3000; ++k)
+    motion.push_back({defaultSite().p_surface_m + defaultSite().inward * random.in(-0.005, 0.06),
+                      pointing(defaultSite().inward)});
+  EXPECT_LE(compare(scene, 1000, motion).difference_N, 1e-8);
+}
+
+// FEM has its own tests (tests/unit/common/fem)
+INSTANTIATE_TEST_SUITE_P(Models, ModelReference, testing::ValuesIn(kAllModels.begin(), kAllModels.end() - 1),
+                         [](const auto& one) { return std::string(axialModelName(one.param)); });
+
+}  // namespace
+}  // namespace needlelab::test

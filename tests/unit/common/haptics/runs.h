@@ -1,0 +1,66 @@
+/// Running the engine over a motion, alone or beside the reference, for the tests of this folder.
+#pragma once
+
+#include <cstdlib>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/haptics/engine.h"
+#include "tests/support/motions.h"
+#include "tests/support/scenes.h"
+
+namespace needlelab::test {
+
+/// NEEDLELAB_LONG=1 asks for the long form of the tests that have one.
+inline bool longForm() {
+  const char* text = std::getenv("NEEDLELAB_LONG");
+  return text != nullptr && std::string(text) == "1";
+}
+
+/// Compiles a spec that must be valid; throws with the message otherwise.
+SceneModel compiled(const SceneSpec& spec, double rate_hz);
+
+/// The engine with its own state, for tick by tick tests.
+class EngineRun {
+ public:
+  EngineRun(const SceneSpec& spec, double rate_hz)
+      : model_(std::make_unique<SceneModel>(compiled(spec, rate_hz))), state_(std::make_unique<SimState>()) {}
+  StepReport step(const TipSample& sample) {
+    StepReport report;
+    needlelab::step(*model_, sample, *state_, report);
+    return report;
+  }
+  std::vector<StepReport> run(const Motion& motion) {
+    std::vector<StepReport> reports;
+    reports.reserve(motion.size());
+    for (const auto& sample : motion) reports.push_back(step(sample));
+    return reports;
+  }
+  [[nodiscard]] const SceneModel& model() const { return *model_; }
+  [[nodiscard]] const SimState& state() const { return *state_; }
+
+ private:
+  std::unique_ptr<SceneModel> model_;
+  std::unique_ptr<SimState> state_;
+};
+
+/// What comparisons went through, so that a test can ask that nothing was left out.
+struct Seen {
+  std::uint32_t flags = 0;   ///< StepFlag, of any tick
+  std::uint32_t phases = 0;  ///< bit (1 << phase)
+};
+
+/// The first tick at which engine and reference differ, in words; nothing when they agree to 1e-9 N and 1e-9
+/// N·m.
+std::optional<std::string> firstDifference(const SceneSpec& spec, double rate_hz, const Motion& motion,
+                                           Seen* seen = nullptr);
+
+/// Work of the force and torque on the hand over a prescribed motion, by the trapezoidal rule. In J.
+double energyToHand(const Motion& motion, const std::vector<StepReport>& reports);
+
+/// Work of the force alone (tip).
+double forceWork(const Motion& motion, const std::vector<StepReport>& reports);
+
+}  // namespace needlelab::test

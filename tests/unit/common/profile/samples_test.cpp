@@ -1,0 +1,262 @@
+// The profiles and the curriculum in db/samples: what their README says of them is true.
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <set>
+
+#include "common/base/atomic_file.h"
+#include "common/profile/profile.h"
+
+namespace needlelab {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::UnorderedElementsAreArray;
+
+const std::filesystem::path kSamples = NEEDLELAB_SAMPLES;
+
+const std::vector<std::string> kPatients = {
+    "shoulder-adult", "shoulder-muscular",  "shoulder-frail", "knee-adult",   "wrist-adult",  "lumbar-adult",
+    "deltoid-adult",  "shoulder-posterior", "hip-adult",      "finger-adult", "carpal-tunnel"};
+/// Courses by file; each with the patients that it uses.
+const std::map<std::string, std::vector<std::string>> kCourses = {
+    {"curriculum",
+     {"shoulder-adult", "shoulder-muscular", "shoulder-frail", "knee-adult", "wrist-adult", "lumbar-adult",
+      "phantom-ball"}},
+    {"injection-steps-curriculum",
+     {"deltoid-adult", "shoulder-posterior", "knee-adult", "hip-adult", "finger-adult", "carpal-tunnel"}}};
+const std::string kPhantom = "phantom-ball";
+const std::string kMeasured = "epidural-porcine";
+const std::string kModels = "shoulder-models";
+const std::vector<std::string> kPaper = {"paper-1dof", "paper-six-layers", "paper-clamping"};
+
+pb::Profile sample(const std::string& id) {
+  auto profile = loadProfile(kSamples / (id + ".json"));
+  EXPECT_TRUE(profile.ok()) << (profile.ok() ? "" : profile.error().message);
+  return profile.ok() ? std::move(profile).value() : pb::Profile();
+}
+
+std::vector<std::string> all() {
+  std::vector<std::string> ids = kPatients;
+  ids.insert(ids.end(), kPaper.begin(), kPaper.end());
+  ids.push_back(kPhantom);
+  ids.push_back(kMeasured);
+  ids.push_back(kModels);
+  return ids;
+}
+
+Vec3 vec(const pb::Vector3& v) {
+  return {v.x(), v.y(), v.z()};
+}
+
+double depth(const pb::Profile& profile, Vec3 p) {
+  const auto& limb = profile.limb();
+  const auto toSegment = [&](Vec3 a, Vec3 b) {
+    const double t = std::clamp(dot(p - a, b - a) / normSquared(b - a), 0.0, 1.0);
+    return norm(p - a - t * (b - a));
+  };
+  if (limb.has_plane()) return -dot(normalized(vec(limb.plane().normal())), p - vec(limb.plane().point_m()));
+  if (limb.has_sphere()) return limb.sphere().radius_m() - norm(p - vec(limb.sphere().center_m()));
+  return limb.capsule().radius_m() - toSegment(vec(limb.capsule().a_m()), vec(limb.capsule().b_m()));
+}
+
+double distance(const pb::Hazard& hazard, Vec3 p) {
+  if (hazard.has_center_m()) return norm(p - vec(hazard.center_m())) - hazard.radius_m();
+  const Vec3 a = vec(hazard.a_m()), b = vec(hazard.b_m());
+  const double t = std::clamp(dot(p - a, b - a) / normSquared(b - a), 0.0, 1.0);
+  return norm(p - a - t * (b - a)) - hazard.radius_m();
+}
+
+TEST(Samples, theFolderHoldsTheseAndNoOther) {
+  std::set<std::string> found, expected = {"README.md"};
+  for (const auto& [file, patients] : kCourses) expected.insert(file + ".json");
+  for (const std::string& id : all()) expected.insert(id + ".json");
+  for (const auto& entry : std::filesystem::directory_iterator(kSamples))
+    found.insert(entry.path().filename());
+  EXPECT_EQ(found, expected);
+}
+
+TEST(Samples, areCanonicalWithoutWarningsAndNameTheirSources) {
+  for (const std::string& id : all()) {
+    SCOPED_TRACE(id);
+    const pb::Profile profile = sample(id);
+    EXPECT_EQ(profile.id(), id) << "the file is named by its id";
+    EXPECT_EQ(profileJson(profile), *readWholeFile(kSamples / (id + ".json")));
+    EXPECT_THAT(profileWarnings(profile), IsEmpty());
+    EXPECT_THAT(profile.sources(), HasSubstr("paper"));
+    EXPECT_THAT(profile.sources(), HasSubstr("set by hand"));
+    EXPECT_FALSE(profile.targets().empty());
+    EXPECT_NEAR(depth(profile, {0, 0, 0}), 0, 1e-12) << "the skin is at the origin";
+    EXPECT_LT(depth(profile, {0, 0, 1e-3}), 0) << "z points out of the body";
+  }
+}
+
+TEST(Samples, patientsHaveEveryEffectPassively) {
+  for (const std::string& id : kPatients) {
+    SCOPED_TRACE(id);
+    const pb::Profile profile = sample(id);
+    EXPECT_EQ(sceneSpecOf(profile)->effects, kAllEffects);
+    EXPECT_EQ(profile.virtual_fixture().mode(), pb::VirtualFixture::PASSIVE);
+    EXPECT_FALSE(profile.hazards().empty());
+  }
+}
+
+TEST(Samples, stiffnessesAddUpToWhatTheDesktopCanRender) {
+  for (const std::string& id : all()) {
+    const pb::Profile profile = sample(id);
+    double membrane = 0;
+    for (const auto& layer : profile.layers()) {
+      if (!layer.has_puncture()) continue;
+      const auto& m = layer.puncture();
+      // the slope k1 + 2 k2 z where k1 z + k2 z² is the force of rupture
+      membrane = std::max(
+          membrane, std::sqrt(std::pow(m.linear_n_per_m(), 2) + 4 * m.quadratic_n_per_m2() * m.force_n()));
+    }
+    const double sum =
+        profile.tracking_wall().stiffness_n_per_m() + profile.shaft_friction().stiffness_n_per_m() + membrane;
+    EXPECT_LE(sum, 1000) << id;
+  }
+}
+
+TEST(Samples, aStraightNeedleReachesTheTargetPastEveryHazard) {
+  for (const std::string& id : all()) {
+    SCOPED_TRACE(id);
+    const pb::Profile profile = sample(id);
+    for (const auto& target : profile.targets()) {
+      const Vec3 center = vec(target.center_m());
+      EXPECT_GT(depth(profile, center), target.radius_m()) << "the whole target lies in the tissue";
+      EXPECT_LT(norm(center), profile.needle().length_m()) << "the needle is long enough";
+      for (const auto& hazard : profile.hazards()) {
+        SCOPED_TRACE(hazard.name());
+        EXPECT_GT(distance(hazard, center), target.radius_m()) << "the target is clear of it";
+        for (int i = 0; i <= 100; ++i) {
+          EXPECT_GT(distance(hazard, center * (i / 100.0)), 0.001) << "so is the straight way, by 1 mm";
+        }
+      }
+    }
+    for (const auto& hazard : profile.hazards()) {
+      const Vec3 middle =
+          hazard.has_center_m() ? vec(hazard.center_m()) : 0.5 * (vec(hazard.a_m()) + vec(hazard.b_m()));
+      EXPECT_GT(depth(profile, middle), 0) << hazard.name() << " lies in the tissue";
+    }
+  }
+}
+
+TEST(Samples, frictionIsAboutAFifthOfTheForceBeforeTheTarget) {
+  for (const std::string& id : kPatients) {
+    const pb::Profile profile = sample(id);
+    const double target_depth = depth(profile, vec(profile.targets(0).center_m()));
+    double top = 0, friction = 0, cutting = 0;
+    for (const auto& layer : profile.layers()) {
+      if (top + layer.thickness_m() > target_depth) break;
+      top += layer.thickness_m();
+      friction += layer.thickness_m() * layer.friction_n_per_m();
+      cutting = layer.cutting_force_n();
+    }
+    EXPECT_GT(friction / (friction + cutting), 0.15) << id;
+    EXPECT_LT(friction / (friction + cutting), 0.25) << id;
+  }
+}
+
+TEST(Samples, thePaperOnesHaveThePapersNumbersAndEffects) {
+  const pb::Profile one = sample("paper-1dof");
+  EXPECT_EQ(sceneSpecOf(one)->effects, bitOf(Effect::kCutting) | bitOf(Effect::kAttracted));
+  EXPECT_EQ(one.layers(0).cutting_force_n(), 1);
+  EXPECT_EQ(one.layers(0).attracted_force_n(), 0.5);
+
+  const pb::Profile six = sample("paper-six-layers");
+  EXPECT_EQ(sceneSpecOf(six)->effects, bitOf(Effect::kCutting) | bitOf(Effect::kAttracted));
+  EXPECT_EQ(six.tracking_wall().stiffness_n_per_m(), 500);
+  std::vector<double> cutting, attracted;
+  for (const auto& layer : six.layers()) {
+    cutting.push_back(layer.cutting_force_n());
+    attracted.push_back(layer.attracted_force_n());
+  }
+  EXPECT_EQ(cutting, (std::vector<double>{1, 2, 1.5, 2.5, 3, 4}));
+  EXPECT_EQ(attracted, (std::vector<double>(6, 0.4)));
+
+  const pb::Profile clamping = sample("paper-clamping");
+  EXPECT_EQ(sceneSpecOf(clamping)->effects, bitOf(Effect::kClamping));
+  EXPECT_EQ(clamping.virtual_fixture().mode(), pb::VirtualFixture::PROPORTIONAL);
+}
+
+TEST(Samples, theMeasuredOneHasItsForceInATableAlone) {
+  const pb::Profile profile = sample(kMeasured);
+  EXPECT_EQ(profile.axial_model(), pb::Profile::PRECOMPUTED);
+  EXPECT_GT(profile.precomputed().table_size(), 50);
+  EXPECT_THAT(profile.precomputed().source(), HasSubstr("arXiv 2301.11036"));
+  for (const auto& layer : profile.layers()) EXPECT_EQ(layer.cutting_force_n(), 0);
+  EXPECT_EQ(profile.virtual_fixture().mode(), pb::VirtualFixture::PASSIVE);
+}
+
+TEST(Samples, theCoursesUseTheirPatientsAndAreCanonical) {
+  std::set<std::string> ids;
+  std::set<std::string> used_by_any;
+  for (const auto& [file, patients] : kCourses) {
+    SCOPED_TRACE(file);
+    const auto curriculum = loadCurriculum(kSamples / (file + ".json"));
+    ASSERT_TRUE(curriculum.ok()) << curriculum.error().message;
+    EXPECT_EQ(curriculumJson(*curriculum), *readWholeFile(kSamples / (file + ".json")));
+    std::vector<std::string> used;
+    for (const auto& exercise : curriculum->exercises()) {
+      used.push_back(exercise.profile_id());
+      used_by_any.insert(exercise.profile_id());
+      EXPECT_TRUE(ids.insert(exercise.id()).second) << exercise.id() << " stands in two courses";
+      EXPECT_GE(exercise.requirements_size(), 3) << exercise.id();
+    }
+    EXPECT_THAT(used, UnorderedElementsAreArray(patients));
+  }
+  for (const std::string& id : kPatients) EXPECT_TRUE(used_by_any.contains(id)) << id;
+}
+
+// graded: first with all aids and no conditions, at the end with none and after the first was passed
+TEST(Samples, theStepsAreGraded) {
+  const auto steps = loadCurriculum(kSamples / "injection-steps-curriculum.json");
+  ASSERT_TRUE(steps.ok()) << steps.error().message;
+  EXPECT_EQ(steps->id(), "injection-steps");
+  ASSERT_EQ(steps->exercises_size(), 6);
+  int aids = 5;
+  for (const auto& exercise : steps->exercises()) {
+    ASSERT_TRUE(exercise.has_aids()) << exercise.id();
+    EXPECT_LE(exercise.aids().allowed_size(), aids) << exercise.id();
+    aids = exercise.aids().allowed_size();
+  }
+  EXPECT_EQ(aids, 0);
+  EXPECT_EQ(steps->exercises(0).prerequisites_size(), 0);
+  EXPECT_EQ(steps->exercises(5).prerequisites(0), steps->exercises(0).id());
+  // the oblique ones: the straight way in is not the shortest
+  for (const char* const id : {"shoulder-posterior", "carpal-tunnel"}) {
+    const Vec3 target = vec(sample(id).targets(0).center_m());
+    EXPECT_GT(std::hypot(target.x, target.y) / norm(target), std::sin(0.3)) << id;
+  }
+  // and at the shoulder that one meets bone
+  const pb::Profile shoulder = sample("shoulder-posterior");
+  const Vec3 target = vec(shoulder.targets(0).center_m()), middle = vec(shoulder.limb().sphere().center_m());
+  const Vec3 out = normalized(target - middle);
+  double nearest = 1;
+  for (int i = 0; i <= 100; ++i)
+    nearest =
+        std::min(nearest, distance(shoulder.hazards(0), target + out * (depth(shoulder, target) * i / 100)));
+  EXPECT_LT(nearest, 0);
+  // the nerve beside the way
+  const pb::Profile wrist = sample("carpal-tunnel");
+  EXPECT_EQ(wrist.hazards(0).kind(), pb::Hazard::NERVE);
+  EXPECT_NEAR(distance(wrist.hazards(0), vec(wrist.targets(0).center_m())), 0.003, 0.0005);
+}
+
+TEST(Samples, everyAxialModelCanBeChosenForTheOneThatHasAllSections) {
+  for (const std::string_view name : kAxialModelNames) {
+    pb::Profile profile = sample(kModels);
+    const Status chosen = chooseModel(profile, std::string(name));
+    ASSERT_TRUE(chosen.ok()) << chosen.error().message;
+    const auto again = parseProfile(profileJson(profile), "again");
+    ASSERT_TRUE(again.ok()) << again.error().message;
+    EXPECT_EQ(axialModelName(sceneSpecOf(*again)->axial_model), name);
+  }
+}
+
+}  // namespace
+}  // namespace needlelab

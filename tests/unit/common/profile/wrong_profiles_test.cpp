@@ -1,0 +1,264 @@
+// Every way to get a profile wrong that we could think of, and what a person is told about it.
+#include <gmock/gmock.h>
+
+#include "common/profile/profile.h"
+#include "tests/unit/common/profile/good_profile.h"
+
+namespace needlelab {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+struct WrongField {
+  const char* pointer;   // into the good profile
+  const char* value;     // JSON put there; "" erases
+  const char* expected;  // part of the message
+};
+
+// clang-format off
+const WrongField kWrongProfiles[] = {
+    // missing
+    {"/id", "", "id: is missing"},
+    {"/name", "", "name: is missing"},
+    {"/needle", "", "needle: is missing"},
+    {"/needle/length_m", "", "needle.length_m: is missing"},
+    {"/limb", "", "limb: is missing"},
+    {"/layers", "", "layers: is missing"},
+    {"/tracking_wall", "", "tracking_wall: is missing"},
+    {"/effects", "", "effects: is missing"},
+    {"/layers/1/tissue", "", "layers[1].tissue: is missing"},
+    {"/layers/1/thickness_m", "", "layers[1].thickness_m: is missing"},
+    {"/layers/0/puncture/force_n", "", "layers[0].puncture.force_n: is missing"},
+    {"/tracking_wall/stop_dwell_s", "", "tracking_wall.stop_dwell_s: is missing"},
+    {"/limb/plane/normal", "", "limb.plane.normal: is missing"},
+    {"/limb/plane/normal/z", "", "limb.plane.normal.z: is missing"},
+    {"/targets/0/radius_m", "", "targets[0].radius_m: is missing"},
+    {"/hazards/0/kind", "", "hazards[0].kind: is missing"},
+    {"/virtual_fixture", "", "virtual_fixture: is missing, and effects lists CLAMPING"},
+    {"/orientation_limit", "", "orientation_limit: is missing, and effects lists ORIENTATION_LIMIT"},
+    {"/shaft_friction", "", "shaft_friction: is missing, and effects lists SHAFT_FRICTION"},
+    {"/tracking_wall/relax_time_s", "", "tracking_wall.relax_time_s: is missing, and stop_mode is EXPONENTIAL"},
+    {"/tracking_wall/relax_residual", "", "tracking_wall.relax_residual: is missing, and stop_mode is EXPONENTIAL"},
+    // unknown fields
+    {"/colour", "\"red\"", "unknown field \"colour\"; known are id, name"},
+    {"/layers/0/thickness_mm", "3", "layers[0]: unknown field \"thickness_mm\"; known are tissue, thickness_m"},
+    {"/layers/0/puncture/depth_m", "3", "layers[0].puncture: unknown field \"depth_m\""},
+    {"/limb/box", "{}", "limb: unknown field \"box\"; known are plane, sphere, capsule"},
+    {"/limb/plane/point_m/w", "0", "limb.plane.point_m: unknown field \"w\"; known are x, y, z"},
+    {"/", "1", "unknown field \"\""},
+    // wrong types
+    {"/id", "7", "id: must be a text, found the number 7"},
+    {"/name", "null", "name: must be a text, found null"},
+    {"/needle", "0.06", "needle: must be an object, found the number 0.06"},
+    {"/needle", "[]", "needle: must be an object, found a list"},
+    {"/needle/length_m", "\"0.06\"", "needle.length_m: must be a number, found the text \"0.06\""},
+    {"/needle/length_m", "true", "needle.length_m: must be a number, found true"},
+    {"/needle/length_m", "null", "needle.length_m: must be a number, found null"},
+    {"/needle/length_m", "[0.06]", "needle.length_m: must be a number, found a list"},
+    {"/layers", "{}", "layers: must be a list, found an object"},
+    {"/layers/0", "3", "layers[0]: must be an object, found the number 3"},
+    {"/layers/0/tissue", "1", "layers[0].tissue: must be one of SKIN, FAT, MUSCLE, BURSA, CAPSULE, TENDON, CARTILAGE, BONE, OTHER; found the number 1"},
+    {"/effects", "\"CUTTING\"", "effects: must be a list, found the text \"CUTTING\""},
+    {"/effects/0", "1", "effects[0]: must be one of CUTTING, ATTRACTED"},
+    {"/hazards/0/center_m", "[0, 0, 0]", "hazards[0].center_m: must be an object, found a list"},
+    // numbers that are none
+    {"/layers/0/cutting_force_n", "\"NaN\"", "layers[0].cutting_force_n: must be a number, found the text \"NaN\""},
+    {"/layers/0/cutting_force_n", "\"Infinity\"", "layers[0].cutting_force_n: must be a number, found the text \"Infinity\""},
+    {"/limb/plane/point_m/x", "\"-Infinity\"", "limb.plane.point_m.x: must be a number, found the text \"-Infinity\""},
+    // out of range
+    {"/needle/length_m", "0", "needle.length_m: 0 is out of range (0, 1]"},
+    {"/needle/length_m", "-0.06", "needle.length_m: -0.06 is out of range (0, 1]"},
+    {"/needle/length_m", "1.0001", "needle.length_m: 1.0001 is out of range (0, 1]"},
+    {"/layers/1/thickness_m", "0", "layers[1].thickness_m: 0 is out of range (0, 1]"},
+    {"/layers/1/cutting_force_n", "75", "layers[1].cutting_force_n: 75 is out of range [0, 50]"},
+    {"/layers/1/cutting_force_n", "-1", "layers[1].cutting_force_n: -1 is out of range [0, 50]"},
+    {"/layers/1/attracted_force_n", "50.5", "layers[1].attracted_force_n: 50.5 is out of range [0, 50]"},
+    {"/layers/0/rejection_force_n", "-0.1", "layers[0].rejection_force_n: -0.1 is out of range [0, 50]"},
+    {"/layers/0/lateral_stiffness_n_per_m2", "10000001", "layers[0].lateral_stiffness_n_per_m2: 10000001 is out of range [0, 1e+07]"},
+    {"/layers/0/friction_n_per_m", "10001", "layers[0].friction_n_per_m: 10001 is out of range [0, 10000]"},
+    {"/layers/0/puncture/linear_n_per_m", "-1", "layers[0].puncture.linear_n_per_m: -1 is out of range [0, 1e+05]"},
+    {"/layers/0/puncture/quadratic_n_per_m2", "1e10", "layers[0].puncture.quadratic_n_per_m2: 1e+10 is out of range"},
+    {"/layers/0/puncture/force_n", "0", "layers[0].puncture.force_n: 0 is out of range (0, 50]"},
+    {"/tracking_wall/stiffness_n_per_m", "0", "tracking_wall.stiffness_n_per_m: 0 is out of range (0, 10000]"},
+    {"/tracking_wall/stiffness_n_per_m", "10001", "tracking_wall.stiffness_n_per_m: 10001 is out of range (0, 10000]"},
+    {"/tracking_wall/stop_speed_m_s", "0.11", "tracking_wall.stop_speed_m_s: 0.11 is out of range (0, 0.1]"},
+    {"/tracking_wall/stop_dwell_s", "0", "tracking_wall.stop_dwell_s: 0 is out of range (0, 10]"},
+    {"/tracking_wall/stop_duration_s", "11", "tracking_wall.stop_duration_s: 11 is out of range (0, 10]"},
+    {"/tracking_wall/relax_time_s", "61", "tracking_wall.relax_time_s: 61 is out of range (0, 60]"},
+    {"/tracking_wall/relax_residual", "1.5", "tracking_wall.relax_residual: 1.5 is out of range [0, 1]"},
+    {"/virtual_fixture/max_stiffness_n_per_m", "0", "virtual_fixture.max_stiffness_n_per_m: 0 is out of range (0, 10000]"},
+    {"/virtual_fixture/max_force_n", "51", "virtual_fixture.max_force_n: 51 is out of range [0, 50]"},
+    {"/orientation_limit/stiffness_nm_per_rad", "101", "orientation_limit.stiffness_nm_per_rad: 101 is out of range [0, 100]"},
+    {"/orientation_limit/max_torque_nm", "5.1", "orientation_limit.max_torque_nm: 5.1 is out of range [0, 5]"},
+    {"/shaft_friction/stiffness_n_per_m", "0", "shaft_friction.stiffness_n_per_m: 0 is out of range (0, 10000]"},
+    {"/max_force_n", "0", "max_force_n: 0 is out of range (0, 50]"},
+    {"/max_force_n", "50.001", "max_force_n: 50.001 is out of range (0, 50]"},
+    {"/targets/0/radius_m", "-1", "targets[0].radius_m: -1 is out of range (0, 1]"},
+    {"/targets/0/center_m/x", "1e300", "targets[0].center_m.x: 1e+300 is out of range [-1000, 1000]"},
+    {"/hazards/1/radius_m", "0", "hazards[1].radius_m: 0 is out of range (0, 1]"},
+    // names
+    {"/layers/0/tissue", "\"SKINN\"", "layers[0].tissue: \"SKINN\" is not one of SKIN, FAT, MUSCLE, BURSA, CAPSULE"},
+    {"/layers/0/tissue", "\"skin\"", "layers[0].tissue: \"skin\" is not one of SKIN"},
+    {"/layers/0/tissue", "\"TISSUE_UNSPECIFIED\"", "layers[0].tissue: \"TISSUE_UNSPECIFIED\" is not one of SKIN"},
+    {"/hazards/0/kind", "\"MUSCLE\"", "hazards[0].kind: \"MUSCLE\" is not one of BONE, NERVE, VESSEL, OTHER"},
+    {"/axial_model", "\"MAGIC\"", "axial_model: \"MAGIC\" is not one of ENHANCED_TRACKING_WALL"},
+    {"/tracking_wall/stop_mode", "\"LINEAR\"", "tracking_wall.stop_mode: \"LINEAR\" is not one of RAMP, EXPONENTIAL"},
+    {"/virtual_fixture/mode", "\"ACTIVE\"", "virtual_fixture.mode: \"ACTIVE\" is not one of PROPORTIONAL, PASSIVE"},
+    {"/effects/2", "\"GRAVITY\"", "effects[2]: \"GRAVITY\" is not one of CUTTING, ATTRACTED, CLAMPING"},
+    {"/effects/1", "\"CUTTING\"", "effects[1]: CUTTING is listed twice"},
+    {"/id", "\"\"", "id: has 0 bytes, allowed are 1 to 64"},
+    {"/id", "\"0123456789012345678901234567890123456789012345678901234567890123456789\"", "id: has 70 bytes, allowed are 1 to 64"},
+    {"/id", "\"../etc\"", "id: \"../etc\" may hold letters, digits"},
+    {"/id", "\"a b\"", "id: \"a b\" may hold letters, digits"},
+    {"/name", "\"two\\nlines\"", "name: has control characters"},
+    {"/name", "\"bell\\u0007\"", "name: has control characters"},
+    {"/description", "\"escape \\u001b[2J\"", "description: has control characters"},
+    {"/targets/0/name", "\"\"", "targets[0].name: has 0 bytes"},
+    {"/hazards/1/name", "\"humeral head\"", "hazards[1].name: \"humeral head\" is used twice"},
+    {"/targets/1", R"({"name": "joint space", "center_m": {"x": 0, "y": 0, "z": 0}, "radius_m": 0.1})",
+     "targets[1].name: \"joint space\" is used twice"},
+    // how many
+    {"/layers", "[]", "layers: has 0 items, allowed are 1 to 32"},
+    {"/effects/6", "\"CUTTING\"", "effects: has 7 items, allowed are 0 to 6"},
+    // shapes
+    {"/limb", "{}", "limb: give exactly one of plane, sphere, capsule; found none"},
+    {"/limb/sphere", R"({"center_m": {"x": 0, "y": 0, "z": 0}, "radius_m": 0.05})",
+     "limb: give exactly one of plane, sphere, capsule; found plane, sphere"},
+    {"/limb/plane/normal/z", "0", "limb.plane.normal: is no direction"},
+    {"/limb", R"({"capsule": {"a_m": {"x": 1, "y": 2, "z": 3}, "b_m": {"x": 1, "y": 2, "z": 3}, "radius_m": 0.05}})",
+     "limb.capsule.b_m: is the same point as a_m"},
+    {"/limb", R"({"sphere": {"center_m": {"x": 0, "y": 0, "z": 0}, "radius_m": 0}})",
+     "limb.sphere.radius_m: 0 is out of range (0, 1]"},
+    {"/hazards/0/center_m", "", "hazards[0]: give either center_m or a segment a_m, b_m; found neither"},
+    {"/hazards/1/center_m", R"({"x": 0, "y": 0, "z": 0})",
+     "hazards[1]: give either center_m or a segment a_m, b_m; found both"},
+    {"/hazards/1/b_m", "", "hazards[1]: a segment needs a_m and b_m; b_m is missing"},
+    {"/hazards/1/a_m", "", "hazards[1]: a segment needs a_m and b_m; a_m is missing"},
+    {"/hazards/1/b_m/y", "-0.03", "hazards[1].b_m: is the same point as a_m"},
+    // forces that do not go together
+    {"/layers/0/rejection_force_n", "0.45", "layers[0].rejection_force_n: 0.45 is above 0.4, the least of cutting_force_n and"},
+    {"/layers/0/attracted_force_n", "0", "layers[0].rejection_force_n: 0.1 is above 0,"},
+    {"/layers/0/cutting_force_n", "0.05", "layers[0].rejection_force_n: 0.1 is above 0.05"},
+    {"/layers/0/puncture", R"({"linear_n_per_m": 0, "quadratic_n_per_m2": 0, "force_n": 1})",
+     "layers[0].puncture: linear_n_per_m and quadratic_n_per_m2 are both 0"},
+};
+
+// texts that are wrong before they are a profile, or in ways that a tree cannot hold
+const std::pair<std::string, const char*> kWrongTexts[] = {
+    {"", "not valid JSON"},
+    {"   ", "not valid JSON"},
+    {"[]", "must be an object, found a list"},
+    {"null", "must be an object, found null"},
+    {"7", "must be an object, found the number 7"},
+    {"\"text\"", "must be an object, found the text \"text\""},
+    {"{} {}", "not valid JSON"},
+    {"{\"id\": \"a\",}", "not valid JSON"},
+    {"{'id': 'a'}", "not valid JSON"},
+    {"{\"id\": \"a\" // comment\n}", "not valid JSON"},
+    {kGoodProfile.substr(0, kGoodProfile.size() / 2), "not valid JSON"},
+    {"{\"id\": \"a\", \"id\": \"b\"}", "id: is given twice"},
+    {"{\"needle\": {\"length_m\": 0.1, \"length_m\": 0.2}}", "needle.length_m: is given twice"},
+    {"{\"needle\": {\"length_m\": 0.1, \"lengthM\": 0.2}}", "needle.length_m: is given twice, as length_m and as lengthM"},
+    {"{\"layers\": [{}, {\"thickness_m\": 1e999}]}", "layers[1].thickness_m: 1e999 is too large for a number"},
+    {"{\"needle\": {\"length_m\": -1e999}}", "needle.length_m: -1e999 is too large for a number"},
+    {"{\"needle\": {\"length_m\": NaN}}", "needle.length_m: not valid JSON"},
+    {"{\"needle\": {\"length_m\": Infinity}}", "needle.length_m: not valid JSON"},
+    {"{\"needle\": {\"length_m\": 0x10}}", "needle.length_m: not valid JSON"},
+    {"{\"needle\": {\"length_m\": .5}}", "needle.length_m: not valid JSON"},
+    {"{\"needle\": {\"length_m\": +5}}", "needle.length_m: not valid JSON"},
+    {"{\"id\": \"\xff\xfe\"}", "id: not valid JSON"},
+    {std::string("{\"id\": \"a\0b\"}", 13), "id: not valid JSON"},
+    {"{\"id\": \"a\\u0000b\"}", "id: has control characters"},
+    {std::string(100, '['), "is nested deeper than 32"},
+    {std::string(200'000, '['), "is nested deeper than 32"},
+    {"{\"id\": \"" + std::string(1 << 20, 'a') + "\"}", "bytes are too many, at most 1048576 are read"},
+};
+// clang-format on
+
+TEST(WrongProfiles, theUnchangedOneIsRight) {
+  const auto profile = parseProfile(kGoodProfile, "good.json");
+  ASSERT_TRUE(profile.ok()) << profile.error().message;
+}
+
+TEST(WrongProfiles, eachIsRefusedWithFileFieldAndRange) {
+  EXPECT_GE(std::size(kWrongProfiles) + std::size(kWrongTexts), 80u);
+  for (const WrongField& wrong : kWrongProfiles) {
+    SCOPED_TRACE(std::string(wrong.pointer) + " = " + wrong.value);
+    const auto profile = parseProfile(mutated(kGoodProfile, wrong.pointer, wrong.value), "dir/p.json");
+    ASSERT_FALSE(profile.ok());
+    EXPECT_EQ(profile.error().code, ErrorCode::kInvalidInput);
+    EXPECT_THAT(profile.error().message, StartsWith(std::string("dir/p.json: ")));
+    EXPECT_THAT(profile.error().message, HasSubstr(wrong.expected));
+  }
+}
+
+TEST(WrongProfiles, brokenTextsAreRefusedByPlace) {
+  for (const auto& [text, expected] : kWrongTexts) {
+    SCOPED_TRACE(text.substr(0, 80));
+    const auto profile = parseProfile(text, "p.json");
+    ASSERT_FALSE(profile.ok());
+    EXPECT_EQ(profile.error().code, ErrorCode::kInvalidInput);
+    EXPECT_THAT(profile.error().message, StartsWith("p.json: "));
+    EXPECT_THAT(profile.error().message, HasSubstr(expected));
+    EXPECT_LT(profile.error().message.size(), 1000u) << "a message is for a person";
+  }
+}
+
+TEST(WrongProfiles, tooManyLayersAreRefusedBeforeTheyAreRead) {
+  nlohmann::json tree = nlohmann::json::parse(kGoodProfile);
+  const auto layer = tree["layers"][1];
+  while (tree["layers"].size() < 32) tree["layers"].push_back(layer);
+  EXPECT_TRUE(parseProfile(tree.dump(), "p").ok());
+  tree["layers"].push_back(7);  // the thirty-third: its own fault must not be what is told
+  const auto profile = parseProfile(tree.dump(), "p");
+  ASSERT_FALSE(profile.ok());
+  EXPECT_THAT(profile.error().message, HasSubstr("layers: has 33 items, allowed are 1 to 32"));
+}
+
+TEST(WrongProfiles, manyTargetsAndHazardsAreRefused) {
+  for (const auto& [list, most] : {std::pair{"targets", 32}, std::pair{"hazards", 64}}) {
+    nlohmann::json tree = nlohmann::json::parse(kGoodProfile);
+    nlohmann::json item = tree[list][0];
+    tree[list] = nlohmann::json::array();
+    for (int i = 0; i <= most; ++i) {
+      item["name"] = "n" + std::to_string(i);
+      tree[list].push_back(item);
+    }
+    const auto profile = parseProfile(tree.dump(), "p");
+    ASSERT_FALSE(profile.ok());
+    EXPECT_THAT(profile.error().message,
+                HasSubstr(std::string(list) + ": has " + std::to_string(most + 1) + " items"));
+    tree[list].erase(0);
+    EXPECT_TRUE(parseProfile(tree.dump(), "p").ok());
+  }
+}
+
+const WrongField kWrongCurricula[] = {
+    {"/id", "", "id: is missing"},
+    {"/exercises", "[]", "exercises: has 0 items, allowed are 1 to 1000"},
+    {"/exercises/1/id", "\"one\"", "exercises[1].id: \"one\" is used twice"},
+    {"/exercises/1/id", "\"a/b\"", "exercises[1].id: \"a/b\" may hold letters"},
+    {"/exercises/0/profile_id", "", "exercises[0].profile_id: is missing"},
+    {"/exercises/0/profile_id", "\"a b\"", "exercises[0].profile_id: \"a b\" may hold letters"},
+    {"/exercises/0/time_limit_s", "0", "exercises[0].time_limit_s: 0 is out of range (0, 86400]"},
+    {"/exercises/0/requirements/0/max", "", "exercises[0].requirements[0]: says nothing about peak_force_n"},
+    {"/exercises/0/requirements/1/min", "2", "exercises[0].requirements[1].min: 2 is above max, 1"},
+    {"/exercises/0/requirements/0/measure", "", "exercises[0].requirements[0].measure: is missing"},
+    {"/exercises/0/requirements/0/max", "\"5\"", "exercises[0].requirements[0].max: must be a number"},
+    {"/exercises/0/repeat", "3", "exercises[0]: unknown field \"repeat\""},
+};
+
+TEST(WrongCurricula, eachIsRefusedWithFileFieldAndReason) {
+  ASSERT_TRUE(parseCurriculum(kGoodCurriculum, "c.json").ok());
+  for (const WrongField& wrong : kWrongCurricula) {
+    SCOPED_TRACE(std::string(wrong.pointer) + " = " + wrong.value);
+    const auto curriculum = parseCurriculum(mutated(kGoodCurriculum, wrong.pointer, wrong.value), "c.json");
+    ASSERT_FALSE(curriculum.ok());
+    EXPECT_EQ(curriculum.error().code, ErrorCode::kInvalidInput);
+    EXPECT_THAT(curriculum.error().message, StartsWith(std::string("c.json: ") + wrong.expected));
+  }
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,130 @@
+#include "common/wire/live_splice.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <limits>
+#include <random>
+#include <string>
+
+namespace needlelab {
+namespace {
+
+std::uint64_t seed() {
+  const char* const given = std::getenv("NEEDLELAB_SEED");
+  const std::uint64_t value = given != nullptr ? std::strtoull(given, nullptr, 10) : std::random_device{}();
+  std::printf("seed %llu\n", static_cast<unsigned long long>(value));
+  return value;
+}
+
+std::uint64_t anyNumber(std::mt19937_64& random) {
+  return random() >> (random() % 65 == 64 ? 63 : random() % 64);
+}
+
+std::string anyBytes(std::mt19937_64& random, std::size_t most) {
+  std::string bytes(random() % (most + 1), '\0');
+  for (char& byte : bytes) byte = static_cast<char>(random());
+  return bytes;
+}
+
+pb::LiveFrame anyFrame(std::mt19937_64& random) {
+  pb::LiveFrame frame;
+  if (random() % 8 != 0) frame.set_session_id(anyBytes(random, 20));
+  if (random() % 8 != 0) frame.set_frame_seq(anyNumber(random));
+  if (random() % 8 != 0) frame.set_data(anyBytes(random, random() % 4 == 0 ? 20'000 : 200));
+  if (random() % 8 != 0) frame.set_due_steady_ns(static_cast<std::int64_t>(anyNumber(random)));
+  if (random() % 8 != 0) frame.set_capture_unix_ns(-static_cast<std::int64_t>(anyNumber(random) >> 1));
+  return frame;
+}
+
+/// What the server did before it spliced: parse, fill in, write again.
+std::string rewritten(pb::LiveFrame frame, const std::string& station) {
+  frame.set_station(station);
+  frame.clear_dropped_for_you();
+  pb::Envelope envelope;
+  *envelope.mutable_live_frame() = std::move(frame);
+  return envelope.SerializeAsString();
+}
+
+std::string envelopeOf(const pb::LiveFrame& frame) {
+  pb::Envelope envelope;
+  *envelope.mutable_live_frame() = frame;
+  return envelope.SerializeAsString();
+}
+
+TEST(LiveSplice, aSplicedFrameIsTheOneThatProtobufWouldWrite) {
+  std::mt19937_64 random(seed());
+  for (int i = 0; i < 20'000; ++i) {
+    const pb::LiveFrame frame = anyFrame(random);
+    const std::string bytes = envelopeOf(frame), station = "bench-" + std::to_string(random() % 2000);
+    const auto view = viewLiveFrame(viewOf(bytes));
+    ASSERT_TRUE(view) << frame.ShortDebugString();
+    ASSERT_EQ(*encodeLiveFrame(*view, station), rewritten(frame, station)) << frame.ShortDebugString();
+    ASSERT_EQ(*encodeLiveFrame(viewOf(frame), station), rewritten(frame, station));
+  }
+}
+
+TEST(LiveSplice, whateverTheBytesWhatIsPassedOnIsWhatProtobufReads) {
+  std::mt19937_64 random(seed());
+  int taken = 0;
+  for (int i = 0; i < 100'000; ++i) {
+    std::string bytes = envelopeOf(anyFrame(random));
+    // hostile: bytes changed, cut off, put in, put behind
+    for (std::uint64_t n = 1 + random() % 3; n > 0 && !bytes.empty(); --n) {
+      const std::size_t at =
+          random() % std::min<std::size_t>(bytes.size(), random() % 2 == 0 ? 40 : bytes.size());
+      switch (random() % 4) {
+        case 0:
+          bytes[at] = static_cast<char>(random());
+          break;
+        case 1:
+          bytes.resize(at);
+          break;
+        case 2:
+          bytes.insert(at, 1, static_cast<char>(random()));
+          break;
+        default:
+          bytes += anyBytes(random, 5);
+      }
+    }
+    const auto view = viewLiveFrame(viewOf(bytes));
+    if (!view) continue;
+    ++taken;
+    const auto parsed = decodeFrame(viewOf(bytes));
+    ASSERT_TRUE(parsed.ok()) << "spliced, although Protobuf refuses it";
+    ASSERT_TRUE(parsed->has_live_frame());
+    ASSERT_EQ(*encodeLiveFrame(*view, "s"), rewritten(parsed->live_frame(), "s"));
+  }
+  EXPECT_GT(taken, 1000) << "the test has hardly met a frame that is taken";
+}
+
+TEST(LiveSplice, whatIsNotPlainIsLeftToTheParser) {
+  pb::LiveFrame frame;
+  frame.set_data("abc");
+  const std::string plain = envelopeOf(frame);
+  ASSERT_TRUE(viewLiveFrame(viewOf(plain)));
+  pb::LiveFrame liar = frame;
+  liar.set_station("somebody else");
+  EXPECT_FALSE(viewLiveFrame(viewOf(envelopeOf(liar))));
+  pb::LiveFrame dropped = frame;
+  dropped.set_dropped_for_you(1);
+  EXPECT_FALSE(viewLiveFrame(viewOf(envelopeOf(dropped))));
+  EXPECT_FALSE(viewLiveFrame(viewOf(plain + plain))) << "two bodies: Protobuf merges them";
+  EXPECT_FALSE(viewLiveFrame(viewOf(droppedSuffix(3))));
+  pb::Envelope ping;
+  ping.mutable_ping()->set_id(1);
+  EXPECT_FALSE(viewLiveFrame(viewOf(ping.SerializeAsString())));
+  EXPECT_FALSE(viewLiveFrame({}));
+  for (std::size_t length = 0; length < plain.size(); ++length)
+    EXPECT_FALSE(viewLiveFrame(viewOf(plain.substr(0, length)))) << "cut after " << length;
+}
+
+TEST(LiveSplice, aFrameThatWouldBeTooLongIsNone) {
+  const std::string data(kMaxFrameBytes, 'x');
+  LiveFrameView frame;
+  frame.data = data;
+  EXPECT_EQ(encodeLiveFrame(frame, "s"), nullptr);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,194 @@
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "tests/unit/db/service/test_service.h"
+
+namespace needlelab {
+namespace {
+
+class Closing : public test::ServiceTest {
+ protected:
+  void SetUp() override { addStation(); }
+  std::string kneeProfile() {
+    pb::Request request;
+    request.mutable_get_profile()->set_id("knee-adult");
+    return get(admin, request).profile().json();
+  }
+  pb::SessionInfo info(const Uuid& id) {
+    pb::Request request;
+    request.mutable_get_session()->set_session_id(test::bytesOfId(id));
+    return get(instructor, request).session();
+  }
+};
+
+TEST_F(Closing, aCompleteSessionIsClosedAndScored) {
+  const Uuid id = addSession("anna", 5, 100, kneeProfile());
+  const auto outcome = store->service().closeSession(test::closeOf(id, 5, 100), "station-1");
+  ASSERT_OK(outcome);
+  EXPECT_EQ(outcome->closed.kind, Closed::Kind::kClosed) << outcome->closed.text;
+  EXPECT_EQ(outcome->score_fault, "");
+  const auto score = nlohmann::json::parse(outcome->score_json);
+  ASSERT_TRUE(score.is_array());
+  double elapsed = -1;
+  for (const auto& row : score) {
+    if (row.at("measure") == "elapsed_s") elapsed = row.at("value");
+  }
+  EXPECT_NEAR(elapsed, 0.499, 0.002);  // 500 samples at 1 kHz
+  EXPECT_EQ(info(id).score_json(), outcome->score_json);
+  EXPECT_EQ(info(id).state(), pb::SESSION_COMPLETE);
+
+  const auto again = store->service().closeSession(test::closeOf(id, 5, 100), "station-1");
+  ASSERT_OK(again);
+  EXPECT_EQ(again->closed.kind, Closed::Kind::kRepeated);
+  EXPECT_EQ(again->score_json, outcome->score_json);
+}
+
+TEST_F(Closing, aScoreThatCannotBeMadeDoesNotKeepASessionOpen) {
+  const Uuid id = addSession("anna", 1, 20, "{\"nonsense\":1}");
+  const auto outcome = store->service().closeSession(test::closeOf(id, 1), "station-1");
+  ASSERT_OK(outcome);
+  EXPECT_TRUE(outcome->closed.taken());
+  EXPECT_NE(outcome->score_fault, "");
+  EXPECT_EQ(info(id).state(), pb::SESSION_COMPLETE);
+}
+
+TEST_F(Closing, aSessionThatLostSamplesIsNotCompleteAndARemarkSaysHowManyOnce) {
+  const Uuid id = addSession("anna", 3);
+  auto request = test::closeOf(id, 3);
+  request.set_samples_lost(1234);
+  request.set_lost_from_tick(60);
+  const auto remarks = [&] {
+    pb::Request list;
+    list.mutable_list_annotations()->set_session_id(test::bytesOfId(id));
+    return get(instructor, list).annotations();
+  };
+  for (int time = 0; time < 2; ++time) {  // a station that lost the answer asks again
+    const auto outcome = store->service().closeSession(request, "station-1");
+    ASSERT_OK(outcome);
+    EXPECT_TRUE(outcome->closed.taken());
+    EXPECT_EQ(outcome->closed.state, pb::SESSION_INTERRUPTED);
+    ASSERT_EQ(remarks().annotations_size(), 1);
+  }
+  EXPECT_EQ(remarks().annotations(0).tick(), 60u);
+  EXPECT_EQ(remarks().annotations(0).author(), "station station-1");
+  EXPECT_NE(remarks().annotations(0).text().find("1234 samples"), std::string::npos);
+  EXPECT_EQ(info(id).state(), pb::SESSION_INTERRUPTED);
+}
+
+/// 6 s at 1 kHz in the air before the knee: drawn back, then pressed.
+Bytes withPlunger() {
+  auto samples = test::someSamples(0, 6000);
+  for (auto& sample : samples) {
+    const double t = 0.001 * static_cast<double>(sample.tick);
+    sample.layer = -1;
+    sample.plunger = t < 1   ? 0.2
+                     : t < 2 ? 0.2 - 0.1 * (t - 1)
+                     : t < 3 ? 0.1
+                             : std::min(0.9, 0.1 + 0.4 * (t - 3));
+  }
+  return encodeChunk(Resolution::standard(), samples);
+}
+
+class ClosedWithEvents : public Closing {
+ protected:
+  void SetUp() override {
+    Closing::SetUp();
+    id = makeUuidV7();
+    chunk = withPlunger();
+    auto d = test::describe(id);
+    d.set_trainee("anna");
+    d.set_profile_json(kneeProfile());
+    ASSERT_OK(change([&](Connection& c) -> Status {
+      if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
+      if (auto appended = SessionStore(c).append(id, 0, chunk); !appended) return appended.error();
+      return {};
+    }));
+  }
+  pb::CloseSession closing() const {
+    pb::CloseSession close;
+    close.set_session_id(test::bytesOfId(id));
+    close.set_chunks(1);
+    close.set_samples(6000);
+    SessionHash hash;
+    hash.update(chunk);
+    const Digest digest = hash.digest();
+    close.set_hash(digest.data(), digest.size());
+    return close;
+  }
+  pb::Request question() const {
+    pb::Request request;
+    request.mutable_list_events()->set_session_id(test::bytesOfId(id));
+    return request;
+  }
+  Uuid id;
+  Bytes chunk;
+};
+
+TEST_F(ClosedWithEvents, theSyringesEventsAreStoredAndListed) {
+  EXPECT_EQ(refusal(instructor, question()), ErrorCode::kUnavailable) << "it is open";
+  const auto outcome = store->service().closeSession(closing(), "station-1");
+  ASSERT_OK(outcome);
+  EXPECT_EQ(outcome->score_fault, "");
+  const auto check = [&](const pb::SyringeEvents& list, bool stored) {
+    EXPECT_EQ(list.stored(), stored);
+    ASSERT_EQ(list.events_size(), 2);
+    EXPECT_EQ(list.events(0).kind(), pb::SyringeEvent::ASPIRATION);
+    EXPECT_NEAR(list.events(0).begin_s(), 1, 0.03);
+    EXPECT_EQ(list.events(1).kind(), pb::SyringeEvent::INJECTION);
+    EXPECT_NEAR(list.events(1).end_s(), 5, 0.03);
+    EXPECT_FALSE(list.events(1).begin().in_tissue());
+    EXPECT_EQ(list.events(1).begin().target(), "suprapatellar recess");
+  };
+  check(get(instructor, question()).events(), true);
+  check(get(trainee, question()).events(), true);
+  EXPECT_EQ(refusal({"bob", pb::TRAINEE}, question()), ErrorCode::kNotFound) << "not his";
+  EXPECT_EQ(refusal(station, question()), ErrorCode::kDenied);
+  ASSERT_OK(store->service().closeSession(closing(), "station-1"));
+  check(get(instructor, question()).events(), true);
+
+  // as if it had been closed before events were stored: worked out anew
+  ASSERT_OK(change([](Connection& c) {
+    return c.script("DELETE FROM session_events; UPDATE sessions SET events = NULL");
+  }));
+  check(get(instructor, question()).events(), false);
+}
+
+TEST_F(Closing, aSessionThatCannotBeScoredHasNoEventsButSaysWhy) {
+  const Uuid id = addSession("anna", 1, 20, "{\"nonsense\":1}");
+  ASSERT_OK(store->service().closeSession(test::closeOf(id, 1), "station-1"));
+  pb::Request request;
+  request.mutable_list_events()->set_session_id(test::bytesOfId(id));
+  const Outcome outcome = ask(instructor, request);
+  ASSERT_TRUE(outcome.error.has_value());
+  EXPECT_EQ(outcome.error->code, ErrorCode::kInvalidInput);
+  EXPECT_NE(outcome.error->message.find("nonsense"), std::string::npos) << outcome.error->message;
+}
+
+TEST_F(Closing, anEmptySessionHasNoScore) {
+  const Uuid id = addSession("anna", 0);
+  const auto outcome = store->service().closeSession(test::closeOf(id, 0), "station-1");
+  ASSERT_OK(outcome);
+  EXPECT_TRUE(outcome->closed.taken());
+  EXPECT_EQ(outcome->score_json, "");
+  EXPECT_EQ(outcome->score_fault, "");
+}
+
+TEST_F(Closing, refusalsComeThrough) {
+  const Uuid id = addSession("anna", 2);
+  auto& service = store->service();
+  EXPECT_EQ(service.closeSession(test::closeOf(id, 3), "station-1")->closed.kind, Closed::Kind::kIncomplete);
+  EXPECT_EQ(service.closeSession(test::closeOf(id, 1), "station-1")->closed.kind,
+            Closed::Kind::kContradiction);
+  EXPECT_EQ(service.closeSession(test::closeOf(id, 2), "station-2")->closed.kind,
+            Closed::Kind::kUnknownSession);
+  EXPECT_EQ(service.closeSession(test::closeOf(makeUuidV7(), 0), "station-1")->closed.kind,
+            Closed::Kind::kUnknownSession);
+  EXPECT_FALSE(service.closeSession({}, "station-1").ok());
+  auto wrong = test::closeOf(id, 2);
+  (*wrong.mutable_hash())[0] ^= 1;
+  EXPECT_EQ(service.closeSession(wrong, "station-1")->closed.kind, Closed::Kind::kContradiction);
+  EXPECT_EQ(info(id).state(), pb::SESSION_OPEN);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,141 @@
+// Who was erased stays so: older exports, a key that is lost, chunks that cannot be removed.
+#include "common/base/atomic_file.h"
+#include "tests/unit/db/service/records_fixture.h"
+
+namespace needlelab {
+namespace {
+
+class ErasedPeople : public test::RecordsTest {
+ protected:
+  std::string everything() {
+    std::string all;
+    EXPECT_OK(change([&](Connection& c) -> Status {
+      all = test::dump(c);
+      return {};
+    }));
+    return all;
+  }
+};
+
+TEST_F(ErasedPeople, doNotComeBackWithAnOlderExport) {
+  addStation();
+  addPerson("ada", pb::ADMINISTRATOR);
+  addNamed("anna", "Anna Qvarnstrom");
+  addNamed("ben", "Ben B");
+  const Uuid annas = closedSession("anna", 1'700'000'000'000'000'000, "Qvarnstrom slipped");
+  const Uuid bens = closedSession("ben", 1'700'000'000'000'000'001, "better than anna, says Anna Qvarnstrom");
+  consent("anna", true);
+  pb::Request put;
+  put.mutable_put_group()->mutable_group()->set_id("class");
+  put.mutable_put_group()->mutable_group()->set_name("The class");
+  for (const char* name : {"anna", "ben"}) put.mutable_put_group()->mutable_group()->add_members(name);
+  get(manager, put);
+  pb::Request assign;
+  assign.mutable_assign()->set_exercise_id("knee-recess");
+  assign.mutable_assign()->set_trainee("anna");
+  get(manager, assign);
+  const auto records = exportAll(*store);
+  const auto pseudonym = get(admin, erase("anna")).erasure().pseudonym();
+  const auto report = importAll(*store, records, 100);
+  EXPECT_TRUE(report.done()) << report.DebugString();
+  std::map<std::string, std::uint64_t> left_out;
+  for (const auto& one : report.counts()) {
+    left_out[one.kind()] = one.erased();
+    EXPECT_TRUE(one.kind() == "audit" || one.added() == 0) << one.kind();
+  }
+  for (const char* kind :
+       {"person", "session", "score", "annotation", "consent", "group_member", "assignment"})
+    EXPECT_EQ(left_out[kind], 1u) << kind;
+  for (const char* name : {"'anna'", "Qvarnstrom", "for anna", "616E6E61"})
+    EXPECT_EQ(everything().find(name), std::string::npos) << name;
+  pb::Request check;
+  check.mutable_check();
+  EXPECT_TRUE(get(admin, check).check_report().ok());
+
+  // elsewhere nobody was erased: all of it comes
+  const test::TempFolder elsewhere;
+  const auto other = test::openStore(elsewhere.path() / "data");
+  EXPECT_TRUE(importAll(*other, records, 100).done());
+
+  // a store that lacks the rows altogether, and knows of the erasure by its folder alone
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    for (const char* sql : {"DELETE FROM removed_originals", "DELETE FROM annotations", "DELETE FROM scores",
+                            "DELETE FROM chunks", "DELETE FROM sessions", "DELETE FROM erasures"})
+      if (auto done = c.run(sql); !done) return done;
+    return {};
+  }));
+  const auto again = importAll(*store, records, 100);
+  EXPECT_TRUE(again.done()) << again.DebugString();
+  pb::Request show;
+  show.mutable_get_session()->set_session_id(test::bytesOfId(annas));
+  EXPECT_EQ(refusal(instructor, show), ErrorCode::kNotFound);
+  show.mutable_get_session()->set_session_id(test::bytesOfId(bens));
+  get(instructor, show);
+  EXPECT_EQ(everything().find("Qvarnstrom"), std::string::npos);
+  EXPECT_NE(everything().find("better than " + pseudonym), std::string::npos);
+}
+
+TEST_F(ErasedPeople, areSaidByCheckWhenTheyAreHereAgain) {
+  addNamed("anna", "");
+  get(admin, erase("anna"));
+  pb::Request check;
+  check.mutable_check();
+  // somebody new has the name
+  ASSERT_OK(change([&](Connection& c) {
+    return PeopleStore(c).add({"anna", pb::TRAINEE, "", false, 2'000'000'000'000'000'000});
+  }));
+  EXPECT_TRUE(get(admin, check).check_report().ok());
+  // the old one, by whatever way
+  ASSERT_OK(change([](Connection& c) { return c.run("UPDATE people SET created_unix_ns = 5"); }));
+  const auto report = get(admin, check).check_report();
+  EXPECT_FALSE(report.ok());
+  ASSERT_EQ(report.faults_size(), 1);
+  EXPECT_NE(report.faults(0).find("'anna'"), std::string::npos);
+}
+
+TEST_F(ErasedPeople, areErasedAlsoWhenTheirDamagedChunksStay) {
+  addStation();
+  addNamed("anna", "");
+  closedSession("anna", 1, "");
+  ASSERT_OK(
+      change([&](Connection& c) { return c.run("UPDATE chunks SET bytes = zeroblob(10) WHERE seq = 1"); }));
+  const auto erasure = get(admin, erase("anna")).erasure();
+  EXPECT_FALSE(erasure.pseudonym().empty());
+  std::int64_t left = 0;
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    auto rows = c.prepare("SELECT count(*) FROM chunks");
+    EXPECT_TRUE(*rows.step());
+    left = rows.integer(0);
+    return {};
+  }));
+  // either the rows could be removed all the same, or the reply says what is left
+  EXPECT_EQ(left != 0, erasure.text().find("damaged") != std::string::npos) << left << ": " << erasure.text();
+}
+
+TEST_F(ErasedPeople, areAllThatTheKeyIsNeededFor) {
+  addStation();
+  addNamed("anna", "");
+  addNamed("ben", "");
+  get(admin, erase("anna"));
+  const auto key = folder.path() / "data" / "pseudonym.key";
+  const auto bytes = readWholeFile(key);
+  ASSERT_OK(bytes);
+  std::filesystem::remove(key);
+  EXPECT_EQ(refusal(admin, erase("ben")), ErrorCode::kCorrupt);
+  EXPECT_FALSE(std::filesystem::exists(key)) << "a new one fits no erasure";
+  std::filesystem::remove(folder.path() / "data" / "erasures");
+  EXPECT_EQ(refusal(admin, erase("ben")), ErrorCode::kCorrupt) << "the table knows, too";
+  pb::Request check;
+  check.mutable_check();
+  const auto report = get(admin, check).check_report();
+  EXPECT_FALSE(report.ok());
+  ASSERT_EQ(report.faults_size(), 1);
+  EXPECT_NE(report.faults(0).find("pseudonym.key"), std::string::npos);
+  EXPECT_EQ(store->service().erasuresToRepeat()->size(), 1u) << "a server starts, and says it";
+  addSession("ben", 1);  // lessons go on
+  ASSERT_OK(writeFileAtomically(key, viewOf(*bytes), 0600));
+  EXPECT_TRUE(get(admin, check).check_report().ok());
+}
+
+}  // namespace
+}  // namespace needlelab

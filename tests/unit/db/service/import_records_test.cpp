@@ -1,0 +1,99 @@
+// Records of any shape are read in or refused, and end nothing; lines of the log come once.
+#include "tests/unit/db/service/records_fixture.h"
+
+namespace needlelab {
+namespace {
+
+using Import = test::RecordsTest;
+using RecordJson = nlohmann::ordered_json;
+
+TEST_F(Import, refusesRecordsOfAnyShapeAndNeverEndsTheServer) {
+  addStation();
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    test::fillAtRandom(c, 7);
+    return {};
+  }));
+  const auto records = exportAll(*store, true);
+  std::map<std::string, RecordJson> one_of;
+  for (const std::string& text : records) {
+    auto record = RecordJson::parse(text);
+    one_of.emplace(record["kind"].get<std::string>(), record);
+  }
+  EXPECT_GE(one_of.size(), 13u);
+  const std::vector<RecordJson> wrong{5,
+                                      -1,
+                                      0.5,
+                                      true,
+                                      nullptr,
+                                      RecordJson::array(),
+                                      RecordJson{{"a", 1}},
+                                      "\x01x",
+                                      std::string("a\0b", 3),
+                                      18446744073709551615ull,
+                                      "zz"};
+  const test::TempFolder elsewhere;
+  const auto other = test::openStore(elsewhere.path() / "data");
+  ASSERT_TRUE(importAll(*other, records, 1000).done());
+  std::size_t tried = 0;
+  for (const auto& [kind, record] : one_of) {
+    std::vector<std::string> bent;
+    for (const auto& [field, value] : record.items()) {
+      for (const auto& replacement : wrong) {
+        auto copy = record;
+        copy[field] = replacement;
+        bent.push_back(copy.dump());
+      }
+      auto copy = record;
+      copy.erase(field);
+      bent.push_back(copy.dump());
+    }
+    tried += bent.size();
+    (void)importAll(*other, bent, bent.size(), true);
+  }
+  EXPECT_GT(tried, 1000u);
+  EXPECT_FALSE(other->writer().failed().has_value());
+
+  // named: what was wrong with some that the schema alone would take
+  auto score = one_of["score"], course = one_of["course"], session = one_of["session"],
+       reference = one_of["reference"];
+  score["measures"] = R"([{"measure":5,"value":1}])";
+  course["id"] = 5;
+  // of keys that are not there yet; else it would only be said that they differ
+  score["definition_version"] = 9;
+  std::string id = session["id"];
+  id.back() = id.back() == '0' ? '1' : '0';
+  session["id"] = id;
+  reference["revision"] = 9;
+  reference["sessions"] = "{nonsense";
+  const auto report =
+      importAll(*other, {score.dump(), course.dump(), session.dump(), reference.dump()}, 10, true);
+  ASSERT_EQ(report.faults_size(), 4) << report.DebugString();
+  int i = 0;
+  for (const char* word : {"measures", "id", "id", "sessions"}) {
+    EXPECT_EQ(report.faults(i).message().rfind(word, 0), 0u) << report.faults(i).message();
+    ++i;
+  }
+}
+
+TEST_F(Import, addsLinesOfTheLogOnceWhateverTheirNumbersAre) {
+  addPerson("anna", pb::TRAINEE);
+  consent("anna", true);
+  const auto records = exportAll(*store);
+  const test::TempFolder elsewhere;
+  const auto other = test::openStore(elsewhere.path() / "data");
+  // the other store has lived: its own lines have the first numbers
+  for (const char* who : {"x", "y", "z"}) ASSERT_OK(other->service().note(who, "backup", "b", ""));
+  ASSERT_TRUE(importAll(*other, records, 100).done());
+  EXPECT_TRUE(importAll(*other, records, 100).done());
+  std::map<std::string, int> lines;
+  for (const std::string& text : exportAll(*other)) {
+    const auto record = nlohmann::json::parse(text);
+    if (record["kind"] != "audit") continue;
+    ++lines[record["who"].get<std::string>() + " " + record["action"].get<std::string>()];
+  }
+  EXPECT_EQ(lines["ina consent"], 1);
+  for (const char* own : {"x backup", "y backup", "z backup"}) EXPECT_EQ(lines[own], 1);
+}
+
+}  // namespace
+}  // namespace needlelab

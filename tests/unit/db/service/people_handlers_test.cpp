@@ -1,0 +1,241 @@
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "tests/unit/db/service/test_service.h"
+
+namespace needlelab {
+namespace {
+
+using PeopleHandlers = test::ServiceTest;
+
+pb::Request addUser(const std::string& name, pb::Role role, const std::string& password) {
+  pb::Request request;
+  request.mutable_add_user()->set_name(name);
+  request.mutable_add_user()->set_role(role);
+  request.mutable_add_user()->set_password(password);
+  return request;
+}
+
+TEST_F(PeopleHandlers, aPersonCanLogInUntilDisabled) {
+  get(admin, addUser("ina", pb::INSTRUCTOR, "correct horse"));
+  auto& service = store->service();
+  const auto in = service.loginPerson("ina", "correct horse");
+  ASSERT_OK(in);
+  EXPECT_EQ(in->role, pb::INSTRUCTOR);
+  EXPECT_TRUE(*service.stillAllowed(*in));
+
+  const auto wrong = service.loginPerson("ina", "wrong horse");
+  const auto unknown = service.loginPerson("eve", "correct horse");
+  pb::Request disable;
+  disable.mutable_disable_user()->set_name("ina");
+  get(admin, disable);
+  const auto disabled = service.loginPerson("ina", "correct horse");
+  for (const auto* refused : {&wrong, &unknown, &disabled}) {
+    ASSERT_FALSE(refused->ok());
+    EXPECT_EQ(refused->error().code, ErrorCode::kDenied);
+    EXPECT_EQ(refused->error().message, wrong.error().message) << "the reason shows";
+  }
+  EXPECT_FALSE(*service.stillAllowed(*in));
+  disable.mutable_disable_user()->set_enable(true);
+  get(admin, disable);
+  EXPECT_OK(service.loginPerson("ina", "correct horse"));
+}
+
+TEST_F(PeopleHandlers, onlyTraineesMayBeWithoutPassword) {
+  get(admin, addUser("anna", pb::TRAINEE, ""));
+  EXPECT_EQ(store->service().loginPerson("anna", "").error().code, ErrorCode::kDenied);
+  EXPECT_EQ(refusal(admin, addUser("ina", pb::INSTRUCTOR, "")), ErrorCode::kInvalidInput);
+  EXPECT_EQ(refusal(admin, addUser("ina", pb::INSTRUCTOR, "short")), ErrorCode::kInvalidInput);
+  EXPECT_EQ(refusal(admin, addUser("lab", pb::STATION, "correct horse")), ErrorCode::kInvalidInput);
+  EXPECT_EQ(refusal(admin, addUser("anna", pb::TRAINEE, "")), ErrorCode::kAlreadyExists);
+  pb::Request list;
+  list.mutable_list_users();
+  const auto users = get(instructor, list).users();
+  ASSERT_EQ(users.users_size(), 1);
+  EXPECT_FALSE(users.users(0).has_password());
+}
+
+TEST_F(PeopleHandlers, managersEndTheAccessOfThoseBelowThemAndAdministratorsAnybodys) {
+  const std::vector<std::pair<std::string, pb::Role>> people = {{"tia", pb::TRAINEE},
+                                                                {"ina", pb::INSTRUCTOR},
+                                                                {"mia", pb::CURRICULUM_MANAGER},
+                                                                {"max", pb::CURRICULUM_MANAGER},
+                                                                {"ada", pb::ADMINISTRATOR},
+                                                                {"rita", pb::RESEARCHER}};
+  for (const auto& [name, role] : people) addPerson(name, role);
+  // else ada would be the last who can log in, whom nobody locks out
+  ASSERT_OK(change([](Connection& c) {
+    return PeopleStore(c).add({"root", pb::ADMINISTRATOR, "some hash", false, 1});
+  }));
+  // whose access mia, a manager, may end: by hand
+  const std::set<std::string> hers = {"tia", "ina", "mia"};
+  for (const Principal* who : {&manager, &admin}) {
+    for (const auto& [name, role] : people) {
+      const bool may = who == &admin || hers.contains(name);
+      for (const bool by_change : {false, true}) {
+        for (const bool enable : {false, true}) {
+          pb::Request request;
+          if (by_change) {
+            pb::Request show;
+            show.mutable_get_user()->set_name(name);
+            request.mutable_change_user()->set_name(name);
+            request.mutable_change_user()->set_base_revision(get(admin, show).user().revision());
+            request.mutable_change_user()->set_disabled(!enable);
+          } else {
+            request.mutable_disable_user()->set_name(name);
+            request.mutable_disable_user()->set_enable(enable);
+          }
+          if (may) {
+            get(*who, request);
+            continue;
+          }
+          // giving back what was never taken changes nothing, and is no question of who may
+          if (by_change && enable) continue;
+          EXPECT_EQ(refusal(*who, request), ErrorCode::kDenied) << who->name << " of " << name;
+        }
+      }
+    }
+  }
+  // nor give it back: who locked a manager out had a reason
+  pb::Request lock;
+  lock.mutable_disable_user()->set_name("max");
+  get(admin, lock);
+  lock.mutable_disable_user()->set_enable(true);
+  EXPECT_EQ(refusal(manager, lock), ErrorCode::kDenied);
+  pb::Request change;
+  change.mutable_change_user()->set_name("max");
+  change.mutable_change_user()->set_disabled(false);
+  pb::Request show;
+  show.mutable_get_user()->set_name("max");
+  change.mutable_change_user()->set_base_revision(get(admin, show).user().revision());
+  EXPECT_EQ(refusal(manager, change), ErrorCode::kDenied);
+}
+
+TEST_F(PeopleHandlers, namesWithASlashAreNotMadeAnyMoreAndThoseOfBeforeStayUsable) {
+  ASSERT_OK(change([](Connection& c) -> Status {
+    if (auto done =
+            c.run("INSERT INTO people (name, role, created_unix_ns, changed_unix_ns) VALUES ('a/b',1,1,1)");
+        !done)
+      return done;
+    if (auto done = c.run("INSERT INTO stations (name, key_hash, revoked, created_unix_ns) VALUES ('lab/1',"
+                          "zeroblob(32),1,1)");
+        !done)
+      return done;
+    return c.run(
+        "INSERT INTO groups (id, name, revision, changed_by, changed_unix_ns) VALUES ('c/1','C',1,'x',1)");
+  }));
+  EXPECT_EQ(refusal(admin, addUser("n/m", pb::TRAINEE, "")), ErrorCode::kInvalidInput);
+  EXPECT_EQ(refusal(admin, addUser("..", pb::TRAINEE, "")), ErrorCode::kInvalidInput);
+  pb::Request request;
+  request.mutable_add_station()->set_name("lab/2");
+  EXPECT_EQ(refusal(admin, request), ErrorCode::kInvalidInput);
+  request.mutable_add_station()->set_name("lab/1");
+  EXPECT_EQ(get(admin, request).station_key().name(), "lab/1") << "a new key for a revoked one";
+  request.mutable_put_group()->mutable_group()->set_id("c/2");
+  request.mutable_put_group()->mutable_group()->set_name("C2");
+  EXPECT_EQ(refusal(admin, request), ErrorCode::kInvalidInput);
+  request.mutable_put_group()->mutable_group()->set_id("c/1");
+  request.mutable_put_group()->mutable_group()->add_members("a/b");
+  request.mutable_put_group()->set_base_revision(1);
+  EXPECT_EQ(get(admin, request).group().members_size(), 1);
+  request.mutable_import_people()->set_csv("name,full_name\na/b,Known Person\n");
+  EXPECT_TRUE(get(admin, request).people_import().done());
+  request.mutable_import_people()->set_csv("name,full_name\nx/y,New Person\n");
+  EXPECT_FALSE(get(admin, request).people_import().done());
+  request.mutable_import_people()->set_csv("name,group\na/b,c/1\n");
+  EXPECT_TRUE(get(admin, request).people_import().done());
+  request.mutable_change_user()->set_name("a/b");
+  request.mutable_change_user()->set_full_name("Still There");
+  pb::Request show;
+  show.mutable_get_user()->set_name("a/b");
+  request.mutable_change_user()->set_base_revision(get(admin, show).user().revision());
+  EXPECT_EQ(get(admin, request).user().full_name(), "Still There");
+  addStation();
+  (void)addSession("a/b", 1);  // and practises as before
+  pb::Request list;
+  list.mutable_list_sessions()->set_trainee("a/b");
+  EXPECT_EQ(get(admin, list).sessions().sessions_size(), 1);
+}
+
+TEST_F(PeopleHandlers, everyoneSetsTheirOwnPasswordOnly) {
+  addPerson("ina", pb::INSTRUCTOR);
+  addPerson("ada", pb::ADMINISTRATOR);
+  pb::Request request;
+  request.mutable_set_password()->set_name("ada");
+  request.mutable_set_password()->set_password("new password");
+  EXPECT_EQ(refusal(instructor, request), ErrorCode::kDenied);
+  request.mutable_set_password()->set_name("ina");
+  get(instructor, request);
+  EXPECT_OK(store->service().loginPerson("ina", "new password"));
+  request.mutable_set_password()->set_name("nobody");
+  EXPECT_EQ(refusal(admin, request), ErrorCode::kNotFound);
+}
+
+TEST_F(PeopleHandlers, aStationGetsAKeyOnceAndLosesItWhenRevoked) {
+  pb::Request add;
+  add.mutable_add_station()->set_name("lab-1");
+  const auto key = get(admin, add).station_key();
+  EXPECT_EQ(key.key().size(), 32u);
+  auto& service = store->service();
+  EXPECT_EQ(service.loginStation("lab-1", key.key())->role, pb::STATION);
+  EXPECT_FALSE(service.loginStation("lab-2", key.key()).ok());
+  EXPECT_FALSE(service.loginStation("lab-1", std::string(32, '\0')).ok());
+  EXPECT_EQ(refusal(admin, add), ErrorCode::kAlreadyExists);
+  pb::Request revoke;
+  revoke.mutable_revoke_station()->set_name("lab-1");
+  get(admin, revoke);
+  EXPECT_FALSE(service.loginStation("lab-1", key.key()).ok());
+  EXPECT_FALSE(*service.stillAllowed({"lab-1", pb::STATION}));
+}
+
+TEST_F(PeopleHandlers, everyChangeIsInTheAuditLogWithoutSecrets) {
+  get(admin, addUser("ina", pb::INSTRUCTOR, "correct horse"));
+  EXPECT_EQ(refusal(admin, addUser("ina", pb::INSTRUCTOR, "correct horse")), ErrorCode::kAlreadyExists);
+  pb::Request add;
+  add.mutable_add_station()->set_name("lab-1");
+  get(admin, add);
+  ASSERT_OK(store->service().note("lab-1", "chunk refused", "some session", "contradiction"));
+  pb::Request list;
+  list.mutable_list_audit();
+  const auto audit = get(admin, list).audit();
+  ASSERT_EQ(audit.entries_size(), 3) << "a refused change is no change";
+  EXPECT_EQ(audit.entries(0).action(), "chunk refused");
+  EXPECT_EQ(audit.entries(1).action(), "station add");
+  EXPECT_EQ(audit.entries(2).action(), "user add");
+  EXPECT_EQ(audit.entries(2).who(), "ada");
+  EXPECT_EQ(audit.entries(2).subject(), "ina");
+  EXPECT_EQ(audit.SerializeAsString().find("horse"), std::string::npos);
+}
+
+TEST_F(PeopleHandlers, whatTheServerMustDoIsMarked) {
+  addStation();
+  pb::Request list;
+  list.mutable_list_stations();
+  EXPECT_EQ(ask(instructor, list).server_part, Outcome::ServerPart::kFillStations);
+  EXPECT_EQ(get(instructor, list).stations().stations_size(), 1);
+
+  pb::Request message;
+  message.mutable_trainee_message()->set_station("station-1");
+  message.mutable_trainee_message()->set_text("slower");
+  EXPECT_EQ(ask(instructor, message).server_part, Outcome::ServerPart::kDeliver);
+  message.mutable_trainee_message()->set_station("nowhere");
+  EXPECT_EQ(refusal(instructor, message), ErrorCode::kNotFound);
+  EXPECT_EQ(ask(instructor, message).server_part, Outcome::ServerPart::kNone);
+  message.mutable_trainee_message()->set_station("station-1");
+  message.mutable_trainee_message()->set_text(std::string(100'000, 'x'));
+  EXPECT_EQ(refusal(instructor, message), ErrorCode::kInvalidInput);
+
+  pb::Request next;
+  next.mutable_next_exercise()->set_station("station-1");
+  next.mutable_next_exercise()->set_exercise_id("nothing");
+  EXPECT_EQ(refusal(instructor, next), ErrorCode::kNotFound);
+  pb::Request curricula;
+  curricula.mutable_list_curricula();
+  next.mutable_next_exercise()->set_exercise_id(
+      get(admin, curricula).curricula().curricula(0).exercise_ids(0));
+  EXPECT_EQ(ask(instructor, next).server_part, Outcome::ServerPart::kDeliver);
+}
+
+}  // namespace
+}  // namespace needlelab

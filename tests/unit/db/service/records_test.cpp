@@ -1,0 +1,269 @@
+// Everything out and in again; studies; a person's data out, and away.
+#include "common/base/atomic_file.h"
+#include "tests/unit/db/service/records_fixture.h"
+
+namespace needlelab {
+namespace {
+
+using Records = test::RecordsTest;
+using test::fillAtRandom, test::seedOfRecords;
+
+TEST_F(Records, everythingComesBackExactly) {
+  const std::uint64_t seed = seedOfRecords();
+  RecordProperty("seed", std::to_string(seed));
+  SCOPED_TRACE("NEEDLELAB_SEED=" + std::to_string(seed));
+  addStation();
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    fillAtRandom(c, seed);
+    return {};
+  }));
+  for (const bool secrets : {false, true}) {
+    const auto records = exportAll(*store, secrets);
+    ASSERT_GT(records.size(), 60u);
+    EXPECT_EQ(std::count_if(records.begin(), records.end(),
+                            [](const std::string& r) { return r.find(R"("kind":"event")") != r.npos; }),
+              14);
+    const test::TempFolder elsewhere;
+    const auto other = test::openStore(elsewhere.path() / "data");
+    const auto plan = importAll(*other, records, 7, true);
+    EXPECT_FALSE(plan.done());
+    EXPECT_EQ(plan.faults_size(), 0) << plan.faults(0).ShortDebugString();
+    const auto report = importAll(*other, records, 50);
+    EXPECT_TRUE(report.done()) << report.ShortDebugString();
+    // but the line that says so, and the exports' own
+    auto again = exportAll(*other, secrets);
+    std::erase_if(
+        again, [](const std::string& r) { return r.find(R"("action":"import-all")") != std::string::npos; });
+    std::erase_if(
+        again, [](const std::string& r) { return r.find(R"("action":"export-all")") != std::string::npos; });
+    auto before = records;
+    std::erase_if(
+        before, [](const std::string& r) { return r.find(R"("action":"export-all")") != std::string::npos; });
+    EXPECT_EQ(before, again);
+    // what was imported is a sound database, and the same import again changes nothing
+    pb::Request check;
+    check.mutable_check();
+    const auto checked = other->service().execute(admin, check).reply.check_report();
+    EXPECT_TRUE(checked.ok()) << checked.ShortDebugString();
+    const auto twice = importAll(*other, records, 1000);
+    EXPECT_TRUE(twice.done());
+    for (const auto& count : twice.counts()) EXPECT_EQ(count.added(), 0u) << count.kind();
+  }
+}
+
+TEST_F(Records, anOpenSessionIsExportedWithWhatItHoldsSoFarAndNotTakenElsewhere) {
+  addStation();
+  addNamed("anna", "Anna A");
+  addSession("anna", 3);
+  const auto own = all(trainee, *store, [](pb::Request& request, const std::string& page) {
+    request.mutable_export_person()->set_name("anna");
+    request.mutable_export_person()->set_page(page);
+  });
+  std::vector<std::string> sessions;
+  std::copy_if(own.begin(), own.end(), std::back_inserter(sessions), [](const std::string& record) {
+    return record.find(R"("kind":"session")") != std::string::npos;
+  });
+  ASSERT_EQ(sessions.size(), 1u);
+  const auto json = nlohmann::json::parse(sessions[0]);
+  std::uint64_t bytes = 0;
+  for (std::uint64_t seq = 0; seq < 3; ++seq) bytes += test::chunkOf(seq).size();
+  EXPECT_EQ(json["state"], 1);
+  EXPECT_EQ(json["chunks"], 3);
+  EXPECT_EQ(json["samples"], 60);
+  EXPECT_EQ(json["stored_bytes"], bytes);
+  const test::TempFolder elsewhere;
+  const auto other = test::openStore(elsewhere.path() / "data");
+  ASSERT_OK(other->writer().run(
+      [](Connection& c) { return StationStore(c).add("station-1", StationKeyBytes{}, 1); }));
+  const auto report = importAll(*other, sessions, 3);
+  EXPECT_FALSE(report.done());
+  ASSERT_EQ(report.faults_size(), 1);
+  EXPECT_NE(report.faults(0).message().find("open"), std::string::npos) << report.ShortDebugString();
+}
+
+TEST_F(Records, anImportThatDoesNotFitChangesNothingAndNamesTheRecords) {
+  addPerson("anna", pb::TRAINEE);
+  const auto before = exportAll(*store);
+  const std::vector<std::string> wrong{
+      R"({"kind":"person","name":"new","role":1,"disabled":0,"created_unix_ns":1,"full_name":"","revision":1,"changed_unix_ns":1,"changed_by":""})",
+      R"({"kind":"person","name":"anna","role":4,"disabled":0,"created_unix_ns":1,"full_name":"","revision":1,"changed_unix_ns":1,"changed_by":""})",
+      R"({"kind":"person","name":"bad","role":5,"disabled":0,"created_unix_ns":1,"full_name":"","revision":1,"changed_unix_ns":1,"changed_by":""})",
+      R"({"kind":"person","name":"short","role":1})",
+      R"({"kind":"person","name":7})",
+      R"({"kind":"group_member","group_id":"nowhere","person":"anna"})",
+      R"({"kind":"profile","id":"p","revision":1,"name":"P","json":"{}","author":"x","created_unix_ns":1})",
+      R"({"kind":"chair"})",
+      "nonsense",
+      "[]"};
+  const auto report = importAll(*store, wrong, 3);
+  EXPECT_FALSE(report.done());
+  ASSERT_EQ(report.faults_size(), 9);
+  EXPECT_EQ(report.faults(0).path(), "record 2 (person)");
+  EXPECT_NE(report.faults(0).message().find("differs"), std::string::npos);
+  EXPECT_EQ(exportAll(*store).size(), before.size() + 1) << "but the line about the export";
+}
+
+TEST_F(Records, aStudyHoldsThoseWhoConsentAndNoNameAnywhere) {
+  addStation();
+  addNamed("anna", "Anna Östlund-Berg");
+  addNamed("ben", "Benjamin Karlsson");
+  addNamed("zoe", "");
+  addNamed("ina", "Ina Instructor", pb::INSTRUCTOR);
+  closedSession("anna", 1'000'000'000'000, "Anna, mind Benjamin's needle! says ina, Mrs. ÖSTLUND-BERG");
+  closedSession("anna", 1'060'000'000'000, "");
+  closedSession("ben", 5, "ben was here");
+  closedSession("zoe", 5, "");
+  EXPECT_EQ(study("s1").size(), 1u) << "nobody was asked: the header alone";
+  consent("anna", true);
+  consent("ben", true);
+  consent("zoe", true);
+  consent("zoe", false);
+  const auto records = study("s1", true);
+  std::map<std::string, int> kinds;
+  std::set<std::string> people, sessions;
+  for (const std::string& record : records) {
+    const auto json = nlohmann::json::parse(record);
+    ++kinds[json["kind"]];
+    if (json["kind"] == "session") {
+      people.insert(json["person"]);
+      sessions.insert(json["session"]);
+      EXPECT_EQ(json["profile_revision"], 1);
+      EXPECT_EQ(json["engine_version"], "0.1.0");
+    }
+    std::string lower = record;
+    std::transform(lower.begin(), lower.end(), lower.begin(),
+                   [](unsigned char ch) { return static_cast<char>(std::tolower(ch)); });
+    for (const char* name : {"anna", "stlund", "ben", "karlsson", "zoe", "\"ina\"", " ina", "instructor",
+                             "station-1", "1000000000000"})
+      EXPECT_EQ(lower.find(name), std::string::npos) << name << " in " << record;
+  }
+  EXPECT_EQ(kinds["session"], 3);
+  EXPECT_EQ(kinds["score"], 3);
+  EXPECT_EQ(kinds["remark"], 2);
+  EXPECT_EQ(people.size(), 2u);
+  // the same tomorrow, others in another study
+  EXPECT_EQ(study("s1", true), records);
+  for (const std::string& record : study("s2"))
+    for (const std::string& person : people) EXPECT_EQ(record.find(person), std::string::npos);
+  for (const std::string& record : study("s1"))
+    EXPECT_EQ(record.find("\"remark\""), std::string::npos) << "only when asked for";
+
+  // recordings by the study's own names; who withdraws is gone at once
+  pb::Request read;
+  read.mutable_read_study_recording()->set_study("s1");
+  read.mutable_read_study_recording()->set_session(*sessions.begin());
+  const auto chunks = get(researcher, read).chunks();
+  EXPECT_EQ(chunks.chunks_size(), 3);
+  EXPECT_EQ(chunks.chunks(0).session_id(), *sessions.begin());
+  consent("anna", false);
+  consent("ben", false);
+  EXPECT_EQ(study("s1").size(), 1u);
+  EXPECT_EQ(refusal(researcher, read), ErrorCode::kNotFound);
+  // nothing else is a researcher's
+  pb::Request list;
+  list.mutable_list_sessions();
+  EXPECT_EQ(refusal(researcher, list), ErrorCode::kDenied);
+  list.mutable_list_users();
+  EXPECT_EQ(refusal(researcher, list), ErrorCode::kDenied);
+}
+
+TEST_F(Records, aPersonGetsAllOfItsOwnDataAndNobodyElses) {
+  addStation();
+  addNamed("anna", "Anna A");
+  addNamed("ben", "");
+  closedSession("anna", 1, "a remark");
+  closedSession("ben", 2, "ben's remark");
+  consent("anna", true);
+  const auto own = all(trainee, *store, [](pb::Request& request, const std::string& page) {
+    request.mutable_export_person()->set_name("anna");
+    request.mutable_export_person()->set_page(page);
+  });
+  std::map<std::string, int> kinds;
+  for (const std::string& record : own) {
+    ++kinds[nlohmann::json::parse(record)["kind"]];
+    EXPECT_EQ(record.find("ben"), std::string::npos) << record;
+    EXPECT_EQ(record.find("password"), std::string::npos) << record;
+  }
+  for (const char* kind : {"person", "consent", "session", "score", "annotation", "audit"})
+    EXPECT_EQ(kinds[kind], 1) << kind;
+  pb::Request request;
+  request.mutable_export_person()->set_name("ben");
+  EXPECT_EQ(refusal(trainee, request), ErrorCode::kDenied);
+  EXPECT_EQ(refusal(instructor, request), ErrorCode::kDenied);
+  get(manager, request);
+  request.mutable_export_person()->set_name("nobody");
+  EXPECT_EQ(refusal(admin, request), ErrorCode::kNotFound);
+}
+
+TEST_F(Records, anErasureTakesRecordingsAwayAtOnceAndIsAskedForTwice) {
+  addStation();
+  addNamed("anna", "Anna A");
+  addPerson("ada", pb::ADMINISTRATOR);
+  const Uuid id = closedSession("anna", 1, "Anna again");
+  pb::Request unsure = erase("anna");
+  unsure.mutable_erase_person()->set_confirm("ben");
+  EXPECT_EQ(refusal(admin, unsure), ErrorCode::kInvalidInput);
+  EXPECT_EQ(refusal(manager, erase("anna")), ErrorCode::kDenied);
+  EXPECT_EQ(refusal(admin, erase("ada")), ErrorCode::kDenied) << "oneself";
+  EXPECT_EQ(refusal(admin, erase("nobody")), ErrorCode::kNotFound);
+  EXPECT_TRUE(readErasures(folder.path() / "data")->empty()) << "what was refused left no line";
+  // a session that is open is in the way, until it is said what shall become of it
+  const Uuid open = addSession("anna", 2);
+  const auto busy = ask(admin, erase("anna"));
+  ASSERT_TRUE(busy.error.has_value());
+  EXPECT_NE(busy.error->message.find("station-1"), std::string::npos) << busy.error->message;
+  const auto erasure = get(admin, erase("anna", true)).erasure();
+  EXPECT_EQ(erasure.sessions(), 2u);
+  EXPECT_EQ(erasure.recordings(), 2u) << "the open one's counts, too";
+  EXPECT_EQ(erasure.remarks_kept(), 1u);
+  EXPECT_NE(erasure.text().find("ackup"), std::string::npos);
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    auto chunks = c.prepare("SELECT count(*) FROM chunks");
+    EXPECT_TRUE(*chunks.step());
+    EXPECT_EQ(chunks.integer(0), 0) << "retention's machinery was here";
+    const auto appended = SessionStore(c).append(open, 2, test::chunkOf(2), "station-1");
+    EXPECT_TRUE(appended.ok() && appended->taken());
+    EXPECT_EQ(test::dump(c).find("'anna'"), std::string::npos);
+    return {};
+  }));
+  EXPECT_EQ(readErasures(folder.path() / "data")->size(), 1u);
+  pb::Request show;
+  show.mutable_get_session()->set_session_id(test::bytesOfId(id));
+  const auto info = get(instructor, show).session();
+  EXPECT_EQ(info.description().trainee(), erasure.pseudonym());
+  EXPECT_EQ(info.score_json(), "");
+  pb::Request check;
+  check.mutable_check();
+  const auto report = get(admin, check).check_report();
+  EXPECT_TRUE(report.ok()) << report.ShortDebugString();
+}
+
+TEST_F(Records, aRestoredBackupSaysThatSomebodyMustBeErasedAgain) {
+  addNamed("anna", "Anna A");
+  pb::Request backup;
+  backup.mutable_backup()->set_path((folder.path() / "before.db").string());
+  get(admin, backup);
+  const auto first = get(admin, erase("anna")).erasure();
+  EXPECT_TRUE(store->service().erasuresToRepeat()->empty());
+  // the server is stopped, the backup put into place
+  store.reset();
+  const auto text = readWholeFile(folder.path() / "before.db");
+  ASSERT_OK(text);
+  for (const char* suffix : {"", "-wal", "-shm"})
+    std::filesystem::remove(folder.path() / ("data/needlelab.db" + std::string(suffix)));
+  ASSERT_OK(writeFileAtomically(folder.path() / "data/needlelab.db", viewOf(*text), 0600));
+  store = test::openStore(folder.path() / "data");
+  const auto repeat = store->service().erasuresToRepeat();
+  ASSERT_OK(repeat);
+  ASSERT_EQ(repeat->size(), 1u);
+  EXPECT_NE(repeat->front().find("'anna'"), std::string::npos);
+  pb::Request check;
+  check.mutable_check();
+  EXPECT_FALSE(get(admin, check).check_report().ok());
+  EXPECT_EQ(get(admin, erase("anna")).erasure().pseudonym(), first.pseudonym());
+  EXPECT_TRUE(store->service().erasuresToRepeat()->empty());
+  EXPECT_TRUE(get(admin, check).check_report().ok());
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,98 @@
+// Policies of retention, and a disk that has no room for what they ask.
+
+#include "common/base/clock.h"
+#include "db/session_row.h"
+#include "tests/unit/db/service/retention_fixture.h"
+
+namespace needlelab {
+namespace {
+
+using namespace std::chrono_literals;
+
+using RetentionTest = test::RetentionTest;
+
+TEST_F(RetentionTest, policiesAreShownAndBadOnesRefused) {
+  (void)get(manager, policy(30, 100, 365, "knee-recess"));
+  (void)get(admin, policy(-1, 0, -1));
+  pb::Request show;
+  show.mutable_list_retention();
+  const auto shown = get(manager, show).retention();
+  ASSERT_EQ(shown.policies_size(), 2);
+  EXPECT_EQ(shown.policies(0).exercise_id(), "");
+  EXPECT_EQ(shown.policies(1).by(), "mia");
+  EXPECT_EQ(shown.policies(1).thin_after_days(), 30u);
+  EXPECT_GT(shown.policies(1).changed_unix_ns(), 0);
+  EXPECT_EQ(refusal(manager, policy(30, 0, -1)), ErrorCode::kInvalidInput);
+  EXPECT_EQ(refusal(instructor, show), ErrorCode::kDenied);
+}
+
+TEST_F(RetentionTest, aMisspeltExerciseIsRefusedAndThoseThereAreNamed) {
+  const Outcome refused = ask(manager, policy(30, 100, 365, "knee-reces"));
+  ASSERT_TRUE(refused.error.has_value());
+  EXPECT_EQ(refused.error->code, ErrorCode::kInvalidInput);
+  EXPECT_NE(refused.error->message.find("'knee-reces'"), std::string::npos) << refused.error->message;
+  EXPECT_NE(refused.error->message.find("knee-recess"), std::string::npos) << refused.error->message;
+  pb::Request show;
+  show.mutable_list_retention();
+  EXPECT_EQ(get(manager, show).retention().policies_size(), 0) << "nothing is left of it";
+  // an exercise whose curriculum is gone, or was never here: its sessions are
+  EXPECT_EQ(refusal(manager, policy(30, 100, 365, "knee-1")), ErrorCode::kInvalidInput);
+  (void)addClosed(5);
+  (void)get(manager, policy(30, 100, 365, "knee-1"));
+}
+
+TEST_F(RetentionTest, deletionsComeFirstAndWhatTheDiskHasNoRoomForIsLeftAlone) {
+  const Uuid thin = addClosed(), remove = addClosed();
+  ASSERT_OK(change([&](Connection& c) {
+    return c.run("UPDATE sessions SET exercise_id = 'wrist-joint' WHERE id = ?", ByteView(remove));
+  }));
+  (void)get(manager, policy(0, 100, -1, "knee-1"));
+  (void)get(manager, policy(-1, 0, 0, "wrist-joint"));
+  const std::atomic<bool> stop = false;
+  std::uint64_t room = 0, asked = 0, runs_out_after = UINT64_MAX;
+  const RetentionPace pace{.rows = 8, .bytes = 64, .pause = 0ms, .min_free_bytes = 64u << 20};
+  const RetentionTools tools{
+      store->writer(),
+      store->readers(),
+      [](const Uuid&) { return Status(); },
+      [] { return false; },
+      stop,
+      pace,
+      [&]() -> std::optional<std::uint64_t> { return asked++ < runs_out_after ? room : 0; }};
+  const auto run = [&] {
+    asked = 0;
+    const auto report = runRetention(tools, "test", wallNowNs(), false);
+    EXPECT_OK(report);
+    return report.ok() ? *report : pb::RetentionReport();
+  };
+  // not even for the pages of a deletion
+  room = 1u << 20;
+  EXPECT_EQ(run().left_alone(), 2u);
+  EXPECT_FALSE(info(remove).has_removed_original());
+  // an eighth: what makes room is done, and first, although its exercise comes last
+  room = 10u << 20;
+  const auto report = run();
+  ASSERT_EQ(report.steps_size(), 2);
+  EXPECT_EQ(report.steps(0).action(), pb::RetentionStep::DELETE);
+  EXPECT_EQ(report.steps(1).action(), pb::RetentionStep::LEFT_ALONE);
+  EXPECT_NE(report.steps(1).text().find("no room"), std::string::npos) << report.steps(1).text();
+  EXPECT_FALSE(info(thin).has_removed_original());
+  // room that ends in the midst of it: what was written is taken away
+  room = 1u << 30;
+  runs_out_after = 1;  // the look before it began
+  EXPECT_EQ(run().left_alone(), 1u);
+  EXPECT_GT(asked, 1u);
+  EXPECT_FALSE(info(thin).has_removed_original());
+  {
+    auto reader = store->readers().borrow();
+    EXPECT_TRUE(RetentionStore(**reader).leftovers()->empty());
+  }
+  // exactly what shall stay free: the pages that the deletion left in the database are enough
+  room = 64u << 20;
+  runs_out_after = UINT64_MAX;
+  EXPECT_EQ(run().thinned(), 1u);
+  EXPECT_TRUE(sound());
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,217 @@
+// Scores by newer definitions, and beside those of experts.
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "common/gesture/chunk.h"
+#include "common/profile/profile.h"
+#include "common/scoring/measures.h"
+#include "common/scoring/paths.h"
+#include "db/score_store.h"
+#include "db/service/rescoring.h"
+#include "tests/unit/db/service/test_service.h"
+
+namespace needlelab {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr double kGestureRate_hz = 200;
+
+/// In and out of the knee, `aside_m` beside the first way, within 3 s.
+std::vector<GestureSample> gestureAside(double aside_m) {
+  std::vector<GestureSample> samples(600);
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    GestureSample& s = samples[i];
+    const double t = static_cast<double>(i) / kGestureRate_hz, depth_m = 0.03 * std::sin(t * 1.05) - 0.005;
+    s.tick = i;
+    s.time_ns = static_cast<std::int64_t>(i) * 5'000'000;
+    s.p_WT_m[0] = aside_m;
+    s.p_WT_m[2] = -depth_m;
+    s.layer = depth_m > 0 ? 0 : -1;
+    s.insertion_m = std::max(0.0, depth_m);
+    s.force_W_N[2] = depth_m > 0 ? 1 + aside_m * 100 : 0;
+  }
+  return samples;
+}
+
+class Scoring : public test::ServiceTest {
+ protected:
+  void SetUp() override {
+    addStation();
+    pb::Request profile;
+    profile.mutable_get_profile()->set_id("knee-adult");
+    profile_json_ = get(admin, profile).profile().json();
+  }
+  Uuid closed(const std::vector<GestureSample>& samples, const std::string& exercise = "knee-recess") {
+    const Uuid id = makeUuidV7();
+    const Bytes chunk = encodeChunk(Resolution::lossless(), samples);
+    EXPECT_OK(change([&](Connection& c) -> Status {
+      auto d = test::describe(id);
+      d.set_trainee("anna");
+      d.set_exercise_id(exercise);
+      d.set_rate_hz(kGestureRate_hz);
+      d.set_profile_json(profile_json_);
+      if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
+      auto appended = SessionStore(c).append(id, 0, chunk);
+      return appended ? Status() : Status(appended.error());
+    }));
+    SessionHash hash;
+    hash.update(chunk);
+    const Digest digest = hash.digest();
+    pb::CloseSession close = test::closeOf(id, 1);
+    close.set_samples(samples.size());
+    close.set_hash(digest.data(), digest.size());
+    const auto outcome = store->service().closeSession(close, "station-1");
+    EXPECT_OK(outcome);
+    return id;
+  }
+  pb::Score scoreOf(const Uuid& id, std::uint32_t version = 0) {
+    pb::Request request;
+    request.mutable_get_score()->set_session_id(test::bytesOfId(id));
+    request.mutable_get_score()->set_definition_version(version);
+    return get(instructor, request).score();
+  }
+  /// As if a program of other definitions had scored what is there.
+  void makeOld() {
+    ASSERT_OK(change([](Connection& c) {
+      return c.script(
+          "UPDATE scores SET definition_version = 1, measures = '[]'; UPDATE sessions SET score_json = '[]'");
+    }));
+  }
+  pb::RescoreReport rescore(bool dry_run, const std::string& exercise = "") {
+    pb::Request request;
+    request.mutable_rescore_all()->set_dry_run(dry_run);
+    request.mutable_rescore_all()->set_exercise_id(exercise);
+    return get(manager, request).rescore_report();
+  }
+
+  std::string profile_json_;
+};
+
+TEST_F(Scoring, aStoredSessionHasTheMeasuresOfItsSamplesBitForBit) {
+  const auto samples = gestureAside(0.001);
+  const Uuid id = closed(samples);
+  const auto profile = parseProfile(profile_json_, "knee");
+  ASSERT_OK(profile);
+  pb::Request show;
+  show.mutable_get_session()->set_session_id(test::bytesOfId(id));
+  const auto stored = parseScore(get(instructor, show).session().score_json());
+  ASSERT_OK(stored);
+  const auto expected = scoreGesture(samples, kGestureRate_hz, *profile, {});
+  std::size_t compared = 0;
+  for (const Measure& row : expected) {
+    for (const Measure& other : *stored) {
+      if (other.name != row.name) continue;
+      EXPECT_EQ(other.value, row.value) << row.name;
+      ++compared;
+    }
+  }
+  EXPECT_EQ(compared, expected.size());
+}
+
+TEST_F(Scoring, whatIsOfOlderDefinitionsIsScoredAgainAndTheOldScoreStays) {
+  std::vector<Uuid> ids;
+  for (int i = 0; i < 4; ++i)
+    ids.push_back(closed(gestureAside(0.001 * i), i == 3 ? "wrist-carpal" : "knee-recess"));
+  EXPECT_EQ(rescore(false).rescored(), 0u) << "all are of the definitions of now";
+  makeOld();
+  // one that cannot be scored any more
+  ASSERT_OK(change([&](Connection& c) {
+    return c.run("UPDATE sessions SET profile_json = '{}' WHERE id = ?", ByteView(ids[1]));
+  }));
+
+  const auto dry = rescore(true);
+  EXPECT_TRUE(dry.dry_run());
+  EXPECT_EQ(dry.rescored(), 4u);
+  EXPECT_EQ(rescore(true, "wrist-carpal").rescored(), 1u);
+  EXPECT_EQ(scoreOf(ids[0]).definition_version(), 1u) << "a dry run changes nothing";
+
+  // a run that is stopped after its first session; the next one goes on
+  std::atomic<bool> stop = false;
+  const RescoreTools tools{store->writer(),
+                           store->readers(),
+                           [&](Connection& reader, const Uuid& id) {
+                             stop = true;
+                             return store->service().scoreSession(reader, id);
+                           },
+                           [] { return false; },
+                           stop,
+                           {}};
+  const auto first = runRescoring(tools, "", "mia", false);
+  ASSERT_OK(first);
+  EXPECT_TRUE(first->stopped());
+  EXPECT_EQ(first->rescored(), 1u);
+
+  const auto rest = rescore(false);
+  EXPECT_FALSE(rest.stopped());
+  EXPECT_EQ(rest.rescored(), 2u);
+  EXPECT_EQ(rest.left_alone(), 1u);
+  ASSERT_EQ(rest.faults_size(), 1);
+  EXPECT_EQ(rest.faults(0).session_id(), test::bytesOfId(ids[1]));
+  EXPECT_FALSE(rest.faults(0).text().empty());
+  for (const int i : {0, 2, 3}) {
+    const auto now = scoreOf(ids[static_cast<std::size_t>(i)]);
+    EXPECT_EQ(now.definition_version(), kScoreDefinitionVersion);
+    EXPECT_FALSE(now.first());
+    EXPECT_THAT(now.measures_json(), HasSubstr("peak_force_n"));
+    EXPECT_EQ(scoreOf(ids[static_cast<std::size_t>(i)], 1).measures_json(), "[]") << "the old one stays";
+  }
+  pb::Request audit;
+  audit.mutable_list_audit()->set_limit(5);
+  const auto lines = get(admin, audit).audit();
+  ASSERT_GE(lines.entries_size(), 2);
+  EXPECT_EQ(lines.entries(0).action(), "rescore all");
+  EXPECT_THAT(lines.entries(0).detail(), HasSubstr("2 sessions scored by definition version"));
+  EXPECT_THAT(lines.entries(1).detail(), HasSubstr("stopped"));
+  pb::Request request;
+  request.mutable_rescore_all();
+  EXPECT_EQ(refusal(instructor, request), ErrorCode::kDenied);
+  EXPECT_EQ(refusal(trainee, request), ErrorCode::kDenied);
+}
+
+TEST_F(Scoring, aSessionIsComparedWithTheExpertsPathsToo) {
+  std::vector<Uuid> experts;
+  for (int i = 0; i < 5; ++i) experts.push_back(closed(gestureAside(0.001 * i)));
+  pb::Request set;
+  set.mutable_set_reference()->set_exercise_id("knee-recess");
+  for (const Uuid& id : experts) set.mutable_set_reference()->add_session_ids(test::bytesOfId(id));
+  const auto reference = get(instructor, set).reference();
+  const auto band = std::find_if(reference.bands().begin(), reference.bands().end(),
+                                 [](const auto& b) { return b.measure() == "dtw_distance_m"; });
+  ASSERT_NE(band, reference.bands().end());
+  EXPECT_EQ(band->n(), 5u);
+  EXPECT_NEAR(band->mean(), 0.001, 1e-9) << "each is 1 mm beside the next";
+
+  // 10 mm beside the last one: stored with the score, and in the comparison
+  const Uuid novice = closed(gestureAside(0.014));
+  const auto score = scoreOf(novice);
+  const auto rows = parseScore(score.measures_json());
+  ASSERT_OK(rows);
+  const auto stored =
+      std::find_if(rows->begin(), rows->end(), [](const Measure& m) { return m.name == "dtw_distance_m"; });
+  ASSERT_NE(stored, rows->end());
+  EXPECT_NEAR(stored->value, 0.01, 1e-9);
+  const auto comparison = nlohmann::json::parse(score.comparison_json());
+  const auto row = std::find_if(comparison.begin(), comparison.end(),
+                                [](const auto& r) { return r["measure"] == "dtw_distance_m"; });
+  ASSERT_NE(row, comparison.end());
+  EXPECT_NEAR((*row)["value"].get<double>(), 0.01, 1e-9);
+  EXPECT_EQ((*row)["standing"], "worse");
+  const auto force = std::find_if(comparison.begin(), comparison.end(),
+                                  [](const auto& r) { return r["measure"] == "peak_force_n"; });
+  ASSERT_NE(force, comparison.end());
+  // experts 1, 1.1 … 1.4 N; the novice 2.4 N
+  EXPECT_NEAR((*force)["z"].get<double>(), 1.2 / std::sqrt(0.025), 1e-9);
+  // an expert is not compared with itself
+  const auto own = nlohmann::json::parse(scoreOf(experts[2]).comparison_json());
+  for (const auto& r : own) {
+    if (r["measure"] == "dtw_distance_m") {
+      EXPECT_NEAR(r["value"].get<double>(), 0.001, 1e-9);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,174 @@
+// Who may change whose role, what does not count, what is done, whose standing is told, how measures go.
+#include <thread>
+
+#include "tests/unit/db/service/teaching_fixture.h"
+
+namespace needlelab {
+namespace {
+
+using Standing = test::TeachingTest;
+
+TEST_F(Standing, aManagerTakesNoRoleFromAnother) {
+  const auto add = [&](const std::string& name, pb::Role role) {
+    ASSERT_OK(change([&](Connection& c) { return PeopleStore(c).add({name, role, "$hash", false, 1}); }));
+  };
+  add("max", pb::CURRICULUM_MANAGER);
+  add("mia", pb::CURRICULUM_MANAGER);
+  pb::Request lower;
+  lower.mutable_change_user()->set_base_revision(1);
+  lower.mutable_change_user()->set_role(pb::INSTRUCTOR);
+  for (const char* name : {"max", "mia"}) {
+    lower.mutable_change_user()->set_name(name);
+    EXPECT_EQ(refusal(manager, lower), ErrorCode::kDenied) << name;
+  }
+  EXPECT_EQ(importPeople("name,role\nmax,instructor\n").faults(), 1u) << "nor by a table";
+  EXPECT_EQ(count("SELECT role FROM people WHERE name = 'max'"), pb::CURRICULUM_MANAGER);
+  pb::Request name;
+  name.mutable_change_user()->set_base_revision(1);
+  name.mutable_change_user()->set_name("max");
+  name.mutable_change_user()->set_full_name("Max M");
+  EXPECT_EQ(get(manager, name).user().full_name(), "Max M");
+  lower.mutable_change_user()->set_name("max");
+  lower.mutable_change_user()->set_base_revision(2);
+  EXPECT_EQ(get(admin, lower).user().role(), pb::INSTRUCTOR) << "an administrator may";
+}
+
+TEST_F(Standing, whoIsPromotedWhileItsPasswordIsMadeKeepsItsOwn) {
+  // the manager's call looks, hashes for a tenth of a second, and looks again when it stores
+  for (int round = 0; round < 3; ++round) {
+    const std::string name = "ina" + std::to_string(round);
+    ASSERT_OK(change([&](Connection& c) {
+      return PeopleStore(c).add({name, pb::INSTRUCTOR, "$old", false, 1});
+    }));
+    pb::Request password, promote;
+    password.mutable_set_password()->set_name(name);
+    password.mutable_set_password()->set_password("another horse");
+    promote.mutable_change_user()->set_name(name);
+    promote.mutable_change_user()->set_base_revision(1);
+    promote.mutable_change_user()->set_role(pb::ADMINISTRATOR);
+    std::thread manager_asks([&] { (void)ask(manager, password); });
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    get(admin, promote);
+    const std::int64_t promoted = count("SELECT max(id) FROM audit WHERE action = 'user change'");
+    manager_asks.join();
+    // whichever came first: never a password by a manager after the promotion
+    EXPECT_EQ(
+        count("SELECT count(*) FROM audit WHERE action = 'user passwd' AND id > " + std::to_string(promoted)),
+        0);
+  }
+}
+
+TEST_F(Standing, aTableLeavesALineForEachPersonAndGroupThatItChanges) {
+  addPerson("anna", pb::TRAINEE);
+  EXPECT_TRUE(importPeople("name,full_name,group\nanna,Anna A,class\nben,Ben B,class\n").done());
+  const auto lines = [&](const std::string& action, const std::string& subject, const std::string& like) {
+    return count("SELECT count(*) FROM audit WHERE action = '" + action + "' AND subject = '" + subject +
+                 "' AND detail LIKE '" + like + "'");
+  };
+  EXPECT_EQ(lines("user import", "anna", "joins class; full name: _%Anna A_"), 1);
+  EXPECT_EQ(lines("user import", "ben", "added as trainee, joins class"), 1);
+  EXPECT_EQ(lines("group set", "class", "%joined: anna, ben%"), 1);
+  // who comes second hears of the table
+  pb::Request edit;
+  edit.mutable_change_user()->set_name("anna");
+  edit.mutable_change_user()->set_base_revision(1);
+  edit.mutable_change_user()->set_full_name("Other");
+  const auto conflict = ask(manager, edit);
+  ASSERT_TRUE(conflict.error.has_value());
+  EXPECT_NE(conflict.error->message.find("What came first: joins class; full name"), std::string::npos)
+      << conflict.error->message;
+}
+
+TEST_F(Standing, anExcusedAttemptDoesNotPassEither) {
+  addStation();
+  putCourse({{"second", {{"prerequisites", {"first"}}}}});
+  addPerson("anna", pb::TRAINEE);
+  attempt("anna", "first", false);
+  const Uuid passed = attempt("anna", "first", true);
+  EXPECT_FALSE(lesson("second").has_value());
+  pb::Request excuse;
+  excuse.mutable_excuse_attempt()->set_session_id(test::bytesOfId(passed));
+  excuse.mutable_excuse_attempt()->set_excused(true);
+  get(instructor, excuse);
+  EXPECT_TRUE(lesson("second").has_value()) << "what does not count unlocks nothing";
+  const auto cell = results(instructor).rows(0).cells(0);
+  EXPECT_EQ(cell.attempts(), 1u);
+  EXPECT_TRUE(cell.has_passed());
+  EXPECT_FALSE(cell.passed());
+  EXPECT_NE(cell.best().session_id(), test::bytesOfId(passed));
+  excuse.mutable_excuse_attempt()->set_excused(false);
+  get(instructor, excuse);
+  EXPECT_FALSE(lesson("second").has_value());
+}
+
+TEST_F(Standing, anExerciseThatAsksForNothingIsDoneWhenItWasTried) {
+  addStation();
+  putCourse({{"first", {{"requirements", nlohmann::json::array()}, {"due_unix_ms", 1'700'000'000'000}}},
+             {"second", {{"prerequisites", {"first"}}, {"due_unix_ms", 1'700'000'000'000}}}});
+  addPerson("anna", pb::TRAINEE);
+  attempt("anna", "third", true);
+  EXPECT_TRUE(results(instructor).rows(0).cells(0).overdue());
+  EXPECT_TRUE(lesson("second").has_value());
+  const Uuid id = makeUuidV7();
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    auto d = test::describe(id);
+    d.set_exercise_id("first");
+    if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
+    const auto closed = SessionStore(c).close(test::closeOf(id, 0), 2);
+    return closed ? Status() : Status(closed.error());
+  }));
+  const auto row = results(instructor).rows(0);
+  EXPECT_FALSE(row.cells(0).has_passed());
+  EXPECT_FALSE(row.cells(0).overdue());
+  EXPECT_TRUE(row.cells(1).overdue());
+  EXPECT_FALSE(lesson("second").has_value());
+  // a date that is none in nanoseconds of 64 bits is refused where it is written
+  pb::Request far;
+  far.mutable_import_curriculum()->set_json(
+      R"({"id":"far","name":"F","exercises":[{"id":"f","name":"F","profile_id":"knee-adult","due_unix_ms":32503680000000}]})");
+  EXPECT_EQ(refusal(manager, far), ErrorCode::kInvalidInput);
+}
+
+TEST_F(Standing, aTraineeIsToldNobodyElsesStanding) {
+  putCourse({{"first", {{"attempts", 2}}}});
+  addPerson("ben", pb::TRAINEE);
+  pb::Request request;
+  request.mutable_get_lesson()->set_exercise_id("first");
+  request.mutable_get_lesson()->set_trainee("ben");
+  EXPECT_EQ(refusal(trainee, request), ErrorCode::kDenied);
+  get(instructor, request);
+  request.mutable_get_lesson()->set_trainee("anna");
+  EXPECT_EQ(get(trainee, request).lesson().attempts_left(), 2u);
+}
+
+TEST_F(Standing, progressTellsHowEachMeasureWent) {
+  addStation();
+  putCourse();
+  for (int i = 0; i < 6; ++i) {
+    const Uuid id = attempt("anna", "first", true);
+    // version 2, falling by 0.5 N with each attempt; the third does not count, the fifth was not scored anew
+    const std::string measures =
+        R"([{"measure":"peak_force_n","unit":"N","words":"","value":)" + std::to_string(5 - 0.5 * i) + "}]";
+    if (i != 4)
+      ASSERT_OK(change([&](Connection& c) { return ScoreStore(c).put(test::scoreOf(id, measures, 2)); }));
+    if (i != 2) continue;
+    pb::Request excuse;
+    excuse.mutable_excuse_attempt()->set_session_id(test::bytesOfId(id));
+    excuse.mutable_excuse_attempt()->set_excused(true);
+    get(instructor, excuse);
+  }
+  pb::Request ask_progress;
+  ask_progress.mutable_get_progress()->set_trainee("anna");
+  EXPECT_EQ(get(trainee, ask_progress).progress().measures_json(), "") << "of all exercises at once: none";
+  ask_progress.mutable_get_progress()->set_exercise_id("first");
+  const auto progress = get(trainee, ask_progress).progress();
+  EXPECT_EQ(progress.attempts_size(), 6);
+  const auto rows = nlohmann::json::parse(progress.measures_json());
+  ASSERT_EQ(rows.size(), 1u) << progress.measures_json();
+  EXPECT_EQ(rows[0]["measure"], "peak_force_n");
+  EXPECT_EQ(rows[0]["values"], (nlohmann::json{5.0, 4.5, 3.5, 2.5}));
+  EXPECT_NEAR(rows[0]["trend"]["tau"].get<double>(), -1, 1e-12);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,454 @@
+// Whom managers may manage, edits that meet, classes from tables, locks, results.
+#include <algorithm>
+#include <atomic>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
+
+#include "tests/unit/db/service/teaching_fixture.h"
+
+namespace needlelab {
+namespace {
+
+using Teaching = test::TeachingTest;
+
+TEST_F(Teaching, aManagerManagesNobodyAboveItself) {
+  const auto add = [](const std::string& name, pb::Role role) {
+    pb::Request request;
+    request.mutable_add_user()->set_name(name);
+    request.mutable_add_user()->set_role(role);
+    request.mutable_add_user()->set_password("correct horse");
+    return request;
+  };
+  EXPECT_EQ(refusal(manager, add("eve", pb::ADMINISTRATOR)), ErrorCode::kDenied);
+  EXPECT_EQ(refusal(manager, add("eve", pb::RESEARCHER)), ErrorCode::kDenied);
+  get(manager, add("ira", pb::INSTRUCTOR));
+  get(admin, add("adam", pb::ADMINISTRATOR));
+  get(admin, add("rita", pb::RESEARCHER));
+  get(admin, add("max", pb::CURRICULUM_MANAGER));
+  pb::Request change;
+  change.mutable_change_user()->set_base_revision(1);
+  for (const char* name : {"adam", "rita"}) {
+    change.mutable_change_user()->set_name(name);
+    change.mutable_change_user()->set_role(pb::TRAINEE);
+    EXPECT_EQ(refusal(manager, change), ErrorCode::kDenied) << name;
+    pb::Request disable, password;
+    disable.mutable_disable_user()->set_name(name);
+    EXPECT_EQ(refusal(manager, disable), ErrorCode::kDenied) << name;
+    password.mutable_set_password()->set_name(name);
+    password.mutable_set_password()->set_password("another horse");
+    EXPECT_EQ(refusal(manager, password), ErrorCode::kDenied) << name;
+  }
+  change.mutable_change_user()->set_name("ira");
+  change.mutable_change_user()->set_role(pb::ADMINISTRATOR);
+  EXPECT_EQ(refusal(manager, change), ErrorCode::kDenied) << "nobody is made more than its maker";
+  change.mutable_change_user()->set_role(pb::CURRICULUM_MANAGER);
+  EXPECT_EQ(get(manager, change).user().revision(), 2u);
+  pb::Request password;
+  password.mutable_set_password()->set_name("max");
+  password.mutable_set_password()->set_password("another horse");
+  EXPECT_EQ(refusal(manager, password), ErrorCode::kDenied) << "a manager's password is its own";
+}
+
+TEST_F(Teaching, whoComesSecondHearsWhoChangedWhatWhenAndNothingIsLost) {
+  for (const char* name : {"anna", "ben", "zoe"}) addPerson(name, pb::TRAINEE);
+  get(manager, putGroup("class", {"anna"}, 0));
+  const Principal other{"max", pb::CURRICULUM_MANAGER};
+  get(other, putGroup("class", {"anna", "ben"}, 1));
+  const Outcome late = ask(manager, putGroup("class", {"anna", "zoe"}, 1));
+  ASSERT_TRUE(late.error.has_value());
+  EXPECT_EQ(late.error->code, ErrorCode::kConflict);
+  EXPECT_EQ(late.error->current_revision, 2u);
+  for (const char* words : {"'max'", "revision 2", "joined: ben", " UTC"})
+    EXPECT_NE(late.error->message.find(words), std::string::npos) << words << ": " << late.error->message;
+
+  // profiles say which of their parts it was
+  pb::Request read;
+  read.mutable_get_profile()->set_id("knee-adult");
+  auto json = nlohmann::json::parse(get(manager, read).profile().json());
+  pb::Request import;
+  import.mutable_import_profile()->set_base_revision(1);
+  json["name"] = "Renamed";
+  json["layers"][0]["cutting_force_n"] = 0.25;
+  import.mutable_import_profile()->set_json(json.dump());
+  get(other, import);
+  json["description"] = "mine";
+  import.mutable_import_profile()->set_json(json.dump());
+  const Outcome profile = ask(manager, import);
+  ASSERT_TRUE(profile.error.has_value());
+  EXPECT_EQ(profile.error->code, ErrorCode::kConflict);
+  for (const char* words : {"'max'", "layers", "name"})
+    EXPECT_NE(profile.error->message.find(words), std::string::npos)
+        << words << ": " << profile.error->message;
+}
+
+TEST_F(Teaching, ofManyWhoEditAtOnceExactlyOneWinsEachRound) {
+  constexpr int kThreads = 4, kRounds = 15;
+  for (int i = 0; i < kThreads; ++i) addPerson("t" + std::to_string(i), pb::TRAINEE);
+  get(manager, putGroup("class", {}, 0));
+  std::atomic<int> won{0}, conflicts{0};
+  std::vector<std::thread> threads;
+  for (int i = 0; i < kThreads; ++i) {
+    threads.emplace_back([&, i] {
+      const Principal who{"m" + std::to_string(i), pb::CURRICULUM_MANAGER};
+      const std::string me = "t" + std::to_string(i);
+      for (int round = 0; round < kRounds;) {
+        pb::Request read;
+        read.mutable_get_group()->set_id("class");
+        const auto group = store->service().execute(who, read).reply.group();
+        pb::Request put;
+        *put.mutable_put_group()->mutable_group() = group;
+        put.mutable_put_group()->set_base_revision(group.revision());
+        // joins and leaves in turn, so that each edit that succeeds is a new revision
+        auto* members = put.mutable_put_group()->mutable_group()->mutable_members();
+        const auto mine = std::find(members->begin(), members->end(), me);
+        if (mine == members->end())
+          *members->Add() = me;
+        else
+          members->erase(mine);
+        const Outcome outcome = store->service().execute(who, put);
+        if (!outcome.error) {
+          ++won;
+          ++round;
+        } else {
+          EXPECT_EQ(outcome.error->code, ErrorCode::kConflict) << outcome.error->message;
+          ++conflicts;
+        }
+      }
+    });
+  }
+  for (auto& thread : threads) thread.join();
+  pb::Request read;
+  read.mutable_get_group()->set_id("class");
+  const auto group = get(manager, read).group();
+  // no edit was lost: revisions count them, and who edited an odd number of times is in
+  EXPECT_EQ(group.revision(), 1u + kThreads * kRounds);
+  EXPECT_EQ(won, kThreads * kRounds);
+  EXPECT_EQ(group.members_size(), kRounds % 2 == 1 ? kThreads : 0);
+}
+
+TEST_F(Teaching, aClassOfAThousandComesFromATableAllOfItOrNothing) {
+  std::string csv = "name,full_name,role,group\n";
+  for (int i = 0; i < 1000; ++i)
+    csv += "s" + std::to_string(i) + ",\"Student, " + std::to_string(i) + "\",,class-a;all\r\n";
+  const auto plan = importPeople(csv, true);
+  EXPECT_EQ(plan.added(), 1000u);
+  EXPECT_FALSE(plan.done());
+  EXPECT_EQ(count("SELECT count(*) FROM people"), 0);
+  EXPECT_TRUE(importPeople(csv).done());
+  EXPECT_EQ(count("SELECT count(*) FROM people WHERE role = 1"), 1000);
+  EXPECT_EQ(count("SELECT count(*) FROM group_members"), 2000);
+  EXPECT_EQ(count("SELECT count(*) FROM people WHERE full_name = 'Student, 7'"), 1);
+  // again: nothing to do, and no group has a new revision
+  const auto again = importPeople(csv);
+  EXPECT_EQ(again.unchanged(), 1000u);
+  EXPECT_EQ(count("SELECT max(revision) FROM groups"), 1);
+}
+
+TEST_F(Teaching, aTableWithFaultsNamesRowColumnAndReasonAndChangesNothing) {
+  addPerson("anna", pb::TRAINEE);
+  addPerson("adam", pb::ADMINISTRATOR);
+  const auto report = importPeople(
+      "role,name,password\n"
+      "trainee,good,\n"
+      "boss,bob,\n"
+      ",anna,\n"
+      "trainee,\n"
+      "instructor,ida,\n"
+      "instructor,ina2,short\n"
+      "trainee,good,\n"
+      "administrator,eve,correct horse\n"
+      "trainee,adam,\n"
+      "\n");
+  EXPECT_FALSE(report.done());
+  std::map<std::uint32_t, std::string> faults;
+  for (const auto& row : report.rows())
+    if (row.what() == pb::PeopleImport::FAULT) faults[row.line()] = row.column();
+  const std::map<std::uint32_t, std::string> expected{
+      {3, "role"}, {5, ""}, {6, "password"}, {7, "password"}, {8, "name"}, {9, "role"}, {10, "role"}};
+  EXPECT_EQ(faults, expected) << report.DebugString();
+  EXPECT_EQ(report.faults(), 7u);
+  EXPECT_EQ(count("SELECT count(*) FROM people"), 2);
+  for (const std::string& csv :
+       {std::string(), std::string("name\n"), std::string("nom\nanna\n"), std::string("name,name\na,b\n"),
+        std::string("full_name\nx\n"), std::string("name\n\"a\n"), std::string("name\n\"a\"b\n"),
+        std::string("name\n\xff\n")}) {
+    pb::Request request;
+    request.mutable_import_people()->set_csv(csv);
+    EXPECT_EQ(refusal(manager, request), ErrorCode::kInvalidInput) << csv;
+  }
+  // who is given a password can log in
+  EXPECT_TRUE(importPeople("name,role,password\nira,instructor,correct horse\ntom,,\n").done());
+  EXPECT_OK(store->service().loginPerson("ira", "correct horse"));
+  EXPECT_FALSE(store->service().loginPerson("tom", "").ok());
+  // spreadsheets of half of Europe, with a byte order mark
+  EXPECT_EQ(importPeople("\xef\xbb\xbfname;full_name\nzoë;Zoë Ö\n").added(), 1u);
+}
+
+TEST_F(Teaching, coursesWithPrerequisitesInACircleAreRefusedWithTheCircle) {
+  pb::Request request;
+  const auto import = [&](const char* first, const char* second, const char* third) {
+    nlohmann::json course{{"id", "course"}, {"name", "A course"}, {"exercises", nlohmann::json::array()}};
+    for (const auto& [id, before] :
+         std::map<std::string, std::string>{{"first", first}, {"second", second}, {"third", third}}) {
+      nlohmann::json exercise{{"id", id}, {"name", id}, {"profile_id", "knee-adult"}};
+      if (!before.empty()) exercise["prerequisites"] = {before};
+      course["exercises"].push_back(exercise);
+    }
+    request.mutable_import_curriculum()->set_json(course.dump());
+    return ask(manager, request).error;
+  };
+  const auto circle = import("third", "first", "second");
+  ASSERT_TRUE(circle.has_value());
+  EXPECT_EQ(circle->code, ErrorCode::kInvalidInput);
+  EXPECT_NE(circle->message.find("\"first\" needs \"third\" needs \"second\" needs \"first\""),
+            std::string::npos)
+      << circle->message;
+  const auto itself = import("", "second", "");
+  ASSERT_TRUE(itself.has_value());
+  EXPECT_NE(itself->message.find("\"second\" needs \"second\""), std::string::npos) << itself->message;
+  const auto stranger = import("elsewhere", "", "");
+  ASSERT_TRUE(stranger.has_value());
+  EXPECT_NE(stranger->message.find("exercises[0].prerequisites[0]"), std::string::npos) << stranger->message;
+  EXPECT_FALSE(import("", "first", "second").has_value());
+}
+
+TEST_F(Teaching, anExerciseIsLockedUntilWhatComesBeforeItIsPassed) {
+  addStation();
+  putCourse(
+      {{"second", {{"prerequisites", {"first"}}}}, {"third", {{"prerequisites", {"first", "second"}}}}});
+  EXPECT_FALSE(lesson("first").has_value());
+  const auto locked = lesson("third");
+  ASSERT_TRUE(locked.has_value());
+  EXPECT_EQ(locked->code, ErrorCode::kDenied);
+  EXPECT_EQ(locked->message, "\"The third\" is still locked: pass \"The first\", \"The second\" first");
+  attempt("anna", "first", false);
+  EXPECT_TRUE(lesson("second").has_value());
+  attempt("anna", "first", true);
+  EXPECT_FALSE(lesson("second").has_value());
+  EXPECT_TRUE(lesson("second", "ben").has_value()) << "each for itself";
+  EXPECT_FALSE(lesson("third", "").has_value()) << "nobody in particular looks at anything";
+  attempt("anna", "second", true);
+  EXPECT_FALSE(lesson("third").has_value());
+  // a later failure does not lock again
+  attempt("anna", "first", false);
+  EXPECT_FALSE(lesson("third").has_value());
+}
+
+TEST_F(Teaching, attemptsAreCountedAndMayBeGivenBack) {
+  addStation();
+  putCourse({{"first", {{"attempts", 2}}}});
+  pb::Request ask_lesson;
+  ask_lesson.mutable_get_lesson()->set_exercise_id("first");
+  ask_lesson.mutable_get_lesson()->set_trainee("anna");
+  const auto fresh = get(station, ask_lesson).lesson();
+  EXPECT_EQ(fresh.attempt(), 1u);
+  EXPECT_EQ(fresh.attempts_left(), 2u);
+  attempt("anna", "first", false);
+  const Uuid last = attempt("anna", "first", false);
+  const auto spent = lesson("first");
+  ASSERT_TRUE(spent.has_value());
+  EXPECT_NE(spent->message.find("all 2 attempts have been used"), std::string::npos) << spent->message;
+  pb::Request excuse;
+  excuse.mutable_excuse_attempt()->set_session_id(test::bytesOfId(last));
+  excuse.mutable_excuse_attempt()->set_excused(true);
+  excuse.mutable_excuse_attempt()->set_reason("the station stopped");
+  EXPECT_EQ(refusal(trainee, excuse), ErrorCode::kDenied);
+  EXPECT_TRUE(get(instructor, excuse).attempt().excused());
+  const auto back = get(station, ask_lesson).lesson();
+  EXPECT_EQ(back.attempt(), 3u);
+  EXPECT_EQ(back.attempts_left(), 1u);
+}
+
+TEST_F(Teaching, anExercisesOwnNeedleIsTheLessons) {
+  putCourse({{"first", {{"needle", {{"length_m", 0.05}, {"gauge", 22}}}}}});
+  pb::Request request;
+  request.mutable_get_lesson()->set_exercise_id("first");
+  const auto lesson = nlohmann::json::parse(get(station, request).lesson().profile_json());
+  EXPECT_EQ(lesson["needle"]["gauge"], 22);
+  EXPECT_EQ(lesson["id"], "knee-adult");
+  pb::Request wrong;
+  wrong.mutable_import_curriculum()->set_json(
+      R"({"id":"c2","name":"C","exercises":[{"id":"x","name":"X","profile_id":"knee-adult","needle":{"length_m":0.05,"gauge":22,"outer_diameter_m":0.003}}]})");
+  EXPECT_EQ(refusal(manager, wrong), ErrorCode::kInvalidInput);
+}
+
+TEST_F(Teaching, theMatrixOfACourse) {
+  addStation();
+  putCourse({{"second", {{"prerequisites", {"first"}}, {"attempts", 3}}}});
+  for (const char* name : {"anna", "ben", "zoe"}) addPerson(name, pb::TRAINEE);
+  get(manager, putGroup("class", {"anna", "zoe"}, 0));
+  pb::Request assign;
+  assign.mutable_assign()->set_course_id("course");
+  assign.mutable_assign()->set_group_id("class");
+  assign.mutable_assign()->set_due_unix_ns(1'700'000'001'000'000'000);
+  EXPECT_EQ(get(manager, assign).assignments().assignments_size(), 1);
+  attempt("anna", "first", false);
+  const Uuid best = attempt("anna", "first", true, 1'700'000'002'000'000'000);
+  attempt("anna", "first", false, 1'700'000'003'000'000'000);
+  attempt("ben", "first", false);
+  const auto all = results(instructor);
+  ASSERT_EQ(all.rows_size(), 3) << "those of the group, and who tried without";
+  ASSERT_EQ(all.exercise_ids_size(), 3);
+  const auto& anna = all.rows(0);
+  EXPECT_EQ(anna.trainee(), "anna");
+  EXPECT_EQ(anna.cells(0).attempts(), 3u);
+  EXPECT_TRUE(anna.cells(0).passed());
+  EXPECT_EQ(anna.cells(0).best().session_id(), test::bytesOfId(best)) << "a pass before what came after it";
+  EXPECT_TRUE(anna.cells(0).best().late());
+  EXPECT_FALSE(anna.cells(0).overdue());
+  EXPECT_TRUE(anna.cells(2).overdue());
+  EXPECT_EQ(anna.cells(1).attempts_left(), 3u);
+  EXPECT_EQ(anna.cells(1).locked_by_size(), 0);
+  EXPECT_EQ(all.rows(1).trainee(), "ben");
+  EXPECT_EQ(all.rows(1).cells(0).due_unix_ns(), 0) << "nobody gave it to ben";
+  ASSERT_EQ(all.rows(1).cells(1).locked_by_size(), 1);
+  EXPECT_EQ(all.rows(1).cells(1).locked_by(0), "first");
+  EXPECT_EQ(results(instructor, "class").rows_size(), 2);
+  ASSERT_EQ(results(trainee).rows_size(), 1) << "a trainee sees its own row";
+  EXPECT_EQ(results(trainee).rows(0).trainee(), "anna");
+
+  pb::Request progress;
+  progress.mutable_get_progress()->set_trainee("anna");
+  progress.mutable_get_progress()->set_exercise_id("first");
+  const auto attempts = get(trainee, progress).progress();
+  ASSERT_EQ(attempts.attempts_size(), 3);
+  EXPECT_FALSE(attempts.attempts(0).late());
+  EXPECT_EQ(attempts.attempts(1).number(), 2u);
+  EXPECT_NE(attempts.attempts(1).score_json(), "");
+  progress.mutable_get_progress()->set_trainee("ben");
+  EXPECT_EQ(refusal(trainee, progress), ErrorCode::kDenied);
+  pb::Request unknown;
+  unknown.mutable_get_results()->set_course_id("nothing");
+  EXPECT_EQ(refusal(instructor, unknown), ErrorCode::kNotFound);
+}
+
+TEST_F(Teaching, scoresAndReferencesOfAnExercise) {
+  addStation();
+  putCourse();
+  addPerson("anna", pb::TRAINEE);
+  std::vector<Uuid> experts;
+  for (int i = 0; i < 5; ++i) experts.push_back(attempt("eva", "first", true));
+  const Uuid own = attempt("anna", "first", false);
+  pb::Request set;
+  set.mutable_set_reference()->set_exercise_id("first");
+  for (const Uuid& id : experts) set.mutable_set_reference()->add_session_ids(test::bytesOfId(id));
+  const auto reference = get(instructor, set).reference();
+  ASSERT_EQ(reference.bands_size(), 1);
+  EXPECT_EQ(reference.bands(0).measure(), "peak_force_n");
+  EXPECT_EQ(reference.bands(0).n(), 5u);
+  EXPECT_DOUBLE_EQ(reference.bands(0).mean(), 3);
+  EXPECT_DOUBLE_EQ(reference.bands(0).sd(), 0);
+  EXPECT_EQ(refusal(instructor, set), ErrorCode::kConflict);
+  pb::Request score;
+  score.mutable_get_score()->set_session_id(test::bytesOfId(own));
+  const auto got = get(trainee, score).score();
+  EXPECT_TRUE(got.first());
+  EXPECT_FALSE(got.passed());
+  const auto comparison = nlohmann::json::parse(got.comparison_json());
+  ASSERT_EQ(comparison.size(), 1u);
+  EXPECT_EQ(comparison[0]["measure"], "peak_force_n");
+  score.mutable_get_score()->set_session_id(test::bytesOfId(experts[0]));
+  EXPECT_EQ(refusal(trainee, score), ErrorCode::kNotFound) << "somebody else's";
+  pb::Request list;
+  list.mutable_list_scores()->set_course_id("course");
+  EXPECT_EQ(get(instructor, list).scores().scores_size(), 6);
+  list.mutable_list_scores()->set_group_id("nobody");
+  EXPECT_EQ(get(instructor, list).scores().scores_size(), 0);
+  pb::Request measures;
+  measures.mutable_list_measures();
+  EXPECT_GT(get(researcher, measures).measures().measures_size(), 20);
+}
+
+TEST_F(Teaching, aSessionIsScoredAnewBesideItsFirstScore) {
+  addStation();
+  pb::Request profile;
+  profile.mutable_get_profile()->set_id("knee-adult");
+  const Uuid id = addSession("anna", 5, 100, get(admin, profile).profile().json());
+  pb::Request rescore;
+  rescore.mutable_rescore_session()->set_session_id(test::bytesOfId(id));
+  EXPECT_EQ(refusal(instructor, rescore), ErrorCode::kUnavailable) << "it is open";
+  ASSERT_OK(store->service().closeSession(test::closeOf(id, 5, 100), "station-1"));
+  // as if an older program had scored it
+  ASSERT_OK(change([](Connection& c) {
+    return c.script(
+        "UPDATE scores SET definition_version = 1, measures = '[]'; UPDATE sessions SET score_json = '[]'");
+  }));
+  const auto again = get(instructor, rescore).score();
+  EXPECT_GT(again.definition_version(), 1u);
+  EXPECT_FALSE(again.first());
+  EXPECT_NE(again.measures_json().find("elapsed_s"), std::string::npos);
+  pb::Request show;
+  show.mutable_get_session()->set_session_id(test::bytesOfId(id));
+  EXPECT_EQ(get(instructor, show).session().score_json(), "[]");
+  show.mutable_get_score()->set_session_id(test::bytesOfId(id));
+  EXPECT_EQ(get(instructor, show).score().definition_version(), again.definition_version());
+  show.mutable_get_score()->set_definition_version(1);
+  EXPECT_EQ(get(instructor, show).score().measures_json(), "[]");
+}
+
+TEST_F(Teaching, aTextIsCheckedWithoutBeingStored) {
+  const auto check = [&](const std::string& json, const std::string& kind) {
+    pb::Request request;
+    request.mutable_check_text()->set_json(json);
+    request.mutable_check_text()->set_kind(kind);
+    return get(instructor, request).text_check();
+  };
+  pb::Request read;
+  read.mutable_get_profile()->set_id("knee-adult");
+  auto json = nlohmann::json::parse(get(manager, read).profile().json());
+  EXPECT_TRUE(check(json.dump(), "").ok());
+  json["layers"][1]["cutting_force_n"] = 75;
+  const auto wrong = check(json.dump(), "profile");
+  EXPECT_FALSE(wrong.ok());
+  ASSERT_EQ(wrong.problems_size(), 1);
+  EXPECT_EQ(wrong.problems(0).path(), "layers[1].cutting_force_n");
+  EXPECT_NE(wrong.problems(0).message().find("75"), std::string::npos);
+  const auto broken = check("{\"id\":", "profile");
+  ASSERT_EQ(broken.problems_size(), 1);
+  EXPECT_NE(broken.problems(0).message(), "");
+  const auto course =
+      check(R"({"id":"c","name":"C","exercises":[{"id":"x","name":"X","profile_id":"nothing"}]})", "course");
+  ASSERT_EQ(course.problems_size(), 1);
+  EXPECT_EQ(course.problems(0).path(), "exercises[0].profile_id");
+}
+
+TEST_F(Teaching, thePreviewIsWhatTheEngineRenders) {
+  pb::Request request;
+  auto* call = request.mutable_preview_profile();
+  pb::Request read;
+  read.mutable_get_profile()->set_id("knee-adult");
+  const std::string json = get(manager, read).profile().json();
+  call->set_json(json);
+  call->set_points(200);
+  const auto preview = get(instructor, request).profile_preview();
+  ASSERT_EQ(preview.depth_m_size(), 200);
+  ASSERT_EQ(preview.total_n_size(), 200);
+  const auto profile = nlohmann::json::parse(json);
+  EXPECT_EQ(preview.layers_size(), static_cast<int>(profile["layers"].size()));
+  double bottom = 0;
+  for (const auto& layer : profile["layers"]) bottom += layer["thickness_m"].get<double>();
+  EXPECT_NEAR(preview.depth_m(199), std::min(bottom, profile["needle"]["length_m"].get<double>()), 2e-5);
+  EXPECT_NEAR(preview.depth_m(0), 0, 2e-5);
+  double sum = 0;
+  for (int i = 0; i < 200; ++i) {
+    EXPECT_LE(std::abs(preview.total_n(i)), preview.max_force_n() + 1e-9);
+    double parts = 0;
+    for (const auto& curve : preview.by_effect()) parts += curve.force_n(i);
+    // clipped, the whole is less than its parts
+    if (std::abs(parts) < preview.max_force_n() - 1e-6) {
+      EXPECT_NEAR(parts, preview.total_n(i), 1e-6) << i;
+    }
+    sum += preview.total_n(i);
+  }
+  EXPECT_GT(sum, 0) << "tissue holds against the needle";
+  call->set_points(1);
+  EXPECT_EQ(refusal(instructor, request), ErrorCode::kInvalidInput);
+  call->set_points(10);
+  call->set_json("{}");
+  EXPECT_EQ(refusal(instructor, request), ErrorCode::kInvalidInput);
+}
+
+}  // namespace
+}  // namespace needlelab

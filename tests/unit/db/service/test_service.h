@@ -1,0 +1,74 @@
+/// A store in a fresh folder with its samples, and requests by anybody.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "db/people_store.h"
+#include "db/service/bootstrap.h"
+#include "tests/unit/db/test_db.h"
+
+namespace needlelab::test {
+
+inline std::unique_ptr<Store> openStore(const std::filesystem::path& folder) {
+  Store::Options options;
+  options.writer.window = std::chrono::milliseconds(1);
+  auto store = Store::open(folder, options);
+  if (!store) throw std::runtime_error(store.error().message);
+  return std::move(*store);
+}
+
+class ServiceTest : public testing::Test {
+ protected:
+  Outcome ask(const Principal& who, const pb::Request& request) {
+    return store->service().execute(who, request);
+  }
+  /// The reply, which must be one.
+  pb::Reply get(const Principal& who, const pb::Request& request) {
+    const Outcome outcome = ask(who, request);
+    EXPECT_FALSE(outcome.error.has_value()) << outcome.error->message;
+    return outcome.reply;
+  }
+  /// The code of the refusal, which must be one.
+  ErrorCode refusal(const Principal& who, const pb::Request& request) {
+    const Outcome outcome = ask(who, request);
+    EXPECT_TRUE(outcome.error.has_value());
+    EXPECT_EQ(outcome.reply.result_case(), pb::Reply::RESULT_NOT_SET);
+    return outcome.error ? outcome.error->code : ErrorCode::kFailed;
+  }
+  Status change(const DbWriter::Work& work) { return store->writer().run(work); }
+  /// A person without the cost of hashing a password.
+  void addPerson(const std::string& name, pb::Role role) {
+    ASSERT_OK(change([&](Connection& c) { return PeopleStore(c).add({name, role, "", false, 1}); }));
+  }
+  void addStation() {
+    ASSERT_OK(change([](Connection& c) { return StationStore(c).add("station-1", StationKeyBytes{}, 1); }));
+  }
+  /// A session of chunks 0 … chunks−1, still open.
+  Uuid addSession(const std::string& of_trainee, std::uint64_t chunks, std::size_t samples_each = 20,
+                  const std::string& profile_json = "") {
+    const Uuid id = makeUuidV7();
+    EXPECT_OK(change([&](Connection& c) -> Status {
+      auto d = describe(id);
+      d.set_trainee(of_trainee);
+      if (!profile_json.empty()) d.set_profile_json(profile_json);
+      if (auto opened = SessionStore(c).open(d, 1); !opened) return opened.error();
+      for (std::uint64_t seq = 0; seq < chunks; ++seq) {
+        auto appended = SessionStore(c).append(id, seq, chunkOf(seq, samples_each));
+        if (!appended) return appended.error();
+      }
+      return {};
+    }));
+    return id;
+  }
+
+  TempFolder folder;
+  std::unique_ptr<Store> store = openStore(folder.path() / "data");
+  const Principal admin{"ada", pb::ADMINISTRATOR};
+  const Principal manager{"mia", pb::CURRICULUM_MANAGER};
+  const Principal instructor{"ina", pb::INSTRUCTOR};
+  const Principal trainee{"anna", pb::TRAINEE};
+  const Principal station{"station-1", pb::STATION};
+};
+
+}  // namespace needlelab::test

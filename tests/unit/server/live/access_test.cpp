@@ -1,0 +1,396 @@
+// Who is kept out and who is put out: accounts, floods of one peer.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "tests/unit/server/live/raw_peer.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+using testing::HasSubstr;
+
+constexpr const char* kPassword = "correct horse battery";
+
+pb::Login byToken(const std::string& token) {
+  pb::Login login;
+  login.set_token(token);
+  return login;
+}
+
+pb::Request disable(const std::string& name) {
+  pb::Request request;
+  request.mutable_disable_user()->set_name(name);
+  return request;
+}
+
+pb::Request passwordOf(const std::string& name, const std::string& password) {
+  pb::Request request;
+  request.mutable_set_password()->set_name(name);
+  request.mutable_set_password()->set_password(password);
+  return request;
+}
+
+/// The connection was ended for good, with a word that it is about the log-in.
+void expectEnded(BlockingClient& client) {
+  const auto refusal = waitForRefusal(client);
+  EXPECT_EQ(refusal.reason(), pb::Refusal::LOGIN);
+  EXPECT_TRUE(refusal.fatal());
+}
+
+/// The audit log's entries of an action, newest first; waits a little: they are written beside.
+std::vector<pb::AuditEntry> auditOf(RunningServer& server, const std::string& action) {
+  std::vector<pb::AuditEntry> found;
+  for (int i = 0; i < 200 && found.empty(); ++i) {
+    std::this_thread::sleep_for(milliseconds(20));
+    pb::Request request;
+    request.mutable_list_audit();
+    const pb::Reply reply = server.asAdmin(request);
+    for (const auto& entry : reply.audit().entries())
+      if (entry.action() == action) found.push_back(entry);
+  }
+  return found;
+}
+
+/// What stands in the log, from warnings up, while `work` is done.
+std::string warningsOf(const std::function<void()>& work) {
+  testing::internal::CaptureStderr();
+  setLogLevel(LogLevel::kWarning);
+  work();
+  setLogLevel(LogLevel::kOff);
+  return testing::internal::GetCapturedStderr();
+}
+
+std::size_t countOf(const std::string& text, const std::string& word) {
+  std::size_t count = 0;
+  for (std::size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) ++count;
+  return count;
+}
+
+TEST(Access, guessesThatComeTogetherAreNoMoreThanThoseThatComeInTurn) {
+  RunningServer server([](ServerOptions& options) { options.guard.first_wait = std::chrono::minutes(10); });
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  server.addUser("bert", pb::INSTRUCTOR, kPassword);
+  constexpr std::size_t kGuesses = 32;
+  std::vector<std::unique_ptr<RawPeer>> peers;
+  for (std::size_t i = 0; i < kGuesses; ++i) {
+    peers.push_back(std::make_unique<RawPeer>(server));
+    peers.back()->greet();
+  }
+  // the right one is among them, behind more wrong ones than are allowed
+  for (std::size_t i = 0; i < kGuesses; ++i) {
+    pb::Envelope envelope;
+    *envelope.mutable_login() = personLogin("anna", i == 31 ? kPassword : "guess " + std::to_string(i));
+    peers[i]->send(envelope);
+    if (i == 30) std::this_thread::sleep_for(milliseconds(50));
+  }
+  std::map<pb::Refusal::Reason, int> refused;
+  for (auto& peer : peers) {
+    const auto answer = peer->receive();
+    ASSERT_TRUE(answer.has_value());
+    EXPECT_TRUE(answer->has_refusal());
+    ++refused[answer->refusal().reason()];
+  }
+  EXPECT_EQ(refused[pb::Refusal::LOGIN], 5) << "as many as one after the other";
+  EXPECT_EQ(refused[pb::Refusal::RATE_LIMITED], 27);
+  EXPECT_EQ(auditOf(server, "log-in locked").size(), 1u);
+  // others go on: the turns did not stop
+  EXPECT_TRUE(server.connect(personLogin("bert", kPassword)).ok());
+}
+
+TEST(Access, rightPasswordsThatComeTogetherAllLogIn) {
+  RunningServer server;
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  std::vector<std::unique_ptr<RawPeer>> peers;
+  for (int i = 0; i < 8; ++i) {
+    peers.push_back(std::make_unique<RawPeer>(server));
+    peers.back()->greet();
+  }
+  pb::Envelope envelope;
+  *envelope.mutable_login() = personLogin("anna", kPassword);
+  for (auto& peer : peers) peer->send(envelope);
+  for (auto& peer : peers) {
+    const auto answer = peer->receive();
+    ASSERT_TRUE(answer.has_value());
+    EXPECT_TRUE(answer->has_welcome());
+  }
+}
+
+TEST(Access, refusalsOfAPeerDoNotFillTheLog) {
+  RunningServer server;
+  const std::string key = server.addStation("bench-1");
+  std::string refusals;
+  pb::Envelope refusal;
+  refusal.mutable_refusal()->set_reason(pb::Refusal::INTERNAL);
+  refusal.mutable_refusal()->set_text("no, thank you");
+  for (int i = 0; i < 1000; ++i) refusals += RawPeer::framed(refusal);
+  // strangers: the first one ends it, without a warning
+  const std::string of_strangers = warningsOf([&] {
+    for (const bool greets : {false, true}) {
+      RawPeer stranger(server);
+      if (greets) stranger.greet();
+      stranger.write(refusals);
+      EXPECT_TRUE(stranger.readAll().empty());
+      EXPECT_TRUE(stranger.closed());
+    }
+  });
+  EXPECT_EQ(countOf(of_strangers, "no, thank you"), 0u) << of_strangers;
+  // who has logged in may refuse, and goes on; the log has the first and how many there were
+  const std::string of_station = warningsOf([&] {
+    RawPeer station(server);
+    ASSERT_TRUE(station.logIn(stationLogin("bench-1", key)).has_welcome());
+    station.write(refusals);
+    pb::Envelope ping;
+    ping.mutable_ping()->set_id(7);
+    station.send(ping);
+    bool answered = false;
+    while (const auto got = station.receive()) {
+      if (got->has_pong() && got->pong().id() == 7) {
+        answered = true;
+        break;
+      }
+    }
+    EXPECT_TRUE(answered);
+    EXPECT_EQ(server.stop(), 0);
+  });
+  EXPECT_EQ(countOf(of_station, "no, thank you"), 1u) << of_station;
+  EXPECT_THAT(of_station, HasSubstr("count=1000"));
+}
+
+TEST(Access, aDisabledAccountIsPutOutAtOnceWithItsTokensAndItIsNoted) {
+  RunningServer server;
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto first = server.connect(personLogin("anna", kPassword));
+  ASSERT_TRUE(first.ok()) << first.error().message;
+  const std::string token = first->welcome().token();
+  auto second = server.connect(byToken(token));
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(second.ok() && chief.ok());
+  ASSERT_TRUE(chief->call(disable("anna")).ok());
+  expectEnded(*first);
+  expectEnded(*second);
+  for (const std::string& each : {token, second->welcome().token()})
+    EXPECT_EQ(server.connect(byToken(each)).error().code, ErrorCode::kDenied);
+  const auto noted = auditOf(server, "access ended");
+  ASSERT_EQ(noted.size(), 1u);
+  EXPECT_EQ(noted[0].who(), "chief");
+  EXPECT_EQ(noted[0].subject(), "anna");
+  EXPECT_THAT(noted[0].detail(), HasSubstr("2 connections, 2 tokens"));
+}
+
+TEST(Access, anErasedPersonIsPutOutAndTheLogDoesNotNameIt) {
+  RunningServer server;
+  server.addUser("anna", pb::TRAINEE, kPassword);
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto anna = server.connect(personLogin("anna", kPassword));
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(anna.ok() && chief.ok());
+  pb::Request erase;
+  erase.mutable_erase_person()->set_name("anna");
+  erase.mutable_erase_person()->set_confirm("anna");
+  const auto erased = chief->call(erase);
+  ASSERT_TRUE(erased.ok()) << erased.error().message;
+  expectEnded(*anna);
+  const auto noted = auditOf(server, "access ended");
+  ASSERT_EQ(noted.size(), 1u);
+  EXPECT_EQ(noted[0].subject(), erased->erasure().pseudonym());
+  pb::Request list;
+  list.mutable_list_audit();
+  const pb::Reply lines = server.asAdmin(list);
+  for (const auto& line : lines.audit().entries())
+    EXPECT_EQ(line.ShortDebugString().find("anna"), std::string::npos) << line.ShortDebugString();
+}
+
+TEST(Access, whoGetsAnotherRoleByATableIsPutOutAndNamedInTheLog) {
+  RunningServer server;
+  server.addUser("anna", pb::ADMINISTRATOR, kPassword);
+  server.addUser("bert", pb::INSTRUCTOR, kPassword);
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto anna = server.connect(personLogin("anna", kPassword));
+  auto bert = server.connect(personLogin("bert", kPassword));
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(anna.ok() && bert.ok() && chief.ok());
+  pb::Request import;
+  import.mutable_import_people()->set_csv("name,role\nanna,instructor\nbert,instructor\n");
+  const auto done = chief->call(import);
+  ASSERT_TRUE(done.ok()) << done.error().message;
+  expectEnded(*anna);
+  EXPECT_EQ(server.connect(byToken(anna->welcome().token())).error().code, ErrorCode::kDenied);
+  pb::Request list;
+  list.mutable_list_users();
+  EXPECT_TRUE(bert->call(list).ok()) << "whose role is the same goes on";
+  const auto noted = auditOf(server, "user import");
+  ASSERT_EQ(noted.size(), 2u);
+  EXPECT_EQ(noted[1].subject(), "anna");
+  EXPECT_THAT(noted[1].detail(), HasSubstr("role: administrator to instructor"));
+  // by its own hand: after the answer, the connection of the old role is over, too
+  pb::Request own;
+  own.mutable_change_user()->set_name("chief");
+  own.mutable_change_user()->set_base_revision(1);
+  own.mutable_change_user()->set_role(pb::INSTRUCTOR);
+  server.addUser("deputy", pb::ADMINISTRATOR, kPassword);
+  EXPECT_TRUE(chief->call(own).ok());
+  expectEnded(*chief);
+}
+
+TEST(Access, whoDisablesItselfIsOutAfterTheAnswer) {
+  RunningServer server;
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  server.addUser("deputy", pb::ADMINISTRATOR, kPassword);
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(chief.ok());
+  EXPECT_TRUE(chief->call(disable("chief")).ok());
+  expectEnded(*chief);
+}
+
+TEST(Access, aNewPasswordEndsWhatTheOldOneOpened) {
+  RunningServer server;
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto mine = server.connect(personLogin("anna", kPassword));
+  auto thief = server.connect(personLogin("anna", kPassword));
+  ASSERT_TRUE(mine.ok() && thief.ok());
+  // her own change: the connection that made it goes on
+  ASSERT_TRUE(mine->call(passwordOf("anna", "something else entirely")).ok());
+  expectEnded(*thief);
+  EXPECT_EQ(server.connect(byToken(thief->welcome().token())).error().code, ErrorCode::kDenied);
+  EXPECT_EQ(server.connect(byToken(mine->welcome().token())).error().code, ErrorCode::kDenied);
+  EXPECT_EQ(server.connect(personLogin("anna", kPassword)).error().code, ErrorCode::kDenied);
+  pb::Request list;
+  list.mutable_list_users();
+  EXPECT_TRUE(mine->call(list).ok());
+  // an administrator's: all of hers end
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(chief.ok());
+  ASSERT_TRUE(chief->call(passwordOf("anna", "and once more another")).ok());
+  expectEnded(*mine);
+}
+
+TEST(Access, aRevokedStationIsPutOutAtOnceAndItIsNoted) {
+  RunningServer server;
+  const std::string key = server.addStation("bench-1");
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto station = server.connect(stationLogin("bench-1", key));
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(station.ok() && chief.ok());
+  pb::Request revoke;
+  revoke.mutable_revoke_station()->set_name("bench-1");
+  ASSERT_TRUE(chief->call(revoke).ok());
+  expectEnded(*station);
+  EXPECT_EQ(auditOf(server, "access ended").size(), 1u);
+}
+
+TEST(Access, nobodySlipsInWhileItsPasswordIsChecked) {
+  RunningServer server;
+  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
+  auto chief = server.connect(personLogin("chief", kPassword));
+  ASSERT_TRUE(chief.ok());
+  // the check reads the account first and hashes for about 0.1 s then: the account is disabled meanwhile
+  int in_between = 0;
+  for (const int after_ms : {5, 20, 35, 50, 65}) {
+    const std::string name = "user " + std::to_string(after_ms);
+    server.addUser(name, pb::INSTRUCTOR, kPassword);
+    RawPeer peer(server);
+    peer.greet();
+    pb::Envelope login;
+    *login.mutable_login() = personLogin(name, kPassword);
+    peer.send(login);
+    std::this_thread::sleep_for(milliseconds(after_ms));
+    ASSERT_TRUE(chief->call(disable(name)).ok());
+    // either it never gets in, or it was in before and is put out
+    const auto all = peer.readAll();
+    ASSERT_FALSE(all.empty());
+    ASSERT_TRUE(all.back().has_refusal()) << name;
+    EXPECT_EQ(all.back().refusal().reason(), pb::Refusal::LOGIN);
+    if (all.size() == 1) ++in_between;
+    if (all.front().has_welcome()) {
+      EXPECT_EQ(server.connect(byToken(all.front().welcome().token())).error().code, ErrorCode::kDenied);
+    }
+  }
+  EXPECT_GE(in_between, 1) << "no trial met the time of the check: the test shows nothing";
+}
+
+TEST(Access, aTokenEndsWithItsTimeButNotTheConnectionThatIsOpen) {
+  RunningServer server([](ServerOptions& options) { options.token_lifetime = milliseconds(300); });
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  auto anna = server.connect(personLogin("anna", kPassword));
+  ASSERT_TRUE(anna.ok());
+  std::this_thread::sleep_for(milliseconds(350));
+  EXPECT_EQ(server.connect(byToken(anna->welcome().token())).error().code, ErrorCode::kDenied);
+  pb::Request list;
+  list.mutable_list_users();
+  EXPECT_TRUE(anna->call(list).ok());
+}
+
+TEST(Access, guessingElsewhereLocksNobodyOutOfTheLab) {
+  RunningServer server([](ServerOptions& options) {
+    options.guard.allowed_per_name = 2;
+    options.guard.allowed_everywhere = 3;
+    options.guard.allowed_per_address = 4;
+  });
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  const std::string key = server.addStation("bench-1");
+  ASSERT_TRUE(server.connect(personLogin("anna", kPassword)).ok());
+  // from three other addresses until each is refused without a look at the password
+  for (const std::string from : {"127.0.0.2", "127.0.0.3", "127.0.0.4"}) {
+    bool limited = false;
+    for (int i = 0; i < 6 && !limited; ++i) {
+      const auto answer = RawPeer(server, from).logIn(personLogin("anna", "a guess"));
+      ASSERT_TRUE(answer.has_refusal());
+      limited = answer.refusal().reason() == pb::Refusal::RATE_LIMITED;
+    }
+    EXPECT_TRUE(limited) << from;
+  }
+  EXPECT_TRUE(RawPeer(server, "127.0.0.5").logIn(personLogin("anna", kPassword)).has_refusal())
+      << "a new address waits, too";
+  EXPECT_TRUE(server.connect(personLogin("anna", kPassword)).ok()) << "in the lab she goes on";
+  EXPECT_TRUE(RawPeer(server, "127.0.0.2").logIn(stationLogin("bench-1", key)).has_welcome())
+      << "keys cannot be guessed: a right one is never kept out";
+  EXPECT_FALSE(auditOf(server, "log-in locked").empty());
+}
+
+TEST(Access, aPersonHasSoManyConnections) {
+  RunningServer server([](ServerOptions& options) { options.bounds.connections_of_person = 3; });
+  server.addUser("anna", pb::INSTRUCTOR, kPassword);
+  std::vector<BlockingClient> open;
+  for (int i = 0; i < 3; ++i) {
+    auto client = server.connect(personLogin("anna", kPassword));
+    ASSERT_TRUE(client.ok()) << client.error().message;
+    open.push_back(std::move(*client));
+  }
+  const auto fourth = server.connect(personLogin("anna", kPassword));
+  ASSERT_FALSE(fourth.ok());
+  EXPECT_THAT(fourth.error().message, HasSubstr("RATE_LIMITED"));
+  open.pop_back();
+  EXPECT_TRUE(server.connect(personLogin("anna", kPassword)).ok());
+}
+
+TEST(Access, aFloodOfPingsIsRefusedAndThenEndsTheConnection) {
+  RunningServer server([](ServerOptions& options) {
+    options.bounds.small_messages_at_once = 50;
+    options.bounds.small_messages_per_s = 1;
+    options.bounds.refusals = 20;
+  });
+  RawPeer peer(server);
+  ASSERT_TRUE(peer.logIn(stationLogin("bench-1", server.addStation("bench-1"))).has_welcome());
+  pb::Envelope ping;
+  ping.mutable_ping()->set_id(1);
+  std::string flood;
+  for (int i = 0; i < 500; ++i) flood += RawPeer::framed(ping);
+  peer.write(flood);
+  int pongs = 0, limited = 0;
+  for (const auto& got : peer.readAll()) {
+    pongs += got.has_pong() ? 1 : 0;
+    limited += got.has_refusal() && got.refusal().reason() == pb::Refusal::RATE_LIMITED ? 1 : 0;
+  }
+  EXPECT_TRUE(peer.closed());
+  EXPECT_GE(pongs, 40);
+  EXPECT_LE(pongs, 60);
+  EXPECT_EQ(limited, 21) << "20, and the last one for good";
+}
+
+}  // namespace
+}  // namespace needlelab

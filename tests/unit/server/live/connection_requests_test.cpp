@@ -1,0 +1,256 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <thread>
+#include <vector>
+
+#include "common/wire/version.h"
+#include "tests/unit/server/live/raw_peer.h"
+#include "tests/unit/server/live/running_server.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+using testing::HasSubstr;
+
+struct Lab {
+  RunningServer server;
+  BlockingClient station = std::move(*server.connect(stationLogin("bench-1", server.addStation("bench-1"))));
+  BlockingClient instructor = [this] {
+    server.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
+    return std::move(*server.connect(personLogin("anna", "correct horse battery")));
+  }();
+};
+
+TEST(Requests, stationsAreListedWithTheirStateNow) {
+  Lab lab;
+  lab.server.addStation("bench-2");
+  pb::Envelope status;
+  status.mutable_station_status()->set_trainee("tina");
+  ASSERT_TRUE(lab.station.send(status).ok());
+  (void)lab.station.receive(milliseconds(100));
+  pb::Request list;
+  list.mutable_list_stations();
+  const auto reply = lab.instructor.call(list);
+  ASSERT_TRUE(reply.ok()) << reply.error().message;
+  ASSERT_EQ(reply->stations().stations_size(), 2);
+  EXPECT_TRUE(reply->stations().stations(0).online());
+  EXPECT_EQ(reply->stations().stations(0).status().trainee(), "tina");
+  EXPECT_FALSE(reply->stations().stations(1).online());
+}
+
+TEST(Requests, aMessageReachesTheTraineeAndNamesItsSender) {
+  Lab lab;
+  pb::Request request;
+  request.mutable_trainee_message()->set_station("bench-1");
+  request.mutable_trainee_message()->set_from("the dean");
+  request.mutable_trainee_message()->set_text("slower, please");
+  // the reply says that the station has read it, so somebody must read there meanwhile
+  pb::TraineeMessage got;
+  std::thread station([&] {
+    got =
+        waitFor(lab.station, [](const pb::Envelope& e) { return e.has_trainee_message(); }).trainee_message();
+    (void)lab.station.receive(milliseconds(100));  // answers the Ping behind it
+  });
+  EXPECT_TRUE(lab.instructor.call(request).ok());
+  station.join();
+  EXPECT_EQ(got.text(), "slower, please");
+  EXPECT_EQ(got.from(), "anna");
+  request.mutable_trainee_message()->set_station("bench-9");
+  const auto refused = lab.instructor.call(request);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
+}
+
+TEST(Requests, aidsAndStopsReachTheStationAndNameWhoSaysSo) {
+  Lab lab;
+  pb::Request aids, stop;
+  aids.mutable_set_aids()->set_station("bench-1");
+  aids.mutable_set_aids()->set_from("the dean");
+  aids.mutable_set_aids()->add_aids(pb::Exercise::ULTRASOUND);
+  stop.mutable_stop_lesson()->set_station("bench-1");
+  stop.mutable_stop_lesson()->set_reason("enough for today");
+  pb::SetAids set;
+  pb::StopLesson ended;
+  std::thread station([&] {
+    set = waitFor(lab.station, [](const pb::Envelope& e) { return e.has_set_aids(); }).set_aids();
+    ended = waitFor(lab.station, [](const pb::Envelope& e) { return e.has_stop_lesson(); }).stop_lesson();
+    (void)lab.station.receive(milliseconds(100));  // answers the Ping behind it
+  });
+  EXPECT_TRUE(lab.instructor.call(aids).ok());
+  EXPECT_TRUE(lab.instructor.call(stop).ok());
+  station.join();
+  EXPECT_EQ(set.from(), "anna");
+  ASSERT_EQ(set.aids_size(), 1);
+  EXPECT_EQ(set.aids(0), pb::Exercise::ULTRASOUND);
+  EXPECT_EQ(ended.from(), "anna");
+  EXPECT_EQ(ended.reason(), "enough for today");
+}
+
+std::vector<pb::AuditEntry> auditLines(RunningServer& server, const std::string& action) {
+  pb::Request list;
+  list.mutable_list_audit()->set_action(action);
+  const pb::Reply reply = server.asAdmin(list);
+  return {reply.audit().entries().begin(), reply.audit().entries().end()};
+}
+
+TEST(Requests, whatDidNotReachAStationIsSaidAndNoted) {
+  Lab lab;
+  lab.server.addStation("bench-2");
+  pb::Request stop;
+  stop.mutable_stop_lesson()->set_station("bench-2");
+  stop.mutable_stop_lesson()->set_reason("enough");
+  const auto refused = lab.instructor.call(stop);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
+  // the second line is written beside the answer
+  std::vector<pb::AuditEntry> lines;
+  for (int i = 0; i < 1000 && lines.empty(); ++i) {
+    lines = auditLines(lab.server, "not delivered");
+    if (lines.empty()) std::this_thread::sleep_for(milliseconds(10));
+  }
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_EQ(lines[0].who(), "anna");
+  EXPECT_EQ(lines[0].subject(), "bench-2");
+  EXPECT_THAT(lines[0].detail(), HasSubstr("stop: station 'bench-2' is not online"));
+  lines = auditLines(lab.server, "stop");
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_EQ(lines[0].detail(), "enough");
+}
+
+TEST(Requests, aStationOfAnOlderMinorIsNotToldWhatItWouldPassOver) {
+  Lab lab;
+  const std::string key = lab.server.addStation("old");
+  RawPeer old(lab.server);
+  pb::Envelope hello, login;
+  hello.mutable_hello()->mutable_version()->set_major(kProtocolMajor);
+  hello.mutable_hello()->mutable_version()->set_minor(1);
+  hello.mutable_hello()->set_program("needlelab-station 0.0.9");
+  old.send(hello);
+  ASSERT_TRUE(old.receive().has_value());
+  *login.mutable_login() = stationLogin("old", key);
+  old.send(login);
+  const auto welcome = old.receive();
+  ASSERT_TRUE(welcome && welcome->has_welcome());
+  pb::Request aids;
+  aids.mutable_set_aids()->set_station("old");
+  const auto refused = lab.instructor.call(aids);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_THAT(refused.error().message, HasSubstr("needlelab-station 0.0.9 (protocol 1.1)"));
+  EXPECT_TRUE(lab.instructor.connected()) << "that was about the station";
+}
+
+TEST(Requests, whatARoleMayNotDoIsRefusedAndTheConnectionGoesOn) {
+  Lab lab;
+  pb::Request add;
+  add.mutable_add_user()->set_name("mallory");
+  add.mutable_add_user()->set_role(pb::ADMINISTRATOR);
+  for (BlockingClient* client : {&lab.instructor, &lab.station}) {
+    const auto refused = client->call(add);
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::kDenied) << refused.error().message;
+    pb::Request lesson;
+    lesson.mutable_list_curricula();
+    EXPECT_TRUE(client->connected());
+  }
+}
+
+TEST(Requests, aRequestWithoutACallIsInvalid) {
+  Lab lab;
+  const auto refused = lab.instructor.call(pb::Request{});
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+}
+
+TEST(LivePlane, framesReachTheViewerOverTheWire) {
+  Lab lab;
+  pb::Envelope subscribe;
+  subscribe.mutable_subscribe()->set_subscription(1);
+  subscribe.mutable_subscribe()->set_station("bench-1");
+  ASSERT_TRUE(lab.instructor.send(subscribe).ok());
+  (void)waitFor(lab.instructor, [](const pb::Envelope& e) { return e.has_subscribed(); });
+  EXPECT_TRUE(waitFor(lab.station, [](const pb::Envelope& e) { return e.has_watch_state(); })
+                  .watch_state()
+                  .watched());
+  for (std::uint64_t n = 0; n < 20; ++n) {
+    pb::Envelope frame;
+    frame.mutable_live_frame()->set_frame_seq(n);
+    frame.mutable_live_frame()->set_data("n" + std::to_string(n));
+    ASSERT_TRUE(lab.station.send(frame).ok());
+  }
+  (void)lab.station.receive(milliseconds(50));
+  for (std::uint64_t n = 0; n < 20; ++n) {
+    const auto got =
+        waitFor(lab.instructor, [](const pb::Envelope& e) { return e.has_live_frame(); }).live_frame();
+    EXPECT_EQ(got.frame_seq(), n);
+    EXPECT_EQ(got.station(), "bench-1");
+  }
+  lab.instructor.finish();
+  EXPECT_FALSE(waitFor(lab.station, [](const pb::Envelope& e) { return e.has_watch_state(); })
+                   .watch_state()
+                   .watched());
+}
+
+TEST(LivePlane, aViewerThatDoesNotReadHoldsUpNeitherStoreNorOthers) {
+  Lab lab;
+  lab.server.addUser("slow", pb::INSTRUCTOR, "correct horse battery");
+  auto config = lab.server.config(personLogin("slow", "correct horse battery"));
+  config.limits.socket_buffer_bytes = 128 << 10;
+  auto slow = BlockingClient::connect(config);
+  ASSERT_TRUE(slow.ok());
+  pb::Envelope subscribe;
+  subscribe.mutable_subscribe()->set_subscription(1);
+  subscribe.mutable_subscribe()->set_station("bench-1");
+  for (BlockingClient* client : {&*slow, &lab.instructor}) {
+    ASSERT_TRUE(client->send(subscribe).ok());
+    (void)waitFor(*client, [](const pb::Envelope& e) { return e.has_subscribed(); });
+  }
+  // from here on `slow` is not run: its socket fills. 20 MB of frames, and chunks between them
+  FakeSession session("bench-1");
+  ASSERT_TRUE(lab.station.send(session.open()).ok());
+  std::uint64_t got = 0;
+  for (std::uint64_t n = 0; n < 400; ++n) {
+    pb::Envelope frame;
+    frame.mutable_live_frame()->set_frame_seq(n);
+    frame.mutable_live_frame()->set_data(std::string(50'000, 'x'));
+    ASSERT_TRUE(lab.station.send(frame).ok());
+    if (n % 40 == 0) {
+      ASSERT_TRUE(lab.station.send(session.chunk(n / 40)).ok());
+      session.waitForAck(lab.station, n / 40 + 1);
+    } else {
+      (void)lab.station.receive(milliseconds(1));
+    }
+    for (;;) {
+      const auto envelope = lab.instructor.receive(milliseconds(0));
+      if (!envelope.ok()) break;
+      got += envelope->has_live_frame() ? 1u : 0u;
+    }
+  }
+  while (got < 400) {
+    const auto envelope = lab.instructor.receive(milliseconds(1000));
+    if (!envelope.ok()) break;
+    got += envelope->has_live_frame() ? 1u : 0u;
+  }
+  EXPECT_GT(got, 350u) << "the fast viewer gets (nearly) all";
+  // the slow one wakes up: it gets the newest, and hears of its loss
+  std::uint64_t dropped = 0, slow_got = 0;
+  for (;;) {
+    const auto envelope = slow->receive(milliseconds(1000));
+    if (!envelope.ok()) break;
+    if (!envelope->has_live_frame()) continue;
+    ++slow_got;
+    dropped = std::max(dropped, envelope->live_frame().dropped_for_you());
+  }
+  EXPECT_LT(slow_got, 400u);
+  pb::Envelope frame;
+  frame.mutable_live_frame()->set_frame_seq(400);
+  ASSERT_TRUE(lab.station.send(frame).ok());
+  (void)lab.station.receive(milliseconds(50));
+  const auto last = waitFor(*slow, [](const pb::Envelope& e) { return e.has_live_frame(); }).live_frame();
+  EXPECT_EQ(last.frame_seq(), 400u);
+  EXPECT_EQ(slow_got + last.dropped_for_you(), 400u) << "every frame is either there or counted";
+}
+
+}  // namespace
+}  // namespace needlelab

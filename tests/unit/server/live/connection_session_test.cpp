@@ -1,0 +1,275 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/unit/server/live/running_server.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+using testing::HasSubstr;
+
+struct StationAndServer {
+  RunningServer server;
+  std::string key = server.addStation("bench-1");
+  FakeSession session{"bench-1"};
+  BlockingClient client = std::move(*server.connect(stationLogin("bench-1", key)));
+
+  std::uint64_t open() {
+    EXPECT_TRUE(client.send(session.open()).ok());
+    return waitFor(client, [](const pb::Envelope& e) { return e.has_session_opened(); })
+        .session_opened()
+        .next_seq();
+  }
+  void reconnect() { client = std::move(*server.connect(stationLogin("bench-1", key))); }
+  pb::SessionInfo stored() {
+    pb::Request request;
+    request.mutable_get_session()->set_session_id(session.id());
+    return server.asAdmin(request).session();
+  }
+};
+
+TEST(DurablePlane, chunksAreAcknowledgedAfterTheyAreStored) {
+  StationAndServer s;
+  EXPECT_EQ(s.open(), 0u);
+  for (std::uint64_t seq = 0; seq < 10; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
+  s.session.waitForAck(s.client, 10);
+  const auto info = s.stored();
+  EXPECT_EQ(info.chunks(), 10u);
+  EXPECT_EQ(info.samples(), 1000u);
+  EXPECT_EQ(info.state(), pb::SESSION_OPEN);
+}
+
+TEST(DurablePlane, openAndChunksMayBeSentInOneBreath) {
+  StationAndServer s;
+  ASSERT_TRUE(s.client.send(s.session.open()).ok());
+  for (std::uint64_t seq = 0; seq < 5; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
+  s.session.waitForAck(s.client, 5);
+}
+
+TEST(DurablePlane, aRepeatedChunkIsAcknowledgedAndStoredOnce) {
+  StationAndServer s;
+  s.open();
+  for (const std::uint64_t seq : {0, 1, 1, 0, 1, 2}) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
+  s.session.waitForAck(s.client, 3);
+  EXPECT_EQ(s.stored().chunks(), 3u);
+  EXPECT_EQ(s.stored().samples(), 300u);
+}
+
+TEST(DurablePlane, aGapIsRefusedAndTheExpectedOneNamed) {
+  StationAndServer s;
+  s.open();
+  ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
+  ASSERT_TRUE(s.client.send(s.session.chunk(2)).ok());
+  const auto refusal = waitForRefusal(s.client);
+  EXPECT_EQ(refusal.reason(), pb::Refusal::GAP);
+  EXPECT_EQ(refusal.expected_seq(), 1u);
+  EXPECT_EQ(refusal.session_id(), s.session.id());
+  EXPECT_FALSE(refusal.fatal());
+  // the station goes on from there
+  for (const std::uint64_t seq : {1, 2}) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
+  s.session.waitForAck(s.client, 3);
+}
+
+TEST(DurablePlane, aContradictionIsRefusedAndWrittenDown) {
+  StationAndServer s;
+  s.open();
+  ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
+  s.session.waitForAck(s.client, 1);
+  ASSERT_TRUE(s.client.send(s.session.chunk(0, 0.5)).ok());
+  const auto refusal = waitForRefusal(s.client);
+  EXPECT_EQ(refusal.reason(), pb::Refusal::CONTRADICTION);
+  // the first stays, and the audit log tells of it
+  pb::Request read;
+  read.mutable_read_chunks()->set_session_id(s.session.id());
+  read.mutable_read_chunks()->set_max_chunks(10);
+  const auto chunks = s.server.asAdmin(read).chunks();
+  ASSERT_EQ(chunks.chunks_size(), 1);
+  EXPECT_EQ(chunks.chunks(0).data(), s.session.chunk(0).chunk().data());
+  pb::Request audit;
+  audit.mutable_list_audit()->set_limit(5);
+  bool noted = false;
+  for (int i = 0; i < 100 && !noted; ++i) {
+    const auto entries = s.server.asAdmin(audit).audit();
+    for (const auto& entry : entries.entries()) noted |= entry.action() == "chunk contradicts";
+    if (!noted) std::this_thread::sleep_for(milliseconds(20));
+  }
+  EXPECT_TRUE(noted);
+}
+
+TEST(DurablePlane, aDamagedChunkIsRefusedAndNotStored) {
+  StationAndServer s;
+  s.open();
+  pb::Envelope damaged = s.session.chunk(0);
+  std::string& data = *damaged.mutable_chunk()->mutable_data();
+  data[data.size() / 2] = static_cast<char>(data[data.size() / 2] ^ 0x10);
+  ASSERT_TRUE(s.client.send(damaged).ok());
+  EXPECT_EQ(waitForRefusal(s.client).reason(), pb::Refusal::INVALID);
+  EXPECT_EQ(s.stored().chunks(), 0u);
+}
+
+TEST(DurablePlane, sessionsOfOthersAreUnknown) {
+  StationAndServer s;
+  s.open();
+  auto other = s.server.connect(stationLogin("bench-2", s.server.addStation("bench-2")));
+  ASSERT_TRUE(other.ok());
+  // to be in a session at all, it opens its own
+  FakeSession own("bench-2");
+  ASSERT_TRUE(other->send(own.open()).ok());
+  ASSERT_TRUE(other->send(s.session.chunk(0)).ok());
+  EXPECT_EQ(waitForRefusal(*other).reason(), pb::Refusal::UNKNOWN_SESSION);
+  // nor can a session be opened in another's name
+  ASSERT_TRUE(other->send(FakeSession("bench-1").open()).ok());
+  EXPECT_EQ(waitForRefusal(*other).reason(), pb::Refusal::INVALID);
+  EXPECT_EQ(s.stored().chunks(), 0u);
+}
+
+TEST(DurablePlane, chunksBeforeAnySessionAreNotLegal) {
+  StationAndServer s;
+  ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
+  EXPECT_EQ(waitForRefusal(s.client).reason(), pb::Refusal::STATE);
+}
+
+TEST(DurablePlane, aSessionClosesWhenCountSamplesAndHashAgree) {
+  StationAndServer s;
+  s.open();
+  for (std::uint64_t seq = 0; seq < 3; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
+  // in the same breath: the server commits the chunks before it closes
+  ASSERT_TRUE(s.client.send(s.session.close(3)).ok());
+  const auto closed =
+      waitFor(s.client, [](const pb::Envelope& e) { return e.has_session_closed(); }).session_closed();
+  EXPECT_EQ(closed.state(), pb::SESSION_COMPLETE);
+  EXPECT_EQ(s.stored().state(), pb::SESSION_COMPLETE);
+  // repeated after a lost answer
+  s.reconnect();
+  EXPECT_EQ(s.client.welcome().open_sessions_size(), 0);
+  EXPECT_EQ(s.open(), 3u);
+  ASSERT_TRUE(s.client.send(s.session.close(3)).ok());
+  EXPECT_EQ(waitFor(s.client, [](const pb::Envelope& e) { return e.has_session_closed(); })
+                .session_closed()
+                .state(),
+            pb::SESSION_COMPLETE);
+}
+
+TEST(DurablePlane, closingTooEarlyOrWithAnotherHashIsRefused) {
+  StationAndServer s;
+  s.open();
+  for (std::uint64_t seq = 0; seq < 2; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
+  ASSERT_TRUE(s.client.send(s.session.close(3)).ok());
+  const auto early = waitForRefusal(s.client);
+  EXPECT_EQ(early.reason(), pb::Refusal::GAP);
+  EXPECT_EQ(early.expected_seq(), 2u);
+  auto wrong = s.session.close(2);
+  (*wrong.mutable_close_session()->mutable_hash())[0] ^= 1;
+  ASSERT_TRUE(s.client.send(wrong).ok());
+  EXPECT_EQ(waitForRefusal(s.client).reason(), pb::Refusal::CONTRADICTION);
+  EXPECT_EQ(s.stored().state(), pb::SESSION_OPEN);
+  ASSERT_TRUE(s.client.send(s.session.close(2)).ok());
+  (void)waitFor(s.client, [](const pb::Envelope& e) { return e.has_session_closed(); });
+}
+
+TEST(DurablePlane, theScoreComesWithTheClose) {
+  StationAndServer s;
+  pb::Request list;
+  list.mutable_list_profiles();
+  const auto profiles = s.server.asAdmin(list).profiles();
+  ASSERT_GT(profiles.profiles_size(), 0) << "the sample profiles are loaded at the first start";
+  pb::Request get;
+  get.mutable_get_profile()->set_id(profiles.profiles(0).id());
+  const std::string json = s.server.asAdmin(get).profile().json();
+  ASSERT_TRUE(s.client.send(s.session.open(json)).ok());
+  for (std::uint64_t seq = 0; seq < 5; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
+  ASSERT_TRUE(s.client.send(s.session.close(5)).ok());
+  const auto closed =
+      waitFor(s.client, [](const pb::Envelope& e) { return e.has_session_closed(); }).session_closed();
+  EXPECT_THAT(closed.score_json(), HasSubstr("elapsed_s"));
+  EXPECT_EQ(s.stored().score_json(), closed.score_json());
+}
+
+TEST(DurablePlane, afterARestartTheServerResumesWhereTheDatabaseEnds) {
+  StationAndServer s;
+  s.open();
+  for (std::uint64_t seq = 0; seq < 7; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
+  s.session.waitForAck(s.client, 7);
+  EXPECT_EQ(s.server.restart(), 0);
+  EXPECT_FALSE(s.client.receive(milliseconds(2000)).ok() && s.client.receive(milliseconds(2000)).ok());
+  s.reconnect();
+  ASSERT_EQ(s.client.welcome().open_sessions_size(), 1);
+  EXPECT_EQ(s.client.welcome().open_sessions(0).session_id(), s.session.id());
+  EXPECT_EQ(s.client.welcome().open_sessions(0).next_seq(), 7u);
+  // the session is open: chunks may come at once
+  ASSERT_TRUE(s.client.send(s.session.chunk(7)).ok());
+  s.session.waitForAck(s.client, 8);
+}
+
+TEST(DurablePlane, aFloodOfChunksIsBoundedAndAllOfItArrives) {
+  RunningServer server([](ServerOptions& options) {
+    options.bounds.chunks_in_flight = 4;
+    options.writer.window = milliseconds(20);
+  });
+  auto client = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
+  ASSERT_TRUE(client.ok());
+  FakeSession session("bench-1");
+  ASSERT_TRUE(client->send(session.open()).ok());
+  for (std::uint64_t seq = 0; seq < 100; ++seq) ASSERT_TRUE(client->send(session.chunk(seq)).ok());
+  session.waitForAck(*client, 100);
+}
+
+TEST(DurablePlane, manyStationsTogetherNeverOverrunTheWritersQueue) {
+  RunningServer server([](ServerOptions& options) {
+    options.bounds.all_chunks_in_flight = 8;
+    options.writer.max_items = 24;  // one connection alone may have 64 chunks under way
+    options.writer.window = milliseconds(20);
+  });
+  constexpr int kStations = 4;
+  std::vector<BlockingClient> clients;
+  std::vector<FakeSession> sessions;
+  for (int i = 0; i < kStations; ++i) {
+    const std::string name = "bench-" + std::to_string(i);
+    auto client = server.connect(stationLogin(name, server.addStation(name)));
+    ASSERT_TRUE(client.ok());
+    clients.push_back(std::move(*client));
+    sessions.emplace_back(name);
+  }
+  for (int i = 0; i < kStations; ++i) {
+    ASSERT_TRUE(clients[i].send(sessions[i].open()).ok());
+    for (std::uint64_t seq = 0; seq < 100; ++seq) ASSERT_TRUE(clients[i].send(sessions[i].chunk(seq)).ok());
+  }
+  for (int i = 0; i < kStations; ++i) sessions[i].waitForAck(clients[i], 100);
+}
+
+TEST(DurablePlane, aVerifiedBackupMovesTheSafeWatermark) {
+  StationAndServer s;
+  s.open();
+  for (std::uint64_t seq = 0; seq < 4; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
+  s.session.waitForAck(s.client, 4);
+  s.server.addUser("chief", pb::ADMINISTRATOR, "another long password");
+  auto chief = s.server.connect(personLogin("chief", "another long password"));
+  ASSERT_TRUE(chief.ok());
+  pb::Request backup;
+  backup.mutable_backup()->set_path((s.server.folder() / "backup.db").string());
+  const auto done = chief->call(backup);
+  ASSERT_TRUE(done.ok()) << done.error().message;
+  const auto ack =
+      waitFor(s.client, [](const pb::Envelope& e) { return e.has_ack() && e.ack().safe_seqs() > 0; });
+  EXPECT_EQ(ack.ack().safe_seqs(), 3u) << "the last one with the session's end";
+}
+
+TEST(DurablePlane, clockOffsetsAreStoredWithTheLeastRoundTrip) {
+  StationAndServer s;
+  s.open();
+  for (const auto& [offset, round_trip] : {std::pair{100, 50}, std::pair{200, 20}, std::pair{300, 90}}) {
+    pb::Envelope envelope;
+    envelope.mutable_clock_offset()->set_session_id(s.session.id());
+    envelope.mutable_clock_offset()->set_offset_ns(offset);
+    envelope.mutable_clock_offset()->set_round_trip_ns(round_trip);
+    ASSERT_TRUE(s.client.send(envelope).ok());
+  }
+  ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
+  s.session.waitForAck(s.client, 1);
+  EXPECT_EQ(s.stored().clock_offset_ns(), 200);
+  EXPECT_EQ(s.stored().clock_round_trip_ns(), 20);
+}
+
+}  // namespace
+}  // namespace needlelab

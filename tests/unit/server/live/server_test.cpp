@@ -1,0 +1,172 @@
+#include "server/server.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <fstream>
+#include <future>
+
+#include "common/base/atomic_file.h"
+#include "tests/support/sanitized.h"
+#include "tests/unit/server/live/running_server.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+
+std::uint64_t residentBytes() {
+  std::uint64_t all = 0, resident = 0;
+  std::ifstream("/proc/self/statm") >> all >> resident;
+  return resident * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+}
+
+TEST(Server, memoryThatABurstLeftFreeGoesBackToTheSystem) {
+  if (kSanitized) GTEST_SKIP() << "a sanitizer's allocator keeps what is freed";
+  RunningServer server([](ServerOptions& options) { options.heap_every = milliseconds(50); });
+  constexpr std::size_t kBurstBytes = 64u << 20, kPiece = 8u << 10;
+  const std::uint64_t before = residentBytes();
+  // pieces that stay lie between those that go, as after many connections: the heap's end cannot go down
+  std::vector<std::string> pieces;
+  for (std::size_t i = 0; i < kBurstBytes / kPiece; ++i) pieces.emplace_back(kPiece, 'x');
+  ASSERT_GT(residentBytes(), before + kBurstBytes / 2);
+  for (std::size_t i = 0; i < pieces.size(); ++i)
+    if ((i + 1) % 64 != 0) std::string().swap(pieces[i]);
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  while (residentBytes() > before + kBurstBytes / 4 && std::chrono::steady_clock::now() < end)
+    std::this_thread::sleep_for(milliseconds(20));
+  EXPECT_LT(residentBytes(), before + kBurstBytes / 4);
+}
+
+TEST(Server, peersHearByeAndTheExitIsClean) {
+  RunningServer server;
+  auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
+  ASSERT_TRUE(station.ok());
+  FakeSession session("bench-1");
+  ASSERT_TRUE(station->send(session.open()).ok());
+  for (std::uint64_t seq = 0; seq < 20; ++seq) ASSERT_TRUE(station->send(session.chunk(seq)).ok());
+  session.waitForAck(*station, 1);
+  const auto started = std::chrono::steady_clock::now();
+  EXPECT_EQ(server.stop(), 0);
+  EXPECT_LT(std::chrono::steady_clock::now() - started, milliseconds(5000));
+  std::uint64_t acked = 0;
+  bool bye = false;
+  for (;;) {
+    const auto got = station->receive(milliseconds(1000));
+    if (!got.ok()) break;
+    if (got->has_ack()) acked = std::max(acked, got->ack().committed_seqs());
+    bye |= got->has_bye();
+  }
+  EXPECT_TRUE(bye);
+  // whatever was acknowledged is there after the restart, and not less than was acknowledged
+  server.start();
+  auto again = server.connect(stationLogin("bench-1", [&] { return std::string(32, 'x'); }()));
+  EXPECT_FALSE(again.ok());
+  pb::Request request;
+  request.mutable_get_session()->set_session_id(session.id());
+  EXPECT_GE(server.asAdmin(request).session().chunks(), acked);
+}
+
+TEST(Server, stoppingDoesNotWaitForAPeerThatDoesNotRead) {
+  RunningServer server([](ServerOptions& options) { options.drain = milliseconds(1500); });
+  auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
+  ASSERT_TRUE(station.ok());
+  const auto started = std::chrono::steady_clock::now();
+  EXPECT_EQ(server.stop(), 0);
+  EXPECT_LT(std::chrono::steady_clock::now() - started, milliseconds(4000));
+}
+
+TEST(Server, stoppingDuringARunOfRetentionEndsTheServer) {
+  setLogLevel(LogLevel::kOff);
+  const TempFolder folder;
+  ServerOptions options;
+  options.data = folder.path() / "data";
+  options.listen = "127.0.0.1:0";
+  options.retention_first = std::chrono::minutes(0);
+  auto started = Server::start(options);
+  ASSERT_TRUE(started.ok()) << started.error().message;
+  Server& server = **started;
+  // the writer stands still, so that the run, which notes its end by it, cannot end
+  std::promise<void> go_on;
+  std::atomic<bool> stands = false;
+  DbWriter::Work wait = [&, may = go_on.get_future().share()](Connection&) -> Status {
+    stands = true;
+    may.wait();
+    return {};
+  };
+  ASSERT_TRUE(server.store().writer().post(std::move(wait), [](const Status&) {}).ok());
+  const auto within = [](const auto& is) {
+    const auto limit = std::chrono::steady_clock::now() + milliseconds(20'000);
+    while (!is() && std::chrono::steady_clock::now() < limit) std::this_thread::sleep_for(milliseconds(2));
+    return is();
+  };
+  EXPECT_TRUE(within([&] { return stands.load(); }));
+  auto ended = std::async(std::launch::async, [&] { return server.run(); });
+  EXPECT_TRUE(within([&] { return server.store().writer().counters().waiting > 0; }));
+  server.stop();
+  std::this_thread::sleep_for(milliseconds(100));
+  go_on.set_value();
+  EXPECT_EQ(ended.wait_for(std::chrono::seconds(20)), std::future_status::ready)
+      << "the server waits for its next daily run";
+  EXPECT_EQ(ended.get(), 0);
+}
+
+TEST(Server, aStopBeforeTheRunEndsItAtOnce) {
+  setLogLevel(LogLevel::kOff);
+  const TempFolder folder;
+  ServerOptions options;
+  options.data = folder.path() / "data";
+  options.listen = "127.0.0.1:0";
+  options.handle_signals = true;
+  auto started = Server::start(options);
+  ASSERT_TRUE(started.ok()) << started.error().message;
+  (*started)->stop();
+  auto ended = std::async(std::launch::async, [&] { return (*started)->run(); });
+  EXPECT_EQ(ended.wait_for(std::chrono::seconds(20)), std::future_status::ready);
+  EXPECT_EQ(ended.get(), 0);
+}
+
+TEST(Server, aTakenPortIsUnavailableAndChangesNothingOnDisk) {
+  RunningServer server;
+  const TempFolder folder;
+  ServerOptions options;
+  options.data = folder.path() / "data";
+  options.listen = "127.0.0.1:" + std::to_string(server.server().port());
+  const auto second = Server::start(options);
+  ASSERT_FALSE(second.ok());
+  EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(second.error().message, testing::HasSubstr("taken"));
+  EXPECT_FALSE(std::filesystem::exists(options.data));
+}
+
+TEST(Server, aFolderServesOneServer) {
+  RunningServer server;
+  ServerOptions options;
+  options.data = server.folder() / "data";
+  options.listen = "127.0.0.1:0";
+  const auto second = Server::start(options);
+  ASSERT_FALSE(second.ok());
+  EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
+}
+
+TEST(Server, thePortFileHoldsThePort) {
+  RunningServer server(
+      [](ServerOptions& options) { options.port_file = options.data.parent_path() / "port"; });
+  EXPECT_EQ(*readWholeFile(server.folder() / "port"), std::to_string(server.server().port()) + "\n");
+}
+
+TEST(Server, aFullHouseTurnsNewcomersAwayAndServesThoseInside) {
+  RunningServer server([](ServerOptions& options) { options.max_connections = 1; });
+  const std::string key = server.addStation("bench-1");
+  auto inside = server.connect(stationLogin("bench-1", key));
+  ASSERT_TRUE(inside.ok());
+  EXPECT_EQ(server.connect(stationLogin("bench-1", key)).error().code, ErrorCode::kUnavailable);
+  FakeSession session("bench-1");
+  ASSERT_TRUE(inside->send(session.open()).ok());
+  (void)waitFor(*inside, [](const pb::Envelope& e) { return e.has_session_opened(); });
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,343 @@
+// What the console shows: people, profiles, courses, sessions with their samples; every reply fits
+// openapi.json.
+#include <cmath>
+#include <set>
+#include <sstream>
+
+#include "server/live/process_facts.h"
+#include "tests/support/sanitized.h"
+#include "tests/unit/server/web/web_lab.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+using nlohmann::json;
+using testing::HasSubstr;
+
+TEST(WebLessons, listsAndDocumentsAreAsTheyAreDescribed) {
+  WebLab lab;
+  const std::string id = lab.recorded(5);
+  Browser ada = lab.browserOf("ada");
+  const auto ok = [&](const std::string& path) {
+    const WebReply reply = askChecked(ada, "GET", "/api/v1" + path);
+    EXPECT_EQ(reply.status, 200) << path << reply.body;
+    return reply.json();
+  };
+  EXPECT_EQ(ok("/people")["items"].size(), 5u);
+  EXPECT_EQ(ok("/people/ines")["role"], "INSTRUCTOR");
+  EXPECT_EQ(ok("/stations")["items"][0]["name"], "bench");
+  const json profiles = ok("/profiles");
+  ASSERT_GT(profiles["items"].size(), 0u);
+  const std::string profile = profiles["items"][0]["id"];
+  EXPECT_EQ(ok("/profiles/" + profile)["json"]["id"], profile);
+  EXPECT_EQ(ok("/profiles/" + profile + "?revision=1")["revision"], 1);
+  const json courses = ok("/courses");
+  ASSERT_GT(courses["items"].size(), 0u);
+  const std::string course = courses["items"][0]["id"];
+  EXPECT_GT(ok("/courses/" + course)["json"]["exercises"].size(), 0u);
+  const json sessions = ok("/sessions?trainee=tina");
+  ASSERT_EQ(sessions["items"].size(), 1u);
+  EXPECT_EQ(sessions["items"][0]["description"]["session_id"], id);
+  EXPECT_EQ(ok("/sessions?exercise=other")["items"].size(), 0u);
+  const std::size_t all = sessions["items"].size();
+  const auto started_ms =
+      static_cast<std::int64_t>(sessions["items"][0]["description"]["started_unix_ms"].get<double>());
+  const auto found = [&](const std::string& query) {
+    return ok("/sessions?trainee=tina&" + query)["items"].size();
+  };
+  EXPECT_EQ(found("search=TIN"), all);
+  EXPECT_EQ(found("search=nobody"), 0u);
+  EXPECT_EQ(found("from_ms=" + std::to_string(started_ms + 1)), 0u);
+  EXPECT_EQ(found("to_ms=" + std::to_string(started_ms + 1)), all);
+  EXPECT_EQ(found("verdict=passed") + found("verdict=failed") + found("verdict=none"), all);
+  EXPECT_EQ(ok("/sessions/" + id)["samples"], 500);
+  // its profile is none: there is nothing to score it by
+  EXPECT_EQ(askChecked(ada, "GET", "/api/v1/sessions/" + id + "/score").status, 404);
+  ok("/openapi.json");
+  ok("/retention");
+  ok("/audit");
+  const WebReply remark = askChecked(ada, "POST", "/api/v1/sessions/" + id + "/annotations",
+                                     R"({"t_s": 0.25, "text": "slow down"})");
+  EXPECT_EQ(remark.status, 201) << remark.body;
+  EXPECT_EQ(ok("/sessions/" + id + "/annotations")["items"][0]["t_s"], 0.25);
+  EXPECT_EQ(askChecked(ada, "POST", "/api/v1/people",
+                       R"({"name": "new", "role": "TRAINEE", "password": "correct horse battery"})")
+                .status,
+            201);
+  EXPECT_EQ(askChecked(ada, "POST", "/api/v1/check", "{}").json()["ok"], true);
+  const std::string copy = (lab.server().folder() / "copy.db").string();
+  EXPECT_EQ(askChecked(ada, "POST", "/api/v1/backup", json{{"path", copy}}.dump()).json()["path"], copy);
+  EXPECT_TRUE(std::filesystem::exists(copy));
+  // and who did it is written down
+  bool noted = false;
+  const json audit = ok("/audit?who=ada");
+  for (const json& line : audit["items"]) noted = noted || line["action"] == "user add";
+  EXPECT_TRUE(noted);
+}
+
+TEST(WebLessons, aProfileIsCheckedAndPushedThroughByTheEngine) {
+  WebLab lab;
+  Browser mara = lab.browserOf("mara");
+  const std::string id = askChecked(mara, "GET", "/api/v1/profiles").json()["items"][0]["id"];
+  json profile = askChecked(mara, "GET", "/api/v1/profiles/" + id).json()["json"];
+  EXPECT_EQ(askChecked(mara, "POST", "/api/v1/profiles/check", profile.dump()).json()["ok"], true);
+  const json preview = askChecked(mara, "POST", "/api/v1/profiles/preview?points=200", profile.dump()).json();
+  EXPECT_NEAR(static_cast<double>(preview["depth_m"].size()), 200, 20);
+  EXPECT_GT(preview["max_force_n"], 0);
+  profile["layers"][0]["thickness_m"] = -1;
+  profile["needle"].erase("length_m");
+  const json check = askChecked(mara, "POST", "/api/v1/profiles/check", profile.dump()).json();
+  EXPECT_EQ(check["ok"], false);
+  std::set<std::string> paths;
+  for (const json& problem : check["problems"]) paths.insert(problem["path"].get<std::string>());
+  EXPECT_TRUE(paths.contains("layers[0].thickness_m") && paths.contains("needle.length_m")) << check.dump();
+  EXPECT_EQ(askChecked(mara, "POST", "/api/v1/profiles/preview", profile.dump()).status, 400);
+}
+
+TEST(WebLessons, aManagersWeekGoesThroughAndTwoWhoEditAtOnceHearOfIt) {
+  WebLab lab;
+  Browser mara = lab.browserOf("mara"), ada = lab.browserOf("ada");
+  const auto done = [&](const std::string& method, const std::string& path, const std::string& body,
+                        const WebHeaders& headers = {}) {
+    const WebReply reply = askChecked(mara, method, "/api/v1" + path, body, headers);
+    EXPECT_TRUE(reply.status == 200 || reply.status == 201) << method << " " << path << reply.body;
+    return reply.json();
+  };
+  const std::string csv = "name,full_name,group\nanna,Anna Bauer,autumn\nben,Ben Osei,autumn\n";
+  EXPECT_EQ(done("POST", "/people/import", json{{"csv", csv}, {"dry_run", true}}.dump())["done"], false);
+  EXPECT_EQ(done("POST", "/people/import", json{{"csv", csv}}.dump())["added"], 2);
+  const json group = done("GET", "/groups/autumn", "");
+  EXPECT_EQ(group["members"], json({"anna", "ben"}));
+
+  // two edit the same revision: the second hears which one is there now, and nothing of the first is lost
+  const std::string id = done("GET", "/profiles", "")["items"][0]["id"];
+  json profile = done("GET", "/profiles/" + id, "")["json"];
+  profile["description"] = "first";
+  EXPECT_EQ(done("PUT", "/profiles/" + id, profile.dump(), {{"If-Match", "\"1\""}})["revision"], 2);
+  profile["description"] = "second";
+  const WebReply late =
+      askChecked(ada, "PUT", "/api/v1/profiles/" + id, profile.dump(), {{"If-Match", "\"1\""}});
+  EXPECT_EQ(late.status, 409);
+  EXPECT_EQ(late.json()["error"]["code"], "conflict");
+  EXPECT_EQ(late.json()["error"]["current_revision"], 2);
+  EXPECT_EQ(done("GET", "/profiles/" + id, "")["json"]["description"], "first");
+  EXPECT_EQ(askChecked(mara, "PUT", "/api/v1/profiles/" + id, profile.dump()).status, 400)
+      << "without If-Match";
+  EXPECT_EQ(askChecked(mara, "PUT", "/api/v1/profiles/other", profile.dump(), {{"If-Match", "\"2\""}}).status,
+            400);
+  EXPECT_EQ(done("GET", "/profiles/" + id + "/revisions", "")["items"].size(), 2u);
+  EXPECT_EQ(done("GET", "/profiles/" + id + "?revision=1", "")["revision"], 1);
+
+  const json course = {{"id", "autumn-course"},
+                       {"name", "Autumn"},
+                       {"exercises",
+                        {{{"id", "autumn-1"},
+                          {"name", "One"},
+                          {"profile_id", id},
+                          {"attempts", 3},
+                          {"requirements", {{{"measure", "peak_force_n"}, {"max", 3}}}}}}}};
+  EXPECT_EQ(done("POST", "/courses/check", course.dump())["ok"], true);
+  EXPECT_EQ(done("PUT", "/courses/autumn-course", course.dump(), {{"If-Match", "\"0\""}})["revision"], 1);
+  EXPECT_EQ(done("GET", "/exercises?course=autumn-course", "")["items"][0]["json"]["id"], "autumn-1");
+  EXPECT_GT(done("GET", "/measures", "")["items"].size(), 10u);
+  const json assignment =
+      done("POST", "/assignments",
+           json{{"course_id", "autumn-course"}, {"group_id", "autumn"}, {"due_unix_ms", 1.8e12}}.dump());
+  EXPECT_EQ(assignment["due_unix_ms"], 1.8e12);
+  EXPECT_EQ(done("GET", "/assignments?group=autumn", "")["items"].size(), 1u);
+  const json results = done("GET", "/results?course=autumn-course&group=autumn", "");
+  EXPECT_EQ(results["rows"].size(), 2u);
+  EXPECT_EQ(results["exercise_ids"], json({"autumn-1"}));
+  EXPECT_EQ(done("GET", "/people/anna/progress", "")["items"].size(), 0u);
+  EXPECT_EQ(done("PATCH", "/people/anna", R"({"consent": true})")["consent"]["given"], true);
+  EXPECT_EQ(done("GET", "/people/anna/consents", "")["items"].size(), 1u);
+  const WebReply all = askChecked(mara, "GET", "/api/v1/people/anna/export");
+  EXPECT_THAT(all.header("content-disposition"), HasSubstr("anna.json"));
+  EXPECT_GT(all.json()["items"].size(), 0u);
+  EXPECT_EQ(all.json()["items"][0]["kind"], "person");
+  EXPECT_EQ(askChecked(mara, "GET", "/api/v1/people/nobody/export").status, 404);
+  const std::string base =
+      "\"" + std::to_string(done("GET", "/people/anna", "")["revision"].get<int>()) + "\"";
+  EXPECT_EQ(done("PATCH", "/people/anna", R"({"full_name": "Anna B."})", {{"If-Match", base}})["full_name"],
+            "Anna B.");
+  EXPECT_EQ(
+      askChecked(mara, "PATCH", "/api/v1/people/anna", R"({"full_name": "A."})", {{"If-Match", base}}).status,
+      409);
+  done("GET", "/exercises/autumn-1/reference", "");
+  EXPECT_THAT(mara.get("/api/v1/scores.csv?course=autumn-course").body,
+              testing::StartsWith("trainee,exercise_id,"));
+  done("DELETE", "/assignments/" + std::to_string(assignment["id"].get<int>()), "");
+  done("DELETE", "/groups/autumn", "",
+       {{"If-Match", "\"" + std::to_string(group["revision"].get<int>()) + "\""}});
+  EXPECT_EQ(askChecked(mara, "GET", "/api/v1/groups/autumn").status, 404);
+  // a person is erased by administrators only
+  EXPECT_EQ(askChecked(mara, "DELETE", "/api/v1/people/anna/data", R"({"confirm": "anna"})").status, 403);
+  EXPECT_EQ(askChecked(ada, "DELETE", "/api/v1/people/anna/data", R"({"confirm": "ben"})").status, 400);
+  EXPECT_EQ(askChecked(ada, "DELETE", "/api/v1/people/anna/data", R"({"confirm": "anna"})").status, 200);
+  EXPECT_EQ(askChecked(mara, "GET", "/api/v1/people/anna").status, 404);
+}
+
+TEST(WebLessons, filtersHoldAcrossPages) {
+  WebLab lab;
+  Browser ada = lab.browserOf("ada"), mara = lab.browserOf("mara");
+  // mara's lines are among ada's: a page of the audit has 200
+  for (int i = 0; i < 450; ++i) {
+    pb::Request request;
+    request.mutable_set_consent()->set_name("tina");
+    request.mutable_set_consent()->set_given(i % 2 == 0);
+    (void)lab.server().service().execute(
+        i % 3 == 0 ? Principal{"mara", pb::CURRICULUM_MANAGER} : Principal{"ada", pb::ADMINISTRATOR},
+        request);
+  }
+  const auto all = [&](const std::string& query) {
+    std::size_t lines = 0, pages = 0;
+    std::string page;
+    do {
+      const json reply = askChecked(ada, "GET", "/api/v1/audit?" + query + "&page=" + page).json();
+      for (const json& line : reply["items"]) {
+        EXPECT_TRUE(query.find("who=") == std::string::npos || line["who"] == "mara") << line.dump();
+        EXPECT_EQ(line["action"], "consent");
+      }
+      lines += reply["items"].size();
+      page = reply["next_page"];
+    } while (!page.empty() && ++pages < 20);
+    EXPECT_TRUE(page.empty());
+    return lines;
+  };
+  EXPECT_EQ(all("action=consent"), 450u);
+  EXPECT_EQ(all("action=consent&who=mara"), 150u);
+
+  // sessions of one trainee, of one exercise: three of them, one a page
+  for (int i = 0; i < 3; ++i) (void)lab.recorded(1);
+  std::set<std::string> seen;
+  std::string page;
+  do {
+    const json reply = askChecked(mara, "GET", "/api/v1/sessions?trainee=tina&limit=1&page=" + page).json();
+    for (const json& session : reply["items"])
+      seen.insert(session["description"]["session_id"].get<std::string>());
+    page = reply["next_page"];
+  } while (!page.empty());
+  EXPECT_EQ(seen.size(), 3u);
+  const json other = askChecked(mara, "GET", "/api/v1/sessions?trainee=tom&limit=1").json();
+  EXPECT_TRUE(other["items"].empty() && other["next_page"] == "") << other.dump();
+}
+
+TEST(WebLessons, aPolicyOfRetentionIsSetAndTriedOut) {
+  WebLab lab;
+  Browser mara = lab.browserOf("mara");
+  EXPECT_EQ(
+      askChecked(mara, "PUT", "/api/v1/retention",
+                 R"({"policy": {"exercise_id": "", "delete_after_days": 3650, "without_backup": true}})")
+          .status,
+      200);
+  const json kept = askChecked(mara, "GET", "/api/v1/retention").json();
+  ASSERT_EQ(kept["policies"].size(), 1u);
+  EXPECT_EQ(kept["policies"][0]["delete_after_days"], 3650);
+  const WebReply run = askChecked(mara, "POST", "/api/v1/retention/run", R"({"dry_run": true})");
+  EXPECT_EQ(run.status, 200) << run.body;
+  EXPECT_EQ(run.json()["deleted"], 0);
+}
+
+std::vector<std::vector<double>> rowsOf(const std::string& csv, std::string& header) {
+  std::istringstream lines(csv);
+  std::getline(lines, header);
+  std::vector<std::vector<double>> rows;
+  for (std::string line; std::getline(lines, line);) {
+    std::istringstream cells(line);
+    rows.emplace_back();
+    for (std::string cell; std::getline(cells, cell, ',');)
+      rows.back().push_back(std::strtod(cell.c_str(), nullptr));
+  }
+  return rows;
+}
+
+TEST(WebLessons, theCsvHasEverySampleAndThePlotItsExtremes) {
+  WebLab lab;
+  // FakeSession: sample k at k ms, z = k µm
+  const std::string id = lab.recorded(60);
+  Browser ines = lab.browserOf("ines");
+  const WebReply csv = ines.get("/api/v1/sessions/" + id + "/samples.csv");
+  EXPECT_EQ(csv.status, 200);
+  EXPECT_THAT(csv.header("content-disposition"), HasSubstr(id + ".csv"));
+  std::string header;
+  const auto rows = rowsOf(csv.body, header);
+  EXPECT_THAT(header, testing::StartsWith("t_s,tick,time_ns,px_m"));
+  ASSERT_EQ(rows.size(), 6000u);
+  for (std::size_t k : {std::size_t{0}, std::size_t{1234}, std::size_t{5999}}) {
+    EXPECT_NEAR(rows[k][0], static_cast<double>(k) * 1e-3, 1e-9);
+    EXPECT_NEAR(rows[k][5], static_cast<double>(k) * 1e-6, 1e-9);
+  }
+  const auto part =
+      rowsOf(ines.get("/api/v1/sessions/" + id + "/samples.csv?from_s=1.5&to_s=2").body, header);
+  ASSERT_EQ(part.size(), 500u);
+  EXPECT_NEAR(part.front()[0], 1.5, 1e-9);
+  EXPECT_EQ(ines.get("/api/v1/sessions/" + id + "/samples.csv?from_s=2&to_s=1").status, 400);
+  const WebReply head = ines.ask("HEAD", "/api/v1/sessions/" + id + "/samples.csv");
+  EXPECT_EQ(head.status, 200);
+
+  const json plot = askChecked(ines, "GET", "/api/v1/sessions/" + id + "/samples?points=100").json();
+  EXPECT_EQ(plot["decimated"], true);
+  EXPECT_EQ(plot["columns"]["t_s"].size(), 100u);
+  EXPECT_EQ(plot["columns"]["pz_m"].size(), 100u);
+  const auto times = plot["columns"]["t_s"].get<std::vector<double>>();
+  EXPECT_TRUE(std::is_sorted(times.begin(), times.end()));
+  for (std::size_t i = 0; i < times.size(); ++i)
+    EXPECT_NEAR(plot["columns"]["pz_m"][i].get<double>(), times[i] * 1e-3, 1e-9)
+        << "a sample that was never there";
+  const json few = askChecked(ines, "GET", "/api/v1/sessions/" + id + "/samples?from_s=1&to_s=1.05").json();
+  EXPECT_EQ(few["decimated"], false);
+  EXPECT_EQ(few["columns"]["t_s"].size(), 51u);
+}
+
+TEST(WebLessons, aLongCsvTakesNoMoreMemoryThanAShortOneHoweverSlowlyItIsRead) {
+  WebLab lab;
+  const bool is_long = std::getenv("NEEDLELAB_LONG") != nullptr;
+  const std::uint64_t chunks = is_long ? 18'000 : 2500;  // 30 min, or 4 min
+  const std::string id = lab.recorded(chunks);
+  Browser ines = lab.browserOf("ines");
+  WebWire wire(lab.port());
+  ASSERT_TRUE(wire.send(requestText("GET", "/api/v1/sessions/" + id + "/samples.csv", "", ines.own("GET"))));
+  ASSERT_EQ(wire.readHeader().status, 200);
+  bool broken = false;
+  (void)wire.readChunk(broken);
+  const std::uint64_t before = processFacts().rss_bytes;
+  std::uint64_t most = before, lines = 0, bytes = 0, pieces = 0;
+  while (const auto chunk = wire.readChunk(broken)) {
+    lines += static_cast<std::uint64_t>(std::count(chunk->begin(), chunk->end(), '\n'));
+    bytes += chunk->size();
+    if (++pieces % 8 == 0) std::this_thread::sleep_for(milliseconds(2));
+    most = std::max<std::uint64_t>(most, processFacts().rss_bytes);
+  }
+  EXPECT_FALSE(broken);
+  EXPECT_GT(bytes, 20u << 20) << "long enough to show it";
+  // AddressSanitizer keeps what was freed for a while
+  if (!kSanitized) {
+    EXPECT_LT(most - before, 12u << 20) << bytes << " bytes in " << pieces << " pieces";
+  }
+  std::printf("%llu MB of CSV, resident memory grew by %llu KiB\n",
+              static_cast<unsigned long long>(bytes >> 20),
+              static_cast<unsigned long long>((most - before) >> 10));
+}
+
+TEST(WebLessons, metricsCountTheRequestsByRouteAndStatus) {
+  WebLab lab([](ServerOptions& options) { options.metrics = "127.0.0.1:0"; });
+  Browser ines = lab.browserOf("ines");
+  (void)ines.get("/api/v1/profiles");
+  (void)ines.get("/api/v1/profiles");
+  (void)ines.get("/api/v1/audit");
+  (void)ines.get("/secret-of-somebody");
+  WebWire wire(lab.server().server().metricsPort(), false);
+  (void)wire.sendPlain("GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n");
+  const std::string text = wire.receivePlain();
+  for (const char* line : {"needlelab_web_requests_total{route=\"GET /profiles\",status=\"200\"} 2\n",
+                           "needlelab_web_requests_total{route=\"GET /audit\",status=\"403\"} 1\n",
+                           "needlelab_web_requests_total{route=\"POST /session\",status=\"200\"} 1\n",
+                           "needlelab_web_requests_total{route=\"file\",status=\"404\"} 1\n",
+                           "needlelab_web_request_seconds_count 5\n", "needlelab_web_connections 1\n"})
+    EXPECT_THAT(text, HasSubstr(line));
+  EXPECT_THAT(text, testing::Not(HasSubstr("secret")));
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,233 @@
+// What a peer may not do, whoever it is: sizes, times, numbers, and what is no HTTP.
+#include "tests/unit/server/web/web_lab.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+using nlohmann::json;
+using testing::HasSubstr;
+
+TEST(WebFiles, areServedWithTheirHeadersAndNothingElseIs) {
+  WebLab lab;
+  Browser browser = lab.browser();
+  const WebReply index = browser.get("/");
+  EXPECT_EQ(index.status, 200);
+  EXPECT_THAT(index.body, HasSubstr("needlelab"));
+  EXPECT_EQ(index.header("content-type"), "text/html; charset=utf-8");
+  EXPECT_THAT(index.header("content-security-policy"), HasSubstr("default-src 'self'"));
+  EXPECT_EQ(index.header("x-content-type-options"), "nosniff");
+  EXPECT_EQ(index.header("referrer-policy"), "no-referrer");
+  EXPECT_THAT(index.header("strict-transport-security"), HasSubstr("max-age="));
+  EXPECT_EQ(browser.ask("GET", "/", "", {{"If-None-Match", index.header("etag")}}).status, 304);
+  const WebReply script = browser.get("/app/main.js?v=1");
+  EXPECT_EQ(script.body, "export const one = 1;\n");
+  const WebReply head = browser.ask("HEAD", "/app/main.js");
+  EXPECT_EQ(head.header("content-length"), std::to_string(script.body.size()));
+  EXPECT_EQ(browser.get("/app/main.js").body, script.body) << "nothing of HEAD's body came";
+  EXPECT_EQ(browser.ask("POST", "/", "{}").status, 405);
+  for (const char* path : {"/none.js", "/app", "/app/", "/api", "/api/v2/session", "/.git", "/index.html/x"})
+    EXPECT_EQ(browser.get(path).status, 404) << path;
+  for (const char* path :
+       {"/../etc/passwd", "/app/../../x", "/%2e%2e/x", "/app%2f..%2fx", "//etc/passwd", "/%00"})
+    EXPECT_EQ(browser.get(path).status, 400) << path;
+}
+
+TEST(WebErrors, areJsonAndSayWhatIsAllowed) {
+  WebLab lab;
+  Browser ada = lab.browserOf("ada");
+  const WebReply wrong = askChecked(ada, "PUT", "/api/v1/people", "{}");
+  EXPECT_EQ(wrong.status, 405);
+  EXPECT_THAT(wrong.header("allow"), HasSubstr("POST"));
+  EXPECT_EQ(askChecked(ada, "GET", "/api/v1/nothing").status, 404);
+  EXPECT_EQ(askChecked(ada, "GET", "/api/v1/sessions/no-uuid").status, 404);
+  const WebReply role =
+      askChecked(ada, "POST", "/api/v1/people", R"({"name": "x", "role": "KING", "password": "p"})");
+  EXPECT_EQ(role.status, 400);
+  EXPECT_EQ(role.json()["error"]["field"], "role");
+  EXPECT_EQ(askChecked(ada, "GET", "/api/v1/sessions?limit=0").json()["error"]["field"], "limit");
+  EXPECT_EQ(askChecked(ada, "GET", "/api/v1/sessions?verdict=good").json()["error"]["field"], "verdict");
+  EXPECT_EQ(askChecked(ada, "GET", "/api/v1/sessions?from_ms=yesterday").json()["error"]["field"], "from_ms");
+  EXPECT_EQ(askChecked(ada, "GET", "/api/v1/sessions?to_ms=99999999999999").json()["error"]["field"],
+            "to_ms");
+  EXPECT_EQ(askChecked(ada, "GET", "/api/v1/people?page=***").status, 400);
+  EXPECT_EQ(askChecked(ada, "POST", "/api/v1/people", "{", {}).status, 400);
+  EXPECT_EQ(askChecked(ada, "GET", "/api/v1/profiles/none").status, 404);
+  EXPECT_EQ(askChecked(ada, "POST", "/api/v1/people",
+                       R"({"name": "tina", "role": "TRAINEE", "password": "correct horse"})")
+                .status,
+            409);
+}
+
+TEST(WebLimits, aHeaderAndABodyHaveTheirSizes) {
+  WebLab lab;
+  {
+    WebWire wire(lab.port());
+    (void)wire.send(requestText("GET", "/", "", {{"X-Long", std::string(9000, 'a')}}));
+    EXPECT_EQ(wire.read().status, 431);
+    EXPECT_TRUE(wire.endsWithin(milliseconds(5000)));
+  }
+  // before log-in 4 KiB, whether the length is said or not
+  const std::string body = R"({"name": ")" + std::string(5000, 'a') + R"(", "password": "x"})";
+  {
+    WebWire wire(lab.port());
+    (void)wire.send(requestText("POST", "/api/v1/session", body));
+    EXPECT_EQ(wire.read().status, 413);
+  }
+  {
+    WebWire wire(lab.port());
+    (void)wire.send(requestText("POST", "/api/v1/session", "",
+                                {{"Transfer-Encoding", "chunked"}, {"Content-Type", "application/json"}}));
+    (void)wire.send("1400\r\n" + std::string(0x1400, ' ') + "\r\n0\r\n\r\n");
+    EXPECT_EQ(wire.read().status, 413);
+  }
+  Browser ada = lab.browserOf("ada");
+  EXPECT_EQ(ada.ask("POST", "/api/v1/profiles/check", json{{"description", std::string(900'000, 'a')}}.dump())
+                .status,
+            200);
+  EXPECT_EQ(
+      ada.ask("POST", "/api/v1/profiles/check", json{{"description", std::string(1'100'000, 'a')}}.dump())
+          .status,
+      413);
+  EXPECT_EQ(ada.get("/api/v1/session").status, 200) << "the server goes on";
+}
+
+TEST(WebLimits, whatIsNoHttpIsEnded) {
+  WebLab lab;
+  {
+    WebWire wire(lab.port(), false);
+    (void)wire.sendPlain("GET / HTTP/1.1\r\n\r\n");  // no TLS
+    EXPECT_TRUE(wire.endsWithin(milliseconds(5000)));
+  }
+  for (const char* text : {"NONSENSE\r\n\r\n", "GET\r\n\r\n", "GET / HTTP/9.9\r\n\r\n", "\x16\x03\x01",
+                           "GET / HTTP/1.1\r\nContent-Length: -1\r\n\r\n",
+                           "POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 1\r\nContent-Length: 2\r\n\r\n",
+                           "GET / HTTP/1.1\r\n bad\r\n\r\n"}) {
+    WebWire wire(lab.port());
+    (void)wire.send(std::string(text) + "\r\n\r\n");
+    const WebReply reply = wire.read();
+    EXPECT_EQ(reply.status, 400) << text;
+  }
+  WebWire old(lab.port());
+  (void)old.send("GET / HTTP/1.0\r\n\r\n");
+  EXPECT_EQ(old.read().status, 505);
+  WebWire nameless(lab.port());
+  (void)nameless.send("GET / HTTP/1.1\r\n\r\n");
+  EXPECT_EQ(nameless.read().status, 400);
+  Browser browser = lab.browser();
+  EXPECT_EQ(browser.get("/").status, 200);
+}
+
+TEST(WebLimits, whoDawdlesIsCut) {
+  WebLab lab([](ServerOptions& options) {
+    options.web.handshake_timeout = milliseconds(300);
+    options.web.header_timeout = milliseconds(400);
+    options.web.idle_timeout = milliseconds(500);
+    options.web.body_timeout = milliseconds(400);
+  });
+  // in the middle of the handshake
+  WebWire half(lab.port(), false);
+  (void)half.sendPlain(std::string("\x16\x03\x01\x02\x00", 5));
+  EXPECT_TRUE(half.endsWithin(milliseconds(8000)));
+  // a header that drips: each byte in time, the whole is not
+  WebWire dripping(lab.port());
+  if (dripping.connected()) {
+    const std::string text = requestText("GET", "/");
+    for (std::size_t i = 0; i < text.size() && i < 30; ++i) {
+      if (!dripping.send(text.substr(i, 1))) break;
+      std::this_thread::sleep_for(milliseconds(50));
+    }
+    EXPECT_TRUE(dripping.endsWithin(milliseconds(8000)));
+  }
+  // a body that does not come
+  WebWire bodyless(lab.port());
+  if (bodyless.connected()) {
+    (void)bodyless.send(requestText("POST", "/api/v1/session", "",
+                                    {{"Content-Length", "100"}, {"Content-Type", "application/json"}}));
+    EXPECT_TRUE(bodyless.endsWithin(milliseconds(8000)));
+  }
+  // nothing at all after a request
+  WebWire idle(lab.port());
+  if (idle.connected()) {
+    (void)idle.send(requestText("GET", "/"));
+    (void)idle.read();
+    EXPECT_TRUE(idle.endsWithin(milliseconds(8000)));
+  }
+}
+
+TEST(WebLimits, requestsBehindEachOtherAreAnsweredInOrderUntilTheirNumber) {
+  WebLab lab([](ServerOptions& options) { options.web.requests_per_connection = 3; });
+  WebWire wire(lab.port());
+  (void)wire.send(requestText("GET", "/") + requestText("HEAD", "/app/main.js") +
+                  requestText("GET", "/app/main.js") + requestText("GET", "/"));
+  EXPECT_THAT(wire.read().body, HasSubstr("needlelab"));
+  EXPECT_EQ(wire.read(true).status, 200);
+  const WebReply third = wire.read();
+  EXPECT_EQ(third.body, "export const one = 1;\n");
+  EXPECT_EQ(third.header("connection"), "close");
+  EXPECT_EQ(wire.read().status, 0) << "the fourth is not answered";
+}
+
+TEST(WebLimits, anAddressHasItsNumberOfConnections) {
+  WebLab lab([](ServerOptions& options) { options.web.connections_per_address = 4; });
+  std::vector<std::unique_ptr<WebWire>> open;
+  for (int i = 0; i < 4; ++i) open.push_back(std::make_unique<WebWire>(lab.port()));
+  for (const auto& wire : open) EXPECT_TRUE(wire->connected());
+  EXPECT_FALSE(WebWire(lab.port()).connected());
+  open.pop_back();
+  bool again = false;
+  for (int i = 0; i < 100 && !again; ++i) {
+    std::this_thread::sleep_for(milliseconds(20));
+    again = WebWire(lab.port()).connected();
+  }
+  EXPECT_TRUE(again);
+}
+
+TEST(WebLimits, onePersonsConnectionsGiveWayAmongThemselves) {
+  WebLab lab([](ServerOptions& options) { options.web.connections_per_person = 3; });
+  Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
+  std::vector<std::unique_ptr<WebWire>> open;
+  const auto ask = [&](Browser& who, WebWire& wire) {
+    (void)wire.send(requestText("GET", "/api/v1/session", "", who.own("GET")));
+    return wire.read().status;
+  };
+  WebWire of_mara(lab.port());
+  EXPECT_EQ(ask(mara, of_mara), 200);
+  for (int i = 0; i < 3; ++i) open.push_back(std::make_unique<WebWire>(lab.port()));
+  for (const auto& wire : open) EXPECT_EQ(ask(ines, *wire), 200);
+  EXPECT_EQ(ask(ines, *open[0]), 200);  // now the second one is the idlest
+  WebWire fourth(lab.port());
+  EXPECT_EQ(ask(ines, fourth), 200);
+  EXPECT_TRUE(open[1]->endsWithin(milliseconds(5000)));
+  EXPECT_EQ(ask(ines, *open[0]), 200);
+  EXPECT_EQ(ask(ines, *open[2]), 200);
+  EXPECT_EQ(ask(mara, of_mara), 200);
+}
+
+TEST(WebLimits, strangersGiveWayAndTheOtherPortGoesOn) {
+  WebLab lab([](ServerOptions& options) { options.web.door.max_strangers = 3; });
+  std::vector<std::unique_ptr<WebWire>> open;
+  for (int i = 0; i < 8; ++i) open.push_back(std::make_unique<WebWire>(lab.port()));
+  // the oldest were cut for the newest
+  EXPECT_TRUE(open.front()->endsWithin(milliseconds(5000)));
+  EXPECT_TRUE(open.back()->send(requestText("GET", "/")));
+  EXPECT_EQ(open.back()->read().status, 200);
+  pb::Login login;
+  login.mutable_person()->set_user("ines");
+  login.mutable_person()->set_password(kWebPassword);
+  EXPECT_TRUE(lab.server().connect(login).ok());
+}
+
+TEST(WebServer, endsWithTheServerAfterWhatIsAtWork) {
+  WebLab lab;
+  Browser ines = lab.browserOf("ines");
+  WebWire idle(lab.port());
+  ASSERT_TRUE(idle.connected());
+  const auto begun = std::chrono::steady_clock::now();
+  EXPECT_EQ(lab.server().stop(), 0);
+  EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(9)) << "nobody had to be cut";
+  EXPECT_TRUE(idle.endsWithin(milliseconds(5000)));
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,195 @@
+// The live page: tiles over a WebSocket.
+#include "tests/unit/server/web/web_lab.h"
+
+namespace needlelab {
+namespace {
+
+using namespace test;
+using nlohmann::json;
+
+pb::Login ofStation(const std::string& key) {
+  pb::Login login;
+  login.mutable_station()->set_station("bench");
+  login.mutable_station()->set_key(key);
+  return login;
+}
+
+json tileOf(const std::string& text, const std::string& station) {
+  const json all = json::parse(text, nullptr, false);
+  if (!all.is_object()) return nullptr;
+  for (const json& tile : all["tiles"])
+    if (tile["station"] == station) return tile;
+  return nullptr;
+}
+
+TEST(WebLive, twoViewersSeeWhatAStationDoesAndOneThatNeverReadsHoldsUpNobody) {
+  WebLab lab;
+  auto station = lab.server().connect(ofStation(lab.stationKey()));
+  ASSERT_TRUE(station.ok());
+  Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
+  const auto first = ines.live(), second = mara.live(), silent = ines.live();
+  ASSERT_TRUE(first && second && silent);
+  pb::Envelope envelope;
+  auto& status = *envelope.mutable_station_status();
+  status.set_trainee("tina");
+  status.set_exercise_id("knee");
+  status.set_session_id(std::string(16, 'x'));
+  status.set_insertion_m(0.012);
+  status.set_phase(1);
+  for (const double force : {1.5, 2.5, 0.5}) {
+    status.set_force_n(force);
+    const Status sent = station->send(envelope);
+    ASSERT_TRUE(sent.ok()) << sent.error().message;
+    (void)station->receive(milliseconds(50));  // it sends while it waits
+    for (const auto* viewer : {&first, &second}) {
+      json tile;
+      for (int i = 0; i < 50 && (tile.is_null() || tile["force_n"] != force); ++i) {
+        const auto text = (*viewer)->readText();
+        ASSERT_TRUE(text.has_value());
+        tile = tileOf(*text, "bench");
+      }
+      EXPECT_EQ(tile["force_n"], force);
+      EXPECT_EQ(tile["peak_force_n"], std::max(force, force == 0.5 ? 2.5 : force));
+      EXPECT_EQ(tile["online"], true);
+      EXPECT_EQ(tile["trainee"], "tina");
+      EXPECT_EQ(tile["phase"], "INSERTING");
+    }
+  }
+}
+
+TEST(WebLive, whoDoesNotReadIsCutWhenItsBufferIsFull) {
+  WebLab lab([](ServerOptions& options) {
+    options.web.live_period = milliseconds(10);
+    // longer than a busy machine keeps the one who reads from reading
+    options.web.live_write_timeout = milliseconds(1000);
+    options.metrics = "127.0.0.1:0";
+  });
+  // much to say: 200 stations are some 40 KB ten times in a tenth of a second
+  for (int i = 0; i < 200; ++i)
+    (void)lab.server().addStation("a bench with a long name, number " + std::to_string(i));
+  Browser ines = lab.browserOf("ines");
+  const auto reading = ines.live(), silent = ines.live();
+  ASSERT_TRUE(reading && silent);
+  const auto dropped = [&] {
+    WebWire wire(lab.server().server().metricsPort(), false);
+    (void)wire.sendPlain("GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n");
+    return wire.receivePlain().find("needlelab_web_live_dropped_total 1\n") != std::string::npos;
+  };
+  bool cut = false;
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  for (int i = 0; !cut && std::chrono::steady_clock::now() < end; ++i) {
+    ASSERT_TRUE(reading->readText().has_value()) << "the other viewer goes on";
+    if (i % 20 == 0) cut = dropped();
+  }
+  EXPECT_TRUE(cut);
+  EXPECT_TRUE(reading->readText().has_value());
+}
+
+TEST(WebLive, comesFiveTimesASecond) {
+  WebLab lab;
+  const auto viewer = lab.browserOf("ines").live();
+  ASSERT_TRUE(viewer);
+  (void)viewer->readText();
+  const auto begun = std::chrono::steady_clock::now();
+  for (int i = 0; i < 5; ++i) ASSERT_TRUE(viewer->readText().has_value());
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+  EXPECT_GT(seconds, 0.6);  // never much faster; a machine that stalls may be slower
+}
+
+TEST(WebLive, isForWhoIsLoggedInAndAsksFromAPageOfThisServer) {
+  WebLab lab;
+  Browser ines = lab.browserOf("ines"), tina = lab.browserOf("tina"), nobody = lab.browser();
+  WebReply refused;
+  EXPECT_EQ(nobody.live(&refused), nullptr);
+  EXPECT_EQ(refused.status, 401);
+  EXPECT_EQ(tina.live(&refused), nullptr);
+  EXPECT_EQ(refused.status, 403);
+  EXPECT_EQ(ines.live(&refused, "https://evil"), nullptr);
+  EXPECT_EQ(refused.status, 403);
+  EXPECT_EQ(ines.live(&refused, ""), nullptr);
+  EXPECT_EQ(refused.status, 403);
+  EXPECT_EQ(
+      fits("GET", "/api/v1/live", ines.ask("GET", "/api/v1/live", "", {{"Origin", "https://localhost"}}))
+          .status,
+      426);
+  EXPECT_NE(ines.live(), nullptr);
+}
+
+TEST(WebLive, endsWithItsSession) {
+  WebLab lab;
+  Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
+  const auto logged_out = ines.live(), disabled = mara.live();
+  ASSERT_TRUE(logged_out && disabled);
+  EXPECT_EQ(ines.ask("DELETE", "/api/v1/session").status, 200);
+  while (logged_out->readText().has_value()) {
+  }
+  EXPECT_EQ(logged_out->closeCode(), 1008);
+  Browser ada = lab.browserOf("ada");
+  EXPECT_EQ(ada.ask("PATCH", "/api/v1/people/mara", R"({"disabled": true})", {{"If-Match", "\"1\""}}).status,
+            200);
+  while (disabled->readText().has_value()) {
+  }
+  EXPECT_EQ(disabled->closeCode(), 1008);
+}
+
+TEST(WebLive, lastsAsLongAsSomebodyLooksAtIt) {
+  WebLab lab([](ServerOptions& options) { options.token_lifetime = milliseconds(3000); });
+  Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
+  const auto looked_at = ines.live(), left_open = mara.live();
+  ASSERT_TRUE(looked_at && left_open);
+  const auto end = std::chrono::steady_clock::now() + milliseconds(4500);
+  bool open = true;
+  while (open && std::chrono::steady_clock::now() < end) {
+    open = looked_at->sendFrame(1, "looked at") && looked_at->readText().has_value();
+    (void)left_open->readText(milliseconds(100));
+  }
+  EXPECT_TRUE(open);
+  EXPECT_EQ(ines.get("/api/v1/session").status, 200);
+  while (left_open->readText().has_value()) {
+  }
+  EXPECT_EQ(left_open->closeCode(), 1008);
+}
+
+TEST(WebLive, endsWithTheServer) {
+  WebLab lab;
+  const auto viewer = lab.browserOf("ines").live();
+  ASSERT_TRUE(viewer);
+  (void)viewer->readText();
+  std::thread stopping([&] { (void)lab.server().stop(); });
+  while (viewer->readText().has_value()) {
+  }
+  EXPECT_EQ(viewer->closeCode(), 1001);
+  stopping.join();
+}
+
+TEST(WebLive, aPersonHasItsNumberOfPagesAndTheyAreCountedBack) {
+  WebLab lab([](ServerOptions& options) { options.web.live_sockets_per_person = 2; });
+  Browser ines = lab.browserOf("ines");
+  auto first = ines.live(), second = ines.live();
+  ASSERT_TRUE(first && second);
+  WebReply refused;
+  EXPECT_EQ(ines.live(&refused), nullptr);
+  EXPECT_EQ(refused.status, 429);
+  first.reset();
+  bool again = false;
+  for (int i = 0; i < 100 && !again; ++i) {
+    std::this_thread::sleep_for(milliseconds(50));
+    again = ines.live() != nullptr;
+  }
+  EXPECT_TRUE(again);
+}
+
+TEST(WebLive, whoSendsMoreThanItShouldIsEnded) {
+  WebLab lab;
+  const auto viewer = lab.browserOf("ines").live();
+  ASSERT_TRUE(viewer);
+  EXPECT_TRUE(viewer->sendFrame(1, "hello"));
+  EXPECT_TRUE(viewer->readText().has_value());
+  (void)viewer->sendFrame(1, std::string(5000, 'x'));
+  int more = 0;
+  while (viewer->readText(milliseconds(5000)).has_value() && more < 100) ++more;
+  EXPECT_LT(more, 100);
+}
+
+}  // namespace
+}  // namespace needlelab
