@@ -9,18 +9,25 @@ import { startMock } from './mock_server.mjs';
 
 const kPassword = 'correct horse';
 const real_fetch = globalThis.fetch;
-let mock, cookie = '', sent = [];
+let mock,
+  cookie = '',
+  sent = [];
 
 // what a browser does: relative addresses and the cookie
 globalThis.fetch = async (path, options = {}) => {
   sent.push({ path, method: options.method ?? 'GET', headers: options.headers ?? {} });
-  const reply = await real_fetch(`http://127.0.0.1:${mock.port}${path}`, { ...options, headers: { ...options.headers, Cookie: cookie } });
+  const reply = await real_fetch(`http://127.0.0.1:${mock.port}${path}`, {
+    ...options,
+    headers: { ...options.headers, Cookie: cookie },
+  });
   const set = reply.headers.get('set-cookie');
   if (set) cookie = set.split(';')[0];
   return reply;
 };
 
-before(async () => { mock = await startMock(0); });
+before(async () => {
+  mock = await startMock(0);
+});
 after(() => mock.close());
 
 test('a wrong password is told apart from a locked log-in', async () => {
@@ -44,15 +51,22 @@ test('lists are read to their end', async () => {
 });
 
 test('a change from an old revision is a conflict that names the newest', async () => {
-  const profiles = documents('profiles'), { json, revision } = await profiles.one('knee-adult');
+  const profiles = documents('profiles'),
+    { json, revision } = await profiles.one('knee-adult');
   await profiles.put('knee-adult', { ...json, name: 'one' }, revision);
-  await assert.rejects(profiles.put('knee-adult', { ...json, name: 'two' }, revision), (error) => error.kind === 'conflict' && error.current_revision === revision + 1);
+  await assert.rejects(
+    profiles.put('knee-adult', { ...json, name: 'two' }, revision),
+    (error) => error.kind === 'conflict' && error.current_revision === revision + 1,
+  );
   assert.equal((await profiles.one('knee-adult')).json.name, 'one');
   assert.equal((await profiles.one('knee-adult', revision)).json.name, json.name, 'the old one is still there');
 });
 
 test('bad input names its field', async () => {
-  await assert.rejects(people.add({ name: 'No Good', role: 'trainee' }), (error) => error.kind === 'invalid' && error.field === 'name');
+  await assert.rejects(
+    people.add({ name: 'No Good', role: 'trainee' }),
+    (error) => error.kind === 'invalid' && error.field === 'name',
+  );
 });
 
 test('what the role may not do is denied', async () => {
@@ -62,7 +76,9 @@ test('what the role may not do is denied', async () => {
 test('a request of an expired log-in waits for the new one and is then sent again', async () => {
   mock.lab.logins.clear();
   const waiting = people.one('anna.bauer');
-  await new Promise((resolve) => { const stop = session.follow(({ state }) => state === 'expired' && (stop(), resolve())); });
+  await new Promise((resolve) => {
+    const stop = session.follow(({ state }) => state === 'expired' && (stop(), resolve()));
+  });
   await logIn('mara', kPassword);
   assert.equal((await waiting).name, 'anna.bauer');
   assert.equal(session.get().state, 'in');
@@ -73,7 +89,9 @@ test('when the log-in is not renewed the request fails, and so it does when some
     await logIn('mara', kPassword);
     mock.lab.logins.clear();
     const waiting = assert.rejects(people.one('anna.bauer'), { kind: 'expired' });
-    await new Promise((resolve) => { const stop = session.follow(({ state }) => state === 'expired' && (stop(), resolve())); });
+    await new Promise((resolve) => {
+      const stop = session.follow(({ state }) => state === 'expired' && (stop(), resolve()));
+    });
     await end();
     await waiting;
   }
@@ -89,7 +107,9 @@ test('without the server the request says so, and the connection comes back by i
   assert.equal(connection.get().away, true);
   mock = await startMock(port);
   mock.lab.logins = lab.logins;
-  await new Promise((resolve) => { const stop = connection.follow(({ away }) => !away && (stop(), resolve())); });
+  await new Promise((resolve) => {
+    const stop = connection.follow(({ away }) => !away && (stop(), resolve()));
+  });
   setCsrfToken('');
   assert.ok((await get(['groups'])).items.length > 0);
 });
@@ -99,17 +119,29 @@ test('another page of this browser logs in anew: the next change takes its token
   setCsrfToken('of the log-in before');
   sent = [];
   await groups.add({ id: 'g2', name: 'G', members: [] });
-  assert.deepEqual(sent.map((s) => s.method), ['POST', 'GET', 'POST']);
+  assert.deepEqual(
+    sent.map((s) => s.method),
+    ['POST', 'GET', 'POST'],
+  );
   await groups.remove({ id: 'g2', revision: 1 });
 });
 
 test('another page of this browser logs in as somebody else: nothing is sent in their name', async () => {
   await logIn('mara', kPassword);
-  await real_fetch(`http://127.0.0.1:${mock.port}/api/v1/session`, { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ name: 'root', password: kPassword }) })
-    .then((reply) => (cookie = reply.headers.get('set-cookie').split(';')[0]));
+  await real_fetch(`http://127.0.0.1:${mock.port}/api/v1/session`, {
+    method: 'POST',
+    headers: { 'Content-Type': 'application/json' },
+    body: JSON.stringify({ name: 'root', password: kPassword }),
+  }).then((reply) => (cookie = reply.headers.get('set-cookie').split(';')[0]));
   sent = [];
-  await assert.rejects(groups.add({ id: 'g3', name: 'G', members: [] }), (error) => error.kind === 'expired' && /root/.test(error.message));
-  assert.deepEqual(sent.map((s) => s.method), ['POST', 'GET']);
+  await assert.rejects(
+    groups.add({ id: 'g3', name: 'G', members: [] }),
+    (error) => error.kind === 'expired' && /root/.test(error.message),
+  );
+  assert.deepEqual(
+    sent.map((s) => s.method),
+    ['POST', 'GET'],
+  );
   assert.equal(session.get().state, 'out');
   assert.equal(mock.lab.groups.has('g3'), false);
 });

@@ -10,9 +10,22 @@ import { csvOf, kTable, Refusal } from './mock/rest.mjs';
 import { acceptWebSocket } from './mock/websocket.mjs';
 
 const kWeb = fileURLToPath(new URL('../../client/web/', import.meta.url));
-const kTypes = { '.html': 'text/html; charset=utf-8', '.js': 'text/javascript; charset=utf-8', '.css': 'text/css; charset=utf-8', '.svg': 'image/svg+xml' };
-const kHeaders = { 'Content-Security-Policy': "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'", 'X-Content-Type-Options': 'nosniff', 'Referrer-Policy': 'no-referrer' };
-const kCookie = '__Host-needlelab', kTries = 5, kLock_s = 30, kLogin_ms = 8 * 3_600_000, kTick_ms = 200;
+const kTypes = {
+  '.html': 'text/html; charset=utf-8',
+  '.js': 'text/javascript; charset=utf-8',
+  '.css': 'text/css; charset=utf-8',
+  '.svg': 'image/svg+xml',
+};
+const kHeaders = {
+  'Content-Security-Policy': "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'",
+  'X-Content-Type-Options': 'nosniff',
+  'Referrer-Policy': 'no-referrer',
+};
+const kCookie = '__Host-needlelab',
+  kTries = 5,
+  kLock_s = 30,
+  kLogin_ms = 8 * 3_600_000,
+  kTick_ms = 200;
 
 function cookieOf(request) {
   return /(?:^|; )__Host-needlelab=([^;]+)/.exec(request.headers.cookie ?? '')?.[1];
@@ -20,7 +33,9 @@ function cookieOf(request) {
 
 function send(response, status, body, headers = {}) {
   const text = typeof body === 'string' ? body : JSON.stringify(body);
-  response.writeHead(status, { ...kHeaders, 'Content-Type': 'application/json', 'Cache-Control': 'no-store', ...headers }).end(text);
+  response
+    .writeHead(status, { ...kHeaders, 'Content-Type': 'application/json', 'Cache-Control': 'no-store', ...headers })
+    .end(text);
 }
 
 async function bodyOf(request) {
@@ -47,7 +62,13 @@ function logIn(lab, { name, password }) {
   }
   lab.failures.delete(name);
   const token = randomBytes(16).toString('hex');
-  lab.logins.set(token, { name, role: person.role, full_name: person.full_name, csrf_token: randomBytes(16).toString('hex'), expires_unix_ms: Date.now() + kLogin_ms });
+  lab.logins.set(token, {
+    name,
+    role: person.role,
+    full_name: person.full_name,
+    csrf_token: randomBytes(16).toString('hex'),
+    expires_unix_ms: Date.now() + kLogin_ms,
+  });
   return token;
 }
 
@@ -56,29 +77,48 @@ function find(method, parts) {
   for (const [wanted, path, roles, handler, status = 200] of kTable) {
     const steps = path.split('/');
     if (steps.length !== parts.length || !steps.every((s, i) => s.startsWith(':') || s === parts[i])) continue;
-    if (wanted === method) return { roles, handler, status, params: Object.fromEntries(steps.map((s, i) => [s.slice(1), parts[i]]).filter((_, i) => steps[i].startsWith(':'))) };
+    if (wanted === method)
+      return {
+        roles,
+        handler,
+        status,
+        params: Object.fromEntries(
+          steps.map((s, i) => [s.slice(1), parts[i]]).filter((_, i) => steps[i].startsWith(':')),
+        ),
+      };
     other = true;
   }
-  throw other ? new Refusal(405, 'method', `${method} is not for this path`) : new Refusal(404, 'not_found', `there is no /${parts.join('/')}`);
+  throw other
+    ? new Refusal(405, 'method', `${method} is not for this path`)
+    : new Refusal(404, 'not_found', `there is no /${parts.join('/')}`);
 }
 
 async function answer(lab, request, response, url) {
-  const parts = url.pathname.split('/').slice(3).map(decodeURIComponent), query = Object.fromEntries(url.searchParams);
+  const parts = url.pathname.split('/').slice(3).map(decodeURIComponent),
+    query = Object.fromEntries(url.searchParams);
   const who = lab.logins.get(cookieOf(request));
   if (parts.join('/') === 'session' && request.method === 'POST') {
     const token = logIn(lab, await bodyOf(request));
-    return send(response, 200, lab.logins.get(token), { 'Set-Cookie': `${kCookie}=${token}; Path=/; HttpOnly; Secure; SameSite=Strict` });
+    return send(response, 200, lab.logins.get(token), {
+      'Set-Cookie': `${kCookie}=${token}; Path=/; HttpOnly; Secure; SameSite=Strict`,
+    });
   }
   if (!who || who.expires_unix_ms < Date.now()) throw new Refusal(401, 'login', 'log in first');
-  if (request.method !== 'GET' && request.headers['x-csrf-token'] !== who.csrf_token) throw new Refusal(403, 'csrf', 'X-CSRF-Token is missing or wrong');
+  if (request.method !== 'GET' && request.headers['x-csrf-token'] !== who.csrf_token)
+    throw new Refusal(403, 'csrf', 'X-CSRF-Token is missing or wrong');
   if (parts.join('/') === 'session') {
     if (request.method === 'GET') return send(response, 200, who);
     lab.logins.delete(cookieOf(request));
     return send(response, 200, {}, { 'Set-Cookie': `${kCookie}=; Path=/; Max-Age=0; Secure` });
   }
-  if (request.method === 'GET' && parts.at(-1).endsWith('.csv')) return send(response, 200, csvOf(lab, parts, query), { 'Content-Type': 'text/csv; charset=utf-8', 'Content-Disposition': 'attachment' });
+  if (request.method === 'GET' && parts.at(-1).endsWith('.csv'))
+    return send(response, 200, csvOf(lab, parts, query), {
+      'Content-Type': 'text/csv; charset=utf-8',
+      'Content-Disposition': 'attachment',
+    });
   const { roles, handler, status, params } = find(request.method, parts);
-  if (!roles.includes(who.role)) throw new Refusal(403, 'role', `${request.method} /${parts.join('/')} is not for the role ${who.role}`);
+  if (!roles.includes(who.role))
+    throw new Refusal(403, 'role', `${request.method} /${parts.join('/')} is not for the role ${who.role}`);
   const match = request.headers['if-match'];
   const base = match === undefined ? undefined : Number(match.replaceAll('"', ''));
   return send(response, status, handler({ lab, who, params, query, base, body: await bodyOf(request) }) ?? {});
@@ -97,10 +137,37 @@ async function file(response, path) {
 function tiles(lab) {
   const t = Date.now() / 1000;
   return [1, 2, 3, 4].map((i) => {
-    const s = lab.sessions[i * 5], columns = s.gesture.columns, at = Math.floor(((t * 1 + i * 3) % s.gesture.length_s) * 100) % columns.t_s.length;
-    if (i === 4) return { station: 'bench-4', online: false, trainee: '', exercise: '', phase: 'FREE', depth_m: 0, layer: '', force_n: 0, peak_force_n: 0, fault: '', drops: 0 };
+    const s = lab.sessions[i * 5],
+      columns = s.gesture.columns,
+      at = Math.floor(((t * 1 + i * 3) % s.gesture.length_s) * 100) % columns.t_s.length;
+    if (i === 4)
+      return {
+        station: 'bench-4',
+        online: false,
+        trainee: '',
+        exercise: '',
+        phase: 'FREE',
+        depth_m: 0,
+        layer: '',
+        force_n: 0,
+        peak_force_n: 0,
+        fault: '',
+        drops: 0,
+      };
     const layer = columns.layer[at];
-    return { station: `bench-${i}`, online: true, trainee: s.trainee, exercise: s.exercise_id, phase: ['FREE', 'INSERTING', 'STOPPED', 'WITHDRAWING'][columns.phase[at]], depth_m: columns.insertion_m[at], layer: layer < 0 ? '' : lab.profiles.get(s.profile_id)[0].json.layers[layer].tissue, force_n: Math.abs(columns.fz_n[at]), peak_force_n: 2.6, fault: i === 3 && t % 20 < 6 ? 'the tip jumped: over 5 m/s since the last good sample' : '', drops: i === 2 ? 3 : 0 };
+    return {
+      station: `bench-${i}`,
+      online: true,
+      trainee: s.trainee,
+      exercise: s.exercise_id,
+      phase: ['FREE', 'INSERTING', 'STOPPED', 'WITHDRAWING'][columns.phase[at]],
+      depth_m: columns.insertion_m[at],
+      layer: layer < 0 ? '' : lab.profiles.get(s.profile_id)[0].json.layers[layer].tissue,
+      force_n: Math.abs(columns.fz_n[at]),
+      peak_force_n: 2.6,
+      fault: i === 3 && t % 20 < 6 ? 'the tip jumped: over 5 m/s since the last good sample' : '',
+      drops: i === 2 ? 3 : 0,
+    };
   });
 }
 
@@ -109,14 +176,27 @@ function tiles(lab) {
  * @returns {Promise<{port: number, lab: any, close: () => Promise<void>}>} `lab.logins.clear()` makes every log-in expire
  */
 export async function startMock(port = 0) {
-  const lab = makeLab(), live = new Set();
+  const lab = makeLab(),
+    live = new Set();
   const server = createServer((request, response) => {
     const url = new URL(request.url, 'http://localhost');
     if (!url.pathname.startsWith('/api/v1/')) return file(response, url.pathname);
     return answer(lab, request, response, url).catch((error) => {
       const { status = 500, code = 'internal', more = {} } = error;
       const { retry_after_s, current_revision, ...rest } = more;
-      send(response, status, { error: { code, message: error.message, ...rest, ...(current_revision === undefined ? {} : { current_revision }) } }, retry_after_s ? { 'Retry-After': String(retry_after_s) } : {});
+      send(
+        response,
+        status,
+        {
+          error: {
+            code,
+            message: error.message,
+            ...rest,
+            ...(current_revision === undefined ? {} : { current_revision }),
+          },
+        },
+        retry_after_s ? { 'Retry-After': String(retry_after_s) } : {},
+      );
     });
   });
   server.on('upgrade', (request, socket) => {
@@ -125,14 +205,18 @@ export async function startMock(port = 0) {
     const say = acceptWebSocket(request, socket);
     live.add(socket);
     const timer = setInterval(() => say(JSON.stringify({ tiles: tiles(lab) })), kTick_ms);
-    return socket.on('close', () => { clearInterval(timer); live.delete(socket); });
+    return socket.on('close', () => {
+      clearInterval(timer);
+      live.delete(socket);
+    });
   });
   await new Promise((resolve, reject) => server.on('error', reject).listen(port, '127.0.0.1', resolve));
-  const close = () => new Promise((resolve) => {
-    server.close(resolve);
-    server.closeAllConnections();
-    for (const socket of live) socket.destroy();
-  });
+  const close = () =>
+    new Promise((resolve) => {
+      server.close(resolve);
+      server.closeAllConnections();
+      for (const socket of live) socket.destroy();
+    });
   return { port: server.address().port, lab, close };
 }
 

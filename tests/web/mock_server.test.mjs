@@ -13,14 +13,20 @@ const kUnused = ['GET /openapi.json', 'GET /people/{name}/consents', 'GET /live'
 
 let mock, lab;
 const who = {};
-const asked = new Set(), faults = [];
+const asked = new Set(),
+  faults = [];
 
 async function ask(name, method, pattern, { path = pattern, body, base } = {}) {
   const headers = { Cookie: who[name]?.cookie ?? '', 'X-CSRF-Token': who[name]?.csrf_token ?? '' };
   if (body !== undefined) headers['Content-Type'] = 'application/json';
   if (base !== undefined) headers['If-Match'] = `"${base}"`;
-  const reply = await fetch(`http://127.0.0.1:${mock.port}/api/v1${path}`, { method, headers, body: body === undefined ? undefined : JSON.stringify(body) });
-  const text = await reply.text(), about = `${name} ${method} ${path}: ${reply.status}`;
+  const reply = await fetch(`http://127.0.0.1:${mock.port}/api/v1${path}`, {
+    method,
+    headers,
+    body: body === undefined ? undefined : JSON.stringify(body),
+  });
+  const text = await reply.text(),
+    about = `${name} ${method} ${path}: ${reply.status}`;
   const type = reply.headers.get('content-type');
   const described = api.paths[pattern]?.[method.toLowerCase()];
   assert.ok(described, `${method} ${pattern} is no route of the server`);
@@ -52,27 +58,54 @@ before(async () => {
 after(() => mock.close());
 
 test('every page of every list, and what is below it', async () => {
-  const session = lab.sessions[0], id = session.session_id;
-  const lists = ['/people', '/groups', '/profiles', '/courses', '/exercises', '/measures', '/assignments', '/sessions', '/stations', '/session'];
+  const session = lab.sessions[0],
+    id = session.session_id;
+  const lists = [
+    '/people',
+    '/groups',
+    '/profiles',
+    '/courses',
+    '/exercises',
+    '/measures',
+    '/assignments',
+    '/sessions',
+    '/stations',
+    '/session',
+  ];
   for (const pattern of lists) assert.equal((await ask('ines', 'GET', pattern)).status, 200, pattern);
   const below = {
-    '/people/{name}': '/people/anna.bauer', '/people/{name}/progress': '/people/anna.bauer/progress', '/groups/{id}': '/groups/autumn-a',
-    '/profiles/{id}': '/profiles/shoulder-adult', '/profiles/{id}/revisions': '/profiles/shoulder-adult/revisions',
-    '/courses/{id}': `/courses/${[...lab.courses.keys()][0]}`, '/courses/{id}/revisions': `/courses/${[...lab.courses.keys()][0]}/revisions`,
-    '/results': `/results?course=${[...lab.courses.keys()][0]}`, '/exercises/{id}/reference': `/exercises/${session.exercise_id}/reference`,
+    '/people/{name}': '/people/anna.bauer',
+    '/people/{name}/progress': '/people/anna.bauer/progress',
+    '/groups/{id}': '/groups/autumn-a',
+    '/profiles/{id}': '/profiles/shoulder-adult',
+    '/profiles/{id}/revisions': '/profiles/shoulder-adult/revisions',
+    '/courses/{id}': `/courses/${[...lab.courses.keys()][0]}`,
+    '/courses/{id}/revisions': `/courses/${[...lab.courses.keys()][0]}/revisions`,
+    '/results': `/results?course=${[...lab.courses.keys()][0]}`,
+    '/exercises/{id}/reference': `/exercises/${session.exercise_id}/reference`,
     '/scores.csv': '/scores.csv',
   };
-  for (const [pattern, path] of Object.entries(below)) assert.equal((await ask('ines', 'GET', pattern, { path })).status, 200, path);
+  for (const [pattern, path] of Object.entries(below))
+    assert.equal((await ask('ines', 'GET', pattern, { path })).status, 200, path);
   for (const part of ['', '/score', '/events', '/samples', '/samples.csv', '/annotations']) {
-    assert.equal((await ask('ines', 'GET', `/sessions/{id}${part}`, { path: `/sessions/${id}${part}` })).status, 200, part);
+    assert.equal(
+      (await ask('ines', 'GET', `/sessions/{id}${part}`, { path: `/sessions/${id}${part}` })).status,
+      200,
+      part,
+    );
   }
   assert.equal((await ask('mara', 'GET', '/people/{name}/export', { path: '/people/anna.bauer/export' })).status, 200);
   assert.equal((await ask('root', 'GET', '/audit')).status, 200);
-  assert.equal((await ask('anna.bauer', 'GET', '/results', { path: `/results?course=${[...lab.courses.keys()][0]}` })).body.rows.length, 1);
+  assert.equal(
+    (await ask('anna.bauer', 'GET', '/results', { path: `/results?course=${[...lab.courses.keys()][0]}` })).body.rows
+      .length,
+    1,
+  );
 });
 
 test('changes, and what comes of those that are too late', async () => {
-  const id = lab.sessions[0].session_id, exercise = lab.sessions[0].exercise_id;
+  const id = lab.sessions[0].session_id,
+    exercise = lab.sessions[0].exercise_id;
   const one = async (name, method, pattern, more, status = 200) => {
     const reply = await ask(name, method, pattern, more);
     assert.equal(reply.status, status, `${method} ${more.path ?? pattern}: ${JSON.stringify(reply.body)}`);
@@ -81,15 +114,28 @@ test('changes, and what comes of those that are too late', async () => {
   await one('mara', 'POST', '/people', { body: { name: 'new.one', full_name: 'New One', role: 'TRAINEE' } }, 201);
   await one('mara', 'POST', '/people', { body: { name: 'new.one', role: 'TRAINEE' } }, 409);
   await one('mara', 'PATCH', '/people/{name}', { path: '/people/new.one', body: { full_name: 'Newer' }, base: 1 });
-  assert.equal((await one('mara', 'PATCH', '/people/{name}', { path: '/people/new.one', body: { full_name: 'x' }, base: 1 }, 409)).error.current_revision, 2);
+  assert.equal(
+    (await one('mara', 'PATCH', '/people/{name}', { path: '/people/new.one', body: { full_name: 'x' }, base: 1 }, 409))
+      .error.current_revision,
+    2,
+  );
   await one('mara', 'PATCH', '/people/{name}', { path: '/people/new.one', body: { full_name: 'x' } }, 400);
   await one('mara', 'PATCH', '/people/{name}', { path: '/people/new.one', body: { consent: true } });
-  await one('root', 'POST', '/people/{name}/password', { path: '/people/new.one/password', body: { password: 'another horse' } });
+  await one('root', 'POST', '/people/{name}/password', {
+    path: '/people/new.one/password',
+    body: { password: 'another horse' },
+  });
   await one('mara', 'POST', '/people/import', { body: { csv: 'name,role\nzoe,trainee\n', dry_run: true } });
   await one('mara', 'POST', '/groups', { body: { id: 'g', name: 'G', members: ['new.one'] } }, 201);
   await one('mara', 'POST', '/groups', { body: { id: 'g', name: 'G', members: [] } }, 409);
   await one('mara', 'PUT', '/groups/{id}', { path: '/groups/g', body: { id: 'g', name: 'G2', members: [] }, base: 1 });
-  await one('mara', 'PUT', '/groups/{id}', { path: '/groups/g', body: { id: 'g', name: 'G2', members: [] }, base: 1 }, 409);
+  await one(
+    'mara',
+    'PUT',
+    '/groups/{id}',
+    { path: '/groups/g', body: { id: 'g', name: 'G2', members: [] }, base: 1 },
+    409,
+  );
   await one('mara', 'DELETE', '/groups/{id}', { path: '/groups/g', base: 1 }, 409);
   await one('mara', 'DELETE', '/groups/{id}', { path: '/groups/g', base: 2 });
   await one('mara', 'GET', '/groups/{id}', { path: '/groups/g' }, 404);
@@ -102,13 +148,32 @@ test('changes, and what comes of those that are too late', async () => {
     await one('mara', 'PUT', `/${kind}/{id}`, { path: `/${kind}/${document}`, body: json }, 400);
     if (kind === 'profiles') await one('ines', 'POST', '/profiles/preview', { body: json });
   }
-  const given = await one('ines', 'POST', '/assignments', { body: { exercise_id: exercise, trainee: 'anna.bauer', due_unix_ms: 1.9e12 } }, 201);
+  const given = await one(
+    'ines',
+    'POST',
+    '/assignments',
+    { body: { exercise_id: exercise, trainee: 'anna.bauer', due_unix_ms: 1.9e12 } },
+    201,
+  );
   await one('ines', 'DELETE', '/assignments/{id}', { path: `/assignments/${given.id}` });
-  await one('ines', 'POST', '/sessions/{id}/annotations', { path: `/sessions/${id}/annotations`, body: { t_s: 1.5, text: 'well' } }, 201);
+  await one(
+    'ines',
+    'POST',
+    '/sessions/{id}/annotations',
+    { path: `/sessions/${id}/annotations`, body: { t_s: 1.5, text: 'well' } },
+    201,
+  );
   await one('ines', 'POST', '/sessions/{id}/rescore', { path: `/sessions/${id}/rescore`, body: {} });
-  await one('ines', 'PUT', '/exercises/{id}/reference', { path: `/exercises/${exercise}/reference`, body: { session_ids: [id] }, base: 0 });
+  await one('ines', 'PUT', '/exercises/{id}/reference', {
+    path: `/exercises/${exercise}/reference`,
+    body: { session_ids: [id] },
+    base: 0,
+  });
   await one('ines', 'GET', '/sessions/{id}/score', { path: `/sessions/${id}/score` });
-  await one('ines', 'POST', '/sessions/{id}/excuse', { path: `/sessions/${id}/excuse`, body: { excused: true, reason: 'the station failed' } });
+  await one('ines', 'POST', '/sessions/{id}/excuse', {
+    path: `/sessions/${id}/excuse`,
+    body: { excused: true, reason: 'the station failed' },
+  });
   await one('mara', 'PUT', '/retention', { body: { policy: { exercise_id: '', delete_after_days: 3650 } } });
   await one('mara', 'GET', '/retention', {});
   await one('mara', 'POST', '/retention/run', { body: { dry_run: true } });
@@ -132,6 +197,11 @@ test('what is refused', async () => {
 
 test('all replies are as they are described, and no address was left out', () => {
   assert.deepEqual(faults, []);
-  const routes = Object.entries(api.paths).flatMap(([pattern, methods]) => Object.keys(methods).map((method) => `${method.toUpperCase()} ${pattern}`));
-  assert.deepEqual(routes.filter((route) => !asked.has(route) && !kUnused.includes(route)), []);
+  const routes = Object.entries(api.paths).flatMap(([pattern, methods]) =>
+    Object.keys(methods).map((method) => `${method.toUpperCase()} ${pattern}`),
+  );
+  assert.deepEqual(
+    routes.filter((route) => !asked.has(route) && !kUnused.includes(route)),
+    [],
+  );
 });

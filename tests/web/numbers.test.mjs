@@ -12,7 +12,21 @@ const en = { locale: 'en' };
 const plain = (text) => text.replace('\u00a0', ' ');
 
 test('quantities have SI prefixes and the digits that matter', () => {
-  const cases = [[0.0031, 'm', '3.1 mm'], [0.35, 'm', '350 mm'], [1.234, 'm', '1.23 m'], [0.99996e-3, 'm', '1 mm'], [-0.002, 'm', '-2 mm'], [0, 'm', '0 mm'], [0.35, 'N', '0.35 N'], [0.004, 'N', '4 mN'], [0.0012, 'm^2', '12 cm²'], [0.05, 'm/s', '50 mm/s'], [2, '', '2'], [0.5, 'share', '50 %'], [1.5e-6, 'm', '1.5 µm']];
+  const cases = [
+    [0.0031, 'm', '3.1 mm'],
+    [0.35, 'm', '350 mm'],
+    [1.234, 'm', '1.23 m'],
+    [0.99996e-3, 'm', '1 mm'],
+    [-0.002, 'm', '-2 mm'],
+    [0, 'm', '0 mm'],
+    [0.35, 'N', '0.35 N'],
+    [0.004, 'N', '4 mN'],
+    [0.0012, 'm^2', '12 cm²'],
+    [0.05, 'm/s', '50 mm/s'],
+    [2, '', '2'],
+    [0.5, 'share', '50 %'],
+    [1.5e-6, 'm', '1.5 µm'],
+  ];
   for (const [value, unit, text] of cases) assert.equal(plain(quantity(value, unit, en)), text);
   for (const nothing of [null, undefined, NaN, Infinity]) assert.equal(quantity(nothing, 'm', en), '–');
   assert.equal(plain(quantity(0.0031, 'm', { locale: 'de' })), '3,1 mm');
@@ -36,14 +50,32 @@ test('angles survive the way through degrees', () => {
 });
 
 test('the longest ending of a name decides its unit', () => {
-  const wanted = { stiffness_n_per_m: 'N/m', lateral_stiffness_n_per_m2: 'N/m²', max_torque_nm: 'N·m', stop_speed_m_s: 'mm/s', cutting_force_n: 'N', stiffness_nm_per_rad: 'N·m/rad', attempts: '', young_pa: 'kPa', damping_ns_per_m: 'N·s/m' };
+  const wanted = {
+    stiffness_n_per_m: 'N/m',
+    lateral_stiffness_n_per_m2: 'N/m²',
+    max_torque_nm: 'N·m',
+    stop_speed_m_s: 'mm/s',
+    cutting_force_n: 'N',
+    stiffness_nm_per_rad: 'N·m/rad',
+    attempts: '',
+    young_pa: 'kPa',
+    damping_ns_per_m: 'N·s/m',
+  };
   for (const [name, unit] of Object.entries(wanted)) assert.equal(fieldUnit(name).unit, unit, name);
 });
 
 test('nothing and no number are told apart', () => {
   assert.equal(typed('  ', 1), undefined);
-  for (const bad of ['abc', '1..2', '1e', '--3', 'Infinity', 'NaN', '1e999', '0x10']) assert.equal(typed(bad, 1), null, bad);
-  for (const [text, value] of [['.5', 0.5], ['5.', 5], ['+1', 1], ['−2', -2], ['1e3', 1000]]) assert.equal(typed(text, 1), value);
+  for (const bad of ['abc', '1..2', '1e', '--3', 'Infinity', 'NaN', '1e999', '0x10'])
+    assert.equal(typed(bad, 1), null, bad);
+  for (const [text, value] of [
+    ['.5', 0.5],
+    ['5.', 5],
+    ['+1', 1],
+    ['−2', -2],
+    ['1e3', 1000],
+  ])
+    assert.equal(typed(text, 1), value);
 });
 
 test('names and sizes as people read them', () => {
@@ -53,39 +85,70 @@ test('names and sizes as people read them', () => {
 });
 
 test('a measure is called by its words without value and verdict', () => {
-  const cases = { 'Peak force 2.52 N: within the 5 N allowed': 'Peak force', 'Tissue swept by the shaft 0.218 cm²': 'Tissue swept by the shaft', 'Smoothness (LDLJ) -16.6': 'Smoothness (LDLJ)', 'Peak force in layer 5 (TENDON) 2.14 N': 'Peak force in layer 5 (TENDON)', 'Mean speed 11.6 mm/s': 'Mean speed', 'Entries 1: within the 2 allowed': 'Entries', 'Target reached': 'Target reached', 'Way over straight way 1.04': 'Way over straight way', 'Largest lateral error 3.2e-05 m': 'Largest lateral error' };
+  const cases = {
+    'Peak force 2.52 N: within the 5 N allowed': 'Peak force',
+    'Tissue swept by the shaft 0.218 cm²': 'Tissue swept by the shaft',
+    'Smoothness (LDLJ) -16.6': 'Smoothness (LDLJ)',
+    'Peak force in layer 5 (TENDON) 2.14 N': 'Peak force in layer 5 (TENDON)',
+    'Mean speed 11.6 mm/s': 'Mean speed',
+    'Entries 1: within the 2 allowed': 'Entries',
+    'Target reached': 'Target reached',
+    'Way over straight way 1.04': 'Way over straight way',
+    'Largest lateral error 3.2e-05 m': 'Largest lateral error',
+  };
   for (const [words, title] of Object.entries(cases)) assert.equal(measureTitle({ measure: 'x', words }), title);
   assert.equal(measureTitle({ measure: 'peak_force_n' }), 'peak_force_n');
 });
 
 test('decimation keeps every peak, the ends and the order', () => {
-  const seed = Number(process.env.NEEDLELAB_SEED ?? 3), next = random(seed);
+  const seed = Number(process.env.NEEDLELAB_SEED ?? 3),
+    next = random(seed);
   for (let round = 0; round < 50; round++) {
-    const n = 1 + Math.floor(next() * 5000), buckets = 1 + Math.floor(next() * 300);
-    const x = Array.from({ length: n }, (_, i) => i), y = x.map(() => (next() < 0.02 ? NaN : next() - 0.5));
+    const n = 1 + Math.floor(next() * 5000),
+      buckets = 1 + Math.floor(next() * 300);
+    const x = Array.from({ length: n }, (_, i) => i),
+      y = x.map(() => (next() < 0.02 ? NaN : next() - 0.5));
     const few = minMax(x, y, buckets);
-    const finite = y.filter(Number.isFinite), kept = few.y.filter(Number.isFinite);
+    const finite = y.filter(Number.isFinite),
+      kept = few.y.filter(Number.isFinite);
     const where = `seed ${seed}, round ${round}: n ${n}, buckets ${buckets}`;
     assert.ok(few.x.length <= Math.max(2 * buckets + 2, 0) || few.x.length === n, where);
     assert.equal(Math.max(...kept), Math.max(...finite), where);
     assert.equal(Math.min(...kept), Math.min(...finite), where);
     assert.equal(few.x[0], 0);
     assert.equal(few.x.at(-1), n - 1);
-    assert.ok(few.x.every((v, i) => i === 0 || v > few.x[i - 1]), where);
-    assert.ok(few.x.every((v, i) => Object.is(few.y[i], Number.isFinite(y[v]) ? y[v] : null)), where);
+    assert.ok(
+      few.x.every((v, i) => i === 0 || v > few.x[i - 1]),
+      where,
+    );
+    assert.ok(
+      few.x.every((v, i) => Object.is(few.y[i], Number.isFinite(y[v]) ? y[v] : null)),
+      where,
+    );
   }
   assert.deepEqual(minMax([], [], 5), { x: [], y: [] });
 });
 
 test('a stretch without values stays a gap', () => {
   const x = Array.from({ length: 1000 }, (_, i) => i);
-  const few = minMax(x, x.map((i) => (i >= 400 && i < 600 ? NaN : i)), 10);
+  const few = minMax(
+    x,
+    x.map((i) => (i >= 400 && i < 600 ? NaN : i)),
+    10,
+  );
   assert.ok(few.y.includes(null));
 });
 
 test('the sample of a moment is the last one before it', () => {
   const t = [0, 0.5, 1, 1, 2];
-  for (const [at, index] of [[-1, 0], [0, 0], [0.7, 1], [1, 3], [5, 4]]) assert.equal(indexAt(t, at), index);
+  for (const [at, index] of [
+    [-1, 0],
+    [0, 0],
+    [0.7, 1],
+    [1, 3],
+    [5, 4],
+  ])
+    assert.equal(indexAt(t, at), index);
 });
 
 test('times of recordings and dates of forms', () => {
@@ -99,9 +162,16 @@ test('times of recordings and dates of forms', () => {
 });
 
 test('back-off doubles to its bound and takes off at most a quarter', () => {
-  const least = { first_ms: 500, most_ms: 15_000, random: () => 1 }, most = { ...least, random: () => 0 };
-  assert.deepEqual([0, 1, 2, 5, 60].map((n) => backoff(n, most)), [500, 1000, 2000, 15_000, 15_000]);
-  assert.deepEqual([0, 60].map((n) => backoff(n, least)), [375, 11_250]);
+  const least = { first_ms: 500, most_ms: 15_000, random: () => 1 },
+    most = { ...least, random: () => 0 };
+  assert.deepEqual(
+    [0, 1, 2, 5, 60].map((n) => backoff(n, most)),
+    [500, 1000, 2000, 15_000, 15_000],
+  );
+  assert.deepEqual(
+    [0, 60].map((n) => backoff(n, least)),
+    [375, 11_250],
+  );
 });
 
 test('a replay runs at its speed, stops at the end, and begins again', () => {

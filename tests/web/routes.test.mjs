@@ -3,16 +3,36 @@ import { test } from 'node:test';
 import { grantable, kRoles, may, roleName } from '../../client/web/app/lib/roles.js';
 import { href, match } from '../../client/web/app/lib/routes.js';
 
-const kTable = [{ path: '/' }, { path: '/people' }, { path: '/people/import' }, { path: '/people/:name' }, { path: '/profiles/:id/revisions' }];
+const kTable = [
+  { path: '/' },
+  { path: '/people' },
+  { path: '/people/import' },
+  { path: '/people/:name' },
+  { path: '/profiles/:id/revisions' },
+];
 
 test('addresses lead to pages; the first that fits is taken', () => {
   const found = (hash) => match(kTable, hash).route?.path ?? null;
-  for (const [hash, path] of [['', '/'], ['#', '/'], ['#/', '/'], ['#/people', '/people'], ['#/people/', '/people'], ['#/people/import', '/people/import'], ['#/people/anna', '/people/:name'], ['#/nowhere', null], ['#/people/a/b', null]]) assert.equal(found(hash), path, hash);
+  for (const [hash, path] of [
+    ['', '/'],
+    ['#', '/'],
+    ['#/', '/'],
+    ['#/people', '/people'],
+    ['#/people/', '/people'],
+    ['#/people/import', '/people/import'],
+    ['#/people/anna', '/people/:name'],
+    ['#/nowhere', null],
+    ['#/people/a/b', null],
+  ])
+    assert.equal(found(hash), path, hash);
 });
 
 test('what is written into an address comes out of it again', () => {
   for (const name of ['anna', 'a b', 'a/b', 'ä?&=#', '100%', '..']) {
-    const { params, query } = match(kTable, href(['profiles', name, 'revisions'], { from: 1, to: name, gone: '', none: undefined }));
+    const { params, query } = match(
+      kTable,
+      href(['profiles', name, 'revisions'], { from: 1, to: name, gone: '', none: undefined }),
+    );
     assert.equal(params.id, name);
     assert.deepEqual(query, { from: '1', to: name });
   }
@@ -31,7 +51,10 @@ test('who may what', () => {
   assert.ok(may('administrator', 'upkeep') && !may('curriculum-manager', 'upkeep'));
   assert.ok(may('instructor', 'annotate') && !may('curriculum-manager', 'annotate') && !may('trainee', 'annotate'));
   assert.ok(may('curriculum-manager', 'edit profiles') && !may('instructor', 'edit profiles'));
-  assert.deepEqual(kRoles.filter((r) => may(r, 'see own')), ['trainee']);
+  assert.deepEqual(
+    kRoles.filter((r) => may(r, 'see own')),
+    ['trainee'],
+  );
   assert.ok(!kRoles.filter((r) => r !== 'researcher').every((r) => may('researcher', 'see people')));
   assert.throws(() => may('trainee', 'fly'), /fly/);
 });

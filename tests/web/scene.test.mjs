@@ -1,7 +1,17 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { forceOf, intoLimb, layerSpans, wayOf } from '../../client/web/app/lib/recording.js';
-import { axisOf, depthOf, dot, frameOf, inFrame, layerBounds, length, levelLine, spread } from '../../client/web/app/lib/scene.js';
+import {
+  axisOf,
+  depthOf,
+  dot,
+  frameOf,
+  inFrame,
+  layerBounds,
+  length,
+  levelLine,
+  spread,
+} from '../../client/web/app/lib/scene.js';
 import { courseFaults, freshId, numbered, withoutExercise } from '../../client/web/app/lib/course_rules.js';
 
 const near = (a, b, limit = 1e-9) => assert.ok(Math.abs(a - b) <= limit, `${a} is not ${b}`);
@@ -21,7 +31,14 @@ test('depth under the skin of each kind of limb', () => {
 });
 
 test('the frame stands on the skin, square and right-handed, also for a slanted limb', () => {
-  const limbs = [plane, ball, rod, { plane: { point_m: v(0.01, 0.02, 0.03), normal: v(1, 1, 1) } }, { sphere: { center_m: v(0, 0, 0), radius_m: 0.05 } }, { plane: { point_m: v(0, 0, 0), normal: v(1, 0, 0) } }];
+  const limbs = [
+    plane,
+    ball,
+    rod,
+    { plane: { point_m: v(0.01, 0.02, 0.03), normal: v(1, 1, 1) } },
+    { sphere: { center_m: v(0, 0, 0), radius_m: 0.05 } },
+    { plane: { point_m: v(0, 0, 0), normal: v(1, 0, 0) } },
+  ];
   for (const limb of limbs) {
     const { o, n, e1, e2 } = frameOf(limb);
     near(depthOf(limb)(o), 0);
@@ -36,7 +53,9 @@ test('the frame stands on the skin, square and right-handed, also for a slanted 
 });
 
 test('a layer of a ball is drawn as a circle: d = R − √((R − level)² − u²)', () => {
-  const frame = frameOf(ball), level = 0.01, line = levelLine(depthOf(ball), frame, level, { from_u: -0.03, to_u: 0.03, from_d: -0.01, to_d: 0.06 });
+  const frame = frameOf(ball),
+    level = 0.01,
+    line = levelLine(depthOf(ball), frame, level, { from_u: -0.03, to_u: 0.03, from_d: -0.01, to_d: 0.06 });
   assert.equal(line.length, 61);
   for (const p of line) near(p.d, 0.06 - Math.sqrt(0.05 ** 2 - p.u ** 2), 1e-6);
 });
@@ -47,38 +66,68 @@ test('columns that the layer does not reach are left out', () => {
 });
 
 test('layers add up; a thickness that is no number counts as none', () => {
-  const bounds = layerBounds({ layers: [{ tissue: 'SKIN', thickness_m: 0.25 }, { tissue: 'FAT', thickness_m: 'x' }, { thickness_m: 0.5 }] });
-  assert.deepEqual(bounds, [{ tissue: 'SKIN', from_m: 0, to_m: 0.25 }, { tissue: 'FAT', from_m: 0.25, to_m: 0.25 }, { tissue: 'OTHER', from_m: 0.25, to_m: 0.75 }]);
+  const bounds = layerBounds({
+    layers: [{ tissue: 'SKIN', thickness_m: 0.25 }, { tissue: 'FAT', thickness_m: 'x' }, { thickness_m: 0.5 }],
+  });
+  assert.deepEqual(bounds, [
+    { tissue: 'SKIN', from_m: 0, to_m: 0.25 },
+    { tissue: 'FAT', from_m: 0.25, to_m: 0.25 },
+    { tissue: 'OTHER', from_m: 0.25, to_m: 0.75 },
+  ]);
 });
 
 test('labels keep their distance and their order', () => {
   const at = spread([10, 11, 12, 95, 99], 10, 5, 100);
-  assert.ok(at.every((y, i) => i === 0 || y - at[i - 1] >= 10 - 1e-9), String(at));
+  assert.ok(
+    at.every((y, i) => i === 0 || y - at[i - 1] >= 10 - 1e-9),
+    String(at),
+  );
   assert.ok(at[0] >= 5 && at.at(-1) <= 100);
 });
 
 test('the needle points along +z of its quaternion', () => {
-  const identity = axisOf(0, 0, 0, 1), down = axisOf(1, 0, 0, 0), h = Math.SQRT1_2, along_x = axisOf(0, h, 0, h);
-  for (const [a, b] of [[identity, v(0, 0, 1)], [down, v(0, 0, -1)], [along_x, v(1, 0, 0)]]) for (const k of ['x', 'y', 'z']) near(a[k], b[k]);
+  const identity = axisOf(0, 0, 0, 1),
+    down = axisOf(1, 0, 0, 0),
+    h = Math.SQRT1_2,
+    along_x = axisOf(0, h, 0, h);
+  for (const [a, b] of [
+    [identity, v(0, 0, 1)],
+    [down, v(0, 0, -1)],
+    [along_x, v(1, 0, 0)],
+  ])
+    for (const k of ['x', 'y', 'z']) near(a[k], b[k]);
 });
 
 test('a placed limb: poses of the recording are taken back into its frame', () => {
-  const h = Math.SQRT1_2, into = intoLimb([1, 2, 3, 0, 0, h, h]);
-  const p = into(v(1, 3, 3)), direction = into(v(0, 1, 0), true);
-  near(p.x, 1); near(p.y, 0); near(p.z, 0);
-  near(direction.x, 1); near(direction.y, 0);
+  const h = Math.SQRT1_2,
+    into = intoLimb([1, 2, 3, 0, 0, h, h]);
+  const p = into(v(1, 3, 3)),
+    direction = into(v(0, 1, 0), true);
+  near(p.x, 1);
+  near(p.y, 0);
+  near(p.z, 0);
+  near(direction.x, 1);
+  near(direction.y, 0);
   assert.deepEqual(intoLimb([])(v(1, 2, 3)), v(1, 2, 3));
 });
 
 test('the side view holds the way in: a slanted straight insertion has no part across it', () => {
-  const n = 50, columns = { t_s: [], px_m: [], py_m: [], pz_m: [], qx: [], qy: [], qz: [], qw: [] };
+  const n = 50,
+    columns = { t_s: [], px_m: [], py_m: [], pz_m: [], qx: [], qy: [], qz: [], qw: [] };
   // hub to tip = (sin a, sin a, -cos a·…): a needle that leans towards x = y
-  const axis = v(0.3, 0.3, -Math.sqrt(1 - 0.18)), half = Math.acos(axis.z) / 2, side = length(v(-axis.y, axis.x, 0));
+  const axis = v(0.3, 0.3, -Math.sqrt(1 - 0.18)),
+    half = Math.acos(axis.z) / 2,
+    side = length(v(-axis.y, axis.x, 0));
   for (let i = 0; i < n; i++) {
     const s = -0.01 + (i / n) * 0.04;
     columns.t_s.push(i / 100);
-    columns.px_m.push(axis.x * s); columns.py_m.push(axis.y * s); columns.pz_m.push(axis.z * s);
-    columns.qx.push((-axis.y / side) * Math.sin(half)); columns.qy.push((axis.x / side) * Math.sin(half)); columns.qz.push(0); columns.qw.push(Math.cos(half));
+    columns.px_m.push(axis.x * s);
+    columns.py_m.push(axis.y * s);
+    columns.pz_m.push(axis.z * s);
+    columns.qx.push((-axis.y / side) * Math.sin(half));
+    columns.qy.push((axis.x / side) * Math.sin(half));
+    columns.qz.push(0);
+    columns.qw.push(Math.cos(half));
   }
   const way = wayOf(columns, { limb: { plane: { point_m: v(0, 0, 0), normal: v(0, 0, 1) } } }, []);
   for (const p of way.points) near(p.v, 0, 1e-12);
@@ -89,29 +138,79 @@ test('the side view holds the way in: a slanted straight insertion has no part a
 
 test('forces are magnitudes; spans of layers join without holes', () => {
   assert.deepEqual(forceOf({ fx_n: [3, 0], fy_n: [4, 0], fz_n: [0, -2] }), [5, 2]);
-  assert.deepEqual(forceOf({ force_n: [7], fx_n: [3], fy_n: [4], fz_n: [0] }), [7], "the server's own comes first: extremes of components are not of one moment");
-  assert.deepEqual(layerSpans({ t_s: [0, 1, 2, 3, 4], layer: [-1, 0, 0, 1, -1] }), [{ from: 1, to: 3, layer: 0 }, { from: 3, to: 4, layer: 1 }]);
+  assert.deepEqual(
+    forceOf({ force_n: [7], fx_n: [3], fy_n: [4], fz_n: [0] }),
+    [7],
+    "the server's own comes first: extremes of components are not of one moment",
+  );
+  assert.deepEqual(layerSpans({ t_s: [0, 1, 2, 3, 4], layer: [-1, 0, 0, 1, -1] }), [
+    { from: 1, to: 3, layer: 0 },
+    { from: 3, to: 4, layer: 1 },
+  ]);
   assert.deepEqual(layerSpans({}), []);
 });
 
-const course = { id: 'c', name: 'C', exercises: [{ id: 'a', name: 'A', profile_id: 'p' }, { id: 'b', name: 'B', profile_id: 'p', prerequisites: ['a'] }] };
+const course = {
+  id: 'c',
+  name: 'C',
+  exercises: [
+    { id: 'a', name: 'A', profile_id: 'p' },
+    { id: 'b', name: 'B', profile_id: 'p', prerequisites: ['a'] },
+  ],
+};
 
 test('a course is right, or says where it is not', () => {
   assert.deepEqual(courseFaults(course, { profiles: ['p'], measures: [] }), []);
   const paths = (c, known) => courseFaults(c, known).map((f) => f.path);
   // what must be passed first may stand further down; only a circle cannot be begun
   assert.deepEqual(paths({ ...course, exercises: [...course.exercises].reverse() }), []);
-  const circle = { ...course, exercises: [{ ...course.exercises[0], prerequisites: ['c'] }, course.exercises[1], { id: 'c', name: 'C', profile_id: 'p', prerequisites: ['b'] }] };
-  assert.deepEqual(paths(circle), [0, 1, 2].map((i) => `exercises[${i}].prerequisites[0]`));
-  assert.deepEqual(paths({ ...course, exercises: [{ ...course.exercises[0], prerequisites: ['a'] }, course.exercises[1]] }), ['exercises[0].prerequisites[0]']);
+  const circle = {
+    ...course,
+    exercises: [
+      { ...course.exercises[0], prerequisites: ['c'] },
+      course.exercises[1],
+      { id: 'c', name: 'C', profile_id: 'p', prerequisites: ['b'] },
+    ],
+  };
+  assert.deepEqual(
+    paths(circle),
+    [0, 1, 2].map((i) => `exercises[${i}].prerequisites[0]`),
+  );
+  assert.deepEqual(
+    paths({ ...course, exercises: [{ ...course.exercises[0], prerequisites: ['a'] }, course.exercises[1]] }),
+    ['exercises[0].prerequisites[0]'],
+  );
   assert.deepEqual(paths(course, { profiles: [] }), ['exercises[0].profile_id', 'exercises[1].profile_id']);
   assert.deepEqual(paths({ id: '', name: ' ', exercises: [] }), ['id', 'name', 'exercises']);
-  const odd = { ...course, exercises: [{ id: 'a', name: 'A', profile_id: 'p', attempts: 1.5, time_limit_s: 0, requirements: [{ measure: 'entries', min: 3, max: 2 }, { measure: '' }] }, { ...course.exercises[0] }] };
-  assert.deepEqual(paths(odd, { measures: ['entries'] }), ['exercises[0].requirements[0].max', 'exercises[0].requirements[1].measure', 'exercises[0].requirements[1].min', 'exercises[0].attempts', 'exercises[0].time_limit_s', 'exercises[1].id']);
+  const odd = {
+    ...course,
+    exercises: [
+      {
+        id: 'a',
+        name: 'A',
+        profile_id: 'p',
+        attempts: 1.5,
+        time_limit_s: 0,
+        requirements: [{ measure: 'entries', min: 3, max: 2 }, { measure: '' }],
+      },
+      { ...course.exercises[0] },
+    ],
+  };
+  assert.deepEqual(paths(odd, { measures: ['entries'] }), [
+    'exercises[0].requirements[0].max',
+    'exercises[0].requirements[1].measure',
+    'exercises[0].requirements[1].min',
+    'exercises[0].attempts',
+    'exercises[0].time_limit_s',
+    'exercises[1].id',
+  ]);
 });
 
 test('an exercise has its number once', () => {
-  assert.deepEqual([numbered(1, 'Knee'), numbered(0, '1 Straight'), numbered(4, '5. Small')], ['2. Knee', '1 Straight', '5. Small']);
+  assert.deepEqual(
+    [numbered(1, 'Knee'), numbered(0, '1 Straight'), numbered(4, '5. Small')],
+    ['2. Knee', '1 Straight', '5. Small'],
+  );
 });
 
 test('an exercise that goes is required by nobody any more; a new one has an id of its own', () => {

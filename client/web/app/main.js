@@ -32,9 +32,11 @@ function Page({ person }) {
     scrollTo(0, 0);
     document.getElementById('page-title')?.focus({ preventScroll: true });
   }, [path]);
-  const content = !route ? html`<${Lost} path=${path} />`
-    : route.action && !may(person.role, route.action) ? html`<${Forbidden} person=${person} path=${path} />`
-    : html`<${route.page} key=${path} params=${params} query=${query} person=${person} />`;
+  const content = !route
+    ? html`<${Lost} path=${path} />`
+    : route.action && !may(person.role, route.action)
+      ? html`<${Forbidden} person=${person} path=${path} />`
+      : html`<${route.page} key=${path} params=${params} query=${query} person=${person} />`;
   return html`<${Shell} person=${person} section=${route?.section}>${content}<//>`;
 }
 
@@ -56,15 +58,19 @@ function LoginAgain({ name }) {
 
 function App() {
   const { state, person, error } = useStore(session);
-  useEffect(() => { resume(); }, []);
+  useEffect(() => {
+    resume();
+  }, []);
   useEffect(() => {
     // meanwhile another page of this browser may have logged in, out, or in as somebody else
-    const look = () => document.visibilityState === 'visible' && session.get().state === 'in' && stillIn().catch(() => {});
+    const look = () =>
+      document.visibilityState === 'visible' && session.get().state === 'in' && stillIn().catch(() => {});
     document.addEventListener('visibilitychange', look);
     return () => document.removeEventListener('visibilitychange', look);
   }, []);
   if (state === 'asking') return html`<main id="main"><p class="loading" role="status">Loading …</p></main>`;
-  if (state === 'failed') return html`<main id="main" class="alone"><h1>needlelab</h1><${Problem} error=${error} retry=${resume} /></main>`;
+  if (state === 'failed')
+    return html`<main id="main" class="alone"><h1>needlelab</h1><${Problem} error=${error} retry=${resume} /></main>`;
   if (!person) return html`<${LoginPage} />`;
   return html`<${Page} key=${person.name} person=${person} />${state === 'expired' && html`<${LoginAgain} name=${person.name} />`}`;
 }

@@ -4,17 +4,49 @@ import { accessible, done, fitsWidth, kTablet, single } from './browser.mjs';
 import { kPassword } from './lab.mjs';
 import { api } from './week.mjs';
 
-const kPages = ['/', '/account', '/people', '/people/import', '/people/tina', '/groups', '/groups/both', '/profiles', '/profiles-new', '/profiles/knee-adult', '/profiles/wrist-adult/revisions', '/courses', '/courses-new', '/courses/rheumatology-basics',
-  '/courses/rheumatology-basics/revisions', '/assignments', '/results?course=rheumatology-basics', '/progress/tina', '/live', '/sessions', 'SESSION', '/references/knee-recess', '/exports', '/retention', '/audit', '/upkeep', '/nowhere'];
+const kPages = [
+  '/',
+  '/account',
+  '/people',
+  '/people/import',
+  '/people/tina',
+  '/groups',
+  '/groups/both',
+  '/profiles',
+  '/profiles-new',
+  '/profiles/knee-adult',
+  '/profiles/wrist-adult/revisions',
+  '/courses',
+  '/courses-new',
+  '/courses/rheumatology-basics',
+  '/courses/rheumatology-basics/revisions',
+  '/assignments',
+  '/results?course=rheumatology-basics',
+  '/progress/tina',
+  '/live',
+  '/sessions',
+  'SESSION',
+  '/references/knee-recess',
+  '/exports',
+  '/retention',
+  '/audit',
+  '/upkeep',
+  '/nowhere',
+];
 
 /** Tab until the focus is on what is called so; everything on the way must show that it has the focus. */
 async function tabTo(page, name, most = 120) {
   for (let n = 0; n < most; n++) {
     await page.keyboard.press('Tab');
     const here = await page.evaluate(() => {
-      const e = document.activeElement, style = getComputedStyle(e);
+      const e = document.activeElement,
+        style = getComputedStyle(e);
       const label = e.getAttribute('aria-label') ?? [...(e.labels ?? [])].map((l) => l.textContent).join(' ') ?? '';
-      return { name: (label || e.textContent || '').replace(/\s+/g, ' ').trim(), seen: style.outlineStyle !== 'none' && parseFloat(style.outlineWidth) >= 2, tag: e.tagName };
+      return {
+        name: (label || e.textContent || '').replace(/\s+/g, ' ').trim(),
+        seen: style.outlineStyle !== 'none' && parseFloat(style.outlineWidth) >= 2,
+        tag: e.tagName,
+      };
     });
     if (here.tag === 'BODY') continue;
     assert.ok(here.seen, `the focus does not show on ${here.tag} “${here.name}”`);
@@ -32,7 +64,11 @@ export function access(t) {
     await page.getByRole('button', { name: 'Log in' }).waitFor();
     await accessible(page, 'the log-in');
     await done(page);
-    for (const [name, pages] of [['ada', kPages], ['tina', ['/', '/mine', '/progress/tina', 'SESSION']], ['rhea', ['/', '/exports', '/live']]]) {
+    for (const [name, pages] of [
+      ['ada', kPages],
+      ['tina', ['/', '/mine', '/progress/tina', 'SESSION']],
+      ['rhea', ['/', '/exports', '/live']],
+    ]) {
       const shown = await t.browser.as(name, { viewport: kTablet });
       for (const path of pages) {
         const address = path === 'SESSION' ? `/sessions/${t.session}` : path;
@@ -87,7 +123,10 @@ export function access(t) {
     await tabTo(page, 'Assign');
     await keyboard.press('Enter');
     await page.getByText('rheumatology-basics was assigned to keys.').waitFor();
-    assert.deepEqual((await api(page, 'assignments?group=keys')).items.map((a) => [a.course_id, a.group_id]), [['rheumatology-basics', 'keys']]);
+    assert.deepEqual(
+      (await api(page, 'assignments?group=keys')).items.map((a) => [a.course_id, a.group_id]),
+      [['rheumatology-basics', 'keys']],
+    );
     await keyboard.press('?');
     await page.getByRole('dialog', { name: 'Keyboard shortcuts' }).waitFor();
     await keyboard.press('Escape');

@@ -25,21 +25,45 @@ export class Browser {
   async begin() {
     this.chromium = await chromium.launch({
       // the first start of a machine reads the whole browser from its disk
-      executablePath: kChromium, headless: true, timeout: 2 * kLong_ms,
-      args: ['--no-sandbox', '--disable-gpu', '--disable-dev-shm-usage', '--disable-quic', '--disable-background-networking', '--disable-component-update', '--disable-sync', '--no-first-run'],
+      executablePath: kChromium,
+      headless: true,
+      timeout: 2 * kLong_ms,
+      args: [
+        '--no-sandbox',
+        '--disable-gpu',
+        '--disable-dev-shm-usage',
+        '--disable-quic',
+        '--disable-background-networking',
+        '--disable-component-update',
+        '--disable-sync',
+        '--no-first-run',
+      ],
     });
   }
-  end() { return this.chromium?.close(); }
+  end() {
+    return this.chromium?.close();
+  }
 
-  closeAll() { return Promise.all(this.chromium?.contexts().map((context) => context.close()) ?? []); }
+  closeAll() {
+    return Promise.all(this.chromium?.contexts().map((context) => context.close()) ?? []);
+  }
 
   /** What the open pages show, for whoever reads why a test failed. */
   async testify(name) {
     const folder = process.env.NEEDLELAB_SHOTS;
-    if (this.lab.server?.over) console.error(`--- the server ended with ${this.lab.server.code}:\n${this.lab.server.said.slice(-3000)}`);
+    if (this.lab.server?.over)
+      console.error(`--- the server ended with ${this.lab.server.code}:\n${this.lab.server.said.slice(-3000)}`);
     for (const page of this.chromium?.contexts().flatMap((context) => context.pages()) ?? []) {
-      console.error(`--- ${page.url()}\n${page.faults?.join('\n') ?? ''}\n${(await page.locator('body').innerText({ timeout: 2000 }).catch(String)).slice(0, 3000)}`);
-      if (folder) await page.screenshot({ path: `${folder}/${name.replace(/\W+/g, '-').slice(0, 60)}-${page.url().split('#')[1]?.replace(/\W+/g, '-') ?? ''}.png`, fullPage: true }).catch(() => {});
+      console.error(
+        `--- ${page.url()}\n${page.faults?.join('\n') ?? ''}\n${(await page.locator('body').innerText({ timeout: 2000 }).catch(String)).slice(0, 3000)}`,
+      );
+      if (folder)
+        await page
+          .screenshot({
+            path: `${folder}/${name.replace(/\W+/g, '-').slice(0, 60)}-${page.url().split('#')[1]?.replace(/\W+/g, '-') ?? ''}.png`,
+            fullPage: true,
+          })
+          .catch(() => {});
     }
   }
 
@@ -49,7 +73,13 @@ export class Browser {
    */
   async window(options = {}) {
     // the certificate is the lab's own: its authority is in no browser
-    const context = await this.chromium.newContext({ viewport: kDesk, locale: 'en-GB', ignoreHTTPSErrors: true, acceptDownloads: true, ...options });
+    const context = await this.chromium.newContext({
+      viewport: kDesk,
+      locale: 'en-GB',
+      ignoreHTTPSErrors: true,
+      acceptDownloads: true,
+      ...options,
+    });
     context.setDefaultTimeout(kLong_ms);
     const page = await context.newPage();
     page.faults = [];
@@ -66,14 +96,22 @@ export class Browser {
     });
     context.on('request', (request) => {
       const url = request.url();
-      if (!url.startsWith(this.lab.base) && !url.startsWith(this.lab.base.replace('https', 'wss')) && !/^(data|blob):/.test(url)) page.faults.push(`elsewhere: ${url}`);
+      if (
+        !url.startsWith(this.lab.base) &&
+        !url.startsWith(this.lab.base.replace('https', 'wss')) &&
+        !/^(data|blob):/.test(url)
+      )
+        page.faults.push(`elsewhere: ${url}`);
     });
     return page;
   }
 
   /** A window in which `name` is logged in; by the log-in of an earlier window where that still holds. */
   async as(name, options) {
-    const page = await this.window({ storageState: { cookies: this.log_ins.get(name) ?? [], origins: [] }, ...options });
+    const page = await this.window({
+      storageState: { cookies: this.log_ins.get(name) ?? [], origins: [] },
+      ...options,
+    });
     await page.goto(this.lab.base);
     const inside = page.getByRole('button', { name: 'Log out' });
     await inside.or(page.getByRole('button', { name: 'Log in' })).waitFor();
@@ -116,9 +154,19 @@ export async function accessible(page, where) {
   if (!(await page.evaluate(() => 'axe' in window))) await page.evaluate(kAxe);
   const found = await page.evaluate(async () => {
     const { violations } = await window.axe.run(document, { resultTypes: ['violations'] });
-    return violations.map((v) => ({ impact: v.impact, text: `${v.impact} ${v.id}: ${v.nodes.slice(0, 3).map((n) => `${n.target.join(' ')} (${n.failureSummary?.split('\n')[1]?.trim() ?? ''})`).join('; ')}` }));
+    return violations.map((v) => ({
+      impact: v.impact,
+      text: `${v.impact} ${v.id}: ${v.nodes
+        .slice(0, 3)
+        .map((n) => `${n.target.join(' ')} (${n.failureSummary?.split('\n')[1]?.trim() ?? ''})`)
+        .join('; ')}`,
+    }));
   });
-  assert.deepEqual(found.filter((v) => ['serious', 'critical'].includes(v.impact)).map((v) => v.text), [], `axe on ${where}`);
+  assert.deepEqual(
+    found.filter((v) => ['serious', 'critical'].includes(v.impact)).map((v) => v.text),
+    [],
+    `axe on ${where}`,
+  );
   return found;
 }
 
@@ -137,15 +185,16 @@ export async function downloaded(page, press) {
  * Tests that stand alone. What was on the pages when one failed is printed, and drawn into the folder NEEDLELAB_SHOTS, where that is set.
  * @param {{browser: Browser}} t
  */
-export const single = (t) => (name, work) => it(name, async () => {
-  try {
-    await work();
-  } catch (error) {
-    await t.browser?.testify(name);
-    await t.browser?.closeAll();
-    throw error;
-  }
-});
+export const single = (t) => (name, work) =>
+  it(name, async () => {
+    try {
+      await work();
+    } catch (error) {
+      await t.browser?.testify(name);
+      await t.browser?.closeAll();
+      throw error;
+    }
+  });
 
 /**
  * Tests that go on where the one before ended: after one that fails the rest is skipped.
@@ -153,16 +202,17 @@ export const single = (t) => (name, work) => it(name, async () => {
  */
 export function story(t) {
   let broken = '';
-  return (name, work) => it(name, async (test) => {
-    if (broken) return test.skip(`after “${broken}” failed`);
-    try {
-      await work();
-    } catch (error) {
-      broken = name;
-      await t.browser?.testify(name);
-      await t.browser?.closeAll();
-      throw error;
-    }
-    return undefined;
-  });
+  return (name, work) =>
+    it(name, async (test) => {
+      if (broken) return test.skip(`after “${broken}” failed`);
+      try {
+        await work();
+      } catch (error) {
+        broken = name;
+        await t.browser?.testify(name);
+        await t.browser?.closeAll();
+        throw error;
+      }
+      return undefined;
+    });
 }

@@ -23,7 +23,7 @@ describe('the web console', { concurrency: false }, () => {
     await t.browser?.end();
     await t.lab?.end(!!process.env.NEEDLELAB_KEEP);
   });
-  describe('a manager\'s week', () => week(t));
+  describe("a manager's week", () => week(t));
   describe('trouble', () => {
     it('a lesson was stored meanwhile', async () => {
       assert.equal(await t.first_lesson.ended, 0, t.first_lesson.said);

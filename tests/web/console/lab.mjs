@@ -13,7 +13,14 @@ export const kLong_ms = Number(process.env.NEEDLELAB_WAIT_MS ?? 60_000);
 
 export const kPassword = 'correct horse battery';
 /** One of each role; all with kPassword. */
-export const kPeople = { ada: 'administrator', mara: 'curriculum-manager', milo: 'curriculum-manager', ines: 'instructor', rhea: 'researcher', tina: 'trainee' };
+export const kPeople = {
+  ada: 'administrator',
+  mara: 'curriculum-manager',
+  milo: 'curriculum-manager',
+  ines: 'instructor',
+  rhea: 'researcher',
+  tina: 'trainee',
+};
 
 /** Asks again until it holds. @template T @param {() => T | Promise<T>} ask @returns {Promise<T>} */
 export async function until(what, ask, limit_ms = kLong_ms) {
@@ -34,12 +41,22 @@ class Program {
     this.child = spawn(join(kBin, name), args, { stdio: ['ignore', out, out] });
     closeSync(out);
     this.ended = new Promise((resolve) => {
-      this.child.on('exit', (code, signal) => { this.code = signal ?? code; resolve(this.code); });
-      this.child.on('error', (error) => { this.code = String(error); resolve(this.code); });
+      this.child.on('exit', (code, signal) => {
+        this.code = signal ?? code;
+        resolve(this.code);
+      });
+      this.child.on('error', (error) => {
+        this.code = String(error);
+        resolve(this.code);
+      });
     });
   }
-  get over() { return this.code !== undefined; }
-  get said() { return existsSync(this.log) ? readFileSync(this.log, 'utf8') : ''; }
+  get over() {
+    return this.code !== undefined;
+  }
+  get said() {
+    return existsSync(this.log) ? readFileSync(this.log, 'utf8') : '';
+  }
 }
 
 export class Lab {
@@ -51,12 +68,16 @@ export class Lab {
     this.server = null;
     this.password_file = this.write('password', kPassword + '\n');
   }
-  path(name) { return join(this.folder, name); }
+  path(name) {
+    return join(this.folder, name);
+  }
   write(name, text) {
     writeFileSync(this.path(name), text, { mode: 0o600 });
     return this.path(name);
   }
-  get base() { return `https://127.0.0.1:${this.ports.web}/`; }
+  get base() {
+    return `https://127.0.0.1:${this.ports.web}/`;
+  }
 
   start(name, args, log) {
     const program = new Program(name, args, this.path(log ?? `${name}.log`));
@@ -66,14 +87,17 @@ export class Lab {
   /** needlelab-admin on the folder, while no server runs on it. */
   async admin(...args) {
     const program = this.start('needlelab-admin', ['--data', this.data, ...args], `admin-${this.programs.length}.log`);
-    if ((await program.ended) !== 0) throw new Error(`needlelab-admin ${args.join(' ')}: exit ${program.code}: ${program.said}`);
+    if ((await program.ended) !== 0)
+      throw new Error(`needlelab-admin ${args.join(' ')}: exit ${program.code}: ${program.said}`);
     return program.said;
   }
 
   /** People of all roles, two stations, and the server with the samples it brings. */
   async begin() {
-    for (const [name, role] of Object.entries(kPeople)) await this.admin('user', 'add', name, '--role', role, '--password-file', this.password_file);
-    for (const station of ['station-1', 'station-2']) await this.admin('station', 'add', station, '--out', this.path(`${station}.key`));
+    for (const [name, role] of Object.entries(kPeople))
+      await this.admin('user', 'add', name, '--role', role, '--password-file', this.password_file);
+    for (const station of ['station-1', 'station-2'])
+      await this.admin('station', 'add', station, '--out', this.path(`${station}.key`));
     await this.startServer();
   }
 
@@ -81,7 +105,20 @@ export class Lab {
   async startServer() {
     const files = { stations: this.path('port'), web: this.path('web-port') };
     for (const file of Object.values(files)) rmSync(file, { force: true });
-    const args = ['--data', this.data, '--listen', `127.0.0.1:${this.ports.stations}`, '--port-file', files.stations, '--web', `127.0.0.1:${this.ports.web}`, '--web-port-file', files.web, '--web-root', kWebRoot];
+    const args = [
+      '--data',
+      this.data,
+      '--listen',
+      `127.0.0.1:${this.ports.stations}`,
+      '--port-file',
+      files.stations,
+      '--web',
+      `127.0.0.1:${this.ports.web}`,
+      '--web-port-file',
+      files.web,
+      '--web-root',
+      kWebRoot,
+    ];
     this.server = this.start('needlelab-server', args);
     const portIn = (file) => (existsSync(file) ? Number(readFileSync(file, 'utf8').trim()) : 0);
     await until('the server to listen', () => {
@@ -103,10 +140,28 @@ export class Lab {
   /** A trainee at a station with a simulated device and hand. */
   practise(station, trainee, exercise, more = []) {
     const n = this.programs.length;
-    return this.start('needlelab-station', [
-      '--server', `127.0.0.1:${this.ports.stations}`, '--ca', join(this.data, 'tls', 'ca.crt'), '--key', this.path(`${station}.key`), '--spool', this.path(`spool-${station}`),
-      '--trainee', trainee, '--exercise', exercise, '--device', 'simulated', '--headless', ...more,
-    ], `${station}-${trainee}-${n}.log`);
+    return this.start(
+      'needlelab-station',
+      [
+        '--server',
+        `127.0.0.1:${this.ports.stations}`,
+        '--ca',
+        join(this.data, 'tls', 'ca.crt'),
+        '--key',
+        this.path(`${station}.key`),
+        '--spool',
+        this.path(`spool-${station}`),
+        '--trainee',
+        trainee,
+        '--exercise',
+        exercise,
+        '--device',
+        'simulated',
+        '--headless',
+        ...more,
+      ],
+      `${station}-${trainee}-${n}.log`,
+    );
   }
 
   /** All processes end, by their ids; the folder goes. */

@@ -9,11 +9,23 @@ const kRoles = { t: 'tina', i: 'ines', m: 'mara', a: 'ada', r: 'rhea' };
  * t trainee, i instructor, m manager, a administrator, r researcher.
  */
 const kPages = [
-  ['/', 'timar', /^Welcome/, 'session', { 'My results': 't', 'Bring in a class': 'ma', 'Backup and check': 'a', Results: 'ima', Exports: 'imar' }],
+  [
+    '/',
+    'timar',
+    /^Welcome/,
+    'session',
+    { 'My results': 't', 'Bring in a class': 'ma', 'Backup and check': 'a', Results: 'ima', Exports: 'imar' },
+  ],
   ['/account', 'timar', /^My account$/, 'session', { 'Set the password': 'timar', 'Download as JSON': 'tima' }],
   ['/people', 'ima', /^People$/, 'people', { 'Add a person': 'ma', 'Import from CSV': 'ma' }],
   ['/people/import', 'ma', /^Import people$/, null, { Import: 'ma' }],
-  ['/people/tina', 'ima', /^tina$/, 'people/ines', { Save: 'ma', Disable: 'ma', 'Set the password': 'ma', 'Download as JSON': 'ma', 'Erase all data …': 'a' }],
+  [
+    '/people/tina',
+    'ima',
+    /^tina$/,
+    'people/ines',
+    { Save: 'ma', Disable: 'ma', 'Set the password': 'ma', 'Download as JSON': 'ma', 'Erase all data …': 'a' },
+  ],
   ['/groups', 'ima', /^Groups$/, 'groups', { 'Add a group': 'ma' }],
   ['/groups/both', 'ima', /^Both/, 'groups/both', { Save: 'ma', 'Remove the group …': 'ma' }],
   ['/profiles', 'ima', /^Patient profiles$/, null, { 'New profile': 'ma' }],
@@ -30,7 +42,18 @@ const kPages = [
   ['/progress/tina', 'tima', /progress/i, 'people/tina/progress', {}],
   ['/live', 'ima', /^Live lab$/, 'stations', {}],
   ['/sessions', 'tima', /^Sessions$/, 'sessions', { Find: 'tima' }],
-  ['SESSION', 'tima', /^tina: knee-recess$/, 'SESSION', { 'Samples as CSV': 'tima', 'Use as an expert reference': 'ima', 'Excuse attempt 1 of tina': 'ima', 'Add at 0:00.0': 'ia' }],
+  [
+    'SESSION',
+    'tima',
+    /^tina: knee-recess$/,
+    'SESSION',
+    {
+      'Samples as CSV': 'tima',
+      'Use as an expert reference': 'ima',
+      'Excuse attempt 1 of tina': 'ima',
+      'Add at 0:00.0': 'ia',
+    },
+  ],
   ['/references/knee-recess', 'ima', /^Experts of knee-recess$/, null, { 'Save the choice': 'ima' }],
   ['/exports', 'imar', /^Exports$/, null, { 'Download scores as CSV': 'ima', 'Download the study': 'ar' }],
   ['/retention', 'ma', /^Retention$/, 'retention', { 'Save the policy': 'ma', 'Show what would happen': 'ma' }],
@@ -51,7 +74,14 @@ export function roles(t) {
         const heading = page.getByRole('heading', { level: 1 });
         if (!who.includes(letter)) {
           await page.getByRole('heading', { level: 1, name: '403: not for your role' }).waitFor();
-          assert.equal(await page.getByRole('navigation').getByRole('link').evaluateAll((links, here) => links.filter((l) => l.getAttribute('href') === here).length, `#${address}`), 0, `${where}: refused, but offered above`);
+          assert.equal(
+            await page
+              .getByRole('navigation')
+              .getByRole('link')
+              .evaluateAll((links, here) => links.filter((l) => l.getAttribute('href') === here).length, `#${address}`),
+            0,
+            `${where}: refused, but offered above`,
+          );
           if (asked) {
             const at = asked === 'SESSION' ? `sessions/${t.session}` : asked;
             page.expected.add(403);
@@ -65,7 +95,10 @@ export function roles(t) {
         await settled(page);
         assert.deepEqual(await page.locator('.problem').allInnerTexts(), [], where);
         for (const [words, by] of Object.entries(pressed)) {
-          const thing = page.locator('main').getByRole('button', { name: words, exact: true }).or(page.locator('main').getByRole('link', { name: words, exact: true }));
+          const thing = page
+            .locator('main')
+            .getByRole('button', { name: words, exact: true })
+            .or(page.locator('main').getByRole('link', { name: words, exact: true }));
           if (by.includes(letter)) await thing.first().waitFor();
           else assert.equal(await thing.count(), 0, `${where}: “${words}” is offered`);
         }
@@ -74,10 +107,11 @@ export function roles(t) {
     });
   }
 
-  it('a trainee sees nothing of another\'s', async () => {
+  it("a trainee sees nothing of another's", async () => {
     const page = await t.browser.as('tina');
     page.expected.add(403);
-    const other = (await api(await t.browser.as('ada'), 'sessions')).items.find((s) => s.description.trainee !== 'tina').description.session_id;
+    const other = (await api(await t.browser.as('ada'), 'sessions')).items.find((s) => s.description.trainee !== 'tina')
+      .description.session_id;
     await page.goto(`${t.lab.base}#/sessions/${other}`);
     await page.getByText('Not for your role').or(page.getByText('Not there')).first().waitFor();
     await page.goto(`${t.lab.base}#/progress/anna.bauer`);

@@ -19,7 +19,8 @@ function runs(file) {
 }
 
 async function missing() {
-  if (Number(process.versions.node.split('.')[0]) < 18) return `node ${process.version} is too old: 18 or later is needed`;
+  if (Number(process.versions.node.split('.')[0]) < 18)
+    return `node ${process.version} is too old: 18 or later is needed`;
   if (!runs(chromium)) return `there is no ${chromium} (Debian's package chromium): run deploy/setup`;
   for (const name of ['playwright-core', 'axe-core']) {
     try {

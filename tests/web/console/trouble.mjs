@@ -19,23 +19,41 @@ export function trouble(t) {
     for (const page of [first, second]) {
       page.expected.add(409);
       await open(page, t.lab, '#/profiles/wrist-adult');
-      await page.getByLabel(/^Thickness/).first().waitFor();
+      await page
+        .getByLabel(/^Thickness/)
+        .first()
+        .waitFor();
     }
     const before = (await api(first, 'profiles/wrist-adult')).json;
-    await first.getByLabel(/^Thickness/).first().fill('2.5');
+    await first
+      .getByLabel(/^Thickness/)
+      .first()
+      .fill('2.5');
     await first.getByLabel(/^Greatest force/).fill('9');
     await first.getByRole('button', { name: 'Save', exact: true }).click();
     await first.getByText('was saved as revision 2').waitFor();
 
-    await second.getByLabel(/^Thickness/).first().fill('2.7');
-    await second.getByLabel(/^Thickness/).nth(1).fill('3.3');
+    await second
+      .getByLabel(/^Thickness/)
+      .first()
+      .fill('2.7');
+    await second
+      .getByLabel(/^Thickness/)
+      .nth(1)
+      .fill('3.3');
     await second.getByRole('button', { name: 'Save', exact: true }).click();
     const dialog = second.getByRole('dialog', { name: 'Somebody else was faster' });
     await dialog.getByText('mara saved revision 2').waitFor();
     await accessible(second, 'the conflict');
     // looked at, put off, and taken up again: still all there
     await dialog.getByRole('button', { name: 'Back, decide later' }).click();
-    assert.equal(await second.getByLabel(/^Thickness/).nth(1).inputValue(), '3.3');
+    assert.equal(
+      await second
+        .getByLabel(/^Thickness/)
+        .nth(1)
+        .inputValue(),
+      '3.3',
+    );
     await second.getByRole('button', { name: 'Save', exact: true }).click();
     await dialog.getByLabel(/Keep mine for layers\[0\]/).check();
     await dialog.getByRole('button', { name: 'Save both together' }).click();
@@ -47,7 +65,13 @@ export function trouble(t) {
     json.layers[1].thickness_m = before.layers[1].thickness_m;
     json.max_force_n = before.max_force_n;
     assert.deepEqual(json, before, 'nothing else has changed');
-    assert.deepEqual((await api(second, 'profiles/wrist-adult/revisions')).items.map((r) => [r.revision, r.author]).slice(0, 2), [[3, 'milo'], [2, 'mara']]);
+    assert.deepEqual(
+      (await api(second, 'profiles/wrist-adult/revisions')).items.map((r) => [r.revision, r.author]).slice(0, 2),
+      [
+        [3, 'milo'],
+        [2, 'mara'],
+      ],
+    );
     await done(first);
     await done(second);
   });
@@ -95,7 +119,9 @@ export function trouble(t) {
     await accessible(page, 'the log-in above a page');
     await again(page).getByLabel('Password').fill('not this one');
     await again(page).getByRole('button', { name: 'Log in', exact: true }).click();
-    await again(page).getByText(/password is wrong/).waitFor();
+    await again(page)
+      .getByText(/password is wrong/)
+      .waitFor();
     await logInAgain(page);
     await page.getByText('was saved as revision 2').waitFor();
     assert.equal((await api(page, 'profiles/shoulder-frail')).json.name, 'Shoulder, very frail');
@@ -108,11 +134,21 @@ export function trouble(t) {
     await open(live, t.lab, '#/live', 'Live lab');
     const line = live.getByRole('status', { name: 'Connection' });
     await line.getByText('live').waitFor();
-    const lesson = t.lab.practise('station-1', 'tina', 'knee-recess', ['--hand-repeat', '0', '--seconds', '300', '--drain', '60']);
+    const lesson = t.lab.practise('station-1', 'tina', 'knee-recess', [
+      '--hand-repeat',
+      '0',
+      '--seconds',
+      '300',
+      '--drain',
+      '60',
+    ]);
     const tile = live.getByRole('listitem', { name: 'Station station-1' });
     await tile.getByText('practising').waitFor();
     await open(page, t.lab, '#/profiles/shoulder-adult');
-    await page.getByLabel(/^Thickness/).first().fill('3.2');
+    await page
+      .getByLabel(/^Thickness/)
+      .first()
+      .fill('3.2');
     for (const one of [page, live]) {
       one.line_may_break = true;
       one.expected.add(502);
@@ -127,7 +163,13 @@ export function trouble(t) {
 
     // log-ins do not outlive the server: asked for again, on the live page too
     await page.getByText('The server is away.').waitFor({ state: 'detached' });
-    assert.equal(await page.getByLabel(/^Thickness/).first().inputValue(), '3.2');
+    assert.equal(
+      await page
+        .getByLabel(/^Thickness/)
+        .first()
+        .inputValue(),
+      '3.2',
+    );
     await page.getByRole('button', { name: 'Save', exact: true }).click();
     await logInAgain(page);
     await page.getByText('was saved as revision 2').waitFor();
@@ -148,12 +190,21 @@ export function trouble(t) {
   it('a page that was closed while something was typed has it again', async () => {
     const page = await t.browser.as('mara');
     await open(page, t.lab, '#/profiles/shoulder-muscular');
-    await page.getByLabel(/^Thickness/).first().fill('4.4');
+    await page
+      .getByLabel(/^Thickness/)
+      .first()
+      .fill('4.4');
     await page.getByText('not saved yet').waitFor();
     page.on('dialog', (dialog) => dialog.accept());
     await page.reload();
     await page.getByText('Your unsaved changes are back.').waitFor();
-    assert.equal(await page.getByLabel(/^Thickness/).first().inputValue(), '4.4');
+    assert.equal(
+      await page
+        .getByLabel(/^Thickness/)
+        .first()
+        .inputValue(),
+      '4.4',
+    );
     await page.getByRole('button', { name: 'Discard changes' }).click();
     await page.getByText('not saved yet').waitFor({ state: 'detached' });
     await done(page);
@@ -168,8 +219,14 @@ export function trouble(t) {
     await page.getByLabel('Password').fill('x');
     for (let n = 0; n < 12 && !(await page.getByText(/locked for/).isVisible()); n++) {
       await page.getByLabel('Password').fill(`wrong ${n}`);
-      const [reply] = await Promise.all([page.waitForResponse((r) => r.url().endsWith('/session')), page.getByRole('button', { name: 'Log in' }).click()]);
-      await page.getByRole('alert').getByText(reply.status() === 429 ? /locked for|open again/ : /password is wrong/).waitFor();
+      const [reply] = await Promise.all([
+        page.waitForResponse((r) => r.url().endsWith('/session')),
+        page.getByRole('button', { name: 'Log in' }).click(),
+      ]);
+      await page
+        .getByRole('alert')
+        .getByText(reply.status() === 429 ? /locked for|open again/ : /password is wrong/)
+        .waitFor();
     }
     await page.getByText(/locked for \d+ s more/).waitFor();
     assert.ok(await page.getByRole('button', { name: 'Log in' }).isDisabled());

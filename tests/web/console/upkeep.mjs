@@ -12,8 +12,14 @@ export function upkeep(t) {
     const exported = async (study) => {
       await rhea.getByLabel('Study', { exact: true }).fill(study);
       const file = await downloaded(rhea, () => rhea.getByRole('button', { name: 'Download the study' }).click());
-      await rhea.getByRole('status').getByText(/✓ \d+ (person|people)/).waitFor();
-      return file.text.trimEnd().split('\n').map((line) => JSON.parse(line));
+      await rhea
+        .getByRole('status')
+        .getByText(/✓ \d+ (person|people)/)
+        .waitFor();
+      return file.text
+        .trimEnd()
+        .split('\n')
+        .map((line) => JSON.parse(line));
     };
     await open(rhea, t.lab, '#/exports', 'Exports');
     assert.equal((await exported('before'))[0].people, 0);
@@ -32,7 +38,9 @@ export function upkeep(t) {
   it('a person gets everything that is stored of it', async () => {
     const tina = await t.browser.as('tina');
     await open(tina, t.lab, '#/account', 'My account');
-    const thing = tina.getByRole('button', { name: 'Download as JSON' }).or(tina.getByRole('link', { name: 'Download as JSON' }));
+    const thing = tina
+      .getByRole('button', { name: 'Download as JSON' })
+      .or(tina.getByRole('link', { name: 'Download as JSON' }));
     const file = await downloaded(tina, () => thing.click());
     assert.equal(file.name, 'tina.json');
     const kept = JSON.parse(file.text);
@@ -96,7 +104,10 @@ export function upkeep(t) {
     await page.getByRole('button', { name: 'Take back knee-recess from tina' }).click();
     await page.getByRole('dialog').getByRole('button', { name: 'Take back' }).click();
     await page.getByText('The assignment was taken back.').waitFor();
-    assert.deepEqual((await api(page, 'assignments?trainee=tina')).items.filter((a) => a.exercise_id === 'knee-recess'), []);
+    assert.deepEqual(
+      (await api(page, 'assignments?trainee=tina')).items.filter((a) => a.exercise_id === 'knee-recess'),
+      [],
+    );
 
     await open(page, t.lab, '#/profiles/wrist-adult/revisions', /^Revisions of/);
     await page.getByRole('button', { name: 'Save as the newest: revision 1' }).click();
@@ -124,9 +135,21 @@ export function upkeep(t) {
     await row.waitFor();
     assert.match(await row.innerText(), /after 30 days: to 100 samples a second\s+after 365 days\s+waits\s+mara/);
     const [policy] = (await api(page, 'retention')).policies;
-    assert.deepEqual([policy.exercise_id, policy.thin_after_days, policy.thin_rate_hz, policy.delete_after_days, policy.without_backup], ['knee-recess', 30, 100, 365, false]);
+    assert.deepEqual(
+      [
+        policy.exercise_id,
+        policy.thin_after_days,
+        policy.thin_rate_hz,
+        policy.delete_after_days,
+        policy.without_backup,
+      ],
+      ['knee-recess', 30, 100, 365, false],
+    );
     await page.getByRole('button', { name: 'Show what would happen' }).click();
-    await page.getByRole('status').getByText(/0 thinned, 0 deleted, 0 wait/).waitFor();
+    await page
+      .getByRole('status')
+      .getByText(/0 thinned, 0 deleted, 0 wait/)
+      .waitFor();
     assert.ok(await page.getByRole('button', { name: /^Run now/ }).isDisabled(), 'there is nothing to do');
     await accessible(page, 'retention');
     await row.getByRole('button', { name: /^Take away/ }).click();
@@ -140,7 +163,10 @@ export function upkeep(t) {
     const copy = t.lab.path('copy.db');
     await page.getByLabel(/^File on the server/).fill(copy);
     await page.getByRole('button', { name: 'Back up now' }).click();
-    await page.getByText(/verified.*pieces of recordings read back/s).first().waitFor();
+    await page
+      .getByText(/verified.*pieces of recordings read back/s)
+      .first()
+      .waitFor();
     assert.ok(existsSync(copy));
     await page.getByRole('button', { name: 'Check now' }).click();
     await page.getByText('all is well').waitFor();
@@ -152,10 +178,14 @@ export function upkeep(t) {
     await page.getByText('There is no new backup').waitFor();
 
     await open(page, t.lab, '#/audit?action=backup', 'Audit');
-    await page.getByRole('row', { name: /ada\s+backup/ }).first().waitFor();
+    await page
+      .getByRole('row', { name: /ada\s+backup/ })
+      .first()
+      .waitFor();
     await page.getByRole('link', { name: 'Show all' }).click();
     await settled(page);
-    for (const action of ['profile import', 'curriculum import', 'user import']) await page.getByRole('cell', { name: action }).first().waitFor();
+    for (const action of ['profile import', 'curriculum import', 'user import'])
+      await page.getByRole('cell', { name: action }).first().waitFor();
     await done(page);
   });
 }

@@ -5,7 +5,12 @@ import { until } from './lab.mjs';
 
 const kClass = ['anna.bauer', 'ben.osei', 'chen.li', 'dora.kovacs'];
 const csvOf = (rows) => ['name,full_name,role,group', ...rows].join('\n') + '\n';
-const kRows = ['anna.bauer,Anna Bauer,trainee,autumn', 'ben.osei,Ben Osei,trainee,autumn', 'chen.li,"Li, Chen",trainee,autumn', 'dora.kovacs,Dóra Kovács,trainee,autumn'];
+const kRows = [
+  'anna.bauer,Anna Bauer,trainee,autumn',
+  'ben.osei,Ben Osei,trainee,autumn',
+  'chen.li,"Li, Chen",trainee,autumn',
+  'dora.kovacs,Dóra Kovács,trainee,autumn',
+];
 const kGood = ['--hand-speed-m-s', '0.03', '--hand-hold-s', '1.5', '--hand-seed', '7'];
 
 /** Server's JSON, asked with the page's own cookie. */
@@ -20,7 +25,11 @@ export function week(t) {
     page = await t.browser.as('mara');
     await open(page, t.lab, '#/people', 'People');
     await page.getByRole('link', { name: 'Import from CSV' }).click();
-    await page.getByLabel('CSV file').setInputFiles({ name: 'class.csv', mimeType: 'text/csv', buffer: Buffer.from(csvOf([...kRows, 'flo.new,Flo,wizard,autumn', 'eve,Eve,administrator,'])) });
+    await page.getByLabel('CSV file').setInputFiles({
+      name: 'class.csv',
+      mimeType: 'text/csv',
+      buffer: Buffer.from(csvOf([...kRows, 'flo.new,Flo,wizard,autumn', 'eve,Eve,administrator,'])),
+    });
     await page.getByRole('button', { name: /^Check/ }).click();
     await page.getByText('2 rows are wrong').waitFor();
     assert.equal(await page.getByRole('row', { name: /wrong/ }).count(), 2);
@@ -46,20 +55,44 @@ export function week(t) {
     await page.getByLabel('Id', { exact: true }).fill('knee-autumn');
     await page.getByLabel('Name', { exact: true }).first().fill('Knee, autumn course');
     // as far as the needle of 50 mm reaches
-    await page.getByText(/^Force against the needle over 50\smm of depth: greatest/).last().waitFor();
+    await page
+      .getByText(/^Force against the needle over 50\smm of depth: greatest/)
+      .last()
+      .waitFor();
     const drawing = page.getByRole('img', { name: /Side view of 6 layers, 52\smm deep/ });
     await drawing.getByText(/^Fat 6\smm, φ/).waitFor();
     // 8 mm of fat in place of 6: the drawing's label, and everything below it 2 mm deeper in what the engine renders
-    const rendered = page.waitForResponse(async (r) => r.url().endsWith('/profiles/preview') && r.ok() && (await r.json()).layers?.[1].to_m > 0.0105);
-    await page.getByRole('listitem').filter({ has: page.getByRole('heading', { name: /2\. Fat/ }) }).getByLabel(/^Thickness/).fill('8');
-    await page.getByRole('img', { name: /Side view of 6 layers, 54\smm deep/ }).getByText(/^Fat 8\smm, φ/).waitFor();
+    const rendered = page.waitForResponse(
+      async (r) => r.url().endsWith('/profiles/preview') && r.ok() && (await r.json()).layers?.[1].to_m > 0.0105,
+    );
+    await page
+      .getByRole('listitem')
+      .filter({ has: page.getByRole('heading', { name: /2\. Fat/ }) })
+      .getByLabel(/^Thickness/)
+      .fill('8');
+    await page
+      .getByRole('img', { name: /Side view of 6 layers, 54\smm deep/ })
+      .getByText(/^Fat 8\smm, φ/)
+      .waitFor();
     const preview = await (await rendered).json();
     assert.ok(Math.abs(preview.layers[1].to_m - 0.011) < 1e-9);
     const cutting = preview.by_effect.find((e) => e.effect === 'CUTTING').force_n;
     const at = (depth_m) => preview.depth_m.findIndex((d) => d >= depth_m);
     // the middle of each layer takes its own cutting force: 0.4 N of fat, 1.6 N of muscle, 4 N of bone
-    for (const [depth_m, newton] of [[0.007, 0.4], [0.015, 1.6], [0.045, 4]]) assert.ok(Math.abs(cutting[at(depth_m)] - newton) < 0.02, `${cutting[at(depth_m)]} N at ${depth_m} m, not ${newton}`);
-    await page.getByRole('status', { name: 'Problems of this form' }).getByText(/No problems|warning/).first().waitFor();
+    for (const [depth_m, newton] of [
+      [0.007, 0.4],
+      [0.015, 1.6],
+      [0.045, 4],
+    ])
+      assert.ok(
+        Math.abs(cutting[at(depth_m)] - newton) < 0.02,
+        `${cutting[at(depth_m)]} N at ${depth_m} m, not ${newton}`,
+      );
+    await page
+      .getByRole('status', { name: 'Problems of this form' })
+      .getByText(/No problems|warning/)
+      .first()
+      .waitFor();
     await accessible(page, 'the profile editor');
     await page.getByRole('button', { name: 'Save', exact: true }).click();
     await page.getByText('was saved as revision 1').waitFor();
@@ -75,11 +108,19 @@ export function week(t) {
     await page.getByText('“abc” is no number; such as 3.5').waitFor();
     assert.equal(await field.getAttribute('aria-invalid'), 'true');
     await field.fill('-3');
-    await page.locator('.field-problem, .field .error').getByText(/outside|range|from 0/).first().waitFor();
+    await page
+      .locator('.field-problem, .field .error')
+      .getByText(/outside|range|from 0/)
+      .first()
+      .waitFor();
     await page.getByRole('button', { name: 'layers[2].cutting_force_n' }).first().click();
     assert.ok(await field.evaluate((e) => e === document.activeElement), 'the problem leads to its field');
     await field.fill('2.2');
-    await page.getByRole('status', { name: 'Problems of this form' }).getByText(/No problems|warning/).first().waitFor();
+    await page
+      .getByRole('status', { name: 'Problems of this form' })
+      .getByText(/No problems|warning/)
+      .first()
+      .waitFor();
     page.expected.delete(400);
   });
 
@@ -98,7 +139,10 @@ export function week(t) {
     await open(page, t.lab, '#/courses-new', 'New course');
     await page.getByLabel('Id', { exact: true }).fill('autumn-course');
     await page.getByLabel('Name', { exact: true }).fill('Autumn course');
-    for (const [name, patient] of [['Ball first', 'phantom-ball'], ['Knee', 'knee-autumn']]) {
+    for (const [name, patient] of [
+      ['Ball first', 'phantom-ball'],
+      ['Knee', 'knee-autumn'],
+    ]) {
       await page.getByRole('button', { name: 'Add an exercise' }).click();
       await page.getByLabel('Exercise name').fill(name);
       await page.getByLabel('Exercise id').fill(name === 'Knee' ? 'autumn-knee' : 'autumn-ball');
@@ -107,7 +151,10 @@ export function week(t) {
     // the knee: at most 4 N, 3 attempts, and it comes first after all
     await page.getByRole('button', { name: 'Add a requirement' }).click();
     await page.getByLabel('Measure').nth(1).selectOption('peak_force_n');
-    await page.getByLabel(/^At most/).nth(1).fill('6');
+    await page
+      .getByLabel(/^At most/)
+      .nth(1)
+      .fill('6');
     await page.getByLabel(/^Attempts/).fill('3');
     await page.getByRole('button', { name: '2. Knee' }).press('Alt+ArrowUp');
     await page.getByRole('button', { name: '1. Knee' }).waitFor();
@@ -117,7 +164,13 @@ export function week(t) {
     await page.getByRole('button', { name: 'Save', exact: true }).click();
     await page.getByText('was saved as revision 1').waitFor();
     const { json } = await api(page, 'courses/autumn-course');
-    assert.deepEqual(json.exercises.map((e) => [e.id, e.profile_id, e.prerequisites ?? []]), [['autumn-knee', 'knee-autumn', []], ['autumn-ball', 'phantom-ball', ['autumn-knee']]]);
+    assert.deepEqual(
+      json.exercises.map((e) => [e.id, e.profile_id, e.prerequisites ?? []]),
+      [
+        ['autumn-knee', 'knee-autumn', []],
+        ['autumn-ball', 'phantom-ball', ['autumn-knee']],
+      ],
+    );
     assert.deepEqual(json.exercises[0].requirements[1], { measure: 'peak_force_n', max: 6 });
 
     await open(page, t.lab, '#/assignments', 'Assignments');
@@ -134,7 +187,16 @@ export function week(t) {
     await page.getByRole('status', { name: 'Connection' }).getByText('live').waitFor();
     // a station's spool is one program's: the lesson before has to be over, on a fast machine, too
     await t.first_lesson.ended;
-    stations = [t.lab.practise('station-1', 'anna.bauer', 'autumn-knee', [...kGood, '--seconds', '300', '--hand-repeat', '0']), t.lab.practise('station-2', 'ben.osei', 'autumn-knee', [...kGood, '--hand-plan', 'depth:0.012', '--seconds', '8'])];
+    stations = [
+      t.lab.practise('station-1', 'anna.bauer', 'autumn-knee', [...kGood, '--seconds', '300', '--hand-repeat', '0']),
+      t.lab.practise('station-2', 'ben.osei', 'autumn-knee', [
+        ...kGood,
+        '--hand-plan',
+        'depth:0.012',
+        '--seconds',
+        '8',
+      ]),
+    ];
     const tile = page.getByRole('listitem', { name: 'Station station-1' });
     await tile.getByText('practising').waitFor();
     await tile.getByText('anna.bauer').waitFor();
@@ -169,18 +231,39 @@ export function week(t) {
     assert.match(await row('Ben Osei').innerText(), /2 left/);
     await accessible(page, 'the results');
     // while this is read, a second expert practises
-    expert = t.lab.practise('station-2', 'chen.li', 'autumn-knee', [...kGood.slice(0, 4), '--hand-seed', '8', '--seconds', '8']);
-    await row('Ben Osei').getByRole('link', { name: /best session/ }).click();
+    expert = t.lab.practise('station-2', 'chen.li', 'autumn-knee', [
+      ...kGood.slice(0, 4),
+      '--hand-seed',
+      '8',
+      '--seconds',
+      '8',
+    ]);
+    await row('Ben Osei')
+      .getByRole('link', { name: /best session/ })
+      .click();
     await page.getByRole('heading', { level: 1, name: 'ben.osei: autumn-knee' }).waitFor();
   });
 
   it('reads the session: the score explains itself, plots, replay', async () => {
     await page.getByRole('heading', { name: 'Replay' }).waitFor();
-    await page.getByText(/not passed/).first().waitFor();
+    await page
+      .getByText(/not passed/)
+      .first()
+      .waitFor();
     const score = page.getByRole('region', { name: /^Measures that were required/ });
-    await score.getByText(/Target not reached/i).first().waitFor();
-    assert.match(await score.getByRole('row', { name: /peak_force_n/ }).first().innerText(), /within the 6 N allowed[\s\S]*at most 6\sN[\s\S]*met/);
-    for (const title of ['Force over time', 'Depth over time', 'Speed over time']) assert.ok((await page.getByRole('group', { name: title }).locator('canvas').boundingBox()).height > 100);
+    await score
+      .getByText(/Target not reached/i)
+      .first()
+      .waitFor();
+    assert.match(
+      await score
+        .getByRole('row', { name: /peak_force_n/ })
+        .first()
+        .innerText(),
+      /within the 6 N allowed[\s\S]*at most 6\sN[\s\S]*met/,
+    );
+    for (const title of ['Force over time', 'Depth over time', 'Speed over time'])
+      assert.ok((await page.getByRole('group', { name: title }).locator('canvas').boundingBox()).height > 100);
     // what the plot says in words is what the server has
     const id = page.url().split('/').at(-1);
     const samples = await api(page, `sessions/${id}/samples?points=2000`);
@@ -225,7 +308,10 @@ export function week(t) {
     await ines.getByText('Stopped too early').waitFor();
     // where it was written it stands, also for others
     await page.reload();
-    await page.getByRole('region', { name: 'Annotations' }).getByRole('button', { name: '0:02.5: go to this moment' }).click();
+    await page
+      .getByRole('region', { name: 'Annotations' })
+      .getByRole('button', { name: '0:02.5: go to this moment' })
+      .click();
     assert.ok(Math.abs(Number(await page.getByRole('slider', { name: 'Moment' }).inputValue()) - 2.5) < 0.01);
     await done(ines);
   });
@@ -235,18 +321,28 @@ export function week(t) {
     await page.getByRole('link', { name: 'All experts of this exercise' }).click();
     await page.getByRole('heading', { level: 1, name: 'Experts of autumn-knee' }).waitFor();
     await page.getByText('No bands yet').waitFor();
-    for (const name of ['anna.bauer', 'chen.li']) await page.getByRole('row', { name: new RegExp(name) }).getByRole('checkbox').check();
+    for (const name of ['anna.bauer', 'chen.li'])
+      await page
+        .getByRole('row', { name: new RegExp(name) })
+        .getByRole('checkbox')
+        .check();
     await page.getByRole('button', { name: 'Save the choice' }).click();
     const bands = page.getByRole('region', { name: /^Bands by definitions/ });
     await bands.waitFor();
-    assert.match(await bands.getByRole('row', { name: /peak_force_n/ }).first().innerText(), /Peak force\s+peak_force_n\s+2\s/);
+    assert.match(
+      await bands
+        .getByRole('row', { name: /peak_force_n/ })
+        .first()
+        .innerText(),
+      /Peak force\s+peak_force_n\s+2\s/,
+    );
     await accessible(page, 'the reference');
     await page.goBack();
     // they went to the target, Ben stopped at 12 mm: millimetres lie between their ways
     const sentence = await page.getByText(/on average from the nearest expert/).innerText();
     const distance_mm = Number(/([\d.]+)\smm on average/.exec(sentence)?.[1]);
     assert.ok(distance_mm > 1 && distance_mm < 30, sentence);
-    await page.getByRole('button', { name: 'Score again by today\'s definitions' }).click();
+    await page.getByRole('button', { name: "Score again by today's definitions" }).click();
     await page.getByText(/^Scored again, by definitions \d+\./).waitFor();
   });
 
@@ -257,7 +353,9 @@ export function week(t) {
     await accessible(page, 'the excuse');
     await dialog.getByRole('button', { name: 'Excuse', exact: true }).click();
     await page.locator('.facts').getByText('does not count').waitFor();
-    const left = async () => (await api(page, 'results?course=autumn-course')).rows.find((r) => r.trainee === 'ben.osei').cells[0].attempts_left;
+    const left = async () =>
+      (await api(page, 'results?course=autumn-course')).rows.find((r) => r.trainee === 'ben.osei').cells[0]
+        .attempts_left;
     assert.equal(await left(), 3);
     await page.getByRole('button', { name: 'Let attempt 1 of ben.osei count again' }).click();
     await page.getByRole('button', { name: 'Excuse attempt 1 of ben.osei' }).waitFor();
@@ -268,7 +366,8 @@ export function week(t) {
     const samples = await downloaded(page, () => page.getByRole('link', { name: 'Samples as CSV' }).click());
     const lines = samples.text.trimEnd().split(/\r?\n/);
     const head = lines.find((line) => !line.startsWith('#')).split(',');
-    for (const column of ['time_ns', 'fz_n', 'insertion_m', 'speed_m_s']) assert.ok(head.includes(column), `${column} in ${head}`);
+    for (const column of ['time_ns', 'fz_n', 'insertion_m', 'speed_m_s'])
+      assert.ok(head.includes(column), `${column} in ${head}`);
     const id = page.url().split('/').at(-1);
     const { samples: count } = await api(page, `sessions/${id}`);
     assert.equal(lines.filter((line) => /^[\d-]/.test(line)).length, count);

@@ -9,8 +9,26 @@ export const kPassword = 'correct horse';
 
 const read = (name) => JSON.parse(readFileSync(new URL(name, kSamples), 'utf8'));
 
-const kStaff = [['mara', 'Mara Lindqvist', 'CURRICULUM_MANAGER'], ['ines', 'Ines Ortega', 'INSTRUCTOR'], ['root', 'Ada Root', 'ADMINISTRATOR'], ['rhea', 'Rhea Sato', 'RESEARCHER']];
-const kTrainees = ['Anna Bauer', 'Ben Osei', 'Chloe Martin', 'David Kim', 'Elif Demir', 'Farid Haddad', 'Greta Olsen', 'Hugo Silva', 'Irina Petrova', 'Jonas Weber', 'Kaito Mori', 'Lena Fischer'];
+const kStaff = [
+  ['mara', 'Mara Lindqvist', 'CURRICULUM_MANAGER'],
+  ['ines', 'Ines Ortega', 'INSTRUCTOR'],
+  ['root', 'Ada Root', 'ADMINISTRATOR'],
+  ['rhea', 'Rhea Sato', 'RESEARCHER'],
+];
+const kTrainees = [
+  'Anna Bauer',
+  'Ben Osei',
+  'Chloe Martin',
+  'David Kim',
+  'Elif Demir',
+  'Farid Haddad',
+  'Greta Olsen',
+  'Hugo Silva',
+  'Irina Petrova',
+  'Jonas Weber',
+  'Kaito Mori',
+  'Lena Fischer',
+];
 
 const nameOf = (full_name) => full_name.toLowerCase().replace(' ', '.');
 
@@ -36,7 +54,13 @@ const kMeasures = [
 ];
 const kMore = ['target_reached', 'time_at_target_s', 'injected_in_target_share'];
 const betterOf = (name) => (kMore.includes(name) ? 'more' : 'less');
-export const measures = kMeasures.map(([name, unit, words]) => ({ name, unit, words, better: betterOf(name), definition: `${words}, as the mock makes it up` }));
+export const measures = kMeasures.map(([name, unit, words]) => ({
+  name,
+  unit,
+  words,
+  better: betterOf(name),
+  definition: `${words}, as the mock makes it up`,
+}));
 
 export function scoreOf(session, exercise) {
   return kMeasures.map(([measure, unit, words, value_of]) => {
@@ -58,20 +82,47 @@ export function comparisonOf(rows, bands) {
   return bands.map((band) => {
     const { value, unit } = rows.find((row) => row.measure === band.measure);
     const z = band.sd > 0 ? (value - band.mean) / band.sd : null;
-    const standing = z === null || Math.abs(z) < 1 ? 'like_experts' : betterOf(band.measure) === 'more' === z > 0 ? 'better' : 'worse';
-    return { measure: band.measure, value, unit, n: band.n, mean: band.mean, sd: band.sd ?? null, z, better: betterOf(band.measure), standing, words: `${band.measure} ${value.toPrecision(3)}: experts ${band.mean.toPrecision(3)}` };
+    const standing =
+      z === null || Math.abs(z) < 1
+        ? 'like_experts'
+        : (betterOf(band.measure) === 'more') === z > 0
+          ? 'better'
+          : 'worse';
+    return {
+      measure: band.measure,
+      value,
+      unit,
+      n: band.n,
+      mean: band.mean,
+      sd: band.sd ?? null,
+      z,
+      better: betterOf(band.measure),
+      standing,
+      words: `${band.measure} ${value.toPrecision(3)}: experts ${band.mean.toPrecision(3)}`,
+    };
   });
 }
 
 export function bandOf(sessions) {
   return kMeasures.map(([measure, unit, , value_of]) => {
     const values = sessions.map(value_of).sort((a, b) => a - b);
-    const n = values.length, mean = values.reduce((a, b) => a + b, 0) / n;
+    const n = values.length,
+      mean = values.reduce((a, b) => a + b, 0) / n;
     const at = (q) => values[Math.round(q * (n - 1))];
     // as the engine: what too few sessions cannot say is not there
     return {
-      measure, unit, n, mean, ...(n > 1 ? { sd: Math.sqrt(values.reduce((a, b) => a + (b - mean) ** 2, 0) / (n - 1)) } : {}), least: values[0],
-      ...(n > 9 ? { p10: at(0.1) } : {}), ...(n > 3 ? { p25: at(0.25) } : {}), median: at(0.5), ...(n > 3 ? { p75: at(0.75) } : {}), ...(n > 9 ? { p90: at(0.9) } : {}), greatest: values.at(-1),
+      measure,
+      unit,
+      n,
+      mean,
+      ...(n > 1 ? { sd: Math.sqrt(values.reduce((a, b) => a + (b - mean) ** 2, 0) / (n - 1)) } : {}),
+      least: values[0],
+      ...(n > 9 ? { p10: at(0.1) } : {}),
+      ...(n > 3 ? { p25: at(0.25) } : {}),
+      median: at(0.5),
+      ...(n > 3 ? { p75: at(0.75) } : {}),
+      ...(n > 9 ? { p90: at(0.9) } : {}),
+      greatest: values.at(-1),
     };
   });
 }
@@ -80,27 +131,77 @@ export function bandOf(sessions) {
 export function makeLab() {
   const next = random(7);
   const people = new Map();
-  for (const [name, full_name, role] of kStaff) people.set(name, { name, full_name, role, disabled: false, revision: 1, created_unix_ms: kNow_ms - 90 * kDay_ms, has_password: true, changed_unix_ms: kNow_ms - 90 * kDay_ms, changed_by: 'root', password: kPassword });
+  for (const [name, full_name, role] of kStaff)
+    people.set(name, {
+      name,
+      full_name,
+      role,
+      disabled: false,
+      revision: 1,
+      created_unix_ms: kNow_ms - 90 * kDay_ms,
+      has_password: true,
+      changed_unix_ms: kNow_ms - 90 * kDay_ms,
+      changed_by: 'root',
+      password: kPassword,
+    });
   for (const [i, full_name] of kTrainees.entries()) {
     const name = nameOf(full_name);
-    people.set(name, { name, full_name, role: 'TRAINEE', disabled: i === 11, revision: 1, ...(i % 3 === 0 ? {} : { consent: { given: true, unix_ms: kNow_ms - 29 * kDay_ms, recorded_by: 'mara', note: 'signed paper' } }), created_unix_ms: kNow_ms - 30 * kDay_ms, has_password: i < 6, changed_unix_ms: kNow_ms - 30 * kDay_ms, changed_by: 'mara', password: kPassword });
+    people.set(name, {
+      name,
+      full_name,
+      role: 'TRAINEE',
+      disabled: i === 11,
+      revision: 1,
+      ...(i % 3 === 0
+        ? {}
+        : { consent: { given: true, unix_ms: kNow_ms - 29 * kDay_ms, recorded_by: 'mara', note: 'signed paper' } }),
+      created_unix_ms: kNow_ms - 30 * kDay_ms,
+      has_password: i < 6,
+      changed_unix_ms: kNow_ms - 30 * kDay_ms,
+      changed_by: 'mara',
+      password: kPassword,
+    });
   }
   const trainees = kTrainees.map(nameOf);
   const groups = new Map([
-    ['autumn-a', { id: 'autumn-a', name: 'Autumn course, group A', members: trainees.slice(0, 6), revision: 1, changed_unix_ms: kNow_ms - 25 * kDay_ms, changed_by: 'mara' }],
-    ['autumn-b', { id: 'autumn-b', name: 'Autumn course, group B', members: trainees.slice(6), revision: 2, changed_unix_ms: kNow_ms - 25 * kDay_ms, changed_by: 'mara' }],
+    [
+      'autumn-a',
+      {
+        id: 'autumn-a',
+        name: 'Autumn course, group A',
+        members: trainees.slice(0, 6),
+        revision: 1,
+        changed_unix_ms: kNow_ms - 25 * kDay_ms,
+        changed_by: 'mara',
+      },
+    ],
+    [
+      'autumn-b',
+      {
+        id: 'autumn-b',
+        name: 'Autumn course, group B',
+        members: trainees.slice(6),
+        revision: 2,
+        changed_unix_ms: kNow_ms - 25 * kDay_ms,
+        changed_by: 'mara',
+      },
+    ],
   ]);
   const profiles = new Map();
   for (const file of readdirSync(kSamples).filter((n) => n.endsWith('.json') && n !== 'curriculum.json')) {
     const profile = read(file);
-    profiles.set(profile.id, [{ revision: 1, created_unix_ms: kNow_ms - 60 * kDay_ms, author: 'sample', json: profile }]);
+    profiles.set(profile.id, [
+      { revision: 1, created_unix_ms: kNow_ms - 60 * kDay_ms, author: 'sample', json: profile },
+    ]);
   }
   const older = profiles.get('shoulder-adult')[0];
   const revised = structuredClone(older.json);
   revised.layers[0].cutting_force_n = 0.9;
   revised.layers[2].thickness_m = 0.015;
   revised.description += ' Deltoid a millimetre thicker after the pilot.';
-  profiles.get('shoulder-adult').push({ revision: 2, created_unix_ms: kNow_ms - 9 * kDay_ms, author: 'mara', json: revised });
+  profiles
+    .get('shoulder-adult')
+    .push({ revision: 2, created_unix_ms: kNow_ms - 9 * kDay_ms, author: 'mara', json: revised });
 
   const course = read('curriculum.json');
   course.exercises.forEach((exercise, i) => {
@@ -108,7 +209,9 @@ export function makeLab() {
     exercise.attempts = i < 2 ? undefined : 5;
     exercise.due_unix_ms = kNow_ms + (i + 1) * 7 * kDay_ms;
   });
-  const courses = new Map([[course.id, [{ revision: 1, created_unix_ms: kNow_ms - 40 * kDay_ms, author: 'mara', json: course }]]]);
+  const courses = new Map([
+    [course.id, [{ revision: 1, created_unix_ms: kNow_ms - 40 * kDay_ms, author: 'mara', json: course }]],
+  ]);
 
   const sessions = [];
   trainees.slice(0, 11).forEach((trainee, who) => {
@@ -120,23 +223,88 @@ export function makeLab() {
         const depth_m = Math.abs(target?.center_m.z ?? -0.02);
         const number = sessions.length + 1;
         const session = {
-          session_id: `019a9c00-0000-7000-8000-${String(number).padStart(12, '0')}`, trainee, exercise_id: exercise.id, skill, depth_m,
-          started_unix_ms: kNow_ms - (20 - step * 3) * kDay_ms + attempt * 3_600_000 + who * 600_000, station: `bench-${1 + (who % 4)}`,
-          profile_id: exercise.profile_id, profile_revision: 1, gesture: gesture(profiles.get(exercise.profile_id)[0].json, { seed: number, skill, depth_m }),
+          session_id: `019a9c00-0000-7000-8000-${String(number).padStart(12, '0')}`,
+          trainee,
+          exercise_id: exercise.id,
+          skill,
+          depth_m,
+          started_unix_ms: kNow_ms - (20 - step * 3) * kDay_ms + attempt * 3_600_000 + who * 600_000,
+          station: `bench-${1 + (who % 4)}`,
+          profile_id: exercise.profile_id,
+          profile_revision: 1,
+          gesture: gesture(profiles.get(exercise.profile_id)[0].json, { seed: number, skill, depth_m }),
         };
         sessions.push(session);
       }
     });
   });
-  const annotations = new Map([[sessions[0].session_id, [{ id: 1, session_id: sessions[0].session_id, tick: 4200, t_s: 4.2, text: 'Slow down before the capsule.', author: 'ines', created_unix_ms: sessions[0].started_unix_ms + 60_000 }]]]);
+  const annotations = new Map([
+    [
+      sessions[0].session_id,
+      [
+        {
+          id: 1,
+          session_id: sessions[0].session_id,
+          tick: 4200,
+          t_s: 4.2,
+          text: 'Slow down before the capsule.',
+          author: 'ines',
+          created_unix_ms: sessions[0].started_unix_ms + 60_000,
+        },
+      ],
+    ],
+  ]);
   const assignments = [
-    { id: 1, course_id: course.id, exercise_id: '', group_id: 'autumn-a', trainee: '', by: 'mara', created_unix_ms: kNow_ms - 25 * kDay_ms, due_unix_ms: kNow_ms + 40 * kDay_ms },
-    { id: 2, course_id: course.id, exercise_id: '', group_id: 'autumn-b', trainee: '', by: 'mara', created_unix_ms: kNow_ms - 25 * kDay_ms, due_unix_ms: kNow_ms + 40 * kDay_ms },
-    { id: 3, course_id: '', exercise_id: 'knee-recess', group_id: '', trainee: 'anna.bauer', by: 'ines', created_unix_ms: kNow_ms - 3 * kDay_ms, due_unix_ms: null },
+    {
+      id: 1,
+      course_id: course.id,
+      exercise_id: '',
+      group_id: 'autumn-a',
+      trainee: '',
+      by: 'mara',
+      created_unix_ms: kNow_ms - 25 * kDay_ms,
+      due_unix_ms: kNow_ms + 40 * kDay_ms,
+    },
+    {
+      id: 2,
+      course_id: course.id,
+      exercise_id: '',
+      group_id: 'autumn-b',
+      trainee: '',
+      by: 'mara',
+      created_unix_ms: kNow_ms - 25 * kDay_ms,
+      due_unix_ms: kNow_ms + 40 * kDay_ms,
+    },
+    {
+      id: 3,
+      course_id: '',
+      exercise_id: 'knee-recess',
+      group_id: '',
+      trainee: 'anna.bauer',
+      by: 'ines',
+      created_unix_ms: kNow_ms - 3 * kDay_ms,
+      due_unix_ms: null,
+    },
   ];
   const audit = Array.from({ length: 140 }, (_, i) => ({
-    id: i + 1, unix_ms: kNow_ms - (140 - i) * 3_500_000, who: ['mara', 'ines', 'root'][i % 3],
-    action: ['profile import', 'annotate', 'user add', 'assign', 'backup'][i % 5], subject: ['shoulder-adult', sessions[0].session_id, trainees[i % 12], course.id, '/var/backups/needlelab'][i % 5], detail: ['revision 2', '', 'trainee', 'group autumn-a', '12.4 MB, verified'][i % 5],
+    id: i + 1,
+    unix_ms: kNow_ms - (140 - i) * 3_500_000,
+    who: ['mara', 'ines', 'root'][i % 3],
+    action: ['profile import', 'annotate', 'user add', 'assign', 'backup'][i % 5],
+    subject: ['shoulder-adult', sessions[0].session_id, trainees[i % 12], course.id, '/var/backups/needlelab'][i % 5],
+    detail: ['revision 2', '', 'trainee', 'group autumn-a', '12.4 MB, verified'][i % 5],
   }));
-  return { people, groups, profiles, courses, sessions, annotations, assignments, audit, references: new Map(), logins: new Map(), failures: new Map() };
+  return {
+    people,
+    groups,
+    profiles,
+    courses,
+    sessions,
+    annotations,
+    assignments,
+    audit,
+    references: new Map(),
+    logins: new Map(),
+    failures: new Map(),
+  };
 }

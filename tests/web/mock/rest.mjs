@@ -2,8 +2,11 @@
 import { bandOf, comparisonOf, kNow_ms, measures, scoreOf } from './data.mjs';
 import { preview, problemsOf } from './profiles.mjs';
 
-const kStaff = ['INSTRUCTOR', 'CURRICULUM_MANAGER', 'ADMINISTRATOR'], kManagers = kStaff.slice(1), kAdmin = ['ADMINISTRATOR'];
-const kPeople = [...kStaff, 'TRAINEE'], kAll = [...kPeople, 'RESEARCHER'];
+const kStaff = ['INSTRUCTOR', 'CURRICULUM_MANAGER', 'ADMINISTRATOR'],
+  kManagers = kStaff.slice(1),
+  kAdmin = ['ADMINISTRATOR'];
+const kPeople = [...kStaff, 'TRAINEE'],
+  kAll = [...kPeople, 'RESEARCHER'];
 
 export class Refusal extends Error {
   constructor(status, code, message, more = {}) {
@@ -12,23 +15,39 @@ export class Refusal extends Error {
   }
 }
 const missing = (what) => new Refusal(404, 'not_found', `${what} is not there`);
-const found = (map, key, what) => map.get(key) ?? (() => { throw missing(`${what} '${key}'`); })();
+const found = (map, key, what) =>
+  map.get(key) ??
+  (() => {
+    throw missing(`${what} '${key}'`);
+  })();
 
-const withoutPassword = (lab, { password, ...person }) => ({ ...person, groups: [...lab.groups.values()].filter((g) => g.members.includes(person.name)).map((g) => g.id) });
+const withoutPassword = (lab, { password, ...person }) => ({
+  ...person,
+  groups: [...lab.groups.values()].filter((g) => g.members.includes(person.name)).map((g) => g.id),
+});
 
 const changedBy = (who) => ({ changed_unix_ms: Date.now(), changed_by: who });
 
 function paged(items, query, size = 50) {
   const begin = Number(query.page ?? 0) || 0;
-  return { items: items.slice(begin, begin + size), next_page: begin + size < items.length ? String(begin + size) : '' };
+  return {
+    items: items.slice(begin, begin + size),
+    next_page: begin + size < items.length ? String(begin + size) : '',
+  };
 }
 
 /** A new revision of a document, unless somebody else's came first. */
 function putRevision(map, id, base, json, who) {
   const revisions = map.get(id) ?? [];
-  if (base === undefined) throw new Refusal(400, 'invalid_input', 'If-Match: give the revision that was changed; "0" for something new');
+  if (base === undefined)
+    throw new Refusal(400, 'invalid_input', 'If-Match: give the revision that was changed; "0" for something new');
   if (base !== revisions.length) {
-    throw new Refusal(409, 'conflict', `'${id}' was changed by ${revisions.at(-1)?.author} in the meantime: revision ${revisions.length}, not ${base}`, { current_revision: revisions.length });
+    throw new Refusal(
+      409,
+      'conflict',
+      `'${id}' was changed by ${revisions.at(-1)?.author} in the meantime: revision ${revisions.length}, not ${base}`,
+      { current_revision: revisions.length },
+    );
   }
   map.set(id, [...revisions, { revision: revisions.length + 1, created_unix_ms: Date.now(), author: who, json }]);
   const { revision, created_unix_ms, author } = map.get(id).at(-1);
@@ -42,7 +61,12 @@ const revisionAsked = (map, id, query, what) => {
   if (!text) throw missing(`revision ${query.revision} of ${what} '${id}'`);
   return textOf(id, text);
 };
-const revisionList = (map, id, what) => ({ items: found(map, id, what).map(({ json, ...rest }) => ({ ...rest, name: json.name })).reverse(), next_page: '' });
+const revisionList = (map, id, what) => ({
+  items: found(map, id, what)
+    .map(({ json, ...rest }) => ({ ...rest, name: json.name }))
+    .reverse(),
+  next_page: '',
+});
 
 const exerciseOf = (lab, id) => {
   for (const revisions of lab.courses.values()) {
@@ -54,72 +78,190 @@ const exerciseOf = (lab, id) => {
 const sessionOf = (lab, id, who) => {
   const session = lab.sessions.find((s) => s.session_id === id);
   if (!session) throw missing(`session '${id}'`);
-  if (who.role === 'TRAINEE' && session.trainee !== who.name) throw new Refusal(403, 'role', 'this session is somebody else\'s');
+  if (who.role === 'TRAINEE' && session.trainee !== who.name)
+    throw new Refusal(403, 'role', "this session is somebody else's");
   return session;
 };
 const scored = (lab, session) => scoreOf(session, exerciseOf(lab, session.exercise_id));
 const scoreReply = (lab, s, first) => {
-  const rows = scored(lab, s), bands = lab.references.get(s.exercise_id)?.bands;
-  return { session_id: s.session_id, definition_version: 1, measures: rows, passed: passedOf(rows), made_unix_ms: first ? s.started_unix_ms + 60_000 : Date.now(), first, engine_version: '0.1.0', comparison: bands ? comparisonOf(rows, bands) : null };
+  const rows = scored(lab, s),
+    bands = lab.references.get(s.exercise_id)?.bands;
+  return {
+    session_id: s.session_id,
+    definition_version: 1,
+    measures: rows,
+    passed: passedOf(rows),
+    made_unix_ms: first ? s.started_unix_ms + 60_000 : Date.now(),
+    first,
+    engine_version: '0.1.0',
+    comparison: bands ? comparisonOf(rows, bands) : null,
+  };
 };
 const passedOf = (rows) => rows.every((row) => row.passed !== false);
 const infoOf = (lab, s) => ({
   description: {
-    session_id: s.session_id, station: s.station, trainee: s.trainee, exercise_id: s.exercise_id, profile_id: s.profile_id, profile_revision: s.profile_revision, profile: lab.profiles.get(s.profile_id)[0].json,
-    engine_version: '0.1.0', rate_hz: 1000, resolution: { length_m: 1e-6, quaternion: 2 ** -15, force_n: 1e-3, torque_nm: 1e-4, time_s: 1e-6, speed_m_s: 1e-4 }, started_unix_ms: s.started_unix_ms, started_steady_ns: 0, placement: [], tool: [], device_notes: [], device: 'Virtuose 6D Desktop (simulated)', axial_model: 'ENHANCED_TRACKING_WALL', live_effects: ['CUTTING', 'ATTRACTED', 'CLAMPING', 'PUNCTURE'],
+    session_id: s.session_id,
+    station: s.station,
+    trainee: s.trainee,
+    exercise_id: s.exercise_id,
+    profile_id: s.profile_id,
+    profile_revision: s.profile_revision,
+    profile: lab.profiles.get(s.profile_id)[0].json,
+    engine_version: '0.1.0',
+    rate_hz: 1000,
+    resolution: { length_m: 1e-6, quaternion: 2 ** -15, force_n: 1e-3, torque_nm: 1e-4, time_s: 1e-6, speed_m_s: 1e-4 },
+    started_unix_ms: s.started_unix_ms,
+    started_steady_ns: 0,
+    placement: [],
+    tool: [],
+    device_notes: [],
+    device: 'Virtuose 6D Desktop (simulated)',
+    axial_model: 'ENHANCED_TRACKING_WALL',
+    live_effects: ['CUTTING', 'ATTRACTED', 'CLAMPING', 'PUNCTURE'],
   },
-  state: 'SESSION_COMPLETE', chunks: Math.ceil(s.gesture.length_s), samples: Math.round(s.gesture.length_s * 1000), hash: 'ab'.repeat(32), clock_offset_ns: 0, clock_round_trip_ns: 0, received_unix_ms: s.started_unix_ms, closed_unix_ms: s.started_unix_ms + s.gesture.length_s * 1000, stored_bytes: 412_000, score: scored(lab, s), passed: passedOf(scored(lab, s)), figures: [],
+  state: 'SESSION_COMPLETE',
+  chunks: Math.ceil(s.gesture.length_s),
+  samples: Math.round(s.gesture.length_s * 1000),
+  hash: 'ab'.repeat(32),
+  clock_offset_ns: 0,
+  clock_round_trip_ns: 0,
+  received_unix_ms: s.started_unix_ms,
+  closed_unix_ms: s.started_unix_ms + s.gesture.length_s * 1000,
+  stored_bytes: 412_000,
+  score: scored(lab, s),
+  passed: passedOf(scored(lab, s)),
+  figures: [],
 });
 /** As in lists: the main figures in place of the score. */
-const rowOf = (lab, s) => ({ ...infoOf(lab, s), score: null, figures: scored(lab, s).filter((r) => ['elapsed_s', 'peak_force_n', 'target_distance_m'].includes(r.measure)).map(({ measure, value, unit }) => ({ measure, value, unit })) });
+const rowOf = (lab, s) => ({
+  ...infoOf(lab, s),
+  score: null,
+  figures: scored(lab, s)
+    .filter((r) => ['elapsed_s', 'peak_force_n', 'target_distance_m'].includes(r.measure))
+    .map(({ measure, value, unit }) => ({ measure, value, unit })),
+});
 const kVerdicts = { passed: true, failed: false };
 function isAsked(lab, s, query, who) {
-  const person = lab.people.get(s.trainee), part = (query.search ?? '').toLowerCase();
-  return (!query.trainee || s.trainee === query.trainee) && (!query.exercise || s.exercise_id === query.exercise) && (who.role !== 'TRAINEE' || s.trainee === who.name)
-    && (!query.from_ms || s.started_unix_ms >= Number(query.from_ms)) && (!query.to_ms || s.started_unix_ms < Number(query.to_ms))
-    && (!query.verdict || passedOf(scored(lab, s)) === kVerdicts[query.verdict]) && (s.trainee.toLowerCase().includes(part) || (person?.full_name ?? '').toLowerCase().includes(part));
+  const person = lab.people.get(s.trainee),
+    part = (query.search ?? '').toLowerCase();
+  return (
+    (!query.trainee || s.trainee === query.trainee) &&
+    (!query.exercise || s.exercise_id === query.exercise) &&
+    (who.role !== 'TRAINEE' || s.trainee === who.name) &&
+    (!query.from_ms || s.started_unix_ms >= Number(query.from_ms)) &&
+    (!query.to_ms || s.started_unix_ms < Number(query.to_ms)) &&
+    (!query.verdict || passedOf(scored(lab, s)) === kVerdicts[query.verdict]) &&
+    (s.trainee.toLowerCase().includes(part) || (person?.full_name ?? '').toLowerCase().includes(part))
+  );
 }
 const attemptOf = (lab, s) => {
   const score = scored(lab, s);
-  const number = lab.sessions.filter((o) => o.trainee === s.trainee && o.exercise_id === s.exercise_id && o.started_unix_ms <= s.started_unix_ms).length;
-  return { session_id: s.session_id, trainee: s.trainee, exercise_id: s.exercise_id, number, started_unix_ms: s.started_unix_ms, passed: passedOf(score), state: 'SESSION_COMPLETE', excused: !!s.excused, score, profile_revision: s.profile_revision, engine_version: '0.1.0', late: false };
+  const number = lab.sessions.filter(
+    (o) => o.trainee === s.trainee && o.exercise_id === s.exercise_id && o.started_unix_ms <= s.started_unix_ms,
+  ).length;
+  return {
+    session_id: s.session_id,
+    trainee: s.trainee,
+    exercise_id: s.exercise_id,
+    number,
+    started_unix_ms: s.started_unix_ms,
+    passed: passedOf(score),
+    state: 'SESSION_COMPLETE',
+    excused: !!s.excused,
+    score,
+    profile_revision: s.profile_revision,
+    engine_version: '0.1.0',
+    late: false,
+  };
 };
 
 function resultsOf(lab, query, who) {
   const course = newest(lab.courses, query.course, 'course').json;
-  const members = query.group ? found(lab.groups, query.group, 'group').members : [...lab.people.values()].filter((p) => p.role === 'TRAINEE').map((p) => p.name);
-  const rows = members.filter((m) => who.role !== 'TRAINEE' || m === who.name).map((trainee) => {
-    const cells = course.exercises.map((exercise) => {
-      const attempts = lab.sessions.filter((s) => s.trainee === trainee && s.exercise_id === exercise.id).map((s) => attemptOf(lab, s));
-      const passed = attempts.some((a) => a.passed);
-      return { exercise_id: exercise.id, attempts: attempts.length, ...(attempts.length ? { passed, best: attempts.find((a) => a.passed) ?? attempts.at(-1) } : {}), locked_by: [], ...(exercise.attempts ? { attempts_left: Math.max(0, exercise.attempts - attempts.length) } : {}), due_unix_ms: exercise.due_unix_ms ?? null, overdue: false };
+  const members = query.group
+    ? found(lab.groups, query.group, 'group').members
+    : [...lab.people.values()].filter((p) => p.role === 'TRAINEE').map((p) => p.name);
+  const rows = members
+    .filter((m) => who.role !== 'TRAINEE' || m === who.name)
+    .map((trainee) => {
+      const cells = course.exercises.map((exercise) => {
+        const attempts = lab.sessions
+          .filter((s) => s.trainee === trainee && s.exercise_id === exercise.id)
+          .map((s) => attemptOf(lab, s));
+        const passed = attempts.some((a) => a.passed);
+        return {
+          exercise_id: exercise.id,
+          attempts: attempts.length,
+          ...(attempts.length ? { passed, best: attempts.find((a) => a.passed) ?? attempts.at(-1) } : {}),
+          locked_by: [],
+          ...(exercise.attempts ? { attempts_left: Math.max(0, exercise.attempts - attempts.length) } : {}),
+          due_unix_ms: exercise.due_unix_ms ?? null,
+          overdue: false,
+        };
+      });
+      cells.forEach((cell, i) => {
+        cell.locked_by = (course.exercises[i].prerequisites ?? []).filter(
+          (id) => !cells.find((c) => c.exercise_id === id)?.passed,
+        );
+      });
+      return { trainee, full_name: lab.people.get(trainee)?.full_name ?? '', cells };
     });
-    cells.forEach((cell, i) => { cell.locked_by = (course.exercises[i].prerequisites ?? []).filter((id) => !cells.find((c) => c.exercise_id === id)?.passed); });
-    return { trainee, full_name: lab.people.get(trainee)?.full_name ?? '', cells };
-  });
-  return { exercise_ids: course.exercises.map((e) => e.id), exercise_names: course.exercises.map((e) => e.name), rows, next_page: '' };
+  return {
+    exercise_ids: course.exercises.map((e) => e.id),
+    exercise_names: course.exercises.map((e) => e.name),
+    rows,
+    next_page: '',
+  };
 }
 
 function importPeople(lab, { csv, dry_run }) {
   const [header, ...lines] = csv.trim().split(/\r?\n/);
   const columns = header.split(',').map((c) => c.trim());
-  if (!columns.includes('name')) throw new Refusal(400, 'invalid_input', "the header has no column 'name'", { field: 'csv' });
-  const count = { added: 0, changed: 0, unchanged: 0, faults: 0 }, doing = [];
+  if (!columns.includes('name'))
+    throw new Refusal(400, 'invalid_input', "the header has no column 'name'", { field: 'csv' });
+  const count = { added: 0, changed: 0, unchanged: 0, faults: 0 },
+    doing = [];
   const rows = lines.map((line, i) => {
     const v = Object.fromEntries(line.split(',').map((cell, c) => [columns[c], cell.trim()]));
     const row = (what, text, column = '') => ({ line: i + 2, name: v.name ?? '', what, text, column });
     const role = (v.role || 'trainee').toUpperCase().replaceAll('-', '_');
-    if (!/^[a-z0-9._-]+$/.test(v.name ?? '')) { count.faults++; return row('FAULT', `'${v.name}' is no name: small letters, digits, '.', '-', '_'`, 'name'); }
-    if (!kAll.includes(role)) { count.faults++; return row('FAULT', `'${v.role}' is no role: trainee, instructor, curriculum-manager`, 'role'); }
+    if (!/^[a-z0-9._-]+$/.test(v.name ?? '')) {
+      count.faults++;
+      return row('FAULT', `'${v.name}' is no name: small letters, digits, '.', '-', '_'`, 'name');
+    }
+    if (!kAll.includes(role)) {
+      count.faults++;
+      return row('FAULT', `'${v.role}' is no role: trainee, instructor, curriculum-manager`, 'role');
+    }
     const there = lab.people.get(v.name);
-    if (there && there.full_name === (v.full_name || there.full_name)) { count.unchanged++; return row('NOTHING', 'is there already, with the same data'); }
+    if (there && there.full_name === (v.full_name || there.full_name)) {
+      count.unchanged++;
+      return row('NOTHING', 'is there already, with the same data');
+    }
     count[there ? 'changed' : 'added']++;
     doing.push(() => {
-      lab.people.set(v.name, { ...(there ?? { name: v.name, disabled: false, revision: 1, ...changedBy('mara'), created_unix_ms: Date.now(), has_password: !!v.password, password: v.password }), full_name: v.full_name ?? '', role });
-      if (v.group && !lab.groups.has(v.group)) lab.groups.set(v.group, { id: v.group, name: v.group, members: [], revision: 1, ...changedBy('mara') });
+      lab.people.set(v.name, {
+        ...(there ?? {
+          name: v.name,
+          disabled: false,
+          revision: 1,
+          ...changedBy('mara'),
+          created_unix_ms: Date.now(),
+          has_password: !!v.password,
+          password: v.password,
+        }),
+        full_name: v.full_name ?? '',
+        role,
+      });
+      if (v.group && !lab.groups.has(v.group))
+        lab.groups.set(v.group, { id: v.group, name: v.group, members: [], revision: 1, ...changedBy('mara') });
       if (v.group && !lab.groups.get(v.group).members.includes(v.name)) lab.groups.get(v.group).members.push(v.name);
     });
-    return row(there ? 'CHANGE' : 'ADD', there ? `full_name '${there.full_name}' becomes '${v.full_name}'` : `new ${role.toLowerCase()}${v.group ? `, joins ${v.group}` : ''}`);
+    return row(
+      there ? 'CHANGE' : 'ADD',
+      there
+        ? `full_name '${there.full_name}' becomes '${v.full_name}'`
+        : `new ${role.toLowerCase()}${v.group ? `, joins ${v.group}` : ''}`,
+    );
   });
   const done = !dry_run && count.faults === 0;
   if (done) doing.forEach((act) => act());
@@ -128,132 +270,615 @@ function importPeople(lab, { csv, dry_run }) {
 
 function samplesOf(session, query) {
   const { columns } = session.gesture;
-  const from = Number(query.from_s ?? 0), to = Number(query.to_s ?? Infinity), points = Number(query.points ?? 2000);
+  const from = Number(query.from_s ?? 0),
+    to = Number(query.to_s ?? Infinity),
+    points = Number(query.points ?? 2000);
   const inside = columns.t_s.map((t, i) => i).filter((i) => columns.t_s[i] >= from && columns.t_s[i] <= to);
   const step = Math.max(1, Math.ceil(inside.length / points));
-  return { rate_hz: 1000, samples: Math.round(session.gesture.length_s * 1000), decimated: step > 1, from_s: columns.t_s[inside[0]] ?? 0, to_s: columns.t_s[inside.at(-1)] ?? 0, columns: Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, inside.filter((_, k) => k % step === 0).map((i) => values[i])])) };
+  return {
+    rate_hz: 1000,
+    samples: Math.round(session.gesture.length_s * 1000),
+    decimated: step > 1,
+    from_s: columns.t_s[inside[0]] ?? 0,
+    to_s: columns.t_s[inside.at(-1)] ?? 0,
+    columns: Object.fromEntries(
+      Object.entries(columns).map(([name, values]) => [
+        name,
+        inside.filter((_, k) => k % step === 0).map((i) => values[i]),
+      ]),
+    ),
+  };
 }
 
-const place = (s, target) => ({ x_m: 0, y_m: 0, z_m: -s.depth_m, in_tissue: true, layer: 3, tissue: 'BURSA', insertion_m: s.depth_m, depth_m: s.depth_m, target, target_distance_m: -0.0004, hazard: '' });
+const place = (s, target) => ({
+  x_m: 0,
+  y_m: 0,
+  z_m: -s.depth_m,
+  in_tissue: true,
+  layer: 3,
+  tissue: 'BURSA',
+  insertion_m: s.depth_m,
+  depth_m: s.depth_m,
+  target,
+  target_distance_m: -0.0004,
+  hazard: '',
+});
 
 /** @type {[string, string, string[], (c: any) => any, number?][]} c: {lab, who, params, query, body, base}; a status other than 200 */
 export const kTable = [
-  ['GET', 'people', kStaff, ({ lab, query }) => paged([...lab.people.values()].map((p) => withoutPassword(lab, p)), query, 8)],
-  ['POST', 'people', kManagers, ({ lab, body, who }) => {
-    if (!/^[a-z0-9._-]{1,64}$/.test(body.name ?? '')) throw new Refusal(400, 'invalid_input', `name: '${body.name}' may hold small letters, digits, '.', '-' and '_'`, { field: 'name' });
-    if (lab.people.has(body.name)) throw new Refusal(409, 'conflict', `'${body.name}' is there already`);
-    lab.people.set(body.name, { full_name: '', role: 'TRAINEE', disabled: false, revision: 1, ...changedBy(who.name), created_unix_ms: Date.now(), has_password: !!body.password, ...body });
-    return { name: body.name, role: lab.people.get(body.name).role };
-  }, 201],
+  [
+    'GET',
+    'people',
+    kStaff,
+    ({ lab, query }) =>
+      paged(
+        [...lab.people.values()].map((p) => withoutPassword(lab, p)),
+        query,
+        8,
+      ),
+  ],
+  [
+    'POST',
+    'people',
+    kManagers,
+    ({ lab, body, who }) => {
+      if (!/^[a-z0-9._-]{1,64}$/.test(body.name ?? ''))
+        throw new Refusal(
+          400,
+          'invalid_input',
+          `name: '${body.name}' may hold small letters, digits, '.', '-' and '_'`,
+          { field: 'name' },
+        );
+      if (lab.people.has(body.name)) throw new Refusal(409, 'conflict', `'${body.name}' is there already`);
+      lab.people.set(body.name, {
+        full_name: '',
+        role: 'TRAINEE',
+        disabled: false,
+        revision: 1,
+        ...changedBy(who.name),
+        created_unix_ms: Date.now(),
+        has_password: !!body.password,
+        ...body,
+      });
+      return { name: body.name, role: lab.people.get(body.name).role };
+    },
+    201,
+  ],
   ['POST', 'people/import', kManagers, ({ lab, body }) => importPeople(lab, body)],
-  ['GET', 'people/:name', kAll, ({ lab, params, who }) => {
-    if (['TRAINEE', 'RESEARCHER'].includes(who.role) && params.name !== who.name) throw new Refusal(403, 'role', 'trainees and researchers see themselves only');
-    return withoutPassword(lab, found(lab.people, params.name, 'person'));
-  }],
-  ['PATCH', 'people/:name', kPeople, ({ lab, params, body, who, base }) => {
-    const person = found(lab.people, params.name, 'person');
-    if (base === undefined && body.consent === undefined) throw new Refusal(400, 'invalid_input', 'If-Match: give the revision that was changed');
-    if (base !== undefined && body.consent === undefined && base !== person.revision) throw new Refusal(409, 'conflict', 'somebody else changed this person', { current_revision: person.revision });
-    const { consent, ...rest } = body;
-    Object.assign(person, rest, consent === undefined ? {} : { consent: { given: consent, unix_ms: Date.now(), recorded_by: who.name, note: '' } });
-    if (consent === undefined) Object.assign(person, { revision: person.revision + 1 }, changedBy(who.name));
-    return withoutPassword(lab, person);
-  }],
-  ['POST', 'people/:name/password', kAll, ({ lab, params, body }) => { Object.assign(found(lab.people, params.name, 'person'), { password: body.password, has_password: true }); return {}; }],
-  ['GET', 'people/:name/export', kPeople, ({ lab, params }) => ({ items: [{ kind: 'person', ...withoutPassword(lab, found(lab.people, params.name, 'person')) }] })],
-  ['DELETE', 'people/:name/data', kAdmin, ({ lab, params, body }) => {
-    found(lab.people, params.name, 'person');
-    if (body?.confirm !== params.name) throw new Refusal(400, 'invalid_input', 'confirm: must be the name', { field: 'confirm' });
-    lab.people.delete(params.name);
-    return { pseudonym: 'erased-7f3a', sessions: 3, recordings: 3, scores: 3, remarks_kept: 1, audit_lines: 12, text: 'Backups made before today still hold the data.' };
-  }],
-  ['GET', 'people/:name/progress', kPeople, ({ lab, params, query }) => ({ items: lab.sessions.filter((s) => s.trainee === params.name && (!query.exercise || s.exercise_id === query.exercise)).map((s) => attemptOf(lab, s)), next_page: '', measures: null })],
+  [
+    'GET',
+    'people/:name',
+    kAll,
+    ({ lab, params, who }) => {
+      if (['TRAINEE', 'RESEARCHER'].includes(who.role) && params.name !== who.name)
+        throw new Refusal(403, 'role', 'trainees and researchers see themselves only');
+      return withoutPassword(lab, found(lab.people, params.name, 'person'));
+    },
+  ],
+  [
+    'PATCH',
+    'people/:name',
+    kPeople,
+    ({ lab, params, body, who, base }) => {
+      const person = found(lab.people, params.name, 'person');
+      if (base === undefined && body.consent === undefined)
+        throw new Refusal(400, 'invalid_input', 'If-Match: give the revision that was changed');
+      if (base !== undefined && body.consent === undefined && base !== person.revision)
+        throw new Refusal(409, 'conflict', 'somebody else changed this person', { current_revision: person.revision });
+      const { consent, ...rest } = body;
+      Object.assign(
+        person,
+        rest,
+        consent === undefined
+          ? {}
+          : { consent: { given: consent, unix_ms: Date.now(), recorded_by: who.name, note: '' } },
+      );
+      if (consent === undefined) Object.assign(person, { revision: person.revision + 1 }, changedBy(who.name));
+      return withoutPassword(lab, person);
+    },
+  ],
+  [
+    'POST',
+    'people/:name/password',
+    kAll,
+    ({ lab, params, body }) => {
+      Object.assign(found(lab.people, params.name, 'person'), { password: body.password, has_password: true });
+      return {};
+    },
+  ],
+  [
+    'GET',
+    'people/:name/export',
+    kPeople,
+    ({ lab, params }) => ({
+      items: [{ kind: 'person', ...withoutPassword(lab, found(lab.people, params.name, 'person')) }],
+    }),
+  ],
+  [
+    'DELETE',
+    'people/:name/data',
+    kAdmin,
+    ({ lab, params, body }) => {
+      found(lab.people, params.name, 'person');
+      if (body?.confirm !== params.name)
+        throw new Refusal(400, 'invalid_input', 'confirm: must be the name', { field: 'confirm' });
+      lab.people.delete(params.name);
+      return {
+        pseudonym: 'erased-7f3a',
+        sessions: 3,
+        recordings: 3,
+        scores: 3,
+        remarks_kept: 1,
+        audit_lines: 12,
+        text: 'Backups made before today still hold the data.',
+      };
+    },
+  ],
+  [
+    'GET',
+    'people/:name/progress',
+    kPeople,
+    ({ lab, params, query }) => ({
+      items: lab.sessions
+        .filter((s) => s.trainee === params.name && (!query.exercise || s.exercise_id === query.exercise))
+        .map((s) => attemptOf(lab, s)),
+      next_page: '',
+      measures: null,
+    }),
+  ],
   ['GET', 'groups', kStaff, ({ lab, query }) => paged([...lab.groups.values()], query)],
-  ['POST', 'groups', kManagers, ({ lab, body, who }) => {
-    if (lab.groups.has(body.id)) throw new Refusal(409, 'conflict', `group '${body.id}' is there already`, { current_revision: lab.groups.get(body.id).revision });
-    lab.groups.set(body.id, { members: [], ...body, revision: 1, ...changedBy(who.name) });
-    return lab.groups.get(body.id);
-  }, 201],
+  [
+    'POST',
+    'groups',
+    kManagers,
+    ({ lab, body, who }) => {
+      if (lab.groups.has(body.id))
+        throw new Refusal(409, 'conflict', `group '${body.id}' is there already`, {
+          current_revision: lab.groups.get(body.id).revision,
+        });
+      lab.groups.set(body.id, { members: [], ...body, revision: 1, ...changedBy(who.name) });
+      return lab.groups.get(body.id);
+    },
+    201,
+  ],
   ['GET', 'groups/:id', kStaff, ({ lab, params }) => found(lab.groups, params.id, 'group')],
-  ['PUT', 'groups/:id', kManagers, ({ lab, params, body, base, who }) => {
-    const group = found(lab.groups, params.id, 'group');
-    if (base !== group.revision) throw new Refusal(409, 'conflict', `group '${params.id}' was changed in the meantime`, { current_revision: group.revision });
-    lab.groups.set(params.id, { ...group, ...body, revision: group.revision + 1, ...changedBy(who.name) });
-    return lab.groups.get(params.id);
-  }],
-  ['DELETE', 'groups/:id', kManagers, ({ lab, params, base }) => {
-    const group = found(lab.groups, params.id, 'group');
-    if (base !== group.revision) throw new Refusal(409, 'conflict', `group '${params.id}' was changed in the meantime`, { current_revision: group.revision });
-    lab.groups.delete(params.id);
-    return {};
-  }],
-  ['GET', 'profiles', kAll, ({ lab }) => ({ items: [...lab.profiles].map(([id, r]) => ({ id, revision: r.length, name: r.at(-1).json.name, created_unix_ms: r.at(-1).created_unix_ms, author: r.at(-1).author })), next_page: '' })],
-  ['POST', 'profiles/check', kStaff, ({ body }) => { const all = problemsOf(body), errors = all.filter((p) => p.severity === 'ERROR'); return { ok: errors.length === 0, problems: errors.map(({ path, message }) => ({ path, message })), warnings: all.filter((p) => p.severity === 'WARNING').map((p) => `${p.path}: ${p.message}`) }; }],
-  ['POST', 'profiles/preview', kStaff, ({ body }) => {
-    const [problem] = problemsOf(body).filter((p) => p.severity === 'ERROR');
-    if (problem) throw new Refusal(400, 'invalid_input', `${problem.path}: ${problem.message}`, { field: problem.path });
-    return preview(body);
-  }],
+  [
+    'PUT',
+    'groups/:id',
+    kManagers,
+    ({ lab, params, body, base, who }) => {
+      const group = found(lab.groups, params.id, 'group');
+      if (base !== group.revision)
+        throw new Refusal(409, 'conflict', `group '${params.id}' was changed in the meantime`, {
+          current_revision: group.revision,
+        });
+      lab.groups.set(params.id, { ...group, ...body, revision: group.revision + 1, ...changedBy(who.name) });
+      return lab.groups.get(params.id);
+    },
+  ],
+  [
+    'DELETE',
+    'groups/:id',
+    kManagers,
+    ({ lab, params, base }) => {
+      const group = found(lab.groups, params.id, 'group');
+      if (base !== group.revision)
+        throw new Refusal(409, 'conflict', `group '${params.id}' was changed in the meantime`, {
+          current_revision: group.revision,
+        });
+      lab.groups.delete(params.id);
+      return {};
+    },
+  ],
+  [
+    'GET',
+    'profiles',
+    kAll,
+    ({ lab }) => ({
+      items: [...lab.profiles].map(([id, r]) => ({
+        id,
+        revision: r.length,
+        name: r.at(-1).json.name,
+        created_unix_ms: r.at(-1).created_unix_ms,
+        author: r.at(-1).author,
+      })),
+      next_page: '',
+    }),
+  ],
+  [
+    'POST',
+    'profiles/check',
+    kStaff,
+    ({ body }) => {
+      const all = problemsOf(body),
+        errors = all.filter((p) => p.severity === 'ERROR');
+      return {
+        ok: errors.length === 0,
+        problems: errors.map(({ path, message }) => ({ path, message })),
+        warnings: all.filter((p) => p.severity === 'WARNING').map((p) => `${p.path}: ${p.message}`),
+      };
+    },
+  ],
+  [
+    'POST',
+    'profiles/preview',
+    kStaff,
+    ({ body }) => {
+      const [problem] = problemsOf(body).filter((p) => p.severity === 'ERROR');
+      if (problem)
+        throw new Refusal(400, 'invalid_input', `${problem.path}: ${problem.message}`, { field: problem.path });
+      return preview(body);
+    },
+  ],
   ['GET', 'profiles/:id', kAll, ({ lab, params, query }) => revisionAsked(lab.profiles, params.id, query, 'profile')],
-  ['PUT', 'profiles/:id', kManagers, ({ lab, params, body, base, who }) => {
-    const [problem] = problemsOf(body).filter((p) => p.severity === 'ERROR');
-    if (problem) throw new Refusal(400, 'invalid_input', `${problem.path}: ${problem.message}`, { field: problem.path });
-    return putRevision(lab.profiles, params.id, base, body, who.name);
-  }],
-  ['GET', 'profiles/:id/revisions', [...kStaff, 'RESEARCHER'], ({ lab, params }) => revisionList(lab.profiles, params.id, 'profile')],
-  ['GET', 'courses', kAll, ({ lab }) => ({ items: [...lab.courses].map(([id, r]) => ({ id, name: r.at(-1).json.name, revision: r.length, exercise_ids: r.at(-1).json.exercises.map((e) => e.id), created_unix_ms: r.at(-1).created_unix_ms, author: r.at(-1).author })), next_page: '' })],
-  ['POST', 'courses/check', kStaff, ({ body }) => { const problems = body.exercises?.length ? [] : [{ path: 'exercises', message: 'at least one exercise is needed' }]; return { ok: problems.length === 0, problems, warnings: [] }; }],
+  [
+    'PUT',
+    'profiles/:id',
+    kManagers,
+    ({ lab, params, body, base, who }) => {
+      const [problem] = problemsOf(body).filter((p) => p.severity === 'ERROR');
+      if (problem)
+        throw new Refusal(400, 'invalid_input', `${problem.path}: ${problem.message}`, { field: problem.path });
+      return putRevision(lab.profiles, params.id, base, body, who.name);
+    },
+  ],
+  [
+    'GET',
+    'profiles/:id/revisions',
+    [...kStaff, 'RESEARCHER'],
+    ({ lab, params }) => revisionList(lab.profiles, params.id, 'profile'),
+  ],
+  [
+    'GET',
+    'courses',
+    kAll,
+    ({ lab }) => ({
+      items: [...lab.courses].map(([id, r]) => ({
+        id,
+        name: r.at(-1).json.name,
+        revision: r.length,
+        exercise_ids: r.at(-1).json.exercises.map((e) => e.id),
+        created_unix_ms: r.at(-1).created_unix_ms,
+        author: r.at(-1).author,
+      })),
+      next_page: '',
+    }),
+  ],
+  [
+    'POST',
+    'courses/check',
+    kStaff,
+    ({ body }) => {
+      const problems = body.exercises?.length
+        ? []
+        : [{ path: 'exercises', message: 'at least one exercise is needed' }];
+      return { ok: problems.length === 0, problems, warnings: [] };
+    },
+  ],
   ['GET', 'courses/:id', kAll, ({ lab, params, query }) => revisionAsked(lab.courses, params.id, query, 'course')],
-  ['PUT', 'courses/:id', kManagers, ({ lab, params, body, base, who }) => {
-    if (!body.exercises?.length) throw new Refusal(400, 'invalid_input', 'exercises: at least one is needed', { field: 'exercises' });
-    return putRevision(lab.courses, params.id, base, body, who.name);
-  }],
-  ['GET', 'courses/:id/revisions', [...kStaff, 'RESEARCHER'], ({ lab, params }) => revisionList(lab.courses, params.id, 'course')],
-  ['GET', 'exercises', kAll, ({ lab }) => ({ items: [...lab.courses].flatMap(([course_id, r]) => r.at(-1).json.exercises.map((json, position) => ({ course_id, position, json, course_revision: r.length }))), next_page: '' })],
+  [
+    'PUT',
+    'courses/:id',
+    kManagers,
+    ({ lab, params, body, base, who }) => {
+      if (!body.exercises?.length)
+        throw new Refusal(400, 'invalid_input', 'exercises: at least one is needed', { field: 'exercises' });
+      return putRevision(lab.courses, params.id, base, body, who.name);
+    },
+  ],
+  [
+    'GET',
+    'courses/:id/revisions',
+    [...kStaff, 'RESEARCHER'],
+    ({ lab, params }) => revisionList(lab.courses, params.id, 'course'),
+  ],
+  [
+    'GET',
+    'exercises',
+    kAll,
+    ({ lab }) => ({
+      items: [...lab.courses].flatMap(([course_id, r]) =>
+        r.at(-1).json.exercises.map((json, position) => ({ course_id, position, json, course_revision: r.length })),
+      ),
+      next_page: '',
+    }),
+  ],
   ['GET', 'measures', kAll, () => ({ items: measures, definition_version: 1, next_page: '' })],
   ['GET', 'assignments', kPeople, ({ lab, query }) => paged(lab.assignments, query)],
-  ['POST', 'assignments', kStaff, ({ lab, body, who }) => {
-    const assignment = { id: Math.max(0, ...lab.assignments.map((a) => a.id)) + 1, course_id: '', exercise_id: '', group_id: '', trainee: '', due_unix_ms: null, ...body, by: who.name, created_unix_ms: Date.now() };
-    lab.assignments.push(assignment);
-    return assignment;
-  }, 201],
-  ['DELETE', 'assignments/:id', kStaff, ({ lab, params }) => { lab.assignments = lab.assignments.filter((a) => String(a.id) !== params.id); return {}; }],
+  [
+    'POST',
+    'assignments',
+    kStaff,
+    ({ lab, body, who }) => {
+      const assignment = {
+        id: Math.max(0, ...lab.assignments.map((a) => a.id)) + 1,
+        course_id: '',
+        exercise_id: '',
+        group_id: '',
+        trainee: '',
+        due_unix_ms: null,
+        ...body,
+        by: who.name,
+        created_unix_ms: Date.now(),
+      };
+      lab.assignments.push(assignment);
+      return assignment;
+    },
+    201,
+  ],
+  [
+    'DELETE',
+    'assignments/:id',
+    kStaff,
+    ({ lab, params }) => {
+      lab.assignments = lab.assignments.filter((a) => String(a.id) !== params.id);
+      return {};
+    },
+  ],
   ['GET', 'results', kPeople, ({ lab, query, who }) => resultsOf(lab, query, who)],
-  ['GET', 'sessions', kPeople, ({ lab, query, who }) => paged(lab.sessions.filter((s) => isAsked(lab, s, query, who)).sort((a, b) => b.started_unix_ms - a.started_unix_ms).map((s) => rowOf(lab, s)), query, 25)],
+  [
+    'GET',
+    'sessions',
+    kPeople,
+    ({ lab, query, who }) =>
+      paged(
+        lab.sessions
+          .filter((s) => isAsked(lab, s, query, who))
+          .sort((a, b) => b.started_unix_ms - a.started_unix_ms)
+          .map((s) => rowOf(lab, s)),
+        query,
+        25,
+      ),
+  ],
   ['GET', 'sessions/:id', kPeople, ({ lab, params, who }) => infoOf(lab, sessionOf(lab, params.id, who))],
-  ['GET', 'sessions/:id/score', kPeople, ({ lab, params, who }) => scoreReply(lab, sessionOf(lab, params.id, who), true)],
-  ['POST', 'sessions/:id/rescore', kStaff, ({ lab, params, who }) => scoreReply(lab, sessionOf(lab, params.id, who), false)],
-  ['POST', 'sessions/:id/excuse', kStaff, ({ lab, params, body, who }) => { const s = sessionOf(lab, params.id, who); s.excused = body.excused; return attemptOf(lab, s); }],
-  ['POST', 'scores/rescore', kAdmin, ({ lab, body }) => ({ dry_run: !!body.dry_run, definition_version: 1, rescored: lab.sessions.length, left_alone: 0, faults: [], stopped: false })],
-  ['GET', 'retention', kManagers, ({ lab }) => ({ policies: lab.retention ?? [], database_bytes: 12_400_000, free_bytes: 40_960, thinned_sessions: 0, deleted_sessions: 0, last_run_unix_ms: null })],
-  ['PUT', 'retention', kManagers, ({ lab, body, who }) => {
-    const rest = (lab.retention ?? []).filter((p) => p.exercise_id !== body.policy.exercise_id);
-    lab.retention = body.as_default ? rest : [...rest, { thin_rate_hz: 0, thin_coarser: 0, without_backup: false, ...body.policy, by: who.name, changed_unix_ms: Date.now() }];
-    return {};
-  }],
-  ['POST', 'retention/run', kManagers, ({ body }) => ({ dry_run: !!body.dry_run, stopped: false, thinned: 0, deleted: 0, waiting_for_backup: 0, left_alone: 0, bytes_before: 0, bytes_after: 0, steps: [], free_bytes: 0 })],
-  ['GET', 'studies/:study', ['ADMINISTRATOR', 'RESEARCHER'], ({ lab, params }) => ({ items: [{ kind: 'study', study: params.study, format: 1, people: [...lab.people.values()].filter((p) => p.consent?.given).length, sessions: 0, program: 'mock' }], next_page: '' })],
-  ['GET', 'sessions/:id/events', kPeople, ({ lab, params, who }) => {
-    const s = sessionOf(lab, params.id, who), t = s.gesture.inserted_s, at = place(s, 'target');
-    return { items: [{ kind: 'ASPIRATION', begin_tick: Math.round((t + 0.5) * 1000), end_tick: Math.round((t + 1) * 1000), hazards: [], begin_s: t + 0.5, end_s: t + 1, plunger_from: 0.5, plunger_to: 0.4, in_tissue_share: 1, in_target_share: 1, begin: at, end: at }, { kind: 'INJECTION', begin_tick: Math.round((t + 1) * 1000), end_tick: Math.round((t + 2.5) * 1000), hazards: [], begin_s: t + 1, end_s: t + 2.5, plunger_from: 0.4, plunger_to: 0.9, in_tissue_share: 1, in_target_share: 0.8, begin: at, end: at }], stored: true, next_page: '' };
-  }],
-  ['GET', 'sessions/:id/samples', kPeople, ({ lab, params, query, who }) => samplesOf(sessionOf(lab, params.id, who), query)],
-  ['GET', 'sessions/:id/annotations', kPeople, ({ lab, params, who }) => ({ items: lab.annotations.get(sessionOf(lab, params.id, who).session_id) ?? [], next_page: '' })],
-  ['POST', 'sessions/:id/annotations', ['INSTRUCTOR', 'ADMINISTRATOR'], ({ lab, params, body, who }) => {
-    const all = lab.annotations.get(params.id) ?? [];
-    const annotation = { id: all.length + 1, author: who.name, created_unix_ms: Date.now(), session_id: params.id, tick: Math.round(body.t_s * 1000), ...body };
-    lab.annotations.set(params.id, [...all, annotation]);
-    return annotation;
-  }, 201],
-  ['GET', 'exercises/:id/reference', kPeople, ({ lab, params }) => lab.references.get(params.id) ?? { exercise_id: params.id, revision: 0, session_ids: [], bands: [], changed_by: '', changed_unix_ms: null, definition_version: 1 }],
-  ['PUT', 'exercises/:id/reference', kStaff, ({ lab, params, body, who }) => {
-    const bands = bandOf(lab.sessions.filter((s) => body.session_ids.includes(s.session_id)));
-    lab.references.set(params.id, { exercise_id: params.id, revision: (lab.references.get(params.id)?.revision ?? 0) + 1, session_ids: body.session_ids, bands, changed_by: who.name, changed_unix_ms: Date.now(), definition_version: 1 });
-    return lab.references.get(params.id);
-  }],
-  ['GET', 'stations', kStaff, () => ({ items: [1, 2, 3, 4].map((i) => ({ name: `bench-${i}`, revoked: false, created_unix_ms: kNow_ms, online: i < 4 })), next_page: '' })],
-  ['GET', 'audit', kAdmin, ({ lab, query }) => paged(lab.audit.filter((e) => (!query.who || e.who === query.who) && (!query.action || e.action === query.action)).reverse(), query)],
-  ['POST', 'backup', kAdmin, ({ body }) => ({ path: body?.path || '/var/backups/needlelab/2026-11-20T09-00-00Z.db', bytes: 12_400_000, chunks_verified: 914, removed: [] })],
+  [
+    'GET',
+    'sessions/:id/score',
+    kPeople,
+    ({ lab, params, who }) => scoreReply(lab, sessionOf(lab, params.id, who), true),
+  ],
+  [
+    'POST',
+    'sessions/:id/rescore',
+    kStaff,
+    ({ lab, params, who }) => scoreReply(lab, sessionOf(lab, params.id, who), false),
+  ],
+  [
+    'POST',
+    'sessions/:id/excuse',
+    kStaff,
+    ({ lab, params, body, who }) => {
+      const s = sessionOf(lab, params.id, who);
+      s.excused = body.excused;
+      return attemptOf(lab, s);
+    },
+  ],
+  [
+    'POST',
+    'scores/rescore',
+    kAdmin,
+    ({ lab, body }) => ({
+      dry_run: !!body.dry_run,
+      definition_version: 1,
+      rescored: lab.sessions.length,
+      left_alone: 0,
+      faults: [],
+      stopped: false,
+    }),
+  ],
+  [
+    'GET',
+    'retention',
+    kManagers,
+    ({ lab }) => ({
+      policies: lab.retention ?? [],
+      database_bytes: 12_400_000,
+      free_bytes: 40_960,
+      thinned_sessions: 0,
+      deleted_sessions: 0,
+      last_run_unix_ms: null,
+    }),
+  ],
+  [
+    'PUT',
+    'retention',
+    kManagers,
+    ({ lab, body, who }) => {
+      const rest = (lab.retention ?? []).filter((p) => p.exercise_id !== body.policy.exercise_id);
+      lab.retention = body.as_default
+        ? rest
+        : [
+            ...rest,
+            {
+              thin_rate_hz: 0,
+              thin_coarser: 0,
+              without_backup: false,
+              ...body.policy,
+              by: who.name,
+              changed_unix_ms: Date.now(),
+            },
+          ];
+      return {};
+    },
+  ],
+  [
+    'POST',
+    'retention/run',
+    kManagers,
+    ({ body }) => ({
+      dry_run: !!body.dry_run,
+      stopped: false,
+      thinned: 0,
+      deleted: 0,
+      waiting_for_backup: 0,
+      left_alone: 0,
+      bytes_before: 0,
+      bytes_after: 0,
+      steps: [],
+      free_bytes: 0,
+    }),
+  ],
+  [
+    'GET',
+    'studies/:study',
+    ['ADMINISTRATOR', 'RESEARCHER'],
+    ({ lab, params }) => ({
+      items: [
+        {
+          kind: 'study',
+          study: params.study,
+          format: 1,
+          people: [...lab.people.values()].filter((p) => p.consent?.given).length,
+          sessions: 0,
+          program: 'mock',
+        },
+      ],
+      next_page: '',
+    }),
+  ],
+  [
+    'GET',
+    'sessions/:id/events',
+    kPeople,
+    ({ lab, params, who }) => {
+      const s = sessionOf(lab, params.id, who),
+        t = s.gesture.inserted_s,
+        at = place(s, 'target');
+      return {
+        items: [
+          {
+            kind: 'ASPIRATION',
+            begin_tick: Math.round((t + 0.5) * 1000),
+            end_tick: Math.round((t + 1) * 1000),
+            hazards: [],
+            begin_s: t + 0.5,
+            end_s: t + 1,
+            plunger_from: 0.5,
+            plunger_to: 0.4,
+            in_tissue_share: 1,
+            in_target_share: 1,
+            begin: at,
+            end: at,
+          },
+          {
+            kind: 'INJECTION',
+            begin_tick: Math.round((t + 1) * 1000),
+            end_tick: Math.round((t + 2.5) * 1000),
+            hazards: [],
+            begin_s: t + 1,
+            end_s: t + 2.5,
+            plunger_from: 0.4,
+            plunger_to: 0.9,
+            in_tissue_share: 1,
+            in_target_share: 0.8,
+            begin: at,
+            end: at,
+          },
+        ],
+        stored: true,
+        next_page: '',
+      };
+    },
+  ],
+  [
+    'GET',
+    'sessions/:id/samples',
+    kPeople,
+    ({ lab, params, query, who }) => samplesOf(sessionOf(lab, params.id, who), query),
+  ],
+  [
+    'GET',
+    'sessions/:id/annotations',
+    kPeople,
+    ({ lab, params, who }) => ({
+      items: lab.annotations.get(sessionOf(lab, params.id, who).session_id) ?? [],
+      next_page: '',
+    }),
+  ],
+  [
+    'POST',
+    'sessions/:id/annotations',
+    ['INSTRUCTOR', 'ADMINISTRATOR'],
+    ({ lab, params, body, who }) => {
+      const all = lab.annotations.get(params.id) ?? [];
+      const annotation = {
+        id: all.length + 1,
+        author: who.name,
+        created_unix_ms: Date.now(),
+        session_id: params.id,
+        tick: Math.round(body.t_s * 1000),
+        ...body,
+      };
+      lab.annotations.set(params.id, [...all, annotation]);
+      return annotation;
+    },
+    201,
+  ],
+  [
+    'GET',
+    'exercises/:id/reference',
+    kPeople,
+    ({ lab, params }) =>
+      lab.references.get(params.id) ?? {
+        exercise_id: params.id,
+        revision: 0,
+        session_ids: [],
+        bands: [],
+        changed_by: '',
+        changed_unix_ms: null,
+        definition_version: 1,
+      },
+  ],
+  [
+    'PUT',
+    'exercises/:id/reference',
+    kStaff,
+    ({ lab, params, body, who }) => {
+      const bands = bandOf(lab.sessions.filter((s) => body.session_ids.includes(s.session_id)));
+      lab.references.set(params.id, {
+        exercise_id: params.id,
+        revision: (lab.references.get(params.id)?.revision ?? 0) + 1,
+        session_ids: body.session_ids,
+        bands,
+        changed_by: who.name,
+        changed_unix_ms: Date.now(),
+        definition_version: 1,
+      });
+      return lab.references.get(params.id);
+    },
+  ],
+  [
+    'GET',
+    'stations',
+    kStaff,
+    () => ({
+      items: [1, 2, 3, 4].map((i) => ({ name: `bench-${i}`, revoked: false, created_unix_ms: kNow_ms, online: i < 4 })),
+      next_page: '',
+    }),
+  ],
+  [
+    'GET',
+    'audit',
+    kAdmin,
+    ({ lab, query }) =>
+      paged(
+        lab.audit
+          .filter((e) => (!query.who || e.who === query.who) && (!query.action || e.action === query.action))
+          .reverse(),
+        query,
+      ),
+  ],
+  [
+    'POST',
+    'backup',
+    kAdmin,
+    ({ body }) => ({
+      path: body?.path || '/var/backups/needlelab/2026-11-20T09-00-00Z.db',
+      bytes: 12_400_000,
+      chunks_verified: 914,
+      removed: [],
+    }),
+  ],
   ['POST', 'check', kAdmin, ({ lab }) => ({ ok: true, sessions: lab.sessions.length, chunks: 914, faults: [] })],
 ];
 
@@ -263,8 +888,21 @@ export function csvOf(lab, parts, query) {
     const session = lab.sessions.find((s) => s.session_id === parts[1]);
     if (!session) throw missing('session');
     const names = Object.keys(session.gesture.columns);
-    return [names, ...session.gesture.columns.t_s.map((_, i) => names.map((n) => session.gesture.columns[n][i]))].map((r) => r.join(',') + '\r\n').join('');
+    return [names, ...session.gesture.columns.t_s.map((_, i) => names.map((n) => session.gesture.columns[n][i]))]
+      .map((r) => r.join(',') + '\r\n')
+      .join('');
   }
-  const results = resultsOf(lab, { course: query.course || [...lab.courses.keys()][0], group: query.group }, { role: 'ADMINISTRATOR' });
-  return ['trainee,exercise_id,attempts,passed', ...results.rows.flatMap((r) => r.cells.map((c) => `${r.trainee},${c.exercise_id},${c.attempts},${c.passed ?? ''}`))].join('\r\n') + '\r\n';
+  const results = resultsOf(
+    lab,
+    { course: query.course || [...lab.courses.keys()][0], group: query.group },
+    { role: 'ADMINISTRATOR' },
+  );
+  return (
+    [
+      'trainee,exercise_id,attempts,passed',
+      ...results.rows.flatMap((r) =>
+        r.cells.map((c) => `${r.trainee},${c.exercise_id},${c.attempts},${c.passed ?? ''}`),
+      ),
+    ].join('\r\n') + '\r\n'
+  );
 }

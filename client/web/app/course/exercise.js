@@ -6,15 +6,31 @@ import { CheckField, problemsAt, TextField } from '../ui/fields.js';
 import { html } from '../ui/html.js';
 import { Requirements } from './requirements.js';
 
-const kAids = [['PHASE', 'Phase of the insertion'], ['LAYER', 'Tissue at the tip'], ['DEPTH', 'Depth'], ['FORCE', 'Force'], ['ULTRASOUND', 'Ultrasound-like slice'],
-  ['TISSUES', 'Layers, translucent, with names'], ['ANATOMY', 'Targets and hazards'], ['GUIDES', 'Insertion line, angle cone, wall'], ['ARROWS', 'Force arrows'], ['ALIGNMENT', 'Lateral error, angle, speed']];
+const kAids = [
+  ['PHASE', 'Phase of the insertion'],
+  ['LAYER', 'Tissue at the tip'],
+  ['DEPTH', 'Depth'],
+  ['FORCE', 'Force'],
+  ['ULTRASOUND', 'Ultrasound-like slice'],
+  ['TISSUES', 'Layers, translucent, with names'],
+  ['ANATOMY', 'Targets and hazards'],
+  ['GUIDES', 'Insertion line, angle cone, wall'],
+  ['ARROWS', 'Force arrows'],
+  ['ALIGNMENT', 'Lateral error, angle, speed'],
+];
 const kUsualAids = kAids.map(([aid]) => aid).filter((aid) => aid !== 'ULTRASOUND');
-const kTips = [['', 'not known'], ['HYPODERMIC', 'Hypodermic'], ['QUINCKE', 'Quincke (spinal)'], ['TUOHY', 'Tuohy (epidural)'], ['PENCIL_POINT', 'Pencil point']];
+const kTips = [
+  ['', 'not known'],
+  ['HYPODERMIC', 'Hypodermic'],
+  ['QUINCKE', 'Quincke (spinal)'],
+  ['TUOHY', 'Tuohy (epidural)'],
+  ['PENCIL_POINT', 'Pencil point'],
+];
 
 function Aids({ f, at }) {
   const aids = f.at(`${at}.aids`);
   // no list at all means: all but the slice, which takes time to draw
-  const allowed = aids ? aids.allowed ?? [] : kUsualAids;
+  const allowed = aids ? (aids.allowed ?? []) : kUsualAids;
   const toggle = (aid) => (on) => {
     const next = kAids.map(([name]) => name).filter((name) => (name === aid ? on : allowed.includes(name)));
     f.set(`${at}.aids`)(next.join() === kUsualAids.join() ? undefined : { allowed: next });
@@ -29,7 +45,8 @@ function Needle({ f, at }) {
 }
 
 function Prerequisites({ f, at, index }) {
-  const before = f.doc.exercises.slice(0, index), chosen = f.at(`${at}.prerequisites`) ?? [];
+  const before = f.doc.exercises.slice(0, index),
+    chosen = f.at(`${at}.prerequisites`) ?? [];
   // one that stands further down, or is not there, can be taken off
   const odd = chosen.filter((id) => !before.some((e) => e.id === id));
   const toggle = (id) => (on) => {
@@ -45,10 +62,22 @@ function Prerequisites({ f, at, index }) {
 
 /** @param {{f: any, index: number, profiles: {id: string, name: string}[], measures: any[]}} props */
 export function ExerciseForm({ f, index, profiles, measures }) {
-  const at = `exercises[${index}]`, exercise = f.doc.exercises[index];
-  const rename = (id) => f.change((before) => ({ ...before, exercises: before.exercises.map((e, i) => (i === index ? { ...e, id } : e.prerequisites?.includes(exercise.id) ? { ...e, prerequisites: e.prerequisites.map((p) => (p === exercise.id ? id : p)) } : e)) }));
+  const at = `exercises[${index}]`,
+    exercise = f.doc.exercises[index];
+  const rename = (id) =>
+    f.change((before) => ({
+      ...before,
+      exercises: before.exercises.map((e, i) =>
+        i === index
+          ? { ...e, id }
+          : e.prerequisites?.includes(exercise.id)
+            ? { ...e, prerequisites: e.prerequisites.map((p) => (p === exercise.id ? id : p)) }
+            : e,
+      ),
+    }));
   const patients = [['', 'Choose …'], ...profiles.map((p) => [p.id, p.name])];
-  if (exercise.profile_id && !profiles.some((p) => p.id === exercise.profile_id)) patients.push([exercise.profile_id, `${exercise.profile_id} (not there)`]);
+  if (exercise.profile_id && !profiles.some((p) => p.id === exercise.profile_id))
+    patients.push([exercise.profile_id, `${exercise.profile_id} (not there)`]);
   return html`<section class="card" aria-label=${`Exercise ${index + 1}: ${exercise.name || exercise.id}`}>
     <h2>${numbered(index, exercise.name || exercise.id)}</h2>
     <div class="fields">${f.text(`${at}.id`, 'Exercise id', { required: true, onValue: rename })}${f.text(`${at}.name`, 'Exercise name', { required: true })}</div>

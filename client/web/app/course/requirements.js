@@ -8,7 +8,11 @@ export function Requirements({ f, at, measures }) {
   const rules = f.at(path) ?? [];
   const put = f.set(path);
   // measures of single layers are in no list: they stay as they are
-  const options = (name) => [['', 'Choose …'], ...measures.map((m) => [m.name, m.words ? `${m.words} (${m.name})` : m.name]), ...(name && !measures.some((m) => m.name === name) ? [[name, name]] : [])];
+  const options = (name) => [
+    ['', 'Choose …'],
+    ...measures.map((m) => [m.name, m.words ? `${m.words} (${m.name})` : m.name]),
+    ...(name && !measures.some((m) => m.name === name) ? [[name, name]] : []),
+  ];
   return html`<h3>Requirements to pass</h3>
     ${rules.length === 0 && html`<p class="help">Without requirements every attempt is practice: nobody passes or fails.</p>`}
     <div>${rules.map((rule, i) => {

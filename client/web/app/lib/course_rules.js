@@ -6,7 +6,8 @@ const kId = /^[A-Za-z0-9._-]{1,64}$/;
 
 /** Whether `from` cannot be begun before `to` has been passed, over however many others. */
 function leadsTo(exercises, from, to) {
-  const seen = new Set(), open = [from];
+  const seen = new Set(),
+    open = [from];
   while (open.length > 0) {
     const id = open.pop();
     if (id === to) return true;
@@ -32,24 +33,39 @@ export function courseFaults(course, { profiles, measures } = {}) {
   exercises.forEach((exercise, i) => {
     const at = `exercises[${i}]`;
     if (!kId.test(exercise.id ?? '')) say(`${at}.id`, "letters, digits, '-', '_', '.', 1 to 64 of them");
-    else if (exercises.findIndex((e) => e.id === exercise.id) < i) say(`${at}.id`, `another exercise is called ${exercise.id}, too`);
+    else if (exercises.findIndex((e) => e.id === exercise.id) < i)
+      say(`${at}.id`, `another exercise is called ${exercise.id}, too`);
     if (!exercise.name?.trim()) say(`${at}.name`, 'is missing');
     if (!exercise.profile_id) say(`${at}.profile_id`, 'choose a patient');
-    else if (profiles && !profiles.includes(exercise.profile_id)) say(`${at}.profile_id`, `there is no profile ${exercise.profile_id}`);
+    else if (profiles && !profiles.includes(exercise.profile_id))
+      say(`${at}.profile_id`, `there is no profile ${exercise.profile_id}`);
     (exercise.prerequisites ?? []).forEach((id, k) => {
       const place = exercises.findIndex((e) => e.id === id);
       if (place < 0) say(`${at}.prerequisites[${k}]`, `there is no exercise ${id} in this course`);
-      else if (leadsTo(exercises, id, exercise.id)) say(`${at}.prerequisites[${k}]`, id === exercise.id ? 'an exercise cannot come before itself' : `${id} needs this one first, too: nobody could begin either`);
+      else if (leadsTo(exercises, id, exercise.id))
+        say(
+          `${at}.prerequisites[${k}]`,
+          id === exercise.id
+            ? 'an exercise cannot come before itself'
+            : `${id} needs this one first, too: nobody could begin either`,
+        );
     });
     (exercise.requirements ?? []).forEach((rule, k) => {
       const here = `${at}.requirements[${k}]`;
       if (!rule.measure) say(`${here}.measure`, 'choose a measure');
-      else if (measures && !measures.includes(rule.measure)) say(`${here}.measure`, `no score has a measure ${rule.measure}`);
+      else if (measures && !measures.includes(rule.measure))
+        say(`${here}.measure`, `no score has a measure ${rule.measure}`);
       if (rule.min === undefined && rule.max === undefined) say(`${here}.min`, 'give a least or a greatest value');
-      if (rule.min !== undefined && rule.max !== undefined && rule.min > rule.max) say(`${here}.max`, 'the greatest value is below the least one');
+      if (rule.min !== undefined && rule.max !== undefined && rule.min > rule.max)
+        say(`${here}.max`, 'the greatest value is below the least one');
     });
-    if (exercise.attempts !== undefined && !(Number.isInteger(exercise.attempts) && exercise.attempts >= 1 && exercise.attempts <= 1000)) say(`${at}.attempts`, 'a whole number from 1 to 1000, or nothing');
-    if (exercise.time_limit_s !== undefined && !(exercise.time_limit_s > 0 && exercise.time_limit_s <= 86400)) say(`${at}.time_limit_s`, 'more than 0 s and at most a day, or nothing');
+    if (
+      exercise.attempts !== undefined &&
+      !(Number.isInteger(exercise.attempts) && exercise.attempts >= 1 && exercise.attempts <= 1000)
+    )
+      say(`${at}.attempts`, 'a whole number from 1 to 1000, or nothing');
+    if (exercise.time_limit_s !== undefined && !(exercise.time_limit_s > 0 && exercise.time_limit_s <= 86400))
+      say(`${at}.time_limit_s`, 'more than 0 s and at most a day, or nothing');
   });
   return faults;
 }
@@ -68,11 +84,13 @@ export function freshId(exercises, stem = 'exercise') {
 /** The course without an exercise; nobody requires it any more. */
 export function withoutExercise(course, index) {
   const { id } = course.exercises[index];
-  const exercises = course.exercises.filter((_, i) => i !== index).map((e) => {
-    if (!e.prerequisites?.includes(id)) return e;
-    const { prerequisites, ...rest } = e;
-    const left = prerequisites.filter((p) => p !== id);
-    return left.length ? { ...rest, prerequisites: left } : rest;
-  });
+  const exercises = course.exercises
+    .filter((_, i) => i !== index)
+    .map((e) => {
+      if (!e.prerequisites?.includes(id)) return e;
+      const { prerequisites, ...rest } = e;
+      const left = prerequisites.filter((p) => p !== id);
+      return left.length ? { ...rest, prerequisites: left } : rest;
+    });
   return { ...course, exercises };
 }

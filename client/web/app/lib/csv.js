@@ -21,8 +21,16 @@ export function separatorOf(text) {
  */
 export function parseCsv(text, separator = separatorOf(text)) {
   const rows = [];
-  let cells = [], cell = '', quoted = false, line = 1, begin = 1, opened = 1;
-  const endCell = () => { cells.push(cell); cell = ''; };
+  let cells = [],
+    cell = '',
+    quoted = false,
+    line = 1,
+    begin = 1,
+    opened = 1;
+  const endCell = () => {
+    cells.push(cell);
+    cell = '';
+  };
   const endRow = () => {
     endCell();
     if (cells.some((c) => c.trim() !== '')) rows.push({ line: begin, cells });
@@ -34,12 +42,18 @@ export function parseCsv(text, separator = separatorOf(text)) {
     if (c === '\n') line++;
     if (quoted) {
       if (c !== '"') cell += c;
-      else if (text[i + 1] === '"') { cell += '"'; i++; }
-      else quoted = false;
-    } else if (c === '"' && cell === '') { quoted = true; opened = line; }
-    else if (c === separator) endCell();
-    else if (c === '\n') { endRow(); begin = line; }
-    else if (c === '\r' && (text[i + 1] === '\n' || i + 1 === text.length)) continue;
+      else if (text[i + 1] === '"') {
+        cell += '"';
+        i++;
+      } else quoted = false;
+    } else if (c === '"' && cell === '') {
+      quoted = true;
+      opened = line;
+    } else if (c === separator) endCell();
+    else if (c === '\n') {
+      endRow();
+      begin = line;
+    } else if (c === '\r' && (text[i + 1] === '\n' || i + 1 === text.length)) continue;
     else cell += c;
   }
   if (quoted) throw new Error(`line ${opened}: a quote is opened and never closed`);
@@ -69,6 +83,9 @@ export function readTable(text, wanted) {
     columns,
     unknown: columns.filter((name) => !wanted.includes(name)),
     missing: wanted.filter((name) => !columns.includes(name)),
-    rows: body.map(({ line, cells }) => ({ line, values: Object.fromEntries(columns.map((name, i) => [name, (cells[i] ?? '').trim()])) })),
+    rows: body.map(({ line, cells }) => ({
+      line,
+      values: Object.fromEntries(columns.map((name, i) => [name, (cells[i] ?? '').trim()])),
+    })),
   };
 }

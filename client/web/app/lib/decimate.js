@@ -14,8 +14,10 @@ export function minMax(x, y, buckets) {
   if (n <= 2 * buckets + 2) return whole;
   const keep = new Set([0, n - 1]);
   for (let b = 0; b < buckets; b++) {
-    const begin = Math.floor((b * n) / buckets), end = Math.floor(((b + 1) * n) / buckets);
-    let least = -1, most = -1;
+    const begin = Math.floor((b * n) / buckets),
+      end = Math.floor(((b + 1) * n) / buckets);
+    let least = -1,
+      most = -1;
     for (let i = begin; i < end; i++) {
       if (!Number.isFinite(y[i])) continue;
       if (least < 0 || y[i] < y[least]) least = i;
@@ -35,7 +37,8 @@ export function minMax(x, y, buckets) {
  * @param {number} at
  */
 export function indexAt(x, at) {
-  let low = 0, high = x.length;
+  let low = 0,
+    high = x.length;
   while (low < high) {
     const middle = (low + high) >> 1;
     if (x[middle] <= at) low = middle + 1;

@@ -43,7 +43,8 @@ export function changes(before, after, at = []) {
  * @returns {{merged: any, taken: Change[], clashes: Clash[]}} `taken`: their changes that are in `merged`
  */
 export function merge(base, mine, theirs) {
-  const taken = [], clashes = [];
+  const taken = [],
+    clashes = [];
   const join = (b, m, t, at) => {
     if (same(m, t) || same(b, t)) return m;
     const path = writePath(at);
@@ -56,7 +57,12 @@ export function merge(base, mine, theirs) {
       const order = name && joinedOrder(b, m, t, name, same);
       const of = (list, key) => list.find((item) => name(item) === key);
       if (order) {
-        b.forEach((item, i) => of(m, name(item)) !== undefined && of(t, name(item)) === undefined && taken.push({ path: writePath([...at, i]), before: item, after: undefined }));
+        b.forEach(
+          (item, i) =>
+            of(m, name(item)) !== undefined &&
+            of(t, name(item)) === undefined &&
+            taken.push({ path: writePath([...at, i]), before: item, after: undefined }),
+        );
         return order.map((key, i) => join(of(b, key), of(m, key), of(t, key), [...at, i]));
       }
       if (!name && samePlaces([b, m, t])) return m.map((value, i) => join(b[i], value, t[i], [...at, i]));
@@ -82,5 +88,8 @@ export function merge(base, mine, theirs) {
  * @param {Record<string, 'mine'|'theirs'>} choice by path
  */
 export function resolved(merged, clashes, choice) {
-  return clashes.reduce((document, clash) => withValue(document, clash.path, choice[clash.path] === 'theirs' ? clash.theirs : clash.mine), merged);
+  return clashes.reduce(
+    (document, clash) => withValue(document, clash.path, choice[clash.path] === 'theirs' ? clash.theirs : clash.mine),
+    merged,
+  );
 }

@@ -9,7 +9,10 @@ const kNameFields = ['id', 'measure', 'tissue', 'name'];
  * @returns {((item: any) => string)|null}
  */
 export function namingOf(lists) {
-  const unique = (name) => lists.every((list) => list.every((item) => typeof name(item) === 'string') && new Set(list.map(name)).size === list.length);
+  const unique = (name) =>
+    lists.every(
+      (list) => list.every((item) => typeof name(item) === 'string') && new Set(list.map(name)).size === list.length,
+    );
   const ways = [(item) => item, ...kNameFields.map((field) => (item) => item?.[field])];
   return ways.find(unique) ?? null;
 }
@@ -17,8 +20,15 @@ export function namingOf(lists) {
 /** Whether nothing moved, came or went: the same kind of item at each place. Numbers of a list (a place in space) belong together. */
 export function samePlaces(lists) {
   const [first] = lists;
-  const kind = (item) => (item !== null && typeof item === 'object' ? JSON.stringify(kNameFields.map((field) => item[field] ?? null)) : undefined);
-  return lists.every((list) => list.length === first.length && list.every((item, i) => kind(item) !== undefined && kind(item) === kind(first[i])));
+  const kind = (item) =>
+    item !== null && typeof item === 'object'
+      ? JSON.stringify(kNameFields.map((field) => item[field] ?? null))
+      : undefined;
+  return lists.every(
+    (list) =>
+      list.length === first.length &&
+      list.every((item, i) => kind(item) !== undefined && kind(item) === kind(first[i])),
+  );
 }
 
 /**
@@ -33,11 +43,15 @@ export function samePlaces(lists) {
  */
 export function joinedOrder(base, mine, theirs, name, same) {
   const by = (list) => new Map(list.map((item) => [name(item), item]));
-  const b = by(base), m = by(mine), t = by(theirs);
-  const gone = (side, other) => [...b.keys()].some((key) => !side.has(key) && other.has(key) && !same(other.get(key), b.get(key)));
+  const b = by(base),
+    m = by(mine),
+    t = by(theirs);
+  const gone = (side, other) =>
+    [...b.keys()].some((key) => !side.has(key) && other.has(key) && !same(other.get(key), b.get(key)));
   if (gone(m, t) || gone(t, m)) return null;
   const kept = (map) => [...map.keys()].filter((key) => b.has(key) && m.has(key) && t.has(key));
-  const mine_moved = !same(kept(m), kept(b)), theirs_moved = !same(kept(t), kept(b));
+  const mine_moved = !same(kept(m), kept(b)),
+    theirs_moved = !same(kept(t), kept(b));
   if (mine_moved && theirs_moved && !same(kept(m), kept(t))) return null;
   const [lead, other] = mine_moved ? [m, t] : [t, m];
   const order = [...lead.keys()].filter((key) => !b.has(key) || other.has(key));

@@ -35,7 +35,13 @@ export function valueAt(document, path) {
 export function withValue(document, path, value) {
   const change = (at, [step, ...rest]) => {
     if (step === undefined) return value;
-    const copy = Array.isArray(at) ? [...at] : at === undefined || at === null ? (typeof step === 'number' ? [] : {}) : { ...at };
+    const copy = Array.isArray(at)
+      ? [...at]
+      : at === undefined || at === null
+        ? typeof step === 'number'
+          ? []
+          : {}
+        : { ...at };
     const next = change(copy[step], rest);
     if (next !== undefined) copy[step] = next;
     else if (Array.isArray(copy)) copy.splice(step, 1);

@@ -38,7 +38,9 @@ export function intoLimb(placement) {
   const [x, y, z, qx, qy, qz, qw] = placement;
   // the inverse rotation is that of the conjugate: v + 2 q × (q × v + w v)
   const rotate = (v) => {
-    const a = -qx, b = -qy, c = -qz;
+    const a = -qx,
+      b = -qy,
+      c = -qz;
     const t = { x: b * v.z - c * v.y + qw * v.x, y: c * v.x - a * v.z + qw * v.y, z: a * v.y - b * v.x + qw * v.z };
     return { x: v.x + 2 * (b * t.z - c * t.y), y: v.y + 2 * (c * t.x - a * t.z), z: v.z + 2 * (a * t.y - b * t.x) };
   };
@@ -52,19 +54,38 @@ export function intoLimb(placement) {
  * @param {number[]} [placement]
  */
 export function wayOf(columns, profile, placement) {
-  const limb = intoLimb(placement), depth = depthOf(profile.limb), n = columns.t_s?.length ?? 0;
-  const points = [], axes = [];
+  const limb = intoLimb(placement),
+    depth = depthOf(profile.limb),
+    n = columns.t_s?.length ?? 0;
+  const points = [],
+    axes = [];
   for (let i = 0; i < n; i++) {
     points.push(limb({ x: columns.px_m[i], y: columns.py_m[i], z: columns.pz_m[i] }));
-    axes.push(columns.qx ? limb(axisOf(columns.qx[i], columns.qy[i], columns.qz[i], columns.qw[i]), true) : { x: 0, y: 0, z: -1 });
+    axes.push(
+      columns.qx
+        ? limb(axisOf(columns.qx[i], columns.qy[i], columns.qz[i], columns.qw[i]), true)
+        : { x: 0, y: 0, z: -1 },
+    );
   }
   const first = points.findIndex((p) => depth(p) > 0);
-  const entry = first < 0 ? Math.max(0, points.reduce((best, p, i) => (depth(p) > depth(points[best]) ? i : best), 0)) : first;
+  const entry =
+    first < 0
+      ? Math.max(
+          0,
+          points.reduce((best, p, i) => (depth(p) > depth(points[best]) ? i : best), 0),
+        )
+      : first;
   const frame = frameOf(profile.limb, points[entry], axes[entry]);
   const flat = points.map((p) => inFrame(frame, p));
   const still = { ...frame, o: { x: 0, y: 0, z: 0 } };
   const leans = axes.map((a) => inFrame(still, a));
-  return { frame, t_s: columns.t_s ?? [], points: flat, axes: leans, deepest_m: Math.max(0, ...flat.map((p) => p.d).filter(Number.isFinite)) };
+  return {
+    frame,
+    t_s: columns.t_s ?? [],
+    points: flat,
+    axes: leans,
+    deepest_m: Math.max(0, ...flat.map((p) => p.d).filter(Number.isFinite)),
+  };
 }
 
 /** Index of the sample at a moment. */

@@ -34,7 +34,9 @@ export const kRoles = ['trainee', 'instructor', 'curriculum-manager', 'administr
 
 /** 'CURRICULUM_MANAGER' (as on the wire) and 'curriculum-manager' (as for people) are the same role. */
 export function roleName(role) {
-  return String(role ?? '').toLowerCase().replaceAll('_', '-');
+  return String(role ?? '')
+    .toLowerCase()
+    .replaceAll('_', '-');
 }
 
 /** @param {string} role @param {string} action a name of the table above */

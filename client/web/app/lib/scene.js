@@ -26,15 +26,19 @@ function nearestOnSegment(p, a, b) {
  */
 export function depthOf(limb) {
   if (limb?.plane) {
-    const point = vec(limb.plane.point_m), normal = unit(vec(limb.plane.normal), { x: 0, y: 0, z: 1 });
+    const point = vec(limb.plane.point_m),
+      normal = unit(vec(limb.plane.normal), { x: 0, y: 0, z: 1 });
     return (p) => -dot(normal, minus(p, point));
   }
   if (limb?.sphere) {
-    const center = vec(limb.sphere.center_m), radius = Number(limb.sphere.radius_m);
+    const center = vec(limb.sphere.center_m),
+      radius = Number(limb.sphere.radius_m);
     return (p) => radius - length(minus(p, center));
   }
   if (limb?.capsule) {
-    const a = vec(limb.capsule.a_m), b = vec(limb.capsule.b_m), radius = Number(limb.capsule.radius_m);
+    const a = vec(limb.capsule.a_m),
+      b = vec(limb.capsule.b_m),
+      radius = Number(limb.capsule.radius_m);
     return (p) => radius - length(minus(p, nearestOnSegment(p, a, b)));
   }
   return () => NaN;
@@ -49,7 +53,8 @@ export function depthOf(limb) {
  */
 export function frameOf(limb, near = { x: 0, y: 0, z: 0 }, lean = { x: 1, y: 0, z: 0 }) {
   const up = { x: 0, y: 0, z: 1 };
-  let n = up, o = { x: 0, y: 0, z: 0 };
+  let n = up,
+    o = { x: 0, y: 0, z: 0 };
   if (limb?.plane) {
     n = unit(vec(limb.plane.normal), up);
     o = add(near, n, -dot(n, minus(near, vec(limb.plane.point_m))));
@@ -61,7 +66,10 @@ export function frameOf(limb, near = { x: 0, y: 0, z: 0 }, lean = { x: 1, y: 0, 
   }
   const along = (v) => add(v, n, -dot(v, n));
   const first = along(lean);
-  const e1 = unit(length(first) > 0.02 ? first : along({ x: 1, y: 0, z: 0 }), unit(along({ x: 0, y: 1, z: 0 }), { x: 0, y: 1, z: 0 }));
+  const e1 = unit(
+    length(first) > 0.02 ? first : along({ x: 1, y: 0, z: 0 }),
+    unit(along({ x: 0, y: 1, z: 0 }), { x: 0, y: 1, z: 0 }),
+  );
   return { o, n, e1, e2: cross(n, e1) };
 }
 
@@ -84,7 +92,8 @@ export function inFrame({ o, n, e1, e2 }, p) {
  * @returns {{u: number, d: number}[]} columns without a crossing are left out
  */
 export function levelLine(depth, { o, n, e1 }, level, { from_u, to_u, from_d, to_d, columns = 60 }) {
-  const line = [], kSteps = 80;
+  const line = [],
+    kSteps = 80;
   for (let c = 0; c <= columns; c++) {
     const u = from_u + ((to_u - from_u) * c) / columns;
     const at = (d) => depth(add(add(o, e1, u), n, -d)) - level;
@@ -96,7 +105,8 @@ export function levelLine(depth, { o, n, e1 }, level, { from_u, to_u, from_d, to
     for (let i = 1; i <= kSteps; i++) {
       const d = from_d + ((to_d - from_d) * i) / kSteps;
       if (at(d) >= 0) {
-        let low = before, high = d;
+        let low = before,
+          high = d;
         for (let k = 0; k < 24; k++) {
           const middle = (low + high) / 2;
           if (at(middle) >= 0) high = middle;

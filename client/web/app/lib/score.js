@@ -5,6 +5,9 @@
  * @param {{measure: string, words?: string}} row
  */
 export function measureTitle(row) {
-  const name = (row.words ?? '').split(':')[0].replace(/\s[-−]?\d[\d.]*(e[-+]?\d+)?(\s?(%|[^\s\d(]{1,5}))?$/u, '').trim();
+  const name = (row.words ?? '')
+    .split(':')[0]
+    .replace(/\s[-−]?\d[\d.]*(e[-+]?\d+)?(\s?(%|[^\s\d(]{1,5}))?$/u, '')
+    .trim();
   return name || row.measure;
 }

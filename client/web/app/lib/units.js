@@ -1,9 +1,23 @@
 // Numbers with units as people read them: SI prefixes, the browser's own decimal sign.
 
-const kPrefixes = [[1e9, 'G'], [1e6, 'M'], [1e3, 'k'], [1, ''], [1e-3, 'm'], [1e-6, 'µ'], [1e-9, 'n']];
+const kPrefixes = [
+  [1e9, 'G'],
+  [1e6, 'M'],
+  [1e3, 'k'],
+  [1, ''],
+  [1e-3, 'm'],
+  [1e-6, 'µ'],
+  [1e-9, 'n'],
+];
 // units that take no prefix here, or one of their own
 const kFixed = {
-  'm^2': [1e4, 'cm²'], 'm/s': [1e3, 'mm/s'], s: [1, 's'], '': [1, ''], share: [100, '%'], rad: [180 / Math.PI, '°'], 'rad/s': [180 / Math.PI, '°/s'],
+  'm^2': [1e4, 'cm²'],
+  'm/s': [1e3, 'mm/s'],
+  s: [1, 's'],
+  '': [1, ''],
+  share: [100, '%'],
+  rad: [180 / Math.PI, '°'],
+  'rad/s': [180 / Math.PI, '°/s'],
 };
 
 /**
@@ -24,20 +38,33 @@ export function number(value, digits = 3, locale = undefined) {
 export function quantity(value, unit, { digits = 3, locale } = {}) {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
   const fixed = kFixed[unit];
-  if (fixed) return `${number(value * fixed[0], digits, locale)}${fixed[1] && fixed[1] !== '°' ? '\u00a0' : ''}${fixed[1]}`;
+  if (fixed)
+    return `${number(value * fixed[0], digits, locale)}${fixed[1] && fixed[1] !== '°' ? '\u00a0' : ''}${fixed[1]}`;
   // forces stay in newton down to a hundredth: nobody reads 350 mN
   const least = unit === 'N' ? 0.01 : 0;
   const size = Math.abs(value);
-  const [factor, prefix] = size === 0 || (size >= least && least > 0 && size < 1)
-    ? [1, '']
-    : kPrefixes.find(([f], i) => Number((size / f).toPrecision(digits)) >= 1 || i === kPrefixes.length - 1);
+  const [factor, prefix] =
+    size === 0 || (size >= least && least > 0 && size < 1)
+      ? [1, '']
+      : kPrefixes.find(([f], i) => Number((size / f).toPrecision(digits)) >= 1 || i === kPrefixes.length - 1);
   return `${number(value / factor, digits, locale)}\u00a0${size === 0 && unit === 'm' ? 'mm' : prefix + unit}`;
 }
 
 /** Units in which fields of a document are edited, by the end of their name: the longest that fits. [suffix, SI per shown unit, shown, SI's own] */
 const kFieldUnits = [
-  ['_n_per_m2', 1, 'N/m²'], ['_n_per_m', 1, 'N/m'], ['_nm_per_rad', 1, 'N·m/rad'], ['_ns_per_m', 1, 'N·s/m'], ['_nm', 1, 'N·m'],
-  ['_m_s', 1e-3, 'mm/s', 'm/s'], ['_rad', Math.PI / 180, '°', 'rad'], ['_pa', 1e3, 'kPa', 'Pa'], ['_m2', 1e-4, 'cm²', 'm²'], ['_m', 1e-3, 'mm', 'm'], ['_n', 1, 'N'], ['_s', 1, 's'], ['_hz', 1, 'Hz'],
+  ['_n_per_m2', 1, 'N/m²'],
+  ['_n_per_m', 1, 'N/m'],
+  ['_nm_per_rad', 1, 'N·m/rad'],
+  ['_ns_per_m', 1, 'N·s/m'],
+  ['_nm', 1, 'N·m'],
+  ['_m_s', 1e-3, 'mm/s', 'm/s'],
+  ['_rad', Math.PI / 180, '°', 'rad'],
+  ['_pa', 1e3, 'kPa', 'Pa'],
+  ['_m2', 1e-4, 'cm²', 'm²'],
+  ['_m', 1e-3, 'mm', 'm'],
+  ['_n', 1, 'N'],
+  ['_s', 1, 's'],
+  ['_hz', 1, 'Hz'],
 ];
 
 /**
@@ -71,7 +98,10 @@ export function shown(value, factor) {
  * @returns {number|undefined|null} undefined: empty; null: no number
  */
 export function typed(text, factor) {
-  const plain = text.trim().replace(/^([+-]?\d*),(\d+)$/, '$1.$2').replace('−', '-');
+  const plain = text
+    .trim()
+    .replace(/^([+-]?\d*),(\d+)$/, '$1.$2')
+    .replace('−', '-');
   if (plain === '') return undefined;
   const value = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(plain) ? Number(plain) : NaN;
   return Number.isFinite(value) ? Number((value * factor).toPrecision(12)) : null;
@@ -85,6 +115,8 @@ export function bytes(value, locale = undefined) {
 
 /** "PUNCTURE_FORCE" or "curriculum-manager" as words: "Puncture force" */
 export function words(name) {
-  const plain = String(name ?? '').replace(/[_-]+/g, ' ').toLowerCase();
+  const plain = String(name ?? '')
+    .replace(/[_-]+/g, ' ')
+    .toLowerCase();
   return plain.charAt(0).toUpperCase() + plain.slice(1);
 }

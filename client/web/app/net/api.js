@@ -46,7 +46,8 @@ export async function request(method, parts, ask = {}) {
       else if (error.code === 'csrf' && !taken_over) {
         taken_over = true;
         await takeOver();
-      } else if (error.kind === 'busy' && method === 'GET' && tries < kGetTries) await wait(Math.min(error.retry_after_s ?? tries, kLongestWait_s), ask.signal);
+      } else if (error.kind === 'busy' && method === 'GET' && tries < kGetTries)
+        await wait(Math.min(error.retry_after_s ?? tries, kLongestWait_s), ask.signal);
       else throw error;
     }
   }
@@ -60,20 +61,30 @@ async function once(method, parts, ask) {
   let reply, text;
   try {
     reply = await fetch(address(parts, ask.query), {
-      method, headers, credentials: 'same-origin', cache: 'no-store', signal: ask.signal,
+      method,
+      headers,
+      credentials: 'same-origin',
+      cache: 'no-store',
+      signal: ask.signal,
       body: ask.body === undefined ? undefined : JSON.stringify(ask.body),
     });
     text = await reply.text();
   } catch (error) {
     if (error.name === 'AbortError') throw error;
     serverIsAway();
-    throw new ApiError('away', 'The server does not answer. What you typed is kept; try again when the connection is back.');
+    throw new ApiError(
+      'away',
+      'The server does not answer. What you typed is kept; try again when the connection is back.',
+    );
   }
   let body = null;
   try {
     body = text ? JSON.parse(text) : null;
   } catch {
-    if (reply.ok) throw new ApiError('failed', `The server's answer to ${method} ${address(parts)} is no JSON.`, { status: reply.status });
+    if (reply.ok)
+      throw new ApiError('failed', `The server's answer to ${method} ${address(parts)} is no JSON.`, {
+        status: reply.status,
+      });
   }
   if (reply.status >= 502 && !body) {
     serverIsAway();

@@ -15,7 +15,18 @@ export class ApiError extends Error {
   }
 }
 
-const kKinds = { 400: 'invalid', 401: 'expired', 403: 'denied', 404: 'not_found', 409: 'conflict', 413: 'invalid', 415: 'invalid', 422: 'invalid', 429: 'busy', 503: 'busy' };
+const kKinds = {
+  400: 'invalid',
+  401: 'expired',
+  403: 'denied',
+  404: 'not_found',
+  409: 'conflict',
+  413: 'invalid',
+  415: 'invalid',
+  422: 'invalid',
+  429: 'busy',
+  503: 'busy',
+};
 
 /**
  * @param {number} status

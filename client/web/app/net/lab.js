@@ -19,7 +19,8 @@ export const people = {
   /** All that is stored of one person, to its end. */
   everything: (name) => getAll(['people', name, 'export'], {}, Infinity),
   /** How each measure of an exercise went over the attempts; null where nothing can be said. */
-  trends: async (name, exercise, signal) => (await get(['people', name, 'progress'], { signal, query: { exercise } })).measures,
+  trends: async (name, exercise, signal) =>
+    (await get(['people', name, 'progress'], { signal, query: { exercise } })).measures,
   progress: (name, exercise, signal) => getAll(['people', name, 'progress'], { signal, query: { exercise } }),
 };
 
@@ -54,10 +55,12 @@ export const checkProfile = (json, signal) => check(['profiles', 'check'], json,
 export const checkCourse = (json, signal) => check(['courses', 'check'], json, signal);
 
 /** Force over depth as the engine renders it; what it is called does not matter to it. */
-export const previewProfile = (json, signal) => post(['profiles', 'preview'], { ...json, id: json.id || 'new', name: json.name || 'new' }, { signal });
+export const previewProfile = (json, signal) =>
+  post(['profiles', 'preview'], { ...json, id: json.id || 'new', name: json.name || 'new' }, { signal });
 
 export const measures = (signal) => getAll(['measures'], { signal });
-export const exercises = async (signal) => (await getAll(['exercises'], { signal })).map(({ json, ...row }) => ({ ...json, ...row }));
+export const exercises = async (signal) =>
+  (await getAll(['exercises'], { signal })).map(({ json, ...row }) => ({ ...json, ...row }));
 
 export const assignments = {
   all: (signal, trainee) => getAll(['assignments'], { signal, query: { trainee } }),
@@ -71,7 +74,12 @@ export async function results(course, group_id, signal) {
   for (let page = ''; ;) {
     const reply = await get(['results'], { signal, query: { course, group: group_id, page } });
     whole.exercises = (reply.exercise_ids ?? []).map((id, i) => ({ id, name: reply.exercise_names?.[i] ?? id }));
-    whole.rows.push(...(reply.rows ?? []).map((row) => ({ ...row, cells: (row.cells ?? []).map((c) => ({ ...c, locked_by: c.locked_by ?? [] })) })));
+    whole.rows.push(
+      ...(reply.rows ?? []).map((row) => ({
+        ...row,
+        cells: (row.cells ?? []).map((c) => ({ ...c, locked_by: c.locked_by ?? [] })),
+      })),
+    );
     page = reply.next_page ?? '';
     if (!page) return whole;
   }
@@ -92,7 +100,8 @@ export const sessions = {
 
 export const references = {
   one: (exercise, signal) => get(['exercises', exercise, 'reference'], { signal }),
-  put: (exercise, session_ids, revision) => put(['exercises', exercise, 'reference'], { session_ids }, { base_revision: revision }),
+  put: (exercise, session_ids, revision) =>
+    put(['exercises', exercise, 'reference'], { session_ids }, { base_revision: revision }),
 };
 
 export const retention = {

@@ -15,7 +15,12 @@ const kLook_ms = 4 * 60 * 1000;
  * @returns {{stop: () => void, retry: () => void}}
  */
 export function followLab(on_tiles, on_state) {
-  let socket = null, retry_timer = 0, silence_timer = 0, attempt = 0, stopped = false, asks = null;
+  let socket = null,
+    retry_timer = 0,
+    silence_timer = 0,
+    attempt = 0,
+    stopped = false,
+    asks = null;
 
   function connect() {
     clearTimeout(retry_timer);
@@ -55,7 +60,12 @@ export function followLab(on_tiles, on_state) {
     const wait = backoff(attempt++);
     on_state({ state: 'waiting', next_try_ms: Date.now() + wait });
     // a closed line does not say why: an expired log-in is asked for again, then there is no need to wait
-    const ask = asks ??= stillIn().then(() => true, (error) => error.kind !== 'expired').finally(() => (asks = null));
+    const ask = (asks ??= stillIn()
+      .then(
+        () => true,
+        (error) => error.kind !== 'expired',
+      )
+      .finally(() => (asks = null)));
     retry_timer = setTimeout(async () => (await ask) && !stopped && connect(), wait);
   }
   const look_timer = setInterval(() => document.visibilityState === 'visible' && stay(), kLook_ms);

@@ -14,7 +14,12 @@ let waiting = null;
 
 function accept(reply) {
   setCsrfToken(reply.csrf_token);
-  const person = { name: reply.name, full_name: reply.full_name ?? '', role: roleName(reply.role), expires_unix_ms: reply.expires_unix_ms };
+  const person = {
+    name: reply.name,
+    full_name: reply.full_name ?? '',
+    role: roleName(reply.role),
+    expires_unix_ms: reply.expires_unix_ms,
+  };
   session.set({ state: 'in', person });
   waiting?.resolve();
   waiting = null;

@@ -19,7 +19,8 @@ function AddAssignment({ all, done }) {
   const set = (key) => (value) => setEntry({ ...entry, [key]: value });
   const save = async (event) => {
     event.preventDefault();
-    const [what, what_id] = chosen(entry.what), [whom, whom_id] = chosen(entry.whom);
+    const [what, what_id] = chosen(entry.what),
+      [whom, whom_id] = chosen(entry.whom);
     const due_unix_ms = fromInput(entry.due);
     const body = { [kKeys[what]]: what_id, [kKeys[whom]]: whom_id, ...(due_unix_ms ? { due_unix_ms } : {}) };
     if (!(await action.run(() => assignments.add(body)))) return;
@@ -27,8 +28,16 @@ function AddAssignment({ all, done }) {
     setEntry(kEmpty);
     done();
   };
-  const whats = [['', 'Choose …'], ...all.courses.map((c) => [`course:${c.id}`, `Course: ${c.name}`]), ...all.exercises.map((e) => [`exercise:${e.id}`, `Exercise: ${e.name}`])];
-  const whoms = [['', 'Choose …'], ...all.groups.map((g) => [`group:${g.id}`, `Group: ${g.name}`]), ...all.people.filter((p) => p.role === 'trainee').map((p) => [`person:${p.name}`, p.full_name || p.name])];
+  const whats = [
+    ['', 'Choose …'],
+    ...all.courses.map((c) => [`course:${c.id}`, `Course: ${c.name}`]),
+    ...all.exercises.map((e) => [`exercise:${e.id}`, `Exercise: ${e.name}`]),
+  ];
+  const whoms = [
+    ['', 'Choose …'],
+    ...all.groups.map((g) => [`group:${g.id}`, `Group: ${g.name}`]),
+    ...all.people.filter((p) => p.role === 'trainee').map((p) => [`person:${p.name}`, p.full_name || p.name]),
+  ];
   return html`<form onSubmit=${save}><fieldset><legend>Assign</legend><div class="fields">
     <${SelectField} label="What" required value=${entry.what} options=${whats} onValue=${set('what')} />
     <${SelectField} label="To whom" required value=${entry.whom} options=${whoms} onValue=${set('whom')} />
@@ -39,7 +48,13 @@ function AddAssignment({ all, done }) {
 
 export function AssignmentsPage() {
   const load = useLoad(async (signal) => {
-    const [items, courses, all_exercises, all_groups, all_people] = await Promise.all([assignments.all(signal), documents('courses').all(signal), exercises(signal), groups.all(signal), people.all(signal)]);
+    const [items, courses, all_exercises, all_groups, all_people] = await Promise.all([
+      assignments.all(signal),
+      documents('courses').all(signal),
+      exercises(signal),
+      groups.all(signal),
+      people.all(signal),
+    ]);
     return { items, courses, exercises: all_exercises, groups: all_groups, people: all_people };
   }, []);
   const [removing, setRemoving] = useState(null);
@@ -53,14 +68,28 @@ export function AssignmentsPage() {
   return html`<${Heading} title="Assignments" />
     <${Loaded} load=${load}>${(all) => {
       const nameOf = (list, id) => list.find((x) => x.id === id)?.name ?? id;
-      const what = (a) => (a.course_id ? html`<a href=${href(['courses', a.course_id])}>${nameOf(all.courses, a.course_id)}</a>` : nameOf(all.exercises, a.exercise_id));
-      const whom = (a) => (a.group_id ? html`<a href=${href(['groups', a.group_id])}>${nameOf(all.groups, a.group_id)}</a>` : html`<a href=${href(['people', a.trainee])}>${a.trainee}</a>`);
+      const what = (a) =>
+        a.course_id
+          ? html`<a href=${href(['courses', a.course_id])}>${nameOf(all.courses, a.course_id)}</a>`
+          : nameOf(all.exercises, a.exercise_id);
+      const whom = (a) =>
+        a.group_id
+          ? html`<a href=${href(['groups', a.group_id])}>${nameOf(all.groups, a.group_id)}</a>`
+          : html`<a href=${href(['people', a.trainee])}>${a.trainee}</a>`;
       return html`<${AddAssignment} all=${all} done=${load.reload} />
-        ${all.items.length === 0 ? html`<${Empty} title="Nothing is assigned yet">Choose a course and a group above.<//>`
-          : html`<${Table} caption="Assignments" head=${['What', 'To whom', 'Due', 'Assigned', 'By', html`<span class="visually-hidden">Actions</span>`]}>${all.items.map((a) => html`<tr key=${a.id}>
+        ${
+          all.items.length === 0
+            ? html`<${Empty} title="Nothing is assigned yet">Choose a course and a group above.<//>`
+            : html`<${Table} caption="Assignments" head=${['What', 'To whom', 'Due', 'Assigned', 'By', html`<span class="visually-hidden">Actions</span>`]}>${all.items.map(
+                (a) => html`<tr key=${a.id}>
             <th scope="row">${what(a)}</th><td>${whom(a)}</td><td>${a.due_unix_ms ? html`${moment(a.due_unix_ms)} ${a.due_unix_ms < Date.now() && html`<${Mark} kind="warn">past<//>`}` : 'any time'}</td><td>${moment(a.created_unix_ms)}</td><td>${a.by}</td>
-            <td><button type="button" class="small danger" aria-label=${`Take back ${a.course_id || a.exercise_id} from ${a.group_id || a.trainee}`} onClick=${() => setRemoving(a)}>Take back …</button></td></tr>`)}<//>`}`;
+            <td><button type="button" class="small danger" aria-label=${`Take back ${a.course_id || a.exercise_id} from ${a.group_id || a.trainee}`} onClick=${() => setRemoving(a)}>Take back …</button></td></tr>`,
+              )}<//>`
+        }`;
     }}<//>
-    ${removing && html`<${Confirm} title="Take the assignment back?" word="Take back" act=${drop} close=${() => setRemoving(null)} busy=${action.busy} error=${action.error}>
-      <p>${removing.course_id || removing.exercise_id} for ${removing.group_id || removing.trainee}. Results so far stay.</p><//>`}`;
+    ${
+      removing &&
+      html`<${Confirm} title="Take the assignment back?" word="Take back" act=${drop} close=${() => setRemoving(null)} busy=${action.busy} error=${action.error}>
+      <p>${removing.course_id || removing.exercise_id} for ${removing.group_id || removing.trainee}. Results so far stay.</p><//>`
+    }`;
 }

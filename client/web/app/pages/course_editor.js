@@ -18,7 +18,8 @@ import { SaveBar, useCheck, useSaveKey } from './profile_editor.js';
 const kBlank = { id: '', name: '', exercises: [] };
 
 export function CourseEditor({ params, person }) {
-  const id = params.id ?? '', readonly = !may(person.role, 'edit courses');
+  const id = params.id ?? '',
+    readonly = !may(person.role, 'edit courses');
   const editing = useDocument('courses', id, () => kBlank);
   const known = useLoad(async (signal) => {
     const [profiles, all_measures] = await Promise.all([documents('profiles').all(signal), measures(signal)]);
@@ -26,10 +27,17 @@ export function CourseEditor({ params, person }) {
   }, []);
   const [chosen, choose] = useState(0);
   const [bad_fields, setBadFields] = useState([]);
-  const onBad = useCallback((path, bad) => setBadFields((all) => (all.includes(path) === bad ? all : bad ? [...all, path] : all.filter((p) => p !== path))), []);
+  const onBad = useCallback(
+    (path, bad) =>
+      setBadFields((all) => (all.includes(path) === bad ? all : bad ? [...all, path] : all.filter((p) => p !== path))),
+    [],
+  );
   const { doc } = editing;
   // measures of single layers (peak_force_layer_3_n) are in no list: the server looks at names
-  const faults = useMemo(() => (doc ? courseFaults(doc, { profiles: known.data?.profiles.map((p) => p.id) }) : []), [doc, known.data]);
+  const faults = useMemo(
+    () => (doc ? courseFaults(doc, { profiles: known.data?.profiles.map((p) => p.id) }) : []),
+    [doc, known.data],
+  );
   const { problems: said } = useCheck(doc, checkCourse);
   const bad = bad_fields.length > 0 || faults.length > 0;
   const save = async () => {
@@ -38,15 +46,24 @@ export function CourseEditor({ params, person }) {
     if (saved?.revision && !id) location.hash = href(['courses', doc.id]);
   };
   useSaveKey(save);
-  const title = id ? editing.base?.json.name ?? id : 'New course', above = html`<a href="#/courses">Courses</a>`;
-  if (!doc) return html`<${Heading} title=${title} above=${above} />${editing.error ? html`<${Problem} error=${editing.error} retry=${editing.reload} />` : html`<p class="loading" role="status">Loading …</p>`}`;
-  const refused = editing.saving.error?.field ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }] : [];
+  const title = id ? (editing.base?.json.name ?? id) : 'New course',
+    above = html`<a href="#/courses">Courses</a>`;
+  if (!doc)
+    return html`<${Heading} title=${title} above=${above} />${editing.error ? html`<${Problem} error=${editing.error} retry=${editing.reload} />` : html`<p class="loading" role="status">Loading …</p>`}`;
+  const refused = editing.saving.error?.field
+    ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }]
+    : [];
   // the server knows more: names of measures, bounds of numbers; what is said here already is not said twice
   const problems = [...faults, ...[...said, ...refused].filter((p) => !faults.some((f) => f.path.startsWith(p.path)))];
   const f = formOf({ doc, change: editing.change, problems, onBad, readonly });
   const faulty = new Set(problems.map((p) => Number(/^exercises\[(\d+)\]/.exec(p.path)?.[1] ?? -1)));
   const add = () => {
-    const exercise = { id: freshId(doc.exercises), name: `Exercise ${doc.exercises.length + 1}`, profile_id: '', requirements: [{ measure: 'target_reached', min: 1 }] };
+    const exercise = {
+      id: freshId(doc.exercises),
+      name: `Exercise ${doc.exercises.length + 1}`,
+      profile_id: '',
+      requirements: [{ measure: 'target_reached', min: 1 }],
+    };
     editing.change({ ...doc, exercises: [...doc.exercises, exercise] });
     choose(doc.exercises.length);
     announce(`Exercise ${doc.exercises.length + 1} was added.`);

@@ -10,7 +10,11 @@ import { Heading, Loaded, Problem } from '../ui/parts.js';
 
 /** @type {{name: string, words: string, link: (choice: {course: string, group: string}) => string}[]} */
 const kScoreFormats = [
-  { name: 'CSV', words: 'one row per attempt and measure, units in the header', link: (choice) => address(['scores.csv'], choice) },
+  {
+    name: 'CSV',
+    words: 'one row per attempt and measure, units in the header',
+    link: (choice) => address(['scores.csv'], choice),
+  },
 ];
 
 function Scores({ all }) {
@@ -32,7 +36,8 @@ function Study({ all }) {
     event.preventDefault();
     setCount(0);
     setResult(null);
-    const study = ask.study.trim(), records = await action.run(() => studyRecords(study, ask, setCount));
+    const study = ask.study.trim(),
+      records = await action.run(() => studyRecords(study, ask, setCount));
     if (!records) return;
     saveAs(`${study}.jsonl`, records.map((r) => JSON.stringify(r) + '\n').join(''), 'application/x-ndjson');
     setResult(records.find((r) => r.kind === 'study') ?? { people: 0, sessions: 0 });
@@ -49,13 +54,26 @@ function Study({ all }) {
 
 export function ExportsPage({ person }) {
   const staff = may(person.role, 'see results');
-  const load = useLoad(async (signal) => {
-    const [courses, all_groups, all_exercises] = await Promise.all([documents('courses').all(signal), staff ? groups.all(signal) : [], exercises(signal)]);
-    return { courses, groups: all_groups, exercises: all_exercises };
-  }, [staff]);
+  const load = useLoad(
+    async (signal) => {
+      const [courses, all_groups, all_exercises] = await Promise.all([
+        documents('courses').all(signal),
+        staff ? groups.all(signal) : [],
+        exercises(signal),
+      ]);
+      return { courses, groups: all_groups, exercises: all_exercises };
+    },
+    [staff],
+  );
   return html`<${Heading} title="Exports" /><${Loaded} load=${load}>${(all) => html`
-    ${staff && html`<${Scores} all=${all} />
-      <fieldset><legend>Samples of a session</legend><p>Each <a href="#/sessions">session</a> has its samples as CSV: every tick, units in the header.</p></fieldset>`}
-    ${may(person.role, 'export study') && html`<${Study} all=${all} />
-      <p>The same by the command line, for scripts:</p><pre tabindex="0"><code>needlelab-admin --server HOST:PORT --ca FILE --user ${person.name} study export STUDY --out FILE</code></pre>`}`}<//>`;
+    ${
+      staff &&
+      html`<${Scores} all=${all} />
+      <fieldset><legend>Samples of a session</legend><p>Each <a href="#/sessions">session</a> has its samples as CSV: every tick, units in the header.</p></fieldset>`
+    }
+    ${
+      may(person.role, 'export study') &&
+      html`<${Study} all=${all} />
+      <p>The same by the command line, for scripts:</p><pre tabindex="0"><code>needlelab-admin --server HOST:PORT --ca FILE --user ${person.name} study export STUDY --out FILE</code></pre>`
+    }`}<//>`;
 }

@@ -30,11 +30,14 @@ export function GroupsPage({ person }) {
   const [adding, setAdding] = useState(false);
   const edit = may(person.role, 'edit people');
   return html`<${Heading} title="Groups">${edit && html`<button type="button" class="main" onClick=${() => setAdding(true)}>Add a group</button>`}<//>
-    <${Loaded} load=${load}>${(all) => (all.length === 0
-      ? html`<${Empty} title="There are no groups yet">Add one, or import people with a column “group”.<//>`
-      : html`<${Table} caption="Groups" head=${['Group', 'Id', number('Members'), 'Results']}>${all.map((g) => html`<tr key=${g.id}>
+    <${Loaded} load=${load}>${(all) =>
+      all.length === 0
+        ? html`<${Empty} title="There are no groups yet">Add one, or import people with a column “group”.<//>`
+        : html`<${Table} caption="Groups" head=${['Group', 'Id', number('Members'), 'Results']}>${all.map(
+            (g) => html`<tr key=${g.id}>
           <th scope="row"><a href=${href(['groups', g.id])}>${g.name}</a></th><td>${g.id}</td><td class="number">${g.members.length}</td>
-          <td><a href=${href(['results'], { group: g.id })}>Results of ${g.name}</a></td></tr>`)}<//>`)}<//>
+          <td><a href=${href(['results'], { group: g.id })}>Results of ${g.name}</a></td></tr>`,
+          )}<//>`}<//>
     ${adding && html`<${AddGroup} close=${() => setAdding(false)} />`}`;
 }
 
@@ -51,7 +54,8 @@ function Members({ group, all, load, edit }) {
       await groups.put({ ...mine, id: group.id, revision: from.revision });
     } catch (error) {
       if (error.kind !== 'conflict') throw error;
-      const theirs = await groups.one(group.id), what = (g) => ({ name: g.name, members: [...g.members].sort() });
+      const theirs = await groups.one(group.id),
+        what = (g) => ({ name: g.name, members: [...g.members].sort() });
       setConflict({ theirs: { ...theirs, author: theirs.changed_by }, ...merge(what(from), what(mine), what(theirs)) });
       return;
     }
@@ -60,7 +64,8 @@ function Members({ group, all, load, edit }) {
   };
   const save = () => action.run(() => put({ name, members }, base));
   const settle = (choice, and_save) => {
-    const both = resolved(conflict.merged, conflict.clashes, choice), theirs = conflict.theirs;
+    const both = resolved(conflict.merged, conflict.clashes, choice),
+      theirs = conflict.theirs;
     setConflict(null);
     setBase(theirs);
     setName(both.name);
@@ -74,9 +79,14 @@ function Members({ group, all, load, edit }) {
     }
   };
   const toggle = (who) => (on) => setMembers(on ? [...members, who].sort() : members.filter((m) => m !== who));
-  const shown = all.filter((p) => p.role === 'trainee' || members.includes(p.name)).filter((p) => `${p.name} ${p.full_name}`.toLowerCase().includes(text.trim().toLowerCase()));
+  const shown = all
+    .filter((p) => p.role === 'trainee' || members.includes(p.name))
+    .filter((p) => `${p.name} ${p.full_name}`.toLowerCase().includes(text.trim().toLowerCase()));
   if (!edit) return html`<ul>${group.members.map((m) => html`<li><a href=${href(['people', m])}>${m}</a></li>`)}</ul>`;
-  return html`<form onSubmit=${(event) => { event.preventDefault(); save(); }}>
+  return html`<form onSubmit=${(event) => {
+    event.preventDefault();
+    save();
+  }}>
     <${TextField} label="Name" value=${name} onValue=${setName} required />
     <fieldset><legend>Members: ${members.length}</legend>
       <${TextField} label="Find a trainee" type="search" value=${text} onValue=${setText} />
@@ -85,16 +95,25 @@ function Members({ group, all, load, edit }) {
     <${Problem} error=${action.error} />
     ${conflict && html`<${ConflictDialog} conflict=${conflict} settle=${settle} close=${() => setConflict(null)} />`}
     <div class="actions"><button type="submit" class="main" disabled=${action.busy}>Save</button><button type="button" class="danger" onClick=${() => setRemoving(true)}>Remove the group …</button></div>
-    ${removing && html`<${Confirm} title=${`Remove ${group.name}?`} word="Remove" act=${drop} close=${() => setRemoving(false)} busy=${action.busy} error=${action.error}>
-      <p>Its assignments go with it. The people and their results stay.</p><//>`}</form>`;
+    ${
+      removing &&
+      html`<${Confirm} title=${`Remove ${group.name}?`} word="Remove" act=${drop} close=${() => setRemoving(false)} busy=${action.busy} error=${action.error}>
+      <p>Its assignments go with it. The people and their results stay.</p><//>`
+    }</form>`;
 }
 
 export function GroupPage({ params, person }) {
-  const load = useLoad(async (signal) => {
-    const [group, all] = await Promise.all([groups.one(params.id, signal), people.all(signal)]);
-    return { group, all };
-  }, [params.id]);
+  const load = useLoad(
+    async (signal) => {
+      const [group, all] = await Promise.all([groups.one(params.id, signal), people.all(signal)]);
+      return { group, all };
+    },
+    [params.id],
+  );
   return html`<${Heading} title=${load.data?.group.name ?? params.id} above=${html`<a href="#/groups">Groups</a>`} />
-    <${Loaded} load=${load}>${({ group, all }) => html`<p><a href=${href(['results'], { group: group.id })}>Results of this group</a></p>
+    <${Loaded} load=${load}>${({
+      group,
+      all,
+    }) => html`<p><a href=${href(['results'], { group: group.id })}>Results of this group</a></p>
       <${Members} key=${group.revision} group=${group} all=${all} load=${load} edit=${may(person.role, 'edit people')} />`}<//>`;
 }

@@ -6,8 +6,10 @@ import { useEvery } from '../ui/hooks.js';
 import { TextField } from '../ui/fields.js';
 
 function wordsOf(error, locked_s) {
-  if (error.kind === 'expired') return 'Name or password is wrong, or this person is disabled. Check both and try again; an administrator can set a new password.';
-  if (error.kind === 'busy' && locked_s > 0) return `Too many tries. Log-in is locked for ${number(locked_s, 4)} s more; then try again.`;
+  if (error.kind === 'expired')
+    return 'Name or password is wrong, or this person is disabled. Check both and try again; an administrator can set a new password.';
+  if (error.kind === 'busy' && locked_s > 0)
+    return `Too many tries. Log-in is locked for ${number(locked_s, 4)} s more; then try again.`;
   if (error.kind === 'busy') return 'Log-in is open again: try now.';
   return error.message;
 }

@@ -10,32 +10,56 @@ import { Cell } from './results.js';
 
 /** Course by course, this person's own row. */
 async function ownCourses(person, signal) {
-  const [given, courses, all] = await Promise.all([assignments.all(signal, person.name), documents('courses').all(signal), exercises(signal)]);
+  const [given, courses, all] = await Promise.all([
+    assignments.all(signal, person.name),
+    documents('courses').all(signal),
+    exercises(signal),
+  ]);
   // a course counts when it is assigned, or one of its exercises is, or it was tried
-  const rows = await Promise.all(courses.map(async (course) => {
-    const reply = await results(course.id, undefined, signal);
-    const cells = reply.rows.find((r) => r.trainee === person.name)?.cells ?? [];
-    const mine = given.filter((a) => a.course_id === course.id || reply.exercises.some((e) => e.id === a.exercise_id));
-    return { course, cells, given: mine, exercises: reply.exercises.map((e) => ({ ...all.find((x) => x.id === e.id), ...e })) };
-  }));
+  const rows = await Promise.all(
+    courses.map(async (course) => {
+      const reply = await results(course.id, undefined, signal);
+      const cells = reply.rows.find((r) => r.trainee === person.name)?.cells ?? [];
+      const mine = given.filter(
+        (a) => a.course_id === course.id || reply.exercises.some((e) => e.id === a.exercise_id),
+      );
+      return {
+        course,
+        cells,
+        given: mine,
+        exercises: reply.exercises.map((e) => ({ ...all.find((x) => x.id === e.id), ...e })),
+      };
+    }),
+  );
   return rows.filter((r) => r.given.length > 0 || r.cells.some((c) => c.attempts > 0));
 }
 
 function Course({ row, person }) {
   const { course, cells, given, exercises: list } = row;
-  const due = given.map((a) => a.due_unix_ms).filter(Boolean).sort((a, b) => a - b)[0];
+  const due = given
+    .map((a) => a.due_unix_ms)
+    .filter(Boolean)
+    .sort((a, b) => a - b)[0];
   const passed = cells.filter((c) => c.passed === true).length;
-  const next = list.find((e) => { const c = cells.find((x) => x.exercise_id === e.id); return !c || (c.passed !== true && c.locked_by.length === 0 && c.attempts_left !== 0); });
+  const next = list.find((e) => {
+    const c = cells.find((x) => x.exercise_id === e.id);
+    return !c || (c.passed !== true && c.locked_by.length === 0 && c.attempts_left !== 0);
+  });
   const nameOf = (id) => list.find((e) => e.id === id)?.name ?? id;
   return html`<section aria-label=${course.name}><h2>${course.name}</h2>
     <p>${passed === list.length ? html`<${Mark} kind="good">all passed<//>` : html`${passed} of ${list.length} exercises passed.`} ${due && html`Due ${moment(due)}.`} ${next && html`<strong>Next: ${next.name}.</strong>`}</p>
-    <ol class="tiles">${list.map((e, i) => { const cell = cells.find((c) => c.exercise_id === e.id); return html`<li class="tile" key=${e.id}><h3>${numbered(i, e.name)}</h3>${e.description && html`<p class="help">${e.description}</p>`}
-      <p>${cell ? html`<${Cell} cell=${cell} trainee=${person.name} nameOf=${nameOf} />` : html`<${Mark} kind="open">not begun<//>`}</p></li>`; })}</ol></section>`;
+    <ol class="tiles">${list.map((e, i) => {
+      const cell = cells.find((c) => c.exercise_id === e.id);
+      return html`<li class="tile" key=${e.id}><h3>${numbered(i, e.name)}</h3>${e.description && html`<p class="help">${e.description}</p>`}
+      <p>${cell ? html`<${Cell} cell=${cell} trainee=${person.name} nameOf=${nameOf} />` : html`<${Mark} kind="open">not begun<//>`}</p></li>`;
+    })}</ol></section>`;
 }
 
 export function MinePage({ person }) {
   const load = useLoad((signal) => ownCourses(person, signal), [person.name]);
   return html`<${Heading} title="My results"><a class="button" href=${href(['progress', person.name])}>My progress</a><a class="button" href="#/sessions">My sessions</a><//>
-    <${Loaded} load=${load}>${(rows) => (rows.length === 0 ? html`<${Empty} title="Nothing is assigned to you yet">Your instructor assigns a course; then it stands here, and you practise at a station.<//>`
-      : rows.map((row) => html`<${Course} key=${row.course.id} row=${row} person=${person} />`))}<//>`;
+    <${Loaded} load=${load}>${(rows) =>
+      rows.length === 0
+        ? html`<${Empty} title="Nothing is assigned to you yet">Your instructor assigns a course; then it stands here, and you practise at a station.<//>`
+        : rows.map((row) => html`<${Course} key=${row.course.id} row=${row} person=${person} />`)}<//>`;
 }

@@ -12,7 +12,12 @@ import { Dialog, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/part
 export function AddPerson({ role, close, done }) {
   const [entry, setEntry] = useState({ name: '', full_name: '', role: 'trainee', password: '' });
   const action = useAction();
-  const field = (key) => ({ value: entry[key], onValue: (value) => setEntry({ ...entry, [key]: value }), path: key, problems: action.error?.field ? [{ path: action.error.field, message: action.error.message }] : [] });
+  const field = (key) => ({
+    value: entry[key],
+    onValue: (value) => setEntry({ ...entry, [key]: value }),
+    path: key,
+    problems: action.error?.field ? [{ path: action.error.field, message: action.error.message }] : [],
+  });
   const save = async (event) => {
     event.preventDefault();
     const { password, ...rest } = entry;
@@ -33,22 +38,37 @@ export function PeoplePage({ person, query }) {
   const [adding, setAdding] = useState(false);
   const [text, setText] = useState(query.find ?? '');
   const [role, setRole] = useState('');
-  const wanted = (p) => (!role || p.role === role) && `${p.name} ${p.full_name} ${p.groups.join(' ')}`.toLowerCase().includes(text.trim().toLowerCase());
-  return html`<${Heading} title="People">${may(person.role, 'edit people') && html`
+  const wanted = (p) =>
+    (!role || p.role === role) &&
+    `${p.name} ${p.full_name} ${p.groups.join(' ')}`.toLowerCase().includes(text.trim().toLowerCase());
+  return html`<${Heading} title="People">${
+    may(person.role, 'edit people') &&
+    html`
       <a class="button" href="#/people/import">Import from CSV</a>
-      <button type="button" class="main" onClick=${() => setAdding(true)}>Add a person</button>`}<//>
+      <button type="button" class="main" onClick=${() => setAdding(true)}>Add a person</button>`
+  }<//>
     <form class="filters" role="search" aria-label="People" onSubmit=${(event) => event.preventDefault()}>
       <${TextField} label="Find" type="search" value=${text} onValue=${setText} />
       <${SelectField} label="Role" value=${role} onValue=${setRole} options=${[['', 'All roles'], ...kRoles.map((r) => [r, words(r)])]} />
     </form>
     <${Loaded} load=${load}>${(all) => {
       const shown = all.filter(wanted);
-      if (shown.length === 0) return html`<${Empty} title="Nobody fits">${all.length ? 'Change what is looked for above.' : 'Add a person, or import a class from a CSV file.'}<//>`;
+      if (shown.length === 0)
+        return html`<${Empty} title="Nobody fits">${all.length ? 'Change what is looked for above.' : 'Add a person, or import a class from a CSV file.'}<//>`;
       return html`<${Table} caption=${`${shown.length} of ${all.length} people`} head=${['Name', 'Full name', 'Role', 'Groups', 'State', 'Studies']}>
-        ${shown.map((p) => html`<tr key=${p.name}>
+        ${shown.map(
+          (p) => html`<tr key=${p.name}>
           <th scope="row"><a href=${href(['people', p.name])}>${p.name}</a></th><td>${p.full_name}</td><td>${words(p.role)}</td><td>${p.groups.join(', ')}</td>
           <td>${p.disabled ? html`<${Mark} kind="locked">disabled<//>` : p.has_password ? html`<${Mark} kind="good">active<//>` : html`<${Mark} kind="open">no password<//>`}</td>
-          <td>${p.consent?.given ? html`<${Mark} kind="good">consents<//>` : p.consent ? html`<${Mark} kind="locked">refuses<//>` : html`<${Mark} kind="open">not asked<//>`}</td></tr>`)}<//>`;
+          <td>${p.consent?.given ? html`<${Mark} kind="good">consents<//>` : p.consent ? html`<${Mark} kind="locked">refuses<//>` : html`<${Mark} kind="open">not asked<//>`}</td></tr>`,
+        )}<//>`;
     }}<//>
-    ${adding && html`<${AddPerson} role=${person.role} close=${() => setAdding(false)} done=${(name) => { setAdding(false); announce(`${name} was added.`); load.reload(); }} />`}`;
+    ${
+      adding &&
+      html`<${AddPerson} role=${person.role} close=${() => setAdding(false)} done=${(name) => {
+        setAdding(false);
+        announce(`${name} was added.`);
+        load.reload();
+      }} />`
+    }`;
 }

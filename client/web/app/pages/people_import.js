@@ -8,7 +8,12 @@ import { html, useId, useState } from '../ui/html.js';
 import { Heading, Mark, Problem, Table } from '../ui/parts.js';
 
 const kColumns = ['name', 'full_name', 'role', 'group', 'password'];
-const kWhat = { ADD: ['good', 'new'], CHANGE: ['warn', 'changes'], NOTHING: ['open', 'stays'], FAULT: ['bad', 'wrong'] };
+const kWhat = {
+  ADD: ['good', 'new'],
+  CHANGE: ['warn', 'changes'],
+  NOTHING: ['open', 'stays'],
+  FAULT: ['bad', 'wrong'],
+};
 const kSample = 'name,full_name,role,group\nanna.bauer,Anna Bauer,trainee,autumn-a\n';
 const kMost_bytes = 1 << 20;
 
@@ -17,8 +22,10 @@ function complaint(csv) {
   if (!csv.trim()) return 'Choose a file, or paste the list.';
   try {
     const table = readTable(csv, kColumns);
-    if (!table.columns.includes('name')) return `The first line has no column “name”; it has: ${table.columns.join(', ')}.`;
-    if (table.unknown.length) return `Columns that are not known: ${table.unknown.join(', ')}. Known are: ${kColumns.join(', ')}.`;
+    if (!table.columns.includes('name'))
+      return `The first line has no column “name”; it has: ${table.columns.join(', ')}.`;
+    if (table.unknown.length)
+      return `Columns that are not known: ${table.unknown.join(', ')}. Known are: ${kColumns.join(', ')}.`;
     return table.rows.length ? '' : 'There is a header, but nobody below it.';
   } catch (error) {
     return `This is no CSV: ${error.message}.`;
@@ -28,9 +35,13 @@ function complaint(csv) {
 function Report({ report }) {
   const counts = `${report.added} new, ${report.changed} changed, ${report.unchanged} unchanged, ${report.faults} wrong`;
   return html`<h2>${report.done ? 'What happened' : 'What will happen'}</h2>
-    ${report.done ? html`<div class="hint" role="status"><p><strong>✓ Imported:</strong> ${counts}. <a href="#/people">See the people</a></p></div>`
-      : report.faults ? html`<div class="problem" role="alert"><p><strong>✗ ${report.faults === 1 ? 'One row is' : report.faults + ' rows are'} wrong: nothing is imported until all are right.</strong></p><p>Correct them in the list above, then check again.</p></div>`
-        : html`<p role="status">${counts}. Nothing has been changed yet.</p>`}
+    ${
+      report.done
+        ? html`<div class="hint" role="status"><p><strong>✓ Imported:</strong> ${counts}. <a href="#/people">See the people</a></p></div>`
+        : report.faults
+          ? html`<div class="problem" role="alert"><p><strong>✗ ${report.faults === 1 ? 'One row is' : report.faults + ' rows are'} wrong: nothing is imported until all are right.</strong></p><p>Correct them in the list above, then check again.</p></div>`
+          : html`<p role="status">${counts}. Nothing has been changed yet.</p>`
+    }
     <${Table} caption=${counts} head=${['Line', 'Name', 'What', 'Words', 'Column']}>${(report.rows ?? []).map((row) => {
       const [kind, word] = kWhat[row.what] ?? ['info', row.what];
       return html`<tr class=${row.what === 'FAULT' ? 'row-bad' : ''}><td class="number">${row.line}</td><th scope="row">${row.name || '–'}</th><td><${Mark} kind=${kind}>${word}<//></td><td>${row.text}</td><td>${row.column ?? ''}</td></tr>`;

@@ -32,10 +32,20 @@ function Data({ shown, me, load }) {
     ${fixed && html`<p class="help">People of the role ${words(shown.role)} are changed by administrators.</p>`}
     <div class="fields"><${TextField} label="Full name" value=${full_name} onValue=${setName} readonly=${fixed} />
     <${SelectField} label="Role" value=${role} onValue=${setRole} disabled=${fixed} options=${(fixed ? [shown.role] : roles).map((r) => [r, words(r)])} /></div>
-    ${action.error?.kind === 'conflict' ? html`<div class="problem" role="alert"><p><strong>Somebody else changed this person in the meantime.</strong> Your entries are still here.</p>
-      <button type="button" onClick=${() => { action.clear(); load.reload(); }}>Load what is there now</button></div>` : html`<${Problem} error=${action.error} />`}
-    ${!fixed && html`<div class="actions"><button type="submit" class="main" disabled=${action.busy}>Save</button>
-      <button type="button" disabled=${action.busy} onClick=${() => change({ disabled: !shown.disabled }, `${shown.name} is ${shown.disabled ? 'active again' : 'disabled'}.`)}>${shown.disabled ? 'Enable again' : 'Disable'}</button></div>`}
+    ${
+      action.error?.kind === 'conflict'
+        ? html`<div class="problem" role="alert"><p><strong>Somebody else changed this person in the meantime.</strong> Your entries are still here.</p>
+      <button type="button" onClick=${() => {
+        action.clear();
+        load.reload();
+      }}>Load what is there now</button></div>`
+        : html`<${Problem} error=${action.error} />`
+    }
+    ${
+      !fixed &&
+      html`<div class="actions"><button type="submit" class="main" disabled=${action.busy}>Save</button>
+      <button type="button" disabled=${action.busy} onClick=${() => change({ disabled: !shown.disabled }, `${shown.name} is ${shown.disabled ? 'active again' : 'disabled'}.`)}>${shown.disabled ? 'Enable again' : 'Disable'}</button></div>`
+    }
   </fieldset></form>`;
 }
 
@@ -98,9 +108,12 @@ function Erasure({ name }) {
   }
   return html`<fieldset><legend>Erasure</legend><p>Recordings, scores and attempts of this person go for ever.</p>
     <div class="actions"><button type="button" class="danger" onClick=${() => setAsking(true)}>Erase all data …</button></div>
-    ${asking && html`<${Confirm} title=${`Erase all data of ${name}?`} word="Erase for ever" act=${erase} close=${() => setAsking(false)} busy=${action.busy || typed !== name} error=${action.error}>
+    ${
+      asking &&
+      html`<${Confirm} title=${`Erase all data of ${name}?`} word="Erase for ever" act=${erase} close=${() => setAsking(false)} busy=${action.busy || typed !== name} error=${action.error}>
       <p>This cannot be undone. Type the name to confirm.</p>
-      <${TextField} label="Name" value=${typed} onValue=${setTyped} autocomplete="off" /><${TextField} label="Reason" value=${reason} onValue=${setReason} /><//>`}</fieldset>`;
+      <${TextField} label="Name" value=${typed} onValue=${setTyped} autocomplete="off" /><${TextField} label="Reason" value=${reason} onValue=${setReason} /><//>`
+    }</fieldset>`;
 }
 
 export function PersonPage({ params, person: me }) {

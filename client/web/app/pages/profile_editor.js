@@ -17,10 +17,27 @@ import { ForceOverDepth, usePreview } from '../profile/preview.js';
 import { AsJson, Force, Naming, NeedleFields } from '../profile/sections.js';
 
 const kBlank = {
-  id: '', name: '', axial_model: 'ENHANCED_TRACKING_WALL', needle: { length_m: 0.06, gauge: 22, tip: 'HYPODERMIC' },
+  id: '',
+  name: '',
+  axial_model: 'ENHANCED_TRACKING_WALL',
+  needle: { length_m: 0.06, gauge: 22, tip: 'HYPODERMIC' },
   limb: { plane: { point_m: { x: 0, y: 0, z: 0 }, normal: { x: 0, y: 0, z: 1 } } },
-  layers: [{ tissue: 'SKIN', thickness_m: 0.003, cutting_force_n: 0.8, attracted_force_n: 0.4, rejection_force_n: 0.1, lateral_stiffness_n_per_m2: 9000, friction_n_per_m: 25 }],
-  tracking_wall: { stiffness_n_per_m: 500, stop_speed_m_s: 0.003, stop_dwell_s: 0.05, stop_duration_s: 0.8 }, max_force_n: 10, targets: [], hazards: [], effects: ['CUTTING', 'ATTRACTED'],
+  layers: [
+    {
+      tissue: 'SKIN',
+      thickness_m: 0.003,
+      cutting_force_n: 0.8,
+      attracted_force_n: 0.4,
+      rejection_force_n: 0.1,
+      lateral_stiffness_n_per_m2: 9000,
+      friction_n_per_m: 25,
+    },
+  ],
+  tracking_wall: { stiffness_n_per_m: 500, stop_speed_m_s: 0.003, stop_dwell_s: 0.05, stop_duration_s: 0.8 },
+  max_force_n: 10,
+  targets: [],
+  hazards: [],
+  effects: ['CUTTING', 'ATTRACTED'],
 };
 
 /** What the server says of the document, asked again when nothing was typed for a moment; `checked`: it has answered. */
@@ -67,7 +84,8 @@ export function SaveBar({ editing, save, what, bad, readonly }) {
 }
 
 export function ProfileEditor({ params, query, person }) {
-  const id = params.id ?? '', readonly = !may(person.role, 'edit profiles');
+  const id = params.id ?? '',
+    readonly = !may(person.role, 'edit profiles');
   const begin = useCallback(async () => {
     if (!query.from) return kBlank;
     const { json } = await documents('profiles').one(query.from);
@@ -78,7 +96,11 @@ export function ProfileEditor({ params, query, person }) {
   const { problems, checked, error: unchecked } = useCheck(doc, checkProfile);
   const rendered = usePreview(doc);
   const [bad_fields, setBadFields] = useState([]);
-  const onBad = useCallback((path, bad) => setBadFields((all) => (all.includes(path) === bad ? all : bad ? [...all, path] : all.filter((p) => p !== path))), []);
+  const onBad = useCallback(
+    (path, bad) =>
+      setBadFields((all) => (all.includes(path) === bad ? all : bad ? [...all, path] : all.filter((p) => p !== path))),
+    [],
+  );
   const errors = problems.filter((p) => p.severity === 'ERROR');
   const bad = bad_fields.length > 0;
   const save = async () => {
@@ -87,17 +109,23 @@ export function ProfileEditor({ params, query, person }) {
     if (saved?.revision && !id) location.hash = href(['profiles', doc.id]);
   };
   useSaveKey(save);
-  const title = id ? editing.base?.json.name ?? id : 'New profile';
+  const title = id ? (editing.base?.json.name ?? id) : 'New profile';
   const above = html`<a href="#/profiles">Patient profiles</a>`;
-  if (!doc) return html`<${Heading} title=${title} above=${above} />${editing.error ? html`<${Problem} error=${editing.error} retry=${editing.reload} />` : html`<p class="loading" role="status">Loading …</p>`}`;
-  const refused = editing.saving.error?.field ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }] : [];
+  if (!doc)
+    return html`<${Heading} title=${title} above=${above} />${editing.error ? html`<${Problem} error=${editing.error} retry=${editing.reload} />` : html`<p class="loading" role="status">Loading …</p>`}`;
+  const refused = editing.saving.error?.field
+    ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }]
+    : [];
   const all = [...problems, ...refused.filter((r) => !problems.some((p) => p.path === r.path))];
   const f = formOf({ doc, change: editing.change, problems: all, onBad, readonly });
   const fidelity = rendered.preview?.layers?.map((l) => l.fidelity);
   return html`<${Heading} title=${title} above=${above}>${id && html`<a class="button" href=${href(['profiles', id, 'revisions'])}>Revisions</a>`}<//>
     <${SaveBar} editing=${editing} save=${save} what="profile" bad=${bad} readonly=${readonly} />
     <div class="editor-columns"><aside class="look" tabindex="0" aria-label="What it looks and feels like"><section><h2>Side view, to scale</h2>
-          <${SideView} profile=${doc} fidelity=${fidelity} label=${`Side view of ${doc.layers?.length ?? 0} layers, ${quantity((doc.layers ?? []).reduce((sum, l) => sum + (Number(l.thickness_m) || 0), 0), 'm')} deep in all`} /><${Legend} profile=${doc} />
+          <${SideView} profile=${doc} fidelity=${fidelity} label=${`Side view of ${doc.layers?.length ?? 0} layers, ${quantity(
+            (doc.layers ?? []).reduce((sum, l) => sum + (Number(l.thickness_m) || 0), 0),
+            'm',
+          )} deep in all`} /><${Legend} profile=${doc} />
           <p class="help">φ: how much of the step in force into a layer can be felt, 0 to 1; “!” below 0.5.</p></section>
         <section><h2>Force over depth</h2><${ForceOverDepth} ...${rendered} /></section>
         ${(checked || all.length > 0) && html`<${ProblemList} problems=${all} />`}${!checked && unchecked && !readonly && html`<p class="warning wide">! Not checked: ${unchecked.message}</p>`}${bad && html`<p class="error wide">✗ A field holds no number: it is not saved.</p>`}${errors.length > 0 && html`<p class="help wide">The server will refuse this profile until these are mended.</p>`}</aside>

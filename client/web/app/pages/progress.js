@@ -20,16 +20,28 @@ const scoreOf = (attempt) => attempt.score ?? attempt.measures ?? [];
 function Curve({ attempts, measure }) {
   const drawn = useMemo(() => {
     const rows = attempts.map((a) => scoreOf(a).find((r) => r.measure === measure));
-    const row = rows.find(Boolean), { factor, unit } = measureUnit(row?.unit ?? '');
+    const row = rows.find(Boolean),
+      { factor, unit } = measureUnit(row?.unit ?? '');
     const shown = (v) => (v === null || v === undefined ? null : v / factor);
-    const title = row ? measureTitle(row) : measure, label = unit ? `${title} (${unit})` : title;
+    const title = row ? measureTitle(row) : measure,
+      label = unit ? `${title} (${unit})` : title;
     const series = [{ label, values: rows.map((r) => shown(r?.value)), ...kCurves[0] }];
-    for (const [key, word, curve] of [['min', 'at least', kCurves[2]], ['max', 'at most', kCurves[1]]]) {
+    for (const [key, word, curve] of [
+      ['min', 'at least', kCurves[2]],
+      ['max', 'at most', kCurves[1]],
+    ]) {
       const bound = rows.find((r) => r?.[key] !== undefined)?.[key];
-      if (bound !== undefined) series.push({ label: `required: ${word}`, values: rows.map(() => shown(bound)), ...curve });
+      if (bound !== undefined)
+        series.push({ label: `required: ${word}`, values: rows.map(() => shown(bound)), ...curve });
     }
     const said = rows.map((r, i) => `attempt ${i + 1}: ${quantity(r?.value, r?.unit ?? '')}`).join(', ');
-    return { title: `${title} over attempts`, y_label: label, series, summary: `${title}, ${said}`, x: { label: 'Attempt', values: rows.map((_, i) => i + 1) } };
+    return {
+      title: `${title} over attempts`,
+      y_label: label,
+      series,
+      summary: `${title}, ${said}`,
+      x: { label: 'Attempt', values: rows.map((_, i) => i + 1) },
+    };
   }, [attempts, measure]);
   return html`<${Chart} ...${drawn} points />`;
 }
@@ -44,24 +56,41 @@ function Trend({ name, exercise, measure }) {
 function Attempts({ name, attempts, exercise, measure, go, me, reload }) {
   const measures = useMemo(() => {
     const all = new Map();
-    for (const attempt of attempts) for (const row of scoreOf(attempt)) if (!all.has(row.measure)) all.set(row.measure, measureTitle(row));
+    for (const attempt of attempts)
+      for (const row of scoreOf(attempt)) if (!all.has(row.measure)) all.set(row.measure, measureTitle(row));
     return [...all];
   }, [attempts]);
   const excuses = may(me.role, 'excuse');
-  const chosen = measure && measures.some(([name]) => name === measure) ? measure : measures.find(([name]) => name === 'peak_force_n')?.[0] ?? measures[0]?.[0];
+  const chosen =
+    measure && measures.some(([name]) => name === measure)
+      ? measure
+      : (measures.find(([name]) => name === 'peak_force_n')?.[0] ?? measures[0]?.[0]);
   return html`${chosen && html`<div class="filters"><${SelectField} label="Measure" value=${chosen} options=${measures} onValue=${(m) => go(exercise, m)} /></div><${Curve} attempts=${attempts} measure=${chosen} /><${Trend} name=${name} exercise=${exercise} measure=${chosen} />`}
-    <${Table} caption=${`${attempts.length} attempts, oldest first`} head=${['Attempt', 'Begun', 'Verdict', 'Not met', 'Remarks', ...(excuses ? [html`<span class="visually-hidden">Actions</span>`] : [])]}>${attempts.map((a) => html`<tr key=${a.session_id}><th scope="row"><a href=${href(['sessions', a.session_id])}>Attempt ${a.number}</a></th><td>${moment(a.started_unix_ms)}</td><td><${Verdict} passed=${a.passed} /></td>
-      <td class="long">${scoreOf(a).filter((r) => r.passed === false).map(measureTitle).join(', ') || '–'}</td><td>${a.excused && html`<${Mark} kind="info">does not count<//>`}${a.late && html`<${Mark} kind="warn">late<//>`}</td>
-      ${excuses && html`<td><${Excuse} attempt=${a} done=${reload} /></td>`}</tr>`)}<//>`;
+    <${Table} caption=${`${attempts.length} attempts, oldest first`} head=${['Attempt', 'Begun', 'Verdict', 'Not met', 'Remarks', ...(excuses ? [html`<span class="visually-hidden">Actions</span>`] : [])]}>${attempts.map(
+      (
+        a,
+      ) => html`<tr key=${a.session_id}><th scope="row"><a href=${href(['sessions', a.session_id])}>Attempt ${a.number}</a></th><td>${moment(a.started_unix_ms)}</td><td><${Verdict} passed=${a.passed} /></td>
+      <td class="long">${
+        scoreOf(a)
+          .filter((r) => r.passed === false)
+          .map(measureTitle)
+          .join(', ') || '–'
+      }</td><td>${a.excused && html`<${Mark} kind="info">does not count<//>`}${a.late && html`<${Mark} kind="warn">late<//>`}</td>
+      ${excuses && html`<td><${Excuse} attempt=${a} done=${reload} /></td>`}</tr>`,
+    )}<//>`;
 }
 
 export function Progress({ name, query, base, me }) {
   const load = useLoad((signal) => people.progress(name, undefined, signal), [name]);
   const known = useLoad((signal) => exercises(signal), []);
-  const go = (exercise, measure) => { location.hash = href(base, { exercise, measure }); };
+  const go = (exercise, measure) => {
+    location.hash = href(base, { exercise, measure });
+  };
   return html`<${Loaded} load=${load}>${(all) => {
-    const tried = [...new Set(all.map((a) => a.exercise_id))], nameOf = (id) => known.data?.find((e) => e.id === id)?.name ?? id;
-    if (tried.length === 0) return html`<${Empty} title="No attempts yet">They appear here after the first practice at a station.<//>`;
+    const tried = [...new Set(all.map((a) => a.exercise_id))],
+      nameOf = (id) => known.data?.find((e) => e.id === id)?.name ?? id;
+    if (tried.length === 0)
+      return html`<${Empty} title="No attempts yet">They appear here after the first practice at a station.<//>`;
     const exercise = tried.includes(query.exercise) ? query.exercise : tried.at(-1);
     return html`<div class="filters"><${SelectField} label="Exercise" value=${exercise} options=${tried.map((id) => [id, nameOf(id)])} onValue=${(e) => go(e, query.measure)} /></div>
       <${Attempts} name=${name} attempts=${all.filter((a) => a.exercise_id === exercise)} exercise=${exercise} measure=${query.measure} go=${go} me=${me} reload=${load.reload} />`;
@@ -70,7 +99,8 @@ export function Progress({ name, query, base, me }) {
 
 export function ProgressPage({ params, query, person }) {
   const own = params.name === person.name;
-  if (!own && !may(person.role, 'see results')) return html`<${Forbidden} person=${person} path=${`/progress/${params.name}`} />`;
+  if (!own && !may(person.role, 'see results'))
+    return html`<${Forbidden} person=${person} path=${`/progress/${params.name}`} />`;
   return html`<${Heading} title=${own ? 'My progress' : `Progress of ${params.name}`} above=${own ? html`<a href="#/mine">My results</a>` : html`<a href="#/results">Results</a>`} />
     <${Progress} name=${params.name} query=${query} base=${['progress', params.name]} me=${person} />`;
 }

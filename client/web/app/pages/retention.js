@@ -10,19 +10,27 @@ import { Confirm, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/par
 
 const days = (n) => `${number(n, 6)} ${n === 1 ? 'day' : 'days'}`;
 const isSet = (v) => v !== undefined && v !== null;
-const thinWords = (p) => (isSet(p.thin_after_days) ? `after ${days(p.thin_after_days)}: to ${number(p.thin_rate_hz, 4)} samples a second${p.thin_coarser > 1 ? `, steps ${number(p.thin_coarser, 4)} times as coarse` : ''}` : 'never');
+const thinWords = (p) =>
+  isSet(p.thin_after_days)
+    ? `after ${days(p.thin_after_days)}: to ${number(p.thin_rate_hz, 4)} samples a second${p.thin_coarser > 1 ? `, steps ${number(p.thin_coarser, 4)} times as coarse` : ''}`
+    : 'never';
 const kBlank = { exercise_id: '', without_backup: false };
 
 /** What the server would refuse, said before it is asked. */
 function faultsOf(p) {
   const faults = [];
   const say = (path, message) => faults.push({ path, message });
-  const whole = (path) => isSet(p[path]) && !(Number.isInteger(p[path]) && p[path] >= 0 && p[path] <= 36500) && say(path, 'whole days, at most 36500');
+  const whole = (path) =>
+    isSet(p[path]) &&
+    !(Number.isInteger(p[path]) && p[path] >= 0 && p[path] <= 36500) &&
+    say(path, 'whole days, at most 36500');
   whole('thin_after_days');
   whole('delete_after_days');
-  if (isSet(p.thin_after_days) && !(p.thin_rate_hz >= 0.1 && p.thin_rate_hz <= 10_000)) say('thin_rate_hz', 'how many samples a second are left: 0.1 to 10000');
+  if (isSet(p.thin_after_days) && !(p.thin_rate_hz >= 0.1 && p.thin_rate_hz <= 10_000))
+    say('thin_rate_hz', 'how many samples a second are left: 0.1 to 10000');
   if (isSet(p.thin_coarser) && !(p.thin_coarser >= 1 && p.thin_coarser <= 1000)) say('thin_coarser', '1 to 1000');
-  if (isSet(p.thin_after_days) && isSet(p.delete_after_days) && p.delete_after_days <= p.thin_after_days) say('delete_after_days', 'later than the thinning');
+  if (isSet(p.thin_after_days) && isSet(p.delete_after_days) && p.delete_after_days <= p.thin_after_days)
+    say('delete_after_days', 'later than the thinning');
   return faults;
 }
 
@@ -31,15 +39,31 @@ function PolicyForm({ begin, known, done }) {
   const [bad, setBad] = useState([]);
   const action = useAction();
   const set = (key) => (value) => setPolicy((before) => ({ ...before, [key]: value }));
-  const onBad = (path, is) => setBad((all) => (all.includes(path) === is ? all : is ? [...all, path] : all.filter((p) => p !== path)));
+  const onBad = (path, is) =>
+    setBad((all) => (all.includes(path) === is ? all : is ? [...all, path] : all.filter((p) => p !== path)));
   const faults = faultsOf(policy);
-  const refused = action.error?.field ? [{ path: action.error.field.replace(/^policy\./, ''), message: action.error.message }] : [];
-  const field = (key, label, unit, help) => html`<${NumberField} label=${label} unit=${unit} path=${key} value=${policy[key]} problems=${[...faults, ...refused]} onValue=${set(key)} onBad=${onBad} help=${help} />`;
+  const refused = action.error?.field
+    ? [{ path: action.error.field.replace(/^policy\./, ''), message: action.error.message }]
+    : [];
+  const field = (key, label, unit, help) =>
+    html`<${NumberField} label=${label} unit=${unit} path=${key} value=${policy[key]} problems=${[...faults, ...refused]} onValue=${set(key)} onBad=${onBad} help=${help} />`;
   const save = async (event) => {
     event.preventDefault();
     const { exercise_id, thin_after_days, thin_rate_hz, thin_coarser, delete_after_days, without_backup } = policy;
-    const thin = isSet(thin_after_days) ? { thin_after_days, thin_rate_hz, ...(isSet(thin_coarser) ? { thin_coarser } : {}) } : {};
-    if (!(await action.run(() => retention.put({ exercise_id, without_backup, ...thin, ...(isSet(delete_after_days) ? { delete_after_days } : {}) })))) return;
+    const thin = isSet(thin_after_days)
+      ? { thin_after_days, thin_rate_hz, ...(isSet(thin_coarser) ? { thin_coarser } : {}) }
+      : {};
+    if (
+      !(await action.run(() =>
+        retention.put({
+          exercise_id,
+          without_backup,
+          ...thin,
+          ...(isSet(delete_after_days) ? { delete_after_days } : {}),
+        }),
+      ))
+    )
+      return;
     announce(`Retention of ${exercise_id || 'all other exercises'} was saved.`);
     done();
   };
@@ -86,11 +110,22 @@ export function RetentionPage() {
     load.reload();
   };
   return html`<${Heading} title="Retention" /><${Loaded} load=${load}>${({ state, known }) => {
-    const policies = state.policies ?? [], nameOf = (id) => (id ? known.find((e) => e.id === id)?.name ?? id : 'All other exercises');
+    const policies = state.policies ?? [],
+      nameOf = (id) => (id ? (known.find((e) => e.id === id)?.name ?? id) : 'All other exercises');
     return html`<dl class="facts"><dt>Database</dt><dd>${bytes(state.database_bytes)}, ${bytes(state.free_bytes)} of it free</dd><dt>So far</dt><dd>${state.thinned_sessions} thinned, ${state.deleted_sessions} deleted</dd><dt>Last run</dt><dd>${state.last_run_unix_ms ? moment(state.last_run_unix_ms) : 'never'}</dd></dl>
-      ${policies.length === 0 ? html`<${Empty} title="Nothing is set: all recordings are kept whole">Set a policy below; scores, events and remarks stay in any case.<//>`
-        : html`<${Table} caption="Policies" head=${['Exercise', 'Thinned', 'Deleted', 'Without a backup', 'Set by', html`<span class="visually-hidden">Actions</span>`]}>${policies.map((p) => html`<tr key=${p.exercise_id}><th scope="row">${nameOf(p.exercise_id)}</th><td>${thinWords(p)}</td><td>${isSet(p.delete_after_days) ? `after ${days(p.delete_after_days)}` : 'never'}</td><td>${p.without_backup ? html`<${Mark} kind="warn">also<//>` : 'waits'}</td><td>${p.by}, ${moment(p.changed_unix_ms)}</td>
-          <td><div class="actions"><button type="button" class="small" aria-label=${`Change the policy of ${nameOf(p.exercise_id)}`} onClick=${() => setBegin({ ...p })}>Change</button><button type="button" class="small danger" disabled=${action.busy} aria-label=${`Take away the policy of ${nameOf(p.exercise_id)}`} onClick=${() => drop(p)}>Take away</button></div></td></tr>`)}<//>`}
-      <${Problem} error=${action.error} /><${PolicyForm} key=${begin.exercise_id + (begin.changed_unix_ms ?? '')} begin=${begin} known=${known} done=${() => { setBegin(kBlank); load.reload(); }} /><${Run} done=${load.reload} />`;
+      ${
+        policies.length === 0
+          ? html`<${Empty} title="Nothing is set: all recordings are kept whole">Set a policy below; scores, events and remarks stay in any case.<//>`
+          : html`<${Table} caption="Policies" head=${['Exercise', 'Thinned', 'Deleted', 'Without a backup', 'Set by', html`<span class="visually-hidden">Actions</span>`]}>${policies.map(
+              (
+                p,
+              ) => html`<tr key=${p.exercise_id}><th scope="row">${nameOf(p.exercise_id)}</th><td>${thinWords(p)}</td><td>${isSet(p.delete_after_days) ? `after ${days(p.delete_after_days)}` : 'never'}</td><td>${p.without_backup ? html`<${Mark} kind="warn">also<//>` : 'waits'}</td><td>${p.by}, ${moment(p.changed_unix_ms)}</td>
+          <td><div class="actions"><button type="button" class="small" aria-label=${`Change the policy of ${nameOf(p.exercise_id)}`} onClick=${() => setBegin({ ...p })}>Change</button><button type="button" class="small danger" disabled=${action.busy} aria-label=${`Take away the policy of ${nameOf(p.exercise_id)}`} onClick=${() => drop(p)}>Take away</button></div></td></tr>`,
+            )}<//>`
+      }
+      <${Problem} error=${action.error} /><${PolicyForm} key=${begin.exercise_id + (begin.changed_unix_ms ?? '')} begin=${begin} known=${known} done=${() => {
+        setBegin(kBlank);
+        load.reload();
+      }} /><${Run} done=${load.reload} />`;
   }}<//>`;
 }

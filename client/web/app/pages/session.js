@@ -28,7 +28,8 @@ function usePlayback(from_s, to_s) {
   useEffect(() => setPlayback(atRest(from_s, to_s)), [from_s, to_s]);
   useEffect(() => {
     if (!playback.playing) return undefined;
-    let frame = 0, before = performance.now();
+    let frame = 0,
+      before = performance.now();
     const step = (now) => {
       setPlayback((p) => advance(p, (now - before) / 1000));
       before = now;
@@ -37,14 +38,24 @@ function usePlayback(from_s, to_s) {
     frame = requestAnimationFrame(step);
     return () => cancelAnimationFrame(frame);
   }, [playback.playing]);
-  const act = useMemo(() => ({ toggle: () => setPlayback(toggle), seek: (at_s) => setPlayback((p) => seek(p, at_s)), speed: (speed) => setPlayback((p) => ({ ...p, speed })) }), []);
+  const act = useMemo(
+    () => ({
+      toggle: () => setPlayback(toggle),
+      seek: (at_s) => setPlayback((p) => seek(p, at_s)),
+      speed: (speed) => setPlayback((p) => ({ ...p, speed })),
+    }),
+    [],
+  );
   return [playback, act];
 }
 
 function Recording({ id, session, person }) {
   const [window, zoom] = useState(null);
   const whole = useLoad((signal) => sessions.samples(id, { points: kPoints }, signal), [id]);
-  const near = useLoad((signal) => (window ? sessions.samples(id, { ...window, points: kPoints }, signal) : Promise.resolve(null)), [id, window]);
+  const near = useLoad(
+    (signal) => (window ? sessions.samples(id, { ...window, points: kPoints }, signal) : Promise.resolve(null)),
+    [id, window],
+  );
   const notes = useLoad((signal) => sessions.annotations(id, signal), [id]);
   const columns = useMemo(() => columnsOf(whole.data), [whole.data]);
   const shown = useMemo(() => (window && near.data ? columnsOf(near.data) : columns), [window, near.data, columns]);
@@ -52,17 +63,28 @@ function Recording({ id, session, person }) {
   const t = columns.t_s ?? [];
   const [playback, act] = usePlayback(t[0] ?? 0, t.at(-1) ?? 0);
   const { profile } = session.description;
-  return html`<${Loaded} load=${whole}>${() => (t.length === 0 ? html`<${Empty} title="There are no samples">The recording is empty, or has been deleted by retention.<//>`
+  return html`<${Loaded} load=${whole}>${() =>
+    t.length === 0
+      ? html`<${Empty} title="There are no samples">The recording is empty, or has been deleted by retention.<//>`
       : html`<section aria-labelledby="replay-title"><h2 id="replay-title">Replay</h2>${profile ? html`<${Replay} columns=${columns} session=${session} playback=${playback} act=${act} />` : html`<p class="help">Without its profile the session cannot be drawn.</p>`}</section>
-        <section aria-labelledby="plots-title"><h2 id="plots-title">Plots</h2><${Problem} error=${near.error} /><${Plots} columns=${shown} profile=${profile} marks=${marks} at=${playback.at_s} seek=${act.seek} window=${window} zoom=${zoom} busy=${near.loading && !!window} /></section>`)}<//>
+        <section aria-labelledby="plots-title"><h2 id="plots-title">Plots</h2><${Problem} error=${near.error} /><${Plots} columns=${shown} profile=${profile} marks=${marks} at=${playback.at_s} seek=${act.seek} window=${window} zoom=${zoom} busy=${near.loading && !!window} /></section>`}<//>
     <${Annotations} id=${id} at_s=${playback.at_s} seek=${act.seek} load=${notes} person=${person} /><${SyringeEvents} id=${id} seek=${act.seek} />`;
 }
 
 /** Which attempt of the exercise this is, and whether it counts. */
 function AttemptFact({ description, person }) {
-  const load = useLoad(async (signal) => (await people.progress(description.trainee, description.exercise_id, signal)).find((a) => a.session_id === description.session_id) ?? null, [description.session_id]);
-  return html`<${Loaded} load=${load}>${(attempt) => (!attempt ? html`<span>is none</span>` : html`number ${attempt.number}
-    ${attempt.excused && html`<${Mark} kind="info">does not count<//>`}${attempt.late && html`<${Mark} kind="warn">late<//>`} ${may(person.role, 'excuse') && html`<${Excuse} attempt=${attempt} done=${load.reload} />`}`)}<//>`;
+  const load = useLoad(
+    async (signal) =>
+      (await people.progress(description.trainee, description.exercise_id, signal)).find(
+        (a) => a.session_id === description.session_id,
+      ) ?? null,
+    [description.session_id],
+  );
+  return html`<${Loaded} load=${load}>${(attempt) =>
+    !attempt
+      ? html`<span>is none</span>`
+      : html`number ${attempt.number}
+    ${attempt.excused && html`<${Mark} kind="info">does not count<//>`}${attempt.late && html`<${Mark} kind="warn">late<//>`} ${may(person.role, 'excuse') && html`<${Excuse} attempt=${attempt} done=${load.reload} />`}`}<//>`;
 }
 
 export function SessionPage({ params, person }) {
@@ -70,7 +92,9 @@ export function SessionPage({ params, person }) {
   const load = useLoad((signal) => sessions.one(id, signal), [id]);
   const d = load.data?.description;
   return html`<${Heading} title=${d ? `${d.trainee}: ${d.exercise_id}` : 'Session'} above=${html`<a href="#/sessions">Sessions</a>`}>${kFormats.map(([name, link]) => html`<a class="button" href=${link(id)} download>${name}</a>`)}<//>
-    <${Loaded} load=${load}>${(session) => html`<dl class="facts"><dt>Begun</dt><dd>${moment(d.started_unix_ms)}, ${d.station}</dd><dt>Length</dt><dd>${clock(session.samples / d.rate_hz)} (${session.samples} samples at ${d.rate_hz} Hz)</dd>
+    <${Loaded} load=${load}>${(
+      session,
+    ) => html`<dl class="facts"><dt>Begun</dt><dd>${moment(d.started_unix_ms)}, ${d.station}</dd><dt>Length</dt><dd>${clock(session.samples / d.rate_hz)} (${session.samples} samples at ${d.rate_hz} Hz)</dd>
         <dt>Patient</dt><dd>${may(person.role, 'see profiles') ? html`<a href=${href(['profiles', d.profile_id])}>${d.profile_id}</a>` : d.profile_id}, revision ${d.profile_revision}</dd><dt>State</dt><dd>${words(String(session.state).replace('SESSION_', ''))}, engine ${d.engine_version}, ${d.device}</dd>
         <dt>Verdict</dt><dd><${Verdict} passed=${session.passed} /></dd>${d.exercise_id && html`<dt>Attempt</dt><dd class="actions"><${AttemptFact} description=${d} person=${person} /></dd>`}<dt>More</dt><dd><a href=${href(['progress', d.trainee], { exercise: d.exercise_id })}>Progress over attempts</a></dd></dl>
       ${session.state === 'SESSION_OPEN' && html`<div class="hint"><p>This session is still being recorded: what is below is what has come so far.</p></div>`}

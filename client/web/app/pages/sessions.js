@@ -9,7 +9,12 @@ import { html, useState } from '../ui/html.js';
 import { Empty, Heading, Loaded, Mark, number, Table } from '../ui/parts.js';
 import { usePages } from '../ui/paged.js';
 
-const kVerdicts = [['', 'any'], ['passed', 'passed'], ['failed', 'not passed'], ['none', 'no verdict']];
+const kVerdicts = [
+  ['', 'any'],
+  ['passed', 'passed'],
+  ['failed', 'not passed'],
+  ['none', 'no verdict'],
+];
 
 /** Midnight of a day as an input has it ("2026-12-01"), local time, some days on; '' stays ''. */
 function midnight_ms(day, more = 0) {
@@ -28,13 +33,30 @@ export function SessionsPage({ query, person }) {
   const staff = may(person.role, 'see results');
   const { exercise, search, verdict: wanted, from, to } = query;
   const trainee = staff ? query.trainee : person.name;
-  const asked = { trainee, exercise, search: staff ? search : undefined, verdict: wanted, from_ms: midnight_ms(from ?? ''), to_ms: midnight_ms(to ?? '', 1) };
-  const [filter, setFilter] = useState({ search: search ?? query.trainee ?? '', exercise: exercise ?? '', verdict: wanted ?? '', from: from ?? '', to: to ?? '' });
+  const asked = {
+    trainee,
+    exercise,
+    search: staff ? search : undefined,
+    verdict: wanted,
+    from_ms: midnight_ms(from ?? ''),
+    to_ms: midnight_ms(to ?? '', 1),
+  };
+  const [filter, setFilter] = useState({
+    search: search ?? query.trainee ?? '',
+    exercise: exercise ?? '',
+    verdict: wanted ?? '',
+    from: from ?? '',
+    to: to ?? '',
+  });
   const pages = usePages((page, signal) => sessions.page({ ...asked, page }, signal), Object.values(asked));
   const change = (name) => (value) => setFilter({ ...filter, [name]: value });
   const go = (event) => {
     event.preventDefault();
-    location.hash = href(['sessions'], { ...filter, search: staff ? filter.search.trim() : '', exercise: filter.exercise.trim() });
+    location.hash = href(['sessions'], {
+      ...filter,
+      search: staff ? filter.search.trim() : '',
+      exercise: filter.exercise.trim(),
+    });
   };
   return html`<${Heading} title="Sessions" />
     <form class="filters" role="search" aria-label="Sessions" onSubmit=${go}>
@@ -43,10 +65,15 @@ export function SessionsPage({ query, person }) {
       <${SelectField} label="Verdict" options=${kVerdicts} value=${filter.verdict} onValue=${change('verdict')} />
       <${TextField} label="From" type="date" value=${filter.from} onValue=${change('from')} /><${TextField} label="To" type="date" value=${filter.to} onValue=${change('to')} />
       <div class="actions"><button type="submit">Find</button><a class="button" href="#/sessions">Show all</a></div></form>
-    <${Loaded} load=${pages.load}>${() => (pages.items.length === 0
-      ? html`<${Empty} title="There are no sessions here">They come from the stations: assign an exercise, and let somebody practise.<//>${pages.button}`
-      : html`<${Table} caption=${`${pages.items.length} sessions, newest first`} head=${['Begun', 'Trainee', 'Exercise', 'Station', number('Length'), 'State', 'Verdict']}>
-        ${pages.items.map((s) => html`<tr key=${s.description.session_id}><th scope="row"><a href=${href(['sessions', s.description.session_id])}>${moment(s.description.started_unix_ms)}</a></th>
+    <${Loaded} load=${pages.load}>${() =>
+      pages.items.length === 0
+        ? html`<${Empty} title="There are no sessions here">They come from the stations: assign an exercise, and let somebody practise.<//>${pages.button}`
+        : html`<${Table} caption=${`${pages.items.length} sessions, newest first`} head=${['Begun', 'Trainee', 'Exercise', 'Station', number('Length'), 'State', 'Verdict']}>
+        ${pages.items.map(
+          (
+            s,
+          ) => html`<tr key=${s.description.session_id}><th scope="row"><a href=${href(['sessions', s.description.session_id])}>${moment(s.description.started_unix_ms)}</a></th>
           <td>${s.description.trainee}</td><td>${s.description.exercise_id}</td><td>${s.description.station}</td><td class="number">${s.description.rate_hz ? clock(s.samples / s.description.rate_hz) : '–'}</td>
-          <td>${words(String(s.state).replace('SESSION_', ''))}</td><td><${Verdict} passed=${s.passed} /></td></tr>`)}<//>${pages.button}`)}<//>`;
+          <td>${words(String(s.state).replace('SESSION_', ''))}</td><td><${Verdict} passed=${s.passed} /></td></tr>`,
+        )}<//>${pages.button}`}<//>`;
 }

@@ -16,7 +16,10 @@ function Working({ busy, children }) {
     setNow(Date.now());
   }, [busy]);
   useEvery(500, () => busy && setNow(Date.now()));
-  return busy && html`<p class="working"><progress aria-label=${children}></progress> <span aria-hidden="true">${children} … ${Math.round((now_ms - since_ms) / 1000)} s</span></p>`;
+  return (
+    busy &&
+    html`<p class="working"><progress aria-label=${children}></progress> <span aria-hidden="true">${children} … ${Math.round((now_ms - since_ms) / 1000)} s</span></p>`
+  );
 }
 
 function Backup() {
@@ -49,8 +52,11 @@ function Check() {
     <p>Reads every recording and compares its checksums. It takes a while with many sessions; the lab goes on meanwhile.</p>
     <div class="actions"><button type="button" class="main" disabled=${action.busy} onClick=${start}>${action.busy ? 'Checking …' : 'Check now'}</button></div>
     <${Working} busy=${action.busy}>Reading everything<//>
-    <div role="status">${report && html`<p>${report.ok ? html`<${Mark} kind="good">all is well<//>` : html`<${Mark} kind="bad">faults<//>`} ${report.sessions} sessions, ${report.chunks} pieces of recordings.</p>
-      ${report.faults?.length > 0 && html`<ul>${report.faults.map((fault) => html`<li>${fault}</li>`)}</ul>`}`}</div>
+    <div role="status">${
+      report &&
+      html`<p>${report.ok ? html`<${Mark} kind="good">all is well<//>` : html`<${Mark} kind="bad">faults<//>`} ${report.sessions} sessions, ${report.chunks} pieces of recordings.</p>
+      ${report.faults?.length > 0 && html`<ul>${report.faults.map((fault) => html`<li>${fault}</li>`)}</ul>`}`
+    }</div>
     <${Problem} error=${action.error} title="The check could not be made" /></fieldset>`;
 }
 
@@ -69,8 +75,11 @@ function Rescore() {
     <${SelectField} label="Exercise" value=${exercise_id} onValue=${choose} options=${[['', 'All exercises'], ...(known.data ?? []).map((e) => [e.id, e.name])]} />
     <div class="actions"><button type="button" disabled=${action.busy} onClick=${() => run(true)}>How many are there?</button><button type="button" class="main" disabled=${action.busy} onClick=${() => run(false)}>Score them again</button></div>
     <${Working} busy=${action.busy}>Scoring<//>
-    <div role="status">${report && html`<p>${report.dry_run ? html`<${Mark} kind="info">would be<//>` : html`<${Mark} kind=${report.left_alone ? 'warn' : 'good'}>done<//>`} ${report.rescored} scored by definitions ${report.definition_version}${report.left_alone ? `, ${report.left_alone} could not be` : ''}.</p>
-      ${report.faults?.length > 0 && html`<ul>${report.faults.map((f) => html`<li><a href=${`#/sessions/${f.session_id}`}>${f.session_id.slice(0, 13)}</a>: ${f.text}</li>`)}</ul>`}`}</div>
+    <div role="status">${
+      report &&
+      html`<p>${report.dry_run ? html`<${Mark} kind="info">would be<//>` : html`<${Mark} kind=${report.left_alone ? 'warn' : 'good'}>done<//>`} ${report.rescored} scored by definitions ${report.definition_version}${report.left_alone ? `, ${report.left_alone} could not be` : ''}.</p>
+      ${report.faults?.length > 0 && html`<ul>${report.faults.map((f) => html`<li><a href=${`#/sessions/${f.session_id}`}>${f.session_id.slice(0, 13)}</a>: ${f.text}</li>`)}</ul>`}`
+    }</div>
     <${Problem} error=${known.error ?? action.error} title="Could not be scored" /></fieldset>`;
 }
 

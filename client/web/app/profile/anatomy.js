@@ -22,14 +22,22 @@ export function LimbFields({ f }) {
 }
 
 function Remove({ f, list, i, what }) {
-  return !f.readonly && html`<button type="button" class="small danger" aria-label=${`Remove ${what} ${i + 1}`} onClick=${() => f.set(list)(f.doc[list].filter((_, k) => k !== i))}>Remove</button>`;
+  return (
+    !f.readonly &&
+    html`<button type="button" class="small danger" aria-label=${`Remove ${what} ${i + 1}`} onClick=${() => f.set(list)(f.doc[list].filter((_, k) => k !== i))}>Remove</button>`
+  );
 }
 
 export function Targets({ f }) {
   const targets = f.doc.targets ?? [];
   return html`<fieldset><legend>Targets</legend>${targets.length === 0 && html`<p class="help">Without a target nothing can be reached: the measures of aim are left out.</p>`}
-    <ul class="cards">${targets.map((target, i) => html`<li class="card" key=${i}><div class="card-head"><h2>${target.name || `Target ${i + 1}`}</h2><${Remove} f=${f} list="targets" i=${i} what="target" /></div>
-      <div class="fields">${f.text(`targets[${i}].name`, 'Name', { required: true })}${f.number(`targets[${i}].radius_m`, 'Radius')}</div>${f.vector(`targets[${i}].center_m`, 'Centre')}</li>`)}</ul>
+    <ul class="cards">${targets.map(
+      (
+        target,
+        i,
+      ) => html`<li class="card" key=${i}><div class="card-head"><h2>${target.name || `Target ${i + 1}`}</h2><${Remove} f=${f} list="targets" i=${i} what="target" /></div>
+      <div class="fields">${f.text(`targets[${i}].name`, 'Name', { required: true })}${f.number(`targets[${i}].radius_m`, 'Radius')}</div>${f.vector(`targets[${i}].center_m`, 'Centre')}</li>`,
+    )}</ul>
     ${!f.readonly && html`<button type="button" onClick=${() => f.set('targets')([...targets, { name: 'target', center_m: { x: 0, y: 0, z: -0.02 }, radius_m: 0.003 }])}>Add a target</button>`}</fieldset>`;
 }
 
@@ -38,12 +46,26 @@ export function Hazards({ f }) {
   const form = (i) => (value) => {
     const { center_m, a_m, b_m, ...rest } = hazards[i];
     const at = center_m ?? a_m ?? kZero;
-    f.set(`hazards[${i}]`)(value === 'ball' ? { ...rest, center_m: at } : { ...rest, a_m: at, b_m: { ...at, x: (at.x ?? 0) + 0.02 } });
+    f.set(`hazards[${i}]`)(
+      value === 'ball' ? { ...rest, center_m: at } : { ...rest, a_m: at, b_m: { ...at, x: (at.x ?? 0) + 0.02 } },
+    );
   };
   return html`<fieldset><legend>Hazards</legend>
-    <ul class="cards">${hazards.map((hazard, i) => html`<li class="card" key=${i}><div class="card-head"><h2>${hazard.name || `Hazard ${i + 1}`}</h2><${Remove} f=${f} list="hazards" i=${i} what="hazard" /></div>
-      <div class="fields">${f.text(`hazards[${i}].name`, 'Name', { required: true })}${f.select(`hazards[${i}].kind`, 'Kind', kHazards.map((k) => [k, words(k)]))}
-        <${SelectField} label="Form" value=${hazard.a_m ? 'line' : 'ball'} disabled=${f.readonly} options=${[['ball', 'Ball'], ['line', 'Line with thickness']]} onValue=${form(i)} />${f.number(`hazards[${i}].radius_m`, 'Radius')}</div>
-      ${hazard.a_m ? html`${f.vector(`hazards[${i}].a_m`, 'From')}${f.vector(`hazards[${i}].b_m`, 'To')}` : f.vector(`hazards[${i}].center_m`, 'Centre')}</li>`)}</ul>
+    <ul class="cards">${hazards.map(
+      (
+        hazard,
+        i,
+      ) => html`<li class="card" key=${i}><div class="card-head"><h2>${hazard.name || `Hazard ${i + 1}`}</h2><${Remove} f=${f} list="hazards" i=${i} what="hazard" /></div>
+      <div class="fields">${f.text(`hazards[${i}].name`, 'Name', { required: true })}${f.select(
+        `hazards[${i}].kind`,
+        'Kind',
+        kHazards.map((k) => [k, words(k)]),
+      )}
+        <${SelectField} label="Form" value=${hazard.a_m ? 'line' : 'ball'} disabled=${f.readonly} options=${[
+          ['ball', 'Ball'],
+          ['line', 'Line with thickness'],
+        ]} onValue=${form(i)} />${f.number(`hazards[${i}].radius_m`, 'Radius')}</div>
+      ${hazard.a_m ? html`${f.vector(`hazards[${i}].a_m`, 'From')}${f.vector(`hazards[${i}].b_m`, 'To')}` : f.vector(`hazards[${i}].center_m`, 'Centre')}</li>`,
+    )}</ul>
     ${!f.readonly && html`<button type="button" onClick=${() => f.set('hazards')([...hazards, { name: 'hazard', kind: 'NERVE', center_m: { x: 0.01, y: 0, z: -0.03 }, radius_m: 0.002 }])}>Add a hazard</button>`}</fieldset>`;
 }

@@ -30,13 +30,27 @@ export function ForceOverDepth({ preview, stale, error }) {
     if (!preview) return null;
     const mm = preview.depth_m.map((d) => d * 1000);
     const parts = (preview.by_effect ?? []).filter((c) => c.force_n.some((f) => Math.abs(f) > 1e-6));
-    const series = [{ label: 'Total (N)', values: preview.total_n, ...kCurves[0], width: 3 }, ...parts.map((c, i) => ({ label: `${words(c.effect)} (N)`, values: c.force_n, ...kCurves[1 + (i % (kCurves.length - 1))], width: 1.5 }))];
-    const bands = (preview.layers ?? []).map((l) => ({ from: l.from_m * 1000, to: l.to_m * 1000, label: words(l.tissue), color: tissueColor(l.tissue) }));
+    const series = [
+      { label: 'Total (N)', values: preview.total_n, ...kCurves[0], width: 3 },
+      ...parts.map((c, i) => ({
+        label: `${words(c.effect)} (N)`,
+        values: c.force_n,
+        ...kCurves[1 + (i % (kCurves.length - 1))],
+        width: 1.5,
+      })),
+    ];
+    const bands = (preview.layers ?? []).map((l) => ({
+      from: l.from_m * 1000,
+      to: l.to_m * 1000,
+      label: words(l.tissue),
+      color: tissueColor(l.tissue),
+    }));
     const peak = preview.total_n.reduce((best, f, i) => (f > preview.total_n[best] ? i : best), 0);
     const summary = `Force against the needle over ${number(mm.at(-1), 3)} mm of depth: greatest ${quantity(preview.total_n[peak], 'N')} at ${quantity(preview.depth_m[peak], 'm')}.`;
     return { x: { label: 'Depth under the skin (mm)', values: mm }, series, bands, summary };
   }, [preview]);
-  if (!shown) return html`<p class="help" role="status">${!error ? 'Asking the engine …' : error.kind === 'invalid' ? 'The force can be drawn once the problems below are mended.' : error.message}</p>`;
+  if (!shown)
+    return html`<p class="help" role="status">${!error ? 'Asking the engine …' : error.kind === 'invalid' ? 'The force can be drawn once the problems below are mended.' : error.message}</p>`;
   return html`<${Chart} title="Force over depth, as the engine renders it" summary=${shown.summary} x=${shown.x} series=${shown.series} bands=${shown.bands} y_label="Force (N)" height=${280} />
     <p class="help" role="status">${stale && error ? '! This is the last version that could be rendered.' : stale ? 'Rendering …' : shown.summary}</p>`;
 }

@@ -32,7 +32,16 @@ export function Excuse({ attempt, done }) {
     done();
   };
   const which = `attempt ${attempt.number} of ${attempt.trainee}`;
-  return html`${attempt.excused ? html`<button type="button" class="small" disabled=${action.busy} aria-label=${`Let ${which} count again`} onClick=${count}>Let it count again</button>`
-    : html`<button type="button" class="small" aria-label=${`Excuse ${which}`} onClick=${() => setAsking(true)}>Excuse …</button>`}<${Problem} error=${action.error} />
-    ${asking && html`<${Reason} attempt=${attempt} close=${() => setAsking(false)} done=${() => { setAsking(false); done(); }} />`}`;
+  return html`${
+    attempt.excused
+      ? html`<button type="button" class="small" disabled=${action.busy} aria-label=${`Let ${which} count again`} onClick=${count}>Let it count again</button>`
+      : html`<button type="button" class="small" aria-label=${`Excuse ${which}`} onClick=${() => setAsking(true)}>Excuse …</button>`
+  }<${Problem} error=${action.error} />
+    ${
+      asking &&
+      html`<${Reason} attempt=${attempt} close=${() => setAsking(false)} done=${() => {
+        setAsking(false);
+        done();
+      }} />`
+    }`;
 }

@@ -5,7 +5,11 @@ import { number, words } from '../lib/units.js';
 import { Chart } from '../ui/chart.js';
 import { html, useMemo } from '../ui/html.js';
 
-const range = (values) => values.reduce(([low, high], v) => (Number.isFinite(v) ? [Math.min(low, v), Math.max(high, v)] : [low, high]), [Infinity, -Infinity]);
+const range = (values) =>
+  values.reduce(
+    ([low, high], v) => (Number.isFinite(v) ? [Math.min(low, v), Math.max(high, v)] : [low, high]),
+    [Infinity, -Infinity],
+  );
 
 /** @param {{columns: any, profile: any, marks: any[], at: number, seek: (s: number) => void, window: {from_s: number, to_s: number}|null, zoom: (w: any) => void, busy: boolean}} props */
 export function Plots({ columns, profile, marks, at, seek, window, zoom, busy }) {
@@ -17,11 +21,26 @@ export function Plots({ columns, profile, marks, at, seek, window, zoom, busy })
     });
     const plot = (title, unit, values, curve) => {
       const [low, high] = range(values);
-      const summary = Number.isFinite(high) ? `${title}: from ${number(low, 3)} to ${number(high, 3)} ${unit} between ${number(t[0] ?? 0, 3)} and ${number(t.at(-1) ?? 0, 3)} s.` : `${title}: no values.`;
-      return { title: `${title} over time`, y_label: `${title} (${unit})`, summary, series: [{ label: `${title} (${unit})`, values, ...curve }] };
+      const summary = Number.isFinite(high)
+        ? `${title}: from ${number(low, 3)} to ${number(high, 3)} ${unit} between ${number(t[0] ?? 0, 3)} and ${number(t.at(-1) ?? 0, 3)} s.`
+        : `${title}: no values.`;
+      return {
+        title: `${title} over time`,
+        y_label: `${title} (${unit})`,
+        summary,
+        series: [{ label: `${title} (${unit})`, values, ...curve }],
+      };
     };
     const scaled = (name, factor) => (columns[name] ?? []).map((v) => (v === null ? null : v * factor));
-    return { t, bands, plots: [plot('Force', 'N', forceOf(columns), kCurves[0]), plot('Depth', 'mm', scaled('insertion_m', 1000), kCurves[2]), plot('Speed', 'mm/s', scaled('speed_m_s', 1000), kCurves[3])] };
+    return {
+      t,
+      bands,
+      plots: [
+        plot('Force', 'N', forceOf(columns), kCurves[0]),
+        plot('Depth', 'mm', scaled('insertion_m', 1000), kCurves[2]),
+        plot('Speed', 'mm/s', scaled('speed_m_s', 1000), kCurves[3]),
+      ],
+    };
   }, [columns, profile]);
   return html`<div class="actions"><p class="help">Drag over a plot to look closer; click to put the replay there.</p>
       ${window && html`<button type="button" onClick=${() => zoom(null)}>Show the whole recording</button>`}${busy && html`<span role="status">Loading …</span>`}</div>

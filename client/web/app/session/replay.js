@@ -12,13 +12,18 @@ const kTrail = 400;
 
 /** Tip, needle and trail in one view. */
 function Tip({ way, at_s, x, y, second, length_m }) {
-  const i = sampleAt(way, at_s), here = way.points[i], lean = way.axes[i];
+  const i = sampleAt(way, at_s),
+    here = way.points[i],
+    lean = way.axes[i];
   const trail = useMemo(() => {
     const step = Math.max(1, Math.floor(way.points.length / kTrail));
     return way.points.map((p, k) => ({ p, k })).filter(({ k }) => k % step === 0);
   }, [way]);
   if (!here) return null;
-  const done = trail.filter(({ k }) => k <= i).map(({ p }) => `${x(p.u).toFixed(1)},${y(p[second]).toFixed(1)}`).join(' ');
+  const done = trail
+    .filter(({ k }) => k <= i)
+    .map(({ p }) => `${x(p.u).toFixed(1)},${y(p[second]).toFixed(1)}`)
+    .join(' ');
   const hub = { u: here.u - lean.u * length_m, w: here[second] - lean[second] * length_m };
   return html`<polyline class="tip-path" points=${done} /><line class="tip-needle" x1=${x(hub.u)} y1=${y(hub.w)} x2=${x(here.u)} y2=${y(here[second])} /><circle class="tip-now" cx=${x(here.u)} cy=${y(here[second])} r="5" />`;
 }
@@ -29,7 +34,18 @@ export function Replay({ columns, session, playback, act }) {
   const { profile, placement } = session.description;
   const way = useMemo(() => wayOf(columns, profile, placement), [columns, profile, placement]);
   const length_m = profile.needle?.length_m ?? 0.05;
-  const half_m = useMemo(() => Math.max(0.006, ...minMax(way.t_s, way.points.map((p) => Math.hypot(p.u, p.v) * (p.d > -0.005 ? 1 : 0)), 200).y) * 1.3, [way]);
+  const half_m = useMemo(
+    () =>
+      Math.max(
+        0.006,
+        ...minMax(
+          way.t_s,
+          way.points.map((p) => Math.hypot(p.u, p.v) * (p.d > -0.005 ? 1 : 0)),
+          200,
+        ).y,
+      ) * 1.3,
+    [way],
+  );
   const force = useMemo(() => forceOf(columns), [columns]);
   const keys = (event) => {
     if (event.target.closest('input, select, button')) return;
@@ -39,9 +55,13 @@ export function Replay({ columns, session, playback, act }) {
     else return;
     event.preventDefault();
   };
-  const i = sampleAt(way, playback.at_s), layer = columns.layer?.[i] ?? -1;
+  const i = sampleAt(way, playback.at_s),
+    layer = columns.layer?.[i] ?? -1;
   const place = `${clock(playback.at_s)}: ${layer >= 0 ? `in ${words(profile.layers?.[layer]?.tissue).toLowerCase()}, ${quantity(columns.insertion_m?.[i], 'm')} deep` : 'outside'}, ${quantity(force[i], 'N')}`;
-  const tip = (second) => ({ x, y }) => html`<${Tip} way=${way} at_s=${playback.at_s} x=${x} y=${y} second=${second} length_m=${length_m} />`;
+  const tip =
+    (second) =>
+    ({ x, y }) =>
+      html`<${Tip} way=${way} at_s=${playback.at_s} x=${x} y=${y} second=${second} length_m=${length_m} />`;
   return html`<div class="replay" role="group" aria-label="Replay of the tip" tabindex="0" onKeyDown=${keys}>
     <div class="replay-views"><div><h3>Side view</h3><${SideView} profile=${profile} frame=${way.frame} to_m=${way.deepest_m * 1.1} label="Side view of the tip's way through the layers" over=${tip('d')} /></div>
       <div><h3>From above</h3><${TopView} profile=${profile} frame=${way.frame} half_m=${half_m} label="View of the tip's way from above" over=${tip('v')} /></div></div>

@@ -22,7 +22,9 @@ import { html, useEffect, useRef } from './html.js';
 
 // single values are numbered: no attempt 1.5
 const kWholeSteps = [1, 2, 5, 10, 20, 50, 100];
-const kInk = '#1b2630', kLine = '#c3ccd3', kFont = '12px system-ui, sans-serif';
+const kInk = '#1b2630',
+  kLine = '#c3ccd3',
+  kFont = '12px system-ui, sans-serif';
 
 function drawBands(plot, bands) {
   const { ctx, bbox } = plot;
@@ -32,16 +34,19 @@ function drawBands(plot, bands) {
   ctx.clip();
   const ratio = devicePixelRatio;
   for (const band of bands) {
-    const left = plot.valToPos(band.from, 'x', true), right = plot.valToPos(band.to, 'x', true);
+    const left = plot.valToPos(band.from, 'x', true),
+      right = plot.valToPos(band.to, 'x', true);
     ctx.globalAlpha = 0.45;
     ctx.fillStyle = band.color;
     ctx.fillRect(left, bbox.top, right - left, bbox.height);
     ctx.globalAlpha = 1;
     ctx.fillStyle = kInk;
     ctx.font = `${11 * ratio}px system-ui, sans-serif`;
-    const text = band.label, width = ctx.measureText(text).width;
+    const text = band.label,
+      width = ctx.measureText(text).width;
     const middle = (Math.max(left, bbox.left) + Math.min(right, bbox.left + bbox.width)) / 2;
-    if (Math.min(right, bbox.left + bbox.width) - Math.max(left, bbox.left) > width + 6 * ratio) ctx.fillText(text, middle - width / 2, bbox.top + 13 * ratio);
+    if (Math.min(right, bbox.left + bbox.width) - Math.max(left, bbox.left) > width + 6 * ratio)
+      ctx.fillText(text, middle - width / 2, bbox.top + 13 * ratio);
   }
   ctx.restore();
 }
@@ -68,37 +73,80 @@ function drawMarks(plot, marks, at) {
 /** @param {ChartProps} props */
 export function Chart(props) {
   const { title, summary, x, series, y_label, sync, height = 240, points = false } = props;
-  const place = useRef(null), plot = useRef(null), latest = useRef(props);
+  const place = useRef(null),
+    plot = useRef(null),
+    latest = useRef(props);
   latest.current = props;
   const shape = JSON.stringify([title, x.label, y_label, points, series.map((s) => [s.label, s.color, s.dash])]);
   const data = () => [latest.current.x.values, ...latest.current.series.map((s) => s.values)];
 
   useEffect(() => {
-    const axis = { stroke: kInk, font: kFont, labelFont: kFont, grid: { stroke: kLine, width: 1 }, ticks: { stroke: kLine }, values: (_, all) => all.map((v) => number(v, 4)) };
-    const made = new uPlot({
-      width: Math.max(200, place.current.clientWidth), height,
-      scales: { x: { time: false, ...(points ? { range: (_, low, high) => [low - 0.25, high + 0.25] } : {}) } },
-      axes: [{ ...axis, label: x.label, labelSize: 22, ...(points ? { incrs: kWholeSteps } : {}) }, { ...axis, label: y_label, size: 56, labelSize: 22 }],
-      series: [{ label: x.label, value: (_, v) => (v === null ? '–' : number(v, 4)) }, ...series.map((s) => ({ label: s.label, stroke: s.color, dash: s.dash, width: s.width ?? 2, points: { show: points, size: 7 }, value: (_, v) => (v === null || v === undefined ? '–' : number(v, 3)) }))],
-      cursor: { drag: { x: true, y: false, setScale: !latest.current.onZoom }, ...(sync ? { sync: { key: sync } } : {}) },
-      // the sign in the legend is dashed as the curve is
-      legend: { markers: { width: 3, dash: (_, i) => { const dash = series[i - 1]?.dash ?? []; return dash.length === 0 ? 'solid' : dash[0] <= 2 ? 'dotted' : 'dashed'; } } },
-      hooks: {
-        drawClear: [(u) => drawBands(u, latest.current.bands ?? [])],
-        draw: [(u) => drawMarks(u, latest.current.marks ?? [], latest.current.at)],
-        setSelect: [(u) => {
-          const { left, width } = u.select, { onZoom } = latest.current;
-          if (!onZoom || width < 4) return;
-          u.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
-          onZoom(u.posToVal(left, 'x'), u.posToVal(left + width, 'x'));
-        }],
+    const axis = {
+      stroke: kInk,
+      font: kFont,
+      labelFont: kFont,
+      grid: { stroke: kLine, width: 1 },
+      ticks: { stroke: kLine },
+      values: (_, all) => all.map((v) => number(v, 4)),
+    };
+    const made = new uPlot(
+      {
+        width: Math.max(200, place.current.clientWidth),
+        height,
+        scales: { x: { time: false, ...(points ? { range: (_, low, high) => [low - 0.25, high + 0.25] } : {}) } },
+        axes: [
+          { ...axis, label: x.label, labelSize: 22, ...(points ? { incrs: kWholeSteps } : {}) },
+          { ...axis, label: y_label, size: 56, labelSize: 22 },
+        ],
+        series: [
+          { label: x.label, value: (_, v) => (v === null ? '–' : number(v, 4)) },
+          ...series.map((s) => ({
+            label: s.label,
+            stroke: s.color,
+            dash: s.dash,
+            width: s.width ?? 2,
+            points: { show: points, size: 7 },
+            value: (_, v) => (v === null || v === undefined ? '–' : number(v, 3)),
+          })),
+        ],
+        cursor: {
+          drag: { x: true, y: false, setScale: !latest.current.onZoom },
+          ...(sync ? { sync: { key: sync } } : {}),
+        },
+        // the sign in the legend is dashed as the curve is
+        legend: {
+          markers: {
+            width: 3,
+            dash: (_, i) => {
+              const dash = series[i - 1]?.dash ?? [];
+              return dash.length === 0 ? 'solid' : dash[0] <= 2 ? 'dotted' : 'dashed';
+            },
+          },
+        },
+        hooks: {
+          drawClear: [(u) => drawBands(u, latest.current.bands ?? [])],
+          draw: [(u) => drawMarks(u, latest.current.marks ?? [], latest.current.at)],
+          setSelect: [
+            (u) => {
+              const { left, width } = u.select,
+                { onZoom } = latest.current;
+              if (!onZoom || width < 4) return;
+              u.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+              onZoom(u.posToVal(left, 'x'), u.posToVal(left + width, 'x'));
+            },
+          ],
+        },
       },
-    }, data(), place.current);
+      data(),
+      place.current,
+    );
     made.over.addEventListener('click', (event) => {
       if (made.select.width < 4) latest.current.onPick?.(made.posToVal(event.offsetX, 'x'));
     });
     plot.current = made;
-    const observer = new ResizeObserver(([entry]) => made.setSize({ width: Math.max(200, entry.contentRect.width), height }));
+    const observer = new ResizeObserver(([entry]) =>
+      made.setSize({ width: Math.max(200, entry.contentRect.width), height }),
+    );
     observer.observe(place.current);
     return () => {
       observer.disconnect();

@@ -21,24 +21,33 @@ export function useDocument(kind, id, begin) {
   useEffect(() => {
     const abort = new AbortController();
     setState((before) => ({ ...before, loading: true, error: null }));
-    const load = id ? store.one(id, undefined, abort.signal) : Promise.resolve(begin()).then((json) => ({ revision: 0, json }));
-    load.then((text) => {
-      if (abort.signal.aborted) return;
-      const kept = draft.read();
-      // a draft goes on from the revision that it was made from: a newer one shows as a conflict when it is saved
-      const base = kept?.base ?? { revision: text.revision, json: text.json };
-      setState({ loading: false, error: null, base, doc: kept?.doc ?? text.json, restored: !!kept });
-    }, (error) => !abort.signal.aborted && setState((before) => ({ ...before, loading: false, error })));
+    const load = id
+      ? store.one(id, undefined, abort.signal)
+      : Promise.resolve(begin()).then((json) => ({ revision: 0, json }));
+    load.then(
+      (text) => {
+        if (abort.signal.aborted) return;
+        const kept = draft.read();
+        // a draft goes on from the revision that it was made from: a newer one shows as a conflict when it is saved
+        const base = kept?.base ?? { revision: text.revision, json: text.json };
+        setState({ loading: false, error: null, base, doc: kept?.doc ?? text.json, restored: !!kept });
+      },
+      (error) => !abort.signal.aborted && setState((before) => ({ ...before, loading: false, error })),
+    );
     return () => abort.abort();
   }, [kind, id, turn]);
 
   const { base, doc } = state;
   const dirty = doc !== null && !same(base.json, doc);
-  const change = useCallback((next) => setState((before) => {
-    const changed = { ...before, doc: typeof next === 'function' ? next(before.doc) : next };
-    draft.write({ base: changed.base, doc: changed.doc });
-    return changed;
-  }), [draft]);
+  const change = useCallback(
+    (next) =>
+      setState((before) => {
+        const changed = { ...before, doc: typeof next === 'function' ? next(before.doc) : next };
+        draft.write({ base: changed.base, doc: changed.doc });
+        return changed;
+      }),
+    [draft],
+  );
   useEffect(() => {
     if (!dirty) return undefined;
     const ask = (event) => event.preventDefault();
@@ -76,5 +85,16 @@ export function useDocument(kind, id, begin) {
     setConflict(null);
     setTurn((t) => t + 1);
   };
-  return { ...state, dirty, change, save, saving, conflict, settle, discard, closeConflict: () => setConflict(null), reload: () => setTurn((t) => t + 1) };
+  return {
+    ...state,
+    dirty,
+    change,
+    save,
+    saving,
+    conflict,
+    settle,
+    discard,
+    closeConflict: () => setConflict(null),
+    reload: () => setTurn((t) => t + 1),
+  };
 }

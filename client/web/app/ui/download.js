@@ -4,7 +4,10 @@ import { html } from './html.js';
 import { Problem } from './parts.js';
 
 export function saveAs(file, text, type) {
-  const link = Object.assign(document.createElement('a'), { href: URL.createObjectURL(new Blob([text], { type })), download: file });
+  const link = Object.assign(document.createElement('a'), {
+    href: URL.createObjectURL(new Blob([text], { type })),
+    download: file,
+  });
   link.click();
   URL.revokeObjectURL(link.href);
 }

@@ -13,21 +13,32 @@ function Frame({ id, label, unit, help, problems, wide, children }) {
     <label for=${id}>${label}${unit && html` <span class="unit">(${unit})</span>`}</label>
     ${children}
     ${help && html`<p class="help" id=${id + '-help'}>${help}</p>`}
-    ${problems.length > 0 && html`<div class="field-problem" id=${id + '-problem'}>
-      ${problems.map((p) => html`<p class=${p.severity === 'WARNING' ? 'warning' : 'error'}>
-        <span aria-hidden="true">${p.severity === 'WARNING' ? '!' : '✗'}</span> ${p.message}</p>`)}</div>`}
+    ${
+      problems.length > 0 &&
+      html`<div class="field-problem" id=${id + '-problem'}>
+      ${problems.map(
+        (p) => html`<p class=${p.severity === 'WARNING' ? 'warning' : 'error'}>
+        <span aria-hidden="true">${p.severity === 'WARNING' ? '!' : '✗'}</span> ${p.message}</p>`,
+      )}</div>`
+    }
   </div>`;
 }
 
-const described = (id, help, problems) => [help && id + '-help', problems.length > 0 && id + '-problem'].filter(Boolean).join(' ') || undefined;
+const described = (id, help, problems) =>
+  [help && id + '-help', problems.length > 0 && id + '-problem'].filter(Boolean).join(' ') || undefined;
 
 /** @param {{label: string, value: string, onValue: (text: string) => void, path?: string, problems?: FieldProblem[], [more: string]: any}} props */
 export function TextField({ label, value, onValue, path = '', problems, help, wide, rows, type = 'text', ...more }) {
   const id = useId();
   const mine = problemsAt(problems, path);
   const shared = {
-    id, value: value ?? '', 'data-path': path || undefined, 'aria-describedby': described(id, help, mine), ...more,
-    'aria-invalid': mine.some((p) => p.severity !== 'WARNING') ? 'true' : undefined, onInput: (event) => onValue(event.target.value),
+    id,
+    value: value ?? '',
+    'data-path': path || undefined,
+    'aria-describedby': described(id, help, mine),
+    ...more,
+    'aria-invalid': mine.some((p) => p.severity !== 'WARNING') ? 'true' : undefined,
+    onInput: (event) => onValue(event.target.value),
   };
   return html`<${Frame} id=${id} label=${label} help=${help} problems=${mine} wide=${wide}>
     ${rows ? html`<textarea rows=${rows} ...${shared} />` : html`<input type=${type} ...${shared} />`}<//>`;
@@ -37,7 +48,19 @@ export function TextField({ label, value, onValue, path = '', problems, help, wi
  * A number in the unit that people use; the value is SI. What is no number is said here and is not passed on, nor lost.
  * @param {{label: string, value: number|undefined, onValue: (value: number|undefined) => void, factor?: number, unit?: string, path?: string, problems?: FieldProblem[], [more: string]: any}} props
  */
-export function NumberField({ label, value, onValue, factor = 1, unit = '', si = unit, path = '', problems, help, onBad, ...more }) {
+export function NumberField({
+  label,
+  value,
+  onValue,
+  factor = 1,
+  unit = '',
+  si = unit,
+  path = '',
+  problems,
+  help,
+  onBad,
+  ...more
+}) {
   const id = useId();
   const [text, setText] = useState(shown(value, factor));
   const sent = useRef(value);
@@ -51,7 +74,10 @@ export function NumberField({ label, value, onValue, factor = 1, unit = '', si =
   const bad = typed(text, factor) === null;
   const said = problemsAt(problems, path);
   // the server's words are about SI
-  const mine = [...(bad ? [{ path, message: `“${text}” is no number; such as 3.5` }] : []), ...said.map((p) => (si === unit ? p : { ...p, message: `${p.message} (in ${si}, not ${unit})` }))];
+  const mine = [
+    ...(bad ? [{ path, message: `“${text}” is no number; such as 3.5` }] : []),
+    ...said.map((p) => (si === unit ? p : { ...p, message: `${p.message} (in ${si}, not ${unit})` })),
+  ];
   useEffect(() => {
     onBad?.(path, bad);
     return () => onBad?.(path, false);
@@ -99,7 +125,8 @@ export function ProblemList({ problems }) {
     }
     return undefined;
   };
-  const list = (items) => html`<ul>${items.map((p) => html`<li><button type="button" class="link" onClick=${() => go(p.path)}>${p.path || 'document'}</button>: ${p.message}</li>`)}</ul>`;
+  const list = (items) =>
+    html`<ul>${items.map((p) => html`<li><button type="button" class="link" onClick=${() => go(p.path)}>${p.path || 'document'}</button>: ${p.message}</li>`)}</ul>`;
   return html`<div class="problem-list" role="status" aria-label="Problems of this form">
     ${errors.length > 0 && html`<p><strong>✗ ${errors.length === 1 ? 'One field is' : errors.length + ' fields are'} not right yet</strong></p>${list(errors)}`}
     ${warnings.length > 0 && html`<p><strong>! ${warnings.length === 1 ? 'One warning' : warnings.length + ' warnings'}</strong></p>${list(warnings)}`}

@@ -16,10 +16,14 @@ export function usePages(ask, inputs) {
     return first.items ?? [];
   }, inputs);
   const action = useAction();
-  const next = useCallback(() => action.run(async () => {
-    const reply = await ask(more.next_page);
-    setMore({ items: [...more.items, ...(reply.items ?? [])], next_page: reply.next_page ?? '' });
-  }), [more]);
+  const next = useCallback(
+    () =>
+      action.run(async () => {
+        const reply = await ask(more.next_page);
+        setMore({ items: [...more.items, ...(reply.items ?? [])], next_page: reply.next_page ?? '' });
+      }),
+    [more],
+  );
   const button = html`<${Problem} error=${action.error} />
     ${more.next_page && html`<p><button type="button" disabled=${action.busy} onClick=${next}>${action.busy ? 'Loading …' : 'Show more'}</button></p>`}`;
   return { load, items: [...(load.data ?? []), ...more.items], button };

@@ -71,7 +71,10 @@ export function Dialog({ title, close, children, wide }) {
     return () => before instanceof HTMLElement && before.isConnected && before.focus();
   }, []);
   return html`<dialog ref=${element} class=${wide ? 'wide' : ''} aria-labelledby="dialog-title"
-      onCancel=${(event) => { event.preventDefault(); close?.(); }}>
+      onCancel=${(event) => {
+        event.preventDefault();
+        close?.();
+      }}>
     <h2 id="dialog-title">${title}</h2>${children}</dialog>`;
 }
 

@@ -5,12 +5,29 @@ import { number, quantity, words } from '../lib/units.js';
 import { useWidth } from './hooks.js';
 import { html, useMemo } from './html.js';
 
-const kWidth = 640, kLabels = 185, kTop_m = 0.012, kHeight = 440, kGap = 18;
+const kWidth = 640,
+  kLabels = 185,
+  kTop_m = 0.012,
+  kHeight = 440,
+  kGap = 18;
 
 /** Shapes of a profile as circles or rounded lines in the plane (u, second). */
 function shapes(profile, frame, second) {
-  const at = (p) => { const f = inFrame(frame, p); return { u: f.u, w: f[second] }; };
-  const of = (kind, list) => (list ?? []).filter((x) => x.radius_m > 0).map((x) => ({ kind, name: x.name, tissue: x.kind, radius_m: Number(x.radius_m), a: at(x.center_m ?? x.a_m), b: x.center_m ? null : at(x.b_m) }));
+  const at = (p) => {
+    const f = inFrame(frame, p);
+    return { u: f.u, w: f[second] };
+  };
+  const of = (kind, list) =>
+    (list ?? [])
+      .filter((x) => x.radius_m > 0)
+      .map((x) => ({
+        kind,
+        name: x.name,
+        tissue: x.kind,
+        radius_m: Number(x.radius_m),
+        a: at(x.center_m ?? x.a_m),
+        b: x.center_m ? null : at(x.b_m),
+      }));
   return [...of('hazard', profile.hazards), ...of('target', profile.targets)];
 }
 
@@ -32,8 +49,11 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
   const [place, room] = useWidth(kWidth);
   const width = Math.max(320, room);
   const drawn = useMemo(() => {
-    const layers = layerBounds(profile), frame = given ?? frameOf(profile.limb), depth = depthOf(profile.limb);
-    const bottom_m = Math.max(0.01, to_m ?? 0, layers.at(-1)?.to_m ?? 0), height_m = bottom_m + kTop_m;
+    const layers = layerBounds(profile),
+      frame = given ?? frameOf(profile.limb),
+      depth = depthOf(profile.limb);
+    const bottom_m = Math.max(0.01, to_m ?? 0, layers.at(-1)?.to_m ?? 0),
+      height_m = bottom_m + kTop_m;
     const scale = Math.min(kHeight / height_m, (width - kLabels) / 0.02);
     const half_m = (width - kLabels) / scale / 2;
     const window = { from_u: -half_m, to_u: half_m, from_d: -kTop_m, to_d: bottom_m };
@@ -42,19 +62,35 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
     return { layers, frame, bottom_m, scale, half_m, height: height_m * scale, lines, all };
   }, [profile, given, to_m, width]);
   const { layers, scale, half_m, height, lines, all, bottom_m } = drawn;
-  const x = (u) => (u + half_m) * scale, y = (d) => (d + kTop_m) * scale;
-  const area = (line) => `${line.map((p) => `${x(p.u).toFixed(1)},${y(p.d).toFixed(1)}`).join(' ')} ${x(line.at(-1).u).toFixed(1)},${y(bottom_m).toFixed(1)} ${x(line[0].u).toFixed(1)},${y(bottom_m).toFixed(1)}`;
+  const x = (u) => (u + half_m) * scale,
+    y = (d) => (d + kTop_m) * scale;
+  const area = (line) =>
+    `${line.map((p) => `${x(p.u).toFixed(1)},${y(p.d).toFixed(1)}`).join(' ')} ${x(line.at(-1).u).toFixed(1)},${y(bottom_m).toFixed(1)} ${x(line[0].u).toFixed(1)},${y(bottom_m).toFixed(1)}`;
   const edge = x(half_m);
   // leaders begin in one column that crosses all layers, as far to the right as may be: their order is that of the layers
   const ends = lines.map((line) => line.filter((p) => p.d < bottom_m * 0.98).at(-1)?.u ?? 0);
   const column = Math.max(0, Math.min(half_m * 0.985, ...ends.map((u) => (u >= half_m - 1e-9 ? half_m : u * 0.85))));
-  const top = (i) => lines[i]?.reduce((best, p) => (best && Math.abs(best.u - column) <= Math.abs(p.u - column) ? best : p), null)?.d ?? bottom_m;
+  const top = (i) =>
+    lines[i]?.reduce((best, p) => (best && Math.abs(best.u - column) <= Math.abs(p.u - column) ? best : p), null)?.d ??
+    bottom_m;
   const seen = (i) => ({ u: column, d: (top(i) + Math.max(top(i), i + 1 < lines.length ? top(i + 1) : bottom_m)) / 2 });
-  const labels = layers.map((l, i) => {
-    const at = seen(i), phi = fidelity?.[i];
-    return { x: x(at.u), y: y(at.d), text: `${words(l.tissue)} ${quantity(l.to_m - l.from_m, 'm')}${Number.isFinite(phi) ? `, φ ${number(phi, 2)}${phi < 0.5 ? ' !' : ''}` : ''}` };
-  }).sort((a, b) => a.y - b.y);
-  const slots = spread(labels.map((l) => l.y), kGap, 12, Math.max(height - 6, 12 + kGap * labels.length));
+  const labels = layers
+    .map((l, i) => {
+      const at = seen(i),
+        phi = fidelity?.[i];
+      return {
+        x: x(at.u),
+        y: y(at.d),
+        text: `${words(l.tissue)} ${quantity(l.to_m - l.from_m, 'm')}${Number.isFinite(phi) ? `, φ ${number(phi, 2)}${phi < 0.5 ? ' !' : ''}` : ''}`,
+      };
+    })
+    .sort((a, b) => a.y - b.y);
+  const slots = spread(
+    labels.map((l) => l.y),
+    kGap,
+    12,
+    Math.max(height - 6, 12 + kGap * labels.length),
+  );
   const ruler_m = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05].find((m) => m * scale > 40) ?? 0.1;
   return html`<svg ref=${place} class="section" viewBox=${`0 0 ${width} ${Math.max(height, slots.at(-1) ?? 0) + 8}`} role="img" aria-label=${label}>
     <clipPath id="section-clip"><rect x="0" y="0" width=${edge} height=${height} /></clipPath>
@@ -70,8 +106,10 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
 
 /** The view from above, along the needle's way in. */
 export function TopView({ profile, frame, label, half_m = 0.03, over }) {
-  const size = 300, scale = size / 2 / half_m;
-  const x = (u) => size / 2 + u * scale, y = (v) => size / 2 - v * scale;
+  const size = 300,
+    scale = size / 2 / half_m;
+  const x = (u) => size / 2 + u * scale,
+    y = (v) => size / 2 - v * scale;
   const all = shapes(profile, frame, 'v');
   const skin = layerBounds(profile)[0]?.tissue;
   return html`<svg class="section" viewBox=${`0 0 ${size} ${size}`} role="img" aria-label=${label}>

@@ -53,9 +53,12 @@ function AwayBanner() {
   const [, setTurn] = useState(0);
   useEvery(500, () => away && setTurn((t) => t + 1));
   const seconds = Math.max(0, Math.ceil((next_try_ms - Date.now()) / 1000));
-  return html`<div aria-live="assertive">${away && html`<div class="banner">
+  return html`<div aria-live="assertive">${
+    away &&
+    html`<div class="banner">
     <p><strong>! The server is away.</strong> What you typed is kept. <span aria-hidden="true">Next try ${seconds > 0 ? `in ${seconds} s` : 'now'}.</span></p>
-    <button type="button" onClick=${tryNow}>Try now</button></div>`}</div>`;
+    <button type="button" onClick=${tryNow}>Try now</button></div>`
+  }</div>`;
 }
 
 function Notice() {
@@ -67,8 +70,11 @@ function Notice() {
     const timer = setTimeout(() => setShown(false), 8000);
     return () => clearTimeout(timer);
   }, [at]);
-  return html`<div class="notice-place" role="status" aria-label="Notices">${shown && html`<p class="notice">${text}
-    <button type="button" class="link" onClick=${() => setShown(false)}>Dismiss</button></p>`}</div>`;
+  return html`<div class="notice-place" role="status" aria-label="Notices">${
+    shown &&
+    html`<p class="notice">${text}
+    <button type="button" class="link" onClick=${() => setShown(false)}>Dismiss</button></p>`
+  }</div>`;
 }
 
 function Keys({ sections, close }) {
@@ -99,8 +105,10 @@ export function Shell({ person, section, children }) {
     <${AwayBanner} />
     <header class="top">
       <a class="brand" href="#/">needlelab</a>
-      <nav aria-label="Sections"><ul>${sections.map(([name, address]) => html`<li>
-        <a href=${address} aria-current=${name === section ? 'page' : undefined}>${name}</a></li>`)}</ul></nav>
+      <nav aria-label="Sections"><ul>${sections.map(
+        ([name, address]) => html`<li>
+        <a href=${address} aria-current=${name === section ? 'page' : undefined}>${name}</a></li>`,
+      )}</ul></nav>
       <div class="who"><a href="#/account">${person.full_name || person.name}</a> <span class="role">${words(person.role)}</span>
         <button type="button" onClick=${() => setHelp(true)} aria-label="Keyboard shortcuts">?</button>
         <button type="button" disabled=${leaving.busy} onClick=${() => leaving.run(logOut)}>Log out</button></div>
