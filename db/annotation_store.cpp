@@ -1,6 +1,6 @@
 #include "db/annotation_store.h"
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "db/session_row.h"
 
 namespace needlelab {

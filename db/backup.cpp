@@ -11,8 +11,7 @@
 #include <string>
 #include <string_view>
 
-#include "common/base/atomic_file.h"
-#include "common/base/disk_words.h"
+#include "common/base/files.h"
 #include "db/cancel_scope.h"
 #include "db/check.h"
 #include "db/meta_store.h"

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <utility>
 
-#include "common/base/disk_words.h"
+#include "common/base/files.h"
 #include "common/base/planted_bug.h"
 
 namespace needlelab {

@@ -1,6 +1,6 @@
 #include "db/consent_store.h"
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "db/people_store.h"
 
 namespace needlelab {

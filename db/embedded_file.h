@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "common/base/embedded_file.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 

@@ -3,7 +3,7 @@
 #include <charconv>
 #include <sstream>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "db/erasure_store.h"
 #include "db/revision.h"
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "db/people_store.h"
 #include "db/revision.h"
 

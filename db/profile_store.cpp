@@ -1,6 +1,6 @@
 #include "db/profile_store.h"
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "db/revision.h"
 
 namespace needlelab {

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <mutex>
 
-#include "common/base/atomic_file.h"
 #include "common/base/bytes.h"
+#include "common/base/files.h"
 
 namespace needlelab {
 namespace {

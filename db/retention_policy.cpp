@@ -3,7 +3,7 @@
 #include <cmath>
 #include <map>
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "db/retention_store.h"
 #include "db/session_row.h"
 

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <variant>
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "db/chunk_scan.h"
 #include "db/session_row.h"
 #include "db/session_store.h"

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <string>
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "common/base/uuid.h"
 
 namespace needlelab {

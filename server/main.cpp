@@ -8,7 +8,7 @@
 #include <exception>
 #include <string>
 
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protobuf_log.h"
 #include "server/live/log.h"

@@ -10,9 +10,9 @@
 #include <optional>
 #include <utility>
 
-#include "common/base/atomic_file.h"
 #include "common/base/clock.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "common/wire/certificates.h"
 #include "common/wire/tls.h"
 #include "db/meta_store.h"

@@ -6,8 +6,8 @@
 
 #include "client/admin/command.h"
 #include "client/admin/secrets.h"
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 namespace {

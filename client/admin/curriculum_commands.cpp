@@ -2,7 +2,7 @@
 
 #include "client/admin/command.h"
 #include "client/admin/when.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {

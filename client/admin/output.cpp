@@ -5,8 +5,8 @@
 #include <ctime>
 #include <ostream>
 
-#include "common/base/atomic_file.h"
-#include "common/base/machine.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 namespace {

@@ -3,7 +3,7 @@
 
 #include "client/admin/command.h"
 #include "client/admin/study_recording.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/base/uuid.h"
 
 namespace needlelab {

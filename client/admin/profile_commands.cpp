@@ -1,7 +1,7 @@
 #include <memory>
 
 #include "client/admin/command.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {

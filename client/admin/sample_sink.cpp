@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "common/base/growing_file.h"
-#include "common/base/machine.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
 #include "common/gesture/sample_csv.h"

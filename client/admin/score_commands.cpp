@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "client/admin/command.h"
-#include "common/base/growing_file.h"
+#include "common/base/files.h"
 #include "common/scoring/score_csv.h"
 
 namespace needlelab {

@@ -6,9 +6,9 @@
 
 #include "client/admin/command.h"
 #include "client/net/enrolment.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/base/secret.h"
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "common/wire/certificates.h"
 
 namespace needlelab {

@@ -3,8 +3,8 @@
 
 #include "client/admin/command.h"
 #include "client/admin/secrets.h"
-#include "common/base/atomic_file.h"
-#include "common/base/text_rules.h"
+#include "common/base/files.h"
+#include "common/base/text.h"
 #include "db/service/roles.h"
 
 namespace needlelab {

@@ -1,7 +1,7 @@
 /// What somebody wants of a simulated hand while it moves: the way from a window to the haptic thread.
 #pragma once
 
-#include "common/base/latest_value.h"
+#include "common/base/wait_free.h"
 #include "common/haptics/geometry.h"
 
 namespace needlelab {

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
-#include "common/base/atomic_file.h"
 #include "common/base/csv.h"
+#include "common/base/files.h"
 #include "common/base/range.h"
 
 namespace needlelab {

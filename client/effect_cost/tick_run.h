@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "common/base/timing.h"
+#include "common/base/clock.h"
 #include "common/haptics/engine.h"
 
 namespace needlelab {

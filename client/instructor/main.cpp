@@ -10,7 +10,7 @@
 #include "client/instructor/terminal/headless.h"
 #include "client/instructor/window_mode.h"
 #include "client/net/password.h"
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protobuf_log.h"
 

@@ -6,7 +6,7 @@
 
 #include <array>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/base/secret.h"
 
 namespace needlelab {

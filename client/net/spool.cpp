@@ -10,7 +10,7 @@
 #include <optional>
 #include <utility>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/base/planted_bug.h"
 
 namespace needlelab {

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "common/base/atomic_file.h"
 #include "common/base/clock.h"
-#include "common/base/text_rules.h"
+#include "common/base/files.h"
+#include "common/base/text.h"
 #include "common/gesture/session_hash.h"
 
 namespace needlelab {

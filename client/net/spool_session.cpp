@@ -11,9 +11,9 @@
 #include <utility>
 
 #include "client/net/spool.h"
-#include "common/base/atomic_file.h"
-#include "common/base/formatted.h"
+#include "common/base/files.h"
 #include "common/base/planted_bug.h"
+#include "common/base/text.h"
 #include "common/gesture/chunk.h"
 #include "proto/session_rules.h"
 

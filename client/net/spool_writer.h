@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "client/net/spool.h"
-#include "common/base/spsc_ring.h"
+#include "common/base/wait_free.h"
 #include "common/gesture/sample.h"
 
 namespace needlelab {

@@ -6,7 +6,7 @@
 
 #include "client/net/uplink_call.h"
 #include "common/base/clock.h"
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -15,10 +15,8 @@
 #include "client/sim/command.h"
 #include "client/sim/tools/gnuplot.h"
 #include "client/sim/tools/json_output.h"
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
-#include "common/base/machine.h"
-#include "common/base/output_check.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 namespace {

@@ -12,8 +12,8 @@
 #include "client/sim/effects_study.h"
 #include "client/sim/tools/gnuplot.h"
 #include "client/sim/tools/json_output.h"
-#include "common/base/exit_code.h"
-#include "common/base/output_check.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 namespace {

@@ -6,8 +6,8 @@
 #include "client/sim/effects_study.h"
 #include "client/sim/tools/figure_table.h"
 #include "client/sim/tools/gnuplot.h"
-#include "common/base/atomic_file.h"
-#include "common/base/formatted.h"
+#include "common/base/files.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

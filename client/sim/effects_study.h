@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "common/base/clock.h"
 #include "common/base/result.h"
-#include "common/base/timing.h"
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {

@@ -8,8 +8,8 @@
 #include "client/sim/tools/figures.h"
 #include "client/sim/tools/gnuplot.h"
 #include "client/sim/tools/json_output.h"
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 namespace {

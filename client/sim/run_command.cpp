@@ -9,9 +9,8 @@
 #include "client/sim/tools/json_output.h"
 #include "client/sim/tools/offline_cli.h"
 #include "client/sim/tools/run_output.h"
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
-#include "common/base/output_check.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 namespace {

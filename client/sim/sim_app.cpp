@@ -3,7 +3,7 @@
 #include <string>
 
 #include "client/sim/command.h"
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 

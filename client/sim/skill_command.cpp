@@ -10,8 +10,8 @@
 #include "client/sim/skill/skill_study.h"
 #include "client/sim/skill_picture.h"
 #include "client/sim/tools/json_output.h"
-#include "common/base/exit_code.h"
-#include "common/base/output_check.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 namespace {

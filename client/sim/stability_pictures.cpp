@@ -8,7 +8,7 @@
 #include "client/sim/stability/case_output.h"
 #include "client/sim/tools/figure_table.h"
 #include "client/sim/tools/gnuplot.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 
 namespace needlelab {
 namespace {

@@ -8,7 +8,7 @@
 #include "client/station/run/options.h"
 #include "client/station/run/station.h"
 #include "client/station/window/trainee_app.h"
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protobuf_log.h"
 

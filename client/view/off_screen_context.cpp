@@ -1,7 +1,7 @@
 #include <epoxy/egl.h>
 
 #include "client/view/gl_context.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

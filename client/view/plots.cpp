@@ -8,7 +8,7 @@
 #include "client/view/model/axis_ticks.h"
 #include "client/view/plot_draw.h"
 #include "client/view/theme.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -2,7 +2,7 @@
 #include <stb/stb_image_write.h>
 
 #include "client/view/surface.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 
 namespace needlelab {
 

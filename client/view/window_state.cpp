@@ -2,8 +2,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "common/base/atomic_file.h"
-#include "common/base/formatted.h"
+#include "common/base/files.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

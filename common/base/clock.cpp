@@ -1,6 +1,9 @@
-#include "common/base/clock.h"
-
 #include <time.h>
+
+#include <fmt/core.h>
+#include <cmath>
+
+#include "common/base/clock.h"
 
 namespace needlelab {
 namespace {
@@ -11,6 +14,25 @@ std::int64_t readNs(clockid_t id) noexcept {
   return static_cast<std::int64_t>(now.tv_sec) * 1'000'000'000 + now.tv_nsec;
 }
 
+double quantile(const std::vector<double>& sorted, double q) {
+  if (sorted.empty()) return 0;
+  const double rank = std::ceil(q * static_cast<double>(sorted.size()));
+  return sorted[static_cast<std::size_t>(std::max(rank, 1.0)) - 1];
+}
+
+double measuredClock_ns() {
+  constexpr int kReadings = 1000;
+  std::vector<double> costs_ns;
+  for (int i = 0; i < kReadings; ++i) {
+    // ten at a time: one reading is near the clock's own step
+    const std::int64_t from_ns = steadyNowNs();
+    for (int k = 0; k < 9; ++k) keep(steadyNowNs());
+    costs_ns.push_back(static_cast<double>(steadyNowNs() - from_ns) / 10);
+  }
+  std::sort(costs_ns.begin(), costs_ns.end());
+  return quantile(costs_ns, 0.5);
+}
+
 }  // namespace
 
 std::int64_t steadyNowNs() noexcept {
@@ -18,6 +40,29 @@ std::int64_t steadyNowNs() noexcept {
 }
 std::int64_t wallNowNs() noexcept {
   return readNs(CLOCK_REALTIME);
+}
+
+Timing timingOf(std::vector<double> means_ns, std::size_t per_batch) {
+  std::sort(means_ns.begin(), means_ns.end());
+  Timing timing;
+  timing.batches = means_ns.size();
+  timing.per_batch = per_batch;
+  if (means_ns.empty() || per_batch == 0) return timing;
+  timing.median_ns = quantile(means_ns, 0.5);
+  timing.p99_ns = quantile(means_ns, 0.99);
+  timing.least_ns = means_ns.front();
+  timing.resolution_ns = clockCost_ns() / static_cast<double>(per_batch);
+  return timing;
+}
+
+double clockCost_ns() {
+  static const double cost_ns = measuredClock_ns();
+  return cost_ns;
+}
+
+std::string timingText(const Timing& timing) {
+  return fmt::format("time: {} batches of {}, clock {:.2g} ns", timing.batches, timing.per_batch,
+                     timing.resolution_ns);
 }
 
 }  // namespace needlelab

@@ -3,8 +3,6 @@
 #include <array>
 #include <cstring>
 
-#include "common/base/crc32c_tables.h"
-
 #if defined(__x86_64__)
 #include <nmmintrin.h>
 #endif

@@ -11,4 +11,7 @@ namespace needlelab {
 /// 0xE3069283.
 std::uint32_t crc32c(ByteView bytes, std::uint32_t previous = 0) noexcept;
 
+/// The same on a processor without an instruction for it; a test compares both.
+std::uint32_t crc32cByTables(ByteView bytes, std::uint32_t previous = 0) noexcept;
+
 }  // namespace needlelab

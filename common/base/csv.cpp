@@ -4,7 +4,7 @@
 #include <charconv>
 #include <cmath>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 
 namespace needlelab {
 namespace {

@@ -1,9 +1,11 @@
-/// How often which size of a thing was seen: fixed bounds, a few hundred bytes, ready to be shown as a
-/// Prometheus histogram.
+/// Histograms in fixed memory: of sizes and durations for the server's metrics, and of the haptic thread's
+/// ticks.
 #pragma once
 
 #include <algorithm>
 #include <array>
+#include <atomic>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -19,7 +21,9 @@ inline constexpr std::array<std::int64_t, 19> kDurationBoundsNs = {
 inline constexpr std::array<std::int64_t, 15> kCountBounds = {1,   2,   4,    8,    16,   32,   64,   128,
                                                               256, 512, 1024, 2048, 4096, 8192, 16384};
 
-/// A copy is a snapshot. `Bounds` is one of the tables above. Thread: one (or guarded by its owner).
+/// How often which size of a thing was seen: fixed bounds, a few hundred bytes, ready to be shown as a
+/// Prometheus histogram. A copy is a snapshot. `Bounds` is one of the tables above. Thread: one (or guarded
+/// by its owner).
 template <const auto& Bounds>
 class Histogram {
  public:
@@ -66,5 +70,98 @@ class Histogram {
 
 using DurationHistogram = Histogram<kDurationBoundsNs>;
 using CountHistogram = Histogram<kCountBounds>;
+
+/// The usual quantiles of durations, in ns; zeros when nothing was added.
+struct LatencyQuantiles {
+  std::uint64_t total = 0;
+  std::int64_t p50_ns = 0, p99_ns = 0, p999_ns = 0, max_ns = 0;
+};
+
+/// Counts of durations for quantiles of what the haptic thread does, tick by tick, also while it does it.
+/// Durations in ns from 0 to 2^40 (18 min; longer ones count as that). Exact below 64 ns; above, buckets are
+/// 1/32 of their power of two wide, and a quantile is the upper end of its bucket: at most 3.2 % too high,
+/// never too low.
+/// Thread: one adds, any number read meanwhile (what they see may lack the newest durations); no lock on
+/// either side. `add` is real-time safe.
+class LatencyHistogram {
+ public:
+  LatencyHistogram() = default;
+  LatencyHistogram(const LatencyHistogram& other) noexcept { *this = other; }
+  LatencyHistogram& operator=(const LatencyHistogram& other) noexcept {
+    for (std::size_t i = 0; i < counts_.size(); ++i)
+      counts_[i].store(other.counts_[i].load(std::memory_order_relaxed), std::memory_order_relaxed);
+    max_ns_.store(other.max_ns(), std::memory_order_relaxed);
+    return *this;
+  }
+
+  void add(std::int64_t duration_ns) noexcept {
+    // there is one writer: a plain increment, only that readers never see half of it
+    auto& count =
+        counts_[bucketOf(static_cast<std::uint64_t>(std::clamp<std::int64_t>(duration_ns, 0, kLargest)))];
+    count.store(count.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+    if (duration_ns > max_ns_.load(std::memory_order_relaxed))
+      max_ns_.store(duration_ns, std::memory_order_relaxed);
+  }
+  /// All durations of another one, too.
+  void add(const LatencyHistogram& other) noexcept {
+    for (std::size_t i = 0; i < counts_.size(); ++i)
+      counts_[i].store(
+          counts_[i].load(std::memory_order_relaxed) + other.counts_[i].load(std::memory_order_relaxed),
+          std::memory_order_relaxed);
+    max_ns_.store(std::max(max_ns(), other.max_ns()), std::memory_order_relaxed);
+  }
+  /// What was added since `earlier`, a copy of this. The greatest one is not known apart: it is of both.
+  [[nodiscard]] LatencyHistogram since(const LatencyHistogram& earlier) const noexcept {
+    LatencyHistogram newer(*this);
+    for (std::size_t i = 0; i < counts_.size(); ++i)
+      newer.counts_[i].store(newer.counts_[i].load(std::memory_order_relaxed) -
+                                 earlier.counts_[i].load(std::memory_order_relaxed),
+                             std::memory_order_relaxed);
+    return newer;
+  }
+  [[nodiscard]] std::uint64_t total() const noexcept {
+    std::uint64_t sum = 0;
+    for (const auto& count : counts_) sum += count.load(std::memory_order_relaxed);
+    return sum;
+  }
+  [[nodiscard]] std::int64_t max_ns() const noexcept { return max_ns_.load(std::memory_order_relaxed); }
+  /// The least duration that at least the share `q` (0-1) of all is not above; 0 when nothing was added.
+  [[nodiscard]] std::int64_t quantile_ns(double q) const noexcept {
+    const double wanted = q * static_cast<double>(total());
+    std::uint64_t seen = 0;
+    for (std::size_t i = 0; i < counts_.size(); ++i) {
+      const std::uint64_t count = counts_[i].load(std::memory_order_relaxed);
+      seen += count;
+      if (count > 0 && static_cast<double>(seen) >= wanted) return std::min(upperEnd(i), max_ns());
+    }
+    return 0;
+  }
+  /// All of one instant: also beside the writer p50 ≤ p99 ≤ p99.9.
+  [[nodiscard]] LatencyQuantiles quantiles() const noexcept {
+    const LatencyHistogram now(
+        *this);  // 9 KiB; what is counted meanwhile would make a later quantile too low
+    return {now.total(), now.quantile_ns(0.5), now.quantile_ns(0.99), now.quantile_ns(0.999), now.max_ns()};
+  }
+
+ private:
+  static constexpr std::int64_t kLargest = (std::int64_t{1} << 40) - 1;
+  static constexpr unsigned kSubBits = 5;  // 32 buckets to a power of two
+  static constexpr std::size_t kExact = std::size_t{2} << kSubBits;
+
+  static std::size_t bucketOf(std::uint64_t value) noexcept {
+    if (value < kExact) return static_cast<std::size_t>(value);
+    const auto shift = static_cast<unsigned>(std::bit_width(value)) - 1 - kSubBits;
+    return (std::size_t{shift} << kSubBits) + static_cast<std::size_t>(value >> shift);
+  }
+  static std::int64_t upperEnd(std::size_t bucket) noexcept {
+    if (bucket < kExact) return static_cast<std::int64_t>(bucket);
+    const std::size_t shift = (bucket >> kSubBits) - 1;
+    const std::uint64_t top = (bucket & ((1u << kSubBits) - 1)) + (1u << kSubBits);
+    return static_cast<std::int64_t>(((top + 1) << shift) - 1);
+  }
+
+  std::array<std::atomic<std::uint64_t>, kExact + (std::size_t{34} << kSubBits)> counts_{};
+  std::atomic<std::int64_t> max_ns_{0};
+};
 
 }  // namespace needlelab

@@ -1,4 +1,5 @@
-/// Bugs planted on purpose: the durability tests show with them that they would catch such a bug (DESIGN §8).
+/// Bugs planted on purpose: the durability tests show with them that they would catch such a bug
+/// (tests/durability/README.md).
 #pragma once
 
 #include <string_view>
@@ -20,7 +21,15 @@ enum class PlantedBug {
 inline constexpr int kPlantedBugs = 10;
 
 /// Its name in NEEDLELAB_PLANT, e.g. "ack-before-commit".
-std::string_view nameOf(PlantedBug bug) noexcept;
+constexpr std::string_view nameOf(PlantedBug bug) noexcept {
+  constexpr std::string_view kNames[kPlantedBugs] = {
+      "ack-before-commit",           "synchronous-normal",  "no-spool-folder-sync",
+      "repeated-chunk-stored-twice", "fsync-error-ignored", "second-checkpointer",
+      "spool-purged-at-ack",         "gap-accepted",        "hash-not-checked",
+      "sample-lost-at-reconnection",
+  };
+  return kNames[static_cast<int>(bug)];
+}
 
 /// Whether this program has it. False in every program that users run, which cannot be changed at run time:
 /// only a test's program is linked with tests/support/planted_bug.cpp, which asks the environment. Never

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <utility>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/gesture/recording.h"
 #include "common/gesture/recording_format.h"
 

@@ -4,7 +4,7 @@
 #include <cctype>
 #include <cstddef>
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

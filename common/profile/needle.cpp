@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/formatted.h"
 #include "common/base/range.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 

@@ -1,6 +1,6 @@
 #include "common/profile/profile.h"
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/profile/message_json.h"
 #include "common/profile/rules.h"
 #include "common/profile/strict_json.h"

@@ -1,7 +1,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 #include "common/scoring/groups.h"
 #include "common/scoring/syringe_events.h"
 

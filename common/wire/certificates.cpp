@@ -19,8 +19,7 @@
 #include <openssl/x509v3.h>
 #include <boost/asio/ip/address.hpp>
 
-#include "common/base/atomic_file.h"
-#include "common/base/disk_words.h"
+#include "common/base/files.h"
 
 namespace needlelab {
 namespace {

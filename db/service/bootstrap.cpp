@@ -8,9 +8,8 @@
 #include <cerrno>
 #include <utility>
 
-#include "common/base/atomic_file.h"
 #include "common/base/clock.h"
-#include "common/base/disk_words.h"
+#include "common/base/files.h"
 #include "db/meta_store.h"
 #include "db/migrate.h"
 #include "db/service/lesson_texts.h"

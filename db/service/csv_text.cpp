@@ -1,6 +1,6 @@
 #include "db/service/csv_text.h"
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "db/consent_store.h"
 #include "db/group_store.h"
 #include "db/password.h"

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/base/secret.h"
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "db/audit_store.h"
 #include "db/group_store.h"
 #include "db/password.h"

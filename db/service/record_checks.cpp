@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "common/base/uuid.h"
 #include "common/scoring/measures.h"
 #include "db/pseudonym.h"

@@ -4,7 +4,7 @@
 #include <unordered_set>
 #include <vector>
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "db/curriculum_store.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"

@@ -11,8 +11,7 @@
 #include <string>
 #include <utility>
 
-#include "common/base/atomic_file.h"
-#include "common/base/disk_words.h"
+#include "common/base/files.h"
 #include "db/audit_store.h"
 #include "db/check.h"
 #include "db/connection.h"

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "common/gesture/chunk.h"
 #include "db/annotation_store.h"
 #include "db/attempt_store.h"

@@ -2,7 +2,7 @@
 // out. The running server delivers it (server/live/request_effects.h).
 #include <string>
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "common/profile/aid_list.h"
 #include "db/curriculum_store.h"
 #include "db/service/handlers.h"

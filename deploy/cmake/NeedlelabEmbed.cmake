@@ -1,6 +1,6 @@
 # Text files that travel inside a program, so that it needs no files beside it.
 # needlelab_embed(OUT FUNCTION FILE ...): writes a source file, whose path goes to OUT. It defines
-#   std::span<const needlelab::EmbeddedFile> needlelab::FUNCTION();      (common/base/embedded_file.h)
+#   std::span<const needlelab::EmbeddedFile> needlelab::FUNCTION();      (common/base/program.h)
 # This file is also the script that writes it: cmake -DFILES="a;b" -DOUT=x.cpp -DFUNCTION=name -P NeedlelabEmbed.cmake
 if(NOT CMAKE_SCRIPT_MODE_FILE)
   set(needlelab_embed_script "${CMAKE_CURRENT_LIST_FILE}")
@@ -32,6 +32,6 @@ if(number EQUAL 0)
 else()
   set(body "std::span<const EmbeddedFile> ${FUNCTION}() {\n  static const EmbeddedFile kFiles[] = {\n${entries}  };\n  return kFiles;\n}")
 endif()
-file(WRITE "${OUT}.new" "#include <span>\n\n#include \"common/base/embedded_file.h\"\n\nnamespace needlelab {\nnamespace {\n${arrays}}  // namespace\n${body}\n}  // namespace needlelab\n")
+file(WRITE "${OUT}.new" "#include <span>\n\n#include \"common/base/program.h\"\n\nnamespace needlelab {\nnamespace {\n${arrays}}  // namespace\n${body}\n}  // namespace needlelab\n")
 file(COPY_FILE "${OUT}.new" "${OUT}" ONLY_IF_DIFFERENT)
 file(REMOVE "${OUT}.new")

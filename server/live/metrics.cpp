@@ -4,7 +4,7 @@
 #include <string>
 
 #include "common/base/clock.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 #include "db/service/roles.h"
 #include "server/live/connection.h"
 #include "server/live/monitor.h"

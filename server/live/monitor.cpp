@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "common/base/clock.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 #include "common/wire/certificates.h"
 #include "db/meta_store.h"
 #include "server/live/log.h"

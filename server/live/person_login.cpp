@@ -5,7 +5,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/secret.h"
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "server/live/log.h"
 
 namespace needlelab {

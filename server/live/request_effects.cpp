@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "common/base/secret.h"
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "common/wire/refusal.h"
 #include "common/wire/version.h"
 #include "db/service/roles.h"

@@ -12,8 +12,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "common/base/disk_words.h"
-#include "common/base/formatted.h"
+#include "common/base/files.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

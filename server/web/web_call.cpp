@@ -3,7 +3,7 @@
 #include <charconv>
 #include <utility>
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

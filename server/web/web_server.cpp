@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "common/base/atomic_file.h"
 #include "common/base/clock.h"
+#include "common/base/files.h"
 #include "server/live/listen.h"
 #include "server/live/log.h"
 #include "server/web/web_connection.h"

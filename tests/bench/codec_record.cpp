@@ -7,9 +7,9 @@
 #include <sstream>
 #include <vector>
 
-#include "common/base/atomic_file.h"
-#include "common/base/formatted.h"
-#include "common/base/machine.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
+#include "common/base/text.h"
 #include "common/gesture/chunk.h"
 #include "tests/bench/result_folder.h"
 #include "tests/unit/common/gesture/recorded_gestures.h"

@@ -16,9 +16,9 @@
 #include <string>
 #include <vector>
 
-#include "common/base/atomic_file.h"
-#include "common/base/formatted.h"
-#include "common/base/machine.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
+#include "common/base/text.h"
 #include "common/gesture/chunk.h"
 #include "db/db_writer.h"
 #include "db/migrate.h"

@@ -12,11 +12,10 @@
 #include <memory>
 
 #include "client/station/run/black_box.h"
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
-#include "common/base/formatted.h"
-#include "common/base/machine.h"
-#include "common/base/timing.h"
+#include "common/base/clock.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
+#include "common/base/text.h"
 #include "tests/bench/loop_report.h"
 #include "tests/bench/result_folder.h"
 

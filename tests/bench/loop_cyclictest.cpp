@@ -6,7 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/bench/loop_slices.h"
 #include "tests/support/temp_folder.h"
 

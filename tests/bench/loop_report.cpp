@@ -2,8 +2,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "common/base/formatted.h"
-#include "common/base/machine.h"
+#include "common/base/program.h"
+#include "common/base/text.h"
 #include "tests/bench/result_folder.h"
 
 namespace needlelab::test {

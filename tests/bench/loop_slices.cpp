@@ -13,7 +13,7 @@
 #include "client/station/run/rt_machine.h"
 #include "client/station/run/servo_loop.h"
 #include "common/base/clock.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 #include "tests/support/scenes.h"
 #include "tests/support/temp_folder.h"
 

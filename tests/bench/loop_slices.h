@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "client/station/run/rt_thread.h"
-#include "common/base/latency_histogram.h"
+#include "common/base/histogram.h"
 #include "common/base/result.h"
 
 namespace needlelab::test {

@@ -9,7 +9,7 @@
 #include <cstring>
 #include <thread>
 
-#include "common/base/timing.h"
+#include "common/base/clock.h"
 #include "common/fem/needle_mesh.h"
 #include "common/haptics/models/like_for_like.h"
 #include "tests/bench/step_loops.h"

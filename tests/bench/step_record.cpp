@@ -10,8 +10,8 @@
 #include <sstream>
 #include <vector>
 
-#include "common/base/atomic_file.h"
-#include "common/base/machine.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "tests/bench/result_folder.h"
 
 namespace needlelab::test {

@@ -26,8 +26,8 @@
 #include "client/view/theme.h"
 #include "client/view/ultrasound_view.h"
 #include "common/base/clock.h"
-#include "common/base/formatted.h"
-#include "common/base/machine.h"
+#include "common/base/program.h"
+#include "common/base/text.h"
 #include "tests/bench/result_folder.h"
 #include "tests/support/view_lesson/sample_lesson.h"
 

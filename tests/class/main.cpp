@@ -4,8 +4,8 @@
 #include <exception>
 
 #include "client/station/run/signals.h"
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protobuf_log.h"
 #include "tests/class/class_run.h"

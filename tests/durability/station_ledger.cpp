@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "common/base/atomic_file.h"
 #include "common/base/clock.h"
+#include "common/base/files.h"
 
 namespace needlelab::test {
 namespace {

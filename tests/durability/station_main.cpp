@@ -12,8 +12,8 @@
 
 #include "client/net/drain.h"
 #include "client/net/uplink.h"
-#include "common/base/atomic_file.h"
 #include "common/base/clock.h"
+#include "common/base/files.h"
 #include "common/wire/tls.h"
 #include "tests/durability/station_ledger.h"
 

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/fuzz/target.h"
 
 namespace needlelab::fuzz {

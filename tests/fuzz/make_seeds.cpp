@@ -6,7 +6,7 @@
 
 #include "client/net/spool.h"
 #include "client/net/spool_lessons.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/session_hash.h"
 #include "common/wire/framing.h"

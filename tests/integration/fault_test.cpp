@@ -4,7 +4,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "tests/integration/process.h"
 #include "tests/support/temp_folder.h"
 

@@ -1,6 +1,6 @@
 #include "tests/integration/lab.h"
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 
 namespace needlelab::test {
 namespace {

@@ -8,7 +8,7 @@
 #include "client/device/pose_option.h"
 #include "client/device/recording_device.h"
 #include "common/base/csv.h"
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "common/haptics/tool_transform.h"
 #include "tests/integration/lab.h"
 

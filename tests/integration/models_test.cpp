@@ -4,8 +4,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "common/haptics/axial_model.h"
 #include "tests/integration/process.h"
 #include "tests/support/temp_folder.h"

@@ -2,7 +2,7 @@
 // own.
 #include <gmock/gmock.h>
 
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "tests/integration/lab.h"
 
 namespace needlelab::test {

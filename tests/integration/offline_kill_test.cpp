@@ -14,7 +14,7 @@
 #include <random>
 
 #include "common/base/clock.h"
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "tests/integration/lab.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/stall_watch.h"

@@ -1,8 +1,8 @@
 // A lab without its server: lessons from the cache, everything uploaded later, in order and once.
 #include <gmock/gmock.h>
 
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "tests/integration/lab.h"
 
 namespace needlelab::test {

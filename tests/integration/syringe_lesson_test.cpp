@@ -4,8 +4,8 @@
 #include <cmath>
 #include <fstream>
 
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "tests/integration/lab.h"
 
 namespace needlelab::test {

@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "client/device/virtuose/virtuose_api.h"
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "tests/integration/process.h"
 #include "tests/support/temp_folder.h"
 

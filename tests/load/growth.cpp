@@ -4,10 +4,9 @@
 #include <fstream>
 #include <iostream>
 
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
-#include "common/base/formatted.h"
-#include "common/base/machine.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
+#include "common/base/text.h"
 #include "tests/bench/result_folder.h"
 #include "tests/integration/process.h"
 #include "tests/load/growth_report.h"

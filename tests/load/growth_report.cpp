@@ -4,8 +4,8 @@
 #include <thread>
 
 #include "client/sim/tools/gnuplot.h"
-#include "common/base/formatted.h"
-#include "common/base/machine.h"
+#include "common/base/program.h"
+#include "common/base/text.h"
 #include "tests/bench/result_folder.h"
 
 namespace needlelab::test {

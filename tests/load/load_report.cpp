@@ -1,7 +1,7 @@
 #include "tests/load/load_report.h"
 
-#include "common/base/formatted.h"
-#include "common/base/machine.h"
+#include "common/base/program.h"
+#include "common/base/text.h"
 
 namespace needlelab::test {
 namespace {

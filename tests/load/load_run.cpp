@@ -9,9 +9,9 @@
 #include <thread>
 
 #include "client/net/password.h"
-#include "common/base/atomic_file.h"
 #include "common/base/clock.h"
-#include "common/base/formatted.h"
+#include "common/base/files.h"
+#include "common/base/text.h"
 #include "tests/bench/result_folder.h"
 #include "tests/load/fault_plan.h"
 #include "tests/load/own_server.h"

@@ -3,9 +3,9 @@
 #include <algorithm>
 
 #include "client/sim/tools/gnuplot.h"
-#include "common/base/atomic_file.h"
-#include "common/base/formatted.h"
-#include "common/base/machine.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
+#include "common/base/text.h"
 #include "tests/load/load_report.h"
 #include "tests/soak/soak_report.h"
 

@@ -8,7 +8,7 @@
 
 #include "client/net/backoff.h"
 #include "client/net/uplink_clock.h"
-#include "common/base/latency_histogram.h"
+#include "common/base/histogram.h"
 #include "common/gesture/session_hash.h"
 #include "tests/load/load_shared.h"
 #include "tests/load/station_stream.h"

@@ -4,8 +4,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "common/base/atomic_file.h"
 #include "common/base/clock.h"
+#include "common/base/files.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/session_hash.h"
 #include "db/session_store.h"

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "client/net/backoff.h"
-#include "common/base/latency_histogram.h"
+#include "common/base/histogram.h"
 #include "tests/load/load_shared.h"
 #include "tests/load/station_stream.h"
 

@@ -5,9 +5,8 @@
 #include <iostream>
 
 #include "client/sim/tools/json_output.h"
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
-#include "common/base/output_check.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "tests/load/load_report.h"
 #include "tests/load/load_soak.h"
 #include "tests/soak/soak_report.h"

@@ -2,9 +2,9 @@
 
 #include <sodium.h>
 
-#include "common/base/atomic_file.h"
 #include "common/base/clock.h"
-#include "common/base/formatted.h"
+#include "common/base/files.h"
+#include "common/base/text.h"
 #include "db/password.h"
 #include "db/people_store.h"
 #include "db/service/bootstrap.h"

@@ -1,6 +1,6 @@
 #include "tests/netfaults/herd_server.h"
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "server/server.h"
 
 namespace needlelab::test {

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "tests/integration/lab.h"
 
 namespace needlelab::test {

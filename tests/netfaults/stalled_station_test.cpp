@@ -1,7 +1,7 @@
 // The network of a station stalls: its haptic loop does not notice.
 #include <gtest/gtest.h>
 
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "tests/integration/lab.h"
 #include "tests/support/proxy/fault_proxy.h"
 

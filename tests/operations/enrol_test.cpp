@@ -4,7 +4,7 @@
 #include <fstream>
 
 #include "client/net/enrolment.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/integration/lab.h"
 
 namespace needlelab {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <ctime>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/integration/lab.h"
 #include "tests/operations/prometheus_text.h"
 

@@ -6,7 +6,7 @@
 #include <cerrno>
 #include <fstream>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "db/backup.h"
 #include "db/meta_store.h"
 #include "db/migrate.h"

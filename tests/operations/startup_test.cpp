@@ -11,8 +11,8 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "common/wire/certificates.h"
 #include "db/connection.h"
 #include "db/service/bootstrap.h"

@@ -5,7 +5,7 @@
 #include <sys/socket.h>
 #include <sys/un.h>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/integration/lab.h"
 #include "tests/operations/prometheus_text.h"
 

@@ -8,8 +8,8 @@
 #include <thread>
 
 #include "client/net/uplink.h"
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "db/check.h"
 #include "tests/integration/process.h"
 #include "tests/powercut/campaign.h"

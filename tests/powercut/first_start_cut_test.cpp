@@ -1,7 +1,7 @@
 // Power cuts while a server makes its folder: the next start works, and a CA that was given out stays.
 #include <gtest/gtest.h>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/wire/certificates.h"
 #include "db/station_store.h"
 #include "server/live/log.h"

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <map>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/integration/lab.h"
 
 namespace needlelab::test {

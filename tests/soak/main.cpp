@@ -2,7 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "tests/soak/soak_report.h"
 
 namespace needlelab::test {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab::test {
 namespace {

@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "client/sim/tools/gnuplot.h"
-#include "common/base/atomic_file.h"
-#include "common/base/formatted.h"
-#include "common/base/machine.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
+#include "common/base/text.h"
 
 namespace needlelab::test {
 namespace {

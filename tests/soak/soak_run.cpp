@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "client/net/blocking_client.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/base/uuid.h"
 #include "tests/integration/process.h"
 

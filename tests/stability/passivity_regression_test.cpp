@@ -9,7 +9,7 @@
 #include <filesystem>
 
 #include "client/sim/stability/passivity_search.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/profile/profile.h"
 #include "tests/stability/planted_sources.h"
 

@@ -3,8 +3,8 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 
 namespace needlelab::test {
 namespace {

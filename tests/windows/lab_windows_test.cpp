@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <optional>
 
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "tests/support/x_display.h"
 #include "tests/windows/lab_of_eight.h"
 

@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <thread>
 
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "tests/integration/lab.h"
 #include "tests/support/x_display.h"
 

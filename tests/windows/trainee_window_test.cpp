@@ -7,7 +7,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "tests/integration/process.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/x_display.h"

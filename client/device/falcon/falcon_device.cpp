@@ -12,8 +12,8 @@
 #include "client/device/falcon/falcon_usb.h"
 #include "client/device/falcon/firmware_loader.h"
 #include "common/base/clock.h"
-#include "common/base/formatted.h"
 #include "common/base/range.h"
+#include "common/base/text.h"
 #include "common/haptics/device_condition.h"
 
 namespace needlelab {

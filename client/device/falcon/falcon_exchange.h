@@ -8,7 +8,7 @@
 
 #include "client/device/falcon/falcon_link.h"
 #include "client/device/falcon/falcon_packet.h"
-#include "common/base/latest_value.h"
+#include "common/base/wait_free.h"
 
 namespace needlelab::falcon {
 

@@ -11,7 +11,7 @@
 
 #include "client/device/falcon/falcon_geometry.h"
 #include "client/device/falcon/falcon_packet.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab::falcon {
 namespace {

@@ -6,7 +6,7 @@
 #include <limits>
 #include <optional>
 
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 #include "common/scoring/dtw.h"
 #include "common/scoring/paths.h"
 

@@ -1,6 +1,6 @@
 #include "client/instructor/model/html_text.h"
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 

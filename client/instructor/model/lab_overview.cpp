@@ -5,8 +5,7 @@
 #include <cctype>
 #include <cmath>
 
-#include "common/base/formatted.h"
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "common/haptics/force_gate.h"
 
 namespace needlelab {

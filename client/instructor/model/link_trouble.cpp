@@ -1,7 +1,7 @@
 #include "client/instructor/model/link_trouble.h"
 
 #include "client/net/client.h"
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {

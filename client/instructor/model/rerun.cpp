@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "client/instructor/model/sample_moment.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 #include "common/haptics/models/axial_entry.h"
 #include "common/profile/profile.h"
 

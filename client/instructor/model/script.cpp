@@ -6,8 +6,8 @@
 #include <cmath>
 #include <optional>
 
-#include "common/base/atomic_file.h"
-#include "common/base/text_rules.h"
+#include "common/base/files.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

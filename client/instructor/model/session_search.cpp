@@ -7,7 +7,7 @@
 #include <optional>
 #include <utility>
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "client/instructor/model/sample_moment.h"
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "common/gesture/chunk.h"
 
 namespace needlelab {

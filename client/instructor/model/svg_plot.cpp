@@ -7,7 +7,7 @@
 
 #include "client/instructor/model/html_text.h"
 #include "client/view/model/axis_ticks.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -3,8 +3,8 @@
 #include <utility>
 
 #include "client/instructor/model/report.h"
-#include "common/base/atomic_file.h"
-#include "common/base/text_rules.h"
+#include "common/base/files.h"
+#include "common/base/text.h"
 #include "common/base/uuid.h"
 
 namespace needlelab {

@@ -6,7 +6,7 @@
 
 #include "client/view/theme.h"
 #include "common/base/clock.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -9,7 +9,7 @@
 #include "client/instructor/screens/desk_frame.h"
 #include "client/instructor/screens/station_tile.h"
 #include "client/view/theme.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

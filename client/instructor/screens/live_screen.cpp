@@ -5,8 +5,7 @@
 
 #include "client/instructor/screens/desk_frame.h"
 #include "client/view/theme.h"
-#include "common/base/formatted.h"
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "common/haptics/force_gate.h"
 
 namespace needlelab {

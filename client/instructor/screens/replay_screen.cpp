@@ -11,7 +11,7 @@
 #include "client/instructor/screens/time_line.h"
 #include "client/view/model/axis_ticks.h"
 #include "client/view/theme.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 

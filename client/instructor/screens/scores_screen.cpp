@@ -11,7 +11,7 @@
 #include "client/instructor/screens/desk_frame.h"
 #include "client/view/plots.h"
 #include "client/view/theme.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 #include "common/scoring/measure_table.h"
 
 namespace needlelab {

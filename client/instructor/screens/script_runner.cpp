@@ -4,7 +4,7 @@
 #include <array>
 #include <utility>
 
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "client/view/model/axis_ticks.h"
 #include "client/view/theme.h"
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 #include "common/scoring/syringe_events.h"
 
 namespace needlelab {

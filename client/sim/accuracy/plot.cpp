@@ -8,7 +8,7 @@
 #include "client/sim/accuracy/recommendation.h"
 #include "client/sim/accuracy/report.h"
 #include "client/sim/tools/figure_table.h"
-#include "common/base/machine.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 namespace {

@@ -9,7 +9,7 @@
 #include "client/sim/accuracy/gesture.h"
 #include "client/sim/accuracy/rendering.h"
 #include "client/sim/tools/closed_loop.h"
-#include "common/base/timing.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
 namespace {

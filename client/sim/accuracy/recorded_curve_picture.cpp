@@ -6,7 +6,7 @@
 #include "client/sim/accuracy/recorded_pictures.h"
 #include "client/sim/accuracy/recorded_text.h"
 #include "client/sim/tools/figure_table.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

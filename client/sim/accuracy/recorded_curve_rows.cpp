@@ -6,7 +6,7 @@
 #include "client/sim/accuracy/recorded_rows.h"
 #include "client/sim/accuracy/recorded_spread.h"
 #include "client/sim/accuracy/recorded_text.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -5,8 +5,8 @@
 #include <sstream>
 #include <system_error>
 
-#include "common/base/atomic_file.h"
 #include "common/base/csv.h"
+#include "common/base/files.h"
 
 namespace needlelab {
 namespace {

@@ -9,7 +9,7 @@
 #include "client/sim/accuracy/recorded_statistical.h"
 #include "client/sim/accuracy/recorded_text.h"
 #include "client/sim/tools/figure_table.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -6,8 +6,8 @@
 #include "client/sim/accuracy/recorded_data.h"
 #include "client/sim/tools/figure_table.h"
 #include "client/sim/tools/gnuplot.h"
-#include "common/base/atomic_file.h"
 #include "common/base/csv.h"
+#include "common/base/files.h"
 
 namespace needlelab {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "client/sim/accuracy/recorded_run.h"
 #include "client/sim/accuracy/row.h"
-#include "common/base/timing.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
 

@@ -6,7 +6,7 @@
 
 #include "client/sim/accuracy/error_sum.h"
 #include "client/sim/accuracy/gesture.h"
-#include "common/base/timing.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
 

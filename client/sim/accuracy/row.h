@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/base/timing.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
 

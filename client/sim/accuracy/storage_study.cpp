@@ -7,7 +7,7 @@
 
 #include "client/sim/accuracy/error_sum.h"
 #include "client/sim/accuracy/lesson_samples.h"
-#include "common/base/timing.h"
+#include "common/base/clock.h"
 #include "common/gesture/chunk.h"
 
 namespace needlelab {

@@ -9,7 +9,7 @@
 
 #include "client/device/simulated_device.h"
 #include "client/sim/tools/closed_loop.h"
-#include "common/base/embedded_file.h"
+#include "common/base/program.h"
 #include "common/fem/needle_mesh.h"
 #include "common/profile/profile.h"
 #include "common/scoring/measure_table.h"

@@ -3,8 +3,8 @@
 #include <span>
 #include <utility>
 
-#include "common/base/atomic_file.h"
-#include "common/base/embedded_file.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "common/base/range.h"
 #include "common/profile/strict_json.h"
 

@@ -4,7 +4,7 @@
 #include "client/sim/stability/motion_cases.h"
 #include "client/sim/stability/motion_run.h"
 #include "client/sim/stability/passivity_search.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 #include "common/haptics/models/like_for_like.h"
 #include "common/profile/profile.h"
 

@@ -6,7 +6,7 @@
 #include "client/sim/stability/scan_model.h"
 #include "client/sim/tools/figure_table.h"
 #include "client/sim/tools/gnuplot.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 
 namespace needlelab {
 namespace {

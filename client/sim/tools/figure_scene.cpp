@@ -2,7 +2,7 @@
 #include <utility>
 
 #include "client/sim/tools/figures.h"
-#include "common/base/embedded_file.h"
+#include "common/base/program.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {

@@ -11,7 +11,7 @@
 #include <string_view>
 #include <system_error>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 
 extern char** environ;  // POSIX: the environment that the child gets
 

@@ -3,8 +3,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "common/base/atomic_file.h"
-#include "common/base/machine.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "client/station/run/black_box_tick.h"
-#include "common/base/spsc_ring.h"
+#include "common/base/wait_free.h"
 
 namespace needlelab {
 

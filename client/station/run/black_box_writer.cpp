@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "client/station/run/black_box_csv.h"
-#include "common/base/atomic_file.h"
-#include "common/base/formatted.h"
+#include "common/base/files.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "client/device/hand_plan.h"
 #include "client/device/pose_option.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

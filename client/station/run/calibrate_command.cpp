@@ -16,11 +16,11 @@
 #include "client/station/run/modes.h"
 #include "client/station/run/report_output.h"
 #include "client/station/run/tool_file.h"
-#include "common/base/atomic_file.h"
 #include "common/base/clock.h"
-#include "common/base/exit_code.h"
-#include "common/base/formatted.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "common/base/range.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

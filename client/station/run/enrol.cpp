@@ -6,8 +6,8 @@
 #include "client/net/client.h"
 #include "client/net/enrolment.h"
 #include "client/station/run/modes.h"
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 namespace {

@@ -14,7 +14,7 @@
 #include "client/station/run/gesture_curve.h"
 #include "client/station/run/lesson.h"
 #include "client/station/run/summary.h"
-#include "common/base/latency_histogram.h"
+#include "common/base/histogram.h"
 #include "common/haptics/geometry.h"
 
 namespace needlelab {

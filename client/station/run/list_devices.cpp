@@ -14,8 +14,8 @@
 #include "client/device/virtuose/virtuose_probe.h"
 #include "client/station/run/modes.h"
 #include "client/station/run/report_output.h"
-#include "common/base/exit_code.h"
-#include "common/base/formatted.h"
+#include "common/base/program.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -12,8 +12,8 @@
 #include "client/station/run/report_output.h"
 #include "client/station/run/station_key.h"
 #include "common/base/clock.h"
-#include "common/base/exit_code.h"
-#include "common/base/text_rules.h"
+#include "common/base/program.h"
+#include "common/base/text.h"
 #include "common/wire/version.h"
 
 namespace needlelab {

@@ -7,7 +7,7 @@
 #include <cerrno>
 #include <cmath>
 
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 #include "common/haptics/sim_state.h"
 
 namespace needlelab {

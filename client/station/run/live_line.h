@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "common/base/latency_histogram.h"
+#include "common/base/histogram.h"
 #include "common/gesture/sample.h"
 #include "common/haptics/force_gate.h"
 

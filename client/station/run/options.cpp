@@ -10,11 +10,10 @@
 #include "client/device/pose_option.h"
 #include "client/net/enrolment.h"
 #include "client/station/run/option_list.h"
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
-#include "common/base/output_check.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "common/base/range.h"
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -14,7 +14,7 @@
 
 #include "client/device/device.h"
 #include "client/station/run/rt_thread.h"
-#include "common/base/latency_histogram.h"
+#include "common/base/histogram.h"
 
 namespace needlelab {
 

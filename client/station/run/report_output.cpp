@@ -3,9 +3,8 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
-#include "common/base/machine.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 

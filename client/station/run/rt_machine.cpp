@@ -10,7 +10,7 @@
 #include <optional>
 #include <set>
 
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -11,7 +11,7 @@
 #include <ctime>
 
 #include "common/base/clock.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <unistd.h>
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/station/run/report_output.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 

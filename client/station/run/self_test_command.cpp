@@ -9,7 +9,7 @@
 #include "client/station/run/modes.h"
 #include "client/station/run/report_output.h"
 #include "client/station/run/self_test.h"
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "common/base/range.h"
 
 namespace needlelab {

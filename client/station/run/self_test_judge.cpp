@@ -5,7 +5,7 @@
 #include <cstdio>
 
 #include "client/station/run/self_test.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 #include "common/haptics/device_condition.h"
 
 namespace needlelab {

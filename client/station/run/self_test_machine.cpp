@@ -14,8 +14,7 @@
 #include "client/station/run/sample_profiles.h"
 #include "client/station/run/self_test.h"
 #include "common/base/clock.h"
-#include "common/base/machine.h"
-#include "common/base/timing.h"
+#include "common/base/program.h"
 #include "common/fem/needle_mesh.h"
 #include "common/profile/profile.h"
 

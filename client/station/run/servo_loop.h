@@ -11,7 +11,7 @@
 #include "client/station/run/fault_policy.h"
 #include "client/station/run/rt_thread.h"
 #include "client/station/run/servo_stats.h"
-#include "common/base/latest_value.h"
+#include "common/base/wait_free.h"
 
 namespace needlelab {
 

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "common/base/latency_histogram.h"
+#include "common/base/histogram.h"
 #include "common/haptics/force_gate.h"
 
 namespace needlelab {

@@ -5,7 +5,7 @@
 #include "client/station/run/say.h"
 #include "client/station/run/station_home.h"
 #include "client/station/run/station_run.h"
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 

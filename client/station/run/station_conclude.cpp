@@ -9,8 +9,8 @@
 #include "client/station/run/say.h"
 #include "client/station/run/signals.h"
 #include "client/station/run/station_run.h"
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 

@@ -1,6 +1,6 @@
 #include "client/station/run/station_key.h"
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/base/secret.h"
 
 namespace needlelab {

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "client/station/run/summary_parts.h"
-#include "common/base/machine.h"
+#include "common/base/program.h"
 #include "common/haptics/force_gate.h"
 
 namespace needlelab {

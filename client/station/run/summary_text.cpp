@@ -2,7 +2,7 @@
 #include <string>
 
 #include "client/station/run/summary_parts.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 #include "common/haptics/force_gate.h"
 
 namespace needlelab {

@@ -2,7 +2,7 @@
 #include <string_view>
 
 #include "client/station/run/summary.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 #include "common/haptics/device_condition.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/force_gate.h"

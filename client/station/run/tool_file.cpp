@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/device/pose_option.h"
-#include "common/base/machine.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 namespace {

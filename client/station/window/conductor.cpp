@@ -12,8 +12,8 @@
 #include "client/station/run/signals.h"
 #include "client/station/window/offers.h"
 #include "common/base/clock.h"
-#include "common/base/exit_code.h"
-#include "common/base/text_rules.h"
+#include "common/base/program.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 

@@ -8,7 +8,7 @@
 #include "client/station/window/overlay_words.h"
 #include "client/view/model/palette.h"
 #include "client/view/theme.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

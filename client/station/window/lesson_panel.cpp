@@ -11,7 +11,7 @@
 #include "client/view/model/palette.h"
 #include "client/view/plots.h"
 #include "client/view/theme.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "client/station/run/list_devices.h"
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

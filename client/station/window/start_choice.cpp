@@ -5,7 +5,7 @@
 #include <tuple>
 #include <utility>
 
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

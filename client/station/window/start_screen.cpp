@@ -10,7 +10,7 @@
 #include "client/station/run/lesson_requests.h"
 #include "client/station/window/keys.h"
 #include "client/view/theme.h"
-#include "common/base/text_rules.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {}  // namespace

@@ -21,8 +21,8 @@
 #include "client/station/window/picture_plan.h"
 #include "client/station/window/trainee_window.h"
 #include "client/view/surface.h"
-#include "common/base/exit_code.h"
-#include "common/base/formatted.h"
+#include "common/base/program.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 

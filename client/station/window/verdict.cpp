@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 #include "common/scoring/measures.h"
 
 namespace needlelab {

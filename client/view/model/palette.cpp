@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/profile/profile.h"
 #include "common/scoring/measures.h"
 

@@ -4,7 +4,7 @@
 #include <set>
 #include <sstream>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "db/annotation_store.h"
 #include "db/audit_store.h"
 #include "db/check.h"

@@ -2,7 +2,7 @@
 
 #include <cstdlib>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "db/check.h"
 #include "tests/unit/db/dump.h"
 #include "tests/unit/db/test_db.h"

@@ -5,7 +5,7 @@
 #include <fstream>
 #include <map>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "db/embedded_file.h"
 #include "db/event_store.h"
 #include "tests/unit/client/admin/run_admin.h"

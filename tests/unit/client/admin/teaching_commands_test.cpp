@@ -8,7 +8,7 @@
 
 #include "client/admin/backend.h"
 #include "client/admin/when.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "server/server.h"
 #include "tests/unit/client/admin/run_admin.h"
 

@@ -3,8 +3,8 @@
 #include <gmock/gmock.h>
 #include <sys/stat.h>
 
-#include "common/base/atomic_file.h"
 #include "common/base/clock.h"
+#include "common/base/files.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {

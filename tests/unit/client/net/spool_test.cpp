@@ -9,7 +9,7 @@
 #include <random>
 
 #include "client/net/spool_writer.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/gesture/chunk.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/net/spool_samples.h"

@@ -14,7 +14,7 @@
 #include "client/sim/accuracy/rendering.h"
 #include "client/sim/accuracy/storage_study.h"
 #include "client/sim/accuracy/tls_loopback.h"
-#include "common/base/timing.h"
+#include "common/base/clock.h"
 #include "common/gesture/chunk.h"
 #include "tests/support/scenes.h"
 

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <string>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab {

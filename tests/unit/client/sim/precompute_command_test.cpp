@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/profile/profile.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/sim/sim_run.h"

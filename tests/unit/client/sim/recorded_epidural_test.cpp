@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/sim/accuracy/recorded_run.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/profile/profile.h"
 #include "tests/unit/client/sim/recorded_support.h"
 

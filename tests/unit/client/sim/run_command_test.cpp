@@ -13,8 +13,8 @@
 
 #include "client/device/pose_option.h"
 #include "client/sim/tools/run_output.h"
-#include "common/base/atomic_file.h"
 #include "common/base/csv.h"
+#include "common/base/files.h"
 #include "common/haptics/tool_transform.h"
 #include "common/profile/profile.h"
 #include "tests/support/temp_folder.h"

@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "common/base/atomic_file.h"
 #include "common/base/csv.h"
+#include "common/base/files.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
 #include "common/gesture/sample_csv.h"

@@ -5,7 +5,7 @@
 
 #include "client/sim/stability/case_file.h"
 #include "client/sim/tools/gnuplot.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/sim/sim_run.h"
 

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include "common/base/crc32c_tables.h"
 #include "tests/support/random.h"
 
 namespace needlelab {

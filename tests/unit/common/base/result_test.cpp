@@ -4,7 +4,7 @@
 
 #include <memory>
 
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 namespace {

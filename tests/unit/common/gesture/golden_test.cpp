@@ -5,8 +5,8 @@
 
 #include <cstdlib>
 
-#include "common/base/atomic_file.h"
 #include "common/base/csv.h"
+#include "common/base/files.h"
 #include "common/gesture/recording.h"
 #include "common/gesture/sample_csv.h"
 #include "tests/support/temp_folder.h"

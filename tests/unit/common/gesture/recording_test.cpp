@@ -6,8 +6,8 @@
 #include <cstring>
 #include <fstream>
 
-#include "common/base/atomic_file.h"
 #include "common/base/crc32c.h"
+#include "common/base/files.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/common/gesture/gesture_samples.h"
 

@@ -6,7 +6,7 @@
 #include <map>
 #include <set>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {

@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <set>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
 #include "common/profile/profile.h"

@@ -5,7 +5,7 @@
 
 #include <filesystem>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/unit/common/wire/loopback.h"
 
 namespace needlelab {

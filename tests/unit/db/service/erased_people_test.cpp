@@ -1,5 +1,5 @@
 // Who was erased stays so: older exports, a key that is lost, chunks that cannot be removed.
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/unit/db/service/records_fixture.h"
 
 namespace needlelab {

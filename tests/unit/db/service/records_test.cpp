@@ -1,5 +1,5 @@
 // Everything out and in again; studies; a person's data out, and away.
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/unit/db/service/records_fixture.h"
 
 namespace needlelab {

@@ -10,7 +10,7 @@
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab {

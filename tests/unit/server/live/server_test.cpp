@@ -8,7 +8,7 @@
 #include <fstream>
 #include <future>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/support/sanitized.h"
 #include "tests/unit/server/live/running_server.h"
 

@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 
 #include "client/station/run/self_test.h"
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "common/haptics/device_condition.h"
 #include "tests/integration/process.h"
 #include "tests/support/temp_folder.h"

@@ -11,8 +11,8 @@
 #include <nlohmann/json.hpp>
 
 #include "client/device/falcon/falcon_geometry.h"
-#include "common/base/atomic_file.h"
-#include "common/base/exit_code.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 #include "tests/integration/process.h"
 #include "tests/support/stall_watch.h"
 #include "tests/support/temp_folder.h"

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "client/instructor/model/stored_gesture.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/base/uuid.h"
 #include "common/haptics/engine.h"
 #include "common/profile/profile.h"

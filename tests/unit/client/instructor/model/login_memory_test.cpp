@@ -4,7 +4,7 @@
 
 #include <sys/stat.h>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab {

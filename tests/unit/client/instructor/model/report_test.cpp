@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/gesture/sample_csv.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/instructor/model/lesson_gestures.h"

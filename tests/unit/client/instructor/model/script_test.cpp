@@ -5,7 +5,7 @@
 
 #include <set>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab {

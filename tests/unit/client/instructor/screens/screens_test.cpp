@@ -1,7 +1,7 @@
 // Each screen against a server: what it says, what it does.
 #include <GLFW/glfw3.h>
 
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "tests/unit/client/instructor/model/upload_lesson.h"
 #include "tests/unit/client/instructor/screens/window_lab.h"
 

@@ -7,7 +7,7 @@
 
 #include "client/station/run/options.h"
 #include "client/station/run/self_test.h"
-#include "common/base/atomic_file.h"
+#include "common/base/files.h"
 #include "common/haptics/device_condition.h"
 #include "common/haptics/force_gate.h"
 

@@ -8,7 +8,7 @@
 #include "client/device/virtuose/virtuose_device.h"
 #include "client/station/run/calibrate.h"
 #include "client/station/run/self_test.h"
-#include "common/base/formatted.h"
+#include "common/base/text.h"
 #include "tests/support/virtuose_standin/control.h"
 #include "tests/unit/client/station/run/no_signals.h"
 

@@ -10,7 +10,7 @@
 #include "client/station/run/modes.h"
 #include "client/station/run/tool_file.h"
 #include "common/base/csv.h"
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "common/base/range.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/station/run/fake_loop.h"

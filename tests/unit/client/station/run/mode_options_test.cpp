@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "client/station/run/options.h"
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <gmock/gmock.h>
 
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 namespace {

@@ -12,7 +12,7 @@
 
 #include "client/station/run/modes.h"
 #include "client/station/run/sample_profiles.h"
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "common/haptics/device_condition.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/station/run/fake_loop.h"

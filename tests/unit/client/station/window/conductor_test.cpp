@@ -11,7 +11,7 @@
 #include <thread>
 
 #include "client/device/hand_plan_choice.h"
-#include "common/base/exit_code.h"
+#include "common/base/program.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {

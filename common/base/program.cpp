@@ -1,4 +1,4 @@
-#include "common/base/machine.h"
+#include "common/base/program.h"
 
 #include <sys/utsname.h>
 #include <unistd.h>

@@ -1,5 +1,5 @@
-/// What names and texts may be stored: stations check by these before they record, servers before it reaches
-/// SQL.
+/// Texts: which names and notes may be stored (stations check before they record, servers before it reaches
+/// SQL), what may be printed, and numbers within sentences.
 #pragma once
 
 #include <cstddef>
@@ -33,5 +33,8 @@ Status checkName(std::string_view field, std::string_view value);
 Status checkNewName(std::string_view field, std::string_view value);
 /// As checkText, but line ends and tabs are allowed.
 Status checkNote(std::string_view field, std::string_view value, std::size_t min, std::size_t max);
+
+/// printf into a string, however long.
+[[gnu::format(printf, 1, 2)]] std::string formatted(const char* format, ...);
 
 }  // namespace needlelab

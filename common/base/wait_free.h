@@ -1,4 +1,5 @@
-/// Wait-free ring from one producer thread to one consumer thread; a full ring refuses and counts.
+/// What one thread hands to another without waiting on either side: a ring of all items, and the newest value
+/// alone.
 #pragma once
 
 #include <array>
@@ -10,6 +11,7 @@
 
 namespace needlelab {
 
+/// A wait-free ring from one producer thread to one consumer thread; a full ring refuses and counts.
 /// Fixed capacity (a power of two), allocated once at construction. `T` is trivially copyable.
 /// Thread: `push` by the one producer, `pop` by the one consumer, `dropped` by any. Neither waits, locks or
 /// allocates.
@@ -54,6 +56,34 @@ class SpscRing {
   std::atomic<std::uint64_t> dropped_{0};
   alignas(64) std::atomic<std::uint64_t> head_{0};
   std::uint64_t cached_tail_ = 0;
+};
+
+/// Triple buffer: the newest value from one writer to one reader, wait-free on both sides.
+/// Thread: `publish` by the one writer, `fetch` by the one reader. `T` is trivially copyable.
+template <typename T>
+class LatestValue {
+  static_assert(std::is_trivially_copyable_v<T>);
+
+ public:
+  void publish(const T& value) noexcept {
+    slots_[write_] = value;
+    write_ = middle_.exchange(static_cast<std::uint8_t>(write_ | kFresh), std::memory_order_acq_rel) & kIndex;
+  }
+
+  /// True when a value newer than the last fetch was copied to `value`.
+  bool fetch(T& value) noexcept {
+    if (!(middle_.load(std::memory_order_relaxed) & kFresh)) return false;
+    read_ = middle_.exchange(read_, std::memory_order_acq_rel) & kIndex;
+    value = slots_[read_];
+    return true;
+  }
+
+ private:
+  static constexpr std::uint8_t kFresh = 4, kIndex = 3;
+  std::array<T, 3> slots_{};
+  std::uint8_t write_ = 0;
+  alignas(64) std::atomic<std::uint8_t> middle_{1};
+  alignas(64) std::uint8_t read_ = 2;
 };
 
 }  // namespace needlelab

@@ -1,5 +1,3 @@
-#include "common/base/atomic_file.h"
-
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,8 +5,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <fstream>
 #include <iterator>
 
+#include "common/base/files.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab {
@@ -111,5 +111,99 @@ TEST(ReadWholeFile, aPipeThatNobodyWritesIsRefusedAtOnce) {
   EXPECT_EQ(readWholeFile(pipe).error().code, ErrorCode::kInvalidInput);
 }
 
+std::size_t filesIn(const std::filesystem::path& folder) {
+  return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(folder), {}));
+}
+
+TEST(GrowingFile, appearsWhenFinished) {
+  const test::TempFolder folder;
+  const auto path = folder.path() / "out";
+  auto file = GrowingFile::create(path);
+  ASSERT_TRUE(file.ok());
+  ASSERT_TRUE(file->append(viewOf("one ")).ok());
+  EXPECT_FALSE(std::filesystem::exists(path));
+  ASSERT_TRUE(file->append(viewOf("two")).ok());
+  ASSERT_TRUE(file->finish().ok());
+  EXPECT_EQ(*readWholeFile(path), "one two");
+  EXPECT_EQ(filesIn(folder.path()), 1u);
+}
+
+TEST(GrowingFile, leavesNothingUnfinished) {
+  const test::TempFolder folder;
+  const auto path = folder.write("out", "old");
+  {
+    auto file = GrowingFile::create(path);
+    ASSERT_TRUE(file.ok());
+    GrowingFile moved = std::move(*file);
+    ASSERT_TRUE(moved.append(viewOf("new")).ok());
+  }
+  EXPECT_EQ(*readWholeFile(path), "old");
+  EXPECT_EQ(filesIn(folder.path()), 1u);
+}
+
+TEST(GrowingFile, whatIsNoFileIsNotReplacedByOne) {
+  const test::TempFolder folder;
+  for (const std::filesystem::path& there : {std::filesystem::path("/dev/null"), folder.path()}) {
+    const auto file = GrowingFile::create(there);
+    ASSERT_FALSE(file.ok());
+    EXPECT_EQ(file.error().code, ErrorCode::kInvalidInput);
+  }
+  EXPECT_EQ(filesIn(folder.path()), 0u);
+}
+
+TEST(GrowingFile, aMissingFolderIsWrongInput) {
+  const test::TempFolder folder;
+  const auto file = GrowingFile::create(folder.path() / "none" / "out");
+  ASSERT_FALSE(file.ok());
+  EXPECT_EQ(file.error().code, ErrorCode::kInvalidInput);
+}
+
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+class OutputCheck : public testing::Test {
+ protected:
+  fs::path file(const std::string& name) {
+    const fs::path path = folder_.path() / name;
+    std::ofstream(path) << "x";
+    return path;
+  }
+  [[nodiscard]] fs::path in(const std::string& name) const { return folder_.path() / name; }
+  static std::string refusal(const std::vector<NamedFile>& inputs, const std::vector<NamedFile>& outputs) {
+    const Status status = checkOutputs(inputs, outputs);
+    if (status.ok()) return "";
+    EXPECT_EQ(status.error().code, ErrorCode::kInvalidInput);
+    return status.error().message;
+  }
+  test::TempFolder folder_;
+};
+
+TEST_F(OutputCheck, newAndOldFilesThatAreNoInputMayBeWritten) {
+  EXPECT_EQ(
+      refusal({{"--profile", file("p.json")}}, {{"--out", in("new.csv")}, {"--json", file("old.json")}}), "");
+  EXPECT_EQ(refusal({{"--profile", file("p.json")}}, {{"--json", ""}}), "");
+}
+
+TEST_F(OutputCheck, anInputIsNeverOverwrittenByWhateverName) {
+  const fs::path input = file("p.json");
+  fs::create_symlink(input, in("link.json"));
+  fs::create_hard_link(input, in("hard.json"));
+  for (const fs::path& output : {input, in(".") / "p.json", in("link.json"), in("hard.json")})
+    EXPECT_THAT(refusal({{"--profile", input}}, {{"--json", output}}),
+                HasSubstr("is the same file as the input"))
+        << output;
+}
+
+TEST_F(OutputCheck, twoOutputsAreTwoFilesBeforeEitherIsThere) {
+  EXPECT_THAT(refusal({}, {{"--out", in("x.csv")}, {"--json", in(".") / "x.csv"}}),
+              HasSubstr("is the same file as that of --out"));
+}
+
+TEST_F(OutputCheck, foldersAndMissingFoldersAreRefusedByName) {
+  EXPECT_THAT(refusal({}, {{"--json", folder_.path()}}), HasSubstr("is a folder"));
+  EXPECT_THAT(refusal({}, {{"--json", in("nodir") / "x"}}), HasSubstr("there is no folder"));
+}
+
 }  // namespace
+
 }  // namespace needlelab

@@ -1,0 +1,32 @@
+/// What every program needs: its exit codes, the files inside its binary, and the name of the machine it runs
+/// on.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "common/base/result.h"
+
+namespace needlelab {
+
+// exit codes of every binary
+inline constexpr int kExitDone = 0;  ///< done; an offline station with its spool safe counts as done
+/// The work failed: FAULT, verification failed, log-in refused, port taken.
+inline constexpr int kExitFailed = 1;
+inline constexpr int kExitInvalid = 2;  ///< wrong usage or invalid input
+
+inline int exitCodeOf(const Error& error) {
+  return error.code == ErrorCode::kInvalidInput ? kExitInvalid : kExitFailed;
+}
+
+/// A text file that was put into the binary at build time (deploy/cmake/NeedlelabEmbed.cmake).
+struct EmbeddedFile {
+  std::string_view name;  ///< without folder
+  std::string_view text;
+};
+
+/// The machine that a figure was measured on; it stands beside every result. Processor, cores, system, e.g.
+/// "Intel(R) Xeon(R) …, 2 cores, Linux 6.1.0 x86_64". Reads /proc/cpuinfo: not for the haptic thread.
+std::string machineText();
+
+}  // namespace needlelab
