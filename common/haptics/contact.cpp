@@ -89,6 +89,15 @@ bool changeContact(const SceneModel& model, const TipSample& sample, double dept
   return in_tissue;
 }
 
+double orientationLimitAngle(double needle_length_m, double insertion_m) {
+  const double d = std::clamp(insertion_m, 0.0, needle_length_m);
+  return detAtan2(needle_length_m - d, needle_length_m + d);
+}
+
+double angleBetween(Vec3 a, Vec3 b) noexcept {
+  return detAtan2(norm(cross(a, b)), dot(a, b));
+}
+
 std::uint32_t findLayer(const SceneModel& model, double depth_m, std::uint32_t index) noexcept {
   while (index + 1 < model.layer_count && depth_m >= model.layers[index + 1].top_m) ++index;
   while (index > 0 && depth_m < model.layers[index].top_m) --index;

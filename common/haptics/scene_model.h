@@ -98,9 +98,6 @@ class SceneModel {
 /// `validate`.
 Result<SceneModel> compile(const SceneSpec& spec, double rate_hz);
 
-/// CUTTING and ATTRACTED where the layers' own forces are not all zero.
-EffectMask effectsOfLayers(const SceneSpec& spec);
-
 /// Signed depth δ of a point in the limb: negative outside, positive inside (DESIGN §3.1).
 double signedDepth(const Limb& limb, Vec3 p_W_m);
 /// The same for the scene's limb.

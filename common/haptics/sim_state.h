@@ -7,14 +7,44 @@
 
 #include "common/haptics/geometry.h"
 #include "common/haptics/limits.h"
-#include "common/haptics/models/needle_state.h"
-#include "common/haptics/models/score_process.h"
 
 namespace needlelab {
 
 /// What the needle does (DESIGN §3.2). Values are stored in recordings: append only.
 enum class Phase : std::uint8_t { kFree = 0, kInserting = 1, kStopped = 2, kWithdrawing = 3 };
 const char* phaseName(Phase phase);
+
+/// 2^16 cells of 15 µm: a correlation length below 60 µm is rendered as if it were that.
+inline constexpr int kMaxScoreLevels = 16;
+
+/// STATISTICAL: where its process over depth (models/score_process.h) was asked last, and the nodes on the
+/// way from the whole metre to that cell.
+struct ScorePath {
+  std::int32_t cell = -1;  ///< −1: nowhere yet
+  std::array<double, kMaxScoreLevels + 1> low, high;
+};
+
+/// Whether a station of the shaft, or the tip, moves with the tissue.
+enum class Hold : std::uint8_t { kSticks, kSlipsIn, kSlipsOut };
+
+/// What FEM remembers from tick to tick. Value-initialised = the needle is outside and nothing was cut.
+/// Lengths along u from the entry, less what a turn or a rupture shifted. Forces act on the tissue, into it
+/// positive.
+struct NeedleState {
+  double x_m = 0;          ///< tip at the last tick
+  double cut_m = 0;        ///< the cut's end in the undeformed tissue: the deepest that the tip was
+  double gap_m = 0;        ///< from the tip to the cut's end, ≥ 0; 0 while the tip presses
+  double tip_N = 0;        ///< [0, cutting force]
+  double tip_most_N = 0;   ///< the cutting force at the last tick
+  double tip_moved_m = 0;  ///< w at the tip
+  Hold tip_hold = Hold::kSticks;
+  std::uint32_t unsettled = 0;  ///< ticks whose contact was not settled within the bound
+  std::uint32_t solves = 0;     ///< systems solved at the last tick
+  std::uint32_t stations = 0;   ///< the first so many entries below have a meaning; 0 before the first tick
+  std::array<double, kMaxNeedleStations> shaft_N{};
+  std::array<double, kMaxNeedleStations> moved_m{};  ///< w
+  std::array<Hold, kMaxNeedleStations> hold{};
+};
 
 /// Value-initialised = before the first tick. Changed by `step` only.
 struct SimState {

@@ -2,7 +2,45 @@
 
 #include <algorithm>
 
+#include "common/haptics/scene_model.h"
+
 namespace needlelab {
+namespace {
+
+double depthIn(const PlaneLimb& plane, Vec3 p) {
+  return -dot(plane.normal, p - plane.point_m);
+}
+double depthIn(const SphereLimb& sphere, Vec3 p) {
+  return sphere.radius_m - norm(p - sphere.center_m);
+}
+double depthIn(const CapsuleLimb& capsule, Vec3 p) {
+  const Vec3 ab = capsule.b_m - capsule.a_m;
+  const double t = std::clamp(dot(p - capsule.a_m, ab) / normSquared(ab), 0.0, 1.0);
+  return capsule.radius_m - norm(p - (capsule.a_m + ab * t));
+}
+
+}  // namespace
+
+Limb placed(const Limb& limb, const Pose& X_WL) {
+  if (const auto* plane = std::get_if<PlaneLimb>(&limb)) {
+    return PlaneLimb{X_WL * plane->point_m, rotate(X_WL.q, plane->normal)};
+  }
+  if (const auto* sphere = std::get_if<SphereLimb>(&limb)) {
+    return SphereLimb{X_WL * sphere->center_m, sphere->radius_m};
+  }
+  const auto& capsule = std::get<CapsuleLimb>(limb);
+  return CapsuleLimb{X_WL * capsule.a_m, X_WL * capsule.b_m, capsule.radius_m};
+}
+
+double depthInLimb(const SceneModel& model, const Vec3& p_W_m) noexcept {
+  return signedDepth(model.limb, p_W_m);
+}
+
+double signedDepth(const Limb& limb, Vec3 p_W_m) {
+  if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return depthIn(*plane, p_W_m);
+  if (const auto* sphere = std::get_if<SphereLimb>(&limb)) return depthIn(*sphere, p_W_m);
+  return depthIn(*std::get_if<CapsuleLimb>(&limb), p_W_m);
+}
 
 Vec3 surfaceNormal(const Limb& limb, Vec3 p, Vec3 motion) noexcept {
   Vec3 out;

@@ -1,7 +1,7 @@
 # Makes the sources of an engine without one effect's code (or, run_time_masks, with the effects asked for at run time) from the
 # engine's own: VARIANT, HAPTICS (the engine's folder), OUT. Stops when the engine's text is not what it knows: then this file
 # has to follow.
-file(READ "${HAPTICS}/step_live.h" step)
+file(READ "${HAPTICS}/effects/step_live.h" step)
 file(READ "${HAPTICS}/effects/tracking_wall.h" wall)
 file(READ "${HAPTICS}/models/tracking_wall.cpp" entry)
 
@@ -53,6 +53,6 @@ string(SUBSTRING "${entry}" 0 ${at} entry)
 string(APPEND entry "}  // namespace needlelab\n")
 swap(entry "constinit const AxialEntry kTrackingWallEntry = {" "extern const AxialEntry kEntry_${VARIANT};\nconstinit const AxialEntry kEntry_${VARIANT} = {")
 
-file(WRITE "${OUT}/common/haptics/step_live.h" "${step}")
+file(WRITE "${OUT}/common/haptics/effects/step_live.h" "${step}")
 file(WRITE "${OUT}/common/haptics/effects/tracking_wall.h" "${wall}")
 file(WRITE "${OUT}/entry_${VARIANT}.cpp" "${entry}")

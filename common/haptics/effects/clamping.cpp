@@ -90,8 +90,4 @@ bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& 
   return true;
 }
 
-double angleBetween(Vec3 a, Vec3 b) noexcept {
-  return detAtan2(norm(cross(a, b)), dot(a, b));
-}
-
 }  // namespace needlelab

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/haptics/effects/tick.h"
+#include "common/haptics/tick.h"
 
 namespace needlelab {
 

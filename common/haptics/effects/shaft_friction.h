@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "common/haptics/effects/tick.h"
+#include "common/haptics/tick.h"
 
 namespace needlelab {
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/haptics/effects/tick.h"
+#include "common/haptics/tick.h"
 
 namespace needlelab {
 

@@ -4,6 +4,15 @@
 
 namespace needlelab {
 
+EffectMask effectsOfLayers(const SceneSpec& spec) {
+  EffectMask mask = 0;
+  for (const LayerSpec& layer : spec.layers) {
+    if (layer.cutting_force_N > 0) mask |= bitOf(Effect::kCutting);
+    if (layer.attracted_force_N > 0) mask |= bitOf(Effect::kAttracted);
+  }
+  return mask;
+}
+
 const AxialEntry& axialEntry(AxialModel model) {
   switch (model) {
     case AxialModel::kEnhancedTrackingWall:

@@ -4,15 +4,12 @@
 
 #include <array>
 
+#include "common/haptics/effects/step_live.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/spec_checker.h"
 
 namespace needlelab {
-
-/// One step function per set of live effects (its index is the EffectMask): an effect that is not live is not
-/// compiled in.
-using StepTable = std::array<StepFunction, kAllEffects + 1>;
 
 /// To add a model: a file here that makes an entry (see direct.cpp, the smallest), a line in axial_entry.cpp,
 /// a name in axial_model.h, a section in proto/needlelab/profile.proto.
@@ -27,6 +24,9 @@ struct AxialEntry {
 };
 
 const AxialEntry& axialEntry(AxialModel model);
+
+/// CUTTING and ATTRACTED where the layers' own forces are not all zero.
+EffectMask effectsOfLayers(const SceneSpec& spec);
 
 extern const AxialEntry kTrackingWallEntry;  ///< ENHANCED_TRACKING_WALL
 extern const AxialEntry kPlainWallEntry;     ///< TRACKING_WALL

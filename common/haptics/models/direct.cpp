@@ -3,8 +3,8 @@
 /// §3.6). The force steps where the tip crosses into another layer: that is what it is here to show.
 #include <algorithm>
 
+#include "common/haptics/effects/step_live.h"
 #include "common/haptics/models/axial_entry.h"
-#include "common/haptics/step_live.h"
 
 namespace needlelab {
 namespace {

@@ -3,9 +3,9 @@
 /// needle that is pushed in tents the tissue until the cutting force is reached; on the way out the shaft's
 /// friction pulls. A stop relaxes nothing: the tissue is elastic. `cutting_N` is the tip's force,
 /// `friction_N` the shaft's.
+#include "common/haptics/effects/step_live.h"
 #include "common/haptics/models/axial_entry.h"
 #include "common/haptics/models/fem_needle.h"
-#include "common/haptics/step_live.h"
 
 namespace needlelab {
 namespace {

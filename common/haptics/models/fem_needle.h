@@ -15,8 +15,8 @@
 
 #include "common/haptics/limits.h"
 #include "common/haptics/models/needle_compliance.h"
-#include "common/haptics/models/needle_state.h"
 #include "common/haptics/scene_spec.h"
+#include "common/haptics/sim_state.h"
 
 namespace needlelab {
 

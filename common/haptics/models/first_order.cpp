@@ -8,9 +8,9 @@
 #include <algorithm>
 #include <bit>
 
+#include "common/haptics/effects/step_live.h"
 #include "common/haptics/models/axial_entry.h"
 #include "common/haptics/models/tick_before.h"
-#include "common/haptics/step_live.h"
 
 namespace needlelab {
 namespace {

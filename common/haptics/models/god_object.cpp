@@ -7,9 +7,9 @@
 /// membrane's (DESIGN §3.5): the x interpolated by δ between the tick before and this one.
 #include <algorithm>
 
+#include "common/haptics/effects/step_live.h"
 #include "common/haptics/models/axial_entry.h"
 #include "common/haptics/models/tick_before.h"
-#include "common/haptics/step_live.h"
 
 namespace needlelab {
 namespace {

@@ -7,10 +7,9 @@
 #include <string>
 #include <vector>
 
-namespace needlelab {
+#include "common/haptics/limits.h"
 
-/// Most stations that a needle can have: bounds the state and the cost of a tick.
-inline constexpr std::size_t kMaxNeedleStations = 128;
+namespace needlelab {
 
 /// The path is cut into stations of equal length; station i is the piece of the surface r = radius_m between
 /// the depths i·spacing_m and (i + 1)·spacing_m. Depths run along the surface normal, from the skin.

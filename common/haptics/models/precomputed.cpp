@@ -4,10 +4,10 @@
 /// force, as the wall does.
 #include <algorithm>
 
+#include "common/haptics/effects/step_live.h"
 #include "common/haptics/effects/tracking_wall.h"
 #include "common/haptics/models/axial_entry.h"
 #include "common/haptics/models/depth_table.h"
-#include "common/haptics/step_live.h"
 
 namespace needlelab {
 namespace {

@@ -7,20 +7,12 @@
 /// score is linear and scaled to variance 1, so that it is a unit normal at every depth and continuous.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 
+#include "common/haptics/sim_state.h"
+
 namespace needlelab {
-
-/// 2^16 cells of 15 µm: a correlation length below 60 µm is rendered as if it were that.
-inline constexpr int kMaxScoreLevels = 16;
-
-/// Where the process was asked last, and the nodes on the way from the whole metre to that cell.
-struct ScorePath {
-  std::int32_t cell = -1;  ///< −1: nowhere yet
-  std::array<double, kMaxScoreLevels + 1> low, high;
-};
 
 /// Made once, const after that; any thread.
 class ScoreProcess {

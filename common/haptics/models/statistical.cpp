@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "common/haptics/det_math.h"
+#include "common/haptics/effects/step_live.h"
 #include "common/haptics/effects/tracking_wall.h"
 #include "common/haptics/models/axial_entry.h"
-#include "common/haptics/step_live.h"
 
 namespace needlelab {
 namespace {

@@ -4,8 +4,8 @@
 /// there is B·quantum/T, and that is part of what this model is here to show.
 #include <algorithm>
 
+#include "common/haptics/effects/step_live.h"
 #include "common/haptics/models/axial_entry.h"
-#include "common/haptics/step_live.h"
 
 namespace needlelab {
 namespace {

@@ -2,6 +2,7 @@
 /// files only: others call `step` of engine.h.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -13,7 +14,6 @@
 #include "common/haptics/effects/puncture.h"
 #include "common/haptics/effects/shaft_friction.h"
 #include "common/haptics/effects/tracking_wall.h"
-#include "common/haptics/models/axial_entry.h"
 
 namespace needlelab {
 
@@ -151,6 +151,10 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   state.p_prev_W_m = sample.p_WT_m;
   state.depth_prev_m = tick.depth_m;
 }
+
+/// One step function per set of live effects (its index is the EffectMask): an effect that is not live is not
+/// compiled in.
+using StepTable = std::array<StepFunction, kAllEffects + 1>;
 
 /// The step functions of an axial model, one per EffectMask.
 template <class Axial>

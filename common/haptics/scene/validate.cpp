@@ -1,10 +1,9 @@
-#include "common/haptics/scene_spec.h"
-
 #include <algorithm>
 
 #include "common/base/range.h"
 #include "common/haptics/limits.h"
 #include "common/haptics/models/axial_entry.h"
+#include "common/haptics/scene_spec.h"
 #include "common/haptics/spec_checker.h"
 
 namespace needlelab {
@@ -117,17 +116,6 @@ Status validate(const SceneSpec& spec) {
   check.number("max_force_n", spec.max_force_N, kPositiveForce);
   check.require((spec.effects & ~kAllEffects) == 0, "effects", "has bits beyond the known effects");
   return check.take();
-}
-
-Limb placed(const Limb& limb, const Pose& X_WL) {
-  if (const auto* plane = std::get_if<PlaneLimb>(&limb)) {
-    return PlaneLimb{X_WL * plane->point_m, rotate(X_WL.q, plane->normal)};
-  }
-  if (const auto* sphere = std::get_if<SphereLimb>(&limb)) {
-    return SphereLimb{X_WL * sphere->center_m, sphere->radius_m};
-  }
-  const auto& capsule = std::get<CapsuleLimb>(limb);
-  return CapsuleLimb{X_WL * capsule.a_m, X_WL * capsule.b_m, capsule.radius_m};
 }
 
 }  // namespace needlelab

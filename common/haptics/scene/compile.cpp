@@ -1,5 +1,3 @@
-#include "common/haptics/scene_model.h"
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -8,6 +6,7 @@
 
 #include "common/haptics/det_math.h"
 #include "common/haptics/models/axial_entry.h"
+#include "common/haptics/scene_model.h"
 
 namespace needlelab {
 namespace {
@@ -71,18 +70,6 @@ Limb withUnitNormal(const Limb& limb) {
   return limb;
 }
 
-double depthIn(const PlaneLimb& plane, Vec3 p) {
-  return -dot(plane.normal, p - plane.point_m);
-}
-double depthIn(const SphereLimb& sphere, Vec3 p) {
-  return sphere.radius_m - norm(p - sphere.center_m);
-}
-double depthIn(const CapsuleLimb& capsule, Vec3 p) {
-  const Vec3 ab = capsule.b_m - capsule.a_m;
-  const double t = std::clamp(dot(p - capsule.a_m, ab) / normSquared(ab), 0.0, 1.0);
-  return capsule.radius_m - norm(p - (capsule.a_m + ab * t));
-}
-
 }  // namespace
 
 Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
@@ -131,15 +118,6 @@ Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
   return model;
 }
 
-EffectMask effectsOfLayers(const SceneSpec& spec) {
-  EffectMask mask = 0;
-  for (const LayerSpec& layer : spec.layers) {
-    if (layer.cutting_force_N > 0) mask |= bitOf(Effect::kCutting);
-    if (layer.attracted_force_N > 0) mask |= bitOf(Effect::kAttracted);
-  }
-  return mask;
-}
-
 double SceneModel::axialStiffness_N_per_m() const {
   double sum = 0;
   if (isLive(Effect::kCutting) || isLive(Effect::kAttracted)) sum += axial_stiffness_N_per_m;
@@ -151,21 +129,6 @@ double SceneModel::axialStiffness_N_per_m() const {
     sum += steepest;
   }
   return sum;
-}
-
-double depthInLimb(const SceneModel& model, const Vec3& p_W_m) noexcept {
-  return signedDepth(model.limb, p_W_m);
-}
-
-double signedDepth(const Limb& limb, Vec3 p_W_m) {
-  if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return depthIn(*plane, p_W_m);
-  if (const auto* sphere = std::get_if<SphereLimb>(&limb)) return depthIn(*sphere, p_W_m);
-  return depthIn(*std::get_if<CapsuleLimb>(&limb), p_W_m);
-}
-
-double orientationLimitAngle(double needle_length_m, double insertion_m) {
-  const double d = std::clamp(insertion_m, 0.0, needle_length_m);
-  return detAtan2(needle_length_m - d, needle_length_m + d);
 }
 
 }  // namespace needlelab
