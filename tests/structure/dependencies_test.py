@@ -1,0 +1,86 @@
+#!/usr/bin/env python3
+"""The check of dependencies finds what it is there for: each fault is planted in a small tree and must be named."""
+import os
+import sys
+import tempfile
+import unittest
+from unittest import mock
+
+sys.dont_write_bytecode = True
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import dependencies  # noqa: E402
+
+TABLE = """
+| folder | what it is | may include | libraries |
+|---|---|---|---|
+| `common/base` | basics | | |
+| `common/wire` | wire | `common/base` | Boost |
+| `client/net` | net | `common/{base,wire}` | |
+| `db` | store | `common/base` | |
+"""
+FILES = {
+    "common/base/text.h": "",
+    "common/wire/channel.h": '#include "common/base/text.h"\n',
+    "client/net/link.cpp": '#include "common/wire/channel.h"\n#include "common/base/text.h"\n',
+    "db/store.cpp": '#include "common/base/text.h"\n',
+}
+ALL_READ = ["client/net/link.cpp", "common/wire/channel.h", "common/base/text.h", "/usr/include/boost/asio.hpp"]
+
+
+class Dependencies(unittest.TestCase):
+    def faults(self, table=TABLE, files=None, read=None):
+        with tempfile.TemporaryDirectory() as root:
+            root = os.path.realpath(root)
+            for path, text in {**FILES, **(files or {})}.items():
+                os.makedirs(os.path.join(root, os.path.dirname(path)), exist_ok=True)
+                with open(os.path.join(root, path), "w", encoding="utf-8") as file:
+                    file.write(text)
+            with open(os.path.join(root, "ARCHITECTURE.md"), "w", encoding="utf-8") as file:
+                file.write(table)
+            blocks = []
+            for number in range(60):
+                paths = "\n".join("    " + os.path.join(root, path) for path in (read or ALL_READ))
+                blocks.append(f"client/net/link{number}.cpp.o: #deps 4, deps mtime 1 (VALID)\n{paths}\n")
+            listing = mock.Mock(stdout="\n".join(blocks))
+            with mock.patch.object(dependencies.subprocess, "run", return_value=listing):
+                return dependencies.check(root, os.path.join(root, "build"))[0]
+
+    def test_a_tree_that_keeps_to_its_table_has_no_fault(self):
+        self.assertEqual(self.faults(), [])
+
+    def test_an_include_that_the_row_does_not_list(self):
+        found = self.faults(files={"db/store.cpp": '#include "common/base/text.h"\n#include "common/wire/channel.h"\n'})
+        self.assertTrue(any("db may not include common/wire" in fault for fault in found), found)
+
+    def test_a_message_counts_as_proto(self):
+        found = self.faults(files={"db/rows.cpp": '#include "needlelab/types.pb.h"\n'})
+        self.assertTrue(any("db may not include proto" in fault for fault in found), found)
+
+    def test_a_row_that_lists_what_nobody_includes(self):
+        found = self.faults(table=TABLE.replace("| `db` | store | `common/base`", "| `db` | store | `common/{base,wire}`"))
+        self.assertTrue(any("db lists common/wire" in fault for fault in found), found)
+
+    def test_a_circle(self):
+        found = self.faults(table=TABLE.replace("| basics | |", "| basics | `client/net` |"))
+        self.assertTrue(any(fault.startswith("a circle: common/base") for fault in found), found)
+
+    def test_a_folder_without_a_row_and_a_row_without_a_folder(self):
+        found = self.faults(files={"server/main.cpp": ""}, table=TABLE + "| `server/web` | gone | | |\n")
+        self.assertIn("ARCHITECTURE.md has no row for server", found)
+        self.assertTrue(any("row for server/web" in fault for fault in found), found)
+
+    def test_a_header_that_the_compiler_read_beyond_the_rows(self):
+        found = self.faults(files={"db/store.h": ""}, read=ALL_READ + ["db/store.h"])
+        self.assertTrue(any("read a header of db" in fault for fault in found), found)
+
+    def test_a_library_that_no_row_names(self):
+        found = self.faults(read=ALL_READ + ["/usr/include/eigen3/Eigen/Core"])
+        self.assertTrue(any("Eigen" in fault for fault in found), found)
+
+    def test_a_build_that_was_not_made(self):
+        with mock.patch.object(dependencies, "compiled", return_value=iter(())):
+            self.assertTrue(any("build everything first" in fault for fault in self.faults()))
+
+
+if __name__ == "__main__":
+    unittest.main()
