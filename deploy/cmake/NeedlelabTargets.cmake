@@ -1,5 +1,6 @@
-# needlelab_library(NAME [OPTIMISED] SOURCES ... DEPS ...)  -> needlelab_NAME, alias needlelab::NAME
+# needlelab_library(NAME [OPTIMISED] [OWN_OPTIONS] SOURCES ... DEPS ...)  -> needlelab_NAME, alias needlelab::NAME
 #   OPTIMISED: computes for long, so it is compiled at -O1 where a sanitizer watches
+#   OWN_OPTIONS: is compiled with options of its own, so it cannot reuse precompiled headers
 # needlelab_program(NAME SOURCES ... DEPS ...)              -> executable NAME in bin/
 # needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary, its tests known to ctest
 #   SERIAL: runs alone, because it keeps real time against an emulated device
@@ -20,7 +21,7 @@ function(needlelab_optimise target)
 endfunction()
 
 function(needlelab_library name)
-  cmake_parse_arguments(ARG "OPTIMISED" "" "SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "OPTIMISED;OWN_OPTIONS" "" "SOURCES;DEPS" ${ARGN})
   set(target needlelab_${name})
   add_library(${target} STATIC ${ARG_SOURCES})
   if(ARG_OPTIMISED)
@@ -28,12 +29,16 @@ function(needlelab_library name)
   endif()
   add_library(needlelab::${name} ALIAS ${target})
   target_link_libraries(${target} PUBLIC needlelab_flags ${ARG_DEPS} PRIVATE needlelab_warnings)
+  if(NOT ARG_OWN_OPTIONS AND NOT (ARG_OPTIMISED AND NEEDLELAB_SANITIZE))
+    needlelab_reuse_headers(${target} needlelab_program_headers)
+  endif()
 endfunction()
 
 function(needlelab_program name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE needlelab_flags needlelab_warnings ${ARG_DEPS})
+  needlelab_reuse_headers(${name} needlelab_program_headers)
 endfunction()
 
 include(GoogleTest)
@@ -57,6 +62,7 @@ function(needlelab_test name)
     needlelab_optimise(${name})
   else()
     target_compile_options(${name} PRIVATE ${needlelab_test_options})
+    needlelab_reuse_headers(${name} needlelab_test_headers)
   endif()
   if("threads" IN_LIST ARG_LABEL)
     add_dependencies(needlelab_threaded_tests ${name})

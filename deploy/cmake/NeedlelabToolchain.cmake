@@ -15,10 +15,6 @@ if(NEEDLELAB_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   # without these it does not keep what was compiled with precompiled headers (no source of ours looks at __TIME__)
   set(CMAKE_CXX_COMPILER_LAUNCHER "${CMAKE_COMMAND}" -E env CCACHE_SLOPPINESS=pch_defines,time_macros "${NEEDLELAB_CCACHE}")
 endif()
-# GCC clears up its heap so often that it takes a tenth of its time; with up to 600 MB at hand (two at once: 3 GB) it need not
-if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-  add_compile_options("SHELL:--param ggc-min-heapsize=600000" "SHELL:--param ggc-min-expand=400")
-endif()
 find_program(NEEDLELAB_MOLD mold)
 if(NEEDLELAB_MOLD)
   add_link_options(-fuse-ld=mold)
@@ -26,7 +22,9 @@ endif()
 
 add_library(needlelab_flags INTERFACE)
 target_include_directories(needlelab_flags INTERFACE "${CMAKE_SOURCE_DIR}")
-# Same inputs, same bits: no contraction into fused multiply-adds, no fast-math (DESIGN §12, "Determinism").
+# common/wire/asio_impl.cpp compiles Asio once; everybody else only sees declarations
+target_compile_definitions(needlelab_flags INTERFACE BOOST_ASIO_SEPARATE_COMPILATION BOOST_ASIO_NO_DEPRECATED)
+# Same inputs, same bits: no contraction into fused multiply-adds, no fast-math.
 target_compile_options(needlelab_flags INTERFACE -ffp-contract=off)
 add_library(needlelab_warnings INTERFACE)
 target_compile_options(needlelab_warnings INTERFACE
@@ -37,19 +35,11 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   target_compile_options(needlelab_warnings INTERFACE -Wno-mismatched-new-delete)
 endif()
 
-# A whole build from nothing takes a third of the time when a target's files are compiled in batches; an incremental one
-# does not. So the presets that test a fresh checkout say ON, and `dev`, which stays OFF, shows a missing #include.
-option(NEEDLELAB_UNITY "Compile the files of a target in batches" OFF)
-if(NEEDLELAB_UNITY)
-  set(CMAKE_UNITY_BUILD ON)
-  set(CMAKE_UNITY_BUILD_BATCH_SIZE 8)
-  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    # said of every coroutine's frame with a local type, once its file is included by a batch
-    target_compile_options(needlelab_warnings INTERFACE -Wno-subobject-linkage)
-    # GCC 12 sees a string's own buffer overrun in operator+ of <string> (its bug 105651 and kin); that this is a system's
-    # header it forgets when the header was precompiled
-    target_compile_options(needlelab_warnings INTERFACE -Wno-array-bounds -Wno-stringop-overflow -Wno-stringop-overread)
-  endif()
+option(NEEDLELAB_PRECOMPILE "Compile the headers that most files read once" OFF)
+if(NEEDLELAB_PRECOMPILE AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  # GCC 12 sees a string's own buffer overrun in operator+ of <string> (its bug 105651), and forgets that this is a system's
+  # header when the header was precompiled
+  target_compile_options(needlelab_warnings INTERFACE -Wno-array-bounds -Wno-stringop-overflow -Wno-stringop-overread)
 endif()
 
 if(NEEDLELAB_SANITIZE)
