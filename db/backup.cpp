@@ -1,3 +1,4 @@
+
 #include "db/backup.h"
 
 #include <fcntl.h>
@@ -12,12 +13,11 @@
 #include <string_view>
 
 #include "common/base/files.h"
-#include "db/cancel_scope.h"
 #include "db/check.h"
-#include "db/meta_store.h"
-#include "db/session_row.h"
+#include "db/connection.h"
+#include "db/schema.h"
+#include "db/session_rows.h"
 #include "db/session_store.h"
-#include "db/transaction.h"
 
 namespace needlelab {
 namespace {

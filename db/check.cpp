@@ -1,11 +1,90 @@
 #include "db/check.h"
 
-#include "db/session_row.h"
+#include <utility>
+
+#include "db/connection.h"
+#include "db/session_rows.h"
 #include "db/session_store.h"
-#include "db/transaction.h"
 
 namespace needlelab {
 namespace {
+
+/// What was noted of the recording that is there.
+struct Noted {
+  StoredRecording recording;
+  std::uint64_t samples = 0;
+  std::uint64_t stored_bytes = 0;
+  std::optional<Digest> hash;           ///< nothing while the session is open
+  std::optional<Digest> original_hash;  ///< of a thinned one: what it says that it was made from
+  std::string remark;                   ///< of a sound one
+};
+
+Result<std::uint64_t> count(Connection& connection, std::string_view sql, std::int64_t session,
+                            std::uint64_t from) {
+  auto rows = connection.query(sql, session, from);
+  const auto row = rows.step();
+  if (!row) return row.error();
+  return rows.natural(0);
+}
+
+/// The rows beside the session's, its counters and those of retention: which there must be, which not.
+Result<std::vector<std::string>> bookFaults(Connection& connection, const std::string& name,
+                                            const SessionRow& row) {
+  std::vector<std::string> faults;
+  const bool open = row.state == pb::SESSION_OPEN;
+  if (open && !row.counting) faults.push_back(name + " is open, but its counters are not there");
+  if (!open && row.counting) faults.push_back(name + " is closed, but has the counters of an open one");
+  auto query = connection.query(
+      "SELECT leftover, length(crcs), (SELECT complete FROM derived_recordings WHERE session = ?1)"
+      " FROM removed_originals WHERE session = ?1",
+      row.number);
+  const auto there = query.step();
+  if (!there) return there.error();
+  const bool original = row.recording == StoredRecording::Kind::kOriginal;
+  if (original && *there) faults.push_back(name + " has its original, but it is noted as removed");
+  if (!original && !*there) faults.push_back(name + " has lost its original, but no note says when and why");
+  if (original || !*there) return faults;
+  if (query.natural(1) != 4 * row.chunks)
+    faults.push_back(name + ": the CRCs of " + std::to_string(query.natural(1) / 4) +
+                     " removed chunks are noted, there were " + std::to_string(row.chunks));
+  // an original on its way out: what is left of it is no fault
+  if (query.integer(0) == 1) return faults;
+  const auto left =
+      count(connection, "SELECT count(*) FROM chunks WHERE session = ? AND seq >= ?", row.number, 0);
+  if (!left) return left.error();
+  if (*left != 0)
+    faults.push_back(name + " holds " + std::to_string(*left) + " chunks of an original that was removed");
+  return faults;
+}
+
+Result<Noted> notedOf(Connection& connection, const std::string& name, const SessionRow& row) {
+  Noted noted;
+  const auto recording = recordingOf(connection, name, row);
+  if (!recording) return recording.error();
+  noted.recording = *recording;
+  if (row.recording == StoredRecording::Kind::kOriginal) {
+    noted.samples = row.samples;
+    noted.stored_bytes = row.stored_bytes;
+    noted.hash = row.hash;
+    noted.remark =
+        row.state == pb::SESSION_OPEN ? "all chunks so far are sound; the session is still open" : "sound";
+    return noted;
+  }
+  const auto why = removalText(connection, row);
+  if (!why) return why.error();
+  noted.remark = "sound; " + *why;
+  if (row.recording == StoredRecording::Kind::kDeleted) return noted;
+  auto query = connection.query(
+      "SELECT samples, hash, original_hash, stored_bytes FROM derived_recordings WHERE session = ?",
+      row.number);
+  const auto found = query.step();
+  if (!found) return found.error();
+  noted.samples = query.natural(0);
+  noted.hash = digestOf(query.bytes(1));
+  noted.original_hash = digestOf(query.bytes(2));
+  noted.stored_bytes = query.natural(3);
+  return noted;
+}
 
 /// Runs a pragma whose rows are faults, except a single "ok".
 Status collect(Connection& connection, std::string_view pragma, std::string_view prefix,
@@ -39,6 +118,85 @@ Result<std::vector<Uuid>> allSessions(Connection& connection, DatabaseCheck& che
 }
 
 }  // namespace
+
+Result<SessionCheck> SessionStore::verify(const Uuid& session) {
+  // one unchanging view of the session's row and its chunks
+  const auto view = Transaction::view(connection_);
+  if (!view) return view.error();
+  const auto found = findSession(connection_, session);
+  if (!found) return found.error();
+  if (!*found) return unknownSession(session);
+  const SessionRow& row = **found;
+  const std::string name = "session " + uuidText(session);
+
+  SessionCheck check;
+  const auto bad = [&](std::string why) {
+    if (check.faults.size() < kMaxFaults) check.faults.push_back(std::move(why));
+  };
+  // a fault of the data is a finding; a database that cannot be read is an error
+  const auto finding = [&](const Error& error) {
+    if (error.code == ErrorCode::kCorrupt) bad(name + ": " + error.message);
+    return error.code == ErrorCode::kCorrupt;
+  };
+  const auto finished = [&] {
+    check.ok = check.faults.empty();
+    if (!check.ok) check.text = check.faults.front();
+    return check;
+  };
+  auto books = bookFaults(connection_, name, row);
+  if (!books && !finding(books.error())) return books.error();
+  if (books) {
+    for (std::string& fault : *books) bad(std::move(fault));
+  }
+  const auto noted = notedOf(connection_, name, row);
+  if (!noted && !finding(noted.error())) return noted.error();
+  if (!noted) return finished();
+
+  SessionHash hash;
+  std::uint64_t bytes = 0;
+  ChunkScan scan(connection_, name, noted->recording, 0, UINT64_MAX);
+  while (check.faults.size() < kMaxFaults) {
+    const auto item = scan.next();
+    if (!item) return item.error();
+    if (!*item) break;
+    if ((*item)->fault) {
+      bad((*item)->fault->message);
+      continue;
+    }
+    hash.update((*item)->bytes);
+    bytes += (*item)->bytes.size();
+    ++check.chunks;
+    check.samples += (*item)->samples;
+  }
+  check.hash = hash.digest();
+  // the sums say nothing new once a chunk is known to be bad
+  if (!check.faults.empty()) return finished();
+  if (row.recording == StoredRecording::Kind::kDeleted) {
+    check.text = noted->remark;
+    return finished();
+  }
+  const auto beyond = count(
+      connection_,
+      "SELECT count(*) FROM " + std::string(noted->recording.table()) + " WHERE session = ? AND seq >= ?",
+      row.number, noted->recording.chunks);
+  if (!beyond && !finding(beyond.error())) return beyond.error();
+  if (beyond && *beyond != 0)
+    bad(name + " has chunks beyond the " + std::to_string(noted->recording.chunks) + " noted");
+  if (check.samples != noted->samples) {
+    bad(name + " holds " + std::to_string(check.samples) + " samples, noted are " +
+        std::to_string(noted->samples));
+  }
+  if (bytes != noted->stored_bytes) {
+    bad(name + " holds " + std::to_string(bytes) + " bytes, noted are " +
+        std::to_string(noted->stored_bytes));
+  }
+  if (row.state != pb::SESSION_OPEN && noted->hash != check.hash)
+    bad(name + ": the hash over its chunks is not the one it was closed with");
+  if (noted->original_hash && noted->original_hash != row.hash)
+    bad(name + ": its thinned recording names another original than the session's");
+  check.text = noted->remark;
+  return finished();
+}
 
 Result<DatabaseCheck> checkDatabase(Connection& connection) {
   DatabaseCheck check;

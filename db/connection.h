@@ -1,17 +1,75 @@
-/// SQLite, owned: Connection, Statement (statement.h), Transaction (transaction.h). Errors are values.
+/// SQLite, owned: Statement, Connection, transactions and savepoints that roll back unless they were
+/// committed, and the scope that lets a long read be given up. Errors are values.
 #pragma once
 
 #include <sqlite3.h>
 
+#include <atomic>
+#include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <unordered_map>
 
+#include "common/base/bytes.h"
 #include "common/base/result.h"
-#include "db/statement.h"
 
 namespace needlelab {
+
+class Connection;
+
+/// One execution of a prepared statement, borrowed from its connection's cache and given back on destruction.
+/// A failure to prepare or to bind is kept and reported by the next step(), so that callers check one place
+/// only. Thread: not thread-safe; used by the thread that uses its Connection, and destroyed before it.
+class Statement {
+ public:
+  Statement(Statement&& other) noexcept;
+  Statement& operator=(Statement&&) = delete;
+  Statement(const Statement&) = delete;
+  Statement& operator=(const Statement&) = delete;
+  ~Statement();
+
+  /// Binds the next parameter ("?"), left to right. Texts and bytes are copied.
+  Statement& bind(std::int64_t value);
+  Statement& bind(std::uint64_t value);  ///< above 2^63 − 1: an error, SQLite has no such integers
+  Statement& bind(std::int32_t value) { return bind(static_cast<std::int64_t>(value)); }
+  Statement& bind(std::uint32_t value) { return bind(static_cast<std::int64_t>(value)); }
+  Statement& bind(bool value) { return bind(static_cast<std::int64_t>(value ? 1 : 0)); }
+  Statement& bind(double value);
+  Statement& bind(std::string_view value);
+  Statement& bind(const std::string& value) { return bind(std::string_view(value)); }
+  Statement& bind(const char* value) { return bind(std::string_view(value)); }
+  Statement& bind(ByteView value);
+  Statement& bindNull();
+  template <typename T>
+  Statement& bind(const std::optional<T>& value) {
+    return value ? bind(*value) : bindNull();
+  }
+
+  /// True: a row is there to be read. False: done.
+  Result<bool> step();
+  /// Steps to the end, rows are dropped.
+  Status run();
+
+  /// Columns of the present row, from 0. Views live until the next step().
+  [[nodiscard]] std::int64_t integer(int column) const;
+  [[nodiscard]] std::uint64_t natural(int column) const;  ///< negative reads as 0: the schema forbids it
+  [[nodiscard]] double real(int column) const;
+  [[nodiscard]] std::string text(int column) const;
+  [[nodiscard]] ByteView bytes(int column) const;
+  [[nodiscard]] bool isNull(int column) const;
+
+ private:
+  friend class Connection;
+  Statement(Connection* connection, sqlite3_stmt* handle, std::optional<Error> failed);
+  void check(int rc);
+
+  Connection* connection_;
+  sqlite3_stmt* handle_;  ///< null when preparing failed
+  std::optional<Error> failed_;
+  int bound_ = 0;
+};
 
 /// An open database with the settings of DESIGN §8: WAL, synchronous=FULL, foreign keys on,
 /// wal_autocheckpoint=0, and no checkpoint when it closes. Only the writer calls checkpointPassive(): SQLite
@@ -94,6 +152,68 @@ class Connection {
   bool damaged_ = false;
   std::unordered_map<std::string, sqlite3_stmt*>
       idle_;  ///< prepared statements nobody uses now, by their SQL
+};
+
+/// BEGIN … COMMIT. Rolls back on destruction unless commit() returned success.
+/// Thread: as its Connection, which must outlive it.
+class Transaction {
+ public:
+  enum class Kind {
+    kRead,   ///< one unchanging view of the database
+    kWrite,  ///< takes the write lock at once
+  };
+  static Result<Transaction> begin(Connection& connection, Kind kind);
+  /// A kRead of one's own, or nothing when a transaction is on already: its view serves as well. For
+  /// functions that are called on their own and within others' transactions.
+  static Result<std::optional<Transaction>> view(Connection& connection);
+  Transaction(Transaction&& other) noexcept;
+  Transaction& operator=(Transaction&&) = delete;
+  Transaction(const Transaction&) = delete;
+  Transaction& operator=(const Transaction&) = delete;
+  ~Transaction();
+  /// Returns after the data is on the disk (synchronous=FULL).
+  Status commit();
+
+ private:
+  explicit Transaction(Connection& connection) : connection_(&connection) {}
+  Connection* connection_;
+};
+
+/// A part of a transaction that can fail alone.
+/// Thread: as its Connection, which must outlive it.
+class Savepoint {
+ public:
+  static Result<Savepoint> begin(Connection& connection);
+  Savepoint(Savepoint&& other) noexcept;
+  Savepoint& operator=(Savepoint&&) = delete;
+  Savepoint(const Savepoint&) = delete;
+  Savepoint& operator=(const Savepoint&) = delete;
+  ~Savepoint();
+  Status release();
+
+ private:
+  explicit Savepoint(Connection& connection) : connection_(&connection) {}
+  Connection* connection_;
+};
+
+/// While it lives, statements of the connection fail soon after `cancelled` became true (SQLITE_INTERRUPT).
+/// Null: nothing happens. Thread: as the connection; the flag may be set by any. Both must outlive it.
+class CancelScope {
+ public:
+  CancelScope(Connection& connection, const std::atomic<bool>* cancelled) : connection_(connection) {
+    if (cancelled == nullptr) return;
+    // asked every 1000 steps of SQLite's machine: well under a millisecond apart
+    sqlite3_progress_handler(
+        connection_.handle(), 1000,
+        [](void* flag) { return static_cast<const std::atomic<bool>*>(flag)->load() ? 1 : 0; },
+        const_cast<std::atomic<bool>*>(cancelled));
+  }
+  ~CancelScope() { sqlite3_progress_handler(connection_.handle(), 0, nullptr, nullptr); }
+  CancelScope(const CancelScope&) = delete;
+  CancelScope& operator=(const CancelScope&) = delete;
+
+ private:
+  Connection& connection_;
 };
 
 }  // namespace needlelab

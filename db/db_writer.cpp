@@ -1,3 +1,4 @@
+
 #include "db/db_writer.h"
 
 #include <algorithm>
@@ -5,7 +6,7 @@
 #include <utility>
 
 #include "common/base/planted_bug.h"
-#include "db/transaction.h"
+#include "db/connection.h"
 
 namespace needlelab {
 namespace {

@@ -1,12 +1,13 @@
 // What changes sessions: open, append, close. What reads them is in session_reader.cpp.
+
 #include "db/session_store.h"
 
 #include <algorithm>
 
 #include "common/base/planted_bug.h"
 #include "common/gesture/chunk.h"
-#include "db/erasure_store.h"
-#include "db/session_row.h"
+#include "db/erasure.h"
+#include "db/session_rows.h"
 #include "proto/session_rules.h"
 
 namespace needlelab {

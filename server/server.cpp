@@ -15,7 +15,7 @@
 #include "common/base/program.h"
 #include "common/wire/certificates.h"
 #include "common/wire/tls.h"
-#include "db/meta_store.h"
+#include "db/schema.h"
 #include "server/live/connection.h"
 #include "server/live/listen.h"
 #include "server/live/log.h"

@@ -1,5 +1,5 @@
-#include "db/assignment_store.h"
-#include "db/revision.h"
+#include "db/assignments.h"
+#include "db/documents.h"
 #include "db/service/handlers.h"
 #include "db/service/page.h"
 

@@ -10,11 +10,10 @@
 
 #include "common/base/clock.h"
 #include "common/base/files.h"
-#include "db/meta_store.h"
-#include "db/migrate.h"
+#include "db/connection.h"
+#include "db/schema.h"
 #include "db/service/lesson_texts.h"
 #include "db/service/restore.h"
-#include "db/transaction.h"
 
 namespace needlelab {
 namespace {

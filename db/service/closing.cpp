@@ -5,15 +5,13 @@
 #include "common/base/clock.h"
 #include "common/profile/profile.h"
 #include "common/scoring/measures.h"
-#include "db/annotation_store.h"
-#include "db/audit_store.h"
-#include "db/curriculum_store.h"
-#include "db/event_store.h"
-#include "db/score_store.h"
+#include "db/audit.h"
+#include "db/documents.h"
 #include "db/service/handlers.h"
 #include "db/service/score_rows.h"
 #include "db/service/service.h"
 #include "db/service/session_samples.h"
+#include "db/session_results.h"
 
 namespace needlelab {
 namespace {

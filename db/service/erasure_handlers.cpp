@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <mutex>
 
-#include "db/audit_store.h"
-#include "db/erasure_store.h"
-#include "db/pseudonym.h"
+#include "db/audit.h"
+#include "db/erasure.h"
+#include "db/pseudonyms.h"
 #include "db/service/handlers.h"
 
 namespace needlelab::handlers {

@@ -1,8 +1,8 @@
 // What was done with the syringe in a session.
-#include "db/event_store.h"
 #include "db/service/handlers.h"
 #include "db/service/page.h"
 #include "db/service/session_samples.h"
+#include "db/session_results.h"
 #include "db/session_store.h"
 
 namespace needlelab::handlers {

@@ -3,7 +3,7 @@
 #include <sodium.h>
 
 #include "common/base/bytes.h"
-#include "db/pseudonym.h"
+#include "db/pseudonyms.h"
 
 namespace needlelab {
 namespace {

@@ -2,7 +2,7 @@
 #include <iterator>
 #include <vector>
 
-#include "db/group_store.h"
+#include "db/people.h"
 #include "db/service/handlers.h"
 #include "db/service/page.h"
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "db/session_row.h"
+#include "db/session_rows.h"
 
 namespace needlelab {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "common/base/result.h"
 #include "db/connection.h"
-#include "db/erasure_store.h"
+#include "db/erasure.h"
 #include "db/service/record_tables.h"
 
 namespace needlelab {

@@ -2,9 +2,8 @@
 
 #include "common/profile/profile.h"
 #include "common/scoring/measures.h"
-#include "db/curriculum_store.h"
-#include "db/people_store.h"
-#include "db/profile_store.h"
+#include "db/documents.h"
+#include "db/people.h"
 #include "db/service/handlers.h"
 #include "db/service/lesson_texts.h"
 #include "db/service/page.h"

@@ -4,7 +4,7 @@
 
 #include "common/profile/profile.h"
 #include "common/scoring/measures.h"
-#include "db/embedded_file.h"
+#include "db/schema.h"
 
 namespace needlelab {
 namespace {

@@ -6,8 +6,7 @@
 #include <string_view>
 
 #include "common/base/result.h"
-#include "db/curriculum_store.h"
-#include "db/profile_store.h"
+#include "db/documents.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {

@@ -1,12 +1,9 @@
 #include "common/base/text.h"
-#include "db/consent_store.h"
-#include "db/group_store.h"
-#include "db/password.h"
-#include "db/people_store.h"
+#include "db/credentials.h"
+#include "db/people.h"
 #include "db/service/handlers.h"
 #include "db/service/page.h"
 #include "db/service/roles.h"
-#include "db/station_store.h"
 
 namespace needlelab::handlers {
 namespace {
@@ -173,7 +170,7 @@ Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call)
       change.disabled = call.disabled();
     }
     if (call.has_full_name() && call.full_name() != person->full_name) {
-      // last, and in these words: an erasure finds earlier names by them (db/erasure_names.h)
+      // last, and in these words: an erasure finds earlier names by them (db/pseudonyms.h)
       say("full name: '" + printable(person->full_name) + "' to '" + printable(call.full_name()) + "'");
       change.full_name = call.full_name();
     }

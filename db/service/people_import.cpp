@@ -7,10 +7,9 @@
 
 #include "common/base/secret.h"
 #include "common/base/text.h"
-#include "db/audit_store.h"
-#include "db/group_store.h"
-#include "db/password.h"
-#include "db/people_store.h"
+#include "db/audit.h"
+#include "db/credentials.h"
+#include "db/people.h"
 #include "db/service/csv_text.h"
 #include "db/service/handlers.h"
 #include "db/service/roles.h"
@@ -294,7 +293,7 @@ class PeopleTable {
     if (!joins.empty()) say(joins);
     if (row.full_name_given && row.person.full_name != before.full_name) {
       if (auto may = mayManage(context_, before.role); !may) row.fault("full_name", may.error().message);
-      // last, and in these words: an erasure finds earlier names by them (db/erasure_names.h)
+      // last, and in these words: an erasure finds earlier names by them (db/pseudonyms.h)
       say("full name: '" + printable(before.full_name) + "' to '" + printable(row.person.full_name) + "'");
     }
     if (row.what == pb::PeopleImport::FAULT) return {};

@@ -6,7 +6,7 @@
 #include "common/base/text.h"
 #include "common/base/uuid.h"
 #include "common/scoring/measures.h"
-#include "db/pseudonym.h"
+#include "db/pseudonyms.h"
 #include "db/service/lesson_texts.h"
 #include "proto/session_rules.h"
 

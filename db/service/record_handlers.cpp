@@ -5,7 +5,8 @@
 #include <vector>
 
 #include "common/base/text.h"
-#include "db/curriculum_store.h"
+#include "db/connection.h"
+#include "db/documents.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
 #include "db/service/import_erasures.h"
@@ -13,7 +14,6 @@
 #include "db/service/page.h"
 #include "db/service/record_checks.h"
 #include "db/service/record_tables.h"
-#include "db/transaction.h"
 
 namespace needlelab::handlers {
 namespace {

@@ -5,8 +5,8 @@
 #include <optional>
 #include <vector>
 
-#include "db/password.h"
-#include "db/pseudonym.h"
+#include "db/credentials.h"
+#include "db/pseudonyms.h"
 
 namespace needlelab {
 namespace {

@@ -10,7 +10,6 @@
 
 #include "common/base/result.h"
 #include "db/connection.h"
-#include "db/statement.h"
 
 namespace needlelab {
 

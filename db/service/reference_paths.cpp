@@ -3,9 +3,9 @@
 #include <algorithm>
 
 #include "common/scoring/paths.h"
-#include "db/score_store.h"
 #include "db/service/handlers.h"
 #include "db/service/session_samples.h"
+#include "db/session_results.h"
 
 namespace needlelab {
 namespace {

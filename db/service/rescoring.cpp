@@ -5,10 +5,10 @@
 
 #include "common/base/clock.h"
 #include "common/scoring/measures.h"
-#include "db/audit_store.h"
-#include "db/score_store.h"
+#include "db/audit.h"
 #include "db/service/score_rows.h"
-#include "db/session_row.h"
+#include "db/session_results.h"
+#include "db/session_rows.h"
 
 namespace needlelab {
 namespace {

@@ -12,11 +12,10 @@
 #include <utility>
 
 #include "common/base/files.h"
-#include "db/audit_store.h"
+#include "db/audit.h"
 #include "db/check.h"
 #include "db/connection.h"
-#include "db/meta_store.h"
-#include "db/migrate.h"
+#include "db/schema.h"
 #include "db/service/bootstrap.h"
 
 namespace needlelab {

@@ -5,17 +5,15 @@
 #include <vector>
 
 #include "common/scoring/progress.h"
-#include "db/assignment_store.h"
-#include "db/attempt_store.h"
-#include "db/curriculum_store.h"
-#include "db/group_store.h"
-#include "db/people_store.h"
-#include "db/score_store.h"
+#include "db/assignments.h"
+#include "db/connection.h"
+#include "db/documents.h"
+#include "db/people.h"
 #include "db/service/handlers.h"
 #include "db/service/page.h"
 #include "db/service/score_rows.h"
 #include "db/service/standing.h"
-#include "db/transaction.h"
+#include "db/session_results.h"
 
 namespace needlelab::handlers {
 namespace {

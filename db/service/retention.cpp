@@ -8,8 +8,8 @@
 #include "common/base/bytes.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/thinning.h"
-#include "db/audit_store.h"
-#include "db/meta_store.h"
+#include "db/audit.h"
+#include "db/schema.h"
 #include "db/session_store.h"
 
 namespace needlelab {

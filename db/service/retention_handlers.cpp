@@ -1,8 +1,8 @@
 // What happens to recordings after a time: the policies, and where things stand.
 #include <charconv>
 
-#include "db/meta_store.h"
 #include "db/retention_store.h"
+#include "db/schema.h"
 #include "db/service/handlers.h"
 
 namespace needlelab::handlers {

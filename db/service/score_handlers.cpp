@@ -3,13 +3,13 @@
 #include <sstream>
 #include <string>
 
-#include "db/attempt_store.h"
-#include "db/curriculum_store.h"
-#include "db/score_store.h"
+#include "db/assignments.h"
+#include "db/connection.h"
+#include "db/documents.h"
 #include "db/service/handlers.h"
 #include "db/service/page.h"
 #include "db/service/score_reference.h"
-#include "db/transaction.h"
+#include "db/session_results.h"
 
 namespace needlelab::handlers {
 namespace {

@@ -6,8 +6,8 @@
 
 #include "common/scoring/measures.h"
 #include "common/scoring/reference.h"
-#include "db/score_store.h"
 #include "db/service/handlers.h"
+#include "db/session_results.h"
 
 namespace needlelab {
 namespace {

@@ -9,14 +9,13 @@
 #include <system_error>
 
 #include "common/base/clock.h"
-#include "db/erasure_store.h"
-#include "db/meta_store.h"
-#include "db/password.h"
-#include "db/people_store.h"
+#include "db/credentials.h"
+#include "db/erasure.h"
+#include "db/people.h"
+#include "db/schema.h"
 #include "db/service/handlers.h"
 #include "db/service/rescoring.h"
 #include "db/service/roles.h"
-#include "db/station_store.h"
 
 namespace needlelab {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "common/base/result.h"
-#include "db/audit_store.h"
+#include "db/audit.h"
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
 #include "db/service/export_ledger.h"

@@ -4,12 +4,11 @@
 
 #include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
-#include "db/annotation_store.h"
-#include "db/cancel_scope.h"
+#include "db/connection.h"
 #include "db/service/handlers.h"
 #include "db/service/page.h"
+#include "db/session_results.h"
 #include "db/session_store.h"
-#include "db/transaction.h"
 
 namespace needlelab::handlers {
 namespace {

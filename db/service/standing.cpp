@@ -1,7 +1,7 @@
 #include "db/service/standing.h"
 
 #include "common/profile/profile.h"
-#include "db/assignment_store.h"
+#include "db/assignments.h"
 
 namespace needlelab {
 

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "common/base/result.h"
-#include "db/attempt_store.h"
+#include "db/assignments.h"
 #include "db/connection.h"
-#include "db/curriculum_store.h"
+#include "db/documents.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {

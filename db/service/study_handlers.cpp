@@ -7,20 +7,17 @@
 
 #include "common/base/text.h"
 #include "common/gesture/chunk.h"
-#include "db/annotation_store.h"
-#include "db/attempt_store.h"
-#include "db/audit_store.h"
-#include "db/consent_store.h"
-#include "db/erasure_names.h"
-#include "db/erasure_store.h"
-#include "db/people_store.h"
-#include "db/pseudonym.h"
-#include "db/score_store.h"
+#include "db/assignments.h"
+#include "db/audit.h"
+#include "db/connection.h"
+#include "db/erasure.h"
+#include "db/people.h"
+#include "db/pseudonyms.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
 #include "db/service/page.h"
+#include "db/session_results.h"
 #include "db/session_store.h"
-#include "db/transaction.h"
 
 namespace needlelab::handlers {
 namespace {

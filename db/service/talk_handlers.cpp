@@ -4,9 +4,9 @@
 
 #include "common/base/text.h"
 #include "common/profile/aid_list.h"
-#include "db/curriculum_store.h"
+#include "db/credentials.h"
+#include "db/documents.h"
 #include "db/service/handlers.h"
-#include "db/station_store.h"
 
 namespace needlelab::handlers {
 namespace {

@@ -1,8 +1,8 @@
-#include "db/audit_store.h"
+#include "db/audit.h"
 #include "db/backup.h"
-#include "db/cancel_scope.h"
 #include "db/check.h"
-#include "db/erasure_store.h"
+#include "db/connection.h"
+#include "db/erasure.h"
 #include "db/service/handlers.h"
 #include "db/service/page.h"
 

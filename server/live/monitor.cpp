@@ -9,7 +9,7 @@
 #include "common/base/clock.h"
 #include "common/base/text.h"
 #include "common/wire/certificates.h"
-#include "db/meta_store.h"
+#include "db/schema.h"
 #include "server/live/log.h"
 
 namespace needlelab {

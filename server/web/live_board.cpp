@@ -9,8 +9,8 @@
 #include "common/haptics/force_gate.h"
 #include "common/haptics/sim_state.h"
 #include "common/profile/profile.h"
+#include "db/credentials.h"
 #include "db/session_store.h"
-#include "db/station_store.h"
 #include "server/live/log.h"
 #include "server/web/web_answer.h"
 

@@ -7,7 +7,7 @@
 #include "client/sim/tools/closed_loop.h"
 #include "common/haptics/scene_model.h"
 #include "common/profile/profile.h"
-#include "db/embedded_file.h"
+#include "db/schema.h"
 
 namespace needlelab::test {
 namespace {

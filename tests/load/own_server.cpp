@@ -5,10 +5,9 @@
 #include "common/base/clock.h"
 #include "common/base/files.h"
 #include "common/base/text.h"
-#include "db/password.h"
-#include "db/people_store.h"
+#include "db/credentials.h"
+#include "db/people.h"
 #include "db/service/bootstrap.h"
-#include "db/station_store.h"
 
 namespace needlelab::test {
 namespace {

@@ -8,8 +8,7 @@
 
 #include "common/base/files.h"
 #include "db/backup.h"
-#include "db/meta_store.h"
-#include "db/migrate.h"
+#include "db/schema.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab {

@@ -6,8 +6,8 @@
 #include <map>
 
 #include "db/check.h"
+#include "db/connection.h"
 #include "db/db_writer.h"
-#include "db/transaction.h"
 #include "tests/powercut/campaign.h"
 #include "tests/powercut/watched_disk.h"
 #include "tests/unit/db/test_db.h"

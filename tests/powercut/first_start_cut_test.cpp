@@ -3,7 +3,7 @@
 
 #include "common/base/files.h"
 #include "common/wire/certificates.h"
-#include "db/station_store.h"
+#include "db/credentials.h"
 #include "server/live/log.h"
 #include "server/server.h"
 #include "tests/powercut/campaign.h"

@@ -5,8 +5,8 @@
 #include <sqlite3.h>
 
 #include "db/check.h"
+#include "db/credentials.h"
 #include "db/reader_pool.h"
-#include "db/station_store.h"
 #include "tests/powercut/campaign.h"
 #include "tests/unit/db/shim_vfs.h"
 #include "tests/unit/db/test_db.h"

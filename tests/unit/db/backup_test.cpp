@@ -3,7 +3,7 @@
 #include <sys/stat.h>
 
 #include "db/check.h"
-#include "db/meta_store.h"
+#include "db/schema.h"
 #include "tests/unit/db/dump.h"
 #include "tests/unit/db/test_db.h"
 

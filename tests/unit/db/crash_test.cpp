@@ -11,8 +11,8 @@
 #include <thread>
 
 #include "db/check.h"
+#include "db/connection.h"
 #include "db/db_writer.h"
-#include "db/transaction.h"
 #include "tests/unit/db/shim_vfs.h"
 #include "tests/unit/db/test_db.h"
 

@@ -5,7 +5,7 @@
 #include <future>
 #include <stdexcept>
 
-#include "db/audit_store.h"
+#include "db/audit.h"
 #include "tests/unit/db/shim_vfs.h"
 #include "tests/unit/db/test_db.h"
 

@@ -4,8 +4,8 @@
 #include <numeric>
 #include <random>
 
+#include "db/connection.h"
 #include "db/session_store.h"
-#include "db/transaction.h"
 #include "tests/unit/common/gesture/gesture_samples.h"
 #include "tests/unit/db/test_db.h"
 

@@ -4,8 +4,7 @@
 #include <functional>
 
 #include "db/check.h"
-#include "db/event_store.h"
-#include "db/score_store.h"
+#include "db/session_results.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab {

@@ -1,6 +1,6 @@
 #include "db/session_store.h"
 
-#include "db/score_store.h"
+#include "db/session_results.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab {

@@ -1,14 +1,10 @@
 // Groups, assignments, attempts, scores, references, consent: what the stores hold and refuse.
 #include <optional>
 
-#include "db/assignment_store.h"
-#include "db/attempt_store.h"
-#include "db/consent_store.h"
-#include "db/curriculum_store.h"
-#include "db/group_store.h"
-#include "db/people_store.h"
-#include "db/profile_store.h"
-#include "db/score_store.h"
+#include "db/assignments.h"
+#include "db/documents.h"
+#include "db/people.h"
+#include "db/session_results.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab {

@@ -8,9 +8,9 @@
 
 #include "common/gesture/chunk.h"
 #include "db/connection.h"
-#include "db/migrate.h"
+#include "db/credentials.h"
+#include "db/schema.h"
 #include "db/session_store.h"
-#include "db/station_store.h"
 #include "needlelab/teaching.pb.h"
 #include "tests/support/temp_folder.h"
 

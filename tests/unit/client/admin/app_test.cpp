@@ -6,8 +6,8 @@
 #include <map>
 
 #include "common/base/files.h"
-#include "db/embedded_file.h"
-#include "db/event_store.h"
+#include "db/schema.h"
+#include "db/session_results.h"
 #include "tests/unit/client/admin/run_admin.h"
 
 namespace needlelab {

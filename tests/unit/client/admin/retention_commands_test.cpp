@@ -2,7 +2,7 @@
 #include <fstream>
 #include <iterator>
 
-#include "db/people_store.h"
+#include "db/people.h"
 #include "tests/unit/client/admin/run_admin.h"
 
 namespace needlelab {

@@ -2,10 +2,8 @@
 
 #include <sys/stat.h>
 
-#include "db/embedded_file.h"
-#include "db/meta_store.h"
-#include "db/migrate.h"
-#include "db/profile_store.h"
+#include "db/documents.h"
+#include "db/schema.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {

@@ -1,8 +1,7 @@
 // Lists that are longer than a message come in pages, and nothing is cut.
 #include <set>
 
-#include "db/annotation_store.h"
-#include "db/score_store.h"
+#include "db/session_results.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {

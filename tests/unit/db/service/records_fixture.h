@@ -12,10 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "db/annotation_store.h"
-#include "db/erasure_store.h"
-#include "db/event_store.h"
-#include "db/score_store.h"
+#include "db/erasure.h"
+#include "db/session_results.h"
 #include "tests/unit/db/dump.h"
 #include "tests/unit/db/service/test_service.h"
 

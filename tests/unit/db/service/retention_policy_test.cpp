@@ -1,7 +1,7 @@
 // Policies of retention, and a disk that has no room for what they ask.
 
 #include "common/base/clock.h"
-#include "db/session_row.h"
+#include "db/session_rows.h"
 #include "tests/unit/db/service/retention_fixture.h"
 
 namespace needlelab {

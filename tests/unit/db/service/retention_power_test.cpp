@@ -3,7 +3,7 @@
 #include <random>
 
 #include "db/check.h"
-#include "db/session_row.h"
+#include "db/session_rows.h"
 #include "tests/unit/db/service/retention_fixture.h"
 #include "tests/unit/db/shim_vfs.h"
 

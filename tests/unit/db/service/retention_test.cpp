@@ -3,8 +3,8 @@
 
 #include "common/base/clock.h"
 #include "db/check.h"
-#include "db/event_store.h"
-#include "db/session_row.h"
+#include "db/session_results.h"
+#include "db/session_rows.h"
 #include "tests/unit/db/service/retention_fixture.h"
 
 namespace needlelab {

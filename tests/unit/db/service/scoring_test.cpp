@@ -8,8 +8,8 @@
 #include "common/profile/profile.h"
 #include "common/scoring/measures.h"
 #include "common/scoring/paths.h"
-#include "db/score_store.h"
 #include "db/service/rescoring.h"
+#include "db/session_results.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {

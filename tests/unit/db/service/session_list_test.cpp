@@ -1,7 +1,7 @@
 // Lists of sessions: what they can be searched by, and what a row tells.
 #include <set>
 
-#include "db/score_store.h"
+#include "db/session_results.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {

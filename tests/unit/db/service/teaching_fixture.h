@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "db/score_store.h"
+#include "db/session_results.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab::test {

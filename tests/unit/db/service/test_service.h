@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "db/people_store.h"
+#include "db/people.h"
 #include "db/service/bootstrap.h"
 #include "tests/unit/db/test_db.h"
 

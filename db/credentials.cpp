@@ -1,0 +1,150 @@
+#include "db/credentials.h"
+
+#include <sodium.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "common/base/text.h"
+
+namespace needlelab {
+namespace {
+
+/// libsodium must be initialised once, by whichever thread comes first.
+void initialise() {
+  static const int rc = sodium_init();
+  (void)rc;  // fails only without a source of random numbers; then the calls below fail
+}
+
+/// What an empty hash is compared with: a hash of random bytes that nobody knows.
+const std::string& decoyHash() {
+  static const std::string hash = [] {
+    std::array<char, 32> secret;
+    randombytes_buf(secret.data(), secret.size());
+    std::string text(crypto_pwhash_STRBYTES, '\0');
+    if (crypto_pwhash_str(text.data(), secret.data(), secret.size(), crypto_pwhash_OPSLIMIT_INTERACTIVE,
+                          crypto_pwhash_MEMLIMIT_INTERACTIVE) != 0) {
+      return std::string();
+    }
+    return text;
+  }();
+  return hash;
+}
+
+constexpr std::string_view kSelectStations = "SELECT name, key_hash, revoked, created_unix_ns FROM stations ";
+
+Station stationOf(const Statement& row) {
+  Station station;
+  station.name = row.text(0);
+  const ByteView hash = row.bytes(1);
+  std::copy_n(hash.begin(), std::min(hash.size(), station.key_hash.size()), station.key_hash.begin());
+  station.revoked = row.integer(2) != 0;
+  station.created_unix_ns = row.integer(3);
+  return station;
+}
+
+}  // namespace
+
+Result<std::string> hashPassword(std::string_view password) {
+  initialise();
+  if (password.size() < kMinPasswordBytes || password.size() > kMaxPasswordBytes) {
+    return Error{ErrorCode::kInvalidInput, "password: has " + std::to_string(password.size()) +
+                                               " bytes, allowed are " + std::to_string(kMinPasswordBytes) +
+                                               " to " + std::to_string(kMaxPasswordBytes)};
+  }
+  std::string hash(crypto_pwhash_STRBYTES, '\0');
+  if (crypto_pwhash_str(hash.data(), password.data(), password.size(), crypto_pwhash_OPSLIMIT_INTERACTIVE,
+                        crypto_pwhash_MEMLIMIT_INTERACTIVE) != 0) {
+    return Error{ErrorCode::kFailed, "cannot hash a password: not enough memory (64 MiB are needed)"};
+  }
+  hash.resize(std::strlen(hash.c_str()));
+  return hash;
+}
+
+bool verifyPassword(std::string_view hash, std::string_view password) {
+  initialise();
+  const bool usable =
+      !hash.empty() && hash.size() < crypto_pwhash_STRBYTES && password.size() <= kMaxPasswordBytes;
+  std::string padded(usable ? hash : std::string_view(decoyHash()));
+  padded.resize(crypto_pwhash_STRBYTES, '\0');
+  const std::string_view tried = password.substr(0, kMaxPasswordBytes);
+  return crypto_pwhash_str_verify(padded.data(), tried.data(), tried.size()) == 0 && usable;
+}
+
+StationKeyBytes makeStationKey() {
+  initialise();
+  StationKeyBytes key;
+  randombytes_buf(key.data(), key.size());
+  return key;
+}
+
+StationKeyBytes hashStationKey(const StationKeyBytes& key) {
+  initialise();
+  StationKeyBytes hash;
+  crypto_generichash(hash.data(), hash.size(), key.data(), key.size(), nullptr, 0);
+  return hash;
+}
+
+bool sameHash(const StationKeyBytes& a, const StationKeyBytes& b) {
+  return sodium_memcmp(a.data(), b.data(), a.size()) == 0;
+}
+
+Status StationStore::add(std::string_view name, const StationKeyBytes& key_hash, std::int64_t now_unix_ns) {
+  if (auto valid = checkName("station name", name); !valid) return valid;
+  const auto known = find(name);
+  if (!known) return known.error();
+  if (!*known) {
+    if (auto valid = checkNewName("station name", name); !valid) return valid;
+  }
+  if (*known && !(*known)->revoked) {
+    return Error{ErrorCode::kAlreadyExists, "there is already a station named '" + std::string(name) +
+                                                "': revoke it first to give it a new key"};
+  }
+  if (*known) {
+    return connection_.run("UPDATE stations SET key_hash = ?, revoked = 0 WHERE name = ?", ByteView(key_hash),
+                           name);
+  }
+  return connection_.run("INSERT INTO stations (name, key_hash, created_unix_ns) VALUES (?,?,?)", name,
+                         ByteView(key_hash), now_unix_ns);
+}
+
+Status StationStore::revoke(std::string_view name) {
+  if (auto done = connection_.run("UPDATE stations SET revoked = 1 WHERE name = ?", name); !done) return done;
+  if (connection_.changes() == 0) {
+    return Error{ErrorCode::kNotFound, "there is no station named '" + std::string(name) + "'"};
+  }
+  return {};
+}
+
+Result<std::optional<Station>> StationStore::find(std::string_view name) {
+  auto row = connection_.query(std::string(kSelectStations) + "WHERE name = ?", name);
+  const auto found = row.step();
+  if (!found) return found.error();
+  if (!*found) return std::optional<Station>();
+  return std::optional(stationOf(row));
+}
+
+Result<bool> StationStore::checkKey(std::string_view name, std::string_view key) {
+  const auto station = find(name);
+  if (!station) return station.error();
+  StationKeyBytes given{};
+  if (key.size() != given.size()) return false;
+  std::copy(key.begin(), key.end(), given.begin());
+  // hashed and compared for unknown names as well, so that all take the same time
+  const StationKeyBytes stored = *station ? (*station)->key_hash : StationKeyBytes{};
+  const bool same = sameHash(hashStationKey(given), stored);
+  return same && *station && !(*station)->revoked;
+}
+
+Result<std::vector<Station>> StationStore::list() {
+  std::vector<Station> stations;
+  auto rows = connection_.prepare(std::string(kSelectStations) + "ORDER BY name");
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) return stations;
+    stations.push_back(stationOf(rows));
+  }
+}
+
+}  // namespace needlelab

@@ -1,0 +1,66 @@
+/// Passwords of people (argon2id) and keys of stations, hashed, and the stations themselves. Nothing here is
+/// ever logged.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+#include "db/connection.h"
+
+namespace needlelab {
+
+struct Station {
+  std::string name;
+  StationKeyBytes key_hash{};
+  bool revoked = false;
+  std::int64_t created_unix_ns = 0;
+};
+
+/// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's.
+class StationStore {
+ public:
+  explicit StationStore(Connection& connection) : connection_(connection) {}
+
+  /// Adds a station, or gives a revoked one a new key. Errors: kInvalidInput (name), kAlreadyExists (it is in
+  /// use).
+  Status add(std::string_view name, const StationKeyBytes& key_hash, std::int64_t now_unix_ns);
+  /// kNotFound.
+  Status revoke(std::string_view name);
+  /// Nothing when there is no such station.
+  Result<std::optional<Station>> find(std::string_view name);
+  /// True when the station exists, is not revoked, and the key is its key (compared in constant time).
+  Result<bool> checkKey(std::string_view name, std::string_view key);
+  /// By name.
+  Result<std::vector<Station>> list();
+
+ private:
+  Connection& connection_;
+};
+
+inline constexpr std::size_t kMinPasswordBytes = 8;
+inline constexpr std::size_t kMaxPasswordBytes = 256;
+
+/// Argon2id (libsodium's crypto_pwhash_str, interactive limits: 64 MiB, about 0.1 s). Blocks that long: never
+/// on the network's or the database writer's thread. Errors: kInvalidInput (too short, too long), kFailed (no
+/// memory).
+Result<std::string> hashPassword(std::string_view password);
+
+/// Whether the password belongs to the hash; takes as long as hashing. An empty hash belongs to no password,
+/// but takes the same time, so that an unknown name cannot be told from a wrong password.
+bool verifyPassword(std::string_view hash, std::string_view password);
+
+using StationKeyBytes = std::array<std::uint8_t, 32>;
+
+/// 32 random bytes of the operating system.
+StationKeyBytes makeStationKey();
+/// BLAKE2b-256 of a key. The key is random, so a fast hash is enough.
+StationKeyBytes hashStationKey(const StationKeyBytes& key);
+/// Compares in constant time.
+bool sameHash(const StationKeyBytes& a, const StationKeyBytes& b);
+
+}  // namespace needlelab

@@ -1,0 +1,249 @@
+#include "db/documents.h"
+
+#include <array>
+#include <ctime>
+
+#include "common/base/text.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::string_view kExercise = "SELECT id, curriculum_id, name, profile_id, json FROM exercises ";
+
+StoredExercise exerciseOf(const Statement& row) {
+  return {row.text(0), row.text(1), row.text(2), row.text(3), row.text(4)};
+}
+
+}  // namespace
+
+Result<std::uint32_t> ProfileStore::put(const StoredProfile& profile, std::optional<std::uint32_t> base) {
+  for (const Status& valid :
+       {checkName("profile id", profile.id), checkText("profile name", profile.name, 1, 200),
+        checkNote("profile '" + profile.id + "'", profile.json, 2, kMaxJsonBytes)}) {
+    if (!valid) return valid.error();
+  }
+  NewestRevision before;
+  const auto stored = get(profile.id, 0);
+  if (stored) {
+    before = {stored->revision, stored->author, stored->created_unix_ns};
+  } else if (stored.error().code != ErrorCode::kNotFound) {
+    return stored.error();
+  }
+  if (auto newest = checkBase("profile '" + profile.id + "'", base, before); !newest) return newest.error();
+  if (stored && stored->json == profile.json) return stored->revision;
+  const std::uint32_t newest = before.revision;
+  if (auto done = connection_.run(
+          "INSERT INTO profiles (id, revision, name, json, author, created_unix_ns) VALUES (?,?,?,?,?,?)",
+          profile.id, newest + 1, profile.name, profile.json, profile.author, profile.created_unix_ns);
+      !done) {
+    return done.error();
+  }
+  return newest + 1;
+}
+
+Result<StoredProfile> ProfileStore::get(std::string_view id, std::uint32_t revision) {
+  auto row = connection_.query(
+      "SELECT id, revision, name, json, author, created_unix_ns FROM profiles WHERE id = ?1 AND (?2 = 0 OR "
+      "revision = ?2)"
+      " ORDER BY revision DESC LIMIT 1",
+      id, revision);
+  const auto found = row.step();
+  if (!found) return found.error();
+  if (!*found) {
+    return Error{ErrorCode::kNotFound, "there is no profile '" + std::string(id) + "'" +
+                                           (revision == 0 ? "" : " of revision " + std::to_string(revision))};
+  }
+  return StoredProfile{row.text(0), static_cast<std::uint32_t>(row.natural(1)),
+                       row.text(2), row.text(3),
+                       row.text(4), row.integer(5)};
+}
+
+Result<std::vector<StoredProfile>> ProfileStore::list() {
+  std::vector<StoredProfile> profiles;
+  auto rows = connection_.prepare(
+      "SELECT id, revision, name, author, created_unix_ns FROM profiles AS p"
+      " WHERE revision = (SELECT max(revision) FROM profiles WHERE id = p.id) ORDER BY id");
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) return profiles;
+    profiles.push_back({rows.text(0), static_cast<std::uint32_t>(rows.natural(1)), rows.text(2), "",
+                        rows.text(3), rows.integer(4)});
+  }
+}
+
+Result<std::vector<StoredProfile>> ProfileStore::revisions(std::string_view id) {
+  std::vector<StoredProfile> found;
+  auto rows = connection_.query(
+      "SELECT revision, name, author, created_unix_ns FROM profiles WHERE id = ? ORDER BY revision DESC", id);
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) break;
+    found.push_back({std::string(id), static_cast<std::uint32_t>(rows.natural(0)), rows.text(1), "",
+                     rows.text(2), rows.integer(3)});
+  }
+  if (found.empty()) return Error{ErrorCode::kNotFound, "there is no profile '" + std::string(id) + "'"};
+  return found;
+}
+
+std::string secondText(std::int64_t unix_ns) {
+  const std::time_t seconds = unix_ns / 1'000'000'000;
+  std::tm parts{};
+  std::array<char, 40> text{};
+  std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M:%S UTC", ::gmtime_r(&seconds, &parts));
+  return text.data();
+}
+
+Status checkBase(const std::string& what, std::optional<std::uint32_t> base, const NewestRevision& newest) {
+  if (!base || *base == newest.revision) return {};
+  std::string text;
+  if (newest.revision == 0) {
+    text = what + " is not there (any more); your change was made from its revision " + std::to_string(*base);
+  } else {
+    text = what + (*base == 0 ? " is there already: revision " : " was changed meanwhile: revision ") +
+           std::to_string(newest.revision) + " by '" + newest.by + "' on " + secondText(newest.unix_ns) +
+           (*base == 0 ? "" : "; your change was made from revision " + std::to_string(*base));
+  }
+  return Error{ErrorCode::kConflict,
+               text + ". Nothing was stored: look at the newest revision and make your change there",
+               newest.revision};
+}
+
+Result<std::uint32_t> CurriculumStore::put(const StoredCurriculum& curriculum,
+                                           std::optional<std::uint32_t> base) {
+  for (const Status& valid :
+       {checkName("curriculum id", curriculum.id), checkText("curriculum name", curriculum.name, 1, 200),
+        checkNote("curriculum '" + curriculum.id + "'", curriculum.json, 2, kMaxJsonBytes)}) {
+    if (!valid) return valid.error();
+  }
+  NewestRevision before;
+  const auto stored = get(curriculum.id, 0);
+  if (stored) {
+    before = {stored->revision, stored->author, stored->created_unix_ns};
+  } else if (stored.error().code != ErrorCode::kNotFound) {
+    return stored.error();
+  }
+  if (auto newest = checkBase("course '" + curriculum.id + "'", base, before); !newest) return newest.error();
+  if (stored && stored->json == curriculum.json) return stored->revision;
+  const std::uint32_t newest = before.revision;
+  if (auto done = connection_.run(
+          "INSERT INTO curricula (id, revision, name, json, author, created_unix_ns) VALUES (?,?,?,?,?,?)",
+          curriculum.id, newest + 1, curriculum.name, curriculum.json, curriculum.author,
+          curriculum.created_unix_ns);
+      !done) {
+    return done.error();
+  }
+
+  if (auto done = setExercises(curriculum); !done) return done.error();
+  return newest + 1;
+}
+
+Status CurriculumStore::setExercises(const StoredCurriculum& curriculum) {
+  // its exercises replace those of the revision before
+  if (auto done = connection_.run("DELETE FROM exercises WHERE curriculum_id = ?", curriculum.id); !done)
+    return done;
+  std::int64_t position = 0;
+  for (const StoredExercise& item : curriculum.exercises) {
+    const std::string field = "curriculum '" + curriculum.id + "', exercise '" + item.id + "'";
+    if (auto valid = checkName(field + ", id", item.id); !valid) return valid;
+    if (const auto profile = ProfileStore(connection_).get(item.profile_id, 0); !profile) {
+      return Error{profile.error().code,
+                   field + ", profile_id: " + profile.error().message + ": import it first"};
+    }
+    if (const auto other = exercise(item.id); other) {
+      return Error{
+          ErrorCode::kAlreadyExists,
+          field + ": there is already an exercise of this id in curriculum '" + other->curriculum_id + "'"};
+    } else if (other.error().code != ErrorCode::kNotFound) {
+      return other.error();
+    }
+    if (auto done =
+            connection_.run("INSERT INTO exercises (id, curriculum_id, position, name, profile_id, json) "
+                            "VALUES (?,?,?,?,?,?)",
+                            item.id, curriculum.id, position++, item.name, item.profile_id, item.json);
+        !done) {
+      return done;
+    }
+  }
+  return {};
+}
+
+Result<StoredCurriculum> CurriculumStore::get(std::string_view id, std::uint32_t revision) {
+  auto row = connection_.query(
+      "SELECT id, revision, name, json, author, created_unix_ns FROM curricula WHERE id = ?1 AND (?2 = 0 OR "
+      "revision = ?2)"
+      " ORDER BY revision DESC LIMIT 1",
+      id, revision);
+  const auto found = row.step();
+  if (!found) return found.error();
+  if (!*found) {
+    return Error{ErrorCode::kNotFound, "there is no curriculum '" + std::string(id) + "'" +
+                                           (revision == 0 ? "" : " of revision " + std::to_string(revision))};
+  }
+  auto exercises = exercisesOf(id);
+  if (!exercises) return exercises.error();
+  return StoredCurriculum{row.text(0),          static_cast<std::uint32_t>(row.natural(1)),
+                          row.text(2),          row.text(3),
+                          row.text(4),          row.integer(5),
+                          std::move(*exercises)};
+}
+
+Result<std::vector<StoredCurriculum>> CurriculumStore::list() {
+  std::vector<StoredCurriculum> curricula;
+  auto rows = connection_.prepare(
+      "SELECT id, revision, name, author, created_unix_ns FROM curricula AS c"
+      " WHERE revision = (SELECT max(revision) FROM curricula WHERE id = c.id) ORDER BY id");
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) return curricula;
+    auto exercises = exercisesOf(rows.text(0));
+    if (!exercises) return exercises.error();
+    curricula.push_back({rows.text(0), static_cast<std::uint32_t>(rows.natural(1)), rows.text(2), "",
+                         rows.text(3), rows.integer(4), std::move(*exercises)});
+  }
+}
+
+Result<StoredExercise> CurriculumStore::exercise(std::string_view id) {
+  auto row = connection_.query(std::string(kExercise) + "WHERE id = ?", id);
+  const auto found = row.step();
+  if (!found) return found.error();
+  if (!*found) return Error{ErrorCode::kNotFound, "there is no exercise '" + std::string(id) + "'"};
+  return exerciseOf(row);
+}
+
+Result<std::vector<StoredExercise>> CurriculumStore::exercisesOf(std::string_view curriculum_id) {
+  std::vector<StoredExercise> exercises;
+  auto rows =
+      connection_.query(std::string(kExercise) + "WHERE curriculum_id = ? ORDER BY position", curriculum_id);
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) return exercises;
+    exercises.push_back(exerciseOf(rows));
+  }
+}
+
+Result<std::vector<StoredCurriculum>> CurriculumStore::revisions(std::string_view id) {
+  std::vector<StoredCurriculum> found;
+  auto rows = connection_.query(
+      "SELECT revision, name, author, created_unix_ns FROM curricula WHERE id = ? ORDER BY revision DESC",
+      id);
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) break;
+    found.push_back({std::string(id),
+                     static_cast<std::uint32_t>(rows.natural(0)),
+                     rows.text(1),
+                     "",
+                     rows.text(2),
+                     rows.integer(3),
+                     {}});
+  }
+  if (found.empty()) return Error{ErrorCode::kNotFound, "there is no curriculum '" + std::string(id) + "'"};
+  return found;
+}
+
+}  // namespace needlelab

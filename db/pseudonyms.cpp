@@ -1,0 +1,301 @@
+#include "db/pseudonyms.h"
+
+#include <sodium.h>
+
+#include <algorithm>
+#include <array>
+#include <mutex>
+#include <optional>
+
+#include "common/base/bytes.h"
+#include "common/base/files.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::string_view kFullNameWords = "full name: '";
+
+/// Actions whose subject is a person, always. Those of "assign" are looked at by their detail.
+constexpr std::array<std::string_view, 10> kAboutPeople = {
+    "user add", "user passwd",   "user disable", "user change",  "user import",
+    "consent",  "person export", "person erase", "access ended", "access valid again"};
+
+char lowered(char c) {
+  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+}
+bool sameLetter(char a, char b) {
+  return lowered(a) == lowered(b);
+}
+
+/// Letters, digits, and all of UTF-8 beyond ASCII.
+bool isWordByte(char c) {
+  const auto byte = static_cast<unsigned char>(c);
+  return byte >= 0x80 || (byte >= '0' && byte <= '9') || (lowered(c) >= 'a' && lowered(c) <= 'z') || c == '_';
+}
+
+bool standsAlone(std::string_view text, std::size_t begin, std::size_t end) {
+  return (begin == 0 || !isWordByte(text[begin - 1])) && (end == text.size() || !isWordByte(text[end]));
+}
+
+enum class Case : bool { kEither, kOwn };
+
+/// Where `word` stands from `from` on; npos.
+std::size_t findWord(std::string_view text, std::string_view word, std::size_t from, Case letters) {
+  while (from < text.size()) {
+    const auto begin = text.begin() + static_cast<std::ptrdiff_t>(from);
+    const auto found = letters == Case::kOwn
+                           ? std::search(begin, text.end(), word.begin(), word.end())
+                           : std::search(begin, text.end(), word.begin(), word.end(), sameLetter);
+    if (found == text.end()) break;
+    const auto at = static_cast<std::size_t>(found - text.begin());
+    if (standsAlone(text, at, at + word.size())) return at;
+    from = at + 1;
+  }
+  return std::string_view::npos;
+}
+
+/// Whether one of `others` stands around [begin, end).
+bool isWithinOther(std::string_view text, std::size_t begin, std::size_t end,
+                   const std::vector<std::string>& others) {
+  return std::any_of(others.begin(), others.end(), [&](const std::string& other) {
+    if (other.size() <= end - begin) return false;
+    const std::size_t reach = other.size() - (end - begin);
+    for (std::size_t at = begin > reach ? begin - reach : 0; at <= begin; ++at) {
+      const std::size_t found = findWord(text, other, at, Case::kEither);
+      if (found == std::string_view::npos || found > begin) return false;
+      if (found + other.size() >= end) return true;
+      at = found;
+    }
+    return false;
+  });
+}
+
+void replaceWord(std::string& text, std::string_view word, std::string_view in_its_place, Case letters,
+                 const std::vector<std::string>& others) {
+  if (word.empty()) return;
+  std::size_t from = 0;
+  for (;;) {
+    const std::size_t at = findWord(text, word, from, letters);
+    if (at == std::string::npos) return;
+    const bool other = isWithinOther(text, at, at + word.size(), others);
+    if (!other) text.replace(at, word.size(), in_its_place);
+    from = other ? at + 1 : at + in_its_place.size();
+  }
+}
+
+/// Each word of a full name that is longer than two bytes.
+template <typename Take>
+void eachPart(std::string_view full_name, const Take& take) {
+  for (std::size_t at = 0; at < full_name.size();) {
+    const std::size_t end = std::min(full_name.find_first_of(" ,", at), full_name.size());
+    if (end - at > 2) take(full_name.substr(at, end - at));
+    at = end + 1;
+  }
+}
+
+/// In "…joined: a, b and 3 more; left: c": only whole entries.
+std::string withoutListed(std::string text, const std::string& name, const std::string& in_its_place) {
+  for (std::size_t at = text.find(name); at != std::string::npos;) {
+    const std::string_view before = std::string_view(text).substr(0, at);
+    const std::string_view after = std::string_view(text).substr(at + name.size());
+    const bool begins = before.ends_with(": ") || before.ends_with(", ");
+    const bool ends =
+        after.empty() || after.starts_with(", ") || after.starts_with("; ") || after.starts_with(" and ");
+    if (begins && ends) text.replace(at, name.size(), in_its_place);
+    at = text.find(name, at + (begins && ends ? in_its_place.size() : 1));
+  }
+  return text;
+}
+
+bool isPersonSubject(const AuditRow& line, const std::string& name) {
+  if (line.action == "log-in locked") return line.subject == name || line.subject == "person " + name;
+  if (line.subject != name) return false;
+  // the same word may be a group, or a station
+  if (line.action == "assign" || line.action == "assign remove")
+    return line.detail.find(" for group " + name) == std::string::npos;
+  if (line.action == "access ended" && line.detail.starts_with("the station's key")) return false;
+  if (line.action == "access valid again" && line.detail.starts_with("station ")) return false;
+  return std::find(kAboutPeople.begin(), kAboutPeople.end(), line.action) != kAboutPeople.end();
+}
+
+/// BLAKE2b-256 over labelled parts, each with its length before it, so that no two lists of parts are the
+/// same bytes.
+template <typename... Parts>
+PseudonymKey::Hash keyedHash(const PseudonymKey::Hash& key, const Parts&... parts) {
+  Bytes text;
+  ByteWriter writer(text);
+  const auto add = [&](std::string_view part) {
+    writer.put(static_cast<std::uint64_t>(part.size()));
+    writer.put(viewOf(part));
+  };
+  (add(parts), ...);
+  PseudonymKey::Hash hash{};
+  crypto_generichash(hash.data(), hash.size(), text.data(), text.size(), key.data(), key.size());
+  return hash;
+}
+
+std::string hexStart(const PseudonymKey::Hash& hash, std::size_t bytes) {
+  return hexDigitsOf(textOf(ByteView(hash).first(bytes)));
+}
+
+}  // namespace
+
+std::string withoutName(const std::string& text, std::string_view name, std::string_view full_name,
+                        std::string_view in_its_place) {
+  std::string without = text;
+  replaceWord(without, full_name, in_its_place, Case::kEither, {});
+  replaceWord(without, name, in_its_place, Case::kEither, {});
+  eachPart(full_name,
+           [&](std::string_view part) { replaceWord(without, part, in_its_place, Case::kEither, {}); });
+  return without;
+}
+
+std::string withoutNames(const std::string& text, const ErasedNames& names, bool parts) {
+  std::string without = text;
+  for (const std::string& full_name : names.full_names)
+    replaceWord(without, full_name, names.in_its_place, Case::kEither, names.others);
+  replaceWord(without, names.name, names.in_its_place, Case::kEither, names.others);
+  if (!parts) return without;
+  for (const std::string& full_name : names.full_names) {
+    eachPart(full_name, [&](std::string_view part) {
+      replaceWord(without, part, names.in_its_place, Case::kOwn, names.others);
+    });
+  }
+  return without;
+}
+
+Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name) {
+  std::vector<std::string> full_names;
+  auto rows = connection.query(
+      "SELECT detail FROM audit WHERE subject = ? AND action IN ('user change', 'user import') ORDER BY id",
+      name);
+  const auto add = [&](const std::string& full_name) {
+    if (full_name.empty()) return;
+    if (std::find(full_names.begin(), full_names.end(), full_name) == full_names.end())
+      full_names.push_back(full_name);
+  };
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) return full_names;
+    const std::string detail = rows.text(0);
+    const std::size_t at = detail.find(kFullNameWords);
+    if (at == std::string::npos) continue;
+    std::string both = detail.substr(at + kFullNameWords.size());
+    if (both.ends_with("'")) both.pop_back();
+    const std::size_t to = both.find("' to '");
+    if (to != std::string::npos) add(both.substr(0, to));
+    add(to == std::string::npos ? both : both.substr(to + 6));
+  }
+}
+
+Status addOthers(Connection& connection, ErasedNames& names) {
+  std::set<std::string> others;
+  auto rows = connection.prepare(
+      "SELECT name FROM people UNION SELECT full_name FROM people UNION SELECT trainee FROM sessions"
+      " UNION SELECT name FROM stations UNION SELECT id FROM groups UNION SELECT name FROM groups"
+      " UNION SELECT id FROM profiles UNION SELECT id FROM curricula UNION SELECT id FROM exercises");
+  std::vector<std::string_view> own(names.full_names.begin(), names.full_names.end());
+  own.push_back(names.name);
+  for (const std::string& full_name : names.full_names)
+    eachPart(full_name, [&](std::string_view part) { own.push_back(part); });
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) break;
+    const std::string other = rows.text(0);
+    const bool mine = other == names.name || std::find(names.full_names.begin(), names.full_names.end(),
+                                                       other) != names.full_names.end();
+    const bool holds = std::any_of(own.begin(), own.end(), [&](std::string_view word) {
+      return word.size() < other.size() && findWord(other, word, 0, Case::kEither) != std::string::npos;
+    });
+    if (!mine && holds) others.insert(other);
+  }
+  names.others.assign(others.begin(), others.end());
+  return {};
+}
+
+AuditRow withoutNames(const AuditRow& line, const ErasedNames& names,
+                      const std::set<std::string>& own_sessions) {
+  AuditRow without = line;
+  const bool by = line.who == names.name && line.action != "chunk contradicts";  // that one is a station's
+  const bool about = isPersonSubject(line, names.name);
+  if (by) without.who = names.in_its_place;
+  if (about) {
+    without.subject = line.subject == names.name ? names.in_its_place : "person " + names.in_its_place;
+    if (const std::size_t at = line.detail.find(kFullNameWords); at != std::string::npos)
+      without.detail = line.detail.substr(0, at) + "full name changed";
+  }
+  if (line.action == "group set") {
+    without.detail = withoutListed(line.detail, names.name, names.in_its_place);
+  } else if (about || own_sessions.contains(line.subject)) {
+    without.detail = withoutNames(without.detail, names, true);
+  } else if (by || line.action == "attempt excuse") {
+    without.detail = withoutNames(without.detail, names, false);
+  }
+  return without;
+}
+
+Result<PseudonymKey> PseudonymKey::ofFolder(const std::filesystem::path& folder) {
+  static std::mutex one_at_a_time;
+  const std::scoped_lock lock(one_at_a_time);
+  const auto path = folder / "pseudonym.key";
+  Hash key{};
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) {
+    if (sodium_init() < 0) return Error{ErrorCode::kFailed, "there is no source of random numbers"};
+    randombytes_buf(key.data(), key.size());
+    if (auto done = writeFileAtomically(path, key, 0600); !done) return done.error();
+    return PseudonymKey(key);
+  }
+  const auto bytes = readWholeFile(path, 1000);
+  if (!bytes) return bytes.error();
+  if (bytes->size() != key.size())
+    return Error{ErrorCode::kCorrupt,
+                 path.string() + ": has " + std::to_string(bytes->size()) +
+                     " bytes, a key has 32: put back the right file; a new key gives new pseudonyms"};
+  std::copy(bytes->begin(), bytes->end(), key.begin());
+  return PseudonymKey(key);
+}
+
+PseudonymKey::Hash PseudonymKey::nameHash(std::string_view name) const {
+  return keyedHash(key_, "needlelab erased person", name);
+}
+
+std::string PseudonymKey::ofPerson(std::string_view study, std::string_view name,
+                                   std::int64_t created_unix_ns) const {
+  return "p-" +
+         hexStart(keyedHash(key_, "needlelab study person", study, name, std::to_string(created_unix_ns)), 8);
+}
+
+std::string PseudonymKey::ofSession(std::string_view study, const Uuid& session) const {
+  return "s-" + hexStart(keyedHash(key_, "needlelab study session", study, textOf(session)), 16);
+}
+
+std::string hexDigitsOf(std::string_view bytes) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::string text;
+  text.reserve(2 * bytes.size());
+  for (const char c : bytes) {
+    const auto byte = static_cast<unsigned char>(c);
+    text += kDigits[byte >> 4];
+    text += kDigits[byte & 15];
+  }
+  return text;
+}
+
+Result<std::string> bytesOfHex(std::string_view hex) {
+  const auto digit = [](char c) {
+    return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
+  };
+  std::string bytes;
+  for (std::size_t i = 0; i + 1 < hex.size(); i += 2) {
+    const int high = digit(hex[i]), low = digit(hex[i + 1]);
+    if (high < 0 || low < 0) break;
+    bytes += static_cast<char>(high * 16 + low);
+  }
+  if (2 * bytes.size() == hex.size()) return bytes;
+  return Error{ErrorCode::kInvalidInput, "is not an even number of digits 0-9, a-f"};
+}
+
+}  // namespace needlelab

@@ -1,0 +1,304 @@
+#include "db/session_results.h"
+
+#include <algorithm>
+#include <set>
+#include <string>
+
+#include "common/base/text.h"
+#include "db/documents.h"
+#include "db/session_rows.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::string_view kScore =
+    "SELECT s.id, c.definition_version, c.measures, c.passed, c.made_unix_ns, c.first, c.engine_version"
+    " FROM scores c JOIN sessions s ON s.number = c.session WHERE s.id = ?1 ";
+constexpr std::size_t kMaxReferences = 200;
+
+pb::Score scoreOfRow(const Statement& row) {
+  pb::Score score;
+  score.set_session_id(row.text(0));
+  score.set_definition_version(static_cast<std::uint32_t>(row.natural(1)));
+  score.set_measures_json(row.text(2));
+  if (!row.isNull(3)) score.set_passed(row.integer(3) != 0);
+  score.set_made_unix_ns(row.integer(4));
+  score.set_first(row.integer(5) != 0);
+  score.set_engine_version(row.text(6));
+  return score;
+}
+
+/// Ids as text, one a JSON list: ["…","…"].
+std::string idsJson(const std::vector<Uuid>& ids) {
+  std::string json;
+  for (const Uuid& id : ids) json += (json.empty() ? "\"" : ",\"") + uuidText(id) + "\"";
+  return "[" + json + "]";
+}
+
+constexpr std::string_view kInsert =
+    "INSERT INTO session_events (session, position, kind, begin_tick, end_tick, begin_s, end_s, plunger_from,"
+    " plunger_to, in_tissue_share, in_target_share, begin_x_m, begin_y_m, begin_z_m, begin_layer, "
+    "begin_tissue,"
+    " begin_insertion_m, begin_depth_m, begin_target, begin_target_distance_m, begin_hazard, end_x_m, "
+    "end_y_m,"
+    " end_z_m, end_layer, end_tissue, end_insertion_m, end_depth_m, end_target, end_target_distance_m,"
+    " end_hazard, hazards) VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)";
+constexpr std::string_view kSelectEvents =
+    "SELECT kind, begin_tick, end_tick, begin_s, end_s, plunger_from, plunger_to, in_tissue_share,"
+    " in_target_share, begin_x_m, begin_y_m, begin_z_m, begin_layer, begin_tissue, begin_insertion_m,"
+    " begin_depth_m, begin_target, begin_target_distance_m, begin_hazard, end_x_m, end_y_m, end_z_m, "
+    "end_layer,"
+    " end_tissue, end_insertion_m, end_depth_m, end_target, end_target_distance_m, end_hazard, hazards"
+    " FROM session_events WHERE session = ? ORDER BY position";
+constexpr int kPlaceColumns = 10;
+
+void bindPlace(Statement& statement, const pb::SyringePlace& place) {
+  statement.bind(place.x_m()).bind(place.y_m()).bind(place.z_m());
+  statement.bind(place.in_tissue() ? place.layer() : -1).bind(place.tissue());
+  statement.bind(place.insertion_m()).bind(place.depth_m());
+  statement.bind(place.target()).bind(place.target_distance_m()).bind(place.hazard());
+}
+
+void readPlace(const Statement& row, int column, pb::SyringePlace& place) {
+  place.set_x_m(row.real(column));
+  place.set_y_m(row.real(column + 1));
+  place.set_z_m(row.real(column + 2));
+  place.set_layer(static_cast<std::int32_t>(row.integer(column + 3)));
+  place.set_in_tissue(place.layer() >= 0);
+  place.set_tissue(row.text(column + 4));
+  place.set_insertion_m(row.real(column + 5));
+  place.set_depth_m(row.real(column + 6));
+  place.set_target(row.text(column + 7));
+  place.set_target_distance_m(row.real(column + 8));
+  place.set_hazard(row.text(column + 9));
+}
+
+pb::SyringeEvent eventOf(const Statement& row) {
+  pb::SyringeEvent event;
+  event.set_kind(static_cast<pb::SyringeEvent::Kind>(row.integer(0)));
+  event.set_begin_tick(row.natural(1));
+  event.set_end_tick(row.natural(2));
+  event.set_begin_s(row.real(3));
+  event.set_end_s(row.real(4));
+  event.set_plunger_from(row.real(5));
+  event.set_plunger_to(row.real(6));
+  event.set_in_tissue_share(row.real(7));
+  event.set_in_target_share(row.real(8));
+  readPlace(row, 9, *event.mutable_begin());
+  readPlace(row, 9 + kPlaceColumns, *event.mutable_end());
+  // one hazard a line
+  const std::string hazards = row.text(9 + 2 * kPlaceColumns);
+  for (std::size_t at = 0; at < hazards.size();) {
+    const std::size_t end = std::min(hazards.find('\n', at), hazards.size());
+    event.add_hazards(hazards.substr(at, end - at));
+    at = end + 1;
+  }
+  return event;
+}
+
+}  // namespace
+
+Status ScoreStore::put(const pb::Score& score) {
+  const auto id = uuidOf(score.session_id());
+  if (!id || score.definition_version() == 0)
+    return Error{ErrorCode::kInvalidInput,
+                 "score: wants a session_id of 16 bytes and a definition_version from 1"};
+  std::int64_t number = 0;
+  bool has_first = false;
+  {
+    auto row = connection_.query(
+        "SELECT number, erased, EXISTS (SELECT 1 FROM scores WHERE session = number AND first = 1) FROM "
+        "sessions WHERE id = ?",
+        ByteView(*id));
+    const auto found = row.step();
+    if (!found) return found.error();
+    if (!*found) return unknownSession(*id);
+    if (row.integer(1) != 0)
+      return Error{ErrorCode::kUnavailable,
+                   "session " + uuidText(*id) + ": its person's data was erased, it gets no score"};
+    number = row.integer(0);
+    has_first = row.integer(2) != 0;
+  }
+  const int passed = score.has_passed() ? (score.passed() ? 1 : 0) : -1;
+  if (auto done = connection_.run(
+          "INSERT INTO scores (session, definition_version, measures, passed, first, "
+          "engine_version, made_unix_ns) VALUES"
+          " (?,?,?,nullif(?, -1),?,?,?) ON CONFLICT (session, definition_version) DO UPDATE SET "
+          "measures = excluded.measures,"
+          " passed = excluded.passed, engine_version = excluded.engine_version, "
+          "made_unix_ns = excluded.made_unix_ns"
+          " WHERE first = 0",
+          number, score.definition_version(), score.measures_json(), passed, !has_first,
+          score.engine_version(), score.made_unix_ns());
+      !done)
+    return done;
+  return connection_.run(
+      "UPDATE sessions SET (score_json, passed) = (SELECT measures, passed FROM scores WHERE session = number"
+      " AND first = 1) WHERE number = ?",
+      number);
+}
+
+Result<pb::Score> ScoreStore::get(const Uuid& session, std::uint32_t version) {
+  auto row = connection_.query(
+      std::string(kScore) +
+          "AND (?2 = 0 OR c.definition_version = ?2) ORDER BY c.definition_version DESC LIMIT 1",
+      ByteView(session), version);
+  const auto found = row.step();
+  if (!found) return found.error();
+  if (*found) return scoreOfRow(row);
+  return Error{ErrorCode::kNotFound,
+               "session " + uuidText(session) + " has no score" +
+                   (version == 0 ? std::string() : " of definition version " + std::to_string(version))};
+}
+
+Result<std::vector<pb::Score>> ScoreStore::list(const Uuid& session) {
+  std::vector<pb::Score> scores;
+  auto rows = connection_.query(std::string(kScore) + "ORDER BY c.definition_version", ByteView(session));
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) return scores;
+    scores.push_back(scoreOfRow(rows));
+  }
+}
+
+Result<pb::Reference> ReferenceStore::put(const std::string& exercise_id, const std::vector<Uuid>& sessions,
+                                          std::uint32_t base, const std::string& by,
+                                          std::int64_t now_unix_ns) {
+  if (const auto exercise = CurriculumStore(connection_).exercise(exercise_id); !exercise)
+    return exercise.error();
+  const auto before = get(exercise_id);
+  if (!before) return before.error();
+  const std::string name = "the reference of exercise '" + exercise_id + "'";
+  if (auto same =
+          checkBase(name, base, {before->revision(), before->changed_by(), before->changed_unix_ns()});
+      !same)
+    return same.error();
+  if (sessions.size() > kMaxReferences)
+    return Error{ErrorCode::kInvalidInput, name + ", session_ids: has " + std::to_string(sessions.size()) +
+                                               ", allowed are at most " + std::to_string(kMaxReferences)};
+  std::set<Uuid> seen;
+  for (const Uuid& session : sessions) {
+    const std::string which = name + ", session " + uuidText(session);
+    if (!seen.insert(session).second) return Error{ErrorCode::kInvalidInput, which + ": is named twice"};
+    auto row = connection_.query("SELECT exercise_id, state FROM sessions WHERE id = ?", ByteView(session));
+    const auto found = row.step();
+    if (!found) return found.error();
+    if (!*found) return unknownSession(session);
+    if (row.text(0) != exercise_id)
+      return Error{ErrorCode::kInvalidInput, which + ": is of exercise '" + row.text(0) + "'"};
+    if (row.integer(1) == pb::SESSION_OPEN) return Error{ErrorCode::kInvalidInput, which + ": is still open"};
+  }
+  if (auto done = connection_.run(
+          "INSERT INTO exercise_references (exercise_id, revision, sessions, by_whom, created_unix_ns)"
+          " VALUES (?,?,?,?,?)",
+          exercise_id, before->revision() + 1, idsJson(sessions), by, now_unix_ns);
+      !done)
+    return done.error();
+  return get(exercise_id);
+}
+
+Result<pb::Reference> ReferenceStore::get(std::string_view exercise_id) {
+  pb::Reference reference;
+  reference.set_exercise_id(std::string(exercise_id));
+  auto row = connection_.query(
+      "SELECT revision, by_whom, created_unix_ns FROM exercise_references WHERE exercise_id = ? ORDER BY "
+      "revision DESC LIMIT 1",
+      exercise_id);
+  const auto found = row.step();
+  if (!found) return found.error();
+  if (!*found) return reference;
+  reference.set_revision(static_cast<std::uint32_t>(row.natural(0)));
+  reference.set_changed_by(row.text(1));
+  reference.set_changed_unix_ns(row.integer(2));
+  // those that are still there: an erased person's are not
+  auto ids = connection_.query(
+      "SELECT s.id FROM exercise_references r, json_each(r.sessions) j JOIN sessions s"
+      " ON lower(hex(s.id)) = replace(j.value, '-', '') WHERE r.exercise_id = ? AND r.revision = ? AND "
+      "s.erased = 0 ORDER BY j.key",
+      exercise_id, reference.revision());
+  for (;;) {
+    const auto next = ids.step();
+    if (!next) return next.error();
+    if (!*next) return reference;
+    reference.add_session_ids(ids.text(0));
+  }
+}
+
+Status EventStore::put(const Uuid& session, std::span<const pb::SyringeEvent> events) {
+  const auto found = findSession(connection_, session);
+  if (!found) return found.error();
+  if (!*found) return unknownSession(session);
+  if ((*found)->state == pb::SESSION_OPEN)
+    return Error{ErrorCode::kInvalidInput, "session " + uuidText(session) + " is open: close it first"};
+  if (auto done = connection_.run("UPDATE sessions SET events = ? WHERE number = ? AND events IS NULL",
+                                  static_cast<std::uint64_t>(events.size()), (*found)->number);
+      !done)
+    return done;
+  if (connection_.changes() == 0) return {};
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    const pb::SyringeEvent& event = events[i];
+    std::string hazards;
+    for (const std::string& hazard : event.hazards()) hazards += (hazards.empty() ? "" : "\n") + hazard;
+    Statement insert = connection_.prepare(kInsert);
+    insert.bind((*found)->number).bind(static_cast<std::uint64_t>(i)).bind(static_cast<int>(event.kind()));
+    insert.bind(event.begin_tick()).bind(event.end_tick()).bind(event.begin_s()).bind(event.end_s());
+    insert.bind(event.plunger_from()).bind(event.plunger_to());
+    insert.bind(event.in_tissue_share()).bind(event.in_target_share());
+    bindPlace(insert, event.begin());
+    bindPlace(insert, event.end());
+    if (auto done = insert.bind(hazards).run(); !done) return done;
+  }
+  return {};
+}
+
+Result<std::optional<std::vector<pb::SyringeEvent>>> EventStore::list(const Uuid& session) {
+  auto known = connection_.query("SELECT number, events FROM sessions WHERE id = ?", ByteView(session));
+  const auto found = known.step();
+  if (!found) return found.error();
+  if (!*found) return unknownSession(session);
+  if (known.isNull(1)) return std::optional<std::vector<pb::SyringeEvent>>();
+  std::vector<pb::SyringeEvent> events;
+  auto rows = connection_.query(kSelectEvents, known.integer(0));
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) return std::optional(std::move(events));
+    events.push_back(eventOf(rows));
+  }
+}
+
+Result<std::uint64_t> AnnotationStore::add(const StoredAnnotation& annotation) {
+  if (auto valid = checkNote("annotation, text", annotation.text, 1, kMaxNoteBytes); !valid)
+    return valid.error();
+  const auto session = findSession(connection_, annotation.session);
+  if (!session) return session.error();
+  if (!*session) return unknownSession(annotation.session);
+  if (auto done = connection_.run(
+          "INSERT INTO annotations (session, tick, text, author, created_unix_ns) VALUES (?,?,?,?,?)",
+          (*session)->number, annotation.tick, annotation.text, annotation.author,
+          annotation.created_unix_ns);
+      !done) {
+    return done.error();
+  }
+  return static_cast<std::uint64_t>(connection_.lastRowId());
+}
+
+Result<std::vector<StoredAnnotation>> AnnotationStore::list(const Uuid& session) {
+  const auto found = findSession(connection_, session);
+  if (!found) return found.error();
+  if (!*found) return unknownSession(session);
+  std::vector<StoredAnnotation> annotations;
+  auto rows = connection_.query(
+      "SELECT id, tick, text, author, created_unix_ns FROM annotations WHERE session = ? ORDER BY tick, id",
+      (*found)->number);
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return row.error();
+    if (!*row) return annotations;
+    annotations.push_back(
+        {rows.natural(0), session, rows.natural(1), rows.text(2), rows.text(3), rows.integer(4)});
+  }
+}
+
+}  // namespace needlelab

@@ -1,0 +1,181 @@
+#include "db/session_rows.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "common/gesture/chunk.h"
+
+namespace needlelab {
+
+Result<std::optional<SessionRow>> findSession(Connection& connection, const Uuid& session) {
+  auto query = connection.query(
+      "SELECT s.number, s.station, s.state, coalesce(p.chunks, s.chunks), coalesce(p.samples, s.samples),"
+      " coalesce(p.stored_bytes, s.stored_bytes), s.hash, s.recording, s.erased, p.session IS NOT NULL FROM "
+      "sessions s"
+      " LEFT JOIN session_progress p ON p.session = s.number WHERE s.id = ?",
+      ByteView(session));
+  const auto found = query.step();
+  if (!found) return found.error();
+  if (!*found) return std::optional<SessionRow>();
+  SessionRow row;
+  row.number = query.integer(0);
+  row.station = query.text(1);
+  row.state = static_cast<pb::SessionState>(query.integer(2));
+  row.chunks = query.natural(3);
+  row.samples = query.natural(4);
+  row.stored_bytes = query.natural(5);
+  row.hash = digestOf(query.bytes(6));
+  row.recording = static_cast<StoredRecording::Kind>(query.integer(7));
+  row.erased = query.integer(8) != 0;
+  row.counting = query.integer(9) != 0;
+  return std::optional(row);
+}
+
+Result<StoredRecording> recordingOf(Connection& connection, const std::string& name, const SessionRow& row) {
+  StoredRecording recording{row.recording, row.number, 0};
+  if (row.recording == StoredRecording::Kind::kOriginal) recording.chunks = row.chunks;
+  if (row.recording != StoredRecording::Kind::kThinned) return recording;
+  auto query = connection.query("SELECT chunks FROM derived_recordings WHERE session = ? AND complete = 1",
+                                row.number);
+  const auto found = query.step();
+  if (!found) return found.error();
+  if (!*found)
+    return Error{ErrorCode::kCorrupt,
+                 name + " was thinned, but the row of its thinned recording is not there"};
+  recording.chunks = query.natural(0);
+  return recording;
+}
+
+Result<std::string> removalText(Connection& connection, const SessionRow& row) {
+  auto query = connection.query(
+      "SELECT strftime('%Y-%m-%d', coalesce(deleted_unix_ns, removed_unix_ns) / 1000000000, 'unixepoch'),"
+      " reason FROM removed_originals WHERE session = ?",
+      row.number);
+  const auto found = query.step();
+  if (!found) return found.error();
+  const std::string what = row.recording == StoredRecording::Kind::kDeleted ? "its recording was deleted"
+                                                                            : "its recording was thinned";
+  if (!*found) return what;
+  return what + " on " + query.text(0) + " (" + query.text(1) + ")";
+}
+
+Error recordingDeleted(Connection& connection, const std::string& name, const SessionRow& row) {
+  const auto why = removalText(connection, row);
+  if (!why) return why.error();
+  return {ErrorCode::kNotFound, name + ": " + *why + "; its score, events and remarks are kept"};
+}
+
+Result<StoredRecording> readableRecording(Connection& connection, const Uuid& session) {
+  const auto found = findSession(connection, session);
+  if (!found) return found.error();
+  if (!*found) return unknownSession(session);
+  const std::string name = "session " + uuidText(session);
+  if ((*found)->recording == StoredRecording::Kind::kDeleted)
+    return recordingDeleted(connection, name, **found);
+  return recordingOf(connection, name, **found);
+}
+
+std::optional<Digest> digestOf(ByteView bytes) {
+  if (bytes.size() != std::tuple_size_v<Digest>) return std::nullopt;
+  Digest digest{};
+  std::copy(bytes.begin(), bytes.end(), digest.begin());
+  return digest;
+}
+
+Error unknownSession(const Uuid& session) {
+  return {ErrorCode::kNotFound, "there is no session " + uuidText(session)};
+}
+
+std::optional<Uuid> uuidOf(std::string_view bytes) {
+  if (bytes.size() != std::tuple_size_v<Uuid>) return std::nullopt;
+  Uuid id;
+  std::copy(bytes.begin(), bytes.end(), id.begin());
+  return id;
+}
+
+std::string sessionText(std::string_view bytes) {
+  const auto id = uuidOf(bytes);
+  return id ? uuidText(*id) : "(an id of " + std::to_string(bytes.size()) + " bytes, not 16)";
+}
+
+std::int64_t stationCrcOf(ByteView chunk) {
+  std::uint32_t crc = 0;
+  if (chunk.size() < sizeof(crc)) return 0;
+  ByteReader reader(chunk.last(sizeof(crc)));
+  return reader.get<std::uint32_t>();
+}
+
+Result<std::uint64_t> checkStoredChunk(const std::string& name, std::uint64_t seq, std::uint64_t samples,
+                                       std::int64_t crc, ByteView bytes) {
+  const auto corrupt = [&](const std::string& why) {
+    return Error{ErrorCode::kCorrupt, name + ", chunk " + std::to_string(seq) + ": " + why};
+  };
+  if (crc != stationCrcOf(bytes))
+    return corrupt("the CRC noted when it came in is not the one of the stored bytes");
+  const auto info = inspectChunk(bytes);
+  if (!info) return corrupt(info.error().message);
+  if (info->count != samples) {
+    return corrupt("holds " + std::to_string(info->count) + " samples, noted are " + std::to_string(samples));
+  }
+  return samples;
+}
+
+ChunkScan::ChunkScan(Connection& connection, std::string name, const StoredRecording& recording,
+                     std::uint64_t from, std::uint64_t to)
+    : connection_(connection),
+      name_(std::move(name)),
+      recording_(recording),
+      next_(from),
+      to_(std::min(to, recording.chunks)) {}
+
+Error ChunkScan::faultOf(const std::string& what) const {
+  return {ErrorCode::kCorrupt, name_ + ", chunk " + std::to_string(next_) + ": " + what};
+}
+
+Result<std::optional<ChunkScan::Item>> ChunkScan::next() {
+  if (next_ >= to_) return std::optional<Item>();
+  Item item;
+  item.seq = next_;
+  const auto faulty = [&](Error fault) {
+    ++next_;
+    item.fault = std::move(fault);
+    return std::optional(std::move(item));
+  };
+
+  if (!rows_) {
+    // the index finds the row; the row itself must say the same, or a damaged index would give out another
+    // chunk
+    const std::string table(recording_.table());
+    rows_.emplace(
+        connection_.query("SELECT k.seq, c.samples, c.crc, c.bytes, c.session = k.session AND c.seq = k.seq"
+                          " FROM " +
+                              table + " AS k CROSS JOIN " + table +
+                              " AS c ON c.rowid = k.rowid"
+                              " WHERE k.session = ? AND k.seq >= ? AND k.seq < ? ORDER BY k.seq",
+                          recording_.session, next_, to_));
+    row_there_ = at_end_ = false;
+  }
+  if (!row_there_ && !at_end_) {
+    const auto row = rows_->step();
+    if (!row) {
+      if (row.error().code != ErrorCode::kCorrupt) return row.error();
+      // a damaged page ends the statement, not the recording: begin anew behind it
+      rows_.reset();
+      return faulty(faultOf("cannot be read from the database's pages: " + row.error().message));
+    }
+    row_there_ = *row;
+    at_end_ = !*row;
+  }
+  if (at_end_ || rows_->natural(0) != next_) return faulty(faultOf("is missing"));
+  row_there_ = false;
+  if (rows_->integer(4) == 0)
+    return faulty(faultOf("the database's index leads to another one: REINDEX mends it"));
+  const auto samples = checkStoredChunk(name_, next_, rows_->natural(1), rows_->integer(2), rows_->bytes(3));
+  if (!samples) return faulty(samples.error());
+  item.samples = *samples;
+  item.bytes = rows_->bytes(3);
+  ++next_;
+  return std::optional(std::move(item));
+}
+
+}  // namespace needlelab

@@ -1,0 +1,93 @@
+#include <gtest/gtest.h>
+
+#include <chrono>
+
+#include "db/credentials.h"
+#include "tests/unit/db/test_db.h"
+
+namespace needlelab {
+namespace {
+
+TEST(Password, onlyTheRightOneVerifies) {
+  const auto hash = hashPassword("correct horse");
+  ASSERT_TRUE(hash.ok());
+  EXPECT_EQ(hash->rfind("$argon2id$", 0), 0u) << *hash;
+  EXPECT_EQ(hash->find('\0'), std::string::npos);
+  EXPECT_TRUE(verifyPassword(*hash, "correct horse"));
+  EXPECT_FALSE(verifyPassword(*hash, "correct horsf"));
+  EXPECT_FALSE(verifyPassword(*hash, ""));
+  EXPECT_NE(*hashPassword("correct horse"), *hash) << "no salt";
+}
+
+TEST(Password, lengthsAreLimited) {
+  EXPECT_EQ(hashPassword("short").error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(hashPassword(std::string(257, 'x')).error().code, ErrorCode::kInvalidInput);
+}
+
+TEST(Password, aHashThatIsNoneNeverVerifies) {
+  for (const std::string& hash : {std::string(), std::string("nonsense"), std::string(10'000, 'x')}) {
+    EXPECT_FALSE(verifyPassword(hash, "password"));
+  }
+  const auto hash = hashPassword(std::string(256, 'x'));
+  EXPECT_FALSE(verifyPassword(*hash, std::string(257, 'x')));
+}
+
+TEST(Password, anUnknownNameTakesAsLongAsAWrongPassword) {
+  const auto hash = hashPassword("correct horse");
+  const auto time = [](const std::string& stored) {
+    const auto begin = std::chrono::steady_clock::now();
+    EXPECT_FALSE(verifyPassword(stored, "wrong password"));
+    return std::chrono::steady_clock::now() - begin;
+  };
+  time("");  // makes the decoy
+  EXPECT_GT(time("") * 4, time(*hash));
+}
+
+TEST(StationKey, isRandomAndItsHashIsAnother) {
+  const auto a = makeStationKey(), b = makeStationKey();
+  EXPECT_NE(a, b);
+  EXPECT_FALSE(sameHash(hashStationKey(a), hashStationKey(b)));
+  EXPECT_TRUE(sameHash(hashStationKey(a), hashStationKey(a)));
+  EXPECT_NE(hashStationKey(a), a);
+}
+
+std::string textOfKey(const StationKeyBytes& key) {
+  return {key.begin(), key.end()};
+}
+
+TEST(StationStore, takesTheRightKeyOnly) {
+  test::TestDb db;
+  StationStore stations(db.writer);
+  const StationKeyBytes key = makeStationKey();
+  ASSERT_OK(stations.add("lab-1", hashStationKey(key), 5));
+  EXPECT_TRUE(*stations.checkKey("lab-1", textOfKey(key)));
+  auto wrong = key;
+  wrong[31] ^= 1;
+  EXPECT_FALSE(*stations.checkKey("lab-1", textOfKey(wrong)));
+  EXPECT_FALSE(*stations.checkKey("lab-1", textOfKey(key).substr(1)));
+  EXPECT_FALSE(*stations.checkKey("lab-1", textOfKey(key) + "x"));
+  EXPECT_FALSE(*stations.checkKey("lab-1", ""));
+  EXPECT_FALSE(*stations.checkKey("lab-2", textOfKey(key)));
+  // what is stored is not the key
+  EXPECT_FALSE(*stations.checkKey("lab-1", textOfKey(hashStationKey(key))));
+}
+
+TEST(StationStore, aRevokedStationIsOutUntilItGetsANewKey) {
+  test::TestDb db;
+  StationStore stations(db.writer);
+  const StationKeyBytes old_key = makeStationKey(), new_key = makeStationKey();
+  ASSERT_OK(stations.add("lab-1", hashStationKey(old_key), 5));
+  EXPECT_EQ(stations.add("lab-1", hashStationKey(new_key), 6).error().code, ErrorCode::kAlreadyExists);
+  ASSERT_OK(stations.revoke("lab-1"));
+  EXPECT_FALSE(*stations.checkKey("lab-1", textOfKey(old_key)));
+  ASSERT_OK(stations.add("lab-1", hashStationKey(new_key), 7));
+  EXPECT_FALSE(*stations.checkKey("lab-1", textOfKey(old_key)));
+  EXPECT_TRUE(*stations.checkKey("lab-1", textOfKey(new_key)));
+  EXPECT_EQ(stations.find("lab-1")->value().created_unix_ns, 5);
+  EXPECT_EQ(stations.revoke("nobody").error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(stations.list()->size(), 2u);
+}
+
+}  // namespace
+
+}  // namespace needlelab

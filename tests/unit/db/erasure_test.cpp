@@ -1,0 +1,291 @@
+#include "db/erasure.h"
+
+#include <filesystem>
+#include <set>
+#include <sstream>
+
+#include "common/base/files.h"
+#include "db/audit.h"
+#include "db/check.h"
+#include "db/people.h"
+#include "db/retention_store.h"
+#include "db/session_results.h"
+#include "tests/unit/db/dump.h"
+#include "tests/unit/db/test_db.h"
+
+namespace needlelab {
+namespace {
+
+class ErasureStoreTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_OK(PeopleStore(db.writer).add({"anna", pb::TRAINEE, "", false, 1, "Anna Östlund-Berg"}));
+    ASSERT_OK(PeopleStore(db.writer).add({"ben", pb::TRAINEE, "", false, 1}));
+  }
+  Uuid session(const std::string& trainee, std::uint64_t chunks, bool closed) {
+    const Uuid id = makeUuidV7();
+    auto d = test::describe(id);
+    d.set_trainee(trainee);
+    EXPECT_OK(SessionStore(db.writer).open(d, 1));
+    for (std::uint64_t seq = 0; seq < chunks; ++seq)
+      EXPECT_OK(SessionStore(db.writer).append(id, seq, test::chunkOf(seq)));
+    if (closed) EXPECT_OK(SessionStore(db.writer).close(test::closeOf(id, chunks), 2));
+    return id;
+  }
+  ErasureLine line(const std::string& name, std::int64_t when) {
+    const auto key = PseudonymKey::ofFolder(db.folder.path());
+    return {"erased-1234", key->nameHash(name), when};
+  }
+  Result<pb::Erasure> erase(const std::string& name, std::int64_t when = 1'800'000'000'000'000'000) {
+    return ErasureStore(db.writer).erase(name, line(name, when), "ada", "asked for it", when);
+  }
+  void removeChunks(const Uuid& id) {
+    for (;;) {
+      const auto more = RetentionStore(db.writer).removeSome(id, 2);
+      ASSERT_OK(more);
+      if (!*more) return;
+    }
+  }
+  test::TestDb db;
+};
+
+TEST_F(ErasureStoreTest, nothingInTheDatabaseNamesThePersonAfterwards) {
+  const Uuid id = session("anna", 5, true), other = session("ben", 3, true);
+  ASSERT_OK(ScoreStore(db.writer).put(test::scoreOf(id, "[1]")));
+  ASSERT_OK(AnnotationStore(db.writer).add(
+      {0, id, 1, "Well done, ANNA! Mrs. Östlund-Berg holds still.", "ina", 1}));
+  ASSERT_OK(AnnotationStore(db.writer).add({0, other, 1, "better than anna, annabel", "ina", 1}));
+  ASSERT_OK(AuditStore(db.writer).add({0, 1, "ina", "assign", "anna", "exercise knee-1 for anna"}));
+  const auto erased = erase("anna");
+  ASSERT_OK(erased);
+  EXPECT_EQ(erased->sessions(), 1u);
+  EXPECT_EQ(erased->recordings(), 1u);
+  EXPECT_EQ(erased->scores(), 1u);
+  EXPECT_EQ(erased->remarks_kept(), 1u);
+  EXPECT_EQ(erased->audit_lines(), 1u);
+  const std::string all = test::dump(db.writer);
+  EXPECT_EQ(all.find("'anna'"), std::string::npos);
+  EXPECT_EQ(all.find("stlund"), std::string::npos);
+  // blobs are dumped as digits
+  EXPECT_EQ(all.find("616E6E61"), std::string::npos) << "in the description";
+  EXPECT_NE(all.find("Well done, erased-1234!"), std::string::npos);
+  EXPECT_NE(all.find("better than erased-1234, annabel"), std::string::npos);
+  EXPECT_NE(all.find("exercise knee-1 for erased-1234"), std::string::npos);
+  // others are untouched
+  EXPECT_EQ(SessionStore(db.writer).info(other)->chunks(), 3u);
+  removeChunks(id);
+  const auto check = checkDatabase(db.writer);
+  ASSERT_OK(check);
+  EXPECT_TRUE(check->ok()) << check->faults.front();
+  EXPECT_EQ(erase("anna").error().code, ErrorCode::kNotFound);
+}
+
+/// Lines of the audit log as "who|action|subject|detail".
+std::vector<std::string> auditLines(Connection& c) {
+  std::vector<std::string> lines;
+  const auto rows = AuditStore(c).list(0);
+  EXPECT_OK(rows);
+  for (const AuditRow& row : *rows)
+    lines.insert(lines.begin(), row.who + "|" + row.action + "|" + row.subject + "|" + row.detail);
+  return lines;
+}
+
+TEST_F(ErasureStoreTest, linesOfTheLogAboutOthersStayAsTheyWere) {
+  PeopleStore people(db.writer);
+  ASSERT_OK(people.add({"ann", pb::TRAINEE, "", false, 1, "Ann Bone Page"}));
+  for (const char* name : {"ann-maria", "ann berg", "ann.b", "b, ann-x"})
+    ASSERT_OK(people.add({name, pb::TRAINEE, "", false, 1}));
+  const Uuid own = session("ann", 1, true), other = session("ben", 1, true);
+  const std::vector<std::string> of_others{
+      "ann-maria|user add|ann berg|trainee",
+      "ada|user change|ann.b|full name: '' to 'Will Bone'",
+      "ada|group set|ann|revision 2; joined: ann-maria, ann berg, ann.b",
+      "ada|group remove|ann|with its assignments",
+      "ada|assign|ann|course page for group ann",
+      "ada|profile import|bone-page|revision 2; changed: layers[0].tissue (Bone), ann",
+      "ada|access ended|ann|the station's key was revoked; ended: 1 connections, 0 tokens",
+      "ada|attempt excuse|" + uuidText(other) + "|does not count: Bone at Page 4, says ann-maria"};
+  const std::vector<std::pair<std::string, std::string>> own_lines{
+      {"ann|consent|ann|given", "x|consent|x|given"},
+      {"ada|assign|ann|exercise knee-1 for ann", "ada|assign|x|exercise knee-1 for x"},
+      {"ada|group set|g|revision 3; joined: ann, ann berg; left: ann",
+       "ada|group set|g|revision 3; joined: x, ann berg; left: x"},
+      {"server|log-in locked|ann|too many", "server|log-in locked|x|too many"},
+      {"ada|attempt excuse|" + uuidText(own) + "|does not count: Mrs. Bone fell",
+       "ada|attempt excuse|" + uuidText(own) + "|does not count: Mrs. x fell"},
+      {"ada|attempt excuse|" + uuidText(other) + "|counts again: Ann was in the way",
+       "ada|attempt excuse|" + uuidText(other) + "|counts again: x was in the way"}};
+  std::vector<std::string> before, expected;
+  for (const auto& line : of_others) before.push_back(line), expected.push_back(line);
+  for (const auto& [was, is] : own_lines) before.push_back(was), expected.push_back(is);
+  for (const std::string& line : before) {
+    std::vector<std::string> cells;
+    std::istringstream in(line);
+    for (std::string cell; std::getline(in, cell, '|');) cells.push_back(cell);
+    ASSERT_OK(AuditStore(db.writer).add({0, 1, cells.at(0), cells.at(1), cells.at(2), cells.at(3)}));
+  }
+  ASSERT_OK(AnnotationStore(db.writer).add({0, own, 1, "Bone hit the bone, Ann", "ina", 1}));
+  ASSERT_OK(AnnotationStore(db.writer).add(
+      {0, other, 1, "Bone hit; ANN-Maria and ann looked at Page 3", "ina", 1}));
+  const auto erased = ErasureStore(db.writer).erase(
+      "ann", {"x", PseudonymKey::ofFolder(db.folder.path())->nameHash("ann"), 5}, "ada", "", 5);
+  ASSERT_OK(erased);
+  EXPECT_EQ(auditLines(db.writer), expected);
+  EXPECT_EQ(erased->audit_lines(), own_lines.size());
+  EXPECT_EQ(AnnotationStore(db.writer).list(own)->front().text, "x hit the bone, x");
+  EXPECT_EQ(AnnotationStore(db.writer).list(other)->front().text,
+            "Bone hit; ANN-Maria and x looked at Page 3");
+}
+
+TEST_F(ErasureStoreTest, earlierFullNamesGoWithTheLast) {
+  const Uuid id = session("ben", 1, true), other = session("anna", 1, true);
+  for (const char* change :
+       {"role: trainee to instructor; full name: '' to 'Ben Altmann'",
+        "full name: 'Ben Altmann' to 'Benno Neumann'", "full name: 'Benno Neumann' to ''"})
+    ASSERT_OK(AuditStore(db.writer).add({0, 1, "ada", "user change", "ben", change}));
+  ASSERT_OK(AnnotationStore(db.writer).add({0, id, 1, "Altmann, now Neumann", "ina", 1}));
+  ASSERT_OK(AnnotationStore(db.writer).add({0, other, 1, "as ben altmann did; ask Neumann", "ina", 1}));
+  ASSERT_OK(erase("ben"));
+  const std::string all = test::dump(db.writer);
+  for (const char* name : {"Altmann", "altmann", "Benno"})
+    EXPECT_EQ(all.find(name), std::string::npos) << name;
+  EXPECT_EQ(auditLines(db.writer).front(),
+            "ada|user change|erased-1234|role: trainee to instructor; full name changed");
+  EXPECT_EQ(AnnotationStore(db.writer).list(other)->front().text, "as erased-1234 did; ask Neumann")
+      << "a word of it in somebody else's session is not known to be the name";
+}
+
+TEST_F(ErasureStoreTest, whatWasErasedIsNotInTheFileEither) {
+  // a name that is nowhere else, and a rare one
+  ASSERT_OK(PeopleStore(db.writer).add({"qzxanna", pb::TRAINEE, "", false, 1, "Wqjvornov"}));
+  const Uuid id = session("qzxanna", 20, true);
+  ASSERT_OK(AnnotationStore(db.writer).add({0, id, 1, "Wqjvornov is good", "ina", 1}));
+  const auto count = [&](const std::string& word) {
+    EXPECT_OK(db.writer.checkpointPassive());
+    const auto bytes = readWholeFile(db.path);
+    EXPECT_OK(bytes);
+    std::size_t found = 0;
+    for (std::size_t at = bytes->find(word); at != std::string::npos; at = bytes->find(word, at + 1)) ++found;
+    return found;
+  };
+  const Bytes chunk = test::chunkOf(7);
+  const std::string motion(textOf(ByteView(chunk).subspan(8, 48)));
+  EXPECT_GT(count("qzxanna"), 0u);
+  EXPECT_GT(count("Wqjvornov"), 0u);
+  EXPECT_GT(count(motion), 0u);
+  ASSERT_OK(erase("qzxanna"));
+  removeChunks(id);
+  EXPECT_EQ(count("qzxanna"), 0u) << "pages that were freed are overwritten";
+  EXPECT_EQ(count("Wqjvornov"), 0u);
+  EXPECT_EQ(count(motion), 0u);
+}
+
+TEST_F(ErasureStoreTest, whatAStationStillSendsIsAcknowledgedAndNotKept) {
+  const Uuid id = session("anna", 3, false);
+  ASSERT_EQ(ErasureStore(db.writer).openSessions("anna")->size(), 1u);
+  ASSERT_OK(erase("anna"));
+  removeChunks(id);
+  SessionStore sessions(db.writer);
+  // the station goes on as if nothing had happened: new chunks, old ones, its description, the end
+  for (const std::uint64_t seq : {3u, 4u, 1u}) {
+    const auto appended = sessions.append(id, seq, test::chunkOf(seq), "station-1");
+    ASSERT_OK(appended);
+    EXPECT_TRUE(appended->taken()) << appended->text;
+    EXPECT_GT(appended->next_seq, seq);
+  }
+  auto again = test::describe(id);
+  again.set_trainee("anna");
+  EXPECT_OK(sessions.open(again, 5));
+  const auto closed = sessions.close(test::closeOf(id, 5), 6, "station-1");
+  ASSERT_OK(closed);
+  EXPECT_TRUE(closed->taken()) << closed->text;
+  auto left = db.writer.prepare("SELECT count(*) FROM chunks");
+  ASSERT_TRUE(*left.step());
+  EXPECT_EQ(left.integer(0), 0);
+  EXPECT_EQ(test::dump(db.writer).find("616E6E61"), std::string::npos);
+  EXPECT_EQ(ScoreStore(db.writer).put(test::scoreOf(id, "[]")).error().code, ErrorCode::kUnavailable);
+}
+
+TEST_F(ErasureStoreTest, aSessionThatComesAfterTheErasureIsStoredWithoutNameAndEmpty) {
+  ASSERT_OK(erase("anna"));
+  SessionStore sessions(db.writer);
+  // it was recorded before, while the station was away
+  const Uuid id = makeUuidV7();
+  auto d = test::describe(id);
+  d.set_trainee("anna");
+  ASSERT_OK(sessions.open(d, 5));
+  EXPECT_EQ(sessions.info(id)->description().trainee(), "erased-1234");
+  EXPECT_TRUE(sessions.append(id, 0, test::chunkOf(0))->taken());
+  EXPECT_TRUE(sessions.close(test::closeOf(id, 1), 6)->taken());
+  EXPECT_EQ(sessions.info(id)->chunks(), 0u);
+  // somebody who has that name from now on is somebody else
+  const Uuid later = makeUuidV7();
+  d.set_session_id(test::bytesOfId(later));
+  d.set_started_unix_ns(1'900'000'000'000'000'000);
+  ASSERT_OK(sessions.open(d, 5));
+  EXPECT_EQ(sessions.info(later)->description().trainee(), "anna");
+  EXPECT_EQ(sessions.append(later, 0, test::chunkOf(0))->kind, Appended::Kind::kStored);
+  const auto check = checkDatabase(db.writer);
+  ASSERT_OK(check);
+  EXPECT_TRUE(check->ok()) << check->faults.front();
+}
+
+TEST_F(ErasureStoreTest, theLastAdministratorIsNotErased) {
+  ASSERT_OK(PeopleStore(db.writer).add({"ada", pb::ADMINISTRATOR, "h", false, 1}));
+  EXPECT_EQ(erase("ada").error().code, ErrorCode::kDenied);
+  ASSERT_OK(PeopleStore(db.writer).add({"alf", pb::ADMINISTRATOR, "h", false, 1}));
+  EXPECT_OK(erase("ada"));
+}
+
+TEST_F(ErasureStoreTest, aDatabaseFromBeforeSaysWhoMustBeErasedAgain) {
+  const auto made = line("anna", 77);
+  ASSERT_OK(writeErasures(db.folder.path(), {made}));
+  const auto lines = readErasures(db.folder.path());
+  ASSERT_OK(lines);
+  ASSERT_EQ(lines->size(), 1u);
+  EXPECT_EQ((*lines)[0].name_hash, made.name_hash);
+  EXPECT_EQ((*lines)[0].unix_ns, 77);
+  // the file knows, the database does not: as after a restore
+  const auto repeat = ErasureStore(db.writer).toRepeat(db.folder.path());
+  ASSERT_OK(repeat);
+  ASSERT_EQ(repeat->size(), 1u);
+  EXPECT_EQ((*repeat)[0].name, "anna");
+  EXPECT_NE(erasureToRepeatText((*repeat)[0]).find("person erase 'anna'"), std::string::npos);
+  ASSERT_OK(erase("anna"));
+  EXPECT_TRUE(ErasureStore(db.writer).toRepeat(db.folder.path())->empty());
+  ASSERT_OK(writeFileAtomically(db.folder.path() / "erasures", viewOf("nonsense\n")));
+  EXPECT_EQ(ErasureStore(db.writer).toRepeat(db.folder.path()).error().code, ErrorCode::kCorrupt);
+}
+
+TEST(Pseudonym, isStableWithinAStudyAndTellsNothingAcross) {
+  const test::TempFolder folder;
+  const auto key = PseudonymKey::ofFolder(folder.path());
+  ASSERT_OK(key);
+  const auto again = PseudonymKey::ofFolder(folder.path());
+  EXPECT_EQ(key->ofPerson("s", "anna", 1), again->ofPerson("s", "anna", 1));
+  const std::set<std::string> all{key->ofPerson("s", "anna", 1), key->ofPerson("t", "anna", 1),
+                                  key->ofPerson("s", "ben", 1), key->ofPerson("s", "anna", 2),
+                                  key->ofPerson("sa", "nna", 1)};
+  EXPECT_EQ(all.size(), 5u);
+  const test::TempFolder elsewhere;
+  EXPECT_NE(PseudonymKey::ofFolder(elsewhere.path())->ofPerson("s", "anna", 1),
+            key->ofPerson("s", "anna", 1));
+  const auto mode = std::filesystem::status(folder.path() / "pseudonym.key").permissions();
+  EXPECT_EQ(mode, std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+  ASSERT_OK(writeFileAtomically(folder.path() / "pseudonym.key", viewOf("short")));
+  EXPECT_EQ(PseudonymKey::ofFolder(folder.path()).error().code, ErrorCode::kCorrupt);
+}
+
+TEST(Pseudonym, aNameIsReplacedAsAWordOnly) {
+  EXPECT_EQ(withoutName("anna, Anna and annabel; susanna", "anna", "", "X"), "X, X and annabel; susanna");
+  EXPECT_EQ(withoutName("Dr. Berg and Li", "b1", "Anna Berg Li", "X"), "Dr. X and Li")
+      << "two letters may be any word";
+  EXPECT_EQ(withoutName("Anna Berg Li was here", "b1", "Anna Berg Li", "X"), "X was here");
+  EXPECT_EQ(withoutName("Jürg übte", "jürg", "", "X"), "X übte");
+  EXPECT_EQ(withoutName("", "anna", "", "X"), "");
+  EXPECT_EQ(withoutName("anna", "", "", "X"), "anna");
+  EXPECT_EQ(withoutName("ananas anna", "ana", "", "X"), "ananas anna");
+}
+
+}  // namespace
+}  // namespace needlelab

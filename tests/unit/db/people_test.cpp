@@ -1,0 +1,69 @@
+#include "db/people.h"
+
+#include "tests/unit/db/test_db.h"
+
+namespace needlelab {
+namespace {
+
+TEST(PeopleStore, keepsWhatWasAdded) {
+  test::TestDb db;
+  PeopleStore people(db.writer);
+  ASSERT_OK(people.add({"zoe", pb::TRAINEE, "", false, 7}));
+  ASSERT_OK(people.add({"Bea Müller", pb::ADMINISTRATOR, "$argon2id$x", false, 8}));
+  const auto list = people.list();
+  ASSERT_OK(list);
+  ASSERT_EQ(list->size(), 2u);
+  EXPECT_EQ((*list)[0].name, "Bea Müller");
+  EXPECT_EQ((*list)[0].role, pb::ADMINISTRATOR);
+  EXPECT_EQ((*list)[0].password_hash, "$argon2id$x");
+  EXPECT_EQ((*list)[1].created_unix_ns, 7);
+  EXPECT_TRUE((*list)[1].password_hash.empty());
+  EXPECT_FALSE(people.find("nobody")->has_value());
+}
+
+TEST(PeopleStore, refusesTwiceTheSameNameAndWrongFields) {
+  test::TestDb db;
+  PeopleStore people(db.writer);
+  ASSERT_OK(people.add({"anna", pb::TRAINEE, "", false, 1}));
+  EXPECT_EQ(people.add({"anna", pb::INSTRUCTOR, "", false, 1}).error().code, ErrorCode::kAlreadyExists);
+  EXPECT_EQ(people.find("anna")->value().role, pb::TRAINEE);
+  for (const pb::Role role :
+       {pb::ROLE_UNSPECIFIED, pb::STATION, static_cast<pb::Role>(99), static_cast<pb::Role>(-1)}) {
+    EXPECT_EQ(people.add({"ben", role, "", false, 1}).error().code, ErrorCode::kInvalidInput);
+  }
+  EXPECT_EQ(people.add({"", pb::TRAINEE, "", false, 1}).error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(people.add({std::string(1'000'000, 'x'), pb::TRAINEE, "", false, 1}).error().code,
+            ErrorCode::kInvalidInput);
+  // no name is SQL
+  EXPECT_OK(people.add({"x'); DROP TABLE people; --", pb::TRAINEE, "", false, 1}));
+  EXPECT_EQ(people.list()->size(), 2u);
+}
+
+TEST(PeopleStore, setsPasswordsAndDisables) {
+  test::TestDb db;
+  PeopleStore people(db.writer);
+  ASSERT_OK(people.add({"anna", pb::TRAINEE, "", false, 1}));
+  ASSERT_OK(people.setPasswordHash("anna", "h"));
+  ASSERT_OK(people.setDisabled("anna", true));
+  EXPECT_EQ(people.find("anna")->value().password_hash, "h");
+  EXPECT_TRUE(people.find("anna")->value().disabled);
+  ASSERT_OK(people.setDisabled("anna", false));
+  EXPECT_FALSE(people.find("anna")->value().disabled);
+  EXPECT_EQ(people.setPasswordHash("nobody", "h").error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(people.setDisabled("nobody", true).error().code, ErrorCode::kNotFound);
+}
+
+TEST(PeopleStore, theLastAdministratorWhoCanLogInStays) {
+  test::TestDb db;
+  PeopleStore people(db.writer);
+  ASSERT_OK(people.add({"a", pb::ADMINISTRATOR, "h", false, 1}));
+  ASSERT_OK(people.add({"without password", pb::ADMINISTRATOR, "", false, 1}));
+  EXPECT_EQ(people.setDisabled("a", true).error().code, ErrorCode::kDenied);
+  ASSERT_OK(people.add({"b", pb::ADMINISTRATOR, "h", false, 1}));
+  EXPECT_OK(people.setDisabled("a", true));
+  EXPECT_OK(people.setDisabled("a", true));
+  EXPECT_EQ(people.setDisabled("b", true).error().code, ErrorCode::kDenied);
+}
+
+}  // namespace
+}  // namespace needlelab

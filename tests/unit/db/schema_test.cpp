@@ -1,0 +1,123 @@
+#include "db/schema.h"
+
+#include <cstdlib>
+
+#include "common/base/files.h"
+#include "db/check.h"
+#include "tests/unit/db/dump.h"
+#include "tests/unit/db/test_db.h"
+
+namespace needlelab {
+namespace {
+
+Connection fresh(const test::TempFolder& folder, const std::string& name = "a.db") {
+  return test::TestDb::must(
+      Connection::open(folder.path() / name, {.mode = Connection::Mode::kWriter, .create = true}));
+}
+
+TEST(Migrate, aNewFileGetsTheNewestSchemaAndOurMark) {
+  const test::TempFolder folder;
+  auto connection = fresh(folder);
+  EXPECT_EQ(*schemaVersion(connection), 0);
+  EXPECT_FALSE(requireNewestSchema(connection).ok());
+  ASSERT_OK(migrate(connection));
+  EXPECT_EQ(*schemaVersion(connection), newestSchemaVersion());
+  EXPECT_GE(newestSchemaVersion(), 1);
+  ASSERT_OK(requireNewestSchema(connection));
+  // again: nothing to do
+  ASSERT_OK(migrate(connection));
+}
+
+TEST(Migrate, theSchemaIsStrictThroughout) {
+  test::TestDb db;
+  auto rows = db.writer.prepare(
+      "SELECT name FROM pragma_table_list WHERE schema = 'main' AND type = 'table' AND NOT strict"
+      " AND name NOT LIKE 'sqlite_%'");
+  EXPECT_FALSE(*rows.step()) << rows.text(0);
+}
+
+TEST(Migrate, aNewerSchemaIsRefusedByName) {
+  test::TestDb db;
+  ASSERT_OK(db.writer.script("PRAGMA user_version=999"));
+  for (const Status& refused : {migrate(db.writer), requireNewestSchema(db.writer)}) {
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::kVersion);
+    EXPECT_NE(refused.error().message.find("999"), std::string::npos);
+    EXPECT_NE(refused.error().message.find(std::to_string(newestSchemaVersion())), std::string::npos);
+  }
+  EXPECT_EQ(*schemaVersion(db.writer), 999);
+}
+
+TEST(Migrate, anotherProgramsDatabaseIsLeftAlone) {
+  const test::TempFolder folder;
+  auto connection = fresh(folder);
+  ASSERT_OK(connection.script("CREATE TABLE theirs (a)"));
+  EXPECT_EQ(migrate(connection).error().code, ErrorCode::kCorrupt);
+  auto marked = fresh(folder, "b.db");
+  ASSERT_OK(marked.script("PRAGMA application_id=1234"));
+  EXPECT_EQ(migrate(marked).error().code, ErrorCode::kCorrupt);
+}
+
+TEST(Migrate, aFailingMigrationLeavesTheVersionBeforeIt) {
+  const test::TempFolder folder;
+  auto connection = fresh(folder);
+  const EmbeddedFile files[] = {
+      {"0001_good.sql", "CREATE TABLE a (x INTEGER) STRICT;"},
+      {"0002_bad.sql", "CREATE TABLE b (x INTEGER) STRICT; INSERT INTO b VALUES (1); CREATE TABLE a (y);"}};
+  const auto failed = migrate(connection, files);
+  ASSERT_FALSE(failed.ok());
+  EXPECT_NE(failed.error().message.find("0002_bad.sql"), std::string::npos);
+  EXPECT_EQ(*schemaVersion(connection), 1);
+  auto rows = connection.prepare("SELECT count(*) FROM sqlite_schema WHERE name = 'b'");
+  ASSERT_TRUE(*rows.step());
+  EXPECT_EQ(rows.integer(0), 0);
+  EXPECT_FALSE(connection.inTransaction());
+}
+
+TEST(Migrate, numbersMustBeInOrder) {
+  const test::TempFolder folder;
+  auto connection = fresh(folder);
+  const EmbeddedFile files[] = {{"0002_second.sql", "CREATE TABLE a (x INTEGER) STRICT;"}};
+  EXPECT_FALSE(migrate(connection, files).ok());
+  EXPECT_EQ(*schemaVersion(connection), 0);
+}
+
+/// Files of every old version, as text; after the migration they must hold what the .dump beside them says.
+/// With NEEDLELAB_REGENERATE set the dumps are written anew: look at the difference before you commit it.
+TEST(Migrate, filesOfEveryOldVersionKeepTheirContent) {
+  const std::filesystem::path folder = NEEDLELAB_TEST_DATA;
+  for (int version = 1; version <= newestSchemaVersion(); ++version) {
+    const auto source = folder / ("v" + std::to_string(version) + ".sql");
+    const auto sql = readWholeFile(source);
+    ASSERT_OK(sql);
+    const test::TempFolder temporary;
+    auto connection = fresh(temporary);
+    ASSERT_OK(connection.script(*sql));
+    ASSERT_EQ(*schemaVersion(connection), version) << source;
+    ASSERT_OK(migrate(connection));
+    const std::string found = test::dump(connection);
+    const auto expected_file = folder / ("v" + std::to_string(version) + ".dump");
+    if (std::getenv("NEEDLELAB_REGENERATE") != nullptr) {
+      ASSERT_OK(writeFileAtomically(expected_file, viewOf(found)));
+    }
+    const auto expected = readWholeFile(expected_file);
+    ASSERT_OK(expected);
+    EXPECT_EQ(found, *expected);
+    const auto check = checkDatabase(connection);
+    ASSERT_OK(check);
+    EXPECT_TRUE(check->ok()) << check->faults.front();
+    EXPECT_GE(check->chunks, 4u);
+  }
+}
+
+TEST(MetaStore, keepsTheNewestValue) {
+  test::TestDb db;
+  MetaStore meta(db.writer);
+  EXPECT_FALSE(meta.get("k")->has_value());
+  ASSERT_OK(meta.set("k", "1"));
+  ASSERT_OK(meta.set("k", "2"));
+  EXPECT_EQ(**meta.get("k"), "2");
+}
+
+}  // namespace
+}  // namespace needlelab
