@@ -1,5 +1,7 @@
 #include "db/assignments.h"
 
+#include <fmt/core.h>
+
 #include <optional>
 
 #include "db/documents.h"
@@ -27,10 +29,9 @@ pb::Assignment assignmentOf(const Statement& row) {
 }
 
 Status checkTrainee(Connection& connection, const std::string& name) {
-  const auto person = PeopleStore(connection).find(name);
-  if (!person) return person.error();
-  if (!*person) return Error{ErrorCode::kNotFound, "there is no person named '" + name + "'"};
-  if ((*person)->role != pb::TRAINEE)
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection).find(name));
+  if (!person) return Error{ErrorCode::kNotFound, "there is no person named '" + name + "'"};
+  if (person->role != pb::TRAINEE)
     return Error{ErrorCode::kInvalidInput, "'" + name + "' is no trainee: exercises are for trainees"};
   return {};
 }
@@ -47,12 +48,12 @@ pb::Attempt attemptOf(const Statement& row, bool with_score) {
   attempt.set_session_id(row.text(0));
   attempt.set_trainee(row.text(1));
   attempt.set_exercise_id(row.text(2));
-  attempt.set_number(static_cast<std::uint32_t>(row.natural(3)));
+  attempt.set_number(row.natural32(3));
   attempt.set_started_unix_ns(row.integer(4));
   if (!row.isNull(5)) attempt.set_passed(row.integer(5) != 0);
   attempt.set_state(static_cast<pb::SessionState>(row.integer(6)));
   attempt.set_excused(row.integer(7) != 0);
-  attempt.set_profile_revision(static_cast<std::uint32_t>(row.natural(8)));
+  attempt.set_profile_revision(row.natural32(8));
   attempt.set_engine_version(row.text(9));
   if (with_score) attempt.set_score_json(row.text(10));
   return attempt;
@@ -66,16 +67,16 @@ Result<pb::Assignment> AssignmentStore::put(const pb::Assignment& given) {
   if (given.group_id().empty() == given.trainee().empty())
     return Error{ErrorCode::kInvalidInput, "assignment: give exactly one of group_id and trainee"};
   if (given.due_unix_ns() < 0)
-    return Error{ErrorCode::kInvalidInput, "assignment, due_unix_ns: " + std::to_string(given.due_unix_ns()) +
-                                               ", allowed is 0 (never) and above"};
+    return Error{
+        ErrorCode::kInvalidInput,
+        fmt::format("assignment, due_unix_ns: {}, allowed is 0 (never) and above", given.due_unix_ns())};
   if (!given.trainee().empty()) {
-    if (auto valid = checkTrainee(connection_, given.trainee()); !valid) return valid.error();
+    RETURN_IF_ERROR(checkTrainee(connection_, given.trainee()));
   } else if (const auto group = GroupStore(connection_).get(given.group_id()); !group) {
     return group.error();
   }
   if (!given.course_id().empty()) {
-    if (const auto course = CurriculumStore(connection_).get(given.course_id()); !course)
-      return course.error();
+    RETURN_IF_ERROR(CurriculumStore(connection_).get(given.course_id()));
   } else if (const auto exercise = CurriculumStore(connection_).exercise(given.exercise_id()); !exercise) {
     return exercise.error();
   }
@@ -83,57 +84,44 @@ Result<pb::Assignment> AssignmentStore::put(const pb::Assignment& given) {
       "SELECT id FROM assignments WHERE coalesce(course_id, '') = ? AND coalesce(exercise_id, '') = ?"
       " AND coalesce(group_id, '') = ? AND coalesce(trainee, '') = ?",
       given.course_id(), given.exercise_id(), given.group_id(), given.trainee());
-  const auto found = known.step();
-  if (!found) return found.error();
+  ASSIGN_OR_RETURN(const bool found, known.step());
   pb::Assignment stored = given;
-  if (*found) {
+  if (found) {
     stored.set_id(known.natural(0));
     auto renew = connection_.query(
         "UPDATE assignments SET by_whom = ?, created_unix_ns = ?, due_unix_ns = nullif(?, 0) WHERE id = ?",
         given.by(), given.created_unix_ns(), given.due_unix_ns(), stored.id());
-    if (auto done = renew.run(); !done) return done.error();
+    RETURN_IF_ERROR(renew.run());
     return stored;
   }
-  if (auto done = connection_.run(
-          "INSERT INTO assignments (course_id, exercise_id, group_id, trainee, due_unix_ns, by_whom,"
-          " created_unix_ns) VALUES (nullif(?, ''), nullif(?, ''), nullif(?, ''), nullif(?, ''), nullif(?, "
-          "0), ?, ?)",
-          given.course_id(), given.exercise_id(), given.group_id(), given.trainee(), given.due_unix_ns(),
-          given.by(), given.created_unix_ns());
-      !done)
-    return done.error();
+  RETURN_IF_ERROR(connection_.run(
+      "INSERT INTO assignments (course_id, exercise_id, group_id, trainee, due_unix_ns, by_whom,"
+      " created_unix_ns) VALUES (nullif(?, ''), nullif(?, ''), nullif(?, ''), nullif(?, ''), nullif(?, "
+      "0), ?, ?)",
+      given.course_id(), given.exercise_id(), given.group_id(), given.trainee(), given.due_unix_ns(),
+      given.by(), given.created_unix_ns()));
   stored.set_id(static_cast<std::uint64_t>(connection_.lastRowId()));
   return stored;
 }
 
 Result<pb::Assignment> AssignmentStore::remove(std::uint64_t id) {
-  std::optional<pb::Assignment> removed;
-  {
-    auto row = connection_.query(std::string(kAssignment) + "WHERE id = ?", id);
-    const auto found = row.step();
-    if (!found) return found.error();
-    if (!*found) return Error{ErrorCode::kNotFound, "there is no assignment " + std::to_string(id)};
-    removed = assignmentOf(row);
-  }
-  if (auto done = connection_.run("DELETE FROM assignments WHERE id = ?", id); !done) return done.error();
+  ASSIGN_OR_RETURN(const auto removed,
+                   connection_.query(std::string(kAssignment) + "WHERE id = ?", id).first(assignmentOf));
+  if (!removed) return Error{ErrorCode::kNotFound, fmt::format("there is no assignment {}", id)};
+  RETURN_IF_ERROR(connection_.run("DELETE FROM assignments WHERE id = ?", id));
   return *removed;
 }
 
 Result<std::vector<pb::Assignment>> AssignmentStore::list(const Filter& filter) {
-  std::vector<pb::Assignment> assignments;
-  auto rows = connection_.query(std::string(kAssignment) +
-                                    "WHERE (?1 = '' OR trainee = ?1 OR group_id IN (SELECT group_id FROM "
-                                    "group_members WHERE person = ?1))"
-                                    " AND (?2 = '' OR course_id = ?2 OR exercise_id IN (SELECT id FROM "
-                                    "exercises WHERE curriculum_id = ?2))"
-                                    " AND (?3 = '' OR group_id = ?3) ORDER BY id DESC",
-                                filter.trainee, filter.course_id, filter.group_id);
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return assignments;
-    assignments.push_back(assignmentOf(rows));
-  }
+  return connection_
+      .query(std::string(kAssignment) +
+                 "WHERE (?1 = '' OR trainee = ?1 OR group_id IN (SELECT group_id FROM "
+                 "group_members WHERE person = ?1))"
+                 " AND (?2 = '' OR course_id = ?2 OR exercise_id IN (SELECT id FROM "
+                 "exercises WHERE curriculum_id = ?2))"
+                 " AND (?3 = '' OR group_id = ?3) ORDER BY id DESC",
+             filter.trainee, filter.course_id, filter.group_id)
+      .all(assignmentOf);
 }
 
 Result<std::int64_t> AssignmentStore::dueOf(std::string_view trainee, std::string_view exercise_id,
@@ -145,39 +133,29 @@ Result<std::int64_t> AssignmentStore::dueOf(std::string_view trainee, std::strin
       " (trainee = ?1 OR group_id IN (SELECT group_id FROM group_members WHERE person = ?1))"
       " ORDER BY (trainee IS NULL) * 2 + (exercise_id IS NULL), due_unix_ns DESC LIMIT 1",
       trainee, exercise_id, course_id);
-  const auto found = row.step();
-  if (!found) return found.error();
-  return *found ? row.integer(0) : otherwise;
+  ASSIGN_OR_RETURN(const bool found, row.step());
+  return found ? row.integer(0) : otherwise;
 }
 
 Result<std::vector<pb::Attempt>> AttemptStore::list(std::string_view trainee, std::string_view exercise_id,
                                                     bool with_scores) {
-  std::vector<pb::Attempt> attempts;
-  auto rows =
-      connection_.query(std::string(kAttempt) + "ORDER BY started_unix_ns, number", trainee, exercise_id);
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return attempts;
-    attempts.push_back(attemptOf(rows, with_scores));
-  }
+  return connection_.query(std::string(kAttempt) + "ORDER BY started_unix_ns, number", trainee, exercise_id)
+      .all([&](const Statement& row) { return attemptOf(row, with_scores); });
 }
 
 Result<pb::Attempt> AttemptStore::get(const Uuid& session) {
   std::string trainee, exercise_id;
   {
     auto row = connection_.query("SELECT trainee, exercise_id FROM sessions WHERE id = ?", ByteView(session));
-    const auto found = row.step();
-    if (!found) return found.error();
-    if (!*found) return unknownSession(session);
+    ASSIGN_OR_RETURN(const bool found, row.step());
+    if (!found) return unknownSession(session);
     trainee = row.text(0);
     exercise_id = row.text(1);
   }
   auto row =
       connection_.query(std::string(kAttempt) + "WHERE id = ?3", trainee, exercise_id, ByteView(session));
-  const auto found = row.step();
-  if (!found) return found.error();
-  if (!*found) return Error{ErrorCode::kNotFound, "session " + uuidText(session) + " is nobody's attempt"};
+  ASSIGN_OR_RETURN(const bool found, row.step());
+  if (!found) return Error{ErrorCode::kNotFound, "session " + uuidText(session) + " is nobody's attempt"};
   return attemptOf(row, true);
 }
 
@@ -188,35 +166,27 @@ Result<AttemptStanding> AttemptStore::standing(std::string_view trainee, std::st
       "sessions WHERE trainee = ? AND "
       "exercise_id = ?",
       trainee, exercise_id);
-  const auto found = row.step();
-  if (!found) return found.error();
-  standing.all = static_cast<std::uint32_t>(row.natural(0));
-  standing.counted = static_cast<std::uint32_t>(row.natural(1));
+  ASSIGN_OR_RETURN(const bool found, row.step());
+  standing.all = row.natural32(0);
+  standing.counted = row.natural32(1);
   if (!row.isNull(2)) standing.passed = row.integer(2) != 0;
   return standing;
 }
 
 Result<std::vector<std::string>> AttemptStore::trainees(std::string_view course_id) {
-  std::vector<std::string> names;
-  auto rows = connection_.query(
-      "SELECT DISTINCT trainee FROM sessions WHERE trainee <> '' AND erased = 0 AND exercise_id IN"
-      " (SELECT id FROM exercises WHERE curriculum_id = ?) ORDER BY trainee",
-      course_id);
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return names;
-    names.push_back(rows.text(0));
-  }
+  return connection_
+      .query(
+          "SELECT DISTINCT trainee FROM sessions WHERE trainee <> '' AND erased = 0 AND exercise_id IN"
+          " (SELECT id FROM exercises WHERE curriculum_id = ?) ORDER BY trainee",
+          course_id)
+      .all(firstText);
 }
 
 Result<bool> AttemptStore::excuse(const Uuid& session, bool excused) {
   if (const auto known = findSession(connection_, session); !known || !*known)
     return known ? unknownSession(session) : known.error();
-  if (auto done = connection_.run("UPDATE sessions SET excused = ? WHERE id = ? AND excused <> ?", excused,
-                                  ByteView(session), excused);
-      !done)
-    return done.error();
+  RETURN_IF_ERROR(connection_.run("UPDATE sessions SET excused = ? WHERE id = ? AND excused <> ?", excused,
+                                  ByteView(session), excused));
   return connection_.changes() != 0;
 }
 

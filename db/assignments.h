@@ -20,16 +20,16 @@ class AssignmentStore {
  public:
   explicit AssignmentStore(Connection& connection) : connection_(connection) {}
 
-  /// Stores it, or renews the one of the same pair (due, by, created): with its id. `id` of the argument is
-  /// not read. kInvalidInput: not exactly one of course and exercise and one of group and trainee, no
-  /// trainee, a date out of range; kNotFound: one of them is not there.
+  /// Stores the assignment, or renews the one of the same pair (due, by, created), and gives it with its id.
+  /// `id` of the argument is not read. kInvalidInput: not exactly one of course and exercise and one of group
+  /// and trainee, a person who is not a trainee, a date out of range; kNotFound: one of them does not exist.
   Result<pb::Assignment> put(const pb::Assignment& assignment);
-  /// Gives what was removed. kNotFound.
+  /// Gives the removed assignment. kNotFound.
   Result<pb::Assignment> remove(std::uint64_t id);
 
   struct Filter {
-    std::string trainee;    ///< its own, and those of its groups
-    std::string course_id;  ///< of the course itself, and of its exercises
+    std::string trainee;    ///< assignments of the trainee and of its groups
+    std::string course_id;  ///< of the course and of its exercises
     std::string group_id;
   };
   /// Newest first; empty filters mean all.
@@ -45,11 +45,12 @@ class AssignmentStore {
   Connection& connection_;
 };
 
-/// How a trainee stands with an exercise.
+/// How a trainee stands with an exercise. Attempts are the trainee's sessions at it, numbered by when they
+/// began.
 struct AttemptStanding {
   std::uint32_t counted = 0;  ///< attempts that are not excused
   std::uint32_t all = 0;
-  std::optional<bool> passed;  ///< any attempt that is not excused; nothing: none has a verdict
+  std::optional<bool> passed;  ///< any attempt that is not excused; nothing: no attempt has a verdict
 };
 
 /// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's.
@@ -67,7 +68,7 @@ class AttemptStore {
   Result<AttemptStanding> standing(std::string_view trainee, std::string_view exercise_id);
   /// Names of trainees who have an attempt at any of a course's exercises.
   Result<std::vector<std::string>> trainees(std::string_view course_id);
-  /// kNotFound. Gives whether it was otherwise before.
+  /// Gives true when this changed something. kNotFound.
   Result<bool> excuse(const Uuid& session, bool excused);
 
  private:

@@ -1,6 +1,8 @@
 
 #include "db/audit.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 
 #include "common/base/text.h"
@@ -11,10 +13,10 @@ namespace {
 constexpr std::uint32_t kMaxListed = 1000;
 constexpr std::size_t kMaxBytes = 1000;
 
-/// Cut at a whole character; what is no text becomes a note of it, because the log itself must always be
-/// written.
+/// The text cut at a whole character. Bytes that are not UTF-8 become a note, because the log itself must
+/// always be written.
 std::string shown(const std::string& text) {
-  if (!isUtf8(text)) return "(" + std::to_string(text.size()) + " bytes that are no text)";
+  if (!isUtf8(text)) return fmt::format("({} bytes that are no text)", text.size());
   if (text.size() <= kMaxBytes) return text;
   std::size_t end = kMaxBytes;
   while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xc0) == 0x80) --end;
@@ -32,20 +34,18 @@ Status AuditStore::add(const AuditRow& row) {
 Result<std::vector<AuditRow>> AuditStore::list(std::uint32_t limit, std::uint64_t before_id,
                                                std::string_view who, std::string_view action) {
   const std::uint32_t most = limit == 0 ? kMaxListed : std::min(limit, kMaxListed);
-  std::vector<AuditRow> entries;
-  auto rows = connection_.query(
-      "SELECT id, unix_ns, who, action, subject, detail FROM audit WHERE (?1 = 0 OR id < ?1) AND (?2 = '' OR "
-      "who = ?2)"
-      " AND (?3 = '' OR action = ?3 OR substr(action, 1, length(?3) + 1) = ?3 || ' ') ORDER BY id DESC LIMIT "
-      "?4",
-      before_id, who, action, most);
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return entries;
-    entries.push_back(
-        {rows.natural(0), rows.integer(1), rows.text(2), rows.text(3), rows.text(4), rows.text(5)});
-  }
+  return connection_
+      .query(
+          "SELECT id, unix_ns, who, action, subject, detail FROM audit WHERE (?1 = 0 OR id < ?1) AND (?2 = "
+          "'' OR "
+          "who = ?2)"
+          " AND (?3 = '' OR action = ?3 OR substr(action, 1, length(?3) + 1) = ?3 || ' ') ORDER BY id DESC "
+          "LIMIT "
+          "?4",
+          before_id, who, action, most)
+      .all([](const Statement& row) {
+        return AuditRow{row.natural(0), row.integer(1), row.text(2), row.text(3), row.text(4), row.text(5)};
+      });
 }
 
 }  // namespace needlelab

@@ -2,6 +2,7 @@
 #include "db/backup.h"
 
 #include <fcntl.h>
+#include <fmt/core.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -57,14 +58,14 @@ Status copy(Connection& reader, const std::filesystem::path& path, const std::at
   const int opened =
       sqlite3_open_v2(path.c_str(), &target, SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX, nullptr);
   const auto failure = [&](int rc) {
-    const Error error{ErrorCode::kFailed, path.string() + ": cannot write the copy: " + sqlite3_errstr(rc) +
-                                              " (SQLite " + std::to_string(rc) + ")"};
+    const Error error{ErrorCode::kFailed, fmt::format("{}: cannot write the copy: {} (SQLite {})",
+                                                      path.string(), sqlite3_errstr(rc), rc)};
     sqlite3_close(target);
     return error;
   };
   if (opened != SQLITE_OK) return failure(opened);
 
-  // one view of the source for all steps: a writer's commit would otherwise start the copy anew each time
+  // one view of the source for all steps: otherwise each commit of the writer would start the copy again
   auto view = Transaction::begin(reader, Transaction::Kind::kRead);
   if (!view) {
     sqlite3_close(target);
@@ -100,9 +101,8 @@ Result<std::vector<BackupResult::Covered>> coveredBy(Connection& copy) {
       " s.number) WHERE covered > safe_chunks",
       static_cast<int>(pb::SESSION_OPEN));
   for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return covered;
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) return covered;
     if (const auto id = uuidOf(textOf(rows.bytes(0)))) covered.push_back({*id, rows.natural(1)});
   }
 }
@@ -123,14 +123,13 @@ Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& t
     return Error{ErrorCode::kInvalidInput, target.string() + ": its folder does not exist"};
   }
   const Partial partial(target.string() + ".partial");
-  if (auto done = copy(reader, partial.path(), cancelled); !done) return done.error();
+  RETURN_IF_ERROR(copy(reader, partial.path(), cancelled));
 
   BackupResult result;
   {
-    auto opened = Connection::open(partial.path(), {.mode = Connection::Mode::kReader});
-    if (!opened) return opened.error();
-    const CancelScope may_end(*opened, cancelled);
-    const auto checked = checkDatabase(*opened);
+    ASSIGN_OR_RETURN(auto opened, Connection::open(partial.path(), {.mode = Connection::Mode::kReader}));
+    const CancelScope may_end(opened, cancelled);
+    const auto checked = checkDatabase(opened);
     if (isSet(cancelled)) return cancelledError();
     if (!checked) return checked.error();
     if (!checked->ok()) {
@@ -138,9 +137,8 @@ Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& t
                    "the backup was not kept, its copy fails the check: " + checked->faults.front()};
     }
     result.chunks_verified = checked->chunks;
-    auto covered = coveredBy(*opened);
-    if (!covered) return covered.error();
-    result.covered = std::move(*covered);
+    ASSIGN_OR_RETURN(auto covered, coveredBy(opened));
+    result.covered = std::move(covered);
   }
 
   const int fd = ::open(partial.path().c_str(), O_RDWR | O_CLOEXEC);
@@ -151,13 +149,13 @@ Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& t
   ::close(fd);
   if (!synced) return error;
   result.bytes = static_cast<std::uint64_t>(info.st_size);
-  // not a plain rename: it must fail when somebody made the target meanwhile. Disks without hard links (USB
-  // sticks with FAT) know the other way.
+  // not a plain rename: it must fail when the target was made meanwhile. Disks without hard links (USB
+  // sticks with FAT) support the other call.
   if (::link(partial.path().c_str(), target.c_str()) != 0 &&
       (errno == EEXIST ||
        ::renameat2(AT_FDCWD, partial.path().c_str(), AT_FDCWD, target.c_str(), RENAME_NOREPLACE) != 0))
     return systemError(target, "put the backup into place");
-  if (auto done = syncFolder(target.parent_path()); !done) return done.error();
+  RETURN_IF_ERROR(syncFolder(target.parent_path()));
   return result;
 }
 
@@ -170,7 +168,7 @@ std::string backupName(std::int64_t now_unix_ns) {
 }
 
 Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::size_t keep) {
-  // exactly our own names: everything else in that folder is somebody else's
+  // exactly our own names: all other files of that folder belong to others
   const auto is_ours = [](const std::string& name) {
     constexpr std::string_view kShape = "needlelab-00000000T000000Z.db";
     if (name.size() != kShape.size()) return false;
@@ -190,7 +188,7 @@ Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::si
     std::error_code ignored;
     const std::string name = at->path().filename().string();
     if (!is_ours(name) || name == newest || !at->is_regular_file(ignored)) continue;
-    // a name from a time that has not come was given while the clock was ahead: how old it is nobody knows
+    // a name from the future was given while the clock was ahead: the age of that backup is unknown
     (name < newest ? older : old.later).push_back(at->path());
   }
   if (error)
@@ -213,10 +211,10 @@ Status recordBackup(Connection& writer, const BackupResult& result, const std::f
                     std::int64_t now_unix_ns) {
   SessionStore sessions(writer);
   for (const auto& [session, chunks] : result.covered) {
-    if (auto done = sessions.markSafe(session, chunks); !done) return done;
+    RETURN_IF_ERROR(sessions.markSafe(session, chunks));
   }
   MetaStore meta(writer);
-  if (auto done = meta.set("backup_unix_ns", std::to_string(now_unix_ns)); !done) return done;
+  RETURN_IF_ERROR(meta.set("backup_unix_ns", std::to_string(now_unix_ns)));
   return meta.set("backup_path", target.string());
 }
 

@@ -13,7 +13,7 @@
 
 namespace needlelab {
 
-/// What the verified copy holds: the new watermark "Safe" (DESIGN §8).
+/// The contents of the verified copy: the new watermark "Safe".
 struct BackupResult {
   std::uint64_t bytes = 0;            ///< of the file
   std::uint64_t chunks_verified = 0;  ///< read back from the copy, CRC and hashes checked
@@ -37,7 +37,7 @@ Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& t
 /// The name of a backup made at this time: needlelab-20260131T020000Z.db.
 std::string backupName(std::int64_t now_unix_ns);
 
-/// What became of the backups beside a new one.
+/// The backups beside a new one.
 struct OldBackups {
   std::vector<std::filesystem::path> removed;
   std::vector<std::filesystem::path> later;  ///< named by a time after the new one's: left alone, not counted

@@ -1,5 +1,7 @@
 #include "db/check.h"
 
+#include <fmt/core.h>
+
 #include <utility>
 
 #include "db/connection.h"
@@ -22,12 +24,11 @@ struct Noted {
 Result<std::uint64_t> count(Connection& connection, std::string_view sql, std::int64_t session,
                             std::uint64_t from) {
   auto rows = connection.query(sql, session, from);
-  const auto row = rows.step();
-  if (!row) return row.error();
+  ASSIGN_OR_RETURN(const bool row, rows.step());
   return rows.natural(0);
 }
 
-/// The rows beside the session's, its counters and those of retention: which there must be, which not.
+/// Faults of the rows beside the session's: its counters and those of retention, missing ones and stray ones.
 Result<std::vector<std::string>> bookFaults(Connection& connection, const std::string& name,
                                             const SessionRow& row) {
   std::vector<std::string> faults;
@@ -38,30 +39,28 @@ Result<std::vector<std::string>> bookFaults(Connection& connection, const std::s
       "SELECT leftover, length(crcs), (SELECT complete FROM derived_recordings WHERE session = ?1)"
       " FROM removed_originals WHERE session = ?1",
       row.number);
-  const auto there = query.step();
-  if (!there) return there.error();
+  ASSIGN_OR_RETURN(const bool there, query.step());
   const bool original = row.recording == StoredRecording::Kind::kOriginal;
-  if (original && *there) faults.push_back(name + " has its original, but it is noted as removed");
-  if (!original && !*there) faults.push_back(name + " has lost its original, but no note says when and why");
-  if (original || !*there) return faults;
+  if (original && there) faults.push_back(name + " has its original, but it is noted as removed");
+  if (!original && !there) faults.push_back(name + " has lost its original, but no note says when and why");
+  if (original || !there) return faults;
   if (query.natural(1) != 4 * row.chunks)
-    faults.push_back(name + ": the CRCs of " + std::to_string(query.natural(1) / 4) +
-                     " removed chunks are noted, there were " + std::to_string(row.chunks));
-  // an original on its way out: what is left of it is no fault
+    faults.push_back(fmt::format("{}: the CRCs of {} removed chunks are noted, there were {}", name,
+                                 query.natural(1) / 4, row.chunks));
+  // an original on its way out: its remaining rows are not a fault
   if (query.integer(0) == 1) return faults;
-  const auto left =
-      count(connection, "SELECT count(*) FROM chunks WHERE session = ? AND seq >= ?", row.number, 0);
-  if (!left) return left.error();
-  if (*left != 0)
-    faults.push_back(name + " holds " + std::to_string(*left) + " chunks of an original that was removed");
+  ASSIGN_OR_RETURN(
+      const auto left,
+      count(connection, "SELECT count(*) FROM chunks WHERE session = ? AND seq >= ?", row.number, 0));
+  if (left != 0)
+    faults.push_back(fmt::format("{} holds {} chunks of an original that was removed", name, left));
   return faults;
 }
 
 Result<Noted> notedOf(Connection& connection, const std::string& name, const SessionRow& row) {
   Noted noted;
-  const auto recording = recordingOf(connection, name, row);
-  if (!recording) return recording.error();
-  noted.recording = *recording;
+  ASSIGN_OR_RETURN(const auto recording, recordingOf(connection, name, row));
+  noted.recording = recording;
   if (row.recording == StoredRecording::Kind::kOriginal) {
     noted.samples = row.samples;
     noted.stored_bytes = row.stored_bytes;
@@ -70,15 +69,13 @@ Result<Noted> notedOf(Connection& connection, const std::string& name, const Ses
         row.state == pb::SESSION_OPEN ? "all chunks so far are sound; the session is still open" : "sound";
     return noted;
   }
-  const auto why = removalText(connection, row);
-  if (!why) return why.error();
-  noted.remark = "sound; " + *why;
+  ASSIGN_OR_RETURN(const auto why, removalText(connection, row));
+  noted.remark = "sound; " + why;
   if (row.recording == StoredRecording::Kind::kDeleted) return noted;
   auto query = connection.query(
       "SELECT samples, hash, original_hash, stored_bytes FROM derived_recordings WHERE session = ?",
       row.number);
-  const auto found = query.step();
-  if (!found) return found.error();
+  ASSIGN_OR_RETURN(const bool found, query.step());
   noted.samples = query.natural(0);
   noted.hash = digestOf(query.bytes(1));
   noted.original_hash = digestOf(query.bytes(2));
@@ -109,9 +106,8 @@ Result<std::vector<Uuid>> allSessions(Connection& connection, DatabaseCheck& che
       "SELECT s.id, coalesce(p.stored_bytes, s.stored_bytes) FROM sessions s"
       " LEFT JOIN session_progress p ON p.session = s.number ORDER BY s.number");
   for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return ids;
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) return ids;
     if (const auto id = uuidOf(textOf(rows.bytes(0)))) ids.push_back(*id);
     check.bytes += rows.natural(1);
   }
@@ -121,12 +117,8 @@ Result<std::vector<Uuid>> allSessions(Connection& connection, DatabaseCheck& che
 
 Result<SessionCheck> SessionStore::verify(const Uuid& session) {
   // one unchanging view of the session's row and its chunks
-  const auto view = Transaction::view(connection_);
-  if (!view) return view.error();
-  const auto found = findSession(connection_, session);
-  if (!found) return found.error();
-  if (!*found) return unknownSession(session);
-  const SessionRow& row = **found;
+  ASSIGN_OR_RETURN(const auto view, Transaction::view(connection_));
+  ASSIGN_OR_RETURN(const SessionRow row, requireSession(connection_, session));
   const std::string name = "session " + uuidText(session);
 
   SessionCheck check;
@@ -156,17 +148,16 @@ Result<SessionCheck> SessionStore::verify(const Uuid& session) {
   std::uint64_t bytes = 0;
   ChunkScan scan(connection_, name, noted->recording, 0, UINT64_MAX);
   while (check.faults.size() < kMaxFaults) {
-    const auto item = scan.next();
-    if (!item) return item.error();
-    if (!*item) break;
-    if ((*item)->fault) {
-      bad((*item)->fault->message);
+    ASSIGN_OR_RETURN(const auto item, scan.next());
+    if (!item) break;
+    if (item->fault) {
+      bad(item->fault->message);
       continue;
     }
-    hash.update((*item)->bytes);
-    bytes += (*item)->bytes.size();
+    hash.update(item->bytes);
+    bytes += item->bytes.size();
     ++check.chunks;
-    check.samples += (*item)->samples;
+    check.samples += item->samples;
   }
   check.hash = hash.digest();
   // the sums say nothing new once a chunk is known to be bad
@@ -181,14 +172,12 @@ Result<SessionCheck> SessionStore::verify(const Uuid& session) {
       row.number, noted->recording.chunks);
   if (!beyond && !finding(beyond.error())) return beyond.error();
   if (beyond && *beyond != 0)
-    bad(name + " has chunks beyond the " + std::to_string(noted->recording.chunks) + " noted");
+    bad(fmt::format("{} has chunks beyond the {} noted", name, noted->recording.chunks));
   if (check.samples != noted->samples) {
-    bad(name + " holds " + std::to_string(check.samples) + " samples, noted are " +
-        std::to_string(noted->samples));
+    bad(fmt::format("{} holds {} samples, noted are {}", name, check.samples, noted->samples));
   }
   if (bytes != noted->stored_bytes) {
-    bad(name + " holds " + std::to_string(bytes) + " bytes, noted are " +
-        std::to_string(noted->stored_bytes));
+    bad(fmt::format("{} holds {} bytes, noted are {}", name, bytes, noted->stored_bytes));
   }
   if (row.state != pb::SESSION_OPEN && noted->hash != check.hash)
     bad(name + ": the hash over its chunks is not the one it was closed with");
@@ -200,15 +189,10 @@ Result<SessionCheck> SessionStore::verify(const Uuid& session) {
 
 Result<DatabaseCheck> checkDatabase(Connection& connection) {
   DatabaseCheck check;
-  auto view = Transaction::begin(connection, Transaction::Kind::kRead);
-  if (!view) return view.error();
-  if (auto done = collect(connection, "PRAGMA integrity_check", "integrity: ", check.faults); !done)
-    return done.error();
-  if (auto done =
-          collect(connection, "PRAGMA foreign_key_check", "foreign key broken in table ", check.faults);
-      !done) {
-    return done.error();
-  }
+  ASSIGN_OR_RETURN(auto view, Transaction::begin(connection, Transaction::Kind::kRead));
+  RETURN_IF_ERROR(collect(connection, "PRAGMA integrity_check", "integrity: ", check.faults));
+  RETURN_IF_ERROR(
+      collect(connection, "PRAGMA foreign_key_check", "foreign key broken in table ", check.faults));
   const auto ids = allSessions(connection, check);
   if (!ids) {
     if (ids.error().code != ErrorCode::kCorrupt) return ids.error();

@@ -1,5 +1,6 @@
 #include "db/connection.h"
 
+#include <fmt/core.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -66,7 +67,7 @@ int fileErrorOf(sqlite3* handle) {
   return number;
 }
 
-/// The system's word behind SQLite's, where it tells of the disk; else 0.
+/// The errno behind SQLite's error, where it concerns the disk; else 0.
 int systemErrorOf(int rc, sqlite3* handle, const std::filesystem::path& path) {
   switch (rc & 0xff) {
     case SQLITE_FULL:
@@ -75,7 +76,7 @@ int systemErrorOf(int rc, sqlite3* handle, const std::filesystem::path& path) {
       // SQLite opens for reading what it may not open for writing
       return ::access(path.c_str(), W_OK) == 0 ? 0 : errno;
     case SQLITE_CORRUPT: {
-      // what a page that the disk cannot read becomes in SQLite
+      // SQLite reports a page that the disk cannot read as corrupt
       const int number = fileErrorOf(handle);
       return number == EIO || number == ENXIO ? EIO : 0;
     }
@@ -114,11 +115,10 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
   sqlite3_db_config(handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
 
   // first of all: from here on no statement checkpoints by itself
-  if (auto done = connection.script("PRAGMA wal_autocheckpoint=0"); !done) return done.error();
+  RETURN_IF_ERROR(connection.script("PRAGMA wal_autocheckpoint=0"));
   if (writer) {
     auto mode = connection.prepare("PRAGMA journal_mode=WAL");
-    const auto row = mode.step();
-    if (!row) return row.error();
+    ASSIGN_OR_RETURN(const bool row, mode.step());
     if (const auto found = mode.text(0); found != "wal") {
       return Error{ErrorCode::kFailed, path.string() +
                                            ": cannot use a write-ahead log here, SQLite stays in mode '" +
@@ -131,9 +131,9 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
       "PRAGMA foreign_keys=ON; PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;"
       "PRAGMA cell_size_check=ON;" +
       // the pages that a thousand open sessions' next chunks touch: some 1,500, where SQLite would keep 500;
-      // what is deleted is overwritten: an erased person is not to be read from free pages
+      // deleted rows are overwritten: an erased person must not be readable from free pages
       (writer ? "PRAGMA cache_size=-16384; PRAGMA secure_delete=ON;" : "PRAGMA query_only=ON;");
-  if (auto done = connection.script(settings); !done) return done.error();
+  RETURN_IF_ERROR(connection.script(settings));
   return connection;
 }
 
@@ -168,7 +168,7 @@ void Connection::close() {
 }
 
 Statement Connection::prepare(std::string_view sql) {
-  // five times for each chunk that comes in: neither key nor entry is made anew
+  // called five times for each chunk that comes in: neither key nor entry is allocated again
   thread_local std::string key;
   key.assign(sql);
   if (const auto found = idle_.find(key); found != idle_.end() && found->second != nullptr)
@@ -241,7 +241,7 @@ Error Connection::errorOf(int rc, std::string_view what) {
   std::string text =
       path_.string() + ": cannot " + std::string(what.substr(0, kShown)) + (what.size() > kShown ? "…" : "");
   text += std::string(": ") + (handle_ != nullptr ? sqlite3_errmsg(handle_) : sqlite3_errstr(rc));
-  text += " (SQLite " + std::to_string(rc) + ")";
+  text += fmt::format(" (SQLite {})", rc);
   const int error_number = systemErrorOf(rc, handle_, path_);
   if (((rc & 0xff) == SQLITE_IOERR || (rc & 0xff) == SQLITE_CORRUPT) && error_number != 0)
     text += std::string(", ") + std::strerror(error_number);
@@ -274,8 +274,8 @@ Statement& Statement::bind(std::int64_t value) {
 Statement& Statement::bind(std::uint64_t value) {
   constexpr auto kMax = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max());
   if (value > kMax && !failed_) {
-    failed_ = Error{ErrorCode::kInvalidInput, "the number " + std::to_string(value) + " is above " +
-                                                  std::to_string(kMax) + ", the greatest stored"};
+    failed_ = Error{ErrorCode::kInvalidInput,
+                    fmt::format("the number {} is above {}, the greatest stored", value, kMax)};
   }
   return bind(static_cast<std::int64_t>(value & kMax));
 }
@@ -316,9 +316,8 @@ Result<bool> Statement::step() {
 
 Status Statement::run() {
   for (;;) {
-    const auto row = step();
-    if (!row) return row.error();
-    if (!*row) return {};
+    ASSIGN_OR_RETURN(const auto row, step());
+    if (!row) return {};
   }
 }
 
@@ -351,21 +350,19 @@ bool Statement::isNull(int column) const {
 }
 
 Result<Transaction> Transaction::begin(Connection& connection, Kind kind) {
-  if (auto done = connection.run(kind == Kind::kWrite ? "BEGIN IMMEDIATE" : "BEGIN"); !done)
-    return done.error();
+  RETURN_IF_ERROR(connection.run(kind == Kind::kWrite ? "BEGIN IMMEDIATE" : "BEGIN"));
   Transaction transaction(connection);
   if (kind == Kind::kRead) {
     // BEGIN alone reads nothing yet; this fixes what is seen
-    if (auto done = connection.run("SELECT count(*) FROM sqlite_schema"); !done) return done.error();
+    RETURN_IF_ERROR(connection.run("SELECT count(*) FROM sqlite_schema"));
   }
   return transaction;
 }
 
 Result<std::optional<Transaction>> Transaction::view(Connection& connection) {
   if (connection.inTransaction()) return std::optional<Transaction>();
-  auto begun = begin(connection, Kind::kRead);
-  if (!begun) return begun.error();
-  return std::optional<Transaction>(std::move(*begun));
+  ASSIGN_OR_RETURN(auto begun, begin(connection, Kind::kRead));
+  return std::optional<Transaction>(std::move(begun));
 }
 
 Transaction::Transaction(Transaction&& other) noexcept
@@ -377,13 +374,13 @@ Transaction::~Transaction() {
 }
 
 Status Transaction::commit() {
-  if (auto done = connection_->run("COMMIT"); !done) return done;
+  RETURN_IF_ERROR(connection_->run("COMMIT"));
   connection_ = nullptr;
   return {};
 }
 
 Result<Savepoint> Savepoint::begin(Connection& connection) {
-  if (auto done = connection.run("SAVEPOINT item"); !done) return done.error();
+  RETURN_IF_ERROR(connection.run("SAVEPOINT item"));
   return Savepoint(connection);
 }
 
@@ -396,7 +393,7 @@ Savepoint::~Savepoint() {
 }
 
 Status Savepoint::release() {
-  if (auto done = connection_->run("RELEASE item"); !done) return done;
+  RETURN_IF_ERROR(connection_->run("RELEASE item"));
   connection_ = nullptr;
   return {};
 }

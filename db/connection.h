@@ -10,7 +10,10 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <unordered_map>
+#include <utility>
+#include <vector>
 
 #include "common/base/bytes.h"
 #include "common/base/result.h"
@@ -18,6 +21,19 @@
 namespace needlelab {
 
 class Connection;
+class Statement;
+
+/// What a function that reads a row gives: T, of T as of Result<T>.
+template <typename T>
+struct ValueOf {
+  using Type = T;
+};
+template <typename T>
+struct ValueOf<Result<T>> {
+  using Type = T;
+};
+template <typename Make>
+using MadeBy = typename ValueOf<std::invoke_result_t<const Make&, const Statement&>>::Type;
 
 /// One execution of a prepared statement, borrowed from its connection's cache and given back on destruction.
 /// A failure to prepare or to bind is kept and reported by the next step(), so that callers check one place
@@ -52,9 +68,35 @@ class Statement {
   /// Steps to the end, rows are dropped.
   Status run();
 
+  /// All rows that are left, each made into a value by `make`, which takes this statement at the row and
+  /// gives the value or a Result of it. Ends with the first error of either.
+  template <typename Make>
+  auto all(const Make& make) -> Result<std::vector<MadeBy<Make>>> {
+    std::vector<MadeBy<Make>> made;
+    for (;;) {
+      ASSIGN_OR_RETURN(const bool there, step());
+      if (!there) return made;
+      Result<MadeBy<Make>> one = make(std::as_const(*this));
+      if (!one) return one.error();
+      made.push_back(std::move(one).value());
+    }
+  }
+  /// The next row alone, made into a value in the same way; nothing when there is no row.
+  template <typename Make>
+  auto first(const Make& make) -> Result<std::optional<MadeBy<Make>>> {
+    ASSIGN_OR_RETURN(const bool there, step());
+    if (!there) return std::optional<MadeBy<Make>>();
+    Result<MadeBy<Make>> one = make(std::as_const(*this));
+    if (!one) return one.error();
+    return std::optional<MadeBy<Make>>(std::move(one).value());
+  }
+
   /// Columns of the present row, from 0. Views live until the next step().
   [[nodiscard]] std::int64_t integer(int column) const;
   [[nodiscard]] std::uint64_t natural(int column) const;  ///< negative reads as 0: the schema forbids it
+  [[nodiscard]] std::uint32_t natural32(int column) const {
+    return static_cast<std::uint32_t>(natural(column));
+  }
   [[nodiscard]] double real(int column) const;
   [[nodiscard]] std::string text(int column) const;
   [[nodiscard]] ByteView bytes(int column) const;
@@ -71,7 +113,12 @@ class Statement {
   int bound_ = 0;
 };
 
-/// An open database with the settings of DESIGN §8: WAL, synchronous=FULL, foreign keys on,
+/// The first column of a row, for Statement::all and Statement::first.
+inline std::string firstText(const Statement& row) {
+  return row.text(0);
+}
+
+/// An open database with the settings of db/README.md: WAL, synchronous=FULL, foreign keys on,
 /// wal_autocheckpoint=0, and no checkpoint when it closes. Only the writer calls checkpointPassive(): SQLite
 /// before 3.51.3 can destroy the database when one connection checkpoints while another commits. Thread: not
 /// thread-safe; one thread at a time (SQLite runs without its own mutex). Statements must not outlive it.
@@ -120,13 +167,13 @@ class Connection {
   [[nodiscard]] std::int64_t changes() const;
   [[nodiscard]] bool inTransaction() const;
 
-  /// What a checkpoint found: pages in the log, and how many of them are in the database now. 0 when the
+  /// The result of a checkpoint: pages in the log, and how many of them are in the database now. 0 when the
   /// database was busy.
   struct WalProgress {
     std::uint64_t pages = 0, moved = 0;
   };
   /// Moves what readers allow from the WAL into the database. Writer only, outside a transaction. A busy
-  /// database is no error.
+  /// database is not an error.
   Status checkpointPassive(WalProgress* progress = nullptr);
 
   /// Size of the write-ahead log's file; 0 when there is none (yet).

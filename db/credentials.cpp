@@ -1,5 +1,6 @@
 #include "db/credentials.h"
 
+#include <fmt/core.h>
 #include <sodium.h>
 
 #include <algorithm>
@@ -16,7 +17,7 @@ void initialise() {
   (void)rc;  // fails only without a source of random numbers; then the calls below fail
 }
 
-/// What an empty hash is compared with: a hash of random bytes that nobody knows.
+/// A hash of random bytes that nobody knows, which stands in for an empty hash.
 const std::string& decoyHash() {
   static const std::string hash = [] {
     std::array<char, 32> secret;
@@ -48,9 +49,9 @@ Station stationOf(const Statement& row) {
 Result<std::string> hashPassword(std::string_view password) {
   initialise();
   if (password.size() < kMinPasswordBytes || password.size() > kMaxPasswordBytes) {
-    return Error{ErrorCode::kInvalidInput, "password: has " + std::to_string(password.size()) +
-                                               " bytes, allowed are " + std::to_string(kMinPasswordBytes) +
-                                               " to " + std::to_string(kMaxPasswordBytes)};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("password: has {} bytes, allowed are {} to {}", password.size(),
+                             kMinPasswordBytes, kMaxPasswordBytes)};
   }
   std::string hash(crypto_pwhash_STRBYTES, '\0');
   if (crypto_pwhash_str(hash.data(), password.data(), password.size(), crypto_pwhash_OPSLIMIT_INTERACTIVE,
@@ -90,17 +91,16 @@ bool sameHash(const StationKeyBytes& a, const StationKeyBytes& b) {
 }
 
 Status StationStore::add(std::string_view name, const StationKeyBytes& key_hash, std::int64_t now_unix_ns) {
-  if (auto valid = checkName("station name", name); !valid) return valid;
-  const auto known = find(name);
-  if (!known) return known.error();
-  if (!*known) {
-    if (auto valid = checkNewName("station name", name); !valid) return valid;
+  RETURN_IF_ERROR(checkName("station name", name));
+  ASSIGN_OR_RETURN(const auto known, find(name));
+  if (!known) {
+    RETURN_IF_ERROR(checkNewName("station name", name));
   }
-  if (*known && !(*known)->revoked) {
+  if (known && !known->revoked) {
     return Error{ErrorCode::kAlreadyExists, "there is already a station named '" + std::string(name) +
                                                 "': revoke it first to give it a new key"};
   }
-  if (*known) {
+  if (known) {
     return connection_.run("UPDATE stations SET key_hash = ?, revoked = 0 WHERE name = ?", ByteView(key_hash),
                            name);
   }
@@ -109,7 +109,7 @@ Status StationStore::add(std::string_view name, const StationKeyBytes& key_hash,
 }
 
 Status StationStore::revoke(std::string_view name) {
-  if (auto done = connection_.run("UPDATE stations SET revoked = 1 WHERE name = ?", name); !done) return done;
+  RETURN_IF_ERROR(connection_.run("UPDATE stations SET revoked = 1 WHERE name = ?", name));
   if (connection_.changes() == 0) {
     return Error{ErrorCode::kNotFound, "there is no station named '" + std::string(name) + "'"};
   }
@@ -117,34 +117,22 @@ Status StationStore::revoke(std::string_view name) {
 }
 
 Result<std::optional<Station>> StationStore::find(std::string_view name) {
-  auto row = connection_.query(std::string(kSelectStations) + "WHERE name = ?", name);
-  const auto found = row.step();
-  if (!found) return found.error();
-  if (!*found) return std::optional<Station>();
-  return std::optional(stationOf(row));
+  return connection_.query(std::string(kSelectStations) + "WHERE name = ?", name).first(stationOf);
 }
 
 Result<bool> StationStore::checkKey(std::string_view name, std::string_view key) {
-  const auto station = find(name);
-  if (!station) return station.error();
+  ASSIGN_OR_RETURN(const auto station, find(name));
   StationKeyBytes given{};
   if (key.size() != given.size()) return false;
   std::copy(key.begin(), key.end(), given.begin());
   // hashed and compared for unknown names as well, so that all take the same time
-  const StationKeyBytes stored = *station ? (*station)->key_hash : StationKeyBytes{};
+  const StationKeyBytes stored = station ? station->key_hash : StationKeyBytes{};
   const bool same = sameHash(hashStationKey(given), stored);
-  return same && *station && !(*station)->revoked;
+  return same && station && !station->revoked;
 }
 
 Result<std::vector<Station>> StationStore::list() {
-  std::vector<Station> stations;
-  auto rows = connection_.prepare(std::string(kSelectStations) + "ORDER BY name");
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return stations;
-    stations.push_back(stationOf(rows));
-  }
+  return connection_.prepare(std::string(kSelectStations) + "ORDER BY name").all(stationOf);
 }
 
 }  // namespace needlelab

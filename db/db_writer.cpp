@@ -1,6 +1,8 @@
 
 #include "db/db_writer.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <future>
 #include <utility>
@@ -38,12 +40,13 @@ Status DbWriter::post(Work work, Done done) {
     const std::lock_guard lock(mutex_);
     if (stopping_ || failed_) return stoppedError(failed_);
     if (queue_.size() >= options_.max_items) {
-      return Error{ErrorCode::kUnavailable, "the database writer's queue is full with " +
-                                                std::to_string(queue_.size()) + " items: try again later"};
+      return Error{
+          ErrorCode::kUnavailable,
+          fmt::format("the database writer's queue is full with {} items: try again later", queue_.size())};
     }
     queue_.push_back({std::move(work), std::move(done)});
-    // those between the first of a group and the one that fills it change nothing for the writer: each would
-    // only wake it to wait on
+    // items between the first of a group and the one that fills it change nothing for the writer: each would
+    // only wake it to wait again
     wakes = queue_.size() == 1 || queue_.size() == options_.max_group;
   }
   if (wakes) wake_.notify_one();
@@ -54,10 +57,7 @@ Status DbWriter::run(Work work) {
   // shared: the writer may still be inside set_value() when the waiting thread goes on
   const auto promise = std::make_shared<std::promise<Status>>();
   auto future = promise->get_future();
-  if (auto posted = post(std::move(work), [promise](const Status& status) { promise->set_value(status); });
-      !posted) {
-    return posted;
-  }
+  RETURN_IF_ERROR(post(std::move(work), [promise](const Status& status) { promise->set_value(status); }));
   return future.get();
 }
 
@@ -180,12 +180,12 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     results.push_back(std::move(result));
   }
 
-  const auto tell = [&] {
+  const auto report = [&] {
     for (std::size_t i = 0; i < group.size(); ++i) {
       if (group[i].done) group[i].done(results[i]);
     }
   };
-  if (planted(PlantedBug::kAckBeforeCommit)) tell();
+  if (planted(PlantedBug::kAckBeforeCommit)) report();
   const auto before = std::chrono::steady_clock::now();
   if (auto done = transaction->commit(); !done && !planted(PlantedBug::kFsyncErrorIgnored))
     return fail(done.error(), group), false;
@@ -206,7 +206,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     counters_.wal_bytes = wal_bytes;
   }
   // only now: the data is on the disk
-  if (!planted(PlantedBug::kAckBeforeCommit)) tell();
+  if (!planted(PlantedBug::kAckBeforeCommit)) report();
   return true;
 }
 

@@ -19,7 +19,7 @@
 
 namespace needlelab {
 
-/// Group commit (DESIGN §8). All work posted within `window` runs in one transaction, each item in a
+/// Group commit. All work posted within `window` runs in one transaction, each item in a
 /// savepoint of its own. `done` is called on the writer's thread, with success only after COMMIT returned,
 /// i.e. after fsync. An item that fails, or throws, is undone alone and reported alone. A failed COMMIT,
 /// write or fsync stops the writer for good: every item of that group and every later one is reported as

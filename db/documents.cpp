@@ -1,5 +1,7 @@
 #include "db/documents.h"
 
+#include <fmt/core.h>
+
 #include <array>
 #include <ctime>
 
@@ -29,15 +31,12 @@ Result<std::uint32_t> ProfileStore::put(const StoredProfile& profile, std::optio
   } else if (stored.error().code != ErrorCode::kNotFound) {
     return stored.error();
   }
-  if (auto newest = checkBase("profile '" + profile.id + "'", base, before); !newest) return newest.error();
+  RETURN_IF_ERROR(checkBase("profile '" + profile.id + "'", base, before));
   if (stored && stored->json == profile.json) return stored->revision;
   const std::uint32_t newest = before.revision;
-  if (auto done = connection_.run(
-          "INSERT INTO profiles (id, revision, name, json, author, created_unix_ns) VALUES (?,?,?,?,?,?)",
-          profile.id, newest + 1, profile.name, profile.json, profile.author, profile.created_unix_ns);
-      !done) {
-    return done.error();
-  }
+  RETURN_IF_ERROR(connection_.run(
+      "INSERT INTO profiles (id, revision, name, json, author, created_unix_ns) VALUES (?,?,?,?,?,?)",
+      profile.id, newest + 1, profile.name, profile.json, profile.author, profile.created_unix_ns));
   return newest + 1;
 }
 
@@ -47,42 +46,33 @@ Result<StoredProfile> ProfileStore::get(std::string_view id, std::uint32_t revis
       "revision = ?2)"
       " ORDER BY revision DESC LIMIT 1",
       id, revision);
-  const auto found = row.step();
-  if (!found) return found.error();
-  if (!*found) {
+  ASSIGN_OR_RETURN(const bool found, row.step());
+  if (!found) {
     return Error{ErrorCode::kNotFound, "there is no profile '" + std::string(id) + "'" +
-                                           (revision == 0 ? "" : " of revision " + std::to_string(revision))};
+                                           (revision == 0 ? "" : fmt::format(" of revision {}", revision))};
   }
-  return StoredProfile{row.text(0), static_cast<std::uint32_t>(row.natural(1)),
-                       row.text(2), row.text(3),
-                       row.text(4), row.integer(5)};
+  return StoredProfile{row.text(0), row.natural32(1), row.text(2), row.text(3), row.text(4), row.integer(5)};
 }
 
 Result<std::vector<StoredProfile>> ProfileStore::list() {
-  std::vector<StoredProfile> profiles;
-  auto rows = connection_.prepare(
-      "SELECT id, revision, name, author, created_unix_ns FROM profiles AS p"
-      " WHERE revision = (SELECT max(revision) FROM profiles WHERE id = p.id) ORDER BY id");
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return profiles;
-    profiles.push_back({rows.text(0), static_cast<std::uint32_t>(rows.natural(1)), rows.text(2), "",
-                        rows.text(3), rows.integer(4)});
-  }
+  return connection_
+      .prepare(
+          "SELECT id, revision, name, author, created_unix_ns FROM profiles AS p"
+          " WHERE revision = (SELECT max(revision) FROM profiles WHERE id = p.id) ORDER BY id")
+      .all([](const Statement& row) {
+        return StoredProfile{row.text(0), row.natural32(1), row.text(2), "", row.text(3), row.integer(4)};
+      });
 }
 
 Result<std::vector<StoredProfile>> ProfileStore::revisions(std::string_view id) {
-  std::vector<StoredProfile> found;
-  auto rows = connection_.query(
-      "SELECT revision, name, author, created_unix_ns FROM profiles WHERE id = ? ORDER BY revision DESC", id);
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) break;
-    found.push_back({std::string(id), static_cast<std::uint32_t>(rows.natural(0)), rows.text(1), "",
-                     rows.text(2), rows.integer(3)});
-  }
+  ASSIGN_OR_RETURN(auto found, connection_
+                                   .query("SELECT revision, name, author, created_unix_ns FROM profiles "
+                                          "WHERE id = ? ORDER BY revision DESC",
+                                          id)
+                                   .all([&](const Statement& row) {
+                                     return StoredProfile{std::string(id), row.natural32(0), row.text(1), "",
+                                                          row.text(2),     row.integer(3)};
+                                   }));
   if (found.empty()) return Error{ErrorCode::kNotFound, "there is no profile '" + std::string(id) + "'"};
   return found;
 }
@@ -99,11 +89,12 @@ Status checkBase(const std::string& what, std::optional<std::uint32_t> base, con
   if (!base || *base == newest.revision) return {};
   std::string text;
   if (newest.revision == 0) {
-    text = what + " is not there (any more); your change was made from its revision " + std::to_string(*base);
+    text = fmt::format("{} is not there (any more); your change was made from its revision {}", what, *base);
   } else {
-    text = what + (*base == 0 ? " is there already: revision " : " was changed meanwhile: revision ") +
-           std::to_string(newest.revision) + " by '" + newest.by + "' on " + secondText(newest.unix_ns) +
-           (*base == 0 ? "" : "; your change was made from revision " + std::to_string(*base));
+    text = fmt::format("{}{}{} by '{}' on {}{}", what,
+                       (*base == 0 ? " is there already: revision " : " was changed meanwhile: revision "),
+                       newest.revision, newest.by, secondText(newest.unix_ns),
+                       (*base == 0 ? "" : fmt::format("; your change was made from revision {}", *base)));
   }
   return Error{ErrorCode::kConflict,
                text + ". Nothing was stored: look at the newest revision and make your change there",
@@ -124,29 +115,25 @@ Result<std::uint32_t> CurriculumStore::put(const StoredCurriculum& curriculum,
   } else if (stored.error().code != ErrorCode::kNotFound) {
     return stored.error();
   }
-  if (auto newest = checkBase("course '" + curriculum.id + "'", base, before); !newest) return newest.error();
+  RETURN_IF_ERROR(checkBase("course '" + curriculum.id + "'", base, before));
   if (stored && stored->json == curriculum.json) return stored->revision;
   const std::uint32_t newest = before.revision;
-  if (auto done = connection_.run(
-          "INSERT INTO curricula (id, revision, name, json, author, created_unix_ns) VALUES (?,?,?,?,?,?)",
-          curriculum.id, newest + 1, curriculum.name, curriculum.json, curriculum.author,
-          curriculum.created_unix_ns);
-      !done) {
-    return done.error();
-  }
+  RETURN_IF_ERROR(connection_.run(
+      "INSERT INTO curricula (id, revision, name, json, author, created_unix_ns) VALUES (?,?,?,?,?,?)",
+      curriculum.id, newest + 1, curriculum.name, curriculum.json, curriculum.author,
+      curriculum.created_unix_ns));
 
-  if (auto done = setExercises(curriculum); !done) return done.error();
+  RETURN_IF_ERROR(setExercises(curriculum));
   return newest + 1;
 }
 
 Status CurriculumStore::setExercises(const StoredCurriculum& curriculum) {
   // its exercises replace those of the revision before
-  if (auto done = connection_.run("DELETE FROM exercises WHERE curriculum_id = ?", curriculum.id); !done)
-    return done;
+  RETURN_IF_ERROR(connection_.run("DELETE FROM exercises WHERE curriculum_id = ?", curriculum.id));
   std::int64_t position = 0;
   for (const StoredExercise& item : curriculum.exercises) {
     const std::string field = "curriculum '" + curriculum.id + "', exercise '" + item.id + "'";
-    if (auto valid = checkName(field + ", id", item.id); !valid) return valid;
+    RETURN_IF_ERROR(checkName(field + ", id", item.id));
     if (const auto profile = ProfileStore(connection_).get(item.profile_id, 0); !profile) {
       return Error{profile.error().code,
                    field + ", profile_id: " + profile.error().message + ": import it first"};
@@ -158,13 +145,10 @@ Status CurriculumStore::setExercises(const StoredCurriculum& curriculum) {
     } else if (other.error().code != ErrorCode::kNotFound) {
       return other.error();
     }
-    if (auto done =
-            connection_.run("INSERT INTO exercises (id, curriculum_id, position, name, profile_id, json) "
-                            "VALUES (?,?,?,?,?,?)",
-                            item.id, curriculum.id, position++, item.name, item.profile_id, item.json);
-        !done) {
-      return done;
-    }
+    RETURN_IF_ERROR(
+        connection_.run("INSERT INTO exercises (id, curriculum_id, position, name, profile_id, json) "
+                        "VALUES (?,?,?,?,?,?)",
+                        item.id, curriculum.id, position++, item.name, item.profile_id, item.json));
   }
   return {};
 }
@@ -175,73 +159,52 @@ Result<StoredCurriculum> CurriculumStore::get(std::string_view id, std::uint32_t
       "revision = ?2)"
       " ORDER BY revision DESC LIMIT 1",
       id, revision);
-  const auto found = row.step();
-  if (!found) return found.error();
-  if (!*found) {
+  ASSIGN_OR_RETURN(const bool found, row.step());
+  if (!found) {
     return Error{ErrorCode::kNotFound, "there is no curriculum '" + std::string(id) + "'" +
-                                           (revision == 0 ? "" : " of revision " + std::to_string(revision))};
+                                           (revision == 0 ? "" : fmt::format(" of revision {}", revision))};
   }
-  auto exercises = exercisesOf(id);
-  if (!exercises) return exercises.error();
-  return StoredCurriculum{row.text(0),          static_cast<std::uint32_t>(row.natural(1)),
-                          row.text(2),          row.text(3),
-                          row.text(4),          row.integer(5),
-                          std::move(*exercises)};
+  ASSIGN_OR_RETURN(auto exercises, exercisesOf(id));
+  return StoredCurriculum{row.text(0), row.natural32(1), row.text(2),         row.text(3),
+                          row.text(4), row.integer(5),   std::move(exercises)};
 }
 
 Result<std::vector<StoredCurriculum>> CurriculumStore::list() {
-  std::vector<StoredCurriculum> curricula;
-  auto rows = connection_.prepare(
-      "SELECT id, revision, name, author, created_unix_ns FROM curricula AS c"
-      " WHERE revision = (SELECT max(revision) FROM curricula WHERE id = c.id) ORDER BY id");
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return curricula;
-    auto exercises = exercisesOf(rows.text(0));
-    if (!exercises) return exercises.error();
-    curricula.push_back({rows.text(0), static_cast<std::uint32_t>(rows.natural(1)), rows.text(2), "",
-                         rows.text(3), rows.integer(4), std::move(*exercises)});
-  }
+  const auto withExercises = [&](const Statement& row) -> Result<StoredCurriculum> {
+    ASSIGN_OR_RETURN(auto exercises, exercisesOf(row.text(0)));
+    return StoredCurriculum{row.text(0), row.natural32(1), row.text(2),         "",
+                            row.text(3), row.integer(4),   std::move(exercises)};
+  };
+  return connection_
+      .prepare(
+          "SELECT id, revision, name, author, created_unix_ns FROM curricula AS c"
+          " WHERE revision = (SELECT max(revision) FROM curricula WHERE id = c.id) ORDER BY id")
+      .all(withExercises);
 }
 
 Result<StoredExercise> CurriculumStore::exercise(std::string_view id) {
   auto row = connection_.query(std::string(kExercise) + "WHERE id = ?", id);
-  const auto found = row.step();
-  if (!found) return found.error();
-  if (!*found) return Error{ErrorCode::kNotFound, "there is no exercise '" + std::string(id) + "'"};
+  ASSIGN_OR_RETURN(const bool found, row.step());
+  if (!found) return Error{ErrorCode::kNotFound, "there is no exercise '" + std::string(id) + "'"};
   return exerciseOf(row);
 }
 
 Result<std::vector<StoredExercise>> CurriculumStore::exercisesOf(std::string_view curriculum_id) {
-  std::vector<StoredExercise> exercises;
-  auto rows =
-      connection_.query(std::string(kExercise) + "WHERE curriculum_id = ? ORDER BY position", curriculum_id);
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return exercises;
-    exercises.push_back(exerciseOf(rows));
-  }
+  return connection_
+      .query(std::string(kExercise) + "WHERE curriculum_id = ? ORDER BY position", curriculum_id)
+      .all(exerciseOf);
 }
 
 Result<std::vector<StoredCurriculum>> CurriculumStore::revisions(std::string_view id) {
-  std::vector<StoredCurriculum> found;
-  auto rows = connection_.query(
-      "SELECT revision, name, author, created_unix_ns FROM curricula WHERE id = ? ORDER BY revision DESC",
-      id);
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) break;
-    found.push_back({std::string(id),
-                     static_cast<std::uint32_t>(rows.natural(0)),
-                     rows.text(1),
-                     "",
-                     rows.text(2),
-                     rows.integer(3),
-                     {}});
-  }
+  ASSIGN_OR_RETURN(auto found, connection_
+                                   .query("SELECT revision, name, author, created_unix_ns FROM curricula "
+                                          "WHERE id = ? ORDER BY revision DESC",
+                                          id)
+                                   .all([&](const Statement& row) {
+                                     return StoredCurriculum{
+                                         std::string(id), row.natural32(0), row.text(1), "",
+                                         row.text(2),     row.integer(3),   {}};
+                                   }));
   if (found.empty()) return Error{ErrorCode::kNotFound, "there is no curriculum '" + std::string(id) + "'"};
   return found;
 }

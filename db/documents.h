@@ -13,6 +13,20 @@
 
 namespace needlelab {
 
+/// The newest revision of a document, by whom and when it was made.
+struct NewestRevision {
+  std::uint32_t revision = 0;  ///< 0: none yet
+  std::string by;
+  std::int64_t unix_ns = 0;
+};
+
+/// "2026-11-20 17:40:11 UTC"
+std::string secondText(std::int64_t unix_ns);
+
+/// kConflict, with `current_revision`, unless `base` is the newest one. Without `base` every
+/// revision will do. `what`: "profile 'knee'".
+Status checkBase(const std::string& what, std::optional<std::uint32_t> base, const NewestRevision& newest);
+
 struct StoredProfile {
   std::string id;
   std::uint32_t revision = 0;
@@ -30,9 +44,9 @@ class ProfileStore {
   /// Stores `profile.json` (canonical; the caller has validated it) as the next revision, or gives the newest
   /// revision when its text is the same. `revision` of the argument is not read. kInvalidInput: id, name or
   /// size.
-  /// `base`: the revision that the text was made from (0: none), else kConflict; absent: whichever.
+  /// `base`: the revision that the text was made from (0: none), else kConflict; absent: any.
   Result<std::uint32_t> put(const StoredProfile& profile, std::optional<std::uint32_t> base = {});
-  /// `revision` 0: the newest. kNotFound names id, and revision where one was asked.
+  /// `revision` 0: the newest. kNotFound names id, and revision where one was given.
   Result<StoredProfile> get(std::string_view id, std::uint32_t revision);
   /// The newest revision of each, by id, without their texts.
   Result<std::vector<StoredProfile>> list();
@@ -42,20 +56,6 @@ class ProfileStore {
  private:
   Connection& connection_;
 };
-
-/// The newest revision of a document, and who made it when.
-struct NewestRevision {
-  std::uint32_t revision = 0;  ///< 0: there is none yet
-  std::string by;
-  std::int64_t unix_ns = 0;
-};
-
-/// "2026-11-20 17:40:11 UTC"
-std::string secondText(std::int64_t unix_ns);
-
-/// kConflict, with `current_revision`, unless `base` is the newest one. No `base`: whatever is there. `what`:
-/// "profile 'knee'".
-Status checkBase(const std::string& what, std::optional<std::uint32_t> base, const NewestRevision& newest);
 
 struct StoredExercise {
   std::string id;
@@ -81,9 +81,9 @@ class CurriculumStore {
   explicit CurriculumStore(Connection& connection) : connection_(connection) {}
 
   /// Stores the next revision and makes its exercises the current ones, or gives the newest revision when its
-  /// text is the same. Errors: kInvalidInput (sizes), kNotFound (an exercise names a profile that is not
-  /// there), kAlreadyExists (an exercise of this id belongs to another curriculum).
-  /// `base`: the revision that the text was made from (0: none), else kConflict; absent: whichever.
+  /// text is the same. Errors: kInvalidInput (sizes), kNotFound (an exercise names an unknown
+  /// profile), kAlreadyExists (an exercise of this id belongs to another curriculum).
+  /// `base`: the revision that the text was made from (0: none), else kConflict; absent: any.
   Result<std::uint32_t> put(const StoredCurriculum& curriculum, std::optional<std::uint32_t> base = {});
   /// The part of put() that makes `curriculum.exercises` the current ones. Errors as there.
   Status setExercises(const StoredCurriculum& curriculum);

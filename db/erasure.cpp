@@ -1,5 +1,7 @@
 #include "db/erasure.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -19,7 +21,7 @@ struct NameColumn {
   std::string_view table, column;
 };
 
-/// Where a name stands alone, as somebody who did something. The rows stay.
+/// Columns that hold the name of a person who did something. The rows stay.
 constexpr std::array kDoers = {
     NameColumn{"profiles", "author"},
     NameColumn{"curricula", "author"},
@@ -40,15 +42,11 @@ struct TextRow {
 };
 
 Result<std::vector<TextRow>> textRows(Statement rows, int texts) {
-  std::vector<TextRow> all;
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return all;
-    TextRow& one = all.emplace_back();
-    one.id = rows.integer(0);
-    for (int i = 1; i <= texts; ++i) one.texts.push_back(rows.text(i));
-  }
+  return rows.all([&](const Statement& row) {
+    TextRow one{row.integer(0), {}};
+    for (int i = 1; i <= texts; ++i) one.texts.push_back(row.text(i));
+    return one;
+  });
 }
 
 constexpr const char* kErasuresFile = "erasures";
@@ -56,62 +54,53 @@ constexpr const char* kErasuresFile = "erasures";
 }  // namespace
 
 Result<std::vector<std::string>> ErasureStore::openSessions(std::string_view name) {
-  std::vector<std::string> open;
-  auto rows =
-      connection_.query("SELECT id, station FROM sessions WHERE trainee = ? AND state = ? ORDER BY number",
-                        name, static_cast<int>(pb::SESSION_OPEN));
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return open;
-    open.push_back(sessionText(rows.text(0)) + " at station '" + rows.text(1) + "'");
-  }
+  return connection_
+      .query("SELECT id, station FROM sessions WHERE trainee = ? AND state = ? ORDER BY number", name,
+             static_cast<int>(pb::SESSION_OPEN))
+      .all([](const Statement& row) {
+        return sessionText(row.text(0)) + " at station '" + row.text(1) + "'";
+      });
 }
 
 Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLine& line,
                                         const std::string& by, const std::string& reason,
                                         std::int64_t now_unix_ns) {
-  const auto person = PeopleStore(connection_).find(name);
-  if (!person) return person.error();
-  if (!*person) {
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(name));
+  if (!person) {
     auto some = connection_.query("SELECT 1 FROM sessions WHERE trainee = ? LIMIT 1", name);
-    const auto found = some.step();
-    if (!found) return found.error();
-    if (!*found)
+    ASSIGN_OR_RETURN(const bool found, some.step());
+    if (!found)
       return Error{ErrorCode::kNotFound, "there is no person named '" + name + "', and no session of one"};
   } else if (auto last = PeopleStore(connection_).change(name, {}, {.disabled = true}, by, now_unix_ns);
              !last) {
     return last.error();  // the last administrator
   }
   ErasedNames names{name, {}, {}, line.pseudonym};
-  auto earlier = loggedFullNames(connection_, name);
-  if (!earlier) return earlier.error();
-  names.full_names = std::move(*earlier);
-  if (*person && !(*person)->full_name.empty()) {
-    std::erase(names.full_names, (*person)->full_name);
-    names.full_names.push_back((*person)->full_name);
+  ASSIGN_OR_RETURN(auto earlier, loggedFullNames(connection_, name));
+  names.full_names = std::move(earlier);
+  if (person && !person->full_name.empty()) {
+    std::erase(names.full_names, person->full_name);
+    names.full_names.push_back(person->full_name);
   }
-  if (auto done = addOthers(connection_, names); !done) return done.error();
+  RETURN_IF_ERROR(addOthers(connection_, names));
   pb::Erasure erasure;
   erasure.set_pseudonym(line.pseudonym);
   std::set<std::string> sessions;
-  if (auto done = eraseSessions(names, now_unix_ns, by, sessions, erasure); !done) return done.error();
-  if (auto done = eraseRemarks(names); !done) return done.error();
+  RETURN_IF_ERROR(eraseSessions(names, now_unix_ns, by, sessions, erasure));
+  RETURN_IF_ERROR(eraseRemarks(names));
   for (const std::string_view sql :
        {"DELETE FROM assignments WHERE trainee = ?", "DELETE FROM consents WHERE person = ?",
         "UPDATE groups SET revision = revision + 1 WHERE id IN (SELECT group_id FROM group_members WHERE "
         "person = ?)",
         "DELETE FROM group_members WHERE person = ?", "DELETE FROM people WHERE name = ?"}) {
-    if (auto done = connection_.run(sql, name); !done) return done.error();
+    RETURN_IF_ERROR(connection_.run(sql, name));
   }
-  if (auto done = connection_.run("DELETE FROM import_pieces"); !done) return done.error();
-  if (auto done = eraseWords(names, sessions, erasure); !done) return done.error();
-  if (auto done = connection_.run(
-          "INSERT INTO erasures (pseudonym, name_hash, erased_unix_ns, by_whom, reason) VALUES (?,?,?,?,?)"
-          " ON CONFLICT (pseudonym) DO UPDATE SET erased_unix_ns = excluded.erased_unix_ns",
-          line.pseudonym, ByteView(line.name_hash), line.unix_ns, by, withoutNames(reason, names, true));
-      !done)
-    return done.error();
+  RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces"));
+  RETURN_IF_ERROR(eraseWords(names, sessions, erasure));
+  RETURN_IF_ERROR(connection_.run(
+      "INSERT INTO erasures (pseudonym, name_hash, erased_unix_ns, by_whom, reason) VALUES (?,?,?,?,?)"
+      " ON CONFLICT (pseudonym) DO UPDATE SET erased_unix_ns = excluded.erased_unix_ns",
+      line.pseudonym, ByteView(line.name_hash), line.unix_ns, by, withoutNames(reason, names, true)));
   return erasure;
 }
 
@@ -126,22 +115,21 @@ Status ErasureStore::eraseSessions(const ErasedNames& names, std::int64_t now_un
     std::uint64_t chunks = 0;
     std::string description, id;
   };
-  std::vector<Session> sessions;
-  {
-    auto rows = connection_.query(
-        "SELECT s.number, s.state, s.recording, coalesce(p.chunks, s.chunks), s.description, s.id FROM "
-        "sessions s"
-        " LEFT JOIN session_progress p ON p.session = s.number WHERE s.trainee = ?",
-        name);
-    for (;;) {
-      const auto row = rows.step();
-      if (!row) return row.error();
-      if (!*row) break;
-      sessions.push_back({rows.integer(0), static_cast<pb::SessionState>(rows.integer(1)),
-                          static_cast<int>(rows.integer(2)), rows.natural(3), rows.text(4),
-                          sessionText(rows.text(5))});
-    }
-  }
+  const auto sessionOf = [](const Statement& row) {
+    return Session{row.integer(0),
+                   static_cast<pb::SessionState>(row.integer(1)),
+                   static_cast<int>(row.integer(2)),
+                   row.natural(3),
+                   row.text(4),
+                   sessionText(row.text(5))};
+  };
+  ASSIGN_OR_RETURN(const auto sessions,
+                   connection_
+                       .query("SELECT s.number, s.state, s.recording, coalesce(p.chunks, s.chunks),"
+                              " s.description, s.id FROM sessions s"
+                              " LEFT JOIN session_progress p ON p.session = s.number WHERE s.trainee = ?",
+                              name)
+                       .all(sessionOf));
   constexpr std::string_view kReason = "the data of its person was erased";
   for (const Session& session : sessions) {
     ids.insert(session.id);
@@ -149,63 +137,55 @@ Status ErasureStore::eraseSessions(const ErasedNames& names, std::int64_t now_un
     if (!description.ParseFromString(session.description))
       return Error{ErrorCode::kCorrupt, "the stored description of a session cannot be read"};
     description.set_trainee(pseudonym);
-    if (auto done = connection_.run(
-            "UPDATE sessions SET trainee = ?, description = ?, erased = 1, score_json = NULL, passed = NULL,"
-            " events = 0, recording = 3, clock_offset_ns = NULL, clock_round_trip_ns = NULL WHERE number = ?",
-            pseudonym, viewOf(description.SerializeAsString()), session.number);
-        !done)
-      return done;
-    // an open one ends here; its hash was never known, and nothing is left that it could be the hash of
+    RETURN_IF_ERROR(connection_.run(
+        "UPDATE sessions SET trainee = ?, description = ?, erased = 1, score_json = NULL, passed = NULL,"
+        " events = 0, recording = 3, clock_offset_ns = NULL, clock_round_trip_ns = NULL WHERE number = ?",
+        pseudonym, viewOf(description.SerializeAsString()), session.number));
+    // an open one ends here; its hash was never known, and no chunks are left to hash
     if (session.state == pb::SESSION_OPEN) {
-      if (auto done = connection_.run(
-              "UPDATE sessions SET state = ?, hash = zeroblob(32), closed_unix_ns = ? WHERE number = ?",
-              static_cast<int>(pb::SESSION_INTERRUPTED), now_unix_ns, session.number);
-          !done)
-        return done;
+      RETURN_IF_ERROR(connection_.run(
+          "UPDATE sessions SET state = ?, hash = zeroblob(32), closed_unix_ns = ? WHERE number = ?",
+          static_cast<int>(pb::SESSION_INTERRUPTED), now_unix_ns, session.number));
     }
     if (session.recording != 3) erasure.set_recordings(erasure.recordings() + (session.chunks > 0 ? 1 : 0));
-    // chunks go as retention's do, in pieces; CRCs are of no use any more: what a station sends again is
-    // taken unread
-    if (auto done = connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, "
-                                    "deleted_unix_ns, reason, by_whom, leftover, crcs)"
-                                    " VALUES (?1, ?2, ?2, ?3, ?4, 1, zeroblob(4 * ?5)) ON CONFLICT (session) "
-                                    "DO UPDATE SET deleted_unix_ns = ?2,"
-                                    " reason = ?3, by_whom = ?4, leftover = 1, crcs = excluded.crcs",
-                                    session.number, now_unix_ns, kReason, by, session.chunks);
-        !done)
-      return done;
-    if (auto done =
-            connection_.run("UPDATE derived_recordings SET complete = 0 WHERE session = ?", session.number);
-        !done)
-      return done;
-    if (auto done = connection_.run("DELETE FROM scores WHERE session = ?", session.number); !done)
-      return done;
+    // retention removes the chunks in pieces; CRCs are not needed any more, because chunks that a station
+    // sends again are accepted unread
+    RETURN_IF_ERROR(
+        connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, "
+                        "deleted_unix_ns, reason, by_whom, leftover, crcs)"
+                        " VALUES (?1, ?2, ?2, ?3, ?4, 1, zeroblob(4 * ?5)) ON CONFLICT (session) "
+                        "DO UPDATE SET deleted_unix_ns = ?2,"
+                        " reason = ?3, by_whom = ?4, leftover = 1, crcs = excluded.crcs",
+                        session.number, now_unix_ns, kReason, by, session.chunks));
+    RETURN_IF_ERROR(
+        connection_.run("UPDATE derived_recordings SET complete = 0 WHERE session = ?", session.number));
+    RETURN_IF_ERROR(connection_.run("DELETE FROM scores WHERE session = ?", session.number));
     erasure.set_scores(erasure.scores() + static_cast<std::uint64_t>(connection_.changes()));
-    if (auto done = connection_.run("DELETE FROM session_events WHERE session = ?", session.number); !done)
-      return done;
-    const auto remarks =
-        textRows(connection_.query("SELECT id, text FROM annotations WHERE session = ?", session.number), 1);
-    if (!remarks) return remarks.error();
-    erasure.set_remarks_kept(erasure.remarks_kept() + remarks->size());
+    RETURN_IF_ERROR(connection_.run("DELETE FROM session_events WHERE session = ?", session.number));
+    ASSIGN_OR_RETURN(
+        const auto remarks,
+        textRows(connection_.query("SELECT id, text FROM annotations WHERE session = ?", session.number), 1));
+    erasure.set_remarks_kept(erasure.remarks_kept() + remarks.size());
   }
   erasure.set_sessions(sessions.size());
   return {};
 }
 
 Status ErasureStore::eraseRemarks(const ErasedNames& names) {
-  // remarks name people in other people's sessions, too; words of a full name are its own only in its own
+  // remarks also name people in other people's sessions; parts of a full name are replaced only in the
+  // person's own
   for (const bool own : {true, false}) {
-    const auto remarks = textRows(
-        connection_.query("SELECT a.id, a.text FROM annotations a JOIN sessions s ON s.number = a.session"
-                          " WHERE (s.trainee = ?1) = ?2",
-                          names.in_its_place, own),
-        1);
-    if (!remarks) return remarks.error();
-    for (const TextRow& remark : *remarks) {
+    ASSIGN_OR_RETURN(
+        const auto remarks,
+        textRows(
+            connection_.query("SELECT a.id, a.text FROM annotations a JOIN sessions s ON s.number = a.session"
+                              " WHERE (s.trainee = ?1) = ?2",
+                              names.in_its_place, own),
+            1));
+    for (const TextRow& remark : remarks) {
       const std::string text = withoutNames(remark.texts[0], names, own);
       if (text == remark.texts[0]) continue;
-      if (auto done = connection_.run("UPDATE annotations SET text = ? WHERE id = ?", text, remark.id); !done)
-        return done;
+      RETURN_IF_ERROR(connection_.run("UPDATE annotations SET text = ? WHERE id = ?", text, remark.id));
     }
   }
   return {};
@@ -214,24 +194,20 @@ Status ErasureStore::eraseRemarks(const ErasedNames& names) {
 Status ErasureStore::eraseWords(const ErasedNames& names, const std::set<std::string>& sessions,
                                 pb::Erasure& erasure) {
   for (const auto& [table, column] : kDoers) {
-    if (auto done = connection_.run("UPDATE " + std::string(table) + " SET " + std::string(column) +
+    RETURN_IF_ERROR(connection_.run("UPDATE " + std::string(table) + " SET " + std::string(column) +
                                         " = ? WHERE " + std::string(column) + " = ?",
-                                    names.in_its_place, names.name);
-        !done)
-      return done;
+                                    names.in_its_place, names.name));
   }
   // the log keeps its lines and their order; only the name in them changes
-  const auto lines = textRows(connection_.prepare("SELECT id, who, action, subject, detail FROM audit"), 4);
-  if (!lines) return lines.error();
-  for (const TextRow& line : *lines) {
+  ASSIGN_OR_RETURN(const auto lines,
+                   textRows(connection_.prepare("SELECT id, who, action, subject, detail FROM audit"), 4));
+  for (const TextRow& line : lines) {
     const AuditRow before{0, 0, line.texts[0], line.texts[1], line.texts[2], line.texts[3]};
     const AuditRow after = withoutNames(before, names, sessions);
     if (after.who == before.who && after.subject == before.subject && after.detail == before.detail) continue;
     erasure.set_audit_lines(erasure.audit_lines() + 1);
-    if (auto done = connection_.run("UPDATE audit SET who = ?, subject = ?, detail = ? WHERE id = ?",
-                                    after.who, after.subject, after.detail, line.id);
-        !done)
-      return done;
+    RETURN_IF_ERROR(connection_.run("UPDATE audit SET who = ?, subject = ?, detail = ? WHERE id = ?",
+                                    after.who, after.subject, after.detail, line.id));
   }
   return {};
 }
@@ -240,30 +216,27 @@ Result<std::optional<std::string>> ErasureStore::pseudonymOf(std::string_view tr
                                                              std::int64_t started_unix_ns) {
   {
     auto any = connection_.prepare("SELECT 1 FROM erasures LIMIT 1");
-    const auto found = any.step();
-    if (!found) return found.error();
-    if (!*found || trainee.empty()) return std::optional<std::string>();
+    ASSIGN_OR_RETURN(const bool found, any.step());
+    if (!found || trainee.empty()) return std::optional<std::string>();
   }
   const auto key = this->key();
   if (!key && key.error().code == ErrorCode::kCorrupt) return std::optional<std::string>();
   if (!key) return key.error();
   const auto hash = key->nameHash(trainee);
-  auto row = connection_.query(
-      "SELECT pseudonym FROM erasures WHERE name_hash = ? AND erased_unix_ns >= ? ORDER BY erased_unix_ns "
-      "DESC LIMIT 1",
-      ByteView(hash), started_unix_ns);
-  const auto found = row.step();
-  if (!found) return found.error();
-  return *found ? std::optional(row.text(0)) : std::optional<std::string>();
+  return connection_
+      .query(
+          "SELECT pseudonym FROM erasures WHERE name_hash = ? AND erased_unix_ns >= ? ORDER BY "
+          "erased_unix_ns "
+          "DESC LIMIT 1",
+          ByteView(hash), started_unix_ns)
+      .first(firstText);
 }
 
 Status ErasureStore::emptySession(const Uuid& session, std::int64_t now_unix_ns) {
-  if (auto done = connection_.run(
-          "UPDATE sessions SET state = ?, erased = 1, recording = 3, events = 0, hash = zeroblob(32),"
-          " closed_unix_ns = ? WHERE id = ?",
-          static_cast<int>(pb::SESSION_INTERRUPTED), now_unix_ns, ByteView(session));
-      !done)
-    return done;
+  RETURN_IF_ERROR(connection_.run(
+      "UPDATE sessions SET state = ?, erased = 1, recording = 3, events = 0, hash = zeroblob(32),"
+      " closed_unix_ns = ? WHERE id = ?",
+      static_cast<int>(pb::SESSION_INTERRUPTED), now_unix_ns, ByteView(session)));
   return connection_.run(
       "INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns, reason, by_whom, leftover, "
       "crcs)"
@@ -276,12 +249,10 @@ Result<PseudonymKey> ErasureStore::key() {
   const auto folder = connection_.path().parent_path();
   std::error_code error;
   if (!std::filesystem::exists(folder / "pseudonym.key", error)) {
-    const auto lines = readErasures(folder);
-    if (!lines) return lines.error();
+    ASSIGN_OR_RETURN(const auto lines, readErasures(folder));
     auto row = connection_.prepare("SELECT count(*) FROM erasures");
-    const auto found = row.step();
-    if (!found) return found.error();
-    if (!lines->empty() || row.integer(0) != 0)
+    ASSIGN_OR_RETURN(const bool found, row.step());
+    if (!lines.empty() || row.integer(0) != 0)
       return Error{ErrorCode::kCorrupt,
                    (folder / "pseudonym.key").string() +
                        ": is not there, although people were erased: nobody could tell any more who they "
@@ -292,37 +263,33 @@ Result<PseudonymKey> ErasureStore::key() {
 
 Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesystem::path& folder) {
   std::vector<ErasureToRepeat> repeat;
-  auto lines = readErasures(folder);
-  if (!lines) return lines.error();
-  // those that the database knows of, too: records of before may have come back
+  ASSIGN_OR_RETURN(auto lines, readErasures(folder));
+  // also those that the database knows: older records may have come back
   std::set<std::string> known;
   auto rows = connection_.prepare("SELECT pseudonym, name_hash, erased_unix_ns FROM erasures");
   for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) break;
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) break;
     ErasureLine line{rows.text(0), {}, rows.integer(2)};
     const auto hash = rows.bytes(1);
     if (hash.size() != line.name_hash.size()) continue;
     std::copy(hash.begin(), hash.end(), line.name_hash.begin());
     known.insert(line.pseudonym);
-    std::erase_if(*lines, [&](const ErasureLine& other) { return other.pseudonym == line.pseudonym; });
-    lines->push_back(std::move(line));
+    std::erase_if(lines, [&](const ErasureLine& other) { return other.pseudonym == line.pseudonym; });
+    lines.push_back(std::move(line));
   }
-  if (lines->empty()) return repeat;
-  const auto key = this->key();
-  if (!key) return key.error();
+  if (lines.empty()) return repeat;
+  ASSIGN_OR_RETURN(const auto key, this->key());
   auto names = connection_.prepare(
       "SELECT name, min(made) FROM (SELECT name, created_unix_ns AS made FROM people UNION ALL SELECT "
       "trainee, "
       "started_unix_ns FROM sessions WHERE erased = 0) GROUP BY name");
   for (;;) {
-    const auto row = names.step();
-    if (!row) return row.error();
-    if (!*row) return repeat;
-    const auto hash = key->nameHash(names.text(0));
-    for (const ErasureLine& line : *lines) {
-      // somebody who has got the name since is somebody else
+    ASSIGN_OR_RETURN(const bool more, names.step());
+    if (!more) return repeat;
+    const auto hash = key.nameHash(names.text(0));
+    for (const ErasureLine& line : lines) {
+      // a person who got the name later is another person
       const bool before = !known.contains(line.pseudonym) || names.integer(1) <= line.unix_ns;
       if (line.name_hash == hash && before) repeat.push_back({names.text(0), line.pseudonym, line.unix_ns});
     }
@@ -342,9 +309,8 @@ Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folde
   std::vector<ErasureLine> lines;
   std::error_code error;
   if (!std::filesystem::exists(path, error)) return lines;
-  const auto text = readWholeFile(path, 16u << 20);
-  if (!text) return text.error();
-  std::istringstream in(*text);
+  ASSIGN_OR_RETURN(const auto text, readWholeFile(path, 16u << 20));
+  std::istringstream in(text);
   for (std::string row; std::getline(in, row);) {
     std::istringstream cells(row);
     ErasureLine line;
@@ -353,9 +319,9 @@ Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folde
     const auto bytes = bytesOfHex(hex);
     if (!cells || !bytes || bytes->size() != line.name_hash.size())
       return Error{ErrorCode::kCorrupt,
-                   path.string() + ": line " + std::to_string(lines.size() + 1) +
-                       " is not a pseudonym, 64 digits and a time; it says which erasures a restored backup "
-                       "lacks: put back the file of this folder's last copy"};
+                   fmt::format("{}: line {} is not a pseudonym, 64 digits and a time; it says which erasures "
+                               "a restored backup lacks: put back the file of this folder's last copy",
+                               path.string(), lines.size() + 1)};
     std::copy(bytes->begin(), bytes->end(), line.name_hash.begin());
     lines.push_back(std::move(line));
   }
@@ -365,8 +331,7 @@ Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folde
 Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines) {
   std::string text;
   for (const ErasureLine& line : lines)
-    text += line.pseudonym + " " + hexDigitsOf(textOf(line.name_hash)) + " " + std::to_string(line.unix_ns) +
-            "\n";
+    text += fmt::format("{} {} {}\n", line.pseudonym, hexDigitsOf(textOf(line.name_hash)), line.unix_ns);
   return writeFileAtomically(folder / kErasuresFile, viewOf(text), 0600);
 }
 

@@ -49,7 +49,7 @@ class ErasureStore {
   Result<PseudonymKey> key();
   /// Open sessions of this trainee, as "… at station …".
   Result<std::vector<std::string>> openSessions(std::string_view name);
-  /// In one transaction (DESIGN of it: db/README.md). Sessions keep their rows, closed, under the pseudonym,
+  /// In one transaction (db/README.md, "An erasure"). Sessions keep their rows, closed, under the pseudonym,
   /// without score, events and attempts' verdicts; their chunks are left for retention to remove
   /// (RetentionStore::leftovers). kNotFound: neither a person nor sessions of this name; kDenied: the last
   /// administrator who can log in.

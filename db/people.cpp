@@ -1,5 +1,7 @@
 #include "db/people.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 
 #include "common/base/text.h"
@@ -13,22 +15,19 @@ constexpr std::string_view kSelectPeople =
     "changed_by FROM people ";
 
 Person personOf(const Statement& row) {
-  return {row.text(0),
-          static_cast<pb::Role>(row.integer(1)),
-          row.text(2),
-          row.integer(3) != 0,
-          row.integer(4),
-          row.text(5),
-          static_cast<std::uint32_t>(row.natural(6)),
-          row.integer(7),
+  return {row.text(0),      static_cast<pb::Role>(row.integer(1)),
+          row.text(2),      row.integer(3) != 0,
+          row.integer(4),   row.text(5),
+          row.natural32(6), row.integer(7),
           row.text(8)};
 }
 
 Status checkRoleOfPerson(pb::Role role) {
   if (role >= pb::TRAINEE && role <= pb::Role_MAX && role != pb::STATION) return {};
-  return Error{ErrorCode::kInvalidInput,
-               "role: " + std::to_string(role) +
-                   ", allowed are trainee, instructor, curriculum-manager, administrator, researcher"};
+  return Error{
+      ErrorCode::kInvalidInput,
+      fmt::format("role: {}, allowed are trainee, instructor, curriculum-manager, administrator, researcher",
+                  static_cast<int>(role))};
 }
 
 Error unknown(std::string_view name) {
@@ -41,7 +40,7 @@ pb::Group groupOf(const Statement& row) {
   pb::Group group;
   group.set_id(row.text(0));
   group.set_name(row.text(1));
-  group.set_revision(static_cast<std::uint32_t>(row.natural(2)));
+  group.set_revision(row.natural32(2));
   group.set_changed_by(row.text(3));
   group.set_changed_unix_ns(row.integer(4));
   return group;
@@ -54,9 +53,8 @@ Error noGroup(std::string_view id) {
 /// Sorted, each once. kInvalidInput.
 Result<std::vector<std::string>> membersOf(const pb::Group& group) {
   if (group.members_size() > kMaxGroupMembers)
-    return Error{ErrorCode::kInvalidInput, "group '" + group.id() + "', members: has " +
-                                               std::to_string(group.members_size()) +
-                                               ", allowed are at most " + std::to_string(kMaxGroupMembers)};
+    return Error{ErrorCode::kInvalidInput, fmt::format("group '{}', members: has {}, allowed are at most {}",
+                                                       group.id(), group.members_size(), kMaxGroupMembers)};
   std::vector<std::string> members(group.members().begin(), group.members().end());
   std::sort(members.begin(), members.end());
   const auto twice = std::adjacent_find(members.begin(), members.end());
@@ -78,13 +76,11 @@ pb::Consent consentOf(const Statement& row) {
 }  // namespace
 
 Status PeopleStore::add(const Person& person) {
-  if (auto valid = checkNewName("name", person.name); !valid) return valid;
-  if (auto valid = checkRoleOfPerson(person.role); !valid) return valid;
-  if (auto valid = checkText("full_name", person.full_name, 0, 200); !valid) return valid;
-  const auto known = find(person.name);
-  if (!known) return known.error();
-  if (*known)
-    return Error{ErrorCode::kAlreadyExists, "there is already a person named '" + person.name + "'"};
+  RETURN_IF_ERROR(checkNewName("name", person.name));
+  RETURN_IF_ERROR(checkRoleOfPerson(person.role));
+  RETURN_IF_ERROR(checkText("full_name", person.full_name, 0, 200));
+  ASSIGN_OR_RETURN(const auto known, find(person.name));
+  if (known) return Error{ErrorCode::kAlreadyExists, "there is already a person named '" + person.name + "'"};
   const std::optional<std::string> hash =
       person.password_hash.empty() ? std::nullopt : std::optional(person.password_hash);
   return connection_.run(
@@ -95,8 +91,7 @@ Status PeopleStore::add(const Person& person) {
 }
 
 Status PeopleStore::setPasswordHash(std::string_view name, std::string_view hash) {
-  if (auto done = connection_.run("UPDATE people SET password_hash = ? WHERE name = ?", hash, name); !done)
-    return done;
+  RETURN_IF_ERROR(connection_.run("UPDATE people SET password_hash = ? WHERE name = ?", hash, name));
   if (connection_.changes() == 0) return unknown(name);
   return {};
 }
@@ -104,21 +99,18 @@ Status PeopleStore::setPasswordHash(std::string_view name, std::string_view hash
 Result<Person> PeopleStore::change(std::string_view name, std::optional<std::uint32_t> base,
                                    const PersonChange& change, std::string_view by,
                                    std::int64_t now_unix_ns) {
-  auto person = find(name);
-  if (!person) return person.error();
-  if (!*person) return unknown(name);
-  Person& now = **person;
-  if (auto newest = checkBase(
-          "person '" + now.name + "'", base,
-          {now.revision, now.changed_by.empty() ? "(as added)" : now.changed_by, now.changed_unix_ns});
-      !newest)
-    return newest.error();
+  ASSIGN_OR_RETURN(auto person, find(name));
+  if (!person) return unknown(name);
+  Person& now = *person;
+  RETURN_IF_ERROR(
+      checkBase("person '" + now.name + "'", base,
+                {now.revision, now.changed_by.empty() ? "(as added)" : now.changed_by, now.changed_unix_ns}));
   const Person before = now;
   now.role = change.role.value_or(now.role);
   now.disabled = change.disabled.value_or(now.disabled);
   now.full_name = change.full_name.value_or(now.full_name);
-  if (auto valid = checkRoleOfPerson(now.role); !valid) return valid.error();
-  if (auto valid = checkText("full_name", now.full_name, 0, 200); !valid) return valid.error();
+  RETURN_IF_ERROR(checkRoleOfPerson(now.role));
+  RETURN_IF_ERROR(checkText("full_name", now.full_name, 0, 200));
   if (now.role == before.role && now.disabled == before.disabled && now.full_name == before.full_name)
     return now;
 
@@ -128,8 +120,7 @@ Result<Person> PeopleStore::change(std::string_view name, std::optional<std::uin
         "SELECT count(*) FROM people WHERE role = ? AND disabled = 0 AND password_hash IS NOT NULL AND name "
         "<> ?",
         static_cast<int>(pb::ADMINISTRATOR), name);
-    const auto row = others.step();
-    if (!row) return row.error();
+    ASSIGN_OR_RETURN(const bool row, others.step());
     if (others.integer(0) == 0) {
       return Error{ErrorCode::kDenied,
                    "'" + std::string(name) + "' is the last administrator who can log in: add another first"};
@@ -138,12 +129,10 @@ Result<Person> PeopleStore::change(std::string_view name, std::optional<std::uin
   ++now.revision;
   now.changed_by = by;
   now.changed_unix_ns = now_unix_ns;
-  if (auto done = connection_.run(
-          "UPDATE people SET role = ?, disabled = ?, full_name = ?, revision = ?, changed_by = ?,"
-          " changed_unix_ns = ? WHERE name = ?",
-          static_cast<int>(now.role), now.disabled, now.full_name, now.revision, by, now_unix_ns, name);
-      !done)
-    return done.error();
+  RETURN_IF_ERROR(connection_.run(
+      "UPDATE people SET role = ?, disabled = ?, full_name = ?, revision = ?, changed_by = ?,"
+      " changed_unix_ns = ? WHERE name = ?",
+      static_cast<int>(now.role), now.disabled, now.full_name, now.revision, by, now_unix_ns, name));
   return now;
 }
 
@@ -154,87 +143,64 @@ Status PeopleStore::setDisabled(std::string_view name, bool disabled, std::strin
 }
 
 Result<std::optional<Person>> PeopleStore::find(std::string_view name) {
-  auto row = connection_.query(std::string(kSelectPeople) + "WHERE name = ?", name);
-  const auto found = row.step();
-  if (!found) return found.error();
-  if (!*found) return std::optional<Person>();
-  return std::optional(personOf(row));
+  return connection_.query(std::string(kSelectPeople) + "WHERE name = ?", name).first(personOf);
 }
 
 Result<std::vector<Person>> PeopleStore::list() {
-  std::vector<Person> people;
-  auto rows = connection_.prepare(std::string(kSelectPeople) + "ORDER BY name");
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return people;
-    people.push_back(personOf(rows));
-  }
+  return connection_.prepare(std::string(kSelectPeople) + "ORDER BY name").all(personOf);
 }
 
 Result<pb::Group> GroupStore::put(const pb::Group& group, std::optional<std::uint32_t> base,
                                   const std::string& by, std::int64_t now_unix_ns) {
-  if (auto valid = checkName("group id", group.id()); !valid) return valid.error();
-  if (auto valid = checkText("group '" + group.id() + "', name", group.name(), 1, 200); !valid)
-    return valid.error();
-  const auto wanted = membersOf(group);
-  if (!wanted) return wanted.error();
+  RETURN_IF_ERROR(checkName("group id", group.id()));
+  RETURN_IF_ERROR(checkText("group '" + group.id() + "', name", group.name(), 1, 200));
+  ASSIGN_OR_RETURN(const auto wanted, membersOf(group));
 
-  // a removed group's revisions go on, but for an edit there is none
+  // a removed group's revisions go on, but an edit does not find it
   std::uint32_t last = 0;
   {
     auto row = connection_.query("SELECT revision, removed FROM groups WHERE id = ?", group.id());
-    const auto found = row.step();
-    if (!found) return found.error();
-    if (*found) last = static_cast<std::uint32_t>(row.natural(0));
+    ASSIGN_OR_RETURN(const bool found, row.step());
+    if (found) last = row.natural32(0);
   }
   const auto before = get(group.id());
   if (!before && before.error().code != ErrorCode::kNotFound) return before.error();
   const NewestRevision newest =
       before ? NewestRevision{before->revision(), before->changed_by(), before->changed_unix_ns()}
              : NewestRevision{};
-  if (auto same = checkBase("group '" + group.id() + "'", base, newest); !same) return same.error();
+  RETURN_IF_ERROR(checkBase("group '" + group.id() + "'", base, newest));
   if (last == 0) {
-    if (auto valid = checkNewName("group id", group.id()); !valid) return valid.error();
+    RETURN_IF_ERROR(checkNewName("group id", group.id()));
   }
   if (before && before->name() == group.name() &&
-      std::equal(wanted->begin(), wanted->end(), before->members().begin(), before->members().end()))
+      std::equal(wanted.begin(), wanted.end(), before->members().begin(), before->members().end()))
     return *before;
 
-  if (auto done = connection_.run(
-          "INSERT INTO groups (id, name, revision, changed_by, changed_unix_ns) VALUES (?,?,?,?,?) ON "
-          "CONFLICT (id) DO UPDATE"
-          " SET name = excluded.name, revision = excluded.revision, changed_by = excluded.changed_by,"
-          " changed_unix_ns = excluded.changed_unix_ns, removed = 0",
-          group.id(), group.name(), last + 1, by, now_unix_ns);
-      !done)
-    return done.error();
-  if (auto done = connection_.run("DELETE FROM group_members WHERE group_id = ?", group.id()); !done)
-    return done.error();
-  for (const std::string& member : *wanted) {
-    const auto person = PeopleStore(connection_).find(member);
-    if (!person) return person.error();
-    if (!*person)
+  RETURN_IF_ERROR(connection_.run(
+      "INSERT INTO groups (id, name, revision, changed_by, changed_unix_ns) VALUES (?,?,?,?,?) ON "
+      "CONFLICT (id) DO UPDATE"
+      " SET name = excluded.name, revision = excluded.revision, changed_by = excluded.changed_by,"
+      " changed_unix_ns = excluded.changed_unix_ns, removed = 0",
+      group.id(), group.name(), last + 1, by, now_unix_ns));
+  RETURN_IF_ERROR(connection_.run("DELETE FROM group_members WHERE group_id = ?", group.id()));
+  for (const std::string& member : wanted) {
+    ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(member));
+    if (!person)
       return Error{ErrorCode::kNotFound, "group '" + group.id() + "', members: there is no person named '" +
                                              printable(member) + "'"};
-    if (auto done =
-            connection_.run("INSERT INTO group_members (group_id, person) VALUES (?,?)", group.id(), member);
-        !done)
-      return done.error();
+    RETURN_IF_ERROR(
+        connection_.run("INSERT INTO group_members (group_id, person) VALUES (?,?)", group.id(), member));
   }
   return get(group.id());
 }
 
 Status GroupStore::remove(const std::string& id, std::optional<std::uint32_t> base, const std::string& by,
                           std::int64_t now_unix_ns) {
-  const auto group = get(id);
-  if (!group) return group.error();
-  if (auto same = checkBase("group '" + id + "'", base,
-                            {group->revision(), group->changed_by(), group->changed_unix_ns()});
-      !same)
-    return same;
-  if (auto done = connection_.run("DELETE FROM assignments WHERE group_id = ?", id); !done) return done;
-  if (auto done = connection_.run("DELETE FROM group_members WHERE group_id = ?", id); !done) return done;
+  ASSIGN_OR_RETURN(const auto group, get(id));
+  RETURN_IF_ERROR(
+      checkBase("group '" + id + "'", base, {group.revision(), group.changed_by(), group.changed_unix_ns()}));
+  RETURN_IF_ERROR(connection_.run("DELETE FROM assignments WHERE group_id = ?", id));
+  RETURN_IF_ERROR(connection_.run("DELETE FROM group_members WHERE group_id = ?", id));
   return connection_.run(
       "UPDATE groups SET removed = 1, revision = revision + 1, changed_by = ?, changed_unix_ns = ? WHERE id "
       "= ?",
@@ -242,101 +208,64 @@ Status GroupStore::remove(const std::string& id, std::optional<std::uint32_t> ba
 }
 
 Result<pb::Group> GroupStore::get(std::string_view id) {
-  std::optional<pb::Group> group;
-  {
-    auto row = connection_.query(std::string(kGroup) + "WHERE id = ? AND removed = 0", id);
-    const auto found = row.step();
-    if (!found) return found.error();
-    if (!*found) return noGroup(id);
-    group = groupOf(row);
-  }
-  const auto names = members(id);
-  if (!names) return names.error();
-  for (const std::string& name : *names) group->add_members(name);
-  return *group;
+  ASSIGN_OR_RETURN(
+      auto group, connection_.query(std::string(kGroup) + "WHERE id = ? AND removed = 0", id).first(groupOf));
+  if (!group) return noGroup(id);
+  return withMembers(*std::move(group));
 }
 
 Result<std::vector<pb::Group>> GroupStore::list() {
-  std::vector<pb::Group> groups;
-  auto rows = connection_.query(std::string(kGroup) + "WHERE removed = 0 ORDER BY id");
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return groups;
-    auto& group = groups.emplace_back(groupOf(rows));
-    const auto names = members(group.id());
-    if (!names) return names.error();
-    for (const std::string& name : *names) group.add_members(name);
-  }
+  return connection_.prepare(std::string(kGroup) + "WHERE removed = 0 ORDER BY id")
+      .all([&](const Statement& row) { return withMembers(groupOf(row)); });
+}
+
+Result<pb::Group> GroupStore::withMembers(pb::Group group) {
+  ASSIGN_OR_RETURN(const auto names, members(group.id()));
+  group.mutable_members()->Add(names.begin(), names.end());
+  return group;
 }
 
 Result<std::vector<std::string>> GroupStore::groupsOf(std::string_view person) {
-  std::vector<std::string> ids;
-  auto rows =
-      connection_.query("SELECT group_id FROM group_members WHERE person = ? ORDER BY group_id", person);
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return ids;
-    ids.push_back(rows.text(0));
-  }
+  return connection_.query("SELECT group_id FROM group_members WHERE person = ? ORDER BY group_id", person)
+      .all(firstText);
 }
 
 Result<std::vector<std::string>> GroupStore::members(std::string_view id) {
-  std::vector<std::string> names;
-  auto rows = connection_.query("SELECT person FROM group_members WHERE group_id = ? ORDER BY person", id);
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return names;
-    names.push_back(rows.text(0));
-  }
+  return connection_.query("SELECT person FROM group_members WHERE group_id = ? ORDER BY person", id)
+      .all(firstText);
 }
 
 Status ConsentStore::add(const std::string& person, const pb::Consent& consent) {
-  if (auto valid = checkText("consent, note", consent.note(), 0, 1000); !valid) return valid;
-  const auto known = PeopleStore(connection_).find(person);
-  if (!known) return known.error();
-  if (!*known) return Error{ErrorCode::kNotFound, "there is no person named '" + printable(person) + "'"};
+  RETURN_IF_ERROR(checkText("consent, note", consent.note(), 0, 1000));
+  ASSIGN_OR_RETURN(const auto known, PeopleStore(connection_).find(person));
+  if (!known) return Error{ErrorCode::kNotFound, "there is no person named '" + printable(person) + "'"};
   return connection_.run(
       "INSERT INTO consents (person, given, unix_ns, recorded_by, note) VALUES (?,?,?,?,?)", person,
       consent.given(), consent.unix_ns(), consent.recorded_by(), consent.note());
 }
 
 Result<std::vector<pb::Consent>> ConsentStore::list(std::string_view person) {
-  std::vector<pb::Consent> consents;
-  auto rows = connection_.query(
-      "SELECT given, unix_ns, recorded_by, note FROM consents WHERE person = ? ORDER BY id", person);
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return consents;
-    consents.push_back(consentOf(rows));
-  }
+  return connection_
+      .query("SELECT given, unix_ns, recorded_by, note FROM consents WHERE person = ? ORDER BY id", person)
+      .all(consentOf);
 }
 
 Result<std::optional<pb::Consent>> ConsentStore::newest(std::string_view person) {
-  auto row = connection_.query(
-      "SELECT given, unix_ns, recorded_by, note FROM consents WHERE person = ? ORDER BY id DESC LIMIT 1",
-      person);
-  const auto found = row.step();
-  if (!found) return found.error();
-  if (!*found) return std::optional<pb::Consent>();
-  return std::optional(consentOf(row));
+  return connection_
+      .query(
+          "SELECT given, unix_ns, recorded_by, note FROM consents WHERE person = ? ORDER BY id DESC LIMIT 1",
+          person)
+      .first(consentOf);
 }
 
 Result<std::vector<std::string>> ConsentStore::consenting() {
-  std::vector<std::string> names;
-  auto rows = connection_.prepare(
-      "SELECT person FROM consents c WHERE id = (SELECT max(id) FROM consents WHERE person = c.person) AND "
-      "given = 1"
-      " ORDER BY person");
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return names;
-    names.push_back(rows.text(0));
-  }
+  return connection_
+      .prepare(
+          "SELECT person FROM consents c WHERE id = (SELECT max(id) FROM consents WHERE person = c.person) "
+          "AND "
+          "given = 1"
+          " ORDER BY person")
+      .all(firstText);
 }
 
 }  // namespace needlelab

@@ -15,6 +15,8 @@
 
 namespace needlelab {
 
+/// Name, role, password hash. A person is disabled, not deleted, because sessions and the audit log name it;
+/// a person who must be forgotten is erased (erasure.h).
 struct Person {
   std::string name;
   pb::Role role = pb::ROLE_UNSPECIFIED;
@@ -27,7 +29,7 @@ struct Person {
   std::string changed_by = {};       ///< empty: as it was made
 };
 
-/// What shall be other than it is.
+/// What a change sets; the rest stays.
 struct PersonChange {
   std::optional<pb::Role> role = {};
   std::optional<bool> disabled = {};
@@ -43,9 +45,9 @@ class PeopleStore {
   Status add(const Person& person);
   /// kNotFound.
   Status setPasswordHash(std::string_view name, std::string_view hash);
-  /// As it is then. `base`: the revision that the change was made from, or whichever. kNotFound; kConflict;
-  /// kInvalidInput; kDenied: the last administrator who can log in is neither disabled nor made something
-  /// else.
+  /// Gives the person after the change. `base`: the revision that the change was made from, or none: any.
+  /// kNotFound; kConflict; kInvalidInput; kDenied: it would disable, or give another role to, the last
+  /// administrator who can log in.
   Result<Person> change(std::string_view name, std::optional<std::uint32_t> base, const PersonChange& change,
                         std::string_view by, std::int64_t now_unix_ns);
   Status setDisabled(std::string_view name, bool disabled, std::string_view by = {},
@@ -59,7 +61,7 @@ class PeopleStore {
   Connection& connection_;
 };
 
-/// Most members of a group: it must fit into a message.
+/// Most members of a group: a group must fit into a message.
 inline constexpr int kMaxGroupMembers = 5000;
 
 /// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's and
@@ -70,7 +72,7 @@ class GroupStore {
 
   /// Name and members as given, in place of those before; gives it with its revision, which is the same when
   /// nothing differs. `base`: the revision that the change was made from (0: it must be new), else kConflict;
-  /// absent: whichever. kInvalidInput: id, name, a member twice, too many; kNotFound: a member is nobody.
+  /// absent: any. kInvalidInput: id, name, a member twice, too many; kNotFound: a member does not exist.
   Result<pb::Group> put(const pb::Group& group, std::optional<std::uint32_t> base, const std::string& by,
                         std::int64_t now_unix_ns);
   /// Its members and its assignments go with it; a group of this id that is made again goes on with its
@@ -85,10 +87,12 @@ class GroupStore {
   Result<std::vector<std::string>> groupsOf(std::string_view person);
 
  private:
+  Result<pb::Group> withMembers(pb::Group group);
   Result<std::vector<std::string>> members(std::string_view id);
   Connection& connection_;
 };
 
+/// People's statements on studies. Each is kept; the latest one counts.
 /// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's.
 class ConsentStore {
  public:
@@ -98,9 +102,9 @@ class ConsentStore {
   Status add(const std::string& person, const pb::Consent& consent);
   /// Oldest first.
   Result<std::vector<pb::Consent>> list(std::string_view person);
-  /// Nothing: never asked.
+  /// Nothing: the person was never asked.
   Result<std::optional<pb::Consent>> newest(std::string_view person);
-  /// Those who consent now, and are there, in order.
+  /// Names of the people in the database who consent now, in order.
   Result<std::vector<std::string>> consenting();
 
  private:

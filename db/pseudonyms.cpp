@@ -1,5 +1,6 @@
 #include "db/pseudonyms.h"
 
+#include <fmt/core.h>
 #include <sodium.h>
 
 #include <algorithm>
@@ -15,7 +16,7 @@ namespace {
 
 constexpr std::string_view kFullNameWords = "full name: '";
 
-/// Actions whose subject is a person, always. Those of "assign" are looked at by their detail.
+/// Actions whose subject is always a person. The detail decides for those of "assign".
 constexpr std::array<std::string_view, 10> kAboutPeople = {
     "user add", "user passwd",   "user disable", "user change",  "user import",
     "consent",  "person export", "person erase", "access ended", "access valid again"};
@@ -175,9 +176,8 @@ Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::st
       full_names.push_back(full_name);
   };
   for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return full_names;
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) return full_names;
     const std::string detail = rows.text(0);
     const std::size_t at = detail.find(kFullNameWords);
     if (at == std::string::npos) continue;
@@ -200,9 +200,8 @@ Status addOthers(Connection& connection, ErasedNames& names) {
   for (const std::string& full_name : names.full_names)
     eachPart(full_name, [&](std::string_view part) { own.push_back(part); });
   for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) break;
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) break;
     const std::string other = rows.text(0);
     const bool mine = other == names.name || std::find(names.full_names.begin(), names.full_names.end(),
                                                        other) != names.full_names.end();
@@ -245,16 +244,16 @@ Result<PseudonymKey> PseudonymKey::ofFolder(const std::filesystem::path& folder)
   if (!std::filesystem::exists(path, error)) {
     if (sodium_init() < 0) return Error{ErrorCode::kFailed, "there is no source of random numbers"};
     randombytes_buf(key.data(), key.size());
-    if (auto done = writeFileAtomically(path, key, 0600); !done) return done.error();
+    RETURN_IF_ERROR(writeFileAtomically(path, key, 0600));
     return PseudonymKey(key);
   }
-  const auto bytes = readWholeFile(path, 1000);
-  if (!bytes) return bytes.error();
-  if (bytes->size() != key.size())
-    return Error{ErrorCode::kCorrupt,
-                 path.string() + ": has " + std::to_string(bytes->size()) +
-                     " bytes, a key has 32: put back the right file; a new key gives new pseudonyms"};
-  std::copy(bytes->begin(), bytes->end(), key.begin());
+  ASSIGN_OR_RETURN(const auto bytes, readWholeFile(path, 1000));
+  if (bytes.size() != key.size())
+    return Error{
+        ErrorCode::kCorrupt,
+        fmt::format("{}: has {} bytes, a key has 32: put back the right file; a new key gives new pseudonyms",
+                    path.string(), bytes.size())};
+  std::copy(bytes.begin(), bytes.end(), key.begin());
   return PseudonymKey(key);
 }
 

@@ -17,22 +17,22 @@
 
 namespace needlelab {
 
-/// DIR/pseudonym.key: 32 random bytes, for the server's user only (0600), made when it is first needed. Who
-/// has it can try out names; who loses it cannot make the pseudonyms of earlier exports again. Thread:
-/// immutable.
+/// DIR/pseudonym.key: 32 random bytes, for the server's user only (0600), made when it is first needed. A
+/// person who has it can try out names; without it the pseudonyms of earlier exports cannot be made again.
+/// Thread: immutable.
 class PseudonymKey {
  public:
   using Hash = std::array<std::uint8_t, 32>;
 
-  /// kFailed, kCorrupt (a file that is no key). Thread: any; the file is made once.
+  /// kFailed, kCorrupt (the file is not a key). Thread: any; the file is made once.
   static Result<PseudonymKey> ofFolder(const std::filesystem::path& folder);
   /// A key of these bytes, for tests.
   explicit PseudonymKey(const Hash& key) : key_(key) {}
 
-  /// Keyed BLAKE2b-256 of a name: which erased person it was can be asked, not read.
+  /// Keyed BLAKE2b-256 of a name: a name can be tried against it, but not read from it.
   [[nodiscard]] Hash nameHash(std::string_view name) const;
   /// "p-" and 16 hexadecimal digits, the same for a person within a study. `created_unix_ns` of the person is
-  /// part of it, so that somebody who gets an old name is somebody else.
+  /// part of it, so that a new person with an old name gets another one.
   [[nodiscard]] std::string ofPerson(std::string_view study, std::string_view name,
                                      std::int64_t created_unix_ns) const;
   /// "s-" and 32 hexadecimal digits.
@@ -44,12 +44,12 @@ class PseudonymKey {
 
 /// Lower-case hexadecimal digits.
 std::string hexDigitsOf(std::string_view bytes);
-/// The inverse; nothing when it is none.
+/// The inverse. kInvalidInput.
 Result<std::string> bytesOfHex(std::string_view hex);
 
-/// The name in a text by others is replaced where it stands as a word of its own, in either case; so is each
-/// word of the full name that is longer than two letters. For texts in which a word too many is better than
-/// one too few: remarks that leave the house.
+/// Replaces the name in a text by others where it stands as a word of its own, in either case, and each word
+/// of the full name that is longer than two letters. For remarks that leave the lab, where a word too many is
+/// better than one too few.
 std::string withoutName(const std::string& text, std::string_view name, std::string_view full_name,
                         std::string_view in_its_place);
 
@@ -61,8 +61,8 @@ struct ErasedNames {
   std::string in_its_place;             ///< the pseudonym
 };
 
-/// Name and full names as wholes, in either case, but where one of `others` stands. `parts`: also each word
-/// of a full name that is longer than two letters, in its own case: in texts that are about this person.
+/// Replaces name and full names as wholes, in either case, except within one of `others`. `parts`: also each
+/// word of a full name that is longer than two letters, in its own case: in texts that are about this person.
 std::string withoutNames(const std::string& text, const ErasedNames& names, bool parts);
 
 /// Full names that lines of the audit log about this person tell, oldest first; as "user change" writes them:

@@ -21,10 +21,9 @@ Result<ReaderPool::Lease> ReaderPool::borrow() {
       return Lease(*this, std::move(connection));
     }
   }
-  auto opened = Connection::open(path_, {.mode = Connection::Mode::kReader});
-  if (!opened) return opened.error();
-  if (planted(PlantedBug::kSecondCheckpointer)) (void)opened->checkpointPassive();
-  return Lease(*this, std::make_unique<Connection>(std::move(*opened)));
+  ASSIGN_OR_RETURN(auto opened, Connection::open(path_, {.mode = Connection::Mode::kReader}));
+  if (planted(PlantedBug::kSecondCheckpointer)) (void)opened.checkpointPassive();
+  return Lease(*this, std::make_unique<Connection>(std::move(opened)));
 }
 
 }  // namespace needlelab

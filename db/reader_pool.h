@@ -1,4 +1,4 @@
-/// Query-only connections, lent to whoever reads for a short time.
+/// Query-only connections, lent for a short time.
 #pragma once
 
 #include <filesystem>

@@ -2,6 +2,8 @@
 // or deleted. Each step is one transaction of the writer.
 #include "db/retention_store.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -21,26 +23,21 @@ Error changedMeanwhile(const Uuid& session, const std::string& what) {
 
 /// The session's row, when it is closed and may be touched.
 Result<SessionRow> closedSession(Connection& connection, const Uuid& session) {
-  const auto found = findSession(connection, session);
-  if (!found) return found.error();
-  if (!*found) return unknownSession(session);
-  if ((*found)->state == pb::SESSION_OPEN || !(*found)->hash)
-    return changedMeanwhile(session, "is not closed");
-  return **found;
+  ASSIGN_OR_RETURN(const SessionRow row, requireSession(connection, session));
+  if (row.state == pb::SESSION_OPEN || !row.hash) return changedMeanwhile(session, "is not closed");
+  return row;
 }
 
 Result<std::int64_t> oneNumber(Statement query) {
-  const auto row = query.step();
-  if (!row) return row.error();
-  return *row ? query.integer(0) : 0;
+  ASSIGN_OR_RETURN(const bool row, query.step());
+  return row ? query.integer(0) : 0;
 }
 
-/// What an administrator changed during a run of hours holds from then on.
+/// An error when the policy was changed during the run, which may take hours.
 Status isWanted(Connection& connection, const DueRecording& due) {
-  const auto all = RetentionStore(connection).policies();
-  if (!all) return all.error();
+  ASSIGN_OR_RETURN(const auto all, RetentionStore(connection).policies());
   const pb::RetentionPolicy* now = nullptr;
-  for (const auto& policy : *all) {
+  for (const auto& policy : all) {
     if (policy.exercise_id() == due.exercise_id || (policy.exercise_id().empty() && now == nullptr))
       now = &policy;
   }
@@ -48,13 +45,13 @@ Status isWanted(Connection& connection, const DueRecording& due) {
   return changedMeanwhile(due.session, "the policy of its exercise was changed during the run");
 }
 
-/// Asked in the very transaction that gives the original up.
+/// Checked in the very transaction that gives the original up.
 Status isSafe(Connection& connection, const DueRecording& due, const SessionRow& row) {
   if (due.policy.without_backup()) return {};
-  const auto safe =
-      oneNumber(connection.query("SELECT safe_chunks >= chunks FROM sessions WHERE number = ?", row.number));
-  if (!safe) return safe.error();
-  return *safe == 1 ? Status() : Status(changedMeanwhile(due.session, "no verified backup covers it"));
+  ASSIGN_OR_RETURN(
+      const auto safe,
+      oneNumber(connection.query("SELECT safe_chunks >= chunks FROM sessions WHERE number = ?", row.number)));
+  return safe == 1 ? Status() : Status(changedMeanwhile(due.session, "no verified backup covers it"));
 }
 
 Status note(Connection& connection, const DueRecording& due, const char* action, const std::string& by_whom,
@@ -70,60 +67,62 @@ Status checkPolicy(const pb::RetentionPolicy& policy) {
     return Error{ErrorCode::kInvalidInput, "retention policy, " + text};
   };
   if (!policy.exercise_id().empty()) {
-    if (auto valid = checkName("exercise_id", policy.exercise_id()); !valid) return valid;
+    RETURN_IF_ERROR(checkName("exercise_id", policy.exercise_id()));
   }
   const auto days = [&](const char* field, std::uint32_t value) -> Status {
     if (value <= kMostDays) return {};
-    return bad(std::string(field) + ": " + std::to_string(value) + ", allowed is 0 to " +
-               std::to_string(kMostDays));
+    return bad(fmt::format("{}: {}, allowed is 0 to {}", field, value, kMostDays));
   };
-  if (auto valid = days("thin_after_days", policy.thin_after_days()); !valid) return valid;
-  if (auto valid = days("delete_after_days", policy.delete_after_days()); !valid) return valid;
+  RETURN_IF_ERROR(days("thin_after_days", policy.thin_after_days()));
+  RETURN_IF_ERROR(days("delete_after_days", policy.delete_after_days()));
   const double hz = policy.thin_rate_hz(), factor = policy.thin_coarser();
   if (policy.has_thin_after_days() && !(hz >= 0.1 && hz <= 10'000))
-    return bad("thin_rate_hz: " + std::to_string(hz) + ", allowed is 0.1 to 10000");
+    return bad(fmt::format("thin_rate_hz: {:f}, allowed is 0.1 to 10000", hz));
   if (!policy.has_thin_after_days() && (hz != 0 || (factor != 0 && factor != 1)))
     return bad("thin_rate_hz and thin_coarser: only with thin_after_days");
   if (factor != 0 && !(factor >= 1 && factor <= 1000))
-    return bad("thin_coarser: " + std::to_string(factor) + ", allowed is 1 to 1000");
+    return bad(fmt::format("thin_coarser: {:f}, allowed is 1 to 1000", factor));
   if (policy.has_thin_after_days() && policy.has_delete_after_days() &&
       policy.delete_after_days() <= policy.thin_after_days()) {
-    return bad("delete_after_days: " + std::to_string(policy.delete_after_days()) +
-               ", allowed is more than thin_after_days, " + std::to_string(policy.thin_after_days()));
+    return bad(fmt::format("delete_after_days: {}, allowed is more than thin_after_days, {}",
+                           policy.delete_after_days(), policy.thin_after_days()));
   }
   return {};
 }
 
-std::string numberText(double value) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%g", value);
-  return text;
-}
-
 std::string daysText(std::uint32_t days) {
-  return std::to_string(days) + (days == 1 ? " day" : " days");
+  return fmt::format("{} {}", days, days == 1 ? "day" : "days");
 }
 
 std::string reasonOf(const pb::RetentionPolicy& policy, bool deletes) {
   const std::string what = deletes ? "deleted, " + daysText(policy.delete_after_days())
-                                   : "thinned to " + numberText(policy.thin_rate_hz()) + " Hz, " +
-                                         daysText(policy.thin_after_days());
+                                   : fmt::format("thinned to {:g} Hz, {}", policy.thin_rate_hz(),
+                                                 daysText(policy.thin_after_days()));
   return what + " after it was closed: policy of " +
          (policy.exercise_id().empty() ? "all other exercises" : "exercise " + policy.exercise_id()) +
          ", set by " + policy.by();
 }
 
+pb::RetentionPolicy policyOf(const Statement& row) {
+  pb::RetentionPolicy policy;
+  policy.set_exercise_id(row.text(0));
+  if (!row.isNull(1)) {
+    policy.set_thin_after_days(row.natural32(1));
+    policy.set_thin_rate_hz(row.real(2));
+  }
+  policy.set_thin_coarser(row.real(3));
+  if (!row.isNull(4)) policy.set_delete_after_days(row.natural32(4));
+  policy.set_without_backup(row.integer(5) != 0);
+  policy.set_by(row.text(6));
+  policy.set_changed_unix_ns(row.integer(7));
+  return policy;
+}
+
 /// The exercises that have recordings of this kind.
 Result<std::vector<std::string>> exercisesWith(Connection& connection, StoredRecording::Kind kind) {
-  std::vector<std::string> ids;
-  auto rows = connection.query("SELECT DISTINCT exercise_id FROM sessions WHERE recording = ?",
-                               static_cast<int>(kind));
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return ids;
-    ids.push_back(rows.text(0));
-  }
+  return connection
+      .query("SELECT DISTINCT exercise_id FROM sessions WHERE recording = ?", static_cast<int>(kind))
+      .all(firstText);
 }
 
 /// Appends the closed sessions of one exercise that were closed up to `until`.
@@ -137,9 +136,8 @@ Status collect(Connection& connection, StoredRecording::Kind kind, const std::st
       static_cast<int>(kind), exercise, until, static_cast<int>(pb::SESSION_COMPLETE),
       static_cast<int>(pb::SESSION_INTERRUPTED));
   for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return {};
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) return {};
     const auto id = uuidOf(textOf(rows.bytes(0)));
     if (!id) continue;
     DueRecording& one = due.emplace_back(model);
@@ -154,53 +152,47 @@ Status collect(Connection& connection, StoredRecording::Kind kind, const std::st
 }  // namespace
 
 Status RetentionStore::beginDerived(const Uuid& session, double rate_hz, std::int64_t now_unix_ns) {
-  const auto row = closedSession(connection_, session);
-  if (!row) return row.error();
-  if (row->recording != StoredRecording::Kind::kOriginal)
+  ASSIGN_OR_RETURN(const auto row, closedSession(connection_, session));
+  if (row.recording != StoredRecording::Kind::kOriginal)
     return changedMeanwhile(session, "its original is gone");
   return connection_.run(
       "INSERT INTO derived_recordings (session, complete, original_hash, method, rate_hz, created_unix_ns)"
       " VALUES (?, 0, ?, ?, ?, ?)",
-      row->number, ByteView(*row->hash), kThinningMethod, rate_hz, now_unix_ns);
+      row.number, ByteView(row.hash), kThinningMethod, rate_hz, now_unix_ns);
 }
 
 Status RetentionStore::appendDerived(const Uuid& session, std::uint64_t seq, ByteView bytes) {
-  const auto row = closedSession(connection_, session);
-  if (!row) return row.error();
-  const auto info = inspectChunk(bytes);
-  if (!info) return info.error();
-  if (auto done = connection_.run("UPDATE derived_recordings SET chunks = chunks + 1, samples = samples + ?, "
-                                  "stored_bytes = stored_bytes + ?"
-                                  " WHERE session = ? AND complete = 0 AND chunks = ?",
-                                  info->count, static_cast<std::uint64_t>(bytes.size()), row->number, seq);
-      !done)
-    return done;
+  ASSIGN_OR_RETURN(const auto row, closedSession(connection_, session));
+  ASSIGN_OR_RETURN(const auto info, inspectChunk(bytes));
+  RETURN_IF_ERROR(
+      connection_.run("UPDATE derived_recordings SET chunks = chunks + 1, samples = samples + ?, "
+                      "stored_bytes = stored_bytes + ?"
+                      " WHERE session = ? AND complete = 0 AND chunks = ?",
+                      info.count, static_cast<std::uint64_t>(bytes.size()), row.number, seq));
   if (connection_.changes() != 1)
     return changedMeanwhile(session, "its thinned recording is not being written");
   return connection_.run("INSERT INTO derived_chunks (session, seq, samples, crc, bytes) VALUES (?,?,?,?,?)",
-                         row->number, seq, info->count, stationCrcOf(bytes), bytes);
+                         row.number, seq, info.count, stationCrcOf(bytes), bytes);
 }
 
 Result<DerivedSums> RetentionStore::sums(const Uuid& session) {
-  const auto row = closedSession(connection_, session);
-  if (!row) return row.error();
-  const auto chunks =
-      oneNumber(connection_.query("SELECT chunks FROM derived_recordings WHERE session = ?", row->number));
-  if (!chunks) return chunks.error();
+  ASSIGN_OR_RETURN(const auto row, closedSession(connection_, session));
+  ASSIGN_OR_RETURN(
+      const auto chunks,
+      oneNumber(connection_.query("SELECT chunks FROM derived_recordings WHERE session = ?", row.number)));
   DerivedSums sums;
   SessionHash hash;
   ChunkScan scan(connection_, "thinned recording of session " + uuidText(session),
-                 {StoredRecording::Kind::kThinned, row->number, static_cast<std::uint64_t>(*chunks)}, 0,
+                 {StoredRecording::Kind::kThinned, row.number, static_cast<std::uint64_t>(chunks)}, 0,
                  UINT64_MAX);
   for (;;) {
-    const auto item = scan.next();
-    if (!item) return item.error();
-    if (!*item) break;
-    if ((*item)->fault) return *(*item)->fault;
-    hash.update((*item)->bytes);
+    ASSIGN_OR_RETURN(const auto item, scan.next());
+    if (!item) break;
+    if (item->fault) return *item->fault;
+    hash.update(item->bytes);
     ++sums.chunks;
-    sums.samples += (*item)->samples;
-    sums.stored_bytes += (*item)->bytes.size();
+    sums.samples += item->samples;
+    sums.stored_bytes += item->bytes.size();
   }
   sums.hash = hash.digest();
   return sums;
@@ -208,64 +200,51 @@ Result<DerivedSums> RetentionStore::sums(const Uuid& session) {
 
 Status RetentionStore::switchToDerived(const DueRecording& due, const DerivedSums& sums, const Bytes& crcs,
                                        const std::string& by_whom, std::int64_t now_unix_ns) {
-  const auto row = closedSession(connection_, due.session);
-  if (!row) return row.error();
-  if (row->recording != StoredRecording::Kind::kOriginal)
+  ASSIGN_OR_RETURN(const auto row, closedSession(connection_, due.session));
+  if (row.recording != StoredRecording::Kind::kOriginal)
     return changedMeanwhile(due.session, "its original is gone");
-  if (auto wanted = isWanted(connection_, due); !wanted) return wanted;
-  if (auto safe = isSafe(connection_, due, *row); !safe) return safe;
-  if (crcs.size() != 4 * row->chunks)
+  RETURN_IF_ERROR(isWanted(connection_, due));
+  RETURN_IF_ERROR(isSafe(connection_, due, row));
+  if (crcs.size() != 4 * row.chunks)
     return changedMeanwhile(due.session, "its chunks are not those that were read");
-  if (auto done = connection_.run(
-          "UPDATE derived_recordings SET complete = 1, hash = ? WHERE session = ? AND complete = 0 AND"
-          " original_hash = ? AND chunks = ? AND samples = ? AND stored_bytes = ? AND chunks > 0",
-          ByteView(sums.hash), row->number, ByteView(*row->hash), sums.chunks, sums.samples,
-          sums.stored_bytes);
-      !done)
-    return done;
+  RETURN_IF_ERROR(connection_.run(
+      "UPDATE derived_recordings SET complete = 1, hash = ? WHERE session = ? AND complete = 0 AND"
+      " original_hash = ? AND chunks = ? AND samples = ? AND stored_bytes = ? AND chunks > 0",
+      ByteView(sums.hash), row.number, ByteView(row.hash), sums.chunks, sums.samples, sums.stored_bytes));
   if (connection_.changes() != 1)
     return changedMeanwhile(due.session, "its thinned recording is not the one that was written");
-  if (auto done = connection_.run("UPDATE sessions SET recording = 2 WHERE number = ?", row->number); !done)
-    return done;
-  if (auto done = connection_.run(
-          "INSERT INTO removed_originals (session, removed_unix_ns, reason, by_whom, leftover,"
-          " crcs) VALUES (?, ?, ?, ?, 1, ?)",
-          row->number, now_unix_ns, due.reason, by_whom, ByteView(crcs));
-      !done)
-    return done;
+  RETURN_IF_ERROR(connection_.run("UPDATE sessions SET recording = 2 WHERE number = ?", row.number));
+  RETURN_IF_ERROR(
+      connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, reason, by_whom, leftover,"
+                      " crcs) VALUES (?, ?, ?, ?, 1, ?)",
+                      row.number, now_unix_ns, due.reason, by_whom, ByteView(crcs)));
   return note(connection_, due, "retention thin", by_whom, now_unix_ns);
 }
 
 Status RetentionStore::markDeleted(const DueRecording& due, const Bytes& crcs, const std::string& by_whom,
                                    std::int64_t now_unix_ns) {
-  const auto row = closedSession(connection_, due.session);
-  if (!row) return row.error();
-  if (row->recording == StoredRecording::Kind::kDeleted)
+  ASSIGN_OR_RETURN(const auto row, closedSession(connection_, due.session));
+  if (row.recording == StoredRecording::Kind::kDeleted)
     return changedMeanwhile(due.session, "it is deleted already");
-  if (auto wanted = isWanted(connection_, due); !wanted) return wanted;
-  if (auto safe = isSafe(connection_, due, *row); !safe) return safe;
-  if (row->recording == StoredRecording::Kind::kOriginal) {
-    if (crcs.size() != 4 * row->chunks)
+  RETURN_IF_ERROR(isWanted(connection_, due));
+  RETURN_IF_ERROR(isSafe(connection_, due, row));
+  if (row.recording == StoredRecording::Kind::kOriginal) {
+    if (crcs.size() != 4 * row.chunks)
       return changedMeanwhile(due.session, "its chunks are not those that were read");
-    if (auto done = connection_.run(
-            "INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns, reason,"
-            " by_whom, leftover, crcs) VALUES (?, ?, ?, ?, ?, 1, ?)",
-            row->number, now_unix_ns, now_unix_ns, due.reason, by_whom, ByteView(crcs));
-        !done)
-      return done;
+    RETURN_IF_ERROR(
+        connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns, reason,"
+                        " by_whom, leftover, crcs) VALUES (?, ?, ?, ?, ?, 1, ?)",
+                        row.number, now_unix_ns, now_unix_ns, due.reason, by_whom, ByteView(crcs)));
   } else if (auto done =
                  connection_.run("UPDATE removed_originals SET deleted_unix_ns = ?, reason = ?, by_whom = ?,"
                                  " leftover = 1 WHERE session = ?",
-                                 now_unix_ns, due.reason, by_whom, row->number);
+                                 now_unix_ns, due.reason, by_whom, row.number);
              !done) {
     return done;
   }
-  if (auto done =
-          connection_.run("UPDATE derived_recordings SET complete = 0 WHERE session = ?", row->number);
-      !done)
-    return done;
-  if (auto done = connection_.run("UPDATE sessions SET recording = 3 WHERE number = ?", row->number); !done)
-    return done;
+  RETURN_IF_ERROR(
+      connection_.run("UPDATE derived_recordings SET complete = 0 WHERE session = ?", row.number));
+  RETURN_IF_ERROR(connection_.run("UPDATE sessions SET recording = 3 WHERE number = ?", row.number));
   return note(connection_, due, "retention delete", by_whom, now_unix_ns);
 }
 
@@ -276,61 +255,53 @@ Result<std::vector<Uuid>> RetentionStore::leftovers() {
       " UNION SELECT session FROM derived_recordings WHERE complete = 0) l ON l.session = s.number ORDER BY "
       "s.number");
   for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return sessions;
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) return sessions;
     if (const auto id = uuidOf(textOf(rows.bytes(0)))) sessions.push_back(*id);
   }
 }
 
 Status RetentionStore::checkLeftovers(const Uuid& session) {
-  const auto row = closedSession(connection_, session);
-  if (!row) return row.error();
+  ASSIGN_OR_RETURN(const auto row, closedSession(connection_, session));
   const std::string name = "session " + uuidText(session) + ", what is left of a recording that was removed";
   for (const auto kind : {StoredRecording::Kind::kOriginal, StoredRecording::Kind::kThinned}) {
-    if (kind == row->recording) continue;
-    StoredRecording left{kind, row->number, 0};
+    if (kind == row.recording) continue;
+    StoredRecording left{kind, row.number, 0};
     // rows go from the last on: those that are left begin with the first
-    const auto count = oneNumber(connection_.query(
-        "SELECT coalesce(max(seq) + 1, 0) FROM " + std::string(left.table()) + " WHERE session = ?",
-        row->number));
-    if (!count) return count.error();
-    left.chunks = static_cast<std::uint64_t>(*count);
+    ASSIGN_OR_RETURN(const auto count,
+                     oneNumber(connection_.query("SELECT coalesce(max(seq) + 1, 0) FROM " +
+                                                     std::string(left.table()) + " WHERE session = ?",
+                                                 row.number)));
+    left.chunks = static_cast<std::uint64_t>(count);
     ChunkScan scan(connection_, name, left, 0, UINT64_MAX);
     for (;;) {
-      const auto item = scan.next();
-      if (!item) return item.error();
-      if (!*item) break;
-      if ((*item)->fault) return *(*item)->fault;
+      ASSIGN_OR_RETURN(const auto item, scan.next());
+      if (!item) break;
+      if (item->fault) return *item->fault;
     }
   }
   return {};
 }
 
 Result<bool> RetentionStore::removeSome(const Uuid& session, std::uint32_t rows) {
-  const auto row = closedSession(connection_, session);
-  if (!row) return row.error();
-  // the last ones: where they began and where they end shows in what is left
+  ASSIGN_OR_RETURN(const auto row, closedSession(connection_, session));
+  // the last ones, so that the rows that are left still show where they begin
   const auto remove = [&](const std::string& table) {
     return connection_.run("DELETE FROM " + table + " WHERE session = ?1 AND seq IN (SELECT seq FROM " +
                                table + " WHERE session = ?1 ORDER BY seq DESC LIMIT ?2)",
-                           row->number, rows);
+                           row.number, rows);
   };
-  if (row->recording != StoredRecording::Kind::kOriginal) {
-    if (auto done = remove("chunks"); !done) return done.error();
+  if (row.recording != StoredRecording::Kind::kOriginal) {
+    RETURN_IF_ERROR(remove("chunks"));
     if (connection_.changes() != 0) return true;
   }
-  if (row->recording != StoredRecording::Kind::kThinned) {
-    if (auto done = remove("derived_chunks"); !done) return done.error();
+  if (row.recording != StoredRecording::Kind::kThinned) {
+    RETURN_IF_ERROR(remove("derived_chunks"));
     if (connection_.changes() != 0) return true;
-    if (auto done =
-            connection_.run("DELETE FROM derived_recordings WHERE session = ? AND complete = 0", row->number);
-        !done)
-      return done.error();
+    RETURN_IF_ERROR(
+        connection_.run("DELETE FROM derived_recordings WHERE session = ? AND complete = 0", row.number));
   }
-  if (auto done = connection_.run("UPDATE removed_originals SET leftover = 0 WHERE session = ?", row->number);
-      !done)
-    return done.error();
+  RETURN_IF_ERROR(connection_.run("UPDATE removed_originals SET leftover = 0 WHERE session = ?", row.number));
   return false;
 }
 
@@ -348,7 +319,7 @@ Result<RetentionStore::Space> RetentionStore::space() {
 }
 
 Status RetentionStore::setPolicy(const pb::RetentionPolicy& policy) {
-  if (auto valid = checkPolicy(policy); !valid) return valid;
+  RETURN_IF_ERROR(checkPolicy(policy));
   const auto optional = [](bool there, auto value) { return there ? std::optional(value) : std::nullopt; };
   const bool thins = policy.has_thin_after_days();
   return connection_.run(
@@ -369,13 +340,12 @@ Status RetentionStore::checkExercise(const std::string& exercise_id) {
       "SELECT id FROM exercises UNION SELECT DISTINCT exercise_id FROM sessions"
       " UNION SELECT exercise_id FROM retention_policies WHERE exercise_id <> '' ORDER BY 1");
   for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) break;
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) break;
     if (rows.text(0) == exercise_id) return {};
     if (++count <= kMostNamed) names += (names.empty() ? "" : ", ") + std::string(rows.text(0));
   }
-  if (count > kMostNamed) names += " and " + std::to_string(count - kMostNamed) + " more";
+  if (count > kMostNamed) names += fmt::format(" and {} more", count - kMostNamed);
   return Error{ErrorCode::kInvalidInput,
                "retention policy, exercise_id: '" + exercise_id +
                    "' is no exercise of a curriculum and no session's; there are: " +
@@ -383,8 +353,7 @@ Status RetentionStore::checkExercise(const std::string& exercise_id) {
 }
 
 Status RetentionStore::removePolicy(const std::string& exercise_id) {
-  if (auto done = connection_.run("DELETE FROM retention_policies WHERE exercise_id = ?", exercise_id); !done)
-    return done;
+  RETURN_IF_ERROR(connection_.run("DELETE FROM retention_policies WHERE exercise_id = ?", exercise_id));
   if (connection_.changes() != 0) return {};
   return Error{ErrorCode::kNotFound, exercise_id.empty()
                                          ? "no default policy is set: all is kept already"
@@ -392,40 +361,24 @@ Status RetentionStore::removePolicy(const std::string& exercise_id) {
 }
 
 Result<std::vector<pb::RetentionPolicy>> RetentionStore::policies() {
-  std::vector<pb::RetentionPolicy> policies;
-  auto rows = connection_.prepare(
-      "SELECT exercise_id, thin_after_days, thin_rate_hz, thin_coarser, delete_after_days, without_backup, "
-      "by_whom,"
-      " changed_unix_ns FROM retention_policies ORDER BY exercise_id");
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return policies;
-    auto& policy = policies.emplace_back();
-    policy.set_exercise_id(rows.text(0));
-    if (!rows.isNull(1)) {
-      policy.set_thin_after_days(static_cast<std::uint32_t>(rows.natural(1)));
-      policy.set_thin_rate_hz(rows.real(2));
-    }
-    policy.set_thin_coarser(rows.real(3));
-    if (!rows.isNull(4)) policy.set_delete_after_days(static_cast<std::uint32_t>(rows.natural(4)));
-    policy.set_without_backup(rows.integer(5) != 0);
-    policy.set_by(rows.text(6));
-    policy.set_changed_unix_ns(rows.integer(7));
-  }
+  return connection_
+      .prepare(
+          "SELECT exercise_id, thin_after_days, thin_rate_hz, thin_coarser, delete_after_days, "
+          "without_backup, "
+          "by_whom,"
+          " changed_unix_ns FROM retention_policies ORDER BY exercise_id")
+      .all(policyOf);
 }
 
 Result<std::vector<DueRecording>> RetentionStore::due(std::int64_t now_unix_ns) {
-  const auto all = policies();
-  if (!all) return all.error();
+  ASSIGN_OR_RETURN(const auto all, policies());
   std::map<std::string, pb::RetentionPolicy> of;
-  for (const auto& policy : *all) of[policy.exercise_id()] = policy;
+  for (const auto& policy : all) of[policy.exercise_id()] = policy;
 
   std::vector<DueRecording> due;
   for (const auto kind : {StoredRecording::Kind::kOriginal, StoredRecording::Kind::kThinned}) {
-    const auto exercises = exercisesWith(connection_, kind);
-    if (!exercises) return exercises.error();
-    for (const std::string& exercise : *exercises) {
+    ASSIGN_OR_RETURN(const auto exercises, exercisesWith(connection_, kind));
+    for (const std::string& exercise : exercises) {
       auto found = of.find(exercise);
       if (found == of.end()) found = of.find("");
       if (found == of.end()) continue;
@@ -436,15 +389,15 @@ Result<std::vector<DueRecording>> RetentionStore::due(std::int64_t now_unix_ns) 
         model.deletes = true;
         model.reason = reasonOf(model.policy, true);
         const std::int64_t until = now_unix_ns - model.policy.delete_after_days() * kDay_ns;
-        if (auto done = collect(connection_, kind, exercise, until, model, due); !done) return done.error();
+        RETURN_IF_ERROR(collect(connection_, kind, exercise, until, model, due));
       }
-      // a recording is thinned once; its original cannot be thinned anew
+      // a recording is thinned once; it cannot be thinned again without its original
       if (!model.policy.has_thin_after_days() || kind != StoredRecording::Kind::kOriginal) continue;
       const std::size_t deleted = due.size() - first;
       model.deletes = false;
       model.reason = reasonOf(model.policy, false);
       const std::int64_t until = now_unix_ns - model.policy.thin_after_days() * kDay_ns;
-      if (auto done = collect(connection_, kind, exercise, until, model, due); !done) return done.error();
+      RETURN_IF_ERROR(collect(connection_, kind, exercise, until, model, due));
       // the oldest ones come in both lists: they are deleted, not thinned
       due.erase(due.begin() + static_cast<std::ptrdiff_t>(first + deleted),
                 due.begin() + static_cast<std::ptrdiff_t>(first + 2 * deleted));

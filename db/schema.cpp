@@ -1,5 +1,7 @@
 #include "db/schema.h"
 
+#include <fmt/core.h>
+
 #include <charconv>
 #include <string>
 
@@ -10,9 +12,8 @@ namespace {
 
 Result<std::int64_t> oneInteger(Connection& connection, std::string_view sql) {
   Statement statement = connection.prepare(sql);
-  const auto row = statement.step();
-  if (!row) return row.error();
-  return *row ? statement.integer(0) : 0;
+  ASSIGN_OR_RETURN(const bool row, statement.step());
+  return row ? statement.integer(0) : 0;
 }
 
 /// The number in front of a migration's name; -1 when there is none.
@@ -23,25 +24,24 @@ int numberOf(std::string_view name) {
 }
 
 Error newerError(const Connection& connection, int found, int known) {
-  return {ErrorCode::kVersion, connection.path().string() + ": its schema has version " +
-                                   std::to_string(found) +
-                                   ", this program (needlelab " NEEDLELAB_VERSION ") knows versions up to " +
-                                   std::to_string(known) + ": use the newer program, or restore a backup"};
+  return {ErrorCode::kVersion,
+          fmt::format("{}: its schema has version {}, this program (needlelab " NEEDLELAB_VERSION
+                      ") knows versions up to {}: use the newer program, or restore a backup",
+                      connection.path().string(), found, known)};
 }
 
 /// A new file gets our mark; a file of another program is refused.
 Status claim(Connection& connection, int version) {
-  const auto id = oneInteger(connection, "PRAGMA application_id");
-  if (!id) return id.error();
-  if (*id == kApplicationId) return {};
-  const auto tables = oneInteger(connection, "SELECT count(*) FROM sqlite_schema");
-  if (!tables) return tables.error();
-  if (*id != 0 || version != 0 || *tables != 0) {
-    return Error{ErrorCode::kCorrupt, connection.path().string() +
-                                          ": this is a database of another program (application_id " +
-                                          std::to_string(*id) + "): choose another folder"};
+  ASSIGN_OR_RETURN(const auto id, oneInteger(connection, "PRAGMA application_id"));
+  if (id == kApplicationId) return {};
+  ASSIGN_OR_RETURN(const auto tables, oneInteger(connection, "SELECT count(*) FROM sqlite_schema"));
+  if (id != 0 || version != 0 || tables != 0) {
+    return Error{
+        ErrorCode::kCorrupt,
+        fmt::format("{}: this is a database of another program (application_id {}): choose another folder",
+                    connection.path().string(), id)};
   }
-  return connection.script("PRAGMA application_id=" + std::to_string(kApplicationId));
+  return connection.script(fmt::format("PRAGMA application_id={}", kApplicationId));
 }
 
 }  // namespace
@@ -51,9 +51,8 @@ int newestSchemaVersion() {
 }
 
 Result<int> schemaVersion(Connection& connection) {
-  const auto version = oneInteger(connection, "PRAGMA user_version");
-  if (!version) return version.error();
-  return static_cast<int>(*version);
+  ASSIGN_OR_RETURN(const auto version, oneInteger(connection, "PRAGMA user_version"));
+  return static_cast<int>(version);
 }
 
 Status migrate(Connection& connection) {
@@ -61,27 +60,25 @@ Status migrate(Connection& connection) {
 }
 
 Status migrate(Connection& connection, std::span<const EmbeddedFile> migrations) {
-  const auto found = schemaVersion(connection);
-  if (!found) return found.error();
+  ASSIGN_OR_RETURN(const auto found, schemaVersion(connection));
   const int known = static_cast<int>(migrations.size());
-  if (auto done = claim(connection, *found); !done) return done;
-  if (*found > known) return newerError(connection, *found, known);
+  RETURN_IF_ERROR(claim(connection, found));
+  if (found > known) return newerError(connection, found, known);
 
-  for (int version = *found + 1; version <= known; ++version) {
+  for (int version = found + 1; version <= known; ++version) {
     const EmbeddedFile& file = migrations[static_cast<std::size_t>(version - 1)];
     const auto named = [&](const Error& error) {
-      return Error{error.code, "migration " + std::string(file.name) +
-                                   " failed, the database stays at version " + std::to_string(version - 1) +
-                                   ": " + error.message};
+      return Error{error.code, fmt::format("migration {} failed, the database stays at version {}: {}",
+                                           file.name, version - 1, error.message)};
     };
     if (numberOf(file.name) != version) {
       return named({ErrorCode::kFailed,
-                    "its name must begin with the number " + std::to_string(version) + " in four digits"});
+                    fmt::format("its name must begin with the number {} in four digits", version)});
     }
     auto transaction = Transaction::begin(connection, Transaction::Kind::kWrite);
     if (!transaction) return named(transaction.error());
     if (auto done = connection.script(std::string(file.text)); !done) return named(done.error());
-    if (auto done = connection.script("PRAGMA user_version=" + std::to_string(version)); !done)
+    if (auto done = connection.script(fmt::format("PRAGMA user_version={}", version)); !done)
       return named(done.error());
     if (auto done = transaction->commit(); !done) return named(done.error());
   }
@@ -89,14 +86,12 @@ Status migrate(Connection& connection, std::span<const EmbeddedFile> migrations)
 }
 
 Status requireNewestSchema(Connection& connection) {
-  const auto found = schemaVersion(connection);
-  if (!found) return found.error();
-  if (*found > newestSchemaVersion()) return newerError(connection, *found, newestSchemaVersion());
-  if (*found < newestSchemaVersion()) {
-    return Error{ErrorCode::kVersion, connection.path().string() + ": its schema has version " +
-                                          std::to_string(*found) + ", wanted is " +
-                                          std::to_string(newestSchemaVersion()) +
-                                          ": start needlelab-server on it once, which migrates it"};
+  ASSIGN_OR_RETURN(const auto found, schemaVersion(connection));
+  if (found > newestSchemaVersion()) return newerError(connection, found, newestSchemaVersion());
+  if (found < newestSchemaVersion()) {
+    return Error{ErrorCode::kVersion, fmt::format("{}: its schema has version {}, wanted is {}: start "
+                                                  "needlelab-server on it once, which migrates it",
+                                                  connection.path().string(), found, newestSchemaVersion())};
   }
   return {};
 }
@@ -108,11 +103,7 @@ Status MetaStore::set(std::string_view key, std::string_view value) {
 }
 
 Result<std::optional<std::string>> MetaStore::get(std::string_view key) {
-  auto row = connection_.query("SELECT value FROM meta WHERE key = ?", key);
-  const auto found = row.step();
-  if (!found) return found.error();
-  if (!*found) return std::optional<std::string>();
-  return std::optional(row.text(0));
+  return connection_.query("SELECT value FROM meta WHERE key = ?", key).first(firstText);
 }
 
 }  // namespace needlelab

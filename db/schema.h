@@ -26,8 +26,8 @@ Result<int> schemaVersion(Connection& connection);
 /// the version before it. Errors: kVersion (the file is newer than this program), kCorrupt (some other
 /// program's database), kFailed. Writer's connection.
 Status migrate(Connection& connection);
-/// The same with given files; they must be named NNNN_… with numbers 1, 2, 3 … in order (asserted by an
-/// error).
+/// The same with given files; they must be named NNNN_… with numbers 1, 2, 3 … in order, or it
+/// fails.
 Status migrate(Connection& connection, std::span<const EmbeddedFile> migrations);
 
 /// kVersion unless the file has exactly the newest version. For connections that must not change it.
@@ -38,6 +38,7 @@ std::span<const EmbeddedFile> embeddedMigrations();
 /// db/samples/*.json: profiles and curricula for a new database. In needlelab::service.
 std::span<const EmbeddedFile> embeddedSamples();
 
+/// Facts about the database itself, by key: engine_version, created_unix_ns, backup_unix_ns, backup_path.
 /// Functions on a connection, which it does not own. Thread: as its Connection; set() needs the writer's.
 class MetaStore {
  public:

@@ -1,5 +1,7 @@
 // What reads sessions: list, info, chunks, and the chunk of a moment. What changes them is in
 // session_store.cpp.
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <optional>
 #include <variant>
@@ -13,7 +15,7 @@
 namespace needlelab {
 namespace {
 
-/// What can be read stands in the first columns: of the thinned recording where there is one.
+/// Columns 7 to 10 are of the original, 11 to 15 of a thinned recording.
 constexpr std::string_view kInfoColumns =
     "SELECT s.description, s.state, s.received_unix_ns, s.closed_unix_ns, s.clock_offset_ns,"
     " s.clock_round_trip_ns, s.recording, coalesce(p.chunks, s.chunks), coalesce(p.samples, s.samples),"
@@ -65,8 +67,8 @@ Result<pb::SessionInfo> infoOf(const Statement& row, bool with_profile) {
   return info;
 }
 
-/// SessionConditions of a list, each with its value; only those that are asked for, so that an index may
-/// serve them.
+/// The conditions of a list, each with its value; only those that were given, so that an index may serve
+/// them.
 class SessionConditions {
  public:
   void add(std::string condition, std::string_view text) {
@@ -119,12 +121,12 @@ Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std
       conditions.push("s.passed IS NULL");
       break;
     default:
-      return Error{ErrorCode::kInvalidInput,
-                   "verdict: " + std::to_string(wanted.verdict()) + " is no verdict that this server knows"};
+      return Error{ErrorCode::kInvalidInput, fmt::format("verdict: {} is no verdict that this server knows",
+                                                         static_cast<int>(wanted.verdict()))};
   }
   if (!wanted.search().empty()) {
-    if (auto valid = checkText("search", wanted.search(), 1, kMaxNameBytes); !valid) return valid.error();
-    // somebody whom people do not list may have sessions, too: from a station that was away
+    RETURN_IF_ERROR(checkText("search", wanted.search(), 1, kMaxNameBytes));
+    // a name that is not in `people` may have sessions, too: from a station that was away
     conditions.add(
         "(instr(lower(s.trainee), lower(?)) > 0 OR s.trainee IN (SELECT name FROM people WHERE"
         " instr(lower(full_name), lower(?)) > 0))",
@@ -146,31 +148,29 @@ class Search {
       : connection_(connection), name_(std::move(name)), recording_(recording) {}
 
   Result<SoughtChunk> run(const SeekTo& to) {
-    auto first = infoOf(0);
-    if (!first) return first.error();
-    if (!*first)
+    ASSIGN_OR_RETURN(auto first, infoOf(0));
+    if (!first)
       return Error{ErrorCode::kCorrupt, name_ + ", chunk 0: is damaged, times cannot be counted from it"};
     SoughtChunk sought;
-    sought.recording_first_tick = (*first)->first_tick;
-    sought.recording_first_time_ns = (*first)->first_time_ns;
+    sought.recording_first_tick = first->first_tick;
+    sought.recording_first_time_ns = first->first_time_ns;
     by_time_ = !to.tick.has_value();
     // counted from the first chunk, so that neither a tick nor a time loses digits
-    origin_ = **first;
+    origin_ = *first;
     target_ =
         by_time_ ? to.seconds * 1e9
                  : (*to.tick >= origin_.first_tick ? static_cast<double>(*to.tick - origin_.first_tick) : -1);
 
     std::uint64_t low = 0, high = recording_.chunks;
-    ChunkInfo at_low = **first;
+    ChunkInfo at_low = *first;
     double end = -1;  // where chunk `high` begins, once it is known
     if (target_ > 0 && high > 1) {
-      const auto last = infoOf(high - 1);
-      if (!last) return last.error();
-      if (*last) {
-        const double begin = beginOf(**last);
+      ASSIGN_OR_RETURN(const auto last, infoOf(high - 1));
+      if (last) {
+        const double begin = beginOf(*last);
         if (target_ >= begin) {
           low = high - 1;
-          at_low = **last;
+          at_low = *last;
         } else {
           high = high - 1;
           end = begin;
@@ -187,15 +187,14 @@ class Search {
         middle = std::clamp(middle, low + 1, high - 1);
       }
       guess = !guess || high - low <= 4;
-      const auto info = infoOf(middle);
-      if (!info) return info.error();
-      // a damaged chunk cannot tell: what lies before it is searched, which is never too late
-      if (!*info || beginOf(**info) > target_) {
+      ASSIGN_OR_RETURN(const auto info, infoOf(middle));
+      // a damaged chunk says nothing: the search goes on before it, which is never too late
+      if (!info || beginOf(*info) > target_) {
         high = middle;
-        if (*info) end = beginOf(**info);
+        if (info) end = beginOf(*info);
       } else {
         low = middle;
-        at_low = **info;
+        at_low = *info;
       }
     }
     sought.seq = low;
@@ -216,10 +215,9 @@ class Search {
   Result<std::optional<ChunkInfo>> infoOf(std::uint64_t seq) {
     ++read_;
     ChunkScan scan(connection_, name_, recording_, seq, seq + 1);
-    const auto item = scan.next();
-    if (!item) return item.error();
-    if (!*item || (*item)->fault) return std::optional<ChunkInfo>();
-    const auto info = inspectChunk((*item)->bytes);
+    ASSIGN_OR_RETURN(const auto item, scan.next());
+    if (!item || item->fault) return std::optional<ChunkInfo>();
+    const auto info = inspectChunk(item->bytes);
     return info ? std::optional(*info) : std::optional<ChunkInfo>();
   }
 
@@ -235,113 +233,91 @@ class Search {
 }  // namespace
 
 Result<HashedChunks> SessionStore::hashChunks(const Uuid& session, std::uint64_t count) {
-  const auto found = findSession(connection_, session);
-  if (!found) return found.error();
-  if (!*found) return unknownSession(session);
-  const SessionRow& row = **found;
+  ASSIGN_OR_RETURN(const SessionRow row, requireSession(connection_, session));
   const std::string name = "session " + uuidText(session);
   if (row.recording != StoredRecording::Kind::kOriginal) {
     const auto why = removalText(connection_, row);
     return why ? Error{ErrorCode::kNotFound, name + ": " + *why} : why.error();
   }
   if (row.chunks < count) {
-    return Error{ErrorCode::kNotFound, name + " has " + std::to_string(row.chunks) + " chunks, asked were " +
-                                           std::to_string(count)};
+    return Error{ErrorCode::kNotFound,
+                 fmt::format("{} has {} chunks, asked were {}", name, row.chunks, count)};
   }
   HashedChunks result;
   SessionHash hash;
   ChunkScan scan(connection_, name, {row.recording, row.number, row.chunks}, 0, count);
   for (;;) {
-    const auto item = scan.next();
-    if (!item) return item.error();
-    if (!*item) break;
-    if ((*item)->fault) return *(*item)->fault;
-    hash.update((*item)->bytes);
+    ASSIGN_OR_RETURN(const auto item, scan.next());
+    if (!item) break;
+    if (item->fault) return *item->fault;
+    hash.update(item->bytes);
     ++result.chunks;
-    result.samples += (*item)->samples;
+    result.samples += item->samples;
   }
   result.hash = hash.digest();
   return result;
 }
 
 Result<std::uint64_t> SessionStore::nextSeq(const Uuid& session) {
-  const auto found = findSession(connection_, session);
-  if (!found) return found.error();
-  if (!*found) return unknownSession(session);
-  return (*found)->chunks;
+  ASSIGN_OR_RETURN(const SessionRow row, requireSession(connection_, session));
+  return row.chunks;
 }
 
 Result<std::uint64_t> SessionStore::safeSeqs(const Uuid& session) {
   auto query = connection_.query("SELECT safe_chunks FROM sessions WHERE id = ?", ByteView(session));
-  const auto found = query.step();
-  if (!found) return found.error();
-  if (!*found) return unknownSession(session);
+  ASSIGN_OR_RETURN(const bool found, query.step());
+  if (!found) return unknownSession(session);
   return query.natural(0);
 }
 
 Result<std::vector<pb::Welcome::OpenSession>> SessionStore::openSessions(std::string_view station) {
-  std::vector<pb::Welcome::OpenSession> sessions;
+  const auto sessionOf = [](const Statement& row) {
+    pb::Welcome::OpenSession session;
+    session.set_session_id(row.text(0));
+    session.set_next_seq(row.natural(1));
+    return session;
+  };
   auto rows = connection_.query(
       "SELECT o.id, coalesce(p.chunks, 0) FROM (SELECT number, id FROM sessions WHERE station = ? AND state"
       " = ? ORDER BY number DESC LIMIT ?) o LEFT JOIN session_progress p ON p.session = o.number"
       " ORDER BY o.number",
       station, static_cast<int>(pb::SESSION_OPEN), kMaxWelcomed);
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return sessions;
-    auto& session = sessions.emplace_back();
-    session.set_session_id(rows.text(0));
-    session.set_next_seq(rows.natural(1));
-  }
+  return rows.all(sessionOf);
 }
 
 Result<pb::SessionInfo> SessionStore::info(const Uuid& session) {
   auto row = connection_.query(std::string(kInfoColumns) + "WHERE s.id = ?", ByteView(session));
-  const auto found = row.step();
-  if (!found) return found.error();
-  if (!*found) return unknownSession(session);
+  ASSIGN_OR_RETURN(const bool found, row.step());
+  if (!found) return unknownSession(session);
   return infoOf(row, true);
 }
 
 Result<std::vector<pb::SessionInfo>> SessionStore::list(const pb::ListSessions& wanted,
                                                         const std::optional<Uuid>& after) {
-  const auto conditions = conditionsOf(wanted, after);
-  if (!conditions) return conditions.error();
+  ASSIGN_OR_RETURN(const auto conditions, conditionsOf(wanted, after));
   const std::uint32_t most = wanted.limit() == 0 ? kMaxListed : std::min(wanted.limit(), kMaxListed);
-  auto rows = connection_.query(std::string(kInfoColumns) + conditions->text() +
+  auto rows = connection_.query(std::string(kInfoColumns) + conditions.text() +
                                 " ORDER BY s.started_unix_ns DESC, s.number DESC LIMIT ?");
-  conditions->bindTo(rows);
+  conditions.bindTo(rows);
   rows.bind(most);
-  std::vector<pb::SessionInfo> sessions;
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return sessions;
-    auto info = infoOf(rows, false);
-    if (!info) return info.error();
-    sessions.push_back(std::move(*info));
-  }
+  return rows.all([](const Statement& row) { return infoOf(row, false); });
 }
 
 Result<ChunksAround> SessionStore::readAround(const Uuid& session, std::uint64_t from_seq,
                                               std::uint32_t max_chunks, std::size_t max_bytes) {
   // one view: retention may put a thinned recording in the original's place meanwhile
-  const auto view = Transaction::view(connection_);
-  if (!view) return view.error();
-  const auto recording = readableRecording(connection_, session);
-  if (!recording) return recording.error();
+  ASSIGN_OR_RETURN(const auto view, Transaction::view(connection_));
+  ASSIGN_OR_RETURN(const auto recording, readableRecording(connection_, session));
   const std::string name = "session " + uuidText(session);
 
   ChunksAround read;
   read.next_seq = from_seq;
   std::size_t total = 0;
-  ChunkScan scan(connection_, name, *recording, from_seq, UINT64_MAX);
+  ChunkScan scan(connection_, name, recording, from_seq, UINT64_MAX);
   for (std::uint32_t taken = 0; taken < max_chunks; ++taken) {
-    auto item = scan.next();
-    if (!item) return item.error();
-    if (!*item) return read;
-    ChunkScan::Item& chunk = **item;
+    ASSIGN_OR_RETURN(auto item, scan.next());
+    if (!item) return read;
+    ChunkScan::Item& chunk = *item;
     if (chunk.fault) {
       read.damaged.push_back({chunk.seq, std::move(chunk.fault->message)});
     } else {
@@ -356,20 +332,17 @@ Result<ChunksAround> SessionStore::readAround(const Uuid& session, std::uint64_t
 
 Result<std::vector<StoredChunk>> SessionStore::readChunks(const Uuid& session, std::uint64_t from_seq,
                                                           std::uint32_t max_chunks, std::size_t max_bytes) {
-  auto read = readAround(session, from_seq, max_chunks, max_bytes);
-  if (!read) return read.error();
-  if (!read->damaged.empty()) return Error{ErrorCode::kCorrupt, read->damaged.front().text};
-  return std::move(read->chunks);
+  ASSIGN_OR_RETURN(auto read, readAround(session, from_seq, max_chunks, max_bytes));
+  if (!read.damaged.empty()) return Error{ErrorCode::kCorrupt, read.damaged.front().text};
+  return std::move(read.chunks);
 }
 
 Result<SoughtChunk> SessionStore::seek(const Uuid& session, const SeekTo& to) {
-  const auto view = Transaction::view(connection_);
-  if (!view) return view.error();
-  const auto recording = readableRecording(connection_, session);
-  if (!recording) return recording.error();
+  ASSIGN_OR_RETURN(const auto view, Transaction::view(connection_));
+  ASSIGN_OR_RETURN(const auto recording, readableRecording(connection_, session));
   const std::string name = "session " + uuidText(session);
-  if (recording->chunks == 0) return Error{ErrorCode::kNotFound, name + " has no samples to seek in"};
-  return Search(connection_, name, *recording).run(to);
+  if (recording.chunks == 0) return Error{ErrorCode::kNotFound, name + " has no samples to seek in"};
+  return Search(connection_, name, recording).run(to);
 }
 
 }  // namespace needlelab

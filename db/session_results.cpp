@@ -1,5 +1,7 @@
 #include "db/session_results.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <set>
 #include <string>
@@ -19,7 +21,7 @@ constexpr std::size_t kMaxReferences = 200;
 pb::Score scoreOfRow(const Statement& row) {
   pb::Score score;
   score.set_session_id(row.text(0));
-  score.set_definition_version(static_cast<std::uint32_t>(row.natural(1)));
+  score.set_definition_version(row.natural32(1));
   score.set_measures_json(row.text(2));
   if (!row.isNull(3)) score.set_passed(row.integer(3) != 0);
   score.set_made_unix_ns(row.integer(4));
@@ -110,9 +112,8 @@ Status ScoreStore::put(const pb::Score& score) {
         "SELECT number, erased, EXISTS (SELECT 1 FROM scores WHERE session = number AND first = 1) FROM "
         "sessions WHERE id = ?",
         ByteView(*id));
-    const auto found = row.step();
-    if (!found) return found.error();
-    if (!*found) return unknownSession(*id);
+    ASSIGN_OR_RETURN(const bool found, row.step());
+    if (!found) return unknownSession(*id);
     if (row.integer(1) != 0)
       return Error{ErrorCode::kUnavailable,
                    "session " + uuidText(*id) + ": its person's data was erased, it gets no score"};
@@ -120,18 +121,16 @@ Status ScoreStore::put(const pb::Score& score) {
     has_first = row.integer(2) != 0;
   }
   const int passed = score.has_passed() ? (score.passed() ? 1 : 0) : -1;
-  if (auto done = connection_.run(
-          "INSERT INTO scores (session, definition_version, measures, passed, first, "
-          "engine_version, made_unix_ns) VALUES"
-          " (?,?,?,nullif(?, -1),?,?,?) ON CONFLICT (session, definition_version) DO UPDATE SET "
-          "measures = excluded.measures,"
-          " passed = excluded.passed, engine_version = excluded.engine_version, "
-          "made_unix_ns = excluded.made_unix_ns"
-          " WHERE first = 0",
-          number, score.definition_version(), score.measures_json(), passed, !has_first,
-          score.engine_version(), score.made_unix_ns());
-      !done)
-    return done;
+  RETURN_IF_ERROR(
+      connection_.run("INSERT INTO scores (session, definition_version, measures, passed, first, "
+                      "engine_version, made_unix_ns) VALUES"
+                      " (?,?,?,nullif(?, -1),?,?,?) ON CONFLICT (session, definition_version) DO UPDATE SET "
+                      "measures = excluded.measures,"
+                      " passed = excluded.passed, engine_version = excluded.engine_version, "
+                      "made_unix_ns = excluded.made_unix_ns"
+                      " WHERE first = 0",
+                      number, score.definition_version(), score.measures_json(), passed, !has_first,
+                      score.engine_version(), score.made_unix_ns()));
   return connection_.run(
       "UPDATE sessions SET (score_json, passed) = (SELECT measures, passed FROM scores WHERE session = number"
       " AND first = 1) WHERE number = ?",
@@ -143,58 +142,43 @@ Result<pb::Score> ScoreStore::get(const Uuid& session, std::uint32_t version) {
       std::string(kScore) +
           "AND (?2 = 0 OR c.definition_version = ?2) ORDER BY c.definition_version DESC LIMIT 1",
       ByteView(session), version);
-  const auto found = row.step();
-  if (!found) return found.error();
-  if (*found) return scoreOfRow(row);
+  ASSIGN_OR_RETURN(const bool found, row.step());
+  if (found) return scoreOfRow(row);
   return Error{ErrorCode::kNotFound,
                "session " + uuidText(session) + " has no score" +
-                   (version == 0 ? std::string() : " of definition version " + std::to_string(version))};
+                   (version == 0 ? std::string() : fmt::format(" of definition version {}", version))};
 }
 
 Result<std::vector<pb::Score>> ScoreStore::list(const Uuid& session) {
-  std::vector<pb::Score> scores;
-  auto rows = connection_.query(std::string(kScore) + "ORDER BY c.definition_version", ByteView(session));
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return scores;
-    scores.push_back(scoreOfRow(rows));
-  }
+  return connection_.query(std::string(kScore) + "ORDER BY c.definition_version", ByteView(session))
+      .all(scoreOfRow);
 }
 
 Result<pb::Reference> ReferenceStore::put(const std::string& exercise_id, const std::vector<Uuid>& sessions,
                                           std::uint32_t base, const std::string& by,
                                           std::int64_t now_unix_ns) {
-  if (const auto exercise = CurriculumStore(connection_).exercise(exercise_id); !exercise)
-    return exercise.error();
-  const auto before = get(exercise_id);
-  if (!before) return before.error();
+  RETURN_IF_ERROR(CurriculumStore(connection_).exercise(exercise_id));
+  ASSIGN_OR_RETURN(const auto before, get(exercise_id));
   const std::string name = "the reference of exercise '" + exercise_id + "'";
-  if (auto same =
-          checkBase(name, base, {before->revision(), before->changed_by(), before->changed_unix_ns()});
-      !same)
-    return same.error();
+  RETURN_IF_ERROR(checkBase(name, base, {before.revision(), before.changed_by(), before.changed_unix_ns()}));
   if (sessions.size() > kMaxReferences)
-    return Error{ErrorCode::kInvalidInput, name + ", session_ids: has " + std::to_string(sessions.size()) +
-                                               ", allowed are at most " + std::to_string(kMaxReferences)};
+    return Error{ErrorCode::kInvalidInput, fmt::format("{}, session_ids: has {}, allowed are at most {}",
+                                                       name, sessions.size(), kMaxReferences)};
   std::set<Uuid> seen;
   for (const Uuid& session : sessions) {
     const std::string which = name + ", session " + uuidText(session);
     if (!seen.insert(session).second) return Error{ErrorCode::kInvalidInput, which + ": is named twice"};
     auto row = connection_.query("SELECT exercise_id, state FROM sessions WHERE id = ?", ByteView(session));
-    const auto found = row.step();
-    if (!found) return found.error();
-    if (!*found) return unknownSession(session);
+    ASSIGN_OR_RETURN(const bool found, row.step());
+    if (!found) return unknownSession(session);
     if (row.text(0) != exercise_id)
       return Error{ErrorCode::kInvalidInput, which + ": is of exercise '" + row.text(0) + "'"};
     if (row.integer(1) == pb::SESSION_OPEN) return Error{ErrorCode::kInvalidInput, which + ": is still open"};
   }
-  if (auto done = connection_.run(
-          "INSERT INTO exercise_references (exercise_id, revision, sessions, by_whom, created_unix_ns)"
-          " VALUES (?,?,?,?,?)",
-          exercise_id, before->revision() + 1, idsJson(sessions), by, now_unix_ns);
-      !done)
-    return done.error();
+  RETURN_IF_ERROR(connection_.run(
+      "INSERT INTO exercise_references (exercise_id, revision, sessions, by_whom, created_unix_ns)"
+      " VALUES (?,?,?,?,?)",
+      exercise_id, before.revision() + 1, idsJson(sessions), by, now_unix_ns));
   return get(exercise_id);
 }
 
@@ -205,10 +189,9 @@ Result<pb::Reference> ReferenceStore::get(std::string_view exercise_id) {
       "SELECT revision, by_whom, created_unix_ns FROM exercise_references WHERE exercise_id = ? ORDER BY "
       "revision DESC LIMIT 1",
       exercise_id);
-  const auto found = row.step();
-  if (!found) return found.error();
-  if (!*found) return reference;
-  reference.set_revision(static_cast<std::uint32_t>(row.natural(0)));
+  ASSIGN_OR_RETURN(const bool found, row.step());
+  if (!found) return reference;
+  reference.set_revision(row.natural32(0));
   reference.set_changed_by(row.text(1));
   reference.set_changed_unix_ns(row.integer(2));
   // those that are still there: an erased person's are not
@@ -218,87 +201,65 @@ Result<pb::Reference> ReferenceStore::get(std::string_view exercise_id) {
       "s.erased = 0 ORDER BY j.key",
       exercise_id, reference.revision());
   for (;;) {
-    const auto next = ids.step();
-    if (!next) return next.error();
-    if (!*next) return reference;
+    ASSIGN_OR_RETURN(const bool more, ids.step());
+    if (!more) return reference;
     reference.add_session_ids(ids.text(0));
   }
 }
 
 Status EventStore::put(const Uuid& session, std::span<const pb::SyringeEvent> events) {
-  const auto found = findSession(connection_, session);
-  if (!found) return found.error();
-  if (!*found) return unknownSession(session);
-  if ((*found)->state == pb::SESSION_OPEN)
+  ASSIGN_OR_RETURN(const SessionRow row, requireSession(connection_, session));
+  if (row.state == pb::SESSION_OPEN)
     return Error{ErrorCode::kInvalidInput, "session " + uuidText(session) + " is open: close it first"};
-  if (auto done = connection_.run("UPDATE sessions SET events = ? WHERE number = ? AND events IS NULL",
-                                  static_cast<std::uint64_t>(events.size()), (*found)->number);
-      !done)
-    return done;
+  RETURN_IF_ERROR(connection_.run("UPDATE sessions SET events = ? WHERE number = ? AND events IS NULL",
+                                  static_cast<std::uint64_t>(events.size()), row.number));
   if (connection_.changes() == 0) return {};
   for (std::size_t i = 0; i < events.size(); ++i) {
     const pb::SyringeEvent& event = events[i];
     std::string hazards;
     for (const std::string& hazard : event.hazards()) hazards += (hazards.empty() ? "" : "\n") + hazard;
     Statement insert = connection_.prepare(kInsert);
-    insert.bind((*found)->number).bind(static_cast<std::uint64_t>(i)).bind(static_cast<int>(event.kind()));
+    insert.bind(row.number).bind(static_cast<std::uint64_t>(i)).bind(static_cast<int>(event.kind()));
     insert.bind(event.begin_tick()).bind(event.end_tick()).bind(event.begin_s()).bind(event.end_s());
     insert.bind(event.plunger_from()).bind(event.plunger_to());
     insert.bind(event.in_tissue_share()).bind(event.in_target_share());
     bindPlace(insert, event.begin());
     bindPlace(insert, event.end());
-    if (auto done = insert.bind(hazards).run(); !done) return done;
+    RETURN_IF_ERROR(insert.bind(hazards).run());
   }
   return {};
 }
 
 Result<std::optional<std::vector<pb::SyringeEvent>>> EventStore::list(const Uuid& session) {
   auto known = connection_.query("SELECT number, events FROM sessions WHERE id = ?", ByteView(session));
-  const auto found = known.step();
-  if (!found) return found.error();
-  if (!*found) return unknownSession(session);
+  ASSIGN_OR_RETURN(const bool found, known.step());
+  if (!found) return unknownSession(session);
   if (known.isNull(1)) return std::optional<std::vector<pb::SyringeEvent>>();
-  std::vector<pb::SyringeEvent> events;
-  auto rows = connection_.query(kSelectEvents, known.integer(0));
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return std::optional(std::move(events));
-    events.push_back(eventOf(rows));
-  }
+  ASSIGN_OR_RETURN(auto events, connection_.query(kSelectEvents, known.integer(0)).all(eventOf));
+  return std::optional(std::move(events));
 }
 
 Result<std::uint64_t> AnnotationStore::add(const StoredAnnotation& annotation) {
-  if (auto valid = checkNote("annotation, text", annotation.text, 1, kMaxNoteBytes); !valid)
-    return valid.error();
-  const auto session = findSession(connection_, annotation.session);
-  if (!session) return session.error();
-  if (!*session) return unknownSession(annotation.session);
-  if (auto done = connection_.run(
-          "INSERT INTO annotations (session, tick, text, author, created_unix_ns) VALUES (?,?,?,?,?)",
-          (*session)->number, annotation.tick, annotation.text, annotation.author,
-          annotation.created_unix_ns);
-      !done) {
-    return done.error();
-  }
+  RETURN_IF_ERROR(checkNote("annotation, text", annotation.text, 1, kMaxNoteBytes));
+  ASSIGN_OR_RETURN(const auto session, findSession(connection_, annotation.session));
+  if (!session) return unknownSession(annotation.session);
+  RETURN_IF_ERROR(connection_.run(
+      "INSERT INTO annotations (session, tick, text, author, created_unix_ns) VALUES (?,?,?,?,?)",
+      session->number, annotation.tick, annotation.text, annotation.author, annotation.created_unix_ns));
   return static_cast<std::uint64_t>(connection_.lastRowId());
 }
 
 Result<std::vector<StoredAnnotation>> AnnotationStore::list(const Uuid& session) {
-  const auto found = findSession(connection_, session);
-  if (!found) return found.error();
-  if (!*found) return unknownSession(session);
-  std::vector<StoredAnnotation> annotations;
-  auto rows = connection_.query(
-      "SELECT id, tick, text, author, created_unix_ns FROM annotations WHERE session = ? ORDER BY tick, id",
-      (*found)->number);
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return annotations;
-    annotations.push_back(
-        {rows.natural(0), session, rows.natural(1), rows.text(2), rows.text(3), rows.integer(4)});
-  }
+  ASSIGN_OR_RETURN(const SessionRow row, requireSession(connection_, session));
+  return connection_
+      .query(
+          "SELECT id, tick, text, author, created_unix_ns FROM annotations WHERE session = ? ORDER BY tick, "
+          "id",
+          row.number)
+      .all([&](const Statement& row) {
+        return StoredAnnotation{row.natural(0), session,     row.natural(1),
+                                row.text(2),    row.text(3), row.integer(4)};
+      });
 }
 
 }  // namespace needlelab

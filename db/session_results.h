@@ -17,6 +17,7 @@
 
 namespace needlelab {
 
+/// Scores, each under the version of the definitions that it was made with.
 /// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's and
 /// a transaction.
 class ScoreStore {
@@ -37,13 +38,14 @@ class ScoreStore {
   Connection& connection_;
 };
 
+/// The sessions of experts that an exercise is compared with. Thread: as ScoreStore.
 class ReferenceStore {
  public:
   explicit ReferenceStore(Connection& connection) : connection_(connection) {}
 
   /// The next revision, without bands. `base`: the revision that the choice was made from, else kConflict.
-  /// kNotFound: exercise or a session is not there; kInvalidInput: a session of another exercise, twice the
-  /// same, not closed, too many.
+  /// kNotFound: the exercise or a session does not exist; kInvalidInput: a session of another exercise, twice
+  /// the same, not closed, too many.
   Result<pb::Reference> put(const std::string& exercise_id, const std::vector<Uuid>& sessions,
                             std::uint32_t base, const std::string& by, std::int64_t now_unix_ns);
   /// The newest; revision 0 and no sessions when none was chosen.
@@ -53,22 +55,24 @@ class ReferenceStore {
   Connection& connection_;
 };
 
+/// Aspirations and injections of closed sessions.
 /// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's and
 /// a transaction.
 class EventStore {
  public:
   explicit EventStore(Connection& connection) : connection_(connection) {}
 
-  /// Notes that these are all that there were, none included. Once for a session: what was worked out once
-  /// stays, a second call changes nothing. Errors: kNotFound (session), kInvalidInput (the session is open).
+  /// Stores all events of a session; an empty list says that it has none. Once for a session: a second call
+  /// changes nothing. Errors: kNotFound (session), kInvalidInput (the session is open).
   Status put(const Uuid& session, std::span<const pb::SyringeEvent> events);
-  /// In order of time; nothing when they were never put. kNotFound: unknown session.
+  /// In order of time; nothing when put() was never called. kNotFound: unknown session.
   Result<std::optional<std::vector<pb::SyringeEvent>>> list(const Uuid& session);
 
  private:
   Connection& connection_;
 };
 
+/// A remark of an instructor on a tick of a session.
 struct StoredAnnotation {
   std::uint64_t id = 0;
   Uuid session{};

@@ -1,5 +1,7 @@
 #include "db/session_rows.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -14,9 +16,8 @@ Result<std::optional<SessionRow>> findSession(Connection& connection, const Uuid
       "sessions s"
       " LEFT JOIN session_progress p ON p.session = s.number WHERE s.id = ?",
       ByteView(session));
-  const auto found = query.step();
-  if (!found) return found.error();
-  if (!*found) return std::optional<SessionRow>();
+  ASSIGN_OR_RETURN(const bool found, query.step());
+  if (!found) return std::optional<SessionRow>();
   SessionRow row;
   row.number = query.integer(0);
   row.station = query.text(1);
@@ -31,15 +32,20 @@ Result<std::optional<SessionRow>> findSession(Connection& connection, const Uuid
   return std::optional(row);
 }
 
+Result<SessionRow> requireSession(Connection& connection, const Uuid& session) {
+  ASSIGN_OR_RETURN(auto row, findSession(connection, session));
+  if (!row) return unknownSession(session);
+  return *std::move(row);
+}
+
 Result<StoredRecording> recordingOf(Connection& connection, const std::string& name, const SessionRow& row) {
   StoredRecording recording{row.recording, row.number, 0};
   if (row.recording == StoredRecording::Kind::kOriginal) recording.chunks = row.chunks;
   if (row.recording != StoredRecording::Kind::kThinned) return recording;
   auto query = connection.query("SELECT chunks FROM derived_recordings WHERE session = ? AND complete = 1",
                                 row.number);
-  const auto found = query.step();
-  if (!found) return found.error();
-  if (!*found)
+  ASSIGN_OR_RETURN(const bool found, query.step());
+  if (!found)
     return Error{ErrorCode::kCorrupt,
                  name + " was thinned, but the row of its thinned recording is not there"};
   recording.chunks = query.natural(0);
@@ -51,28 +57,23 @@ Result<std::string> removalText(Connection& connection, const SessionRow& row) {
       "SELECT strftime('%Y-%m-%d', coalesce(deleted_unix_ns, removed_unix_ns) / 1000000000, 'unixepoch'),"
       " reason FROM removed_originals WHERE session = ?",
       row.number);
-  const auto found = query.step();
-  if (!found) return found.error();
+  ASSIGN_OR_RETURN(const bool found, query.step());
   const std::string what = row.recording == StoredRecording::Kind::kDeleted ? "its recording was deleted"
                                                                             : "its recording was thinned";
-  if (!*found) return what;
+  if (!found) return what;
   return what + " on " + query.text(0) + " (" + query.text(1) + ")";
 }
 
 Error recordingDeleted(Connection& connection, const std::string& name, const SessionRow& row) {
-  const auto why = removalText(connection, row);
-  if (!why) return why.error();
-  return {ErrorCode::kNotFound, name + ": " + *why + "; its score, events and remarks are kept"};
+  ASSIGN_OR_RETURN(const auto why, removalText(connection, row));
+  return {ErrorCode::kNotFound, name + ": " + why + "; its score, events and remarks are kept"};
 }
 
 Result<StoredRecording> readableRecording(Connection& connection, const Uuid& session) {
-  const auto found = findSession(connection, session);
-  if (!found) return found.error();
-  if (!*found) return unknownSession(session);
+  ASSIGN_OR_RETURN(const SessionRow row, requireSession(connection, session));
   const std::string name = "session " + uuidText(session);
-  if ((*found)->recording == StoredRecording::Kind::kDeleted)
-    return recordingDeleted(connection, name, **found);
-  return recordingOf(connection, name, **found);
+  if (row.recording == StoredRecording::Kind::kDeleted) return recordingDeleted(connection, name, row);
+  return recordingOf(connection, name, row);
 }
 
 std::optional<Digest> digestOf(ByteView bytes) {
@@ -95,7 +96,7 @@ std::optional<Uuid> uuidOf(std::string_view bytes) {
 
 std::string sessionText(std::string_view bytes) {
   const auto id = uuidOf(bytes);
-  return id ? uuidText(*id) : "(an id of " + std::to_string(bytes.size()) + " bytes, not 16)";
+  return id ? uuidText(*id) : fmt::format("(an id of {} bytes, not 16)", bytes.size());
 }
 
 std::int64_t stationCrcOf(ByteView chunk) {
@@ -108,14 +109,14 @@ std::int64_t stationCrcOf(ByteView chunk) {
 Result<std::uint64_t> checkStoredChunk(const std::string& name, std::uint64_t seq, std::uint64_t samples,
                                        std::int64_t crc, ByteView bytes) {
   const auto corrupt = [&](const std::string& why) {
-    return Error{ErrorCode::kCorrupt, name + ", chunk " + std::to_string(seq) + ": " + why};
+    return Error{ErrorCode::kCorrupt, fmt::format("{}, chunk {}: {}", name, seq, why)};
   };
   if (crc != stationCrcOf(bytes))
     return corrupt("the CRC noted when it came in is not the one of the stored bytes");
   const auto info = inspectChunk(bytes);
   if (!info) return corrupt(info.error().message);
   if (info->count != samples) {
-    return corrupt("holds " + std::to_string(info->count) + " samples, noted are " + std::to_string(samples));
+    return corrupt(fmt::format("holds {} samples, noted are {}", info->count, samples));
   }
   return samples;
 }
@@ -129,7 +130,7 @@ ChunkScan::ChunkScan(Connection& connection, std::string name, const StoredRecor
       to_(std::min(to, recording.chunks)) {}
 
 Error ChunkScan::faultOf(const std::string& what) const {
-  return {ErrorCode::kCorrupt, name_ + ", chunk " + std::to_string(next_) + ": " + what};
+  return {ErrorCode::kCorrupt, fmt::format("{}, chunk {}: {}", name_, next_, what)};
 }
 
 Result<std::optional<ChunkScan::Item>> ChunkScan::next() {
@@ -159,7 +160,7 @@ Result<std::optional<ChunkScan::Item>> ChunkScan::next() {
     const auto row = rows_->step();
     if (!row) {
       if (row.error().code != ErrorCode::kCorrupt) return row.error();
-      // a damaged page ends the statement, not the recording: begin anew behind it
+      // a damaged page ends the statement, not the recording: begin again behind it
       rows_.reset();
       return faulty(faultOf("cannot be read from the database's pages: " + row.error().message));
     }

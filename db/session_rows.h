@@ -44,9 +44,9 @@ class ChunkScan {
     std::uint64_t seq = 0;
     std::uint64_t samples = 0;
     ByteView bytes;              ///< until the next call of next()
-    std::optional<Error> fault;  ///< kCorrupt, names session and chunk; then there are no bytes
+    std::optional<Error> fault;  ///< kCorrupt, names session and chunk; then `bytes` is empty
   };
-  /// Nothing at the end. An error: the database could not be looked at.
+  /// Nothing at the end. An error: the database could not be read.
   Result<std::optional<Item>> next();
 
  private:
@@ -62,6 +62,7 @@ class ChunkScan {
   bool at_end_ = false;     ///< rows_ has no more rows
 };
 
+/// What every operation on a session needs of its row.
 struct SessionRow {
   std::int64_t number = 0;
   std::string station;
@@ -79,6 +80,9 @@ struct SessionRow {
 
 /// Nothing when the session is unknown; an error when the database fails.
 Result<std::optional<SessionRow>> findSession(Connection& connection, const Uuid& session);
+
+/// kNotFound when the session is unknown.
+Result<SessionRow> requireSession(Connection& connection, const Uuid& session);
 
 /// kNotFound, with the session's name.
 Error unknownSession(const Uuid& session);

@@ -2,6 +2,8 @@
 
 #include "db/session_store.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 
 #include "common/base/planted_bug.h"
@@ -20,10 +22,10 @@ std::string bytesOf(pb::SessionDescription description) {
 }
 
 std::string times(std::uint64_t count, const char* what) {
-  return std::to_string(count) + " " + what;
+  return fmt::format("{} {}", count, what);
 }
 
-/// An open session, by what its next chunk needs. Its row's profile, some kB, is not touched.
+/// What the next chunk of an open session needs. The profile in its row, some kB, is not read.
 struct OpenRow {
   std::int64_t number = 0;
   std::uint64_t chunks = 0;
@@ -35,9 +37,8 @@ Result<std::optional<OpenRow>> findOpen(Connection& connection, const Uuid& sess
       "SELECT s.number, p.chunks, s.station FROM sessions s JOIN session_progress p ON p.session = s.number"
       " WHERE s.id = ?",
       ByteView(session));
-  const auto found = query.step();
-  if (!found) return found.error();
-  if (!*found || (!station.empty() && textOf(query.bytes(2)) != station)) return std::optional<OpenRow>();
+  ASSIGN_OR_RETURN(const bool found, query.step());
+  if (!found || (!station.empty() && textOf(query.bytes(2)) != station)) return std::optional<OpenRow>();
   return std::optional(OpenRow{query.integer(0), query.natural(1)});
 }
 
@@ -50,47 +51,40 @@ Error countersMissing(const std::string& name) {
 /// The two writes of a chunk that has passed all checks.
 Result<Appended> storeChunk(Connection& connection, const OpenRow& row, std::uint64_t seq,
                             std::uint64_t samples, ByteView bytes) {
-  if (auto done = connection.run("INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (?,?,?,?,?)",
-                                 row.number, seq, samples, stationCrcOf(bytes), bytes);
-      !done) {
-    return done.error();
-  }
-  if (auto done = connection.run("UPDATE session_progress SET chunks = chunks + 1, samples = samples + ?,"
-                                 " stored_bytes = stored_bytes + ? WHERE session = ?",
-                                 samples, static_cast<std::uint64_t>(bytes.size()), row.number);
-      !done) {
-    return done.error();
-  }
-  if (connection.changes() != 1) return countersMissing("session number " + std::to_string(row.number));
+  RETURN_IF_ERROR(connection.run("INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (?,?,?,?,?)",
+                                 row.number, seq, samples, stationCrcOf(bytes), bytes));
+  RETURN_IF_ERROR(
+      connection.run("UPDATE session_progress SET chunks = chunks + 1, samples = samples + ?,"
+                     " stored_bytes = stored_bytes + ? WHERE session = ?",
+                     samples, static_cast<std::uint64_t>(bytes.size()), row.number));
+  if (connection.changes() != 1) return countersMissing(fmt::format("session number {}", row.number));
   return Appended{Appended::Kind::kStored, row.chunks + 1, {}};
 }
 
-/// A chunk whose original retention has taken away: its CRC was kept.
+/// Compares a chunk with one that retention has removed, by the CRC that was kept.
 Result<Appended> compareWithRemoved(Connection& connection, const SessionRow& row, const std::string& chunk,
                                     std::uint64_t seq, ByteView bytes) {
   auto kept = connection.query("SELECT substr(crcs, ?, 4) FROM removed_originals WHERE session = ?",
                                4 * seq + 1, row.number);
-  const auto there = kept.step();
-  if (!there) return there.error();
-  if (!*there || kept.bytes(0).size() != 4)
+  ASSIGN_OR_RETURN(const bool there, kept.step());
+  if (!there || kept.bytes(0).size() != 4)
     return Error{ErrorCode::kCorrupt, chunk + " was removed, but its CRC was not kept"};
   if (stationCrcOf(kept.bytes(0)) == stationCrcOf(bytes) && inspectChunk(bytes).ok())
     return Appended{Appended::Kind::kRepeated, row.chunks, {}};
-  const auto why = removalText(connection, row);
-  if (!why) return why.error();
+  ASSIGN_OR_RETURN(const auto why, removalText(connection, row));
   return Appended{Appended::Kind::kContradiction, row.chunks,
-                  chunk + " was stored with other bytes before " + *why + ": it is not taken"};
+                  chunk + " was stored with other bytes before " + why + ": it is not taken"};
 }
 
 }  // namespace
 
 Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, std::int64_t now_unix_ns) {
-  if (auto valid = checkDescription(given); !valid) return valid.error();
-  // a station that was away brings a session of somebody who was erased meanwhile
-  const auto pseudonym = ErasureStore(connection_).pseudonymOf(given.trainee(), given.started_unix_ns());
-  if (!pseudonym) return pseudonym.error();
+  RETURN_IF_ERROR(checkDescription(given));
+  // a station that was away may bring a session of a person who was erased meanwhile
+  ASSIGN_OR_RETURN(const auto pseudonym,
+                   ErasureStore(connection_).pseudonymOf(given.trainee(), given.started_unix_ns()));
   pb::SessionDescription description = given;
-  if (*pseudonym) description.set_trainee(**pseudonym);
+  if (pseudonym) description.set_trainee(*pseudonym);
   const std::string bytes = bytesOf(description);
 
   // known already: the same description is a reconnect, another one a mistake that must not be stored
@@ -98,9 +92,8 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
       "SELECT coalesce(p.chunks, s.chunks), s.description, s.profile_json, s.erased FROM sessions s"
       " LEFT JOIN session_progress p ON p.session = s.number WHERE s.id = ?",
       viewOf(description.session_id()));
-  const auto found = known.step();
-  if (!found) return found.error();
-  if (*found) {
+  ASSIGN_OR_RETURN(const bool found, known.step());
+  if (found) {
     if (known.integer(3) != 0 ||
         (textOf(known.bytes(1)) == bytes && known.text(2) == description.profile_json()))
       return known.natural(0);
@@ -110,49 +103,47 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
   }
 
   auto station = connection_.query("SELECT 1 FROM stations WHERE name = ?", description.station());
-  const auto exists = station.step();
-  if (!exists) return exists.error();
-  if (!*exists)
+  ASSIGN_OR_RETURN(const bool exists, station.step());
+  if (!exists)
     return Error{ErrorCode::kNotFound, "there is no station named '" + description.station() + "'"};
 
-  const auto done = connection_.run(
-      "INSERT INTO sessions (id, station, trainee, exercise_id, profile_id, profile_revision, profile_json, "
-      "engine_version,"
-      " rate_hz, started_unix_ns, description, state, received_unix_ns) VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?)",
-      viewOf(description.session_id()), description.station(), description.trainee(),
-      description.exercise_id(), description.profile_id(), description.profile_revision(),
-      description.profile_json(), description.engine_version(), description.rate_hz(),
-      description.started_unix_ns(), viewOf(bytes), static_cast<int>(pb::SESSION_OPEN), now_unix_ns);
-  if (!done) return done.error();
-  if (*pseudonym) {
+  ASSIGN_OR_RETURN(
+      const auto done,
+      connection_.run("INSERT INTO sessions (id, station, trainee, exercise_id, profile_id, "
+                      "profile_revision, profile_json, "
+                      "engine_version,"
+                      " rate_hz, started_unix_ns, description, state, received_unix_ns) VALUES "
+                      "(?,?,?,?,?,?,?,?,?,?,?,?,?)",
+                      viewOf(description.session_id()), description.station(), description.trainee(),
+                      description.exercise_id(), description.profile_id(), description.profile_revision(),
+                      description.profile_json(), description.engine_version(), description.rate_hz(),
+                      description.started_unix_ns(), viewOf(bytes), static_cast<int>(pb::SESSION_OPEN),
+                      now_unix_ns));
+  if (pseudonym) {
     const auto id = uuidOf(description.session_id());
-    if (auto emptied = ErasureStore(connection_).emptySession(*id, now_unix_ns); !emptied)
-      return emptied.error();
+    RETURN_IF_ERROR(ErasureStore(connection_).emptySession(*id, now_unix_ns));
   }
   return std::uint64_t{0};
 }
 
 Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, ByteView bytes,
                                       std::string_view station) {
-  // the next chunk of an open session, which most are: one look-up, no words
-  const auto open = findOpen(connection_, session, station);
-  if (!open) return open.error();
-  if (*open && seq == (*open)->chunks && bytes.size() <= kMaxStoredChunkBytes) {
-    if (const auto info = inspectChunk(bytes))
-      return storeChunk(connection_, **open, seq, info->count, bytes);
+  // most chunks are the next one of an open session: one look-up, no messages
+  ASSIGN_OR_RETURN(const auto open, findOpen(connection_, session, station));
+  if (open && seq == open->chunks && bytes.size() <= kMaxStoredChunkBytes) {
+    if (const auto info = inspectChunk(bytes)) return storeChunk(connection_, *open, seq, info->count, bytes);
   }
 
-  const auto found = findSession(connection_, session);
-  if (!found) return found.error();
+  ASSIGN_OR_RETURN(const auto found, findSession(connection_, session));
   const std::string name = "session " + uuidText(session);
-  if (!*found || (!station.empty() && (*found)->station != station)) {
+  if (!found || (!station.empty() && found->station != station)) {
     return Appended{Appended::Kind::kUnknownSession, 0,
                     name + " was not opened by this station: open it first"};
   }
-  const SessionRow& row = **found;
-  const std::string chunk = name + ", chunk " + std::to_string(seq);
+  const SessionRow& row = *found;
+  const std::string chunk = fmt::format("{}, chunk {}", name, seq);
 
-  // acknowledged, so that the station's spool lets go of it, and not kept
+  // acknowledged, so that the station's spool drops it, and not kept
   if (row.erased) return Appended{Appended::Kind::kRepeated, std::max(seq + 1, row.chunks), {}};
 
   // seen before: the very same bytes, or a contradiction
@@ -161,9 +152,8 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
   if (seq < row.chunks) {
     auto stored =
         connection_.query("SELECT bytes FROM chunks WHERE session = ? AND seq = ?", row.number, seq);
-    const auto there = stored.step();
-    if (!there) return there.error();
-    if (!*there)
+    ASSIGN_OR_RETURN(const bool there, stored.step());
+    if (!there)
       return Error{ErrorCode::kCorrupt,
                    chunk + " is missing from the database although later ones are there"};
     const ByteView old = stored.bytes(0);
@@ -180,12 +170,12 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
   }
   if (seq > row.chunks && !planted(PlantedBug::kGapAccepted)) {
     return Appended{Appended::Kind::kGap, row.chunks,
-                    chunk + " leaves a gap: send " + std::to_string(row.chunks) + " first"};
+                    fmt::format("{} leaves a gap: send {} first", chunk, row.chunks)};
   }
   if (bytes.size() > kMaxStoredChunkBytes) {
     return Appended{Appended::Kind::kCorrupt, row.chunks,
-                    chunk + " has " + times(bytes.size(), "bytes") + ", at most " +
-                        std::to_string(kMaxStoredChunkBytes) + " are taken"};
+                    fmt::format("{} has {}, at most {} are taken", chunk, times(bytes.size(), "bytes"),
+                                kMaxStoredChunkBytes)};
   }
   const auto info = inspectChunk(bytes);
   if (!info) return Appended{Appended::Kind::kCorrupt, row.chunks, chunk + ": " + info.error().message};
@@ -196,14 +186,14 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
 Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t now_unix_ns,
                                    std::string_view station, const std::optional<HashedChunks>& known) {
   const auto id = uuidOf(request.session_id());
-  const auto found = id ? findSession(connection_, *id) : Result<std::optional<SessionRow>>(std::nullopt);
-  if (!found) return found.error();
+  ASSIGN_OR_RETURN(const auto found,
+                   id ? findSession(connection_, *id) : Result<std::optional<SessionRow>>(std::nullopt));
   const std::string name = "session " + sessionText(request.session_id());
-  if (!*found || (!station.empty() && (*found)->station != station)) {
+  if (!found || (!station.empty() && found->station != station)) {
     return Closed{Closed::Kind::kUnknownSession, 0, pb::SESSION_STATE_UNSPECIFIED,
                   name + " was not opened by this station: open it first"};
   }
-  const SessionRow& row = **found;
+  const SessionRow& row = *found;
   if (row.erased) return Closed{Closed::Kind::kRepeated, request.chunks(), row.state, {}};
   const auto contradiction = [&](const std::string& what) {
     return Closed{Closed::Kind::kContradiction, row.chunks, row.state, name + " cannot be closed: " + what};
@@ -215,10 +205,10 @@ Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t
                       times(row.chunks, "are stored") + ": send the rest first"};
   }
   if (request.chunks() != row.chunks) {
-    return contradiction(times(row.chunks, "chunks are stored, not ") + std::to_string(request.chunks()));
+    return contradiction(fmt::format("{} chunks are stored, not {}", row.chunks, request.chunks()));
   }
   if (request.samples() != row.samples) {
-    return contradiction(times(row.samples, "samples are stored, not ") + std::to_string(request.samples()));
+    return contradiction(fmt::format("{} samples are stored, not {}", row.samples, request.samples()));
   }
 
   // the hash over what the database really holds, not over what passed through memory
@@ -228,9 +218,8 @@ Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t
   } else if (known && known->chunks == row.chunks && known->samples == row.samples) {
     hash = known->hash;
   } else {
-    const auto hashed = hashChunks(*id, row.chunks);
-    if (!hashed) return hashed.error();
-    hash = hashed->hash;
+    ASSIGN_OR_RETURN(const auto hashed, hashChunks(*id, row.chunks));
+    hash = hashed.hash;
   }
   if (textOf(hash) != request.hash() && !planted(PlantedBug::kHashNotChecked)) {
     return contradiction("the hash over the stored chunks is " + hexOf(hash) +
@@ -242,28 +231,23 @@ Result<Closed> SessionStore::close(const pb::CloseSession& request, std::int64_t
   const bool whole = !request.interrupted() && request.samples_lost() == 0;
   const auto state = whole ? pb::SESSION_COMPLETE : pb::SESSION_INTERRUPTED;
   // the schema's trigger takes the counters from session_progress into the session's row
-  if (auto done =
-          connection_.run("UPDATE sessions SET state = ?, hash = ?, closed_unix_ns = ? WHERE number = ?",
-                          static_cast<int>(state), ByteView(hash), now_unix_ns, row.number);
-      !done) {
-    return done.error();
-  }
+  RETURN_IF_ERROR(
+      connection_.run("UPDATE sessions SET state = ?, hash = ?, closed_unix_ns = ? WHERE number = ?",
+                      static_cast<int>(state), ByteView(hash), now_unix_ns, row.number));
   return Closed{Closed::Kind::kClosed, row.chunks, state, {}};
 }
 
 Status SessionStore::setClockOffset(const Uuid& session, std::int64_t offset_ns, std::int64_t round_trip_ns) {
   if (round_trip_ns <= 0) {
-    return Error{ErrorCode::kInvalidInput, "clock offset of session " + uuidText(session) +
-                                               ": round_trip_ns is " + std::to_string(round_trip_ns) +
-                                               ", allowed is above 0"};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("clock offset of session {}: round_trip_ns is {}, allowed is above 0",
+                             uuidText(session), round_trip_ns)};
   }
-  const auto found = findSession(connection_, session);
-  if (!found) return found.error();
-  if (!*found) return unknownSession(session);
+  ASSIGN_OR_RETURN(const SessionRow row, requireSession(connection_, session));
   return connection_.run(
       "UPDATE sessions SET clock_offset_ns = ?, clock_round_trip_ns = ? WHERE number = ? AND"
       " (clock_round_trip_ns IS NULL OR clock_round_trip_ns > ?)",
-      offset_ns, round_trip_ns, (*found)->number, round_trip_ns);
+      offset_ns, round_trip_ns, row.number, round_trip_ns);
 }
 
 Status SessionStore::markSafe(const Uuid& session, std::uint64_t chunks) {

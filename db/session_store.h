@@ -29,7 +29,7 @@ inline constexpr std::uint32_t kMaxWelcomed = 1000;
 /// Most rows of sessions or audit lines that are listed at once.
 inline constexpr std::uint32_t kMaxListed = 1000;
 
-/// What happened to a chunk. Only kStored and kRepeated may be acknowledged, and only after the commit.
+/// The outcome of append(). Only kStored and kRepeated may be acknowledged, and only after the commit.
 struct Appended {
   enum class Kind {
     kStored,
@@ -46,7 +46,7 @@ struct Appended {
   [[nodiscard]] bool taken() const { return kind == Kind::kStored || kind == Kind::kRepeated; }
 };
 
-/// What happened to a request to close.
+/// The outcome of close().
 struct Closed {
   enum class Kind {
     kClosed,
@@ -76,7 +76,7 @@ struct StoredChunk {
   Bytes bytes;
 };
 
-/// What is the matter with one stored chunk.
+/// A fault of one stored chunk.
 struct ChunkFault {
   std::uint64_t seq = 0;
   std::string text;  ///< names session and chunk
@@ -124,10 +124,10 @@ class SessionStore {
  public:
   explicit SessionStore(Connection& connection) : connection_(connection) {}
 
-  /// Gives the next seq: 0 for a new session. Repeating a known description is no error. Of somebody whose
-  /// data was erased since it began: it is stored under the pseudonym, and what comes of it is acknowledged
-  /// and not kept. Errors: kInvalidInput (field, value, range), kAlreadyExists (the id is known with another
-  /// description), kNotFound (no such station).
+  /// Gives the next seq: 0 for a new session. Repeating a known description is not an error. When the
+  /// trainee's data was erased since the session began, it is stored under the pseudonym, and its chunks are
+  /// acknowledged and not kept. Errors: kInvalidInput (field, value, range), kAlreadyExists (the id is known
+  /// with another description), kNotFound (no such station).
   Result<std::uint64_t> open(const pb::SessionDescription& description, std::int64_t now_unix_ns);
 
   /// Checks the chunk (CRC, sample count) and stores it when it is the next one. `station`: the session must
@@ -156,7 +156,7 @@ class SessionStore {
   Result<pb::SessionInfo> info(const Uuid& session);
   /// Newest first, without profile JSON but with score and verdict. `wanted.page` is not read; `after`: those
   /// behind this session, for the next page. At most `limit` and kMaxListed; 0 means that many.
-  /// kInvalidInput: a verdict that is none, a text to search for that is no text.
+  /// kInvalidInput: an unknown verdict, a search text that is not UTF-8.
   Result<std::vector<pb::SessionInfo>> list(const pb::ListSessions& wanted,
                                             const std::optional<Uuid>& after = {});
 

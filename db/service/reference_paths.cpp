@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "common/scoring/paths.h"
+#include "common/scoring/dtw.h"
 #include "db/service/handlers.h"
 #include "db/service/session_samples.h"
 #include "db/session_results.h"

@@ -47,7 +47,7 @@ class IngestPages : public ::testing::TestWithParam<bool> {
       EXPECT_OK(transaction);
       work(db.writer);
       EXPECT_OK(transaction->commit());
-      // everything of it is in the database behind this, so that the log begins anew
+      // everything of it is in the database behind this, so that the log begins again
       Connection::WalProgress progress;
       EXPECT_OK(db.writer.checkpointPassive(&progress));
       EXPECT_EQ(progress.pages, progress.moved);

@@ -83,7 +83,7 @@ TEST(Migrate, numbersMustBeInOrder) {
 }
 
 /// Files of every old version, as text; after the migration they must hold what the .dump beside them says.
-/// With NEEDLELAB_REGENERATE set the dumps are written anew: look at the difference before you commit it.
+/// With NEEDLELAB_REGENERATE set the dumps are written again: look at the difference before you commit it.
 TEST(Migrate, filesOfEveryOldVersionKeepTheirContent) {
   const std::filesystem::path folder = NEEDLELAB_TEST_DATA;
   for (int version = 1; version <= newestSchemaVersion(); ++version) {

@@ -1,5 +1,5 @@
-// SQLite before 3.51.3 loses data when one connection commits, and thereby begins the log anew, while another
-// is between reading the log's header and copying by it ("WAL-reset bug"). DESIGN §8: only the connection
+// SQLite before 3.51.3 loses data when one connection commits, and thereby begins the log again, while another
+// is between reading the log's header and copying by it ("WAL-reset bug"). Only the connection
 // that commits checkpoints.
 #include <atomic>
 #include <thread>

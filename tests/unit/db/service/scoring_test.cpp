@@ -6,8 +6,8 @@
 
 #include "common/gesture/chunk.h"
 #include "common/profile/profile.h"
+#include "common/scoring/dtw.h"
 #include "common/scoring/measures.h"
-#include "common/scoring/paths.h"
 #include "db/service/rescoring.h"
 #include "db/session_results.h"
 #include "tests/unit/db/service/test_service.h"
