@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "client/net/blocking_client.h"
-#include "common/wire/version.h"
+#include "common/wire/protocol.h"
 #include "db/service/bootstrap.h"
 
 namespace needlelab {

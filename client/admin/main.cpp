@@ -2,7 +2,7 @@
 
 #include "client/admin/app.h"
 #include "common/base/secret.h"
-#include "common/wire/protobuf_log.h"
+#include "common/wire/protocol.h"
 
 int main(int argc, char** argv) {
   needlelab::keepOutOfCoreDumps();

@@ -5,7 +5,7 @@
 
 #include "client/admin/command.h"
 #include "common/base/files.h"
-#include "common/scoring/score_csv.h"
+#include "common/scoring/measures.h"
 
 namespace needlelab {
 namespace {

@@ -12,7 +12,7 @@
 #include "client/net/password.h"
 #include "common/base/program.h"
 #include "common/base/secret.h"
-#include "common/wire/protobuf_log.h"
+#include "common/wire/protocol.h"
 
 namespace {
 

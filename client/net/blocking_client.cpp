@@ -4,7 +4,7 @@
 #include <optional>
 #include <utility>
 
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 
 namespace needlelab {
 namespace {

@@ -6,7 +6,7 @@
 #include <boost/asio/ip/address.hpp>
 
 #include "common/base/clock.h"
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 
 namespace needlelab {
 namespace {

@@ -10,7 +10,7 @@
 #include "common/base/result.h"
 #include "common/wire/channel.h"
 #include "common/wire/endpoint.h"
-#include "common/wire/version.h"
+#include "common/wire/protocol.h"
 #include "needlelab/envelope.pb.h"
 
 namespace needlelab {

@@ -11,7 +11,7 @@
 
 #include "client/net/spool_file.h"
 #include "common/base/uuid.h"
-#include "common/gesture/resolution.h"
+#include "common/gesture/sample.h"
 #include "common/gesture/session_hash.h"
 #include "needlelab/session.pb.h"
 

@@ -2,7 +2,7 @@
 #include "client/net/uplink.h"
 #include "client/net/uplink_call.h"
 #include "common/base/clock.h"
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 
 namespace needlelab {
 namespace {

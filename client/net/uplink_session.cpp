@@ -6,7 +6,7 @@
 #include "common/base/clock.h"
 #include "common/base/planted_bug.h"
 #include "common/gesture/chunk.h"
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 
 namespace needlelab {
 namespace {

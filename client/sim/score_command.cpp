@@ -19,8 +19,8 @@
 #include "common/gesture/sample_csv.h"
 #include "common/haptics/limits.h"
 #include "common/profile/profile.h"
+#include "common/scoring/dtw.h"
 #include "common/scoring/measures.h"
-#include "common/scoring/paths.h"
 #include "common/scoring/syringe_events.h"
 
 namespace needlelab {

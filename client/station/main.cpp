@@ -10,7 +10,7 @@
 #include "client/station/window/trainee_app.h"
 #include "common/base/program.h"
 #include "common/base/secret.h"
-#include "common/wire/protobuf_log.h"
+#include "common/wire/protocol.h"
 
 int main(int argc, char** argv) {
   needlelab::keepOutOfCoreDumps();

@@ -1,3 +1,4 @@
+
 #include "common/scoring/anatomy.h"
 
 #include <algorithm>

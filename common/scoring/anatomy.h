@@ -1,5 +1,5 @@
-/// The profile's limb, targets and hazards, placed in W, and distances to them: for scores, and for whoever
-/// shows them.
+/// The profile's limb, targets and hazards, placed in W, and distances to them: for scores and for
+/// the windows that show them.
 #pragma once
 
 #include <string>

@@ -1,5 +1,5 @@
-/// Distance between two paths by dynamic time warping: how far apart they run when each may dwell where the
-/// other does.
+/// The paths of tips that are compared, and the distance between two of them by dynamic time warping: how far
+/// apart they run when each may dwell where the other does.
 #pragma once
 
 #include <cstddef>
@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "common/gesture/sample.h"
 #include "common/haptics/geometry.h"
 
 namespace needlelab {
@@ -48,5 +49,9 @@ struct DtwAlignment {
 std::optional<DtwAlignment> dtwAlignment(std::span<const Vec3> a, std::span<const Vec3> b, std::size_t band);
 /// With the band that scores use.
 std::optional<DtwAlignment> dtwAlignment(std::span<const Vec3> a, std::span<const Vec3> b);
+
+/// The tip's path of a recording (dtw.h), from the smoothed track; empty when it was never in tissue.
+/// Stretches between long gaps follow each other. `rate_hz`, `X_WL`: as for `scoreGesture`. Thread: any.
+TipPath tipPathOf(std::span<const GestureSample> samples, double rate_hz, const Pose& X_WL);
 
 }  // namespace needlelab

@@ -1,3 +1,4 @@
+
 #include "common/scoring/lesson_watch.h"
 
 #include <algorithm>
@@ -42,10 +43,10 @@ LessonWatch& LessonWatch::operator=(LessonWatch&&) noexcept = default;
 LessonWatch::~LessonWatch() = default;
 
 void LessonWatch::add(std::span<const GestureSample> samples) {
-  for (const GestureSample& sample : samples) look(sample);
+  for (const GestureSample& sample : samples) check(sample);
 }
 
-void LessonWatch::look(const GestureSample& sample) {
+void LessonWatch::check(const GestureSample& sample) {
   const double force_N = norm({sample.force_W_N[0], sample.force_W_N[1], sample.force_W_N[2]});
   if (std::isfinite(force_N)) peak_force_N_ = std::max(peak_force_N_, force_N);
   if (sample.layer != layer_) {

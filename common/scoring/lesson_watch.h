@@ -1,5 +1,5 @@
-/// What of a gesture that is still going on somebody should look at: its greatest force, hazards that were
-/// touched, the tissue. As `scoreGesture` will say of it in the end, but as it happens.
+/// Watches a gesture while it goes on: its greatest force, the hazards that were touched, the tissue; with
+/// the definitions of `scoreGesture`.
 #pragma once
 
 #include <memory>
@@ -36,7 +36,7 @@ class LessonWatch {
 
  private:
   struct Scene;
-  void look(const GestureSample& sample);
+  void check(const GestureSample& sample);
   std::unique_ptr<Scene> scene_;
   double peak_force_N_ = 0, force_limit_N_ = 0;
   int layer_ = -1;

@@ -1,4 +1,4 @@
-/// The groups of measures, one file each, and what they all read. Private to this folder.
+/// The groups of measures and what they all read. Private to this folder.
 #pragma once
 
 #include <span>

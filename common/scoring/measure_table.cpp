@@ -1,3 +1,4 @@
+
 #include "common/scoring/measure_table.h"
 
 #include <algorithm>

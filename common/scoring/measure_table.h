@@ -12,7 +12,7 @@
 
 namespace needlelab {
 
-/// Which end of a measure a teacher would call better, other things being equal.
+/// The end of a measure that a teacher would call better, other things being equal.
 enum class Better : std::uint8_t { kLess, kMore, kNeither };
 
 /// "less", "more" or "neither".

@@ -1,14 +1,197 @@
 #include "common/scoring/measures.h"
 
+#include <algorithm>
 #include <cassert>
 #include <cmath>
 
 #include "common/haptics/limits.h"
-#include "common/scoring/groups.h"
+#include "common/scoring/measure_groups.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/syringe_events.h"
+#include "common/scoring/track.h"
 
 namespace needlelab {
+namespace {
+
+/// The longest stretch of a run from which smoothness is taken: from the first to the last moment in tissue;
+/// of gestures that never enter tissue, the whole of the longest run.
+std::vector<double> speedProfile(const Gesture& gesture, double& period_s) {
+  const Run* best = nullptr;
+  std::size_t from = 0, to = 0;
+  double longest_s = 0;
+  bool best_in_tissue = false;
+  for (const Run& run : gesture.runs) {
+    if (run.inside.empty()) continue;
+    const auto isIn = [](double share) { return share > 0; };
+    const auto first = std::find_if(run.inside.begin(), run.inside.end(), isIn);
+    const auto last = std::find_if(run.inside.rbegin(), run.inside.rend(), isIn);
+    const bool in_tissue = first != run.inside.end();
+    const auto begin = in_tissue ? static_cast<std::size_t>(first - run.inside.begin()) : 0;
+    const auto end = in_tissue ? static_cast<std::size_t>(run.inside.rend() - last) : run.inside.size();
+    const double length_s = static_cast<double>(end - begin) * run.period_s;
+    if (best == nullptr || (in_tissue && !best_in_tissue) ||
+        (in_tissue == best_in_tissue && length_s > longest_s)) {
+      best = &run, from = begin, to = end, longest_s = length_s, best_in_tissue = in_tissue;
+    }
+  }
+  std::vector<double> speeds;
+  if (best == nullptr) return speeds;
+  period_s = best->period_s;
+  for (std::size_t i = from; i <= to; ++i) speeds.push_back(norm(best->points[i].v_WT_mps));
+  return speeds;
+}
+
+/// Area that the shaft sweeps while it goes from one point of the track to the next with `length_m` of it in
+/// tissue: the shaft's points p − s·axis, s ∈ [0, length], each moved by a straight line; only the part of
+/// the movement across the shaft sweeps. Midpoint rule over 8 pieces (the integrand is the norm of a linear
+/// function of s).
+double sweptArea(const TrackPoint& a, const TrackPoint& b, double length_m) {
+  constexpr int kPieces = 8;
+  const Vec3 axis = a.axis_W + b.axis_W;
+  if (!(normSquared(axis) > 1e-12) || !(length_m > 0)) return 0;
+  const Vec3 along = normalized(axis);
+  const Vec3 tip = b.p_WT_m - a.p_WT_m, turn = b.axis_W - a.axis_W;
+  double sum = 0;
+  for (int i = 0; i < kPieces; ++i) {
+    const Vec3 moved = tip - ((i + 0.5) / kPieces * length_m) * turn;
+    sum += norm(moved - dot(moved, along) * along);
+  }
+  return sum / kPieces * length_m;
+}
+
+/// A movement begins above the first speed and ends when it stays below the second for `kActionPause_s`;
+/// shorter ways are not a movement. m and m/s, rad and rad/s.
+struct ActionLimits {
+  double begin_per_s, end_per_s, least;
+};
+constexpr ActionLimits kTranslation{3e-3, 1.5e-3, 2e-3};
+constexpr ActionLimits kRotation{0.1, 0.05, 0.05};
+constexpr double kActionPause_s = 0.1;
+/// Speeds are those of straight lines over so many points to either side: 0.1 s, over which tremor of 8-12 Hz
+/// comes back to where it was.
+constexpr std::size_t kActionReach = 5;
+
+/// Movement from point i of a run to the next, as a share of the straight line over 0.1 s around it.
+template <typename F>
+double chordStep(const Run& run, std::size_t i, const F& quantity) {
+  const std::size_t from = i < kActionReach ? 0 : i - kActionReach + 1;
+  const std::size_t to = std::min(i + kActionReach, run.inside.size());
+  return norm(quantity(run.points[to]) - quantity(run.points[from])) / static_cast<double>(to - from);
+}
+
+/// Counts movements in steps of equal time.
+class ActionCounter {
+ public:
+  explicit ActionCounter(const ActionLimits& limits) : limits_(limits) {}
+
+  void add(double step, double period_s) {
+    const double speed = step / period_s;
+    if (!moving_ && speed > limits_.begin_per_s) {
+      moving_ = true;
+      way_ = slow_s_ = 0;
+    }
+    if (!moving_) return;
+    way_ += step;
+    slow_s_ = speed < limits_.end_per_s ? slow_s_ + period_s : 0;
+    if (slow_s_ >= kActionPause_s * (1 - 1e-9)) finish();
+  }
+  /// The end of a run.
+  void finish() {
+    if (moving_ && way_ >= limits_.least) ++count_;
+    moving_ = false;
+  }
+  [[nodiscard]] int count() const { return count_; }
+
+ private:
+  const ActionLimits limits_;
+  bool moving_ = false;
+  double way_ = 0, slow_s_ = 0;
+  int count_ = 0;
+};
+
+}  // namespace
+
+/// - `elapsed_s`: last tick less first tick.
+/// - `path_length_m`: sum of the tip's steps on the track. `path_in_tissue_m`: each step times the share of
+/// its time in
+///   tissue. `time_in_tissue_s`: that share summed.
+/// - `mean_speed_m_s`: path over the time of the runs. `peak_speed_m_s`: greatest central difference on the
+/// track.
+/// - `tissue_damage_m2`: area swept by the shaft inside tissue; straight in and out sweeps none.
+/// - `sparc`, `ldlj`: of the tip's speed from the first entry to the last exit (track.h).
+void addMotion(const Gesture& gesture, Rows& rows) {
+  double path_m = 0, path_in_m = 0, time_s = 0, time_in_s = 0, peak_mps = 0, area_m2 = 0;
+  for (const Run& run : gesture.runs) {
+    for (const TrackPoint& point : run.points) peak_mps = std::max(peak_mps, norm(point.v_WT_mps));
+    for (std::size_t i = 0; i < run.inside.size(); ++i) {
+      const TrackPoint &a = run.points[i], &b = run.points[i + 1];
+      const double step_m = norm(b.p_WT_m - a.p_WT_m);
+      path_m += step_m;
+      path_in_m += step_m * run.inside[i];
+      time_s += run.period_s;
+      time_in_s += run.period_s * run.inside[i];
+      area_m2 += run.inside[i] * sweptArea(a, b, 0.5 * (a.insertion_m + b.insertion_m));
+    }
+  }
+  const auto& samples = gesture.samples;
+  const double elapsed_s =
+      samples.empty() ? 0 : secondsBetween(samples.front(), samples.back(), gesture.rate_hz);
+  rows.add("elapsed_s", elapsed_s);
+  rows.add("path_length_m", path_m);
+  rows.add("time_in_tissue_s", time_in_s);
+  rows.add("path_in_tissue_m", path_in_m);
+  rows.add("mean_speed_m_s", time_s > 0 ? path_m / time_s : 0);
+  rows.add("peak_speed_m_s", peak_mps);
+  rows.add("tissue_damage_m2", area_m2);
+
+  double period_s = 0;
+  const std::vector<double> speeds = speedProfile(gesture, period_s);
+  if (!(period_s > 0)) return;
+  if (const auto value = sparc(speeds, 1 / period_s)) rows.add("sparc", *value);
+  if (const auto value = ldlj(speeds, 1 / period_s)) rows.add("ldlj", *value);
+}
+
+/// - `translational_actions`, `rotational_actions`: movements of the tip and turns of the axis, counted on
+/// the track, in tissue and outside.
+/// - `clamping_work_j`: Σ max(0, −F·Δp) over the track's steps in tissue, F the force on the hand averaged
+/// over the step and Δp the tip's movement, both across the needle's axis: the forces along it (cutting,
+/// friction, puncture) have no part in it.
+void addActions(const Gesture& gesture, Rows& rows) {
+  ActionCounter moves(kTranslation), turns(kRotation);
+  double work_J = 0;
+  for (const Run& run : gesture.runs) {
+    for (std::size_t i = 0; i < run.inside.size(); ++i) {
+      const TrackPoint &a = run.points[i], &b = run.points[i + 1];
+      const Vec3 step_m = b.p_WT_m - a.p_WT_m;
+      moves.add(chordStep(run, i, [](const TrackPoint& p) { return p.p_WT_m; }), run.period_s);
+      turns.add(chordStep(run, i, [](const TrackPoint& p) { return p.axis_W; }), run.period_s);
+      const Vec3 sum = a.axis_W + b.axis_W;
+      if (!(run.inside[i] > 0) || !(normSquared(sum) > 1e-12)) continue;
+      const Vec3 axis = normalized(sum);
+      const auto across = [&](Vec3 v) { return v - dot(v, axis) * axis; };
+      work_J += run.inside[i] * std::max(0.0, -dot(across(run.force_W_N[i]), across(step_m)));
+    }
+    moves.finish();
+    turns.finish();
+  }
+  rows.add("translational_actions", moves.count());
+  rows.add("rotational_actions", turns.count());
+  rows.add("clamping_work_j", work_J);
+}
+
+/// - `dtw_distance_m`: of the path (dtw.h) from the nearest of the references; where there are any, and the
+/// tip was in tissue.
+void addReferences(const Gesture& gesture, const Pose& X_WL, std::span<const TipPath> references,
+                   Rows& rows) {
+  if (references.empty()) return;
+  const TipPath path = tipPathOf(gesture, X_WL);
+  std::optional<double> nearest;
+  for (const TipPath& reference : references) {
+    const auto distance = dtwDistance(path, reference);
+    if (distance && (!nearest || *distance < *nearest)) nearest = distance;
+  }
+  if (nearest) rows.add("dtw_distance_m", *nearest);
+}
 
 void Rows::add(std::string name, double value, std::string words) {
   const MeasureKind* const kind = measureKind(name);

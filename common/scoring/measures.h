@@ -1,4 +1,4 @@
-/// Measures of a gesture, from its recording alone (DESIGN §11): pure functions, no files, no clock.
+/// Measures of a gesture, from its recording alone (README.md): pure functions, no files, no clock.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +25,7 @@ inline constexpr std::uint32_t kScoreDefinitionVersion = 2;
 
 /// One row of a score.
 struct Measure {
-  std::string name;           ///< as in §11, e.g. "peak_force_n"
+  std::string name;           ///< e.g. "peak_force_n"
   double value = 0;           ///< always finite
   std::string unit;           ///< "m", "s", "N", "m/s", "m^2", or "" for counts and shares
   std::optional<double> min;  ///< the exercise's requirement, where it has one
@@ -39,8 +39,8 @@ struct Measure {
 /// All measures of a gesture, in a fixed order. A measure that does not apply is left out: of layers and
 /// targets that the profile does not have, of tissue that was never entered, smoothness without movement.
 ///
-/// Definitions stand beside the code of each group: motion.cpp, actions.cpp, paths.cpp, tissue.cpp, aim.cpp,
-/// syringe.cpp, smoothness.h. What they share:
+/// Definitions stand beside the code of each group (measures.cpp, measures_in_tissue.cpp) and in track.h,
+/// dtw.h and syringe_events.h. What they share:
 /// - Lengths of paths, speeds, swept area and smoothness come from positions averaged to 100 Hz and
 /// low-passed to 6 Hz
 ///   (track.h), so that they do not depend on the loop's rate. Depths, distances and forces come from the
@@ -54,7 +54,7 @@ struct Measure {
 /// `rate_hz`: of the loop; outside 50-40,000 there is no score. `X_WL`: where the profile's frame stood in W.
 /// `exercise`: its requirements (and its time limit, as one on `elapsed_s`) fill min, max, passed; one on a
 /// measure that this gesture does not have makes a row that did not pass and says why. `references`: paths of
-/// gestures to compare with (paths.h); without any there is no `dtw_distance_m`. Thread: any; nothing is
+/// gestures to compare with (dtw.h); without any there is no `dtw_distance_m`. Thread: any; nothing is
 /// shared.
 std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double rate_hz,
                                   const pb::Profile& profile, const Pose& X_WL,
@@ -73,5 +73,23 @@ std::string scoreJson(std::span<const Measure> measures);
 Result<std::vector<Measure>> parseScore(const std::string& json);
 /// A table for a terminal: aligned columns, the words last, requirements marked.
 std::string scoreText(std::span<const Measure> measures);
+
+/// What stands beside the measures of one score.
+struct ScoreCsvAttempt {
+  std::string session, trainee, exercise;  ///< ids; the session's as text
+  std::uint32_t attempt = 0;               ///< number at that exercise, from 1
+  std::int64_t started_unix_ns = 0;
+  std::uint32_t definition_version = 0;
+};
+
+/// `session,trainee,exercise,attempt,started_unix_ns,definition_version,measure,value,unit,better,min,max,passed`
+/// and a line feed. Stable: columns are only added at the end.
+void appendScoreCsvHeader(std::string& out);
+
+/// A row a measure, in the score's order: values with 17 significant digits, empty where nothing was
+/// measured; min, max and passed (1 or 0) empty where nothing was required. Texts that begin like a formula
+/// of a spreadsheet (= + - @) get a ' in front; those with commas, quotes or line feeds stand in quotes.
+/// Errors: kCorrupt, `measures_json` is not a score; nothing was appended.
+Status appendScoreCsvRows(std::string& out, const ScoreCsvAttempt& attempt, const std::string& measures_json);
 
 }  // namespace needlelab

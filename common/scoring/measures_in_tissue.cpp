@@ -1,9 +1,15 @@
+// Measures of what the needle did in tissue: depth and forces, targets and hazards, the syringe.
+#include <fmt/core.h>
+
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/sim_state.h"
-#include "common/scoring/groups.h"
+#include "common/scoring/measure_groups.h"
+#include "common/scoring/syringe_events.h"
 
 namespace needlelab {
 namespace {
@@ -28,7 +34,7 @@ Vec3 tipOf(const GestureSample& s) {
   return {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]};
 }
 
-/// What the needle did, as counts.
+/// Entries, withdrawals and turns of a gesture.
 struct Counts {
   int entries = 0, withdrawals = 0, turns = 0;
 };
@@ -102,6 +108,62 @@ double inefficiencyOf(const Gesture& gesture) {
   return std::max(1.0, way_m / straight_m);
 }
 
+/// The shaft's point at the skin: back from the tip by the inserted length, along the needle.
+Vec3 skinPointOf(const GestureSample& s) {
+  const Vec3 axis = zAxis(normalized(Quat{s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]}));
+  return tipOf(s) - s.insertion_m * axis;
+}
+
+/// Distance of the tip from the nearest target's centre, and whether it is in that target.
+struct Aim {
+  double distance_m = std::numeric_limits<double>::infinity();
+  bool reached = false;
+};
+
+Aim aimOf(const Anatomy& anatomy, Vec3 tip_W_m) {
+  Aim aim;
+  for (const Region& target : anatomy.targets) {
+    const double distance_m = norm(tip_W_m - target.a_W_m);
+    aim.distance_m = std::min(aim.distance_m, distance_m);
+    aim.reached = aim.reached || distance_m <= target.radius_m;
+  }
+  return aim;
+}
+
+/// The furthest point of the last insertion: where the needle was taken to, before it was drawn out. False:
+/// never in tissue.
+bool finalPoint(const Gesture& gesture, std::size_t& index) {
+  bool found = false, was_inside = false;
+  for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
+    const bool inside = isInside(gesture.samples[i]);
+    if (inside && (!was_inside || gesture.samples[i].insertion_m >= gesture.samples[index].insertion_m)) {
+      index = i;
+      found = true;
+    }
+    was_inside = inside;
+  }
+  return found;
+}
+
+void addTargets(const Gesture& gesture, Rows& rows) {
+  double nearest_m = std::numeric_limits<double>::infinity(), time_s = 0;
+  bool reached = false;
+  for (std::size_t i = 0; i < gesture.samples.size(); ++i) {
+    if (!isInside(gesture.samples[i])) continue;
+    const Aim aim = aimOf(gesture.anatomy, tipOf(gesture.samples[i]));
+    nearest_m = std::min(nearest_m, aim.distance_m);
+    if (!aim.reached) continue;
+    reached = true;
+    time_s += gesture.weight_s(i);
+  }
+  rows.add("target_reached", reached ? 1 : 0);
+  rows.add("time_at_target_s", time_s);
+  std::size_t last = 0;
+  if (!finalPoint(gesture, last)) return;
+  rows.add("target_distance_m", aimOf(gesture.anatomy, tipOf(gesture.samples[last])).distance_m);
+  rows.add("target_nearest_m", nearest_m);
+}
+
 }  // namespace
 
 double Gesture::weight_s(std::size_t i) const {
@@ -159,14 +221,14 @@ void addTissue(const Gesture& gesture, Rows& rows) {
   rows.add("mean_force_in_tissue_n", time_s > 0 ? impulse_Ns / time_s : 0);
   for (std::size_t i = 0; i < layer_peaks.size(); ++i) {
     const auto& tissue = pb::Layer::Tissue_Name(gesture.profile->layers(static_cast<int>(i)).tissue());
-    rows.add("peak_force_layer_" + std::to_string(i + 1) + "_n", layer_peaks[i],
-             "Peak force in layer " + std::to_string(i + 1) + " (" + tissue + ")");
+    rows.add(fmt::format("peak_force_layer_{}_n", i + 1), layer_peaks[i],
+             fmt::format("Peak force in layer {} ({})", i + 1, tissue));
   }
   for (std::size_t i = 0; i < layer_peaks.size(); ++i) {
     if (!(layer_times[i] > 0)) continue;
     const auto& tissue = pb::Layer::Tissue_Name(gesture.profile->layers(static_cast<int>(i)).tissue());
-    rows.add("mean_force_layer_" + std::to_string(i + 1) + "_n", layer_impulses[i] / layer_times[i],
-             "Mean force in layer " + std::to_string(i + 1) + " (" + tissue + ")");
+    rows.add(fmt::format("mean_force_layer_{}_n", i + 1), layer_impulses[i] / layer_times[i],
+             fmt::format("Mean force in layer {} ({})", i + 1, tissue));
   }
   rows.add("largest_lateral_error_m", lateral_m);
   const Counts counts = countEvents(gesture);
@@ -175,6 +237,69 @@ void addTissue(const Gesture& gesture, Rows& rows) {
   rows.add("trajectory_changes", counts.turns);
   const double inefficiency = inefficiencyOf(gesture);
   if (inefficiency > 0) rows.add("path_inefficiency", inefficiency);
+}
+
+/// Counted while the tip is in tissue.
+/// - `target_reached` (1 or 0): the tip was within a target's radius of its centre. `time_at_target_s`: for
+/// how long in all.
+/// - `target_distance_m`: of the tip from the nearest target's centre at the furthest point of the last
+/// insertion;
+///   `target_nearest_m`: the least at any time.
+/// - `hazards_touched`: how many hazards the tip or the shaft in tissue (straight back along the needle) came
+/// to.
+void addAim(const Gesture& gesture, Rows& rows) {
+  const std::vector<Region>& hazards = gesture.anatomy.hazards;
+  std::vector<bool> touched(hazards.size(), false);
+  for (const GestureSample& sample : gesture.samples) {
+    if (!isInside(sample)) continue;
+    const Vec3 tip = tipOf(sample), skin = skinPointOf(sample);
+    for (std::size_t h = 0; h < hazards.size(); ++h) {
+      if (!touched[h] && distanceTo(hazards[h], tip, skin) <= 0) touched[h] = true;
+    }
+  }
+  std::string names;
+  for (std::size_t h = 0; h < hazards.size(); ++h) {
+    if (touched[h]) names += (names.empty() ? " (" : ", ") + hazards[h].name;
+  }
+  rows.add("hazards_touched", static_cast<double>(std::count(touched.begin(), touched.end(), true)),
+           "Hazards touched" + (names.empty() ? names : names + ")"));
+  if (!gesture.anatomy.targets.empty()) addTargets(gesture, rows);
+}
+
+/// - `aspirations`, `injections`: strokes of the plunger (syringe_events.h). `injected_share`: how much of
+/// the
+///   syringe was pressed out, all injections together, in or outside tissue; above 1 when it was drawn up and
+///   pressed again.
+/// - `injected_in_target_share`: the part of that which left the needle's opening in a target; only where
+///   something was injected and there is a target.
+/// - `aspirated_before_injection` (1 or 0): an aspiration that began in tissue came before the first
+/// injection
+///   that had a part in tissue; only where there was such an injection.
+void addSyringe(const Gesture& gesture, std::span<const pb::SyringeEvent> events, Rows& rows) {
+  int aspirations = 0, injections = 0;
+  double injected = 0, in_target = 0;
+  bool aspirated = false, injected_in_tissue = false, was_aspirated = false;
+  for (const pb::SyringeEvent& event : events) {
+    if (event.kind() == pb::SyringeEvent::ASPIRATION) {
+      ++aspirations;
+      aspirated = aspirated || event.begin().in_tissue();
+      continue;
+    }
+    ++injections;
+    const double stroke = event.plunger_to() - event.plunger_from();
+    injected += stroke;
+    in_target += stroke * event.in_target_share();
+    if (!injected_in_tissue && event.in_tissue_share() > 0) {
+      injected_in_tissue = true;
+      was_aspirated = aspirated;
+    }
+  }
+  rows.add("aspirations", aspirations);
+  rows.add("injections", injections);
+  rows.add("injected_share", injected);
+  if (injections > 0 && !gesture.anatomy.targets.empty())
+    rows.add("injected_in_target_share", injected > 0 ? std::min(1.0, in_target / injected) : 0);
+  if (injected_in_tissue) rows.add("aspirated_before_injection", was_aspirated ? 1 : 0);
 }
 
 }  // namespace needlelab

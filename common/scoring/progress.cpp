@@ -1,4 +1,7 @@
+
 #include "common/scoring/progress.h"
+
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
@@ -8,7 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
-#include "common/scoring/groups.h"
+#include "common/scoring/measure_groups.h"
 #include "common/scoring/measure_table.h"
 
 namespace needlelab {
@@ -86,11 +89,9 @@ LineFit fitCurve(std::span<const double> y, double attempts) {
 
 std::string trendWords(const MeasureProgress& row) {
   if (!row.trend)
-    return "too few attempts for a trend, which needs " + std::to_string(kLeastForTrend) +
-           " with this measure";
-  std::array<char, 32> p{};
-  std::snprintf(p.data(), p.size(), row.trend->p < 0.001 ? "p < 0.001" : "p = %.3f", row.trend->p);
-  if (row.trend->p > 0.05) return "no trend that chance would not often make (" + std::string(p.data()) + ")";
+    return fmt::format("too few attempts for a trend, which needs {} with this measure", kLeastForTrend);
+  const std::string p = row.trend->p < 0.001 ? "p < 0.001" : fmt::format("p = {:.3f}", row.trend->p);
+  if (row.trend->p > 0.05) return "no trend that chance would not often make (" + p + ")";
   const bool rises = row.trend->tau > 0;
   const Better better = betterOf(row.name);
   const char* const verdict = better == Better::kNeither           ? "neither is better"
@@ -134,7 +135,7 @@ std::optional<LearningCurve> learningCurveOf(std::span<const double> values, std
     return std::optional<LearningCurve>();
   };
   if (values.size() < kLeastForCurve)
-    return none("a learning curve needs " + std::to_string(kLeastForCurve) + " attempts");
+    return none(fmt::format("a learning curve needs {} attempts", kLeastForCurve));
   if (!std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); }))
     return none("not every attempt has a finite value");
   const double n = static_cast<double>(values.size());

@@ -1,4 +1,7 @@
+
 #include "common/scoring/reference.h"
+
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
@@ -6,7 +9,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "common/scoring/groups.h"
+#include "common/scoring/measure_groups.h"
 
 namespace needlelab {
 namespace {
@@ -27,9 +30,7 @@ std::pair<std::ptrdiff_t, std::size_t> orderOf(const std::string& name) {
 }
 
 std::string oneDigit(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.1f", value);
-  return text.data();
+  return fmt::format("{:.1f}", value);
 }
 
 std::string outside(const Comparison& row, bool above) {
@@ -52,8 +53,7 @@ Standing outsideStanding(const std::string& name, bool above) {
 
 void judge(Comparison& row, const std::string& words) {
   const ReferenceBand& band = row.band;
-  const std::string group =
-      std::to_string(band.n) + (band.n == 1 ? " reference gesture" : " reference gestures");
+  const std::string group = fmt::format("{} reference gesture{}", band.n, band.n == 1 ? "" : "s");
   const auto text = [&](double value) { return valueText(value, row.unit); };
   row.words = words + " " + text(row.value);
   if (band.n < kLeastForZScore) {
@@ -61,11 +61,11 @@ void judge(Comparison& row, const std::string& words) {
     row.words += band.n == 1
                      ? ": the only reference gesture has " + text(band.mean)
                      : ": the " + group + " lie between " + text(band.least) + " and " + text(band.greatest);
-    row.words += "; too few for a z-score, which needs " + std::to_string(kLeastForZScore);
+    row.words += fmt::format("; too few for a z-score, which needs {}", kLeastForZScore);
     return;
   }
   const bool above = row.value > band.mean;
-  // what rounding alone leaves between equal values is no spread
+  // differences that rounding alone leaves between equal values are not a spread
   if (band.sd <= 1e-12 * std::max(1.0, std::abs(band.mean))) {
     const bool same = std::abs(row.value - band.mean) <= 1e-12 * std::max(1.0, std::abs(band.mean));
     row.standing = same ? Standing::kLikeReference : outsideStanding(row.name, above);

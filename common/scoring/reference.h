@@ -1,4 +1,4 @@
-/// What experts reach, and how one gesture stands beside them.
+/// Bands of expert gestures, and how one gesture compares with them.
 ///
 /// A few experts are a small sample, and this says so: below `kLeastForZScore` gestures there is no z-score
 /// and no percentile, only the range. "Like the experts" means within the 95 % prediction interval of one

@@ -1,7 +1,16 @@
+// What a score says: the exercise's requirements, JSON, a table for a terminal, CSV.
+#include <fmt/core.h>
+
 #include <algorithm>
+#include <array>
+#include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "common/base/csv.h"
 #include "common/base/range.h"
+#include "common/haptics/limits.h"
+#include "common/scoring/measure_groups.h"
+#include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
 
 namespace needlelab {
@@ -11,6 +20,76 @@ namespace {
 std::size_t widthOf(const std::string& text) {
   return static_cast<std::size_t>(std::count_if(
       text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
+}
+
+/// "3.2", "0.05", "120": three significant digits, no exponent for the sizes that occur, no zeros at the end.
+std::string threeDigits(double value) {
+  const double size = std::abs(value);
+  const int decimals = size >= 100 || size == 0 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3;
+  if (size > 1e9) return fmt::format("{:.3g}", value);
+  std::string digits = fmt::format("{:.{}f}", value, decimals);
+  if (digits.find('.') == std::string::npos) return digits;
+  digits.erase(digits.find_last_not_of('0') + 1);
+  if (digits.back() == '.') digits.pop_back();
+  return digits == "-0" ? "0" : digits;
+}
+
+/// "Peak force 3.2 N", or a plain statement where a number would be odd.
+std::string statement(const Measure& row) {
+  if (row.name == "target_reached") return row.value > 0 ? "Target reached" : "Target not reached";
+  if (row.name == "aspirated_before_injection")
+    return row.value > 0 ? "Aspirated before the injection" : "Not aspirated before the injection";
+  return row.words + " " + valueText(row.value, row.unit);
+}
+
+std::string verdict(const Measure& row) {
+  if (row.name == "aspirated_before_injection")
+    return *row.passed ? "" : row.value > 0 ? ": it was not to be done" : ": it had to be";
+  if (row.name == "target_reached")
+    return *row.passed ? "" : row.value > 0 ? ": it was to be left alone" : ": it had to be";
+  const auto text = [&](double value) { return valueText(value, row.unit); };
+  // where rounding hides the difference, say that there is one
+  const auto just = [&](double limit) { return text(limit) == text(row.value) ? "just " : ""; };
+  if (row.min && row.value < *row.min) {
+    return std::string(": ") + just(*row.min) + "below the " + text(*row.min) + " asked for";
+  }
+  if (row.max && row.value > *row.max) {
+    return std::string(": ") + just(*row.max) + "above the " + text(*row.max) + " allowed";
+  }
+  if (row.min && row.max) return ": within " + text(*row.min) + " to " + text(*row.max);
+  return row.max ? ": within the " + text(*row.max) + " allowed"
+                 : ": at least the " + text(*row.min) + " asked for";
+}
+
+/// Narrows a row's requirement; several on the same measure all hold.
+void require(Measure& row, std::optional<double> min, std::optional<double> max) {
+  if (min) row.min = row.min ? std::max(*row.min, *min) : *min;
+  if (max) row.max = row.max ? std::min(*row.max, *max) : *max;
+}
+
+void require(std::vector<Measure>& measures, const std::string& name, std::optional<double> min,
+             std::optional<double> max) {
+  auto row = std::find_if(measures.begin(), measures.end(), [&](const Measure& m) { return m.name == name; });
+  if (row == measures.end()) {
+    Measure missing;
+    missing.name = name;
+    missing.measured = false;
+    row = measures.insert(measures.end(), missing);
+  }
+  require(*row, min, max);
+}
+
+void appendScoreCsvText(std::string& out, std::string_view text) {
+  const bool formula =
+      !text.empty() && std::string_view("=+-@\t\r").find(text.front()) != std::string_view::npos;
+  const bool quoted = text.find_first_of(",\"\n\r") != std::string_view::npos;
+  if (quoted) out += '"';
+  if (formula) out += '\'';
+  for (const char c : text) {
+    if (c == '"') out += '"';
+    out += c;
+  }
+  if (quoted) out += '"';
 }
 
 }  // namespace
@@ -70,9 +149,8 @@ std::string scoreText(std::span<const Measure> measures) {
 
   std::size_t name_width = 0, value_width = 0;
   const auto valueOf = [](const Measure& m) {
-    std::array<char, 32> text{};
-    std::snprintf(text.data(), text.size(), "%.6g", m.value);
-    return m.measured ? std::string(text.data()) + (m.unit.empty() ? "" : " " + m.unit) : std::string("-");
+    if (!m.measured) return std::string("-");
+    return fmt::format("{:.6g}{}{}", m.value, m.unit.empty() ? "" : " ", m.unit);
   };
   for (const Measure* measure : order) {
     name_width = std::max(name_width, measure->name.size());
@@ -89,6 +167,87 @@ std::string scoreText(std::span<const Measure> measures) {
             std::string(value_width - widthOf(value), ' ') + value + "  " + measure.words + "\n";
   }
   return text;
+}
+
+std::string valueText(double value, const std::string& unit) {
+  const double size = std::abs(value);
+  if (unit == "m") return size < 1 ? threeDigits(value * 1e3) + " mm" : threeDigits(value) + " m";
+  if (unit == "m/s") return size < 1 ? threeDigits(value * 1e3) + " mm/s" : threeDigits(value) + " m/s";
+  if (unit == "J") return size < 1 ? threeDigits(value * 1e3) + " mJ" : threeDigits(value) + " J";
+  if (unit == "m^2") return threeDigits(value * 1e4) + " cm²";
+  return unit.empty() ? threeDigits(value) : threeDigits(value) + " " + unit;
+}
+
+void applyRequirements(const pb::Exercise* exercise, std::vector<Measure>& measures) {
+  if (exercise != nullptr) {
+    if (exercise->has_time_limit_s()) require(measures, "elapsed_s", {}, exercise->time_limit_s());
+    for (const auto& r : exercise->requirements()) {
+      require(measures, r.measure(), r.has_min() ? std::optional(r.min()) : std::nullopt,
+              r.has_max() ? std::optional(r.max()) : std::nullopt);
+    }
+  }
+  for (Measure& row : measures) {
+    const bool is_required = row.min || row.max;
+    if (!row.measured) {
+      row.passed = false;
+      row.words = isMeasureName(row.name) ? row.name + " could not be measured in this gesture"
+                                          : row.name + " is no measure that this program knows";
+      continue;
+    }
+    if (is_required) row.passed = (!row.min || row.value >= *row.min) && (!row.max || row.value <= *row.max);
+    row.words = statement(row) + (is_required ? verdict(row) : "");
+  }
+}
+
+bool isMeasureName(std::string_view name) {
+  return measureKind(name) != nullptr;
+}
+
+Status checkRequirements(const pb::Exercise& exercise) {
+  for (int i = 0; i < exercise.requirements_size(); ++i) {
+    if (isMeasureName(exercise.requirements(i).measure())) continue;
+    std::string known;
+    for (const MeasureKind& kind : measureKinds())
+      known += (known.empty() ? "" : ", ") + std::string(kind.name);
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("requirements[{}].measure: \"{}\" is none of {} (K: a layer, 1 to {})", i,
+                             exercise.requirements(i).measure(), known, kMaxLayers)};
+  }
+  return {};
+}
+
+void appendScoreCsvHeader(std::string& out) {
+  out +=
+      "session,trainee,exercise,attempt,started_unix_ns,definition_version,measure,value,unit,better,min,max,"
+      "passed\n";
+}
+
+Status appendScoreCsvRows(std::string& out, const ScoreCsvAttempt& attempt,
+                          const std::string& measures_json) {
+  ASSIGN_OR_RETURN(const auto measures, parseScore(measures_json));
+  std::string beginning;
+  for (const std::string* const text : {&attempt.session, &attempt.trainee, &attempt.exercise}) {
+    appendScoreCsvText(beginning, *text);
+    beginning += ',';
+  }
+  beginning += fmt::format("{},{},{},", attempt.attempt, attempt.started_unix_ns, attempt.definition_version);
+  const auto number = [&](bool is_there, double value) {
+    out += ',';
+    if (is_there) appendNumber(out, value);
+  };
+  for (const Measure& row : measures) {
+    out += beginning;
+    appendScoreCsvText(out, row.name);
+    number(row.measured, row.value);
+    out += ',';
+    appendScoreCsvText(out, row.unit);
+    out += ',';
+    out += betterName(betterOf(row.name));
+    number(row.min.has_value(), row.min.value_or(0));
+    number(row.max.has_value(), row.max.value_or(0));
+    out += row.passed ? (*row.passed ? ",1\n" : ",0\n") : ",\n";
+  }
+  return {};
 }
 
 }  // namespace needlelab

@@ -1,19 +1,33 @@
 #include "common/scoring/syringe_events.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "common/haptics/limits.h"
 #include "common/haptics/scene_model.h"
 #include "common/profile/needle.h"
 #include "common/scoring/anatomy.h"
-#include "common/scoring/strokes.h"
+#include "common/scoring/measure_groups.h"
 #include "common/scoring/track.h"
 
 namespace needlelab {
 namespace {
 
-/// What places are told by.
+/// A movement in one direction, from sample `first` to sample `last` (indices).
+struct Stroke {
+  std::size_t first = 0, last = 0;
+  double from = 0, to = 0;  ///< plunger at its ends, averaged over 10 ms
+};
+
+/// Whether the plunger of a sample can be used: `cleaned` does not look at it.
+bool hasPlunger(const GestureSample& sample) {
+  return sample.plunger >= -0.01 && sample.plunger <= 1.01;
+}
+
+/// The profile as far as places need it.
 struct Surroundings {
   Anatomy anatomy;
   std::vector<double> layer_end_m;  // under the surface; the last layer has no end
@@ -115,6 +129,193 @@ void addShares(const Surroundings& around, std::span<const GestureSample> sample
     if (met[h]) event.add_hazards(around.anatomy.hazards[h].name);
 }
 
+constexpr double kBin_s = 0.01;
+
+/// The plunger over 10 ms. Bins without samples do not exist.
+struct Bin {
+  std::size_t first = 0, last = 0;  // samples
+  double begin_s = 0, end_s = 0;    // of these samples
+  double plunger = 0;
+};
+
+std::vector<Bin> binsOf(std::span<const GestureSample> samples, double rate_hz) {
+  std::vector<Bin> bins;
+  double sum = 0;
+  std::int64_t number = -1;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    if (!hasPlunger(samples[i])) continue;
+    const double t = secondsBetween(samples.front(), samples[i], rate_hz);
+    // a little on, so that a tick on a bin's edge is not moved by rounding
+    const auto of = static_cast<std::int64_t>(std::floor(t / kBin_s + 1e-6));
+    if (of != number) {
+      number = of;
+      bins.push_back({i, i, t, t, 0});
+      sum = 0;
+    }
+    Bin& bin = bins.back();
+    sum += samples[i].plunger;
+    bin.last = i;
+    bin.end_s = t;
+    bin.plunger = sum / static_cast<double>(bin.last - bin.first + 1);
+  }
+  return bins;
+}
+
+/// A stroke in bins.
+struct Move {
+  std::size_t first = 0, last = 0;
+  double from = 0, to = 0;
+};
+
+double signOf(double value) {
+  return value < 0 ? -1 : 1;
+}
+
+/// Follows the plunger from bin to bin: at rest about a level, or moving in one direction.
+class Follower {
+ public:
+  explicit Follower(const std::vector<Bin>& bins) : bins_(bins) { rest(0); }
+
+  std::vector<Move> run() {
+    for (std::size_t i = 1; i < bins_.size(); ++i) {
+      if (moving_)
+        goOn(i);
+      else if (std::abs(bins_[i].plunger - from_) > kBand)
+        start(began_, from_, i);
+    }
+    if (moving_) finish();
+    return std::move(moves_);
+  }
+
+ private:
+  void rest(std::size_t i) {
+    moving_ = false;
+    began_ = i;
+    from_ = bins_[i].plunger;
+  }
+
+  void start(std::size_t first, double from, std::size_t i) {
+    moving_ = true;
+    began_ = first;
+    from_ = from;
+    extreme_ = marked_ = bins_[i].plunger;
+    at_ = marked_at_ = i;
+    sign_ = signOf(extreme_ - from);
+  }
+
+  void goOn(std::size_t i) {
+    const double now = bins_[i].plunger;
+    if (sign_ * (now - extreme_) > 0) {
+      extreme_ = now;
+      at_ = i;
+    }
+    if (sign_ * (now - marked_) >= kBand) {
+      marked_ = now;
+      marked_at_ = i;
+    }
+    if (sign_ * (extreme_ - now) >= kTurnBack) {
+      // it turned: the next movement begins at the turning point
+      const std::size_t turn = at_;
+      const double level = extreme_;
+      finish();
+      start(turn, level, i);
+    } else if (marked_at_ != i && bins_[i].begin_s - bins_[marked_at_].end_s >= kPause_s) {
+      finish();
+      rest(i);
+    }
+  }
+
+  void finish() { moves_.push_back({began_, at_, from_, extreme_}); }
+
+  const std::vector<Bin>& bins_;
+  std::vector<Move> moves_;
+  bool moving_ = false;
+  std::size_t began_ = 0;  // of the movement: the bin at its start; of a rest: its first bin
+  double from_ = 0;        // where the movement began; of a rest: its level
+  double sign_ = 1;
+  double extreme_ = 0, marked_ = 0;  // furthest so far; the level of the last progress by a band
+  std::size_t at_ = 0, marked_at_ = 0;
+};
+
+/// The stroke's own time: from the last bin at the one end to the first bin at the other. `move` begins with
+/// the rest before it.
+void trim(const std::vector<Bin>& bins, Move& move) {
+  const double sign = signOf(move.to - move.from), slack = 0.5 * kBand;
+  std::size_t end = move.first;
+  while (end < move.last && sign * (move.to - bins[end].plunger) > slack) ++end;
+  std::size_t begin = end;
+  while (begin > move.first && sign * (bins[begin].plunger - move.from) > slack) --begin;
+  move.first = begin;
+  move.last = end;
+}
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kSamePlace_m = 0.0005;
+
+/// "21 mm deep in BURSA, 0.4 mm inside subacromial bursa"
+std::string placeText(const pb::SyringePlace& place) {
+  if (!place.in_tissue()) return "outside the tissue";
+  std::string text = valueText(place.depth_m(), "m") + " deep";
+  if (!place.tissue().empty()) text += " in " + place.tissue();
+  if (!place.target().empty())
+    text += ", " + valueText(std::abs(place.target_distance_m()), "m") +
+            (place.target_distance_m() <= 0 ? " inside " : " from ") + place.target();
+  return text;
+}
+
+bool isSamePlace(const pb::SyringePlace& a, const pb::SyringePlace& b) {
+  return a.in_tissue() == b.in_tissue() && a.layer() == b.layer() &&
+         norm(Vec3{a.x_m() - b.x_m(), a.y_m() - b.y_m(), a.z_m() - b.z_m()}) <= kSamePlace_m;
+}
+
+Json textOrNull(const std::string& text) {
+  return text.empty() ? Json() : Json(text);
+}
+
+Json placeJson(const pb::SyringePlace& place) {
+  return {{"x_m", place.x_m()},
+          {"y_m", place.y_m()},
+          {"z_m", place.z_m()},
+          {"in_tissue", place.in_tissue()},
+          {"layer", place.layer()},
+          {"tissue", textOrNull(place.tissue())},
+          {"depth_m", place.depth_m()},
+          {"insertion_m", place.insertion_m()},
+          {"target", textOrNull(place.target())},
+          {"target_distance_m", place.target().empty() ? Json() : Json(place.target_distance_m())},
+          {"hazard", textOrNull(place.hazard())}};
+}
+
+/// The strokes of a cleaned recording, in order (syringe_events.h says what one is).
+std::vector<Stroke> strokesOf(std::span<const GestureSample> samples, double rate_hz) {
+  const std::vector<Bin> bins = binsOf(samples, rate_hz);
+  if (bins.empty()) return {};
+  std::vector<Move> joined;
+  for (Move& move : Follower(bins).run()) {
+    trim(bins, move);
+    // the same way again after a short rest: one stroke
+    if (!joined.empty()) {
+      Move& before = joined.back();
+      const bool same_way = signOf(before.to - before.from) == signOf(move.to - move.from);
+      const double rest_s = bins[move.first].begin_s - bins[before.last].end_s;
+      if (same_way && rest_s < kPause_s && std::abs(move.from - before.to) < kTurnBack) {
+        before.last = move.last;
+        before.to = move.to;
+        continue;
+      }
+    }
+    joined.push_back(move);
+  }
+  std::vector<Stroke> strokes;
+  for (const Move& move : joined) {
+    // rounding of the stored plunger must not decide on a stroke of exactly that length
+    if (std::abs(move.to - move.from) < kLeastStroke - 1e-4) continue;
+    strokes.push_back({bins[move.first].last, bins[move.last].last, move.from, move.to});
+  }
+  return strokes;
+}
+
 }  // namespace
 
 std::vector<pb::SyringeEvent> syringeEvents(std::span<const GestureSample> given, double rate_hz,
@@ -139,6 +340,36 @@ std::vector<pb::SyringeEvent> syringeEvents(std::span<const GestureSample> given
     addShares(around, samples, stroke, event);
   }
   return events;
+}
+
+std::string eventText(const pb::SyringeEvent& event) {
+  const double stroke = std::abs(event.plunger_to() - event.plunger_from());
+  std::string text = event.kind() == pb::SyringeEvent::ASPIRATION ? "aspiration" : "injection";
+  text += fmt::format(" of {:.0f} % at {:.1f} s for {:.1f} s, ", 100 * stroke, event.begin_s(),
+                      event.end_s() - event.begin_s()) +
+          placeText(event.begin());
+  if (!isSamePlace(event.begin(), event.end())) text += "; to " + placeText(event.end());
+  for (int i = 0; i < event.hazards_size(); ++i) text += (i == 0 ? "; into " : ", ") + event.hazards(i);
+  return text;
+}
+
+std::string eventsJson(std::span<const pb::SyringeEvent> events) {
+  Json rows = Json::array();
+  for (const pb::SyringeEvent& event : events)
+    rows.push_back({{"event", pb::SyringeEvent::Kind_Name(event.kind())},
+                    {"begin_s", event.begin_s()},
+                    {"end_s", event.end_s()},
+                    {"begin_tick", event.begin_tick()},
+                    {"end_tick", event.end_tick()},
+                    {"plunger_from", event.plunger_from()},
+                    {"plunger_to", event.plunger_to()},
+                    {"in_tissue_share", event.in_tissue_share()},
+                    {"in_target_share", event.in_target_share()},
+                    {"begin", placeJson(event.begin())},
+                    {"end", placeJson(event.end())},
+                    {"hazards", std::vector<std::string>(event.hazards().begin(), event.hazards().end())},
+                    {"words", eventText(event)}});
+  return rows.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 }  // namespace needlelab

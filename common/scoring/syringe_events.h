@@ -1,4 +1,4 @@
-/// What was done with the syringe, from a recording alone: pure functions, no files, no clock.
+/// Aspirations and injections, from a recording alone: pure functions, no files, no clock.
 ///
 /// A stroke is a movement of the plunger in one direction by at least `kLeastStroke`. Drawn back: ASPIRATION;
 /// pressed: INJECTION.

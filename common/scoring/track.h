@@ -1,5 +1,5 @@
-/// A recording as a smooth motion at one fixed rate: what lengths, speeds and swept areas are computed from.
-/// Private to this folder.
+/// A recording as a smooth motion at one fixed rate: what lengths, speeds and swept areas are computed from;
+/// and how smooth it is. Private to this folder.
 ///
 /// Each quantity is taken as piecewise linear between samples, averaged over bins of `kAnalysisPeriod_s`,
 /// then smoothed by a Gaussian that halves the power at `kAnalysisCutoffHz`, forward and backward alike (no
@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -61,5 +62,24 @@ inline bool isInside(const GestureSample& sample) {
 /// The runs of a cleaned recording, in order. Memory: some 15 points per sample at most, however large the
 /// gaps.
 std::vector<Run> runsOf(std::span<const GestureSample> cleaned_samples, double rate_hz);
+
+inline constexpr double kSparcCutoffHz = 10;
+inline constexpr double kSparcThreshold =
+    0.05;  ///< of the spectrum's maximum: below it a high frequency does not count
+inline constexpr unsigned kSparcPadding = 4;  ///< the spectrum is padded to 2^4 times the next power of two
+/// Longer movements have no smoothness worth the name, and their spectrum would not fit into a few megabytes.
+inline constexpr std::size_t kLongestProfile = 65'536;
+
+/// Spectral arc length (Balasubramanian, Melendez-Calderon, Burdet 2012; the form of 2015): minus the length
+/// of the amplitude spectrum's curve, normalised to height 1, from 0 Hz to the last frequency below the
+/// cut-off that reaches the threshold, that width normalised to 1. For exp(−5 t²), t ∈ [−1, 1) at 100 Hz:
+/// −1.41403. Empty: fewer than 3 samples, more than `kLongestProfile`, no movement, or a spectrum of a single
+/// line.
+std::optional<double> sparc(std::span<const double> speed_mps, double rate_hz);
+
+/// Log dimensionless jerk of speed (same source): −ln((duration³/peak²) ∫ (d²v/dt²)² dt), second differences,
+/// duration = samples/rate. For the same profile: −5.81636. Empty: fewer than 3 samples, no movement, or no
+/// jerk at all.
+std::optional<double> ldlj(std::span<const double> speed_mps, double rate_hz);
 
 }  // namespace needlelab

@@ -8,7 +8,6 @@
 
 #include "common/base/text.h"
 #include "common/scoring/dtw.h"
-#include "common/scoring/paths.h"
 
 namespace needlelab {
 namespace {

@@ -14,7 +14,7 @@
 
 #include "client/net/backoff.h"
 #include "common/base/clock.h"
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 
 namespace needlelab {
 namespace {

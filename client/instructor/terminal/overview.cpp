@@ -5,7 +5,7 @@
 #include "client/instructor/terminal/headless.h"
 #include "client/instructor/terminal/update.h"
 #include "common/base/clock.h"
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 
 namespace needlelab {
 namespace {

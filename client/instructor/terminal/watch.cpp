@@ -13,7 +13,7 @@
 #include "client/instructor/terminal/words.h"
 #include "common/base/clock.h"
 #include "common/gesture/chunk.h"
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 
 namespace needlelab {
 namespace {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "client/sim/accuracy/study.h"
-#include "common/gesture/resolution.h"
+#include "common/gesture/sample.h"
 
 namespace needlelab {
 

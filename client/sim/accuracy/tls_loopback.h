@@ -7,7 +7,7 @@
 #include <string>
 
 #include "common/base/result.h"
-#include "common/wire/framing.h"
+#include "common/wire/protocol.h"
 
 namespace needlelab {
 

@@ -14,7 +14,7 @@
 #include "common/base/clock.h"
 #include "common/base/program.h"
 #include "common/base/text.h"
-#include "common/wire/version.h"
+#include "common/wire/protocol.h"
 
 namespace needlelab {
 namespace {

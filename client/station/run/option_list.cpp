@@ -6,7 +6,7 @@
 #include "client/device/hand_cli.h"
 #include "client/net/enrolment.h"
 #include "common/haptics/limits.h"
-#include "common/wire/version.h"
+#include "common/wire/protocol.h"
 
 namespace needlelab {
 namespace {

@@ -5,8 +5,8 @@
 #include "client/station/run/say.h"
 #include "client/station/run/station_key.h"
 #include "common/base/clock.h"
+#include "common/wire/protocol.h"
 #include "common/wire/tls.h"
-#include "common/wire/version.h"
 
 namespace needlelab {
 

@@ -8,7 +8,7 @@
 
 #include "client/net/blocking_client.h"
 #include "common/wire/certificates.h"
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab {

@@ -14,7 +14,7 @@
 #include "common/base/clock.h"
 #include "common/wire/certificates.h"
 #include "common/wire/channel.h"
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 #include "common/wire/tls.h"
 #include "tests/support/temp_folder.h"
 

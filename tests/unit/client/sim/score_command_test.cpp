@@ -10,8 +10,8 @@
 #include "common/gesture/recording.h"
 #include "common/gesture/sample_csv.h"
 #include "common/profile/profile.h"
+#include "common/scoring/dtw.h"
 #include "common/scoring/measures.h"
-#include "common/scoring/paths.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/sim/sim_run.h"
 

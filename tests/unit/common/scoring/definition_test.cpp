@@ -10,8 +10,8 @@
 #include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
 #include "common/profile/profile.h"
+#include "common/scoring/dtw.h"
 #include "common/scoring/measure_table.h"
-#include "common/scoring/paths.h"
 #include "tests/unit/common/scoring/continuous_gesture.h"
 
 namespace needlelab {

@@ -7,7 +7,6 @@
 #include <limits>
 #include <random>
 
-#include "common/scoring/paths.h"
 #include "tests/unit/common/scoring/continuous_gesture.h"
 
 namespace needlelab {

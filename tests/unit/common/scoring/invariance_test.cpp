@@ -6,8 +6,8 @@
 #include <map>
 #include <set>
 
+#include "common/scoring/dtw.h"
 #include "common/scoring/measure_table.h"
-#include "common/scoring/paths.h"
 #include "tests/unit/common/scoring/continuous_gesture.h"
 
 namespace needlelab {

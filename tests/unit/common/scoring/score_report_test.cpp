@@ -3,7 +3,8 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "common/scoring/score_csv.h"
+#include "common/profile/profile.h"
+#include "common/scoring/measures.h"
 #include "tests/unit/common/scoring/gestures.h"
 
 namespace needlelab {
@@ -85,5 +86,123 @@ TEST(ScoreCsv, oneRowAnAttemptAndMeasure) {
   EXPECT_EQ(text, before);
 }
 
+using ::testing::HasSubstr;
+
+void demand(pb::Exercise& exercise, const std::string& measure, std::optional<double> min,
+            std::optional<double> max) {
+  auto& requirement = *exercise.add_requirements();
+  requirement.set_measure(measure);
+  if (min) requirement.set_min(*min);
+  if (max) requirement.set_max(*max);
+}
+
+Measure scored(const std::string& measure, std::optional<double> min, std::optional<double> max) {
+  pb::Profile profile = halfSpace();
+  addTarget(profile, {0, 0, -0.024}, 0.002);
+  pb::Exercise exercise;
+  demand(exercise, measure, min, max);
+  const auto score = scoreGesture(inAndOut(1000), 1000, profile, {}, &exercise);
+  const Measure* row = find(score, measure);
+  EXPECT_NE(row, nullptr);
+  return row == nullptr ? Measure() : *row;
+}
+
+TEST(Requirements, sayInWordsWhetherTheyAreMet) {
+  Measure row = scored("peak_force_n", {}, 5);
+  EXPECT_TRUE(*row.passed);
+  EXPECT_EQ(*row.max, 5);
+  EXPECT_FALSE(row.min.has_value());
+  EXPECT_EQ(row.words, "Peak force 3 N: within the 5 N allowed");
+
+  row = scored("peak_force_n", {}, 2.5);
+  EXPECT_FALSE(*row.passed);
+  EXPECT_EQ(row.words, "Peak force 3 N: above the 2.5 N allowed");
+
+  row = scored("peak_force_n", 4, {});
+  EXPECT_FALSE(*row.passed);
+  EXPECT_EQ(row.words, "Peak force 3 N: below the 4 N asked for");
+
+  row = scored("greatest_depth_m", 0.02, 0.03);
+  EXPECT_TRUE(*row.passed);
+  EXPECT_EQ(row.words, "Greatest depth 25 mm: within 20 mm to 30 mm");
+
+  row = scored("target_reached", 1, {});
+  EXPECT_TRUE(*row.passed);
+  EXPECT_EQ(row.words, "Target reached");
+
+  row = scored("target_reached", {}, 0);
+  EXPECT_FALSE(*row.passed);
+
+  EXPECT_EQ(scored("peak_force_n", {}, 2.9999).words, "Peak force 3 N: just above the 3 N allowed");
+}
+
+TEST(Requirements, theLimitItselfIsAllowed) {
+  EXPECT_TRUE(*scored("peak_force_n", 3, 3).passed);
+  EXPECT_FALSE(*scored("peak_force_n", {}, std::nextafter(3, 0)).passed);
+}
+
+TEST(Requirements, rowsWithoutOneHaveNoVerdict) {
+  pb::Exercise exercise;
+  demand(exercise, "entries", {}, 2);
+  const auto score = scoreGesture(inAndOut(1000), 1000, halfSpace(), {}, &exercise);
+  EXPECT_FALSE(find(score, "peak_force_n")->passed.has_value());
+  EXPECT_EQ(find(score, "peak_force_n")->words, "Peak force 3 N");
+  EXPECT_TRUE(*find(score, "entries")->passed);
+}
+
+TEST(Requirements, theTimeLimitIsOneOnElapsedTime) {
+  pb::Exercise exercise;
+  exercise.set_time_limit_s(4);
+  auto score = scoreGesture(inAndOut(1000), 1000, halfSpace(), {}, &exercise);
+  EXPECT_FALSE(*find(score, "elapsed_s")->passed);
+  demand(exercise, "elapsed_s", {}, 10);
+  score = scoreGesture(inAndOut(1000), 1000, halfSpace(), {}, &exercise);
+  EXPECT_EQ(*find(score, "elapsed_s")->max, 4) << "both hold: the stricter one counts";
+  EXPECT_FALSE(*find(score, "elapsed_s")->passed);
+}
+
+TEST(Requirements, whatWasNotMeasuredDidNotPass) {
+  pb::Exercise exercise;
+  demand(exercise, "target_distance_m", {}, 0.002);
+  demand(exercise, "elegance", 1, {});
+  const auto score = scoreGesture(inAndOut(1000), 1000, halfSpace(), {}, &exercise);  // has no target
+  const Measure* missing = find(score, "target_distance_m");
+  ASSERT_NE(missing, nullptr);
+  EXPECT_FALSE(missing->measured);
+  EXPECT_FALSE(*missing->passed);
+  EXPECT_THAT(missing->words, HasSubstr("could not be measured"));
+  EXPECT_THAT(find(score, "elegance")->words, HasSubstr("no measure that this program knows"));
+}
+
+TEST(Requirements, namesAreCheckedBeforehand) {
+  EXPECT_TRUE(isMeasureName("peak_force_n"));
+  EXPECT_TRUE(isMeasureName("peak_force_layer_1_n"));
+  EXPECT_TRUE(isMeasureName("peak_force_layer_32_n"));
+  for (const char* name : {"", "peak_force", "peak_force_layer_0_n", "peak_force_layer_33_n",
+                           "peak_force_layer__n", "peak_force_layer_01_n", "peak_force_layer_1",
+                           "peak_force_layer_n", "peak_force_layer_-1_n", "peak_force_layer_1x_n"}) {
+    EXPECT_FALSE(isMeasureName(name)) << name;
+  }
+  pb::Exercise exercise;
+  demand(exercise, "entries", {}, 1);
+  EXPECT_TRUE(checkRequirements(exercise).ok());
+  demand(exercise, "elegance", {}, 1);
+  const Status status = checkRequirements(exercise);
+  ASSERT_FALSE(status.ok());
+  EXPECT_EQ(status.error().code, ErrorCode::kInvalidInput);
+  EXPECT_THAT(status.error().message,
+              HasSubstr("requirements[1].measure: \"elegance\" is none of elapsed_s"));
+}
+
+TEST(Requirements, ofTheSampleCurriculumAreAllKnown) {
+  const auto curriculum = loadCurriculum(std::filesystem::path(NEEDLELAB_SAMPLES) / "curriculum.json");
+  ASSERT_TRUE(curriculum.ok()) << curriculum.error().message;
+  for (const auto& exercise : curriculum->exercises()) {
+    const Status status = checkRequirements(exercise);
+    EXPECT_TRUE(status.ok()) << exercise.id() << ": " << status.error().message;
+  }
+}
+
 }  // namespace
+
 }  // namespace needlelab
