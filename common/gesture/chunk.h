@@ -9,7 +9,6 @@
 
 #include "common/base/bytes.h"
 #include "common/base/result.h"
-#include "common/gesture/resolution.h"
 #include "common/gesture/sample.h"
 
 namespace needlelab {
@@ -45,7 +44,7 @@ Result<std::vector<GestureSample>> decodeChunk(ByteView chunk);
 /// decodeChunk.
 Result<ChunkInfo> inspectChunk(ByteView chunk);
 
-/// How many samples the header claims, for who wants to refuse a chunk before it costs anything: no CRC, no
+/// How many samples the header claims, so that a chunk can be refused before it costs anything: no CRC, no
 /// columns. Nothing when these bytes do not begin as a chunk of our version does. Total for any bytes.
 std::optional<std::uint32_t> claimedSamples(ByteView chunk);
 

@@ -1,3 +1,5 @@
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <bit>
 #include <cstring>
@@ -32,11 +34,10 @@ std::size_t blocksOf(std::size_t count) {
 Result<Header> readHeader(ByteView chunk) {
   const std::size_t size = chunk.size();
   if (size < kFixedHeaderBytes + kCrcBytes)
-    return corrupt("it has " + std::to_string(size) + " bytes, the header alone takes " +
-                   std::to_string(kFixedHeaderBytes + kCrcBytes));
+    return corrupt(
+        fmt::format("it has {} bytes, the header alone takes {}", size, kFixedHeaderBytes + kCrcBytes));
   if (size > kMaxChunkBytes)
-    return corrupt("it has " + std::to_string(size) + " bytes, at most " + std::to_string(kMaxChunkBytes) +
-                   " are possible");
+    return corrupt(fmt::format("it has {} bytes, at most {} are possible", size, kMaxChunkBytes));
   if (std::memcmp(chunk.data(), kMagic.data(), kMagic.size()) != 0)
     return corrupt("it does not start with the letters NLGC");
   ByteReader in(chunk.first(size - kCrcBytes).subspan(kMagic.size()));
@@ -44,8 +45,9 @@ Result<Header> readHeader(ByteView chunk) {
   ChunkInfo& info = header.info;
   info.version = in.get<std::uint8_t>();
   if (info.version != kVersion)
-    return Error{ErrorCode::kVersion, "gesture chunk: format version " + std::to_string(info.version) +
-                                          "; this program reads version " + std::to_string(kVersion)};
+    return Error{ErrorCode::kVersion,
+                 fmt::format("gesture chunk: format version {}; this program reads version {}", info.version,
+                             kVersion)};
   std::uint32_t stored_crc;
   std::memcpy(&stored_crc, chunk.data() + size - kCrcBytes, kCrcBytes);
   if (crc32c(chunk.first(size - kCrcBytes)) != stored_crc)
@@ -67,7 +69,7 @@ Result<Header> readHeader(ByteView chunk) {
     if (!in.ok()) return corrupt("it ends within the resolution");
     if (const Status good = validate(r); !good.ok()) return corrupt(good.error().message);
   } else if (code != kResolutionStandard) {
-    return corrupt("resolution code " + std::to_string(code) + " is unknown");
+    return corrupt(fmt::format("resolution code {} is unknown", code));
   }
   const std::uint32_t declared = declaredRaw(info.resolution);
   if ((header.raw & ~kRealMask) != 0 || (declared & ~header.raw) != 0)
@@ -79,8 +81,8 @@ Result<Header> readHeader(ByteView chunk) {
   const auto raw_count = static_cast<std::size_t>(std::popcount(header.raw));
   const std::size_t least = raw_count * 8 + (kColumnCount - 2 - raw_count) + blocksOf(info.count) * 4;
   if (in.left() < least)
-    return corrupt("it has " + std::to_string(in.left()) + " bytes of columns, " +
-                   std::to_string(info.count) + " samples take at least " + std::to_string(least));
+    return corrupt(
+        fmt::format("it has {} bytes of columns, {} samples take at least {}", in.left(), info.count, least));
   return header;
 }
 
@@ -239,9 +241,8 @@ class Decoder {
 }  // namespace
 
 Result<ChunkInfo> inspectChunk(ByteView chunk) {
-  const auto header = readHeader(chunk);
-  if (!header.ok()) return header.error();
-  return header->info;
+  ASSIGN_OR_RETURN(const auto header, readHeader(chunk));
+  return header.info;
 }
 
 std::optional<std::uint32_t> claimedSamples(ByteView chunk) {
@@ -253,20 +254,19 @@ std::optional<std::uint32_t> claimedSamples(ByteView chunk) {
 }
 
 Result<std::vector<GestureSample>> decodeChunk(ByteView chunk) {
-  const auto header = readHeader(chunk);
-  if (!header.ok()) return header.error();
-  const std::size_t count = header->info.count;
+  ASSIGN_OR_RETURN(const auto header, readHeader(chunk));
+  const std::size_t count = header.info.count;
   std::vector<GestureSample> samples(count);
 
-  const std::uint8_t* in = chunk.data() + header->bytes;
+  const std::uint8_t* in = chunk.data() + header.bytes;
   const std::uint8_t* const end = chunk.data() + chunk.size() - kCrcBytes;
-  Decoder decoder(*header);
+  Decoder decoder(header);
   in = decoder.firstRow(in, end, samples.data());
   for (std::size_t first = 1; in != nullptr && first < count; first += kBlock)
     in = decoder.block(in, end, first, std::min(kBlock, count - first), samples.data() + first);
   if (in == nullptr) return corrupt("its columns end early or hold impossible values, though the CRC agrees");
-  if (in != end) return corrupt("it has " + std::to_string(end - in) + " bytes behind its last sample");
-  if (samples.back().tick != header->info.last_tick)
+  if (in != end) return corrupt(fmt::format("it has {} bytes behind its last sample", end - in));
+  if (samples.back().tick != header.info.last_tick)
     return corrupt("its last tick is not the one in its header");
   return samples;
 }

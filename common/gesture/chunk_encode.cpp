@@ -269,8 +269,8 @@ Bytes encodeChunk(const Resolution& resolution, std::span<const GestureSample> s
     out = encoder.firstRow(out);
     for (std::size_t first = 1; first < samples.size(); first += kBlock)
       out = encoder.block(first, std::min(kBlock, samples.size() - first), out);
-    // a column that did not fit makes the chunk anew with that column raw: rare, and at most once, as every
-    // row was seen
+    // when a column did not fit, the chunk is made again with that column raw: rare, and at most once, as
+    // every row was seen
     if (encoder.misfits() != 0) {
       raw |= encoder.misfits();
       continue;

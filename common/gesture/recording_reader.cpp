@@ -1,4 +1,5 @@
 #include <fcntl.h>
+#include <fmt/core.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -25,9 +26,8 @@ Result<RecordingReader> RecordingReader::open(const std::filesystem::path& path)
   if (::fstat(reader.fd_, &info) != 0 || !S_ISREG(info.st_mode))
     return Error{ErrorCode::kInvalidInput, path.string() + ": is not a regular file"};
   reader.size_ = static_cast<std::uint64_t>(info.st_size);
-  if (Status status = reader.checkStart(); !status.ok()) return status.error();
-  if (!reader.openByIndex())
-    if (Status status = reader.scan(); !status.ok()) return status.error();
+  RETURN_IF_ERROR(reader.checkStart());
+  if (!reader.openByIndex()) RETURN_IF_ERROR(reader.scan());
   return reader;
 }
 
@@ -69,11 +69,11 @@ Status RecordingReader::readAt(std::uint64_t offset, std::size_t count, Bytes& o
     const ssize_t n = ::pread(fd_, out.data() + done, count - done, static_cast<off_t>(offset + done));
     if (n < 0 && errno == EINTR) continue;
     if (n < 0)
-      return Error{ErrorCode::kFailed, path_.string() + ": cannot read at offset " + std::to_string(offset) +
-                                           ": " + std::strerror(errno)};
+      return Error{ErrorCode::kFailed, fmt::format("{}: cannot read at offset {}: {}", path_.string(), offset,
+                                                   std::strerror(errno))};
     if (n == 0)
-      return Error{ErrorCode::kCorrupt, path_.string() + ": became shorter while it was read, at offset " +
-                                            std::to_string(offset)};
+      return Error{ErrorCode::kCorrupt,
+                   fmt::format("{}: became shorter while it was read, at offset {}", path_.string(), offset)};
     done += static_cast<std::size_t>(n);
   }
   return {};
@@ -84,14 +84,12 @@ Status RecordingReader::readRecord(std::uint64_t offset, std::uint8_t& kind, Byt
   if (offset > size_ || size_ - offset < kRecordHeaderBytes + kRecordCrcBytes)
     return corrupt("the file ends before it");
   Bytes head;
-  if (Status status = readAt(offset, kRecordHeaderBytes, head); !status.ok()) return status;
+  RETURN_IF_ERROR(readAt(offset, kRecordHeaderBytes, head));
   RecordHeader header;
   if (!readRecordHeader(head, header)) return corrupt("its record's header is damaged");
   if (size_ - offset - kRecordHeaderBytes - kRecordCrcBytes < header.length)
     return corrupt("the file ends within it");
-  if (Status status = readAt(offset + kRecordHeaderBytes, header.length + kRecordCrcBytes, content);
-      !status.ok())
-    return status;
+  RETURN_IF_ERROR(readAt(offset + kRecordHeaderBytes, header.length + kRecordCrcBytes, content));
   std::uint32_t stored;
   std::memcpy(&stored, content.data() + header.length, kRecordCrcBytes);
   content.resize(header.length);
@@ -102,8 +100,7 @@ Status RecordingReader::readRecord(std::uint64_t offset, std::uint8_t& kind, Byt
 
 Status RecordingReader::checkStart() {
   Bytes start;
-  if (Status status = readAt(0, std::min<std::uint64_t>(size_, kStartBytes), start); !status.ok())
-    return status;
+  RETURN_IF_ERROR(readAt(0, std::min<std::uint64_t>(size_, kStartBytes), start));
   if (!std::equal(start.begin(),
                   start.begin() + static_cast<std::ptrdiff_t>(std::min(start.size(), kMagic.size())),
                   kMagic.begin()))
@@ -119,8 +116,9 @@ Status RecordingReader::checkStart() {
     return Error{ErrorCode::kInvalidInput,
                  path_.string() + ": its first 16 bytes are damaged: their CRC-32C does not agree"};
   if (major != kMajor)
-    return Error{ErrorCode::kVersion, path_.string() + ": is a recording of format " + std::to_string(major) +
-                                          "; this program reads format " + std::to_string(kMajor)};
+    return Error{ErrorCode::kVersion,
+                 fmt::format("{}: is a recording of format {}; this program reads format {}", path_.string(),
+                             major, kMajor)};
   return {};
 }
 
@@ -179,7 +177,7 @@ Result<std::uint64_t> RecordingReader::findRecord(std::uint64_t offset) const {
   Bytes window;
   while (offset + kRecordHeaderBytes <= size_) {
     const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(kWindow, size_ - offset));
-    if (Status status = readAt(offset, count, window); !status.ok()) return status.error();
+    RETURN_IF_ERROR(readAt(offset, count, window));
     for (std::size_t at = 0; at + kRecordHeaderBytes <= count; ++at) {
       RecordHeader header;
       if (window[at] == kMarker[0] &&
@@ -201,16 +199,14 @@ Status RecordingReader::scan() {
     Bytes head;
     RecordHeader header;
     const bool enough = size_ - offset >= kRecordHeaderBytes;
-    if (enough)
-      if (Status status = readAt(offset, kRecordHeaderBytes, head); !status.ok()) return status;
+    if (enough) RETURN_IF_ERROR(readAt(offset, kRecordHeaderBytes, head));
     if (!enough || !readRecordHeader(head, header)) {
       // not a record: go on at the next one, if there is any
-      const auto next = findRecord(offset + 1);
-      if (!next.ok()) return next.error();
-      damages_.push_back({offset, *next - offset,
-                          "between chunk " + std::to_string(entries_.size()) +
-                              " and the one before: no record starts here"});
-      offset = *next;
+      ASSIGN_OR_RETURN(const auto next, findRecord(offset + 1));
+      damages_.push_back(
+          {offset, next - offset,
+           fmt::format("between chunk {} and the one before: no record starts here", entries_.size())});
+      offset = next;
       continue;
     }
     const std::uint64_t length = kRecordHeaderBytes + std::uint64_t{header.length} + kRecordCrcBytes;
@@ -229,7 +225,7 @@ Status RecordingReader::scan() {
       } else {
         fault = info.error().message;
       }
-      if (!fault.empty()) fault = "chunk " + std::to_string(entries_.size()) + ": " + fault;
+      if (!fault.empty()) fault = fmt::format("chunk {}: {}", entries_.size(), fault);
       entries_.push_back(entry);
     } else if (header.kind == kMetadata && status.ok() && entries_.empty()) {
       metadata_.assign(textOf(content));
@@ -250,8 +246,8 @@ Status RecordingReader::scan() {
 }
 
 Error RecordingReader::chunkError(std::size_t index, const std::string& why) const {
-  return {ErrorCode::kCorrupt, path_.string() + ": chunk " + std::to_string(index) + " at offset " +
-                                   std::to_string(entries_[index].offset) + ": " + why};
+  return {ErrorCode::kCorrupt,
+          fmt::format("{}: chunk {} at offset {}: {}", path_.string(), index, entries_[index].offset, why)};
 }
 
 std::uint64_t RecordingReader::sampleCount() const {
@@ -262,8 +258,8 @@ std::uint64_t RecordingReader::sampleCount() const {
 
 Result<Bytes> RecordingReader::chunkBytes(std::size_t index) const {
   if (index >= entries_.size())
-    return Error{ErrorCode::kInvalidInput, path_.string() + ": there is no chunk " + std::to_string(index) +
-                                               "; the recording has " + std::to_string(entries_.size())};
+    return Error{ErrorCode::kInvalidInput, fmt::format("{}: there is no chunk {}; the recording has {}",
+                                                       path_.string(), index, entries_.size())};
   std::uint8_t kind = 0;
   Bytes content;
   const Status status = readRecord(entries_[index].offset, kind, content);
@@ -274,26 +270,24 @@ Result<Bytes> RecordingReader::chunkBytes(std::size_t index) const {
 }
 
 Result<std::vector<GestureSample>> RecordingReader::samples(std::size_t index) const {
-  const auto chunk = chunkBytes(index);
-  if (!chunk.ok()) return chunk.error();
-  return decoded(index, *chunk);
+  ASSIGN_OR_RETURN(const auto chunk, chunkBytes(index));
+  return decoded(index, chunk);
 }
 
 Result<std::vector<GestureSample>> RecordingReader::decoded(std::size_t index, ByteView chunk) const {
   auto samples = decodeChunk(chunk);
   if (!samples.ok()) return chunkError(index, samples.error().message);
   if (samples->size() != entries_[index].count)
-    return chunkError(index, "it has " + std::to_string(samples->size()) + " samples, the index says " +
-                                 std::to_string(entries_[index].count));
+    return chunkError(
+        index, fmt::format("it has {} samples, the index says {}", samples->size(), entries_[index].count));
   return samples;
 }
 
 Result<std::vector<GestureSample>> RecordingReader::allSamples() const {
   std::vector<GestureSample> all;
   for (std::size_t i = 0; i < entries_.size(); ++i) {
-    auto part = samples(i);
-    if (!part.ok()) return part.error();
-    all.insert(all.end(), part->begin(), part->end());
+    ASSIGN_OR_RETURN(auto part, samples(i));
+    all.insert(all.end(), part.begin(), part.end());
   }
   return all;
 }
@@ -301,15 +295,13 @@ Result<std::vector<GestureSample>> RecordingReader::allSamples() const {
 Status RecordingReader::verify() const {
   SessionHash hash;
   for (std::size_t i = 0; i < entries_.size(); ++i) {
-    const auto chunk = chunkBytes(i);
-    if (!chunk.ok()) return chunk.error();
-    if (const auto samples = decoded(i, *chunk); !samples.ok()) return samples.error();
-    hash.update(*chunk);
+    ASSIGN_OR_RETURN(const auto chunk, chunkBytes(i));
+    RETURN_IF_ERROR(decoded(i, chunk));
+    hash.update(chunk);
   }
   if (!damages_.empty())
-    return Error{ErrorCode::kCorrupt, path_.string() + ": at offset " +
-                                          std::to_string(damages_.front().offset) + ": " +
-                                          damages_.front().what};
+    return Error{ErrorCode::kCorrupt, fmt::format("{}: at offset {}: {}", path_.string(),
+                                                  damages_.front().offset, damages_.front().what)};
   if (complete_ && hash.digest() != hash_)
     return Error{ErrorCode::kCorrupt, path_.string() + ": the hash of its chunks is " + hexOf(hash.digest()) +
                                           ", its index says " + hexOf(hash_)};

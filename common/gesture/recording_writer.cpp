@@ -1,4 +1,5 @@
 #include <fcntl.h>
+#include <fmt/core.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -17,9 +18,9 @@ using namespace recording_format;
 Result<RecordingWriter> RecordingWriter::create(const std::filesystem::path& path,
                                                 std::string_view metadata_json, Mode mode) {
   if (metadata_json.size() > kMaxRecordingMetadata)
-    return Error{ErrorCode::kInvalidInput, path.string() + ": the metadata has " +
-                                               std::to_string(metadata_json.size()) + " bytes, at most " +
-                                               std::to_string(kMaxRecordingMetadata) + " are allowed"};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("{}: the metadata has {} bytes, at most {} are allowed", path.string(),
+                             metadata_json.size(), kMaxRecordingMetadata)};
   RecordingWriter writer;
   writer.path_ = path;
   if (mode == Mode::kAtomic) {
@@ -44,9 +45,8 @@ Result<RecordingWriter> RecordingWriter::create(const std::filesystem::path& pat
   Bytes start;
   putStart(start);
   putRecord(start, kMetadata, viewOf(metadata_json));
-  if (Status status = writer.writeAll(start); !status.ok()) return status.error();
-  if (mode == Mode::kOpenEnded)
-    if (Status status = syncFolder(path.parent_path()); !status.ok()) return status.error();
+  RETURN_IF_ERROR(writer.writeAll(start));
+  if (mode == Mode::kOpenEnded) RETURN_IF_ERROR(syncFolder(path.parent_path()));
   return writer;
 }
 
@@ -118,11 +118,11 @@ Status RecordingWriter::writeRecord(std::uint8_t kind, ByteView content) {
 Status RecordingWriter::append(ByteView chunk) {
   const auto info = inspectChunk(chunk);
   if (!info.ok())
-    return Error{info.error().code, path_.string() + ": chunk " + std::to_string(entries_.size()) +
-                                        " is not written: " + info.error().message};
+    return Error{info.error().code, fmt::format("{}: chunk {} is not written: {}", path_.string(),
+                                                entries_.size(), info.error().message)};
   const RecordingEntry entry{offset_, static_cast<std::uint32_t>(chunk.size()), info->count, info->first_tick,
                              info->last_tick};
-  if (Status status = writeRecord(kChunk, chunk); !status.ok()) return status;
+  RETURN_IF_ERROR(writeRecord(kChunk, chunk));
   entries_.push_back(entry);
   hash_.update(chunk);
   return {};
@@ -151,10 +151,10 @@ Status RecordingWriter::finish() {
   // an index too long for a record is left out: such a file is read by scanning
   Bytes footer;
   if (content.size() <= kMaxRecordBytes) {
-    if (Status status = writeRecord(kIndex, content); !status.ok()) return status;
+    RETURN_IF_ERROR(writeRecord(kIndex, content));
     putFooter(footer, index_offset);
   }
-  if (Status status = writeAll(footer); !status.ok()) return status;
+  RETURN_IF_ERROR(writeAll(footer));
 
   // data first, then the name: nobody sees a half-written file under it
   if (::fsync(fd_) != 0) return fail("sync");

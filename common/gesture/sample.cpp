@@ -1,4 +1,5 @@
-#include "common/gesture/resolution.h"
+
+#include "common/gesture/sample.h"
 
 #include "common/base/csv.h"
 

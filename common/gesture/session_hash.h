@@ -1,4 +1,4 @@
-/// The hash by which station, server and recording agree that they hold the same gesture (DESIGN §7).
+/// The hash by which station, server and recording agree that they hold the same gesture (proto/README.md).
 #pragma once
 
 #include <sodium.h>

@@ -29,7 +29,7 @@ double ticksBetween(std::uint64_t a, std::uint64_t b) {
   return a >= b ? static_cast<double>(a - b) : -static_cast<double>(b - a);
 }
 
-/// What must not be lost of the samples between two that are kept.
+/// What is collected of the samples between two that are kept.
 void join(GestureSample& group, const GestureSample& sample) {
   group.flags |= sample.flags;
   group.buttons |= sample.buttons;
@@ -133,7 +133,7 @@ GestureSample Thinner::meanAround(const Center& center) const {
     if (weight <= 0) break;
     const auto values = valuesOf(*s);
     for (std::size_t i = 0; i < kMeans; ++i) {
-      // what is no number ("no wall") neither counts nor spreads
+      // NaN ("no wall") neither counts nor spreads
       if (!std::isfinite(values[i])) continue;
       sums[i] += weight * values[i];
       weights[i] += weight;

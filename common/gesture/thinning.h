@@ -1,4 +1,4 @@
-/// A gesture with fewer samples: what retention keeps of an old recording (DESIGN §6).
+/// A gesture with fewer samples: what retention keeps of an old recording.
 #pragma once
 
 #include <cstdint>
@@ -7,7 +7,6 @@
 #include <string_view>
 #include <vector>
 
-#include "common/gesture/resolution.h"
 #include "common/gesture/sample.h"
 
 namespace needlelab {
@@ -30,7 +29,7 @@ class Thinner {
 
   /// Appends to `out` what is decided by now.
   void add(const GestureSample& sample, std::vector<GestureSample>& out);
-  /// The rest. Then it may begin anew.
+  /// The rest. Afterwards it may begin again.
   void finish(std::vector<GestureSample>& out);
 
  private:

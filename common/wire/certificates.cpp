@@ -59,18 +59,16 @@ std::string textOfBio(BIO* bio) {
 }
 
 Result<Certificate> loadCertificate(const std::filesystem::path& path) {
-  auto text = readWholeFile(path, 1u << 20);
-  if (!text.ok()) return text.error();
-  const Bio bio(BIO_new_mem_buf(text->data(), static_cast<int>(text->size())));
+  ASSIGN_OR_RETURN(auto text, readWholeFile(path, 1u << 20));
+  const Bio bio(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())));
   Certificate certificate(PEM_read_bio_X509(bio.get(), nullptr, nullptr, nullptr));
   if (!certificate) return Error{ErrorCode::kInvalidInput, path.string() + " holds no certificate (PEM)"};
   return certificate;
 }
 
 Result<Key> loadKey(const std::filesystem::path& path) {
-  auto text = readWholeFile(path, 1u << 20);
-  if (!text.ok()) return text.error();
-  const Bio bio(BIO_new_mem_buf(text->data(), static_cast<int>(text->size())));
+  ASSIGN_OR_RETURN(auto text, readWholeFile(path, 1u << 20));
+  const Bio bio(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())));
   Key key(PEM_read_bio_PrivateKey(bio.get(), nullptr, nullptr, nullptr));
   if (!key)
     return Error{ErrorCode::kInvalidInput, path.string() + " holds no private key (PEM without a password)"};
@@ -127,7 +125,7 @@ Result<Certificate> draft(EVP_PKEY* key, const std::string& common_name, long da
   return certificate;
 }
 
-/// What EVP_EC_gen does, whose macro casts a const away.
+/// Does what EVP_EC_gen does; that macro casts a const away.
 EVP_PKEY* newKey() {
   return EVP_PKEY_Q_keygen(nullptr, nullptr, "EC", "P-256");
 }
@@ -140,9 +138,8 @@ struct Authority {
 Result<Authority> makeAuthority(const TlsFiles& files) {
   Key key(newKey());
   if (!key) return opensslError("making the CA's key");
-  auto made = draft(key.get(), "needlelab private CA", kCaDays);
-  if (!made.ok()) return made.error();
-  X509* const ca = made->get();
+  ASSIGN_OR_RETURN(auto made, draft(key.get(), "needlelab private CA", kCaDays));
+  X509* const ca = made.get();
   if (X509_set_issuer_name(ca, X509_get_subject_name(ca)) != 1 ||
       !addExtension(ca, ca, NID_basic_constraints, "critical,CA:TRUE,pathlen:0") ||
       !addExtension(ca, ca, NID_key_usage, "critical,keyCertSign,cRLSign") ||
@@ -151,17 +148,16 @@ Result<Authority> makeAuthority(const TlsFiles& files) {
     return opensslError("making the CA's certificate");
   }
   // the key first: a certificate that was given out always has its key
-  if (auto saved = saveKey(files.ca_key, key.get()); !saved.ok()) return saved.error();
-  if (auto saved = saveCertificate(files.ca_certificate, ca); !saved.ok()) return saved.error();
-  return Authority{std::move(*made), std::move(key)};
+  RETURN_IF_ERROR(saveKey(files.ca_key, key.get()));
+  RETURN_IF_ERROR(saveCertificate(files.ca_certificate, ca));
+  return Authority{std::move(made), std::move(key)};
 }
 
 Status makeServer(const TlsFiles& files, const Authority& authority, const std::vector<std::string>& hosts) {
   const Key key(newKey());
   if (!key) return opensslError("making the server's key");
-  auto made = draft(key.get(), hosts.front(), kServerDays);
-  if (!made.ok()) return made.error();
-  X509* const server = made->get();
+  ASSIGN_OR_RETURN(auto made, draft(key.get(), hosts.front(), kServerDays));
+  X509* const server = made.get();
   X509* const ca = authority.certificate.get();
   std::string names;
   for (const std::string& host : hosts)
@@ -175,7 +171,7 @@ Status makeServer(const TlsFiles& files, const Authority& authority, const std::
       X509_sign(server, authority.key.get(), EVP_sha256()) == 0) {
     return opensslError("making the server's certificate for " + names);
   }
-  if (auto saved = saveKey(files.key, key.get()); !saved.ok()) return saved;
+  RETURN_IF_ERROR(saveKey(files.key, key.get()));
   return saveCertificate(files.certificate, server);
 }
 
@@ -218,7 +214,7 @@ std::vector<std::string> hostsOf(X509* certificate) {
   return hosts;
 }
 
-/// What is wrong with what lies there, in words; empty when it is good: the key fits, our CA signed it, it
+/// The fault of the stored certificate, in words; empty when it is good: the key fits, our CA signed it, it
 /// lasts, and every host is in it.
 std::string serverFault(const TlsFiles& files, X509* ca, const std::vector<std::string>& hosts) {
   const auto certificate = loadCertificate(files.certificate);
@@ -259,8 +255,7 @@ Status checkHosts(const std::vector<std::string>& hosts) {
   return {};
 }
 
-/// `hosts`, and those of the certificate that is there: what a station calls the server by must not be
-/// forgotten.
+/// `hosts`, and those of the stored certificate: a name by which stations call the server must not be lost.
 std::vector<std::string> withOldHosts(const TlsFiles& files, std::vector<std::string> hosts) {
   const auto old = loadCertificate(files.certificate);
   if (!old.ok()) return hosts;
@@ -270,17 +265,16 @@ std::vector<std::string> withOldHosts(const TlsFiles& files, std::vector<std::st
 }
 
 Result<Authority> loadAuthority(const TlsFiles& files) {
-  auto certificate = loadCertificate(files.ca_certificate);
-  if (!certificate.ok()) return certificate.error();
+  ASSIGN_OR_RETURN(auto certificate, loadCertificate(files.ca_certificate));
   auto key = loadKey(files.ca_key);
   if (!key.ok())
     return Error{key.error().code, "a new server certificate needs the CA's key: " + key.error().message +
                                        "; put it back for the time of this start"};
-  if (X509_check_private_key(certificate->get(), key->get()) != 1)
+  if (X509_check_private_key(certificate.get(), key->get()) != 1)
     return Error{ErrorCode::kInvalidInput,
                  files.ca_certificate.string() + " and " + files.ca_key.string() +
                      " do not fit each other: put back the two that were made together"};
-  return Authority{std::move(*certificate), std::move(*key)};
+  return Authority{std::move(certificate), std::move(*key)};
 }
 
 }  // namespace
@@ -290,7 +284,7 @@ TlsFiles tlsFilesIn(const std::filesystem::path& folder) {
 }
 
 Result<bool> ensureTlsFiles(const TlsFiles& files, const std::vector<std::string>& hosts) {
-  if (auto valid = checkHosts(hosts); !valid.ok()) return valid.error();
+  RETURN_IF_ERROR(checkHosts(hosts));
   std::error_code failed;
   const auto folder = files.ca_certificate.parent_path();
   const bool made_folder = std::filesystem::create_directories(folder, failed);
@@ -299,10 +293,9 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const std::vector<std::string
                                          diskAdvice(failed.value(), folder)};
   if (made_folder) std::filesystem::permissions(folder, std::filesystem::perms::owner_all, failed);
   // a CA that was given out must not vanish with its folder's name in a power cut
-  if (made_folder)
-    if (auto synced = syncFolder(folder.parent_path()); !synced.ok()) return synced.error();
+  if (made_folder) RETURN_IF_ERROR(syncFolder(folder.parent_path()));
 
-  // a key that somebody put back with the usual permissions is everybody's
+  // a key that was put back with the usual permissions can be read by everybody
   for (const auto& key : {files.ca_key, files.key}) {
     const auto mode = std::filesystem::status(key, failed).permissions();
     using std::filesystem::perms;
@@ -318,34 +311,30 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const std::vector<std::string
                  "cannot look at " + files.ca_certificate.string() + ": " + failed.message()};
   }
   if (!has_ca) {
-    auto authority = makeAuthority(files);
-    if (!authority.ok()) return authority.error();
-    if (auto made = makeServer(files, *authority, hosts); !made.ok()) return made.error();
+    ASSIGN_OR_RETURN(auto authority, makeAuthority(files));
+    RETURN_IF_ERROR(makeServer(files, authority, hosts));
     return true;
   }
-  auto certificate = loadCertificate(files.ca_certificate);
-  if (!certificate.ok()) return certificate.error();
-  const std::string fault = serverFault(files, certificate->get(), hosts);
+  ASSIGN_OR_RETURN(auto certificate, loadCertificate(files.ca_certificate));
+  const std::string fault = serverFault(files, certificate.get(), hosts);
   if (fault.empty()) return false;
-  // the CA's key is needed only now; who keeps it elsewhere puts it back for this
+  // the CA's key is needed only now; where it is kept elsewhere it is put back for this
   const auto authority = loadAuthority(files);
   if (!authority.ok()) return Error{authority.error().code, fault + "; " + authority.error().message};
-  if (auto made = makeServer(files, *authority, withOldHosts(files, hosts)); !made.ok()) return made.error();
+  RETURN_IF_ERROR(makeServer(files, *authority, withOldHosts(files, hosts)));
   return true;
 }
 
 Status renewServerCertificate(const TlsFiles& files, const std::vector<std::string>& hosts) {
   const auto all = withOldHosts(files, hosts);
-  if (auto valid = checkHosts(all); !valid.ok()) return valid;
-  const auto authority = loadAuthority(files);
-  if (!authority.ok()) return authority.error();
-  return makeServer(files, *authority, all);
+  RETURN_IF_ERROR(checkHosts(all));
+  ASSIGN_OR_RETURN(const auto authority, loadAuthority(files));
+  return makeServer(files, authority, all);
 }
 
 Result<CertificateFacts> readCertificate(const std::filesystem::path& path) {
-  const auto certificate = loadCertificate(path);
-  if (!certificate.ok()) return certificate.error();
-  X509* const x509 = certificate->get();
+  ASSIGN_OR_RETURN(const auto certificate, loadCertificate(path));
+  X509* const x509 = certificate.get();
   CertificateFacts facts;
   std::array<char, 256> name{};
   if (X509_NAME_get_text_by_NID(X509_get_subject_name(x509), NID_commonName, name.data(),

@@ -22,7 +22,7 @@ struct TlsFiles {
 TlsFiles tlsFilesIn(const std::filesystem::path& folder);
 
 /// Makes what is missing: the CA (20 years), and the server's certificate (2 years) for `hosts` (names and IP
-/// addresses). The server's certificate is made anew, by the same CA, when it lacks one of `hosts` or ends
+/// addresses). The server's certificate is made again, by the same CA, when it lacks one of `hosts` or ends
 /// within 30 days; it keeps the hosts of the old one. Peers notice nothing, they know the CA. Returns true
 /// when something was made. Errors: kInvalidInput for a CA or key that cannot be read, saying what is wrong
 /// with the server's certificate; kFailed when a file cannot be written.

@@ -1,10 +1,13 @@
+
 #include "common/wire/channel.h"
+
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <utility>
 
 #include "common/base/clock.h"
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 
 namespace needlelab {
 namespace {
@@ -20,7 +23,7 @@ std::string addressText(Tcp::socket& socket) {
   const auto peer = socket.remote_endpoint(error);
   if (error) return "unknown";
   const std::string address = peer.address().to_string();
-  return (peer.address().is_v6() ? "[" + address + "]" : address) + ":" + std::to_string(peer.port());
+  return fmt::format("{}:{}", (peer.address().is_v6() ? "[" + address + "]" : address), peer.port());
 }
 
 }  // namespace
@@ -116,8 +119,8 @@ bool Channel::send(Frame frame) {
   if (control_bytes_ + frame->size() > limits_.control_queue_bytes) {
     control_.clear();
     control_bytes_ = 0;
-    const std::string text = "the control queue would exceed " + std::to_string(limits_.control_queue_bytes) +
-                             " bytes: the peer reads too slowly";
+    const std::string text = fmt::format("the control queue would exceed {} bytes: the peer reads too slowly",
+                                         limits_.control_queue_bytes);
     pb::Envelope last;
     *last.mutable_refusal() = makeRefusal(pb::Refusal::QUEUE_OVERFLOW, text, true);
     finish(CloseReason::kQueueOverflow, text, &last);
@@ -236,7 +239,7 @@ void Channel::checkTimes() {
     *last.mutable_refusal() = makeRefusal(pb::Refusal::TIMEOUT, text, true);
     finish(reason, text, &last);
   };
-  const auto in_ms = [](std::chrono::milliseconds time) { return std::to_string(time.count()) + " ms"; };
+  const auto in_ms = [](std::chrono::milliseconds time) { return fmt::format("{} ms", time.count()); };
   if (!established_ && over(made_ns_, limits_.handshake_timeout)) {
     timeOut(CloseReason::kHandshake, "no log-in within " + in_ms(limits_.handshake_timeout));
   } else if (write_started_ns_ != 0 && over(write_started_ns_, limits_.write_timeout)) {

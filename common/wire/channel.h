@@ -1,5 +1,5 @@
 /// A TLS connection that carries envelopes: one reader (the owner's coroutine), one writer with two bounded
-/// queues. As many frames as there are share a TLS record and a system call, in both directions.
+/// queues. All waiting frames share a TLS record and a system call, in both directions.
 #pragma once
 
 #include <chrono>
@@ -12,10 +12,9 @@
 
 #include "common/base/result.h"
 #include "common/wire/asio.h"
-#include "common/wire/framing.h"
-#include "common/wire/live_queue.h"
+#include "common/wire/live_frames.h"
+#include "common/wire/protocol.h"
 #include "common/wire/tls.h"
-#include "common/wire/tls_engine.h"
 #include "needlelab/envelope.pb.h"
 
 namespace needlelab {
@@ -43,9 +42,9 @@ enum class CloseReason {
   kIdle,           ///< nothing received for idle_timeout
   kWriteTimeout,   ///< the peer stopped reading
   kQueueOverflow,  ///< the peer reads its control messages too slowly
-  kProtocol,       ///< the peer sent what is no frame or no envelope, or one too large
+  kProtocol,       ///< the peer sent bytes that are not a frame or not an envelope, or too large a frame
   kRefused,        ///< the owner refused the peer (Refusal was sent)
-  kLocal,          ///< the owner wanted to
+  kLocal,          ///< the owner closed it
 };
 const char* nameOf(CloseReason reason);
 
@@ -61,16 +60,16 @@ class Channel : public std::enable_shared_from_this<Channel> {
   /// TLS; then the writer and the watch over time-outs run. Once. Errors: kUnavailable (network, time-out),
   /// kDenied (the peer's certificate); the channel is closed then.
   Task<Status> handshake(asio::ssl::stream_base::handshake_type side);
-  /// Before `handshake`, optional: waits until the peer's first TLS record is there as a whole, or something
-  /// that is none, or its end; at most handshake_timeout from the channel's beginning. Reads nothing. Errors:
-  /// as handshake.
+  /// Before `handshake`, optional: waits until the peer's first TLS record has arrived as a whole, or bytes
+  /// that are not TLS, or its end; at most handshake_timeout from the channel's beginning. Reads nothing.
+  /// Errors: as handshake.
   Task<Status> peerSpoke();
-  /// The peer has ended its side of the connection: asked of the kernel, nothing is read.
+  /// The peer has ended its side of the connection: asks the kernel and reads nothing.
   [[nodiscard]] bool peerHungUp();
 
   /// The next envelope. Errors: kUnavailable once the channel is closed or closing (`closeText()` in it);
-  /// kCorrupt or kInvalidInput for bytes that are no frame, after which the caller must finish or close. One
-  /// caller at a time.
+  /// kCorrupt or kInvalidInput for bytes that are not a frame, after which the caller must finish or close.
+  /// One caller at a time.
   Task<Result<pb::Envelope>> receive();
 
   /// The same in two steps, for an owner that wants the bytes: the next whole frame that is here already

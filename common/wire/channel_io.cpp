@@ -1,4 +1,4 @@
-// A channel's socket: handshake, reading, writing. TLS works in memory (tls_engine.h), so one recv() brings
+// A channel's socket: handshake, reading, writing. TLS works in memory (tls.h), so one recv() brings
 // all records that are there, and one send() takes all frames that wait.
 #include <poll.h>
 
@@ -35,7 +35,7 @@ bool isAgain(int error) {
   return error == EAGAIN || error == EWOULDBLOCK || error == EINTR;
 }
 
-std::string wordsOf(int error) {
+std::string systemErrorText(int error) {
   return boost::system::error_code(error, boost::system::system_category()).message();
 }
 
@@ -72,7 +72,7 @@ Task<Status> Channel::peerSpoke() {
       co_return closedError();
     }
     const auto seen = ::recv(fd, header.data(), header.size(), MSG_PEEK | MSG_DONTWAIT);
-    // who has ended, or does not speak TLS, learns that at once
+    // a peer that has ended, or does not speak TLS, is told at once
     if (seen < kTlsHeaderBytes || header[0] != kTlsHandshakeRecord) break;
     wanted = kTlsHeaderBytes + (header[3] << 8 | header[4]);
   }
@@ -94,12 +94,12 @@ Task<Status> Channel::shake(bool as_server) {
   };
   while (!closed_) {
     const TlsStep step = tls_.handshake(as_server);
-    // what came behind the handshake must be taken before the next wait
+    // bytes that came behind the handshake must be taken before the next wait
     if (step == TlsStep::kDone) {
       const TlsStep rest = decrypt();
       if (rest == TlsStep::kFailed) co_return failed(tls_.failure());
     }
-    // the last words too: an alert tells the peer why
+    // the last output too: an alert tells the peer why
     while (!closed_ && !sendOutput()) {
       if (closed_) break;
       auto [error] = co_await socket_.async_wait(Tcp::socket::wait_write, kUseTuple);
@@ -114,7 +114,7 @@ Task<Status> Channel::shake(bool as_server) {
     const auto room = landing();
     const ssize_t count = ::recv(socket_.native_handle(), room.data(), room.size(), 0);
     if (count == 0) co_return failed("the peer closed the connection");
-    if (count < 0 && !isAgain(errno)) co_return failed(wordsOf(errno));
+    if (count < 0 && !isAgain(errno)) co_return failed(systemErrorText(errno));
     tls_.feed(room.first(static_cast<std::size_t>(std::max<ssize_t>(count, 0))));
   }
   if (closed_) co_return closedError();
@@ -122,8 +122,8 @@ Task<Status> Channel::shake(bool as_server) {
 }
 
 /// Peers that only send for long stretches of time have each small frame acknowledged by TCP on its own,
-/// which costs the receiver more than reading it. Asked like this, the kernel waits for one more frame (40 ms
-/// at most). It forgets it, so it is asked again now and then.
+/// which costs the receiver more than reading it. With this option the kernel waits for one more frame (40 ms
+/// at most). It forgets the option, which is therefore set again now and then.
 void Channel::delayAcks() {
   constexpr unsigned kEvery = 4;
   if (reads_++ % kEvery != 0) return;
@@ -159,7 +159,7 @@ bool Channel::takeBytes() {
   if (count <= 0) {
     const bool ended = count == 0;
     close(ended ? CloseReason::kPeerClosed : CloseReason::kNetwork,
-          ended ? "the peer closed the connection" : "reading failed: " + wordsOf(errno));
+          ended ? "the peer closed the connection" : "reading failed: " + systemErrorText(errno));
     return false;
   }
   delayAcks();
@@ -174,7 +174,7 @@ bool Channel::takeBytes() {
     close(CloseReason::kNetwork, "reading failed: " + tls_.failure());
     return false;
   }
-  // what came before the end still counts; the end comes again with the next read
+  // bytes from before the end still count; the next read meets the end again
   if (step == TlsStep::kEnded && !more) close(CloseReason::kPeerClosed, "the peer closed the connection");
   return more;
 }
@@ -247,7 +247,7 @@ bool Channel::sendOutput() {
       if (errno == EINTR) continue;
       if (isAgain(errno)) return false;
       close(handshaken_ ? CloseReason::kNetwork : CloseReason::kHandshake,
-            "writing failed: " + wordsOf(errno));
+            "writing failed: " + systemErrorText(errno));
       return true;
     }
     tls_.sent(static_cast<std::size_t>(count));

@@ -1,5 +1,7 @@
 #include "common/wire/endpoint.h"
 
+#include <fmt/core.h>
+
 #include <charconv>
 
 namespace needlelab {
@@ -48,7 +50,7 @@ Result<Endpoint> parseEndpoint(std::string_view text) {
 
 std::string endpointText(const Endpoint& endpoint) {
   const bool v6 = endpoint.host.find(':') != std::string::npos;
-  return (v6 ? "[" + endpoint.host + "]" : endpoint.host) + ":" + std::to_string(endpoint.port);
+  return fmt::format("{}:{}", (v6 ? "[" + endpoint.host + "]" : endpoint.host), endpoint.port);
 }
 
 }  // namespace needlelab

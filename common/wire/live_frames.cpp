@@ -1,4 +1,4 @@
-#include "common/wire/live_splice.h"
+#include "common/wire/live_frames.h"
 
 #include <bit>
 #include <cstring>
@@ -19,7 +19,7 @@ static_assert(pb::LiveFrame::kStationFieldNumber == 1 && pb::LiveFrame::kSession
               pb::LiveFrame::kFrameSeqFieldNumber == 3 && pb::LiveFrame::kDataFieldNumber == 4 &&
               pb::LiveFrame::kDueSteadyNsFieldNumber == 5 && pb::LiveFrame::kCaptureUnixNsFieldNumber == 6);
 
-/// Reads from the front of some bytes; false when they end too early or are not what was asked for.
+/// Reads from the front of some bytes; false when they end too early or are of another kind.
 class Reader {
  public:
   explicit Reader(std::string_view bytes) : at_(bytes.data()), end_(at_ + bytes.size()) {}
@@ -146,6 +146,39 @@ Frame encodeLiveFrame(const LiveFrameView& frame, std::string_view station) {
   at = putField(at, kDue, due);
   putField(at, kCapture, capture);
   return bytes;
+}
+
+void LiveQueue::push(Frame frame, bool counted, std::int64_t now_ns) {
+  dropOverAged(now_ns);
+  bytes_ += frame->size();
+  items_.push_back({std::move(frame), counted, now_ns});
+  // the newest stays, even when it alone is above the bound
+  while (bytes_ > max_bytes_ && items_.size() > 1) dropOldest();
+}
+
+std::optional<LiveQueue::Item> LiveQueue::pop(std::int64_t now_ns) {
+  dropOverAged(now_ns);
+  if (items_.empty()) return std::nullopt;
+  Item item = std::move(items_.front());
+  items_.pop_front();
+  bytes_ -= item.frame->size();
+  return item;
+}
+
+void LiveQueue::clear() {
+  items_.clear();
+  bytes_ = 0;
+}
+
+void LiveQueue::dropOldest() {
+  const Item& oldest = items_.front();
+  ++(oldest.counted ? dropped_ : dropped_status_);
+  bytes_ -= oldest.frame->size();
+  items_.pop_front();
+}
+
+void LiveQueue::dropOverAged(std::int64_t now_ns) {
+  while (!items_.empty() && now_ns - items_.front().pushed_ns > max_age_ns_) dropOldest();
 }
 
 }  // namespace needlelab

@@ -1,15 +1,19 @@
-/// Live frames that wait for one receiver: newest first in worth, so the oldest are dropped and counted.
+/// Live frames: bounded queues of those that wait for a receiver, and a frame on its way through the server.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <string_view>
 
-#include "common/wire/framing.h"
+#include "common/base/bytes.h"
+#include "common/wire/protocol.h"
+#include "needlelab/live.pb.h"
 
 namespace needlelab {
 
+/// Live frames that wait for one receiver: the newest are worth most, so the oldest are dropped and counted.
 /// Bounded by age and by bytes. A push never fails and never waits: a slow receiver loses its own oldest
 /// frames only. Times are of the steady clock (ns) and come from the caller, so that tests choose them.
 /// Thread: one.
@@ -46,5 +50,24 @@ class LiveQueue {
   std::size_t bytes_ = 0;
   std::uint64_t dropped_ = 0, dropped_status_ = 0;
 };
+
+/// A live frame on its way through the server, passed on as bytes without a message object: its fields as a
+/// station fills them. Views into the bytes it was found in.
+struct LiveFrameView {
+  std::string_view session_id, data;
+  std::uint64_t frame_seq = 0;
+  std::int64_t due_steady_ns = 0, capture_unix_ns = 0;
+};
+
+/// The live frame in the bytes of an Envelope, when they hold just that: each field that stations fill at
+/// most once and nothing else. Everything else that Protobuf would take (fields that come twice or that we do
+/// not know, a body of another kind) and everything that it would not take gives nothing: then decodeFrame()
+/// judges. Safe for any bytes.
+std::optional<LiveFrameView> viewLiveFrame(ByteView envelope);
+LiveFrameView viewOf(const pb::LiveFrame& frame);
+
+/// The bytes of the Envelope with this frame and `station` (UTF-8) in it: those that Protobuf would write.
+/// Nothing when they would be more than kMaxFrameBytes.
+Frame encodeLiveFrame(const LiveFrameView& frame, std::string_view station);
 
 }  // namespace needlelab

@@ -1,7 +1,11 @@
-#include "common/wire/framing.h"
+#include "common/wire/protocol.h"
+
+#include <fmt/core.h>
+#include <google/protobuf/stubs/logging.h>
 
 #include <algorithm>
 #include <cassert>
+#include <utility>
 
 namespace needlelab {
 namespace {
@@ -17,8 +21,8 @@ Result<Frame> encodeFrame(const pb::Envelope& envelope) {
   }
   const std::size_t size = envelope.ByteSizeLong();
   if (size > kMaxFrameBytes) {
-    return Error{ErrorCode::kInvalidInput, "cannot send a message of " + std::to_string(size) +
-                                               " bytes: the limit is " + std::to_string(kMaxFrameBytes)};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("cannot send a message of {} bytes: the limit is {}", size, kMaxFrameBytes)};
   }
   auto bytes = std::make_shared<std::string>();
   if (!envelope.SerializeToString(bytes.get())) {
@@ -31,7 +35,7 @@ Result<pb::Envelope> decodeFrame(ByteView bytes) {
   pb::Envelope envelope;
   if (bytes.size() > kMaxFrameBytes ||
       !envelope.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
-    return Error{ErrorCode::kCorrupt, "a frame of " + std::to_string(bytes.size()) + " bytes is no Envelope"};
+    return Error{ErrorCode::kCorrupt, fmt::format("a frame of {} bytes is no Envelope", bytes.size())};
   }
   return envelope;
 }
@@ -82,13 +86,114 @@ Result<std::optional<ByteView>> FrameSplitter::next() {
   if (length == 0)
     return Error{ErrorCode::kInvalidInput, "a frame of length 0: every frame holds one Envelope"};
   if (length > limit_) {
-    return Error{ErrorCode::kInvalidInput, "a frame of " + std::to_string(length) + " bytes: the limit is " +
-                                               std::to_string(limit_) + " here"};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("a frame of {} bytes: the limit is {} here", length, limit_)};
   }
   if (pending() < kFrameHeaderBytes + length) return std::optional<ByteView>{};
   const ByteView frame{buffer_.data() + begin_ + kFrameHeaderBytes, length};
   begin_ += kFrameHeaderBytes + length;
   return std::optional<ByteView>{frame};
+}
+
+pb::Version ourVersion() {
+  pb::Version version;
+  version.set_major(kProtocolMajor);
+  version.set_minor(kProtocolMinor);
+  return version;
+}
+
+std::string versionText(const pb::Version& version) {
+  return fmt::format("{}.{}", version.major(), version.minor());
+}
+
+std::string programText(const std::string& name) {
+  return "needlelab-" + name + " " NEEDLELAB_VERSION;
+}
+
+Status checkVersion(const pb::Version& ours, const pb::Version& theirs) {
+  if (ours.major() == theirs.major()) return {};
+  return Error{ErrorCode::kVersion, "protocol versions do not fit: we speak " + versionText(ours) +
+                                        ", the peer " + versionText(theirs) +
+                                        "; install the same release on both sides"};
+}
+
+pb::Refusal makeRefusal(pb::Refusal::Reason reason, std::string text, bool fatal) {
+  pb::Refusal refusal;
+  refusal.set_reason(reason);
+  refusal.set_text(std::move(text));
+  refusal.set_fatal(fatal);
+  return refusal;
+}
+
+pb::Refusal refusalOf(const Error& error) {
+  const auto reason = [&] {
+    switch (error.code) {
+      case ErrorCode::kInvalidInput:
+        return pb::Refusal::INVALID;
+      case ErrorCode::kNotFound:
+        return pb::Refusal::NOT_FOUND;
+      case ErrorCode::kAlreadyExists:
+        return pb::Refusal::CONFLICT;
+      case ErrorCode::kConflict:
+        return pb::Refusal::REVISION_CONFLICT;
+      case ErrorCode::kDenied:
+        return pb::Refusal::ROLE;
+      case ErrorCode::kVersion:
+        return pb::Refusal::VERSION;
+      case ErrorCode::kUnavailable:
+      case ErrorCode::kCorrupt:
+      case ErrorCode::kFailed:
+        break;
+    }
+    return pb::Refusal::INTERNAL;
+  }();
+  auto refusal = makeRefusal(reason, error.message);
+  refusal.set_current_revision(error.current_revision);
+  return refusal;
+}
+
+Error errorOf(const pb::Refusal& refusal) {
+  const auto code = [&] {
+    switch (refusal.reason()) {
+      case pb::Refusal::VERSION:
+        return ErrorCode::kVersion;
+      case pb::Refusal::LOGIN:
+      case pb::Refusal::ROLE:
+        return ErrorCode::kDenied;
+      case pb::Refusal::INVALID:
+      case pb::Refusal::TOO_LARGE:
+        return ErrorCode::kInvalidInput;
+      case pb::Refusal::UNKNOWN_SESSION:
+      case pb::Refusal::NOT_FOUND:
+        return ErrorCode::kNotFound;
+      case pb::Refusal::CONTRADICTION:
+      case pb::Refusal::CONFLICT:
+        return ErrorCode::kAlreadyExists;
+      case pb::Refusal::REVISION_CONFLICT:
+        return ErrorCode::kConflict;
+      case pb::Refusal::RATE_LIMITED:
+      case pb::Refusal::QUEUE_OVERFLOW:
+      case pb::Refusal::TIMEOUT:
+      case pb::Refusal::SHUTTING_DOWN:
+        return ErrorCode::kUnavailable;
+      default:
+        return ErrorCode::kFailed;
+    }
+  }();
+  std::string text = "the peer refused (" + reasonName(refusal.reason()) + "): " + refusal.text();
+  if (refusal.reason() == pb::Refusal::VERSION) {
+    text += " [peer " + versionText(refusal.ours()) + ", we " + versionText(refusal.theirs()) + "]";
+  }
+  return {code, std::move(text), refusal.current_revision()};
+}
+
+std::string reasonName(pb::Refusal::Reason reason) {
+  const std::string& name = pb::Refusal::Reason_Name(reason);
+  return name.empty() ? fmt::format("reason {}", static_cast<int>(reason)) : name;
+}
+
+void keepProtobufQuiet() {
+  google::protobuf::SetLogHandler(nullptr);
 }
 
 }  // namespace needlelab

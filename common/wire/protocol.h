@@ -1,5 +1,4 @@
-/// The frame of the wire: a 4-byte big-endian length, then so many bytes of one Protobuf Envelope
-/// (proto/README.md).
+/// What goes over the wire (proto/README.md): frames, the protocol's version, and refusals.
 #pragma once
 
 #include <cstddef>
@@ -12,9 +11,11 @@
 #include "common/base/bytes.h"
 #include "common/base/result.h"
 #include "needlelab/envelope.pb.h"
+#include "needlelab/session.pb.h"
 
 namespace needlelab {
 
+/// The frame of the wire: a 4-byte big-endian length, then so many bytes of one Protobuf Envelope.
 inline constexpr std::size_t kFrameHeaderBytes = 4;
 inline constexpr std::size_t kMaxFrameBytes = 1u << 20;         ///< an Envelope after log-in
 inline constexpr std::size_t kMaxFrameBytesBeforeLogin = 4096;  ///< an Envelope before log-in
@@ -25,7 +26,7 @@ using Frame = std::shared_ptr<const std::string>;
 /// Errors: kInvalidInput when the envelope has no body or more than kMaxFrameBytes.
 Result<Frame> encodeFrame(const pb::Envelope& envelope);
 
-/// Errors: kCorrupt when the bytes are no Envelope. An unknown body (of a newer minor) is no error:
+/// Errors: kCorrupt when the bytes are not an Envelope. An unknown body (of a newer minor) is not an error:
 /// BODY_NOT_SET.
 Result<pb::Envelope> decodeFrame(ByteView bytes);
 
@@ -66,5 +67,32 @@ class FrameSplitter {
   Bytes buffer_;
   std::size_t begin_ = 0, end_ = 0;
 };
+
+/// Peers with different majors refuse each other; a minor adds only what others may ignore.
+inline constexpr std::uint32_t kProtocolMajor = 1;
+inline constexpr std::uint32_t kProtocolMinor = 2;
+
+pb::Version ourVersion();
+std::string versionText(const pb::Version& version);
+/// "needlelab-NAME 0.1.0"
+std::string programText(const std::string& name);
+
+/// kVersion, naming both, unless the majors are the same.
+Status checkVersion(const pb::Version& ours, const pb::Version& theirs);
+
+/// Refusals of the wire and errors of the program, translated both ways.
+pb::Refusal makeRefusal(pb::Refusal::Reason reason, std::string text, bool fatal = false);
+/// The reason that fits an error: kInvalidInput → INVALID, kNotFound → NOT_FOUND, kDenied → ROLE, others
+/// INTERNAL.
+pb::Refusal refusalOf(const Error& error);
+/// What a peer's refusal means to us; the message names the reason, and both versions where they are given.
+Error errorOf(const pb::Refusal& refusal);
+/// "LOGIN", "GAP", …
+std::string reasonName(pb::Refusal::Reason reason);
+
+/// Silences Protobuf, which otherwise prints a line on standard error for each text that is not UTF-8, that
+/// is for each such message of a hostile peer. The code that parsed the message gets an Error anyway. Each
+/// program that reads from a network or a database calls it first, before it starts threads.
+void keepProtobufQuiet();
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
 /// Small files that pin the formats of FORMAT.md, each with a JSON twin that says what a reader must see.
-/// NEEDLELAB_WRITE_GOLDEN=1 writes them anew: only for a new format version, said in CHANGELOG.md with a
+/// NEEDLELAB_WRITE_GOLDEN=1 writes them again: only for a new format version, said in CHANGELOG.md with a
 /// migration line.
 #include <gtest/gtest.h>
 

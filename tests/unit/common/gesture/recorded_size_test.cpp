@@ -1,4 +1,4 @@
-/// Bytes a sample takes, over the recordings of a real hand (DESIGN §12: at most 8, clock columns apart).
+/// Bytes a sample takes, over the recordings of a real hand (at most 8, clock columns apart).
 #include <gtest/gtest.h>
 
 #include <cstdio>

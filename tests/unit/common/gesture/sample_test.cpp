@@ -1,4 +1,4 @@
-#include "common/gesture/resolution.h"
+#include "common/gesture/sample.h"
 
 #include <gtest/gtest.h>
 

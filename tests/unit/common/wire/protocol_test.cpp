@@ -1,12 +1,11 @@
-#include "common/wire/framing.h"
-
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <random>
 #include <string>
 #include <vector>
 
-#include "common/wire/protobuf_log.h"
+#include "common/wire/protocol.h"
 
 namespace needlelab {
 namespace {
@@ -197,5 +196,49 @@ TEST(Framing, theDroppedSuffixChangesOnlyThatFieldOfASharedFrame) {
   }
 }
 
+pb::Version version(std::uint32_t major, std::uint32_t minor) {
+  pb::Version v;
+  v.set_major(major);
+  v.set_minor(minor);
+  return v;
+}
+
+TEST(Version, sameMajorSpeaksTogetherWhateverTheMinor) {
+  EXPECT_TRUE(checkVersion(version(1, 0), version(1, 7)).ok());
+  EXPECT_TRUE(checkVersion(version(1, 7), version(1, 0)).ok());
+}
+
+TEST(Version, anotherMajorIsRefusedAndBothAreNamed) {
+  const auto status = checkVersion(version(1, 3), version(2, 5));
+  ASSERT_FALSE(status.ok());
+  EXPECT_EQ(status.error().code, ErrorCode::kVersion);
+  EXPECT_THAT(status.error().message, testing::AllOf(testing::HasSubstr("1.3"), testing::HasSubstr("2.5")));
+}
+
+TEST(Version, noVersionIsMajorZeroAndRefused) {
+  EXPECT_FALSE(checkVersion(ourVersion(), pb::Version{}).ok());
+}
+
+TEST(Refusal, theReasonDecidesWhetherTryingAgainMayHelp) {
+  EXPECT_EQ(errorOf(makeRefusal(pb::Refusal::SHUTTING_DOWN, "")).code, ErrorCode::kUnavailable);
+  EXPECT_EQ(errorOf(makeRefusal(pb::Refusal::RATE_LIMITED, "")).code, ErrorCode::kUnavailable);
+  EXPECT_EQ(errorOf(makeRefusal(pb::Refusal::LOGIN, "")).code, ErrorCode::kDenied);
+  EXPECT_EQ(errorOf(makeRefusal(pb::Refusal::VERSION, "")).code, ErrorCode::kVersion);
+}
+
+TEST(Refusal, aVersionRefusalNamesBothVersions) {
+  auto refusal = makeRefusal(pb::Refusal::VERSION, "no", true);
+  refusal.mutable_ours()->set_major(2);
+  refusal.mutable_ours()->set_minor(4);
+  refusal.mutable_theirs()->set_major(1);
+  EXPECT_THAT(errorOf(refusal).message, testing::AllOf(testing::HasSubstr("2.4"), testing::HasSubstr("1.0")));
+}
+
+TEST(Refusal, aReasonOfANewerPeerHasANumberForAName) {
+  EXPECT_EQ(reasonName(static_cast<pb::Refusal::Reason>(99)), "reason 99");
+  EXPECT_EQ(reasonName(pb::Refusal::GAP), "GAP");
+}
+
 }  // namespace
+
 }  // namespace needlelab
