@@ -1,5 +1,7 @@
 #include "proto/session_rules.h"
 
+#include <fmt/core.h>
+
 #include <cmath>
 #include <string>
 
@@ -17,29 +19,29 @@ Error invalid(const std::string& field, const std::string& why) {
 Status checkPose(const std::string& field, const google::protobuf::RepeatedField<double>& pose) {
   if (pose.empty()) return {};
   if (pose.size() != 7)
-    return invalid(field, "has " + std::to_string(pose.size()) + " numbers, allowed are none or 7");
+    return invalid(field, fmt::format("has {} numbers, allowed are none or 7", pose.size()));
   for (const double number : pose) {
     if (!std::isfinite(number)) return invalid(field, "holds a number that is not finite");
   }
   double square = 0;
   for (int i = 3; i < 7; ++i) square += pose[i] * pose[i];
   if (std::abs(std::sqrt(square) - 1) > 1e-3) {
-    return invalid(
-        field, "its quaternion has length " + std::to_string(std::sqrt(square)) + ", allowed is 1 ± 0.001");
+    return invalid(field,
+                   fmt::format("its quaternion has length {:f}, allowed is 1 ± 0.001", std::sqrt(square)));
   }
   return {};
 }
 
 Status checkStep(const std::string& field, double step) {
   if (std::isfinite(step) && step >= 0 && step <= 1) return {};
-  return invalid("resolution." + field, std::to_string(step) + ", allowed is 0 (lossless) to 1");
+  return invalid("resolution." + field, fmt::format("{:f}, allowed is 0 (lossless) to 1", step));
 }
 
 }  // namespace
 
 Status checkDescription(const pb::SessionDescription& d) {
   if (d.session_id().size() != std::tuple_size_v<Uuid>) {
-    return invalid("session_id", "has " + std::to_string(d.session_id().size()) + " bytes, allowed are 16");
+    return invalid("session_id", fmt::format("has {} bytes, allowed are 16", d.session_id().size()));
   }
   Status checks[] = {
       checkName("session description, station", d.station()),
@@ -62,10 +64,10 @@ Status checkDescription(const pb::SessionDescription& d) {
     if (!check) return std::move(check);
   }
   if (!std::isfinite(d.rate_hz()) || d.rate_hz() <= 0 || d.rate_hz() > 1e5) {
-    return invalid("rate_hz", std::to_string(d.rate_hz()) + ", allowed is above 0 to 100000");
+    return invalid("rate_hz", fmt::format("{:f}, allowed is above 0 to 100000", d.rate_hz()));
   }
   if (d.started_unix_ns() <= 0)
-    return invalid("started_unix_ns", std::to_string(d.started_unix_ns()) + ", allowed is above 0");
+    return invalid("started_unix_ns", fmt::format("{}, allowed is above 0", d.started_unix_ns()));
   return {};
 }
 

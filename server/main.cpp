@@ -10,7 +10,7 @@
 
 #include "common/base/program.h"
 #include "common/base/secret.h"
-#include "common/wire/protobuf_log.h"
+#include "common/wire/protocol.h"
 #include "server/live/log.h"
 #include "server/server.h"
 #include "server/service_manager.h"

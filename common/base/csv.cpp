@@ -1,5 +1,7 @@
 #include "common/base/csv.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -44,9 +46,8 @@ int CsvTable::find(std::string_view name) const {
 
 Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<std::string>& required,
                          const std::vector<std::string>& optional, std::size_t max_rows) {
-  auto file = readWholeFile(path, std::size_t{4} << 30);
-  if (!file.ok()) return file.error();
-  std::string_view text = *file;
+  ASSIGN_OR_RETURN(auto file, readWholeFile(path, std::size_t{4} << 30));
+  std::string_view text = file;
   std::size_t line_number = 0;
   const auto nextLine = [&](std::string_view& line) {
     if (text.empty()) return false;
@@ -58,8 +59,7 @@ Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<st
     return true;
   };
   const auto fail = [&](const std::string& why) {
-    return Error{ErrorCode::kInvalidInput,
-                 path.string() + " line " + std::to_string(line_number) + ": " + why};
+    return Error{ErrorCode::kInvalidInput, fmt::format("{} line {}: {}", path.string(), line_number, why)};
   };
 
   // header: which cell of a row goes to which wanted column
@@ -94,7 +94,7 @@ Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<st
 
   while (nextLine(line)) {
     if (trimmed(line).empty()) continue;
-    if (table.rows() == max_rows) return fail("more than " + std::to_string(max_rows) + " rows");
+    if (table.rows() == max_rows) return fail(fmt::format("more than {} rows", max_rows));
     std::string why;
     const std::size_t count = splitCells(line, [&](std::size_t index, std::string_view cell) {
       if (index >= cells || target[index] < 0 || !why.empty()) return;
@@ -106,8 +106,7 @@ Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<st
       else
         table.columns[column].push_back(value);
     });
-    if (count != cells)
-      return fail(std::to_string(count) + " cells, the header has " + std::to_string(cells));
+    if (count != cells) return fail(fmt::format("{} cells, the header has {}", count, cells));
     if (!why.empty()) return fail(why);
   }
   if (table.rows() == 0) return fail("no rows after the header");

@@ -22,7 +22,7 @@ struct CsvTable {
 
 /// Reads the `required` columns and those of `optional` that are there, in any order; other columns are
 /// skipped. Lines end in LF or CRLF. Errors (kInvalidInput) name file, line, column, value: a missing or
-/// doubled column, too few or many cells, a cell that is no finite number, no rows, more than `max_rows`
+/// doubled column, too few or many cells, a cell that is not a finite number, no rows, more than `max_rows`
 /// rows.
 Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<std::string>& required,
                          const std::vector<std::string>& optional = {}, std::size_t max_rows = 50'000'000);

@@ -1,4 +1,5 @@
 #include <fcntl.h>
+#include <fmt/core.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -26,8 +27,7 @@ std::string roomOn(const std::filesystem::path& folder) {
   std::error_code error;
   const auto space = std::filesystem::space(folder, error);
   if (error) return {};
-  return " (" + std::to_string(space.available >> 20) + " MiB free of " +
-         std::to_string(space.capacity >> 20) + " MiB)";
+  return fmt::format(" ({} MiB free of {} MiB)", space.available >> 20, space.capacity >> 20);
 }
 
 // false: see errno
@@ -119,8 +119,7 @@ Result<std::string> readWholeFile(const std::filesystem::path& path, std::size_t
   }
   if (static_cast<std::uintmax_t>(info.st_size) > max_bytes) {
     ::close(fd);
-    return invalid("has " + std::to_string(info.st_size) + " bytes, at most " + std::to_string(max_bytes) +
-                   " are read");
+    return invalid(fmt::format("has {} bytes, at most {} are read", info.st_size, max_bytes));
   }
   text.resize(static_cast<std::size_t>(info.st_size));
   std::size_t done = 0;

@@ -1,5 +1,6 @@
 #include "common/base/program.h"
 
+#include <fmt/core.h>
 #include <sys/utsname.h>
 #include <unistd.h>
 
@@ -17,9 +18,9 @@ std::string machineText() {
     }
   utsname system{};
   const bool known = ::uname(&system) == 0;
-  return processor + ", " + std::to_string(::sysconf(_SC_NPROCESSORS_ONLN)) + " cores, " +
-         (known ? std::string(system.sysname) + " " + system.release + " " + system.machine
-                : "unknown system");
+  return fmt::format(
+      "{}, {} cores, {}", processor, ::sysconf(_SC_NPROCESSORS_ONLN),
+      (known ? std::string(system.sysname) + " " + system.release + " " + system.machine : "unknown system"));
 }
 
 }  // namespace needlelab

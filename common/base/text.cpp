@@ -1,3 +1,5 @@
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cstdarg>
 #include <cstddef>
@@ -15,8 +17,7 @@ Error invalid(std::string_view field, const std::string& why) {
 
 Status check(std::string_view field, std::string_view value, std::size_t min, std::size_t max, bool lines) {
   if (value.size() < min || value.size() > max) {
-    return invalid(field, "has " + std::to_string(value.size()) + " bytes, allowed are " +
-                              std::to_string(min) + " to " + std::to_string(max));
+    return invalid(field, fmt::format("has {} bytes, allowed are {} to {}", value.size(), min, max));
   }
   if (!isUtf8(value)) return invalid(field, "is no valid UTF-8 text");
   const auto is_control = [&](char c) {
@@ -76,13 +77,13 @@ Status checkText(std::string_view field, std::string_view value, std::size_t min
 }
 
 Status checkName(std::string_view field, std::string_view value) {
-  if (auto done = check(field, value, 1, kMaxNameBytes, false); !done) return done;
+  RETURN_IF_ERROR(check(field, value, 1, kMaxNameBytes, false));
   if (value.front() == ' ' || value.back() == ' ') return invalid(field, "begins or ends with a space");
   return {};
 }
 
 Status checkNewName(std::string_view field, std::string_view value) {
-  if (auto done = checkName(field, value); !done) return done;
+  RETURN_IF_ERROR(checkName(field, value));
   if (value.find('/') != std::string_view::npos)
     return invalid(field, "holds a '/', which addresses of the web use for themselves: take '-' or a space");
   if (value == "." || value == "..")

@@ -5,8 +5,7 @@
 #include <utility>
 
 #include "common/base/clock.h"
-#include "common/wire/refusal.h"
-#include "common/wire/version.h"
+#include "common/wire/protocol.h"
 #include "server/live/log.h"
 
 namespace needlelab {

@@ -4,8 +4,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/secret.h"
-#include "common/wire/refusal.h"
-#include "common/wire/version.h"
+#include "common/wire/protocol.h"
 #include "db/session_store.h"
 #include "server/live/connection.h"
 #include "server/live/log.h"

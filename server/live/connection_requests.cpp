@@ -2,7 +2,7 @@
 #include <utility>
 
 #include "common/base/clock.h"
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 #include "server/live/connection.h"
 #include "server/live/request_effects.h"
 

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "common/gesture/chunk.h"
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 
 namespace needlelab {
 namespace {

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "common/gesture/sample.h"
-#include "common/wire/live_splice.h"
+#include "common/wire/live_frames.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/envelope.pb.h"
 #include "server/live/decimator.h"

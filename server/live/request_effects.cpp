@@ -5,8 +5,7 @@
 
 #include "common/base/secret.h"
 #include "common/base/text.h"
-#include "common/wire/refusal.h"
-#include "common/wire/version.h"
+#include "common/wire/protocol.h"
 #include "db/service/roles.h"
 #include "server/live/connection.h"
 #include "server/live/log.h"

@@ -7,7 +7,7 @@
 #include "common/base/clock.h"
 #include "common/base/secret.h"
 #include "common/profile/strict_json.h"
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 #include "db/service/roles.h"
 #include "server/live/log.h"
 #include "server/live/person_login.h"

@@ -7,7 +7,7 @@
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/base/secret.h"
-#include "common/wire/protobuf_log.h"
+#include "common/wire/protocol.h"
 #include "tests/class/class_run.h"
 
 namespace needlelab {

@@ -1,7 +1,7 @@
 // What a peer sends: frames, the envelope in them, and whether it may come now.
 #include <array>
 
-#include "common/wire/framing.h"
+#include "common/wire/protocol.h"
 #include "db/service/roles.h"
 #include "server/live/rules.h"
 #include "tests/fuzz/quiet_protobuf.h"

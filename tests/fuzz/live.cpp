@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "common/gesture/chunk.h"
-#include "common/wire/live_splice.h"
+#include "common/wire/live_frames.h"
 #include "server/live/hub.h"
 #include "tests/fuzz/quiet_protobuf.h"
 #include "tests/fuzz/target.h"

@@ -9,7 +9,7 @@
 #include "common/base/files.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/session_hash.h"
-#include "common/wire/framing.h"
+#include "common/wire/protocol.h"
 #include "tests/fuzz/target.h"
 
 namespace {

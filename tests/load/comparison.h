@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "common/gesture/resolution.h"
+#include "common/gesture/sample.h"
 #include "tests/load/station_stream.h"
 
 namespace needlelab::test {

@@ -6,8 +6,7 @@
 
 #include "common/base/clock.h"
 #include "common/gesture/chunk.h"
-#include "common/wire/framing.h"
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 
 namespace needlelab::test {
 namespace {

@@ -2,8 +2,8 @@
 #include <utility>
 
 #include "common/base/clock.h"
-#include "common/gesture/resolution.h"
-#include "common/wire/refusal.h"
+#include "common/gesture/sample.h"
+#include "common/wire/protocol.h"
 #include "tests/load/load_station.h"
 
 namespace needlelab::test {

@@ -5,7 +5,7 @@
 
 #include "common/base/uuid.h"
 #include "common/gesture/chunk.h"
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 #include "tests/support/random.h"
 
 namespace needlelab::test {

@@ -12,7 +12,7 @@
 
 #include "client/net/client.h"
 #include "common/base/clock.h"
-#include "common/wire/refusal.h"
+#include "common/wire/protocol.h"
 #include "tests/soak/process_sample.h"
 #include "tests/support/proxy/fault_proxy.h"
 #include "tests/support/sanitized.h"

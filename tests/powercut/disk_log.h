@@ -12,7 +12,7 @@
 
 namespace needlelab::test {
 
-/// One call, or a mark that a test set between calls. Files and folders are numbered anew here: a number is
+/// One call, or a mark that a test set between calls. Files and folders are numbered here: a number is
 /// never used twice, as an inode's is.
 struct DiskEvent {
   enum class Kind {

@@ -58,7 +58,7 @@ class StationDay {
     close(1);
     record(2, random_.chance(0.5));
     keepLesson(2);
-    // the program starts anew, and what it finds cut off becomes an interrupted session
+    // the program starts again, and a session that was cut off becomes interrupted
     spool_.reset();
     spool_ = open();
     record(3, true);

@@ -11,9 +11,8 @@
 #include <random>
 
 #include "client/net/client.h"
-#include "common/wire/framing.h"
+#include "common/wire/protocol.h"
 #include "common/wire/tls.h"
-#include "common/wire/version.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,4 +1,4 @@
-"""The page that the server under test shares with the harness: ../crash_page.h."""
+"""The page that the server under test shares with the harness: ../crash_vfs.cpp."""
 import mmap
 import struct
 

@@ -4,7 +4,7 @@
 #include <thread>
 #include <vector>
 
-#include "common/wire/version.h"
+#include "common/wire/protocol.h"
 #include "tests/unit/server/live/raw_peer.h"
 #include "tests/unit/server/live/running_server.h"
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/gesture/chunk.h"
-#include "common/wire/live_queue.h"
+#include "common/wire/live_frames.h"
 #include "tests/unit/server/live/milliseconds.h"
 
 namespace needlelab {
