@@ -166,7 +166,7 @@ Result<AttemptStanding> AttemptStore::standing(std::string_view trainee, std::st
       "sessions WHERE trainee = ? AND "
       "exercise_id = ?",
       trainee, exercise_id);
-  ASSIGN_OR_RETURN(const bool found, row.step());
+  RETURN_IF_ERROR(row.step());
   standing.all = row.natural32(0);
   standing.counted = row.natural32(1);
   if (!row.isNull(2)) standing.passed = row.integer(2) != 0;

@@ -24,7 +24,7 @@ struct Noted {
 Result<std::uint64_t> count(Connection& connection, std::string_view sql, std::int64_t session,
                             std::uint64_t from) {
   auto rows = connection.query(sql, session, from);
-  ASSIGN_OR_RETURN(const bool row, rows.step());
+  RETURN_IF_ERROR(rows.step());
   return rows.natural(0);
 }
 
@@ -75,7 +75,7 @@ Result<Noted> notedOf(Connection& connection, const std::string& name, const Ses
   auto query = connection.query(
       "SELECT samples, hash, original_hash, stored_bytes FROM derived_recordings WHERE session = ?",
       row.number);
-  ASSIGN_OR_RETURN(const bool found, query.step());
+  RETURN_IF_ERROR(query.step());
   noted.samples = query.natural(0);
   noted.hash = digestOf(query.bytes(1));
   noted.original_hash = digestOf(query.bytes(2));

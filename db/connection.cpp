@@ -118,7 +118,7 @@ Result<Connection> Connection::open(const std::filesystem::path& path, const Opt
   RETURN_IF_ERROR(connection.script("PRAGMA wal_autocheckpoint=0"));
   if (writer) {
     auto mode = connection.prepare("PRAGMA journal_mode=WAL");
-    ASSIGN_OR_RETURN(const bool row, mode.step());
+    RETURN_IF_ERROR(mode.step());
     if (const auto found = mode.text(0); found != "wal") {
       return Error{ErrorCode::kFailed, path.string() +
                                            ": cannot use a write-ahead log here, SQLite stays in mode '" +

@@ -251,7 +251,7 @@ Result<PseudonymKey> ErasureStore::key() {
   if (!std::filesystem::exists(folder / "pseudonym.key", error)) {
     ASSIGN_OR_RETURN(const auto lines, readErasures(folder));
     auto row = connection_.prepare("SELECT count(*) FROM erasures");
-    ASSIGN_OR_RETURN(const bool found, row.step());
+    RETURN_IF_ERROR(row.step());
     if (!lines.empty() || row.integer(0) != 0)
       return Error{ErrorCode::kCorrupt,
                    (folder / "pseudonym.key").string() +

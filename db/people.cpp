@@ -120,7 +120,7 @@ Result<Person> PeopleStore::change(std::string_view name, std::optional<std::uin
         "SELECT count(*) FROM people WHERE role = ? AND disabled = 0 AND password_hash IS NOT NULL AND name "
         "<> ?",
         static_cast<int>(pb::ADMINISTRATOR), name);
-    ASSIGN_OR_RETURN(const bool row, others.step());
+    RETURN_IF_ERROR(others.step());
     if (others.integer(0) == 0) {
       return Error{ErrorCode::kDenied,
                    "'" + std::string(name) + "' is the last administrator who can log in: add another first"};
