@@ -72,7 +72,10 @@ function App() {
   if (state === 'failed')
     return html`<main id="main" class="alone"><h1>needlelab</h1><${Problem} error=${error} retry=${resume} /></main>`;
   if (!person) return html`<${LoginPage} />`;
-  return html`<${Page} key=${person.name} person=${person} />${state === 'expired' && html`<${LoginAgain} name=${person.name} />`}`;
+  return html`
+    <${Page} key=${person.name} person=${person} />
+    ${state === 'expired' && html`<${LoginAgain} name=${person.name} />`}
+  `;
 }
 
 render(html`<${App} />`, document.getElementById('app'));

@@ -304,518 +304,346 @@ const place = (s, target) => ({
   hazard: '',
 });
 
-/** @type {[string, string, string[], (c: any) => any, number?][]} c: {lab, who, params, query, body, base}; a status other than 200 */
+const route = (method, path, roles, reply, status) => [method, path, roles, reply, status];
+const get = (path, roles, reply) => route('GET', path, roles, reply);
+const post = (path, roles, reply) => route('POST', path, roles, reply);
+const create = (path, roles, reply) => route('POST', path, roles, reply, 201);
+const put = (path, roles, reply) => route('PUT', path, roles, reply);
+const patch = (path, roles, reply) => route('PATCH', path, roles, reply);
+const remove = (path, roles, reply) => route('DELETE', path, roles, reply);
+
+/** @type {[string, string, string[], (c: any) => any, number?][]} c: {lab, who, params, query, body, base}; the status where it is not 200 */
 export const kTable = [
-  [
-    'GET',
-    'people',
-    kStaff,
-    ({ lab, query }) =>
-      paged(
-        [...lab.people.values()].map((p) => withoutPassword(lab, p)),
-        query,
-        8,
-      ),
-  ],
-  [
-    'POST',
-    'people',
-    kManagers,
-    ({ lab, body, who }) => {
-      if (!/^[a-z0-9._-]{1,64}$/.test(body.name ?? ''))
-        throw new Refusal(
-          400,
-          'invalid_input',
-          `name: '${body.name}' may hold small letters, digits, '.', '-' and '_'`,
-          { field: 'name' },
-        );
-      if (lab.people.has(body.name)) throw new Refusal(409, 'conflict', `'${body.name}' is there already`);
-      lab.people.set(body.name, {
-        full_name: '',
-        role: 'TRAINEE',
-        disabled: false,
-        revision: 1,
-        ...changedBy(who.name),
-        created_unix_ms: Date.now(),
-        has_password: !!body.password,
-        ...body,
+  get('people', kStaff, ({ lab, query }) =>
+    paged(
+      [...lab.people.values()].map((p) => withoutPassword(lab, p)),
+      query,
+      8,
+    ),
+  ),
+  create('people', kManagers, ({ lab, body, who }) => {
+    if (!/^[a-z0-9._-]{1,64}$/.test(body.name ?? ''))
+      throw new Refusal(400, 'invalid_input', `name: '${body.name}' may hold small letters, digits, '.', '-' and '_'`, {
+        field: 'name',
       });
-      return { name: body.name, role: lab.people.get(body.name).role };
-    },
-    201,
-  ],
-  ['POST', 'people/import', kManagers, ({ lab, body }) => importPeople(lab, body)],
-  [
-    'GET',
-    'people/:name',
-    kAll,
-    ({ lab, params, who }) => {
-      if (['TRAINEE', 'RESEARCHER'].includes(who.role) && params.name !== who.name)
-        throw new Refusal(403, 'role', 'trainees and researchers see themselves only');
-      return withoutPassword(lab, found(lab.people, params.name, 'person'));
-    },
-  ],
-  [
-    'PATCH',
-    'people/:name',
-    kPeople,
-    ({ lab, params, body, who, base }) => {
-      const person = found(lab.people, params.name, 'person');
-      if (base === undefined && body.consent === undefined)
-        throw new Refusal(400, 'invalid_input', 'If-Match: give the revision that was changed');
-      if (base !== undefined && body.consent === undefined && base !== person.revision)
-        throw new Refusal(409, 'conflict', 'somebody else changed this person', { current_revision: person.revision });
-      const { consent, ...rest } = body;
-      Object.assign(
-        person,
-        rest,
-        consent === undefined
-          ? {}
-          : { consent: { given: consent, unix_ms: Date.now(), recorded_by: who.name, note: '' } },
-      );
-      if (consent === undefined) Object.assign(person, { revision: person.revision + 1 }, changedBy(who.name));
-      return withoutPassword(lab, person);
-    },
-  ],
-  [
-    'POST',
-    'people/:name/password',
-    kAll,
-    ({ lab, params, body }) => {
-      Object.assign(found(lab.people, params.name, 'person'), { password: body.password, has_password: true });
-      return {};
-    },
-  ],
-  [
-    'GET',
-    'people/:name/export',
-    kPeople,
-    ({ lab, params }) => ({
-      items: [{ kind: 'person', ...withoutPassword(lab, found(lab.people, params.name, 'person')) }],
-    }),
-  ],
-  [
-    'DELETE',
-    'people/:name/data',
-    kAdmin,
-    ({ lab, params, body }) => {
-      found(lab.people, params.name, 'person');
-      if (body?.confirm !== params.name)
-        throw new Refusal(400, 'invalid_input', 'confirm: must be the name', { field: 'confirm' });
-      lab.people.delete(params.name);
-      return {
-        pseudonym: 'erased-7f3a',
-        sessions: 3,
-        recordings: 3,
-        scores: 3,
-        remarks_kept: 1,
-        audit_lines: 12,
-        text: 'Backups made before today still hold the data.',
-      };
-    },
-  ],
-  [
-    'GET',
-    'people/:name/progress',
-    kPeople,
-    ({ lab, params, query }) => ({
-      items: lab.sessions
-        .filter((s) => s.trainee === params.name && (!query.exercise || s.exercise_id === query.exercise))
-        .map((s) => attemptOf(lab, s)),
-      next_page: '',
-      measures: null,
-    }),
-  ],
-  ['GET', 'groups', kStaff, ({ lab, query }) => paged([...lab.groups.values()], query)],
-  [
-    'POST',
-    'groups',
-    kManagers,
-    ({ lab, body, who }) => {
-      if (lab.groups.has(body.id))
-        throw new Refusal(409, 'conflict', `group '${body.id}' is there already`, {
-          current_revision: lab.groups.get(body.id).revision,
-        });
-      lab.groups.set(body.id, { members: [], ...body, revision: 1, ...changedBy(who.name) });
-      return lab.groups.get(body.id);
-    },
-    201,
-  ],
-  ['GET', 'groups/:id', kStaff, ({ lab, params }) => found(lab.groups, params.id, 'group')],
-  [
-    'PUT',
-    'groups/:id',
-    kManagers,
-    ({ lab, params, body, base, who }) => {
-      const group = found(lab.groups, params.id, 'group');
-      if (base !== group.revision)
-        throw new Refusal(409, 'conflict', `group '${params.id}' was changed in the meantime`, {
-          current_revision: group.revision,
-        });
-      lab.groups.set(params.id, { ...group, ...body, revision: group.revision + 1, ...changedBy(who.name) });
-      return lab.groups.get(params.id);
-    },
-  ],
-  [
-    'DELETE',
-    'groups/:id',
-    kManagers,
-    ({ lab, params, base }) => {
-      const group = found(lab.groups, params.id, 'group');
-      if (base !== group.revision)
-        throw new Refusal(409, 'conflict', `group '${params.id}' was changed in the meantime`, {
-          current_revision: group.revision,
-        });
-      lab.groups.delete(params.id);
-      return {};
-    },
-  ],
-  [
-    'GET',
-    'profiles',
-    kAll,
-    ({ lab }) => ({
-      items: [...lab.profiles].map(([id, r]) => ({
-        id,
-        revision: r.length,
-        name: r.at(-1).json.name,
-        created_unix_ms: r.at(-1).created_unix_ms,
-        author: r.at(-1).author,
-      })),
-      next_page: '',
-    }),
-  ],
-  [
-    'POST',
-    'profiles/check',
-    kStaff,
-    ({ body }) => {
-      const all = problemsOf(body),
-        errors = all.filter((p) => p.severity === 'ERROR');
-      return {
-        ok: errors.length === 0,
-        problems: errors.map(({ path, message }) => ({ path, message })),
-        warnings: all.filter((p) => p.severity === 'WARNING').map((p) => `${p.path}: ${p.message}`),
-      };
-    },
-  ],
-  [
-    'POST',
-    'profiles/preview',
-    kStaff,
-    ({ body }) => {
-      const [problem] = problemsOf(body).filter((p) => p.severity === 'ERROR');
-      if (problem)
-        throw new Refusal(400, 'invalid_input', `${problem.path}: ${problem.message}`, { field: problem.path });
-      return preview(body);
-    },
-  ],
-  ['GET', 'profiles/:id', kAll, ({ lab, params, query }) => revisionAsked(lab.profiles, params.id, query, 'profile')],
-  [
-    'PUT',
-    'profiles/:id',
-    kManagers,
-    ({ lab, params, body, base, who }) => {
-      const [problem] = problemsOf(body).filter((p) => p.severity === 'ERROR');
-      if (problem)
-        throw new Refusal(400, 'invalid_input', `${problem.path}: ${problem.message}`, { field: problem.path });
-      return putRevision(lab.profiles, params.id, base, body, who.name);
-    },
-  ],
-  [
-    'GET',
-    'profiles/:id/revisions',
-    [...kStaff, 'RESEARCHER'],
-    ({ lab, params }) => revisionList(lab.profiles, params.id, 'profile'),
-  ],
-  [
-    'GET',
-    'courses',
-    kAll,
-    ({ lab }) => ({
-      items: [...lab.courses].map(([id, r]) => ({
-        id,
-        name: r.at(-1).json.name,
-        revision: r.length,
-        exercise_ids: r.at(-1).json.exercises.map((e) => e.id),
-        created_unix_ms: r.at(-1).created_unix_ms,
-        author: r.at(-1).author,
-      })),
-      next_page: '',
-    }),
-  ],
-  [
-    'POST',
-    'courses/check',
-    kStaff,
-    ({ body }) => {
-      const problems = body.exercises?.length
-        ? []
-        : [{ path: 'exercises', message: 'at least one exercise is needed' }];
-      return { ok: problems.length === 0, problems, warnings: [] };
-    },
-  ],
-  ['GET', 'courses/:id', kAll, ({ lab, params, query }) => revisionAsked(lab.courses, params.id, query, 'course')],
-  [
-    'PUT',
-    'courses/:id',
-    kManagers,
-    ({ lab, params, body, base, who }) => {
-      if (!body.exercises?.length)
-        throw new Refusal(400, 'invalid_input', 'exercises: at least one is needed', { field: 'exercises' });
-      return putRevision(lab.courses, params.id, base, body, who.name);
-    },
-  ],
-  [
-    'GET',
-    'courses/:id/revisions',
-    [...kStaff, 'RESEARCHER'],
-    ({ lab, params }) => revisionList(lab.courses, params.id, 'course'),
-  ],
-  [
-    'GET',
-    'exercises',
-    kAll,
-    ({ lab }) => ({
-      items: [...lab.courses].flatMap(([course_id, r]) =>
-        r.at(-1).json.exercises.map((json, position) => ({ course_id, position, json, course_revision: r.length })),
-      ),
-      next_page: '',
-    }),
-  ],
-  ['GET', 'measures', kAll, () => ({ items: measures, definition_version: 1, next_page: '' })],
-  ['GET', 'assignments', kPeople, ({ lab, query }) => paged(lab.assignments, query)],
-  [
-    'POST',
-    'assignments',
-    kStaff,
-    ({ lab, body, who }) => {
-      const assignment = {
-        id: Math.max(0, ...lab.assignments.map((a) => a.id)) + 1,
-        course_id: '',
-        exercise_id: '',
-        group_id: '',
-        trainee: '',
-        due_unix_ms: null,
-        ...body,
-        by: who.name,
-        created_unix_ms: Date.now(),
-      };
-      lab.assignments.push(assignment);
-      return assignment;
-    },
-    201,
-  ],
-  [
-    'DELETE',
-    'assignments/:id',
-    kStaff,
-    ({ lab, params }) => {
-      lab.assignments = lab.assignments.filter((a) => String(a.id) !== params.id);
-      return {};
-    },
-  ],
-  ['GET', 'results', kPeople, ({ lab, query, who }) => resultsOf(lab, query, who)],
-  [
-    'GET',
-    'sessions',
-    kPeople,
-    ({ lab, query, who }) =>
-      paged(
-        lab.sessions
-          .filter((s) => isAsked(lab, s, query, who))
-          .sort((a, b) => b.started_unix_ms - a.started_unix_ms)
-          .map((s) => rowOf(lab, s)),
-        query,
-        25,
-      ),
-  ],
-  ['GET', 'sessions/:id', kPeople, ({ lab, params, who }) => infoOf(lab, sessionOf(lab, params.id, who))],
-  [
-    'GET',
-    'sessions/:id/score',
-    kPeople,
-    ({ lab, params, who }) => scoreReply(lab, sessionOf(lab, params.id, who), true),
-  ],
-  [
-    'POST',
-    'sessions/:id/rescore',
-    kStaff,
-    ({ lab, params, who }) => scoreReply(lab, sessionOf(lab, params.id, who), false),
-  ],
-  [
-    'POST',
-    'sessions/:id/excuse',
-    kStaff,
-    ({ lab, params, body, who }) => {
-      const s = sessionOf(lab, params.id, who);
-      s.excused = body.excused;
-      return attemptOf(lab, s);
-    },
-  ],
-  [
-    'POST',
-    'scores/rescore',
-    kAdmin,
-    ({ lab, body }) => ({
-      dry_run: !!body.dry_run,
-      definition_version: 1,
-      rescored: lab.sessions.length,
-      left_alone: 0,
-      faults: [],
-      stopped: false,
-    }),
-  ],
-  [
-    'GET',
-    'retention',
-    kManagers,
-    ({ lab }) => ({
-      policies: lab.retention ?? [],
-      database_bytes: 12_400_000,
-      free_bytes: 40_960,
-      thinned_sessions: 0,
-      deleted_sessions: 0,
-      last_run_unix_ms: null,
-    }),
-  ],
-  [
-    'PUT',
-    'retention',
-    kManagers,
-    ({ lab, body, who }) => {
-      const rest = (lab.retention ?? []).filter((p) => p.exercise_id !== body.policy.exercise_id);
-      lab.retention = body.as_default
-        ? rest
-        : [
-            ...rest,
-            {
-              thin_rate_hz: 0,
-              thin_coarser: 0,
-              without_backup: false,
-              ...body.policy,
-              by: who.name,
-              changed_unix_ms: Date.now(),
-            },
-          ];
-      return {};
-    },
-  ],
-  [
-    'POST',
-    'retention/run',
-    kManagers,
-    ({ body }) => ({
-      dry_run: !!body.dry_run,
-      stopped: false,
-      thinned: 0,
-      deleted: 0,
-      waiting_for_backup: 0,
-      left_alone: 0,
-      bytes_before: 0,
-      bytes_after: 0,
-      steps: [],
-      free_bytes: 0,
-    }),
-  ],
-  [
-    'GET',
-    'studies/:study',
-    ['ADMINISTRATOR', 'RESEARCHER'],
-    ({ lab, params }) => ({
+    if (lab.people.has(body.name)) throw new Refusal(409, 'conflict', `'${body.name}' is there already`);
+    lab.people.set(body.name, {
+      full_name: '',
+      role: 'TRAINEE',
+      disabled: false,
+      revision: 1,
+      ...changedBy(who.name),
+      created_unix_ms: Date.now(),
+      has_password: !!body.password,
+      ...body,
+    });
+    return { name: body.name, role: lab.people.get(body.name).role };
+  }),
+  post('people/import', kManagers, ({ lab, body }) => importPeople(lab, body)),
+  get('people/:name', kAll, ({ lab, params, who }) => {
+    if (['TRAINEE', 'RESEARCHER'].includes(who.role) && params.name !== who.name)
+      throw new Refusal(403, 'role', 'trainees and researchers see themselves only');
+    return withoutPassword(lab, found(lab.people, params.name, 'person'));
+  }),
+  patch('people/:name', kPeople, ({ lab, params, body, who, base }) => {
+    const person = found(lab.people, params.name, 'person');
+    if (base === undefined && body.consent === undefined)
+      throw new Refusal(400, 'invalid_input', 'If-Match: give the revision that was changed');
+    if (base !== undefined && body.consent === undefined && base !== person.revision)
+      throw new Refusal(409, 'conflict', 'somebody else changed this person', { current_revision: person.revision });
+    const { consent, ...rest } = body;
+    Object.assign(
+      person,
+      rest,
+      consent === undefined
+        ? {}
+        : { consent: { given: consent, unix_ms: Date.now(), recorded_by: who.name, note: '' } },
+    );
+    if (consent === undefined) Object.assign(person, { revision: person.revision + 1 }, changedBy(who.name));
+    return withoutPassword(lab, person);
+  }),
+  post('people/:name/password', kAll, ({ lab, params, body }) => {
+    Object.assign(found(lab.people, params.name, 'person'), { password: body.password, has_password: true });
+    return {};
+  }),
+  get('people/:name/export', kPeople, ({ lab, params }) => ({
+    items: [{ kind: 'person', ...withoutPassword(lab, found(lab.people, params.name, 'person')) }],
+  })),
+  remove('people/:name/data', kAdmin, ({ lab, params, body }) => {
+    found(lab.people, params.name, 'person');
+    if (body?.confirm !== params.name)
+      throw new Refusal(400, 'invalid_input', 'confirm: must be the name', { field: 'confirm' });
+    lab.people.delete(params.name);
+    return {
+      pseudonym: 'erased-7f3a',
+      sessions: 3,
+      recordings: 3,
+      scores: 3,
+      remarks_kept: 1,
+      audit_lines: 12,
+      text: 'Backups made before today still hold the data.',
+    };
+  }),
+  get('people/:name/progress', kPeople, ({ lab, params, query }) => ({
+    items: lab.sessions
+      .filter((s) => s.trainee === params.name && (!query.exercise || s.exercise_id === query.exercise))
+      .map((s) => attemptOf(lab, s)),
+    next_page: '',
+    measures: null,
+  })),
+  get('groups', kStaff, ({ lab, query }) => paged([...lab.groups.values()], query)),
+  create('groups', kManagers, ({ lab, body, who }) => {
+    if (lab.groups.has(body.id))
+      throw new Refusal(409, 'conflict', `group '${body.id}' is there already`, {
+        current_revision: lab.groups.get(body.id).revision,
+      });
+    lab.groups.set(body.id, { members: [], ...body, revision: 1, ...changedBy(who.name) });
+    return lab.groups.get(body.id);
+  }),
+  get('groups/:id', kStaff, ({ lab, params }) => found(lab.groups, params.id, 'group')),
+  put('groups/:id', kManagers, ({ lab, params, body, base, who }) => {
+    const group = found(lab.groups, params.id, 'group');
+    if (base !== group.revision)
+      throw new Refusal(409, 'conflict', `group '${params.id}' was changed in the meantime`, {
+        current_revision: group.revision,
+      });
+    lab.groups.set(params.id, { ...group, ...body, revision: group.revision + 1, ...changedBy(who.name) });
+    return lab.groups.get(params.id);
+  }),
+  remove('groups/:id', kManagers, ({ lab, params, base }) => {
+    const group = found(lab.groups, params.id, 'group');
+    if (base !== group.revision)
+      throw new Refusal(409, 'conflict', `group '${params.id}' was changed in the meantime`, {
+        current_revision: group.revision,
+      });
+    lab.groups.delete(params.id);
+    return {};
+  }),
+  get('profiles', kAll, ({ lab }) => ({
+    items: [...lab.profiles].map(([id, r]) => ({
+      id,
+      revision: r.length,
+      name: r.at(-1).json.name,
+      created_unix_ms: r.at(-1).created_unix_ms,
+      author: r.at(-1).author,
+    })),
+    next_page: '',
+  })),
+  post('profiles/check', kStaff, ({ body }) => {
+    const all = problemsOf(body),
+      errors = all.filter((p) => p.severity === 'ERROR');
+    return {
+      ok: errors.length === 0,
+      problems: errors.map(({ path, message }) => ({ path, message })),
+      warnings: all.filter((p) => p.severity === 'WARNING').map((p) => `${p.path}: ${p.message}`),
+    };
+  }),
+  post('profiles/preview', kStaff, ({ body }) => {
+    const [problem] = problemsOf(body).filter((p) => p.severity === 'ERROR');
+    if (problem)
+      throw new Refusal(400, 'invalid_input', `${problem.path}: ${problem.message}`, { field: problem.path });
+    return preview(body);
+  }),
+  get('profiles/:id', kAll, ({ lab, params, query }) => revisionAsked(lab.profiles, params.id, query, 'profile')),
+  put('profiles/:id', kManagers, ({ lab, params, body, base, who }) => {
+    const [problem] = problemsOf(body).filter((p) => p.severity === 'ERROR');
+    if (problem)
+      throw new Refusal(400, 'invalid_input', `${problem.path}: ${problem.message}`, { field: problem.path });
+    return putRevision(lab.profiles, params.id, base, body, who.name);
+  }),
+  get('profiles/:id/revisions', [...kStaff, 'RESEARCHER'], ({ lab, params }) =>
+    revisionList(lab.profiles, params.id, 'profile'),
+  ),
+  get('courses', kAll, ({ lab }) => ({
+    items: [...lab.courses].map(([id, r]) => ({
+      id,
+      name: r.at(-1).json.name,
+      revision: r.length,
+      exercise_ids: r.at(-1).json.exercises.map((e) => e.id),
+      created_unix_ms: r.at(-1).created_unix_ms,
+      author: r.at(-1).author,
+    })),
+    next_page: '',
+  })),
+  post('courses/check', kStaff, ({ body }) => {
+    const problems = body.exercises?.length ? [] : [{ path: 'exercises', message: 'at least one exercise is needed' }];
+    return { ok: problems.length === 0, problems, warnings: [] };
+  }),
+  get('courses/:id', kAll, ({ lab, params, query }) => revisionAsked(lab.courses, params.id, query, 'course')),
+  put('courses/:id', kManagers, ({ lab, params, body, base, who }) => {
+    if (!body.exercises?.length)
+      throw new Refusal(400, 'invalid_input', 'exercises: at least one is needed', { field: 'exercises' });
+    return putRevision(lab.courses, params.id, base, body, who.name);
+  }),
+  get('courses/:id/revisions', [...kStaff, 'RESEARCHER'], ({ lab, params }) =>
+    revisionList(lab.courses, params.id, 'course'),
+  ),
+  get('exercises', kAll, ({ lab }) => ({
+    items: [...lab.courses].flatMap(([course_id, r]) =>
+      r.at(-1).json.exercises.map((json, position) => ({ course_id, position, json, course_revision: r.length })),
+    ),
+    next_page: '',
+  })),
+  get('measures', kAll, () => ({ items: measures, definition_version: 1, next_page: '' })),
+  get('assignments', kPeople, ({ lab, query }) => paged(lab.assignments, query)),
+  create('assignments', kStaff, ({ lab, body, who }) => {
+    const assignment = {
+      id: Math.max(0, ...lab.assignments.map((a) => a.id)) + 1,
+      course_id: '',
+      exercise_id: '',
+      group_id: '',
+      trainee: '',
+      due_unix_ms: null,
+      ...body,
+      by: who.name,
+      created_unix_ms: Date.now(),
+    };
+    lab.assignments.push(assignment);
+    return assignment;
+  }),
+  remove('assignments/:id', kStaff, ({ lab, params }) => {
+    lab.assignments = lab.assignments.filter((a) => String(a.id) !== params.id);
+    return {};
+  }),
+  get('results', kPeople, ({ lab, query, who }) => resultsOf(lab, query, who)),
+  get('sessions', kPeople, ({ lab, query, who }) =>
+    paged(
+      lab.sessions
+        .filter((s) => isAsked(lab, s, query, who))
+        .sort((a, b) => b.started_unix_ms - a.started_unix_ms)
+        .map((s) => rowOf(lab, s)),
+      query,
+      25,
+    ),
+  ),
+  get('sessions/:id', kPeople, ({ lab, params, who }) => infoOf(lab, sessionOf(lab, params.id, who))),
+  get('sessions/:id/score', kPeople, ({ lab, params, who }) => scoreReply(lab, sessionOf(lab, params.id, who), true)),
+  post('sessions/:id/rescore', kStaff, ({ lab, params, who }) =>
+    scoreReply(lab, sessionOf(lab, params.id, who), false),
+  ),
+  post('sessions/:id/excuse', kStaff, ({ lab, params, body, who }) => {
+    const s = sessionOf(lab, params.id, who);
+    s.excused = body.excused;
+    return attemptOf(lab, s);
+  }),
+  post('scores/rescore', kAdmin, ({ lab, body }) => ({
+    dry_run: !!body.dry_run,
+    definition_version: 1,
+    rescored: lab.sessions.length,
+    left_alone: 0,
+    faults: [],
+    stopped: false,
+  })),
+  get('retention', kManagers, ({ lab }) => ({
+    policies: lab.retention ?? [],
+    database_bytes: 12_400_000,
+    free_bytes: 40_960,
+    thinned_sessions: 0,
+    deleted_sessions: 0,
+    last_run_unix_ms: null,
+  })),
+  put('retention', kManagers, ({ lab, body, who }) => {
+    const rest = (lab.retention ?? []).filter((p) => p.exercise_id !== body.policy.exercise_id);
+    lab.retention = body.as_default
+      ? rest
+      : [
+          ...rest,
+          {
+            thin_rate_hz: 0,
+            thin_coarser: 0,
+            without_backup: false,
+            ...body.policy,
+            by: who.name,
+            changed_unix_ms: Date.now(),
+          },
+        ];
+    return {};
+  }),
+  post('retention/run', kManagers, ({ body }) => ({
+    dry_run: !!body.dry_run,
+    stopped: false,
+    thinned: 0,
+    deleted: 0,
+    waiting_for_backup: 0,
+    left_alone: 0,
+    bytes_before: 0,
+    bytes_after: 0,
+    steps: [],
+    free_bytes: 0,
+  })),
+  get('studies/:study', ['ADMINISTRATOR', 'RESEARCHER'], ({ lab, params }) => ({
+    items: [
+      {
+        kind: 'study',
+        study: params.study,
+        format: 1,
+        people: [...lab.people.values()].filter((p) => p.consent?.given).length,
+        sessions: 0,
+        program: 'mock',
+      },
+    ],
+    next_page: '',
+  })),
+  get('sessions/:id/events', kPeople, ({ lab, params, who }) => {
+    const s = sessionOf(lab, params.id, who),
+      t = s.gesture.inserted_s,
+      at = place(s, 'target');
+    return {
       items: [
         {
-          kind: 'study',
-          study: params.study,
-          format: 1,
-          people: [...lab.people.values()].filter((p) => p.consent?.given).length,
-          sessions: 0,
-          program: 'mock',
+          kind: 'ASPIRATION',
+          begin_tick: Math.round((t + 0.5) * 1000),
+          end_tick: Math.round((t + 1) * 1000),
+          hazards: [],
+          begin_s: t + 0.5,
+          end_s: t + 1,
+          plunger_from: 0.5,
+          plunger_to: 0.4,
+          in_tissue_share: 1,
+          in_target_share: 1,
+          begin: at,
+          end: at,
+        },
+        {
+          kind: 'INJECTION',
+          begin_tick: Math.round((t + 1) * 1000),
+          end_tick: Math.round((t + 2.5) * 1000),
+          hazards: [],
+          begin_s: t + 1,
+          end_s: t + 2.5,
+          plunger_from: 0.4,
+          plunger_to: 0.9,
+          in_tissue_share: 1,
+          in_target_share: 0.8,
+          begin: at,
+          end: at,
         },
       ],
+      stored: true,
       next_page: '',
-    }),
-  ],
-  [
-    'GET',
-    'sessions/:id/events',
-    kPeople,
-    ({ lab, params, who }) => {
-      const s = sessionOf(lab, params.id, who),
-        t = s.gesture.inserted_s,
-        at = place(s, 'target');
-      return {
-        items: [
-          {
-            kind: 'ASPIRATION',
-            begin_tick: Math.round((t + 0.5) * 1000),
-            end_tick: Math.round((t + 1) * 1000),
-            hazards: [],
-            begin_s: t + 0.5,
-            end_s: t + 1,
-            plunger_from: 0.5,
-            plunger_to: 0.4,
-            in_tissue_share: 1,
-            in_target_share: 1,
-            begin: at,
-            end: at,
-          },
-          {
-            kind: 'INJECTION',
-            begin_tick: Math.round((t + 1) * 1000),
-            end_tick: Math.round((t + 2.5) * 1000),
-            hazards: [],
-            begin_s: t + 1,
-            end_s: t + 2.5,
-            plunger_from: 0.4,
-            plunger_to: 0.9,
-            in_tissue_share: 1,
-            in_target_share: 0.8,
-            begin: at,
-            end: at,
-          },
-        ],
-        stored: true,
-        next_page: '',
-      };
-    },
-  ],
-  [
-    'GET',
-    'sessions/:id/samples',
-    kPeople,
-    ({ lab, params, query, who }) => samplesOf(sessionOf(lab, params.id, who), query),
-  ],
-  [
-    'GET',
-    'sessions/:id/annotations',
-    kPeople,
-    ({ lab, params, who }) => ({
-      items: lab.annotations.get(sessionOf(lab, params.id, who).session_id) ?? [],
-      next_page: '',
-    }),
-  ],
-  [
-    'POST',
-    'sessions/:id/annotations',
-    ['INSTRUCTOR', 'ADMINISTRATOR'],
-    ({ lab, params, body, who }) => {
-      const all = lab.annotations.get(params.id) ?? [];
-      const annotation = {
-        id: all.length + 1,
-        author: who.name,
-        created_unix_ms: Date.now(),
-        session_id: params.id,
-        tick: Math.round(body.t_s * 1000),
-        ...body,
-      };
-      lab.annotations.set(params.id, [...all, annotation]);
-      return annotation;
-    },
-    201,
-  ],
-  [
-    'GET',
+    };
+  }),
+  get('sessions/:id/samples', kPeople, ({ lab, params, query, who }) =>
+    samplesOf(sessionOf(lab, params.id, who), query),
+  ),
+  get('sessions/:id/annotations', kPeople, ({ lab, params, who }) => ({
+    items: lab.annotations.get(sessionOf(lab, params.id, who).session_id) ?? [],
+    next_page: '',
+  })),
+  create('sessions/:id/annotations', ['INSTRUCTOR', 'ADMINISTRATOR'], ({ lab, params, body, who }) => {
+    const all = lab.annotations.get(params.id) ?? [];
+    const annotation = {
+      id: all.length + 1,
+      author: who.name,
+      created_unix_ms: Date.now(),
+      session_id: params.id,
+      tick: Math.round(body.t_s * 1000),
+      ...body,
+    };
+    lab.annotations.set(params.id, [...all, annotation]);
+    return annotation;
+  }),
+  get(
     'exercises/:id/reference',
     kPeople,
     ({ lab, params }) =>
@@ -828,58 +656,39 @@ export const kTable = [
         changed_unix_ms: null,
         definition_version: 1,
       },
-  ],
-  [
-    'PUT',
-    'exercises/:id/reference',
-    kStaff,
-    ({ lab, params, body, who }) => {
-      const bands = bandOf(lab.sessions.filter((s) => body.session_ids.includes(s.session_id)));
-      lab.references.set(params.id, {
-        exercise_id: params.id,
-        revision: (lab.references.get(params.id)?.revision ?? 0) + 1,
-        session_ids: body.session_ids,
-        bands,
-        changed_by: who.name,
-        changed_unix_ms: Date.now(),
-        definition_version: 1,
-      });
-      return lab.references.get(params.id);
-    },
-  ],
-  [
-    'GET',
-    'stations',
-    kStaff,
-    () => ({
-      items: [1, 2, 3, 4].map((i) => ({ name: `bench-${i}`, revoked: false, created_unix_ms: kNow_ms, online: i < 4 })),
-      next_page: '',
-    }),
-  ],
-  [
-    'GET',
-    'audit',
-    kAdmin,
-    ({ lab, query }) =>
-      paged(
-        lab.audit
-          .filter((e) => (!query.who || e.who === query.who) && (!query.action || e.action === query.action))
-          .reverse(),
-        query,
-      ),
-  ],
-  [
-    'POST',
-    'backup',
-    kAdmin,
-    ({ body }) => ({
-      path: body?.path || '/var/backups/needlelab/2026-11-20T09-00-00Z.db',
-      bytes: 12_400_000,
-      chunks_verified: 914,
-      removed: [],
-    }),
-  ],
-  ['POST', 'check', kAdmin, ({ lab }) => ({ ok: true, sessions: lab.sessions.length, chunks: 914, faults: [] })],
+  ),
+  put('exercises/:id/reference', kStaff, ({ lab, params, body, who }) => {
+    const bands = bandOf(lab.sessions.filter((s) => body.session_ids.includes(s.session_id)));
+    lab.references.set(params.id, {
+      exercise_id: params.id,
+      revision: (lab.references.get(params.id)?.revision ?? 0) + 1,
+      session_ids: body.session_ids,
+      bands,
+      changed_by: who.name,
+      changed_unix_ms: Date.now(),
+      definition_version: 1,
+    });
+    return lab.references.get(params.id);
+  }),
+  get('stations', kStaff, () => ({
+    items: [1, 2, 3, 4].map((i) => ({ name: `bench-${i}`, revoked: false, created_unix_ms: kNow_ms, online: i < 4 })),
+    next_page: '',
+  })),
+  get('audit', kAdmin, ({ lab, query }) =>
+    paged(
+      lab.audit
+        .filter((e) => (!query.who || e.who === query.who) && (!query.action || e.action === query.action))
+        .reverse(),
+      query,
+    ),
+  ),
+  post('backup', kAdmin, ({ body }) => ({
+    path: body?.path || '/var/backups/needlelab/2026-11-20T09-00-00Z.db',
+    bytes: 12_400_000,
+    chunks_verified: 914,
+    removed: [],
+  })),
+  post('check', kAdmin, ({ lab }) => ({ ok: true, sessions: lab.sessions.length, chunks: 914, faults: [] })),
 ];
 
 /** CSV with units in the header. */

@@ -35,13 +35,39 @@ function Aids({ f, at }) {
     const next = kAids.map(([name]) => name).filter((name) => (name === aid ? on : allowed.includes(name)));
     f.set(`${at}.aids`)(next.join() === kUsualAids.join() ? undefined : { allowed: next });
   };
-  return html`<fieldset><legend>What the station may show while practising</legend>${kAids.map(([aid, label]) => html`<${CheckField} key=${aid} label=${label} checked=${allowed.includes(aid)} disabled=${f.readonly} onValue=${toggle(aid)} />`)}</fieldset>`;
+  return html`<fieldset>
+    <legend>What the station may show while practising</legend>
+    ${kAids.map(
+      ([aid, label]) =>
+        html`<${CheckField}
+          key=${aid}
+          label=${label}
+          checked=${allowed.includes(aid)}
+          disabled=${f.readonly}
+          onValue=${toggle(aid)}
+        />`,
+    )}
+  </fieldset>`;
 }
 
 function Needle({ f, at }) {
   const own = f.at(`${at}.needle`);
-  return html`<${CheckField} label="Another needle than the patient's" checked=${!!own} disabled=${f.readonly} onValue=${(on) => f.set(`${at}.needle`)(on ? { length_m: 0.06, gauge: 22, tip: 'HYPODERMIC' } : undefined)} />
-    ${own && html`<div class="fields">${f.number(`${at}.needle.length_m`, 'Needle length')}${f.number(`${at}.needle.gauge`, 'Gauge')}${f.select(`${at}.needle.tip`, 'Tip', kTips)}</div>`}`;
+  return html`
+    <${CheckField}
+      label="Another needle than the patient's"
+      checked=${!!own}
+      disabled=${f.readonly}
+      onValue=${(on) => f.set(`${at}.needle`)(on ? { length_m: 0.06, gauge: 22, tip: 'HYPODERMIC' } : undefined)}
+    />
+    ${
+      own &&
+      html`<div class="fields">
+        ${f.number(`${at}.needle.length_m`, 'Needle length')}
+        ${f.number(`${at}.needle.gauge`, 'Gauge')}
+        ${f.select(`${at}.needle.tip`, 'Tip', kTips)}
+      </div>`
+    }
+  `;
 }
 
 function Prerequisites({ f, at, index }) {
@@ -54,10 +80,23 @@ function Prerequisites({ f, at, index }) {
     f.set(`${at}.prerequisites`)(next.length ? next : undefined);
   };
   const problems = (f.problems ?? []).filter((p) => p.path.startsWith(`${at}.prerequisites`));
-  return html`<fieldset><legend>Must be passed first</legend>
-    ${before.length + odd.length === 0 && html`<p class="help">This is the first exercise: nothing comes before it.</p>`}
-    ${[...before, ...odd.map((id) => ({ id, name: `${id} (further down)` }))].map((e) => html`<${CheckField} key=${e.id} label=${e.name || e.id} checked=${chosen.includes(e.id)} disabled=${f.readonly} onValue=${toggle(e.id)} />`)}
-    ${problems.map((p) => html`<p class="error">✗ ${p.message}</p>`)}</fieldset>`;
+  return html`<fieldset>
+    <legend>Must be passed first</legend>
+    ${
+      before.length + odd.length === 0 && html`<p class="help">This is the first exercise: nothing comes before it.</p>`
+    }
+    ${[...before, ...odd.map((id) => ({ id, name: `${id} (further down)` }))].map(
+      (e) =>
+        html`<${CheckField}
+          key=${e.id}
+          label=${e.name || e.id}
+          checked=${chosen.includes(e.id)}
+          disabled=${f.readonly}
+          onValue=${toggle(e.id)}
+        />`,
+    )}
+    ${problems.map((p) => html`<p class="error">✗ ${p.message}</p>`)}
+  </fieldset>`;
 }
 
 /** @param {{f: any, index: number, profiles: {id: string, name: string}[], measures: any[]}} props */
@@ -80,11 +119,39 @@ export function ExerciseForm({ f, index, profiles, measures }) {
     patients.push([exercise.profile_id, `${exercise.profile_id} (not there)`]);
   return html`<section class="card" aria-label=${`Exercise ${index + 1}: ${exercise.name || exercise.id}`}>
     <h2>${numbered(index, exercise.name || exercise.id)}</h2>
-    <div class="fields">${f.text(`${at}.id`, 'Exercise id', { required: true, onValue: rename })}${f.text(`${at}.name`, 'Exercise name', { required: true })}</div>
+    <div class="fields">
+      ${f.text(`${at}.id`, 'Exercise id', { required: true, onValue: rename })}
+      ${f.text(`${at}.name`, 'Exercise name', { required: true })}
+    </div>
     ${f.text(`${at}.description`, 'Exercise description', { rows: 2, wide: true })}
-    <div class="fields">${f.select(`${at}.profile_id`, 'Patient', patients)}${f.number(`${at}.attempts`, 'Attempts', { help: 'empty: as many as one likes' })}${f.number(`${at}.time_limit_s`, 'Time limit', { help: 'empty: none' })}
-      <${TextField} label="Due" type="datetime-local" path=${`${at}.due_unix_ms`} problems=${problemsAt(f.problems, `${at}.due_unix_ms`)} value=${toInput(exercise.due_unix_ms)} readonly=${f.readonly} onValue=${(v) => f.set(`${at}.due_unix_ms`)(fromInput(v))} help="empty: any time; an assignment's own date goes before it" /></div>
-    ${exercise.profile_id && html`<p><a href=${href(['profiles', exercise.profile_id])}>Look at the patient</a> · <a href=${href(['references', exercise.id])}>Choose its experts</a></p>`}
-    <${Needle} f=${f} at=${at} /><${Prerequisites} f=${f} at=${at} index=${index} /><${Aids} f=${f} at=${at} />
-    <${Requirements} f=${f} at=${at} measures=${measures} /></section>`;
+    <div class="fields">
+      ${f.select(`${at}.profile_id`, 'Patient', patients)}
+      ${f.number(`${at}.attempts`, 'Attempts', { help: 'empty: as many as one likes' })}
+      ${f.number(`${at}.time_limit_s`, 'Time limit', { help: 'empty: none' })}
+      <${TextField}
+        label="Due"
+        type="datetime-local"
+        path=${`${at}.due_unix_ms`}
+        problems=${problemsAt(f.problems, `${at}.due_unix_ms`)}
+        value=${toInput(exercise.due_unix_ms)}
+        readonly=${f.readonly}
+        onValue=${(v) => f.set(`${at}.due_unix_ms`)(fromInput(v))}
+        help="empty: any time; an assignment's own date goes before it"
+      />
+    </div>
+    ${
+      exercise.profile_id &&
+      html`<p>
+        <a href=${href(['profiles', exercise.profile_id])}>Look at the patient</a> · <a
+          href=${href(['references', exercise.id])}
+        >
+          Choose its experts
+        </a>
+      </p>`
+    }
+    <${Needle} f=${f} at=${at} />
+    <${Prerequisites} f=${f} at=${at} index=${index} />
+    <${Aids} f=${f} at=${at} />
+    <${Requirements} f=${f} at=${at} measures=${measures} />
+  </section>`;
 }

@@ -38,20 +38,66 @@ export function ExerciseOrder({ f, chosen, choose, add, remove, faulty }) {
           },
           onDragEnd: () => setDragged(-1),
         };
-  return html`<section aria-label="Exercises in order"><h2>Exercises</h2>
-    ${exercises.length === 0 && html`<div class="empty"><p><strong>No exercises yet</strong></p><p>Add the first one: a patient to practise on, and what is needed to pass.</p></div>`}
+  return html`<section aria-label="Exercises in order">
+    <h2>Exercises</h2>
+    ${
+      exercises.length === 0 &&
+      html`<div class="empty">
+        <p><strong>No exercises yet</strong></p>
+        <p>Add the first one: a patient to practise on, and what is needed to pass.</p>
+      </div>`
+    }
     <ol class="order">${exercises.map(
-      (
-        exercise,
-        i,
-      ) => html`<li key=${i} class=${`${i === chosen ? 'order-chosen' : ''} ${i === dragged ? 'dragged' : ''}`} onKeyDown=${keys(i)} ...${drag(i)}>
-      <button type="button" class="order-name" id=${`exercise-${i}`} aria-current=${i === chosen ? 'true' : undefined} onClick=${() => choose(i)}>${numbered(i, nameOf(i))}${faulty.has(i) && html` <span class="error">✗ not right yet</span>`}</button>
-      ${
-        !f.readonly &&
-        html`<div class="actions"><button type="button" class="small" disabled=${i === 0} aria-label=${`Move ${nameOf(i)} up`} onClick=${() => move(i, i - 1)}>↑</button>
-        <button type="button" class="small" disabled=${i === exercises.length - 1} aria-label=${`Move ${nameOf(i)} down`} onClick=${() => move(i, i + 1)}>↓</button>
-        <button type="button" class="small danger" aria-label=${`Remove ${nameOf(i)}`} onClick=${() => remove(i)}>Remove</button></div>`
-      }</li>`,
+      (exercise, i) => html`<li
+        key=${i}
+        class=${`${i === chosen ? 'order-chosen' : ''} ${i === dragged ? 'dragged' : ''}`}
+        onKeyDown=${keys(i)}
+        ...${drag(i)}
+      >
+        <button
+          type="button"
+          class="order-name"
+          id=${`exercise-${i}`}
+          aria-current=${i === chosen ? 'true' : undefined}
+          onClick=${() => choose(i)}
+        >
+          ${numbered(i, nameOf(i))}
+          ${faulty.has(i) && html` <span class="error">✗ not right yet</span>`}
+        </button>
+        ${
+          !f.readonly &&
+          html`<div class="actions">
+            <button
+              type="button"
+              class="small"
+              disabled=${i === 0}
+              aria-label=${`Move ${nameOf(i)} up`}
+              onClick=${() => move(i, i - 1)}
+            >
+              ↑
+            </button>
+            <button
+              type="button"
+              class="small"
+              disabled=${i === exercises.length - 1}
+              aria-label=${`Move ${nameOf(i)} down`}
+              onClick=${() => move(i, i + 1)}
+            >
+              ↓
+            </button>
+            <button type="button" class="small danger" aria-label=${`Remove ${nameOf(i)}`} onClick=${() => remove(i)}>
+              Remove
+            </button>
+          </div>`
+        }
+      </li>`,
     )}</ol>
-    ${!f.readonly && html`<button type="button" onClick=${add}>Add an exercise</button><p class="help">Drag, or Alt + ↑ ↓ on a name, to change the order.</p>`}</section>`;
+    ${
+      !f.readonly &&
+      html`
+        <button type="button" onClick=${add}>Add an exercise</button>
+        <p class="help">Drag, or Alt + ↑ ↓ on a name, to change the order.</p>
+      `
+    }
+  </section>`;
 }

@@ -13,16 +13,38 @@ export function Requirements({ f, at, measures }) {
     ...measures.map((m) => [m.name, m.words ? `${m.words} (${m.name})` : m.name]),
     ...(name && !measures.some((m) => m.name === name) ? [[name, name]] : []),
   ];
-  return html`<h3>Requirements to pass</h3>
-    ${rules.length === 0 && html`<p class="help">Without requirements every attempt is practice: nobody passes or fails.</p>`}
+  return html`
+    <h3>Requirements to pass</h3>
+    ${
+      rules.length === 0 &&
+      html`<p class="help">Without requirements every attempt is practice: nobody passes or fails.</p>`
+    }
     <div>${rules.map((rule, i) => {
       const known = measures.find((m) => m.name === rule.measure);
       const { factor, unit } = measureUnit(known?.unit ?? '');
       const name = known?.words ?? rule.measure ?? `requirement ${i + 1}`;
       return html`<div key=${i} class="requirement fields" role="group" aria-label=${`Requirement ${i + 1}: ${name}`}>
         ${f.select(`${path}[${i}].measure`, 'Measure', options(rule.measure))}
-        ${f.number(`${path}[${i}].min`, 'At least', { factor, unit })}${f.number(`${path}[${i}].max`, 'At most', { factor, unit })}
-        ${!f.readonly && html`<div class="actions"><button type="button" class="small danger" aria-label=${`Remove requirement ${i + 1}`} onClick=${() => put(rules.filter((_, k) => k !== i))}>Remove</button></div>`}</div>`;
+        ${f.number(`${path}[${i}].min`, 'At least', { factor, unit })}
+        ${f.number(`${path}[${i}].max`, 'At most', { factor, unit })}
+        ${
+          !f.readonly &&
+          html`<div class="actions">
+            <button
+              type="button"
+              class="small danger"
+              aria-label=${`Remove requirement ${i + 1}`}
+              onClick=${() => put(rules.filter((_, k) => k !== i))}
+            >
+              Remove
+            </button>
+          </div>`
+        }
+      </div>`;
     })}</div>
-    ${!f.readonly && html`<button type="button" onClick=${() => put([...rules, { measure: '' }])}>Add a requirement</button>`}`;
+    ${
+      !f.readonly &&
+      html`<button type="button" onClick=${() => put([...rules, { measure: '' }])}>Add a requirement</button>`
+    }
+  `;
 }

@@ -14,9 +14,26 @@ function OwnConsent({ name }) {
 }
 
 export function AccountPage({ person }) {
-  return html`<${Heading} title="My account" />
-    <dl class="facts"><dt>Name</dt><dd>${person.name}</dd><dt>Full name</dt><dd>${person.full_name || '–'}</dd><dt>Role</dt><dd>${words(person.role)}</dd>
-      <dt>Logged in until</dt><dd>${moment(person.expires_unix_ms)}</dd></dl>
-    ${person.role === 'trainee' && html`<${OwnConsent} name=${person.name} />`}<${PasswordForm} name=${person.name} />
-    ${person.role !== 'researcher' && html`<fieldset><legend>Everything that is stored of me</legend><${JsonDownload} file=${person.name + '.json'} make=${() => people.everything(person.name)}>Download as JSON<//></fieldset>`}`;
+  return html`
+    <${Heading} title="My account" />
+    <dl class="facts">
+      <dt>Name</dt>
+      <dd>${person.name}</dd>
+      <dt>Full name</dt>
+      <dd>${person.full_name || '–'}</dd>
+      <dt>Role</dt>
+      <dd>${words(person.role)}</dd>
+      <dt>Logged in until</dt>
+      <dd>${moment(person.expires_unix_ms)}</dd>
+    </dl>
+    ${person.role === 'trainee' && html`<${OwnConsent} name=${person.name} />`}
+    <${PasswordForm} name=${person.name} />
+    ${
+      person.role !== 'researcher' &&
+      html`<fieldset>
+        <legend>Everything that is stored of me</legend>
+        <${JsonDownload} file=${person.name + '.json'} make=${() => people.everything(person.name)}>Download as JSON<//>
+      </fieldset>`
+    }
+  `;
 }

@@ -38,12 +38,24 @@ function AddAssignment({ all, done }) {
     ...all.groups.map((g) => [`group:${g.id}`, `Group: ${g.name}`]),
     ...all.people.filter((p) => p.role === 'trainee').map((p) => [`person:${p.name}`, p.full_name || p.name]),
   ];
-  return html`<form onSubmit=${save}><fieldset><legend>Assign</legend><div class="fields">
-    <${SelectField} label="What" required value=${entry.what} options=${whats} onValue=${set('what')} />
-    <${SelectField} label="To whom" required value=${entry.whom} options=${whoms} onValue=${set('whom')} />
-    <${TextField} label="Due" type="datetime-local" value=${entry.due} onValue=${set('due')} help="may stay empty" /></div>
-    <${Problem} error=${action.error} />
-    <div class="actions"><button type="submit" class="main" disabled=${action.busy}>Assign</button></div></fieldset></form>`;
+  return html`<form onSubmit=${save}>
+    <fieldset>
+      <legend>Assign</legend>
+      <div class="fields">
+        <${SelectField} label="What" required value=${entry.what} options=${whats} onValue=${set('what')} />
+        <${SelectField} label="To whom" required value=${entry.whom} options=${whoms} onValue=${set('whom')} />
+        <${TextField}
+          label="Due"
+          type="datetime-local"
+          value=${entry.due}
+          onValue=${set('due')}
+          help="may stay empty"
+        />
+      </div>
+      <${Problem} error=${action.error} />
+      <div class="actions"><button type="submit" class="main" disabled=${action.busy}>Assign</button></div>
+    </fieldset>
+  </form>`;
 }
 
 export function AssignmentsPage() {
@@ -65,7 +77,8 @@ export function AssignmentsPage() {
     setRemoving(null);
     load.reload();
   };
-  return html`<${Heading} title="Assignments" />
+  return html`
+    <${Heading} title="Assignments" />
     <${Loaded} load=${load}>${(all) => {
       const nameOf = (list, id) => list.find((x) => x.id === id)?.name ?? id;
       const what = (a) =>
@@ -76,20 +89,57 @@ export function AssignmentsPage() {
         a.group_id
           ? html`<a href=${href(['groups', a.group_id])}>${nameOf(all.groups, a.group_id)}</a>`
           : html`<a href=${href(['people', a.trainee])}>${a.trainee}</a>`;
-      return html`<${AddAssignment} all=${all} done=${load.reload} />
+      return html`
+        <${AddAssignment} all=${all} done=${load.reload} />
         ${
           all.items.length === 0
             ? html`<${Empty} title="Nothing is assigned yet">Choose a course and a group above.<//>`
-            : html`<${Table} caption="Assignments" head=${['What', 'To whom', 'Due', 'Assigned', 'By', html`<span class="visually-hidden">Actions</span>`]}>${all.items.map(
+            : html`<${Table}
+                caption="Assignments"
+                head=${['What', 'To whom', 'Due', 'Assigned', 'By', html`<span class="visually-hidden">Actions</span>`]}
+              >${all.items.map(
                 (a) => html`<tr key=${a.id}>
-            <th scope="row">${what(a)}</th><td>${whom(a)}</td><td>${a.due_unix_ms ? html`${moment(a.due_unix_ms)} ${a.due_unix_ms < Date.now() && html`<${Mark} kind="warn">past<//>`}` : 'any time'}</td><td>${moment(a.created_unix_ms)}</td><td>${a.by}</td>
-            <td><button type="button" class="small danger" aria-label=${`Take back ${a.course_id || a.exercise_id} from ${a.group_id || a.trainee}`} onClick=${() => setRemoving(a)}>Take back …</button></td></tr>`,
+                  <th scope="row">${what(a)}</th>
+                  <td>${whom(a)}</td>
+                  <td>${
+                    a.due_unix_ms
+                      ? html`
+                          ${moment(a.due_unix_ms)} ${a.due_unix_ms < Date.now() && html`<${Mark} kind="warn">past<//>`}
+                        `
+                      : 'any time'
+                  }</td>
+                  <td>${moment(a.created_unix_ms)}</td>
+                  <td>${a.by}</td>
+                  <td>
+                    <button
+                      type="button"
+                      class="small danger"
+                      aria-label=${`Take back ${a.course_id || a.exercise_id} from ${a.group_id || a.trainee}`}
+                      onClick=${() => setRemoving(a)}
+                    >
+                      Take back …
+                    </button>
+                  </td>
+                </tr>`,
               )}<//>`
-        }`;
+        }
+      `;
     }}<//>
     ${
       removing &&
-      html`<${Confirm} title="Take the assignment back?" word="Take back" act=${drop} close=${() => setRemoving(null)} busy=${action.busy} error=${action.error}>
-      <p>${removing.course_id || removing.exercise_id} for ${removing.group_id || removing.trainee}. Results so far stay.</p><//>`
-    }`;
+      html`<${Confirm}
+        title="Take the assignment back?"
+        word="Take back"
+        act=${drop}
+        close=${() => setRemoving(null)}
+        busy=${action.busy}
+        error=${action.error}
+      >
+        <p>
+          ${removing.course_id || removing.exercise_id} for ${removing.group_id || removing.trainee}. Results so far
+          stay.
+        </p>
+      <//>`
+    }
+  `;
 }

@@ -18,14 +18,43 @@ export function AuditPage({ query }) {
     location.hash = href(['audit'], { who: filter.who.trim(), action: filter.action.trim() });
   };
   const set = (key) => (value) => setFilter({ ...filter, [key]: value });
-  return html`<${Heading} title="Audit" />
+  return html`
+    <${Heading} title="Audit" />
     <form class="filters" role="search" aria-label="Audit" onSubmit=${go}>
       <${TextField} label="Who" value=${filter.who} onValue=${set('who')} autocomplete="off" />
-      <${TextField} label="Action" value=${filter.action} onValue=${set('action')} autocomplete="off" help="as in the list, e.g. profile import" />
-      <div class="actions"><button type="submit">Filter</button><a class="button" href="#/audit" onClick=${() => setFilter({ who: '', action: '' })}>Show all</a></div></form>
+      <${TextField}
+        label="Action"
+        value=${filter.action}
+        onValue=${set('action')}
+        autocomplete="off"
+        help="as in the list, e.g. profile import"
+      />
+      <div class="actions">
+        <button type="submit">Filter</button>
+        <a class="button" href="#/audit" onClick=${() => setFilter({ who: '', action: '' })}>Show all</a>
+      </div>
+    </form>
     <${Loaded} load=${pages.load}>${() =>
       pages.items.length === 0
-        ? html`<${Empty} title="Nothing fits">Every change of data is listed here; change the filter above.<//>${pages.button}`
-        : html`<${Table} caption=${`${pages.items.length} entries, newest first`} head=${['When', 'Who', 'Action', 'Subject', 'Detail']}>
-        ${pages.items.map((e) => html`<tr key=${e.id}><td>${moment(e.unix_ms)}</td><th scope="row">${e.who}</th><td>${e.action}</td><td class="long">${e.subject}</td><td class="long">${e.detail}</td></tr>`)}<//>${pages.button}`}<//>`;
+        ? html`
+            <${Empty} title="Nothing fits">Every change of data is listed here; change the filter above.<//>
+            ${pages.button}
+          `
+        : html`
+            <${Table}
+              caption=${`${pages.items.length} entries, newest first`}
+              head=${['When', 'Who', 'Action', 'Subject', 'Detail']}
+            >${pages.items.map(
+              (e) =>
+                html`<tr key=${e.id}>
+                  <td>${moment(e.unix_ms)}</td>
+                  <th scope="row">${e.who}</th>
+                  <td>${e.action}</td>
+                  <td class="long">${e.subject}</td>
+                  <td class="long">${e.detail}</td>
+                </tr>`,
+            )}<//>
+            ${pages.button}
+          `}<//>
+  `;
 }

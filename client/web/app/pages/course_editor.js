@@ -49,7 +49,14 @@ export function CourseEditor({ params, person }) {
   const title = id ? (editing.base?.json.name ?? id) : 'New course',
     above = html`<a href="#/courses">Courses</a>`;
   if (!doc)
-    return html`<${Heading} title=${title} above=${above} />${editing.error ? html`<${Problem} error=${editing.error} retry=${editing.reload} />` : html`<p class="loading" role="status">Loading …</p>`}`;
+    return html`
+      <${Heading} title=${title} above=${above} />
+      ${
+        editing.error
+          ? html`<${Problem} error=${editing.error} retry=${editing.reload} />`
+          : html`<p class="loading" role="status">Loading …</p>`
+      }
+    `;
   const refused = editing.saving.error?.field
     ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }]
     : [];
@@ -73,12 +80,48 @@ export function CourseEditor({ params, person }) {
     choose(Math.max(0, Math.min(chosen, doc.exercises.length - 2)));
     announce(`${doc.exercises[index].name} was removed.`);
   };
-  return html`<${Heading} title=${title} above=${above}>${id && html`<a class="button" href=${href(['courses', id, 'revisions'])}>Revisions</a><a class="button" href=${href(['results'], { course: id })}>Results</a>`}<//>
+  return html`
+    <${Heading} title=${title} above=${above}>${
+      id &&
+      html`
+        <a class="button" href=${href(['courses', id, 'revisions'])}>Revisions</a>
+        <a class="button" href=${href(['results'], { course: id })}>Results</a>
+      `
+    }<//>
     <${SaveBar} editing=${editing} save=${save} what="course" bad=${bad} readonly=${readonly} />
     <${Problem} error=${known.error} retry=${known.reload} />
     <form onSubmit=${(event) => event.preventDefault()} aria-label="Course">
-      <fieldset><legend>Course</legend><div class="fields">${!id && f.text('id', 'Id', { required: true, help: "letters, digits, '-', '_', '.'; never changed afterwards" })}${f.text('name', 'Name', { required: true })}</div>${f.text('description', 'Description', { rows: 2, wide: true })}</fieldset>
-      <div class="course-columns"><div><${ExerciseOrder} f=${f} chosen=${chosen} choose=${choose} add=${add} remove=${remove} faulty=${faulty} /><${ProblemList} problems=${problems} /></div>
-        <div>${doc.exercises?.[chosen] && html`<${ExerciseForm} key=${chosen} f=${f} index=${chosen} profiles=${known.data?.profiles ?? []} measures=${known.data?.measures ?? []} />`}</div></div></form>
-    ${editing.conflict && html`<${ConflictDialog} conflict=${editing.conflict} settle=${editing.settle} close=${editing.closeConflict} />`}`;
+      <fieldset>
+        <legend>Course</legend>
+        <div class="fields">
+          ${
+            !id &&
+            f.text('id', 'Id', { required: true, help: "letters, digits, '-', '_', '.'; never changed afterwards" })
+          }
+          ${f.text('name', 'Name', { required: true })}
+        </div>
+        ${f.text('description', 'Description', { rows: 2, wide: true })}
+      </fieldset>
+      <div class="course-columns">
+        <div>
+          <${ExerciseOrder} f=${f} chosen=${chosen} choose=${choose} add=${add} remove=${remove} faulty=${faulty} />
+          <${ProblemList} problems=${problems} />
+        </div>
+        <div>${
+          doc.exercises?.[chosen] &&
+          html`<${ExerciseForm}
+            key=${chosen}
+            f=${f}
+            index=${chosen}
+            profiles=${known.data?.profiles ?? []}
+            measures=${known.data?.measures ?? []}
+          />`
+        }</div>
+      </div>
+    </form>
+    ${
+      editing.conflict &&
+      html`<${ConflictDialog} conflict=${editing.conflict} settle=${editing.settle} close=${editing.closeConflict} />`
+    }
+  `;
 }

@@ -9,15 +9,31 @@ import { Empty, Heading, Loaded, number, Table } from '../ui/parts.js';
 
 export function CoursesPage({ person }) {
   const load = useLoad((signal) => documents('courses').all(signal), []);
-  return html`<${Heading} title="Courses">${may(person.role, 'edit courses') && html`<a class="button main" href="#/courses-new">New course</a>`}<//>
+  return html`
+    <${Heading} title="Courses">${
+      may(person.role, 'edit courses') && html`<a class="button main" href="#/courses-new">New course</a>`
+    }<//>
     <${Loaded} load=${load}>${(all) =>
       all.length === 0
-        ? html`<${Empty} title="There are no courses yet">A course is a row of exercises: make one, then assign it to a group.<//>`
-        : html`<${Table} caption="Courses" head=${['Course', 'Id', number('Exercises'), number('Revision'), 'Changed', 'More']}>
-        ${all.map(
-          (
-            c,
-          ) => html`<tr key=${c.id}><th scope="row"><a href=${href(['courses', c.id])}>${c.name}</a></th><td>${c.id}</td><td class="number">${c.exercise_ids?.length ?? 0}</td><td class="number">${c.revision}</td><td>${moment(c.created_unix_ms)}</td>
-          <td><a href=${href(['courses', c.id, 'revisions'])} aria-label=${'Revisions of ' + c.name}>Revisions</a> · <a href=${href(['results'], { course: c.id })} aria-label=${'Results of ' + c.name}>Results</a></td></tr>`,
-        )}<//>`}<//>`;
+        ? html`<${Empty} title="There are no courses yet">
+            A course is a row of exercises: make one, then assign it to a group.
+          <//>`
+        : html`<${Table}
+            caption="Courses"
+            head=${['Course', 'Id', number('Exercises'), number('Revision'), 'Changed', 'More']}
+          >${all.map(
+            (c) => html`<tr key=${c.id}>
+              <th scope="row"><a href=${href(['courses', c.id])}>${c.name}</a></th>
+              <td>${c.id}</td>
+              <td class="number">${c.exercise_ids?.length ?? 0}</td>
+              <td class="number">${c.revision}</td>
+              <td>${moment(c.created_unix_ms)}</td>
+              <td>
+                <a href=${href(['courses', c.id, 'revisions'])} aria-label=${'Revisions of ' + c.name}>
+                  Revisions
+                </a> · <a href=${href(['results'], { course: c.id })} aria-label=${'Results of ' + c.name}>Results</a>
+              </td>
+            </tr>`,
+          )}<//>`}<//>
+  `;
 }

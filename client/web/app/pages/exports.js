@@ -19,10 +19,31 @@ const kScoreFormats = [
 
 function Scores({ all }) {
   const [choice, setChoice] = useState({ course: '', group: '' });
-  return html`<fieldset><legend>Scores</legend><div class="fields">
-    <${SelectField} label="Course" value=${choice.course} onValue=${(course) => setChoice({ ...choice, course })} options=${[['', 'All courses'], ...all.courses.map((c) => [c.id, c.name])]} />
-    <${SelectField} label="Group" value=${choice.group} onValue=${(group) => setChoice({ ...choice, group })} options=${[['', 'All groups'], ...all.groups.map((g) => [g.id, g.name])]} /></div>
-    <ul class="plain">${kScoreFormats.map((f) => html`<li><a class="button main" href=${f.link(choice)} download>Download scores as ${f.name}</a> <span class="help">${f.words}</span></li>`)}</ul></fieldset>`;
+  return html`<fieldset>
+    <legend>Scores</legend>
+    <div class="fields">
+      <${SelectField}
+        label="Course"
+        value=${choice.course}
+        onValue=${(course) => setChoice({ ...choice, course })}
+        options=${[['', 'All courses'], ...all.courses.map((c) => [c.id, c.name])]}
+      />
+      <${SelectField}
+        label="Group"
+        value=${choice.group}
+        onValue=${(group) => setChoice({ ...choice, group })}
+        options=${[['', 'All groups'], ...all.groups.map((g) => [g.id, g.name])]}
+      />
+    </div>
+    <ul class="plain">${kScoreFormats.map(
+      (f) =>
+        html`<li>
+          <a class="button main" href=${f.link(choice)} download>Download scores as ${f.name}</a> <span
+            class="help"
+          >${f.words}</span>
+        </li>`,
+    )}</ul>
+  </fieldset>`;
 }
 
 /** Who consents, under pseudonyms: a record a line, as the command line writes it. */
@@ -42,14 +63,52 @@ function Study({ all }) {
     saveAs(`${study}.jsonl`, records.map((r) => JSON.stringify(r) + '\n').join(''), 'application/x-ndjson');
     setResult(records.find((r) => r.kind === 'study') ?? { people: 0, sessions: 0 });
   };
-  return html`<form onSubmit=${save}><fieldset><legend>Study</legend>
-    <p>Scores, measures and profiles of people who consent, under pseudonyms that are the same within one study and tell nothing across studies.</p>
-    <div class="fields"><${TextField} label="Study" value=${ask.study} onValue=${set('study')} required maxlength="64" autocomplete="off" help="its name makes the pseudonyms: the same name, the same people" />
-      <${SelectField} label="Exercise" value=${ask.exercise} onValue=${set('exercise')} options=${[['', 'All exercises'], ...all.exercises.map((e) => [e.id, e.name])]} /></div>
-    <${CheckField} label="With remarks" checked=${ask.remarks} onValue=${set('remarks')} help="Names in them are replaced; read them before you pass them on." />
-    <${Problem} error=${action.error} />
-    <div class="actions"><button type="submit" class="main" disabled=${action.busy}>${action.busy ? `Collecting … ${count} records` : 'Download the study'}</button></div>
-    <div role="status">${result && html`<p>✓ ${result.people} ${result.people === 1 ? 'person' : 'people'}, ${result.sessions} ${result.sessions === 1 ? 'session' : 'sessions'}.${result.people === 0 ? ' Nobody consents yet.' : ''}</p>`}</div></fieldset></form>`;
+  return html`<form onSubmit=${save}>
+    <fieldset>
+      <legend>Study</legend>
+      <p>
+        Scores, measures and profiles of people who consent, under pseudonyms that are the same within one study and
+        tell nothing across studies.
+      </p>
+      <div class="fields">
+        <${TextField}
+          label="Study"
+          value=${ask.study}
+          onValue=${set('study')}
+          required
+          maxlength="64"
+          autocomplete="off"
+          help="its name makes the pseudonyms: the same name, the same people"
+        />
+        <${SelectField}
+          label="Exercise"
+          value=${ask.exercise}
+          onValue=${set('exercise')}
+          options=${[['', 'All exercises'], ...all.exercises.map((e) => [e.id, e.name])]}
+        />
+      </div>
+      <${CheckField}
+        label="With remarks"
+        checked=${ask.remarks}
+        onValue=${set('remarks')}
+        help="Names in them are replaced; read them before you pass them on."
+      />
+      <${Problem} error=${action.error} />
+      <div class="actions">
+        <button type="submit" class="main" disabled=${action.busy}>${
+          action.busy ? `Collecting … ${count} records` : 'Download the study'
+        }</button>
+      </div>
+      <div role="status">${
+        result &&
+        html`<p>
+          ✓ ${result.people} ${result.people === 1 ? 'person' : 'people'}, ${result.sessions} ${
+            result.sessions === 1 ? 'session' : 'sessions'
+          }.${result.people === 0 ? ' Nobody consents yet.' : ''}
+        </p>`
+      }</div>
+    </fieldset>
+  </form>`;
 }
 
 export function ExportsPage({ person }) {
@@ -65,15 +124,31 @@ export function ExportsPage({ person }) {
     },
     [staff],
   );
-  return html`<${Heading} title="Exports" /><${Loaded} load=${load}>${(all) => html`
-    ${
-      staff &&
-      html`<${Scores} all=${all} />
-      <fieldset><legend>Samples of a session</legend><p>Each <a href="#/sessions">session</a> has its samples as CSV: every tick, units in the header.</p></fieldset>`
-    }
-    ${
-      may(person.role, 'export study') &&
-      html`<${Study} all=${all} />
-      <p>The same by the command line, for scripts:</p><pre tabindex="0"><code>needlelab-admin --server HOST:PORT --ca FILE --user ${person.name} study export STUDY --out FILE</code></pre>`
-    }`}<//>`;
+  return html`
+    <${Heading} title="Exports" />
+    <${Loaded} load=${load}>${(all) => html`
+      ${
+        staff &&
+        html`
+          <${Scores} all=${all} />
+          <fieldset>
+            <legend>Samples of a session</legend>
+            <p>Each <a href="#/sessions">session</a> has its samples as CSV: every tick, units in the header.</p>
+          </fieldset>
+        `
+      }
+      ${
+        may(person.role, 'export study') &&
+        html`
+          <${Study} all=${all} />
+          <p>The same by the command line, for scripts:</p>
+          <pre tabindex="0">
+            <code>
+              needlelab-admin --server HOST:PORT --ca FILE --user ${person.name} study export STUDY --out FILE
+            </code>
+          </pre>
+        `
+      }
+    `}<//>
+  `;
 }

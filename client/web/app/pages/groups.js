@@ -18,27 +18,56 @@ function AddGroup({ close }) {
     event.preventDefault();
     if (await action.run(() => groups.add({ ...entry, members: [] }))) location.hash = href(['groups', entry.id]);
   };
-  return html`<${Dialog} title="Add a group" close=${close}><form onSubmit=${save}>
-    <${TextField} label="Id" path="id" problems=${problems} value=${entry.id} onValue=${(id) => setEntry({ ...entry, id })} help="short, for files and CSV: letters, digits, '-', '_', '.'" required pattern="[A-Za-z0-9._\\-]{1,64}" />
-    <${TextField} label="Name" path="name" problems=${problems} value=${entry.name} onValue=${(name) => setEntry({ ...entry, name })} required />
-    <${Problem} error=${problems.length ? null : action.error} />
-    <div class="actions"><button type="submit" class="main" disabled=${action.busy}>Add</button><button type="button" onClick=${close}>Cancel</button></div></form><//>`;
+  return html`<${Dialog} title="Add a group" close=${close}>
+    <form onSubmit=${save}>
+      <${TextField}
+        label="Id"
+        path="id"
+        problems=${problems}
+        value=${entry.id}
+        onValue=${(id) => setEntry({ ...entry, id })}
+        help="short, for files and CSV: letters, digits, '-', '_', '.'"
+        required
+        pattern="[A-Za-z0-9._\\-]{1,64}"
+      />
+      <${TextField}
+        label="Name"
+        path="name"
+        problems=${problems}
+        value=${entry.name}
+        onValue=${(name) => setEntry({ ...entry, name })}
+        required
+      />
+      <${Problem} error=${problems.length ? null : action.error} />
+      <div class="actions">
+        <button type="submit" class="main" disabled=${action.busy}>Add</button>
+        <button type="button" onClick=${close}>Cancel</button>
+      </div>
+    </form>
+  <//>`;
 }
 
 export function GroupsPage({ person }) {
   const load = useLoad((signal) => groups.all(signal), []);
   const [adding, setAdding] = useState(false);
   const edit = may(person.role, 'edit people');
-  return html`<${Heading} title="Groups">${edit && html`<button type="button" class="main" onClick=${() => setAdding(true)}>Add a group</button>`}<//>
+  return html`
+    <${Heading} title="Groups">${
+      edit && html`<button type="button" class="main" onClick=${() => setAdding(true)}>Add a group</button>`
+    }<//>
     <${Loaded} load=${load}>${(all) =>
       all.length === 0
         ? html`<${Empty} title="There are no groups yet">Add one, or import people with a column “group”.<//>`
         : html`<${Table} caption="Groups" head=${['Group', 'Id', number('Members'), 'Results']}>${all.map(
             (g) => html`<tr key=${g.id}>
-          <th scope="row"><a href=${href(['groups', g.id])}>${g.name}</a></th><td>${g.id}</td><td class="number">${g.members.length}</td>
-          <td><a href=${href(['results'], { group: g.id })}>Results of ${g.name}</a></td></tr>`,
+              <th scope="row"><a href=${href(['groups', g.id])}>${g.name}</a></th>
+              <td>${g.id}</td>
+              <td class="number">${g.members.length}</td>
+              <td><a href=${href(['results'], { group: g.id })}>Results of ${g.name}</a></td>
+            </tr>`,
           )}<//>`}<//>
-    ${adding && html`<${AddGroup} close=${() => setAdding(false)} />`}`;
+    ${adding && html`<${AddGroup} close=${() => setAdding(false)} />`}
+  `;
 }
 
 function Members({ group, all, load, edit }) {
@@ -83,23 +112,46 @@ function Members({ group, all, load, edit }) {
     .filter((p) => p.role === 'trainee' || members.includes(p.name))
     .filter((p) => `${p.name} ${p.full_name}`.toLowerCase().includes(text.trim().toLowerCase()));
   if (!edit) return html`<ul>${group.members.map((m) => html`<li><a href=${href(['people', m])}>${m}</a></li>`)}</ul>`;
-  return html`<form onSubmit=${(event) => {
-    event.preventDefault();
-    save();
-  }}>
+  return html`<form
+    onSubmit=${(event) => {
+      event.preventDefault();
+      save();
+    }}
+  >
     <${TextField} label="Name" value=${name} onValue=${setName} required />
-    <fieldset><legend>Members: ${members.length}</legend>
+    <fieldset>
+      <legend>Members: ${members.length}</legend>
       <${TextField} label="Find a trainee" type="search" value=${text} onValue=${setText} />
-      <div class="choices">${shown.map((p) => html`<${CheckField} key=${p.name} label=${`${p.full_name || p.name} (${p.name})`} checked=${members.includes(p.name)} onValue=${toggle(p.name)} />`)}</div>
+      <div class="choices">${shown.map(
+        (p) =>
+          html`<${CheckField}
+            key=${p.name}
+            label=${`${p.full_name || p.name} (${p.name})`}
+            checked=${members.includes(p.name)}
+            onValue=${toggle(p.name)}
+          />`,
+      )}</div>
     </fieldset>
     <${Problem} error=${action.error} />
     ${conflict && html`<${ConflictDialog} conflict=${conflict} settle=${settle} close=${() => setConflict(null)} />`}
-    <div class="actions"><button type="submit" class="main" disabled=${action.busy}>Save</button><button type="button" class="danger" onClick=${() => setRemoving(true)}>Remove the group …</button></div>
+    <div class="actions">
+      <button type="submit" class="main" disabled=${action.busy}>Save</button>
+      <button type="button" class="danger" onClick=${() => setRemoving(true)}>Remove the group …</button>
+    </div>
     ${
       removing &&
-      html`<${Confirm} title=${`Remove ${group.name}?`} word="Remove" act=${drop} close=${() => setRemoving(false)} busy=${action.busy} error=${action.error}>
-      <p>Its assignments go with it. The people and their results stay.</p><//>`
-    }</form>`;
+      html`<${Confirm}
+        title=${`Remove ${group.name}?`}
+        word="Remove"
+        act=${drop}
+        close=${() => setRemoving(false)}
+        busy=${action.busy}
+        error=${action.error}
+      >
+        <p>Its assignments go with it. The people and their results stay.</p>
+      <//>`
+    }
+  </form>`;
 }
 
 export function GroupPage({ params, person }) {
@@ -110,10 +162,17 @@ export function GroupPage({ params, person }) {
     },
     [params.id],
   );
-  return html`<${Heading} title=${load.data?.group.name ?? params.id} above=${html`<a href="#/groups">Groups</a>`} />
-    <${Loaded} load=${load}>${({
-      group,
-      all,
-    }) => html`<p><a href=${href(['results'], { group: group.id })}>Results of this group</a></p>
-      <${Members} key=${group.revision} group=${group} all=${all} load=${load} edit=${may(person.role, 'edit people')} />`}<//>`;
+  return html`
+    <${Heading} title=${load.data?.group.name ?? params.id} above=${html`<a href="#/groups">Groups</a>`} />
+    <${Loaded} load=${load}>${({ group, all }) => html`
+      <p><a href=${href(['results'], { group: group.id })}>Results of this group</a></p>
+      <${Members}
+        key=${group.revision}
+        group=${group}
+        all=${all}
+        load=${load}
+        edit=${may(person.role, 'edit people')}
+      />
+    `}<//>
+  `;
 }

@@ -31,7 +31,12 @@ const kTasks = [
 
 export function Home({ person }) {
   const tasks = kTasks.filter(([action]) => may(person.role, action));
-  return html`<${Heading} title=${'Welcome, ' + (person.full_name || person.name)} />
-    <ul class="tiles">${tasks.map(([, title, address, words]) => html`<li class="tile"><h2><a href=${address}>${title}</a></h2><p>${words}</p></li>`)}</ul>
-    <p class="help">Press <kbd>?</kbd> for keyboard shortcuts.</p>`;
+  return html`
+    <${Heading} title=${'Welcome, ' + (person.full_name || person.name)} />
+    <ul class="tiles">${tasks.map(
+      ([, title, address, words]) =>
+        html`<li class="tile"><h2><a href=${address}>${title}</a></h2><p>${words}</p></li>`,
+    )}</ul>
+    <p class="help">Press <kbd>?</kbd> for keyboard shortcuts.</p>
+  `;
 }

@@ -13,8 +13,15 @@ const kFullForce_N = 10,
 function Gauge({ label, value, full, unit, peak }) {
   const share = Math.max(0, Math.min(1, value / full)),
     peak_share = Math.max(0, Math.min(1, (peak ?? 0) / full));
-  return html`<div class="gauge"><span>${label}</span><svg viewBox="0 0 100 8" preserveAspectRatio="none" aria-hidden="true"><rect class="gauge-room" width="100" height="8" /><rect class="gauge-value" width=${share * 100} height="8" />
-    ${peak > 0 && html`<rect class="gauge-peak" x=${peak_share * 100 - 1} width="1.5" height="8" />`}</svg><span class="gauge-number">${quantity(value, unit, { digits: 2 })}</span></div>`;
+  return html`<div class="gauge">
+    <span>${label}</span>
+    <svg viewBox="0 0 100 8" preserveAspectRatio="none" aria-hidden="true">
+      <rect class="gauge-room" width="100" height="8" />
+      <rect class="gauge-value" width=${share * 100} height="8" />
+      ${peak > 0 && html`<rect class="gauge-peak" x=${peak_share * 100 - 1} width="1.5" height="8" />`}
+    </svg>
+    <span class="gauge-number">${quantity(value, unit, { digits: 2 })}</span>
+  </div>`;
 }
 
 function Tile({ tile, person }) {
@@ -27,16 +34,30 @@ function Tile({ tile, person }) {
       : tile.trainee
         ? html`<${Mark} kind="good">practising<//>`
         : html`<${Mark} kind="info">idle<//>`;
-  return html`<li class=${'tile live-tile' + (tile.fault ? ' live-fault' : '')} aria-label=${`Station ${tile.station}`}><div class="card-head"><h2>${tile.station}</h2>${state}</div>
+  return html`<li class=${'tile live-tile' + (tile.fault ? ' live-fault' : '')} aria-label=${`Station ${tile.station}`}>
+    <div class="card-head"><h2>${tile.station}</h2>${state}</div>
     ${tile.fault && html`<p class="error">✗ ${tile.fault}</p>`}
     ${
       tile.online && tile.trainee
-        ? html`<p><strong>${may(person.role, 'see people') ? html`<a href=${href(['people', tile.trainee])}>${tile.trainee}</a>` : tile.trainee}</strong>, ${tile.exercise}</p>
-      <p>${words(tile.phase)}${tile.layer ? ` in ${words(tile.layer).toLowerCase()}` : ''}</p>
-      <${Gauge} label="Depth" value=${tile.depth_m ?? 0} full=${kFullDepth_m} unit="m" /><${Gauge} label="Force" value=${force} peak=${peak} full=${kFullForce_N} unit="N" />
-      <p class="help">Peak ${quantity(peak, 'N')}${tile.drops > 0 ? `; the loop missed ${tile.drops} ticks` : ''}</p>`
+        ? html`
+            <p>
+              <strong>${
+                may(person.role, 'see people')
+                  ? html`<a href=${href(['people', tile.trainee])}>${tile.trainee}</a>`
+                  : tile.trainee
+              }</strong>, ${tile.exercise}
+            </p>
+            <p>${words(tile.phase)}${tile.layer ? ` in ${words(tile.layer).toLowerCase()}` : ''}</p>
+            <${Gauge} label="Depth" value=${tile.depth_m ?? 0} full=${kFullDepth_m} unit="m" />
+            <${Gauge} label="Force" value=${force} peak=${peak} full=${kFullForce_N} unit="N" />
+            <p class="help">
+              Peak ${quantity(peak, 'N')}
+              ${tile.drops > 0 ? `; the loop missed ${tile.drops} ticks` : ''}
+            </p>
+          `
         : html`<p class="help">${tile.online ? 'Nobody is practising here.' : 'The station is not connected.'}</p>`
-    }</li>`;
+    }
+  </li>`;
 }
 
 function Line({ line, retry }) {
@@ -48,7 +69,20 @@ function Line({ line, retry }) {
     connecting: html`<${Mark} kind="open">connecting<//>`,
     waiting: html`<${Mark} kind="bad">interrupted<//>`,
   }[line.state];
-  return html`<p class="line-state"><span role="status" aria-label="Connection">${mark}</span> ${line.state === 'waiting' && html`<span>What is shown is old. Next try in ${seconds} s.</span> <button type="button" class="small" onClick=${retry}>Try now</button>`}</p>`;
+  return html`<p class="line-state">
+    <span role="status" aria-label="Connection">${mark}</span> ${
+      line.state === 'waiting' &&
+      html`
+        <span>What is shown is old. Next try in ${seconds} s.</span> <button
+          type="button"
+          class="small"
+          onClick=${retry}
+        >
+          Try now
+        </button>
+      `
+    }
+  </p>`;
 }
 
 export function LivePage({ person }) {
@@ -74,13 +108,23 @@ export function LivePage({ person }) {
     return () => follower.current.stop();
   }, []);
   const busy = (tiles ?? []).filter((t) => t.online && t.trainee).length;
-  return html`<${Heading} title="Live lab" /><${Line} line=${line} retry=${() => follower.current.retry()} />
+  return html`
+    <${Heading} title="Live lab" />
+    <${Line} line=${line} retry=${() => follower.current.retry()} />
     <div role="alert" class="visually-hidden">${trouble}</div>
     ${
       tiles === null
         ? html`<p class="loading">Waiting for the first picture …</p>`
         : tiles.length === 0
-          ? html`<${Empty} title="There are no stations yet">An administrator adds one with “needlelab-admin station add”; it appears here when it connects.<//>`
-          : html`<p>${busy} of ${tiles.length} stations are in use.</p><ul class=${'tiles' + (line.state === 'live' ? '' : ' live-old')}>${tiles.map((tile) => html`<${Tile} key=${tile.station} tile=${tile} person=${person} />`)}</ul>`
-    }`;
+          ? html`<${Empty} title="There are no stations yet">
+              An administrator adds one with “needlelab-admin station add”; it appears here when it connects.
+            <//>`
+          : html`
+              <p>${busy} of ${tiles.length} stations are in use.</p>
+              <ul class=${'tiles' + (line.state === 'live' ? '' : ' live-old')}>${tiles.map(
+                (tile) => html`<${Tile} key=${tile.station} tile=${tile} person=${person} />`,
+              )}</ul>
+            `
+    }
+  `;
 }

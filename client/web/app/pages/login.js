@@ -42,10 +42,30 @@ export function LoginForm({ name: known }) {
     setBusy(false);
   };
   return html`<form ref=${form} onSubmit=${submit} class="login">
-    <${TextField} label="Name" value=${name} onValue=${setName} autocomplete="username" autocapitalize="none" spellcheck="false" required readonly=${!!known} />
-    <${TextField} label="Password" type="password" value=${password} onValue=${setPassword} autocomplete="current-password" required />
-    <div role="alert">${error && html`<p class="error"><span aria-hidden="true">✗</span> ${wordsOf(error, locked_s)}</p>`}</div>
-    <div class="actions"><button type="submit" class="main" disabled=${busy || locked_s > 0}>${busy ? 'Logging in …' : 'Log in'}</button></div>
+    <${TextField}
+      label="Name"
+      value=${name}
+      onValue=${setName}
+      autocomplete="username"
+      autocapitalize="none"
+      spellcheck="false"
+      required
+      readonly=${!!known}
+    />
+    <${TextField}
+      label="Password"
+      type="password"
+      value=${password}
+      onValue=${setPassword}
+      autocomplete="current-password"
+      required
+    />
+    <div role="alert">${
+      error && html`<p class="error"><span aria-hidden="true">✗</span> ${wordsOf(error, locked_s)}</p>`
+    }</div>
+    <div class="actions">
+      <button type="submit" class="main" disabled=${busy || locked_s > 0}>${busy ? 'Logging in …' : 'Log in'}</button>
+    </div>
   </form>`;
 }
 
@@ -53,6 +73,9 @@ export function LoginPage() {
   useEffect(() => {
     document.title = 'Log in – needlelab';
   }, []);
-  return html`<main id="main" class="alone"><h1>needlelab</h1><p>Needle injection with force feedback: people, patients, courses, results.</p>
-    <${LoginForm} /></main>`;
+  return html`<main id="main" class="alone">
+    <h1>needlelab</h1>
+    <p>Needle injection with force feedback: people, patients, courses, results.</p>
+    <${LoginForm} />
+  </main>`;
 }

@@ -46,20 +46,42 @@ function Course({ row, person }) {
     return !c || (c.passed !== true && c.locked_by.length === 0 && c.attempts_left !== 0);
   });
   const nameOf = (id) => list.find((e) => e.id === id)?.name ?? id;
-  return html`<section aria-label=${course.name}><h2>${course.name}</h2>
-    <p>${passed === list.length ? html`<${Mark} kind="good">all passed<//>` : html`${passed} of ${list.length} exercises passed.`} ${due && html`Due ${moment(due)}.`} ${next && html`<strong>Next: ${next.name}.</strong>`}</p>
+  return html`<section aria-label=${course.name}>
+    <h2>${course.name}</h2>
+    <p>
+      ${
+        passed === list.length
+          ? html`<${Mark} kind="good">all passed<//>`
+          : html`${passed} of ${list.length} exercises passed.`
+      } ${due && html`Due ${moment(due)}.`} ${next && html`<strong>Next: ${next.name}.</strong>`}
+    </p>
     <ol class="tiles">${list.map((e, i) => {
       const cell = cells.find((c) => c.exercise_id === e.id);
-      return html`<li class="tile" key=${e.id}><h3>${numbered(i, e.name)}</h3>${e.description && html`<p class="help">${e.description}</p>`}
-      <p>${cell ? html`<${Cell} cell=${cell} trainee=${person.name} nameOf=${nameOf} />` : html`<${Mark} kind="open">not begun<//>`}</p></li>`;
-    })}</ol></section>`;
+      return html`<li class="tile" key=${e.id}>
+        <h3>${numbered(i, e.name)}</h3>
+        ${e.description && html`<p class="help">${e.description}</p>`}
+        <p>${
+          cell
+            ? html`<${Cell} cell=${cell} trainee=${person.name} nameOf=${nameOf} />`
+            : html`<${Mark} kind="open">not begun<//>`
+        }</p>
+      </li>`;
+    })}</ol>
+  </section>`;
 }
 
 export function MinePage({ person }) {
   const load = useLoad((signal) => ownCourses(person, signal), [person.name]);
-  return html`<${Heading} title="My results"><a class="button" href=${href(['progress', person.name])}>My progress</a><a class="button" href="#/sessions">My sessions</a><//>
+  return html`
+    <${Heading} title="My results">
+      <a class="button" href=${href(['progress', person.name])}>My progress</a>
+      <a class="button" href="#/sessions">My sessions</a>
+    <//>
     <${Loaded} load=${load}>${(rows) =>
       rows.length === 0
-        ? html`<${Empty} title="Nothing is assigned to you yet">Your instructor assigns a course; then it stands here, and you practise at a station.<//>`
-        : rows.map((row) => html`<${Course} key=${row.course.id} row=${row} person=${person} />`)}<//>`;
+        ? html`<${Empty} title="Nothing is assigned to you yet">
+            Your instructor assigns a course; then it stands here, and you practise at a station.
+          <//>`
+        : rows.map((row) => html`<${Course} key=${row.course.id} row=${row} person=${person} />`)}<//>
+  `;
 }

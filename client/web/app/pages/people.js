@@ -23,14 +23,33 @@ export function AddPerson({ role, close, done }) {
     const { password, ...rest } = entry;
     if (await action.run(() => people.add(password ? entry : rest))) done(entry.name);
   };
-  return html`<${Dialog} title="Add a person" close=${close}><form onSubmit=${save}>
-    <${TextField} label="Name" help="for logging in, e.g. anna.bauer; it is never changed afterwards" required autocapitalize="none" spellcheck="false" autocomplete="off" ...${field('name')} />
-    <${TextField} label="Full name" autocomplete="off" ...${field('full_name')} />
-    <${SelectField} label="Role" options=${grantable(role).map((r) => [r, words(r)])} ...${field('role')} />
-    <${TextField} label="Password" type="password" autocomplete="new-password" help="trainees may have none: a station vouches for them" ...${field('password')} />
-    <${Problem} error=${action.error?.field ? null : action.error} />
-    <div class="actions"><button type="submit" class="main" disabled=${action.busy}>Add</button><button type="button" onClick=${close}>Cancel</button></div>
-  </form><//>`;
+  return html`<${Dialog} title="Add a person" close=${close}>
+    <form onSubmit=${save}>
+      <${TextField}
+        label="Name"
+        help="for logging in, e.g. anna.bauer; it is never changed afterwards"
+        required
+        autocapitalize="none"
+        spellcheck="false"
+        autocomplete="off"
+        ...${field('name')}
+      />
+      <${TextField} label="Full name" autocomplete="off" ...${field('full_name')} />
+      <${SelectField} label="Role" options=${grantable(role).map((r) => [r, words(r)])} ...${field('role')} />
+      <${TextField}
+        label="Password"
+        type="password"
+        autocomplete="new-password"
+        help="trainees may have none: a station vouches for them"
+        ...${field('password')}
+      />
+      <${Problem} error=${action.error?.field ? null : action.error} />
+      <div class="actions">
+        <button type="submit" class="main" disabled=${action.busy}>Add</button>
+        <button type="button" onClick=${close}>Cancel</button>
+      </div>
+    </form>
+  <//>`;
 }
 
 export function PeoplePage({ person, query }) {
@@ -41,34 +60,66 @@ export function PeoplePage({ person, query }) {
   const wanted = (p) =>
     (!role || p.role === role) &&
     `${p.name} ${p.full_name} ${p.groups.join(' ')}`.toLowerCase().includes(text.trim().toLowerCase());
-  return html`<${Heading} title="People">${
-    may(person.role, 'edit people') &&
-    html`
-      <a class="button" href="#/people/import">Import from CSV</a>
-      <button type="button" class="main" onClick=${() => setAdding(true)}>Add a person</button>`
-  }<//>
+  return html`
+    <${Heading} title="People">${
+      may(person.role, 'edit people') &&
+      html`
+        <a class="button" href="#/people/import">Import from CSV</a>
+        <button type="button" class="main" onClick=${() => setAdding(true)}>Add a person</button>
+      `
+    }<//>
     <form class="filters" role="search" aria-label="People" onSubmit=${(event) => event.preventDefault()}>
       <${TextField} label="Find" type="search" value=${text} onValue=${setText} />
-      <${SelectField} label="Role" value=${role} onValue=${setRole} options=${[['', 'All roles'], ...kRoles.map((r) => [r, words(r)])]} />
+      <${SelectField}
+        label="Role"
+        value=${role}
+        onValue=${setRole}
+        options=${[['', 'All roles'], ...kRoles.map((r) => [r, words(r)])]}
+      />
     </form>
     <${Loaded} load=${load}>${(all) => {
       const shown = all.filter(wanted);
       if (shown.length === 0)
-        return html`<${Empty} title="Nobody fits">${all.length ? 'Change what is looked for above.' : 'Add a person, or import a class from a CSV file.'}<//>`;
-      return html`<${Table} caption=${`${shown.length} of ${all.length} people`} head=${['Name', 'Full name', 'Role', 'Groups', 'State', 'Studies']}>
-        ${shown.map(
-          (p) => html`<tr key=${p.name}>
-          <th scope="row"><a href=${href(['people', p.name])}>${p.name}</a></th><td>${p.full_name}</td><td>${words(p.role)}</td><td>${p.groups.join(', ')}</td>
-          <td>${p.disabled ? html`<${Mark} kind="locked">disabled<//>` : p.has_password ? html`<${Mark} kind="good">active<//>` : html`<${Mark} kind="open">no password<//>`}</td>
-          <td>${p.consent?.given ? html`<${Mark} kind="good">consents<//>` : p.consent ? html`<${Mark} kind="locked">refuses<//>` : html`<${Mark} kind="open">not asked<//>`}</td></tr>`,
-        )}<//>`;
+        return html`<${Empty} title="Nobody fits">${
+          all.length ? 'Change what is looked for above.' : 'Add a person, or import a class from a CSV file.'
+        }<//>`;
+      return html`<${Table}
+        caption=${`${shown.length} of ${all.length} people`}
+        head=${['Name', 'Full name', 'Role', 'Groups', 'State', 'Studies']}
+      >${shown.map(
+        (p) => html`<tr key=${p.name}>
+          <th scope="row"><a href=${href(['people', p.name])}>${p.name}</a></th>
+          <td>${p.full_name}</td>
+          <td>${words(p.role)}</td>
+          <td>${p.groups.join(', ')}</td>
+          <td>${
+            p.disabled
+              ? html`<${Mark} kind="locked">disabled<//>`
+              : p.has_password
+                ? html`<${Mark} kind="good">active<//>`
+                : html`<${Mark} kind="open">no password<//>`
+          }</td>
+          <td>${
+            p.consent?.given
+              ? html`<${Mark} kind="good">consents<//>`
+              : p.consent
+                ? html`<${Mark} kind="locked">refuses<//>`
+                : html`<${Mark} kind="open">not asked<//>`
+          }</td>
+        </tr>`,
+      )}<//>`;
     }}<//>
     ${
       adding &&
-      html`<${AddPerson} role=${person.role} close=${() => setAdding(false)} done=${(name) => {
-        setAdding(false);
-        announce(`${name} was added.`);
-        load.reload();
-      }} />`
-    }`;
+      html`<${AddPerson}
+        role=${person.role}
+        close=${() => setAdding(false)}
+        done=${(name) => {
+          setAdding(false);
+          announce(`${name} was added.`);
+          load.reload();
+        }}
+      />`
+    }
+  `;
 }

@@ -34,18 +34,36 @@ function complaint(csv) {
 
 function Report({ report }) {
   const counts = `${report.added} new, ${report.changed} changed, ${report.unchanged} unchanged, ${report.faults} wrong`;
-  return html`<h2>${report.done ? 'What happened' : 'What will happen'}</h2>
+  return html`
+    <h2>${report.done ? 'What happened' : 'What will happen'}</h2>
     ${
       report.done
-        ? html`<div class="hint" role="status"><p><strong>✓ Imported:</strong> ${counts}. <a href="#/people">See the people</a></p></div>`
+        ? html`<div class="hint" role="status">
+            <p><strong>✓ Imported:</strong> ${counts}. <a href="#/people">See the people</a></p>
+          </div>`
         : report.faults
-          ? html`<div class="problem" role="alert"><p><strong>✗ ${report.faults === 1 ? 'One row is' : report.faults + ' rows are'} wrong: nothing is imported until all are right.</strong></p><p>Correct them in the list above, then check again.</p></div>`
+          ? html`<div class="problem" role="alert">
+              <p>
+                <strong>
+                  ✗ ${report.faults === 1 ? 'One row is' : report.faults + ' rows are'} wrong: nothing is imported until
+                  all are right.
+                </strong>
+              </p>
+              <p>Correct them in the list above, then check again.</p>
+            </div>`
           : html`<p role="status">${counts}. Nothing has been changed yet.</p>`
     }
     <${Table} caption=${counts} head=${['Line', 'Name', 'What', 'Words', 'Column']}>${(report.rows ?? []).map((row) => {
       const [kind, word] = kWhat[row.what] ?? ['info', row.what];
-      return html`<tr class=${row.what === 'FAULT' ? 'row-bad' : ''}><td class="number">${row.line}</td><th scope="row">${row.name || '–'}</th><td><${Mark} kind=${kind}>${word}<//></td><td>${row.text}</td><td>${row.column ?? ''}</td></tr>`;
-    })}<//>`;
+      return html`<tr class=${row.what === 'FAULT' ? 'row-bad' : ''}>
+        <td class="number">${row.line}</td>
+        <th scope="row">${row.name || '–'}</th>
+        <td><${Mark} kind=${kind}>${word}<//></td>
+        <td>${row.text}</td>
+        <td>${row.column ?? ''}</td>
+      </tr>`;
+    })}<//>
+  `;
 }
 
 export function PeopleImportPage() {
@@ -69,13 +87,38 @@ export function PeopleImportPage() {
     setReport(null);
   };
   const checked = report && report.csv === csv && !report.done && report.faults === 0;
-  return html`<${Heading} title="Import people" above=${html`<a href="#/people">People</a>`} />
-    <p>Columns <code>${kColumns.join(', ')}</code> in any order; only <code>name</code> must be there. Who is there already is changed, never doubled.</p>
-    <div class="field"><label for=${id}>CSV file</label><input id=${id} type="file" accept=".csv,text/csv,text/plain" onChange=${pick} /></div>
-    <${TextField} label="The list" rows="8" value=${csv} onValue=${setCsv} spellcheck="false" placeholder=${kSample} wide />
+  return html`
+    <${Heading} title="Import people" above=${html`<a href="#/people">People</a>`} />
+    <p>
+      Columns <code>${kColumns.join(', ')}</code> in any order; only <code>name</code> must be there. Who is there
+      already is changed, never doubled.
+    </p>
+    <div class="field">
+      <label for=${id}>CSV file</label>
+      <input id=${id} type="file" accept=".csv,text/csv,text/plain" onChange=${pick} />
+    </div>
+    <${TextField}
+      label="The list"
+      rows="8"
+      value=${csv}
+      onValue=${setCsv}
+      spellcheck="false"
+      placeholder=${kSample}
+      wide
+    />
     ${csv.trim() && problem && html`<p class="error"><span aria-hidden="true">✗</span> ${problem}</p>`}
     <${Problem} error=${action.error} />
-    <div class="actions"><button type="button" class=${checked ? '' : 'main'} disabled=${!!problem || action.busy} onClick=${() => ask(true)}>Check: what will happen</button>
-      <button type="button" class="main" disabled=${!checked || action.busy} onClick=${() => ask(false)}>Import</button></div>
-    ${report && html`<${Report} report=${report} />`}`;
+    <div class="actions">
+      <button
+        type="button"
+        class=${checked ? '' : 'main'}
+        disabled=${!!problem || action.busy}
+        onClick=${() => ask(true)}
+      >
+        Check: what will happen
+      </button>
+      <button type="button" class="main" disabled=${!checked || action.busy} onClick=${() => ask(false)}>Import</button>
+    </div>
+    ${report && html`<${Report} report=${report} />`}
+  `;
 }

@@ -28,25 +28,53 @@ function Data({ shown, me, load }) {
     event.preventDefault();
     change({ full_name, ...(role !== shown.role ? { role } : {}) }, `${shown.name} was saved.`);
   };
-  return html`<form onSubmit=${save}><fieldset><legend>Data</legend>
-    ${fixed && html`<p class="help">People of the role ${words(shown.role)} are changed by administrators.</p>`}
-    <div class="fields"><${TextField} label="Full name" value=${full_name} onValue=${setName} readonly=${fixed} />
-    <${SelectField} label="Role" value=${role} onValue=${setRole} disabled=${fixed} options=${(fixed ? [shown.role] : roles).map((r) => [r, words(r)])} /></div>
-    ${
-      action.error?.kind === 'conflict'
-        ? html`<div class="problem" role="alert"><p><strong>Somebody else changed this person in the meantime.</strong> Your entries are still here.</p>
-      <button type="button" onClick=${() => {
-        action.clear();
-        load.reload();
-      }}>Load what is there now</button></div>`
-        : html`<${Problem} error=${action.error} />`
-    }
-    ${
-      !fixed &&
-      html`<div class="actions"><button type="submit" class="main" disabled=${action.busy}>Save</button>
-      <button type="button" disabled=${action.busy} onClick=${() => change({ disabled: !shown.disabled }, `${shown.name} is ${shown.disabled ? 'active again' : 'disabled'}.`)}>${shown.disabled ? 'Enable again' : 'Disable'}</button></div>`
-    }
-  </fieldset></form>`;
+  return html`<form onSubmit=${save}>
+    <fieldset>
+      <legend>Data</legend>
+      ${fixed && html`<p class="help">People of the role ${words(shown.role)} are changed by administrators.</p>`}
+      <div class="fields">
+        <${TextField} label="Full name" value=${full_name} onValue=${setName} readonly=${fixed} />
+        <${SelectField}
+          label="Role"
+          value=${role}
+          onValue=${setRole}
+          disabled=${fixed}
+          options=${(fixed ? [shown.role] : roles).map((r) => [r, words(r)])}
+        />
+      </div>
+      ${
+        action.error?.kind === 'conflict'
+          ? html`<div class="problem" role="alert">
+              <p><strong>Somebody else changed this person in the meantime.</strong> Your entries are still here.</p>
+              <button
+                type="button"
+                onClick=${() => {
+                  action.clear();
+                  load.reload();
+                }}
+              >
+                Load what is there now
+              </button>
+            </div>`
+          : html`<${Problem} error=${action.error} />`
+      }
+      ${
+        !fixed &&
+        html`<div class="actions">
+          <button type="submit" class="main" disabled=${action.busy}>Save</button>
+          <button
+            type="button"
+            disabled=${action.busy}
+            onClick=${() =>
+              change(
+                { disabled: !shown.disabled },
+                `${shown.name} is ${shown.disabled ? 'active again' : 'disabled'}.`,
+              )}
+          >${shown.disabled ? 'Enable again' : 'Disable'}</button>
+        </div>`
+      }
+    </fieldset>
+  </form>`;
 }
 
 export function PasswordForm({ name }) {
@@ -61,11 +89,42 @@ export function PasswordForm({ name }) {
     setAgain('');
     announce('The password was set.');
   };
-  return html`<form onSubmit=${save}><fieldset><legend>Password</legend><input type="text" class="visually-hidden" autocomplete="username" value=${name} readonly tabindex="-1" aria-hidden="true" />
-    <div class="fields"><${TextField} label="New password" type="password" autocomplete="new-password" value=${password} onValue=${setPassword} required />
-    <${TextField} label="Once more" type="password" autocomplete="new-password" value=${again} onValue=${setAgain} required path="again" problems=${differs ? [{ path: 'again', message: 'differs from the first' }] : []} /></div>
-    <${Problem} error=${action.error} />
-    <div class="actions"><button type="submit" disabled=${action.busy || differs}>Set the password</button></div></fieldset></form>`;
+  return html`<form onSubmit=${save}>
+    <fieldset>
+      <legend>Password</legend>
+      <input
+        type="text"
+        class="visually-hidden"
+        autocomplete="username"
+        value=${name}
+        readonly
+        tabindex="-1"
+        aria-hidden="true"
+      />
+      <div class="fields">
+        <${TextField}
+          label="New password"
+          type="password"
+          autocomplete="new-password"
+          value=${password}
+          onValue=${setPassword}
+          required
+        />
+        <${TextField}
+          label="Once more"
+          type="password"
+          autocomplete="new-password"
+          value=${again}
+          onValue=${setAgain}
+          required
+          path="again"
+          problems=${differs ? [{ path: 'again', message: 'differs from the first' }] : []}
+        />
+      </div>
+      <${Problem} error=${action.error} />
+      <div class="actions"><button type="submit" disabled=${action.busy || differs}>Set the password</button></div>
+    </fieldset>
+  </form>`;
 }
 
 export function ConsentForm({ shown, load }) {
@@ -82,11 +141,31 @@ export function ConsentForm({ shown, load }) {
     }
   };
   const { consent } = shown;
-  return html`<fieldset><legend>Studies</legend>
-    <p>${consent?.given ? html`<${Mark} kind="good">consents<//>` : consent ? html`<${Mark} kind="locked">does not consent<//>` : html`<${Mark} kind="open">never asked<//>`}
-      ${consent && html` since ${moment(consent.unix_ms)}, recorded by ${consent.recorded_by}${consent.note && ` (${consent.note})`}`}</p>
+  return html`<fieldset>
+    <legend>Studies</legend>
+    <p>
+      ${
+        consent?.given
+          ? html`<${Mark} kind="good">consents<//>`
+          : consent
+            ? html`<${Mark} kind="locked">does not consent<//>`
+            : html`<${Mark} kind="open">never asked<//>`
+      }
+      ${
+        consent &&
+        html` since ${moment(consent.unix_ms)}, recorded by ${consent.recorded_by}
+          ${consent.note && ` (${consent.note})`}`
+      }
+    </p>
     <p class="help">Only recordings of people who consent go into pseudonymous exports for studies.</p>
-    <${CheckField} label="Recordings may be used in studies" checked=${wanted ?? !!consent?.given} disabled=${action.busy} onValue=${set} /><${Problem} error=${action.error} /></fieldset>`;
+    <${CheckField}
+      label="Recordings may be used in studies"
+      checked=${wanted ?? !!consent?.given}
+      disabled=${action.busy}
+      onValue=${set}
+    />
+    <${Problem} error=${action.error} />
+  </fieldset>`;
 }
 
 function Erasure({ name }) {
@@ -103,29 +182,81 @@ function Erasure({ name }) {
     }
   };
   if (result) {
-    return html`<div class="hint" role="status"><p><strong>The data of ${name} were erased.</strong> In the audit log stands ${result.pseudonym}.</p>
-      <p>${result.sessions} sessions, ${result.scores} scores. ${result.text}</p><p><a href="#/people">Back to the people</a></p></div>`;
+    return html`<div class="hint" role="status">
+      <p><strong>The data of ${name} were erased.</strong> In the audit log stands ${result.pseudonym}.</p>
+      <p>${result.sessions} sessions, ${result.scores} scores. ${result.text}</p>
+      <p><a href="#/people">Back to the people</a></p>
+    </div>`;
   }
-  return html`<fieldset><legend>Erasure</legend><p>Recordings, scores and attempts of this person go for ever.</p>
-    <div class="actions"><button type="button" class="danger" onClick=${() => setAsking(true)}>Erase all data …</button></div>
+  return html`<fieldset>
+    <legend>Erasure</legend>
+    <p>Recordings, scores and attempts of this person go for ever.</p>
+    <div class="actions">
+      <button type="button" class="danger" onClick=${() => setAsking(true)}>Erase all data …</button>
+    </div>
     ${
       asking &&
-      html`<${Confirm} title=${`Erase all data of ${name}?`} word="Erase for ever" act=${erase} close=${() => setAsking(false)} busy=${action.busy || typed !== name} error=${action.error}>
-      <p>This cannot be undone. Type the name to confirm.</p>
-      <${TextField} label="Name" value=${typed} onValue=${setTyped} autocomplete="off" /><${TextField} label="Reason" value=${reason} onValue=${setReason} /><//>`
-    }</fieldset>`;
+      html`<${Confirm}
+        title=${`Erase all data of ${name}?`}
+        word="Erase for ever"
+        act=${erase}
+        close=${() => setAsking(false)}
+        busy=${action.busy || typed !== name}
+        error=${action.error}
+      >
+        <p>This cannot be undone. Type the name to confirm.</p>
+        <${TextField} label="Name" value=${typed} onValue=${setTyped} autocomplete="off" />
+        <${TextField} label="Reason" value=${reason} onValue=${setReason} />
+      <//>`
+    }
+  </fieldset>`;
 }
 
 export function PersonPage({ params, person: me }) {
   const load = useLoad((signal) => people.one(params.name, signal), [params.name]);
-  return html`<${Heading} title=${params.name} above=${html`<a href="#/people">People</a>`} />
+  return html`
+    <${Heading} title=${params.name} above=${html`<a href="#/people">People</a>`} />
     <${Loaded} load=${load}>${(shown) => html`
-      <dl class="facts"><dt>Role</dt><dd>${words(shown.role)}</dd><dt>Since</dt><dd>${moment(shown.created_unix_ms)}</dd>
-        <dt>Groups</dt><dd>${shown.groups.length ? shown.groups.map((id, i) => html`${i > 0 && ', '}<a href=${href(['groups', id])}>${id}</a>`) : 'none'}</dd>
-        ${shown.role === 'trainee' && html`<dt>Practice</dt><dd><a href=${href(['progress', shown.name])}>Progress</a>, <a href=${href(['sessions'], { trainee: shown.name })}>sessions</a></dd>`}</dl>
+      <dl class="facts">
+        <dt>Role</dt>
+        <dd>${words(shown.role)}</dd>
+        <dt>Since</dt>
+        <dd>${moment(shown.created_unix_ms)}</dd>
+        <dt>Groups</dt>
+        <dd>${
+          shown.groups.length
+            ? shown.groups.map((id, i) => html`${i > 0 && ', '}<a href=${href(['groups', id])}>${id}</a>`)
+            : 'none'
+        }</dd>
+        ${
+          shown.role === 'trainee' &&
+          html`
+            <dt>Practice</dt>
+            <dd>
+              <a href=${href(['progress', shown.name])}>Progress</a>, <a
+                href=${href(['sessions'], { trainee: shown.name })}
+              >
+                sessions
+              </a>
+            </dd>
+          `
+        }
+      </dl>
       ${may(me.role, 'edit people') && html`<${Data} key=${shown.revision} shown=${shown} me=${me} load=${load} />`}
       <${ConsentForm} shown=${shown} load=${load} />
-      ${may(me.role, 'edit people') && grantable(me.role).includes(shown.role) && html`<${PasswordForm} name=${shown.name} />`}
-      ${may(me.role, 'export person') && html`<fieldset><legend>Everything that is stored</legend><${JsonDownload} file=${shown.name + '.json'} make=${() => people.everything(shown.name)}>Download as JSON<//></fieldset>`}
-      ${may(me.role, 'erase person') && shown.name !== me.name && html`<${Erasure} name=${shown.name} />`}`}<//>`;
+      ${
+        may(me.role, 'edit people') &&
+        grantable(me.role).includes(shown.role) &&
+        html`<${PasswordForm} name=${shown.name} />`
+      }
+      ${
+        may(me.role, 'export person') &&
+        html`<fieldset>
+          <legend>Everything that is stored</legend>
+          <${JsonDownload} file=${shown.name + '.json'} make=${() => people.everything(shown.name)}>Download as JSON<//>
+        </fieldset>`
+      }
+      ${may(me.role, 'erase person') && shown.name !== me.name && html`<${Erasure} name=${shown.name} />`}
+    `}<//>
+  `;
 }

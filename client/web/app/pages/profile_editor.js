@@ -76,11 +76,23 @@ export function useSaveKey(save) {
 export function SaveBar({ editing, save, what, bad, readonly }) {
   if (readonly) return html`<p class="help">Your role may look at this, not change it.</p>`;
   const { saving, dirty, base, restored, discard } = editing;
-  return html`<div class="save-bar">${restored && html`<div class="hint"><p>Your unsaved changes are back.</p></div>`}
+  return html`<div class="save-bar">
+    ${restored && html`<div class="hint"><p>Your unsaved changes are back.</p></div>`}
     <${Problem} error=${saving.error} title=${`The ${what} was not saved`} />
-    <div class="actions"><button type="button" class="main" disabled=${!dirty || saving.busy || bad} onClick=${save}>${saving.busy ? 'Saving …' : 'Save'}</button>
+    <div class="actions">
+      <button type="button" class="main" disabled=${!dirty || saving.busy || bad} onClick=${save}>${
+        saving.busy ? 'Saving …' : 'Save'
+      }</button>
       <button type="button" disabled=${!dirty} onClick=${discard}>Discard changes</button>
-      ${dirty ? html`<${Mark} kind="warn">not saved yet<//>` : base.revision > 0 ? html`<${Mark} kind="good">revision ${base.revision}<//>` : ''}</div></div>`;
+      ${
+        dirty
+          ? html`<${Mark} kind="warn">not saved yet<//>`
+          : base.revision > 0
+            ? html`<${Mark} kind="good">revision ${base.revision}<//>`
+            : ''
+      }
+    </div>
+  </div>`;
 }
 
 export function ProfileEditor({ params, query, person }) {
@@ -112,24 +124,63 @@ export function ProfileEditor({ params, query, person }) {
   const title = id ? (editing.base?.json.name ?? id) : 'New profile';
   const above = html`<a href="#/profiles">Patient profiles</a>`;
   if (!doc)
-    return html`<${Heading} title=${title} above=${above} />${editing.error ? html`<${Problem} error=${editing.error} retry=${editing.reload} />` : html`<p class="loading" role="status">Loading …</p>`}`;
+    return html`
+      <${Heading} title=${title} above=${above} />
+      ${
+        editing.error
+          ? html`<${Problem} error=${editing.error} retry=${editing.reload} />`
+          : html`<p class="loading" role="status">Loading …</p>`
+      }
+    `;
   const refused = editing.saving.error?.field
     ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }]
     : [];
   const all = [...problems, ...refused.filter((r) => !problems.some((p) => p.path === r.path))];
   const f = formOf({ doc, change: editing.change, problems: all, onBad, readonly });
   const fidelity = rendered.preview?.layers?.map((l) => l.fidelity);
-  return html`<${Heading} title=${title} above=${above}>${id && html`<a class="button" href=${href(['profiles', id, 'revisions'])}>Revisions</a>`}<//>
+  return html`
+    <${Heading} title=${title} above=${above}>${
+      id && html`<a class="button" href=${href(['profiles', id, 'revisions'])}>Revisions</a>`
+    }<//>
     <${SaveBar} editing=${editing} save=${save} what="profile" bad=${bad} readonly=${readonly} />
-    <div class="editor-columns"><aside class="look" tabindex="0" aria-label="What it looks and feels like"><section><h2>Side view, to scale</h2>
-          <${SideView} profile=${doc} fidelity=${fidelity} label=${`Side view of ${doc.layers?.length ?? 0} layers, ${quantity(
-            (doc.layers ?? []).reduce((sum, l) => sum + (Number(l.thickness_m) || 0), 0),
-            'm',
-          )} deep in all`} /><${Legend} profile=${doc} />
-          <p class="help">φ: how much of the step in force into a layer can be felt, 0 to 1; “!” below 0.5.</p></section>
+    <div class="editor-columns">
+      <aside class="look" tabindex="0" aria-label="What it looks and feels like">
+        <section>
+          <h2>Side view, to scale</h2>
+          <${SideView}
+            profile=${doc}
+            fidelity=${fidelity}
+            label=${`Side view of ${doc.layers?.length ?? 0} layers, ${quantity(
+              (doc.layers ?? []).reduce((sum, l) => sum + (Number(l.thickness_m) || 0), 0),
+              'm',
+            )} deep in all`}
+          />
+          <${Legend} profile=${doc} />
+          <p class="help">φ: how much of the step in force into a layer can be felt, 0 to 1; “!” below 0.5.</p>
+        </section>
         <section><h2>Force over depth</h2><${ForceOverDepth} ...${rendered} /></section>
-        ${(checked || all.length > 0) && html`<${ProblemList} problems=${all} />`}${!checked && unchecked && !readonly && html`<p class="warning wide">! Not checked: ${unchecked.message}</p>`}${bad && html`<p class="error wide">✗ A field holds no number: it is not saved.</p>`}${errors.length > 0 && html`<p class="help wide">The server will refuse this profile until these are mended.</p>`}</aside>
+        ${(checked || all.length > 0) && html`<${ProblemList} problems=${all} />`}
+        ${!checked && unchecked && !readonly && html`<p class="warning wide">! Not checked: ${unchecked.message}</p>`}
+        ${bad && html`<p class="error wide">✗ A field holds no number: it is not saved.</p>`}
+        ${
+          errors.length > 0 &&
+          html`<p class="help wide">The server will refuse this profile until these are mended.</p>`
+        }
+      </aside>
       <form onSubmit=${(event) => event.preventDefault()} aria-label="Profile">
-        <${Naming} f=${f} is_new=${!id} /><${Layers} f=${f} /><${NeedleFields} f=${f} /><${LimbFields} f=${f} /><${Targets} f=${f} /><${Hazards} f=${f} /><${Force} f=${f} /><${AsJson} f=${f} /></form></div>
-    ${editing.conflict && html`<${ConflictDialog} conflict=${editing.conflict} settle=${editing.settle} close=${editing.closeConflict} />`}`;
+        <${Naming} f=${f} is_new=${!id} />
+        <${Layers} f=${f} />
+        <${NeedleFields} f=${f} />
+        <${LimbFields} f=${f} />
+        <${Targets} f=${f} />
+        <${Hazards} f=${f} />
+        <${Force} f=${f} />
+        <${AsJson} f=${f} />
+      </form>
+    </div>
+    ${
+      editing.conflict &&
+      html`<${ConflictDialog} conflict=${editing.conflict} settle=${editing.settle} close=${editing.closeConflict} />`
+    }
+  `;
 }

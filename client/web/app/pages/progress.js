@@ -65,19 +65,46 @@ function Attempts({ name, attempts, exercise, measure, go, me, reload }) {
     measure && measures.some(([name]) => name === measure)
       ? measure
       : (measures.find(([name]) => name === 'peak_force_n')?.[0] ?? measures[0]?.[0]);
-  return html`${chosen && html`<div class="filters"><${SelectField} label="Measure" value=${chosen} options=${measures} onValue=${(m) => go(exercise, m)} /></div><${Curve} attempts=${attempts} measure=${chosen} /><${Trend} name=${name} exercise=${exercise} measure=${chosen} />`}
-    <${Table} caption=${`${attempts.length} attempts, oldest first`} head=${['Attempt', 'Begun', 'Verdict', 'Not met', 'Remarks', ...(excuses ? [html`<span class="visually-hidden">Actions</span>`] : [])]}>${attempts.map(
-      (
-        a,
-      ) => html`<tr key=${a.session_id}><th scope="row"><a href=${href(['sessions', a.session_id])}>Attempt ${a.number}</a></th><td>${moment(a.started_unix_ms)}</td><td><${Verdict} passed=${a.passed} /></td>
-      <td class="long">${
-        scoreOf(a)
-          .filter((r) => r.passed === false)
-          .map(measureTitle)
-          .join(', ') || '–'
-      }</td><td>${a.excused && html`<${Mark} kind="info">does not count<//>`}${a.late && html`<${Mark} kind="warn">late<//>`}</td>
-      ${excuses && html`<td><${Excuse} attempt=${a} done=${reload} /></td>`}</tr>`,
-    )}<//>`;
+  return html`
+    ${
+      chosen &&
+      html`
+        <div class="filters">
+          <${SelectField} label="Measure" value=${chosen} options=${measures} onValue=${(m) => go(exercise, m)} />
+        </div>
+        <${Curve} attempts=${attempts} measure=${chosen} />
+        <${Trend} name=${name} exercise=${exercise} measure=${chosen} />
+      `
+    }
+    <${Table}
+      caption=${`${attempts.length} attempts, oldest first`}
+      head=${[
+        'Attempt',
+        'Begun',
+        'Verdict',
+        'Not met',
+        'Remarks',
+        ...(excuses ? [html`<span class="visually-hidden">Actions</span>`] : []),
+      ]}
+    >${attempts.map(
+      (a) => html`<tr key=${a.session_id}>
+        <th scope="row"><a href=${href(['sessions', a.session_id])}>Attempt ${a.number}</a></th>
+        <td>${moment(a.started_unix_ms)}</td>
+        <td><${Verdict} passed=${a.passed} /></td>
+        <td class="long">${
+          scoreOf(a)
+            .filter((r) => r.passed === false)
+            .map(measureTitle)
+            .join(', ') || '–'
+        }</td>
+        <td>
+          ${a.excused && html`<${Mark} kind="info">does not count<//>`}
+          ${a.late && html`<${Mark} kind="warn">late<//>`}
+        </td>
+        ${excuses && html`<td><${Excuse} attempt=${a} done=${reload} /></td>`}
+      </tr>`,
+    )}<//>
+  `;
 }
 
 export function Progress({ name, query, base, me }) {
@@ -92,8 +119,25 @@ export function Progress({ name, query, base, me }) {
     if (tried.length === 0)
       return html`<${Empty} title="No attempts yet">They appear here after the first practice at a station.<//>`;
     const exercise = tried.includes(query.exercise) ? query.exercise : tried.at(-1);
-    return html`<div class="filters"><${SelectField} label="Exercise" value=${exercise} options=${tried.map((id) => [id, nameOf(id)])} onValue=${(e) => go(e, query.measure)} /></div>
-      <${Attempts} name=${name} attempts=${all.filter((a) => a.exercise_id === exercise)} exercise=${exercise} measure=${query.measure} go=${go} me=${me} reload=${load.reload} />`;
+    return html`
+      <div class="filters">
+        <${SelectField}
+          label="Exercise"
+          value=${exercise}
+          options=${tried.map((id) => [id, nameOf(id)])}
+          onValue=${(e) => go(e, query.measure)}
+        />
+      </div>
+      <${Attempts}
+        name=${name}
+        attempts=${all.filter((a) => a.exercise_id === exercise)}
+        exercise=${exercise}
+        measure=${query.measure}
+        go=${go}
+        me=${me}
+        reload=${load.reload}
+      />
+    `;
   }}<//>`;
 }
 
@@ -101,6 +145,11 @@ export function ProgressPage({ params, query, person }) {
   const own = params.name === person.name;
   if (!own && !may(person.role, 'see results'))
     return html`<${Forbidden} person=${person} path=${`/progress/${params.name}`} />`;
-  return html`<${Heading} title=${own ? 'My progress' : `Progress of ${params.name}`} above=${own ? html`<a href="#/mine">My results</a>` : html`<a href="#/results">Results</a>`} />
-    <${Progress} name=${params.name} query=${query} base=${['progress', params.name]} me=${person} />`;
+  return html`
+    <${Heading}
+      title=${own ? 'My progress' : `Progress of ${params.name}`}
+      above=${own ? html`<a href="#/mine">My results</a>` : html`<a href="#/results">Results</a>`}
+    />
+    <${Progress} name=${params.name} query=${query} base=${['progress', params.name]} me=${person} />
+  `;
 }

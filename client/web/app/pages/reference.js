@@ -20,11 +20,24 @@ const layerTitle = (name) =>
 
 function Bands({ reference, names }) {
   if (!reference.bands?.length)
-    return html`<${Empty} title="No bands yet">Choose sessions of experts above: the bands are made of their scores.<//>`;
+    return html`<${Empty} title="No bands yet">
+      Choose sessions of experts above: the bands are made of their scores.
+    <//>`;
   const part = (v, unit) => (Number.isFinite(v) ? quantity(v, unit) : '–');
-  return html`<${Table} caption=${`Bands by definitions ${reference.definition_version}, of ${reference.session_ids.length} sessions; percentiles need five`} head=${['Measure', ...['Sessions', 'Mean', 'Standard deviation', 'Least', '10 %', 'Median', '90 %', 'Greatest'].map(right)]}>${reference.bands.map(
+  return html`<${Table}
+    caption=${`Bands by definitions ${reference.definition_version}, of ${reference.session_ids.length} sessions; percentiles need five`}
+    head=${[
+      'Measure',
+      ...['Sessions', 'Mean', 'Standard deviation', 'Least', '10 %', 'Median', '90 %', 'Greatest'].map(right),
+    ]}
+  >${reference.bands.map(
     (b) => html`<tr key=${b.measure}>
-    <th scope="row">${names.get(b.measure) ?? layerTitle(b.measure)}<br /><code>${b.measure}</code></th><td class="number">${number(b.n)}</td>${[b.mean, b.sd, b.least, b.p10, b.median, b.p90, b.greatest].map((v) => html`<td class="number">${part(v, b.unit)}</td>`)}</tr>`,
+      <th scope="row">${names.get(b.measure) ?? layerTitle(b.measure)}<br /><code>${b.measure}</code></th>
+      <td class="number">${number(b.n)}</td>
+      ${[b.mean, b.sd, b.least, b.p10, b.median, b.p90, b.greatest].map(
+        (v) => html`<td class="number">${part(v, b.unit)}</td>`,
+      )}
+    </tr>`,
   )}<//>`;
 }
 
@@ -43,27 +56,70 @@ function Choice({ exercise, reference, reload }) {
   };
   // some may stand further down than what has been loaded
   const elsewhere = chosen.filter((id) => !pages.items.some((s) => s.description.session_id === id));
-  return html`<${Loaded} load=${pages.load}>${() =>
-    pages.items.length === 0
-      ? html`<${Empty} title="Nobody has practised this exercise yet">Let an expert practise it at a station; then choose the session here.<//>`
-      : html`<${Table} caption="Sessions of this exercise, newest first" head=${['Expert', 'Trainee', 'Begun', 'Station', right('Length'), 'Verdict']}>${pages.items.map(
-          (s) => {
-            const d = s.description;
-            return html`<tr key=${d.session_id}><td><${CheckField} label=${html`<span class="visually-hidden">${`${d.trainee}, ${moment(d.started_unix_ms)} is an expert's`}</span>`} checked=${chosen.includes(d.session_id)} onValue=${toggle(d.session_id)} /></td>
-          <th scope="row">${d.trainee}</th><td><a href=${href(['sessions', d.session_id])}>${moment(d.started_unix_ms)}</a></td><td>${d.station}</td><td class="number">${d.rate_hz ? clock(s.samples / d.rate_hz) : '–'}</td><td><${Verdict} passed=${s.passed} /></td></tr>`;
-          },
-        )}<//>${pages.button}`}<//>
-    ${elsewhere.length > 0 && html`<p class="help">Chosen, and not in the list above: ${elsewhere.map((id, i) => html`${i > 0 && ', '}<a href=${href(['sessions', id])}>${id.slice(0, 8)}</a>`)}.</p>`}
+  return html`
+    <${Loaded} load=${pages.load}>${() =>
+      pages.items.length === 0
+        ? html`<${Empty} title="Nobody has practised this exercise yet">
+            Let an expert practise it at a station; then choose the session here.
+          <//>`
+        : html`
+            <${Table}
+              caption="Sessions of this exercise, newest first"
+              head=${['Expert', 'Trainee', 'Begun', 'Station', right('Length'), 'Verdict']}
+            >${pages.items.map((s) => {
+              const d = s.description;
+              return html`<tr key=${d.session_id}>
+                <td>
+                  <${CheckField}
+                    label=${html`<span
+                      class="visually-hidden"
+                    >${`${d.trainee}, ${moment(d.started_unix_ms)} is an expert's`}</span>`}
+                    checked=${chosen.includes(d.session_id)}
+                    onValue=${toggle(d.session_id)}
+                  />
+                </td>
+                <th scope="row">${d.trainee}</th>
+                <td><a href=${href(['sessions', d.session_id])}>${moment(d.started_unix_ms)}</a></td>
+                <td>${d.station}</td>
+                <td class="number">${d.rate_hz ? clock(s.samples / d.rate_hz) : '–'}</td>
+                <td><${Verdict} passed=${s.passed} /></td>
+              </tr>`;
+            })}<//>
+            ${pages.button}
+          `}<//>
+    ${
+      elsewhere.length > 0 &&
+      html`<p class="help">
+        Chosen, and not in the list
+        above: ${elsewhere.map(
+          (id, i) => html`${i > 0 && ', '}<a href=${href(['sessions', id])}>${id.slice(0, 8)}</a>`,
+        )}.
+      </p>`
+    }
     ${
       action.error?.kind === 'conflict'
-        ? html`<div class="problem" role="alert"><p><strong>Somebody else chose other sessions in the meantime.</strong> Your choice is still here; nothing was saved.</p>
-      <button type="button" onClick=${() => {
-        action.clear();
-        reload();
-      }}>Show what is chosen now</button></div>`
+        ? html`<div class="problem" role="alert">
+            <p>
+              <strong>Somebody else chose other sessions in the meantime.</strong> Your choice is still here; nothing
+              was saved.
+            </p>
+            <button
+              type="button"
+              onClick=${() => {
+                action.clear();
+                reload();
+              }}
+            >
+              Show what is chosen now
+            </button>
+          </div>`
         : html`<${Problem} error=${action.error} />`
     }
-    <div class="actions"><button type="button" class="main" disabled=${!changed || action.busy} onClick=${save}>Save the choice</button><span role="status">${chosen.length} chosen</span></div>`;
+    <div class="actions">
+      <button type="button" class="main" disabled=${!changed || action.busy} onClick=${save}>Save the choice</button>
+      <span role="status">${chosen.length} chosen</span>
+    </div>
+  `;
 }
 
 export function ReferencePage({ params }) {
@@ -75,11 +131,20 @@ export function ReferencePage({ params }) {
     },
     [exercise],
   );
-  return html`<${Heading} title=${`Experts of ${exercise}`} above=${html`<a href="#/results">Results</a>`} />
-    <p>Every score of this exercise is compared with these sessions: value by value, and the path of the tip by its distance (DTW) from the nearest expert's.</p>
-    <${Loaded} load=${load}>${({
-      reference,
-      names,
-    }) => html`<${Choice} key=${reference.revision} exercise=${exercise} reference=${reference} reload=${load.reload} />
-      ${reference.changed_by && html`<p class="help">Chosen by ${reference.changed_by}, ${moment(reference.changed_unix_ms)}.</p>`}<h2>Bands</h2><${Bands} reference=${reference} names=${names} />`}<//>`;
+  return html`
+    <${Heading} title=${`Experts of ${exercise}`} above=${html`<a href="#/results">Results</a>`} />
+    <p>
+      Every score of this exercise is compared with these sessions: value by value, and the path of the tip by its
+      distance (DTW) from the nearest expert's.
+    </p>
+    <${Loaded} load=${load}>${({ reference, names }) => html`
+      <${Choice} key=${reference.revision} exercise=${exercise} reference=${reference} reload=${load.reload} />
+      ${
+        reference.changed_by &&
+        html`<p class="help">Chosen by ${reference.changed_by}, ${moment(reference.changed_unix_ms)}.</p>`
+      }
+      <h2>Bands</h2>
+      <${Bands} reference=${reference} names=${names} />
+    `}<//>
+  `;
 }

@@ -22,32 +22,84 @@ export function cellState(cell) {
 export function Cell({ cell, trainee, nameOf }) {
   const [kind, word] = cellState(cell);
   const tried = `${cell.attempts} ${cell.attempts === 1 ? 'attempt' : 'attempts'}`;
-  return html`<${Mark} kind=${kind}>${word}<//>
-    ${cell.attempts > 0 && html`<br /><a class="cell-link" href=${href(['progress', trainee], { exercise: cell.exercise_id })} aria-label=${`${tried} of ${trainee} at ${nameOf(cell.exercise_id)}`}>${tried}</a>`}
-    ${cell.best && html` · <a class="cell-link" href=${href(['sessions', cell.best.session_id])} aria-label=${`best session of ${trainee} at ${nameOf(cell.exercise_id)}`}>best</a>`}
-    ${cell.attempts > 0 && cell.attempts_left > 0 && cell.passed !== true && html`<br /><span class="help">${cell.attempts_left} left</span>`}
+  return html`
+    <${Mark} kind=${kind}>${word}<//>
+    ${
+      cell.attempts > 0 &&
+      html`
+        <br />
+        <a
+          class="cell-link"
+          href=${href(['progress', trainee], { exercise: cell.exercise_id })}
+          aria-label=${`${tried} of ${trainee} at ${nameOf(cell.exercise_id)}`}
+        >${tried}</a>
+      `
+    }
+    ${
+      cell.best &&
+      html` · <a
+          class="cell-link"
+          href=${href(['sessions', cell.best.session_id])}
+          aria-label=${`best session of ${trainee} at ${nameOf(cell.exercise_id)}`}
+        >
+          best
+        </a>`
+    }
+    ${
+      cell.attempts > 0 &&
+      cell.attempts_left > 0 &&
+      cell.passed !== true &&
+      html`<br /><span class="help">${cell.attempts_left} left</span>`
+    }
     ${kind === 'locked' && html`<br /><span class="help">first: ${cell.locked_by.map(nameOf).join(', ')}</span>`}
-    ${cell.due_unix_ms && cell.passed !== true && html`<br /><span class="help">due ${day(cell.due_unix_ms)}</span>`}`;
+    ${cell.due_unix_ms && cell.passed !== true && html`<br /><span class="help">due ${day(cell.due_unix_ms)}</span>`}
+  `;
 }
 
 function Matrix({ course, group }) {
   const load = useLoad((signal) => results(course, group, signal), [course, group]);
   return html`<${Loaded} load=${load}>${({ exercises, rows }) => {
     if (rows.length === 0)
-      return html`<${Empty} title="Nobody has this course yet"><a href="#/assignments">Assign it</a> to a group or a trainee.<//>`;
+      return html`<${Empty} title="Nobody has this course yet">
+        <a href="#/assignments">Assign it</a> to a group or a trainee.
+      <//>`;
     const nameOf = (id) => exercises.find((e) => e.id === id)?.name ?? id;
     const passed = (id) => rows.filter((r) => r.cells.find((c) => c.exercise_id === id)?.passed === true).length;
-    return html`<div class="table-frame matrix" role="region" aria-label="Results" tabindex="0"><table><caption>${rows.length} trainees, ${exercises.length} exercises</caption>
-      <thead><tr><th scope="col">Trainee</th>${exercises.map((e, i) => html`<th scope="col">${numbered(i, e.name)}<br /><span class="unit">${passed(e.id)} of ${rows.length} passed</span></th>`)}</tr></thead>
-      <tbody>${rows.map(
-        (
-          row,
-        ) => html`<tr key=${row.trainee}><th scope="row"><a href=${href(['progress', row.trainee])}>${row.full_name || row.trainee}</a><br /><span class="unit">${row.cells.filter((c) => c.passed === true).length} of ${exercises.length} passed</span></th>
-        ${exercises.map((e) => {
-          const cell = row.cells.find((c) => c.exercise_id === e.id);
-          return html`<td>${cell ? html`<${Cell} cell=${cell} trainee=${row.trainee} nameOf=${nameOf} />` : '–'}</td>`;
-        })}</tr>`,
-      )}</tbody></table></div>`;
+    return html`<div class="table-frame matrix" role="region" aria-label="Results" tabindex="0">
+      <table>
+        <caption>${rows.length} trainees, ${exercises.length} exercises</caption>
+        <thead>
+          <tr>
+            <th scope="col">Trainee</th>
+            ${exercises.map(
+              (e, i) =>
+                html`<th scope="col">
+                  ${numbered(i, e.name)}
+                  <br />
+                  <span class="unit">${passed(e.id)} of ${rows.length} passed</span>
+                </th>`,
+            )}
+          </tr>
+        </thead>
+        <tbody>${rows.map(
+          (row) => html`<tr key=${row.trainee}>
+            <th scope="row">
+              <a href=${href(['progress', row.trainee])}>${row.full_name || row.trainee}</a>
+              <br />
+              <span class="unit">
+                ${row.cells.filter((c) => c.passed === true).length} of ${exercises.length} passed
+              </span>
+            </th>
+            ${exercises.map((e) => {
+              const cell = row.cells.find((c) => c.exercise_id === e.id);
+              return html`<td>${
+                cell ? html`<${Cell} cell=${cell} trainee=${row.trainee} nameOf=${nameOf} />` : '–'
+              }</td>`;
+            })}
+          </tr>`,
+        )}</tbody>
+      </table>
+    </div>`;
   }}<//>`;
 }
 
@@ -61,11 +113,29 @@ export function ResultsPage({ query }) {
   const go = (key) => (value) => {
     location.hash = href(['results'], { course, group, [key]: value });
   };
-  return html`<${Heading} title="Results">${course && html`<a class="button" href=${address(['scores.csv'], { course, group })} download>Scores as CSV</a>`}<//>
+  return html`
+    <${Heading} title="Results">${
+      course && html`<a class="button" href=${address(['scores.csv'], { course, group })} download>Scores as CSV</a>`
+    }<//>
     <${Loaded} load=${load}>${(all) =>
       all.courses.length === 0
         ? html`<${Empty} title="There are no courses yet"><a href="#/courses">Make one</a>, then assign it.<//>`
-        : html`<div class="filters"><${SelectField} label="Course" value=${course} options=${all.courses.map((c) => [c.id, c.name])} onValue=${go('course')} />
-          <${SelectField} label="Group" value=${group} options=${[['', 'All trainees'], ...all.groups.map((g) => [g.id, g.name])]} onValue=${go('group')} /></div>
-        <${Matrix} course=${course} group=${group} />`}<//>`;
+        : html`
+            <div class="filters">
+              <${SelectField}
+                label="Course"
+                value=${course}
+                options=${all.courses.map((c) => [c.id, c.name])}
+                onValue=${go('course')}
+              />
+              <${SelectField}
+                label="Group"
+                value=${group}
+                options=${[['', 'All trainees'], ...all.groups.map((g) => [g.id, g.name])]}
+                onValue=${go('group')}
+              />
+            </div>
+            <${Matrix} course=${course} group=${group} />
+          `}<//>
+  `;
 }

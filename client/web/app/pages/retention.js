@@ -46,7 +46,16 @@ function PolicyForm({ begin, known, done }) {
     ? [{ path: action.error.field.replace(/^policy\./, ''), message: action.error.message }]
     : [];
   const field = (key, label, unit, help) =>
-    html`<${NumberField} label=${label} unit=${unit} path=${key} value=${policy[key]} problems=${[...faults, ...refused]} onValue=${set(key)} onBad=${onBad} help=${help} />`;
+    html`<${NumberField}
+      label=${label}
+      unit=${unit}
+      path=${key}
+      value=${policy[key]}
+      problems=${[...faults, ...refused]}
+      onValue=${set(key)}
+      onBad=${onBad}
+      help=${help}
+    />`;
   const save = async (event) => {
     event.preventDefault();
     const { exercise_id, thin_after_days, thin_rate_hz, thin_coarser, delete_after_days, without_backup } = policy;
@@ -67,12 +76,35 @@ function PolicyForm({ begin, known, done }) {
     announce(`Retention of ${exercise_id || 'all other exercises'} was saved.`);
     done();
   };
-  return html`<form onSubmit=${save} aria-label="Policy"><fieldset><legend>Set a policy</legend>
-    <${SelectField} label="Exercise" value=${policy.exercise_id} onValue=${set('exercise_id')} options=${[['', 'All without a policy of their own'], ...known.map((e) => [e.id, e.name])]} />
-    <div class="fields">${field('thin_after_days', 'Thin out after', 'days', 'empty: never')}${field('thin_rate_hz', 'Samples left', 'a second', 'about')}${field('thin_coarser', 'Coarser steps', 'times', 'empty: as recorded')}${field('delete_after_days', 'Delete after', 'days', 'empty: never')}</div>
-    <${CheckField} label="Also what no verified backup holds" checked=${policy.without_backup} onValue=${set('without_backup')} help="Otherwise a session waits for the next backup." />
-    <${Problem} error=${refused.length ? null : action.error} />
-    <div class="actions"><button type="submit" class="main" disabled=${action.busy || faults.length + bad.length > 0}>Save the policy</button></div></fieldset></form>`;
+  return html`<form onSubmit=${save} aria-label="Policy">
+    <fieldset>
+      <legend>Set a policy</legend>
+      <${SelectField}
+        label="Exercise"
+        value=${policy.exercise_id}
+        onValue=${set('exercise_id')}
+        options=${[['', 'All without a policy of their own'], ...known.map((e) => [e.id, e.name])]}
+      />
+      <div class="fields">
+        ${field('thin_after_days', 'Thin out after', 'days', 'empty: never')}
+        ${field('thin_rate_hz', 'Samples left', 'a second', 'about')}
+        ${field('thin_coarser', 'Coarser steps', 'times', 'empty: as recorded')}
+        ${field('delete_after_days', 'Delete after', 'days', 'empty: never')}
+      </div>
+      <${CheckField}
+        label="Also what no verified backup holds"
+        checked=${policy.without_backup}
+        onValue=${set('without_backup')}
+        help="Otherwise a session waits for the next backup."
+      />
+      <${Problem} error=${refused.length ? null : action.error} />
+      <div class="actions">
+        <button type="submit" class="main" disabled=${action.busy || faults.length + bad.length > 0}>
+          Save the policy
+        </button>
+      </div>
+    </fieldset>
+  </form>`;
 }
 
 function Run({ done }) {
@@ -88,13 +120,61 @@ function Run({ done }) {
     if (!dry_run) done();
   };
   const steps = report?.steps ?? [];
-  return html`<fieldset><legend>Run</legend><p>The server does this by itself once a day. What has been thinned or deleted does not come back, but from a backup.</p>
-    <div class="actions"><button type="button" disabled=${action.busy} onClick=${() => run(true)}>${action.busy ? 'Looking …' : 'Show what would happen'}</button>
-      <button type="button" class="danger" disabled=${action.busy || !report?.dry_run || report.thinned + report.deleted === 0} onClick=${() => setAsking(true)}>Run now …</button></div>
+  return html`<fieldset>
+    <legend>Run</legend>
+    <p>
+      The server does this by itself once a day. What has been thinned or deleted does not come back, but from a backup.
+    </p>
+    <div class="actions">
+      <button type="button" disabled=${action.busy} onClick=${() => run(true)}>${
+        action.busy ? 'Looking …' : 'Show what would happen'
+      }</button>
+      <button
+        type="button"
+        class="danger"
+        disabled=${action.busy || !report?.dry_run || report.thinned + report.deleted === 0}
+        onClick=${() => setAsking(true)}
+      >
+        Run now …
+      </button>
+    </div>
     <${Problem} error=${action.error} />
-    <div role="status">${report && html`<p><${Mark} kind=${report.dry_run ? 'info' : 'good'}>${report.dry_run ? 'would happen' : 'done'}<//> ${report.thinned} thinned, ${report.deleted} deleted, ${report.waiting_for_backup} wait for a backup, ${report.left_alone} left alone; ${bytes(report.bytes_before)} become ${bytes(report.bytes_after)}.</p>`}</div>
-    ${steps.length > 0 && html`<${Table} caption="Session by session" head=${['Session', 'Exercise', 'What', 'Why']}>${steps.map((s) => html`<tr key=${s.session_id}><th scope="row"><a href=${`#/sessions/${s.session_id}`}>${s.session_id.slice(0, 13)}</a></th><td>${s.exercise_id}</td><td>${s.action.toLowerCase().replaceAll('_', ' ')}</td><td class="long">${s.text}</td></tr>`)}<//>`}
-    ${asking && html`<${Confirm} title="Thin out and delete now?" word="Run now" act=${() => run(false)} close=${() => setAsking(false)} busy=${action.busy}><p>${report?.thinned ?? 0} recordings are thinned out, ${report?.deleted ?? 0} deleted. Scores, events and remarks stay.</p><//>`}</fieldset>`;
+    <div role="status">${
+      report &&
+      html`<p>
+        <${Mark} kind=${report.dry_run ? 'info' : 'good'}>${report.dry_run ? 'would happen' : 'done'}<//>
+        ${` ${report.thinned} thinned, ${report.deleted} deleted, ${report.waiting_for_backup} wait for a backup, `}
+        ${`${report.left_alone} left alone; ${bytes(report.bytes_before)} become ${bytes(report.bytes_after)}.`}
+      </p>`
+    }</div>
+    ${
+      steps.length > 0 &&
+      html`<${Table} caption="Session by session" head=${['Session', 'Exercise', 'What', 'Why']}>${steps.map(
+        (s) =>
+          html`<tr key=${s.session_id}>
+            <th scope="row"><a href=${`#/sessions/${s.session_id}`}>${s.session_id.slice(0, 13)}</a></th>
+            <td>${s.exercise_id}</td>
+            <td>${s.action.toLowerCase().replaceAll('_', ' ')}</td>
+            <td class="long">${s.text}</td>
+          </tr>`,
+      )}<//>`
+    }
+    ${
+      asking &&
+      html`<${Confirm}
+        title="Thin out and delete now?"
+        word="Run now"
+        act=${() => run(false)}
+        close=${() => setAsking(false)}
+        busy=${action.busy}
+      >
+        <p>
+          ${report?.thinned ?? 0} recordings are thinned out, ${report?.deleted ?? 0} deleted. Scores, events and
+          remarks stay.
+        </p>
+      <//>`
+    }
+  </fieldset>`;
 }
 
 export function RetentionPage() {
@@ -109,23 +189,78 @@ export function RetentionPage() {
     announce(`The policy of ${policy.exercise_id || 'all other exercises'} was taken away.`);
     load.reload();
   };
-  return html`<${Heading} title="Retention" /><${Loaded} load=${load}>${({ state, known }) => {
-    const policies = state.policies ?? [],
-      nameOf = (id) => (id ? (known.find((e) => e.id === id)?.name ?? id) : 'All other exercises');
-    return html`<dl class="facts"><dt>Database</dt><dd>${bytes(state.database_bytes)}, ${bytes(state.free_bytes)} of it free</dd><dt>So far</dt><dd>${state.thinned_sessions} thinned, ${state.deleted_sessions} deleted</dd><dt>Last run</dt><dd>${state.last_run_unix_ms ? moment(state.last_run_unix_ms) : 'never'}</dd></dl>
-      ${
-        policies.length === 0
-          ? html`<${Empty} title="Nothing is set: all recordings are kept whole">Set a policy below; scores, events and remarks stay in any case.<//>`
-          : html`<${Table} caption="Policies" head=${['Exercise', 'Thinned', 'Deleted', 'Without a backup', 'Set by', html`<span class="visually-hidden">Actions</span>`]}>${policies.map(
-              (
-                p,
-              ) => html`<tr key=${p.exercise_id}><th scope="row">${nameOf(p.exercise_id)}</th><td>${thinWords(p)}</td><td>${isSet(p.delete_after_days) ? `after ${days(p.delete_after_days)}` : 'never'}</td><td>${p.without_backup ? html`<${Mark} kind="warn">also<//>` : 'waits'}</td><td>${p.by}, ${moment(p.changed_unix_ms)}</td>
-          <td><div class="actions"><button type="button" class="small" aria-label=${`Change the policy of ${nameOf(p.exercise_id)}`} onClick=${() => setBegin({ ...p })}>Change</button><button type="button" class="small danger" disabled=${action.busy} aria-label=${`Take away the policy of ${nameOf(p.exercise_id)}`} onClick=${() => drop(p)}>Take away</button></div></td></tr>`,
-            )}<//>`
-      }
-      <${Problem} error=${action.error} /><${PolicyForm} key=${begin.exercise_id + (begin.changed_unix_ms ?? '')} begin=${begin} known=${known} done=${() => {
-        setBegin(kBlank);
-        load.reload();
-      }} /><${Run} done=${load.reload} />`;
-  }}<//>`;
+  return html`
+    <${Heading} title="Retention" />
+    <${Loaded} load=${load}>${({ state, known }) => {
+      const policies = state.policies ?? [],
+        nameOf = (id) => (id ? (known.find((e) => e.id === id)?.name ?? id) : 'All other exercises');
+      return html`
+        <dl class="facts">
+          <dt>Database</dt>
+          <dd>${bytes(state.database_bytes)}, ${bytes(state.free_bytes)} of it free</dd>
+          <dt>So far</dt>
+          <dd>${state.thinned_sessions} thinned, ${state.deleted_sessions} deleted</dd>
+          <dt>Last run</dt>
+          <dd>${state.last_run_unix_ms ? moment(state.last_run_unix_ms) : 'never'}</dd>
+        </dl>
+        ${
+          policies.length === 0
+            ? html`<${Empty} title="Nothing is set: all recordings are kept whole">
+                Set a policy below; scores, events and remarks stay in any case.
+              <//>`
+            : html`<${Table}
+                caption="Policies"
+                head=${[
+                  'Exercise',
+                  'Thinned',
+                  'Deleted',
+                  'Without a backup',
+                  'Set by',
+                  html`<span class="visually-hidden">Actions</span>`,
+                ]}
+              >${policies.map(
+                (p) => html`<tr key=${p.exercise_id}>
+                  <th scope="row">${nameOf(p.exercise_id)}</th>
+                  <td>${thinWords(p)}</td>
+                  <td>${isSet(p.delete_after_days) ? `after ${days(p.delete_after_days)}` : 'never'}</td>
+                  <td>${p.without_backup ? html`<${Mark} kind="warn">also<//>` : 'waits'}</td>
+                  <td>${p.by}, ${moment(p.changed_unix_ms)}</td>
+                  <td>
+                    <div class="actions">
+                      <button
+                        type="button"
+                        class="small"
+                        aria-label=${`Change the policy of ${nameOf(p.exercise_id)}`}
+                        onClick=${() => setBegin({ ...p })}
+                      >
+                        Change
+                      </button>
+                      <button
+                        type="button"
+                        class="small danger"
+                        disabled=${action.busy}
+                        aria-label=${`Take away the policy of ${nameOf(p.exercise_id)}`}
+                        onClick=${() => drop(p)}
+                      >
+                        Take away
+                      </button>
+                    </div>
+                  </td>
+                </tr>`,
+              )}<//>`
+        }
+        <${Problem} error=${action.error} />
+        <${PolicyForm}
+          key=${begin.exercise_id + (begin.changed_unix_ms ?? '')}
+          begin=${begin}
+          known=${known}
+          done=${() => {
+            setBegin(kBlank);
+            load.reload();
+          }}
+        />
+        <${Run} done=${load.reload} />
+      `;
+    }}<//>
+  `;
 }

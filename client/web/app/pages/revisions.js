@@ -25,10 +25,22 @@ function Differences({ kind, id, from, to }) {
   return html`<${Loaded} load=${load}>${(all) =>
     all.length === 0
       ? html`<${Empty} title="No difference">Revisions ${from} and ${to} hold the same.<//>`
-      : html`<${Table} caption=${`${all.length} ${all.length === 1 ? 'change' : 'changes'} from revision ${from} to ${to}`} head=${['Field', 'What', `Revision ${from}`, `Revision ${to}`]}>${all.map(
+      : html`<${Table}
+          caption=${`${all.length} ${all.length === 1 ? 'change' : 'changes'} from revision ${from} to ${to}`}
+          head=${['Field', 'What', `Revision ${from}`, `Revision ${to}`]}
+        >${all.map(
           (c) => html`<tr key=${c.path}>
-      <th scope="row"><code>${c.path}</code></th><td>${c.before === undefined ? html`<${Mark} kind="good">added<//>` : c.after === undefined ? html`<${Mark} kind="bad">removed<//>` : html`<${Mark} kind="warn">changed<//>`}</td>
-      <td class="long">${valueText(c.before)}</td><td class="long">${valueText(c.after)}</td></tr>`,
+            <th scope="row"><code>${c.path}</code></th>
+            <td>${
+              c.before === undefined
+                ? html`<${Mark} kind="good">added<//>`
+                : c.after === undefined
+                  ? html`<${Mark} kind="bad">removed<//>`
+                  : html`<${Mark} kind="warn">changed<//>`
+            }</td>
+            <td class="long">${valueText(c.before)}</td>
+            <td class="long">${valueText(c.after)}</td>
+          </tr>`,
         )}<//>`}<//>`;
 }
 
@@ -46,26 +58,69 @@ const page = (kind, what, edit) =>
       announce(`Revision ${revision} was saved again, as revision ${done.revision}.`);
       load.reload();
     };
-    return html`<${Heading} title=${`Revisions of ${load.data?.[0]?.name ?? id}`} above=${html`<a href=${href([kind, id])}>Back to the ${what}</a>`} />
-    <${Loaded} load=${load}>${(all) => {
-      const to = query.to ?? String(all[0].revision),
-        from = query.from ?? String(all[1]?.revision ?? all[0].revision);
-      const options = all.map((r) => [String(r.revision), `${r.revision}: ${moment(r.created_unix_ms)}, ${r.author}`]);
-      const go = (key) => (value) => {
-        location.hash = href([kind, id, 'revisions'], { from, to, [key]: value });
-      };
-      return html`<${Table} caption="All revisions; none is ever overwritten" head=${['Revision', 'Name', 'Saved', 'By', html`<span class="visually-hidden">Actions</span>`]}>${all.map(
-        (
-          r,
-          i,
-        ) => html`<tr key=${r.revision}><th scope="row">${r.revision}</th><td>${r.name}</td><td>${moment(r.created_unix_ms)}</td><td>${r.author}</td>
-          <td><div class="actions">${i < all.length - 1 && html`<a href=${href([kind, id, 'revisions'], { from: all[i + 1].revision, to: r.revision })} aria-label=${`What changed in revision ${r.revision}`}>What changed</a>`}
-            ${i > 0 && may(person.role, edit) && html`<button type="button" class="small" disabled=${action.busy} aria-label=${`Save as the newest: revision ${r.revision}`} onClick=${() => restore(all, r.revision)}>Save as the newest</button>`}</div></td></tr>`,
-      )}<//>
-        <${Problem} error=${action.error} /><h2>Compare</h2>
-        <div class="filters"><${SelectField} label="From" value=${from} options=${options} onValue=${go('from')} /><${SelectField} label="To" value=${to} options=${options} onValue=${go('to')} /></div>
-        <${Differences} kind=${kind} id=${id} from=${from} to=${to} />`;
-    }}<//>`;
+    return html`
+      <${Heading}
+        title=${`Revisions of ${load.data?.[0]?.name ?? id}`}
+        above=${html`<a href=${href([kind, id])}>Back to the ${what}</a>`}
+      />
+      <${Loaded} load=${load}>${(all) => {
+        const to = query.to ?? String(all[0].revision),
+          from = query.from ?? String(all[1]?.revision ?? all[0].revision);
+        const options = all.map((r) => [
+          String(r.revision),
+          `${r.revision}: ${moment(r.created_unix_ms)}, ${r.author}`,
+        ]);
+        const go = (key) => (value) => {
+          location.hash = href([kind, id, 'revisions'], { from, to, [key]: value });
+        };
+        return html`
+          <${Table}
+            caption="All revisions; none is ever overwritten"
+            head=${['Revision', 'Name', 'Saved', 'By', html`<span class="visually-hidden">Actions</span>`]}
+          >${all.map(
+            (r, i) => html`<tr key=${r.revision}>
+              <th scope="row">${r.revision}</th>
+              <td>${r.name}</td>
+              <td>${moment(r.created_unix_ms)}</td>
+              <td>${r.author}</td>
+              <td>
+                <div class="actions">
+                  ${
+                    i < all.length - 1 &&
+                    html`<a
+                      href=${href([kind, id, 'revisions'], { from: all[i + 1].revision, to: r.revision })}
+                      aria-label=${`What changed in revision ${r.revision}`}
+                    >
+                      What changed
+                    </a>`
+                  }
+                  ${
+                    i > 0 &&
+                    may(person.role, edit) &&
+                    html`<button
+                      type="button"
+                      class="small"
+                      disabled=${action.busy}
+                      aria-label=${`Save as the newest: revision ${r.revision}`}
+                      onClick=${() => restore(all, r.revision)}
+                    >
+                      Save as the newest
+                    </button>`
+                  }
+                </div>
+              </td>
+            </tr>`,
+          )}<//>
+          <${Problem} error=${action.error} />
+          <h2>Compare</h2>
+          <div class="filters">
+            <${SelectField} label="From" value=${from} options=${options} onValue=${go('from')} />
+            <${SelectField} label="To" value=${to} options=${options} onValue=${go('to')} />
+          </div>
+          <${Differences} kind=${kind} id=${id} from=${from} to=${to} />
+        `;
+      }}<//>
+    `;
   };
 
 export const ProfileRevisions = page('profiles', 'profile', 'edit profiles');

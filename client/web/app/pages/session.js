@@ -63,12 +63,37 @@ function Recording({ id, session, person }) {
   const t = columns.t_s ?? [];
   const [playback, act] = usePlayback(t[0] ?? 0, t.at(-1) ?? 0);
   const { profile } = session.description;
-  return html`<${Loaded} load=${whole}>${() =>
-    t.length === 0
-      ? html`<${Empty} title="There are no samples">The recording is empty, or has been deleted by retention.<//>`
-      : html`<section aria-labelledby="replay-title"><h2 id="replay-title">Replay</h2>${profile ? html`<${Replay} columns=${columns} session=${session} playback=${playback} act=${act} />` : html`<p class="help">Without its profile the session cannot be drawn.</p>`}</section>
-        <section aria-labelledby="plots-title"><h2 id="plots-title">Plots</h2><${Problem} error=${near.error} /><${Plots} columns=${shown} profile=${profile} marks=${marks} at=${playback.at_s} seek=${act.seek} window=${window} zoom=${zoom} busy=${near.loading && !!window} /></section>`}<//>
-    <${Annotations} id=${id} at_s=${playback.at_s} seek=${act.seek} load=${notes} person=${person} /><${SyringeEvents} id=${id} seek=${act.seek} />`;
+  return html`
+    <${Loaded} load=${whole}>${() =>
+      t.length === 0
+        ? html`<${Empty} title="There are no samples">The recording is empty, or has been deleted by retention.<//>`
+        : html`
+            <section aria-labelledby="replay-title">
+              <h2 id="replay-title">Replay</h2>
+              ${
+                profile
+                  ? html`<${Replay} columns=${columns} session=${session} playback=${playback} act=${act} />`
+                  : html`<p class="help">Without its profile the session cannot be drawn.</p>`
+              }
+            </section>
+            <section aria-labelledby="plots-title">
+              <h2 id="plots-title">Plots</h2>
+              <${Problem} error=${near.error} />
+              <${Plots}
+                columns=${shown}
+                profile=${profile}
+                marks=${marks}
+                at=${playback.at_s}
+                seek=${act.seek}
+                window=${window}
+                zoom=${zoom}
+                busy=${near.loading && !!window}
+              />
+            </section>
+          `}<//>
+    <${Annotations} id=${id} at_s=${playback.at_s} seek=${act.seek} load=${notes} person=${person} />
+    <${SyringeEvents} id=${id} seek=${act.seek} />
+  `;
 }
 
 /** Which attempt of the exercise this is, and whether it counts. */
@@ -83,20 +108,58 @@ function AttemptFact({ description, person }) {
   return html`<${Loaded} load=${load}>${(attempt) =>
     !attempt
       ? html`<span>is none</span>`
-      : html`number ${attempt.number}
-    ${attempt.excused && html`<${Mark} kind="info">does not count<//>`}${attempt.late && html`<${Mark} kind="warn">late<//>`} ${may(person.role, 'excuse') && html`<${Excuse} attempt=${attempt} done=${load.reload} />`}`}<//>`;
+      : html`
+          number ${attempt.number}
+          ${attempt.excused && html`<${Mark} kind="info">does not count<//>`}
+          ${attempt.late && html`<${Mark} kind="warn">late<//>`} ${
+            may(person.role, 'excuse') && html`<${Excuse} attempt=${attempt} done=${load.reload} />`
+          }
+        `}<//>`;
 }
 
 export function SessionPage({ params, person }) {
   const { id } = params;
   const load = useLoad((signal) => sessions.one(id, signal), [id]);
   const d = load.data?.description;
-  return html`<${Heading} title=${d ? `${d.trainee}: ${d.exercise_id}` : 'Session'} above=${html`<a href="#/sessions">Sessions</a>`}>${kFormats.map(([name, link]) => html`<a class="button" href=${link(id)} download>${name}</a>`)}<//>
-    <${Loaded} load=${load}>${(
-      session,
-    ) => html`<dl class="facts"><dt>Begun</dt><dd>${moment(d.started_unix_ms)}, ${d.station}</dd><dt>Length</dt><dd>${clock(session.samples / d.rate_hz)} (${session.samples} samples at ${d.rate_hz} Hz)</dd>
-        <dt>Patient</dt><dd>${may(person.role, 'see profiles') ? html`<a href=${href(['profiles', d.profile_id])}>${d.profile_id}</a>` : d.profile_id}, revision ${d.profile_revision}</dd><dt>State</dt><dd>${words(String(session.state).replace('SESSION_', ''))}, engine ${d.engine_version}, ${d.device}</dd>
-        <dt>Verdict</dt><dd><${Verdict} passed=${session.passed} /></dd>${d.exercise_id && html`<dt>Attempt</dt><dd class="actions"><${AttemptFact} description=${d} person=${person} /></dd>`}<dt>More</dt><dd><a href=${href(['progress', d.trainee], { exercise: d.exercise_id })}>Progress over attempts</a></dd></dl>
-      ${session.state === 'SESSION_OPEN' && html`<div class="hint"><p>This session is still being recorded: what is below is what has come so far.</p></div>`}
-      <${Score} session=${session} person=${person} /><${Recording} id=${id} session=${session} person=${person} />`}<//>`;
+  return html`
+    <${Heading}
+      title=${d ? `${d.trainee}: ${d.exercise_id}` : 'Session'}
+      above=${html`<a href="#/sessions">Sessions</a>`}
+    >${kFormats.map(([name, link]) => html`<a class="button" href=${link(id)} download>${name}</a>`)}<//>
+    <${Loaded} load=${load}>${(session) => html`
+      <dl class="facts">
+        <dt>Begun</dt>
+        <dd>${moment(d.started_unix_ms)}, ${d.station}</dd>
+        <dt>Length</dt>
+        <dd>${clock(session.samples / d.rate_hz)} (${session.samples} samples at ${d.rate_hz} Hz)</dd>
+        <dt>Patient</dt>
+        <dd>
+          ${
+            may(person.role, 'see profiles')
+              ? html`<a href=${href(['profiles', d.profile_id])}>${d.profile_id}</a>`
+              : d.profile_id
+          },
+          revision ${d.profile_revision}
+        </dd>
+        <dt>State</dt>
+        <dd>${words(String(session.state).replace('SESSION_', ''))}, engine ${d.engine_version}, ${d.device}</dd>
+        <dt>Verdict</dt>
+        <dd><${Verdict} passed=${session.passed} /></dd>
+        ${
+          d.exercise_id &&
+          html`<dt>Attempt</dt><dd class="actions"><${AttemptFact} description=${d} person=${person} /></dd>`
+        }
+        <dt>More</dt>
+        <dd><a href=${href(['progress', d.trainee], { exercise: d.exercise_id })}>Progress over attempts</a></dd>
+      </dl>
+      ${
+        session.state === 'SESSION_OPEN' &&
+        html`<div class="hint">
+          <p>This session is still being recorded: what is below is what has come so far.</p>
+        </div>`
+      }
+      <${Score} session=${session} person=${person} />
+      <${Recording} id=${id} session=${session} person=${person} />
+    `}<//>
+  `;
 }

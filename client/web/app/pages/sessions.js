@@ -58,22 +58,45 @@ export function SessionsPage({ query, person }) {
       exercise: filter.exercise.trim(),
     });
   };
-  return html`<${Heading} title="Sessions" />
+  return html`
+    <${Heading} title="Sessions" />
     <form class="filters" role="search" aria-label="Sessions" onSubmit=${go}>
-      ${staff && html`<${TextField} label="Trainee" value=${filter.search} onValue=${change('search')} autocomplete="off" />`}
+      ${
+        staff &&
+        html`<${TextField} label="Trainee" value=${filter.search} onValue=${change('search')} autocomplete="off" />`
+      }
       <${TextField} label="Exercise id" value=${filter.exercise} onValue=${change('exercise')} autocomplete="off" />
       <${SelectField} label="Verdict" options=${kVerdicts} value=${filter.verdict} onValue=${change('verdict')} />
-      <${TextField} label="From" type="date" value=${filter.from} onValue=${change('from')} /><${TextField} label="To" type="date" value=${filter.to} onValue=${change('to')} />
-      <div class="actions"><button type="submit">Find</button><a class="button" href="#/sessions">Show all</a></div></form>
+      <${TextField} label="From" type="date" value=${filter.from} onValue=${change('from')} />
+      <${TextField} label="To" type="date" value=${filter.to} onValue=${change('to')} />
+      <div class="actions"><button type="submit">Find</button><a class="button" href="#/sessions">Show all</a></div>
+    </form>
     <${Loaded} load=${pages.load}>${() =>
       pages.items.length === 0
-        ? html`<${Empty} title="There are no sessions here">They come from the stations: assign an exercise, and let somebody practise.<//>${pages.button}`
-        : html`<${Table} caption=${`${pages.items.length} sessions, newest first`} head=${['Begun', 'Trainee', 'Exercise', 'Station', number('Length'), 'State', 'Verdict']}>
-        ${pages.items.map(
-          (
-            s,
-          ) => html`<tr key=${s.description.session_id}><th scope="row"><a href=${href(['sessions', s.description.session_id])}>${moment(s.description.started_unix_ms)}</a></th>
-          <td>${s.description.trainee}</td><td>${s.description.exercise_id}</td><td>${s.description.station}</td><td class="number">${s.description.rate_hz ? clock(s.samples / s.description.rate_hz) : '–'}</td>
-          <td>${words(String(s.state).replace('SESSION_', ''))}</td><td><${Verdict} passed=${s.passed} /></td></tr>`,
-        )}<//>${pages.button}`}<//>`;
+        ? html`
+            <${Empty} title="There are no sessions here">
+              They come from the stations: assign an exercise, and let somebody practise.
+            <//>
+            ${pages.button}
+          `
+        : html`
+            <${Table}
+              caption=${`${pages.items.length} sessions, newest first`}
+              head=${['Begun', 'Trainee', 'Exercise', 'Station', number('Length'), 'State', 'Verdict']}
+            >${pages.items.map(
+              (s) => html`<tr key=${s.description.session_id}>
+                <th scope="row">
+                  <a href=${href(['sessions', s.description.session_id])}>${moment(s.description.started_unix_ms)}</a>
+                </th>
+                <td>${s.description.trainee}</td>
+                <td>${s.description.exercise_id}</td>
+                <td>${s.description.station}</td>
+                <td class="number">${s.description.rate_hz ? clock(s.samples / s.description.rate_hz) : '–'}</td>
+                <td>${words(String(s.state).replace('SESSION_', ''))}</td>
+                <td><${Verdict} passed=${s.passed} /></td>
+              </tr>`,
+            )}<//>
+            ${pages.button}
+          `}<//>
+  `;
 }

@@ -18,7 +18,11 @@ function Working({ busy, children }) {
   useEvery(500, () => busy && setNow(Date.now()));
   return (
     busy &&
-    html`<p class="working"><progress aria-label=${children}></progress> <span aria-hidden="true">${children} … ${Math.round((now_ms - since_ms) / 1000)} s</span></p>`
+    html`<p class="working">
+      <progress aria-label=${children}></progress> <span aria-hidden="true">
+        ${children} … ${Math.round((now_ms - since_ms) / 1000)} s
+      </span>
+    </p>`
   );
 }
 
@@ -32,13 +36,33 @@ function Backup() {
     const result = await action.run(() => upkeep.backup(path.trim()));
     if (result) setDone({ ...result, at: Date.now() });
   };
-  return html`<form onSubmit=${start}><fieldset><legend>Backup</legend>
-    <p>A copy of the whole database, made while the lab goes on, then read back and verified.</p>
-    <${TextField} label="File on the server's machine" value=${path} onValue=${setPath} help="empty: where the server puts its backups" autocomplete="off" spellcheck="false" />
-    <div class="actions"><button type="submit" class="main" disabled=${action.busy}>${action.busy ? 'Backing up …' : 'Back up now'}</button></div>
-    <${Working} busy=${action.busy}>Copying and reading back<//>
-    <div role="status">${done && html`<p><${Mark} kind="good">verified<//> ${done.path}: ${bytes(done.bytes)}, ${done.chunks_verified} pieces of recordings read back, ${moment(done.at)}.</p>`}</div>
-    <${Problem} error=${action.error} title="There is no new backup" /></fieldset></form>`;
+  return html`<form onSubmit=${start}>
+    <fieldset>
+      <legend>Backup</legend>
+      <p>A copy of the whole database, made while the lab goes on, then read back and verified.</p>
+      <${TextField}
+        label="File on the server's machine"
+        value=${path}
+        onValue=${setPath}
+        help="empty: where the server puts its backups"
+        autocomplete="off"
+        spellcheck="false"
+      />
+      <div class="actions">
+        <button type="submit" class="main" disabled=${action.busy}>${
+          action.busy ? 'Backing up …' : 'Back up now'
+        }</button>
+      </div>
+      <${Working} busy=${action.busy}>Copying and reading back<//>
+      <div role="status">${
+        done &&
+        html`<p>
+          <${Mark} kind="good">verified<//> ${done.path}: ${bytes(done.bytes)}, ${done.chunks_verified} pieces of recordings read back, ${moment(done.at)}.
+        </p>`
+      }</div>
+      <${Problem} error=${action.error} title="There is no new backup" />
+    </fieldset>
+  </form>`;
 }
 
 function Check() {
@@ -48,16 +72,29 @@ function Check() {
     setReport(null);
     setReport((await action.run(() => upkeep.check())) ?? null);
   };
-  return html`<fieldset><legend>Check</legend>
-    <p>Reads every recording and compares its checksums. It takes a while with many sessions; the lab goes on meanwhile.</p>
-    <div class="actions"><button type="button" class="main" disabled=${action.busy} onClick=${start}>${action.busy ? 'Checking …' : 'Check now'}</button></div>
+  return html`<fieldset>
+    <legend>Check</legend>
+    <p>
+      Reads every recording and compares its checksums. It takes a while with many sessions; the lab goes on meanwhile.
+    </p>
+    <div class="actions">
+      <button type="button" class="main" disabled=${action.busy} onClick=${start}>${
+        action.busy ? 'Checking …' : 'Check now'
+      }</button>
+    </div>
     <${Working} busy=${action.busy}>Reading everything<//>
     <div role="status">${
       report &&
-      html`<p>${report.ok ? html`<${Mark} kind="good">all is well<//>` : html`<${Mark} kind="bad">faults<//>`} ${report.sessions} sessions, ${report.chunks} pieces of recordings.</p>
-      ${report.faults?.length > 0 && html`<ul>${report.faults.map((fault) => html`<li>${fault}</li>`)}</ul>`}`
+      html`
+        <p>
+          <${Mark} kind=${report.ok ? 'good' : 'bad'}>${report.ok ? 'all is well' : 'faults'}<//>
+          ${` ${report.sessions} sessions, ${report.chunks} pieces of recordings.`}
+        </p>
+        ${report.faults?.length > 0 && html`<ul>${report.faults.map((fault) => html`<li>${fault}</li>`)}</ul>`}
+      `
     }</div>
-    <${Problem} error=${action.error} title="The check could not be made" /></fieldset>`;
+    <${Problem} error=${action.error} title="The check could not be made" />
+  </fieldset>`;
 }
 
 /** Definitions of measures change with versions of the program: what was scored by older ones is scored by today's, too. */
@@ -70,17 +107,45 @@ function Rescore() {
     setReport(null);
     setReport((await action.run(() => upkeep.rescore(exercise_id, dry_run))) ?? null);
   };
-  return html`<fieldset><legend>Scores</legend>
-    <p>Sessions that were scored by older definitions get a score by today's as well. The first score, which the trainee was given, stays.</p>
-    <${SelectField} label="Exercise" value=${exercise_id} onValue=${choose} options=${[['', 'All exercises'], ...(known.data ?? []).map((e) => [e.id, e.name])]} />
-    <div class="actions"><button type="button" disabled=${action.busy} onClick=${() => run(true)}>How many are there?</button><button type="button" class="main" disabled=${action.busy} onClick=${() => run(false)}>Score them again</button></div>
+  return html`<fieldset>
+    <legend>Scores</legend>
+    <p>
+      Sessions that were scored by older definitions get a score by today's as well. The first score, which the trainee
+      was given, stays.
+    </p>
+    <${SelectField}
+      label="Exercise"
+      value=${exercise_id}
+      onValue=${choose}
+      options=${[['', 'All exercises'], ...(known.data ?? []).map((e) => [e.id, e.name])]}
+    />
+    <div class="actions">
+      <button type="button" disabled=${action.busy} onClick=${() => run(true)}>How many are there?</button>
+      <button type="button" class="main" disabled=${action.busy} onClick=${() => run(false)}>Score them again</button>
+    </div>
     <${Working} busy=${action.busy}>Scoring<//>
     <div role="status">${
       report &&
-      html`<p>${report.dry_run ? html`<${Mark} kind="info">would be<//>` : html`<${Mark} kind=${report.left_alone ? 'warn' : 'good'}>done<//>`} ${report.rescored} scored by definitions ${report.definition_version}${report.left_alone ? `, ${report.left_alone} could not be` : ''}.</p>
-      ${report.faults?.length > 0 && html`<ul>${report.faults.map((f) => html`<li><a href=${`#/sessions/${f.session_id}`}>${f.session_id.slice(0, 13)}</a>: ${f.text}</li>`)}</ul>`}`
+      html`
+        <p>
+          ${
+            report.dry_run
+              ? html`<${Mark} kind="info">would be<//>`
+              : html`<${Mark} kind=${report.left_alone ? 'warn' : 'good'}>done<//>`
+          }
+          ${` ${report.rescored} scored by definitions ${report.definition_version}`}
+          ${report.left_alone ? `, ${report.left_alone} could not be` : ''}.
+        </p>
+        ${
+          report.faults?.length > 0 &&
+          html`<ul>${report.faults.map(
+            (f) => html`<li><a href=${`#/sessions/${f.session_id}`}>${f.session_id.slice(0, 13)}</a>: ${f.text}</li>`,
+          )}</ul>`
+        }
+      `
     }</div>
-    <${Problem} error=${known.error ?? action.error} title="Could not be scored" /></fieldset>`;
+    <${Problem} error=${known.error ?? action.error} title="Could not be scored" />
+  </fieldset>`;
 }
 
 export function UpkeepPage() {

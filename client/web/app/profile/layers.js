@@ -18,7 +18,9 @@ const kNew = {
 const kPuncture = { linear_n_per_m: 200, quadratic_n_per_m2: 20000, force_n: 0.6 };
 
 function Swatch({ tissue }) {
-  return html`<svg class="swatch" viewBox="0 0 16 16" aria-hidden="true"><rect width="16" height="16" fill=${tissueColor(tissue)} stroke="#4a5a68" /></svg>`;
+  return html`<svg class="swatch" viewBox="0 0 16 16" aria-hidden="true">
+    <rect width="16" height="16" fill=${tissueColor(tissue)} stroke="#4a5a68" />
+  </svg>`;
 }
 
 export function Layers({ f }) {
@@ -39,39 +41,104 @@ export function Layers({ f }) {
     put(layers.filter((_, k) => k !== i));
     announce(`Layer ${i + 1}, ${words(layers[i].tissue)}, was removed.`);
   };
-  return html`<fieldset><legend>Layers, from the skin inwards</legend>
+  return html`<fieldset>
+    <legend>Layers, from the skin inwards</legend>
     ${layers.length === 0 && html`<p>There are no layers yet. Add the skin first.</p>`}
     <ol class="cards">${layers.map(
       (layer, i) => html`<li key=${i} class="card" id=${`layer-${i}`} tabindex="-1" onKeyDown=${keys(i)}>
-      <div class="card-head"><h2><${Swatch} tissue=${layer.tissue} /> ${i + 1}. ${words(layer.tissue)} <span class="unit">${quantity(layer.thickness_m, 'm')}</span></h2>
+        <div class="card-head">
+          <h2>
+            <${Swatch} tissue=${layer.tissue} /> ${i + 1}. ${words(layer.tissue)} <span class="unit">${quantity(
+              layer.thickness_m,
+              'm',
+            )}</span>
+          </h2>
+          ${
+            !f.readonly &&
+            html`<div class="actions">
+              <button
+                type="button"
+                class="small"
+                disabled=${i === 0}
+                aria-label=${`Move layer ${i + 1} up`}
+                onClick=${() => move(i, i - 1)}
+              >
+                ↑
+              </button>
+              <button
+                type="button"
+                class="small"
+                disabled=${i === layers.length - 1}
+                aria-label=${`Move layer ${i + 1} down`}
+                onClick=${() => move(i, i + 1)}
+              >
+                ↓
+              </button>
+              <button
+                type="button"
+                class="small"
+                aria-label=${`Add below layer ${i + 1}`}
+                onClick=${() => put([...layers.slice(0, i + 1), { ...kNew }, ...layers.slice(i + 1)])}
+              >
+                Add below
+              </button>
+              <button
+                type="button"
+                class="small danger"
+                aria-label=${`Remove layer ${i + 1}`}
+                onClick=${() => remove(i)}
+              >
+                Remove
+              </button>
+            </div>`
+          }
+        </div>
+        <div class="fields">
+          ${f.select(
+            `layers[${i}].tissue`,
+            'Tissue',
+            kTissues.map((t) => [t, words(t)]),
+          )}
+          ${f.number(`layers[${i}].thickness_m`, 'Thickness')}
+          ${f.number(`layers[${i}].cutting_force_n`, 'Cutting force')}
+          ${f.number(`layers[${i}].attracted_force_n`, 'Attracted force')}
+          ${f.number(`layers[${i}].rejection_force_n`, 'Rejection force')}
+          ${f.number(`layers[${i}].lateral_stiffness_n_per_m2`, 'Lateral stiffness')}
+          ${f.number(`layers[${i}].friction_n_per_m`, 'Shaft friction')}
+        </div>
+        <${CheckField}
+          label="Membrane that gives way"
+          checked=${!!layer.puncture}
+          disabled=${f.readonly}
+          onValue=${(on) => f.set(`layers[${i}].puncture`)(on ? { ...kPuncture } : undefined)}
+        />
         ${
-          !f.readonly &&
-          html`<div class="actions">
-          <button type="button" class="small" disabled=${i === 0} aria-label=${`Move layer ${i + 1} up`} onClick=${() => move(i, i - 1)}>↑</button>
-          <button type="button" class="small" disabled=${i === layers.length - 1} aria-label=${`Move layer ${i + 1} down`} onClick=${() => move(i, i + 1)}>↓</button>
-          <button type="button" class="small" aria-label=${`Add below layer ${i + 1}`} onClick=${() => put([...layers.slice(0, i + 1), { ...kNew }, ...layers.slice(i + 1)])}>Add below</button>
-          <button type="button" class="small danger" aria-label=${`Remove layer ${i + 1}`} onClick=${() => remove(i)}>Remove</button></div>`
-        }</div>
-      <div class="fields">
-        ${f.select(
-          `layers[${i}].tissue`,
-          'Tissue',
-          kTissues.map((t) => [t, words(t)]),
-        )}
-        ${f.number(`layers[${i}].thickness_m`, 'Thickness')}
-        ${f.number(`layers[${i}].cutting_force_n`, 'Cutting force')}
-        ${f.number(`layers[${i}].attracted_force_n`, 'Attracted force')}
-        ${f.number(`layers[${i}].rejection_force_n`, 'Rejection force')}
-        ${f.number(`layers[${i}].lateral_stiffness_n_per_m2`, 'Lateral stiffness')}
-        ${f.number(`layers[${i}].friction_n_per_m`, 'Shaft friction')}</div>
-      <${CheckField} label="Membrane that gives way" checked=${!!layer.puncture} disabled=${f.readonly} onValue=${(on) => f.set(`layers[${i}].puncture`)(on ? { ...kPuncture } : undefined)} />
-      ${layer.puncture && html`<div class="fields">${f.number(`layers[${i}].puncture.linear_n_per_m`, 'Stiffness')}${f.number(`layers[${i}].puncture.quadratic_n_per_m2`, 'Stiffening')}${f.number(`layers[${i}].puncture.force_n`, 'Gives way at')}</div>`}
-      ${
-        f.doc.axial_model === 'FIRST_ORDER' &&
-        html`<div class="fields">${f.number(`layers[${i}].first_order.stiffness_n_per_m`, 'Stiffness (first order)')}${f.number(`layers[${i}].first_order.puncture_force_n`, 'Puncture force (first order)')}
-        ${f.number(`layers[${i}].first_order.cutting_force_n`, 'Cutting force (first order)')}${f.number(`layers[${i}].first_order.friction_n_per_m`, 'Friction (first order)')}</div>`
-      }
-    </li>`,
+          layer.puncture &&
+          html`<div class="fields">
+            ${f.number(`layers[${i}].puncture.linear_n_per_m`, 'Stiffness')}
+            ${f.number(`layers[${i}].puncture.quadratic_n_per_m2`, 'Stiffening')}
+            ${f.number(`layers[${i}].puncture.force_n`, 'Gives way at')}
+          </div>`
+        }
+        ${
+          f.doc.axial_model === 'FIRST_ORDER' &&
+          html`<div class="fields">
+            ${f.number(`layers[${i}].first_order.stiffness_n_per_m`, 'Stiffness (first order)')}
+            ${f.number(`layers[${i}].first_order.puncture_force_n`, 'Puncture force (first order)')}
+            ${f.number(`layers[${i}].first_order.cutting_force_n`, 'Cutting force (first order)')}
+            ${f.number(`layers[${i}].first_order.friction_n_per_m`, 'Friction (first order)')}
+          </div>`
+        }
+      </li>`,
     )}</ol>
-    ${!f.readonly && html`<button type="button" onClick=${() => put([...layers, { ...kNew, tissue: layers.length ? 'MUSCLE' : 'SKIN' }])}>Add a layer at the bottom</button>`}</fieldset>`;
+    ${
+      !f.readonly &&
+      html`<button
+        type="button"
+        onClick=${() => put([...layers, { ...kNew, tissue: layers.length ? 'MUSCLE' : 'SKIN' }])}
+      >
+        Add a layer at the bottom
+      </button>`
+    }
+  </fieldset>`;
 }

@@ -50,7 +50,25 @@ export function ForceOverDepth({ preview, stale, error }) {
     return { x: { label: 'Depth under the skin (mm)', values: mm }, series, bands, summary };
   }, [preview]);
   if (!shown)
-    return html`<p class="help" role="status">${!error ? 'Asking the engine …' : error.kind === 'invalid' ? 'The force can be drawn once the problems below are mended.' : error.message}</p>`;
-  return html`<${Chart} title="Force over depth, as the engine renders it" summary=${shown.summary} x=${shown.x} series=${shown.series} bands=${shown.bands} y_label="Force (N)" height=${280} />
-    <p class="help" role="status">${stale && error ? '! This is the last version that could be rendered.' : stale ? 'Rendering …' : shown.summary}</p>`;
+    return html`<p class="help" role="status">${
+      !error
+        ? 'Asking the engine …'
+        : error.kind === 'invalid'
+          ? 'The force can be drawn once the problems below are mended.'
+          : error.message
+    }</p>`;
+  return html`
+    <${Chart}
+      title="Force over depth, as the engine renders it"
+      summary=${shown.summary}
+      x=${shown.x}
+      series=${shown.series}
+      bands=${shown.bands}
+      y_label="Force (N)"
+      height=${280}
+    />
+    <p class="help" role="status">${
+      stale && error ? '! This is the last version that could be rendered.' : stale ? 'Rendering …' : shown.summary
+    }</p>
+  `;
 }

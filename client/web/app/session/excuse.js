@@ -15,11 +15,24 @@ function Reason({ attempt, close, done }) {
     announce(`Attempt ${attempt.number} of ${attempt.trainee} does not count.`);
     done();
   };
-  return html`<${Dialog} title=${`Excuse attempt ${attempt.number} of ${attempt.trainee}?`} close=${close}><form onSubmit=${save}>
-    <p>It takes none of the attempts that are allowed. Recording and score stay; it can count again later.</p>
-    <${TextField} label="Reason" value=${reason} onValue=${setReason} required maxlength="500" help="e.g. the device lost its force; stands in the audit" />
-    <${Problem} error=${action.error} />
-    <div class="actions"><button type="submit" class="main" disabled=${action.busy || !reason.trim()}>Excuse</button><button type="button" onClick=${close}>Cancel</button></div></form><//>`;
+  return html`<${Dialog} title=${`Excuse attempt ${attempt.number} of ${attempt.trainee}?`} close=${close}>
+    <form onSubmit=${save}>
+      <p>It takes none of the attempts that are allowed. Recording and score stay; it can count again later.</p>
+      <${TextField}
+        label="Reason"
+        value=${reason}
+        onValue=${setReason}
+        required
+        maxlength="500"
+        help="e.g. the device lost its force; stands in the audit"
+      />
+      <${Problem} error=${action.error} />
+      <div class="actions">
+        <button type="submit" class="main" disabled=${action.busy || !reason.trim()}>Excuse</button>
+        <button type="button" onClick=${close}>Cancel</button>
+      </div>
+    </form>
+  <//>`;
 }
 
 /** @param {{attempt: {session_id: string, number: number, trainee: string, excused: boolean}, done: () => void}} props */
@@ -32,16 +45,33 @@ export function Excuse({ attempt, done }) {
     done();
   };
   const which = `attempt ${attempt.number} of ${attempt.trainee}`;
-  return html`${
-    attempt.excused
-      ? html`<button type="button" class="small" disabled=${action.busy} aria-label=${`Let ${which} count again`} onClick=${count}>Let it count again</button>`
-      : html`<button type="button" class="small" aria-label=${`Excuse ${which}`} onClick=${() => setAsking(true)}>Excuse …</button>`
-  }<${Problem} error=${action.error} />
+  return html`
+    ${
+      attempt.excused
+        ? html`<button
+            type="button"
+            class="small"
+            disabled=${action.busy}
+            aria-label=${`Let ${which} count again`}
+            onClick=${count}
+          >
+            Let it count again
+          </button>`
+        : html`<button type="button" class="small" aria-label=${`Excuse ${which}`} onClick=${() => setAsking(true)}>
+            Excuse …
+          </button>`
+    }
+    <${Problem} error=${action.error} />
     ${
       asking &&
-      html`<${Reason} attempt=${attempt} close=${() => setAsking(false)} done=${() => {
-        setAsking(false);
-        done();
-      }} />`
-    }`;
+      html`<${Reason}
+        attempt=${attempt}
+        close=${() => setAsking(false)}
+        done=${() => {
+          setAsking(false);
+          done();
+        }}
+      />`
+    }
+  `;
 }

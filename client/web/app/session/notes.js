@@ -26,31 +26,69 @@ export function Annotations({ id, at_s, seek, load, person }) {
     announce(`The remark at ${clock(at_s)} was saved.`);
     load.reload();
   };
-  return html`<section aria-labelledby="notes-title"><h2 id="notes-title">Annotations</h2>
+  return html`<section aria-labelledby="notes-title">
+    <h2 id="notes-title">Annotations</h2>
     <${Loaded} load=${load}>${(all) =>
       all.length === 0
-        ? html`<${Empty} title="No remarks yet">${may(person.role, 'annotate') ? 'Put the replay at a moment and write one below.' : ''}<//>`
-        : html`<ul class="notes">${all.map((a) => html`<li key=${a.id}><button type="button" class="small" aria-label=${`${clock(a.t_s)}: go to this moment`} onClick=${() => seek(a.t_s)}>${clock(a.t_s)}</button> <span>${a.text}</span> <span class="help">${a.author}, ${moment(a.created_unix_ms)}</span></li>`)}</ul>`}<//>
+        ? html`<${Empty} title="No remarks yet">${
+            may(person.role, 'annotate') ? 'Put the replay at a moment and write one below.' : ''
+          }<//>`
+        : html`<ul class="notes">${all.map(
+            (a) =>
+              html`<li key=${a.id}>
+                <button
+                  type="button"
+                  class="small"
+                  aria-label=${`${clock(a.t_s)}: go to this moment`}
+                  onClick=${() => seek(a.t_s)}
+                >${clock(a.t_s)}</button> <span>${a.text}</span> <span class="help">
+                  ${a.author}, ${moment(a.created_unix_ms)}
+                </span>
+              </li>`,
+          )}</ul>`}<//>
     ${
       may(person.role, 'annotate') &&
-      html`<form onSubmit=${save}><${TextField} label=${`Remark at ${clock(at_s)}`} rows="2" value=${text} onValue=${type} required wide /><${Problem} error=${action.error} />
-      <div class="actions"><button type="submit" disabled=${action.busy || !text.trim()}>Add at ${clock(at_s)}</button></div></form>`
-    }</section>`;
+      html`<form onSubmit=${save}>
+        <${TextField} label=${`Remark at ${clock(at_s)}`} rows="2" value=${text} onValue=${type} required wide />
+        <${Problem} error=${action.error} />
+        <div class="actions">
+          <button type="submit" disabled=${action.busy || !text.trim()}>Add at ${clock(at_s)}</button>
+        </div>
+      </form>`
+    }
+  </section>`;
 }
 
 export function SyringeEvents({ id, seek }) {
   const load = useLoad((signal) => sessions.events(id, signal), [id]);
   const percent = (share) => quantity(share, 'share', { digits: 2 });
-  return html`<section aria-labelledby="syringe-title"><h2 id="syringe-title">Syringe</h2>
+  return html`<section aria-labelledby="syringe-title">
+    <h2 id="syringe-title">Syringe</h2>
     <${Loaded} load=${load}>${(all) =>
       all.length === 0
         ? html`<${Empty} title="The plunger was not moved" />`
-        : html`<${Table} caption="Aspirations and injections" hide_caption head=${['When', 'What', number('How much'), 'Where', number('In the target')]}>${all.map(
-            (
-              e,
-              i,
-            ) => html`<tr key=${i}><td><button type="button" class="small" aria-label=${`${clock(e.begin_s)}: go to this moment`} onClick=${() => seek(e.begin_s)}>${clock(e.begin_s)}</button></td>
-        <th scope="row">${words(e.kind)}</th><td class="number">${percent(Math.abs(e.plunger_to - e.plunger_from))}</td>
-        <td>${e.begin?.in_tissue ? `${words(e.begin.tissue)}, ${quantity(e.begin.depth_m, 'm')} deep` : 'outside'}${e.hazards?.length ? html` <span class="error">✗ in ${e.hazards.join(', ')}</span>` : ''}</td><td class="number">${percent(e.in_target_share)}</td></tr>`,
-          )}<//>`}<//></section>`;
+        : html`<${Table}
+            caption="Aspirations and injections"
+            hide_caption
+            head=${['When', 'What', number('How much'), 'Where', number('In the target')]}
+          >${all.map(
+            (e, i) => html`<tr key=${i}>
+              <td>
+                <button
+                  type="button"
+                  class="small"
+                  aria-label=${`${clock(e.begin_s)}: go to this moment`}
+                  onClick=${() => seek(e.begin_s)}
+                >${clock(e.begin_s)}</button>
+              </td>
+              <th scope="row">${words(e.kind)}</th>
+              <td class="number">${percent(Math.abs(e.plunger_to - e.plunger_from))}</td>
+              <td>
+                ${e.begin?.in_tissue ? `${words(e.begin.tissue)}, ${quantity(e.begin.depth_m, 'm')} deep` : 'outside'}
+                ${e.hazards?.length ? html` <span class="error">✗ in ${e.hazards.join(', ')}</span>` : ''}
+              </td>
+              <td class="number">${percent(e.in_target_share)}</td>
+            </tr>`,
+          )}<//>`}<//>
+  </section>`;
 }

@@ -42,7 +42,26 @@ export function Plots({ columns, profile, marks, at, seek, window, zoom, busy })
       ],
     };
   }, [columns, profile]);
-  return html`<div class="actions"><p class="help">Drag over a plot to look closer; click to put the replay there.</p>
-      ${window && html`<button type="button" onClick=${() => zoom(null)}>Show the whole recording</button>`}${busy && html`<span role="status">Loading …</span>`}</div>
-    ${drawn.plots.map((p) => html`<${Chart} key=${p.title} ...${p} x=${{ label: 'Time (s)', values: drawn.t }} bands=${drawn.bands} marks=${marks} at=${at} onPick=${seek} onZoom=${(from_s, to_s) => zoom({ from_s: Math.max(0, from_s), to_s })} sync="session" height=${190} />`)}`;
+  return html`
+    <div class="actions">
+      <p class="help">Drag over a plot to look closer; click to put the replay there.</p>
+      ${window && html`<button type="button" onClick=${() => zoom(null)}>Show the whole recording</button>`}
+      ${busy && html`<span role="status">Loading …</span>`}
+    </div>
+    ${drawn.plots.map(
+      (p) =>
+        html`<${Chart}
+          key=${p.title}
+          ...${p}
+          x=${{ label: 'Time (s)', values: drawn.t }}
+          bands=${drawn.bands}
+          marks=${marks}
+          at=${at}
+          onPick=${seek}
+          onZoom=${(from_s, to_s) => zoom({ from_s: Math.max(0, from_s), to_s })}
+          sync="session"
+          height=${190}
+        />`,
+    )}
+  `;
 }

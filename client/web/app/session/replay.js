@@ -25,7 +25,11 @@ function Tip({ way, at_s, x, y, second, length_m }) {
     .map(({ p }) => `${x(p.u).toFixed(1)},${y(p[second]).toFixed(1)}`)
     .join(' ');
   const hub = { u: here.u - lean.u * length_m, w: here[second] - lean[second] * length_m };
-  return html`<polyline class="tip-path" points=${done} /><line class="tip-needle" x1=${x(hub.u)} y1=${y(hub.w)} x2=${x(here.u)} y2=${y(here[second])} /><circle class="tip-now" cx=${x(here.u)} cy=${y(here[second])} r="5" />`;
+  return html`
+    <polyline class="tip-path" points=${done} />
+    <line class="tip-needle" x1=${x(hub.u)} y1=${y(hub.w)} x2=${x(here.u)} y2=${y(here[second])} />
+    <circle class="tip-now" cx=${x(here.u)} cy=${y(here[second])} r="5" />
+  `;
 }
 
 /** @param {{columns: any, session: any, playback: import('../lib/playback.js').Playback, act: {toggle: () => void, seek: (s: number) => void, speed: (n: number) => void}}} props */
@@ -63,11 +67,50 @@ export function Replay({ columns, session, playback, act }) {
     ({ x, y }) =>
       html`<${Tip} way=${way} at_s=${playback.at_s} x=${x} y=${y} second=${second} length_m=${length_m} />`;
   return html`<div class="replay" role="group" aria-label="Replay of the tip" tabindex="0" onKeyDown=${keys}>
-    <div class="replay-views"><div><h3>Side view</h3><${SideView} profile=${profile} frame=${way.frame} to_m=${way.deepest_m * 1.1} label="Side view of the tip's way through the layers" over=${tip('d')} /></div>
-      <div><h3>From above</h3><${TopView} profile=${profile} frame=${way.frame} half_m=${half_m} label="View of the tip's way from above" over=${tip('v')} /></div></div>
+    <div class="replay-views">
+      <div>
+        <h3>Side view</h3>
+        <${SideView}
+          profile=${profile}
+          frame=${way.frame}
+          to_m=${way.deepest_m * 1.1}
+          label="Side view of the tip's way through the layers"
+          over=${tip('d')}
+        />
+      </div>
+      <div>
+        <h3>From above</h3>
+        <${TopView}
+          profile=${profile}
+          frame=${way.frame}
+          half_m=${half_m}
+          label="View of the tip's way from above"
+          over=${tip('v')}
+        />
+      </div>
+    </div>
     <${Legend} profile=${profile} path />
-    <div class="actions"><button type="button" class="main" onClick=${act.toggle}>${playback.playing ? 'Pause' : 'Play'}</button>
-      <label for=${id}>Moment</label><input id=${id} class="seek" type="range" min=${playback.from_s} max=${playback.to_s} step="0.01" value=${playback.at_s} aria-valuetext=${place} onInput=${(event) => act.seek(Number(event.target.value))} />
-      <${SelectField} label="Speed" value=${String(playback.speed)} options=${kSpeeds.map((s) => [String(s), `${s}×`])} onValue=${(s) => act.speed(Number(s))} /></div>
-    <p class="replay-now">${place}</p></div>`;
+    <div class="actions">
+      <button type="button" class="main" onClick=${act.toggle}>${playback.playing ? 'Pause' : 'Play'}</button>
+      <label for=${id}>Moment</label>
+      <input
+        id=${id}
+        class="seek"
+        type="range"
+        min=${playback.from_s}
+        max=${playback.to_s}
+        step="0.01"
+        value=${playback.at_s}
+        aria-valuetext=${place}
+        onInput=${(event) => act.seek(Number(event.target.value))}
+      />
+      <${SelectField}
+        label="Speed"
+        value=${String(playback.speed)}
+        options=${kSpeeds.map((s) => [String(s), `${s}×`])}
+        onValue=${(s) => act.speed(Number(s))}
+      />
+    </div>
+    <p class="replay-now">${place}</p>
+  </div>`;
 }

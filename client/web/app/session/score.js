@@ -20,8 +20,12 @@ function Band({ band, value }) {
     high = Math.max(to, value, band.mean),
     room = (high - low || 1) * 0.1;
   const x = (v) => 4 + (112 * (v - low + room)) / (high - low + 2 * room);
-  return html`<svg class="band" viewBox="0 0 120 18" aria-hidden="true"><line class="band-axis" x1="2" x2="118" y1="9" y2="9" /><rect class="band-range" x=${x(from)} y="4" width=${Math.max(1, x(to) - x(from))} height="10" />
-    <line class="band-mean" x1=${x(band.mean)} x2=${x(band.mean)} y1="3" y2="15" /><path class="band-value" d=${`M${x(value)} 2l4 7-4 7-4-7z`} /></svg>`;
+  return html`<svg class="band" viewBox="0 0 120 18" aria-hidden="true">
+    <line class="band-axis" x1="2" x2="118" y1="9" y2="9" />
+    <rect class="band-range" x=${x(from)} y="4" width=${Math.max(1, x(to) - x(from))} height="10" />
+    <line class="band-mean" x1=${x(band.mean)} x2=${x(band.mean)} y1="3" y2="15" />
+    <path class="band-value" d=${`M${x(value)} 2l4 7-4 7-4-7z`} />
+  </svg>`;
 }
 
 function Row({ row, band, beside }) {
@@ -32,17 +36,42 @@ function Row({ row, band, beside }) {
     .filter(Boolean)
     .join(', ');
   const has = band && Number.isFinite(row.value);
-  return html`<tr><th scope="row">${measureTitle(row)}<br /><code>${row.measure}</code>${row.passed !== undefined && html`<p class="explained">${row.words}</p>`}</th><td class="number">${row.value === null ? 'not measured' : quantity(row.value, row.unit)}</td><td>${bound || '–'}</td>
-    <td>${row.passed === undefined ? '' : row.passed ? html`<${Mark} kind="good">met<//>` : html`<${Mark} kind="bad">not met<//>`}</td>
+  return html`<tr>
+    <th scope="row">
+      ${measureTitle(row)}
+      <br />
+      <code>${row.measure}</code>
+      ${row.passed !== undefined && html`<p class="explained">${row.words}</p>`}
+    </th>
+    <td class="number">${row.value === null ? 'not measured' : quantity(row.value, row.unit)}</td>
+    <td>${bound || '–'}</td>
     <td>${
-      has
-        ? html`<${Band} band=${band} value=${row.value} /><br /><span class="help">${rangeOf(band)
-            .map((v) => quantity(v, row.unit))
-            .join(' to ')}${Number.isFinite(beside?.z) ? `; z = ${number(beside.z, 2)}` : ''}</span>`
-        : beside
-          ? ''
-          : '–'
-    }${beside && html`<p class="explained">${beside.words}</p>`}</td></tr>`;
+      row.passed === undefined
+        ? ''
+        : row.passed
+          ? html`<${Mark} kind="good">met<//>`
+          : html`<${Mark} kind="bad">not met<//>`
+    }</td>
+    <td>
+      ${
+        has
+          ? html`
+              <${Band} band=${band} value=${row.value} />
+              <br />
+              <span class="help">
+                ${rangeOf(band)
+                  .map((v) => quantity(v, row.unit))
+                  .join(' to ')}
+                ${Number.isFinite(beside?.z) ? `; z = ${number(beside.z, 2)}` : ''}
+              </span>
+            `
+          : beside
+            ? ''
+            : '–'
+      }
+      ${beside && html`<p class="explained">${beside.words}</p>`}
+    </td>
+  </tr>`;
 }
 
 export function Score({ session, person }) {
@@ -78,7 +107,8 @@ export function Score({ session, person }) {
       `${next.length} ${next.length === 1 ? 'session makes' : 'sessions make'} the reference of ${exercise_id} now.`,
     );
   };
-  return html`<section aria-labelledby="score-title"><h2 id="score-title">Score</h2>
+  return html`<section aria-labelledby="score-title">
+    <h2 id="score-title">Score</h2>
     <${Loaded} load=${load}>${({ score, reference }) => {
       const rows = score?.measures ?? [];
       if (rows.length === 0)
@@ -90,7 +120,10 @@ export function Score({ session, person }) {
           ? html`<${Mark} kind="open">no requirements<//>`
           : missed.length === 0
             ? html`<${Mark} kind="good">passed<//> all ${judged.length} requirements are met`
-            : html`<${Mark} kind="bad">not passed<//> ${missed.length} of ${judged.length} requirements are not met: ${missed.map(measureTitle).join(', ')}`;
+            : html`
+                <${Mark} kind="bad">not passed<//> ${missed.length} of ${judged.length} requirements are not
+                met: ${missed.map(measureTitle).join(', ')}
+              `;
       // bands by other definitions say nothing about this score; the server compares by the same ones
       const fits = reference?.definition_version === score.definition_version;
       const bandOf = (row) => (fits ? reference?.bands?.find((b) => b.measure === row.measure) : undefined);
@@ -98,20 +131,55 @@ export function Score({ session, person }) {
       // the distance from the experts' paths is measured anew each time, whenever the experts were chosen
       const path = besideOf({ measure: 'dtw_distance_m' }) ?? rows.find((r) => r.measure === 'dtw_distance_m');
       const others = rows.filter((r) => typeof r.passed !== 'boolean' && !(path && r.measure === 'dtw_distance_m'));
-      const table = (
-        caption,
-        list,
-      ) => html`<${Table} caption=${caption} head=${['Measure', right('Value'), 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0})`]}>
-          ${list.map((row) => html`<${Row} key=${row.measure} row=${row} band=${bandOf(row)} beside=${besideOf(row)} />`)}<//>`;
+      const table = (caption, list) => html`<${Table}
+        caption=${caption}
+        head=${['Measure', right('Value'), 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0})`]}
+      >${list.map(
+        (row) => html`<${Row} key=${row.measure} row=${row} band=${bandOf(row)} beside=${besideOf(row)} />`,
+      )}<//>`;
       const made = score.definition_version
         ? `, by definitions ${score.definition_version}, made ${moment(score.made_unix_ms)}`
         : '';
-      return html`<p>${verdict}</p>${path && html`<p>Path of the tip: <strong>${quantity(path.value, 'm')}</strong> on average from the nearest expert's (DTW). <span class="help">${path.words}</span></p>`}
+      return html`
+        <p>${verdict}</p>
+        ${
+          path &&
+          html`<p>
+            Path of the tip: <strong>${quantity(path.value, 'm')}</strong> on average from the nearest expert's
+            (DTW). <span class="help">${path.words}</span>
+          </p>`
+        }
         ${judged.length > 0 && table(`Measures that were required${made}`, judged)}
-        ${judged.length > 0 && others.length > 0 ? html`<details><summary>${others.length} further measures</summary>${table(`Further measures${made}`, others)}</details>` : others.length > 0 && table(`Measures${made}`, others)}
+        ${
+          judged.length > 0 && others.length > 0
+            ? html`<details>
+                <summary>${others.length} further measures</summary>
+                ${table(`Further measures${made}`, others)}
+              </details>`
+            : others.length > 0 && table(`Measures${made}`, others)
+        }
         <${Problem} error=${action.error} />
-        <div class="actions">${may(person.role, 'set reference') && exercise_id && html`<button type="button" disabled=${action.busy} onClick=${mark}>${chosen.includes(session_id) ? 'Take out of the reference' : 'Use as an expert reference'}</button>`}
-          ${may(person.role, 'rescore') && html`<button type="button" disabled=${action.busy} onClick=${rescore}>Score again by today's definitions</button>`}
-          ${may(person.role, 'set reference') && exercise_id && html`<a class="button" href=${href(['references', exercise_id])}>All experts of this exercise</a>`}</div>`;
-    }}<//></section>`;
+        <div class="actions">
+          ${
+            may(person.role, 'set reference') &&
+            exercise_id &&
+            html`<button type="button" disabled=${action.busy} onClick=${mark}>${
+              chosen.includes(session_id) ? 'Take out of the reference' : 'Use as an expert reference'
+            }</button>`
+          }
+          ${
+            may(person.role, 'rescore') &&
+            html`<button type="button" disabled=${action.busy} onClick=${rescore}>
+              Score again by today's definitions
+            </button>`
+          }
+          ${
+            may(person.role, 'set reference') &&
+            exercise_id &&
+            html`<a class="button" href=${href(['references', exercise_id])}>All experts of this exercise</a>`
+          }
+        </div>
+      `;
+    }}<//>
+  </section>`;
 }

@@ -156,6 +156,9 @@ export function Chart(props) {
   useEffect(() => plot.current?.setData(data()), [x.values, ...series.map((s) => s.values)]);
   useEffect(() => plot.current?.redraw(false), [props.bands, props.marks, props.at]);
 
-  return html`<figure class="chart"><figcaption>${title}</figcaption>
-    <div ref=${place} role="group" aria-label=${title}></div><p class="visually-hidden">${summary}</p></figure>`;
+  return html`<figure class="chart">
+    <figcaption>${title}</figcaption>
+    <div ref=${place} role="group" aria-label=${title}></div>
+    <p class="visually-hidden">${summary}</p>
+  </figure>`;
 }

@@ -22,5 +22,8 @@ export function JsonDownload({ file, make, children }) {
     if (!document_) return;
     saveAs(file, JSON.stringify(document_, null, 1), 'application/json');
   };
-  return html`<button type="button" disabled=${action.busy} onClick=${save}>${action.busy ? 'Collecting …' : children}</button><${Problem} error=${action.error} />`;
+  return html`
+    <button type="button" disabled=${action.busy} onClick=${save}>${action.busy ? 'Collecting …' : children}</button>
+    <${Problem} error=${action.error} />
+  `;
 }

@@ -15,10 +15,10 @@ function Frame({ id, label, unit, help, problems, wide, children }) {
     ${help && html`<p class="help" id=${id + '-help'}>${help}</p>`}
     ${
       problems.length > 0 &&
-      html`<div class="field-problem" id=${id + '-problem'}>
-      ${problems.map(
+      html`<div class="field-problem" id=${id + '-problem'}>${problems.map(
         (p) => html`<p class=${p.severity === 'WARNING' ? 'warning' : 'error'}>
-        <span aria-hidden="true">${p.severity === 'WARNING' ? '!' : '✗'}</span> ${p.message}</p>`,
+          <span aria-hidden="true">${p.severity === 'WARNING' ? '!' : '✗'}</span> ${p.message}
+        </p>`,
       )}</div>`
     }
   </div>`;
@@ -40,8 +40,9 @@ export function TextField({ label, value, onValue, path = '', problems, help, wi
     'aria-invalid': mine.some((p) => p.severity !== 'WARNING') ? 'true' : undefined,
     onInput: (event) => onValue(event.target.value),
   };
-  return html`<${Frame} id=${id} label=${label} help=${help} problems=${mine} wide=${wide}>
-    ${rows ? html`<textarea rows=${rows} ...${shared} />` : html`<input type=${type} ...${shared} />`}<//>`;
+  return html`<${Frame} id=${id} label=${label} help=${help} problems=${mine} wide=${wide}>${
+    rows ? html`<textarea rows=${rows} ...${shared} />` : html`<input type=${type} ...${shared} />`
+  }<//>`;
 }
 
 /**
@@ -91,8 +92,19 @@ export function NumberField({
     }
   };
   return html`<${Frame} id=${id} label=${label} unit=${unit} help=${help} problems=${mine}>
-    <input id=${id} type="text" inputmode="decimal" autocomplete="off" value=${text} onInput=${change} data-path=${path || undefined}
-      aria-describedby=${described(id, help, mine)} aria-invalid=${mine.some((p) => p.severity !== 'WARNING') ? 'true' : undefined} ...${more} /><//>`;
+    <input
+      id=${id}
+      type="text"
+      inputmode="decimal"
+      autocomplete="off"
+      value=${text}
+      onInput=${change}
+      data-path=${path || undefined}
+      aria-describedby=${described(id, help, mine)}
+      aria-invalid=${mine.some((p) => p.severity !== 'WARNING') ? 'true' : undefined}
+      ...${more}
+    />
+  <//>`;
 }
 
 /** @param {{label: string, value: any, options: [any, string][], onValue: (value: string) => void, [more: string]: any}} props */
@@ -100,17 +112,34 @@ export function SelectField({ label, value, options, onValue, path = '', problem
   const id = useId();
   const mine = problemsAt(problems, path);
   return html`<${Frame} id=${id} label=${label} help=${help} problems=${mine} wide=${wide}>
-    <select id=${id} data-path=${path || undefined} aria-describedby=${described(id, help, mine)} aria-invalid=${mine.length ? 'true' : undefined}
-      onChange=${(event) => onValue(event.target.value)} ...${more}>
-      ${options.map(([key, words]) => html`<option value=${key} selected=${key === (value ?? '')}>${words}</option>`)}</select><//>`;
+    <select
+      id=${id}
+      data-path=${path || undefined}
+      aria-describedby=${described(id, help, mine)}
+      aria-invalid=${mine.length ? 'true' : undefined}
+      onChange=${(event) => onValue(event.target.value)}
+      ...${more}
+    >${options.map(
+      ([key, words]) => html`<option value=${key} selected=${key === (value ?? '')}>${words}</option>`,
+    )}</select>
+  <//>`;
 }
 
 /** @param {{label: string, checked: boolean, onValue: (checked: boolean) => void, [more: string]: any}} props */
 export function CheckField({ label, checked, onValue, help, ...more }) {
   const id = useId();
-  return html`<div class="field field-check"><input type="checkbox" id=${id} checked=${!!checked} aria-describedby=${help ? id + '-help' : undefined}
-      onChange=${(event) => onValue(event.target.checked)} ...${more} />
-    <label for=${id}>${label}</label>${help && html`<p class="help" id=${id + '-help'}>${help}</p>`}</div>`;
+  return html`<div class="field field-check">
+    <input
+      type="checkbox"
+      id=${id}
+      checked=${!!checked}
+      aria-describedby=${help ? id + '-help' : undefined}
+      onChange=${(event) => onValue(event.target.checked)}
+      ...${more}
+    />
+    <label for=${id}>${label}</label>
+    ${help && html`<p class="help" id=${id + '-help'}>${help}</p>`}
+  </div>`;
 }
 
 /** All problems of a form in one list; each leads to its field, where there is one. */
@@ -126,9 +155,27 @@ export function ProblemList({ problems }) {
     return undefined;
   };
   const list = (items) =>
-    html`<ul>${items.map((p) => html`<li><button type="button" class="link" onClick=${() => go(p.path)}>${p.path || 'document'}</button>: ${p.message}</li>`)}</ul>`;
+    html`<ul>${items.map(
+      (p) =>
+        html`<li>
+          <button type="button" class="link" onClick=${() => go(p.path)}>${p.path || 'document'}</button>: ${p.message}
+        </li>`,
+    )}</ul>`;
   return html`<div class="problem-list" role="status" aria-label="Problems of this form">
-    ${errors.length > 0 && html`<p><strong>✗ ${errors.length === 1 ? 'One field is' : errors.length + ' fields are'} not right yet</strong></p>${list(errors)}`}
-    ${warnings.length > 0 && html`<p><strong>! ${warnings.length === 1 ? 'One warning' : warnings.length + ' warnings'}</strong></p>${list(warnings)}`}
-    ${errors.length + warnings.length === 0 && html`<p>✓ No problems found</p>`}</div>`;
+    ${
+      errors.length > 0 &&
+      html`
+        <p><strong>✗ ${errors.length === 1 ? 'One field is' : errors.length + ' fields are'} not right yet</strong></p>
+        ${list(errors)}
+      `
+    }
+    ${
+      warnings.length > 0 &&
+      html`
+        <p><strong>! ${warnings.length === 1 ? 'One warning' : warnings.length + ' warnings'}</strong></p>
+        ${list(warnings)}
+      `
+    }
+    ${errors.length + warnings.length === 0 && html`<p>✓ No problems found</p>`}
+  </div>`;
 }

@@ -15,13 +15,36 @@ export function formOf({ doc, change, problems, onBad, readonly }) {
       .replace(/\.[xyz]$/, '')
       .split('.')
       .at(-1);
-    return html`<${NumberField} ...${shared(path)} ...${fieldUnit(name)} label=${label} onValue=${set(path)} onBad=${onBad} readonly=${readonly} ...${more} />`;
+    return html`<${NumberField}
+      ...${shared(path)}
+      ...${fieldUnit(name)}
+      label=${label}
+      onValue=${set(path)}
+      onBad=${onBad}
+      readonly=${readonly}
+      ...${more}
+    />`;
   };
   const text = (path, label, more = {}) =>
-    html`<${TextField} ...${shared(path)} label=${label} onValue=${(value) => set(path)(value === '' && !more.required ? undefined : value)} readonly=${readonly} ...${more} />`;
+    html`<${TextField}
+      ...${shared(path)}
+      label=${label}
+      onValue=${(value) => set(path)(value === '' && !more.required ? undefined : value)}
+      readonly=${readonly}
+      ...${more}
+    />`;
   const select = (path, label, options, more = {}) =>
-    html`<${SelectField} ...${shared(path)} label=${label} options=${options} onValue=${(value) => set(path)(value === '' ? undefined : value)} disabled=${readonly} ...${more} />`;
+    html`<${SelectField}
+      ...${shared(path)}
+      label=${label}
+      options=${options}
+      onValue=${(value) => set(path)(value === '' ? undefined : value)}
+      disabled=${readonly}
+      ...${more}
+    />`;
   const vector = (path, label, more = {}) =>
-    html`<div class="vector" role="group" aria-label=${label}>${['x', 'y', 'z'].map((axis) => number(`${path}.${axis}`, `${label} ${axis}`, more))}</div>`;
+    html`<div class="vector" role="group" aria-label=${label}>${['x', 'y', 'z'].map((axis) =>
+      number(`${path}.${axis}`, `${label} ${axis}`, more),
+    )}</div>`;
   return { doc, change, number, text, select, vector, set, at: (path) => valueAt(doc, path), readonly, problems };
 }

@@ -24,7 +24,16 @@ export function usePages(ask, inputs) {
       }),
     [more],
   );
-  const button = html`<${Problem} error=${action.error} />
-    ${more.next_page && html`<p><button type="button" disabled=${action.busy} onClick=${next}>${action.busy ? 'Loading …' : 'Show more'}</button></p>`}`;
+  const button = html`
+    <${Problem} error=${action.error} />
+    ${
+      more.next_page &&
+      html`<p>
+        <button type="button" disabled=${action.busy} onClick=${next}>${
+          action.busy ? 'Loading …' : 'Show more'
+        }</button>
+      </p>`
+    }
+  `;
   return { load, items: [...(load.data ?? []), ...more.items], button };
 }

@@ -8,8 +8,10 @@ export function Heading({ title, above, children }) {
   }, [title]);
   return html`<header class="page-head">
     ${above && html`<p class="crumb">${above}</p>`}
-    <div class="page-head-row"><h1 tabindex="-1" id="page-title">${title}</h1>
-      ${children && html`<div class="actions">${children}</div>`}</div>
+    <div class="page-head-row">
+      <h1 tabindex="-1" id="page-title">${title}</h1>
+      ${children && html`<div class="actions">${children}</div>`}
+    </div>
   </header>`;
 }
 
@@ -32,8 +34,17 @@ export function Empty({ title, children }) {
 /** Shows what was loaded, or that it is loading, or why it is not there. */
 export function Loaded({ load, children }) {
   if (load.data !== undefined) {
-    return html`${load.error && html`<${Problem} error=${load.error} retry=${load.reload} title="Could not be loaded anew; below is what was there before" />`}
-      ${children(load.data)}`;
+    return html`
+      ${
+        load.error &&
+        html`<${Problem}
+          error=${load.error}
+          retry=${load.reload}
+          title="Could not be loaded anew; below is what was there before"
+        />`
+      }
+      ${children(load.data)}
+    `;
   }
   if (load.error) {
     const title = { denied: 'Not for your role', not_found: 'Not there' }[load.error.kind];
@@ -45,7 +56,10 @@ export function Loaded({ load, children }) {
 /** Symbol, colour and word together: nothing hangs on colour alone. */
 export function Mark({ kind, children }) {
   const symbol = { good: '✓', bad: '✗', warn: '!', open: '○', locked: '⊘', info: 'i' }[kind];
-  return html`<span class=${'mark mark-' + kind}><span class="mark-symbol" aria-hidden="true">${symbol}</span>${children}</span>`;
+  return html`<span class=${'mark mark-' + kind}>
+    <span class="mark-symbol" aria-hidden="true">${symbol}</span>
+    ${children}
+  </span>`;
 }
 
 /** The head of a column of numbers, which stand on the right. */
@@ -57,9 +71,16 @@ export const number = (text) => ({ text, right: true });
  */
 export function Table({ caption, head, children, class: name = '', hide_caption }) {
   return html`<div class=${'table-frame ' + name} role="region" aria-label=${caption} tabindex="0">
-    <table><caption class=${hide_caption ? 'visually-hidden' : ''}>${caption}</caption>
-      <thead><tr>${head.map((cell) => (cell.right ? html`<th scope="col" class="number">${cell.text}</th>` : html`<th scope="col">${cell}</th>`))}</tr></thead>
-      <tbody>${children}</tbody></table></div>`;
+    <table>
+      <caption class=${hide_caption ? 'visually-hidden' : ''}>${caption}</caption>
+      <thead>
+        <tr>${head.map((cell) =>
+          cell.right ? html`<th scope="col" class="number">${cell.text}</th>` : html`<th scope="col">${cell}</th>`,
+        )}</tr>
+      </thead>
+      <tbody>${children}</tbody>
+    </table>
+  </div>`;
 }
 
 /** A question or a form above the page. Escape and Cancel close it; the focus goes back to where it was. */
@@ -70,18 +91,28 @@ export function Dialog({ title, close, children, wide }) {
     element.current.showModal();
     return () => before instanceof HTMLElement && before.isConnected && before.focus();
   }, []);
-  return html`<dialog ref=${element} class=${wide ? 'wide' : ''} aria-labelledby="dialog-title"
-      onCancel=${(event) => {
-        event.preventDefault();
-        close?.();
-      }}>
-    <h2 id="dialog-title">${title}</h2>${children}</dialog>`;
+  return html`<dialog
+    ref=${element}
+    class=${wide ? 'wide' : ''}
+    aria-labelledby="dialog-title"
+    onCancel=${(event) => {
+      event.preventDefault();
+      close?.();
+    }}
+  >
+    <h2 id="dialog-title">${title}</h2>
+    ${children}
+  </dialog>`;
 }
 
 /** Asks before something that cannot be undone. */
 export function Confirm({ title, children, word, act, close, busy, error }) {
-  return html`<${Dialog} title=${title} close=${close}>${children}
+  return html`<${Dialog} title=${title} close=${close}>
+    ${children}
     <${Problem} error=${error} />
-    <div class="actions"><button type="button" class="danger" disabled=${busy} onClick=${act}>${word}</button>
-      <button type="button" onClick=${close}>Cancel</button></div><//>`;
+    <div class="actions">
+      <button type="button" class="danger" disabled=${busy} onClick=${act}>${word}</button>
+      <button type="button" onClick=${close}>Cancel</button>
+    </div>
+  <//>`;
 }

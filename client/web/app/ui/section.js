@@ -35,7 +35,15 @@ function Shape({ shape, x, y, scale }) {
   const title = html`<title>${`${shape.kind}: ${shape.name}`}</title>`;
   const r = Math.max(2, shape.radius_m * scale);
   return shape.b
-    ? html`<line class=${'shape-' + shape.kind + '-line'} x1=${x(shape.a.u)} y1=${y(shape.a.w)} x2=${x(shape.b.u)} y2=${y(shape.b.w)} stroke-width=${2 * r} stroke-linecap="round">${title}</line>`
+    ? html`<line
+        class=${'shape-' + shape.kind + '-line'}
+        x1=${x(shape.a.u)}
+        y1=${y(shape.a.w)}
+        x2=${x(shape.b.u)}
+        y2=${y(shape.b.w)}
+        stroke-width=${2 * r}
+        stroke-linecap="round"
+      >${title}</line>`
     : html`<circle class=${'shape-' + shape.kind} cx=${x(shape.a.u)} cy=${y(shape.a.w)} r=${r}>${title}</circle>`;
 }
 
@@ -92,15 +100,36 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
     Math.max(height - 6, 12 + kGap * labels.length),
   );
   const ruler_m = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05].find((m) => m * scale > 40) ?? 0.1;
-  return html`<svg ref=${place} class="section" viewBox=${`0 0 ${width} ${Math.max(height, slots.at(-1) ?? 0) + 8}`} role="img" aria-label=${label}>
+  return html`<svg
+    ref=${place}
+    class="section"
+    viewBox=${`0 0 ${width} ${Math.max(height, slots.at(-1) ?? 0) + 8}`}
+    role="img"
+    aria-label=${label}
+  >
     <clipPath id="section-clip"><rect x="0" y="0" width=${edge} height=${height} /></clipPath>
     <rect class="section-air" x="0" y="0" width=${edge} height=${height} />
     <g clip-path="url(#section-clip)">
-      ${lines.map((line, i) => line.length > 1 && html`<polygon points=${area(line)} fill=${tissueColor(layers[i].tissue)} class="section-layer" />`)}
+      ${lines.map(
+        (line, i) =>
+          line.length > 1 &&
+          html`<polygon points=${area(line)} fill=${tissueColor(layers[i].tissue)} class="section-layer" />`,
+      )}
       ${all.map((shape) => html`<${Shape} shape=${shape} x=${x} y=${y} scale=${scale} />`)}
-      ${over?.({ x, y, scale })}</g>
-    ${labels.map((l, i) => html`<circle class="leader-dot" cx=${l.x} cy=${l.y} r="2" /><polyline class="leader" points=${`${l.x},${l.y} ${edge + 8},${slots[i]} ${edge + 16},${slots[i]}`} /><text x=${edge + 19} y=${slots[i] + 4}>${l.text}</text>`)}
-    <g class="ruler"><line x1="10" y1=${height - 10} x2=${10 + ruler_m * scale} y2=${height - 10} /><text x="10" y=${height - 15}>${quantity(ruler_m, 'm')}</text></g>
+      ${over?.({ x, y, scale })}
+    </g>
+    ${labels.map(
+      (l, i) =>
+        html`
+          <circle class="leader-dot" cx=${l.x} cy=${l.y} r="2" />
+          <polyline class="leader" points=${`${l.x},${l.y} ${edge + 8},${slots[i]} ${edge + 16},${slots[i]}`} />
+          <text x=${edge + 19} y=${slots[i] + 4}>${l.text}</text>
+        `,
+    )}
+    <g class="ruler">
+      <line x1="10" y1=${height - 10} x2=${10 + ruler_m * scale} y2=${height - 10} />
+      <text x="10" y=${height - 15}>${quantity(ruler_m, 'm')}</text>
+    </g>
   </svg>`;
 }
 
@@ -117,13 +146,38 @@ export function TopView({ profile, frame, label, half_m = 0.03, over }) {
     ${all.map((shape) => html`<${Shape} shape=${shape} x=${x} y=${y} scale=${scale} />`)}
     <path class="cross" d=${`M0 ${size / 2}H${size}M${size / 2} 0V${size}`} />
     ${over?.({ x, y, scale })}
-    <g class="ruler"><line x1="10" y1=${size - 10} x2=${10 + 0.01 * scale} y2=${size - 10} /><text x="10" y=${size - 15}>10 mm</text></g></svg>`;
+    <g class="ruler">
+      <line x1="10" y1=${size - 10} x2=${10 + 0.01 * scale} y2=${size - 10} />
+      <text x="10" y=${size - 15}>10 mm</text>
+    </g>
+  </svg>`;
 }
 
 /** What the marks of the drawings mean. */
 export function Legend({ profile, path }) {
   return html`<ul class="drawing-legend">
-    ${path && html`<li><svg viewBox="0 0 24 12" aria-hidden="true"><path class="tip-path" d="M1 10C8 2 14 2 23 8" /></svg>path of the tip</li>`}
-    ${(profile.targets ?? []).length > 0 && html`<li><svg viewBox="0 0 24 12" aria-hidden="true"><circle class="shape-target" cx="12" cy="6" r="5" /></svg>target: ${profile.targets.map((t) => t.name).join(', ')}</li>`}
-    ${(profile.hazards ?? []).length > 0 && html`<li><svg viewBox="0 0 24 12" aria-hidden="true"><circle class="shape-hazard" cx="12" cy="6" r="5" /></svg>hazard: ${profile.hazards.map((h) => `${h.name} (${words(h.kind)})`).join(', ')}</li>`}</ul>`;
+    ${
+      path &&
+      html`<li>
+        <svg viewBox="0 0 24 12" aria-hidden="true"><path class="tip-path" d="M1 10C8 2 14 2 23 8" /></svg>path of the
+        tip
+      </li>`
+    }
+    ${
+      (profile.targets ?? []).length > 0 &&
+      html`<li>
+        <svg viewBox="0 0 24 12" aria-hidden="true">
+          <circle class="shape-target" cx="12" cy="6" r="5" />
+        </svg>target: ${profile.targets.map((t) => t.name).join(', ')}
+      </li>`
+    }
+    ${
+      (profile.hazards ?? []).length > 0 &&
+      html`<li>
+        <svg viewBox="0 0 24 12" aria-hidden="true">
+          <circle class="shape-hazard" cx="12" cy="6" r="5" />
+        </svg>hazard: ${profile.hazards.map((h) => `${h.name} (${words(h.kind)})`).join(', ')}
+      </li>`
+    }
+  </ul>`;
 }

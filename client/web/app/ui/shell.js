@@ -56,8 +56,12 @@ function AwayBanner() {
   return html`<div aria-live="assertive">${
     away &&
     html`<div class="banner">
-    <p><strong>! The server is away.</strong> What you typed is kept. <span aria-hidden="true">Next try ${seconds > 0 ? `in ${seconds} s` : 'now'}.</span></p>
-    <button type="button" onClick=${tryNow}>Try now</button></div>`
+      <p>
+        <strong>! The server is away.</strong> What you typed is
+        kept. <span aria-hidden="true">Next try ${seconds > 0 ? `in ${seconds} s` : 'now'}.</span>
+      </p>
+      <button type="button" onClick=${tryNow}>Try now</button>
+    </div>`
   }</div>`;
 }
 
@@ -72,21 +76,32 @@ function Notice() {
   }, [at]);
   return html`<div class="notice-place" role="status" aria-label="Notices">${
     shown &&
-    html`<p class="notice">${text}
-    <button type="button" class="link" onClick=${() => setShown(false)}>Dismiss</button></p>`
+    html`<p class="notice">
+      ${text}
+      <button type="button" class="link" onClick=${() => setShown(false)}>Dismiss</button>
+    </p>`
   }</div>`;
 }
 
 function Keys({ sections, close }) {
   return html`<${Dialog} title="Keyboard shortcuts" close=${close}>
     <dl class="keys">
-      ${sections.map(([name, , , key]) => html`<div><dt><kbd>g</kbd> then <kbd>${key}</kbd></dt><dd>${name}</dd></div>`)}
+      ${sections.map(
+        ([name, , , key]) => html`<div><dt><kbd>g</kbd> then <kbd>${key}</kbd></dt><dd>${name}</dd></div>`,
+      )}
       <div><dt><kbd>?</kbd></dt><dd>These shortcuts</dd></div>
       <div><dt><kbd>Ctrl</kbd> + <kbd>s</kbd></dt><dd>Save, in the editors</dd></div>
-      <div><dt><kbd>Alt</kbd> + <kbd>↑</kbd> <kbd>↓</kbd></dt><dd>Move the exercise or layer that has the focus</dd></div>
-      <div><dt><kbd>Space</kbd>, <kbd>←</kbd> <kbd>→</kbd></dt><dd>Play or pause, and 0.1 s back or on, in a replay that has the focus</dd></div>
+      <div>
+        <dt><kbd>Alt</kbd> + <kbd>↑</kbd> <kbd>↓</kbd></dt>
+        <dd>Move the exercise or layer that has the focus</dd>
+      </div>
+      <div>
+        <dt><kbd>Space</kbd>, <kbd>←</kbd> <kbd>→</kbd></dt>
+        <dd>Play or pause, and 0.1 s back or on, in a replay that has the focus</dd>
+      </div>
     </dl>
-    <div class="actions"><button type="button" onClick=${close}>Close</button></div><//>`;
+    <div class="actions"><button type="button" onClick=${close}>Close</button></div>
+  <//>`;
 }
 
 /** @param {{person: import('../net/session.js').Person, section?: string, children: any}} props */
@@ -105,15 +120,21 @@ export function Shell({ person, section, children }) {
     <${AwayBanner} />
     <header class="top">
       <a class="brand" href="#/">needlelab</a>
-      <nav aria-label="Sections"><ul>${sections.map(
-        ([name, address]) => html`<li>
-        <a href=${address} aria-current=${name === section ? 'page' : undefined}>${name}</a></li>`,
-      )}</ul></nav>
-      <div class="who"><a href="#/account">${person.full_name || person.name}</a> <span class="role">${words(person.role)}</span>
+      <nav aria-label="Sections">
+        <ul>${sections.map(
+          ([name, address]) => html`<li>
+            <a href=${address} aria-current=${name === section ? 'page' : undefined}>${name}</a>
+          </li>`,
+        )}</ul>
+      </nav>
+      <div class="who">
+        <a href="#/account">${person.full_name || person.name}</a> <span class="role">${words(person.role)}</span>
         <button type="button" onClick=${() => setHelp(true)} aria-label="Keyboard shortcuts">?</button>
-        <button type="button" disabled=${leaving.busy} onClick=${() => leaving.run(logOut)}>Log out</button></div>
+        <button type="button" disabled=${leaving.busy} onClick=${() => leaving.run(logOut)}>Log out</button>
+      </div>
     </header>
     <main id="main" tabindex="-1"><${Problem} error=${leaving.error} />${children}</main>
     <${Notice} />
-    ${help && html`<${Keys} sections=${sections} close=${() => setHelp(false)} />`}`;
+    ${help && html`<${Keys} sections=${sections} close=${() => setHelp(false)} />`}
+  `;
 }
