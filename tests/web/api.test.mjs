@@ -3,7 +3,7 @@ import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { get, getAll, setCsrfToken } from '../../client/web/app/net/api.js';
 import { connection } from '../../client/web/app/net/connection.js';
-import { documents, groups, people } from '../../client/web/app/net/lab.js';
+import { documents, groups, people } from '../../client/web/app/net/requests.js';
 import { giveUp, logIn, logOut, session } from '../../client/web/app/net/session.js';
 import { startMock } from './mock_server.mjs';
 

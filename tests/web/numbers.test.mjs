@@ -1,11 +1,9 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { backoff } from '../../client/web/app/lib/backoff.js';
+import { backoff, clock, fromInput, toInput } from '../../client/web/app/lib/time.js';
 import { indexAt, minMax } from '../../client/web/app/lib/decimate.js';
-import { clock, fromInput, toInput } from '../../client/web/app/lib/time.js';
-import { bytes, fieldUnit, quantity, shown, typed, words } from '../../client/web/app/lib/units.js';
-import { advance, atRest, seek, toggle } from '../../client/web/app/lib/playback.js';
-import { measureTitle } from '../../client/web/app/lib/score.js';
+import { bytes, fieldUnit, measureTitle, quantity, shown, typed, words } from '../../client/web/app/lib/units.js';
+import { advance, atRest, seek, toggle } from '../../client/web/app/lib/recording.js';
 import { random } from './mock/gesture.mjs';
 
 const en = { locale: 'en' };

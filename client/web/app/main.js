@@ -4,7 +4,7 @@ import { may } from './lib/roles.js';
 import { giveUp, resume, session, stillIn } from './net/session.js';
 import { html, render, useEffect, useRef, useState } from './ui/html.js';
 import { useStore } from './ui/hooks.js';
-import { Problem } from './ui/parts.js';
+import { Problem } from './ui/widgets.js';
 import { Shell } from './ui/shell.js';
 import { LoginForm, LoginPage } from './pages/login.js';
 import { Forbidden, Lost } from './pages/forbidden.js';

@@ -2,9 +2,9 @@
 import { fromInput, toInput } from '../lib/time.js';
 import { numbered } from '../lib/course_rules.js';
 import { href } from '../lib/routes.js';
-import { CheckField, problemsAt, TextField } from '../ui/fields.js';
+import { CheckField, TextField, problemsAt } from '../ui/fields.js';
 import { html } from '../ui/html.js';
-import { Requirements } from './requirements.js';
+import { measureUnit } from '../lib/units.js';
 
 const kAids = [
   ['PHASE', 'Phase of the insertion'],
@@ -154,4 +154,51 @@ export function ExerciseForm({ f, index, profiles, measures }) {
     <${Aids} f=${f} at=${at} />
     <${Requirements} f=${f} at=${at} measures=${measures} />
   </section>`;
+}
+
+/** @param {{f: any, at: string, measures: {name: string, unit: string, words: string}[]}} props `at`: the exercise's path */
+export function Requirements({ f, at, measures }) {
+  const path = `${at}.requirements`;
+  const rules = f.at(path) ?? [];
+  const put = f.set(path);
+  // measures of single layers are in no list: they stay as they are
+  const options = (name) => [
+    ['', 'Choose …'],
+    ...measures.map((m) => [m.name, m.words ? `${m.words} (${m.name})` : m.name]),
+    ...(name && !measures.some((m) => m.name === name) ? [[name, name]] : []),
+  ];
+  return html`
+    <h3>Requirements to pass</h3>
+    ${
+      rules.length === 0 &&
+      html`<p class="help">Without requirements every attempt is practice: nobody passes or fails.</p>`
+    }
+    <div>${rules.map((rule, i) => {
+      const known = measures.find((m) => m.name === rule.measure);
+      const { factor, unit } = measureUnit(known?.unit ?? '');
+      const name = known?.words ?? rule.measure ?? `requirement ${i + 1}`;
+      return html`<div key=${i} class="requirement fields" role="group" aria-label=${`Requirement ${i + 1}: ${name}`}>
+        ${f.select(`${path}[${i}].measure`, 'Measure', options(rule.measure))}
+        ${f.number(`${path}[${i}].min`, 'At least', { factor, unit })}
+        ${f.number(`${path}[${i}].max`, 'At most', { factor, unit })}
+        ${
+          !f.readonly &&
+          html`<div class="actions">
+            <button
+              type="button"
+              class="small danger"
+              aria-label=${`Remove requirement ${i + 1}`}
+              onClick=${() => put(rules.filter((_, k) => k !== i))}
+            >
+              Remove
+            </button>
+          </div>`
+        }
+      </div>`;
+    })}</div>
+    ${
+      !f.readonly &&
+      html`<button type="button" onClick=${() => put([...rules, { measure: '' }])}>Add a requirement</button>`
+    }
+  `;
 }

@@ -1,7 +1,7 @@
 // The row of exercises: chosen by click, ordered by buttons, Alt and arrows, or drag.
 import { numbered } from '../lib/course_rules.js';
 import { moved } from '../lib/paths.js';
-import { announce } from '../ui/announce.js';
+import { announce } from '../ui/widgets.js';
 import { html, useState } from '../ui/html.js';
 
 /** @param {{f: any, chosen: number, choose: (index: number) => void, add: () => void, remove: (index: number) => void, faulty: Set<number>}} props */

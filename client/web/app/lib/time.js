@@ -1,4 +1,4 @@
-// Moments in the browser's locale and time zone.
+// Moments in the browser's locale and time zone; how long to wait before the next try.
 
 const kMoment = { dateStyle: 'medium', timeStyle: 'short' };
 
@@ -33,4 +33,13 @@ export function toInput(unix_ms) {
 export function fromInput(text) {
   const unix_ms = new Date(text).getTime();
   return text && Number.isFinite(unix_ms) ? unix_ms : undefined;
+}
+
+/**
+ * Doubles from `first_ms` to `most_ms`; up to a quarter is taken off at random, so that a whole lab does not knock at once.
+ * @param {number} attempt from 0
+ * @param {{first_ms?: number, most_ms?: number, random?: () => number}} [options]
+ */
+export function backoff(attempt, { first_ms = 500, most_ms = 15_000, random = Math.random } = {}) {
+  return Math.min(most_ms, first_ms * 2 ** Math.min(attempt, 20)) * (1 - random() / 4);
 }

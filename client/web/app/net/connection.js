@@ -1,5 +1,5 @@
 // Whether the server can be reached. Away: asks again with back-off until it answers; pages wait for that and load again.
-import { backoff } from '../lib/backoff.js';
+import { backoff } from '../lib/time.js';
 import { store } from '../lib/store.js';
 
 /** @type {ReturnType<typeof store<{away: boolean, next_try_ms: number, attempt: number}>>} */

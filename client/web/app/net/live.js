@@ -1,5 +1,5 @@
 // The lab as it is now: a WebSocket that comes back by itself.
-import { backoff } from '../lib/backoff.js';
+import { backoff } from '../lib/time.js';
 import { stay, stillIn } from './session.js';
 
 const kPath = '/api/v1/live';

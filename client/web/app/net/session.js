@@ -1,8 +1,7 @@
 // Who is logged in. An expired log-in is asked for again above the page that stands there: nothing typed is lost.
 import { roleName } from '../lib/roles.js';
 import { store } from '../lib/store.js';
-import { get, post, remove, setCsrfToken, setRenewal } from './api.js';
-import { ApiError } from './errors.js';
+import { ApiError, get, post, remove, setCsrfToken, setRenewal } from './api.js';
 
 /** @typedef {{name: string, full_name: string, role: string, expires_unix_ms: number}} Person */
 /** @typedef {'asking'|'out'|'in'|'expired'|'failed'} SessionState */

@@ -1,11 +1,10 @@
 // One's own name, password and consent.
 import { words } from '../lib/units.js';
 import { moment } from '../lib/time.js';
-import { people } from '../net/lab.js';
-import { JsonDownload } from '../ui/download.js';
+import { people } from '../net/requests.js';
+import { Heading, JsonDownload, Loaded } from '../ui/widgets.js';
 import { useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
-import { Heading, Loaded } from '../ui/parts.js';
 import { ConsentForm, PasswordForm } from './person.js';
 
 function OwnConsent({ name }) {

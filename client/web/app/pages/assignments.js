@@ -1,12 +1,11 @@
 // Who is to do what until when.
 import { href } from '../lib/routes.js';
 import { fromInput, moment } from '../lib/time.js';
-import { assignments, documents, exercises, groups, people } from '../net/lab.js';
-import { announce } from '../ui/announce.js';
+import { assignments, documents, exercises, groups, people } from '../net/requests.js';
+import { announce, Confirm, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/widgets.js';
 import { SelectField, TextField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
-import { Confirm, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/parts.js';
 
 /** A choice such as "course:basics": what it is, and which. */
 const chosen = (choice) => [choice.slice(0, choice.indexOf(':')), choice.slice(choice.indexOf(':') + 1)];

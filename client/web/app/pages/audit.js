@@ -1,11 +1,10 @@
 // Who changed what, and when.
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
-import { upkeep } from '../net/lab.js';
+import { upkeep } from '../net/requests.js';
 import { TextField } from '../ui/fields.js';
 import { html, useState } from '../ui/html.js';
-import { Empty, Heading, Loaded, Table } from '../ui/parts.js';
-import { usePages } from '../ui/paged.js';
+import { Empty, Heading, Loaded, Table, usePages } from '../ui/widgets.js';
 
 export function AuditPage({ query }) {
   const [filter, setFilter] = useState({ who: query.who ?? '', action: query.action ?? '' });

@@ -2,15 +2,13 @@
 import { courseFaults, freshId, withoutExercise } from '../lib/course_rules.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
-import { checkCourse, documents, measures } from '../net/lab.js';
-import { announce } from '../ui/announce.js';
+import { checkCourse, documents, measures } from '../net/requests.js';
+import { announce, Heading, Problem } from '../ui/widgets.js';
 import { ConflictDialog } from '../ui/conflict.js';
 import { useDocument } from '../ui/document.js';
-import { ProblemList } from '../ui/fields.js';
-import { formOf } from '../ui/form.js';
+import { formOf, ProblemList } from '../ui/fields.js';
 import { useLoad } from '../ui/hooks.js';
 import { html, useCallback, useMemo, useState } from '../ui/html.js';
-import { Heading, Problem } from '../ui/parts.js';
 import { ExerciseForm } from '../course/exercise.js';
 import { ExerciseOrder } from '../course/order.js';
 import { SaveBar, useCheck, useSaveKey } from './profile_editor.js';

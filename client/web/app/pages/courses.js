@@ -2,10 +2,10 @@
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
-import { documents } from '../net/lab.js';
+import { documents } from '../net/requests.js';
 import { useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
-import { Empty, Heading, Loaded, number, Table } from '../ui/parts.js';
+import { Empty, Heading, Loaded, number, Table } from '../ui/widgets.js';
 
 export function CoursesPage({ person }) {
   const load = useLoad((signal) => documents('courses').all(signal), []);

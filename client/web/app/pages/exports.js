@@ -1,12 +1,11 @@
 // Data for other tools: one list of formats, so that the next one is one more line.
 import { may } from '../lib/roles.js';
 import { address } from '../net/api.js';
-import { documents, exercises, groups, studyRecords } from '../net/lab.js';
-import { saveAs } from '../ui/download.js';
+import { documents, exercises, groups, studyRecords } from '../net/requests.js';
+import { Heading, Loaded, Problem, saveAs } from '../ui/widgets.js';
 import { CheckField, SelectField, TextField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
-import { Heading, Loaded, Problem } from '../ui/parts.js';
 
 /** @type {{name: string, words: string, link: (choice: {course: string, group: string}) => string}[]} */
 const kScoreFormats = [

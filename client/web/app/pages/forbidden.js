@@ -1,7 +1,7 @@
 // What one may not see, and what is not there.
 import { words } from '../lib/units.js';
 import { html } from '../ui/html.js';
-import { Heading } from '../ui/parts.js';
+import { Heading } from '../ui/widgets.js';
 
 export function Forbidden({ person, path }) {
   return html`

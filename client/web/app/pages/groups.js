@@ -2,13 +2,12 @@
 import { merge, resolved } from '../lib/diff.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
-import { groups, people } from '../net/lab.js';
-import { announce } from '../ui/announce.js';
+import { groups, people } from '../net/requests.js';
+import { announce, Confirm, Dialog, Empty, Heading, Loaded, number, Problem, Table } from '../ui/widgets.js';
 import { ConflictDialog } from '../ui/conflict.js';
 import { CheckField, TextField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
-import { Confirm, Dialog, Empty, Heading, Loaded, number, Problem, Table } from '../ui/parts.js';
 
 function AddGroup({ close }) {
   const [entry, setEntry] = useState({ id: '', name: '' });

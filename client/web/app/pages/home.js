@@ -1,7 +1,7 @@
 // Where to begin, by role.
 import { may } from '../lib/roles.js';
 import { html } from '../ui/html.js';
-import { Heading } from '../ui/parts.js';
+import { Heading } from '../ui/widgets.js';
 
 /** [action, title, address, words] */
 const kTasks = [

@@ -5,7 +5,7 @@ import { may } from '../lib/roles.js';
 import { followLab } from '../net/live.js';
 import { html, useEffect, useRef, useState } from '../ui/html.js';
 import { useEvery } from '../ui/hooks.js';
-import { Empty, Heading, Mark } from '../ui/parts.js';
+import { Empty, Heading, Mark } from '../ui/widgets.js';
 
 const kFullForce_N = 10,
   kFullDepth_m = 0.08;

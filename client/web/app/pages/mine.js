@@ -2,10 +2,10 @@
 import { numbered } from '../lib/course_rules.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
-import { assignments, documents, exercises, results } from '../net/lab.js';
+import { assignments, documents, exercises, results } from '../net/requests.js';
 import { useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
-import { Empty, Heading, Loaded, Mark } from '../ui/parts.js';
+import { Empty, Heading, Loaded, Mark } from '../ui/widgets.js';
 import { Cell } from './results.js';
 
 /** Course by course, this person's own row. */

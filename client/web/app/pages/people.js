@@ -2,12 +2,11 @@
 import { grantable, kRoles, may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { words } from '../lib/units.js';
-import { people } from '../net/lab.js';
-import { announce } from '../ui/announce.js';
+import { people } from '../net/requests.js';
+import { announce, Dialog, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/widgets.js';
 import { SelectField, TextField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
-import { Dialog, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/parts.js';
 
 export function AddPerson({ role, close, done }) {
   const [entry, setEntry] = useState({ name: '', full_name: '', role: 'trainee', password: '' });

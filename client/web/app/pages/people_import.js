@@ -1,11 +1,10 @@
 // A class from a CSV file: what will happen is shown before it does.
 import { readTable } from '../lib/csv.js';
-import { people } from '../net/lab.js';
-import { announce } from '../ui/announce.js';
+import { people } from '../net/requests.js';
+import { announce, Heading, Mark, Problem, Table } from '../ui/widgets.js';
 import { TextField } from '../ui/fields.js';
 import { useAction } from '../ui/hooks.js';
 import { html, useId, useState } from '../ui/html.js';
-import { Heading, Mark, Problem, Table } from '../ui/parts.js';
 
 const kColumns = ['name', 'full_name', 'role', 'group', 'password'];
 const kWhat = {

@@ -3,13 +3,11 @@ import { grantable, may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
 import { words } from '../lib/units.js';
-import { people } from '../net/lab.js';
-import { announce } from '../ui/announce.js';
+import { people } from '../net/requests.js';
+import { announce, Confirm, Heading, JsonDownload, Loaded, Mark, Problem } from '../ui/widgets.js';
 import { CheckField, SelectField, TextField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
-import { JsonDownload } from '../ui/download.js';
 import { html, useState } from '../ui/html.js';
-import { Confirm, Heading, Loaded, Mark, Problem } from '../ui/parts.js';
 
 function Data({ shown, me, load }) {
   const [full_name, setName] = useState(shown.full_name);

@@ -2,14 +2,13 @@
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { quantity } from '../lib/units.js';
-import { checkProfile, documents } from '../net/lab.js';
+import { checkProfile, documents } from '../net/requests.js';
 import { ConflictDialog } from '../ui/conflict.js';
 import { useDocument } from '../ui/document.js';
-import { ProblemList } from '../ui/fields.js';
-import { formOf } from '../ui/form.js';
+import { formOf, ProblemList } from '../ui/fields.js';
 import { useDebounced } from '../ui/hooks.js';
 import { html, useCallback, useEffect, useRef, useState } from '../ui/html.js';
-import { Heading, Mark, Problem } from '../ui/parts.js';
+import { Heading, Mark, Problem } from '../ui/widgets.js';
 import { Legend, SideView } from '../ui/section.js';
 import { Hazards, LimbFields, Targets } from '../profile/anatomy.js';
 import { Layers } from '../profile/layers.js';

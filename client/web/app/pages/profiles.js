@@ -2,11 +2,11 @@
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
-import { documents } from '../net/lab.js';
+import { documents } from '../net/requests.js';
 import { TextField } from '../ui/fields.js';
 import { useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
-import { Empty, Heading, Loaded, number, Table } from '../ui/parts.js';
+import { Empty, Heading, Loaded, number, Table } from '../ui/widgets.js';
 
 export function ProfilesPage({ person }) {
   const load = useLoad((signal) => documents('profiles').all(signal), []);

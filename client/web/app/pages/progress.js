@@ -1,16 +1,15 @@
 // One trainee's attempts in time: does it get better?
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
-import { measureTitle } from '../lib/score.js';
+import { measureTitle, measureUnit, quantity } from '../lib/units.js';
 import { moment } from '../lib/time.js';
-import { measureUnit, quantity } from '../lib/units.js';
 import { kCurves } from '../lib/tissue.js';
-import { exercises, people } from '../net/lab.js';
+import { exercises, people } from '../net/requests.js';
 import { Chart } from '../ui/chart.js';
 import { SelectField } from '../ui/fields.js';
 import { useLoad } from '../ui/hooks.js';
 import { html, useMemo } from '../ui/html.js';
-import { Empty, Heading, Loaded, Mark, Table } from '../ui/parts.js';
+import { Empty, Heading, Loaded, Mark, Table } from '../ui/widgets.js';
 import { Excuse } from '../session/excuse.js';
 import { Forbidden } from './forbidden.js';
 import { Verdict } from './sessions.js';

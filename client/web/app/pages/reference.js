@@ -2,13 +2,11 @@
 import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
 import { number, quantity } from '../lib/units.js';
-import { measures, references, sessions } from '../net/lab.js';
-import { announce } from '../ui/announce.js';
+import { measures, references, sessions } from '../net/requests.js';
+import { announce, Empty, Heading, Loaded, number as right, Problem, Table, usePages } from '../ui/widgets.js';
 import { CheckField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
-import { usePages } from '../ui/paged.js';
-import { Empty, Heading, Loaded, number as right, Problem, Table } from '../ui/parts.js';
 import { Verdict } from './sessions.js';
 
 /** Measures of single layers are in no list. */

@@ -3,11 +3,11 @@ import { numbered } from '../lib/course_rules.js';
 import { href } from '../lib/routes.js';
 import { day } from '../lib/time.js';
 import { address } from '../net/api.js';
-import { documents, groups, results } from '../net/lab.js';
+import { documents, groups, results } from '../net/requests.js';
 import { SelectField } from '../ui/fields.js';
 import { useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
-import { Empty, Heading, Loaded, Mark } from '../ui/parts.js';
+import { Empty, Heading, Loaded, Mark } from '../ui/widgets.js';
 
 /** What a cell says: [kind of mark, word]. */
 export function cellState(cell) {

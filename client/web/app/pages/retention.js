@@ -1,12 +1,11 @@
 // What happens to recordings after a time: nothing, unless it is set; scores, events and remarks always stay.
 import { moment } from '../lib/time.js';
 import { bytes, number } from '../lib/units.js';
-import { exercises, retention } from '../net/lab.js';
-import { announce } from '../ui/announce.js';
+import { exercises, retention } from '../net/requests.js';
+import { announce, Confirm, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/widgets.js';
 import { CheckField, NumberField, SelectField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
-import { Confirm, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/parts.js';
 
 const days = (n) => `${number(n, 6)} ${n === 1 ? 'day' : 'days'}`;
 const isSet = (v) => v !== undefined && v !== null;

@@ -3,13 +3,12 @@ import { changes } from '../lib/diff.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
-import { documents } from '../net/lab.js';
-import { announce } from '../ui/announce.js';
+import { documents } from '../net/requests.js';
+import { announce, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/widgets.js';
 import { valueText } from '../ui/conflict.js';
 import { SelectField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
-import { Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/parts.js';
 
 function Differences({ kind, id, from, to }) {
   const load = useLoad(

@@ -1,15 +1,14 @@
 // One session: plots, replay, score, remarks, syringe.
-import { advance, atRest, seek, toggle } from '../lib/playback.js';
-import { columnsOf } from '../lib/recording.js';
+import { advance, atRest, columnsOf, seek, toggle } from '../lib/recording.js';
 import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
 import { words } from '../lib/units.js';
 import { address } from '../net/api.js';
-import { people, sessions } from '../net/lab.js';
+import { people, sessions } from '../net/requests.js';
 import { may } from '../lib/roles.js';
 import { useLoad } from '../ui/hooks.js';
 import { html, useEffect, useMemo, useState } from '../ui/html.js';
-import { Empty, Heading, Loaded, Mark, Problem } from '../ui/parts.js';
+import { Empty, Heading, Loaded, Mark, Problem } from '../ui/widgets.js';
 import { Excuse } from '../session/excuse.js';
 import { Annotations, SyringeEvents } from '../session/notes.js';
 import { Plots } from '../session/plots.js';

@@ -3,11 +3,10 @@ import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
 import { words } from '../lib/units.js';
-import { sessions } from '../net/lab.js';
+import { sessions } from '../net/requests.js';
 import { SelectField, TextField } from '../ui/fields.js';
 import { html, useState } from '../ui/html.js';
-import { Empty, Heading, Loaded, Mark, number, Table } from '../ui/parts.js';
-import { usePages } from '../ui/paged.js';
+import { Empty, Heading, Loaded, Mark, number, Table, usePages } from '../ui/widgets.js';
 
 const kVerdicts = [
   ['', 'any'],

@@ -1,11 +1,11 @@
 // A backup now, and whether everything can be read.
 import { moment } from '../lib/time.js';
 import { bytes } from '../lib/units.js';
-import { exercises, upkeep } from '../net/lab.js';
+import { exercises, upkeep } from '../net/requests.js';
 import { SelectField, TextField } from '../ui/fields.js';
 import { useAction, useEvery, useLoad } from '../ui/hooks.js';
 import { html, useEffect, useState } from '../ui/html.js';
-import { Heading, Mark, Problem } from '../ui/parts.js';
+import { Heading, Mark, Problem } from '../ui/widgets.js';
 
 /** Something long is under way: a bar that moves, and for how long it has. */
 function Working({ busy, children }) {

@@ -2,7 +2,7 @@
 import { moved } from '../lib/paths.js';
 import { kTissues, tissueColor } from '../lib/tissue.js';
 import { quantity, words } from '../lib/units.js';
-import { announce } from '../ui/announce.js';
+import { announce } from '../ui/widgets.js';
 import { CheckField } from '../ui/fields.js';
 import { html } from '../ui/html.js';
 

@@ -1,7 +1,7 @@
 // What the engine will render: force over depth, asked of the server while one types.
 import { kCurves, tissueColor } from '../lib/tissue.js';
 import { number, quantity, words } from '../lib/units.js';
-import { previewProfile } from '../net/lab.js';
+import { previewProfile } from '../net/requests.js';
 import { Chart } from '../ui/chart.js';
 import { useDebounced } from '../ui/hooks.js';
 import { html, useEffect, useMemo, useState } from '../ui/html.js';

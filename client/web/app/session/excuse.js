@@ -1,10 +1,9 @@
 // An attempt that shall not count, such as one in which the station failed.
-import { sessions } from '../net/lab.js';
-import { announce } from '../ui/announce.js';
+import { sessions } from '../net/requests.js';
+import { announce, Dialog, Problem } from '../ui/widgets.js';
 import { TextField } from '../ui/fields.js';
 import { useAction } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
-import { Dialog, Problem } from '../ui/parts.js';
 
 function Reason({ attempt, close, done }) {
   const [reason, setReason] = useState('');

@@ -2,12 +2,11 @@
 import { may } from '../lib/roles.js';
 import { clock, moment } from '../lib/time.js';
 import { quantity, words } from '../lib/units.js';
-import { sessions } from '../net/lab.js';
-import { announce } from '../ui/announce.js';
+import { sessions } from '../net/requests.js';
+import { announce, Empty, Loaded, number, Problem, Table } from '../ui/widgets.js';
 import { TextField } from '../ui/fields.js';
 import { draftOf, useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
-import { Empty, Loaded, number, Problem, Table } from '../ui/parts.js';
 
 /** @param {{id: string, at_s: number, seek: (s: number) => void, load: any, person: any}} props `load`: of the annotations */
 export function Annotations({ id, at_s, seek, load, person }) {

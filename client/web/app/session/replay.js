@@ -1,7 +1,6 @@
 // The tip once more, in two views: from the side, in the plane of the needle's way in, and from above.
 import { minMax } from '../lib/decimate.js';
-import { kSpeeds } from '../lib/playback.js';
-import { forceOf, sampleAt, wayOf } from '../lib/recording.js';
+import { forceOf, kSpeeds, sampleAt, wayOf } from '../lib/recording.js';
 import { clock } from '../lib/time.js';
 import { quantity, words } from '../lib/units.js';
 import { SelectField } from '../ui/fields.js';
@@ -32,7 +31,7 @@ function Tip({ way, at_s, x, y, second, length_m }) {
   `;
 }
 
-/** @param {{columns: any, session: any, playback: import('../lib/playback.js').Playback, act: {toggle: () => void, seek: (s: number) => void, speed: (n: number) => void}}} props */
+/** @param {{columns: any, session: any, playback: import('../lib/recording.js').Playback, act: {toggle: () => void, seek: (s: number) => void, speed: (n: number) => void}}} props */
 export function Replay({ columns, session, playback, act }) {
   const id = useId();
   const { profile, placement } = session.description;

@@ -1,14 +1,12 @@
 // A score that explains itself: requirement, verdict in words, and where experts stand.
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
-import { measureTitle } from '../lib/score.js';
+import { measureTitle, number, quantity } from '../lib/units.js';
 import { moment } from '../lib/time.js';
-import { number, quantity } from '../lib/units.js';
-import { references, sessions } from '../net/lab.js';
-import { announce } from '../ui/announce.js';
+import { references, sessions } from '../net/requests.js';
+import { announce, Empty, Loaded, Mark, number as right, Problem, Table } from '../ui/widgets.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
-import { Empty, Loaded, Mark, number as right, Problem, Table } from '../ui/parts.js';
 
 /** From the 10th to the 90th percentile; of few experts, who have no percentiles, from the least to the greatest. */
 const rangeOf = (band) => [band.p10 ?? band.least, band.p90 ?? band.greatest];

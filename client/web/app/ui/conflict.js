@@ -1,7 +1,7 @@
 // Two people changed the same document: both versions, field by field; nothing is lost.
 import { moment } from '../lib/time.js';
 import { html, useState } from './html.js';
-import { Dialog, Table } from './parts.js';
+import { Dialog, Table } from './widgets.js';
 
 /** A value of a document as text for a table. */
 export function valueText(value) {

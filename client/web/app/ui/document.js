@@ -1,7 +1,7 @@
 // A document with revisions that is being edited: draft, saving, and what happens when somebody else was faster.
 import { merge, resolved, same } from '../lib/diff.js';
-import { documents } from '../net/lab.js';
-import { announce } from './announce.js';
+import { documents } from '../net/requests.js';
+import { announce } from './widgets.js';
 import { draftOf, useAction } from './hooks.js';
 import { useCallback, useEffect, useMemo, useState } from './html.js';
 

@@ -3,10 +3,9 @@ import { may } from '../lib/roles.js';
 import { words } from '../lib/units.js';
 import { connection, tryNow } from '../net/connection.js';
 import { logOut } from '../net/session.js';
-import { notice } from './announce.js';
+import { Dialog, notice, Problem } from './widgets.js';
 import { html, useEffect, useState } from './html.js';
 import { useAction, useEvery, useStore } from './hooks.js';
-import { Dialog, Problem } from './parts.js';
 
 /** [name, address, action, key after g] */
 export const kSections = [

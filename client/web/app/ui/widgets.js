@@ -1,5 +1,7 @@
-// Small pieces that every page is made of.
-import { html, useEffect, useRef } from './html.js';
+// What every page is made of: heading, problem, table, dialog, notice, list in pages, download.
+import { html, useCallback, useEffect, useRef, useState } from './html.js';
+import { store } from '../lib/store.js';
+import { useAction, useLoad } from './hooks.js';
 
 /** The page's heading: gets the focus when the page changes. */
 export function Heading({ title, above, children }) {
@@ -115,4 +117,72 @@ export function Confirm({ title, children, word, act, close, busy, error }) {
       <button type="button" onClick=${close}>Cancel</button>
     </div>
   <//>`;
+}
+
+/** @type {ReturnType<typeof store<{text: string, at: number}>>} */
+export const notice = store({ text: '', at: 0 });
+
+/** @param {string} text what has just been done */
+export function announce(text) {
+  notice.set({ text, at: Date.now() });
+}
+
+/**
+ * @template T
+ * @param {(page: string, signal?: AbortSignal) => Promise<{items: T[], next_page?: string}>} ask
+ * @param {any[]} inputs
+ */
+export function usePages(ask, inputs) {
+  const [more, setMore] = useState({ items: [], next_page: null });
+  const load = useLoad(async (signal) => {
+    const first = await ask('', signal);
+    setMore({ items: [], next_page: first.next_page ?? '' });
+    return first.items ?? [];
+  }, inputs);
+  const action = useAction();
+  const next = useCallback(
+    () =>
+      action.run(async () => {
+        const reply = await ask(more.next_page);
+        setMore({ items: [...more.items, ...(reply.items ?? [])], next_page: reply.next_page ?? '' });
+      }),
+    [more],
+  );
+  const button = html`
+    <${Problem} error=${action.error} />
+    ${
+      more.next_page &&
+      html`<p>
+        <button type="button" disabled=${action.busy} onClick=${next}>${
+          action.busy ? 'Loading …' : 'Show more'
+        }</button>
+      </p>`
+    }
+  `;
+  return { load, items: [...(load.data ?? []), ...more.items], button };
+}
+
+export function saveAs(file, text, type) {
+  const link = Object.assign(document.createElement('a'), {
+    href: URL.createObjectURL(new Blob([text], { type })),
+    download: file,
+  });
+  link.click();
+  URL.revokeObjectURL(link.href);
+}
+
+/**
+ * @param {{file: string, make: () => Promise<any>, children: any}} props `make` gives what is saved as JSON
+ */
+export function JsonDownload({ file, make, children }) {
+  const action = useAction();
+  const save = async () => {
+    const document_ = await action.run(make);
+    if (!document_) return;
+    saveAs(file, JSON.stringify(document_, null, 1), 'application/json');
+  };
+  return html`
+    <button type="button" disabled=${action.busy} onClick=${save}>${action.busy ? 'Collecting …' : children}</button>
+    <${Problem} error=${action.error} />
+  `;
 }
