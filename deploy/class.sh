@@ -1,6 +1,6 @@
-# deploy/demo --class: a lab with twelve simulated trainees, ready to be looked at; sourced by deploy/demo.
+# deploy/demo --class: a lab with twelve simulated trainees to explore; sourced by deploy/demo.
 # shellcheck shell=bash
-# Wants: bin, root, once, small. Skill sets what a simulated hand is like and nothing else: every score is the server's.
+# Needs bin, root, once, small. Skill only sets how a simulated hand moves: every score is the server's.
 
 # name, full name, skill, group, consent to studies
 class_people() {
@@ -22,19 +22,19 @@ TABLE
 
 class_password() { head -c 12 /dev/urandom | base64 | tr '+/' 'xy'; }
 
-# asks PERSON ARGUMENT …: needlelab-admin on the running server, as that person
+# asks PERSON ARGUMENT …: runs needlelab-admin on the running server as that person
 asks() {
   local who=$1; shift
   "$bin/needlelab-admin" "${peer[@]}" --user "$who" --password-file "$out/$who.password" "$@"
 }
 
-# quietly COMMAND …: its words are shown only when it fails
+# quietly COMMAND …: prints its output only if it fails
 quietly() {
   local words
   words=$("$@" 2>&1) || { printf '%s\n' "$words" >&2; die "failed: $*"; }
 }
 
-# practises STATION TRAINEE SKILL EXERCISE …: real lessons in real time, one after the other, until it is told to stop
+# practises STATION TRAINEE SKILL EXERCISE …: runs real lessons in real time, one after the other, until it is stopped
 practises() {
   local station=$1 trainee=$2 skill=$3 child='' exercise
   shift 3
@@ -53,7 +53,7 @@ practises() {
   done
 }
 
-# what runs beside this script: trainees first, then the server, which must not hear Ctrl+C by itself (setsid)
+# the processes beside this script: trainees first, then the server, which must not get Ctrl+C itself (setsid)
 server_pid='' live=()
 class_stop() {
   local pid
@@ -103,7 +103,7 @@ class_demo() {
     quietly "$bin/needlelab-admin" --data "$data" station add "lab-$i" --out "$out/lab-$i.key"
   done
 
-  # the console's usual port, where it is free
+  # the console's usual port, if it is free
   local web=127.0.0.1:7751
   if [ "$once" = yes ] || (exec 3<>/dev/tcp/127.0.0.1/7751) 2>/dev/null; then web=127.0.0.1:0; fi
   setsid "$bin/needlelab-server" --data "$data" --listen 127.0.0.1:0 --port-file "$out/port" --web "$web" --web-port-file "$out/web-port" \
@@ -125,7 +125,7 @@ class_demo() {
     [ "$consent" = no ] || quietly asks maria consent give "$name"
   done <<<"$people"
 
-  # experts first: what they reach is what the others are compared with
+  # experts first: the others are compared with them
   local keys=() experts=() others=()
   for i in $(seq "$stations"); do keys+=(--key "$out/lab-$i.key"); done
   while IFS='|' read -r name full skill group consent; do
@@ -165,7 +165,7 @@ class_demo() {
   stored=$(asks ines scores export --out "$out/scores.csv" | sed -n 's/^\([0-9]*\) scores.*/\1/p')
   [ "$stored" = "$wanted" ] || die "$wanted sessions were closed, ${stored:-no} scores are stored"
   asks admin check >"$out/check.log" || { cat "$out/check.log"; die "the database does not check"; }
-  # what the server gives back is what the repository holds, to the letter
+  # the server returns exactly what the repository has
   quietly asks maria curriculum export "$course" --out "$out/course.json"
   cmp "$out/course.json" "$root/db/samples/$course-curriculum.json" || die "the course came back changed"
   for name in deltoid-adult shoulder-posterior knee-adult hip-adult finger-adult carpal-tunnel; do
@@ -208,7 +208,7 @@ TEXT
 TEXT
   if [ "$once" = no ]; then
     echo "  The lab runs until Ctrl+C."
-    # a wait that a signal ends is no end of the server
+    # a signal can end `wait` while the server still runs
     local told=no
     trap 'told=yes' INT TERM
     while [ "$told" = no ] && kill -0 "$server_pid" 2>/dev/null; do wait "$server_pid" || true; done

@@ -1,4 +1,4 @@
-// A test double of the server for the console: serves client/web and the REST table from a lab in memory. Never a real server.
+// A test double of the server for the console: serves client/web and the REST table from a lab in memory.
 // usage: node tests/web/mock_server.mjs [PORT]     log in as mara, ines, root, rhea or anna.bauer; password: correct horse
 import { randomBytes } from 'node:crypto';
 import { readFile } from 'node:fs/promises';

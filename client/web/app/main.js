@@ -16,7 +16,7 @@ function useRoute() {
   useEffect(() => {
     const change = () => setHash(location.hash);
     addEventListener('hashchange', change);
-    // it may have changed between the first drawing and now
+    // the address may have changed since the first drawing
     change();
     return () => removeEventListener('hashchange', change);
   }, []);
@@ -40,7 +40,7 @@ function Page({ person }) {
   return html`<${Shell} person=${person} section=${route?.section}>${content}<//>`;
 }
 
-/** Stands above the page, which stays as it is. */
+/** Appears above the page, which stays as it is. */
 function LoginAgain({ name }) {
   const element = useRef(null);
   useEffect(() => {
@@ -62,7 +62,7 @@ function App() {
     resume();
   }, []);
   useEffect(() => {
-    // meanwhile another page of this browser may have logged in, out, or in as somebody else
+    // another page of this browser may have logged in or out meanwhile, or logged in as another person
     const look = () =>
       document.visibilityState === 'visible' && session.get().state === 'in' && stillIn().catch(() => {});
     document.addEventListener('visibilitychange', look);

@@ -1,4 +1,4 @@
-// For everybody: axe on every page at a tablet's width, and a whole task without a mouse.
+// Accessibility: axe on every page at a tablet's width, and a whole task without a mouse.
 import assert from 'node:assert/strict';
 import { accessible, done, fitsWidth, kTablet, single } from './browser.mjs';
 import { kPassword } from './lab.mjs';
@@ -34,7 +34,7 @@ const kPages = [
   '/nowhere',
 ];
 
-/** Tab until the focus is on what is called so; everything on the way must show that it has the focus. */
+/** Presses Tab until the element with this name has the focus; every element on the way must show its focus. */
 async function tabTo(page, name, most = 120) {
   for (let n = 0; n < most; n++) {
     await page.keyboard.press('Tab');

@@ -1,4 +1,4 @@
-// Chromium, and what every page of it is watched for: errors of scripts, the content policy, requests to elsewhere.
+// Chromium. Every page is watched for errors of scripts, breaches of the content policy and requests to other addresses.
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
@@ -10,7 +10,7 @@ export const kChromium = process.env.NEEDLELAB_CHROMIUM ?? '/usr/bin/chromium';
 export const kDesk = { width: 1280, height: 900 };
 export const kTablet = { width: 820, height: 1180 };
 const kAxe = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
-// Chromium says these of every answer from 400 on, also of those that a page expects and shows
+// Chromium logs these for every answer from 400 on, also for those that a page expects and shows
 const kAnswered = /^Failed to load resource: the server responded with a status of (\d+)/;
 const kNoLine = /^(Failed to load resource: net::ERR_|WebSocket connection to .* failed)/;
 
@@ -48,7 +48,7 @@ export class Browser {
     return Promise.all(this.chromium?.contexts().map((context) => context.close()) ?? []);
   }
 
-  /** What the open pages show, for whoever reads why a test failed. */
+  /** The text of the open pages, to explain why a test failed. */
   async testify(name) {
     const folder = process.env.NEEDLELAB_SHOTS;
     if (this.lab.server?.over)
@@ -68,11 +68,11 @@ export class Browser {
   }
 
   /**
-   * A window of its own, without a log-in. `page.faults` collects what must not be.
+   * A new window without a log-in. `page.faults` collects faults.
    * @param {{viewport?: {width: number, height: number}}} [options]
    */
   async window(options = {}) {
-    // the certificate is the lab's own: its authority is in no browser
+    // the certificate is the lab's own, and no browser knows its authority
     const context = await this.chromium.newContext({
       viewport: kDesk,
       locale: 'en-GB',
@@ -106,7 +106,7 @@ export class Browser {
     return page;
   }
 
-  /** A window in which `name` is logged in; by the log-in of an earlier window where that still holds. */
+  /** A window in which `name` is logged in; reuses the log-in of an earlier window while that is valid. */
   async as(name, options) {
     const page = await this.window({
       storageState: { cookies: this.log_ins.get(name) ?? [], origins: [] },
@@ -136,7 +136,7 @@ export async function open(page, lab, hash, title) {
   await settled(page);
 }
 
-/** Nothing is being loaded. */
+/** Waits until nothing is being loaded. */
 export async function settled(page) {
   await page.waitForFunction(() => !document.querySelector('.loading'));
 }
@@ -147,10 +147,10 @@ export async function done(page) {
   assert.deepEqual(faults, [], 'the page was not clean');
 }
 
-/** What axe finds serious or worse, and everything that is wider than the window. */
+/** All findings of axe that are serious or worse, and all elements wider than the window. */
 export async function accessible(page, where) {
   await settled(page);
-  // as an expression of the debugger: the content policy forbids scripts that a page makes of text
+  // run by the debugger: the content policy forbids scripts that a page makes from text
   if (!(await page.evaluate(() => 'axe' in window))) await page.evaluate(kAxe);
   const found = await page.evaluate(async () => {
     const { violations } = await window.axe.run(document, { resultTypes: ['violations'] });
@@ -175,14 +175,14 @@ export async function fitsWidth(page, where) {
   assert.ok(over <= 0, `${where} is ${over} px wider than the window`);
 }
 
-/** What a link or button downloads, as text. */
+/** The text of the file that a link or button downloads. */
 export async function downloaded(page, press) {
   const [download] = await Promise.all([page.waitForEvent('download'), press()]);
   return { name: download.suggestedFilename(), text: readFileSync(await download.path(), 'utf8') };
 }
 
 /**
- * Tests that stand alone. What was on the pages when one failed is printed, and drawn into the folder NEEDLELAB_SHOTS, where that is set.
+ * Independent tests. When one fails, the text of the pages is printed, and pictures go into the folder NEEDLELAB_SHOTS if that is set.
  * @param {{browser: Browser}} t
  */
 export const single = (t) => (name, work) =>
@@ -197,7 +197,7 @@ export const single = (t) => (name, work) =>
   });
 
 /**
- * Tests that go on where the one before ended: after one that fails the rest is skipped.
+ * Tests that each continue where the one before ended: after a failure the rest is skipped.
  * @param {{browser: Browser}} t
  */
 export function story(t) {

@@ -16,7 +16,7 @@ describe('the web console', { concurrency: false }, () => {
     t.lab = new Lab();
     t.browser = new Browser(t.lab);
     await Promise.all([t.lab.begin(), t.browser.begin()]);
-    // somebody practises meanwhile: a session that is there whatever becomes of the week
+    // somebody practises meanwhile: this session exists whether or not the tests of the week pass
     t.first_lesson = t.lab.practise('station-2', 'tina', 'knee-recess', ['--seconds', '6', '--hand-speed-m-s', '0.03']);
   });
   after(async () => {

@@ -8,11 +8,11 @@ import { fileURLToPath } from 'node:url';
 const kHere = fileURLToPath(new URL('.', import.meta.url));
 export const kBin = process.env.NEEDLELAB_BIN ?? join(kHere, '../../../build/release/bin');
 export const kWebRoot = process.env.NEEDLELAB_WEB_ROOT ?? join(kHere, '../../../client/web');
-/** What a step may take on a machine that is slow; nobody waits so long when all is well. */
+/** How long a step may take on a slow machine. */
 export const kLong_ms = Number(process.env.NEEDLELAB_WAIT_MS ?? 60_000);
 
 export const kPassword = 'correct horse battery';
-/** One of each role; all with kPassword. */
+/** One person of each role, all with kPassword. */
 export const kPeople = {
   ada: 'administrator',
   mara: 'curriculum-manager',
@@ -22,7 +22,7 @@ export const kPeople = {
   tina: 'trainee',
 };
 
-/** Asks again until it holds. @template T @param {() => T | Promise<T>} ask @returns {Promise<T>} */
+/** Repeats `ask` until it gives a true value. @template T @param {() => T | Promise<T>} ask @returns {Promise<T>} */
 export async function until(what, ask, limit_ms = kLong_ms) {
   const end = Date.now() + limit_ms;
   for (;;) {
@@ -92,7 +92,7 @@ export class Lab {
     return program.said;
   }
 
-  /** People of all roles, two stations, and the server with the samples it brings. */
+  /** Makes people of all roles and two stations, and starts the server with its sample profiles. */
   async begin() {
     for (const [name, role] of Object.entries(kPeople))
       await this.admin('user', 'add', name, '--role', role, '--password-file', this.password_file);
@@ -101,7 +101,7 @@ export class Lab {
     await this.startServer();
   }
 
-  /** After a kill it comes back to the same ports. */
+  /** Starts the server; after a kill on the same ports. */
   async startServer() {
     const files = { stations: this.path('port'), web: this.path('web-port') };
     for (const file of Object.values(files)) rmSync(file, { force: true });
@@ -164,7 +164,7 @@ export class Lab {
     );
   }
 
-  /** All processes end, by their ids; the folder goes. */
+  /** Ends all processes by their ids and removes the folder. */
   async end(keep = false) {
     for (const program of this.programs) if (!program.over) program.child.kill('SIGKILL');
     await Promise.all(this.programs.map((program) => program.ended));

@@ -1,4 +1,4 @@
-// Each role on each page: what it sees, what it may press, what is refused, by the page and by the server.
+// Each role on each page: what it sees, what it can press, and what page and server refuse.
 import assert from 'node:assert/strict';
 import { done, settled, single } from './browser.mjs';
 import { api } from './week.mjs';

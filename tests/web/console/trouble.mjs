@@ -1,4 +1,4 @@
-// What goes wrong in a lab: two managers at once, a server that dies, a log-in that ends. Nothing that was typed is lost.
+// Trouble in a lab: two managers edit at once, the server dies, a log-in ends. Nothing that was typed is lost.
 import assert from 'node:assert/strict';
 import { accessible, done, open, single } from './browser.mjs';
 import { kPassword } from './lab.mjs';
@@ -45,7 +45,7 @@ export function trouble(t) {
     const dialog = second.getByRole('dialog', { name: 'Somebody else was faster' });
     await dialog.getByText('mara saved revision 2').waitFor();
     await accessible(second, 'the conflict');
-    // looked at, put off, and taken up again: still all there
+    // open, put off and open again: everything is still there
     await dialog.getByRole('button', { name: 'Back, decide later' }).click();
     assert.equal(
       await second
@@ -161,7 +161,7 @@ export function trouble(t) {
     await accessible(page, 'a page without a server');
     await t.lab.startServer();
 
-    // log-ins do not outlive the server: asked for again, on the live page too
+    // log-ins do not survive the server: the console asks for a new one, also on the live page
     await page.getByText('The server is away.').waitFor({ state: 'detached' });
     assert.equal(
       await page
@@ -214,7 +214,7 @@ export function trouble(t) {
     const page = await t.browser.window();
     page.expected.add(429);
     await page.goto(t.lab.base);
-    // nobody whom a later test needs: names that do not exist are locked as well
+    // a name that no later test needs: names that do not exist are locked as well
     await page.getByLabel('Name').fill('nils');
     await page.getByLabel('Password').fill('x');
     for (let n = 0; n < 12 && !(await page.getByText(/locked for/).isVisible()); n++) {

@@ -1,4 +1,4 @@
-// What keeps the lab's memory: consent and studies, retention, backup, scores anew, the audit, a person's own data.
+// Keeping the lab's data: consent and studies, retention, backup, scoring again, the audit, a person's own data.
 import assert from 'node:assert/strict';
 import { existsSync } from 'node:fs';
 import { accessible, done, downloaded, open, settled, single } from './browser.mjs';
@@ -172,7 +172,7 @@ export function upkeep(t) {
     await page.getByText('all is well').waitFor();
     await page.getByRole('button', { name: 'How many are there?' }).click();
     await page.getByText(/0 scored by definitions \d/).waitFor();
-    // a second time to the same file: refused, and said
+    // a second backup to the same file is refused, and the page says so
     page.expected.add(400).add(409).add(500);
     await page.getByRole('button', { name: 'Back up now' }).click();
     await page.getByText('There is no new backup').waitFor();

@@ -1,4 +1,4 @@
-// The week of somebody who manages a course, from the class list to the exported scores, by hand in a browser.
+// A week of a course's manager in the browser, from the class list to the exported scores.
 import assert from 'node:assert/strict';
 import { accessible, done, downloaded, open, settled, story } from './browser.mjs';
 import { until } from './lab.mjs';
@@ -13,7 +13,7 @@ const kRows = [
 ];
 const kGood = ['--hand-speed-m-s', '0.03', '--hand-hold-s', '1.5', '--hand-seed', '7'];
 
-/** Server's JSON, asked with the page's own cookie. */
+/** JSON of the server, fetched with the page's own cookie. */
 export const api = (page, path) => page.evaluate(async (at) => (await fetch(`/api/v1/${at}`)).json(), path);
 
 /** @param {{lab: import('./lab.mjs').Lab, browser: import('./browser.mjs').Browser}} t filled before the first test runs */
@@ -54,7 +54,7 @@ export function week(t) {
     await page.getByRole('link', { name: 'Make a copy of Knee, adult, median' }).click();
     await page.getByLabel('Id', { exact: true }).fill('knee-autumn');
     await page.getByLabel('Name', { exact: true }).first().fill('Knee, autumn course');
-    // as far as the needle of 50 mm reaches
+    // the needle of 50 mm reaches so far
     await page
       .getByText(/^Force against the needle over 50\smm of depth: greatest/)
       .last()
@@ -102,7 +102,7 @@ export function week(t) {
   it('refuses what cannot be while it is typed, and shows where', async () => {
     await page.getByRole('heading', { level: 1, name: 'Knee, autumn course' }).waitFor();
     const field = page.getByLabel(/^Cutting force/).nth(2);
-    // no force can be drawn of what is not valid
+    // an invalid profile has no force to draw
     page.expected.add(400);
     await field.fill('abc');
     await page.getByText('“abc” is no number; such as 3.5').waitFor();
@@ -148,7 +148,7 @@ export function week(t) {
       await page.getByLabel('Exercise id').fill(name === 'Knee' ? 'autumn-knee' : 'autumn-ball');
       await page.getByLabel('Patient', { exact: true }).selectOption(patient);
     }
-    // the knee: at most 4 N, 3 attempts, and it comes first after all
+    // the knee: at most 4 N, 3 attempts, and it comes first
     await page.getByRole('button', { name: 'Add a requirement' }).click();
     await page.getByLabel('Measure').nth(1).selectOption('peak_force_n');
     await page
@@ -185,7 +185,7 @@ export function week(t) {
   it('watches the live page while trainees practise', async () => {
     await open(page, t.lab, '#/live', 'Live lab');
     await page.getByRole('status', { name: 'Connection' }).getByText('live').waitFor();
-    // a station's spool is one program's: the lesson before has to be over, on a fast machine, too
+    // only one program can use a station's spool: wait for the end of the lesson before, on a fast machine, too
     await t.first_lesson.ended;
     stations = [
       t.lab.practise('station-1', 'anna.bauer', 'autumn-knee', [...kGood, '--seconds', '300', '--hand-repeat', '0']),
@@ -201,7 +201,7 @@ export function week(t) {
     await tile.getByText('practising').waitFor();
     await tile.getByText('anna.bauer').waitFor();
     await page.getByText('2 of 2 stations are in use.').waitFor();
-    // the hand goes in and out: depth moves, and the tissue at the tip is named; to the end once, so that the target was reached
+    // the hand goes in and out: the depth changes, and the tissue at the tip is named; once to the end, so that the target is reached
     const depths = new Set();
     let deepest = false;
     await until('one way in and out', async () => {
@@ -225,12 +225,12 @@ export function week(t) {
     const row = (name) => matrix.getByRole('row', { name: new RegExp(`^${name}`) });
     await row('Anna Bauer').locator('.mark-good').getByText('passed').waitFor();
     await row('Ben Osei').getByText('not passed').waitFor();
-    // who has not passed the knee may not begin the ball
+    // a trainee who has not passed the knee may not begin the ball
     await row('Ben Osei').getByText('locked').waitFor();
     await row('Li, Chen').getByText('not begun').waitFor();
     assert.match(await row('Ben Osei').innerText(), /2 left/);
     await accessible(page, 'the results');
-    // while this is read, a second expert practises
+    // meanwhile a second expert practises
     expert = t.lab.practise('station-2', 'chen.li', 'autumn-knee', [
       ...kGood.slice(0, 4),
       '--hand-seed',
@@ -264,14 +264,14 @@ export function week(t) {
     );
     for (const title of ['Force over time', 'Depth over time', 'Speed over time'])
       assert.ok((await page.getByRole('group', { name: title }).locator('canvas').boundingBox()).height > 100);
-    // what the plot says in words is what the server has
+    // the text of the plot agrees with the server's data
     const id = page.url().split('/').at(-1);
     const samples = await api(page, `sessions/${id}/samples?points=2000`);
     const peak_N = Math.max(...samples.columns.force_n);
     const words = await page.getByText(/^Force: from .* N between/).innerText();
     assert.ok(Math.abs(Number(/to ([\d.]+) N/.exec(words)[1]) - peak_N) < 0.01, `${words} but ${peak_N} N`);
 
-    // closer: finer samples of that stretch are asked for
+    // zooming in loads finer samples
     const plot = page.getByRole('group', { name: 'Force over time' }).locator('.u-over');
     await plot.scrollIntoViewIfNeeded();
     const box = await plot.boundingBox();
@@ -286,7 +286,7 @@ export function week(t) {
     const moment = page.getByRole('slider', { name: 'Moment' });
     await moment.fill('1');
     const before = await page.locator('.tip-now').first().getAttribute('cy');
-    // slow, so that it does not come to its end while a busy machine looks away
+    // slow, so that it does not end before a busy machine looks at it
     await page.getByLabel('Speed', { exact: true }).selectOption('0.25');
     await page.getByRole('button', { name: 'Play' }).click();
     await until('the replay to move on', async () => Number(await moment.inputValue()) > 1.1);
@@ -306,7 +306,7 @@ export function week(t) {
     await ines.getByLabel(/^Remark at/).fill('Stopped too early: the capsule was still ahead.');
     await ines.getByRole('button', { name: /^Add at/ }).click();
     await ines.getByText('Stopped too early').waitFor();
-    // where it was written it stands, also for others
+    // others see the remark at the same place
     await page.reload();
     await page
       .getByRole('region', { name: 'Annotations' })
@@ -338,7 +338,7 @@ export function week(t) {
     );
     await accessible(page, 'the reference');
     await page.goBack();
-    // they went to the target, Ben stopped at 12 mm: millimetres lie between their ways
+    // they went to the target and Ben stopped at 12 mm: their paths differ by millimetres
     const sentence = await page.getByText(/on average from the nearest expert/).innerText();
     const distance_mm = Number(/([\d.]+)\smm on average/.exec(sentence)?.[1]);
     assert.ok(distance_mm > 1 && distance_mm < 30, sentence);

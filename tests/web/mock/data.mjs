@@ -109,7 +109,7 @@ export function bandOf(sessions) {
     const n = values.length,
       mean = values.reduce((a, b) => a + b, 0) / n;
     const at = (q) => values[Math.round(q * (n - 1))];
-    // as the engine: what too few sessions cannot say is not there
+    // like the engine: leave out what too few sessions cannot tell
     return {
       measure,
       unit,

@@ -1,4 +1,4 @@
-// What the engine and common/profile say of a profile, roughly: enough to develop and test the editor with.
+// A rough imitation of the engine's and common/profile's checks of a profile: enough to develop and test the editor.
 
 /** @returns {{path: string, message: string, severity: string}[]} */
 export function problemsOf(profile) {
@@ -35,7 +35,7 @@ export function problemsOf(profile) {
   return problems;
 }
 
-/** φ of DESIGN §4; null where the force does not rise. */
+/** Fidelity φ (db/samples/README.md); null if the force does not rise. */
 export function fidelity(profile, i) {
   const force = profile.layers[i].cutting_force_n ?? 0,
     before = i ? (profile.layers[i - 1].cutting_force_n ?? 0) : 0;

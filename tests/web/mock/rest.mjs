@@ -36,7 +36,7 @@ function paged(items, query, size = 50) {
   };
 }
 
-/** A new revision of a document, unless somebody else's came first. */
+/** Stores a new revision of a document, unless another one came first. */
 function putRevision(map, id, base, json, who) {
   const revisions = map.get(id) ?? [];
   if (base === undefined)
@@ -132,7 +132,7 @@ const infoOf = (lab, s) => ({
   passed: passedOf(scored(lab, s)),
   figures: [],
 });
-/** As in lists: the main figures in place of the score. */
+/** A session as lists have it: the main figures in place of the score. */
 const rowOf = (lab, s) => ({
   ...infoOf(lab, s),
   score: null,

@@ -29,7 +29,7 @@ const kTips = [
 
 function Aids({ f, at }) {
   const aids = f.at(`${at}.aids`);
-  // no list at all means: all but the slice, which takes time to draw
+  // no list means all aids but the slice, which takes time to draw
   const allowed = aids ? (aids.allowed ?? []) : kUsualAids;
   const toggle = (aid) => (on) => {
     const next = kAids.map(([name]) => name).filter((name) => (name === aid ? on : allowed.includes(name)));
@@ -73,7 +73,7 @@ function Needle({ f, at }) {
 function Prerequisites({ f, at, index }) {
   const before = f.doc.exercises.slice(0, index),
     chosen = f.at(`${at}.prerequisites`) ?? [];
-  // one that stands further down, or is not there, can be taken off
+  // a prerequisite that comes later in the course, or does not exist, can be removed
   const odd = chosen.filter((id) => !before.some((e) => e.id === id));
   const toggle = (id) => (on) => {
     const next = on ? [...chosen, id] : chosen.filter((c) => c !== id);
@@ -161,7 +161,7 @@ export function Requirements({ f, at, measures }) {
   const path = `${at}.requirements`;
   const rules = f.at(path) ?? [];
   const put = f.set(path);
-  // measures of single layers are in no list: they stay as they are
+  // measures of single layers are not in the list: keep them as they are
   const options = (name) => [
     ['', 'Choose …'],
     ...measures.map((m) => [m.name, m.words ? `${m.words} (${m.name})` : m.name]),

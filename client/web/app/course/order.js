@@ -1,4 +1,4 @@
-// The row of exercises: chosen by click, ordered by buttons, Alt and arrows, or drag.
+// The row of exercises: click to choose one; buttons, Alt and arrows, or dragging change the order.
 import { numbered } from '../lib/course_rules.js';
 import { moved } from '../lib/paths.js';
 import { announce } from '../ui/widgets.js';

@@ -1,10 +1,10 @@
-// What must hold in a course beyond the ranges of single numbers; said while one types.
+// Rules of a course beyond the ranges of single numbers, checked while one types.
 
 /** @typedef {{path: string, message: string, severity: 'ERROR'}} Fault */
 
 const kId = /^[A-Za-z0-9._-]{1,64}$/;
 
-/** Whether `from` cannot be begun before `to` has been passed, over however many others. */
+/** Whether `from` requires that `to` has been passed, directly or through other exercises. */
 function leadsTo(exercises, from, to) {
   const seen = new Set(),
     open = [from];
@@ -70,10 +70,10 @@ export function courseFaults(course, { profiles, measures } = {}) {
   return faults;
 }
 
-/** "2. Knee"; a name that brings a number of its own stays as it is. */
+/** "2. Knee"; a name that already has a number stays as it is. */
 export const numbered = (index, name) => (/^\d/.test(name) ? name : `${index + 1}. ${name}`);
 
-/** An id for one more exercise that no other has: "exercise-3". */
+/** An unused id for a new exercise: "exercise-3". */
 export function freshId(exercises, stem = 'exercise') {
   const taken = new Set(exercises.map((e) => e.id));
   let n = exercises.length + 1;
@@ -81,7 +81,7 @@ export function freshId(exercises, stem = 'exercise') {
   return `${stem}-${n}`;
 }
 
-/** The course without an exercise; nobody requires it any more. */
+/** The course without an exercise, which is also removed from the prerequisites of the others. */
 export function withoutExercise(course, index) {
   const { id } = course.exercises[index];
   const exercises = course.exercises

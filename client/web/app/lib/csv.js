@@ -1,9 +1,9 @@
-// Comma-separated values by RFC 4180; a semicolon or a tab instead of the comma is found out from the first line.
+// Comma-separated values by RFC 4180; a semicolon or a tab in place of the comma is recognised by the first line.
 
 /** @typedef {{line: number, cells: string[]}} CsvRow `line` is that of the file at which the row begins, from 1 */
 
 /**
- * The character that parts the columns: of `,`, `;` and tab the one that is most frequent in the first line, outside quotes.
+ * The separator of the columns: the most frequent of `,`, `;` and tab in the first line, outside quotes.
  * @param {string} text
  */
 export function separatorOf(text) {
@@ -71,7 +71,7 @@ export function writeCsv(rows) {
 }
 
 /**
- * A class list as its writer sees it: which of the wanted columns are there, by name in any order and case.
+ * A class list: which of the wanted columns it has, by name in any order and case.
  * @param {string} text
  * @param {string[]} wanted
  * @returns {{columns: string[], unknown: string[], missing: string[], rows: {line: number, values: Record<string, string>}[]}}

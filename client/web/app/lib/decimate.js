@@ -23,7 +23,7 @@ export function minMax(x, y, buckets) {
       if (least < 0 || y[i] < y[least]) least = i;
       if (most < 0 || y[i] > y[most]) most = i;
     }
-    // a stretch without values stays visible as a gap
+    // keep a stretch without values visible as a gap
     if (least < 0) keep.add(begin);
     else keep.add(least).add(most);
   }

@@ -1,4 +1,4 @@
-// What changed between two JSON documents, and what becomes of two people's changes to one.
+// Differences of two JSON documents, and the merge of two people's changes to one.
 import { joinedOrder, namingOf, samePlaces } from './list_merge.js';
 import { withValue, writePath } from './paths.js';
 
@@ -34,9 +34,9 @@ export function changes(before, after, at = []) {
 }
 
 /**
- * Two people's changes to one document put together: what only one of them changed is taken over, what both changed to
- * different values is a clash and keeps mine for now. Items of lists are followed by their names when they move (list_merge.js); a list whose items
- * have none, or that two people rearranged differently, is one value.
+ * Merges two people's changes to one document. A change by only one of them is taken over; two different changes of one value are a clash, which keeps
+ * mine for now. Items of lists that move are followed by their names (list_merge.js); a list whose items have no names, or that two people
+ * rearranged differently, is one value.
  * @param {any} base what both began with
  * @param {any} mine
  * @param {any} theirs

@@ -1,10 +1,10 @@
-// Two people's changes to one list: what its items are called, and in which order they stand afterwards.
+// Two people's changes to one list: how its items are identified, and their order afterwards.
 
 const kNameFields = ['id', 'measure', 'tissue', 'name'];
 
 /**
- * How the items of these lists are told apart wherever they stand: texts by themselves, objects by the first field that names each item of each
- * list once. Null: only by their place.
+ * How the items of these lists are identified when they move: texts by themselves, objects by the first field whose value is unique in each
+ * list. Null: only by their place.
  * @param {any[][]} lists
  * @returns {((item: any) => string)|null}
  */
@@ -17,7 +17,7 @@ export function namingOf(lists) {
   return ways.find(unique) ?? null;
 }
 
-/** Whether nothing moved, came or went: the same kind of item at each place. Numbers of a list (a place in space) belong together. */
+/** Whether no item moved, came or went: each place has the same kind of item. A list of numbers (a point in space) is one value. */
 export function samePlaces(lists) {
   const [first] = lists;
   const kind = (item) =>
@@ -32,8 +32,8 @@ export function samePlaces(lists) {
 }
 
 /**
- * The names of the joined list in its order: moves of one side, what came and what went of both. Null where the two contradict each other: both
- * moved items differently, or one changed what the other took away.
+ * The names of the merged list in its order: the moves of one side, and the items that either side added or removed. Null if the two contradict each other: both
+ * moved items differently, or one changed an item that the other removed.
  * @param {any[]} base
  * @param {any[]} mine
  * @param {any[]} theirs
@@ -55,7 +55,7 @@ export function joinedOrder(base, mine, theirs, name, same) {
   if (mine_moved && theirs_moved && !same(kept(m), kept(t))) return null;
   const [lead, other] = mine_moved ? [m, t] : [t, m];
   const order = [...lead.keys()].filter((key) => !b.has(key) || other.has(key));
-  // what only the other added stands behind what it stood behind there
+  // an item that only the other side added goes behind the item that it followed there
   const others = [...other.keys()];
   others.forEach((key, i) => {
     if (b.has(key) || lead.has(key)) return;

@@ -25,7 +25,7 @@ export function valueAt(document, path) {
 }
 
 /**
- * A copy with one value changed; the parts that do not change are shared. Undefined takes a field out (an item of a list: removes it).
+ * A copy with one value changed; unchanged parts are shared. Undefined removes the field or the item of a list.
  * @template T
  * @param {T} document
  * @param {string} path

@@ -1,13 +1,13 @@
-// The columns of a recording as plots and replays need them, and where a replay stands. Pure.
+// The columns of a recording as plots and replays need them, and the position of a replay. Pure.
 import { indexAt } from './decimate.js';
 import { axisOf, depthOf, frameOf, inFrame } from './scene.js';
 
-/** A reply of /samples: columns by name, whether they stand under `columns` or by themselves. */
+/** The columns of a reply of /samples by name, whether they are under `columns` or at the top. */
 export function columnsOf(reply) {
   return reply?.columns ?? reply ?? {};
 }
 
-/** |force| of each sample, in N; the server's own where it gives one: decimated components are not of one moment. */
+/** |force| of each sample, in N. The server's own if it sends one: decimated components are not of one moment. */
 export function forceOf({ force_n, fx_n = [], fy_n = [], fz_n = [] }) {
   return force_n ?? fx_n.map((x, i) => Math.hypot(x, fy_n[i], fz_n[i]));
 }
@@ -103,7 +103,7 @@ const within = (p, at_s) => Math.max(p.from_s, Math.min(p.to_s, at_s));
 /** @param {Playback} p */
 export const seek = (p, at_s) => ({ ...p, at_s: within(p, at_s) });
 
-/** Play at the end begins again. */
+/** Playing at the end begins again. */
 export const toggle = (p) => ({ ...p, playing: !p.playing, at_s: !p.playing && p.at_s >= p.to_s ? p.from_s : p.at_s });
 
 /** `elapsed_s` of the wall clock later; stops at the end. */

@@ -20,7 +20,7 @@ function nearestOnSegment(p, a, b) {
 }
 
 /**
- * Signed depth under the skin (DESIGN §3.1): negative outside.
+ * Signed depth under the skin (common/haptics/FORCE_MODEL.md, "Contact"): negative outside.
  * @param {any} limb of a profile
  * @returns {(p: Vec) => number} NaN for a limb that is none
  */
@@ -45,7 +45,7 @@ export function depthOf(limb) {
 }
 
 /**
- * Where the needle is meant to go in: the point of the skin next to the profile's origin; `n` points out, `e1` and `e2` along the skin.
+ * The place of insertion: the point of the skin nearest to the profile's origin; `n` points out, `e1` and `e2` along the skin.
  * @param {any} limb
  * @param {Vec} [near] another point than the origin, e.g. where a recording went in
  * @param {Vec} [lean] the direction in the skin that e1 follows, e.g. the needle's; x where it has none
@@ -121,7 +121,7 @@ export function levelLine(depth, { o, n, e1 }, level, { from_u, to_u, from_d, to
   return line;
 }
 
-/** Depths at which the layers of a profile begin and end; thicknesses that are no numbers count as 0. */
+/** Depths at which the layers of a profile begin and end; a thickness that is not a number counts as 0. */
 export function layerBounds(profile) {
   let from_m = 0;
   return (profile.layers ?? []).map((layer) => {
@@ -138,7 +138,7 @@ export function axisOf(qx, qy, qz, qw) {
 }
 
 /**
- * Heights of labels so that none is nearer to the next than `gap`, each as near to its wish as may be.
+ * Heights of labels, each as near to its wish as possible and at least `gap` from the next.
  * @param {number[]} wishes ascending
  */
 export function spread(wishes, gap, from, to) {

@@ -1,4 +1,4 @@
-// A value that parts of the page follow.
+// A value that parts of the page observe.
 
 /**
  * @template T

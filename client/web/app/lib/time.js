@@ -36,7 +36,7 @@ export function fromInput(text) {
 }
 
 /**
- * Doubles from `first_ms` to `most_ms`; up to a quarter is taken off at random, so that a whole lab does not knock at once.
+ * Doubles from `first_ms` to `most_ms`; up to a quarter is subtracted at random, so that the browsers of a lab do not try at the same moment.
  * @param {number} attempt from 0
  * @param {{first_ms?: number, most_ms?: number, random?: () => number}} [options]
  */

@@ -1,4 +1,4 @@
-// What tissues look like everywhere in the console. Names stand beside the colours always.
+// The colours of tissues in the whole console. Their names are always shown beside the colours.
 
 export const kTissues = ['SKIN', 'FAT', 'MUSCLE', 'BURSA', 'CAPSULE', 'TENDON', 'CARTILAGE', 'BONE', 'OTHER'];
 

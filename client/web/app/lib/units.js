@@ -9,7 +9,7 @@ const kPrefixes = [
   [1e-6, 'µ'],
   [1e-9, 'n'],
 ];
-// units that take no prefix here, or one of their own
+// units without a prefix, or with one of their own
 const kFixed = {
   'm^2': [1e4, 'cm²'],
   'm/s': [1e3, 'mm/s'],
@@ -40,7 +40,7 @@ export function quantity(value, unit, { digits = 3, locale } = {}) {
   const fixed = kFixed[unit];
   if (fixed)
     return `${number(value * fixed[0], digits, locale)}${fixed[1] && fixed[1] !== '°' ? '\u00a0' : ''}${fixed[1]}`;
-  // forces stay in newton down to a hundredth: nobody reads 350 mN
+  // forces stay in newton down to 0.01: nobody says 350 mN
   const least = unit === 'N' ? 0.01 : 0;
   const size = Math.abs(value);
   const [factor, prefix] =
@@ -76,14 +76,14 @@ export function fieldUnit(name) {
   return found ? { factor: found[1], unit: found[2], si: found[3] ?? found[2] } : { factor: 1, unit: '', si: '' };
 }
 
-/** As `fieldUnit`, by the unit's name: of measures. */
+/** Like `fieldUnit`, by the unit's name, for measures. */
 export function measureUnit(unit) {
   const fixed = { m: [1e-3, 'mm'], 'm/s': [1e-3, 'mm/s'], 'm^2': [1e-4, 'cm²'] }[unit] ?? [1, unit];
   return { factor: fixed[0], unit: fixed[1] };
 }
 
 /**
- * What stands in a field for an SI value; rounded to 12 digits so that 0.003 m is 3 mm and not 3.0000000000000004.
+ * The text of a field for an SI value, rounded to 12 digits so that 0.003 m is 3 mm and not 3.0000000000000004.
  * @param {number|null|undefined} value
  * @param {number} factor
  */
@@ -92,7 +92,7 @@ export function shown(value, factor) {
 }
 
 /**
- * The SI value of what was typed; a decimal comma is taken, too.
+ * The SI value of what was typed; a decimal comma is accepted, too.
  * @param {string} text
  * @param {number} factor
  * @returns {number|undefined|null} undefined: empty; null: no number
@@ -122,7 +122,7 @@ export function words(name) {
 }
 
 /**
- * What a row is called: its sentence says "Peak force 2.52 N: within the 5 N allowed", a plot and a table want "Peak force".
+ * The title of a row of a score: its sentence is "Peak force 2.52 N: within the 5 N allowed", and plots and tables need "Peak force".
  * @param {{measure: string, words?: string}} row
  */
 export function measureTitle(row) {

@@ -1,4 +1,4 @@
-// Requests to /api/v1. Every page asks through here: cookies, the CSRF header, expired log-ins, errors in words.
+// Requests to /api/v1: cookies, the CSRF header, expired log-ins, errors as an ApiError with a `kind`. All pages use these functions.
 import { serverIsAway, serverIsThere } from './connection.js';
 
 const kBase = '/api/v1';
@@ -6,10 +6,10 @@ const kGetTries = 3;
 const kLongestWait_s = 10;
 
 let csrf_token = '';
-/** Asks for a new log-in and resolves when there is one. Set by session.js. @type {() => Promise<void>} */
+/** Asks the person to log in and resolves when that is done. Set by session.js. @type {() => Promise<void>} */
 let renew = () => Promise.reject(new ApiError('expired', 'Log in first.'));
 
-/** Takes over the token of the log-in that another page of this browser made; fails where that is somebody else's. Set by session.js. */
+/** Takes over the token of a log-in that another page of this browser made; fails if it is another person's. Set by session.js. */
 let takeOver = () => Promise.reject(new ApiError('expired', 'Log in first.'));
 
 export function setCsrfToken(token) {
@@ -22,11 +22,11 @@ export function setRenewal(ask, take_over) {
 
 /**
  * @typedef {object} Ask
- * @property {Record<string, any>} [query] what is undefined or '' is left out
+ * @property {Record<string, any>} [query] values that are undefined or '' are left out
  * @property {any} [body] sent as JSON
  * @property {number} [base_revision] sent as If-Match: the revision that a change was made from; 0 for something new
  * @property {AbortSignal} [signal]
- * @property {boolean} [may_expire] false: a 401 is the answer, not a reason to ask for a log-in
+ * @property {boolean} [may_expire] false: a 401 is an error and does not lead to a log-in
  */
 
 /**
@@ -94,7 +94,7 @@ async function once(method, parts, ask) {
   return body;
 }
 
-/** The address of something that a link downloads, too. */
+/** The address of a request; links use it for downloads. */
 export function address(parts, query = {}) {
   const given = Object.entries(query).filter(([, value]) => value !== undefined && value !== null && value !== '');
   const search = new URLSearchParams(given.map(([key, value]) => [key, String(value)])).toString();
@@ -121,7 +121,7 @@ export const remove = (parts, ask) => request('DELETE', parts, ask);
  * All pages of a list, one after another.
  * @param {string[]} parts
  * @param {Ask} [ask]
- * @param {number} [most] items: more are not asked for
+ * @param {number} [most] how many items are loaded at most
  * @returns {Promise<any[]>}
  */
 export async function getAll(parts, ask = {}, most = 5000) {

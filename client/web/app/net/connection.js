@@ -1,4 +1,4 @@
-// Whether the server can be reached. Away: asks again with back-off until it answers; pages wait for that and load again.
+// Whether the server can be reached. If not, tries again with back-off until it answers; pages wait for that and load again.
 import { backoff } from '../lib/time.js';
 import { store } from '../lib/store.js';
 
@@ -7,7 +7,7 @@ export const connection = store({ away: false, next_try_ms: 0, attempt: 0 });
 
 let timer = 0;
 
-/** Any answer at all says that the server is there. */
+/** Any answer at all means that the server is reachable. */
 export function serverIsThere() {
   clearTimeout(timer);
   timer = 0;
@@ -18,7 +18,7 @@ export function serverIsAway() {
   if (timer === 0) plan(0);
 }
 
-/** Asks at once instead of waiting. */
+/** Tries at once instead of waiting. */
 export function tryNow() {
   clearTimeout(timer);
   probe(connection.get().attempt);
@@ -33,7 +33,7 @@ function plan(attempt) {
 async function probe(attempt) {
   try {
     const reply = await fetch('/api/v1/session', { cache: 'no-store' });
-    // a proxy that answers for a dead server says 502-504
+    // a proxy in front of a dead server answers 502-504
     if (reply.status >= 502) throw new Error(`status ${reply.status}`);
     serverIsThere();
   } catch {

@@ -1,11 +1,11 @@
-// The lab as it is now: a WebSocket that comes back by itself.
+// The state of the lab now, over a WebSocket that reconnects by itself.
 import { backoff } from '../lib/time.js';
 import { stay, stillIn } from './session.js';
 
 const kPath = '/api/v1/live';
-// the server speaks five times a second: so long a silence means that the line is dead
+// the server sends five messages a second: a silence of this length means that the line is dead
 const kSilence_ms = 5000;
-// a picture that comes by itself does not keep the log-in: the page that is looked at says so now and then
+// tiles that the server pushes do not prolong the log-in: a visible page sends a message now and then
 const kLook_ms = 4 * 60 * 1000;
 
 /**
@@ -47,7 +47,7 @@ export function followLab(on_tiles, on_state) {
   function listen() {
     clearTimeout(silence_timer);
     silence_timer = setTimeout(() => {
-      // a half-open line never says that it is closed
+      // a half-open line never reports that it is closed
       const dead = socket;
       dead.onclose = null;
       dead.close();
@@ -59,7 +59,7 @@ export function followLab(on_tiles, on_state) {
     if (stopped) return;
     const wait = backoff(attempt++);
     on_state({ state: 'waiting', next_try_ms: Date.now() + wait });
-    // a closed line does not say why: an expired log-in is asked for again, then there is no need to wait
+    // a closed line gives no reason: if the log-in has expired, ask for a new one and do not wait
     const ask = (asks ??= stillIn()
       .then(
         () => true,

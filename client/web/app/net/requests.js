@@ -1,4 +1,4 @@
-// What pages ask of the server, by name, in the forms that they use: lists are there even when the reply leaves them out.
+// A function for each request that pages make. Lists are arrays even when the reply leaves them out.
 import { get, getAll, patch, post, put, remove } from './api.js';
 import { roleName } from '../lib/roles.js';
 
@@ -16,9 +16,9 @@ export const people = {
   setPassword: (name, password) => post(['people', name, 'password'], { password }),
   importCsv: (csv, dry_run) => post(['people', 'import'], { csv, dry_run }),
   erase: (name, reason) => remove(['people', name, 'data'], { body: { confirm: name, reason } }),
-  /** All that is stored of one person, to its end. */
+  /** All stored data of one person, all pages. */
   everything: (name) => getAll(['people', name, 'export'], {}, Infinity),
-  /** How each measure of an exercise went over the attempts; null where nothing can be said. */
+  /** The course of each measure of an exercise over the attempts; null where there are too few. */
   trends: async (name, exercise, signal) =>
     (await get(['people', name, 'progress'], { signal, query: { exercise } })).measures,
   progress: (name, exercise, signal) => getAll(['people', name, 'progress'], { signal, query: { exercise } }),
@@ -54,7 +54,7 @@ async function check(path, json, signal) {
 export const checkProfile = (json, signal) => check(['profiles', 'check'], json, signal);
 export const checkCourse = (json, signal) => check(['courses', 'check'], json, signal);
 
-/** Force over depth as the engine renders it; what it is called does not matter to it. */
+/** Force over depth as the engine renders it; the profile's name does not matter. */
 export const previewProfile = (json, signal) =>
   post(['profiles', 'preview'], { ...json, id: json.id || 'new', name: json.name || 'new' }, { signal });
 
@@ -107,12 +107,12 @@ export const references = {
 export const retention = {
   all: (signal) => get(['retention'], { signal }),
   put: (policy) => put(['retention'], { policy }),
-  /** The exercise's own policy is taken away: that of all others holds. */
+  /** Removes the exercise's own policy: the policy of all others applies. */
   drop: (exercise_id) => put(['retention'], { policy: { exercise_id }, as_default: true }),
   run: (dry_run) => post(['retention', 'run'], { dry_run }),
 };
 
-/** Records of a study, page by page: `said` is told how many there are so far. */
+/** Records of a study, page by page; `said` is called with the number so far. */
 export async function studyRecords(study, { exercise, remarks }, said) {
   const records = [];
   for (let page = ''; ;) {

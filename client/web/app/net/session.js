@@ -1,4 +1,4 @@
-// Who is logged in. An expired log-in is asked for again above the page that stands there: nothing typed is lost.
+// Who is logged in. When a log-in expires, a dialog above the page asks for a new one, and nothing typed is lost.
 import { roleName } from '../lib/roles.js';
 import { store } from '../lib/store.js';
 import { ApiError, get, post, remove, setCsrfToken, setRenewal } from './api.js';
@@ -35,7 +35,7 @@ setRenewal(() => {
   return waiting.promise;
 }, takeOver);
 
-/** Another page of this browser has logged in anew: the cookie is that one's, and so must be the CSRF token. */
+/** Another page of this browser has logged in: the cookie is that page's, and the CSRF token must be, too. */
 async function takeOver() {
   const before = session.get().person;
   const reply = await get(['session'], { may_expire: false });
@@ -46,20 +46,20 @@ async function takeOver() {
   accept(reply);
 }
 
-/** For a page that is looked at and asks for nothing by itself: any other request than for the session makes the log-in last longer. */
+/** For a visible page that sends no requests by itself: any request but that for the session prolongs the log-in. */
 export async function stay() {
   const { state, person } = session.get();
   if (state === 'in') await get(['people', person.name]).catch(() => {});
 }
 
-/** Whether the log-in still holds, and whose it is; asks for a new one where it does not. @throws {ApiError} 'away' */
+/** Whether the log-in is still valid, and whose it is; asks for a new one if not. @throws {ApiError} 'away' */
 export async function stillIn() {
   const reply = await get(['session']);
   if (reply.name === session.get().person?.name) accept(reply);
   else giveUp();
 }
 
-/** On start: is there a cookie that still holds? */
+/** On start: looks for a cookie that is still valid. */
 export async function resume() {
   session.set({ state: 'asking', person: null });
   try {
@@ -73,12 +73,12 @@ export async function resume() {
 export async function logIn(name, password) {
   const before = session.get().person;
   const reply = await post(['session'], { name, password }, { may_expire: false });
-  // somebody else's page is not shown to this person, nor their request sent
+  // another person logs in: do not show them this page, and do not send its requests
   if (before && before.name !== reply.name) giveUp();
   accept(reply);
 }
 
-/** The expired log-in is not renewed: requests that wait for it fail. */
+/** Gives up renewing the expired log-in: requests that wait for it fail. */
 export function giveUp() {
   waiting?.reject(new ApiError('expired', 'The log-in has expired.'));
   waiting = null;

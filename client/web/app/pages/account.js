@@ -1,4 +1,4 @@
-// One's own name, password and consent.
+// The logged-in person's own name, password and consent.
 import { words } from '../lib/units.js';
 import { moment } from '../lib/time.js';
 import { people } from '../net/requests.js';

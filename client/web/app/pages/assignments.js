@@ -1,4 +1,4 @@
-// Who is to do what until when.
+// Assignments: who has to do what by when.
 import { href } from '../lib/routes.js';
 import { fromInput, moment } from '../lib/time.js';
 import { assignments, documents, exercises, groups, people } from '../net/requests.js';
@@ -7,7 +7,7 @@ import { SelectField, TextField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 
-/** A choice such as "course:basics": what it is, and which. */
+/** A choice such as "course:basics": its kind and its id. */
 const chosen = (choice) => [choice.slice(0, choice.indexOf(':')), choice.slice(choice.indexOf(':') + 1)];
 const kKeys = { course: 'course_id', exercise: 'exercise_id', group: 'group_id', person: 'trainee' };
 

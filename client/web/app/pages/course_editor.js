@@ -1,4 +1,4 @@
-// A course: its exercises in order, and one of them open.
+// Edits a course: its exercises in order, and one of them open.
 import { courseFaults, freshId, withoutExercise } from '../lib/course_rules.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
@@ -31,7 +31,7 @@ export function CourseEditor({ params, person }) {
     [],
   );
   const { doc } = editing;
-  // measures of single layers (peak_force_layer_3_n) are in no list: the server looks at names
+  // measures of single layers (peak_force_layer_3_n) are not in the list: the server checks their names
   const faults = useMemo(
     () => (doc ? courseFaults(doc, { profiles: known.data?.profiles.map((p) => p.id) }) : []),
     [doc, known.data],
@@ -58,7 +58,7 @@ export function CourseEditor({ params, person }) {
   const refused = editing.saving.error?.field
     ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }]
     : [];
-  // the server knows more: names of measures, bounds of numbers; what is said here already is not said twice
+  // the server checks more: names of measures, bounds of numbers; a problem that is found here is not shown twice
   const problems = [...faults, ...[...said, ...refused].filter((p) => !faults.some((f) => f.path.startsWith(p.path)))];
   const f = formOf({ doc, change: editing.change, problems, onBad, readonly });
   const faulty = new Set(problems.map((p) => Number(/^exercises\[(\d+)\]/.exec(p.path)?.[1] ?? -1)));

@@ -1,4 +1,4 @@
-// The courses.
+// The list of courses.
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';

@@ -1,4 +1,4 @@
-// Data for other tools: one list of formats, so that the next one is one more line.
+// Data for other tools. A new format is one line in the list.
 import { may } from '../lib/roles.js';
 import { address } from '../net/api.js';
 import { documents, exercises, groups, studyRecords } from '../net/requests.js';
@@ -45,7 +45,7 @@ function Scores({ all }) {
   </fieldset>`;
 }
 
-/** Who consents, under pseudonyms: a record a line, as the command line writes it. */
+/** The people who consent, under pseudonyms: one record a line, as the command line writes it. */
 function Study({ all }) {
   const [ask, setAsk] = useState({ study: '', exercise: '', remarks: false });
   const [count, setCount] = useState(0);

@@ -1,4 +1,4 @@
-// What one may not see, and what is not there.
+// The pages 403 (not for this role) and 404 (no such page).
 import { words } from '../lib/units.js';
 import { html } from '../ui/html.js';
 import { Heading } from '../ui/widgets.js';

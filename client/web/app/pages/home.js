@@ -1,4 +1,4 @@
-// Where to begin, by role.
+// The home page: what each role can do.
 import { may } from '../lib/roles.js';
 import { html } from '../ui/html.js';
 import { Heading } from '../ui/widgets.js';

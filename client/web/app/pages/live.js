@@ -1,4 +1,4 @@
-// The lab as it is now. The line comes back by itself, and says how it stands.
+// The state of the lab now. The line reconnects by itself, and the page shows its state.
 import { href } from '../lib/routes.js';
 import { quantity, words } from '../lib/units.js';
 import { may } from '../lib/roles.js';
@@ -94,7 +94,7 @@ export function LivePage({ person }) {
     follower.current = followLab(
       (next) => {
         setTiles(next);
-        // said once when it changes, not five times a second
+        // announced once when it changes, not five times a second
         setTrouble(
           next
             .filter((t) => t.fault)

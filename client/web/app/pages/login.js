@@ -1,4 +1,4 @@
-// Log-in: as a page of its own, and (LoginForm) above a page whose log-in has expired.
+// Log-in, as a page and (LoginForm) as a dialog above a page whose log-in has expired.
 import { number } from '../lib/units.js';
 import { logIn } from '../net/session.js';
 import { html, useEffect, useRef, useState } from '../ui/html.js';

@@ -15,7 +15,7 @@ async function ownCourses(person, signal) {
     documents('courses').all(signal),
     exercises(signal),
   ]);
-  // a course counts when it is assigned, or one of its exercises is, or it was tried
+  // show a course if it or one of its exercises is assigned, or if it was tried
   const rows = await Promise.all(
     courses.map(async (course) => {
       const reply = await results(course.id, undefined, signal);

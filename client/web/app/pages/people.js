@@ -1,4 +1,4 @@
-// Who is there: a list with a filter, and a form for one more person.
+// The people: a list with a filter, and a form to add one.
 import { grantable, kRoles, may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { words } from '../lib/units.js';

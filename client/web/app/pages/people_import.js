@@ -1,4 +1,4 @@
-// A class from a CSV file: what will happen is shown before it does.
+// Imports a class from a CSV file; shows what will happen first.
 import { readTable } from '../lib/csv.js';
 import { people } from '../net/requests.js';
 import { announce, Heading, Mark, Problem, Table } from '../ui/widgets.js';
@@ -16,7 +16,7 @@ const kWhat = {
 const kSample = 'name,full_name,role,group\nanna.bauer,Anna Bauer,trainee,autumn-a\n';
 const kMost_bytes = 1 << 20;
 
-/** What the browser itself can tell about the columns, before the server is asked. */
+/** Faults of the columns that the browser itself can find, before it asks the server. */
 function complaint(csv) {
   if (!csv.trim()) return 'Choose a file, or paste the list.';
   try {

@@ -14,7 +14,7 @@ function Data({ shown, me, load }) {
   const [role, setRole] = useState(shown.role);
   const action = useAction();
   const roles = grantable(me.role);
-  // somebody above oneself is not changed
+  // nobody changes a person with a higher role
   const fixed = !roles.includes(shown.role);
   const change = async (changes, text) => {
     const person = await action.run(() => people.change(shown, changes));
@@ -127,7 +127,7 @@ export function PasswordForm({ name }) {
 
 export function ConsentForm({ shown, load }) {
   const action = useAction();
-  // shown at once; back to what is stored when the server refuses
+  // show the change at once, and the stored value again if the server refuses
   const [wanted, setWanted] = useState(null);
   const set = async (consent) => {
     setWanted(consent);

@@ -1,4 +1,4 @@
-// A patient: form on the one side, what it looks and feels like on the other.
+// Edits a patient: the form on one side, the drawing and the force on the other.
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { quantity } from '../lib/units.js';
@@ -39,7 +39,7 @@ const kBlank = {
   effects: ['CUTTING', 'ATTRACTED'],
 };
 
-/** What the server says of the document, asked again when nothing was typed for a moment; `checked`: it has answered. */
+/** The server's check of the document, repeated after a pause in typing; `checked`: it has answered. */
 export function useCheck(doc, check) {
   const settled = useDebounced(doc, 300);
   const [state, setState] = useState({ problems: [], checked: false, error: null });
@@ -57,7 +57,7 @@ export function useCheck(doc, check) {
 
 /** Ctrl+S saves. */
 export function useSaveKey(save) {
-  // what was typed last counts, although effects run later than the next key
+  // use what was typed last: effects run later than the next key
   const latest = useRef(save);
   latest.current = save;
   useEffect(() => {
@@ -71,7 +71,7 @@ export function useSaveKey(save) {
   }, []);
 }
 
-/** Whether there is something to save, and what became of it. */
+/** Whether there are unsaved changes, and the result of saving. */
 export function SaveBar({ editing, save, what, bad, readonly }) {
   if (readonly) return html`<p class="help">Your role may look at this, not change it.</p>`;
   const { saving, dirty, base, restored, discard } = editing;

@@ -1,4 +1,4 @@
-// The patients.
+// The list of patient profiles.
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';

@@ -1,4 +1,4 @@
-// One trainee's attempts in time: does it get better?
+// One trainee's attempts over time, and whether they improve.
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { measureTitle, measureUnit, quantity } from '../lib/units.js';
@@ -45,7 +45,7 @@ function Curve({ attempts, measure }) {
   return html`<${Chart} ...${drawn} points />`;
 }
 
-/** One sentence of the server on how a measure went. */
+/** The server's sentence on the course of a measure. */
 function Trend({ name, exercise, measure }) {
   const load = useLoad((signal) => people.trends(name, exercise, signal), [name, exercise]);
   const row = load.data?.find((r) => r.measure === measure);

@@ -1,4 +1,4 @@
-// The experts of one exercise: whose sessions are the measure of all others, and the bands that come of them.
+// The experts of one exercise: their sessions, with which all others are compared, and the bands made from them.
 import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
 import { number, quantity } from '../lib/units.js';
@@ -9,7 +9,7 @@ import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 import { Verdict } from './sessions.js';
 
-/** Measures of single layers are in no list. */
+/** Measures of single layers are not in the list. */
 const layerTitle = (name) =>
   name.replace(
     /^(peak|mean)_force_layer_(\d+)_n$/,
@@ -52,7 +52,7 @@ function Choice({ exercise, reference, reload }) {
     );
     reload();
   };
-  // some may stand further down than what has been loaded
+  // some may be further down than the list has been loaded
   const elsewhere = chosen.filter((id) => !pages.items.some((s) => s.description.session_id === id));
   return html`
     <${Loaded} load=${pages.load}>${() =>

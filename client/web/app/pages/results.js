@@ -9,7 +9,7 @@ import { useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
 import { Empty, Heading, Loaded, Mark } from '../ui/widgets.js';
 
-/** What a cell says: [kind of mark, word]. */
+/** The mark of a cell: [kind of mark, word]. */
 export function cellState(cell) {
   if (cell.passed === true) return ['good', 'passed'];
   if (cell.locked_by.length > 0) return ['locked', 'locked'];

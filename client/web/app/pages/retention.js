@@ -1,4 +1,4 @@
-// What happens to recordings after a time: nothing, unless it is set; scores, events and remarks always stay.
+// How long recordings are kept: for ever, unless a policy is set. Scores, events and remarks always stay.
 import { moment } from '../lib/time.js';
 import { bytes, number } from '../lib/units.js';
 import { exercises, retention } from '../net/requests.js';
@@ -15,7 +15,7 @@ const thinWords = (p) =>
     : 'never';
 const kBlank = { exercise_id: '', without_backup: false };
 
-/** What the server would refuse, said before it is asked. */
+/** Faults that the server would refuse, found before it is asked. */
 function faultsOf(p) {
   const faults = [];
   const say = (path, message) => faults.push({ path, message });

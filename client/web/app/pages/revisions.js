@@ -1,4 +1,4 @@
-// What changed between two revisions of a profile or course.
+// The differences of two revisions of a profile or course.
 import { changes } from '../lib/diff.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';

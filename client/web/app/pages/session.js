@@ -18,10 +18,10 @@ import { Verdict } from './sessions.js';
 
 const kPoints = 2000;
 
-/** Downloads of a session: the next format is one more line. */
+/** Downloads of a session; a new format is one line. */
 const kFormats = [['Samples as CSV', (id) => address(['sessions', id, 'samples.csv'])]];
 
-/** A replay that runs by the browser's frames. */
+/** A replay driven by the browser's animation frames. */
 function usePlayback(from_s, to_s) {
   const [playback, setPlayback] = useState(atRest(from_s, to_s));
   useEffect(() => setPlayback(atRest(from_s, to_s)), [from_s, to_s]);
@@ -95,7 +95,7 @@ function Recording({ id, session, person }) {
   `;
 }
 
-/** Which attempt of the exercise this is, and whether it counts. */
+/** The attempt's number, and whether it counts. */
 function AttemptFact({ description, person }) {
   const load = useLoad(
     async (signal) =>

@@ -15,13 +15,13 @@ const kVerdicts = [
   ['none', 'no verdict'],
 ];
 
-/** Midnight of a day as an input has it ("2026-12-01"), local time, some days on; '' stays ''. */
+/** Midnight, local time, of a day as an input has it ("2026-12-01"), plus some days; '' stays ''. */
 function midnight_ms(day, more = 0) {
   const [year, month, date] = day.split('-').map(Number);
   return day ? new Date(year, month - 1, date + more).getTime() : '';
 }
 
-/** passed: of the first score; absent where there is none, or nothing was required. */
+/** passed: the verdict of the first score; absent if there is no score or no requirement. */
 export function Verdict({ passed }) {
   if (passed === true) return html`<${Mark} kind="good">passed<//>`;
   if (passed === false) return html`<${Mark} kind="bad">not passed<//>`;

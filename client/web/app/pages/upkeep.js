@@ -7,7 +7,7 @@ import { useAction, useEvery, useLoad } from '../ui/hooks.js';
 import { html, useEffect, useState } from '../ui/html.js';
 import { Heading, Mark, Problem } from '../ui/widgets.js';
 
-/** Something long is under way: a bar that moves, and for how long it has. */
+/** Shows that something long is under way: a moving bar, and how long it has taken so far. */
 function Working({ busy, children }) {
   const [since_ms, setSince] = useState(0);
   const [now_ms, setNow] = useState(0);
@@ -97,7 +97,7 @@ function Check() {
   </fieldset>`;
 }
 
-/** Definitions of measures change with versions of the program: what was scored by older ones is scored by today's, too. */
+/** Definitions of measures change with the program's version: sessions scored by older ones can be scored by today's, too. */
 function Rescore() {
   const known = useLoad((signal) => exercises(signal), []);
   const [exercise_id, choose] = useState('');

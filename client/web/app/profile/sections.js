@@ -1,4 +1,4 @@
-// Everything of a profile that is neither layer nor anatomy: name, needle, model of the force, effects.
+// The parts of a profile besides layers and anatomy: name, needle, axial model, effects.
 import { CheckField, TextField } from '../ui/fields.js';
 import { html, useEffect, useState } from '../ui/html.js';
 import { words } from '../lib/units.js';
@@ -29,7 +29,7 @@ const kModelFields = {
   ],
   GOD_OBJECT: [['god_object.stiffness_n_per_m', 'Stiffness']],
 };
-/** [effect, what it is, its section, what the section begins with] */
+/** [effect, title, its section of the profile, the section's initial content] */
 const kEffects = [
   ['CUTTING', 'Cutting: what resists the needle on its way in'],
   ['ATTRACTED', 'Attraction: what holds the needle on its way out'],
@@ -171,7 +171,7 @@ export function Force({ f }) {
   </fieldset>`;
 }
 
-/** The whole document as text, for what has no field of its own. */
+/** The whole document as text, for values without a field. */
 export function AsJson({ f }) {
   const written = JSON.stringify(f.doc, null, 2);
   const [text, setText] = useState(written);

@@ -1,4 +1,4 @@
-// An attempt that shall not count, such as one in which the station failed.
+// Excuses an attempt, for instance one in which the station failed: it does not count.
 import { sessions } from '../net/requests.js';
 import { announce, Dialog, Problem } from '../ui/widgets.js';
 import { TextField } from '../ui/fields.js';

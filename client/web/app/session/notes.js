@@ -1,4 +1,4 @@
-// Remarks at moments, and what the syringe did.
+// Remarks at moments of the session, and the syringe's aspirations and injections.
 import { may } from '../lib/roles.js';
 import { clock, moment } from '../lib/time.js';
 import { quantity, words } from '../lib/units.js';

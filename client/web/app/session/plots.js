@@ -1,4 +1,4 @@
-// Force, depth and speed over time, layers behind them; drag to look closer: finer samples are asked for.
+// Force, depth and speed over time, with the layers behind them. Dragging zooms in and loads finer samples.
 import { forceOf, layerSpans } from '../lib/recording.js';
 import { kCurves, tissueColor } from '../lib/tissue.js';
 import { number, words } from '../lib/units.js';

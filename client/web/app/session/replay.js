@@ -1,4 +1,4 @@
-// The tip once more, in two views: from the side, in the plane of the needle's way in, and from above.
+// The replay of the tip in two views: from the side, in the plane of the insertion, and from above.
 import { minMax } from '../lib/decimate.js';
 import { forceOf, kSpeeds, sampleAt, wayOf } from '../lib/recording.js';
 import { clock } from '../lib/time.js';

@@ -1,4 +1,4 @@
-// A score that explains itself: requirement, verdict in words, and where experts stand.
+// A score with its explanation: requirement, verdict in words, and the experts' range.
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { measureTitle, number, quantity } from '../lib/units.js';
@@ -8,10 +8,10 @@ import { announce, Empty, Loaded, Mark, number as right, Problem, Table } from '
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
 
-/** From the 10th to the 90th percentile; of few experts, who have no percentiles, from the least to the greatest. */
+/** From the 10th to the 90th percentile; with few experts, who have no percentiles, from least to greatest. */
 const rangeOf = (band) => [band.p10 ?? band.least, band.p90 ?? band.greatest];
 
-/** Value, the experts' range, mean: one line; the words beside it say the same. */
+/** One line with the value, the experts' range and mean; the text beside it says the same. */
 function Band({ band, value }) {
   const [from, to] = rangeOf(band);
   const low = Math.min(from, value, band.mean),
@@ -122,11 +122,11 @@ export function Score({ session, person }) {
                 <${Mark} kind="bad">not passed<//> ${missed.length} of ${judged.length} requirements are not
                 met: ${missed.map(measureTitle).join(', ')}
               `;
-      // bands by other definitions say nothing about this score; the server compares by the same ones
+      // bands by other definitions do not apply to this score; the server compares by the same definitions
       const fits = reference?.definition_version === score.definition_version;
       const bandOf = (row) => (fits ? reference?.bands?.find((b) => b.measure === row.measure) : undefined);
       const besideOf = (row) => score.comparison?.find((c) => c.measure === row.measure);
-      // the distance from the experts' paths is measured anew each time, whenever the experts were chosen
+      // the distance from the experts' paths is measured each time, no matter when the experts were chosen
       const path = besideOf({ measure: 'dtw_distance_m' }) ?? rows.find((r) => r.measure === 'dtw_distance_m');
       const others = rows.filter((r) => typeof r.passed !== 'boolean' && !(path && r.measure === 'dtw_distance_m'));
       const table = (caption, list) => html`<${Table}

@@ -1,4 +1,4 @@
-// A plot by uPlot: curves told apart by dashes, bands of tissue behind them, marks, and words for those who do not see it.
+// A plot by uPlot: curves with different dashes, bands of tissue behind them, marks, and a text for those who cannot see it.
 import uPlot from '../../vendor/uPlot.js';
 import { number } from '../lib/units.js';
 import { html, useEffect, useRef } from './html.js';
@@ -20,7 +20,7 @@ import { html, useEffect, useRef } from './html.js';
  * @property {boolean} [points] single values: each is drawn as a dot, x in whole numbers
  */
 
-// single values are numbered: no attempt 1.5
+// single values are numbered: there is no attempt 1.5
 const kWholeSteps = [1, 2, 5, 10, 20, 50, 100];
 const kInk = '#1b2630',
   kLine = '#c3ccd3',
@@ -113,7 +113,7 @@ export function Chart(props) {
           drag: { x: true, y: false, setScale: !latest.current.onZoom },
           ...(sync ? { sync: { key: sync } } : {}),
         },
-        // the sign in the legend is dashed as the curve is
+        // the legend's sign has the same dashes as the curve
         legend: {
           markers: {
             width: 3,

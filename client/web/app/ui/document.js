@@ -1,4 +1,4 @@
-// A document with revisions that is being edited: draft, saving, and what happens when somebody else was faster.
+// Editing a document with revisions: draft, saving, and the conflict when somebody else was faster.
 import { merge, resolved, same } from '../lib/diff.js';
 import { documents } from '../net/requests.js';
 import { announce } from './widgets.js';
@@ -28,7 +28,7 @@ export function useDocument(kind, id, begin) {
       (text) => {
         if (abort.signal.aborted) return;
         const kept = draft.read();
-        // a draft goes on from the revision that it was made from: a newer one shows as a conflict when it is saved
+        // a draft keeps the revision that it was made from: a newer one leads to a conflict when the draft is saved
         const base = kept?.base ?? { revision: text.revision, json: text.json };
         setState({ loading: false, error: null, base, doc: kept?.doc ?? text.json, restored: !!kept });
       },
@@ -71,7 +71,7 @@ export function useDocument(kind, id, begin) {
     }
   };
   const save = () => saving.run(() => put(doc, base.revision));
-  /** With one side chosen for each clash: saved, or taken over into the form to be looked at. */
+  /** Resolves the conflict with one side chosen for each clash: saves the result, or puts it into the form for review. */
   const settle = (choice, and_save) => {
     const json = resolved(conflict.merged, conflict.clashes, choice);
     const next = { revision: conflict.theirs.revision, json: conflict.theirs.json };

@@ -1,4 +1,4 @@
-// Fields of forms: label, unit, help and problem tied to the input. `path` finds the problems that the server names.
+// Fields of forms, each with label, unit, help and problem. `path` finds the problems that the server reports for the field.
 import { fieldUnit, shown, typed } from '../lib/units.js';
 import { html, useEffect, useId, useRef, useState } from './html.js';
 import { valueAt, withValue } from '../lib/paths.js';
@@ -47,7 +47,7 @@ export function TextField({ label, value, onValue, path = '', problems, help, wi
 }
 
 /**
- * A number in the unit that people use; the value is SI. What is no number is said here and is not passed on, nor lost.
+ * A number in the unit that people use; the value is SI. Text that is not a number stays in the field, is reported here and is not passed on.
  * @param {{label: string, value: number|undefined, onValue: (value: number|undefined) => void, factor?: number, unit?: string, path?: string, problems?: FieldProblem[], [more: string]: any}} props
  */
 export function NumberField({
@@ -66,7 +66,7 @@ export function NumberField({
   const id = useId();
   const [text, setText] = useState(shown(value, factor));
   const sent = useRef(value);
-  // a value that changed elsewhere (undo, another revision) replaces the text; one's own typing does not
+  // a value that changed elsewhere (undo, another revision) replaces the text; typing in this field does not
   useEffect(() => {
     if (!Object.is(value, sent.current)) {
       setText(shown(value, factor));
@@ -75,7 +75,7 @@ export function NumberField({
   }, [value, factor]);
   const bad = typed(text, factor) === null;
   const said = problemsAt(problems, path);
-  // the server's words are about SI
+  // the server's messages are in SI
   const mine = [
     ...(bad ? [{ path, message: `“${text}” is no number; such as 3.5` }] : []),
     ...said.map((p) => (si === unit ? p : { ...p, message: `${p.message} (in ${si}, not ${unit})` })),
@@ -143,7 +143,7 @@ export function CheckField({ label, checked, onValue, help, ...more }) {
   </div>`;
 }
 
-/** All problems of a form in one list; each leads to its field, where there is one. */
+/** All problems of a form in one list, each with a link to its field if it has one. */
 export function ProblemList({ problems }) {
   const errors = (problems ?? []).filter((p) => p.severity !== 'WARNING');
   const warnings = (problems ?? []).filter((p) => p.severity === 'WARNING');

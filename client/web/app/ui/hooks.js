@@ -1,4 +1,4 @@
-// What pages have in common: following a store, loading, saving, drafts that outlive a reload.
+// Hooks that pages share: following a store, loading, saving, drafts that survive a reload.
 import { connection } from '../net/connection.js';
 import { session } from '../net/session.js';
 import { useCallback, useEffect, useRef, useState } from './html.js';
@@ -18,7 +18,7 @@ export function useStore(source) {
  * @template T
  * @param {(signal: AbortSignal) => Promise<T>} load
  * @param {any[]} inputs
- * @returns {{data: T|undefined, error: Error|null, loading: boolean, reload: () => void, setData: (data: T) => void}} `data` stays while it loads anew
+ * @returns {{data: T|undefined, error: Error|null, loading: boolean, reload: () => void, setData: (data: T) => void}} `data` stays while it loads again
  */
 export function useLoad(load, inputs) {
   const [state, setState] = useState({ data: undefined, error: null, loading: true, inputs: null });
@@ -40,8 +40,8 @@ export function useLoad(load, inputs) {
 const key = (inputs) => JSON.stringify(inputs);
 
 /**
- * Something that a button does: whether it is under way, and what went wrong.
- * @returns {{busy: boolean, error: Error|null, run: (work: () => Promise<any>) => Promise<any>, clear: () => void}} `run` gives undefined after an error
+ * The work of a button: whether it is under way, and what went wrong.
+ * @returns {{busy: boolean, error: Error|null, run: (work: () => Promise<any>) => Promise<any>, clear: () => void}} `run` resolves to undefined after an error
  */
 export function useAction() {
   const [state, setState] = useState({ busy: false, error: null });
@@ -61,7 +61,7 @@ export function useAction() {
 }
 
 /**
- * A document that is being edited, kept in this tab's storage until it is saved or thrown away; the next person in this tab has drafts of their own.
+ * A document that is being edited, kept in this tab's storage until it is saved or discarded. Each person has drafts of their own.
  * @template T
  * @param {string} name
  * @returns {{read: () => T|null, write: (draft: T) => void, drop: () => void}}
@@ -80,14 +80,14 @@ export function draftOf(name) {
       try {
         sessionStorage.setItem(place, JSON.stringify(draft));
       } catch {
-        // a full or forbidden storage: the draft lives as long as the page
+        // the storage is full or forbidden: the draft lives only as long as the page
       }
     },
     drop: () => sessionStorage.removeItem(place),
   };
 }
 
-/** The value as it was when nothing had changed for `ms`. */
+/** The value after it has not changed for `ms`. */
 export function useDebounced(value, ms) {
   const [settled, setSettled] = useState(value);
   useEffect(() => {
@@ -113,7 +113,7 @@ export function useWidth(first) {
   return [element, width];
 }
 
-/** Calls `act` every `ms` while the page is there. */
+/** Calls `act` every `ms` while the component is mounted. */
 export function useEvery(ms, act) {
   const latest = useRef(act);
   latest.current = act;

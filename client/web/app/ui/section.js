@@ -1,4 +1,4 @@
-// A cut through the limb to scale: layers with their names, targets, hazards, and what a page draws over it.
+// A cut through the limb, to scale: layers with their names, targets, hazards. A page can draw over it.
 import { depthOf, frameOf, inFrame, layerBounds, levelLine, spread } from '../lib/scene.js';
 import { tissueColor } from '../lib/tissue.js';
 import { number, quantity, words } from '../lib/units.js';
@@ -53,7 +53,7 @@ function Shape({ shape, x, y, scale }) {
  *   `over` draws in pixels on top
  */
 export function SideView({ profile, frame: given, fidelity, to_m, label, over }) {
-  // drawn in the pixels that there are: letters keep their size
+  // drawn at the element's own width: letters keep their size
   const [place, room] = useWidth(kWidth);
   const width = Math.max(320, room);
   const drawn = useMemo(() => {
@@ -75,7 +75,7 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
   const area = (line) =>
     `${line.map((p) => `${x(p.u).toFixed(1)},${y(p.d).toFixed(1)}`).join(' ')} ${x(line.at(-1).u).toFixed(1)},${y(bottom_m).toFixed(1)} ${x(line[0].u).toFixed(1)},${y(bottom_m).toFixed(1)}`;
   const edge = x(half_m);
-  // leaders begin in one column that crosses all layers, as far to the right as may be: their order is that of the layers
+  // all leader lines begin in one column that crosses every layer, as far right as possible, in the order of the layers
   const ends = lines.map((line) => line.filter((p) => p.d < bottom_m * 0.98).at(-1)?.u ?? 0);
   const column = Math.max(0, Math.min(half_m * 0.985, ...ends.map((u) => (u >= half_m - 1e-9 ? half_m : u * 0.85))));
   const top = (i) =>
@@ -153,7 +153,7 @@ export function TopView({ profile, frame, label, half_m = 0.03, over }) {
   </svg>`;
 }
 
-/** What the marks of the drawings mean. */
+/** The legend of the drawings. */
 export function Legend({ profile, path }) {
   return html`<ul class="drawing-legend">
     ${

@@ -110,7 +110,7 @@ export function Shell({ person, section, children }) {
   const leaving = useAction();
   useKeys(sections, () => setHelp(true));
   const skip = (event) => {
-    // the address holds the page, not a place in it
+    // the address is that of the page, not of a place in it
     event.preventDefault();
     document.getElementById('main').focus();
   };

@@ -17,7 +17,7 @@ export function Heading({ title, above, children }) {
   </header>`;
 }
 
-/** Something failed: what, and what to do. */
+/** Shows what failed and what to do. */
 export function Problem({ error, retry, title }) {
   if (!error) return null;
   const away = error.kind === 'away';
@@ -28,12 +28,12 @@ export function Problem({ error, retry, title }) {
   </div>`;
 }
 
-/** Nothing here yet: says what to do next. */
+/** For an empty list: shows what to do next. */
 export function Empty({ title, children }) {
   return html`<div class="empty"><p><strong>${title}</strong></p>${children && html`<p>${children}</p>`}</div>`;
 }
 
-/** Shows what was loaded, or that it is loading, or why it is not there. */
+/** Shows what was loaded, that it is loading, or why it could not be loaded. */
 export function Loaded({ load, children }) {
   if (load.data !== undefined) {
     return html`
@@ -55,7 +55,7 @@ export function Loaded({ load, children }) {
   return html`<p class="loading" role="status">Loading …</p>`;
 }
 
-/** Symbol, colour and word together: nothing hangs on colour alone. */
+/** A symbol, a colour and a word together, so that nothing depends on colour alone. */
 export function Mark({ kind, children }) {
   const symbol = { good: '✓', bad: '✗', warn: '!', open: '○', locked: '⊘', info: 'i' }[kind];
   return html`<span class=${'mark mark-' + kind}>
@@ -64,7 +64,7 @@ export function Mark({ kind, children }) {
   </span>`;
 }
 
-/** The head of a column of numbers, which stand on the right. */
+/** The head of a column of numbers, which are aligned right. */
 export const number = (text) => ({ text, right: true });
 
 /**
@@ -122,7 +122,7 @@ export function Confirm({ title, children, word, act, close, busy, error }) {
 /** @type {ReturnType<typeof store<{text: string, at: number}>>} */
 export const notice = store({ text: '', at: 0 });
 
-/** @param {string} text what has just been done */
+/** Tells a screen reader, and shows a short notice at the page's foot. @param {string} text what has just been done */
 export function announce(text) {
   notice.set({ text, at: Date.now() });
 }
