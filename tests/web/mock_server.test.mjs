@@ -1,4 +1,5 @@
-// The mock server is a double of server/web: every route of openapi.json that the console asks for, its replies as they are
+// The mock server is a double of server/web: every route of openapi.json that the console asks for, its replies as they
+// are
 // described there. (tests/unit/server/web compares the real port with the same file.)
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';

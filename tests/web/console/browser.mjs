@@ -1,4 +1,5 @@
-// Chromium. Every page is watched for errors of scripts, breaches of the content policy and requests to other addresses.
+// Chromium. Every page is watched for errors of scripts, breaches of the content policy and requests to other
+// addresses.
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
@@ -182,7 +183,8 @@ export async function downloaded(page, press) {
 }
 
 /**
- * Independent tests. When one fails, the text of the pages is printed, and pictures go into the folder NEEDLELAB_SHOTS if that is set.
+ * Independent tests. When one fails, the text of the pages is printed, and pictures go into the folder NEEDLELAB_SHOTS
+ * if that is set.
  * @param {{browser: Browser}} t
  */
 export const single = (t) => (name, work) =>

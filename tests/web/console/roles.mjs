@@ -5,7 +5,8 @@ import { api } from './week.mjs';
 
 const kRoles = { t: 'tina', i: 'ines', m: 'mara', a: 'ada', r: 'rhea' };
 /**
- * By hand, not from the console's own table: [address, roles that see it, heading, what it asks of the server, {what can be pressed: by whom}].
+ * By hand, not from the console's own table: [address, roles that see it, heading, what it asks of the server, {what
+ * can be pressed: by whom}].
  * t trainee, i instructor, m manager, a administrator, r researcher.
  */
 const kPages = [

@@ -201,7 +201,8 @@ export function week(t) {
     await tile.getByText('practising').waitFor();
     await tile.getByText('anna.bauer').waitFor();
     await page.getByText('2 of 2 stations are in use.').waitFor();
-    // the hand goes in and out: the depth changes, and the tissue at the tip is named; once to the end, so that the target is reached
+    // the hand goes in and out: the depth changes, and the tissue at the tip is named; once to the end, so that the
+    // target is reached
     const depths = new Set();
     let deepest = false;
     await until('one way in and out', async () => {

@@ -1,4 +1,5 @@
-// Gestures for the mock server: an approach, an insertion through the layers, a rest, a withdrawal. By seed, the same every time.
+// Gestures for the mock server: an approach, an insertion through the layers, a rest, a withdrawal. By seed, the same
+// every time.
 
 /** Mulberry32: small, good enough for a test double. */
 export function random(seed) {

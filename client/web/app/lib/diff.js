@@ -34,8 +34,10 @@ export function changes(before, after, at = []) {
 }
 
 /**
- * Merges two people's changes to one document. A change by only one of them is taken over; two different changes of one value are a clash, which keeps
- * mine for now. Items of lists that move are followed by their names (list_merge.js); a list whose items have no names, or that two people
+ * Merges two people's changes to one document. A change by only one of them is taken over; two different changes of
+ * one value are a clash, which keeps
+ * mine for now. Items of lists that move are followed by their names (list_merge.js); a list whose items have no
+ * names, or that two people
  * rearranged differently, is one value.
  * @param {any} base what both began with
  * @param {any} mine

@@ -3,7 +3,8 @@
 const kNameFields = ['id', 'measure', 'tissue', 'name'];
 
 /**
- * How the items of these lists are identified when they move: texts by themselves, objects by the first field whose value is unique in each
+ * How the items of these lists are identified when they move: texts by themselves, objects by the first field whose
+ * value is unique in each
  * list. Null: only by their place.
  * @param {any[][]} lists
  * @returns {((item: any) => string)|null}
@@ -17,7 +18,10 @@ export function namingOf(lists) {
   return ways.find(unique) ?? null;
 }
 
-/** Whether no item moved, came or went: each place has the same kind of item. A list of numbers (a point in space) is one value. */
+/**
+ * Whether no item moved, came or went: each place has the same kind of item. A list of numbers (a point in space) is
+ * one value.
+ */
 export function samePlaces(lists) {
   const [first] = lists;
   const kind = (item) =>
@@ -32,7 +36,8 @@ export function samePlaces(lists) {
 }
 
 /**
- * The names of the merged list in its order: the moves of one side, and the items that either side added or removed. Null if the two contradict each other: both
+ * The names of the merged list in its order: the moves of one side, and the items that either side added or removed.
+ * Null if the two contradict each other: both
  * moved items differently, or one changed an item that the other removed.
  * @param {any[]} base
  * @param {any[]} mine

@@ -1,4 +1,5 @@
-// The limb of a profile as geometry: depth under the skin, a frame at the place of insertion, a cut through it. Pure; metres.
+// The limb of a profile as geometry: depth under the skin, a frame at the place of insertion, a cut through it. Pure;
+// metres.
 
 /** @typedef {{x: number, y: number, z: number}} Vec */
 
@@ -45,7 +46,8 @@ export function depthOf(limb) {
 }
 
 /**
- * The place of insertion: the point of the skin nearest to the profile's origin; `n` points out, `e1` and `e2` along the skin.
+ * The place of insertion: the point of the skin nearest to the profile's origin; `n` points out, `e1` and `e2` along
+ * the skin.
  * @param {any} limb
  * @param {Vec} [near] another point than the origin, e.g. where a recording went in
  * @param {Vec} [lean] the direction in the skin that e1 follows, e.g. the needle's; x where it has none

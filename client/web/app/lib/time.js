@@ -36,7 +36,8 @@ export function fromInput(text) {
 }
 
 /**
- * Doubles from `first_ms` to `most_ms`; up to a quarter is subtracted at random, so that the browsers of a lab do not try at the same moment.
+ * Doubles from `first_ms` to `most_ms`; up to a quarter is subtracted at random, so that the browsers of a lab do not
+ * try at the same moment.
  * @param {number} attempt from 0
  * @param {{first_ms?: number, most_ms?: number, random?: () => number}} [options]
  */

@@ -50,7 +50,10 @@ export function quantity(value, unit, { digits = 3, locale } = {}) {
   return `${number(value / factor, digits, locale)}\u00a0${size === 0 && unit === 'm' ? 'mm' : prefix + unit}`;
 }
 
-/** Units in which fields of a document are edited, by the end of their name: the longest that fits. [suffix, SI per shown unit, shown, SI's own] */
+/**
+ * Units in which fields of a document are edited, by the end of their name: the longest that fits. [suffix, SI per
+ * shown unit, shown, SI's own]
+ */
 const kFieldUnits = [
   ['_n_per_m2', 1, 'N/m²'],
   ['_n_per_m', 1, 'N/m'],
@@ -122,7 +125,8 @@ export function words(name) {
 }
 
 /**
- * The title of a row of a score: its sentence is "Peak force 2.52 N: within the 5 N allowed", and plots and tables need "Peak force".
+ * The title of a row of a score: its sentence is "Peak force 2.52 N: within the 5 N allowed", and plots and tables
+ * need "Peak force".
  * @param {{measure: string, words?: string}} row
  */
 export function measureTitle(row) {

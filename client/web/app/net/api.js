@@ -1,4 +1,5 @@
-// Requests to /api/v1: cookies, the CSRF header, expired log-ins, errors as an ApiError with a `kind`. All pages use these functions.
+// Requests to /api/v1: cookies, the CSRF header, expired log-ins, errors as an ApiError with a `kind`. All pages use
+// these functions.
 import { serverIsAway, serverIsThere } from './connection.js';
 
 const kBase = '/api/v1';
@@ -9,7 +10,10 @@ let csrf_token = '';
 /** Asks the person to log in and resolves when that is done. Set by session.js. @type {() => Promise<void>} */
 let renew = () => Promise.reject(new ApiError('expired', 'Log in first.'));
 
-/** Takes over the token of a log-in that another page of this browser made; fails if it is another person's. Set by session.js. */
+/**
+ * Takes over the token of a log-in that another page of this browser made; fails if it is another person's. Set by
+ * session.js.
+ */
 let takeOver = () => Promise.reject(new ApiError('expired', 'Log in first.'));
 
 export function setCsrfToken(token) {

@@ -1,4 +1,5 @@
-// Whether the server can be reached. If not, tries again with back-off until it answers; pages wait for that and load again.
+// Whether the server can be reached. If not, tries again with back-off until it answers; pages wait for that and load
+// again.
 import { backoff } from '../lib/time.js';
 import { store } from '../lib/store.js';
 

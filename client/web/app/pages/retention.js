@@ -9,10 +9,11 @@ import { html, useState } from '../ui/html.js';
 
 const days = (n) => `${number(n, 6)} ${n === 1 ? 'day' : 'days'}`;
 const isSet = (v) => v !== undefined && v !== null;
-const thinWords = (p) =>
-  isSet(p.thin_after_days)
-    ? `after ${days(p.thin_after_days)}: to ${number(p.thin_rate_hz, 4)} samples a second${p.thin_coarser > 1 ? `, steps ${number(p.thin_coarser, 4)} times as coarse` : ''}`
-    : 'never';
+function thinWords(p) {
+  if (!isSet(p.thin_after_days)) return 'never';
+  const coarser = p.thin_coarser > 1 ? `, steps ${number(p.thin_coarser, 4)} times as coarse` : '';
+  return `after ${days(p.thin_after_days)}: to ${number(p.thin_rate_hz, 4)} samples a second${coarser}`;
+}
 const kBlank = { exercise_id: '', without_backup: false };
 
 /** Faults that the server would refuse, found before it is asked. */

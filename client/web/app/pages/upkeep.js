@@ -97,7 +97,10 @@ function Check() {
   </fieldset>`;
 }
 
-/** Definitions of measures change with the program's version: sessions scored by older ones can be scored by today's, too. */
+/**
+ * Definitions of measures change with the program's version: sessions scored by older ones can be scored by today's,
+ * too.
+ */
 function Rescore() {
   const known = useLoad((signal) => exercises(signal), []);
   const [exercise_id, choose] = useState('');

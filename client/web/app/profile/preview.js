@@ -46,7 +46,8 @@ export function ForceOverDepth({ preview, stale, error }) {
       color: tissueColor(l.tissue),
     }));
     const peak = preview.total_n.reduce((best, f, i) => (f > preview.total_n[best] ? i : best), 0);
-    const summary = `Force against the needle over ${number(mm.at(-1), 3)} mm of depth: greatest ${quantity(preview.total_n[peak], 'N')} at ${quantity(preview.depth_m[peak], 'm')}.`;
+    const greatest = `${quantity(preview.total_n[peak], 'N')} at ${quantity(preview.depth_m[peak], 'm')}`;
+    const summary = `Force against the needle over ${number(mm.at(-1), 3)} mm of depth: greatest ${greatest}.`;
     return { x: { label: 'Depth under the skin (mm)', values: mm }, series, bands, summary };
   }, [preview]);
   if (!shown)

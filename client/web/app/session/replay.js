@@ -60,7 +60,9 @@ export function Replay({ columns, session, playback, act }) {
   };
   const i = sampleAt(way, playback.at_s),
     layer = columns.layer?.[i] ?? -1;
-  const place = `${clock(playback.at_s)}: ${layer >= 0 ? `in ${words(profile.layers?.[layer]?.tissue).toLowerCase()}, ${quantity(columns.insertion_m?.[i], 'm')} deep` : 'outside'}, ${quantity(force[i], 'N')}`;
+  const tissue = words(profile.layers?.[layer]?.tissue).toLowerCase();
+  const where = layer >= 0 ? `in ${tissue}, ${quantity(columns.insertion_m?.[i], 'm')} deep` : 'outside';
+  const place = `${clock(playback.at_s)}: ${where}, ${quantity(force[i], 'N')}`;
   const tip =
     (second) =>
     ({ x, y }) =>

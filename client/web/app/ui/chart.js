@@ -1,4 +1,5 @@
-// A plot by uPlot: curves with different dashes, bands of tissue behind them, marks, and a text for those who cannot see it.
+// A plot by uPlot: curves with different dashes, bands of tissue behind them, marks, and a text for those who cannot
+// see it.
 import uPlot from '../../vendor/uPlot.js';
 import { number } from '../lib/units.js';
 import { html, useEffect, useRef } from './html.js';

@@ -71,7 +71,9 @@ export function useDocument(kind, id, begin) {
     }
   };
   const save = () => saving.run(() => put(doc, base.revision));
-  /** Resolves the conflict with one side chosen for each clash: saves the result, or puts it into the form for review. */
+  /**
+   * Resolves the conflict with one side chosen for each clash: saves the result, or puts it into the form for review.
+   */
   const settle = (choice, and_save) => {
     const json = resolved(conflict.merged, conflict.clashes, choice);
     const next = { revision: conflict.theirs.revision, json: conflict.theirs.json };

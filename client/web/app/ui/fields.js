@@ -1,4 +1,5 @@
-// Fields of forms, each with label, unit, help and problem. `path` finds the problems that the server reports for the field.
+// Fields of forms, each with label, unit, help and problem. `path` finds the problems that the server reports for the
+// field.
 import { fieldUnit, shown, typed } from '../lib/units.js';
 import { html, useEffect, useId, useRef, useState } from './html.js';
 import { valueAt, withValue } from '../lib/paths.js';
@@ -47,7 +48,8 @@ export function TextField({ label, value, onValue, path = '', problems, help, wi
 }
 
 /**
- * A number in the unit that people use; the value is SI. Text that is not a number stays in the field, is reported here and is not passed on.
+ * A number in the unit that people use; the value is SI. Text that is not a number stays in the field, is reported
+ * here and is not passed on.
  * @param {{label: string, value: number|undefined, onValue: (value: number|undefined) => void, factor?: number, unit?: string, path?: string, problems?: FieldProblem[], [more: string]: any}} props
  */
 export function NumberField({
@@ -182,7 +184,7 @@ export function ProblemList({ problems }) {
 }
 
 /**
- * @param {{doc: any, change: (next: any) => void, problems: .FieldProblem[], onBad?: (path: string, bad: boolean) => void, readonly?: boolean}} given
+ * @param {{doc: any, change: (next: any) => void, problems: FieldProblem[], onBad?: (path: string, bad: boolean) => void, readonly?: boolean}} given
  */
 export function formOf({ doc, change, problems, onBad, readonly }) {
   const set = (path) => (value) => change((before) => withValue(before, path, value));

@@ -61,7 +61,8 @@ export function useAction() {
 }
 
 /**
- * A document that is being edited, kept in this tab's storage until it is saved or discarded. Each person has drafts of their own.
+ * A document that is being edited, kept in this tab's storage until it is saved or discarded. Each person has drafts
+ * of their own.
  * @template T
  * @param {string} name
  * @returns {{read: () => T|null, write: (draft: T) => void, drop: () => void}}

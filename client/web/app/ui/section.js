@@ -72,8 +72,9 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
   const { layers, scale, half_m, height, lines, all, bottom_m } = drawn;
   const x = (u) => (u + half_m) * scale,
     y = (d) => (d + kTop_m) * scale;
+  const corner = (u, d) => `${x(u).toFixed(1)},${y(d).toFixed(1)}`;
   const area = (line) =>
-    `${line.map((p) => `${x(p.u).toFixed(1)},${y(p.d).toFixed(1)}`).join(' ')} ${x(line.at(-1).u).toFixed(1)},${y(bottom_m).toFixed(1)} ${x(line[0].u).toFixed(1)},${y(bottom_m).toFixed(1)}`;
+    [...line.map((p) => corner(p.u, p.d)), corner(line.at(-1).u, bottom_m), corner(line[0].u, bottom_m)].join(' ');
   const edge = x(half_m);
   // all leader lines begin in one column that crosses every layer, as far right as possible, in the order of the layers
   const ends = lines.map((line) => line.filter((p) => p.d < bottom_m * 0.98).at(-1)?.u ?? 0);
