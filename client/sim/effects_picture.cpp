@@ -1,4 +1,6 @@
 // The table of `needlelab-sim effects` for a terminal, and its picture.
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <bit>
 #include <cstdio>
@@ -11,10 +13,6 @@
 
 namespace needlelab {
 namespace {
-
-constexpr const char* kShortNames[kEffectCount] = {"cut", "attr", "clamp", "orient", "frict", "punct"};
-constexpr const char* kWords[kEffectCount] = {"cutting",           "attracted",      "clamping",
-                                              "orientation limit", "shaft friction", "puncture"};
 
 std::vector<EffectSetCost> fromTheCheapest(std::vector<EffectSetCost> sets) {
   std::stable_sort(sets.begin(), sets.end(), [](const EffectSetCost& a, const EffectSetCost& b) {
@@ -37,12 +35,12 @@ std::string count(const std::optional<double>& instructions) {
 
 std::string effectsTable(const std::vector<EffectSetCost>& sets) {
   std::string text;
-  for (const char* name : kShortNames) text += formatted("%-7s", name);
+  for (const EffectEntry* effect : effectEntries()) text += fmt::format("{:<7}", effect->short_name);
   text += formatted("%10s %8s %10s %12s\n", "median ns", "p99 ns", "over none", "instructions");
   const double none_ns = costOfNone(sets);
   for (const EffectSetCost& set : fromTheCheapest(sets)) {
-    for (std::size_t i = 0; i < kEffectCount; ++i)
-      text += formatted("%-7s", (set.effects & bitOf(static_cast<Effect>(i))) != 0 ? "x" : ".");
+    for (const EffectEntry* effect : effectEntries())
+      text += fmt::format("{:<7}", (set.effects & bitOf(effect->effect)) != 0 ? "x" : ".");
     text += formatted("%10.1f %8.1f %10.1f ", set.timing.median_ns, set.timing.p99_ns,
                       set.timing.median_ns - none_ns) +
             count(set.instructions) + "\n";
@@ -50,7 +48,7 @@ std::string effectsTable(const std::vector<EffectSetCost>& sets) {
   text += "\nwhat an effect adds, over all pairs of sets that differ in it only\n";
   text += formatted("%-18s %8s %8s %8s %12s\n", "effect", "mean ns", "least", "most", "instructions");
   for (const MarginalCost& cost : marginalCosts(sets))
-    text += formatted("%-18s %8.1f %8.1f %8.1f ", kWords[static_cast<std::size_t>(cost.effect)], cost.mean_ns,
+    text += formatted("%-18s %8.1f %8.1f %8.1f ", effectWords(effectEntry(cost.effect)).c_str(), cost.mean_ns,
                       cost.least_ns, cost.most_ns) +
             count(cost.instructions) + "\n";
   if (!sets.empty())
@@ -63,21 +61,23 @@ std::string effectsTable(const std::vector<EffectSetCost>& sets) {
 Status drawEffects(const std::vector<EffectSetCost>& sets, const std::filesystem::path& folder) {
   // the sets from the cheapest on; the columns say which effects are in
   const auto sorted = fromTheCheapest(sets);
-  FigureTable table(
-      "place,count,median_ns,p99_ns,cutting,attracted,clamping,orientation_limit,shaft_friction,puncture");
+  std::string header = "place,count,median_ns,p99_ns";
+  for (const EffectEntry* effect : effectEntries()) header += ',' + effectWords(*effect, '_');
+  FigureTable table(header);
   for (std::size_t i = 0; i < sorted.size(); ++i) {
-    const EffectMask m = sorted[i].effects;
-    const auto in = [m](Effect effect) { return (m & bitOf(effect)) != 0 ? 1.0 : 0.0; };
-    table.row({static_cast<double>(i + 1), static_cast<double>(std::popcount(m)), sorted[i].timing.median_ns,
-               sorted[i].timing.p99_ns, in(Effect::kCutting), in(Effect::kAttracted), in(Effect::kClamping),
-               in(Effect::kOrientationLimit), in(Effect::kShaftFriction), in(Effect::kPuncture)});
+    std::vector<double> row = {static_cast<double>(i + 1),
+                               static_cast<double>(std::popcount(sorted[i].effects)),
+                               sorted[i].timing.median_ns, sorted[i].timing.p99_ns};
+    for (const EffectEntry* effect : effectEntries())
+      row.push_back((sorted[i].effects & bitOf(effect->effect)) != 0 ? 1.0 : 0.0);
+    table.row(row);
   }
   FigureTable marginal("place,mean_ns,least_ns,most_ns,effect");
   const auto costs = marginalCosts(sets);
   double most_ns = 0, least_ns = 0;
   for (std::size_t i = 0; i < costs.size(); ++i) {
     marginal.row({static_cast<double>(i), costs[i].mean_ns, costs[i].least_ns, costs[i].most_ns},
-                 {kWords[static_cast<std::size_t>(costs[i].effect)]});
+                 {effectWords(effectEntry(costs[i].effect))});
     most_ns = std::max(most_ns, costs[i].most_ns);
     least_ns = std::min(least_ns, costs[i].least_ns);
   }

@@ -157,11 +157,4 @@ std::vector<MarginalCost> marginalCosts(const std::vector<EffectSetCost>& sets) 
   return costs;
 }
 
-std::vector<std::string> effectNames(EffectMask effects) {
-  std::vector<std::string> names;
-  for (std::size_t i = 0; i < kEffectCount; ++i)
-    if ((effects & bitOf(static_cast<Effect>(i))) != 0) names.emplace_back(kEffectNames[i]);
-  return names;
-}
-
 }  // namespace needlelab

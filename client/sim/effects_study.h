@@ -10,6 +10,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/result.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {
@@ -51,9 +52,6 @@ Status runSetsForCounting(const SceneSpec& scene, double rate_hz);
 std::size_t ticksOfGesture(const SceneSpec& scene, double rate_hz);
 
 std::vector<MarginalCost> marginalCosts(const std::vector<EffectSetCost>& sets);
-
-/// Names, in the order of the mask.
-std::vector<std::string> effectNames(EffectMask effects);
 
 /// For a terminal: sets from the cheapest on, then what each effect adds.
 std::string effectsTable(const std::vector<EffectSetCost>& sets);

@@ -101,16 +101,11 @@ StackedPlot gesturePlot(GesturePlot which, const GestureTrace& trace, const Scen
       plot.spec.title = "force";
       plot.spec.unit = "N";
       plot.share = 1.4F;
-      constexpr std::pair<TraceChannel, ForcePart> kParts[] = {
-          {TraceChannel::kCutting, ForcePart::kCutting},
-          {TraceChannel::kAttracted, ForcePart::kAttracted},
-          {TraceChannel::kFriction, ForcePart::kFriction},
-          {TraceChannel::kPuncture, ForcePart::kPuncture},
-          {TraceChannel::kClamping, ForcePart::kClamping}};
       plot.series.push_back(seriesOf(trace, TraceChannel::kForce, kWhite));
       plot.series.back().name = "total";
-      for (const auto& [channel, part] : kParts)
-        plot.series.push_back(seriesOf(trace, channel, styleOf(part).colour));
+      for (const EffectEntry* effect : effectsAsShown())
+        if (effect->unit == "N")
+          plot.series.push_back(seriesOf(trace, channelOf(effect->effect), colourOf(*effect)));
       break;
     }
     case GesturePlot::kDepth:

@@ -213,12 +213,12 @@ PixelRect SceneRenderer::Parts::movingRect(int width_px, int height_px) const {
     }
     if (moment.inside && frame->aids.has(pb::Exercise::ARROWS)) {
       double along_N = 0;
-      for (const double part_N : {moment.cutting_N, moment.attracted_N, moment.friction_N, moment.puncture_N})
-        along_N += std::fabs(part_N);
+      for (const EffectEntry* effect : effectEntries())
+        if (effect->along_u) along_N += std::fabs(moment.term(effect->effect));
       const double m_per_N = frame->arrow_extents_per_N * scene->extent_m, wide_m = 0.15 * scene->extent_m;
       for (const double way : {-1.0, 0.0, 1.0})
         take(moment.p_entry_W_m + moment.u_W * (way * along_N * m_per_N), wide_m);
-      take(moment.p_WT_m + moment.clamping_W * (moment.clamping_N * m_per_N), wide_m);
+      take(moment.p_WT_m + moment.clamping_W * (moment.term(Effect::kClamping) * m_per_N), wide_m);
     }
   }
   if (all) return {0, 0, width_px, height_px};
@@ -354,28 +354,26 @@ void SceneRenderer::Parts::drawArrows() {
   const double m_per_N = frame->arrow_extents_per_N * scene->extent_m;
   const double thick_m = 0.5 * scene->extent_m, beside_m = 0.075 * scene->extent_m;
   constexpr double kLeast_N = 0.03;
-  const std::array<double, 6> parts_N = partsOf(moment);
   double pushing_m = 0, pulling_m = 0;
   glDisable(GL_DEPTH_TEST);
   glEnable(GL_CULL_FACE);
-  for (const ForcePart part :
-       {ForcePart::kCutting, ForcePart::kFriction, ForcePart::kPuncture, ForcePart::kAttracted}) {
-    const double along_N = parts_N[static_cast<std::size_t>(part)];
-    if (!(std::fabs(along_N) >= kLeast_N)) continue;
+  for (const EffectEntry* effect : effectsAsShown()) {
+    const double along_N = moment.term(effect->effect);
+    if (!effect->along_u || !(std::fabs(along_N) >= kLeast_N)) continue;
     const bool pushes = along_N < 0;
     const Vec3 direction = pushes ? -moment.u_W : moment.u_W;
     double& from_m = pushes ? pushing_m : pulling_m;
     const Vec3 foot = moment.p_entry_W_m + aside * (pushes ? beside_m : -beside_m) + direction * from_m;
     const double length_m = std::fabs(along_N) * m_per_N;
-    put(arrow, modelMatrix(poseTowards(foot, direction), {thick_m, thick_m, length_m}), styleOf(part).colour,
-        1, 0.2F);
+    put(arrow, modelMatrix(poseTowards(foot, direction), {thick_m, thick_m, length_m}), colourOf(*effect), 1,
+        0.2F);
     from_m += length_m;
   }
-  if (moment.clamping_N >= kLeast_N && normSquared(moment.clamping_W) > 0)
+  const double clamping_N = moment.term(Effect::kClamping);
+  if (clamping_N >= kLeast_N && normSquared(moment.clamping_W) > 0)
     put(arrow,
-        modelMatrix(poseTowards(moment.p_WT_m, moment.clamping_W),
-                    {thick_m, thick_m, moment.clamping_N * m_per_N}),
-        styleOf(ForcePart::kClamping).colour, 1, 0.2F);
+        modelMatrix(poseTowards(moment.p_WT_m, moment.clamping_W), {thick_m, thick_m, clamping_N * m_per_N}),
+        colourOf(effectEntry(Effect::kClamping)), 1, 0.2F);
   glDisable(GL_CULL_FACE);
   glEnable(GL_DEPTH_TEST);
 }

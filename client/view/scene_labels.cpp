@@ -190,13 +190,11 @@ float drawForceLegend(ImDrawList& list, const PictureFrame& picture, const Scene
     std::string word, value;
   };
   std::vector<Row> rows;
-  const std::array<double, 6> parts = partsOf(moment);
-  for (std::size_t i = 0; i < kForcePartCount; ++i) {
-    if (std::fabs(parts[i]) < kLeast) continue;
-    const ForcePartStyle& style = styleOf(static_cast<ForcePart>(i));
-    const bool torque = i == static_cast<std::size_t>(ForcePart::kTorque);
-    rows.push_back({style.colour, std::string(style.word),
-                    tickText(std::fabs(parts[i]), torque ? 3 : 2) + " " + std::string(style.unit)});
+  for (const EffectEntry* effect : effectsAsShown()) {
+    const double size = std::fabs(termOf(*effect, moment));
+    if (size < kLeast) continue;
+    rows.push_back({colourOf(*effect), std::string(effect->term),
+                    tickText(size, effect->unit == "N" ? 2 : 3) + " " + std::string(effect->unit)});
   }
   rows.push_back({kWhite, "on the hand", tickText(forceOf(moment), 2) + " N"});
   float word_px = 0, value_px = 0;

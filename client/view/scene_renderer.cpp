@@ -44,7 +44,7 @@ void addMoment(std::vector<double>& key, const Moment& moment, const AidSet& aid
     key.push_back(moment.tilt_rad > 0.85 * moment.alpha_rad ? 1 : 0);
   }
   if (aids.has(pb::Exercise::ARROWS))
-    for (const double value : partsOf(moment)) addStepped(key, value, kSeenForce_N);
+    for (const EffectEntry* effect : effectsAsShown()) addStepped(key, termOf(*effect, moment), kSeenForce_N);
 }
 
 std::vector<double> stillKey(const SceneFrame& frame, int width_px, int height_px) {

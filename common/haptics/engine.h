@@ -2,6 +2,7 @@
 /// same bits.
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "common/haptics/scene_model.h"
@@ -46,7 +47,8 @@ struct StepReport {
   double cutting_N = 0, attracted_N = 0, friction_N = 0, puncture_N = 0;  ///< along u, signed
   double clamping_N = 0;                                                  ///< magnitude
   double clamping_stiffness_N_per_m = 0;                                  ///< k of this tick
-  std::uint32_t flags = 0;                                                ///< StepFlag
+  std::array<double, kMaxStages> stage_N{};  ///< terms of stages, by `stageOf`; written where one is live
+  std::uint32_t flags = 0;                   ///< StepFlag
 };
 
 /// One tick. Thread: one at a time per state; the model may be shared. Real-time safe.

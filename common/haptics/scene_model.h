@@ -19,6 +19,9 @@ struct TipSample;
 class SceneModel;
 /// One tick of a scene's axial model with its live effects.
 using StepFunction = void (*)(const SceneModel&, const TipSample&, SimState&, StepReport&) noexcept;
+/// One tick of an effect that is a stage, in the tissue only, after all others: `report` is that of this
+/// tick without the stages. Returns its force in W and writes its term into `report.stage_N`.
+using StageFunction = Vec3 (*)(const SceneModel&, const TipSample&, SimState&, StepReport&) noexcept;
 
 /// One layer, ready for the tick. Depths δ run along the surface normal, lengths along the trajectory are
 /// δ/c.
@@ -78,8 +81,12 @@ class SceneModel {
 
   // along u
   AxialModel axial_model = AxialModel::kEnhancedTrackingWall;
-  StepFunction step_function = nullptr;           ///< of that model with these live effects
-  double axial_stiffness_N_per_m = 0;             ///< steepest slope of the axial model's force over x
+  StepFunction step_function = nullptr;                  ///< of that model with these live effects
+  StepFunction placed_step = nullptr;                    ///< the same without the stages
+  std::array<StageFunction, kMaxStages> stages{};        ///< the live ones …
+  std::uint32_t stage_count = 0;                         ///< … so many
+  std::array<StageNumbers, kMaxStages> stage_numbers{};  ///< ready for the tick, by `stageOf`
+  double axial_stiffness_N_per_m = 0;                    ///< steepest slope of the axial model's force over x
   double axial_damping_Ns_per_m = 0;              ///< steepest slope of that force over the speed: VOIGT's B
   bool step_at_layers = false;                    ///< DIRECT
   std::shared_ptr<const DepthTable> depth_table;  ///< PRECOMPUTED
@@ -93,6 +100,10 @@ class SceneModel {
   /// §3.5).
   [[nodiscard]] double axialStiffness_N_per_m() const;
 };
+
+/// The step function of a scene with live stages: `placed_step`, then the stages, then the cap.
+void stepWithStages(const SceneModel& model, const TipSample& sample, SimState& state,
+                    StepReport& report) noexcept;
 
 /// Validates, then precomputes for a loop of `rate_hz` (50-40,000 Hz). Errors: kInvalidInput as of
 /// `validate`.

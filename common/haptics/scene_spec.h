@@ -16,7 +16,8 @@
 
 namespace needlelab {
 
-/// The effects that a scene may call for. Their order is the order of EffectMask bits.
+/// The effects that a scene may call for. Their order is the order of EffectMask bits. What each of them is
+/// says its row, see effects/effect_entry.h.
 enum class Effect : std::uint8_t {
   kCutting,
   kAttracted,
@@ -26,14 +27,25 @@ enum class Effect : std::uint8_t {
   kPuncture
 };
 inline constexpr std::size_t kEffectCount = 6;
-inline constexpr std::array<std::string_view, kEffectCount> kEffectNames = {
-    "CUTTING", "ATTRACTED", "CLAMPING", "ORIENTATION_LIMIT", "SHAFT_FRICTION", "PUNCTURE"};
+/// So many have a place of their own within the tick; the others are stages, whose forces are added at its
+/// end.
+inline constexpr std::size_t kPlacedEffectCount = 6;
 
 using EffectMask = std::uint32_t;
 constexpr EffectMask bitOf(Effect effect) {
   return EffectMask{1} << static_cast<unsigned>(effect);
 }
 inline constexpr EffectMask kAllEffects = (EffectMask{1} << kEffectCount) - 1;
+inline constexpr EffectMask kPlacedEffects = (EffectMask{1} << kPlacedEffectCount) - 1;
+
+/// Room for stages. Each has so many numbers of the author, numbers for the tick, and numbers that it
+/// remembers; they are its own to name.
+inline constexpr std::size_t kMaxStages = 8;
+using StageNumbers = std::array<double, 8>;
+static_assert(kEffectCount - kPlacedEffectCount <= kMaxStages);
+constexpr std::size_t stageOf(Effect effect) {
+  return static_cast<std::size_t>(effect) - kPlacedEffectCount;
+}
 
 /// The half-space on the far side of `normal`; `normal` (any length > 0) points out of the tissue.
 struct PlaneLimb {
@@ -109,9 +121,10 @@ struct SceneSpec {
   FemSpec fem;
   VirtualFixtureSpec virtual_fixture;
   OrientationLimitSpec orientation_limit;
-  double friction_stiffness_N_per_m = 140;  ///< K_f, (0, 10000]
-  double max_force_N = 10;                  ///< cap of the sum, (0, 50]
-  EffectMask effects = 0;                   ///< those that the scene lists; which of them are live is derived
+  double friction_stiffness_N_per_m = 140;               ///< K_f, (0, 10000]
+  double max_force_N = 10;                               ///< cap of the sum, (0, 50]
+  std::array<StageNumbers, kMaxStages> stage_numbers{};  ///< of effects that are stages, by `stageOf`
+  EffectMask effects = 0;  ///< those that the scene lists; which of them are live is derived
 };
 
 /// The first fault of a spec as kInvalidInput with field path, value and range; or success. `compile` calls

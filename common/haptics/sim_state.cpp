@@ -61,6 +61,13 @@ std::uint64_t hashOf(const SimState& state) {
   for (std::uint32_t i = 0; i < state.tops_met; ++i) hash.add(state.top_place_m[i]);
   hash.add(std::uint64_t{state.membranes_met} | std::uint64_t{state.membranes_ruptured} << 32);
   for (std::uint32_t i = 0; i < state.membranes_met; ++i) hash.add(state.membrane_place_m[i]);
+  for (std::size_t i = 0; i < kMaxStages; ++i) {
+    // a scene without stages has the hash that it had before there were any
+    if (std::all_of(state.stage[i].begin(), state.stage[i].end(), [](double d) { return d == 0.0; }))
+      continue;
+    hash.add(std::uint64_t{i});
+    for (const double d : state.stage[i]) hash.add(d);
+  }
   const NeedleState& needle = state.needle;
   if (needle.stations == 0) return hash.value();
   for (const double d : {needle.x_m, needle.cut_m, needle.gap_m, needle.tip_N, needle.tip_most_N})

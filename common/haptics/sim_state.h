@@ -7,6 +7,7 @@
 
 #include "common/haptics/geometry.h"
 #include "common/haptics/limits.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 
@@ -98,6 +99,9 @@ struct SimState {
   std::uint32_t proxy_layer = 0;  ///< GOD_OBJECT: whose top that is, or which the tip was let through last
   std::uint32_t tops_met = 0;     ///< GOD_OBJECT: how many tops of layers the tip has crossed
   std::array<double, kMaxLayers> top_place_m;  ///< where along u, less `x_shift_m`
+
+  // stages, by `stageOf`: 0 at entry
+  std::array<StageNumbers, kMaxStages> stage{};
 
   // membranes, in the model's order
   std::uint32_t membranes_met = 0;       ///< how many from the top were met

@@ -1,6 +1,8 @@
 /// What one tick derives before the effects run, and what they leave behind. Lives on the stack of `step`.
 #pragma once
 
+#include <cmath>
+
 #include "common/haptics/engine.h"
 
 namespace needlelab {
@@ -64,5 +66,13 @@ std::uint32_t findLayer(const SceneModel& model, double depth_m, std::uint32_t i
 
 /// Angle between two unit vectors, by atan2 (DESIGN §3). In [0, π].
 double angleBetween(Vec3 a, Vec3 b) noexcept;
+
+/// Cut to max_force_N, the direction kept.
+inline void capForce(const SceneModel& model, Vec3& force_N, StepReport& report) {
+  const double squared = normSquared(force_N);
+  if (!(squared > model.max_force_N * model.max_force_N)) return;
+  force_N = force_N * (model.max_force_N / std::sqrt(squared));
+  report.flags |= kFlagForceCapped;
+}
 
 }  // namespace needlelab

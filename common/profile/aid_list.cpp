@@ -85,7 +85,7 @@ Result<AidList> parseAids(std::string_view text) {
                                                  aidsText(allAids()) + ", or none, or all"};
     aids.Add(aid);
   }
-  if (Status valid = checkAids("aids", aids); !valid) return valid.error();
+  RETURN_IF_ERROR(checkAids("aids", aids));
   return aids;
 }
 

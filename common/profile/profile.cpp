@@ -11,10 +11,9 @@ namespace {
 /// Text to a checked message: JSON, then the fields' own limits, then what binds several fields.
 template <typename T, typename Rules>
 Result<T> parse(std::string_view text, std::string_view source, Rules rules) {
-  const Result<nlohmann::json> tree = readStrictJson(text, source, kMaxProfileBytes);
-  if (!tree) return tree.error();
+  ASSIGN_OR_RETURN(const nlohmann::json tree, readStrictJson(text, source, kMaxProfileBytes));
   T message;
-  Status status = readMessage(*tree, message);
+  Status status = readMessage(tree, message);
   if (status) status = rules(message);
   if (!status) return Error{status.error().code, std::string(source) + ": " + status.error().message};
   return message;
@@ -27,9 +26,18 @@ Result<pb::Profile> parseProfile(std::string_view json, std::string_view source)
 }
 
 Result<pb::Profile> loadProfile(const std::filesystem::path& path) {
-  const Result<std::string> text = readWholeFile(path, kMaxProfileBytes);
-  if (!text) return text.error();
-  return parseProfile(*text, path.string());
+  ASSIGN_OR_RETURN(const std::string text, readWholeFile(path, kMaxProfileBytes));
+  return parseProfile(text, path.string());
+}
+
+std::vector<Error> profileFaults(std::string_view json) {
+  const auto tree = readStrictJson(json, "profile", kMaxProfileBytes);
+  if (!tree) return {tree.error()};
+  pb::Profile profile;
+  std::vector<Error> faults = messageFaults(*tree, profile);
+  if (!faults.empty()) return faults;
+  if (Status status = checkProfileRules(profile); !status) faults.push_back(status.error());
+  return faults;
 }
 
 std::string profileJson(const pb::Profile& profile) {
@@ -49,9 +57,8 @@ Result<pb::Curriculum> parseCurriculum(std::string_view json, std::string_view s
 }
 
 Result<pb::Curriculum> loadCurriculum(const std::filesystem::path& path) {
-  const Result<std::string> text = readWholeFile(path, kMaxProfileBytes);
-  if (!text) return text.error();
-  return parseCurriculum(*text, path.string());
+  ASSIGN_OR_RETURN(const std::string text, readWholeFile(path, kMaxProfileBytes));
+  return parseCurriculum(text, path.string());
 }
 
 std::string curriculumJson(const pb::Curriculum& curriculum) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/haptics/needle_spec.h"
 #include "common/haptics/scene_spec.h"
 #include "needlelab/profile.pb.h"
 
@@ -23,9 +24,17 @@ inline constexpr std::size_t kMaxProfileBytes = 1u << 20;
 Result<pb::Profile> parseProfile(std::string_view json, std::string_view source);
 /// The same from a file, named by its path in messages.
 Result<pb::Profile> loadProfile(const std::filesystem::path& path);
+/// For an author who is still writing: everything that is wrong with a profile, not only the first of it.
+/// Each fault begins with its path where it has one, `layers[2].cutting_force_n: …`. What binds several
+/// fields is looked at once the fields are right by themselves, and stops at its first fault. Empty:
+/// parseProfile takes the text.
+std::vector<Error> profileFaults(std::string_view json);
 /// Canonical JSON: snake_case, fields in the order of the .proto, shortest numbers, a newline at the end.
 /// The same profile gives the same bytes, and `parseProfile(profileJson(p))` gives p back.
 std::string profileJson(const pb::Profile& profile);
+
+/// A profile's needle as numbers: `outer_diameter_m` as given, else the gauge's; 0 where neither is.
+NeedleSpec needleOf(const pb::Needle& needle);
 
 /// The scene for the engine, with the limb placed in W by `X_WL` (L: the frame of the profile's coordinates).
 /// Errors: kInvalidInput, when the profile (one that did not come from `parseProfile`) or the placement is

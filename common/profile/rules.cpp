@@ -1,5 +1,8 @@
 #include "common/profile/rules.h"
 
+#include <fmt/core.h>
+
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <set>
@@ -7,9 +10,8 @@
 #include <vector>
 
 #include "common/base/range.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/profile/aid_list.h"
-#include "common/profile/model_sections.h"
-#include "common/profile/needle.h"
 #include "common/profile/profile.h"
 #include "common/profile/strict_json.h"
 
@@ -27,26 +29,41 @@ Status checkId(const std::string& path, const std::string& id) {
   return {};
 }
 
+Status checkNeedle(const pb::Needle& needle) {
+  if (needle.has_gauge() && needle.has_outer_diameter_m()) {
+    const double wanted = gaugeDiameter_m(needle.gauge()), found = needle.outer_diameter_m();
+    if (!(std::abs(found - wanted) <= kGaugeTolerance * wanted))
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("needle.outer_diameter_m: {} contradicts gauge {}, which is {} (allowed is "
+                               "{:.4g} to {:.4g}): give one of the two, or both alike",
+                               numberText(found), needle.gauge(), numberText(wanted),
+                               wanted * (1 - kGaugeTolerance), wanted * (1 + kGaugeTolerance))};
+  }
+  const NeedleSpec spec = needleOf(needle);
+  if (const double behind = openingBehindTip_m(spec), bevel = bevelLength_m(spec);
+      std::max(behind, bevel) >= spec.length_m)
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("needle.bevel_angle_rad: at {:.3g} rad a tip of {:.3g} mm diameter is {:.3g} mm "
+                             "long, the whole needle {} mm",
+                             bevelAngle_rad(spec), 1e3 * spec.outer_diameter_m, 1e3 * std::max(behind, bevel),
+                             numberText(1e3 * spec.length_m))};
+  return {};
+}
+
 Status checkEffects(const pb::Profile& profile) {
   std::set<int> listed;
   for (int i = 0; i < profile.effects_size(); ++i) {
     const std::string& name = pb::Profile::Effect_Name(profile.effects(i));
     if (!listed.insert(profile.effects(i)).second) {
-      return fieldError("effects[" + std::to_string(i) + "]", name + " is listed twice");
+      return fieldError(fmt::format("effects[{}]", i), name + " is listed twice");
     }
   }
-  // the section of each listed effect; CUTTING and ATTRACTED use tracking_wall, PUNCTURE stands in the layers
-  const auto missing = [&](pb::Profile::Effect effect, bool there) {
-    return listed.contains(effect) && !there;
-  };
-  if (missing(pb::Profile::CLAMPING, profile.has_virtual_fixture())) {
-    return fieldError("virtual_fixture", "is missing, and effects lists CLAMPING");
-  }
-  if (missing(pb::Profile::ORIENTATION_LIMIT, profile.has_orientation_limit())) {
-    return fieldError("orientation_limit", "is missing, and effects lists ORIENTATION_LIMIT");
-  }
-  if (missing(pb::Profile::SHAFT_FRICTION, profile.has_shaft_friction())) {
-    return fieldError("shaft_friction", "is missing, and effects lists SHAFT_FRICTION");
+  // the section of each listed effect that has one
+  for (const EffectEntry* effect : effectEntries()) {
+    const bool is_listed = listed.contains(static_cast<int>(effect->effect) + 1);
+    if (is_listed && !effect->section.empty() && sectionOf(*effect, profile) == nullptr)
+      return fieldError(std::string(effect->section),
+                        fmt::format("is missing, and effects lists {}", effect->name));
   }
   return {};
 }
@@ -83,47 +100,46 @@ Status checkHazard(const pb::Hazard& hazard, const std::string& path) {
 }  // namespace
 
 Status checkProfileRules(const pb::Profile& profile) {
-  if (Status status = checkId("id", profile.id()); !status) return status;
-  if (Status status = checkNeedle(profile.needle()); !status) return status;
-  if (Status status = checkEffects(profile); !status) return status;
-  if (Status status = checkModelSection(profile); !status) return status;
-  if (Status status = checkStopMode(profile.tracking_wall()); !status) return status;
+  RETURN_IF_ERROR(checkId("id", profile.id()));
+  RETURN_IF_ERROR(checkNeedle(profile.needle()));
+  RETURN_IF_ERROR(checkEffects(profile));
+  RETURN_IF_ERROR(checkModelSection(profile));
+  RETURN_IF_ERROR(checkStopMode(profile.tracking_wall()));
   std::set<std::string> names;
   for (int i = 0; i < profile.targets_size(); ++i) {
     if (!names.insert(profile.targets(i).name()).second) {
-      return fieldError("targets[" + std::to_string(i) + "].name",
+      return fieldError(fmt::format("targets[{}].name", i),
                         quotedText(profile.targets(i).name()) + " is used twice");
     }
   }
   names.clear();
   for (int i = 0; i < profile.hazards_size(); ++i) {
-    const std::string path = "hazards[" + std::to_string(i) + "]";
-    if (Status status = checkHazard(profile.hazards(i), path); !status) return status;
+    const std::string path = fmt::format("hazards[{}]", i);
+    RETURN_IF_ERROR(checkHazard(profile.hazards(i), path));
     if (!names.insert(profile.hazards(i).name()).second) {
       return fieldError(path + ".name", quotedText(profile.hazards(i).name()) + " is used twice");
     }
   }
   // all that concerns forces and shapes is the engine's own check: one place for it
-  const Result<SceneSpec> spec = sceneSpecOf(profile);
-  if (!spec) return spec.error();
+  if (const auto spec = sceneSpecOf(profile); !spec) return spec.error();
   return {};
 }
 
 Status checkExerciseRules(const pb::Exercise& exercise, const std::string& path) {
   const std::string prefix = path.empty() ? "" : path + ".";
-  if (Status status = checkId(prefix + "id", exercise.id()); !status) return status;
-  if (Status status = checkId(prefix + "profile_id", exercise.profile_id()); !status) return status;
+  RETURN_IF_ERROR(checkId(prefix + "id", exercise.id()));
+  RETURN_IF_ERROR(checkId(prefix + "profile_id", exercise.profile_id()));
   if (exercise.has_needle()) {
     if (Status status = checkNeedle(exercise.needle()); !status)
       return Error{status.error().code, prefix + status.error().message};
   }
-  if (Status status = checkAids(prefix + "aids.allowed", exercise.aids().allowed()); !status) return status;
+  RETURN_IF_ERROR(checkAids(prefix + "aids.allowed", exercise.aids().allowed()));
   if (exercise.has_due_unix_ms() && exercise.due_unix_ms() != std::floor(exercise.due_unix_ms()))
     return fieldError(prefix + "due_unix_ms",
                       "must be a whole number of milliseconds, found " + numberText(exercise.due_unix_ms()));
   for (int i = 0; i < exercise.requirements_size(); ++i) {
     const auto& requirement = exercise.requirements(i);
-    const std::string where = prefix + "requirements[" + std::to_string(i) + "]";
+    const std::string where = prefix + fmt::format("requirements[{}]", i);
     if (!requirement.has_min() && !requirement.has_max()) {
       return fieldError(where, "says nothing about " + requirement.measure() + ": give min, max or both");
     }
@@ -158,8 +174,7 @@ class Prerequisites {
         if (!named.insert(id).second) return fieldError(path, quotedText(id) + " is named twice");
       }
     }
-    for (int i = 0; i < exercises_.size(); ++i)
-      if (Status status = visit(i); !status) return status;
+    for (int i = 0; i < exercises_.size(); ++i) RETURN_IF_ERROR(visit(i));
     return {};
   }
 
@@ -211,16 +226,134 @@ class Prerequisites {
 }  // namespace
 
 Status checkCurriculumRules(const pb::Curriculum& curriculum) {
-  if (Status status = checkId("id", curriculum.id()); !status) return status;
+  RETURN_IF_ERROR(checkId("id", curriculum.id()));
   std::set<std::string> ids;
   for (int i = 0; i < curriculum.exercises_size(); ++i) {
-    const std::string path = "exercises[" + std::to_string(i) + "]";
-    if (Status status = checkExerciseRules(curriculum.exercises(i), path); !status) return status;
+    const std::string path = fmt::format("exercises[{}]", i);
+    RETURN_IF_ERROR(checkExerciseRules(curriculum.exercises(i), path));
     if (!ids.insert(curriculum.exercises(i).id()).second) {
       return fieldError(path + ".id", quotedText(curriculum.exercises(i).id()) + " is used twice");
     }
   }
   return Prerequisites(curriculum).check();
+}
+
+// ---- warnings ----
+
+namespace {
+
+constexpr double kLeastFidelity = 0.5;
+constexpr double kNoticeableShare = 0.1;
+
+/// Three significant digits: enough for a sentence.
+std::string shortNumber(double value) {
+  return fmt::format("{:.3g}", value);
+}
+
+bool lists(const pb::Profile& profile, pb::Profile::Effect effect) {
+  return std::find(profile.effects().begin(), profile.effects().end(), effect) != profile.effects().end();
+}
+
+std::string layerName(const pb::Profile& profile, int i) {
+  return "layers[" + std::to_string(i) + "] (" + pb::Layer::Tissue_Name(profile.layers(i).tissue()) + ", " +
+         shortNumber(profile.layers(i).thickness_m() * 1e3) + " mm)";
+}
+
+/// How far a membrane is pushed in when it ruptures: the positive root of k1 z + k2 z² = force, in the form
+/// that does not lose digits when k2 is small.
+double ruptureDepth(const pb::Puncture& puncture) {
+  const double k1 = puncture.linear_n_per_m(), k2 = puncture.quadratic_n_per_m2(), force = puncture.force_n();
+  return 2 * force / (k1 + std::sqrt(k1 * k1 + 4 * k2 * force));
+}
+
+/// FIRST_ORDER has its own surfaces; PUNCTURE's membranes act under every other model.
+void warnAboutRupture(const pb::Profile& profile, int i, std::vector<std::string>& warnings) {
+  const pb::Layer& layer = profile.layers(i);
+  double depth_m = 0, force_N = 0;
+  if (profile.axial_model() == pb::Profile::FIRST_ORDER && layer.has_first_order()) {
+    force_N = layer.first_order().puncture_force_n();
+    depth_m = force_N / layer.first_order().stiffness_n_per_m();
+  } else if (layer.has_puncture() && lists(profile, pb::Profile::PUNCTURE)) {
+    force_N = layer.puncture().force_n();
+    depth_m = ruptureDepth(layer.puncture());
+  }
+  if (depth_m > layer.thickness_m())
+    warnings.push_back(layerName(profile, i) + ": its membrane ruptures at " + shortNumber(force_N) +
+                       " N only " + shortNumber(depth_m * 1e3) +
+                       " mm deep, below the layer; make it stiffer or weaker");
+}
+
+/// Only the walls' force follows the layers' cutting forces by a spring of K_t.
+void warnAboutLayers(const pb::Profile& profile, std::vector<std::string>& warnings) {
+  const bool is_wall = profile.axial_model() <= pb::Profile::TRACKING_WALL;
+  const double stiffness = profile.tracking_wall().stiffness_n_per_m();
+  double force_before_N = 0;
+  for (int i = 0; i < profile.layers_size(); ++i) {
+    const pb::Layer& layer = profile.layers(i);
+    warnAboutRupture(profile, i, warnings);
+    if (is_wall && lists(profile, pb::Profile::CUTTING)) {
+      const double phi = fidelity(force_before_N, layer.cutting_force_n(), stiffness, layer.thickness_m());
+      if (phi < kLeastFidelity) {
+        warnings.push_back(layerName(profile, i) + ": too thin to be felt, fidelity " + shortNumber(phi) +
+                           " is below 0.5: the cutting force rises from " + shortNumber(force_before_N) +
+                           " to " + shortNumber(layer.cutting_force_n()) + " N, for which a wall of " +
+                           shortNumber(stiffness) + " N/m needs " +
+                           shortNumber((layer.cutting_force_n() - force_before_N) / stiffness * 1e3) + " mm");
+      }
+    }
+    force_before_N = layer.cutting_force_n();
+  }
+}
+
+void warnAboutModel(const pb::Profile& profile, std::vector<std::string>& warnings) {
+  const auto model = profile.axial_model();
+  const bool attracts = model == pb::Profile::AXIAL_MODEL_UNSPECIFIED ||
+                        model == pb::Profile::ENHANCED_TRACKING_WALL || model == pb::Profile::PRECOMPUTED;
+  if (!attracts && lists(profile, pb::Profile::ATTRACTED))
+    warnings.push_back("effects: ATTRACTED is listed, axial_model " + pb::Profile::AxialModel_Name(model) +
+                       " has no attracted force");
+  const bool cuts = model != pb::Profile::PRECOMPUTED && model > pb::Profile::ENHANCED_TRACKING_WALL;
+  if (cuts && !lists(profile, pb::Profile::CUTTING))
+    warnings.push_back("effects: CUTTING is not listed, without it axial_model " +
+                       pb::Profile::AxialModel_Name(model) + " gives no force");
+  if (model == pb::Profile::STATISTICAL) {
+    std::string names;
+    for (const std::string& name : profile.statistical().synthetic())
+      names += (names.empty() ? "" : ", ") + name;
+    if (!names.empty())
+      warnings.push_back("statistical: synthetic, without data behind it: " + names);
+    else if (profile.statistical().source().empty())
+      warnings.push_back(
+          "statistical: has no source and names nothing as synthetic; take its numbers as synthetic");
+  }
+  if (model == pb::Profile::PRECOMPUTED && profile.precomputed().source().empty())
+    warnings.push_back("precomputed: says no source for its table");
+}
+
+/// A tip whose opening cannot be placed.
+void warnAboutNeedle(const pb::Profile& profile, std::vector<std::string>& warnings) {
+  const pb::Needle& needle = profile.needle();
+  const bool has_diameter = needle.has_gauge() || needle.has_outer_diameter_m();
+  if ((needle.has_tip() || needle.has_bevel_angle_rad()) && !has_diameter)
+    warnings.push_back(
+        "needle: its tip is described but neither gauge nor outer_diameter_m is given; injections are placed "
+        "at the tip itself");
+}
+
+}  // namespace
+
+double fidelity(double force_before_N, double force_N, double wall_stiffness_N_per_m, double thickness_m) {
+  const double rise_N = force_N - force_before_N;
+  if (rise_N <= kNoticeableShare * force_N) return 1;
+  return std::max(0.0, 1 - (rise_N - kNoticeableShare * force_N) / (wall_stiffness_N_per_m * thickness_m));
+}
+
+std::vector<std::string> profileWarnings(const pb::Profile& profile) {
+  std::vector<std::string> warnings;
+  warnAboutNeedle(profile, warnings);
+  warnAboutLayers(profile, warnings);
+  warnAboutModel(profile, warnings);
+  return warnings;
 }
 
 }  // namespace needlelab

@@ -6,9 +6,17 @@
 
 namespace needlelab {
 
+struct EffectEntry;
+
 /// Errors: kInvalidInput, `PATH: words`, without a source; the first fault only.
 Status checkProfileRules(const pb::Profile& profile);
 Status checkExerciseRules(const pb::Exercise& exercise, const std::string& path);
 Status checkCurriculumRules(const pb::Curriculum& curriculum);
+
+/// The section that the chosen model needs is there, and says of `synthetic` what it can.
+Status checkModelSection(const pb::Profile& profile);
+
+/// The section with the effect's numbers; null where the profile, or the effect, has none.
+const google::protobuf::Message* sectionOf(const EffectEntry& effect, const pb::Profile& profile);
 
 }  // namespace needlelab

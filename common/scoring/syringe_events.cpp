@@ -8,7 +8,7 @@
 
 #include "common/haptics/limits.h"
 #include "common/haptics/scene_model.h"
-#include "common/profile/needle.h"
+#include "common/profile/profile.h"
 #include "common/scoring/anatomy.h"
 #include "common/scoring/measure_groups.h"
 #include "common/scoring/track.h"

@@ -2,9 +2,13 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <string>
+#include <utility>
 #include <variant>
+#include <vector>
 
 #include "common/base/range.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/engine.h"
 #include "common/profile/profile.h"
 #include "db/service/handlers.h"
@@ -90,14 +94,12 @@ Result<pb::Reply> previewProfile(const Context& context, const pb::PreviewProfil
   auto* preview = reply.mutable_profile_preview();
   preview->set_max_force_n(profile->has_max_force_n() ? profile->max_force_n() : 10);
   addLayers(*profile, *preview);
-  auto* cutting = preview->add_by_effect();
-  cutting->set_effect("CUTTING");
-  auto* attracted = preview->add_by_effect();
-  attracted->set_effect("ATTRACTED");
-  auto* friction = preview->add_by_effect();
-  friction->set_effect("SHAFT_FRICTION");
-  auto* puncture = preview->add_by_effect();
-  puncture->set_effect("PUNCTURE");
+  std::vector<std::pair<const EffectEntry*, pb::ForceCurve*>> curves;
+  for (const EffectEntry* effect : effectsAsShown()) {
+    if (!effect->along_u) continue;
+    curves.emplace_back(effect, preview->add_by_effect());
+    curves.back().second->set_effect(std::string(effect->name));
+  }
 
   const PreviewEntry entry = entryOf(spec->limb);
   const Quat q_WT = zTo(-entry.normal);
@@ -117,10 +119,7 @@ Result<pb::Reply> previewProfile(const Context& context, const pb::PreviewProfil
     preview->add_depth_m(std::max(depth_m, 0.0));
     preview->add_total_n(dot(report.wrench_W.force_N, entry.normal));
     // along u, into the tissue: against the needle is the other way
-    cutting->add_force_n(0.0 - report.cutting_N);
-    attracted->add_force_n(0.0 - report.attracted_N);
-    friction->add_force_n(0.0 - report.friction_N);
-    puncture->add_force_n(0.0 - report.puncture_N);
+    for (const auto& [effect, curve] : curves) curve->add_force_n(0.0 - effect->value(report));
   }
   return reply;
 }

@@ -1,6 +1,5 @@
 // What there is to learn: revisions of profiles and courses, checks as somebody types, exercises, measures.
 #include "common/profile/profile.h"
-#include "common/profile/profile_faults.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
 #include "db/documents.h"

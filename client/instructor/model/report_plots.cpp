@@ -27,11 +27,12 @@ SvgPlot forces(const StoredGesture& gesture) {
   SvgPlot plot = plotOf(gesture, TraceChannel::kForce);
   plot.series.push_back(seriesOf(gesture, TraceChannel::kForce, "all", kBlack));
   if (!gesture.scene.model) return plot;  // without the engine there are no parts
-  constexpr std::array kParts = {TraceChannel::kCutting, TraceChannel::kAttracted, TraceChannel::kFriction,
-                                 TraceChannel::kPuncture, TraceChannel::kClamping};
-  for (std::size_t i = 0; i < kParts.size(); ++i) {
-    const ForcePartStyle& style = styleOf(static_cast<ForcePart>(i));
-    plot.series.push_back(seriesOf(gesture, kParts[i], std::string(style.word), style.colour, i % 2 == 1));
+  bool dashed = false;
+  for (const EffectEntry* effect : effectsAsShown()) {
+    if (effect->unit != "N") continue;
+    plot.series.push_back(
+        seriesOf(gesture, channelOf(effect->effect), std::string(effect->term), colourOf(*effect), dashed));
+    dashed = !dashed;
   }
   return plot;
 }

@@ -6,7 +6,6 @@
 
 #include "client/instructor/model/sample_moment.h"
 #include "common/base/text.h"
-#include "common/haptics/models/axial_entry.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
@@ -27,11 +26,7 @@ Moment momentOfStep(const GestureSample& sample, double rate_hz, const StepRepor
   moment.flags = report.flags;
   moment.fault = 0;
   moment.depth_m = report.depth_m;
-  moment.cutting_N = report.cutting_N;
-  moment.attracted_N = report.attracted_N;
-  moment.friction_N = report.friction_N;
-  moment.puncture_N = report.puncture_N;
-  moment.clamping_N = report.clamping_N;
+  moment.terms = termsOf(report);
   moment.alpha_rad = orientationLimitAngle(needle_length_m, report.insertion_m);
   moment.inside = state.inside;
   moment.approximate = false;

@@ -23,7 +23,7 @@ void RerunScreen::showForces(Desk& desk) {
   const StoredGesture& gesture = *desk.bench.first();
   const Rerun& run = *desk.bench.rerunResult();
   const double from_s = gesture.first_s(), to_s = gesture.last_s();
-  const auto plotOf = [&](TraceChannel channel, const char* title) {
+  const auto plotOf = [&](TraceChannel channel, const std::string& title) {
     StackedPlot plot;
     plot.spec.title = title;
     plot.spec.unit = std::string(infoOf(channel).unit);
@@ -38,10 +38,8 @@ void RerunScreen::showForces(Desk& desk) {
   std::vector<StackedPlot> plots;
   plots.push_back(plotOf(TraceChannel::kForce, "force on the hand"));
   plots.back().share = 1.8F;
-  for (const auto& [channel, title] :
-       {std::pair{TraceChannel::kCutting, "cutting"}, std::pair{TraceChannel::kFriction, "friction"},
-        std::pair{TraceChannel::kPuncture, "puncture"}, std::pair{TraceChannel::kClamping, "clamping"}})
-    plots.push_back(plotOf(channel, title));
+  for (const EffectEntry* effect : effectsAsShown())
+    if (effect->unit == "N") plots.push_back(plotOf(channelOf(effect->effect), std::string(effect->term)));
   plots.back().spec.show_x_axis = true;
   const auto result = plotStack("rerun", plots, {0, 0});
   if (result.clicked_x) desk.bench.player.seek(*result.clicked_x);

@@ -37,7 +37,7 @@ const char* wordsOf(Phase phase) {
 
 }  // namespace
 
-void FigureTable::row(std::initializer_list<double> numbers, std::initializer_list<std::string_view> words) {
+void FigureTable::row(std::span<const double> numbers, std::initializer_list<std::string_view> words) {
   char cell[40];
   bool first = true;
   for (const double number : numbers) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <initializer_list>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -15,7 +16,10 @@ class FigureTable {
  public:
   explicit FigureTable(std::string_view header) : text_(std::string(header) + "\n") {}
   /// One row: the numbers, then the words.
-  void row(std::initializer_list<double> numbers, std::initializer_list<std::string_view> words = {});
+  void row(std::initializer_list<double> numbers, std::initializer_list<std::string_view> words = {}) {
+    row(std::span(numbers.begin(), numbers.size()), words);
+  }
+  void row(std::span<const double> numbers, std::initializer_list<std::string_view> words = {});
   [[nodiscard]] std::string take() { return std::move(text_); }
 
  private:

@@ -1,13 +1,20 @@
 #include "client/sim/tools/run_output.h"
 
+#include <fmt/core.h>
+
 #include "common/base/csv.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/scene_model.h"
 
 namespace needlelab {
 
-std::string_view runHeader() {
-  return "t_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,wx_m,wy_m,wz_m,phase,layer,depth_m,insertion_m,alpha_rad,"
-         "lateral_error_m,cutting_n,attracted_n,friction_n,puncture_n,clamping_n\n";
+std::string runHeader() {
+  std::string header =
+      "t_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,wx_m,wy_m,wz_m,phase,layer,depth_m,insertion_m,alpha_rad,"
+      "lateral_error_m";
+  for (const EffectEntry* effect : effectsAsShown())
+    if (effect->unit == "N") header += fmt::format(",{}_n", effect->term);
+  return header + "\n";
 }
 
 void appendRunRow(std::string& out, double t_s, const StepReport& report, double needle_length_m) {
@@ -27,12 +34,12 @@ void appendRunRow(std::string& out, double t_s, const StepReport& report, double
   number(report.depth_m);
   number(report.insertion_m);
   number(orientationLimitAngle(needle_length_m, report.insertion_m));
-  number(report.lateral_error_m);
-  number(report.cutting_N);
-  number(report.attracted_N);
-  number(report.friction_N);
-  number(report.puncture_N);
-  appendNumber(out, report.clamping_N);
+  appendNumber(out, report.lateral_error_m);
+  for (const EffectEntry* effect : effectsAsShown()) {
+    if (effect->unit != "N") continue;
+    out += ',';
+    appendNumber(out, effect->value(report));
+  }
   out += '\n';
 }
 

@@ -10,7 +10,7 @@
 namespace needlelab {
 
 /// The columns, with a newline.
-std::string_view runHeader();
+std::string runHeader();
 
 /// Appends the row of a tick: 17 significant digits, wall `nan` when there is none, phase by name.
 /// `needle_length_m` is for alpha_rad.

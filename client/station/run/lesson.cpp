@@ -6,6 +6,7 @@
 
 #include "client/device/skilled_hand.h"
 #include "common/fem/needle_mesh.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
@@ -73,10 +74,7 @@ std::vector<PlanTarget> targetsOf(const pb::Profile& profile, const Pose& X_WL) 
 }
 
 std::vector<std::string> liveEffects(const SceneModel& model) {
-  std::vector<std::string> names;
-  for (std::size_t i = 0; i < kEffectCount; ++i)
-    if (model.isLive(static_cast<Effect>(i))) names.emplace_back(kEffectNames[i]);
-  return names;
+  return effectNames(model.live);
 }
 
 Status checkStiffness(const SceneModel& model, const DeviceInfo& device) {

@@ -5,6 +5,7 @@
 
 #include "client/station/run/summary_parts.h"
 #include "common/base/program.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/force_gate.h"
 
 namespace needlelab {
@@ -21,7 +22,7 @@ Json costsOf(const std::optional<EffectCosts>& costs) {
   if (!costs) return nullptr;
   Json by_name = Json::object();
   for (const EffectCost& cost : costs->effects)
-    by_name[std::string(kEffectNames[static_cast<std::size_t>(cost.effect)])] = tenths(cost.ns);
+    by_name[std::string(effectName(cost.effect))] = tenths(cost.ns);
   return by_name;
 }
 

@@ -1,9 +1,12 @@
+#include <fmt/core.h>
 #include <string>
+
 #include <string_view>
 
 #include "client/station/run/summary.h"
 #include "common/base/text.h"
 #include "common/haptics/device_condition.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/force_gate.h"
 
@@ -91,8 +94,7 @@ std::string effectCostsText(const EffectCosts& costs) {
   std::string text = formatted("%.1f ns a tick", costs.tick_ns);
   const char* before = "; beside the others each adds: ";
   for (const EffectCost& cost : costs.effects) {
-    text +=
-        before + formatted("%s %.1f ns", kEffectNames[static_cast<std::size_t>(cost.effect)].data(), cost.ns);
+    text += before + fmt::format("{} {:.1f} ns", effectName(cost.effect), cost.ns);
     before = ", ";
   }
   return text;

@@ -143,11 +143,7 @@ void GestureReplica::State::tellInsertion() {
   now.clamping_W = {};
   // in a FAULT nothing is stepped and the force is gone
   const bool forces = engine.inside && now.fault == 0;
-  now.cutting_N = forces ? report.cutting_N : 0;
-  now.attracted_N = forces ? report.attracted_N : 0;
-  now.friction_N = forces ? report.friction_N : 0;
-  now.puncture_N = forces ? report.puncture_N : 0;
-  now.clamping_N = forces ? report.clamping_N : 0;
+  now.terms = forces ? termsOf(report) : std::array<double, kEffectCount>{};
   if (!now.inside) return;
   now.p_entry_W_m = engine.inside ? engine.p_entry_W_m : guessed_entry_W_m;
   now.u_W = engine.inside ? engine.u_W : guessed_u_W;
@@ -155,7 +151,7 @@ void GestureReplica::State::tellInsertion() {
   now.tilt_rad = std::atan2(norm(cross(axis_W, now.u_W)), dot(axis_W, now.u_W));
   const Vec3 from_entry = now.p_WT_m - now.p_entry_W_m;
   const Vec3 aside = from_entry - now.u_W * dot(now.u_W, from_entry);
-  if (now.clamping_N > 0 && normSquared(aside) > 0) now.clamping_W = -normalized(aside);
+  if (now.term(Effect::kClamping) > 0 && normSquared(aside) > 0) now.clamping_W = -normalized(aside);
 }
 
 const Moment& GestureReplica::now() const {
@@ -188,9 +184,15 @@ double forceOf(const Moment& moment) {
   return norm(moment.force_W_N);
 }
 
-std::array<double, 6> partsOf(const Moment& moment) {
-  return {moment.cutting_N,  moment.attracted_N, moment.friction_N,
-          moment.puncture_N, moment.clamping_N,  norm(moment.torque_W_Nm)};
+std::array<double, kEffectCount> termsOf(const StepReport& report) {
+  std::array<double, kEffectCount> terms{};
+  for (const EffectEntry* effect : effectEntries())
+    terms[static_cast<std::size_t>(effect->effect)] = effect->value(report);
+  return terms;
+}
+
+double termOf(const EffectEntry& effect, const Moment& moment) {
+  return effect.unit == "N" ? moment.term(effect.effect) : norm(moment.torque_W_Nm);
 }
 
 }  // namespace needlelab

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/gesture/sample.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/engine.h"
 
 namespace needlelab {
@@ -35,12 +36,14 @@ struct Moment {
   Vec3 u_W;              ///< the trajectory's direction, unit
   double alpha_rad = 0;  ///< α(d_t); π/4 outside
   double tilt_rad = 0;   ///< θ, between the needle's axis and u
-  double cutting_N = 0, attracted_N = 0, friction_N = 0, puncture_N = 0;  ///< along u, signed
-  double clamping_N = 0;                                                  ///< magnitude
+  std::array<double, kEffectCount> terms{};  ///< of the force, by Effect: along u and signed, or a magnitude
   Vec3 clamping_W;  ///< unit vector of the clamping force (toward the line); zero without one
   /// Ticks are missing, or samples were thinned, since the tip was last outside: what the replica found may
   /// be off. (What the sample carries is not.)
   bool approximate = false;
+
+  double& term(Effect effect) { return terms[static_cast<std::size_t>(effect)]; }
+  [[nodiscard]] double term(Effect effect) const { return terms[static_cast<std::size_t>(effect)]; }
 };
 
 /// Takes over what the sample carries. A place or a rotation that is none is not shown: the last one stays.
@@ -90,8 +93,9 @@ std::vector<Moment> momentsOf(std::shared_ptr<const SceneModel> model, std::span
 
 /// |force| after the gate.
 double forceOf(const Moment& moment);
-/// Sum of what the effects give along u, and the clamping: the parts in the order of ForcePart; the torque's
-/// magnitude last. Signed along u but for clamping and torque.
-std::array<double, 6> partsOf(const Moment& moment);
+/// The terms of a tick's force, by Effect.
+std::array<double, kEffectCount> termsOf(const StepReport& report);
+/// What an effect gives to the moment's force or torque; the torque is the sample's own.
+double termOf(const EffectEntry& effect, const Moment& moment);
 
 }  // namespace needlelab

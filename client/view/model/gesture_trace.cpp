@@ -20,36 +20,41 @@ float shortened(double value) {
 
 }  // namespace
 
-const ChannelInfo& infoOf(TraceChannel channel) {
-  static constexpr std::array<ChannelInfo, kChannelCount> kInfo = {{
-      {"force", "N", 1},        {"cutting", "N", 1},     {"attracted", "N", 1},         {"friction", "N", 1},
-      {"puncture", "N", 1},     {"clamping", "N", 1},    {"torque", "N·m", 1},          {"depth", "mm", 1000},
-      {"inserted", "mm", 1000}, {"speed", "mm/s", 1000}, {"lateral error", "mm", 1000}, {"α", "°", kDegrees},
-      {"tilt", "°", kDegrees},  {"tip x", "mm", 1000},   {"tip y", "mm", 1000},         {"tip z", "mm", 1000},
-      {"wall x", "mm", 1000},   {"wall y", "mm", 1000},  {"wall z", "mm", 1000},        {"force x", "N", 1},
-      {"force y", "N", 1},      {"force z", "N", 1},     {"plunger", "%", 100},         {"layer", "", 1},
+namespace {
+
+constexpr std::size_t kFixedChannels = kChannelCount - kEffectCount;
+
+// null for a channel that is no effect's term
+const EffectEntry* effectOf(TraceChannel channel) {
+  const auto index = static_cast<std::size_t>(channel);
+  return index < kFixedChannels ? nullptr : &effectEntry(static_cast<Effect>(index - kFixedChannels));
+}
+
+}  // namespace
+
+ChannelInfo infoOf(TraceChannel channel) {
+  static constexpr std::array<ChannelInfo, kFixedChannels> kInfo = {{
+      {"force", "N", 1},       {"depth", "mm", 1000},         {"inserted", "mm", 1000},
+      {"speed", "mm/s", 1000}, {"lateral error", "mm", 1000}, {"α", "°", kDegrees},
+      {"tilt", "°", kDegrees}, {"tip x", "mm", 1000},         {"tip y", "mm", 1000},
+      {"tip z", "mm", 1000},   {"wall x", "mm", 1000},        {"wall y", "mm", 1000},
+      {"wall z", "mm", 1000},  {"force x", "N", 1},           {"force y", "N", 1},
+      {"force z", "N", 1},     {"plunger", "%", 100},         {"layer", "", 1},
       {"phase", "", 1},
   }};
+  if (const EffectEntry* effect = effectOf(channel)) return {effect->term, effect->unit, 1};
   return kInfo[static_cast<std::size_t>(channel)];
 }
 
 double valueOf(TraceChannel channel, const Moment& moment) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  if (const EffectEntry* effect = effectOf(channel)) {
+    const double term = termOf(*effect, moment);
+    return effect->along_u ? -term : term;
+  }
   switch (channel) {
     case TraceChannel::kForce:
       return forceOf(moment);
-    case TraceChannel::kCutting:
-      return -moment.cutting_N;
-    case TraceChannel::kAttracted:
-      return -moment.attracted_N;
-    case TraceChannel::kFriction:
-      return -moment.friction_N;
-    case TraceChannel::kPuncture:
-      return -moment.puncture_N;
-    case TraceChannel::kClamping:
-      return moment.clamping_N;
-    case TraceChannel::kTorque:
-      return norm(moment.torque_W_Nm);
     case TraceChannel::kDepth:
       return moment.depth_m;
     case TraceChannel::kInsertion:

@@ -16,16 +16,10 @@
 
 namespace needlelab {
 
-/// What can be plotted over time. Order: append only.
+/// What can be plotted over time, besides the effects' terms (`channelOf`).
 enum class TraceChannel : std::uint8_t {
-  kForce,      ///< |force| after the gate
-  kCutting,    ///< along u, as resistance: positive pushes the hand out
-  kAttracted,  ///< … negative pulls the hand in
-  kFriction,
-  kPuncture,
-  kClamping,  ///< magnitude
-  kTorque,    ///< magnitude, N·m
-  kDepth,     ///< δ
+  kForce,  ///< |force| after the gate
+  kDepth,  ///< δ
   kInsertion,
   kSpeed,  ///< along u
   kLateralError,
@@ -44,13 +38,20 @@ enum class TraceChannel : std::uint8_t {
   kLayer,
   kPhase,
 };
-inline constexpr std::size_t kChannelCount = 25;
+inline constexpr std::size_t kChannelCount = 19 + kEffectCount;
+/// What an effect gives: along u as resistance (positive pushes the hand out, negative pulls it in), or a
+/// magnitude.
+constexpr TraceChannel channelOf(Effect effect) {
+  return static_cast<TraceChannel>(static_cast<std::size_t>(TraceChannel::kPhase) + 1 +
+                                   static_cast<std::size_t>(effect));
+}
+static_assert(static_cast<std::size_t>(channelOf(Effect{})) + kEffectCount == kChannelCount);
 struct ChannelInfo {
   std::string_view name;  ///< for an axis: "force", "lateral error"
   std::string_view unit;  ///< as shown: "N", "mm", "°"
   double shown_per_si;    ///< 1000 for mm, 180/π for °
 };
-const ChannelInfo& infoOf(TraceChannel channel);
+ChannelInfo infoOf(TraceChannel channel);
 /// The channel's value in SI; NaN where it has none (no wall, no tilt outside).
 double valueOf(TraceChannel channel, const Moment& moment);
 

@@ -100,18 +100,6 @@ std::string_view hazardWord(pb::Hazard::Kind kind) {
   }
 }
 
-const ForcePartStyle& styleOf(ForcePart part) {
-  static constexpr std::array<ForcePartStyle, kForcePartCount> kStyles = {{
-      {kVermillion, "cutting", "N"},
-      {kSkyBlue, "attracted", "N"},
-      {kOrange, "friction", "N"},
-      {kYellow, "puncture", "N"},
-      {kReddishPurple, "clamping", "N"},
-      {kBluishGreen, "torque", "N·m"},
-  }};
-  return kStyles[static_cast<std::size_t>(part)];
-}
-
 const ConditionStyle& styleOf(Condition condition) {
   static constexpr std::array<ConditionStyle, 4> kStyles = {{
       {rgbOf(0xA7B0BD), "○", "unknown"},

@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/sim_state.h"
 #include "needlelab/profile.pb.h"
 
@@ -50,15 +51,10 @@ Rgb hazardColour(pb::Hazard::Kind kind);
 /// "bone", "nerve", "vessel", "structure".
 std::string_view hazardWord(pb::Hazard::Kind kind);
 
-/// The parts of the force on the hand that are drawn apart, in the order of legends and stacked plots.
-enum class ForcePart : std::uint8_t { kCutting, kAttracted, kFriction, kPuncture, kClamping, kTorque };
-inline constexpr std::size_t kForcePartCount = 6;
-struct ForcePartStyle {
-  Rgb colour;
-  std::string_view word;  ///< "cutting", …
-  std::string_view unit;  ///< "N", of the torque "N·m"
-};
-const ForcePartStyle& styleOf(ForcePart part);
+/// Of what an effect gives, in every plot and picture.
+inline Rgb colourOf(const EffectEntry& effect) {
+  return rgbOf(effect.colour);
+}
 
 /// How something fares, from calm to urgent.
 enum class Condition : std::uint8_t { kUnknown, kGood, kAttention, kTrouble };

@@ -8,7 +8,6 @@
 #include "client/view/model/palette.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
-#include "common/profile/needle.h"
 #include "common/profile/profile.h"
 #include "common/scoring/anatomy.h"
 

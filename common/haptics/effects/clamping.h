@@ -67,4 +67,17 @@ inline double passiveForce(SimState& state, double k_N_per_m, double lateral_m, 
   return tick.lateral_W_m * (-force_N / tick.lateral_m);
 }
 
+/// The effect's place in a tick.
+template <bool kLive>
+struct ClampingStep {
+  [[gnu::always_inline]] static Vec3 apply(const SceneModel& model, const TipSample& sample, SimState& state,
+                                           Tick& tick, StepReport& report) {
+    return applyClamping(model, sample, state, tick, report);
+  }
+  /// In place of `apply` when the effect is not live.
+  [[gnu::always_inline]] static void clear(StepReport& report) {
+    report.clamping_N = report.clamping_stiffness_N_per_m = 0.0;
+  }
+};
+
 }  // namespace needlelab

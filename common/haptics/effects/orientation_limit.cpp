@@ -1,6 +1,10 @@
 #include "common/haptics/effects/orientation_limit.h"
 
+#include <array>
+
 #include "common/haptics/det_math.h"
+#include "common/haptics/effects/effect_entry.h"
+#include "common/haptics/spec_checker.h"
 
 namespace needlelab {
 
@@ -50,5 +54,38 @@ void tiltNearCone(const SceneModel& model, SimState& state, double insertion_m, 
       std::min(model.orientation.stiffness_Nm_per_rad * (tilt - limit), model.orientation.max_torque_Nm);
   report.wrench_W.torque_Nm = across * (torque / sine);
 }
+
+namespace {
+
+constexpr std::array<EffectField, 2> kFields = {
+    {{"stiffness_nm_per_rad",
+      "Rotational stiffness",
+      {0, 100},
+      0.5,
+      [](SceneSpec& spec) -> double& { return spec.orientation_limit.stiffness_Nm_per_rad; }},
+     {"max_torque_nm", "Greatest torque", {0, 5}, 0.2, [](SceneSpec& spec) -> double& {
+        return spec.orientation_limit.max_torque_Nm;
+      }}}};
+
+}  // namespace
+
+extern const EffectEntry kOrientationLimitEntry;
+constinit const EffectEntry kOrientationLimitEntry = {
+    .effect = Effect::kOrientationLimit,
+    .name = "ORIENTATION_LIMIT",
+    .label = "Orientation limit: what resists tilting",
+    .short_name = "orient",
+    .term = "torque",
+    .unit = "N·m",
+    .along_u = false,
+    .colour = 0x009E73,
+    .place = 5,
+    .value = [](const StepReport& report) { return norm(report.wrench_W.torque_Nm); },
+    .section = "orientation_limit",
+    .fields = kFields,
+    .hasNumbers =
+        [](const SceneSpec& spec) {
+          return spec.orientation_limit.stiffness_Nm_per_rad > 0 && spec.orientation_limit.max_torque_Nm > 0;
+        }};
 
 }  // namespace needlelab

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 #include "common/haptics/tick.h"
 
@@ -23,6 +24,8 @@ struct RawAxis {
   Vec3 axis_W;
   double squared = 0;  ///< |axis|²
 };
+
+struct Nothing {};
 
 /// The exact test of the cone, with the axis of length 1, and what follows when the needle is outside of it:
 /// torque about the tip in W, and θ_l ← max(α, min(θ_l, θ)). Apart, because it is rare and needs angles.
@@ -49,5 +52,28 @@ void tiltNearCone(const SceneModel& model, SimState& state, double insertion_m, 
   }
   tiltNearCone(model, state, insertion, raw.axis_W.x, raw.axis_W.y, raw.axis_W.z, report);
 }
+
+/// The effect's place in a tick.
+template <bool kLive>
+struct OrientationLimitStep {
+  [[no_unique_address]] std::conditional_t<kLive, RawAxis, Nothing> raw;
+
+  /// Finite only where all of the sample's orientation is.
+  [[gnu::always_inline]] double readPose(const TipSample& sample) {
+    if constexpr (kLive) {
+      raw.axis_W = zAxis(sample.q_WT);
+      return raw.squared = normSquared(raw.axis_W);
+    } else {
+      return dot(sample.q_WT, sample.q_WT);
+    }
+  }
+  [[gnu::always_inline]] void apply(const SceneModel& model, SimState& state, double insertion_m,
+                                    StepReport& report) const {
+    if constexpr (kLive)
+      applyOrientationLimit(model, state, raw, insertion_m, report);
+    else
+      report.wrench_W.torque_Nm = {};
+  }
+};
 
 }  // namespace needlelab

@@ -60,4 +60,22 @@ inline double cuttingPosition(const SimState& state, double x_m) {
   return report.puncture_N = force;
 }
 
+/// The effect's place in a tick.
+template <bool kLive>
+struct PunctureStep {
+  double x_before_m = 0.0;
+
+  /// Before the tick's own position enters the history.
+  [[gnu::always_inline]] void rememberPlace(const SceneModel& model, const SimState& state, bool entry) {
+    if constexpr (kLive)
+      if (!entry) x_before_m = state.x_history_m[state.ticks_inside & model.history_mask] + state.x_shift_m;
+  }
+  [[gnu::always_inline]] double apply(const SceneModel& model, SimState& state, Tick& tick, bool entry,
+                                      StepReport& report) const {
+    if constexpr (kLive)
+      return applyMembranes(model, state, tick, x_before_m, entry ? 0.0 : state.depth_prev_m, report);
+    return report.puncture_N = 0.0;
+  }
+};
+
 }  // namespace needlelab

@@ -19,4 +19,18 @@ namespace needlelab {
   return report.friction_N = -model.friction_stiffness_N_per_m * (tick.x_cut_m - state.friction_wall_m);
 }
 
+/// The effect's place in a tick.
+template <bool kLive>
+struct ShaftFrictionStep {
+  /// Before the axial force: a model with a friction of its own writes the report's, too.
+  [[gnu::always_inline]] static void clear(StepReport& report) {
+    if constexpr (!kLive) report.friction_N = 0.0;
+  }
+  [[gnu::always_inline]] static double apply(const SceneModel& model, SimState& state, const Tick& tick,
+                                             StepReport& report) {
+    if constexpr (kLive) return applyShaftFriction(model, state, tick, report);
+    return 0.0;
+  }
+};
+
 }  // namespace needlelab

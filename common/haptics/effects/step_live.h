@@ -27,49 +27,66 @@ namespace needlelab {
   return (kept - state.x_history_m[0]) / (static_cast<double>(now) * model.period_s);
 }
 
-/// Cut to max_force_N, the direction kept.
-inline void capForce(const SceneModel& model, Vec3& force_N, StepReport& report) {
-  const double squared = normSquared(force_N);
-  if (!(squared > model.max_force_N * model.max_force_N)) return;
-  force_N = force_N * (model.max_force_N / std::sqrt(squared));
-  report.flags |= kFlagForceCapped;
-}
-
-/// An axial model whose `apply` is a template over the live effects.
-template <class Axial, EffectMask Live>
-concept KnowsLive = requires(const SceneModel& model, SimState& state, const Tick& tick, StepReport& report) {
-  Axial::template apply<Live>(model, state, tick, true, report);
+/// The code of the effects that have their place in a tick. A test of what they cost puts others in their
+/// place.
+struct EffectSteps {
+  template <bool kLive>
+  using Cutting = CuttingStep<kLive>;
+  template <bool kLive>
+  using Attracted = AttractedStep<kLive>;
+  template <bool kLive>
+  using Clamping = ClampingStep<kLive>;
+  template <bool kLive>
+  using OrientationLimit = OrientationLimitStep<kLive>;
+  template <bool kLive>
+  using ShaftFriction = ShaftFrictionStep<kLive>;
+  template <bool kLive>
+  using Puncture = PunctureStep<kLive>;
 };
 
-/// One tick with the effects of `Live` compiled in and the others not there at all: what a scene does not ask
-/// for costs nothing. `Axial` gives the force along u:
-///   static constexpr bool acts(EffectMask live);  // whether it is live at all
+/// An axial model whose `apply` is a template over the live effects and their code.
+template <class Axial, EffectMask Live, class Steps>
+concept KnowsLive = requires(const SceneModel& model, SimState& state, const Tick& tick, StepReport& report) {
+  Axial::template apply<Live, Steps>(model, state, tick, true, report);
+};
+
+/// The effects that an axial model replaces by its own: a scene that lists them is refused.
+template <class Axial>
+constexpr EffectMask replacedBy() {
+  if constexpr (requires { Axial::kReplaces; })
+    return Axial::kReplaces;
+  else
+    return 0;
+}
+
+/// One tick with the effects of `Live` compiled in and the others absent: what a scene does not ask for costs
+/// nothing. `Axial` gives the force along u:
+///   static constexpr EffectMask kRenders;   // those of CUTTING and ATTRACTED that it can render
+///   static constexpr EffectMask kReplaces;  // where it replaces effects by its own: which
 ///   static constexpr bool kHasWall;  // state.wall_m is a place on the trajectory, to be reported
 ///   static double apply(model, state, tick, stop_begins, report);
-///     // fills report.cutting_N or attracted_N, which are 0 before (so are friction_N and puncture_N where
-///     // that effect is not live). Where it is a template over the EffectMask, it writes both
+///     // fills report.cutting_N or attracted_N, which are 0 before (so are friction_N and puncture_N when
+///     // that effect is not live). If it is a template over the EffectMask, it writes both
 /// What it keeps from tick to tick lies in SimState: a place along u as `wall_m` (0 at entry, a turn of u
 /// moves it), or less `x_shift_m`, which a turn changes instead.
 ///
 /// The common tick runs straight through; what is rare (contact that begins or ends, another layer, a turn, a
 /// tilted needle) is called out of line and works on a copy of `tick`, so that the compiler can keep the
 /// original in registers. Nothing of the report is written twice.
-template <class Axial, EffectMask Live>
+template <class Axial, EffectMask Live, class Steps = EffectSteps>
 void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
               StepReport& report) noexcept {
   constexpr auto live = [](Effect effect) { return (Live & bitOf(effect)) != 0; };
+  constexpr bool kActs = (Live & Axial::kRenders) != 0;
+  typename Steps::template Clamping<live(Effect::kClamping)> clamping;
+  typename Steps::template OrientationLimit<live(Effect::kOrientationLimit)> orientation;
+  typename Steps::template ShaftFriction<live(Effect::kShaftFriction)> friction;
+  typename Steps::template Puncture<live(Effect::kPuncture)> membranes;
 
   // input: depth and axis are finite only where all of the pose is
   Tick tick;
   tick.depth_m = depthIn(model, sample.p_WT_m);
-  [[maybe_unused]] RawAxis raw;
-  double pose_size;
-  if constexpr (live(Effect::kOrientationLimit)) {
-    raw.axis_W = zAxis(sample.q_WT);
-    raw.squared = pose_size = normSquared(raw.axis_W);
-  } else {
-    pose_size = dot(sample.q_WT, sample.q_WT);
-  }
+  const double pose_size = orientation.readPose(sample);
 
   // contact: in the tissue and in the same layer as before, or else a second look
   bool entry = false;
@@ -85,49 +102,39 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   // trajectory and clamping
   project(state, sample.p_WT_m, tick);
   Vec3 clamping_W;
-  if constexpr (live(Effect::kClamping)) {
-    clamping_W = applyClamping(model, sample, state, tick, report);
-  } else {
-    report.clamping_N = report.clamping_stiffness_N_per_m = 0.0;
-  }
+  if constexpr (live(Effect::kClamping))
+    clamping_W = clamping.apply(model, sample, state, tick, report);
+  else
+    clamping.clear(report);
 
   // orientation limit: after u may have turned
-  if constexpr (live(Effect::kOrientationLimit))
-    applyOrientationLimit(model, state, raw, tick.insertion_m, report);
-  else
-    report.wrench_W.torque_Nm = {};
+  orientation.apply(model, state, tick.insertion_m, report);
 
   // speed
-  [[maybe_unused]] double x_before_m = 0.0;
-  if constexpr (live(Effect::kPuncture))
-    if (!entry) x_before_m = state.x_history_m[state.ticks_inside & model.history_mask] + state.x_shift_m;
+  membranes.rememberPlace(model, state, entry);
   tick.speed_mps = updateSpeed(model, state, tick.x_m);
   [[maybe_unused]] const bool stop_begins = updatePhase(model, state, tick.speed_mps);
 
   // membranes and ruptures
-  double membranes_N = 0.0;
   tick.x_cut_m = tick.x_m;
-  if constexpr (live(Effect::kPuncture))
-    membranes_N = applyMembranes(model, state, tick, x_before_m, entry ? 0.0 : state.depth_prev_m, report);
-  else
-    report.puncture_N = 0.0;
+  [[maybe_unused]] const double membranes_N = membranes.apply(model, state, tick, entry, report);
 
   // along u: axial, friction, puncture
   double along_N = 0.0;
-  if constexpr (!live(Effect::kShaftFriction)) report.friction_N = 0.0;
-  if constexpr (!Axial::acts(Live)) {
+  friction.clear(report);
+  if constexpr (!kActs) {
     report.cutting_N = report.attracted_N = 0.0;
-  } else if constexpr (KnowsLive<Axial, Live>) {
-    along_N = Axial::template apply<Live>(model, state, tick, stop_begins, report);
+  } else if constexpr (KnowsLive<Axial, Live, Steps>) {
+    along_N = Axial::template apply<Live, Steps>(model, state, tick, stop_begins, report);
   } else {
     report.cutting_N = report.attracted_N = 0.0;
     along_N = Axial::apply(model, state, tick, stop_begins, report);
   }
-  if constexpr (Axial::acts(Live) && Axial::kHasWall)
+  if constexpr (kActs && Axial::kHasWall)
     report.p_wall_W_m = state.p_entry_W_m + state.u_W * state.wall_m;
   else
     report.p_wall_W_m = {kNoNumber, kNoNumber, kNoNumber};
-  if constexpr (live(Effect::kShaftFriction)) along_N += applyShaftFriction(model, state, tick, report);
+  if constexpr (live(Effect::kShaftFriction)) along_N += friction.apply(model, state, tick, report);
   if constexpr (live(Effect::kPuncture)) along_N += membranes_N;
 
   // sum, capped
@@ -152,17 +159,24 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   state.depth_prev_m = tick.depth_m;
 }
 
-/// One step function per set of live effects (its index is the EffectMask): an effect that is not live is not
-/// compiled in.
-using StepTable = std::array<StepFunction, kAllEffects + 1>;
+/// The step functions of an axial model: one for each set of live effects that a scene of this model can
+/// have (the index is that set), null for the others. Stages are not in them (`stepWithStages`).
+using StepTable = std::array<StepFunction, kPlacedEffects + 1>;
 
-/// The step functions of an axial model, one per EffectMask.
-template <class Axial>
+template <class Axial, class Steps = EffectSteps>
 constexpr StepTable stepTable() {
+  constexpr EffectMask kWall = bitOf(Effect::kCutting) | bitOf(Effect::kAttracted);
+  constexpr EffectMask kNever = (kWall & ~Axial::kRenders) | replacedBy<Axial>();
   return []<std::size_t... Masks>(std::index_sequence<Masks...>) {
-    return StepTable{&stepLive<Axial, static_cast<EffectMask>(Masks)>...};
+    const auto one = []<EffectMask Live>() -> StepFunction {
+      if constexpr ((Live & kNever) != 0)
+        return nullptr;
+      else
+        return &stepLive<Axial, Live, Steps>;
+    };
+    return StepTable{one.template operator()<static_cast<EffectMask>(Masks)>()...};
   }
-  (std::make_index_sequence<kAllEffects + 1>());
+  (std::make_index_sequence<kPlacedEffects + 1>());
 }
 
 }  // namespace needlelab

@@ -57,17 +57,35 @@ struct WallStretch {
   double rejection_m = 0;
 };
 
-/// Force along u: negative is cutting, positive is attracted. Without `kCuts` the wall is never behind the
-/// needle, without `kAttracts` never ahead of it.
-template <bool kCuts = true, bool kAttracts = true>
+/// CUTTING's place in a tick: where the wall is when it is dragged behind the needle.
+template <bool kLive>
+struct CuttingStep {
+  [[gnu::always_inline]] static double behind(double x_m, const WallStretch& stretch) {
+    return kLive ? x_m - stretch.cut_m : x_m;
+  }
+};
+
+/// ATTRACTED's place in a tick: where the wall is when it is dragged ahead of the needle.
+template <bool kLive>
+struct AttractedStep {
+  [[gnu::always_inline]] static double ahead(double x_m, double insertion_m, const WallStretch& stretch) {
+    return kLive ? x_m + std::min(stretch.attracted_m, insertion_m) : x_m;
+  }
+};
+
+/// Force along u: negative is cutting, positive is attracted. When CUTTING is not live the wall is never
+/// behind the needle, when ATTRACTED is not live never ahead of it.
+template <class Cutting = CuttingStep<true>, class Attracted = AttractedStep<true>>
 [[gnu::always_inline]] inline double applyTrackingWall(const SceneModel& model, SimState& state,
                                                        const Tick& tick, bool stop_begins,
                                                        const WallStretch& stretch, StepReport& report) {
+  [[maybe_unused]] const Cutting cutting;
+  [[maybe_unused]] const Attracted attracted;
   const double x = tick.x_cut_m;
   double wall = state.wall_m;
   if (state.stopped) wall = relaxedWall(model, state, x, stretch.rejection_m, stop_begins);
-  const double ahead = kAttracts ? x + std::min(stretch.attracted_m, tick.insertion_m) : x;
-  const double behind = kCuts ? x - stretch.cut_m : x;
+  const double ahead = attracted.ahead(x, tick.insertion_m, stretch);
+  const double behind = cutting.behind(x, stretch);
   wall = std::min(std::max(wall, behind), ahead);
   state.wall_m = wall;
   const double force = -model.wall.stiffness_N_per_m * (x - wall);
@@ -75,5 +93,23 @@ template <bool kCuts = true, bool kAttracts = true>
   report.attracted_N = force < 0.0 ? 0.0 : force;
   return force;
 }
+
+/// The axial model of step_live.h for ENHANCED_TRACKING_WALL and TRACKING_WALL: stretches by the layer that
+/// the tip is in.
+struct LayeredWall {
+  static constexpr EffectMask kRenders = bitOf(Effect::kCutting) | bitOf(Effect::kAttracted);
+  static constexpr bool kHasWall = true;
+
+  template <EffectMask Live, class Steps>
+  [[gnu::always_inline]] static double apply(const SceneModel& model, SimState& state, const Tick& tick,
+                                             bool stop_begins, StepReport& report) {
+    using Cutting = typename Steps::template Cutting<(Live & bitOf(Effect::kCutting)) != 0>;
+    using Attracted = typename Steps::template Attracted<(Live & bitOf(Effect::kAttracted)) != 0>;
+    const CompiledLayer& layer = *tick.layer;
+    return applyTrackingWall<Cutting, Attracted>(
+        model, state, tick, stop_begins,
+        {layer.cut_stretch_m, layer.attracted_stretch_m, layer.rejection_stretch_m}, report);
+  }
+};
 
 }  // namespace needlelab

@@ -21,6 +21,8 @@ struct AxialEntry {
   EffectMask (*effectsWithNumbers)(const SceneSpec& spec);
   /// Fills what the model needs at a tick. `model` has everything else, `model.live` included.
   void (*compile)(const SceneSpec& spec, SceneModel& model);
+  /// The effects that the model has of its own: a scene that lists them is refused.
+  EffectMask replaces = 0;
 };
 
 const AxialEntry& axialEntry(AxialModel model);

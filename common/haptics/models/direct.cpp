@@ -10,7 +10,7 @@ namespace needlelab {
 namespace {
 
 struct Direct {
-  static constexpr bool acts(EffectMask live) { return (live & bitOf(Effect::kCutting)) != 0; }
+  static constexpr EffectMask kRenders = bitOf(Effect::kCutting);
   static constexpr bool kHasWall = false;
 
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,

@@ -11,7 +11,8 @@ namespace needlelab {
 namespace {
 
 struct Fem {
-  static constexpr bool acts(EffectMask live) { return (live & bitOf(Effect::kCutting)) != 0; }
+  static constexpr EffectMask kRenders = bitOf(Effect::kCutting);
+  static constexpr EffectMask kReplaces = bitOf(Effect::kShaftFriction);
   static constexpr bool kHasWall = false;
 
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,
@@ -62,6 +63,6 @@ void compileFem(const SceneSpec& spec, SceneModel& model) {
 
 }  // namespace
 
-constinit const AxialEntry kFemEntry = {&kFemSteps, checkFem, effectsOfFem, compileFem};
+constinit const AxialEntry kFemEntry = {&kFemSteps, checkFem, effectsOfFem, compileFem, Fem::kReplaces};
 
 }  // namespace needlelab

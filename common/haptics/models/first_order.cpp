@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <bit>
 
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/effects/step_live.h"
 #include "common/haptics/models/axial_entry.h"
 #include "common/haptics/models/tick_before.h"
@@ -16,7 +17,8 @@ namespace needlelab {
 namespace {
 
 struct FirstOrder {
-  static constexpr bool acts(EffectMask live) { return (live & bitOf(Effect::kCutting)) != 0; }
+  static constexpr EffectMask kRenders = bitOf(Effect::kCutting);
+  static constexpr EffectMask kReplaces = bitOf(Effect::kPuncture) | bitOf(Effect::kShaftFriction);
   static constexpr bool kHasWall = true;
 
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,
@@ -42,9 +44,9 @@ constexpr StepTable kFirstOrderSteps = stepTable<FirstOrder>();
 
 void checkFirstOrder(const SceneSpec& spec, SpecChecker& check) {
   check.enter("");
-  for (const Effect effect : {Effect::kPuncture, Effect::kShaftFriction})
-    check.require((spec.effects & bitOf(effect)) == 0, "effects",
-                  "lists " + std::string(kEffectNames[static_cast<std::size_t>(effect)]) +
+  for (const EffectEntry* entry : effectEntries())
+    check.require((spec.effects & FirstOrder::kReplaces & bitOf(entry->effect)) == 0, "effects",
+                  "lists " + std::string(entry->name) +
                       ", which axial_model FIRST_ORDER has its own of (layers[].first_order): take it out");
   for (std::size_t i = 0; i < spec.layers.size(); ++i) {
     check.enter("layers[" + std::to_string(i) + "].");
@@ -84,6 +86,6 @@ void compileFirstOrder(const SceneSpec& spec, SceneModel& model) {
 
 constinit const AxialEntry kFirstOrderEntry = {&kFirstOrderSteps, checkFirstOrder,
                                                [](const SceneSpec&) { return bitOf(Effect::kCutting); },
-                                               compileFirstOrder};
+                                               compileFirstOrder, FirstOrder::kReplaces};
 
 }  // namespace needlelab

@@ -15,7 +15,7 @@ namespace needlelab {
 namespace {
 
 struct GodObject {
-  static constexpr bool acts(EffectMask live) { return (live & bitOf(Effect::kCutting)) != 0; }
+  static constexpr EffectMask kRenders = bitOf(Effect::kCutting);
   static constexpr bool kHasWall = true;
 
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,

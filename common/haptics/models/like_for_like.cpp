@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/haptics/models/axial_entry.h"
+
 namespace needlelab {
 namespace {
 
@@ -46,7 +48,6 @@ void deriveFirstOrder(SceneSpec& scene) {
     }
     cutting_before_N = cutting_N;
   }
-  scene.effects &= ~(bitOf(Effect::kPuncture) | bitOf(Effect::kShaftFriction));
   scene.effects |= bitOf(Effect::kCutting);
 }
 
@@ -62,7 +63,6 @@ void deriveFem(SceneSpec& scene) {
       own.cutting_N = cuttingOf(scene, layer);
       scene.fem.layers.push_back(own);
     }
-  scene.effects &= ~bitOf(Effect::kShaftFriction);
   scene.effects |= bitOf(Effect::kCutting);
 }
 
@@ -136,6 +136,7 @@ SceneSpec likeForLike(const SceneSpec& scene, AxialModel model) {
       deriveFem(other);
       break;
   }
+  other.effects &= ~axialEntry(model).replaces;
   return other;
 }
 

@@ -15,9 +15,7 @@ namespace {
 constexpr std::size_t kMaxTableRows = 1024;
 
 struct Precomputed {
-  static constexpr bool acts(EffectMask live) {
-    return (live & (bitOf(Effect::kCutting) | bitOf(Effect::kAttracted))) != 0;
-  }
+  static constexpr EffectMask kRenders = bitOf(Effect::kCutting) | bitOf(Effect::kAttracted);
   static constexpr bool kHasWall = true;
 
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool stop_begins,

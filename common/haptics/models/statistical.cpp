@@ -17,7 +17,7 @@ constexpr NumberRange kFactor{0, 10, true};
 constexpr double kMostSdShare = 10;
 
 struct Statistical {
-  static constexpr bool acts(EffectMask live) { return (live & bitOf(Effect::kCutting)) != 0; }
+  static constexpr EffectMask kRenders = bitOf(Effect::kCutting);
   static constexpr bool kHasWall = true;
 
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool stop_begins,

@@ -7,24 +7,6 @@
 namespace needlelab {
 namespace {
 
-// stretches by the layer that the tip is in
-struct LayeredWall {
-  static constexpr bool acts(EffectMask live) {
-    return (live & (bitOf(Effect::kCutting) | bitOf(Effect::kAttracted))) != 0;
-  }
-  static constexpr bool kHasWall = true;
-
-  template <EffectMask Live>
-  [[gnu::always_inline]] static double apply(const SceneModel& model, SimState& state, const Tick& tick,
-                                             bool stop_begins, StepReport& report) {
-    constexpr bool kCuts = (Live & bitOf(Effect::kCutting)) != 0;
-    constexpr bool kAttracts = (Live & bitOf(Effect::kAttracted)) != 0;
-    const CompiledLayer& layer = *tick.layer;
-    return applyTrackingWall<kCuts, kAttracts>(
-        model, state, tick, stop_begins,
-        {layer.cut_stretch_m, layer.attracted_stretch_m, layer.rejection_stretch_m}, report);
-  }
-};
 constexpr StepTable kWallSteps = stepTable<LayeredWall>();
 
 // its section is part of every scene and checked there

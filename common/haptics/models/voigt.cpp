@@ -13,7 +13,7 @@ namespace {
 constexpr NumberRange kDamping{0, 1000};
 
 struct Voigt {
-  static constexpr bool acts(EffectMask live) { return (live & bitOf(Effect::kCutting)) != 0; }
+  static constexpr EffectMask kRenders = bitOf(Effect::kCutting);
   static constexpr bool kHasWall = false;
 
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "common/haptics/det_math.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/models/axial_entry.h"
 #include "common/haptics/scene_model.h"
 
@@ -18,16 +19,9 @@ double ticksOf(double duration_s, double rate_hz) {
 
 // an effect is live when the scene lists it and its numbers are not all zero (DESIGN §4)
 EffectMask liveEffects(const SceneSpec& spec) {
-  const auto any = [&](auto number) { return std::any_of(spec.layers.begin(), spec.layers.end(), number); };
   EffectMask with_numbers = axialEntry(spec.axial_model).effectsWithNumbers(spec);
-  if (any([](const LayerSpec& l) { return l.lateral_stiffness_N_per_m2 > 0; }))
-    with_numbers |= bitOf(Effect::kClamping);
-  if (spec.orientation_limit.stiffness_Nm_per_rad > 0 && spec.orientation_limit.max_torque_Nm > 0)
-    with_numbers |= bitOf(Effect::kOrientationLimit);
-  if (any([](const LayerSpec& l) { return l.friction_N_per_m > 0; }))
-    with_numbers |= bitOf(Effect::kShaftFriction);
-  if (any([](const LayerSpec& l) { return l.membrane.has_value(); }))
-    with_numbers |= bitOf(Effect::kPuncture);
+  for (const EffectEntry* entry : effectEntries())
+    if (entry->hasNumbers != nullptr && entry->hasNumbers(spec)) with_numbers |= bitOf(entry->effect);
   return spec.effects & with_numbers;
 }
 
@@ -62,6 +56,18 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
   }
   model.layers[0].least_depth_m = std::numeric_limits<double>::denorm_min();
   model.layers[model.layer_count - 1].bottom_m = std::numeric_limits<double>::infinity();
+}
+
+// the live effects that have no place in the tick; the cap comes after them
+void compileStages(const SceneSpec& spec, SceneModel& model) {
+  model.stage_numbers = spec.stage_numbers;
+  for (const EffectEntry* entry : effectsAsShown()) {
+    if (entry->stage == nullptr || !model.isLive(entry->effect)) continue;
+    model.stages[model.stage_count++] = entry->stage;
+    if (entry->compileStage != nullptr) entry->compileStage(model);
+    model.step_function = stepWithStages;
+    model.surely_below_cap_N = std::numeric_limits<double>::infinity();
+  }
 }
 
 Limb withUnitNormal(const Limb& limb) {
@@ -113,21 +119,17 @@ Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
   compileLayers(spec, model);
   const AxialEntry& axial = axialEntry(spec.axial_model);
   model.axial_model = spec.axial_model;
-  model.step_function = (*axial.steps)[model.live];
+  model.step_function = model.placed_step = (*axial.steps)[model.live & kPlacedEffects];
   axial.compile(spec, model);
+  compileStages(spec, model);
   return model;
 }
 
 double SceneModel::axialStiffness_N_per_m() const {
   double sum = 0;
   if (isLive(Effect::kCutting) || isLive(Effect::kAttracted)) sum += axial_stiffness_N_per_m;
-  if (isLive(Effect::kShaftFriction)) sum += friction_stiffness_N_per_m;
-  if (isLive(Effect::kPuncture)) {
-    double steepest = 0;
-    for (std::uint32_t i = 0; i < membrane_count; ++i)
-      steepest = std::max(steepest, membranes[i].slope_at_rupture_N_per_m);
-    sum += steepest;
-  }
+  for (const EffectEntry* entry : effectEntries())
+    if (entry->stiffness_N_per_m != nullptr && isLive(entry->effect)) sum += entry->stiffness_N_per_m(*this);
   return sum;
 }
 

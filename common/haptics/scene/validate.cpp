@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "common/base/range.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/limits.h"
 #include "common/haptics/models/axial_entry.h"
 #include "common/haptics/scene_spec.h"
@@ -37,11 +38,9 @@ void checkLimb(const Limb& limb, SpecChecker& check) {
 
 void checkLayer(const LayerSpec& layer, bool attracted_live, SpecChecker& check) {
   check.number("thickness_m", layer.thickness_m, kLength);
-  check.number("cutting_force_n", layer.cutting_force_N, kForce);
-  check.number("attracted_force_n", layer.attracted_force_N, kForce);
+  for (const EffectEntry* entry : effectEntries())
+    if (entry->checkLayer != nullptr) entry->checkLayer(layer, check);
   check.number("rejection_force_n", layer.rejection_force_N, kForce);
-  check.number("lateral_stiffness_n_per_m2", layer.lateral_stiffness_N_per_m2, {0, 1e7});
-  check.number("friction_n_per_m", layer.friction_N_per_m, {0, 1e4});
 
   // what remains at a stop cannot be more than the wall can hold in either direction
   const double greatest =
@@ -50,14 +49,6 @@ void checkLayer(const LayerSpec& layer, bool attracted_live, SpecChecker& check)
       layer.rejection_force_N <= greatest, "rejection_force_n",
       numberText(layer.rejection_force_N) + " is above " + numberText(greatest) +
           ", the least of cutting_force_n and (where ATTRACTED is live) attracted_force_n of this layer");
-
-  if (layer.membrane) {
-    check.number("puncture.linear_n_per_m", layer.membrane->linear_N_per_m, {0, 1e5});
-    check.number("puncture.quadratic_n_per_m2", layer.membrane->quadratic_N_per_m2, {0, 1e9});
-    check.require(layer.membrane->linear_N_per_m > 0 || layer.membrane->quadratic_N_per_m2 > 0, "puncture",
-                  "linear_n_per_m and quadratic_n_per_m2 are both 0: such a membrane would never rupture");
-    check.number("puncture.force_n", layer.membrane->force_N, kPositiveForce);
-  }
 }
 
 void checkLayers(const SceneSpec& spec, SpecChecker& check) {
@@ -86,19 +77,13 @@ void checkSections(const SceneSpec& spec, SpecChecker& check) {
   check.number("relax_time_s", wall.relax_time_s, {0, 60, true});
   check.number("relax_residual", wall.relax_residual, kShare);
 
-  const VirtualFixtureSpec& fixture = spec.virtual_fixture;
-  check.enter("virtual_fixture.");
-  check.number("max_stiffness_n_per_m", fixture.max_stiffness_N_per_m, kStiffness);
-  check.number("max_force_n", fixture.max_force_N, kForce);
-  check.require(fixture.mode == ClampingMode::kProportional || fixture.mode == ClampingMode::kPassive, "mode",
-                "is neither PROPORTIONAL nor PASSIVE");
-
-  check.enter("orientation_limit.");
-  check.number("stiffness_nm_per_rad", spec.orientation_limit.stiffness_Nm_per_rad, {0, 100});
-  check.number("max_torque_nm", spec.orientation_limit.max_torque_Nm, {0, 5});
-
-  check.enter("shaft_friction.");
-  check.number("stiffness_n_per_m", spec.friction_stiffness_N_per_m, kStiffness);
+  for (const EffectEntry* entry : effectEntries()) {
+    check.enter(std::string(entry->section) + (entry->section.empty() ? "" : "."));
+    // a field's accessor is for reading and writing: it gets a scene that it may write to
+    for (const EffectField& field : entry->fields)
+      check.number(field.name, field.of(const_cast<SceneSpec&>(spec)), field.range);
+    if (entry->check != nullptr) entry->check(spec, check);
+  }
 }
 
 }  // namespace

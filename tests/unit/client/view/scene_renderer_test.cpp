@@ -213,9 +213,10 @@ TEST_F(SceneRendererTest, arrowsHaveTheirEffectsColourAndLength) {
   SceneFrame frame = frameAt(lesson, 2.2);
   frame.aids.set(pb::Exercise::ANATOMY, false);
   frame.aids.set(pb::Exercise::GUIDES, false);
-  frame.moment.friction_N = frame.moment.puncture_N = frame.moment.attracted_N = frame.moment.clamping_N = 0;
+  frame.moment.term(Effect::kShaftFriction) = frame.moment.term(Effect::kPuncture) =
+      frame.moment.term(Effect::kAttracted) = frame.moment.term(Effect::kClamping) = 0;
   const auto vermillionRows = [&](double cutting_N) {
-    frame.moment.cutting_N = cutting_N;
+    frame.moment.term(Effect::kCutting) = cutting_N;
     const RgbaImage picture = pictureOf(*renderer_, frame);
     int rows = 0;
     for (int y = 0; y < kHeight; ++y) {

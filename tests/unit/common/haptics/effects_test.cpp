@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 
+#include "common/haptics/effects/effect_entry.h"
 #include "tests/unit/common/haptics/probe.h"
 
 namespace needlelab::test {
@@ -120,7 +121,7 @@ TEST(Effects, anEffectWhoseNumbersAreAllZeroIsNotLive) {
   scene.orientation_limit = {0, 0};
   const SceneModel model = compiled(scene, 1000);
   for (std::size_t i = 0; i < kEffectCount; ++i)
-    EXPECT_FALSE(model.isLive(static_cast<Effect>(i))) << kEffectNames[i];
+    EXPECT_FALSE(model.isLive(static_cast<Effect>(i))) << effectName(static_cast<Effect>(i));
   EXPECT_EQ(model.axialStiffness_N_per_m(), 0.0);
 }
 

@@ -1,6 +1,7 @@
 // What each axial model does, by hand: numbers that a reader can check in the head.
 #include <gtest/gtest.h>
 
+#include "common/haptics/effects/effect_entry.h"
 #include "tests/support/model_scenes.h"
 #include "tests/unit/common/haptics/probe.h"
 
@@ -111,8 +112,7 @@ TEST(FirstOrderModel, refusesPunctureAndShaftFrictionByName) {
     scene.effects |= bitOf(effect);
     const auto model = compile(scene, 1000);
     ASSERT_FALSE(model.ok());
-    EXPECT_NE(model.error().message.find("effects: lists " +
-                                         std::string(kEffectNames[static_cast<std::size_t>(effect)])),
+    EXPECT_NE(model.error().message.find("effects: lists " + std::string(effectName(effect))),
               std::string::npos)
         << model.error().message;
   }

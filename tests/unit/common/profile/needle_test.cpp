@@ -1,5 +1,4 @@
 // The needle's section of a profile.
-#include "common/profile/needle.h"
 
 #include <gmock/gmock.h>
 

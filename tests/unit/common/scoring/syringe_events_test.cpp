@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "common/profile/needle.h"
+#include "common/profile/profile.h"
 #include "tests/unit/common/scoring/gestures.h"
 
 namespace needlelab {

@@ -7,7 +7,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/uuid.h"
-#include "common/profile/profile_faults.h"
+#include "common/profile/profile.h"
 #include "needlelab/control.pb.h"
 #include "server/web/reply_json.h"
 #include "server/web/static_files.h"

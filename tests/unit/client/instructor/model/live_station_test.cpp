@@ -47,7 +47,7 @@ TEST_F(LiveStationTest, whatCameBeforeTheDescriptionIsNotLost) {
   // the same numbers as in the stored session
   const auto stored = gestureOf(info_, samples_);
   for (const auto channel :
-       {TraceChannel::kForce, TraceChannel::kCutting, TraceChannel::kAlpha, TraceChannel::kDepth})
+       {TraceChannel::kForce, channelOf(Effect::kCutting), TraceChannel::kAlpha, TraceChannel::kDepth})
     EXPECT_EQ(live_.trace().value(channel, 0.9), stored->trace.value(channel, 0.9));
 }
 

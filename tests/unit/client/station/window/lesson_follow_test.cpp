@@ -57,8 +57,8 @@ TEST(LessonFollow, findsWhatTheEngineSaidAgain) {
   const Moment& now = (*follow)->now();
   const StepReport& report = recorded.reports.back();
   EXPECT_TRUE(now.inside);
-  EXPECT_NEAR(now.cutting_N, report.cutting_N, 1e-9);
-  EXPECT_NEAR(now.friction_N, report.friction_N, 1e-9);
+  EXPECT_NEAR(now.term(Effect::kCutting), report.cutting_N, 1e-9);
+  EXPECT_NEAR(now.term(Effect::kShaftFriction), report.friction_N, 1e-9);
   EXPECT_NEAR(now.depth_m, report.depth_m, 1e-12);
   EXPECT_NEAR(now.time_s, 0.799, 1e-9);
   EXPECT_NEAR((*follow)->trace().lastTime_s(), 0.799, 1e-9);

@@ -80,7 +80,7 @@ TEST(GestureReplica, findsEntryLineAndAlpha) {
     ASSERT_NEAR(norm(now.u_W), 1, 1e-9);
     const Vec3 from = now.p_WT_m - now.p_entry_W_m;
     ASSERT_NEAR(norm(from - now.u_W * dot(from, now.u_W)), sample.lateral_error_m, 1e-9);
-    if (now.clamping_N > 1e-6) {
+    if (now.term(Effect::kClamping) > 1e-6) {
       ASSERT_LT(dot(now.clamping_W, from - now.u_W * dot(from, now.u_W)), 0);
     }
   }
@@ -93,8 +93,9 @@ TEST(GestureReplica, theForcesOfTheEffectsAddUpToTheForceOnTheHand) {
   for (const GestureSample& sample : lesson.samples) {
     const Moment& now = replica.feed(sample);
     if (!now.inside) continue;
-    const double along_N = now.cutting_N + now.attracted_N + now.friction_N + now.puncture_N;
-    const Vec3 sum = now.u_W * along_N + now.clamping_W * now.clamping_N;
+    const double along_N = now.term(Effect::kCutting) + now.term(Effect::kAttracted) +
+                           now.term(Effect::kShaftFriction) + now.term(Effect::kPuncture);
+    const Vec3 sum = now.u_W * along_N + now.clamping_W * now.term(Effect::kClamping);
     ASSERT_NEAR(norm(sum - now.force_W_N), 0, 1e-9) << sample.tick;
   }
 }
@@ -185,7 +186,7 @@ TEST(GestureReplica, whatWasNotSteppedIsShownAndNotStepped) {
   const Moment& now = replica.feed(bad);
   EXPECT_EQ(now.p_WT_m, before);
   EXPECT_EQ(now.fault, 1);
-  EXPECT_EQ(now.cutting_N, 0);  // in a FAULT there is no force
+  EXPECT_EQ(now.term(Effect::kCutting), 0);  // in a FAULT there is no force
   const GestureSample after = lesson.samples[2002];
   replica.feed(after);
   clean.feed(after);
@@ -208,7 +209,7 @@ TEST(GestureReplica, aStoredRecordingGivesNearlyTheSame) {
       const StepReport& report = lesson.reports[first + i];
       worst_m = std::max(worst_m, std::fabs(now.depth_m - report.depth_m));
       if (report.depth_m > 1e-4 && (report.flags & kFlagRupture) == 0)
-        worst_N = std::max(worst_N, std::fabs(now.cutting_N - report.cutting_N));
+        worst_N = std::max(worst_N, std::fabs(now.term(Effect::kCutting) - report.cutting_N));
     }
   }
   EXPECT_LT(worst_m, 2e-6);

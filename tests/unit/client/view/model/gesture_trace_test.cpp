@@ -136,10 +136,10 @@ TEST(TraceChannels, areNamedAndPointTheSameWayForEveryEffect) {
   for (std::size_t i = 0; i < kChannelCount; ++i)
     EXPECT_FALSE(infoOf(static_cast<TraceChannel>(i)).name.empty()) << i;
   Moment moment;
-  moment.cutting_N = -2;  // pushes the hand out
-  moment.attracted_N = 0.4;
-  EXPECT_DOUBLE_EQ(valueOf(TraceChannel::kCutting, moment), 2);
-  EXPECT_DOUBLE_EQ(valueOf(TraceChannel::kAttracted, moment), -0.4);
+  moment.term(Effect::kCutting) = -2;  // pushes the hand out
+  moment.term(Effect::kAttracted) = 0.4;
+  EXPECT_DOUBLE_EQ(valueOf(channelOf(Effect::kCutting), moment), 2);
+  EXPECT_DOUBLE_EQ(valueOf(channelOf(Effect::kAttracted), moment), -0.4);
 }
 
 }  // namespace

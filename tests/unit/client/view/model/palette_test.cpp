@@ -1,4 +1,5 @@
 #include "client/view/model/palette.h"
+#include "common/haptics/effects/effect_entry.h"
 
 #include <gtest/gtest.h>
 
@@ -45,17 +46,17 @@ TEST(Palette, lettersStandOutFromTheirGround) {
     for (const Condition condition :
          {Condition::kUnknown, Condition::kGood, Condition::kAttention, Condition::kTrouble})
       EXPECT_GT(contrast(styleOf(condition).colour, ground), 4.5);
-    for (std::size_t i = 0; i < kForcePartCount; ++i)
-      EXPECT_GT(contrast(styleOf(static_cast<ForcePart>(i)).colour, ground), 3) << i;
+    for (std::size_t i = 0; i < kEffectCount; ++i)
+      EXPECT_GT(contrast(colourOf(effectEntry(static_cast<Effect>(i))), ground), 3) << i;
   }
 }
 
 TEST(Palette, partsOfTheForceAreToldApartByDichromatsToo) {
   for (const bool protanope : {false, true})
-    for (std::size_t i = 0; i < kForcePartCount; ++i)
-      for (std::size_t j = i + 1; j < kForcePartCount; ++j)
-        EXPECT_GT(distance(seenBy(styleOf(static_cast<ForcePart>(i)).colour, protanope),
-                           seenBy(styleOf(static_cast<ForcePart>(j)).colour, protanope)),
+    for (std::size_t i = 0; i < kEffectCount; ++i)
+      for (std::size_t j = i + 1; j < kEffectCount; ++j)
+        EXPECT_GT(distance(seenBy(colourOf(effectEntry(static_cast<Effect>(i))), protanope),
+                           seenBy(colourOf(effectEntry(static_cast<Effect>(j))), protanope)),
                   0.1)
             << i << " and " << j;
 }

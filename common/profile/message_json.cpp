@@ -1,3 +1,7 @@
+#include "common/profile/message_json.h"
+
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -6,7 +10,6 @@
 #include <vector>
 
 #include "common/base/range.h"
-#include "common/profile/message_json.h"
 #include "common/profile/strict_json.h"
 #include "needlelab/options.pb.h"
 
@@ -103,16 +106,15 @@ Result<double> readNumber(const FieldDescriptor& field, const std::string& path,
 
 /// Within the field's range, or else within its type's.
 Result<std::int64_t> readWhole(const FieldDescriptor& field, const std::string& path, const json& value) {
-  const Result<double> number = readNumber(field, path, value);
-  if (!number) return number.error();
+  ASSIGN_OR_RETURN(const double number, readNumber(field, path, value));
   const bool is_signed = field.cpp_type() == FieldDescriptor::CPPTYPE_INT32;
   const NumberRange of_type{is_signed ? static_cast<double>(std::numeric_limits<std::int32_t>::min()) : 0.0,
                             is_signed ? static_cast<double>(std::numeric_limits<std::int32_t>::max())
                                       : static_cast<double>(std::numeric_limits<std::uint32_t>::max())};
-  if (!of_type.contains(*number)) return outOfRange(path, *number, of_type);
-  if (*number != std::floor(*number))
-    return fieldError(path, "must be a whole number, found " + numberText(*number));
-  return static_cast<std::int64_t>(*number);
+  if (!of_type.contains(number)) return outOfRange(path, number, of_type);
+  if (number != std::floor(number))
+    return fieldError(path, "must be a whole number, found " + numberText(number));
+  return static_cast<std::int64_t>(number);
 }
 
 Result<std::string> readText(const FieldDescriptor& field, const std::string& path, const json& value) {
@@ -155,21 +157,19 @@ Status readValue(const FieldDescriptor& field, const std::string& path, const js
   const bool is_list = field.is_repeated();
   switch (field.cpp_type()) {
     case FieldDescriptor::CPPTYPE_DOUBLE: {
-      const Result<double> number = readNumber(field, path, value);
-      if (!number) return number.error();
-      is_list ? reflection.AddDouble(&message, &field, *number)
-              : reflection.SetDouble(&message, &field, *number);
+      ASSIGN_OR_RETURN(const double number, readNumber(field, path, value));
+      is_list ? reflection.AddDouble(&message, &field, number)
+              : reflection.SetDouble(&message, &field, number);
       return {};
     }
     case FieldDescriptor::CPPTYPE_INT32:
     case FieldDescriptor::CPPTYPE_UINT32: {
-      const Result<std::int64_t> number = readWhole(field, path, value);
-      if (!number) return number.error();
+      ASSIGN_OR_RETURN(const std::int64_t number, readWhole(field, path, value));
       assert(!is_list && "lists of whole numbers are not supported");
       if (field.cpp_type() == FieldDescriptor::CPPTYPE_INT32)
-        reflection.SetInt32(&message, &field, static_cast<std::int32_t>(*number));
+        reflection.SetInt32(&message, &field, static_cast<std::int32_t>(number));
       else
-        reflection.SetUInt32(&message, &field, static_cast<std::uint32_t>(*number));
+        reflection.SetUInt32(&message, &field, static_cast<std::uint32_t>(number));
       return {};
     }
     case FieldDescriptor::CPPTYPE_INT64:
@@ -197,16 +197,14 @@ Status readValue(const FieldDescriptor& field, const std::string& path, const js
     }
     case FieldDescriptor::CPPTYPE_STRING: {
       if (field.type() == FieldDescriptor::TYPE_BYTES) return fieldError(path, "cannot be given here");
-      const Result<std::string> text = readText(field, path, value);
-      if (!text) return text.error();
-      is_list ? reflection.AddString(&message, &field, *text) : reflection.SetString(&message, &field, *text);
+      ASSIGN_OR_RETURN(const std::string text, readText(field, path, value));
+      is_list ? reflection.AddString(&message, &field, text) : reflection.SetString(&message, &field, text);
       return {};
     }
     case FieldDescriptor::CPPTYPE_ENUM: {
-      const Result<int> number = readEnum(field, path, value);
-      if (!number) return number.error();
-      is_list ? reflection.AddEnumValue(&message, &field, *number)
-              : reflection.SetEnumValue(&message, &field, *number);
+      ASSIGN_OR_RETURN(const int number, readEnum(field, path, value));
+      is_list ? reflection.AddEnumValue(&message, &field, number)
+              : reflection.SetEnumValue(&message, &field, number);
       return {};
     }
     case FieldDescriptor::CPPTYPE_MESSAGE: {
@@ -233,9 +231,7 @@ Status readList(const FieldDescriptor& field, const std::string& path, const jso
                                 std::to_string(least) + " to " + std::to_string(most));
   }
   for (std::size_t i = 0; i < value.size(); ++i) {
-    Status status =
-        faults.take(readValue(field, path + "[" + std::to_string(i) + "]", value[i], message, faults));
-    if (!status) return status;
+    RETURN_IF_ERROR(faults.take(readValue(field, path + fmt::format("[{}]", i), value[i], message, faults)));
   }
   return {};
 }
@@ -250,8 +246,7 @@ Status checkPresence(const Descriptor& type, const std::string& path,
   for (int i = 0; i < type.field_count(); ++i) {
     const FieldDescriptor* field = type.field(i);
     if (field->options().GetExtension(pb::required) && !given(field)) {
-      Status status = faults.take(fieldError(prefix + field->name(), "is missing"));
-      if (!status) return status;
+      RETURN_IF_ERROR(faults.take(fieldError(prefix + field->name(), "is missing")));
     }
   }
   for (int i = 0; i < type.real_oneof_decl_count(); ++i) {
@@ -287,17 +282,99 @@ Status readObject(const json& value, const std::string& path, Message& message, 
     }
     const std::string field_path = prefix + field->name();
     if (std::find(seen.begin(), seen.end(), field) != seen.end()) {
-      Status status = faults.take(
-          fieldError(field_path, "is given twice, as " + field->name() + " and as " + field->json_name()));
-      if (!status) return status;
+      RETURN_IF_ERROR(faults.take(
+          fieldError(field_path, "is given twice, as " + field->name() + " and as " + field->json_name())));
       continue;
     }
     seen.push_back(field);
-    Status status = faults.take(field->is_repeated() ? readList(*field, field_path, item, message, faults)
-                                                     : readValue(*field, field_path, item, message, faults));
-    if (!status) return status;
+    RETURN_IF_ERROR(faults.take(field->is_repeated() ? readList(*field, field_path, item, message, faults)
+                                                     : readValue(*field, field_path, item, message, faults)));
   }
   return checkPresence(type, path, seen, faults);
+}
+
+// ---- writing ----
+
+constexpr std::size_t kLineLength = 110;
+
+std::string textJson(const std::string& text) {
+  return json(text).dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+/// One line when that is short and nothing in it is broken already, else one item a line.
+std::string wrapped(char open, char close, const std::vector<std::string>& items, std::size_t indent) {
+  if (items.empty()) return {open, close};
+  std::size_t length = indent + 2;
+  bool broken = false;
+  for (const std::string& item : items) {
+    length += item.size() + 2;
+    broken = broken || item.find('\n') != std::string::npos;
+  }
+  const bool one_line = !broken && length <= kLineLength;
+  const std::string between = one_line ? ", " : ",\n" + std::string(indent + 2, ' ');
+  std::string all = one_line ? "" : "\n" + std::string(indent + 2, ' ');
+  for (std::size_t i = 0; i < items.size(); ++i) all += (i == 0 ? "" : between) + items[i];
+  return open + all + (one_line ? "" : "\n" + std::string(indent, ' ')) + close;
+}
+
+std::string objectJson(const Message& message, std::size_t indent);
+
+/// A single field, or item `index` of a list.
+std::string valueJson(const Message& message, const FieldDescriptor& field, int index, std::size_t indent) {
+  const auto& reflection = *message.GetReflection();
+  const bool is_list = field.is_repeated();
+  switch (field.cpp_type()) {
+    case FieldDescriptor::CPPTYPE_DOUBLE:
+      return numberText(is_list ? reflection.GetRepeatedDouble(message, &field, index)
+                                : reflection.GetDouble(message, &field) + 0.0);
+    case FieldDescriptor::CPPTYPE_INT32:
+      return std::to_string(reflection.GetInt32(message, &field));
+    case FieldDescriptor::CPPTYPE_UINT32:
+      return std::to_string(reflection.GetUInt32(message, &field));
+    case FieldDescriptor::CPPTYPE_BOOL:
+      return reflection.GetBool(message, &field) ? "true" : "false";
+    case FieldDescriptor::CPPTYPE_STRING:
+      return textJson(is_list ? reflection.GetRepeatedString(message, &field, index)
+                              : reflection.GetString(message, &field));
+    case FieldDescriptor::CPPTYPE_ENUM:
+      return textJson(
+          (is_list ? reflection.GetRepeatedEnum(message, &field, index) : reflection.GetEnum(message, &field))
+              ->name());
+    case FieldDescriptor::CPPTYPE_MESSAGE:
+      return objectJson(is_list ? reflection.GetRepeatedMessage(message, &field, index)
+                                : reflection.GetMessage(message, &field),
+                        indent);
+    default:
+      assert(false && "field type not supported");
+      return "null";
+  }
+}
+
+std::string listJson(const Message& message, const FieldDescriptor& field, std::size_t indent) {
+  std::vector<std::string> items;
+  const int size = message.GetReflection()->FieldSize(message, &field);
+  items.reserve(static_cast<std::size_t>(size));
+  for (int i = 0; i < size; ++i) items.push_back(valueJson(message, field, i, indent + 2));
+  return wrapped('[', ']', items, indent);
+}
+
+bool isWritten(const Message& message, const FieldDescriptor& field) {
+  const auto& reflection = *message.GetReflection();
+  if (!field.is_repeated()) return reflection.HasField(message, &field);
+  return reflection.FieldSize(message, &field) > 0 || field.options().GetExtension(pb::required);
+}
+
+std::string objectJson(const Message& message, std::size_t indent) {
+  std::vector<std::string> members;
+  const auto& type = *message.GetDescriptor();
+  for (int i = 0; i < type.field_count(); ++i) {
+    const FieldDescriptor& field = *type.field(i);
+    if (!isWritten(message, field)) continue;
+    members.push_back("\"" + field.name() + "\": " +
+                      (field.is_repeated() ? listJson(message, field, indent + 2)
+                                           : valueJson(message, field, 0, indent + 2)));
+  }
+  return wrapped('{', '}', members, indent);
 }
 
 }  // namespace
@@ -312,6 +389,10 @@ std::vector<Error> messageFaults(const json& value, Message& message) {
   Faults faults(&all);
   (void)faults.take(readObject(value, "", message, faults));
   return all;
+}
+
+std::string writeMessage(const Message& message) {
+  return objectJson(message, 0) + "\n";
 }
 
 }  // namespace needlelab

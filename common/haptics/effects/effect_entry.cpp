@@ -1,0 +1,54 @@
+#include "common/haptics/effects/effect_entry.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+
+namespace needlelab {
+
+// To add an effect: a file here that makes its entry, an enumerator in scene_spec.h, and a line in each of
+// these two lists.
+extern const EffectEntry kCuttingEntry, kAttractedEntry, kClampingEntry, kOrientationLimitEntry,
+    kShaftFrictionEntry, kPunctureEntry;
+
+namespace {
+
+constexpr std::array<const EffectEntry*, kEffectCount> kEntries = {
+    &kCuttingEntry,          &kAttractedEntry,     &kClampingEntry,
+    &kOrientationLimitEntry, &kShaftFrictionEntry, &kPunctureEntry};
+
+}  // namespace
+
+std::span<const EffectEntry* const, kEffectCount> effectEntries() {
+  return kEntries;
+}
+
+std::span<const EffectEntry* const, kEffectCount> effectsAsShown() {
+  static const auto kShown = [] {
+    auto sorted = kEntries;
+    std::stable_sort(sorted.begin(), sorted.end(),
+                     [](const EffectEntry* a, const EffectEntry* b) { return a->place < b->place; });
+    return sorted;
+  }();
+  return kShown;
+}
+
+const EffectEntry& effectEntry(Effect effect) {
+  return *kEntries[static_cast<std::size_t>(effect)];
+}
+
+std::vector<std::string> effectNames(EffectMask effects) {
+  std::vector<std::string> names;
+  for (const EffectEntry* entry : kEntries)
+    if ((effects & bitOf(entry->effect)) != 0) names.emplace_back(entry->name);
+  return names;
+}
+
+std::string effectWords(const EffectEntry& entry, char between) {
+  std::string words;
+  for (const char c : entry.name)
+    words += c == '_' ? between : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return words;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,92 @@
+/// What every effect offers: one row per effect, each made in the effect's own file. Whatever lists effects
+/// (profiles, plots, tables, studies, the console's editor) iterates over these rows.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/range.h"
+#include "common/haptics/engine.h"
+#include "common/haptics/scene_model.h"
+
+namespace needlelab {
+
+class SpecChecker;
+
+/// A number of the effect's section in a profile.
+struct EffectField {
+  std::string_view name;                ///< "max_stiffness_n_per_m"
+  std::string_view label;               ///< in the editor: "Greatest stiffness"
+  NumberRange range;                    ///< the same as in profile.proto
+  double begins_with = 0;               ///< in a section that the editor makes
+  double& (*of)(SceneSpec&) = nullptr;  ///< where it is kept
+};
+
+/// A word of that section, chosen from a few. Option i stands for the enumerator i of the message.
+struct EffectChoice {
+  struct Option {
+    std::string_view name;   ///< "PASSIVE"
+    std::string_view label;  ///< "Passive: never pushes the hand"
+  };
+  std::string_view name;  ///< "mode"; empty: the section has none
+  std::string_view label;
+  std::span<const Option> options;  ///< as the editor shows them; named by `name`, in any order
+  std::string_view begins_with;
+  void (*set)(SceneSpec&, int number) = nullptr;
+};
+
+/// An effect. How to add one: CONTRIBUTING.md. An effect whose force is added to the others' is a stage:
+/// `stage` is all its code. An effect that changes what others do has its place in step_live.h.
+struct EffectEntry {
+  Effect effect;
+  std::string_view name;        ///< in profiles and on command lines: "SHAFT_FRICTION"
+  std::string_view label;       ///< for people: "Shaft friction"
+  std::string_view short_name;  ///< head of a narrow column: "frict"
+
+  // its term of the report
+  std::string_view term;        ///< in legends, and with "_n" in CSV: "friction"
+  std::string_view unit = "N";  ///< "N", or "N·m" for a torque
+  bool along_u = true;          ///< signed, cutting is negative; else a magnitude
+  std::uint32_t colour = 0;     ///< 0xRRGGBB, in every plot
+  int place = 0;                ///< in legends and columns; forces are summed in this order
+  double (*value)(const StepReport&) = nullptr;
+
+  // its numbers
+  std::string_view section =
+      {};  ///< of a profile: "shaft_friction"; empty: the layers or the model have them
+  std::span<const EffectField> fields = {};
+  EffectChoice choice = {};
+  /// Checks the effect's number of a layer; null where it has none.
+  void (*checkLayer)(const LayerSpec&, SpecChecker&) = nullptr;
+  /// Checks what fields and layers cannot say by themselves; null: nothing.
+  void (*check)(const SceneSpec&, SpecChecker&) = nullptr;
+  /// Whether its numbers are not all zero; null: the axial model says (CUTTING and ATTRACTED).
+  bool (*hasNumbers)(const SceneSpec&) = nullptr;
+  /// The steepest stiffness that it adds along the trajectory; null: none.
+  double (*stiffness_N_per_m)(const SceneModel&) = nullptr;
+
+  // of a stage only
+  StageFunction stage = nullptr;
+  /// Makes its numbers ready for the tick: `model.stage_numbers[stageOf(effect)]` holds the author's. Null:
+  /// they are.
+  void (*compileStage)(SceneModel&) = nullptr;
+};
+
+/// All effects, in the order of `Effect`.
+std::span<const EffectEntry* const, kEffectCount> effectEntries();
+/// The same in the order of `place`: as they are summed and shown.
+std::span<const EffectEntry* const, kEffectCount> effectsAsShown();
+const EffectEntry& effectEntry(Effect effect);
+
+inline std::string_view effectName(Effect effect) {
+  return effectEntry(effect).name;
+}
+/// Names of a set, in the order of `Effect`.
+std::vector<std::string> effectNames(EffectMask effects);
+/// "orientation limit": the name as words; with `between` '_' as in the columns of a CSV.
+std::string effectWords(const EffectEntry& entry, char between = ' ');
+
+}  // namespace needlelab
