@@ -1,6 +1,7 @@
-// An effect that a scene does not call for costs at most 1 % of the tick (DESIGN §5): instructions, counted
-// by callgrind, of the engine's tick and of the same engine with that effect's code taken out of its sources
-// (variant.cmake). Time would be too noisy to show 1 %; a count is the same on every run of a binary.
+// An effect that is not live costs nothing. Instructions, counted by callgrind, of the engine's tick are
+// compared with the same tick compiled with a stub in place of one effect's code: at most 1 % more. Time
+// would be too noisy to show 1 %; a count is the same on every run of a binary. The comparison proves itself:
+// engines with 2 % planted into an effect that is not live must exceed that 1 %.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,42 +10,138 @@
 
 #include "client/effect_cost/instruction_count.h"
 #include "client/effect_cost/tick_run.h"
+#include "common/haptics/effects/effect_entry.h"
+#include "common/haptics/effects/step_live.h"
 #include "common/haptics/models/axial_entry.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/scenes.h"
 
-namespace needlelab {
-
-extern const AxialEntry kEntry_without_cutting, kEntry_without_attracted, kEntry_without_wall,
-    kEntry_without_clamping, kEntry_without_orientation_limit, kEntry_without_shaft_friction,
-    kEntry_without_puncture, kEntry_run_time_masks;
-
-namespace test {
+namespace needlelab::test {
 namespace {
 
 constexpr double kRateHz = 250;
 constexpr double kMost = 0.01;  // share of the tick
 
-// an engine, and which sets of live effects it can do
+// ---- an engine without the code of one effect: what is left are the zeros of the report ----
+
+template <bool kLive>
+struct NoCutting {
+  static_assert(!kLive);
+  static double behind(double x_m, const WallStretch&) { return x_m; }
+};
+template <bool kLive>
+struct NoAttracted {
+  static_assert(!kLive);
+  static double ahead(double x_m, double, const WallStretch&) { return x_m; }
+};
+template <bool kLive>
+struct NoClamping {
+  static_assert(!kLive);
+  static void clear(StepReport& report) { report.clamping_N = report.clamping_stiffness_N_per_m = 0.0; }
+};
+template <bool kLive>
+struct NoOrientationLimit {
+  static_assert(!kLive);
+  static double readPose(const TipSample& sample) { return dot(sample.q_WT, sample.q_WT); }
+  static void apply(const SceneModel&, const SimState&, double, StepReport& report) {
+    report.wrench_W.torque_Nm = {};
+  }
+};
+template <bool kLive>
+struct NoShaftFriction {
+  static_assert(!kLive);
+  static void clear(StepReport& report) { report.friction_N = 0.0; }
+};
+template <bool kLive>
+struct NoPuncture {
+  static_assert(!kLive);
+  static void rememberPlace(const SceneModel&, const SimState&, bool) {}
+  static double apply(const SceneModel&, const SimState&, const Tick&, bool, StepReport& report) {
+    return report.puncture_N = 0.0;
+  }
+};
+
+// ---- an engine with 2 % of the paper's tick planted into an effect when it is not live ----
+
+template <template <bool> class Step>
+struct Planted {
+  template <bool kLive>
+  struct At : Step<kLive> {
+    [[gnu::always_inline]] At() {
+      if constexpr (!kLive) asm volatile("nop\n nop\n nop\n nop\n nop\n nop\n nop\n nop");
+    }
+  };
+};
+
+// one effect's code replaced by another's
+template <template <bool> class Step>
+struct WithCutting : EffectSteps {
+  template <bool kLive>
+  using Cutting = Step<kLive>;
+};
+template <template <bool> class Step>
+struct WithAttracted : EffectSteps {
+  template <bool kLive>
+  using Attracted = Step<kLive>;
+};
+template <template <bool> class Step>
+struct WithClamping : EffectSteps {
+  template <bool kLive>
+  using Clamping = Step<kLive>;
+};
+template <template <bool> class Step>
+struct WithOrientationLimit : EffectSteps {
+  template <bool kLive>
+  using OrientationLimit = Step<kLive>;
+};
+template <template <bool> class Step>
+struct WithShaftFriction : EffectSteps {
+  template <bool kLive>
+  using ShaftFriction = Step<kLive>;
+};
+template <template <bool> class Step>
+struct WithPuncture : EffectSteps {
+  template <bool kLive>
+  using Puncture = Step<kLive>;
+};
+
+// the wall, in sets without an effect only
+template <Effect kEffect>
+struct WallWithout : LayeredWall {
+  static constexpr EffectMask kReplaces = bitOf(kEffect);
+};
+template <Effect kEffect, class Steps>
+constexpr StepTable kSteps = stepTable<WallWithout<kEffect>, Steps>();
+
+// an engine, and the effect that must not be live in it
 struct Engine {
-  const char* name;
-  const AxialEntry* entry;
+  const StepTable* steps;
   EffectMask cannot;
 };
 
-constexpr EffectMask kWall = bitOf(Effect::kCutting) | bitOf(Effect::kAttracted);
+const Engine kWhole = {kTrackingWallEntry.steps, 0};
 
-const Engine kWhole = {"the engine", &kTrackingWallEntry, 0};
-const Engine kRunTimeMasks = {"effects asked for at run time", &kEntry_run_time_masks, 0};
-const Engine kWithout[] = {
-    {"CUTTING", &kEntry_without_cutting, bitOf(Effect::kCutting)},
-    {"ATTRACTED", &kEntry_without_attracted, bitOf(Effect::kAttracted)},
-    {"CUTTING and ATTRACTED", &kEntry_without_wall, kWall},
-    {"CLAMPING", &kEntry_without_clamping, bitOf(Effect::kClamping)},
-    {"ORIENTATION_LIMIT", &kEntry_without_orientation_limit, bitOf(Effect::kOrientationLimit)},
-    {"SHAFT_FRICTION", &kEntry_without_shaft_friction, bitOf(Effect::kShaftFriction)},
-    {"PUNCTURE", &kEntry_without_puncture, bitOf(Effect::kPuncture)},
+// beside the engine: without the effect's code, and with something planted into it
+struct Pair {
+  Effect effect;
+  Engine without, planted;
 };
+template <Effect kEffect, class Without, class WithPlant>
+constexpr Pair pairOf() {
+  return {
+      kEffect, {&kSteps<kEffect, Without>, bitOf(kEffect)}, {&kSteps<kEffect, WithPlant>, bitOf(kEffect)}};
+}
+const Pair kPairs[] = {
+    pairOf<Effect::kCutting, WithCutting<NoCutting>, WithCutting<Planted<CuttingStep>::At>>(),
+    pairOf<Effect::kAttracted, WithAttracted<NoAttracted>, WithAttracted<Planted<AttractedStep>::At>>(),
+    pairOf<Effect::kClamping, WithClamping<NoClamping>, WithClamping<Planted<ClampingStep>::At>>(),
+    pairOf<Effect::kOrientationLimit, WithOrientationLimit<NoOrientationLimit>,
+           WithOrientationLimit<Planted<OrientationLimitStep>::At>>(),
+    pairOf<Effect::kShaftFriction, WithShaftFriction<NoShaftFriction>,
+           WithShaftFriction<Planted<ShaftFrictionStep>::At>>(),
+    pairOf<Effect::kPuncture, WithPuncture<NoPuncture>, WithPuncture<Planted<PunctureStep>::At>>(),
+};
+static_assert(std::size(kPairs) == kPlacedEffectCount);
 
 // a count to be made: this engine with these live effects
 struct Part {
@@ -54,18 +151,18 @@ struct Part {
 
 std::vector<Part> allParts() {
   std::vector<Part> parts;
-  for (EffectMask live = 0; live <= kAllEffects; ++live) {
+  for (EffectMask live = 0; live <= kPlacedEffects; ++live) {
     parts.push_back({&kWhole, live});
-    parts.push_back({&kRunTimeMasks, live});
-    for (const Engine& engine : kWithout)
-      if ((live & engine.cannot) == 0) parts.push_back({&engine, live});
+    for (const Pair& pair : kPairs)
+      for (const Engine* engine : {&pair.without, &pair.planted})
+        if ((live & engine->cannot) == 0) parts.push_back({engine, live});
   }
   return parts;
 }
 
 SceneModel modelOf(const Part& part) {
   SceneModel model = *compile(withEffects(allEffects(), part.live), kRateHz);
-  model.step_function = (*part.engine->entry->steps)[part.live];
+  model.step_function = (*part.engine->steps)[part.live];
   return model;
 }
 
@@ -81,14 +178,15 @@ int runParts() {
   return 0;
 }
 
-// why instructions cannot be counted here, or nothing
+// why instructions are not counted here, or nothing. A missing valgrind is not a reason: it is in
+// deploy/packages.txt
 const char* whyNot() {
 #ifdef NEEDLELAB_SANITIZED
   return "a sanitizer's own instructions would be counted, and valgrind cannot run it";
 #elif !defined(__OPTIMIZE__)
   return "not an optimised build: its instructions say nothing";
 #else
-  return hasValgrind() ? nullptr : "valgrind is not on the PATH (Debian: valgrind)";
+  return nullptr;
 #endif
 }
 
@@ -96,6 +194,7 @@ class Instructions : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     if (whyNot() != nullptr || !counts().empty()) return;
+    ASSERT_TRUE(hasValgrind()) << "valgrind is not on the PATH (Debian: valgrind): nothing was counted";
     const auto parts = allParts();
     const auto counted = countStepInstructions({ownProgram(), "--run-parts"}, parts.size());
     ASSERT_TRUE(counted.ok()) << counted.error().message;
@@ -105,6 +204,7 @@ class Instructions : public testing::Test {
   }
   void SetUp() override {
     if (const char* reason = whyNot()) GTEST_SKIP() << reason;
+    ASSERT_FALSE(counts().empty()) << "nothing was counted";
   }
   using Counts = std::map<std::pair<const Engine*, EffectMask>, double>;
   static Counts& counts() {
@@ -112,34 +212,51 @@ class Instructions : public testing::Test {
     return per_tick;
   }
   static double of(const Engine& engine, EffectMask live) { return counts().at({&engine, live}); }
+
+  // what `engine` costs more than the one without the effect's code, in each set that the effect is not in
+  struct Excess {
+    EffectMask live;
+    double share;
+  };
+  static std::vector<Excess> excessesOf(const Engine& engine, const Pair& pair) {
+    std::vector<Excess> excesses;
+    for (EffectMask live = 0; live <= kPlacedEffects; ++live) {
+      if ((live & pair.without.cannot) != 0) continue;
+      // where neither CUTTING nor ATTRACTED is live, the wall does not run at all
+      if ((live & LayeredWall::kRenders) == 0 && (pair.without.cannot & LayeredWall::kRenders) != 0) continue;
+      const double without_code = of(pair.without, live);
+      EXPECT_GT(without_code, 50) << "something was counted";
+      excesses.push_back({live, of(engine, live) / without_code - 1});
+    }
+    return excesses;
+  }
 };
 
 TEST_F(Instructions, anEffectThatIsNotLiveCostsAtMostOnePercentOfTheTick) {
   double worst = 0;
-  for (const Engine& engine : kWithout)
-    for (EffectMask live = 0; live <= kAllEffects; ++live) {
-      if ((live & engine.cannot) != 0) continue;
-      const double with_code = of(kWhole, live), without_code = of(engine, live);
-      EXPECT_GT(without_code, 50) << "something was counted";
-      EXPECT_LE(with_code, without_code * (1 + kMost)) << engine.name << " is not live in set " << live
-                                                       << ": " << with_code << " against " << without_code;
-      worst = std::max(worst, with_code / without_code - 1);
+  for (const Pair& pair : kPairs)
+    for (const Excess& excess : excessesOf(kWhole, pair)) {
+      EXPECT_LE(excess.share, kMost) << effectName(pair.effect) << " is not live in set " << excess.live;
+      worst = std::max(worst, excess.share);
     }
   RecordProperty("worst_share", std::to_string(worst));
   std::printf("worst: %.3f %% of the tick\n", worst * 100);
 }
 
-TEST_F(Instructions, aMaskAskedForAtRunTimeWouldBeSeen) {
-  double least = 1;
-  for (EffectMask live = 0; live <= kAllEffects; ++live) {
-    const double more = of(kRunTimeMasks, live) / of(kWhole, live) - 1;
-    EXPECT_GT(more, kMost) << "set " << live;
-    least = std::min(least, more);
+// the compiler arranges a tick with something planted in it anew, which saves as much in a few sets
+TEST_F(Instructions, twoPercentPlantedIntoAnEffectThatIsNotLiveAreNoticed) {
+  for (const Pair& pair : kPairs) {
+    const std::vector<Excess> excesses = excessesOf(pair.planted, pair);
+    const auto noticed = std::count_if(excesses.begin(), excesses.end(),
+                                       [](const Excess& excess) { return excess.share > kMost; });
+    EXPECT_GE(static_cast<double>(noticed), 0.7 * static_cast<double>(excesses.size()))
+        << effectName(pair.effect);
+    std::printf("planted into %s: noticed in %td of %zu sets\n", std::string(effectName(pair.effect)).c_str(),
+                noticed, excesses.size());
   }
-  std::printf("at least %.1f %% more\n", least * 100);
 }
 
-TEST_F(Instructions, theEnginesWithoutAnEffectGiveTheSameBits) {
+TEST(InstructionEngines, giveTheSameBits) {
   const auto gesture = measuringGesture(allEffects(), kRateHz);
   for (const Part& part : allParts()) {
     const SceneModel whole = modelOf({&kWhole, part.live}), other = modelOf(part);
@@ -148,17 +265,18 @@ TEST_F(Instructions, theEnginesWithoutAnEffectGiveTheSameBits) {
       StepReport a, b;
       step(whole, sample, *state, a);
       step(other, sample, *other_state, b);
-      ASSERT_EQ(a.wrench_W, b.wrench_W) << part.engine->name << ", set " << part.live;
-      ASSERT_EQ(a.flags, b.flags) << part.engine->name << ", set " << part.live;
+      ASSERT_EQ(a.wrench_W, b.wrench_W) << "set " << part.live;
+      ASSERT_EQ(a.flags, b.flags) << "set " << part.live;
     }
   }
 }
 
 TEST_F(Instructions, thePapersTickStaysWithinItsGoal) {
-  constexpr EffectMask kPaper = kWall | bitOf(Effect::kClamping) | bitOf(Effect::kOrientationLimit);
-  EXPECT_LE(of(kWhole, kPaper), 320) << "DESIGN §12";
+  constexpr EffectMask kPaper =
+      LayeredWall::kRenders | bitOf(Effect::kClamping) | bitOf(Effect::kOrientationLimit);
+  EXPECT_LE(of(kWhole, kPaper), 320) << "tests/bench/README.md";
   std::printf("the paper's four effects: %.1f instructions a tick; none %.1f, all six %.1f\n",
-              of(kWhole, kPaper), of(kWhole, 0), of(kWhole, kAllEffects));
+              of(kWhole, kPaper), of(kWhole, 0), of(kWhole, kPlacedEffects));
 }
 
 TEST_F(Instructions, countsAreTheSameOnEveryRun) {
@@ -169,8 +287,7 @@ TEST_F(Instructions, countsAreTheSameOnEveryRun) {
 }
 
 }  // namespace
-}  // namespace test
-}  // namespace needlelab
+}  // namespace needlelab::test
 
 // under callgrind the program only runs the parts
 int main(int argc, char** argv) {

@@ -52,7 +52,7 @@ SceneSpec allEffects() {
   scene.layers[0].membrane = MembraneSpec{200, 20'000, 0.6};
   scene.layers[2].membrane = MembraneSpec{100, 60'000, 0.8};
   scene.layers[4].membrane = MembraneSpec{300, 0, 0.5};
-  scene.effects = kAllEffects;
+  scene.effects = kPlacedEffects;
   return scene;
 }
 

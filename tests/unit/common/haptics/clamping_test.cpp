@@ -198,7 +198,7 @@ TEST(Clamping, aTurnMakesNoForceJump) {
 }
 
 TEST(Clamping, withoutTheEffectNothingTurnsAndNothingClamps) {
-  SceneSpec scene = withEffects(allEffects(), kAllEffects & ~kClamping);
+  SceneSpec scene = withEffects(allEffects(), kPlacedEffects & ~kClamping);
   scene.virtual_fixture.max_force_N = 0;
   Probe probe(scene, 1000);
   probe.at(-1e-4);

@@ -1,9 +1,12 @@
 // Effects switched on and off in every combination: effects that add, add; what is not live gives nothing and
-// changes nothing else (DESIGN, sentence 3: what a scene does not ask for costs nothing).
+// changes nothing else.
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <map>
+#include <memory>
+#include <set>
 
 #include "common/haptics/effects/effect_entry.h"
 #include "tests/unit/common/haptics/probe.h"
@@ -20,6 +23,9 @@ SceneSpec fullScene() {
   SceneSpec scene = allEffects();
   scene.virtual_fixture.max_force_N = 50;
   scene.max_force_N = 50;
+  for (const EffectEntry* entry : effectEntries())
+    if (entry->stage != nullptr)
+      for (const EffectField& field : entry->fields) field.of(scene) = field.begins_with;
   return scene;
 }
 
@@ -58,7 +64,11 @@ TEST(Effects, everyCombinationIsTheSumOfItsParts) {
       ASSERT_EQ(all[k].wrench_W.torque_Nm, tilt[k].wrench_W.torque_Nm) << "mask " << mask << " tick " << k;
       const Vec3 along =
           wall[k].wrench_W.force_N - membranes[k].wrench_W.force_N + rubbing[k].wrench_W.force_N;
-      const Vec3 sum = along + fixture[k].wrench_W.force_N;
+      Vec3 sum = along + fixture[k].wrench_W.force_N;
+      // a stage sees what the others did, ruptures above all
+      for (const EffectEntry* entry : effectEntries())
+        if (const EffectMask stage = mask & bitOf(entry->effect); entry->stage != nullptr && stage != 0)
+          sum = sum + part(stage | (mask & kP))[k].wrench_W.force_N - membranes[k].wrench_W.force_N;
       ASSERT_LE(norm(all[k].wrench_W.force_N - sum), 1e-9) << "mask " << mask << " tick " << k;
     }
   }
@@ -143,7 +153,7 @@ TEST(Effects, oneNumberInOneLayerIsEnoughToBeLive) {
 
 TEST(Effects, whatIsNotListedIsNotLiveThoughItHasNumbers) {
   for (EffectMask mask = 0; mask <= kAllEffects; ++mask)
-    EXPECT_EQ(compiled(withEffects(allEffects(), mask), 1000).live, mask);
+    EXPECT_EQ(compiled(withEffects(fullScene(), mask), 1000).live, mask);
 }
 
 TEST(Effects, theSumIsCappedKeepingItsDirection) {
@@ -175,6 +185,94 @@ TEST(Effects, stiffnessesAlongTheTrajectoryAddUp) {
   EXPECT_NEAR(model.axialStiffness_N_per_m(), 500 + 140 + steepest, 1e-9);
   EXPECT_NEAR(compiled(withEffects(allEffects(), kC), 1000).axialStiffness_N_per_m(), 500, 1e-12);
   EXPECT_NEAR(compiled(withEffects(allEffects(), kF), 1000).axialStiffness_N_per_m(), 140, 1e-12);
+}
+
+TEST(EffectEntries, eachIsARowOfItsOwn) {
+  std::set<std::string_view> names, terms;
+  std::set<int> places;
+  for (std::size_t i = 0; i < kEffectCount; ++i) {
+    const EffectEntry& entry = *effectEntries()[i];
+    EXPECT_EQ(entry.effect, static_cast<Effect>(i)) << entry.name;
+    EXPECT_TRUE(names.insert(entry.name).second) << entry.name;
+    EXPECT_TRUE(terms.insert(entry.term).second) << entry.term;
+    EXPECT_TRUE(places.insert(entry.place).second) << entry.name << " is shown where another one is";
+    EXPECT_NE(entry.value, nullptr) << entry.name;
+    EXPECT_EQ(entry.stage != nullptr, i >= kPlacedEffectCount) << entry.name;
+    for (const EffectField& field : entry.fields)
+      EXPECT_TRUE(field.range.contains(field.begins_with)) << entry.name << "." << field.name;
+  }
+}
+
+TEST(Stages, costNothingInASceneWithoutThem) {
+  for (EffectMask mask = 0; mask <= kPlacedEffects; ++mask) {
+    const SceneModel model = compiled(withEffects(fullScene(), mask), 1000);
+    EXPECT_EQ(model.step_function, model.placed_step) << "the tick itself runs, and knows nothing of stages";
+    EXPECT_EQ(model.stage_count, 0U);
+  }
+}
+
+// half a newton along u; remembers how many ticks of the insertion it has seen
+Vec3 plantedStage(const SceneModel&, const TipSample&, SimState& state, StepReport& report) noexcept {
+  state.stage[0][0] += 1.0;
+  report.stage_N[0] = 0.5;
+  return state.u_W * 0.5;
+}
+
+SceneModel withPlantedStage(const SceneSpec& scene) {
+  SceneModel model = compiled(scene, 1000);
+  model.stages[0] = plantedStage;
+  model.stage_count = 1;
+  model.step_function = stepWithStages;
+  model.surely_below_cap_N = std::numeric_limits<double>::infinity();
+  return model;
+}
+
+TEST(Stages, addTheirForceInTheTissueOnlyAndForgetAtAnEntry) {
+  const SceneSpec scene = withEffects(fullScene(), kPlacedEffects);
+  const SceneModel plain = compiled(scene, 1000), staged = withPlantedStage(scene);
+  const auto state = std::make_unique<SimState>(), staged_state = std::make_unique<SimState>();
+  double ticks_inside = 0;
+  int entries = 0;
+  for (const TipSample& sample : theMotion()) {
+    StepReport without, with;
+    step(plain, sample, *state, without);
+    step(staged, sample, *staged_state, with);
+    const bool inside = without.layer >= 0;
+    if ((without.flags & kFlagEntry) != 0) {
+      ticks_inside = 0;
+      ++entries;
+    }
+    ticks_inside += inside ? 1 : 0;
+    const Vec3 more = inside ? staged_state->u_W * 0.5 : Vec3{};
+    ASSERT_EQ(with.wrench_W.force_N, without.wrench_W.force_N + more);
+    ASSERT_EQ(with.wrench_W.torque_Nm, without.wrench_W.torque_Nm);
+    ASSERT_EQ(with.stage_N[0], inside ? 0.5 : 0.0);
+    if (inside) {
+      ASSERT_EQ(staged_state->stage[0][0], ticks_inside);
+    }
+  }
+  EXPECT_GT(entries, 1);
+}
+
+TEST(Stages, theCapHoldsTheSumWithThem) {
+  SceneSpec scene = withEffects(fullScene(), kPlacedEffects);
+  scene.max_force_N = 0.6;
+  const SceneModel staged = withPlantedStage(scene);
+  scene.max_force_N = 50;
+  const SceneModel free = withPlantedStage(scene);
+  const auto state = std::make_unique<SimState>(), free_state = std::make_unique<SimState>();
+  int capped = 0;
+  for (const TipSample& sample : theMotion()) {
+    StepReport with, uncapped;
+    step(staged, sample, *state, with);
+    step(free, sample, *free_state, uncapped);
+    const double size = norm(uncapped.wrench_W.force_N);
+    const Vec3 expected = uncapped.wrench_W.force_N * (size > 0.6 ? 0.6 / size : 1.0);
+    ASSERT_LE(norm(with.wrench_W.force_N - expected), 1e-12);
+    ASSERT_EQ((with.flags & kFlagForceCapped) != 0, size > 0.6);
+    capped += size > 0.6 ? 1 : 0;
+  }
+  EXPECT_GT(capped, 100);
 }
 
 }  // namespace

@@ -38,7 +38,7 @@ TEST_P(ReferencePerLimb, everySetOfEffectsAndEveryModeOverRandomGestures) {
   int failures = 0;
   std::uint64_t run = 0;
   Seen seen;
-  for (EffectMask effects = 0; effects <= kAllEffects && failures < 3; ++effects)
+  for (EffectMask effects = 0; effects <= kPlacedEffects && failures < 3; ++effects)
     for (const auto clamping : {ClampingMode::kProportional, ClampingMode::kPassive})
       for (const auto stop : {StopMode::kRamp, StopMode::kExponential}) {
         ++run;
@@ -133,7 +133,7 @@ TEST(EngineReference, randomScenes) {
         layer.membrane = MembraneSpec{random.in(0, 400), random.in(1, 40'000), random.in(0.05, 1.5)};
       scene.layers.push_back(layer);
     }
-    scene.effects = static_cast<EffectMask>(random.below(kAllEffects + 1));
+    scene.effects = static_cast<EffectMask>(random.below(kPlacedEffects + 1));
     scene.needle_length_m = random.in(0.02, 0.1);
     scene.tracking_wall.stiffness_N_per_m = random.in(100, 3000);
     scene.tracking_wall.stop_speed_mps = random.in(0.001, 0.01);

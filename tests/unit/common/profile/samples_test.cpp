@@ -98,7 +98,7 @@ TEST(Samples, patientsHaveEveryEffectPassively) {
   for (const std::string& id : kPatients) {
     SCOPED_TRACE(id);
     const pb::Profile profile = sample(id);
-    EXPECT_EQ(sceneSpecOf(profile)->effects, kAllEffects);
+    EXPECT_EQ(sceneSpecOf(profile)->effects, kPlacedEffects);
     EXPECT_EQ(profile.virtual_fixture().mode(), pb::VirtualFixture::PASSIVE);
     EXPECT_FALSE(profile.hazards().empty());
   }

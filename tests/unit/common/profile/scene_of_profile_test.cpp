@@ -4,6 +4,7 @@
 #include <limits>
 #include <numbers>
 
+#include "common/haptics/effects/effect_entry.h"
 #include "common/profile/profile.h"
 #include "needlelab/options.pb.h"
 #include "tests/unit/common/profile/good_profile.h"
@@ -49,7 +50,7 @@ TEST(SceneOfProfile, carriesEveryNumber) {
   EXPECT_EQ(spec->orientation_limit.max_torque_Nm, 0.2);
   EXPECT_EQ(spec->friction_stiffness_N_per_m, 140);
   EXPECT_EQ(spec->max_force_N, 10);
-  EXPECT_EQ(spec->effects, kAllEffects);
+  EXPECT_EQ(spec->effects, kPlacedEffects);
 }
 
 TEST(SceneOfProfile, takesOnlyTheListedEffects) {
@@ -176,6 +177,33 @@ TEST(SceneOfProfile, theEnginesRangesAreThoseOfTheProto) {
     };
     forEachRanged(profile, "", check);
     EXPECT_GE(visited, 28) << "the good profile has every section";
+  }
+}
+
+// the rows of the effects are the engine's, profile.proto is what authors and files see: they say the same
+TEST(EffectSections, areThoseOfTheMessages) {
+  const auto* profile = pb::Profile::descriptor();
+  for (const EffectEntry* effect : effectEntries()) {
+    const auto number = static_cast<int>(effect->effect) + 1;
+    ASSERT_TRUE(pb::Profile::Effect_IsValid(number)) << effect->name;
+    EXPECT_EQ(pb::Profile::Effect_Name(static_cast<pb::Profile::Effect>(number)), effect->name);
+    if (effect->section.empty()) continue;
+    const auto* section = profile->FindFieldByName(std::string(effect->section));
+    ASSERT_NE(section, nullptr) << effect->section;
+    for (const EffectField& own : effect->fields) {
+      const auto* field = section->message_type()->FindFieldByName(std::string(own.name));
+      ASSERT_NE(field, nullptr) << effect->section << "." << own.name;
+      ASSERT_TRUE(field->options().HasExtension(pb::range)) << field->full_name();
+      const pb::Range& range = field->options().GetExtension(pb::range);
+      EXPECT_EQ(range.min(), own.range.min) << field->full_name();
+      EXPECT_EQ(range.max(), own.range.max) << field->full_name();
+      EXPECT_EQ(range.min_open(), own.range.min_open) << field->full_name();
+    }
+    if (effect->choice.name.empty()) continue;
+    const auto* choice = section->message_type()->FindFieldByName(std::string(effect->choice.name));
+    ASSERT_NE(choice, nullptr) << effect->choice.name;
+    for (const EffectChoice::Option& option : effect->choice.options)
+      EXPECT_NE(choice->enum_type()->FindValueByName(std::string(option.name)), nullptr) << option.name;
   }
 }
 
