@@ -37,6 +37,10 @@ const EffectEntry& effectEntry(Effect effect) {
   return *kEntries[static_cast<std::size_t>(effect)];
 }
 
+void useUsualNumbers(const EffectEntry& entry, SceneSpec& spec) {
+  for (const EffectField& field : entry.fields) field.of(spec) = field.begins_with;
+}
+
 std::vector<std::string> effectNames(EffectMask effects) {
   std::vector<std::string> names;
   for (const EffectEntry* entry : kEntries)

@@ -81,6 +81,9 @@ std::span<const EffectEntry* const, kEffectCount> effectEntries();
 std::span<const EffectEntry* const, kEffectCount> effectsAsShown();
 const EffectEntry& effectEntry(Effect effect);
 
+/// Gives the scene the numbers that a new section of this effect begins with.
+void useUsualNumbers(const EffectEntry& entry, SceneSpec& spec);
+
 inline std::string_view effectName(Effect effect) {
   return effectEntry(effect).name;
 }

@@ -2,6 +2,7 @@
 import { CheckField, TextField } from '../ui/fields.js';
 import { html, useEffect, useState } from '../ui/html.js';
 import { words } from '../lib/units.js';
+import { kEffects } from './effects.js';
 
 const kTips = [
   ['', 'not known'],
@@ -29,25 +30,6 @@ const kModelFields = {
   ],
   GOD_OBJECT: [['god_object.stiffness_n_per_m', 'Stiffness']],
 };
-/** [effect, title, its section of the profile, the section's initial content] */
-const kEffects = [
-  ['CUTTING', 'Cutting: what resists the needle on its way in'],
-  ['ATTRACTED', 'Attraction: what holds the needle on its way out'],
-  [
-    'CLAMPING',
-    'Clamping: what keeps the needle on its line',
-    'virtual_fixture',
-    { max_stiffness_n_per_m: 400, max_force_n: 4, mode: 'PASSIVE' },
-  ],
-  [
-    'ORIENTATION_LIMIT',
-    'Orientation limit: what resists tilting',
-    'orientation_limit',
-    { stiffness_nm_per_rad: 0.5, max_torque_nm: 0.2 },
-  ],
-  ['SHAFT_FRICTION', 'Shaft friction', 'shaft_friction', { stiffness_n_per_m: 140 }],
-  ['PUNCTURE', 'Puncture: membranes that give way'],
-];
 
 export function Naming({ f, is_new }) {
   return html`<fieldset>
@@ -81,14 +63,19 @@ export function Force({ f }) {
   const model = f.doc.axial_model ?? 'ENHANCED_TRACKING_WALL';
   const effects = f.doc.effects ?? [];
   const toggle =
-    ([effect, , section, begin]) =>
+    ({ name, section, begin }) =>
     (on) =>
       f.change((before) => {
         const list = kEffects
-          .map(([name]) => name)
-          .filter((name) => (name === effect ? on : before.effects?.includes(name)));
+          .map((effect) => effect.name)
+          .filter((other) => (other === name ? on : before.effects?.includes(other)));
         return { ...before, effects: list, ...(on && section && !before[section] ? { [section]: begin } : {}) };
       });
+  const numbersOf = ({ section, title, fields, choice }) => html`<h3>${title}</h3>
+    <div class="fields">
+      ${fields.map(([name, label]) => f.number(`${section}.${name}`, label))}
+      ${choice && f.select(`${section}.${choice.name}`, choice.label, choice.options)}
+    </div>`;
   return html`<fieldset>
     <legend>Force</legend>
     <div class="fields">
@@ -128,46 +115,16 @@ export function Force({ f }) {
     </div>
     <h3>Effects</h3>
     ${kEffects.map(
-      (entry) =>
+      (effect) =>
         html`<${CheckField}
-          key=${entry[0]}
-          label=${entry[1]}
-          checked=${effects.includes(entry[0])}
+          key=${effect.name}
+          label=${effect.label}
+          checked=${effects.includes(effect.name)}
           disabled=${f.readonly}
-          onValue=${toggle(entry)}
+          onValue=${toggle(effect)}
         />`,
     )}
-    ${
-      effects.includes('CLAMPING') &&
-      html`
-        <h3>Clamping</h3>
-        <div class="fields">
-          ${f.number('virtual_fixture.max_stiffness_n_per_m', 'Greatest stiffness')}
-          ${f.number('virtual_fixture.max_force_n', 'Greatest clamping force')}
-          ${f.select('virtual_fixture.mode', 'Mode', [
-            ['PASSIVE', 'Passive: never pushes the hand'],
-            ['PROPORTIONAL', 'Proportional: as in the paper'],
-          ])}
-        </div>
-      `
-    }
-    ${
-      effects.includes('ORIENTATION_LIMIT') &&
-      html`
-        <h3>Orientation limit</h3>
-        <div class="fields">
-          ${f.number('orientation_limit.stiffness_nm_per_rad', 'Rotational stiffness')}
-          ${f.number('orientation_limit.max_torque_nm', 'Greatest torque')}
-        </div>
-      `
-    }
-    ${
-      effects.includes('SHAFT_FRICTION') &&
-      html`
-        <h3>Shaft friction</h3>
-        <div class="fields">${f.number('shaft_friction.stiffness_n_per_m', 'Friction stiffness')}</div>
-      `
-    }
+    ${kEffects.filter(({ name, section }) => section && effects.includes(name)).map(numbersOf)}
   </fieldset>`;
 }
 

@@ -24,8 +24,7 @@ SceneSpec fullScene() {
   scene.virtual_fixture.max_force_N = 50;
   scene.max_force_N = 50;
   for (const EffectEntry* entry : effectEntries())
-    if (entry->stage != nullptr)
-      for (const EffectField& field : entry->fields) field.of(scene) = field.begins_with;
+    if (entry->stage != nullptr) useUsualNumbers(*entry, scene);
   return scene;
 }
 
