@@ -13,7 +13,7 @@ namespace needlelab {
 /// Whether `valgrind` is on the PATH.
 bool hasValgrind();
 
-/// Marks the end of a part in the counted program: the count starts anew. Nothing else.
+/// Marks the end of a part in the counted program: the count starts again at zero. Does nothing else.
 void endCountedPart();
 
 /// Runs `command` (program and arguments) under callgrind and gives the instructions executed within calls of

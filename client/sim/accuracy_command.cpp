@@ -7,9 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
-#include "client/sim/accuracy/plot.h"
 #include "client/sim/accuracy/recommendation.h"
-#include "client/sim/accuracy/recorded_pictures.h"
+#include "client/sim/accuracy/recorded.h"
 #include "client/sim/accuracy/report.h"
 #include "client/sim/accuracy/study.h"
 #include "client/sim/command.h"
@@ -66,20 +65,20 @@ Status makeFolder(const std::filesystem::path& folder) {
 
 Status writePictures(const AccuracyCommand& command, const AccuracyOptions& options,
                      const AccuracyRows& rows) {
-  if (Status status = writeFileAtomically(command.out / "accuracy.csv", viewOf(accuracyCsv(rows)));
-      !status.ok())
-    return status;
+  RETURN_IF_ERROR(writeFileAtomically(command.out / "accuracy.csv", viewOf(accuracyCsv(rows))));
   if (!hasGnuplot()) {
     std::fprintf(stderr,
                  "needlelab-sim accuracy: gnuplot is not on the PATH: the table only, no pictures (Debian: "
                  "gnuplot-nox)\n");
     return {};
   }
-  for (const AccuracyPicture& picture : accuracyPictures(rows))
-    if (Status status = plotPng(picture.script, command.out / (picture.name + ".png"), picture.width_px,
-                                picture.height_px);
-        !status.ok())
-      return status;
+  for (const AccuracyPicture& picture : accuracyPictures(rows)) {
+    const auto data = command.out / (picture.name + ".dat");
+    RETURN_IF_ERROR(writeFileAtomically(data, viewOf(picture.data)));
+    auto variables = picture.variables;
+    variables.emplace_back("data", data.string());
+    RETURN_IF_ERROR(drawPlot("accuracy", command.out / (picture.name + ".png"), variables));
+  }
   // the recorded curves with the models drawn into them
   if (!wanted(command, AccuracyStudy::kModel)) return {};
   const auto recorded = recordedPictures(options, progressOnTerminal());

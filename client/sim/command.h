@@ -22,7 +22,7 @@ void addSkillCommand(CLI::App& app, SimCommand& chosen);
 void addStabilityCommand(CLI::App& app, SimCommand& chosen);
 void addEffectsCommand(CLI::App& app, SimCommand& chosen);
 
-/// Says on stderr what went wrong, `needlelab-sim COMMAND: words`, and gives the exit code.
+/// Prints `needlelab-sim COMMAND: MESSAGE` on stderr and returns the exit code.
 int failed(const char* command, const Error& error);
 
 /// Parses and runs a whole command line, as `main` does. Never throws; exit codes of base/exit_code.h.

@@ -5,7 +5,7 @@
 
 #include "client/effect_cost/instruction_count.h"
 #include "client/effect_cost/tick_run.h"
-#include "client/sim/tools/figures.h"
+#include "client/sim/tools/closed_loop.h"
 #include "common/base/clock.h"
 #include "common/fem/needle_mesh.h"
 #include "common/profile/profile.h"
@@ -28,9 +28,8 @@ struct Runner {
 Result<Runner> runnerOf(SceneSpec scene, EffectMask effects, double rate_hz,
                         const std::vector<TipSample>& gesture) {
   scene.effects = effects;
-  auto model = compile(scene, rate_hz);
-  if (!model.ok()) return model.error();
-  Runner runner{std::make_unique<SceneModel>(*std::move(model)), nullptr};
+  ASSIGN_OR_RETURN(auto model, compile(scene, rate_hz));
+  Runner runner{std::make_unique<SceneModel>(std::move(model)), nullptr};
   runner.run = std::make_unique<TickRun>(*runner.model, gesture);
   return runner;
 }
@@ -39,52 +38,47 @@ Result<Runner> runnerOf(SceneSpec scene, EffectMask effects, double rate_hz,
 
 Result<SceneSpec> effectsScene(const std::filesystem::path& profile) {
   if (!profile.empty()) {
-    const auto loaded = loadProfile(profile);
-    if (!loaded.ok()) return loaded.error();
-    auto scene = sceneSpecOf(*loaded);
+    ASSIGN_OR_RETURN(const auto loaded, loadProfile(profile));
+    auto scene = sceneSpecOf(loaded);
     if (!scene.ok()) return scene;
-    if (auto status = addCompliance(*scene); !status.ok()) return status.error();
+    RETURN_IF_ERROR(addCompliance(*scene));
     return scene;
   }
-  auto scene = paperSceneSpec("paper-six-layers", Pose{});
-  if (!scene.ok()) return scene.error();
+  ASSIGN_OR_RETURN(auto scene, paperSceneSpec("paper-six-layers", Pose{}));
   // what the paper's six layers leave open: lateral stiffness and torque of its clamping experiment's size,
   // friction and membranes (future work there) of the size that soft tissue has
   static constexpr double kLateral_N_per_m2[] = {9000, 6000, 12000, 15000, 20000, 40000};
   static constexpr double kFriction_N_per_m[] = {18, 10, 14, 20, 25, 30};
-  for (std::size_t i = 0; i < scene->layers.size(); ++i) {
-    scene->layers[i].lateral_stiffness_N_per_m2 = kLateral_N_per_m2[i % std::size(kLateral_N_per_m2)];
-    scene->layers[i].friction_N_per_m = kFriction_N_per_m[i % std::size(kFriction_N_per_m)];
+  for (std::size_t i = 0; i < scene.layers.size(); ++i) {
+    scene.layers[i].lateral_stiffness_N_per_m2 = kLateral_N_per_m2[i % std::size(kLateral_N_per_m2)];
+    scene.layers[i].friction_N_per_m = kFriction_N_per_m[i % std::size(kFriction_N_per_m)];
   }
-  scene->orientation_limit = {0.5, 0.2};
-  scene->layers.at(0).membrane = MembraneSpec{200, 20'000, 0.6};
-  scene->layers.at(2).membrane = MembraneSpec{100, 60'000, 0.8};
-  scene->layers.at(4).membrane = MembraneSpec{300, 0, 0.5};
+  scene.orientation_limit = {0.5, 0.2};
+  scene.layers.at(0).membrane = MembraneSpec{200, 20'000, 0.6};
+  scene.layers.at(2).membrane = MembraneSpec{100, 60'000, 0.8};
+  scene.layers.at(4).membrane = MembraneSpec{300, 0, 0.5};
   for (const EffectEntry* effect : effectEntries())
-    if (effect->stage != nullptr) useUsualNumbers(*effect, *scene);
-  scene->effects = kAllEffects;
+    if (effect->stage != nullptr) useUsualNumbers(*effect, scene);
+  scene.effects = kAllEffects;
   return scene;
 }
 
 Result<std::vector<EffectMask>> effectSets(const SceneSpec& scene, double rate_hz) {
-  const auto model = compile(scene, rate_hz);
-  if (!model.ok()) return model.error();
+  ASSIGN_OR_RETURN(const auto model, compile(scene, rate_hz));
   std::vector<EffectMask> sets;
   for (EffectMask mask = 0; mask <= kAllEffects; ++mask)
-    if ((mask & ~model->live) == 0) sets.push_back(mask);
+    if ((mask & ~model.live) == 0) sets.push_back(mask);
   return sets;
 }
 
 Result<std::vector<EffectSetCost>> timeEffectSets(const SceneSpec& scene, double rate_hz,
                                                   const std::function<void(double)>& progress) {
-  const auto masks = effectSets(scene, rate_hz);
-  if (!masks.ok()) return masks.error();
+  ASSIGN_OR_RETURN(const auto masks, effectSets(scene, rate_hz));
   const auto gesture = measuringGesture(scene, rate_hz);
   std::vector<Runner> runners;
-  for (const EffectMask mask : *masks) {
-    auto runner = runnerOf(scene, mask, rate_hz, gesture);
-    if (!runner.ok()) return runner.error();
-    runners.push_back(std::move(*runner));
+  for (const EffectMask mask : masks) {
+    ASSIGN_OR_RETURN(auto runner, runnerOf(scene, mask, rate_hz, gesture));
+    runners.push_back(std::move(runner));
   }
 
   const std::int64_t from_ns = steadyNowNs();
@@ -100,18 +94,16 @@ Result<std::vector<EffectSetCost>> timeEffectSets(const SceneSpec& scene, double
 
   std::vector<EffectSetCost> sets;
   for (std::size_t i = 0; i < runners.size(); ++i)
-    sets.push_back({(*masks)[i], timingOf(std::move(runners[i].means_ns), kBatchTicks), {}});
+    sets.push_back({masks[i], timingOf(std::move(runners[i].means_ns), kBatchTicks), {}});
   return sets;
 }
 
 Status runSetsForCounting(const SceneSpec& scene, double rate_hz) {
-  const auto masks = effectSets(scene, rate_hz);
-  if (!masks.ok()) return masks.error();
+  ASSIGN_OR_RETURN(const auto masks, effectSets(scene, rate_hz));
   const auto gesture = measuringGesture(scene, rate_hz);
-  for (const EffectMask mask : *masks) {
-    auto runner = runnerOf(scene, mask, rate_hz, gesture);
-    if (!runner.ok()) return runner.error();
-    for (std::size_t k = 0; k < gesture.size(); ++k) runner->run->tick();
+  for (const EffectMask mask : masks) {
+    ASSIGN_OR_RETURN(auto runner, runnerOf(scene, mask, rate_hz, gesture));
+    for (std::size_t k = 0; k < gesture.size(); ++k) runner.run->tick();
     endCountedPart();
   }
   return {};
@@ -119,10 +111,9 @@ Status runSetsForCounting(const SceneSpec& scene, double rate_hz) {
 
 Status countEffectSets(const std::vector<std::string>& command, std::size_t ticks,
                        std::vector<EffectSetCost>& sets) {
-  const auto counts = countStepInstructions(command, sets.size());
-  if (!counts.ok()) return counts.error();
+  ASSIGN_OR_RETURN(const auto counts, countStepInstructions(command, sets.size()));
   for (std::size_t i = 0; i < sets.size(); ++i)
-    sets[i].instructions = static_cast<double>((*counts)[i]) / static_cast<double>(ticks);
+    sets[i].instructions = static_cast<double>(counts[i]) / static_cast<double>(ticks);
   return {};
 }
 

@@ -1,4 +1,4 @@
-/// What each set of live effects costs a tick (DESIGN §5, `effects`).
+/// What each set of live effects costs a tick (`needlelab-sim effects`).
 #pragma once
 
 #include <cstdint>

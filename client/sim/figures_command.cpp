@@ -5,7 +5,7 @@
 #include <system_error>
 
 #include "client/sim/command.h"
-#include "client/sim/tools/figures.h"
+#include "client/sim/figures.h"
 #include "client/sim/tools/gnuplot.h"
 #include "client/sim/tools/json_output.h"
 #include "common/base/files.h"
@@ -17,14 +17,14 @@ namespace {
 // which run each figure shows, and how it is drawn
 struct Experiment {
   Result<FigureRun> (*run)();
-  std::vector<std::pair<const char*, Figure (*)(const FigureRun&, const std::filesystem::path&)>> figures;
+  std::vector<Figure (*)(const FigureRun&)> figures;
 };
 
 const std::vector<Experiment>& experiments() {
   static const std::vector<Experiment> all = {
-      {runOneLayer, {{"fig07", figure07}}},
-      {runSixLayers, {{"fig08", figure08}, {"fig09", figure09}}},
-      {runClamping, {{"fig10", figure10}, {"fig11", figure11}}},
+      {runOneLayer, {figure07}},
+      {runSixLayers, {figure08, figure09}},
+      {runClamping, {figure10, figure11}},
   };
   return all;
 }
@@ -47,17 +47,17 @@ int figures(const FiguresOptions& options) {
   for (const Experiment& experiment : experiments()) {
     const auto run = experiment.run();
     if (!run.ok()) return failed("figures", run.error());
-    for (const auto& [name, make] : experiment.figures) {
-      const auto csv = out / (std::string(name) + ".csv"), png = out / (std::string(name) + ".png");
-      const Figure figure = make(*run, csv);
+    for (const auto& make : experiment.figures) {
+      Figure figure = make(*run);
+      const auto csv = out / (figure.name + ".csv"), png = out / (figure.name + ".png");
+      figure.variables.emplace_back("csv", csv.string());
       if (const Status status = writeFileAtomically(csv, viewOf(figure.csv)); !status.ok())
         return failed("figures", status.error());
       if (pictures)
-        if (const Status status = plotPng(figure.script, png, figure.width_px, figure.height_px);
-            !status.ok())
+        if (const Status status = drawPlot(figure.name, png, figure.variables); !status.ok())
           return failed("figures", status.error());
       rows.push_back(
-          {{"figure", name},
+          {{"figure", figure.name},
            {"title", figure.title},
            {"csv", csv.string()},
            {"png", pictures ? nlohmann::ordered_json(png.string()) : nlohmann::ordered_json(nullptr)}});

@@ -1,5 +1,7 @@
 /// `needlelab-sim precompute`: finite elements offline, to a table that the tracking wall renders at its own
 /// cost (the paper's future work).
+#include <fmt/core.h>
+
 #include <unistd.h>
 
 #include <algorithm>
@@ -10,12 +12,12 @@
 
 #include "client/sim/command.h"
 #include "client/sim/tools/json_output.h"
+#include "common/base/clock.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
 #include "common/fem/needle_mesh.h"
-#include "common/fem/needle_stroke.h"
-#include "common/fem/stopwatch.h"
+#include "common/fem/needle_study.h"
 #include "common/haptics/models/like_for_like.h"
 #include "common/profile/profile.h"
 
@@ -56,7 +58,7 @@ Result<pb::Profile> profileWithTable(const pb::Profile& from, SceneSpec table, c
   // cutting, pull and the shaft's friction are all in the table
   table.effects |= bitOf(Effect::kCutting) | bitOf(Effect::kAttracted);
   table.effects &= ~bitOf(Effect::kShaftFriction);
-  if (const Status status = validate(table); !status.ok()) return status.error();
+  RETURN_IF_ERROR(validate(table));
   putModel(table, profile);
   profile.mutable_precomputed()->set_source(source);
   const std::string suffix = "-precomputed";
@@ -116,13 +118,11 @@ int precompute(const PrecomputeOptions& options) {
         {rounded(row.depth_m, 1e7), rounded(row.cutting_N, 1e6), rounded(row.attracted_N, 1e6)});
   const double table_s = watch.lap();
 
-  char source[500];
-  std::snprintf(
-      source, sizeof source,
-      "needlelab-sim precompute of profile %s: %s; quasi-static to %.4g m and out. The elasticity is "
-      "the mesh's, cutting and friction are inputs; %.0f %% of the elements are strained above 10 %%, "
-      "where linear elasticity does not hold",
-      profile->id().c_str(), (*compliance)->source.c_str(), depth_m, 100 * (*compliance)->strained_share);
+  const std::string source = fmt::format(
+      "needlelab-sim precompute of profile {}: {}; quasi-static to {:.4g} m and out. The elasticity is the "
+      "mesh's, cutting and friction are inputs; {:.0f} % of the elements are strained above 10 %, where "
+      "linear elasticity does not hold",
+      profile->id(), (*compliance)->source, depth_m, 100 * (*compliance)->strained_share);
   const auto made = profileWithTable(*profile, table, source);
   if (!made.ok()) return failed("precompute", made.error());
   if (const Status status = writeFileAtomically(options.out, viewOf(profileJson(*made))); !status.ok())

@@ -1,14 +1,14 @@
 /// `needlelab-sim run`: a trajectory through the engine, tick by tick.
+#include <fmt/core.h>
+
 #include <algorithm>
-#include <cinttypes>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "client/sim/command.h"
 #include "client/sim/tools/json_output.h"
-#include "client/sim/tools/offline_cli.h"
-#include "client/sim/tools/run_output.h"
+#include "client/sim/tools/offline_scene.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
 
@@ -46,7 +46,7 @@ int run(const RunOptions& options) {
     return failed("run", status.error());
   const auto scene = loadOffline(options.input);
   if (!scene.ok()) return failed("run", scene.error());
-  sayWarnings(*scene);
+  printWarnings(*scene);
 
   constexpr std::size_t kTypicalRow = 400;
   std::string table(runHeader());
@@ -61,9 +61,8 @@ int run(const RunOptions& options) {
   }
   if (const Status status = writeFileAtomically(options.out, viewOf(table)); !status.ok())
     return failed("run", status.error());
-  char hash[17];
-  std::snprintf(hash, sizeof hash, "%016" PRIx64, fnv1a(table));
-  if (options.hash && !options.json.wanted) std::printf("%s\n", hash);
+  const std::string hash = fmt::format("{:016x}", fnv1a(table));
+  if (options.hash && !options.json.wanted) std::printf("%s\n", hash.c_str());
   if (!options.json.wanted) return kExitDone;
   const nlohmann::ordered_json row = {{"profile", scene->profile.id()},
                                       {"out", options.out.string()},

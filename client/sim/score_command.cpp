@@ -1,4 +1,6 @@
 /// `needlelab-sim score`: the measures of a trajectory, as the server would give them for that gesture.
+#include <fmt/core.h>
+
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -11,7 +13,7 @@
 #include "client/sim/command.h"
 #include "client/sim/tools/closed_loop.h"
 #include "client/sim/tools/json_output.h"
-#include "client/sim/tools/offline_cli.h"
+#include "client/sim/tools/offline_scene.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
@@ -46,9 +48,11 @@ Result<std::vector<GestureSample>> gestureOf(const OfflineScene& scene) {
     if (!scene.track.plunger.empty()) reading.plunger = scene.track.plunger[i];
     chain.tick(reading, true, 1, 1.0, tick);
     if (tick.fault != Fault::kNone)
-      return Error{ErrorCode::kFailed,
-                   "row " + std::to_string(i + 1) + " of the trajectory: " + faultText(tick.fault) +
-                       "; a device would have stopped here, there is no gesture to score"};
+      return Error{
+          ErrorCode::kFailed,
+          fmt::format(
+              "row {} of the trajectory: {}; a device would have stopped here, there is no gesture to score",
+              i + 1, faultText(tick.fault))};
     const auto due_ns = std::llround(static_cast<double>(tick.tick) * 1e9 / scene.rate_hz);
     samples.push_back(sampleOf(tick, due_ns, 0, 0));
   }
@@ -58,9 +62,8 @@ Result<std::vector<GestureSample>> gestureOf(const OfflineScene& scene) {
 // what was recorded: a recording, or its samples as CSV
 Result<std::vector<GestureSample>> recordedOf(const std::filesystem::path& path) {
   if (path.extension() == ".csv") return readSampleCsv(path);
-  const auto reader = RecordingReader::open(path);
-  if (!reader.ok()) return reader.error();
-  return reader->allSamples();
+  ASSIGN_OR_RETURN(const auto reader, RecordingReader::open(path));
+  return reader.allSamples();
 }
 
 struct Scored {
@@ -73,52 +76,45 @@ struct Scored {
 Result<Scored> loadScored(const ScoreOptions& options) {
   Scored scored;
   if (!options.recorded.empty()) {
-    auto profile = loadProfile(options.input.profile);
-    if (!profile.ok()) return profile.error();
-    scored.scene.profile = *std::move(profile);
+    ASSIGN_OR_RETURN(auto profile, loadProfile(options.input.profile));
+    scored.scene.profile = std::move(profile);
     scored.scene.rate_hz = options.input.rate_hz;
     if (!options.input.placement.empty()) {
-      const auto X_WL = parsePoseOption(options.input.placement, "--placement");
-      if (!X_WL.ok()) return X_WL.error();
-      scored.scene.X_WL = *X_WL;
+      ASSIGN_OR_RETURN(const auto X_WL, parsePoseOption(options.input.placement, "--placement"));
+      scored.scene.X_WL = X_WL;
     }
   } else {
-    auto scene = loadOffline(options.input);
-    if (!scene.ok()) return scene.error();
-    scored.scene = *std::move(scene);
+    ASSIGN_OR_RETURN(auto scene, loadOffline(options.input));
+    scored.scene = std::move(scene);
   }
   const auto load = [&](const std::filesystem::path& path) -> Result<std::vector<GestureSample>> {
     if (!options.recorded.empty()) return recordedOf(path);
-    auto track = readPoseTrack(path, TrackTimes::kAnyOrder);
-    if (!track.ok()) return track.error();
-    scored.scene.track = *std::move(track);
+    ASSIGN_OR_RETURN(auto track, readPoseTrack(path, TrackTimes::kAnyOrder));
+    scored.scene.track = std::move(track);
     auto samples = gestureOf(scored.scene);
     if (!samples.ok()) return Error{samples.error().code, path.string() + ": " + samples.error().message};
     return samples;
   };
   for (const auto& path : options.references) {
-    const auto samples = load(path);
-    if (!samples.ok()) return samples.error();
-    scored.references.push_back(tipPathOf(*samples, scored.scene.rate_hz, scored.scene.X_WL));
+    ASSIGN_OR_RETURN(const auto samples, load(path));
+    scored.references.push_back(tipPathOf(samples, scored.scene.rate_hz, scored.scene.X_WL));
     if (scored.references.back().empty())
       return Error{ErrorCode::kInvalidInput,
                    path.string() + ": the tip is never in tissue; nothing to compare with"};
   }
-  auto samples = load(options.recorded.empty() ? options.input.trajectory : options.recorded);
-  if (!samples.ok()) return samples.error();
-  scored.samples = *std::move(samples);
+  ASSIGN_OR_RETURN(auto samples,
+                   load(options.recorded.empty() ? options.input.trajectory : options.recorded));
+  scored.samples = std::move(samples);
   return scored;
 }
 
 Result<std::optional<pb::Exercise>> exerciseOf(const std::filesystem::path& path) {
   if (path.empty()) return std::optional<pb::Exercise>();
-  const auto text = readWholeFile(path, kMaxProfileBytes);
-  if (!text.ok()) return text.error();
-  auto exercise = parseExercise(*text, path.string());
-  if (!exercise.ok()) return exercise.error();
-  if (const Status status = checkRequirements(*exercise); !status.ok())
+  ASSIGN_OR_RETURN(const auto text, readWholeFile(path, kMaxProfileBytes));
+  ASSIGN_OR_RETURN(auto exercise, parseExercise(text, path.string()));
+  if (const Status status = checkRequirements(exercise); !status.ok())
     return Error{status.error().code, path.string() + ": " + status.error().message};
-  return std::optional<pb::Exercise>(*std::move(exercise));
+  return std::optional<pb::Exercise>(std::move(exercise));
 }
 
 int score(const ScoreOptions& options) {
@@ -138,7 +134,7 @@ int score(const ScoreOptions& options) {
   const auto scored = loadScored(options);
   if (!scored.ok()) return failed("score", scored.error());
   const OfflineScene& scene = scored->scene;
-  sayWarnings(scene);
+  printWarnings(scene);
   const auto exercise = exerciseOf(options.exercise);
   if (!exercise.ok()) return failed("score", exercise.error());
   const pb::Exercise* required = exercise->has_value() ? &**exercise : nullptr;

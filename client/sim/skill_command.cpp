@@ -1,14 +1,16 @@
 /// `needlelab-sim skill`: which measures tell simulated hands of different skill apart.
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <cmath>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <system_error>
 
 #include "client/sim/command.h"
 #include "client/sim/skill/skill_study.h"
-#include "client/sim/skill_picture.h"
+#include "client/sim/tools/gnuplot.h"
 #include "client/sim/tools/json_output.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
@@ -112,6 +114,26 @@ void printStudy(const SkillReport& report) {
       "in the mean, %.1f %% at most\n",
       report.gestures, report.faults, static_cast<unsigned long long>(report.options.seed),
       report.options.shuffles, 100 * report.shuffled_mean_share, 100 * report.shuffled_most_share);
+}
+
+// skill.csv and skill.png
+Status drawSkill(const SkillReport& report, const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error)
+    return Error{ErrorCode::kFailed, fmt::format("cannot make {}: {}", folder.string(), error.message())};
+  if (report.rows.empty())
+    return Error{ErrorCode::kFailed, "no measure differs between trainees: nothing to draw"};
+  PlotTable table("place,hedges_g,g_low_95,g_high_95,separates,measure");
+  for (std::size_t i = 0; i < report.rows.size(); ++i) {
+    const SkillRow& row = report.rows[i];
+    table.row({static_cast<double>(report.rows.size() - i), row.hedges_g, row.g_95.low, row.g_95.high,
+               row.separates ? 1.0 : 0.0},
+              {row.measure});
+  }
+  const auto csv = folder / "skill.csv";
+  RETURN_IF_ERROR(writeFileAtomically(csv, viewOf(table.take())));
+  return drawPlot("skill", folder / "skill.png", {{"csv", csv.string()}, {"finding", findingOf(report)}});
 }
 
 int skill(const SkillOptions& options) {

@@ -1,18 +1,18 @@
-/// `needlelab-sim stability`: the hard cases of DESIGN §10 over all axial models.
+/// `needlelab-sim stability`: the hard cases (tests/stability/README.md) over all axial models.
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <system_error>
 #include <vector>
 
 #include "client/sim/command.h"
-#include "client/sim/stability/case_output.h"
+#include "client/sim/stability/case.h"
 #include "client/sim/stability/scan_limits.h"
-#include "client/sim/stability_pictures.h"
 #include "client/sim/tools/gnuplot.h"
 #include "client/sim/tools/json_output.h"
 #include "common/base/files.h"
@@ -28,7 +28,7 @@ struct StabilityOptions {
   bool long_form = false;
 };
 
-// the asked-for of all there is, in their order; all when nothing was asked for
+// the members of `all` whose names are in `wanted`, in their order; all of them when `wanted` is empty
 template <typename T, typename NameOf>
 Result<std::vector<T>> chosenOf(const std::vector<T>& all, const std::vector<std::string>& wanted,
                                 const char* option, NameOf&& name_of) {
@@ -54,30 +54,139 @@ class Progress {
   Progress& operator=(const Progress&) = delete;
   void next(const std::string& name, AxialModel model) {
     ++done_;
-    say(std::to_string(done_) + "/" + std::to_string(all_) + " " + name + ", " +
-        std::string(shortName(model)));
+    show(fmt::format("{}/{} {}, {}", done_, all_, name, shortName(model)));
   }
-  void say(const std::string& words) {
+  void show(const std::string& text) {
     if (!shown_) return;
-    std::fprintf(stderr, "\r\033[K%s", words.c_str());
+    std::fprintf(stderr, "\r\033[K%s", text.c_str());
     std::fflush(stderr);
   }
-  void clear() { say(""); }
+  void clear() { show(""); }
 
  private:
   std::size_t all_, done_ = 0;
   bool shown_;
 };
 
+// ---- pictures
+
+// an entry of the colours in stability.gp: 0 says nothing, 1 stable, 2 chatters, 3 diverges
+double lookOf(const CaseRow* row) {
+  if (row == nullptr || !row->applicable) return 0;
+  return row->verdict == Verdict::kStable ? 1 : row->verdict == Verdict::kChatters ? 2 : 3;
+}
+
+// cases × models, each cell with its verdict and what was measured
+Status drawOverview(const std::vector<CaseRow>& rows, const std::filesystem::path& out) {
+  const auto names = caseNames(rows);
+  std::vector<AxialModel> models;
+  for (const CaseRow& row : rows)
+    if (std::find(models.begin(), models.end(), row.model) == models.end()) models.push_back(row.model);
+  PlotBlocks data;
+  std::vector<std::string> limits;
+  for (std::size_t y = 0; y < names.size(); ++y) {
+    std::string limit = " ≤ ";
+    for (std::size_t x = 0; x < models.size(); ++x) {
+      const CaseRow* row = rowOf(rows, names[y], models[x]);
+      std::string text;
+      if (row != nullptr && row->applicable) {
+        // a row may have a second condition, which its note tells
+        const bool other = !row->passed && row->measured && row->limit && *row->measured <= *row->limit;
+        text = shortNumber(row->measured) + (other ? " *" : "");
+        if (limit == " ≤ ") limit = fmt::format("{} ≤ {}", row->quantity, shortNumber(row->limit));
+      }
+      data.row("cells", {static_cast<double>(x), static_cast<double>(y), lookOf(row)}, {text});
+    }
+    limits.push_back(limit);
+  }
+  for (std::size_t y = 0; y < names.size(); ++y)
+    data.row("cases", {static_cast<double>(y)}, {names[y], limits[y]});
+  for (std::size_t x = 0; x < models.size(); ++x)
+    data.row("models", {static_cast<double>(x), models[x] == AxialModel::kEnhancedTrackingWall ? 1.0 : 0.0},
+             {shortName(models[x])});
+  const auto file = out / "stability.dat";
+  RETURN_IF_ERROR(writeFileAtomically(file, viewOf(data.text())));
+  return drawPlot("stability", out / "stability.png",
+                  {{"data", file.string()}, {"finding", findingOf(rows)}});
+}
+
+struct HoldRow {
+  const char* case_name;
+  const char* title;
+};
+constexpr HoldRow kHolds[] = {
+    {"hold_quantised", "Encoder of 30 µm, still hand"},
+    {"hold_tremor_random", "Tremor, the worst of the hands"},
+    {"boundary_hold", "Tip where 2 N begin after 1 N"},
+};
+constexpr AxialModel kHeld[] = {AxialModel::kEnhancedTrackingWall, AxialModel::kVoigt, AxialModel::kDirect};
+constexpr double kShown_s = 0.4;
+
+const CaseOutcome* heldOutcome(const std::vector<CaseOutcome>& outcomes, std::string_view case_name,
+                               AxialModel model) {
+  for (const CaseOutcome& one : outcomes)
+    if (one.row.case_name == case_name && one.row.model == model && !one.traces.empty()) return &one;
+  return nullptr;
+}
+
+// The force of the wall, Voigt and direct in the cases in which they were held still. Nothing when none of
+// them was run.
+Status drawHolds(const std::vector<CaseOutcome>& outcomes, const std::filesystem::path& out) {
+  // each curve about its own mean, from one second into its window: long enough after the begin of the hold
+  PlotTable table("panel,t_s,force_n");
+  PlotBlocks data;
+  bool any = false;
+  for (std::size_t r = 0; r < std::size(kHolds); ++r)
+    for (std::size_t c = 0; c < std::size(kHeld); ++c) {
+      const CaseOutcome* outcome = heldOutcome(outcomes, kHolds[r].case_name, kHeld[c]);
+      if (outcome == nullptr) continue;
+      const CaseTrace& trace = outcome->traces.front();
+      const double from = trace.from_s + 1, to = from + kShown_s;
+      std::vector<std::pair<double, double>> shown;
+      for (std::size_t i = 0; i < trace.time_s.size(); ++i)
+        if (trace.time_s[i] >= from && trace.time_s[i] < to)
+          shown.emplace_back(trace.time_s[i] - from, trace.force_N[i]);
+      if (shown.empty()) continue;
+      any = true;
+      const auto panel = static_cast<double>(r * 10 + c);
+      double mean = 0, swing = 0;
+      for (const auto& point : shown) mean += point.second / static_cast<double>(shown.size());
+      for (const auto& [t, force] : shown) {
+        swing = std::max(swing, std::abs(force - mean));
+        table.row({panel, t, force - mean});
+      }
+      const Verdict verdict = outcome->row.verdict;
+      data.row(
+          "panels",
+          {panel, static_cast<double>(r), static_cast<double>(c), verdict == Verdict::kStable ? 1.0 : 0.0},
+          {kHolds[r].title, fmt::format("{}: {}, ± {} N about {} N", shortName(kHeld[c]),
+                                        verdictText(verdict), shortNumber(swing), shortNumber(mean))});
+    }
+  if (!any) return {};
+  const auto csv = out / "stability-holds.csv";
+  RETURN_IF_ERROR(writeFileAtomically(csv, viewOf(table.take())));
+  if (!hasGnuplot()) return {};
+  const auto file = out / "stability-holds.dat";
+  RETURN_IF_ERROR(writeFileAtomically(file, viewOf(data.text())));
+  return drawPlot("stability-holds", out / "stability-holds.png",
+                  {{"csv", csv.string()}, {"data", file.string()}, {"shown_s", kShown_s}});
+}
+
 // the rows' pictures, and with all cases the study of stiffness, which has its own runs
 Status draw(const std::vector<CaseOutcome>& outcomes, const CaseSettings& settings,
             const StabilityOptions& options, Progress& progress) {
-  if (const Status status = drawStability(outcomes, options.out); !status.ok()) return status;
+  std::vector<CaseRow> rows;
+  for (const CaseOutcome& one : outcomes) rows.push_back(one.row);
+  RETURN_IF_ERROR(drawHolds(outcomes, options.out));
+  if (hasGnuplot()) {
+    RETURN_IF_ERROR(drawOverview(rows, options.out));
+  } else {
+    std::fprintf(stderr,
+                 "needlelab-sim stability: gnuplot is not on the PATH: no pictures (Debian: gnuplot-nox)\n");
+  }
   if (!options.only_cases.empty()) return {};
   const auto limits = drawStiffnessLimits(options.out, settings, [&](std::string_view doing, double share) {
-    char percent[16];
-    std::snprintf(percent, sizeof percent, "%3.0f %% ", 100 * share);
-    progress.say(percent + std::string(doing));
+    progress.show(fmt::format("{:3.0f} % {}", 100 * share, doing));
   });
   progress.clear();
   if (!limits.ok()) return limits.error();
@@ -90,8 +199,7 @@ Status draw(const std::vector<CaseOutcome>& outcomes, const CaseSettings& settin
 Status writeAttachments(const std::vector<CaseOutcome>& outcomes, const std::filesystem::path& folder) {
   for (const CaseOutcome& outcome : outcomes)
     for (const CaseAttachment& one : outcome.files)
-      if (Status status = writeFileAtomically(folder / one.name, viewOf(one.text)); !status.ok())
-        return status;
+      RETURN_IF_ERROR(writeFileAtomically(folder / one.name, viewOf(one.text)));
   return {};
 }
 

@@ -27,6 +27,21 @@ struct Timing {
   std::size_t batches = 0, per_batch = 0;
 };
 
+/// Wall time of pieces of long work.
+class Stopwatch {
+ public:
+  /// Seconds since the last lap, or since it was made.
+  double lap() {
+    const std::int64_t now_ns = steadyNowNs();
+    const double seconds = static_cast<double>(now_ns - since_ns_) * 1e-9;
+    since_ns_ = now_ns;
+    return seconds;
+  }
+
+ private:
+  std::int64_t since_ns_ = steadyNowNs();
+};
+
 /// From the batches' means (ns per operation); `values` may come in any order. Zero batches give zeros.
 /// Quantile q is the least value that at least the share q of all is not above.
 Timing timingOf(std::vector<double> means_ns, std::size_t per_batch);

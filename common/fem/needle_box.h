@@ -20,8 +20,8 @@ struct NeedleBoxSpec {
 };
 
 /// Rings of the mesh around the needle are circles near it (polygons with the circle's circumference) and
-/// pass to the box's square far from it. The needle is no hole: its load enters at r = r₀, and what is within
-/// is tissue that goes with it. So one mesh, and one factorisation, serves every depth of the needle.
+/// pass to the box's square far from it. The needle is not a hole: its load enters at r = r₀, and what is
+/// within is tissue that goes with it. So one mesh, and one factorisation, serves every depth of the needle.
 class NeedleBox {
  public:
   /// With about `nodes` nodes; every layer has at least one cell, so that thin layers can make it more.

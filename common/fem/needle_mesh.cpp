@@ -1,14 +1,15 @@
 #include "common/fem/needle_mesh.h"
 
+#include <fmt/core.h>
+
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
+#include "common/base/clock.h"
 #include "common/base/range.h"
-#include "common/fem/elastic_solver.h"
+#include "common/fem/elasticity.h"
 #include "common/fem/needle_box.h"
-#include "common/fem/stopwatch.h"
 
 namespace needlelab {
 namespace {
@@ -26,18 +27,19 @@ Status checked(const SceneSpec& spec, const NeedleMeshOptions& options) {
     return outOfRange(field, value, range);
   };
   if (spec.layers.empty() || spec.fem.layers.size() != spec.layers.size())
-    return Error{ErrorCode::kInvalidInput, "fem.layers: " + std::to_string(spec.fem.layers.size()) +
-                                               " given, the scene has " + std::to_string(spec.layers.size()) +
-                                               " layers: give one for each, from the skin inward"};
+    return Error{
+        ErrorCode::kInvalidInput,
+        fmt::format("fem.layers: {} given, the scene has {} layers: give one for each, from the skin inward",
+                    spec.fem.layers.size(), spec.layers.size())};
   for (std::size_t i = 0; i < spec.layers.size(); ++i) {
     const FemLayerSpec& layer = spec.fem.layers[i];
-    const std::string path = "fem.layers[" + std::to_string(i) + "].";
-    for (const Status& status : {check(path + "young_pa", layer.young_Pa, {100, 1e9}),
-                                 check(path + "poisson", layer.poisson, {0, 0.49}),
-                                 check(path + "friction_n_per_m", layer.friction_N_per_m, {0, 1e4}),
-                                 check(path + "cutting_n", layer.cutting_N, {0, 50}),
-                                 check("layers[" + std::to_string(i) + "].thickness_m",
-                                       spec.layers[i].thickness_m, {kThinnestLayer_m, 1})})
+    const std::string path = fmt::format("fem.layers[{}].", i);
+    for (const Status& status :
+         {check(path + "young_pa", layer.young_Pa, {100, 1e9}),
+          check(path + "poisson", layer.poisson, {0, 0.49}),
+          check(path + "friction_n_per_m", layer.friction_N_per_m, {0, 1e4}),
+          check(path + "cutting_n", layer.cutting_N, {0, 50}),
+          check(fmt::format("layers[{}].thickness_m", i), spec.layers[i].thickness_m, {kThinnestLayer_m, 1})})
       if (!status.ok()) return status;
   }
   for (const Status& status :
@@ -149,14 +151,12 @@ Result<std::shared_ptr<const NeedleCompliance>> precomputeCompliance(const Scene
   compliance->nodes = static_cast<std::int32_t>(box.mesh().node_m.size());
   compliance->elements = static_cast<std::int32_t>(box.mesh().element.size());
   measureStrain(box, box_spec, displacement * fullLoad(spec, box_spec, stations), *compliance);
-  std::array<char, 200> words{};
-  std::snprintf(
-      words.data(), words.size(),
-      "linear elasticity, %d nodes, %d ten-node tetrahedra in a quarter of a box held %.3g m from the "
-      "path, %d stations on r = %.3g mm",
+  const std::string source = fmt::format(
+      "linear elasticity, {} nodes, {} ten-node tetrahedra in a quarter of a box held {:.3g} m from the "
+      "path, {} stations on r = {:.3g} mm",
       compliance->nodes, compliance->elements, box_spec.half_width_m, options.stations,
       1e3 * options.radius_m);
-  compliance->source = words.data();
+  compliance->source = source;
   return std::shared_ptr<const NeedleCompliance>(std::move(compliance));
 }
 

@@ -1,4 +1,4 @@
-/// What a second of gesture costs to encode and decode (DESIGN §12: at most 100 and 50 ns a sample).
+/// What a second of gesture costs to encode and decode (goals: README.md).
 /// With --recordings (or --results DIR) the table of those goals; without, Google Benchmark. Items are
 /// samples: `items_per_second` is their rate, 1e9 divided by it the time of one.
 #include <benchmark/benchmark.h>
@@ -89,7 +89,7 @@ BENCHMARK(hash);
 }  // namespace
 }  // namespace needlelab
 
-// --results DIR and --commit TEXT: the table of DESIGN §12, recording by recording; else Google Benchmark
+// --results DIR and --commit TEXT: the table of goals, recording by recording; else Google Benchmark
 int main(int argc, char** argv) {
   std::string results, commit;
   for (int i = 1; i + 1 < argc; ++i) {

@@ -1,5 +1,5 @@
-/// The codec's figures over the recordings of a real hand, recording by recording, with PASS or FAIL (DESIGN
-/// §12).
+/// The codec's figures over the recordings of a real hand, recording by recording, with PASS or FAIL
+/// (goals: README.md).
 #pragma once
 
 #include <filesystem>

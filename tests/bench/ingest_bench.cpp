@@ -1,4 +1,4 @@
-/// What the store takes in beside what SQLite itself can (DESIGN §12, issue 5: at least 70 % of raw SQLite
+/// What the store takes in beside what SQLite itself can (goal: at least 70 % of raw SQLite
 /// with the same rows, the same groups and synchronous=FULL): the writer thread with SessionStore::append
 /// (checks, counters, one savepoint per chunk) and a bare loop of INSERTs, in turns, each with a database of
 /// its own on the same disk.

@@ -1,4 +1,4 @@
-// The haptic loop's wake-up beside cyclictest's, in slices in turn, against the goals of DESIGN §12.
+// The haptic loop's wake-up beside cyclictest's, in slices in turn, against the goals of README.md.
 //
 // cmake --build build/release --target record_loop_bench: two minutes, writes tests/bench/results/<machine>/
 //
@@ -80,7 +80,7 @@ int bench(const LoopBenchOptions& options, const std::string& results, const std
         "build/release --target record_loop_bench`; slice by slice in loop.json. %g s of each at %g Hz and "
         "SCHED_FIFO %d, in slices of %g s in turn: the station's loop with the simulated device, black box "
         "and "
-        "spool, and `cyclictest --mlockall` on its own. Goals: DESIGN §12.\n\n",
+        "spool, and `cyclictest --mlockall` on its own. Goals: tests/bench/README.md.\n\n",
         machineText().c_str(), nowText().c_str(), commit.c_str(), options.seconds, options.rate_hz,
         options.priority, options.slice_s);
     if (auto status = record(results, head + text, loopJson(*result, goals, commit)); !status.ok()) {

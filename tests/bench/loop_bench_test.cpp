@@ -1,6 +1,6 @@
 // The short form of the comparison with cyclictest. Other programs may be busy beside it, so it asks for far
-// less than DESIGN §12, and nothing of the largest: it finds a loop that is wrong, not one that is a little
-// slower.
+// less than the goals of README.md, and nothing of the largest: it finds a loop that is wrong, not one that
+// is a little slower.
 #include <gtest/gtest.h>
 
 #include <iostream>

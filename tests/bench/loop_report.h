@@ -1,4 +1,4 @@
-/// What the comparison of haptic loop and cyclictest says, against the goals of DESIGN §12.
+/// What the comparison of haptic loop and cyclictest says, against the goals of tests/bench/README.md.
 #pragma once
 
 #include <string>

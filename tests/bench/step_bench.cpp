@@ -1,5 +1,5 @@
-// The cost of a haptic tick (DESIGN §12): hot, in batches; cold, after a sleep and with flushed caches, an
-// empty call beside it; and next to the literal transcription in the same run. A benchmark, not a test.
+// The cost of a haptic tick (goals: README.md): hot, in batches; cold, after a sleep and with flushed caches,
+// an empty call beside it; and next to the literal transcription in the same run. A benchmark, not a test.
 //   cmake --build build/release --target record_step_bench     writes tests/bench/results/<machine>/
 //   build/release/bin/needlelab_step_bench                     only shows
 #include <benchmark/benchmark.h>

@@ -29,7 +29,7 @@ class KeepingReporter : public benchmark::ConsoleReporter {
   Runs kept;
 };
 
-// the goals of DESIGN §12, in ns; the counter that each holds for
+// the goals of README.md, in ns; the counter that each holds for
 struct Goal {
   const char* counter;
   double most;
@@ -80,7 +80,7 @@ std::string readme(const Runs& runs, const RecordOptions& options, const std::st
           "after a sleep of "
           "1 ms or with model, state and sample flushed from all caches; the empty call beside it is what "
           "any call costs there. What one reading of the clock costs is taken off everywhere.\n\n"
-       << "| tick | p50 ns | p99 ns | literal reference p50 ns | ratio | goal (DESIGN §12) | |\n"
+       << "| tick | p50 ns | p99 ns | literal reference p50 ns | ratio | goal | |\n"
        << "|---|---:|---:|---:|---:|---|---|\n";
   for (const auto& run : runs) {
     if (run.run_type != Runs::value_type::RT_Iteration) continue;

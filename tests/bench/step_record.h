@@ -14,8 +14,9 @@ struct RecordOptions {
 /// Takes its own options out of the command line; the rest is Google Benchmark's.
 RecordOptions takeRecordOptions(int& argc, char** argv);
 
-/// FOLDER/<machine>/step.json (Google Benchmark's) and README.md, a table with the goals of DESIGN §12. Gives
-/// the exit code: 0, 1 when writing failed or a benchmark could not run, 2 for a wrong command line.
+/// FOLDER/<machine>/step.json (Google Benchmark's) and README.md, a table with the goals of
+/// tests/bench/README.md. Gives the exit code: 0, 1 when writing failed or a benchmark could not run, 2 for a
+/// wrong command line.
 int runAndRecord(const RecordOptions& options, int argc, char** argv);
 
 }  // namespace needlelab::test

@@ -55,7 +55,7 @@ TEST(CaseFile, whatIsWrongIsNamed) {
             "my.json: cases.hold_quantised.plant.delay_ticks: must be a whole number, 0 to 15");
   EXPECT_EQ(faultOf(R"({"filters": {"chatter": {"order": 40}}})"),
             "my.json: filters.chatter.order: must be a number within [2, 8]");
-  // a scene that is no profile, and a device that is none
+  // a scene that is not a profile, and a device that is not one
   EXPECT_NE(faultOf(R"({"scenes": {"one_layer": {"max_force_n": 99}}})").find("max_force_n: 99"),
             std::string::npos);
   EXPECT_NE(faultOf(R"({"cases": {"hold_quantised": {"plant": {"mass_kg": 0}}}})").find("mass in kg: 0"),

@@ -40,7 +40,7 @@ inline CaseRow rowOf(std::string_view name, AxialModel model = AxialModel::kEnha
 }
 
 /// What a row says, for messages.
-inline std::string wordsOf(const CaseRow& row) {
+inline std::string rowText(const CaseRow& row) {
   return std::string(verdictText(row.verdict)) + ": " + row.quantity + " " +
          std::to_string(row.measured.value_or(-1)) + ", limit " + std::to_string(row.limit.value_or(-1)) +
          "; " + row.note;

@@ -1,4 +1,4 @@
-// The closed-loop cases of a hand that inserts, holds and stops (DESIGN §10). Each has a control: a model or
+// The closed-loop cases of a hand that inserts, holds and stops. Each has a control: a model or
 // a planted defect that fails the same check.
 #include <gtest/gtest.h>
 
@@ -9,77 +9,77 @@ namespace {
 
 TEST(HoldQuantised, theForceStandsStill) {
   const CaseRow row = rowOf("hold_quantised");
-  EXPECT_EQ(row.verdict, Verdict::kStable) << wordsOf(row);
+  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
 }
 TEST(HoldQuantised, voigtsDamperMakesForceOfEncoderSteps) {
   const CaseRow row = rowOf("hold_quantised", AxialModel::kVoigt);
-  EXPECT_EQ(row.verdict, Verdict::kChatters) << wordsOf(row);
+  EXPECT_EQ(row.verdict, Verdict::kChatters) << rowText(row);
 }
 
 TEST(HoldTremorRandom, chattersLittleAndFarLessThanVoigt) {
   const CaseRow row = rowOf("hold_tremor_random");
-  EXPECT_EQ(row.verdict, Verdict::kStable) << wordsOf(row);
+  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
 }
 TEST(HoldTremorRandom, voigtItselfDoesNotPass) {
   const CaseRow row = rowOf("hold_tremor_random", AxialModel::kVoigt);
-  EXPECT_EQ(row.verdict, Verdict::kChatters) << wordsOf(row);
+  EXPECT_EQ(row.verdict, Verdict::kChatters) << rowText(row);
   // by its own chatter, not only because it cannot be an eighth of itself
-  EXPECT_GT(*row.measured, *row.limit) << wordsOf(row);
+  EXPECT_GT(*row.measured, *row.limit) << rowText(row);
 }
 
 TEST(TremorStops, aHandThatRestsIsSeenToRest) {
   const CaseRow row = rowOf("tremor_stops");
-  EXPECT_EQ(row.verdict, Verdict::kStable) << wordsOf(row);
+  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
 }
 TEST(TremorStops, aShortSpeedWindowSeesTremorAsMovement) {
   const CaseRow row = rowWith(Defect::kShortSpeedWindow, "tremor_stops");
-  EXPECT_FALSE(row.passed) << wordsOf(row);
+  EXPECT_FALSE(row.passed) << rowText(row);
 }
 
 TEST(SlowInsert, isSmoothAndNoStop) {
   const CaseRow row = rowOf("slow_insert_5mm_s");
-  EXPECT_EQ(row.verdict, Verdict::kStable) << wordsOf(row);
+  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
 }
 TEST(SlowInsert, voigtsDamperRattlesOverTheEncoder) {
   const CaseRow row = rowOf("slow_insert_5mm_s", AxialModel::kVoigt);
-  EXPECT_EQ(row.verdict, Verdict::kChatters) << wordsOf(row);
+  EXPECT_EQ(row.verdict, Verdict::kChatters) << rowText(row);
   EXPECT_GT(*row.measured, *row.limit);
 }
 
 TEST(BoundaryHold, theForceRisesThroughTheSpring) {
   const CaseRow row = rowOf("boundary_hold");
-  EXPECT_EQ(row.verdict, Verdict::kStable) << wordsOf(row);
+  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
 }
 TEST(BoundaryHold, aForceStepAtTheLayerChattersByItsSize) {
   const CaseRow row = rowOf("boundary_hold", AxialModel::kDirect);
-  EXPECT_FALSE(row.passed) << wordsOf(row);
+  EXPECT_FALSE(row.passed) << rowText(row);
   EXPECT_NEAR(*row.measured, 1.0, 0.02) << "a step from 1 N to 2 N";
 }
 
 TEST(CreepThenStop, leavesTheRejectionForce) {
   const CaseRow row = rowOf("creep_then_stop");
-  EXPECT_EQ(row.verdict, Verdict::kStable) << wordsOf(row);
+  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
 }
 TEST(CreepThenStop, equation4TakenLiterallyOvershoots) {
   const CaseRow row = rowWith(Defect::kLiteralEq4, "creep_then_stop");
-  EXPECT_FALSE(row.passed) << wordsOf(row);
+  EXPECT_FALSE(row.passed) << rowText(row);
 }
 TEST(CreepThenStop, aRampThatDoesNotLookAtTheNeedleMissesIt) {
   const CaseRow row = rowWith(Defect::kRampIgnoresZ, "creep_then_stop");
-  EXPECT_FALSE(row.passed) << wordsOf(row);
+  EXPECT_FALSE(row.passed) << rowText(row);
 }
 
 TEST(StopOnce, aDecayingForceDoesNotEndTheStop) {
   const CaseRow row = rowOf("stop_once");
-  EXPECT_EQ(row.verdict, Verdict::kStable) << wordsOf(row);
+  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
 }
 TEST(StopOnce, aWallFasterThanTheStopEndsItAgainAndAgain) {
   const CaseRow row = rowWith(Defect::kRampWithoutCap, "stop_once");
-  EXPECT_FALSE(row.passed) << wordsOf(row);
+  EXPECT_FALSE(row.passed) << rowText(row);
 }
 TEST(StopOnce, withoutHysteresisTremorEndsIt) {
   const CaseRow row = rowWith(Defect::kNoStopHysteresis, "stop_once");
-  EXPECT_FALSE(row.passed) << wordsOf(row);
+  EXPECT_FALSE(row.passed) << rowText(row);
 }
 
 // the harness must not be what makes a wall stable: the reference passes wherever the engine does
@@ -87,7 +87,7 @@ TEST(HoldCases, theReferenceWithoutDefectPassesToo) {
   for (const char* name : {"hold_quantised", "tremor_stops", "slow_insert_5mm_s", "boundary_hold",
                            "creep_then_stop", "stop_once"}) {
     const CaseRow row = rowWith(Defect::kNone, name);
-    EXPECT_EQ(row.verdict, Verdict::kStable) << name << ": " << wordsOf(row);
+    EXPECT_EQ(row.verdict, Verdict::kStable) << name << ": " << rowText(row);
   }
 }
 

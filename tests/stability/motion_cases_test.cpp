@@ -53,8 +53,8 @@ ForceSourceFactory changed(Change change) {
 class WallStands : public testing::TestWithParam<std::string> {};
 TEST_P(WallStands, theHardCase) {
   const CaseRow row = wallRow(GetParam());
-  EXPECT_TRUE(row.applicable && row.finite && row.passed) << wordsOf(row);
-  EXPECT_EQ(row.verdict, Verdict::kStable) << wordsOf(row);
+  EXPECT_TRUE(row.applicable && row.finite && row.passed) << rowText(row);
+  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
 }
 INSTANTIATE_TEST_SUITE_P(
     Motion, WallStands,
@@ -71,7 +71,7 @@ TEST(ReferenceStands, allCasesWithoutAPlantedDefect) {
   for (const StabilityCase& one : motionCases()) {
     if (one.name == "random_energy" || one.name == "flipped_axis") continue;  // long with the reference
     const CaseRow row = wallRow(one.name, referenceSource());
-    EXPECT_TRUE(row.passed) << wordsOf(row);
+    EXPECT_TRUE(row.passed) << rowText(row);
   }
 }
 
@@ -84,9 +84,9 @@ class DefectFails : public testing::TestWithParam<Control> {};
 TEST_P(DefectFails, theSameCheck) {
   const auto [name, defect, at_least] = GetParam();
   const CaseRow row = wallRow(name, referenceSource(defect));
-  EXPECT_FALSE(row.passed) << wordsOf(row);
+  EXPECT_FALSE(row.passed) << rowText(row);
   ASSERT_TRUE(row.measured && row.limit);
-  EXPECT_GE(*row.measured, at_least * *row.limit) << wordsOf(row);
+  EXPECT_GE(*row.measured, at_least * *row.limit) << rowText(row);
 }
 INSTANTIATE_TEST_SUITE_P(Motion, DefectFails,
                          testing::Values(Control{"retreat_in_ramp", Defect::kRampIgnoresZ, 20},
@@ -144,7 +144,7 @@ TEST_P(NoGateFails, theSameCheck) {
   const auto outcome = GetParam().second({caseFile(), false}, AxialModel::kEnhancedTrackingWall,
                                          engineSource(), Gate::kAbsent);
   ASSERT_TRUE(outcome.ok()) << outcome.error().message;
-  EXPECT_FALSE(outcome->row.passed) << wordsOf(outcome->row);
+  EXPECT_FALSE(outcome->row.passed) << rowText(outcome->row);
 }
 INSTANTIATE_TEST_SUITE_P(Motion, NoGateFails,
                          testing::Values(std::pair{"teleport", GateCase{&teleport}},
@@ -167,7 +167,7 @@ TEST(FlippedAxis, aTrajectoryThatFollowsTheNeedleFails) {
     const double along = dot(inner.trajectory(), r.wrench_W.force_N);
     r.wrench_W.force_N = zAxis(tip.q_WT) * along;
   }));
-  EXPECT_FALSE(row.passed) << wordsOf(row);
+  EXPECT_FALSE(row.passed) << rowText(row);
   EXPECT_GT(*row.measured, 0.5);
 }
 

@@ -6,8 +6,7 @@
 #include <cmath>
 #include <set>
 
-#include "client/sim/stability/passivity_generator.h"
-#include "client/sim/stability/round_number.h"
+#include "client/sim/stability/passivity_gesture.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,5 +1,5 @@
 // Counter-examples that were found once and are kept in regressions/: each fails with the source that it was
-// found with, and the shipped wall passes it. NEEDLELAB_WRITE_REGRESSIONS=1 finds and writes them anew.
+// found with, and the shipped wall passes it. NEEDLELAB_WRITE_REGRESSIONS=1 finds and writes them again.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -118,7 +118,7 @@ void write(CounterExample example, const std::string& file) {
   ASSERT_TRUE(writeFileAtomically(kFolder / file, viewOf(counterExampleJson(example))).ok());
 }
 
-TEST(Regressions, areWrittenAnew) {
+TEST(Regressions, areWritten) {
   if (std::getenv("NEEDLELAB_WRITE_REGRESSIONS") == nullptr) GTEST_SKIP() << "only when asked for";
   PassivitySearch search;
   search.most_counter_examples = 1;

@@ -12,7 +12,7 @@ constexpr AxialModel kWall = AxialModel::kEnhancedTrackingWall;
 
 ::testing::AssertionResult isStable(const CaseRow& row) {
   return (row.verdict == Verdict::kStable ? ::testing::AssertionSuccess() : ::testing::AssertionFailure())
-         << row.case_name << " " << wordsOf(row);
+         << row.case_name << " " << rowText(row);
 }
 
 // the engine, but the scene is changed before it is compiled

@@ -1,7 +1,7 @@
 /// The reference engine as a force source of the hard cases, with a planted defect or none.
 #pragma once
 
-#include "client/sim/stability/force_source.h"
+#include "client/sim/stability/plant.h"
 #include "tests/support/reference_engine.h"
 
 namespace needlelab::test {

@@ -1,12 +1,12 @@
-#include "client/sim/accuracy/fem_study.h"
+#include "client/sim/accuracy/study.h"
 
-#include <cstdio>
+#include <fmt/core.h>
+
 #include <string>
 #include <utility>
 
-#include "client/sim/accuracy/rendering.h"
-#include "common/fem/mesh_study.h"
-#include "common/fem/needle_stroke.h"
+#include "client/sim/accuracy/gesture.h"
+#include "common/fem/needle_study.h"
 #include "common/haptics/models/like_for_like.h"
 
 namespace needlelab {
@@ -16,9 +16,8 @@ constexpr double kFemRate_hz = 1000;
 constexpr char kScene[] = "paper-six-layers";
 
 Result<SceneSpec> femScene() {
-  const auto scenes = studyScenes();
-  if (!scenes.ok()) return scenes.error();
-  return likeForLike(scenes->back().spec, AxialModel::kFem);
+  ASSIGN_OR_RETURN(const auto scenes, studyScenes());
+  return likeForLike(scenes.back().spec, AxialModel::kFem);
 }
 
 // the finest mesh, compiled, and how big it is
@@ -30,18 +29,14 @@ struct Finest {
 Result<Finest> finestOf(SceneSpec spec, int nodes) {
   NeedleMeshOptions options;
   options.nodes = nodes;
-  const auto compliance = precomputeCompliance(spec, options);
-  if (!compliance.ok()) return compliance.error();
-  spec.fem.compliance = *compliance;
-  auto model = compile(spec, kFemRate_hz);
-  if (!model.ok()) return model.error();
-  return Finest{*std::move(model), (*compliance)->nodes, (*compliance)->strained_share};
+  ASSIGN_OR_RETURN(const auto compliance, precomputeCompliance(spec, options));
+  spec.fem.compliance = compliance;
+  ASSIGN_OR_RETURN(auto model, compile(spec, kFemRate_hz));
+  return Finest{std::move(model), compliance->nodes, compliance->strained_share};
 }
 
 std::string reference(const Finest& finest) {
-  char text[120];
-  std::snprintf(text, sizeof text, "FEM of %d nodes, strokes of 0.5-3 mm in the tissue", finest.nodes);
-  return text;
+  return fmt::format("FEM of {} nodes, strokes of 0.5-3 mm in the tissue", finest.nodes);
 }
 
 AccuracyRow rowOf(AxialModel which, const SceneModel& model, const Finest& finest,
@@ -69,9 +64,8 @@ AccuracyRow rowOf(AxialModel which, const SceneModel& model, const Finest& fines
   row.max_step_n = step_N;
   row.noticeable_n = noticeableForce_N(felt.rms());
   setTimes(row, timing, kFemRate_hz);
-  char strained[96];
-  std::snprintf(strained, sizeof strained, "; %.0f %% of the volume near the path above 10 %% strain",
-                100 * finest.strained_share);
+  const std::string strained =
+      fmt::format("; {:.0f} % of the volume near the path above 10 % strain", 100 * finest.strained_share);
   row.uncertainty = spreadText(runs, "gestures") + "; " + timingText(timing) + strained;
   row.cannot_show =
       "cutting, which is an input of FEM as of every model, and large strains: FEM is linear here. Its "
@@ -89,8 +83,7 @@ AccuracyRow rowOf(const MeshRow& mesh, int finest_nodes) {
   row.rate_hz = kFemRate_hz;
   row.mesh_nodes = mesh.nodes;
   row.variant = "compliance made before";
-  row.reference =
-      "the finest mesh, " + std::to_string(finest_nodes) + " nodes, over an insertion and a withdrawal";
+  row.reference = fmt::format("the finest mesh, {} nodes, over an insertion and a withdrawal", finest_nodes);
   row.rms_error_n = mesh.force_rms_error_N;
   row.max_error_n = mesh.force_max_error_N;
   row.noticeable_n = noticeableForce_N(0);  // the least that there is: peaks may hide more
@@ -98,12 +91,10 @@ AccuracyRow rowOf(const MeshRow& mesh, int finest_nodes) {
   row.p99_ns = mesh.live_step_p99_s * 1e9;
   row.cpu_share = mesh.live_step_p50_s * kFemRate_hz;
   row.fits_rate = mesh.live_step_p99_s <= 1 / kFemRate_hz;
-  char text[240];
-  std::snprintf(text, sizeof text,
-                "stiffness %.4g N/m, %+.1f %% of the finest; made once in %.2g s; %.0f %% of the volume near "
-                "the path above 10 %% strain",
-                mesh.stiffness_N_per_m, 100 * mesh.stiffness_error, mesh.precompute_s,
-                100 * mesh.strained_near_share);
+  const std::string text = fmt::format(
+      "stiffness {:.4g} N/m, {:+.1f} % of the finest; made once in {:.2g} s; {:.0f} % of the volume near the "
+      "path above 10 % strain",
+      mesh.stiffness_N_per_m, 100 * mesh.stiffness_error, mesh.precompute_s, 100 * mesh.strained_near_share);
   row.uncertainty = text;
   row.cannot_show =
       "the error of the finest mesh itself (which has none here by definition), of linear elasticity at "
@@ -127,27 +118,24 @@ AccuracyRow solvedEachTick(AccuracyRow row, const MeshRow& mesh) {
 
 Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const AccuracyProgress& progress,
                                    std::vector<std::string>& notes) {
-  const auto spec = femScene();
-  if (!spec.ok()) return spec.error();
+  ASSIGN_OR_RETURN(const auto spec, femScene());
   progress("model: the finest FEM", 0);
-  const auto finest = finestOf(*spec, 4 * spec->fem.nodes * (options.long_form ? 3 : 1));
-  if (!finest.ok()) return finest.error();
+  ASSIGN_OR_RETURN(const auto finest, finestOf(spec, 4 * spec.fem.nodes * (options.long_form ? 3 : 1)));
   std::vector<StudyGesture> strokes;
   for (std::uint64_t seed = 1; seed <= (options.long_form ? 16u : 4u); ++seed)
-    strokes.push_back(strokeGesture(*spec, seed, kFemRate_hz));
+    strokes.push_back(strokeGesture(spec, seed, kFemRate_hz));
 
-  const auto scenes = studyScenes();
-  if (!scenes.ok()) return scenes.error();
+  ASSIGN_OR_RETURN(const auto scenes, studyScenes());
   AccuracyRows rows;
   for (std::size_t m = 0; m < kAxialModelCount; ++m) {
     const auto which = static_cast<AxialModel>(m);
     progress("model: " + std::string(axialModelName(which)) + " against FEM",
              static_cast<double>(m) / static_cast<double>(kAxialModelCount));
-    SceneSpec same = likeForLike(scenes->back().spec, which);
+    SceneSpec same = likeForLike(scenes.back().spec, which);
     Status made = addCompliance(same);
     auto model = made.ok() ? compile(same, kFemRate_hz) : Result<SceneModel>(made.error());
     if (model.ok())
-      rows.push_back(rowOf(which, *model, *finest, strokes, options.long_form ? 1.0 : 0.2));
+      rows.push_back(rowOf(which, *model, finest, strokes, options.long_form ? 1.0 : 0.2));
     else
       notes.push_back("model: " + std::string(axialModelName(which)) +
                       " is left out: " + model.error().message);
@@ -157,21 +145,17 @@ Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const Accurac
 
 Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyProgress& progress,
                                std::vector<std::string>& /*notes*/) {
-  auto fem = femScene();
-  if (!fem.ok()) return fem.error();
+  ASSIGN_OR_RETURN(auto fem, femScene());
   progress("model: FEM as a table", 0);
-  if (const Status made = addCompliance(*fem); !made.ok()) return made.error();
-  SceneSpec table = *fem;
-  auto forces = forceTable(*fem, studyDepth(*fem));
-  if (!forces.ok()) return forces.error();
+  RETURN_IF_ERROR(addCompliance(fem));
+  SceneSpec table = fem;
+  ASSIGN_OR_RETURN(auto forces, forceTable(fem, studyDepth(fem)));
   table.axial_model = AxialModel::kPrecomputed;
-  table.precomputed.table = *std::move(forces);
-  const auto error = tableError(*fem, table, kFemRate_hz);
-  if (!error.ok()) return error.error();
+  table.precomputed.table = std::move(forces);
+  ASSIGN_OR_RETURN(const auto error, tableError(fem, table, kFemRate_hz));
 
-  const auto model = compile(table, kFemRate_hz);
-  if (!model.ok()) return model.error();
-  const Timing timing = timeSteps(*model, strokeGesture(*fem, 1, kFemRate_hz), options.long_form ? 1.0 : 0.2);
+  ASSIGN_OR_RETURN(const auto model, compile(table, kFemRate_hz));
+  const Timing timing = timeSteps(model, strokeGesture(fem, 1, kFemRate_hz), options.long_form ? 1.0 : 0.2);
   AccuracyRow row;
   row.study = AccuracyStudy::kModel;
   row.scene = kScene;
@@ -179,13 +163,13 @@ Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyPro
   row.variant = "table from FEM, as needlelab-sim precompute makes it";
   row.rate_hz = kFemRate_hz;
   row.reference = "live FEM over one straight insertion and withdrawal, the mesh that the table comes from";
-  row.rms_error_n = error->rms_N;
-  row.max_error_n = error->max_N;
-  row.noticeable_n = noticeableForce_N(error->fem_peak_N);
+  row.rms_error_n = error.rms_N;
+  row.max_error_n = error.max_N;
+  row.noticeable_n = noticeableForce_N(error.fem_peak_N);
   setTimes(row, timing, kFemRate_hz);
-  char text[200];
-  std::snprintf(text, sizeof text, "in ± %.2g N, hold ± %.2g N, out ± %.2g N (rms); FEM's peak %.3g N; ",
-                error->in_rms_N, error->hold_rms_N, error->out_rms_N, error->fem_peak_N);
+  const std::string text =
+      fmt::format("in ± {:.2g} N, hold ± {:.2g} N, out ± {:.2g} N (rms); FEM's peak {:.3g} N; ",
+                  error.in_rms_N, error.hold_rms_N, error.out_rms_N, error.fem_peak_N);
   row.uncertainty = text + timingText(timing);
   row.cannot_show =
       "motions other than one straight stroke: a table knows depth and direction, not what the shaft "
@@ -196,15 +180,14 @@ Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyPro
 
 Result<AccuracyRows> meshRows(const AccuracyOptions& options, const AccuracyProgress& progress,
                               std::vector<std::string>& /*notes*/) {
-  const auto spec = femScene();
-  if (!spec.ok()) return spec.error();
+  ASSIGN_OR_RETURN(const auto spec, femScene());
   std::vector<int> ladder = {500, 1000, 2000, 4000, 8000, 16'000};
   if (options.long_form) ladder.push_back(32'000);
-  progress("mesh: up to " + std::to_string(ladder.back()) + " nodes", 0);
+  progress(fmt::format("mesh: up to {} nodes", ladder.back()), 0);
   std::size_t done = 0;
-  const auto meshes = meshStudy(*spec, ladder, kDefaultStations, [&](const MeshRow& mesh) {
+  const auto meshes = meshStudy(spec, ladder, kDefaultStations, [&](const MeshRow& mesh) {
     ++done;
-    progress("mesh: " + std::to_string(mesh.nodes) + " nodes done",
+    progress(fmt::format("mesh: {} nodes done", mesh.nodes),
              static_cast<double>(done) / static_cast<double>(ladder.size()));
   });
   if (!meshes.ok()) return meshes.error();

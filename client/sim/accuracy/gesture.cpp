@@ -1,15 +1,18 @@
 #include "client/sim/accuracy/gesture.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "client/device/hand_tremor.h"
-#include "client/sim/tools/figures.h"
+#include "client/device/recording_device.h"
+#include "client/device/simulated_device.h"
+#include "client/sim/tools/closed_loop.h"
 
 namespace needlelab {
 namespace {
 
-constexpr double kTremor_m = 50e-6;  // normal tremor, peak (DESIGN §10)
+constexpr double kTremor_m = 50e-6;  // normal tremor, peak
 
 double between(HandRandom& random, double low, double high) {
   return low + (high - low) * random.uniform();
@@ -61,9 +64,8 @@ StudyGesture gestureOf(const SceneSpec& spec, const HandPlan& plan, std::uint64_
 Result<std::vector<StudyScene>> studyScenes() {
   std::vector<StudyScene> scenes;
   for (const char* name : {"paper-1dof", "paper-six-layers"}) {
-    auto spec = paperSceneSpec(name, {});
-    if (!spec.ok()) return spec.error();
-    scenes.push_back({name, *std::move(spec)});
+    ASSIGN_OR_RETURN(auto spec, paperSceneSpec(name, {}));
+    scenes.push_back({name, std::move(spec)});
   }
   return scenes;
 }
@@ -99,6 +101,197 @@ StudyGesture strokeGesture(const SceneSpec& spec, std::uint64_t seed, double rat
   }
   plan.moveTo(path.at(-kOutside_m), between(random, 0.01, 0.03), Motion::kTrapezoid).hold(0.1);
   return gestureOf(spec, plan, seed, rate_hz);
+}
+
+ForceProfile::ForceProfile(const SceneSpec& spec, double rate_hz) : spec_(spec), period_s_(1 / rate_hz) {}
+
+const LayerSpec& ForceProfile::layerAt(double depth_m) const {
+  double top_m = 0;
+  for (const LayerSpec& layer : spec_.layers) {
+    top_m += layer.thickness_m;
+    if (depth_m < top_m) return layer;
+  }
+  return spec_.layers.back();
+}
+
+double ForceProfile::atRest(double depth_m) const {
+  const TrackingWallSpec& wall = spec_.tracking_wall;
+  const double from_N = std::abs(moving_N_), to_N = std::min(from_N, layerAt(depth_m).rejection_force_N);
+  const double t_s = rest_s_ - wall.stop_dwell_s;
+  double force_N = from_N;
+  if (t_s > 0 && wall.stop_mode == StopMode::kRamp)
+    force_N = std::max(to_N, from_N - (from_N - to_N) * t_s / wall.stop_duration_s);
+  if (t_s > 0 && wall.stop_mode == StopMode::kExponential) {
+    const double left_N = std::max(to_N, wall.relax_residual * from_N);
+    force_N = left_N + (from_N - left_N) * std::exp(-t_s / wall.relax_time_s);
+  }
+  return std::copysign(force_N, moving_N_);
+}
+
+double ForceProfile::next(double depth_m, Intent intent) {
+  if (depth_m <= 0) {
+    moving_N_ = rest_s_ = 0;
+    return 0;
+  }
+  if (intent == Intent::kRest) {
+    rest_s_ += period_s_;
+    return atRest(depth_m);
+  }
+  rest_s_ = 0;
+  const LayerSpec& layer = layerAt(depth_m);
+  const auto live = [&](Effect effect) { return (spec_.effects & bitOf(effect)) != 0; };
+  if (intent == Intent::kIn)
+    moving_N_ = live(Effect::kCutting) ? -layer.cutting_force_N : 0;
+  else
+    moving_N_ = live(Effect::kAttracted) ? layer.attracted_force_N : 0;
+  return moving_N_;
+}
+
+namespace {
+
+double axialOf(const StepReport& report) {
+  return report.cutting_N + report.attracted_N + report.friction_N + report.puncture_N;
+}
+
+}  // namespace
+
+std::vector<double> axialForces(const SceneModel& model, const StudyGesture& gesture) {
+  SimState state{};
+  StepReport report;
+  std::vector<double> forces_N;
+  forces_N.reserve(gesture.tips.size());
+  for (const TipSample& tip : gesture.tips) {
+    step(model, tip, state, report);
+    forces_N.push_back(axialOf(report));
+  }
+  return forces_N;
+}
+
+bool isRelease(std::uint32_t flags, double before_N, double after_N) {
+  return (flags & (kFlagLayerChange | kFlagRupture | kFlagExit)) != 0 &&
+         std::abs(after_N) < std::abs(before_N);
+}
+
+double greatestStep_N(const SceneModel& model, const StudyGesture& gesture) {
+  SimState state{};
+  StepReport report;
+  double step_N = 0, before_N = 0;
+  for (const TipSample& tip : gesture.tips) {
+    step(model, tip, state, report);
+    const double now_N = axialOf(report);
+    if (!isRelease(report.flags, before_N, now_N)) step_N = std::max(step_N, std::abs(now_N - before_N));
+    before_N = now_N;
+  }
+  return step_N;
+}
+
+ErrorSum errorInTissue(const SceneModel& model, const StudyGesture& gesture,
+                       const std::vector<double>& forces_N, const std::vector<double>& reference_N) {
+  ErrorSum sum;
+  for (std::size_t i = 0; i < forces_N.size(); ++i)
+    if (signedDepth(model.limb, gesture.tips[i].p_WT_m) > 0) sum.add(forces_N[i] - reference_N[i]);
+  return sum;
+}
+
+Timing timeSteps(const SceneModel& model, const StudyGesture& gesture, double budget_s) {
+  SimState state{};
+  StepReport report;
+  std::size_t i = 0;
+  return timeFor(budget_s, [&] {
+    if (i == gesture.tips.size()) {
+      state = {};
+      i = 0;
+    }
+    step(model, gesture.tips[i++], state, report);
+    keep(report);
+  });
+}
+
+namespace {
+
+constexpr double kLessonRate_hz = 1000;
+
+std::vector<GestureSample> samplesOf(const std::vector<ChainTick>& ticks) {
+  HandRandom random(1);
+  std::vector<GestureSample> samples;
+  samples.reserve(ticks.size());
+  for (const ChainTick& tick : ticks) {
+    const auto due_ns = static_cast<std::int64_t>(tick.tick) * 1'000'000;
+    const auto device_ns = static_cast<std::int64_t>(8'000 + random.next() % 4'000);
+    samples.push_back(sampleOf(tick, due_ns, device_ns, static_cast<std::int64_t>(30 + random.next() % 400)));
+  }
+  return samples;
+}
+
+DeviceReading readingOf(const GestureSample& s) {
+  DeviceReading reading;
+  reading.X_WH.p = {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]};
+  reading.X_WH.q = {s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]};
+  return reading;
+}
+
+}  // namespace
+
+Result<StudyLesson> generatedLesson() {
+  ASSIGN_OR_RETURN(const auto spec, paperSceneSpec("paper-six-layers", {}));
+  ASSIGN_OR_RETURN(auto model, compile(spec, kLessonRate_hz));
+  StudyLesson lesson{"generated lesson", std::move(model), {}};
+  std::vector<ChainTick> all;
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    SimulatedDeviceOptions options;
+    options.hand.seed = seed;
+    options.encoder_step_m = options.encoder_step_rad = 0;  // else a step of its own hides the stored one
+    SimulatedDevice device(options, studyPlan(spec, seed));
+    const auto ticks = static_cast<std::uint64_t>(studyPlan(spec, seed).duration_s() * kLessonRate_hz);
+    ASSIGN_OR_RETURN(auto run, runClosedLoop(lesson.model, device, {}, ticks));
+    for (ChainTick& tick : run) {
+      tick.tick = all.size();
+      all.push_back(tick);
+    }
+  }
+  lesson.samples = samplesOf(all);
+  return lesson;
+}
+
+Result<std::vector<StudyLesson>> recordedLessons(const AccuracyOptions& options) {
+  std::vector<StudyLesson> lessons;
+  if (options.data.empty()) return lessons;
+  for (const char* name : {"backward", "downward", "lateral_left", "virtuose_x_backward"}) {
+    const auto file = options.data / "virtuose" / (std::string(name) + ".csv");
+    if (!std::filesystem::exists(file)) continue;
+    ASSIGN_OR_RETURN(const auto track, readPoseTrack(file));
+    const std::vector<Pose> poses = resamplePoses(track, kLessonRate_hz);
+    ASSIGN_OR_RETURN(auto spec, paperSceneSpec("paper-six-layers", {}));
+    Vec3 far = poses.front().p;
+    for (const Pose& pose : poses)
+      if (norm(pose.p - poses.front().p) > norm(far - poses.front().p)) far = pose.p;
+    spec.limb = SphereLimb{far, 0.6 * norm(far - poses.front().p)};
+    ASSIGN_OR_RETURN(auto model, compile(spec, kLessonRate_hz));
+    StudyLesson lesson{std::string("recorded hand ") + name, std::move(model), {}};
+
+    HapticChain chain(lesson.model, DeviceLimits{}, {});
+    std::vector<ChainTick> ticks(poses.size());
+    DeviceReading reading;
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+      reading.X_WH = poses[i];
+      chain.tick(reading, true, 1, 1.0, ticks[i]);
+    }
+    lesson.samples = samplesOf(ticks);
+    lessons.push_back(std::move(lesson));
+  }
+  return lessons;
+}
+
+std::vector<Vec3> recomputedForces(const SceneModel& model, const std::vector<GestureSample>& samples) {
+  HapticChain chain(model, DeviceLimits{}, {});
+  std::vector<Vec3> forces_N;
+  forces_N.reserve(samples.size());
+  ChainTick tick;
+  for (const GestureSample& sample : samples) {
+    chain.tick(readingOf(sample), true, 1, 1.0, tick);
+    forces_N.push_back(tick.rendered_W.force_N);
+  }
+  return forces_N;
 }
 
 }  // namespace needlelab

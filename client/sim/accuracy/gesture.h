@@ -1,13 +1,19 @@
 /// Seeded gestures for the studies: what a hand wants to do in a scene, the same for every model and rate.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
 
 #include "client/device/hand_plan.h"
+#include "client/sim/accuracy/row.h"
+#include "client/sim/accuracy/study.h"
+#include "common/base/clock.h"
 #include "common/base/result.h"
+#include "common/gesture/sample.h"
 #include "common/haptics/engine.h"
+#include "common/haptics/scene_model.h"
 
 namespace needlelab {
 
@@ -38,5 +44,61 @@ StudyGesture studyGesture(const SceneSpec& spec, std::uint64_t seed, double rate
 /// In by a third to nine tenths of the depth, strokes of 0.5 to 3 mm there and back without a rest, and out:
 /// the tissue sticks and gives way, the tip hardly cuts.
 StudyGesture strokeGesture(const SceneSpec& spec, std::uint64_t seed, double rate_hz);
+
+/// The force along the trajectory that the profile's numbers name, without the springs by which a model gets
+/// there: −f_cut of the layer on the way in, +f_att on the way out, in a rest the fall from there to f_rej
+/// (FORCE_MODEL.md, "Tracking wall": after the dwell; linear in the stop's duration, or exponential to the
+/// residual). Zero outside. It jumps at layers, as the profile does. Thread: one.
+class ForceProfile {
+ public:
+  ForceProfile(const SceneSpec& spec, double rate_hz);
+
+  /// One tick. `depth_m`: δ of the tip. In N, negative = against the insertion.
+  double next(double depth_m, Intent intent);
+
+ private:
+  [[nodiscard]] const LayerSpec& layerAt(double depth_m) const;
+  [[nodiscard]] double atRest(double depth_m) const;
+  SceneSpec spec_;
+  double period_s_;
+  double moving_N_ = 0;  // when the hand last moved
+  double rest_s_ = 0;    // since then
+};
+
+/// The force along the trajectory at each tick, in N: cutting, attracted, friction and puncture together.
+std::vector<double> axialForces(const SceneModel& model, const StudyGesture& gesture);
+
+/// Whether a change of force is a declared release: it falls at a tick that the engine flags as a layer's
+/// change, a rupture or an exit.
+bool isRelease(std::uint32_t flags, double before_N, double after_N);
+
+/// Greatest change of the force along the trajectory from one tick to the next that is not a release, in N.
+double greatestStep_N(const SceneModel& model, const StudyGesture& gesture);
+
+/// Root mean square and greatest of forces − reference while the tip is in the tissue.
+ErrorSum errorInTissue(const SceneModel& model, const StudyGesture& gesture,
+                       const std::vector<double>& forces_N, const std::vector<double>& reference_N);
+
+/// The engine's tick over a gesture, again and again, for about `budget_s`. Hot.
+Timing timeSteps(const SceneModel& model, const StudyGesture& gesture, double budget_s);
+
+/// A recorded gesture with the scene in which it was made, at 1 kHz.
+struct StudyLesson {
+  std::string name;
+  SceneModel model;
+  std::vector<GestureSample> samples;
+};
+
+/// A hand in closed loop in the paper's six layers, some 30 s, with exact encoders. The time that device and
+/// engine took is made up (8-12 µs and 30-430 ns, from a seed), so that these columns are as restless as a
+/// real loop's.
+Result<StudyLesson> generatedLesson();
+
+/// The recorded hand movements of a real Virtuose (`DATA/virtuose`), played through a ball of the paper's
+/// tissue around the point farthest from the start. Empty when they are not there.
+Result<std::vector<StudyLesson>> recordedLessons(const AccuracyOptions& options);
+
+/// The poses of `samples` through gate and engine again; the force on the hand of each, in N.
+std::vector<Vec3> recomputedForces(const SceneModel& model, const std::vector<GestureSample>& samples);
 
 }  // namespace needlelab

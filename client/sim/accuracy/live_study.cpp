@@ -1,15 +1,16 @@
-#include "client/sim/accuracy/live_study.h"
+#include "client/sim/accuracy/study.h"
+
+#include <fmt/core.h>
 
 #include <time.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <span>
 
-#include "client/sim/accuracy/error_sum.h"
-#include "client/sim/accuracy/lesson_samples.h"
+#include "client/sim/accuracy/gesture.h"
+#include "client/sim/accuracy/row.h"
 #include "client/sim/accuracy/tls_loopback.h"
 #include "common/base/clock.h"
 #include "common/gesture/chunk.h"
@@ -56,15 +57,11 @@ Result<Passed> passAll(TlsLoopback& loop, const StudyLesson& lesson, std::size_t
     if (i == kWarm) processor_ns = processorNow_ns(), bytes = loop.cipherBytes();
     const auto samples = std::span(lesson.samples).subspan((i % whole) * per_frame, per_frame);
     const std::int64_t from_ns = steadyNowNs();
-    auto frame = frameOf(samples, i);
-    if (!frame.ok()) return frame.error();
-    const auto arrived = loop.pass(*std::move(frame));
-    if (!arrived.ok()) return arrived.error();
-    const std::string& data = arrived->live_frame().data();
-    const auto back = decodeChunk(viewOf(data));
-    if (!back.ok()) return back.error();
-    if (back->size() != per_frame)
-      return Error{ErrorCode::kFailed, "a live frame arrived with other samples"};
+    ASSIGN_OR_RETURN(auto frame, frameOf(samples, i));
+    ASSIGN_OR_RETURN(const auto arrived, loop.pass(std::move(frame)));
+    const std::string& data = arrived.live_frame().data();
+    ASSIGN_OR_RETURN(const auto back, decodeChunk(viewOf(data)));
+    if (back.size() != per_frame) return Error{ErrorCode::kFailed, "a live frame arrived with other samples"};
     if (i >= kWarm) passed.transit_ns.push_back(static_cast<double>(steadyNowNs() - from_ns));
   }
   passed.processor_ns = static_cast<double>(processorNow_ns() - processor_ns);
@@ -127,11 +124,10 @@ AccuracyRow rowOf(const StudyLesson& lesson, std::size_t per_frame, const Passed
   row.median_ns = passed.processor_ns / frames / static_cast<double>(per_frame);
   row.p99_ns = transit.p99_ns / static_cast<double>(per_frame);
   row.fits_rate = transit.p99_ns * 1e-9 <= *row.frame_s;
-  char text[200];
-  std::snprintf(text, sizeof text,
-                "a frame's way over TLS on 127.0.0.1: median %.0f us, p99 %.0f us, of %.0f frames; waits "
-                "computed; force ± %.2g N (sd over seconds)",
-                transit.median_ns * 1e-3, transit.p99_ns * 1e-3, frames, *row.rms_error_spread_n);
+  const std::string text = fmt::format(
+      "a frame's way over TLS on 127.0.0.1: median {:.0f} us, p99 {:.0f} us, of {:.0f} frames; waits "
+      "computed; force ± {:.2g} N (sd over seconds)",
+      transit.median_ns * 1e-3, transit.p99_ns * 1e-3, frames, *row.rms_error_spread_n);
   row.uncertainty = text;
   row.cannot_show =
       "a network: one hop on one machine, hot, one station, no server between; headers of TCP and IP; the "
@@ -143,17 +139,14 @@ AccuracyRow rowOf(const StudyLesson& lesson, std::size_t per_frame, const Passed
 
 Result<AccuracyRows> liveStudy(const AccuracyOptions& options, const AccuracyProgress& progress,
                                std::vector<std::string>& /*notes*/) {
-  const auto lesson = generatedLesson();
-  if (!lesson.ok()) return lesson.error();
-  const auto loop = TlsLoopback::open();
-  if (!loop.ok()) return loop.error();
+  ASSIGN_OR_RETURN(const auto lesson, generatedLesson());
+  ASSIGN_OR_RETURN(const auto loop, TlsLoopback::open());
   AccuracyRows rows;
   for (const std::size_t per_frame : kFrames_ms) {
-    progress("live: frames of " + std::to_string(per_frame) + " ms",
+    progress(fmt::format("live: frames of {} ms", per_frame),
              static_cast<double>(rows.size()) / static_cast<double>(kFrames_ms.size()));
-    const auto passed = passAll(**loop, *lesson, per_frame, options.long_form ? 5000 : 500);
-    if (!passed.ok()) return passed.error();
-    rows.push_back(rowOf(*lesson, per_frame, *passed));
+    ASSIGN_OR_RETURN(const auto passed, passAll(*loop, lesson, per_frame, options.long_form ? 5000 : 500));
+    rows.push_back(rowOf(lesson, per_frame, passed));
   }
   return rows;
 }

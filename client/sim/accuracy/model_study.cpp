@@ -1,7 +1,6 @@
-#include "client/sim/accuracy/model_study.h"
+#include "client/sim/accuracy/study.h"
 
-#include "client/sim/accuracy/force_profile.h"
-#include "client/sim/accuracy/rendering.h"
+#include "client/sim/accuracy/gesture.h"
 #include "common/fem/needle_mesh.h"
 #include "common/haptics/models/like_for_like.h"
 
@@ -31,7 +30,7 @@ std::vector<Asked> askedOf(const SceneSpec& spec, std::uint64_t seeds) {
 
 Result<SceneModel> modelOf(const SceneSpec& spec, AxialModel model) {
   SceneSpec same = likeForLike(spec, model);
-  if (const Status status = addCompliance(same); !status.ok()) return status.error();
+  RETURN_IF_ERROR(addCompliance(same));
   return compile(same, kModelRate_hz);
 }
 
@@ -74,16 +73,15 @@ AccuracyRow rowOf(const StudyScene& scene, AxialModel which, const SceneModel& m
 
 Result<AccuracyRows> modelProfileStudy(const AccuracyOptions& options, const AccuracyProgress& progress,
                                        std::vector<std::string>& notes) {
-  const auto scenes = studyScenes();
-  if (!scenes.ok()) return scenes.error();
+  ASSIGN_OR_RETURN(const auto scenes, studyScenes());
   AccuracyRows rows;
   std::size_t done = 0;
-  for (const StudyScene& scene : *scenes) {
+  for (const StudyScene& scene : scenes) {
     const std::vector<Asked> asked = askedOf(scene.spec, options.long_form ? 64 : 8);
     for (std::size_t m = 0; m < kAxialModelCount; ++m) {
       const auto which = static_cast<AxialModel>(m);
       progress("model: " + scene.name + ", " + std::string(axialModelName(which)),
-               static_cast<double>(done++) / static_cast<double>(scenes->size() * kAxialModelCount));
+               static_cast<double>(done++) / static_cast<double>(scenes.size() * kAxialModelCount));
       const auto model = modelOf(scene.spec, which);
       if (model.ok())
         rows.push_back(rowOf(scene, which, *model, asked, options.long_form ? 1.0 : 0.2));

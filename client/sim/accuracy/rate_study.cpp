@@ -1,13 +1,12 @@
-#include "client/sim/accuracy/rate_study.h"
+#include "client/sim/accuracy/study.h"
 
 #include <array>
 #include <cmath>
 #include <optional>
 
 #include "client/device/simulated_device.h"
-#include "client/sim/accuracy/error_sum.h"
 #include "client/sim/accuracy/gesture.h"
-#include "client/sim/accuracy/rendering.h"
+#include "client/sim/accuracy/row.h"
 #include "client/sim/tools/closed_loop.h"
 #include "common/base/clock.h"
 
@@ -28,11 +27,10 @@ SimulatedDeviceOptions deviceOf(std::uint64_t seed) {
 }
 
 Result<std::vector<ChainTick>> run(const StudyScene& scene, std::uint64_t seed, double rate_hz) {
-  const auto model = compile(scene.spec, rate_hz);
-  if (!model.ok()) return model.error();
+  ASSIGN_OR_RETURN(const auto model, compile(scene.spec, rate_hz));
   SimulatedDevice device(deviceOf(seed), studyPlan(scene.spec, seed));
   const double duration_s = studyPlan(scene.spec, seed).duration_s();
-  return runClosedLoop(*model, device, {}, static_cast<std::uint64_t>(duration_s * rate_hz));
+  return runClosedLoop(model, device, {}, static_cast<std::uint64_t>(duration_s * rate_hz));
 }
 
 // what acts on the hand at step `i` of the reference's clock: sampled, late, held
@@ -71,16 +69,15 @@ double meanForce_N(const std::vector<ChainTick>& ticks) {
 // gate and engine over what the device reported in a run, without the device
 Result<Timing> timed(const StudyScene& scene, double rate_hz, const std::vector<ChainTick>& ticks,
                      double budget_s) {
-  const auto model = compile(scene.spec, rate_hz);
-  if (!model.ok()) return model.error();
+  ASSIGN_OR_RETURN(const auto model, compile(scene.spec, rate_hz));
   std::optional<HapticChain> chain;
-  chain.emplace(*model, DeviceLimits{}, Pose{});
+  chain.emplace(model, DeviceLimits{}, Pose{});
   ChainTick out;
   DeviceReading reading;
   std::size_t i = 0;
   return timeFor(budget_s, [&] {
     if (i == ticks.size()) {
-      chain.emplace(*model, DeviceLimits{}, Pose{});
+      chain.emplace(model, DeviceLimits{}, Pose{});
       i = 0;
     }
     reading.X_WH = ticks[i++].X_WH;
@@ -100,25 +97,22 @@ Status sweepScene(Sweep& sweep, const StudyScene& scene, const std::string& mode
   std::array<ErrorRuns, kRates_hz.size()> errors;
   std::array<double, kRates_hz.size()> steps_N{};
   std::array<std::vector<ChainTick>, kRates_hz.size()> kept;  // of the first seed, for the timing
-  const auto at_1khz = compile(scene.spec, 1000);
-  if (!at_1khz.ok()) return at_1khz.error();
-  const double stiffness_N_per_m = at_1khz->axialStiffness_N_per_m();
+  ASSIGN_OR_RETURN(const auto at_1khz, compile(scene.spec, 1000));
+  const double stiffness_N_per_m = at_1khz.axialStiffness_N_per_m();
   double force_N = 0;
   for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
-    const auto reference = run(scene, seed, kReference_hz);
-    if (!reference.ok()) return reference.error();
-    force_N = std::max(force_N, meanForce_N(*reference));
+    ASSIGN_OR_RETURN(const auto reference, run(scene, seed, kReference_hz));
+    force_N = std::max(force_N, meanForce_N(reference));
     for (std::size_t r = 0; r < kRates_hz.size(); ++r) {
-      auto ticks = run(scene, seed, kRates_hz[r]);
-      if (!ticks.ok()) return ticks.error();
-      errors[r].add(errorOf(*ticks, kRates_hz[r], *reference));
-      steps_N[r] = std::max(steps_N[r], greatestStep_N(*ticks));
-      if (seed == 1) kept[r] = *std::move(ticks);
+      ASSIGN_OR_RETURN(auto ticks, run(scene, seed, kRates_hz[r]));
+      errors[r].add(errorOf(ticks, kRates_hz[r], reference));
+      steps_N[r] = std::max(steps_N[r], greatestStep_N(ticks));
+      if (seed == 1) kept[r] = std::move(ticks);
     }
   }
   for (std::size_t r = 0; r < kRates_hz.size(); ++r) {
-    const auto timing = timed(scene, kRates_hz[r], kept[r], sweep.options.long_form ? 0.5 : 0.1);
-    if (!timing.ok()) return timing.error();
+    ASSIGN_OR_RETURN(const auto timing,
+                     timed(scene, kRates_hz[r], kept[r], sweep.options.long_form ? 0.5 : 0.1));
     AccuracyRow row;
     row.study = AccuracyStudy::kRate;
     row.scene = scene.name;
@@ -129,12 +123,12 @@ Status sweepScene(Sweep& sweep, const StudyScene& scene, const std::string& mode
     row.max_error_n = errors[r].max();
     row.rms_error_spread_n = errors[r].spread();
     row.max_step_n = steps_N[r];
-    // DESIGN §3.5, of a hand that damps nothing
+    // FORCE_MODEL.md, "Device limits", of a hand that damps nothing
     const double limit_N_per_m = DeviceLimits{}.damping_Ns_per_m * kRates_hz[r] / (0.5 + kDelayTicks);
     row.stiffness_margin = limit_N_per_m / stiffness_N_per_m;
     row.noticeable_n = noticeableForce_N(force_N);
-    setTimes(row, *timing, kRates_hz[r]);
-    row.uncertainty = spreadText(errors[r], "hands") + "; " + timingText(*timing);
+    setTimes(row, timing, kRates_hz[r]);
+    row.uncertainty = spreadText(errors[r], "hands") + "; " + timingText(timing);
     row.cannot_show =
         "the cost of waking up and of the device's exchange (about 50 us a tick on a real loop), and a hand "
         "that answers to what it feels";
@@ -147,15 +141,13 @@ Status sweepScene(Sweep& sweep, const StudyScene& scene, const std::string& mode
 
 Result<AccuracyRows> rateStudy(const AccuracyOptions& options, const AccuracyProgress& progress,
                                std::vector<std::string>& /*notes*/) {
-  auto scenes = studyScenes();
-  if (!scenes.ok()) return scenes.error();
-  Sweep sweep{options, progress, *std::move(scenes)};
+  ASSIGN_OR_RETURN(auto scenes, studyScenes());
+  Sweep sweep{options, progress, std::move(scenes)};
   AccuracyRows rows;
   for (const StudyScene& scene : sweep.scenes) {
     progress("rate: " + scene.name,
              static_cast<double>(sweep.done++) / static_cast<double>(sweep.scenes.size()));
-    if (const Status status = sweepScene(sweep, scene, "ENHANCED_TRACKING_WALL", rows); !status.ok())
-      return status.error();
+    RETURN_IF_ERROR(sweepScene(sweep, scene, "ENHANCED_TRACKING_WALL", rows));
   }
   return rows;
 }

@@ -1,12 +1,46 @@
-/// What to choose, in words, computed from the rows of the report and nothing else.
+/// Rows that may be compared, and those of them that nothing beats in both cost and error.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "client/sim/accuracy/pareto.h"
+#include "client/sim/accuracy/row.h"
 
 namespace needlelab {
+
+/// What a row costs: processor time for a millisecond of the lesson, which is one tick at 1 kHz. In ns.
+/// Nothing when it was not measured.
+std::optional<double> costOf_ns(const AccuracyRow& row);
+
+/// The choice that a row stands for, as text: "VOIGT", "10 kHz", "1 µm", "lossless", "20 ms", "2,000 nodes".
+std::string choiceOf(const AccuracyRow& row);
+
+/// Rows of one study, scene and reference (and model, where that is not what is varied), in their order.
+struct RowGroup {
+  AccuracyStudy study;
+  std::string scene, reference, model;  ///< model empty in study `model`
+  std::vector<const AccuracyRow*> rows;
+  std::vector<std::string> names;  ///< of the rows: choiceOf, with the variant where that is not unique
+
+  /// Whether it compares different choices that advise; else it is one of them beside its reference, or an
+  /// extrapolation.
+  [[nodiscard]] bool compares() const;
+};
+/// In order of first appearance. The rows must outlive the groups.
+std::vector<RowGroup> groupsOf(const AccuracyRows& rows);
+
+/// A choice in two measures, both of which should be small.
+struct CostError {
+  double cost = 0, error = 0;
+};
+/// Which of `points` no other beats: none has less of one and not more of the other. Points that are equal in
+/// both are on it together. A point with a measure that is not finite never is.
+std::vector<bool> paretoFront(const std::vector<CostError>& points);
+
+/// The front of a group in cost and rms error; a row that lacks one of them is not on it,
+/// nor is the finest mesh, whose error is 0 by definition.
+std::vector<bool> paretoFront(const RowGroup& group);
 
 /// The row of a group that the rule of its study takes, and why.
 struct Advice {
@@ -23,7 +57,8 @@ struct Advice {
 /// - rate: as for a model, and theory must allow twice the scene's stiffness (`stiffness_margin`).
 /// - mesh: the coarsest whose rms error nobody notices; else the finest.
 /// - storage: the fewest bytes whose rms error is at most a tenth of what is noticed.
-/// - live: the least bandwidth whose p99 latency is below 25 ms, half of the 50 ms of DESIGN §12 (server and
+/// - live: the least bandwidth whose p99 latency is below 25 ms, half of the 50 ms of tests/bench/README.md
+/// (server and
 ///   network need the rest); else the least latency.
 Advice adviceFor(const RowGroup& group);
 

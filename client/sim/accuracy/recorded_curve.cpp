@@ -1,8 +1,13 @@
 #include "client/sim/accuracy/recorded_curve.h"
 
+#include <fmt/core.h>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "client/sim/accuracy/recorded.h"
+#include "client/sim/accuracy/recorded_fit.h"
+#include "client/sim/accuracy/recorded_statistical.h"
 
 namespace needlelab {
 namespace {
@@ -44,9 +49,8 @@ std::vector<CurveBin> chosenBins(const DepthCurve& curve, const BinChoice& fit_o
 
 Result<CurveRun> runCurve(const CurveScene& scene, double to_m, double rate_hz) {
   CurveRun made{gestureTo(scene.surface_m, to_m, rate_hz), {}};
-  auto run = runStraight(scene.spec, made.gesture);
-  if (!run.ok()) return run.error();
-  made.run = std::move(run).value();
+  ASSIGN_OR_RETURN(auto run, runStraight(scene.spec, made.gesture));
+  made.run = std::move(run);
   return made;
 }
 
@@ -85,13 +89,370 @@ Result<CurveFit> fitCurve(const DepthCurve& curve, const CurveModel& model, cons
   CurveFit fit{
       model.model, model.variant,    model.parameters.size(), found.values, model.scene(found.values), {}, {},
       {},          found.evaluations};
-  const auto run = runCurve(fit.scene, to_m);
-  if (!run.ok()) return run.error();
-  fit.model_N = forceAtDepths(*run, fit.scene.surface_m, curve.depth_m);
+  ASSIGN_OR_RETURN(const auto run, runCurve(fit.scene, to_m));
+  fit.model_N = forceAtDepths(run, fit.scene.surface_m, curve.depth_m);
   fit.fitted = curveError(curve.bins, curve.force_N, fit.model_N, fit_on);
   fit.held_out =
       curveError(curve.bins, curve.force_N, fit.model_N, [&](const CurveBin& bin) { return !fit_on(bin); });
   return fit;
+}
+
+StatisticalSpec spreadAround(const DepthCurve& curve, const CurveFit& table, const BinChoice& fit_on) {
+  constexpr double kReach_m = 0.001, kLeast_N = 0.005;
+  StatisticalSpec spec;
+  spec.seed = 1;
+  for (const auto& row : table.scene.spec.precomputed.table) {
+    double squares = 0;
+    std::size_t count = 0;
+    for (const CurveBin& bin : curve.bins) {
+      if (!fit_on(bin) || std::fabs(bin.at - row.depth_m) > kReach_m) continue;
+      for (const std::size_t i : bin.rows) {
+        squares += std::pow(curve.force_N[i] - table.model_N[i], 2);
+        ++count;
+      }
+    }
+    const double mean_N = std::max(kLeast_N, row.cutting_N);
+    const double sd_N = count > 0 ? std::sqrt(squares / static_cast<double>(count)) : 0;
+    // more spread than the mean itself would only make a heavier tail of a log-normal law
+    spec.table.push_back({row.depth_m, mean_N, std::clamp(sd_N, kLeast_N, mean_N)});
+  }
+  return spec;
+}
+
+Result<SpreadCheck> checkSpread(const DepthCurve& curve, const StatisticalSpec& spec, const BinChoice& fit_on,
+                                int insertions) {
+  const auto held_out = [&](const CurveBin& bin) { return !fit_on(bin); };
+  SpreadCheck check;
+  check.scene.spec = fittedSceneBase();
+  check.scene.spec.axial_model = AxialModel::kStatistical;
+  check.scene.spec.effects = bitOf(Effect::kCutting);
+  check.scene.spec.tracking_wall.stiffness_N_per_m = 1000;
+  check.scene.spec.layers.push_back({});
+  check.scene.spec.layers[0].thickness_m = 0.1;
+  check.scene.spec.statistical = spec;
+
+  std::vector<double> mean_N(curve.depth_m.size(), 0), rms;
+  for (int i = 0; i < insertions; ++i) {
+    CurveScene scene = check.scene;
+    scene.spec.statistical.seed = spec.seed + static_cast<std::uint64_t>(i);
+    ASSIGN_OR_RETURN(const auto run, runCurve(scene, curve.depth_m.back()));
+    const auto force_N = forceAtDepths(run, scene.surface_m, curve.depth_m);
+    const CurveError error = curveError(curve.bins, curve.force_N, force_N, held_out);
+    rms.push_back(error.rms);
+    check.held_out_rms += error.rms / insertions;
+    check.held_out_max = std::max(check.held_out_max, error.max);
+    for (std::size_t k = 0; k < mean_N.size(); ++k) mean_N[k] += force_N[k] / insertions;
+  }
+  for (const double one : rms) check.spread_of_rms += std::pow(one - check.held_out_rms, 2) / insertions;
+  check.spread_of_rms = std::sqrt(check.spread_of_rms);
+  check.held_out_of_mean = curveError(curve.bins, curve.force_N, mean_N, held_out);
+
+  // before the contact digitised noise is below zero as often as above, which no log-normal force is
+  constexpr double kFelt_N = 0.02;
+  std::size_t rows = 0, inside = 0;
+  for (const CurveBin& bin : curve.bins) {
+    if (!held_out(bin)) continue;
+    for (const std::size_t i : bin.rows) {
+      const ForceLaw law = forceLawAt(spec, curve.depth_m[i]);
+      if (law.mean_N < kFelt_N) continue;
+      const ForceBand band = centralBand95(law.mean_N, law.sd_N);
+      ++rows;
+      if (curve.force_N[i] >= band.low_N && curve.force_N[i] <= band.high_N) ++inside;
+    }
+  }
+  check.in_band = rows > 0 ? static_cast<double>(inside) / static_cast<double>(rows) : 0;
+  return check;
+}
+
+namespace {
+
+constexpr const char* kCurveScene = "bovine_liver_heart_18g";
+constexpr const char* kCannotShow =
+    "one insertion of one needle into one animal's organs: nothing about other tissues, needles or speeds, "
+    "about the "
+    "withdrawal, or about what a hand feels";
+
+constexpr const char* kAlternate =
+    "recorded force over depth; fitted on every second block of 0.5 mm, error on the blocks held out (both "
+    "halves in "
+    "turn)";
+
+// the fitted scene as it runs: time of a tick, greatest step, and its error's share that can be felt
+std::string addRun(const CurveFit& fit, double to_m, AccuracyRow& row) {
+  const auto run = runCurve(fit.scene, to_m);
+  const auto model = compile(fit.scene.spec, 1000);
+  if (!run.ok() || !model.ok()) return "";
+  addGreatestStep(run->run, row);
+  row.noticeable_n = noticeableForce_N(*std::max_element(run->run.force_N.begin(), run->run.force_N.end()));
+  return "; " + addTickTime(*model, run->gesture, row);
+}
+
+AccuracyRow rowOf(const CurveFit& fit) {
+  AccuracyRow row;
+  row.scene = kCurveScene;
+  row.model = axialModelName(fit.model);
+  row.variant = fmt::format("{}, {} numbers fitted", fit.variant, fit.parameters);
+  row.cannot_show = kCannotShow;
+  return row;
+}
+
+// both halves held out in turn: every bin counts once
+AccuracyRow alternateRow(const CurveFit& a, const CurveFit& b, const DepthCurve& curve) {
+  AccuracyRow row = rowOf(a);
+  row.reference = kAlternate;
+  const auto na = static_cast<double>(a.held_out.bins), nb = static_cast<double>(b.held_out.bins);
+  row.rms_error_n =
+      std::sqrt((a.held_out.rms * a.held_out.rms * na + b.held_out.rms * b.held_out.rms * nb) / (na + nb));
+  row.max_error_n = std::max(a.held_out.max, b.held_out.max);
+  row.rms_error_spread_n = std::fabs(a.held_out.rms - b.held_out.rms) / std::sqrt(2.0);
+  const std::string time = addRun(a, curve.depth_m.back(), row);
+  row.uncertainty = fmt::format(
+      "{} bins of 0.25 mm held out; error on the fitted halves {:.3f} and {:.3f} N, on the held-out ones "
+      "{:.3f} and {:.3f} N; rows scatter {:.2f} N (rms) about their bin's mean, nearly all of it in the "
+      "falls at ruptures",
+      a.held_out.bins + b.held_out.bins, a.fitted.rms, b.fitted.rms, a.held_out.rms, b.held_out.rms,
+      std::max(a.held_out.floor, b.held_out.floor));
+  row.uncertainty += time;
+  return row;
+}
+
+// STATISTICAL with the fitted tables as its means: the error is that of one insertion, as a trainee meets it
+Result<AccuracyRow> statisticalRow(const std::vector<CurveFit>& tables, const DepthCurve& curve,
+                                   int insertions) {
+  std::vector<SpreadCheck> checks;
+  for (int fold = 0; fold < 2; ++fold) {
+    const BinChoice choice = alternateBlocks(fold);
+    ASSIGN_OR_RETURN(auto check,
+                     checkSpread(curve, spreadAround(curve, tables[static_cast<std::size_t>(fold)], choice),
+                                 choice, insertions));
+    checks.push_back(std::move(check));
+  }
+  AccuracyRow row;
+  row.scene = kCurveScene;
+  row.model = axialModelName(AxialModel::kStatistical);
+  row.variant =
+      fmt::format("mean and sd of {} rows, 1 mm apart", checks[0].scene.spec.statistical.table.size());
+  row.reference = kAlternate;
+  row.rms_error_n = 0.5 * (checks[0].held_out_rms + checks[1].held_out_rms);
+  row.max_error_n = std::max(checks[0].held_out_max, checks[1].held_out_max);
+  row.rms_error_spread_n = 0.5 * (checks[0].spread_of_rms + checks[1].spread_of_rms);
+  row.cannot_show =
+      "one insertion: how patients differ is not in it; the spread is that of digitised rows about the "
+      "table, the "
+      "correlation length is synthetic";
+  const auto run = runCurve(checks[0].scene, curve.depth_m.back());
+  const auto model = compile(checks[0].scene.spec, 1000);
+  if (!run.ok()) return run.error();
+  if (!model.ok()) return model.error();
+  addGreatestStep(run->run, row);
+  row.noticeable_n = noticeableForce_N(*std::max_element(run->run.force_N.begin(), run->run.force_N.end()));
+  row.uncertainty = fmt::format(
+      "error of one insertion, mean of {} per half; the mean of all insertions is off by {:.3f} and {:.3f} "
+      "N; {:.0f} % and {:.0f} % of the rows held out after the contact lie within the 95 % band; ",
+      insertions, checks[0].held_out_of_mean.rms, checks[1].held_out_of_mean.rms, 100 * checks[0].in_band,
+      100 * checks[1].in_band);
+  row.uncertainty += addTickTime(*model, run->gesture, row);
+  return row;
+}
+
+// what a model that knows nothing has there: the last force before the split, held
+double errorOfHolding(const DepthCurve& curve) {
+  const auto fitted = chosenBins(curve, beforeTheSplit());
+  const std::vector<double> held_N(curve.depth_m.size(), fitted.back().value);
+  return curveError(curve.bins, curve.force_N, held_N,
+                    [](const CurveBin& bin) { return !beforeTheSplit()(bin); })
+      .rms;
+}
+
+AccuracyRow extrapolationRow(const CurveFit& fit, const DepthCurve& curve) {
+  AccuracyRow row = rowOf(fit);
+  row.reference =
+      "recorded force over depth; fitted on the first 25 mm, error on the rest (extrapolation past three "
+      "ruptures)";
+  row.advises = false;  // which model happens to be least wrong ahead of its data says nothing of models
+  row.rms_error_n = fit.held_out.rms;
+  row.max_error_n = fit.held_out.max;
+  const std::string time = addRun(fit, curve.depth_m.back(), row);
+  row.uncertainty = fmt::format(
+      "{} bins of 0.25 mm held out; error on the fitted part {:.3f} N; holding the force at 25 mm to the end "
+      "is off by {:.3f} N: no model of one insertion knows of what lies ahead",
+      fit.held_out.bins, fit.fitted.rms, errorOfHolding(curve));
+  row.uncertainty += time;
+  return row;
+}
+
+}  // namespace
+
+Result<AccuracyRows> recordedCurveRows(const AccuracyOptions& options, const AccuracyProgress& progress,
+                                       std::vector<std::string>& notes) {
+  if (!hasRecording(options.data, kLiverHeartFile)) {
+    notes.push_back(missingRecording(options.data, kLiverHeartFile));
+    return AccuracyRows{};
+  }
+  int backward = 0;
+  ASSIGN_OR_RETURN(const auto recorded, readForceOverDepth(options.data / kLiverHeartFile, &backward));
+  const DepthCurve curve = depthCurve(recorded);
+  notes.push_back(
+      fmt::format("{}: digitised in several passes ({} steps back in depth): sorted by depth, means over "
+                  "0.25 mm; falls within one bin are between the needle's force before and after",
+                  kCurveScene, backward));
+
+  // the same models for each choice of what to fit on
+  const std::vector<BinChoice> choices = {alternateBlocks(0), alternateBlocks(1), beforeTheSplit()};
+  std::vector<std::vector<CurveModel>> models;
+  for (const BinChoice& choice : choices) models.push_back(curveModels(chosenBins(curve, choice)));
+  AccuracyRows alternate, extrapolated;
+  for (std::size_t m = 0; m < models.front().size(); ++m) {
+    std::vector<CurveFit> fits;
+    for (std::size_t c = 0; c < choices.size(); ++c) {
+      if (progress)
+        progress("fitting " + std::string(axialModelName(models[c][m].model)) + " to " + kCurveScene,
+                 (static_cast<double>(m) + static_cast<double>(c) / 3) /
+                     static_cast<double>(models.front().size()));
+      ASSIGN_OR_RETURN(auto fit, fitCurve(curve, models[c][m], choices[c]));
+      fits.push_back(std::move(fit));
+    }
+    if (fits[0].model == AxialModel::kPrecomputed) {
+      ASSIGN_OR_RETURN(auto row, statisticalRow(fits, curve, options.long_form ? 1000 : 100));
+      alternate.push_back(std::move(row));
+    }
+    alternate.push_back(alternateRow(fits[0], fits[1], curve));
+    extrapolated.push_back(extrapolationRow(fits[2], curve));
+  }
+  AccuracyRows rows = std::move(alternate);
+  rows.insert(rows.end(), extrapolated.begin(), extrapolated.end());
+  return rows;
+}
+
+namespace {
+
+constexpr double kPictureTo_m = 0.048;
+
+struct DrawnFit {
+  CurveFit fit;
+  std::vector<double> depth_mm, force_N;  // the engine's, every 30 µm
+};
+
+Result<DepthCurve> readCurve(const AccuracyOptions& options) {
+  ASSIGN_OR_RETURN(const auto rows, readForceOverDepth(options.data / kLiverHeartFile));
+  return depthCurve(rows);
+}
+
+Result<DrawnFit> drawn(const DepthCurve& curve, const CurveModel& model, const BinChoice& choice) {
+  ASSIGN_OR_RETURN(auto fit, fitCurve(curve, model, choice));
+  ASSIGN_OR_RETURN(const auto run, runCurve(fit.scene, kPictureTo_m));
+  DrawnFit made{std::move(fit), {}, {}};
+  for (double d = 0; d < kPictureTo_m; d += 3e-5) made.depth_mm.push_back(d);
+  made.force_N = forceAtDepths(run, made.fit.scene.surface_m, made.depth_mm);
+  for (double& d : made.depth_mm) d *= 1e3;
+  return made;
+}
+
+// recorded rows, in mm: those fitted on, and those held out; `suffix` of the blocks' names
+void addRecorded(const DepthCurve& curve, const BinChoice& choice, const std::string& suffix,
+                 PlotBlocks& data) {
+  std::vector<std::vector<double>> fitted(2), held_out(2);
+  for (const CurveBin& bin : curve.bins)
+    for (const std::size_t i : bin.rows) {
+      auto& side = choice(bin) ? fitted : held_out;
+      side[0].push_back(curve.depth_m[i] * 1e3);
+      side[1].push_back(curve.force_N[i]);
+    }
+  data.columns("fitted" + suffix, fitted);
+  data.columns("heldout" + suffix, held_out);
+}
+
+std::string modelText(const CurveFit& fit) {
+  switch (fit.model) {
+    case AxialModel::kEnhancedTrackingWall:
+      return fit.variant.starts_with("PUNCTURE") ? "enhanced wall, membranes" : "enhanced wall, layers";
+    case AxialModel::kTrackingWall:
+      return "tracking wall (2018), layers";
+    case AxialModel::kDirect:
+      return "direct, layers";
+    case AxialModel::kVoigt:
+      return "Voigt";
+    case AxialModel::kGodObject:
+      return "god object";
+    case AxialModel::kFirstOrder:
+      return "first order";
+    case AxialModel::kPrecomputed:
+      return "precomputed table";
+    default:
+      return std::string(axialModelName(fit.model));
+  }
+}
+
+}  // namespace
+
+Result<RecordedPicture> recordedCurvePicture(const AccuracyOptions& options) {
+  ASSIGN_OR_RETURN(const auto curve, readCurve(options));
+  PlotBlocks data;
+  std::vector<std::pair<std::string, std::vector<double>>> csv = {{"depth_m", curve.depth_m},
+                                                                  {"recorded_n", curve.force_N}};
+  std::string finding;
+  std::vector<std::string> legend;
+  // panel 0: every second block held out; panel 1: all beyond 25 mm
+  for (const bool extrapolates : {false, true}) {
+    const int panel = extrapolates ? 1 : 0;
+    const BinChoice choice = extrapolates ? beforeTheSplit() : alternateBlocks(1);
+    const auto chosen = chosenBins(curve, choice);
+    const std::vector<CurveModel> models = {layeredModel(AxialModel::kEnhancedTrackingWall, chosen),
+                                            membraneModel(chosen), lineModel(AxialModel::kVoigt, chosen)};
+    addRecorded(curve, choice, fmt::format(" {}", panel), data);
+    for (std::size_t m = 0; m < models.size(); ++m) {
+      ASSIGN_OR_RETURN(const auto model, drawn(curve, models[m], choice));
+      data.columns(fmt::format("model {} {}", panel, m), {model.depth_mm, model.force_N});
+      legend.push_back(fmt::format("{} ({} numbers): {:.2f} N", modelText(model.fit), model.fit.parameters,
+                                   model.fit.held_out.rms));
+      csv.emplace_back(fmt::format("{}_{}_n", extrapolates ? "extrapolated" : "alternate", m),
+                       model.fit.model_N);
+      if (finding.empty())
+        finding = fmt::format(
+            "Between what it was fitted on, the wall follows a bovine liver and heart to {:.2f} N; ahead of "
+            "it, no "
+            "model does",
+            model.fit.held_out.rms);
+    }
+  }
+  return RecordedPicture{"recorded_curve",
+                         csvOf(csv),
+                         data.text(),
+                         {{"finding", finding},
+                          {"legend", legend},
+                          {"block_mm", kDepthBlock_m * 1e3},
+                          {"split_mm", kExtrapolateFrom_m * 1e3}}};
+}
+
+Result<RecordedPicture> recordedModelsPicture(const AccuracyOptions& options) {
+  ASSIGN_OR_RETURN(const auto curve, readCurve(options));
+  const BinChoice choice = alternateBlocks(1);
+  const auto models = curveModels(chosenBins(curve, choice));
+  PlotBlocks data;
+  addRecorded(curve, choice, "", data);
+  std::vector<std::pair<std::string, std::vector<double>>> csv = {{"depth_m", curve.depth_m},
+                                                                  {"recorded_n", curve.force_N}};
+  std::vector<std::string> names, errors;
+  double least = 1e9, most = 0;
+  for (std::size_t m = 0; m < models.size(); ++m) {
+    ASSIGN_OR_RETURN(const auto model, drawn(curve, models[m], choice));
+    least = std::min(least, model.fit.held_out.rms);
+    most = std::max(most, model.fit.held_out.rms);
+    csv.emplace_back(fmt::format("model_{}_n", m), model.fit.model_N);
+    data.columns(fmt::format("model {}", m), {model.depth_mm, model.force_N});
+    names.push_back(modelText(model.fit));
+    errors.push_back(fmt::format("{} numbers: {:.2f} N rms", model.fit.parameters, model.fit.held_out.rms));
+  }
+  return RecordedPicture{
+      "recorded_models",
+      csvOf(csv),
+      data.text(),
+      {{"finding",
+        fmt::format("Models that know of layers or ruptures follow a recorded needle to {:.2f} N, a "
+                    "straight line to {:.2f} N",
+                    least, most)},
+       {"names", names},
+       {"errors", errors}}};
 }
 
 }  // namespace needlelab

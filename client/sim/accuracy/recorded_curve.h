@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "client/sim/accuracy/recorded_data.h"
+#include "client/sim/accuracy/recorded_fit.h"
 #include "client/sim/accuracy/recorded_models.h"
-#include "client/sim/accuracy/recorded_run.h"
 
 namespace needlelab {
 
@@ -56,5 +56,21 @@ struct CurveRun {
 Result<CurveRun> runCurve(const CurveScene& scene, double to_m, double rate_hz = 1000);
 /// Its force at each depth; 0 before the needle is in.
 std::vector<double> forceAtDepths(const CurveRun& run, double surface_m, const std::vector<double>& depth_m);
+
+/// One specimen says nothing of how patients differ: the spread is that of the digitised rows about the table
+/// (within 1 mm of each table row), the correlation length the default.
+StatisticalSpec spreadAround(const DepthCurve& curve, const CurveFit& table, const BinChoice& fit_on);
+
+struct SpreadCheck {
+  CurveError held_out_of_mean;  ///< of the mean of all insertions
+  double held_out_rms = 0;      ///< of one insertion, mean over insertions
+  double held_out_max = 0;      ///< of one insertion, greatest
+  double spread_of_rms = 0;     ///< standard deviation of `held_out_rms` over insertions
+  double in_band = 0;  ///< share of the rows held out, once in contact, within the law's central 95 %
+  CurveScene scene;
+};
+/// Through the engine, `insertions` times. Errors: those of `compile`.
+Result<SpreadCheck> checkSpread(const DepthCurve& curve, const StatisticalSpec& spec, const BinChoice& fit_on,
+                                int insertions);
 
 }  // namespace needlelab

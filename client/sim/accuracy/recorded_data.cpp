@@ -1,5 +1,7 @@
 #include "client/sim/accuracy/recorded_data.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cstdlib>
 #include <sstream>
@@ -43,10 +45,9 @@ std::string missingRecording(const std::filesystem::path& folder, const char* fi
 }
 
 Result<std::vector<ForceAtDepth>> readForceOverDepth(const std::filesystem::path& file, int* backward_steps) {
-  const auto table = readCsv(file, {"depth_m", "force_n"}, {}, kMostRows);
-  if (!table.ok()) return table.error();
-  const auto& depth = table->columns[static_cast<std::size_t>(table->find("depth_m"))];
-  const auto& force = table->columns[static_cast<std::size_t>(table->find("force_n"))];
+  ASSIGN_OR_RETURN(const auto table, readCsv(file, {"depth_m", "force_n"}, {}, kMostRows));
+  const auto& depth = table.columns[static_cast<std::size_t>(table.find("depth_m"))];
+  const auto& force = table.columns[static_cast<std::size_t>(table.find("force_n"))];
   std::vector<ForceAtDepth> rows;
   int backward = 0;
   for (std::size_t i = 0; i < depth.size(); ++i) {
@@ -60,10 +61,9 @@ Result<std::vector<ForceAtDepth>> readForceOverDepth(const std::filesystem::path
 }
 
 Result<std::vector<ForceAtTime>> readForceOverTime(const std::filesystem::path& file) {
-  const auto table = readCsv(file, {"t_s", "force_n"}, {}, kMostRows);
-  if (!table.ok()) return table.error();
-  const auto& time = table->columns[static_cast<std::size_t>(table->find("t_s"))];
-  const auto& force = table->columns[static_cast<std::size_t>(table->find("force_n"))];
+  ASSIGN_OR_RETURN(const auto table, readCsv(file, {"t_s", "force_n"}, {}, kMostRows));
+  const auto& time = table.columns[static_cast<std::size_t>(table.find("t_s"))];
+  const auto& force = table.columns[static_cast<std::size_t>(table.find("force_n"))];
   std::vector<ForceAtTime> rows;
   for (std::size_t i = 0; i < time.size(); ++i) rows.push_back({time[i], force[i]});
   std::stable_sort(rows.begin(), rows.end(),
@@ -73,23 +73,21 @@ Result<std::vector<ForceAtTime>> readForceOverTime(const std::filesystem::path& 
 
 Result<std::vector<FilmTrace>> readFilmTraces(const std::filesystem::path& file) {
   // numbers are checked by readCsv; the traces' names are the first column
-  const auto table = readCsv(file, {"sample", "force_n"}, {}, kMostRows);
-  if (!table.ok()) return table.error();
-  const auto text = readWholeFile(file, 64u << 20);
-  if (!text.ok()) return text.error();
-  const std::vector<std::string> names = firstCells(*text);
-  const auto& force = table->columns[static_cast<std::size_t>(table->find("force_n"))];
+  ASSIGN_OR_RETURN(const auto table, readCsv(file, {"sample", "force_n"}, {}, kMostRows));
+  ASSIGN_OR_RETURN(const auto text, readWholeFile(file, 64u << 20));
+  const std::vector<std::string> names = firstCells(text);
+  const auto& force = table.columns[static_cast<std::size_t>(table.find("force_n"))];
   if (names.size() != force.size())
-    return Error{ErrorCode::kInvalidInput, file.string() + ": " + std::to_string(force.size()) +
-                                               " rows of numbers, but " + std::to_string(names.size()) +
-                                               " names of traces"};
+    return Error{ErrorCode::kInvalidInput, fmt::format("{}: {} rows of numbers, but {} names of traces",
+                                                       file.string(), force.size(), names.size())};
   std::vector<FilmTrace> traces;
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (traces.empty() || traces.back().name != names[i]) {
       const std::size_t dash = names[i].find('-');
       if (dash == std::string::npos || dash < 2 || names[i][dash - 1] != 'G')
-        return Error{ErrorCode::kInvalidInput, file.string() + ":" + std::to_string(i + 2) + ": trace is \"" +
-                                                   names[i] + "\", expected a gauge and a number as 16G-1"};
+        return Error{ErrorCode::kInvalidInput,
+                     fmt::format("{}:{}: trace is \"{}\", expected a gauge and a number as 16G-1",
+                                 file.string(), i + 2, names[i])};
       traces.push_back({names[i], names[i].substr(0, dash), {}});
     }
     traces.back().force_N.push_back(force[i]);

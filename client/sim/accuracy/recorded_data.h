@@ -32,7 +32,7 @@ inline constexpr const char* kLiverHeartFile = "needle_force/bovine_liver_heart_
 inline constexpr const char* kHoldFile = "needle_force/insert_hold_withdraw.csv";
 inline constexpr const char* kFilmFile = "needle_force/film_puncture.csv";
 
-/// Whether `folder` has the file, and what to do when it has not, in words.
+/// Whether `folder` has the file; and a message that says what to do when it has not.
 bool hasRecording(const std::filesystem::path& folder, const char* file);
 std::string missingRecording(const std::filesystem::path& folder, const char* file);
 

@@ -1,12 +1,11 @@
 #include "client/sim/accuracy/recorded_epidural.h"
 
+#include <fmt/core.h>
 #include <algorithm>
 #include <cmath>
 
-#include "client/sim/accuracy/recorded_rows.h"
-#include "client/sim/accuracy/recorded_run.h"
-#include "client/sim/accuracy/recorded_text.h"
-#include "common/base/text.h"
+#include "client/sim/accuracy/recorded.h"
+#include "client/sim/accuracy/recorded_fit.h"
 
 namespace needlelab {
 namespace {
@@ -98,12 +97,11 @@ Result<AccuracyRows> epiduralRows(const AccuracyOptions& /*options*/, const Accu
   AccuracyRows rows;
   for (const double stiffness : {500.0, 1000.0, 10000.0}) {
     const SceneSpec scene = sceneOf(stiffness);
-    const auto model = compile(scene, 1000);
-    if (!model.ok()) return model.error();
+    ASSIGN_OR_RETURN(const auto model, compile(scene, 1000));
     // no tick within the micrometre in which the table falls into the epidural space
     const StraightGesture gesture = constantSpeed(-0.5e-6, 0.0569, 0.003, 1000);
     AxialRun run;
-    runStraight(*model, gesture, run);
+    runStraight(model, gesture, run);
     AccuracyRow row;
     double squares = 0, most = 0;
     std::size_t count = 0;
@@ -116,18 +114,18 @@ Result<AccuracyRows> epiduralRows(const AccuracyOptions& /*options*/, const Accu
     }
     row.scene = "epidural-porcine";
     row.model = axialModelName(AxialModel::kPrecomputed);
-    row.variant = formatted("wall of %.0f N/m, table of %zu rows", stiffness, scene.precomputed.table.size());
+    row.variant =
+        fmt::format("wall of {:.0f} N/m, table of {} rows", stiffness, scene.precomputed.table.size());
     row.reference = "force polynomials per layer, fitted by their source to porcine epidural insertions";
     row.rms_error_n = std::sqrt(squares / static_cast<double>(count));
     row.max_error_n = most;
     row.noticeable_n = noticeableForce_N(12.133);
     addGreatestStep(run, row);
-    row.uncertainty = formatted(
-        "%zu ticks at 3 mm/s; the table is within %.3f N of the polynomials, the rest is the wall's spring "
-        "where the "
-        "force rises steeper than %.0f N/m (at most 1,500, and a jump of 1.4 N at 20 mm); ",
+    row.uncertainty = fmt::format(
+        "{} ticks at 3 mm/s; the table is within {:.3f} N of the polynomials, the rest is the wall's spring "
+        "where the force rises steeper than {:.0f} N/m (at most 1,500, and a jump of 1.4 N at 20 mm); ",
         count, kEpiduralTableError_N, stiffness);
-    row.uncertainty += addTickTime(*model, gesture, row);
+    row.uncertainty += addTickTime(model, gesture, row);
     row.cannot_show =
         "the polynomials' own error against the insertions, which their source does not give; the "
         "withdrawal; forces "
@@ -135,6 +133,47 @@ Result<AccuracyRows> epiduralRows(const AccuracyOptions& /*options*/, const Accu
     rows.push_back(row);
   }
   return rows;
+}
+
+Result<RecordedPicture> epiduralPicture() {
+  SceneSpec scene = fittedSceneBase();
+  scene.axial_model = AxialModel::kPrecomputed;
+  scene.effects = bitOf(Effect::kCutting);
+  scene.layers.push_back({});
+  scene.layers[0].thickness_m = 0.06;
+  scene.precomputed.table = epiduralTable(kEpiduralTableError_N);
+  const StraightGesture gesture = constantSpeed(-1.5e-5, 0.0569, 0.003, 100);
+  std::vector<double> depth_mm, force_N;
+  for (const double d : gesture.depth_m) {
+    depth_mm.push_back(d * 1e3);
+    force_N.push_back(epiduralForce_N(d));
+  }
+  PlotBlocks data;
+  data.columns("law", {depth_mm, force_N});
+  std::vector<std::pair<std::string, std::vector<double>>> csv = {{"depth_mm", depth_mm},
+                                                                  {"polynomial_n", force_N}};
+  std::vector<std::string> legend;
+  for (const double stiffness : {500.0, 1000.0}) {
+    scene.tracking_wall.stiffness_N_per_m = stiffness;
+    ASSIGN_OR_RETURN(const auto run, runStraight(scene, gesture));
+    double squares = 0;
+    for (std::size_t i = 0; i < force_N.size(); ++i) squares += std::pow(run.force_N[i] - force_N[i], 2);
+    data.columns(fmt::format("wall {}", legend.size()), {depth_mm, run.force_N});
+    legend.push_back(fmt::format("rendered by a wall of {:.0f} N/m: {:.2f} N rms", stiffness,
+                                 std::sqrt(squares / static_cast<double>(force_N.size()))));
+    csv.emplace_back(fmt::format("k{:.0f}_n", stiffness), run.force_N);
+  }
+  // layers by a short name
+  constexpr std::array<const char*, 9> kShort = {"skin",   "fat",          "muscle",
+                                                 "",       "interspinous", "ligament, plateau",
+                                                 "flavum", "ruptured",     "epidural space"};
+  double top_mm = 0;
+  for (std::size_t i = 0; i < kShort.size(); ++i) {
+    const double thickness_mm = epiduralPolynomials()[i].thickness_mm;
+    data.row("layers", {top_mm, thickness_mm}, {kShort[i]});
+    top_mm += thickness_mm;
+  }
+  return RecordedPicture{"epidural_table", csvOf(csv), data.text(), {{"legend", legend}}};
 }
 
 }  // namespace needlelab

@@ -4,8 +4,9 @@
 #include <cmath>
 #include <limits>
 
-namespace needlelab {
+#include "client/sim/accuracy/gesture.h"
 
+namespace needlelab {
 FitResult patternSearch(const std::function<double(const std::vector<double>&)>& cost,
                         const std::vector<FitParameter>& parameters, int most_evaluations, double shrink_to) {
   FitResult best;
@@ -113,6 +114,75 @@ CurveError curveError(const std::vector<CurveBin>& bins, const std::vector<doubl
   error.rows_rms = std::sqrt(row_squares / static_cast<double>(error.rows));
   error.floor = std::sqrt(scatter / static_cast<double>(error.rows));
   return error;
+}
+
+void runStraight(const SceneModel& model, const StraightGesture& gesture, AxialRun& run) {
+  // half a turn about x: the tip frame's z axis points to −z of W
+  constexpr Quat kDown{1, 0, 0, 0};
+  SimState state{};
+  StepReport report;
+  run.force_N.resize(gesture.depth_m.size());
+  run.flags.resize(gesture.depth_m.size());
+  for (std::size_t i = 0; i < gesture.depth_m.size(); ++i) {
+    step(model, {{0, 0, -gesture.depth_m[i]}, kDown}, state, report);
+    run.force_N[i] = report.wrench_W.force_N.z;
+    run.flags[i] = report.flags;
+  }
+}
+
+Result<AxialRun> runStraight(const SceneSpec& scene, const StraightGesture& gesture) {
+  ASSIGN_OR_RETURN(const auto model, compile(scene, gesture.rate_hz));
+  AxialRun run;
+  runStraight(model, gesture, run);
+  return run;
+}
+
+StraightGesture constantSpeed(double from_m, double to_m, double speed_mps, double rate_hz) {
+  StraightGesture gesture{rate_hz, {}};
+  const double step_m = speed_mps / rate_hz;
+  const auto ticks = static_cast<std::size_t>(std::ceil((to_m - from_m) / step_m)) + 1;
+  for (std::size_t i = 0; i < ticks; ++i) gesture.depth_m.push_back(from_m + static_cast<double>(i) * step_m);
+  return gesture;
+}
+
+double forceAtTick(const AxialRun& run, double tick) {
+  if (run.force_N.empty()) return 0;
+  const double held = std::clamp(tick, 0.0, static_cast<double>(run.force_N.size() - 1));
+  const auto before = static_cast<std::size_t>(held);
+  const std::size_t after = std::min(before + 1, run.force_N.size() - 1);
+  return std::lerp(run.force_N[before], run.force_N[after], held - static_cast<double>(before));
+}
+
+SceneSpec fittedSceneBase() {
+  SceneSpec scene;
+  scene.needle_length_m = 1;
+  scene.max_force_N = 50;
+  scene.tracking_wall.stop_speed_mps = 0.001;
+  return scene;
+}
+
+std::string addTickTime(const SceneModel& model, const StraightGesture& gesture, AccuracyRow& row) {
+  constexpr std::size_t kBatches = 300, kPerBatch = 64;
+  constexpr Quat kDown{1, 0, 0, 0};
+  SimState state{};
+  StepReport report;
+  std::size_t tick = 0;
+  const Timing timing = timeBatches(kBatches, kPerBatch, [&] {
+    step(model, {{0, 0, -gesture.depth_m[tick]}, kDown}, state, report);
+    keep(report);
+    if (++tick == gesture.depth_m.size()) tick = 0;
+  });
+  row.rate_hz = gesture.rate_hz;
+  setTimes(row, timing, gesture.rate_hz);
+  return timingText(timing);
+}
+
+void addGreatestStep(const AxialRun& run, AccuracyRow& row) {
+  double most = 0;
+  for (std::size_t i = 1; i < run.force_N.size(); ++i)
+    if (!isRelease(run.flags[i], run.force_N[i - 1], run.force_N[i]))
+      most = std::max(most, std::fabs(run.force_N[i] - run.force_N[i - 1]));
+  row.max_step_n = most;
 }
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-/// The hold's relaxation: how well the two ways of a stop (DESIGN §3.2) follow a recorded needle that holds
-/// still in tissue, and what can be said of the withdrawal after it.
+/// The hold's relaxation: how well the two ways of a stop (FORCE_MODEL.md, "Tracking wall") follow a recorded
+/// needle that holds still in tissue, and what can be said of the withdrawal after it.
 #pragma once
 
 #include <functional>
@@ -7,7 +7,6 @@
 
 #include "client/sim/accuracy/recorded_data.h"
 #include "client/sim/accuracy/recorded_fit.h"
-#include "client/sim/accuracy/recorded_run.h"
 
 namespace needlelab {
 

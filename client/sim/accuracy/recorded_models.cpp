@@ -1,9 +1,11 @@
 #include "client/sim/accuracy/recorded_models.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 
-#include "client/sim/accuracy/recorded_run.h"
+#include "client/sim/accuracy/recorded_fit.h"
 #include "common/haptics/limits.h"
 
 namespace needlelab {
@@ -78,11 +80,11 @@ std::vector<Piece> piecesOf(const std::vector<CurveBin>& bins) {
 }
 
 std::string counted(std::size_t count, const char* one) {
-  return std::to_string(count) + " " + one + (count == 1 ? "" : "s");
+  return fmt::format("{} {}{}", count, one, count == 1 ? "" : "s");
 }
 
 std::string nth(const char* name, std::size_t i) {
-  return name + std::to_string(i);
+  return fmt::format("{}{}", name, i);
 }
 
 // layer i begins at tops[i] and ends at the next; they are put in order, at least 0.1 mm apart
@@ -304,7 +306,7 @@ CurveModel tableModel(const std::vector<CurveBin>& fit_on) {
   CurveModel made;
   made.model = AxialModel::kPrecomputed;
   const auto rows = static_cast<std::size_t>(std::floor(fit_on.back().at / kTableStep_m)) + 1;
-  made.variant = "table of " + std::to_string(rows) + " rows, 1 mm apart";
+  made.variant = fmt::format("table of {} rows, 1 mm apart", rows);
   for (std::size_t i = 0; i < rows; ++i)
     made.parameters.push_back(
         forceParameter(nth("cutting_n ", i), valueAt(fit_on, static_cast<double>(i) * kTableStep_m)));

@@ -1,12 +1,11 @@
 #include "client/sim/accuracy/recorded_statistical.h"
 
+#include <fmt/core.h>
 #include <algorithm>
 #include <cmath>
 
-#include "client/sim/accuracy/recorded_rows.h"
-#include "client/sim/accuracy/recorded_run.h"
-#include "client/sim/accuracy/recorded_text.h"
-#include "common/base/text.h"
+#include "client/sim/accuracy/recorded.h"
+#include "client/sim/accuracy/recorded_fit.h"
 
 namespace needlelab {
 namespace {
@@ -77,8 +76,7 @@ ForceLaw forceLawAt(const StatisticalSpec& spec, double depth_m) {
 
 Result<StatisticalDraws> drawStatistical(const StatisticalSpec& spec, const std::vector<double>& depths_m,
                                          std::size_t draws, double stiffness_N_per_m) {
-  const auto model = compile(sceneOf(spec, stiffness_N_per_m), 1000);
-  if (!model.ok()) return model.error();
+  ASSIGN_OR_RETURN(const auto model, compile(sceneOf(spec, stiffness_N_per_m), 1000));
 
   // ticks at which to look: each depth, and one correlation length below it
   const auto tickOf = [](double depth_m) { return static_cast<std::size_t>(std::lround(depth_m / kStep_m)); };
@@ -95,9 +93,9 @@ Result<StatisticalDraws> drawStatistical(const StatisticalSpec& spec, const std:
   StepReport report;
   std::vector<double> along_N(last + 1);
   for (std::size_t draw = 0; draw < draws; ++draw) {
-    step(*model, {{0, 0, kStep_m}, kDown}, state, report);
+    step(model, {{0, 0, kStep_m}, kDown}, state, report);
     for (std::size_t i = 1; i <= last; ++i) {
-      step(*model, {{0, 0, -static_cast<double>(i) * kStep_m}, kDown}, state, report);
+      step(model, {{0, 0, -static_cast<double>(i) * kStep_m}, kDown}, state, report);
       along_N[i] = report.wrench_W.force_N.z;
     }
     for (std::size_t k = 0; k < ticks.size(); ++k) forces_N[k].push_back(along_N[ticks[k]]);
@@ -136,34 +134,79 @@ Result<AccuracyRows> statisticalRows(const AccuracyOptions& options, const Accur
   if (progress) progress("drawing statistical insertions", 0);
   const StatisticalSpec spec = syntheticStatistics();
   const std::size_t draws = options.long_form ? 100'000 : 10'000;
-  const auto result = drawStatistical(spec, {0.002, 0.0075, 0.015, 0.022, 0.0265}, draws, 1000);
-  if (!result.ok()) return result.error();
-  const auto model = compile(sceneOf(spec, 1000), 1000);
-  if (!model.ok()) return model.error();
+  ASSIGN_OR_RETURN(const auto result,
+                   drawStatistical(spec, {0.002, 0.0075, 0.015, 0.022, 0.0265}, draws, 1000));
+  ASSIGN_OR_RETURN(const auto model, compile(sceneOf(spec, 1000), 1000));
   AccuracyRows rows;
-  for (const DrawnAtDepth& at : result->depths) {
+  for (const DrawnAtDepth& at : result.depths) {
     AccuracyRow row;
     row.scene = "synthetic statistics";
     row.model = axialModelName(AxialModel::kStatistical);
-    row.variant = formatted(
-        "at %.1f mm: mean %.3f N of %.3f, sd %.3f N of %.3f; %.2f %% within the 95 %% band", at.depth_m * 1e3,
-        at.drawn.mean_N, at.asked.mean_N, at.drawn.sd_N, at.asked.sd_N, 100 * at.in_band);
+    row.variant = fmt::format(
+        "at {:.1f} mm: mean {:.3f} N of {:.3f}, sd {:.3f} N of {:.3f}; {:.2f} % within the 95 % band",
+        at.depth_m * 1e3, at.drawn.mean_N, at.asked.mean_N, at.drawn.sd_N, at.asked.sd_N, 100 * at.in_band);
     row.reference = "log-normal law of the section's mean and sd at that depth";
     row.rms_error_n = std::fabs(at.drawn.mean_N - at.asked.mean_N);
     row.max_error_n = std::max(*row.rms_error_n, std::fabs(at.drawn.sd_N - at.asked.sd_N));
     row.noticeable_n = noticeableForce_N(at.asked.mean_N);
-    row.uncertainty = formatted(
-        "%zu insertions: mean known to %.4f N, share in the band to %.2f %%; correlation length %.2f mm of "
-        "%.2f; ",
-        result->draws, at.asked.sd_N / std::sqrt(static_cast<double>(result->draws)),
-        100 * std::sqrt(0.95 * 0.05 / static_cast<double>(result->draws)), result->correlation_length_m * 1e3,
+    row.uncertainty = fmt::format(
+        "{} insertions: mean known to {:.4f} N, share in the band to {:.2f} %; correlation length {:.2f} mm "
+        "of {:.2f}; ",
+        result.draws, at.asked.sd_N / std::sqrt(static_cast<double>(result.draws)),
+        100 * std::sqrt(0.95 * 0.05 / static_cast<double>(result.draws)), result.correlation_length_m * 1e3,
         spec.correlation_length_m * 1e3);
-    row.uncertainty += addTickTime(*model, constantSpeed(-1e-4, 0.03, 0.003, 1000), row);
+    row.uncertainty += addTickTime(model, constantSpeed(-1e-4, 0.03, 0.003, 1000), row);
     row.cannot_show =
         "the numbers are synthetic: it shows that the sampler keeps to its law, not that tissue does";
     rows.push_back(row);
   }
   return rows;
+}
+
+Result<RecordedPicture> statisticalPicture() {
+  const StatisticalSpec spec = syntheticStatistics();
+  SceneSpec scene = sceneOf(spec, 1000);
+  std::vector<double> x, mean, low, high;
+  for (double d = 0; d <= 0.03; d += 1e-4) {
+    const ForceLaw law = forceLawAt(spec, d);
+    const ForceBand band = centralBand95(law.mean_N, law.sd_N);
+    x.push_back(d * 1e3);
+    mean.push_back(law.mean_N);
+    low.push_back(band.low_N);
+    high.push_back(band.high_N);
+  }
+  PlotBlocks data;
+  data.columns("law", {x, mean, low, high});
+  constexpr int kShown = 40;
+  for (int i = 0; i < kShown; ++i) {
+    scene.statistical.seed = spec.seed + static_cast<std::uint64_t>(i);
+    const StraightGesture gesture = constantSpeed(-1e-5, 0.03, 0.003, 100);
+    ASSIGN_OR_RETURN(const auto run, runStraight(scene, gesture));
+    std::vector<double> depth_mm;
+    for (const double d : gesture.depth_m) depth_mm.push_back(d * 1e3);
+    data.columns(fmt::format("draw {}", i), {depth_mm, run.force_N});
+  }
+  ASSIGN_OR_RETURN(const auto draws,
+                   drawStatistical(spec, {0.002, 0.0075, 0.015, 0.022, 0.0265}, 10'000, 1000));
+  double least = 1, most = 0;
+  std::vector<double> at, drawn, drawn_sd, in_band;
+  for (const DrawnAtDepth& one : draws.depths) {
+    least = std::min(least, one.in_band);
+    most = std::max(most, one.in_band);
+    at.push_back(one.depth_m);
+    drawn.push_back(one.drawn.mean_N);
+    drawn_sd.push_back(one.drawn.sd_N);
+    in_band.push_back(one.in_band);
+  }
+  return RecordedPicture{
+      "statistical_draws",
+      csvOf({{"depth_m", at}, {"mean_n", drawn}, {"sd_n", drawn_sd}, {"share_in_band", in_band}}),
+      data.text(),
+      {{"finding",
+        fmt::format("Statistical insertions keep to their law: {:.1f} to {:.1f} % of 10,000 draws lie in "
+                    "the 95 % band",
+                    100 * least, 100 * most)},
+       {"draws", static_cast<double>(kShown)}}};
 }
 
 }  // namespace needlelab

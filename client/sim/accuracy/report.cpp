@@ -1,24 +1,25 @@
 #include "client/sim/accuracy/report.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "client/sim/accuracy/pareto.h"
+#include "client/sim/accuracy/panel_layout.h"
+#include "client/sim/accuracy/recommendation.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 namespace {
 
 std::string number(const std::optional<double>& value, double scale = 1) {
   if (!value) return {};
-  char text[40];
-  std::snprintf(text, sizeof text, "%.3g", *value * scale);
   // %g falls into powers of ten above 999: figures of a table stay plain
-  if (std::abs(*value * scale) >= 1000) std::snprintf(text, sizeof text, "%.0f", *value * scale);
-  return text;
+  return std::abs(*value * scale) >= 1000 ? fmt::format("{:.0f}", *value * scale)
+                                          : fmt::format("{:.3g}", *value * scale);
 }
 
 // letters, not bytes: µ has two
@@ -78,7 +79,7 @@ void appendTable(std::string& out, const Cells& cells) {
       continue;
     std::size_t width = letters(columns()[c].title);
     for (const std::string& cell : cells[c]) width = std::max(width, letters(cell));
-    // words to the left, numbers to the right
+    // texts to the left, numbers to the right
     const bool left = c == 0 || c + 2 >= cells.size();
     for (std::size_t r = 0; r <= rows; ++r) {
       const std::string cell = r == 0 ? columns()[c].title : cells[c][r - 1];
@@ -153,6 +154,240 @@ std::string accuracyCsv(const AccuracyRows& rows) {
     out += line + "\n";
   }
   return out;
+}
+
+namespace {
+
+// what a diagram shows of a row
+struct Axes {
+  const char *x_title, *y_title, *x_unit, *y_unit;
+  std::optional<double> (*x)(const AccuracyRow&);
+  std::optional<double> (*y)(const AccuracyRow&);
+};
+
+std::optional<double> scaled(const std::optional<double>& value, double scale) {
+  return value ? std::optional(*value * scale) : std::nullopt;
+}
+
+constexpr auto kCost_s = [](const AccuracyRow& r) { return scaled(costOf_ns(r), 1e-9); };
+constexpr auto kError_N = [](const AccuracyRow& r) { return r.rms_error_n; };
+
+Axes timeAxes(AccuracyStudy study) {
+  const char* x = study == AccuracyStudy::kRate      ? "processor time for 1 ms of the lesson"
+                  : study == AccuracyStudy::kStorage ? "time to encode and decode a sample"
+                  : study == AccuracyStudy::kLive    ? "processor time for a sample, station and viewer"
+                                                     : "time of a tick (median)";
+  return {x,       study == AccuracyStudy::kLive ? "force seen late: rms error" : "rms error of force",
+          "s",     "N",
+          kCost_s, kError_N};
+}
+
+const Axes kBytesAxes = {
+    "bytes a sample", "rms error of force", "B", "N", [](const AccuracyRow& r) { return r.bytes_per_sample; },
+    kError_N};
+const Axes kLatencyAxes = {"bandwidth, framing and TLS included",
+                           "latency, p99",
+                           "B/s",
+                           "s",
+                           [](const AccuracyRow& r) { return r.bytes_per_s; },
+                           [](const AccuracyRow& r) { return scaled(r.latency_p99_ms, 1e-3); }};
+const Axes kStepAxes = {"time of a tick (median)",
+                        "greatest step of force in a tick",
+                        "s",
+                        "N",
+                        kCost_s,
+                        [](const AccuracyRow& r) { return r.max_step_n; }};
+
+// a name that fits beside a point: a variant by its beginning
+std::string shortName(const AccuracyRow& row, const std::string& name) {
+  const std::string choice = choiceOf(row);
+  if (name == choice) return name;
+  return choice + " (" + row.variant.substr(0, row.variant.find_first_of(",:;")) + ")";
+}
+
+// the rows of a group that have both measures; names of series `first` on, meshes one series per variant
+void addPoints(Panel& panel, const RowGroup& group, const Axes& axes, bool named) {
+  const std::size_t first = panel.series.size();
+  if (group.study != AccuracyStudy::kMesh) panel.series.push_back(group.scene);
+  std::vector<std::size_t> shown;
+  std::vector<CostError> measures;
+  for (std::size_t i = 0; i < group.rows.size(); ++i) {
+    const auto x = axes.x(*group.rows[i]), y = axes.y(*group.rows[i]);
+    if (!x || !y || !std::isfinite(*x) || !std::isfinite(*y)) continue;
+    shown.push_back(i);
+    measures.push_back({*x, *y});
+  }
+  const bool over_time = axes.y == kError_N && axes.x == kCost_s;
+  const std::vector<bool> group_front = paretoFront(group), own_front = paretoFront(measures);
+  for (std::size_t k = 0; k < shown.size(); ++k) {
+    const AccuracyRow& row = *group.rows[shown[k]];
+    const bool is_front = over_time ? group_front[shown[k]] : own_front[k];
+    PanelPoint point{measures[k].cost, measures[k].error, {}, {}, first, row.fits_rate.value_or(true),
+                     is_front};
+    if (group.study == AccuracyStudy::kMesh) {
+      auto at = std::find(panel.series.begin(), panel.series.end(), row.variant);
+      if (at == panel.series.end()) at = panel.series.insert(at, row.variant);
+      point.series = static_cast<std::size_t>(at - panel.series.begin());
+    }
+    if (axes.y == kError_N) point.spread = row.rms_error_spread_n;
+    if (named) {
+      point.label =
+          group.study == AccuracyStudy::kMesh ? choiceOf(row) : shortName(row, group.names[shown[k]]);
+      if (measures[k].error == 0)
+        point.label += group.study == AccuracyStudy::kMesh ? " (comparator)" : " (no error)";
+    }
+    panel.points.push_back(std::move(point));
+  }
+}
+
+Panel panelOf(const std::vector<const RowGroup*>& groups, const Axes& axes) {
+  Panel panel;
+  panel.x_title = axes.x_title, panel.y_title = axes.y_title;
+  panel.x_unit = axes.x_unit, panel.y_unit = axes.y_unit;
+  for (std::size_t s = 0; s < groups.size(); ++s) addPoints(panel, *groups[s], axes, s == 0);
+  panel.under_title =
+      (groups.size() == 1 ? groups[0]->scene + ", " : std::string()) + "against " + groups[0]->reference;
+  const auto& noticed = groups[0]->rows[0]->noticeable_n;
+  if (noticed && axes.y != kLatencyAxes.y) {
+    panel.level = *noticed;
+    panel.level_name = "a hand notices " + siText(*noticed, "N");
+  }
+  return panel;
+}
+
+// groups of a model each alone (nine names fill a diagram); others by reference, their scenes together
+std::vector<std::vector<const RowGroup*>> diagramsOf(AccuracyStudy study,
+                                                     const std::vector<RowGroup>& groups) {
+  std::vector<std::vector<const RowGroup*>> diagrams;
+  for (const RowGroup& group : groups) {
+    if (group.study != study || !group.compares()) continue;
+    auto same = std::find_if(diagrams.begin(), diagrams.end(), [&](const auto& diagram) {
+      return study != AccuracyStudy::kModel && diagram[0]->reference == group.reference &&
+             diagram[0]->model == group.model;
+    });
+    if (same == diagrams.end())
+      diagrams.push_back({&group});
+    else
+      same->push_back(&group);
+  }
+  return diagrams;
+}
+
+// the group in which the greatest steps differ most
+const RowGroup* mostSteps(const std::vector<std::vector<const RowGroup*>>& diagrams) {
+  const RowGroup* found = nullptr;
+  double widest = 1;
+  for (const auto& diagram : diagrams) {
+    double least = 0, most = 0;
+    for (const AccuracyRow* row : diagram[0]->rows) {
+      if (!row->max_step_n || *row->max_step_n <= 0) continue;
+      least = least == 0 ? *row->max_step_n : std::min(least, *row->max_step_n);
+      most = std::max(most, *row->max_step_n);
+    }
+    if (least > 0 && most / least > widest) {
+      widest = most / least;
+      found = diagram[0];
+    }
+  }
+  return found;
+}
+
+std::vector<Panel> panelsOf(AccuracyStudy study, const std::vector<RowGroup>& groups) {
+  std::vector<Panel> panels;
+  const auto add = [&](Panel panel, const std::string& title) {
+    panel.title = title;
+    if (!panel.points.empty()) panels.push_back(std::move(panel));
+  };
+  auto diagrams = diagramsOf(study, groups);
+  if (diagrams.empty()) return panels;
+  constexpr std::size_t kMost = 5;
+  if (diagrams.size() > kMost) diagrams.resize(kMost);
+  for (const auto& diagram : diagrams) {
+    AccuracyRows own;
+    for (const AccuracyRow* row : diagram[0]->rows) own.push_back(*row);
+    add(panelOf(diagram, timeAxes(study)), findingOf(study, own));
+  }
+  if (study == AccuracyStudy::kStorage) add(panelOf(diagrams[0], kBytesAxes), "Bytes for accuracy");
+  if (study == AccuracyStudy::kLive) add(panelOf(diagrams[0], kLatencyAxes), "Bandwidth for being on time");
+  if (study == AccuracyStudy::kModel)
+    if (const RowGroup* steps = mostSteps(diagrams))
+      add(panelOf({steps}, kStepAxes), "Continuity: a step is felt, whatever the mean error");
+  return panels;
+}
+
+struct Grid {
+  std::size_t columns = 1, rows = 1;
+  double cell_width = 0, cell_height = 0;
+};
+
+AccuracyPicture pictureOf(const std::string& name, const std::string& title, const std::vector<Panel>& panels,
+                          const Grid& grid, const std::string& text_cell) {
+  constexpr double kHead = 48, kFoot = 40;
+  const double width = static_cast<double>(grid.columns) * grid.cell_width;
+  const double height = static_cast<double>(grid.rows) * grid.cell_height + kHead + kFoot;
+  PlotBlocks data;
+  for (std::size_t i = 0; i < panels.size(); ++i) {
+    const auto column = static_cast<double>(i % grid.columns), row = static_cast<double>(i / grid.columns);
+    addPanel(panels[i],
+             {column * grid.cell_width, height - kHead - (row + 1) * grid.cell_height, grid.cell_width,
+              grid.cell_height},
+             i, data);
+  }
+  if (!text_cell.empty()) {
+    const auto i = grid.columns * grid.rows - 1;
+    const double left = static_cast<double>(i % grid.columns) * grid.cell_width + 60;
+    double y = height - kHead - static_cast<double>(i / grid.columns) * grid.cell_height - 40;
+    std::string rest = text_cell;
+    while (!rest.empty()) {
+      const std::size_t end = rest.find('\n');
+      if (end != 0) data.row("text", {left, y}, {rest.substr(0, end)});
+      y -= 22;
+      rest.erase(0, end == std::string::npos ? rest.size() : end + 1);
+    }
+  }
+  return {name, data.text(), {{"title", title}, {"width", width}, {"height", height}}};
+}
+
+// the text in the corner of the overview
+std::string summaryText(const AccuracyRows& rows) {
+  const auto advice = recommendation(rows);
+  if (advice.empty()) return {};
+  return wrapped(advice.back(), 70, "") + "\n" +
+         wrapped(
+             "Each diagram: error against time, both logarithmic; down and to the left is better. The title "
+             "is the choice that the report's rule takes; the rules and all rows, with comparator, "
+             "uncertainty and what they cannot show: needlelab-sim accuracy.",
+             70, "") +
+         "\n" + wrapped("Measured on " + machineText() + ".", 70, "");
+}
+
+constexpr std::array<const char*, 5> kTitles = {"What a model of the tissue costs, and what it gives",
+                                                "What a finer FEM mesh costs, and what it gives",
+                                                "What a faster haptic loop costs, and what it gives",
+                                                "What a finer stored resolution costs, and what it gives",
+                                                "What live frames cost, and how late they are"};
+
+}  // namespace
+
+std::vector<AccuracyPicture> accuracyPictures(const AccuracyRows& rows) {
+  const std::vector<RowGroup> groups = groupsOf(rows);
+  std::vector<AccuracyPicture> pictures;
+  std::vector<Panel> firsts;
+  for (std::size_t s = 0; s < kAccuracyStudyNames.size(); ++s) {
+    const auto panels = panelsOf(static_cast<AccuracyStudy>(s), groups);
+    if (panels.empty()) continue;
+    // of the models' scenes the second is the fuller one
+    firsts.push_back(s == 0 && panels.size() > 2 ? panels[1] : panels[0]);
+    const std::size_t columns = panels.size() == 1 ? 1 : panels.size() <= 4 ? 2 : 3;
+    const Grid grid{columns, (panels.size() + columns - 1) / columns, columns == 1 ? 1200.0 : 800.0, 600};
+    pictures.push_back(
+        pictureOf("accuracy_" + std::string(kAccuracyStudyNames[s]), kTitles[s], panels, grid, {}));
+  }
+  if (firsts.size() < 2) return pictures;
+  const std::size_t columns = firsts.size() < 4 ? 2 : 3;
+  const Grid grid{columns, firsts.size() / columns + 1, 800, 560};
+  pictures.push_back(pictureOf("accuracy", "What accuracy costs in time", firsts, grid, summaryText(rows)));
+  return pictures;
 }
 
 }  // namespace needlelab

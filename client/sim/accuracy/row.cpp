@@ -1,5 +1,7 @@
 #include "client/sim/accuracy/row.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -59,6 +61,10 @@ Json jsonOf(const AccuracyRow& row) {
 double noticeableForce_N(double force_N) {
   constexpr double kShare = 0.07, kLeastForce_N = 2.5;
   return kShare * std::max(std::abs(force_N), kLeastForce_N);
+}
+
+std::string spreadText(const ErrorRuns& runs, const char* of) {
+  return fmt::format("rms ± {:.2g} N (sd over {} {})", runs.spread(), runs.runs(), of);
 }
 
 }  // namespace needlelab

@@ -1,7 +1,10 @@
-/// One row of the accuracy report (DESIGN §5): what one choice costs in time, and what it gives.
+/// One row of the accuracy report : what one choice costs in time, and what it gives.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -37,7 +40,7 @@ struct AccuracyRow {
   std::optional<double> mesh_nodes;   ///< of the FEM
   std::optional<double> quantum_m;    ///< step of stored lengths; 0 = lossless
   std::optional<double> frame_s;      ///< interval of live frames
-  std::string reference;              ///< what the error is taken against, in words; never empty
+  std::string reference;              ///< the comparator of the error, as text; never empty
   std::optional<double> rms_error_n;  ///< of force
   std::optional<double> max_error_n;  ///< of force
   std::optional<double> bytes_per_sample;
@@ -48,7 +51,7 @@ struct AccuracyRow {
   std::optional<bool> fits_rate;  ///< p99_ns (median_ns where there is no p99), alone on a core, is within
                                   ///< the period of its rate
 
-  // beyond DESIGN §5
+  // for some studies only
   std::string variant;  ///< a choice that has no column, e.g. "PRECOMPUTED table, 2,000 nodes"
   std::optional<double> rms_error_spread_n;  ///< standard deviation of rms_error_n over seeds or repeats
   /// Greatest change of force from one tick to the next, but for the falls that the report declares as
@@ -61,7 +64,7 @@ struct AccuracyRow {
   std::optional<double> latency_p99_ms;
   std::optional<double> bytes_per_s;  ///< on the wire, framing and TLS included
   bool advises = true;                ///< false: shown, but no choice follows from it (an extrapolation)
-  std::string uncertainty;            ///< in words, with numbers; never empty
+  std::string uncertainty;            ///< a text with numbers; never empty
   std::string cannot_show;            ///< what this row says nothing about; never empty
 };
 
@@ -71,11 +74,62 @@ using AccuracyRows = std::vector<AccuracyRow>;
 /// whether that fits.
 void setTimes(AccuracyRow& row, const Timing& per_tick, double rate_hz);
 
-/// The row as JSON: the columns of DESIGN §5 in their order, then the others; null where absent.
+/// The row as JSON: its columns in their order; null where absent.
 nlohmann::ordered_json jsonOf(const AccuracyRow& row);
 
 /// Just noticeable difference at a force: 7 % from 2.5 N on (the literature: between 2.5 and 10 N); below
 /// that people tell relatively less apart, the difference is held at 0.175 N. In N.
 double noticeableForce_N(double force_N);
+
+/// Root mean square and greatest of errors that are added one after the other.
+class ErrorSum {
+ public:
+  void add(double error) {
+    square_ += error * error;
+    max_ = std::max(max_, std::abs(error));
+    ++count_;
+  }
+  [[nodiscard]] double rms() const {
+    return count_ > 0 ? std::sqrt(square_ / static_cast<double>(count_)) : 0;
+  }
+  [[nodiscard]] double max() const { return max_; }
+  [[nodiscard]] std::size_t count() const { return count_; }
+
+ private:
+  double square_ = 0, max_ = 0;
+  std::size_t count_ = 0;
+};
+
+/// Several runs of the same kind, e.g. one a seed, each with the same weight.
+class ErrorRuns {
+ public:
+  void add(const ErrorSum& run) {
+    rms_.push_back(run.rms());
+    max_ = std::max(max_, run.max());
+  }
+  /// Over all runs: root of the mean of their squares.
+  [[nodiscard]] double rms() const {
+    ErrorSum all;
+    for (const double one : rms_) all.add(one);
+    return all.rms();
+  }
+  [[nodiscard]] double max() const { return max_; }
+  /// Standard deviation of the runs' rms (n − 1); 0 for one run.
+  [[nodiscard]] double spread() const {
+    if (rms_.size() < 2) return 0;
+    double mean = 0, square = 0;
+    for (const double one : rms_) mean += one / static_cast<double>(rms_.size());
+    for (const double one : rms_) square += (one - mean) * (one - mean);
+    return std::sqrt(square / static_cast<double>(rms_.size() - 1));
+  }
+  [[nodiscard]] std::size_t runs() const { return rms_.size(); }
+
+ private:
+  std::vector<double> rms_;
+  double max_ = 0;
+};
+
+/// "rms ± 0.012 N (sd over 8 seeds)".
+std::string spreadText(const ErrorRuns& runs, const char* of);
 
 }  // namespace needlelab

@@ -1,12 +1,14 @@
-#include "client/sim/accuracy/storage_study.h"
+#include "client/sim/accuracy/study.h"
+
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
 #include <span>
 #include <utility>
 
-#include "client/sim/accuracy/error_sum.h"
-#include "client/sim/accuracy/lesson_samples.h"
+#include "client/sim/accuracy/gesture.h"
+#include "client/sim/accuracy/row.h"
 #include "common/base/clock.h"
 #include "common/gesture/chunk.h"
 
@@ -39,9 +41,8 @@ Result<Stored> throughCodec(const std::vector<GestureSample>& samples, const Res
     const auto part = std::span(samples).subspan(at, std::min(kChunk, samples.size() - at));
     Bytes chunk = encodeChunk(resolution, part);
     bytes += chunk.size();
-    auto back = decodeChunk(chunk);
-    if (!back.ok()) return back.error();
-    stored.samples.insert(stored.samples.end(), back->begin(), back->end());
+    ASSIGN_OR_RETURN(auto back, decodeChunk(chunk));
+    stored.samples.insert(stored.samples.end(), back.begin(), back.end());
     if (part.size() < kChunk) continue;  // whole ones only are timed
     parts.push_back(part);
     chunks.push_back(std::move(chunk));
@@ -68,10 +69,10 @@ AccuracyRow rowOf(const StudyLesson& lesson, double quantum_m, const Stored& sto
   row.p99_ns = stored.encode.p99_ns + stored.decode.p99_ns;
   row.cpu_share = *row.median_ns * lesson.model.rate_hz * 1e-9;
   row.fits_rate = *row.p99_ns <= 1e9 / lesson.model.rate_hz;
-  char text[120];
-  std::snprintf(text, sizeof text, "force %.3g mN; encode %.0f ns, decode %.0f ns a sample",
-                scaledResolution(quantum_m).force_N * 1e3, stored.encode.median_ns, stored.decode.median_ns);
-  row.variant = quantum_m > 0 ? text : std::string("lossless; ") + (std::strchr(text, ';') + 2);
+  const std::string text = fmt::format("force {:.3g} mN; encode {:.0f} ns, decode {:.0f} ns a sample",
+                                       scaledResolution(quantum_m).force_N * 1e3, stored.encode.median_ns,
+                                       stored.decode.median_ns);
+  row.variant = quantum_m > 0 ? text : "lossless; " + text.substr(text.find(';') + 2);
   ErrorSum position;
   ErrorSum force;
   for (std::size_t i = 0; i < stored.samples.size(); ++i) {
@@ -105,15 +106,14 @@ void setErrors(AccuracyRow& row, const StudyLesson& lesson, const std::vector<Ve
 Status addLesson(const StudyLesson& lesson, double budget_s, AccuracyRows& rows) {
   const std::vector<Vec3> before_N = recomputedForces(lesson.model, lesson.samples);
   for (const double quantum_m : kQuanta_m) {
-    const auto stored = throughCodec(lesson.samples, scaledResolution(quantum_m), budget_s);
-    if (!stored.ok()) return stored.error();
+    ASSIGN_OR_RETURN(const auto stored, throughCodec(lesson.samples, scaledResolution(quantum_m), budget_s));
 
-    AccuracyRow row = rowOf(lesson, quantum_m, *stored);
+    AccuracyRow row = rowOf(lesson, quantum_m, stored);
     row.reference = "the force of the tick, against the stored one";
     std::vector<Vec3> forces_N;
-    for (const GestureSample& s : stored->samples)
+    for (const GestureSample& s : stored.samples)
       forces_N.push_back({s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]});
-    setErrors(row, lesson, forces_N, *stored);
+    setErrors(row, lesson, forces_N, stored);
     row.cannot_show = "the disk: chunks are in memory; what a score makes of the error";
     rows.push_back(row);
 
@@ -127,7 +127,7 @@ Status addLesson(const StudyLesson& lesson, double budget_s, AccuracyRows& rows)
     }
     row.reference = "the engine's force from the poses, against that from the stored poses";
     row.model = "ENHANCED_TRACKING_WALL";
-    setErrors(row, again, recomputedForces(lesson.model, stored->samples), *stored);
+    setErrors(row, again, recomputedForces(lesson.model, stored.samples), stored);
     row.cannot_show =
         "a stop that begins a tick earlier or later counts as an error of force, which no hand would feel";
     rows.push_back(std::move(row));
@@ -154,21 +154,18 @@ Resolution scaledResolution(double length_m) {
 Result<AccuracyRows> storageStudy(const AccuracyOptions& options, const AccuracyProgress& progress,
                                   std::vector<std::string>& notes) {
   std::vector<StudyLesson> lessons;
-  auto generated = generatedLesson();
-  if (!generated.ok()) return generated.error();
-  lessons.push_back(*std::move(generated));
-  auto recorded = recordedLessons(options);
-  if (!recorded.ok()) return recorded.error();
-  if (recorded->empty())
+  ASSIGN_OR_RETURN(auto generated, generatedLesson());
+  lessons.push_back(std::move(generated));
+  ASSIGN_OR_RETURN(auto recorded, recordedLessons(options));
+  if (recorded.empty())
     notes.push_back(
         "storage: no recordings of a real hand (set NEEDLELAB_DATA, or --data): the generated lesson only");
-  for (StudyLesson& lesson : *recorded) lessons.push_back(std::move(lesson));
+  for (StudyLesson& lesson : recorded) lessons.push_back(std::move(lesson));
 
   AccuracyRows rows;
   for (std::size_t i = 0; i < lessons.size(); ++i) {
     progress("storage: " + lessons[i].name, static_cast<double>(i) / static_cast<double>(lessons.size()));
-    if (const Status status = addLesson(lessons[i], options.long_form ? 0.5 : 0.06, rows); !status.ok())
-      return status.error();
+    RETURN_IF_ERROR(addLesson(lessons[i], options.long_form ? 0.5 : 0.06, rows));
   }
   return rows;
 }

@@ -1,4 +1,4 @@
-/// The studies of the accuracy report. Each part is a function that gives rows; the list is in studies.cpp.
+/// The studies of the accuracy report. Each part is a function that gives rows; the list is in study.cpp.
 #pragma once
 
 #include <filesystem>
@@ -9,13 +9,14 @@
 
 #include "client/sim/accuracy/row.h"
 #include "common/base/result.h"
+#include "common/gesture/sample.h"
 
 namespace needlelab {
 
 /// What every study is asked with.
 struct AccuracyOptions {
   bool long_form = false;      ///< more seeds, more repeats, larger meshes: minutes instead of seconds
-  std::filesystem::path data;  ///< folder of the recordings (DESIGN: ../shared/data); empty = not there
+  std::filesystem::path data;  ///< folder of the recordings (../shared/data); empty = not there
 };
 
 /// Told now and then by a study: what it does, and the share of its work that is done (0-1).
@@ -33,5 +34,41 @@ struct AccuracyPart {
 
 /// All parts, in the order of the report.
 const std::vector<AccuracyPart>& accuracyParts();
+
+/// The force along the trajectory of every model (likeForLike) over the same seeded gestures, against
+/// ForceProfile. A model that cannot be made is left out with a note.
+Result<AccuracyRows> modelProfileStudy(const AccuracyOptions& options, const AccuracyProgress& progress,
+                                       std::vector<std::string>& notes);
+
+/// Study `model`: every model over strokes of a few millimetres, where tissue mostly gives way, against FEM
+/// with a mesh that is four times as fine as the live one.
+Result<AccuracyRows> modelFemStudy(const AccuracyOptions& options, const AccuracyProgress& progress,
+                                   std::vector<std::string>& notes);
+
+/// Study `model`: PRECOMPUTED with a table from FEM against FEM itself.
+Result<AccuracyRows> tableRows(const AccuracyOptions& options, const AccuracyProgress& progress,
+                               std::vector<std::string>& notes);
+
+/// Study `mesh`: sizes of the FEM mesh against the finest.
+Result<AccuracyRows> meshRows(const AccuracyOptions& options, const AccuracyProgress& progress,
+                              std::vector<std::string>& notes);
+
+/// The same hand in closed loop at 250 Hz to 10 kHz; error of the force that acts on the hand against a loop
+/// of 20 kHz.
+Result<AccuracyRows> rateStudy(const AccuracyOptions& options, const AccuracyProgress& progress,
+                               std::vector<std::string>& notes);
+
+/// The steps of the standard resolution, all of them scaled as the length's step is to `length_m`; the tick's
+/// own times keep 1 µs. 0 = lossless. Quaternions go to 2⁻¹² at most.
+Resolution scaledResolution(double length_m);
+
+/// Length steps of 0.1 µm to 100 µm and lossless: bytes and time a sample, error of the stored force and of
+/// the force that the engine computes again from the stored poses.
+Result<AccuracyRows> storageStudy(const AccuracyOptions& options, const AccuracyProgress& progress,
+                                  std::vector<std::string>& notes);
+
+/// Live frames of 5 to 200 ms through a real TLS connection on this machine.
+Result<AccuracyRows> liveStudy(const AccuracyOptions& options, const AccuracyProgress& progress,
+                               std::vector<std::string>& notes);
 
 }  // namespace needlelab

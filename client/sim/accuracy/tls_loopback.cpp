@@ -59,17 +59,15 @@ Status TlsLoopback::Ends::makeTls() {
   if (folder.path.empty())
     return Error{ErrorCode::kFailed, "cannot make a temporary folder for a certificate"};
   const TlsFiles files = tlsFilesIn(folder.path / "tls");
-  if (const auto made = ensureTlsFiles(files, {"127.0.0.1"}); !made.ok()) return made.error();
-  auto server = makeServerTls(files.certificate, files.key);
-  if (!server.ok()) return server.error();
-  auto client = makeClientTls(files.ca_certificate);
-  if (!client.ok()) return client.error();
-  server_tls = *server, client_tls = *client;
+  RETURN_IF_ERROR(ensureTlsFiles(files, {"127.0.0.1"}));
+  ASSIGN_OR_RETURN(auto server, makeServerTls(files.certificate, files.key));
+  ASSIGN_OR_RETURN(auto client, makeClientTls(files.ca_certificate));
+  server_tls = server, client_tls = client;
   return {};
 }
 
 Status TlsLoopback::Ends::connect() {
-  if (Status status = makeTls(); !status.ok()) return status;
+  RETURN_IF_ERROR(makeTls());
   boost::system::error_code failed;
   Tcp::acceptor acceptor(io);
   Tcp::socket near(io), far(io);
@@ -115,7 +113,7 @@ TlsLoopback::~TlsLoopback() {
 
 Result<std::unique_ptr<TlsLoopback>> TlsLoopback::open() {
   std::unique_ptr<TlsLoopback> loop(new TlsLoopback);
-  if (const Status status = loop->ends_->connect(); !status.ok()) return status.error();
+  RETURN_IF_ERROR(loop->ends_->connect());
   return loop;
 }
 

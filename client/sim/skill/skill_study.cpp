@@ -1,10 +1,11 @@
 #include "client/sim/skill/skill_study.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <memory>
-#include <set>
 #include <span>
 
 #include "client/device/simulated_device.h"
@@ -41,15 +42,13 @@ struct SkillScene {
 Result<std::vector<SkillScene>> loadScenes(std::size_t count) {
   std::vector<SkillScene> scenes;
   for (const EmbeddedFile& file : embeddedSkillSamples().first(count)) {
-    auto profile = parseProfile(std::string(file.text), std::string(file.name));
-    if (!profile.ok()) return profile.error();
-    auto spec = sceneSpecOf(*profile, Pose{});
-    if (!spec.ok()) return spec.error();
-    if (const Status status = addCompliance(*spec); !status.ok()) return status.error();
-    if (profile->targets().empty())
+    ASSIGN_OR_RETURN(auto profile, parseProfile(std::string(file.text), std::string(file.name)));
+    ASSIGN_OR_RETURN(auto spec, sceneSpecOf(profile, Pose{}));
+    RETURN_IF_ERROR(addCompliance(spec));
+    if (profile.targets().empty())
       return Error{ErrorCode::kInvalidInput, std::string(file.name) + " has no target"};
-    const auto& c = profile->targets(0).center_m();
-    scenes.push_back({*std::move(profile), *std::move(spec), {c.x(), c.y(), c.z()}});
+    const auto& c = profile.targets(0).center_m();
+    scenes.push_back({std::move(profile), std::move(spec), {c.x(), c.y(), c.z()}});
   }
   return scenes;
 }
@@ -305,28 +304,27 @@ double levelOf(std::size_t i, std::size_t n) {
 Result<SkillReport> runSkillStudy(const SkillStudyOptions& options,
                                   const std::function<void(std::size_t, std::size_t)>& progress) {
   if (options.trainees < 4 || options.trainees > 200 || options.trainees % 2 != 0)
-    return Error{ErrorCode::kInvalidInput, "--trainees: " + std::to_string(options.trainees) +
-                                               ", allowed are even numbers from 4 to 200"};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("--trainees: {}, allowed are even numbers from 4 to 200", options.trainees)};
   if (options.attempts < 1 || options.attempts > 100)
     return Error{ErrorCode::kInvalidInput,
-                 "--attempts: " + std::to_string(options.attempts) + ", allowed is 1 to 100"};
+                 fmt::format("--attempts: {}, allowed is 1 to 100", options.attempts)};
   const std::size_t most = embeddedSkillSamples().size();
   if (options.exercises < 1 || options.exercises > most)
-    return Error{ErrorCode::kInvalidInput, "--exercises: " + std::to_string(options.exercises) +
-                                               ", allowed is 1 to " + std::to_string(most)};
-  auto scenes = loadScenes(options.exercises);
-  if (!scenes.ok()) return scenes.error();
-  return SkillStudy(options, *std::move(scenes), progress).run();
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("--exercises: {}, allowed is 1 to {}", options.exercises, most)};
+  ASSIGN_OR_RETURN(auto scenes, loadScenes(options.exercises));
+  return SkillStudy(options, std::move(scenes), progress).run();
 }
 
 std::string findingOf(const SkillReport& report) {
   const auto separate = std::count_if(report.rows.begin(), report.rows.end(),
                                       [](const SkillRow& row) { return row.separates; });
   const std::string half = std::to_string(report.options.trainees / 2);
-  char share[32];
-  std::snprintf(share, sizeof share, "%.1f", 100 * report.shuffled_mean_share);
-  return std::to_string(separate) + " of " + std::to_string(report.rows.size()) + " measures part " + half +
-         " simulated novices from " + half + " simulated experts; with labels at random " + share + " % do";
+  const std::string share = fmt::format("{:.1f}", 100 * report.shuffled_mean_share);
+  return fmt::format(
+      "{} of {} measures part {} simulated novices from {} simulated experts; with labels at random {} % do",
+      separate, report.rows.size(), half, half, share);
 }
 
 }  // namespace needlelab

@@ -1,7 +1,11 @@
 #include "client/sim/stability/case.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <nlohmann/json.hpp>
 #include <utility>
 
 namespace needlelab {
@@ -31,9 +35,8 @@ Result<CaseOutcome> runCase(const StabilityCase& hard_case, const CaseSettings& 
                             const ForceSourceFactory& source) {
   CaseOutcome outcome;
   if (hard_case.axial || model == AxialModel::kEnhancedTrackingWall) {
-    auto ran = hard_case.run(settings, model, source);
-    if (!ran.ok()) return ran.error();
-    outcome = *std::move(ran);
+    ASSIGN_OR_RETURN(auto ran, hard_case.run(settings, model, source));
+    outcome = std::move(ran);
   }
   outcome.row.case_name = hard_case.name;
   outcome.row.model = model;
@@ -55,6 +58,258 @@ bool hasStop(AxialModel model) {
   constexpr std::array kWithStop = {AxialModel::kEnhancedTrackingWall, AxialModel::kTrackingWall,
                                     AxialModel::kStatistical, AxialModel::kPrecomputed};
   return std::find(kWithStop.begin(), kWithStop.end(), model) != kWithStop.end();
+}
+
+namespace {
+
+constexpr double kRestless_N = 0.05;
+
+void raise(std::optional<double>& worst, std::optional<double> other) {
+  if (other) worst = worst ? std::max(*worst, *other) : *other;
+}
+
+}  // namespace
+
+Result<PlantRun> runScene(const ForceSourceFactory& source, const SceneSpec& scene, const HandPlan& plan,
+                          const PlantOptions& options) {
+  ASSIGN_OR_RETURN(auto made, source(scene, options.rate_hz));
+  return runPlant(*made, plan, options);
+}
+
+CaseRow measuredRow(const PlantRun& run, TimeWindow window, const BandFilter& band) {
+  CaseRow row;
+  row.finite = allFinite(run);
+  row.max_force_N = maxForce_N(run);
+  row.max_unexplained_step_N = maxUnexplainedStep_N(run);
+  row.chatter_N = chatterOf(run, kInward_W, window, band);
+  row.energy_J = run.ticks.empty() ? 0 : run.ticks.back().energy_J;
+  return row;
+}
+
+void worsen(CaseRow& row, const CaseRow& other) {
+  row.finite = row.finite && other.finite;
+  raise(row.max_force_N, other.max_force_N);
+  raise(row.max_unexplained_step_N, other.max_unexplained_step_N);
+  raise(row.chatter_N, other.chatter_N);
+  raise(row.energy_J, other.energy_J);
+}
+
+bool heldIn(const PlantRun& run, TimeWindow window) {
+  const auto ticks = ticksIn(run, window);
+  return run.fault != Fault::kNone || std::any_of(ticks.begin(), ticks.end(), [](const PlantTick& tick) {
+           return (tick.gate_flags & (kGatePeakLimited | kGateFaulted)) != 0 ||
+                  (tick.report.flags & kFlagForceCapped) != 0;
+         });
+}
+
+bool growsIn(const PlantRun& run, TimeWindow window) {
+  return heldIn(run, window) || grows(forceAlong(ticksIn(run, window), kInward_W), kRestless_N);
+}
+
+CaseTrace traceOf(const PlantRun& run, std::string label) {
+  CaseTrace trace;
+  trace.label = std::move(label);
+  for (const PlantTick& tick : run.ticks) {
+    trace.time_s.push_back(tick.time_s);
+    trace.force_N.push_back(-dot(tick.report.wrench_W.force_N, kInward_W));
+  }
+  return trace;
+}
+
+CaseTally::CaseTally(std::string quantity, double limit, const BandFilter& band) : band_(band) {
+  outcome_.row.quantity = std::move(quantity);
+  outcome_.row.limit = limit;
+  outcome_.row.finite = true;
+}
+
+void CaseTally::add(const PlantRun& run, TimeWindow window, double measured, const std::string& label,
+                    bool growing) {
+  const CaseRow row = measuredRow(run, window, band_);
+  CaseRow& worst = outcome_.row;
+  worsen(worst, row);
+  growing_ = growing_ || growing;
+  // a measure that is not a number is the worst of all
+  if (worst.measured && !std::isnan(measured) && !(measured > *worst.measured)) return;
+  worst.measured = measured;
+  outcome_.traces = {traceOf(run, label)};
+  outcome_.traces.front().from_s = window.from_s;
+  outcome_.traces.front().to_s = window.to_s;
+}
+
+CaseOutcome CaseTally::finish() {
+  judge(outcome_.row, growing_);
+  return std::move(outcome_);
+}
+
+namespace {
+
+constexpr double kShownAsZero = 1e-9;  // rounding, in any unit of a row
+constexpr AxialModel kWall = AxialModel::kEnhancedTrackingWall;
+
+nlohmann::ordered_json orNull(std::optional<double> value) {
+  return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
+}
+
+// `text` in a column of `width`, by characters and not by bytes
+std::string padded(const std::string& text, std::size_t width) {
+  const auto letters = static_cast<std::size_t>(std::count_if(
+      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+  return text + std::string(letters < width ? width - letters : 1, ' ');
+}
+
+std::vector<AxialModel> modelsOf(const std::vector<CaseRow>& rows) {
+  std::vector<AxialModel> models;
+  for (const CaseRow& row : rows)
+    if (std::find(models.begin(), models.end(), row.model) == models.end()) models.push_back(row.model);
+  return models;
+}
+
+std::string cell(const CaseRow* row) {
+  if (row == nullptr || !row->applicable) return "";
+  const char* mark = row->verdict == Verdict::kChatters   ? " ~"
+                     : row->verdict == Verdict::kDiverges ? " !"
+                                                          : "";
+  return shortNumber(row->measured) + mark;
+}
+
+// the wall's notes, what another model has that the wall has not, and why one did not pass
+bool worthReading(const std::vector<CaseRow>& rows, const CaseRow& row) {
+  const CaseRow* wall = rowOf(rows, row.case_name, kWall);
+  return wall == nullptr || wall == &row || wall->note.empty() || !row.passed;
+}
+
+// cases in which another model measured no more than the wall
+std::string noWorse(const std::vector<CaseRow>& rows) {
+  std::string text;
+  for (const std::string& name : caseNames(rows)) {
+    const CaseRow* wall = rowOf(rows, name, kWall);
+    if (wall == nullptr || !wall->measured) continue;
+    std::string models;
+    for (const CaseRow& row : rows)
+      if (row.case_name == name && row.model != kWall && row.passed && row.measured &&
+          *row.measured <= *wall->measured * (1 + 1e-6))
+        models += (models.empty() ? "" : ", ") + std::string(shortName(row.model));
+    if (!models.empty()) text += "  " + padded(name, 24) + models + "\n";
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string_view shortName(AxialModel model) {
+  static constexpr std::array<std::string_view, kAxialModelCount> kNames = {
+      "wall", "wall 2018", "direct", "Voigt", "god object", "first order", "statistical", "table", "FEM"};
+  return kNames[static_cast<std::size_t>(model)];
+}
+
+std::string shortNumber(std::optional<double> value) {
+  if (!value) return "-";
+  if (std::abs(*value) < kShownAsZero) return "0";
+  return fmt::format("{:.3g}", *value);
+}
+
+std::vector<std::string> caseNames(const std::vector<CaseRow>& rows) {
+  std::vector<std::string> names;
+  for (const CaseRow& row : rows)
+    if (std::find(names.begin(), names.end(), row.case_name) == names.end()) names.push_back(row.case_name);
+  return names;
+}
+
+const CaseRow* rowOf(const std::vector<CaseRow>& rows, const std::string& case_name, AxialModel model) {
+  const auto found = std::find_if(rows.begin(), rows.end(), [&](const CaseRow& row) {
+    return row.case_name == case_name && row.model == model;
+  });
+  return found == rows.end() ? nullptr : &*found;
+}
+
+std::string findingOf(const std::vector<CaseRow>& rows) {
+  int wall_cases = 0, wall_stable = 0;
+  struct Count {
+    AxialModel model;
+    int bad = 0, all = 0;
+  };
+  std::vector<Count> others;
+  for (const AxialModel model : modelsOf(rows)) {
+    Count count{model};
+    for (const CaseRow& row : rows) {
+      if (row.model != model || !row.applicable) continue;
+      ++count.all;
+      if (row.verdict != Verdict::kStable) ++count.bad;
+    }
+    if (model == kWall)
+      wall_cases = count.all, wall_stable = count.all - count.bad;
+    else if (count.bad > 0)
+      others.push_back(count);
+  }
+  std::stable_sort(others.begin(), others.end(),
+                   [](const Count& a, const Count& b) { return a.bad > b.bad; });
+  std::string text;
+  if (wall_cases > 0)
+    text =
+        fmt::format("The enhanced tracking wall is stable in {} of {} hard cases", wall_stable, wall_cases);
+  if (others.empty()) return text.empty() ? "All that was asked for is stable" : text;
+  text += text.empty() ? "Not stable: " : "; not stable: ";
+  for (std::size_t i = 0; i < std::min<std::size_t>(3, others.size()); ++i)
+    text += fmt::format("{}{} in {} of {}", i > 0 ? ", " : "", shortName(others[i].model), others[i].bad,
+                        others[i].all);
+  if (others.size() > 3)
+    text += fmt::format(", and {}{} in fewer", others.size() - 3, others.size() > 4 ? " others" : " other");
+  return text;
+}
+
+nlohmann::ordered_json rowsJson(const std::vector<CaseRow>& rows) {
+  auto list = nlohmann::ordered_json::array();
+  for (const CaseRow& row : rows) {
+    const bool judged = row.applicable;
+    list.push_back(
+        {{"case", row.case_name},
+         {"model", axialModelName(row.model)},
+         {"applicable", row.applicable},
+         {"finite", judged ? nlohmann::ordered_json(row.finite) : nlohmann::ordered_json()},
+         {"max_force_n", orNull(row.max_force_N)},
+         {"max_unexplained_step_n", orNull(row.max_unexplained_step_N)},
+         {"chatter_n", orNull(row.chatter_N)},
+         {"energy_j", orNull(row.energy_J)},
+         {"measured", orNull(row.measured)},
+         {"limit", orNull(row.limit)},
+         {"passed", judged ? nlohmann::ordered_json(row.passed) : nlohmann::ordered_json()},
+         {"verdict", judged ? nlohmann::ordered_json(verdictText(row.verdict)) : nlohmann::ordered_json()},
+         {"quantity", row.quantity},
+         {"note", row.note}});
+  }
+  return list;
+}
+
+std::string rowsText(const std::vector<CaseRow>& rows) {
+  constexpr std::size_t kName = 24, kColumn = 13;
+  const auto models = modelsOf(rows);
+  std::string text = padded("", kName) + padded("limit", kColumn);
+  for (const AxialModel model : models) text += padded(std::string(shortName(model)), kColumn);
+  text += "measured\n";
+  for (const std::string& name : caseNames(rows)) {
+    std::optional<double> limit;
+    std::string line, quantity;
+    for (const AxialModel model : models) {
+      const CaseRow* row = rowOf(rows, name, model);
+      line += padded(cell(row), kColumn);
+      if (row == nullptr || !row->applicable) continue;
+      if (!limit) limit = row->limit;
+      if (quantity.empty()) quantity = row->quantity;
+    }
+    text += padded(name, kName) + padded(shortNumber(limit), kColumn) + line + quantity + "\n";
+  }
+  text +=
+      "no mark: stable; ~ chatters: bounded, but over the limit (or its second condition, see below); ! "
+      "diverges: grows, or only the gate holds it\n";
+  std::string notes;
+  for (const CaseRow& row : rows)
+    if (row.applicable && !row.note.empty() && worthReading(rows, row))
+      notes += "  " + padded(row.case_name, kName) + padded(std::string(shortName(row.model)), kColumn) +
+               row.note + "\n";
+  if (!notes.empty()) text += "\nNotes\n" + notes;
+  if (const std::string same = noWorse(rows); !same.empty())
+    text += "\nPassed, and measured no more than the enhanced tracking wall\n" + same;
+  return text + "\n" + findingOf(rows) + ".\n";
 }
 
 }  // namespace needlelab

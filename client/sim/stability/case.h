@@ -1,14 +1,16 @@
-/// A hard case of DESIGN §10: what it is, and what running it gives.
+/// A hard case (tests/stability/README.md): what it is, and what running it gives.
 #pragma once
 
 #include <functional>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "client/sim/stability/case_file.h"
-#include "client/sim/stability/force_source.h"
+#include "client/sim/stability/measures.h"
+#include "client/sim/stability/plant.h"
 #include "common/haptics/axial_model.h"
 
 namespace needlelab {
@@ -26,7 +28,7 @@ enum class Verdict {
 /// "stable", "chatters", "diverges"; "" where not applicable.
 std::string_view verdictText(Verdict verdict);
 
-/// One row of `needlelab-sim stability` (DESIGN §5). Empty numbers are null in JSON.
+/// One row of `needlelab-sim stability`. Empty numbers are null in JSON.
 struct CaseRow {
   std::string case_name;
   AxialModel model = AxialModel::kEnhancedTrackingWall;
@@ -72,10 +74,10 @@ using CaseRun =
     std::function<Result<CaseOutcome>(const CaseSettings&, AxialModel, const ForceSourceFactory&)>;
 
 struct StabilityCase {
-  std::string name;         ///< as in DESIGN §10 and in cases.json
+  std::string name;         ///< as in cases.json
   std::string summary;      ///< what it shows, a short sentence
   bool axial = false;       ///< says something about every axial model; else about the wall only
-  bool prescribed = false;  ///< motion prescribed (° in DESIGN §10), not a closed loop
+  bool prescribed = false;  ///< motion prescribed (° in tests/stability/README.md), not a closed loop
   CaseRun run;
 };
 
@@ -91,5 +93,67 @@ Result<CaseOutcome> runCase(const StabilityCase& hard_case, const CaseSettings& 
 
 /// Sets `passed` and `verdict` from `measured ≤ limit`, `finite` and whether it grows.
 void judge(CaseRow& row, bool growing);
+
+/// Into the tissue, in W: the paths of cases.json run along it.
+inline constexpr Vec3 kInward_W{0, 0, -1};
+
+/// Makes a source for `scene` and runs it to the plan's end.
+Result<PlantRun> runScene(const ForceSourceFactory& source, const SceneSpec& scene, const HandPlan& plan,
+                          const PlantOptions& options);
+
+/// finite, max force, unexplained step, chatter over the window, energy given to the hand over the whole run.
+CaseRow measuredRow(const PlantRun& run, TimeWindow window, const BandFilter& band);
+
+/// The worse of both in each number, for cases of several runs; energies: the greater.
+void worsen(CaseRow& row, const CaseRow& other);
+
+/// Only the gate or the cap of the sum holds it within the window, or the gate has given up.
+bool heldIn(const PlantRun& run, TimeWindow window);
+/// Does not come to rest within the window, or only the gate or the cap of the sum holds it.
+bool growsIn(const PlantRun& run, TimeWindow window);
+
+/// The resistance (force against the way in, before the gate) over the whole run.
+CaseTrace traceOf(const PlantRun& run, std::string label);
+
+/// Puts the runs of one case together: the row gets the worst of each number, the curve is of the run that
+/// measured worst.
+class CaseTally {
+ public:
+  /// `quantity`: what is measured, with its unit; `band`: as of CaseEntry::chatterFilter.
+  CaseTally(std::string quantity, double limit, const BandFilter& band);
+  /// `measured` is compared with the limit; chatter and growth are looked for in the window.
+  void add(const PlantRun& run, TimeWindow window, double measured, const std::string& label) {
+    add(run, window, measured, label, growsIn(run, window));
+  }
+  /// The same, for runs that are meant to swing: the caller says whether one grows.
+  void add(const PlantRun& run, TimeWindow window, double measured, const std::string& label, bool growing);
+  /// The row, judged; at least one run was added.
+  [[nodiscard]] CaseOutcome finish();
+
+ private:
+  CaseOutcome outcome_;
+  BandFilter band_;
+  bool growing_ = false;
+};
+
+/// An object a row.
+nlohmann::ordered_json rowsJson(const std::vector<CaseRow>& rows);
+
+/// One line a case, one column a model: what was measured, marked where it chatters (~) or diverges (!);
+/// below it each case's quantity, the notes, and in which cases another model does no worse than the enhanced
+/// tracking wall. `rows` case by case, each with the same models.
+std::string rowsText(const std::vector<CaseRow>& rows);
+
+/// Short names of models for column heads: "wall", "wall 2018", "direct", …
+std::string_view shortName(AxialModel model);
+/// A number with three significant digits; "0" below 1e-9, "-" where there is none.
+std::string shortNumber(std::optional<double> value);
+
+/// The rows of one case, in order; and all cases' names in order.
+std::vector<std::string> caseNames(const std::vector<CaseRow>& rows);
+const CaseRow* rowOf(const std::vector<CaseRow>& rows, const std::string& case_name, AxialModel model);
+
+/// One sentence: in how many cases the wall is stable, and which models chatter or diverge most.
+std::string findingOf(const std::vector<CaseRow>& rows);
 
 }  // namespace needlelab

@@ -89,7 +89,7 @@ class CaseEntry {
  private:
   [[nodiscard]] const nlohmann::json* find(const std::string& field) const;
   const nlohmann::json& need(const std::string& field);
-  void fail(const std::string& field, const std::string& words);
+  void fail(const std::string& field, const std::string& message);
 
   const CaseFile* file_;
   std::string name_;

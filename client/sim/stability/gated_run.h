@@ -1,10 +1,15 @@
-/// Samples as a device might give them, good and bad, through the gate to the device: DESIGN §3.7 as a
-/// timeline that the force must keep to.
+/// Samples as a device might give them, good and bad, through the gate to the device: FORCE_MODEL.md, "Gate",
+/// as a timeline that the force must keep to.
 #pragma once
 
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
-#include "client/sim/stability/force_source.h"
+#include "client/device/hand_plan.h"
+#include "client/sim/stability/plant.h"
+#include "common/haptics/axial_model.h"
 #include "common/haptics/force_gate.h"
 
 namespace needlelab {
@@ -30,7 +35,7 @@ Result<std::vector<GatedTick>> runGated(const ForceSourceFactory& source, const 
                                         const std::vector<DeviceSample>& samples, double rate_hz,
                                         bool with_gate);
 
-/// What DESIGN §3.7 allows after the samples turn bad at tick `from`.
+/// What FORCE_MODEL.md, "Gate", allows after the samples turn bad at tick `from`.
 struct FaultTimeline {
   std::size_t from = 0;         ///< first bad tick
   std::size_t held_ticks = 5;   ///< the last force is held for so many, then FAULT
@@ -44,5 +49,61 @@ struct FaultTimeline {
 /// when a force is not finite. Without a gate (a control) nobody raises it: then the forces alone are judged,
 /// as if it had been raised at the last tick allowed.
 double violationOf(const std::vector<GatedTick>& ticks, const FaultTimeline& timeline, bool with_gate);
+
+/// Put together piece by piece; starts upright, 5 mm outside. Ticks of 1 ms.
+class DeviceScript {
+ public:
+  static constexpr double kRate_hz = 1000;
+
+  DeviceScript() { now_.tip = {{0, 0, 0.005}, orientationAlong({0, 0, -1})}; }
+  DeviceScript& rest(double seconds) {
+    for (std::size_t k = ticksOf(seconds); k > 0; --k) samples_.push_back(now_);
+    return *this;
+  }
+  DeviceScript& goTo(double depth_m, double speed_mps) {
+    const double from = now_.tip.p_WT_m.z, way = -depth_m - from;
+    const std::size_t ticks = ticksOf(std::abs(way) / speed_mps);
+    for (std::size_t k = 1; k <= ticks; ++k) {
+      now_.tip.p_WT_m.z = from + way * static_cast<double>(k) / static_cast<double>(ticks);
+      samples_.push_back(now_);
+    }
+    return *this;
+  }
+  /// For a while the device says something else: `change(sample, k)`, k from 0.
+  template <typename Change>
+  DeviceScript& with(double seconds, const Change& change) {
+    for (std::size_t k = 0; k < ticksOf(seconds); ++k) {
+      samples_.push_back(now_);
+      change(samples_.back(), k);
+    }
+    return *this;
+  }
+  /// A person acknowledges the fault in the last tick.
+  DeviceScript& acknowledge() {
+    samples_.back().acknowledge = true;
+    return *this;
+  }
+  [[nodiscard]] std::size_t ticks() const { return samples_.size(); }
+  [[nodiscard]] const std::vector<DeviceSample>& samples() const { return samples_; }
+
+ private:
+  static std::size_t ticksOf(double seconds) { return static_cast<std::size_t>(seconds * kRate_hz + 0.5); }
+  DeviceSample now_;
+  std::vector<DeviceSample> samples_;
+};
+
+struct FuzzFindings {
+  bool finite = true;
+  std::uint64_t ticks = 0, inside = 0;
+  double max_force_N = 0;
+  double excess_force_N = 0;     ///< of the source, above the scene's greatest force
+  double excess_rendered_N = 0;  ///< after the gate, above the device's peak
+  double direction_error = 0;    ///< | |u| − 1 |
+};
+
+/// Steps new sources of random scenes for `ticks` ticks in all; every sample is given to one source, and to
+/// another one behind the gate. Deterministic. Errors: those of the source.
+Result<FuzzFindings> fuzzSource(const ForceSourceFactory& source, AxialModel model, std::uint64_t ticks,
+                                bool with_gate);
 
 }  // namespace needlelab

@@ -1,10 +1,55 @@
-/// The cases of prescribed motion, and random gestures under the passivity observer. Private to this folder
-/// and its tests.
+/// Prescribed motion: what the cases marked ° in tests/stability/README.md share. The tip goes where the case
+/// says, whatever the force is.
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "client/sim/stability/case.h"
+#include "client/sim/stability/gated_run.h"
+#include "client/sim/stability/passivity_gesture.h"
+#include "client/sim/stability/passivity_observer.h"
 
 namespace needlelab {
+
+/// All that one tick saw and gave.
+struct MotionTick {
+  TipSample tip;
+  StepReport report;
+  double slant = 1;  ///< c
+};
+
+struct MotionRun {
+  double rate_hz = 1000;
+  double axial_stiffness_N_per_m = 0;
+  std::vector<MotionTick> ticks;
+};
+
+/// Steps a new source over the samples. Errors: those of the source.
+Result<MotionRun> runMotion(const ForceSourceFactory& source, const SceneSpec& scene,
+                            const std::vector<TipSample>& samples, double rate_hz);
+/// The poses of a plan, tick by tick.
+std::vector<TipSample> samplesOf(const HandPlan& plan, double rate_hz);
+
+/// The motion that stands in a case's `field` in cases.json. Errors: kInvalidInput naming the field.
+Result<PassivityGesture> motionOf(const CaseSettings& settings, std::string_view case_name,
+                                  std::string_view field = "motion");
+
+/// The run under the passivity observer; `with_slant` false judges force steps by ΣK·|Δp| alone.
+PassivityRecord observed(const MotionRun& run, bool with_slant = true);
+
+/// Fills finite, greatest force, unexplained step and energy (the greater of net and of what an insertion had
+/// given at any moment).
+CaseRow rowOf(const PassivityRecord& record);
+
+/// Finite and greatest force of what went to the device.
+CaseRow rowOf(const std::vector<GatedTick>& ticks);
+
+/// Sets what is judged and judges it.
+void judgeMotion(CaseRow& row, std::string quantity, double measured, double limit);
+
+/// The size of the force over time, for a picture.
+CaseTrace forceTrace(const MotionRun& run, std::string label);
 
 // along u
 Result<CaseOutcome> retreatInRamp(const CaseSettings&, AxialModel, const ForceSourceFactory&);

@@ -1,14 +1,16 @@
-/// Bad samples of a device: jumps, numbers that are none, silence. DESIGN §3.7 says what the force does then.
+/// Bad samples of a device: jumps, numbers that are none, silence. FORCE_MODEL.md, "Gate", says what the
+/// force does then.
+#include <fmt/core.h>
+
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
+#include <vector>
 
-#include "client/sim/stability/closed_loop_case.h"
-#include "client/sim/stability/device_script.h"
+#include "client/sim/stability/case.h"
+#include "client/sim/stability/gated_run.h"
 #include "client/sim/stability/motion_cases.h"
-#include "client/sim/stability/motion_run.h"
-#include "client/sim/stability/round_number.h"
+#include "client/sim/stability/passivity_gesture.h"
 #include "common/base/range.h"
 
 namespace needlelab {
@@ -62,23 +64,22 @@ Result<Outcome> disturbed(const GateEntry& entry, const ForceSourceFactory& sour
   const std::size_t again = script.ticks() - 1;
   script.goTo(-0.005, kGateSpeed_mps);
 
-  const auto ticks =
-      runGated(source, entry.scene, script.samples(), DeviceScript::kRate_hz, gate == Gate::kPresent);
-  if (!ticks.ok()) return ticks.error();
+  ASSIGN_OR_RETURN(const auto ticks, runGated(source, entry.scene, script.samples(), DeviceScript::kRate_hz,
+                                              gate == Gate::kPresent));
   for (timeline.restart = timeline.from + 1;
-       timeline.restart < ticks->size() &&
-       !((*ticks)[timeline.restart].sample.fresh && (*ticks)[timeline.restart].depth_m <= 0 &&
-         isFinite((*ticks)[timeline.restart].sample.tip.p_WT_m));)
+       timeline.restart < ticks.size() &&
+       !(ticks[timeline.restart].sample.fresh && ticks[timeline.restart].depth_m <= 0 &&
+         isFinite(ticks[timeline.restart].sample.tip.p_WT_m));)
     ++timeline.restart;
 
-  Outcome outcome{rowOf(*ticks), violationOf(*ticks, timeline, gate == Gate::kPresent)};
-  const Vec3 held = (*ticks)[glitch - 1].out_W.force_N;
+  Outcome outcome{rowOf(ticks), violationOf(ticks, timeline, gate == Gate::kPresent)};
+  const Vec3 held = ticks[glitch - 1].out_W.force_N;
   for (std::size_t k = glitch; k < after_glitch; ++k)
-    outcome.violation_N = std::max(outcome.violation_N, norm((*ticks)[k].out_W.force_N - held));
+    outcome.violation_N = std::max(outcome.violation_N, norm(ticks[k].out_W.force_N - held));
   for (std::size_t k = glitch; k < timeline.from; ++k)
-    if ((*ticks)[k].fault != Fault::kNone) outcome.violation_N = std::numeric_limits<double>::infinity();
+    if (ticks[k].fault != Fault::kNone) outcome.violation_N = std::numeric_limits<double>::infinity();
   // an engine that never comes back would keep to any timeline
-  if (norm((*ticks)[again].out_W.force_N) < 0.5 * norm(held) || !(norm(held) > kAnyForce_N))
+  if (norm(ticks[again].out_W.force_N) < 0.5 * norm(held) || !(norm(held) > kAnyForce_N))
     outcome.violation_N = std::numeric_limits<double>::infinity();
   return outcome;
 }
@@ -88,18 +89,16 @@ constexpr const char* kQuantity = "greatest departure from the timeline of §3.7
 Result<CaseOutcome> disturbances(const CaseSettings& settings, std::string_view name, AxialModel model,
                                  const ForceSourceFactory& source, Gate gate,
                                  const std::vector<Disturbance>& all) {
-  const auto entry = gateEntry(settings, name, model);
-  if (!entry.ok()) return entry.error();
+  ASSIGN_OR_RETURN(const auto entry, gateEntry(settings, name, model));
   CaseOutcome outcome;
   outcome.row.finite = true;
   double violation = 0;
   for (const Disturbance& one : all) {
-    const auto ran = disturbed(*entry, source, one, gate);
-    if (!ran.ok()) return ran.error();
-    worsen(outcome.row, ran->row);
-    violation = std::max(violation, ran->violation_N);
+    ASSIGN_OR_RETURN(const auto ran, disturbed(entry, source, one, gate));
+    worsen(outcome.row, ran.row);
+    violation = std::max(violation, ran.violation_N);
   }
-  judgeMotion(outcome.row, kQuantity, violation, entry->limit);
+  judgeMotion(outcome.row, kQuantity, violation, entry.limit);
   return outcome;
 }
 
@@ -112,12 +111,11 @@ Result<CaseOutcome> startsInside(const CaseSettings& settings, AxialModel model,
   const TimedPlan path = entry.path();
   const double rate = entry.number("rate_hz", 50, 40'000), limit = entry.number("limit", 0);
   if (!entry.status().ok()) return entry.status().error();
-  const auto run = runMotion(source, scene, samplesOf(path.plan, rate), rate);
-  if (!run.ok()) return run.error();
-  CaseOutcome outcome{rowOf(observed(*run)), {forceTrace(*run, std::string(axialModelName(model)))}};
+  ASSIGN_OR_RETURN(const auto run, runMotion(source, scene, samplesOf(path.plan, rate), rate));
+  CaseOutcome outcome{rowOf(observed(run)), {forceTrace(run, std::string(axialModelName(model)))}};
   bool outside = false;
   double before = 0, after = 0;
-  for (const MotionTick& tick : run->ticks) {
+  for (const MotionTick& tick : run.ticks) {
     outside = outside || tick.report.depth_m <= 0;
     double& seen = outside ? after : before;
     seen = std::max(seen, norm(tick.report.wrench_W.force_N));
@@ -170,18 +168,100 @@ Result<CaseOutcome> frozenDevice(const CaseSettings& settings, AxialModel model,
   if (!outcome.ok()) return outcome;
 
   // the same place again and again: a hand at rest
-  const auto entry = gateEntry(settings, "frozen_device", model);
-  if (!entry.ok()) return entry.error();
+  ASSIGN_OR_RETURN(const auto entry, gateEntry(settings, "frozen_device", model));
   DeviceScript script;
-  script.rest(0.3).goTo(entry->depth_m, kGateSpeed_mps).rest(rest_s);
-  const auto ticks =
-      runGated(source, entry->scene, script.samples(), DeviceScript::kRate_hz, gate == Gate::kPresent);
-  if (!ticks.ok()) return ticks.error();
-  const double rejection = entry->scene.layers.front().rejection_force_N;
-  const double left = std::max(0.0, norm(ticks->back().out_W.force_N) - rejection);
+  script.rest(0.3).goTo(entry.depth_m, kGateSpeed_mps).rest(rest_s);
+  ASSIGN_OR_RETURN(const auto ticks, runGated(source, entry.scene, script.samples(), DeviceScript::kRate_hz,
+                                              gate == Gate::kPresent));
+  const double rejection = entry.scene.layers.front().rejection_force_N;
+  const double left = std::max(0.0, norm(ticks.back().out_W.force_N) - rejection);
   CaseRow& row = outcome->row;
   if (row.passed) judgeMotion(row, "force after a rest, beyond f_rej [N]", left, rejection_limit);
   row.note = "at rest the force ends " + numberText(roundedTo(left, 3)) + " N above f_rej";
+  return outcome;
+}
+
+namespace {
+
+constexpr double kFlippedSpeed_mps = 0.02;
+constexpr double kTorqueSlew_Nm = 0.1;     // a tick of 1 ms, §3.7
+constexpr double kDirectionError = 1e-12;  // §10
+
+Quat reversed(Quat q) {
+  return Quat{1, 0, 0, 0} * q;
+}
+Quat nearlyReversed(Quat q) {
+  return normalized(Quat{1, 0, 0, 0.1}) * q;
+}
+// the same rotation
+Quat negative(Quat q) {
+  return {-q.x, -q.y, -q.z, -q.w};
+}
+using Turn = Quat (*)(Quat);
+
+// an insertion; the needle is turned for a while in the tissue, or all the time
+std::vector<DeviceSample> insertion(Turn turn, bool always) {
+  const auto change = [turn](DeviceSample& sample, std::size_t) { sample.tip.q_WT = turn(sample.tip.q_WT); };
+  DeviceScript script;
+  script.rest(0.3).goTo(0.015, kFlippedSpeed_mps).rest(0.1);
+  always ? script.rest(0.05) : script.with(0.05, change);
+  auto samples = script.rest(0.3).goTo(0.02, kFlippedSpeed_mps).goTo(-0.005, kFlippedSpeed_mps).samples();
+  for (std::size_t k = 0; always && k < samples.size(); ++k) change(samples[k], k);
+  return samples;
+}
+
+// The trajectory is fixed at entry, along the normal for a needle that points out: how the needle stands
+// changes no force. Torque comes slowly.
+double departure(const std::vector<GatedTick>& turned, const std::vector<GatedTick>& upright) {
+  double worst = 0;
+  for (std::size_t k = 1; k < turned.size(); ++k) {
+    worst = std::max(worst, norm(turned[k].out_W.force_N - upright[k].out_W.force_N));
+    const double step = norm(turned[k].out_W.torque_Nm - turned[k - 1].out_W.torque_Nm);
+    worst = std::max(worst, step - kTorqueSlew_Nm);
+  }
+  return worst;
+}
+
+}  // namespace
+
+Result<CaseOutcome> flippedAxis(const CaseSettings& settings, AxialModel model,
+                                const ForceSourceFactory& source, Gate gate) {
+  CaseEntry entry(settings.file, "flipped_axis", settings.long_form);
+  const SceneSpec scene = entry.scene(model);
+  const double limit = entry.number("limit", 0);
+  // with FEM each random scene is a mesh of its own
+  const std::uint64_t fuzzed =
+      entry.whole(model == AxialModel::kFem ? "fuzzed_ticks_fem" : "fuzzed_ticks", 1000);
+  if (!entry.status().ok()) return entry.status().error();
+
+  CaseOutcome outcome;
+  CaseRow& row = outcome.row;
+  row.finite = true;
+  const bool with_gate = gate == Gate::kPresent;
+  const auto run = [&](const std::vector<DeviceSample>& samples) {
+    return runGated(source, scene, samples, DeviceScript::kRate_hz, with_gate);
+  };
+  double worst = 0;
+  const auto upright = run(insertion([](Quat q) { return q; }, true));
+  if (!upright.ok()) return upright.error();
+  for (const Turn turn : {&reversed, &nearlyReversed, &negative})
+    for (const bool always : {false, true}) {
+      ASSIGN_OR_RETURN(const auto turned, run(insertion(turn, always)));
+      worsen(row, rowOf(turned));
+      worst = std::max(worst, departure(turned, *upright));
+    }
+
+  ASSIGN_OR_RETURN(const auto fuzz, fuzzSource(source, model, fuzzed, with_gate));
+  row.finite = row.finite && fuzz.finite;
+  row.max_force_N = std::max(*row.max_force_N, fuzz.max_force_N);
+  worst = std::max({worst, fuzz.excess_force_N, fuzz.excess_rendered_N});
+  judgeMotion(row, "greatest departure from what is allowed [N, N·m]", worst, limit);
+  if (row.passed && fuzz.direction_error > kDirectionError) {
+    row.passed = false;
+    row.verdict = Verdict::kChatters;
+  }
+  row.note = fmt::format("{} fuzzed ticks, |u| within {} of 1", fuzz.ticks,
+                         numberText(roundedTo(fuzz.direction_error, 2)));
   return outcome;
 }
 

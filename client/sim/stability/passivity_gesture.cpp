@@ -1,6 +1,12 @@
 #include "client/sim/stability/passivity_gesture.h"
 
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
 #include <cmath>
+#include <string>
 
 #include "client/device/hand_tremor.h"
 
@@ -42,6 +48,370 @@ std::vector<TipSample> samplesOf(const PassivityGesture& gesture) {
     samples.push_back({{onGrid(p.x, step), onGrid(p.y, step), onGrid(p.z, step)}, aim.q});
   }
   return samples;
+}
+
+double roundedTo(double value, int digits) {
+  // through text, so that the result is the double that reading "0.0123" gives
+  std::array<char, 40> text{};
+  const auto end =
+      std::to_chars(text.data(), text.data() + text.size(), value, std::chars_format::scientific, digits - 1)
+          .ptr;
+  double rounded = 0;
+  std::from_chars(text.data(), end, rounded);
+  return rounded;
+}
+
+int significantDigits(double value) {
+  std::array<char, 40> text{};
+  const auto* end =
+      std::to_chars(text.data(), text.data() + text.size(), value, std::chars_format::scientific).ptr;
+  int digits = 0, upto_last_nonzero = 0;
+  for (const char* c = text.data(); c != end && *c != 'e'; ++c) {
+    if (*c < '0' || *c > '9') continue;
+    ++digits;
+    if (*c != '0') upto_last_nonzero = digits;
+  }
+  return upto_last_nonzero;
+}
+
+namespace {
+
+// a number of a message, by value and back
+template <typename Message, typename Get, typename Set>
+void visit(Message& message, Get get, Set set, const NumberVisit& number) {
+  double value = (message.*get)();
+  number(value);
+  (message.*set)(value);
+}
+
+// the numbers that a layer can do without
+void visitLayer(pb::Layer& layer, const NumberVisit& number) {
+  using L = pb::Layer;
+  visit(layer, &L::thickness_m, &L::set_thickness_m, number);
+  visit(layer, &L::cutting_force_n, &L::set_cutting_force_n, number);
+  visit(layer, &L::attracted_force_n, &L::set_attracted_force_n, number);
+  visit(layer, &L::rejection_force_n, &L::set_rejection_force_n, number);
+  visit(layer, &L::lateral_stiffness_n_per_m2, &L::set_lateral_stiffness_n_per_m2, number);
+  visit(layer, &L::friction_n_per_m, &L::set_friction_n_per_m, number);
+  if (!layer.has_puncture()) return;
+  using P = pb::Puncture;
+  visit(*layer.mutable_puncture(), &P::linear_n_per_m, &P::set_linear_n_per_m, number);
+  visit(*layer.mutable_puncture(), &P::quadratic_n_per_m2, &P::set_quadratic_n_per_m2, number);
+  visit(*layer.mutable_puncture(), &P::force_n, &P::set_force_n, number);
+}
+
+// numbers that must stay above zero: rounded, never made 0
+void visitSections(pb::Profile& profile, const NumberVisit& number) {
+  using W = pb::TrackingWall;
+  visit(*profile.mutable_needle(), &pb::Needle::length_m, &pb::Needle::set_length_m, number);
+  auto& wall = *profile.mutable_tracking_wall();
+  visit(wall, &W::stiffness_n_per_m, &W::set_stiffness_n_per_m, number);
+  visit(wall, &W::stop_speed_m_s, &W::set_stop_speed_m_s, number);
+  visit(wall, &W::stop_dwell_s, &W::set_stop_dwell_s, number);
+  visit(wall, &W::stop_duration_s, &W::set_stop_duration_s, number);
+  visit(wall, &W::relax_time_s, &W::set_relax_time_s, number);
+  visit(wall, &W::relax_residual, &W::set_relax_residual, number);
+  if (profile.has_virtual_fixture()) {
+    using F = pb::VirtualFixture;
+    auto& fixture = *profile.mutable_virtual_fixture();
+    visit(fixture, &F::max_stiffness_n_per_m, &F::set_max_stiffness_n_per_m, number);
+    visit(fixture, &F::max_force_n, &F::set_max_force_n, number);
+  }
+  if (profile.has_orientation_limit()) {
+    using O = pb::OrientationLimit;
+    auto& limit = *profile.mutable_orientation_limit();
+    visit(limit, &O::stiffness_nm_per_rad, &O::set_stiffness_nm_per_rad, number);
+    visit(limit, &O::max_torque_nm, &O::set_max_torque_nm, number);
+  }
+  if (profile.has_shaft_friction()) {
+    using S = pb::ShaftFriction;
+    visit(*profile.mutable_shaft_friction(), &S::stiffness_n_per_m, &S::set_stiffness_n_per_m, number);
+  }
+}
+
+void visitPlace(PassivityStroke& stroke, const NumberVisit& number) {
+  for (double* value : {&stroke.x_m, &stroke.y_m, &stroke.depth_m, &stroke.tilt_x, &stroke.tilt_y})
+    number(*value);
+}
+
+}  // namespace
+
+void visitStrokes(PassivityGesture& gesture, const NumberVisit& number) {
+  visitPlace(gesture.start, number);
+  for (PassivityStroke& stroke : gesture.strokes) {
+    visitPlace(stroke, number);
+    number(stroke.seconds);
+  }
+}
+
+void visitLayers(PassivityGesture& gesture, const NumberVisit& number) {
+  for (auto& layer : *gesture.profile.mutable_layers()) visitLayer(layer, number);
+}
+
+void visitAll(PassivityGesture& gesture, const NumberVisit& number) {
+  visitStrokes(gesture, number);
+  visitLayers(gesture, number);
+  visitSections(gesture.profile, number);
+}
+
+double wayBetween(const PassivityStroke& a, const PassivityStroke& b) {
+  return norm(Vec3{a.x_m - b.x_m, a.y_m - b.y_m, a.depth_m - b.depth_m});
+}
+
+double turnBetween(const PassivityStroke& a, const PassivityStroke& b) {
+  return std::abs(a.tilt_x - b.tilt_x) + std::abs(a.tilt_y - b.tilt_y);
+}
+
+double sizeOf(const PassivityGesture& gesture) {
+  PassivityGesture copy = gesture;  // the visitors hand out references
+  double digits = 0, seconds = 0, magnitudes = 0;
+  visitAll(copy, [&](double& value) { digits += significantDigits(value); });
+  visitStrokes(copy, [&](double& value) { magnitudes += std::min(std::abs(value), 10.0); });
+  // directions that change from stroke to stroke are what makes a gesture hard to follow
+  double changes = 0;
+  const PassivityStroke* before = &gesture.start;
+  for (const PassivityStroke& stroke : gesture.strokes) {
+    seconds += stroke.seconds;
+    for (double PassivityStroke::*member :
+         {&PassivityStroke::x_m, &PassivityStroke::y_m, &PassivityStroke::tilt_x, &PassivityStroke::tilt_y})
+      changes += stroke.*member != before->*member;
+    before = &stroke;
+  }
+  double membranes = 0;
+  for (const auto& layer : gesture.profile.layers()) membranes += layer.has_puncture();
+  return 1000.0 * static_cast<double>(gesture.strokes.size()) + 400.0 * gesture.profile.effects_size() +
+         300.0 * gesture.profile.layers_size() + 100.0 * membranes + 50.0 * changes +
+         50.0 * (gesture.tremor_m > 0) + 50.0 * (gesture.encoder_step_m > 0) +
+         100.0 * !gesture.profile.limb().has_plane() +
+         30.0 * (gesture.profile.tracking_wall().stop_mode() != pb::TrackingWall::RAMP) + 10 * seconds +
+         digits + 5 * magnitudes;
+}
+
+namespace {
+
+constexpr double kMinJerkPeak = 1.875;  // greatest over mean speed of a minimum-jerk move
+
+// a draw a statement: the order in which arguments are evaluated is the compiler's choice
+class Draw {
+ public:
+  explicit Draw(std::uint64_t seed) : random_(seed) {}
+  double in(double low, double high) { return roundedTo(low + (high - low) * random_.uniform(), 3); }
+  bool chance(double share) { return random_.uniform() < share; }
+  int whole(int low, int high) {
+    return low + static_cast<int>(random_.next() % static_cast<std::uint64_t>(high - low + 1));
+  }
+  std::uint64_t bits() { return random_.next(); }
+
+ private:
+  HandRandom random_;
+};
+
+void put(pb::Vector3& to, double x, double y, double z) {
+  to.set_x(x);
+  to.set_y(y);
+  to.set_z(z);
+}
+
+void drawLimb(Draw& draw, LimbShape shape, pb::Limb& limb) {
+  if (shape == LimbShape::kPlane) {
+    put(*limb.mutable_plane()->mutable_point_m(), 0, 0, 0);
+    put(*limb.mutable_plane()->mutable_normal(), 0, 0, 1);
+  } else if (shape == LimbShape::kSphere) {
+    const double radius = draw.in(0.03, 0.1);
+    put(*limb.mutable_sphere()->mutable_center_m(), 0, 0, -radius);
+    limb.mutable_sphere()->set_radius_m(radius);
+  } else {
+    const double radius = draw.in(0.03, 0.06);
+    put(*limb.mutable_capsule()->mutable_a_m(), -0.1, 0, -radius);
+    put(*limb.mutable_capsule()->mutable_b_m(), 0.1, 0, -radius);
+    limb.mutable_capsule()->set_radius_m(radius);
+  }
+}
+
+void drawLayer(Draw& draw, pb::Layer& layer) {
+  layer.set_tissue(pb::Layer::OTHER);
+  layer.set_thickness_m(draw.in(0.003, 0.015));
+  layer.set_cutting_force_n(draw.in(0.2, 4));
+  layer.set_attracted_force_n(draw.in(0, 0.8));
+  layer.set_rejection_force_n(
+      roundedTo(std::min({0.15, 0.5 * layer.cutting_force_n(), 0.5 * layer.attracted_force_n()}), 3));
+  layer.set_lateral_stiffness_n_per_m2(draw.in(1000, 15000));
+  layer.set_friction_n_per_m(draw.in(2, 30));
+  if (!draw.chance(0.5)) return;
+  // ruptures within its layer, at most 300 N/m on the way there
+  auto& membrane = *layer.mutable_puncture();
+  membrane.set_linear_n_per_m(draw.in(100, 250));
+  membrane.set_quadratic_n_per_m2(draw.chance(0.5) ? draw.in(1000, 20'000) : 0.0);
+  membrane.set_force_n(roundedTo(draw.in(0.2, 0.95) * membrane.linear_n_per_m() * layer.thickness_m(), 3));
+}
+
+// all of them; or any set; or one alone, where nothing else pays for what it gives
+void drawEffects(Draw& draw, double all_share, pb::Profile& profile) {
+  const bool all = draw.chance(all_share), alone = draw.chance(0.5);
+  const int only = draw.whole(pb::Profile::CUTTING, pb::Profile::PUNCTURE);
+  for (int effect = pb::Profile::CUTTING; effect <= pb::Profile::PUNCTURE; ++effect)
+    if (const bool drawn = draw.chance(0.5); all || effect == only || (drawn && !alone))
+      profile.add_effects(static_cast<pb::Profile::Effect>(effect));
+}
+
+void drawScene(Draw& draw, LimbShape shape, const GestureRange& range, pb::Profile& profile) {
+  profile.mutable_needle()->set_length_m(draw.in(0.03, 0.09));
+  drawLimb(draw, shape, *profile.mutable_limb());
+  const int layers = draw.whole(1, 6);
+  for (int i = 0; i < layers; ++i) drawLayer(draw, *profile.add_layers());
+
+  auto& wall = *profile.mutable_tracking_wall();
+  wall.set_stiffness_n_per_m(draw.in(200, 600));
+  wall.set_stop_speed_m_s(draw.in(0.002, 0.006));
+  wall.set_stop_dwell_s(draw.in(0.02, 0.1));
+  wall.set_stop_duration_s(draw.in(0.2, 1));
+  wall.set_stop_mode(draw.chance(0.7) ? pb::TrackingWall::RAMP : pb::TrackingWall::EXPONENTIAL);
+  wall.set_relax_time_s(draw.in(0.2, 2));
+  wall.set_relax_residual(draw.in(0, 1));
+
+  auto& fixture = *profile.mutable_virtual_fixture();
+  fixture.set_max_stiffness_n_per_m(draw.in(50, 400));
+  fixture.set_max_force_n(draw.in(0.5, 4));
+  fixture.set_mode(range.clamping == ClampingMode::kPassive ? pb::VirtualFixture::PASSIVE
+                                                            : pb::VirtualFixture::PROPORTIONAL);
+  profile.mutable_orientation_limit()->set_stiffness_nm_per_rad(draw.in(0.1, 2));
+  profile.mutable_orientation_limit()->set_max_torque_nm(draw.in(0.05, 0.2));
+  profile.mutable_shaft_friction()->set_stiffness_n_per_m(draw.in(60, 200));
+  profile.set_max_force_n(10);
+  drawEffects(draw, range.all_effects_share, profile);
+}
+
+// Draws strokes one after the other; each begins where the last one ended.
+class StrokeDraw {
+ public:
+  StrokeDraw(Draw& draw, const GestureRange& range) : draw_(draw), range_(range) {}
+
+  PassivityStroke start() {
+    now_.kind = StrokeKind::kStart;
+    now_.depth_m = draw_.in(-0.008, -0.001);
+    tilt();
+    return last_ = now_;
+  }
+  PassivityStroke next() {
+    const bool inside = now_.depth_m > 0;
+    if (!inside)
+      draw_.chance(0.15) ? graze() : insert();
+    else
+      anyInside();
+    timed(now_);
+    return now_;
+  }
+  PassivityStroke exit() {
+    now_.kind = StrokeKind::kExit;
+    now_.depth_m = draw_.in(-0.01, -0.001);
+    if (draw_.chance(0.3)) moveAside(0.3);
+    timed(now_);
+    return now_;
+  }
+
+ private:
+  void anyInside() {
+    switch (draw_.whole(0, 9)) {
+      case 0:
+      case 1:
+        return insert();
+      case 2:
+        now_.kind = StrokeKind::kHold;
+        return;
+      case 3:
+      case 4:
+        now_.kind = StrokeKind::kRetreat;
+        now_.depth_m = roundedTo(now_.depth_m * draw_.in(0, 1), 3);
+        return;
+      case 5:
+        now_.kind = StrokeKind::kAside;
+        return moveAside(0.5);
+      case 6:
+        now_.kind = StrokeKind::kTilt;
+        return tilt();
+      case 7:
+        now_.kind = StrokeKind::kWide;
+        return moveAside(1);
+      case 8:
+        now_.kind = StrokeKind::kInsert;  // along a slant, the needle turning too
+        now_.depth_m = draw_.in(0.001, range_.most_depth_m);
+        moveAside(0.7);
+        return tilt();
+      default:
+        now_.kind = StrokeKind::kExit;
+        now_.depth_m = draw_.in(-0.006, -0.0005);
+    }
+  }
+  // deeper, along the needle's axis more often than not
+  void insert() {
+    now_.kind = StrokeKind::kInsert;
+    const double before = now_.depth_m;
+    now_.depth_m = draw_.chance(0.3) ? draw_.in(0.0005, 0.006) : draw_.in(0.001, range_.most_depth_m);
+    const double way = now_.depth_m - before;
+    if (std::abs(now_.tilt_x) + std::abs(now_.tilt_y) < 1.5 && draw_.chance(0.7)) {
+      now_.x_m = within(now_.x_m + now_.tilt_x * way);
+      now_.y_m = within(now_.y_m + now_.tilt_y * way);
+    }
+  }
+  // along the skin, the needle nearly in it
+  void graze() {
+    now_.kind = StrokeKind::kGraze;
+    now_.tilt_x = (draw_.chance(0.5) ? 1 : -1) * draw_.in(5.7, 14.3);  // 80-86°
+    now_.tilt_y = draw_.in(-1, 1);
+    const double way = draw_.in(0.005, 0.03);
+    now_.x_m = within(now_.x_m + std::copysign(way, now_.tilt_x));
+    now_.depth_m = draw_.in(0.0002, 0.004);
+  }
+  [[nodiscard]] double within(double aside_m) const {
+    return roundedTo(std::clamp(aside_m, -range_.most_aside_m, range_.most_aside_m), 3);
+  }
+  void moveAside(double share) {
+    const double most = share * range_.most_aside_m;
+    now_.x_m = draw_.in(-most, most);
+    now_.y_m = draw_.in(-most, most);
+  }
+  void tilt() {
+    const double most = draw_.chance(0.5) ? 0.0 : range_.most_tilt;
+    now_.tilt_x = draw_.in(-most, most);
+    now_.tilt_y = draw_.in(-most, most);
+  }
+  // slow, brisk or a rest; never faster than the range says
+  void timed(PassivityStroke& stroke) {
+    const double drawn = draw_.chance(0.3) ? draw_.in(0.5, 2) : draw_.in(0.05, 0.6);
+    const Vec3 way{stroke.x_m - last_.x_m, stroke.y_m - last_.y_m, stroke.depth_m - last_.depth_m};
+    const double least_s = kMinJerkPeak * norm(way) / range_.most_speed_mps;
+    const double turn = std::abs(stroke.tilt_x - last_.tilt_x) + std::abs(stroke.tilt_y - last_.tilt_y);
+    const double least_turn_s = kMinJerkPeak * std::min(turn, 1.6) / range_.most_turn_radps;
+    stroke.seconds = roundedTo(1.01 * std::max({drawn, least_s, least_turn_s}), 3);
+    last_ = stroke;
+  }
+
+  Draw& draw_;
+  const GestureRange& range_;
+  PassivityStroke now_, last_;
+};
+
+}  // namespace
+
+PassivityGesture randomGesture(std::uint64_t seed, LimbShape shape, const GestureRange& range) {
+  Draw draw(seed);
+  PassivityGesture gesture;
+  gesture.profile.set_id(fmt::format("random-{}", seed));
+  gesture.profile.set_name(fmt::format("Random scene {}", seed));
+  drawScene(draw, shape, range, gesture.profile);
+  gesture.tremor_m = draw.chance(0.5) ? draw.in(10e-6, 150e-6) : 0.0;
+  gesture.tremor_seed = 1 + draw.bits() % 1000;
+  gesture.encoder_step_m = draw.chance(0.5) ? 10e-6 : 0.0;
+  StrokeDraw strokes(draw, range);
+  gesture.start = strokes.start();
+  const int count = draw.whole(range.fewest_strokes, range.most_strokes);
+  for (int i = 0; i < count; ++i) gesture.strokes.push_back(strokes.next());
+  gesture.strokes.push_back(strokes.exit());
+  // tremor must not leave the tip in the tissue
+  gesture.strokes.push_back({StrokeKind::kHold, gesture.strokes.back().x_m, gesture.strokes.back().y_m,
+                             gesture.strokes.back().depth_m, gesture.strokes.back().tilt_x,
+                             gesture.strokes.back().tilt_y, 0.02});
+  return gesture;
 }
 
 }  // namespace needlelab

@@ -4,12 +4,14 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <string_view>
 #include <vector>
 
 #include "client/device/hand_plan.h"
 #include "common/base/result.h"
 #include "common/haptics/engine.h"
+#include "common/haptics/scene_spec.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {
@@ -55,5 +57,45 @@ Pose poseOf(const PassivityStroke& stroke);
 HandPlan planOf(const PassivityGesture& gesture);
 /// The motion tick by tick, tremor and encoder included. Deterministic.
 std::vector<TipSample> samplesOf(const PassivityGesture& gesture);
+
+/// `value` with at most `digits` (1-15) significant decimal digits: the double nearest to that decimal.
+double roundedTo(double value, int digits);
+/// How many significant decimal digits its shortest text has: 0 for 0, 1 for 300 or 0.02, 3 for 0.125.
+int significantDigits(double value);
+
+/// Called with each number in turn, in an order that stays the same; what it changes is written back.
+using NumberVisit = std::function<void(double&)>;
+
+/// Places, tilts and times of the strokes.
+void visitStrokes(PassivityGesture& gesture, const NumberVisit& number);
+/// Numbers of the layers and their membranes.
+void visitLayers(PassivityGesture& gesture, const NumberVisit& number);
+/// Both, and the sections of the scene that must stay above zero.
+void visitAll(PassivityGesture& gesture, const NumberVisit& number);
+
+/// Distance between two strokes' ends in m, and the sum of the changes of their tilts' tangents.
+double wayBetween(const PassivityStroke& a, const PassivityStroke& b);
+double turnBetween(const PassivityStroke& a, const PassivityStroke& b);
+
+/// How big a gesture is to a reader: less is simpler. Strokes, effects and layers weigh most, then times that
+/// are not short, then the digits of its numbers.
+double sizeOf(const PassivityGesture& gesture);
+
+enum class LimbShape : std::uint8_t { kPlane, kSphere, kCapsule };
+inline constexpr std::array<std::string_view, 3> kLimbShapeNames = {"plane", "sphere", "capsule"};
+
+/// What gestures are drawn from. The ranges are those of a hand at a needle: speed at most 0.15 m/s.
+struct GestureRange {
+  double most_depth_m = 0.045, most_aside_m = 0.012;
+  double most_speed_mps = 0.15, most_turn_radps = 6;
+  double most_tilt = 0.9;          ///< tangent; grazing strokes lie at 80-86° whatever this says
+  double all_effects_share = 0.7;  ///< the others have a random set of effects
+  ClampingMode clamping = ClampingMode::kPassive;
+  int fewest_strokes = 3, most_strokes = 12;
+};
+
+/// A random scene and gesture. Starts and ends outside. Numbers have three significant digits, so that what
+/// is written to a file is what was run.
+PassivityGesture randomGesture(std::uint64_t seed, LimbShape shape, const GestureRange& range = {});
 
 }  // namespace needlelab

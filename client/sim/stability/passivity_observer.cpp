@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-namespace needlelab {
+#include "common/haptics/models/like_for_like.h"
+#include "common/profile/profile.h"
 
+namespace needlelab {
 double workBetween(const TipSample& from, const Wrench& before, const TipSample& to, const Wrench& now) {
   const double force_J = 0.5 * dot(before.force_N + now.force_N, to.p_WT_m - from.p_WT_m);
   // the rotation vector from one to the other in W, to first order exact enough for neighbouring ticks
@@ -50,6 +52,47 @@ void PassivityObserver::add(const TipSample& tip, const StepReport& report, doub
           std::max(record_.worst_torque_step_Nm, norm(now.torque_Nm - last_->wrench_W.torque_Nm));
   }
   last_ = Seen{tip, now, report.clamping_stiffness_N_per_m};
+}
+
+Result<PassivityRecord> runGesture(const PassivityGesture& gesture, AxialModel model,
+                                   const ForceSourceFactory& make_source) {
+  ASSIGN_OR_RETURN(auto scene, sceneSpecOf(gesture.profile));
+  ASSIGN_OR_RETURN(auto source, make_source(likeForLike(scene, model), gesture.rate_hz));
+  PassivityObserver observer(source->axialStiffness_N_per_m());
+  StepReport report;
+  for (const TipSample& tip : samplesOf(gesture)) {
+    source->step(tip, report);
+    observer.add(tip, report, source->slant());
+  }
+  return observer.record();
+}
+
+double judgedEnergy_J(const PassivityRecord& record) {
+  return std::max(record.net_J, record.worst_running_J);
+}
+
+std::optional<PassivityFinding> findingOf(const PassivityRecord& record, const PassivityLimits& limits,
+                                          PassivityCheck check) {
+  switch (check) {
+    case PassivityCheck::kFinite:
+      if (!record.finite) return PassivityFinding{check, 1, 0};
+      break;
+    case PassivityCheck::kEnergy:
+      if (const double energy = judgedEnergy_J(record); !(energy <= limits.energy_J))
+        return PassivityFinding{check, energy, limits.energy_J};
+      break;
+    case PassivityCheck::kForceStep:
+      if (!(record.worst_step_N <= limits.step_N))
+        return PassivityFinding{check, record.worst_step_N, limits.step_N};
+      break;
+  }
+  return std::nullopt;
+}
+
+std::optional<PassivityFinding> findingOf(const PassivityRecord& record, const PassivityLimits& limits) {
+  for (const auto check : {PassivityCheck::kFinite, PassivityCheck::kEnergy, PassivityCheck::kForceStep})
+    if (auto finding = findingOf(record, limits, check)) return finding;
+  return std::nullopt;
 }
 
 }  // namespace needlelab

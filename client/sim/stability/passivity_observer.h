@@ -5,12 +5,15 @@
 
 #include <cstdint>
 #include <optional>
+#include <string_view>
 
+#include "client/sim/stability/passivity_gesture.h"
+#include "client/sim/stability/plant.h"
 #include "common/haptics/engine.h"
 
 namespace needlelab {
 
-/// A force step is allowed where the report flags one of these (DESIGN §10).
+/// A force step is allowed where the report flags one of these.
 inline constexpr std::uint32_t kDeclaredReleases = kFlagExit | kFlagLayerChange | kFlagRupture;
 
 /// What was seen so far. Energies by the trapezoidal rule over neighbouring ticks, force × way of the tip and
@@ -36,7 +39,7 @@ class PassivityObserver {
   /// added to it.
   explicit PassivityObserver(double axial_stiffness_N_per_m) : axial_N_per_m_(axial_stiffness_N_per_m) {}
 
-  /// `slant`: c of this tick, see DESIGN §3.1.
+  /// `slant`: c of this tick, see FORCE_MODEL.md, "Contact".
   void add(const TipSample& tip, const StepReport& report, double slant);
   [[nodiscard]] const PassivityRecord& record() const { return record_; }
 
@@ -54,5 +57,36 @@ class PassivityObserver {
 
 /// Work of two neighbouring ticks by the trapezoidal rule: force × way + torque × turn. In J.
 double workBetween(const TipSample& from, const Wrench& before, const TipSample& to, const Wrench& now);
+
+/// What may be wrong with a gesture's forces.
+enum class PassivityCheck : std::uint8_t { kFinite, kEnergy, kForceStep };
+inline constexpr std::array<std::string_view, 3> kPassivityCheckNames = {"finite", "energy_j",
+                                                                         "force_step_n"};
+
+struct PassivityLimits {
+  double energy_J = 5e-5;  ///< that an insertion, or all of the gesture, may give to the hand
+  double step_N = 0.05;    ///< beyond ΣK·|Δp|/c where no release is declared
+};
+
+/// One failed check.
+struct PassivityFinding {
+  PassivityCheck check = PassivityCheck::kFinite;
+  double measured = 0, limit = 0;
+};
+
+/// The motion is prescribed; the scene is the gesture's, rendered by `model` (likeForLike). Errors: those of
+/// the profile and of the source.
+Result<PassivityRecord> runGesture(const PassivityGesture& gesture, AxialModel model,
+                                   const ForceSourceFactory& source);
+
+/// The energy that is judged: the greatest of the whole gesture's net and of what any insertion had given at
+/// any moment since its entry. Stricter than the net energy, where what cutting takes may pay for a gift.
+double judgedEnergy_J(const PassivityRecord& record);
+
+/// The first failed check, in the order of PassivityCheck.
+std::optional<PassivityFinding> findingOf(const PassivityRecord& record, const PassivityLimits& limits);
+/// Whether that one check failed.
+std::optional<PassivityFinding> findingOf(const PassivityRecord& record, const PassivityLimits& limits,
+                                          PassivityCheck check);
 
 }  // namespace needlelab

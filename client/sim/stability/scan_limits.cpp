@@ -1,13 +1,16 @@
 #include "client/sim/stability/scan_limits.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <utility>
 
-#include "client/sim/stability/closed_loop_case.h"
-#include "client/sim/stability/scan_model.h"
+#include "client/sim/stability/case.h"
 #include "client/sim/stability/scan_nudge.h"
-#include "client/sim/stability/scan_theory.h"
+#include "client/sim/tools/gnuplot.h"
+#include "common/base/files.h"
 
 namespace needlelab {
 namespace {
@@ -33,9 +36,8 @@ Result<Found> largestStable(double guess, double least, double cap,
   // down to what is stable, then up to what is not
   double low = std::clamp(guess, least, cap), high = 0;
   for (;;) {
-    const auto answer = ask(low);
-    if (!answer.ok()) return answer.error();
-    if (*answer) break;
+    ASSIGN_OR_RETURN(const auto answer, ask(low));
+    if (answer) break;
     high = low;
     low /= kStep;
     if (low < least) return found;
@@ -46,15 +48,13 @@ Result<Found> largestStable(double guess, double least, double cap,
       break;
     }
     const double next = std::min(cap, low * kStep);
-    const auto answer = ask(next);
-    if (!answer.ok()) return answer.error();
-    (*answer ? low : high) = next;
+    ASSIGN_OR_RETURN(const auto answer, ask(next));
+    (answer ? low : high) = next;
   }
   while (!found.at_cap && high > low * kPrecision) {
     const double middle = std::sqrt(low * high);
-    const auto answer = ask(middle);
-    if (!answer.ok()) return answer.error();
-    (*answer ? low : high) = middle;
+    ASSIGN_OR_RETURN(const auto answer, ask(middle));
+    (answer ? low : high) = middle;
   }
   found.stiffness_N_per_m = low;
   return found;
@@ -129,17 +129,15 @@ class ModelScan {
     plant.rate_hz = rate_hz;
     plant.device.delay_ticks = delay;
     const auto stable = [&](double stiffness) -> Result<bool> {
-      const auto run = nudged(stiffness, plant);
-      if (!run.ok()) return run.error();
-      if (run->outcome.stable) row.felt_N_per_m = run->outcome.wall_N_per_m;
-      return run->outcome.stable;
+      ASSIGN_OR_RETURN(const auto run, nudged(stiffness, plant));
+      if (run.outcome.stable) row.felt_N_per_m = run.outcome.wall_N_per_m;
+      return run.outcome.stable;
     };
-    const auto found = largestStable(0.7 * row.passive_N_per_m, kLeastStiffness_N_per_m,
-                                     kMaxProfileStiffness_N_per_m, stable);
-    if (!found.ok()) return found.error();
-    row.stiffness_N_per_m = found->stiffness_N_per_m;
-    row.at_cap = found->at_cap;
-    row.runs = found->runs;
+    ASSIGN_OR_RETURN(const auto found, largestStable(0.7 * row.passive_N_per_m, kLeastStiffness_N_per_m,
+                                                     kMaxProfileStiffness_N_per_m, stable));
+    row.stiffness_N_per_m = found.stiffness_N_per_m;
+    row.at_cap = found.at_cap;
+    row.runs = found.runs;
     return row;
   }
 
@@ -151,15 +149,14 @@ class ModelScan {
     row.rate_hz = plant.rate_hz;
     row.delay_ticks = plant.device.delay_ticks;
     row.stiffness_N_per_m = std::min(study_.beyond_factor * limit_N_per_m, kMaxProfileStiffness_N_per_m);
-    const auto run = nudge(engineSource(), tissue_.with(row.stiffness_N_per_m), row.stiffness_N_per_m, plant,
-                           study_.beyond_nudge);
-    if (!run.ok()) return run.error();
-    row.swing_N = run->outcome.force_end_N;
-    row.max_force_N = maxForce_N(run->run);
-    row.held = heldIn(run->run, run->watch);
+    ASSIGN_OR_RETURN(const auto run, nudge(engineSource(), tissue_.with(row.stiffness_N_per_m),
+                                           row.stiffness_N_per_m, plant, study_.beyond_nudge));
+    row.swing_N = run.outcome.force_end_N;
+    row.max_force_N = maxForce_N(run.run);
+    row.held = heldIn(run.run, run.watch);
     row.trace.label = axialModelName(row.model);
-    for (const PlantTick& tick : ticksIn(run->run, {run->watch.from_s - 0.1, run->watch.to_s})) {
-      row.trace.time_s.push_back(tick.time_s - run->watch.from_s);
+    for (const PlantTick& tick : ticksIn(run.run, {run.watch.from_s - 0.1, run.watch.to_s})) {
+      row.trace.time_s.push_back(tick.time_s - run.watch.from_s);
       row.trace.force_N.push_back(-dot(tick.report.wrench_W.force_N, kInward_W));
     }
     return row;
@@ -190,48 +187,145 @@ Result<RestLimitRow> restLimit(const Study& study, double encoder_step_m, double
   const auto rests = [&](double stiffness) -> Result<bool> {
     SceneSpec wall = study.wall;
     wall.tracking_wall.stiffness_N_per_m = stiffness;
-    const auto run = nudge(engineSource(), wall, stiffness, plant, study.nudge);
-    if (!run.ok()) return run.error();
-    return run->outcome.finite && run->outcome.swing_end_m <= kAtRest_m;
+    ASSIGN_OR_RETURN(const auto run, nudge(engineSource(), wall, stiffness, plant, study.nudge));
+    return run.outcome.finite && run.outcome.swing_end_m <= kAtRest_m;
   };
-  const auto found = largestStable(std::max(row.theory_N_per_m, kLeastStiffness_N_per_m),
-                                   kLeastStiffness_N_per_m, kMaxProfileStiffness_N_per_m, rests);
-  if (!found.ok()) return found.error();
-  row.stiffness_N_per_m = found->stiffness_N_per_m;
-  row.at_cap = found->at_cap;
+  ASSIGN_OR_RETURN(const auto found,
+                   largestStable(std::max(row.theory_N_per_m, kLeastStiffness_N_per_m),
+                                 kLeastStiffness_N_per_m, kMaxProfileStiffness_N_per_m, rests));
+  row.stiffness_N_per_m = found.stiffness_N_per_m;
+  row.at_cap = found.at_cap;
   return row;
 }
 
 // one model at all rates and delays, and beyond. What has been found stays when it fails
 Status scanModel(const Study& study, AxialModel model, const std::function<void(double)>& tell,
                  StiffnessLimits& limits) {
-  auto scene = ScannedModel::prepare(study.wall, model, study.plant, study.nudge);
-  if (!scene.ok()) return scene.error();
-  auto tissue = ScannedModel::prepare(study.tissue, model, study.beyond_plant, study.beyond_nudge);
-  if (!tissue.ok()) return tissue.error();
-  ModelScan scan(study, *std::move(scene), *std::move(tissue));
+  ASSIGN_OR_RETURN(auto scene, ScannedModel::prepare(study.wall, model, study.plant, study.nudge));
+  ASSIGN_OR_RETURN(auto tissue,
+                   ScannedModel::prepare(study.tissue, model, study.beyond_plant, study.beyond_nudge));
+  ModelScan scan(study, std::move(scene), std::move(tissue));
   for (std::size_t r = 0; r < study.rates_hz.size(); ++r)
     for (const double delay : study.delays) {
       tell(static_cast<double>(r) / static_cast<double>(study.rates_hz.size()));
-      const auto row = scan.at(study.rates_hz[r], static_cast<unsigned>(delay));
-      if (!row.ok()) return row.error();
-      limits.rows.push_back(*row);
+      ASSIGN_OR_RETURN(const auto row, scan.at(study.rates_hz[r], static_cast<unsigned>(delay)));
+      limits.rows.push_back(row);
     }
   // beyond what is stable at the rate and delay of that part
   const PlantOptions& plant = study.beyond_plant;
-  const auto limit = scan.at(plant.rate_hz, plant.device.delay_ticks);
-  if (!limit.ok()) return limit.error();
-  auto beyond = scan.beyond(limit->stiffness_N_per_m);
-  if (!beyond.ok()) return beyond.error();
-  limits.beyond.push_back(*std::move(beyond));
+  ASSIGN_OR_RETURN(const auto limit, scan.at(plant.rate_hz, plant.device.delay_ticks));
+  ASSIGN_OR_RETURN(auto beyond, scan.beyond(limit.stiffness_N_per_m));
+  limits.beyond.push_back(std::move(beyond));
   return {};
 }
+
+// ---- tables and pictures; the first column of a model's row is its place in kAxialModelNames
+
+double place(AxialModel model) {
+  return static_cast<double>(model);
+}
+
+nlohmann::ordered_json jsonOf(const StiffnessLimits& limits) {
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array(), rest = rows, beyond = rows;
+  for (const StiffnessLimitRow& row : limits.rows)
+    rows.push_back({{"model", axialModelName(row.model)},
+                    {"parameter", stiffnessParameter(row.model)},
+                    {"rate_hz", row.rate_hz},
+                    {"delay_ticks", row.delay_ticks},
+                    {"stiffness_n_per_m", row.stiffness_N_per_m},
+                    {"at_cap", row.at_cap},
+                    {"felt_n_per_m", row.felt_N_per_m},
+                    {"passive_n_per_m", row.passive_N_per_m},
+                    {"sampled_n_per_m", row.sampled_N_per_m},
+                    {"runs", row.runs}});
+  for (const RestLimitRow& row : limits.rest)
+    rest.push_back({{"encoder_step_m", row.encoder_step_m},
+                    {"dry_friction_n", row.dry_friction_N},
+                    {"stiffness_n_per_m", row.stiffness_N_per_m},
+                    {"at_cap", row.at_cap},
+                    {"theory_n_per_m", row.theory_N_per_m}});
+  for (const BeyondRow& row : limits.beyond)
+    beyond.push_back({{"model", axialModelName(row.model)},
+                      {"rate_hz", row.rate_hz},
+                      {"delay_ticks", row.delay_ticks},
+                      {"stiffness_n_per_m", row.stiffness_N_per_m},
+                      {"swing_n", row.swing_N},
+                      {"max_force_n", row.max_force_N},
+                      {"held", row.held}});
+  return {{"rows", rows}, {"rest", rest}, {"beyond", beyond}, {"notes", limits.notes}};
+}
+
+std::string limitsCsv(const StiffnessLimits& limits) {
+  PlotTable table(
+      "model_index,rate_hz,delay_ticks,stiffness_n_per_m,at_cap,felt_n_per_m,passive_n_per_m,sampled_n_per_m,"
+      "runs,model");
+  for (const StiffnessLimitRow& row : limits.rows)
+    table.row({place(row.model), row.rate_hz, static_cast<double>(row.delay_ticks), row.stiffness_N_per_m,
+               row.at_cap ? 1.0 : 0.0, row.felt_N_per_m, row.passive_N_per_m, row.sampled_N_per_m,
+               static_cast<double>(row.runs)},
+              {axialModelName(row.model)});
+  return table.take();
+}
+
+std::string restCsv(const StiffnessLimits& limits) {
+  PlotTable table("encoder_step_m,dry_friction_n,stiffness_n_per_m,at_cap,theory_n_per_m");
+  for (const RestLimitRow& row : limits.rest)
+    table.row({row.encoder_step_m, row.dry_friction_N, row.stiffness_N_per_m, row.at_cap ? 1.0 : 0.0,
+               row.theory_N_per_m});
+  return table.take();
+}
+
+std::string beyondCsv(const StiffnessLimits& limits) {
+  PlotTable table("model_index,time_s,force_n,model");
+  for (const BeyondRow& row : limits.beyond)
+    for (std::size_t i = 0; i < row.trace.time_s.size(); ++i)
+      table.row({place(row.model), row.trace.time_s[i], row.trace.force_N[i]}, {axialModelName(row.model)});
+  return table.take();
+}
+
+// what the plot files need beside the tables; nothing where the table has no rows, and so no picture
+std::vector<PlotVariable> limitsVariables(const StiffnessLimits& limits) {
+  if (limits.rows.empty()) return {};
+  return {{"rows", static_cast<double>(limits.rows.size())}};
+}
+
+std::vector<PlotVariable> restVariables(const StiffnessLimits& limits) {
+  if (limits.rest.empty()) return {};
+  return {{"bound", limits.rest.front().bound_N_per_m}};
+}
+
+std::vector<PlotVariable> beyondVariables(const StiffnessLimits& limits) {
+  if (limits.beyond.empty()) return {};
+  std::vector<double> models, stiffness, swing, force;
+  for (const BeyondRow& row : limits.beyond) {
+    models.push_back(place(row.model));
+    stiffness.push_back(row.stiffness_N_per_m);
+    swing.push_back(row.swing_N);
+    force.push_back(row.max_force_N);
+  }
+  return {{"rate_hz", limits.beyond.front().rate_hz},
+          {"delay_ticks", static_cast<double>(limits.beyond.front().delay_ticks)},
+          {"model", models},
+          {"stiffness_n_per_m", stiffness},
+          {"swing_n", swing},
+          {"max_force_n", force}};
+}
+
+struct Picture {
+  const char* name;  // of table, plot file and picture
+  std::string (*csv)(const StiffnessLimits&);
+  std::vector<PlotVariable> (*variables)(const StiffnessLimits&);
+};
+constexpr Picture kPictures[] = {
+    {"stiffness_limits", limitsCsv, limitsVariables},
+    {"stiffness_rest", restCsv, restVariables},
+    {"stiffness_beyond", beyondCsv, beyondVariables},
+};
 
 }  // namespace
 
 Result<StiffnessLimits> findStiffnessLimits(const CaseSettings& settings, const StabilityProgress& progress) {
-  const auto study = readStudy(settings);
-  if (!study.ok()) return study.error();
+  ASSIGN_OR_RETURN(const auto study, readStudy(settings));
 
   StiffnessLimits limits;
   constexpr double kParts = kAxialModelCount + 1;
@@ -242,17 +336,34 @@ Result<StiffnessLimits> findStiffnessLimits(const CaseSettings& settings, const 
         progress("largest stable stiffness, " + std::string(axialModelName(model)),
                  (static_cast<double>(i) + share) / kParts);
     };
-    const Status done = scanModel(*study, model, tell, limits);
+    const Status done = scanModel(study, model, tell, limits);
     if (!done.ok()) limits.notes.push_back(std::string(axialModelName(model)) + ": " + done.error().message);
   }
-  for (const double step : study->rest_encoder_steps_m) {
+  for (const double step : study.rest_encoder_steps_m) {
     if (progress) progress("largest stiffness that comes to rest", kAxialModelCount / kParts);
-    for (const double friction : study->rest_frictions_N) {
-      const auto row = restLimit(*study, step, friction);
-      if (!row.ok()) return row.error();
-      limits.rest.push_back(*row);
+    for (const double friction : study.rest_frictions_N) {
+      ASSIGN_OR_RETURN(const auto row, restLimit(study, step, friction));
+      limits.rest.push_back(row);
     }
   }
+  return limits;
+}
+
+Result<StiffnessLimits> drawStiffnessLimits(const std::filesystem::path& dir, const CaseSettings& settings,
+                                            const StabilityProgress& progress) {
+  ASSIGN_OR_RETURN(auto limits, findStiffnessLimits(settings, progress));
+  const std::string json = jsonOf(limits).dump(2) + "\n";
+  RETURN_IF_ERROR(writeFileAtomically(dir / "stiffness_limits.json", viewOf(json)));
+  const bool draw = hasGnuplot();
+  for (const Picture& picture : kPictures) {
+    const auto csv = dir / fmt::format("{}.csv", picture.name);
+    RETURN_IF_ERROR(writeFileAtomically(csv, viewOf(picture.csv(limits))));
+    auto variables = picture.variables(limits);
+    if (!draw || variables.empty()) continue;
+    variables.emplace_back("csv", csv.string());
+    RETURN_IF_ERROR(drawPlot(picture.name, dir / fmt::format("{}.png", picture.name), variables));
+  }
+  if (!draw) limits.notes.push_back("gnuplot is not on the PATH: tables only, no pictures");
   return limits;
 }
 

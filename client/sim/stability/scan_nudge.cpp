@@ -2,10 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
+#include <limits>
+#include <memory>
 #include <utility>
 #include <vector>
 
-#include "client/sim/stability/closed_loop_case.h"
+#include "client/sim/stability/case.h"
+#include "common/fem/needle_mesh.h"
+#include "common/haptics/models/like_for_like.h"
+#include "common/haptics/models/needle_compliance.h"
 
 namespace needlelab {
 namespace {
@@ -125,10 +131,143 @@ Result<NudgeRun> nudge(const ForceSourceFactory& source, const SceneSpec& scene,
   const TimeWindow watch{plan.duration_s(), plan.duration_s() + options.watch_s};
   plan.hold(options.watch_s);
 
-  auto run = runScene(source, scene, plan, plant);
-  if (!run.ok()) return run.error();
-  const NudgeOutcome outcome = outcomeOf(*run, watch, plant.device.encoder_step_m);
-  return NudgeRun{*std::move(run), watch, outcome};
+  ASSIGN_OR_RETURN(auto run, runScene(source, scene, plan, plant));
+  const NudgeOutcome outcome = outcomeOf(run, watch, plant.device.encoder_step_m);
+  return NudgeRun{std::move(run), watch, outcome};
+}
+
+namespace {
+
+using Complex = std::complex<double>;
+
+// mass, damper and spring behind a zero-order hold: Σ of the residues of the step response, times 1 − z⁻¹
+class PulseTransfer {
+ public:
+  explicit PulseTransfer(const LinearLoop& loop) {
+    const double half = loop.damping_Ns_per_m / (2 * loop.mass_kg);
+    const Complex root = std::sqrt(Complex(half * half - loop.stiffness_N_per_m / loop.mass_kg));
+    const Complex p1 = -half + root, p2 = -half - root;
+    gain_ = 1 / loop.stiffness_N_per_m;
+    a1_ = 1.0 / (loop.mass_kg * p1 * (p1 - p2));
+    a2_ = 1.0 / (loop.mass_kg * p2 * (p2 - p1));
+    e1_ = std::exp(p1 * loop.period_s);
+    e2_ = std::exp(p2 * loop.period_s);
+  }
+  [[nodiscard]] Complex at(Complex z) const {
+    return gain_ + (z - 1.0) * (a1_ / (z - e1_) + a2_ / (z - e2_));
+  }
+
+ private:
+  double gain_;
+  Complex a1_, a2_, e1_, e2_;
+};
+
+// the K that closes the loop 1 + (K + B (1 − z⁻¹)/T) G z⁻ᵈ = 0 at z = e^{jφ}; a wall can have it where it is
+// real
+Complex closingStiffness(const LinearLoop& loop, const PulseTransfer& plant, double phase_rad) {
+  const Complex z = std::polar(1.0, phase_rad);
+  const Complex late = std::polar(1.0, phase_rad * static_cast<double>(loop.delay_ticks));
+  return -late / plant.at(z) - loop.wall_damping_Ns_per_m / loop.period_s * (1.0 - 1.0 / z);
+}
+
+}  // namespace
+
+double passiveStiffnessLimit(double damping_Ns_per_m, double period_s, double delay_ticks) {
+  return damping_Ns_per_m / (period_s * (0.5 + delay_ticks));
+}
+
+double quantisedStiffnessLimit(double damping_Ns_per_m, double period_s, double dry_friction_N,
+                               double encoder_step_m) {
+  const double by_time = 2 * damping_Ns_per_m / period_s;
+  return encoder_step_m > 0 ? std::min(by_time, 2 * dry_friction_N / encoder_step_m) : by_time;
+}
+
+double sampledStiffnessLimit(const LinearLoop& loop) {
+  const PulseTransfer plant(loop);
+  constexpr int kSteps = 20'000;  // of the upper half of the unit circle
+  constexpr double kHalfTurn = 3.14159265358979323846;
+  double best = std::numeric_limits<double>::infinity();
+  double before = kHalfTurn / kSteps;
+  for (int i = 2; i <= kSteps; ++i) {
+    const double here = kHalfTurn * i / kSteps;
+    double from = before, to = here;
+    before = here;
+    const bool rising = closingStiffness(loop, plant, from).imag() < 0;
+    if (rising == (closingStiffness(loop, plant, to).imag() < 0)) continue;
+    for (int halving = 0; halving < 60; ++halving) {
+      const double middle = (from + to) / 2;
+      ((closingStiffness(loop, plant, middle).imag() < 0) == rising ? from : to) = middle;
+    }
+    const double stiffness = closingStiffness(loop, plant, to).real();
+    if (stiffness > 0) best = std::min(best, stiffness);
+  }
+  return best;
+}
+
+namespace {
+
+void stiffen(SceneSpec& fem, double factor) {
+  for (FemLayerSpec& layer : fem.fem.layers) layer.young_Pa *= factor;
+  auto scaled = std::make_shared<NeedleCompliance>(*fem.fem.compliance);
+  for (double& give : scaled->give_m_per_N) give /= factor;
+  fem.fem.compliance = std::move(scaled);
+}
+
+}  // namespace
+
+Result<ScannedModel> ScannedModel::prepare(const SceneSpec& scene, AxialModel model,
+                                           const PlantOptions& plant, const NudgeOptions& options) {
+  ScannedModel scanned(scene, likeForLike(scene, model));
+  if (model != AxialModel::kFem) return scanned;
+
+  RETURN_IF_ERROR(addCompliance(scanned.scene_));
+  // how stiff it feels depends on how deep it is: towards the wall's own stiffness in a few steps
+  constexpr int kSteps = 4;
+  const double wanted = scene.tracking_wall.stiffness_N_per_m;
+  for (int step = 0; step < kSteps; ++step) {
+    ASSIGN_OR_RETURN(const auto run, nudge(engineSource(), scanned.scene_, wanted, plant, options));
+    scanned.felt_N_per_m_ = run.outcome.wall_N_per_m;
+    if (!(scanned.felt_N_per_m_ > 0))
+      return Error{ErrorCode::kFailed, "the mesh is felt to have no stiffness in this scene"};
+    if (step + 1 < kSteps) stiffen(scanned.scene_, wanted / scanned.felt_N_per_m_);
+  }
+  return scanned;
+}
+
+SceneSpec ScannedModel::with(double stiffness_N_per_m) const {
+  if (model() == AxialModel::kFem) {
+    SceneSpec fem = scene_;
+    stiffen(fem, stiffness_N_per_m / felt_N_per_m_);
+    return fem;
+  }
+  SceneSpec wall = wall_;
+  wall.tracking_wall.stiffness_N_per_m = stiffness_N_per_m;
+  return likeForLike(wall, model());
+}
+
+double ScannedModel::damping_Ns_per_m() const {
+  return model() == AxialModel::kVoigt ? scene_.voigt.damping_Ns_per_m : 0;
+}
+std::string_view stiffnessParameter(AxialModel model) {
+  switch (model) {
+    case AxialModel::kEnhancedTrackingWall:
+    case AxialModel::kTrackingWall:
+      return "tracking_wall.stiffness_n_per_m";
+    case AxialModel::kStatistical:
+    case AxialModel::kPrecomputed:
+      return "tracking_wall.stiffness_n_per_m, which renders the table";
+    case AxialModel::kDirect:
+      return "direct.stiffness_n_per_m";
+    case AxialModel::kVoigt:
+      return "voigt.stiffness_n_per_m, damping_ns_per_m at 5";
+    case AxialModel::kGodObject:
+      return "god_object.stiffness_n_per_m";
+    case AxialModel::kFirstOrder:
+      return "first_order.stiffness_n_per_m of the layer, up to puncture";
+    case AxialModel::kFem:
+      return "fem: Young's modulus of all layers, as the stiffness that is felt at this depth";
+  }
+  return "";
 }
 
 }  // namespace needlelab

@@ -2,8 +2,9 @@
 /// whether the swing dies out.
 #pragma once
 
+#include <string_view>
+
 #include "client/sim/stability/case_file.h"
-#include "client/sim/stability/force_source.h"
 #include "client/sim/stability/plant.h"
 #include "common/haptics/scene_spec.h"
 
@@ -22,7 +23,7 @@ struct NudgeOptions {
 NudgeOptions nudgeOptionsOf(CaseEntry& entry);
 
 /// What came of a nudge. A swing is how the needle moves along z (not what the encoders say of it) about its
-/// own mean of 0.3 s (a wall that relaxes lets the needle creep on, and that is no swing), as the
+/// own mean of 0.3 s (a wall that relaxes lets the needle creep on, which is not a swing), as the
 /// peak-to-peak of the sine that has the same RMS.
 struct NudgeOutcome {
   bool finite = true;
@@ -52,5 +53,57 @@ struct NudgeRun {
 /// `stiffness_N_per_m`: of the scene's wall, for the depth to press to. Errors: of the factory and the plant.
 Result<NudgeRun> nudge(const ForceSourceFactory& source, const SceneSpec& scene, double stiffness_N_per_m,
                        const PlantOptions& plant, const NudgeOptions& options);
+
+/// Colgate and Schenkel (1997): a wall K, sampled and held, is passive when b > K T/2; with d further ticks
+/// of delay b > K T (½ + d). The hand's damping counts as the device's. In N/m.
+double passiveStiffnessLimit(double damping_Ns_per_m, double period_s, double delay_ticks);
+
+/// Abbott and Okamura (2005), Diolaiti et al. (2006): with encoder step Δ and Coulomb friction f_c a wall is
+/// passive, down to the smallest cycle, when K ≤ min(2b/T, 2f_c/Δ). Infinite second part where Δ is 0. In
+/// N/m.
+double quantisedStiffnessLimit(double damping_Ns_per_m, double period_s, double dry_friction_N,
+                               double encoder_step_m);
+
+/// The loop of a wall that stays in contact: handle and hand are a mass on a spring and a damper, the wall is
+/// K + B (1 − z⁻¹)/T, sampled and held, d ticks late.
+struct LinearLoop {
+  double mass_kg = 0.35;
+  double damping_Ns_per_m = 3.5;     ///< of device and hand
+  double stiffness_N_per_m = 300;    ///< of the hand, more than 0
+  double period_s = 1e-3;            ///< T
+  unsigned delay_ticks = 1;          ///< d
+  double wall_damping_Ns_per_m = 0;  ///< B, by a one-tick difference
+};
+
+/// The smallest K at which the linear loop swings without end, from its pulse transfer function (no small-KT
+/// approximation). In N/m; infinite where there is none.
+double sampledStiffnessLimit(const LinearLoop& loop);
+
+inline constexpr double kMaxProfileStiffness_N_per_m = 10'000;  ///< of a profile (db/samples/README.md)
+
+/// What "K" is: K_t of the tracking wall and of the models that it renders (STATISTICAL, and PRECOMPUTED,
+/// whose table rises with K_t too), the section's stiffness of DIRECT, VOIGT and GOD_OBJECT, the stiffness up
+/// to puncture of FIRST_ORDER: all by likeForLike from K_t. FEM has no such number: its E and its compliance
+/// are scaled until a nudge feels K.
+class ScannedModel {
+ public:
+  /// `scene` is the wall's. For FEM the mesh is solved here, and nudges with `plant` and `options` find out
+  /// what it is felt to have; kFailed when that is nothing.
+  static Result<ScannedModel> prepare(const SceneSpec& scene, AxialModel model, const PlantOptions& plant,
+                                      const NudgeOptions& options);
+
+  [[nodiscard]] SceneSpec with(double stiffness_N_per_m) const;
+  [[nodiscard]] AxialModel model() const { return scene_.axial_model; }
+  /// B of VOIGT, 0 of the others. In N·s/m.
+  [[nodiscard]] double damping_Ns_per_m() const;
+
+ private:
+  explicit ScannedModel(SceneSpec wall, SceneSpec scene) : wall_(std::move(wall)), scene_(std::move(scene)) {}
+  SceneSpec wall_, scene_;
+  double felt_N_per_m_ = 0;  // FEM: of `scene_` as it is
+};
+
+/// What is K of a model, for a table's caption.
+std::string_view stiffnessParameter(AxialModel model);
 
 }  // namespace needlelab

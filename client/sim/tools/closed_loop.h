@@ -2,10 +2,13 @@
 #pragma once
 
 #include <cstdint>
+#include <string_view>
 #include <vector>
 
 #include "client/device/haptic_chain.h"
+#include "client/device/simulated_device.h"
 #include "common/base/result.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 
@@ -14,5 +17,26 @@ namespace needlelab {
 /// tick and the reason.
 Result<std::vector<ChainTick>> runClosedLoop(const SceneModel& model, Device& device, const Pose& X_HT,
                                              std::uint64_t max_ticks);
+
+/// One of the paper's profiles (db/samples), compiled into the program: "paper-1dof", "paper-six-layers",
+/// "paper-clamping". `X_WL` places it.
+Result<SceneModel> paperScene(std::string_view id, const Pose& X_WL, double rate_hz);
+
+/// The same, not yet compiled.
+Result<SceneSpec> paperSceneSpec(std::string_view id, const Pose& X_WL);
+
+/// A run that a figure shows. Times are those of the figure: `t0_s` belongs to tick 0.
+struct FigureRun {
+  double rate_hz = 1000;
+  double t0_s = 0;
+  std::vector<ChainTick> ticks;
+  [[nodiscard]] double time_s(std::size_t i) const {
+    return t0_s + static_cast<double>(ticks[i].tick) / rate_hz;
+  }
+};
+
+/// Runs `plan` to its end in `model` with the simulated hand and device, through the gate.
+Result<FigureRun> runPlan(const SceneModel& model, const SimulatedDeviceOptions& device, HandPlan plan,
+                          double t0_s);
 
 }  // namespace needlelab

@@ -1,9 +1,8 @@
-/// The one shape of JSON that the subcommands write (DESIGN §5).
+/// The one shape of JSON that the subcommands write.
 #pragma once
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json_fwd.hpp>
-#include <optional>
 #include <string>
 
 #include "common/base/result.h"

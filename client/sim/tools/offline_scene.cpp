@@ -1,12 +1,18 @@
 #include "client/sim/tools/offline_scene.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
+#include <cstdio>
 #include <utility>
 
 #include "client/device/pose_option.h"
+#include "common/base/csv.h"
 #include "common/base/range.h"
 #include "common/fem/needle_mesh.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/limits.h"
+#include "common/haptics/scene_model.h"
 #include "common/haptics/tool_transform.h"
 #include "common/profile/profile.h"
 
@@ -34,18 +40,14 @@ Result<OfflineScene> loadOffline(const OfflineOptions& options) {
   if (!rates.contains(options.rate_hz)) return outOfRange("--rate in Hz", options.rate_hz, rates);
   OfflineScene scene;
   scene.rate_hz = options.rate_hz;
-  auto X_WL = poseOr(options.placement, "--placement");
-  if (!X_WL.ok()) return X_WL.error();
-  auto X_HT = poseOr(options.tool, "--tool");
-  if (!X_HT.ok()) return X_HT.error();
-  scene.X_WL = *X_WL;
-  scene.X_HT = *X_HT;
+  ASSIGN_OR_RETURN(auto X_WL, poseOr(options.placement, "--placement"));
+  ASSIGN_OR_RETURN(auto X_HT, poseOr(options.tool, "--tool"));
+  scene.X_WL = X_WL;
+  scene.X_HT = X_HT;
 
-  auto profile = loadProfile(options.profile);
-  if (!profile.ok()) return profile.error();
-  scene.profile = *std::move(profile);
-  if (!options.model.empty())
-    if (Status status = chooseModel(scene.profile, options.model); !status.ok()) return status.error();
+  ASSIGN_OR_RETURN(auto profile, loadProfile(options.profile));
+  scene.profile = std::move(profile);
+  if (!options.model.empty()) RETURN_IF_ERROR(chooseModel(scene.profile, options.model));
   auto spec = sceneSpecOf(scene.profile, scene.X_WL);
   if (!spec.ok()) return Error{spec.error().code, options.profile.string() + ": " + spec.error().message};
   if (Status status = addCompliance(*spec); !status.ok())
@@ -55,10 +57,70 @@ Result<OfflineScene> loadOffline(const OfflineOptions& options) {
   scene.model = *std::move(model);
 
   // rows are ticks, whatever their times say
-  auto track = readPoseTrack(options.trajectory, TrackTimes::kAnyOrder);
-  if (!track.ok()) return track.error();
-  scene.track = *std::move(track);
+  ASSIGN_OR_RETURN(auto track, readPoseTrack(options.trajectory, TrackTimes::kAnyOrder));
+  scene.track = std::move(track);
   return scene;
+}
+
+void addOfflineOptions(CLI::App& app, OfflineOptions& options) {
+  app.add_option("--profile", options.profile, "the scene: a profile's JSON")->required();
+  app.add_option("--trajectory", options.trajectory,
+                 "CSV with t_s,px_m,py_m,pz_m,qx,qy,qz,qw and perhaps plunger; a row is a tick")
+      ->required();
+  app.add_option("--rate", options.rate_hz, "ticks per second, 50 to 40000")->capture_default_str();
+  app.add_option("--model", options.model, "axial model, instead of the profile's");
+  app.add_option("--placement", options.placement,
+                 "the limb in the device's frame: x,y,z,qx,qy,qz,qw or a JSON file");
+  app.add_option(
+      "--tool", options.tool,
+      "the tip in the handle's frame, when the rows are the handle's: x,y,z,qx,qy,qz,qw or a JSON file");
+}
+
+void printWarnings(const OfflineScene& scene) {
+  for (const std::string& warning : profileWarnings(scene.profile))
+    std::fprintf(stderr, "needlelab-sim: warning: profile %s: %s\n", scene.profile.id().c_str(),
+                 warning.c_str());
+}
+
+std::string runHeader() {
+  std::string header =
+      "t_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,wx_m,wy_m,wz_m,phase,layer,depth_m,insertion_m,alpha_rad,"
+      "lateral_error_m";
+  for (const EffectEntry* effect : effectsAsShown())
+    if (effect->unit == "N") header += fmt::format(",{}_n", effect->term);
+  return header + "\n";
+}
+
+void appendRunRow(std::string& out, double t_s, const StepReport& report, double needle_length_m) {
+  const auto number = [&out](double value) {
+    appendNumber(out, value);
+    out += ',';
+  };
+  const auto vector = [&number](Vec3 v) { number(v.x), number(v.y), number(v.z); };
+  number(t_s);
+  vector(report.wrench_W.force_N);
+  vector(report.wrench_W.torque_Nm);
+  vector(report.p_wall_W_m);
+  out += phaseName(report.phase);
+  out += ',';
+  out += std::to_string(report.layer);
+  out += ',';
+  number(report.depth_m);
+  number(report.insertion_m);
+  number(orientationLimitAngle(needle_length_m, report.insertion_m));
+  appendNumber(out, report.lateral_error_m);
+  for (const EffectEntry* effect : effectsAsShown()) {
+    if (effect->unit != "N") continue;
+    out += ',';
+    appendNumber(out, effect->value(report));
+  }
+  out += '\n';
+}
+
+std::uint64_t fnv1a(std::string_view text) {
+  std::uint64_t hash = 14695981039346656037u;
+  for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211u;
+  return hash;
 }
 
 }  // namespace needlelab

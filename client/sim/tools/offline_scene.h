@@ -1,8 +1,11 @@
 /// A profile and a recorded trajectory, ready for the engine: what `run` and `score` start from.
 #pragma once
 
+#include <CLI/CLI.hpp>
+#include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "client/device/recording_device.h"
@@ -36,5 +39,22 @@ Result<OfflineScene> loadOffline(const OfflineOptions& options);
 
 /// The names of the axial models that there are, e.g. "ENHANCED_TRACKING_WALL".
 std::vector<std::string> axialModelNames();
+
+/// `options` must outlive the parsing.
+void addOfflineOptions(CLI::App& app, OfflineOptions& options);
+
+/// The profile's warnings, a line each on stderr.
+void printWarnings(const OfflineScene& scene);
+
+/// The columns, with a newline.
+std::string runHeader();
+
+/// Appends the row of a tick: 17 significant digits, wall `nan` when there is none, phase by name.
+/// `needle_length_m` is for alpha_rad.
+void appendRunRow(std::string& out, double t_s, const StepReport& report, double needle_length_m);
+
+/// FNV-1a, 64 bits, of a text: as every double is written so that it reads back the same, equal hashes mean
+/// equal bits.
+std::uint64_t fnv1a(std::string_view text);
 
 }  // namespace needlelab

@@ -5,10 +5,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "client/sim/accuracy/label_layout.h"
-#include "client/sim/accuracy/pareto.h"
-#include "client/sim/accuracy/plot.h"
-#include "client/sim/accuracy/plot_panel.h"
+#include "client/sim/accuracy/panel_layout.h"
 #include "client/sim/accuracy/recommendation.h"
 #include "client/sim/accuracy/report.h"
 #include "tests/unit/client/sim/accuracy_rows.h"

@@ -5,14 +5,9 @@
 #include <cmath>
 #include <map>
 
-#include "client/sim/accuracy/error_sum.h"
-#include "client/sim/accuracy/force_profile.h"
-#include "client/sim/accuracy/lesson_samples.h"
-#include "client/sim/accuracy/live_study.h"
-#include "client/sim/accuracy/model_study.h"
-#include "client/sim/accuracy/rate_study.h"
-#include "client/sim/accuracy/rendering.h"
-#include "client/sim/accuracy/storage_study.h"
+#include "client/sim/accuracy/gesture.h"
+#include "client/sim/accuracy/row.h"
+#include "client/sim/accuracy/study.h"
 #include "client/sim/accuracy/tls_loopback.h"
 #include "common/base/clock.h"
 #include "common/gesture/chunk.h"

@@ -1,15 +1,18 @@
 // The figures show what the paper's section IV says: the numbers below are the paper's.
-#include "client/sim/tools/figures.h"
-
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <functional>
+#include <nlohmann/json.hpp>
 
+#include "client/sim/figures.h"
+#include "client/sim/tools/gnuplot.h"
 #include "common/base/csv.h"
 #include "tests/support/temp_folder.h"
+#include "tests/unit/client/sim/sim_run.h"
 
 namespace needlelab {
 namespace {
@@ -53,7 +56,7 @@ double greatest(const std::vector<double>& v) {
 TEST(Figure07, oneNewtonInDecayInTheStopHalfANewtonOut) {
   const auto run = runOneLayer();
   ASSERT_TRUE(run.ok()) << run.error().message;
-  const Table t(figure07(*run, "fig07.csv"), {"t_s", "z_m", "force_z_n", "rendered_force_z_n", "depth_m"});
+  const Table t(figure07(*run), {"t_s", "z_m", "force_z_n", "rendered_force_z_n", "depth_m"});
 
   // free motion: nothing
   EXPECT_EQ(greatest(t.between("force_z_n", 22, 23.9)), 0);
@@ -84,8 +87,7 @@ TEST(Figure07, oneNewtonInDecayInTheStopHalfANewtonOut) {
 TEST(Figure09, sixPlateausInAndFourTenthsOut) {
   const auto run = runSixLayers();
   ASSERT_TRUE(run.ok()) << run.error().message;
-  const Table t(figure09(*run, "fig09.csv"),
-                {"t_s", "cutting_force_n", "attracted_force_n", "layer", "depth_m"});
+  const Table t(figure09(*run), {"t_s", "cutting_force_n", "attracted_force_n", "layer", "depth_m"});
   const double forces[] = {1, 2, 1.5, 2.5, 3, 4};
   for (int layer = 0; layer < 6; ++layer) {
     // way in through this layer: from its first tick to the first in the next one, or to the deepest
@@ -111,7 +113,7 @@ TEST(Figure09, sixPlateausInAndFourTenthsOut) {
 TEST(Figure08, theWallFollowsAlongEveryAxisAtTheDistanceOfTheForce) {
   const auto run = runSixLayers();
   ASSERT_TRUE(run.ok());
-  const Figure figure = figure08(*run, "fig08.csv");
+  const Figure figure = figure08(*run);
   const Table t(figure, {"t_s", "px_m", "py_m", "pz_m"});
   for (const char* axis : {"px_m", "py_m", "pz_m"})
     EXPECT_GT(greatest(t.between(axis, 0, 0.75)) - least(t.between(axis, 0, 0.75)), 0.015) << axis;
@@ -160,7 +162,7 @@ TEST(Figure10, theForcePullsBackToTheTrajectoryWhichChangesInTheEnd) {
 TEST(Figure11, theForceIsSmallAtFirstRisesWithDepthAndFallsOnTheWayBack) {
   const auto run = runClamping();
   ASSERT_TRUE(run.ok());
-  const Table t(figure11(*run, "fig11.csv"), {"t_s", "clamping_n", "insertion_m", "turning"});
+  const Table t(figure11(*run), {"t_s", "clamping_n", "insertion_m", "turning"});
   // where the way in is still shallow the user almost follows the trajectory
   const auto first_way = [&](double from_m, double to_m) {
     bool back = false;
@@ -189,4 +191,61 @@ TEST(PaperScene, anUnknownOneIsNamed) {
 }
 
 }  // namespace
+
+namespace {
+
+using test::sim;
+using testing::HasSubstr;
+
+TEST(FiguresCommand, writesEveryTableAndPicture) {
+  const test::TempFolder folder;
+  const auto out = folder.path() / "new" / "folder";
+  const auto outcome = sim({"figures", "--out", out.string()});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  std::size_t files = 0;
+  for (const char* name : {"fig07", "fig08", "fig09", "fig10", "fig11"}) {
+    EXPECT_GT(std::filesystem::file_size(out / (std::string(name) + ".csv")), 10'000u);
+    EXPECT_THAT(outcome.out, HasSubstr(name));
+    files += 1;
+    if (!hasGnuplot()) continue;
+    EXPECT_GT(std::filesystem::file_size(out / (std::string(name) + ".png")), 20'000u);
+    files += 1;
+  }
+  EXPECT_EQ(static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(out), {})), files);
+}
+
+TEST(FiguresCommand, jsonListsWhatWasWritten) {
+  const test::TempFolder folder;
+  const auto outcome = sim({"figures", "--out", folder.path().string(), "--json"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const auto whole = nlohmann::json::parse(outcome.out);
+  ASSERT_EQ(whole.at("rows").size(), 5u);
+  for (const auto& row : whole.at("rows")) {
+    EXPECT_TRUE(std::filesystem::exists(row.at("csv").get<std::string>()));
+    EXPECT_EQ(row.at("png").is_null(), !hasGnuplot());
+  }
+}
+
+TEST(FiguresCommand, withoutGnuplotGivesTheTablesAndSaysSo) {
+  const test::TempFolder folder;
+  const std::string path = std::getenv("PATH");
+  ::setenv("PATH", folder.path().c_str(), 1);
+  const auto outcome = sim({"figures", "--out", (folder.path() / "out").string()});
+  ::setenv("PATH", path.c_str(), 1);
+  EXPECT_EQ(outcome.code, 0);
+  EXPECT_THAT(outcome.err, HasSubstr("gnuplot"));
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "out" / "fig11.csv"));
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "out" / "fig11.png"));
+}
+
+TEST(FiguresCommand, aFolderThatCannotBeMadeIsNamed) {
+  const test::TempFolder folder;
+  const auto file = folder.write("file", "");
+  const auto outcome = sim({"figures", "--out", (file / "below").string()});
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr((file / "below").string()));
+}
+
+}  // namespace
+
 }  // namespace needlelab

@@ -7,7 +7,7 @@
 #include <fstream>
 #include <map>
 
-#include "client/sim/accuracy/recorded_rows.h"
+#include "client/sim/accuracy/recorded.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/sim/recorded_support.h"
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "client/sim/accuracy/recorded_run.h"
+#include "client/sim/accuracy/recorded_fit.h"
 #include "common/base/files.h"
 #include "common/profile/profile.h"
 #include "tests/unit/client/sim/recorded_support.h"

@@ -12,7 +12,7 @@
 #include <sstream>
 
 #include "client/device/pose_option.h"
-#include "client/sim/tools/run_output.h"
+#include "client/sim/tools/offline_scene.h"
 #include "common/base/csv.h"
 #include "common/base/files.h"
 #include "common/haptics/tool_transform.h"
@@ -377,7 +377,7 @@ TEST(EveryCommand, refusesAJsonFileThatIsItsInput) {
   EXPECT_FALSE(std::filesystem::exists(out));
 }
 
-// DESIGN §4: a warning, with the numbers
+// a warning, with the numbers
 TEST(RunCommand, saysWhatIsDoubtfulInTheProfile) {
   const test::TempFolder folder;
   std::string thin = *readWholeFile(test::kSamples / "paper-1dof.json");

@@ -1,4 +1,4 @@
-#include "client/sim/tools/run_output.h"
+#include "client/sim/tools/offline_scene.h"
 
 #include <gtest/gtest.h>
 

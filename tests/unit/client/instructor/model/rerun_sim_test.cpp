@@ -4,7 +4,6 @@
 #include "client/instructor/model/report.h"
 #include "client/instructor/model/rerun.h"
 #include "client/sim/tools/offline_scene.h"
-#include "client/sim/tools/run_output.h"
 #include "common/gesture/sample_csv.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/instructor/model/lesson_gestures.h"

@@ -1,0 +1,234 @@
+#include "common/fem/needle_study.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/base/clock.h"
+#include "common/haptics/engine.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kStrokeRate_hz = 1000;
+/// Step of the quasi-static insertion behind a table.
+constexpr double kTableStep_m = 2e-5;
+
+// minimum jerk from 0 to 1
+double smooth(double t) {
+  return t * t * t * (10.0 + t * (-15.0 + 6.0 * t));
+}
+
+NeedlePose straightAt(double depth_m) {
+  return {depth_m, std::max(0.0, depth_m), 1.0};
+}
+
+double totalOf(const NeedleForce& force) {
+  return force.cutting_N + force.friction_N;
+}
+
+// a point of the surface and the direction into the tissue there
+struct Entry {
+  Vec3 p_m, inward;
+};
+Entry entryOf(const Limb& limb) {
+  if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return {plane->point_m, -normalized(plane->normal)};
+  if (const auto* sphere = std::get_if<SphereLimb>(&limb))
+    return {sphere->center_m + Vec3{0, 0, sphere->radius_m}, {0, 0, -1}};
+  const auto& capsule = std::get<CapsuleLimb>(limb);
+  const Vec3 along = normalized(capsule.b_m - capsule.a_m);
+  const Vec3 any = std::fabs(along.z) < 0.9 ? Vec3{0, 0, 1} : Vec3{1, 0, 0};
+  const Vec3 outward = normalized(any - along * dot(any, along));
+  return {0.5 * (capsule.a_m + capsule.b_m) + outward * capsule.radius_m, -outward};
+}
+
+// shortest rotation from +z to `axis`
+Quat pointingAlong(Vec3 axis) {
+  if (axis.z < -1 + 1e-9) return {1, 0, 0, 0};
+  const Vec3 c = cross({0, 0, 1}, axis);
+  return normalized(Quat{c.x, c.y, c.z, 1 + axis.z});
+}
+
+double meanSquare(const std::vector<double>& values, std::size_t from, std::size_t to) {
+  double sum = 0;
+  for (std::size_t i = from; i < to; ++i) sum += values[i] * values[i];
+  return to > from ? sum / static_cast<double>(to - from) : 0.0;
+}
+
+}  // namespace
+
+std::vector<double> strokeOf(double depth_m, double seconds, double hold_s) {
+  std::vector<double> depths;
+  const auto ticks = static_cast<int>(seconds * kStrokeRate_hz);
+  for (int k = 1; k <= ticks; ++k) depths.push_back(depth_m * smooth(static_cast<double>(k) / ticks));
+  depths.insert(depths.end(), static_cast<std::size_t>(hold_s * kStrokeRate_hz), depth_m);
+  for (int k = 1; k < ticks; ++k) depths.push_back(depth_m * smooth(1.0 - static_cast<double>(k) / ticks));
+  return depths;
+}
+
+std::vector<double> forcesOn(const FemNeedle& needle, const std::vector<double>& depth_m) {
+  NeedleState state{};
+  std::vector<double> forces;
+  forces.reserve(depth_m.size());
+  for (const double depth : depth_m) forces.push_back(totalOf(stepNeedle(needle, straightAt(depth), state)));
+  return forces;
+}
+
+double studyDepth(const SceneSpec& spec) {
+  double layers_m = 0;
+  for (const LayerSpec& layer : spec.layers) layers_m += layer.thickness_m;
+  const double last = spec.layers.empty() ? 0.0 : spec.layers.back().thickness_m;
+  return std::min(0.95 * spec.needle_length_m, layers_m - 0.1 * last);
+}
+
+Result<std::vector<PrecomputedSpec::Row>> forceTable(const SceneSpec& spec, double depth_m, int rows) {
+  if (!spec.fem.compliance)
+    return Error{ErrorCode::kInvalidInput, "force table: the scene's mesh was not computed"};
+  if (rows < 2 || rows > 1024)
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("force table: {} rows are out of range [2, 1024]", rows)};
+  const FemNeedle needle = compileNeedle(spec);
+  std::vector<PrecomputedSpec::Row> table(static_cast<std::size_t>(rows));
+  NeedleState state{};
+  double at = 0;
+  const auto goTo = [&](double depth) {
+    const int steps = std::max(1, static_cast<int>(std::ceil(std::fabs(depth - at) / kTableStep_m)));
+    NeedleForce force;
+    const double from = at;
+    for (int k = 1; k <= steps; ++k) {
+      at = from + (depth - from) * k / steps;
+      force = stepNeedle(needle, straightAt(at), state);
+    }
+    at = depth;
+    return totalOf(force);
+  };
+  for (std::size_t r = 0; r < table.size(); ++r) {
+    table[r].depth_m = depth_m * static_cast<double>(r) / (rows - 1);
+    table[r].cutting_N = std::max(0.0, -goTo(table[r].depth_m));
+  }
+  for (std::size_t r = table.size(); r-- > 0;) table[r].attracted_N = std::max(0.0, goTo(table[r].depth_m));
+  return table;
+}
+
+Result<TableError> tableError(const SceneSpec& fem, const SceneSpec& table, double rate_hz) {
+  constexpr double kOutside_m = 0.002;
+  const auto fem_model = compile(fem, rate_hz);
+  if (!fem_model.ok()) return fem_model.error();
+  const auto table_model = compile(table, rate_hz);
+  if (!table_model.ok()) return table_model.error();
+
+  const Entry entry = entryOf(fem.limb);
+  const Quat q = pointingAlong(entry.inward);
+  const double depth = studyDepth(fem);
+  const auto ticks = static_cast<int>(2.0 * rate_hz), hold = static_cast<int>(0.2 * rate_hz);
+  auto fem_state = std::make_unique<SimState>(), table_state = std::make_unique<SimState>();
+  StepReport fem_report, table_report;
+  TableError error;
+  std::vector<double> difference;
+  std::size_t in_end = 0, hold_end = 0;
+  for (int k = 0; k <= 2 * ticks + hold; ++k) {
+    const double share = k <= ticks          ? static_cast<double>(k) / ticks
+                         : k <= ticks + hold ? 1.0
+                                             : static_cast<double>(2 * ticks + hold - k) / ticks;
+    const double at = -kOutside_m + (depth + kOutside_m) * smooth(share);
+    const TipSample sample{entry.p_m + entry.inward * at, q};
+    step(*fem_model, sample, *fem_state, fem_report);
+    step(*table_model, sample, *table_state, table_report);
+    if (fem_report.phase == Phase::kFree) continue;
+    error.depth_m.push_back(at);
+    error.fem_N.push_back(dot(fem_report.wrench_W.force_N, entry.inward));
+    error.table_N.push_back(dot(table_report.wrench_W.force_N, entry.inward));
+    difference.push_back(error.table_N.back() - error.fem_N.back());
+    error.fem_peak_N = std::max(error.fem_peak_N, std::fabs(error.fem_N.back()));
+    if (std::fabs(difference.back()) > error.max_N) {
+      error.max_N = std::fabs(difference.back());
+      error.max_depth_m = at;
+    }
+    if (k <= ticks) in_end = difference.size();
+    if (k <= ticks + hold) hold_end = difference.size();
+  }
+  error.rms_N = std::sqrt(meanSquare(difference, 0, difference.size()));
+  error.in_rms_N = std::sqrt(meanSquare(difference, 0, in_end));
+  error.hold_rms_N = std::sqrt(meanSquare(difference, in_end, hold_end));
+  error.out_rms_N = std::sqrt(meanSquare(difference, hold_end, difference.size()));
+  return error;
+}
+
+namespace {
+
+// forces over the stroke, each step timed
+std::vector<double> timedStroke(const FemNeedle& needle, const std::vector<double>& depth_m, MeshRow& row) {
+  NeedleState state{};
+  std::vector<double> forces, seconds;
+  Stopwatch watch;
+  for (const double depth : depth_m) {
+    watch.lap();
+    const NeedleForce force = stepNeedle(needle, {depth, depth, 1.0}, state);
+    seconds.push_back(watch.lap());
+    forces.push_back(force.cutting_N + force.friction_N);
+  }
+  std::sort(seconds.begin(), seconds.end());
+  row.live_step_p50_s = seconds[seconds.size() / 2];
+  row.live_step_p99_s = seconds[seconds.size() * 99 / 100];
+  row.live_step_max_s = seconds.back();
+  return forces;
+}
+
+void compare(const std::vector<double>& forces, const std::vector<double>& finest, MeshRow& row) {
+  double sum = 0;
+  for (std::size_t k = 0; k < forces.size(); ++k) {
+    const double error = std::fabs(forces[k] - finest[k]);
+    sum += error * error;
+    row.force_max_error_N = std::max(row.force_max_error_N, error);
+  }
+  row.force_rms_error_N = std::sqrt(sum / static_cast<double>(forces.size()));
+}
+
+}  // namespace
+
+Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<int>& ladder, int stations,
+                                       const std::function<void(const MeshRow&)>& done) {
+  if (ladder.empty()) return Error{ErrorCode::kInvalidInput, "mesh study: no mesh sizes given"};
+  const std::vector<double> stroke = strokeOf(studyDepth(spec));
+  std::vector<MeshRow> rows;
+  std::vector<std::vector<double>> forces;
+  for (const int nodes : ladder) {
+    NeedleMeshOptions options;
+    options.nodes = nodes;
+    options.stations = stations;
+    Stopwatch watch;
+    const auto compliance = precomputeCompliance(spec, options);
+    if (!compliance.ok()) return compliance.error();
+    MeshRow row;
+    row.precompute_s = watch.lap();
+    const NeedleCompliance& mesh = **compliance;
+    row.nodes = mesh.nodes;
+    row.elements = mesh.elements;
+    row.stations = stations;
+    row.assemble_s = mesh.assemble_s;
+    row.factor_s = mesh.factor_s;
+    row.solve_s = mesh.solve_s;
+    row.one_solve_s = mesh.one_solve_s;
+    row.strained_share = mesh.strained_share;
+    row.strained_near_share = mesh.strained_near_share;
+
+    SceneSpec with_mesh = spec;
+    with_mesh.fem.compliance = *compliance;
+    const FemNeedle needle = compileNeedle(with_mesh);
+    row.stiffness_N_per_m = needle.stiffness_N_per_m;
+    row.tip_give_m_per_N = tipGive_m_per_N(needle, 0.5 * spec.needle_length_m);
+    forces.push_back(timedStroke(needle, stroke, row));
+    if (done) done(row);
+    rows.push_back(row);
+  }
+  const MeshRow finest = rows.back();
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    rows[r].stiffness_error = rows[r].stiffness_N_per_m / finest.stiffness_N_per_m - 1;
+    rows[r].tip_give_error = rows[r].tip_give_m_per_N / finest.tip_give_m_per_N - 1;
+    compare(forces[r], forces.back(), rows[r]);
+  }
+  return rows;
+}
+
+}  // namespace needlelab

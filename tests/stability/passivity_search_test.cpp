@@ -1,0 +1,192 @@
+// Random gestures: the wall gives the hand nothing and steps nowhere, whatever the gesture.
+#include <gtest/gtest.h>
+
+#include "client/sim/stability/motion_cases.h"
+#include "client/sim/stability/passivity_gesture.h"
+#include "client/sim/stability/passivity_search.h"
+#include "tests/stability/case_rows.h"
+#include "tests/stability/planted_sources.h"
+
+namespace needlelab::test {
+namespace {
+
+TEST(RandomEnergy, theWallGivesTheHandNothing) {
+  const auto file = CaseFile::embedded();
+  ASSERT_TRUE(file.ok()) << file.error().message;
+  const auto outcome = randomEnergy({*file, longForm()}, AxialModel::kEnhancedTrackingWall, engineSource());
+  ASSERT_TRUE(outcome.ok()) << outcome.error().message;
+  EXPECT_TRUE(outcome->row.passed) << rowText(outcome->row);
+  EXPECT_LE(*outcome->row.energy_J, 5e-5);
+  EXPECT_LE(*outcome->row.max_unexplained_step_N, 0.05);
+  // what was found is small by now: keep it in tests/stability/regressions
+  for (const CaseAttachment& found : outcome->files) ADD_FAILURE() << found.name << "\n" << found.text;
+}
+
+// halving the tick halves a slope and leaves a jump: what is left at 4 kHz is not a jump
+TEST(RandomEnergy, stepsShrinkWithTheTick) {
+  PassivitySearch search;
+  search.gestures = 150;
+  const auto slow = searchGestures(search, AxialModel::kEnhancedTrackingWall, engineSource());
+  search.rate_hz = 4000;
+  const auto fast = searchGestures(search, AxialModel::kEnhancedTrackingWall, engineSource());
+  ASSERT_TRUE(slow.ok() && fast.ok());
+  EXPECT_LE(fast->worst.worst_step_N, 0.5 * slow->worst.worst_step_N);
+  EXPECT_LE(judgedEnergy_J(fast->worst), 5e-5);
+}
+
+TEST(RandomEnergy, gesturesSeeEverythingThatAnEngineDoes) {
+  PassivitySearch search;
+  const auto found = searchGestures(search, AxialModel::kEnhancedTrackingWall, engineSource());
+  ASSERT_TRUE(found.ok());
+  constexpr std::uint32_t kAll = kFlagEntry | kFlagExit | kFlagLayerChange | kFlagRupture | kFlagTurn |
+                                 kFlagClampCapped | kFlagTorque | kFlagBeyondNeedle;
+  EXPECT_EQ(found->worst.flags & kAll, kAll);
+  EXPECT_GE(found->worst.insertions, search.gestures);
+}
+
+// which models give energy or step is a finding, not a wish: the table must show it
+class EveryModel : public testing::TestWithParam<AxialModel> {};
+TEST_P(EveryModel, isJudgedHonestly) {
+  const AxialModel model = GetParam();
+  const CaseRow row = rowOf("random_energy", model);
+  ASSERT_TRUE(row.applicable);
+  EXPECT_TRUE(row.finite);
+  const bool within = *row.energy_J <= *row.limit && *row.max_unexplained_step_N <= 0.05;
+  EXPECT_EQ(row.passed, within) << rowText(row);
+  EXPECT_EQ(row.verdict, within ? Verdict::kStable : Verdict::kChatters);
+  // a damper's force jumps with the speed; a force that depends on place alone pays back what it took
+  // elsewhere
+  if (model == AxialModel::kVoigt) {
+    EXPECT_GT(*row.max_unexplained_step_N, 0.05);
+  }
+  if (model == AxialModel::kDirect) {
+    EXPECT_GT(*row.energy_J, 1e-3);
+  }
+  if (model == AxialModel::kTrackingWall) {
+    EXPECT_TRUE(row.passed) << rowText(row);
+  }
+}
+INSTANTIATE_TEST_SUITE_P(RandomEnergy, EveryModel,
+                         testing::Values(AxialModel::kTrackingWall, AxialModel::kDirect, AxialModel::kVoigt,
+                                         AxialModel::kGodObject, AxialModel::kFirstOrder,
+                                         AxialModel::kStatistical, AxialModel::kPrecomputed),
+                         [](const auto& test) { return std::string(axialModelName(test.param)); });
+
+}  // namespace
+
+namespace {
+
+constexpr AxialModel kShrunkModel = AxialModel::kEnhancedTrackingWall;
+
+// what a shrunk gesture may be at most
+struct Small {
+  std::size_t strokes = 4;
+  int effects = 2, layers = 2;
+};
+
+void expectSmall(const CounterExample& example, const Small& most) {
+  const PassivityGesture& gesture = example.gesture;
+  const std::string text = counterExampleJson(example);
+  EXPECT_LE(gesture.strokes.size(), most.strokes) << text;
+  EXPECT_LE(gesture.profile.effects_size(), most.effects) << text;
+  EXPECT_LE(gesture.profile.layers_size(), most.layers) << text;
+  EXPECT_EQ(gesture.tremor_m, 0) << text;
+  EXPECT_EQ(gesture.encoder_step_m, 0) << text;
+  // round numbers: two digits or fewer, nearly everywhere
+  int long_numbers = 0;
+  for (const PassivityStroke& stroke : gesture.strokes)
+    for (const double value : {stroke.x_m, stroke.y_m, stroke.depth_m, stroke.tilt_x, stroke.tilt_y})
+      long_numbers += significantDigits(value) > 2;
+  EXPECT_LE(long_numbers, 2) << text;
+}
+
+PassivityFindings found(AxialModel model, const ForceSourceFactory& source, std::string name,
+                        const GestureRange& range = {}) {
+  PassivitySearch search;
+  search.most_counter_examples = 1;
+  search.range = range;
+  search.source_name = std::move(name);
+  auto findings = searchGestures(search, model, source);
+  if (findings.ok()) return *std::move(findings);
+  ADD_FAILURE() << findings.error().message;
+  return {};
+}
+
+class PlantedDefect : public testing::TestWithParam<std::size_t> {};
+TEST_P(PlantedDefect, isFoundAndShrunk) {
+  const auto& [name, defect] = kFindableDefects[GetParam()];
+  const auto findings = found(kShrunkModel, referenceSource(defect), sourceName(name));
+  ASSERT_GE(findings.failed, 1u);
+  const CounterExample& example = findings.counter_examples.front();
+  expectSmall(example, {});
+  // it fails because of the defect: without it nothing is left
+  const auto sound = runGesture(example.gesture, kShrunkModel, referenceSource());
+  ASSERT_TRUE(sound.ok()) << sound.error().message;
+  EXPECT_FALSE(findingOf(*sound, PassivityLimits{})) << counterExampleJson(example);
+}
+INSTANTIATE_TEST_SUITE_P(Shrink, PlantedDefect, testing::Range<std::size_t>(0, kFindableDefects.size()));
+
+TEST(Shrink, proportionalClampingIsFoundAndIsTheClampPump) {
+  GestureRange range;
+  range.clamping = ClampingMode::kProportional;
+  const auto findings = found(kShrunkModel, engineSource(), "engine", range);
+  ASSERT_GE(findings.failed, 1u);
+  const CounterExample& example = findings.counter_examples.front();
+  EXPECT_EQ(example.finding.check, PassivityCheck::kEnergy);
+  expectSmall(example, {});
+  EXPECT_EQ(example.gesture.profile.effects(0), pb::Profile::CLAMPING);
+  EXPECT_EQ(example.gesture.profile.effects_size(), 1);
+}
+
+TEST(Shrink, directIsFoundToPayBackElsewhere) {
+  const auto findings = found(AxialModel::kDirect, engineSource(), "engine");
+  ASSERT_GE(findings.failed, 1u);
+  expectSmall(findings.counter_examples.front(), {});
+}
+
+TEST(Shrink, theShippedEngineHasNothingToShrink) {
+  const auto findings = found(kShrunkModel, engineSource(), "engine");
+  EXPECT_EQ(findings.failed, 0u);
+  for (const auto& example : findings.counter_examples) ADD_FAILURE() << counterExampleJson(example);
+}
+
+// what makes a gesture fail is kept to the last, whatever else it is made of
+TEST(Shrink, keepsWhatTheFailureNeedsAndNothingElse) {
+  const auto deepAndAside = [](const PassivityGesture& gesture) {
+    for (const PassivityStroke& stroke : gesture.strokes)
+      if (stroke.depth_m > 0.01 && stroke.x_m > 0.005) return true;
+    return false;
+  };
+  int tried = 0;
+  for (std::uint64_t seed = 1; seed <= 60; ++seed) {
+    const PassivityGesture gesture = randomGesture(seed, shapeOf(seed));
+    if (!deepAndAside(gesture)) continue;
+    ++tried;
+    const ShrinkResult result = shrunk(gesture, deepAndAside);
+    EXPECT_TRUE(deepAndAside(result.gesture));
+    EXPECT_LT(sizeOf(result.gesture), sizeOf(gesture));
+    // in, and out again: it must end outside
+    EXPECT_LE(result.gesture.strokes.size(), 2u) << seed;
+    EXPECT_EQ(result.gesture.profile.effects_size(), 0) << seed;
+    EXPECT_EQ(result.gesture.profile.layers_size(), 1) << seed;
+    // the same bits again
+    EXPECT_EQ(sizeOf(shrunk(gesture, deepAndAside).gesture), sizeOf(result.gesture));
+  }
+  EXPECT_GE(tried, 10);
+}
+
+TEST(Shrink, stopsAtTheGivenNumberOfTries) {
+  const PassivityGesture gesture = randomGesture(1, LimbShape::kPlane);
+  std::size_t asked = 0;
+  const auto always = [&](const PassivityGesture&) {
+    ++asked;
+    return true;
+  };
+  const ShrinkResult result = shrunk(gesture, always, 7);
+  EXPECT_EQ(result.tried, 7u);
+  EXPECT_EQ(asked, 7u);
+}
+
+}  // namespace
+
+}  // namespace needlelab::test
