@@ -3,7 +3,7 @@
 #include <iostream>
 
 #include "common/base/program.h"
-#include "tests/soak/soak_report.h"
+#include "tests/soak/soak_judge.h"
 
 namespace needlelab::test {
 namespace {

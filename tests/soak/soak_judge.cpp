@@ -1,11 +1,14 @@
 #include "tests/soak/soak_judge.h"
 
+#include <fmt/core.h>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 
-#include "common/base/text.h"
+#include "client/sim/tools/gnuplot.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
 
 namespace needlelab::test {
 namespace {
@@ -21,7 +24,7 @@ double median(std::vector<double> values) {
 }
 
 Finding equal(const std::string& what, std::uint64_t value, std::uint64_t wanted) {
-  return {what, std::to_string(value), "= " + std::to_string(wanted),
+  return {what, std::to_string(value), fmt::format("= {}", wanted),
           value == wanted ? Verdict::kGood : Verdict::kBad};
 }
 
@@ -32,6 +35,90 @@ std::vector<double> column(const std::vector<SoakRow>& rows, double from_s, Get 
   for (const SoakRow& row : rows)
     if (row.time_s >= from_s) values.push_back(static_cast<double>(get(row)));
   return values;
+}
+
+std::string samplesCsv(const SoakData& data) {
+  std::string text = "time_s";
+  for (const char* name : kSoakNames)
+    for (const char* what : {"rss_kib", "anon_kib", "handles", "threads", "cpu_s"})
+      text += std::string(",") + name + "_" + what;
+  text += ",spool_bytes,data_bytes,samples,missed_ticks,spool_left,wakeup_p99_us,request_ms\n";
+  const auto count = [](std::uint64_t n) { return fmt::format(",{}", n); };
+  for (const SoakRow& row : data.rows) {
+    text += fmt::format("{:.3f}", row.time_s);
+    for (const ProcessSample& p : row.processes)
+      text += count(p.rss_KiB) + count(p.anon_KiB) + count(p.handles) + count(p.threads) +
+              fmt::format(",{:.2f}", p.cpu_s);
+    text += count(row.spool_bytes) + count(row.data_bytes) + count(row.samples) + count(row.missed_ticks) +
+            count(row.spool_left) + count(row.wakeup_p99_us) + fmt::format(",{:.3f}\n", row.request_ms);
+  }
+  return text;
+}
+
+std::string minutesCsv(const SoakMinutes& minutes) {
+  std::string text = "end_s,samples,missed_ticks,tick_p99_us,wakeup_p99_us,request_p99_ms,live_p99_ms\n";
+  for (const SoakMinute& m : minutes)
+    text += fmt::format("{:.3f},{},{},{:.2f},{:.0f},{:.3f},{:.3f}\n", m.end_s, m.samples, m.missed_ticks,
+                        m.tick_p99_us, m.wakeup_p99_us, m.request_p99_ms, m.live_p99_ms);
+  return text;
+}
+
+std::string durationWords(double seconds) {
+  return seconds >= 120 ? fmt::format("{:.0f} minutes", seconds / 60)
+                        : fmt::format("{:.0f} seconds", seconds);
+}
+
+std::string script(const SoakData& data, const SoakOptions& options, const std::vector<Finding>& findings) {
+  const Verdict verdict = verdictOf(findings);
+  const std::string samples = "'" + (options.out / "samples.csv").string() + "'";
+  const std::string minutes = "'" + (options.out / "minutes.csv").string() + "'";
+  const std::string title =
+      durationWords(options.seconds) +
+      fmt::format(" at {:g} Hz with recording, uplink and a viewer: ", options.rate_hz) +
+      (verdict == Verdict::kGood   ? "memory stays flat, nothing is lost"
+       : verdict == Verdict::kOpen ? "nothing is lost; too short to tell of memory"
+                                   : "NOT as it should be, see the table");
+  // growth since the warm-up's end: the processes' own sizes differ too much for one axis
+  const auto start = std::find_if(data.rows.begin(), data.rows.end(),
+                                  [&](const SoakRow& row) { return row.time_s >= options.warmUp_s(); });
+  const SoakRow base = start == data.rows.end() ? data.rows.back() : *start;
+  std::string text =
+      "set datafile separator ','\nset grid lc rgb '#d8dde3'\nset border 3 lc rgb '#606a75'\n"
+      "set tics nomirror\nset lmargin 13\nset rmargin 32\nset key outside right top samplen 2\n"
+      "set multiplot layout 3,1 title \"" +
+      title + "\" font ',14'\n" + fmt::format("set xrange [0:{:g}]\n", options.seconds / 60) +
+      "set ylabel \"memory since the\\nwarm-up [KiB]\"\n" +
+      fmt::format(
+          "set arrow 1 from first {:g}, graph 0 to first {:g}, graph 1 nohead dt 3 lc rgb '#606a75'\n",
+          options.warmUp_s() / 60, options.warmUp_s() / 60) +
+      fmt::format("set label 1 'judged from here' at first {:g}, graph 0.08 offset 0.5,0 tc rgb '#606a75'\n",
+                  options.warmUp_s() / 60);
+  constexpr std::array<const char*, kSoakProcesses> kColours = {"#0072b2", "#d55e00", "#009e73"};
+  constexpr std::array<int, kSoakProcesses> kDashes = {1, 2, 4};
+  text += "plot ";
+  for (std::size_t which = 0; which < kSoakProcesses; ++which)
+    text += fmt::format(
+        "{}{} skip 1 using ($1/60):(${}-{}) with lines lw 2 dt {} lc rgb '{}' title '{} ({:.0f} MiB)'",
+        which == 0 ? "" : ", ", samples, 2 + 5 * which, base.processes[which].rss_KiB, kDashes[which],
+        kColours[which], kSoakNames[which], static_cast<double>(base.processes[which].rss_KiB) / 1024);
+  text +=
+      "\nunset arrow 1\nunset label 1\nset ylabel 'p99 of each minute'\nset logscale y\n"
+      "plot " +
+      minutes +
+      " skip 1 using ($1/60):($4/1000) with linespoints lw 2 pt 7 ps 0.5 lc rgb '#d55e00' title 'work of a "
+      "tick [ms]', '' skip 1 using "
+      "($1/60):6 with linespoints lw 2 dt 2 pt 5 ps 0.5 lc rgb '#0072b2' title 'answer of the server [ms]', "
+      "'' skip 1 using "
+      "($1/60):7 with linespoints lw 2 dt 4 pt 9 ps 0.5 lc rgb '#009e73' title 'capture to viewer [ms]'\n"
+      "unset logscale y\nset xlabel 'time [min]'\nset ylabel \"missed ticks\\na minute\"\nset yrange "
+      "[0:*]\nset y2label 'spool [MB]'\nset y2range [0:*]\n"
+      "set border 11\nset y2tics\nset rmargin 32\n"
+      "plot " +
+      minutes + fmt::format(" skip 1 using (($1-{:g})/60):3", options.minute_s() / 2) +
+      " with impulses lw 3 lc rgb '#cc79a7' title 'missed ticks (left)', " + samples +
+      " skip 1 using ($1/60):($17/1e6) axes x1y2 with lines lw 2 lc rgb '#56b4e9' title 'spool "
+      "(right)'\nunset multiplot\n";
+  return text;
 }
 
 }  // namespace
@@ -78,9 +165,9 @@ Finding flatMemory(const std::string& process, std::span<const double> time_s,
                    std::span<const double> rss_KiB, bool brief, const SoakLimits& limits) {
   const Slope slope = slopeOf(time_s, rss_KiB);
   Finding flat{"memory of the " + process + ", growth after " +
-                   formatted("%.0f s", time_s.empty() ? 0.0 : time_s.front()),
-               formatted("%+.1f ± %.1f KiB/min", slope.per_min, slope.half_width_per_min),
-               formatted("< %.0f KiB/min", limits.rss_KiB_per_min), Verdict::kOpen};
+                   fmt::format("{:.0f} s", time_s.empty() ? 0.0 : time_s.front()),
+               fmt::format("{:+.1f} ± {:.1f} KiB/min", slope.per_min, slope.half_width_per_min),
+               fmt::format("< {:.0f} KiB/min", limits.rss_KiB_per_min), Verdict::kOpen};
   if (slope.blocks >= 4) {
     if (slope.per_min + slope.half_width_per_min < limits.rss_KiB_per_min) flat.verdict = Verdict::kGood;
     if (slope.per_min - slope.half_width_per_min > limits.rss_KiB_per_min) flat.verdict = Verdict::kBad;
@@ -101,7 +188,7 @@ std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, con
     findings.push_back(flatMemory(name, times, rss, options.seconds < 600, limits));
     if (!rss.empty())
       findings.push_back(
-          {"memory of the " + name + " at the end", formatted("%.1f MiB", rss.back() / 1024), "", {}});
+          {"memory of the " + name + " at the end", fmt::format("{:.1f} MiB", rss.back() / 1024), "", {}});
   }
   for (std::size_t which = 0; which < kSoakProcesses; ++which)
     for (const bool handles : {true, false}) {
@@ -115,8 +202,8 @@ std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, con
       const double before = *std::min_element(counts.begin(), counts.begin() + third);
       const double after = *std::min_element(counts.end() - third, counts.end());
       findings.push_back({std::string(handles ? "handles" : "threads") + " of the " + kSoakNames[which],
-                          formatted("%.0f at first, %.0f at last, %.0f at most", before, after,
-                                    *std::max_element(counts.begin(), counts.end())),
+                          fmt::format("{:.0f} at first, {:.0f} at last, {:.0f} at most", before, after,
+                                      *std::max_element(counts.begin(), counts.end())),
                           "constant", after <= before ? Verdict::kGood : Verdict::kBad});
     }
 
@@ -144,20 +231,19 @@ std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, con
 
   // reported: they depend on what else the machine does
   const double ticks = std::max(1.0, static_cast<double>(number("ticks")));
-  findings.push_back(
-      {"ticks missed",
-       formatted("%llu of %.0f (%.4f %%)", static_cast<unsigned long long>(number("missed_ticks")), ticks,
-                 100 * static_cast<double>(number("missed_ticks")) / ticks),
-       "",
-       {}});
+  findings.push_back({"ticks missed",
+                      fmt::format("{} of {:.0f} ({:.4f} %)", number("missed_ticks"), ticks,
+                                  100 * static_cast<double>(number("missed_ticks")) / ticks),
+                      "",
+                      {}});
   const auto micro = [&](const char* key) {
     const auto at = data.summary.find(key);
     return at != data.summary.end() && at->is_number() ? at->get<double>()
                                                        : std::numeric_limits<double>::quiet_NaN();
   };
   findings.push_back({"wake-up late by, p50 / p99 / most",
-                      formatted("%.0f / %.0f / %.0f µs", micro("wakeup_p50_us"), micro("wakeup_p99_us"),
-                                micro("wakeup_max_us")),
+                      fmt::format("{:.0f} / {:.0f} / {:.0f} µs", micro("wakeup_p50_us"),
+                                  micro("wakeup_p99_us"), micro("wakeup_max_us")),
                       "",
                       {}});
   double worst_tick = 0, worst_live = 0;
@@ -165,10 +251,12 @@ std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, con
     worst_tick = std::max(worst_tick, minute.tick_p99_us);
     worst_live = std::max(worst_live, minute.live_p99_ms);
   }
-  findings.push_back({"work of a tick, p99 of the worst minute", formatted("%.1f µs", worst_tick), "", {}});
   findings.push_back(
-      {"capture to viewer, p99 of the worst minute", formatted("%.1f ms", worst_live), "", {}});
-  findings.push_back({"bytes a sample in the spool", formatted("%.2f", micro("bytes_per_sample")), "", {}});
+      {"work of a tick, p99 of the worst minute", fmt::format("{:.1f} µs", worst_tick), "", {}});
+  findings.push_back(
+      {"capture to viewer, p99 of the worst minute", fmt::format("{:.1f} ms", worst_live), "", {}});
+  findings.push_back(
+      {"bytes a sample in the spool", fmt::format("{:.2f}", micro("bytes_per_sample")), "", {}});
   return findings;
 }
 
@@ -188,6 +276,36 @@ const char* verdictText(Verdict verdict) {
       return "BAD";
   }
   return "?";
+}
+
+std::string tableText(const std::vector<Finding>& findings) {
+  std::size_t what = 0, value = 0, limit = 0;
+  for (const Finding& finding : findings) {
+    what = std::max(what, finding.what.size());
+    value = std::max(value, finding.value.size());
+    limit = std::max(limit, finding.limit.size());
+  }
+  std::string text;
+  for (const Finding& finding : findings) {
+    text += finding.what + std::string(what - finding.what.size() + 2, ' ') + finding.value +
+            std::string(value - finding.value.size() + 2, ' ') + finding.limit +
+            std::string(limit - finding.limit.size() + 2, ' ') +
+            (finding.limit.empty() ? "" : verdictText(finding.verdict));
+    text.erase(text.find_last_not_of(' ') + 1);
+    text += "\n";
+  }
+  return text + "verdict: " + verdictText(verdictOf(findings)) + "\n";
+}
+
+Status writeReport(const SoakData& data, const SoakOptions& options, const SoakMinutes& minutes,
+                   const std::vector<Finding>& findings) {
+  const std::string table = machineText() + "\n" + tableText(findings);
+  for (const auto& [name, text] : {std::pair<const char*, std::string>{"samples.csv", samplesCsv(data)},
+                                   {"minutes.csv", minutesCsv(minutes)},
+                                   {"table.txt", table}})
+    if (Status status = writeFileAtomically(options.out / name, viewOf(text)); !status.ok()) return status;
+  if (!hasGnuplot() || data.rows.empty()) return {};
+  return plotPng(script(data, options, findings), options.out / "soak.png", 1200, 950);
 }
 
 }  // namespace needlelab::test

@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "tests/soak/soak_minutes.h"
 #include "tests/soak/soak_run.h"
 
 namespace needlelab::test {
@@ -49,5 +48,14 @@ std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, con
 /// The worst of them.
 Verdict verdictOf(const std::vector<Finding>& findings);
 const char* verdictText(Verdict verdict);
+
+// A soak run as files: samples.csv, minutes.csv, table.txt, soak.png.
+
+/// For a person; the last line is the verdict.
+std::string tableText(const std::vector<Finding>& findings);
+
+/// Into `options.out`. The picture only where gnuplot is. Errors: kFailed.
+Status writeReport(const SoakData& data, const SoakOptions& options, const SoakMinutes& minutes,
+                   const std::vector<Finding>& findings);
 
 }  // namespace needlelab::test

@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <random>
 
-#include "tests/soak/soak_report.h"
+#include "tests/soak/soak_judge.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
