@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "client/net/endpoint.h"
+#include "common/wire/endpoint.h"
 #include "common/base/result.h"
 #include "needlelab/control.pb.h"
 

@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "client/admin/command.h"
-#include "client/net/enrolment.h"
+#include "client/net/credentials.h"
 #include "common/base/files.h"
 #include "common/base/secret.h"
 #include "common/base/text.h"

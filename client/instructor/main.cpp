@@ -9,7 +9,7 @@
 #include "client/instructor/model/report.h"
 #include "client/instructor/terminal/headless.h"
 #include "client/instructor/window_mode.h"
-#include "client/net/password.h"
+#include "client/net/credentials.h"
 #include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"
@@ -94,21 +94,22 @@ int main(int argc, char** argv) {
   }
   const auto password = readPassword(options.password_file, "Password of " + options.user + ": ");
   if (!password.ok()) return fail(password.error());
-  ServerLink link(clientConfig(options), options.user, *password);
-  if (const Status connected = link.connect(); !connected.ok()) return fail(connected.error());
+  ClientConfig config = clientConfig(options);
+  config.login = personLogin(options.user, *password);
+  auto client = BlockingClient::connect(config);
+  if (!client.ok()) return fail(client.error());
   if (!options.report.empty()) {
-    const Status written =
-        writeReport([&](const pb::Request& request) { return link.client().call(request); },
-                    sessionBytes(options), options.report);
+    const Status written = writeReport([&](const pb::Request& request) { return client->call(request); },
+                                       sessionBytes(options), options.report);
     if (!written.ok()) return fail(written.error());
     std::printf("written: %s\n", options.report.c_str());
     return kExitDone;
   }
-  using Clock = ServerLink::Clock;
+  using Clock = BlockingClient::Clock;
   const auto end = options.seconds ? Clock::now() + std::chrono::duration_cast<Clock::duration>(
                                                         std::chrono::duration<double>(*options.seconds))
                                    : Clock::time_point::max();
-  const HeadlessRun run{options, link, std::cout, stopped, end};
+  const HeadlessRun run{options, *client, std::cout, stopped, end};
   const Status done = runHeadless(run);
   return done.ok() ? kExitDone : fail(done.error());
 }

@@ -5,7 +5,7 @@
 
 #include "client/instructor/model/login_memory.h"
 #include "client/instructor/screens/window_run.h"
-#include "client/net/password.h"
+#include "client/net/credentials.h"
 
 namespace needlelab {
 namespace {

@@ -1,33 +1,49 @@
 #include "client/net/blocking_client.h"
 
+#include <fmt/core.h>
+
 #include <deque>
 #include <optional>
 #include <utility>
-
-#include "common/wire/protocol.h"
 
 namespace needlelab {
 namespace {
 
 constexpr std::size_t kInboxMessages = 4096;  // above, the oldest live messages are dropped
 
-Task<> connectInto(ClientConfig config, std::optional<Result<ClientConnection>>* result) {
-  auto connected = co_await connectClient(config);
-  result->emplace(std::move(connected));
-}
-
 }  // namespace
 
 struct BlockingClient::State {
-  using Clock = std::chrono::steady_clock;
-
   asio::io_context io{1};
-  std::shared_ptr<Channel> channel;
-  pb::Welcome welcome;
   std::deque<pb::Envelope> inbox;
-  std::optional<Error> ended;
-  std::uint64_t next_request = 1, waiting_for = 0;
-  std::optional<pb::Envelope> answer;  // Reply or Refusal to `waiting_for`
+  std::optional<LinkEnd> end;  // of the last connection or attempt; none while connected
+  ServerLink link{io, settings(), handlers()};
+
+  static LinkSettings settings() {
+    LinkSettings settings;
+    settings.reconnects = false;
+    return settings;
+  }
+
+  LinkHandlers handlers() {
+    return {.accept = {},
+            .connected = [this](const pb::Welcome&) { end.reset(), inbox.clear(); },
+            .message = [this](pb::Envelope& envelope) { keep(std::move(envelope)); },
+            .judge =
+                [](const LinkEnd& why) {
+                  const bool refused =
+                      why.error.code == ErrorCode::kDenied || why.error.code == ErrorCode::kVersion;
+                  return refused && !why.was_connected ? Retry::kNever : Retry::kBackOff;
+                },
+            .away = [this](const LinkEnd& why) { end = why; }};
+  }
+
+  void keep(pb::Envelope envelope) {
+    if (inbox.size() >= kInboxMessages &&
+        (inbox.front().has_live_frame() || inbox.front().has_station_status()))
+      inbox.pop_front();
+    inbox.push_back(std::move(envelope));
+  }
 
   /// Runs the connection until `done()` or the deadline. False: deadline.
   template <typename Done>
@@ -38,48 +54,9 @@ struct BlockingClient::State {
       if (Clock::now() >= deadline) return false;
       io.restart();
       if (io.run_one_until(deadline) == 0 && io.stopped())
-        return done();  // nothing left that could ever happen
+        return done();  // nothing is left that could ever happen
     }
     return true;
-  }
-
-  static Task<> readLoop(State* state) {
-    for (;;) {
-      auto got = co_await state->channel->receive();
-      if (!got.ok()) {
-        if (!state->ended) state->ended = got.error();
-        // tell the peer why, when its bytes were at fault
-        state->channel->finish(CloseReason::kProtocol, got.error().message);
-        co_return;
-      }
-      state->take(std::move(*got));
-    }
-  }
-
-  void take(pb::Envelope envelope) {
-    if (envelope.has_ping()) {
-      channel->send(pongTo(envelope.ping()));
-    } else if (waiting_for != 0 && envelope.has_reply() && envelope.reply().id() == waiting_for) {
-      answer = std::move(envelope);
-    } else if (waiting_for != 0 && envelope.has_refusal() && envelope.refused_request() == waiting_for) {
-      answer = std::move(envelope);
-    } else {
-      // the reason of a coming end is worth more than "connection closed"
-      if (envelope.has_refusal() && envelope.refusal().fatal()) ended = errorOf(envelope.refusal());
-      if (envelope.has_bye())
-        ended = Error{ErrorCode::kUnavailable, "the server said bye: " + envelope.bye().reason()};
-      if (inbox.size() >= kInboxMessages &&
-          (inbox.front().has_live_frame() || inbox.front().has_station_status())) {
-        inbox.pop_front();
-      }
-      inbox.push_back(std::move(envelope));
-    }
-  }
-
-  [[nodiscard]] bool closing() const { return channel->closing(); }
-  [[nodiscard]] Error endedError() const {
-    return ended ? *ended
-                 : Error{ErrorCode::kUnavailable, "the connection is closed: " + channel->closeText()};
   }
 };
 
@@ -93,78 +70,89 @@ BlockingClient::~BlockingClient() {
 
 Result<BlockingClient> BlockingClient::connect(const ClientConfig& config) {
   auto state = std::make_unique<State>();
-  std::optional<Result<ClientConnection>> connected;
-  asio::co_spawn(state->io, connectInto(config, &connected), rethrow);
+  state->link.logIn(config);
   // connectClient keeps its own time; the rest is for closing a connection that was refused
-  while (!connected && state->io.run_one() > 0) {
-  }
-  if (!connected) return Error{ErrorCode::kFailed, "connecting ended without a result"};
-  if (!connected->ok()) {
+  state->runUntil(Clock::time_point::max(), [&] { return state->link.online() || state->end.has_value(); });
+  if (state->end) {
     state->io.run_for(std::chrono::milliseconds(200));
-    return connected->error();
+    return state->end->error;
   }
-  state->channel = (*connected)->channel;
-  state->welcome = (*connected)->welcome;
-  asio::co_spawn(state->io, State::readLoop(state.get()), rethrow);
   return BlockingClient(std::move(state));
+}
+
+Status BlockingClient::reconnect(Clock::time_point until, const std::function<bool()>& stop) {
+  State& state = *state_;
+  Status last = Error{ErrorCode::kUnavailable, "the connection is lost"};
+  // what is left of the lost connection first
+  state.runUntil(std::min(until, Clock::now() + std::chrono::seconds(5)),
+                 [&] { return state.end.has_value(); });
+  state.end.reset();
+  state.link.reconnect(true);
+  while (Clock::now() < until && !stop()) {
+    // in short steps, so that Ctrl-C is heard
+    state.runUntil(std::min(until, Clock::now() + std::chrono::milliseconds(20)),
+                   [&] { return state.link.online() || state.end.has_value(); });
+    if (state.link.online()) {
+      last = {};
+      break;
+    }
+    if (!state.end) continue;
+    last = state.end->error;
+    const bool final = state.end->next_try_ns == 0;
+    state.end.reset();
+    if (final) break;
+  }
+  state.link.reconnect(false);
+  return last;
 }
 
 Result<pb::Reply> BlockingClient::call(pb::Request request, std::chrono::milliseconds timeout) {
   State& state = *state_;
-  const std::uint64_t id = state.next_request++;
-  request.set_id(id);
-  pb::Envelope envelope;
-  *envelope.mutable_request() = std::move(request);
-  state.waiting_for = id;
-  state.answer.reset();
-  if (!state.channel->send(envelope)) return state.endedError();
-  const bool done = state.runUntil(State::Clock::now() + timeout, [&] {
-    return state.answer.has_value() || state.closing() || state.ended.has_value();
-  });
-  state.waiting_for = 0;
-  if (state.answer) {
-    if (state.answer->has_refusal()) return errorOf(state.answer->refusal());
-    return std::move(*state.answer->mutable_reply());
-  }
-  if (!done) {
+  if (!state.link.online()) return state.link.endError();
+  std::optional<Result<pb::Reply>> reply;
+  const std::uint64_t id = state.link.ask(
+      std::move(request), [&reply](Result<pb::Reply> got) { reply.emplace(std::move(got)); },
+      OnLoss::kAskAgain, ServerLink::kForever);
+  const bool done =
+      state.runUntil(Clock::now() + timeout, [&] { return reply.has_value() || !state.link.online(); });
+  state.link.forget(id);
+  if (reply) return std::move(*reply);
+  if (!done)
     return Error{ErrorCode::kUnavailable,
-                 "the server did not answer within " + std::to_string(timeout.count()) + " ms"};
-  }
-  return state.endedError();
+                 fmt::format("the server did not answer within {} ms", timeout.count())};
+  return state.link.endError();
 }
 
 Result<pb::Envelope> BlockingClient::receive(std::chrono::milliseconds timeout) {
   State& state = *state_;
-  state.runUntil(State::Clock::now() + timeout,
-                 [&] { return !state.inbox.empty() || state.closing() || state.ended.has_value(); });
+  state.runUntil(Clock::now() + timeout, [&] { return !state.inbox.empty() || !state.link.online(); });
   if (!state.inbox.empty()) {
     pb::Envelope first = std::move(state.inbox.front());
     state.inbox.pop_front();
     return first;
   }
-  if (state.closing() || state.ended) return state.endedError();
-  return Error{ErrorCode::kNotFound, "no message within " + std::to_string(timeout.count()) + " ms"};
+  if (!state.link.online()) return state.link.endError();
+  return Error{ErrorCode::kNotFound, fmt::format("no message within {} ms", timeout.count())};
 }
 
 Status BlockingClient::send(const pb::Envelope& envelope) {
-  if (!state_->channel->send(envelope)) return state_->endedError();
+  if (!state_->link.send(envelope)) return state_->link.endError();
   return {};
 }
 
 void BlockingClient::finish(const std::string& reason) {
   State& state = *state_;
-  pb::Envelope bye;
-  bye.mutable_bye()->set_reason(reason);
-  state.channel->finish(CloseReason::kLocal, reason, &bye);
+  bool done = false;
+  state.link.stop(reason, [&done] { done = true; });
   // the channel closes itself after its close_grace
-  state.runUntil(State::Clock::now() + std::chrono::seconds(5), [&] { return state.channel->closed(); });
+  state.runUntil(Clock::now() + std::chrono::seconds(5), [&done] { return done; });
 }
 
 const pb::Welcome& BlockingClient::welcome() const {
-  return state_->welcome;
+  return state_->link.welcome();
 }
 bool BlockingClient::connected() const {
-  return !state_->channel->closing() && !state_->ended;
+  return state_->link.online();
 }
 
 }  // namespace needlelab

@@ -1,10 +1,13 @@
-/// The client for programs that do one thing at a time: admin tool, headless instructor, tests.
+/// A ServerLink for programs that do one thing at a time: the admin tool, the instructor in a terminal,
+/// tests.
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <memory>
+#include <string>
 
-#include "client/net/client.h"
+#include "client/net/server_link.h"
 #include "common/base/result.h"
 #include "needlelab/envelope.pb.h"
 
@@ -13,18 +16,25 @@ namespace needlelab {
 /// Owns its io_context, which runs only inside these calls. Thread: one.
 class BlockingClient {
  public:
-  /// Errors: as connectClient.
+  using Clock = std::chrono::steady_clock;
+
+  /// Tries once. Errors: as connectClient.
   static Result<BlockingClient> connect(const ClientConfig& config);
   BlockingClient(BlockingClient&&) noexcept;
   BlockingClient& operator=(BlockingClient&&) noexcept;
   ~BlockingClient();
+
+  /// After a loss: tries again, with the token of the last log-in or with its password, and waits longer and
+  /// longer, until it succeeds, `until` comes or `stop` says so (asked 50 times a second). Errors: the last
+  /// one; kDenied and kVersion end it at once.
+  Status reconnect(Clock::time_point until, const std::function<bool()>& stop);
 
   /// Sends the request (its id is set here) and waits for its reply. Other messages that come meanwhile are
   /// kept for `receive`. Errors: errorOf(Refusal) when the server refuses; kUnavailable when the connection
   /// ends or `timeout` passes.
   Result<pb::Reply> call(pb::Request request, std::chrono::milliseconds timeout = std::chrono::seconds(120));
 
-  /// The next message that is no reply to `call` (Pings are answered inside). Errors: kNotFound when none
+  /// The next message that is not a reply to `call` (Pings are answered inside). Errors: kNotFound when none
   /// came in time (the connection goes on); kUnavailable when the connection has ended, with the reason.
   Result<pb::Envelope> receive(std::chrono::milliseconds timeout);
 

@@ -1,6 +1,7 @@
 #include "client/net/spool.h"
 
 #include <fcntl.h>
+#include <fmt/core.h>
 #include <sys/file.h>
 #include <unistd.h>
 
@@ -109,15 +110,15 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
     }
     const SpoolContents contents = (*session)->contents();
     if ((*session)->mended())
-      spool->notes_.push_back("session " + name + " was cut off: " + std::to_string(contents.samples) +
-                              " samples in " + std::to_string(contents.chunks) +
-                              " chunks were saved, it is closed as interrupted");
+      spool->notes_.push_back(fmt::format(
+          "session {} was cut off: {} samples in {} chunks were saved, it is closed as interrupted", name,
+          contents.samples, contents.chunks));
     if (const auto& kept = (*session)->damaged(); !kept.empty())
       spool->notes_.push_back(
-          "session " + name + ": its disk has damaged it. " + std::to_string(contents.samples) +
-          " samples can still be read and are what the server gets; the file as it was is "
-          "kept in " +
-          kept.string() + ". See whether that disk fails");
+          fmt::format("session {}: its disk has damaged it. {} samples can still be read and are what the "
+                      "server gets; the "
+                      "file as it was is kept in {}. See whether that disk fails",
+                      name, contents.samples, kept.string()));
     spool->sessions_.push_back(std::move(*session));
   }
   if (auto status = syncFolder(folder); !status.ok()) return fail(status.error().message);
@@ -164,7 +165,7 @@ std::vector<std::string> Spool::cleanUp(const SpoolKeep& keep, std::int64_t now_
     if (safe >= session->contents().chunks && safe > 0)
       why = "it is in a verified backup of the server";
     else if (age_s > keep.age_s)
-      why = "the server has had it for " + std::to_string(age_s / 86'400) + " days";
+      why = fmt::format("the server has had it for {} days", age_s / 86'400);
     else if (total > keep.quota_bytes)
       why = "the spool is over its quota and the server has it";
     else if (free_bytes < keep.min_free_bytes)

@@ -1,5 +1,5 @@
-/// The local spool that survives: every sample of every session lies here until the server has it (DESIGN
-/// §7). Its files, and when each is written and synced: client/net/README.md.
+/// The local spool that survives: every sample of every session lies here until the server has it.
+/// Its files, and when each is written and synced: client/net/README.md.
 #pragma once
 
 #include <cstdint>
@@ -64,7 +64,7 @@ class SpoolSession {
   /// Appends the next chunk (seq = how many there were). It counts in `contents` once synced. Errors:
   /// kUnavailable.
   Status appendChunk(ByteView chunk, std::uint64_t samples);
-  /// Begins the tail anew: all that is in it stands in chunks.
+  /// Empties the tail: all that is in it stands in chunks.
   Status restartTail();
   /// Syncs the chunks appended so far. After a failure the unsynced ones are written again before the next
   /// try.

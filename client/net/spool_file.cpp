@@ -1,6 +1,7 @@
 #include "client/net/spool_file.h"
 
 #include <fcntl.h>
+#include <fmt/core.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -110,16 +111,15 @@ Result<bool> SpoolFile::anyBehind(std::uint64_t offset,
   SpoolRecord record;
   std::uint64_t at = offset + 1;
   while (at + kSpoolRecordHeader <= size_) {
-    auto got = readFully(fd_, block.data(), block.size(), at);
-    if (!got.ok()) return got.error();
-    if (*got < sizeof kMagic) return false;
+    ASSIGN_OR_RETURN(auto got, readFully(fd_, block.data(), block.size(), at));
+    if (got < sizeof kMagic) return false;
     // blocks overlap by three bytes, so that no magic falls between two of them
-    for (std::size_t i = 0; i + sizeof kMagic <= *got; ++i) {
+    for (std::size_t i = 0; i + sizeof kMagic <= got; ++i) {
       if (std::memcmp(block.data() + i, &kMagic, sizeof kMagic) != 0) continue;
       auto good = readRecord(at + i, record, data);
       if (!good.ok() || (*good && is(record))) return good;
     }
-    at += *got - (sizeof kMagic - 1);
+    at += got - (sizeof kMagic - 1);
   }
   return false;
 }
@@ -153,9 +153,9 @@ Status SpoolFile::writeAt(std::uint64_t offset, ByteView bytes) {
 
 Status SpoolFile::append(std::uint64_t seq, std::uint32_t part, ByteView data) {
   if (data.size() > kMaxSpoolRecord)
-    return Error{ErrorCode::kInvalidInput, "a record of " + std::to_string(data.size()) +
-                                               " bytes is too long for the spool; at most " +
-                                               std::to_string(kMaxSpoolRecord)};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("a record of {} bytes is too long for the spool; at most {}", data.size(),
+                             kMaxSpoolRecord)};
   // header and data in one write: fewer ways to tear
   encodeRecord(scratch_, seq, part, data);
   if (auto status = writeAt(size_, scratch_); !status.ok()) {
@@ -170,11 +170,11 @@ Status SpoolFile::append(std::uint64_t seq, std::uint32_t part, ByteView data) {
 Status SpoolFile::writeAgain(std::uint64_t offset) {
   SpoolRecord record;
   Bytes data, bytes;
-  auto good = readRecord(offset, record, data);
-  if (!good.ok()) return good.error();
-  if (!*good)
-    return Error{ErrorCode::kCorrupt, path_.string() + ": the record at byte " + std::to_string(offset) +
-                                          " was lost before it reached the disk"};
+  ASSIGN_OR_RETURN(auto good, readRecord(offset, record, data));
+  if (!good)
+    return Error{
+        ErrorCode::kCorrupt,
+        fmt::format("{}: the record at byte {} was lost before it reached the disk", path_.string(), offset)};
   encodeRecord(bytes, record.seq, record.part, data);
   return writeAt(offset, bytes);
 }
@@ -187,7 +187,7 @@ Result<Bytes> SpoolFile::read(std::uint64_t offset) const {
     return Error{ErrorCode::kUnavailable, "cannot read " + path_.string() + ": " + good.error().message};
   if (!*good)
     return Error{ErrorCode::kCorrupt,
-                 path_.string() + ": the record at byte " + std::to_string(offset) + " fails its check"};
+                 fmt::format("{}: the record at byte {} fails its check", path_.string(), offset)};
   return data;
 }
 

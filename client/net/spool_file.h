@@ -17,7 +17,7 @@
 namespace needlelab {
 
 inline constexpr std::size_t kSpoolRecordHeader = 24;
-/// A chunk must fit into one envelope of 1 MiB (DESIGN §7).
+/// A chunk must fit into one envelope of 1 MiB.
 inline constexpr std::size_t kMaxSpoolRecord = (1u << 20) - 256;
 
 /// One record as found by a scan. `data` is valid during the visit only.

@@ -1,24 +1,31 @@
 #include "client/net/spool_outlook.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/text.h"
+#include "common/base/clock.h"
 
 namespace needlelab {
+namespace {
+
+constexpr std::int64_t kCheckEvery_ns = 10'000'000'000;
+
+}  // namespace
 
 std::string sizeText(std::uint64_t bytes) {
   const auto size = static_cast<double>(bytes);
-  if (bytes < 1024) return std::to_string(bytes) + " bytes";
-  if (size < 0x1p20) return formatted("%.0f KiB", size / 0x1p10);
-  if (size < 0x1p30) return formatted(size < 10 * 0x1p20 ? "%.1f MiB" : "%.0f MiB", size / 0x1p20);
-  return formatted("%.1f GiB", size / 0x1p30);
+  if (bytes < 1024) return fmt::format("{} bytes", bytes);
+  if (size < 0x1p20) return fmt::format("{:.0f} KiB", size / 0x1p10);
+  if (size < 0x1p30) return fmt::format("{:.{}f} MiB", size / 0x1p20, size < 10 * 0x1p20 ? 1 : 0);
+  return fmt::format("{:.1f} GiB", size / 0x1p30);
 }
 
 std::string durationText(double hours) {
-  if (hours < 2) return formatted("%.0f minutes", std::floor(hours * 60));
-  if (hours < 72) return formatted("%.0f hours", std::floor(hours));
-  if (hours < 24 * 365) return formatted("%.0f days", std::floor(hours / 24));
+  if (hours < 2) return fmt::format("{:.0f} minutes", std::floor(hours * 60));
+  if (hours < 72) return fmt::format("{:.0f} hours", std::floor(hours));
+  if (hours < 24 * 365) return fmt::format("{:.0f} days", std::floor(hours / 24));
   return "years";
 }
 
@@ -45,26 +52,54 @@ SpoolOutlook outlookOf(const SpoolUsage& usage, std::uint64_t quota_bytes, doubl
                                                          : SpoolLevel::kGood;
   if (outlook.level == SpoolLevel::kGood) return outlook;
 
-  std::string& words = outlook.words;
+  std::string& text = outlook.text;
   if (waits) {
-    words = "the spool holds " + sizeText(usage.unsent_bytes) + " in " +
-            std::to_string(usage.unsent_sessions) + (usage.unsent_sessions == 1 ? " session" : " sessions") +
-            " that no server has yet; ";
-    if (over) words += "that is over its quota of " + sizeText(quota_bytes) + ", and kept nevertheless; ";
+    text = fmt::format("the spool holds {} in {} {} that no server has yet; ", sizeText(usage.unsent_bytes),
+                       usage.unsent_sessions, usage.unsent_sessions == 1 ? "session" : "sessions");
+    if (over)
+      text += fmt::format("that is over its quota of {}, and kept nevertheless; ", sizeText(quota_bytes));
   }
-  words += "at " + sizeText(static_cast<std::uint64_t>(outlook.bytes_per_h)) + " an hour ";
+  text += fmt::format("at {} an hour ", sizeText(static_cast<std::uint64_t>(outlook.bytes_per_h)));
   if (waits && !over && outlook.quota_h <= outlook.disk_h)
-    words += durationText(outlook.quota_h) + " of lessons fit into its quota of " + sizeText(quota_bytes);
+    text += fmt::format("{} of lessons fit into its quota of {}", durationText(outlook.quota_h),
+                        sizeText(quota_bytes));
   else
-    words += durationText(outlook.disk_h) + " of lessons fit on its disk, which has " +
-             sizeText(usage.free_bytes) + " left";
+    text += fmt::format("{} of lessons fit on its disk, which has {} left", durationText(outlook.disk_h),
+                        sizeText(usage.free_bytes));
   if (outlook.level < SpoolLevel::kWarn) return outlook;
   const bool disk_is_short = outlook.disk_h < thresholds.warn_h;
-  words += ": ";
-  if (waits) words += "connect to the server";
-  if (disk_is_short) words += std::string(waits ? ", and " : "") + "make room on that disk";
-  if (waits && !disk_is_short) words += ", or raise --spool-quota";
+  text += ": ";
+  if (waits) text += "connect to the server";
+  if (disk_is_short) text += std::string(waits ? ", and " : "") + "make room on that disk";
+  if (waits && !disk_is_short) text += ", or raise --spool-quota";
   return outlook;
+}
+
+void SpoolGuard::measure() {
+  next_check_ns_ = steadyNowNs() + kCheckEvery_ns;
+  // the writer reports a disk that cannot be asked
+  auto usage = spool_.usage();
+  if (!usage.ok()) return;
+  // closed sessions leave while the lesson runs only when the disk needs their room
+  if (usage->free_bytes < keep_.min_free_bytes) {
+    for (const std::string& note : spool_.cleanUp(keep_, wallNowNs())) report_(note);
+    if (auto again = spool_.usage(); again.ok()) usage = again;
+  }
+  outlook_ = outlookOf(*usage, keep_.quota_bytes, rate_hz_, thresholds_);
+  trouble_ = outlook_.level == SpoolLevel::kUrgent ? outlook_.text : std::string();
+}
+
+void SpoolGuard::report() {
+  measure();
+  if (outlook_.level != SpoolLevel::kGood) report_(outlook_.text);
+  reported_ = std::max(SpoolLevel::kUnsent, outlook_.level);
+}
+
+void SpoolGuard::check() {
+  if (steadyNowNs() < next_check_ns_) return;
+  measure();
+  if (outlook_.level > reported_) report_(outlook_.text);
+  reported_ = std::max(SpoolLevel::kUnsent, outlook_.level);
 }
 
 }  // namespace needlelab

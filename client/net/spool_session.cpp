@@ -1,4 +1,5 @@
 #include <fcntl.h>
+#include <fmt/core.h>
 #include <google/protobuf/util/json_util.h>
 #include <unistd.h>
 
@@ -33,9 +34,8 @@ Error broken(const std::filesystem::path& path, const std::string& why) {
 Result<Json> readJson(const std::filesystem::path& path) {
   std::error_code ignored;
   if (!std::filesystem::exists(path, ignored)) return Json();
-  auto text = readWholeFile(path, 1u << 20);
-  if (!text.ok()) return text.error();
-  Json json = Json::parse(*text, nullptr, false);
+  ASSIGN_OR_RETURN(auto text, readWholeFile(path, 1u << 20));
+  Json json = Json::parse(text, nullptr, false);
   if (!json.is_object()) return broken(path, "is not a JSON object");
   return json;
 }
@@ -77,14 +77,14 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
                                                            const pb::SessionDescription& description) {
   Uuid id{};
   if (description.session_id().size() != id.size())
-    return Error{
-        ErrorCode::kInvalidInput,
-        "session_id has " + std::to_string(description.session_id().size()) + " bytes, 16 are expected"};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("session_id has {} bytes, 16 are expected", description.session_id().size())};
   std::copy(description.session_id().begin(), description.session_id().end(), id.begin());
-  // what no server would take is refused now, not when the lesson is over; who has no key yet has no name
+  // what no server would take is refused now, not when the lesson is over; a station without a key has no
+  // name yet
   pb::SessionDescription named = description;
   if (named.station().empty()) named.set_station("to be named at the upload");
-  if (auto valid = checkDescription(named); !valid.ok()) return valid.error();
+  RETURN_IF_ERROR(checkDescription(named));
   std::shared_ptr<SpoolSession> session(new SpoolSession);
   session->id_ = id;
   session->description_ = description;
@@ -102,12 +102,10 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
                  "the session's description cannot be written as JSON: " + written.ToString()};
   auto status = writeFileAtomically(session->folder_ / "session.json", viewOf(json), 0600);
   if (!status.ok()) return Error{ErrorCode::kUnavailable, status.error().message};
-  auto chunks = SpoolFile::open(session->folder_ / "chunks");
-  if (!chunks.ok()) return chunks.error();
-  session->chunks_ = std::move(*chunks);
-  auto tail = SpoolFile::open(session->folder_ / "tail");
-  if (!tail.ok()) return tail.error();
-  session->tail_ = std::move(*tail);
+  ASSIGN_OR_RETURN(auto chunks, SpoolFile::open(session->folder_ / "chunks"));
+  session->chunks_ = std::move(chunks);
+  ASSIGN_OR_RETURN(auto tail, SpoolFile::open(session->folder_ / "tail"));
+  session->tail_ = std::move(tail);
   // its room is taken now: when there is something to note in it, the disk is full
   if (status = session->setLoss({}); !status.ok()) return status.error();
 
@@ -121,14 +119,12 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
 Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::path& folder) {
   std::shared_ptr<SpoolSession> session(new SpoolSession);
   session->folder_ = folder;
-  auto id = parseUuid(folder.filename().string());
-  if (!id.ok()) return id.error();
-  session->id_ = *id;
-  auto text = readWholeFile(folder / "session.json", 16u << 20);
-  if (!text.ok()) return text.error();
-  const auto parsed = google::protobuf::util::JsonStringToMessage(*text, &session->description_);
+  ASSIGN_OR_RETURN(auto id, parseUuid(folder.filename().string()));
+  session->id_ = id;
+  ASSIGN_OR_RETURN(auto text, readWholeFile(folder / "session.json", 16u << 20));
+  const auto parsed = google::protobuf::util::JsonStringToMessage(text, &session->description_);
   if (!parsed.ok()) return broken(folder / "session.json", parsed.ToString());
-  if (session->description_.session_id() != std::string(id->begin(), id->end()))
+  if (session->description_.session_id() != std::string(id.begin(), id.end()))
     return broken(folder / "session.json", "names another session than its folder");
   if (auto valid = validate(resolutionOf(session->description_)); !valid.ok())
     return broken(folder / "session.json", valid.error().message);
@@ -155,7 +151,7 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::
   } else {
     session->mended_ = true;
   }
-  if (auto status = session->loadChunks(); !status.ok()) return status.error();
+  RETURN_IF_ERROR(session->loadChunks());
   return session;
 }
 
@@ -177,9 +173,8 @@ Status SpoolSession::keepDamaged() {
 }
 
 Status SpoolSession::loadChunks() {
-  auto chunks = SpoolFile::open(folder_ / "chunks");
-  if (!chunks.ok()) return chunks.error();
-  chunks_ = std::move(*chunks);
+  ASSIGN_OR_RETURN(auto chunks, SpoolFile::open(folder_ / "chunks"));
+  chunks_ = std::move(chunks);
   auto good_end = chunks_.scan([&](const SpoolRecord& record) {
     if (record.seq != entries_.size()) return false;
     auto info = inspectChunk(record.data);
@@ -194,7 +189,7 @@ Status SpoolSession::loadChunks() {
   if (ended_ && entries_.size() != ended_contents_.chunks) {
     // the session ended well, yet the disk has lost some of it: what can still be read becomes an interrupted
     // session, and the damaged file is kept for whoever wants to try harder
-    if (auto kept = keepDamaged(); !kept.ok()) return kept;
+    RETURN_IF_ERROR(keepDamaged());
     const std::scoped_lock lock(mutex_);
     ended_ = false;
   }
@@ -204,14 +199,12 @@ Status SpoolSession::loadChunks() {
     auto damaged = chunks_.anyBehind(
         *good_end, [&](const SpoolRecord& record) { return record.part > entries_.size(); });
     if (!damaged.ok()) return damaged.error();
-    if (*damaged)
-      if (auto kept = keepDamaged(); !kept.ok()) return kept;
+    if (*damaged) RETURN_IF_ERROR(keepDamaged());
     // drop the torn end: what is appended now must follow the last good record
-    if (*good_end < chunks_.size())
-      if (auto status = chunks_.truncate(*good_end); !status.ok()) return status;
-    if (auto status = recoverTail(); !status.ok()) return status;
-    if (auto status = sync(); !status.ok()) return status;
-    if (auto status = end(true); !status.ok()) return status;
+    if (*good_end < chunks_.size()) RETURN_IF_ERROR(chunks_.truncate(*good_end));
+    RETURN_IF_ERROR(recoverTail());
+    RETURN_IF_ERROR(sync());
+    RETURN_IF_ERROR(end(true));
     return restartTail();
   }
   const std::scoped_lock lock(mutex_);
@@ -230,9 +223,8 @@ Status SpoolSession::loadAgain() {
 
 // the tail's pieces that stand in no chunk yet become the last chunk
 Status SpoolSession::recoverTail() {
-  auto tail = SpoolFile::open(folder_ / "tail");
-  if (!tail.ok()) return tail.error();
-  tail_ = std::move(*tail);
+  ASSIGN_OR_RETURN(auto tail, SpoolFile::open(folder_ / "tail"));
+  tail_ = std::move(tail);
   const std::uint64_t seq = entries_.size();
   std::uint32_t part = 0;
   std::vector<GestureSample> samples;
@@ -272,8 +264,7 @@ Status SpoolSession::appendChunk(ByteView chunk, std::uint64_t samples) {
     seq = entries_.size();
     synced = synced_;
   }
-  if (auto status = chunks_.append(seq, static_cast<std::uint32_t>(synced), chunk); !status.ok())
-    return status;
+  RETURN_IF_ERROR(chunks_.append(seq, static_cast<std::uint32_t>(synced), chunk));
   hash_.update(chunk);
   const std::scoped_lock lock(mutex_);
   addEntry(offset, samples, chunk.size());
@@ -302,8 +293,7 @@ Status SpoolSession::sync() {
   if (from == to) return {};
   // after a failed fsync the kernel may have dropped the pages and call the next fsync a success: write them
   // again
-  for (const Entry& entry : unsynced)
-    if (auto status = chunks_.writeAgain(entry.offset); !status.ok()) return status;
+  for (const Entry& entry : unsynced) RETURN_IF_ERROR(chunks_.writeAgain(entry.offset));
   if (auto status = chunks_.sync(); !status.ok()) {
     sync_failed_ = true;
     return status;
@@ -323,8 +313,7 @@ Status SpoolSession::end(bool interrupted) {
     lost = loss_.samples;
   }
   // an ended session whose loss a power cut has taken would pass for whole
-  if (lost > 0)
-    if (auto status = syncLoss(); !status.ok()) return status;
+  if (lost > 0) RETURN_IF_ERROR(syncLoss());
   const Digest hash = hash_.digest();
   if (auto status = writeJson(
           folder_ / "end.json",
@@ -410,7 +399,7 @@ Result<Bytes> SpoolSession::readChunk(std::uint64_t seq) const {
     const std::scoped_lock lock(mutex_);
     if (seq >= synced_)
       return Error{ErrorCode::kNotFound,
-                   "session " + idText() + " has no chunk " + std::to_string(seq) + " in the spool"};
+                   fmt::format("session {} has no chunk {} in the spool", idText(), seq)};
     offset = entries_[seq].offset;
   }
   return chunks_.read(offset);

@@ -1,5 +1,6 @@
 #include "client/net/spool_writer.h"
 
+#include <fmt/core.h>
 #include <pthread.h>
 #include <sched.h>
 
@@ -98,8 +99,8 @@ void SpoolWriter::takeSample(const GestureSample& sample) {
   piece_.push_back(sample);
   const bool lost = pending_bytes_ > options_.pending_bytes;
   if (lost) {
-    // the disk has been full for so long that memory is at its end too: these samples are lost, and said to
-    // be; who watches live sees them nevertheless
+    // the disk has been full for so long that memory is at its end too: these samples are lost, which is
+    // reported; viewers see them nevertheless
     if (!lost_from_) lost_from_ = sample.tick;
     ++lost_;
   } else {
@@ -129,11 +130,9 @@ void SpoolWriter::writeTail() {
   noteDisk(status);
 }
 
-// for whoever watches
+// not coded here: only the uplink knows whether somebody watches
 void SpoolWriter::showPiece() {
-  auto bytes = std::make_shared<const Bytes>(encodeChunk(resolution_, piece_));
-  SamplePiece piece{std::move(bytes), piece_.back(), 0, 0,
-                    std::make_shared<const std::vector<GestureSample>>(piece_)};
+  SamplePiece piece{std::make_shared<const std::vector<GestureSample>>(piece_), piece_.back(), 0, 0};
   for (const GestureSample& sample : piece_) piece.flags |= sample.flags;
   piece_.clear();
   {
@@ -143,7 +142,7 @@ void SpoolWriter::showPiece() {
   if (callbacks_.piece) callbacks_.piece(piece);
 }
 
-// tells the session how much is lost, so that it is known even when this program is not there any more
+// writes how much is lost into the session, so that it is known even after the death of this program
 void SpoolWriter::noteLoss() {
   const std::uint64_t dropped = ring_.dropped() - ring_dropped_before_;
   if (dropped > 0 && !lost_from_) lost_from_ = last_tick_ + 1;
@@ -173,7 +172,7 @@ void SpoolWriter::makeChunk() {
   if (pending_.size() == 1 || steadyNowNs() >= next_try_ns_) flushPending();
 }
 
-// chunks go to disk in order; when the last one is there, the tail begins anew
+// chunks go to disk in order; when the last one is there, the tail is emptied
 void SpoolWriter::flushPending() {
   bool wrote = false;
   while (!pending_.empty()) {
@@ -226,11 +225,11 @@ std::string SpoolWriter::trouble() const {
   const SpoolWriterCounts now = counts();
   std::string text;
   if (!now.disk_error.empty())
-    text = "the spool's disk refuses (" + now.disk_error + "), " + std::to_string(now.samples_waiting) +
-           " samples wait in memory";
+    text = fmt::format("the spool's disk refuses ({}), {} samples wait in memory", now.disk_error,
+                       now.samples_waiting);
   const std::uint64_t lost = session_->contents().loss.samples;
   if (lost > 0)
-    text += (text.empty() ? "" : "; ") + std::to_string(lost) + " samples are lost, the disk was full";
+    text += fmt::format("{}{} samples are lost, the disk was full", text.empty() ? "" : "; ", lost);
   return text;
 }
 
@@ -302,9 +301,9 @@ Status SpoolWriter::finish(std::chrono::milliseconds patience) {
     outcome_ = Error{ErrorCode::kUnavailable,
                      "the session could not be ended, the spool's disk is full; its samples are safe"};
   if (outcome_.ok() && loss_noted_.samples > 0)
-    outcome_ = Error{ErrorCode::kUnavailable, std::to_string(loss_noted_.samples) +
-                                                  " samples are lost: the spool's disk was full (" +
-                                                  counts().disk_error + ")"};
+    outcome_ =
+        Error{ErrorCode::kUnavailable, fmt::format("{} samples are lost: the spool's disk was full ({})",
+                                                   loss_noted_.samples, counts().disk_error)};
   return outcome_;
 }
 

@@ -25,13 +25,12 @@ namespace needlelab {
 inline constexpr std::size_t kSampleRingCapacity = 16'384;
 using SampleRing = SpscRing<GestureSample, kSampleRingCapacity>;
 
-/// About 20 ms of samples, for whoever watches. (The spool's tail gets its own, in shorter steps.)
+/// About 20 ms of samples for viewers and status lines. (The spool's tail gets its own, in shorter steps.)
 struct SamplePiece {
-  std::shared_ptr<const Bytes> chunk;  ///< coded as a chunk (common/gesture/FORMAT.md)
-  GestureSample last;                  ///< the newest of its samples
-  std::uint64_t samples_so_far = 0;    ///< of the session, this piece included
-  std::uint32_t flags = 0;             ///< of all of its samples
-  std::shared_ptr<const std::vector<GestureSample>> samples = {};  ///< all of it, as they were recorded
+  std::shared_ptr<const std::vector<GestureSample>> samples;  ///< as they were recorded; at least one
+  GestureSample last;                                         ///< the newest of them
+  std::uint64_t samples_so_far = 0;                           ///< of the session, this piece included
+  std::uint32_t flags = 0;                                    ///< of all of its samples
 };
 
 /// What the writer has done so far.
@@ -45,7 +44,6 @@ struct SpoolWriterCounts {
   std::string disk_error;             ///< the present trouble in words; empty when all is well
 };
 
-/// Settings; the defaults are those of DESIGN §7.
 struct SpoolWriterOptions {
   double rate_hz = 1000;
   std::size_t pending_bytes = 64u << 20;  ///< chunks that wait for a full disk, in memory

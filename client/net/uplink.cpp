@@ -1,10 +1,10 @@
-// What the program calls, on any thread.
 #include "client/net/uplink.h"
+
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <utility>
 
-#include "client/net/uplink_call.h"
 #include "common/base/clock.h"
 #include "common/base/text.h"
 
@@ -18,9 +18,12 @@ constexpr auto kStopLook = std::chrono::milliseconds(50);
 }  // namespace
 
 Uplink::Uplink(UplinkConfig config, UplinkEvents events)
-    : config_(std::move(config)), events_(std::move(events)) {
+    : config_(std::move(config)),
+      events_(std::move(events)),
+      link_(io_, {.retry = {config_.first_retry, config_.most_retry, 2.0}, .lasting = config_.most_retry},
+            handlers()) {
   state_.away_since_ns = steadyNowNs();
-  asio::co_spawn(io_, run(), rethrow);
+  link_.logIn(config_.client);
   thread_ = std::thread([this] { io_.run(); });
 }
 
@@ -31,15 +34,7 @@ Uplink::~Uplink() {
 void Uplink::stop() {
   if (!thread_.joinable()) return;
   asio::post(io_, [this] {
-    stopping_ = true;
-    retry_timer_.cancel();
-    if (channel_) {
-      pb::Envelope bye;
-      bye.mutable_bye()->set_reason("the station ends");
-      channel_->finish(CloseReason::kLocal, "the station ends", &bye);
-    }
-    // an attempt to connect that waits for an answer has nothing to say goodbye to
-    if (!channel_) return io_.stop();
+    link_.stop("the station ends", [this] { io_.stop(); });
     auto timer = std::make_shared<asio::steady_timer>(io_, kStopGrace);
     timer->async_wait([this, timer](const boost::system::error_code&) { io_.stop(); });
   });
@@ -74,15 +69,16 @@ void Uplink::wake() {
 void Uplink::offer(const SamplePiece& piece) {
   {
     const std::scoped_lock lock(mutex_);
-    newest_ = piece;
+    newest_ = Live{piece, wallNowNs() - (steadyNowNs() - piece.last.time_ns)};
     flags_since_status_ |= piece.flags;
-    if (!watched_.load(std::memory_order_relaxed)) return;
+    newest_sent_ = watched_.load(std::memory_order_relaxed);
+    if (!newest_sent_) return;
     if (live_.size() >= kMostLive) {
       live_.pop_front();
       ++live_skipped_;
       ++state_.live_dropped;
     }
-    live_.push_back({piece, wallNowNs() - (steadyNowNs() - piece.last.time_ns)});
+    live_.push_back(*newest_);
   }
   asio::post(io_, [this] { pumpLive(); });
 }
@@ -106,21 +102,28 @@ Result<pb::Lesson> Uplink::getLesson(const std::string& exercise_id, const std::
   pb::Request request;
   request.mutable_get_lesson()->set_exercise_id(exercise_id);
   request.mutable_get_lesson()->set_trainee(trainee);
-  auto reply = ask(std::move(request), patience, once, stopped);
-  if (!reply.ok()) return reply.error();
-  if (!reply->has_lesson()) return Error{ErrorCode::kFailed, "the server answered, but with no lesson"};
-  return std::move(*reply->mutable_lesson());
+  ASSIGN_OR_RETURN(auto reply, ask(std::move(request), patience, once, stopped));
+  if (!reply.has_lesson()) return Error{ErrorCode::kFailed, "the server answered, but with no lesson"};
+  return std::move(*reply.mutable_lesson());
 }
 
 Result<pb::Reply> Uplink::ask(pb::Request request, std::chrono::milliseconds patience, bool once,
                               const std::function<bool()>& stopped) {
-  auto call = std::make_shared<Call>();
-  call->request = std::move(request);
+  // guarded by the mutex; the id is the network thread's own
+  struct Call {
+    std::optional<Result<pb::Reply>> result;
+    std::uint64_t id = 0;
+  };
+  const auto call = std::make_shared<Call>();
+  asio::post(io_, [this, call, request = std::move(request)]() mutable {
+    const auto answer = [this, call](Result<pb::Reply> reply) {
+      const std::scoped_lock lock(mutex_);
+      call->result.emplace(std::move(reply));
+      changed_.notify_all();
+    };
+    call->id = link_.ask(std::move(request), answer, OnLoss::kAskAgain, ServerLink::kForever);
+  });
   std::unique_lock lock(mutex_);
-  call_ = call;
-  lock.unlock();
-  wake();
-  lock.lock();
   const auto answered = [&] {
     return call->result.has_value() || state_.denied || (once && !state_.connected && !state_.error.empty());
   };
@@ -133,8 +136,8 @@ Result<pb::Reply> Uplink::ask(pb::Request request, std::chrono::milliseconds pat
     stop = stopped && stopped();
     lock.lock();
   }
-  call_.reset();
   if (call->result) return *call->result;
+  asio::post(io_, [this, call] { link_.forget(call->id); });
   if (stop) return Error{ErrorCode::kFailed, "stopped while waiting for the server"};
   if (state_.denied) return Error{ErrorCode::kDenied, state_.error};
   return Error{ErrorCode::kUnavailable,
@@ -152,8 +155,52 @@ UplinkState Uplink::state() const {
   return state_;
 }
 
-void Uplink::say(const std::string& text) const {
-  if (events_.say) events_.say(text);
+void Uplink::report(const std::string& text) const {
+  if (events_.report) events_.report(text);
+}
+
+DrainEnd drain(Uplink& uplink, const DrainPatience& patience, const std::function<bool()>& stopped) {
+  uplink.wake();
+  const std::int64_t began_ns = steadyNowNs();
+  const auto seconds = [](std::int64_t ns) {
+    return std::chrono::duration<double>(1e-9 * static_cast<double>(ns));
+  };
+  while (!uplink.waitUntilDone(std::chrono::milliseconds(20))) {
+    const UplinkState state = uplink.state();
+    const std::int64_t now_ns = steadyNowNs();
+    if (state.denied) return DrainEnd::kDenied;
+    if (stopped()) return DrainEnd::kStopped;
+    if (seconds(now_ns - began_ns) >= patience.whole) return DrainEnd::kTimeOver;
+    if (state.connected) continue;
+    // an attempt has failed already: the server is not about to answer for the first time
+    const auto away = seconds(now_ns - state.away_since_ns);
+    const bool never = state.connections == 0 && !state.error.empty() && away >= patience.never_connected;
+    const bool long_ago = state.connections > 0 && away >= patience.long_away;
+    // one moment more: it may have come back just now
+    if ((never || long_ago) &&
+        seconds(now_ns - began_ns) >= std::min(patience.whole, patience.never_connected / 2))
+      return DrainEnd::kAway;
+  }
+  return DrainEnd::kDone;
+}
+
+std::string drainText(DrainEnd end, const UplinkState& state) {
+  switch (end) {
+    case DrainEnd::kDone:
+    case DrainEnd::kDenied:  // was reported when it happened
+      return {};
+    case DrainEnd::kAway:
+      return "not connected (" + state.error +
+             "); the spool keeps everything, the next start with --server sends it";
+    case DrainEnd::kTimeOver:
+      return fmt::format(
+          "{} chunks could not be sent within --drain; the spool keeps them, the next start with --server "
+          "sends them",
+          state.chunks_left);
+    case DrainEnd::kStopped:
+      return "not waiting for the server any longer; the spool keeps everything";
+  }
+  return {};
 }
 
 }  // namespace needlelab

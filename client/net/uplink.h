@@ -16,10 +16,9 @@
 #include <thread>
 #include <vector>
 
-#include "client/net/client.h"
+#include "client/net/server_link.h"
 #include "client/net/spool.h"
 #include "client/net/spool_writer.h"
-#include "client/net/uplink_clock.h"
 #include "client/net/uplink_session.h"
 #include "common/base/result.h"
 
@@ -27,24 +26,24 @@ namespace needlelab {
 
 struct UplinkConfig {
   ClientConfig client;
-  std::size_t window_chunks = 64;  ///< in flight, over all sessions (DESIGN §7)
+  std::size_t window_chunks = 64;  ///< in flight, over all sessions
   std::chrono::milliseconds first_retry{200}, most_retry{10'000};
 };
 
 /// What the uplink tells its program. All run on the uplink's thread and must not block.
 struct UplinkEvents {
-  std::function<void(const std::string&)> say;  ///< for a person: connected, lost, refused, …
+  std::function<void(const std::string&)> report;  ///< for a person: connected, lost, refused, …
   std::function<void(const pb::TraineeMessage&)> trainee_message;  ///< an instructor speaks
   std::function<void(const pb::NextExercise&)> next_exercise;      ///< an instructor chose
   /// An instructor changes what is shown; all numbers are aids, and it is for the current session or for any.
   std::function<void(const pb::SetAids&)> set_aids;
-  /// … ends the lesson, so, too.
+  /// An instructor ends the current session's lesson, or any.
   std::function<void(const pb::StopLesson&)> stop_lesson;
   std::function<void(const pb::Ack&)> acknowledged;      ///< as it came; for tests that keep a ledger
-  std::function<void(const pb::SessionClosed&)> closed;  ///< … so, too
+  std::function<void(const pb::SessionClosed&)> closed;  ///< as it came
 };
 
-/// What a watch over the lesson knows of it, for the station's status lines.
+/// What the station's LessonWatch knows of a lesson, for the status lines.
 struct LessonFacts {
   double peak_force_N = 0;                   ///< since the session began
   std::vector<std::string> hazards_touched;  ///< names, in order
@@ -65,6 +64,7 @@ struct UplinkState {
   std::optional<pb::SessionClosed> current_verdict;
   std::string current_trouble;     ///< why the server refuses the current session
   std::uint64_t live_frames = 0;   ///< sent
+  std::uint64_t live_encoded = 0;  ///< pieces that were coded for viewers; none while nobody watches
   std::uint64_t live_dropped = 0;  ///< here, because the network was slow
   std::optional<ClockProbe::Estimate> clock;
 };
@@ -99,8 +99,7 @@ class Uplink {
   Result<pb::Lesson> getLesson(const std::string& exercise_id, const std::string& trainee,
                                std::chrono::milliseconds patience, bool once,
                                const std::function<bool()>& stopped = {});
-  /// The same for any request. One at a time: a second question takes the place of the first. Errors as
-  /// getLesson, and what else a Refusal says (errorOf).
+  /// The same for any request. Errors as getLesson, and what else a Refusal says (errorOf).
   Result<pb::Reply> ask(pb::Request request, std::chrono::milliseconds patience, bool once,
                         const std::function<bool()>& stopped = {});
   /// Waits until the server has closed (or refused) every session, or refuses us. False when `patience`
@@ -112,42 +111,39 @@ class Uplink {
   [[nodiscard]] UplinkState state() const;
 
  private:
-  struct Call;
-  Task<> run();
-  Task<> serve(ClientConnection connection);
+  LinkHandlers handlers();
+  void onConnected(const pb::Welcome& welcome);
+  void onAway(const LinkEnd& end);
   Task<> keepTime();
   void handle(const pb::Envelope& envelope);
   void handleRefusal(const pb::Envelope& envelope);
-  /// Is what an instructor says for the current session, or for any? Says so when it is not.
-  [[nodiscard]] bool meansCurrent(const std::string& session_id) const;
+  /// Whether an instructor's message is for the current session or for any. Reports one that is not.
+  [[nodiscard]] bool isForCurrentSession(const std::string& session_id) const;
   void pump();
+  void setWatched(bool watched);
   void pumpLive();
   void sendStatus();
   void sendProbe();
   void sendClockOffset();
   void takeAdded();
   void publish();
-  /// Whether the server, when it welcomed us, had this session as open.
-  [[nodiscard]] UplinkSession::There there(const UplinkSession& session) const;
-  void sayItIsSentAgain(const UplinkSession& session) const;
+  /// What the last Welcome said of this session.
+  [[nodiscard]] UplinkSession::AtServer atServer(const UplinkSession& session) const;
+  void reportSentAgain(const UplinkSession& session) const;
   UplinkSession* find(const std::string& session_id);
-  void say(const std::string& text) const;
+  void report(const std::string& text) const;
 
   // the uplink's own thread
   UplinkConfig config_;
   UplinkEvents events_;
   asio::io_context io_{1};
-  asio::steady_timer retry_timer_{io_};
-  std::shared_ptr<Channel> channel_;                      // while connected
-  pb::Welcome welcome_;                                   // of the last connection
+  ServerLink link_;
   std::vector<std::unique_ptr<UplinkSession>> sessions_;  // in the order in which they are served
   UplinkSession* current_ = nullptr;
   ClockProbe clock_;
   std::int64_t clock_sent_ns_ = 0;  // round trip of the estimate that the server was told
   std::uint64_t probes_ = 0, frame_seq_ = 0;
-  std::uint64_t request_ = 0;
-  bool stopping_ = false;
-  std::string said_;
+  std::string reported_;  // why the last attempt to connect failed
 
   mutable std::mutex mutex_;  // guards all that follows
   std::condition_variable changed_;
@@ -158,10 +154,10 @@ class Uplink {
     std::int64_t capture_unix_ns = 0;
   };
   std::deque<Live> live_;
-  std::uint64_t live_skipped_ = 0;     // dropped since the last frame that was taken
-  std::optional<SamplePiece> newest_;  // for the status line
+  std::uint64_t live_skipped_ = 0;  // dropped since the last frame that was taken
+  std::optional<Live> newest_;      // for the status line, and for who begins to watch
+  bool newest_sent_ = false;        // … or waits in live_
   std::uint32_t flags_since_status_ = 0;
-  std::shared_ptr<Call> call_;
   bool current_added_ = false;  // to `added_`: what is known of the current session is of the one before
   LessonFacts facts_;           // of the current session
   std::uint64_t dropped_before_ = 0;             // live frames, when the current session was added
@@ -172,5 +168,27 @@ class Uplink {
   std::atomic<std::uint32_t> wakeup_p99_us_{0};
   std::thread thread_;
 };
+
+// --- waiting at the end until the server has everything, no longer than that makes sense
+
+struct DrainPatience {
+  std::chrono::duration<double> whole{10};           ///< in all (--drain)
+  std::chrono::duration<double> never_connected{2};  ///< when no server was there in this whole run
+  std::chrono::duration<double> long_away{30};       ///< … or none since so long
+};
+
+enum class DrainEnd : std::uint8_t {
+  kDone,      ///< the server has closed or refused every session
+  kAway,      ///< no server for so long that waiting makes no sense
+  kTimeOver,  ///< connected, or lost a moment ago, but not done in time
+  kStopped,   ///< by the caller
+  kDenied,    ///< the server refuses us
+};
+
+/// Asks `stopped` about 50 times a second. Thread: any but the uplink's.
+DrainEnd drain(Uplink& uplink, const DrainPatience& patience, const std::function<bool()>& stopped);
+
+/// For a person; empty when there is nothing to say.
+std::string drainText(DrainEnd end, const UplinkState& state);
 
 }  // namespace needlelab

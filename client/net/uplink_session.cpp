@@ -1,5 +1,6 @@
 #include "client/net/uplink_session.h"
 
+#include <fmt/core.h>
 #include <algorithm>
 #include <utility>
 
@@ -41,7 +42,7 @@ std::optional<pb::Envelope> UplinkSession::next(bool may_send_chunk) {
     return openMessage();
   }
   if (state_ == State::kClosed && std::exchange(end_due_, false)) return closeMessage(spool_->contents());
-  if (state_ == State::kClosed && !asked_ && (end_unsaid_ || safe_ < spool_->contents().chunks)) {
+  if (state_ == State::kClosed && !asked_ && (end_unknown_ || safe_ < spool_->contents().chunks)) {
     if (steadyNowNs() < not_before_ns_) return std::nullopt;
     asked_ = asking_ = true;
     return openMessage();
@@ -66,7 +67,7 @@ pb::Envelope UplinkSession::openMessage() const {
 std::optional<pb::Envelope> UplinkSession::nextChunk() {
   auto data = spool_->readChunk(sent_);
   if (!data.ok()) {
-    refuse("chunk " + std::to_string(sent_) + " cannot be read from the spool: " + data.error().message);
+    refuse(fmt::format("chunk {} cannot be read from the spool: {}", sent_, data.error().message));
     return std::nullopt;
   }
   if (reconnected_ && planted(PlantedBug::kSampleLostAtReconnection))
@@ -93,26 +94,26 @@ pb::Envelope UplinkSession::closeMessage(const SpoolContents& contents) const {
   return envelope;
 }
 
-void UplinkSession::onConnected(There there) {
+void UplinkSession::onConnected(AtServer at_server) {
   asked_ = asking_ = end_due_ = false;
-  end_unsaid_ = there == There::kUnsaid;
+  end_unknown_ = at_server == AtServer::kUnknown;
   // all its chunks are in the restored backup, but not its end
-  if (closed() && there == There::kOpen) sendAgain(committed_);
+  if (closed() && at_server == AtServer::kOpen) sendAgain(committed_);
 }
 
 void UplinkSession::onOpened(std::uint64_t next_seq) {
   if (closed() && asking_) {
     if (next_seq < spool_->contents().chunks)
       sendAgain(next_seq);
-    else if (end_unsaid_)
+    else if (end_unknown_)
       endAgain();
     asking_ = end_due_;
   }
   if (state_ != State::kOpening) return;
   const SpoolContents contents = spool_->contents();
   if (next_seq > contents.chunks) {
-    refuse("the server has " + std::to_string(next_seq) + " chunks of it, the spool only " +
-           std::to_string(contents.chunks) + "; the folder " + spool_->folder().string() + " stays as it is");
+    refuse(fmt::format("the server has {} chunks of it, the spool only {}; the folder {} stays as it is",
+                       next_seq, contents.chunks, spool_->folder().string()));
     return;
   }
   // the database's word counts: after a restored backup it may have less than it once acknowledged
@@ -135,7 +136,7 @@ void UplinkSession::sendAgain(std::uint64_t next_seq) {
   }
 }
 
-// whether the server has the end cannot be asked: it is told again
+// there is no message that asks whether the server has the end: it is sent again
 void UplinkSession::endAgain() {
   end_due_ = true;
   // until the server says that a backup has the end, too: the ack behind its answer does
@@ -186,8 +187,9 @@ void UplinkSession::onRefusal(const pb::Refusal& refusal) {
       // those answers come before the one to our question, and are passed over.
       if (state_ == State::kNew || state_ == State::kOpening) return;
       if (++reopened_ > kMostReopened)
-        return refuse("the server asked " + std::to_string(kMostReopened) +
-                      " times to go back and acknowledged nothing in between: " + refusal.text());
+        return refuse(
+            fmt::format("the server asked {} times to go back and acknowledged nothing in between: {}",
+                        kMostReopened, refusal.text()));
       state_ = State::kNew;
       sent_ = committed_;
       return;

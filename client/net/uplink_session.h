@@ -15,13 +15,13 @@ namespace needlelab {
 /// States of a connection: not opened → opening → open → closing → closed; or refused, for good in this run.
 /// A closed session that no verified backup covers is asked for once a connection: a server that was restored
 /// from an older backup has lost it, and gets it again. A Welcome names 1,000 open sessions at most
-/// (kFullWelcome); of a station that has more there, each closed session is asked for and its end told again,
+/// (kFullWelcome); of a station with more of them, each closed session is asked for and its end sent again,
 /// which changes nothing at a server that has it.
-/// No network in here: the uplink asks for messages and tells of answers. Thread: one.
+/// No network in here: the uplink asks for messages and hands over answers. Thread: one.
 class UplinkSession {
  public:
   /// Whether the server had a session as open when it welcomed us.
-  enum class There : std::uint8_t { kOpen, kNotOpen, kUnsaid };
+  enum class AtServer : std::uint8_t { kOpen, kNotOpen, kUnknown };
   /// A Welcome with so many open sessions may not have named all (session.proto).
   static constexpr int kFullWelcome = 1000;
 
@@ -32,8 +32,8 @@ class UplinkSession {
   /// room.
   std::optional<pb::Envelope> next(bool may_send_chunk);
 
-  /// A new connection; `there`: what its Welcome said of this session.
-  void onConnected(There there);
+  /// A new connection; `at_server`: what its Welcome said of this session.
+  void onConnected(AtServer at_server);
   void onOpened(std::uint64_t next_seq);
   void onAck(const pb::Ack& ack);
   void onClosed(const pb::SessionClosed& closed);
@@ -49,7 +49,7 @@ class UplinkSession {
   [[nodiscard]] bool opened() const { return state_ == State::kOpen || state_ == State::kClosing; }
   [[nodiscard]] bool closed() const { return state_ == State::kClosed; }
   [[nodiscard]] bool refused() const { return state_ == State::kRefused; }
-  /// Closed, and the server was asked whether it still has it.
+  /// Closed, and the server has not answered yet whether it still has it.
   [[nodiscard]] bool asking() const { return closed() && asking_; }
   /// Nothing more can be done for it in this run.
   [[nodiscard]] bool finished() const { return closed() || refused(); }
@@ -75,7 +75,7 @@ class UplinkSession {
   std::uint64_t safe_ = 0;
   bool asked_ = false;          // on this connection, whether the server still has what it closed
   bool asking_ = false;         // … and it has not answered yet
-  bool end_unsaid_ = false;     // the Welcome did not say whether the server has its end
+  bool end_unknown_ = false;    // the Welcome did not say whether the server has its end
   bool end_due_ = false;        // the server has all its chunks: now the end again
   bool reconnected_ = false;    // the connection was lost before
   std::uint32_t reopened_ = 0;  // on the server's demand, since the last ack that brought something

@@ -17,7 +17,7 @@
 #include <thread>
 #include <vector>
 
-#include "client/net/client.h"
+#include "client/net/connect.h"
 #include "common/base/clock.h"
 #include "common/base/uuid.h"
 #include "common/gesture/chunk.h"

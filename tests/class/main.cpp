@@ -1,4 +1,5 @@
 // needlelab-class: fills a lab with what simulated trainees would have done in some weeks.
+#include <fmt/core.h>
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
@@ -72,8 +73,8 @@ int classMain(int argc, char** argv, const sigset_t& stop_signals) {
         !wrote.ok())
       return fail(wrote.error());
   if (left > 0)
-    return fail({ErrorCode::kFailed, std::to_string(left) + " sessions are not stored; see " +
-                                         (options.out.empty() ? "--out" : options.out)});
+    return fail({ErrorCode::kFailed, fmt::format("{} sessions are not stored; see {}", left,
+                                                 options.out.empty() ? "--out" : options.out)});
   return kExitDone;
 }
 

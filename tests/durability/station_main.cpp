@@ -10,7 +10,7 @@
 #include <set>
 #include <thread>
 
-#include "client/net/drain.h"
+#include "client/net/uplink.h"
 #include "client/net/uplink.h"
 #include "common/base/clock.h"
 #include "common/base/files.h"
@@ -168,7 +168,7 @@ int run(const Options& options) {
   config.first_retry = 20ms;
   config.most_retry = 100ms;
   UplinkEvents events;
-  events.say = [](const std::string& words) { std::fprintf(stderr, "%s\n", words.c_str()); };
+  events.report = [](const std::string& words) { std::fprintf(stderr, "%s\n", words.c_str()); };
   Heard heard;
   events.acknowledged = [&](const pb::Ack& ack) {
     ledger.acknowledged(ack);

@@ -4,8 +4,8 @@
 #include <fstream>
 #include <vector>
 
+#include "client/net/lesson_cache.h"
 #include "client/net/spool.h"
-#include "client/net/spool_lessons.h"
 #include "common/base/files.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/session_hash.h"

@@ -3,7 +3,7 @@
 #include <cstring>
 
 #include "client/net/spool.h"
-#include "client/net/spool_lessons.h"
+#include "client/net/lesson_cache.h"
 #include "common/base/crc32c.h"
 #include "common/gesture/chunk.h"
 #include "tests/fuzz/quiet_protobuf.h"

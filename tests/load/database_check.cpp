@@ -1,15 +1,31 @@
 #include "tests/load/database_check.h"
 
+#include <fmt/core.h>
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <mutex>
 #include <thread>
+#include <utility>
 
 #include "common/gesture/chunk.h"
 #include "db/connection.h"
 
 namespace needlelab::test {
 namespace {
+
+// half a step, and the rounding of a double in a value of up to a metre
+bool near(double made, double stored, double step) {
+  if (std::isnan(made) || std::isnan(stored)) return std::isnan(made) && std::isnan(stored);
+  return std::abs(made - stored) <= 0.5 * step + 1e-12;
+}
+
+template <std::size_t N>
+bool near(const double (&made)[N], const double (&stored)[N], double step) {
+  for (std::size_t i = 0; i < N; ++i)
+    if (!near(made[i], stored[i], step)) return false;
+  return true;
+}
 
 constexpr std::size_t kMostFaults = 20;
 
@@ -36,12 +52,11 @@ class SessionReading {
   void take(std::uint64_t seq, ByteView bytes) {
     check_.chunk_bytes += bytes.size();
     if (seq != next_seq_)
-      addFault(check_, name_ + ": chunk " + std::to_string(seq) + " stands where " +
-                           std::to_string(next_seq_) + " should");
+      addFault(check_, fmt::format("{}: chunk {} stands where {} should", name_, seq, next_seq_));
     next_seq_ = seq + 1;
     const auto samples = decodeChunk(bytes);
     if (!samples.ok()) {
-      addFault(check_, name_ + ": chunk " + std::to_string(seq) + ": " + samples.error().message);
+      addFault(check_, fmt::format("{}: chunk {}: {}", name_, seq, samples.error().message));
       return;
     }
     comparison_.take(*samples);
@@ -93,6 +108,97 @@ Result<std::uint64_t> countOf(Connection& connection, const char* sql) {
 
 }  // namespace
 
+void Difference::add(const Difference& other) {
+  stored += other.stored;
+  lost += other.lost;
+  duplicated += other.duplicated;
+  different += other.different;
+  foreign += other.foreign;
+  if (first.empty()) first = other.first;
+}
+
+const char* differingField(const GestureSample& made, const GestureSample& stored,
+                           const Resolution& resolution) {
+  const double step_ns = resolution.time_s * 1e9;
+  if (made.tick != stored.tick) return "tick";
+  if (made.time_ns != stored.time_ns) return "time_ns";
+  if (!near(made.p_WT_m, stored.p_WT_m, resolution.length_m)) return "p_WT_m";
+  if (!near(made.q_WT, stored.q_WT, resolution.quaternion)) return "q_WT";
+  if (!near(made.speed_mps, stored.speed_mps, resolution.speed_mps)) return "speed_mps";
+  if (!near(made.force_W_N, stored.force_W_N, resolution.force_N)) return "force_W_N";
+  if (!near(made.torque_W_Nm, stored.torque_W_Nm, resolution.torque_Nm)) return "torque_W_Nm";
+  if (!near(made.wall_W_m, stored.wall_W_m, resolution.length_m)) return "wall_W_m";
+  if (!near(made.insertion_m, stored.insertion_m, resolution.length_m)) return "insertion_m";
+  if (!near(made.lateral_error_m, stored.lateral_error_m, resolution.length_m)) return "lateral_error_m";
+  if (!near(made.plunger, stored.plunger, resolution.quaternion)) return "plunger";
+  if (!near(made.device_ns, stored.device_ns, step_ns)) return "device_ns";
+  if (!near(made.engine_ns, stored.engine_ns, step_ns)) return "engine_ns";
+  if (made.flags != stored.flags) return "flags";
+  if (made.buttons != stored.buttons) return "buttons";
+  if (made.layer != stored.layer) return "layer";
+  if (made.phase != stored.phase) return "phase";
+  if (made.fault != stored.fault) return "fault";
+  return nullptr;
+}
+
+SessionComparison::SessionComparison(StationStream stream, std::uint64_t ticks, std::string name)
+    : stream_(std::move(stream)), name_(std::move(name)), seen_(ticks) {}
+
+void SessionComparison::fault(const std::string& what) {
+  if (difference_.first.empty()) difference_.first = name_ + ": " + what;
+}
+
+void SessionComparison::take(std::span<const GestureSample> stored) {
+  for (std::size_t i = 0; i < stored.size();) {
+    ++difference_.stored;
+    if (stored[i].tick >= seen_.size()) {
+      ++difference_.foreign;
+      fault(fmt::format("tick {} is stored and was never generated", stored[i].tick));
+      ++i;
+      continue;
+    }
+    // a stretch of consecutive ticks is generated at once
+    std::size_t end = i + 1;
+    while (end < stored.size() && stored[end].tick == stored[end - 1].tick + 1 &&
+           stored[end].tick < seen_.size())
+      ++end;
+    made_.resize(end - i);
+    stream_.fill(stored[i].tick, made_);
+    difference_.stored += end - i - 1;
+    for (std::size_t k = i; k < end; ++k) takeOne(made_[k - i], stored[k]);
+    i = end;
+  }
+}
+
+void SessionComparison::takeOne(const GestureSample& made, const GestureSample& stored) {
+  const auto tick = [&] { return fmt::format("tick {}", stored.tick); };
+  if (stored.time_ns != made.time_ns) {
+    ++difference_.foreign;
+    fault(fmt::format("{} is stored with the time of another station or session: {}, not {}", tick(),
+                      stored.time_ns, made.time_ns));
+    return;
+  }
+  if (seen_[stored.tick]) {
+    ++difference_.duplicated;
+    fault(tick() + " is stored twice");
+    return;
+  }
+  seen_[stored.tick] = true;
+  if (const char* field = differingField(made, stored, Resolution::standard()); field != nullptr) {
+    ++difference_.different;
+    fault(tick() + " is stored with another " + field);
+  }
+}
+
+Difference SessionComparison::finish() {
+  for (std::size_t tick = 0; tick < seen_.size(); ++tick) {
+    if (seen_[tick]) continue;
+    ++difference_.lost;
+    fault(fmt::format("tick {} is not stored", tick));
+  }
+  return difference_;
+}
+
 Result<DatabaseCheck> checkDatabaseFile(const std::filesystem::path& database, const LoadShared& shared,
                                         const MadeTicks& ticks, const CheckProgress& progress) {
   DatabaseCheck all;
@@ -129,7 +235,7 @@ Result<DatabaseCheck> checkDatabaseFile(const std::filesystem::path& database, c
   if (!orphans.ok()) return orphans.error();
   all.stray = *sessions - all.sessions + *orphans;
   if (all.stray > 0)
-    addFault(all, std::to_string(all.stray) + " sessions or chunks are stored that no station made");
+    addFault(all, fmt::format("{} sessions or chunks are stored that no station made", all.stray));
   return all;
 }
 

@@ -1,12 +1,16 @@
 /// Some dozens of whole insertions by simulated hands, made once, from which a thousand stations are fed.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "client/device/hand_tremor.h"
 #include "common/base/result.h"
 #include "common/gesture/sample.h"
+#include "common/haptics/geometry.h"
 
 namespace needlelab::test {
 
@@ -22,5 +26,46 @@ struct GesturePool {
 
 /// `count` gestures, the same for the same seed. Errors: those of the engine's closed loop.
 Result<GesturePool> makeGesturePool(std::uint64_t seed, std::size_t count);
+
+// What one station of the load records: the same samples whenever they are asked for, and no sample of it
+// like one of another station.
+
+inline constexpr std::int64_t kTick_ns = 1'000'000;
+/// The clocks of two stations are so far apart: no run is as long (2.7 h), so a time belongs to one station.
+inline constexpr std::int64_t kStationClock_ns = 10'000'000'000'000;
+
+/// A seeded mix of the pool's gestures, moved by a displacement that no other station of the run has, with
+/// times of its own. A function of (pool, seed, station, tick) alone. Thread: one (the mix grows as it is
+/// asked for).
+class StationStream {
+ public:
+  /// `pool` must outlive it and hold a gesture.
+  StationStream(const GesturePool& pool, std::uint64_t seed, std::size_t station);
+
+  /// Samples of the ticks first, first + 1, … into `out`.
+  void fill(std::uint64_t first_tick, std::span<GestureSample> out);
+
+  /// The station's clock when that tick is due.
+  [[nodiscard]] std::int64_t timeOf(std::uint64_t tick) const {
+    return clock_ns_ + static_cast<std::int64_t>(tick) * kTick_ns;
+  }
+  /// Where its limb stands: the displacement.
+  [[nodiscard]] Vec3 placement_m() const { return placement_m_; }
+
+ private:
+  struct Part {
+    const PoolGesture* gesture = nullptr;
+    std::uint64_t end_tick = 0;  // the first tick behind it
+    std::size_t skip = 0;        // samples of the gesture that are left out at its beginning
+  };
+  std::size_t partOf(std::uint64_t tick);
+
+  const GesturePool& pool_;
+  HandRandom random_;
+  std::uint64_t noise_seed_;
+  std::int64_t clock_ns_;
+  Vec3 placement_m_;
+  std::vector<Part> parts_;
+};
 
 }  // namespace needlelab::test

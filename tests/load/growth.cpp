@@ -1,4 +1,5 @@
 /// needlelab_load_growth: a run of needlelab-load for each size, one with a profile, and the report of all.
+#include <fmt/core.h>
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <fstream>
@@ -6,10 +7,9 @@
 
 #include "common/base/files.h"
 #include "common/base/program.h"
-#include "common/base/text.h"
 #include "tests/bench/result_folder.h"
 #include "tests/integration/process.h"
-#include "tests/load/growth_report.h"
+#include "tests/load/load_report.h"
 #include "tests/soak/process_sample.h"
 #include "tests/support/temp_folder.h"
 
@@ -29,12 +29,12 @@ struct GrowthOptions {
 
 std::vector<std::string> loadArguments(std::size_t stations, double seconds,
                                        const std::filesystem::path& json) {
-  return {"--stations", std::to_string(stations), "--viewers", stations == 1 ? "1" : "10",
-          "--seconds",  formatted("%g", seconds), "--json",    json};
+  return {"--stations", std::to_string(stations),     "--viewers", stations == 1 ? "1" : "10",
+          "--seconds",  fmt::format("{:g}", seconds), "--json",    json};
 }
 
 Result<Json> runSize(std::size_t stations, double seconds, const TempFolder& folder) {
-  const auto json = folder.path() / (std::to_string(stations) + ".json");
+  const auto json = folder.path() / fmt::format("{}.json", stations);
   Process load("needlelab-load", loadArguments(stations, seconds, json), folder.path() / "load.log");
   static_cast<void>(load.wait(std::chrono::seconds(600)));
   auto text = readWholeFile(json);
@@ -44,7 +44,7 @@ Result<Json> runSize(std::size_t stations, double seconds, const TempFolder& fol
 
 // the child of a process: its server
 pid_t childOf(pid_t parent) {
-  std::ifstream children(formatted("/proc/%d/task/%d/children", parent, parent));
+  std::ifstream children(fmt::format("/proc/{}/task/{}/children", parent, parent));
   pid_t child = 0;
   children >> child;
   return child;
@@ -67,7 +67,7 @@ Status profileServer(Growth& growth, std::size_t stations, const TempFolder& fol
   const auto before = sampleProcess(growth.profiled_pid);
   Process record("/usr/bin/env",
                  {"perf", "record", "-e", "cpu-clock", "-F", "499", "-g", "-o", data, "-p",
-                  std::to_string(growth.profiled_pid), "--", "sleep", formatted("%g", kSpan_s)},
+                  std::to_string(growth.profiled_pid), "--", "sleep", fmt::format("{:g}", kSpan_s)},
                  folder.path() / "perf.log");
   const auto begin = std::chrono::steady_clock::now();
   static_cast<void>(record.wait(60s));

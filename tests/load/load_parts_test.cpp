@@ -7,12 +7,12 @@
 #include "common/base/clock.h"
 #include "common/gesture/chunk.h"
 #include "common/haptics/force_gate.h"
-#include "tests/load/comparison.h"
-#include "tests/load/fault_plan.h"
-#include "tests/load/growth_report.h"
-#include "tests/load/load_soak.h"
+#include "tests/load/database_check.h"
+#include "tests/load/load_options.h"
+#include "tests/load/load_report.h"
+#include "tests/load/load_run.h"
 #include "tests/load/load_station.h"
-#include "tests/load/server_profile.h"
+#include "tests/load/own_server.h"
 
 namespace needlelab::test {
 namespace {

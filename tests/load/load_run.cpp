@@ -1,5 +1,6 @@
 #include "tests/load/load_run.h"
 
+#include <fmt/core.h>
 #include <sys/resource.h>
 #include <sys/vfs.h>
 
@@ -8,15 +9,14 @@
 #include <optional>
 #include <thread>
 
-#include "client/net/password.h"
+#include "client/net/credentials.h"
 #include "common/base/clock.h"
 #include "common/base/files.h"
-#include "common/base/text.h"
 #include "tests/bench/result_folder.h"
-#include "tests/load/fault_plan.h"
+#include "tests/load/load_options.h"
+#include "tests/load/load_viewer.h"
 #include "tests/load/own_server.h"
 #include "tests/load/station_crowd.h"
-#include "tests/load/viewer_crowd.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
@@ -59,7 +59,7 @@ std::string diskOf(const std::filesystem::path& folder) {
     case 0x794c7630:
       return "overlay";
     default:
-      return formatted("type 0x%lx", static_cast<unsigned long>(about.f_type));
+      return fmt::format("type 0x{:x}", static_cast<unsigned long>(about.f_type));
   }
 }
 
@@ -142,7 +142,7 @@ class LoadRun {
     const auto run = static_cast<unsigned long long>(wallNowNs() / 1'000'000'000);
     for (std::size_t i = 0; i < options_.stations; ++i) {
       pb::Request request;
-      request.mutable_add_station()->set_name(formatted("load-%llx-%04zu", run, i + 1));
+      request.mutable_add_station()->set_name(fmt::format("load-{:x}-{:04}", run, i + 1));
       auto reply = client->call(request);
       if (!reply.ok()) return reply.error();
       shared_.stations[i].name = reply->station_key().name();
@@ -171,14 +171,14 @@ class LoadRun {
       if (stopAsked()) return Error{ErrorCode::kFailed, "interrupted before the streaming began"};
       if (seconds(steadyNowNs() - begin_ns) > limit_s)
         return Error{ErrorCode::kUnavailable,
-                     formatted("only %zu of %zu stations and %zu of %zu viewers are connected after %.0f s; ",
-                               state.opened, options_.stations, watching, options_.viewers, limit_s) +
+                     fmt::format("only {} of {} stations and {} of {} viewers are connected after {:.0f} s; ",
+                                 state.opened, options_.stations, watching, options_.viewers, limit_s) +
                          state.trouble + " " + viewers_->lastError()};
       std::this_thread::sleep_for(50ms);
     }
     result_.connect_s = seconds(steadyNowNs() - begin_ns);
-    say(formatted("%zu stations and %zu viewers connected in %.1f s", options_.stations, options_.viewers,
-                  result_.connect_s));
+    say(fmt::format("{} stations and {} viewers connected in {:.1f} s", options_.stations, options_.viewers,
+                    result_.connect_s));
     return {};
   }
 
@@ -253,10 +253,10 @@ class LoadRun {
       const std::uint64_t now = state.samples_acked + state.finished;
       if (now != std::exchange(before, now)) moved_ns = steadyNowNs();
       if (seconds(steadyNowNs() - moved_ns) > 60) {
-        result_.troubles.push_back(formatted("%zu of %zu sessions were not closed: nothing has moved for 60 "
-                                             "s; ",
-                                             options_.stations - state.finished, options_.stations) +
-                                   state.trouble);
+        result_.troubles.push_back(
+            fmt::format("{} of {} sessions were not closed: nothing has moved for 60 s; ",
+                        options_.stations - state.finished, options_.stations) +
+            state.trouble);
         break;
       }
       std::this_thread::sleep_for(20ms);
@@ -264,7 +264,7 @@ class LoadRun {
     result_.drain_s = seconds(steadyNowNs() - begin_ns);
     result_.stations_closed = state.closed;
     if (state.closed < options_.stations) result_.troubles.push_back(state.trouble);
-    say(formatted("all sent and closed in %.1f s", result_.drain_s));
+    say(fmt::format("all sent and closed in {:.1f} s", result_.drain_s));
     viewers_->stop();
     crowd_->stop();
     ticks_ = crowd_->ticks();
@@ -280,7 +280,7 @@ class LoadRun {
     const CheckProgress progress = [&](std::size_t done) {
       if (steadyNowNs() - said_ns < 2'000'000'000) return;
       said_ns = steadyNowNs();
-      say(formatted("%zu of %zu sessions compared", done, options_.stations));
+      say(fmt::format("{} of {} sessions compared", done, options_.stations));
     };
     if (server_) {
       if (Status status = server_->stop(); !status.ok()) result_.troubles.push_back(status.error().message);
@@ -296,8 +296,8 @@ class LoadRun {
       result_.stored = std::move(*check);
     }
     result_.check_s = seconds(steadyNowNs() - begin_ns);
-    say(formatted("%llu stored samples compared in %.1f s",
-                  static_cast<unsigned long long>(result_.stored.samples.stored), result_.check_s));
+    say(fmt::format("{} stored samples compared in {:.1f} s", result_.stored.samples.stored,
+                    result_.check_s));
     return {};
   }
 
@@ -318,9 +318,9 @@ class LoadRun {
 
   void progress(double time_s, const CrowdState& state) const {
     if (result_.rows.size() % 5 != 1) return;
-    say(formatted("%4.0f s: %.1f million samples, %.1f million acknowledged", std::max(0.0, time_s),
-                  static_cast<double>(state.samples_made) * 1e-6,
-                  static_cast<double>(state.samples_acked) * 1e-6));
+    say(fmt::format("{:4.0f} s: {:.1f} million samples, {:.1f} million acknowledged", std::max(0.0, time_s),
+                    static_cast<double>(state.samples_made) * 1e-6,
+                    static_cast<double>(state.samples_acked) * 1e-6));
   }
 
   std::string endOfLog() const {

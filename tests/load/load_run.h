@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <string>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "tests/load/load_station.h"
 #include "tests/load/load_viewer.h"
 #include "tests/soak/process_sample.h"
+#include "tests/soak/soak_judge.h"
 
 namespace needlelab::test {
 
@@ -50,5 +52,16 @@ struct LoadResult {
 /// `interrupt` may be set by another thread or a signal handler: then everything is ended in order.
 /// Errors: kInvalidInput (options), kFailed or kUnavailable when it could not be run at all.
 Result<LoadResult> runLoad(const LoadOptions& options, const std::atomic<bool>& interrupt);
+
+// A long run with faults, judged: nothing lost, the server's memory and file handles flat.
+
+/// In the order of a table. Memory and handles are those of the server that lived last, after a warm-up of a
+/// quarter of its life, at most 5 min: each restart begins anew with both.
+std::vector<Finding> judgeLoad(const LoadResult& result, const SoakLimits& limits = {});
+
+/// samples.csv (a row a second), table.txt (the verdict is its last line), load.json, soak.png (where gnuplot
+/// is) into `out`, which is made. Errors: kFailed.
+Status writeSoak(const LoadResult& result, const std::vector<Finding>& findings,
+                 const std::filesystem::path& out);
 
 }  // namespace needlelab::test

@@ -2,13 +2,19 @@
 #pragma once
 
 #include <atomic>
+#include <boost/asio/executor_work_guard.hpp>
+#include <boost/asio/post.hpp>
 #include <cstdint>
+#include <future>
 #include <memory>
 #include <string>
+#include <thread>
+#include <utility>
 #include <vector>
 
-#include "client/net/client.h"
+#include "client/net/connect.h"
 #include "common/base/uuid.h"
+#include "common/wire/asio.h"
 #include "tests/load/gesture_pool.h"
 
 namespace needlelab::test {
@@ -30,6 +36,37 @@ struct LoadShared {
   std::vector<StationPlan> stations;
   /// Samples of a live frame, and of a chunk.
   static constexpr std::uint64_t kFrameTicks = 20, kChunkTicks = 1000;
+};
+
+// An io_context with a thread of its own, and a way to ask it things.
+
+/// Thread: `call` by any but its own. Destruction stops it: what runs on it must have ended, or is dropped.
+class NetThread {
+ public:
+  NetThread() : thread_([this] { io_.run(); }) {}
+  ~NetThread() { stop(); }
+  NetThread(const NetThread&) = delete;
+  NetThread& operator=(const NetThread&) = delete;
+
+  asio::io_context& io() { return io_; }
+  /// Runs `work` on the thread and gives its result.
+  template <typename Work>
+  auto call(Work work) -> decltype(work()) {
+    std::packaged_task<decltype(work())()> task(std::move(work));
+    auto result = task.get_future();
+    asio::post(io_, [&task] { task(); });
+    return result.get();
+  }
+  void stop() {
+    if (!thread_.joinable()) return;
+    io_.stop();
+    thread_.join();
+  }
+
+ private:
+  asio::io_context io_{1};
+  asio::executor_work_guard<asio::io_context::executor_type> guard_ = asio::make_work_guard(io_);
+  std::thread thread_;
 };
 
 }  // namespace needlelab::test

@@ -1,13 +1,13 @@
-#include "tests/load/load_soak.h"
+#include "tests/load/load_run.h"
 
+#include <fmt/core.h>
 #include <algorithm>
 
 #include "client/sim/tools/gnuplot.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
-#include "common/base/text.h"
 #include "tests/load/load_report.h"
-#include "tests/soak/soak_report.h"
+#include "tests/soak/soak_judge.h"
 
 namespace needlelab::test {
 namespace {
@@ -53,20 +53,16 @@ Finding steadyHandles(std::span<const ServerRow> rows) {
   }
   const double before = median(first), after = median(last);
   return {"handles of the server, median of the first and the last third",
-          formatted("%.0f, %.0f", before, after), "constant",
+          fmt::format("{:.0f}, {:.0f}", before, after), "constant",
           after <= before + 1 ? Verdict::kGood : Verdict::kBad};
 }
 
 std::string samplesCsv(const std::vector<ServerRow>& rows) {
   std::string text = "time_s,rss_kib,anon_kib,handles,threads,cpu_s,starts,data_bytes\n";
   for (const ServerRow& row : rows)
-    text += formatted("%.3f,%llu,%llu,%llu,%llu,%.2f,%llu,%llu\n", row.time_s,
-                      static_cast<unsigned long long>(row.server.rss_KiB),
-                      static_cast<unsigned long long>(row.server.anon_KiB),
-                      static_cast<unsigned long long>(row.server.handles),
-                      static_cast<unsigned long long>(row.server.threads), row.server.cpu_s,
-                      static_cast<unsigned long long>(row.starts),
-                      static_cast<unsigned long long>(row.data_bytes));
+    text +=
+        fmt::format("{:.3f},{},{},{},{},{:.2f},{},{}\n", row.time_s, row.server.rss_KiB, row.server.anon_KiB,
+                    row.server.handles, row.server.threads, row.server.cpu_s, row.starts, row.data_bytes);
   return text;
 }
 
@@ -79,17 +75,18 @@ std::string script(const LoadResult& r, const std::vector<Finding>& findings,
   return "set datafile separator ','\nset grid lc rgb '#d8dde3'\nset border 3 lc rgb '#606a75'\n"
          "set tics nomirror\nset lmargin 12\nset rmargin 4\nset key off\n"
          "set multiplot layout 3,1 title \"" +
-         formatted(
-             "%zu stations with random faults (%llu lost connections, %llu kill -9): ", r.options.stations,
-             static_cast<unsigned long long>(r.cuts), static_cast<unsigned long long>(r.kills)) +
+         fmt::format("{} stations with random faults ({} lost connections, {} kill -9): ", r.options.stations,
+                     r.cuts, r.kills) +
          (verdict == Verdict::kGood   ? "memory and handles stay flat, nothing is lost"
           : verdict == Verdict::kOpen ? "nothing is lost; too short to tell of memory"
                                       : "NOT as it should be, see the table") +
-         "\" font ',13'\n" + formatted("set xrange [0:%g]\n", r.streamed_s / 60) +
-         formatted("set arrow 1 from first %g, graph 0 to first %g, graph 1 nohead dt 3 lc rgb '#606a75'\n",
-                   from_min, from_min) +
-         formatted("set label 1 'judged from here' at first %g, graph 0.1 offset 0.5,0 tc rgb '#606a75'\n",
-                   from_min) +
+         "\" font ',13'\n" + fmt::format("set xrange [0:{:g}]\n", r.streamed_s / 60) +
+         fmt::format(
+             "set arrow 1 from first {:g}, graph 0 to first {:g}, graph 1 nohead dt 3 lc rgb '#606a75'\n",
+             from_min, from_min) +
+         fmt::format(
+             "set label 1 'judged from here' at first {:g}, graph 0.1 offset 0.5,0 tc rgb '#606a75'\n",
+             from_min) +
          "set yrange [0:*]\nset ylabel \"server's memory\\n[MiB]\"\nplot " + file +
          "using ($1/60):($2/1024) with lines lw 2 lc rgb '#0072b2'\nunset label 1\n"
          "set ylabel 'open handles'\nplot " +
@@ -127,7 +124,8 @@ std::vector<Finding> judgeLoad(const LoadResult& r, const SoakLimits& limits) {
     const bool brief = time_s.back() - time_s.front() < 450;
     findings.push_back(flatMemory("server", time_s, rss_KiB, brief, limits));
     findings.push_back(steadyHandles(rows));
-    findings.push_back(said("memory of the server at the end", formatted("%.1f MiB", rss_KiB.back() / 1024)));
+    findings.push_back(
+        said("memory of the server at the end", fmt::format("{:.1f} MiB", rss_KiB.back() / 1024)));
   }
   const auto number = [](std::uint64_t n) { return std::to_string(n); };
   findings.push_back(said("samples made, stored", number(r.samples_made) + ", " + number(d.stored)));
@@ -136,13 +134,13 @@ std::vector<Finding> judgeLoad(const LoadResult& r, const SoakLimits& limits) {
   findings.push_back(said("chunks sent again", number(r.stations.chunks_resent)));
   findings.push_back(
       said("capture to viewer, p50 / p99",
-           formatted("%.1f / %.1f ms", static_cast<double>(r.viewers.live.quantile_ns(0.5)) * 1e-6,
-                     static_cast<double>(r.viewers.live.quantile_ns(0.99)) * 1e-6)));
-  findings.push_back(
-      said("due to acknowledged, p50 / p99 / most",
-           formatted("%.0f / %.0f / %.0f ms", static_cast<double>(r.stations.ack.quantile_ns(0.5)) * 1e-6,
-                     static_cast<double>(r.stations.ack.quantile_ns(0.99)) * 1e-6,
-                     static_cast<double>(r.stations.ack.max_ns()) * 1e-6)));
+           fmt::format("{:.1f} / {:.1f} ms", static_cast<double>(r.viewers.live.quantile_ns(0.5)) * 1e-6,
+                       static_cast<double>(r.viewers.live.quantile_ns(0.99)) * 1e-6)));
+  findings.push_back(said(
+      "due to acknowledged, p50 / p99 / most",
+      fmt::format("{:.0f} / {:.0f} / {:.0f} ms", static_cast<double>(r.stations.ack.quantile_ns(0.5)) * 1e-6,
+                  static_cast<double>(r.stations.ack.quantile_ns(0.99)) * 1e-6,
+                  static_cast<double>(r.stations.ack.max_ns()) * 1e-6)));
   return findings;
 }
 

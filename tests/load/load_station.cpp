@@ -1,11 +1,13 @@
 #include "tests/load/load_station.h"
 
+#include <fmt/core.h>
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "common/base/clock.h"
 #include "common/gesture/chunk.h"
+#include "common/gesture/sample.h"
 #include "common/wire/protocol.h"
 
 namespace needlelab::test {
@@ -42,8 +44,11 @@ LoadStation::LoadStation(LoadShared& shared, std::size_t index, StationTotals& t
       plan_(shared.stations[index]),
       totals_(totals),
       stream_(*shared.pool, shared.seed, index),
-      backoff_(shared.seed * 1000003 + index, {kFirstRetry, kMostRetry, 2.0}),
-      retry_(io),
+      link_(io,
+            {.retry = {kFirstRetry, kMostRetry, 2.0},
+             .lasting = std::chrono::milliseconds(0),  // also after the cuts of a fault plan
+             .seed = shared.seed * 1000003 + index},
+            handlers()),
       session_id_(plan_.session.begin(), plan_.session.end()),
       started_unix_ns_(wallNowNs()) {}
 
@@ -55,9 +60,9 @@ std::int64_t LoadStation::nextDue_ns() const {
 bool LoadStation::step(std::int64_t now_ns) {
   totals_.late.add(now_ns - nextDue_ns());
   const std::uint64_t count = std::min(LoadShared::kFrameTicks, shared_.ticks - next_tick_);
-  if (watched_ && connected()) {
+  if (watched_ && link_.online()) {
     sendLive(next_tick_, count);
-  } else if (frames_ % kFramesPerStatus == 0 && connected() && opened()) {
+  } else if (frames_ % kFramesPerStatus == 0 && link_.online() && opened()) {
     sendStatus();
   }
   ++frames_;
@@ -105,7 +110,7 @@ void LoadStation::sendLive(std::uint64_t first, std::uint64_t count) {
   frame.set_data(data.data(), data.size());
   frame.set_due_steady_ns(samples.back().time_ns);
   frame.set_capture_unix_ns(wallNowNs() - (steadyNowNs() - nextDue_ns()));
-  if (auto encoded = encodeFrame(envelope); encoded.ok()) channel_->sendLive(std::move(*encoded), true);
+  if (auto encoded = encodeFrame(envelope); encoded.ok()) link_.sendLive(std::move(*encoded), true);
   ++totals_.live_frames;
 }
 
@@ -123,20 +128,20 @@ void LoadStation::sendStatus() {
   status.set_force_n(std::hypot(last.force_W_N[0], last.force_W_N[1], last.force_W_N[2]));
   status.set_samples(next_tick_);
   status.set_spool_left(chunks_.size());
-  if (auto encoded = encodeFrame(envelope); encoded.ok()) channel_->sendLive(std::move(*encoded), false);
+  if (auto encoded = encodeFrame(envelope); encoded.ok()) link_.sendLive(std::move(*encoded), false);
   ++totals_.status_lines;
 }
 
 void LoadStation::pump() {
-  if (!connected() || state_ != State::kOpen) return;
+  if (!link_.online() || state_ != State::kOpen) return;
   while (sent_ < committed_ + chunks_.size() && sent_ - committed_ < kWindow &&
-         channel_->controlQueueBytes() < kMostQueuedBytes) {
+         link_.queuedBytes() < kMostQueuedBytes) {
     Chunk& chunk = chunks_[sent_ - committed_];
     pb::Envelope envelope;
     envelope.mutable_chunk()->set_session_id(session_id_);
     envelope.mutable_chunk()->set_seq(sent_);
     envelope.mutable_chunk()->set_data(chunk.bytes);
-    if (!channel_->send(envelope)) return;
+    if (!link_.send(envelope)) return;
     ++sent_;
     if (std::exchange(chunk.sent, true))
       ++totals_.chunks_resent;
@@ -145,7 +150,7 @@ void LoadStation::pump() {
   }
   if (ended_ && may_close_ && chunks_.empty()) {
     state_ = State::kClosing;
-    channel_->send(closeMessage());
+    link_.send(closeMessage());
   }
 }
 
@@ -159,6 +164,165 @@ void LoadStation::committed(std::uint64_t seqs) {
     ++committed_;
   }
   sent_ = std::max(sent_, committed_);
+}
+
+// --- the connection: what the station says first, and what the server's answers mean
+
+void LoadStation::connect() {
+  ClientConfig config = shared_.client;
+  config.login = stationLogin(plan_.name, plan_.key);
+  link_.logIn(std::move(config));
+}
+
+LinkHandlers LoadStation::handlers() {
+  return {.accept = {},
+          .connected = [this](const pb::Welcome&) { onConnected(); },
+          .message =
+              [this](pb::Envelope& envelope) {
+                handle(envelope);
+                pump();
+              },
+          .judge = [this](const LinkEnd&) { return finished() ? Retry::kNever : Retry::kBackOff; },
+          .away = [this](const LinkEnd& end) { onAway(end); }};
+}
+
+void LoadStation::onConnected() {
+  ++totals_.connections;
+  state_ = State::kOpening;
+  clock_ = ClockProbe{};
+  link_.send(openMessage());
+  pb::Envelope ping;
+  ping.mutable_ping()->set_id(1);
+  ping.mutable_ping()->set_sender_steady_ns(steadyNowNs());
+  link_.send(ping);
+}
+
+void LoadStation::onAway(const LinkEnd& end) {
+  last_error_ = end.was_connected ? end.channel_text : end.error.message;
+  if (!end.was_connected) return;
+  watched_ = false;
+  frame_seq_ = 0;
+  if (state_ != State::kClosed) state_ = State::kNew;
+  sent_ = committed_;
+}
+
+void LoadStation::handle(const pb::Envelope& envelope) {
+  switch (envelope.body_case()) {
+    case pb::Envelope::kAck:
+      if (envelope.ack().session_id() == session_id_) committed(envelope.ack().committed_seqs());
+      break;
+    case pb::Envelope::kSessionOpened: {
+      const std::uint64_t next = envelope.session_opened().next_seq();
+      if (next < committed_ || next > committed_ + chunks_.size()) {
+        trouble_ = fmt::format("the server has {} chunks, {} were acknowledged and {} made", next, committed_,
+                               committed_ + chunks_.size());
+        link_.drop(CloseReason::kProtocol, trouble_);
+        break;
+      }
+      committed(next);
+      sent_ = committed_;
+      if (state_ == State::kOpening) state_ = State::kOpen;
+      break;
+    }
+    case pb::Envelope::kSessionClosed: {
+      state_ = State::kClosed;
+      if (envelope.session_closed().state() != pb::SESSION_COMPLETE)
+        trouble_ = "the session was closed as " + pb::SessionState_Name(envelope.session_closed().state()) +
+                   ", not complete";
+      link_.stop("the load ends");
+      break;
+    }
+    case pb::Envelope::kPong:
+      if (clock_.add(envelope.pong().sender_steady_ns(), envelope.pong().receiver_steady_ns(),
+                     steadyNowNs()) &&
+          opened()) {
+        pb::Envelope offset;
+        offset.mutable_clock_offset()->set_session_id(session_id_);
+        offset.mutable_clock_offset()->set_offset_ns(clock_.best()->offset_ns);
+        offset.mutable_clock_offset()->set_round_trip_ns(clock_.best()->round_trip_ns);
+        link_.send(offset);
+      }
+      break;
+    case pb::Envelope::kWatchState:
+      watched_ = envelope.watch_state().watched();
+      break;
+    case pb::Envelope::kRefusal:
+      onRefusal(envelope.refusal());
+      break;
+    default:
+      break;
+  }
+}
+
+void LoadStation::onRefusal(const pb::Refusal& refusal) {
+  last_error_ = std::string(reasonName(refusal.reason())) + ": " + refusal.text();
+  if (refusal.fatal() || refusal.session_id() != session_id_) return;
+  if (refusal.reason() == pb::Refusal::GAP || refusal.reason() == pb::Refusal::UNKNOWN_SESSION) {
+    // ask where it stands; chunks in flight are refused as well, before the answer comes
+    if (state_ != State::kOpen && state_ != State::kClosing) return;
+    state_ = State::kOpening;
+    link_.send(openMessage());
+    return;
+  }
+  switch (refusal.reason()) {
+    case pb::Refusal::CONTRADICTION:
+    case pb::Refusal::INVALID:
+    case pb::Refusal::ROLE:
+    case pb::Refusal::TOO_LARGE:
+    case pb::Refusal::CONFLICT:
+    case pb::Refusal::NOT_FOUND:
+      trouble_ = "the server refuses the session: " + last_error_;
+      break;
+    default:
+      break;  // of the moment: the next connection asks again
+  }
+  link_.drop(CloseReason::kLocal, last_error_);
+}
+
+pb::Envelope LoadStation::openMessage() const {
+  pb::Envelope envelope;
+  pb::SessionDescription& d = *envelope.mutable_open_session()->mutable_description();
+  d.set_session_id(session_id_);
+  d.set_station(plan_.name);
+  d.set_trainee("load");
+  d.set_exercise_id("load");
+  d.set_profile_id(shared_.pool->profile_id);
+  d.set_profile_json(shared_.pool->profile_json);
+  d.set_engine_version("needlelab-load " NEEDLELAB_VERSION);
+  d.set_rate_hz(1000);
+  const Resolution resolution = Resolution::standard();
+  d.mutable_resolution()->set_length_m(resolution.length_m);
+  d.mutable_resolution()->set_quaternion(resolution.quaternion);
+  d.mutable_resolution()->set_force_n(resolution.force_N);
+  d.mutable_resolution()->set_torque_nm(resolution.torque_Nm);
+  d.mutable_resolution()->set_time_s(resolution.time_s);
+  d.mutable_resolution()->set_speed_m_s(resolution.speed_mps);
+  d.set_started_unix_ns(started_unix_ns_);
+  d.set_started_steady_ns(stream_.timeOf(0));
+  d.set_device("load generator, simulated hand");
+  const Vec3 at = stream_.placement_m();
+  for (const double number : {at.x, at.y, at.z, 0.0, 0.0, 0.0, 1.0}) d.add_placement(number);
+  return envelope;
+}
+
+pb::Envelope LoadStation::closeMessage() const {
+  pb::Envelope envelope;
+  pb::CloseSession& close = *envelope.mutable_close_session();
+  const Digest hash = hash_.digest();
+  close.set_session_id(session_id_);
+  close.set_chunks(committed_);
+  close.set_samples(samples_closed_);
+  close.set_hash(hash.data(), hash.size());
+  return envelope;
+}
+
+void LoadStation::cut() {
+  link_.cut("cut by the load generator");
+}
+
+void LoadStation::stop() {
+  link_.stop("the load is stopped");
+  cut();
 }
 
 }  // namespace needlelab::test

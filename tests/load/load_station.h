@@ -6,12 +6,11 @@
 #include <memory>
 #include <string>
 
-#include "client/net/backoff.h"
-#include "client/net/uplink_clock.h"
+#include "client/net/server_link.h"
 #include "common/base/histogram.h"
 #include "common/gesture/session_hash.h"
+#include "tests/load/gesture_pool.h"
 #include "tests/load/load_shared.h"
-#include "tests/load/station_stream.h"
 
 namespace needlelab::test {
 
@@ -31,14 +30,14 @@ struct StationTotals {
 };
 
 /// As the station's uplink (client/net) with everything in memory: there is no spool on disk. Thread: its
-/// io_context's. Life: run() connects; step() is called at each frame's
-/// time; end() after the last; then close().
-class LoadStation : public std::enable_shared_from_this<LoadStation> {
+/// io_context's. Life: connect(); step() at each frame's time; end()
+/// after the last; then close().
+class LoadStation {
  public:
   LoadStation(LoadShared& shared, std::size_t index, StationTotals& totals, asio::io_context& io);
 
   /// Connects, and connects again, until the session is closed or stop() is called.
-  static Task<> run(std::shared_ptr<LoadStation> self);
+  void connect();
 
   /// Makes and sends the frame that is due. False: it was the last one.
   bool step(std::int64_t now_ns);
@@ -71,7 +70,9 @@ class LoadStation : public std::enable_shared_from_this<LoadStation> {
     bool sent = false;
   };
 
-  Task<> serve();
+  LinkHandlers handlers();
+  void onConnected();
+  void onAway(const LinkEnd& end);
   void handle(const pb::Envelope& envelope);
   void onRefusal(const pb::Refusal& refusal);
   void committed(std::uint64_t seqs);
@@ -81,18 +82,15 @@ class LoadStation : public std::enable_shared_from_this<LoadStation> {
   void sendStatus();
   [[nodiscard]] pb::Envelope openMessage() const;
   [[nodiscard]] pb::Envelope closeMessage() const;
-  [[nodiscard]] bool connected() const { return channel_ && !channel_->closing(); }
 
   LoadShared& shared_;
   StationPlan& plan_;
   StationTotals& totals_;
   StationStream stream_;
-  Backoff backoff_;
-  asio::steady_timer retry_;
-  std::shared_ptr<Channel> channel_;
+  ServerLink link_;
   std::string session_id_;
   State state_ = State::kNew;
-  bool watched_ = false, ended_ = false, may_close_ = false, stopping_ = false;
+  bool watched_ = false, ended_ = false, may_close_ = false;
   std::uint64_t next_tick_ = 0, chunk_tick_ = 0;  // the first tick that is in no frame, in no chunk
   std::uint64_t frame_seq_ = 0, frames_ = 0;
   std::deque<Chunk> chunks_;  // not acknowledged

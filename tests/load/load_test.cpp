@@ -1,4 +1,5 @@
 // Real servers under load: nothing is lost, and what is wrong is found.
+#include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -30,8 +31,7 @@ class LoadProgram : public testing::Test {
   }
   // the server that it has started
   static pid_t childOf(pid_t parent) {
-    std::ifstream children("/proc/" + std::to_string(parent) + "/task/" + std::to_string(parent) +
-                           "/children");
+    std::ifstream children(fmt::format("/proc/{}/task/{}/children", parent, parent));
     pid_t child = 0;
     children >> child;
     return child;

@@ -15,8 +15,7 @@ LoadViewer::LoadViewer(LoadShared& shared, pb::Login login, std::size_t index, s
       index_(index),
       of_(of),
       totals_(totals),
-      backoff_(shared.seed * 7919 + index),
-      timer_(io) {
+      link_(io, {.lasting = std::chrono::milliseconds(0), .seed = shared.seed * 7919 + index}, handlers()) {
   for (std::size_t i = index_; i < shared_.stations.size(); i += of_) {
     by_name_[shared_.stations[i].name] = {i, 0, false};
     ++watched_;
@@ -24,68 +23,42 @@ LoadViewer::LoadViewer(LoadShared& shared, pb::Login login, std::size_t index, s
   streams_.resize(shared_.stations.size());
 }
 
-Task<> LoadViewer::run(std::shared_ptr<LoadViewer> self) {
-  LoadViewer& me = *self;
-  while (!me.stopping_) {
-    ClientConfig config = me.shared_.client;
-    config.login = me.login_;
-    auto connection = co_await connectClient(std::move(config));
-    if (connection.ok()) {
-      me.channel_ = connection->channel;
-      me.backoff_.reset();
-      ++me.totals_.connections;
-      co_await me.serve();
-      me.last_error_ = me.channel_->closeText();
-      me.channel_.reset();
-      me.subscribed_ = 0;
-      me.told_ = 0;
-    } else {
-      me.last_error_ = connection.error().message;
-    }
-    if (me.stopping_) break;
-    me.timer_.expires_after(me.backoff_.next());
-    co_await me.timer_.async_wait(kUseTuple);
-  }
+void LoadViewer::connect() {
+  ClientConfig config = shared_.client;
+  config.login = login_;
+  link_.logIn(std::move(config));
 }
 
-Task<> LoadViewer::serve() {
-  const std::shared_ptr<Channel> channel = channel_;
+LinkHandlers LoadViewer::handlers() {
+  return {.accept = {},
+          .connected = [this](const pb::Welcome&) { onConnected(); },
+          .message = [this](pb::Envelope& envelope) { onMessage(envelope); },
+          .judge = {},
+          .away =
+              [this](const LinkEnd& end) {
+                last_error_ = end.was_connected ? end.channel_text : end.error.message;
+                subscribed_ = 0;
+                told_ = 0;
+              }};
+}
+
+void LoadViewer::onConnected() {
+  ++totals_.connections;
   std::uint32_t number = 0;
   for (std::size_t i = index_; i < shared_.stations.size(); i += of_) {
     pb::Envelope envelope;
     envelope.mutable_subscribe()->set_subscription(++number);
     envelope.mutable_subscribe()->set_station(shared_.stations[i].name);
-    channel->send(envelope);
+    link_.send(envelope);
   }
-  // what was missed between two connections is no drop
+  // what was missed between two connections is not a drop
   for (auto& [name, watched] : by_name_) watched.seen = false;
-  for (;;) {
-    if (pause_.count() > 0) {
-      timer_.expires_after(std::exchange(pause_, std::chrono::milliseconds(0)));
-      co_await timer_.async_wait(kUseTuple);
-    }
-    auto envelope = co_await channel->receive();
-    if (!envelope.ok()) {
-      channel->finish(CloseReason::kProtocol, envelope.error().message);
-      co_return;
-    }
-    switch (envelope->body_case()) {
-      case pb::Envelope::kLiveFrame:
-        onFrame(envelope->live_frame());
-        break;
-      case pb::Envelope::kSubscribed:
-        ++subscribed_;
-        break;
-      case pb::Envelope::kPing:
-        channel->send(pongTo(envelope->ping()));
-        break;
-      case pb::Envelope::kRefusal:
-        last_error_ = envelope->refusal().text();
-        break;
-      default:
-        break;
-    }
-  }
+}
+
+void LoadViewer::onMessage(const pb::Envelope& envelope) {
+  if (envelope.has_live_frame()) onFrame(envelope.live_frame());
+  if (envelope.has_subscribed()) ++subscribed_;
+  if (envelope.has_refusal()) last_error_ = envelope.refusal().text();
 }
 
 void LoadViewer::onFrame(const pb::LiveFrame& frame) {
@@ -119,13 +92,53 @@ void LoadViewer::onFrame(const pb::LiveFrame& frame) {
 }
 
 void LoadViewer::stop() {
-  stopping_ = true;
-  timer_.cancel();
-  if (channel_) {
-    pb::Envelope bye;
-    bye.mutable_bye()->set_reason("the load ends");
-    channel_->finish(CloseReason::kLocal, "the load ends", &bye);
-  }
+  link_.stop("the load ends");
+}
+
+ViewerCrowd::ViewerCrowd(LoadShared& shared, const pb::Login& login, std::size_t viewers) {
+  for (std::size_t i = 0; i < viewers; ++i)
+    viewers_.push_back(std::make_unique<LoadViewer>(shared, login, i, viewers, totals_, net_.io()));
+}
+
+ViewerCrowd::~ViewerCrowd() {
+  stop();
+}
+
+void ViewerCrowd::connect() {
+  net_.call([this] {
+    for (const auto& viewer : viewers_) viewer->connect();
+  });
+}
+
+std::size_t ViewerCrowd::watching() {
+  return net_.call([this] {
+    std::size_t count = 0;
+    for (const auto& viewer : viewers_) count += viewer->watching() ? 1 : 0;
+    return count;
+  });
+}
+
+std::string ViewerCrowd::lastError() {
+  return net_.call([this] {
+    std::string error;
+    for (const auto& viewer : viewers_)
+      if (!viewer->lastError().empty()) error = viewer->lastError();
+    return error;
+  });
+}
+
+void ViewerCrowd::pause(std::size_t viewer, std::chrono::milliseconds time) {
+  net_.call([this, viewer, time] { viewers_[viewer]->pause(time); });
+}
+
+void ViewerCrowd::stop() {
+  if (stopped_) return;
+  stopped_ = true;
+  net_.call([this] {
+    for (const auto& viewer : viewers_) viewer->stop();
+  });
+  for (int i = 0; i < 3; ++i) net_.call([] {});
+  net_.stop();
 }
 
 }  // namespace needlelab::test

@@ -7,10 +7,10 @@
 #include <unordered_map>
 #include <vector>
 
-#include "client/net/backoff.h"
+#include "client/net/server_link.h"
 #include "common/base/histogram.h"
+#include "tests/load/gesture_pool.h"
 #include "tests/load/load_shared.h"
-#include "tests/load/station_stream.h"
 
 namespace needlelab::test {
 
@@ -25,17 +25,17 @@ struct ViewerTotals {
 };
 
 /// Thread: its io_context's.
-class LoadViewer : public std::enable_shared_from_this<LoadViewer> {
+class LoadViewer {
  public:
   /// Watches the stations index, index + of, index + 2·of, …
   LoadViewer(LoadShared& shared, pb::Login login, std::size_t index, std::size_t of, ViewerTotals& totals,
              asio::io_context& io);
 
   /// Connects, and connects again, until stop().
-  static Task<> run(std::shared_ptr<LoadViewer> self);
+  void connect();
   void stop();
   /// Reads nothing for so long.
-  void pause(std::chrono::milliseconds time) { pause_ = time; }
+  void pause(std::chrono::milliseconds time) { link_.pauseReading(time); }
 
   /// All subscriptions were answered.
   [[nodiscard]] bool watching() const { return subscribed_ == watched_; }
@@ -47,22 +47,44 @@ class LoadViewer : public std::enable_shared_from_this<LoadViewer> {
     std::uint64_t next_frame = 0;
     bool seen = false;
   };
-  Task<> serve();
+  LinkHandlers handlers();
+  void onConnected();
+  void onMessage(const pb::Envelope& envelope);
   void onFrame(const pb::LiveFrame& frame);
 
   LoadShared& shared_;
   pb::Login login_;
   std::size_t index_, of_, watched_ = 0, subscribed_ = 0;
   ViewerTotals& totals_;
-  Backoff backoff_;
-  asio::steady_timer timer_;
-  std::shared_ptr<Channel> channel_;
+  ServerLink link_;
   std::unordered_map<std::string, Watched> by_name_;
   std::vector<std::unique_ptr<StationStream>> streams_;  // for the stations' clocks
-  std::chrono::milliseconds pause_{0};
-  std::uint64_t told_ = 0;  // on this connection
-  bool stopping_ = false;
+  std::uint64_t told_ = 0;                               // on this connection
   std::string last_error_;
+};
+
+// All viewers of a run on one network thread.
+
+/// Thread: the owner's; its own for the network.
+class ViewerCrowd {
+ public:
+  ViewerCrowd(LoadShared& shared, const pb::Login& login, std::size_t viewers);
+  ~ViewerCrowd();
+
+  void connect();
+  /// How many watch all of their stations.
+  [[nodiscard]] std::size_t watching();
+  [[nodiscard]] std::string lastError();
+  void pause(std::size_t viewer, std::chrono::milliseconds time);
+  /// After the end.
+  [[nodiscard]] const ViewerTotals& totals() const { return totals_; }
+  void stop();
+
+ private:
+  NetThread net_;  // destroyed last: viewers have timers on it; stop() has ended its thread before
+  ViewerTotals totals_;
+  bool stopped_ = false;
+  std::vector<std::unique_ptr<LoadViewer>> viewers_;
 };
 
 }  // namespace needlelab::test

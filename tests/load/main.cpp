@@ -8,8 +8,8 @@
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "tests/load/load_report.h"
-#include "tests/load/load_soak.h"
-#include "tests/soak/soak_report.h"
+#include "tests/load/load_run.h"
+#include "tests/soak/soak_judge.h"
 
 namespace {
 

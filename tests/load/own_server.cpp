@@ -1,10 +1,14 @@
 #include "tests/load/own_server.h"
 
+#include <fmt/core.h>
 #include <sodium.h>
+
+#include <cstdlib>
+#include <initializer_list>
+#include <sstream>
 
 #include "common/base/clock.h"
 #include "common/base/files.h"
-#include "common/base/text.h"
 #include "db/credentials.h"
 #include "db/people.h"
 #include "db/service/bootstrap.h"
@@ -22,6 +26,29 @@ std::string randomPassword() {
   return text;
 }
 
+bool has(const std::string& text, std::initializer_list<const char*> words) {
+  for (const char* word : words)
+    if (text.find(word) != std::string::npos) return true;
+  return false;
+}
+
+bool inKernel(const std::string& frame) {
+  return has(frame, {"[kernel", "[guest.kernel"});
+}
+
+std::string kernelWork(const std::vector<std::string>& frames) {
+  for (const std::string& frame : frames) {
+    if (has(frame, {"sys_send", "sys_write"})) return "kernel: send (both halves of the loopback)";
+    if (has(frame, {"sys_recv", "sys_read"})) return "kernel: receive";
+    if (has(frame, {"sys_epoll", "sys_timerfd"})) return "kernel: epoll and timers";
+    if (has(frame, {"sys_fdatasync", "sys_fsync"})) return "kernel: fsync";
+    if (has(frame, {"sys_pwrite", "sys_pread", "sys_ftruncate", "sys_fallocate"}))
+      return "kernel: database files";
+    if (has(frame, {"sys_futex"})) return "kernel: waking threads";
+  }
+  return "kernel: other";
+}
+
 }  // namespace
 
 Result<Enrolled> enrol(const std::filesystem::path& data, std::size_t stations) {
@@ -37,7 +64,7 @@ Result<Enrolled> enrol(const std::filesystem::path& data, std::size_t stations) 
   if (!hash.ok()) return hash.error();
   for (std::size_t i = 0; i < stations; ++i) {
     const StationKeyBytes key = makeStationKey();
-    enrolled.stations.emplace_back(formatted("load-%04zu", i + 1), std::string(key.begin(), key.end()));
+    enrolled.stations.emplace_back(fmt::format("load-{:04}", i + 1), std::string(key.begin(), key.end()));
   }
   // all in one transaction: a thousand would take a minute
   const Status done = (*store)->writer().run([&](Connection& writer) -> Status {
@@ -75,7 +102,7 @@ Status OwnServer::start() {
   std::filesystem::remove(port_file, ignored);
   process_ = std::make_unique<Process>(
       server_,
-      std::vector<std::string>{"--data", data(), "--listen", "127.0.0.1:" + std::to_string(port_),
+      std::vector<std::string>{"--data", data(), "--listen", fmt::format("127.0.0.1:{}", port_),
                                "--port-file", port_file, "--log-level", "warning"},
       log());
   std::string text;
@@ -112,10 +139,55 @@ Status OwnServer::stop() {
   process_->signal(SIGTERM);
   const auto code = process_->wait(60s);
   if (code == 0) return {};
-  const Error error = failed(code ? "the server ended with " + std::to_string(*code)
+  const Error error = failed(code ? fmt::format("the server ended with {}", *code)
                                   : std::string("the server did not end within 60 s"));
   process_.reset();
   return error;
+}
+
+std::string workOf(const std::vector<std::string>& frames) {
+  if (frames.empty()) return "other";
+  const std::string& leaf = frames.front();
+  if (inKernel(leaf)) return kernelWork(frames);
+  if (has(leaf, {"libcrypto", "libssl"})) return "TLS";
+  if (has(leaf, {"libprotobuf", "needlelab::pb::", "google::protobuf"})) return "Protobuf";
+  if (has(leaf, {"libsqlite3"})) return "SQLite";
+  if (has(leaf, {"libsodium"})) return "BLAKE2b";
+  if (has(leaf, {"Chunk", "Column", "crc32c", "pack", "zigzag"})) return "codec and CRC";
+  if (has(leaf, {"libc.so", "libstdc++", "operator new", "operator delete"})) return "memory and copies";
+  if (has(leaf, {"boost::asio", "std::__n4861", "coroutine", "wire/asio"})) return "Asio";
+  if (has(leaf, {"needlelab::"})) return "needlelab's own code";
+  return "other";
+}
+
+Profile profileOf(std::string_view perf_script) {
+  Profile profile;
+  pid_t thread = 0;
+  std::vector<std::string> frames;
+  const auto take = [&] {
+    if (thread != 0) {
+      const std::string work = workOf(frames);
+      ++profile.samples;
+      ++profile.work[work];
+      ++profile.threads[thread][work];
+    }
+    thread = 0;
+    frames.clear();
+  };
+  // blocks apart by empty lines: the thread, then its frames
+  std::istringstream lines{std::string(perf_script)};
+  for (std::string line; std::getline(lines, line);) {
+    const auto first = line.find_first_not_of(" \t");
+    if (first == std::string::npos) {
+      take();
+    } else if (thread == 0) {
+      thread = static_cast<pid_t>(std::strtol(line.c_str() + first, nullptr, 10));
+    } else {
+      frames.push_back(line.substr(first));
+    }
+  }
+  take();
+  return profile;
 }
 
 }  // namespace needlelab::test

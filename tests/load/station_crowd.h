@@ -1,12 +1,57 @@
-/// All stations of a run, on a few network threads.
+/// Some of a run's stations on one network thread, and the schedule by which they are due.
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
-#include "tests/load/station_thread.h"
+#include "tests/load/load_shared.h"
+#include "tests/load/load_station.h"
 
 namespace needlelab::test {
+
+/// What is known of the crowd at an instant.
+struct CrowdState {
+  std::size_t opened = 0, ended = 0, closed = 0, finished = 0;
+  std::uint64_t samples_made = 0, samples_sent = 0, samples_acked = 0;
+  std::string trouble;  ///< of one that has any
+};
+
+/// Every `of`-th station, from `first` on. Thread: the owner's; its own for the network.
+class StationThread {
+ public:
+  StationThread(LoadShared& shared, std::size_t first, std::size_t of);
+  ~StationThread();
+
+  /// Begins to connect them, so many a second.
+  void connect(double per_s);
+  /// Every station's plan has its start_ns: streams until all have made all their ticks.
+  void stream();
+  /// Each ends with what it has made.
+  void endNow();
+  /// `station`: by its number in the run, one of this thread's.
+  void cut(std::size_t station);
+  /// Adds what is known of this thread's stations.
+  void tell(CrowdState& state);
+  void addTotals(StationTotals& totals);
+  /// After stop(): how many samples each has made, in the places of the run's stations.
+  void tellTicks(std::vector<std::uint64_t>& ticks) const;
+  /// Closes all connections and ends the thread.
+  void stop();
+
+ private:
+  Task<> connectAll(double per_s);
+  Task<> schedule();
+  LoadShared& shared_;
+  const std::size_t first_, of_;
+  NetThread net_;  // destroyed last: stations have timers on it; stop() has ended its thread before
+  StationTotals totals_;
+  bool end_now_ = false, stopping_ = false;
+  std::vector<std::unique_ptr<LoadStation>> stations_;
+  std::vector<bool> ended_;
+};
+
+// All stations of a run, on a few network threads.
 
 /// Thread: the owner's.
 class StationCrowd {

@@ -43,7 +43,7 @@ FaultStation::FaultStation(RunningServer& server, const std::string& name, std::
     where.push_back(text);
   };
   UplinkEvents events;
-  events.say = [this, keep](const std::string& text) { keep(said_, text); };
+  events.report = [this, keep](const std::string& text) { keep(said_, text); };
   events.trainee_message = [this, keep](const pb::TraineeMessage& m) { keep(heard_, m.text()); };
   events.next_exercise = [this, keep](const pb::NextExercise& n) { keep(heard_, n.exercise_id()); };
   uplink_ = std::make_unique<Uplink>(config, events);

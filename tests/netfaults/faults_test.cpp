@@ -1,6 +1,9 @@
 // Each fault of the network alone: nothing is lost, nothing doubled, and the acknowledgements go forward
 // only.
+#include <fmt/core.h>
 #include <gtest/gtest.h>
+#include <cstdlib>
+#include <iostream>
 
 #include "tests/netfaults/fault_station.h"
 #include "tests/support/proxy/fault_proxy.h"
@@ -107,5 +110,222 @@ TEST(FaultsTest, eachFaultAloneLosesAndDoublesNothing) {
   }
 }
 
+using namespace std::chrono_literals;
+
+std::uint64_t seedFromEnvironment() {
+  const char* const given = std::getenv("NEEDLELAB_SEED");
+  return given != nullptr ? std::strtoull(given, nullptr, 10) : static_cast<std::uint64_t>(wallNowNs());
+}
+
+/// Several stations at once, each behind a proxy of its own. One station's bad connections end after 12, so
+/// that every round ends.
+void runRound(std::uint64_t seed, std::size_t count) {
+  SCOPED_TRACE(fmt::format("NEEDLELAB_SEED={}", seed));
+  RunningServer server(withShortLimits);
+  Random random(seed);
+  std::vector<std::unique_ptr<FaultProxy>> proxies;
+  std::vector<std::unique_ptr<FaultStation>> stations;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::uint64_t span = 2000 + random.below(60'000);
+    proxies.push_back(std::make_unique<FaultProxy>(server.server().port(), random.bits(),
+                                                   [span](std::uint64_t n, Random& mine) {
+                                                     if (n >= 12) return ConnectionScript{};
+                                                     ConnectionScript script = randomScript(mine, span);
+                                                     // every station loses its first connection somewhere,
+                                                     // whatever else comes
+                                                     if (n == 0 && !script.cut_at)
+                                                       script.cut_at = mine.below(span);
+                                                     return script;
+                                                   }));
+    StationSettings settings;
+    settings.chunks = 30 + random.below(120);
+    settings.samples = 20 + random.below(200);
+    settings.period = std::chrono::milliseconds(random.below(12));
+    stations.push_back(std::make_unique<FaultStation>(server, fmt::format("station-{}", i),
+                                                      proxies.back()->port(), settings));
+  }
+  std::uint64_t connections = 0, cuts = 0, silent = 0, late = 0, corrupted = 0, stalls = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    ASSERT_TRUE(stations[i]->waitUntilDone(90s))
+        << stations[i]->name() << ": " << stations[i]->state().error << stations[i]->state().current_trouble;
+    stations[i]->expectWhole(server);
+    const ProxyCounts counts = proxies[i]->counts();
+    connections += counts.connections;
+    cuts += counts.cuts;
+    silent += counts.silent;
+    late += counts.late;
+    corrupted += counts.corrupted;
+    stalls += counts.stalls;
+  }
+  std::cout << "seed " << seed << ": " << count << " stations, " << connections << " connections, " << cuts
+            << " cut (" << silent << " half-open), " << late << " with late bytes, " << corrupted
+            << " corrupted, " << stalls << " stalled\n";
+  EXPECT_GT(connections, count) << "the network was no bad one";
+}
+
+TEST(FaultMixTest, randomFaultsLoseAndDoubleNothing) {
+  const bool is_long = std::getenv("NEEDLELAB_LONG") != nullptr;
+  const std::uint64_t seed = seedFromEnvironment();
+  for (std::uint64_t round = 0; round < (is_long ? 30u : 1u) && !testing::Test::HasFatalFailure(); ++round)
+    runRound(seed + round, is_long ? 16 : 8);
+}
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+constexpr auto kMachineStalls = 700ms;  // eight builds on two cores
+
+/// The latest end of a connection that hears nothing: the limit itself, a quarter of it until the watch looks
+/// again (2.5 s at most), and the grace for a last message.
+std::chrono::milliseconds latestEnd(const ChannelLimits& limits) {
+  return limits.idle_timeout + std::min<std::chrono::milliseconds>(limits.idle_timeout / 4, 2500ms) +
+         limits.close_grace;
+}
+
+/// Online at the server, by name.
+bool isOnline(BlockingClient& instructor, const std::string& name) {
+  pb::Request request;
+  request.mutable_list_stations();
+  const auto reply = instructor.call(request);
+  EXPECT_TRUE(reply.ok());
+  if (!reply.ok()) return false;
+  for (const pb::StationInfo& station : reply->stations().stations())
+    if (station.name() == name) return station.online();
+  return false;
+}
+
+template <typename Condition>
+std::chrono::milliseconds timeUntil(Condition condition, std::chrono::milliseconds most) {
+  const auto began = Clock::now();
+  while (!condition() && Clock::now() - began < most) std::this_thread::sleep_for(5ms);
+  return std::chrono::duration_cast<std::chrono::milliseconds>(Clock::now() - began);
+}
+
+void run(const ChannelLimits& limits) {
+  RunningServer server([&](ServerOptions& options) { options.limits = limits; });
+  server.addUser("ines", pb::INSTRUCTOR, "password1");
+  auto instructor = server.connect(personLogin("ines", "password1"));
+  ASSERT_TRUE(instructor.ok()) << instructor.error().message;
+  FaultProxy proxy(server.server().port());
+  StationSettings settings{.chunks = 60, .period = 10ms};
+  settings.limits = limits;
+  FaultStation station(server, "s1", proxy.port(), settings);
+  ASSERT_LT(timeUntil([&] { return station.state().current_committed >= 5; }, 10s), 10s);
+
+  // the network swallows everything: neither end sees an end; and no new connection comes through either
+  proxy.refuseAll(true);
+  proxy.cutAll(Cut::kSilent);
+  ASSERT_TRUE(isOnline(*instructor, "s1"));
+  std::chrono::milliseconds at_station{0}, at_server{0};
+  const auto began = Clock::now();
+  timeUntil(
+      [&] {
+        const auto now = std::chrono::duration_cast<std::chrono::milliseconds>(Clock::now() - began);
+        if (at_station == 0ms && !station.state().connected) at_station = now;
+        if (at_server == 0ms && !isOnline(*instructor, "s1")) at_server = now;
+        return at_station > 0ms && at_server > 0ms;
+      },
+      latestEnd(limits) + 5s);
+  EXPECT_GT(at_station, limits.idle_timeout - limits.keepalive - 100ms) << "not before its time";
+  EXPECT_GT(at_server, limits.idle_timeout - limits.keepalive - 100ms);
+  EXPECT_LT(at_station, latestEnd(limits) + kMachineStalls);
+  EXPECT_LT(at_server, latestEnd(limits) + kMachineStalls);
+  std::cout << "half-open, limit " << limits.idle_timeout.count() << " ms: ended at the station after "
+            << at_station.count() << " ms, at the server after " << at_server.count() << " ms\n";
+
+  proxy.refuseAll(false);
+  ASSERT_TRUE(station.waitUntilDone(60s)) << station.state().error;
+  station.expectWhole(server);
+}
+
+TEST(HalfOpenTest, bothEndsNoticeWithinTheirLimits) {
+  run(shortLimits());
+}
+
+TEST(HalfOpenTest, bothEndsNoticeWithinTheRealLimits) {
+  if (std::getenv("NEEDLELAB_LONG") == nullptr) GTEST_SKIP() << "takes 35 s: NEEDLELAB_LONG=1";
+  run(ChannelLimits{});
+}
+
+TEST(HalfOpenTest, aPeerWhoStallsInItsHandshakeIsEndedInTime) {
+  ChannelLimits limits = shortLimits();
+  limits.handshake_timeout = 1500ms;
+  RunningServer server([&](ServerOptions& options) { options.limits = limits; });
+  FaultProxy proxy(server.server().port(), 1, [](std::uint64_t, Random&) {
+    ConnectionScript script;
+    script.cut_at = 100;  // in the ClientHello
+    script.cut = Cut::kSilent;
+    return script;
+  });
+  asio::io_context io;
+  std::vector<std::unique_ptr<Tcp::socket>> sockets;
+  // some send nothing at all, some the half of a ClientHello
+  for (int i = 0; i < 20; ++i) {
+    sockets.push_back(std::make_unique<Tcp::socket>(io));
+    sockets.back()->connect(
+        Tcp::endpoint(asio::ip::address_v4::loopback(), i % 2 == 0 ? server.server().port() : proxy.port()));
+    if (i % 2 == 1) asio::write(*sockets.back(), asio::buffer(std::string("\x16\x03\x01\x01\x00\x01", 6)));
+  }
+  const auto began = Clock::now();
+  // those that are connected to the server itself see its end
+  for (std::size_t i = 0; i < sockets.size(); i += 2) {
+    char byte = 0;
+    boost::system::error_code error;
+    sockets[i]->read_some(asio::buffer(&byte, 1), error);
+    EXPECT_TRUE(error) << "the server must end it";
+  }
+  EXPECT_LT(Clock::now() - began,
+            limits.handshake_timeout + limits.handshake_timeout / 4 + limits.close_grace + kMachineStalls);
+}
+
+using namespace std::chrono_literals;
+
+/// The first connection's bytes stop at `hold_at` and come `late` after the second connection was made.
+FaultProxy::Scripts lateFirst(std::uint64_t hold_at, std::chrono::milliseconds late) {
+  return [=](std::uint64_t n, Random&) {
+    ConnectionScript script;
+    if (n == 0) {
+      script.hold_at = hold_at;
+      script.late_after = late;
+    }
+    return script;
+  };
+}
+
+// From the handshake over log-in and OpenSession to chunks: wherever the older connection stuck, what comes
+// of it later harms nothing. All at once, because each waits for its time-outs.
+TEST(ReconnectOrderTest, lateBytesOfTheOlderConnectionHarmNothing) {
+  // a patient server: the older connection still stands there when the station has long given it up
+  RunningServer server([](ServerOptions& options) {
+    options.limits = shortLimits();
+    options.limits.handshake_timeout = options.limits.idle_timeout = 20s;
+  });
+  std::vector<std::unique_ptr<FaultProxy>> proxies;
+  std::vector<std::unique_ptr<FaultStation>> stations;
+  const std::vector<std::uint64_t> holds = {50, 380, 420, 460, 520, 700, 1000, 2500, 9001};
+  for (const std::uint64_t hold : holds) {
+    for (const auto late : {0ms, 250ms}) {
+      proxies.push_back(std::make_unique<FaultProxy>(server.server().port(), 3, lateFirst(hold, late)));
+      StationSettings settings{.chunks = 60, .samples = 60, .period = 30ms};
+      settings.connect_timeout = 1000ms;
+      stations.push_back(std::make_unique<FaultStation>(server, fmt::format("hold-{}-{}", hold, late.count()),
+                                                        proxies.back()->port(), settings));
+    }
+  }
+  std::uint64_t late = 0;
+  for (std::size_t i = 0; i < stations.size(); ++i) {
+    SCOPED_TRACE(stations[i]->name());
+    ASSERT_TRUE(stations[i]->waitUntilDone(60s)) << stations[i]->state().error;
+    stations[i]->expectWhole(server);
+    late += proxies[i]->counts().late;
+    // the older connection must not throw the newer one out
+    EXPECT_LE(stations[i]->state().connections, 2u) << stations[i]->state().error;
+    for (const std::string& text : stations[i]->said())
+      EXPECT_EQ(text.find("CONFLICT"), std::string::npos) << text;
+  }
+  EXPECT_GT(late, stations.size() / 2) << "late bytes are what is tested";
+}
+
 }  // namespace
+
 }  // namespace needlelab::test

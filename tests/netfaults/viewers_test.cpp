@@ -1,4 +1,5 @@
 // Viewers who read nothing, a byte at a time, or die: they lose their own frames, and nobody else notices.
+#include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,7 +11,7 @@
 #include <optional>
 #include <set>
 
-#include "client/net/client.h"
+#include "client/net/connect.h"
 #include "common/base/clock.h"
 #include "common/wire/protocol.h"
 #include "tests/soak/process_sample.h"
@@ -55,9 +56,9 @@ struct Times {
 // what shows that others were held up, or nothing
 std::string heldUp(Times& alone, Times& beside) {
   if (beside.ms.size() <= alone.ms.size() / 2)
-    return std::to_string(beside.ms.size()) + " in place of " + std::to_string(alone.ms.size());
+    return fmt::format("{} in place of {}", beside.ms.size(), alone.ms.size());
   if (beside.at(0.5) >= 4 * alone.at(0.5) + 40)
-    return std::to_string(beside.at(0.5)) + " ms in place of " + std::to_string(alone.at(0.5)) + " ms";
+    return fmt::format("{:f} ms in place of {:f} ms", beside.at(0.5), alone.at(0.5));
   return {};
 }
 
@@ -140,7 +141,7 @@ void watchAll(BlockingClient& client) {
   for (std::uint32_t i = 0; i < kStations; ++i) {
     pb::Envelope envelope;
     envelope.mutable_subscribe()->set_subscription(i + 1);
-    envelope.mutable_subscribe()->set_station("s" + std::to_string(i));
+    envelope.mutable_subscribe()->set_station(fmt::format("s{}", i));
     ASSERT_TRUE(client.send(envelope).ok());
   }
 }
@@ -229,7 +230,7 @@ class Crowd {
       if (i % 3 == 1) config.server.port = slow_network_.port();
       if (i % 3 == 2) config.server.port = dead_network_.port();
       auto client = BlockingClient::connect(config);
-      if (!client.ok()) throw std::runtime_error(std::to_string(i) + ": " + client.error().message);
+      if (!client.ok()) throw std::runtime_error(fmt::format("{}: {}", i, client.error().message));
       viewers_.push_back(std::move(*client));
     }
     stands_since_ = Clock::now();
@@ -303,7 +304,7 @@ std::string readUntil(BlockingClient& viewer, LossLedger& ledger,
 TEST_F(ViewersTest, aHundredSlowOrDeadViewersHoldNobodyUp) {
   std::vector<std::unique_ptr<Streamer>> stations;
   for (std::size_t i = 0; i < kStations; ++i)
-    stations.push_back(std::make_unique<Streamer>(server_, "s" + std::to_string(i), i));
+    stations.push_back(std::make_unique<Streamer>(server_, fmt::format("s{}", i), i));
   std::vector<std::unique_ptr<GoodViewer>> good;
   for (std::size_t i = 0; i < kGoodViewers; ++i) good.push_back(std::make_unique<GoodViewer>(viewer(false)));
 

@@ -3,7 +3,7 @@
 
 #include <fstream>
 
-#include "client/net/enrolment.h"
+#include "client/net/credentials.h"
 #include "common/base/files.h"
 #include "tests/integration/lab.h"
 

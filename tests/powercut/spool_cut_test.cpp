@@ -5,7 +5,7 @@
 #include <map>
 #include <optional>
 
-#include "client/net/spool_lessons.h"
+#include "client/net/lesson_cache.h"
 #include "client/net/spool_writer.h"
 #include "client/net/uplink_session.h"
 #include "common/gesture/chunk.h"

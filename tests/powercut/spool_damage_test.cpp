@@ -6,7 +6,7 @@
 #include <set>
 
 #include "client/net/spool.h"
-#include "client/net/spool_lessons.h"
+#include "client/net/lesson_cache.h"
 #include "common/gesture/chunk.h"
 #include "tests/powercut/campaign.h"
 #include "tests/unit/client/net/spool_samples.h"

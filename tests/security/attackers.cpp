@@ -10,7 +10,7 @@
 #include <memory>
 #include <random>
 
-#include "client/net/client.h"
+#include "client/net/connect.h"
 #include "common/wire/protocol.h"
 #include "common/wire/tls.h"
 

@@ -6,12 +6,12 @@
 #include <optional>
 #include <thread>
 
-#include "client/net/backoff.h"
+#include "client/net/server_link.h"
 #include "common/base/clock.h"
 #include "tests/load/database_check.h"
 #include "tests/load/own_server.h"
 #include "tests/load/station_crowd.h"
-#include "tests/load/viewer_crowd.h"
+#include "tests/load/load_viewer.h"
 #include "tests/security/attackers.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/sync_probe.h"

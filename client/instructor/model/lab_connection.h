@@ -1,5 +1,5 @@
-/// The instructor's line to the lab: connects, logs in, keeps what is watched and asked through every loss of
-/// the connection. The network has a thread of its own; the view polls and never waits.
+/// The instructor's connection to the lab: a ServerLink on a thread of its own, with the subscriptions that
+/// are made again after each loss. The view polls and never waits.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "client/instructor/model/link_trouble.h"
-#include "client/net/client.h"
+#include "client/net/server_link.h"
 #include "common/base/result.h"
 #include "needlelab/control.pb.h"
 
@@ -55,12 +55,6 @@ struct LiveArrival {
 struct LabNews {
   std::vector<pb::StationStatus> statuses;  ///< the newest of each station, oldest news first
   std::vector<LiveArrival> frames;          ///< in order
-};
-
-/// What becomes of a request when the connection is lost before its answer came.
-enum class OnLoss : std::uint8_t {
-  kAskAgain,  ///< asked again on the next connection: for what only reads
-  kGiveUp,    ///< kUnavailable: it may or may not have happened. While there is no connection: at once
 };
 
 struct LabConnectionSettings {

@@ -1,6 +1,6 @@
 #include "client/instructor/model/link_trouble.h"
 
-#include "client/net/client.h"
+#include "client/net/connect.h"
 #include "common/base/text.h"
 
 namespace needlelab {

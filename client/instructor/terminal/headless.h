@@ -6,7 +6,7 @@
 #include <ostream>
 
 #include "client/instructor/terminal/options.h"
-#include "client/instructor/terminal/server_link.h"
+#include "client/net/blocking_client.h"
 #include "common/base/result.h"
 
 namespace needlelab {
@@ -14,12 +14,12 @@ namespace needlelab {
 /// What the three of them share.
 struct HeadlessRun {
   const InstructorOptions& options;
-  ServerLink& link;
+  BlockingClient& client;
   std::ostream& out;
-  std::function<bool()> stop;         ///< Ctrl-C
-  ServerLink::Clock::time_point end;  ///< --seconds
+  std::function<bool()> stop;             ///< Ctrl-C
+  BlockingClient::Clock::time_point end;  ///< --seconds
 
-  [[nodiscard]] bool over() const { return stop() || ServerLink::Clock::now() >= end; }
+  [[nodiscard]] bool over() const { return stop() || BlockingClient::Clock::now() >= end; }
   void line(const std::string& text) const;
   void note(const std::string& text) const;
   /// Reconnects; says so before and after.

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "client/net/client.h"
+#include "client/net/connect.h"
 #include "common/base/result.h"
 #include "common/base/uuid.h"
 

@@ -14,7 +14,7 @@ namespace {
 Status listStations(const HeadlessRun& run, std::int64_t started_ns) {
   pb::Request request;
   request.mutable_list_stations();
-  auto reply = run.link.client().call(request);
+  auto reply = run.client.call(request);
   if (!reply.ok()) return reply.error();
   for (const pb::StationInfo& info : reply->stations().stations()) {
     if (info.revoked() || info.online()) continue;  // the others' lines come by the subscription
@@ -27,7 +27,7 @@ Status listStations(const HeadlessRun& run, std::int64_t started_ns) {
   pb::Envelope envelope;
   envelope.mutable_subscribe()->set_subscription(1);
   envelope.mutable_subscribe()->set_rate_hz(run.options.rate_hz.value_or(1));
-  return run.link.client().send(envelope);
+  return run.client.send(envelope);
 }
 
 }  // namespace
@@ -39,7 +39,7 @@ Status overview(const HeadlessRun& run) {
   std::set<std::string> stations;
   Status result;
   while (!run.over()) {
-    auto got = run.link.client().receive(std::chrono::milliseconds(100));
+    auto got = run.client.receive(std::chrono::milliseconds(100));
     if (!got.ok()) {
       if (got.error().code == ErrorCode::kNotFound) continue;
       if (result = run.recover(got.error()); !result.ok()) break;

@@ -52,7 +52,7 @@ class Replay {
   Status readHead() {
     pb::Request request;
     request.mutable_get_session()->set_session_id(sessionBytes(run_.options));
-    auto reply = run_.link.client().call(request);
+    auto reply = run_.client.call(request);
     if (!reply.ok()) return reply.error();
     info_ = reply->session();
     const auto& d = info_.description();
@@ -62,7 +62,7 @@ class Replay {
     if (info_.has_removed_original()) run_.note("retention: " + info_.removed_original().reason());
     pb::Request list;
     list.mutable_list_annotations()->set_session_id(sessionBytes(run_.options));
-    auto annotations = run_.link.client().call(list);
+    auto annotations = run_.client.call(list);
     if (!annotations.ok()) return annotations.error();
     annotations_.assign(annotations->annotations().annotations().begin(),
                         annotations->annotations().annotations().end());
@@ -78,7 +78,7 @@ class Replay {
     pb::Request request;
     request.mutable_seek_session()->set_session_id(sessionBytes(run_.options));
     request.mutable_seek_session()->set_seconds(from_s);
-    const auto reply = run_.link.client().call(request);
+    const auto reply = run_.client.call(request);
     if (!reply.ok()) return reply.error();
     first_ns_ = reply->sought().recording_first_time_ns();
     known_first_ = true;
@@ -94,7 +94,7 @@ class Replay {
     request.mutable_read_chunks()->set_from_seq(from);
     request.mutable_read_chunks()->set_max_chunks(kChunksAtOnce);
     for (;;) {
-      auto reply = run_.link.client().call(request);
+      auto reply = run_.client.call(request);
       if (reply.ok()) return std::move(*reply->mutable_chunks());
       if (reply.error().code != ErrorCode::kUnavailable) return reply.error();
       if (const auto back = run_.recover(reply.error()); !back.ok()) return back.error();
@@ -137,7 +137,7 @@ class Replay {
 
   bool waitUntil(double time_s) {
     if (run_.options.speed <= 0) return !run_.over();
-    using Clock = ServerLink::Clock;
+    using Clock = BlockingClient::Clock;
     const auto due = started_ + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
                                     (time_s - run_.options.from_s.value_or(0)) / run_.options.speed));
     while (Clock::now() < due) {
@@ -145,8 +145,8 @@ class Replay {
       // waiting here keeps the connection alive; a loss shows at the next chunk
       const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(due - Clock::now());
       const auto nap = std::clamp(left, std::chrono::milliseconds(1), std::chrono::milliseconds(100));
-      if (run_.link.client().connected()) {
-        (void)run_.link.client().receive(nap).ok();
+      if (run_.client.connected()) {
+        (void)run_.client.receive(nap).ok();
       } else {
         std::this_thread::sleep_for(nap);
       }
@@ -175,7 +175,7 @@ class Replay {
   std::int64_t first_ns_ = 0;
   bool known_first_ = false;
   double next_line_s_ = 0;
-  const ServerLink::Clock::time_point started_ = ServerLink::Clock::now();
+  const BlockingClient::Clock::time_point started_ = BlockingClient::Clock::now();
 };
 
 }  // namespace

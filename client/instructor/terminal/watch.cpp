@@ -37,7 +37,7 @@ class Watch {
     if (auto status = subscribe(); !status.ok()) return status;
     Status result;
     while (!run_.over() && !saidEnough()) {
-      auto got = run_.link.client().receive(std::chrono::milliseconds(100));
+      auto got = run_.client.receive(std::chrono::milliseconds(100));
       if (!got.ok()) {
         if (got.error().code == ErrorCode::kNotFound) continue;
         if (result = run_.recover(got.error()); !result.ok()) break;
@@ -61,7 +61,7 @@ class Watch {
     if (run_.options.station.empty()) return {};
     pb::Request request;
     request.mutable_list_stations();
-    const auto reply = run_.link.client().call(request);
+    const auto reply = run_.client.call(request);
     // lost in this moment: receive() says so again, and recovers
     if (!reply.ok()) return reply.error().code == ErrorCode::kUnavailable ? Status{} : reply.error();
     std::string names;
@@ -97,7 +97,7 @@ class Watch {
     wanted.set_rate_hz(run_.options.rate_hz.value_or(kDefaultRateHz));
     stats_.streamRestarts();
     online_.reset();
-    return run_.link.client().send(envelope);
+    return run_.client.send(envelope);
   }
 
   void onStatus(const pb::StationStatus& status) {
@@ -159,7 +159,7 @@ class Watch {
     if (facts.started_ns != 0) return facts;
     pb::Request request;
     request.mutable_get_session()->set_session_id(frame.session_id());
-    if (const auto reply = run_.link.client().call(request, std::chrono::seconds(5)); reply.ok()) {
+    if (const auto reply = run_.client.call(request, std::chrono::seconds(5)); reply.ok()) {
       facts.trainee = reply->session().description().trainee();
       facts.started_ns = reply->session().description().started_steady_ns();
     }
@@ -199,7 +199,7 @@ class Watch {
   std::map<std::string, SessionFacts> facts_;
   std::optional<bool> online_;
   std::string trouble_;
-  Words words_{run_.options, [this](const pb::Request& request) { return run_.link.client().call(request); },
+  Words words_{run_.options, [this](const pb::Request& request) { return run_.client.call(request); },
                [this](const std::string& what, bool ok, const std::string& text) {
                  run_.line(saidLine(what, ok, text, run_.options.json));
                }};

@@ -3,8 +3,8 @@
 
 #include <iostream>
 
-#include "client/net/client.h"
-#include "client/net/enrolment.h"
+#include "client/net/connect.h"
+#include "client/net/credentials.h"
 #include "client/station/run/modes.h"
 #include "common/base/files.h"
 #include "common/base/program.h"

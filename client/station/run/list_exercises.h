@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "client/net/spool_lessons.h"
+#include "client/net/lesson_cache.h"
 #include "client/station/run/options.h"
 #include "needlelab/control.pb.h"
 

@@ -4,7 +4,7 @@
 
 #include "client/device/factory/device_factory.h"
 #include "client/device/hand_cli.h"
-#include "client/net/enrolment.h"
+#include "client/net/credentials.h"
 #include "common/haptics/limits.h"
 #include "common/wire/protocol.h"
 

@@ -8,7 +8,7 @@
 
 #include "client/device/plunger_option.h"
 #include "client/device/pose_option.h"
-#include "client/net/enrolment.h"
+#include "client/net/credentials.h"
 #include "client/station/run/option_list.h"
 #include "common/base/files.h"
 #include "common/base/program.h"

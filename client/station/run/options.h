@@ -9,7 +9,7 @@
 
 #include "client/device/hand.h"
 #include "client/device/plunger.h"
-#include "client/net/endpoint.h"
+#include "common/wire/endpoint.h"
 #include "client/net/spool.h"
 #include "client/station/run/fault_policy.h"
 #include "common/base/result.h"

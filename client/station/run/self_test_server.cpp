@@ -1,7 +1,7 @@
 /// The server's part of the self-test: certificate, key, clock.
 
 #include "client/net/blocking_client.h"
-#include "client/net/uplink_clock.h"
+#include "client/net/server_link.h"
 #include "client/station/run/self_test.h"
 #include "client/station/run/station_key.h"
 #include "common/base/clock.h"

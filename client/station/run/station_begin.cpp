@@ -1,7 +1,7 @@
 // Who practises what: the lesson, from the server, the cache or a file.
 #include <utility>
 
-#include "client/net/spool_lessons.h"
+#include "client/net/lesson_cache.h"
 #include "client/station/run/say.h"
 #include "client/station/run/signals.h"
 #include "client/station/run/station_run.h"

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "client/net/drain.h"
+#include "client/net/uplink.h"
 #include "client/station/run/local_score.h"
 #include "client/station/run/say.h"
 #include "client/station/run/signals.h"

@@ -23,7 +23,7 @@ Status StationHome::openSpool() {
 
 UplinkEvents StationHome::events() {
   UplinkEvents events;
-  events.say = [this](const std::string& line) {
+  events.report = [this](const std::string& line) {
     say(line);
     audience_.said(line);
   };

@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "client/net/spool_guard.h"
+#include "client/net/spool_outlook.h"
 #include "client/net/uplink.h"
 #include "client/station/run/lesson_audience.h"
 #include "client/station/run/lesson_requests.h"

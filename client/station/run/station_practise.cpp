@@ -182,7 +182,7 @@ void StationRun::watch(DeviceKeeper& keeper, FaultPolicy on_fault) {
       say(line);
       home_.audience().said(line);
     }
-    home_.guard().look();
+    home_.guard().check();
     LiveView view = viewer.look(spoolText(writer_->counts()), uplink ? serverText(uplink->state()) : "");
     view.aids = aids;
     home_.audience().stands(standingOf(state, view, waits, home_.guard().trouble()));

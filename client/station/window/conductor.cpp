@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "client/device/hand_plan_choice.h"
-#include "client/net/spool_lessons.h"
+#include "client/net/lesson_cache.h"
 #include "client/station/run/live_view.h"
 #include "client/station/run/say.h"
 #include "client/station/run/signals.h"
@@ -147,7 +147,7 @@ void Conductor::lookAtServer() {
   const std::int64_t now_ns = steadyNowNs();
   if (now_ns < next_server_look_ns_) return;
   next_server_look_ns_ = now_ns + kServerAgain_ns;
-  home_.guard().look();
+  home_.guard().check();
   bool at_start = false;
   board_.change([&](BoardState& state) {
     at_start = state.stage == Stage::kStart;

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "client/net/spool.h"
-#include "client/net/spool_lessons.h"
+#include "client/net/lesson_cache.h"
 #include "client/station/run/list_exercises.h"
 #include "client/station/run/options.h"
 #include "client/station/window/lesson_board.h"

@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "client/net/client.h"
+#include "client/net/connect.h"
 #include "common/base/clock.h"
 #include "common/wire/certificates.h"
 #include "common/wire/channel.h"

@@ -2,7 +2,7 @@
 
 #include <gmock/gmock.h>
 
-#include "client/net/spool_guard.h"
+#include "client/net/spool_outlook.h"
 #include "common/gesture/chunk.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/net/spool_samples.h"
@@ -23,7 +23,7 @@ SpoolUsage usage(std::uint64_t unsent, std::uint64_t free_bytes) {
 TEST(SpoolOutlook, anEmptySpoolOnARoomyDiskIsNotWorthAWord) {
   const auto outlook = outlookOf(usage(0, 100 * kGiB), 4 * kGiB, 1000);
   EXPECT_EQ(outlook.level, SpoolLevel::kGood);
-  EXPECT_THAT(outlook.words, IsEmpty());
+  EXPECT_THAT(outlook.text, IsEmpty());
 }
 
 TEST(SpoolOutlook, hoursAreRoomOverRate) {
@@ -32,7 +32,7 @@ TEST(SpoolOutlook, hoursAreRoomOverRate) {
   EXPECT_DOUBLE_EQ(outlook.quota_h, static_cast<double>(kGiB) / outlook.bytes_per_h);
   EXPECT_DOUBLE_EQ(outlook.disk_h, 100 * static_cast<double>(kGiB) / outlook.bytes_per_h);
   EXPECT_EQ(outlook.level, SpoolLevel::kUnsent);
-  EXPECT_EQ(outlook.words,
+  EXPECT_EQ(outlook.text,
             "the spool holds 3.0 GiB in 3 sessions that no server has yet; at 24 MiB an hour 42 hours of "
             "lessons fit "
             "into its quota of 4.0 GiB");
@@ -51,7 +51,7 @@ TEST(SpoolOutlook, aFewSamplesAreNotTakenForTheRule) {
 TEST(SpoolOutlook, aQuotaThatIsNearlyUsedUpIsAWarningThatSaysWhatToDo) {
   const auto outlook = outlookOf(usage(4 * kGiB - 200'000'000, 100 * kGiB), 4 * kGiB, 1000);
   EXPECT_EQ(outlook.level, SpoolLevel::kWarn);
-  EXPECT_THAT(outlook.words,
+  EXPECT_THAT(outlook.text,
               HasSubstr("7 hours of lessons fit into its quota of 4.0 GiB: connect to the server, or "
                         "raise --spool-quota"));
 }
@@ -60,18 +60,18 @@ TEST(SpoolOutlook, overTheQuotaIsUrgentAndNothingIsDeleted) {
   const auto outlook = outlookOf(usage(5 * kGiB, 100 * kGiB), 4 * kGiB, 1000);
   EXPECT_EQ(outlook.level, SpoolLevel::kUrgent);
   EXPECT_EQ(outlook.quota_h, 0);
-  EXPECT_THAT(outlook.words, HasSubstr("over its quota of 4.0 GiB, and kept nevertheless"));
-  EXPECT_THAT(outlook.words, HasSubstr("days of lessons fit on its disk, which has 100.0 GiB left"));
+  EXPECT_THAT(outlook.text, HasSubstr("over its quota of 4.0 GiB, and kept nevertheless"));
+  EXPECT_THAT(outlook.text, HasSubstr("days of lessons fit on its disk, which has 100.0 GiB left"));
 }
 
 TEST(SpoolOutlook, aDiskThatFillsUpCountsEvenWithoutAnythingUnsent) {
   const auto soon = outlookOf(usage(0, 100'000'000), 4 * kGiB, 1000);
   EXPECT_EQ(soon.level, SpoolLevel::kWarn);
-  EXPECT_THAT(soon.words, AllOf(HasSubstr("3 hours of lessons fit on its disk, which has 95 MiB left"),
-                                HasSubstr("make room on that disk"), Not(HasSubstr("--spool-quota"))));
+  EXPECT_THAT(soon.text, AllOf(HasSubstr("3 hours of lessons fit on its disk, which has 95 MiB left"),
+                               HasSubstr("make room on that disk"), Not(HasSubstr("--spool-quota"))));
   const auto now = outlookOf(usage(kGiB, 10'000'000), 4 * kGiB, 1000);
   EXPECT_EQ(now.level, SpoolLevel::kUrgent);
-  EXPECT_THAT(now.words, AllOf(HasSubstr("23 minutes"), HasSubstr("connect to the server, and make room")));
+  EXPECT_THAT(now.text, AllOf(HasSubstr("23 minutes"), HasSubstr("connect to the server, and make room")));
 }
 
 TEST(SpoolOutlook, thresholdsAreData) {
@@ -108,7 +108,7 @@ TEST(SpoolGuard, saysAtTheStartWhatWaitsAndIsSilentWhileNothingGetsWorse) {
   ASSERT_EQ(said.size(), 1u);
   EXPECT_THAT(said[0], HasSubstr("over its quota of 1 bytes"));
   EXPECT_EQ(guard.trouble(), said[0]) << "the instructor is told as well";
-  for (int i = 0; i < 100; ++i) guard.look();
+  for (int i = 0; i < 100; ++i) guard.check();
   EXPECT_EQ(said.size(), 1u);
   EXPECT_TRUE(std::filesystem::exists(session->folder() / "chunks"));
   // the server has it all: nothing to say any more

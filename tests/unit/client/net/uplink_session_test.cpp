@@ -141,7 +141,7 @@ TEST_F(UplinkSessionTest, aRestoredServerThatHasAllButTheEndClosesItAgain) {
   ASSERT_TRUE(session_->end(false).ok());
   ASSERT_TRUE(session_->setReceipt({3, 0, true, 7}).ok());
   upload_ = std::make_unique<UplinkSession>(session_);
-  upload_->onConnected(UplinkSession::There::kOpen);
+  upload_->onConnected(UplinkSession::AtServer::kOpen);
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(3);
   EXPECT_EQ(sends(), Names{"close"});
@@ -157,7 +157,7 @@ TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHas
   ASSERT_EQ(session_->receipt().safe, 3u);
   // the server was restored from a backup that has all the chunks and not the end
   upload_->onConnectionLost();
-  upload_->onConnected(UplinkSession::There::kOpen);
+  upload_->onConnected(UplinkSession::AtServer::kOpen);
   EXPECT_FALSE(session_->receipt().closed);
   EXPECT_EQ(session_->receipt().safe, 2u);
   EXPECT_EQ(sends(), Names{"open"});
@@ -170,7 +170,7 @@ TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHas
   EXPECT_EQ(spool_->closedButNotSafe().size(), 1u);
   // on the next connection it is asked for, until a backup covers it
   upload_->onConnectionLost();
-  upload_->onConnected(UplinkSession::There::kNotOpen);
+  upload_->onConnected(UplinkSession::AtServer::kNotOpen);
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(3);
   ack(3, 3);
@@ -187,12 +187,12 @@ TEST_F(UplinkSessionTest, aClosedSessionIsAskedForOnceAConnectionUntilItIsSafe) 
   EXPECT_EQ(sends(), Names{}) << "the server has it";
   EXPECT_FALSE(upload_->asking());
   upload_->onConnectionLost();
-  upload_->onConnected(UplinkSession::There::kNotOpen);
+  upload_->onConnected(UplinkSession::AtServer::kNotOpen);
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(3);
   ack(3, 3);
   EXPECT_EQ(session_->receipt().safe, 3u) << "so that the spool may let it go";
-  upload_->onConnected(UplinkSession::There::kNotOpen);
+  upload_->onConnected(UplinkSession::AtServer::kNotOpen);
   EXPECT_EQ(sends(), Names{}) << "a verified backup has it";
 }
 
@@ -200,7 +200,7 @@ TEST_F(UplinkSessionTest, whereTheWelcomeWasFullTheEndIsToldAgain) {
   ASSERT_TRUE(session_->end(false).ok());
   ASSERT_TRUE(session_->setReceipt({3, 3, true, 7}).ok());
   upload_ = std::make_unique<UplinkSession>(session_);
-  upload_->onConnected(UplinkSession::There::kUnsaid);
+  upload_->onConnected(UplinkSession::AtServer::kUnknown);
   EXPECT_EQ(sends(), Names{"open"}) << "also of one that was safe: which backup was restored is unknown";
   upload_->onOpened(3);
   EXPECT_TRUE(upload_->asking()) << "the next old session waits";
@@ -215,7 +215,7 @@ TEST_F(UplinkSessionTest, whereTheWelcomeWasFullTheEndIsToldAgain) {
   EXPECT_EQ(sends(), Names{});
   // a server that lost chunks as well gets them, as ever
   upload_->onConnectionLost();
-  upload_->onConnected(UplinkSession::There::kUnsaid);
+  upload_->onConnected(UplinkSession::AtServer::kUnknown);
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(2);
   EXPECT_EQ(sends(), Names{"open"});
@@ -241,7 +241,7 @@ TEST_F(UplinkSessionTest, whoAskedTooOftenAsksAgainAndLetsNobodyElseAskBefore) {
   upload_->onOpened(3);
   EXPECT_FALSE(upload_->asking());
   // any other no is for the next connection
-  upload_->onConnected(UplinkSession::There::kNotOpen);
+  upload_->onConnected(UplinkSession::AtServer::kNotOpen);
   EXPECT_EQ(sends(), Names{"open"});
   refuse(pb::Refusal::INTERNAL);
   EXPECT_FALSE(upload_->asking());

@@ -37,13 +37,14 @@ class Headless : public testing::Test {
   Output run(double seconds) {
     auto config = server_.config({});
     options_.server = "127.0.0.1:" + std::to_string(config.server.port);
-    ServerLink link(config, "anna", "correct horse battery");
-    const Status connected = link.connect();
-    if (!connected.ok()) return {connected, {}, {}, {}};
+    config.login = personLogin("anna", "correct horse battery");
+    auto client = BlockingClient::connect(config);
+    if (!client.ok()) return {client.error(), {}, {}, {}};
     std::ostringstream text;
-    const auto end = ServerLink::Clock::now() + std::chrono::milliseconds(static_cast<int>(seconds * 1000));
+    const auto end =
+        BlockingClient::Clock::now() + std::chrono::milliseconds(static_cast<int>(seconds * 1000));
     Output output;
-    output.status = runHeadless({options_, link, text, [] { return false; }, end});
+    output.status = runHeadless({options_, *client, text, [] { return false; }, end});
     std::istringstream lines(text.str());
     for (std::string line; std::getline(lines, line);) {
       auto json = nlohmann::json::parse(line);

@@ -1,4 +1,4 @@
-#include "client/net/spool_lessons.h"
+#include "client/net/lesson_cache.h"
 
 #include <google/protobuf/util/json_util.h>
 
@@ -101,8 +101,7 @@ Result<std::filesystem::path> LessonCache::fileOf(const std::string& exercise_id
 }
 
 Status LessonCache::keep(const std::string& exercise_id, const pb::Lesson& lesson) const {
-  auto file = fileOf(exercise_id);
-  if (!file.ok()) return file.error();
+  ASSIGN_OR_RETURN(auto file, fileOf(exercise_id));
   std::string text;
   const auto written = google::protobuf::util::MessageToJsonString(lesson, &text);
   if (!written.ok())
@@ -111,21 +110,19 @@ Status LessonCache::keep(const std::string& exercise_id, const pb::Lesson& lesso
                                        {"fetched_unix_ns", wallNowNs()},
                                        {"hash", hashOf(exercise_id, lesson)},
                                        {"lesson", nlohmann::ordered_json::parse(text)}};
-  if (auto status = writeFileAtomically(*file, viewOf(json.dump(1) + "\n"), 0600); !status.ok())
+  if (auto status = writeFileAtomically(file, viewOf(json.dump(1) + "\n"), 0600); !status.ok())
     return Error{ErrorCode::kUnavailable, status.error().message};
   return {};
 }
 
 Result<pb::Lesson> LessonCache::find(const std::string& exercise_id) const {
-  auto path = fileOf(exercise_id);
-  if (!path.ok()) return path.error();
+  ASSIGN_OR_RETURN(auto path, fileOf(exercise_id));
   std::error_code ignored;
-  if (!std::filesystem::exists(std::filesystem::symlink_status(*path, ignored)))
+  if (!std::filesystem::exists(std::filesystem::symlink_status(path, ignored)))
     return Error{ErrorCode::kNotFound, "exercise '" + exercise_id + "' was never fetched from the server: " +
-                                           path->string() + " does not exist"};
-  auto file = readCacheFile(*path, exercise_id);
-  if (!file.ok()) return file.error();
-  return std::move(file->lesson);
+                                           path.string() + " does not exist"};
+  ASSIGN_OR_RETURN(auto file, readCacheFile(path, exercise_id));
+  return std::move(file.lesson);
 }
 
 std::vector<CachedLesson> LessonCache::list() const {

@@ -1,4 +1,4 @@
-#include "client/net/password.h"
+#include "client/net/credentials.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

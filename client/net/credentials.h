@@ -1,5 +1,5 @@
-/// What a station needs to know of its server, in one file made on the server, and as it is kept on the
-/// station.
+/// What a program logs in with: a person's password, and a station's enrolment (server, name, key, CA), in
+/// the one file that the server makes of it and as the station keeps it.
 #pragma once
 
 #include <filesystem>
@@ -10,6 +10,16 @@
 #include "common/wire/endpoint.h"
 
 namespace needlelab {
+
+/// A password is never an argument: others could read it in the process list.
+/// The first line of `file`; without a file, asks on the terminal without echo. Errors: kInvalidInput (no
+/// such file, empty, longer than 1024 bytes, no terminal to ask on).
+Result<std::string> readPassword(const std::filesystem::path& file, const std::string& prompt);
+
+/// Asks on the terminal without echo, for one line of at most about `most_bytes`. Errors: kInvalidInput with
+/// the text `no_terminal` when there is none.
+Result<std::string> passwordFromTerminal(const std::string& prompt, std::size_t most_bytes,
+                                         const std::string& no_terminal);
 
 struct Enrolment {
   Endpoint server;

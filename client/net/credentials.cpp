@@ -1,12 +1,17 @@
-#include "client/net/enrolment.h"
+#include "client/net/credentials.h"
 
+#include <fcntl.h>
+#include <fmt/core.h>
+#include <termios.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdlib>
 #include <utility>
 
 #include "client/net/blocking_client.h"
 #include "common/base/files.h"
+#include "common/base/secret.h"
 #include "common/base/text.h"
 
 namespace needlelab {
@@ -34,7 +39,80 @@ std::string keyOf(std::string_view hex) {
   return key;
 }
 
+constexpr std::size_t kMostPasswordBytes = 1024;
+
+/// The terminal without echo, put back at the end.
+class SilentTerminal {
+ public:
+  SilentTerminal() : fd_(::open("/dev/tty", O_RDWR | O_CLOEXEC)) {
+    if (fd_ < 0 || ::tcgetattr(fd_, &before_) != 0) return;
+    termios silent = before_;
+    silent.c_lflag &= ~static_cast<tcflag_t>(ECHO);
+    ready_ = ::tcsetattr(fd_, TCSAFLUSH, &silent) == 0;
+  }
+  ~SilentTerminal() {
+    if (ready_) ::tcsetattr(fd_, TCSAFLUSH, &before_);
+    if (fd_ >= 0) ::close(fd_);
+  }
+  SilentTerminal(const SilentTerminal&) = delete;
+  SilentTerminal& operator=(const SilentTerminal&) = delete;
+  [[nodiscard]] bool ready() const { return ready_; }
+
+  void write(const std::string& text) const {
+    // a prompt that does not appear is no reason to fail
+    [[maybe_unused]] const auto written = ::write(fd_, text.data(), text.size());
+  }
+  [[nodiscard]] std::string readLine(std::size_t most_bytes) const {
+    std::string line;
+    char c = 0;
+    while (line.size() <= most_bytes) {
+      const ssize_t count = ::read(fd_, &c, 1);
+      if (count < 0 && errno == EINTR) continue;
+      if (count <= 0 || c == '\n') break;
+      line += c;
+    }
+    return line;
+  }
+
+ private:
+  int fd_;
+  termios before_{};
+  bool ready_ = false;
+};
+
 }  // namespace
+
+Result<std::string> readPassword(const std::filesystem::path& file, const std::string& prompt) {
+  std::string password;
+  if (!file.empty()) {
+    // not by ASSIGN_OR_RETURN: it would leave a copy that is not wiped
+    auto text = readWholeFile(file, 64u << 10);
+    if (!text.ok()) return text.error();
+    const WipeAtEnd wiped(*text);
+    warnWhenOthersMayRead(file);
+    password = text->substr(0, text->find_first_of("\r\n"));
+  } else {
+    ASSIGN_OR_RETURN(password,
+                     passwordFromTerminal(prompt, kMostPasswordBytes,
+                                          "no terminal to ask for a password: use --password-file FILE"));
+  }
+  if (password.empty() || password.size() > kMostPasswordBytes) {
+    return Error{ErrorCode::kInvalidInput, fmt::format("the password{} has {} bytes, not 1 to {}",
+                                                       file.empty() ? std::string() : " in " + file.string(),
+                                                       password.size(), kMostPasswordBytes)};
+  }
+  return password;
+}
+
+Result<std::string> passwordFromTerminal(const std::string& prompt, std::size_t most_bytes,
+                                         const std::string& no_terminal) {
+  const SilentTerminal terminal;
+  if (!terminal.ready()) return Error{ErrorCode::kInvalidInput, no_terminal};
+  terminal.write(prompt);
+  std::string line = terminal.readLine(most_bytes);
+  terminal.write("\n");
+  return line;
+}
 
 std::string hexText(std::string_view bytes) {
   constexpr std::string_view kDigits = "0123456789abcdef";
@@ -102,14 +180,14 @@ Status saveEnrolment(const Enrolment& enrolment, const std::filesystem::path& fo
   const EnrolmentFiles files = enrolmentFilesIn(folder);
   const std::string key = enrolment.station + ":" + hexText(enrolment.key) + "\n";
   const std::string server = endpointText(enrolment.server) + "\n";
-  if (auto saved = writeFileAtomically(files.key, viewOf(key), 0600); !saved.ok()) return saved;
-  if (auto saved = writeFileAtomically(files.ca, viewOf(enrolment.ca_pem), 0644); !saved.ok()) return saved;
+  RETURN_IF_ERROR(writeFileAtomically(files.key, viewOf(key), 0600));
+  RETURN_IF_ERROR(writeFileAtomically(files.ca, viewOf(enrolment.ca_pem), 0644));
   return writeFileAtomically(files.server, viewOf(server), 0644);
 }
 
 Result<std::string> proveEnrolment(const Enrolment& enrolment, const std::filesystem::path& scratch) {
-  const auto ca = scratch / (".enrol-" + std::to_string(::getpid()) + ".crt");
-  if (auto saved = writeFileAtomically(ca, viewOf(enrolment.ca_pem), 0600); !saved.ok()) return saved.error();
+  const auto ca = scratch / fmt::format(".enrol-{}.crt", ::getpid());
+  RETURN_IF_ERROR(writeFileAtomically(ca, viewOf(enrolment.ca_pem), 0600));
   ClientConfig config;
   config.server = enrolment.server;
   config.ca_file = ca;

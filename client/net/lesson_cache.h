@@ -1,4 +1,4 @@
-/// Lessons kept beside the spool, so that a station works when the server is away (DESIGN §7).
+/// Lessons kept beside the spool, so that a station works when the server is away.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +23,7 @@ struct CachedLesson {
 
 /// Files SPOOL/lessons/EXERCISE.json: {"exercise_id", "fetched_unix_ns", "hash", "lesson": pb::Lesson}. The
 /// hash (BLAKE2b-256 over exercise, profile and revision) tells a damaged profile from a whole one: a flipped
-/// digit in a stiffness would else be felt. Files without hash, of before, are read too. Thread: one.
+/// digit in a stiffness would otherwise be felt. Files without hash, of before, are read too. Thread: one.
 class LessonCache {
  public:
   explicit LessonCache(const std::filesystem::path& spool) : folder_(spool / "lessons") {}

@@ -1,5 +1,6 @@
-#include "client/net/client.h"
+#include "client/net/connect.h"
 
+#include <fmt/core.h>
 #include <utility>
 #include <vector>
 
@@ -50,7 +51,7 @@ Task<Result<Tcp::socket>> connectTcp(Endpoint server, std::chrono::milliseconds 
   Tcp::resolver resolver(executor);
   ConnectDeadline deadline(socket, resolver, limit);
   const std::string too_long =
-      "no answer within " + std::to_string(limit.count()) + " ms; is the server running there?";
+      fmt::format("no answer within {} ms; is the server running there?", limit.count());
 
   // an address as it stands, a name through the resolver
   std::vector<Tcp::endpoint> endpoints;

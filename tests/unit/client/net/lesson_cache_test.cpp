@@ -1,4 +1,4 @@
-#include "client/net/spool_lessons.h"
+#include "client/net/lesson_cache.h"
 
 #include <gmock/gmock.h>
 #include <sys/stat.h>

@@ -1,5 +1,5 @@
-/// From an address to an authenticated connection: connect, TLS, Hello, Login, Welcome. Used by the station's
-/// uplink, the instructor, the admin tool and the load generator.
+/// From an address to an authenticated connection: connect, TLS, Hello, Login, Welcome. ServerLink does it
+/// again after each loss.
 #pragma once
 
 #include <chrono>
