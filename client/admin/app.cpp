@@ -1,16 +1,21 @@
 #include "client/admin/app.h"
 
 #include <CLI/CLI.hpp>
+#include <cstdio>
+#include <ctime>
 #include <exception>
 #include <ostream>
 
 #include "client/admin/command.h"
-#include "client/admin/secrets.h"
+#include "client/net/credentials.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
+#include "common/base/secret.h"
 
 namespace needlelab {
 namespace {
+
+constexpr std::size_t kMaxPasswordFileBytes = 4096;
 
 Error usage(const std::string& text) {
   return {ErrorCode::kInvalidInput, text};
@@ -24,13 +29,11 @@ Result<std::unique_ptr<Backend>> openBackend(const GlobalOptions& global, const 
   if (!global.data.empty()) return openFolder(global.data, chosen.may_create);
   if (global.ca.empty()) return usage("--server needs --ca FILE, the server's tls/ca.crt");
   if (global.user.empty()) return usage("--server needs --user NAME");
-  const auto endpoint = parseEndpoint(global.server);
-  if (!endpoint) return endpoint.error();
-  const auto password = global.password_file.empty()
-                            ? passwordFromTerminal("password of " + global.user, "--password-file")
-                            : passwordFromFile(global.password_file);
-  if (!password) return password.error();
-  return connectServer({*endpoint, global.ca, global.user, *password});
+  ASSIGN_OR_RETURN(const auto endpoint, parseEndpoint(global.server));
+  ASSIGN_OR_RETURN(const auto password, global.password_file.empty()
+                                            ? askPassword("password of " + global.user, "--password-file")
+                                            : passwordFromFile(global.password_file));
+  return connectServer({endpoint, global.ca, global.user, password});
 }
 
 int fail(std::ostream& err, const Error& error) {
@@ -116,9 +119,8 @@ Status eachPage(Backend& backend, const std::function<void(pb::Request&, const s
   do {
     pb::Request request;
     ask(request, page);
-    const auto reply = backend.call(request);
-    if (!reply) return reply.error();
-    page = take(*reply);
+    ASSIGN_OR_RETURN(const auto reply, backend.call(request));
+    page = take(reply);
   } while (!page.empty());
   return {};
 }
@@ -133,6 +135,69 @@ Status writeText(Output& output, const std::string& file, const std::string& tex
   if (!file.empty()) return writeFileAtomically(file, viewOf(text));
   output.text(text);
   return {};
+}
+
+Result<std::int64_t> momentOf(const std::string& field, const std::string& text) {
+  const auto wrong = [&](const std::string& why) {
+    return Error{ErrorCode::kInvalidInput, field + ": '" + text + "' " + why +
+                                               "; write it as 2026-12-01T18:00Z or 2026-12-01T18:00+01:00"};
+  };
+  std::tm parts{};
+  int used = 0;
+  if (std::sscanf(text.c_str(), "%4d-%2d-%2dT%2d:%2d%n", &parts.tm_year, &parts.tm_mon, &parts.tm_mday,
+                  &parts.tm_hour, &parts.tm_min, &used) != 5)
+    return wrong("is no moment");
+  std::string zone = text.substr(static_cast<std::size_t>(used));
+  if (zone.starts_with(":")) {
+    int more = 0;
+    if (std::sscanf(zone.c_str(), ":%2d%n", &parts.tm_sec, &more) != 1) return wrong("is no moment");
+    zone.erase(0, static_cast<std::size_t>(more));
+  }
+  int offset_s = 0;
+  if (zone != "Z") {
+    int hours = 0, minutes = 0, more = 0;
+    char sign = 0;
+    if (std::sscanf(zone.c_str(), "%c%2d:%2d%n", &sign, &hours, &minutes, &more) != 3 ||
+        static_cast<std::size_t>(more) != zone.size() || (sign != '+' && sign != '-') || hours > 14 ||
+        minutes > 59)
+      return wrong(zone.empty() ? "has no time zone" : "has no time zone that is known");
+    offset_s = (hours * 3600 + minutes * 60) * (sign == '-' ? -1 : 1);
+  }
+  const std::tm given = parts;
+  parts.tm_year -= 1900;
+  parts.tm_mon -= 1;
+  const std::time_t seconds = ::timegm(&parts);
+  // timegm takes a 31st of February for a day in March
+  if (parts.tm_mon + 1 != given.tm_mon || parts.tm_mday != given.tm_mday || parts.tm_hour != given.tm_hour ||
+      parts.tm_min != given.tm_min || given.tm_year < 1970 || given.tm_year > 2261)
+    return wrong("is no day or time that there is");
+  return (static_cast<std::int64_t>(seconds) - offset_s) * 1'000'000'000;
+}
+
+Result<std::string> passwordFromFile(const std::filesystem::path& file) {
+  ASSIGN_OR_RETURN(auto text, readWholeFile(file, kMaxPasswordFileBytes));
+  const WipeAtEnd wiped(text);
+  warnWhenOthersMayRead(file);
+  std::string line = text.substr(0, text.find('\n'));
+  if (!line.empty() && line.back() == '\r') line.pop_back();
+  if (line.empty())
+    return Error{ErrorCode::kInvalidInput, file.string() + ": its first line, the password, is empty"};
+  return line;
+}
+
+Result<std::string> askPassword(const std::string& prompt, const std::string& option) {
+  return passwordFromTerminal(prompt + ": ", kMaxPasswordFileBytes,
+                              prompt + ": there is no terminal to ask on; give " + option + " FILE");
+}
+
+Result<std::string> askNewPassword(const std::string& name, const std::string& option) {
+  auto first = askPassword("new password of " + name, option);
+  if (!first) return first;
+  const auto second = askPassword("the same again", option);
+  if (!second) return second;
+  if (*first != *second)
+    return Error{ErrorCode::kInvalidInput, "the two passwords differ: nothing was changed"};
+  return first;
 }
 
 }  // namespace needlelab

@@ -72,9 +72,8 @@ Result<std::unique_ptr<Backend>> connectServer(const ServerAddress& address) {
   config.ca_file = address.ca_file;
   config.program = programText("admin");
   config.login = personLogin(address.user, address.password);
-  auto client = BlockingClient::connect(config);
-  if (!client) return client.error();
-  return std::unique_ptr<Backend>(std::make_unique<ServerBackend>(std::move(*client)));
+  ASSIGN_OR_RETURN(auto client, BlockingClient::connect(config));
+  return std::unique_ptr<Backend>(std::make_unique<ServerBackend>(std::move(client)));
 }
 
 }  // namespace needlelab

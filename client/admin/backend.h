@@ -5,8 +5,8 @@
 #include <memory>
 #include <string>
 
-#include "common/wire/endpoint.h"
 #include "common/base/result.h"
+#include "common/wire/endpoint.h"
 #include "needlelab/control.pb.h"
 
 namespace needlelab {

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <utility>
 
 #include "client/admin/backend.h"
 #include "client/admin/output.h"
@@ -28,7 +30,7 @@ struct CommandContext {
   const GlobalOptions& global;
 };
 
-/// What the command line asks for.
+/// What the command line chose.
 struct ChosenCommand {
   std::function<Status()> check;  ///< optional: faults of the arguments that show without any database
   std::function<Status(CommandContext&)> run;
@@ -37,6 +39,16 @@ struct ChosenCommand {
   bool may_create = false;        ///< with --data: makes the folder when it is missing
   std::string new_password_file;  ///< of `user add` and `user passwd`
 };
+
+inline constexpr bool kMayCreate = true;
+/// This subcommand does this.
+inline void runs(CLI::App* command, ChosenCommand& chosen, std::function<Status(CommandContext&)> run,
+                 bool may_create = false) {
+  command->callback([&chosen, run = std::move(run), may_create] {
+    chosen.run = run;
+    chosen.may_create = may_create;
+  });
+}
 
 void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen);
 void addStationCommands(CLI::App& app, ChosenCommand& chosen);
@@ -63,5 +75,21 @@ Result<Uuid> sessionIdOf(const std::string& text);
 
 /// Text to a file, atomically, or to `output` when `file` is empty.
 Status writeText(Output& output, const std::string& file, const std::string& text);
+
+/// A moment with its time zone: "2026-12-01T18:00Z", "2026-12-01T18:00:30+01:00" as ns since 1970 (UTC). A
+/// text without a zone is refused: what a bare time means depends on who reads it. kInvalidInput.
+Result<std::int64_t> momentOf(const std::string& field, const std::string& text);
+
+// Passwords come from a file or the terminal, never from an argument: everybody on the machine sees those.
+
+/// The first line of a file. kInvalidInput: missing, empty, too long.
+Result<std::string> passwordFromFile(const std::filesystem::path& file);
+
+/// Asks on the terminal without echo. kInvalidInput when there is no terminal: says which
+/// option to use, `option`.
+Result<std::string> askPassword(const std::string& prompt, const std::string& option);
+
+/// A new password, asked for twice.
+Result<std::string> askNewPassword(const std::string& name, const std::string& option);
 
 }  // namespace needlelab

@@ -1,7 +1,7 @@
+#include <fmt/core.h>
 #include <memory>
 
 #include "client/admin/command.h"
-#include "client/admin/when.h"
 #include "common/base/files.h"
 #include "common/profile/profile.h"
 
@@ -9,26 +9,24 @@ namespace needlelab {
 namespace {
 
 Status importCurriculum(CommandContext& context, const std::string& file) {
-  const auto text = readWholeFile(file, kMaxProfileBytes);
-  if (!text) return text.error();
-  if (const auto curriculum = parseCurriculum(*text, file); !curriculum) return curriculum.error();
+  ASSIGN_OR_RETURN(const auto text, readWholeFile(file, kMaxProfileBytes));
+  RETURN_IF_ERROR(parseCurriculum(text, file));
   pb::Request request;
-  request.mutable_import_curriculum()->set_json(*text);
+  request.mutable_import_curriculum()->set_json(text);
   const auto reply = context.backend.call(request);
   if (!reply) return Error{reply.error().code, file + ": " + reply.error().message};
-  context.output.done("curriculum '" + reply->curriculum().id() + "' is revision " +
-                      std::to_string(reply->curriculum().revision()));
+  context.output.done(fmt::format("curriculum '{}' is revision {}", reply->curriculum().id(),
+                                  reply->curriculum().revision()));
   return {};
 }
 
 Status exportCurriculum(CommandContext& context, const std::string& id, const std::string& file) {
   pb::Request request;
   request.mutable_get_curriculum()->set_id(id);
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
-  std::string text = reply->curriculum().json();
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  std::string text = reply.curriculum().json();
   if (file.empty() && !text.empty() && text.back() == '\n') text.pop_back();
-  if (auto done = writeText(context.output, file, text); !done) return done;
+  RETURN_IF_ERROR(writeText(context.output, file, text));
   if (!file.empty()) context.output.done("wrote " + file);
   return {};
 }
@@ -36,10 +34,9 @@ Status exportCurriculum(CommandContext& context, const std::string& id, const st
 Status listCurricula(CommandContext& context) {
   pb::Request request;
   request.mutable_list_curricula();
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
   Json rows = Json::array();
-  for (const auto& curriculum : reply->curricula().curricula()) {
+  for (const auto& curriculum : reply.curricula().curricula()) {
     std::string exercises;
     for (const auto& id : curriculum.exercise_ids()) exercises += (exercises.empty() ? "" : ", ") + id;
     rows.push_back({{"id", curriculum.id()},
@@ -101,21 +98,15 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* import_command =
       curriculum->add_subcommand("import", "store a curriculum; its exercises replace those before");
   import_command->add_option("file", values->file)->required()->type_name("FILE");
-  import_command->callback([&chosen, values] {
-    chosen.may_create = true;
-    chosen.run = [values](CommandContext& context) { return importCurriculum(context, values->file); };
-  });
+  runs(
+      import_command, chosen,
+      [values](CommandContext& context) { return importCurriculum(context, values->file); }, kMayCreate);
   auto* export_command = curriculum->add_subcommand("export", "the newest revision as JSON");
   export_command->add_option("id", values->id)->required();
   export_command->add_option("--out", values->out, "default: standard output")->type_name("FILE");
-  export_command->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) {
-      return exportCurriculum(context, values->id, values->out);
-    };
-  });
-  curriculum->add_subcommand("list", "all curricula and their exercises")->callback([&chosen] {
-    chosen.run = listCurricula;
-  });
+  runs(export_command, chosen,
+       [values](CommandContext& context) { return exportCurriculum(context, values->id, values->out); });
+  runs(curriculum->add_subcommand("list", "all curricula and their exercises"), chosen, listCurricula);
 
   auto* assign = app.add_subcommand("assign", "a trainee or a group shall do an exercise or a course");
   assign->add_option("trainee", values->trainee, "or --group");
@@ -141,7 +132,7 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
       call->set_group_id(values->group);
       call->set_course_id(values->course);
       if (!values->due.empty()) call->set_due_unix_ns(*momentOf("--due", values->due));
-      if (const auto reply = context.backend.call(request); !reply) return reply.error();
+      RETURN_IF_ERROR(context.backend.call(request));
       context.output.done("assigned '" + (values->course.empty() ? values->exercise : values->course) +
                           "' to '" + (values->group.empty() ? values->trainee : values->group) + "'");
       return {};
@@ -149,20 +140,17 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
   });
   auto* unassign = app.add_subcommand("unassign", "take an assignment back");
   unassign->add_option("number", values->number, "as `assignments` shows it")->required();
-  unassign->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) -> Status {
-      pb::Request request;
-      request.mutable_remove_assignment()->set_id(values->number);
-      if (const auto reply = context.backend.call(request); !reply) return reply.error();
-      context.output.done("took assignment " + std::to_string(values->number) + " back");
-      return {};
-    };
+  runs(unassign, chosen, [values](CommandContext& context) -> Status {
+    pb::Request request;
+    request.mutable_remove_assignment()->set_id(values->number);
+    RETURN_IF_ERROR(context.backend.call(request));
+    context.output.done(fmt::format("took assignment {} back", values->number));
+    return {};
   });
   auto* assignments = app.add_subcommand("assignments", "who shall do what");
   assignments->add_option("--trainee", values->trainee, "default: everybody");
-  assignments->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) { return listAssignments(context, values->trainee); };
-  });
+  runs(assignments, chosen,
+       [values](CommandContext& context) { return listAssignments(context, values->trainee); });
 }
 
 }  // namespace needlelab

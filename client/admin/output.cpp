@@ -1,5 +1,6 @@
 #include "client/admin/output.h"
 
+#include <fmt/core.h>
 #include <algorithm>
 #include <cstdio>
 #include <ctime>
@@ -54,13 +55,13 @@ std::string timeText(std::int64_t unix_ns) {
   char text[32];
   if (::gmtime_r(&seconds, &utc) == nullptr ||
       std::strftime(text, sizeof(text), "%Y-%m-%d %H:%M:%SZ", &utc) == 0) {
-    return std::to_string(unix_ns) + " ns";
+    return fmt::format("{} ns", unix_ns);
   }
   return text;
 }
 
 std::string bytesText(std::uint64_t bytes) {
-  if (bytes < 1000) return std::to_string(bytes) + " B";
+  if (bytes < 1000) return fmt::format("{} B", bytes);
   double value = static_cast<double>(bytes);
   const char* unit = "";
   for (const char* next : {"kB", "MB", "GB", "TB"}) {

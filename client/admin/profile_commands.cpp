@@ -1,3 +1,4 @@
+#include <fmt/core.h>
 #include <memory>
 
 #include "client/admin/command.h"
@@ -8,19 +9,16 @@ namespace needlelab {
 namespace {
 
 Status importProfile(CommandContext& context, const std::string& file) {
-  const auto text = readWholeFile(file, kMaxProfileBytes);
-  if (!text) return text.error();
+  ASSIGN_OR_RETURN(const auto text, readWholeFile(file, kMaxProfileBytes));
   // checked here as well, so that the message names the file
-  const auto profile = parseProfile(*text, file);
-  if (!profile) return profile.error();
-  for (const std::string& warning : profileWarnings(*profile))
+  ASSIGN_OR_RETURN(const auto profile, parseProfile(text, file));
+  for (const std::string& warning : profileWarnings(profile))
     context.output.remark(file + ": warning: " + warning);
   pb::Request request;
-  request.mutable_import_profile()->set_json(*text);
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
-  context.output.done("profile '" + reply->profile().id() + "' is revision " +
-                      std::to_string(reply->profile().revision()));
+  request.mutable_import_profile()->set_json(text);
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  context.output.done(
+      fmt::format("profile '{}' is revision {}", reply.profile().id(), reply.profile().revision()));
   return {};
 }
 
@@ -28,18 +26,16 @@ Result<pb::ProfileText> getProfile(CommandContext& context, const std::string& i
   pb::Request request;
   request.mutable_get_profile()->set_id(id);
   request.mutable_get_profile()->set_revision(revision);
-  auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
-  return std::move(*reply->mutable_profile());
+  ASSIGN_OR_RETURN(auto reply, context.backend.call(request));
+  return std::move(*reply.mutable_profile());
 }
 
 Status exportProfile(CommandContext& context, const std::string& id, std::uint32_t revision,
                      const std::string& file) {
-  const auto profile = getProfile(context, id, revision);
-  if (!profile) return profile.error();
-  std::string text = profile->json();
+  ASSIGN_OR_RETURN(const auto profile, getProfile(context, id, revision));
+  std::string text = profile.json();
   if (file.empty() && !text.empty() && text.back() == '\n') text.pop_back();
-  if (auto done = writeText(context.output, file, text); !done) return done;
+  RETURN_IF_ERROR(writeText(context.output, file, text));
   if (!file.empty()) context.output.done("wrote " + file);
   return {};
 }
@@ -47,10 +43,9 @@ Status exportProfile(CommandContext& context, const std::string& id, std::uint32
 Status listProfiles(CommandContext& context) {
   pb::Request request;
   request.mutable_list_profiles();
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
   Json rows = Json::array();
-  for (const auto& profile : reply->profiles().profiles()) {
+  for (const auto& profile : reply.profiles().profiles()) {
     rows.push_back({{"id", profile.id()},
                     {"revision", profile.revision()},
                     {"name", profile.name()},
@@ -66,19 +61,17 @@ Status listProfiles(CommandContext& context) {
 }
 
 Status showProfile(CommandContext& context, const std::string& id, std::uint32_t revision) {
-  const auto stored = getProfile(context, id, revision);
-  if (!stored) return stored.error();
-  const auto profile = parseProfile(stored->json(), "profile '" + id + "'");
-  if (!profile) return profile.error();
-  Json row = {{"id", stored->id()},
-              {"revision", stored->revision()},
-              {"author", stored->author()},
-              {"created_unix_ns", stored->created_unix_ns()},
-              {"name", profile->name()},
-              {"description", profile->description()},
-              {"sources", profile->sources()},
-              {"profile", Json::parse(stored->json())},
-              {"warnings", profileWarnings(*profile)}};
+  ASSIGN_OR_RETURN(const auto stored, getProfile(context, id, revision));
+  ASSIGN_OR_RETURN(const auto profile, parseProfile(stored.json(), "profile '" + id + "'"));
+  Json row = {{"id", stored.id()},
+              {"revision", stored.revision()},
+              {"author", stored.author()},
+              {"created_unix_ns", stored.created_unix_ns()},
+              {"name", profile.name()},
+              {"description", profile.description()},
+              {"sources", profile.sources()},
+              {"profile", Json::parse(stored.json())},
+              {"warnings", profileWarnings(profile)}};
   if (auto done = context.output.one({{"id", "id"},
                                       {"revision", "revision"},
                                       {"name", "name"},
@@ -123,38 +116,31 @@ void addProfileCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* import_command =
       profile->add_subcommand("import", "store profiles; one that differs becomes a new revision");
   import_command->add_option("file", values->files)->required()->type_name("FILE...");
-  import_command->callback([&chosen, values] {
-    chosen.may_create = true;
-    chosen.run = [values](CommandContext& context) -> Status {
-      for (const std::string& file : values->files) {
-        if (auto done = importProfile(context, file); !done) return done;
-      }
-      return {};
-    };
-  });
+  runs(
+      import_command, chosen,
+      [values](CommandContext& context) -> Status {
+        for (const std::string& file : values->files) {
+          RETURN_IF_ERROR(importProfile(context, file));
+        }
+        return {};
+      },
+      kMayCreate);
 
   auto* export_command = profile->add_subcommand("export", "the profile as JSON");
   export_command->add_option("id", values->id)->required();
   export_command->add_option("--revision", values->revision, "default: the newest");
   export_command->add_option("--out", values->out, "default: standard output")->type_name("FILE");
-  export_command->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) {
-      return exportProfile(context, values->id, values->revision, values->out);
-    };
+  runs(export_command, chosen, [values](CommandContext& context) {
+    return exportProfile(context, values->id, values->revision, values->out);
   });
 
-  profile->add_subcommand("list", "the newest revision of each")->callback([&chosen] {
-    chosen.run = listProfiles;
-  });
+  runs(profile->add_subcommand("list", "the newest revision of each"), chosen, listProfiles);
 
   auto* show = profile->add_subcommand("show", "its layers and warnings");
   show->add_option("id", values->id)->required();
   show->add_option("--revision", values->revision, "default: the newest");
-  show->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) {
-      return showProfile(context, values->id, values->revision);
-    };
-  });
+  runs(show, chosen,
+       [values](CommandContext& context) { return showProfile(context, values->id, values->revision); });
 }
 
 }  // namespace needlelab

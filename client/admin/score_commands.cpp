@@ -1,5 +1,6 @@
 // Scores: of a session, of everybody as a table, again by newer definitions; the experts that others are
 // compared with.
+#include <fmt/core.h>
 #include <algorithm>
 #include <memory>
 
@@ -25,8 +26,7 @@ struct ScoreChoice {
 
 /// Further formats: another pair of functions that take what ListScores gives, one row after the other.
 Status exportScores(CommandContext& context, const ScoreChoice& choice) {
-  auto file = GrowingFile::create(choice.out);
-  if (!file) return file.error();
+  ASSIGN_OR_RETURN(auto file, GrowingFile::create(choice.out));
   std::string text;
   appendScoreCsvHeader(text);
   std::uint64_t scores = 0;
@@ -55,14 +55,14 @@ Status exportScores(CommandContext& context, const ScoreChoice& choice) {
           }
           ++scores;
         }
-        fault = file->append(viewOf(text));
+        fault = file.append(viewOf(text));
         text.clear();
         return fault ? reply.scores().next_page() : std::string();
       });
   if (!done) return done;
   if (!fault) return fault;
-  if (auto finished = file->finish(); !finished) return finished;
-  context.output.done(std::to_string(scores) + " scores in " + choice.out);
+  RETURN_IF_ERROR(file.finish());
+  context.output.done(fmt::format("{} scores in {}", scores, choice.out));
   return {};
 }
 
@@ -70,9 +70,8 @@ Status rescoreAll(CommandContext& context, const ScoreChoice& choice) {
   pb::Request request;
   request.mutable_rescore_all()->set_exercise_id(choice.exercise);
   request.mutable_rescore_all()->set_dry_run(choice.dry_run);
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
-  const auto& report = reply->rescore_report();
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  const auto& report = reply.rescore_report();
   Json rows = Json::array();
   for (const auto& fault : report.faults()) {
     Uuid id{};
@@ -84,11 +83,10 @@ Status rescoreAll(CommandContext& context, const ScoreChoice& choice) {
                                       "no session was left alone");
       !done)
     return done;
-  context.output.done((report.dry_run() ? "would be scored: " : "scored: ") +
-                      std::to_string(report.rescored()) + " sessions, by definition version " +
-                      std::to_string(report.definition_version()) + "; " +
-                      std::to_string(report.left_alone()) + " left alone" +
-                      (report.stopped() ? "; stopped by the server's end, the next run goes on" : ""));
+  context.output.done(fmt::format(
+      "{}{} sessions, by definition version {}; {} left alone{}",
+      report.dry_run() ? "would be scored: " : "scored: ", report.rescored(), report.definition_version(),
+      report.left_alone(), report.stopped() ? "; stopped by the server's end, the next run goes on" : ""));
   return {};
 }
 
@@ -119,22 +117,18 @@ Status showReference(CommandContext& context, const pb::Reference& reference) {
 Status setReference(CommandContext& context, const ScoreChoice& choice) {
   pb::Request now;
   now.mutable_get_reference()->set_exercise_id(choice.exercise);
-  const auto before = context.backend.call(now);
-  if (!before) return before.error();
+  ASSIGN_OR_RETURN(const auto before, context.backend.call(now));
   pb::Request request;
   auto* call = request.mutable_set_reference();
   call->set_exercise_id(choice.exercise);
-  call->set_base_revision(before->reference().revision());
+  call->set_base_revision(before.reference().revision());
   for (const std::string& text : choice.sessions) {
-    const auto id = parseUuid(text);
-    if (!id) return id.error();
-    call->add_session_ids(id->data(), id->size());
+    ASSIGN_OR_RETURN(const auto id, parseUuid(text));
+    call->add_session_ids(id.data(), id.size());
   }
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
-  context.output.done("the reference of '" + choice.exercise + "' is revision " +
-                      std::to_string(reply->reference().revision()) + ", of " +
-                      std::to_string(reply->reference().session_ids_size()) + " sessions");
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  context.output.done(fmt::format("the reference of '{}' is revision {}, of {} sessions", choice.exercise,
+                                  reply.reference().revision(), reply.reference().session_ids_size()));
   return {};
 }
 
@@ -145,18 +139,14 @@ void addReferenceCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* set = reference->add_subcommand("set", "choose them anew; without any there is no comparison");
   set->add_option("exercise", choice->exercise)->required();
   set->add_option("sessions", choice->sessions, "their UUIDs");
-  set->callback([&chosen, choice] {
-    chosen.run = [choice](CommandContext& context) { return setReference(context, *choice); };
-  });
+  runs(set, chosen, [choice](CommandContext& context) { return setReference(context, *choice); });
   auto* show = reference->add_subcommand("show", "the bands that come of them, a row a measure");
   show->add_option("exercise", choice->exercise)->required();
-  show->callback([&chosen, choice] {
-    chosen.run = [choice](CommandContext& context) -> Status {
-      pb::Request request;
-      request.mutable_get_reference()->set_exercise_id(choice->exercise);
-      const auto reply = context.backend.call(request);
-      return reply ? showReference(context, reply->reference()) : Status(reply.error());
-    };
+  runs(show, chosen, [choice](CommandContext& context) -> Status {
+    pb::Request request;
+    request.mutable_get_reference()->set_exercise_id(choice->exercise);
+    const auto reply = context.backend.call(request);
+    return reply ? showReference(context, reply->reference()) : Status(reply.error());
   });
 }
 
@@ -174,26 +164,21 @@ void addScoreCommands(CLI::App& app, ChosenCommand& chosen) {
   out->add_option("--out", choice->out, "the new file")->required()->type_name("FILE");
   out->add_option("--course", choice->course, "exercises of this course only");
   out->add_option("--group", choice->group, "people of this group only");
-  out->callback([&chosen, choice] {
-    chosen.run = [choice](CommandContext& context) { return exportScores(context, *choice); };
-  });
+  runs(out, chosen, [choice](CommandContext& context) { return exportScores(context, *choice); });
 
   auto* again = scores->add_subcommand(
       "rescore", "every session whose score is of older definitions; the scores that it has stay");
   again->add_option("--exercise", choice->exercise, "sessions of this exercise only");
   again->add_flag("--dry-run", choice->dry_run, "only say how many there are");
-  again->callback([&chosen, choice] {
-    chosen.run = [choice](CommandContext& context) { return rescoreAll(context, *choice); };
-  });
+  runs(again, chosen, [choice](CommandContext& context) { return rescoreAll(context, *choice); });
 }
 
 Status showSessionScore(CommandContext& context, const Uuid& id, std::uint32_t version) {
   pb::Request request;
   request.mutable_get_score()->set_session_id(id.data(), id.size());
   request.mutable_get_score()->set_definition_version(version);
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
-  const pb::Score& score = reply->score();
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  const pb::Score& score = reply.score();
   Json row = {{"session_id", uuidText(id)},
               {"definition_version", score.definition_version()},
               {"passed", score.has_passed() ? Json(score.passed()) : Json()},

@@ -1,10 +1,9 @@
+#include <fmt/core.h>
 #include <memory>
 #include <tuple>
 
 #include "client/admin/command.h"
 #include "client/admin/session_export.h"
-#include "client/admin/session_rows.h"
-#include "client/admin/when.h"
 #include "common/scoring/syringe_events.h"
 
 namespace needlelab {
@@ -63,21 +62,19 @@ Result<SessionEvents> eventsOf(CommandContext& context, const Uuid& id) {
 }
 
 Status listEvents(CommandContext& context, const Uuid& id) {
-  const auto events = eventsOf(context, id);
-  if (!events) return events.error();
-  if (!events->stored)
+  ASSIGN_OR_RETURN(const auto events, eventsOf(context, id));
+  if (!events.stored)
     context.output.remark(
         "worked out now: the session was closed before events were stored, or could not be scored then");
   return context.output.list({{"event", "EVENT"}, {"begin_s", "BEGIN_S"}, {"end_s", "END_S"}, {"words", ""}},
-                             events->rows, "no aspirations and no injections");
+                             events.rows, "no aspirations and no injections");
 }
 
 Status showSession(CommandContext& context, const Uuid& id) {
   const std::string bytes(id.begin(), id.end());
   pb::Request request;
   request.mutable_get_session()->set_session_id(bytes);
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
   Json notes = Json::array();
   const auto listed = eachPage(
       context.backend,
@@ -96,7 +93,7 @@ Status showSession(CommandContext& context, const Uuid& id) {
       });
   if (!listed) return listed;
 
-  const auto& session = reply->session();
+  const auto& session = reply.session();
   Json row = sessionRow(session);
   row["profile"] = Json::parse(session.description().profile_json(), nullptr, false);
   row["score"] = session.score_json().empty() ? Json() : Json::parse(session.score_json(), nullptr, false);
@@ -128,9 +125,10 @@ Status showSession(CommandContext& context, const Uuid& id) {
   }
   if (session.has_removed_original()) {
     const auto& removed = session.removed_original();
-    context.output.text("\nthe original (" + std::to_string(removed.samples()) + " samples, " +
-                        bytesText(removed.stored_bytes()) + ", hash " + hexOfBytes(removed.hash()) +
-                        ") was removed on " + timeText(removed.removed_unix_ns()) + ": " + removed.reason());
+    context.output.text(fmt::format("\nthe original ({} samples, {}, hash {}) was removed on {}: {}",
+                                    removed.samples(), bytesText(removed.stored_bytes()),
+                                    hexOfBytes(removed.hash()), timeText(removed.removed_unix_ns()),
+                                    removed.reason()));
   }
   if (row["score"].is_array() && !row["score"].empty()) {
     context.output.text("\n" + tableText({{"measure", "MEASURE"},
@@ -152,9 +150,8 @@ Status showSession(CommandContext& context, const Uuid& id) {
 Status verifySession(CommandContext& context, const Uuid& id) {
   pb::Request request;
   request.mutable_verify_session()->set_session_id(id.data(), id.size());
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
-  const auto& verified = reply->verified();
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  const auto& verified = reply.verified();
   const Json row = {{"session_id", uuidText(id)},          {"ok", verified.ok()},
                     {"chunks", verified.chunks()},         {"samples", verified.samples()},
                     {"hash", hexOfBytes(verified.hash())}, {"text", verified.text()}};
@@ -211,9 +208,8 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
            {std::tuple("--from", &values->from, &pb::ListSessions::set_from_unix_ns),
             std::tuple("--to", &values->to, &pb::ListSessions::set_to_unix_ns)}) {
         if (text->empty()) continue;
-        const auto moment = momentOf(option, *text);
-        if (!moment) return moment.error();
-        ((*filter).*set)(*moment);
+        ASSIGN_OR_RETURN(const auto moment, momentOf(option, *text));
+        ((*filter).*set)(moment);
       }
       return {};
     };
@@ -223,12 +219,9 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   /// Subcommands that begin with a session's id.
   const auto with_id = [&chosen, values](CLI::App* command, auto run) {
     command->add_option("id", values->id, "as session list shows it")->required()->type_name("ID");
-    command->callback([&chosen, values, run] {
-      chosen.run = [values, run](CommandContext& context) -> Status {
-        const auto id = sessionIdOf(values->id);
-        if (!id) return id.error();
-        return run(context, *id);
-      };
+    runs(command, chosen, [values, run](CommandContext& context) -> Status {
+      ASSIGN_OR_RETURN(const auto id, sessionIdOf(values->id));
+      return run(context, id);
     });
   };
   with_id(session->add_subcommand("show", "what it is, its score and remarks"), showSession);
@@ -262,7 +255,7 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
     request.mutable_annotate()->set_session_id(id.data(), id.size());
     request.mutable_annotate()->set_tick(values->tick);
     request.mutable_annotate()->set_text(values->text);
-    if (const auto reply = context.backend.call(request); !reply) return reply.error();
+    RETURN_IF_ERROR(context.backend.call(request));
     context.output.done("noted");
     return {};
   });

@@ -1,18 +1,163 @@
 #include "client/admin/session_export.h"
 
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
 #include <vector>
 
-#include "client/admin/sample_sink.h"
-#include "client/admin/session_rows.h"
+#include "common/base/bytes.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
+#include "common/base/uuid.h"
+#include "common/gesture/chunk.h"
+#include "common/gesture/recording.h"
+#include "common/gesture/sample_csv.h"
 #include "common/gesture/session_hash.h"
 
 namespace needlelab {
 namespace {
+
+// --- where exported chunks go: a file of one of three formats
+
+/// What is kept of the samples of a chunk. Times are ns since the recording's first sample.
+struct SampleWindow {
+  std::optional<std::int64_t> first_time_ns;  ///< of the recording; nothing: of the first sample that comes
+  std::int64_t from_ns = INT64_MIN;
+  std::int64_t to_ns = INT64_MAX;
+};
+
+/// Takes chunks in order, then is finished once; without that nothing is left of it. Thread: one.
+class SampleSink {
+ public:
+  SampleSink() = default;
+  SampleSink(const SampleSink&) = delete;
+  SampleSink& operator=(const SampleSink&) = delete;
+  virtual ~SampleSink() = default;
+  /// kCorrupt: the chunk cannot be decoded; nothing of it was written.
+  virtual Status take(ByteView chunk) = 0;
+  virtual Status finish() = 0;
+  [[nodiscard]] std::uint64_t samples() const { return samples_; }
+  /// A sample at or behind the window's end was seen.
+  [[nodiscard]] bool past() const { return past_; }
+
+ protected:
+  std::uint64_t samples_ = 0;
+  bool past_ = false;
+};
+
+/// CSV and JSON: text, sample by sample.
+class TextSink : public SampleSink {
+ public:
+  TextSink(GrowingFile file, const Json* session, const SampleWindow& window)
+      : file_(std::move(file)), json_(session != nullptr), window_(window) {
+    if (!json_) {
+      appendSampleCsvHeader(text_);
+      return;
+    }
+    const Json head = {{"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"session", *session}};
+    text_ = head.dump(-1, ' ', false, Json::error_handler_t::replace);
+    text_.back() = ',';  // in place of the closing brace
+    text_ += "\"rows\":[\n";
+  }
+
+  Status take(ByteView chunk) override {
+    ASSIGN_OR_RETURN(const auto samples, decodeChunk(chunk));
+    for (const GestureSample& sample : samples) {
+      if (!window_.first_time_ns) window_.first_time_ns = sample.time_ns;
+      const std::int64_t time_ns = sample.time_ns - *window_.first_time_ns;
+      if (time_ns >= window_.to_ns) past_ = true;
+      if (time_ns < window_.from_ns || time_ns >= window_.to_ns) continue;
+      if (json_) {
+        if (samples_ != 0) text_ += ",\n";
+        appendSampleJson(text_, sample, *window_.first_time_ns);
+      } else {
+        appendSampleCsvRow(text_, sample, *window_.first_time_ns);
+      }
+      ++samples_;
+    }
+    auto done = file_.append(viewOf(text_));
+    text_.clear();
+    return done;
+  }
+
+  Status finish() override {
+    if (json_) text_ += "\n]}\n";
+    RETURN_IF_ERROR(file_.append(viewOf(text_)));
+    return file_.finish();
+  }
+
+ private:
+  GrowingFile file_;
+  const bool json_;
+  SampleWindow window_;
+  std::string text_;  ///< not yet written
+};
+
+/// Whole chunks, byte for byte.
+class RecordingSink : public SampleSink {
+ public:
+  RecordingSink(RecordingWriter writer, const SampleWindow& window)
+      : writer_(std::move(writer)), window_(window) {}
+
+  Status take(ByteView chunk) override {
+    ASSIGN_OR_RETURN(const auto info, inspectChunk(chunk));
+    if (!window_.first_time_ns) window_.first_time_ns = info.first_time_ns;
+    if (info.first_time_ns - *window_.first_time_ns >= window_.to_ns) {
+      past_ = true;
+      return {};
+    }
+    RETURN_IF_ERROR(writer_.append(chunk));
+    samples_ += info.count;
+    return {};
+  }
+
+  Status finish() override { return writer_.finish(); }
+
+ private:
+  RecordingWriter writer_;
+  SampleWindow window_;
+};
+
+Result<std::unique_ptr<SampleSink>> openSampleSink(const std::string& format,
+                                                   const std::filesystem::path& file, const Json& session,
+                                                   const SampleWindow& window) {
+  if (format == "recording") {
+    ASSIGN_OR_RETURN(auto writer, RecordingWriter::create(
+                                      file, session.dump(-1, ' ', false, Json::error_handler_t::replace)));
+    return std::unique_ptr<SampleSink>(std::make_unique<RecordingSink>(std::move(writer), window));
+  }
+  ASSIGN_OR_RETURN(auto growing, GrowingFile::create(file));
+  return std::unique_ptr<SampleSink>(
+      std::make_unique<TextSink>(std::move(growing), format == "json" ? &session : nullptr, window));
+}
+
+const char* stateName(pb::SessionState state) {
+  switch (state) {
+    case pb::SESSION_OPEN:
+      return "open";
+    case pb::SESSION_COMPLETE:
+      return "complete";
+    case pb::SESSION_INTERRUPTED:
+      return "interrupted";
+    default:
+      return "unknown";
+  }
+}
+
+std::string idText(const std::string& bytes) {
+  Uuid id;
+  if (bytes.size() != id.size()) return hexOfBytes(bytes);
+  std::copy(bytes.begin(), bytes.end(), id.begin());
+  return uuidText(id);
+}
 
 /// Ten years: what an integer of ns can hold, and more than a session lasts.
 constexpr double kMostSeconds = 3.2e8;
@@ -25,12 +170,12 @@ std::int64_t nsOf(double seconds) {
 Status checkRange(const ExportRange& range) {
   for (const auto& [name, value] : {std::pair{"--from", range.from_s}, std::pair{"--to", range.to_s}}) {
     if (value && !(*value >= 0 && *value <= kMostSeconds))
-      return Error{ErrorCode::kInvalidInput, std::string(name) + " " + std::to_string(*value) +
-                                                 ": allowed is 0 to " + std::to_string(kMostSeconds) + " s"};
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("{} {:f}: allowed is 0 to {:f} s", name, *value, kMostSeconds)};
   }
   if (range.from_s && range.to_s && *range.to_s <= *range.from_s)
     return Error{ErrorCode::kInvalidInput,
-                 "--to " + std::to_string(*range.to_s) + ": allowed is more than --from"};
+                 fmt::format("--to {:f}: allowed is more than --from", *range.to_s)};
   return {};
 }
 
@@ -42,8 +187,7 @@ class Progress {
     const auto now = Clock::now();
     if (!shown_ || now < next_) return;
     next_ = now + std::chrono::seconds(1);
-    output_.remark(std::to_string(chunk) + " of " + std::to_string(chunks) + " chunks, " +
-                   speed(samples, bytes));
+    output_.remark(fmt::format("{} of {} chunks, {}", chunk, chunks, speed(samples, bytes)));
   }
   [[nodiscard]] std::string speed(std::uint64_t samples, std::uint64_t bytes) const {
     const double seconds = std::max(1e-6, std::chrono::duration<double>(Clock::now() - begun_).count());
@@ -67,12 +211,11 @@ class Export {
       : backend_(backend), output_(output), id_(id.begin(), id.end()), range_(range) {}
 
   Status run(const std::string& format, const std::filesystem::path& file) {
-    if (auto valid = checkRange(range_); !valid) return valid;
+    RETURN_IF_ERROR(checkRange(range_));
     pb::Request get;
     get.mutable_get_session()->set_session_id(id_);
-    const auto info = backend_.call(get);
-    if (!info) return info.error();
-    session_ = info->session();
+    ASSIGN_OR_RETURN(const auto info, backend_.call(get));
+    session_ = info.session();
     if (session_.removed_original().fate() == pb::RemovedOriginal::DELETED) {
       return Error{ErrorCode::kNotFound, "its recording was deleted on " +
                                              timeText(session_.removed_original().deleted_unix_ns()) + " (" +
@@ -85,13 +228,12 @@ class Export {
     SampleWindow window;
     if (range_.from_s) window.from_ns = nsOf(*range_.from_s);
     if (range_.to_s) window.to_ns = nsOf(*range_.to_s);
-    if (auto sought = seek(window); !sought) return sought;
-    auto sink = openSampleSink(format, file, row, window);
-    if (!sink) return sink.error();
-    if (auto done = readInto(**sink); !done) return done;
-    if (auto sound = checkHash(); !sound) return sound;
-    if (auto done = (*sink)->finish(); !done) return done;
-    return report(**sink, file);
+    RETURN_IF_ERROR(seek(window));
+    ASSIGN_OR_RETURN(auto sink, openSampleSink(format, file, row, window));
+    RETURN_IF_ERROR(readInto(*sink));
+    RETURN_IF_ERROR(checkHash());
+    RETURN_IF_ERROR((sink)->finish());
+    return report(*sink, file);
   }
 
  private:
@@ -129,15 +271,15 @@ class Export {
                          (range_.around_damage ? "" : " (--damaged writes what is around a damaged chunk)")};
       }
       for (const auto& damaged : reply->chunks().damaged()) fault(damaged.seq(), damaged.text());
-      if (auto done = takeChunks(sink, reply->chunks()); !done) return done;
+      RETURN_IF_ERROR(takeChunks(sink, reply->chunks()));
       const std::uint64_t behind = reply->chunks().next_seq();
       if (behind <= next_ && reply->chunks().chunks_size() == 0) break;
       next_ = std::max(next_, behind);
       progress.at(std::min(next_, session_.chunks()), session_.chunks(), sink.samples(), bytes_);
     }
     if (next_ < session_.chunks() && !sink.past()) {
-      return Error{ErrorCode::kCorrupt, "the session has " + std::to_string(session_.chunks()) +
-                                            " chunks, only " + std::to_string(next_) + " could be read"};
+      return Error{ErrorCode::kCorrupt,
+                   fmt::format("the session has {} chunks, only {} could be read", session_.chunks(), next_)};
     }
     whole_ = first_ == 0 && !sink.past();
     speed_ = progress.speed(sink.samples(), bytes_);
@@ -148,11 +290,10 @@ class Export {
     for (const pb::Chunk& chunk : chunks.chunks()) {
       if (chunk.seq() >= session_.chunks() || sink.past()) break;
       if (chunk.seq() < next_ || (chunk.seq() != next_ && !range_.around_damage)) {
-        return Error{ErrorCode::kCorrupt, "chunk " + std::to_string(next_) + " was asked for, " +
-                                              std::to_string(chunk.seq()) + " came"};
+        return Error{ErrorCode::kCorrupt, fmt::format("chunk {} was asked for, {} came", next_, chunk.seq())};
       }
       if (auto done = sink.take(viewOf(chunk.data())); !done) {
-        const std::string text = "chunk " + std::to_string(chunk.seq()) + ": " + done.error().message;
+        const std::string text = fmt::format("chunk {}: {}", chunk.seq(), done.error().message);
         if (!range_.around_damage || done.error().code != ErrorCode::kCorrupt)
           return Error{done.error().code, text};
         fault(chunk.seq(), text);
@@ -187,15 +328,16 @@ class Export {
     if (session_.state() == pb::SESSION_OPEN)
       output_.remark("the session is still open: this is what has come so far");
     if (session_.has_removed_original()) {
-      output_.remark("thinned recording: " + session_.removed_original().reason() + "; the original had " +
-                     std::to_string(session_.removed_original().samples()) + " samples");
+      output_.remark(fmt::format("thinned recording: {}; the original had {} samples",
+                                 session_.removed_original().reason(),
+                                 session_.removed_original().samples()));
     }
-    const std::string wrote = "wrote " + std::to_string(sink.samples()) + " samples to " + file.string();
+    const std::string wrote = fmt::format("wrote {} samples to {}", sink.samples(), file.string());
     output_.done(wrote + " (" + speed_ + ")");
     if (faults_ == 0) return {};
     return Error{ErrorCode::kCorrupt,
-                 std::to_string(faults_) + " of " + std::to_string(session_.chunks()) +
-                     " chunks are damaged or missing; the file holds what is around them"};
+                 fmt::format("{} of {} chunks are damaged or missing; the file holds what is around them",
+                             faults_, session_.chunks())};
   }
 
   Backend& backend_;
@@ -213,9 +355,110 @@ class Export {
 
 }  // namespace
 
+std::string hexOfBytes(const std::string& bytes) {
+  constexpr char kDigits[] = "0123456789abcdef";
+  std::string text;
+  text.reserve(bytes.size() * 2);
+  for (const char c : bytes) {
+    text += kDigits[static_cast<unsigned char>(c) >> 4];
+    text += kDigits[static_cast<unsigned char>(c) & 15];
+  }
+  return text;
+}
+
+Json sessionRow(const pb::SessionInfo& session) {
+  const auto& d = session.description();
+  const auto& r = d.resolution();
+  Json row = {{"session_id", idText(d.session_id())},
+              {"state", stateName(session.state())},
+              {"station", d.station()},
+              {"trainee", d.trainee()},
+              {"exercise_id", d.exercise_id()},
+              {"profile_id", d.profile_id()},
+              {"profile_revision", d.profile_revision()},
+              {"engine_version", d.engine_version()},
+              {"device", d.device()},
+              {"rate_hz", d.rate_hz()},
+              {"resolution",
+               {{"length_m", r.length_m()},
+                {"quaternion", r.quaternion()},
+                {"force_n", r.force_n()},
+                {"torque_nm", r.torque_nm()},
+                {"time_s", r.time_s()},
+                {"speed_m_s", r.speed_m_s()}}},
+              {"placement", std::vector<double>(d.placement().begin(), d.placement().end())},
+              {"tool", std::vector<double>(d.tool().begin(), d.tool().end())},
+              {"started_unix_ns", d.started_unix_ns()},
+              {"started_steady_ns", d.started_steady_ns()},
+              {"received_unix_ns", session.received_unix_ns()},
+              {"closed_unix_ns", session.closed_unix_ns()},
+              {"samples", session.samples()},
+              {"chunks", session.chunks()},
+              {"stored_bytes", session.stored_bytes()},
+              {"hash", nullptr},
+              {"clock_offset_ns", nullptr},
+              {"clock_round_trip_ns", nullptr}};
+  row["verdict"] = session.has_passed() ? Json(session.passed() ? "passed" : "failed") : Json();
+  if (session.figures_size() > 0) {
+    Json& figures = row["figures"] = Json::object();
+    for (const pb::Figure& figure : session.figures())
+      figures[figure.measure()] = figure.has_value() ? Json(figure.value()) : Json();
+  }
+  row["recording"] = "original";
+  if (session.has_removed_original()) {
+    const auto& removed = session.removed_original();
+    const bool thinned = removed.fate() == pb::RemovedOriginal::THINNED;
+    row["recording"] = thinned ? "thinned" : "deleted";
+    row["removed_original"] = {{"removed_unix_ns", removed.removed_unix_ns()},
+                               {"deleted_unix_ns", removed.deleted_unix_ns()},
+                               {"reason", removed.reason()},
+                               {"chunks", removed.chunks()},
+                               {"samples", removed.samples()},
+                               {"stored_bytes", removed.stored_bytes()},
+                               {"hash", hexOfBytes(removed.hash())}};
+    if (thinned) row["removed_original"]["thinned_rate_hz"] = removed.thinned_rate_hz();
+  }
+  if (!session.hash().empty()) row["hash"] = hexOfBytes(session.hash());
+  if (session.clock_round_trip_ns() != 0) {
+    row["clock_offset_ns"] = session.clock_offset_ns();
+    row["clock_round_trip_ns"] = session.clock_round_trip_ns();
+  }
+  return row;
+}
+
 Status exportSession(Backend& backend, Output& output, const Uuid& session, const std::string& format,
                      const std::filesystem::path& file, const ExportRange& range) {
   return Export(backend, output, session, range).run(format, file);
+}
+
+Status exportStudyRecording(Backend& backend, Output& output, const std::string& study,
+                            const std::string& session, const std::string& format,
+                            const std::filesystem::path& file) {
+  std::unique_ptr<SampleSink> sink;
+  for (std::uint64_t next = 0;;) {
+    pb::Request read;
+    read.mutable_read_study_recording()->set_study(study);
+    read.mutable_read_study_recording()->set_session(session);
+    read.mutable_read_study_recording()->set_from_seq(next);
+    ASSIGN_OR_RETURN(const auto reply, backend.call(read));
+    // only now: an unknown session leaves no file
+    if (!sink) {
+      auto opened = openSampleSink(format, file, Json{{"study", study}, {"session", session}}, {});
+      if (!opened) return opened.error();
+      sink = std::move(*opened);
+    }
+    for (const pb::Chunk& chunk : reply.chunks().chunks()) {
+      if (chunk.seq() != next)
+        return Error{ErrorCode::kCorrupt, fmt::format("chunk {} was asked for, {} came", next, chunk.seq())};
+      if (auto done = sink->take(viewOf(chunk.data())); !done)
+        return Error{done.error().code, fmt::format("chunk {}: {}", next, done.error().message)};
+      ++next;
+    }
+    if (reply.chunks().chunks_size() == 0) break;
+  }
+  RETURN_IF_ERROR(sink->finish());
+  output.done(fmt::format("wrote {} samples to {}", sink->samples(), file.string()));
+  return {};
 }
 
 }  // namespace needlelab

@@ -10,6 +10,7 @@
 #include "client/admin/output.h"
 #include "common/base/result.h"
 #include "common/base/uuid.h"
+#include "needlelab/types.pb.h"
 
 namespace needlelab {
 
@@ -27,5 +28,21 @@ struct ExportRange {
 /// kCorrupt. A thinned recording is exported as such; an open session as far as it is stored.
 Status exportSession(Backend& backend, Output& output, const Uuid& session, const std::string& format,
                      const std::filesystem::path& file, const ExportRange& range = {});
+
+// What is known of a session, as JSON.
+
+/// Everything but profile, score and remarks.
+Json sessionRow(const pb::SessionInfo& session);
+/// Lower-case hexadecimal digits.
+std::string hexOfBytes(const std::string& bytes);
+
+// `needlelab-admin study recording`: the samples of one session of a study's export.
+
+/// Writes the recording behind a session's pseudonym; ticks and times begin with 0. `format`: csv, json or
+/// recording, as in `session export`. Errors: kNotFound when the study has no such session (any more); on any
+/// fault there is no file. Thread: the caller's.
+Status exportStudyRecording(Backend& backend, Output& output, const std::string& study,
+                            const std::string& session, const std::string& format,
+                            const std::filesystem::path& file);
 
 }  // namespace needlelab

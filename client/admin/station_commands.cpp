@@ -32,9 +32,8 @@ Status checkWritable(const std::filesystem::path& file) {
 Status addStation(CommandContext& context, const std::string& name, const std::string& file) {
   pb::Request request;
   request.mutable_add_station()->set_name(name);
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
-  std::string line = name + ":" + hexText(reply->station_key().key()) + "\n";
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  std::string line = name + ":" + hexText(reply.station_key().key()) + "\n";
   const WipeAtEnd wiped(line);
   if (auto done = writeFileAtomically(file, viewOf(line), 0600); !done) {
     return Error{done.error().code, done.error().message + "; station '" + name +
@@ -65,14 +64,12 @@ Status enrolStation(CommandContext& context, const std::string& name, const std:
   enrolment.station = name;
   enrolment.server = *parseEndpoint(server);
   // all that can fail before the key is made, because it is shown once only
-  auto ca = authorityFor(context, enrolment.server);
-  if (!ca) return ca.error();
-  enrolment.ca_pem = std::move(*ca);
+  ASSIGN_OR_RETURN(auto ca, authorityFor(context, enrolment.server));
+  enrolment.ca_pem = std::move(ca);
   pb::Request request;
   request.mutable_add_station()->set_name(name);
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
-  enrolment.key = reply->station_key().key();
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  enrolment.key = reply.station_key().key();
   if (auto done = writeFileAtomically(file, viewOf(bundleText(enrolment)), 0600); !done) {
     return Error{done.error().code, done.error().message + "; station '" + name +
                                         "' was added, but its key is lost: revoke it and enrol it again"};
@@ -139,7 +136,7 @@ void addStationCommands(CLI::App& app, ChosenCommand& chosen) {
   add->callback([&chosen, values] {
     chosen.may_create = true;
     chosen.check = [values]() -> Status {
-      if (auto valid = checkName("station name", values->name); !valid) return valid;
+      RETURN_IF_ERROR(checkName("station name", values->name));
       return checkWritable(values->out);
     };
     chosen.run = [values](CommandContext& context) { return addStation(context, values->name, values->out); };
@@ -160,7 +157,7 @@ void addStationCommands(CLI::App& app, ChosenCommand& chosen) {
   enrol->callback([&chosen, values] {
     chosen.may_create = true;
     chosen.check = [values]() -> Status {
-      if (auto valid = checkName("station name", values->name); !valid) return valid;
+      RETURN_IF_ERROR(checkName("station name", values->name));
       if (auto valid = parseEndpoint(values->server); !valid)
         return Error{ErrorCode::kInvalidInput, "--server-name " + valid.error().message};
       return checkWritable(values->out);
@@ -174,14 +171,12 @@ void addStationCommands(CLI::App& app, ChosenCommand& chosen) {
 
   auto* revoke = station->add_subcommand("revoke", "its key opens nothing any more; its sessions stay");
   revoke->add_option("name", values->name)->required();
-  revoke->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) -> Status {
-      pb::Request request;
-      request.mutable_revoke_station()->set_name(values->name);
-      if (const auto reply = context.backend.call(request); !reply) return reply.error();
-      context.output.done("revoked station '" + values->name + "'");
-      return {};
-    };
+  runs(revoke, chosen, [values](CommandContext& context) -> Status {
+    pb::Request request;
+    request.mutable_revoke_station()->set_name(values->name);
+    RETURN_IF_ERROR(context.backend.call(request));
+    context.output.done("revoked station '" + values->name + "'");
+    return {};
   });
 }
 

@@ -1,4 +1,5 @@
 // Groups, results, progress, scores.
+#include <fmt/core.h>
 #include <algorithm>
 #include <memory>
 #include <set>
@@ -11,9 +12,8 @@ namespace {
 Result<pb::Group> groupNamed(Backend& backend, const std::string& id) {
   pb::Request request;
   request.mutable_get_group()->set_id(id);
-  const auto reply = backend.call(request);
-  if (!reply) return reply.error();
-  return reply->group();
+  ASSIGN_OR_RETURN(const auto reply, backend.call(request));
+  return reply.group();
 }
 
 /// The group as it is now, otherwise made; then what the command says.
@@ -40,10 +40,9 @@ Status editGroup(CommandContext& context, const GroupEdit& edit) {
   }
   put->mutable_group()->clear_members();
   for (const std::string& name : members) put->mutable_group()->add_members(name);
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
-  context.output.done("group '" + edit.id + "' has " + std::to_string(reply->group().members_size()) +
-                      " members, revision " + std::to_string(reply->group().revision()));
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  context.output.done(fmt::format("group '{}' has {} members, revision {}", edit.id,
+                                  reply.group().members_size(), reply.group().revision()));
   return {};
 }
 
@@ -85,9 +84,8 @@ std::string cellText(const pb::ResultCell& cell) {
                      : cell.attempts() > 0       ? "tried"
                      : cell.locked_by_size() > 0 ? "locked"
                                                  : "-";
-  if (cell.attempts() > 0) text += " " + std::to_string(cell.attempts());
-  if (cell.has_attempts_left() && !cell.passed())
-    text += ", " + std::to_string(cell.attempts_left()) + " left";
+  if (cell.attempts() > 0) text += fmt::format(" {}", cell.attempts());
+  if (cell.has_attempts_left() && !cell.passed()) text += fmt::format(", {} left", cell.attempts_left());
   if (cell.overdue()) text += ", overdue";
   return text;
 }
@@ -169,48 +167,38 @@ void addGroupCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* set = group->add_subcommand("set", "make a group, or give it another name");
   set->add_option("id", values->id)->required();
   set->add_option("--name", values->name, "default: the id");
-  set->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) {
-      return editGroup(context,
-                       {.id = values->id, .name = values->name, .join = {}, .leave = {}, .create = true});
-    };
+  runs(set, chosen, [values](CommandContext& context) {
+    return editGroup(context,
+                     {.id = values->id, .name = values->name, .join = {}, .leave = {}, .create = true});
   });
   for (const bool join : {true, false}) {
     auto* command = join ? group->add_subcommand("join", "people join a group")
                          : group->add_subcommand("leave", "people leave a group");
     command->add_option("id", values->id)->required();
     command->add_option("people", values->people)->required();
-    command->callback([&chosen, values, join] {
-      chosen.run = [values, join](CommandContext& context) {
-        GroupEdit edit{.id = values->id, .name = {}, .join = {}, .leave = {}};
-        (join ? edit.join : edit.leave) = values->people;
-        return editGroup(context, edit);
-      };
+    runs(command, chosen, [values, join](CommandContext& context) {
+      GroupEdit edit{.id = values->id, .name = {}, .join = {}, .leave = {}};
+      (join ? edit.join : edit.leave) = values->people;
+      return editGroup(context, edit);
     });
   }
   auto* show = group->add_subcommand("show", "a group and its members");
   show->add_option("id", values->id)->required();
-  show->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) -> Status {
-      const auto found = groupNamed(context.backend, values->id);
-      if (!found) return found.error();
-      return context.output.one(
-          {{"id", "id"}, {"name", "name"}, {"revision", "revision"}, {"names", "members"}}, groupRow(*found));
-    };
+  runs(show, chosen, [values](CommandContext& context) -> Status {
+    ASSIGN_OR_RETURN(const auto found, groupNamed(context.backend, values->id));
+    return context.output.one(
+        {{"id", "id"}, {"name", "name"}, {"revision", "revision"}, {"names", "members"}}, groupRow(found));
   });
   auto* remove = group->add_subcommand("remove", "a group and its assignments; its people stay");
   remove->add_option("id", values->id)->required();
-  remove->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) -> Status {
-      const auto found = groupNamed(context.backend, values->id);
-      if (!found) return found.error();
-      pb::Request request;
-      request.mutable_remove_group()->set_id(values->id);
-      request.mutable_remove_group()->set_base_revision(found->revision());
-      if (const auto reply = context.backend.call(request); !reply) return reply.error();
-      context.output.done("removed group '" + values->id + "'");
-      return {};
-    };
+  runs(remove, chosen, [values](CommandContext& context) -> Status {
+    ASSIGN_OR_RETURN(const auto found, groupNamed(context.backend, values->id));
+    pb::Request request;
+    request.mutable_remove_group()->set_id(values->id);
+    request.mutable_remove_group()->set_base_revision(found.revision());
+    RETURN_IF_ERROR(context.backend.call(request));
+    context.output.done("removed group '" + values->id + "'");
+    return {};
   });
 }
 
@@ -227,54 +215,40 @@ void addTeachingCommands(CLI::App& app, ChosenCommand& chosen) {
   results->add_option("course", values->course)->required();
   results->add_option("--group", values->group,
                       "default: all who have the course, or tried an exercise of it");
-  results->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) {
-      return showResults(context, values->course, values->group);
-    };
-  });
+  runs(results, chosen,
+       [values](CommandContext& context) { return showResults(context, values->course, values->group); });
   auto* progress = app.add_subcommand("progress", "the attempts of a trainee; with --json, their measures");
   progress->add_option("trainee", values->trainee)->required();
   progress->add_option("--exercise", values->exercise, "default: all");
-  progress->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) {
-      return showProgress(context, values->trainee, values->exercise);
-    };
+  runs(progress, chosen, [values](CommandContext& context) {
+    return showProgress(context, values->trainee, values->exercise);
   });
   auto* excuse = app.add_subcommand("excuse", "an attempt does not count, e.g. after a fault of the station");
   excuse->add_option("session", values->session)->required();
   excuse->add_option("--reason", values->reason, "for the audit log");
   excuse->add_flag("--undo", values->undo, "it counts again");
-  excuse->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) -> Status {
-      const auto id = sessionIdOf(values->session);
-      if (!id) return id.error();
-      pb::Request request;
-      request.mutable_excuse_attempt()->set_session_id(id->data(), id->size());
-      request.mutable_excuse_attempt()->set_excused(!values->undo);
-      request.mutable_excuse_attempt()->set_reason(values->reason);
-      const auto reply = context.backend.call(request);
-      if (!reply) return reply.error();
-      context.output.done("attempt " + std::to_string(reply->attempt().number()) + " of '" +
-                          reply->attempt().trainee() + "' at '" + reply->attempt().exercise_id() +
-                          (values->undo ? "' counts again" : "' does not count"));
-      return {};
-    };
+  runs(excuse, chosen, [values](CommandContext& context) -> Status {
+    ASSIGN_OR_RETURN(const auto id, sessionIdOf(values->session));
+    pb::Request request;
+    request.mutable_excuse_attempt()->set_session_id(id.data(), id.size());
+    request.mutable_excuse_attempt()->set_excused(!values->undo);
+    request.mutable_excuse_attempt()->set_reason(values->reason);
+    ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+    context.output.done(fmt::format("attempt {} of '{}' at '{}{}", reply.attempt().number(),
+                                    reply.attempt().trainee(), reply.attempt().exercise_id(),
+                                    values->undo ? "' counts again" : "' does not count"));
+    return {};
   });
   auto* rescore = app.add_subcommand(
       "rescore", "score a stored session by the definitions of now; the first score stays");
   rescore->add_option("session", values->session)->required();
-  rescore->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) -> Status {
-      const auto id = sessionIdOf(values->session);
-      if (!id) return id.error();
-      pb::Request request;
-      request.mutable_rescore_session()->set_session_id(id->data(), id->size());
-      const auto reply = context.backend.call(request);
-      if (!reply) return reply.error();
-      context.output.done("scored by definition version " +
-                          std::to_string(reply->score().definition_version()));
-      return {};
-    };
+  runs(rescore, chosen, [values](CommandContext& context) -> Status {
+    ASSIGN_OR_RETURN(const auto id, sessionIdOf(values->session));
+    pb::Request request;
+    request.mutable_rescore_session()->set_session_id(id.data(), id.size());
+    ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+    context.output.done(fmt::format("scored by definition version {}", reply.score().definition_version()));
+    return {};
   });
 }
 

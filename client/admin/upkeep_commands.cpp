@@ -1,8 +1,12 @@
+#include <fmt/core.h>
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 
 #include "client/admin/command.h"
 #include "common/base/clock.h"
+#include "common/base/uuid.h"
+#include "common/wire/certificates.h"
 #include "db/service/bootstrap.h"
 #include "db/service/restore.h"
 
@@ -21,9 +25,8 @@ Status backup(CommandContext& context, const std::string& path, std::uint32_t ke
   pb::Request request;
   request.mutable_backup()->set_path(target.string());
   request.mutable_backup()->set_keep(keep);
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
-  const auto& done = reply->backup_done();
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  const auto& done = reply.backup_done();
   const Json row = {{"path", done.path()},
                     {"bytes", done.bytes()},
                     {"chunks_verified", done.chunks_verified()},
@@ -39,19 +42,17 @@ Status backup(CommandContext& context, const std::string& path, std::uint32_t ke
 }
 
 Status restore(const std::filesystem::path& folder, Output& output, const std::string& from) {
-  const auto result = restoreFrom(folder, from, wallNowNs());
-  if (!result) return result.error();
+  ASSIGN_OR_RETURN(const auto result, restoreFrom(folder, from, wallNowNs()));
   // opened once, so that it is known to open, and the audit log says what happened
   Store::Options options;
   options.holder = "needlelab-admin";
   options.create = false;
-  auto store = Store::open(folder, options);
-  if (!store) return store.error();
+  ASSIGN_OR_RETURN(auto store, Store::open(folder, options));
   Json again = Json::array();
-  for (const RestoredAccess& one : result->valid_again)
+  for (const RestoredAccess& one : result.valid_again)
     again.push_back({{"kind", one.station ? "station" : "user"}, {"name", one.name}, {"text", one.text}});
-  const std::string kept = result->kept.empty() ? "none" : result->kept.string();
-  if (auto noted = (*store)->service().note("local", "restore", from, "replaced database kept as " + kept);
+  const std::string kept = result.kept.empty() ? "none" : result.kept.string();
+  if (auto noted = (store)->service().note("local", "restore", from, "replaced database kept as " + kept);
       !noted)
     return noted;
   if (auto shown = output.one({{"from", "restored from"},
@@ -59,37 +60,35 @@ Status restore(const std::filesystem::path& folder, Output& output, const std::s
                                {"chunks", "chunks checked"},
                                {"kept", "replaced database kept as"}},
                               {{"from", from},
-                               {"sessions", result->sessions},
-                               {"chunks", result->chunks},
+                               {"sessions", result.sessions},
+                               {"chunks", result.chunks},
                                {"kept", kept},
                                {"valid_again", again},
-                               {"not_compared", result->not_compared}});
+                               {"not_compared", result.not_compared}});
       !shown)
     return shown;
-  const auto repeat = (*store)->service().erasuresToRepeat();
-  if (!repeat) return repeat.error();
-  for (const std::string& erasure : *repeat) output.remark(erasure);
+  ASSIGN_OR_RETURN(const auto repeat, (store)->service().erasuresToRepeat());
+  for (const std::string& erasure : repeat) output.remark(erasure);
   output.text(
       "Start the server: stations send again what this backup lacks and their spools have. Stations, people "
       "and "
       "profiles added after the backup have to be added again.");
-  for (const RestoredAccess& one : result->valid_again) output.text("valid again: " + oneLine(one.text));
-  if (!result->valid_again.empty())
+  for (const RestoredAccess& one : result.valid_again) output.text("valid again: " + oneLine(one.text));
+  if (!result.valid_again.empty())
     output.text("Withdraw them anew before anybody connects: user disable, user passwd, station revoke.");
-  if (!result->not_compared.empty())
+  if (!result.not_compared.empty())
     output.text(
-        "The replaced database cannot be read (" + oneLine(result->not_compared) +
+        "The replaced database cannot be read (" + oneLine(result.not_compared) +
         "): accounts and keys that were withdrawn after the backup are valid again; withdraw them anew.");
-  if (!result->kept.empty()) output.text("Back to the replaced database: deploy/OPERATIONS.md, Restore.");
+  if (!result.kept.empty()) output.text("Back to the replaced database: deploy/OPERATIONS.md, Restore.");
   return {};
 }
 
 Status check(CommandContext& context) {
   pb::Request request;
   request.mutable_check();
-  const auto reply = context.backend.call(request);
-  if (!reply) return reply.error();
-  const auto& report = reply->check_report();
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  const auto& report = reply.check_report();
   Json row = {{"ok", report.ok()},
               {"sessions", report.sessions()},
               {"chunks", report.chunks()},
@@ -99,8 +98,10 @@ Status check(CommandContext& context) {
     return done;
   for (const std::string& fault : report.faults()) context.output.text("fault: " + oneLine(fault));
   if (!report.ok()) {
-    return Error{ErrorCode::kCorrupt, "the database has faults (" + std::to_string(report.faults_size()) +
-                                          " are listed): restore a backup; spools send what it lacks"};
+    return Error{
+        ErrorCode::kCorrupt,
+        fmt::format("the database has faults ({} are listed): restore a backup; spools send what it lacks",
+                    report.faults_size())};
   }
   return {};
 }
@@ -133,6 +134,148 @@ Status audit(CommandContext& context, std::uint32_t limit) {
                               {"subject", "SUBJECT"},
                               {"detail", "DETAIL"}},
                              rows, "no changes yet");
+}
+
+Json policyRow(const pb::RetentionPolicy& policy) {
+  Json row = {{"exercise_id", policy.exercise_id().empty() ? Json() : Json(policy.exercise_id())},
+              {"exercise", policy.exercise_id().empty() ? "(all others)" : policy.exercise_id()},
+              {"thin_after_days", nullptr},
+              {"thin_rate_hz", nullptr},
+              {"thin_coarser", nullptr},
+              {"delete_after_days", nullptr},
+              {"without_backup", policy.without_backup()},
+              {"by", policy.by()},
+              {"changed_unix_ns", policy.changed_unix_ns()}};
+  if (policy.has_thin_after_days()) {
+    row["thin_after_days"] = policy.thin_after_days();
+    row["thin_rate_hz"] = policy.thin_rate_hz();
+    row["thin_coarser"] = policy.thin_coarser();
+  }
+  if (policy.has_delete_after_days()) row["delete_after_days"] = policy.delete_after_days();
+  return row;
+}
+
+Status showRetention(CommandContext& context) {
+  pb::Request request;
+  request.mutable_list_retention();
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  const auto& retention = reply.retention();
+  Json rows = Json::array();
+  bool has_default = false;
+  for (const auto& policy : retention.policies()) {
+    rows.push_back(policyRow(policy));
+    has_default = has_default || policy.exercise_id().empty();
+  }
+  if (auto done = context.output.list({{"exercise", "EXERCISE"},
+                                       {"thin_after_days", "THIN_AFTER_DAYS"},
+                                       {"thin_rate_hz", "TO_HZ"},
+                                       {"thin_coarser", "COARSER"},
+                                       {"delete_after_days", "DELETE_AFTER_DAYS"},
+                                       {"without_backup", "WITHOUT_BACKUP"},
+                                       {"by", "BY"},
+                                       {"changed_unix_ns", "SINCE", Column::Kind::kTime}},
+                                      rows, "no policy: every recording is kept for ever");
+      !done)
+    return done;
+  if (!has_default && !rows.empty()) context.output.text("all other exercises: kept for ever");
+  const std::string line = fmt::format(
+      "{} sessions thinned, {} deleted; database {}, of it free for new recordings {}; last run {}",
+      retention.thinned_sessions(), retention.deleted_sessions(), bytesText(retention.database_bytes()),
+      bytesText(retention.free_bytes()), timeText(retention.last_run_unix_ns()));
+  context.output.done(line);
+  return {};
+}
+
+const char* actionName(pb::RetentionStep::Action action) {
+  switch (action) {
+    case pb::RetentionStep::THIN:
+      return "thin";
+    case pb::RetentionStep::DELETE:
+      return "delete";
+    case pb::RetentionStep::WAITS_FOR_BACKUP:
+      return "waits for a backup";
+    case pb::RetentionStep::LEFT_ALONE:
+      return "left alone";
+    default:
+      return "?";
+  }
+}
+
+Status runNow(CommandContext& context, bool dry_run) {
+  pb::Request request;
+  request.mutable_run_retention()->set_dry_run(dry_run);
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  const auto& report = reply.retention_report();
+  Json rows = Json::array();
+  for (const auto& step : report.steps()) {
+    Uuid id{};
+    if (step.session_id().size() == id.size())
+      std::copy(step.session_id().begin(), step.session_id().end(), id.begin());
+    rows.push_back({{"session_id", uuidText(id)},
+                    {"exercise_id", step.exercise_id()},
+                    {"action", actionName(step.action())},
+                    {"bytes_before", step.bytes_before()},
+                    {"bytes_after", dry_run ? Json() : Json(step.bytes_after())},
+                    {"text", step.text()}});
+  }
+  if (auto done = context.output.list({{"session_id", "SESSION"},
+                                       {"action", "ACTION"},
+                                       {"bytes_before", "BEFORE", Column::Kind::kBytes},
+                                       {"bytes_after", "AFTER", Column::Kind::kBytes},
+                                       {"text", ""}},
+                                      rows, "nothing is due");
+      !done)
+    return done;
+  const bool cut = static_cast<std::uint64_t>(rows.size()) <
+                   report.thinned() + report.deleted() + report.waiting_for_backup() + report.left_alone();
+  context.output.done(fmt::format(
+      "{}{} thinned, {} deleted, {} wait for a backup, {} left alone{}; {}{} of the database are free{}",
+      dry_run ? "would be: " : "", report.thinned(), report.deleted(), report.waiting_for_backup(),
+      report.left_alone(), cut ? fmt::format(" (the first {} are listed)", rows.size()) : "",
+      dry_run ? "" : bytesText(report.bytes_before()) + " became " + bytesText(report.bytes_after()) + ", ",
+      bytesText(report.free_bytes()),
+      report.stopped() ? "; stopped by the server's end, the next run goes on" : ""));
+  return {};
+}
+
+constexpr std::int64_t kSecond = 1'000'000'000;
+
+Status show(const std::filesystem::path& folder, Output& output) {
+  const TlsFiles files = tlsFilesIn(folder / "tls");
+  const std::pair<const char*, std::filesystem::path> both[] = {{"authority", files.ca_certificate},
+                                                                {"server", files.certificate}};
+  Json rows = Json::array();
+  for (const auto& [what, path] : both) {
+    ASSIGN_OR_RETURN(const auto facts, readCertificate(path));
+    std::string hosts;
+    for (const std::string& host : facts.hosts) hosts += (hosts.empty() ? "" : ", ") + host;
+    rows.push_back({{"what", what},
+                    {"file", path.string()},
+                    {"subject", facts.subject},
+                    {"hosts", hosts},
+                    {"not_before_unix_ns", facts.not_before_unix_s * kSecond},
+                    {"not_after_unix_ns", facts.not_after_unix_s * kSecond},
+                    {"days_left", (facts.not_after_unix_s - wallNowNs() / kSecond) / 86'400},
+                    {"sha256", facts.sha256}});
+  }
+  return output.list({{"what", "CERTIFICATE"},
+                      {"not_after_unix_ns", "VALID UNTIL", Column::Kind::kTime},
+                      {"days_left", "DAYS LEFT"},
+                      {"hosts", "FOR"},
+                      {"sha256", "SHA-256"}},
+                     rows);
+}
+
+Status renew(const std::filesystem::path& folder, Output& output, const std::vector<std::string>& hosts) {
+  const TlsFiles files = tlsFilesIn(folder / "tls");
+  RETURN_IF_ERROR(renewServerCertificate(files, hosts));
+  ASSIGN_OR_RETURN(const auto facts, readCertificate(files.certificate));
+  std::string names;
+  for (const std::string& host : facts.hosts) names += (names.empty() ? "" : ", ") + host;
+  output.done(
+      "a new certificate for " + names + ", until " + timeText(facts.not_after_unix_s * kSecond) +
+      "; a server that runs takes it at its next start. Stations need nothing: the authority is the same");
+  return {};
 }
 
 }  // namespace
@@ -188,8 +331,95 @@ void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen) {
 
   auto* audit_command = app.add_subcommand("audit", "who changed what, newest first");
   audit_command->add_option("--limit", values->limit, "at most so many; 0: all")->capture_default_str();
-  audit_command->callback([&chosen, values] {
-    chosen.run = [values](CommandContext& context) { return audit(context, values->limit); };
+  runs(audit_command, chosen, [values](CommandContext& context) { return audit(context, values->limit); });
+}
+
+// What happens to recordings after a time.
+
+void addRetentionCommands(CLI::App& app, ChosenCommand& chosen) {
+  struct Values {
+    std::string exercise;
+    bool is_default = false, keep = false, as_default = false, without_backup = false, dry_run = false;
+    std::optional<std::uint32_t> thin_after, delete_after;
+    double rate = 0, coarser = 0;
+  };
+  const auto values = std::make_shared<Values>();
+  auto* retention =
+      app.add_subcommand("retention", "what happens to recordings after a time; nothing, unless it is set");
+  retention->require_subcommand(1);
+  runs(retention->add_subcommand("show", "the policies, and what they have done"), chosen, showRetention);
+
+  auto* run = retention->add_subcommand("run", "do now what is due; the server does it each day");
+  run->add_flag("--dry-run", values->dry_run, "only say what would be done");
+  runs(run, chosen, [values](CommandContext& context) { return runNow(context, values->dry_run); });
+
+  auto* set = retention->add_subcommand("set", "the policy of an exercise, or of all others");
+  set->add_option("exercise", values->exercise, "an exercise's id")->type_name("EXERCISE");
+  set->add_flag("--default", values->is_default,
+                "in place of EXERCISE: of all exercises without a policy of their own");
+  set->add_flag("--keep", values->keep, "for ever");
+  set->add_flag("--as-default", values->as_default, "no policy of its own any more");
+  set->add_option("--thin-after", values->thin_after, "fewer samples so long after the session was closed")
+      ->type_name("DAYS");
+  set->add_option("--rate", values->rate, "samples a second that are left")->type_name("HZ");
+  set->add_option("--coarser", values->coarser, "steps of the numbers: so many times the original's (1)")
+      ->type_name("K");
+  set->add_option("--delete-after", values->delete_after, "no samples so long after the session was closed")
+      ->type_name("DAYS");
+  set->add_flag("--without-backup", values->without_backup, "also sessions that no verified backup covers");
+  set->callback([&chosen, values] {
+    chosen.check = [values]() -> Status {
+      const auto bad = [](const char* text) {
+        return Error{ErrorCode::kInvalidInput, std::string("retention set: ") + text};
+      };
+      const Values& v = *values;
+      if (v.exercise.empty() != v.is_default) return bad("give either an exercise's id or --default");
+      const bool acts = v.thin_after || v.delete_after;
+      if (v.keep + v.as_default + acts != 1)
+        return bad("give --keep, --as-default, or one or both of --thin-after and --delete-after");
+      if (v.thin_after.has_value() != (v.rate != 0)) return bad("--thin-after and --rate go together");
+      if (v.coarser != 0 && !v.thin_after) return bad("--coarser goes with --thin-after");
+      if (v.without_backup && !acts) return bad("--without-backup goes with --thin-after or --delete-after");
+      return {};
+    };
+    chosen.run = [values](CommandContext& context) -> Status {
+      const Values& v = *values;
+      pb::Request request;
+      auto* call = request.mutable_set_retention();
+      call->set_as_default(v.as_default);
+      auto* policy = call->mutable_policy();
+      policy->set_exercise_id(v.exercise);
+      if (v.thin_after) policy->set_thin_after_days(*v.thin_after);
+      policy->set_thin_rate_hz(v.rate);
+      policy->set_thin_coarser(v.coarser);
+      if (v.delete_after) policy->set_delete_after_days(*v.delete_after);
+      policy->set_without_backup(v.without_backup);
+      RETURN_IF_ERROR(context.backend.call(request));
+      context.output.done("set; `retention run --dry-run` says what it means now");
+      return {};
+    };
+  });
+}
+
+// The server's certificate: what it says, and a new one. Works on DIR/tls, whether the server runs or not.
+
+void addCertificateCommands(CLI::App& app, ChosenCommand& chosen) {
+  auto* certificate = app.add_subcommand("certificate", "by which stations know the server (needs --data)");
+  certificate->require_subcommand(1);
+  const auto hosts = std::make_shared<std::vector<std::string>>();
+
+  certificate->add_subcommand("show", "until when they are valid, and for which names")->callback([&chosen] {
+    chosen.run_on_files = show;
+  });
+  auto* renew_command = certificate->add_subcommand(
+      "renew",
+      "make the server a new one by the same authority, for the old names and these; needs tls/ca.key");
+  renew_command->add_option("--host-name", *hosts, "a further name or address; may be repeated")
+      ->type_name("HOST");
+  renew_command->callback([&chosen, hosts] {
+    chosen.run_on_files = [hosts](const std::filesystem::path& folder, Output& output) {
+      return renew(folder, output, *hosts);
+    };
   });
 }
 

@@ -1,10 +1,17 @@
-#include "client/admin/session_export.h"
-
+#include <cstdlib>
 #include <fstream>
+#include <iostream>
 #include <iterator>
+#include <thread>
 
+#include "client/admin/session_export.h"
+#include "common/base/clock.h"
+#include "common/base/csv.h"
 #include "common/gesture/recording.h"
 #include "common/gesture/sample_csv.h"
+#include "server/live/log.h"
+#include "server/server.h"
+#include "tests/support/sanitized.h"
 #include "tests/unit/client/admin/run_admin.h"
 
 namespace needlelab {
@@ -84,5 +91,188 @@ TEST_F(SessionExport, aDamagedSessionLeavesNoFileAndNoOldOneIsLost) {
   EXPECT_EQ(files, 2) << "something is left beside the folder and the old file";
 }
 
+class RangeOfExport : public test::AdminTest {
+ protected:
+  std::string content(const std::string& name) const {
+    std::ifstream in(file(name), std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+  /// The ticks of an exported JSON.
+  std::vector<std::uint64_t> ticks(const std::string& name) const {
+    std::vector<std::uint64_t> all;
+    const auto whole = nlohmann::json::parse(content(name));
+    for (const auto& row : whole.at("rows")) all.push_back(row.at("tick"));
+    return all;
+  }
+  static std::vector<std::uint64_t> range(std::uint64_t from, std::uint64_t to) {
+    std::vector<std::uint64_t> all;
+    for (std::uint64_t tick = from; tick < to; ++tick) all.push_back(tick);
+    return all;
+  }
+};
+
+// chunkOf(): a sample each ms, 20 a chunk, ticks from 0
+TEST_F(RangeOfExport, fromAndToCutAtTheSample) {
+  const std::string id = uuidText(addSession(50));
+  good({"session", "export", id, "--format", "json", "--from", "0.333", "--to", "0.5", "--out",
+        file("a.json")});
+  EXPECT_EQ(ticks("a.json"), range(333, 500));
+  good({"session", "export", id, "--format", "json", "--from", "0.9", "--out", file("a.json")});
+  EXPECT_EQ(ticks("a.json"), range(900, 1000));
+  good({"session", "export", id, "--format", "json", "--to", "0.0205", "--out", file("a.json")});
+  EXPECT_EQ(ticks("a.json"), range(0, 21));
+  good({"session", "export", id, "--format", "json", "--from", "7", "--out", file("a.json")});
+  EXPECT_TRUE(ticks("a.json").empty());
+  // times of a part count from the session's first sample
+  good({"session", "export", id, "--from", "0.5", "--to", "0.502", "--out", file("a.csv")});
+  const std::string csv = content("a.csv");
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 3);
+  EXPECT_NE(csv.find("\n0.5,500,"), std::string::npos) << csv;
+  // a recording has whole chunks
+  good({"session", "export", id, "--format", "recording", "--from", "0.333", "--to", "0.5", "--out",
+        file("a.nlg")});
+  const auto reader = RecordingReader::open(file("a.nlg"));
+  ASSERT_OK(reader);
+  ASSERT_EQ(reader->entries().size(), 9u);
+  EXPECT_EQ(reader->entries().front().first_tick, 320u);
+  EXPECT_EQ(reader->entries().back().last_tick, 499u);
+}
+
+TEST_F(RangeOfExport, badRangesAreWrongInput) {
+  const std::string id = uuidText(addSession(2));
+  for (const auto& [from, to] :
+       {std::pair{"-1", "2"}, std::pair{"3", "2"}, std::pair{"nan", "2"}, std::pair{"1", "1e99"}}) {
+    const Run bad = onData({"session", "export", id, "--from", from, "--to", to, "--out", file("x")});
+    EXPECT_EQ(bad.code, 2) << from << " " << to << ": " << bad.err;
+    EXPECT_FALSE(std::filesystem::exists(file("x")));
+  }
+}
+
+TEST_F(RangeOfExport, damagedChunksAreNamedAndTheRestWritten) {
+  const std::string id = uuidText(addSession(
+      50, false, "UPDATE chunks SET crc = 1 WHERE seq IN (3, 4); DELETE FROM chunks WHERE seq = 20"));
+  const Run refused = onData({"session", "export", id, "--format", "json", "--out", file("d.json")});
+  EXPECT_EQ(refused.code, 1);
+  EXPECT_NE(refused.err.find("chunk 3"), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("--damaged"), std::string::npos) << refused.err;
+  EXPECT_FALSE(std::filesystem::exists(file("d.json")));
+
+  const Run around =
+      onData({"session", "export", id, "--format", "json", "--damaged", "--out", file("d.json")});
+  EXPECT_EQ(around.code, 1);
+  for (const char* chunk : {"chunk 3", "chunk 4", "chunk 20", "3 of 50 chunks"})
+    EXPECT_NE(around.err.find(chunk), std::string::npos) << around.err;
+  auto expected = range(0, 60);
+  for (const auto tick : range(100, 400)) expected.push_back(tick);
+  for (const auto tick : range(420, 1000)) expected.push_back(tick);
+  EXPECT_EQ(ticks("d.json"), expected);
+  // a part without damage is sound
+  EXPECT_EQ(
+      onData({"session", "export", id, "--format", "json", "--from", "0.5", "--out", file("d.json")}).code,
+      0);
+  EXPECT_EQ(ticks("d.json"), range(500, 1000));
+  // the first chunk, too
+  const std::string first = uuidText(addSession(5, false, "UPDATE chunks SET crc = 1 WHERE seq = 0"));
+  EXPECT_EQ(
+      onData({"session", "export", first, "--format", "json", "--damaged", "--out", file("f.json")}).code, 1);
+  EXPECT_EQ(ticks("f.json"), range(20, 100));
+  // check names them all, and exits 1
+  const Run check = onData({"check"});
+  EXPECT_EQ(check.code, 1);
+  for (const char* chunk : {"chunk 3:", "chunk 4:", "chunk 20:", "chunk 0:"})
+    EXPECT_NE(check.out.find(chunk), std::string::npos) << check.out;
+}
+
+TEST_F(RangeOfExport, aHashThatDisagreesIsNamedToo) {
+  const std::string id = uuidText(addSession(3, false, "UPDATE sessions SET hash = zeroblob(32)"));
+  EXPECT_EQ(onData({"session", "export", id, "--out", file("h.csv")}).code, 1);
+  EXPECT_FALSE(std::filesystem::exists(file("h.csv")));
+  EXPECT_EQ(onData({"session", "export", id, "--damaged", "--out", file("h.csv")}).code, 1);
+  EXPECT_TRUE(std::filesystem::exists(file("h.csv")));
+}
+
+class ExportMemory : public test::AdminTest {
+ protected:
+  /// A session of that many seconds at 1 kHz.
+  Uuid addLong(std::uint64_t seconds) const {
+    auto store = test::TestDb::must(Store::open(data(), {}));
+    const Uuid id = makeUuidV7();
+    EXPECT_OK(store->writer().run([&](Connection& c) -> Status {
+      if (const auto known = StationStore(c).find("station-1"); known.ok() && !known->has_value()) {
+        if (auto added = StationStore(c).add("station-1", StationKeyBytes{}, 1); !added) return added;
+      }
+      SessionStore sessions(c);
+      if (auto opened = sessions.open(test::describe(id), 1); !opened) return opened.error();
+      for (std::uint64_t seq = 0; seq < seconds; ++seq) {
+        if (auto appended = sessions.append(id, seq, test::chunkOf(seq, 1000)); !appended)
+          return appended.error();
+      }
+      pb::CloseSession close;
+      close.set_session_id(test::bytesOfId(id));
+      close.set_chunks(seconds);
+      close.set_samples(1000 * seconds);
+      const auto hashed = sessions.hashChunks(id, seconds);
+      if (!hashed) return hashed.error();
+      close.set_hash(hashed->hash.data(), hashed->hash.size());
+      const auto closed = sessions.close(close, 2, {}, *hashed);
+      return closed ? Status() : Status(closed.error());
+    }));
+    return id;
+  }
+  static std::uint64_t statusKiB(const std::string& key) {
+    std::ifstream status("/proc/self/status");
+    for (std::string line; std::getline(status, line);) {
+      if (line.rfind(key + ":", 0) == 0) return std::strtoull(line.c_str() + key.size() + 1, nullptr, 10);
+    }
+    return 0;
+  }
+  /// The process's largest size while `work` ran.
+  template <typename Work>
+  static std::uint64_t peakKiB(const Work& work) {
+    std::ofstream("/proc/self/clear_refs") << "5";
+    work();
+    return statusKiB("VmHWM");
+  }
+};
+
+TEST_F(ExportMemory, doesNotGrowWithTheLength) {
+  const bool lengthy = std::getenv("NEEDLELAB_LONG") != nullptr;
+  const std::uint64_t seconds = lengthy ? 3600 : 360;
+  const auto password = folder.write("pw", "correct horse").string();
+  good({"user", "add", "ines", "--role", "instructor", "--password-file", password});
+  const std::string minute = uuidText(addLong(60)), longer = uuidText(addLong(seconds));
+  ServerOptions options;
+  options.data = data();
+  options.listen = "127.0.0.1:0";
+  setLogLevel(LogLevel::kOff);
+  auto server = Server::start(options);
+  ASSERT_OK(server);
+  std::thread thread([&] { EXPECT_EQ((*server)->run(), 0); });
+
+  const auto take = [&](const std::string& id, const std::string& format, std::uint64_t samples) {
+    const std::string out = file("out." + format);
+    const Run run = this->run({"--server", "127.0.0.1:" + std::to_string((*server)->port()), "--ca",
+                               (*server)->caFile().string(), "--user", "ines", "--password-file", password,
+                               "session", "export", id, "--format", format, "--out", out});
+    EXPECT_EQ(run.code, 0) << run.err;
+    EXPECT_NE(run.out.find("wrote " + std::to_string(samples) + " samples"), std::string::npos) << run.out;
+    std::cout << run.out;
+    std::filesystem::remove(out);
+  };
+  for (const std::string format : {"csv", "json"}) {
+    take(minute, format, 60'000);  // caches and pools are filled by this one
+    const auto small = peakKiB([&] { take(minute, format, 60'000); });
+    const auto large = peakKiB([&] { take(longer, format, 1000 * seconds); });
+    std::cout << format << ": peak " << small << " KiB for a minute, " << large << " KiB for " << seconds / 60
+              << " minutes\n";
+    if (!test::kSanitized) {
+      EXPECT_LT(large, small + 4096) << format;
+    }
+  }
+  (*server)->stop();
+  thread.join();
+}
+
 }  // namespace
+
 }  // namespace needlelab
