@@ -33,7 +33,7 @@ struct LoadOptions {
   std::filesystem::path bin;   ///< where needlelab-server is
   std::filesystem::path data;  ///< its folder, new, kept; empty: a temporary one
 
-  bool faults = false;        ///< random faults (fault_plan.h); needs an own server
+  bool faults = false;        ///< random faults (FaultPlan); needs an own server
   double fault_every_s = 10;  ///< on average, [0.5, 3600]
   bool quiet = false;         ///< no progress on standard error
 };

@@ -156,7 +156,7 @@ Json loadJson(const LoadResult& r) {
       {"generator_cpu_s", r.generator_cpu_s},
       {"bytes_per_sample",
        d.stored > 0 ? static_cast<double>(r.stored.chunk_bytes) / static_cast<double>(d.stored) : 0},
-      // beyond DESIGN §9
+      // beside the fields that all results have
       {"different", d.different},
       {"foreign", d.foreign},
       {"samples_made", r.samples_made},
@@ -280,7 +280,7 @@ std::string growthText(const Growth& growth) {
         "sample was compared with what was generated: \"wrong\" are those lost, doubled, different or "
         "strange.\n\n",
         number(*last, "seconds"), last->value("database_disk", "?"));
-  text += sizesTable(growth) + "\n![growth](load.png)\n\n## Goals of DESIGN §12\n\n";
+  text += sizesTable(growth) + "\n![growth](load.png)\n\n## Goals\n\n";
   for (const GrowthVerdict& verdict : judgeGrowth(growth))
     text += std::string("- ") + (verdict.met ? "PASS" : "FAIL") + ": " + verdict.text + "\n";
   text += "\n## Where the time goes\n\n" + profileText(growth);

@@ -1,4 +1,4 @@
-/// A run as JSON (DESIGN §9) and in words.
+/// A run as JSON and as text.
 #pragma once
 
 #include <filesystem>
@@ -40,7 +40,7 @@ struct GrowthVerdict {
   bool met = false;
   std::string text;
 };
-/// The goals of DESIGN §12, over all sizes; the largest must be that of the goal.
+/// The goals of tests/bench/README.md, over all sizes; the largest must be that of the goal.
 std::vector<GrowthVerdict> judgeGrowth(const Growth& growth, const GrowthGoals& goals = {});
 
 /// Markdown: the table of sizes, goals, where the time goes, what limits next.

@@ -80,7 +80,7 @@ class LoadRun {
   }
 
  private:
-  void say(const std::string& text) const {
+  void log(const std::string& text) const {
     if (!options_.quiet) std::fprintf(stderr, "needlelab-load: %s\n", text.c_str());
   }
   [[nodiscard]] bool stopAsked() const { return interrupt_.load(std::memory_order_relaxed); }
@@ -177,7 +177,7 @@ class LoadRun {
       std::this_thread::sleep_for(50ms);
     }
     result_.connect_s = seconds(steadyNowNs() - begin_ns);
-    say(fmt::format("{} stations and {} viewers connected in {:.1f} s", options_.stations, options_.viewers,
+    log(fmt::format("{} stations and {} viewers connected in {:.1f} s", options_.stations, options_.viewers,
                     result_.connect_s));
     return {};
   }
@@ -197,7 +197,7 @@ class LoadRun {
       const double time_s = seconds(steadyNowNs() - begin_ns);
       if (state.ended == options_.stations) break;
       if (stopAsked() && !std::exchange(told, true)) {
-        say("ending before its time");
+        log("ending before its time");
         result_.interrupted = true;
         crowd_->endNow();
       }
@@ -230,7 +230,7 @@ class LoadRun {
         result_.pauses += planned->who.size();
         return {};
       case PlannedFault::Kind::kKillServer:
-        say("kill -9 of the server");
+        log("kill -9 of the server");
         server_->kill();
         ++result_.kills;
         std::this_thread::sleep_for(planned->time);
@@ -264,7 +264,7 @@ class LoadRun {
     result_.drain_s = seconds(steadyNowNs() - begin_ns);
     result_.stations_closed = state.closed;
     if (state.closed < options_.stations) result_.troubles.push_back(state.trouble);
-    say(fmt::format("all sent and closed in {:.1f} s", result_.drain_s));
+    log(fmt::format("all sent and closed in {:.1f} s", result_.drain_s));
     viewers_->stop();
     crowd_->stop();
     ticks_ = crowd_->ticks();
@@ -280,7 +280,7 @@ class LoadRun {
     const CheckProgress progress = [&](std::size_t done) {
       if (steadyNowNs() - said_ns < 2'000'000'000) return;
       said_ns = steadyNowNs();
-      say(fmt::format("{} of {} sessions compared", done, options_.stations));
+      log(fmt::format("{} of {} sessions compared", done, options_.stations));
     };
     if (server_) {
       if (Status status = server_->stop(); !status.ok()) result_.troubles.push_back(status.error().message);
@@ -296,7 +296,7 @@ class LoadRun {
       result_.stored = std::move(*check);
     }
     result_.check_s = seconds(steadyNowNs() - begin_ns);
-    say(fmt::format("{} stored samples compared in {:.1f} s", result_.stored.samples.stored,
+    log(fmt::format("{} stored samples compared in {:.1f} s", result_.stored.samples.stored,
                     result_.check_s));
     return {};
   }
@@ -318,7 +318,7 @@ class LoadRun {
 
   void progress(double time_s, const CrowdState& state) const {
     if (result_.rows.size() % 5 != 1) return;
-    say(fmt::format("{:4.0f} s: {:.1f} million samples, {:.1f} million acknowledged", std::max(0.0, time_s),
+    log(fmt::format("{:4.0f} s: {:.1f} million samples, {:.1f} million acknowledged", std::max(0.0, time_s),
                     static_cast<double>(state.samples_made) * 1e-6,
                     static_cast<double>(state.samples_acked) * 1e-6));
   }

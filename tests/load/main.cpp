@@ -1,4 +1,4 @@
-/// needlelab-load: a skills lab in one process against a real server (DESIGN §9).
+/// needlelab-load: a skills lab in one process against a real server.
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>

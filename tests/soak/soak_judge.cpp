@@ -63,7 +63,7 @@ std::string minutesCsv(const SoakMinutes& minutes) {
   return text;
 }
 
-std::string durationWords(double seconds) {
+std::string durationText(double seconds) {
   return seconds >= 120 ? fmt::format("{:.0f} minutes", seconds / 60)
                         : fmt::format("{:.0f} seconds", seconds);
 }
@@ -73,7 +73,7 @@ std::string script(const SoakData& data, const SoakOptions& options, const std::
   const std::string samples = "'" + (options.out / "samples.csv").string() + "'";
   const std::string minutes = "'" + (options.out / "minutes.csv").string() + "'";
   const std::string title =
-      durationWords(options.seconds) +
+      durationText(options.seconds) +
       fmt::format(" at {:g} Hz with recording, uplink and a viewer: ", options.rate_hz) +
       (verdict == Verdict::kGood   ? "memory stays flat, nothing is lost"
        : verdict == Verdict::kOpen ? "nothing is lost; too short to tell of memory"
