@@ -17,6 +17,7 @@ struct BlockingClient::State {
   asio::io_context io{1};
   std::deque<pb::Envelope> inbox;
   std::optional<LinkEnd> end;  // of the last connection or attempt; none while connected
+  std::uint64_t ends = 0;      // so far
   ServerLink link{io, settings(), handlers()};
 
   static LinkSettings settings() {
@@ -35,7 +36,11 @@ struct BlockingClient::State {
                       why.error.code == ErrorCode::kDenied || why.error.code == ErrorCode::kVersion;
                   return refused && !why.was_connected ? Retry::kNever : Retry::kBackOff;
                 },
-            .away = [this](const LinkEnd& why) { end = why; }};
+            .away =
+                [this](const LinkEnd& why) {
+                  end = why;
+                  ++ends;
+                }};
   }
 
   void keep(pb::Envelope envelope) {
@@ -82,25 +87,24 @@ Result<BlockingClient> BlockingClient::connect(const ClientConfig& config) {
 
 Status BlockingClient::reconnect(Clock::time_point until, const std::function<bool()>& stop) {
   State& state = *state_;
-  Status last = Error{ErrorCode::kUnavailable, "the connection is lost"};
   // what is left of the lost connection first
   state.runUntil(std::min(until, Clock::now() + std::chrono::seconds(5)),
                  [&] { return state.end.has_value(); });
-  state.end.reset();
+  Status last = Error{ErrorCode::kUnavailable, "the connection is lost"};
+  std::uint64_t seen = state.ends;
   state.link.reconnect(true);
   while (Clock::now() < until && !stop()) {
     // in short steps, so that Ctrl-C is heard
     state.runUntil(std::min(until, Clock::now() + std::chrono::milliseconds(20)),
-                   [&] { return state.link.online() || state.end.has_value(); });
+                   [&] { return state.link.online() || state.ends != seen; });
     if (state.link.online()) {
       last = {};
       break;
     }
-    if (!state.end) continue;
+    if (state.ends == seen) continue;
+    seen = state.ends;
     last = state.end->error;
-    const bool final = state.end->next_try_ns == 0;
-    state.end.reset();
-    if (final) break;
+    if (state.end->next_try_ns == 0) break;
   }
   state.link.reconnect(false);
   return last;
