@@ -13,7 +13,7 @@
 namespace needlelab {
 namespace {
 
-/// How the audit log names who worked on the folder itself.
+/// The name in the audit log of a person who works on the folder itself.
 std::string localName() {
   const passwd* entry = ::getpwuid(::getuid());
   return "local:" + (entry != nullptr && entry->pw_name != nullptr ? std::string(entry->pw_name)

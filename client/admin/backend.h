@@ -1,4 +1,4 @@
-/// Who executes the requests: a running server, or this program on a stopped one's folder.
+/// Executes requests: on a running server, or by this program on a stopped server's folder.
 #pragma once
 
 #include <filesystem>

@@ -1,4 +1,4 @@
-/// What the subcommands share. Each *_commands.cpp adds its own to the command line.
+/// The base of the subcommands. Each *_commands.cpp adds its own to the command line.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -30,7 +30,7 @@ struct CommandContext {
   const GlobalOptions& global;
 };
 
-/// What the command line chose.
+/// The command that the command line chose.
 struct ChosenCommand {
   std::function<Status()> check;  ///< optional: faults of the arguments that show without any database
   std::function<Status(CommandContext&)> run;
@@ -41,7 +41,7 @@ struct ChosenCommand {
 };
 
 inline constexpr bool kMayCreate = true;
-/// This subcommand does this.
+/// Makes `command` run this function.
 inline void runs(CLI::App* command, ChosenCommand& chosen, std::function<Status(CommandContext&)> run,
                  bool may_create = false) {
   command->callback([&chosen, run = std::move(run), may_create] {
@@ -85,8 +85,8 @@ Result<std::int64_t> momentOf(const std::string& field, const std::string& text)
 /// The first line of a file. kInvalidInput: missing, empty, too long.
 Result<std::string> passwordFromFile(const std::filesystem::path& file);
 
-/// Asks on the terminal without echo. kInvalidInput when there is no terminal: says which
-/// option to use, `option`.
+/// Asks on the terminal without echo. kInvalidInput without a terminal: names
+/// `option` as the way out.
 Result<std::string> askPassword(const std::string& prompt, const std::string& option);
 
 /// A new password, asked for twice.

@@ -1,4 +1,4 @@
-/// What the tool prints: tables for people, one JSON object for programs, from the same rows.
+/// Output of the tool: tables for people, one JSON object for programs, from the same rows.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +27,7 @@ struct Column {
   Kind kind = Kind::kPlain;
 };
 
-/// Where results and remarks go. Thread: one.
+/// Prints results and remarks. Thread: one.
 class Output {
  public:
   /// `json_file`: nothing = tables; empty = JSON to `out`; else JSON to that file.

@@ -27,7 +27,7 @@ namespace {
 
 // --- where exported chunks go: a file of one of three formats
 
-/// What is kept of the samples of a chunk. Times are ns since the recording's first sample.
+/// The samples that are kept. Times are ns since the recording's first sample.
 struct SampleWindow {
   std::optional<std::int64_t> first_time_ns;  ///< of the recording; nothing: of the first sample that comes
   std::int64_t from_ns = INT64_MIN;

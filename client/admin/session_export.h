@@ -14,7 +14,7 @@
 
 namespace needlelab {
 
-/// Which part of a session, and what about damage.
+/// The part of a session to export, and the treatment of damage.
 struct ExportRange {
   std::optional<double> from_s,
       to_s;                    ///< since the first sample, by the station's clock; from is in, to is not
@@ -29,7 +29,7 @@ struct ExportRange {
 Status exportSession(Backend& backend, Output& output, const Uuid& session, const std::string& format,
                      const std::filesystem::path& file, const ExportRange& range = {});
 
-// What is known of a session, as JSON.
+// A session as JSON.
 
 /// Everything but profile, score and remarks.
 Json sessionRow(const pb::SessionInfo& session);

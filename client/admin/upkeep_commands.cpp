@@ -334,7 +334,7 @@ void addUpkeepCommands(CLI::App& app, ChosenCommand& chosen) {
   runs(audit_command, chosen, [values](CommandContext& context) { return audit(context, values->limit); });
 }
 
-// What happens to recordings after a time.
+// Retention: thinning and deletion of old recordings.
 
 void addRetentionCommands(CLI::App& app, ChosenCommand& chosen) {
   struct Values {

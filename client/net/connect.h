@@ -30,7 +30,7 @@ struct ClientConfig {
 pb::Login stationLogin(const std::string& station, const std::string& key);
 pb::Login personLogin(const std::string& user, const std::string& password);
 
-/// What connectClient gives.
+/// The result of connectClient.
 struct ClientConnection {
   std::shared_ptr<Channel> channel;  ///< started; frame limit 1 MiB
   pb::Welcome welcome;

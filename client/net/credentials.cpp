@@ -59,7 +59,7 @@ class SilentTerminal {
   [[nodiscard]] bool ready() const { return ready_; }
 
   void write(const std::string& text) const {
-    // a prompt that does not appear is no reason to fail
+    // a prompt that does not appear is not a failure
     [[maybe_unused]] const auto written = ::write(fd_, text.data(), text.size());
   }
   [[nodiscard]] std::string readLine(std::size_t most_bytes) const {

@@ -1,4 +1,4 @@
-/// What a program logs in with: a person's password, and a station's enrolment (server, name, key, CA), in
+/// Credentials of a log-in: a person's password, and a station's enrolment (server, name, key, CA), in
 /// the one file that the server makes of it and as the station keeps it.
 #pragma once
 

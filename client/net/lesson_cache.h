@@ -28,10 +28,10 @@ class LessonCache {
  public:
   explicit LessonCache(const std::filesystem::path& spool) : folder_(spool / "lessons") {}
 
-  /// Errors: kInvalidInput for an id that is no file name (letters, digits, '-', '_', '.'), kUnavailable
+  /// Errors: kInvalidInput for an id that is not a file name (letters, digits, '-', '_', '.'), kUnavailable
   /// (disk).
   Status keep(const std::string& exercise_id, const pb::Lesson& lesson) const;
-  /// Errors: kNotFound when it was never fetched; kCorrupt when what is there is no lesson, is damaged or
+  /// Errors: kNotFound when it was never fetched; kCorrupt when the file is not a lesson, is damaged or
   /// belongs to another exercise, naming the file and what to do; kInvalidInput for the id.
   [[nodiscard]] Result<pb::Lesson> find(const std::string& exercise_id) const;
   /// By id; those that cannot be used with their trouble.

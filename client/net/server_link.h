@@ -19,7 +19,7 @@
 
 namespace needlelab {
 
-/// How long to wait before the next attempt to connect: exponential with jitter, so that a thousand stations
+/// The waits between attempts to connect: exponential with jitter, so that a thousand stations
 /// whose server restarts do not come back at the same instant. Deterministic for a seed. Thread: one.
 class Backoff {
  public:
@@ -98,14 +98,14 @@ struct LinkEnd {
   std::int64_t next_try_ns = 0;  ///< steady clock; 0: the link does not try again by itself
 };
 
-/// What follows a LinkEnd.
+/// When the link tries again after a LinkEnd.
 enum class Retry : std::uint8_t {
   kBackOff,  ///< after a wait of the back-off
   kSlowly,   ///< after the longest wait of the back-off
   kNever,    ///< not before retryNow() or logIn()
 };
 
-/// What becomes of a request when the connection is lost before its reply came.
+/// Treatment of a request whose connection is lost before its reply came.
 enum class OnLoss : std::uint8_t {
   kAskAgain,  ///< it is sent again on the next connection: for what only reads
   kGiveUp,    ///< kUnavailable: it may or may not have happened. While there is no connection: at once

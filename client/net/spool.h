@@ -28,7 +28,7 @@ struct SpoolLoss {
   friend bool operator==(const SpoolLoss&, const SpoolLoss&) = default;
 };
 
-/// What the spool holds of a session.
+/// The part of a session that the spool holds.
 struct SpoolContents {
   std::uint64_t chunks = 0;   ///< on disk, synced: these may be sent
   std::uint64_t samples = 0;  ///< in those chunks
@@ -39,7 +39,7 @@ struct SpoolContents {
   SpoolLoss loss;             ///< survives the program as well
 };
 
-/// What the server has of it. Kept on disk so that a restart does not send again what is done.
+/// The part of a session that the server has. Kept on disk so that a restart does not send it again.
 struct SpoolReceipt {
   std::uint64_t committed = 0;  ///< chunks 0 … n−1 are committed
   std::uint64_t safe = 0;       ///< … and covered by a verified backup
@@ -76,7 +76,7 @@ class SpoolSession {
   Status end(bool interrupted);
 
   // --- reading ---
-  /// Where the chunks are kept as they were found, when some of them could not be read; else empty.
+  /// The file that keeps the chunks as they were found, when some of them could not be read; else empty.
   [[nodiscard]] const std::filesystem::path& damaged() const { return damaged_; }
   /// Its end was made when it was read: a crash, a power cut or a damaged disk left none.
   [[nodiscard]] bool mended() const { return mended_; }
@@ -144,7 +144,7 @@ struct SpoolKeep {
   std::uint64_t min_free_bytes = std::uint64_t{256} << 20;
 };
 
-/// How much lies in the spool that no server has, and what room there is.
+/// The recordings in the spool that no server has, and the free space.
 struct SpoolUsage {
   std::uint64_t unsent_sessions = 0;  ///< with samples that the server has not committed
   std::uint64_t unsent_bytes = 0;     ///< of their chunks that are not committed

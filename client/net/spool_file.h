@@ -45,7 +45,7 @@ class SpoolFile {
   /// cannot be read.
   Result<std::uint64_t> scan(const std::function<bool(const SpoolRecord&)>& visit) const;
 
-  /// Whether any good record that begins behind `offset` is as asked. Errors: kUnavailable.
+  /// Whether any good record that begins after `offset` is as asked. Errors: kUnavailable.
   [[nodiscard]] Result<bool> anyBehind(std::uint64_t offset,
                                        const std::function<bool(const SpoolRecord&)>& is) const;
 
@@ -65,7 +65,7 @@ class SpoolFile {
 
  private:
   [[nodiscard]] Error systemError(const char* what) const;
-  /// Data of the record at `offset` into `data`; false when there is no good record.
+  /// Data of the record at `offset` into `data`; false when no good record begins there.
   Status writeAt(std::uint64_t offset, ByteView bytes);
   Result<bool> readRecord(std::uint64_t offset, SpoolRecord& record, Bytes& data) const;
 

@@ -1,5 +1,5 @@
-/// How long lessons can go on without a server: what lies unsent in the spool, and what room there is, in
-/// words.
+/// How long lessons can go on without a server, by the unsent recordings in the spool and the free space, as
+/// text.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace needlelab {
 
-/// When a person is told. Hours of lessons at the present rate.
+/// Thresholds for telling a person. Hours of lessons at the present rate.
 struct SpoolThresholds {
   double warn_h = 10;                 ///< less than this in the quota or on the disk: a warning
   double urgent_h = 1;                ///< … the instructor is told as well

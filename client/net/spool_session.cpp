@@ -231,7 +231,7 @@ Status SpoolSession::recoverTail() {
   // as the pieces have it: they have a check, the description has none
   Resolution resolution = resolutionOf(description_);
   auto stopped = tail_.scan([&](const SpoolRecord& record) {
-    // already in a chunk: the program died before the tail was begun anew
+    // already in a chunk: the program died before the tail was emptied
     if (record.seq < seq) return true;
     if (record.seq != seq || record.part != part) return false;
     auto piece = decodeChunk(record.data);

@@ -33,7 +33,7 @@ struct SamplePiece {
   std::uint32_t flags = 0;                                    ///< of all of its samples
 };
 
-/// What the writer has done so far.
+/// Counts of the writer so far.
 struct SpoolWriterCounts {
   std::uint64_t samples = 0;  ///< taken from the ring
   std::uint64_t chunks = 0;   ///< made of them, and not lost
@@ -49,7 +49,7 @@ struct SpoolWriterOptions {
   std::size_t pending_bytes = 64u << 20;  ///< chunks that wait for a full disk, in memory
 };
 
-/// What a crash of the program may take: samples go to the tail when the oldest is 10 ms old; with the
+/// A crash of the program loses at most 20 ms: samples go to the tail when the oldest is 10 ms old; with the
 /// writer's own period of 4 ms and its time to write that stays under 20 ms. The writing thread runs at a low
 /// real-time priority where that is allowed, far below the haptic loop: a busy machine must not stretch this
 /// time. Thread: made, `finish`ed and destroyed by one thread; `counts` by any; the callbacks run on the
@@ -76,7 +76,7 @@ class SpoolWriter {
   Status finish(std::chrono::milliseconds patience);
 
   [[nodiscard]] SpoolWriterCounts counts() const;
-  /// What a person should know of the disk now; empty when all is well. A loss stays said until the end.
+  /// The disk's trouble now, for a person; empty when all is well. A loss stays in it until the end.
   [[nodiscard]] std::string trouble() const;
 
  private:

@@ -88,12 +88,12 @@ void Uplink::noteLesson(LessonFacts facts) {
   facts_ = std::move(facts);
 }
 
-void Uplink::noteTrouble(const std::string& source, const std::string& words) {
+void Uplink::noteTrouble(const std::string& source, const std::string& text) {
   const std::scoped_lock lock(mutex_);
-  if (words.empty())
+  if (text.empty())
     troubles_.erase(source);
   else
-    troubles_[source] = printable(words);
+    troubles_[source] = printable(text);
 }
 
 Result<pb::Lesson> Uplink::getLesson(const std::string& exercise_id, const std::string& trainee,

@@ -30,11 +30,11 @@ struct UplinkConfig {
   std::chrono::milliseconds first_retry{200}, most_retry{10'000};
 };
 
-/// What the uplink tells its program. All run on the uplink's thread and must not block.
+/// Events for the station's program. All run on the uplink's thread and must not block.
 struct UplinkEvents {
   std::function<void(const std::string&)> report;  ///< for a person: connected, lost, refused, …
-  std::function<void(const pb::TraineeMessage&)> trainee_message;  ///< an instructor speaks
-  std::function<void(const pb::NextExercise&)> next_exercise;      ///< an instructor chose
+  std::function<void(const pb::TraineeMessage&)> trainee_message;  ///< from an instructor
+  std::function<void(const pb::NextExercise&)> next_exercise;      ///< chosen by an instructor
   /// An instructor changes what is shown; all numbers are aids, and it is for the current session or for any.
   std::function<void(const pb::SetAids&)> set_aids;
   /// An instructor ends the current session's lesson, or any.
@@ -43,7 +43,7 @@ struct UplinkEvents {
   std::function<void(const pb::SessionClosed&)> closed;  ///< as it came
 };
 
-/// What the station's LessonWatch knows of a lesson, for the status lines.
+/// Facts of a lesson for the status lines, from the station's LessonWatch.
 struct LessonFacts {
   double peak_force_N = 0;                   ///< since the session began
   std::vector<std::string> hazards_touched;  ///< names, in order
@@ -51,12 +51,12 @@ struct LessonFacts {
   std::string tissue;                        ///< of the layer that the tip is in; empty outside
 };
 
-/// How it stands.
+/// State of the link and of the uploads.
 struct UplinkState {
   bool connected = false;
   std::int64_t away_since_ns = 0;   ///< steady clock; when the connection was lost, or we began; 0: connected
   bool denied = false;              ///< the server refused the log-in, its certificate or our version
-  std::string error;                ///< the last connection's end or failure, in words
+  std::string error;                ///< the last connection's end or failure, as text
   std::uint64_t connections = 0;    ///< made so far
   std::uint64_t chunks_left = 0;    ///< in the spool and not acknowledged, over all sessions
   std::uint64_t sessions_open = 0;  ///< that the server has neither closed nor refused
@@ -89,9 +89,9 @@ class Uplink {
   void noteWakeup(std::uint32_t p99_us) { wakeup_p99_us_.store(p99_us, std::memory_order_relaxed); }
   /// Of the current session; forgotten when another one is added. Thread: any.
   void noteLesson(LessonFacts facts);
-  /// What a person at the server should look at, for StationStatus.trouble; empty words: all is well again.
-  /// Each `source` (disk, device, …) speaks for itself; in the status line all stand beside each other.
-  void noteTrouble(const std::string& source, const std::string& words);
+  /// Trouble that a person at the server should look at, for StationStatus.trouble; an empty text: all is
+  /// well again. Each `source` (disk, device, …) has its own text; the status line shows all of them.
+  void noteTrouble(const std::string& source, const std::string& text);
 
   /// Asks the server for a lesson. Waits up to `patience`; with `once` no longer than until the first attempt
   /// to connect has failed. Asks `stopped` about 20 times a second. Errors: kUnavailable (no server in time),
@@ -127,7 +127,7 @@ class Uplink {
   void sendClockOffset();
   void takeAdded();
   void publish();
-  /// What the last Welcome said of this session.
+  /// The state of this session by the last Welcome.
   [[nodiscard]] UplinkSession::AtServer atServer(const UplinkSession& session) const;
   void reportSentAgain(const UplinkSession& session) const;
   UplinkSession* find(const std::string& session_id);

@@ -325,8 +325,8 @@ void Uplink::sendStatus() {
   {
     const std::scoped_lock lock(mutex_);
     status.set_spool_left(state_.chunks_left);
-    for (const auto& [source, words] : troubles_)
-      status.set_trouble(status.trouble() + (status.trouble().empty() ? "" : "; ") + words);
+    for (const auto& [source, text] : troubles_)
+      status.set_trouble(status.trouble() + (status.trouble().empty() ? "" : "; ") + text);
     cutText(*status.mutable_trouble(), 1024);
     if (current_ != nullptr && newest_) {
       const GestureSample& last = newest_->piece.last;

@@ -100,9 +100,9 @@ Result<ClassTrainee> parseTrainee(const std::string& text) {
 
 Status checkClass(const ClassOptions& options) {
   const TimetableOptions& t = options.timetable;
-  if (const Status status = within<std::size_t>("--attempts", t.attempts, 1, 50); !status.ok()) return status;
-  if (const Status status = within("--weeks", t.weeks, 0.0, 520.0, false); !status.ok()) return status;
-  if (const Status status = within("--practice", t.practice, 0.0, 0.5); !status.ok()) return status;
+  RETURN_IF_ERROR(within<std::size_t>("--attempts", t.attempts, 1, 50));
+  RETURN_IF_ERROR(within("--weeks", t.weeks, 0.0, 520.0, false));
+  RETURN_IF_ERROR(within("--practice", t.practice, 0.0, 0.5));
   if (options.keys.size() > 32)
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("--key: {} stations, at most 32 run in one program", options.keys.size())};
@@ -131,7 +131,7 @@ Result<std::vector<ClassSession>> runClass(const ClassOptions& options,
                            std::filesystem::path(options.spool) / fmt::format("station-{}", i + 1)};
     stations.push_back(
         std::make_unique<ClassStation>(place, trainees, options.exercises, [&done] { ++done; }));
-    if (const Status status = stations.back()->connect(); !status.ok()) return status.error();
+    RETURN_IF_ERROR(stations.back()->connect());
   }
 
   std::atomic<std::size_t> working{n};

@@ -1,4 +1,4 @@
-/// Who practises what and when: a class over some weeks, planned before anybody begins.
+/// A class over some weeks: its timetable, planned before the first attempt, and its run.
 #pragma once
 
 #include <csignal>
@@ -23,7 +23,7 @@ struct TimetableOptions {
   std::size_t exercises = 6;  ///< 1-100
   std::size_t attempts = 3;   ///< of everybody at each exercise, 1-50
   double weeks = 4;           ///< how long ago the first began, above 0, to 520
-  /// What practice does: an attempt takes this share away of what is missing to skill 1, [0, 0.5].
+  /// Effect of practice: an attempt takes this share away of what is missing to skill 1, [0, 0.5].
   double practice = 0.012;
   std::uint64_t seed = 1;
 };

@@ -43,9 +43,8 @@ std::optional<bool> passedOf(const std::string& score_json) {
 
 Result<ClassLesson> classLessonOf(const pb::Lesson& message) {
   ClassLesson lesson;
-  auto exercise = parseExercise(message.exercise_json(), "the lesson's exercise");
-  if (!exercise.ok()) return exercise.error();
-  lesson.exercise = std::move(*exercise);
+  ASSIGN_OR_RETURN(auto exercise, parseExercise(message.exercise_json(), "the lesson's exercise"));
+  lesson.exercise = std::move(exercise);
   const std::string source = "profile of exercise " + lesson.exercise.id();
   auto profile = parseProfile(message.profile_json(), source);
   if (!profile.ok()) return profile.error();
@@ -53,15 +52,14 @@ Result<ClassLesson> classLessonOf(const pb::Lesson& message) {
     return Error{ErrorCode::kInvalidInput, source + " has no target: nothing to aim at"};
   auto scene = sceneSpecOf(*profile, Pose{});
   if (!scene.ok()) return scene.error();
-  if (const Status status = addCompliance(*scene); !status.ok()) return status.error();
-  auto model = compile(*scene, kClassRate_hz);
-  if (!model.ok()) return model.error();
+  RETURN_IF_ERROR(addCompliance(*scene));
+  ASSIGN_OR_RETURN(auto model, compile(*scene, kClassRate_hz));
   const auto& center = profile->targets(0).center_m();
   lesson.target_m = {center.x(), center.y(), center.z()};
   lesson.profile = *std::move(profile);
   lesson.profile_revision = message.profile_revision();
   lesson.scene = *std::move(scene);
-  lesson.model = *model;
+  lesson.model = model;
   return lesson;
 }
 
@@ -94,13 +92,11 @@ Status ClassStation::connect() {
   auto key = loadStationKey(place_.key_file);
   if (!key.ok()) return key.error();
   station_ = key->station;
-  auto spool = Spool::open(place_.spool);
-  if (!spool.ok()) return spool.error();
-  spool_ = std::move(*spool);
+  ASSIGN_OR_RETURN(auto spool, Spool::open(place_.spool));
+  spool_ = std::move(spool);
   UplinkConfig config;
-  auto tls = makeClientTls(place_.ca_file);
-  if (!tls.ok()) return tls.error();
-  config.client.tls = std::move(*tls);
+  ASSIGN_OR_RETURN(auto tls, makeClientTls(place_.ca_file));
+  config.client.tls = std::move(tls);
   config.client.server = place_.server;
   config.client.program = programText("class");
   config.client.login = stationLogin(station_, key->key);
@@ -120,10 +116,10 @@ Status ClassStation::practise(std::vector<ClassSession>& attempts, const std::fu
     // what was passed decides about what is locked: the server's word is waited for before another exercise
     if (i > first && (attempts[i].plan.exercise != attempts[first].plan.exercise ||
                       attempts[i].plan.trainee != attempts[first].plan.trainee)) {
-      if (const Status status = settle(attempts, first, i); !status.ok()) return status;
+      RETURN_IF_ERROR(settle(attempts, first, i));
       first = i;
     }
-    if (const Status status = one(attempts[i]); !status.ok()) return status;
+    RETURN_IF_ERROR(one(attempts[i]));
     done_();
   }
   return settle(attempts, first, attempts.size());
@@ -139,16 +135,14 @@ Status ClassStation::one(ClassSession& attempt) {
     attempt.trouble = message.error().message;
     return {};
   }
-  const auto lesson = classLessonOf(*message);
-  if (!lesson.ok()) return lesson.error();
-  const auto samples = practiseOnce(*lesson, attempt.plan.skill, attempt.plan.seed);
+  ASSIGN_OR_RETURN(const auto lesson, classLessonOf(*message));
+  const auto samples = practiseOnce(lesson, attempt.plan.skill, attempt.plan.seed);
   if (!samples.ok())
     return Error{samples.error().code, name + " at " + exercise + ": " + samples.error().message};
-  const auto session = record(attempt, *lesson, *samples);
-  if (!session.ok()) return session.error();
-  attempt.session_id = (*session)->idText();
+  ASSIGN_OR_RETURN(const auto session, record(attempt, lesson, *samples));
+  attempt.session_id = session->idText();
   attempt.samples = samples->size();
-  uplink_->add(*session, false);
+  uplink_->add(session, false);
   uplink_->wake();
   return {};
 }
@@ -186,8 +180,8 @@ Result<std::shared_ptr<SpoolSession>> ClassStation::record(const ClassSession& a
         !status.ok())
       return status.error();
   }
-  if (const Status status = (*session)->sync(); !status.ok()) return status.error();
-  if (const Status status = (*session)->end(false); !status.ok()) return status.error();
+  RETURN_IF_ERROR((*session)->sync());
+  RETURN_IF_ERROR((*session)->end(false));
   return session;
 }
 

@@ -28,7 +28,7 @@ inline constexpr double kClassRate_hz = 1000;
 /// The station's clock at the first tick of each session.
 inline constexpr std::int64_t kClassClock_ns = 1'000'000'000;
 
-/// What a lesson says, ready to be practised.
+/// A lesson, ready to be practised.
 struct ClassLesson {
   pb::Profile profile;
   std::uint32_t profile_revision = 0;
@@ -48,7 +48,7 @@ Result<std::vector<GestureSample>> practiseOnce(const ClassLesson& lesson, doubl
 // A station of the class: it asks the server for lessons, has simulated trainees practise them, and uploads
 // what was recorded, with the station's own parts (client/net).
 
-/// What became of a planned attempt.
+/// Outcome of a planned attempt.
 struct ClassSession {
   PlannedAttempt plan;
   std::string session_id;  ///< empty: it was not begun

@@ -1,4 +1,4 @@
-// What is said of a class in the end, and what is refused before it begins.
+// A class's tables at its end, and options that are refused before it begins.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <algorithm>

@@ -84,16 +84,14 @@ Result<DatabaseCheck> readSession(Connection& connection, const LoadShared& shar
   SessionReading reading(shared, station, ticks);
   auto session = connection.query("SELECT number, state FROM sessions WHERE id = ?",
                                   ByteView(shared.stations[station].session));
-  const auto found = session.step();
-  if (!found.ok()) return found.error();
-  if (!*found) return reading.finish(false, 0);
+  ASSIGN_OR_RETURN(const auto found, session.step());
+  if (!found) return reading.finish(false, 0);
   const std::int64_t number = session.integer(0);
   const auto state = static_cast<int>(session.integer(1));
   auto chunk = connection.query("SELECT seq, bytes FROM chunks WHERE session = ? ORDER BY seq", number);
   for (;;) {
-    const auto row = chunk.step();
-    if (!row.ok()) return row.error();
-    if (!*row) break;
+    ASSIGN_OR_RETURN(const auto row, chunk.step());
+    if (!row) break;
     reading.take(static_cast<std::uint64_t>(chunk.integer(0)), chunk.bytes(1));
   }
   return reading.finish(true, state);
@@ -101,8 +99,7 @@ Result<DatabaseCheck> readSession(Connection& connection, const LoadShared& shar
 
 Result<std::uint64_t> countOf(Connection& connection, const char* sql) {
   auto query = connection.query(sql);
-  const auto row = query.step();
-  if (!row.ok()) return row.error();
+  ASSIGN_OR_RETURN(const auto row, query.step());
   return static_cast<std::uint64_t>(query.integer(0));
 }
 
@@ -228,12 +225,11 @@ Result<DatabaseCheck> checkDatabaseFile(const std::filesystem::path& database, c
   // rows that belong to no station of this run: the database was new
   auto connection = Connection::open(database, {});
   if (!connection.ok()) return connection.error();
-  auto sessions = countOf(*connection, "SELECT count(*) FROM sessions");
-  if (!sessions.ok()) return sessions.error();
+  ASSIGN_OR_RETURN(auto sessions, countOf(*connection, "SELECT count(*) FROM sessions"));
   auto orphans =
       countOf(*connection, "SELECT count(*) FROM chunks WHERE session NOT IN (SELECT number FROM sessions)");
   if (!orphans.ok()) return orphans.error();
-  all.stray = *sessions - all.sessions + *orphans;
+  all.stray = sessions - all.sessions + *orphans;
   if (all.stray > 0)
     addFault(all, fmt::format("{} sessions or chunks are stored that no station made", all.stray));
   return all;
@@ -247,11 +243,10 @@ Result<DatabaseCheck> checkThroughServer(BlockingClient& client, const LoadShare
     const Uuid& id = shared.stations[i].session;
     pb::Request request;
     request.mutable_list_sessions()->set_station(shared.stations[i].name);
-    auto listed = client.call(request);
-    if (!listed.ok()) return listed.error();
+    ASSIGN_OR_RETURN(auto listed, client.call(request));
     bool found = false;
     int state = 0;
-    for (const pb::SessionInfo& info : listed->sessions().sessions()) {
+    for (const pb::SessionInfo& info : listed.sessions().sessions()) {
       if (info.description().session_id() == std::string(id.begin(), id.end())) {
         found = true;
         state = info.state();
@@ -265,13 +260,12 @@ Result<DatabaseCheck> checkThroughServer(BlockingClient& client, const LoadShare
       read.set_session_id(id.data(), id.size());
       read.set_from_seq(seq);
       read.set_max_chunks(1000);
-      auto reply = client.call(request);
-      if (!reply.ok()) return reply.error();
-      for (const pb::Chunk& chunk : reply->chunks().chunks()) {
+      ASSIGN_OR_RETURN(auto reply, client.call(request));
+      for (const pb::Chunk& chunk : reply.chunks().chunks()) {
         reading.take(chunk.seq(), viewOf(chunk.data()));
         seq = chunk.seq() + 1;
       }
-      if (reply->chunks().end() || reply->chunks().chunks().empty()) break;
+      if (reply.chunks().end() || reply.chunks().chunks().empty()) break;
     }
     addTo(all, reading.finish(found, state));
     if (progress) progress(i + 1);

@@ -48,20 +48,17 @@ std::uint64_t mixed(std::uint64_t seed, std::uint64_t value) {
 }  // namespace
 
 Result<GesturePool> makeGesturePool(std::uint64_t seed, std::size_t count) {
-  auto profile = sampleProfile();
-  if (!profile.ok()) return profile.error();
-  auto scene = sceneSpecOf(*profile);
-  if (!scene.ok()) return scene.error();
-  auto model = compile(*scene, kRate_hz);
-  if (!model.ok()) return model.error();
+  ASSIGN_OR_RETURN(auto profile, sampleProfile());
+  ASSIGN_OR_RETURN(auto scene, sceneSpecOf(profile));
+  ASSIGN_OR_RETURN(auto model, compile(scene, kRate_hz));
 
-  GesturePool pool{profile->id(), profileJson(*profile), {}};
+  GesturePool pool{profile.id(), profileJson(profile), {}};
   HandRandom random(seed);
   for (std::size_t i = 0; i < count; ++i) {
     SimulatedDeviceOptions options;
-    const HandPlan plan = planOf(*scene, random, options.hand);
+    const HandPlan plan = planOf(scene, random, options.hand);
     SimulatedDevice device(options, plan);
-    auto ticks = runClosedLoop(*model, device, {}, static_cast<std::uint64_t>(plan.duration_s() * kRate_hz));
+    auto ticks = runClosedLoop(model, device, {}, static_cast<std::uint64_t>(plan.duration_s() * kRate_hz));
     if (!ticks.ok()) return ticks.error();
     PoolGesture& gesture = pool.gestures.emplace_back();
     gesture.reserve(ticks->size());

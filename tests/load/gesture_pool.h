@@ -27,8 +27,8 @@ struct GesturePool {
 /// `count` gestures, the same for the same seed. Errors: those of the engine's closed loop.
 Result<GesturePool> makeGesturePool(std::uint64_t seed, std::size_t count);
 
-// What one station of the load records: the same samples whenever they are asked for, and no sample of it
-// like one of another station.
+// The samples that one station of the load records: always the same ones, and none like those of another
+// station.
 
 inline constexpr std::int64_t kTick_ns = 1'000'000;
 /// The clocks of two stations are so far apart: no run is as long (2.7 h), so a time belongs to one station.

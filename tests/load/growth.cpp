@@ -79,9 +79,8 @@ Status profileServer(Growth& growth, std::size_t stations, const TempFolder& fol
   Process script("/usr/bin/env", {"perf", "script", "-i", data, "-F", "tid,ip,sym,dso"}, text);
   if (script.wait(300s) != 0)
     return Error{ErrorCode::kFailed, "perf script failed: " + script.said().substr(0, 500)};
-  auto stacks = readWholeFile(text);
-  if (!stacks.ok()) return stacks.error();
-  growth.profile = profileOf(*stacks);
+  ASSIGN_OR_RETURN(auto stacks, readWholeFile(text));
+  growth.profile = profileOf(stacks);
   return {};
 }
 

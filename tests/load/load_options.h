@@ -1,4 +1,4 @@
-/// What a load run shall do.
+/// Options of a load run, and the plan of its faults.
 #pragma once
 
 #include <chrono>
@@ -40,8 +40,6 @@ struct LoadOptions {
 
 /// kInvalidInput names the option, its value and what is allowed.
 Status checkOptions(const LoadOptions& options);
-
-// Which fault comes when: random, from a seed.
 
 struct PlannedFault {
   enum class Kind : std::uint8_t {

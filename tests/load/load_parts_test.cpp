@@ -294,7 +294,7 @@ LoadResult quietRun(double growth_KiB_per_min, double handles_per_min) {
   for (int s = 0; s < 1800; ++s) {
     ServerRow row;
     row.time_s = s;
-    row.starts = s < 600 ? 1 : 2;  // killed after ten minutes: its memory begins anew
+    row.starts = s < 600 ? 1 : 2;  // killed after ten minutes: its memory begins again
     const double min = s / 60.0;
     row.server.rss_KiB = static_cast<std::uint64_t>(
         50'000 + (s < 600 ? 3000 * min : growth_KiB_per_min * min) + 40 * std::sin(s));

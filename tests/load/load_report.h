@@ -17,7 +17,7 @@ nlohmann::ordered_json loadJson(const LoadResult& result);
 /// Some lines for a person; the last is the verdict.
 std::string loadText(const LoadResult& result);
 
-// How a server grows from one station to a thousand: table, goals, picture.
+// Growth of a server from one station to a thousand: table, goals, picture.
 
 struct GrowthGoals {
   std::size_t stations = 1000;

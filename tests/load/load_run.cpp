@@ -75,7 +75,7 @@ class LoadRun {
     raiseFileLimit();
     for (const auto step :
          {&LoadRun::prepare, &LoadRun::connectAll, &LoadRun::stream, &LoadRun::drain, &LoadRun::compare})
-      if (const Status status = (this->*step)(); !status.ok()) return status.error();
+      RETURN_IF_ERROR((this->*step)());
     return std::move(result_);
   }
 
@@ -86,9 +86,8 @@ class LoadRun {
   [[nodiscard]] bool stopAsked() const { return interrupt_.load(std::memory_order_relaxed); }
 
   Status prepare() {
-    auto pool = makeGesturePool(options_.seed, options_.gestures);
-    if (!pool.ok()) return pool.error();
-    pool_ = std::move(*pool);
+    ASSIGN_OR_RETURN(auto pool, makeGesturePool(options_.seed, options_.gestures));
+    pool_ = std::move(pool);
     shared_.pool = &pool_;
     shared_.seed = options_.seed;
     shared_.ticks = static_cast<std::uint64_t>(options_.seconds * 1000 + 0.5);
@@ -97,9 +96,8 @@ class LoadRun {
     shared_.stations = std::vector<StationPlan>(options_.stations);
     const Status enrolled = options_.server ? enrolThere() : enrolHere();
     if (!enrolled.ok()) return enrolled;
-    auto tls = makeClientTls(options_.server ? options_.ca_file : server_->caFile());
-    if (!tls.ok()) return tls.error();
-    shared_.client.tls = *tls;
+    ASSIGN_OR_RETURN(auto tls, makeClientTls(options_.server ? options_.ca_file : server_->caFile()));
+    shared_.client.tls = tls;
     for (StationPlan& plan : shared_.stations) plan.session = makeUuidV7();
     return {};
   }
@@ -116,15 +114,14 @@ class LoadRun {
                        (error ? error.message() : "holds an earlier run's data; name a new folder")};
     }
     result_.database_disk = diskOf(folder);
-    auto enrolled = enrol(folder / "data", options_.stations);
-    if (!enrolled.ok()) return enrolled.error();
+    ASSIGN_OR_RETURN(auto enrolled, enrol(folder / "data", options_.stations));
     for (std::size_t i = 0; i < options_.stations; ++i) {
-      shared_.stations[i].name = enrolled->stations[i].first;
-      shared_.stations[i].key = enrolled->stations[i].second;
+      shared_.stations[i].name = enrolled.stations[i].first;
+      shared_.stations[i].key = enrolled.stations[i].second;
     }
-    login_ = personLogin(enrolled->user, enrolled->password);
+    login_ = personLogin(enrolled.user, enrolled.password);
     server_.emplace(options_.bin / "needlelab-server", folder);
-    if (Status status = server_->start(); !status.ok()) return status;
+    RETURN_IF_ERROR(server_->start());
     ++starts_;
     shared_.client.server.port = server_->port();
     return {};
@@ -132,21 +129,18 @@ class LoadRun {
 
   // names that no earlier run has used: a session's station is found by it
   Status enrolThere() {
-    auto password = readPassword(options_.password_file, "");
-    if (!password.ok()) return password.error();
-    login_ = personLogin(options_.user, *password);
+    ASSIGN_OR_RETURN(auto password, readPassword(options_.password_file, ""));
+    login_ = personLogin(options_.user, password);
     shared_.client.server = *options_.server;
     shared_.client.ca_file = options_.ca_file;
-    auto client = asAdministrator();
-    if (!client.ok()) return client.error();
+    ASSIGN_OR_RETURN(auto client, asAdministrator());
     const auto run = static_cast<unsigned long long>(wallNowNs() / 1'000'000'000);
     for (std::size_t i = 0; i < options_.stations; ++i) {
       pb::Request request;
       request.mutable_add_station()->set_name(fmt::format("load-{:x}-{:04}", run, i + 1));
-      auto reply = client->call(request);
-      if (!reply.ok()) return reply.error();
-      shared_.stations[i].name = reply->station_key().name();
-      shared_.stations[i].key = reply->station_key().key();
+      ASSIGN_OR_RETURN(auto reply, client.call(request));
+      shared_.stations[i].name = reply.station_key().name();
+      shared_.stations[i].key = reply.station_key().key();
     }
     return {};
   }
@@ -208,8 +202,7 @@ class LoadRun {
         if (server_ && !server_->running())
           return Error{ErrorCode::kFailed, "the server has ended by itself; its log: " + endOfLog()};
       }
-      if (options_.faults && time_s < options_.seconds)
-        if (const Status status = fault(faults.at(time_s)); !status.ok()) return status;
+      if (options_.faults && time_s < options_.seconds) RETURN_IF_ERROR(fault(faults.at(time_s)));
       std::this_thread::sleep_for(20ms);
     }
     result_.streamed_s = seconds(steadyNowNs() - begin_ns);
@@ -234,7 +227,7 @@ class LoadRun {
         server_->kill();
         ++result_.kills;
         std::this_thread::sleep_for(planned->time);
-        if (Status status = server_->start(); !status.ok()) return status;
+        RETURN_IF_ERROR(server_->start());
         ++starts_;
         return {};
     }
@@ -284,16 +277,14 @@ class LoadRun {
     };
     if (server_) {
       if (Status status = server_->stop(); !status.ok()) result_.troubles.push_back(status.error().message);
-      auto check = checkDatabaseFile(server_->data() / "needlelab.db", shared_, ticks_, progress);
-      if (!check.ok()) return check.error();
-      result_.stored = std::move(*check);
+      ASSIGN_OR_RETURN(auto check,
+                       checkDatabaseFile(server_->data() / "needlelab.db", shared_, ticks_, progress));
+      result_.stored = std::move(check);
       result_.database_bytes = bytesBelow(server_->data());
     } else {
-      auto client = asAdministrator();
-      if (!client.ok()) return client.error();
-      auto check = checkThroughServer(*client, shared_, ticks_, progress);
-      if (!check.ok()) return check.error();
-      result_.stored = std::move(*check);
+      ASSIGN_OR_RETURN(auto client, asAdministrator());
+      ASSIGN_OR_RETURN(auto check, checkThroughServer(client, shared_, ticks_, progress));
+      result_.stored = std::move(check);
     }
     result_.check_s = seconds(steadyNowNs() - begin_ns);
     log(fmt::format("{} stored samples compared in {:.1f} s", result_.stored.samples.stored,
@@ -350,7 +341,7 @@ bool LoadResult::good() const {
 }
 
 Result<LoadResult> runLoad(const LoadOptions& options, const std::atomic<bool>& interrupt) {
-  if (Status status = checkOptions(options); !status.ok()) return status.error();
+  RETURN_IF_ERROR(checkOptions(options));
   return LoadRun(options, interrupt).run();
 }
 

@@ -21,7 +21,7 @@ namespace needlelab::test {
 struct ServerRow {
   double time_s = 0;  ///< since the streaming began
   ProcessSample server;
-  std::uint64_t starts = 0;  ///< of the server so far: a restart begins anew with memory and handles
+  std::uint64_t starts = 0;  ///< of the server so far: memory and handles begin again with each
   std::uint64_t data_bytes = 0;
 };
 
@@ -56,7 +56,7 @@ Result<LoadResult> runLoad(const LoadOptions& options, const std::atomic<bool>& 
 // A long run with faults, judged: nothing lost, the server's memory and file handles flat.
 
 /// In the order of a table. Memory and handles are those of the server that lived last, after a warm-up of a
-/// quarter of its life, at most 5 min: each restart begins anew with both.
+/// quarter of its life, at most 5 min: both begin again with each restart.
 std::vector<Finding> judgeLoad(const LoadResult& result, const SoakLimits& limits = {});
 
 /// samples.csv (a row a second), table.txt (the verdict is its last line), load.json, soak.png (where gnuplot

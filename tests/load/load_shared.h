@@ -1,4 +1,4 @@
-/// What the stations and viewers of one run share.
+/// Data that the stations and viewers of one run share, and a thread for the network.
 #pragma once
 
 #include <atomic>
@@ -19,7 +19,7 @@
 
 namespace needlelab::test {
 
-/// How one station is called and when its tick 0 is due.
+/// Name and key of one station, and when its tick 0 is due.
 struct StationPlan {
   std::string name, key;
   Uuid session{};

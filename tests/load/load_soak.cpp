@@ -153,7 +153,7 @@ Status writeSoak(const LoadResult& result, const std::vector<Finding>& findings,
        {std::pair<const char*, std::string>{"samples.csv", samplesCsv(result.rows)},
         {"load.json", loadJson(result).dump(1) + "\n"},
         {"table.txt", machineText() + "\n" + tableText(findings)}})
-    if (Status status = writeFileAtomically(out / name, viewOf(text)); !status.ok()) return status;
+    RETURN_IF_ERROR(writeFileAtomically(out / name, viewOf(text)));
   if (!hasGnuplot() || result.rows.empty()) return {};
   return plotPng(script(result, findings, out / "samples.csv"), out / "soak.png", 1200, 850);
 }

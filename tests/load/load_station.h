@@ -14,7 +14,7 @@
 
 namespace needlelab::test {
 
-/// What the stations of one thread saw. Thread: one writes.
+/// Totals of the stations of one thread. Thread: one writes.
 struct StationTotals {
   LatencyHistogram late;  ///< the generator's own: a frame was made so long after it was due
   LatencyHistogram ack;   ///< from when a chunk's last sample was due to its acknowledgement
@@ -25,7 +25,7 @@ struct StationTotals {
   std::uint64_t connections = 0;
   std::uint64_t unsent_peak = 0;  ///< most chunks that waited for an acknowledgement at one station
 
-  /// What those of another thread saw, too.
+  /// Adds those of another thread.
   void add(const StationTotals& other);
 };
 
@@ -56,7 +56,7 @@ class LoadStation {
   [[nodiscard]] bool closed() const { return state_ == State::kClosed; }
   [[nodiscard]] bool finished() const { return closed() || !trouble_.empty(); }
   [[nodiscard]] std::uint64_t ticks() const { return next_tick_; }  ///< made so far
-  /// What ended it before its time, for a person.
+  /// The reason of an early end, for a person.
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
   /// Why the last connection could not be made or was lost.
   [[nodiscard]] const std::string& lastError() const { return last_error_; }

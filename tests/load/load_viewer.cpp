@@ -79,7 +79,7 @@ void LoadViewer::onFrame(const pb::LiveFrame& frame) {
     ++totals_.corrupt;
     return;
   }
-  // the station numbers anew on each of its connections
+  // the station begins with 0 again on each of its connections
   if (watched.seen && frame.frame_seq() > watched.next_frame)
     totals_.gaps += frame.frame_seq() - watched.next_frame;
   watched.seen = true;

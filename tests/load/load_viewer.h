@@ -14,7 +14,7 @@
 
 namespace needlelab::test {
 
-/// What the viewers saw. Thread: one writes.
+/// Totals of the viewers. Thread: one writes.
 struct ViewerTotals {
   LatencyHistogram live;  ///< from when a frame's oldest sample was due to its arrival here, decoded
   std::uint64_t frames = 0, samples = 0, bytes = 0;
@@ -72,7 +72,7 @@ class ViewerCrowd {
   ~ViewerCrowd();
 
   void connect();
-  /// How many watch all of their stations.
+  /// The number of viewers that watch all of their stations.
   [[nodiscard]] std::size_t watching();
   [[nodiscard]] std::string lastError();
   void pause(std::size_t viewer, std::chrono::milliseconds time);

@@ -54,32 +54,29 @@ std::string kernelWork(const std::vector<std::string>& frames) {
 Result<Enrolled> enrol(const std::filesystem::path& data, std::size_t stations) {
   Store::Options options;
   options.holder = "needlelab-load";
-  auto store = Store::open(data, options);
-  if (!store.ok()) return store.error();
+  ASSIGN_OR_RETURN(auto store, Store::open(data, options));
 
   Enrolled enrolled;
   enrolled.user = "load";
   enrolled.password = randomPassword();
-  auto hash = hashPassword(enrolled.password);
-  if (!hash.ok()) return hash.error();
+  ASSIGN_OR_RETURN(auto hash, hashPassword(enrolled.password));
   for (std::size_t i = 0; i < stations; ++i) {
     const StationKeyBytes key = makeStationKey();
     enrolled.stations.emplace_back(fmt::format("load-{:04}", i + 1), std::string(key.begin(), key.end()));
   }
   // all in one transaction: a thousand would take a minute
-  const Status done = (*store)->writer().run([&](Connection& writer) -> Status {
+  const Status done = (store)->writer().run([&](Connection& writer) -> Status {
     const std::int64_t now_ns = wallNowNs();
     Person person;
     person.name = enrolled.user;
     person.role = pb::ADMINISTRATOR;
-    person.password_hash = *hash;
+    person.password_hash = hash;
     person.created_unix_ns = now_ns;
-    if (Status added = PeopleStore(writer).add(person); !added.ok()) return added;
+    RETURN_IF_ERROR(PeopleStore(writer).add(person));
     for (const auto& [name, key] : enrolled.stations) {
       StationKeyBytes bytes{};
       std::copy(key.begin(), key.end(), bytes.begin());
-      if (Status added = StationStore(writer).add(name, hashStationKey(bytes), now_ns); !added.ok())
-        return added;
+      RETURN_IF_ERROR(StationStore(writer).add(name, hashStationKey(bytes), now_ns));
     }
     return {};
   });

@@ -58,7 +58,7 @@ class OwnServer {
   double earlier_cpu_s_ = 0;
 };
 
-// Where a running program's processor time goes, by Linux perf (software clock, no counters needed).
+// A profile of a running program's processor time, by Linux perf (software clock, no counters needed).
 
 /// Samples by kind of work, and by thread.
 struct Profile {

@@ -10,7 +10,7 @@
 
 namespace needlelab::test {
 
-/// What is known of the crowd at an instant.
+/// State of the crowd at an instant.
 struct CrowdState {
   std::size_t opened = 0, ended = 0, closed = 0, finished = 0;
   std::uint64_t samples_made = 0, samples_sent = 0, samples_acked = 0;

@@ -1,4 +1,4 @@
-// What an instructor says to a trainee arrives, or the instructor hears that it may not have.
+// An instructor's message reaches the trainee, or the instructor hears that it may not have.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 #include <algorithm>

@@ -1,4 +1,4 @@
-/// What a process uses at an instant, from /proc.
+/// Resources of a process at an instant, from /proc.
 #pragma once
 
 #include <sys/types.h>

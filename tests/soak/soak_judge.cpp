@@ -303,7 +303,7 @@ Status writeReport(const SoakData& data, const SoakOptions& options, const SoakM
   for (const auto& [name, text] : {std::pair<const char*, std::string>{"samples.csv", samplesCsv(data)},
                                    {"minutes.csv", minutesCsv(minutes)},
                                    {"table.txt", table}})
-    if (Status status = writeFileAtomically(options.out / name, viewOf(text)); !status.ok()) return status;
+    RETURN_IF_ERROR(writeFileAtomically(options.out / name, viewOf(text)));
   if (!hasGnuplot() || data.rows.empty()) return {};
   return plotPng(script(data, options, findings), options.out / "soak.png", 1200, 950);
 }

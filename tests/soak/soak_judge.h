@@ -1,4 +1,4 @@
-/// Whether memory is flat and nothing was lost, with the confidence that the samples allow.
+/// Judges whether memory is flat and nothing was lost, with the confidence that the samples allow.
 #pragma once
 
 #include <cstdint>

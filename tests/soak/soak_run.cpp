@@ -36,7 +36,7 @@ class Soak {
   Result<SoakData> run() {
     for (const auto step :
          {&Soak::prepare, &Soak::startServer, &Soak::startClients, &Soak::watch, &Soak::conclude})
-      if (const Status status = (this->*step)(); !status.ok()) return status.error();
+      RETURN_IF_ERROR((this->*step)());
     return std::move(data_);
   }
 
@@ -71,7 +71,7 @@ class Soak {
                                    out_ / "password"},
           std::vector<std::string>{"user", "add", "tom", "--role", "trainee"},
           std::vector<std::string>{"station", "add", "station-1", "--out", out_ / "station.key"}})
-      if (const Status status = admin(arguments); !status.ok()) return status;
+      RETURN_IF_ERROR(admin(arguments));
     return {};
   }
 
@@ -98,9 +98,8 @@ class Soak {
     config.ca_file = out_ / "data" / "tls" / "ca.crt";
     config.program = programText("soak");
     config.login = personLogin("ines", kPassword);
-    auto client = BlockingClient::connect(config);
-    if (!client.ok()) return client.error();
-    client_ = std::make_unique<BlockingClient>(std::move(*client));
+    ASSIGN_OR_RETURN(auto client, BlockingClient::connect(config));
+    client_ = std::make_unique<BlockingClient>(std::move(client));
     pb::Envelope overview;
     overview.mutable_subscribe()->set_subscription(1);
     overview.mutable_subscribe()->set_rate_hz(1);
@@ -206,16 +205,14 @@ class Soak {
     data_.summary = nlohmann::json::parse(*text, nullptr, false);
     if (!data_.summary.is_object()) return failed("the station's summary is none", *processes_[kStation]);
 
-    const auto id = parseUuid(data_.summary.value("session_id", ""));
-    if (!id.ok()) return id.error();
-    if (const Status status = reconnect(); !status.ok()) return status;
+    ASSIGN_OR_RETURN(const auto id, parseUuid(data_.summary.value("session_id", "")));
+    RETURN_IF_ERROR(reconnect());
     pb::Request request;
-    request.mutable_get_session()->set_session_id(id->data(), id->size());
-    const auto info = client_->call(request);
-    if (!info.ok()) return info.error();
-    data_.stored_samples = info->session().samples();
-    data_.stored_state = pb::SessionState_Name(info->session().state());
-    request.mutable_verify_session()->set_session_id(id->data(), id->size());
+    request.mutable_get_session()->set_session_id(id.data(), id.size());
+    ASSIGN_OR_RETURN(const auto info, client_->call(request));
+    data_.stored_samples = info.session().samples();
+    data_.stored_state = pb::SessionState_Name(info.session().state());
+    request.mutable_verify_session()->set_session_id(id.data(), id.size());
     const auto verified = client_->call(request);
     data_.verified = verified.ok() && verified->verified().ok();
     client_->finish();
@@ -257,11 +254,11 @@ Result<SoakMinutes> minutesOf(const SoakData& data, const SoakOptions& options) 
   std::vector<std::vector<double>> ticks(minutes.size()), requests(minutes.size()), live(minutes.size());
 
   // the recording
-  auto file = SpoolFile::open(options.out / "spool" / data.summary.value("session_id", "none") / "chunks");
-  if (!file.ok()) return file.error();
+  ASSIGN_OR_RETURN(auto file, SpoolFile::open(options.out / "spool" /
+                                              data.summary.value("session_id", "none") / "chunks"));
   std::uint64_t next_tick = 0;
   Status broken;
-  const auto end = file->scan([&](const SpoolRecord& record) {
+  const auto end = file.scan([&](const SpoolRecord& record) {
     const auto samples = decodeChunk(record.data);
     if (!samples.ok()) {
       broken = samples.error();

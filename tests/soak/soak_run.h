@@ -1,4 +1,4 @@
-/// What each minute was like, from the recording and from what the viewer saw.
+/// Runs a soak: server, station and viewer, sampled while they work; figures of each minute.
 #pragma once
 
 #include <array>
