@@ -232,7 +232,7 @@ class Export {
     ASSIGN_OR_RETURN(auto sink, openSampleSink(format, file, row, window));
     RETURN_IF_ERROR(readInto(*sink));
     RETURN_IF_ERROR(checkHash());
-    RETURN_IF_ERROR((sink)->finish());
+    RETURN_IF_ERROR(sink->finish());
     return report(*sink, file);
   }
 

@@ -52,7 +52,7 @@ Status restore(const std::filesystem::path& folder, Output& output, const std::s
   for (const RestoredAccess& one : result.valid_again)
     again.push_back({{"kind", one.station ? "station" : "user"}, {"name", one.name}, {"text", one.text}});
   const std::string kept = result.kept.empty() ? "none" : result.kept.string();
-  if (auto noted = (store)->service().note("local", "restore", from, "replaced database kept as " + kept);
+  if (auto noted = store->service().note("local", "restore", from, "replaced database kept as " + kept);
       !noted)
     return noted;
   if (auto shown = output.one({{"from", "restored from"},
@@ -67,7 +67,7 @@ Status restore(const std::filesystem::path& folder, Output& output, const std::s
                                {"not_compared", result.not_compared}});
       !shown)
     return shown;
-  ASSIGN_OR_RETURN(const auto repeat, (store)->service().erasuresToRepeat());
+  ASSIGN_OR_RETURN(const auto repeat, store->service().erasuresToRepeat());
   for (const std::string& erasure : repeat) output.remark(erasure);
   output.text(
       "Start the server: stations send again what this backup lacks and their spools have. Stations, people "
