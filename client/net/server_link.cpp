@@ -271,8 +271,8 @@ void ServerLink::State::fail(const Error& error, Which which) {
     it = waiting.erase(it);
   }
   // afterwards: an answer may ask again
-  for (const Answer& answer : failed)
-    if (answer && !abandoned) answer(error);
+  for (const Answer& each : failed)
+    if (each && !abandoned) each(error);
 }
 
 void ServerLink::State::sendRequest(std::uint64_t id, const Waiting& one) {

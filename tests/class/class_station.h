@@ -20,7 +20,7 @@
 #include "common/haptics/scene_spec.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/profile.pb.h"
-#include "tests/class/class_run.h"
+#include "tests/class/timetable.h"
 
 namespace needlelab {
 

@@ -1,0 +1,44 @@
+/// The timetable of a class over some weeks, planned before the first attempt.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+
+namespace needlelab {
+
+struct ClassTrainee {
+  std::string name;
+  double skill = 0;  ///< on the first day, [0, 1] (device/skilled_hand.h)
+};
+
+/// From NAME=SKILL. Errors: kInvalidInput with the text and what is allowed.
+Result<ClassTrainee> parseTrainee(const std::string& text);
+
+struct TimetableOptions {
+  std::size_t exercises = 6;  ///< 1-100
+  std::size_t attempts = 3;   ///< of everybody at each exercise, 1-50
+  double weeks = 4;           ///< how long ago the first began, above 0, to 520
+  /// Effect of practice: an attempt takes this share away of what is missing to skill 1, [0, 0.5].
+  double practice = 0.012;
+  std::uint64_t seed = 1;
+};
+
+/// One attempt that is to be made.
+struct PlannedAttempt {
+  std::size_t trainee = 0, exercise = 0;
+  std::size_t number = 0;  ///< at this exercise, from 0
+  double skill = 0;        ///< of the hand, with what was practised until then
+  std::int64_t started_unix_ns = 0;
+  std::uint64_t seed = 0;  ///< of all that is left to chance in it
+};
+
+/// All attempts, of one trainee after the other, each in order of time: exercises in their order, at least
+/// five minutes apart, the last at least an hour before `now`; on working days between 8:00 and 17:00 UTC, as
+/// long as there are days enough. The same for the same arguments.
+std::vector<PlannedAttempt> planClass(const std::vector<ClassTrainee>& trainees,
+                                      const TimetableOptions& options, std::int64_t now_unix_ns);
+
+}  // namespace needlelab
