@@ -1,6 +1,7 @@
 #include "client/admin/output.h"
 
 #include <fmt/core.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <ctime>

@@ -1,4 +1,5 @@
 #include <fmt/core.h>
+
 #include <memory>
 
 #include "client/admin/command.h"

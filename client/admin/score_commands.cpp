@@ -1,6 +1,7 @@
 // Scores: of a session, of everybody as a table, again by newer definitions; the experts that others are
 // compared with.
 #include <fmt/core.h>
+
 #include <algorithm>
 #include <memory>
 

@@ -1,5 +1,6 @@
 // Groups, results, progress, scores.
 #include <fmt/core.h>
+
 #include <algorithm>
 #include <memory>
 #include <set>

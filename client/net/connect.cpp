@@ -1,6 +1,7 @@
 #include "client/net/connect.h"
 
 #include <fmt/core.h>
+
 #include <utility>
 #include <vector>
 

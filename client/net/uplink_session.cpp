@@ -1,6 +1,7 @@
 #include "client/net/uplink_session.h"
 
 #include <fmt/core.h>
+
 #include <algorithm>
 #include <utility>
 

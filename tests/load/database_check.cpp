@@ -1,6 +1,7 @@
 #include "tests/load/database_check.h"
 
 #include <fmt/core.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cmath>

@@ -1,6 +1,7 @@
 #include "tests/load/load_report.h"
 
 #include <fmt/core.h>
+
 #include <algorithm>
 #include <thread>
 
@@ -20,8 +21,6 @@ double ms(std::int64_t ns) {
 unsigned long long n(std::uint64_t value) {
   return value;
 }
-
-using Json = nlohmann::ordered_json;
 
 double number(const Json& run, const char* key) {
   return run.value(key, 0.0);

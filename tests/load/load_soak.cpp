@@ -1,6 +1,7 @@
 #include "tests/load/load_run.h"
 
 #include <fmt/core.h>
+
 #include <algorithm>
 
 #include "client/sim/tools/gnuplot.h"

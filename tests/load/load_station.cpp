@@ -1,6 +1,7 @@
 #include "tests/load/load_station.h"
 
 #include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>

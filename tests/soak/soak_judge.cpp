@@ -1,6 +1,7 @@
 #include "tests/soak/soak_judge.h"
 
 #include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>

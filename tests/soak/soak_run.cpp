@@ -1,6 +1,7 @@
 #include "tests/soak/soak_run.h"
 
 #include <fmt/core.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
