@@ -65,6 +65,16 @@ void checkLayers(const SceneSpec& spec, SpecChecker& check) {
   }
 }
 
+// a field's accessor is for reading and writing: it gets a scene that it may write to
+double numberOf(const EffectField& field, const SceneSpec& spec) {
+  return field.of(const_cast<SceneSpec&>(spec));
+}
+
+bool hasAnyNumber(const EffectEntry& effect, const SceneSpec& spec) {
+  return std::any_of(effect.fields.begin(), effect.fields.end(),
+                     [&](const EffectField& field) { return numberOf(field, spec) != 0.0; });
+}
+
 void checkSections(const SceneSpec& spec, SpecChecker& check) {
   const TrackingWallSpec& wall = spec.tracking_wall;
   check.enter("tracking_wall.");
@@ -79,9 +89,10 @@ void checkSections(const SceneSpec& spec, SpecChecker& check) {
 
   for (const EffectEntry* entry : effectEntries()) {
     check.enter(std::string(entry->section) + (entry->section.empty() ? "" : "."));
-    // a field's accessor is for reading and writing: it gets a scene that it may write to
+    // a scene without a stage's section has zeros for its numbers: it is not live
+    if (entry->stage != nullptr && !hasAnyNumber(*entry, spec)) continue;
     for (const EffectField& field : entry->fields)
-      check.number(field.name, field.of(const_cast<SceneSpec&>(spec)), field.range);
+      check.number(field.name, numberOf(field, spec), field.range);
     if (entry->check != nullptr) entry->check(spec, check);
   }
 }
