@@ -1,30 +1,34 @@
-/// A haptic device, behind the same small interface whatever it is. To write your own: derive, fill
-/// DeviceInfo, done.
+/// The interface of every haptic device. To add one, derive from Device, fill DeviceInfo, and add a row to
+/// the table in client/device/factory.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
+#include <mutex>
 #include <string>
+#include <thread>
+#include <vector>
 
 #include "common/base/result.h"
 #include "common/haptics/force_gate.h"
 
 namespace needlelab {
 
-/// How a device tells where the syringe's plunger is.
+/// Where a device's plunger position comes from.
 enum class PlungerSource : std::uint8_t {
   kNone,     ///< it has neither a plunger nor buttons
   kButtons,  ///< the station's plunger moves while a button is pressed
   kAnalog,   ///< `DeviceReading::plunger` is measured (or recorded)
 };
 
-/// What a device is, as data.
+/// Properties and limits of a device.
 struct DeviceInfo {
   std::string name;  ///< for a person, e.g. "simulated Virtuose 6D Desktop, hand 300 N/m"
   DeviceLimits limits;
   bool renders_force = true;  ///< false for a recording: the hand feels nothing
   bool renders_torque = true;
   bool has_orientation = true;  ///< false: `X_WH.q` is not measured (it is the identity)
-  double max_rate_hz = 10'000;  ///< what it can exchange; `open` refuses more
+  double max_rate_hz = 10'000;  ///< highest rate of exchange; `open` refuses more
   bool has_dead_man = false;    ///< it knows whether a hand holds it
   PlungerSource plunger = PlungerSource::kNone;
 };
@@ -59,13 +63,46 @@ class Device {
   /// go on by themselves; those that live by the tick (a recording, a simulation) catch up here. Real-time
   /// safe.
   virtual void skip(std::uint64_t ticks) noexcept { static_cast<void>(ticks); }
-  /// About 20 times a second beside the loop: whatever may take its time, such as finding a lost device
-  /// again. Until that is done `read` says kNoUpdate with kDeviceLost.
+  /// Called about 20 times a second beside the loop, for work that may take long, such as finding a lost
+  /// device again. Until it is found `read` returns kNoUpdate with kDeviceLost.
   virtual void maintain() {}
-  /// How the device is, in words for a person, with what to do; empty when all is well.
+  /// The device's state for a person, with advice; empty when all is well.
   [[nodiscard]] virtual std::string status() { return {}; }
   /// Zero force, then lets go. May be called twice.
   virtual void close() noexcept = 0;
+};
+
+/// An entry of `--list-devices`: a device, or a way to reach one. Each kind of device has a function that
+/// lists them, such as `listFalcons`; it moves nothing and gives no force.
+struct FoundDevice {
+  std::string spec;    ///< the value for `--device`, e.g. "virtuose:127.0.0.1#53210"
+  std::string name;    ///< for a person, e.g. "Virtuose 6D Desktop, library 3.98"
+  std::string state;   ///< for a person: its state and, unless it is ready, advice
+  bool ready = false;  ///< `--device spec` would work now
+};
+
+/// Calls Device::maintain and Device::status about 20 times a second on a thread of its own, so that a slow
+/// one holds up neither the loop nor a stop. Thread: made and destroyed by one; `status` by any.
+class DeviceMaintenance {
+ public:
+  /// `device` is open, and outlives the keeper.
+  explicit DeviceMaintenance(Device& device);
+  /// Waits for a `maintain` that is under way.
+  ~DeviceMaintenance();
+  DeviceMaintenance(const DeviceMaintenance&) = delete;
+  DeviceMaintenance& operator=(const DeviceMaintenance&) = delete;
+
+  /// The device's status at the last look.
+  [[nodiscard]] std::string status() const;
+
+ private:
+  void run();
+
+  Device& device_;
+  std::atomic<bool> stop_{false};
+  mutable std::mutex mutex_;
+  std::string status_;
+  std::thread thread_;
 };
 
 }  // namespace needlelab

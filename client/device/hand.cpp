@@ -1,16 +1,103 @@
 #include "client/device/hand.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
-#include "client/device/turn_vector.h"
+#include "common/haptics/det_math.h"
+#include "common/haptics/geometry.h"
 
 namespace needlelab {
 namespace {
 
+// Twice the vector part of the turn from `from` to `to`, the short way: the rotation vector of a small turn,
+// in the frame in which both stand; its length is 2 sin(angle/2).
+Vec3 turnVector(Quat from, Quat to) {
+  const Quat d = to * conjugate(from);
+  return Vec3{d.x, d.y, d.z} * (d.w < 0 ? -2.0 : 2.0);
+}
+
+constexpr double kFollow_per_s = 8;   // speed by distance: a quarter of it is left after 0.17 s
+constexpr double kSpeedUp_s = 0.025;  // 8/s · 25 ms is below 1/4: no overshoot
+constexpr double kRotationError = 1e-3;
+
+bool isUsable(const SteeringTarget& target) {
+  return isFinite(target.X_WT.p) && isFinite(target.X_WT.q) && std::isfinite(target.plunger) &&
+         std::abs(dot(target.X_WT.q, target.X_WT.q) - 1) <= kRotationError;
+}
+
+Vec3 atMost(Vec3 v, double length) {
+  const double is = norm(v);
+  return is > length ? v * (length / is) : v;
+}
+
 constexpr double kMaxCorrection_m = 0.05;
 
 }  // namespace
+
+std::uint64_t HandRandom::next() noexcept {
+  state_ += 0x9E3779B97F4A7C15u;
+  std::uint64_t z = state_;
+  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
+  z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
+  return z ^ (z >> 31);
+}
+
+double HandRandom::uniform() noexcept {
+  return static_cast<double>(next() >> 11) * 0x1p-53;
+}
+
+HandTremor::HandTremor(double amplitude_m, std::uint64_t seed, double step_s)
+    : share_m_(amplitude_m / static_cast<double>(kPartials)) {
+  HandRandom random(seed);
+  for (auto& axis : partials_)
+    for (Partial& partial : axis) {
+      partial.hz = kLowHz + (kHighHz - kLowHz) * random.uniform();
+      const double phase = 2 * kPi * random.uniform();
+      const double turn = 2 * kPi * partial.hz * step_s;
+      partial.c = detCos(phase), partial.s = detSin(phase);
+      partial.turn_c = detCos(turn), partial.turn_s = detSin(turn);
+    }
+}
+
+Vec3 HandTremor::next() noexcept {
+  if (share_m_ == 0) return {};
+  double sum[3] = {0, 0, 0};
+  for (std::size_t i = 0; i < 3; ++i)
+    for (Partial& p : partials_[i]) {
+      const double c = p.c * p.turn_c - p.s * p.turn_s, s = p.s * p.turn_c + p.c * p.turn_s;
+      // one step of Newton's towards length 1, so that rounding never adds up
+      const double scale = 1.5 - 0.5 * (c * c + s * s);
+      p.c = c * scale, p.s = s * scale;
+      sum[i] += p.s;
+    }
+  return Vec3{sum[0], sum[1], sum[2]} * share_m_;
+}
+
+SteeredAim::SteeredAim(std::shared_ptr<HandSteering> steering, const HandAim& start, double step_s)
+    : steering_(std::move(steering)),
+      step_s_(step_s),
+      share_(step_s / kSpeedUp_s),
+      aim_(start),
+      target_{start.X_WT, start.plunger} {}
+
+HandAim SteeredAim::next() noexcept {
+  if (SteeringTarget newest; steering_->fetch(newest) && isUsable(newest)) {
+    newest.X_WT.q = normalized(newest.X_WT.q);
+    newest.plunger = std::clamp(newest.plunger, 0.0, 1.0);
+    target_ = newest;
+  }
+  Pose& X = aim_.X_WT;
+  v_W_mps_ += (atMost((target_.X_WT.p - X.p) * kFollow_per_s, kMostAimSpeed_mps) - v_W_mps_) * share_;
+  X.p += v_W_mps_ * step_s_;
+  const Vec3 turn = turnVector(X.q, target_.X_WT.q);
+  w_W_radps_ += (atMost(turn * kFollow_per_s, kMostAimTurn_radps) - w_W_radps_) * share_;
+  const Vec3 half = w_W_radps_ * (step_s_ / 2);
+  X.q = normalized(Quat{half.x, half.y, half.z, 1} * X.q);
+  const double most = kMostPlungerSpeed_per_s * step_s_;
+  aim_.plunger += std::clamp(target_.plunger - aim_.plunger, -most, most);
+  return aim_;
+}
 
 Hand::Hand(const HandOptions& options, HandPlan plan, const Pose& X_HT, double step_s,
            std::shared_ptr<HandSteering> steering)

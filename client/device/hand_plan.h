@@ -1,4 +1,4 @@
-/// What a simulated hand wants to do: where the needle's tip shall be at each time.
+/// Plans of a simulated hand: where the needle's tip shall be at each time.
 #pragma once
 
 #include <cstdint>

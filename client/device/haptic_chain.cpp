@@ -5,12 +5,18 @@
 #include <limits>
 
 #include "common/haptics/device_condition.h"
+#include "common/haptics/surface.h"
 #include "common/haptics/tool_transform.h"
 
 namespace needlelab {
 namespace {
 
-std::int32_t heldNs(std::int64_t duration_ns) {
+// the shortest rotation from +z to `axis`, which is not near −z
+Quat shortest(Vec3 axis) {
+  return normalized(Quat{-axis.y, axis.x, 0, 1 + axis.z});
+}
+
+std::int32_t clampedNs(std::int64_t duration_ns) {
   return static_cast<std::int32_t>(
       std::clamp<std::int64_t>(duration_ns, 0, std::numeric_limits<std::int32_t>::max()));
 }
@@ -22,6 +28,24 @@ void put(double (&to)[3], Vec3 v) {
 }
 
 }  // namespace
+
+Quat rotationOfAxis(Vec3 axis) noexcept {
+  // needles point down, most of them: from −z, reached by half a turn about x, the way is short
+  if (axis.z > 0) return shortest(axis);
+  return Quat{1, 0, 0, 0} * shortest({axis.x, -axis.y, -axis.z});
+}
+
+Quat AssumedAxis::at(const SceneModel& model, const SimState& before, Vec3 p_WT_m) const noexcept {
+  const double depth_m = signedDepth(model.limb, p_WT_m);
+  const bool inside = depth_m > 0;
+  if (inside && before.inside) return kept_;
+  const bool enters = inside && before.outside_once;
+  // at a sphere's very centre, without a motion, any direction will do
+  Vec3 motion = p_WT_m - before.p_prev_W_m;
+  if (normSquared(motion) == 0) motion = {0, 0, -1};
+  const Vec3 at = enters ? entryPoint(before, p_WT_m, depth_m) : p_WT_m;
+  return rotationOfAxis(-surfaceNormal(model.limb, at, motion));
+}
 
 HapticChain::HapticChain(const SceneModel& model, const DeviceLimits& limits, const Pose& X_HT)
     : model_(model), X_HT_(X_HT), gate_(limits, model.rate_hz), plunger_({}, model.rate_hz) {
@@ -35,7 +59,7 @@ HapticChain::HapticChain(const SceneModel& model, const DeviceInfo& device, cons
   plunger.source = device.plunger;
   plunger_ = Plunger(plunger, model.rate_hz);
   has_orientation_ = device.has_orientation;
-  // what renders nothing at all is computed for the record, as if it could
+  // for a device that renders nothing the torque is computed for the record
   renders_torque_ = device.renders_torque || !device.renders_force;
 }
 
@@ -56,10 +80,10 @@ Wrench HapticChain::stepped(const Pose& X_WH, const Pose& X_WT, double share) no
   return wrenchAtHandle(wanted, tip_.p, handle_.p);
 }
 
-// what the engine last said of phase and layer still stands; where the tip is, is told as far as it is known
+// phase and layer stay as the engine last reported them; the tip's place is recorded as far as it is known
 void HapticChain::skipped(const Pose& X_WH, const Pose& X_WT) noexcept {
   report_.flags = kFlagNotStepped;
-  if ((gate_.flags() & kGateSampleRejected) != 0) return;  // what nobody believes is not recorded as a place
+  if ((gate_.flags() & kGateSampleRejected) != 0) return;  // a rejected sample is not recorded as a place
   if (!isFinite(X_WT.p) || !isFinite(X_WT.q) || !isFinite(X_WH.p)) return;
   handle_ = X_WH;
   tip_.p = X_WT.p;
@@ -85,7 +109,7 @@ GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::i
   out.X_WT = tip_;
   out.report = report_;
   out.rendered_W = guarded.wrench();
-  // what the device renders at the handle, seen from the tip again
+  // the torque that the device renders at the handle, about the tip again
   out.torque_at_tip_Nm = has_orientation_
                              ? out.rendered_W.torque_Nm - cross(tip_.p - handle_.p, out.rendered_W.force_N)
                              : Vec3{};
@@ -113,8 +137,8 @@ GestureSample sampleOf(const ChainTick& tick, std::int64_t time_ns, std::int64_t
   sample.insertion_m = tick.report.insertion_m;
   sample.lateral_error_m = tick.report.lateral_error_m;
   sample.plunger = tick.plunger;
-  sample.device_ns = heldNs(device_ns);
-  sample.engine_ns = heldNs(engine_ns);
+  sample.device_ns = clampedNs(device_ns);
+  sample.engine_ns = clampedNs(engine_ns);
   sample.flags = tick.report.flags | tick.gate_flags;
   sample.buttons = tick.buttons;
   sample.layer = static_cast<std::int8_t>(tick.report.layer);

@@ -4,14 +4,34 @@
 
 #include <cstdint>
 
-#include "client/device/assumed_axis.h"
 #include "client/device/device.h"
 #include "client/device/plunger.h"
 #include "common/gesture/sample.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/force_gate.h"
+#include "common/haptics/scene_model.h"
+#include "common/haptics/sim_state.h"
 
 namespace needlelab {
+
+/// The rotation that takes +z to the unit vector `axis`; turned about `axis` in no particular way. Exact for
+/// the directions of the axes of W.
+Quat rotationOfAxis(Vec3 axis) noexcept;
+
+/// The needle stands on the skin: outside the tissue its axis is the inward normal at the nearest point of
+/// the limb, at the entry the inward normal at P0 as the engine computes it, and that one is kept for the
+/// insertion. So the engine's u is −n. Thread: one. Real-time safe.
+class AssumedAxis {
+ public:
+  /// The tip's orientation in the tick to come, for a tip at `p_WT_m`. `before`: the engine's state after the
+  /// last tick.
+  [[nodiscard]] Quat at(const SceneModel& model, const SimState& before, Vec3 p_WT_m) const noexcept;
+  /// That tick was stepped with `q_WT`: an insertion keeps it.
+  void keep(Quat q_WT) noexcept { kept_ = q_WT; }
+
+ private:
+  Quat kept_;
+};
 
 /// All that a tick saw and did.
 struct ChainTick {
@@ -35,15 +55,16 @@ class HapticChain {
  public:
   /// `model` must outlive the chain. `X_HT` is the tool: the tip in the handle's frame.
   HapticChain(const SceneModel& model, const DeviceLimits& limits, const Pose& X_HT);
-  /// For what `device` is. Without an orientation the needle's axis is assumed (assumed_axis.h) and the
-  /// tool's offset is taken along W, its direction not at all. Without torque none is asked for, the lever of
-  /// the tool's force included: the handle gets the tip's force.
-  /// The plunger's source is the device's, whatever `plunger` says.
+  /// For a given device. Without an orientation the needle's axis is assumed (AssumedAxis), and of the tool
+  /// only the offset is used, along W. Without torque none is requested, also not for the lever of the tool's
+  /// force: the handle gets the tip's force. The plunger's source is the device's; `plunger.source` is
+  /// ignored.
   HapticChain(const SceneModel& model, const DeviceInfo& device, const Pose& X_HT,
               PlungerSettings plunger = {});
 
-  /// One tick; `fresh` and `elapsed_ticks` as in ForceGate::admit; `share` of the engine's wrench is asked
-  /// for (1, less while a session fades out). What goes to the device is in `out.rendered_W` and the result.
+  /// One tick; `fresh` and `elapsed_ticks` as in ForceGate::admit; `share` is the part of the engine's wrench
+  /// that is requested (1, less while a session fades out). The device's wrench is in `out.rendered_W` and
+  /// the result.
   GuardedWrench tick(const DeviceReading& reading, bool fresh, std::int64_t elapsed_ticks, double share,
                      ChainTick& out) noexcept;
 
@@ -71,7 +92,8 @@ class HapticChain {
   std::uint64_t next_tick_ = 0;
 };
 
-/// A tick as a recording has it. `time_ns` is when it was due; the others are what device and engine took.
+/// A tick as a recording has it. `time_ns` is when it was due; the others are the times that device and
+/// engine took.
 GestureSample sampleOf(const ChainTick& tick, std::int64_t time_ns, std::int64_t device_ns,
                        std::int64_t engine_ns) noexcept;
 

@@ -1,5 +1,7 @@
 #include "client/device/pivot.h"
 
+#include <fmt/core.h>
+
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -142,10 +144,10 @@ Status checked(std::span<const PivotSample> samples) {
     if (!isFinite(sample.X_WH.p) || !isFinite(sample.X_WH.q) ||
         !(std::abs(std::sqrt(dot(sample.X_WH.q, sample.X_WH.q)) - 1) <= 1e-3))
       return Error{ErrorCode::kInvalidInput,
-                   formatted("the pose at %.3f s is not finite or no rotation", sample.t_s)};
+                   fmt::format("the pose at {:.3f} s is not finite or no rotation", sample.t_s)};
   if (samples.size() < kFewest)
     return Error{ErrorCode::kFailed,
-                 formatted("only %zu poses; at least %zu are needed", samples.size(), kFewest)};
+                 fmt::format("only {} poses; at least {} are needed", samples.size(), kFewest)};
   return {};
 }
 
@@ -202,11 +204,11 @@ Result<PivotSums::Solution> PivotSums::solve() const {
 }
 
 Result<PivotFit> fitPivot(std::span<const PivotSample> samples) {
-  if (Status status = checked(samples); !status.ok()) return status.error();
+  RETURN_IF_ERROR(checked(samples));
   const auto start = bestStart(samples);
   if (!start) return PivotSums().solve().error();
 
-  // leave out what lies off, until nothing changes
+  // leave out outliers until nothing changes
   PivotFit fit;
   fit.p_HT_m = start->p_HT_m;
   fit.p_WP_m = start->p_WP_m;
@@ -223,9 +225,7 @@ Result<PivotFit> fitPivot(std::span<const PivotSample> samples) {
       used[i] = residual(samples[i], fit.p_HT_m, fit.p_WP_m) <= limit_m;
       if (used[i]) sums.add(samples[i].X_WH);
     }
-    auto solved = sums.solve();
-    if (!solved.ok()) return solved.error();
-    solution = *solved;
+    ASSIGN_OR_RETURN(solution, sums.solve());
     fit.p_HT_m = solution.p_HT_m;
     fit.p_WP_m = solution.p_WP_m;
     fit.used = sums.samples();
@@ -263,27 +263,29 @@ double expectedError_m(const PivotFit& fit) {
 
 std::string pivotTrouble(const PivotFit& fit) {
   if (fit.spread < kLeastSpread)
-    return formatted(
-        "the swing was too small: %.0f %% of the spread that is needed. Swing the handle by at least 20° to "
+    return fmt::format(
+        "the swing was too small: {:.0f} % of the spread that is needed. Swing the handle by at least 20° to "
         "every side, forward, backward, left and right, and turn it about itself; the tip stays in the "
         "dimple",
         100 * fit.spread / kLeastSpread);
   const double left_out = 1 - static_cast<double>(fit.used) / static_cast<double>(fit.samples);
   if (left_out > kMostSlipped) {
-    std::string text = formatted("the tip was out of the dimple in %.0f %% of the time", 100 * left_out);
+    std::string text = fmt::format("the tip was out of the dimple in {:.0f} % of the time", 100 * left_out);
     if (!fit.slips.empty())
-      text += formatted(", first from %.1f to %.1f s, by %.1f mm", fit.slips.front().from_s,
-                        fit.slips.front().to_s, 1e3 * fit.slips.front().distance_m);
+      text += fmt::format(", first from {:.1f} to {:.1f} s, by {:.1f} mm", fit.slips.front().from_s,
+                          fit.slips.front().to_s, 1e3 * fit.slips.front().distance_m);
     return text + ". Take a deeper dimple, press less, swing more slowly, and repeat";
   }
   if (fit.residual_rms_m > kMostResidual_m)
-    return formatted(
-        "the poses do not fit one tip: %.2f mm RMS are left, %.1f mm are allowed. Was the tip in the dimple, "
+    return fmt::format(
+        "the poses do not fit one tip: {:.2f} mm RMS are left, {:.1f} mm are allowed. Was the tip in the "
+        "dimple, "
         "is the needle firm in its holder, does the plate with the dimple stand still?",
         1e3 * fit.residual_rms_m, 1e3 * kMostResidual_m);
   if (2 * fit.worst_sigma_m > kMostError_m)
-    return formatted(
-        "the tip is known to ±%.2f mm only (2σ), ±%.1f mm are allowed. Swing longer and further to all sides",
+    return fmt::format(
+        "the tip is known to ±{:.2f} mm only (2σ), ±{:.1f} mm are allowed. Swing longer and further to all "
+        "sides",
         2e3 * fit.worst_sigma_m, 1e3 * kMostError_m);
   return {};
 }

@@ -31,7 +31,7 @@ struct PivotSlip {
   std::size_t samples = 0;
 };
 
-/// What can be said at any time, in constant memory: for progress. Thread: one.
+/// The running fit, in constant memory: for progress. Thread: one.
 class PivotSums {
  public:
   void add(const Pose& X_WH);
@@ -79,18 +79,18 @@ inline constexpr double kMostError_m = 1e-3;     ///< two standard deviations
 inline constexpr double kMostSlipped = 0.2;      ///< share of samples away from the dimple
 
 /// Robust: starts from the best of 300 small subsets (least median of the residuals; Rousseeuw 1984), then
-/// leaves out what lies further off than 5 robust standard deviations (and 0.2 mm), until nothing changes. Up
+/// leaves out samples further off than 5 robust standard deviations (and 0.2 mm), until nothing changes. Up
 /// to half of the samples may be wrong. The covariance counts correlated samples as fewer: n is divided by
 /// 1 + 2·Σ autocorrelation of the residuals. Deterministic.
 /// Errors: kInvalidInput: a pose that is not finite or no rotation; kFailed: fewer than 10 samples, or turns
 /// that leave a direction open.
 Result<PivotFit> fitPivot(std::span<const PivotSample> samples);
 
-/// What error of the tip to expect in use: two standard deviations of a single pose's tip (its residual) and
+/// The tip's error to expect in use: two standard deviations of a single pose's tip (its residual) and
 /// of the tool together.
 double expectedError_m(const PivotFit& fit);
 
-/// Why a fit must not become a tool, in words with what to do; empty when it may.
+/// Why a fit must not become a tool, with advice; empty when it may.
 std::string pivotTrouble(const PivotFit& fit);
 
 }  // namespace needlelab

@@ -1,7 +1,9 @@
 #include "client/device/plunger.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <string_view>
 
 namespace needlelab {
 namespace {
@@ -10,6 +12,13 @@ constexpr double kLongestPress_s = 0.1;
 
 bool isPressed(std::uint32_t buttons, int button) {
   return button >= 0 && button < 32 && ((buttons >> static_cast<unsigned>(button)) & 1u) != 0;
+}
+
+// -1: not a button
+int buttonOf(std::string_view text) {
+  int number = -1;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return error == std::errc() && end == text.data() + text.size() && number >= 0 && number < 32 ? number : -1;
 }
 
 }  // namespace
@@ -39,6 +48,22 @@ double Plunger::update(const DeviceReading& reading, bool fresh, std::int64_t el
     }
   }
   return position_;
+}
+
+Status parsePlungerOption(const std::string& text, PlungerSettings& settings) {
+  const std::string_view all = text;
+  const std::size_t comma = all.find(',');
+  const bool has_pull = comma != std::string_view::npos;
+  const int push = buttonOf(all.substr(0, comma));
+  const int pull = has_pull ? buttonOf(all.substr(comma + 1)) : -1;
+  if (push < 0 || (has_pull && pull < 0) || push == pull)
+    return Error{ErrorCode::kInvalidInput,
+                 "--plunger: found '" + text +
+                     "', allowed are one or two different buttons from 0 to 31, as in 0,1: the first presses "
+                     "the plunger, the second draws it back"};
+  settings.push_button = push;
+  settings.pull_button = pull;
+  return {};
 }
 
 }  // namespace needlelab

@@ -1,9 +1,11 @@
-/// Where the syringe's plunger is, from what a device reports of it.
+/// The syringe's plunger, from a device's readings; and the `--plunger` option.
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 #include "client/device/device.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 
@@ -16,10 +18,10 @@ struct PlungerSettings {
   double start = 0.2;  ///< with buttons: not drawn out at first, so that one can aspirate
 };
 
-/// The plunger, 0 (drawn out) to 1 (pressed down). Measured: as the device says, held to 0-1; a value that is
-/// no number leaves it where it was. Buttons: it moves by 1/`stroke_s` a second while one of the two is
-/// pressed, in the ticks that were missed too, but no longer than 100 ms on one reading; both or none: it
-/// stays. Neither: 0. Thread: the haptic thread only. Real-time safe; same readings, same bits.
+/// The plunger, 0 (drawn out) to 1 (pressed down). Measured: as the device reports, clamped to 0-1; a value
+/// that is not a number leaves it where it was. Buttons: it moves by 1/`stroke_s` a second while one of the
+/// two is pressed, in the ticks that were missed too, but no longer than 100 ms on one reading; both or none:
+/// it stays. Neither: 0. Thread: the haptic thread only. Real-time safe; same readings, same bits.
 class Plunger {
  public:
   Plunger(const PlungerSettings& settings, double rate_hz) noexcept;
@@ -36,5 +38,10 @@ class Plunger {
   std::int64_t waiting_ticks_ = 0;  // since the last fresh reading
   double position_;
 };
+
+/// `PUSH[,PULL]`: the numbers (0-31) of the button that presses the plunger and of the one that draws it
+/// back; without the second the plunger cannot be drawn back. Errors: kInvalidInput, with the value found and
+/// the allowed ones.
+Status parsePlungerOption(const std::string& text, PlungerSettings& settings);
 
 }  // namespace needlelab

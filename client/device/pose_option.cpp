@@ -1,5 +1,7 @@
 #include "client/device/pose_option.h"
 
+#include <fmt/core.h>
+
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -46,8 +48,8 @@ Result<Pose> fromNumbers(std::string_view text, const std::string& option) {
     if (count < v.size()) v[count] = value;
   }
   if (count != v.size())
-    return Error{ErrorCode::kInvalidInput, option + ": " + std::to_string(count) +
-                                               " numbers, the seven x,y,z,qx,qy,qz,qw are expected"};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("{}: {} numbers, the seven x,y,z,qx,qy,qz,qw are expected", option, count)};
   return checked(v, option);
 }
 
@@ -74,8 +76,7 @@ Result<Pose> fromFile(const std::string& path, const std::string& option) {
   for (const auto& group : groups) {
     const auto found = json.find(group.name);
     if (found == json.end() || !found->is_object() || found->size() != group.count)
-      return fail(std::string(group.name) + " must be an object of " + std::to_string(group.count) +
-                  " numbers");
+      return fail(fmt::format("{} must be an object of {} numbers", group.name, group.count));
     for (std::size_t i = 0; i < group.count; ++i) {
       const auto number = found->find(group.parts[i]);
       if (number == found->end() || !number->is_number())

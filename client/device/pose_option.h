@@ -10,7 +10,7 @@ namespace needlelab {
 
 /// Reads `x,y,z,qx,qy,qz,qw` (metres, unit quaternion), or the JSON file of that name:
 /// `{"position_m": {"x": 0, "y": 0, "z": 0.15}, "quaternion": {"x": 0, "y": 0, "z": 0, "w": 1}}`.
-/// A "calibration" object may stand beside them (tool_file.h); it is not read.
+/// A "calibration" object may stand beside them (ToolNotes in calibrate.h); it is not read.
 /// `option` names it in messages, e.g. "--tool". The quaternion is normalised.
 /// Errors: kInvalidInput: not seven finite numbers, a position beyond 1 km, | |q| − 1 | above 1e-3, a wrong
 /// or missing field.

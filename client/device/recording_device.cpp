@@ -1,5 +1,7 @@
 #include "client/device/recording_device.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -13,7 +15,7 @@ namespace {
 
 constexpr double kOnTick_s = 1e-9;             // rows this close to a tick are taken as they are
 constexpr double kMaxPosition_m = 1e3;         // as in a profile's vectors
-constexpr double kQuaternionSlack = 1e-3;      // DESIGN §5
+constexpr double kQuaternionSlack = 1e-3;      // as client/sim/README.md says
 constexpr std::size_t kMaxTicks = 50'000'000;  // 14 h at 1 kHz
 
 double lerp(double a, double b, double share) {
@@ -54,8 +56,8 @@ Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, TrackTimes ti
   };
   // rows are counted as a person counts them in an editor: the header is line 1 (blank lines aside)
   const auto fail = [&](std::size_t row, const std::string& why) {
-    return Error{ErrorCode::kInvalidInput, path.string() + " row " + std::to_string(row + 1) + " (line " +
-                                               std::to_string(row + 2) + "): " + why};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("{} row {} (line {}): {}", path.string(), row + 1, row + 2, why)};
   };
 
   PoseTrack track;
@@ -127,9 +129,9 @@ RecordingDevice::RecordingDevice(PoseTrack track, const std::string& name) : tra
 Status RecordingDevice::open(double rate_hz) {
   const double ticks = (track_.t_s.back() - track_.t_s.front()) * rate_hz;
   if (!(ticks < static_cast<double>(kMaxTicks)))
-    return Error{ErrorCode::kInvalidInput, info_.name + " lasts " + numberText(ticks) + " ticks at " +
-                                               numberText(rate_hz) + " Hz; at most " +
-                                               std::to_string(kMaxTicks) + " can be played"};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("{} lasts {} ticks at {} Hz; at most {} can be played", info_.name,
+                             numberText(ticks), numberText(rate_hz), kMaxTicks)};
   if (rate_hz != rate_hz_) {
     poses_ = resamplePoses(track_, rate_hz);
     plunger_ = resamplePlunger(track_, rate_hz);

@@ -20,7 +20,7 @@ struct PoseTrack {
   std::vector<double> plunger;  ///< 0-1; empty when the file has no such column
 };
 
-/// What the times of a track must be.
+/// Requirement on the times of a track.
 enum class TrackTimes : std::uint8_t {
   kAscending,  ///< they may repeat but not go backwards
   kAnyOrder,   ///< they mean nothing: a row is a tick

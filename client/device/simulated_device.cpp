@@ -1,17 +1,24 @@
 #include "client/device/simulated_device.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+#include <numbers>
 #include <string>
 #include <utility>
 
-#include "client/device/encoder_step.h"
 #include "common/base/range.h"
 #include "common/haptics/limits.h"
 
 namespace needlelab {
 namespace {
+
+// `value` rounded to a whole number of steps (half a step goes up); as it is when there is no step. Any
+// unit.
+double toStep(double value, double step) {
+  return step > 0 ? std::floor(value / step + 0.5) * step : value;
+}
 
 Status checked(const SimulatedDeviceOptions& o, double rate_hz) {
   struct Row {
@@ -58,20 +65,20 @@ Pose asEncoded(const Pose& X, double step_m, double step_rad) {
   return seen;
 }
 
+constexpr double kTwoPi = 2 * std::numbers::pi;
+
 }  // namespace
 
 SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options, HandPlan plan)
     : options_(options), plan_(std::move(plan)) {
-  char name[120];
-  std::snprintf(name, sizeof name, "simulated Virtuose 6D Desktop, hand %g N/m and %g N·s/m",
-                options.hand.stiffness_N_per_m, options.hand.damping_Ns_per_m);
-  info_.name = name;
+  info_.name = fmt::format("simulated Virtuose 6D Desktop, hand {:g} N/m and {:g} N·s/m",
+                           options.hand.stiffness_N_per_m, options.hand.damping_Ns_per_m);
   info_.limits = options.limits;
-  info_.plunger = PlungerSource::kAnalog;  // the hand says where it has it
+  info_.plunger = PlungerSource::kAnalog;  // the hand knows where it is
 }
 
 Status SimulatedDevice::open(double rate_hz) {
-  if (Status status = checked(options_, rate_hz); !status.ok()) return status;
+  RETURN_IF_ERROR(checked(options_, rate_hz));
   steps_per_tick_ =
       std::max<std::int64_t>(1, static_cast<std::int64_t>(options_.integration_hz / rate_hz + 0.5));
   step_s_ = 1 / (rate_hz * static_cast<double>(steps_per_tick_));
@@ -86,7 +93,7 @@ void SimulatedDevice::integrate(const Wrench& wrench) noexcept {
   const double mass = options_.limits.apparent_mass_kg;
   const Wrench hand = hand_->pull(handle_);
 
-  // translation: semi-implicit Euler, dry friction takes at most what speed there is
+  // translation: semi-implicit Euler, dry friction takes at most the speed that is left
   Vec3& v = handle_.v_W_mps;
   v += (hand.force_N + wrench.force_N - v * options_.limits.damping_Ns_per_m) * (step_s_ / mass);
   if (options_.dry_friction_N > 0) {
@@ -135,6 +142,58 @@ void SimulatedDevice::skip(std::uint64_t ticks) noexcept {
 
 void SimulatedDevice::close() noexcept {
   hand_.reset();
+}
+
+PivotDevice::PivotDevice(const PivotMotion& motion) : motion_(motion) {
+  info_.name = "simulated hand that swings the handle about a dimple";
+  info_.renders_force = false;
+  info_.renders_torque = false;
+}
+
+Status PivotDevice::open(double rate_hz) {
+  rate_hz_ = rate_hz;
+  tick_ = 0;
+  random_ = motion_.seed;
+  return {};
+}
+
+Pose PivotDevice::handleAt(double t_s) const noexcept {
+  // a swing about a horizontal axis that itself goes round, and a slow turn of the handle about its needle
+  const double azimuth = kTwoPi * t_s / motion_.turn_period_s;
+  const double half = 0.5 * motion_.swing_rad * std::sin(kTwoPi * t_s / motion_.swing_period_s);
+  const double half_turn = 0.25 * std::sin(kTwoPi * t_s / (1.7 * motion_.turn_period_s));
+  const Quat swing{std::cos(azimuth) * std::sin(half), std::sin(azimuth) * std::sin(half), 0, std::cos(half)};
+  const Quat turn{0, 0, std::sin(half_turn), std::cos(half_turn)};
+  const Quat down{1, 0, 0, 0};  // half a turn about x: +z of the handle points down
+  Pose X_WH;
+  X_WH.q = normalized(swing * down * turn);
+  Vec3 tip = motion_.p_WP_m;
+  if (motion_.slip_at_s > 0 && t_s >= motion_.slip_at_s) tip.x += motion_.slip_m;
+  X_WH.p = tip - rotate(X_WH.q, motion_.X_HT.p);
+  return X_WH;
+}
+
+// nearly normal: the sum of twelve uniform numbers has variance 1
+double PivotDevice::noise() noexcept {
+  double sum = -6;
+  for (int i = 0; i < 12; ++i) {
+    random_ = random_ * 6364136223846793005u + 1442695040888963407u;
+    sum += static_cast<double>(random_ >> 11) * 0x1p-53;
+  }
+  return sum * motion_.noise_m;
+}
+
+DeviceRead PivotDevice::read(DeviceReading& reading) noexcept {
+  const double t_s = static_cast<double>(tick_) / rate_hz_;
+  if (motion_.seconds > 0 && t_s >= motion_.seconds) return DeviceRead::kFinished;
+  ++tick_;
+  reading = {};
+  reading.X_WH = handleAt(t_s);
+  Vec3& p = reading.X_WH.p;
+  p += {noise(), noise(), noise()};
+  const double step = motion_.encoder_step_m;
+  p = {toStep(p.x, step), toStep(p.y, step), toStep(p.z, step)};
+  return DeviceRead::kFresh;
 }
 
 }  // namespace needlelab

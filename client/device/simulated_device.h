@@ -1,5 +1,5 @@
-/// A Virtuose 6D Desktop held by a simulated hand: for learning, tests and the offline tool, without
-/// hardware.
+/// Devices without hardware: a Virtuose 6D Desktop held by a simulated hand, for learning, tests and the
+/// offline tool; and a handle that is swung about a dimple, for trying out `--calibrate`.
 #pragma once
 
 #include <array>
@@ -46,7 +46,7 @@ class SimulatedDevice final : public Device {
   void skip(std::uint64_t ticks) noexcept override;
   void close() noexcept override;
 
-  /// The handle as it is, not as the encoders say. For tests and studies.
+  /// The handle's true state, not the encoders'. For tests and studies.
   [[nodiscard]] const HandleState& handle() const noexcept { return handle_; }
   /// Where the hand wants it. Only after `open`.
   [[nodiscard]] const Hand& hand() const noexcept { return *hand_; }
@@ -63,6 +63,43 @@ class SimulatedDevice final : public Device {
   std::int64_t steps_per_tick_ = 0;
   std::uint64_t tick_ = 0;  // of the next read
   std::array<Wrench, kMaxDelayTicks + 1> pending_;
+};
+
+struct PivotMotion {
+  Pose X_HT{{0.012, -0.008, 0.142}, {0, 0, 0, 1}};  ///< that a calibration shall find
+  Vec3 p_WP_m{0.45, 0.05, -0.12};                   ///< the dimple
+  double swing_rad = 0.45;                          ///< to every side, [0, 1.5]
+  double swing_period_s = 2.4;                      ///< to and fro, (0, 60]
+  double turn_period_s = 15;  ///< the direction of the swing goes round in this time, (0, 600]
+  double noise_m = 30e-6;     ///< standard deviation of each coordinate of the handle, in each tick
+  double encoder_step_m = 10e-6;
+  std::uint64_t seed = 1;
+  double slip_at_s = 0;  ///< from here on the tip lies `slip_m` aside; 0 = it never slips
+  double slip_m = 0;
+  double seconds = 0;  ///< ends after so long; 0 = it never ends
+};
+
+/// Deterministic on one machine. The needle hangs downward in the middle of the swing. Takes no force.
+class PivotDevice final : public Device {
+ public:
+  explicit PivotDevice(const PivotMotion& motion);
+  [[nodiscard]] const DeviceInfo& info() const override { return info_; }
+  Status open(double rate_hz) override;
+  DeviceRead read(DeviceReading& reading) noexcept override;
+  void write(const GuardedWrench&) noexcept override {}
+  void skip(std::uint64_t ticks) noexcept override { tick_ += ticks; }
+  void close() noexcept override {}
+
+  /// The handle at `t_s`, without noise and encoder.
+  [[nodiscard]] Pose handleAt(double t_s) const noexcept;
+
+ private:
+  double noise() noexcept;
+  PivotMotion motion_;
+  DeviceInfo info_;
+  double rate_hz_ = 0;
+  std::uint64_t tick_ = 0;
+  std::uint64_t random_ = 0;
 };
 
 }  // namespace needlelab

@@ -4,9 +4,14 @@
 #include <exception>
 #include <iostream>
 
-#include "client/station/run/modes.h"
+#include "client/station/run/calibrate.h"
+#include "client/station/run/list_devices.h"
+#include "client/station/run/list_exercises.h"
 #include "client/station/run/options.h"
+#include "client/station/run/self_test.h"
+#include "client/station/run/signals.h"
 #include "client/station/run/station.h"
+#include "client/station/run/station_key.h"
 #include "client/station/window/trainee_app.h"
 #include "common/base/program.h"
 #include "common/base/secret.h"

@@ -38,7 +38,7 @@ struct SurfaceOptions {
 ///
 /// Thread: one makes, uses and destroys it (GLFW: the process's first thread when it is a window). One at a
 /// time in a process. llvmpipe starts its worker threads while the surface is made, with the affinity of the
-/// thread that makes it: beside a haptic loop make it within `KeepOffCore` (station/loop_core.h). How many:
+/// thread that makes it: beside a haptic loop make it within `KeepOffCore` (client/station/run/real_time.h). How many:
 /// the environment's LP_NUM_THREADS; 1 is set here where it says nothing (setenv: before other threads are
 /// made, or set it oneself), so that the view's own thread and one worker share what cores the affinity
 /// leaves them.

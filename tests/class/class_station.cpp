@@ -7,8 +7,8 @@
 #include <span>
 #include <utility>
 
+#include "client/device/hand_options.h"
 #include "client/device/simulated_device.h"
-#include "client/device/skilled_hand.h"
 #include "client/net/connect.h"
 #include "client/sim/tools/closed_loop.h"
 #include "client/station/run/lesson.h"

@@ -4,7 +4,7 @@
 #include <charconv>
 #include <cmath>
 
-#include "client/device/hand_tremor.h"
+#include "client/device/hand.h"
 
 namespace needlelab {
 namespace {

@@ -11,7 +11,7 @@ namespace needlelab {
 
 struct ClassTrainee {
   std::string name;
-  double skill = 0;  ///< on the first day, [0, 1] (device/skilled_hand.h)
+  double skill = 0;  ///< on the first day, [0, 1] (client/device/hand_options.h)
 };
 
 /// From NAME=SKILL. Errors: kInvalidInput with the text and what is allowed.

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "client/device/hand_tremor.h"
+#include "client/device/hand.h"
 #include "client/device/simulated_device.h"
 #include "client/sim/tools/closed_loop.h"
 #include "common/haptics/scene_model.h"

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "client/device/hand_tremor.h"
+#include "client/device/hand.h"
 #include "common/base/result.h"
 #include "common/gesture/sample.h"
 #include "common/haptics/geometry.h"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "client/device/hand_tremor.h"
+#include "client/device/hand.h"
 #include "common/base/result.h"
 #include "common/wire/endpoint.h"
 

@@ -13,7 +13,7 @@ namespace needlelab::test {
 class LabOfEight {
  public:
   static constexpr int kStations = 8;
-  /// Whose device jumps, so that its force is taken away.
+  /// The station with a device that jumps, so that its force is taken away.
   static constexpr int kInTrouble = 5;
 
   /// Accounts, stations, files; nothing runs yet.
@@ -28,7 +28,7 @@ class LabOfEight {
   /// All eight; each goes on until it is stopped.
   void startStations();
   [[nodiscard]] Process& station(int number) { return *stations_.at(static_cast<std::size_t>(number - 1)); }
-  /// SIGTERM to all; each must end well but the one in trouble, whose exit code says so.
+  /// SIGTERM to all; each must end well but the one in trouble, which must report it by its exit code.
   void stopStations();
 
   /// needlelab-instructor with its window, doing what `script` says. Its words are in `name`.log.

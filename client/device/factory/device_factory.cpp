@@ -3,66 +3,101 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
-#include <string_view>
 #include <utility>
 
 #include "client/device/falcon/falcon_device.h"
 #include "client/device/recording_device.h"
 #include "client/device/simulated_device.h"
 #include "client/device/virtuose/virtuose_device.h"
+#include "client/device/virtuose/virtuose_link.h"
 
 namespace needlelab {
+namespace {
 
-std::string deviceKinds() {
-  return "simulated, recording:FILE, virtuose[:HOST#PORT], falcon[:FIRMWARE-FILE][@SERIAL-OR-BUS-PATH]";
+using MadeDevice = Result<std::unique_ptr<Device>>;
+
+// the rest of the spec without the separator
+std::string argumentOf(const std::string& rest) {
+  return rest.empty() ? rest : rest.substr(1);
+}
+
+MadeDevice makeSimulated(const std::string& /*rest*/, const DeviceOptions& options) {
+  const bool steered = options.hand.plan == kPointerPlan && options.steering != nullptr;
+  ASSIGN_OR_RETURN(auto plan, steered ? Result<HandPlan>(steeredStart(options.scene, options.targets))
+                                      : choosePlan(options.hand, options.scene, options.targets));
+  SimulatedDeviceOptions simulated;
+  simulated.hand = options.hand;
+  if (steered) simulated.steering = options.steering;
+  simulated.X_HT = options.X_HT;
+  return MadeDevice(std::make_unique<SimulatedDevice>(simulated, std::move(plan)));
+}
+
+std::vector<FoundDevice> listSimulated() {
+  return {{"simulated", "a Virtuose 6D Desktop held by a simulated hand", "needs no hardware", true}};
+}
+
+MadeDevice makeRecording(const std::string& rest, const DeviceOptions& /*options*/) {
+  const std::string file = argumentOf(rest);
+  if (file.empty())
+    return Error{ErrorCode::kInvalidInput, "--device recording: needs a file, as in recording:stroke.csv"};
+  ASSIGN_OR_RETURN(auto track, readPoseTrack(file));
+  return MadeDevice(
+      std::make_unique<RecordingDevice>(std::move(track), std::filesystem::path(file).filename().string()));
+}
+
+std::vector<FoundDevice> listRecording() {
+  return {{"recording:FILE", "the recorded motion in a CSV file; the hand feels nothing", "needs no hardware",
+           true}};
+}
+
+MadeDevice makeVirtuose(const std::string& rest, const DeviceOptions& /*options*/) {
+  VirtuoseOptions virtuose;
+  ASSIGN_OR_RETURN(virtuose.address, virtuoseAddress(argumentOf(rest)));
+  return MadeDevice(std::make_unique<VirtuoseDevice>(std::move(virtuose)));
+}
+
+MadeDevice makeFalcon(const std::string& rest, const DeviceOptions& /*options*/) {
+  ASSIGN_OR_RETURN(auto falcon, falconOptions(rest));
+  // loading takes some seconds: a person sees how far it is
+  if (::isatty(STDERR_FILENO) != 0)
+    falcon.progress = [](const std::string& text) {
+      std::fprintf(stderr, "\r%s ", text.c_str());
+      if (text.ends_with("100 %")) std::fputc('\n', stderr);
+    };
+  return MadeDevice(std::make_unique<FalconDevice>(std::move(falcon)));
+}
+
+constexpr DeviceKind kKinds[] = {
+    {"simulated", "", "", "simulated", "simulated device", makeSimulated, listSimulated},
+    {"recording", ":FILE", ":", "recording:FILE", "recorded motion", makeRecording, listRecording},
+    {"virtuose", "[:HOST#PORT]", ":", "virtuose", "Virtuose 6D", makeVirtuose, [] { return listVirtuose(); }},
+    {"falcon", "[:FIRMWARE-FILE][@SERIAL-OR-BUS-PATH]", ":@", "falcon", "Novint Falcon", makeFalcon,
+     listFalcons},
+};
+
+}  // namespace
+
+std::span<const DeviceKind> deviceKinds() {
+  return kKinds;
+}
+
+std::string deviceKindsText() {
+  std::string text;
+  for (const DeviceKind& kind : kKinds)
+    text += (text.empty() ? std::string() : ", ") + kind.name + kind.arguments;
+  return text;
 }
 
 Result<std::unique_ptr<Device>> makeDevice(const std::string& spec, const DeviceOptions& options) {
-  const std::size_t colon = spec.find(':');
-  const std::string kind = spec.substr(0, colon);
-  const std::string rest = colon == std::string::npos ? "" : spec.substr(colon + 1);
-
-  if (kind == "simulated" && colon == std::string::npos) {
-    const bool steered = options.hand.plan == kPointerPlan && options.steering != nullptr;
-    auto plan = steered ? Result<HandPlan>(steeredStart(options.scene, options.targets))
-                        : choosePlan(options.hand, options.scene, options.targets);
-    if (!plan.ok()) return plan.error();
-    SimulatedDeviceOptions simulated;
-    simulated.hand = options.hand;
-    if (steered) simulated.steering = options.steering;
-    simulated.X_HT = options.X_HT;
-    return std::unique_ptr<Device>(std::make_unique<SimulatedDevice>(simulated, std::move(*plan)));
+  for (const DeviceKind& kind : kKinds) {
+    if (!spec.starts_with(kind.name)) continue;
+    const std::string rest = spec.substr(std::strlen(kind.name));
+    if (rest.empty() || std::strchr(kind.separators, rest[0]) != nullptr) return kind.make(rest, options);
   }
-  if (kind == "recording") {
-    if (rest.empty())
-      return Error{ErrorCode::kInvalidInput, "--device recording: needs a file, as in recording:stroke.csv"};
-    auto track = readPoseTrack(rest);
-    if (!track.ok()) return track.error();
-    const std::string name = std::filesystem::path(rest).filename().string();
-    return std::unique_ptr<Device>(std::make_unique<RecordingDevice>(std::move(*track), name));
-  }
-  if (kind == "virtuose") {
-    auto address = virtuoseAddress(rest);
-    if (!address.ok()) return address.error();
-    VirtuoseOptions virtuose;
-    virtuose.address = std::move(*address);
-    return std::unique_ptr<Device>(std::make_unique<VirtuoseDevice>(std::move(virtuose)));
-  }
-  // "falcon@1-4.2" has no colon
-  constexpr std::string_view kFalcon = "falcon";
-  if (spec == kFalcon || spec.starts_with("falcon:") || spec.starts_with("falcon@")) {
-    auto falcon = falconOptions(spec.substr(kFalcon.size()));
-    if (!falcon.ok()) return falcon.error();
-    // loading takes some seconds: a person sees how far it is
-    if (::isatty(STDERR_FILENO) != 0)
-      falcon->progress = [](const std::string& words) {
-        std::fprintf(stderr, "\r%s ", words.c_str());
-        if (words.ends_with("100 %")) std::fputc('\n', stderr);
-      };
-    return std::unique_ptr<Device>(std::make_unique<FalconDevice>(std::move(*falcon)));
-  }
-  return Error{ErrorCode::kInvalidInput, "--device '" + spec + "' is unknown; there are " + deviceKinds()};
+  return Error{ErrorCode::kInvalidInput,
+               "--device '" + spec + "' is unknown; there are " + deviceKindsText()};
 }
 
 }  // namespace needlelab

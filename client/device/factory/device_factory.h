@@ -1,35 +1,51 @@
-/// From the text of `--device` to a device.
+/// The table of devices: from the text of `--device` to a device, and what of it this computer has.
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "client/device/device.h"
 #include "client/device/hand.h"
-#include "client/device/hand_plan_choice.h"
+#include "client/device/hand_options.h"
 #include "common/base/result.h"
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 
-/// What a device may have to know of the lesson. Only the simulated device uses it: its hand pursues an
+/// Facts of the lesson that a device may need. Only the simulated device uses them: its hand pursues an
 /// insertion.
 struct DeviceOptions {
   SceneSpec scene;                                   ///< in W, the limb already placed
   std::vector<PlanTarget> targets;                   ///< of the profile, in W
   Pose X_HT;                                         ///< the tool: the tip in the handle's frame
-  HandOptions hand;                                  ///< `--hand-…` (hand_cli.h)
+  HandOptions hand;                                  ///< `--hand-…` (hand_options.h)
   std::shared_ptr<HandSteering> steering = nullptr;  ///< for the plan `pointer`
 };
 
-/// For `--help` and for error messages: the kinds of device that there are, e.g. "simulated, recording:FILE".
-std::string deviceKinds();
+/// A kind of device: one row of the table.
+struct DeviceKind {
+  const char* name;        ///< `--device NAME…`
+  const char* arguments;   ///< that may follow the name, for --help, e.g. "[:HOST#PORT]"
+  const char* separators;  ///< characters that may follow the name: "", ":" or ":@"
+  const char* listed_as;   ///< in --list-devices, when the kind itself cannot be asked
+  const char* title;       ///< for a person
+  /// Makes the device, which is not opened yet. `rest`: of `--device`, after the name, separator included.
+  Result<std::unique_ptr<Device>> (*make)(const std::string& rest, const DeviceOptions& options);
+  /// The devices of this kind on this computer. Gives no force; may take long.
+  std::vector<FoundDevice> (*list)();
+};
 
-/// Makes the device that `spec` names (`simulated`, `recording:FILE`, `virtuose[:HOST#PORT]`,
-/// `falcon[:FIRMWARE-FILE][@SERIAL-OR-BUS-PATH]`). It is not
-/// opened yet. Errors (kInvalidInput): an unknown kind, with the list of those that exist; a recording that
-/// cannot be read, with file, line, column and value; a hand's plan that does not fit the scene.
+/// All of them, in the order of `--list-devices`.
+std::span<const DeviceKind> deviceKinds();
+
+/// For `--help` and for error messages, e.g. "simulated, recording:FILE".
+std::string deviceKindsText();
+
+/// Makes the device that `spec` names. It is not opened yet. Errors (kInvalidInput): an unknown kind, with
+/// the list of those that exist; a recording that cannot be read, with file, line, column and value; a hand's
+/// plan that does not fit the scene.
 Result<std::unique_ptr<Device>> makeDevice(const std::string& spec, const DeviceOptions& options);
 
 }  // namespace needlelab

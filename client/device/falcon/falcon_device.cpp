@@ -1,5 +1,6 @@
 #include "client/device/falcon/falcon_device.h"
 
+#include <fmt/core.h>
 #include <pthread.h>
 #include <sched.h>
 
@@ -9,7 +10,7 @@
 #include <utility>
 
 #include "client/device/falcon/falcon_geometry.h"
-#include "client/device/falcon/falcon_usb.h"
+#include "client/device/falcon/falcon_link.h"
 #include "client/device/falcon/firmware_loader.h"
 #include "common/base/clock.h"
 #include "common/base/range.h"
@@ -26,12 +27,12 @@ constexpr int kRunsTries = 3;  // 50 ms each, before a load is thought necessary
 constexpr milliseconds kLookAgain{500};
 constexpr milliseconds kBreath{20};  // a device that is lost again at once must not be opened without end
 constexpr std::int64_t kFirstReport_ns = 1'000'000'000;
-constexpr std::int64_t kGoodbye_ns = 100'000'000;
-constexpr std::int64_t kTell_ns = 50'000'000;
+constexpr std::int64_t kFinalCommand_ns = 100'000'000;
+constexpr std::int64_t kStatusEvery_ns = 50'000'000;
 /// So many ticks without a new report are more than two clocks beside each other.
 constexpr std::uint32_t kOverrunTicks = 5;
 
-constexpr const char* kHomingWords =
+constexpr const char* kHomingText =
     "the Falcon looks for its zero: pull the grip out all the way, then push it in slowly until the light "
     "turns green";
 
@@ -74,12 +75,12 @@ std::vector<FoundDevice> listFalcons() {
     return {
         {"falcon", "Novint Falcon", "none is plugged in: connect its USB cable and its power supply", false}};
   const char* const firmware = std::getenv("NEEDLELAB_FALCON_FIRMWARE");
-  const std::string words = firmware != nullptr && *firmware != '\0'
-                                ? "it answers on USB; firmware, if it needs it, from " + std::string(firmware)
-                                : "it answers on USB; after its power was off it needs the maker's firmware: "
-                                  "falcon:FILE, or NEEDLELAB_FALCON_FIRMWARE";
+  const std::string text = firmware != nullptr && *firmware != '\0'
+                               ? "it answers on USB; firmware, if it needs it, from " + std::string(firmware)
+                               : "it answers on USB; after its power was off it needs the maker's firmware: "
+                                 "falcon:FILE, or NEEDLELAB_FALCON_FIRMWARE";
   for (FoundDevice& device : *found)
-    if (device.ready) device.state = words;
+    if (device.ready) device.state = text;
   return std::move(*found);
 }
 
@@ -110,10 +111,9 @@ Status FalconDevice::open(double rate_hz) {
   trail_ = {};
   saturated_ = stale_ticks_ = 0;
   boxes_.condition = kDeviceNotReady;
-  auto link = connect();
-  if (!link.ok()) return link.error();
+  ASSIGN_OR_RETURN(auto link, connect());
 
-  thread_ = std::thread([this, opened = std::move(*link)]() mutable { run(std::move(opened)); });
+  thread_ = std::thread([this, opened = std::move(link)]() mutable { run(std::move(opened)); });
   const std::int64_t end_ns = steadyNowNs() + kFirstReport_ns;
   while (!answered_ && steadyNowNs() < end_ns) std::this_thread::sleep_for(milliseconds(1));
   if (answered_) return {};
@@ -125,12 +125,9 @@ Status FalconDevice::open(double rate_hz) {
 }
 
 Result<std::unique_ptr<falcon::FalconLink>> FalconDevice::connect() {
-  auto link = bus_->open(options_.which);
-  if (!link.ok()) return link.error();
-  const auto runs = falcon::firmwareRuns(**link, kRunsTries);
-  if (!runs.ok()) return runs.error();
-  if (!*runs)
-    if (Status loaded = loadFirmware(**link); !loaded.ok()) return loaded.error();
+  ASSIGN_OR_RETURN(auto link, bus_->open(options_.which));
+  ASSIGN_OR_RETURN(const auto runs, falcon::firmwareRuns(*link, kRunsTries));
+  if (!runs) RETURN_IF_ERROR(loadFirmware(*link));
   return link;
 }
 
@@ -141,19 +138,18 @@ Status FalconDevice::loadFirmware(falcon::FalconLink& link) {
         "Falcon: it has no firmware (it forgets it when its power goes) and no file is named; give the "
         "maker's firmware as --device falcon:FILE or in NEEDLELAB_FALCON_FIRMWARE. If it has run since "
         "it was plugged in, check its power supply"};
-  const auto bytes = falcon::readFirmware(options_.firmware_file);
-  if (!bytes.ok()) return bytes.error();
+  ASSIGN_OR_RETURN(const auto bytes, falcon::readFirmware(options_.firmware_file));
   Status last;
   for (int i = 0; i < kFirmwareTries; ++i) {
-    falcon::FirmwareLoader loader(link, *bytes, options_.firmware_file);
+    falcon::FirmwareLoader loader(link, bytes, options_.firmware_file);
     std::size_t told = 101;
     while (loader.step() && !stop_) {
-      const std::size_t percent = 100 * loader.sent() / bytes->size();
+      const std::size_t percent = 100 * loader.sent() / bytes.size();
       if (percent / 5 == told / 5) continue;
       told = percent;
-      const std::string words = formatted("the Falcon's firmware is loaded: %zu %%", percent);
-      tell(words);
-      if (options_.progress) options_.progress(words);
+      const std::string text = fmt::format("the Falcon's firmware is loaded: {} %", percent);
+      setStatusText(text);
+      if (options_.progress) options_.progress(text);
     }
     last = loader.result();
     if (last.ok() || stop_ || link.lost()) break;
@@ -168,11 +164,11 @@ void FalconDevice::run(std::unique_ptr<falcon::FalconLink> link) noexcept {
   useFifo(options_.priority);
   while (!stop_) {
     if (link) {
-      talk(*link);
+      runStream(*link);
       link.reset();
       if (stop_) break;
       boxes_.condition.store(kDeviceLost, std::memory_order_release);
-      tell("the Falcon was lost: plug in its USB and its power supply");
+      setStatusText("the Falcon was lost: plug in its USB and its power supply");
       bus_->waitForArrival(kBreath);
     }
     auto again = connect();
@@ -180,53 +176,51 @@ void FalconDevice::run(std::unique_ptr<falcon::FalconLink> link) noexcept {
       link = std::move(*again);
       continue;
     }
-    tell("the Falcon was lost: " + again.error().message);
+    setStatusText("the Falcon was lost: " + again.error().message);
     bus_->waitForArrival(kLookAgain);
   }
 }
 
-void FalconDevice::talk(falcon::FalconLink& link) noexcept {
+void FalconDevice::runStream(falcon::FalconLink& link) noexcept {
   falcon::Exchange exchange(link, boxes_, steadyNowNs());
   if (!link.startStream(exchange).ok()) return;
   std::int64_t tell_ns = 0;
   while (!stop_ && !link.lost()) {
     const std::int64_t now_ns = steadyNowNs();
-    if (exchange.hopeless(now_ns)) break;
-    link.wait(exchange.turn(now_ns));
+    if (exchange.timedOut(now_ns)) break;
+    link.wait(exchange.step(now_ns));
     if (exchange.counts().reports > 0) answered_ = true;
     if (now_ns >= tell_ns) {
-      tell_ns = now_ns + kTell_ns;
-      tellHow(exchange);
+      tell_ns = now_ns + kStatusEvery_ns;
+      updateStatusText(exchange);
     }
   }
-  if (!link.lost()) static_cast<void>(exchange.sayGoodbye(kGoodbye_ns));
+  if (!link.lost()) static_cast<void>(exchange.sendFinalCommand(kFinalCommand_ns));
   link.stopStream();
 }
 
-void FalconDevice::tell(std::string words) {
+void FalconDevice::setStatusText(std::string text) {
   const std::scoped_lock lock(mutex_);
-  words_ = std::move(words);
+  status_text_ = std::move(text);
 }
 
-void FalconDevice::tellHow(const falcon::Exchange& exchange) {
-  std::string words;
+void FalconDevice::updateStatusText(const falcon::Exchange& exchange) {
+  std::string text;
   switch (exchange.trouble()) {
     case falcon::Exchange::Trouble::kBadPackets:
-      words = formatted(
-          "the Falcon sends what cannot be read (%llu packets): use another USB cable or port, without a "
-          "hub",
-          static_cast<unsigned long long>(exchange.counts().bad_packets));
+      text = "the Falcon sends what cannot be read (" + std::to_string(exchange.counts().bad_packets) +
+             " packets): use another USB cable or port, without a hub";
       break;
     case falcon::Exchange::Trouble::kSilent:
-      words = "the Falcon does not answer: check its power supply";
+      text = "the Falcon does not answer: check its power supply";
       break;
     case falcon::Exchange::Trouble::kNone:
-      if (!exchange.homed()) words = kHomingWords;
+      if (!exchange.homed()) text = kHomingText;
   }
-  // somebody of ordinary priority may be reading them: the motors do not wait for that
+  // a reader of ordinary priority may hold the lock: the motors do not wait for it
   const std::unique_lock lock(mutex_, std::try_to_lock);
   if (!lock) return;
-  words_ = std::move(words);
+  status_text_ = std::move(text);
   counts_ = exchange.counts();
 }
 
@@ -237,7 +231,7 @@ falcon::ExchangeCounts FalconDevice::counts() {
 
 std::string FalconDevice::status() {
   const std::scoped_lock lock(mutex_);
-  return words_;
+  return status_text_;
 }
 
 DeviceRead FalconDevice::read(DeviceReading& reading) noexcept {
@@ -253,11 +247,11 @@ DeviceRead FalconDevice::read(DeviceReading& reading) noexcept {
   } else if (++stale_ticks_ > kOverrunTicks) {
     condition |= kDeviceOverrun;
   }
-  // nobody presses a button of a device that is away: the plunger must not go on
+  // a lost device reports no buttons: the plunger must not go on
   if ((condition & (kDeviceLost | kDeviceTrouble)) != 0) reading.buttons = 0;
   reading.condition = condition;
   placed_ = placed_ && (condition & (kDeviceNotReady | kDeviceLost)) == 0;
-  // encoders that have not found their zero tell no place
+  // without their zero the encoders give no place
   if (!fresh || (condition & (kDeviceNotReady | kDeviceLost)) != 0) return DeviceRead::kNoUpdate;
 
   const falcon::LegAngles theta = falcon::anglesOfEncoders(seen.report.encoder);
@@ -288,21 +282,21 @@ double FalconDevice::speed(Vec3 p_m, std::int64_t at_ns) noexcept {
 }
 
 void FalconDevice::write(const GuardedWrench& at_handle_W) noexcept {
-  falcon::MotorWish wish;
+  falcon::MotorRequest request;
   if (placed_) {
     const Vec3 f_F_N = falcon::vectorToF(at_handle_W.wrench().force_N);
     const falcon::MotorUnits units = falcon::motorUnits(falcon::torquesForForce(legs_, f_F_N));
-    wish.motor = units.value;
+    request.motor = units.value;
     constexpr std::uint8_t kLess = falcon::kNearSingular | falcon::kTorqueLimited | falcon::kInputNotFinite;
     if ((units.flags & kLess) != 0 && normSquared(f_F_N) > 0) saturated_ = kDeviceSaturated;
   }
-  boxes_.wishes.publish(wish);
+  boxes_.requests.publish(request);
 }
 
 void FalconDevice::close() noexcept {
   stop_ = true;
   if (thread_.joinable()) thread_.join();
-  tell({});
+  setStatusText({});
 }
 
 }  // namespace needlelab

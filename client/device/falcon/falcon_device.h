@@ -15,7 +15,6 @@
 #include "client/device/falcon/falcon_exchange.h"
 #include "client/device/falcon/falcon_kinematics.h"
 #include "client/device/falcon/falcon_link.h"
-#include "client/device/found_device.h"
 
 namespace needlelab {
 
@@ -25,21 +24,22 @@ struct FalconOptions {
   std::string firmware_file;
   std::string which;  ///< serial number or bus path, e.g. "1-4.2"; empty: the only one
   int priority = 80;  ///< SCHED_FIFO of the USB thread, as the haptic thread's; without the right it is left
-  /// Told how far a load of firmware is, by the thread that loads. May be empty.
+  /// Called with the progress of a firmware load, by the thread that loads. May be empty.
   std::function<void(const std::string&)> progress;
 };
 
-/// What follows "falcon" in `--device`: `[:FIRMWARE-FILE][@SERIAL-OR-BUS-PATH]`. An '@' before the last '/'
+/// Parses the rest of `--device falcon…`: `[:FIRMWARE-FILE][@SERIAL-OR-BUS-PATH]`. An '@' before the last '/'
 /// is part of the file's name. Errors (kInvalidInput): nothing after ':' or '@'.
 Result<FalconOptions> falconOptions(const std::string& rest);
 
-/// The Falcons of this computer, for `--list-devices`; one line that says so when there is none.
+/// The Falcons of this computer, for `--list-devices`; without any, one entry that says so.
 std::vector<FoundDevice> listFalcons();
 
 /// The haptic thread reads the newest report and posts the newest torques through mailboxes, wait-free; a
-/// thread of the device's own talks with USB, finds a lost device again, loads its firmware and watches that
-/// the haptic thread lives (Exchange). It has found its zero when it is pulled out and pushed in once; until
-/// then `read` says kNoUpdate with kDeviceNotReady; buttons count all the same, but not while it is lost.
+/// thread of the device's own does the USB exchange, finds a lost device again, loads its firmware and
+/// watches that the haptic thread lives (Exchange). The device finds its zero when it is pulled out and
+/// pushed in once; until then `read` returns kNoUpdate with kDeviceNotReady; buttons count nevertheless, but
+/// not while it is lost.
 class FalconDevice final : public Device {
  public:
   explicit FalconDevice(FalconOptions options);
@@ -51,7 +51,7 @@ class FalconDevice final : public Device {
   [[nodiscard]] const DeviceInfo& info() const override { return info_; }
   /// Loads the firmware when it must: some seconds. Errors: as FalconBus::open and FirmwareLoader; a rate
   /// above 1 kHz (kInvalidInput); a device that does not answer (kUnavailable). One that has not found its
-  /// zero opens all the same: `status` says what the hand has to do.
+  /// zero opens nevertheless: `status` says what the hand has to do.
   Status open(double rate_hz) override;
   DeviceRead read(DeviceReading& reading) noexcept override;
   void write(const GuardedWrench& at_handle_W) noexcept override;
@@ -61,11 +61,11 @@ class FalconDevice final : public Device {
 
   /// Counted by the kinematics in ticks since `open`: see KinematicFlag. Thread: any.
   [[nodiscard]] std::uint64_t clampedTicks() const noexcept { return clamped_ticks_.load(); }
-  /// Of the link in use, told twenty times a second. Thread: any but the haptic one.
+  /// Counts of the link in use, updated twenty times a second. Thread: any but the haptic one.
   [[nodiscard]] falcon::ExchangeCounts counts();
 
  private:
-  /// Places of the last reports, to tell the grip's speed.
+  /// Places of the last reports, for the grip's speed.
   struct Trail {
     static constexpr std::size_t kSteps = 8;
     std::array<Vec3, kSteps> p_m{};
@@ -76,9 +76,9 @@ class FalconDevice final : public Device {
   Result<std::unique_ptr<falcon::FalconLink>> connect();
   Status loadFirmware(falcon::FalconLink& link);
   void run(std::unique_ptr<falcon::FalconLink> link) noexcept;
-  void talk(falcon::FalconLink& link) noexcept;
-  void tell(std::string words);
-  void tellHow(const falcon::Exchange& exchange);
+  void runStream(falcon::FalconLink& link) noexcept;
+  void setStatusText(std::string text);
+  void updateStatusText(const falcon::Exchange& exchange);
   [[nodiscard]] double speed(Vec3 p_m, std::int64_t at_ns) noexcept;
 
   FalconOptions options_;
@@ -97,7 +97,7 @@ class FalconDevice final : public Device {
   std::uint32_t stale_ticks_ = 0;
 
   std::mutex mutex_;  // between the USB thread and status(): never taken by read and write
-  std::string words_;
+  std::string status_text_;
   falcon::ExchangeCounts counts_;
 };
 

@@ -14,10 +14,10 @@ Exchange::Exchange(FalconLink& link, Mailboxes& boxes, std::int64_t now_ns)
       due_ns_(now_ns),
       sent_ns_(now_ns),
       last_report_ns_(now_ns),
-      last_wish_ns_(now_ns - kWatchdog_ns - 1) {
-  // what was wished for before this link is forgotten
-  MotorWish old;
-  static_cast<void>(boxes_.wishes.fetch(old));
+      last_request_ns_(now_ns - kWatchdog_ns - 1) {
+  // requests from before this link are dropped
+  MotorRequest old;
+  static_cast<void>(boxes_.requests.fetch(old));
 }
 
 void Exchange::onRead(std::span<const std::uint8_t> raw, std::int64_t now_ns) noexcept {
@@ -38,7 +38,7 @@ void Exchange::onRead(std::span<const std::uint8_t> raw, std::int64_t now_ns) no
 
 void Exchange::onSent(bool done) noexcept {
   sending_ = false;
-  // nobody will answer what did not go out
+  // a command that was not sent gets no answer
   if (!done && unanswered_ > 0) --unanswered_;
 }
 
@@ -56,21 +56,21 @@ void Exchange::judge(std::int64_t now_ns) noexcept {
 }
 
 Command Exchange::nextCommand(std::int64_t now_ns) noexcept {
-  if (boxes_.wishes.fetch(wish_)) {
-    last_wish_ns_ = now_ns;
+  if (boxes_.requests.fetch(request_)) {
+    last_request_ns_ = now_ns;
     starved_ = false;
-  } else if (now_ns - last_wish_ns_ > kWatchdog_ns) {
+  } else if (now_ns - last_request_ns_ > kWatchdog_ns) {
     if (!starved_) ++counts_.starved_times;
     starved_ = true;
   }
   Command command;
-  if (homed_ && !starved_ && trouble_ == Trouble::kNone) command.motor = wish_.motor;
+  if (homed_ && !starved_ && trouble_ == Trouble::kNone) command.motor = request_.motor;
   // red while the hand has something to do for it, green when it is ready
   command.bits = homed_ ? kOutGreen : kOutRed | kOutHome;
   return command;
 }
 
-std::int64_t Exchange::turn(std::int64_t now_ns) noexcept {
+std::int64_t Exchange::step(std::int64_t now_ns) noexcept {
   judge(now_ns);
   if (unanswered_ > 0 && now_ns - sent_ns_ > kReplyTime_ns) {
     counts_.unanswered += static_cast<std::uint64_t>(unanswered_);
@@ -93,10 +93,10 @@ std::int64_t Exchange::turn(std::int64_t now_ns) noexcept {
   return due_ns_;
 }
 
-bool Exchange::sayGoodbye(std::int64_t patience_ns) noexcept {
+bool Exchange::sendFinalCommand(std::int64_t patience_ns) noexcept {
   const Packet last = encodeCommand({});
   const std::int64_t end_ns = steadyNowNs() + patience_ns;
-  // what is under way first: it still has torque in it
+  // wait for the commands under way first: they still carry torque
   bool asked = false;
   std::int64_t again_ns = 0;
   std::uint64_t reports_before = counts_.reports;
@@ -105,7 +105,7 @@ bool Exchange::sayGoodbye(std::int64_t patience_ns) noexcept {
     if (link_.lost() || now_ns >= end_ns) return false;
     if (!sending_ && asked && counts_.reports > reports_before) return true;
     if (!sending_ && now_ns >= again_ns && link_.send(last)) {
-      // the answer that counts is none to an earlier command
+      // answers to earlier commands do not count
       if (!asked) reports_before = counts_.reports + static_cast<std::uint64_t>(unanswered_);
       asked = sending_ = true;
       again_ns = now_ns + kReplyTime_ns;

@@ -1,6 +1,6 @@
-/// The conversation with a Falcon whose firmware runs: one command, one report, a thousand times a second.
-/// Up to two commands may be under way: the USB chip holds a reply back for up to 1 ms, and to wait for it
-/// would make the period longer than that.
+/// The exchange with a Falcon that runs its firmware: one command, one report, a thousand times a second. Up
+/// to two commands may be under way: the USB chip holds a reply back for up to 1 ms, and waiting for it would
+/// make the period longer.
 #pragma once
 
 #include <atomic>
@@ -19,14 +19,14 @@ struct TimedReport {
 };
 
 /// From the haptic thread to the USB thread.
-struct MotorWish {
+struct MotorRequest {
   std::array<std::int16_t, 3> motor{};
 };
 
-/// What the two threads share: wait-free both ways.
+/// The two threads' shared data: wait-free both ways.
 struct Mailboxes {
   LatestValue<TimedReport> reports;
-  LatestValue<MotorWish> wishes;
+  LatestValue<MotorRequest> requests;
   std::atomic<std::uint32_t> condition{0};  ///< DeviceFlag bits, by the USB thread
 };
 
@@ -35,7 +35,7 @@ struct ExchangeCounts {
   std::uint64_t sent = 0, reports = 0;
   std::uint64_t bad_packets = 0;
   std::uint64_t unanswered = 0;     ///< commands that no report followed in time
-  std::uint64_t starved_times = 0;  ///< the haptic thread fell silent: zero torque was sent
+  std::uint64_t starved_times = 0;  ///< how often the haptic thread fell silent: zero torque was sent
 };
 
 /// Motors turn only while the device has found its zero, reports are good, and the haptic thread has asked
@@ -45,9 +45,9 @@ class Exchange final : public LinkListener {
   static constexpr std::int64_t kPeriod_ns = 1'000'000;
   static constexpr std::int64_t kWatchdog_ns = 20'000'000;  ///< silence of the haptic thread
   static constexpr int kMostUnderWay = 2;
-  static constexpr std::int64_t kReplyTime_ns = 6'000'000;   ///< then no reply is waited for any more
+  static constexpr std::int64_t kReplyTime_ns = 6'000'000;   ///< after this a reply is not waited for
   static constexpr std::int64_t kSilent_ns = 100'000'000;    ///< then it is kDeviceTrouble
-  static constexpr std::int64_t kGiveUp_ns = 1'000'000'000;  ///< then the link is opened anew
+  static constexpr std::int64_t kGiveUp_ns = 1'000'000'000;  ///< after this the link is opened again
   static constexpr std::uint32_t kMostBadInARow = 20;        ///< then it is kDeviceTrouble
 
   enum class Trouble : std::uint8_t { kNone, kBadPackets, kSilent };
@@ -55,17 +55,16 @@ class Exchange final : public LinkListener {
   Exchange(FalconLink& link, Mailboxes& boxes, std::int64_t now_ns);
 
   /// Sends if it is time. Returns when it wants to be called again; sooner does no harm.
-  std::int64_t turn(std::int64_t now_ns) noexcept;
-  /// Says the last word: lights out, zero torque, answered. Waits for it at most `patience_ns`; false when
-  /// nobody answered.
-  bool sayGoodbye(std::int64_t patience_ns) noexcept;
+  std::int64_t step(std::int64_t now_ns) noexcept;
+  /// Sends lights out and zero torque, and waits at most `patience_ns` for the answer; false when none came.
+  bool sendFinalCommand(std::int64_t patience_ns) noexcept;
 
   void onRead(std::span<const std::uint8_t> raw, std::int64_t now_ns) noexcept override;
   void onSent(bool done) noexcept override;
 
   [[nodiscard]] bool homed() const noexcept { return homed_; }
   [[nodiscard]] Trouble trouble() const noexcept { return trouble_; }
-  [[nodiscard]] bool hopeless(std::int64_t now_ns) const noexcept {
+  [[nodiscard]] bool timedOut(std::int64_t now_ns) const noexcept {
     return now_ns - last_report_ns_ > kGiveUp_ns;
   }
   [[nodiscard]] const ExchangeCounts& counts() const noexcept { return counts_; }
@@ -78,8 +77,8 @@ class Exchange final : public LinkListener {
   Mailboxes& boxes_;
   PacketReader reader_;
   ExchangeCounts counts_;
-  MotorWish wish_;
-  std::int64_t due_ns_, sent_ns_, last_report_ns_, last_wish_ns_;
+  MotorRequest request_;
+  std::int64_t due_ns_, sent_ns_, last_report_ns_, last_request_ns_;
   bool sending_ = false;
   int unanswered_ = 0;  // commands under way
   bool homed_ = false, starved_ = true;

@@ -1,6 +1,5 @@
-/// The Novint Falcon as data: lengths, angles, encoders, motors, packet bits, limits. What is known and from
-/// where. Kinematics (falcon_kinematics.h) and the tests' emulated device, which has its own, share only
-/// this.
+/// The Novint Falcon as data: lengths, angles, encoders, motors, packet bits, limits, each with its source.
+/// Kinematics (falcon_kinematics.h) and the tests' emulated device, which has its own, share only this.
 ///
 /// Sources. [MH] Martin and Hillier, Characterisation of the Novint Falcon haptic device for application as a
 /// robot manipulator, ACRA 2009 (values as cited in public code; the paper itself was not at hand).
@@ -74,7 +73,8 @@ inline constexpr Vec3 kOrigin_F_m = {0, 0, 0.125};
 /// Half an edge of the cube that the maker promises, 4 inches wide: [ND].
 inline constexpr double kWorkspaceHalf_m = 0.0508;
 
-/// W from F (DESIGN §2: X toward the user, Y to the user's right, Z up): a turn of the axes' names.
+/// W from F (ARCHITECTURE.md, "Frames and units": X toward the user, Y to the user's right, Z up): a turn of
+/// the axes' names.
 constexpr Vec3 vectorToW(Vec3 v_F) {
   return {v_F.z, v_F.x, v_F.y};
 }

@@ -38,18 +38,18 @@ bool finite(const LegAngles& theta) noexcept {
   return std::isfinite(theta[0]) && std::isfinite(theta[1]) && std::isfinite(theta[2]);
 }
 
-double held(double theta, std::uint8_t& flags) noexcept {
+double clampedAngle(double theta, std::uint8_t& flags) noexcept {
   if (theta >= kThetaMin_rad && theta <= kThetaMax_rad) return theta;
   flags |= kBeyondStop;
   return std::clamp(theta, kThetaMin_rad, kThetaMax_rad);
 }
 
-// one leg at a place: the shin in the leg's axes, and what its equation is off by
+// one leg at a place: the shin in the leg's axes, and the residual of its equation
 struct Shin {
   double u, v, w;   // from the knee, v along the parallelogram's side
   double reach;     // √(b² − v²)
   double length;    // d + e + reach: the shin's length in the leg's plane
-  double off_half;  // half of what the leg's equation misses, m²
+  double off_half;  // half of the residual of the leg's equation, m²
   bool too_far_aside;
 };
 
@@ -110,7 +110,7 @@ Place forwardKinematics(const LegAngles& theta_rad) noexcept {
   std::array<double, 3> cosine, sine;
   std::array<Vec3, 3> knee;
   for (std::size_t i = 0; i < 3; ++i) {
-    const double theta = held(theta_rad[i], place.flags);
+    const double theta = clampedAngle(theta_rad[i], place.flags);
     cosine[i] = detCos(theta);
     sine[i] = detSin(theta);
     const Axes& axes = kAxes[i];
@@ -174,7 +174,7 @@ Legs inverseKinematics(Vec3 p_F_m) noexcept {
       cosine = std::clamp(cosine, -1.0, 1.0);
     }
     const double between = detAtan2(std::sqrt(1 - cosine * cosine), cosine);
-    legs.theta_rad[i] = held(detAtan2(s.w, s.u) - between, legs.flags);
+    legs.theta_rad[i] = clampedAngle(detAtan2(s.w, s.u) - between, legs.flags);
   }
   if (legJacobian(p_F_m, legs.theta_rad).spread() < kLeastSpread) legs.flags |= kNearSingular;
   return legs;

@@ -3,8 +3,8 @@
 /// Inverse kinematics and the Jacobian are closed forms; forward kinematics begins with the place where three
 /// spheres around the knees meet (exact but for the short links) and then refines it by Newton's method. The
 /// result depends on the angles alone, never on an earlier place, and no library trigonometry is used: same
-/// encoders, same bits. Real-time safe; never NaN: what is out of reach is brought to what can be reached,
-/// and said.
+/// encoders, same bits. Real-time safe; never NaN: a place out of reach is replaced by one that can be
+/// reached, and flagged.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@ namespace needlelab::falcon {
 
 using LegAngles = std::array<double, 3>;  ///< θ_i in rad
 
-/// What had to be bent for an answer. 0: nothing.
+/// Corrections that an answer needed. 0: none.
 enum KinematicFlag : std::uint8_t {
   kBeyondStop = 1u << 0,     ///< an angle was outside [kThetaMin_rad, kThetaMax_rad] and was held to it
   kOutOfReach = 1u << 1,     ///< no place fits: legs too short, or too far to the side; the nearest was taken

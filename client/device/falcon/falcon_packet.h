@@ -1,4 +1,4 @@
-/// The 16 bytes that the Falcon's firmware speaks, both ways, and what the USB chip puts around them.
+/// The 16-byte packets of the Falcon's firmware, both ways, and the bytes that the USB chip adds.
 #pragma once
 
 #include <array>
@@ -13,14 +13,14 @@ namespace needlelab::falcon {
 inline constexpr std::size_t kPacketBytes = 16;
 using Packet = std::array<std::uint8_t, kPacketBytes>;
 
-/// What the device is told: one write, one reply.
+/// To the device: one write, one reply.
 struct Command {
   std::array<std::int16_t, 3> motor{};  ///< held to ±kMotorMax by `encodeCommand`
   std::uint8_t bits = 0;                ///< kOutHome, kOutGreen, kOutBlue, kOutRed
   friend bool operator==(const Command&, const Command&) = default;
 };
 
-/// What the device says.
+/// From the device.
 struct Report {
   std::array<std::int16_t, 3> encoder{};
   std::uint8_t bits = 0;  ///< kInButtons, kInHomed
@@ -31,13 +31,13 @@ Packet encodeCommand(const Command& command) noexcept;
 /// As the device does it; for tests and for a device of one's own.
 Packet encodeReport(const Report& report) noexcept;
 
-/// Strict: false when a byte is none that the format allows; then the result stays as it is. Byte 14 is not
-/// judged: nobody says what is in it.
+/// Strict: false when the format does not allow a byte; then the result stays as it is. Byte 14 is not
+/// checked: its meaning is not documented.
 bool decodeReport(const Packet& packet, Report& report) noexcept;
 bool decodeCommand(const Packet& packet, Command& command) noexcept;
 
-/// Finds packets in a stream of bytes that may begin anywhere and lose any. A `<` always begins a packet
-/// anew, since no other byte of one can be it.
+/// Finds packets in a stream of bytes that may begin anywhere and lose any. A `<` always begins a new packet,
+/// since it cannot occur within one.
 class PacketReader {
  public:
   /// True when `byte` ended a good report.
@@ -46,7 +46,7 @@ class PacketReader {
   void reset() noexcept { used_ = 0; }
 
   [[nodiscard]] std::uint64_t good() const noexcept { return good_; }
-  /// Packets that began and were none: cut off, too long, or with a byte that is not allowed.
+  /// Packets that began and were not good: cut off, too long, or with a byte that is not allowed.
   [[nodiscard]] std::uint64_t bad() const noexcept { return bad_; }
   /// Bytes outside any packet.
   [[nodiscard]] std::uint64_t stray() const noexcept { return stray_; }

@@ -1,9 +1,12 @@
 #include "client/device/falcon/firmware_loader.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <iterator>
@@ -11,6 +14,7 @@
 
 #include "client/device/falcon/falcon_geometry.h"
 #include "client/device/falcon/falcon_packet.h"
+#include "common/base/clock.h"
 #include "common/base/text.h"
 
 namespace needlelab::falcon {
@@ -23,11 +27,11 @@ constexpr std::size_t kMostFirmware = 1u << 20;
 
 constexpr std::array<std::uint8_t, 3> kGreeting = {0x0A, 0x43, 0x0D};
 constexpr std::array<std::uint8_t, 4> kGreetingAnswer = {0x0A, 0x44, 0x2C, 0x0D};
-constexpr std::array<std::uint8_t, 1> kKnocking = {0x41};
+constexpr std::array<std::uint8_t, 1> kCalling = {0x41};
 
 Status controls(FtdiPort& port, std::initializer_list<std::array<std::uint16_t, 3>> requests) {
   for (const auto& [request, value, index] : requests)
-    if (Status done = port.control(static_cast<std::uint8_t>(request), value, index); !done.ok()) return done;
+    RETURN_IF_ERROR(port.control(static_cast<std::uint8_t>(request), value, index));
   return {};
 }
 
@@ -38,7 +42,7 @@ Status setBaud(FtdiPort& port, double baud) {
 
 std::string hex(std::span<const std::uint8_t> bytes) {
   std::string text;
-  for (const std::uint8_t byte : bytes) text += formatted(text.empty() ? "%02X" : " %02X", byte);
+  for (const std::uint8_t byte : bytes) text += fmt::format("{}{:02X}", text.empty() ? "" : " ", byte);
   return text.empty() ? "nothing" : text;
 }
 
@@ -50,13 +54,13 @@ const char* nameOf(LoadStep step) {
       return "greeting its loader";
     case LoadStep::kSpeedUp:
       return "setting its line for loading";
-    case LoadStep::kKnock:
+    case LoadStep::kCall:
       return "calling its loader at full speed";
     case LoadStep::kChunk:
       return "sending the firmware";
     case LoadStep::kRun:
       return "setting its line for running";
-    case LoadStep::kFirstWord:
+    case LoadStep::kFirstReply:
       return "waiting for the firmware to answer";
     case LoadStep::kDone:
     case LoadStep::kFailed:
@@ -66,6 +70,43 @@ const char* nameOf(LoadStep step) {
 }
 
 }  // namespace
+
+BaudDivisor baudDivisor(double baud) noexcept {
+  constexpr double kClock = 3e6;
+  // eighths 0-7 as the chip codes them
+  constexpr std::array<unsigned, 8> kCode = {0, 3, 2, 4, 1, 5, 6, 7};
+  // of the two divisors around the wanted one, the one with the nearer rate
+  const double wanted = std::clamp(kClock / baud, 2.0, 16383.0);
+  const double below = std::floor(wanted * 8), above = below + 1;
+  const bool lower = std::fabs(kClock * 8 / below - baud) <= std::fabs(kClock * 8 / above - baud);
+  const auto eighths = static_cast<unsigned>(lower ? below : above);
+  BaudDivisor divisor;
+  divisor.baud = kClock * 8 / eighths;
+  const unsigned coded = (eighths >> 3) | (kCode[eighths & 7] << 14);
+  divisor.value = static_cast<std::uint16_t>(coded & 0xFFFF);
+  divisor.index = static_cast<std::uint16_t>(coded >> 16);
+  return divisor;
+}
+
+Status FtdiInput::read(std::size_t count, std::chrono::milliseconds timeout,
+                       std::vector<std::uint8_t>& bytes) {
+  const std::int64_t end_ns = steadyNowNs() + std::chrono::nanoseconds(timeout).count();
+  std::size_t missing = count;
+  for (;;) {
+    const std::size_t taken = std::min(missing, kept_.size());
+    const auto until = kept_.begin() + static_cast<std::ptrdiff_t>(taken);
+    bytes.insert(bytes.end(), kept_.begin(), until);
+    kept_.erase(kept_.begin(), until);
+    missing -= taken;
+    const std::int64_t left_ns = end_ns - steadyNowNs();
+    if (missing == 0 || left_ns <= 0) return {};
+
+    std::array<std::uint8_t, 8 * kUsbPacketBytes> buffer{};
+    const auto left = std::chrono::milliseconds(1 + left_ns / 1'000'000);
+    ASSIGN_OR_RETURN(const auto got, port_.read(buffer, left));
+    eachPayloadByte(std::span(buffer).first(got), [&](std::uint8_t byte) { kept_.push_back(byte); });
+  }
+}
 
 Result<std::vector<std::uint8_t>> readFirmware(const std::string& file) {
   std::ifstream in(file, std::ios::binary);
@@ -83,7 +124,7 @@ Result<std::vector<std::uint8_t>> readFirmware(const std::string& file) {
     return Error{ErrorCode::kInvalidInput,
                  "Falcon firmware '" + file + "': " +
                      (bytes.empty() ? std::string("is empty")
-                                    : "is longer than " + std::to_string(kMostFirmware) + " bytes") +
+                                    : fmt::format("is longer than {} bytes", kMostFirmware)) +
                      "; it should be the maker's firmware, some ten thousand bytes"};
   return bytes;
 }
@@ -94,21 +135,21 @@ Status setRunLine(FtdiPort& port) {
           controls(port, {{kFtdiLatency, 1, 0}, {kFtdiData, kData8N1, 0}, {kFtdiFlowControl, 0, 0}});
       !done.ok())
     return done;
-  if (Status done = setBaud(port, kRunBaud); !done.ok()) return done;
+  RETURN_IF_ERROR(setBaud(port, kRunBaud));
   return controls(port, {{kFtdiReset, kPurgeIn, 0}, {kFtdiReset, kPurgeOut, 0}});
 }
 
 Result<bool> firmwareRuns(FtdiPort& port, int tries) {
-  if (Status done = setRunLine(port); !done.ok()) return done.error();
+  RETURN_IF_ERROR(setRunLine(port));
   FtdiInput input(port);
   PacketReader reader;
   for (int i = 0; i < tries; ++i) {
     // a loader that waits for more firmware echoes, and an echo looks like the report of a device that has
     // just been switched on: two patterns of lights, so that no buttons held down look like both
     const Command ask{{}, i % 2 == 0 ? kOutRed : kOutBlue};
-    if (Status done = port.write(encodeCommand(ask), kWrite); !done.ok()) return done.error();
+    RETURN_IF_ERROR(port.write(encodeCommand(ask), kWrite));
     std::vector<std::uint8_t> bytes;
-    if (Status done = input.read(kPacketBytes, kReply, bytes); !done.ok()) return done.error();
+    RETURN_IF_ERROR(input.read(kPacketBytes, kReply, bytes));
     Report report;
     for (const std::uint8_t byte : bytes)
       if (reader.push(byte, report) && report != Report{ask.motor, ask.bits}) return true;
@@ -139,16 +180,16 @@ Status FirmwareLoader::doStep() {
       next_ = LoadStep::kGreet;
       break;
     case LoadStep::kGreet:
-      done = ask(kGreeting, kGreetingAnswer, "greeting");
+      done = exchange(kGreeting, kGreetingAnswer, "greeting");
       next_ = LoadStep::kSpeedUp;
       break;
     case LoadStep::kSpeedUp:
       done = controls(port_, {{kFtdiModemControl, kDtrLow, 0}});
       if (done.ok()) done = setBaud(port_, kLoaderBaud);
-      next_ = LoadStep::kKnock;
+      next_ = LoadStep::kCall;
       break;
-    case LoadStep::kKnock:
-      done = ask(kKnocking, kKnocking, "call");
+    case LoadStep::kCall:
+      done = exchange(kCalling, kCalling, "call");
       next_ = LoadStep::kChunk;
       break;
     case LoadStep::kChunk:
@@ -158,10 +199,10 @@ Status FirmwareLoader::doStep() {
     case LoadStep::kRun:
       done = setRunLine(port_);
       input_.forget();
-      next_ = LoadStep::kFirstWord;
+      next_ = LoadStep::kFirstReply;
       break;
-    case LoadStep::kFirstWord:
-      done = firstWord();
+    case LoadStep::kFirstReply:
+      done = firstReply();
       next_ = LoadStep::kDone;
       break;
     case LoadStep::kDone:
@@ -176,7 +217,7 @@ Status FirmwareLoader::setLine() {
           controls(port_, {{kFtdiReset, kPurgeIn, 0}, {kFtdiReset, kPurgeOut, 0}, {kFtdiLatency, 16, 0}});
       !done.ok())
     return done;
-  if (Status done = setBaud(port_, kGreetingBaud); !done.ok()) return done;
+  RETURN_IF_ERROR(setBaud(port_, kGreetingBaud));
   return controls(port_, {{kFtdiData, kData8N1, 0},
                           {kFtdiFlowControl, 0, 0},
                           {kFtdiModemControl, kRtsLow, 0},
@@ -184,11 +225,11 @@ Status FirmwareLoader::setLine() {
                           {kFtdiModemControl, kDtrHigh, 0}});
 }
 
-Status FirmwareLoader::ask(std::span<const std::uint8_t> question, std::span<const std::uint8_t> answer,
+Status FirmwareLoader::exchange(std::span<const std::uint8_t> question, std::span<const std::uint8_t> answer,
                            const char* what) {
-  if (Status done = port_.write(question, kWrite); !done.ok()) return done;
+  RETURN_IF_ERROR(port_.write(question, kWrite));
   std::vector<std::uint8_t> got;
-  if (Status done = input_.read(answer.size(), kAnswer, got); !done.ok()) return done;
+  RETURN_IF_ERROR(input_.read(answer.size(), kAnswer, got));
   if (std::equal(got.begin(), got.end(), answer.begin(), answer.end())) return {};
   return Error{ErrorCode::kUnavailable, std::string("its ") + what + " " + hex(question) +
                                             " was answered by " + hex(got) + " in place of " + hex(answer) +
@@ -198,18 +239,18 @@ Status FirmwareLoader::ask(std::span<const std::uint8_t> question, std::span<con
 
 Status FirmwareLoader::sendChunk() {
   const auto chunk = firmware_.subspan(sent_, std::min(kChunkBytes, firmware_.size() - sent_));
-  if (Status done = port_.write(chunk, kWrite); !done.ok()) return done;
+  RETURN_IF_ERROR(port_.write(chunk, kWrite));
   std::vector<std::uint8_t> echo;
-  if (Status done = input_.read(chunk.size(), kAnswer, echo); !done.ok()) return done;
+  RETURN_IF_ERROR(input_.read(chunk.size(), kAnswer, echo));
   for (std::size_t i = 0; i < chunk.size(); ++i) {
     if (i < echo.size() && echo[i] == chunk[i]) continue;
-    const std::string byte = formatted("byte %zu (0x%zX) of '", sent_ + i, sent_ + i) + file_ + "', " +
-                             formatted("0x%02X, ", chunk[i]);
+    const std::string byte = fmt::format("byte {} (0x{:X}) of '", sent_ + i, sent_ + i) + file_ + "', " +
+                             fmt::format("0x{:02X}, ", chunk[i]);
     return Error{
         ErrorCode::kCorrupt,
         byte +
-            (i < echo.size() ? formatted("came back as 0x%02X", echo[i])
-                             : formatted("did not come back within %g s", 1e-3 * kAnswer.count())) +
+            (i < echo.size() ? fmt::format("came back as 0x{:02X}", echo[i])
+                             : fmt::format("did not come back within {:g} s", 1e-3 * kAnswer.count())) +
             "; unplug the Falcon from power and USB, plug in both again, and see that the file is the "
             "maker's firmware"};
   }
@@ -217,15 +258,13 @@ Status FirmwareLoader::sendChunk() {
   return {};
 }
 
-Status FirmwareLoader::firstWord() {
+Status FirmwareLoader::firstReply() {
   constexpr int kTries = 20;
-  const auto runs = firmwareRuns(port_, kTries);
-  if (!runs.ok()) return runs.error();
-  if (*runs) return {};
-  return Error{ErrorCode::kUnavailable,
-               "all " + std::to_string(sent_) + " bytes of '" + file_ +
-                   "' were taken but no firmware answers; is it the maker's firmware "
-                   "for the Falcon?"};
+  ASSIGN_OR_RETURN(const auto runs, firmwareRuns(port_, kTries));
+  if (runs) return {};
+  return Error{ErrorCode::kUnavailable, fmt::format("all {} bytes of '{}' were taken but no firmware "
+                                                    "answers; is it the maker's firmware for the Falcon?",
+                                                    sent_, file_)};
 }
 
 }  // namespace needlelab::falcon

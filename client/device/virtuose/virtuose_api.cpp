@@ -1,6 +1,7 @@
 #include "client/device/virtuose/virtuose_api.h"
 
 #include <dlfcn.h>
+#include <fmt/core.h>
 
 #include <cstdlib>
 
@@ -27,7 +28,7 @@ class Symbols {
   std::string missing_;
 };
 
-// `file`, and who named it
+// `named_by`: where the name of `file` came from, for messages
 Result<VirtuoseApi> load(const std::string& file, const std::string& named_by) {
   void* library = ::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) {
@@ -94,7 +95,7 @@ Result<VirtuoseApi> loadVirtuoseApi() {
 std::string virtuoseLibraryVersion(const VirtuoseApi& api) {
   int major = 0, minor = 0;
   if (api.virtAPIVersion == nullptr || api.virtAPIVersion(&major, &minor) != 0) return {};
-  return std::to_string(major) + "." + (minor < 10 ? "0" : "") + std::to_string(minor);
+  return fmt::format("{}.{}{}", major, minor < 10 ? "0" : "", minor);
 }
 
 }  // namespace needlelab

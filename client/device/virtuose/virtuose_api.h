@@ -12,8 +12,8 @@ using VirtContext = void*;
 
 /// Numbers of the vendor's interface that we use.
 enum VirtuoseConstant : int {
-  kVirtIndexingNone = 2,  ///< the position is the handle's own, whatever dead man and offset button do
-  kVirtImpedance = 3,     ///< command type: we give forces, the device tells positions
+  kVirtIndexingNone = 2,  ///< the position is the handle's own; dead man and offset button do not change it
+  kVirtImpedance = 3,     ///< command type: forces to the device, positions from it
 };
 
 /// The library's functions by name. Each gives 0 or −1 (then `virtGetErrorCode` says why), except `virtOpen`
@@ -44,14 +44,14 @@ struct VirtuoseApi {
   int (*virtGetAlarm)(VirtContext, unsigned* bits) = nullptr;
   int (*virtGetFailure)(VirtContext, unsigned* bits) = nullptr;
 
-  // only for words: null in libraries that have them not
+  // for messages only; null in libraries without them
   int (*virtAPIVersion)(int* major, int* minor) = nullptr;
   int (*virtGetControlerVersion)(VirtContext, int* major, int* minor) = nullptr;
 
-  std::string path;  ///< what was loaded
+  std::string path;  ///< of the loaded library
 };
 
-/// The environment variable that names the library's file, and what is looked for without it.
+/// The environment variable that names the library's file, and the name that is searched without it.
 inline constexpr const char* kVirtuoseLibraryVariable = "NEEDLELAB_VIRTUOSE_LIBRARY";
 inline constexpr const char* kVirtuoseLibraryName = "libVirtuoseAPI.so";
 
@@ -61,7 +61,7 @@ inline constexpr const char* kVirtuoseLibraryName = "libVirtuoseAPI.so";
 Result<VirtuoseApi> loadVirtuoseApi(const std::string& file);
 
 /// The file that NEEDLELAB_VIRTUOSE_LIBRARY names, else kVirtuoseLibraryName. A variable that names a wrong
-/// file is an error, not passed over.
+/// file is an error; it is not ignored.
 Result<VirtuoseApi> loadVirtuoseApi();
 
 /// e.g. "3.98"; empty when the library does not say.

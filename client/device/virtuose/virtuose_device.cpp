@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "client/device/virtuose/virtuose_words.h"
+#include "client/device/virtuose/virtuose_errors.h"
 #include "common/base/clock.h"
 #include "common/haptics/device_condition.h"
 
@@ -12,7 +12,7 @@ namespace needlelab {
 namespace {
 
 constexpr auto kNap = std::chrono::milliseconds(20);  // how fast the keep-alive thread sees that it is to end
-// a quaternion in floats is this near to a unit one or it is none: the gate judges it then
+// a unit quaternion in floats is this near to length 1; others are left to the gate
 constexpr double kRounding = 1e-3;
 
 Vec3 vectorOf(const float* v) {
@@ -29,7 +29,7 @@ Quat rotationOf(const float* q) {
 DeviceInfo infoOf(const std::string& address) {
   DeviceInfo info;
   info.name = "Virtuose 6D Desktop at " + address;
-  info.limits = DeviceLimits{};  // DESIGN §3.7: they are this device's
+  info.limits = DeviceLimits{};  // the defaults are this device's
   info.max_rate_hz = 1000;
   info.has_dead_man = true;
   info.plunger = PlungerSource::kButtons;
@@ -45,29 +45,27 @@ Status VirtuoseDevice::open(double rate_hz) {
   close();
   const std::scoped_lock lock(mutex_);
   if (!api_) {
-    auto api = options_.library.empty() ? loadVirtuoseApi() : loadVirtuoseApi(options_.library);
-    if (!api.ok()) return api.error();
-    api_ = std::move(*api);
+    ASSIGN_OR_RETURN(auto api,
+                     options_.library.empty() ? loadVirtuoseApi() : loadVirtuoseApi(options_.library));
+    api_ = std::move(api);
   }
   setup_ = {options_.address, rate_hz, info_.limits, options_.timeout_s};
-  if (Status status = connect(); !status.ok()) return status;
+  RETURN_IF_ERROR(connect());
   owner_.store(Owner::kIdle, std::memory_order_release);
-  stop_keeping_.store(false);
-  keeper_ = std::thread([this] { keepAlive(); });
+  stop_keep_alive_.store(false);
+  keep_alive_thread_ = std::thread([this] { keepAlive(); });
   return {};
 }
 
-// opens, and asks once for what is asked for in turn later
+// opens, and reads once the values that are later read in turn
 Status VirtuoseDevice::connect() {
-  auto context = openVirtuose(*api_, setup_);
-  if (!context.ok()) return context.error();
-  context_ = *context;
+  ASSIGN_OR_RETURN(context_, openVirtuose(*api_, setup_));
   trouble_ = 0;
   ticks_of_trouble_ = 0;
   buttons_ = 0;
   has_button_.fill(false);
   for (int i = 0; i < kButtons; ++i) {
-    int pressed = 0;  // a button that the handle does not have is refused, and not asked for again
+    int pressed = 0;  // a missing button is refused, and not queried again
     has_button_[static_cast<std::size_t>(i)] = api_->virtGetButton(context_, i + 1, &pressed) == 0;
   }
   int power = 0, held = 0, operational = 0;
@@ -84,10 +82,10 @@ Status VirtuoseDevice::connect() {
   ask("virtGetEmergencyStop", api_->virtGetEmergencyStop, &operational);
   if (!answered) {
     const int code = api_->virtGetErrorCode(context_);
-    const std::string words = virtuoseErrorWords(code, api_->virtGetErrorMessage(code));
+    const std::string why = virtuoseErrorText(code, api_->virtGetErrorMessage(code));
     closeVirtuose(*api_, std::exchange(context_, nullptr));
     return Error{ErrorCode::kUnavailable,
-                 "Virtuose at " + options_.address + ": " + asked + " failed with " + words};
+                 "Virtuose at " + options_.address + ": " + asked + " failed with " + why};
   }
   power_on_ = power != 0;
   error_code_.store(0, std::memory_order_relaxed);
@@ -101,11 +99,11 @@ Status VirtuoseDevice::connect() {
 
 void VirtuoseDevice::keepAlive() {
   auto last = std::chrono::steady_clock::now();
-  for (; !stop_keeping_.load(); std::this_thread::sleep_for(kNap)) {
+  for (; !stop_keep_alive_.load(); std::this_thread::sleep_for(kNap)) {
     if (std::chrono::steady_clock::now() - last < options_.keep_alive) continue;
     last = std::chrono::steady_clock::now();
     Owner idle = Owner::kIdle;
-    if (!owner_.compare_exchange_strong(idle, Owner::kKeeping, std::memory_order_acquire)) continue;
+    if (!owner_.compare_exchange_strong(idle, Owner::kKeepAlive, std::memory_order_acquire)) continue;
     float zero[6] = {};
     if (api_->virtSetForce(context_, zero) != 0) {
       error_code_.store(api_->virtGetErrorCode(context_), std::memory_order_relaxed);
@@ -117,22 +115,22 @@ void VirtuoseDevice::keepAlive() {
   }
 }
 
-// the haptic thread's, or not
-bool VirtuoseDevice::take() noexcept {
+// true when the connection is the haptic thread's
+bool VirtuoseDevice::takeConnection() noexcept {
   Owner owner = owner_.load(std::memory_order_relaxed);
   if (owner == Owner::kLoop) return true;
   owner = Owner::kIdle;
   return owner_.compare_exchange_strong(owner, Owner::kLoop, std::memory_order_acquire);
 }
 
-// from here on the haptic thread leaves the connection alone, and all that is told of it: so it comes last
-void VirtuoseDevice::lose() noexcept {
+// after this the haptic thread touches neither the connection nor its state, so it comes last
+void VirtuoseDevice::giveUpConnection() noexcept {
   link_is_lost_ = false;
   ticks_of_trouble_ = 0;
   owner_.store(Owner::kLost, std::memory_order_release);
 }
 
-bool VirtuoseDevice::worked(int result, const char* call) noexcept {
+bool VirtuoseDevice::succeeded(int result, const char* call) noexcept {
   if (result == 0) return true;
   const int code = api_->virtGetErrorCode(context_);
   error_code_.store(code, std::memory_order_relaxed);
@@ -147,16 +145,16 @@ bool VirtuoseDevice::askInTurn() noexcept {
   turn_ = (turn_ + 1) % kTurns;
   if (turn == 0) {
     int power = 0;
-    if (!worked(api_->virtGetPowerOn(context_, &power), "virtGetPowerOn")) return false;
+    if (!succeeded(api_->virtGetPowerOn(context_, &power), "virtGetPowerOn")) return false;
     power_on_ = power != 0;
     return true;
   }
-  if (turn == 1) return worked(api_->virtGetAlarm(context_, &alarm_), "virtGetAlarm");
-  if (turn == 2) return worked(api_->virtGetFailure(context_, &failure_), "virtGetFailure");
+  if (turn == 1) return succeeded(api_->virtGetAlarm(context_, &alarm_), "virtGetAlarm");
+  if (turn == 2) return succeeded(api_->virtGetFailure(context_, &failure_), "virtGetFailure");
   const int button = turn - 3;
   if (!has_button_[static_cast<std::size_t>(button)]) return true;
   int pressed = 0;
-  if (!worked(api_->virtGetButton(context_, button + 1, &pressed), "virtGetButton")) return false;
+  if (!succeeded(api_->virtGetButton(context_, button + 1, &pressed), "virtGetButton")) return false;
   const std::uint32_t bit = 1u << button;
   buttons_ = pressed != 0 ? buttons_ | bit : buttons_ & ~bit;
   return true;
@@ -167,16 +165,16 @@ std::uint32_t VirtuoseDevice::rememberedCondition() const noexcept {
          virtuoseConditionOfFailure(failure_);
 }
 
-// a device that answers, but refuses to work, for a whole second is opened anew
-void VirtuoseDevice::noAnswer() noexcept {
-  if (link_is_lost_ || static_cast<double>(++ticks_of_trouble_) >= setup_.rate_hz) lose();
+// a device that answers but refuses to work for a whole second is opened again
+void VirtuoseDevice::countFailure() noexcept {
+  if (link_is_lost_ || static_cast<double>(++ticks_of_trouble_) >= setup_.rate_hz) giveUpConnection();
 }
 
 DeviceRead VirtuoseDevice::read(DeviceReading& reading) noexcept {
-  if (!take()) {
-    const bool is_kept = owner_.load(std::memory_order_relaxed) == Owner::kKeeping;
+  if (!takeConnection()) {
+    const bool is_kept = owner_.load(std::memory_order_relaxed) == Owner::kKeepAlive;
     reading.condition = is_kept ? kDeviceNotReady : kDeviceLost;
-    reading.buttons = 0;  // nobody presses a button of a device that is away
+    reading.buttons = 0;  // a lost device reports no buttons
     seen_condition_.store(reading.condition, std::memory_order_relaxed);
     return DeviceRead::kNoUpdate;
   }
@@ -184,15 +182,15 @@ DeviceRead VirtuoseDevice::read(DeviceReading& reading) noexcept {
   // each answer is judged before the next question: a lost connection is not ours any more
   float pose[7] = {}, speed[6] = {};
   int held = 0, operational = 0;
-  const bool answered = worked(api_->virtGetPosition(context_, pose), "virtGetPosition") &&
-                        worked(api_->virtGetSpeed(context_, speed), "virtGetSpeed") &&
-                        worked(api_->virtGetDeadMan(context_, &held), "virtGetDeadMan") &&
-                        worked(api_->virtGetEmergencyStop(context_, &operational), "virtGetEmergencyStop") &&
-                        askInTurn();
+  const bool answered =
+      succeeded(api_->virtGetPosition(context_, pose), "virtGetPosition") &&
+      succeeded(api_->virtGetSpeed(context_, speed), "virtGetSpeed") &&
+      succeeded(api_->virtGetDeadMan(context_, &held), "virtGetDeadMan") &&
+      succeeded(api_->virtGetEmergencyStop(context_, &operational), "virtGetEmergencyStop") && askInTurn();
   reading.condition = std::exchange(trouble_, 0);
   if (!answered) {
     seen_condition_.store(reading.condition, std::memory_order_relaxed);
-    noAnswer();
+    countFailure();
     return DeviceRead::kNoUpdate;
   }
 
@@ -214,12 +212,12 @@ void VirtuoseDevice::write(const GuardedWrench& at_handle_W) noexcept {
   float six[6] = {static_cast<float>(wrench.force_N.x),   static_cast<float>(wrench.force_N.y),
                   static_cast<float>(wrench.force_N.z),   static_cast<float>(wrench.torque_Nm.x),
                   static_cast<float>(wrench.torque_Nm.y), static_cast<float>(wrench.torque_Nm.z)};
-  // the gate lets no such thing through; a hand is behind this line, so it is asked again
+  // the gate lets none through; since a hand is behind this line, it is checked again
   if (!isFinite(wrench.force_N) || !isFinite(wrench.torque_Nm)) {
     std::fill(std::begin(six), std::end(six), 0.0f);
     trouble_ |= kDeviceTrouble;
   }
-  if (!worked(api_->virtSetForce(context_, six), "virtSetForce")) noAnswer();
+  if (!succeeded(api_->virtSetForce(context_, six), "virtSetForce")) countFailure();
 }
 
 void VirtuoseDevice::maintain() {
@@ -228,10 +226,10 @@ void VirtuoseDevice::maintain() {
   // the device takes one connection: the old one goes first
   closeVirtuose(*api_, std::exchange(context_, nullptr));
   const Status status = connect();
-  retry_ = status.ok() || away_words_.empty() ? options_.first_retry
-                                              : std::min(retry_ * 2, options_.longest_retry);
+  retry_ =
+      status.ok() || away_text_.empty() ? options_.first_retry : std::min(retry_ * 2, options_.longest_retry);
   next_try_ns_ = steadyNowNs() + std::chrono::nanoseconds(retry_).count();
-  away_words_ = status.ok() ? "" : status.error().message;
+  away_text_ = status.ok() ? "" : status.error().message;
   if (status.ok()) owner_.store(Owner::kIdle, std::memory_order_release);
 }
 
@@ -241,27 +239,27 @@ std::string VirtuoseDevice::status() {
   if (owner == Owner::kClosed) return {};
   const int code = error_code_.load(std::memory_order_relaxed);
   const std::string refused = std::string(error_call_.load(std::memory_order_relaxed)) + " failed with " +
-                              virtuoseErrorWords(code, api_->virtGetErrorMessage(code));
+                              virtuoseErrorText(code, api_->virtGetErrorMessage(code));
   if (owner == Owner::kLost) {
     const std::string last =
-        away_words_.empty() ? "Virtuose at " + options_.address + ": " + refused : away_words_;
+        away_text_.empty() ? "Virtuose at " + options_.address + ": " + refused : away_text_;
     return "the link is lost and is looked for again. " + last;
   }
   const std::uint32_t condition = seen_condition_.load(std::memory_order_relaxed);
-  std::string text = virtuoseStateWords(condition, seen_alarm_.load(std::memory_order_relaxed),
-                                        seen_failure_.load(std::memory_order_relaxed));
+  std::string text = virtuoseStateText(condition, seen_alarm_.load(std::memory_order_relaxed),
+                                       seen_failure_.load(std::memory_order_relaxed));
   if (code != 0 && (condition & kDeviceTrouble) != 0) text += (text.empty() ? "" : "; ") + refused;
   return text;
 }
 
 void VirtuoseDevice::close() noexcept {
-  stop_keeping_.store(true);
-  if (keeper_.joinable()) keeper_.join();
+  stop_keep_alive_.store(true);
+  if (keep_alive_thread_.joinable()) keep_alive_thread_.join();
   const std::scoped_lock lock(mutex_);
   if (owner_.exchange(Owner::kClosed, std::memory_order_acq_rel) == Owner::kClosed) return;
   closeVirtuose(*api_, std::exchange(context_, nullptr));
   next_try_ns_ = 0;
-  away_words_.clear();
+  away_text_.clear();
 }
 
 }  // namespace needlelab

@@ -27,10 +27,10 @@ struct VirtuoseOptions {
   std::chrono::milliseconds keep_alive{500};
 };
 
-/// Who may use the connection is one atomic, `owner_`: the haptic thread while a loop runs; when it finds the
-/// link lost it hands the connection over to `maintain`, never touches it again, and takes it back when
-/// `maintain` has opened a new one. No lock in read and write; each makes at most six calls of the library,
-/// none of which takes longer than the time-out.
+/// One atomic, `owner_`, says which thread may use the connection: the haptic thread while a loop runs; when
+/// it finds the link lost it hands the connection over to `maintain`, never touches it again, and takes it
+/// back when `maintain` has opened a new one. No lock in read and write; each makes at most six calls of the
+/// library, none of which takes longer than the time-out.
 ///
 /// Each tick asks for position, speed, dead man and emergency stop; power, alarms, failures and buttons take
 /// turns, so that each of them is at most 6 ticks old.
@@ -43,7 +43,7 @@ class VirtuoseDevice final : public Device {
 
   [[nodiscard]] const DeviceInfo& info() const override { return info_; }
   /// Errors: as loadVirtuoseApi and openVirtuose. A device without power, with its emergency stop pressed or
-  /// with nobody at its handle opens all the same: `status` says what to do.
+  /// with nobody at its handle opens nevertheless: `status` says what to do.
   Status open(double rate_hz) override;
   DeviceRead read(DeviceReading& reading) noexcept override;
   void write(const GuardedWrench& at_handle_W) noexcept override;
@@ -54,21 +54,21 @@ class VirtuoseDevice final : public Device {
  private:
   enum class Owner : std::uint8_t {
     kClosed,
-    kIdle,     ///< open, no loop: the next `read` takes it
-    kKeeping,  ///< the keep-alive thread sends its zero force
-    kLoop,     ///< the haptic thread's
-    kLost,     ///< maintain's
+    kIdle,       ///< open, no loop: the next `read` takes it
+    kKeepAlive,  ///< the keep-alive thread sends its zero force
+    kLoop,       ///< the haptic thread's
+    kLost,       ///< maintain's
   };
   static constexpr int kButtons = 3;  // numbered 1-3 by the vendor; bit 0 is number 1
   static constexpr int kTurns = 3 + kButtons;
 
   Status connect();
   void keepAlive();
-  bool take() noexcept;
-  bool worked(int result, const char* call) noexcept;
+  bool takeConnection() noexcept;
+  bool succeeded(int result, const char* call) noexcept;
   bool askInTurn() noexcept;
-  void lose() noexcept;
-  void noAnswer() noexcept;
+  void giveUpConnection() noexcept;
+  void countFailure() noexcept;
   [[nodiscard]] std::uint32_t rememberedCondition() const noexcept;
 
   VirtuoseOptions options_;
@@ -76,7 +76,7 @@ class VirtuoseDevice final : public Device {
   std::optional<VirtuoseApi> api_;
   VirtuoseSetup setup_;
 
-  // of the connection: theirs whom owner_ names
+  // of the connection: used by the thread that owner_ names
   std::atomic<Owner> owner_{Owner::kClosed};
   VirtContext context_ = nullptr;
   std::array<bool, kButtons> has_button_{};
@@ -87,7 +87,7 @@ class VirtuoseDevice final : public Device {
   std::uint32_t trouble_ = 0;           // DeviceFlag bits of calls that failed since the last reading
   std::uint64_t ticks_of_trouble_ = 0;  // in a row
 
-  // told by their owner, for status()
+  // set by the owner, for status()
   std::atomic<std::uint32_t> seen_condition_{0}, seen_alarm_{0}, seen_failure_{0};
   std::atomic<int> error_code_{0};
   std::atomic<const char*> error_call_{""};
@@ -95,9 +95,9 @@ class VirtuoseDevice final : public Device {
   std::mutex mutex_;  // between open, close, maintain, status: never taken by read and write
   std::chrono::milliseconds retry_{0};
   std::int64_t next_try_ns_ = 0;
-  std::string away_words_;  // of the last try
-  std::atomic<bool> stop_keeping_{false};
-  std::thread keeper_;
+  std::string away_text_;  // of the last try
+  std::atomic<bool> stop_keep_alive_{false};
+  std::thread keep_alive_thread_;
 };
 
 }  // namespace needlelab

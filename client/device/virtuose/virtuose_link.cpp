@@ -1,9 +1,12 @@
 #include "client/device/virtuose/virtuose_link.h"
 
+#include <fmt/core.h>
+
 #include <charconv>
 
-#include "client/device/virtuose/virtuose_words.h"
+#include "client/device/virtuose/virtuose_errors.h"
 #include "common/base/range.h"
+#include "common/haptics/device_condition.h"
 #include "common/haptics/limits.h"
 
 namespace needlelab {
@@ -22,7 +25,7 @@ Error failedCall(const VirtuoseApi& api, VirtContext context, const std::string&
                  const std::string& call) {
   const int code = api.virtGetErrorCode(context);
   return {codeOf(code), "Virtuose at " + address + ": " + call + " failed with " +
-                            virtuoseErrorWords(code, api.virtGetErrorMessage(code))};
+                            virtuoseErrorText(code, api.virtGetErrorMessage(code))};
 }
 
 // x y z qx qy qz qw; the library takes it without const
@@ -40,6 +43,31 @@ bool isPort(std::string_view text) {
   int port = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), port);
   return error == std::errc{} && end == text.data() + text.size() && port >= 1 && port <= 65535;
+}
+
+std::string versionText(const VirtuoseApi& api, VirtContext context) {
+  std::string text;
+  if (const std::string version = virtuoseLibraryVersion(api); !version.empty())
+    text += ", library " + version;
+  int major = 0, minor = 0;
+  if (api.virtGetControlerVersion != nullptr && api.virtGetControlerVersion(context, &major, &minor) == 0)
+    text += fmt::format(", device software {}.{}", major, minor);
+  return text;
+}
+
+// advice for a person before it works; empty when it is ready
+std::string stateOf(const VirtuoseApi& api, VirtContext context) {
+  int operational = 0;
+  unsigned alarm = 0, failure = 0;
+  // the code is that of the last call: the first refusal ends it
+  const bool answered = api.virtGetEmergencyStop(context, &operational) == 0 &&
+                        api.virtGetAlarm(context, &alarm) == 0 && api.virtGetFailure(context, &failure) == 0;
+  if (!answered) {
+    const int code = api.virtGetErrorCode(context);
+    return "it does not tell how it is: " + virtuoseErrorText(code, api.virtGetErrorMessage(code));
+  }
+  // nobody needs to hold it yet, and without permission it has no power
+  return virtuoseStateText(operational != 0 ? 0u : kDeviceEmergencyStop, alarm, failure);
 }
 
 }  // namespace
@@ -121,6 +149,31 @@ void closeVirtuose(const VirtuoseApi& api, VirtContext context) noexcept {
   setZeroForce(api, context);
   api.virtSetPowerOn(context, 0);
   api.virtClose(context);
+}
+
+std::vector<FoundDevice> listVirtuose(const std::string& address, const std::string& library) {
+  FoundDevice found{"virtuose:" + address, "Virtuose 6D Desktop", "", false};
+  const auto api = library.empty() ? loadVirtuoseApi() : loadVirtuoseApi(library);
+  if (!api.ok()) {
+    found.state = api.error().message;
+    return {found};
+  }
+  VirtContext context = api->virtOpen(address.c_str());
+  if (context == nullptr) {
+    const int code = api->virtGetErrorCode(nullptr);
+    if (const std::string version = virtuoseLibraryVersion(*api); !version.empty())
+      found.name += ", library " + version;
+    found.state =
+        "no device answers at " + address + ": " + virtuoseErrorText(code, api->virtGetErrorMessage(code));
+    return {found};
+  }
+  found.name += versionText(*api, context);
+  found.state = stateOf(*api, context);
+  found.ready = found.state.empty();
+  if (found.ready)
+    found.state = "it answers; press its power switch and hold the handle when the lesson begins";
+  api->virtClose(context);
+  return {found};
 }
 
 }  // namespace needlelab

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "client/device/hand_tremor.h"
+#include "client/device/hand.h"
 #include "client/device/recording_device.h"
 #include "client/device/simulated_device.h"
 #include "client/sim/tools/closed_loop.h"

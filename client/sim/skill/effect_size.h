@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "client/device/hand_tremor.h"
+#include "client/device/hand.h"
 
 namespace needlelab {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "client/device/skilled_hand.h"
+#include "client/device/hand_options.h"
 #include "client/sim/skill/effect_size.h"
 #include "common/base/result.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "client/device/hand_tremor.h"
+#include "client/device/hand.h"
 #include "client/sim/stability/passivity_gesture.h"
 #include "client/sim/stability/passivity_search.h"
 #include "common/haptics/force_gate.h"

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <string>
 
-#include "client/device/hand_tremor.h"
+#include "client/device/hand.h"
 
 namespace needlelab {
 namespace {

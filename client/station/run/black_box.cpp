@@ -1,19 +1,114 @@
 #include "client/station/run/black_box.h"
 
-#include "client/station/run/ticks_in.h"
+#include <fmt/core.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <utility>
+
+#include "client/station/run/real_time.h"
+#include "common/base/csv.h"
+#include "common/base/files.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
 
 constexpr double kBefore_s = 2, kAfter_s = 0.05, kLongestAfter_s = 0.5;
-constexpr double kSpare_s = 1;  // what the ring holds beyond a stretch while the reader copies it
+constexpr double kSpare_s = 1;  // room beyond a stretch, while the reader copies it
 
 // one thread writes it: no atomic increment is needed
 void countUp(std::atomic<std::uint64_t>& counter) noexcept {
   counter.store(counter.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+}
+
+/// Writes a row, or the names of its columns: one list for both, so that they cannot differ.
+class Row {
+ public:
+  Row(std::string& out, bool names) : out_(out), names_(names) {}
+  void whole(const char* name, auto value) {
+    begin();
+    out_ += names_ ? std::string(name) : std::to_string(value);
+  }
+  void real(const std::string& name, double value) {
+    begin();
+    if (names_)
+      out_ += name;
+    else
+      appendNumber(out_, value);
+  }
+  void vector(const char* name, Vec3 v, const char* unit) {
+    const std::string n = name, u = unit;
+    real(n + "_x" + u, v.x);
+    real(n + "_y" + u, v.y);
+    real(n + "_z" + u, v.z);
+  }
+  void pose(const char* frames, const Pose& X) {
+    const std::string f = frames;
+    vector(("p_" + f).c_str(), X.p, "_m");
+    real("q_" + f + "_x", X.q.x);
+    real("q_" + f + "_y", X.q.y);
+    real("q_" + f + "_z", X.q.z);
+    real("q_" + f + "_w", X.q.w);
+  }
+  void wrench(const char* what, const Wrench& w) {
+    const std::string n = what;
+    vector((n + "_force_W").c_str(), w.force_N, "_N");
+    vector((n + "_torque_W").c_str(), w.torque_Nm, "_Nm");
+  }
+  void end() { out_ += '\n'; }
+
+ private:
+  void begin() {
+    if (!first_) out_ += ',';
+    first_ = false;
+  }
+  std::string& out_;
+  bool names_, first_ = true;
+};
+
+void write(Row row, const BlackBoxTick& t) {
+  row.whole("tick", t.tick);
+  row.whole("missed_before", t.missed_before);
+  row.whole("due_ns", t.due_ns);
+  row.whole("late_ns", t.late_ns);
+  row.whole("read_ns", t.read_ns);
+  row.whole("engine_ns", t.engine_ns);
+  row.whole("write_ns", t.write_ns);
+  row.whole("record_ns", t.record_ns);
+  row.whole("fresh", static_cast<int>(t.fresh));
+  row.whole("condition", t.reading.condition);
+  row.whole("buttons", t.reading.buttons);
+  row.real("plunger", t.reading.plunger);
+  row.real("handle_speed_mps", t.reading.speed_mps);
+  row.pose("WH", t.reading.X_WH);
+  row.pose("WT", t.X_WT);
+  row.whole("phase", static_cast<int>(t.phase));
+  row.whole("layer", static_cast<int>(t.layer));
+  row.real("depth_m", t.depth_m);
+  row.real("insertion_m", t.insertion_m);
+  row.real("speed_mps", t.speed_mps);
+  row.wrench("wanted", t.wanted_W);
+  row.wrench("rendered", t.rendered_W);
+  row.whole("flags", t.flags);
+  row.whole("fault", static_cast<int>(t.fault));
+  row.end();
+}
+
+namespace fs = std::filesystem;
+
+// half a second of the box's spare second is left for copying and writing
+constexpr auto kLookEvery = std::chrono::milliseconds(50);
+
+Status write(const fs::path& path, const std::vector<BlackBoxTick>& ticks) {
+  std::error_code error;
+  fs::create_directories(path.parent_path(), error);
+  if (error)
+    return Error{ErrorCode::kUnavailable,
+                 "cannot make the folder " + path.parent_path().string() + ": " + error.message()};
+  // private to the station's user, as the rest of the spool
+  return writeFileAtomically(path, viewOf(blackBoxCsv(ticks)), 0600);
 }
 
 }  // namespace
@@ -84,6 +179,82 @@ bool BlackBox::take(BlackBoxDump& dump, std::vector<BlackBoxTick>& ticks) {
   // from here on the loop may write over them
   taken_.store(taken_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
   return true;
+}
+
+std::string blackBoxCsv(const std::vector<BlackBoxTick>& ticks) {
+  constexpr std::size_t kRowBytes = 600;
+  std::string text;
+  text.reserve((ticks.size() + 1) * kRowBytes);
+  write(Row(text, true), {});
+  for (const BlackBoxTick& tick : ticks) write(Row(text, false), tick);
+  return text;
+}
+
+std::string blackBoxText(const BlackBoxDump& dump) {
+  const char* cause = dump.cause == BlackBoxCause::kFault ? faultText(dump.fault)
+                                                          : "20 ms of ticks were missed within a short time";
+  std::string text = fmt::format("black box {}: {}, at tick {}", dump.number, cause, dump.tick);
+  if (dump.triggers > 1) text += fmt::format(", and {} more in the same stretch", dump.triggers - 1);
+  return text;
+}
+
+BlackBoxWriter::BlackBoxWriter(BlackBox& box, fs::path folder, std::string session,
+                               std::function<void(const std::string&)> log)
+    : box_(box),
+      folder_(std::move(folder)),
+      session_(std::move(session)),
+      log_(std::move(log)),
+      thread_([this] { run(); }) {}
+
+void BlackBoxWriter::run() {
+  while (!finish_.load(std::memory_order_acquire)) {
+    writeAll();
+    std::this_thread::sleep_for(kLookEvery);
+  }
+  writeAll();
+}
+
+void BlackBoxWriter::writeAll() {
+  BlackBoxDump dump;
+  while (box_.take(dump, ticks_)) {
+    const fs::path path = folder_ / fmt::format("{}-{:02}.csv", session_, dump.number);
+    const Status status = write(path, ticks_);
+    auto& counter = status.ok() ? files_ : not_written_;
+    counter.store(counter.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+    log_(blackBoxText(dump) + (status.ok() ? "; the 2 s before it and what followed are in " + path.string()
+                                           : "; it is not kept: " + status.error().message));
+  }
+}
+
+void BlackBoxWriter::finish() {
+  if (!thread_.joinable()) return;
+  finish_.store(true, std::memory_order_release);
+  thread_.join();
+  const BlackBoxCounts all = counts();
+  if (all.not_kept > 0)
+    log_(fmt::format(
+        "black box: {} of {} faults and storms of missed ticks came after the most that is kept of a session",
+        all.not_kept, all.triggers));
+  if (all.ticks_refused > 0)
+    log_(fmt::format("black box: {} ticks are not in it, because the disk was more than a second behind",
+                     all.ticks_refused));
+}
+
+BlackBoxCounts BlackBoxWriter::counts() const noexcept {
+  return {box_.triggers(), files_.load(std::memory_order_relaxed),
+          not_written_.load(std::memory_order_relaxed), box_.notKept(), box_.ticksRefused()};
+}
+
+std::size_t removeOldBlackBoxes(const fs::path& folder, std::int64_t age_s) {
+  std::size_t removed = 0;
+  std::error_code error;
+  const auto oldest = fs::file_time_type::clock::now() - std::chrono::seconds(age_s);
+  for (auto at = fs::directory_iterator(folder, error); !error && at != fs::end(at); at.increment(error)) {
+    std::error_code ignored;
+    if (at->path().extension() == ".csv" && at->last_write_time(ignored) < oldest && !ignored)
+      removed += fs::remove(at->path(), ignored) ? 1 : 0;
+  }
+  return removed;
 }
 
 }  // namespace needlelab

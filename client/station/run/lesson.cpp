@@ -1,10 +1,11 @@
 #include "client/station/run/lesson.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
-#include <cstdio>
 #include <utility>
 
-#include "client/device/skilled_hand.h"
+#include "client/device/hand_options.h"
 #include "common/fem/needle_mesh.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/profile/profile.h"
@@ -16,40 +17,39 @@ constexpr double kDelayTicks = 1;  // between a reading and the force that it ca
 
 Result<StationLesson> lessonOf(pb::Profile profile, const StationOptions& options) {
   StationLesson lesson;
-  if (!options.model.empty())
-    if (Status status = chooseModel(profile, options.model); !status.ok()) return status.error();
-  auto scene = sceneSpecOf(profile, options.X_WL);
-  if (!scene.ok()) return scene.error();
-  if (Status status = addCompliance(*scene); !status.ok())
+  if (!options.model.empty()) RETURN_IF_ERROR(chooseModel(profile, options.model));
+  ASSIGN_OR_RETURN(auto scene, sceneSpecOf(profile, options.X_WL));
+  if (Status status = addCompliance(scene); !status.ok())
     return Error{status.error().code, "profile " + profile.id() + ": " + status.error().message};
-  auto model = compile(*scene, options.rate_hz);
+  auto model = compile(scene, options.rate_hz);
   if (!model.ok()) return Error{model.error().code, "profile " + profile.id() + ": " + model.error().message};
   lesson.warnings = profileWarnings(profile);
   lesson.profile = std::move(profile);
-  lesson.scene = std::move(*scene);
+  lesson.scene = std::move(scene);
   lesson.model = *model;
   return lesson;
+}
+
+bool lacksTorque(const DeviceInfo& device) {
+  return device.renders_force && !device.renders_torque;
 }
 
 }  // namespace
 
 Result<StationLesson> lessonOfFile(const StationOptions& options) {
-  auto profile = loadProfile(options.profile_file);
-  if (!profile.ok()) return profile.error();
-  return lessonOf(std::move(*profile), options);
+  ASSIGN_OR_RETURN(auto profile, loadProfile(options.profile_file));
+  return lessonOf(std::move(profile), options);
 }
 
 Result<StationLesson> lessonOfMessage(const StationOptions& options, const pb::Lesson& message) {
-  auto exercise = parseExercise(message.exercise_json(), "exercise " + options.exercise);
-  if (!exercise.ok()) return exercise.error();
-  auto profile = parseProfile(message.profile_json(), "profile of exercise " + options.exercise);
-  if (!profile.ok()) return profile.error();
-  auto lesson = lessonOf(std::move(*profile), options);
-  if (!lesson.ok()) return lesson;
-  lesson->exercise = std::move(*exercise);
-  lesson->profile_revision = message.profile_revision();
-  lesson->attempt = message.attempt();
-  if (message.has_attempts_left()) lesson->attempts_left = message.attempts_left();
+  ASSIGN_OR_RETURN(auto exercise, parseExercise(message.exercise_json(), "exercise " + options.exercise));
+  ASSIGN_OR_RETURN(auto profile,
+                   parseProfile(message.profile_json(), "profile of exercise " + options.exercise));
+  ASSIGN_OR_RETURN(auto lesson, lessonOf(std::move(profile), options));
+  lesson.exercise = std::move(exercise);
+  lesson.profile_revision = message.profile_revision();
+  lesson.attempt = message.attempt();
+  if (message.has_attempts_left()) lesson.attempts_left = message.attempts_left();
   return lesson;
 }
 
@@ -80,13 +80,10 @@ std::vector<std::string> liveEffects(const SceneModel& model) {
 Status checkStiffness(const SceneModel& model, const DeviceInfo& device) {
   if (!device.renders_force) return {};
   const auto refuse = [&](const char* what, double wanted, double most, const char* unit) {
-    char text[300];
-    std::snprintf(
-        text, sizeof text,
-        "the scene is too stiff for the %s: %s is %.4g %s, the device renders at most %.4g %s; use a softer "
-        "profile",
-        device.name.c_str(), what, wanted, unit, most, unit);
-    return Error{ErrorCode::kInvalidInput, text};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("the scene is too stiff for the {}: {} is {:.4g} {}, the device renders at most "
+                             "{:.4g} {}; use a softer profile",
+                             device.name, what, wanted, unit, most, unit)};
   };
   const double axial = model.axialStiffness_N_per_m();
   if (axial > device.limits.max_stiffness_N_per_m)
@@ -107,22 +104,61 @@ std::optional<std::string> passivityWarning(const SceneModel& model, const Devic
                                             double hand_damping_Ns_per_m) {
   if (!device.renders_force) return std::nullopt;
   const double damping = device.limits.damping_Ns_per_m + hand_damping_Ns_per_m;
-  // a damper that is computed gives energy as a spring does: its B is taken from what device and hand damp
+  // a computed damper adds energy as a spring does: its B is subtracted from the damping of device and hand
   // (Colgate and Schenkel: b > KT/2 + B)
   const double own = model.isLive(Effect::kCutting) ? model.axial_damping_Ns_per_m : 0.0;
   const double bound = std::max(0.0, damping - own) / (model.period_s * (0.5 + kDelayTicks));
   const double axial = model.axialStiffness_N_per_m();
   if (axial <= bound) return std::nullopt;
-  char minus[60] = "";
-  if (own > 0) std::snprintf(minus, sizeof minus, " − %.3g of the model", own);
-  char text[400];
-  std::snprintf(
-      text, sizeof text,
-      "%.4g N/m along the needle is above the passivity bound of %.4g N/m ((%.3g + %.3g%s N·s/m)/(%.3g ms · "
-      "(½ + %.0f))): it may oscillate in a loose hand",
+  const std::string minus = own > 0 ? fmt::format(" − {:.3g} of the model", own) : std::string();
+  return fmt::format(
+      "{:.4g} N/m along the needle is above the passivity bound of {:.4g} N/m (({:.3g} + {:.3g}{} "
+      "N·s/m)/({:.3g} ms · (½ + {:.0f}))): it may oscillate in a loose hand",
       axial, bound, device.limits.damping_Ns_per_m, hand_damping_Ns_per_m, minus, model.period_s * 1e3,
       kDelayTicks);
-  return text;
+}
+
+SceneSpec forDevice(SceneSpec scene, const DeviceInfo& device, std::vector<std::string>& notes) {
+  const EffectMask limit = bitOf(Effect::kOrientationLimit);
+  if (!device.has_orientation)
+    notes.push_back(
+        "The device does not measure how it is turned: the needle is taken to stand on the skin, its axis "
+        "the "
+        "inward normal at the point of entry, kept for the insertion. Angles of the needle in the recording "
+        "and in its measures are those of that axis.");
+  if ((scene.effects & limit) != 0 && (!device.has_orientation || lacksTorque(device))) {
+    scene.effects &= ~limit;
+    notes.push_back(lacksTorque(device) ? "ORIENTATION_LIMIT is not live: the device renders no torque."
+                                        : "ORIENTATION_LIMIT is not live: it needs the needle's angle.");
+  }
+  return scene;
+}
+
+void noteTool(const Pose& X_HT, const DeviceInfo& device, std::vector<std::string>& notes) {
+  if (X_HT == Pose{}) return;
+  if (!device.has_orientation)
+    notes.push_back(
+        "The tool's offset is taken along the axes of the device's base, however the hand turns; its "
+        "direction "
+        "is not used.");
+  else if (lacksTorque(device) && X_HT.p != Vec3{})
+    notes.push_back(
+        "The handle gets the force at the needle's tip without the torque of its lever: a turn of the hand "
+        "moves the tip and is not resisted.");
+}
+
+Status fitLesson(StationLesson& lesson, const DeviceInfo& device, const StationOptions& options,
+                 std::vector<std::string>& notes) {
+  const EffectMask before = lesson.scene.effects;
+  lesson.scene = forDevice(std::move(lesson.scene), device, notes);
+  noteTool(options.X_HT, device, notes);
+  if (lesson.scene.effects == before) return {};
+  auto model = compile(lesson.scene, options.rate_hz);
+  if (!model.ok())
+    return Error{model.error().code,
+                 "profile " + lesson.profile.id() + " on the " + device.name + ": " + model.error().message};
+  lesson.model = std::move(*model);
+  return {};
 }
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// What is practised: profile, exercise and the scene made of them, and whether a device can render it.
+/// A lesson's contents: profile, exercise and the scene made of them, fitted to the device.
 #pragma once
 
 #include <cstdint>
@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "client/device/device.h"
-#include "client/device/hand_plan_choice.h"
+#include "client/device/hand_options.h"
 #include "client/station/run/live_line.h"
 #include "client/station/run/options.h"
 #include "common/base/result.h"
@@ -35,7 +35,7 @@ Result<StationLesson> lessonOfFile(const StationOptions& options);
 /// From the server's or the cache's answer. Errors: kInvalidInput, naming the exercise.
 Result<StationLesson> lessonOfMessage(const StationOptions& options, const pb::Lesson& lesson);
 
-/// Which numbers the exercise allows on the live line; all of them where it says nothing.
+/// The numbers that the exercise allows on the live line; all of them where it does not say.
 LiveAids aidsOf(const StationLesson& lesson);
 /// The same for aids that were chosen.
 LiveAids aidsOf(const AidList& aids);
@@ -46,11 +46,23 @@ std::vector<PlanTarget> targetsOf(const pb::Profile& profile, const Pose& X_WL);
 /// Names of the live effects, e.g. CUTTING.
 std::vector<std::string> liveEffects(const SceneModel& model);
 
-/// Refuses a scene that is stiffer than the device can render (DESIGN §3.5), with the numbers; a device that
-/// renders no force takes every scene. Errors: kInvalidInput.
+/// Refuses a scene that is stiffer than the device can render (FORCE_MODEL.md, "Device limits"), with the
+/// numbers; a device that renders no force takes every scene. Errors: kInvalidInput.
 Status checkStiffness(const SceneModel& model, const DeviceInfo& device);
 /// Above (b + b_hand)/(T(½ + delay)) a stiffness can oscillate: a warning with the numbers, or nothing.
 std::optional<std::string> passivityWarning(const SceneModel& model, const DeviceInfo& device,
                                             double hand_damping_Ns_per_m);
+
+/// The scene as `device` can render it. The orientation limit is not live where no torque is rendered (a
+/// device that renders nothing at all, such as a recording, keeps it: it is computed for the record) or no
+/// orientation is measured. Adds to `notes` what was left out or assumed.
+SceneSpec forDevice(SceneSpec scene, const DeviceInfo& device, std::vector<std::string>& notes);
+
+/// Adds to `notes` how the tool is used on such a device.
+void noteTool(const Pose& X_HT, const DeviceInfo& device, std::vector<std::string>& notes);
+
+/// Makes `lesson`'s scene and model those for the device, with all notes. Errors: kInvalidInput.
+Status fitLesson(StationLesson& lesson, const DeviceInfo& device, const StationOptions& options,
+                 std::vector<std::string>& notes);
 
 }  // namespace needlelab

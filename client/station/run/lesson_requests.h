@@ -1,4 +1,4 @@
-/// What others ask of the lesson that runs: the window, an instructor. Asked by any thread, answered by the
+/// Requests of the window and of instructors to the lesson that runs. Made by any thread, handled by the
 /// lesson's.
 #pragma once
 
@@ -21,7 +21,7 @@ struct StopCause {
 struct ChosenAids {
   std::string by;
   AidList aids;
-  bool reset = false;  ///< the exercise's own again, whatever stands in `aids`
+  bool reset = false;  ///< the exercise's own again; `aids` is ignored
 };
 
 /// Each request is taken once. Thread: any but the haptic one.
@@ -29,7 +29,7 @@ class LessonRequests {
  public:
   void stop(StopCause cause) {
     const std::scoped_lock lock(mutex_);
-    if (!stop_) stop_ = std::move(cause);  // who came first stopped it
+    if (!stop_) stop_ = std::move(cause);  // the first one counts
   }
   /// A person has seen the fault that stands.
   void acknowledge() {
@@ -53,7 +53,7 @@ class LessonRequests {
     const std::scoped_lock lock(mutex_);
     return std::exchange(aids_, std::nullopt);
   }
-  /// What was asked of an earlier lesson does not count for the next.
+  /// Drops the requests to an earlier lesson.
   void clear() {
     const std::scoped_lock lock(mutex_);
     stop_.reset();

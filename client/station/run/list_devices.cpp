@@ -1,5 +1,7 @@
 #include "client/station/run/list_devices.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <condition_variable>
 #include <cstdlib>
@@ -10,9 +12,7 @@
 #include <optional>
 #include <thread>
 
-#include "client/device/falcon/falcon_device.h"
-#include "client/device/virtuose/virtuose_probe.h"
-#include "client/station/run/modes.h"
+#include "client/device/factory/device_factory.h"
 #include "client/station/run/report_output.h"
 #include "common/base/program.h"
 #include "common/base/text.h"
@@ -44,24 +44,12 @@ void look(const DeviceLister& lister, std::size_t place, Answers& answers) {
   answers.changed.notify_all();
 }
 
-std::vector<FoundDevice> simulated() {
-  return {{"simulated", "a Virtuose 6D Desktop held by a simulated hand", "needs no hardware", true}};
-}
-
-std::vector<FoundDevice> recording() {
-  return {{"recording:FILE", "the recorded motion in a CSV file; the hand feels nothing", "needs no hardware",
-           true}};
-}
-
 }  // namespace
 
 std::vector<DeviceLister> deviceListers() {
-  return {
-      {"simulated", "simulated device", simulated},
-      {"recording:FILE", "recorded motion", recording},
-      {"virtuose", "Virtuose 6D", [] { return listVirtuose(); }},
-      {"falcon", "Novint Falcon", listFalcons},
-  };
+  std::vector<DeviceLister> listers;
+  for (const DeviceKind& kind : deviceKinds()) listers.push_back({kind.listed_as, kind.title, kind.list});
+  return listers;
 }
 
 DeviceList listDevices(const std::vector<DeviceLister>& listers, std::chrono::milliseconds patience) {
@@ -81,7 +69,7 @@ DeviceList listDevices(const std::vector<DeviceLister>& listers, std::chrono::mi
       list.devices.insert(list.devices.end(), found->begin(), found->end());
     else
       list.devices.push_back(notListed(
-          listers[i], formatted("no answer within %g s", static_cast<double>(patience.count()) * 1e-3)));
+          listers[i], fmt::format("no answer within {:g} s", static_cast<double>(patience.count()) * 1e-3)));
   }
   return list;
 }

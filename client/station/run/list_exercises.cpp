@@ -1,5 +1,7 @@
 #include "client/station/run/list_exercises.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <iostream>
 #include <map>
@@ -8,7 +10,6 @@
 
 #include "client/net/blocking_client.h"
 #include "client/net/spool_outlook.h"
-#include "client/station/run/modes.h"
 #include "client/station/run/report_output.h"
 #include "client/station/run/station_key.h"
 #include "common/base/clock.h"
@@ -29,31 +30,27 @@ std::string textAt(const nlohmann::json& json, const char* key) {
 }  // namespace
 
 Result<std::vector<ServerExercise>> exercisesOfServer(const StationOptions& options) {
-  auto key = loadStationKey(options.key_file);
-  if (!key.ok()) return key.error();
+  ASSIGN_OR_RETURN(auto key, loadStationKey(options.key_file));
   ClientConfig config;
   config.server = *options.server;
   config.ca_file = options.ca_file;
   config.program = programText("station");
-  config.login = stationLogin(options.station.empty() ? key->station : options.station, key->key);
-  auto client = BlockingClient::connect(config);
-  if (!client.ok()) return client.error();
-  auto exercises = exercisesBy([&](pb::Request request) { return client->call(std::move(request)); });
-  client->finish();
+  config.login = stationLogin(options.station.empty() ? key.station : options.station, key.key);
+  ASSIGN_OR_RETURN(auto client, BlockingClient::connect(config));
+  auto exercises = exercisesBy([&](pb::Request request) { return client.call(std::move(request)); });
+  client.finish();
   return exercises;
 }
 
 Result<std::vector<ServerExercise>> exercisesBy(const AskServer& ask) {
   pb::Request request;
   request.mutable_list_curricula();
-  const auto curricula = ask(request);
-  if (!curricula.ok()) return curricula.error();
+  ASSIGN_OR_RETURN(const auto curricula, ask(request));
   std::vector<ServerExercise> exercises;
-  for (const pb::CurriculumSummary& summary : curricula->curricula().curricula()) {
+  for (const pb::CurriculumSummary& summary : curricula.curricula().curricula()) {
     request.mutable_get_curriculum()->set_id(summary.id());
-    const auto reply = ask(request);
-    if (!reply.ok()) return reply.error();
-    const auto curriculum = nlohmann::json::parse(reply->curriculum().json(), nullptr, false);
+    ASSIGN_OR_RETURN(const auto reply, ask(request));
+    const auto curriculum = nlohmann::json::parse(reply.curriculum().json(), nullptr, false);
     if (!curriculum.is_object() || !curriculum.contains("exercises") || !curriculum["exercises"].is_array())
       continue;
     for (const auto& exercise : curriculum["exercises"])
@@ -97,8 +94,7 @@ std::string exerciseListText(const std::vector<ListedExercise>& exercises, std::
   for (const ListedExercise& exercise : exercises) {
     text += padded(exercise.exercise_id, id_width) + padded(exercise.name, name_width);
     if (exercise.cached_revision) {
-      text +=
-          "yes: profile " + exercise.profile_id + ", revision " + std::to_string(*exercise.cached_revision);
+      text += fmt::format("yes: profile {}, revision {}", exercise.profile_id, *exercise.cached_revision);
       if (exercise.fetched_unix_ns > 0) {
         const double hours = 1e-9 / 3600 * static_cast<double>(now_unix_ns - exercise.fetched_unix_ns);
         text += ", fetched " + durationText(std::max(0.0, hours)) + " ago";

@@ -1,4 +1,4 @@
-/// `needlelab-station --list-exercises`: what can be practised, without a server and with it.
+/// `needlelab-station --list-exercises`: the exercises that can be practised, without a server and with it.
 #pragma once
 
 #include <cstdint>
@@ -40,5 +40,9 @@ std::string exerciseListText(const std::vector<ListedExercise>& exercises, std::
 /// {"version", "machine", "rows": [{"exercise_id", "name", "profile_id", "cached", "profile_revision",
 /// "fetched_unix_ns", "on_server", "trouble"}]}
 std::string exerciseListJson(const std::vector<ListedExercise>& exercises);
+
+/// `--list-exercises`. Exit code 0 when something can be practised without the server, or the server
+/// answered.
+int runListExercises(const StationOptions& options);
 
 }  // namespace needlelab

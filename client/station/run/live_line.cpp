@@ -1,13 +1,17 @@
 #include "client/station/run/live_line.h"
 
+#include <fmt/core.h>
 #include <poll.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cmath>
+#include <utility>
 
 #include "common/base/text.h"
+#include "common/haptics/device_condition.h"
+#include "common/haptics/engine.h"
 #include "common/haptics/sim_state.h"
 
 namespace needlelab {
@@ -26,15 +30,15 @@ std::size_t widthOf(int file) {
 std::string place(const LiveView& view) {
   const GestureSample& s = view.sample;
   std::string text;
-  const auto add = [&](bool shown, const std::string& words) {
-    if (shown) text += (text.empty() ? "" : " ") + words;
+  const auto add = [&](bool shown, const std::string& part) {
+    if (shown) text += (text.empty() ? "" : " ") + part;
   };
   add(view.aids.phase, phaseName(static_cast<Phase>(s.phase)));
   if (s.layer >= 0) {
-    add(view.aids.layer, view.layer.empty() ? formatted("layer %d", s.layer) : view.layer);
-    add(view.aids.depth, formatted("%.1f mm", 1e3 * s.insertion_m));
+    add(view.aids.layer, view.layer.empty() ? fmt::format("layer {}", s.layer) : view.layer);
+    add(view.aids.depth, fmt::format("{:.1f} mm", 1e3 * s.insertion_m));
   }
-  add(view.aids.force, formatted("%.2f N", std::hypot(s.force_W_N[0], s.force_W_N[1], s.force_W_N[2])));
+  add(view.aids.force, fmt::format("{:.2f} N", std::hypot(s.force_W_N[0], s.force_W_N[1], s.force_W_N[2])));
   return text;
 }
 
@@ -42,15 +46,14 @@ std::string place(const LiveView& view) {
 
 std::string liveText(const LiveView& view) {
   const auto seconds = static_cast<long>(view.time_s);
-  std::string text = formatted("%ld:%02ld  ", seconds / 60, seconds % 60);
-  if (view.fault != Fault::kNone) text += formatted("FAULT: %s | ", faultText(view.fault));
+  std::string text = fmt::format("{}:{:02}  ", seconds / 60, seconds % 60);
+  if (view.fault != Fault::kNone) text += fmt::format("FAULT: {} | ", faultText(view.fault));
   if (view.fault == Fault::kNone && !view.hold.empty()) text += "NO FORCE: " + view.hold + " | ";
   const std::string where = place(view);
   text += where.empty() ? "practising" : where;
   const auto us = [](std::int64_t ns) { return static_cast<double>(ns) * 1e-3; };
-  text += formatted(" | wake-up p50 %.0f p99 %.0f max %.0f µs, %llu missed", us(view.wakeup.p50_ns),
-                    us(view.wakeup.p99_ns), us(view.wakeup.max_ns),
-                    static_cast<unsigned long long>(view.missed_ticks));
+  text += fmt::format(" | wake-up p50 {:.0f} p99 {:.0f} max {:.0f} µs, {} missed", us(view.wakeup.p50_ns),
+                      us(view.wakeup.p99_ns), us(view.wakeup.max_ns), view.missed_ticks);
   for (const std::string* more : {&view.spool, &view.server})
     if (!more->empty()) text += " | " + *more;
   return text;
@@ -69,10 +72,10 @@ std::string cutToWidth(const std::string& text, std::size_t width) {
 LiveLine::LiveLine(int file) : file_(file), terminal_(::isatty(file) == 1) {}
 
 void LiveLine::write(const std::string& text) const {
-  // a terminal that is gone must not end the lesson: what it refuses is dropped
+  // a terminal that is gone must not end the lesson: refused text is dropped
   for (std::size_t at = 0; at < text.size();) {
-    // nor may one that is paused (Ctrl-S), or a pipe that nobody reads, hold up those who speak: one of them
-    // takes the stop signals
+    // a paused terminal (Ctrl-S), or a pipe without a reader, must not hold up the callers: one of them takes
+    // the stop signals
     pollfd ready{file_, POLLOUT, 0};
     if (::poll(&ready, 1, kPatience_ms) == 0) return;
     const ssize_t written = ::write(file_, text.data() + at, text.size() - at);
@@ -81,7 +84,7 @@ void LiveLine::write(const std::string& text) const {
   }
 }
 
-void LiveLine::say(const std::string& message) {
+void LiveLine::printMessage(const std::string& message) {
   const std::scoped_lock lock(mutex_);
   write((shown_.empty() ? "" : kClearLine) + message + "\n" + shown_);
 }
@@ -108,6 +111,44 @@ void LiveLine::end() {
   const std::scoped_lock lock(mutex_);
   if (!shown_.empty()) write("\n");
   shown_.clear();
+}
+
+std::string holdText(std::uint32_t flags) {
+  // the one that a person can do most about
+  if ((flags & kDeviceReleased) != 0) return "nobody holds the handle";
+  if ((flags & kDevicePowerOff) != 0) return "the motors have no power";
+  if ((flags & kDeviceNotReady) != 0) return "the device is not ready yet";
+  if ((flags & kFlagStartedInside) != 0) return "the needle began in the tissue, take it out once";
+  return {};
+}
+
+std::string spoolText(const SpoolWriterCounts& counts) {
+  return counts.disk_error.empty() ? "recording" : "NOT RECORDING: " + counts.disk_error;
+}
+
+std::string serverText(const UplinkState& state) {
+  const std::string chunks =
+      fmt::format("{}{}", state.chunks_left, state.chunks_left == 1 ? " chunk" : " chunks");
+  if (state.denied) return "server refuses";
+  if (!state.connected) return "server away, " + chunks + (state.chunks_left == 1 ? " waits" : " wait");
+  // the chunk that is being filled and the one under way are always there
+  return state.chunks_left <= 2 ? "server" : "server, " + chunks + " behind";
+}
+
+LiveView LiveViewer::look(std::string spool, std::string server) {
+  LiveView view;
+  static_cast<void>(loop_.latest(sample_));
+  view.sample = sample_;
+  view.time_s = static_cast<double>(sample_.tick) * period_s_;
+  if (sample_.layer >= 0 && static_cast<std::size_t>(sample_.layer) < layers_.size())
+    view.layer = layers_[static_cast<std::size_t>(sample_.layer)];
+  view.fault = loop_.fault();
+  view.hold = holdText(loop_.condition() | (sample_.flags & kFlagStartedInside));
+  view.wakeup = loop_.stats().wakeup.quantiles();
+  view.missed_ticks = loop_.missedTicks();
+  view.spool = std::move(spool);
+  view.server = std::move(server);
+  return view;
 }
 
 }  // namespace needlelab

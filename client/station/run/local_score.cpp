@@ -1,32 +1,65 @@
 #include "client/station/run/local_score.h"
 
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "common/gesture/chunk.h"
+#include "common/haptics/scene_model.h"
 #include "common/scoring/measures.h"
 #include "common/scoring/syringe_events.h"
 
 namespace needlelab {
 namespace {
 
+double forceIn(const GestureSample& s) {
+  return std::hypot(s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]);
+}
+
+bool isFinitePoint(const GestureSample& s) {
+  return std::isfinite(s.p_WT_m[0] + s.p_WT_m[1] + s.p_WT_m[2] + forceIn(s) + s.insertion_m +
+                       s.lateral_error_m + s.speed_mps);
+}
+
 constexpr std::uint64_t kMostSamples = 2'000'000;  // half an hour at 1 kHz, half a gigabyte
 
 }  // namespace
 
+GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& limb_W,
+                          std::size_t most_points) {
+  GestureCurve curve;
+  if (samples.empty() || most_points == 0) return curve;
+  const std::size_t group = (samples.size() + most_points - 1) / most_points;
+  curve.reserve((samples.size() + group - 1) / group);
+  for (std::size_t begin = 0; begin < samples.size(); begin += group) {
+    const GestureSample* strongest = nullptr;
+    for (const GestureSample& s : samples.subspan(begin, std::min(group, samples.size() - begin)))
+      if (isFinitePoint(s) && (strongest == nullptr || forceIn(s) > forceIn(*strongest))) strongest = &s;
+    if (strongest == nullptr) continue;
+    const GestureSample& s = *strongest;
+    const double depth = signedDepth(limb_W, {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]});
+    curve.push_back({static_cast<float>(1e-9 * static_cast<double>(s.time_ns - samples.front().time_ns)),
+                     static_cast<float>(depth), static_cast<float>(s.insertion_m),
+                     static_cast<float>(forceIn(s)), static_cast<float>(s.lateral_error_m),
+                     static_cast<float>(s.speed_mps)});
+  }
+  return curve;
+}
+
 Result<LocalScore> localScore(const SpoolSession& session, const StationLesson& lesson, const Pose& X_WL) {
   const SpoolContents contents = session.contents();
   if (contents.samples > kMostSamples)
-    return Error{ErrorCode::kInvalidInput, "the session has " + std::to_string(contents.samples) +
-                                               " samples, the station scores at most " +
-                                               std::to_string(kMostSamples) + "; the server will"};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("the session has {} samples, the station scores at most {}; the server will",
+                             contents.samples, kMostSamples)};
   std::vector<GestureSample> samples;
   samples.reserve(contents.samples);
   for (std::uint64_t seq = 0; seq < contents.chunks; ++seq) {
-    auto chunk = session.readChunk(seq);
-    if (!chunk.ok()) return chunk.error();
-    auto some = decodeChunk(*chunk);
-    if (!some.ok()) return some.error();
-    samples.insert(samples.end(), some->begin(), some->end());
+    ASSIGN_OR_RETURN(auto chunk, session.readChunk(seq));
+    ASSIGN_OR_RETURN(auto some, decodeChunk(chunk));
+    samples.insert(samples.end(), some.begin(), some.end());
   }
   if (samples.empty()) return Error{ErrorCode::kNotFound, "nothing was recorded"};
   const auto measures = scoreGesture(samples, session.description().rate_hz(), lesson.profile, X_WL,

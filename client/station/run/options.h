@@ -1,4 +1,4 @@
-/// What the command line of needlelab-station says (DESIGN §9).
+/// The command line of needlelab-station (../README.md, "The command line").
 #pragma once
 
 #include <cstdint>
@@ -9,15 +9,15 @@
 
 #include "client/device/hand.h"
 #include "client/device/plunger.h"
-#include "common/wire/endpoint.h"
 #include "client/net/spool.h"
-#include "client/station/run/fault_policy.h"
+#include "client/station/run/fault_watch.h"
 #include "common/base/result.h"
 #include "common/haptics/geometry.h"
+#include "common/wire/endpoint.h"
 
 namespace needlelab {
 
-/// What the program is asked to do. All but the lesson move nothing: the device gets no force.
+/// The program's task. All but the lesson move nothing: the device gets no force.
 enum class StationMode : std::uint8_t {
   kLesson,
   kListDevices,
@@ -67,13 +67,13 @@ struct StationOptions {
   std::optional<FaultPolicy> on_fault;  ///< --on-fault; none: wait where there is a terminal, else end
   bool headless = false;
   WindowOptions window;
-  bool hand_plan_given = false;  ///< --hand-plan was said
-  bool trainee_given = false;    ///< --trainee was said
+  bool hand_plan_given = false;  ///< --hand-plan was given
+  bool trainee_given = false;    ///< --trainee was given
   /// A lesson in a window, on a display or, for pictures, without one.
   [[nodiscard]] bool opensWindow() const { return mode == StationMode::kLesson && !headless; }
   // --calibrate
-  bool tool_given = false;         ///< --tool was said
-  std::filesystem::path tool_out;  ///< --out: the tool file to write; empty: only say what was found
+  bool tool_given = false;         ///< --tool was given
+  std::filesystem::path tool_out;  ///< --out: the tool file to write; empty: only report the result
   std::string axis = "from-tip";   ///< --axis, see calibrate.h
   // the spool
   std::filesystem::path spool;
@@ -85,11 +85,14 @@ struct StationOptions {
 };
 
 /// Parses and checks. An exit code when the program is to end at once: help, version (0), or wrong usage (2),
-/// said on the terminal already.
+/// which is reported on the terminal already.
 struct ParsedOptions {
   StationOptions options;
   std::optional<int> exit_code;
 };
 ParsedOptions parseStationOptions(int argc, const char* const* argv);
+
+/// Where samples wait when --spool is not given.
+std::filesystem::path defaultSpool();
 
 }  // namespace needlelab

@@ -42,7 +42,7 @@ std::string wrapped(std::string_view text, std::size_t indent, std::size_t width
 std::string reportJson(const nlohmann::ordered_json& rows) {
   const nlohmann::ordered_json report = {
       {"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", rows}};
-  // bytes of a device that are no UTF-8 must not end the program
+  // text of a device that is not UTF-8 must not end the program
   return report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 

@@ -1,4 +1,4 @@
-/// How the station's checks (list of devices, self-test, calibration) reach a person or a program.
+/// Output of the station's checks (list of devices, self-test, calibration): text and JSON.
 #pragma once
 
 #include <cstddef>
@@ -22,8 +22,8 @@ std::string wrapped(std::string_view text, std::size_t indent, std::size_t width
 std::string reportJson(const nlohmann::ordered_json& rows);
 
 /// Prints `text` to standard output; with --json, `json` goes there and `text` to standard error, or `json`
-/// into its file (atomically). `code`, or kExitFailed when something could not be written, said on standard
-/// error.
+/// into its file (atomically). `code`, or kExitFailed when something could not be written, which is reported
+/// on standard error.
 int printReport(const StationOptions& options, const std::string& text, const std::string& json, int code);
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-/// `needlelab-station --self-test`: facts about device, computer and server, and what they mean. Measuring
-/// and judging are apart, so that every judgement can be tested without hardware.
+/// `needlelab-station --self-test`: facts about device, computer and server, and their judgement. The two are
+/// separate, so that every judgement can be tested without hardware.
 #pragma once
 
 #include <cstddef>
@@ -13,8 +13,9 @@
 
 #include "client/device/device.h"
 #include "client/station/run/options.h"
-#include "client/station/run/quiet_loop.h"
-#include "client/station/run/rt_thread.h"
+#include "client/station/run/real_time.h"
+#include "client/station/run/zero_force_loop.h"
+#include "common/base/program.h"
 
 namespace needlelab {
 
@@ -27,8 +28,8 @@ struct DeviceFacts {
   bool hardware = true;  ///< neither simulated nor a recording
   bool tool_given = false;
   double rate_hz = 1000;
-  std::string status;  ///< the device's own words at the end
-  QuietStats loop;
+  std::string status;  ///< Device::status at the end
+  ZeroForceStats loop;
   Pose last_X_WH;         ///< the last handle pose, and
   Pose X_HT;              ///< the tool, for the tip
   double farthest_m = 0;  ///< from the origin of its frame
@@ -41,7 +42,7 @@ struct MachineFacts {
   std::string text;  ///< processor, cores, system
   unsigned cores = 0;
   std::string clock_source;        ///< e.g. "tsc"; empty when unknown
-  double clock_resolution_ns = 0;  ///< as the system says
+  double clock_resolution_ns = 0;  ///< as the system reports
   double clock_cost_ns = 0;        ///< of one reading
 };
 
@@ -78,18 +79,20 @@ struct SelfTestFacts {
 
 /// Position noise of a device at rest: root mean square distance from the straight line through each 0.2 s,
 /// median over these windows, so that a slow drift and a short knock do not count. 0 with too few samples.
-double restNoise_m(std::span<const QuietSample> samples);
+double restNoise_m(std::span<const ZeroForceSample> samples);
 
 /// At `real_time.rate_hz`: opens the device, waits until it is ready (at most `patience_s`:
 /// firmware is loaded, a zero looked for, power switched on), reads it for `seconds`
-/// with zero force, closes it. `say` gets remarks for a person meanwhile. `stopped`: a signal came.
+/// with zero force, closes it. `log` gets messages for a person meanwhile. `stopped`: a signal came.
 DeviceFacts measureDevice(Device& device, LoopClock& clock, const RtOptions& real_time, double seconds,
-                          const sigset_t& stop_signals, const std::function<void(const std::string&)>& say,
+                          const sigset_t& stop_signals, const std::function<void(const std::string&)>& log,
                           bool& stopped, double patience_s = 15);
 MachineFacts measureMachine();
 /// Makes the folder if need be, and writes a file there for a moment.
 DiskFacts measureDisk(const std::filesystem::path& folder);
-/// The sample profiles that travel inside the program, each for about 20 ms.
+/// The profiles of db/samples, inside the program.
+std::span<const EmbeddedFile> sampleProfiles();
+/// Each of the sample profiles for about 20 ms.
 EngineFacts measureEngine(double rate_hz);
 ServerFacts measureServer(const StationOptions& options);
 
@@ -102,21 +105,21 @@ struct Check {
   std::string name;  ///< e.g. "exchange time"
   Verdict verdict = Verdict::kOk;
   std::string found;                 ///< with unit, for a person
-  std::string limit;                 ///< what is expected; empty where nothing is
+  std::string limit;                 ///< the expected range; empty without one
   std::string advice;                ///< what to do; empty when OK
   std::optional<double> value = {};  ///< the number that was judged
   std::string unit = {};
 };
 
-/// What a DeviceFlag means in the self-test.
-struct ConditionWords {
+/// The verdict and text of a DeviceFlag.
+struct ConditionText {
   std::uint32_t flag = 0;
   Verdict verdict = Verdict::kOk;
   const char* found = "";
   const char* advice = "";
 };
 /// Every DeviceFlag once.
-std::span<const ConditionWords> conditionWords();
+std::span<const ConditionText> conditionTexts();
 
 /// All checks, in the order of doing.
 std::vector<Check> judge(const SelfTestFacts& facts);
@@ -124,5 +127,8 @@ std::vector<Check> judge(const SelfTestFacts& facts);
 std::string selfTestText(const std::vector<Check>& checks);
 /// {"version", "machine", "rows": [{"check", "verdict", "value", "unit", "found", "limit", "advice"}]}
 std::string selfTestJson(const std::vector<Check>& checks);
+
+/// `--self-test`. Exit code 0 when no check failed, 1 otherwise.
+int runSelfTest(const StationOptions& options, const sigset_t& stop_signals);
 
 }  // namespace needlelab

@@ -1,4 +1,6 @@
-/// What the facts of a self-test mean. The limits stand here and nowhere else.
+// Judges the facts of a self-test. All limits are here.
+
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
@@ -33,7 +35,7 @@ double micro(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-3;
 }
 
-constexpr ConditionWords kConditions[] = {
+constexpr ConditionText kConditions[] = {
     {kDeviceEmergencyStop, Verdict::kFailed, "the emergency stop is pressed", "release it"},
     {kDeviceLost, Verdict::kFailed, "the device is unplugged, or its link is broken",
      "check plug, cable and daemon"},
@@ -50,16 +52,16 @@ constexpr ConditionWords kConditions[] = {
 
 void judgeConditions(const DeviceFacts& f, std::vector<Check>& checks) {
   bool any = false;
-  for (const ConditionWords& words : kConditions) {
+  for (const ConditionText& row : kConditions) {
     unsigned bit = 0;
-    while ((1u << bit) != words.flag) ++bit;
+    while ((1u << bit) != row.flag) ++bit;
     const std::uint64_t ticks = f.loop.condition_ticks[bit];
     if (ticks == 0) continue;
     any = true;
     const double share =
         100 * static_cast<double>(ticks) / static_cast<double>(std::max<std::uint64_t>(1, f.loop.ran));
-    checks.push_back(number("condition", share, "%", words.verdict,
-                            formatted("%s, in %.3g %% of the time", words.found, share), "", words.advice));
+    checks.push_back(number("condition", share, "%", row.verdict,
+                            fmt::format("{}, in {:.3g} % of the time", row.found, share), "", row.advice));
   }
   if (!any) checks.push_back({"condition", Verdict::kOk, "no emergency stop, no alarm, power on", "", ""});
   if (!f.status.empty())
@@ -68,7 +70,7 @@ void judgeConditions(const DeviceFacts& f, std::vector<Check>& checks) {
 }
 
 void judgeCommunication(const DeviceFacts& f, std::vector<Check>& checks) {
-  const QuietStats& s = f.loop;
+  const ZeroForceStats& s = f.loop;
   const double period_us = 1e6 / f.rate_hz;
   if (s.ran == 0) {
     checks.push_back({"communication", Verdict::kFailed, "no tick ran", "",
@@ -80,38 +82,36 @@ void judgeCommunication(const DeviceFacts& f, std::vector<Check>& checks) {
   const Verdict enough = fresh >= 80 ? Verdict::kOk : fresh >= 50 ? Verdict::kWarning : Verdict::kFailed;
   checks.push_back(
       number("communication", fresh, "%", enough,
-             formatted("%.2f %% of %llu readings were fresh", fresh, static_cast<unsigned long long>(s.ran)),
-             "at least 80 %",
+             fmt::format("{:.2f} % of {} readings were fresh", fresh, s.ran), "at least 80 %",
              "check cable and plug; give a lower --rate; close other programs that use the device"));
   const auto silence = static_cast<double>(s.longest_silence);
-  checks.push_back(number("longest silence", silence, "ticks", upTo(silence, 2, 5),
-                          formatted("%g ticks", silence), "at most 2; after 20 ms the force is taken away",
-                          "as above: the device must answer every tick"));
+  checks.push_back(number(
+      "longest silence", silence, "ticks", upTo(silence, 2, 5), fmt::format("{:g} ticks", silence),
+      "at most 2; after 20 ms the force is taken away", "as above: the device must answer every tick"));
   const double p99_us = micro(s.exchange.quantile_ns(0.99));
   checks.push_back(number("exchange time", p99_us, "µs", upTo(p99_us, 0.5 * period_us, 0.9 * period_us),
-                          formatted("p50 %.1f, p99 %.1f, max %.1f µs", micro(s.exchange.quantile_ns(0.5)),
-                                    p99_us, micro(s.exchange.max_ns())),
-                          formatted("p99 at most half a period, %g µs", 0.5 * period_us),
+                          fmt::format("p50 {:.1f}, p99 {:.1f}, max {:.1f} µs",
+                                      micro(s.exchange.quantile_ns(0.5)), p99_us, micro(s.exchange.max_ns())),
+                          fmt::format("p99 at most half a period, {:g} µs", 0.5 * period_us),
                           "give a lower --rate; close other programs"));
   const double missed =
       100 * static_cast<double>(s.missed) / static_cast<double>(std::max<std::uint64_t>(1, s.ticks));
-  checks.push_back(
-      number("rate", missed, "%", upTo(missed, 0.1, 1),
-             formatted("%.1f Hz of %g Hz: %llu of %llu ticks missed",
-                       s.seconds > 0 ? static_cast<double>(s.ran) / s.seconds : 0, f.rate_hz,
-                       static_cast<unsigned long long>(s.missed), static_cast<unsigned long long>(s.ticks)),
-             "at most 0.1 % missed",
-             "close other programs; see the rows of real time below; a virtual machine is no good station"));
+  checks.push_back(number(
+      "rate", missed, "%", upTo(missed, 0.1, 1),
+      fmt::format("{:.1f} Hz of {:g} Hz: {} of {} ticks missed",
+                  s.seconds > 0 ? static_cast<double>(s.ran) / s.seconds : 0, f.rate_hz, s.missed, s.ticks),
+      "at most 0.1 % missed",
+      "close other programs; see the rows of real time below; a virtual machine is no good station"));
   const double late_us = micro(s.wakeup.quantile_ns(0.99));
   checks.push_back(number("wake-up", late_us, "µs", upTo(late_us, 0.2 * period_us, period_us),
-                          formatted("p50 %.1f, p99 %.1f, max %.1f µs late", micro(s.wakeup.quantile_ns(0.5)),
-                                    late_us, micro(s.wakeup.max_ns())),
-                          formatted("p99 at most a fifth of a period, %g µs", 0.2 * period_us),
+                          fmt::format("p50 {:.1f}, p99 {:.1f}, max {:.1f} µs late",
+                                      micro(s.wakeup.quantile_ns(0.5)), late_us, micro(s.wakeup.max_ns())),
+                          fmt::format("p99 at most a fifth of a period, {:g} µs", 0.2 * period_us),
                           "as for the rate"));
 }
 
 void judgePose(const DeviceFacts& f, std::vector<Check>& checks) {
-  const QuietStats& s = f.loop;
+  const ZeroForceStats& s = f.loop;
   if (s.fresh == 0) {
     checks.push_back({"pose", Verdict::kFailed, "none came", "", "see condition and communication"});
     return;
@@ -119,31 +119,31 @@ void judgePose(const DeviceFacts& f, std::vector<Check>& checks) {
   const auto bad = static_cast<double>(s.bad_poses);
   checks.push_back(number("pose", bad, "readings", bad == 0 ? Verdict::kOk : Verdict::kFailed,
                           bad == 0 ? "all finite, all rotations proper"
-                                   : formatted("%g readings were not finite or no rotation", bad),
+                                   : fmt::format("{:g} readings were not finite or no rotation", bad),
                           "", "switch the device off and on; if it stays, have it repaired"));
   if (s.bad_poses == s.fresh) return;
   const Vec3 tip = f.last_X_WH * f.X_HT.p;
-  checks.push_back(
-      number("place", f.farthest_m, "m", upTo(f.farthest_m, 1.5, 1.5),
-             formatted("tip at %.3f, %.3f, %.3f m; the handle within %.3f m of the base frame's origin",
-                       toMillimetre(tip.x), toMillimetre(tip.y), toMillimetre(tip.z), f.farthest_m),
-             "at most 1.5 m", "no haptic device reaches so far: its zero is lost; home or restart it"));
+  checks.push_back(number(
+      "place", f.farthest_m, "m", upTo(f.farthest_m, 1.5, 1.5),
+      fmt::format("tip at {:.3f}, {:.3f}, {:.3f} m; the handle within {:.3f} m of the base frame's origin",
+                  toMillimetre(tip.x), toMillimetre(tip.y), toMillimetre(tip.z), f.farthest_m),
+      "at most 1.5 m", "no haptic device reaches so far: its zero is lost; home or restart it"));
   // a handle that somebody moves has no noise at rest
   if (f.moved_m > 5e-3)
     checks.push_back(number("noise at rest", f.noise_m, "m", Verdict::kWarning,
-                            formatted("the handle was moved by %.1f mm meanwhile", 1e3 * f.moved_m),
+                            fmt::format("the handle was moved by {:.1f} mm meanwhile", 1e3 * f.moved_m),
                             "at most 0.05 mm RMS", "put it down or hold it still, and test again"));
   else
     checks.push_back(
         number("noise at rest", f.noise_m, "m", upTo(f.noise_m, 5e-5, 5e-4),
-               formatted("%.4f mm RMS, the handle moved by %.2f mm", 1e3 * f.noise_m, 1e3 * f.moved_m),
+               fmt::format("{:.4f} mm RMS, the handle moved by {:.2f} mm", 1e3 * f.noise_m, 1e3 * f.moved_m),
                "at most 0.05 mm RMS",
                "leave the handle alone and test again; if it stays, the force will feel rough"));
   const double fault = f.info->limits.fault_speed_mps;
   checks.push_back(
       number("speed at rest", s.greatest_speed_mps, "m/s", upTo(s.greatest_speed_mps, 0.1 * fault, fault),
-             formatted("at most %.3f m/s as the device reports it", s.greatest_speed_mps),
-             formatted("its fault threshold is %g m/s", fault), "leave the handle alone and test again"));
+             fmt::format("at most {:.3f} m/s as the device reports it", s.greatest_speed_mps),
+             fmt::format("its fault threshold is {:g} m/s", fault), "leave the handle alone and test again"));
 }
 
 void judgeLimits(const DeviceFacts& f, std::vector<Check>& checks) {
@@ -151,14 +151,14 @@ void judgeLimits(const DeviceFacts& f, std::vector<Check>& checks) {
   const DeviceLimits& l = i.limits;
   if (i.renders_force) {
     checks.push_back({"force limits", Verdict::kOk,
-                      formatted("%g N peak, %g N continuous, %g N/m at most", l.peak_force_N,
-                                l.continuous_force_N, l.max_stiffness_N_per_m),
+                      fmt::format("{:g} N peak, {:g} N continuous, {:g} N/m at most", l.peak_force_N,
+                                  l.continuous_force_N, l.max_stiffness_N_per_m),
                       "", ""});
     checks.push_back(
         i.renders_torque
             ? Check{"torque limits", Verdict::kOk,
-                    formatted("%g N·m peak, %g N·m continuous, %g N·m/rad at most", l.peak_torque_Nm,
-                              l.continuous_torque_Nm, l.max_rotational_stiffness_Nm_per_rad),
+                    fmt::format("{:g} N·m peak, {:g} N·m continuous, {:g} N·m/rad at most", l.peak_torque_Nm,
+                                l.continuous_torque_Nm, l.max_rotational_stiffness_Nm_per_rad),
                     "", ""}
             : Check{"torque limits", Verdict::kWarning, "the device renders no torque", "",
                     "lessons run without the orientation limit; nothing to do"});
@@ -200,15 +200,16 @@ void judgeDevice(const DeviceFacts& f, std::vector<Check>& checks) {
 
 void judgeComputer(const MachineFacts& f, std::vector<Check>& checks) {
   checks.push_back({"computer", Verdict::kOk, f.text, "", ""});
-  checks.push_back(number("clock", f.clock_resolution_ns, "ns", upTo(f.clock_resolution_ns, 1000, 50'000),
-                          formatted("%g ns fine, %.0f ns a look%s", f.clock_resolution_ns, f.clock_cost_ns,
-                                    f.clock_source.empty() ? "" : (", source " + f.clock_source).c_str()),
-                          "at most 1 µs", "choose a better clock source in /sys/devices/system/clocksource"));
+  checks.push_back(
+      number("clock", f.clock_resolution_ns, "ns", upTo(f.clock_resolution_ns, 1000, 50'000),
+             fmt::format("{:g} ns fine, {:.0f} ns a look{}", f.clock_resolution_ns, f.clock_cost_ns,
+                         f.clock_source.empty() ? "" : (", source " + f.clock_source)),
+             "at most 1 µs", "choose a better clock source in /sys/devices/system/clocksource"));
   if (f.clock_source == "hpet" || f.clock_source == "acpi_pm")
     checks.back().verdict = Verdict::kWarning,
     checks.back().advice = "this clock source is slow; the kernel gave up the processor's own, see dmesg";
   checks.push_back(number("cores", f.cores, "cores", f.cores >= 2 ? Verdict::kOk : Verdict::kWarning,
-                          formatted("%u", f.cores), "at least 2",
+                          std::to_string(f.cores), "at least 2",
                           "on one core the loop and everything else are in each other's way"));
 }
 
@@ -218,7 +219,7 @@ void judgeDisk(const DiskFacts& f, double rate_hz, std::vector<Check>& checks) {
         {"spool", Verdict::kFailed, f.trouble, "", "give --spool a folder that this user can write to"});
     return;
   }
-  constexpr double kBytesPerSample = 8;  // DESIGN §12
+  constexpr double kBytesPerSample = 8;  // tests/bench/README.md
   const double hours = f.free_bytes / (kBytesPerSample * rate_hz * 3600);
   const double mib = f.free_bytes / (1024.0 * 1024);
   checks.push_back(
@@ -226,14 +227,14 @@ void judgeDisk(const DiskFacts& f, double rate_hz, std::vector<Check>& checks) {
              mib >= 1024  ? Verdict::kOk
              : mib >= 100 ? Verdict::kWarning
                           : Verdict::kFailed,
-             formatted("%.1f GiB free for %s, %.0f hours of lessons", mib / 1024, f.folder.c_str(), hours),
+             fmt::format("{:.1f} GiB free for {}, {:.0f} hours of lessons", mib / 1024, f.folder, hours),
              "at least 1 GiB", "make room, or give --spool a folder on a larger disk"));
-  checks.push_back(
-      number("disk", f.sync_max_s, "s", upTo(f.sync_max_s, 0.2, 1),
-             formatted("a sync takes %.1f ms, %.1f ms at most", 1e3 * f.sync_median_s, 1e3 * f.sync_max_s),
-             "at most 200 ms",
-             "slower than a lesson wants: what a power cut may take grows beyond 1 s; use a local disk for "
-             "--spool"));
+  checks.push_back(number(
+      "disk", f.sync_max_s, "s", upTo(f.sync_max_s, 0.2, 1),
+      fmt::format("a sync takes {:.1f} ms, {:.1f} ms at most", 1e3 * f.sync_median_s, 1e3 * f.sync_max_s),
+      "at most 200 ms",
+      "slower than a lesson wants: what a power cut may take grows beyond 1 s; use a local disk for "
+      "--spool"));
 }
 
 void judgeEngine(const EngineFacts& f, double rate_hz, std::vector<Check>& checks) {
@@ -244,8 +245,8 @@ void judgeEngine(const EngineFacts& f, double rate_hz, std::vector<Check>& check
   const double share = f.tick_median_ns * rate_hz * 1e-9;
   checks.push_back(
       number("engine", f.tick_median_ns, "ns", upTo(share, 0.05, 0.5),
-             formatted("%.0f ns a tick for the heaviest of %zu sample scenes (%s), %.3f %% of a period",
-                       f.tick_median_ns, f.scenes, f.heaviest.c_str(), 100 * share),
+             fmt::format("{:.0f} ns a tick for the heaviest of {} sample scenes ({}), {:.3f} % of a period",
+                         f.tick_median_ns, f.scenes, f.heaviest, 100 * share),
              "at most 5 %", "give a lower --rate, or use a faster computer"));
 }
 
@@ -262,22 +263,22 @@ void judgeServer(const ServerFacts& f, std::vector<Check>& checks) {
     return;
   }
   checks.push_back(number("server", f.connect_s, "s", upTo(f.connect_s, 1, 5),
-                          formatted("%s, %s: TLS and key accepted in %.0f ms as %s", f.address.c_str(),
-                                    f.program.c_str(), 1e3 * f.connect_s, f.name.c_str()),
+                          fmt::format("{}, {}: TLS and key accepted in {:.0f} ms as {}", f.address, f.program,
+                                      1e3 * f.connect_s, f.name),
                           "within 1 s", "the network or the server is slow"));
   checks.push_back(number("network", f.round_trip_s, "s", upTo(f.round_trip_s, 0.1, 1),
-                          formatted("%.1f ms there and back", 1e3 * f.round_trip_s), "at most 100 ms",
+                          fmt::format("{:.1f} ms there and back", 1e3 * f.round_trip_s), "at most 100 ms",
                           "what the instructor sees comes late; the lesson itself does not suffer"));
   checks.push_back(number("time of day", f.clock_offset_s, "s",
                           upTo(std::abs(f.clock_offset_s), 2, 86'400.0 * 365),
-                          formatted("%.2f s %s the server's", std::abs(f.clock_offset_s),
-                                    f.clock_offset_s >= 0 ? "behind" : "ahead of"),
+                          fmt::format("{:.2f} s {} the server's", std::abs(f.clock_offset_s),
+                                      f.clock_offset_s >= 0 ? "behind" : "ahead of"),
                           "within 2 s", "set up NTP (systemd-timesyncd) on this computer and on the server"));
 }
 
 }  // namespace
 
-std::span<const ConditionWords> conditionWords() {
+std::span<const ConditionText> conditionTexts() {
   return kConditions;
 }
 

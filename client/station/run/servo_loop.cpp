@@ -1,9 +1,10 @@
 #include "client/station/run/servo_loop.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
-#include "client/station/run/ticks_in.h"
+#include "client/station/run/real_time.h"
 
 namespace needlelab {
 namespace {
@@ -39,7 +40,7 @@ void ServoLoop::run() noexcept {
     clock_.sleepUntilNs(times.due_ns);
     times.began_ns = clock_.nowNs();
     times.late_ns = times.began_ns - times.due_ns;
-    times.missed = miss(times.late_ns);
+    times.missed = countMissedTicks(times.late_ns);
     if (times.missed > 0) {
       number += times.missed;
       times.due_ns = dueNs(number);
@@ -61,8 +62,8 @@ void ServoLoop::run() noexcept {
   ended_.store(true, std::memory_order_release);
 }
 
-// ticks whose time is over are missed: the tick number goes on without them
-std::uint64_t ServoLoop::miss(std::int64_t late_ns) noexcept {
+// counts the ticks that passed before the loop woke; the tick number goes on without them
+std::uint64_t ServoLoop::countMissedTicks(std::int64_t late_ns) noexcept {
   stats_.wakeup.add(late_ns);
   if (static_cast<double>(late_ns) < period_ns_) return 0;
   const auto missed = static_cast<std::uint64_t>(static_cast<double>(late_ns) / period_ns_);
@@ -73,8 +74,8 @@ std::uint64_t ServoLoop::miss(std::int64_t late_ns) noexcept {
   return missed;
 }
 
-// what other threads asked for since the last tick
-void ServoLoop::hearOthers(std::uint64_t number) noexcept {
+// requests of other threads since the last tick
+void ServoLoop::handleRequests(std::uint64_t number) noexcept {
   if (acknowledged_.load(std::memory_order_relaxed)) {
     acknowledged_.store(false, std::memory_order_relaxed);
     chain_.acknowledge();
@@ -108,7 +109,7 @@ bool ServoLoop::tick(std::uint64_t number, TickTimes& times) noexcept {
   }
 
   // tool → gate → engine → gate → device
-  hearOthers(number);
+  handleRequests(number);
   const auto elapsed_ticks = static_cast<std::int64_t>(times.missed) + 1;
   const GuardedWrench guarded =
       chain_.tick(reading_, read == DeviceRead::kFresh, elapsed_ticks, closingShare(number), chain_tick_);
@@ -132,6 +133,81 @@ ServoEnd ServoLoop::endAfter(std::uint64_t number) noexcept {
   if (!closing_ || number - closing_since_ + 1 < closing_ticks_) return ServoEnd::kNotYet;
   return settings_.max_ticks > 0 && number + 1 >= settings_.max_ticks ? ServoEnd::kTicksDone
                                                                       : ServoEnd::kStopped;
+}
+
+void ServoLoop::record(DeviceRead read, TickTimes& times) noexcept {
+  publish(times);
+  const bool raised = noteFault();
+  BlackBoxTick* kept = nullptr;
+  if (settings_.black_box != nullptr) {
+    kept = &settings_.black_box->next();
+    fill(*kept, read, times);
+    if (raised) settings_.black_box->trigger(BlackBoxCause::kFault, chain_tick_.fault, chain_tick_.tick);
+    if (storm_.note(times.missed))
+      settings_.black_box->trigger(BlackBoxCause::kMissedTicks, chain_tick_.fault, chain_tick_.tick);
+  }
+  times.recorded_ns = clock_.nowNs();
+  if (kept != nullptr) {
+    kept->record_ns = times.recorded_ns - times.wrote_ns;
+    settings_.black_box->commit();
+  }
+
+  stats_.read.add(times.read_ns - times.began_ns);
+  stats_.engine.add(times.engine_ns());
+  stats_.write.add(times.wrote_ns - times.computed_ns);
+  stats_.record.add(times.recorded_ns - times.wrote_ns);
+  stats_.device.add(times.device_ns());
+  stats_.tick.add(times.recorded_ns - times.began_ns);
+}
+
+void ServoLoop::publish(const TickTimes& times) noexcept {
+  const GestureSample sample = sampleOf(chain_tick_, times.due_ns, times.device_ns(), times.engine_ns());
+  ++stats_.samples;
+  for (std::uint32_t bits = sample.flags; bits != 0; bits &= bits - 1)
+    ++stats_.flag_ticks[static_cast<std::size_t>(std::countr_zero(bits))];
+  // a full ring counts what it refuses; the loop never waits for anybody
+  ring_.push(sample);
+  latest_.publish(sample);
+}
+
+// true when the gate raised a fault in this tick
+bool ServoLoop::noteFault() noexcept {
+  fault_.store(chain_tick_.fault, std::memory_order_relaxed);
+  condition_.store(reading_.condition, std::memory_order_relaxed);
+  const ForceGate& gate = chain_.gate();
+  cause_lasts_.store(gate.causeLasts(), std::memory_order_relaxed);
+  acknowledgement_stands_.store(gate.acknowledged(), std::memory_order_relaxed);
+  if (chain_tick_.fault != Fault::kNone) ++stats_.fault_ticks;
+  const std::uint64_t raised = gate.faultsRaised();
+  stats_.noteFault(chain_tick_.fault, raised != stats_.faults, chain_tick_.tick);
+  if (raised == stats_.faults) return false;
+  if (stats_.faults == 0) stats_.first_fault = chain_tick_.fault;
+  stats_.faults = raised;
+  faults_.store(raised, std::memory_order_relaxed);
+  return true;
+}
+
+void ServoLoop::fill(BlackBoxTick& kept, DeviceRead read, const TickTimes& times) const noexcept {
+  const StepReport& report = chain_tick_.report;
+  kept.tick = chain_tick_.tick;
+  kept.missed_before = times.missed;
+  kept.due_ns = times.due_ns;
+  kept.late_ns = times.late_ns;
+  kept.read_ns = times.read_ns - times.began_ns;
+  kept.engine_ns = times.engine_ns();
+  kept.write_ns = times.wrote_ns - times.computed_ns;
+  kept.reading = reading_;
+  kept.fresh = read == DeviceRead::kFresh;
+  kept.X_WT = chain_tick_.X_WT;
+  kept.wanted_W = report.wrench_W;
+  kept.rendered_W = chain_tick_.rendered_W;
+  kept.depth_m = report.depth_m;
+  kept.insertion_m = report.insertion_m;
+  kept.speed_mps = report.speed_mps;
+  kept.flags = report.flags | chain_tick_.gate_flags;
+  kept.layer = static_cast<std::int8_t>(report.layer);
+  kept.phase = static_cast<std::uint8_t>(report.phase);
+  kept.fault = static_cast<std::uint8_t>(chain_tick_.fault);
 }
 
 }  // namespace needlelab

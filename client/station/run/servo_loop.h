@@ -1,32 +1,90 @@
-/// The haptic loop: device → tool → gate → engine → gate → device, once a tick, and each tick into the ring
-/// (DESIGN §1, §3.7).
+/// The haptic loop: device → tool → gate → engine → gate → device, once a tick, and each tick into the ring.
 #pragma once
 
+#include <array>
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "client/device/haptic_chain.h"
 #include "client/net/spool_writer.h"
 #include "client/station/run/black_box.h"
-#include "client/station/run/fault_policy.h"
-#include "client/station/run/rt_thread.h"
-#include "client/station/run/servo_stats.h"
+#include "client/station/run/fault_watch.h"
+#include "client/station/run/real_time.h"
+#include "common/base/histogram.h"
 #include "common/base/wait_free.h"
+#include "common/haptics/force_gate.h"
 
 namespace needlelab {
+
+/// Why the loop ended.
+enum class ServoEnd : std::uint8_t {
+  kNotYet,
+  kStopped,         ///< on request
+  kTicksDone,       ///< max_ticks
+  kDeviceFinished,  ///< a recording or a hand's plan is over
+  kFault,           ///< the gate took the force away, and the policy was kEnd; see `fault`
+  kCrash,           ///< crashStop: another part of the program died
+};
+
+/// A fault of the lesson.
+struct FaultNote {
+  Fault fault = Fault::kNone;
+  std::uint64_t tick = 0;                  ///< in which it was raised
+  std::optional<std::uint64_t> over_tick;  ///< in which it was over: acknowledged, the needle outside
+};
+
+/// Thread: the histograms may be read while the loop runs; everything else when `run` has returned.
+struct ServoStats {
+  ServoEnd end = ServoEnd::kNotYet;
+  Fault fault = Fault::kNone;        ///< that stood when the loop ended; none when it was over by then
+  Fault first_fault = Fault::kNone;  ///< of the whole lesson
+  std::uint64_t faults = 0;          ///< how often one was raised
+  std::uint64_t fault_ticks = 0;     ///< ticks in FAULT
+  static constexpr std::size_t kMostFaultNotes = 64;
+  std::array<FaultNote, kMostFaultNotes> fault_notes{};  ///< of the first faults
+  std::size_t fault_note_count = 0;
+  std::uint64_t ticks = 0;         ///< that passed, missed ones included
+  std::uint64_t samples = 0;       ///< ticks that ran: each gave one sample
+  std::uint64_t missed_ticks = 0;  ///< that passed before the loop woke: not stepped, no sample
+  std::uint64_t late_wakeups = 0;  ///< wake-ups late by a period or more: each missed one tick or several
+  std::array<std::uint64_t, 32>
+      flag_ticks{};         ///< bit i of StepFlag, GateFlag, DeviceFlag: in how many ticks it was set
+  LatencyHistogram wakeup;  ///< how late after its due time a tick began
+  LatencyHistogram tick;    ///< how long a tick worked: all of the following
+  LatencyHistogram read;    ///< … the device's read
+  LatencyHistogram engine;  ///< … tool, gate and engine
+  LatencyHistogram write;   ///< … the device's write
+  LatencyHistogram record;  ///< … the sample into its ring, and the values published to others
+  LatencyHistogram device;  ///< read and write of a tick together
+
+  /// Once per tick: the fault of this tick, and whether it was raised in it. Real-time safe.
+  void noteFault(Fault now, bool raised, std::uint64_t tick_number) noexcept {
+    if ((raised || now == Fault::kNone) && open_fault_) {
+      fault_notes[fault_note_count - 1].over_tick = tick_number;
+      open_fault_ = false;
+    }
+    if (!raised || fault_note_count == kMostFaultNotes) return;
+    fault_notes[fault_note_count++] = {now, tick_number, std::nullopt};
+    open_fault_ = true;
+  }
+
+ private:
+  bool open_fault_ = false;
+};
 
 struct ServoSettings {
   double rate_hz = 1000;
   Pose X_HT;                    ///< the tool: the tip in the handle's frame
   std::uint64_t max_ticks = 0;  ///< ends after so many ticks, missed ones included; 0 = no end
   FaultPolicy on_fault = FaultPolicy::kEnd;
-  PlungerSettings plunger{};      ///< its source is the device's own, whatever stands here
+  PlungerSettings plunger{};      ///< its source is the device's own; `source` is ignored
   BlackBox* black_box = nullptr;  ///< outlives the loop; null = none
 };
 
-/// Thread: `run` on the haptic thread; what is said below for the others. Everything it needs is allocated
-/// when it is made. Within a tick: no heap, lock, exception, and no system call but the clock's and the
-/// device's.
+/// Thread: `run` on the haptic thread; the others as documented below. All memory is allocated in the
+/// constructor. Within a tick: no heap, lock, exception, and no system call but the clock's and the device's.
 class ServoLoop {
  public:
   /// All of them must outlive the loop; the device is open.
@@ -42,7 +100,7 @@ class ServoLoop {
   /// Asks the loop to end.
   void stop() noexcept { stop_.store(true, std::memory_order_relaxed); }
   /// Another part of the program died: FAULT (Fault::kProgramTrouble), zero force within 20 ms, then the loop
-  /// ends, whatever the policy. Wait for `ended`, but not without end: a loop that itself died never ends.
+  /// ends under any policy. Wait for `ended`, but with a time limit: a loop that itself died never ends.
   void crashStop() noexcept { crash_.store(true, std::memory_order_relaxed); }
   /// The loop has ended, and the device was left with zero force.
   [[nodiscard]] bool ended() const noexcept { return ended_.load(std::memory_order_acquire); }
@@ -71,7 +129,7 @@ class ServoLoop {
   [[nodiscard]] const ServoStats& stats() const noexcept { return stats_; }
 
  private:
-  /// When a tick was due, and when each of its phases ended; what it missed.
+  /// When a tick was due and when each of its phases ended; the ticks that it missed.
   struct TickTimes {
     std::int64_t due_ns = 0, late_ns = 0;
     std::uint64_t missed = 0;
@@ -83,10 +141,9 @@ class ServoLoop {
   };
 
   [[nodiscard]] std::int64_t dueNs(std::uint64_t tick) const noexcept;
-  [[nodiscard]] std::uint64_t miss(std::int64_t late_ns) noexcept;
-  void hearOthers(std::uint64_t number) noexcept;
+  [[nodiscard]] std::uint64_t countMissedTicks(std::int64_t late_ns) noexcept;
+  void handleRequests(std::uint64_t number) noexcept;
   bool tick(std::uint64_t number, TickTimes& times) noexcept;
-  // servo_loop_record.cpp
   void record(DeviceRead read, TickTimes& times) noexcept;
   void publish(const TickTimes& times) noexcept;
   [[nodiscard]] bool noteFault() noexcept;
@@ -109,7 +166,7 @@ class ServoLoop {
   ServoStats stats_;
   MissedTickStorm storm_;
 
-  // what others write and the loop reads, and the other way round
+  // requests to the loop, and its published state
   alignas(64) std::atomic<bool> stop_{false};
   std::atomic<bool> crash_{false}, acknowledged_{false};
   alignas(64) std::atomic<bool> ended_{false};

@@ -1,19 +1,96 @@
 #include "client/station/run/signals.h"
 
+#include <poll.h>
 #include <pthread.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <csignal>
+#include <cstddef>
+#include <cstring>
 #include <ctime>
 
-namespace needlelab {
+#include "client/device/crash_packet.h"
 
+namespace needlelab {
 namespace {
 
 pthread_t main_thread;
 
-// in a thread that a library started before `main` (OpenBLAS does) and that blocks nothing: the kernel may
-// choose it, and by default such a signal kills the program with its force
+// Runs in a thread that a library started before `main` (OpenBLAS does) and that blocks nothing: the kernel
+// may choose it, and by default such a signal kills the program with its force
 void handOver(int signal) {
   ::pthread_kill(main_thread, signal);
+}
+
+constexpr std::array kCrashSignals = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
+constexpr int kPatience_ms = 200;
+constexpr int kDeviceWatchdog_ms = 50;  // a device with a thread of its own misses the loop after 20 ms
+constexpr int kLastPacket_ms = 400;     // within this also a crowded machine lets that thread send "no force"
+constexpr std::size_t kStackBytes = 64 * 1024;
+
+// all that the handler reads
+std::atomic<ServoLoop*> guarded_loop{nullptr};
+std::atomic<pid_t> haptic_thread{0};
+static_assert(std::atomic<ServoLoop*>::is_always_lock_free && std::atomic<pid_t>::is_always_lock_free);
+
+std::array<struct sigaction, kCrashSignals.size()> actions_before;
+stack_t stack_before;
+alignas(16) std::array<std::byte, kStackBytes> handler_stack;
+
+pid_t thisThread() noexcept {
+  return static_cast<pid_t>(::syscall(SYS_gettid));
+}
+
+// a handler may only use write(2) for messages; a paused terminal (Ctrl-S) must not hold it up
+void writeMessage(const char* text) noexcept {
+  pollfd ready{STDERR_FILENO, POLLOUT, 0};
+  if (::poll(&ready, 1, 0) != 1 || (ready.revents & POLLOUT) == 0) return;
+  [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, text, std::strlen(text));
+}
+
+void pauseMs(long ms) noexcept {
+  const timespec pause{0, ms * 1'000'000};
+  ::nanosleep(&pause, nullptr);
+}
+
+// in the crashed thread; async-signal-safe
+void onCrash(int signal) {
+  ServoLoop* loop = guarded_loop.load(std::memory_order_acquire);
+  if (loop != nullptr && thisThread() == crashPacketThread()) {
+    // the thread that sends the loop's wrenches is gone
+    const bool sent = sendCrashPacket();
+    loop->crashStop();
+    writeMessage(sent
+             ? "station: the device's own thread crashed; it was told that there is no force\n"
+             : "station: the device's own thread crashed and the device cannot be told; its own watchdog has "
+               "to take the force away\n");
+  } else if (loop != nullptr && thisThread() == haptic_thread.load(std::memory_order_acquire)) {
+    writeMessage("station: the haptic thread itself crashed; the device's own watchdog takes the force away\n");
+    pauseMs(kDeviceWatchdog_ms);
+    sendCrashPacket();
+  } else if (loop != nullptr) {
+    loop->crashStop();
+    writeMessage("station: a part of the program crashed; taking the force away\n");
+    for (int ms = 0; ms < kPatience_ms && !loop->ended(); ++ms) pauseMs(1);
+    if (!loop->ended()) writeMessage("station: the haptic loop did not answer; the device's own watchdog has to\n");
+    // the loop's zero force is still on its way through a device with a thread of its own
+    pauseMs(kLastPacket_ms);
+    // in case that thread is stuck, by a lock that this one holds
+    sendCrashPacket();
+  }
+  // die by the same signal, with its default action
+  struct sigaction by_default {};
+  by_default.sa_handler = SIG_DFL;
+  ::sigaction(signal, &by_default, nullptr);
+  sigset_t only_this;
+  ::sigemptyset(&only_this);
+  ::sigaddset(&only_this, signal);
+  ::raise(signal);
+  ::pthread_sigmask(SIG_UNBLOCK, &only_this, nullptr);
 }
 
 }  // namespace
@@ -23,7 +100,7 @@ sigset_t blockStopSignals() {
   sigset_t stop;
   ::sigemptyset(&stop);
   for (const int signal : {SIGINT, SIGTERM}) ::sigaddset(&stop, signal);
-  // what whoever started it wants to be ignored (nohup) stays so
+  // signals that nohup or a shell ignores stay ignored
   for (const int signal : {SIGHUP, SIGQUIT}) {
     struct sigaction now {};
     if (::sigaction(signal, nullptr, &now) == 0 && now.sa_handler != SIG_IGN) ::sigaddset(&stop, signal);
@@ -48,6 +125,33 @@ int signalWithin(const sigset_t& signals, std::chrono::milliseconds time) {
   const timespec timeout{time.count() / 1000, (time.count() % 1000) * 1'000'000};
   const int signal = ::sigtimedwait(&signals, nullptr, &timeout);
   return signal > 0 ? signal : 0;
+}
+
+CrashGuard::CrashGuard(ServoLoop& loop) {
+  haptic_thread.store(0, std::memory_order_release);
+  guarded_loop.store(&loop, std::memory_order_release);
+  // a stack of its own for the handler, so that this thread may even run out of its stack
+  stack_t stack{};
+  stack.ss_sp = handler_stack.data();
+  stack.ss_size = handler_stack.size();
+  ::sigaltstack(&stack, &stack_before);
+  struct sigaction action {};
+  action.sa_handler = onCrash;
+  action.sa_flags = SA_ONSTACK;
+  ::sigemptyset(&action.sa_mask);
+  for (std::size_t i = 0; i < kCrashSignals.size(); ++i)
+    ::sigaction(kCrashSignals[i], &action, &actions_before[i]);
+}
+
+CrashGuard::~CrashGuard() {
+  for (std::size_t i = 0; i < kCrashSignals.size(); ++i)
+    ::sigaction(kCrashSignals[i], &actions_before[i], nullptr);
+  ::sigaltstack(&stack_before, nullptr);
+  guarded_loop.store(nullptr, std::memory_order_release);
+}
+
+void CrashGuard::setHapticThread() noexcept {
+  haptic_thread.store(thisThread(), std::memory_order_release);
 }
 
 }  // namespace needlelab

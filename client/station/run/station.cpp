@@ -1,45 +1,93 @@
 #include "client/station/run/station.h"
 
+#include <fmt/core.h>
+
 #include <utility>
 
-#include "client/station/run/say.h"
-#include "client/station/run/station_home.h"
+#include "client/station/run/station_key.h"
 #include "client/station/run/station_run.h"
+#include "client/station/run/terminal.h"
+#include "common/base/clock.h"
 #include "common/base/program.h"
+#include "common/wire/protocol.h"
+#include "common/wire/tls.h"
 
 namespace needlelab {
 
-Status StationRun::prepare() {
-  home_.requests().clear();
-  const std::pair<const char*, Status (StationRun::*)()> steps[] = {
-      {"fetching the exercise", &StationRun::getLesson},
-      {"choosing the device", &StationRun::chooseDevice},
-      {"measuring what the scene costs", &StationRun::measureEffects},
-      {"opening the device", &StationRun::openDevice},
-      {"beginning the recording", &StationRun::openSession},
-  };
-  for (const auto& [words, step] : steps) {
-    // a person at the window who thought better of it; signals are heard where one waits
-    if (home_.requests().takeStop()) return Error{ErrorCode::kFailed, "it was called off"};
-    home_.audience().preparing(words);
-    if (Status status = (this->*step)(); !status.ok()) return status;
-  }
-  announce();
+Status StationHome::openSpool() {
+  ASSIGN_OR_RETURN(spool_, Spool::open(options_.spool));
+  for (const std::string& note : spool_->notes()) logMessage(note);
+  for (const std::string& note : spool_->cleanUp(options_.keep, wallNowNs())) logMessage(note);
+  guard_ = std::make_unique<SpoolGuard>(*spool_, options_.keep, options_.rate_hz, logMessage);
+  guard_->report();
   return {};
 }
 
+UplinkEvents StationHome::events() {
+  UplinkEvents events;
+  events.report = logMessage;
+  events.trainee_message = [this](const pb::TraineeMessage& message) {
+    logMessage("message from " + message.from() + ": " + message.text());
+    observer_.message(message.from(), message.text());
+  };
+  events.next_exercise = [this](const pb::NextExercise& next) {
+    logMessage("next exercise, says " + next.from() + ": " + next.exercise_id() +
+               " (start it with --exercise " + next.exercise_id() + ")");
+    observer_.nextExercise(next.from(), next.exercise_id());
+  };
+  events.set_aids = [this](const pb::SetAids& set) {
+    requests_.setAids({set.from(), set.aids(), set.reset()});
+  };
+  events.stop_lesson = [this](const pb::StopLesson& stop) { requests_.stop({stop.from(), stop.reason()}); };
+  return events;
+}
+
+Status StationHome::connect() {
+  Result<StationKey> key = StationKey{};
+  if (!options_.key_file.empty()) {
+    key = loadStationKey(options_.key_file);
+    if (!key.ok()) return key.error();
+    // also without a server: the recording is uploaded under this name later
+    if (station_.empty()) station_ = key->station;
+  }
+  if (!options_.server) {
+    if (const auto waiting = spool_->unfinished().size(); waiting > 0)
+      logMessage(fmt::format(
+          "{} session(s) of before wait in the spool for a server; without --server they go on waiting",
+          waiting));
+    return {};
+  }
+  UplinkConfig config;
+  ASSIGN_OR_RETURN(config.client.tls, makeClientTls(options_.ca_file));
+  config.client.server = *options_.server;
+  config.client.program = programText("station");
+  config.client.login = stationLogin(station_, key->key);
+  const auto waiting = spool_->unfinished(), not_safe = spool_->closedButNotSafe();
+  uplink_ = std::make_unique<Uplink>(std::move(config), events());
+  for (const auto& session : waiting) uplink_->add(session, false);
+  for (const auto& session : not_safe) uplink_->add(session, false);
+  if (!waiting.empty())
+    logMessage(fmt::format("{} sessions of earlier runs are in the spool; they are uploaded beside this one",
+                           waiting.size()));
+  return {};
+}
+
+void StationHome::close() {
+  if (uplink_) uplink_->stop();
+}
+
 int runStation(const StationOptions& options, const sigset_t& stop_signals) {
-  LessonAudience nobody;
+  LessonObserver nobody;
   StationHome home(options, nobody);
   const auto failed = [](const Status& status) {
-    say(status.error().message);
+    logMessage(status.error().message);
     return exitCodeOf(status.error());
   };
   if (const Status status = home.openSpool(); !status.ok()) return failed(status);
   if (const Status status = home.connect(); !status.ok()) return failed(status);
   StationRun run(home, options, stop_signals);
   if (const Status status = run.prepare(); !status.ok()) return failed(status);
-  static_cast<void>(run.practise());  // what it says is in the outcome
+  static_cast<void>(run.practise());  // its status is in the outcome
   run.drain();
   const LessonOutcome outcome = run.outcome();
   home.close();

@@ -1,6 +1,14 @@
 #include "client/station/run/station_key.h"
 
+#include <fmt/core.h>
+#include <sys/stat.h>
+
+#include <iostream>
+
+#include "client/net/connect.h"
+#include "client/net/credentials.h"
 #include "common/base/files.h"
+#include "common/base/program.h"
 #include "common/base/secret.h"
 
 namespace needlelab {
@@ -11,6 +19,17 @@ int digitOf(char c) {
   if (c >= 'a' && c <= 'f') return c - 'a' + 10;
   if (c >= 'A' && c <= 'F') return c - 'A' + 10;
   return -1;
+}
+
+// advice after the server refused or did not answer
+std::string adviceFor(const Error& error, const Enrolment& enrolment) {
+  if (error.message.find(kNotForThisName) != std::string::npos)
+    return "; the server's certificate is not for " + enrolment.server.host +
+           ": on the server, needlelab-admin --data DIR certificate renew --host-name " +
+           enrolment.server.host + ", then restart it";
+  if (error.code == ErrorCode::kUnavailable)
+    return "; see that the server runs and listens on an address that this computer reaches";
+  return {};
 }
 
 }  // namespace
@@ -32,7 +51,7 @@ Result<StationKey> parseStationKey(std::string_view text, const std::string& sou
   if (key.station.size() > 100 || key.station.find('\n') != std::string::npos)
     return fail("the name before the ':' is longer than a name is");
   const std::string_view hex = text.substr(colon + 1);
-  if (hex.size() != 64) return fail("the key has " + std::to_string(hex.size()) + " digits");
+  if (hex.size() != 64) return fail(fmt::format("the key has {} digits", hex.size()));
   for (std::size_t i = 0; i < hex.size(); i += 2) {
     const int high = digitOf(hex[i]), low = digitOf(hex[i + 1]);
     if (high < 0 || low < 0) return fail("the key has a character that is no hexadecimal digit");
@@ -44,9 +63,42 @@ Result<StationKey> parseStationKey(std::string_view text, const std::string& sou
 Result<StationKey> loadStationKey(const std::filesystem::path& path) {
   auto text = readWholeFile(path, 4096);
   if (!text.ok()) return text.error();
-  const WipeAtEnd wiped(*text);
+  const WipeAtEnd wiped(*text);  // in place: a moved text would leave a copy
   warnWhenOthersMayRead(path);
   return parseStationKey(*text, path.string());
+}
+
+int runEnrol(const StationOptions& options) {
+  const auto fail = [](const Error& error, const std::string& more = {}) {
+    std::cerr << "needlelab-station: " << error.message << more << "\n";
+    return exitCodeOf(error);
+  };
+  const auto text = readWholeFile(options.bundle, 1u << 20);
+  if (!text.ok()) return fail(text.error());
+  const auto enrolment = parseBundle(*text, options.bundle.string());
+  if (!enrolment.ok()) return fail(enrolment.error());
+  struct stat info {};
+  if (::stat(options.bundle.c_str(), &info) == 0 && (info.st_mode & 077) != 0)
+    std::cerr << "needlelab-station: " << options.bundle.string()
+              << " holds the station's key and others may read it: chmod 600, and remove it after this\n";
+  std::error_code error;
+  std::filesystem::create_directories(options.enrolled, error);
+  if (error)
+    return fail({ErrorCode::kFailed, "cannot make " + options.enrolled.string() + ": " + error.message() +
+                                         "; choose another folder with --enrolled DIR"});
+
+  // nothing is kept before it is known to work
+  const auto name = proveEnrolment(*enrolment, options.enrolled);
+  if (!name.ok())
+    return fail({name.error().code, "not enrolled: " + name.error().message},
+                adviceFor(name.error(), *enrolment));
+  if (auto saved = saveEnrolment(*enrolment, options.enrolled); !saved.ok()) return fail(saved.error());
+  std::cout << "enrolled: logged in to " << endpointText(enrolment->server) << " as " << *name << "; kept in "
+            << options.enrolled.string() << ". Remove " << options.bundle.string()
+            << " now, and practise with: needlelab-station --enrolled"
+            << (options.enrolled == defaultEnrolmentFolder() ? "" : " " + options.enrolled.string())
+            << " --trainee NAME --exercise ID\n";
+  return std::cout.flush() ? kExitDone : kExitFailed;
 }
 
 }  // namespace needlelab

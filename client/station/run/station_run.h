@@ -1,4 +1,4 @@
-/// One lesson from its beginning to its end: what `runStation` and the window are made of.
+/// One lesson from its beginning to its end, for `runStation` and for the window.
 #pragma once
 
 #include <csignal>
@@ -9,21 +9,21 @@
 #include <utility>
 #include <vector>
 
-#include "client/device/hand_steering.h"
-#include "client/station/run/black_box_writer.h"
-#include "client/station/run/device_keeper.h"
+#include "client/device/device.h"
+#include "client/device/hand.h"
+#include "client/station/run/black_box.h"
 #include "client/station/run/fault_watch.h"
 #include "client/station/run/lesson.h"
-#include "client/station/run/lesson_audience.h"
+#include "client/station/run/lesson_observer.h"
 #include "client/station/run/local_score.h"
 #include "client/station/run/servo_loop.h"
-#include "client/station/run/station_home.h"
+#include "client/station/run/station.h"
 #include "client/station/run/summary.h"
 
 namespace needlelab {
 
 /// Everything of one lesson, in the order in which it comes to be: `prepare`, `practise`, then `drain` where
-/// one waits for the server, `outcome` as often as one likes, `report` once. Thread: one, which starts and
+/// one waits for the server, `outcome` any number of times, `report` once. Thread: one, which starts and
 /// joins all others.
 class StationRun {
  public:
@@ -33,14 +33,14 @@ class StationRun {
 
   /// Lesson, device, session. Errors say what to do; nothing was recorded then.
   Status prepare();
-  /// Runs the loop until the lesson ends. Errors: what was recorded is not all safe.
+  /// Runs the loop until the lesson ends. Errors: not all of the recording is safe.
   Status practise();
-  /// Waits until the server has everything, as long as that makes sense.
+  /// Waits until the server has everything, within limits.
   void drain();
-  /// How it went, as far as it is known by now.
+  /// The result, as far as known.
   [[nodiscard]] LessonOutcome outcome();
-  /// Says it on standard output and, when asked to, as JSON, `earlier` lessons of this program before it.
-  /// Gives the exit code.
+  /// Prints the result on standard output and, with --json, as JSON, after the `earlier` lessons of this
+  /// program. Returns the exit code.
   int report(const LessonOutcome& outcome, const std::vector<StationSummary>& earlier = {});
 
   /// A stop signal came: the program is to end, not only the lesson.
@@ -48,19 +48,18 @@ class StationRun {
 
  private:
   bool isStopped();
-  // station_begin.cpp: what
+  // steps of `prepare`
   Status getLesson();
-  // station_device.cpp: with which device, and what of the lesson it can render
   Status chooseDevice();
   Status measureEffects();
   Status openDevice();
   Status openSession();
   void announce();
-  // station_practise.cpp
-  void watch(DeviceKeeper& keeper, FaultPolicy on_fault);
-  void hear(LiveAids& aids);
+  // while the loop runs
+  void watch(DeviceMaintenance& maintenance, FaultPolicy on_fault);
+  void handleRequests(LiveAids& aids);
   void reportToServer(const FaultWatch& faults);
-  // station_conclude.cpp
+  // afterwards
   void scoreHere();
   StationSummary summarise();
 

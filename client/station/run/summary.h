@@ -1,4 +1,4 @@
-/// The closing summary of a session: for a person and as JSON (DESIGN §9).
+/// The closing summary of a session: for a person and as JSON.
 #pragma once
 
 #include <cstdint>
@@ -10,14 +10,14 @@
 #include "client/effect_cost/calibration.h"
 #include "client/net/spool_writer.h"
 #include "client/net/uplink.h"
-#include "client/station/run/black_box_writer.h"
+#include "client/station/run/black_box.h"
 #include "client/station/run/lesson_requests.h"
-#include "client/station/run/rt_thread.h"
+#include "client/station/run/real_time.h"
 #include "client/station/run/servo_loop.h"
 
 namespace needlelab {
 
-/// Everything that a summary tells.
+/// The contents of a summary.
 struct StationSummary {
   std::string session_id, station, trainee, exercise, profile, device;
   std::uint32_t profile_revision = 0;
@@ -32,7 +32,7 @@ struct StationSummary {
   UplinkState uplink;
   std::string axial_model;  ///< by name, the one that was rendered
   std::vector<std::string> live_effects;
-  std::vector<std::string> device_notes;  ///< what the device cannot do and was done instead
+  std::vector<std::string> device_notes;  ///< what the device cannot do, and what was done instead
   std::optional<EffectCosts>
       effect_costs;  ///< of the live effects, measured before the loop; none when that failed
   std::vector<RtStep> realtime;
@@ -45,7 +45,7 @@ struct StationSummary {
   std::optional<StopCause> stopped;  ///< by a person: at the window, or an instructor
 };
 
-/// What a bit of StepFlag or GateFlag means, in words; empty for bits without meaning.
+/// Text for a bit of StepFlag or GateFlag; empty for bits without meaning.
 std::string_view flagText(unsigned bit);
 /// Whether a person should look at it (a limit was reached, a sample was refused), or it is an event of every
 /// gesture.
@@ -56,8 +56,8 @@ const char* servoEndText(ServoEnd end);
 std::string effectCostsText(const EffectCosts& costs);
 
 std::string summaryText(const StationSummary& summary);
-/// {"version", "machine", "rows": [{…}]}: one row with the keys of DESIGN §9 and more, which stand beside
-/// "rows" as well. `earlier` lessons of the same program are rows before it.
+/// {"version", "machine", "rows": [{…}]}: one row, which stands beside "rows" as well. `earlier` lessons of
+/// the same program are rows before it.
 std::string summaryJson(const StationSummary& summary, const std::vector<StationSummary>& earlier = {});
 /// "stopped by ines: wrong side", "stopped at the window"; empty for nobody.
 std::string stopText(const std::optional<StopCause>& stopped);

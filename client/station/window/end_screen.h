@@ -1,15 +1,52 @@
-/// The window after a lesson: how it went, why, and what comes next.
+/// The window after a lesson: verdict, reasons, and the choices for the next one.
 #pragma once
 
+#include <imgui/imgui.h>
+
+#include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "client/station/run/lesson_observer.h"
+#include "client/station/run/local_score.h"
 #include "client/station/window/lesson_board.h"
-#include "client/station/window/verdict.h"
 #include "client/view/model/scene_view.h"
 
 namespace needlelab {
+
+struct VerdictRow {
+  std::string words;           ///< the measure and its requirement as a sentence
+  std::optional<bool> passed;  ///< none: nothing is required of it
+};
+
+struct LessonVerdict {
+  enum class Kind : std::uint8_t { kPassed, kNotYet, kNoRequirements, kNoScore };
+  Kind kind = Kind::kNoScore;
+  std::string title;                 ///< "Passed", "Not yet: 2 of 8 requirements are missing"
+  std::vector<VerdictRow> required;  ///< requirements not met come first
+  std::vector<VerdictRow> others;    ///< all other measures
+  std::string ended;                 ///< how the lesson ended: "time is over", "stopped by ines: wrong side"
+  std::string kept;       ///< where the recording is: "with the server", "in this station's spool", …
+  bool kept_well = true;  ///< false: something of it is lost or refused
+  std::string by;         ///< "scored by the server"; empty without a score
+};
+
+/// Pure.
+LessonVerdict verdictOf(const LessonOutcome& outcome);
+
+/// The plot's range: from outside the skin to the deepest point, up to the greatest force.
+/// Pure.
+struct DepthPlotRange {
+  double from_m = -0.01, to_m = 0.01;
+  double force_N = 1;
+};
+DepthPlotRange depthPlotRange(const GestureCurve& curve, const SceneView& scene);
+
+/// Going in is drawn in one colour, coming out in another; layers are bands with their names, targets are
+/// marked.
+void depthPlot(const GestureCurve& curve, const SceneView& scene, ImVec2 size_px);
 
 /// Thread: the window's.
 class EndScreen {

@@ -36,33 +36,32 @@ std::uint64_t LessonBoard::takeSamples(std::uint64_t lesson, std::vector<Gesture
   return dropped;
 }
 
-void LessonBoard::ask(BoardWish wish) {
+void LessonBoard::ask(BoardRequest request) {
   {
     const std::scoped_lock lock(mutex_);
-    if (wish.kind == BoardWish::Kind::kQuit) quit_ = true;
-    wish_ = std::move(wish);
+    if (request.kind == BoardRequest::Kind::kQuit) quit_ = true;
+    request_ = std::move(request);
   }
-  wished_.notify_all();
+  requested_.notify_all();
 }
 
-BoardWish LessonBoard::waitForWish(std::chrono::milliseconds patience) {
+BoardRequest LessonBoard::waitForRequest(std::chrono::milliseconds patience) {
   std::unique_lock lock(mutex_);
-  wished_.wait_for(lock, patience, [this] { return quit_ || wish_.kind != BoardWish::Kind::kNothing; });
-  if (quit_) return {BoardWish::Kind::kQuit, {}};
-  return std::exchange(wish_, BoardWish{});
+  requested_.wait_for(lock, patience,
+                      [this] { return quit_ || request_.kind != BoardRequest::Kind::kNothing; });
+  if (quit_) return {BoardRequest::Kind::kQuit, {}};
+  return std::exchange(request_, BoardRequest{});
 }
 
-bool LessonBoard::wishWaits() const {
+bool LessonBoard::requestWaits() const {
   const std::scoped_lock lock(mutex_);
-  return quit_ || wish_.kind != BoardWish::Kind::kNothing;
+  return quit_ || request_.kind != BoardRequest::Kind::kNothing;
 }
 
 std::uint64_t LessonBoard::droppedPieces() const {
   const std::scoped_lock lock(mutex_);
   return dropped_;
 }
-
-void LessonBoard::said(const std::string&) {}
 
 void LessonBoard::preparing(const std::string& what) {
   change([&](BoardState& state) { state.preparing = what; });
@@ -76,20 +75,20 @@ void LessonBoard::began(std::shared_ptr<const LessonBeginning> beginning) {
     ++state.lesson;
     state.stage = Stage::kLesson;
     state.beginning = std::move(beginning);
-    state.standing = {};
+    state.status = {};
     state.aids = aids;
     state.aids_by.clear();
     state.outcome.reset();
     state.trouble.clear();
-    // what was said before belongs to what was before
+    // earlier messages belong to earlier lessons
     state.messages.clear();
   });
 }
 
-void LessonBoard::stands(const LessonStanding& standing) {
+void LessonBoard::status(const LessonStatus& status) {
   change([&](BoardState& state) {
-    state.standing = standing;
-    state.server = standing.server;
+    state.status = status;
+    state.server = status.server;
   });
 }
 
@@ -108,7 +107,7 @@ void LessonBoard::concluding() {
 void LessonBoard::message(const std::string& from, const std::string& text) {
   change([&](BoardState& state) {
     BoardMessage message{printable(from), printable(text), wallNowNs(), -1};
-    if (state.stage == Stage::kLesson) message.lesson_s = state.standing.time_s;
+    if (state.stage == Stage::kLesson) message.lesson_s = state.status.time_s;
     state.messages.push_back(std::move(message));
     if (state.messages.size() > kMostMessages) state.messages.erase(state.messages.begin());
   });
@@ -116,8 +115,8 @@ void LessonBoard::message(const std::string& from, const std::string& text) {
 
 void LessonBoard::nextExercise(const std::string& from, const std::string& exercise_id) {
   change([&](BoardState& state) {
-    state.next = NextOffer{printable(from), printable(exercise_id)};
-    // who is choosing sees it chosen; in a lesson it waits for the end
+    state.next = SuggestedExercise{printable(from), printable(exercise_id)};
+    // on the Start screen it is preselected at once; in a lesson it waits for the end
     if (state.stage != Stage::kStart) return;
     state.choice.exercise = state.next->exercise;
     state.choice.by_profile = false;

@@ -1,4 +1,5 @@
-/// Where the station's threads and the window's thread meet: what is to be shown, and what a person asks for.
+/// Exchange between the station's threads and the window's thread: the state to be shown, and a person's
+/// requests.
 #pragma once
 
 #include <chrono>
@@ -13,17 +14,17 @@
 #include <utility>
 #include <vector>
 
-#include "client/station/run/lesson_audience.h"
+#include "client/station/run/lesson_observer.h"
 #include "client/station/run/list_exercises.h"
 #include "common/gesture/sample.h"
 
 namespace needlelab {
 
-/// Where the station is.
+/// The station's stage.
 enum class Stage : std::uint8_t {
   kOpening,     ///< the spool is being opened
-  kStart,       ///< who practises what?
-  kPreparing,   ///< a lesson was asked for
+  kStart,       ///< the Start screen: trainee and exercise are chosen
+  kPreparing,   ///< a lesson was requested
   kLesson,      ///< the loop runs
   kConcluding,  ///< it has ended; the recording is being put away and scored
   kEnd,         ///< the outcome is there
@@ -31,7 +32,7 @@ enum class Stage : std::uint8_t {
   kFailed,      ///< it cannot go on; `trouble` says why
 };
 
-/// Who to practise, and what.
+/// Trainee and exercise of a lesson.
 struct LessonChoice {
   std::string trainee, exercise;
   bool by_profile = false;  ///< --profile's file in place of an exercise
@@ -39,7 +40,7 @@ struct LessonChoice {
 };
 
 /// The Start screen's lists.
-struct LessonOffers {
+struct StartLists {
   std::vector<ListedExercise> exercises;                      ///< by id
   std::vector<ServerExercise> descriptions;                   ///< of those that the server has
   std::vector<std::string> trainees;                          ///< names that are known here
@@ -47,8 +48,8 @@ struct LessonOffers {
   std::string profile_file;                                   ///< --profile; empty: none
 };
 
-/// How the chosen device is before a lesson.
-struct DeviceNews {
+/// The state of the chosen device before a lesson.
+struct DeviceReadiness {
   std::string name, state;
   bool ready = false;
   bool known = false;  ///< false: not looked at yet
@@ -60,33 +61,33 @@ struct BoardMessage {
   double lesson_s = -1;  ///< in the lesson at that time; −1 outside of one
 };
 
-/// What an instructor wants next.
-struct NextOffer {
+/// The next exercise, as an instructor suggests.
+struct SuggestedExercise {
   std::string from, exercise;
 };
 
 /// All but the samples. A copy is cheap.
 struct BoardState {
   Stage stage = Stage::kOpening;
-  LessonOffers offers;
-  DeviceNews device;
-  std::string server;  ///< in few words; empty without one
+  StartLists lists;
+  DeviceReadiness device;
+  std::string server;  ///< in brief; empty without one
   bool server_away = false;
-  LessonChoice choice;       ///< what is preselected, and of a lesson what it is
-  std::string preparing;     ///< words
+  LessonChoice choice;       ///< the preselection; of a lesson, its choice
+  std::string preparing;     ///< the step, for a person
   std::string trouble;       ///< why the last attempt to begin failed
   std::uint64_t lesson = 0;  ///< counts up; 0: none yet
   std::shared_ptr<const LessonBeginning> beginning;
-  LessonStanding standing;
+  LessonStatus status;
   AidList aids;                        ///< that hold now
   std::string aids_by;                 ///< who changed them; empty: the exercise's own
   std::vector<BoardMessage> messages;  ///< the newest 50
   std::shared_ptr<const LessonOutcome> outcome;
-  std::optional<NextOffer> next;
+  std::optional<SuggestedExercise> next;
 };
 
-/// What a person asks of the station.
-struct BoardWish {
+/// A person's request to the station.
+struct BoardRequest {
   enum class Kind : std::uint8_t {
     kNothing,
     kBegin,  ///< `choice`
@@ -100,23 +101,23 @@ struct BoardWish {
 
 /// Thread: any but the haptic one. The window can hold up nobody: samples wait in a queue of `most_pieces`
 /// (the oldest are dropped and counted), and no lock is held for longer than a copy.
-class LessonBoard final : public LessonAudience {
+class LessonBoard final : public LessonObserver {
  public:
   explicit LessonBoard(std::size_t most_pieces = 500) : most_pieces_(most_pieces) {}
 
   // --- the window's thread
   /// Copies the state when it is newer than `seen`, which becomes its number.
   bool look(BoardState& state, std::uint64_t& seen) const;
-  /// Moves what has come of the lesson `lesson` to the end of `samples`, oldest first; gives how many samples
-  /// were dropped before them since the last call.
+  /// Moves the new samples of `lesson` to the end of `samples`, oldest first; returns how many samples were
+  /// dropped before them since the last call.
   std::uint64_t takeSamples(std::uint64_t lesson, std::vector<GestureSample>& samples);
-  /// The newest wish counts; kQuit stays.
-  void ask(BoardWish wish);
+  /// The newest request counts; kQuit stays.
+  void ask(BoardRequest request);
 
   // --- the station's threads
-  BoardWish waitForWish(std::chrono::milliseconds patience);
-  /// Whether there is a wish, without taking it.
-  [[nodiscard]] bool wishWaits() const;
+  BoardRequest waitForRequest(std::chrono::milliseconds patience);
+  /// Whether a request waits, without taking it.
+  [[nodiscard]] bool requestWaits() const;
   /// `change` alters a BoardState&.
   template <typename Change>
   void change(Change&& change) {
@@ -126,10 +127,9 @@ class LessonBoard final : public LessonAudience {
   }
   [[nodiscard]] std::uint64_t droppedPieces() const;
 
-  void said(const std::string& line) override;
   void preparing(const std::string& what) override;
   void began(std::shared_ptr<const LessonBeginning> beginning) override;
-  void stands(const LessonStanding& standing) override;
+  void status(const LessonStatus& status) override;
   void aids(const ChosenAids& chosen) override;
   void concluding() override;
   void message(const std::string& from, const std::string& text) override;
@@ -143,10 +143,10 @@ class LessonBoard final : public LessonAudience {
   };
   const std::size_t most_pieces_;
   mutable std::mutex mutex_;
-  std::condition_variable wished_;
+  std::condition_variable requested_;
   BoardState state_;
   std::uint64_t revision_ = 1;
-  BoardWish wish_;
+  BoardRequest request_;
   bool quit_ = false;
   std::deque<Waiting> pieces_;
   std::uint64_t dropped_ = 0, dropped_since_ = 0;

@@ -17,9 +17,8 @@ LessonFollow::LessonFollow(std::shared_ptr<const LessonBeginning> beginning, Sce
       trace_(kTraceSpan_s) {}
 
 Result<std::unique_ptr<LessonFollow>> LessonFollow::make(std::shared_ptr<const LessonBeginning> beginning) {
-  auto scene = sceneViewOf(beginning->lesson.profile, beginning->X_WL);
-  if (!scene.ok()) return scene.error();
-  return std::unique_ptr<LessonFollow>(new LessonFollow(std::move(beginning), std::move(*scene)));
+  ASSIGN_OR_RETURN(auto scene, sceneViewOf(beginning->lesson.profile, beginning->X_WL));
+  return std::unique_ptr<LessonFollow>(new LessonFollow(std::move(beginning), std::move(scene)));
 }
 
 void LessonFollow::feed(const std::vector<GestureSample>& samples, std::uint64_t dropped) {

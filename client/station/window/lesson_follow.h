@@ -1,12 +1,11 @@
-/// The window's own picture of the lesson that runs: samples from the board become what screens show. No
-/// drawing.
+/// The window's own model of the lesson that runs, made from the board's samples. No drawing.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <vector>
 
-#include "client/station/run/lesson_audience.h"
+#include "client/station/run/lesson_observer.h"
 #include "client/view/model/gesture_replica.h"
 #include "client/view/model/gesture_trace.h"
 #include "client/view/model/scene_view.h"

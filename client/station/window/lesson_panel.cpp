@@ -1,31 +1,128 @@
-// The side panel of a lesson. Each figure and plot stands there only with its aid.
+#include "client/station/window/lesson_panel.h"
+
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "client/station/window/layer_ladder.h"
-#include "client/station/window/lesson_screen.h"
 #include "client/view/model/aids.h"
+#include "client/view/model/axis_ticks.h"
 #include "client/view/model/palette.h"
 #include "client/view/plots.h"
 #include "client/view/theme.h"
 #include "common/base/text.h"
 
 namespace needlelab {
+
+// --- the ladder of layers ---
+
+namespace {
+
+constexpr double kOutside = 0.12;  // share of the ladder above the skin
+
+struct LadderScale {
+  ImVec2 corner, size;
+  double depth_m;
+  [[nodiscard]] float y(double depth) const {
+    const double share = kOutside + (1 - kOutside) * depth / depth_m;
+    return corner.y + size.y * static_cast<float>(std::clamp(share, 0.0, 1.0));
+  }
+};
+
+void drawText(ImDrawList* draw, ImVec2 at, Rgb colour, const std::string& text) {
+  draw->AddText(at, packed(colour), text.c_str());
+}
+
+// dark letters on light tissue, light ones on dark
+Rgb lettersOn(Rgb background) {
+  return relativeLuminance(background) > 0.3 ? kBlack : kWhite;
+}
+
+}  // namespace
+
+double ladderDepth_m(const SceneView& scene) {
+  double deepest = 0;
+  for (const TargetView& target : scene.targets)
+    deepest = std::max(deepest, depthAt(scene, target.center_W_m) + target.radius_m);
+  if (deepest > 0) return 1.2 * deepest;
+  const double layers = scene.layers.empty() ? 0.05 : scene.layers.back().bottom_m;
+  return std::max(1e-3, std::min(layers, scene.needle.length_m > 0 ? scene.needle.length_m : layers));
+}
+
+void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, ImVec2 size_px) {
+  const bool names = aids.has(pb::Exercise::LAYER), depth = aids.has(pb::Exercise::DEPTH),
+             anatomy = aids.has(pb::Exercise::ANATOMY);
+  if (!names && !depth) return;
+  const WithFont small(Letters::kSmall);
+  const ImVec2 corner = ImGui::GetCursorScreenPos();
+  if (size_px.x <= 0) size_px.x = ImGui::GetContentRegionAvail().x;
+  ImGui::Dummy(size_px);
+  ImDrawList* const draw = ImGui::GetWindowDrawList();
+  const float scale_width = depth ? 4.2F * space() : 0, mark_width = 2.2F * space();
+  const LadderScale ladder{{corner.x + scale_width, corner.y},
+                           {size_px.x - scale_width - mark_width, size_px.y},
+                           ladderDepth_m(scene)};
+  const float left = ladder.corner.x, right = left + ladder.size.x, bottom = corner.y + size_px.y;
+  const float line = ImGui::GetTextLineHeight();
+
+  draw->PushClipRect(corner, {corner.x + size_px.x, bottom}, true);
+  draw->AddRectFilled({left, corner.y}, {right, ladder.y(0)}, packed(kPanelGrey));
+  for (std::size_t i = 0; i < scene.layers.size(); ++i) {
+    const LayerView& layer = scene.layers[i];
+    if (layer.top_m >= ladder.depth_m) break;
+    const float top = ladder.y(layer.top_m),
+                end = i + 1 == scene.layers.size() ? bottom : ladder.y(layer.bottom_m);
+    const Rgb colour = names ? tissueColour(layer.tissue) : kLineGrey;
+    const bool here = names && now.layer == static_cast<int>(i);
+    draw->AddRectFilled({left, top}, {right, end}, packed(colour, here || !names ? 1.0F : 0.65F));
+    draw->AddLine({left, top}, {right, top}, packed(kBlack, 0.6F));
+    if (here) draw->AddRect({left, top}, {right, end}, packed(kWhite), 0, 0, 2.5F);
+    // names that do not fit stand out of the way of others: they are left to the highlight
+    if (names && (end - top >= 0.8F * line || here))
+      drawText(draw, {left + 0.6F * space(), 0.5F * (top + end - line)}, lettersOn(colour), layer.name);
+  }
+  if (anatomy)
+    for (const TargetView& target : scene.targets) {
+      const double at = depthAt(scene, target.center_W_m);
+      const float y = ladder.y(at), reach = std::max(3.0F, ladder.y(at + target.radius_m) - y);
+      draw->AddRectFilled({right - 0.9F * space(), y - reach}, {right, y + reach}, packed(kTargetColour));
+      draw->AddRect({right - 0.9F * space(), y - reach}, {right, y + reach}, packed(kWhite));
+    }
+  if (depth) {
+    const AxisTicks ticks = axisTicks(0, 1e3 * ladder.depth_m, 5, false);
+    for (const double mm : ticks.at) {
+      const float y = ladder.y(1e-3 * mm);
+      draw->AddLine({left - 0.5F * space(), y}, {left, y}, packed(kDimText));
+      drawText(draw, {corner.x, std::min(y - 0.5F * line, bottom - line)}, kDimText,
+               tickText(mm, ticks.decimals));
+    }
+    // the tip, also while it is outside
+    const float y = ladder.y(std::max(now.depth_m, -kOutside / (1 - kOutside) * ladder.depth_m));
+    draw->AddLine({left, y}, {right, y}, packed(kWhite), 2);
+    draw->AddTriangleFilled({right + 0.2F * space(), y}, {right + 1.6F * space(), y - 0.8F * space()},
+                            {right + 1.6F * space(), y + 0.8F * space()}, packed(kWhite));
+  }
+  draw->AddRect({left, corner.y}, {right, bottom}, packed(kLineGrey));
+  draw->PopClipRect();
+}
+
+// --- the panel ---
+
 namespace {
 
 constexpr double kPlotSpan_s = 20;
 
 std::string mm(double metres, int decimals = 1) {
-  return formatted("%.*f", decimals, 1e3 * metres);
+  return fmt::format("{:.{}f}", 1e3 * metres, decimals);
 }
 
 void showFigures(const LessonFollow& lesson, const AidSet& aids, float width) {
   const Moment& now = lesson.now();
   std::vector<std::pair<int, std::string>> shown;  // which, value
-  if (aids.has(pb::Exercise::FORCE)) shown.emplace_back(0, formatted("%.1f", forceOf(now)));
+  if (aids.has(pb::Exercise::FORCE)) shown.emplace_back(0, fmt::format("{:.1f}", forceOf(now)));
   if (aids.has(pb::Exercise::DEPTH)) shown.emplace_back(1, now.inside ? mm(now.insertion_m) : "–");
   if (shown.empty()) return;
   const float each = width / static_cast<float>(shown.size());
@@ -64,32 +161,32 @@ void showAlignment(const LessonFollow& lesson) {
     }
     ImGui::TextUnformatted(value.c_str());
   };
-  const auto degrees = [](double rad) { return formatted("%.0f°", rad * 180 / 3.14159265358979); };
+  const auto degrees = [](double rad) { return fmt::format("{:.0f}°", rad * 180 / 3.14159265358979); };
   if (!ImGui::BeginTable("alignment", 4, ImGuiTableFlags_SizingStretchSame)) return;
   cell("beside line", now.inside ? mm(now.lateral_error_m) + " mm" : "–");
   cell("tilt", now.inside ? degrees(now.tilt_rad) : "–");
   cell("limit α", degrees(now.alpha_rad));
-  cell("speed", now.inside ? formatted("%.0f mm/s", 1e3 * std::abs(now.speed_mps)) : "–");
+  cell("speed", now.inside ? fmt::format("{:.0f} mm/s", 1e3 * std::abs(now.speed_mps)) : "–");
   ImGui::EndTable();
 }
 
 void showPlunger(const LessonFollow& lesson) {
   const double plunger = lesson.now().plunger;
-  levelBar(plunger, formatted("plunger %.0f %%", 100 * plunger), kSkyBlue, ImGui::GetContentRegionAvail().x);
+  levelBar(plunger, fmt::format("plunger {:.0f} %", 100 * plunger), kSkyBlue,
+           ImGui::GetContentRegionAvail().x);
 }
 
-// loop, recording, server: calm unless there is something to say
+// loop, recording, server: calm unless something is wrong
 void showHealth(const BoardState& state, const LessonFollow& lesson) {
   const WithFont small(Letters::kSmall);
-  const LessonStanding& s = state.standing;
+  const LessonStatus& s = state.status;
   const double missed_share =
       s.time_s > 0 ? static_cast<double>(s.missed_ticks) / (s.time_s * lesson.beginning().rate_hz) : 0;
   conditionLine(missed_share > 0.01    ? Condition::kTrouble
                 : missed_share > 0.001 ? Condition::kAttention
                                        : Condition::kGood,
-                formatted("loop %.0f Hz: 99 %% within %.0f µs, %llu missed", lesson.beginning().rate_hz,
-                          1e-3 * static_cast<double>(s.wakeup.p99_ns),
-                          static_cast<unsigned long long>(s.missed_ticks)));
+                fmt::format("loop {:.0f} Hz: 99 % within {:.0f} µs, {} missed", lesson.beginning().rate_hz,
+                            1e-3 * static_cast<double>(s.wakeup.p99_ns), s.missed_ticks));
   const bool recording = s.spool == "recording";
   std::string stored = s.spool.empty() ? "recording" : s.spool;
   if (!s.server.empty()) stored += "; " + s.server;
@@ -100,8 +197,7 @@ void showHealth(const BoardState& state, const LessonFollow& lesson) {
   if (!s.room.empty()) conditionLine(Condition::kTrouble, s.room);
   if (lesson.dropped() > 0)
     conditionLine(Condition::kAttention,
-                  formatted("this picture left out %llu samples; the recording has them",
-                            static_cast<unsigned long long>(lesson.dropped())));
+                  fmt::format("this picture left out {} samples; the recording has them", lesson.dropped()));
   if (!state.aids_by.empty()) conditionLine(Condition::kAttention, state.aids_by + " chose what is shown");
   for (const std::string& note : lesson.beginning().device_notes) {
     const WithTextColour dim(kDimText);
@@ -120,7 +216,7 @@ void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidS
   if (aids.has(pb::Exercise::ALIGNMENT)) showAlignment(lesson);
   showPlunger(lesson);
 
-  // what is left is shared by ladder, slice and plot
+  // ladder, slice and plot share the remaining height
   const float health =
       ImGui::GetTextLineHeightWithSpacing() * 2.4F +
       (state.aids_by.empty() ? 0 : ImGui::GetTextLineHeightWithSpacing()) +
@@ -129,7 +225,7 @@ void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidS
   const float rest = std::max(8 * space(), ImGui::GetContentRegionAvail().y - health);
   const bool ladder = aids.has(pb::Exercise::LAYER) || aids.has(pb::Exercise::DEPTH);
   const bool slice = aids.has(pb::Exercise::ULTRASOUND);
-  // a plot without height tells nothing: large letters in a small window leave it away
+  // a plot needs some height: with large letters in a small window it is left out
   const bool plot = aids.has(pb::Exercise::FORCE) && (!(ladder || slice) || rest > 26 * space());
   const float upper = (ladder || slice) ? (plot ? 0.52F * rest : rest) : 0;
   if (ladder) {

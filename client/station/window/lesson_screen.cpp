@@ -1,18 +1,174 @@
 #include "client/station/window/lesson_screen.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
+#include <ctime>
 #include <string>
 
+#include "client/station/run/fault_watch.h"
 #include "client/station/window/keys.h"
-#include "client/station/window/overlay_words.h"
+#include "client/station/window/lesson_panel.h"
 #include "client/station/window/start_choice.h"
 #include "client/view/model/axis_ticks.h"
+#include "client/view/model/palette.h"
 #include "client/view/theme.h"
+#include "common/base/text.h"
+#include "common/haptics/device_condition.h"
 
 namespace needlelab {
+
+// --- no force: cause and advice ---
+
 namespace {
 
-int held(int plus, int minus) {
+std::string sentence(std::string text) {
+  if (!text.empty() && text[0] >= 'a' && text[0] <= 'z') text[0] = static_cast<char>(text[0] - 'a' + 'A');
+  if (!text.empty() && text.back() != '.') text += '.';
+  return text;
+}
+
+Overlay faultOverlay(const LessonStatus& status) {
+  Overlay overlay;
+  overlay.kind = Overlay::Kind::kFault;
+  overlay.title = "The force was taken away";
+  overlay.what = sentence(faultText(status.fault));
+  if (!status.device_status.empty()) overlay.what += " " + sentence(status.device_status);
+  const std::string remedy = remedyOf(status.fault);
+  if (!status.waits || status.fault == Fault::kProgramTrouble)
+    overlay.todo = "The lesson ends; everything up to here is stored.";
+  else if (status.acknowledged)
+    overlay.todo = "Seen. Take the needle out of the tissue: then the force comes back.";
+  else if (status.cause_lasts)
+    overlay.todo = "First " + (remedy.empty() ? std::string("wait until the cause is over") : remedy) +
+                   ". Then take the needle out of the tissue and press Enter.";
+  else {
+    overlay.todo = "Take the needle out of the tissue, then press Enter: the force comes back.";
+    overlay.can_acknowledge = true;
+  }
+  return overlay;
+}
+
+}  // namespace
+
+Overlay overlayOf(const LessonStatus& status) {
+  if (status.fault != Fault::kNone) return faultOverlay(status);
+  if (status.hold.empty()) return {};
+  Overlay overlay;
+  overlay.kind = Overlay::Kind::kHold;
+  overlay.title = "No force at the moment";
+  overlay.what = sentence(status.device_status.empty() ? status.hold : status.device_status);
+  if ((status.condition & kDeviceReleased) != 0)
+    overlay.todo = "Take the handle: the force comes back by itself.";
+  else if ((status.condition & kDevicePowerOff) != 0)
+    overlay.todo = "Switch the device's motors on: the force comes back by itself.";
+  else if ((status.condition & kDeviceNotReady) != 0)
+    overlay.todo = "Wait a moment: the force comes when the device is ready.";
+  else
+    overlay.todo = "Draw the needle out of the tissue: then the force comes.";
+  return overlay;
+}
+
+// --- over the picture ---
+
+namespace {
+
+constexpr std::size_t kMessagesShown = 3;
+constexpr double kFresh_s = 20;
+constexpr ImGuiWindowFlags kLaidOver = ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
+                                       ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings |
+                                       ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoFocusOnAppearing;
+
+// "14:05:09" of the wall clock here
+std::string clockOf(std::int64_t unix_ns) {
+  const std::time_t seconds = static_cast<std::time_t>(unix_ns / 1'000'000'000);
+  std::tm local{};
+  ::localtime_r(&seconds, &local);
+  return fmt::format("{:02}:{:02}:{:02}", local.tm_hour, local.tm_min, local.tm_sec);
+}
+
+}  // namespace
+
+void lessonOverlay(const LessonStatus& status, LessonRequests& requests, ImVec2 corner_px, ImVec2 size_px) {
+  const Overlay overlay = overlayOf(status);
+  if (overlay.kind == Overlay::Kind::kNone) return;
+  const bool fault = overlay.kind == Overlay::Kind::kFault;
+  const bool enter = enterPressed();
+  if (fault && enter) requests.acknowledge();
+
+  const Condition condition = fault ? Condition::kTrouble : Condition::kAttention;
+  const float width = std::min(0.86F * size_px.x, 62 * space());
+  ImGui::SetNextWindowPos({corner_px.x + 0.5F * size_px.x, corner_px.y + (fault ? 0.3F : 0.14F) * size_px.y},
+                          ImGuiCond_Always, {0.5F, 0.5F});
+  ImGui::SetNextWindowSize({width, 0});
+  ImGui::SetNextWindowBgAlpha(0.94F);
+  ImGui::PushStyleColor(ImGuiCol_Border, colourOf(styleOf(condition).colour));
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 3);
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {2 * space(), 1.5F * space()});
+  if (ImGui::Begin("##overlay", nullptr, kLaidOver)) {
+    {
+      const WithFont heading(Letters::kHeading);
+      conditionLine(condition, overlay.title);
+    }
+    textBlock(overlay.what);
+    ImGui::Spacing();
+    textBlock(overlay.todo);
+    if (overlay.can_acknowledge) {
+      ImGui::Spacing();
+      if (bigButton("I have seen it (Enter)", true)) requests.acknowledge();
+    }
+  }
+  ImGui::End();
+  ImGui::PopStyleVar(2);
+  ImGui::PopStyleColor();
+}
+
+void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px) {
+  if (state.messages.empty() && !state.next) return;
+  ImGui::SetNextWindowPos({corner_px.x + space(), corner_px.y + size_px.y - space()}, ImGuiCond_Always,
+                          {0, 1});
+  ImGui::SetNextWindowSize({0.62F * size_px.x, 0});
+  ImGui::SetNextWindowBgAlpha(0.88F);
+  ImGui::PushStyleColor(ImGuiCol_Border, colourOf(kSkyBlue));
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 2);
+  if (ImGui::Begin("##messages", nullptr, kLaidOver | ImGuiWindowFlags_NoInputs)) {
+    // an old message takes one line, so that it hides nothing
+    const bool fresh =
+        !state.messages.empty() && state.messages.back().lesson_s + kFresh_s > state.status.time_s;
+    const std::size_t shown = fresh ? kMessagesShown : 1;
+    const std::size_t first = state.messages.size() - std::min(state.messages.size(), shown);
+    for (std::size_t i = first; i < state.messages.size(); ++i) {
+      const BoardMessage& message = state.messages[i];
+      if (!fresh) {
+        const WithFont small(Letters::kSmall);
+        textLine(message.from + ", " + clockOf(message.unix_ns) + ": " + message.text);
+        continue;
+      }
+      {
+        const WithFont small(Letters::kSmall);
+        const WithTextColour colour(kSkyBlue);
+        textLine(message.from + ", " + clockOf(message.unix_ns));
+      }
+      const bool newest = i + 1 == state.messages.size();
+      const WithTextColour colour(newest ? kText : kDimText);
+      textBlock(message.text);
+    }
+    if (state.next) {
+      const WithFont small(Letters::kSmall);
+      const WithTextColour colour(kSkyBlue);
+      textLine(state.next->from + " wants next: " + state.next->exercise);
+    }
+  }
+  ImGui::End();
+  ImGui::PopStyleVar();
+  ImGui::PopStyleColor();
+}
+
+// --- the screen ---
+
+namespace {
+
+int keyAxis(int plus, int minus) {
   return (ImGui::IsKeyDown(plus) ? 1 : 0) - (ImGui::IsKeyDown(minus) ? 1 : 0);
 }
 
@@ -24,7 +180,7 @@ std::string titleOf(const LessonFollow& lesson) {
 
 void showHead(const BoardState& state, const LessonFollow& lesson) {
   const LessonBeginning& beginning = lesson.beginning();
-  const double limit = beginning.time_limit_s, now = state.standing.time_s;
+  const double limit = beginning.time_limit_s, now = state.status.time_s;
   {
     const WithFont heading(Letters::kHeading);
     const std::string clock = limit > 0 ? clockText(std::max(0.0, limit - now)) + " left" : clockText(now);
@@ -36,9 +192,9 @@ void showHead(const BoardState& state, const LessonFollow& lesson) {
     ImGui::TextUnformatted(clock.c_str());
   }
   std::string who = beginning.trainee;
-  if (beginning.lesson.attempt > 0) who += ", attempt " + std::to_string(beginning.lesson.attempt);
+  if (beginning.lesson.attempt > 0) who += fmt::format(", attempt {}", beginning.lesson.attempt);
   if (beginning.lesson.attempts_left)
-    who += " (" + std::to_string(*beginning.lesson.attempts_left) + " left, this one included)";
+    who += fmt::format(" ({} left, this one included)", *beginning.lesson.attempts_left);
   if (beginning.lesson.exercise && !beginning.lesson.exercise->description().empty())
     who += ": " + beginning.lesson.exercise->description();
   const WithTextColour dim(kDimText);
@@ -54,7 +210,7 @@ void LessonScreen::begin(const LessonFollow& lesson) {
   steering_.reset();
   if (lesson.beginning().steering)
     steering_.emplace(
-        SteeringWish{lesson.beginning().hand_start.X_WT, lesson.beginning().hand_start.plunger});
+        SteeringTarget{lesson.beginning().hand_start.X_WT, lesson.beginning().hand_start.plunger});
   held_across_ = held_tilt_ = asks_for_end_ = false;
 }
 
@@ -91,7 +247,7 @@ void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, Les
   ImGui::SameLine();
   keyHint("Esc", "end");
   lessonMessages(state, corner, picture);
-  lessonOverlay(state.standing, requests, corner, picture);
+  lessonOverlay(state.status, requests, corner, picture);
   askForEnd(requests);
   endScreen();
 }
@@ -118,7 +274,7 @@ void LessonScreen::chooseView(const LessonFollow& lesson) {
 void LessonScreen::steer(const LessonFollow& lesson, bool hovered) {
   const ImGuiIO& io = ImGui::GetIO();
   const bool mouse = !io.KeyAlt && !asks_for_end_;
-  // what began in the picture goes on beyond its edge
+  // a drag that began in the picture goes on beyond its edge
   if (!ImGui::IsMouseDown(ImGuiMouseButton_Left)) held_across_ = false;
   if (!ImGui::IsMouseDown(ImGuiMouseButton_Right)) held_tilt_ = false;
   if (hovered && mouse && ImGui::IsMouseClicked(ImGuiMouseButton_Left)) held_across_ = true;
@@ -135,8 +291,8 @@ void LessonScreen::steer(const LessonFollow& lesson, bool hovered) {
     input.tilt_up_px = -static_cast<double>(io.MouseDelta.y);
   if (hovered && mouse) input.wheel = static_cast<double>(io.MouseWheel);
   if (!io.WantTextInput && !asks_for_end_) {
-    input.advance = held(GLFW_KEY_W, GLFW_KEY_S);
-    const int right = held(GLFW_KEY_RIGHT, GLFW_KEY_LEFT), up = held(GLFW_KEY_UP, GLFW_KEY_DOWN);
+    input.advance = keyAxis(GLFW_KEY_W, GLFW_KEY_S);
+    const int right = keyAxis(GLFW_KEY_RIGHT, GLFW_KEY_LEFT), up = keyAxis(GLFW_KEY_UP, GLFW_KEY_DOWN);
     (io.KeyCtrl ? input.tilt_right : input.across_right) = right;
     (io.KeyCtrl ? input.tilt_up : input.across_up) = up;
     input.press = ImGui::IsKeyDown(GLFW_KEY_SPACE);
@@ -144,7 +300,7 @@ void LessonScreen::steer(const LessonFollow& lesson, bool hovered) {
   }
   const SteerView view{frame_.camera.right_W(), frame_.camera.upward_W()};
   const Vec3 tip = lesson.begun() ? lesson.now().p_WT_m : lesson.beginning().hand_start.X_WT.p;
-  lesson.beginning().steering->wish(steering_->update(input, view, tip));
+  lesson.beginning().steering->setTarget(steering_->update(input, view, tip));
 }
 
 // one key would end a lesson by mistake

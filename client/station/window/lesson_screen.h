@@ -1,10 +1,13 @@
-/// The window while a lesson runs: the limb, what the needle does, what the instructor says.
+/// The window while a lesson runs: limb and needle, side panel, overlays, the instructor's messages.
 #pragma once
 
 #include <imgui/imgui.h>
 
+#include <cstdint>
 #include <optional>
+#include <string>
 
+#include "client/station/run/lesson_observer.h"
 #include "client/station/run/lesson_requests.h"
 #include "client/station/window/lesson_board.h"
 #include "client/station/window/lesson_follow.h"
@@ -14,7 +17,19 @@
 
 namespace needlelab {
 
-/// What of a lesson stays from frame to frame. Thread: the window's.
+struct Overlay {
+  enum class Kind : std::uint8_t { kNone, kHold, kFault };
+  Kind kind = Kind::kNone;
+  std::string title;             ///< "The force was taken away"
+  std::string what;              ///< why
+  std::string todo;              ///< what to do now
+  bool can_acknowledge = false;  ///< Enter, or the button, counts now
+};
+
+/// Pure.
+Overlay overlayOf(const LessonStatus& status);
+
+/// State of a lesson's screen from frame to frame. Thread: the window's.
 class LessonScreen {
  public:
   explicit LessonScreen(SceneRenderer& renderer) : renderer_(renderer) {}
@@ -22,7 +37,7 @@ class LessonScreen {
   void begin(const LessonFollow& lesson);
   /// One frame. `requests`: stop and acknowledge.
   void show(const BoardState& state, const LessonFollow& lesson, LessonRequests& requests);
-  /// What the ultrasound picture cost last, in s; for measurements.
+  /// Time for the last ultrasound picture, in s; for measurements.
   [[nodiscard]] double ultrasoundCost_s() const { return ultrasound_.lastCost_s(); }
 
  private:
@@ -39,13 +54,9 @@ class LessonScreen {
   bool asks_for_end_ = false;
 };
 
-/// The side panel of a lesson: figures, ladder, plots, each only with its aid.
-void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidSet& aids,
-                 UltrasoundView& ultrasound, ImVec2 size_px);
 /// Fault or hold over the picture; its button acknowledges.
-void lessonOverlay(const LessonStanding& standing, LessonRequests& requests, ImVec2 corner_px,
-                   ImVec2 size_px);
-/// What instructors said, newest last, over the picture's lower left corner.
+void lessonOverlay(const LessonStatus& status, LessonRequests& requests, ImVec2 corner_px, ImVec2 size_px);
+/// Instructors' messages, newest last, over the picture's lower left corner.
 void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px);
 
 }  // namespace needlelab

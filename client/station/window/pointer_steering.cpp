@@ -23,10 +23,10 @@ Quat turned(Quat q, Vec3 axis, double angle) {
 
 }  // namespace
 
-const SteeringWish& PointerSteering::update(const SteerInput& input, const SteerView& view, Vec3 tip_W_m) {
+const SteeringTarget& PointerSteering::update(const SteerInput& input, const SteerView& view, Vec3 tip_W_m) {
   const double dt = std::clamp(input.dt_s, 0.0, kLongestFrame_s);
   const double share = input.fine ? kFineShare : 1;
-  const Vec3 axis = zAxis(wish_.X_WT.q);
+  const Vec3 axis = zAxis(target_.X_WT.q);
   // directions across the needle: right as seen, and away from the person, which in the picture is up
   const Vec3 toward = cross(view.right_W, view.up_W);
   const Vec3 right = across(view.right_W, axis, across(view.up_W, axis, {1, 0, 0}));
@@ -37,21 +37,22 @@ const SteeringWish& PointerSteering::update(const SteerInput& input, const Steer
   const double right_m =
       share * (input.across_right * kAcross_mps * dt + input.across_right_px * kAcross_m_per_px);
   const double away_m = share * (input.across_up * kAcross_mps * dt + input.across_up_px * kAcross_m_per_px);
-  wish_.X_WT.p += axis * along_m + right * right_m + away * away_m;
+  target_.X_WT.p += axis * along_m + right * right_m + away * away_m;
 
   const double tilt_right =
       share * (input.tilt_right * kTilt_radps * dt + input.tilt_right_px * kTilt_rad_per_px);
   const double tilt_up = share * (input.tilt_up * kTilt_radps * dt + input.tilt_up_px * kTilt_rad_per_px);
   // the hub is at −axis from the tip: to take it to `right`, turn about −axis × right
-  if (std::abs(tilt_right) > kNearly) wish_.X_WT.q = turned(wish_.X_WT.q, cross(-axis, right), tilt_right);
-  if (std::abs(tilt_up) > kNearly) wish_.X_WT.q = turned(wish_.X_WT.q, cross(-axis, away), tilt_up);
+  if (std::abs(tilt_right) > kNearly)
+    target_.X_WT.q = turned(target_.X_WT.q, cross(-axis, right), tilt_right);
+  if (std::abs(tilt_up) > kNearly) target_.X_WT.q = turned(target_.X_WT.q, cross(-axis, away), tilt_up);
 
   const double plunger = (input.press ? 1 : 0) - (input.draw ? 1 : 0);
-  wish_.plunger = std::clamp(wish_.plunger + plunger * kPress_per_s * dt, 0.0, 1.0);
+  target_.plunger = std::clamp(target_.plunger + plunger * kPress_per_s * dt, 0.0, 1.0);
 
-  const Vec3 ahead = wish_.X_WT.p - tip_W_m;
-  if (const double far = norm(ahead); far > kLeash_m) wish_.X_WT.p = tip_W_m + ahead * (kLeash_m / far);
-  return wish_;
+  const Vec3 ahead = target_.X_WT.p - tip_W_m;
+  if (const double far = norm(ahead); far > kLeash_m) target_.X_WT.p = tip_W_m + ahead * (kLeash_m / far);
+  return target_;
 }
 
 }  // namespace needlelab

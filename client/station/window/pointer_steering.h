@@ -1,12 +1,12 @@
-/// From mouse and keys to what a simulated hand shall do: pure logic of the window's side.
+/// Mouse and keys to a target for the simulated hand: pure logic of the window's side.
 #pragma once
 
-#include "client/device/hand_steering.h"
+#include "client/device/hand.h"
 #include "common/haptics/geometry.h"
 
 namespace needlelab {
 
-/// What a person did since the last frame. Directions are those of the picture.
+/// A person's input since the last frame. Directions are those of the picture.
 struct SteerInput {
   double dt_s = 0;                               ///< held to 0.1: a window that stood still lets nothing jump
   double across_right_px = 0, across_up_px = 0;  ///< dragged with the left button
@@ -32,19 +32,19 @@ class PointerSteering {
   static constexpr double kAdvance_mps = 0.012, kAcross_mps = 0.02, kTilt_radps = 0.5;
   static constexpr double kAcross_m_per_px = 1e-4, kTilt_rad_per_px = 3e-3, kWheel_m = 1e-3;
   static constexpr double kPress_per_s = 1.0 / 3;
-  /// The wish never goes further from the tip: whoever pushes against bone does not load a spring without
+  /// The target never goes further from the tip, so that pushing against bone does not load a spring without
   /// end.
   static constexpr double kLeash_m = 0.02;
   static constexpr double kFineShare = 0.25;
 
-  explicit PointerSteering(const SteeringWish& start) : wish_(start) {}
+  explicit PointerSteering(const SteeringTarget& start) : target_(start) {}
 
   /// One frame; `tip_W_m`: where the tip really is.
-  const SteeringWish& update(const SteerInput& input, const SteerView& view, Vec3 tip_W_m);
-  [[nodiscard]] const SteeringWish& wish() const { return wish_; }
+  const SteeringTarget& update(const SteerInput& input, const SteerView& view, Vec3 tip_W_m);
+  [[nodiscard]] const SteeringTarget& target() const { return target_; }
 
  private:
-  SteeringWish wish_;
+  SteeringTarget target_;
 };
 
 }  // namespace needlelab

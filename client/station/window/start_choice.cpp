@@ -1,33 +1,112 @@
 #include "client/station/window/start_choice.h"
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
+#include <set>
+#include <string>
 #include <tuple>
 #include <utility>
 
+#include "client/station/run/list_devices.h"
 #include "common/base/text.h"
 
 namespace needlelab {
 namespace {
 
-bool isAssigned(const LessonOffers& offers, const std::string& trainee, const std::string& exercise) {
-  return std::find(offers.assigned.begin(), offers.assigned.end(), std::pair(trainee, exercise)) !=
-         offers.assigned.end();
+constexpr auto kDevicePatience = std::chrono::seconds(3);
+constexpr int kMostPages = 50;
+
+void addName(std::vector<std::string>& names, const std::string& name) {
+  if (checkName("trainee", name).ok() && std::find(names.begin(), names.end(), name) == names.end())
+    names.push_back(name);
+}
+
+// "virtuose" of "virtuose:host#1", "falcon" of "falcon@1-4.2"
+std::string kindOf(const std::string& spec) {
+  return spec.substr(0, spec.find_first_of(":@"));
+}
+
+bool isAssigned(const StartLists& lists, const std::string& trainee, const std::string& exercise) {
+  return std::find(lists.assigned.begin(), lists.assigned.end(), std::pair(trainee, exercise)) !=
+         lists.assigned.end();
 }
 
 }  // namespace
 
-std::string exerciseName(const LessonOffers& offers, const std::string& id) {
-  for (const ListedExercise& exercise : offers.exercises)
+StartLists localLists(const StationOptions& options, const Spool& spool) {
+  StartLists lists;
+  lists.exercises = listExercises(LessonCache(options.spool).list(), std::nullopt);
+  lists.profile_file = options.profile_file.string();
+  if (options.trainee_given) addName(lists.trainees, options.trainee);
+  for (const auto& sessions : {spool.unfinished(), spool.closedButNotSafe()})
+    for (const auto& session : sessions) addName(lists.trainees, session->description().trainee());
+  return lists;
+}
+
+Status addServerLists(StartLists& lists, const std::vector<CachedLesson>& cached, const AskServer& ask) {
+  ASSIGN_OR_RETURN(auto exercises, exercisesBy(ask));
+  std::vector<std::string> trainees = lists.trainees;
+  std::vector<std::pair<std::string, std::string>> assigned;
+  pb::Request request;
+  request.mutable_list_assignments();
+  for (int page = 0; page < kMostPages; ++page) {
+    ASSIGN_OR_RETURN(auto reply, ask(request));
+    for (const pb::Assignment& assignment : reply.assignments().assignments()) {
+      addName(trainees, assignment.trainee());
+      if (!assignment.exercise_id().empty())
+        assigned.emplace_back(printable(assignment.trainee()), printable(assignment.exercise_id()));
+    }
+    if (reply.assignments().next_page().empty()) break;
+    request.mutable_list_assignments()->set_page(reply.assignments().next_page());
+  }
+  std::sort(trainees.begin(), trainees.end());
+  lists.exercises = listExercises(cached, exercises);
+  lists.descriptions = std::move(exercises);
+  lists.trainees = std::move(trainees);
+  lists.assigned = std::move(assigned);
+  return {};
+}
+
+DeviceReadiness deviceReadiness(const StationOptions& options, bool steered, bool& hangs) {
+  const std::string kind = kindOf(options.device);
+  if (kind == "simulated")
+    return {"simulated Virtuose 6D Desktop",
+            steered ? "you move it with mouse and keys"
+                    : "a simulated hand moves it (plan " + options.hand.plan + ")",
+            true, true};
+  if (kind == "recording") {
+    const std::string file = options.device.substr(options.device.find(':') + 1);
+    std::error_code error;
+    const bool there = std::filesystem::is_regular_file(file, error);
+    return {"recorded motion", there ? file + "; the hand feels nothing" : file + " is not there", there,
+            true};
+  }
+  std::vector<DeviceLister> listers;
+  for (DeviceLister& lister : deviceListers())
+    if (kindOf(lister.spec) == kind) listers.push_back(std::move(lister));
+  const DeviceList list = listDevices(listers, kDevicePatience);
+  hangs = hangs || !list.all_answered;
+  const FoundDevice* best = nullptr;
+  for (const FoundDevice& found : list.devices)
+    if (found.spec == options.device) best = &found;
+  for (const FoundDevice& found : list.devices)
+    if (best == nullptr || (found.ready && !best->ready && best->spec != options.device)) best = &found;
+  if (best == nullptr) return {options.device, "there is none: plug it in and switch it on", false, true};
+  return {best->name, best->state, best->ready, true};
+}
+
+std::string exerciseName(const StartLists& lists, const std::string& id) {
+  for (const ListedExercise& exercise : lists.exercises)
     if (exercise.exercise_id == id && !exercise.name.empty()) return exercise.name;
   return id;
 }
 
 void StartChoice::update(const BoardState& state) {
-  offers_ = state.offers;
+  lists_ = state.lists;
   server_ = !state.server.empty();
   server_away_ = state.server_away;
-  // what the station proposes anew goes before what was chosen
+  // a new proposal of the station replaces the person's choice
   if (state.choice != preselected_) {
     preselected_ = state.choice;
     if (!state.choice.trainee.empty()) trainee_ = state.choice.trainee;
@@ -38,20 +117,20 @@ void StartChoice::update(const BoardState& state) {
 }
 
 void StartChoice::list() {
-  trainees_ = offers_.trainees;
+  trainees_ = lists_.trainees;
   exercises_.clear();
-  if (!offers_.profile_file.empty())
+  if (!lists_.profile_file.empty())
     exercises_.push_back({{trainee_, "", true},
-                          std::filesystem::path(offers_.profile_file).filename().string(),
-                          "Practice with a profile of your own: " + offers_.profile_file,
+                          std::filesystem::path(lists_.profile_file).filename().string(),
+                          "Practice with a profile of your own: " + lists_.profile_file,
                           "",
                           true});
-  for (const ListedExercise& listed : offers_.exercises) {
-    ExerciseOffer row{
-        {trainee_, listed.exercise_id, false}, exerciseName(offers_, listed.exercise_id), "", "", true};
-    for (const ServerExercise& exercise : offers_.descriptions)
+  for (const ListedExercise& listed : lists_.exercises) {
+    ExerciseRow row{
+        {trainee_, listed.exercise_id, false}, exerciseName(lists_, listed.exercise_id), "", "", true};
+    for (const ServerExercise& exercise : lists_.descriptions)
       if (exercise.exercise_id == listed.exercise_id) row.description = exercise.description;
-    if (isAssigned(offers_, trainee_, listed.exercise_id)) row.note = "assigned";
+    if (isAssigned(lists_, trainee_, listed.exercise_id)) row.note = "assigned";
     const bool cached = listed.cached_revision.has_value();
     if (!cached && (!server_ || server_away_)) {
       row.usable = false;
@@ -62,7 +141,7 @@ void StartChoice::list() {
   // the command line's exercise may be one that no list knows
   if (!exercise_.empty() && exercise() < 0)
     exercises_.push_back({{trainee_, exercise_, false}, exercise_, "", "", true});
-  std::stable_sort(exercises_.begin(), exercises_.end(), [](const ExerciseOffer& a, const ExerciseOffer& b) {
+  std::stable_sort(exercises_.begin(), exercises_.end(), [](const ExerciseRow& a, const ExerciseRow& b) {
     return std::tuple(!a.choice.by_profile, a.note != "assigned", !a.usable) <
            std::tuple(!b.choice.by_profile, b.note != "assigned", !b.usable);
   });
@@ -119,7 +198,7 @@ std::string StartChoice::missing() const {
                    : "There is no exercise here: start with --profile FILE, or with a server.";
   const int index = exercise();
   if (index < 0) return "What is to be practised? Choose an exercise.";
-  const ExerciseOffer& chosen = exercises_[static_cast<std::size_t>(index)];
+  const ExerciseRow& chosen = exercises_[static_cast<std::size_t>(index)];
   return chosen.usable ? std::string() : chosen.name + ": " + chosen.note;
 }
 

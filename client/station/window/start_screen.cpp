@@ -87,7 +87,7 @@ void StartScreen::showTrainees() {
 void StartScreen::showExercises() {
   const int chosen = choice_.exercise();
   int index = 0;
-  for (const ExerciseOffer& exercise : choice_.exercises()) {
+  for (const ExerciseRow& exercise : choice_.exercises()) {
     ImGui::PushID(index);
     {
       const WithTextColour colour(exercise.usable ? kText : kDimText);
@@ -113,7 +113,7 @@ void StartScreen::showExercises() {
 }
 
 void StartScreen::showStation(const BoardState& state, LessonBoard& board) {
-  const DeviceNews& device = state.device;
+  const DeviceReadiness& device = state.device;
   conditionLine(!device.known  ? Condition::kUnknown
                 : device.ready ? Condition::kGood
                                : Condition::kTrouble,
@@ -132,7 +132,7 @@ void StartScreen::showStation(const BoardState& state, LessonBoard& board) {
   if (state.next) {
     ImGui::Spacing();
     conditionLine(Condition::kAttention,
-                  state.next->from + " wants next: " + exerciseName(state.offers, state.next->exercise));
+                  state.next->from + " wants next: " + exerciseName(state.lists, state.next->exercise));
   }
   if (!state.trouble.empty()) {
     ImGui::Spacing();
@@ -147,11 +147,11 @@ void StartScreen::showStation(const BoardState& state, LessonBoard& board) {
   }
   if (bigButton("Begin", true, -1, missing.empty())) begin(board);
   ImGui::Spacing();
-  if (bigButton("Look again", false, -1)) board.ask({BoardWish::Kind::kLook, {}});
+  if (bigButton("Look again", false, -1)) board.ask({BoardRequest::Kind::kLook, {}});
 }
 
 void StartScreen::begin(LessonBoard& board) {
-  if (const auto choice = choice_.choice()) board.ask({BoardWish::Kind::kBegin, *choice});
+  if (const auto choice = choice_.choice()) board.ask({BoardRequest::Kind::kBegin, *choice});
 }
 
 namespace {
@@ -174,7 +174,7 @@ void endNotice() {
 }  // namespace
 
 void showPreparing(const BoardState& state, LessonRequests& requests) {
-  const std::string name = exerciseName(state.offers, state.choice.exercise);
+  const std::string name = exerciseName(state.lists, state.choice.exercise);
   beginNotice("preparing", name.empty() ? "needlelab" : name);
   textBlock((state.preparing.empty() ? std::string("preparing") : state.preparing) + " …");
   ImGui::Spacing();
@@ -186,7 +186,7 @@ void showFailed(const BoardState& state, LessonBoard& board) {
   beginNotice("failed", "This station cannot work");
   textBlock(state.trouble);
   ImGui::Spacing();
-  if (bigButton("Quit", true)) board.ask({BoardWish::Kind::kQuit, {}});
+  if (bigButton("Quit", true)) board.ask({BoardRequest::Kind::kQuit, {}});
   endNotice();
 }
 

@@ -1,4 +1,4 @@
-/// The window before a lesson: who practises what, and how the device is.
+/// The window before a lesson: trainee, exercise, and the state of the device.
 #pragma once
 
 #include <string>
@@ -12,7 +12,7 @@ namespace needlelab {
 /// Thread: the window's.
 class StartScreen {
  public:
-  /// One frame; asks `board` for what a person wants. `changed`: `state` is newer than at the last call.
+  /// One frame; sends a person's requests to `board`. `changed`: `state` is newer than at the last call.
   void show(const BoardState& state, bool changed, LessonBoard& board);
 
  private:

@@ -1,5 +1,7 @@
 #include "client/station/window/trainee_app.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -11,22 +13,58 @@
 #include <thread>
 #include <utility>
 
-#include "client/device/hand_plan_choice.h"
-#include "client/station/run/loop_core.h"
-#include "client/station/run/option_list.h"
-#include "client/station/run/say.h"
+#include "client/device/hand_options.h"
+#include "client/station/run/real_time.h"
 #include "client/station/run/signals.h"
-#include "client/station/window/conductor.h"
+#include "client/station/run/terminal.h"
 #include "client/station/window/keys.h"
-#include "client/station/window/picture_plan.h"
+#include "client/station/window/lesson_sequence.h"
 #include "client/station/window/trainee_window.h"
 #include "client/view/surface.h"
 #include "common/base/program.h"
 #include "common/base/text.h"
 
 namespace needlelab {
+namespace {
 
 using namespace std::chrono_literals;
+
+}  // namespace
+
+// --- when pictures are due ---
+
+std::vector<PictureRequest> PicturePlan::due(Stage stage, double lesson_s) {
+  constexpr int kSettled = 3;
+  frames_ = stage == last_ ? frames_ + 1 : 1;
+  last_ = stage;
+  std::vector<PictureRequest> now;
+  for (std::size_t i = 0; i < pictures_.size(); ++i) {
+    if (taken_[i]) continue;
+    const PictureRequest& picture = pictures_[i];
+    const bool is_due = picture.when == PictureRequest::When::kLesson
+                            ? stage == Stage::kLesson && frames_ >= kSettled && lesson_s >= picture.at_s
+                        : picture.when == PictureRequest::When::kStart
+                            ? stage == Stage::kStart && frames_ >= kSettled
+                            : stage == Stage::kEnd && frames_ >= kSettled;
+    if (!is_due) continue;
+    taken_[i] = true;
+    now.push_back(picture);
+  }
+  return now;
+}
+
+bool PicturePlan::done() const {
+  return std::find(taken_.begin(), taken_.end(), false) == taken_.end();
+}
+
+std::vector<PictureRequest> PicturePlan::missing() const {
+  std::vector<PictureRequest> left;
+  for (std::size_t i = 0; i < pictures_.size(); ++i)
+    if (!taken_[i]) left.push_back(pictures_[i]);
+  return left;
+}
+
+// --- the program ---
 
 namespace {
 
@@ -42,7 +80,7 @@ bool wantsPicture(const StationOptions& options, PictureRequest::When when) {
 }
 
 int refused(const std::string& why, int code) {
-  say(why);
+  logMessage(why);
   return code;
 }
 
@@ -53,7 +91,7 @@ SurfaceOptions surfaceOptions(const StationOptions& options, bool display) {
   surface.width_px = options.window.width_px;
   surface.height_px = options.window.height_px;
   surface.font_scale = options.window.font_scale.value_or(1);
-  // what was said now goes before what was left last time
+  // the command line goes before the size that was kept last time
   if (display && !options.window.size_given) {
     surface.state_file = defaultSpool().parent_path() / "station-window.json";
     std::error_code ignored;
@@ -62,13 +100,13 @@ SurfaceOptions surfaceOptions(const StationOptions& options, bool display) {
   return surface;
 }
 
-/// The thread of the lessons, and how it is told to end.
+/// The thread of the lessons, and how it is ended.
 class LessonThread {
  public:
-  LessonThread(Conductor& conductor, LessonBoard& board) : conductor_(conductor), board_(board) {
+  LessonThread(LessonSequence& sequence, LessonBoard& board) : sequence_(sequence), board_(board) {
     current_.store(this);
     thread_ = std::thread([this] {
-      code_ = conductor_.run();
+      code_ = sequence_.run();
       ended_.store(true);
     });
     [[maybe_unused]] static const int registered = std::atexit(&LessonThread::atExit);
@@ -81,20 +119,20 @@ class LessonThread {
   LessonThread& operator=(const LessonThread&) = delete;
 
   [[nodiscard]] bool ended() const { return ended_.load(); }
-  /// Ends what runs, then sends what was recorded.
-  void askToEnd() {
-    if (asked_.exchange(true)) return;
-    conductor_.requests().stop({});
-    board_.ask({BoardWish::Kind::kQuit, {}});
+  /// Ends the lesson that runs, then sends its recording.
+  void requestEnd() {
+    if (end_requested_.exchange(true)) return;
+    sequence_.requests().stop({});
+    board_.ask({BoardRequest::Kind::kQuit, {}});
   }
   /// Asked once already: the server is not waited for any more.
-  void askAgain() {
-    if (!asked_.load()) return askToEnd();
-    conductor_.requests().stop({});
+  void requestEndAgain() {
+    if (!end_requested_.load()) return requestEnd();
+    sequence_.requests().stop({});
   }
   int finish() {
     if (thread_.joinable()) {
-      askToEnd();
+      requestEnd();
       thread_.join();
     }
     return code_;
@@ -105,14 +143,14 @@ class LessonThread {
   static void atExit() {
     LessonThread* const here = current_.load();
     if (here == nullptr || here->thread_.get_id() == std::this_thread::get_id()) return;
-    say("the display is gone; the lesson ends, what was recorded is kept");
+    logMessage("the display is gone; the lesson ends, what was recorded is kept");
     here->finish();
   }
 
   static inline std::atomic<LessonThread*> current_{nullptr};
-  Conductor& conductor_;
+  LessonSequence& sequence_;
   LessonBoard& board_;
-  std::atomic<bool> ended_{false}, asked_{false};
+  std::atomic<bool> ended_{false}, end_requested_{false};
   int code_ = kExitFailed;
   std::thread thread_;
 };
@@ -135,7 +173,7 @@ class FrameLoop {
   bool run() {
     const auto began = std::chrono::steady_clock::now();
     while (!lessons_.ended()) {
-      if (signalWithin(signals_, 0ms) != 0) lessons_.askAgain();
+      if (signalWithin(signals_, 0ms) != 0) lessons_.requestEndAgain();
       if (!surface_.beginFrame()) break;
       window_.frame();
       scaleLetters();
@@ -146,10 +184,10 @@ class FrameLoop {
       if (alone_) goOnAlone();
     }
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-    say(formatted("window: %d frames, %.1f a second, %.1f ms each", frames_,
-                  frames_ / std::max(seconds, 1e-3), 1e3 * drawn_s_ / std::max(frames_, 1)));
+    logMessage(fmt::format("window: {} frames, {:.1f} a second, {:.1f} ms each", frames_,
+                           frames_ / std::max(seconds, 1e-3), 1e3 * drawn_s_ / std::max(frames_, 1)));
     for (const PictureRequest& picture : plan_.missing())
-      say("no picture " + picture.file.string() + ": the lesson ended before it");
+      logMessage("no picture " + picture.file.string() + ": the lesson ended before it");
     return all_saved_ && plan_.done();
   }
 
@@ -165,10 +203,10 @@ class FrameLoop {
   void takePictures() {
     for (const PictureRequest& picture : plan_.due(window_.shown().stage, window_.lessonTime_s())) {
       if (const Status saved = savePng(surface_.picture(), picture.file); !saved.ok()) {
-        say(saved.error().message);
+        logMessage(saved.error().message);
         all_saved_ = false;
       } else {
-        say("picture " + picture.file.string());
+        logMessage("picture " + picture.file.string());
       }
     }
   }
@@ -178,15 +216,15 @@ class FrameLoop {
     const BoardState& state = window_.shown();
     const bool lesson_is_wanted = wantsPicture(options_, PictureRequest::When::kLesson) ||
                                   wantsPicture(options_, PictureRequest::When::kEnd);
-    if (state.stage == Stage::kStart && !state.trouble.empty()) return lessons_.askToEnd();
+    if (state.stage == Stage::kStart && !state.trouble.empty()) return lessons_.requestEnd();
     if (state.stage == Stage::kStart && startIsTaken() && !begun_) {
-      if (!lesson_is_wanted) return lessons_.askToEnd();
+      if (!lesson_is_wanted) return lessons_.requestEnd();
       begun_ = true;
-      board_.ask({BoardWish::Kind::kBegin, state.choice});
+      board_.ask({BoardRequest::Kind::kBegin, state.choice});
     }
     // the server's word, or no picture more to wait for
     if (state.stage == Stage::kEnd && (plan_.done() || !wantsPicture(options_, PictureRequest::When::kEnd)))
-      lessons_.askToEnd();
+      lessons_.requestEnd();
   }
   [[nodiscard]] bool startIsTaken() const {
     const auto missing = plan_.missing();
@@ -207,7 +245,7 @@ class FrameLoop {
   bool all_saved_ = true, begun_ = false;
 };
 
-// what cannot work without a person before a display
+// refuses what needs a person at a display
 Status checkDisplay(const StationOptions& options, bool display) {
   if (display) return {};
   if (options.window.pictures.empty())
@@ -232,7 +270,7 @@ int runTrainee(const StationOptions& given, const sigset_t& stop_signals) {
   if (const Status possible = checkDisplay(given, display); !possible.ok())
     return refused(possible.error().message, exitCodeOf(possible.error()));
   StationOptions options = given;
-  // on a laptop whoever looks at the window moves the needle
+  // with a window and the simulated device, mouse and keys move the needle
   if (display && options.device == "simulated" && !options.hand_plan_given && !options.hand.skill)
     options.hand.plan = kPointerPlan;
 
@@ -247,25 +285,25 @@ int runTrainee(const StationOptions& given, const sigset_t& stop_signals) {
   LessonBoard board;
   const bool alone = !display;
   const bool begins = options.window.start || (alone && !wantsPicture(options, PictureRequest::When::kStart));
-  Conductor conductor(options, stop_signals, board, alone, begins);
-  auto window = TraineeWindow::make(board, conductor.requests());
+  LessonSequence sequence(options, stop_signals, board, alone, begins);
+  auto window = TraineeWindow::make(board, sequence.requests());
   if (!window.ok()) return refused(window.error().message, exitCodeOf(window.error()));
   bool pictures = true;
   int code = kExitFailed;
   {
-    LessonThread lessons(conductor, board);
+    LessonThread lessons(sequence, board);
     keep_off.emplace(core);
     pictures = FrameLoop(options, stop_signals, alone, **surface, **window, board, lessons).run();
-    // what follows may take a while: the window is gone at once
+    // draining may take a while: the window closes at once
     window->reset();
     surface->reset();
-    lessons.askToEnd();
+    lessons.requestEnd();
     while (!lessons.ended())
-      if (signalWithin(stop_signals, 50ms) != 0) lessons.askAgain();
+      if (signalWithin(stop_signals, 50ms) != 0) lessons.requestEndAgain();
     code = lessons.finish();
   }
   if (code == kExitDone && !pictures) code = kExitFailed;
-  if (conductor.hangs()) std::_Exit(code);
+  if (sequence.hangs()) std::_Exit(code);
   return code;
 }
 

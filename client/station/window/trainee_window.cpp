@@ -4,17 +4,16 @@
 
 #include <utility>
 
-#include "client/station/run/say.h"
+#include "client/station/run/terminal.h"
 #include "client/view/theme.h"
 
 namespace needlelab {
 
 Result<std::unique_ptr<TraineeWindow>> TraineeWindow::make(LessonBoard& board, LessonRequests& requests) {
-  auto renderer = SceneRenderer::make();
-  if (!renderer.ok()) return renderer.error();
-  // arrows, Space and Enter steer the needle and begin lessons: they must not press whatever has the focus
+  ASSIGN_OR_RETURN(auto renderer, SceneRenderer::make());
+  // arrows, Space and Enter steer the needle and begin lessons: they must not press the focused widget
   ImGui::GetIO().ConfigFlags &= ~ImGuiConfigFlags_NavEnableKeyboard;
-  return std::unique_ptr<TraineeWindow>(new TraineeWindow(board, requests, std::move(*renderer)));
+  return std::unique_ptr<TraineeWindow>(new TraineeWindow(board, requests, std::move(renderer)));
 }
 
 TraineeWindow::TraineeWindow(LessonBoard& board, LessonRequests& requests,
@@ -25,13 +24,13 @@ double TraineeWindow::lessonTime_s() const {
   return follow_ && follow_->begun() ? follow_->now().time_s : 0;
 }
 
-// a lesson that is new, and what has come of it
+// a new lesson, and its new samples
 void TraineeWindow::follow() {
   if (state_.lesson != lesson_ && state_.beginning) {
     lesson_ = state_.lesson;
     auto follow = LessonFollow::make(state_.beginning);
     if (!follow.ok()) {
-      say("the window cannot show this lesson: " + follow.error().message);
+      logMessage("the window cannot show this lesson: " + follow.error().message);
       follow_.reset();
       return;
     }

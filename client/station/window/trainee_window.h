@@ -16,7 +16,7 @@
 
 namespace needlelab {
 
-/// Shows what the board says, and asks it for what a person wants. Thread: the surface's.
+/// Shows the board's state and sends it a person's requests. Thread: the surface's.
 class TraineeWindow {
  public:
   /// Needs a surface. Errors: as SceneRenderer::make.
@@ -25,7 +25,7 @@ class TraineeWindow {
   /// Between Surface::beginFrame and endFrame.
   void frame();
 
-  /// What the last frame showed.
+  /// The state that the last frame showed.
   [[nodiscard]] const BoardState& shown() const { return state_; }
   /// How far the lesson was that it showed, in s: of the newest sample.
   [[nodiscard]] double lessonTime_s() const;

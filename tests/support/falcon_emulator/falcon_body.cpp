@@ -45,7 +45,7 @@ void FalconBody::resetEncoders() {
   for (std::size_t leg = 0; leg < 3; ++leg) counted_from_rad_[leg] = angles_[leg][0];
 }
 
-// an encoder whose thigh passes its mark while it is asked to look for it counts from there
+// while the encoder looks for its zero, it counts from the place where the thigh passes the mark
 void FalconBody::moveTo(const Eigen::Vector3d& p) {
   // a mark is missed by a hand that is elsewhere at once, so go there in small steps
   const Eigen::Vector3d from = p_;

@@ -144,7 +144,7 @@ std::optional<Bytes> FtdiChip::in(std::size_t room, TimePoint now) {
   const bool full = per_packet == kDataInPacket && there / kDataInPacket >= packets_of_room;
   if (!full && !fired) return std::nullopt;
 
-  // a host whose buffer is less than a packet gets what fits: the chip's packets are never longer than that
+  // a host with a buffer smaller than a packet gets the part that fits; the chip's packets are never longer
   const std::size_t fits = std::min(per_packet, std::min(room, kPacket) - 2);
   Bytes bytes;
   for (std::size_t packet = 0; packet < packets_of_room; ++packet) {

@@ -76,7 +76,7 @@ struct UsbPort::Glue {
     auto* const port = static_cast<UsbPort*>(data);
     { const std::lock_guard made(hand_over); }
     const std::lock_guard lock(port->mutex_);
-    // umockdev drops a client whose node was closed, and says so in no other way
+    // umockdev drops a client after its node was closed, and reports that in no other way
     g_object_weak_ref(G_OBJECT(client), Glue::closed, port);
     port->clients_.push_back(client);
     if (port->timer_source_ != nullptr) return;
@@ -213,7 +213,7 @@ void UsbPort::unplug() {
   testbed_.giveBackDeviceNumber(device_number_);
 }
 
-// hangs up: whoever polls the node sees an error, as after a real unplug
+// hangs up: a poll of the node reports an error, as after a real unplug
 void UsbPort::detach() {
   ::tcflow(terminal_other_end_, TCOON);
   ::close(terminal_other_end_);

@@ -1,10 +1,9 @@
-#include "client/device/hand_plan.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "client/device/hand_plan.h"
 #include "common/haptics/scene_model.h"
 
 namespace needlelab {

@@ -1,8 +1,14 @@
-#include "client/device/hand.h"
-
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <limits>
+#include <vector>
+
+#include "client/device/hand.h"
+#include "client/device/hand_options.h"
+#include "client/device/simulated_device.h"
 
 namespace needlelab {
 namespace {
@@ -86,6 +92,246 @@ TEST(Hand, doesItsPlanAsOftenAsAsked) {
   Hand endless(options, plan, {}, 1.0 / 1024);
   for (int i = 0; i < 50 * 1024; ++i) endless.pull({});
   EXPECT_FALSE(endless.finished());
+}
+
+constexpr double kStep = 1.0 / 20'000;
+
+TEST(HandRandom, isTheSameEverywhere) {
+  // SplitMix64 with seed 1234567: the values of the published definition
+  HandRandom random(1234567);
+  EXPECT_EQ(random.next(), 6457827717110365317u);
+  EXPECT_EQ(random.next(), 3203168211198807973u);
+  EXPECT_EQ(random.next(), 9817491932198370423u);
+  double least = 1, greatest = 0, sum = 0;
+  for (int i = 0; i < 100'000; ++i) {
+    const double u = random.uniform();
+    least = std::min(least, u), greatest = std::max(greatest, u), sum += u;
+  }
+  EXPECT_GE(least, 0);
+  EXPECT_LT(greatest, 1);
+  EXPECT_NEAR(sum / 100'000, 0.5, 0.005);
+}
+
+TEST(HandTremor, staysWithinItsAmplitudeAndUsesIt) {
+  for (const double amplitude : {25e-6, 50e-6, 250e-6}) {
+    HandTremor tremor(amplitude, 7, kStep);
+    double peak[3] = {0, 0, 0}, square = 0;
+    const int n = 60 * 20'000;
+    for (int i = 0; i < n; ++i) {
+      const Vec3 d = tremor.next();
+      peak[0] = std::max(peak[0], std::abs(d.x));
+      peak[1] = std::max(peak[1], std::abs(d.y));
+      peak[2] = std::max(peak[2], std::abs(d.z));
+      square += normSquared(d);
+    }
+    for (const double p : peak) {
+      EXPECT_LE(p, amplitude * (1 + 1e-9));
+      EXPECT_GE(p, 0.9 * amplitude);
+    }
+    // three sines of a third of the amplitude in each of three axes: mean square A²/2 in all
+    EXPECT_NEAR(square / n, amplitude * amplitude / 2, 0.02 * amplitude * amplitude);
+  }
+}
+
+// the phase of each sine after 10 minutes is what its frequency says: nothing drifts, nothing grows
+TEST(HandTremor, isTheSumOfSinesInTheBand) {
+  const double amplitude = 1;
+  HandTremor tremor(amplitude, 99, kStep);
+  // fit the known frequencies to the first second and to the last: same amplitudes of a third
+  std::vector<double> x;
+  const int n = 20'000 * 60;
+  x.reserve(n);
+  for (int i = 0; i < n; ++i) x.push_back(tremor.next().x);
+  double explained = 0;
+  for (std::size_t partial = 0; partial < HandTremor::kPartials; ++partial) {
+    const double hz = tremor.frequencyHz(0, partial);
+    EXPECT_GE(hz, 8);
+    EXPECT_LE(hz, 12);
+    double c = 0, s = 0;
+    for (int i = 0; i < n; ++i) {
+      const double a = 2 * M_PI * hz * i * kStep;
+      c += x[static_cast<std::size_t>(i)] * std::cos(a);
+      s += x[static_cast<std::size_t>(i)] * std::sin(a);
+    }
+    const double found = 2 * std::hypot(c, s) / n;
+    EXPECT_NEAR(found, 1.0 / 3, 0.02);
+    explained += found * found / 2;
+  }
+  double square = 0;
+  for (const double v : x) square += v * v;
+  EXPECT_NEAR(square / n, explained, 0.01);  // and there is nothing beside them
+}
+
+TEST(HandTremor, dependsOnItsSeedOnly) {
+  HandTremor a(50e-6, 1, kStep), b(50e-6, 1, kStep), c(50e-6, 2, kStep);
+  std::uint64_t hash = 14695981039346656037u;
+  bool differs = false;
+  for (int i = 0; i < 20'000; ++i) {
+    const Vec3 pa = a.next();
+    EXPECT_EQ(pa, b.next());
+    differs = differs || pa != c.next();
+    for (const double v : {pa.x, pa.y, pa.z}) {
+      std::uint64_t bits = 0;
+      std::memcpy(&bits, &v, sizeof bits);
+      hash = (hash ^ bits) * 1099511628211u;
+    }
+  }
+  EXPECT_TRUE(differs);
+  EXPECT_EQ(hash, 5944133999550495048u) << "the bits of a seed's hand have changed";
+}
+
+TEST(HandTremor, noAmplitudeMeansNoMotion) {
+  HandTremor tremor(0, 1, kStep);
+  for (int i = 0; i < 100; ++i) EXPECT_EQ(tremor.next(), Vec3{});
+}
+
+// A hand that somebody steers: how its aim goes after wishes, on virtual time, and what the hand then does.
+
+constexpr double kStep_s = 50e-6;
+constexpr double kRate_hz = 1000;
+
+struct SteeredRun {
+  std::shared_ptr<HandSteering> steering = std::make_shared<HandSteering>();
+  SteeredAim aim{steering, {{{0, 0, 0.03}, {}}, 0.1}, kStep_s};
+  double peak_mps = 0, peak_radps = 0;
+  HandAim now{{{0, 0, 0.03}, {}}, 0.1};
+
+  void target(Vec3 p, Quat q = {}, double plunger = 0.1) { steering->setTarget({{p, q}, plunger}); }
+  void go(double seconds) {
+    for (double t = 0; t < seconds; t += kStep_s) {
+      const HandAim next = aim.next();
+      peak_mps = std::max(peak_mps, norm(next.X_WT.p - now.X_WT.p) / kStep_s);
+      const Quat d = next.X_WT.q * conjugate(now.X_WT.q);
+      peak_radps = std::max(peak_radps, 2 * norm(Vec3{d.x, d.y, d.z}) / kStep_s);
+      now = next;
+    }
+  }
+};
+
+TEST(SteeredAim, withoutAWishItStaysWhereItBegan) {
+  SteeredRun run;
+  run.go(1);
+  EXPECT_EQ(run.now.X_WT.p, (Vec3{0, 0, 0.03}));
+  EXPECT_EQ(run.now.plunger, 0.1);
+}
+
+TEST(SteeredAim, aWishIsReachedWithoutOvershoot) {
+  SteeredRun run;
+  run.target({0, 0, 0.02});
+  double lowest = 1;
+  for (int i = 0; i < 40; ++i) {
+    run.go(0.05);
+    lowest = std::min(lowest, run.now.X_WT.p.z);
+  }
+  EXPECT_NEAR(run.now.X_WT.p.z, 0.02, 1e-8);
+  EXPECT_GT(lowest, 0.02 - 1e-7);
+}
+
+TEST(SteeredAim, aJumpOfTheWishIsGoneAfterAtTheGreatestSpeedAtMost) {
+  SteeredRun run;
+  run.target({0.5, 0, 0.03});
+  run.go(1);
+  EXPECT_LE(run.peak_mps, kMostAimSpeed_mps * (1 + 1e-9));
+  EXPECT_GT(run.peak_mps, 0.99 * kMostAimSpeed_mps);
+  // speeding up costs the smoothing's 25 ms
+  EXPECT_NEAR(run.now.X_WT.p.x, kMostAimSpeed_mps * (1 - 0.025), 1e-4);
+}
+
+TEST(SteeredAim, aTurnIsGoneAfterAtTheGreatestTurnAtMostAndStaysARotation) {
+  SteeredRun run;
+  const double half = 0.6;
+  run.target({0, 0, 0.03}, {std::sin(half), 0, 0, std::cos(half)});
+  run.go(3);
+  EXPECT_LE(run.peak_radps, kMostAimTurn_radps * (1 + 1e-6));
+  EXPECT_GT(run.peak_radps, 0.9 * kMostAimTurn_radps);
+  EXPECT_NEAR(run.now.X_WT.q.x, std::sin(half), 1e-6);
+  EXPECT_NEAR(dot(run.now.X_WT.q, run.now.X_WT.q), 1, 1e-12);
+}
+
+TEST(SteeredAim, stepsOfThirtyFramesASecondComeOutAsAnEvenMovement) {
+  // 20 mm/s, wished in steps of 0.67 mm
+  SteeredRun run;
+  const double frame_s = 1.0 / 30;
+  for (int i = 1; i <= 15; ++i) {
+    run.target({0, 0, 0.03 - 0.02 * i * frame_s});
+    run.go(frame_s);
+  }
+  run.peak_mps = 0;
+  double slowest = 1;
+  for (int i = 16; i <= 30; ++i) {
+    run.target({0, 0, 0.03 - 0.02 * i * frame_s});
+    for (int k = 0; k < 10; ++k) {
+      const Vec3 before = run.now.X_WT.p;
+      run.go(frame_s / 10);
+      slowest = std::min(slowest, norm(run.now.X_WT.p - before) / (frame_s / 10));
+    }
+  }
+  EXPECT_LT(run.peak_mps, 0.025);
+  EXPECT_GT(slowest, 0.015);
+}
+
+TEST(SteeredAim, thePlungerGoesNoFasterThanAThumb) {
+  SteeredRun run;
+  run.target({0, 0, 0.03}, {}, 1);
+  run.go(0.5);
+  EXPECT_NEAR(run.now.plunger, 0.1 + 0.5 * kMostPlungerSpeed_per_s, 1e-4);
+  run.go(2);
+  EXPECT_EQ(run.now.plunger, 1);
+}
+
+TEST(SteeredAim, aWishThatIsNoPoseIsPassedOver) {
+  SteeredRun run;
+  run.target({0, 0, std::numeric_limits<double>::quiet_NaN()});
+  run.go(0.1);
+  run.target({0, 0, 0}, {0, 0, 0, 2});
+  run.go(0.1);
+  run.target({0, 0, 0}, {}, std::numeric_limits<double>::infinity());
+  run.go(0.1);
+  EXPECT_EQ(run.now.X_WT.p, (Vec3{0, 0, 0.03}));
+  EXPECT_EQ(run.now.plunger, 0.1);
+}
+
+SceneSpec flatScene() {
+  SceneSpec scene;
+  scene.limb = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
+  scene.needle_length_m = 0.06;
+  return scene;
+}
+
+TEST(SteeredStart, isOutsideBesideTheMarkedEntryAndLooksIn) {
+  const std::vector<PlanTarget> targets = {{"deep", {0.01, 0, -0.03}, Vec3{0.01, 0, 0}}};
+  const HandAim start = steeredStart(flatScene(), targets).start();
+  EXPECT_NEAR(start.X_WT.p.z, 0.03, 1e-12);
+  EXPECT_NEAR(norm(start.X_WT.p - Vec3{0.01, 0, 0.03}), 0.015, 1e-12);
+  EXPECT_NEAR(zAxis(start.X_WT.q).z, -1, 1e-12);
+  EXPECT_GT(start.plunger, 0) << "one can aspirate";
+  EXPECT_NEAR(steeredStart(flatScene(), {}).start().X_WT.p.x, 0, 1e-12) << "the limb's reference point";
+}
+
+TEST(HandPlanChoice, pointerIsNoPlanToFollow) {
+  HandOptions options;
+  options.plan = kPointerPlan;
+  const auto plan = choosePlan(options, flatScene(), {});
+  ASSERT_FALSE(plan.ok());
+  EXPECT_NE(plan.error().message.find("window"), std::string::npos);
+}
+
+TEST(SteeredHand, goesWhereItIsSteeredFeelsResistanceAndNeverFinishes) {
+  SimulatedDeviceOptions options;
+  options.steering = std::make_shared<HandSteering>();
+  options.hand.tremor_m = 0;
+  SimulatedDevice device(options, steeredStart(flatScene(), {}));
+  ASSERT_TRUE(device.open(kRate_hz).ok());
+  DeviceReading reading;
+  ASSERT_EQ(device.read(reading), DeviceRead::kFresh);
+  const Vec3 start = reading.X_WH.p;
+  EXPECT_NEAR(reading.plunger, kPlungerBeforeAspiration, 1e-12);
+
+  options.steering->setTarget({{start - Vec3{0, 0, 0.01}, reading.X_WH.q}, 0});
+  for (int i = 0; i < 3000; ++i) ASSERT_EQ(device.read(reading), DeviceRead::kFresh);
+  EXPECT_NEAR(reading.X_WH.p.z, start.z - 0.01, 1e-4);
+  EXPECT_EQ(reading.plunger, 0);
+  EXPECT_NEAR(device.hand().wanted().p.z, start.z - 0.01, 1e-6);
 }
 
 }  // namespace

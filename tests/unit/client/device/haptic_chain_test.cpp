@@ -1,13 +1,14 @@
-#include "client/device/haptic_chain.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
+#include "client/device/haptic_chain.h"
+#include "common/haptics/surface.h"
+#include "tests/support/random.h"
 #include "tests/support/scenes.h"
 
-namespace needlelab {
+namespace needlelab::test {
 namespace {
 
 constexpr double kChainRate_hz = 1000;
@@ -107,5 +108,193 @@ TEST_F(HapticChainTest, aDurationBeyondTheFieldIsHeld) {
   EXPECT_EQ(sampleOf(tick_, 0, 0, -5).engine_ns, 0);
 }
 
+// A device that measures no orientation and renders no torque runs the same scenes.
+
+constexpr double kAxisRate_hz = 1000;
+
+DeviceInfo pointDevice() {
+  DeviceInfo info;
+  info.renders_torque = info.has_orientation = false;
+  return info;
+}
+
+DeviceReading at(Vec3 p) {
+  DeviceReading reading;
+  reading.X_WH = {p, {}};
+  return reading;
+}
+
+Vec3 axisOf(const ChainTick& tick) {
+  return zAxis(tick.X_WT.q);
+}
+
+TEST(AssumedAxis, theRotationTakesZToTheAxisEverywhere) {
+  Random random(3);
+  for (int k = 0; k < 2000; ++k) {
+    Vec3 axis = {random.in(-1, 1), random.in(-1, 1), random.in(-1, 1)};
+    if (k % 4 == 0) axis.z *= 1e-12;  // where the two ways meet
+    if (k % 4 == 1) axis = {1e-9 * axis.x, 1e-9 * axis.y, k % 8 < 4 ? 1.0 : -1.0};
+    if (norm(axis) < 1e-3) continue;
+    axis = normalized(axis);
+    const Quat q = rotationOfAxis(axis);
+    ASSERT_NEAR(dot(q, q), 1, 1e-15);
+    ASSERT_LE(norm(zAxis(q) - axis), 1e-15) << axis.x << " " << axis.y << " " << axis.z;
+  }
+  for (const Vec3 axis : {Vec3{0, 0, 1}, Vec3{0, 0, -1}}) EXPECT_EQ(zAxis(rotationOfAxis(axis)), axis);
+}
+
+// a path through each kind of limb: where it enters, and which way is out of the tissue there, by formula
+struct Path {
+  Limb limb;
+  Vec3 from, to;
+};
+const Path kPaths[] = {
+    {PlaneLimb{{0, 0, 0}, {0.3, -0.2, 2}}, {0.01, 0, 0.01}, {-0.01, 0.004, -0.012}},
+    {SphereLimb{{0.02, 0.01, -0.05}, 0.04}, {0.03, 0.03, 0.02}, {0.02, 0.015, -0.03}},
+    {CapsuleLimb{{0, -0.1, -0.05}, {0, 0.1, -0.05}, 0.04}, {0.02, 0.01, 0.01}, {0.005, 0.02, -0.04}},
+    {CapsuleLimb{{0, -0.1, -0.05}, {0, 0.1, -0.05}, 0.04}, {0.01, 0.16, -0.05}, {0, 0.11, -0.05}},
+};
+
+class PointDevice : public testing::TestWithParam<Path> {
+ protected:
+  PointDevice() {
+    SceneSpec spec = allEffects();
+    spec.limb = GetParam().limb;
+    spec.effects &= ~bitOf(Effect::kOrientationLimit);
+    model_ = *compile(spec, kAxisRate_hz);
+  }
+  // from the start to the end of the path and back again
+  Vec3 place(int k) const {
+    const double share = k <= kTicks ? double(k) / kTicks : double(2 * kTicks - k) / kTicks;
+    return GetParam().from + (GetParam().to - GetParam().from) * share;
+  }
+  static constexpr int kTicks = 1500;
+  SceneModel model_;
+};
+
+TEST_P(PointDevice, theAxisIsTheInwardNormalOutsideAndThatOfTheEntryInside) {
+  HapticChain chain(model_, pointDevice(), {});
+  ChainTick tick;
+  Vec3 before = place(0), at_entry;
+  bool inside = false;
+  int entries = 0, ticks_inside = 0;
+  double force_N = 0;
+  for (int k = 0; k < 2 * kTicks; ++k) {
+    const Vec3 p = place(k);
+    chain.tick(at(p), true, 1, 1.0, tick);
+    ASSERT_EQ(tick.X_WT.p, p);
+    const double depth_m = signedDepth(model_.limb, p);
+    if (depth_m > 0 && !inside) {
+      // P0 by its definition, δ by the limb's formula
+      const double earlier_m = signedDepth(model_.limb, before);
+      const Vec3 P0 = before + (p - before) * (earlier_m / (earlier_m - depth_m));
+      at_entry = -surfaceNormal(model_.limb, P0, p - before);
+      ++entries;
+      ASSERT_TRUE(tick.report.flags & kFlagEntry);
+    }
+    inside = depth_m > 0;
+    const Vec3 expected = inside ? at_entry : -surfaceNormal(model_.limb, p, {0, 0, -1});
+    ASSERT_LE(norm(axisOf(tick) - expected), 1e-15) << "tick " << k;
+    if (inside) {
+      ++ticks_inside;
+      force_N = std::max(force_N, norm(tick.rendered_W.force_N));
+    }
+    ASSERT_EQ(tick.rendered_W.torque_Nm, Vec3{}) << "never asked";
+    ASSERT_EQ(tick.torque_at_tip_Nm, Vec3{});
+    before = p;
+  }
+  EXPECT_EQ(entries, 1);
+  EXPECT_GT(ticks_inside, 500);
+  EXPECT_GT(force_N, 0.5) << "and it is felt";
+}
+
+// the engine, given the axis −n by hand, does the same bit for bit: u is −n
+TEST_P(PointDevice, theEngineGoesAlongTheNormal) {
+  HapticChain chain(model_, pointDevice(), {});
+  ChainTick tick;
+  SimState state{};
+  StepReport report;
+  for (int k = 0; k < 2 * kTicks; ++k) {
+    chain.tick(at(place(k)), true, 1, 1.0, tick);
+    step(model_, {tick.X_WT.p, tick.X_WT.q}, state, report);
+    ASSERT_EQ(report.wrench_W, tick.report.wrench_W);
+    if (state.inside && report.flags & kFlagEntry) {
+      ASSERT_LE(norm(state.u_W + state.normal_W), 1e-15);
+      ASSERT_NEAR(state.slant, 1, 1e-15);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Limbs, PointDevice, testing::ValuesIn(kPaths));
+
+TEST(PointDeviceChain, theToolsOffsetIsTakenAlongWAndItsDirectionNotAtAll) {
+  const SceneModel model = *compile(paperOneDof(), kAxisRate_hz);
+  const Pose X_HT{{0.01, -0.02, -0.15}, normalized(Quat{0.3, 0.1, 0, 1})};
+  HapticChain chain(model, pointDevice(), X_HT);
+  ChainTick tick;
+  // the tip goes 7 mm into the tissue while the handle stays 0.14 m above it
+  for (int k = 0; k < 450; ++k) chain.tick(at({0, 0, 0.152 - 2e-5 * k}), true, 1, 1.0, tick);
+  EXPECT_EQ(tick.X_WT.p, (Vec3{0, 0, 0.152 - 2e-5 * 449} + X_HT.p));
+  EXPECT_LE(norm(axisOf(tick) - Vec3{0, 0, -1}), 1e-15);
+  EXPECT_NEAR(tick.rendered_W.force_N.z, 1, 1e-9) << "the tip's force, at the handle";
+  EXPECT_EQ(tick.rendered_W.torque_Nm, Vec3{});
+  EXPECT_EQ(sampleOf(tick, 0, 0, 0).torque_W_Nm[0], 0);
+}
+
+TEST(PointDeviceChain, withOrientationButWithoutTorqueTheLeverIsNotAskedForAndTheRecordSaysWhatWasRendered) {
+  const SceneModel model = *compile(paperOneDof(), kAxisRate_hz);
+  DeviceInfo info;
+  info.renders_torque = false;
+  const Pose X_HT{{0.1, 0, 0}, {1, 0, 0, 0}};
+  HapticChain chain(model, info, X_HT);
+  ChainTick tick;
+  for (int k = 0; k < 1000; ++k) chain.tick(at({-0.1, 0, 0.002 - 1e-5 * k}), true, 1, 1.0, tick);
+  EXPECT_NEAR(tick.rendered_W.force_N.z, 1, 1e-9);
+  EXPECT_EQ(tick.rendered_W.torque_Nm, Vec3{});
+  // 1 N up at the handle, 0.1 m beside the tip: about the tip −(0.1, 0, 0) × (0, 0, 1)
+  EXPECT_NEAR(sampleOf(tick, 0, 0, 0).torque_W_Nm[1], 0.1, 1e-9);
+}
+
+TEST(PointDeviceChain, aDeviceThatRendersNothingIsComputedWithTorqueForTheRecord) {
+  const SceneModel model = *compile(paperOneDof(), kAxisRate_hz);
+  DeviceInfo recording;
+  recording.renders_force = recording.renders_torque = false;
+  HapticChain chain(model, recording, {{0.1, 0, 0}, {1, 0, 0, 0}});
+  ChainTick tick;
+  for (int k = 0; k < 1000; ++k) chain.tick(at({-0.1, 0, 0.002 - 1e-5 * k}), true, 1, 1.0, tick);
+  EXPECT_NEAR(tick.rendered_W.torque_Nm.y, -0.1, 1e-9);
+}
+
+TEST(PointDeviceChain, startingInsideGivesNoForceAndAFiniteAxis) {
+  SceneSpec spec = paperOneDof();
+  spec.limb = SphereLimb{{0, 0, 0}, 0.05};
+  const SceneModel model = *compile(spec, kAxisRate_hz);
+  HapticChain chain(model, pointDevice(), {});
+  ChainTick tick;
+  // at the very centre, where a sphere has no normal
+  for (int k = 0; k < 300; ++k) {
+    chain.tick(at({}), true, 1, 1.0, tick);
+    ASSERT_TRUE(isFinite(tick.X_WT.q));
+    ASSERT_NEAR(norm(axisOf(tick)), 1, 1e-12);
+    ASSERT_EQ(norm(tick.rendered_W.force_N), 0);
+  }
+}
+
+TEST(PointDeviceChain, aReadingThatIsNoNumberIsRejectedAsEver) {
+  const SceneModel model = *compile(paperOneDof(), kAxisRate_hz);
+  HapticChain chain(model, pointDevice(), {});
+  ChainTick tick;
+  for (int k = 0; k < 300; ++k) chain.tick(at({0, 0, 0.001 - 1e-5 * k}), true, 1, 1.0, tick);
+  const ChainTick good = tick;
+  chain.tick(at({0, std::numeric_limits<double>::quiet_NaN(), 0}), true, 1, 1.0, tick);
+  EXPECT_TRUE(tick.gate_flags & kGateSampleRejected);
+  EXPECT_EQ(tick.X_WT, good.X_WT);
+  // an orientation that nobody measures may be anything
+  DeviceReading reading = at({0, 0, 0.001 - 1e-5 * 300});
+  reading.X_WH.q = {9, 9, 9, 9};
+  chain.tick(reading, true, 1, 1.0, tick);
+  EXPECT_EQ(tick.report.phase, Phase::kInserting);
+}
+
 }  // namespace
-}  // namespace needlelab
+}  // namespace needlelab::test

@@ -1,5 +1,3 @@
-#include "client/device/pivot.h"
-
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -9,8 +7,9 @@
 #include <numbers>
 #include <random>
 
-#include "client/device/pivot_device.h"
+#include "client/device/pivot.h"
 #include "client/device/recording_device.h"
+#include "client/device/simulated_device.h"
 
 namespace needlelab {
 namespace {

@@ -1,11 +1,9 @@
-#include "client/device/plunger.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "client/device/plunger_option.h"
+#include "client/device/plunger.h"
 #include "tests/support/no_alloc.h"
 
 namespace needlelab {

@@ -1,9 +1,9 @@
-#include "client/device/pose_option.h"
-
 #include <gmock/gmock.h>
 
 #include <filesystem>
 #include <fstream>
+
+#include "client/device/pose_option.h"
 
 namespace needlelab {
 namespace {

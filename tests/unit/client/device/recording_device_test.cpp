@@ -1,10 +1,10 @@
-#include "client/device/recording_device.h"
-
 #include <gmock/gmock.h>
 
 #include <cmath>
 #include <fstream>
 #include <numbers>
+
+#include "client/device/recording_device.h"
 
 namespace needlelab {
 namespace {

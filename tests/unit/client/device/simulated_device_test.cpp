@@ -1,10 +1,10 @@
-#include "client/device/simulated_device.h"
-
 #include <gmock/gmock.h>
 
 #include <cmath>
 #include <cstring>
 #include <limits>
+
+#include "client/device/simulated_device.h"
 
 namespace needlelab {
 namespace {

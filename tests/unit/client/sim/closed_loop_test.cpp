@@ -7,8 +7,7 @@
 #include <filesystem>
 #include <limits>
 
-#include "client/device/hand_cli.h"
-#include "client/device/hand_plan_choice.h"
+#include "client/device/hand_options.h"
 #include "client/device/simulated_device.h"
 #include "common/profile/profile.h"
 #include "tests/support/scenes.h"

@@ -1,10 +1,10 @@
-#include "client/device/factory/device_factory.h"
-
 #include <gmock/gmock.h>
 
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+
+#include "client/device/factory/device_factory.h"
 
 namespace needlelab {
 namespace {

@@ -1,5 +1,3 @@
-#include "client/device/falcon/falcon_device.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -10,6 +8,7 @@
 #include <functional>
 #include <thread>
 
+#include "client/device/falcon/falcon_device.h"
 #include "client/device/falcon/falcon_geometry.h"
 #include "common/haptics/device_condition.h"
 #include "tests/support/temp_folder.h"
@@ -280,13 +279,13 @@ TEST_F(FalconDeviceTest, firmwareIsLoadedOnceAndItsProgressSaid) {
   with([](FakeFalcon& f) { f.runs = false; });
   FalconOptions options;
   options.firmware_file = firmwareFile();
-  std::vector<std::string> said;
-  options.progress = [&](const std::string& words) { said.push_back(words); };
+  std::vector<std::string> failure;
+  options.progress = [&](const std::string& words) { failure.push_back(words); };
   const auto device = opened(options);
   EXPECT_EQ(with([](FakeFalcon& f) { return f.loaded; }), Bytes(5000, 'f'));
-  ASSERT_GE(said.size(), 10u);
-  EXPECT_THAT(said.front(), HasSubstr("0 %"));
-  EXPECT_THAT(said.back(), HasSubstr("100 %"));
+  ASSERT_GE(failure.size(), 10u);
+  EXPECT_THAT(failure.front(), HasSubstr("0 %"));
+  EXPECT_THAT(failure.back(), HasSubstr("100 %"));
   device->close();
   ASSERT_TRUE(device->open(1000).ok());
   EXPECT_EQ(with([](FakeFalcon& f) { return f.loads; }), 1) << "it runs already";

@@ -1,6 +1,4 @@
 // The conversation on virtual time, with a link that is scripted by hand.
-#include "client/device/falcon/falcon_exchange.h"
-
 #include <gtest/gtest.h>
 
 #include <array>
@@ -8,6 +6,7 @@
 #include <thread>
 #include <vector>
 
+#include "client/device/falcon/falcon_exchange.h"
 #include "client/device/falcon/falcon_geometry.h"
 #include "common/haptics/device_condition.h"
 
@@ -55,7 +54,7 @@ class FalconExchange : public testing::Test {
   Command tick(std::uint8_t bits = kInHomed) {
     now_ += kMs;
     const std::size_t before = link_.sent.size();
-    exchange_.turn(now_);
+    exchange_.step(now_);
     if (link_.sent.size() == before) {
       ADD_FAILURE() << "nothing was sent";
       return {};
@@ -64,7 +63,7 @@ class FalconExchange : public testing::Test {
     answer(bits);
     return link_.sent.back();
   }
-  void wish(Motors motor) { boxes_.wishes.publish({motor}); }
+  void request(Motors motor) { boxes_.requests.publish({motor}); }
   std::uint32_t condition() { return boxes_.condition.load(); }
 
   Mailboxes boxes_;
@@ -75,8 +74,8 @@ class FalconExchange : public testing::Test {
 
 TEST_F(FalconExchange, newestWishIsSentAndNewestReportKept) {
   tick();
-  wish({1, 2, 3});
-  wish({4, 5, 6});
+  request({1, 2, 3});
+  request({4, 5, 6});
   EXPECT_EQ(tick().motor, (Motors{4, 5, 6}));
   answer(kInHomed | 0x5, {7, 8, 9});
   TimedReport seen;
@@ -90,39 +89,39 @@ TEST_F(FalconExchange, oneCommandAMillisecondWithoutDrift) {
   for (int i = 0; i < 100; ++i) tick();
   const std::size_t sent = link_.sent.size();
   // called more often than that it waits
-  for (int i = 0; i < 10; ++i) exchange_.turn(now_ + i * 90'000);
+  for (int i = 0; i < 10; ++i) exchange_.step(now_ + i * 90'000);
   EXPECT_EQ(link_.sent.size(), sent);
   // late by 0.4 ms now and then, it keeps its phase: the next comes after 0.6 ms
   now_ += kMs + 400'000;
-  exchange_.turn(now_);
+  exchange_.step(now_);
   exchange_.onSent(true);
   answer();
-  EXPECT_EQ(exchange_.turn(now_), now_ + 600'000);
+  EXPECT_EQ(exchange_.step(now_), now_ + 600'000);
 }
 
 TEST_F(FalconExchange, motorsRestUntilAllEncodersHaveFoundTheirZero) {
   for (const std::uint8_t homed : {0x00, 0x10, 0x30, 0x60}) {
     tick(homed);
-    wish({100, 100, 100});
+    request({100, 100, 100});
     const Command command = tick(homed);
     EXPECT_EQ(command.motor, Motors{}) << int(homed);
     EXPECT_EQ(command.bits, kOutHome | kOutRed);
     EXPECT_EQ(condition(), kDeviceNotReady);
   }
   tick();
-  wish({100, 100, 100});
+  request({100, 100, 100});
   const Command command = tick();
   EXPECT_EQ(command.motor, (Motors{100, 100, 100}));
   EXPECT_EQ(command.bits, kOutGreen);
   // its power went for a moment
   tick(0x00);
-  wish({100, 100, 100});
+  request({100, 100, 100});
   EXPECT_EQ(tick(0x00).motor, Motors{});
 }
 
 TEST_F(FalconExchange, silentHapticThreadMeansZeroTorqueWithin21Ms) {
   tick();
-  wish({500, -500, 500});
+  request({500, -500, 500});
   int ticks = 0;
   while (tick().motor != Motors{} && ticks < 100) ++ticks;
   EXPECT_GE(ticks, 20);
@@ -131,21 +130,21 @@ TEST_F(FalconExchange, silentHapticThreadMeansZeroTorqueWithin21Ms) {
   for (int i = 0; i < 50; ++i) EXPECT_EQ(tick().motor, Motors{});
   EXPECT_EQ(exchange_.counts().starved_times, 1u) << "counted once";
   // it lives again
-  wish({20, 20, 20});
+  request({20, 20, 20});
   EXPECT_EQ(tick().motor, (Motors{20, 20, 20}));
 }
 
 TEST_F(FalconExchange, whatWasWishedBeforeTheLinkIsForgotten) {
-  wish({3000, 3000, 3000});
+  request({3000, 3000, 3000});
   Exchange again(link_, boxes_, now_);
-  again.turn(now_);
+  again.step(now_);
   again.onSent(true);
   const std::vector<std::uint8_t> head = {0x01, 0x60};
   std::vector<std::uint8_t> bytes = head;
   const Packet report = encodeReport({{}, kInHomed});
   bytes.insert(bytes.end(), report.begin(), report.end());
   again.onRead(bytes, now_);
-  again.turn(now_ + kMs);
+  again.step(now_ + kMs);
   EXPECT_EQ(link_.sent.back().motor, Motors{});
 }
 
@@ -154,23 +153,23 @@ TEST_F(FalconExchange, twentyBadPacketsInARowAreTroubleUntilAGoodOne) {
   Packet bad = encodeReport({{}, kInHomed});
   bad[5] = '?';
   for (int i = 0; i < 19; ++i) raw({bad});
-  wish({100, 0, 0});
+  request({100, 0, 0});
   now_ += kMs;
-  exchange_.turn(now_);
+  exchange_.step(now_);
   EXPECT_EQ(exchange_.trouble(), Exchange::Trouble::kNone);
   EXPECT_EQ(link_.sent.back().motor[0], 100) << "a few are noise";
   exchange_.onSent(true);
   raw({bad, bad});
-  wish({100, 0, 0});
+  request({100, 0, 0});
   now_ += kMs;
-  exchange_.turn(now_);
+  exchange_.step(now_);
   EXPECT_EQ(exchange_.trouble(), Exchange::Trouble::kBadPackets);
   EXPECT_EQ(condition(), kDeviceTrouble);
   EXPECT_EQ(link_.sent.back().motor, Motors{}) << "no torque without eyes";
   EXPECT_EQ(exchange_.counts().bad_packets, 21u);
   exchange_.onSent(true);
   answer();
-  wish({100, 0, 0});
+  request({100, 0, 0});
   EXPECT_EQ(tick().motor[0], 100);
   EXPECT_EQ(condition(), 0u);
 }
@@ -181,7 +180,7 @@ TEST_F(FalconExchange, silenceIsTroubleAfter100MsAndHopelessAfterASecond) {
   std::size_t before = link_.sent.size();
   while (now_ < last + 99 * kMs) {
     now_ += kMs;
-    exchange_.turn(now_);
+    exchange_.step(now_);
     exchange_.onSent(true);
   }
   EXPECT_EQ(condition(), 0u);
@@ -189,20 +188,20 @@ TEST_F(FalconExchange, silenceIsTroubleAfter100MsAndHopelessAfterASecond) {
   EXPECT_GT(exchange_.counts().unanswered, 10u);
   while (now_ < last + 102 * kMs) {
     now_ += kMs;
-    exchange_.turn(now_);
+    exchange_.step(now_);
     exchange_.onSent(true);
   }
   EXPECT_EQ(condition(), kDeviceTrouble);
   EXPECT_EQ(exchange_.trouble(), Exchange::Trouble::kSilent);
-  EXPECT_FALSE(exchange_.hopeless(now_));
-  EXPECT_TRUE(exchange_.hopeless(last + 1001 * kMs));
+  EXPECT_FALSE(exchange_.timedOut(now_));
+  EXPECT_TRUE(exchange_.timedOut(last + 1001 * kMs));
 }
 
 TEST_F(FalconExchange, noMoreThanTwoCommandsAreUnderWay) {
   tick();
   const std::size_t before = link_.sent.size();
   for (int i = 1; i <= 5; ++i) {
-    exchange_.turn(now_ + i * kMs);
+    exchange_.step(now_ + i * kMs);
     exchange_.onSent(true);
   }
   EXPECT_EQ(link_.sent.size(), before + 2);
@@ -211,18 +210,18 @@ TEST_F(FalconExchange, noMoreThanTwoCommandsAreUnderWay) {
 TEST_F(FalconExchange, aWriteThatIsNotOverIsWaitedFor) {
   tick();
   const std::size_t before = link_.sent.size();
-  for (int i = 1; i <= 5; ++i) exchange_.turn(now_ + i * kMs);
+  for (int i = 1; i <= 5; ++i) exchange_.step(now_ + i * kMs);
   EXPECT_EQ(link_.sent.size(), before + 1);
   exchange_.onSent(false);
-  exchange_.turn(now_ + 6 * kMs);
+  exchange_.step(now_ + 6 * kMs);
   EXPECT_EQ(link_.sent.size(), before + 2);
 }
 
 TEST_F(FalconExchange, theLastWordIsZeroTorqueAndIsAnswered) {
   tick();
-  wish({900, 900, 900});
+  request({900, 900, 900});
   now_ += kMs;
-  exchange_.turn(now_);
+  exchange_.step(now_);
   // a command with torque is on its way; its answer comes first and does not count
   int waits = 0;
   link_.on_wait = [&] {
@@ -231,7 +230,7 @@ TEST_F(FalconExchange, theLastWordIsZeroTorqueAndIsAnswered) {
     if (waits == 2) exchange_.onSent(true);
     if (waits == 3) answer();
   };
-  EXPECT_TRUE(exchange_.sayGoodbye(500 * kMs));
+  EXPECT_TRUE(exchange_.sendFinalCommand(500 * kMs));
   EXPECT_EQ(waits, 3);
   EXPECT_EQ(link_.sent.back(), (Command{{}, 0}));
 }
@@ -242,10 +241,10 @@ TEST_F(FalconExchange, goodbyeToADeafDeviceEndsInTime) {
     exchange_.onSent(true);
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   };
-  EXPECT_FALSE(exchange_.sayGoodbye(30 * kMs));
+  EXPECT_FALSE(exchange_.sendFinalCommand(30 * kMs));
   EXPECT_GE(link_.sent.size(), 3u) << "said more than once";
   link_.gone = true;
-  EXPECT_FALSE(exchange_.sayGoodbye(10'000 * kMs)) << "at once";
+  EXPECT_FALSE(exchange_.sendFinalCommand(10'000 * kMs)) << "at once";
 }
 
 }  // namespace

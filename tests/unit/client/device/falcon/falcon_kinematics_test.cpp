@@ -1,5 +1,3 @@
-#include "client/device/falcon/falcon_kinematics.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,6 +7,7 @@
 #include <vector>
 
 #include "client/device/falcon/falcon_geometry.h"
+#include "client/device/falcon/falcon_kinematics.h"
 #include "tests/support/random.h"
 
 namespace needlelab::falcon {

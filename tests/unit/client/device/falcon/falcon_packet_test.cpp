@@ -1,5 +1,3 @@
-#include "client/device/falcon/falcon_packet.h"
-
 #include <gtest/gtest.h>
 
 #include <string>
@@ -7,6 +5,7 @@
 #include <vector>
 
 #include "client/device/falcon/falcon_geometry.h"
+#include "client/device/falcon/falcon_packet.h"
 #include "tests/support/random.h"
 
 namespace needlelab::falcon {

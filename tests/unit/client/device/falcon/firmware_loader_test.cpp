@@ -1,11 +1,10 @@
-#include "client/device/falcon/firmware_loader.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
 #include <string>
 
+#include "client/device/falcon/firmware_loader.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/device/falcon/fake_falcon.h"
 

@@ -60,12 +60,13 @@ TEST_F(FalconOnUsb, selfTestSaysWhatTheHandHasToDoAndThatItWasNotDone) {
   bool stopped = false;
   sigset_t none;
   sigemptyset(&none);
-  std::vector<std::string> said;
+  std::vector<std::string> failure;
   SelfTestFacts all;
   all.device = measureDevice(
-      device, clock, RtOptions{}, 0.2, none, [&](const auto& text) { said.push_back(text); }, stopped, 0.5);
-  ASSERT_FALSE(said.empty());
-  EXPECT_THAT(said.front(), HasSubstr("grip"));
+      device, clock, RtOptions{}, 0.2, none, [&](const auto& text) { failure.push_back(text); }, stopped,
+      0.5);
+  ASSERT_FALSE(failure.empty());
+  EXPECT_THAT(failure.front(), HasSubstr("grip"));
   EXPECT_EQ(find(judge(all), "condition")->verdict, Verdict::kFailed);
 }
 

@@ -1,5 +1,3 @@
-#include "tests/support/falcon_emulator/delta_solver.h"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
@@ -7,6 +5,7 @@
 #include <random>
 
 #include "client/device/falcon/falcon_geometry.h"
+#include "tests/support/falcon_emulator/delta_solver.h"
 
 namespace needlelab::test {
 namespace {

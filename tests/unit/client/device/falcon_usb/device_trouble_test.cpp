@@ -331,7 +331,7 @@ TEST_F(FalconOnUsb, unpluggedAndPluggedAgainManyTimesItLeaksNothing) {
     falcon_.setLineTrouble({});
     falcon_.plug();
     ASSERT_TRUE(waitForFresh(20s)) << "round " << round << ": " << device_->status();
-    // what a first round takes once is no leak
+    // memory that only the first round takes is not a leak
     if (round == 4) {
       files = openFiles();
       memory_KiB = residentKiB();

@@ -14,7 +14,7 @@
 
 namespace needlelab::test {
 
-/// A gate whose tip rests: whatever force is asked for comes out after the start ramp, as fast as the slew
+/// A gate with a tip at rest: the requested force comes out after the start ramp, as fast as the slew
 /// limit allows.
 class Pusher {
  public:

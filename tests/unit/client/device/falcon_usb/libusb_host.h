@@ -49,13 +49,13 @@ class LibusbHost {
   libusb_device_handle* handle_ = nullptr;
 };
 
-/// The firmware's packet, written down anew from FACTS.
+/// The firmware's packet, written independently from FACTS.
 Bytes packetOf(const std::array<int, 3>& values, unsigned bits);
 struct Answer {
   std::array<int, 3> values{};
   unsigned bits = 0;
 };
-/// Nothing when it is no packet.
+/// Nothing when it is not a packet.
 std::optional<Answer> answerOf(const Bytes& packet);
 
 }  // namespace needlelab::test

@@ -1,12 +1,11 @@
 // Finding the vendor's library, and the address.
-#include "client/device/virtuose/virtuose_api.h"
-
 #include <gmock/gmock.h>
 
 #include <cstdlib>
 
+#include "client/device/virtuose/virtuose_api.h"
 #include "client/device/virtuose/virtuose_device.h"
-#include "client/device/virtuose/virtuose_probe.h"
+#include "client/device/virtuose/virtuose_link.h"
 #include "tests/support/virtuose_standin/control.h"
 
 namespace needlelab::test {

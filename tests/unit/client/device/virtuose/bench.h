@@ -9,7 +9,7 @@
 
 #include "client/device/haptic_chain.h"
 #include "client/device/virtuose/virtuose_device.h"
-#include "client/device/virtuose/virtuose_words.h"
+#include "client/device/virtuose/virtuose_errors.h"
 #include "common/haptics/device_condition.h"
 #include "tests/support/virtuose_standin/control.h"
 

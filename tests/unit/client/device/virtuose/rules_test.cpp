@@ -121,7 +121,7 @@ TEST_F(VirtuoseRules, timeOut_aSilentLinkIsError6) {
   EXPECT_NE(api_.virtGetPosition(context, pose), 0);
   EXPECT_EQ(api_.virtGetErrorCode(context), 6);
   standin_.advance(0.11);
-  EXPECT_EQ(api_.virtGetPosition(context, pose), 0);  // a short one is got over by whoever asks again
+  EXPECT_EQ(api_.virtGetPosition(context, pose), 0);  // after a short pause the next call succeeds
   closeVirtuose(api_, context);
 }
 

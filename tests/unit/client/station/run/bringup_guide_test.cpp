@@ -37,7 +37,7 @@ TEST(BringupGuide, everyFaultStandsInItsTableInTheProgramsWords) {
 TEST(BringupGuide, everyConditionOfADeviceStandsInItsTable) {
   const std::string text = guide();
   std::uint32_t seen = 0;
-  for (const ConditionWords& words : conditionWords()) {
+  for (const ConditionText& words : conditionTexts()) {
     EXPECT_THAT(text, HasSubstr("\n| " + std::string(words.found) + " | "));
     seen |= words.flag;
   }

@@ -4,13 +4,13 @@
 
 #include <cmath>
 
-#include "client/device/pivot_device.h"
+#include "client/device/simulated_device.h"
 #include "client/device/virtuose/virtuose_device.h"
 #include "client/station/run/calibrate.h"
 #include "client/station/run/self_test.h"
 #include "common/base/text.h"
 #include "tests/support/virtuose_standin/control.h"
-#include "tests/unit/client/station/run/no_signals.h"
+#include "tests/unit/client/station/run/fake_loop.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,20 +1,16 @@
-#include "client/station/run/calibrate.h"
-
 #include <gmock/gmock.h>
 
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "client/device/pivot_device.h"
 #include "client/device/pose_option.h"
-#include "client/station/run/modes.h"
-#include "client/station/run/tool_file.h"
+#include "client/device/simulated_device.h"
+#include "client/station/run/calibrate.h"
 #include "common/base/csv.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/station/run/fake_loop.h"
-#include "tests/unit/client/station/run/no_signals.h"
 
 namespace needlelab {
 namespace {

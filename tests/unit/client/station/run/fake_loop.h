@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <csignal>
 #include <functional>
 #include <limits>
 #include <map>
@@ -10,7 +11,18 @@
 
 #include "client/device/device.h"
 #include "client/net/spool_writer.h"
-#include "client/station/run/rt_thread.h"
+#include "client/station/run/real_time.h"
+
+namespace needlelab {
+
+/// For loops that a test does not stop by a signal: the empty set.
+inline sigset_t noSignals() {
+  sigset_t none;
+  sigemptyset(&none);
+  return none;
+}
+
+}  // namespace needlelab
 
 namespace needlelab::test {
 

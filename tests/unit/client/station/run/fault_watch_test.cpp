@@ -1,7 +1,6 @@
-#include "client/station/run/fault_watch.h"
-
 #include <gmock/gmock.h>
 
+#include "client/station/run/fault_watch.h"
 #include "common/haptics/device_condition.h"
 
 namespace needlelab {
@@ -19,7 +18,7 @@ struct Watched {
   WatchedState state;
   std::vector<std::string> look() {
     state.now_s += 0.05;
-    auto said = watch.look(state);
+    auto said = watch.update(state);
     state.acknowledge_pressed = false;
     return said;
   }
@@ -29,7 +28,7 @@ struct Watched {
     state.cause_lasts = true;
     state.acknowledged = false;
     state.condition = condition;
-    state.device_words = std::move(words);
+    state.device_status = std::move(words);
     return look();
   }
 };
@@ -42,25 +41,25 @@ TEST(FaultWatch, whileAllIsWellNothingIsSaid) {
 TEST(FaultWatch, whatWasPressedBeforeTheFaultWasSaidDoesNotCount) {
   Watched w;
   w.state.acknowledge_pressed = true;
-  EXPECT_FALSE(w.watch.counts(w.state)) << "there is none";
+  EXPECT_FALSE(w.watch.isAcknowledgement(w.state)) << "there is none";
   w.look();
 
   // raised since the last look, in which time Enter was pressed for another reason
   w.state.fault = Fault::kTipTooFast;
   w.state.faults = 1;
   w.state.acknowledge_pressed = true;
-  EXPECT_FALSE(w.watch.counts(w.state));
+  EXPECT_FALSE(w.watch.isAcknowledgement(w.state));
   EXPECT_EQ(w.look().size(), 1u) << "now it is said";
-  EXPECT_FALSE(w.watch.counts(w.state)) << "nothing was pressed since";
+  EXPECT_FALSE(w.watch.isAcknowledgement(w.state)) << "nothing was pressed since";
   w.state.acknowledge_pressed = true;
-  EXPECT_TRUE(w.watch.counts(w.state));
+  EXPECT_TRUE(w.watch.isAcknowledgement(w.state));
   w.look();
 
   // over, and another one at once: that one has not been said
   w.state.fault = Fault::kDeviceLost;
   w.state.faults = 2;
   w.state.acknowledge_pressed = true;
-  EXPECT_FALSE(w.watch.counts(w.state));
+  EXPECT_FALSE(w.watch.isAcknowledgement(w.state));
 }
 
 TEST(FaultWatch, aFaultIsSaidOnceWithReasonTheDevicesWordsAndWhatToDo) {
@@ -105,7 +104,7 @@ TEST(FaultWatch, notYetNamesWhatStandsInTheWayNow) {
   Watched w;
   w.raise(Fault::kDeviceTooFast);
   w.state.condition = kDeviceLost;
-  w.state.device_words = "the cable is out";
+  w.state.device_status = "the cable is out";
   w.look();
   w.state.acknowledge_pressed = true;
   EXPECT_THAT(w.look(), ElementsAre(AllOf(HasSubstr("unplugged"), HasSubstr("the cable is out"))));
@@ -116,7 +115,7 @@ TEST(FaultWatch, whereTheLessonEndsNobodyIsAskedForAnything) {
   WatchedState state;
   state.fault = Fault::kDeviceSilent;
   state.faults = 1;
-  EXPECT_THAT(watch.look(state), ElementsAre(AllOf(HasSubstr("The lesson ends"), Not(HasSubstr("Enter")))));
+  EXPECT_THAT(watch.update(state), ElementsAre(AllOf(HasSubstr("The lesson ends"), Not(HasSubstr("Enter")))));
 }
 
 TEST(FaultWatch, aCrashOfTheProgramCannotBeAcknowledged) {
@@ -164,7 +163,7 @@ TEST(FaultWatch, eachKindOfHoldHasItsOwnWordsAndForceIsPromisedOnlyWhenAllAreOve
 TEST(FaultWatch, theDevicesOwnWordsReplaceOurs) {
   Watched w;
   w.state.condition = kDeviceReleased;
-  w.state.device_words = "the dead-man sensor is not covered";
+  w.state.device_status = "the dead-man sensor is not covered";
   EXPECT_THAT(w.look(), ElementsAre("the dead-man sensor is not covered: no force"));
   EXPECT_THAT(w.look(), IsEmpty()) << "and are not said twice";
 }
@@ -181,7 +180,7 @@ TEST(FaultWatch, whileTheEmergencyStopIsInNobodyIsToldToSwitchTheMotorsOn) {
 TEST(FaultWatch, twoHoldsThatTheDevicePutsInTheSameWordsAreSaidOnce) {
   Watched w;
   w.state.condition = kDeviceReleased;
-  w.state.device_words = "nobody holds the handle (take it)";
+  w.state.device_status = "nobody holds the handle (take it)";
   EXPECT_THAT(w.look(), ElementsAre("nobody holds the handle (take it): no force"));
   w.state.condition = kDeviceReleased | kDevicePowerOff;
   EXPECT_THAT(w.look(), IsEmpty());
@@ -192,7 +191,7 @@ TEST(FaultWatch, aDeviceThatCountsItsAttemptsIsNotRepeated) {
   w.raise(Fault::kDeviceLost, kDeviceLost, "looked for again; try 1");
   int lines = 0;
   for (int k = 2; k < 200; ++k) {
-    w.state.device_words = "looked for again; try " + std::to_string(k);
+    w.state.device_status = "looked for again; try " + std::to_string(k);
     lines += static_cast<int>(w.look().size());
   }
   EXPECT_LE(lines, 2) << "in 10 s";

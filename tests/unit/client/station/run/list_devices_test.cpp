@@ -1,11 +1,10 @@
-#include "client/station/run/list_devices.h"
-
 #include <gmock/gmock.h>
 
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <thread>
 
+#include "client/station/run/list_devices.h"
 #include "client/station/run/report_output.h"
 
 namespace needlelab {

@@ -1,12 +1,10 @@
-#include "client/station/run/live_line.h"
-
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <pty.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-#include "client/station/run/live_view.h"
+#include "client/station/run/live_line.h"
 #include "common/haptics/device_condition.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/sim_state.h"
@@ -92,7 +90,7 @@ TEST(LiveLine, elsewhereThanOnATerminalALineEveryTenSeconds) {
   line.show(example(), now);
   EXPECT_FALSE(line.due(now + 9'900'000'000));
   EXPECT_TRUE(line.due(now + 10'000'000'000));
-  line.say("a message");
+  line.printMessage("a message");
   line.end();
   EXPECT_EQ(readAll(ends[0]), liveText(example()) + "\na message\n");
   ::close(ends[0]);
@@ -113,11 +111,11 @@ TEST(LiveLine, onATerminalItIsRewrittenInPlaceAndMessagesStandAboveIt) {
   EXPECT_EQ(readAll(screen), "\r\x1b[K" + shown);
   EXPECT_FALSE(line.due(now + 900'000'000));
   EXPECT_TRUE(line.due(now + 1'000'000'000));
-  line.say("a message");
+  line.printMessage("a message");
   EXPECT_EQ(readAll(screen), "\r\x1b[Ka message\r\n" + shown);
   line.end();
   EXPECT_EQ(readAll(screen), "\r\n");
-  line.say("later");
+  line.printMessage("later");
   EXPECT_EQ(readAll(screen), "later\r\n");
   ::close(screen);
   ::close(terminal);

@@ -1,4 +1,4 @@
-// What the haptic thread promises (DESIGN §1: no heap, no lock, no exception, no system call but the clock's
+// What the haptic thread promises (ARCHITECTURE.md: no heap, no lock, no exception, no system call but the clock's
 // and the device's), shown over a whole life of the loop: force, missed ticks, FAULT, black box,
 // acknowledgement.
 #include <sys/syscall.h>
@@ -13,7 +13,7 @@
 #include <thread>
 
 #include "client/device/factory/device_factory.h"
-#include "client/station/run/black_box_writer.h"
+#include "client/station/run/black_box.h"
 #include "common/haptics/device_condition.h"
 #include "tests/support/no_alloc.h"
 #include "tests/support/no_lock.h"

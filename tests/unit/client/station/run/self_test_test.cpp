@@ -1,5 +1,3 @@
-#include "client/station/run/self_test.h"
-
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -10,13 +8,11 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "client/station/run/modes.h"
-#include "client/station/run/sample_profiles.h"
+#include "client/station/run/self_test.h"
 #include "common/base/program.h"
 #include "common/haptics/device_condition.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/station/run/fake_loop.h"
-#include "tests/unit/client/station/run/no_signals.h"
 
 namespace needlelab {
 namespace {
@@ -208,10 +204,10 @@ TEST(SelfTest, tableAndRowsSayTheSame) {
 
 // --- measuring ---
 
-std::vector<QuietSample> still(double noise_m, Vec3 drift_mps, std::uint64_t seed) {
+std::vector<ZeroForceSample> still(double noise_m, Vec3 drift_mps, std::uint64_t seed) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal(0, 1);
-  std::vector<QuietSample> samples;
+  std::vector<ZeroForceSample> samples;
   for (int i = 0; i < 5000; ++i) {
     const double t_s = i * 1e-3;
     const Vec3 noise = Vec3{normal(random), normal(random), normal(random)} * noise_m;

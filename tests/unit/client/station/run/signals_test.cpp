@@ -1,16 +1,334 @@
-// What would end or stop the program on the spot, with the device's last force: each in a child process.
-#include "client/station/run/signals.h"
-
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cstdlib>
+#include <memory>
+#include <new>
+#include <stdexcept>
 #include <thread>
 
-namespace needlelab {
+#include "client/device/crash_packet.h"
+#include "client/station/run/signals.h"
+#include "tests/support/sanitized.h"
+#include "tests/support/scenes.h"
+#include "tests/unit/client/station/run/fake_loop.h"
+
+namespace needlelab::test {
 namespace {
 
 using namespace std::chrono_literals;
+
+// A crash of another part of the program, for real: a child process with a loop, a device in shared memory,
+// and a "view" that dies.
+
+constexpr double kGuardRate_hz = 1000;
+
+// what the parent sees of the child
+struct Seen {
+  static constexpr std::size_t kMost = 60'000;
+  std::atomic<std::size_t> writes{0};
+  std::atomic<std::size_t> crashed_at{0};  // writes so far
+  std::atomic<bool> outlived{false};
+  double force_N[kMost] = {};
+  std::uint64_t tick[kMost] = {};  // missed ones are counted
+};
+
+struct SharedSeen {
+  SharedSeen() {
+    void* memory = ::mmap(nullptr, sizeof(Seen), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    seen = memory == MAP_FAILED ? nullptr : new (memory) Seen;
+  }
+  ~SharedSeen() { ::munmap(seen, sizeof(Seen)); }
+  Seen* seen;
+};
+
+// slides in at 10 mm/s: 1 N from 2 mm on
+class ChildDevice final : public Device {
+ public:
+  explicit ChildDevice(Seen& seen) : seen_(seen) {}
+  [[nodiscard]] const DeviceInfo& info() const override { return info_; }
+  Status open(double) override { return {}; }
+  DeviceRead read(DeviceReading& reading) noexcept override {
+    reading.X_WH = {{0, 0, 1e-3 - 1e-5 * static_cast<double>(++tick_)}, {1, 0, 0, 0}};
+    return DeviceRead::kFresh;
+  }
+  void write(const GuardedWrench& wrench) noexcept override {
+    const std::size_t n = seen_.writes.load();
+    if (n >= Seen::kMost) return;
+    seen_.force_N[n] = wrench.wrench().force_N.z;
+    seen_.tick[n] = tick_;
+    seen_.writes.store(n + 1);
+  }
+  void skip(std::uint64_t ticks) noexcept override { tick_ += ticks; }
+  void close() noexcept override {}
+
+ private:
+  DeviceInfo info_{"child", {}, true, true, true};
+  Seen& seen_;
+  std::uint64_t tick_ = 0;
+};
+
+// on a page that nobody may touch
+void segfault() {
+  auto* page =
+      static_cast<volatile int*>(::mmap(nullptr, 4096, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
+  *page = 1;
+}
+
+// a recursion that no optimiser turns into a loop
+int deeper(volatile int* depth) {
+  volatile char frame[4096];
+  frame[0] = static_cast<char>(*depth);
+  *depth = *depth + 1;
+  if (*depth < 0) return 0;  // never: the stack ends long before
+  return deeper(depth) + frame[0];
+}
+
+// the child's whole life: the loop at 1 kHz, and `die` on another thread once there is force
+[[noreturn]] void live(Seen& seen, const std::function<void()>& die, bool on_main_thread) {
+  const rlimit none{0, 0};
+  ::setrlimit(RLIMIT_CORE, &none);
+  // what the dying say belongs into no test's log
+  if (::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(99);
+  SceneSpec spec = paperOneDof();
+  spec.effects = bitOf(Effect::kCutting);
+  const SceneModel model = *compile(spec, kGuardRate_hz);
+  ChildDevice device(seen);
+  SteadyLoopClock clock;
+  auto ring = std::make_unique<SampleRing>();
+  ServoLoop loop(model, device, clock, *ring, ServoSettings{kGuardRate_hz, {}, 20'000});
+  const CrashGuard guard(loop);
+  std::thread haptic([&] {
+    CrashGuard::setHapticThread();
+    loop.run();
+  });
+  const auto view = [&] {
+    // after the machine stood still the force fades in again: wait for it
+    std::size_t writes = 0;
+    for (; writes < 450 || seen.force_N[writes - 1] < 0.95; writes = seen.writes.load())
+      std::this_thread::sleep_for(1ms);
+    seen.crashed_at.store(writes);
+    die();
+    seen.outlived.store(true);
+  };
+  if (on_main_thread) {
+    view();
+  } else {
+    std::thread(view).join();
+  }
+  haptic.join();
+  ::_exit(0);
+}
+
+// how the child ended
+int runChild(Seen& seen, const std::function<void()>& die, bool on_main_thread = false) {
+  const pid_t child = ::fork();
+  if (child == 0) live(seen, die, on_main_thread);
+  int status = 0;
+  EXPECT_EQ(::waitpid(child, &status, 0), child);
+  return status;
+}
+
+void expectRampToZero(const Seen& seen) {
+  const std::size_t crash = seen.crashed_at.load(), last = seen.writes.load();
+  ASSERT_GE(crash, 450u);
+  ASSERT_GT(seen.force_N[crash - 1], 0.9) << "there was a force to take away";
+  // the loop hears of it a tick or two later
+  std::size_t begin = crash - 1;
+  while (begin + 1 < last && seen.force_N[begin + 1] > 0.97 * seen.force_N[begin]) ++begin;
+  ASSERT_LT(begin + 1, last) << "the force never fell";
+  const double before_N = seen.force_N[begin];
+  // the first tick of the ramp is the one that follows, whenever a busy machine let it run
+  const std::uint64_t first = seen.tick[begin + 1];
+  for (std::size_t n = begin + 1; n + 1 < last; ++n) {
+    const double gone = std::min(1.0, static_cast<double>(seen.tick[n] - first + 1) / 20);
+    // after missed ticks the ramp goes on where it would be
+    if (seen.tick[begin + 1] == seen.tick[begin] + 1) {
+      EXPECT_NEAR(seen.force_N[n], before_N * (1 - gone), 1e-9) << n - begin;
+    }
+    // after missed ticks it may be there before the loop's last tick
+    EXPECT_TRUE(seen.force_N[n] < seen.force_N[n - 1] || seen.force_N[n] == 0) << n - begin;
+  }
+  EXPECT_EQ(seen.force_N[last - 1], 0);
+  EXPECT_LE(seen.tick[last - 1], first + 22 + 20) << "the loop ends with its ramp, but for missed ticks";
+  EXPECT_FALSE(seen.outlived.load());
+}
+
+TEST(CrashGuard, aViewThatDiesLeavesZeroForceAndTheProgramDiesByThatSignal) {
+  const std::pair<int, std::function<void()>> deaths[] = {
+      {SIGSEGV, segfault},
+      {SIGBUS, [] { ::raise(SIGBUS); }},
+      {SIGFPE, [] { ::raise(SIGFPE); }},
+      {SIGILL, [] { ::raise(SIGILL); }},
+      {SIGABRT, [] { std::abort(); }},
+      {SIGABRT, [] { throw std::runtime_error("nobody catches this"); }},
+  };
+  for (const auto& [signal, die] : deaths) {
+    const SharedSeen shared;
+    const int status = runChild(*shared.seen, die);
+    EXPECT_TRUE(WIFSIGNALED(status)) << status;
+    EXPECT_EQ(WTERMSIG(status), signal);
+    expectRampToZero(*shared.seen);
+  }
+}
+
+TEST(CrashGuard, theThreadThatMadeItMayEvenRunOutOfItsStack) {
+  if (kSanitized) GTEST_SKIP() << "a sanitizer ends this by its own means";
+  const SharedSeen shared;
+  const int status = runChild(
+      *shared.seen,
+      [] {
+        volatile int depth = 0;
+        deeper(&depth);
+      },
+      true);
+  EXPECT_TRUE(WIFSIGNALED(status));
+  EXPECT_EQ(WTERMSIG(status), SIGSEGV);
+  expectRampToZero(*shared.seen);
+}
+
+TEST(CrashGuard, twoCrashesAtOnceAreOne) {
+  const SharedSeen shared;
+  const int status = runChild(*shared.seen, [] {
+    std::thread other(segfault);
+    segfault();
+    other.join();
+  });
+  EXPECT_TRUE(WIFSIGNALED(status));
+  EXPECT_EQ(WTERMSIG(status), SIGSEGV);
+  expectRampToZero(*shared.seen);
+}
+
+TEST(CrashGuard, aCrashOfTheHapticThreadItselfIsNotWaitedFor) {
+  const SharedSeen shared;
+  const auto before = std::chrono::steady_clock::now();
+  const pid_t child = ::fork();
+  if (child == 0) {
+    const rlimit none{0, 0};
+    ::setrlimit(RLIMIT_CORE, &none);
+    if (::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(99);
+    const SceneModel model = *compile(paperOneDof(), kGuardRate_hz);
+    FakeDevice device([](std::uint64_t tick, DeviceReading& reading) {
+      if (tick >= 50) ::raise(SIGSEGV);  // that tick itself may be missed
+      return goingDown(0.01, kGuardRate_hz)(tick, reading);
+    });
+    SteadyLoopClock clock;
+    auto ring = std::make_unique<SampleRing>();
+    ServoLoop loop(model, device, clock, *ring, ServoSettings{kGuardRate_hz, {}, 20'000});
+    const CrashGuard guard(loop);
+    std::thread([&] {
+      CrashGuard::setHapticThread();
+      loop.run();
+    }).join();
+    ::_exit(0);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFSIGNALED(status));
+  EXPECT_EQ(WTERMSIG(status), SIGSEGV);
+  EXPECT_LT(std::chrono::steady_clock::now() - before, 10s) << "and it does not hang";
+}
+
+// where a device's last word goes
+struct WordPipe {
+  WordPipe() { EXPECT_EQ(::pipe2(ends, O_NONBLOCK | O_CLOEXEC), 0); }
+  ~WordPipe() {
+    ::close(ends[0]);
+    ::close(ends[1]);
+  }
+  static bool say(int file) noexcept { return ::write(file, "0", 1) == 1; }
+  [[nodiscard]] std::string said() const {
+    std::array<char, 16> text{};
+    const ssize_t got = ::read(ends[0], text.data(), text.size());
+    return {text.data(), static_cast<std::size_t>(std::max<ssize_t>(0, got))};
+  }
+  int ends[2] = {-1, -1};
+};
+
+TEST(CrashGuard, aDeviceWhoseOwnThreadCrashesIsToldByTheHandler) {
+  const SharedSeen shared;
+  const WordPipe words;
+  const int status = runChild(*shared.seen, [&] {
+    registerCrashPacket(&WordPipe::say, words.ends[1]);
+    segfault();
+  });
+  EXPECT_TRUE(WIFSIGNALED(status));
+  EXPECT_EQ(WTERMSIG(status), SIGSEGV);
+  EXPECT_EQ(words.said(), "0");
+}
+
+TEST(CrashGuard, aDeviceWhoseThreadLivesIsToldByTheLoopFirstAndThenOnceMore) {
+  const SharedSeen shared;
+  const WordPipe words;
+  const int status = runChild(*shared.seen, [&] {
+    std::thread([&] { registerCrashPacket(&WordPipe::say, words.ends[1]); }).join();
+    segfault();
+  });
+  EXPECT_EQ(WTERMSIG(status), SIGSEGV);
+  expectRampToZero(*shared.seen);
+  EXPECT_EQ(words.said(), "0");
+}
+
+TEST(CrashGuard, aDeviceThatWasLetGoIsToldNothing) {
+  const SharedSeen shared;
+  const WordPipe words;
+  const int status = runChild(*shared.seen, [&] {
+    registerCrashPacket(&WordPipe::say, words.ends[1]);
+    unregisterCrashPacket();
+    segfault();
+  });
+  EXPECT_EQ(WTERMSIG(status), SIGSEGV);
+  expectRampToZero(*shared.seen);
+  EXPECT_EQ(words.said(), "");
+}
+
+TEST(CrashGuard, aLoopThatNeverAnswersHoldsNobodyUp) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    const rlimit none{0, 0};
+    ::setrlimit(RLIMIT_CORE, &none);
+    if (::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(99);
+    const SceneModel model = *compile(paperOneDof(), kGuardRate_hz);
+    FakeDevice device(goingDown(0.01, kGuardRate_hz));
+    FakeClock clock;
+    auto ring = std::make_unique<SampleRing>();
+    ServoLoop loop(model, device, clock, *ring, ServoSettings{kGuardRate_hz, {}, 100});
+    const CrashGuard guard(loop);  // and nobody runs it
+    std::abort();
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFSIGNALED(status));
+  EXPECT_EQ(WTERMSIG(status), SIGABRT);
+}
+
+TEST(CrashGuard, afterwardsSignalsAreAsBefore) {
+  struct sigaction before {
+  }, during{}, after{};
+  ::sigaction(SIGSEGV, nullptr, &before);
+  {
+    const SceneModel model = *compile(paperOneDof(), kGuardRate_hz);
+    FakeDevice device(goingDown(0.01, kGuardRate_hz));
+    FakeClock clock;
+    auto ring = std::make_unique<SampleRing>();
+    ServoLoop loop(model, device, clock, *ring, ServoSettings{kGuardRate_hz, {}, 100});
+    const CrashGuard guard(loop);
+    ::sigaction(SIGSEGV, nullptr, &during);
+  }
+  ::sigaction(SIGSEGV, nullptr, &after);
+  EXPECT_NE(during.sa_handler, before.sa_handler);
+  EXPECT_EQ(after.sa_handler, before.sa_handler);
+}
+
+// What would end or stop the program on the spot, with the device's last force: each in a child process.
 
 // a program that gets `signal` from outside: what it was told of it (0: nothing), or -1 when it died, -2 when
 // it stood still
@@ -59,4 +377,4 @@ TEST(Signals, anAcknowledgementIsNoStop) {
 }
 
 }  // namespace
-}  // namespace needlelab
+}  // namespace needlelab::test

@@ -1,6 +1,6 @@
-#include "client/station/run/station_key.h"
-
 #include <gmock/gmock.h>
+
+#include "client/station/run/station_key.h"
 
 namespace needlelab {
 namespace {

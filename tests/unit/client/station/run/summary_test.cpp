@@ -1,10 +1,9 @@
-#include "client/station/run/summary.h"
-
 #include <gmock/gmock.h>
 
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "client/station/run/summary.h"
 #include "common/haptics/engine.h"
 
 namespace needlelab {

@@ -1,11 +1,11 @@
 // What the station's threads and the window tell each other; that the window holds up nobody.
-#include "client/station/window/lesson_board.h"
-
 #include <gtest/gtest.h>
 
 #include <atomic>
 #include <thread>
 #include <utility>
+
+#include "client/station/window/lesson_board.h"
 
 namespace needlelab {
 namespace {
@@ -81,30 +81,30 @@ TEST(LessonBoard, samplesOfTheLessonBeforeAreNotTakenForThisOne) {
 
 TEST(LessonBoard, aWishIsTakenOnceAndTheNewestCounts) {
   LessonBoard board;
-  EXPECT_EQ(board.waitForWish(0ms).kind, BoardWish::Kind::kNothing);
-  board.ask({BoardWish::Kind::kStart, {}});
-  board.ask({BoardWish::Kind::kBegin, {"tom", "knee", false}});
-  EXPECT_TRUE(board.wishWaits());
-  const BoardWish wish = board.waitForWish(0ms);
-  EXPECT_EQ(wish.kind, BoardWish::Kind::kBegin);
-  EXPECT_EQ(wish.choice.trainee, "tom");
-  EXPECT_EQ(board.waitForWish(0ms).kind, BoardWish::Kind::kNothing);
+  EXPECT_EQ(board.waitForRequest(0ms).kind, BoardRequest::Kind::kNothing);
+  board.ask({BoardRequest::Kind::kStart, {}});
+  board.ask({BoardRequest::Kind::kBegin, {"tom", "knee", false}});
+  EXPECT_TRUE(board.requestWaits());
+  const BoardRequest request = board.waitForRequest(0ms);
+  EXPECT_EQ(request.kind, BoardRequest::Kind::kBegin);
+  EXPECT_EQ(request.choice.trainee, "tom");
+  EXPECT_EQ(board.waitForRequest(0ms).kind, BoardRequest::Kind::kNothing);
 }
 
 TEST(LessonBoard, whoQuitsIsNotOutshouted) {
   LessonBoard board;
-  board.ask({BoardWish::Kind::kQuit, {}});
-  board.ask({BoardWish::Kind::kBegin, {"tom", "knee", false}});
-  EXPECT_EQ(board.waitForWish(0ms).kind, BoardWish::Kind::kQuit);
-  EXPECT_EQ(board.waitForWish(0ms).kind, BoardWish::Kind::kQuit);
+  board.ask({BoardRequest::Kind::kQuit, {}});
+  board.ask({BoardRequest::Kind::kBegin, {"tom", "knee", false}});
+  EXPECT_EQ(board.waitForRequest(0ms).kind, BoardRequest::Kind::kQuit);
+  EXPECT_EQ(board.waitForRequest(0ms).kind, BoardRequest::Kind::kQuit);
 }
 
 TEST(LessonBoard, instructorsWordsCarryWhoAndWhenAndNothingThatCommandsATerminal) {
   LessonBoard board;
   board.began(someLesson());
-  LessonStanding standing;
-  standing.time_s = 12.5;
-  board.stands(standing);
+  LessonStatus status;
+  status.time_s = 12.5;
+  board.status(status);
   board.message("ines", "slower\x1b[2J");
   board.nextExercise("ines", "knee-recess");
   BoardState state;
@@ -173,8 +173,8 @@ TEST(LessonBoard, manyThreadsAtOnce) {
   });
   std::thread station([&] {
     while (!stop) {
-      board.stands({});
-      static_cast<void>(board.waitForWish(0ms));
+      board.status({});
+      static_cast<void>(board.waitForRequest(0ms));
     }
   });
   std::uint64_t seen = 0, got = 0, dropped = 0;
@@ -185,7 +185,7 @@ TEST(LessonBoard, manyThreadsAtOnce) {
     dropped += board.takeSamples(1, samples);
     got += samples.size();
     board.look(state, seen);
-    board.ask({BoardWish::Kind::kLook, {}});
+    board.ask({BoardRequest::Kind::kLook, {}});
   };
   while (!stop) take();
   writer.join();

@@ -1,11 +1,10 @@
 // The window's picture of a lesson is the engine's own.
-#include "client/station/window/lesson_follow.h"
-
 #include <gtest/gtest.h>
 
 #include "client/station/run/options.h"
-#include "client/station/window/depth_plot.h"
-#include "client/station/window/layer_ladder.h"
+#include "client/station/window/end_screen.h"
+#include "client/station/window/lesson_follow.h"
+#include "client/station/window/lesson_panel.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {

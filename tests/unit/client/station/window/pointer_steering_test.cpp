@@ -1,11 +1,10 @@
 // Mouse and keys to wishes, by numbers.
-#include "client/station/window/pointer_steering.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "client/device/hand_plan.h"
+#include "client/station/window/pointer_steering.h"
 
 namespace needlelab {
 namespace {
@@ -14,7 +13,7 @@ constexpr Vec3 kTip{0.01, 0.02, 0.03};
 // a person at +x who looks down a little: y to the right
 const SteerView kFromX{{0, 1, 0}, normalized(Vec3{-0.3, 0, 1})};
 
-SteeringWish upright() {
+SteeringTarget upright() {
   return {{kTip, orientationAlong({0, 0, -1})}, 0.1};
 }
 
@@ -36,7 +35,7 @@ TEST(PointerSteering, withoutAHandOnItNothingMoves) {
   SteerInput input;
   input.dt_s = 0.1;
   expectNear(s.moved(input), {});
-  EXPECT_EQ(s.steering.wish().plunger, 0.1);
+  EXPECT_EQ(s.steering.target().plunger, 0.1);
 }
 
 TEST(PointerSteering, keysAndWheelAdvanceAlongTheNeedle) {
@@ -86,12 +85,12 @@ TEST(PointerSteering, tiltTakesTheSyringeToThatSideAboutTheTip) {
   Steered s;
   SteerInput input;
   input.tilt_right_px = 100;
-  const SteeringWish& wish = s.steering.update(input, kFromX, kTip);
+  const SteeringTarget& target = s.steering.update(input, kFromX, kTip);
   const double angle = 100 * PointerSteering::kTilt_rad_per_px;
-  expectNear(wish.X_WT.p, kTip);
+  expectNear(target.X_WT.p, kTip);
   // the hub is at −axis: to the right is +y
-  expectNear(-zAxis(wish.X_WT.q), {0, std::sin(angle), std::cos(angle)});
-  EXPECT_NEAR(dot(wish.X_WT.q, wish.X_WT.q), 1, 1e-12);
+  expectNear(-zAxis(target.X_WT.q), {0, std::sin(angle), std::cos(angle)});
+  EXPECT_NEAR(dot(target.X_WT.q, target.X_WT.q), 1, 1e-12);
 }
 
 TEST(PointerSteering, thePlungerGoesWhileItIsHeldAndStaysWithinItsWay) {
@@ -100,11 +99,11 @@ TEST(PointerSteering, thePlungerGoesWhileItIsHeldAndStaysWithinItsWay) {
   input.dt_s = 0.1;
   input.press = true;
   s.moved(input);
-  EXPECT_NEAR(s.steering.wish().plunger, 0.1 + 0.1 * PointerSteering::kPress_per_s, 1e-12);
+  EXPECT_NEAR(s.steering.target().plunger, 0.1 + 0.1 * PointerSteering::kPress_per_s, 1e-12);
   input.press = false;
   input.draw = true;
   for (int i = 0; i < 20; ++i) s.moved(input);
-  EXPECT_EQ(s.steering.wish().plunger, 0);
+  EXPECT_EQ(s.steering.target().plunger, 0);
 }
 
 TEST(PointerSteering, fineIsAQuarterOfEverything) {

@@ -59,16 +59,16 @@ TEST_F(TraineeScreens, startBeginsByEnterOrButton) {
   showStart();
   picture();
   press(screen(), GLFW_KEY_ENTER);
-  BoardWish wish = board_.waitForWish(0ms);
-  ASSERT_EQ(wish.kind, BoardWish::Kind::kBegin);
-  EXPECT_EQ(wish.choice, (LessonChoice{"tom", "shoulder-bursa", false}));
+  BoardRequest request = board_.waitForRequest(0ms);
+  ASSERT_EQ(request.kind, BoardRequest::Kind::kBegin);
+  EXPECT_EQ(request.choice, (LessonChoice{"tom", "shoulder-bursa", false}));
   // another trainee and exercise by keys
   press(screen(), GLFW_KEY_RIGHT);
   press(screen(), GLFW_KEY_UP);
   press(screen(), GLFW_KEY_ENTER);
-  wish = board_.waitForWish(0ms);
-  EXPECT_EQ(wish.choice.trainee, "zoe");
-  EXPECT_EQ(wish.choice.exercise, "knee-recess") << "nothing is assigned to zoe: by name";
+  request = board_.waitForRequest(0ms);
+  EXPECT_EQ(request.choice.trainee, "zoe");
+  EXPECT_EQ(request.choice.exercise, "knee-recess") << "nothing is assigned to zoe: by name";
 }
 
 TEST_F(TraineeScreens, startWithTheServerAwayAndALessonThatDidNotBegin) {
@@ -76,10 +76,10 @@ TEST_F(TraineeScreens, startWithTheServerAwayAndALessonThatDidNotBegin) {
   board_.change([](BoardState& state) {
     state.server = "server away, 3 chunks wait";
     state.server_away = true;
-    state.offers.exercises[1].cached_revision.reset();
+    state.lists.exercises[1].cached_revision.reset();
     state.trouble = "exercise knee-recess was never fetched from a server";
     state.device = {"Virtuose 6D Desktop", "no library: install the vendor's package", false, true};
-    state.next = NextOffer{"ines", "knee-recess"};
+    state.next = SuggestedExercise{"ines", "knee-recess"};
   });
   EXPECT_TRUE(looksLike(picture(), referenceOf("start_trouble")));
 }
@@ -139,7 +139,7 @@ TEST_F(TraineeScreens, everyAidShowsSomethingAndCanBeTakenAway) {
 TEST_F(TraineeScreens, aFaultIsSaidOverThePictureAndEnterAcknowledges) {
   showLesson(2.4);
   standing_.fault = Fault::kTipTooFast;
-  board_.stands(standing_);
+  board_.status(standing_);
   EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_fault")));
   EXPECT_FALSE(requests_.takeAcknowledgement());
   press(screen(), GLFW_KEY_ENTER);
@@ -161,11 +161,11 @@ TEST_F(TraineeScreens, whatInstructorsSayAndWant) {
     state.messages = {{"ines", "Aspirate before you inject.", noon_ns, 1},
                       {"ines", "Good. A little slower near the bursa, and keep the needle upright.",
                        noon_ns + 8'000'000'000, 2}};
-    state.next = NextOffer{"ines", "shoulder-bursa-frail"};
+    state.next = SuggestedExercise{"ines", "shoulder-bursa-frail"};
   });
   standing_.hold = "nobody holds the handle";
   standing_.condition = kDeviceReleased;
-  board_.stands(standing_);
+  board_.status(standing_);
   EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_messages")));
 }
 
@@ -188,9 +188,9 @@ TEST_F(TraineeScreens, escapeAsksAndEnterEnds) {
 TEST_F(TraineeScreens, mouseAndKeysBecomeWishesOfTheHand) {
   showLesson(0, usualAids(), true);
   picture();
-  SteeringWish wish;
-  ASSERT_TRUE(steering_->fetch(wish));
-  EXPECT_EQ(wish.X_WT.p, (Vec3{0, 0, 0.03}));
+  SteeringTarget request;
+  ASSERT_TRUE(steering_->fetch(request));
+  EXPECT_EQ(request.X_WT.p, (Vec3{0, 0, 0.03}));
   // from above, right is W's y
   press(screen(), GLFW_KEY_3);
   surface_->moveMouse(400, 400);
@@ -201,41 +201,41 @@ TEST_F(TraineeScreens, mouseAndKeysBecomeWishesOfTheHand) {
   picture(2);
   surface_->setMouseButton(0, false);
   picture(2);
-  ASSERT_TRUE(steering_->fetch(wish));
-  EXPECT_NEAR(wish.X_WT.p.y, -50 * PointerSteering::kAcross_m_per_px, 1e-9);
-  EXPECT_NEAR(wish.X_WT.p.z, 0.03, 1e-9);
+  ASSERT_TRUE(steering_->fetch(request));
+  EXPECT_NEAR(request.X_WT.p.y, -50 * PointerSteering::kAcross_m_per_px, 1e-9);
+  EXPECT_NEAR(request.X_WT.p.z, 0.03, 1e-9);
   surface_->scroll(3);
   picture(2);
-  ASSERT_TRUE(steering_->fetch(wish));
-  EXPECT_NEAR(wish.X_WT.p.z, 0.03 - 3 * PointerSteering::kWheel_m, 1e-9);
+  ASSERT_TRUE(steering_->fetch(request));
+  EXPECT_NEAR(request.X_WT.p.z, 0.03 - 3 * PointerSteering::kWheel_m, 1e-9);
   // W for ten frames of 1/30 s
   surface_->setKey(GLFW_KEY_W, true);
   picture(10);
   surface_->setKey(GLFW_KEY_W, false);
   picture(2);
-  ASSERT_TRUE(steering_->fetch(wish));
-  EXPECT_NEAR(wish.X_WT.p.z, 0.027 - PointerSteering::kAdvance_mps * 10 / 30,
+  ASSERT_TRUE(steering_->fetch(request));
+  EXPECT_NEAR(request.X_WT.p.z, 0.027 - PointerSteering::kAdvance_mps * 10 / 30,
               PointerSteering::kAdvance_mps / 30);
   // the side panel is not the picture
-  const Vec3 before = wish.X_WT.p;
+  const Vec3 before = request.X_WT.p;
   surface_->moveMouse(1100, 400);
   picture(2);
   surface_->scroll(5);
   picture(2);
-  ASSERT_TRUE(steering_->fetch(wish));
-  EXPECT_EQ(wish.X_WT.p, before);
+  ASSERT_TRUE(steering_->fetch(request));
+  EXPECT_EQ(request.X_WT.p, before);
 }
 
 TEST_F(TraineeScreens, endOfALessonThatWasNotPassed) {
   showEnd(false);
   EXPECT_TRUE(looksLike(picture(), referenceOf("end_not_yet")));
   press(screen(), GLFW_KEY_ENTER);
-  EXPECT_FALSE(board_.wishWaits()) << "that was meant for the lesson";
+  EXPECT_FALSE(board_.requestWaits()) << "that was meant for the lesson";
   picture(30);
   press(screen(), GLFW_KEY_ENTER);
-  const BoardWish wish = board_.waitForWish(0ms);
-  EXPECT_EQ(wish.kind, BoardWish::Kind::kBegin);
-  EXPECT_EQ(wish.choice.exercise, "shoulder-bursa") << "the next try";
+  const BoardRequest request = board_.waitForRequest(0ms);
+  EXPECT_EQ(request.kind, BoardRequest::Kind::kBegin);
+  EXPECT_EQ(request.choice.exercise, "shoulder-bursa") << "the next try";
 }
 
 TEST_F(TraineeScreens, endOfALessonThatWasPassedOffersWhatTheInstructorWants) {
@@ -243,13 +243,13 @@ TEST_F(TraineeScreens, endOfALessonThatWasPassedOffersWhatTheInstructorWants) {
   board_.nextExercise("ines", "knee-recess");
   EXPECT_TRUE(looksLike(picture(30), referenceOf("end_passed")));
   press(screen(), GLFW_KEY_ENTER);
-  BoardWish wish = board_.waitForWish(0ms);
-  EXPECT_EQ(wish.kind, BoardWish::Kind::kBegin);
-  EXPECT_EQ(wish.choice.exercise, "knee-recess");
-  EXPECT_EQ(wish.choice.trainee, "tom");
+  BoardRequest request = board_.waitForRequest(0ms);
+  EXPECT_EQ(request.kind, BoardRequest::Kind::kBegin);
+  EXPECT_EQ(request.choice.exercise, "knee-recess");
+  EXPECT_EQ(request.choice.trainee, "tom");
   press(screen(), GLFW_KEY_O);
-  wish = board_.waitForWish(0ms);
-  EXPECT_EQ(wish.kind, BoardWish::Kind::kStart);
+  request = board_.waitForRequest(0ms);
+  EXPECT_EQ(request.kind, BoardRequest::Kind::kStart);
 }
 
 TEST_F(TraineeScreens, aStationThatCannotWorkSaysWhy) {

@@ -49,8 +49,8 @@ class TraineeStage : public ViewStage {
       state.stage = Stage::kStart;
       state.server = "server";
       state.device = {"simulated Virtuose 6D Desktop", "you move it with mouse and keys", true, true};
-      state.offers.trainees = {"mia", "tom", "zoe"};
-      state.offers.assigned = {{"tom", "shoulder-bursa"}};
+      state.lists.trainees = {"mia", "tom", "zoe"};
+      state.lists.assigned = {{"tom", "shoulder-bursa"}};
       const char* names[][2] = {{"ball-free-practice", "Training ball: free practice"},
                                 {"knee-recess", "Knee: suprapatellar recess"},
                                 {"shoulder-bursa", "Shoulder: subacromial bursa"}};
@@ -59,8 +59,8 @@ class TraineeStage : public ViewStage {
         exercise.exercise_id = id;
         exercise.name = name;
         exercise.cached_revision = 1;
-        state.offers.exercises.push_back(exercise);
-        state.offers.descriptions.push_back(
+        state.lists.exercises.push_back(exercise);
+        state.lists.descriptions.push_back(
             {id, name, "", "A thin target between muscle and tendon: stop when the resistance drops."});
       }
       state.choice = {"tom", "shoulder-bursa", false};
@@ -103,14 +103,14 @@ class TraineeStage : public ViewStage {
     standing_.server = "server";
     standing_.wakeup = {20'000, 30'000, 45'000, 60'000};
     standing_.waits = true;
-    board_.stands(standing_);
+    board_.status(standing_);
   }
 
   LessonBoard board_;
   LessonRequests requests_;
   std::unique_ptr<TraineeWindow> window_;
   SampleLesson sample_;
-  LessonStanding standing_;
+  LessonStatus standing_;
   std::shared_ptr<HandSteering> steering_;
 };
 

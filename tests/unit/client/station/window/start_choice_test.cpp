@@ -1,6 +1,6 @@
-#include "client/station/window/start_choice.h"
-
 #include <gmock/gmock.h>
+
+#include "client/station/window/start_choice.h"
 
 namespace needlelab {
 namespace {
@@ -18,10 +18,10 @@ ListedExercise listed(const std::string& id, bool cached = true) {
 BoardState withServer() {
   BoardState state;
   state.server = "server";
-  state.offers.exercises = {listed("a"), listed("b", false), listed("c")};
-  state.offers.descriptions = {{"a", "Exercise a", "p", "Feel it."}};
-  state.offers.trainees = {"tom", "zoe"};
-  state.offers.assigned = {{"zoe", "c"}};
+  state.lists.exercises = {listed("a"), listed("b", false), listed("c")};
+  state.lists.descriptions = {{"a", "Exercise a", "p", "Feel it."}};
+  state.lists.trainees = {"tom", "zoe"};
+  state.lists.assigned = {{"zoe", "c"}};
   return state;
 }
 
@@ -54,7 +54,7 @@ TEST(StartChoice, thePersonsChoiceSurvivesNewListsAndGivesWayToAProposal) {
   choice.update(state);
   choice.chooseTrainee("tom");
   choice.chooseExercise(2);
-  state.offers.exercises.insert(state.offers.exercises.begin(), listed("0"));
+  state.lists.exercises.insert(state.lists.exercises.begin(), listed("0"));
   choice.update(state);
   ASSERT_TRUE(choice.choice());
   EXPECT_EQ(choice.choice()->exercise, "c");
@@ -92,7 +92,7 @@ TEST(StartChoice, withoutAServerOnlyTheCacheCanBePractised) {
 TEST(StartChoice, aProfileAndAGuestWithoutAServer) {
   StartChoice choice;
   BoardState state;
-  state.offers.profile_file = "/tmp/mine.json";
+  state.lists.profile_file = "/tmp/mine.json";
   state.choice.by_profile = true;
   choice.update(state);
   ASSERT_TRUE(choice.choice());

@@ -1,0 +1,81 @@
+/// The interface by which a window observes lessons. Without a window it does nothing.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "client/device/device.h"
+#include "client/device/hand.h"
+#include "client/device/hand_plan.h"
+#include "client/net/spool_writer.h"
+#include "client/net/uplink.h"
+#include "client/station/run/lesson.h"
+#include "client/station/run/local_score.h"
+#include "client/station/run/summary.h"
+#include "common/base/histogram.h"
+#include "common/haptics/geometry.h"
+
+namespace needlelab {
+
+/// A lesson that begins: everything that stays the same during it.
+struct LessonBeginning {
+  std::string session_id, trainee;
+  StationLesson lesson;
+  Pose X_WL;
+  double rate_hz = 1000;
+  double time_limit_s = 0;  ///< 0: none
+  DeviceInfo device;
+  std::vector<std::string> device_notes;   ///< what it cannot do, and what was done instead
+  std::shared_ptr<HandSteering> steering;  ///< of a hand that waits to be steered; null otherwise
+  HandAim hand_start;                      ///< … where it waits
+};
+
+/// The state of loop and device, 20 times a second.
+struct LessonStatus {
+  double time_s = 0;  ///< since the loop's first tick
+  Fault fault = Fault::kNone;
+  bool cause_lasts = false, acknowledged = false;
+  bool waits = false;           ///< a fault waits for an acknowledgement; else it ends the lesson
+  std::uint32_t condition = 0;  ///< DeviceFlag bits
+  std::string device_status;    ///< Device::status
+  std::string hold;             ///< why there is no force although there is no fault
+  LatencyQuantiles wakeup;
+  std::uint64_t missed_ticks = 0;
+  std::string spool, server;  ///< in few words, as on the live line
+  std::string room;           ///< of the spool; empty unless it is urgent
+};
+
+/// A lesson that is over, as far as known: the server's score may come later.
+struct LessonOutcome {
+  StationSummary summary;
+  Status stored;  ///< whether the recording is safe
+  GestureCurve curve;
+};
+
+/// Called by the station's threads, never by the haptic one; none of them may wait for anything but a short
+/// lock.
+class LessonObserver {
+ public:
+  virtual ~LessonObserver() = default;
+  /// "fetching the exercise", …: a lesson is being prepared. Thread: the lesson's, as for what follows.
+  virtual void preparing(const std::string& what) { static_cast<void>(what); }
+  virtual void began(std::shared_ptr<const LessonBeginning> beginning) { static_cast<void>(beginning); }
+  virtual void status(const LessonStatus& status) { static_cast<void>(status); }
+  /// An instructor changed what is shown.
+  virtual void aids(const ChosenAids& chosen) { static_cast<void>(chosen); }
+  /// The loop has ended; the recording is being stored.
+  virtual void concluding() {}
+  /// Thread: the uplink's.
+  virtual void message(const std::string& from, const std::string& text) {
+    static_cast<void>(from), static_cast<void>(text);
+  }
+  virtual void nextExercise(const std::string& from, const std::string& exercise_id) {
+    static_cast<void>(from), static_cast<void>(exercise_id);
+  }
+  /// About 20 ms of samples. Thread: the spool writer's.
+  virtual void piece(const SamplePiece& piece) { static_cast<void>(piece); }
+};
+
+}  // namespace needlelab

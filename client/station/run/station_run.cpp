@@ -1,0 +1,476 @@
+// A lesson in the order of its life: prepare (lesson, device, session), practise (the loop on its own thread,
+// watched by this one), drain (the server gets what it does not have yet), outcome and report.
+
+#include "client/station/run/station_run.h"
+
+#include <fmt/core.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <future>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "client/device/factory/device_factory.h"
+#include "client/net/lesson_cache.h"
+#include "client/net/uplink.h"
+#include "client/station/run/fault_watch.h"
+#include "client/station/run/lesson.h"
+#include "client/station/run/live_line.h"
+#include "client/station/run/local_score.h"
+#include "client/station/run/real_time.h"
+#include "client/station/run/signals.h"
+#include "client/station/run/terminal.h"
+#include "common/base/clock.h"
+#include "common/base/files.h"
+#include "common/base/program.h"
+#include "common/profile/profile.h"
+#include "common/scoring/lesson_watch.h"
+
+namespace needlelab {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto kPatience = 10s;  // for a lesson from the server
+
+constexpr double kHandDamping_Ns_per_m = 3;  // of an ordinary grip (tests/stability/README.md)
+
+void putPose(google::protobuf::RepeatedField<double>& to, const Pose& pose) {
+  for (const double value : {pose.p.x, pose.p.y, pose.p.z, pose.q.x, pose.q.y, pose.q.z, pose.q.w})
+    to.Add(value);
+}
+
+// "skin", "muscle", …, for the live line
+std::vector<std::string> layerNames(const pb::Profile& profile) {
+  std::vector<std::string> names;
+  for (const pb::Layer& layer : profile.layers()) {
+    names.push_back(pb::Layer::Tissue_Name(layer.tissue()));
+    for (char& c : names.back())
+      if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  }
+  return names;
+}
+
+LessonStatus statusOf(const WatchedState& state, const LiveView& view, bool waits, const std::string& room) {
+  LessonStatus status;
+  status.time_s = view.time_s;
+  status.fault = state.fault;
+  status.cause_lasts = state.cause_lasts;
+  status.acknowledged = state.acknowledged;
+  status.waits = waits;
+  status.condition = state.condition;
+  status.device_status = state.device_status;
+  status.hold = view.hold;
+  status.wakeup = view.wakeup;
+  status.missed_ticks = view.missed_ticks;
+  status.spool = view.spool;
+  status.server = view.server;
+  status.room = room;
+  return status;
+}
+
+}  // namespace
+
+Status StationRun::prepare() {
+  home_.requests().clear();
+  const std::pair<const char*, Status (StationRun::*)()> steps[] = {
+      {"fetching the exercise", &StationRun::getLesson},
+      {"choosing the device", &StationRun::chooseDevice},
+      {"measuring what the scene costs", &StationRun::measureEffects},
+      {"opening the device", &StationRun::openDevice},
+      {"beginning the recording", &StationRun::openSession},
+  };
+  for (const auto& [name, step] : steps) {
+    // a person at the window may call it off; signals are taken where the code waits
+    if (home_.requests().takeStop()) return Error{ErrorCode::kFailed, "it was called off"};
+    home_.observer().preparing(name);
+    RETURN_IF_ERROR((this->*step)());
+  }
+  announce();
+  return {};
+}
+
+// a signal ends the program, a person's request only this lesson
+bool StationRun::isStopped() {
+  if (signalWithin(signals_, 0ms) != 0) interrupted_ = true;
+  if (auto stop = home_.requests().takeStop()) stopped_ = std::move(stop);
+  return interrupted_ || stopped_;
+}
+
+Status StationRun::getLesson() {
+  auto lesson = [&]() -> Result<StationLesson> {
+    if (!options_.profile_file.empty()) return lessonOfFile(options_);
+    const LessonCache cache(options_.spool);
+    auto cached = cache.find(options_.exercise);
+    if (!cached.ok() && cached.error().code == ErrorCode::kInvalidInput)
+      return cached.error();  // no id at all
+    if (Uplink* uplink = home_.uplink()) {
+      auto fetched = uplink->getLesson(options_.exercise, options_.trainee, kPatience, cached.ok(),
+                                       [this] { return isStopped(); });
+      if (fetched.ok()) {
+        if (auto kept = cache.keep(options_.exercise, *fetched); !kept.ok())
+          logMessage("the lesson is not cached: " + kept.error().message);
+        return lessonOfMessage(options_, *fetched);
+      }
+      // a server that answers "no" is believed; one that is away is not waited for
+      if (fetched.error().code != ErrorCode::kUnavailable) return fetched.error();
+      if (!cached.ok())
+        return Error{fetched.error().code, fetched.error().message + ", and " + cached.error().message};
+      logMessage("the server is away (" + fetched.error().message + "); exercise " + options_.exercise +
+                 " comes from the cache, the samples wait in the spool");
+    }
+    if (!cached.ok())
+      return Error{ErrorCode::kInvalidInput, cached.error().message + "; give --server, or --profile FILE"};
+    auto usable = lessonOfMessage(options_, *cached);
+    if (!usable.ok())
+      return Error{usable.error().code, "the cached lesson " + options_.exercise +
+                                            " cannot be used: " + usable.error().message +
+                                            "; connect to the server once, which gives it anew"};
+    logMessage(fmt::format("exercise {} from the cache: profile {}, revision {}", options_.exercise,
+                           usable->profile.id(), usable->profile_revision));
+    return usable;
+  }();
+  if (!lesson.ok()) return lesson.error();
+  lesson_ = std::move(*lesson);
+  for (const std::string& warning : lesson_.warnings)
+    logMessage("profile " + lesson_.profile.id() + ": " + warning);
+  return {};
+}
+
+Status StationRun::chooseDevice() {
+  if (options_.opensWindow() && options_.device == "simulated" && options_.hand.plan == kPointerPlan)
+    steering_ = std::make_shared<HandSteering>();
+  DeviceOptions device_options{lesson_.scene, targetsOf(lesson_.profile, options_.X_WL), options_.X_HT,
+                               options_.hand, steering_};
+  ASSIGN_OR_RETURN(device_, makeDevice(options_.device, device_options));
+  RETURN_IF_ERROR(fitLesson(lesson_, device_->info(), options_, device_notes_));
+  for (const std::string& note : device_notes_) logMessage(note);
+  return {};
+}
+
+// measures the cost of the lesson's effects, before the loop and not on its thread. A lesson goes on without
+// it
+Status StationRun::measureEffects() {
+  auto costs = calibrateEffects(lesson_.scene, options_.rate_hz);
+  if (costs.ok()) {
+    logMessage("engine: " + effectCostsText(*costs));
+    effect_costs_ = *costs;
+  } else {
+    logMessage("the effects' cost is not known: " + costs.error().message);
+  }
+  return {};
+}
+
+Status StationRun::openDevice() {
+  RETURN_IF_ERROR(checkStiffness(lesson_.model, device_->info()));
+  const double hand = options_.device == "simulated" ? options_.hand.damping_Ns_per_m : kHandDamping_Ns_per_m;
+  if (const auto warning = passivityWarning(lesson_.model, device_->info(), hand)) logMessage(*warning);
+  RETURN_IF_ERROR(device_->open(options_.rate_hz));
+
+  time_limit_s_ = options_.seconds;
+  if (time_limit_s_ == 0 && lesson_.exercise && lesson_.exercise->time_limit_s() > 0)
+    time_limit_s_ = lesson_.exercise->time_limit_s();
+  max_ticks_ = static_cast<std::uint64_t>(std::llround(time_limit_s_ * options_.rate_hz));
+  return {};
+}
+
+Status StationRun::openSession() {
+  pb::SessionDescription d;
+  const Uuid id = makeUuidV7();
+  d.set_session_id(id.data(), id.size());
+  d.set_station(home_.station());
+  d.set_trainee(options_.trainee);
+  d.set_exercise_id(options_.exercise);
+  d.set_profile_id(lesson_.profile.id());
+  d.set_profile_revision(lesson_.profile_revision);
+  d.set_profile_json(profileJson(lesson_.profile));
+  d.set_engine_version(NEEDLELAB_VERSION);
+  d.set_rate_hz(options_.rate_hz);
+  setResolution(d, Resolution::standard());
+  d.set_started_unix_ns(wallNowNs());
+  d.set_started_steady_ns(steadyNowNs());
+  d.set_device(device_->info().name);
+  d.set_axial_model(std::string(axialModelName(lesson_.model.axial_model)));
+  for (const std::string& effect : liveEffects(lesson_.model)) d.add_live_effects(effect);
+  for (const std::string& note : device_notes_) d.add_device_notes(note);
+  if (!(options_.X_WL == Pose{})) putPose(*d.mutable_placement(), options_.X_WL);
+  if (!(options_.X_HT == Pose{})) putPose(*d.mutable_tool(), options_.X_HT);
+  ASSIGN_OR_RETURN(session_, home_.spool().create(d));
+  if (Uplink* uplink = home_.uplink()) uplink->add(session_, true);
+  return {};
+}
+
+// to the observer
+void StationRun::announce() {
+  auto beginning = std::make_shared<LessonBeginning>();
+  beginning->session_id = session_->idText();
+  beginning->trainee = options_.trainee;
+  beginning->lesson = lesson_;
+  beginning->X_WL = options_.X_WL;
+  beginning->rate_hz = options_.rate_hz;
+  beginning->time_limit_s = time_limit_s_;
+  beginning->device = device_->info();
+  beginning->device_notes = device_notes_;
+  beginning->steering = steering_;
+  if (steering_)
+    beginning->hand_start = steeredStart(lesson_.scene, targetsOf(lesson_.profile, options_.X_WL)).start();
+  home_.observer().began(std::move(beginning));
+}
+
+Status StationRun::practise() {
+  // the spool writer takes the ticks from the loop
+  SpoolWriter::Callbacks callbacks;
+  callbacks.trouble = logMessage;
+  Uplink* const uplink = home_.uplink();
+  // the lesson's figures in an instructor's overview; on the writer's thread
+  const auto lesson_watch = std::make_shared<LessonWatch>(lesson_.profile, options_.X_WL,
+                                                          lesson_.exercise ? &*lesson_.exercise : nullptr);
+  callbacks.piece = [this, uplink, lesson_watch](const SamplePiece& piece) {
+    if (uplink != nullptr) {
+      uplink->offer(piece);
+      lesson_watch->add(*piece.samples);
+      uplink->noteLesson({lesson_watch->peakForce_N(), lesson_watch->hazardsTouched(),
+                          lesson_watch->forceLimit_N(), lesson_watch->tissue()});
+    }
+    home_.observer().piece(piece);
+  };
+  if (uplink != nullptr) callbacks.durable = [uplink] { uplink->wake(); };
+  SpoolWriterOptions writer_options;
+  writer_options.rate_hz = options_.rate_hz;
+  const auto core = coreForLoop(options_.cpu);
+  auto keep_off = std::make_optional<KeepOffCore>(core);
+  writer_ = std::make_unique<SpoolWriter>(ring_, session_, writer_options, std::move(callbacks));
+  BlackBox black_box(options_.rate_hz);
+  const auto black_boxes = options_.spool / "black-box";
+  removeOldBlackBoxes(black_boxes, options_.keep.age_s);
+  BlackBoxWriter black_box_writer(black_box, black_boxes, session_->idText(), logMessage);
+  keep_off.reset();
+
+  // the loop
+  RtOptions rt_options;
+  rt_options.cpu = core;
+  rt_options.cpu_needs_fifo = !options_.cpu;
+  rt_options.spin_ns = std::llround(options_.spin_us * 1e3);
+  rt_options.rate_hz = options_.rate_hz;
+  SteadyLoopClock clock(rt_options.spin_ns);
+  const bool somebody_there = options_.opensWindow() || EnterKey(STDIN_FILENO).isTerminal();
+  ServoSettings settings{options_.rate_hz, options_.X_HT, max_ticks_};
+  settings.on_fault = options_.on_fault.value_or(somebody_there ? FaultPolicy::kWait : FaultPolicy::kEnd);
+  settings.black_box = &black_box;
+  settings.plunger = options_.plunger;
+  loop_ = std::make_unique<ServoLoop>(lesson_.model, *device_, clock, ring_, settings);
+  logMessage("session " + session_->idText() + ": " + lesson_.profile.name() + ", " + device_->info().name);
+
+  const ShallowSleep shallow_sleep;
+  realtime_ = judgeMachine(rt_options);
+  realtime_.push_back(shallow_sleep.step());
+  realtime_.push_back(lockMemory());
+  std::vector<RtStep> thread_steps;
+  std::promise<void> prepared;
+  const CrashGuard crash_guard(*loop_);
+  std::thread haptic([&] {
+    CrashGuard::setHapticThread();
+    thread_steps = makeThreadRealTime(rt_options);
+    prepared.set_value();
+    loop_->run();
+  });
+  prepared.get_future().wait();
+  realtime_.insert(realtime_.end(), thread_steps.begin(), thread_steps.end());
+  for (const std::string& line : rtStepLines(realtime_)) logMessage("real time: " + line);
+  {
+    DeviceMaintenance maintenance(*device_);
+    watch(maintenance, settings.on_fault);
+    haptic.join();
+  }
+  device_->close();
+  black_box_writer.finish();
+  black_box_ = black_box_writer.counts();
+  home_.observer().concluding();
+  stored_ = writer_->finish(5s);
+  if (!stored_.ok()) logMessage(stored_.error().message);
+  return stored_;
+}
+
+// requests of a person at the window or of an instructor
+void StationRun::handleRequests(LiveAids& aids) {
+  if (auto stop = home_.requests().takeStop(); stop && !stopped_) {
+    stopped_ = std::move(stop);
+    logMessage(stopText(stopped_));
+    loop_->stop();
+  }
+  if (const auto chosen = home_.requests().takeAids()) {
+    aids = chosen->reset ? aidsOf(lesson_) : aidsOf(chosen->aids);
+    logMessage(chosen->by + " changed what is shown");
+    home_.observer().aids(*chosen);
+  }
+}
+
+// until the loop ends: signals, messages about faults, acknowledgements
+void StationRun::watch(DeviceMaintenance& maintenance, FaultPolicy on_fault) {
+  sigset_t signals = signals_;
+  ::sigaddset(&signals, SIGUSR1);
+  EnterKey enter(STDIN_FILENO);
+  const bool waits = on_fault == FaultPolicy::kWait;
+  const bool enter_works = enter.isTerminal() || options_.opensWindow();
+  FaultWatch fault_watch(
+      waits, enter_works ? "press Enter" : fmt::format("send SIGUSR1 (kill -USR1 {})", ::getpid()));
+  LiveViewer viewer(*loop_, options_.rate_hz, layerNames(lesson_.profile));
+  LiveAids aids = aidsOf(lesson_);
+  Uplink* const uplink = home_.uplink();
+  while (!loop_->ended()) {
+    const int signal = signalWithin(signals, 50ms);
+    if (signal != 0 && signal != SIGUSR1) {
+      logMessage("stopping");
+      interrupted_ = true;
+      loop_->stop();
+    }
+    handleRequests(aids);
+    WatchedState state;
+    state.now_s = static_cast<double>(steadyNowNs()) * 1e-9;
+    state.faults = loop_->faults();
+    state.fault = loop_->fault();
+    state.cause_lasts = loop_->causeLasts();
+    state.acknowledged = loop_->acknowledgementStands();
+    state.condition = loop_->condition();
+    state.device_status = maintenance.status();
+    const bool at_window = home_.requests().takeAcknowledgement();
+    state.acknowledge_pressed = enter.pressed() || signal == SIGUSR1 || at_window;
+    if (fault_watch.isAcknowledgement(state)) loop_->acknowledge();
+    for (const std::string& line : fault_watch.update(state)) logMessage(line);
+    home_.guard().check();
+    LiveView view = viewer.look(spoolText(writer_->counts()), uplink ? serverText(uplink->state()) : "");
+    view.aids = aids;
+    home_.observer().status(statusOf(state, view, waits, home_.guard().trouble()));
+    if (const std::int64_t now_ns = steadyNowNs(); liveLine().due(now_ns)) liveLine().show(view, now_ns);
+    if (uplink) reportToServer(fault_watch);
+  }
+  liveLine().end();
+}
+
+// the station's state for instructors
+void StationRun::reportToServer(const FaultWatch& faults) {
+  Uplink& uplink = *home_.uplink();
+  uplink.noteMissedTicks(loop_->missedTicks());
+  uplink.noteWakeup(static_cast<std::uint32_t>(loop_->stats().wakeup.quantile_ns(0.99) / 1000));
+  uplink.noteTrouble("disk", writer_->trouble());
+  uplink.noteTrouble("spool", home_.guard().trouble());
+  uplink.noteTrouble("device", faults.trouble());
+}
+
+void StationRun::drain() {
+  Uplink* const uplink = home_.uplink();
+  if (uplink == nullptr) return;
+  DrainPatience patience;
+  patience.whole = std::chrono::duration<double>(options_.drain_s);
+  // a disk that stayed full: the session ends at the next start only
+  if (!session_->contents().ended)
+    patience.whole = std::min(patience.whole, std::chrono::duration<double>(2));
+  home_.requests().clear();
+  // a second signal or request does not wait for the server any more
+  const DrainEnd end = needlelab::drain(*uplink, patience, [&] {
+    return signalWithin(signals_, 0ms) != 0 || home_.requests().takeStop().has_value();
+  });
+  if (const std::string text = drainText(end, uplink->state()); !text.empty()) logMessage(text);
+}
+
+// once: it reads the whole recording again
+void StationRun::scoreHere() {
+  if (local_) return;
+  local_ = localScore(*session_, lesson_, options_.X_WL);
+  if (!local_->ok()) logMessage("no score by this station: " + local_->error().message);
+}
+
+StationSummary StationRun::summarise() {
+  StationSummary s;
+  s.session_id = session_->idText();
+  s.station = home_.station();
+  s.trainee = options_.trainee;
+  s.exercise = options_.exercise;
+  s.profile = lesson_.profile.id();
+  s.profile_revision = lesson_.profile_revision;
+  s.device = device_->info().name;
+  s.rate_hz = options_.rate_hz;
+  s.servo = loop_->stats();
+  s.writer = writer_->counts();
+  s.ring_dropped = ring_.dropped();
+  if (const SpoolLoss loss = session_->contents().loss; loss.samples > 0) s.lost_from_tick = loss.from_tick;
+  s.axial_model = axialModelName(lesson_.model.axial_model);
+  s.live_effects = liveEffects(lesson_.model);
+  s.effect_costs = effect_costs_;
+  s.realtime = realtime_;
+  s.black_box = black_box_;
+  s.device_notes = device_notes_;
+  s.spool = options_.spool.string();
+  if (stopped_) s.stopped = *stopped_;
+  s.state = "OPEN";
+  Uplink* const uplink = home_.uplink();
+  s.has_server = uplink != nullptr;
+  if (uplink != nullptr) {
+    s.uplink = uplink->state();
+    s.spool_left = s.uplink.chunks_left;
+    s.samples_acked = session_->samplesIn(s.uplink.current_committed);
+    if (s.uplink.current_verdict) {
+      const auto& verdict = *s.uplink.current_verdict;
+      s.state = verdict.state() == pb::SESSION_COMPLETE      ? "COMPLETE"
+                : verdict.state() == pb::SESSION_INTERRUPTED ? "INTERRUPTED"
+                                                             : "OPEN";
+      s.score_json = verdict.score_json();
+      s.score_source = "server";
+    }
+  } else {
+    for (const auto& session : home_.spool().unfinished())
+      s.spool_left +=
+          session->contents().chunks - std::min(session->contents().chunks, session->receipt().committed);
+  }
+  if (local_->ok()) s.syringe_json = (*local_)->events_json;
+  if (s.score_json.empty() && local_->ok()) {
+    s.score_json = (*local_)->score_json;
+    s.score_source = "station";
+  }
+  return s;
+}
+
+LessonOutcome StationRun::outcome() {
+  scoreHere();
+  LessonOutcome outcome;
+  outcome.summary = summarise();
+  outcome.stored = stored_;
+  if (local_->ok()) outcome.curve = (*local_)->curve;
+  return outcome;
+}
+
+int StationRun::report(const LessonOutcome& outcome, const std::vector<StationSummary>& earlier) {
+  const StationSummary& summary = outcome.summary;
+  const bool json_on_stdout = options_.json && options_.json_file.empty();
+  (json_on_stdout ? std::cerr : std::cout) << summaryText(summary) << std::flush;
+  if (json_on_stdout) std::cout << summaryJson(summary, earlier) << std::flush;
+  if (options_.json && !json_on_stdout)
+    if (auto status = writeFileAtomically(options_.json_file, viewOf(summaryJson(summary, earlier)));
+        !status.ok()) {
+      logMessage(status.error().message);
+      return kExitFailed;
+    }
+  if (summary.servo.fault != Fault::kNone) {
+    logMessage(std::string("the lesson ended in FAULT: ") + faultText(summary.servo.fault) +
+               ". The force was taken away; the session is stored");
+    return kExitFailed;
+  }
+  if (!std::cout) {
+    logMessage("cannot write the closing summary to standard output");
+    return kExitFailed;
+  }
+  // the samples are safe in the spool, but stay unseen there: not a success
+  if (!summary.uplink.current_trouble.empty() && !summary.uplink.current_verdict) {
+    logMessage("the server did not take the session: " + summary.uplink.current_trouble);
+    return kExitFailed;
+  }
+  return outcome.stored.ok() ? kExitDone : kExitFailed;
+}
+
+}  // namespace needlelab

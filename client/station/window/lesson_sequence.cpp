@@ -1,0 +1,228 @@
+#include "client/station/window/lesson_sequence.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include "client/device/hand_options.h"
+#include "client/net/lesson_cache.h"
+#include "client/station/run/live_line.h"
+#include "client/station/run/signals.h"
+#include "client/station/run/terminal.h"
+#include "client/station/window/start_choice.h"
+#include "common/base/clock.h"
+#include "common/base/program.h"
+#include "common/base/text.h"
+
+namespace needlelab {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto kLook = 100ms;
+constexpr std::int64_t kDeviceAgain_ns = 5'000'000'000, kServerAgain_ns = 500'000'000;
+constexpr auto kListsPatience = 5s;
+
+}  // namespace
+
+LessonSequence::LessonSequence(const StationOptions& options, const sigset_t& stop_signals,
+                               LessonBoard& board, bool alone, bool begins)
+    : options_(options),
+      signals_(stop_signals),
+      board_(board),
+      alone_(alone),
+      begins_(begins),
+      home_(options, board) {}
+
+LessonChoice LessonSequence::firstChoice() const {
+  return {options_.trainee_given || alone_ || begins_ ? options_.trainee : std::string(), options_.exercise,
+          !options_.profile_file.empty()};
+}
+
+bool LessonSequence::open() {
+  for (const auto step : {&StationHome::openSpool, &StationHome::connect})
+    if (const Status status = (home_.*step)(); !status.ok()) {
+      logMessage(status.error().message);
+      code_ = exitCodeOf(status.error());
+      board_.change([&](BoardState& state) {
+        state.stage = Stage::kFailed;
+        state.trouble = printable(status.error().message);
+      });
+      return false;
+    }
+  return true;
+}
+
+int LessonSequence::run() {
+  if (!open()) {
+    while (!quit_) {
+      quit_ =
+          signalWithin(signals_, 0ms) != 0 || board_.waitForRequest(kLook).kind == BoardRequest::Kind::kQuit;
+      if (alone_) break;
+    }
+    return *code_;
+  }
+  board_.change([&](BoardState& state) { state.choice = firstChoice(); });
+  // with a display and without --start a person chooses first
+  if (begins_)
+    practise(firstChoice());
+  else
+    showStart();
+  while (!quit_) {
+    if (signalWithin(signals_, 0ms) != 0) break;
+    updateServer();
+    if (last_) showOutcome();
+    handle(board_.waitForRequest(kLook));
+  }
+  board_.change([](BoardState& state) { state.stage = Stage::kClosing; });
+  if (last_) {
+    last_->drain();
+    outcome_ = last_->outcome();
+    home_.close();
+    reportLast();
+  }
+  home_.close();
+  home_.guard().report();
+  return code_.value_or(failed_to_begin_);
+}
+
+void LessonSequence::handle(const BoardRequest& request) {
+  switch (request.kind) {
+    case BoardRequest::Kind::kNothing:
+      return;
+    case BoardRequest::Kind::kBegin:
+      return practise(request.choice);
+    case BoardRequest::Kind::kStart:
+      return showStart();
+    case BoardRequest::Kind::kLook:
+      next_device_look_ns_ = 0;
+      return refreshLists();
+    case BoardRequest::Kind::kQuit:
+      quit_ = true;
+      return;
+  }
+}
+
+void LessonSequence::showStart() {
+  reportLast();
+  StartLists lists = localLists(options_, home_.spool());
+  board_.change([&](BoardState& state) {
+    state.stage = Stage::kStart;
+    // the server's last lists stay until new ones come
+    if (state.lists.exercises.empty()) state.lists = std::move(lists);
+    if (state.next) state.choice.exercise = state.next->exercise;
+    if (state.next) state.choice.by_profile = false;
+  });
+  refreshLists();
+  updateDevice();
+}
+
+void LessonSequence::refreshLists() {
+  StartLists lists = localLists(options_, home_.spool());
+  if (Uplink* uplink = home_.uplink()) {
+    const auto cached = LessonCache(options_.spool).list();
+    // a person who has chosen does not wait for a list
+    const auto ask = [&](pb::Request request) {
+      return uplink->ask(std::move(request), kListsPatience, true, [&] { return board_.requestWaits(); });
+    };
+    if (const Status status = addServerLists(lists, cached, ask); !status.ok()) {
+      const bool away =
+          status.error().code == ErrorCode::kUnavailable || status.error().code == ErrorCode::kFailed;
+      if (!away) logMessage(status.error().message);
+    }
+  }
+  board_.change([&](BoardState& state) { state.lists = std::move(lists); });
+}
+
+void LessonSequence::updateDevice() {
+  const DeviceReadiness news = deviceReadiness(options_, options_.hand.plan == kPointerPlan, hangs_);
+  device_ready_ = news.ready;
+  next_device_look_ns_ = steadyNowNs() + kDeviceAgain_ns;
+  board_.change([&](BoardState& state) { state.device = news; });
+}
+
+// between lessons: looks for the server, its exercises, and the device
+void LessonSequence::updateServer() {
+  const std::int64_t now_ns = steadyNowNs();
+  if (now_ns < next_server_look_ns_) return;
+  next_server_look_ns_ = now_ns + kServerAgain_ns;
+  home_.guard().check();
+  bool at_start = false;
+  board_.change([&](BoardState& state) {
+    at_start = state.stage == Stage::kStart;
+    if (Uplink* uplink = home_.uplink()) {
+      const UplinkState now = uplink->state();
+      state.server = serverText(now);
+      state.server_away = !now.connected;
+    }
+  });
+  Uplink* const uplink = home_.uplink();
+  const std::string status = uplink == nullptr ? "" : uplink->state().connected ? "there" : "away";
+  if (at_start && status != lists_made_with_) {
+    lists_made_with_ = status;
+    if (status == "there") refreshLists();
+  }
+  if (at_start && !device_ready_ && now_ns >= next_device_look_ns_) updateDevice();
+}
+
+void LessonSequence::practise(const LessonChoice& choice) {
+  reportLast();
+  StationOptions options = options_;
+  options.trainee = choice.trainee.empty() && !home_.uplink() ? "guest" : choice.trainee;
+  options.exercise = choice.by_profile ? "" : choice.exercise;
+  if (!choice.by_profile) options.profile_file.clear();
+  board_.change([&](BoardState& state) {
+    state.stage = Stage::kPreparing;
+    state.preparing.clear();
+    state.trouble.clear();
+    state.choice = choice;
+    if (state.next && state.next->exercise == choice.exercise) state.next.reset();
+  });
+  last_ = std::make_unique<StationRun>(home_, options, signals_);
+  const auto prepared = [&]() -> Status {
+    RETURN_IF_ERROR(checkName("trainee", options.trainee));
+    if (options.exercise.empty() && options.profile_file.empty())
+      return Error{ErrorCode::kInvalidInput, "choose an exercise"};
+    return last_->prepare();
+  }();
+  if (!prepared.ok()) {
+    quit_ = last_->interrupted();
+    last_.reset();
+    logMessage(prepared.error().message);
+    failed_to_begin_ = exitCodeOf(prepared.error());
+    board_.change([&](BoardState& state) { state.trouble = printable(prepared.error().message); });
+    return showStart();
+  }
+  static_cast<void>(last_->practise());
+  outcome_ = last_->outcome();
+  drain_until_ns_ = steadyNowNs() + std::llround(options_.drain_s * 1e9);
+  quit_ = last_->interrupted();
+  board_.change([&](BoardState& state) {
+    state.stage = Stage::kEnd;
+    state.outcome = std::make_shared<const LessonOutcome>(*outcome_);
+  });
+}
+
+// until the server's verdict is there, or the wait is over
+void LessonSequence::showOutcome() {
+  const Uplink* const uplink = home_.uplink();
+  if (uplink == nullptr) return reportLast();
+  const UplinkState now = uplink->state();
+  if (now.current_verdict || !now.current_trouble.empty()) {
+    outcome_ = last_->outcome();
+    board_.change(
+        [&](BoardState& state) { state.outcome = std::make_shared<const LessonOutcome>(*outcome_); });
+    return reportLast();
+  }
+  if (steadyNowNs() >= drain_until_ns_) reportLast();
+}
+
+void LessonSequence::reportLast() {
+  if (!last_) return;
+  code_ = std::max(code_.value_or(kExitDone), last_->report(*outcome_, earlier_));
+  earlier_.push_back(outcome_->summary);
+  last_.reset();
+}
+
+}  // namespace needlelab

@@ -1,0 +1,161 @@
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <cstdlib>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <thread>
+
+#include "client/station/run/live_line.h"
+#include "client/station/run/signals.h"
+#include "client/station/run/terminal.h"
+#include "tests/support/scenes.h"
+#include "tests/unit/client/station/run/fake_loop.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+class EnterKeyTest : public testing::Test {
+ protected:
+  EnterKeyTest() { EXPECT_EQ(::pipe(ends_.data()), 0); }
+  ~EnterKeyTest() override {
+    for (const int end : ends_)
+      if (end >= 0) ::close(end);
+  }
+  void type(const std::string& text) {
+    ASSERT_EQ(::write(ends_[1], text.data(), text.size()), static_cast<ssize_t>(text.size()));
+  }
+  std::array<int, 2> ends_{-1, -1};
+};
+
+TEST_F(EnterKeyTest, onlyAWholeLineCountsAndOnlyOnce) {
+  EnterKey key(ends_[0]);
+  EXPECT_FALSE(key.isTerminal());
+  EXPECT_FALSE(key.pressed());
+  type("abc");
+  EXPECT_FALSE(key.pressed());
+  type("\n");
+  EXPECT_TRUE(key.pressed());
+  EXPECT_FALSE(key.pressed());
+  type("\n\n\n");
+  EXPECT_TRUE(key.pressed()) << "what was typed in haste is one";
+  EXPECT_FALSE(key.pressed());
+}
+
+TEST_F(EnterKeyTest, anEndOfInputIsNoEnterAndNeverWaits) {
+  EnterKey key(ends_[0]);
+  type("x\n");
+  ::close(ends_[1]);
+  ends_[1] = -1;
+  EXPECT_TRUE(key.pressed());
+  const auto before = std::chrono::steady_clock::now();
+  for (int k = 0; k < 1000; ++k) EXPECT_FALSE(key.pressed());
+  EXPECT_LT(std::chrono::steady_clock::now() - before, std::chrono::seconds(1));
+}
+
+TEST_F(EnterKeyTest, aFloodIsReadInBoundedPieces) {
+  EnterKey key(ends_[0]);
+  ::fcntl(ends_[1], F_SETFL, O_NONBLOCK);
+  const std::string much(60'000, '\n');
+  ASSERT_GT(::write(ends_[1], much.data(), much.size()), 0);
+  EXPECT_TRUE(key.pressed());
+}
+
+TEST(EnterKey, nothingToReadFromIsNoEnter) {
+  EnterKey nothing(-1);
+  EXPECT_FALSE(nothing.pressed());
+  const int null = ::open("/dev/null", O_RDONLY);
+  EnterKey from_null(null);
+  EXPECT_FALSE(from_null.pressed());
+  ::close(null);
+}
+
+// Nobody reads what the station says (Ctrl-S, a pager): it goes on all the same.
+
+// a pipe into which not one more byte goes; its writing end waits as a terminal's does
+class FullPipe {
+ public:
+  FullPipe() {
+    EXPECT_EQ(::pipe(ends_.data()), 0);
+    ::fcntl(ends_[1], F_SETFL, O_NONBLOCK);
+    const std::array<char, 4096> filling{};
+    while (::write(ends_[1], filling.data(), filling.size()) > 0) {
+    }
+    while (::write(ends_[1], filling.data(), 1) > 0) {
+    }
+    ::fcntl(ends_[1], F_SETFL, 0);
+  }
+  ~FullPipe() {
+    for (const int end : ends_) ::close(end);
+  }
+  [[nodiscard]] int end() const { return ends_[1]; }
+
+ private:
+  std::array<int, 2> ends_{-1, -1};
+};
+
+// how `child` ended; −1 when it did not within 10 s
+int ended(pid_t child) {
+  if (child < 0) throw std::runtime_error("cannot fork");  // a signal to -1 would reach everybody
+  int status = -1;
+  for (int i = 0; i < 1000; ++i) {
+    if (::waitpid(child, &status, WNOHANG) == child) return status;
+    std::this_thread::sleep_for(10ms);
+  }
+  ::kill(child, SIGKILL);
+  ::waitpid(child, &status, 0);
+  return -1;
+}
+
+TEST(PausedTerminal, whatIsSaidIsDroppedAndHoldsNobodyUp) {
+  const FullPipe full;
+  const pid_t child = ::fork();
+  if (child == 0) {
+    LiveLine line(full.end());
+    for (int i = 0; i < 5; ++i) line.printMessage("the fault is over: the force comes back");
+    line.show({}, 0);
+    ::_exit(7);
+  }
+  const int status = ended(child);
+  ASSERT_NE(status, -1) << "it waits for its reader";
+  EXPECT_EQ(WEXITSTATUS(status), 7);
+}
+
+TEST(PausedTerminal, aCrashTakesTheForceAwayAllTheSame) {
+  const FullPipe full;
+  const pid_t child = ::fork();
+  if (child == 0) {
+    const rlimit none{0, 0};
+    ::setrlimit(RLIMIT_CORE, &none);
+    ::dup2(full.end(), STDERR_FILENO);
+    const SceneModel model = *compile(paperOneDof(), 1000);
+    FakeDevice device([](std::uint64_t, DeviceReading&) { return DeviceRead::kFresh; });
+    SteadyLoopClock clock;
+    auto ring = std::make_unique<SampleRing>();
+    ServoLoop loop(model, device, clock, *ring, ServoSettings{1000, {}, 0});
+    const CrashGuard guard(loop);
+    std::thread haptic([&] {
+      CrashGuard::setHapticThread();
+      loop.run();
+    });
+    std::this_thread::sleep_for(20ms);
+    ::raise(SIGSEGV);
+    haptic.join();
+    ::_exit(0);
+  }
+  const int status = ended(child);
+  ASSERT_NE(status, -1) << "it waits for its reader";
+  EXPECT_TRUE(WIFSIGNALED(status));
+  EXPECT_EQ(WTERMSIG(status), SIGSEGV);
+}
+
+}  // namespace
+}  // namespace needlelab::test

@@ -1,0 +1,102 @@
+#include <gmock/gmock.h>
+
+#include "client/station/window/end_screen.h"
+#include "common/scoring/measures.h"
+
+namespace needlelab {
+namespace {
+
+using testing::HasSubstr;
+
+LessonOutcome scored(const std::vector<Measure>& measures) {
+  LessonOutcome outcome;
+  outcome.summary.score_json = scoreJson(measures);
+  outcome.summary.score_source = "station";
+  outcome.summary.servo.end = ServoEnd::kTicksDone;
+  return outcome;
+}
+
+Measure required(const std::string& name, bool passed) {
+  Measure measure;
+  measure.name = name;
+  measure.unit = "N";
+  measure.value = 1;
+  measure.max = passed ? 2 : 0.5;
+  measure.passed = passed;
+  measure.words = name + (passed ? " is met" : " is missed");
+  return measure;
+}
+
+Measure plain(const std::string& name) {
+  Measure measure;
+  measure.name = name;
+  measure.words = name;
+  return measure;
+}
+
+TEST(Verdict, whatWasMissedStandsFirst) {
+  const LessonVerdict verdict =
+      verdictOf(scored({required("a", true), plain("b"), required("c", false), required("d", true)}));
+  EXPECT_EQ(verdict.kind, LessonVerdict::Kind::kNotYet);
+  EXPECT_EQ(verdict.title, "Not yet: 1 of 3 requirements is not met");
+  ASSERT_EQ(verdict.required.size(), 3u);
+  EXPECT_EQ(verdict.required[0].words, "c is missed");
+  EXPECT_EQ(verdict.required[1].words, "a is met");
+  ASSERT_EQ(verdict.others.size(), 1u);
+  EXPECT_EQ(verdict.ended, "time is over");
+  EXPECT_EQ(verdict.by, "scored by this station");
+}
+
+TEST(Verdict, allMetIsPassed) {
+  const LessonVerdict verdict = verdictOf(scored({required("a", true), required("b", true)}));
+  EXPECT_EQ(verdict.kind, LessonVerdict::Kind::kPassed);
+  EXPECT_THAT(verdict.title, HasSubstr("Passed"));
+}
+
+TEST(Verdict, withoutRequirementsNobodyFails) {
+  EXPECT_EQ(verdictOf(scored({plain("a")})).kind, LessonVerdict::Kind::kNoRequirements);
+}
+
+TEST(Verdict, nothingRecordedIsNoScore) {
+  LessonOutcome outcome;
+  EXPECT_EQ(verdictOf(outcome).kind, LessonVerdict::Kind::kNoScore);
+  outcome.summary.score_json = "{";
+  EXPECT_EQ(verdictOf(outcome).kind, LessonVerdict::Kind::kNoScore);
+}
+
+TEST(Verdict, whoStoppedItAndWhy) {
+  LessonOutcome outcome = scored({plain("a")});
+  outcome.summary.stopped = StopCause{"ines", "wrong side"};
+  EXPECT_EQ(verdictOf(outcome).ended, "stopped by ines: wrong side");
+  outcome.summary.stopped = StopCause{};
+  EXPECT_EQ(verdictOf(outcome).ended, "stopped at the window");
+  outcome.summary.servo.fault = Fault::kTipTooFast;
+  EXPECT_THAT(verdictOf(outcome).ended, HasSubstr("FAULT"));
+}
+
+TEST(Verdict, whereTheRecordingIs) {
+  LessonOutcome outcome = scored({plain("a")});
+  EXPECT_THAT(verdictOf(outcome).kept, HasSubstr("this station's spool"));
+  outcome.summary.has_server = true;
+  EXPECT_THAT(verdictOf(outcome).kept, HasSubstr("on its way"));
+  outcome.summary.state = "COMPLETE";
+  outcome.summary.score_source = "server";
+  EXPECT_THAT(verdictOf(outcome).kept, HasSubstr("server's database"));
+  EXPECT_EQ(verdictOf(outcome).by, "scored by the server");
+  EXPECT_TRUE(verdictOf(outcome).kept_well);
+  outcome.stored = Error{ErrorCode::kUnavailable, "the disk is full"};
+  EXPECT_EQ(verdictOf(outcome).kept, "the disk is full");
+  EXPECT_FALSE(verdictOf(outcome).kept_well);
+}
+
+TEST(Verdict, aServerThatRefusesIsSaid) {
+  LessonOutcome outcome = scored({plain("a")});
+  outcome.summary.has_server = true;
+  outcome.summary.uplink.current_trouble = "no such trainee";
+  const LessonVerdict verdict = verdictOf(outcome);
+  EXPECT_THAT(verdict.kept, HasSubstr("no such trainee"));
+  EXPECT_FALSE(verdict.kept_well);
+}
+
+}  // namespace
+}  // namespace needlelab

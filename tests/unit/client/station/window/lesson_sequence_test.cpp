@@ -1,0 +1,221 @@
+// Lesson after lesson, as a window asks for them, with the simulated device in real time and without a
+// server.
+#include <gmock/gmock.h>
+
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "client/device/hand_options.h"
+#include "client/station/window/lesson_sequence.h"
+#include "common/base/program.h"
+#include "tests/support/temp_folder.h"
+
+namespace needlelab::test {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+class ConductorTest : public testing::Test {
+ protected:
+  ConductorTest() {
+    sigemptyset(&signals_);
+    options_.profile_file = NEEDLELAB_SAMPLES "/shoulder-adult.json";
+    options_.spool = folder_.path() / "spool";
+    options_.json = true;
+    options_.json_file = folder_.path() / "out.json";
+    options_.seconds = 0.4;
+    options_.hand.plan = "rest";
+    options_.hand.repeat = 0;
+  }
+  void start(bool begins = false, bool alone = false) {
+    sequence_ = std::make_unique<LessonSequence>(options_, signals_, board_, alone, begins);
+    thread_ = std::thread([this] { code_ = sequence_->run(); });
+  }
+  ~ConductorTest() override {
+    if (thread_.joinable()) quit();
+  }
+  int quit() {
+    board_.ask({BoardRequest::Kind::kQuit, {}});
+    if (sequence_) sequence_->requests().stop({});
+    thread_.join();
+    return code_;
+  }
+  // false when it never came to that
+  bool until(const std::function<bool(const BoardState&)>& condition) {
+    for (int i = 0; i < 3000; ++i) {
+      board_.look(state_, seen_);
+      if (condition(state_)) return true;
+      std::this_thread::sleep_for(10ms);
+    }
+    return false;
+  }
+  bool until(Stage stage) {
+    return until([stage](const BoardState& state) { return state.stage == stage; });
+  }
+  [[nodiscard]] nlohmann::json summary() const {
+    std::ifstream file(options_.json_file);
+    return nlohmann::json::parse(file, nullptr, false);
+  }
+
+  TempFolder folder_;
+  sigset_t signals_{};
+  StationOptions options_;
+  LessonBoard board_;
+  std::unique_ptr<LessonSequence> sequence_;
+  std::thread thread_;
+  int code_ = -1;
+  BoardState state_;
+  std::uint64_t seen_ = 0;
+};
+
+TEST_F(ConductorTest, showsWhatCanBePractisedAndHowTheDeviceIs) {
+  start();
+  ASSERT_TRUE(
+      until([](const BoardState& state) { return state.stage == Stage::kStart && state.device.known; }));
+  EXPECT_EQ(state_.lists.profile_file, options_.profile_file);
+  EXPECT_TRUE(state_.device.ready);
+  EXPECT_TRUE(state_.choice.by_profile);
+  EXPECT_EQ(quit(), kExitDone) << "whoever looked and left did nothing wrong";
+}
+
+TEST_F(ConductorTest, oneLessonAfterAnotherEachIsRecordedAndScored) {
+  start();
+  ASSERT_TRUE(until(Stage::kStart));
+  std::string first;
+  for (std::uint64_t lesson = 1; lesson <= 2; ++lesson) {
+    board_.ask({BoardRequest::Kind::kBegin, {"tom", "", true}});
+    ASSERT_TRUE(until([&](const BoardState& state) {
+      return state.stage == Stage::kEnd && state.lesson == lesson;
+    })) << state_.trouble;
+    ASSERT_TRUE(state_.outcome);
+    EXPECT_EQ(state_.outcome->summary.trainee, "tom");
+    EXPECT_TRUE(state_.outcome->stored.ok());
+    EXPECT_FALSE(state_.outcome->summary.score_json.empty());
+    EXPECT_FALSE(state_.outcome->curve.empty());
+    EXPECT_NE(state_.outcome->summary.session_id, first);
+    first = state_.outcome->summary.session_id;
+    std::vector<GestureSample> samples;
+    const std::uint64_t dropped = board_.takeSamples(lesson, samples);
+    EXPECT_EQ(samples.size() + dropped, state_.outcome->summary.servo.samples);
+  }
+  EXPECT_EQ(quit(), kExitDone);
+  const auto out = summary();
+  ASSERT_EQ(out["rows"].size(), 2u);
+  EXPECT_EQ(out["rows"][1]["session_id"], first);
+  EXPECT_EQ(out["session_id"], first);
+}
+
+TEST_F(ConductorTest, aPersonEndsALessonAndIsNamed) {
+  options_.seconds = 0;
+  start(true);
+  ASSERT_TRUE(until(
+      [](const BoardState& state) { return state.stage == Stage::kLesson && state.status.time_s > 0; }));
+  sequence_->requests().stop({"ines", "wrong side"});
+  ASSERT_TRUE(until(Stage::kEnd));
+  ASSERT_TRUE(state_.outcome->summary.stopped);
+  EXPECT_EQ(state_.outcome->summary.stopped->by, "ines");
+  EXPECT_EQ(quit(), kExitDone);
+  EXPECT_EQ(summary()["stopped_by"], "ines");
+  EXPECT_EQ(summary()["stop_reason"], "wrong side");
+}
+
+TEST_F(ConductorTest, whoQuitsInALessonKeepsIt) {
+  options_.seconds = 0;
+  start(true);
+  ASSERT_TRUE(until(
+      [](const BoardState& state) { return state.stage == Stage::kLesson && state.status.time_s > 0.2; }));
+  EXPECT_EQ(quit(), kExitDone);
+  EXPECT_GT(summary()["samples"], 100);
+}
+
+TEST_F(ConductorTest, aLessonThatCannotBeginIsSaidAtTheStart) {
+  start();
+  ASSERT_TRUE(until(Stage::kStart));
+  board_.ask({BoardRequest::Kind::kBegin, {"tom", "never-fetched", false}});
+  ASSERT_TRUE(
+      until([](const BoardState& state) { return state.stage == Stage::kStart && !state.trouble.empty(); }));
+  EXPECT_THAT(state_.trouble, HasSubstr("never fetched"));
+  // and one that can is not held up by it
+  board_.ask({BoardRequest::Kind::kBegin, {"tom", "", true}});
+  ASSERT_TRUE(until(Stage::kEnd));
+  EXPECT_TRUE(state_.trouble.empty());
+  EXPECT_EQ(quit(), kExitDone);
+}
+
+TEST_F(ConductorTest, whoCallsItOffWhileItIsPreparedIsBackAtTheStart) {
+  // the stop is asked for as soon as the first step is said, on the lesson's own thread
+  struct CallsOff : LessonObserver {
+    LessonRequests* requests = nullptr;
+    void preparing(const std::string&) override { requests->stop({}); }
+  } observer;
+  StationHome home(options_, observer);
+  observer.requests = &home.requests();
+  ASSERT_TRUE(home.openSpool().ok());
+  ASSERT_TRUE(home.connect().ok());
+  StationRun run(home, options_, signals_);
+  const Status prepared = run.prepare();
+  ASSERT_FALSE(prepared.ok());
+  EXPECT_THAT(prepared.error().message, HasSubstr("called off"));
+  EXPECT_TRUE(home.spool().unfinished().empty()) << "nothing was begun";
+}
+
+TEST_F(ConductorTest, aloneAWrongExerciseIsTheExitCode) {
+  options_.profile_file.clear();
+  options_.exercise = "never-fetched";
+  start(true, true);
+  ASSERT_TRUE(until([](const BoardState& state) { return !state.trouble.empty(); }));
+  EXPECT_EQ(quit(), kExitInvalid);
+}
+
+TEST_F(ConductorTest, aSpoolThatCannotBeOpenedIsSaidAndIsTheExitCode) {
+  std::ofstream(folder_.path() / "file") << "x";
+  options_.spool = folder_.path() / "file" / "spool";
+  start();
+  ASSERT_TRUE(until(Stage::kFailed));
+  EXPECT_NE(state_.trouble, "");
+  EXPECT_NE(quit(), kExitDone);
+}
+
+TEST_F(ConductorTest, theNextExerciseIsPreselectedAndForgottenOnceItIsTaken) {
+  start();
+  ASSERT_TRUE(until(Stage::kStart));
+  board_.nextExercise("ines", "knee-recess");
+  board_.ask({BoardRequest::Kind::kStart, {}});
+  ASSERT_TRUE(until([](const BoardState& state) { return state.choice.exercise == "knee-recess"; }));
+  EXPECT_FALSE(state_.choice.by_profile);
+  ASSERT_TRUE(state_.next);
+  board_.ask({BoardRequest::Kind::kBegin, {"tom", "knee-recess", false}});
+  ASSERT_TRUE(until([](const BoardState& state) { return !state.trouble.empty(); }))
+      << "it is not in the cache";
+  EXPECT_FALSE(state_.next);
+}
+
+TEST_F(ConductorTest, aSteeredHandGoesWhereItIsWished) {
+  options_.hand.plan = kPointerPlan;
+  options_.hand.tremor_m = 0;
+  options_.seconds = 0;
+  start(true);
+  ASSERT_TRUE(until(
+      [](const BoardState& state) { return state.stage == Stage::kLesson && state.status.time_s > 0; }));
+  const auto beginning = state_.beginning;
+  ASSERT_TRUE(beginning->steering);
+  const Pose start = beginning->hand_start.X_WT;
+  beginning->steering->request({{start.p + Vec3{0, -0.005, 0}, start.q}, 0.5});
+  std::vector<GestureSample> samples;
+  bool there = false;
+  for (int i = 0; i < 1000 && !there; ++i) {
+    std::this_thread::sleep_for(10ms);
+    board_.takeSamples(1, samples);
+    there = !samples.empty() && std::abs(samples.back().p_WT_m[1] - (start.p.y - 0.005)) < 2e-4 &&
+            std::abs(samples.back().plunger - 0.5) < 0.01;
+  }
+  EXPECT_TRUE(there);
+  EXPECT_EQ(quit(), kExitDone);
+}
+
+}  // namespace
+}  // namespace needlelab::test

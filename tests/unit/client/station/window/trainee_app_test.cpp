@@ -1,0 +1,44 @@
+#include <gtest/gtest.h>
+
+#include "client/station/window/trainee_app.h"
+
+namespace needlelab {
+namespace {
+
+using When = PictureRequest::When;
+
+TEST(PicturePlan, takesEachOnceWhenItsTimeHasCome) {
+  PicturePlan plan({{"start", When::kStart, 0},
+                    {"early", When::kLesson, 0},
+                    {"late", When::kLesson, 2},
+                    {"end", When::kEnd, 0}});
+  const auto names = [&](Stage stage, double s) {
+    std::string text;
+    for (const auto& picture : plan.due(stage, s)) text += picture.file.string() + " ";
+    return text;
+  };
+  // the first frames of a screen are still finding their places
+  EXPECT_EQ(names(Stage::kStart, 0) + names(Stage::kStart, 0), "");
+  EXPECT_EQ(names(Stage::kStart, 0), "start ");
+  EXPECT_EQ(names(Stage::kStart, 0), "");
+  EXPECT_EQ(names(Stage::kPreparing, 0), "");
+  EXPECT_EQ(names(Stage::kLesson, 0) + names(Stage::kLesson, 0.1), "");
+  EXPECT_EQ(names(Stage::kLesson, 0.2), "early ");
+  EXPECT_EQ(names(Stage::kLesson, 1.9), "");
+  EXPECT_EQ(names(Stage::kLesson, 2.4), "late ") << "the first frame after it";
+  EXPECT_FALSE(plan.done());
+  EXPECT_EQ(plan.missing().size(), 1u);
+  EXPECT_EQ(names(Stage::kEnd, 2.5) + names(Stage::kEnd, 2.5) + names(Stage::kEnd, 2.5), "end ");
+  EXPECT_TRUE(plan.done());
+}
+
+TEST(PicturePlan, aLessonThatEndedBeforeLeavesItMissing) {
+  PicturePlan plan({{"late", When::kLesson, 9}});
+  EXPECT_TRUE(plan.due(Stage::kEnd, 10).empty());
+  ASSERT_EQ(plan.missing().size(), 1u);
+  EXPECT_EQ(plan.missing()[0].file, "late");
+  EXPECT_TRUE(PicturePlan({}).done());
+}
+
+}  // namespace
+}  // namespace needlelab
