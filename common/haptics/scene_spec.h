@@ -24,9 +24,10 @@ enum class Effect : std::uint8_t {
   kClamping,
   kOrientationLimit,
   kShaftFriction,
-  kPuncture
+  kPuncture,
+  kVibration
 };
-inline constexpr std::size_t kEffectCount = 6;
+inline constexpr std::size_t kEffectCount = 7;
 /// So many have a place of their own within the tick; the others are stages, whose forces are added at its
 /// end.
 inline constexpr std::size_t kPlacedEffectCount = 6;
