@@ -24,10 +24,9 @@ enum class Effect : std::uint8_t {
   kClamping,
   kOrientationLimit,
   kShaftFriction,
-  kPuncture,
-  kVibration
+  kPuncture
 };
-inline constexpr std::size_t kEffectCount = 7;
+inline constexpr std::size_t kEffectCount = 6;
 /// So many have a place of their own within the tick; the others are stages, whose forces are added at its
 /// end.
 inline constexpr std::size_t kPlacedEffectCount = 6;

@@ -9,13 +9,13 @@ namespace needlelab {
 // To add an effect: a file here that makes its entry, an enumerator in scene_spec.h, and a line in each of
 // these two lists.
 extern const EffectEntry kCuttingEntry, kAttractedEntry, kClampingEntry, kOrientationLimitEntry,
-    kShaftFrictionEntry, kPunctureEntry, kVibrationEntry;
+    kShaftFrictionEntry, kPunctureEntry;
 
 namespace {
 
 constexpr std::array<const EffectEntry*, kEffectCount> kEntries = {
-    &kCuttingEntry,       &kAttractedEntry, &kClampingEntry, &kOrientationLimitEntry,
-    &kShaftFrictionEntry, &kPunctureEntry,  &kVibrationEntry};
+    &kCuttingEntry,          &kAttractedEntry,     &kClampingEntry,
+    &kOrientationLimitEntry, &kShaftFrictionEntry, &kPunctureEntry};
 
 }  // namespace
 

@@ -15,7 +15,4 @@ export const kEffects = [
     section: 'shaft_friction', fields: [['stiffness_n_per_m', 'Friction stiffness']],
     begin: { stiffness_n_per_m: 140 } },
   { name: 'PUNCTURE', label: 'Puncture: membranes that give way', title: 'Puncture' },
-  { name: 'VIBRATION', label: 'Vibration: what rings when a membrane gives way', title: 'Vibration',
-    section: 'vibration', fields: [['force_n', 'Force at the rupture'], ['frequency_hz', 'Frequency'], ['decay_s', 'Decays in']],
-    begin: { force_n: 0.3, frequency_hz: 120, decay_s: 0.03 } },
 ];
