@@ -158,7 +158,7 @@ Status RetentionStore::beginDerived(const Uuid& session, double rate_hz, std::in
   return connection_.run(
       "INSERT INTO derived_recordings (session, complete, original_hash, method, rate_hz, created_unix_ns)"
       " VALUES (?, 0, ?, ?, ?, ?)",
-      row.number, ByteView(row.hash), kThinningMethod, rate_hz, now_unix_ns);
+      row.number, ByteView(*row.hash), kThinningMethod, rate_hz, now_unix_ns);
 }
 
 Status RetentionStore::appendDerived(const Uuid& session, std::uint64_t seq, ByteView bytes) {
@@ -210,7 +210,7 @@ Status RetentionStore::switchToDerived(const DueRecording& due, const DerivedSum
   RETURN_IF_ERROR(connection_.run(
       "UPDATE derived_recordings SET complete = 1, hash = ? WHERE session = ? AND complete = 0 AND"
       " original_hash = ? AND chunks = ? AND samples = ? AND stored_bytes = ? AND chunks > 0",
-      ByteView(sums.hash), row.number, ByteView(row.hash), sums.chunks, sums.samples, sums.stored_bytes));
+      ByteView(sums.hash), row.number, ByteView(*row.hash), sums.chunks, sums.samples, sums.stored_bytes));
   if (connection_.changes() != 1)
     return changedMeanwhile(due.session, "its thinned recording is not the one that was written");
   RETURN_IF_ERROR(connection_.run("UPDATE sessions SET recording = 2 WHERE number = ?", row.number));

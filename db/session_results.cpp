@@ -250,12 +250,12 @@ Result<std::uint64_t> AnnotationStore::add(const StoredAnnotation& annotation) {
 }
 
 Result<std::vector<StoredAnnotation>> AnnotationStore::list(const Uuid& session) {
-  ASSIGN_OR_RETURN(const SessionRow row, requireSession(connection_, session));
+  ASSIGN_OR_RETURN(const SessionRow found, requireSession(connection_, session));
   return connection_
       .query(
           "SELECT id, tick, text, author, created_unix_ns FROM annotations WHERE session = ? ORDER BY tick, "
           "id",
-          row.number)
+          found.number)
       .all([&](const Statement& row) {
         return StoredAnnotation{row.natural(0), session,     row.natural(1),
                                 row.text(2),    row.text(3), row.integer(4)};

@@ -107,18 +107,16 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
   if (!exists)
     return Error{ErrorCode::kNotFound, "there is no station named '" + description.station() + "'"};
 
-  ASSIGN_OR_RETURN(
-      const auto done,
-      connection_.run("INSERT INTO sessions (id, station, trainee, exercise_id, profile_id, "
-                      "profile_revision, profile_json, "
-                      "engine_version,"
-                      " rate_hz, started_unix_ns, description, state, received_unix_ns) VALUES "
-                      "(?,?,?,?,?,?,?,?,?,?,?,?,?)",
-                      viewOf(description.session_id()), description.station(), description.trainee(),
-                      description.exercise_id(), description.profile_id(), description.profile_revision(),
-                      description.profile_json(), description.engine_version(), description.rate_hz(),
-                      description.started_unix_ns(), viewOf(bytes), static_cast<int>(pb::SESSION_OPEN),
-                      now_unix_ns));
+  RETURN_IF_ERROR(connection_.run(
+      "INSERT INTO sessions (id, station, trainee, exercise_id, profile_id, "
+      "profile_revision, profile_json, "
+      "engine_version,"
+      " rate_hz, started_unix_ns, description, state, received_unix_ns) VALUES "
+      "(?,?,?,?,?,?,?,?,?,?,?,?,?)",
+      viewOf(description.session_id()), description.station(), description.trainee(),
+      description.exercise_id(), description.profile_id(), description.profile_revision(),
+      description.profile_json(), description.engine_version(), description.rate_hz(),
+      description.started_unix_ns(), viewOf(bytes), static_cast<int>(pb::SESSION_OPEN), now_unix_ns));
   if (pseudonym) {
     const auto id = uuidOf(description.session_id());
     RETURN_IF_ERROR(ErasureStore(connection_).emptySession(*id, now_unix_ns));
