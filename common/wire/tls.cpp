@@ -1,11 +1,9 @@
 #include "common/wire/tls.h"
 
-#include <asm/hwcap.h>
 #include <openssl/bio.h>
 #include <openssl/err.h>
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
-#include <sys/auxv.h>
 
 #include <algorithm>
 #include <array>
@@ -16,6 +14,8 @@
 #include <utility>
 
 #if defined(__aarch64__)
+#include <asm/hwcap.h>
+#include <sys/auxv.h>
 #endif
 
 namespace needlelab {
