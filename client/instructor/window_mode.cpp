@@ -3,14 +3,14 @@
 #include <cstdlib>
 #include <system_error>
 
-#include "client/instructor/model/login_memory.h"
+#include "client/instructor/model/lab_state.h"
 #include "client/instructor/screens/window_run.h"
 #include "client/net/credentials.h"
 
 namespace needlelab {
 namespace {
 
-/// Where the window's place and the log-in are kept between two runs; empty: nowhere.
+/// The folder for the window's place and the log-in between two runs; empty: none.
 std::filesystem::path stateFolder() {
   if (const char* state = std::getenv("XDG_STATE_HOME"); state != nullptr && *state == '/')
     return std::filesystem::path(state) / "needlelab";
@@ -36,18 +36,15 @@ Status runWindowMode(const InstructorOptions& options, const std::function<bool(
   if (!options.ca.empty()) run.form.ca_file = std::filesystem::absolute(options.ca).string();
   if (!options.user.empty()) run.form.user = options.user;
   if (!options.password_file.empty()) {
-    auto password = readPassword(options.password_file, {});
-    if (!password.ok()) return password.error();
-    run.form.password = *std::move(password);
+    ASSIGN_OR_RETURN(run.form.password, readPassword(options.password_file, {}));
   }
   run.surface.kind = options.off_screen                                     ? SurfaceOptions::Kind::kOffScreen
                      : options.screenshot.empty() && options.script.empty() ? SurfaceOptions::Kind::kWindow
                                                                             : SurfaceOptions::Kind::kAny;
   run.surface.title = "needlelab: instructor";
-  const auto size = windowSizeOf(options);
-  if (!size.ok()) return size.error();
-  run.surface.width_px = size->width_px;
-  run.surface.height_px = size->height_px;
+  ASSIGN_OR_RETURN(const auto size, windowSizeOf(options));
+  run.surface.width_px = size.width_px;
+  run.surface.height_px = size.height_px;
   run.surface.font_scale = options.font_scale;
   run.script = options.script;
   run.screenshot = options.screenshot;

@@ -1,4 +1,4 @@
-/// The instructor with a window; there is one in builds with the station.
+/// The instructor with a window, which only builds with the station's parts have.
 #pragma once
 
 #include <functional>
@@ -8,9 +8,9 @@
 
 namespace needlelab {
 
-/// Runs until the window is closed, a script ends, or `stopped` says so. `options` must be checked. Errors:
-/// kInvalidInput (password file, script), kUnavailable (no display, no OpenGL, or no window in this build),
-/// kFailed (an action of the script).
+/// Runs until the window is closed, a script ends, or `stopped` returns true. `options` must be checked.
+/// Errors: kInvalidInput (password file, script), kUnavailable (no display, no OpenGL, or no window in this
+/// build), kFailed (an action of the script).
 Status runWindowMode(const InstructorOptions& options, const std::function<bool()>& stopped);
 
 }  // namespace needlelab

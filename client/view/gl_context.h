@@ -1,7 +1,9 @@
 /// An OpenGL 3.3 core context, with a window or without. Private to this folder.
 #pragma once
 
+#include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "client/view/surface.h"
 #include "common/base/result.h"
@@ -10,7 +12,7 @@ struct GLFWwindow;
 
 namespace needlelab {
 
-/// Current on the thread that made it until it is destroyed.
+/// It is current on the thread that made it until it is destroyed.
 class GlContext {
  public:
   virtual ~GlContext() = default;
@@ -20,9 +22,21 @@ class GlContext {
   virtual void swap() = 0;
 };
 
-/// Where the options' state file says where the window stood, it is there again. Errors: kUnavailable.
+/// Opens the window where the options' state file says that it stood the last time. Errors: kUnavailable.
 Result<std::unique_ptr<GlContext>> makeWindowContext(const SurfaceOptions& options);
 /// Errors: kUnavailable.
 Result<std::unique_ptr<GlContext>> makeOffScreenContext();
+
+/// The place and size of a window, kept from one start to the next.
+struct WindowState {
+  int x_px = 0, y_px = 0, width_px = 1280, height_px = 720;
+  double font_scale = 1;
+};
+
+/// Empty when there is no such file, or when its values are not usable (sizes of 320-16384, places within
+/// ±32768, a scale of 0.8-2.5): a window must open whatever the file says.
+std::optional<WindowState> readWindowState(const std::filesystem::path& file);
+/// Makes the folder when it is missing.
+Status writeWindowState(const std::filesystem::path& file, const WindowState& state);
 
 }  // namespace needlelab

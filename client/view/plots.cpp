@@ -4,17 +4,170 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <string>
+#include <string_view>
+#include <vector>
 
-#include "client/view/model/axis_ticks.h"
-#include "client/view/plot_draw.h"
 #include "client/view/theme.h"
-#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
 
+/// Where a plot's numbers stand on the surface.
+struct PlotFrame {
+  ImVec2 low_px, high_px;  ///< corners of the field: left upper, right lower
+  double from = 0, to = 1;
+  AxisTicks y;
+  bool downward = false;
+
+  [[nodiscard]] float xAt(double x) const {
+    return low_px.x + static_cast<float>((x - from) / (to - from)) * (high_px.x - low_px.x);
+  }
+  [[nodiscard]] float yAt(double value) const {
+    const auto share = static_cast<float>((value - y.low) / (y.high - y.low));
+    return downward ? low_px.y + share * (high_px.y - low_px.y) : high_px.y - share * (high_px.y - low_px.y);
+  }
+};
+
+constexpr float kLevel_px = 0.2F;  // nobody sees less than that
+
+ImVec2 sizeOfText(std::string_view text) {
+  return ImGui::CalcTextSize(text.data(), text.data() + text.size());
+}
+
+void strokeRun(ImDrawList& list, const std::vector<ImVec2>& run, ImU32 colour, float width_px, bool dashed) {
+  if (run.size() == 1) {
+    list.AddCircleFilled(run.front(), width_px, colour, 6);
+    return;
+  }
+  if (!dashed) {
+    list.AddPolyline(run.data(), static_cast<int>(run.size()), colour, 0, width_px);
+    return;
+  }
+  // dashes of equal length along the line
+  constexpr float kOn_px = 6, kPeriod_px = 10;
+  float along_px = 0;
+  for (std::size_t i = 1; i < run.size(); ++i) {
+    const ImVec2 a = run[i - 1], b = run[i];
+    const float length_px = std::hypot(b.x - a.x, b.y - a.y);
+    for (float at_px = 0; at_px < length_px;) {
+      const float phase_px = std::fmod(along_px + at_px, kPeriod_px);
+      const bool on = phase_px < kOn_px;
+      const float step_px =
+          std::min(length_px - at_px, std::max(0.01F, (on ? kOn_px : kPeriod_px) - phase_px));
+      const auto at = [&](float s) {
+        return ImVec2{a.x + (b.x - a.x) * s / length_px, a.y + (b.y - a.y) * s / length_px};
+      };
+      if (on) list.AddLine(at(at_px), at(at_px + step_px), colour, width_px);
+      at_px += step_px;
+    }
+    along_px += length_px;
+  }
+}
+
+void drawPlotText(ImDrawList& list, ImVec2 at, ImU32 colour, std::string_view text) {
+  list.AddText(at, colour, text.data(), text.data() + text.size());
+}
+
+void drawColumns(ImDrawList& list, const PlotFrame& frame, const PlotSeries& series,
+                 std::span<const PixelColumn> columns) {
+  const ImU32 colour = packed(series.colour);
+  // whole pixels: ImGui then draws a line with half of the triangles
+  const float width_px = std::max(1.0F, std::round(space() * 0.21F));
+  const float per_column_px =
+      (frame.high_px.x - frame.low_px.x) / static_cast<float>(std::max<std::size_t>(columns.size(), 1));
+  const float tall_px = 2 * width_px;
+  std::vector<ImVec2> run;
+  int empty_run = 0;
+  const auto flush = [&] {
+    if (series.filled && run.size() > 1) {
+      const float zero_px = std::clamp(frame.yAt(0), frame.low_px.y, frame.high_px.y);
+      const ImU32 faint = packed(series.colour, 0.16F);
+      for (std::size_t i = 1; i < run.size(); ++i)
+        list.AddRectFilled({run[i - 1].x, std::min(run[i].y, zero_px)},
+                           {run[i].x, std::max(run[i].y, zero_px)}, faint);
+    }
+    if (!run.empty()) strokeRun(list, run, colour, width_px, series.dashed);
+    run.clear();
+  };
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    const PixelColumn& column = columns[i];
+    if (column.empty()) {
+      // a column or two without a sample are only a slow stream; more of them are a hole, or no value there
+      if (++empty_run > 3 + static_cast<int>(columns.size()) / 60) flush();
+      continue;
+    }
+    empty_run = 0;
+    const float x_px = frame.low_px.x + (static_cast<float>(i) + 0.5F) * per_column_px;
+    const float top_px = frame.yAt(static_cast<double>(column.max)),
+                low_px = frame.yAt(static_cast<double>(column.min));
+    if (std::fabs(top_px - low_px) > tall_px)
+      list.AddRectFilled({x_px - 0.5F * per_column_px, std::min(top_px, low_px)},
+                         {x_px + 0.5F * per_column_px, std::max(top_px, low_px)},
+                         packed(series.colour, 0.65F));
+    const float y_px = frame.yAt(static_cast<double>(column.last));
+    // a level stretch needs only its ends
+    if (run.size() > 1 && std::fabs(run[run.size() - 1].y - y_px) < kLevel_px &&
+        std::fabs(run[run.size() - 2].y - y_px) < kLevel_px)
+      run.back().x = x_px;
+    else
+      run.push_back({x_px, y_px});
+  }
+  flush();
+}
+
+void drawBands(ImDrawList& list, const PlotFrame& frame, std::span<const PlotBand> bands) {
+  WithFont font(Letters::kSmall);
+  float taken_to_px = -1;
+  for (const PlotBand& band : bands) {
+    const float a_px = frame.yAt(std::clamp(band.low, frame.y.low, frame.y.high));
+    const float b_px = frame.yAt(std::clamp(band.high, frame.y.low, frame.y.high));
+    const float top_px = std::min(a_px, b_px), low_px = std::max(a_px, b_px);
+    if (low_px - top_px < 0.5F) continue;
+    list.AddRectFilled({frame.low_px.x, top_px}, {frame.high_px.x, low_px}, packed(band.colour, 0.17F));
+    list.AddLine({frame.low_px.x, top_px}, {frame.high_px.x, top_px}, packed(band.colour, 0.45F));
+    // a stripe of the full colour at the edge ties the name to the tissue's colour elsewhere
+    list.AddRectFilled({frame.low_px.x, top_px}, {frame.low_px.x + 4, low_px}, packed(band.colour, 0.9F));
+    const float text_px = ImGui::GetFontSize();
+    const float at_px = std::max((top_px + low_px - text_px) * 0.5F, taken_to_px);
+    if (band.name.empty() || at_px + text_px > low_px + text_px * 0.35F) continue;
+    drawPlotText(list, {frame.low_px.x + 9, at_px}, packed(mixed(band.colour, kWhite, 0.45F), 0.95F),
+                 band.name);
+    taken_to_px = at_px + text_px * 0.92F;
+  }
+}
+
+void drawMarks(ImDrawList& list, const PlotFrame& frame, std::span<const PlotMark> marks,
+               const float* hover_x_px) {
+  WithFont font(Letters::kSmall);
+  const PlotMark* nearest = nullptr;
+  float nearest_px = 7, sign_free_px = -1e9F;
+  for (const PlotMark& mark : marks) {
+    if (mark.x < frame.from || mark.x > frame.to) continue;
+    const float x_px = frame.xAt(mark.x);
+    list.AddLine({x_px, frame.low_px.y}, {x_px, frame.high_px.y}, packed(mark.colour, 0.38F));
+    const float width_px = sizeOfText(mark.sign).x;
+    // signs that would cover one another are left out; their lines stay
+    if (!mark.sign.empty() && x_px - width_px * 0.5F > sign_free_px) {
+      drawPlotText(list, {x_px - width_px * 0.5F, frame.low_px.y + 1}, packed(mark.colour), mark.sign);
+      sign_free_px = x_px + width_px * 0.5F;
+    }
+    if (hover_x_px != nullptr && !mark.text.empty() && std::fabs(*hover_x_px - x_px) < nearest_px) {
+      nearest = &mark;
+      nearest_px = std::fabs(*hover_x_px - x_px);
+    }
+  }
+  if (nearest == nullptr) return;
+  const ImVec2 size = sizeOfText(nearest->text);
+  const float x_px = std::clamp(frame.xAt(nearest->x) - size.x * 0.5F, frame.low_px.x,
+                                std::max(frame.low_px.x, frame.high_px.x - size.x));
+  const ImVec2 at{x_px, frame.low_px.y + ImGui::GetFontSize() * 1.15F};
+  list.AddRectFilled({at.x - 4, at.y - 2}, {at.x + size.x + 4, at.y + size.y + 2}, packed(kBlack, 0.8F), 4);
+  drawPlotText(list, at, packed(mixed(nearest->colour, kWhite, 0.4F)), nearest->text);
+}
+
 /// What a plot remembers from frame to frame: its range of y, so that it grows at once and shrinks calmly.
-/// It holds for the stretch of x that was shown: a jump elsewhere or another zoom begins anew.
+/// It belongs to the stretch of x that was shown: a jump or another zoom forgets it.
 struct PlotMemory {
   double low = 0, high = 0;
   bool known = false;
@@ -29,9 +182,39 @@ struct PlotMemory {
 };
 
 PlotMemory& memoryOf(ImGuiID id) {
-  // of the one context that a process has; ids are few and live as long as the window
+  // one map: a process has one ImGui context; the ids are few and live as long as the window
   static std::map<ImGuiID, PlotMemory> memories;
   return memories[id];
+}
+
+/// A few points joined by lines; each point is a small peg on its line.
+void fillThrough(std::span<const double> x, std::span<const double> y, double from, double to,
+                 std::span<PixelColumn> out) {
+  const double width = (to - from) / static_cast<double>(out.size());
+  const auto [low, high] = std::minmax_element(y.begin(), y.end());
+  const double peg = 0.03 * (*high - *low);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    out[i] = {};
+    const double at = from + (static_cast<double>(i) + 0.5) * width;
+    if (at < x.front() - 0.5 * width || at > x.back() + 0.5 * width) continue;
+    const auto right = std::min<std::size_t>(
+        static_cast<std::size_t>(std::upper_bound(x.begin(), x.end(), at) - x.begin()), x.size() - 1);
+    const std::size_t left = right == 0 ? 0 : right - 1;
+    const double step = x[right] - x[left];
+    const double share = step > 0 ? std::clamp((at - x[left]) / step, 0.0, 1.0) : 0.0;
+    const double value = y[left] + share * (y[right] - y[left]);
+    const bool point = std::abs(at - x[left]) <= 1.5 * width || std::abs(at - x[right]) <= 1.5 * width;
+    out[i].last = static_cast<float>(value);
+    out[i].min = static_cast<float>(value - (point ? peg : 0));
+    out[i].max = static_cast<float>(value + (point ? peg : 0));
+  }
+}
+
+void fillSeries(const PlotSeries& series, double from, double to, std::span<PixelColumn> out) {
+  if (series.columns)
+    series.columns(from, to, out);
+  else if (!series.x.empty() && series.x.size() == series.y.size())
+    fillThrough(series.x, series.y, from, to, out);
 }
 
 struct PlotRange {
@@ -43,25 +226,25 @@ struct PlotRange {
   [[nodiscard]] bool known() const { return low <= high; }
 };
 
-AxisTicks rangeOf(const PlotSpec& spec, PlotRange data, PlotMemory& memory, float height_px) {
+AxisTicks rangeOf(const Plot& plot, PlotRange data, PlotMemory& memory, float height_px) {
   const int wanted = std::clamp(static_cast<int>(height_px / (ImGui::GetFontSize() * 2.2F)), 2, 8);
-  if (spec.low && spec.high) return axisTicks(*spec.low, *spec.high, wanted, false);
+  if (plot.low && plot.high) return axisTicks(*plot.low, *plot.high, wanted, false);
   if (!data.known()) data = {0, 1};
-  // zero is part of the picture where it is near
+  // zero is part of the picture when it is near
   if (data.low > 0 && data.low < 0.6 * data.high) data.low = 0;
   if (data.high < 0 && data.high > 0.6 * data.low) data.high = 0;
   if (memory.known) {
     const double span = std::max(memory.high - memory.low, 1e-12);
     // the axis shrinks only when the data needs less than half of it
     if (data.low >= memory.low && data.high <= memory.high && data.high - data.low > 0.45 * span)
-      return axisTicks(spec.low.value_or(memory.low), spec.high.value_or(memory.high), wanted, false);
+      return axisTicks(plot.low.value_or(memory.low), plot.high.value_or(memory.high), wanted, false);
   }
   // the data with a little air, in quarters of a step: the axis does not stir with each new greatest value
   const double air = 0.05 * (data.high - data.low);
   const double quarter = axisTicks(data.low, data.high, wanted, false).step / 4;
   const double low = data.low == 0 ? 0 : std::floor((data.low - air) / quarter) * quarter;
   const double high = data.high == 0 ? 0 : std::ceil((data.high + air) / quarter) * quarter;
-  AxisTicks ticks = axisTicks(spec.low.value_or(low), spec.high.value_or(high), wanted, false);
+  AxisTicks ticks = axisTicks(plot.low.value_or(low), plot.high.value_or(high), wanted, false);
   memory.low = ticks.low;
   memory.high = ticks.high;
   memory.known = true;
@@ -81,7 +264,7 @@ const PixelColumn* columnAt(std::span<const PixelColumn> columns, std::ptrdiff_t
   return nullptr;
 }
 
-void drawAxes(ImDrawList& list, const PlotFrame& frame, const PlotSpec& spec) {
+void drawAxes(ImDrawList& list, const PlotFrame& frame, const Plot& plot, bool show_x_axis) {
   WithFont font(Letters::kSmall);
   const float text_px = ImGui::GetFontSize();
   const ImU32 line = packed(kLineGrey, 0.75F), words = packed(kDimText);
@@ -93,13 +276,13 @@ void drawAxes(ImDrawList& list, const PlotFrame& frame, const PlotSpec& spec) {
                  words, text);
   }
   const int wanted = std::max(2, static_cast<int>((frame.high_px.x - frame.low_px.x) / (text_px * 7)));
-  const AxisTicks x = axisTicks(frame.from, frame.to, wanted, false, spec.clock_axis ? 0 : 1);
+  const AxisTicks x = axisTicks(frame.from, frame.to, wanted, false, plot.clock_axis ? 0 : 1);
   for (const double value : x.at) {
     const float x_px = frame.xAt(value);
     list.AddLine({x_px, frame.low_px.y}, {x_px, frame.high_px.y}, line);
-    if (!spec.show_x_axis) continue;
-    std::string text = spec.clock_axis ? clockText(value, x.step < 1 ? 1 : 0) : tickText(value, x.decimals);
-    if (!spec.clock_axis && value == x.at.back() && !spec.x_unit.empty()) text += " " + spec.x_unit;
+    if (!show_x_axis) continue;
+    std::string text = plot.clock_axis ? clockText(value, x.step < 1 ? 1 : 0) : tickText(value, x.decimals);
+    if (!plot.clock_axis && value == x.at.back() && !plot.x_unit.empty()) text += " " + plot.x_unit;
     const float width_px = ImGui::CalcTextSize(text.c_str()).x;
     const float left_px =
         std::clamp(x_px - width_px * 0.5F, frame.low_px.x - 8, frame.high_px.x - width_px + 8);
@@ -109,32 +292,31 @@ void drawAxes(ImDrawList& list, const PlotFrame& frame, const PlotSpec& spec) {
 }
 
 /// Title at the left, then the series with their colours; the values at the cursor or the mouse beside them.
-void drawLegend(ImDrawList& list, ImVec2 at, float right_px, const PlotSpec& spec,
-                std::span<const PlotSeries> series, std::span<const std::vector<PixelColumn>> columns,
-                std::ptrdiff_t read_at, double step) {
+void drawLegend(ImDrawList& list, ImVec2 at, float right_px, const Plot& plot,
+                std::span<const std::vector<PixelColumn>> columns, std::ptrdiff_t read_at, double step) {
   WithFont font(Letters::kSmall);
   const float text_px = ImGui::GetFontSize();
-  std::string title = spec.title;
-  if (!spec.unit.empty()) title += (title.empty() ? "" : ", ") + spec.unit;
+  const std::string title = headingOf(plot);
   drawPlotText(list, at, packed(kText), title);
   float x_px = at.x + ImGui::CalcTextSize(title.c_str()).x + text_px;
-  if (!spec.legend) return;
-  for (std::size_t i = 0; i < series.size(); ++i) {
-    std::string words = series[i].name;
+  if (!plot.legend) return;
+  for (std::size_t i = 0; i < plot.series.size(); ++i) {
+    const PlotSeries& series = plot.series[i];
+    std::string text = series.name;
     if (const PixelColumn* column = read_at >= 0 ? columnAt(columns[i], read_at) : nullptr)
-      words += (words.empty() ? "" : " ") + valueText(*column, step);
-    if (words.empty()) continue;
-    const float width_px = ImGui::CalcTextSize(words.c_str()).x + text_px * 1.5F;
+      text += (text.empty() ? "" : " ") + valueText(*column, step);
+    if (text.empty()) continue;
+    const float width_px = ImGui::CalcTextSize(text.c_str()).x + text_px * 1.5F;
     if (x_px + width_px > right_px) return;
     const float y_px = at.y + text_px * 0.55F;
-    const ImU32 colour = packed(series[i].colour);
-    if (series[i].dashed) {
+    const ImU32 colour = packed(series.colour);
+    if (series.dashed) {
       list.AddLine({x_px, y_px}, {x_px + text_px * 0.35F, y_px}, colour, 3);
       list.AddLine({x_px + text_px * 0.6F, y_px}, {x_px + text_px * 0.95F, y_px}, colour, 3);
     } else {
       list.AddLine({x_px, y_px}, {x_px + text_px * 0.95F, y_px}, colour, 3);
     }
-    drawPlotText(list, {x_px + text_px * 1.2F, at.y}, packed(kText), words);
+    drawPlotText(list, {x_px + text_px * 1.2F, at.y}, packed(kText), text);
     x_px += width_px + text_px * 0.7F;
   }
 }
@@ -160,13 +342,18 @@ PlotResult mouseOn(const PlotFrame& frame) {
 
 }  // namespace
 
-PlotResult linePlot(const char* id, const PlotSpec& spec, std::span<const PlotSeries> series,
-                    ImVec2 size_px) {
+PlotField plotFieldAt(ImVec2 at, ImVec2 size_px, bool show_x_axis) {
+  const float text_px = fontOf(Letters::kSmall)->FontSize;
+  return {{at.x + text_px * 3.1F, at.y + text_px * 1.35F},
+          {at.x + size_px.x - 6, at.y + size_px.y - (show_x_axis ? text_px * 1.5F : 5)}};
+}
+
+PlotResult linePlot(const char* id, const Plot& plot, ImVec2 size_px, bool show_x_axis) {
   const ImVec2 rest = ImGui::GetContentRegionAvail();
   if (size_px.x <= 0) size_px.x = rest.x;
   if (size_px.y <= 0) size_px.y = rest.y;
   const ImVec2 at = ImGui::GetCursorScreenPos();
-  const PlotField field = plotFieldAt(at, size_px, spec.show_x_axis);
+  const PlotField field = plotFieldAt(at, size_px, show_x_axis);
   if (field.tooSmall()) {
     ImGui::Dummy(size_px);
     return {};
@@ -177,17 +364,17 @@ PlotResult linePlot(const char* id, const PlotSpec& spec, std::span<const PlotSe
   ImGui::PushID(id);
   ImGui::SetCursorScreenPos(frame.low_px);
   ImGui::InvisibleButton("field", {frame.high_px.x - frame.low_px.x, frame.high_px.y - frame.low_px.y});
-  frame.from = spec.from;
-  frame.to = spec.to > spec.from ? spec.to : spec.from + 1;
-  frame.downward = spec.downward;
+  frame.from = plot.from;
+  frame.to = plot.to > plot.from ? plot.to : plot.from + 1;
+  frame.downward = plot.downward;
 
   // one column a pixel
   const auto count = static_cast<std::size_t>(frame.high_px.x - frame.low_px.x);
-  std::vector<std::vector<PixelColumn>> columns(series.size());
+  std::vector<std::vector<PixelColumn>> columns(plot.series.size());
   PlotRange data;
-  for (std::size_t i = 0; i < series.size(); ++i) {
+  for (std::size_t i = 0; i < plot.series.size(); ++i) {
     columns[i].resize(count);
-    if (series[i].columns) series[i].columns(frame.from, frame.to, columns[i]);
+    fillSeries(plot.series[i], frame.from, frame.to, columns[i]);
     for (const PixelColumn& column : columns[i]) {
       if (column.empty()) continue;
       data.take(static_cast<double>(column.min));
@@ -196,21 +383,21 @@ PlotResult linePlot(const char* id, const PlotSpec& spec, std::span<const PlotSe
   }
   PlotMemory& memory = memoryOf(ImGui::GetID("memory"));
   memory.show(frame.from, frame.to);
-  frame.y = rangeOf(spec, data, memory, frame.high_px.y - frame.low_px.y);
+  frame.y = rangeOf(plot, data, memory, frame.high_px.y - frame.low_px.y);
   const PlotResult result = mouseOn(frame);
 
   ImDrawList& list = *ImGui::GetWindowDrawList();
   solidRect(list, frame.low_px, frame.high_px, kWindowGrey);
-  drawAxes(list, frame, spec);
+  drawAxes(list, frame, plot, show_x_axis);
   ImGui::PushClipRect(frame.low_px, frame.high_px, true);
-  drawBands(list, frame, spec.bands);
-  // the first is the chief one: it lies on top
-  for (std::size_t i = series.size(); i-- > 0;) drawColumns(list, frame, series[i], columns[i]);
+  drawBands(list, frame, plot.bands);
+  // the first series lies on top
+  for (std::size_t i = plot.series.size(); i-- > 0;) drawColumns(list, frame, plot.series[i], columns[i]);
   const float mouse_px = ImGui::GetIO().MousePos.x;
-  drawMarks(list, frame, spec.marks, result.hovered ? &mouse_px : nullptr);
-  std::optional<double> read = spec.cursor;
-  if (spec.cursor)
-    list.AddLine({frame.xAt(*spec.cursor), frame.low_px.y}, {frame.xAt(*spec.cursor), frame.high_px.y},
+  drawMarks(list, frame, plot.marks, result.hovered ? &mouse_px : nullptr);
+  std::optional<double> read = plot.cursor;
+  if (plot.cursor)
+    list.AddLine({frame.xAt(*plot.cursor), frame.low_px.y}, {frame.xAt(*plot.cursor), frame.high_px.y},
                  packed(kWhite, 0.9F), 2);
   if (result.hovered) {
     read = result.hover_x;
@@ -221,33 +408,32 @@ PlotResult linePlot(const char* id, const PlotSpec& spec, std::span<const PlotSe
       read ? static_cast<std::ptrdiff_t>((*read - frame.from) / (frame.to - frame.from) *
                                          static_cast<double>(count))
            : -1;
-  drawLegend(list, {frame.low_px.x, at.y}, frame.high_px.x, spec, series, columns, read_at, frame.y.step);
+  drawLegend(list, {frame.low_px.x, at.y}, frame.high_px.x, plot, columns, read_at, frame.y.step);
   ImGui::PopID();
   ImGui::SetCursorScreenPos(at);
   ImGui::Dummy(size_px);
   return result;
 }
 
-PlotResult plotStack(const char* id, std::span<StackedPlot> plots, ImVec2 size_px) {
+PlotResult plotStack(const char* id, std::span<const Plot> plots, ImVec2 size_px) {
   const ImVec2 rest = ImGui::GetContentRegionAvail();
   if (size_px.x <= 0) size_px.x = rest.x;
   if (size_px.y <= 0) size_px.y = rest.y;
   float shares = 0;
-  for (const StackedPlot& plot : plots) shares += plot.share;
+  for (const Plot& plot : plots) shares += plot.share;
   if (plots.empty() || shares <= 0) return {};
   const float text_px = fontOf(Letters::kSmall)->FontSize;
-  // the last one has the axis of x below it: its field is no smaller for that
+  // the last plot has the axis of x below it; its field is as large as the others'
   const float heights_px = size_px.y - text_px * 1.5F;
   PlotResult all;
   ImGui::PushID(id);
   ImGui::PushStyleVar(ImGuiStyleVar_ItemSpacing, ImVec2{0, 0});
   for (std::size_t i = 0; i < plots.size(); ++i) {
-    StackedPlot& plot = plots[i];
+    const Plot& plot = plots[i];
     const bool last = i + 1 == plots.size();
-    plot.spec.show_x_axis = last;
     ImGui::PushID(static_cast<int>(i));
     const float height_px = heights_px * plot.share / shares + (last ? text_px * 1.5F : 0);
-    const PlotResult one = linePlot("plot", plot.spec, plot.series, {size_px.x, height_px});
+    const PlotResult one = linePlot("plot", plot, {size_px.x, height_px}, last);
     ImGui::PopID();
     if (one.hovered) {
       all.hovered = true;
@@ -266,7 +452,8 @@ void sparkline(std::span<const float> values, float low, float high, Rgb colour,
   const ImVec2 at = ImGui::GetCursorScreenPos();
   ImDrawList& list = *ImGui::GetWindowDrawList();
   if (values.size() > 1 && high > low) {
-    // no more points than pixels: of those that share one the greatest stands, so that a peak is never lost
+    // no more points than pixels; of the points that share a pixel the greatest is drawn, so that no peak is
+    // lost
     const auto most = static_cast<std::size_t>(std::max(2.0F, size_px.x));
     const std::size_t count = std::min(values.size(), most);
     std::vector<ImVec2> points(count);

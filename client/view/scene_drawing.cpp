@@ -1,12 +1,11 @@
-// The passes of a drawing, in their order: what hides others first, then what is seen through it, then what
-// is clear.
+// The passes of a drawing, in their order: opaque surfaces, then what shines through them, then transparent
+// ones.
 #include <epoxy/gl.h>
 
 #include <algorithm>
 #include <cmath>
 
 #include "client/view/scene_parts.h"
-#include "client/view/tissue_table.h"
 
 namespace needlelab {
 namespace {
@@ -56,7 +55,7 @@ void SceneRenderer::Parts::drawInto(SceneBuffers& buffers, const SceneFrame& now
     buffers.picture.bind(width_px, height_px);
     covered = buffers.picture.whole();
   }
-  // what the needle covered comes back; then the needle, where it is now
+  // restore what the needle covered, then draw the needle where it is now
   const PixelRect moving = movingRect(width_px, height_px), changed = joined(covered, moving);
   buffers.picture.copyFrom(buffers.still, changed);
   buffers.picture.bind(width_px, height_px);
@@ -71,8 +70,7 @@ void SceneRenderer::Parts::drawInto(SceneBuffers& buffers, const SceneFrame& now
   buffers.picture.resolve(changed);
 }
 
-// what hides first: the skin, and the cut; then what lies in the tissue shines through, as far as it is
-// hidden
+// opaque first: the skin, and the cut; then the hidden parts of what lies in the tissue shine through
 void SceneRenderer::Parts::drawStill(bool in_haste) {
   glDisable(GL_CULL_FACE);
   glDisable(GL_BLEND);
@@ -107,7 +105,7 @@ void SceneRenderer::Parts::drawStill(bool in_haste) {
   glDisable(GL_DEPTH_TEST);
 }
 
-// in the tissue it is seen faintly; before it, plainly; then what is clear, from the inside outward
+// faint inside the tissue, plain before it; then the transparent parts, from the inside outward
 void SceneRenderer::Parts::drawMoving() {
   solid.use();
   glEnable(GL_DEPTH_TEST);
@@ -180,7 +178,7 @@ PixelRect SceneRenderer::Parts::movingRect(int width_px, int height_px) const {
   const auto take = [&](Vec3 p_W_m, double radius_m) {
     const auto at = frame->camera.project(p_W_m, width_px, height_px);
     if (!at) {
-      all = true;  // beside the eye: who knows
+      all = true;  // beside the eye: take the whole picture
       return;
     }
     const double near_m = std::max(
@@ -243,7 +241,7 @@ void SceneRenderer::Parts::drawSkin() {
   solid.set("cut", 0);
 }
 
-// a sheet in the cut's plane that is large enough for the limb; the shader keeps what is tissue
+// a sheet in the cut's plane that is large enough for the limb; the shader keeps only tissue
 void SceneRenderer::Parts::drawSection() {
   const Vec3 up = scene->focus_normal_W, across = cross(up, cut_normal_W);
   const double reach_m = 1.35 * scene->extent_m;
@@ -342,8 +340,8 @@ void SceneRenderer::Parts::drawGuides() {
   glEnable(GL_DEPTH_TEST);
 }
 
-// along the needle the parts stand on one another, pushing on one side of it, pulling on the other; what is
-// aside begins at the tip
+// along the needle the arrows are stacked, pushing on one side of it, pulling on the other; sideways arrows
+// begin at the tip
 void SceneRenderer::Parts::drawArrows() {
   const Moment& moment = frame->moment;
   const OrbitCamera& camera = frame->camera;

@@ -1,14 +1,14 @@
-/// What the scene renderer holds. Private to this folder.
+/// The scene renderer's parts. Private to this folder.
 #pragma once
 
 #include <memory>
 #include <vector>
 
-#include "client/view/frame_buffer.h"
-#include "client/view/gl_program.h"
+#include "client/view/gl_objects.h"
+#include "client/view/model/image.h"
 #include "client/view/model/mesh.h"
+#include "client/view/model/scene_view.h"
 #include "client/view/scene_renderer.h"
-#include "client/view/texture.h"
 
 namespace needlelab {
 
@@ -17,14 +17,14 @@ struct GuideCone {
   double height_m = 0, radius_m = 0;
 };
 
-/// What stands still while only the needle moves, and the picture: that and the needle.
+/// `still`: everything that rests while only the needle moves; `picture`: that and the needle.
 struct SceneBuffers {
   explicit SceneBuffers(int samples) : still(samples), picture(samples) {}
   FrameBuffer still, picture;
 };
 
-/// The limb costs most, and stands still: it is drawn once for a camera, and kept with its depths. Each
-/// drawing takes back what the needle covered the last time and draws the needle where it is now. While the
+/// The limb costs most and does not move: it is drawn once for a camera and kept with its depths. Each
+/// drawing restores what the needle covered the last time and draws the needle where it is now. While the
 /// camera moves the whole is drawn each time, without several samples a pixel.
 struct SceneRenderer::Parts {
   explicit Parts(int samples) : fine(samples), quick(1), has_quick(samples > 1) {}
@@ -45,17 +45,17 @@ struct SceneRenderer::Parts {
   double last_draw_s = 0;
   ImVec2 shown_corner_px;  ///< where the widget puts the picture on the surface
 
-  // of the drawing under way
+  // of the current drawing
   const SceneFrame* frame = nullptr;
   Vec3 cut_place_W_m, cut_normal_W;
   bool open = false;  ///< the half toward the eye is taken away
 
-  /// `limb_too`: from nothing; else only what moves.
+  /// `limb_too`: draws everything; else only the moving parts.
   void drawInto(SceneBuffers& buffers, const SceneFrame& now, int width_px, int height_px, bool limb_too);
-  /// `in_haste`: without what only makes it pretty.
+  /// `in_haste`: leaves out decoration.
   void drawStill(bool in_haste);
   void drawMoving();
-  /// Of all that `drawMoving` draws.
+  /// The rectangle of all that `drawMoving` draws.
   [[nodiscard]] PixelRect movingRect(int width_px, int height_px) const;
   [[nodiscard]] GuideCone guideCone() const;
   void drawBackdrop();
@@ -75,7 +75,17 @@ struct SceneRenderer::Parts {
 
 /// From T's, L's … own coordinates to W, with sizes.
 Matrix4 modelMatrix(const Pose& X, Vec3 scale = {1, 1, 1});
-/// The pose at `p` whose z looks along the unit vector `axis`.
+/// The pose at `p` with its z along the unit vector `axis`.
 Pose poseTowards(Vec3 p, Vec3 axis);
+
+inline constexpr int kTableDepths = 768, kTableAlong = 128;
+inline constexpr double kTablePeriod_m = 0.024;  ///< along the layers, then it repeats
+
+/// The tissues' colours over depth, as a picture for the cut. x: depth from 0 to `deepest_m`; y: along the
+/// layers, without a seam. Each tissue has its colour and a grain of its own (lobes of fat, fibres of muscle
+/// and tendon); layers end with a dark line. Deterministic.
+RgbaImage tissueTable(const SceneView& scene, double deepest_m);
+/// The last layer's bottom.
+double deepestLayer_m(const SceneView& scene);
 
 }  // namespace needlelab

@@ -9,7 +9,6 @@
 
 #include <imgui/imgui.h>
 
-#include "client/view/model/aids.h"
 #include "client/view/model/camera.h"
 #include "client/view/model/gesture_replica.h"
 #include "client/view/model/image.h"
@@ -60,8 +59,8 @@ class SceneRenderer {
   void show(ImDrawList& list, ImVec2 corner_px);
   /// The last drawing, rows from top to bottom: for tests and reports.
   [[nodiscard]] RgbaImage picture() const;
-  /// What the last drawing took, in s: until the pixels were there when `wait_for_pixels` is set (for
-  /// benchmarks: it holds up the frame), else until it was handed to the driver.
+  /// The duration of the last drawing, in s: until the pixels were complete when `wait_for_pixels` is set
+  /// (for benchmarks: it holds up the frame), else until it was handed to the driver.
   [[nodiscard]] double lastDraw_s() const;
   bool wait_for_pixels = false;
 
@@ -71,7 +70,7 @@ class SceneRenderer {
   std::unique_ptr<Parts> parts_;
 };
 
-/// What the widget's user did.
+/// The user's actions on the widget.
 struct SceneWidgetResult {
   bool camera_moved = false;  ///< `frame.camera` was changed by a drag (left: turn, right: shift), wheel or
                               ///< double click (first look)

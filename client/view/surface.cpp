@@ -4,9 +4,6 @@
 
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
-#include <imgui/backends/imgui_impl_glfw.h>
-#include <imgui/backends/imgui_impl_opengl3.h>
-#include <imgui/imgui.h>
 
 #include <algorithm>
 #include <atomic>
@@ -16,13 +13,17 @@
 #include <cstring>
 #include <thread>
 
-#include "client/view/fonts.h"
-#include "client/view/frame_buffer.h"
+#include <imgui/backends/imgui_impl_glfw.h>
+#include <imgui/backends/imgui_impl_opengl3.h>
+#include <imgui/imgui.h>
+#include <stb/stb_image.h>
+#include <stb/stb_image_write.h>
+
 #include "client/view/gl_context.h"
-#include "client/view/redraw.h"
+#include "client/view/gl_objects.h"
 #include "client/view/theme.h"
-#include "client/view/window_state.h"
 #include "common/base/clock.h"
+#include "common/base/files.h"
 
 #if defined(__SANITIZE_ADDRESS__)
 namespace {
@@ -78,7 +79,7 @@ void mapKeys(ImGuiIO& io) {
   io.KeyMap[ImGuiKey_Z] = GLFW_KEY_Z;
 }
 
-// FNV over 64-bit words: what the frame would draw
+// FNV over 64-bit words of all that the frame would draw
 std::uint64_t hashOfBytes(const void* data, std::size_t size, std::uint64_t hash) {
   const auto* bytes = static_cast<const unsigned char*>(data);
   for (; size >= 8; size -= 8, bytes += 8) {
@@ -112,7 +113,7 @@ std::uint64_t hashOfFrame(const ImDrawData& data, int width_px, int height_px) {
 struct Surface::Parts {
   SurfaceOptions options;
   std::unique_ptr<GlContext> context;
-  std::unique_ptr<FrameBuffer> buffer;  // off screen: what is drawn into
+  std::unique_ptr<FrameBuffer> buffer;  // off screen: the target of drawing
   bool imgui = false;
   bool closed = false;
   double font_scale = 1, wanted_scale = 1;
@@ -147,7 +148,7 @@ Surface::~Surface() {
   glfwGetWindowPos(window, &state.x_px, &state.y_px);
   glfwGetWindowSize(window, &state.width_px, &state.height_px);
   state.font_scale = parts_->wanted_scale;
-  // a place that cannot be kept is no reason to fail at the end of a lesson
+  // a lesson does not fail at its end because the window's place cannot be written
   (void)writeWindowState(parts_->options.state_file, state).ok();
 }
 
@@ -216,7 +217,7 @@ void Surface::Parts::applyFontScale() {
   ImGui_ImplOpenGL3_CreateFontsTexture();
 }
 
-// sleeps until the next frame is due; what the hand does wakes a window early, but is drawn in its turn
+// sleeps until the next frame is due; input wakes a window early, but is drawn when the frame is due
 void Surface::Parts::waitForTurn() {
   if (context->window() != nullptr) glfwPollEvents();
   if (!(options.frames_per_s > 0)) return;
@@ -264,8 +265,7 @@ bool Surface::beginFrame() {
 void Surface::endFrame() {
   Parts& parts = *parts_;
   ImGui::Render();
-  // the same frame again: it is shown already. Now and then it is drawn all the same, for a display that lost
-  // it
+  // the same frame is shown already; it is still drawn now and then, for a display that lost it
   const std::uint64_t hash = hashOfFrame(*ImGui::GetDrawData(), parts.width_px, parts.height_px);
   const bool same = hash == parts.drawn_hash && ++parts.repeats < kMostRepeats;
   if (same) {
@@ -292,7 +292,7 @@ void Surface::endFrame() {
 
 RgbaImage Surface::picture() const {
   if (parts_->buffer) return parts_->buffer->read();
-  // a window's buffer is gone once it was shown: the frame's lists are still there
+  // a window's buffer is gone once it was shown, but the frame's lists still exist: draw them again
   ImDrawData* data = ImGui::GetDrawData();
   if (data == nullptr || !data->Valid) return {};
   FrameBuffer copy;
@@ -351,6 +351,36 @@ void Surface::setKey(int glfw_key, bool down) {
 }
 void Surface::typeText(const std::string& utf8) {
   ImGui::GetIO().AddInputCharactersUTF8(utf8.c_str());
+}
+
+Status savePng(const RgbaImage& image, const std::filesystem::path& file) {
+  std::string png;
+  const auto append = [](void* to, void* data, int size) {
+    static_cast<std::string*>(to)->append(static_cast<const char*>(data), static_cast<std::size_t>(size));
+  };
+  const bool whole = image.width > 0 && image.height > 0 &&
+                     image.pixels.size() ==
+                         4 * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
+  if (!whole ||
+      stbi_write_png_to_func(append, &png, image.width, image.height, 4, image.pixels.data(), 0) == 0)
+    return Error{ErrorCode::kFailed, file.string() + ": the picture cannot be coded as PNG"};
+  return writeFileAtomically(file, viewOf(png));
+}
+
+Result<RgbaImage> loadPng(const std::filesystem::path& file) {
+  constexpr std::size_t kMostBytes = 64u << 20;
+  const Result<std::string> bytes = readWholeFile(file, kMostBytes);
+  if (!bytes) return Error{ErrorCode::kNotFound, bytes.error().message};
+  RgbaImage image;
+  int channels = 0;
+  stbi_uc* pixels =
+      stbi_load_from_memory(reinterpret_cast<const stbi_uc*>(bytes->data()), static_cast<int>(bytes->size()),
+                            &image.width, &image.height, &channels, 4);
+  if (pixels == nullptr) return Error{ErrorCode::kCorrupt, file.string() + ": no PNG that can be read"};
+  image.pixels.assign(
+      pixels, pixels + 4 * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
+  stbi_image_free(pixels);
+  return image;
 }
 
 }  // namespace needlelab

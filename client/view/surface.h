@@ -1,4 +1,4 @@
-/// Something to draw on: a window (GLFW), or without a display a picture (surfaceless EGL); one frame loop
+/// A surface to draw on: a window (GLFW), or a picture without a display (surfaceless EGL); one frame loop
 /// for both.
 #pragma once
 
@@ -25,7 +25,7 @@ struct SurfaceOptions {
   double font_scale = 1;     ///< 0.8 - 2.5
   double frames_per_s = 30;  ///< at most; 0: no pacing (off screen: as fast as it goes)
   /// JSON: place, size and font scale of the window; read at the start, written at the end. Empty: none.
-  /// What is unreadable or off every monitor is passed over.
+  /// Unreadable files and places off every monitor are ignored.
   std::filesystem::path state_file;
 };
 
@@ -38,13 +38,13 @@ struct SurfaceOptions {
 ///
 /// Thread: one makes, uses and destroys it (GLFW: the process's first thread when it is a window). One at a
 /// time in a process. llvmpipe starts its worker threads while the surface is made, with the affinity of the
-/// thread that makes it: beside a haptic loop make it within `KeepOffCore` (client/station/run/real_time.h). How many:
-/// the environment's LP_NUM_THREADS; 1 is set here where it says nothing (setenv: before other threads are
-/// made, or set it oneself), so that the view's own thread and one worker share what cores the affinity
-/// leaves them.
+/// thread that makes it: beside a haptic loop make it within `KeepOffCore` (client/station/run/real_time.h).
+/// How many: the environment's LP_NUM_THREADS; `open` sets it to 1 when it is not set (by setenv: before
+/// other threads are made, or set it oneself), so that the view's own thread and one worker share the cores
+/// of that affinity.
 class Surface {
  public:
-  /// Errors: kUnavailable, in words with what to do (no display, no OpenGL 3.3, …).
+  /// Errors: kUnavailable; the message says what to do (no display, no OpenGL 3.3, …).
   static Result<std::unique_ptr<Surface>> open(const SurfaceOptions& options);
   /// Writes the state file.
   ~Surface();
@@ -65,22 +65,22 @@ class Surface {
   /// From the first frame, as ImGui counts it: off screen each frame takes exactly 1/frames_per_s (1/30 where
   /// that is 0), so that pictures of animations are the same each time.
   [[nodiscard]] double time_s() const;
-  /// What the last frame's drawing took, without waiting: CPU time of this thread's wall clock from
-  /// beginFrame's return to the end of endFrame (before the swap's wait). In s.
+  /// The cost of the last frame, without waiting, in s: wall-clock time from beginFrame's return to the end
+  /// of endFrame (before the swap's wait).
   [[nodiscard]] double frameCost_s() const;
 
-  /// How many frames were drawn. A frame that looks as the one before is not (but each 15th is): a window
+  /// How many frames were drawn. A frame that equals the one before is not drawn (except each 15th): a window
   /// where nothing happens costs next to nothing.
   [[nodiscard]] std::uint64_t framesDrawn() const;
 
   [[nodiscard]] double fontScale() const;
-  /// Held to 0.8 - 2.5; takes effect with the next frame.
+  /// Clamped to 0.8 - 2.5; takes effect with the next frame.
   void setFontScale(double scale);
 
   /// The last frame that was ended. Off screen the same calls give the same bytes.
   [[nodiscard]] RgbaImage picture() const;
 
-  /// Off screen only: what a hand would do, seen from the next frame on. x to the right, y down, in pixels.
+  /// Off screen only: simulated input, which the next frame sees. x to the right, y down, in pixels.
   void moveMouse(double x_px, double y_px);
   void setMouseButton(int button, bool down);  ///< 0 left, 1 right, 2 middle
   void scroll(double steps);

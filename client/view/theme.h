@@ -51,13 +51,13 @@ float space();
 void textLine(std::string_view text, float width_px = 0);
 /// Wrapped at the panel's edge.
 void textBlock(std::string_view text);
-/// The sign and the words in the condition's colour: "▲ the device rests".
+/// The sign and the text in the condition's colour: "▲ the device rests".
 void conditionLine(Condition condition, std::string_view words);
-/// A big figure with a small unit and a caption under it: what is read from afar.
+/// A big figure with a small unit and a caption under it, to be read from afar.
 void figure(std::string_view value, std::string_view unit, std::string_view caption, Rgb colour = kText);
 /// A key and its meaning, for the foot of a window: "[Space] pause".
 void keyHint(std::string_view key, std::string_view meaning);
-/// A button of the size that fingers and far-away eyes want; `primary`: the one that most people want now.
+/// A large button; `primary`: the one that most people want now.
 bool bigButton(const char* label, bool primary = false, float width_px = 0, bool enabled = true);
 /// A bar 0-1 with text over it; beyond 1 it is full and in the trouble colour with its sign.
 void levelBar(double share, std::string_view text, Rgb colour, float width_px = 0);
@@ -71,5 +71,10 @@ void endPanel();
 
 /// Sets ImGui's style; called by `Surface`.
 void applyTheme(double font_scale);
+
+/// Fills the atlas of the current ImGui context with the fonts of `Letters`, in that order, at this scale;
+/// called by `Surface`. The fonts are DejaVu's (package fonts-dejavu-core), with Greek, Cyrillic, arrows and
+/// mathematical signs; without them ImGui's own font, which has Latin letters only.
+void loadFonts(double font_scale);
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-#include "client/view/tissue_table.h"
+#include "client/view/scene_parts.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "client/view/model/axis_ticks.h"
+#include <fmt/core.h>
+
+#include "client/view/model/plot.h"
 #include "client/view/theme.h"
 #include "common/base/clock.h"
-#include "common/base/text.h"
 
 namespace needlelab {
 
@@ -25,7 +26,7 @@ void UltrasoundView::show(const char* id, const SceneView& scene, const Moment& 
     return;
   }
   if (now_s >= next_s_) {
-    // as many pixels as are shown, but no more than pay: half of them, smoothed, look like the real thing
+    // fewer pixels than are shown: smoothed, they look like the real thing
     settings_.height = std::clamp(static_cast<int>(height_px * 0.75F), 64, 360);
     settings_.width =
         std::clamp(static_cast<int>(static_cast<float>(settings_.height) * width_px / height_px), 48, 640);
@@ -54,9 +55,8 @@ void UltrasoundView::show(const char* id, const SceneView& scene, const Moment& 
                   std::clamp(y_px - text_px * 0.5F, at.y, end.y - text_px)},
                  packed(kDimText), text.c_str());
   }
-  // accuracy costs time: how much, stands in the picture
-  const std::string cost =
-      formatted("%s ms, %.0f/s", tickText(mean_cost_s_ * 1000, 1).c_str(), pictures_per_s_);
+  // the picture shows its cost in time
+  const std::string cost = fmt::format("{} ms, {:.0f}/s", tickText(mean_cost_s_ * 1000, 1), pictures_per_s_);
   // on a dark ground: the skin below is bright
   const auto word = [&](float x_px, const std::string& text) {
     const ImVec2 size = ImGui::CalcTextSize(text.c_str());

@@ -5,13 +5,13 @@
 
 #include <imgui/imgui.h>
 
+#include "client/view/gl_objects.h"
 #include "client/view/model/ultrasound_slice.h"
-#include "client/view/texture.h"
 
 namespace needlelab {
 
-/// Draws the slice anew at most `pictures_per_s` times a second of ImGui's time, shows it with a depth scale
-/// and with what it costs ("1.8 ms, 15/s"). Used only while its aid is on: nothing is computed otherwise.
+/// Draws the slice again at most `pictures_per_s` times a second of ImGui's time, and shows it with a depth
+/// scale and its cost ("1.8 ms, 15/s"). Call it only while its aid is on: it computes nothing otherwise.
 /// Thread: the surface's.
 class UltrasoundView {
  public:

@@ -20,6 +20,7 @@
 #include <thread>
 #include <vector>
 
+#include "client/view/model/gesture_plots.h"
 #include "client/view/plots.h"
 #include "client/view/scene_renderer.h"
 #include "client/view/surface.h"
@@ -146,9 +147,9 @@ struct LessonWindow {
   }
   void plots(ImVec2 size) {
     const double to_s = trace.lastTime_s(), from_s = to_s - 20;
-    StackedPlot stack[] = {gesturePlot(GesturePlot::kForces, trace, lesson.scene.get(), from_s, to_s),
-                           gesturePlot(GesturePlot::kDepth, trace, lesson.scene.get(), from_s, to_s),
-                           gesturePlot(GesturePlot::kAngles, trace, lesson.scene.get(), from_s, to_s)};
+    const Plot stack[] = {gesturePlot(GesturePlot::kForces, trace, lesson.scene.get(), from_s, to_s),
+                          gesturePlot(GesturePlot::kDepth, trace, lesson.scene.get(), from_s, to_s),
+                          gesturePlot(GesturePlot::kAngles, trace, lesson.scene.get(), from_s, to_s)};
     plotStack("plots", stack, size);
   }
   void panel(bool with_ultrasound) {

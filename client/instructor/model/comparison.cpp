@@ -6,7 +6,8 @@
 #include <limits>
 #include <optional>
 
-#include "common/base/text.h"
+#include <fmt/core.h>
+
 #include "common/scoring/dtw.h"
 
 namespace needlelab {
@@ -122,9 +123,8 @@ Status byWarping(const StoredGesture& a, const StoredGesture& b, GestureComparis
   const auto aligned = dtwAlignment(pa.path, pb_.path);
   if (!aligned)
     return Error{ErrorCode::kInvalidInput,
-                 "a gesture of more than " +
-                     std::to_string(static_cast<int>(kMostPathPoints / kPathRateHz / 60)) +
-                     " minutes in tissue cannot be warped; compare by depth"};
+                 fmt::format("a gesture of more than {} minutes in tissue cannot be warped; compare by depth",
+                             static_cast<int>(kMostPathPoints / kPathRateHz / 60))};
   comparison.dtw_distance_m = aligned->distance_m;
   const double steps = std::max<double>(1, static_cast<double>(aligned->pairs.size()) - 1);
   for (std::size_t k = 0; k < aligned->pairs.size(); ++k) {
@@ -170,17 +170,17 @@ constexpr std::array<SeriesStyle, kComparedSeriesCount> kSeries = {{{"force", "N
 std::string whereText(Alignment alignment, const ComparedPoint& point) {
   switch (alignment) {
     case Alignment::kDepth:
-      return formatted("at %.1f mm", 1e3 * point.at);
+      return fmt::format("at {:.1f} mm", 1e3 * point.at);
     case Alignment::kTime:
-      return formatted("%.1f s after the entry", point.at);
+      return fmt::format("{:.1f} s after the entry", point.at);
     case Alignment::kDtw:
       break;
   }
-  return formatted("at %.1f s of the first", point.time_a_s);
+  return fmt::format("at {:.1f} s of the first", point.time_a_s);
 }
 
-/// What strikes about a series: mean and greatest difference.
-std::optional<std::string> wordsOf(const GestureComparison& comparison, ComparedSeries series) {
+/// The mean and the greatest difference of a series.
+std::optional<std::string> sentenceOf(const GestureComparison& comparison, ComparedSeries series) {
   const SeriesStyle& style = kSeries[static_cast<std::size_t>(series)];
   double sum = 0, greatest = 0;
   std::size_t n = 0;
@@ -197,25 +197,23 @@ std::optional<std::string> wordsOf(const GestureComparison& comparison, Compared
   }
   if (where == nullptr) return std::nullopt;
   const double k = style.shown_per_si;
-  return formatted("%s: the second differs by %+.*f %s on average, by %+.*f %s at most, ",
-                   std::string(style.word).c_str(), style.decimals, k * sum / static_cast<double>(n),
-                   std::string(style.unit).c_str(), style.decimals, k * greatest,
-                   std::string(style.unit).c_str()) +
-         whereText(comparison.alignment, *where);
+  return fmt::format("{}: the second differs by {:+.{}f} {} on average, by {:+.{}f} {} at most, {}",
+                     style.word, k * sum / static_cast<double>(n), style.decimals, style.unit, k * greatest,
+                     style.decimals, style.unit, whereText(comparison.alignment, *where));
 }
 
-void sayWhatStrikes(GestureComparison& comparison) {
+void describeDifferences(GestureComparison& comparison) {
   for (const auto series : {ComparedSeries::kTotalForce, ComparedSeries::kSpeed, ComparedSeries::kLateral}) {
-    if (auto words = wordsOf(comparison, series)) comparison.words.push_back(std::move(*words));
+    if (auto sentence = sentenceOf(comparison, series)) comparison.sentences.push_back(std::move(*sentence));
   }
   if (comparison.alignment == Alignment::kDtw)
-    comparison.words.push_back(formatted("paths: %.1f mm apart on average when warped onto each other",
-                                         1e3 * comparison.dtw_distance_m));
+    comparison.sentences.push_back(fmt::format(
+        "paths: {:.1f} mm apart on average when warped onto each other", 1e3 * comparison.dtw_distance_m));
 }
 
 }  // namespace
 
-std::string_view wordOf(Alignment alignment) {
+std::string_view nameOf(Alignment alignment) {
   switch (alignment) {
     case Alignment::kDepth:
       return "depth";
@@ -227,7 +225,7 @@ std::string_view wordOf(Alignment alignment) {
   return "time";
 }
 
-std::string_view wordOf(ComparedSeries series) {
+std::string_view nameOf(ComparedSeries series) {
   return kSeries[static_cast<std::size_t>(series)].word;
 }
 
@@ -285,9 +283,9 @@ Result<GestureComparison> compareGestures(const StoredGesture& a, const StoredGe
   const std::string& exercise_a = a.info.description().exercise_id();
   const std::string& exercise_b = b.info.description().exercise_id();
   if (exercise_a != exercise_b)
-    comparison.words.push_back("two different exercises (" + exercise_a + ", " + exercise_b +
-                               "): what differs may be the task's, not the hand's");
-  sayWhatStrikes(comparison);
+    comparison.sentences.push_back("two different exercises (" + exercise_a + ", " + exercise_b +
+                                   "): what differs may be the task's, not the hand's");
+  describeDifferences(comparison);
   return comparison;
 }
 

@@ -1,5 +1,4 @@
-/// Two gestures beside each other: which moment of one belongs to which of the other, and what is different
-/// there.
+/// Compares two gestures: which moment of one belongs to which of the other, and the differences there.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +15,7 @@ enum class Alignment : std::uint8_t {
   kDtw,    ///< by dynamic time warping of the tips' paths in the limb's frame (scoring/dtw.h)
   kTime,   ///< since the first entry into tissue
 };
-std::string_view wordOf(Alignment alignment);
+std::string_view nameOf(Alignment alignment);
 
 /// One place of the alignment. Values in SI; of `a` and `b` at their own times.
 struct ComparedPoint {
@@ -30,21 +29,21 @@ struct ComparedPoint {
   double apart_m = 0;                     ///< distance of the tips, each in its limb's frame
 };
 
-/// What can be drawn of both and of their difference b − a.
+/// The series that can be drawn of both and of their difference b − a.
 enum class ComparedSeries : std::uint8_t { kTotalForce, kSpeed, kLateral, kInsertion, kTilt };
 inline constexpr std::size_t kComparedSeriesCount = 5;
-std::string_view wordOf(ComparedSeries series);
+std::string_view nameOf(ComparedSeries series);
 double valueOfA(ComparedSeries series, const ComparedPoint& point);
 double valueOfB(ComparedSeries series, const ComparedPoint& point);
 
 struct GestureComparison {
   Alignment alignment = Alignment::kDepth;
-  std::vector<ComparedPoint> points;  ///< `at` ascends
-  double dtw_distance_m = 0;          ///< kDtw only
-  std::vector<std::string> words;     ///< what strikes: greatest and mean differences, in sentences
+  std::vector<ComparedPoint> points;   ///< `at` ascends
+  double dtw_distance_m = 0;           ///< kDtw only
+  std::vector<std::string> sentences;  ///< greatest and mean differences
 };
 
-/// Errors: kInvalidInput in words: one of them was never in tissue, or is too long to be warped.
+/// Errors: kInvalidInput: one of them was never in tissue, or is too long to be warped.
 Result<GestureComparison> compareGestures(const StoredGesture& a, const StoredGesture& b,
                                           Alignment alignment);
 

@@ -5,6 +5,8 @@
 #include <cctype>
 #include <cmath>
 
+#include <fmt/core.h>
+
 #include "common/base/text.h"
 #include "common/haptics/force_gate.h"
 
@@ -38,7 +40,7 @@ bool holds(const StationTile& tile, const std::string& part) {
          lowered(tile.exercise).find(part) != std::string::npos;
 }
 
-/// What the network says, as it may be shown.
+/// Text from the network, made safe to show.
 double sane(double value) {
   return std::isfinite(value) ? value : 0;
 }
@@ -51,7 +53,7 @@ std::string joined(const std::vector<std::string>& names) {
 
 }  // namespace
 
-std::string_view wordOf(Need need) {
+std::string_view nameOf(Need need) {
   return kNeeds[static_cast<std::size_t>(need)].word;
 }
 Condition conditionOf(Need need) {
@@ -61,7 +63,7 @@ Condition conditionOf(Need need) {
 void LabOverview::setStations(const pb::Stations& stations, double now_s) {
   std::set<std::string> known;
   for (const pb::StationInfo& info : stations.stations()) {
-    if (info.revoked() && !info.online()) continue;  // it cannot come back
+    if (info.revoked() && !info.online()) continue;  // a revoked station cannot come back
     known.insert(info.name());
     Entry& entry = entries_[info.name()];
     entry.tile.station = printable(info.name());
@@ -84,7 +86,7 @@ void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
   tile.online = status.online();
   tile.stale = false;
   if (!tile.online) {
-    // what it did last stays to be seen
+    // its last values stay visible
     if (was_online) entry.lost_in_lesson = had_lesson;
     judge(entry, now_s);
     return;
@@ -116,12 +118,12 @@ void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
   tile.tissue = printable(status.tissue());
   tile.force_limit_N = sane(status.force_limit_n()) > 0 ? status.force_limit_n() : kExcessiveForce_N;
   if (!tile.session_id.empty()) {
-    // a station of an older version says neither peak nor hazards: what is seen here counts then
+    // a station of an older version sends neither peak nor hazards: then the values seen here count
     const double before_N = tile.peak_force_N;
     tile.peak_force_N = std::max({tile.peak_force_N, tile.force_N, sane(status.peak_force_n())});
     tile.hazards.clear();
     for (const std::string& name : status.hazards_touched()) tile.hazards.push_back(printable(name));
-    // a peak between two lines is one, too
+    // a peak between two status lines counts, too
     if (tile.peak_force_N > tile.force_limit_N && tile.peak_force_N > before_N &&
         tile.force_N <= tile.force_limit_N) {
       entry.excess_N = tile.peak_force_N;
@@ -153,7 +155,7 @@ void LabOverview::judge(Entry& entry, double now_s) const {
     tile.why = faultText(static_cast<Fault>(tile.fault));
   } else if (lesson && now_s - entry.excess_s <= kNeedLasts_s) {
     tile.need = Need::kExcessiveForce;
-    tile.why = formatted("%.1f N, allowed %.3g N", entry.excess_N, tile.force_limit_N);
+    tile.why = fmt::format("{:.1f} N, allowed {:.3g} N", entry.excess_N, tile.force_limit_N);
   } else if (lesson && !tile.hazards.empty()) {
     tile.need = Need::kHazard;
     tile.why = joined(tile.hazards);

@@ -20,7 +20,7 @@ enum class Need : std::uint8_t {
   kFault,           ///< the force was taken away
   kExcessiveForce,  ///< now, or within the last kNeedLasts_s
   kHazard,          ///< touched in this lesson
-  kTrouble,         ///< the station's own words: disk, device, loop
+  kTrouble,         ///< the station reports trouble: disk, device, loop
   kLost,            ///< went offline in mid-lesson
   kWaiting,         ///< online, nobody practises
   kDone,            ///< a lesson ended a moment ago
@@ -28,7 +28,7 @@ enum class Need : std::uint8_t {
   kOffline,
 };
 inline constexpr std::size_t kNeedCount = 9;
-std::string_view wordOf(Need need);
+std::string_view nameOf(Need need);
 Condition conditionOf(Need need);
 /// For a filter: "help" is kFault … kLost.
 inline bool needsHelp(Need need) {
@@ -60,7 +60,7 @@ struct StationTile {
   std::uint64_t missed_ticks = 0, samples = 0, spool_left = 0;
   std::uint32_t wakeup_p99_us = 0;
   Need need = Need::kOffline;
-  std::string why;             ///< the need in words: "force 9.1 N, allowed 6 N"
+  std::string why;             ///< the need, for people: "force 9.1 N, allowed 6 N"
   std::deque<float> forces_N;  ///< of the last status lines, oldest first: a sparkline
 };
 
@@ -79,9 +79,9 @@ class LabOverview {
   void setStations(const pb::Stations& stations, double now_s);
   /// A status line. `now_s`: the view's own clock, ascending.
   void onStatus(const pb::StationStatus& status, double now_s);
-  /// Ages what is there: once a frame.
+  /// Ages the tiles. Call it once a frame.
   void tick(double now_s);
-  /// No connection: everything is stale until news come.
+  /// The connection is lost: everything is stale until news come.
   void connectionLost();
 
   [[nodiscard]] const StationTile* find(const std::string& station) const;

@@ -6,12 +6,12 @@
 namespace needlelab {
 namespace {
 
-bool says(const Error& error, const std::string& words) {
-  return error.message.find(words) != std::string::npos;
+bool contains(const Error& error, const std::string& part) {
+  return error.message.find(part) != std::string::npos;
 }
 
 LinkTrouble denied(const Error& error, const std::string& server) {
-  if (says(error, kNotForThisName)) {
+  if (contains(error, kNotForThisName)) {
     return {
         "The server's certificate is not made for the address " + server + ".",
         "Use the name that the certificate has (ask who runs the server), or have the server started with "
@@ -19,13 +19,13 @@ LinkTrouble denied(const Error& error, const std::string& server) {
         true,
         {}};
   }
-  if (says(error, "(ROLE)")) {
+  if (contains(error, "(ROLE)")) {
     return {"This account may not do that.",
             "Log in as an instructor, curriculum manager or administrator.",
             true,
             {}};
   }
-  if (says(error, "(LOGIN)")) {
+  if (contains(error, "(LOGIN)")) {
     return {"The server does not accept this name and password.",
             "Check both: upper and lower case matter. If they are right, the account may be disabled or its "
             "password changed; ask an administrator.",
@@ -40,7 +40,7 @@ LinkTrouble denied(const Error& error, const std::string& server) {
       {}};
 }
 
-LinkTrouble wordsOf(const Error& error, const std::string& server) {
+LinkTrouble explanationOf(const Error& error, const std::string& server) {
   switch (error.code) {
     case ErrorCode::kDenied:
       return denied(error, server);
@@ -65,13 +65,13 @@ LinkTrouble wordsOf(const Error& error, const std::string& server) {
     default:
       return {"The connection failed.", "It is tried again by itself; the details say more.", false, {}};
   }
-  if (says(error, "(RATE_LIMITED)")) {
+  if (contains(error, "(RATE_LIMITED)")) {
     return {"The server asks for patience: too many log-ins failed.",
             "Wait a minute; it is tried again by itself.",
             false,
             {}};
   }
-  if (says(error, "(SHUTTING_DOWN)") || says(error, "said bye")) {
+  if (contains(error, "(SHUTTING_DOWN)") || contains(error, "said bye")) {
     return {"The server at " + server + " is being shut down or restarted.",
             "Nothing to do: as soon as it is back, the connection is made again.",
             false,
@@ -86,7 +86,7 @@ LinkTrouble wordsOf(const Error& error, const std::string& server) {
 }  // namespace
 
 LinkTrouble troubleOf(const Error& error, const std::string& server) {
-  LinkTrouble trouble = wordsOf(error, printable(server));
+  LinkTrouble trouble = explanationOf(error, printable(server));
   trouble.detail = printable(error.message);
   return trouble;
 }

@@ -1,4 +1,4 @@
-/// Why there is no connection, in words for an instructor: what happened, and what to do about it.
+/// Explains to an instructor why there is no connection, and what to do about it.
 #pragma once
 
 #include <string>
@@ -12,7 +12,7 @@ struct LinkTrouble {
   std::string todo;  ///< one or two: what a person can do; never empty when `what` is not
   /// Trying again by itself makes no sense: another password, file or program is needed.
   bool needs_person = false;
-  std::string detail;  ///< the error itself, for who runs the lab
+  std::string detail;  ///< the error itself, for the lab's administrator
 };
 
 /// `server`: HOST:PORT as typed. Errors as connectClient gives them.

@@ -4,10 +4,64 @@
 #include <cmath>
 #include <utility>
 
-#include "client/instructor/model/sample_moment.h"
 #include "common/gesture/chunk.h"
 
 namespace needlelab {
+namespace {
+
+/// By nearest rank; 0 when there are none.
+double quantile(std::vector<float> values, double q) {
+  if (values.empty()) return 0;
+  const double rank = std::ceil(std::clamp(q, 0.0, 1.0) * static_cast<double>(values.size()));
+  const std::size_t index = std::clamp<std::size_t>(static_cast<std::size_t>(rank), 1, values.size()) - 1;
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(index), values.end());
+  return static_cast<double>(values[index]);
+}
+
+}  // namespace
+
+void LiveStats::add(const pb::LiveFrame& frame, std::size_t samples, std::int64_t received_unix_ns) {
+  // a smaller number is a station that started again, not a loss
+  if (last_seq_ && frame.frame_seq() > *last_seq_ + 1) dropped_ += frame.frame_seq() - *last_seq_ - 1;
+  last_seq_ = frame.frame_seq();
+  last_latency_ms_ = 1e-6 * static_cast<double>(received_unix_ns - frame.capture_unix_ns());
+  latencies_ms_[frames_ % kKept] = static_cast<float>(last_latency_ms_);
+  ++frames_;
+  samples_ += samples;
+}
+
+double LiveStats::latencyMs(double q) const {
+  const auto kept = static_cast<std::ptrdiff_t>(std::min<std::uint64_t>(frames_, kKept));
+  return quantile({latencies_ms_.begin(), latencies_ms_.begin() + kept}, q);
+}
+
+void LatencyMeter::fed(std::int64_t capture_unix_ns) {
+  // a station without a clock sends 0; bounded, in case nobody presents
+  if (capture_unix_ns > 0 && waiting_.size() < 4096) waiting_.push_back(capture_unix_ns);
+}
+
+void LatencyMeter::presented(std::int64_t now_unix_ns) {
+  for (const std::int64_t capture : waiting_) {
+    last_ms_ = 1e-6 * static_cast<double>(now_unix_ns - capture);
+    if (shown_ms_.size() < kKept)
+      shown_ms_.push_back(static_cast<float>(last_ms_));
+    else
+      shown_ms_[shown_ % kKept] = static_cast<float>(last_ms_);
+    ++shown_;
+  }
+  waiting_.clear();
+}
+
+void LatencyMeter::clear() {
+  waiting_.clear();
+  shown_ms_.clear();
+  shown_ = 0;
+  last_ms_ = 0;
+}
+
+double LatencyMeter::quantile_ms(double q) const {
+  return quantile(shown_ms_, q);
+}
 
 LiveStation::LiveStation(std::string station) : station_(std::move(station)), trace_(kLiveSpan_s) {}
 
@@ -55,7 +109,7 @@ void LiveStation::take(const std::vector<GestureSample>& samples) {
 
 void LiveStation::onStatus(const pb::StationStatus& status) {
   if (status.station() != station_) return;
-  // a station that came back begins its frames anew
+  // a station that came back numbers its frames from the start
   if (status.online() != status_.online()) {
     stats_.streamRestarts();
     last_frame_.reset();

@@ -1,4 +1,4 @@
-/// Short words to the instructor at the window's edge: what was done, what could not be.
+/// Short notices to the instructor at the window's edge: done, or not possible.
 #pragma once
 
 #include <deque>
@@ -25,9 +25,9 @@ class Notices {
   [[nodiscard]] const std::deque<Notice>& all() const { return notices_; }
 
  private:
-  static constexpr std::size_t kMost = 3;  // what is behind them is wanted, too
+  static constexpr std::size_t kMost = 3;  // more would hide the screen behind them
   void add(std::string text, Condition condition, double seconds) {
-    // the same again is one notice, that stays longer
+    // a repeated text is one notice that stays longer
     std::erase_if(notices_, [&](const Notice& notice) { return notice.text == text; });
     notices_.push_back({std::move(text), condition, now_s_ + seconds});
     if (notices_.size() > kMost) notices_.pop_front();

@@ -19,19 +19,20 @@ class ReplayPlayer {
   /// A gesture from `first_s` to `last_s`; stands at its beginning, paused, at speed 1, without a loop.
   void load(double first_s, double last_s);
 
-  void play();  ///< from the end: from the beginning (of the loop, where there is one)
+  void play();  ///< at the end it starts from the beginning (of the loop, if there is one)
   void pause() { playing_ = false; }
   void toggle() { playing_ ? pause() : play(); }
-  /// Held to the gesture.
+  /// Clamped to the gesture.
   void seek(double time_s);
   /// Pauses, and goes so many steps.
   void step(int steps);
-  /// Held to kSlowestReplay … kFastestReplay; what is not finite changes nothing.
+  /// Clamped to kSlowestReplay … kFastestReplay; a value that is not finite changes nothing.
   void setSpeed(double speed);
   /// The next of 0.1 0.25 0.5 1 2 4 8 in that direction.
   void faster();
   void slower();
-  /// Held to the gesture; a loop shorter than a step, or turned round, is none. Nothing: plays to the end.
+  /// Clamped to the gesture. Ignores a loop that is shorter than a step or turned round. Empty: plays to the
+  /// end.
   void setLoop(std::optional<ReplayLoop> loop);
   /// `elapsed_s` of the view's clock went by.
   void advance(double elapsed_s);

@@ -2,19 +2,129 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
+#include <utility>
 
-#include "client/instructor/model/html_text.h"
-#include "client/instructor/model/report_plots.h"
+#include <fmt/core.h>
+
 #include "client/instructor/model/svg_plot.h"
-#include "client/view/model/axis_ticks.h"
+#include "client/view/model/gesture_plots.h"
+#include "client/view/model/palette.h"
 #include "common/base/files.h"
 #include "common/base/text.h"
 #include "common/gesture/sample_csv.h"
+#include "common/profile/profile.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/syringe_events.h"
 
 namespace needlelab {
 namespace {
+
+// --- the data, from the server
+
+using ReplyJson = nlohmann::json;
+
+std::string textIn(const ReplyJson& row, const char* key) {
+  const auto found = row.find(key);
+  return found != row.end() && found->is_string() ? printable(found->get<std::string>()) : std::string();
+}
+
+std::vector<double> numbersIn(const ReplyJson& row, const char* key) {
+  std::vector<double> numbers;
+  const auto found = row.find(key);
+  if (found == row.end() || !found->is_array()) return numbers;
+  for (const auto& each : *found)
+    if (each.is_number()) numbers.push_back(each.get<double>());
+  return numbers;
+}
+
+class Collector {
+ public:
+  Collector(const LabCall& call, ReportData& data) : call_(call), data_(data) {}
+
+  Status run() {
+    const auto& description = data_.gesture->info.description();
+    ASSIGN_OR_RETURN(data_.remarks, readRemarks(call_, description.session_id()));
+    RETURN_IF_ERROR(readScore(description.session_id()));
+    if (description.exercise_id().empty()) return {};
+    RETURN_IF_ERROR(readExercise(description.exercise_id()));
+    RETURN_IF_ERROR(readReference(description.exercise_id()));
+    if (description.trainee().empty()) return {};
+    return readProgress(description.trainee(), description.exercise_id(), description.session_id());
+  }
+
+ private:
+  /// Notes a refusal of the server; a lost connection is an error.
+  Result<std::optional<pb::Reply>> ask(const pb::Request& request, const char* what) {
+    auto reply = call_(request);
+    if (reply.ok()) return std::optional<pb::Reply>(*std::move(reply));
+    if (reply.error().code == ErrorCode::kUnavailable || reply.error().code == ErrorCode::kFailed)
+      return reply.error();
+    data_.notes.push_back(std::string(what) + ": " + printable(reply.error().message));
+    return std::optional<pb::Reply>();
+  }
+
+  Status readScore(const std::string& session) {
+    pb::Request request;
+    request.mutable_get_score()->set_session_id(session);
+    ASSIGN_OR_RETURN(auto reply, ask(request, "score"));
+    if (!reply) return {};
+    const pb::Score& score = reply->score();
+    if (auto measures = parseScore(score.measures_json()); measures.ok())
+      data_.measures = *std::move(measures);
+    else
+      data_.notes.push_back("score: " + measures.error().message);
+    data_.definition_version = score.definition_version();
+    if (score.has_passed()) data_.passed = score.passed();
+    data_.standings = standingRowsOf(score.comparison_json());
+    return {};
+  }
+
+  Status readExercise(const std::string& exercise_id) {
+    std::string page;
+    do {
+      pb::Request request;
+      request.mutable_list_exercises()->set_page(page);
+      ASSIGN_OR_RETURN(auto reply, ask(request, "exercise"));
+      if (!reply) return {};
+      for (const auto& row : reply->exercises().exercises()) {
+        const auto exercise = parseExercise(row.json(), "exercise");
+        if (!exercise.ok() || exercise->id() != exercise_id) continue;
+        data_.exercise_name = printable(exercise->name());
+        data_.exercise_text = printable(exercise->description());
+        return {};
+      }
+      page = reply->exercises().next_page();
+    } while (!page.empty());
+    return {};
+  }
+
+  Status readReference(const std::string& exercise_id) {
+    pb::Request request;
+    request.mutable_get_reference()->set_exercise_id(exercise_id);
+    ASSIGN_OR_RETURN(auto reply, ask(request, "reference"));
+    if (reply) data_.bands.assign(reply->reference().bands().begin(), reply->reference().bands().end());
+    return {};
+  }
+
+  Status readProgress(const std::string& trainee, const std::string& exercise_id,
+                      const std::string& session) {
+    pb::Request request;
+    request.mutable_get_progress()->set_trainee(trainee);
+    request.mutable_get_progress()->set_exercise_id(exercise_id);
+    ASSIGN_OR_RETURN(auto reply, ask(request, "progress"));
+    if (!reply) return {};
+    for (const auto& attempt : reply->progress().attempts())
+      if (attempt.session_id() == session) data_.attempt = attempt.number();
+    data_.progress = progressRowsOf(reply->progress().measures_json());
+    return {};
+  }
+
+  const LabCall& call_;
+  ReportData& data_;
+};
+
+// --- the page
 
 constexpr const char* kStyle =
     "<style>body{font:15px/1.45 'DejaVu Sans',Verdana,sans-serif;color:#1b1f24;max-width:60em;margin:2em "
@@ -58,10 +168,10 @@ std::string headOf(const ReportData& data) {
          fact("station", d.station()) + fact("device", d.device()) +
          fact("attempt", data.attempt == 0 ? std::string() : std::to_string(data.attempt)) +
          fact("patient", gesture.scene.profile.name()) +
-         fact("profile", d.profile_id() + ", revision " + std::to_string(d.profile_revision())) +
+         fact("profile", fmt::format("{}, revision {}", d.profile_id(), d.profile_revision())) +
          fact("force model", d.axial_model()) + fact("engine", d.engine_version()) +
-         fact("recording", formatted("%zu samples, %.1f s", gesture.samples.size(),
-                                     gesture.last_s() - gesture.first_s())) +
+         fact("recording", fmt::format("{} samples, {:.1f} s", gesture.samples.size(),
+                                       gesture.last_s() - gesture.first_s())) +
          "</table>\n";
   for (const auto& note : d.device_notes()) out += "<p class='d'>" + htmlText(note) + "</p>\n";
   for (const auto& note : gesture.notes) out += "<p class='d'>" + htmlText(note) + "</p>\n";
@@ -94,7 +204,7 @@ std::string measuresOf(const ReportData& data) {
   if (data.measures.empty()) return "<p>There is no score yet: the session must be closed first.</p>\n";
   std::string out = "<table>\n<tr><th></th><th>measure</th><th class='n'>value</th><th>required</th>";
   out += data.bands.empty() ? "</tr>\n" : "<th>beside the experts</th></tr>\n";
-  // what was required first
+  // required measures first
   for (const bool required : {true, false}) {
     for (const Measure& measure : data.measures) {
       if (measure.passed.has_value() != required) continue;
@@ -106,7 +216,8 @@ std::string measuresOf(const ReportData& data) {
              (data.bands.empty() ? std::string() : "<td>" + standingOf(data, measure) + "</td>") + "</tr>\n";
     }
   }
-  return out + formatted("</table>\n<p class='d'>Definitions of version %u.</p>\n", data.definition_version);
+  return out +
+         fmt::format("</table>\n<p class='d'>Definitions of version {}.</p>\n", data.definition_version);
 }
 
 std::string eventsOf(const ReportData& data) {
@@ -125,7 +236,7 @@ std::string eventsOf(const ReportData& data) {
     if (event.kind != TraceEvent::Kind::kFault && event.kind != TraceEvent::Kind::kEntry &&
         event.kind != TraceEvent::Kind::kExit)
       continue;
-    lines.push_back({event.time_s, std::string(wordOf(event.kind))});
+    lines.push_back({event.time_s, std::string(nameOf(event.kind))});
   }
   std::stable_sort(lines.begin(), lines.end(), [](const Line& a, const Line& b) { return a.at_s < b.at_s; });
   if (lines.empty()) return "<p>Nothing.</p>\n";
@@ -145,33 +256,123 @@ std::string progressOfTrainee(const ReportData& data) {
     const auto row = std::find_if(data.progress.begin(), data.progress.end(),
                                   [&](const ProgressRow& r) { return r.measure == name; });
     if (row == data.progress.end() || row->values.size() < 2) continue;
-    const MeasureKind* const kind = measureKind(name);
-    const double shown = row->unit == "m" ? 1000 : row->unit == "m^2" ? 1e4 : 1;
-    SvgProgress plot;
-    plot.title = kind == nullptr ? std::string(name) : std::string(kind->words);
-    plot.unit = row->unit == "m" ? "mm" : row->unit == "m^2" ? "cm²" : row->unit;
-    plot.attempts = row->attempts;
-    for (const double v : row->values) plot.values.push_back(v * shown);
-    for (const pb::ReferenceBand& band : data.bands) {
-      if (band.measure() != name) continue;
-      plot.band_low = shown * (band.has_p10() ? band.p10() : band.least());
-      plot.band_high = shown * (band.has_p90() ? band.p90() : band.greatest());
+    Plot plot = progressPlot(data, *row);
+    // the whole of the experts' range is in the picture
+    const auto [least, greatest] = std::minmax_element(plot.series[0].y.begin(), plot.series[0].y.end());
+    plot.low = std::min(0.0, *least);
+    plot.high = std::max(0.0, *greatest);
+    for (const PlotBand& band : plot.bands) {
+      plot.low = std::min(*plot.low, band.low);
+      plot.high = std::max(*plot.high, band.high);
     }
-    out += "<div style='display:inline-block;width:350px;vertical-align:top'>" + svgProgress(plot) +
-           "<br><span class='d'>" + htmlText(row->words) + "</span></div>\n";
+    out += fmt::format(
+        "<div style='display:inline-block;width:350px;vertical-align:top'>{}<br><span "
+        "class='d'>{}</span></div>\n",
+        svgPlot(plot, {340, 130}), htmlText(row->words));
   }
   return out.empty() ? "<p>Fewer than two attempts have a score.</p>\n" : out;
 }
 
+std::vector<PlotMark> depthMarks(const ReportData& data) {
+  const StoredGesture& gesture = *data.gesture;
+  std::vector<PlotMark> marks;
+  for (const pb::Annotation& remark : data.remarks)
+    marks.push_back(
+        {gesture.timeOfTick(remark.tick()), kDimText, "✎", remark.author() + ": " + remark.text()});
+  for (const pb::SyringeEvent& event : gesture.events) {
+    const bool in = event.kind() == pb::SyringeEvent::INJECTION;
+    marks.push_back(
+        {gesture.timeOfTick(event.begin_tick()), kDimText, in ? "▼" : "△", in ? "injection" : "aspiration"});
+  }
+  return marks;
+}
+
+/// The plots of the windows, over the whole gesture.
+std::string gesturePlotsOf(const ReportData& data) {
+  const StoredGesture& gesture = *data.gesture;
+  if (gesture.trace.empty()) return {};
+  std::string out;
+  for (const GesturePlot which : {GesturePlot::kForces, GesturePlot::kDepth, GesturePlot::kSpeed,
+                                  GesturePlot::kAlignment, GesturePlot::kAngles}) {
+    // without the engine there are no parts of the force, and no α
+    if (which == GesturePlot::kAngles && !gesture.scene.model) continue;
+    Plot plot =
+        gesturePlot(which, gesture.trace, gesture.scene.view.get(), gesture.first_s(), gesture.last_s());
+    if (which == GesturePlot::kForces && !gesture.scene.model) plot.series.resize(1);
+    if (which == GesturePlot::kAngles) plot.title = "tilt and its limit α";
+    plot.marks = which == GesturePlot::kDepth ? depthMarks(data) : std::vector<PlotMark>();
+    // a page shows all of it
+    plot.low.reset();
+    plot.high.reset();
+    out += svgPlot(plot) + "\n";
+  }
+  return out;
+}
+
 }  // namespace
+
+std::vector<StandingRow> standingRowsOf(const std::string& comparison_json) {
+  std::vector<StandingRow> rows;
+  const auto list = ReplyJson::parse(comparison_json, nullptr, false);
+  if (!list.is_array()) return rows;
+  for (const auto& row : list)
+    if (row.is_object())
+      rows.push_back({textIn(row, "measure"), textIn(row, "standing"), textIn(row, "words")});
+  return rows;
+}
+
+std::vector<ProgressRow> progressRowsOf(const std::string& measures_json) {
+  std::vector<ProgressRow> rows;
+  const auto list = ReplyJson::parse(measures_json, nullptr, false);
+  if (!list.is_array()) return rows;
+  for (const auto& row : list) {
+    if (!row.is_object()) continue;
+    ProgressRow one{textIn(row, "measure"), textIn(row, "unit"), textIn(row, "words"),
+                    numbersIn(row, "attempts"), numbersIn(row, "values")};
+    for (double& attempt : one.attempts) attempt += 1;  // the server counts from 0
+    const std::size_t n = std::min(one.attempts.size(), one.values.size());
+    one.attempts.resize(n);
+    one.values.resize(n);
+    if (n > 0) rows.push_back(std::move(one));
+  }
+  return rows;
+}
+
+Result<ReportData> collectReport(const LabCall& call, std::shared_ptr<const StoredGesture> gesture) {
+  ReportData data;
+  data.gesture = std::move(gesture);
+  RETURN_IF_ERROR(Collector(call, data).run());
+  return data;
+}
+
+Plot progressPlot(const ReportData& data, const ProgressRow& row) {
+  const MeasureKind* const kind = measureKind(row.measure);
+  const double scale = row.unit == "m" ? 1000 : row.unit == "m^2" ? 1e4 : 1;
+  Plot plot;
+  plot.title = kind == nullptr ? row.measure : std::string(kind->words);
+  plot.unit = row.unit == "m" ? "mm" : row.unit == "m^2" ? "cm²" : row.unit;
+  plot.from = 1;
+  plot.to = std::max(2.0, row.attempts.empty() ? 2.0 : row.attempts.back()) + 0.001;
+  plot.clock_axis = false;
+  plot.x_unit = "attempt";
+  plot.legend = false;
+  for (const pb::ReferenceBand& band : data.bands)
+    if (band.measure() == row.measure)
+      plot.bands.push_back({scale * (band.has_p10() ? band.p10() : band.least()),
+                            scale * (band.has_p90() ? band.p90() : band.greatest()), kBluishGreen,
+                            "experts"});
+  PlotSeries series{"value", kSkyBlue, {}, false, false, row.attempts, row.values};
+  for (double& value : series.y) value *= scale;
+  plot.series.push_back(std::move(series));
+  return plot;
+}
 
 std::string reportHtml(const ReportData& data) {
   std::string out = "<!DOCTYPE html>\n<html lang='en'>\n<head><meta charset='utf-8'><title>" +
                     htmlText(data.gesture->title()) + "</title>\n" + kStyle + "</head>\n<body>\n";
   out += headOf(data);
   out += heading("Measures") + measuresOf(data);
-  out += heading("The gesture");
-  for (const SvgPlot& plot : reportPlots(*data.gesture, data.remarks)) out += svgPlot(plot) + "\n";
+  out += heading("The gesture") + gesturePlotsOf(data);
   out += heading("Events and remarks") + eventsOf(data);
   out += heading("Progress at this exercise") + progressOfTrainee(data);
   out += "<p class='d'>needlelab " NEEDLELAB_VERSION
@@ -183,27 +384,24 @@ std::string reportHtml(const ReportData& data) {
 
 Status writeReport(const LabCall& call, const std::string& session_id, const std::filesystem::path& file,
                    const ScenePreparer& prepare) {
-  auto gesture = loadGesture(call, session_id, prepare);
-  if (!gesture.ok()) return gesture.error();
-  const auto data = collectReport(call, *std::move(gesture));
-  if (!data.ok()) return data.error();
-  return writeFileAtomically(file, viewOf(reportHtml(*data)));
+  ASSIGN_OR_RETURN(auto gesture, loadGesture(call, session_id, prepare));
+  ASSIGN_OR_RETURN(const auto data, collectReport(call, std::move(gesture)));
+  return writeFileAtomically(file, viewOf(reportHtml(data)));
 }
 
 Status writeSamplesCsv(const StoredGesture& gesture, const std::filesystem::path& file) {
-  auto growing = GrowingFile::create(file);
-  if (!growing.ok()) return growing.error();
+  ASSIGN_OR_RETURN(auto growing, GrowingFile::create(file));
   constexpr std::size_t kAtOnce = 1u << 20;
   std::string text;
   appendSampleCsvHeader(text);
   for (const GestureSample& sample : gesture.samples) {
     appendSampleCsvRow(text, sample, gesture.samples.front().time_ns);
     if (text.size() < kAtOnce) continue;
-    if (auto done = growing->append(viewOf(text)); !done.ok()) return done;
+    RETURN_IF_ERROR(growing.append(viewOf(text)));
     text.clear();
   }
-  if (auto done = growing->append(viewOf(text)); !done.ok()) return done;
-  return growing->finish();
+  RETURN_IF_ERROR(growing.append(viewOf(text)));
+  return growing.finish();
 }
 
 }  // namespace needlelab

@@ -4,8 +4,9 @@
 #include <cmath>
 #include <utility>
 
-#include "client/instructor/model/sample_moment.h"
-#include "common/base/text.h"
+#include <fmt/core.h>
+
+#include "client/view/model/gesture_replica.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
@@ -42,26 +43,27 @@ Moment momentOfStep(const GestureSample& sample, double rate_hz, const StepRepor
 Result<pb::SessionDescription> chosen(const StoredGesture& gesture, const RerunChoice& choice) {
   pb::SessionDescription description = gesture.info.description();
   if (!choice.profile_json.empty()) description.set_profile_json(choice.profile_json);
-  auto profile = parseProfile(description.profile_json(), "the profile of the re-run");
-  if (!profile.ok()) return profile.error();
+  ASSIGN_OR_RETURN(auto profile, parseProfile(description.profile_json(), "the profile of the re-run"));
   if (!choice.axial_model.empty()) {
-    if (auto done = chooseModel(*profile, choice.axial_model); !done.ok()) return done.error();
+    RETURN_IF_ERROR(chooseModel(profile, choice.axial_model));
   }
-  description.set_profile_json(profileJson(*profile));
+  description.set_profile_json(profileJson(profile));
   if (gesture.thinned)
     description.set_rate_hz(
         std::clamp(gesture.info.removed_original().thinned_rate_hz(), 50.0, gesture.rate_hz));
   return description;
 }
 
-void sayIt(Rerun& run, const StoredGesture& gesture) {
-  run.words.push_back(
-      formatted("greatest force %.2f N, as recorded %.2f N", run.peak_force_N, run.felt_peak_N));
-  run.words.push_back(
-      formatted("mean force in tissue %.2f N, as recorded %.2f N; it differs by %+.2f N on average",
-                run.mean_force_in_tissue_N, run.felt_mean_in_tissue_N, run.mean_difference_N));
-  run.words.push_back("the recorded hand did not feel this: with other forces it would have moved otherwise");
-  if (gesture.thinned) run.words.push_back("thinned recording: forces that depend on speed are less exact");
+void describe(Rerun& run, const StoredGesture& gesture) {
+  run.sentences.push_back(
+      fmt::format("greatest force {:.2f} N, as recorded {:.2f} N", run.peak_force_N, run.felt_peak_N));
+  run.sentences.push_back(
+      fmt::format("mean force in tissue {:.2f} N, as recorded {:.2f} N; it differs by {:+.2f} N on average",
+                  run.mean_force_in_tissue_N, run.felt_mean_in_tissue_N, run.mean_difference_N));
+  run.sentences.push_back(
+      "the recorded hand did not feel this: with other forces it would have moved otherwise");
+  if (gesture.thinned)
+    run.sentences.push_back("thinned recording: forces that depend on speed are less exact");
 }
 
 }  // namespace
@@ -69,10 +71,9 @@ void sayIt(Rerun& run, const StoredGesture& gesture) {
 Result<Rerun> rerunGesture(const StoredGesture& gesture, const RerunChoice& choice,
                            const ScenePreparer& prepare, const std::function<bool()>& stop,
                            const std::function<void(const StepReport&)>& each) {
-  const auto description = chosen(gesture, choice);
-  if (!description.ok()) return description.error();
+  ASSIGN_OR_RETURN(const auto description, chosen(gesture, choice));
   Rerun run;
-  run.scene = sceneOfSession(*description, prepare);
+  run.scene = sceneOfSession(description, prepare);
   if (!run.scene.model) return Error{ErrorCode::kInvalidInput, run.scene.why};
   run.what = run.scene.profile.id() + ", " +
              std::string(kAxialModelNames[static_cast<std::size_t>(run.scene.model->axial_model)]);
@@ -107,7 +108,7 @@ Result<Rerun> rerunGesture(const StoredGesture& gesture, const RerunChoice& choi
   run.mean_force_in_tissue_N = mean(sum_N, in_tissue);
   run.felt_mean_in_tissue_N = mean(felt_sum_N, felt_in_tissue);
   run.mean_difference_N = mean(difference_N, in_either);
-  sayIt(run, gesture);
+  describe(run, gesture);
   return run;
 }
 

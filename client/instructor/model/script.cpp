@@ -6,6 +6,8 @@
 #include <cmath>
 #include <optional>
 
+#include <fmt/core.h>
+
 #include "common/base/files.h"
 #include "common/base/text.h"
 
@@ -62,7 +64,7 @@ constexpr std::array kVerbs = {
     ScriptVerb{"quit", 0, 0, "quit", "end; so does the end of the script"},
 };
 
-/// Those whose words are numbers, all of them.
+/// The verbs that take only numbers.
 constexpr std::array<std::string_view, 8> kNumbers = {"wait", "timeout", "scroll-back", "seek",
                                                       "step", "speed",   "font-scale",  "latency"};
 
@@ -72,8 +74,8 @@ const ScriptVerb* verbOf(std::string_view name) {
   return found == kVerbs.end() ? nullptr : &*found;
 }
 
-/// The words of a line; nothing for an open quote.
-std::optional<std::vector<std::string>> wordsOf(std::string_view line) {
+/// The words of a line; empty for an open quote.
+std::optional<std::vector<std::string>> splitWords(std::string_view line) {
   std::vector<std::string> words;
   std::size_t i = 0;
   while (i < line.size()) {
@@ -148,9 +150,9 @@ Result<std::vector<ScriptAction>> parseScript(std::string_view text, const std::
     const std::string_view line = text.substr(0, end);
     text.remove_prefix(std::min(end + 1, text.size()));
     const auto fault = [&](const std::string& words) {
-      return Error{ErrorCode::kInvalidInput, name + ":" + std::to_string(number) + ": " + words};
+      return Error{ErrorCode::kInvalidInput, fmt::format("{}:{}: {}", name, number, words)};
     };
-    auto words = wordsOf(line);
+    auto words = splitWords(line);
     if (!words) return fault("a quote is not closed");
     if (words->empty()) continue;
     ScriptAction action{number, words->front(), {words->begin() + 1, words->end()}};
@@ -161,9 +163,8 @@ Result<std::vector<ScriptAction>> parseScript(std::string_view text, const std::
 }
 
 Result<std::vector<ScriptAction>> loadScript(const std::filesystem::path& file) {
-  const auto text = readWholeFile(file, 1u << 20);
-  if (!text.ok()) return text.error();
-  return parseScript(*text, file.string());
+  ASSIGN_OR_RETURN(const auto text, readWholeFile(file, 1u << 20));
+  return parseScript(text, file.string());
 }
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// A list of actions for the window, one a line: how tests and demonstrations drive it
+/// Scripts for the window, one action a line: tests and demonstrations drive it with them
 /// (client/instructor/screens/README.md lists them).
 #pragma once
 
@@ -19,7 +19,7 @@ struct ScriptAction {
   std::vector<std::string> words;  ///< what follows; "quoted text" is one word, with \" and \\ in it
 };
 
-/// What a verb takes.
+/// A verb and its words.
 struct ScriptVerb {
   std::string_view verb;
   std::size_t least = 0, most = 0;  ///< how many words follow
@@ -27,8 +27,8 @@ struct ScriptVerb {
 };
 std::span<const ScriptVerb> scriptVerbs();
 
-/// Empty lines and what follows a # outside of quotes are passed over. Errors: kInvalidInput, "NAME:3: …":
-/// the first line with an unknown verb, a wrong number of words, a number that is none, an open quote.
+/// Ignores empty lines, and everything after a # outside of quotes. Errors: kInvalidInput, "NAME:3: …":
+/// the first line with an unknown verb, a wrong number of words, a bad number, or an open quote.
 Result<std::vector<ScriptAction>> parseScript(std::string_view text, const std::string& name);
 /// From a file of at most 1 MiB.
 Result<std::vector<ScriptAction>> loadScript(const std::filesystem::path& file);

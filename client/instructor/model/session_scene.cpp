@@ -45,12 +45,11 @@ SessionScene sceneOfSession(const pb::SessionDescription& description, const Sce
   }
   scene.view = std::make_shared<const SceneView>(*std::move(view));
   const auto compiled = [&]() -> Result<SceneModel> {
-    auto spec = sceneSpecOf(scene.profile, scene.X_WL);
-    if (!spec.ok()) return spec.error();
+    ASSIGN_OR_RETURN(auto spec, sceneSpecOf(scene.profile, scene.X_WL));
     if (prepare) {
-      if (auto ready = prepare(*spec); !ready.ok()) return ready.error();
+      RETURN_IF_ERROR(prepare(spec));
     }
-    return compile(*spec, description.rate_hz());
+    return compile(spec, description.rate_hz());
   };
   auto model = compiled();
   if (!model.ok()) {

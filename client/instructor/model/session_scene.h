@@ -13,7 +13,7 @@
 
 namespace needlelab {
 
-/// Fills in what a scene needs beside its profile before it can be compiled: FEM's compliance
+/// Adds to a scene what it needs before it can be compiled: FEM's compliance
 /// (addCompliance).
 using ScenePreparer = std::function<Status(SceneSpec&)>;
 
@@ -22,16 +22,16 @@ struct SessionScene {
   Pose X_WL;
   std::shared_ptr<const SceneView> view;    ///< null where the description has no readable profile
   std::shared_ptr<const SceneModel> model;  ///< null where the engine cannot step it here
-  std::string why;                          ///< one of them is null, in words; else empty
+  std::string why;                          ///< why one of them is null, for people; else empty
 };
 
-/// What can be had of it. Thread: any.
+/// As much of the scene as the description allows. Thread: any.
 SessionScene sceneOfSession(const pb::SessionDescription& description, const ScenePreparer& prepare = {});
 
 /// The description's placement; identity where it has none. kInvalidInput: not 7 finite numbers.
 Result<Pose> placementOf(const pb::SessionDescription& description);
 
-/// The session's id as text; "?" when it is none.
+/// The session's id as text; "?" when it is not one.
 std::string sessionIdText(const std::string& bytes);
 
 }  // namespace needlelab

@@ -30,7 +30,7 @@ Result<std::int64_t> dayOf(const char* field, const std::string& text) {
                std::string(field) + ": '" + printable(text) + "' is no day; it is written 2026-11-21"};
 }
 
-/// What a row is ordered by under kVerdict: what failed first.
+/// The order of rows under kVerdict: failed ones first.
 int verdictRank(const pb::SessionInfo& row) {
   return !row.has_passed() ? 1 : row.passed() ? 2 : 0;
 }
@@ -51,21 +51,19 @@ Result<pb::ListSessions> messageOf(const SessionQuery& query) {
   list.set_verdict(query.verdict);
   list.set_limit(kRowsAtOnce);
   if (!query.from.empty()) {
-    const auto day = dayOf("from", query.from);
-    if (!day.ok()) return day.error();
-    list.set_from_unix_ns(*day);
+    ASSIGN_OR_RETURN(const auto day, dayOf("from", query.from));
+    list.set_from_unix_ns(day);
   }
   if (!query.to.empty()) {
-    const auto day = dayOf("to", query.to);
-    if (!day.ok()) return day.error();
-    list.set_to_unix_ns(*day + kDay_ns);
+    ASSIGN_OR_RETURN(const auto day, dayOf("to", query.to));
+    list.set_to_unix_ns(day + kDay_ns);
     if (list.to_unix_ns() <= list.from_unix_ns())
       return Error{ErrorCode::kInvalidInput, "to: it comes before the other day"};
   }
   return list;
 }
 
-SessionSearch::SessionSearch(LabConnection& lab) : lab_(lab) {}
+SessionSearch::SessionSearch(LabConnection& connection) : connection_(connection) {}
 
 void SessionSearch::search(const SessionQuery& query) {
   query_ = query;
@@ -90,9 +88,9 @@ void SessionSearch::ask(const std::string& page) {
   list->set_page(page);
   pb::Request request;
   *request.mutable_list_sessions() = *list;
-  // a search that came later, or this object's end, makes the answer void
-  lab_.ask(request, [this, meant = *asking_, alive = std::weak_ptr(asking_),
-                     first = page.empty()](Result<pb::Reply> reply) {
+  // a later search, or the end of this object, makes the answer void
+  connection_.ask(request, [this, meant = *asking_, alive = std::weak_ptr(asking_),
+                            first = page.empty()](Result<pb::Reply> reply) {
     const auto now = alive.lock();
     if (!now || *now != meant) return;
     waiting_ = false;

@@ -1,4 +1,4 @@
-/// The list of stored sessions: what is looked for, what was found, page after page.
+/// The list of stored sessions: the query and its results, page after page.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace needlelab {
 
-/// What is looked for; empty fields filter nothing.
+/// A query; empty fields filter nothing.
 struct SessionQuery {
   std::string search;  ///< part of the trainee's name or full name
   std::string station, exercise_id;
@@ -17,18 +17,18 @@ struct SessionQuery {
   pb::ListSessions::Verdict verdict = pb::ListSessions::ANY;
   friend bool operator==(const SessionQuery&, const SessionQuery&) = default;
 };
-/// Errors: kInvalidInput naming a day that is none, or that `to` comes before `from`.
+/// Errors: kInvalidInput naming an invalid day, or a `to` before `from`.
 Result<pb::ListSessions> messageOf(const SessionQuery& query);
 
-/// How the rows that are here are ordered; the server gives the newest first.
+/// The order of the rows; the server sends the newest first.
 enum class SessionOrder : std::uint8_t { kNewest, kTrainee, kExercise, kPeakForce, kVerdict };
 
-/// Thread: the one that polls `lab`; answers that come after its end are passed over.
+/// Thread: the one that polls `connection`; answers that come after its end are ignored.
 class SessionSearch {
  public:
-  explicit SessionSearch(LabConnection& lab);
+  explicit SessionSearch(LabConnection& connection);
 
-  /// Asks anew; what was found before is shown until the answer comes.
+  /// Sends the query; the old rows stay until the answer comes.
   void search(const SessionQuery& query);
   void again() { search(query_); }
   /// The next page behind the rows, if there is one.
@@ -45,7 +45,7 @@ class SessionSearch {
  private:
   void ask(const std::string& page);
   void sort();
-  LabConnection& lab_;
+  LabConnection& connection_;
   SessionQuery query_;
   SessionOrder order_ = SessionOrder::kNewest;
   std::vector<pb::SessionInfo> rows_;

@@ -5,7 +5,9 @@
 #include <optional>
 #include <utility>
 
-#include "client/instructor/model/sample_moment.h"
+#include <fmt/core.h>
+
+#include "client/view/model/gesture_replica.h"
 #include "common/base/text.h"
 #include "common/gesture/chunk.h"
 
@@ -15,7 +17,7 @@ namespace {
 constexpr std::uint32_t kChunksAtOnce = 16;
 constexpr std::size_t kNotesKept = 20;
 
-/// Samples in, trace out: with the engine where the scene allows it.
+/// Makes the trace of samples, with the engine if the scene allows it.
 class TraceMaker {
  public:
   explicit TraceMaker(StoredGesture& gesture) : gesture_(gesture) {
@@ -78,17 +80,16 @@ class Loader {
   Result<std::shared_ptr<const StoredGesture>> run(const ScenePreparer& prepare) {
     pb::Request get;
     get.mutable_get_session()->set_session_id(id_);
-    auto info = call_(get);
-    if (!info.ok()) return info.error();
-    if (info->session().removed_original().fate() == pb::RemovedOriginal::DELETED)
+    ASSIGN_OR_RETURN(auto info, call_(get));
+    if (info.session().removed_original().fate() == pb::RemovedOriginal::DELETED)
       return Error{ErrorCode::kNotFound, "its recording was deleted by retention: " +
-                                             printable(info->session().removed_original().reason())};
-    const std::uint64_t samples = info->session().samples();
-    gesture_ = beginGesture(std::move(*info->mutable_session()), prepare, samples);
+                                             printable(info.session().removed_original().reason())};
+    const std::uint64_t samples = info.session().samples();
+    gesture_ = beginGesture(std::move(*info.mutable_session()), prepare, samples);
     if (progress_ != nullptr) progress_->chunks = gesture_->info.chunks();
-    if (auto done = readSamples(); !done.ok()) return done.error();
-    if (auto done = readAnnotations(); !done.ok()) return done.error();
-    if (auto done = readEvents(); !done.ok()) return done.error();
+    RETURN_IF_ERROR(readSamples());
+    RETURN_IF_ERROR(readAnnotations());
+    RETURN_IF_ERROR(readEvents());
     addEvents(*gesture_);
     return std::shared_ptr<const StoredGesture>(std::move(gesture_));
   }
@@ -105,13 +106,12 @@ class Loader {
       request.mutable_read_chunks()->set_max_chunks(kChunksAtOnce);
       request.mutable_read_chunks()->set_skip_damaged(true);
       request.mutable_read_chunks()->set_hash(gesture_->info.hash());
-      const auto reply = call_(request);
-      if (!reply.ok()) return reply.error();
-      const pb::Chunks& chunks = reply->chunks();
+      ASSIGN_OR_RETURN(const auto reply, call_(request));
+      const pb::Chunks& chunks = reply.chunks();
       for (const auto& damaged : chunks.damaged()) note("damaged, left out: " + printable(damaged.text()));
       if (chunks.damaged_size() > 0) maker.noteGap();
       for (const pb::Chunk& chunk : chunks.chunks()) {
-        if (auto taken = take(chunk, maker); !taken.ok()) return taken;
+        RETURN_IF_ERROR(take(chunk, maker));
       }
       const std::uint64_t behind =
           std::max(chunks.next_seq(), next + static_cast<std::uint64_t>(chunks.chunks_size()));
@@ -125,17 +125,17 @@ class Loader {
   Status take(const pb::Chunk& chunk, TraceMaker& maker) {
     auto samples = decodeChunk(viewOf(chunk.data()));
     if (!samples.ok()) {
-      note("chunk " + std::to_string(chunk.seq()) + " left out: " + samples.error().message);
+      note(fmt::format("chunk {} left out: {}", chunk.seq(), samples.error().message));
       maker.noteGap();
       return {};
     }
     for (const GestureSample& sample : *samples) {
       if (gesture_->samples.size() >= kMostLoadedSamples) {
         if (!std::exchange(full_, true))
-          note("only the first " + std::to_string(kMostLoadedSamples) + " samples are shown");
+          note(fmt::format("only the first {} samples are shown", kMostLoadedSamples));
         return {};
       }
-      // ticks ascend in what a station records; hostile bytes need not
+      // ticks ascend in a station's recording, but perhaps not in hostile bytes
       if (!gesture_->samples.empty() && sample.tick <= gesture_->samples.back().tick) continue;
       gesture_->samples.push_back(sample);
       maker.feed(sample);
@@ -144,19 +144,17 @@ class Loader {
   }
 
   Status readAnnotations() {
-    auto remarks = readRemarks(call_, id_);
-    if (!remarks.ok()) return remarks.error();
-    gesture_->annotations = *std::move(remarks);
+    ASSIGN_OR_RETURN(gesture_->annotations, readRemarks(call_, id_));
     return {};
   }
 
   Status readEvents() {
-    if (gesture_->info.state() == pb::SESSION_OPEN) return {};  // they are of closed sessions
+    if (gesture_->info.state() == pb::SESSION_OPEN) return {};  // only closed sessions have them
     pb::Request request;
     request.mutable_list_events()->set_session_id(id_);
     const auto reply = call_(request);
     if (!reply.ok()) {
-      // a profile that cannot be read has none: no reason to show nothing at all
+      // a session without a readable profile has none, but its samples can still be shown
       note("aspirations and injections: " + printable(reply.error().message));
       return {};
     }
@@ -201,9 +199,8 @@ Result<std::vector<pb::Annotation>> readRemarks(const LabCall& call, const std::
     pb::Request request;
     request.mutable_list_annotations()->set_session_id(session_id);
     request.mutable_list_annotations()->set_page(page);
-    const auto reply = call(request);
-    if (!reply.ok()) return reply.error();
-    const auto& list = reply->annotations();
+    ASSIGN_OR_RETURN(const auto reply, call(request));
+    const auto& list = reply.annotations();
     remarks.insert(remarks.end(), list.annotations().begin(), list.annotations().end());
     page = list.next_page();
   } while (!page.empty() && remarks.size() < kMostRemarks);

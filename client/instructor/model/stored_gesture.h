@@ -1,4 +1,4 @@
-/// A stored session in memory: what replay, comparison, re-run and report read.
+/// A stored session in memory, for replay, comparison, re-run and report.
 #pragma once
 
 #include <atomic>
@@ -16,7 +16,7 @@
 
 namespace needlelab {
 
-/// Samples beyond this many (50 min at 1 kHz, 600 MB) are left out, and it is said.
+/// Samples beyond this many (50 min at 1 kHz, 600 MB) are left out and noted.
 inline constexpr std::size_t kMostLoadedSamples = 3'000'000;
 
 /// Immutable once loaded. Times are Moment's: s since the session's tick 0.
@@ -30,7 +30,7 @@ struct StoredGesture {
   GestureTrace trace;  ///< of all of it
   std::vector<pb::SyringeEvent> events;
   std::vector<pb::Annotation> annotations;  ///< by time
-  std::vector<std::string> notes;           ///< damage, thinning, what is missing: for the reader
+  std::vector<std::string> notes;           ///< damage, thinning, missing parts: for the reader
 
   [[nodiscard]] double first_s() const { return trace.firstTime_s(); }
   [[nodiscard]] double last_s() const { return trace.lastTime_s(); }

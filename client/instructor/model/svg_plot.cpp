@@ -1,54 +1,67 @@
 #include "client/instructor/model/svg_plot.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <optional>
+#include <span>
+#include <utility>
+#include <vector>
 
-#include "client/instructor/model/html_text.h"
-#include "client/view/model/axis_ticks.h"
+#include <fmt/core.h>
+
+#include "client/view/model/palette.h"
 #include "common/base/text.h"
 
 namespace needlelab {
 namespace {
 
-constexpr double kWidth = 720, kHeight = 200, kLeft = 56, kRight = 12, kTop = 26, kBottom = 34;
+constexpr double kLeft = 56, kRight = 12, kTop = 26, kBottom = 34;  // around the field
 constexpr double kLegendLetter = 7, kHeadingLetter = 8;  // px, of 11 and 12 px letters, rather too wide
-constexpr std::size_t kColumns = static_cast<std::size_t>(kWidth - kLeft - kRight);
 
-/// Where numbers come to lie.
+/// From the plot's numbers to places in the picture.
 struct SvgFrame {
+  SvgSize size;
   double from = 0, to = 1, low = 0, high = 1;
   bool downward = false;
+  [[nodiscard]] double right() const { return size.width - kRight; }
+  [[nodiscard]] double bottom() const { return size.height - kBottom; }
   [[nodiscard]] double x(double value) const {
-    return kLeft + (value - from) / (to - from) * (kWidth - kLeft - kRight);
+    return kLeft + (value - from) / (to - from) * (right() - kLeft);
   }
   [[nodiscard]] double y(double value) const {
-    const double share = (value - low) / (high - low);
-    return kTop + (downward ? share : 1 - share) * (kHeight - kTop - kBottom);
+    const double share = std::clamp((value - low) / (high - low), 0.0, 1.0);
+    return kTop + (downward ? share : 1 - share) * (bottom() - kTop);
   }
 };
 
-std::string text(double x, double y, const char* anchor, const std::string& words,
-                 const std::string& more = {}) {
-  return formatted("<text x='%.1f' y='%.1f' text-anchor='%s'%s>", x, y, anchor, more.c_str()) +
-         htmlText(words) + "</text>";
+std::string textAt(double x, double y, std::string_view anchor, const std::string& text,
+                   std::string_view attributes = {}) {
+  return fmt::format("<text x='{:.1f}' y='{:.1f}' text-anchor='{}'{}>{}</text>", x, y, anchor, attributes,
+                     htmlText(text));
 }
 
-std::string line(double x1, double y1, double x2, double y2, const char* kind) {
-  return formatted("<line x1='%.1f' y1='%.1f' x2='%.1f' y2='%.1f' class='%s'/>", x1, y1, x2, y2, kind);
+std::string line(double x1, double y1, double x2, double y2, std::string_view kind) {
+  return fmt::format("<line x1='{:.1f}' y1='{:.1f}' x2='{:.1f}' y2='{:.1f}' class='{}'/>", x1, y1, x2, y2,
+                     kind);
 }
 
-/// Colours of the dark theme that are too pale for white paper become darker.
+/// The colour on white paper: white becomes black, other colours that are too pale become darker.
 std::string inkOf(Rgb colour) {
+  if (colour == kWhite) colour = kBlack;
   for (int i = 0; i < 12 && relativeLuminance(colour) > 0.40; ++i) colour = mixed(colour, kBlack, 0.12F);
   return hexText(colour);
 }
 
-/// A curve's points; what lies on the straight line between its neighbours is left out.
+/// Between many curves every second one is dashed, so that they are told apart in print without colours.
+bool isDashed(const Plot& plot, std::size_t i) {
+  return plot.series[i].dashed || (plot.series.size() > 3 && i > 0 && i % 2 == 0);
+}
+
+/// The points of a curve; leaves out those on the straight line between their neighbours.
 class CurvePath {
  public:
   void add(double x, double y) {
+    if (first_x_ > x) first_x_ = x;
     if (last_ && before_ && std::abs(before_->second - last_->second) < 0.05 &&
         std::abs(last_->second - y) < 0.05) {
       last_->first = x;
@@ -58,22 +71,30 @@ class CurvePath {
     before_ = last_;
     last_ = {x, y};
   }
+  /// The rest of the outline of the area between the curve and y.
+  [[nodiscard]] std::string closedAt(double y) const {
+    return last_ ? fmt::format("L{:.1f} {:.1f}L{:.1f} {:.1f}Z", last_->first, y, first_x_, y) : std::string();
+  }
   std::string text() {
     put();
-    return std::move(text_);
+    return text_;
   }
 
  private:
   void put() {
-    if (last_) text_ += formatted("%s%.1f %.1f", text_.empty() ? "M" : "L", last_->first, last_->second);
+    if (last_)
+      text_ += fmt::format("{}{:.1f} {:.1f}", text_.empty() ? "M" : "L", last_->first, last_->second);
   }
   std::optional<std::pair<double, double>> before_, last_;
+  double first_x_ = 1e9;
   std::string text_;
 };
 
-std::string seriesPath(const SvgSeries& series, const std::vector<PixelColumn>& columns,
-                       const SvgFrame& frame) {
+std::string drawnSeries(const PlotSeries& series, bool dashed, std::span<const PixelColumn> columns,
+                        const SvgFrame& frame) {
   CurvePath path;
+  std::string out;
+  const std::string ink = inkOf(series.colour);
   for (std::size_t i = 0; i < columns.size(); ++i) {
     const PixelColumn& column = columns[i];
     if (column.empty()) continue;
@@ -84,132 +105,148 @@ std::string seriesPath(const SvgSeries& series, const std::vector<PixelColumn>& 
     if (column.last != column.max && column.last != column.min)
       path.add(x, frame.y(static_cast<double>(column.last)));
   }
-  return "<path d='" + path.text() + "' stroke='" + inkOf(series.colour) + "'" +
-         (series.dashed ? " stroke-dasharray='5 4'" : "") + " class='s'/>";
+  for (std::size_t i = 0; i < series.x.size() && i < series.y.size(); ++i) {
+    const double x = frame.x(series.x[i]), y = frame.y(series.y[i]);
+    path.add(x, y);
+    out += fmt::format("<circle cx='{:.1f}' cy='{:.1f}' r='3.5' fill='{}'/>", x, y, ink);
+  }
+  const std::string curve = path.text();
+  if (series.filled)
+    out +=
+        fmt::format("<path d='{}{}' fill='{}' fill-opacity='.16'/>", curve, path.closedAt(frame.y(0)), ink);
+  return out + fmt::format("<path d='{}' stroke='{}'{} class='s'/>", curve, ink,
+                           dashed ? " stroke-dasharray='5 4'" : "");
 }
 
-std::string axes(const SvgFrame& frame, const AxisTicks& x_ticks, const AxisTicks& y_ticks) {
+std::string drawnBands(const Plot& plot, const SvgFrame& frame) {
+  std::string out;
+  for (const PlotBand& band : plot.bands) {
+    const double a = std::clamp(band.low, frame.low, frame.high),
+                 b = std::clamp(band.high, frame.low, frame.high);
+    if (!(b > a)) continue;
+    const double top = std::min(frame.y(a), frame.y(b)), height = std::abs(frame.y(a) - frame.y(b));
+    out += fmt::format(
+        "<rect x='{:.1f}' y='{:.1f}' width='{:.1f}' height='{:.1f}' fill='{}' fill-opacity='.28'/>", kLeft,
+        top, frame.right() - kLeft, height, hexText(band.colour));
+    if (height > 11) out += textAt(frame.right() - 4, top + height / 2 + 4, "end", band.name, " class='q'");
+  }
+  return out;
+}
+
+std::string drawnAxes(const Plot& plot, const SvgFrame& frame, const AxisTicks& y_ticks) {
   std::string out;
   for (const double at : y_ticks.at) {
-    out += line(kLeft, frame.y(at), kWidth - kRight, frame.y(at), "g");
-    out += text(kLeft - 6, frame.y(at) + 4, "end", tickText(at, y_ticks.decimals));
+    out += line(kLeft, frame.y(at), frame.right(), frame.y(at), "g");
+    out += textAt(kLeft - 6, frame.y(at) + 4, "end", tickText(at, y_ticks.decimals));
   }
+  const AxisTicks x_ticks = axisTicks(frame.from, frame.to, static_cast<int>(frame.size.width / 80), false,
+                                      plot.clock_axis ? 0 : 1);
   for (const double at : x_ticks.at) {
-    out += line(frame.x(at), kHeight - kBottom, frame.x(at), kHeight - kBottom + 4, "a");
-    out += text(frame.x(at), kHeight - kBottom + 16, "middle", tickText(at, x_ticks.decimals));
+    out += line(frame.x(at), frame.bottom(), frame.x(at), frame.bottom() + 4, "a");
+    out += textAt(frame.x(at), frame.bottom() + 16, "middle", tickText(at, x_ticks.decimals));
   }
-  return out + line(kLeft, kHeight - kBottom, kWidth - kRight, kHeight - kBottom, "a");
+  return out + line(kLeft, frame.bottom(), frame.right(), frame.bottom(), "a");
 }
 
-/// The series' names with a piece of their lines, up to the right edge; no further left than `from`.
-std::string legend(const std::vector<SvgSeries>& series, double from) {
-  if (series.size() < 2) return {};
+std::string drawnMarks(const Plot& plot, const SvgFrame& frame) {
+  std::string out;
+  for (const PlotMark& mark : plot.marks) {
+    if (mark.x < frame.from || mark.x > frame.to) continue;
+    const double x = frame.x(mark.x);
+    out += fmt::format("<g>{}{}<title>{}</title></g>", line(x, kTop, x, frame.bottom(), "m"),
+                       textAt(x, kTop - 2, "middle", mark.sign), htmlText(mark.text));
+  }
+  return out;
+}
+
+/// The names of the series with a piece of their lines, up to the right edge; closer together where they
+/// would run into the heading, which ends at `from`.
+std::string drawnLegend(const Plot& plot, const SvgFrame& frame, double from) {
+  if (!plot.legend || plot.series.size() < 2) return {};
   std::size_t letters = 0;
-  for (const SvgSeries& each : series) letters += each.name.size();
-  const auto n = static_cast<double>(series.size());
-  const double room = kWidth - kRight - from - kLegendLetter * static_cast<double>(letters);
+  for (const PlotSeries& each : plot.series) letters += each.name.size();
+  const auto n = static_cast<double>(plot.series.size());
+  const double room = frame.right() - from - kLegendLetter * static_cast<double>(letters);
   const double piece = std::clamp(room / n - 8, 8.0, 30.0);
   std::string out;
-  double x = kWidth - kRight;
-  for (auto each = series.rbegin(); each != series.rend(); ++each) {
-    x -= kLegendLetter * static_cast<double>(each->name.size()) + 8;
-    out += text(x, 14, "start", each->name);
-    out +=
-        formatted("<line x1='%.1f' y1='10' x2='%.1f' y2='10' stroke='%s' stroke-width='3'%s/>", x - piece + 8,
-                  x - 4, inkOf(each->colour).c_str(), each->dashed ? " stroke-dasharray='5 4'" : "");
+  double x = frame.right();
+  for (std::size_t i = plot.series.size(); i-- > 0;) {
+    const PlotSeries& each = plot.series[i];
+    x -= kLegendLetter * static_cast<double>(each.name.size()) + 8;
+    out += textAt(x, 14, "start", each.name);
+    out += fmt::format("<line x1='{:.1f}' y1='10' x2='{:.1f}' y2='10' stroke='{}' stroke-width='3'{}/>",
+                       x - piece + 8, x - 4, inkOf(each.colour),
+                       isDashed(plot, i) ? " stroke-dasharray='5 4'" : "");
     x -= piece;
   }
   return out;
 }
 
-std::string openSvg(double width, double height, const std::string& label) {
-  return formatted("<svg viewBox='0 0 %.0f %.0f' width='%.0f' height='%.0f' role='img' aria-label='", width,
-                   height, width, height) +
-         htmlText(label) + "'>";
+std::string openSvg(SvgSize size, const std::string& label) {
+  return fmt::format(
+      "<svg viewBox='0 0 {0:.0f} {1:.0f}' width='{0:.0f}' height='{1:.0f}' role='img' aria-label='{2}'>",
+      size.width, size.height, htmlText(label));
 }
 
 }  // namespace
 
-std::string svgPlot(const SvgPlot& plot) {
-  SvgFrame frame;
-  frame.from = plot.from;
-  frame.to = plot.to > plot.from ? plot.to : plot.from + 1;
-  frame.downward = plot.downward;
-  // what there is decides about the axis
-  std::vector<std::vector<PixelColumn>> columns(plot.series.size(), std::vector<PixelColumn>(kColumns));
+std::string htmlText(std::string_view text) {
+  std::string out;
+  for (const char c : printable(text)) {
+    switch (c) {
+      case '&':
+        out += "&amp;";
+        break;
+      case '<':
+        out += "&lt;";
+        break;
+      case '>':
+        out += "&gt;";
+        break;
+      case '"':
+        out += "&quot;";
+        break;
+      case '\'':
+        out += "&#39;";
+        break;
+      default:
+        out += c;
+    }
+  }
+  return out;
+}
+
+std::string svgPlot(const Plot& plot, SvgSize size) {
+  SvgFrame frame{size, plot.from, plot.to > plot.from ? plot.to : plot.from + 1, 0, 1, plot.downward};
+  // the axis holds all data, and zero
+  std::vector<std::vector<PixelColumn>> columns(plot.series.size());
   double low = 0, high = 0;
+  const auto take = [&](double value) { low = std::min(low, value), high = std::max(high, value); };
   for (std::size_t i = 0; i < plot.series.size(); ++i) {
+    for (const double value : plot.series[i].y) take(value);
+    if (!plot.series[i].columns) continue;
+    columns[i].resize(static_cast<std::size_t>(std::max(1.0, frame.right() - kLeft)));
     plot.series[i].columns(frame.from, frame.to, columns[i]);
     for (const PixelColumn& column : columns[i]) {
       if (column.empty()) continue;
-      low = std::min(low, static_cast<double>(column.min));
-      high = std::max(high, static_cast<double>(column.max));
+      take(static_cast<double>(column.min));
+      take(static_cast<double>(column.max));
     }
   }
-  const AxisTicks y_ticks = axisTicks(low, high > low ? high : low + 1, 5, true);
-  const AxisTicks x_ticks = axisTicks(frame.from, frame.to, 9, false);
-  frame.low = y_ticks.low;
-  frame.high = y_ticks.high;
+  low = plot.low.value_or(low);
+  high = plot.high.value_or(high);
+  const AxisTicks ticks = axisTicks(low, high > low ? high : low + 1, size.height < 160 ? 4 : 5, true);
+  frame.low = ticks.low;
+  frame.high = ticks.high;
 
-  std::string out = openSvg(kWidth, kHeight, plot.title);
-  for (const SvgBand& band : plot.bands) {
-    const double a = std::clamp(band.low, frame.low, frame.high),
-                 b = std::clamp(band.high, frame.low, frame.high);
-    if (!(b > a)) continue;
-    const double top = std::min(frame.y(a), frame.y(b)), height = std::abs(frame.y(a) - frame.y(b));
-    out += formatted("<rect x='%.1f' y='%.1f' width='%.1f' height='%.1f' fill='%s' fill-opacity='.28'/>",
-                     kLeft, top, kWidth - kLeft - kRight, height, hexText(band.colour).c_str());
-    if (height > 11) out += text(kWidth - kRight - 4, top + height / 2 + 4, "end", band.name, " class='q'");
-  }
-  out += axes(frame, x_ticks, y_ticks);
-  for (std::size_t i = 0; i < plot.series.size(); ++i) out += seriesPath(plot.series[i], columns[i], frame);
-  for (const SvgMark& mark : plot.marks) {
-    if (mark.x < frame.from || mark.x > frame.to) continue;
-    out += "<g>" + line(frame.x(mark.x), kTop, frame.x(mark.x), kHeight - kBottom, "m") +
-           text(frame.x(mark.x), kTop - 2, "middle", mark.sign) + "<title>" + htmlText(mark.text) +
-           "</title></g>";
-  }
-  // heading, and the legend right of it: closer together where it would run into the heading
-  const std::string heading = plot.title + (plot.unit.empty() ? "" : ", " + plot.unit);
-  out += text(kLeft, 14, "start", heading, " class='h'");
-  out += legend(plot.series, kLeft + kHeadingLetter * static_cast<double>(heading.size()) + 12);
-  out += text(kWidth - kRight, kHeight - 4, "end", plot.x_title);
-  return out + "</svg>";
-}
-
-std::string svgProgress(const SvgProgress& progress) {
-  constexpr double kWide = 340, kHigh = 130, kX = 52, kY = 22, kW = 276, kH = 80;
-  double low = 0, high = 0;
-  if (progress.band_high > progress.band_low)
-    high = progress.band_high, low = std::min(0.0, progress.band_low);
-  for (const double v : progress.values) low = std::min(low, v), high = std::max(high, v);
-  const AxisTicks ticks = axisTicks(low, high > low ? high : low + 1, 4, true);
-  const double last = std::max(2.0, progress.attempts.empty() ? 2.0 : progress.attempts.back());
-  const auto x = [&](double attempt) { return kX + (attempt - 1) / (last - 1) * kW; };
-  const auto y = [&](double value) { return kY + (1 - (value - ticks.low) / (ticks.high - ticks.low)) * kH; };
-  std::string out = openSvg(kWide, kHigh, progress.title);
-  if (progress.band_high > progress.band_low) {
-    const double top = y(std::min(progress.band_high, ticks.high)),
-                 end = y(std::max(progress.band_low, ticks.low));
-    out += formatted("<rect x='%.1f' y='%.1f' width='%.1f' height='%.1f' fill='%s' fill-opacity='.2'/>", kX,
-                     top, kW, std::max(1.0, end - top), hexText(kBluishGreen).c_str());
-  }
-  for (const double at : ticks.at) {
-    out +=
-        line(kX, y(at), kX + kW, y(at), "g") + text(kX - 5, y(at) + 4, "end", tickText(at, ticks.decimals));
-  }
-  std::string path;
-  for (std::size_t i = 0; i < progress.values.size() && i < progress.attempts.size(); ++i) {
-    const double px = x(progress.attempts[i]), py = y(progress.values[i]);
-    path += formatted("%s%.1f %.1f", path.empty() ? "M" : "L", px, py);
-    out += formatted("<circle cx='%.1f' cy='%.1f' r='3.5' fill='%s'/>", px, py, hexText(kBlue).c_str());
-  }
-  out += "<path d='" + path + "' stroke='" + hexText(kBlue) + "' class='s'/>";
-  out += text(kX, 13, "start", progress.title + (progress.unit.empty() ? "" : ", " + progress.unit),
-              " class='h'");
-  out += text(kX, kHigh - 6, "middle", "1") + text(kX + kW, kHigh - 6, "middle", formatted("%.0f", last)) +
-         text(kX + kW / 2, kHigh - 6, "middle", "attempt");
-  return out + "</svg>";
+  std::string out = openSvg(size, plot.title) + drawnBands(plot, frame) + drawnAxes(plot, frame, ticks);
+  for (std::size_t i = plot.series.size(); i-- > 0;)
+    out += drawnSeries(plot.series[i], isDashed(plot, i), columns[i], frame);
+  out += drawnMarks(plot, frame);
+  const std::string heading = headingOf(plot);
+  out += textAt(kLeft, 14, "start", heading, " class='h'");
+  out += drawnLegend(plot, frame, kLeft + kHeadingLetter * static_cast<double>(heading.size()) + 12);
+  return out + textAt(frame.right(), size.height - 4, "end", plot.clock_axis ? "s" : plot.x_unit) + "</svg>";
 }
 
 std::string svgStanding(const SvgStanding& s) {
@@ -217,18 +254,18 @@ std::string svgStanding(const SvgStanding& s) {
   const double low = std::min({s.least, s.value}), high = std::max({s.greatest, s.value});
   const double width = high > low ? high - low : 1;
   const auto x = [&](double value) { return 6 + (std::clamp(value, low, high) - low) / width * (kW - 12); };
-  std::string out = openSvg(kW, kH, "beside the reference");
-  out += formatted("<rect x='%.1f' y='6' width='%.1f' height='6' fill='#ccd3da'/>", x(s.least),
-                   std::max(1.0, x(s.greatest) - x(s.least)));
+  std::string out = openSvg({kW, kH}, "beside the reference");
+  out += fmt::format("<rect x='{:.1f}' y='6' width='{:.1f}' height='6' fill='#ccd3da'/>", x(s.least),
+                     std::max(1.0, x(s.greatest) - x(s.least)));
   if (s.p90 > s.p10)
-    out += formatted("<rect x='%.1f' y='4' width='%.1f' height='10' fill='%s' fill-opacity='.55'/>", x(s.p10),
-                     std::max(1.0, x(s.p90) - x(s.p10)), hexText(kBluishGreen).c_str());
-  out += formatted("<line x1='%.1f' y1='2' x2='%.1f' y2='16' stroke='#333' stroke-width='1.5'/>", x(s.mean),
-                   x(s.mean));
+    out += fmt::format("<rect x='{:.1f}' y='4' width='{:.1f}' height='10' fill='{}' fill-opacity='.55'/>",
+                       x(s.p10), std::max(1.0, x(s.p90) - x(s.p10)), hexText(kBluishGreen));
+  out += fmt::format("<line x1='{:.1f}' y1='2' x2='{:.1f}' y2='16' stroke='#333' stroke-width='1.5'/>",
+                     x(s.mean), x(s.mean));
   const double v = x(s.value);
   // a diamond: told apart from the mean by shape, not by colour alone
-  out += formatted("<path d='M%.1f 9l4.5 -6l4.5 6l-4.5 6z' fill='%s' stroke='#fff'/>", v - 4.5,
-                   hexText(kVermillion).c_str());
+  out += fmt::format("<path d='M{:.1f} 9l4.5 -6l4.5 6l-4.5 6z' fill='{}' stroke='#fff'/>", v - 4.5,
+                     hexText(kVermillion));
   return out + "</svg>";
 }
 

@@ -39,7 +39,7 @@ void Worker::run() {
     Finish finish = entry.job([this] { return stop_.load(); });
     const std::scoped_lock lock(mutex_);
     if (finish) finished_.push_back(std::move(finish));
-    // nobody sees a worker that is idle and has a result that was not taken
+    // a worker counts as busy until its result is in the list: nobody sees it idle without a result
     if (waiting_.empty()) running_.clear();
   }
 }

@@ -1,4 +1,4 @@
-/// One thread for what takes long: the view starts jobs and takes their results in its own time.
+/// One thread for jobs that take long: the view starts them and takes their results in its own time.
 #pragma once
 
 #include <atomic>
@@ -29,7 +29,7 @@ class Worker {
   /// `what`: for a person, while it runs: "loading a session".
   void start(std::string what, Job job);
   void poll();
-  /// What runs or waits; empty: nothing.
+  /// The running or the next waiting job; empty: none.
   [[nodiscard]] std::string doing() const;
   [[nodiscard]] bool busy() const { return !doing().empty(); }
 

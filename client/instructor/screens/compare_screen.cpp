@@ -1,11 +1,9 @@
-#include "client/instructor/screens/compare_screen.h"
+#include "client/instructor/screens/screens.h"
 
 #include <algorithm>
 #include <array>
 
-#include "client/instructor/screens/desk_frame.h"
 #include "client/view/theme.h"
-#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
@@ -45,24 +43,24 @@ const ComparedPoint& CompareScreen::pointAt(const GestureComparison& comparison)
   return comparison.points[static_cast<std::size_t>(index)];
 }
 
-void CompareScreen::showChoice(Desk& desk) {
+void CompareScreen::showChoice(LabState& lab) {
   const auto title = [](Rgb colour, const char* sign, const std::string& words) {
     WithTextColour text(colour);
     ImGui::TextUnformatted((std::string(sign) + " " + words).c_str());
   };
-  title(kFirstGesture, "—", desk.bench.first()->title());
-  if (desk.bench.second()) {
+  title(kFirstGesture, "—", lab.analysis.first()->title());
+  if (lab.analysis.second()) {
     ImGui::SameLine(0, 2 * space());
-    title(kSecondGesture, "– –", desk.bench.second()->title());
+    title(kSecondGesture, "– –", lab.analysis.second()->title());
   }
-  if (desk.bench.second() || desk.bench.busy()) {
+  if (lab.analysis.second() || lab.analysis.busy()) {
     for (const Alignment each : {Alignment::kDepth, Alignment::kDtw, Alignment::kTime}) {
       const char* const word = each == Alignment::kDepth ? "by depth"
                                : each == Alignment::kDtw ? "warped (DTW)"
                                                          : "by time";
       if (ImGui::RadioButton(word, alignment == each)) {
         alignment = each;
-        desk.bench.compare(each);
+        lab.analysis.compare(each);
       }
       ImGui::SameLine();
     }
@@ -71,16 +69,16 @@ void CompareScreen::showChoice(Desk& desk) {
     ImGui::SameLine(0, 2 * space());
   }
   if (ImGui::Button("Beside the expert's reference")) {
-    desk.bench.loadSecond("reference");
+    lab.analysis.loadSecond("reference");
   }
   ImGui::SameLine();
-  if (ImGui::Button("Another second …")) desk.screen = DeskScreen::kSessions;
+  if (ImGui::Button("Another second …")) lab.screen = WindowScreen::kSessions;
 }
 
-void CompareScreen::showScenes(Desk& desk, ImVec2 size_px) {
-  const GestureComparison& comparison = *desk.bench.comparison();
-  const StoredGesture& a = *desk.bench.first();
-  const StoredGesture& b = *desk.bench.second();
+void CompareScreen::showScenes(LabState& lab, ImVec2 size_px) {
+  const GestureComparison& comparison = *lab.analysis.comparison();
+  const StoredGesture& a = *lab.analysis.first();
+  const StoredGesture& b = *lab.analysis.second();
   const ComparedPoint& point = pointAt(comparison);
   const Moment& now_a = a.trace.at(point.time_a_s);
   const Moment& now_b = b.trace.at(point.time_b_s);
@@ -98,19 +96,18 @@ void CompareScreen::showScenes(Desk& desk, ImVec2 size_px) {
   ImGui::EndChild();
 }
 
-void CompareScreen::showCurves(Desk& desk, ImVec2 size_px) {
-  const GestureComparison& comparison = *desk.bench.comparison();
-  std::vector<StackedPlot> plots;
+void CompareScreen::showCurves(LabState& lab, ImVec2 size_px) {
+  const GestureComparison& comparison = *lab.analysis.comparison();
+  std::vector<Plot> plots;
   for (std::size_t i = 0; i < kShown.size(); ++i) {
-    StackedPlot plot;
-    plot.spec.title = std::string(wordOf(kShown[i]));
-    plot.spec.unit = kUnits[i];
-    plot.spec.from = x_.front();
-    plot.spec.to = x_.back() > x_.front() ? x_.back() : x_.front() + 1;
-    plot.spec.clock_axis = comparison.alignment == Alignment::kTime;
-    plot.spec.x_unit = comparison.alignment == Alignment::kDepth ? "mm inserted" : "% of the way";
-    plot.spec.show_x_axis = i + 1 == kShown.size();
-    plot.spec.cursor = at_;
+    Plot plot;
+    plot.title = std::string(nameOf(kShown[i]));
+    plot.unit = kUnits[i];
+    plot.from = x_.front();
+    plot.to = x_.back() > x_.front() ? x_.back() : x_.front() + 1;
+    plot.clock_axis = comparison.alignment == Alignment::kTime;
+    plot.x_unit = comparison.alignment == Alignment::kDepth ? "mm inserted" : "% of the way";
+    plot.cursor = at_;
     plot.series.push_back({"first", kFirstGesture, columnsOf(x_, curves_[i].a), false, false});
     plot.series.push_back({"second", kSecondGesture, columnsOf(x_, curves_[i].b), true, false});
     plot.series.push_back(
@@ -118,43 +115,44 @@ void CompareScreen::showCurves(Desk& desk, ImVec2 size_px) {
     plots.push_back(std::move(plot));
   }
   ImGui::BeginChild("curves", size_px, false, ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoBackground);
-  const float words = ImGui::GetTextLineHeightWithSpacing() * static_cast<float>(comparison.words.size());
+  const float words = ImGui::GetTextLineHeightWithSpacing() * static_cast<float>(comparison.sentences.size());
   const auto result = plotStack("compared", plots, {0, ImGui::GetContentRegionAvail().y - words});
   if (result.clicked_x) at_ = std::clamp(*result.clicked_x, x_.front(), x_.back());
-  for (const std::string& line : comparison.words) textLine(line);
+  for (const std::string& line : comparison.sentences) textLine(line);
   ImGui::EndChild();
 }
 
-void CompareScreen::show(Desk& desk) {
-  showWork(desk);
-  if (!desk.bench.first()) {
-    if (desk.bench.busy()) return;
+void CompareScreen::show(LabState& lab) {
+  showWork(lab);
+  if (!lab.analysis.first()) {
+    if (lab.analysis.busy()) return;
     if (showEmpty("Nothing to compare yet", "Load one session, then choose a second one in the list.",
                   "To the sessions"))
-      desk.screen = DeskScreen::kSessions;
+      lab.screen = WindowScreen::kSessions;
     return;
   }
-  showChoice(desk);
-  // a second one came: compared as it was asked for
-  if (desk.bench.second() && !desk.bench.comparison() && !desk.bench.busy() && desk.bench.trouble().empty())
-    desk.bench.compare(alignment);
-  if (!desk.bench.second() || !desk.bench.comparison()) {
-    if (!desk.bench.busy())
-      showEmpty(desk.bench.trouble().empty() ? "One session is loaded" : "That does not work",
-                desk.bench.trouble().empty() ? "Choose a second one in the list (button “beside”), or the "
-                                               "expert's reference of its exercise."
-                                             : desk.bench.trouble());
+  showChoice(lab);
+  // a second session was loaded: compare with the chosen alignment
+  if (lab.analysis.second() && !lab.analysis.comparison() && !lab.analysis.busy() &&
+      lab.analysis.trouble().empty())
+    lab.analysis.compare(alignment);
+  if (!lab.analysis.second() || !lab.analysis.comparison()) {
+    if (!lab.analysis.busy())
+      showEmpty(lab.analysis.trouble().empty() ? "One session is loaded" : "That does not work",
+                lab.analysis.trouble().empty() ? "Choose a second one in the list (button “beside”), or the "
+                                                 "expert's reference of its exercise."
+                                               : lab.analysis.trouble());
     return;
   }
-  takeIn(*desk.bench.comparison());
+  takeIn(*lab.analysis.comparison());
   if (x_.empty()) {
     showEmpty("Both needles met nowhere", "There is no depth that both reached.");
     return;
   }
   const ImVec2 room = ImGui::GetContentRegionAvail();
-  showScenes(desk, {room.x * 0.45F, room.y});
+  showScenes(lab, {room.x * 0.45F, room.y});
   ImGui::SameLine();
-  showCurves(desk, {0, room.y});
+  showCurves(lab, {0, room.y});
 }
 
 }  // namespace needlelab

@@ -15,7 +15,7 @@ constexpr std::array<std::pair<Look, const char*>, 4> kLooks = {{{Look::kTrainee
 constexpr std::array<std::pair<PlotSet, const char*>, 3> kSets = {
     {{PlotSet::kForces, "Forces"}, {PlotSet::kMotion, "Motion"}, {PlotSet::kWallAndTip, "Wall and tip"}}};
 
-/// A row of buttons of which one is chosen. True: another was.
+/// A row of buttons, one of them chosen. Returns true when the choice changed.
 template <typename Choice, std::size_t n>
 bool chooseOne(const std::array<std::pair<Choice, const char*>, n>& choices, Choice& chosen) {
   bool changed = false;
@@ -37,9 +37,8 @@ bool chooseOne(const std::array<std::pair<Choice, const char*>, n>& choices, Cho
 }  // namespace
 
 Result<ScenePane> ScenePane::make() {
-  auto renderer = SceneRenderer::make();
-  if (!renderer.ok()) return renderer.error();
-  return ScenePane(std::move(*renderer));
+  ASSIGN_OR_RETURN(auto renderer, SceneRenderer::make());
+  return ScenePane(std::move(renderer));
 }
 
 void ScenePane::look(Look look) {
@@ -114,13 +113,12 @@ PlotResult gesturePlots(const char* id, PlotSet set, const GestureTrace& trace, 
       which = {GesturePlot::kPlaces, GesturePlot::kForces};
       break;
   }
-  std::vector<StackedPlot> plots;
+  std::vector<Plot> plots;
   for (const GesturePlot one : which) {
     plots.push_back(gesturePlot(one, trace, scene, from_s, to_s));
-    plots.back().spec.cursor = cursor_s;
+    plots.back().cursor = cursor_s;
   }
-  if (!plots.empty())
-    plots.front().spec.marks.insert(plots.front().spec.marks.end(), extra.begin(), extra.end());
+  if (!plots.empty()) plots.front().marks.insert(plots.front().marks.end(), extra.begin(), extra.end());
   return plotStack(id, plots, size_px);
 }
 

@@ -1,4 +1,4 @@
-/// What look-over, replay and comparison share: the 3-D scene with its cameras, and the stack of plots.
+/// Shared by look-over, replay and comparison: the 3-D scene with its cameras, and the stack of plots.
 #pragma once
 
 #include <memory>
@@ -6,12 +6,13 @@
 #include <string>
 #include <vector>
 
+#include "client/view/model/gesture_plots.h"
 #include "client/view/plots.h"
 #include "client/view/scene_renderer.h"
 
 namespace needlelab {
 
-/// Where one looks from.
+/// The camera's place.
 enum class Look : std::uint8_t { kTrainee, kAbove, kSide, kFree };
 
 /// A 3-D scene with its own camera. Thread: the surface's.
@@ -46,7 +47,7 @@ enum class PlotSet : std::uint8_t {
 };
 /// Buttons for it; changes `set`.
 void choosePlots(PlotSet& set);
-/// [from_s, to_s] of a trace. `cursor_s`: a line there, with the values. `extra`: marks of the caller.
+/// Plots [from_s, to_s] of a trace. `cursor_s`: a line there, with the values. `extra`: marks of the caller.
 PlotResult gesturePlots(const char* id, PlotSet set, const GestureTrace& trace, const SceneView* scene,
                         double from_s, double to_s, std::optional<double> cursor_s, ImVec2 size_px,
                         const std::vector<PlotMark>& extra = {});

@@ -1,56 +1,228 @@
 #include "client/instructor/screens/instructor_window.h"
 
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+
+#include <array>
 #include <optional>
 #include <utility>
 
-#include "client/instructor/screens/desk_frame.h"
-#include "client/instructor/screens/lab_screen.h"
-#include "client/instructor/screens/login_screen.h"
-#include "client/instructor/screens/screen_text.h"
-#include "client/instructor/screens/shortcuts.h"
+#include <imgui/imgui.h>
+#include <imgui/imgui_internal.h>
+
+#include "client/instructor/screens/screens.h"
 #include "client/view/theme.h"
 
 namespace needlelab {
+namespace {
 
-Result<std::unique_ptr<InstructorWindow>> InstructorWindow::make(Surface& surface, Desk& desk) {
-  auto live = ScenePane::make();
-  if (!live.ok()) return live.error();
-  auto replay = ScenePane::make();
-  if (!replay.ok()) return replay.error();
-  auto first = ScenePane::make();
-  if (!first.ok()) return first.error();
-  auto second = ScenePane::make();
-  if (!second.ok()) return second.error();
-  return std::unique_ptr<InstructorWindow>(new InstructorWindow(
-      surface, desk, std::move(*live), std::move(*replay), std::move(*first), std::move(*second)));
+/// Collects everything that is written between construction and `take`, in the order of writing. One at a
+/// time, within one ImGui window that opens no other (tooltips end it).
+class ScreenText {
+ public:
+  ScreenText() { ImGui::LogToBuffer(); }
+  ~ScreenText() { ImGui::LogFinish(); }
+  ScreenText(const ScreenText&) = delete;
+  ScreenText& operator=(const ScreenText&) = delete;
+  std::string take() {
+    const ImGuiTextBuffer& buffer = ImGui::GetCurrentContext()->LogBuffer;
+    std::string text(buffer.begin(), buffer.end());
+    ImGui::LogFinish();
+    return text;
+  }
+};
+
+struct Key {
+  const char* key;
+  const char* meaning;
+};
+constexpr std::array kKeys = {Key{"F1  ?", "this list"},
+                              Key{"Ctrl 1 … 7", "lab, look over, sessions, replay, compare, re-run, scores"},
+                              Key{"Ctrl +  Ctrl −  Ctrl 0", "larger, smaller, usual letters"},
+                              Key{"Space", "pause and follow; play and pause"},
+                              Key{"←  →", "scroll back and forward 1 s; a step of 10 ms"},
+                              Key{"PgUp  PgDn", "ten times as far"},
+                              Key{"Home  End", "to the beginning, to the newest"},
+                              Key{"+  −", "closer and wider plots; faster and slower"},
+                              Key{"L", "loop 2 s from here, or end the loop (replay)"},
+                              Key{"V", "next camera"},
+                              Key{"P", "next set of plots"},
+                              Key{"M", "message to the trainee (look over)"},
+                              Key{"N", "remark at this moment"},
+                              Key{"H", "only who needs help (lab)"},
+                              Key{"1 … 9", "look over that tile, in the order shown (lab)"},
+                              Key{"Esc", "back to the lab; away with notices"}};
+
+bool pressed(int key, bool repeat = false) {
+  return ImGui::IsKeyPressed(key, repeat);
 }
 
-InstructorWindow::InstructorWindow(Surface& surface, Desk& desk, ScenePane live, ScenePane replay,
+/// The keys of every screen.
+bool actEverywhere(InstructorWindow& window) {
+  LabState& lab = window.lab();
+  Surface& surface = window.surface();
+  const ImGuiIO& io = ImGui::GetIO();
+  if (pressed(GLFW_KEY_F1)) {
+    window.show_help = !window.show_help;
+    return true;
+  }
+  if (!io.KeyCtrl) return false;
+  if (pressed(GLFW_KEY_EQUAL, true) || pressed(GLFW_KEY_KP_ADD, true))
+    surface.setFontScale(surface.fontScale() + 0.1);
+  if (pressed(GLFW_KEY_MINUS, true) || pressed(GLFW_KEY_KP_SUBTRACT, true))
+    surface.setFontScale(surface.fontScale() - 0.1);
+  if (pressed(GLFW_KEY_0)) surface.setFontScale(1);
+  constexpr std::array kScreens = {WindowScreen::kLab,    WindowScreen::kLive,    WindowScreen::kSessions,
+                                   WindowScreen::kReplay, WindowScreen::kCompare, WindowScreen::kRerun,
+                                   WindowScreen::kScores};
+  for (std::size_t i = 0; lab.inside() && i < kScreens.size(); ++i)
+    if (pressed(GLFW_KEY_1 + static_cast<int>(i))) lab.screen = kScreens[i];
+  return true;
+}
+
+void actInLab(LabState& lab) {
+  if (pressed(GLFW_KEY_H)) lab.filter.only_help = !lab.filter.only_help;
+  for (int i = 0; i < 9; ++i) {
+    if (!pressed(GLFW_KEY_1 + i)) continue;
+    const auto tiles = lab.overview.tiles(lab.order, lab.filter);
+    if (static_cast<std::size_t>(i) < tiles.size()) lab.open(tiles[static_cast<std::size_t>(i)]->station);
+    return;
+  }
+}
+
+template <typename Screen>
+void actOnPane(Screen& screen) {
+  if (pressed(GLFW_KEY_V))
+    screen.pane().look(static_cast<Look>((static_cast<int>(screen.pane().looking()) + 1) % 3));
+  if (pressed(GLFW_KEY_P)) screen.plots = static_cast<PlotSet>((static_cast<int>(screen.plots) + 1) % 3);
+}
+
+void actLive(InstructorWindow& window) {
+  LiveStation* const live = window.lab().live();
+  actOnPane(window.live_screen);
+  if (live == nullptr) return;
+  if (pressed(GLFW_KEY_SPACE)) live->paused() ? live->resume() : live->pause();
+  const auto scroll = [&](int key, double seconds) {
+    if (pressed(key, true)) live->scrollTo(live->viewEnd_s() + seconds);
+  };
+  scroll(GLFW_KEY_LEFT, -1);
+  scroll(GLFW_KEY_RIGHT, 1);
+  scroll(GLFW_KEY_PAGE_UP, -10);
+  scroll(GLFW_KEY_PAGE_DOWN, 10);
+  if (pressed(GLFW_KEY_HOME)) live->scrollTo(live->trace().firstTime_s());
+  if (pressed(GLFW_KEY_END)) live->resume();
+  if (pressed(GLFW_KEY_EQUAL) || pressed(GLFW_KEY_KP_ADD)) live->setSpan(live->span_s() / 1.5);
+  if (pressed(GLFW_KEY_MINUS) || pressed(GLFW_KEY_KP_SUBTRACT)) live->setSpan(live->span_s() * 1.5);
+  if (pressed(GLFW_KEY_M)) window.live_screen.commands.focusMessage();
+  if (pressed(GLFW_KEY_N)) window.live_screen.commands.focusRemark();
+}
+
+void actInReplay(InstructorWindow& window) {
+  ReplayPlayer& player = window.lab().analysis.player;
+  actOnPane(window.replay_screen);
+  if (pressed(GLFW_KEY_SPACE)) player.toggle();
+  if (pressed(GLFW_KEY_LEFT, true)) player.step(-1);
+  if (pressed(GLFW_KEY_RIGHT, true)) player.step(1);
+  if (pressed(GLFW_KEY_PAGE_UP, true)) player.step(-10);
+  if (pressed(GLFW_KEY_PAGE_DOWN, true)) player.step(10);
+  if (pressed(GLFW_KEY_HOME)) player.seek(player.first_s());
+  if (pressed(GLFW_KEY_END)) player.seek(player.last_s());
+  if (pressed(GLFW_KEY_EQUAL) || pressed(GLFW_KEY_KP_ADD)) player.faster();
+  if (pressed(GLFW_KEY_MINUS) || pressed(GLFW_KEY_KP_SUBTRACT)) player.slower();
+  if (pressed(GLFW_KEY_L))
+    player.setLoop(player.loop() ? std::nullopt
+                                 : std::optional(ReplayLoop{player.at_s(), player.at_s() + 2}));
+  if (pressed(GLFW_KEY_N)) window.replay_screen.focusRemark();
+}
+
+/// Acts on the keys that were pressed in this frame; does nothing while somebody types.
+void actOnKeys(InstructorWindow& window) {
+  LabState& lab = window.lab();
+  if (actEverywhere(window)) return;
+  if (ImGui::GetIO().WantTextInput || !lab.inside()) return;
+  if (pressed(GLFW_KEY_SLASH) && ImGui::GetIO().KeyShift) window.show_help = !window.show_help;
+  if (pressed(GLFW_KEY_ESCAPE)) {
+    if (window.show_help)
+      window.show_help = false;
+    else if (!lab.notices.all().empty())
+      lab.notices.dismiss();
+    else
+      lab.screen = WindowScreen::kLab;
+    return;
+  }
+  switch (lab.screen) {
+    case WindowScreen::kLab:
+      return actInLab(lab);
+    case WindowScreen::kLive:
+      return actLive(window);
+    case WindowScreen::kReplay:
+      return actInReplay(window);
+    default:
+      return;
+  }
+}
+
+/// The list of keys over the screen.
+void showShortcuts() {
+  const ImVec2 screen = ImGui::GetIO().DisplaySize;
+  ImGui::SetCursorPos({screen.x * 0.18F, screen.y * 0.1F});
+  beginPanel("shortcuts", "Keyboard", screen.x * 0.64F, screen.y * 0.82F);
+  for (const Key& key : kKeys) {
+    ImGui::TextUnformatted(key.key);
+    ImGui::SameLine(26 * space());
+    WithTextColour dim(kDimText);
+    textLine(key.meaning);
+  }
+  endPanel();
+}
+
+}  // namespace
+
+std::string flatText(const std::string& text) {
+  std::string flat;
+  for (const char c : text) {
+    const bool blank = c == ' ' || c == '\n' || c == '\r' || c == '\t';
+    if (blank && (flat.empty() || flat.back() == ' ')) continue;
+    flat += blank ? ' ' : c;
+  }
+  return flat;
+}
+
+Result<std::unique_ptr<InstructorWindow>> InstructorWindow::make(Surface& surface, LabState& lab) {
+  ASSIGN_OR_RETURN(auto live, ScenePane::make());
+  ASSIGN_OR_RETURN(auto replay, ScenePane::make());
+  ASSIGN_OR_RETURN(auto first, ScenePane::make());
+  ASSIGN_OR_RETURN(auto second, ScenePane::make());
+  return std::unique_ptr<InstructorWindow>(new InstructorWindow(
+      surface, lab, std::move(live), std::move(replay), std::move(first), std::move(second)));
+}
+
+InstructorWindow::InstructorWindow(Surface& surface, LabState& lab, ScenePane live, ScenePane replay,
                                    ScenePane first, ScenePane second)
     : live_screen(std::move(live)),
       replay_screen(std::move(replay)),
       compare_screen(std::move(first), std::move(second)),
       surface_(surface),
-      desk_(desk) {}
+      lab_(lab) {}
 
 void InstructorWindow::drawScreen() {
-  switch (desk_.screen) {
-    case DeskScreen::kLogin:
-      return showLogin(desk_);
-    case DeskScreen::kLab:
-      return showLab(desk_);
-    case DeskScreen::kLive:
-      return live_screen.show(desk_);
-    case DeskScreen::kSessions:
-      return sessions_screen.show(desk_);
-    case DeskScreen::kReplay:
-      return replay_screen.show(desk_);
-    case DeskScreen::kCompare:
-      return compare_screen.show(desk_);
-    case DeskScreen::kRerun:
-      return rerun_screen.show(desk_);
-    case DeskScreen::kScores:
-      return scores_screen.show(desk_);
+  switch (lab_.screen) {
+    case WindowScreen::kLogin:
+      return showLogin(lab_);
+    case WindowScreen::kLab:
+      return showLab(lab_);
+    case WindowScreen::kLive:
+      return live_screen.show(lab_);
+    case WindowScreen::kSessions:
+      return sessions_screen.show(lab_);
+    case WindowScreen::kReplay:
+      return replay_screen.show(lab_);
+    case WindowScreen::kCompare:
+      return compare_screen.show(lab_);
+    case WindowScreen::kRerun:
+      return rerun_screen.show(lab_);
+    case WindowScreen::kScores:
+      return scores_screen.show(lab_);
   }
 }
 
@@ -59,12 +231,12 @@ void InstructorWindow::draw(bool read_text) {
   beginScreen("instructor");
   std::optional<ScreenText> reader;
   if (read_text) reader.emplace();
-  if (desk_.inside()) {
-    showNavigation(desk_, show_help);
-    showLinkBanner(desk_);
+  if (lab_.inside()) {
+    showNavigation(lab_, show_help);
+    showLinkBanner(lab_);
   }
   drawScreen();
-  showNotices(desk_);
+  showNotices(lab_);
   if (show_help) showShortcuts();
   if (reader) text_ = flatText(reader->take());
   reader.reset();

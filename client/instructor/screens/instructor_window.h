@@ -1,32 +1,27 @@
-/// The instructor's window: one frame of whatever screen the desk is on.
+/// The instructor's window: its screens, its keys, and its text for scripts.
 #pragma once
 
 #include <memory>
 #include <string>
 
-#include "client/instructor/model/desk.h"
-#include "client/instructor/screens/compare_screen.h"
-#include "client/instructor/screens/live_screen.h"
-#include "client/instructor/screens/replay_screen.h"
-#include "client/instructor/screens/rerun_screen.h"
-#include "client/instructor/screens/scores_screen.h"
-#include "client/instructor/screens/sessions_screen.h"
+#include "client/instructor/model/lab_state.h"
+#include "client/instructor/screens/screens.h"
 #include "client/view/surface.h"
 
 namespace needlelab {
 
-/// Thread: the surface's. `surface` and `desk` outlive it.
+/// Thread: the surface's. `surface` and `lab` outlive it.
 class InstructorWindow {
  public:
   /// Errors: as SceneRenderer::make.
-  static Result<std::unique_ptr<InstructorWindow>> make(Surface& surface, Desk& desk);
+  static Result<std::unique_ptr<InstructorWindow>> make(Surface& surface, LabState& lab);
 
-  /// One frame, within beginFrame and endFrame. `read_text`: what is written is kept for `text()`.
+  /// Draws one frame, within beginFrame and endFrame. `read_text`: keeps the text of the screen for `text()`.
   void draw(bool read_text);
-  /// What the last frame wrote, in one line.
+  /// The text of the last frame, in one line.
   [[nodiscard]] const std::string& text() const { return text_; }
 
-  [[nodiscard]] Desk& desk() { return desk_; }
+  [[nodiscard]] LabState& lab() { return lab_; }
   [[nodiscard]] Surface& surface() { return surface_; }
 
   LiveScreen live_screen;
@@ -38,12 +33,16 @@ class InstructorWindow {
   bool show_help = false;
 
  private:
-  InstructorWindow(Surface& surface, Desk& desk, ScenePane live, ScenePane replay, ScenePane first,
+  InstructorWindow(Surface& surface, LabState& lab, ScenePane live, ScenePane replay, ScenePane first,
                    ScenePane second);
   void drawScreen();
   Surface& surface_;
-  Desk& desk_;
+  LabState& lab_;
   std::string text_;
 };
+
+/// The text with each run of spaces and line ends as one space: how scripts compare what stands on the
+/// screen.
+std::string flatText(const std::string& text);
 
 }  // namespace needlelab

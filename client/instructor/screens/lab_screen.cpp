@@ -1,43 +1,124 @@
-#include "client/instructor/screens/lab_screen.h"
-
-#include <imgui/imgui_stdlib.h>
+#include "client/instructor/screens/screens.h"
 
 #include <algorithm>
 #include <array>
 #include <utility>
+#include <vector>
 
-#include "client/instructor/screens/desk_frame.h"
-#include "client/instructor/screens/station_tile.h"
+#include <imgui/imgui_stdlib.h>
+
+#include <fmt/core.h>
+
+#include "client/view/plots.h"
 #include "client/view/theme.h"
-#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
 
-/// How many need what: the answer to "who needs me?" before any tile is read.
-void showCounts(const Desk& desk) {
+std::string depthWords(const StationTile& tile) {
+  if (!tile.online || tile.session_id.empty()) return {};
+  const std::string phase(phaseWord(tile.phase <= 3 ? static_cast<Phase>(tile.phase) : Phase::kFree));
+  if (tile.layer < 0) return phase;
+  const std::string where = tile.tissue.empty() ? fmt::format("layer {}", tile.layer + 1) : tile.tissue;
+  return fmt::format("{}, {:.1f} mm, ", phase, 1e3 * tile.insertion_m) + where;
+}
+
+/// The state of loop and connection, short.
+std::string healthWords(const StationTile& tile) {
+  if (!tile.online) return "offline";
+  if (tile.stale) return "no news";
+  std::string words = fmt::format("loop p99 {} µs", tile.wakeup_p99_us);
+  if (tile.missed_ticks > 0) words += fmt::format(", {} missed", tile.missed_ticks);
+  if (tile.spool_left > 0) words += fmt::format(", spool {}", tile.spool_left);
+  return words;
+}
+
+float tileHeight_px() {
+  return 14.6F * space();
+}
+
+/// The tile's lines, small letters; the child window is open.
+void tileLines(const StationTile& tile, float inner, float height_px) {
+  WithFont small(Letters::kSmall);
+  {
+    WithTextColour dim(tile.stale || !tile.online ? kDimText : kText);
+    textLine(tile.trainee.empty() ? std::string("nobody") : tile.trainee + " · " + tile.exercise, inner);
+    textLine(needsHelp(tile.need) ? tile.why : depthWords(tile), inner);
+  }
+  // force now against its limit, with the peak; the last seconds as a line
+  if (tile.online && !tile.session_id.empty()) {
+    const std::string words = fmt::format("{:.1f} N  peak {:.1f}", tile.force_N, tile.peak_force_N);
+    // wide enough for its text with the sign of too much force
+    const float needed = ImGui::CalcTextSize(words.c_str()).x + ImGui::GetFontSize() + 2 * space();
+    const float bar = std::min(inner, std::max(inner * 0.58F, needed));
+    levelBar(tile.force_N / tile.force_limit_N, words, kSkyBlue, bar);
+    if (tile.forces_N.size() > 1 && inner - bar > 4 * space()) {
+      ImGui::SameLine();
+      const std::vector<float> values(tile.forces_N.begin(), tile.forces_N.end());
+      sparkline(values, 0, static_cast<float>(std::max(tile.force_limit_N, tile.peak_force_N)), kSkyBlue,
+                {inner - bar - 1.5F * space(), ImGui::GetFontSize() * 1.35F});
+    }
+  }
+  WithTextColour dim(tile.missed_ticks > 0 && tile.online ? kOrange : kDimText);
+  ImGui::SetCursorPosY(height_px - ImGui::GetFontSize() - 1.1F * space());
+  textLine(healthWords(tile), inner);
+}
+
+bool stationTile(const StationTile& tile, float width_px) {
+  const float height_px = tileHeight_px();
+  const ConditionStyle& style = styleOf(conditionOf(tile.need));
+  const bool calls = needsHelp(tile.need);
+  ImGui::PushID(tile.station.c_str());
+  ImGui::PushStyleColor(ImGuiCol_Border, colourOf(calls ? style.colour : kLineGrey));
+  ImGui::BeginChild(
+      "tile", {width_px, height_px}, true,
+      ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
+  const ImVec2 corner = ImGui::GetWindowPos();
+  solidRect(*ImGui::GetWindowDrawList(), {corner.x + 1, corner.y + 1},
+            {corner.x + width_px - 1, corner.y + height_px - 1},
+            calls ? mixed(kPanelGrey, style.colour, 0.16F) : kPanelGrey);
+  const float inner = ImGui::GetContentRegionAvail().x;
+  // the station, and its need at the right edge
+  ImGui::TextUnformatted(tile.station.c_str());
+  const std::string word = std::string(style.sign) + " " + std::string(nameOf(tile.need));
+  ImGui::SameLine(std::max(ImGui::CalcTextSize(tile.station.c_str()).x + 2 * space(),
+                           inner + space() - ImGui::CalcTextSize(word.c_str()).x));
+  {
+    WithTextColour colour(style.colour);
+    ImGui::TextUnformatted(word.c_str());
+  }
+  tileLines(tile, inner, height_px);
+  ImGui::EndChild();
+  ImGui::PopStyleColor();
+  const bool clicked = ImGui::IsItemClicked();
+  if (ImGui::IsItemHovered()) ImGui::SetMouseCursor(ImGuiMouseCursor_Hand);
+  ImGui::PopID();
+  return clicked;
+}
+
+/// The number of stations by need: answers "who needs me?" before one reads any tile.
+void showCounts(const LabState& lab) {
   ImGui::AlignTextToFramePadding();
-  const auto counts = desk.overview.counts();
+  const auto counts = lab.overview.counts();
   std::size_t help = 0;
   for (std::size_t i = 0; i < kNeedCount; ++i)
     if (needsHelp(static_cast<Need>(i))) help += counts[i];
   conditionLine(help > 0 ? Condition::kTrouble : Condition::kGood,
                 help == 0 ? std::string("nobody needs help")
-                          : formatted("%zu need%s help", help, help == 1 ? "s" : ""));
+                          : fmt::format("{} need{} help", help, help == 1 ? "s" : ""));
   for (const Need need : {Need::kPractising, Need::kWaiting, Need::kDone, Need::kOffline}) {
     ImGui::SameLine(0, 2 * space());
     WithTextColour dim(kDimText);
     ImGui::TextUnformatted(
-        formatted("%zu %s", counts[static_cast<std::size_t>(need)], std::string(wordOf(need)).c_str())
-            .c_str());
+        fmt::format("{} {}", counts[static_cast<std::size_t>(need)], nameOf(need)).c_str());
   }
 }
 
-void showChoices(Desk& desk) {
+void showChoices(LabState& lab) {
   ImGui::SameLine(0, 3 * space());
-  ImGui::Checkbox("only who needs help", &desk.filter.only_help);
+  ImGui::Checkbox("only who needs help", &lab.filter.only_help);
   ImGui::SameLine();
-  ImGui::Checkbox("only online", &desk.filter.only_online);
+  ImGui::Checkbox("only online", &lab.filter.only_online);
   ImGui::SameLine();
   constexpr std::array<std::pair<TileOrder, const char*>, 4> kOrders = {
       {{TileOrder::kNeed, "by need"},
@@ -46,24 +127,24 @@ void showChoices(Desk& desk) {
        {TileOrder::kPeakForce, "by force"}}};
   ImGui::SetNextItemWidth(14 * space());
   const auto now =
-      std::find_if(kOrders.begin(), kOrders.end(), [&](const auto& o) { return o.first == desk.order; });
+      std::find_if(kOrders.begin(), kOrders.end(), [&](const auto& o) { return o.first == lab.order; });
   if (ImGui::BeginCombo("##order", now->second)) {
     for (const auto& [order, word] : kOrders)
-      if (ImGui::Selectable(word, order == desk.order)) desk.order = order;
+      if (ImGui::Selectable(word, order == lab.order)) lab.order = order;
     ImGui::EndCombo();
   }
   ImGui::SameLine();
   ImGui::SetNextItemWidth(-1);
-  ImGui::InputTextWithHint("##find", "find a name", &desk.filter.text);
+  ImGui::InputTextWithHint("##find", "find a name", &lab.filter.text);
 }
 
 }  // namespace
 
-void showLab(Desk& desk) {
-  showCounts(desk);
-  showChoices(desk);
-  const auto tiles = desk.overview.tiles(desk.order, desk.filter);
-  if (desk.overview.size() == 0) {
+void showLab(LabState& lab) {
+  showCounts(lab);
+  showChoices(lab);
+  const auto tiles = lab.overview.tiles(lab.order, lab.filter);
+  if (lab.overview.size() == 0) {
     showEmpty("No station is known yet",
               "An administrator adds stations: needlelab-admin station add NAME. Then a station is started "
               "with the "
@@ -71,7 +152,7 @@ void showLab(Desk& desk) {
     return;
   }
   if (tiles.empty()) {
-    if (showEmpty("No station matches", "The filter hides all of them.", "Show all")) desk.filter = {};
+    if (showEmpty("No station matches", "The filter hides all of them.", "Show all")) lab.filter = {};
     return;
   }
   ImGui::BeginChild("tiles", {0, 0}, false, ImGuiWindowFlags_NoBackground);
@@ -81,13 +162,13 @@ void showLab(Desk& desk) {
   const float width = (room - gap * static_cast<float>(columns - 1)) / static_cast<float>(columns);
   for (std::size_t i = 0; i < tiles.size(); ++i) {
     if (i % static_cast<std::size_t>(columns) != 0) ImGui::SameLine();
-    // what is scrolled away costs its place only
+    // tiles that are scrolled away cost nothing
     const ImVec2 at = ImGui::GetCursorScreenPos();
     if (!ImGui::IsRectVisible(at, {at.x + width, at.y + tileHeight_px()})) {
       ImGui::Dummy({width, tileHeight_px()});
       continue;
     }
-    if (stationTile(*tiles[i], width)) desk.open(tiles[i]->station);
+    if (stationTile(*tiles[i], width)) lab.open(tiles[i]->station);
   }
   ImGui::EndChild();
 }

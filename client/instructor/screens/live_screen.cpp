@@ -1,9 +1,14 @@
-#include "client/instructor/screens/live_screen.h"
+#include "client/instructor/screens/screens.h"
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
-#include "client/instructor/screens/desk_frame.h"
+#include <imgui/imgui_stdlib.h>
+
+#include <fmt/core.h>
+
+#include "client/view/model/scene_view.h"
 #include "client/view/theme.h"
 #include "common/base/text.h"
 #include "common/haptics/force_gate.h"
@@ -11,9 +16,95 @@
 namespace needlelab {
 namespace {
 
+bool lineAndButton(const char* id, const char* hint, std::string& text, const char* button, bool& focus,
+                   float width) {
+  if (std::exchange(focus, false)) ImGui::SetKeyboardFocusHere();
+  ImGui::SetNextItemWidth(width);
+  bool go = ImGui::InputTextWithHint(id, hint, &text, ImGuiInputTextFlags_EnterReturnsTrue);
+  ImGui::SameLine();
+  go |= ImGui::Button(button);
+  return go && !text.empty();
+}
+
+}  // namespace
+
+void CommandPanel::showTexts(LabState& lab) {
+  const float width = ImGui::GetContentRegionAvail().x * 0.34F;
+  if (lineAndButton("##message", "say to the trainee", message_, "Send", focus_message_, width)) {
+    lab.commands.message(lab.live()->station(), message_);
+    message_.clear();
+  }
+  ImGui::SameLine(0, 3 * space());
+  const bool paused = lab.live()->paused();
+  if (lineAndButton("##remark", paused ? "remark at the moment that is shown" : "remark at this moment",
+                    remark_, "Annotate", focus_remark_, width)) {
+    lab.annotate(remark_);
+    remark_.clear();
+  }
+}
+
+void CommandPanel::showExercise(LabState& lab) {
+  ImGui::SetNextItemWidth(25 * space());
+  if (ImGui::BeginCombo("##next", "Next exercise …")) {
+    for (const ExerciseChoice& exercise : lab.exercises()) {
+      if (ImGui::Selectable((exercise.name + "##" + exercise.id).c_str()))
+        lab.commands.nextExercise(lab.live()->station(), exercise.id);
+    }
+    ImGui::EndCombo();
+  }
+}
+
+void CommandPanel::showAids(LabState& lab) {
+  AidSet aids(lab.aidsNow());
+  ImGui::SetNextItemWidth(25 * space());
+  if (!ImGui::BeginCombo("##aids", "What the trainee sees …", ImGuiComboFlags_HeightLarge)) return;
+  for (int number = pb::Exercise::Aid_MIN + 1; number <= pb::Exercise::Aid_MAX; ++number) {
+    const auto aid = static_cast<pb::Exercise::Aid>(number);
+    bool on = aids.has(aid);
+    if (!ImGui::Checkbox(std::string(aidWord(aid)).c_str(), &on)) continue;
+    aids.set(aid, on);
+    lab.setAids(aids.list());
+  }
+  if (ImGui::Button("As the exercise has it")) lab.resetAids();
+  ImGui::EndCombo();
+}
+
+void CommandPanel::showStop(LabState& lab) {
+  if (!confirm_stop_) {
+    if (ImGui::Button("Stop lesson …")) confirm_stop_ = true;
+    return;
+  }
+  // asks for confirmation, within the panel
+  ImGui::SetNextItemWidth(26 * space());
+  ImGui::InputTextWithHint("##reason", "reason, for the trainee", &reason_);
+  ImGui::SameLine();
+  ImGui::PushStyleColor(ImGuiCol_Button, colourOf(kVermillion));
+  if (ImGui::Button("■ Stop it now")) {
+    lab.commands.stopLesson(lab.live()->station(), lab.live()->sessionId(), reason_);
+    confirm_stop_ = false;
+    reason_.clear();
+  }
+  ImGui::PopStyleColor();
+  ImGui::SameLine();
+  if (ImGui::Button("Do not")) confirm_stop_ = false;
+}
+
+void CommandPanel::show(LabState& lab) {
+  beginPanel("talk", {}, 0, 0);
+  showTexts(lab);
+  showExercise(lab);
+  ImGui::SameLine();
+  showAids(lab);
+  ImGui::SameLine(0, 3 * space());
+  showStop(lab);
+  endPanel();
+}
+
+namespace {
+
 constexpr double kTrail_s = 8;
 
-/// What is wrong at the station itself, if anything.
+/// The state of the station itself, with its trouble if it has one.
 void stationState(const LiveStation& live) {
   const auto& status = live.status();
   if (!status.online())
@@ -28,8 +119,8 @@ void stationState(const LiveStation& live) {
 
 }  // namespace
 
-void LiveScreen::showHead(Desk& desk) {
-  LiveStation& live = *desk.live();
+void LiveScreen::showHead(LabState& lab) {
+  LiveStation& live = *lab.live();
   const auto& d = live.info().description();
   {
     WithFont font(Letters::kHeading);
@@ -40,21 +131,20 @@ void LiveScreen::showHead(Desk& desk) {
   ImGui::TextUnformatted(printable(d.exercise_id()).c_str());
   ImGui::SameLine(0, 2 * space());
   stationState(live);
-  // how late, how complete: at the right end of the second line
+  // latency and losses: at the right end of the second line
   if (ImGui::Button(live.paused() ? "▶ Follow (Space)" : "❚❚ Pause (Space)"))
     live.paused() ? live.resume() : live.pause();
   ImGui::SameLine();
   ImGui::Checkbox("as the trainee sees it", &as_trainee_);
   ImGui::SameLine(0, 2 * space());
   const auto& stats = live.stats();
-  // what is cut when the line gets long stands last
+  // the end may be cut when the line gets long
   std::string words;
   if (live.paused())
-    words = formatted("PAUSED %.1f s behind   ", live.trace().lastTime_s() - live.viewEnd_s());
-  words += formatted("latency %.0f ms to here, %.0f ms to the screen (p99 %.0f)   ", stats.lastLatencyMs(),
-                     live.latency().last_ms(), live.latency().quantile_ms(0.99)) +
-           formatted("%llu frames, %llu dropped", static_cast<unsigned long long>(stats.frames()),
-                     static_cast<unsigned long long>(stats.dropped() + desk.link().frames_dropped));
+    words = fmt::format("PAUSED {:.1f} s behind   ", live.trace().lastTime_s() - live.viewEnd_s());
+  words += fmt::format("latency {:.0f} ms to here, {:.0f} ms to the screen (p99 {:.0f})   ",
+                       stats.lastLatencyMs(), live.latency().last_ms(), live.latency().quantile_ms(0.99)) +
+           fmt::format("{} frames, {} dropped", stats.frames(), stats.dropped() + lab.link().frames_dropped);
   if (live.approximate()) words += "   forces by effect are approximate until the needle is out";
   WithTextColour dim(live.paused() ? kYellow : kDimText);
   textLine(words);
@@ -84,14 +174,14 @@ void LiveScreen::showPlots(LiveStation& live, ImVec2 size_px) {
   ImGui::EndChild();
 }
 
-void LiveScreen::show(Desk& desk) {
-  if (desk.live() == nullptr) {
+void LiveScreen::show(LabState& lab) {
+  if (lab.live() == nullptr) {
     if (showEmpty("Nobody is looked over", "Choose a station in the lab: click its tile.", "To the lab"))
-      desk.screen = DeskScreen::kLab;
+      lab.screen = WindowScreen::kLab;
     return;
   }
-  LiveStation& live = *desk.live();
-  showHead(desk);
+  LiveStation& live = *lab.live();
+  showHead(lab);
   const ImVec2 room = ImGui::GetContentRegionAvail();
   const float talk_px = 10.5F * space();
   const float height = room.y - talk_px - ImGui::GetStyle().ItemSpacing.y;
@@ -105,11 +195,11 @@ void LiveScreen::show(Desk& desk) {
                                        : "The station is not online. Its picture comes when it is back.");
     ImGui::EndChild();
   } else {
-    showScene(live, AidSet(desk.aidsNow()), {room.x * 0.52F, height});
+    showScene(live, AidSet(lab.aidsNow()), {room.x * 0.52F, height});
     ImGui::SameLine();
     showPlots(live, {0, height});
   }
-  talk.show(desk);
+  commands.show(lab);
 }
 
 }  // namespace needlelab

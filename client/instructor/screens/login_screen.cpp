@@ -1,4 +1,4 @@
-#include "client/instructor/screens/login_screen.h"
+#include "client/instructor/screens/screens.h"
 
 #include <imgui/imgui_stdlib.h>
 
@@ -19,9 +19,9 @@ bool field(const char* caption, const char* id, std::string& text, const char* h
   return ImGui::InputTextWithHint(id, hint, &text, flags | ImGuiInputTextFlags_EnterReturnsTrue);
 }
 
-void whatIsWrong(const Desk& desk) {
-  if (!desk.form_trouble.empty()) return conditionLine(Condition::kAttention, desk.form_trouble);
-  const LinkState& link = desk.link();
+void whatIsWrong(const LabState& lab) {
+  if (!lab.form_trouble.empty()) return conditionLine(Condition::kAttention, lab.form_trouble);
+  const LinkState& link = lab.link();
   if (link.phase == LinkPhase::kConnecting) return conditionLine(Condition::kUnknown, "connecting …");
   if (link.phase != LinkPhase::kAway && link.phase != LinkPhase::kRefused) return;
   conditionLine(link.trouble.needs_person ? Condition::kTrouble : Condition::kAttention, link.trouble.what);
@@ -33,7 +33,7 @@ void whatIsWrong(const Desk& desk) {
 
 }  // namespace
 
-void showLogin(Desk& desk) {
+void showLogin(LabState& lab) {
   const ImVec2 room = ImGui::GetContentRegionAvail();
   const float width = std::min(room.x, 56 * space());
   ImGui::SetCursorPos({(room.x - width) * 0.5F, room.y * 0.07F});
@@ -43,16 +43,16 @@ void showLogin(Desk& desk) {
     textBlock("Watch the lab, speak to trainees, go through recordings.");
   }
   ImGui::Dummy({0, space()});
-  bool go = field("Server (host:port)", "##server", desk.form.server, "lab.example:7750");
-  go |= field("CA file: the server's tls/ca.crt", "##ca", desk.form.ca_file, "/path/to/ca.crt");
-  go |= field("Name", "##user", desk.form.user, "your name as an instructor");
-  go |= field("Password", "##password", desk.form.password, "", ImGuiInputTextFlags_Password);
+  bool go = field("Server (host:port)", "##server", lab.form.server, "lab.example:7750");
+  go |= field("CA file: the server's tls/ca.crt", "##ca", lab.form.ca_file, "/path/to/ca.crt");
+  go |= field("Name", "##user", lab.form.user, "your name as an instructor");
+  go |= field("Password", "##password", lab.form.password, "", ImGuiInputTextFlags_Password);
   ImGui::Dummy({0, space()});
-  const bool busy = desk.link().phase == LinkPhase::kConnecting;
+  const bool busy = lab.link().phase == LinkPhase::kConnecting;
   go |= bigButton("Log in", true, 20 * space(), !busy);
-  if (go && !busy) desk.logIn();
+  if (go && !busy) lab.logIn();
   ImGui::Dummy({0, 0.5F * space()});
-  whatIsWrong(desk);
+  whatIsWrong(lab);
   endPanel();
 }
 

@@ -1,19 +1,100 @@
-#include "client/instructor/screens/replay_screen.h"
-
-#include <imgui/imgui_stdlib.h>
+#include "client/instructor/screens/screens.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <string>
 #include <utility>
 
-#include "client/instructor/screens/desk_frame.h"
-#include "client/instructor/screens/time_line.h"
-#include "client/view/model/axis_ticks.h"
+#include <imgui/imgui_stdlib.h>
+
+#include <fmt/core.h>
+
+#include "client/view/model/plot.h"
 #include "client/view/theme.h"
 #include "common/base/text.h"
+#include "common/scoring/syringe_events.h"
 
 namespace needlelab {
+namespace {
+
+struct LineMark {
+  double at_s;
+  std::string sign, words;
+  Rgb colour;
+};
+
+std::vector<LineMark> marksOf(const StoredGesture& gesture, const std::vector<pb::Annotation>& remarks) {
+  std::vector<LineMark> marks;
+  for (const TraceEvent& event : gesture.trace.events()) {
+    if (event.kind == TraceEvent::Kind::kRemark || event.kind == TraceEvent::Kind::kLayerChange ||
+        event.kind == TraceEvent::Kind::kTurn || event.kind == TraceEvent::Kind::kStop)
+      continue;
+    const bool bad = event.kind == TraceEvent::Kind::kFault || event.kind == TraceEvent::Kind::kGap;
+    marks.push_back({event.time_s, std::string(signOf(event.kind)), std::string(nameOf(event.kind)),
+                     bad ? kVermillion : kDimText});
+  }
+  for (const pb::SyringeEvent& event : gesture.events)
+    marks.push_back({gesture.timeOfTick(event.begin_tick()),
+                     event.kind() == pb::SyringeEvent::INJECTION ? "▼" : "△", eventText(event),
+                     kBluishGreen});
+  for (const pb::Annotation& remark : remarks)
+    marks.push_back({gesture.timeOfTick(remark.tick()), "✎",
+                     printable(remark.author()) + ": " + printable(remark.text()), kYellow});
+  return marks;
+}
+
+void timeLine(ReplayPlayer& player, const StoredGesture& gesture, const std::vector<pb::Annotation>& remarks,
+              float height_px) {
+  const ImVec2 low = ImGui::GetCursorScreenPos();
+  const float width = ImGui::GetContentRegionAvail().x;
+  ImGui::InvisibleButton("time line", {width, height_px});
+  const bool hovered = ImGui::IsItemHovered(), active = ImGui::IsItemActive();
+  ImDrawList& list = *ImGui::GetWindowDrawList();
+  const double length_s = std::max(1e-3, player.last_s() - player.first_s());
+  const auto x = [&](double at_s) {
+    return low.x + static_cast<float>((at_s - player.first_s()) / length_s) * width;
+  };
+  const auto timeAt = [&](float px) {
+    return player.first_s() + static_cast<double>((px - low.x) / width) * length_s;
+  };
+  // the line, the part that is looped, ticks
+  const float middle = low.y + height_px * 0.55F;
+  list.AddRectFilled({low.x, low.y}, {low.x + width, low.y + height_px}, packed(kPanelGrey), 4);
+  if (player.loop())
+    list.AddRectFilled({x(player.loop()->from_s), low.y}, {x(player.loop()->to_s), low.y + height_px},
+                       packed(kSkyBlue, 0.28F));
+  list.AddLine({low.x, middle}, {low.x + width, middle}, packed(kLineGrey), 2);
+  const AxisTicks ticks = axisTicks(0, length_s, std::max(2, static_cast<int>(width / 90)), false);
+  for (const double at : ticks.at) {
+    const float px = x(player.first_s() + at);
+    list.AddLine({px, middle - 3}, {px, middle + 3}, packed(kDimText));
+    if (px + 5 * space() > low.x + width) continue;  // no room for its number
+    list.AddText(fontOf(Letters::kSmall), fontOf(Letters::kSmall)->FontSize, {px + 3, middle + 4},
+                 packed(kDimText), clockText(at, length_s < 20 ? 1 : 0).c_str());
+  }
+  // marks; the text of the nearest one
+  const float mouse = ImGui::GetIO().MousePos.x;
+  const LineMark* near = nullptr;
+  float least = 8;
+  const auto marks = marksOf(gesture, remarks);
+  for (const LineMark& mark : marks) {
+    const float px = x(mark.at_s);
+    list.AddText({px - 5, low.y + 1}, packed(mark.colour), mark.sign.c_str());
+    if (hovered && std::abs(px - mouse) < least) {
+      least = std::abs(px - mouse);
+      near = &mark;
+    }
+  }
+  if (near != nullptr) ImGui::SetTooltip("%s  %s", clockText(near->at_s, 1).c_str(), near->words.c_str());
+  const float here = x(player.at_s());
+  list.AddLine({here, low.y}, {here, low.y + height_px}, packed(kWhite), 2);
+  list.AddTriangleFilled({here - 6, low.y}, {here + 6, low.y}, {here, low.y + 8}, packed(kWhite));
+  if (!active) return;
+  if (!ImGui::GetIO().KeyShift) return player.seek(timeAt(mouse));
+  const double begun = timeAt(ImGui::GetIO().MouseClickedPos[0].x), now = timeAt(mouse);
+  player.setLoop(ReplayLoop{std::min(begun, now), std::max(begun, now)});
+}
 
 void playerButtons(ReplayPlayer& player) {
   if (ImGui::Button("❙◀")) player.seek(player.loop() ? player.loop()->from_s : player.first_s());
@@ -26,9 +107,9 @@ void playerButtons(ReplayPlayer& player) {
   ImGui::SameLine(0, 2 * space());
   constexpr std::array kSpeeds = {0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0};
   ImGui::SetNextItemWidth(15 * space());
-  if (ImGui::BeginCombo("##speed", formatted("%.3g× speed", player.speed()).c_str())) {
+  if (ImGui::BeginCombo("##speed", fmt::format("{:.3g}× speed", player.speed()).c_str())) {
     for (const double speed : kSpeeds)
-      if (ImGui::Selectable(formatted("%.3g×", speed).c_str(), speed == player.speed()))
+      if (ImGui::Selectable(fmt::format("{:.3g}×", speed).c_str(), speed == player.speed()))
         player.setSpeed(speed);
     ImGui::EndCombo();
   }
@@ -40,13 +121,14 @@ void playerButtons(ReplayPlayer& player) {
   }
   ImGui::SameLine(0, 2 * space());
   const double at = player.at_s() - player.first_s();
-  ImGui::TextUnformatted(formatted("%s of %s", clockText(at, 1).c_str(),
-                                   clockText(player.last_s() - player.first_s(), 1).c_str())
-                             .c_str());
+  ImGui::TextUnformatted(
+      fmt::format("{} of {}", clockText(at, 1), clockText(player.last_s() - player.first_s(), 1)).c_str());
 }
 
-void ReplayScreen::showHead(Desk& desk) {
-  const StoredGesture& gesture = *desk.bench.first();
+}  // namespace
+
+void ReplayScreen::showHead(LabState& lab) {
+  const StoredGesture& gesture = *lab.analysis.first();
   {
     WithFont font(Letters::kHeading);
     ImGui::TextUnformatted(gesture.title().c_str());
@@ -60,13 +142,13 @@ void ReplayScreen::showHead(Desk& desk) {
     ImGui::SameLine(0, 2 * space());
     WithTextColour dim(kOrange);
     textLine(gesture.notes.front() + (gesture.notes.size() > 1
-                                          ? formatted(" (and %zu more)", gesture.notes.size() - 1)
+                                          ? fmt::format(" (and {} more)", gesture.notes.size() - 1)
                                           : std::string()));
   }
 }
 
-void ReplayScreen::showPlayer(Desk& desk) {
-  playerButtons(desk.bench.player);
+void ReplayScreen::showPlayer(LabState& lab) {
+  playerButtons(lab.analysis.player);
   ImGui::SameLine(0, 2 * space());
   ImGui::Checkbox("whole", &whole_);
   ImGui::SameLine(0, 2 * space());
@@ -77,30 +159,31 @@ void ReplayScreen::showPlayer(Desk& desk) {
   ImGui::SameLine();
   go |= ImGui::Button("Annotate");
   if (go && !remark_.empty()) {
-    desk.annotate(remark_);
+    lab.annotate(remark_);
     remark_.clear();
   }
-  timeLine(desk.bench.player, *desk.bench.first(), desk.bench.remarks(), 5 * space());
+  timeLine(lab.analysis.player, *lab.analysis.first(), lab.analysis.remarks(), 5 * space());
 }
 
-void ReplayScreen::show(Desk& desk) {
-  showWork(desk);
-  if (!desk.bench.first()) {
-    if (desk.bench.busy()) return;
-    if (showEmpty(desk.bench.trouble().empty() ? "No session is loaded" : "The session could not be loaded",
-                  desk.bench.trouble().empty() ? "Choose one in the list of sessions." : desk.bench.trouble(),
-                  "To the sessions"))
-      desk.screen = DeskScreen::kSessions;
+void ReplayScreen::show(LabState& lab) {
+  showWork(lab);
+  if (!lab.analysis.first()) {
+    if (lab.analysis.busy()) return;
+    if (showEmpty(
+            lab.analysis.trouble().empty() ? "No session is loaded" : "The session could not be loaded",
+            lab.analysis.trouble().empty() ? "Choose one in the list of sessions." : lab.analysis.trouble(),
+            "To the sessions"))
+      lab.screen = WindowScreen::kSessions;
     return;
   }
-  const StoredGesture& gesture = *desk.bench.first();
-  showHead(desk);
+  const StoredGesture& gesture = *lab.analysis.first();
+  showHead(lab);
   if (gesture.trace.empty()) {
     showEmpty("This recording has no samples",
               "It was opened and closed without a tick, or nothing could be read.");
     return;
   }
-  ReplayPlayer& player = desk.bench.player;
+  ReplayPlayer& player = lab.analysis.player;
   const ImVec2 room = ImGui::GetContentRegionAvail();
   const float height = room.y - 11.5F * space();
   const double at_s = player.at_s();
@@ -116,7 +199,7 @@ void ReplayScreen::show(Desk& desk) {
       gesturePlots("plots", plots, gesture.trace, gesture.scene.view.get(), from_s, to_s, at_s, {0, 0});
   if (result.clicked_x) player.seek(*result.clicked_x);
   ImGui::EndChild();
-  showPlayer(desk);
+  showPlayer(lab);
 }
 
 }  // namespace needlelab

@@ -1,63 +1,60 @@
-#include "client/instructor/screens/rerun_screen.h"
+#include "client/instructor/screens/screens.h"
 
 #include <vector>
 
-#include "client/instructor/screens/desk_frame.h"
 #include "client/view/plots.h"
 #include "client/view/theme.h"
 #include "common/haptics/axial_model.h"
 
 namespace needlelab {
 
-void RerunScreen::showChoice(Desk& desk) {
+void RerunScreen::showChoice(LabState& lab) {
   {
     WithFont font(Letters::kHeading);
     ImGui::TextUnformatted("What would it have felt like?");
   }
   ImGui::SameLine(0, 2 * space());
   WithTextColour dim(kDimText);
-  textLine(desk.bench.first()->title());
+  textLine(lab.analysis.first()->title());
 }
 
-void RerunScreen::showForces(Desk& desk) {
-  const StoredGesture& gesture = *desk.bench.first();
-  const Rerun& run = *desk.bench.rerunResult();
+void RerunScreen::showForces(LabState& lab) {
+  const StoredGesture& gesture = *lab.analysis.first();
+  const Rerun& run = *lab.analysis.rerunResult();
   const double from_s = gesture.first_s(), to_s = gesture.last_s();
   const auto plotOf = [&](TraceChannel channel, const std::string& title) {
-    StackedPlot plot;
-    plot.spec.title = title;
-    plot.spec.unit = std::string(infoOf(channel).unit);
-    plot.spec.from = from_s;
-    plot.spec.to = to_s > from_s ? to_s : from_s + 1;
-    plot.spec.show_x_axis = false;
-    plot.spec.cursor = desk.bench.player.at_s();
+    Plot plot;
+    plot.title = title;
+    plot.unit = std::string(infoOf(channel).unit);
+    plot.from = from_s;
+    plot.to = to_s > from_s ? to_s : from_s + 1;
+    plot.cursor = lab.analysis.player.at_s();
     plot.series.push_back({"as recorded", kFirstGesture, gesture.trace.source(channel), false, false});
     plot.series.push_back({run.what, kSecondGesture, run.trace.source(channel), true, false});
     return plot;
   };
-  std::vector<StackedPlot> plots;
+  std::vector<Plot> plots;
   plots.push_back(plotOf(TraceChannel::kForce, "force on the hand"));
   plots.back().share = 1.8F;
   for (const EffectEntry* effect : effectsAsShown())
     if (effect->unit == "N") plots.push_back(plotOf(channelOf(effect->effect), std::string(effect->term)));
-  plots.back().spec.show_x_axis = true;
   const auto result = plotStack("rerun", plots, {0, 0});
-  if (result.clicked_x) desk.bench.player.seek(*result.clicked_x);
+  if (result.clicked_x) lab.analysis.player.seek(*result.clicked_x);
 }
 
-void RerunScreen::show(Desk& desk) {
-  showWork(desk);
-  if (!desk.bench.first()) {
-    if (desk.bench.busy()) return;
+void RerunScreen::show(LabState& lab) {
+  showWork(lab);
+  if (!lab.analysis.first()) {
+    if (lab.analysis.busy()) return;
     if (showEmpty("No session is loaded", "Load the recording that is to be felt again.", "To the sessions"))
-      desk.screen = DeskScreen::kSessions;
+      lab.screen = WindowScreen::kSessions;
     return;
   }
-  showChoice(desk);
+  showChoice(lab);
   ImGui::SetNextItemWidth(34 * space());
   if (ImGui::BeginCombo("patient", profile == "own" ? "the session's own" : profile.c_str())) {
     if (ImGui::Selectable("the session's own", profile == "own")) profile = "own";
-    for (const std::string& id : desk.profiles())
+    for (const std::string& id : lab.profiles())
       if (ImGui::Selectable(id.c_str(), id == profile)) profile = id;
     ImGui::EndCombo();
   }
@@ -70,18 +67,18 @@ void RerunScreen::show(Desk& desk) {
     ImGui::EndCombo();
   }
   ImGui::SameLine(0, 2 * space());
-  if (ImGui::Button("Run")) desk.bench.rerun(profile, model);
-  if (!desk.bench.rerunResult()) {
-    if (desk.bench.busy()) return;
+  if (ImGui::Button("Run")) lab.analysis.rerun(profile, model);
+  if (!lab.analysis.rerunResult()) {
+    if (lab.analysis.busy()) return;
     showEmpty(
-        desk.bench.trouble().empty() ? "Choose a patient or a model, then run" : "That does not run",
-        desk.bench.trouble().empty()
+        lab.analysis.trouble().empty() ? "Choose a patient or a model, then run" : "That does not run",
+        lab.analysis.trouble().empty()
             ? "The engine steps along the recorded hand and shows the forces beside those that were felt."
-            : desk.bench.trouble());
+            : lab.analysis.trouble());
     return;
   }
-  for (const std::string& line : desk.bench.rerunResult()->words) textLine(line);
-  showForces(desk);
+  for (const std::string& line : lab.analysis.rerunResult()->sentences) textLine(line);
+  showForces(lab);
 }
 
 }  // namespace needlelab

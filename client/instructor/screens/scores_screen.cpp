@@ -1,17 +1,12 @@
-#include "client/instructor/screens/scores_screen.h"
+#include "client/instructor/screens/screens.h"
 
 #include <imgui/imgui_stdlib.h>
 
 #include <algorithm>
-#include <cmath>
-#include <span>
-#include <utility>
-#include <vector>
+#include <string>
 
-#include "client/instructor/screens/desk_frame.h"
 #include "client/view/plots.h"
 #include "client/view/theme.h"
-#include "common/base/text.h"
 #include "common/scoring/measure_table.h"
 
 namespace needlelab {
@@ -36,31 +31,6 @@ void standingBar(const pb::ReferenceBand& band, double value, float width) {
   list.AddLine({x(band.mean()), middle - 8}, {x(band.mean()), middle + 8}, packed(kWhite), 2);
   const float v = x(value);
   list.AddQuadFilled({v - 6, middle}, {v, middle - 7}, {v + 6, middle}, {v, middle + 7}, packed(kVermillion));
-}
-
-/// A few points as a line from one to the next; each point is a small peg on it.
-ColumnSource lineThrough(std::vector<double> x, std::vector<double> y) {
-  return [x = std::move(x), y = std::move(y)](double from, double to, std::span<PixelColumn> out) {
-    const double width = (to - from) / static_cast<double>(out.size());
-    double low = y.front(), high = y.front();
-    for (const double v : y) low = std::min(low, v), high = std::max(high, v);
-    const double peg = 0.03 * (high - low);
-    for (std::size_t i = 0; i < out.size(); ++i) {
-      out[i] = {};
-      const double at = from + (static_cast<double>(i) + 0.5) * width;
-      if (at < x.front() - 0.5 * width || at > x.back() + 0.5 * width) continue;
-      const auto right = std::min<std::size_t>(
-          static_cast<std::size_t>(std::upper_bound(x.begin(), x.end(), at) - x.begin()), x.size() - 1);
-      const std::size_t left = right == 0 ? 0 : right - 1;
-      const double step = x[right] - x[left];
-      const double share = step > 0 ? std::clamp((at - x[left]) / step, 0.0, 1.0) : 0.0;
-      const double value = y[left] + share * (y[right] - y[left]);
-      const bool point = std::abs(at - x[left]) <= 1.5 * width || std::abs(at - x[right]) <= 1.5 * width;
-      out[i].last = static_cast<float>(value);
-      out[i].min = static_cast<float>(value - (point ? peg : 0));
-      out[i].max = static_cast<float>(value + (point ? peg : 0));
-    }
-  };
 }
 
 std::string allowedText(const Measure& measure) {
@@ -116,25 +86,7 @@ void ScoresScreen::showProgress(const ReportData& data) {
     const MeasureKind* const kind = measureKind(row.measure);
     if (row.values.size() < 2 || kind == nullptr || kind->better == Better::kNeither) continue;
     any = true;
-    PlotSpec spec;
-    spec.title = std::string(kind->words);
-    const double scale = row.unit == "m" ? 1000 : row.unit == "m^2" ? 1e4 : 1;
-    spec.unit = row.unit == "m" ? "mm" : row.unit == "m^2" ? "cm²" : row.unit;
-    spec.from = 1;
-    spec.to = std::max(2.0, row.attempts.back()) + 0.001;
-    spec.clock_axis = false;
-    spec.x_unit = "attempt";
-    spec.legend = false;
-    for (const pb::ReferenceBand& band : data.bands)
-      if (band.measure() == row.measure)
-        spec.bands.push_back({scale * (band.has_p10() ? band.p10() : band.least()),
-                              scale * (band.has_p90() ? band.p90() : band.greatest()), kBluishGreen,
-                              "experts"});
-    std::vector<double> values;
-    for (const double v : row.values) values.push_back(scale * v);
-    const std::vector<PlotSeries> series = {
-        {"value", kSkyBlue, lineThrough(row.attempts, values), false, false}};
-    linePlot(row.measure.c_str(), spec, series, {0, 13 * space()});
+    linePlot(row.measure.c_str(), progressPlot(data, row), {0, 13 * space()});
     WithFont small(Letters::kSmall);
     WithTextColour dim(kDimText);
     textLine(row.words);
@@ -145,48 +97,48 @@ void ScoresScreen::showProgress(const ReportData& data) {
   }
 }
 
-void ScoresScreen::showExport(Desk& desk) {
+void ScoresScreen::showExport(LabState& lab) {
   ImGui::SetNextItemWidth(40 * space());
   ImGui::InputTextWithHint("##file", "report.html or samples.csv", &file_);
   ImGui::SameLine();
-  if (ImGui::Button("Export")) desk.bench.exportTo(file_);
+  if (ImGui::Button("Export")) lab.analysis.exportTo(file_);
   ImGui::SameLine();
   WithTextColour dim(kDimText);
   textLine(".html: report with plots; .csv: samples");
 }
 
-void ScoresScreen::show(Desk& desk) {
-  showWork(desk);
-  if (!desk.bench.first()) {
-    if (desk.bench.busy()) return;
+void ScoresScreen::show(LabState& lab) {
+  showWork(lab);
+  if (!lab.analysis.first()) {
+    if (lab.analysis.busy()) return;
     if (showEmpty("No session is loaded", "Choose the one whose score is to be looked at.",
                   "To the sessions"))
-      desk.screen = DeskScreen::kSessions;
+      lab.screen = WindowScreen::kSessions;
     return;
   }
-  // asked for once when it is looked at first
-  if (!desk.bench.report() && !desk.bench.busy() && asked_for_ != desk.bench.first().get()) {
-    asked_for_ = desk.bench.first().get();
-    desk.bench.collect();
+  // requested once, when the screen is first opened
+  if (!lab.analysis.report() && !lab.analysis.busy() && asked_for_ != lab.analysis.first().get()) {
+    asked_for_ = lab.analysis.first().get();
+    lab.analysis.collect();
   }
   {
     WithFont font(Letters::kHeading);
-    ImGui::TextUnformatted(desk.bench.first()->title().c_str());
+    ImGui::TextUnformatted(lab.analysis.first()->title().c_str());
   }
-  if (!desk.bench.report()) {
-    if (!desk.bench.busy() && !desk.bench.trouble().empty() &&
-        showEmpty("The score could not be read", desk.bench.trouble(), "Try again"))
+  if (!lab.analysis.report()) {
+    if (!lab.analysis.busy() && !lab.analysis.trouble().empty() &&
+        showEmpty("The score could not be read", lab.analysis.trouble(), "Try again"))
       asked_for_ = nullptr;
     return;
   }
-  const ReportData& data = *desk.bench.report();
+  const ReportData& data = *lab.analysis.report();
   ImGui::SameLine(0, 2 * space());
   if (data.passed)
     conditionLine(*data.passed ? Condition::kGood : Condition::kTrouble,
                   *data.passed ? "passed" : "not passed");
   else
     conditionLine(Condition::kUnknown, data.measures.empty() ? "no score yet" : "nothing was required");
-  showExport(desk);
+  showExport(lab);
   const ImVec2 room = ImGui::GetContentRegionAvail();
   beginPanel("score", "Measures", room.x * 0.64F, room.y);
   showMeasures(data);

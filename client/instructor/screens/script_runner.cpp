@@ -4,7 +4,7 @@
 #include <array>
 #include <utility>
 
-#include "common/base/text.h"
+#include <fmt/core.h>
 
 namespace needlelab {
 namespace {
@@ -17,8 +17,8 @@ double number(const ScriptAction& action, std::size_t i = 0) {
   return *numberOf(action.words[i]);
 }
 
-constexpr std::array<std::pair<std::string_view, DeskScreen>, 3> kPlaces = {
-    {{"lab", DeskScreen::kLab}, {"sessions", DeskScreen::kSessions}, {"scores", DeskScreen::kScores}}};
+constexpr std::array<std::pair<std::string_view, WindowScreen>, 3> kPlaces = {
+    {{"lab", WindowScreen::kLab}, {"sessions", WindowScreen::kSessions}, {"scores", WindowScreen::kScores}}};
 
 }  // namespace
 
@@ -29,7 +29,7 @@ ScriptRunner::ScriptRunner(std::vector<ScriptAction> actions, std::string name,
 void ScriptRunner::fail(const ScriptAction& action, const std::string& why) {
   std::string line = action.verb;
   for (const std::string& word : action.words) line += " \"" + word + "\"";
-  status_ = Error{ErrorCode::kFailed, name_ + ":" + std::to_string(action.line) + ": " + line + ": " + why};
+  status_ = Error{ErrorCode::kFailed, fmt::format("{}:{}: {}: {}", name_, action.line, line, why)};
   over_ = true;
 }
 
@@ -44,7 +44,7 @@ void ScriptRunner::afterFrame(InstructorWindow& window) {
     return;
   }
   const ScriptAction& action = actions_[next_];
-  const double now_s = window.desk().now_s();
+  const double now_s = window.lab().now_s();
   const bool first = !std::exchange(begun_, true);
   if (first) {
     began_s_ = now_s;
@@ -59,13 +59,13 @@ void ScriptRunner::afterFrame(InstructorWindow& window) {
     return;
   }
   if (now_s - began_s_ > patience_s_ && action.verb != "wait")
-    fail(action,
-         formatted("not so within %.0f s; the screen says: ", patience_s_) + window.text().substr(0, 600));
+    fail(action, fmt::format("not so within {:.0f} s; the screen says: ", patience_s_) +
+                     window.text().substr(0, 600));
 }
 
 Result<bool> ScriptRunner::act(const ScriptAction& action, InstructorWindow& window, bool first) {
   for (const auto part : {&ScriptRunner::actOnLink, &ScriptRunner::actOnLab, &ScriptRunner::actOnStation,
-                          &ScriptRunner::actOnBench, &ScriptRunner::actOnWindow}) {
+                          &ScriptRunner::actOnAnalysis, &ScriptRunner::actOnWindow}) {
     const auto done = (this->*part)(action, window, first);
     // kNotFound: this part does not know the verb
     if (done.ok() || done.error().code != ErrorCode::kNotFound) return done;
@@ -74,20 +74,20 @@ Result<bool> ScriptRunner::act(const ScriptAction& action, InstructorWindow& win
 }
 
 Result<bool> ScriptRunner::actOnLink(const ScriptAction& action, InstructorWindow& window, bool first) {
-  Desk& desk = window.desk();
+  LabState& lab = window.lab();
   const std::string& verb = action.verb;
   if (verb == "login") {
-    if (first && !desk.inside()) desk.logIn();
-    if (!desk.form_trouble.empty()) return wrong(desk.form_trouble);
-    if (desk.link().phase == LinkPhase::kRefused)
-      return wrong(desk.link().trouble.what + " " + desk.link().trouble.detail);
-    return desk.link().phase == LinkPhase::kOnline && desk.inside();
+    if (first && !lab.inside()) lab.logIn();
+    if (!lab.form_trouble.empty()) return wrong(lab.form_trouble);
+    if (lab.link().phase == LinkPhase::kRefused)
+      return wrong(lab.link().trouble.what + " " + lab.link().trouble.detail);
+    return lab.link().phase == LinkPhase::kOnline && lab.inside();
   }
   if (verb == "logout") {
-    desk.logOut();
+    lab.logOut();
     return true;
   }
-  if (verb == "wait") return desk.now_s() - began_s_ >= number(action);
+  if (verb == "wait") return lab.now_s() - began_s_ >= number(action);
   if (verb == "timeout") {
     patience_s_ = number(action);
     return true;
@@ -96,15 +96,15 @@ Result<bool> ScriptRunner::actOnLink(const ScriptAction& action, InstructorWindo
 }
 
 Result<bool> ScriptRunner::actOnLab(const ScriptAction& action, InstructorWindow& window, bool) {
-  Desk& desk = window.desk();
+  LabState& lab = window.lab();
   const std::string& verb = action.verb;
   for (const auto& [name, screen] : kPlaces) {
     if (verb != name) continue;
-    desk.screen = screen;
+    lab.screen = screen;
     return true;
   }
   if (verb == "wait-station") {
-    const StationTile* const tile = desk.overview.find(action.words[0]);
+    const StationTile* const tile = lab.overview.find(action.words[0]);
     if (tile == nullptr) return false;
     const std::string state = action.words.size() > 1 ? action.words[1] : "online";
     if (state == "online") return tile->online && !tile->stale;
@@ -115,52 +115,52 @@ Result<bool> ScriptRunner::actOnLab(const ScriptAction& action, InstructorWindow
   }
   if (verb == "filter") {
     const std::string& what = action.words[0];
-    desk.filter = {};
+    lab.filter = {};
     if (what == "help")
-      desk.filter.only_help = true;
+      lab.filter.only_help = true;
     else if (what == "online")
-      desk.filter.only_online = true;
+      lab.filter.only_online = true;
     else if (what != "all")
-      desk.filter.text = what;
-    desk.screen = DeskScreen::kLab;
+      lab.filter.text = what;
+    lab.screen = WindowScreen::kLab;
     return true;
   }
   if (verb == "open-first") {
-    const auto tiles = desk.overview.tiles(desk.order, desk.filter);
+    const auto tiles = lab.overview.tiles(lab.order, lab.filter);
     if (tiles.empty()) return false;
-    desk.open(tiles.front()->station);
+    lab.open(tiles.front()->station);
     return true;
   }
   if (verb == "open") {
-    if (desk.live() == nullptr || desk.live()->station() != action.words[1] ||
-        desk.screen != DeskScreen::kLive) {
-      if (desk.overview.find(action.words[1]) == nullptr) return false;
-      desk.open(action.words[1]);
+    if (lab.live() == nullptr || lab.live()->station() != action.words[1] ||
+        lab.screen != WindowScreen::kLive) {
+      if (lab.overview.find(action.words[1]) == nullptr) return false;
+      lab.open(action.words[1]);
     }
     return true;
   }
   return Error{ErrorCode::kNotFound, {}};
 }
 
-Result<bool> ScriptRunner::answered(Desk& desk) const {
-  if (desk.talk.waiting() > 0) return false;
-  if (!desk.notices.all().empty() && desk.notices.all().back().condition == Condition::kTrouble)
-    return wrong(desk.notices.all().back().text);
+Result<bool> ScriptRunner::answered(LabState& lab) const {
+  if (lab.commands.waiting() > 0) return false;
+  if (!lab.notices.all().empty() && lab.notices.all().back().condition == Condition::kTrouble)
+    return wrong(lab.notices.all().back().text);
   return true;
 }
 
 Result<bool> ScriptRunner::actOnStation(const ScriptAction& action, InstructorWindow& window, bool first) {
-  Desk& desk = window.desk();
+  LabState& lab = window.lab();
   const std::string& verb = action.verb;
-  const bool in_replay = desk.screen == DeskScreen::kReplay;
-  LiveStation* const live = desk.live();
+  const bool in_replay = lab.screen == WindowScreen::kReplay;
+  LiveStation* const live = lab.live();
   if (verb == "annotate") {
-    if (first) desk.annotate(action.words[0]);
-    return answered(desk);
+    if (first) lab.annotate(action.words[0]);
+    return answered(lab);
   }
   if (verb == "pause" || verb == "resume") {
     if (in_replay) {
-      verb == "pause" ? desk.bench.player.pause() : desk.bench.player.play();
+      verb == "pause" ? lab.analysis.player.pause() : lab.analysis.player.play();
       return true;
     }
     if (live == nullptr) return wrong("no station is looked over: open one first");
@@ -177,73 +177,72 @@ Result<bool> ScriptRunner::actOnStation(const ScriptAction& action, InstructorWi
     live->scrollTo(live->trace().lastTime_s() - number(action));
     return true;
   }
-  if (first && verb == "message") desk.talk.message(live->station(), action.words[0]);
-  if (first && verb == "next-exercise") desk.talk.nextExercise(live->station(), action.words[0]);
+  if (first && verb == "message") lab.commands.message(live->station(), action.words[0]);
+  if (first && verb == "next-exercise") lab.commands.nextExercise(live->station(), action.words[0]);
   if (first && verb == "stop-lesson")
-    desk.talk.stopLesson(live->station(), live->sessionId(), action.words.empty() ? "" : action.words[0]);
+    lab.commands.stopLesson(live->station(), live->sessionId(), action.words.empty() ? "" : action.words[0]);
   if (first && verb == "aids") {
     if (action.words[0] == "reset") {
-      desk.resetAids();
+      lab.resetAids();
     } else {
-      const auto aids = parseAids(action.words[0]);
-      if (!aids.ok()) return aids.error();
-      desk.setAids(*aids);
+      ASSIGN_OR_RETURN(const auto aids, parseAids(action.words[0]));
+      lab.setAids(aids);
     }
   }
-  return answered(desk);
+  return answered(lab);
 }
 
-Result<bool> ScriptRunner::worked(Desk& desk) const {
-  if (desk.bench.busy()) return false;
-  if (!desk.bench.trouble().empty()) return wrong(desk.bench.trouble());
+Result<bool> ScriptRunner::worked(LabState& lab) const {
+  if (lab.analysis.busy()) return false;
+  if (!lab.analysis.trouble().empty()) return wrong(lab.analysis.trouble());
   return true;
 }
 
-Result<bool> ScriptRunner::actOnBench(const ScriptAction& action, InstructorWindow& window, bool first) {
-  Desk& desk = window.desk();
+Result<bool> ScriptRunner::actOnAnalysis(const ScriptAction& action, InstructorWindow& window, bool first) {
+  LabState& lab = window.lab();
   const std::string& verb = action.verb;
   if (verb == "search") {
     if (first) {
-      desk.screen = DeskScreen::kSessions;
+      lab.screen = WindowScreen::kSessions;
       window.sessions_screen.query = {};
       window.sessions_screen.query.search = action.words[0];
-      desk.sessions.search(window.sessions_screen.query);
+      lab.sessions.search(window.sessions_screen.query);
     }
-    if (!desk.sessions.trouble().empty()) return wrong(desk.sessions.trouble());
-    return !desk.sessions.waiting();
+    if (!lab.sessions.trouble().empty()) return wrong(lab.sessions.trouble());
+    return !lab.sessions.waiting();
   }
   if (verb == "replay") {
     if (first) {
-      desk.bench.loadFirst(action.words.back());
-      desk.screen = DeskScreen::kReplay;
+      lab.analysis.loadFirst(action.words.back());
+      lab.screen = WindowScreen::kReplay;
     }
-    return worked(desk);
+    return worked(lab);
   }
   if (verb == "compare") {
     if (first) {
       const std::string how = action.words.size() > 2 ? action.words[2] : "depth";
-      desk.bench.loadBoth(action.words[0], action.words[1],
-                          how == "dtw"    ? Alignment::kDtw
-                          : how == "time" ? Alignment::kTime
-                                          : Alignment::kDepth);
-      desk.screen = DeskScreen::kCompare;
+      lab.analysis.loadBoth(action.words[0], action.words[1],
+                            how == "dtw"    ? Alignment::kDtw
+                            : how == "time" ? Alignment::kTime
+                                            : Alignment::kDepth);
+      lab.screen = WindowScreen::kCompare;
     }
-    return worked(desk);
+    return worked(lab);
   }
   if (verb == "rerun") {
     if (first) {
       window.rerun_screen.profile = action.words[0];
       window.rerun_screen.model = action.words.size() > 1 ? action.words[1] : "";
-      desk.bench.rerun(window.rerun_screen.profile, window.rerun_screen.model);
-      desk.screen = DeskScreen::kRerun;
+      lab.analysis.rerun(window.rerun_screen.profile, window.rerun_screen.model);
+      lab.screen = WindowScreen::kRerun;
     }
-    return worked(desk);
+    return worked(lab);
   }
   if (verb == "export") {
-    if (first) desk.bench.exportTo(action.words[0]);
-    return worked(desk);
+    if (first) lab.analysis.exportTo(action.words[0]);
+    return worked(lab);
   }
-  ReplayPlayer& player = desk.bench.player;
+  ReplayPlayer& player = lab.analysis.player;
   if (verb == "play")
     player.play();
   else if (verb == "seek")
@@ -258,7 +257,7 @@ Result<bool> ScriptRunner::actOnBench(const ScriptAction& action, InstructorWind
     player.setLoop(ReplayLoop{player.first_s() + number(action), player.first_s() + number(action, 1)});
   else
     return Error{ErrorCode::kNotFound, {}};
-  if (!desk.bench.first()) return wrong("no session is loaded: replay one first");
+  if (!lab.analysis.first()) return wrong("no session is loaded: replay one first");
   return true;
 }
 
@@ -268,14 +267,14 @@ Result<bool> ScriptRunner::actOnWindow(const ScriptAction& action, InstructorWin
   if (verb == "wait-text") return stands();
   if (verb == "wait-gone") return !stands();
   if (verb == "expect") {
-    // what the action before it did is on the screen a frame later
+    // the effect of the action before it is on the screen a frame later
     if (frames_ < 3) return false;
     if (stands()) return true;
     return wrong("does not stand there; the screen says: " + window.text().substr(0, 1500));
   }
   if (verb == "screenshot") {
     if (frames_ < 3) return false;
-    if (auto saved = savePng(window.surface().picture(), action.words[0]); !saved.ok()) return saved.error();
+    RETURN_IF_ERROR(savePng(window.surface().picture(), action.words[0]));
     return true;
   }
   if (verb == "camera") {
@@ -297,21 +296,21 @@ Result<bool> ScriptRunner::actOnWindow(const ScriptAction& action, InstructorWin
     return true;
   }
   if (verb == "latency") {
-    LiveStation* const live = window.desk().live();
+    LiveStation* const live = window.lab().live();
     if (live == nullptr) return wrong("no station is looked over: open one first");
     const LatencyMeter& meter = live->latency();
     if (meter.count() == 0) return false;
     const double p99_ms = meter.quantile_ms(0.99);
-    print_(formatted("capture to screen: p50 %.1f ms  p99 %.1f ms  of %zu live frames; %llu dropped",
-                     meter.quantile_ms(0.5), p99_ms, meter.count(),
-                     static_cast<unsigned long long>(live->stats().dropped())));
-    if (!action.words.empty() && p99_ms > number(action)) return wrong(formatted("p99 is %.1f ms", p99_ms));
+    print_(fmt::format("capture to screen: p50 {:.1f} ms  p99 {:.1f} ms  of {} live frames; {} dropped",
+                       meter.quantile_ms(0.5), p99_ms, meter.count(), live->stats().dropped()));
+    if (!action.words.empty() && p99_ms > number(action))
+      return wrong(fmt::format("p99 is {:.1f} ms", p99_ms));
     return true;
   }
   if (verb == "frames") {
-    print_(formatted("frames: %zu, %.1f ms each on average, %.1f ms at most", frame_count_,
-                     1e3 * frame_cost_s_ / static_cast<double>(std::max<std::size_t>(1, frame_count_)),
-                     1e3 * frame_most_s_));
+    print_(fmt::format("frames: {}, {:.1f} ms each on average, {:.1f} ms at most", frame_count_,
+                       1e3 * frame_cost_s_ / static_cast<double>(std::max<std::size_t>(1, frame_count_)),
+                       1e3 * frame_most_s_));
     frame_count_ = 0;
     frame_cost_s_ = frame_most_s_ = 0;
     return true;

@@ -1,4 +1,4 @@
-/// Does what a script says, an action after the other, while frames go by.
+/// Runs a script, an action after the other, while frames go by.
 #pragma once
 
 #include <functional>
@@ -18,7 +18,7 @@ class ScriptRunner {
   ScriptRunner(std::vector<ScriptAction> actions, std::string name,
                std::function<void(const std::string&)> print);
 
-  /// After a frame. Actions that need nothing to happen first are done one a frame.
+  /// Call it after each frame. Actions that wait for nothing are done one a frame.
   void afterFrame(InstructorWindow& window);
   /// All was done, `quit` came, or something failed.
   [[nodiscard]] bool over() const { return over_; }
@@ -26,15 +26,15 @@ class ScriptRunner {
   [[nodiscard]] const Status& status() const { return status_; }
 
  private:
-  /// Whether the action is done; an error in words ends the script.
+  /// Returns whether the action is done; an error ends the script.
   Result<bool> act(const ScriptAction& action, InstructorWindow& window, bool first);
   Result<bool> actOnLink(const ScriptAction& action, InstructorWindow& window, bool first);
   Result<bool> actOnLab(const ScriptAction& action, InstructorWindow& window, bool first);
   Result<bool> actOnStation(const ScriptAction& action, InstructorWindow& window, bool first);
-  Result<bool> actOnBench(const ScriptAction& action, InstructorWindow& window, bool first);
+  Result<bool> actOnAnalysis(const ScriptAction& action, InstructorWindow& window, bool first);
   Result<bool> actOnWindow(const ScriptAction& action, InstructorWindow& window, bool first);
-  Result<bool> answered(Desk& desk) const;
-  Result<bool> worked(Desk& desk) const;
+  Result<bool> answered(LabState& lab) const;
+  Result<bool> worked(LabState& lab) const;
   void fail(const ScriptAction& action, const std::string& why);
 
   std::vector<ScriptAction> actions_;

@@ -1,4 +1,4 @@
-#include "client/instructor/screens/sessions_screen.h"
+#include "client/instructor/screens/screens.h"
 
 #include <imgui/imgui_stdlib.h>
 
@@ -7,7 +7,8 @@
 #include <ctime>
 #include <utility>
 
-#include "client/instructor/screens/desk_frame.h"
+#include <fmt/core.h>
+
 #include "client/view/theme.h"
 #include "common/base/text.h"
 
@@ -30,12 +31,12 @@ std::pair<Condition, const char*> verdictOf(const pb::SessionInfo& row) {
 
 std::string figureText(const pb::SessionInfo& row, const char* measure, double scale, const char* unit) {
   const double value = figureOf(row, measure);
-  return std::isfinite(value) ? formatted("%.3g %s", scale * value, unit) : std::string("–");
+  return std::isfinite(value) ? fmt::format("{:.3g} {}", scale * value, unit) : std::string("–");
 }
 
 }  // namespace
 
-void SessionsScreen::showFilter(Desk& desk) {
+void SessionsScreen::showFilter(LabState& lab) {
   const auto field = [](const char* id, const char* hint, std::string& text, float width) {
     ImGui::SetNextItemWidth(width);
     const bool go = ImGui::InputTextWithHint(id, hint, &text, ImGuiInputTextFlags_EnterReturnsTrue);
@@ -45,11 +46,11 @@ void SessionsScreen::showFilter(Desk& desk) {
   bool go = field("##who", "trainee", query.search, 24 * space());
   ImGui::SetNextItemWidth(28 * space());
   std::string exercise = "any exercise";
-  for (const ExerciseChoice& choice : desk.exercises())
+  for (const ExerciseChoice& choice : lab.exercises())
     if (choice.id == query.exercise_id) exercise = choice.name;
   if (ImGui::BeginCombo("##exercise", exercise.c_str())) {
     if (ImGui::Selectable("any exercise", query.exercise_id.empty())) query.exercise_id.clear(), go = true;
-    for (const ExerciseChoice& choice : desk.exercises())
+    for (const ExerciseChoice& choice : lab.exercises())
       if (ImGui::Selectable((choice.name + "##" + choice.id).c_str(), choice.id == query.exercise_id))
         query.exercise_id = choice.id, go = true;
     ImGui::EndCombo();
@@ -73,11 +74,11 @@ void SessionsScreen::showFilter(Desk& desk) {
   }
   ImGui::SameLine();
   go |= ImGui::Button("Search");
-  if (go) desk.sessions.search(query);
-  if (!desk.sessions.trouble().empty()) conditionLine(Condition::kAttention, desk.sessions.trouble());
+  if (go) lab.sessions.search(query);
+  if (!lab.sessions.trouble().empty()) conditionLine(Condition::kAttention, lab.sessions.trouble());
 }
 
-void SessionsScreen::showTable(Desk& desk) {
+void SessionsScreen::showTable(LabState& lab) {
   constexpr ImGuiTableFlags kFlags = ImGuiTableFlags_RowBg | ImGuiTableFlags_ScrollY |
                                      ImGuiTableFlags_Sortable | ImGuiTableFlags_BordersInnerH |
                                      ImGuiTableFlags_SizingStretchProp;
@@ -98,11 +99,11 @@ void SessionsScreen::showTable(Desk& desk) {
     constexpr std::array kOrders = {SessionOrder::kNewest, SessionOrder::kTrainee, SessionOrder::kExercise,
                                     SessionOrder::kNewest, SessionOrder::kVerdict, SessionOrder::kPeakForce};
     const int column = specs->SpecsCount > 0 ? specs->Specs[0].ColumnIndex : 0;
-    if (column >= 0 && column < 6) desk.sessions.order(kOrders[static_cast<std::size_t>(column)]);
+    if (column >= 0 && column < 6) lab.sessions.order(kOrders[static_cast<std::size_t>(column)]);
     specs->SpecsDirty = false;
   }
   ImGuiListClipper clipper;
-  const auto& rows = desk.sessions.rows();
+  const auto& rows = lab.sessions.rows();
   clipper.Begin(static_cast<int>(rows.size()));
   while (clipper.Step()) {
     for (int i = clipper.DisplayStart; i < clipper.DisplayEnd; ++i) {
@@ -125,19 +126,19 @@ void SessionsScreen::showTable(Desk& desk) {
       cell(figureText(row, "elapsed_s", 1, "s"));
       ImGui::TableNextColumn();
       if (ImGui::SmallButton("Replay")) {
-        desk.bench.loadFirst(d.session_id());
-        desk.screen = DeskScreen::kReplay;
+        lab.analysis.loadFirst(d.session_id());
+        lab.screen = WindowScreen::kReplay;
       }
       ImGui::SameLine();
       if (ImGui::SmallButton("Scores")) {
-        desk.bench.loadFirst(d.session_id());
-        desk.screen = DeskScreen::kScores;
+        lab.analysis.loadFirst(d.session_id());
+        lab.screen = WindowScreen::kScores;
       }
-      if (desk.bench.first()) {
+      if (lab.analysis.first()) {
         ImGui::SameLine();
         if (ImGui::SmallButton("beside")) {
-          desk.bench.loadSecond(d.session_id());
-          desk.screen = DeskScreen::kCompare;
+          lab.analysis.loadSecond(d.session_id());
+          lab.screen = WindowScreen::kCompare;
         }
       }
       ImGui::PopID();
@@ -146,26 +147,26 @@ void SessionsScreen::showTable(Desk& desk) {
   ImGui::EndTable();
 }
 
-void SessionsScreen::show(Desk& desk) {
-  if (!desk.sessions.asked()) desk.sessions.search(query);
-  showFilter(desk);
-  const std::size_t n = desk.sessions.rows().size();
+void SessionsScreen::show(LabState& lab) {
+  if (!lab.sessions.asked()) lab.sessions.search(query);
+  showFilter(lab);
+  const std::size_t n = lab.sessions.rows().size();
   WithTextColour dim(kDimText);
-  ImGui::TextUnformatted(desk.sessions.waiting() ? "looking …" : formatted("%zu sessions", n).c_str());
-  if (desk.sessions.hasMore()) {
+  ImGui::TextUnformatted(lab.sessions.waiting() ? "looking …" : fmt::format("{} sessions", n).c_str());
+  if (lab.sessions.hasMore()) {
     ImGui::SameLine();
-    if (ImGui::SmallButton("More")) desk.sessions.more();
+    if (ImGui::SmallButton("More")) lab.sessions.more();
   }
   WithTextColour text(kText);
-  if (n == 0 && !desk.sessions.waiting()) {
+  if (n == 0 && !lab.sessions.waiting()) {
     if (showEmpty("No session matches", "Widen the search: fewer letters, another time, any score.",
                   query == SessionQuery{} ? nullptr : "Search all")) {
       query = {};
-      desk.sessions.search(query);
+      lab.sessions.search(query);
     }
     return;
   }
-  showTable(desk);
+  showTable(lab);
 }
 
 }  // namespace needlelab

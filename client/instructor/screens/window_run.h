@@ -6,13 +6,13 @@
 #include <optional>
 #include <string>
 
-#include "client/instructor/model/desk.h"
+#include "client/instructor/model/lab_state.h"
 #include "client/view/surface.h"
 
 namespace needlelab {
 
 struct WindowRunOptions {
-  LoginForm form;  ///< what is known of it; with a password: logged in at once
+  LoginForm form;  ///< the known fields; with a password: logs in at once
   SurfaceOptions surface;
   std::filesystem::path login_memory;  ///< written after a log-in; empty: none
   std::filesystem::path script;        ///< empty: none; its end is the program's end

@@ -11,7 +11,7 @@
 
 namespace needlelab {
 
-/// What the three of them share.
+/// Shared by the three of them.
 struct HeadlessRun {
   const InstructorOptions& options;
   BlockingClient& client;
@@ -31,8 +31,9 @@ struct HeadlessRun {
 /// is over).
 Status runHeadless(const HeadlessRun& run);
 
-Status watchLive(const HeadlessRun& run);      // watch.cpp
-Status overview(const HeadlessRun& run);       // overview.cpp
+/// Lines of --station or --session, live.
+Status watchLive(const HeadlessRun& run);  // watch.cpp
+/// Lines of the stored --session, at the speed of its own clock.
 Status replaySession(const HeadlessRun& run);  // replay.cpp
 
 }  // namespace needlelab

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include <fmt/core.h>
+
 #include "common/profile/aid_list.h"
 
 namespace needlelab {
@@ -11,8 +13,8 @@ namespace {
 
 Status inRange(const char* option, double value, double least, double most) {
   if (std::isfinite(value) && value >= least && value <= most) return {};
-  return Error{ErrorCode::kInvalidInput, std::string(option) + " " + std::to_string(value) + " is not in [" +
-                                             std::to_string(least) + ", " + std::to_string(most) + "]"};
+  return Error{ErrorCode::kInvalidInput,
+               fmt::format("{} {:f} is not in [{:f}, {:f}]", option, value, least, most)};
 }
 
 Status refuse(const std::string& text) {
@@ -37,8 +39,8 @@ Status checkOptions(const InstructorOptions& options) {
     return refuse("--report FILE needs --session ID, and neither --headless nor --replay");
   if (options.headless && (!options.script.empty() || !options.screenshot.empty()))
     return refuse("--script and --screenshot are of the window: leave --headless out");
-  if (auto ok = inRange("--font-scale", options.font_scale, 0.8, 2.5); !ok.ok()) return ok;
-  if (const auto size = windowSizeOf(options); !size.ok()) return size.error();
+  RETURN_IF_ERROR(inRange("--font-scale", options.font_scale, 0.8, 2.5));
+  RETURN_IF_ERROR(windowSizeOf(options));
   if (!options.session.empty()) {
     if (const auto id = parseUuid(options.session); !id.ok())
       return refuse("--session " + id.error().message);
@@ -63,19 +65,19 @@ Status checkOptions(const InstructorOptions& options) {
   if (options.at_s) {
     if (options.annotate.empty() && options.screenshot.empty())
       return refuse("--at needs --annotate TEXT, or --screenshot FILE");
-    if (auto ok = inRange("--at", *options.at_s, 0, 1e7); !ok.ok()) return ok;
+    RETURN_IF_ERROR(inRange("--at", *options.at_s, 0, 1e7));
   }
   if (options.once && !to_station && options.annotate.empty())
     return refuse("--once needs something to say: --message, --next-exercise, --aids, --stop or --annotate");
   if (options.from_s) {
     if (!options.replay) return refuse("--from needs --replay");
-    if (auto ok = inRange("--from", *options.from_s, 0, 1e7); !ok.ok()) return ok;
+    RETURN_IF_ERROR(inRange("--from", *options.from_s, 0, 1e7));
   }
   if (options.rate_hz) {
-    if (auto ok = inRange("--rate", *options.rate_hz, 0, 10'000); !ok.ok()) return ok;
+    RETURN_IF_ERROR(inRange("--rate", *options.rate_hz, 0, 10'000));
   }
   if (options.seconds) {
-    if (auto ok = inRange("--seconds", *options.seconds, 0, 1e7); !ok.ok()) return ok;
+    RETURN_IF_ERROR(inRange("--seconds", *options.seconds, 0, 1e7));
   }
   return inRange("--speed", options.speed, 0, 1000);
 }

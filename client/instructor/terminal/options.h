@@ -1,4 +1,4 @@
-/// What `needlelab-instructor` was asked to do.
+/// The command line of `needlelab-instructor`.
 #pragma once
 
 #include <filesystem>
@@ -11,7 +11,7 @@
 
 namespace needlelab {
 
-/// In place of a list of aids: back to what the exercise allows.
+/// In place of a list of aids: back to those of the exercise.
 inline constexpr const char* kResetAids = "reset";
 
 struct InstructorOptions {
@@ -28,15 +28,16 @@ struct InstructorOptions {
   std::optional<double> from_s;   ///< of a replay: begin so long after the first sample
   double speed = 1;               ///< of a replay; 0: as fast as it comes
   std::optional<double> seconds;  ///< end after so long; none: on Ctrl-C
-  // said once, as soon as it can be: to an online station, in a lesson that runs, at a moment of it
+  // commands, each sent once and as soon as possible: to an online station, in a lesson that runs, at a
+  // moment of it
   std::string message;  ///< to the trainee
   std::string next_exercise;
-  std::string aids;   ///< "depth, force", "none", "all", or "reset": as the exercise says
+  std::string aids;   ///< "depth, force", "none", "all", or "reset": those of the exercise
   bool stop = false;  ///< the lesson that runs
   std::string stop_reason;
   std::string annotate;          ///< a remark on the lesson's moment, or on that of `at_s`
   std::optional<double> at_s;    ///< since the session's first sample
-  bool once = false;             ///< end when all of it has been said
+  bool once = false;             ///< end when all commands were sent
   std::filesystem::path report;  ///< of --session, an HTML file; needs neither window nor --headless
   // the window
   std::filesystem::path script, screenshot;
@@ -47,10 +48,10 @@ struct InstructorOptions {
   [[nodiscard]] bool window() const { return !headless && report.empty(); }
 };
 
-/// What the options mean together. Errors: kInvalidInput naming the option, its value, what is allowed.
+/// Checks the options together. Errors: kInvalidInput naming the option, its value, and the allowed values.
 Status checkOptions(const InstructorOptions& options);
 
-/// In pixels; 1280 × 720 where the options say nothing. Errors: kInvalidInput, as of checkOptions.
+/// In pixels; 1280 × 720 by default. Errors: kInvalidInput, as of checkOptions.
 struct WindowSize {
   int width_px = 1280, height_px = 720;
 };

@@ -1,13 +1,14 @@
-// A stored session again, at the speed of its own clock, with what was written beside it.
+// Replays a stored session at the speed of its own clock, with its remarks.
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <thread>
 #include <vector>
 
+#include <fmt/core.h>
+
 #include "client/instructor/terminal/headless.h"
-#include "client/instructor/terminal/plunger_watch.h"
-#include "client/instructor/terminal/update.h"
+#include "client/instructor/terminal/update_line.h"
 #include "common/gesture/chunk.h"
 
 namespace needlelab {
@@ -21,24 +22,22 @@ class Replay {
   explicit Replay(const HeadlessRun& run) : run_(run) {}
 
   Status run() {
-    if (auto status = readHead(); !status.ok()) return status;
-    const auto first = seek();
-    if (!first.ok()) return first.error();
-    std::uint64_t next = *first;
+    RETURN_IF_ERROR(readHead());
+    ASSIGN_OR_RETURN(const auto first, seek());
+    std::uint64_t next = first;
     bool end = info_.chunks() == 0;
     while (!end && !run_.over()) {
-      auto chunks = readChunks(next);
-      if (!chunks.ok()) return chunks.error();
-      for (const auto& damaged : chunks->damaged()) run_.note("damaged, left out: " + damaged.text());
+      ASSIGN_OR_RETURN(auto chunks, readChunks(next));
+      for (const auto& damaged : chunks.damaged()) run_.note("damaged, left out: " + damaged.text());
       const std::uint64_t behind =
-          std::max(chunks->next_seq(), next + static_cast<std::uint64_t>(chunks->chunks_size()));
-      end = chunks->end() || behind == next;
+          std::max(chunks.next_seq(), next + static_cast<std::uint64_t>(chunks.chunks_size()));
+      end = chunks.end() || behind == next;
       next = behind;
-      for (const pb::Chunk& chunk : chunks->chunks()) {
+      for (const pb::Chunk& chunk : chunks.chunks()) {
         const auto samples = decodeChunk(viewOf(chunk.data()));
         if (!samples.ok()) {
           return Error{samples.error().code,
-                       "chunk " + std::to_string(chunk.seq()) + ": " + samples.error().message};
+                       fmt::format("chunk {}: {}", chunk.seq(), samples.error().message)};
         }
         if (!show(*samples)) break;
       }
@@ -52,20 +51,18 @@ class Replay {
   Status readHead() {
     pb::Request request;
     request.mutable_get_session()->set_session_id(sessionBytes(run_.options));
-    auto reply = run_.client.call(request);
-    if (!reply.ok()) return reply.error();
-    info_ = reply->session();
+    ASSIGN_OR_RETURN(auto reply, run_.client.call(request));
+    info_ = reply.session();
     const auto& d = info_.description();
-    run_.note("session " + run_.options.session + " of " + d.trainee() + " at " + d.station() +
-              ", exercise " + d.exercise_id() + ", profile " + d.profile_id() + ", " +
-              std::to_string(info_.samples()) + " samples, " + pb::SessionState_Name(info_.state()));
+    run_.note(fmt::format("session {} of {} at {}, exercise {}, profile {}, {} samples, {}",
+                          run_.options.session, d.trainee(), d.station(), d.exercise_id(), d.profile_id(),
+                          info_.samples(), pb::SessionState_Name(info_.state())));
     if (info_.has_removed_original()) run_.note("retention: " + info_.removed_original().reason());
     pb::Request list;
     list.mutable_list_annotations()->set_session_id(sessionBytes(run_.options));
-    auto annotations = run_.client.call(list);
-    if (!annotations.ok()) return annotations.error();
-    annotations_.assign(annotations->annotations().annotations().begin(),
-                        annotations->annotations().annotations().end());
+    ASSIGN_OR_RETURN(auto annotations, run_.client.call(list));
+    annotations_.assign(annotations.annotations().annotations().begin(),
+                        annotations.annotations().annotations().end());
     std::stable_sort(annotations_.begin(), annotations_.end(),
                      [](const auto& a, const auto& b) { return a.tick() < b.tick(); });
     return {};
@@ -78,12 +75,11 @@ class Replay {
     pb::Request request;
     request.mutable_seek_session()->set_session_id(sessionBytes(run_.options));
     request.mutable_seek_session()->set_seconds(from_s);
-    const auto reply = run_.client.call(request);
-    if (!reply.ok()) return reply.error();
-    first_ns_ = reply->sought().recording_first_time_ns();
+    ASSIGN_OR_RETURN(const auto reply, run_.client.call(request));
+    first_ns_ = reply.sought().recording_first_time_ns();
     known_first_ = true;
     next_line_s_ = from_s;
-    return reply->sought().seq();
+    return reply.sought().seq();
   }
 
   Result<pb::Chunks> readChunks(std::uint64_t from) {
@@ -97,7 +93,7 @@ class Replay {
       auto reply = run_.client.call(request);
       if (reply.ok()) return std::move(*reply->mutable_chunks());
       if (reply.error().code != ErrorCode::kUnavailable) return reply.error();
-      if (const auto back = run_.recover(reply.error()); !back.ok()) return back.error();
+      RETURN_IF_ERROR(run_.recover(reply.error()));
     }
   }
 
@@ -111,7 +107,7 @@ class Replay {
       plunger_.add(sample);
       const double time_s = 1e-9 * static_cast<double>(sample.time_ns - first_ns_);
       if (time_s < from_s) {
-        // remarks on what is not shown are not, either
+        // remarks on skipped samples are skipped, too
         while (noted_ < annotations_.size() && annotations_[noted_].tick() <= sample.tick) ++noted_;
         continue;
       }
@@ -162,8 +158,7 @@ class Replay {
       run_.line(json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
       return;
     }
-    run_.line("samples " + std::to_string(samples_) + " of " + std::to_string(info_.samples()) + "  lines " +
-              std::to_string(lines_));
+    run_.line(fmt::format("samples {} of {}  lines {}", samples_, info_.samples(), lines_));
   }
 
   const HeadlessRun& run_;

@@ -1,26 +1,177 @@
-// Live lines of one station, or of one session wherever it runs.
+// Live lines of one station, or of one session wherever it runs; and the commands that go to the station
+// meanwhile.
 #include <array>
-#include <cstdio>
+#include <cmath>
+#include <functional>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <optional>
+#include <utility>
 #include <vector>
 
-#include "client/instructor/model/live_stats.h"
+#include <fmt/core.h>
+#include <nlohmann/json.hpp>
+
+#include "client/instructor/model/live_station.h"
 #include "client/instructor/terminal/headless.h"
-#include "client/instructor/terminal/plunger_watch.h"
-#include "client/instructor/terminal/update.h"
-#include "client/instructor/terminal/words.h"
+#include "client/instructor/terminal/update_line.h"
 #include "common/base/clock.h"
+#include "common/base/uuid.h"
 #include "common/gesture/chunk.h"
+#include "common/profile/aid_list.h"
 #include "common/wire/protocol.h"
+#include "needlelab/control.pb.h"
 
 namespace needlelab {
 namespace {
 
+/// The commands of the command line, each sent once and as soon as it can be.
+class PendingCommands {
+ public:
+  /// Asks the server.
+  using Ask = std::function<Result<pb::Reply>(const pb::Request&)>;
+  /// Tells the person what became of a command ("stop").
+  using Report = std::function<void(const std::string& what, bool ok, const std::string& text)>;
+
+  /// `options` must be checked and outlive it.
+  PendingCommands(const InstructorOptions& options, Ask ask, Report report);
+
+  /// The station is online.
+  void online();
+  /// … and this lesson runs there.
+  void lesson(const std::string& session_id);
+  /// … and this is its newest tick.
+  void moment(const std::string& session_id, std::uint64_t tick);
+  /// Sends the remark on a moment and a session that the options name: the session need not run.
+  void onStored();
+
+  [[nodiscard]] bool allSent() const { return waiting_.empty(); }
+  /// The first that was refused.
+  [[nodiscard]] const std::optional<Error>& refused() const { return refused_; }
+
+ private:
+  enum class When { kOnline, kInLesson, kAtMoment };
+  struct Command {
+    std::string what;
+    When when;
+    pb::Request request;
+    std::string done;
+  };
+  void sendAll(When when, const std::function<void(pb::Request&)>& complete);
+  void send(Command command);
+  Result<std::uint64_t> tickAt(const std::string& session_id, double at_s) const;
+
+  const InstructorOptions& options_;
+  const Ask ask_;
+  const Report report_;
+  std::vector<Command> waiting_;
+  std::optional<Error> refused_;
+};
+
+PendingCommands::PendingCommands(const InstructorOptions& options, Ask ask, Report report)
+    : options_(options), ask_(std::move(ask)), report_(std::move(report)) {
+  const auto add = [this](const char* what, When when, const char* done) -> pb::Request& {
+    waiting_.push_back({what, when, {}, done});
+    return waiting_.back().request;
+  };
+  if (!options.message.empty()) {
+    auto& message = *add("message", When::kOnline, "message sent").mutable_trainee_message();
+    message.set_station(options.station);
+    message.set_text(options.message);
+  }
+  if (!options.next_exercise.empty()) {
+    auto& next = *add("next exercise", When::kOnline, "next exercise set").mutable_next_exercise();
+    next.set_station(options.station);
+    next.set_exercise_id(options.next_exercise);
+  }
+  if (!options.aids.empty()) {
+    auto& aids = *add("aids", When::kInLesson, "aids changed").mutable_set_aids();
+    aids.set_station(options.station);
+    aids.set_reset(options.aids == kResetAids);
+    if (!aids.reset()) *aids.mutable_aids() = *parseAids(options.aids);
+  }
+  if (!options.annotate.empty()) {
+    const When when = options.at_s ? When::kInLesson : When::kAtMoment;
+    add("annotate", when, "noted").mutable_annotate()->set_text(options.annotate);
+  }
+  // last: it ends the lesson that the others are about
+  if (options.stop) {
+    const When when =
+        waiting_.empty() || waiting_.back().when != When::kAtMoment ? When::kInLesson : When::kAtMoment;
+    auto& stop = *add("stop", when, "lesson stopped").mutable_stop_lesson();
+    stop.set_station(options.station);
+    stop.set_reason(options.stop_reason);
+  }
+}
+
+void PendingCommands::online() {
+  sendAll(When::kOnline, [](pb::Request&) {});
+}
+
+void PendingCommands::lesson(const std::string& session_id) {
+  sendAll(When::kInLesson, [&](pb::Request& request) {
+    // the commands are meant for the lesson that runs now
+    if (request.has_set_aids()) request.mutable_set_aids()->set_session_id(session_id);
+    if (request.has_stop_lesson()) request.mutable_stop_lesson()->set_session_id(session_id);
+    if (request.has_annotate()) request.mutable_annotate()->set_session_id(session_id);
+  });
+}
+
+void PendingCommands::moment(const std::string& session_id, std::uint64_t tick) {
+  lesson(session_id);
+  sendAll(When::kAtMoment, [&](pb::Request& request) {
+    if (request.has_stop_lesson()) request.mutable_stop_lesson()->set_session_id(session_id);
+    if (!request.has_annotate()) return;
+    request.mutable_annotate()->set_session_id(session_id);
+    request.mutable_annotate()->set_tick(tick);
+  });
+}
+
+void PendingCommands::onStored() {
+  if (!options_.session.empty() && options_.at_s) lesson(sessionBytes(options_));
+}
+
+void PendingCommands::sendAll(When when, const std::function<void(pb::Request&)>& complete) {
+  std::vector<Command> left;
+  for (Command& command : std::exchange(waiting_, {})) {
+    if (command.when != when) {
+      left.push_back(std::move(command));
+      continue;
+    }
+    complete(command.request);
+    send(std::move(command));
+  }
+  waiting_ = std::move(left);
+}
+
+void PendingCommands::send(Command command) {
+  Result<pb::Reply> reply = [&]() -> Result<pb::Reply> {
+    if (command.request.has_annotate() && options_.at_s) {
+      ASSIGN_OR_RETURN(auto tick, tickAt(command.request.annotate().session_id(), *options_.at_s));
+      command.request.mutable_annotate()->set_tick(tick);
+    }
+    return ask_(command.request);
+  }();
+  if (!reply.ok() && !refused_) refused_ = reply.error();
+  report_(command.what, reply.ok(), reply.ok() ? command.done : reply.error().message);
+}
+
+/// Ticks of a session begin with that of its first sample.
+Result<std::uint64_t> PendingCommands::tickAt(const std::string& session_id, double at_s) const {
+  pb::Request request;
+  request.mutable_get_session()->set_session_id(session_id);
+  ASSIGN_OR_RETURN(auto info, ask_(request));
+  std::uint64_t first = 0;
+  request.mutable_seek_session()->set_session_id(session_id);
+  request.mutable_seek_session()->set_seconds(0);
+  // a session that has just begun, or one without its recording (deleted by retention), has nothing to seek
+  // in
+  if (const auto sought = ask_(request); sought.ok()) first = sought->sought().recording_first_tick();
+  return first + static_cast<std::uint64_t>(std::llround(at_s * info.session().description().rate_hz()));
+}
+
 constexpr double kDefaultRateHz = 10;  // lines per second that a person can follow
 
-/// What is known of a session beside its samples.
+/// Facts about a session beside its samples.
 struct SessionFacts {
   std::string trainee;
   std::int64_t started_ns = 0;  // station's steady clock
@@ -31,12 +182,12 @@ class Watch {
   explicit Watch(const HeadlessRun& run) : run_(run) {}
 
   Status run() {
-    words_.onStored();
-    if (saidEnough()) return saidOutcome();
-    if (auto status = askForStation(); !status.ok()) return status;
-    if (auto status = subscribe(); !status.ok()) return status;
+    commands_.onStored();
+    if (allCommandsSent()) return commandOutcome();
+    RETURN_IF_ERROR(askForStation());
+    RETURN_IF_ERROR(subscribe());
     Status result;
-    while (!run_.over() && !saidEnough()) {
+    while (!run_.over() && !allCommandsSent()) {
       auto got = run_.client.receive(std::chrono::milliseconds(100));
       if (!got.ok()) {
         if (got.error().code == ErrorCode::kNotFound) continue;
@@ -49,20 +200,21 @@ class Watch {
       if (got->has_refusal()) return errorOf(got->refusal());
     }
     summary();
-    // a loss that the end of --seconds cut short is no failure when something was seen
+    // a loss right before the end of --seconds is not a failure when frames were seen
     const bool cut_short =
         !result.ok() && result.error().code == ErrorCode::kUnavailable && stats_.frames() > 0;
-    return result.ok() || cut_short ? saidOutcome() : result;
+    return result.ok() || cut_short ? commandOutcome() : result;
   }
 
  private:
-  /// A name that the server does not know would be waited for in vain: say so, and which names there are.
+  /// Waiting for a name that the server does not know would be in vain: notes that, and the names that it
+  /// knows.
   Status askForStation() {
     if (run_.options.station.empty()) return {};
     pb::Request request;
     request.mutable_list_stations();
     const auto reply = run_.client.call(request);
-    // lost in this moment: receive() says so again, and recovers
+    // the connection was lost just now: receive() returns that again, and run() recovers
     if (!reply.ok()) return reply.error().code == ErrorCode::kUnavailable ? Status{} : reply.error();
     std::string names;
     for (const pb::StationInfo& info : reply->stations().stations()) {
@@ -77,16 +229,16 @@ class Watch {
     return {};
   }
 
-  /// Who asked for something to be said wants to know that it was, or why not.
-  [[nodiscard]] Status saidOutcome() const {
-    if (words_.refused()) return *words_.refused();
-    if (!run_.options.once || words_.allSaid()) return {};
+  /// Whether the commands were sent, or why not.
+  [[nodiscard]] Status commandOutcome() const {
+    if (commands_.refused()) return *commands_.refused();
+    if (!run_.options.once || commands_.allSent()) return {};
     return Error{
         ErrorCode::kUnavailable,
         "the time is over, and not everything could be said: the station was not online, or no lesson "
         "ran there"};
   }
-  [[nodiscard]] bool saidEnough() const { return run_.options.once && words_.allSaid(); }
+  [[nodiscard]] bool allCommandsSent() const { return run_.options.once && commands_.allSent(); }
 
   Status subscribe() {
     pb::Envelope envelope;
@@ -117,8 +269,8 @@ class Watch {
                 (words.empty() ? ": no trouble any more" : ": TROUBLE: " + words));
     }
     if (!status.online()) return;
-    words_.online();
-    if (!status.session_id().empty()) words_.lesson(status.session_id());
+    commands_.online();
+    if (!status.session_id().empty()) commands_.lesson(status.session_id());
   }
 
   void onFrame(const pb::LiveFrame& frame) {
@@ -130,7 +282,7 @@ class Watch {
     }
     stats_.add(frame, samples->size(), received);
     const GestureSample& newest = samples->back();
-    words_.moment(frame.session_id(), newest.tick);
+    commands_.moment(frame.session_id(), newest.tick);
     const SessionFacts& facts = factsOf(frame, newest);
     if (frame.session_id() != plunger_of_) {
       plunger_ = {};
@@ -152,8 +304,8 @@ class Watch {
     run_.line(run_.options.json ? jsonLine(update) : textLine(update));
   }
 
-  /// Trainee and start, asked for once for each session; the server may not know it yet, then it is asked
-  /// again.
+  /// Trainee and start of a session, from the server; asked again while the server does not know the session
+  /// yet.
   const SessionFacts& factsOf(const pb::LiveFrame& frame, const GestureSample& sample) {
     SessionFacts& facts = facts_[frame.session_id()];
     if (facts.started_ns != 0) return facts;
@@ -181,28 +333,25 @@ class Watch {
       run_.line(json.dump());
       return;
     }
-    std::array<char, 256> text{};
-    std::snprintf(text.data(), text.size(),
-                  "frames %llu  samples %llu  dropped %llu  latency p50 %.1f ms  p99 %.1f ms (by the wall "
-                  "clocks: true when "
-                  "station and viewer are one machine)",
-                  static_cast<unsigned long long>(stats_.frames()),
-                  static_cast<unsigned long long>(stats_.samples()),
-                  static_cast<unsigned long long>(stats_.dropped()), p50, p99);
-    run_.line(text.data());
+    run_.line(
+        fmt::format("frames {}  samples {}  dropped {}  latency p50 {:.1f} ms  p99 {:.1f} ms (by the wall "
+                    "clocks: true when "
+                    "station and viewer are one machine)",
+                    stats_.frames(), stats_.samples(), stats_.dropped(), p50, p99));
   }
 
   const HeadlessRun& run_;
   LiveStats stats_;
   PlungerWatch plunger_;
-  std::string plunger_of_;  // whose samples it has: a session's id
+  std::string plunger_of_;  // the session that its samples belong to
   std::map<std::string, SessionFacts> facts_;
   std::optional<bool> online_;
   std::string trouble_;
-  Words words_{run_.options, [this](const pb::Request& request) { return run_.client.call(request); },
-               [this](const std::string& what, bool ok, const std::string& text) {
-                 run_.line(saidLine(what, ok, text, run_.options.json));
-               }};
+  PendingCommands commands_{run_.options,
+                            [this](const pb::Request& request) { return run_.client.call(request); },
+                            [this](const std::string& what, bool ok, const std::string& text) {
+                              run_.line(outcomeLine(what, ok, text, run_.options.json));
+                            }};
 };
 
 }  // namespace

@@ -12,8 +12,8 @@
 
 #include "client/station/window/keys.h"
 #include "client/station/window/start_choice.h"
-#include "client/view/model/axis_ticks.h"
 #include "client/view/model/palette.h"
+#include "client/view/model/plot.h"
 #include "client/view/plots.h"
 #include "client/view/theme.h"
 #include "common/base/text.h"
@@ -328,15 +328,15 @@ void EndScreen::showPlots(const LessonOutcome& outcome, const SceneView* scene) 
   }
   const ImVec2 rest = ImGui::GetContentRegionAvail();
   depthPlot(outcome.curve, *scene, {rest.x, 0.58F * rest.y});
-  PlotSpec spec;
-  spec.title = "beside the line";
-  spec.unit = "mm";
-  spec.from = 0;
-  spec.to = std::max(1.0, time_s_.back());
-  spec.low = 0;
-  spec.legend = false;
-  const PlotSeries series{"beside the line", kBluishGreen, columnsOf(time_s_, lateral_mm_), false, true};
-  linePlot("lateral", spec, std::span(&series, 1), {rest.x, 0.40F * rest.y});
+  Plot plot;
+  plot.title = "beside the line";
+  plot.unit = "mm";
+  plot.from = 0;
+  plot.to = std::max(1.0, time_s_.back());
+  plot.low = 0;
+  plot.legend = false;
+  plot.series = {{"beside the line", kBluishGreen, columnsOf(time_s_, lateral_mm_), false, true}};
+  linePlot("lateral", plot, {rest.x, 0.40F * rest.y});
 }
 
 void EndScreen::showNext(const BoardState& state, LessonBoard& board) {

@@ -8,9 +8,10 @@
 #include <utility>
 #include <vector>
 
-#include "client/view/model/aids.h"
-#include "client/view/model/axis_ticks.h"
+#include "client/view/model/gesture_plots.h"
 #include "client/view/model/palette.h"
+#include "client/view/model/plot.h"
+#include "client/view/model/scene_view.h"
 #include "client/view/plots.h"
 #include "client/view/theme.h"
 #include "common/base/text.h"
@@ -238,7 +239,7 @@ void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidS
                     {0, upper - ImGui::GetStyle().ItemSpacing.y});
   if (plot) {
     const double now_s = std::max(lesson.trace().lastTime_s(), kPlotSpan_s);
-    std::vector<StackedPlot> plots;
+    std::vector<Plot> plots;
     plots.push_back(
         gesturePlot(GesturePlot::kForces, lesson.trace(), lesson.scene().get(), now_s - kPlotSpan_s, now_s));
     plotStack("forces", plots, {width, rest - upper});

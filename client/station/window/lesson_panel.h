@@ -5,7 +5,6 @@
 
 #include "client/station/window/lesson_board.h"
 #include "client/station/window/lesson_follow.h"
-#include "client/view/model/aids.h"
 #include "client/view/model/gesture_replica.h"
 #include "client/view/model/scene_view.h"
 #include "client/view/ultrasound_view.h"

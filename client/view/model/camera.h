@@ -1,4 +1,4 @@
-/// A camera that goes round a point: plain maths, no window.
+/// A camera that orbits a point: plain maths, no window.
 #pragma once
 
 #include <array>
@@ -23,7 +23,7 @@ struct OrbitCamera {
   Vec3 up_W{0, 0, 1};
   Vec3 front_W{1, 0, 0};     ///< unit, at right angles to `up_W`: from the focus to the eye at azimuth 0
   double azimuth_rad = 0;    ///< to the left of `front_W`, seen from the eye
-  double elevation_rad = 0;  ///< held to ±85°
+  double elevation_rad = 0;  ///< clamped to ±85°
   double distance_m = 0.3;
   double field_of_view_rad = 0.6;  ///< from the picture's lower to its upper edge
   friend bool operator==(const OrbitCamera&, const OrbitCamera&) = default;
@@ -35,7 +35,7 @@ struct OrbitCamera {
   void orbit(double dx_px, double dy_px, double height_px);
   /// A drag that shifts the focus in the picture's plane.
   void pan(double dx_px, double dy_px, double height_px);
-  /// Positive comes nearer; one step of a wheel is 1. Distance is held to 2 cm - 2 m.
+  /// Positive moves the eye nearer; one step of a wheel is 1. The distance is clamped to 2 cm - 2 m.
   void zoom(double steps);
 
   [[nodiscard]] Matrix4 view() const;

@@ -6,7 +6,7 @@
 namespace needlelab {
 namespace {
 
-// a stored pose is off by half a micrometre: near the skin replica and record may differ for so many ticks
+// a stored pose is off by half a micrometre: near the skin replica and record may differ for this many ticks
 constexpr int kPatience_ticks = 5;
 
 Vec3 vectorOf(const double (&v)[3]) {
@@ -25,7 +25,7 @@ void copySample(const GestureSample& sample, double loop_rate_hz, Moment& now) {
   now.time_s = static_cast<double>(sample.tick) / loop_rate_hz;
   const Vec3 p_W_m = vectorOf(sample.p_WT_m);
   const Quat q_W{sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]};
-  // what is no place or no rotation is not drawn: the last good one stays
+  // an invalid pose is not drawn: the last good one stays
   if (isFinite(p_W_m)) now.p_WT_m = p_W_m;
   if (isFinite(q_W) && dot(q_W, q_W) > 0.25) now.q_WT = q_W;
   now.force_W_N = vectorOf(sample.force_W_N);
@@ -54,7 +54,7 @@ struct GestureReplica::State {
   std::uint64_t fed = 0;
   bool lost = false;      // something is missing since the tip was last outside
   int disagreements = 0;  // ticks in a row in which replica and record differ on being inside
-  bool guessed = false;   // entry and u are of the pose, because the entry was not seen
+  bool guessed = false;   // entry and u were guessed from the pose, because the entry was missed
   Vec3 guessed_entry_W_m, guessed_u_W;
 
   void stepAlong();
@@ -113,7 +113,7 @@ void GestureReplica::State::stepAlong() {
   step(*model, {now.p_WT_m, now.q_WT}, engine, report);
 }
 
-// the record is right on whether there is an insertion; the replica follows it
+// the record decides whether there is an insertion; the replica follows it
 void GestureReplica::State::compareWith(const GestureSample& sample) {
   const bool recorded_inside = sample.layer >= 0;
   if (!recorded_inside && report.depth_m <= 0) lost = guessed = false;
@@ -193,6 +193,14 @@ std::array<double, kEffectCount> termsOf(const StepReport& report) {
 
 double termOf(const EffectEntry& effect, const Moment& moment) {
   return effect.unit == "N" ? moment.term(effect.effect) : norm(moment.torque_W_Nm);
+}
+
+Moment momentOfSample(const GestureSample& sample, double loop_rate_hz) {
+  Moment moment;
+  copySample(sample, loop_rate_hz, moment);
+  moment.depth_m = sample.insertion_m;
+  moment.approximate = true;
+  return moment;
 }
 
 }  // namespace needlelab

@@ -95,7 +95,7 @@ double valueOf(TraceChannel channel, const Moment& moment) {
   return nan;
 }
 
-std::string_view wordOf(TraceEvent::Kind kind) {
+std::string_view nameOf(TraceEvent::Kind kind) {
   switch (kind) {
     case TraceEvent::Kind::kEntry:
       return "in";

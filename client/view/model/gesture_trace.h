@@ -12,11 +12,11 @@
 #include <vector>
 
 #include "client/view/model/gesture_replica.h"
-#include "client/view/model/pixel_columns.h"
+#include "client/view/model/plot.h"
 
 namespace needlelab {
 
-/// What can be plotted over time, besides the effects' terms (`channelOf`).
+/// A quantity that can be plotted over time, besides the effects' terms (`channelOf`).
 enum class TraceChannel : std::uint8_t {
   kForce,  ///< |force| after the gate
   kDepth,  ///< δ
@@ -55,7 +55,7 @@ ChannelInfo infoOf(TraceChannel channel);
 /// The channel's value in SI; NaN where it has none (no wall, no tilt outside).
 double valueOf(TraceChannel channel, const Moment& moment);
 
-/// Something that happened at one time.
+/// An event of the gesture.
 struct TraceEvent {
   enum class Kind : std::uint8_t {
     kEntry,
@@ -74,13 +74,13 @@ struct TraceEvent {
   std::uint8_t fault = 0;
   std::string text;  ///< of a remark
 };
-/// A word for people: "in", "out", "rupture", … and one glyph.
-std::string_view wordOf(TraceEvent::Kind kind);
+/// A short text for people: "in", "out", "rupture", … and one glyph.
+std::string_view nameOf(TraceEvent::Kind kind);
 std::string_view signOf(TraceEvent::Kind kind);
 
 /// Every moment's channels as 32-bit floats for `span_s` seconds, oldest overwritten; whole Moments at up to
-/// 100 Hz (for the 3-D view at a time gone by); events. Memory: about 120 B a tick and 40 KiB/s: 50 MiB for
-/// 5 minutes at 1 kHz, taken as it fills. Thread: one at a time.
+/// 100 Hz (for the 3-D view of a past time); events. Memory: about 120 B a tick and 40 KiB/s: 50 MiB for
+/// 5 minutes at 1 kHz, allocated as it fills. Thread: one at a time.
 class GestureTrace {
  public:
   explicit GestureTrace(double span_s = 300);
@@ -88,9 +88,9 @@ class GestureTrace {
   GestureTrace& operator=(GestureTrace&&) noexcept;
   ~GestureTrace();
 
-  /// Times must ascend; an earlier one begins anew (another session).
+  /// Times must ascend; an earlier one clears the trace (another session has begun).
   void push(const Moment& moment);
-  void add(TraceEvent event);  ///< such as a remark; entries, exits, layers … are found by `push`
+  void add(TraceEvent event);  ///< such as a remark; `push` finds entries, exits, layers …
   void clear();
 
   [[nodiscard]] bool empty() const;
@@ -102,14 +102,15 @@ class GestureTrace {
   /// Kept Moments of [from, to], oldest first, e.g. for the tip's path.
   [[nodiscard]] std::vector<Moment> between(double from_s, double to_s) const;
   [[nodiscard]] const std::deque<TraceEvent>& events() const;
-  /// The channel's value at the tick nearest before, in SI; empty where nothing is kept or it has none.
+  /// The channel's value at the tick nearest before, in SI; empty when nothing is kept or the channel has no
+  /// value there.
   [[nodiscard]] std::optional<float> value(TraceChannel channel, double time_s) const;
   /// Greatest |force| in the kept time, in N.
   [[nodiscard]] double peakForce_N() const;
 
   /// In SI; quick by a pyramid of least and greatest values (a few µs for any span).
   void columns(TraceChannel channel, double from_s, double to_s, std::span<PixelColumn> out) const;
-  /// As the plot wants it, in shown units (ChannelInfo); refers to this trace.
+  /// The channel as a plot's source, in shown units (ChannelInfo); refers to this trace.
   [[nodiscard]] ColumnSource source(TraceChannel channel) const;
 
  private:

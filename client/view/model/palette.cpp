@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "common/base/text.h"
+#include <fmt/core.h>
 
 namespace needlelab {
 namespace {
@@ -19,7 +19,7 @@ double linearLight(double share) {
 }  // namespace
 
 std::string hexText(Rgb colour) {
-  return formatted("#%02x%02x%02x", byteOf(colour.red), byteOf(colour.green), byteOf(colour.blue));
+  return fmt::format("#{:02x}{:02x}{:02x}", byteOf(colour.red), byteOf(colour.green), byteOf(colour.blue));
 }
 
 double relativeLuminance(Rgb colour) {

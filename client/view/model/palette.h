@@ -1,6 +1,6 @@
-/// What stands for what: one colour *and* one word or sign for each tissue, effect, hazard and state, in
+/// One colour *and* one word or sign for each tissue, effect, hazard and state, the same in
 /// every window, plot and report. Base: Okabe and Ito's colours, which colour-blind people tell apart;
-/// nothing is ever said by colour alone.
+/// colour alone never carries a meaning.
 #pragma once
 
 #include <array>
@@ -56,7 +56,7 @@ inline Rgb colourOf(const EffectEntry& effect) {
   return rgbOf(effect.colour);
 }
 
-/// How something fares, from calm to urgent.
+/// A condition, from calm to urgent.
 enum class Condition : std::uint8_t { kUnknown, kGood, kAttention, kTrouble };
 struct ConditionStyle {
   Rgb colour;

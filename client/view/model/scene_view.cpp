@@ -5,6 +5,8 @@
 #include <limits>
 #include <map>
 
+#include <fmt/core.h>
+
 #include "client/view/model/palette.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
@@ -25,7 +27,7 @@ std::vector<LayerView> layersOf(const pb::Profile& profile) {
     LayerView view;
     view.tissue = layer.tissue();
     view.name = tissueWord(layer.tissue());
-    if (count[layer.tissue()] > 1) view.name += " " + std::to_string(++seen[layer.tissue()]);
+    if (count[layer.tissue()] > 1) view.name += fmt::format(" {}", ++seen[layer.tissue()]);
     view.top_m = top_m;
     view.bottom_m = top_m += layer.thickness_m();
     view.cutting_N = layer.cutting_force_n();
@@ -52,20 +54,19 @@ Vec3 middleOf(const Limb& limb) {
 
 Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
   // the engine's own reading of the profile: checks it, and places the limb
-  Result<SceneSpec> spec = sceneSpecOf(profile, X_WL);
-  if (!spec) return spec.error();
+  ASSIGN_OR_RETURN(auto spec, sceneSpecOf(profile, X_WL));
   SceneView view;
   view.profile_id = profile.id();
   view.profile_name = profile.name();
   view.X_WL = {X_WL.p, normalized(X_WL.q)};
-  view.limb_W = spec->limb;
+  view.limb_W = spec.limb;
   if (auto* plane = std::get_if<PlaneLimb>(&view.limb_W)) plane->normal = normalized(plane->normal);
   view.layers = layersOf(profile);
   // the last layer has no end: a limb that is round is filled with it
   if (const double reach_m = reachOf(view.limb_W); std::isfinite(reach_m))
     view.layers.back().bottom_m = std::max(view.layers.back().bottom_m, reach_m);
   view.needle = needleOf(profile.needle());
-  view.max_force_N = spec->max_force_N;
+  view.max_force_N = spec.max_force_N;
 
   // the regions' places are those that the score takes
   Anatomy anatomy = anatomyOf(profile, X_WL);
@@ -112,6 +113,58 @@ double drawnDiameter_m(const SceneView& scene) {
 
 double distanceToHazard_m(const HazardView& hazard, Vec3 tip_W_m, Vec3 skin_W_m) {
   return segmentDistance(tip_W_m, skin_W_m, hazard.a_W_m, hazard.b_W_m) - hazard.radius_m;
+}
+
+AidSet::AidSet(const AidList& aids) {
+  for (const int number : aids)
+    if (pb::Exercise::Aid_IsValid(number) && number != pb::Exercise::AID_UNSPECIFIED)
+      set(static_cast<pb::Exercise::Aid>(number), true);
+}
+
+AidList AidSet::list() const {
+  AidList aids;
+  for (int number = pb::Exercise::Aid_MIN; number <= pb::Exercise::Aid_MAX; ++number)
+    if (pb::Exercise::Aid_IsValid(number) && has(static_cast<pb::Exercise::Aid>(number))) aids.Add(number);
+  return aids;
+}
+
+AidSet usualAidSet() {
+  return AidSet(usualAids());
+}
+
+AidSet allAidSet() {
+  AidSet all;
+  for (int number = pb::Exercise::Aid_MIN; number <= pb::Exercise::Aid_MAX; ++number)
+    if (pb::Exercise::Aid_IsValid(number) && number != pb::Exercise::AID_UNSPECIFIED)
+      all.set(static_cast<pb::Exercise::Aid>(number), true);
+  return all;
+}
+
+std::string_view aidWord(pb::Exercise::Aid aid) {
+  switch (aid) {
+    case pb::Exercise::PHASE:
+      return "phase of the insertion";
+    case pb::Exercise::LAYER:
+      return "current layer";
+    case pb::Exercise::DEPTH:
+      return "depth";
+    case pb::Exercise::FORCE:
+      return "force";
+    case pb::Exercise::ULTRASOUND:
+      return "ultrasound picture";
+    case pb::Exercise::TISSUES:
+      return "tissues, cut open";
+    case pb::Exercise::ANATOMY:
+      return "target and hazards";
+    case pb::Exercise::GUIDES:
+      return "insertion line and cone";
+    case pb::Exercise::ARROWS:
+      return "force arrows";
+    case pb::Exercise::ALIGNMENT:
+      return "alignment";
+    default:
+      return "unknown aid";
+  }
 }
 
 }  // namespace needlelab

@@ -1,13 +1,16 @@
-/// A scene as something to look at, all of it in W: for the 3-D view, the ultrasound slice, plots' layer
-/// bands.
+/// A scene as one looks at it, all of it in W: for the 3-D view, the ultrasound slice, plots' layer bands;
+/// and the aids that choose what of it is shown.
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
 #include "common/haptics/needle_spec.h"
 #include "common/haptics/scene_spec.h"
+#include "common/profile/aid_list.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {
@@ -56,7 +59,7 @@ struct SceneView {
 /// profile that did not come from `parseProfile` or a placement that is not finite.
 Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL = {});
 
-/// δ at a point of W, as the engine has it: negative outside.
+/// δ at a point of W, as the engine computes it: negative outside.
 double depthAt(const SceneView& scene, Vec3 p_W_m);
 /// Index of the layer at depth δ; −1 outside.
 int layerAt(const SceneView& scene, double depth_m);
@@ -66,5 +69,30 @@ const std::string& layerName(const SceneView& scene, int layer);
 double drawnDiameter_m(const SceneView& scene);
 /// From a hazard's or target's surface to the straight shaft between tip and `skin`; negative inside.
 double distanceToHazard_m(const HazardView& hazard, Vec3 tip_W_m, Vec3 skin_W_m);
+
+/// The aids that are on; cheap to ask and to compare each frame. What an exercise allows, and the names:
+/// common/profile/aid_list.h.
+class AidSet {
+ public:
+  constexpr AidSet() = default;  ///< none
+  explicit AidSet(const AidList& aids);
+  [[nodiscard]] constexpr bool has(pb::Exercise::Aid aid) const { return (bits_ & bit(aid)) != 0; }
+  constexpr void set(pb::Exercise::Aid aid, bool on) { bits_ = on ? bits_ | bit(aid) : bits_ & ~bit(aid); }
+  /// In the order of their numbers, as messages want it.
+  [[nodiscard]] AidList list() const;
+  friend constexpr bool operator==(const AidSet&, const AidSet&) = default;
+
+ private:
+  static constexpr std::uint32_t bit(pb::Exercise::Aid aid) { return 1u << static_cast<unsigned>(aid); }
+  std::uint32_t bits_ = 0;
+};
+
+/// All but ULTRASOUND: as `usualAids`.
+AidSet usualAidSet();
+/// All of them, ULTRASOUND included: for onlookers.
+AidSet allAidSet();
+
+/// A name for people: "ultrasound picture". The name in JSON is that of pb::Exercise::Aid_Name.
+std::string_view aidWord(pb::Exercise::Aid aid);
 
 }  // namespace needlelab

@@ -19,7 +19,7 @@ constexpr int kGrainSize = 256;           // a tile of speckle, repeated
 constexpr double kGrainAcross_m = 0.00022,
                  kGrainDown_m = 0.00012;  // wider than high: sound resolves better along its way
 
-/// What a tissue sends back: 0 black to 1 white, and how grainy it is.
+/// The echo of a tissue: 0 black to 1 white, and its grain.
 struct Echo {
   float mean = 0.3F, grain = 0.5F;
   bool stops_sound = false;
@@ -215,7 +215,7 @@ SlicePlane slicePlaneOf(const SceneView& scene, const Moment& moment, const Slic
   const Vec3 kept = before != nullptr ? level(before->right_W) : level({1, 0, 0});
   const Vec3 usual = normalized(normSquared(kept) > 1e-6 ? kept : level({0, 1, 0}));
   if (normSquared(across) < open * open) across = usual;
-  // towards the same side as before, so that the picture does not flip; and no faster than a hand turns a
+  // toward the same side as before, so that the picture does not flip; and no faster than a hand turns a
   // probe
   across = normalized(dot(across, usual) < 0 ? -across : across);
   if (before == nullptr) {
@@ -252,10 +252,10 @@ void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& mo
     shapes.push_back(
         {inPlane(plane, hazard.a_W_m), inPlane(plane, hazard.b_W_m), hazard.radius_m, echoOf(hazard.kind)});
 
-  // from the probe downward, so that what stops sound darkens all that is below it
+  // from the probe downward, so that everything that stops sound darkens all below it
   std::vector<float> sound(static_cast<std::size_t>(out.width), 1.0F);
   const auto lost_in_bone = static_cast<float>(std::exp(-m_per_px / 0.0008));
-  // grain is the tissue's: it stands still in W when the plane moves along
+  // the grain belongs to the tissue: it stands still in W when the plane moves
   const double shift_x_m = dot(plane.origin_W_m, plane.right_W),
                shift_y_m = dot(plane.origin_W_m, plane.down_W);
   const GrainTile& tile = grainTile();

@@ -16,7 +16,7 @@ struct SlicePlane {
   friend constexpr bool operator==(const SlicePlane&, const SlicePlane&) = default;
 };
 
-/// Where a probe would be held: the plane that holds the needle and the normal at its entry (before entry: at
+/// The plane of a probe: the one that holds the needle and the normal at its entry (before entry: at
 /// the surface point below the tip). A needle nearly along the normal leaves the plane open: then it is that
 /// of `before`, or of W's x without one. From `before` it turns by 0.2 rad at most: the picture neither spins
 /// nor flips.

@@ -1,7 +1,7 @@
 /// Pictures beside their references.
 ///
 /// A reference is a small PNG in git, `reference/NAME.png` beside the test. `NEEDLELAB_PICTURES_OUT=1` in the
-/// environment writes the references anew (look at every one before it is committed). When a picture does not
+/// environment writes the references again (look at every one before you commit it). When a picture does not
 /// look like its reference, three PNGs are left in the folder that the failure names: seen, reference, and
 /// the difference.
 #pragma once
@@ -32,7 +32,7 @@ struct PictureTolerance {
 
 /// The share of pixels that differ by more than `per_channel` in some channel; 1 where the sizes differ.
 double shareThatDiffers(const RgbaImage& a, const RgbaImage& b, int per_channel);
-/// Averaged over squares of `by` pixels; what is left over at the edges is cut off.
+/// Averaged over squares of `by` pixels; the rest at the edges is cut off.
 RgbaImage shrunk(const RgbaImage& image, int by);
 /// Of a pixel, as 0xRRGGBB; 0 outside.
 unsigned pixelAt(const RgbaImage& image, double x_px, double y_px);

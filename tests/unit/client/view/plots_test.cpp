@@ -5,7 +5,7 @@
 #include <cmath>
 #include <string>
 
-#include "client/view/plot_draw.h"
+#include "client/view/model/gesture_plots.h"
 #include "client/view/theme.h"
 #include "tests/support/pictures/picture_check.h"
 #include "tests/support/pictures/view_stage.h"
@@ -22,13 +22,15 @@ class PlotsTest : public test::ViewStage {
     options_.width_px = 600;
     options_.height_px = 420;
   }
-  RgbaImage drawn(const PlotSpec& spec, const std::vector<PlotSeries>& series, int frames = 2) {
+  RgbaImage drawn(const Plot& spec, const std::vector<PlotSeries>& series, int frames = 2) {
+    Plot plot = spec;
+    plot.series = series;
     return draw(
         [&] {
           beginScreen("s");
           ImGui::SetCursorScreenPos(kCorner);
-          result_ = linePlot("plot", spec, series, kSize);
-          field_ = plotFieldAt(kCorner, kSize, spec.show_x_axis);
+          result_ = linePlot("plot", plot, kSize);
+          field_ = plotFieldAt(kCorner, kSize, true);
           endScreen();
         },
         frames);
@@ -59,8 +61,8 @@ PlotSeries seriesThrough(const std::vector<double>& x, const std::vector<double>
   return series;
 }
 
-PlotSpec specFrom(double from, double to) {
-  PlotSpec spec;
+Plot specFrom(double from, double to) {
+  Plot spec;
   spec.title = "force";
   spec.unit = "N";
   spec.from = from;
@@ -109,6 +111,22 @@ TEST_F(PlotsTest, aSpikeOfOneSampleReachesItsHeight) {
   EXPECT_NEAR(top, static_cast<double>(expected_px), 3);
 }
 
+TEST_F(PlotsTest, aFewPointsAreJoinedByLines) {
+  PlotSeries series;
+  series.colour = kYellow;
+  series.x = {0, 5, 10};
+  series.y = {1, 3, 1};
+  const RgbaImage picture = drawn(specFrom(0, 10), {series});
+  const float height_px = field_.high_px.y - field_.low_px.y, width_px = field_.high_px.x - field_.low_px.x;
+  for (const double at : {2.5, 7.5}) {
+    const auto [first, last] =
+        rowsOf(picture, static_cast<int>(field_.low_px.x + width_px * static_cast<float>(at / 10)), kYellow);
+    ASSERT_GE(first, 0) << at;
+    EXPECT_NEAR(0.5 * (first + last) + 0.5, static_cast<double>(field_.high_px.y - height_px * 0.5F), 2)
+        << at;
+  }
+}
+
 TEST_F(PlotsTest, aHoleIsNotBridged) {
   std::vector<double> x, y;
   for (int i = 0; i <= 1000; ++i) {
@@ -122,7 +140,7 @@ TEST_F(PlotsTest, aHoleIsNotBridged) {
 
 TEST_F(PlotsTest, downwardAxesPutDepthBelow) {
   const std::vector<double> x = {0, 2.5, 5, 7.5, 10}, y = {3, 3, 3, 3, 3};
-  PlotSpec spec = specFrom(0, 10);
+  Plot spec = specFrom(0, 10);
   spec.downward = true;
   spec.bands = {{0, 1, kOrange, "skin"}, {1, 4, kVermillion, "muscle"}};
   std::vector<double> many_x, many_y;
@@ -146,7 +164,7 @@ TEST_F(PlotsTest, downwardAxesPutDepthBelow) {
 
 TEST_F(PlotsTest, theMouseReadsSeeksAndZooms) {
   const std::vector<double> x = {0, 10}, y = {1, 1};
-  const PlotSpec spec = specFrom(100, 110);
+  const Plot spec = specFrom(100, 110);
   drawn(spec, {seriesThrough(x, y, kYellow)});
   EXPECT_FALSE(result_.hovered);
   const double middle_px = static_cast<double>(0.5F * (field_.low_px.x + field_.high_px.x));
@@ -177,7 +195,7 @@ TEST_F(PlotsTest, nothingOrNonsenseMakesAnEmptyPlot) {
     return false;
   };
   const std::vector<double> x = {5}, y = {1e300}, none;
-  PlotSpec spec;
+  Plot spec;
   spec.legend = false;
   spec.from = spec.to = std::nan("");
   const RgbaImage empty = drawn(spec, {});
@@ -189,7 +207,7 @@ TEST_F(PlotsTest, nothingOrNonsenseMakesAnEmptyPlot) {
   // where there is no room at all, nothing stands outside of it
   const RgbaImage tiny = draw([&] {
     beginScreen("s");
-    (void)linePlot("tiny", spec, {}, {5, 5});
+    (void)linePlot("tiny", spec, {5, 5});
     (void)plotStack("none", {}, {50, 50});
     sparkline({}, 0, 1, kYellow, {50, 10});
     endScreen();
@@ -205,10 +223,10 @@ TEST_F(PlotsTest, gesturePlotsLookAsTheirReference) {
   GestureReplica replica(lesson.model);
   GestureTrace trace;
   for (const GestureSample& sample : lesson.samples) trace.push(replica.feed(sample));
-  std::vector<StackedPlot> plots;
+  std::vector<Plot> plots;
   for (const GesturePlot which : {GesturePlot::kForces, GesturePlot::kDepth, GesturePlot::kAngles})
     plots.push_back(gesturePlot(which, trace, lesson.scene.get(), 0, 5.6));
-  plots[0].spec.cursor = 2.4;
+  plots[0].cursor = 2.4;
   const RgbaImage picture = draw([&] {
     beginScreen("s");
     plotStack("stack", plots, {0, 0});
@@ -225,9 +243,9 @@ TEST_F(PlotsTest, everyGesturePlotDraws) {
   for (const GesturePlot which :
        {GesturePlot::kForces, GesturePlot::kDepth, GesturePlot::kSpeed, GesturePlot::kAlignment,
         GesturePlot::kAngles, GesturePlot::kPlaces, GesturePlot::kPlunger}) {
-    StackedPlot plot = gesturePlot(which, trace, nullptr, 1, 4);
-    const RgbaImage with = drawn(plot.spec, plot.series);
-    const RgbaImage without = drawn(plot.spec, {});
+    Plot plot = gesturePlot(which, trace, nullptr, 1, 4);
+    const RgbaImage with = drawn(plot, plot.series);
+    const RgbaImage without = drawn(plot, {});
     EXPECT_GT(test::shareThatDiffers(with, without, 30), 0.001) << static_cast<int>(which);
   }
 }

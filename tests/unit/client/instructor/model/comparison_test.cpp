@@ -22,7 +22,7 @@ TEST(Comparison, aGestureBesideItselfDiffersNowhere) {
       EXPECT_EQ(point.apart_m, 0);
     }
     EXPECT_EQ(both->dtw_distance_m, 0);
-    EXPECT_FALSE(both->words.empty());
+    EXPECT_FALSE(both->sentences.empty());
   }
 }
 
@@ -34,8 +34,8 @@ TEST(Comparison, twoDifferentExercisesAreNamed) {
   const auto alike = compareGestures(*one, *same, Alignment::kDepth);
   const auto unlike = compareGestures(*one, *other, Alignment::kDepth);
   ASSERT_TRUE(alike.ok() && unlike.ok());
-  EXPECT_EQ(unlike->words.size(), alike->words.size() + 1);
-  EXPECT_NE(unlike->words.front().find("another-one"), std::string::npos) << unlike->words.front();
+  EXPECT_EQ(unlike->sentences.size(), alike->sentences.size() + 1);
+  EXPECT_NE(unlike->sentences.front().find("another-one"), std::string::npos) << unlike->sentences.front();
 }
 
 TEST(Comparison, byDepthTheSlowerHandIsMetAtTheSamePlace) {

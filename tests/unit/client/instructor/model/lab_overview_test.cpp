@@ -42,75 +42,75 @@ TEST(LabOverview, whatAStationNeeds) {
     Need need;
     std::function<void(LabOverview&)> happens;
   };
-  const auto say = [](LabOverview& lab, double at_s, auto change) {
+  const auto report = [](LabOverview& lab, double at_s, auto change) {
     auto status = practising("one");
     change(status);
     lab.onStatus(status, at_s);
   };
   const std::vector<Row> rows = {
-      {"a lesson", Need::kPractising, [&](auto& lab) { say(lab, 0, [](auto&) {}); }},
-      {"idle", Need::kWaiting, [&](auto& lab) { say(lab, 0, [](auto& s) { s.clear_session_id(); }); }},
+      {"a lesson", Need::kPractising, [&](auto& lab) { report(lab, 0, [](auto&) {}); }},
+      {"idle", Need::kWaiting, [&](auto& lab) { report(lab, 0, [](auto& s) { s.clear_session_id(); }); }},
       {"a lesson that ended", Need::kDone,
        [&](auto& lab) {
-         say(lab, 0, [](auto&) {});
-         say(lab, 1, [](auto& s) { s.clear_session_id(); });
+         report(lab, 0, [](auto&) {});
+         report(lab, 1, [](auto& s) { s.clear_session_id(); });
        }},
       {"a lesson that ended long ago", Need::kWaiting,
        [&](auto& lab) {
-         say(lab, 0, [](auto&) {});
-         say(lab, 1, [](auto& s) { s.clear_session_id(); });
+         report(lab, 0, [](auto&) {});
+         report(lab, 1, [](auto& s) { s.clear_session_id(); });
          lab.tick(1 + kDoneLasts_s + 1);
        }},
       {"a fault", Need::kFault,
        [&](auto& lab) {
-         say(lab, 0, [](auto& s) { s.set_fault(static_cast<std::uint32_t>(Fault::kTipTooFast)); });
+         report(lab, 0, [](auto& s) { s.set_fault(static_cast<std::uint32_t>(Fault::kTipTooFast)); });
        }},
       {"too much force", Need::kExcessiveForce,
-       [&](auto& lab) { say(lab, 0, [](auto& s) { s.set_force_n(9); }); }},
+       [&](auto& lab) { report(lab, 0, [](auto& s) { s.set_force_n(9); }); }},
       {"too much force a moment ago", Need::kExcessiveForce,
        [&](auto& lab) {
-         say(lab, 0, [](auto& s) { s.set_force_n(9); });
-         say(lab, kNeedLasts_s - 1, [](auto&) {});
+         report(lab, 0, [](auto& s) { s.set_force_n(9); });
+         report(lab, kNeedLasts_s - 1, [](auto&) {});
        }},
       {"too much force once", Need::kPractising,
        [&](auto& lab) {
-         say(lab, 0, [](auto& s) { s.set_force_n(9); });
-         say(lab, kNeedLasts_s + 1, [](auto&) {});
+         report(lab, 0, [](auto& s) { s.set_force_n(9); });
+         report(lab, kNeedLasts_s + 1, [](auto&) {});
        }},
       {"above the exercise's own limit", Need::kExcessiveForce,
-       [&](auto& lab) { say(lab, 0, [](auto& s) { s.set_force_limit_n(1.5); }); }},
+       [&](auto& lab) { report(lab, 0, [](auto& s) { s.set_force_limit_n(1.5); }); }},
       {"a peak between two lines", Need::kExcessiveForce,
        [&](auto& lab) {
-         say(lab, 0, [](auto&) {});
-         say(lab, 0.1, [](auto& s) { s.set_peak_force_n(9); });
+         report(lab, 0, [](auto&) {});
+         report(lab, 0.1, [](auto& s) { s.set_peak_force_n(9); });
        }},
       {"a hazard touched", Need::kHazard,
-       [&](auto& lab) { say(lab, 0, [](auto& s) { s.add_hazards_touched("nerve"); }); }},
+       [&](auto& lab) { report(lab, 0, [](auto& s) { s.add_hazards_touched("nerve"); }); }},
       {"force goes before a hazard", Need::kExcessiveForce,
        [&](auto& lab) {
-         say(lab, 0, [](auto& s) {
+         report(lab, 0, [](auto& s) {
            s.add_hazards_touched("nerve");
            s.set_force_n(9);
          });
        }},
       {"the device rests", Need::kTrouble,
-       [&](auto& lab) { say(lab, 0, [](auto& s) { s.set_trouble("disk nearly full"); }); }},
+       [&](auto& lab) { report(lab, 0, [](auto& s) { s.set_trouble("disk nearly full"); }); }},
       {"a fault goes before force", Need::kFault,
        [&](auto& lab) {
-         say(lab, 0, [](auto& s) {
+         report(lab, 0, [](auto& s) {
            s.set_fault(2);
            s.set_force_n(9);
          });
        }},
       {"gone in mid-lesson", Need::kLost,
        [&](auto& lab) {
-         say(lab, 0, [](auto&) {});
-         say(lab, 1, [](auto& s) { s.set_online(false); });
+         report(lab, 0, [](auto&) {});
+         report(lab, 1, [](auto& s) { s.set_online(false); });
        }},
       {"switched off", Need::kOffline,
        [&](auto& lab) {
-         say(lab, 0, [](auto& s) { s.clear_session_id(); });
-         say(lab, 1, [](auto& s) { s.set_online(false); });
+         report(lab, 0, [](auto& s) { s.clear_session_id(); });
+         report(lab, 1, [](auto& s) { s.set_online(false); });
        }},
   };
   for (const Row& row : rows) {
@@ -118,7 +118,7 @@ TEST(LabOverview, whatAStationNeeds) {
     row.happens(lab);
     const StationTile* tile = lab.find("one");
     ASSERT_NE(tile, nullptr) << row.name;
-    EXPECT_EQ(wordOf(tile->need), wordOf(row.need)) << row.name;
+    EXPECT_EQ(nameOf(tile->need), nameOf(row.need)) << row.name;
     EXPECT_EQ(lab.counts()[static_cast<std::size_t>(row.need)], 1u) << row.name;
   }
 }
@@ -217,7 +217,7 @@ TEST(LabOverview, whatTheNetworkSaysIsMadeSafeToShow) {
 
 TEST(LabOverview, eachNeedHasAWordOfItsOwn) {
   std::set<std::string_view> words;
-  for (std::size_t i = 0; i < kNeedCount; ++i) words.insert(wordOf(static_cast<Need>(i)));
+  for (std::size_t i = 0; i < kNeedCount; ++i) words.insert(nameOf(static_cast<Need>(i)));
   EXPECT_EQ(words.size(), kNeedCount);
 }
 

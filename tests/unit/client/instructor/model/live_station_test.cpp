@@ -135,5 +135,87 @@ TEST_F(LiveStationTest, theSpanIsHeld) {
   EXPECT_EQ(live_.span_s(), kLiveSpan_s);
 }
 
+pb::LiveFrame frame(std::uint64_t seq, std::int64_t capture_unix_ns = 0) {
+  pb::LiveFrame f;
+  f.set_frame_seq(seq);
+  f.set_capture_unix_ns(capture_unix_ns);
+  return f;
+}
+
+TEST(LiveStats, aGapInTheNumbersIsALoss) {
+  LiveStats stats;
+  for (const std::uint64_t seq : {10, 11, 14, 15, 20}) stats.add(frame(seq), 20, 0);
+  EXPECT_EQ(stats.frames(), 5u);
+  EXPECT_EQ(stats.samples(), 100u);
+  EXPECT_EQ(stats.dropped(), 2u + 4u);
+}
+
+TEST(LiveStats, aStationThatStartsAgainIsNoLoss) {
+  LiveStats stats;
+  for (const std::uint64_t seq : {1000, 0, 1}) stats.add(frame(seq), 20, 0);
+  stats.streamRestarts();
+  stats.add(frame(500), 20, 0);
+  EXPECT_EQ(stats.dropped(), 0u);
+}
+
+TEST(LiveStats, quantilesAreThoseOfTheLatencies) {
+  LiveStats stats;
+  EXPECT_EQ(stats.latencyMs(0.5), 0);
+  // 1 … 1000 ms in a scrambled order (347 and 1000 have no common factor)
+  for (std::uint64_t i = 0; i < 1000; ++i) {
+    const auto ms = static_cast<std::int64_t>(i * 347 % 1000 + 1);
+    stats.add(frame(i, 5'000'000'000), 20, 5'000'000'000 + ms * 1'000'000);
+  }
+  EXPECT_NEAR(stats.latencyMs(0.5), 500, 1e-3);
+  EXPECT_NEAR(stats.latencyMs(0.99), 990, 1e-3);
+  EXPECT_NEAR(stats.latencyMs(0), 1, 1e-3);
+  EXPECT_NEAR(stats.latencyMs(1), 1000, 1e-3);
+}
+
+TEST(LatencyMeter, countsFromDueToPresented) {
+  LatencyMeter meter;
+  EXPECT_EQ(meter.quantile_ms(0.99), 0);
+  meter.fed(1'000'000'000);
+  meter.fed(1'020'000'000);
+  meter.presented(1'050'000'000);
+  EXPECT_EQ(meter.count(), 2u);
+  EXPECT_NEAR(meter.last_ms(), 30, 1e-9);
+  EXPECT_NEAR(meter.quantile_ms(1), 50, 1e-4);
+  meter.presented(2'000'000'000);
+  EXPECT_EQ(meter.count(), 2u) << "nothing new was shown";
+}
+
+TEST(LatencyMeter, quantilesAreByRank) {
+  LatencyMeter meter;
+  for (int i = 1; i <= 100; ++i) {
+    meter.fed(1'000'000'000);
+    meter.presented(1'000'000'000 + i * 1'000'000);
+  }
+  EXPECT_NEAR(meter.quantile_ms(0.5), 50, 1e-4);
+  EXPECT_NEAR(meter.quantile_ms(0.99), 99, 1e-4);
+}
+
+TEST(LatencyMeter, theNewestAreKept) {
+  LatencyMeter meter;
+  for (std::size_t i = 0; i < LatencyMeter::kKept; ++i) {
+    meter.fed(1);
+    meter.presented(1'000'000'001);
+  }
+  for (std::size_t i = 0; i < LatencyMeter::kKept; ++i) {
+    meter.fed(1);
+    meter.presented(2'000'001);
+  }
+  EXPECT_NEAR(meter.quantile_ms(1), 2, 1e-4);
+}
+
+TEST(LatencyMeter, whatIsNotShownDoesNotCount) {
+  LatencyMeter meter;
+  meter.fed(0);  // a station without a clock
+  meter.fed(5);
+  meter.discard();
+  meter.presented(1'000);
+  EXPECT_EQ(meter.count(), 0u);
+}
+
 }  // namespace
 }  // namespace needlelab

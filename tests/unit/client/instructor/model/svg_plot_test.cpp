@@ -13,22 +13,21 @@ using testing::Not;
 
 const std::vector<double> kX = {0, 1, 2, 3, 4}, kY = {0, 2, 1, std::nan(""), 4};
 
-SvgPlot plot() {
-  SvgPlot plot;
+Plot plot() {
+  Plot plot;
   plot.title = "force <b>";
   plot.unit = "N";
-  plot.x_title = "s";
   plot.to = 4.1;  // columns are half open
   plot.series.push_back({"all", kBlue, columnsOf(kX, kY), false});
   return plot;
 }
 
 TEST(SvgPlot, namesAreEscapedAndNoNumberIsBroken) {
-  SvgPlot one = plot();
+  Plot one = plot();
   one.series[0].name = "a&b";
   one.series.push_back({"c", kOrange, columnsOf(kX, kY), true});
   one.bands.push_back({0, 2, kYellow, "'skin'"});
-  one.marks.push_back({2, "▼", "\"said\""});
+  one.marks.push_back({2, kDimText, "▼", "\"said\""});
   const std::string svg = svgPlot(one);
   for (const char* part :
        {"force &lt;b&gt;, N", "a&amp;b", "&#39;skin&#39;", "&quot;said&quot;", "stroke-dasharray"})
@@ -39,7 +38,7 @@ TEST(SvgPlot, namesAreEscapedAndNoNumberIsBroken) {
 }
 
 TEST(SvgPlot, aLongLegendDoesNotRunIntoTheHeading) {
-  SvgPlot one = plot();
+  Plot one = plot();
   one.title = "force at the hand, all of it";
   for (const char* name : {"cutting", "attracted", "friction", "puncture", "clamping"})
     one.series.push_back({name, kOrange, columnsOf(kX, kY), true});
@@ -58,7 +57,7 @@ TEST(SvgPlot, theGreatestValueIsNearTheTopAndDepthGrowsDownward) {
     const std::string d = svg.substr(path + 9, end - path - 9);
     return std::stod(d.substr(d.rfind(' ') + 1));
   };
-  SvgPlot one = plot();
+  Plot one = plot();
   const double up = yOfLast(svgPlot(one));
   one.downward = true;
   const double down = yOfLast(svgPlot(one));
@@ -67,11 +66,35 @@ TEST(SvgPlot, theGreatestValueIsNearTheTopAndDepthGrowsDownward) {
 }
 
 TEST(SvgPlot, nothingAtAllIsAPictureToo) {
-  SvgPlot one;
+  Plot one;
   one.from = one.to = 3;
   EXPECT_THAT(svgPlot(one), HasSubstr("</svg>"));
-  EXPECT_THAT(svgProgress({}), HasSubstr("</svg>"));
+  one.series.push_back({"value", kBlue, {}, false, true, {}, {}});
+  EXPECT_THAT(svgPlot(one, {340, 130}), HasSubstr("</svg>"));
   EXPECT_THAT(svgStanding({}), Not(HasSubstr("nan")));
+}
+
+TEST(SvgPlot, aFewPointsAreMarkedAndJoined) {
+  Plot one;
+  one.from = 1;
+  one.to = 3;
+  one.clock_axis = false;
+  one.x_unit = "attempt";
+  one.series.push_back({"value", kBlue, {}, false, false, {1, 2, 3}, {4, 2, 3}});
+  const std::string svg = svgPlot(one, {340, 130});
+  std::size_t points = 0;
+  for (std::size_t at = svg.find("<circle"); at != std::string::npos; at = svg.find("<circle", at + 1))
+    ++points;
+  EXPECT_EQ(points, 3u);
+  EXPECT_THAT(svg, HasSubstr(">attempt<"));
+}
+
+TEST(SvgPlot, onPaperWhiteIsBlackAndPaleColoursAreDarker) {
+  Plot one = plot();
+  one.series[0].colour = kWhite;
+  EXPECT_THAT(svgPlot(one), HasSubstr("stroke='#000000'"));
+  one.series[0].colour = kYellow;
+  EXPECT_THAT(svgPlot(one), Not(HasSubstr("stroke='" + hexText(kYellow))));
 }
 
 TEST(SvgStanding, aValueBeyondTheReferenceIsStillInThePicture) {
@@ -81,6 +104,14 @@ TEST(SvgStanding, aValueBeyondTheReferenceIsStillInThePicture) {
   const double x = std::stod(svg.substr(path + 10));
   EXPECT_GT(x, 160);
   EXPECT_LT(x, 180);
+}
+
+TEST(HtmlText, nothingOfItIsMarkup) {
+  EXPECT_EQ(htmlText("<script>alert('a & \"b\"')</script>"),
+            "&lt;script&gt;alert(&#39;a &amp; &quot;b&quot;&#39;)&lt;/script&gt;");
+  EXPECT_EQ(htmlText("µm – ok"), "µm – ok");
+  EXPECT_EQ(htmlText(std::string("a\0b\x1b", 4)), "a?b?");
+  EXPECT_EQ(htmlText("\xff"), "?");
 }
 
 }  // namespace

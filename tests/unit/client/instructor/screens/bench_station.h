@@ -12,7 +12,7 @@
 
 namespace needlelab::test {
 
-/// A station with a lesson that goes on, over and over the same hand; what an instructor says is kept.
+/// A station with a lesson that goes on, over and over the same hand; keeps the instructor's messages.
 class BenchStation {
  public:
   /// `change`: of every status line.

@@ -13,8 +13,8 @@ using Frames = WindowLab;
 
 TEST_F(Frames, fiftyTilesAtTenHertzStayFluent) {
   for (int i = 1; i <= 50; ++i) (void)server_.addStation("bench-" + std::to_string(i));
-  desk_->logIn();
-  ASSERT_TRUE(until([&] { return desk_->overview.size() == 50; }));
+  lab_->logIn();
+  ASSERT_TRUE(until([&] { return lab_->overview.size() == 50; }));
   std::vector<double> costs_ms;
   for (int n = 0; n < 150; ++n) {
     // the lines that fifty stations would send in a tenth of a second
@@ -30,7 +30,7 @@ TEST_F(Frames, fiftyTilesAtTenHertzStayFluent) {
         status.set_layer(2);
         status.set_insertion_m(0.001 * ((n + i) % 30));
         status.set_force_n(0.2 * ((n * 7 + i) % 40));
-        desk_->overview.onStatus(status, desk_->now_s());
+        lab_->overview.onStatus(status, lab_->now_s());
       }
     }
     frame();

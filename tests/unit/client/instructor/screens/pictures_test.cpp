@@ -38,8 +38,8 @@ class Pictures : public WindowLab {
 };
 
 TEST_F(Pictures, logIn) {
-  desk_->form = {};
-  desk_->logIn();
+  lab_->form = {};
+  lab_->logIn();
   looksAsIs("login");
 }
 
@@ -63,7 +63,7 @@ TEST_F(Pictures, lab) {
     for (int n = 0; n < 40; ++n) {
       status.set_force_n(2 + std::sin(0.3 * n + i));
       if (change) change(status);
-      desk_->overview.onStatus(status, desk_->now_s());
+      lab_->overview.onStatus(status, lab_->now_s());
     }
   };
   say(1, "anna", {});
@@ -79,12 +79,12 @@ TEST_F(Pictures, lab) {
 TEST_F(Pictures, lookOver) {
   BenchStation bench(server_, "bench-1", key_, "tina");
   ASSERT_TRUE(script("login\nwait-station bench-1 lesson\nopen station bench-1\nwait-text latency").ok());
-  ASSERT_TRUE(until(
-      [&] { return desk_->live()->trace().lastTime_s() - desk_->live()->trace().firstTime_s() > 6.5; }));
-  desk_->live()->setSpan(2);
+  ASSERT_TRUE(
+      until([&] { return lab_->live()->trace().lastTime_s() - lab_->live()->trace().firstTime_s() > 6.5; }));
+  lab_->live()->setSpan(2);
   // the hand does the same every 3 s: 0.9 s into a round it is on its way in
-  const double newest_s = desk_->live()->trace().lastTime_s();
-  desk_->live()->scrollTo(std::floor((newest_s - 3) / 3) * 3 + 0.9);
+  const double newest_s = lab_->live()->trace().lastTime_s();
+  lab_->live()->scrollTo(std::floor((newest_s - 3) / 3) * 3 + 0.9);
   looksAsIs("look-over", {{380, 80, 900, 30}, {680, 570, 600, 40}});
 }
 

@@ -1,4 +1,4 @@
-// Each screen against a server: what it says, what it does.
+// Each screen against a server: its texts and its actions.
 #include <GLFW/glfw3.h>
 
 #include "common/base/files.h"
@@ -15,7 +15,7 @@ using testing::Not;
 class Screens : public WindowLab {
  protected:
   void logIn() {
-    desk_->logIn();
+    lab_->logIn();
     ASSERT_TRUE(until([&] {
       const std::string text = window_->text();
       return text.find("help") != std::string::npos || text.find("No station") != std::string::npos;
@@ -26,16 +26,16 @@ class Screens : public WindowLab {
 TEST_F(Screens, logInSaysWhatIsMissingAndWhatIsWrong) {
   frames(2);
   EXPECT_THAT(window_->text(), HasSubstr("needlelab: instructor"));
-  desk_->form.ca_file.clear();
-  desk_->logIn();
+  lab_->form.ca_file.clear();
+  lab_->logIn();
   frames(2);
   EXPECT_THAT(window_->text(), HasSubstr("The CA file is missing"));
-  desk_->form.ca_file = server_.config({}).ca_file;
-  desk_->form.password = "wrong";
-  desk_->logIn();
+  lab_->form.ca_file = server_.config({}).ca_file;
+  lab_->form.password = "wrong";
+  lab_->logIn();
   ASSERT_TRUE(untilText("does not accept this name and password")) << window_->text();
-  desk_->form.password = "correct horse battery";
-  desk_->logIn();
+  lab_->form.password = "correct horse battery";
+  lab_->logIn();
   ASSERT_TRUE(untilText("No station is known yet")) << window_->text();
   EXPECT_THAT(window_->text(), HasSubstr("needlelab-admin station add"));
 }
@@ -54,27 +54,27 @@ TEST_F(Screens, whoNeedsHelpComesFirstAndIsLookedOverByOneKey) {
   logIn();
   ASSERT_TRUE(untilText("axillary nerve")) << window_->text();
   ASSERT_TRUE(
-      until([&] { return desk_->overview.counts()[static_cast<std::size_t>(Need::kPractising)] == 7; }));
+      until([&] { return lab_->overview.counts()[static_cast<std::size_t>(Need::kPractising)] == 7; }));
   EXPECT_THAT(window_->text(), HasSubstr("1 needs help"));
-  EXPECT_EQ(desk_->overview.tiles(TileOrder::kNeed).front()->station, "bench-6");
+  EXPECT_EQ(lab_->overview.tiles(TileOrder::kNeed).front()->station, "bench-6");
   press(GLFW_KEY_H);
   EXPECT_THAT(window_->text(), Not(HasSubstr("bench-1 ")));
   press(GLFW_KEY_1);
   ASSERT_TRUE(untilText("bench-6 · trainee 6")) << window_->text();
   ASSERT_TRUE(
-      until([&] { return desk_->live()->trace().lastTime_s() > desk_->live()->trace().firstTime_s() + 1; }));
+      until([&] { return lab_->live()->trace().lastTime_s() > lab_->live()->trace().firstTime_s() + 1; }));
   // pause: the picture stands, the stream goes on
   press(GLFW_KEY_SPACE);
-  EXPECT_TRUE(desk_->live()->paused());
-  const double stands_s = desk_->live()->viewEnd_s(), newest_s = desk_->live()->trace().lastTime_s();
-  ASSERT_TRUE(until([&] { return desk_->live()->trace().lastTime_s() > newest_s + 0.5; }));
-  EXPECT_EQ(desk_->live()->viewEnd_s(), stands_s);
+  EXPECT_TRUE(lab_->live()->paused());
+  const double stands_s = lab_->live()->viewEnd_s(), newest_s = lab_->live()->trace().lastTime_s();
+  ASSERT_TRUE(until([&] { return lab_->live()->trace().lastTime_s() > newest_s + 0.5; }));
+  EXPECT_EQ(lab_->live()->viewEnd_s(), stands_s);
   EXPECT_THAT(window_->text(), HasSubstr("PAUSED"));
   press(GLFW_KEY_LEFT);
-  EXPECT_LT(desk_->live()->viewEnd_s(), stands_s);
+  EXPECT_LT(lab_->live()->viewEnd_s(), stands_s);
   press(GLFW_KEY_END);
-  EXPECT_FALSE(desk_->live()->paused());
-  EXPECT_GT(desk_->live()->latency().count(), 0u);
+  EXPECT_FALSE(lab_->live()->paused());
+  EXPECT_GT(lab_->live()->latency().count(), 0u);
 }
 
 TEST_F(Screens, whatTheInstructorSaysArrivesAndIsTold) {
@@ -88,7 +88,7 @@ TEST_F(Screens, whatTheInstructorSaysArrivesAndIsTold) {
   EXPECT_THAT(bench.heard(), HasSubstr("aids 2"));
   EXPECT_THAT(bench.heard(), HasSubstr("stop enough for today"));
   EXPECT_TRUE(std::filesystem::exists(files_.path() / "live.png"));
-  const auto& notices = desk_->notices.all();
+  const auto& notices = lab_->notices.all();
   EXPECT_THAT(notices.back().text, HasSubstr("is stopped"));
 }
 
@@ -96,15 +96,15 @@ TEST_F(Screens, aLostServerTakesNothingAwayAndComesBackByItself) {
   auto bench = std::make_unique<BenchStation>(server_, "bench-1", server_.addStation("bench-1"), "tina");
   logIn();
   ASSERT_TRUE(untilText("tina"));
-  desk_->open("bench-1");
-  ASSERT_TRUE(until([&] { return desk_->live() != nullptr && desk_->live()->trace().lastTime_s() > 0.5; }));
+  lab_->open("bench-1");
+  ASSERT_TRUE(until([&] { return lab_->live() != nullptr && lab_->live()->trace().lastTime_s() > 0.5; }));
   (void)server_.stop();
   ASSERT_TRUE(untilText("What is shown stays")) << window_->text();
-  EXPECT_EQ(desk_->screen, DeskScreen::kLive);
-  EXPECT_FALSE(desk_->live()->trace().empty());
-  const double before_s = desk_->live()->trace().lastTime_s();
+  EXPECT_EQ(lab_->screen, WindowScreen::kLive);
+  EXPECT_FALSE(lab_->live()->trace().empty());
+  const double before_s = lab_->live()->trace().lastTime_s();
   server_.start();
-  ASSERT_TRUE(until([&] { return desk_->live()->trace().lastTime_s() > before_s + 0.5; })) << window_->text();
+  ASSERT_TRUE(until([&] { return lab_->live()->trace().lastTime_s() > before_s + 0.5; })) << window_->text();
   EXPECT_THAT(window_->text(), Not(HasSubstr("What is shown stays")));
   bench.reset();
 }
@@ -132,33 +132,33 @@ TEST_F(Screens, aRecordingIsFoundReplayedComparedRunAgainAndExported) {
       html + "\nexport " + csv);
   ASSERT_TRUE(done.ok()) << done.error().message;
   // the session that was annotated came again as the first of the second comparison
-  ASSERT_EQ(desk_->bench.remarks().size(), 1u);
-  EXPECT_EQ(desk_->bench.remarks()[0].author(), "anna");
+  ASSERT_EQ(lab_->analysis.remarks().size(), 1u);
+  EXPECT_EQ(lab_->analysis.remarks()[0].author(), "anna");
   const auto page = readWholeFile(html);
   ASSERT_TRUE(page.ok());
   EXPECT_THAT(*page, HasSubstr("look at the angle here"));
   EXPECT_TRUE(std::filesystem::exists(csv));
   // a remark made a moment before stands in the report
   EXPECT_THAT(*readWholeFile(annotated), HasSubstr("anna: look at the angle here"));
-  // what cannot be done is said, and nothing is lost
+  // an impossible action is reported, and nothing is lost
   EXPECT_THAT(script("export nowhere.txt").error().message, HasSubstr("must end in .html"));
   EXPECT_THAT(script("compare newest reference").error().message, HasSubstr("reference"));
-  EXPECT_TRUE(desk_->bench.first());
+  EXPECT_TRUE(lab_->analysis.first());
 }
 
 TEST_F(Screens, whereThereIsNothingItSaysWhatToDo) {
   (void)server_.addStation("bench-1");
   logIn();
-  const std::vector<std::pair<DeskScreen, const char*>> rows = {
-      {DeskScreen::kLive, "Nobody is looked over"},  {DeskScreen::kSessions, "No session matches"},
-      {DeskScreen::kReplay, "No session is loaded"}, {DeskScreen::kCompare, "Nothing to compare yet"},
-      {DeskScreen::kRerun, "No session is loaded"},  {DeskScreen::kScores, "No session is loaded"}};
+  const std::vector<std::pair<WindowScreen, const char*>> rows = {
+      {WindowScreen::kLive, "Nobody is looked over"},  {WindowScreen::kSessions, "No session matches"},
+      {WindowScreen::kReplay, "No session is loaded"}, {WindowScreen::kCompare, "Nothing to compare yet"},
+      {WindowScreen::kRerun, "No session is loaded"},  {WindowScreen::kScores, "No session is loaded"}};
   for (const auto& [screen, words] : rows) {
-    desk_->screen = screen;
+    lab_->screen = screen;
     EXPECT_TRUE(untilText(words)) << words << ": " << window_->text();
   }
-  desk_->screen = DeskScreen::kLab;
-  desk_->filter.text = "no such station";
+  lab_->screen = WindowScreen::kLab;
+  lab_->filter.text = "no such station";
   EXPECT_TRUE(untilText("No station matches"));
 }
 
@@ -173,7 +173,7 @@ TEST_F(Screens, keysListThemselvesAndLettersGrow) {
   press(GLFW_KEY_EQUAL, /*ctrl=*/true);
   EXPECT_NEAR(surface_->fontScale(), before + 0.1, 1e-6);
   press(GLFW_KEY_3, /*ctrl=*/true);
-  EXPECT_EQ(desk_->screen, DeskScreen::kSessions);
+  EXPECT_EQ(lab_->screen, WindowScreen::kSessions);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// What goes wrong in a script, and how it is said.
+// Faults in a script, and their messages.
 #include "tests/unit/client/instructor/screens/window_lab.h"
 
 namespace needlelab {
@@ -17,7 +17,7 @@ TEST_F(ScriptRunnerTest, theFailingLineIsNamed) {
   EXPECT_THAT(script("pause").error().message, HasSubstr("open one first"));
   EXPECT_THAT(script("seek 1").error().message, HasSubstr("no session is loaded"));
   EXPECT_THAT(script("latency").error().message, HasSubstr("open one first"));
-  desk_->form.password = "wrong";
+  lab_->form.password = "wrong";
   EXPECT_THAT(script("login").error().message, HasSubstr("name and password"));
 }
 

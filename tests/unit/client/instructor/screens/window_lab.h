@@ -23,7 +23,7 @@ class WindowLab : public testing::Test {
   }};
   TempFolder files_;
   std::unique_ptr<Surface> surface_;
-  std::unique_ptr<Desk> desk_;
+  std::unique_ptr<LabState> lab_;
   std::unique_ptr<InstructorWindow> window_;
   std::vector<std::string> printed_;
   const std::int64_t began_ns_ = steadyNowNs();
@@ -45,28 +45,28 @@ class WindowLab : public testing::Test {
     LabConnectionSettings settings;
     settings.first_retry = milliseconds(20);
     settings.most_retry = milliseconds(200);
-    desk_ = std::make_unique<Desk>(ScenePreparer{}, settings);
+    lab_ = std::make_unique<LabState>(ScenePreparer{}, settings);
     const auto config = server_.config({});
-    desk_->form.server = "127.0.0.1:" + std::to_string(config.server.port);
-    desk_->form.ca_file = config.ca_file;
-    desk_->form.user = "anna";
-    desk_->form.password = "correct horse battery";
-    auto window = InstructorWindow::make(*surface_, *desk_);
+    lab_->form.server = "127.0.0.1:" + std::to_string(config.server.port);
+    lab_->form.ca_file = config.ca_file;
+    lab_->form.user = "anna";
+    lab_->form.password = "correct horse battery";
+    auto window = InstructorWindow::make(*surface_, *lab_);
     ASSERT_TRUE(window.ok()) << window.error().message;
     window_ = std::move(*window);
   }
   void TearDown() override {
     window_.reset();
-    desk_.reset();
+    lab_.reset();
     surface_.reset();
   }
 
   void frame() {
     ASSERT_TRUE(surface_->beginFrame());
-    desk_->update(1e-9 * static_cast<double>(steadyNowNs() - began_ns_));
+    lab_->update(1e-9 * static_cast<double>(steadyNowNs() - began_ns_));
     window_->draw(true);
     surface_->endFrame();
-    desk_->presented(wallNowNs());
+    lab_->presented(wallNowNs());
   }
   void frames(int n) {
     for (int i = 0; i < n; ++i) frame();

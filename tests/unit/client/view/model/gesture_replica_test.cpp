@@ -17,7 +17,7 @@ namespace {
 using test::SampleLesson;
 using test::sampleLesson;
 
-// every number of the report, bit by bit: padding has no say
+// every number of the report, bit by bit, without the padding
 std::vector<std::uint64_t> bitsOf(const StepReport& r) {
   const double numbers[] = {r.wrench_W.force_N.x,
                             r.wrench_W.force_N.y,

@@ -96,7 +96,7 @@ TEST(GestureTrace, findsEntryLayersRuptureStopFaultAndExit) {
   }
   for (const TraceEvent& event : trace.events()) {
     if (expected.contains(event.kind)) ++found[event.kind];
-    EXPECT_FALSE(wordOf(event.kind).empty());
+    EXPECT_FALSE(nameOf(event.kind).empty());
     EXPECT_FALSE(signOf(event.kind).empty());
   }
   EXPECT_EQ(found, expected);

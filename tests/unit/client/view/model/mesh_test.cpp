@@ -5,7 +5,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "client/view/model/mesh_tools.h"
 #include "tests/support/view_lesson/sample_lesson.h"
 
 namespace needlelab {

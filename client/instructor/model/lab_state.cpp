@@ -1,0 +1,197 @@
+#include "client/instructor/model/lab_state.h"
+
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "common/base/files.h"
+#include "common/base/text.h"
+#include "common/profile/profile.h"
+
+namespace needlelab {
+
+LabState::LabState(ScenePreparer prepare, LabConnectionSettings settings)
+    : connection_(std::move(settings)),
+      prepare_(std::move(prepare)),
+      commands(connection_, notices),
+      sessions(connection_),
+      analysis(connection_, notices, prepare_) {}
+
+LabState::~LabState() = default;
+
+void LabState::logIn() {
+  form_trouble.clear();
+  const auto server = parseEndpoint(form.server);
+  if (!server.ok())
+    form_trouble = "Server: " + server.error().message;
+  else if (form.ca_file.empty())
+    form_trouble =
+        "The CA file is missing: the tls/ca.crt of the server's folder. Who runs the server has it.";
+  else if (form.user.empty())
+    form_trouble = "Type your name as an instructor.";
+  else if (form.password.empty())
+    form_trouble = "Type your password.";
+  if (!form_trouble.empty()) return;
+  connection_.logIn({*server, form.ca_file, form.user, form.password});
+  connection_.watchAll(10);
+  link_ = connection_.state();
+}
+
+void LabState::logOut() {
+  connection_.logOut();
+  if (live_) connection_.unwatch(live_->station());
+  live_.reset();
+  overview = {};
+  inside_ = false;
+  form.password.clear();
+  screen = WindowScreen::kLogin;
+  link_ = connection_.state();
+}
+
+void LabState::update(double now_s) {
+  last_s_ = std::exchange(now_s_, now_s);
+  notices.tick(now_s);
+  const LabNews news = connection_.poll();
+  link_ = connection_.state();
+  if (link_.phase == LinkPhase::kOnline && phase_before_ != LinkPhase::kOnline) {
+    // the first log-in shows the lab; after a loss of the connection the view stays as it was
+    if (!inside_) screen = WindowScreen::kLab;
+    inside_ = true;
+    readLists();
+  }
+  if (link_.phase != LinkPhase::kOnline && phase_before_ == LinkPhase::kOnline) {
+    overview.connectionLost();
+    if (live_) live_->connectionLost();
+  }
+  phase_before_ = link_.phase;
+  for (const pb::StationStatus& status : news.statuses) {
+    overview.onStatus(status, now_s);
+    if (live_) live_->onStatus(status);
+  }
+  overview.tick(now_s);
+  if (live_) {
+    for (const LiveArrival& arrival : news.frames) live_->feed(arrival);
+    askForScene();
+  }
+  analysis.poll();
+  analysis.player.advance(now_s - last_s_);
+}
+
+void LabState::presented(std::int64_t now_unix_ns) {
+  if (!live_) return;
+  if (screen == WindowScreen::kLive && !live_->paused())
+    live_->presented(now_unix_ns);
+  else
+    live_->latency().discard();
+}
+
+void LabState::askForScene() {
+  const std::string wanted = live_->sessionToAskFor(now_s_);
+  if (wanted.empty()) return;
+  pb::Request request;
+  request.mutable_get_session()->set_session_id(wanted);
+  connection_.ask(request, [this, alive = std::weak_ptr(alive_)](Result<pb::Reply> reply) {
+    // the server may not have the session yet: it is asked for again
+    if (alive.expired() || !live_ || !reply.ok()) return;
+    live_->setSession(reply->session(), prepare_);
+  });
+}
+
+void LabState::readLists() {
+  pb::Request stations;
+  stations.mutable_list_stations();
+  connection_.ask(stations, [this, alive = std::weak_ptr(alive_)](Result<pb::Reply> reply) {
+    if (!alive.expired() && reply.ok()) overview.setStations(reply->stations(), now_s_);
+  });
+  pb::Request exercises;
+  exercises.mutable_list_exercises();
+  connection_.ask(exercises, [this, alive = std::weak_ptr(alive_)](Result<pb::Reply> reply) {
+    if (alive.expired() || !reply.ok()) return;
+    exercises_.clear();
+    exercise_aids_.clear();
+    for (const auto& row : reply->exercises().exercises()) {
+      const auto exercise = parseExercise(row.json(), "exercise");
+      if (!exercise.ok()) continue;
+      exercises_.push_back({exercise->id(), printable(exercise->name())});
+      exercise_aids_[exercise->id()] = aidsOfExercise(*exercise);
+    }
+  });
+  pb::Request profiles;
+  profiles.mutable_list_profiles();
+  connection_.ask(profiles, [this, alive = std::weak_ptr(alive_)](Result<pb::Reply> reply) {
+    if (alive.expired() || !reply.ok()) return;
+    profiles_.clear();
+    for (const auto& profile : reply->profiles().profiles()) profiles_.push_back(profile.id());
+  });
+}
+
+void LabState::open(const std::string& station) {
+  screen = WindowScreen::kLive;
+  if (live_ && live_->station() == station) return;
+  if (live_) connection_.unwatch(live_->station());
+  live_ = std::make_unique<LiveStation>(station);
+  aids_.reset();
+  connection_.watch(station);
+}
+
+void LabState::annotate(const std::string& text) {
+  if (screen == WindowScreen::kLive && live_) {
+    const std::uint64_t tick = live_->shownTick();
+    const std::string session = live_->sessionId();
+    commands.annotate(session, tick, text, [this, session, tick, text] {
+      if (live_ && live_->sessionId() == session) live_->addRemark(tick, text);
+    });
+    return;
+  }
+  if (!analysis.first()) {
+    notices.trouble("there is nothing to annotate: look over a station or load a session");
+    return;
+  }
+  const auto& gesture = *analysis.first();
+  if (gesture.samples.empty()) return;
+  const std::uint64_t tick = gesture.samples[gesture.sampleAt(analysis.player.at_s())].tick;
+  commands.annotate(gesture.info.description().session_id(), tick, text, [this] { analysis.readRemarks(); });
+}
+
+AidList LabState::aidsNow() const {
+  if (!live_) return usualAids();
+  if (aids_ && aids_session_ == live_->sessionId()) return *aids_;
+  const auto found = exercise_aids_.find(live_->info().description().exercise_id());
+  return found == exercise_aids_.end() ? usualAids() : found->second;
+}
+
+void LabState::setAids(const AidList& aids) {
+  if (!live_) return;
+  aids_ = aids;
+  aids_session_ = live_->sessionId();
+  commands.setAids(live_->station(), live_->sessionId(), aids);
+}
+
+void LabState::resetAids() {
+  if (!live_) return;
+  aids_.reset();
+  commands.resetAids(live_->station(), live_->sessionId());
+}
+
+void recallLogin(const std::filesystem::path& file, LoginForm& form) {
+  const auto text = readWholeFile(file, 1u << 16);
+  if (!text.ok()) return;
+  const auto json = nlohmann::json::parse(*text, nullptr, false);
+  if (!json.is_object()) return;
+  const auto take = [&](const char* key, std::string& field) {
+    const auto found = json.find(key);
+    if (found != json.end() && found->is_string()) field = printable(found->get<std::string>());
+  };
+  take("server", form.server);
+  take("ca_file", form.ca_file);
+  take("user", form.user);
+}
+
+Status rememberLogin(const std::filesystem::path& file, const LoginForm& form) {
+  const nlohmann::ordered_json json = {
+      {"server", form.server}, {"ca_file", form.ca_file}, {"user", form.user}};
+  const std::string text = json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return writeFileAtomically(file, viewOf(text), 0600);
+}
+
+}  // namespace needlelab

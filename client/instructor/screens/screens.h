@@ -1,0 +1,152 @@
+/// The screens of the instructor's window, and the frame around them. Each is a function of the lab's state,
+/// called in every frame. Thread: the surface's.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "client/instructor/model/lab_state.h"
+#include "client/instructor/screens/gesture_pane.h"
+
+namespace needlelab {
+
+// --- around every screen: screen_frame.cpp
+
+/// The bar at the top. Empty screens can be chosen, too: they explain what to do.
+void showNavigation(LabState& lab, bool& show_help);
+/// Beneath the bar while the connection is lost or refused: why, what to do, when the next try comes.
+void showLinkBanner(LabState& lab);
+/// Over everything at the lower edge.
+void showNotices(LabState& lab);
+/// In the middle of an empty screen: what is missing and how to get it. `action`: a button's label, or null.
+/// Returns true when the button was pressed.
+bool showEmpty(std::string_view headline, std::string_view advice, const char* action = nullptr);
+/// What is being loaded or computed, with a bar; draws nothing when nothing is.
+void showWork(const LabState& lab);
+
+// --- the screens
+
+/// The first screen: server, its CA file, name, password; says in plain words what is wrong.
+void showLogin(LabState& lab);
+
+/// The whole lab: a tile for each station; those that need help come first.
+void showLab(LabState& lab);
+
+/// Commands to the station that is looked over: message, remark, next exercise, aids, stop.
+class CommandPanel {
+ public:
+  /// `lab.live()` is not null.
+  void show(LabState& lab);
+  /// The next frame puts the cursor there.
+  void focusMessage() { focus_message_ = true; }
+  void focusRemark() { focus_remark_ = true; }
+
+ private:
+  void showTexts(LabState& lab);
+  void showExercise(LabState& lab);
+  void showAids(LabState& lab);
+  void showStop(LabState& lab);
+  std::string message_, remark_, reason_;  // as typed
+  bool focus_message_ = false, focus_remark_ = false, confirm_stop_ = false;
+};
+
+/// Looks over one trainee's shoulder: scene, plots, commands to the station.
+class LiveScreen {
+ public:
+  explicit LiveScreen(ScenePane pane) : pane_(std::move(pane)) {}
+  void show(LabState& lab);
+  CommandPanel commands;
+  ScenePane& pane() { return pane_; }
+  PlotSet plots = PlotSet::kForces;
+
+ private:
+  void showHead(LabState& lab);
+  void showScene(LiveStation& live, const AidSet& allowed, ImVec2 size_px);
+  void showPlots(LiveStation& live, ImVec2 size_px);
+  ScenePane pane_;
+  bool as_trainee_ = true;
+};
+
+/// The stored sessions: search, choose, load.
+class SessionsScreen {
+ public:
+  void show(LabState& lab);
+  SessionQuery query;  ///< as typed
+
+ private:
+  void showFilter(LabState& lab);
+  void showTable(LabState& lab);
+};
+
+/// Plays a recording again.
+class ReplayScreen {
+ public:
+  explicit ReplayScreen(ScenePane pane) : pane_(std::move(pane)) {}
+  void show(LabState& lab);
+  ScenePane& pane() { return pane_; }
+  PlotSet plots = PlotSet::kForces;
+  void focusRemark() { focus_remark_ = true; }
+
+ private:
+  void showHead(LabState& lab);
+  void showPlayer(LabState& lab);
+  ScenePane pane_;
+  std::string remark_;
+  bool focus_remark_ = false;
+  bool whole_ = true;  ///< the plots show all of it, else 10 s about the present moment
+};
+
+/// Two recordings beside each other, or laid over each other.
+class CompareScreen {
+ public:
+  CompareScreen(ScenePane first, ScenePane second) : first_(std::move(first)), second_(std::move(second)) {}
+  void show(LabState& lab);
+  Alignment alignment = Alignment::kDepth;
+
+ private:
+  /// One series of both, as plots want it.
+  struct Curves {
+    std::vector<double> a, b, difference;
+  };
+  void takeIn(const GestureComparison& comparison);
+  void showChoice(LabState& lab);
+  void showScenes(LabState& lab, ImVec2 size_px);
+  void showCurves(LabState& lab, ImVec2 size_px);
+  [[nodiscard]] const ComparedPoint& pointAt(const GestureComparison& comparison) const;
+
+  ScenePane first_, second_;
+  const void* of_ = nullptr;  // the comparison that the curves belong to
+  std::size_t of_size_ = 0;
+  std::vector<double> x_;
+  std::vector<Curves> curves_;
+  double at_ = 0;  // on the comparison's axis
+  bool overlaid_ = true;
+};
+
+/// "What would it have felt like": the engine on the recording, with another profile or model.
+class RerunScreen {
+ public:
+  void show(LabState& lab);
+  std::string profile = "own", model;  ///< chosen; an empty model: the profile's
+
+ private:
+  void showChoice(LabState& lab);
+  void showForces(LabState& lab);
+};
+
+/// Measures beside requirements and experts, the trainee's progress, export.
+class ScoresScreen {
+ public:
+  void show(LabState& lab);
+
+ private:
+  void showMeasures(const ReportData& data);
+  void showProgress(const ReportData& data);
+  void showExport(LabState& lab);
+  std::string file_ = "report.html";
+  const void* asked_for_ = nullptr;  // the gesture of the score that was requested
+};
+
+}  // namespace needlelab

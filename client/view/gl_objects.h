@@ -1,0 +1,141 @@
+/// Objects on the graphics side: shader programs, meshes, frame buffers, textures; and notes of changes, by
+/// which a surface knows whether it has to draw a frame at all.
+#pragma once
+
+#include <cstdint>
+#include <initializer_list>
+#include <string>
+
+#include <imgui/imgui.h>
+
+#include "client/view/model/camera.h"
+#include "client/view/model/image.h"
+#include "client/view/model/mesh.h"
+#include "client/view/model/palette.h"
+#include "common/base/result.h"
+#include "common/haptics/geometry.h"
+
+namespace needlelab {
+
+/// A shader program. Needs the context for its whole life. `set` ignores names that the program does not
+/// have.
+class GlProgram {
+ public:
+  GlProgram() = default;
+  ~GlProgram();
+  GlProgram(const GlProgram&) = delete;
+  GlProgram& operator=(const GlProgram&) = delete;
+
+  /// Errors: kUnavailable, with the driver's message.
+  Status build(const char* name, const char* vertex_source, const char* fragment_source);
+  void use() const;
+  void set(const char* name, float value) const;
+  void set(const char* name, int value) const;
+  void set(const char* name, Vec3 value) const;
+  void set(const char* name, Rgb colour, float opacity) const;
+  void set(const char* name, const Matrix4& value) const;
+
+ private:
+  [[nodiscard]] int location(const char* name) const;
+  unsigned program_ = 0;
+};
+
+/// A mesh on the graphics side. Attributes: 0 place, 1 normal.
+class GlMesh {
+ public:
+  GlMesh() = default;
+  ~GlMesh();
+  GlMesh(const GlMesh&) = delete;
+  GlMesh& operator=(const GlMesh&) = delete;
+
+  void upload(const Mesh& mesh);
+  void draw() const;
+  [[nodiscard]] bool empty() const { return count_ == 0; }
+
+ private:
+  unsigned array_ = 0, vertices_ = 0, indices_ = 0;
+  int count_ = 0;
+};
+
+/// Pixels of a picture, counted from its lower left corner as OpenGL does; empty where width or height is not
+/// positive.
+struct PixelRect {
+  int x = 0, y = 0, width = 0, height = 0;
+  [[nodiscard]] bool empty() const { return width <= 0 || height <= 0; }
+};
+/// The smallest rectangle that holds both.
+PixelRect joined(PixelRect a, PixelRect b);
+
+/// A picture that one draws into: colour (RGBA8) and depth, with one or several samples a pixel; `resolve`
+/// makes one sample of several. Needs the context for its whole life.
+class FrameBuffer {
+ public:
+  explicit FrameBuffer(int samples = 1) : samples_(samples) {}
+  ~FrameBuffer();
+  FrameBuffer(const FrameBuffer&) = delete;
+  FrameBuffer& operator=(const FrameBuffer&) = delete;
+
+  /// Binds it for drawing and sets the viewport; allocates it again when the size changes.
+  void bind(int width, int height);
+  /// Copies colour and depth of a part of `other`, which has the same size and samples.
+  void copyFrom(const FrameBuffer& other, PixelRect part);
+  /// Call it after drawing: then the texture holds the picture, or the part of it that was drawn.
+  void resolve();
+  void resolve(PixelRect part);
+  /// Copies it to the buffer that is bound for drawing, lower left corner at x, y; respects the scissor.
+  void showAt(int x, int y) const;
+  [[nodiscard]] PixelRect whole() const { return {0, 0, width_, height_}; }
+  [[nodiscard]] unsigned texture() const { return texture_; }
+  [[nodiscard]] int width() const { return width_; }
+  [[nodiscard]] int height() const { return height_; }
+  /// Rows from top to bottom.
+  [[nodiscard]] RgbaImage read();
+
+ private:
+  void drop();
+  int samples_;
+  int width_ = 0, height_ = 0;
+  unsigned texture_ = 0, resolved_ = 0;          // the shown picture, and the buffer that holds it
+  unsigned drawn_ = 0, colour_ = 0, depth_ = 0;  // with several samples: drawn into, then resolved
+};
+
+/// A picture on the graphics side, for ImGui::Image. Needs the surface's context, for its whole life. Thread:
+/// the surface's.
+class Texture {
+ public:
+  Texture() = default;
+  ~Texture();
+  Texture(Texture&& other) noexcept;
+  Texture& operator=(Texture&& other) noexcept;
+
+  /// Keeps the memory where the size is the same. Images without pixels empty it.
+  void upload(const GreyImage& image);
+  void upload(const RgbaImage& image);
+  [[nodiscard]] ImTextureID id() const;  ///< null when empty
+  [[nodiscard]] int width() const { return width_; }
+  [[nodiscard]] int height() const { return height_; }
+
+ private:
+  void put(int width, int height, bool grey, const void* pixels);
+  unsigned name_ = 0;
+  int width_ = 0, height_ = 0;
+  bool grey_ = false;
+};
+
+/// From ImGui's coordinates to OpenGL's, for draw callbacks: the rectangle in pixels of the bound buffer,
+/// counted from below, cut to `clip` (left, top, right, bottom). ImGui counts from above, and in points where
+/// the display scales.
+PixelRect surfacePixels(ImVec2 from, ImVec2 to, ImVec4 clip);
+
+/// Notes that the pixels of a texture have changed, so that the next frame is drawn. Thread: the surface's.
+void noteTextureChange();
+/// How often `noteTextureChange` was called.
+std::uint64_t textureChanges();
+
+/// Notes something about the current frame that ImGui's lists do not hold, such as the data of a draw
+/// callback.
+void noteContent(std::uint64_t word);
+/// A hash of all notes since the last call.
+std::uint64_t takeContent();
+
+}  // namespace needlelab

@@ -1,0 +1,159 @@
+#include "client/view/model/gesture_plots.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "client/view/model/palette.h"
+
+namespace needlelab {
+namespace {
+
+PlotSeries seriesOf(const GestureTrace& trace, TraceChannel channel, Rgb colour, bool dashed = false) {
+  PlotSeries series;
+  series.name = infoOf(channel).name;
+  series.colour = colour;
+  series.columns = trace.source(channel);
+  series.dashed = dashed;
+  return series;
+}
+
+Rgb eventColour(TraceEvent::Kind kind) {
+  switch (kind) {
+    case TraceEvent::Kind::kFault:
+      return styleOf(Condition::kTrouble).colour;
+    case TraceEvent::Kind::kGap:
+      return styleOf(Condition::kAttention).colour;
+    case TraceEvent::Kind::kRupture:
+      return kYellow;
+    case TraceEvent::Kind::kTurn:
+      return kReddishPurple;
+    case TraceEvent::Kind::kRemark:
+      return kSkyBlue;
+    default:
+      return kDimText;
+  }
+}
+
+std::vector<PlotMark> marksOf(const GestureTrace& trace, const SceneView* scene, double from_s, double to_s) {
+  std::vector<PlotMark> marks;
+  for (const TraceEvent& event : trace.events()) {
+    if (event.time_s < from_s || event.time_s > to_s) continue;
+    PlotMark mark;
+    mark.x = event.time_s;
+    mark.colour = eventColour(event.kind);
+    mark.sign = signOf(event.kind);
+    mark.text = nameOf(event.kind);
+    if (event.kind == TraceEvent::Kind::kLayerChange && scene != nullptr)
+      mark.text = layerName(*scene, event.layer);
+    if (!event.text.empty()) mark.text = event.text;
+    marks.push_back(std::move(mark));
+  }
+  return marks;
+}
+
+void addDepth(Plot& plot, const GestureTrace& trace, const SceneView* scene, double from_s, double to_s) {
+  const double mm = infoOf(TraceChannel::kDepth).shown_per_si;
+  plot.title = "depth";
+  plot.unit = "mm";
+  plot.downward = true;
+  plot.series = {seriesOf(trace, TraceChannel::kDepth, kTipColour)};
+  plot.share = 1.4F;
+  if (scene == nullptr) return;
+  for (const LayerView& layer : scene->layers)
+    plot.bands.push_back({layer.top_m * mm, layer.bottom_m * mm, tissueColour(layer.tissue), layer.name});
+  // as deep as the target at least, so that the way still to go is seen
+  double deepest_m = 0.004;
+  for (const TargetView& target : scene->targets)
+    deepest_m = std::max(deepest_m, depthAt(*scene, target.center_W_m) + 2 * target.radius_m);
+  std::vector<PixelColumn> columns(64);
+  trace.columns(TraceChannel::kDepth, from_s, to_s, columns);
+  for (const PixelColumn& column : columns)
+    if (!column.empty()) deepest_m = std::max(deepest_m, static_cast<double>(column.max) * 1.08);
+  plot.low = -0.12 * deepest_m * mm;
+  plot.high = deepest_m * mm;
+  if (!scene->targets.empty()) {
+    const TargetView& target = scene->targets.front();
+    const double at_m = depthAt(*scene, target.center_W_m);
+    PlotSeries line;
+    line.name = "target";
+    line.colour = kTargetColour;
+    line.dashed = true;
+    line.columns = [at_mm = static_cast<float>(at_m * mm)](double, double, std::span<PixelColumn> out) {
+      for (PixelColumn& column : out) {
+        column = {};
+        column.take(at_mm);
+      }
+    };
+    plot.series.push_back(std::move(line));
+  }
+}
+
+}  // namespace
+
+Plot gesturePlot(GesturePlot which, const GestureTrace& trace, const SceneView* scene, double from_s,
+                 double to_s) {
+  Plot plot;
+  plot.from = from_s;
+  plot.to = to_s;
+  plot.marks = marksOf(trace, scene, from_s, to_s);
+  switch (which) {
+    case GesturePlot::kForces: {
+      plot.title = "force";
+      plot.unit = "N";
+      plot.share = 1.4F;
+      plot.series.push_back(seriesOf(trace, TraceChannel::kForce, kWhite));
+      plot.series.back().name = "total";
+      for (const EffectEntry* effect : effectsAsShown())
+        if (effect->unit == "N")
+          plot.series.push_back(seriesOf(trace, channelOf(effect->effect), colourOf(*effect)));
+      break;
+    }
+    case GesturePlot::kDepth:
+      addDepth(plot, trace, scene, from_s, to_s);
+      break;
+    case GesturePlot::kSpeed:
+      plot.title = "speed";
+      plot.unit = "mm/s";
+      plot.series = {seriesOf(trace, TraceChannel::kSpeed, kSkyBlue)};
+      plot.series.back().name.clear();
+      break;
+    case GesturePlot::kAlignment:
+      plot.title = "lateral error";
+      plot.unit = "mm";
+      plot.low = 0;
+      plot.series = {seriesOf(trace, TraceChannel::kLateralError, kReddishPurple)};
+      plot.series.back().name.clear();
+      plot.series.back().filled = true;
+      break;
+    case GesturePlot::kAngles:
+      plot.title = "angles";
+      plot.unit = "°";
+      plot.low = 0;
+      plot.series = {seriesOf(trace, TraceChannel::kAlpha, kBluishGreen, true),
+                     seriesOf(trace, TraceChannel::kTilt, kOrange)};
+      break;
+    case GesturePlot::kPlaces:
+      plot.title = "tip and wall";
+      plot.unit = "mm";
+      plot.share = 1.4F;
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const auto tip = static_cast<TraceChannel>(static_cast<std::size_t>(TraceChannel::kTipX) + axis);
+        const auto wall = static_cast<TraceChannel>(static_cast<std::size_t>(TraceChannel::kWallX) + axis);
+        plot.series.push_back(seriesOf(trace, tip, kAxisColours[axis]));
+        plot.series.push_back(seriesOf(trace, wall, mixed(kAxisColours[axis], kWhite, 0.45F), true));
+      }
+      break;
+    case GesturePlot::kPlunger:
+      plot.title = "plunger";
+      plot.unit = "%";
+      plot.low = 0;
+      plot.high = 100;
+      plot.series = {seriesOf(trace, TraceChannel::kPlunger, kBluishGreen)};
+      plot.series.back().name.clear();
+      plot.series.back().filled = true;
+      break;
+  }
+  return plot;
+}
+
+}  // namespace needlelab

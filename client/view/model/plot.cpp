@@ -1,0 +1,103 @@
+#include "client/view/model/plot.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/core.h>
+
+namespace needlelab {
+namespace {
+
+constexpr double kLargest = 1e12;  // beyond that nobody reads an axis
+
+// the least of 1, 2, 5 times a power of ten that is at least `rough`
+double roundStep(double rough) {
+  const double power = std::pow(10.0, std::floor(std::log10(rough)));
+  for (const double factor : {1.0, 2.0, 5.0})
+    if (rough <= factor * power * (1 + 1e-9)) return factor * power;
+  return 10 * power;
+}
+
+}  // namespace
+
+AxisTicks axisTicks(double low, double high, int wanted, bool widen, double least_step) {
+  if (!std::isfinite(low)) low = 0;
+  if (!std::isfinite(high)) high = low;
+  low = std::clamp(low, -kLargest, kLargest);
+  high = std::clamp(high, -kLargest, kLargest);
+  if (high < low) std::swap(low, high);
+  const double least = std::max(1e-9, 1e-9 * std::max(std::fabs(low), std::fabs(high)));
+  if (high - low < least) {
+    const double half = std::max(0.5 * least, 0.5 * std::max(std::fabs(low), 1.0) * 0.2);
+    low -= half;
+    high += half;
+  }
+  AxisTicks ticks;
+  // indices of the multiples, so that no sum of steps drifts
+  double first = 0, last = 0;
+  // a range may hold one multiple or none: one tick alone does not show a scale
+  for (double rough = (high - low) / std::max(wanted, 2);; rough *= 0.5) {
+    ticks.step = roundStep(std::max(rough, least_step));
+    first = std::ceil(low / ticks.step - 1e-9);
+    last = std::floor(high / ticks.step + 1e-9);
+    if (last > first || widen || ticks.step <= least_step) break;
+  }
+  ticks.decimals = std::max(0, static_cast<int>(std::ceil(-std::log10(ticks.step) - 1e-9)));
+  if (widen) {
+    first = std::floor(low / ticks.step + 1e-9);
+    last = std::ceil(high / ticks.step - 1e-9);
+    low = first * ticks.step;
+    high = last * ticks.step;
+  }
+  ticks.low = low;
+  ticks.high = high;
+  for (double i = first; i <= last; ++i) ticks.at.push_back(i * ticks.step);
+  return ticks;
+}
+
+std::string tickText(double value, int decimals) {
+  std::string text = fmt::format("{:.{}f}", value, std::clamp(decimals, 0, 9));
+  if (text.front() != '-') return text;
+  text.erase(0, 1);
+  // what rounds to zero has no sign
+  if (text.find_first_not_of("0.") == std::string::npos) return text;
+  return "\u2212" + text;
+}
+
+std::string clockText(double seconds, int decimals) {
+  if (!std::isfinite(seconds)) return "–:––";
+  const std::string sign = seconds < 0 ? "\u2212" : "";
+  // rounded first, so that 59.96 does not become 0:60.0
+  const double unit = decimals > 0 ? 10 : 1;
+  const auto units = static_cast<long long>(std::floor(std::fmin(std::fabs(seconds), 1e9) * unit + 0.5));
+  const long long per_minute = 60 * static_cast<long long>(unit);
+  const long long minutes = units / per_minute, rest = units % per_minute;
+  if (decimals > 0) return sign + fmt::format("{}:{:02}.{}", minutes, rest / 10, rest % 10);
+  return sign + fmt::format("{}:{:02}", minutes, rest);
+}
+
+void fillColumns(std::span<const double> x, std::span<const double> y, double from, double to,
+                 std::span<PixelColumn> out) {
+  std::fill(out.begin(), out.end(), PixelColumn{});
+  if (out.empty() || !(to > from)) return;
+  const double per_x = static_cast<double>(out.size()) / (to - from);
+  const std::size_t count = std::min(x.size(), y.size());
+  const auto begin = x.begin(), end = x.begin() + static_cast<std::ptrdiff_t>(count);
+  for (auto at = std::lower_bound(begin, end, from); at != end && *at < to; ++at) {
+    const double value = y[static_cast<std::size_t>(at - begin)];
+    if (!std::isfinite(value)) continue;
+    const auto column = std::min(static_cast<std::size_t>((*at - from) * per_x), out.size() - 1);
+    out[column].take(static_cast<float>(value));
+  }
+}
+
+ColumnSource columnsOf(std::span<const double> x, std::span<const double> y) {
+  return [x, y](double from, double to, std::span<PixelColumn> out) { fillColumns(x, y, from, to, out); };
+}
+
+std::string headingOf(const Plot& plot) {
+  if (plot.title.empty() || plot.unit.empty()) return plot.title + plot.unit;
+  return plot.title + ", " + plot.unit;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,101 @@
+/// A plot as plain data: axes, series, bands, marks. Two back ends draw it: the windows (client/view/plots.h)
+/// and the report's SVG (client/instructor/model/svg_plot.h).
+#pragma once
+
+#include <functional>
+#include <limits>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "client/view/model/palette.h"
+
+namespace needlelab {
+
+// --- the values of a series, for each column of pixels
+
+/// Least, greatest and last value in the time of one pixel column. Empty, where no value fell: min > max.
+struct PixelColumn {
+  float min = std::numeric_limits<float>::infinity();
+  float max = -std::numeric_limits<float>::infinity();
+  float last = 0;
+  [[nodiscard]] bool empty() const { return min > max; }
+  void take(float value) {
+    min = value < min ? value : min;
+    max = value > max ? value : max;
+    last = value;
+  }
+};
+
+/// Fills `out` with the columns of [from, to), oldest first. A plot calls it in each frame.
+using ColumnSource = std::function<void(double from, double to, std::span<PixelColumn> out)>;
+
+/// Columns of points (x, y) with x ascending; values that are not finite are left out. O(log n + points in
+/// the range).
+void fillColumns(std::span<const double> x, std::span<const double> y, double from, double to,
+                 std::span<PixelColumn> out);
+/// The same as a source that refers to the two spans, which must outlive it.
+ColumnSource columnsOf(std::span<const double> x, std::span<const double> y);
+
+// --- the description
+
+/// A series has `columns`, or a few points (x, y).
+struct PlotSeries {
+  std::string name;  ///< in the legend and the hover's readout
+  Rgb colour = kText;
+  ColumnSource columns;  ///< in the plot's units
+  bool dashed = false;
+  bool filled = false;  ///< down to zero, faintly
+  /// Joined by lines, each point marked; x ascends. Used in place of `columns`, e.g. for values by attempt.
+  std::vector<double> x = {}, y = {};
+};
+/// A horizontal band with its name, e.g. a layer's depths or the range of a reference.
+struct PlotBand {
+  double low = 0, high = 0;
+  Rgb colour;
+  std::string name;
+};
+/// A vertical mark.
+struct PlotMark {
+  double x = 0;
+  Rgb colour = kDimText;
+  std::string sign;  ///< one glyph at the top; empty: only the line
+  std::string text;  ///< shown when the mouse is near
+};
+
+struct Plot {
+  std::string title, unit;  ///< "force", "N"
+  double from = 0, to = 1;  ///< x
+  bool clock_axis = true;   ///< x is a time in s; else numbers with `x_unit`
+  std::string x_unit;
+  std::optional<double> low, high;  ///< y; absent: the back end fits it to the data
+  bool downward = false;            ///< y grows downward (depth)
+  std::vector<PlotSeries> series;   ///< the first lies on top and comes first in the legend
+  std::vector<PlotBand> bands;
+  std::vector<PlotMark> marks;
+  std::optional<double> cursor;  ///< a line at this x, with the values there in the legend
+  bool legend = true;
+  float share = 1;  ///< of the height, among plots that stand under one another
+};
+
+/// "force, N"
+std::string headingOf(const Plot& plot);
+
+// --- axes
+
+struct AxisTicks {
+  double low = 0, high = 1;  ///< the axis, widened to round numbers if wanted
+  double step = 0.2;         ///< 1, 2 or 5 times a power of ten
+  int decimals = 1;          ///< that tell the ticks apart
+  std::vector<double> at;    ///< all multiples of step in [low, high]
+};
+/// About `wanted` ticks, at least 2 unless `least_step` (1 for counts) leaves fewer. A range that has no
+/// width, is turned round or is not finite is replaced by one about it.
+AxisTicks axisTicks(double low, double high, int wanted, bool widen, double least_step = 0);
+/// The value with that many decimals, the minus as U+2212, never "-0".
+std::string tickText(double value, int decimals);
+/// Minutes and seconds "m:ss", with tenths where `decimals` is 1: for time lines.
+std::string clockText(double seconds, int decimals = 0);
+
+}  // namespace needlelab

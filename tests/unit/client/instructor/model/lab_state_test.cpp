@@ -1,0 +1,44 @@
+#include "client/instructor/model/lab_state.h"
+
+#include <gtest/gtest.h>
+
+#include <sys/stat.h>
+
+#include "common/base/files.h"
+#include "tests/support/temp_folder.h"
+
+namespace needlelab {
+namespace {
+
+TEST(LoginMemory, everythingButThePasswordComesBack) {
+  const test::TempFolder folder;
+  const auto file = folder.path() / "login.json";
+  LoginForm form{"lab:7750", "/keys/ca.crt", "anna", "secret"};
+  ASSERT_TRUE(rememberLogin(file, form).ok());
+  EXPECT_EQ(readWholeFile(file)->find("secret"), std::string::npos);
+  struct stat facts {};
+  ASSERT_EQ(::stat(file.c_str(), &facts), 0);
+  EXPECT_EQ(facts.st_mode & 0777, 0600u);
+  LoginForm again;
+  recallLogin(file, again);
+  EXPECT_EQ(again.server, "lab:7750");
+  EXPECT_EQ(again.ca_file, "/keys/ca.crt");
+  EXPECT_EQ(again.user, "anna");
+  EXPECT_TRUE(again.password.empty());
+}
+
+TEST(LoginMemory, whatCannotBeReadChangesNothing) {
+  const test::TempFolder folder;
+  for (const char* text : {"", "[", "[1]", "{\"server\": 3}", "{\"user\": null}"}) {
+    LoginForm form;
+    recallLogin(folder.write("login.json", text), form);
+    EXPECT_EQ(form.server, LoginForm{}.server) << text;
+    EXPECT_TRUE(form.user.empty());
+  }
+  LoginForm form;
+  recallLogin(folder.path() / "none", form);
+  EXPECT_EQ(form.server, LoginForm{}.server);
+}
+
+}  // namespace
+}  // namespace needlelab

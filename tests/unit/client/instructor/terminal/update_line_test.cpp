@@ -1,0 +1,170 @@
+#include "client/instructor/terminal/update_line.h"
+
+#include <cmath>
+#include <utility>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+namespace needlelab {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+GestureSample sample() {
+  GestureSample s;
+  s.force_W_N[0] = 1;
+  s.force_W_N[1] = -2;
+  s.force_W_N[2] = 2;
+  s.insertion_m = 0.01234;
+  s.layer = 2;
+  s.phase = 1;
+  return s;
+}
+
+TEST(UpdateLine, aPersonReadsMillimetresAndNewtons) {
+  Update update = updateOf(sample());
+  update.time_s = 12.3456;
+  update.station = "bench-1";
+  update.trainee = "tina";
+  update.latency_ms = 7.25;
+  update.drops = 3;
+  const std::string line = textLine(update);
+  for (const char* part :
+       {"12.346 s", "bench-1", "tina", "INSERTING", "layer 2", "12.34 mm", "3.000 N", "7.2 ms", "drops 3"}) {
+    EXPECT_THAT(line, HasSubstr(part));
+  }
+}
+
+TEST(UpdateLine, tellsOfTheSyringe) {
+  GestureSample before = sample(), now = sample();
+  before.plunger = 0.2;
+  now.plunger = 0.3;
+  now.time_ns = before.time_ns + 200'000'000;
+  EXPECT_EQ(syringeAction(before, now), "injecting");
+  EXPECT_EQ(syringeAction(before, before), "");
+  std::swap(before.plunger, now.plunger);
+  EXPECT_EQ(syringeAction(before, now), "aspirating");
+  Update update = updateOf(now);
+  EXPECT_THAT(textLine(update), HasSubstr("layer 2"));
+  EXPECT_THAT(textLine(update), HasSubstr("plunger  20 %"));
+  EXPECT_THAT(textLine(update), Not(HasSubstr("aspirating")));
+  update.syringe = syringeAction(before, now);
+  EXPECT_THAT(textLine(update), HasSubstr("plunger  20 %  aspirating"));
+  const auto json = nlohmann::json::parse(jsonLine(update));
+  EXPECT_EQ(json["syringe"], "aspirating");
+  EXPECT_DOUBLE_EQ(json["plunger"], 0.2);
+  // a status line knows of no plunger
+  EXPECT_THAT(textLine(updateOf(pb::StationStatus())), Not(HasSubstr("plunger")));
+}
+
+TEST(UpdateLine, jsonIsOneLineInSiUnits) {
+  Update update = updateOf(sample());
+  update.trainee = "a\nb\"";
+  const std::string line = jsonLine(update);
+  EXPECT_THAT(line, Not(HasSubstr("\n")));
+  const auto json = nlohmann::json::parse(line);
+  EXPECT_EQ(json["type"], "update");
+  EXPECT_EQ(json["trainee"], "a\nb\"");
+  EXPECT_DOUBLE_EQ(json["insertion_m"], 0.01234);
+  EXPECT_DOUBLE_EQ(json["force_n"], 3);
+  EXPECT_EQ(json["layer"], 2);
+  EXPECT_FALSE(json.contains("latency_ms"));
+}
+
+TEST(UpdateLine, aHostileNameDoesNotReachTheTerminalsControls) {
+  Update update = updateOf(sample());
+  update.station = "x\x1b[2Jy\n";
+  EXPECT_THAT(textLine(update), Not(HasSubstr("\x1b")));
+  EXPECT_THAT(noteLine("a\rb", false), Not(HasSubstr("\r")));
+}
+
+TEST(UpdateLine, aFaultIsSaidInWords) {
+  auto s = sample();
+  s.fault = 2;
+  EXPECT_THAT(textLine(updateOf(s)), HasSubstr("FAULT: "));
+  s.fault = 200;
+  s.phase = 77;
+  EXPECT_THAT(textLine(updateOf(s)), HasSubstr("FAULT: unknown"));
+}
+
+TEST(UpdateLine, whatAStationIsInTroubleWithIsSaid) {
+  pb::StationStatus status;
+  status.set_station("s1");
+  status.set_online(true);
+  EXPECT_THAT(textLine(updateOf(status)), Not(HasSubstr("TROUBLE")));
+  EXPECT_THAT(jsonLine(updateOf(status)), Not(HasSubstr("trouble")));
+  status.set_trouble("the spool's disk is full\x1b[2J");
+  EXPECT_THAT(textLine(updateOf(status)),
+              AllOf(HasSubstr("idle"), HasSubstr("TROUBLE: the spool's disk is full?[2J")));
+  status.set_session_id(std::string(16, '1'));
+  EXPECT_THAT(textLine(updateOf(status)), HasSubstr("TROUBLE: the spool's disk is full"));
+  EXPECT_THAT(jsonLine(updateOf(status)), HasSubstr("\"trouble\":\"the spool's disk is full"));
+  status.set_trouble(std::string(1'000'000, 'x'));
+  EXPECT_LT(textLine(updateOf(status)).size(), 2000u);
+}
+
+TEST(UpdateLine, overviewsTellOfflineAndIdle) {
+  pb::StationStatus status;
+  status.set_station("bench-1");
+  EXPECT_THAT(textLine(updateOf(status)), HasSubstr("offline"));
+  status.set_online(true);
+  EXPECT_THAT(textLine(updateOf(status)), HasSubstr("idle"));
+  status.set_session_id(std::string(16, '\x01'));
+  EXPECT_THAT(textLine(updateOf(status)), HasSubstr("FREE"));
+}
+
+GestureSample at(double t_s, double plunger) {
+  GestureSample sample;
+  sample.time_ns = static_cast<std::int64_t>(t_s * 1e9) + 5'000'000'000;
+  sample.plunger = plunger;
+  return sample;
+}
+
+TEST(PlungerWatch, saysWhatThePlungerDoesAtOnceAndWhenItIsOver) {
+  for (const double rate : {1000.0, 100.0, 10.0}) {
+    SCOPED_TRACE(rate);
+    PlungerWatch watch;
+    for (int i = 0; i <= static_cast<int>(6 * rate); ++i) {
+      const double t = i / rate;
+      // back from 1 to 2 s, rest, pressed from 3 to 4 s
+      const double plunger = t < 1   ? 0.3
+                             : t < 2 ? 0.3 - 0.1 * (t - 1)
+                             : t < 3 ? 0.2
+                             : t < 4 ? 0.2 + 0.3 * (t - 3)
+                                     : 0.5;
+      watch.add(at(t, plunger));
+      const std::string expected = t > 1.25 && t < 2 ? "aspirating" : t > 3.25 && t < 4 ? "injecting" : "";
+      const double edge = std::round(t);  // the window's length after each change, either answer
+      const bool in_between = t >= edge - 0.051 && t <= edge + 0.351 && edge >= 1 && edge <= 4;
+      if (!in_between) {
+        EXPECT_EQ(watch.action(), expected) << t;
+      }
+    }
+  }
+}
+
+TEST(PlungerWatch, tremblingIsRest) {
+  PlungerWatch watch;
+  for (int i = 0; i < 3000; ++i) {
+    watch.add(at(0.001 * i, 0.5 + 0.0015 * std::sin(0.06 * i)));
+    ASSERT_EQ(watch.action(), "");
+  }
+}
+
+TEST(PlungerWatch, aGapOrAnotherSessionBeginsAnew) {
+  PlungerWatch watch;
+  EXPECT_EQ(watch.action(), "");
+  watch.add(at(1, 0.1));
+  watch.add(at(1.1, 0.3));
+  EXPECT_EQ(watch.action(), "injecting");
+  watch.add(at(5, 0.9));
+  EXPECT_EQ(watch.action(), "");
+  watch.add(at(0.5, 0.2));
+  EXPECT_EQ(watch.action(), "");
+}
+
+}  // namespace
+}  // namespace needlelab
