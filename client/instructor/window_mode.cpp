@@ -4,7 +4,7 @@
 #include <system_error>
 
 #include "client/instructor/model/lab_state.h"
-#include "client/instructor/screens/window_run.h"
+#include "client/instructor/screens/instructor_window.h"
 #include "client/net/credentials.h"
 
 namespace needlelab {

@@ -1,5 +1,4 @@
-#include "client/instructor/screens/window_run.h"
-
+// The instructor's window as a program: log-in, script, screenshot, and its end.
 #include <epoxy/gl.h>
 
 #include <cstdio>
