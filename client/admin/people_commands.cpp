@@ -310,7 +310,7 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
   add->callback([&global, &chosen, values] {
     chosen.may_create = true;
     chosen.check = [values]() -> Status {
-      ASSIGN_OR_RETURN(const auto role, parseRole(values->role));
+      RETURN_IF_ERROR(parseRole(values->role));
       return checkNewName("name", values->name);
     };
     chosen.run = [&global, &chosen, values](CommandContext& context) -> Status {

@@ -78,7 +78,7 @@ class LinkClock {
 };
 
 struct LinkSettings {
-  Backoff::Settings retry;
+  Backoff::Settings retry{};
   /// Only a connection that lasted longer than this is a success, after which the waits begin with the
   /// shortest one: two stations with one key would otherwise throw each other out five times a second.
   std::chrono::milliseconds lasting = retry.most;
