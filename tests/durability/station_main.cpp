@@ -11,7 +11,6 @@
 #include <thread>
 
 #include "client/net/uplink.h"
-#include "client/net/uplink.h"
 #include "common/base/clock.h"
 #include "common/base/files.h"
 #include "common/wire/tls.h"

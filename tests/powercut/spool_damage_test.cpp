@@ -5,8 +5,8 @@
 #include <fstream>
 #include <set>
 
-#include "client/net/spool.h"
 #include "client/net/lesson_cache.h"
+#include "client/net/spool.h"
 #include "common/gesture/chunk.h"
 #include "tests/powercut/campaign.h"
 #include "tests/unit/client/net/spool_samples.h"

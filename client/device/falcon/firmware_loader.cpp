@@ -226,7 +226,7 @@ Status FirmwareLoader::setLine() {
 }
 
 Status FirmwareLoader::exchange(std::span<const std::uint8_t> question, std::span<const std::uint8_t> answer,
-                           const char* what) {
+                                const char* what) {
   RETURN_IF_ERROR(port_.write(question, kWrite));
   std::vector<std::uint8_t> got;
   RETURN_IF_ERROR(input_.read(answer.size(), kAnswer, got));

@@ -94,7 +94,8 @@ class FirmwareLoader {
  private:
   Status doStep();
   Status setLine();
-  Status exchange(std::span<const std::uint8_t> question, std::span<const std::uint8_t> answer, const char* what);
+  Status exchange(std::span<const std::uint8_t> question, std::span<const std::uint8_t> answer,
+                  const char* what);
   Status sendChunk();
   Status firstReply();
 

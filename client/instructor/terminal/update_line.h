@@ -43,8 +43,8 @@ std::string noteLine(const std::string& text, bool json);
 /// The outcome of a command ("stop"): a note, as JSON with "said" and "ok".
 std::string outcomeLine(const std::string& what, bool ok, const std::string& text, bool json);
 
-/// Tells from a session's samples, as they come, whether the plunger is moving now. Remembers a fifth of a second.
-/// Thread: one.
+/// Tells from a session's samples, as they come, whether the plunger is moving now. Remembers a fifth of a
+/// second. Thread: one.
 class PlungerWatch {
  public:
   /// The next sample of the session; one that is older than the last, or much later, starts over.

@@ -64,19 +64,21 @@ void onCrash(int signal) {
     // the thread that sends the loop's wrenches is gone
     const bool sent = sendCrashPacket();
     loop->crashStop();
-    writeMessage(sent
-             ? "station: the device's own thread crashed; it was told that there is no force\n"
+    writeMessage(
+        sent ? "station: the device's own thread crashed; it was told that there is no force\n"
              : "station: the device's own thread crashed and the device cannot be told; its own watchdog has "
                "to take the force away\n");
   } else if (loop != nullptr && thisThread() == haptic_thread.load(std::memory_order_acquire)) {
-    writeMessage("station: the haptic thread itself crashed; the device's own watchdog takes the force away\n");
+    writeMessage(
+        "station: the haptic thread itself crashed; the device's own watchdog takes the force away\n");
     pauseMs(kDeviceWatchdog_ms);
     sendCrashPacket();
   } else if (loop != nullptr) {
     loop->crashStop();
     writeMessage("station: a part of the program crashed; taking the force away\n");
     for (int ms = 0; ms < kPatience_ms && !loop->ended(); ++ms) pauseMs(1);
-    if (!loop->ended()) writeMessage("station: the haptic loop did not answer; the device's own watchdog has to\n");
+    if (!loop->ended())
+      writeMessage("station: the haptic loop did not answer; the device's own watchdog has to\n");
     // the loop's zero force is still on its way through a device with a thread of its own
     pauseMs(kLastPacket_ms);
     // in case that thread is stuck, by a lock that this one holds

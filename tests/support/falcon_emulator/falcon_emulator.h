@@ -25,7 +25,8 @@ class FalconEmulator {
   UsbPort& port() { return port_; }
   void plug() { port_.plug(); }
   void unplug() { port_.unplug(); }
-  /// The mains' plug too: the device forgets its state, encoders count from zero again. For a device that is unplugged.
+  /// The mains' plug too: the device forgets its state, encoders count from zero again. For a device that is
+  /// unplugged.
   void powerCycle(bool firmware_running = false);
 
   /// Changes or reads the board's, the chip's and the body's state.

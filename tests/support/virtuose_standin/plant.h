@@ -10,7 +10,8 @@ using needlelab::Pose;
 using needlelab::Quat;
 using needlelab::Vec3;
 
-/// A mass (0.35 kg, 1.7 N·s/m, as DeviceLimits) that turns as a ball, pulled by a hand of 300 N/m and 3 N·s/m (tests/stability/README.md) with 2 N·m/rad and 0.05 N·m·s/rad.
+/// A mass (0.35 kg, 1.7 N·s/m, as DeviceLimits) that turns as a ball, pulled by a hand of 300 N/m and 3 N·s/m
+/// (tests/stability/README.md) with 2 N·m/rad and 0.05 N·m·s/rad.
 class Plant {
  public:
   void place(const Pose& pose);

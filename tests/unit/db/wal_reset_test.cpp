@@ -1,6 +1,6 @@
-// SQLite before 3.51.3 loses data when one connection commits, and thereby begins the log again, while another
-// is between reading the log's header and copying by it ("WAL-reset bug"). Only the connection
-// that commits checkpoints.
+// SQLite before 3.51.3 loses data when one connection commits, and thereby begins the log again, while
+// another is between reading the log's header and copying by it ("WAL-reset bug"). Only the connection that
+// commits checkpoints.
 #include <atomic>
 #include <thread>
 #include <utility>

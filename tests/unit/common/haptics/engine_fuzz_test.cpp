@@ -86,7 +86,8 @@ TEST(EngineFuzz, everyTickIsFiniteWithinTheLimitAndKeepsAUnitDirection) {
     Random random(static_cast<std::uint64_t>(scene_number));
     const LimbKind limb = kLimbKinds[random.below(kLimbKinds.size())];
     SceneSpec scene = withLimb(allEffects(), limb);
-    scene.effects = random.chance(0.5) ? kPlacedEffects : static_cast<EffectMask>(random.below(kPlacedEffects + 1));
+    scene.effects =
+        random.chance(0.5) ? kPlacedEffects : static_cast<EffectMask>(random.below(kPlacedEffects + 1));
     scene.virtual_fixture.mode = random.chance(0.5) ? ClampingMode::kPassive : ClampingMode::kProportional;
     scene.virtual_fixture.max_force_N = random.chance(0.2) ? 0.0 : random.in(0, 5);
     scene.tracking_wall.stop_mode = random.chance(0.5) ? StopMode::kRamp : StopMode::kExponential;

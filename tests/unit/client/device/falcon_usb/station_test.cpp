@@ -73,8 +73,8 @@ class StationWithFalcon : public FalconOnUsb {
     if (2 * excused_ < bites_) FAIL() << "the watchdog bites, and the machine does not stand still";
     GTEST_SKIP() << "the machine stood still again and again: the watchdog bites after 20 ms";
   }
-  /// A station with the trainee's needle in the tissue and force on the hand. A machine that stands still for 20 ms makes the
-  /// watchdog bite: then it is tried again. Null when that could not be had, which is judged.
+  /// A station with the trainee's needle in the tissue and force on the hand. A machine that stands still for
+  /// 20 ms makes the watchdog bite: then it is tried again. Null when that could not be had, which is judged.
   std::unique_ptr<Process> stationInMidStroke(const std::vector<std::string>& arguments,
                                               const HandPath& hand) {
     for (int again = 0; again < 8; ++again) {

@@ -1,5 +1,5 @@
-// What the haptic thread promises (ARCHITECTURE.md: no heap, no lock, no exception, no system call but the clock's
-// and the device's), shown over a whole life of the loop: force, missed ticks, FAULT, black box,
+// What the haptic thread promises (ARCHITECTURE.md: no heap, no lock, no exception, no system call but the
+// clock's and the device's), shown over a whole life of the loop: force, missed ticks, FAULT, black box,
 // acknowledgement.
 #include <sys/syscall.h>
 #include <time.h>
