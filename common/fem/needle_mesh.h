@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "common/base/result.h"
-#include "common/haptics/models/needle_compliance.h"
+#include "common/haptics/models/fem_needle.h"
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {

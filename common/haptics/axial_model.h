@@ -1,4 +1,5 @@
-/// The ways to compute the force along the trajectory (DESIGN §3.6), and what an author sets for each.
+/// The ways to compute the force along the trajectory (FORCE_MODEL.md, "Axial models"), and what an author
+/// sets for each.
 #pragma once
 
 #include <array>

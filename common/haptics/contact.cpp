@@ -1,4 +1,4 @@
-#include "common/haptics/contact.h"
+#include "common/haptics/tick.h"
 
 #include <algorithm>
 

@@ -1,5 +1,5 @@
-/// The haptic engine: one tick of DESIGN §3. No I/O, clock, heap, lock or exception; same inputs give the
-/// same bits.
+/// The haptic engine: one tick of FORCE_MODEL.md. No I/O, clock, heap, lock or exception; same inputs give
+/// the same bits.
 #pragma once
 
 #include <array>

@@ -51,7 +51,7 @@ inline bool isFinite(Vec3 a) {
   return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z);
 }
 
-/// Rotation as a unit quaternion, order x y z w (DESIGN §2).
+/// Rotation as a unit quaternion, order x y z w.
 struct Quat {
   double x = 0, y = 0, z = 0, w = 1;
   friend constexpr bool operator==(const Quat&, const Quat&) = default;
@@ -80,7 +80,7 @@ constexpr Vec3 rotate(Quat q, Vec3 v) {
   const Vec3 t = 2.0 * cross(r, v);
   return v + q.w * t + cross(r, t);
 }
-/// The z axis of the rotated frame: for a tip frame T (+z from hub to tip, DESIGN §2) the needle's axis in W.
+/// The z axis of the rotated frame: for a tip frame T (+z from hub to tip) the needle's axis in W.
 constexpr Vec3 zAxis(Quat q) {
   return {2.0 * (q.x * q.z + q.w * q.y), 2.0 * (q.y * q.z - q.w * q.x), 1.0 - 2.0 * (q.x * q.x + q.y * q.y)};
 }

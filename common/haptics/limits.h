@@ -5,7 +5,7 @@
 
 namespace needlelab {
 
-inline constexpr std::size_t kMaxLayers = 32;  ///< DESIGN §4: a profile has 1-32 layers
+inline constexpr std::size_t kMaxLayers = 32;  ///< of a profile
 inline constexpr double kMinRateHz = 50;  ///< slower than this the 100 ms speed window has fewer than 5 ticks
 inline constexpr double kMaxRateHz = 40'000;  ///< the fastest loop in the literature (Choi and Tan)
 /// Ring of past positions for the speed over 100 ms: 4,000 ticks at 40 kHz and the one before entry.

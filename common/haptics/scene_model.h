@@ -96,8 +96,8 @@ class SceneModel {
 
   [[nodiscard]] bool isLive(Effect effect) const { return (live & bitOf(effect)) != 0; }
   /// Steepest stiffness along the trajectory that can act at once: K_t (or the axial model's) + K_f +
-  /// steepest membrane, of live effects. A device refuses a scene that is above what it can render (DESIGN
-  /// §3.5).
+  /// steepest membrane, of live effects. A device refuses a scene that is above what it can render
+  /// (FORCE_MODEL.md, "Sum and cap").
   [[nodiscard]] double axialStiffness_N_per_m() const;
 };
 
@@ -109,7 +109,7 @@ void stepWithStages(const SceneModel& model, const TipSample& sample, SimState& 
 /// `validate`.
 Result<SceneModel> compile(const SceneSpec& spec, double rate_hz);
 
-/// Signed depth δ of a point in the limb: negative outside, positive inside (DESIGN §3.1).
+/// Signed depth δ of a point in the limb: negative outside, positive inside (FORCE_MODEL.md, "Contact").
 double signedDepth(const Limb& limb, Vec3 p_W_m);
 /// The same for the scene's limb.
 double depthInLimb(const SceneModel& model, const Vec3& p_W_m) noexcept;

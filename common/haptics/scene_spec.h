@@ -1,5 +1,4 @@
-/// What an author writes: a scene as plain values, before it is validated and compiled (DESIGN §4 gives the
-/// ranges).
+/// What an author writes: a scene as plain values, before it is validated and compiled.
 #pragma once
 
 #include <array>
@@ -63,7 +62,8 @@ struct CapsuleLimb {
 };
 using Limb = std::variant<PlaneLimb, SphereLimb, CapsuleLimb>;
 
-/// A membrane at a layer's top: force k1 z + k2 z² until it ruptures at `force_N` (DESIGN §3.5).
+/// A membrane at a layer's top: force k1 z + k2 z² until it ruptures at `force_N` (FORCE_MODEL.md,
+/// "Puncture").
 struct MembraneSpec {
   double linear_N_per_m = 0;
   double quadratic_N_per_m2 = 0;

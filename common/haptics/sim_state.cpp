@@ -28,6 +28,20 @@ class Fnv1a {
 
 }  // namespace
 
+const char* phaseName(Phase phase) {
+  switch (phase) {
+    case Phase::kFree:
+      return "FREE";
+    case Phase::kInserting:
+      return "INSERTING";
+    case Phase::kStopped:
+      return "STOPPED";
+    case Phase::kWithdrawing:
+      return "WITHDRAWING";
+  }
+  return "?";
+}
+
 std::uint64_t hashOf(const SimState& state) {
   Fnv1a hash;
   hash.add(state.p_prev_W_m);

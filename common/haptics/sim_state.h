@@ -11,7 +11,7 @@
 
 namespace needlelab {
 
-/// What the needle does (DESIGN §3.2). Values are stored in recordings: append only.
+/// What the needle does (FORCE_MODEL.md, "Tracking wall"). Values are stored in recordings: append only.
 enum class Phase : std::uint8_t { kFree = 0, kInserting = 1, kStopped = 2, kWithdrawing = 3 };
 const char* phaseName(Phase phase);
 

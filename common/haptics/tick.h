@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 
 #include "common/haptics/engine.h"
 
@@ -64,7 +65,7 @@ std::uint32_t findLayer(const SceneModel& model, double depth_m, std::uint32_t i
   return layer;
 }
 
-/// Angle between two unit vectors, by atan2 (DESIGN §3). In [0, π].
+/// Angle between two unit vectors, by atan2. In [0, π].
 double angleBetween(Vec3 a, Vec3 b) noexcept;
 
 /// Cut to max_force_N, the direction kept.
@@ -73,6 +74,33 @@ inline void capForce(const SceneModel& model, Vec3& force_N, StepReport& report)
   if (!(squared > model.max_force_N * model.max_force_N)) return;
   force_N = force_N * (model.max_force_N / std::sqrt(squared));
   report.flags |= kFlagForceCapped;
+}
+
+// ---- when an insertion begins and ends (FORCE_MODEL.md, "Contact"): rare, hence out of line ----
+
+inline constexpr double kNoNumber = std::numeric_limits<double>::quiet_NaN();
+
+/// The report of a tick without force.
+void clearReport(StepReport& report, double depth_m, std::uint32_t flags) noexcept;
+
+/// A tick that does not begin and end in the same layer: outside, an entry, an exit, another layer; or a
+/// sample that is not finite. True in tissue: the report's flags say what happened, at an entry P0, n, u and
+/// all that is remembered are set to their beginning, and the tick goes on as any other. False when there is
+/// no force in this tick; then the report is complete.
+bool changeContact(const SceneModel& model, const TipSample& sample, double depth_m, SimState& state,
+                   StepReport& report) noexcept;
+
+/// Where the tip was at the tick before, for axial models that interpolate or differentiate.
+struct TickBefore {
+  double x_m = 0;      ///< along the present u
+  double depth_m = 0;  ///< δ
+};
+
+/// At the entry tick P0: x = 0 and δ = 0 (FORCE_MODEL.md, "Puncture").
+inline TickBefore tickBefore(const SimState& state) {
+  if (state.ticks_inside == 1) return {};
+  return {state.x_history_m[(state.ticks_inside - 1) & state.history_mask] + state.x_shift_m,
+          state.depth_prev_m};
 }
 
 }  // namespace needlelab

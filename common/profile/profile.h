@@ -1,6 +1,6 @@
 /// Profiles, exercises and curricula: strict JSON in, canonical JSON out, and the scene that a profile
-/// describes (DESIGN §4). Ranges, required fields and sizes stand beside the fields in
-/// proto/needlelab/profile.proto and are read from there.
+/// describes (db/samples/README.md, "Profile fields"). Ranges, required fields and sizes stand beside the
+/// fields in proto/needlelab/profile.proto and are read from there.
 #pragma once
 
 #include <filesystem>
@@ -42,8 +42,9 @@ NeedleSpec needleOf(const pb::Needle& needle);
 Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL = {});
 
 /// Another axial model in place of the profile's own, by name, as on the command line. Where the profile has
-/// no section of that model it gets one with the defaults of DESIGN §3.6, if each field has one. Errors:
-/// kInvalidInput for an unknown name and for a section that is missing; the profile may be changed then.
+/// no section of that model it gets one with the defaults of FORCE_MODEL.md, "Axial models", if each field
+/// has one. Errors: kInvalidInput for an unknown name and for a section that is missing; the profile may be
+/// changed then.
 Status chooseModel(pb::Profile& profile, const std::string& name);
 
 /// Writes the scene's axial model, that model's section and the list of effects into a profile of the same

@@ -84,7 +84,7 @@ void readSection(const EffectEntry& effect, const pb::Profile& profile, SceneSpe
 static_assert(static_cast<ClampingMode>(pb::VirtualFixture::PROPORTIONAL) == ClampingMode::kProportional);
 static_assert(static_cast<ClampingMode>(pb::VirtualFixture::PASSIVE) == ClampingMode::kPassive);
 
-/// A placement is a unit quaternion within the tolerance of files (DESIGN §5), and finite.
+/// A placement is a unit quaternion within the tolerance of files, and finite.
 Result<Pose> checkedPlacement(const Pose& X_WL) {
   const double length = std::sqrt(dot(X_WL.q, X_WL.q));
   if (!isFinite(X_WL.p)) return Error{ErrorCode::kInvalidInput, "placement: its position is not finite"};

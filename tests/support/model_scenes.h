@@ -5,8 +5,8 @@
 #include <cmath>
 #include <memory>
 
+#include "common/haptics/models/fem_needle.h"
 #include "common/haptics/models/like_for_like.h"
-#include "common/haptics/models/needle_compliance.h"
 #include "tests/support/scenes.h"
 
 namespace needlelab::test {

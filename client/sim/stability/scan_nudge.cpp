@@ -10,8 +10,8 @@
 
 #include "client/sim/stability/case.h"
 #include "common/fem/needle_mesh.h"
+#include "common/haptics/models/fem_needle.h"
 #include "common/haptics/models/like_for_like.h"
-#include "common/haptics/models/needle_compliance.h"
 
 namespace needlelab {
 namespace {

@@ -1,5 +1,5 @@
-/// Clamping force: a virtual fixture toward the trajectory line, stiffer with depth (paper eq. 8; DESIGN
-/// §3.3).
+/// Clamping force: a virtual fixture toward the trajectory line, stiffer with depth (paper eq. 8;
+/// FORCE_MODEL.md, "Clamping").
 #pragma once
 
 #include <algorithm>

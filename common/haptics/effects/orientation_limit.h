@@ -1,4 +1,5 @@
-/// Orientation limit: the freedom to tilt shrinks as the needle goes in (paper eq. 7; DESIGN §3.4).
+/// Orientation limit: the freedom to tilt shrinks as the needle goes in (paper eq. 7; FORCE_MODEL.md,
+/// "Orientation limit").
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-/// Membranes at the tops of layers: a force that grows until it ruptures (DESIGN §3.5).
+/// Membranes at the tops of layers: a force that grows until it ruptures (FORCE_MODEL.md, "Puncture").
 #pragma once
 
 #include <algorithm>

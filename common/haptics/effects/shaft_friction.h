@@ -1,4 +1,5 @@
-/// Shaft friction: a second tracking wall, dragged both ways, stronger with inserted length (DESIGN §3.5).
+/// Shaft friction: a second tracking wall, dragged both ways, stronger with inserted length (FORCE_MODEL.md,
+/// "Shaft friction").
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-/// One tick of DESIGN §3 as a template over the axial model and the set of live effects. For the models'
+/// One tick (FORCE_MODEL.md) as a template over the axial model and the set of live effects. For the models'
 /// files only: others call `step` of engine.h.
 #pragma once
 
@@ -8,12 +8,12 @@
 #include <limits>
 #include <utility>
 
-#include "common/haptics/contact.h"
 #include "common/haptics/effects/clamping.h"
 #include "common/haptics/effects/orientation_limit.h"
 #include "common/haptics/effects/puncture.h"
 #include "common/haptics/effects/shaft_friction.h"
 #include "common/haptics/effects/tracking_wall.h"
+#include "common/haptics/tick.h"
 
 namespace needlelab {
 

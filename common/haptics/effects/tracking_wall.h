@@ -1,4 +1,4 @@
-/// Cutting and attracted force: the enhanced tracking wall (paper eq. 1–6; DESIGN §3.2).
+/// Cutting and attracted force: the enhanced tracking wall (paper eq. 1–6; FORCE_MODEL.md, "Tracking wall").
 /// One wall w is dragged behind the needle on the way in, ahead of it on the way out, and creeps up to it in
 /// a stop. Every move of the wall shrinks |x − w|: the element only dissipates, so it needs no damper.
 #pragma once

@@ -1,5 +1,7 @@
 #include "common/haptics/models/axial_entry.h"
 
+#include <string>
+
 #include "common/haptics/axial_model.h"
 
 namespace needlelab {
@@ -12,6 +14,24 @@ EffectMask effectsOfLayers(const SceneSpec& spec) {
   }
   return mask;
 }
+
+namespace {
+
+// stands for a model that this build does not have: `validate` refuses the scene by name, so that it is never
+// rendered by another model unnoticed
+constinit const AxialEntry kNotBuiltEntry = {
+    nullptr,
+    [](const SceneSpec& spec, SpecChecker& check) {
+      const auto index = static_cast<std::size_t>(spec.axial_model);
+      check.enter("");
+      check.require(false, "axial_model",
+                    (index < kAxialModelCount ? std::string(kAxialModelNames[index])
+                                              : "number " + std::to_string(index)) +
+                        " is not built into this version");
+    },
+    [](const SceneSpec&) { return EffectMask{0}; }, [](const SceneSpec&, SceneModel&) {}};
+
+}  // namespace
 
 const AxialEntry& axialEntry(AxialModel model) {
   switch (model) {

@@ -39,6 +39,5 @@ extern const AxialEntry kGodObjectEntry;
 extern const AxialEntry kFirstOrderEntry;
 extern const AxialEntry kStatisticalEntry;
 extern const AxialEntry kPrecomputedEntry;
-extern const AxialEntry kNotBuiltEntry;  ///< refuses the scene by its model's name
 
 }  // namespace needlelab

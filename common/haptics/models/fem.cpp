@@ -1,8 +1,8 @@
-/// FEM: the reaction of linear elastic tissue to a needle that sticks to it, slips and cuts it (DESIGN §3.6),
-/// with the mesh's compliance in place of the mesh (fem_needle.h). Rendered directly: there is no wall. A
-/// needle that is pushed in tents the tissue until the cutting force is reached; on the way out the shaft's
-/// friction pulls. A stop relaxes nothing: the tissue is elastic. `cutting_N` is the tip's force,
-/// `friction_N` the shaft's.
+/// FEM: the reaction of linear elastic tissue to a needle that sticks to it, slips and cuts it
+/// (FORCE_MODEL.md, "Axial models"), with the mesh's compliance in place of the mesh (fem_needle.h). Rendered
+/// directly: there is no wall. A needle that is pushed in tents the tissue until the cutting force is
+/// reached; on the way out the shaft's friction pulls. A stop relaxes nothing: the tissue is elastic.
+/// `cutting_N` is the tip's force, `friction_N` the shaft's.
 #include "common/haptics/effects/step_live.h"
 #include "common/haptics/models/axial_entry.h"
 #include "common/haptics/models/fem_needle.h"

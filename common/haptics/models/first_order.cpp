@@ -1,17 +1,17 @@
 /// FIRST_ORDER: the needle's force as the sum of three, after Okamura, Simone and O'Leary 2004 (their
-/// quadratic stiffness taken linear): stiffness before puncture, then cutting and friction (DESIGN §3.6).
-/// Each layer has a surface at its top that holds with k (x − s) until that reaches its puncture force. While
-/// one holds, nothing is cut or rubbed beyond it (x_c of DESIGN §3.5). Cutting is constant in a layer and
-/// friction ∫ friction ds over the length that is through, both by dragged walls (K_t and K_f): cutting on
-/// the way in only, friction both ways. There is no relaxation in a stop: the model has none. It has its own
-/// puncture and friction: a scene that lists PUNCTURE or SHAFT_FRICTION is refused.
+/// quadratic stiffness taken linear): stiffness before puncture, then cutting and friction (FORCE_MODEL.md,
+/// "Axial models"). Each layer has a surface at its top that holds with k (x − s) until that reaches its
+/// puncture force. While one holds, nothing is cut or rubbed beyond it (x_c of FORCE_MODEL.md, "Puncture").
+/// Cutting is constant in a layer and friction ∫ friction ds over the length that is through, both by dragged
+/// walls (K_t and K_f): cutting on the way in only, friction both ways. There is no relaxation in a stop: the
+/// model has none. It has its own puncture and friction: a scene that lists PUNCTURE or SHAFT_FRICTION is
+/// refused.
 #include <algorithm>
 #include <bit>
 
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/effects/step_live.h"
 #include "common/haptics/models/axial_entry.h"
-#include "common/haptics/models/tick_before.h"
 
 namespace needlelab {
 namespace {

@@ -1,15 +1,15 @@
 /// GOD_OBJECT: the proxy of surface rendering (Zilles and Salisbury 1995: a point that stays on the surface
-/// while the tip goes through it) put onto the tops of layers (DESIGN §3.6). It lies on the top of the layer
-/// that the tip meets and pulls the tip back with f = −K (x − x_proxy); when K (x − x_proxy) exceeds that
-/// layer's cutting force, the proxy is let through, for the rest of this insertion, and goes with the tip to
-/// the next top. Between tops there is no force at all, and the force vanishes where the proxy is let
-/// through: that is what it is here to show. It never pulls inward. A top's place along u is taken as a
-/// membrane's (DESIGN §3.5): the x interpolated by δ between the tick before and this one.
+/// while the tip goes through it) put onto the tops of layers (FORCE_MODEL.md, "Axial models"). It lies on
+/// the top of the layer that the tip meets and pulls the tip back with f = −K (x − x_proxy); when K (x −
+/// x_proxy) exceeds that layer's cutting force, the proxy is let through, for the rest of this insertion, and
+/// goes with the tip to the next top. Between tops there is no force at all, and the force vanishes where the
+/// proxy is let through: that is what it is here to show. It never pulls inward. A top's place along u is
+/// taken as a membrane's (FORCE_MODEL.md, "Puncture"): the x interpolated by δ between the tick before and
+/// this one.
 #include <algorithm>
 
 #include "common/haptics/effects/step_live.h"
 #include "common/haptics/models/axial_entry.h"
-#include "common/haptics/models/tick_before.h"
 
 namespace needlelab {
 namespace {

@@ -1,7 +1,7 @@
 /// PRECOMPUTED: a table of force over depth, made beforehand (by FEM, by a fit, by hand), in and out, linear
 /// between its rows, rendered by the enhanced tracking wall: Δ_cut = cutting(δ)/K_t, Δ_att = attracted(δ)/K_t
-/// (DESIGN §3.6; precomputed tables are the future work of the paper). The stop leaves the layer's rejection
-/// force, as the wall does.
+/// (FORCE_MODEL.md, "Axial models"; precomputed tables are the future work of the paper). The stop leaves the
+/// layer's rejection force, as the wall does.
 #include <algorithm>
 
 #include "common/haptics/effects/step_live.h"

@@ -1,4 +1,4 @@
-/// STATISTICAL: how the force over depth differs from patient to patient (DESIGN §3.6).
+/// STATISTICAL: how the force over depth differs from patient to patient (FORCE_MODEL.md, "Axial models").
 #pragma once
 
 #include <cstdint>

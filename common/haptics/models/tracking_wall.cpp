@@ -1,5 +1,6 @@
-/// ENHANCED_TRACKING_WALL: cutting and attracted force by the wall of DESIGN §3.2 (paper eq. 1-6), and
-/// TRACKING_WALL, its predecessor of 2018: the same wall for insertion and stop, without attracted force.
+/// ENHANCED_TRACKING_WALL: cutting and attracted force by the wall of FORCE_MODEL.md, "Tracking wall" (paper
+/// eq. 1-6), and TRACKING_WALL, its predecessor of 2018: the same wall for insertion and stop, without
+/// attracted force.
 #include "common/haptics/effects/tracking_wall.h"
 #include "common/haptics/effects/step_live.h"
 #include "common/haptics/models/axial_entry.h"

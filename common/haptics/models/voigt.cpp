@@ -1,7 +1,7 @@
 /// VOIGT: a spring and a damper side by side from the surface to the tip, the Kelvin-Voigt element that many
-/// simulators take for soft tissue (e.g. Fung 1993, §2.11): f = min(0, −K x − B ẋ), it never pulls (DESIGN
-/// §3.6). ẋ is the difference over one tick, x = 0 at the tick before entry: what a quantised position costs
-/// there is B·quantum/T, and that is part of what this model is here to show.
+/// simulators take for soft tissue (e.g. Fung 1993, §2.11): f = min(0, −K x − B ẋ), it never pulls
+/// (FORCE_MODEL.md, "Axial models"). ẋ is the difference over one tick, x = 0 at the tick before entry: what
+/// a quantised position costs there is B·quantum/T, and that is part of what this model is here to show.
 #include <algorithm>
 
 #include "common/haptics/effects/step_live.h"

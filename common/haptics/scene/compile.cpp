@@ -12,12 +12,12 @@
 namespace needlelab {
 namespace {
 
-// a duration in ticks: max(1, floor(duration·rate + 0.5)) (DESIGN §3)
+// a duration in ticks: max(1, floor(duration·rate + 0.5))
 double ticksOf(double duration_s, double rate_hz) {
   return std::max(1.0, std::floor(duration_s * rate_hz + 0.5));
 }
 
-// an effect is live when the scene lists it and its numbers are not all zero (DESIGN §4)
+// an effect is live when the scene lists it and its numbers are not all zero
 EffectMask liveEffects(const SceneSpec& spec) {
   EffectMask with_numbers = axialEntry(spec.axial_model).effectsWithNumbers(spec);
   for (const EffectEntry* entry : effectEntries())
@@ -30,7 +30,7 @@ double slopeAtRupture(const MembraneSpec& m) {
   return std::sqrt(m.linear_N_per_m * m.linear_N_per_m + 4 * m.quadratic_N_per_m2 * m.force_N);
 }
 
-// layer boundaries, stretches and the two running integrals (DESIGN §3.2, 3.3, 3.5)
+// layer boundaries, stretches and the two running integrals (FORCE_MODEL.md, "Tracking wall")
 void compileLayers(const SceneSpec& spec, SceneModel& model) {
   const double wall_stiffness = spec.tracking_wall.stiffness_N_per_m;
   double top = 0, lateral = 0, friction = 0;  // ∫ from the skin to the layer's top, along the normal

@@ -1,4 +1,4 @@
-// Clamping force and change of trajectory (DESIGN §3.3) by formula.
+// Clamping force and change of trajectory (FORCE_MODEL.md, "Clamping") by formula.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -74,7 +74,7 @@ TEST(Clamping, forceIsTowardTheLineAndProportionalInBothModesWhenDeviationComesA
   }
 }
 
-// DESIGN §3.3: "half of it on a straight diverging path"
+// FORCE_MODEL.md, "Clamping": half of eq. 8 on a straight diverging path
 TEST(Clamping, passiveGivesHalfTheForceOnAStraightDivergingPath) {
   Probe probe(clampingScene(10'000, ClampingMode::kPassive), 1000);
   probe.at(-1e-4);

@@ -1,4 +1,5 @@
-// Contact (DESIGN §3.1): entry point, direction, exit, starting inside, the three limb shapes, layers.
+// Contact (FORCE_MODEL.md, "Contact"): entry point, direction, exit, starting inside, the three limb shapes,
+// layers.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,5 +1,5 @@
-// Properties over random gestures (DESIGN §10, `random_energy`, with prescribed motion): with PASSIVE
-// clamping the scene gives the hand no energy, and outside declared releases no force jumps.
+// Properties over random gestures (tests/stability/README.md, `random_energy`, with prescribed motion): with
+// PASSIVE clamping the scene gives the hand no energy, and outside declared releases no force jumps.
 #include <gtest/gtest.h>
 
 #include <cmath>

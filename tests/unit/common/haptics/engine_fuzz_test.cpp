@@ -1,4 +1,4 @@
-// Hostile motion (DESIGN §10): finite, at most the greatest force, |u| = 1 ± 1e-12, whatever the tip does.
+// Hostile motion: finite, at most the greatest force, |u| = 1 ± 1e-12, whatever the tip does.
 #include <gtest/gtest.h>
 
 #include <bit>

@@ -1,4 +1,4 @@
-// The gate between engine and device (DESIGN §3.7).
+// The gate between engine and device (FORCE_MODEL.md, "Gate").
 #include "common/haptics/force_gate.h"
 
 #include <gtest/gtest.h>

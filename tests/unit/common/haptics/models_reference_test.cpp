@@ -1,4 +1,5 @@
-// Each axial model against a literal transcription of DESIGN §3.6 (support/reference_models.h).
+// Each axial model against a literal transcription of FORCE_MODEL.md, "Axial models"
+// (support/reference_models.h).
 #include <gtest/gtest.h>
 
 #include "tests/support/model_scenes.h"

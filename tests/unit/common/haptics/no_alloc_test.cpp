@@ -1,4 +1,4 @@
-// The haptic tick and the gate use no heap (DESIGN §1: "no heap/lock/IO").
+// The haptic tick and the gate use no heap.
 #include "tests/support/no_alloc.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// Orientation limit (DESIGN §3.4, paper eq. 7) by formula.
+// Orientation limit (FORCE_MODEL.md, "Orientation limit", paper eq. 7) by formula.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// Membranes (DESIGN §3.5) by formula.
+// Membranes (FORCE_MODEL.md, "Puncture") by formula.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -33,9 +33,9 @@ class Difference {
   std::ostringstream text_;
 };
 
-// Where the cone holds a turn back, DESIGN §3.3 asks for 1e-12 rad a tick only, and sliding along the cone
-// enlarges that by the ratio of lengths: two right answers then agree to about 1e-8 N, and 1e-6 N is asked
-// for. 1e-9 N everywhere else.
+// Where the cone holds a turn back, FORCE_MODEL.md, "Clamping" asks for 1e-12 rad a tick only, and sliding
+// along the cone enlarges that by the ratio of lengths: two right answers then agree to about 1e-8 N, and
+// 1e-6 N is asked for. 1e-9 N everywhere else.
 std::string differences(const StepReport& a, const StepReport& b, const ReferenceEngine& reference) {
   const double more = reference.coneBoundTicks() > 0 ? 1e-6 : 0.0, more_m = 1e-2 * more;
   const std::uint32_t undecided = reference.undecidedFlags();

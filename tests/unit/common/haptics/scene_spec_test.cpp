@@ -1,5 +1,5 @@
 // validate(): every number of a scene, outside its range in every way, is refused with its path, value and
-// range (DESIGN §4).
+// range.
 #include "common/haptics/scene_spec.h"
 
 #include <gmock/gmock.h>
@@ -20,7 +20,7 @@ using ::testing::HasSubstr;
 
 struct Field {
   std::string path;
-  std::string range;  ///< as DESIGN §4 writes it
+  std::string range;  ///< as db/samples/README.md writes it
   double most;        ///< greatest allowed
   bool zero_allowed;
   std::function<double&(SceneSpec&)> in;

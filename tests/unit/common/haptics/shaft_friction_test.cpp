@@ -1,4 +1,4 @@
-// Shaft friction (DESIGN §3.5) by formula.
+// Shaft friction (FORCE_MODEL.md, "Shaft friction") by formula.
 #include <gtest/gtest.h>
 
 #include <cmath>

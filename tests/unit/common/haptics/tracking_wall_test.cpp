@@ -1,5 +1,5 @@
-// Cutting and attracted force (DESIGN §3.2): eq. 1, 2, 6, the stop in both modes, and that it only
-// dissipates.
+// Cutting and attracted force (FORCE_MODEL.md, "Tracking wall"): eq. 1, 2, 6, the stop in both modes, and
+// that it only dissipates.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -181,7 +181,7 @@ TEST(TrackingWall, exponentialStopNeverGoesBelowTheRejectionForce) {
   EXPECT_NEAR(probe.stay(3000).back().cutting_N, -0.3, 1e-9);
 }
 
-// DESIGN §3.2: "Every move of the wall shrinks |x − w|, so the element only ever dissipates"
+// each move of the wall makes |x − w| smaller: this element can only take energy
 TEST(TrackingWall, everyMoveOfTheWallShrinksTheStretch) {
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
     SceneSpec scene = withEffects(paperSixLayers(), kAxial);

@@ -1,4 +1,4 @@
-/// A valid profile as text, in the form of DESIGN §4's example, with every section and every kind of hazard.
+/// A valid profile as text, in the form of db/samples, with every section and every kind of hazard.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -33,7 +33,7 @@ TEST(Fidelity, isTheShareOfTheLayerWithTheRightForce) {
 }
 
 TEST(ProfileWarnings, aThinLayerIsToldWithItsNumbers) {
-  // DESIGN's example: the skin of 3 mm has fidelity 1 − 0.9/1.5 = 0.4
+  // the skin of 3 mm has fidelity 1 − 0.9/1.5 = 0.4
   EXPECT_THAT(warningsWith({}),
               ElementsAre(AllOf(HasSubstr("layers[0] (SKIN, 3 mm)"), HasSubstr("fidelity 0.4"),
                                 HasSubstr("from 0 to 1 N"), HasSubstr("500 N/m needs 2 mm"))));
