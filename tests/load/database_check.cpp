@@ -100,7 +100,7 @@ Result<DatabaseCheck> readSession(Connection& connection, const LoadShared& shar
 
 Result<std::uint64_t> countOf(Connection& connection, const char* sql) {
   auto query = connection.query(sql);
-  ASSIGN_OR_RETURN(const auto row, query.step());
+  RETURN_IF_ERROR(query.step());
   return static_cast<std::uint64_t>(query.integer(0));
 }
 
