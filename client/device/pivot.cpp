@@ -8,8 +8,6 @@
 #include <cstdint>
 #include <optional>
 
-#include "common/base/text.h"
-
 namespace needlelab {
 namespace {
 

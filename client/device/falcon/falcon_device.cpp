@@ -14,7 +14,6 @@
 #include "client/device/falcon/firmware_loader.h"
 #include "common/base/clock.h"
 #include "common/base/range.h"
-#include "common/base/text.h"
 #include "common/haptics/device_condition.h"
 
 namespace needlelab {

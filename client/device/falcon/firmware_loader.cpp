@@ -15,7 +15,6 @@
 #include "client/device/falcon/falcon_geometry.h"
 #include "client/device/falcon/falcon_packet.h"
 #include "common/base/clock.h"
-#include "common/base/text.h"
 
 namespace needlelab::falcon {
 namespace {

@@ -10,7 +10,6 @@
 #include "client/station/run/real_time.h"
 #include "common/base/csv.h"
 #include "common/base/files.h"
-#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

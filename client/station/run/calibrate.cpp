@@ -21,7 +21,6 @@
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
-#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

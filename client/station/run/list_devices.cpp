@@ -15,7 +15,6 @@
 #include "client/device/factory/device_factory.h"
 #include "client/station/run/report_output.h"
 #include "common/base/program.h"
-#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

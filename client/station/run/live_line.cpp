@@ -9,7 +9,6 @@
 #include <cmath>
 #include <utility>
 
-#include "common/base/text.h"
 #include "common/haptics/device_condition.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/sim_state.h"

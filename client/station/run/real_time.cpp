@@ -18,7 +18,6 @@
 #include <set>
 
 #include "common/base/clock.h"
-#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

@@ -7,7 +7,6 @@
 #include <cstdio>
 
 #include "client/station/run/self_test.h"
-#include "common/base/text.h"
 #include "common/haptics/device_condition.h"
 
 namespace needlelab {

@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "common/base/program.h"
-#include "common/base/text.h"
 #include "common/haptics/device_condition.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/engine.h"

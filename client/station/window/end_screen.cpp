@@ -16,7 +16,6 @@
 #include "client/view/model/plot.h"
 #include "client/view/plots.h"
 #include "client/view/theme.h"
-#include "common/base/text.h"
 #include "common/scoring/measures.h"
 
 namespace needlelab {

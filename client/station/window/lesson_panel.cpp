@@ -14,7 +14,6 @@
 #include "client/view/model/scene_view.h"
 #include "client/view/plots.h"
 #include "client/view/theme.h"
-#include "common/base/text.h"
 
 namespace needlelab {
 

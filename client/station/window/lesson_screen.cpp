@@ -13,7 +13,6 @@
 #include "client/view/model/palette.h"
 #include "client/view/model/plot.h"
 #include "client/view/theme.h"
-#include "common/base/text.h"
 #include "common/haptics/device_condition.h"
 
 namespace needlelab {

@@ -22,7 +22,6 @@
 #include "client/station/window/trainee_window.h"
 #include "client/view/surface.h"
 #include "common/base/program.h"
-#include "common/base/text.h"
 
 namespace needlelab {
 namespace {

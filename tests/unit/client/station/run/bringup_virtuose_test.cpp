@@ -1,5 +1,6 @@
 /// Self-test and calibration of a Virtuose, with the stand-in for its vendor's library.
 
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -8,7 +9,6 @@
 #include "client/device/virtuose/virtuose_device.h"
 #include "client/station/run/calibrate.h"
 #include "client/station/run/self_test.h"
-#include "common/base/text.h"
 #include "tests/support/virtuose_standin/control.h"
 #include "tests/unit/client/station/run/fake_loop.h"
 
@@ -113,11 +113,12 @@ TEST(BringupVirtuose, calibrationFindsTheTipWithoutForce) {
   const PivotDevice hand(motion);
   const auto poseText = [&](double t_s) {
     const Pose X = hand.handleAt(t_s);
-    return formatted("%.8f %.8f %.8f %.8f %.8f %.8f %.8f", X.p.x, X.p.y, X.p.z, X.q.x, X.q.y, X.q.z, X.q.w);
+    return fmt::format("{:.8f} {:.8f} {:.8f} {:.8f} {:.8f} {:.8f} {:.8f}", X.p.x, X.p.y, X.p.z, X.q.x, X.q.y,
+                       X.q.z, X.q.w);
   };
   std::string script = "0 place " + poseText(0) + "\n";
   for (int i = 0; i < 25 * 20; ++i)
-    script += formatted("%.3f hand ", i * 0.05) + poseText(i * 0.05 + 0.05) + " 0.05\n";
+    script += fmt::format("{:.3f} hand ", i * 0.05) + poseText(i * 0.05 + 0.05) + " 0.05\n";
 
   Standin standin;
   standin.script(script);
