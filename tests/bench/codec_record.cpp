@@ -1,5 +1,7 @@
 #include "tests/bench/codec_record.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <ctime>
@@ -9,7 +11,6 @@
 
 #include "common/base/files.h"
 #include "common/base/program.h"
-#include "common/base/text.h"
 #include "common/gesture/chunk.h"
 #include "tests/bench/result_folder.h"
 #include "tests/unit/common/gesture/recorded_gestures.h"
@@ -129,8 +130,9 @@ int recordCodec(const std::filesystem::path& results, const std::string& commit)
         "%s\n",
         f.name.c_str(), f.samples, f.bytes, f.clock_bytes, f.encode_ns, f.decode_ns,
         met(f) ? "PASS" : "FAIL");
-    text << formatted("| %s | %.0f | %.2f | %.2f | %.1f | %.1f | %s |\n", f.name.c_str(), f.samples, f.bytes,
-                      f.clock_bytes, f.encode_ns, f.decode_ns, met(f) ? "PASS" : "**FAIL**");
+    text << fmt::format("| {} | {:.0f} | {:.2f} | {:.2f} | {:.1f} | {:.1f} | {} |\n", f.name.c_str(),
+                        f.samples, f.bytes, f.clock_bytes, f.encode_ns, f.decode_ns,
+                        met(f) ? "PASS" : "**FAIL**");
   }
   if (!results.empty()) {
     const auto folder = results / folderName(machineText());

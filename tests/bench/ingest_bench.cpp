@@ -2,6 +2,7 @@
 /// with the same rows, the same groups and synchronous=FULL): the writer thread with SessionStore::append
 /// (checks, counters, one savepoint per chunk) and a bare loop of INSERTs, in turns, each with a database of
 /// its own on the same disk.
+#include <fmt/core.h>
 #include <sqlite3.h>
 
 #include <algorithm>
@@ -18,7 +19,6 @@
 
 #include "common/base/files.h"
 #include "common/base/program.h"
-#include "common/base/text.h"
 #include "common/gesture/chunk.h"
 #include "db/credentials.h"
 #include "db/db_writer.h"
@@ -274,11 +274,11 @@ std::string measure(const Settings& settings, const Material& material, std::siz
       quantile(ratio, 0), quantile(ratio, 1), here ? "PASS" : "FAIL",
       static_cast<double>(counters.group_items.sum()) / static_cast<double>(counters.group_items.count()),
       counters.commit_ns.quantile(0.5) * 1e-6, counters.work_ns.quantile(0.5) * 1e-6);
-  return formatted("| %zu | %.0f | %.1f | %.0f | %.1f | **%.2f** | %.2f–%.2f | %.2f–%.2f | %s |\n", group,
-                   quantile(our_rate, 0.5), quantile(our_rate, 0.5) * bytes_per_row * 1e-6,
-                   quantile(raw_rate, 0.5), quantile(raw_rate, 0.5) * bytes_per_row * 1e-6, median,
-                   quantile(ratio, 0.25), quantile(ratio, 0.75), quantile(ratio, 0), quantile(ratio, 1),
-                   here ? "PASS" : "**FAIL**");
+  return fmt::format(
+      "| {} | {:.0f} | {:.1f} | {:.0f} | {:.1f} | **{:.2f}** | {:.2f}–{:.2f} | {:.2f}–{:.2f} | {} |\n", group,
+      quantile(our_rate, 0.5), quantile(our_rate, 0.5) * bytes_per_row * 1e-6, quantile(raw_rate, 0.5),
+      quantile(raw_rate, 0.5) * bytes_per_row * 1e-6, median, quantile(ratio, 0.25), quantile(ratio, 0.75),
+      quantile(ratio, 0), quantile(ratio, 1), here ? "PASS" : "**FAIL**");
 }
 
 int run(const Settings& settings) {
@@ -292,16 +292,16 @@ int run(const Settings& settings) {
        << "Written by `cmake --build build/release --target record_ingest_bench`. Rows are chunks of 1000 "
           "samples of "
        << material.source
-       << formatted(" (%.0f bytes each on average) over %zu open sessions with a profile of %zu bytes. ",
-                    bytes / static_cast<double>(material.chunks.size()), settings.sessions,
-                    settings.profile_bytes)
+       << fmt::format(" ({:.0f} bytes each on average) over {} open sessions with a profile of {} bytes. ",
+                      bytes / static_cast<double>(material.chunks.size()), settings.sessions,
+                      settings.profile_bytes)
        << "Ours: DbWriter and SessionStore::append, which checks each chunk's CRC, seq and owner, keeps the "
           "session's counters and gives each chunk a "
           "savepoint. Raw: one prepared INSERT of the same rows, without checks, counters or foreign keys. "
           "Both: WAL, synchronous=FULL, a PASSIVE "
           "checkpoint every 100 ms, the same group in one transaction. "
-       << formatted(
-              "%zu rounds of %zu groups, in turns, the order swapped from round to round; rates are medians, "
+       << fmt::format(
+              "{} rounds of {} groups, in turns, the order swapped from round to round; rates are medians, "
               "the ratio is taken round by round. ",
               settings.rounds, settings.groups)
        << "A thousand stations send 1000 rows/s, which come in groups of about 35.\n\n"

@@ -3,6 +3,7 @@
 // cmake --build build/release --target record_loop_bench: two minutes, writes tests/bench/results/<machine>/
 //
 // build/release/bin/needlelab_loop_bench [--seconds 60]: only shows; exit code 1 when a goal is not met
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -15,7 +16,6 @@
 #include "common/base/clock.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
-#include "common/base/text.h"
 #include "tests/bench/loop_report.h"
 #include "tests/bench/result_folder.h"
 
@@ -37,8 +37,8 @@ std::string watchingText() {
     box->next() = tick;
     box->commit();
   });
-  return formatted(
-      "A duration into a histogram that others may read: %.1f ns; a tick into the black box: %.0f ns "
+  return fmt::format(
+      "A duration into a histogram that others may read: {:.1f} ns; a tick into the black box: {:.0f} ns "
       "(medians).\n",
       add.median_ns, keeping.median_ns);
 }
@@ -75,12 +75,11 @@ int bench(const LoopBenchOptions& options, const std::string& results, const std
   text += "\n" + watchingText();
   std::printf("%s", text.c_str());
   if (!results.empty()) {
-    const std::string head = formatted(
-        "# The haptic loop's wake-up on this machine\n\n%s; %s; commit %s.\n\nWritten by `cmake --build "
-        "build/release --target record_loop_bench`; slice by slice in loop.json. %g s of each at %g Hz and "
-        "SCHED_FIFO %d, in slices of %g s in turn: the station's loop with the simulated device, black box "
-        "and "
-        "spool, and `cyclictest --mlockall` on its own. Goals: tests/bench/README.md.\n\n",
+    const std::string head = fmt::format(
+        "# The haptic loop's wake-up on this machine\n\n{}; {}; commit {}.\n\nWritten by `cmake --build "
+        "build/release --target record_loop_bench`; slice by slice in loop.json. {:g} s of each at {:g} Hz "
+        "and SCHED_FIFO {}, in slices of {:g} s in turn: the station's loop with the simulated device, black "
+        "box and spool, and `cyclictest --mlockall` on its own. Goals: tests/bench/README.md.\n\n",
         machineText().c_str(), nowText().c_str(), commit.c_str(), options.seconds, options.rate_hz,
         options.priority, options.slice_s);
     if (auto status = record(results, head + text, loopJson(*result, goals, commit)); !status.ok()) {

@@ -1,9 +1,10 @@
 #include "tests/bench/loop_report.h"
 
+#include <fmt/core.h>
+
 #include <nlohmann/json.hpp>
 
 #include "common/base/program.h"
-#include "common/base/text.h"
 #include "tests/bench/result_folder.h"
 
 namespace needlelab::test {
@@ -28,9 +29,9 @@ Json wakeupsJson(const Wakeups& w) {
 
 std::string row(const char* name, const Wakeups& w) {
   const LatencyQuantiles q = w.late.quantiles();
-  return formatted("| %-14s | %8.1f | %8.1f | %8.1f | %8.1f | %9.4f %% | %8llu |\n", name, us(q.p50_ns),
-                   us(q.p99_ns), us(q.p999_ns), us(q.max_ns), 100 * w.shareOverT(),
-                   static_cast<unsigned long long>(w.count));
+  return fmt::format("| {:<14} | {:8.1f} | {:8.1f} | {:8.1f} | {:8.1f} | {:9.4f} % | {:8} |\n", name,
+                     us(q.p50_ns), us(q.p99_ns), us(q.p999_ns), us(q.max_ns), 100 * w.shareOverT(),
+                     static_cast<unsigned long long>(w.count));
 }
 
 }  // namespace
@@ -40,11 +41,11 @@ std::vector<LoopVerdict> judge(const LoopBenchResult& result, const LoopGoals& g
   const double loop_us = us(result.loop.late.quantile_ns(0.99));
   const double other_us = us(result.cyclictest.late.quantile_ns(0.99));
   return {{loop <= other + goals.share_more,
-           formatted("wake-ups late by more than a tick: %.4f %%, at most %.4f %% + %.4g %%", 100 * loop,
-                     100 * other, 100 * goals.share_more)},
+           fmt::format("wake-ups late by more than a tick: {:.4f} %, at most {:.4f} % + {:.4g} %", 100 * loop,
+                       100 * other, 100 * goals.share_more)},
           {loop_us <= goals.p99_ratio * other_us,
-           formatted("wake-up p99: %.1f µs, at most %.2g × %.1f µs; ratio %.2f", loop_us, goals.p99_ratio,
-                     other_us, other_us > 0 ? loop_us / other_us : 0)}};
+           fmt::format("wake-up p99: {:.1f} µs, at most {:.2g} × {:.1f} µs; ratio {:.2f}", loop_us,
+                       goals.p99_ratio, other_us, other_us > 0 ? loop_us / other_us : 0)}};
 }
 
 std::string loopTable(const LoopBenchResult& result) {
@@ -53,9 +54,8 @@ std::string loopTable(const LoopBenchResult& result) {
       "|----------------|---------:|---------:|---------:|---------:|------------:|---------:|\n";
   text += row("haptic loop", result.loop) + row("cyclictest", result.cyclictest);
   const LatencyQuantiles tick = result.tick.quantiles();
-  text += formatted(
-      "\nThe loop's tick (device, gate, engine, record): p50 %.1f µs, p99 %.1f µs; %llu ticks "
-      "missed.\n",
+  text += fmt::format(
+      "\nThe loop's tick (device, gate, engine, record): p50 {:.1f} µs, p99 {:.1f} µs; {} ticks missed.\n",
       us(tick.p50_ns), us(tick.p99_ns), static_cast<unsigned long long>(result.missed_ticks));
   return text;
 }

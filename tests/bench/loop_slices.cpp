@@ -1,5 +1,7 @@
 #include "tests/bench/loop_slices.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -12,7 +14,6 @@
 #include "client/station/run/real_time.h"
 #include "client/station/run/servo_loop.h"
 #include "common/base/clock.h"
-#include "common/base/text.h"
 #include "tests/support/scenes.h"
 #include "tests/support/temp_folder.h"
 
@@ -83,7 +84,7 @@ Status runLoop(const LoopBenchOptions& options, SlicePair& slice, LoopBenchResul
   const ServoStats& stats = loop.stats();
   if (stats.end != ServoEnd::kTicksDone || ring->dropped() > 0)
     return Error{ErrorCode::kFailed,
-                 formatted("the loop ended early (%s) or lost samples", faultText(stats.first_fault))};
+                 fmt::format("the loop ended early ({}) or lost samples", faultText(stats.first_fault))};
   slice.loop.late = stats.wakeup;
   slice.loop.count = stats.wakeup.total();
   slice.loop.over_T = stats.late_wakeups;
@@ -105,8 +106,8 @@ Result<LoopBenchResult> runLoopBench(const LoopBenchOptions& options,
     slice.loop_first = i % 2 == 0;
     for (const bool first : {true, false}) {
       const bool loop = slice.loop_first == first;
-      progress(formatted("slice %zu of %zu: %s, %g s", i + 1, slices, loop ? "the haptic loop" : "cyclictest",
-                         options.slice_s));
+      progress(fmt::format("slice {} of {}: {}, {:g} s", i + 1, slices,
+                           loop ? "the haptic loop" : "cyclictest", options.slice_s));
       if (loop) {
         if (const Status status = runLoop(options, slice, result); !status.ok()) return status.error();
       } else {

@@ -1,6 +1,7 @@
 // What a frame of the windows costs where the processor draws (llvmpipe, one worker), on one core beside a
 // core that a haptic loop keeps busy: a lesson at 1280×720 as a whole and by parts, and what finer pictures
 // cost in time.
+#include <fmt/core.h>
 #include <pthread.h>
 #include <sched.h>
 #include <signal.h>
@@ -28,7 +29,6 @@
 #include "client/view/ultrasound_view.h"
 #include "common/base/clock.h"
 #include "common/base/program.h"
-#include "common/base/text.h"
 #include "tests/bench/result_folder.h"
 #include "tests/support/view_lesson/sample_lesson.h"
 
@@ -153,9 +153,9 @@ struct LessonWindow {
     plotStack("plots", stack, size);
   }
   void panel(bool with_ultrasound) {
-    figure(formatted("%.2f", forceOf(frame.moment)), "N", "force on the hand", kOrange);
+    figure(fmt::format("{:.2f}", forceOf(frame.moment)), "N", "force on the hand", kOrange);
     ImGui::SameLine(0, 30);
-    figure(formatted("%.1f", frame.moment.depth_m * 1000), "mm",
+    figure(fmt::format("{:.1f}", frame.moment.depth_m * 1000), "mm",
            "depth · " + layerName(*lesson.scene, frame.moment.layer));
     conditionLine(Condition::kGood, "the loop keeps its time: 1,000 of 1,000 ticks");
     const float height = ImGui::GetContentRegionAvail().y;
@@ -252,8 +252,8 @@ std::vector<Row> measureAll(const SampleLesson& lesson, Surface& surface) {
   for (const int size : {160, 320, 640}) {
     SliceSettings settings;
     settings.width = settings.height = size;
-    rows.push_back(timed(formatted("ultrasound slice, %d×%d", size, size),
-                         formatted("%d pixels", size * size), kFrames, [&](int) {
+    rows.push_back(timed(fmt::format("ultrasound slice, {}×{}", size, size),
+                         fmt::format("{} pixels", size * size), kFrames, [&](int) {
                            drawSlice(*lesson.scene, slicePlaneOf(*lesson.scene, window.frame.moment),
                                      window.frame.moment, settings, slice);
                          }));
@@ -280,13 +280,13 @@ std::string tableOf(const std::vector<Row>& rows, const std::string& commit, con
   if (!note.empty()) text += note + "\n\n";
   text += "| what | | processor p50 ms | p99 ms | clock p50 ms | p99 ms |\n|---|---|---:|---:|---:|---:|\n";
   for (const Row& row : rows)
-    text += formatted("| %s | %s | %.3f | %.3f | %.3f | %.3f |\n", row.what.c_str(), row.note.c_str(),
-                      row.cpu_p50_ms, row.cpu_p99_ms, row.p50_ms, row.p99_ms);
+    text += fmt::format("| {} | {} | {:.3f} | {:.3f} | {:.3f} | {:.3f} |\n", row.what.c_str(),
+                        row.note.c_str(), row.cpu_p50_ms, row.cpu_p99_ms, row.p50_ms, row.p99_ms);
   text += "\n";
   for (const Row& row : rows)
     if (row.what.find("whole frame") != std::string::npos)
-      text += formatted(
-          "- %s %s: p99 %.1f ms by the clock (%.1f ms of processor), goal below %.0f ms (30 frames a "
+      text += fmt::format(
+          "- {} {}: p99 {:.1f} ms by the clock ({:.1f} ms of processor), goal below {:.0f} ms (30 frames a "
           "second)\n",
           row.p99_ms < kGoal_ms ? "PASS" : "FAIL", row.what.c_str(), row.p99_ms, row.cpu_p99_ms, kGoal_ms);
   return text;
