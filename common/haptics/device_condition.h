@@ -8,7 +8,7 @@ namespace needlelab {
 /// Bits 22-30 of a recorded sample's flags, beside StepFlag and GateFlag. Append only.
 enum DeviceFlag : std::uint32_t {
   kDeviceEmergencyStop = 1u << 22,  ///< fault: the emergency stop is pressed
-  kDeviceReleased = 1u << 23,       ///< hold: the dead-man sensor says that no hand is there
+  kDeviceReleased = 1u << 23,       ///< hold: the dead-man sensor says that no hand holds it
   kDevicePowerOff = 1u << 24,       ///< hold: the motors have no power
   kDeviceOverheated = 1u << 25,     ///< fault
   kDeviceSaturated = 1u << 26,      ///< said and counted: it renders less than it was asked for

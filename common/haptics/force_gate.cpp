@@ -73,7 +73,7 @@ void ForceGate::raise(Fault fault) noexcept {
   fault_ = fault;
   at_fault_ = out_;
   fade_ = 1.0;
-  elapsed_ticks_ = 1;  // what was missed before is no time of the ramp
+  elapsed_ticks_ = 1;  // ticks missed before do not count for the ramp
   acknowledged_ = false;
   outside_ = false;
   ++faults_raised_;
@@ -104,7 +104,7 @@ void ForceGate::noteSilence(bool fresh, std::int64_t elapsed_ticks, std::uint32_
   } else if (!fresh) {
     silent_ticks_ += elapsed_ticks;
   } else {
-    // a device that reports as ever after the loop itself stood still: the force comes anew
+    // a device that reports as ever after the loop itself stood still: the force fades in again
     if (silent_ticks_ + elapsed_ticks - 1 > silent_limit_ticks_) {
       after_stall_ = true;
       elapsed_ticks_ = 1;
@@ -144,7 +144,7 @@ bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps,
   spendMissed(elapsed_ticks - 1);
   const bool held_before = holding_;
   holding_ = (condition & kDeviceHoldFlags) != 0;
-  // what was missed before a ramp begins is no time of it; one from outside begins here
+  // ticks missed before a ramp begins do not count for it; a ramp from outside begins here
   const bool begins = (holding_ && !held_before) || (fault_ != Fault::kNone && fade_ == 1.0);
   elapsed_ticks_ = begins ? 1 : elapsed_ticks;
   noteSilence(fresh, elapsed_ticks, condition);
@@ -205,7 +205,7 @@ GuardedWrench ForceGate::guard(const Wrench& wanted) noexcept {
       raise(Fault::kForceNotFinite);
   }
 
-  // fault: what was there goes away in a straight line
+  // fault: the force falls to zero in a straight line
   Wrench next;
   if (fault_ != Fault::kNone) {
     flags_ |= kGateFaulted;
@@ -296,7 +296,8 @@ void ThermalBudget::spend(double magnitude) noexcept {
   ticks_in_bucket_ = 0;
   current_ = (current_ + 1) % kBuckets;
   bucket_[current_] = 0;
-  // summed anew, so that no rounding is carried on for hours; all but the current one and the one that leaves
+  // summed again, so that no rounding error is carried on for hours; all but the current one and the one that
+  // leaves
   whole_ = 0;
   for (std::size_t i = 2; i < kBuckets; ++i) whole_ += bucket_[(current_ + i) % kBuckets];
 }

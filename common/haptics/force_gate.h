@@ -15,7 +15,7 @@ namespace needlelab {
 class ThermalBudget {
  public:
   ThermalBudget(double peak, double continuous, double period_s) noexcept;
-  /// Largest magnitude allowed in this tick, to one who wants `wanted`. Once a tick.
+  /// Largest magnitude allowed in this tick, when `wanted` is asked for. Once a tick.
   [[nodiscard]] double allowed(double wanted) noexcept;
   /// Counts the magnitude that was given to the device in this tick.
   void spend(double magnitude) noexcept;
@@ -51,7 +51,7 @@ enum class Fault : std::uint8_t {
   kDeviceTooFast = 3,  ///< above the device's own threshold
   kDeviceSilent = 4,   ///< watchdog: no update from the device
   kForceNotFinite = 5,
-  kOrientationInvalid = 6,  ///< the reported quaternion is no rotation: | |q| − 1 | > 1e-3
+  kOrientationInvalid = 6,  ///< the reported quaternion is not a rotation: | |q| − 1 | > 1e-3
   kEmergencyStop = 7,       ///< pressed at the device
   kDeviceLost = 8,          ///< unplugged, or its link is broken
   kDeviceOverheated = 9,
@@ -127,7 +127,7 @@ class ForceGate {
   [[nodiscard]] Fault fault() const noexcept { return fault_; }
   /// How often a fault was raised, over all of the gate's life.
   [[nodiscard]] std::uint64_t faultsRaised() const noexcept { return faults_raised_; }
-  /// In FAULT: the cause was there in the last tick, so that an acknowledgement does not count yet.
+  /// In FAULT: the cause was present in the last tick, so that an acknowledgement does not count yet.
   [[nodiscard]] bool causeLasts() const noexcept { return cause_lasts_; }
   /// In FAULT: it is acknowledged and waits for the tip to be outside.
   [[nodiscard]] bool acknowledged() const noexcept { return acknowledged_; }

@@ -23,7 +23,7 @@ inline constexpr int kThickestGauge = 10, kThinnestGauge = 34;
 inline constexpr double kGaugeTolerance = 0.08;
 
 /// Outer diameter of a gauge: the designated metric size of ISO 9626:2016, e.g. 0.7 mm for 22. 0 for a number
-/// that is no gauge.
+/// that is not a gauge.
 double gaugeDiameter_m(int gauge);
 
 /// The angle as given, or else the usual one of such a tip (set by hand but the first): hypodermic 11° (ISO

@@ -76,7 +76,7 @@ std::uint64_t hashOf(const SimState& state) {
   hash.add(std::uint64_t{state.membranes_met} | std::uint64_t{state.membranes_ruptured} << 32);
   for (std::uint32_t i = 0; i < state.membranes_met; ++i) hash.add(state.membrane_place_m[i]);
   for (std::size_t i = 0; i < kMaxStages; ++i) {
-    // a scene without stages has the hash that it had before there were any
+    // a scene without stages has the same hash as before stages existed
     if (std::all_of(state.stage[i].begin(), state.stage[i].end(), [](double d) { return d == 0.0; }))
       continue;
     hash.add(std::uint64_t{i});

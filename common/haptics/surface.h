@@ -1,5 +1,5 @@
 /// The limb's surface, and where a needle passed through it (FORCE_MODEL.md, "Contact"): for the engine's
-/// contact, and for whoever must know beforehand what it will take for entry and normal.
+/// contact, and for code that must know the entry and the normal beforehand.
 #pragma once
 
 #include "common/haptics/scene_spec.h"

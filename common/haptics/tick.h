@@ -85,8 +85,8 @@ void clearReport(StepReport& report, double depth_m, std::uint32_t flags) noexce
 
 /// A tick that does not begin and end in the same layer: outside, an entry, an exit, another layer; or a
 /// sample that is not finite. True in tissue: the report's flags say what happened, at an entry P0, n, u and
-/// all that is remembered are set to their beginning, and the tick goes on as any other. False when there is
-/// no force in this tick; then the report is complete.
+/// all that is remembered get their initial values, and the tick goes on as any other. False when this tick
+/// has no force; then the report is complete.
 bool changeContact(const SceneModel& model, const TipSample& sample, double depth_m, SimState& state,
                    StepReport& report) noexcept;
 

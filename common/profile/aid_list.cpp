@@ -38,7 +38,7 @@ Status checkAids(const std::string& path, const AidList& aids) {
     if (!isAid(aids.Get(i)))
       return Error{ErrorCode::kInvalidInput,
                    at + std::to_string(aids.Get(i)) + " is no aid, there are " + aidsText(allAids())};
-    // a list that is valid up to here is no longer than there are aids
+    // a list that is valid so far is at most as long as the list of all aids
     if (std::find(aids.begin(), aids.begin() + i, aids.Get(i)) != aids.begin() + i)
       return Error{ErrorCode::kInvalidInput,
                    at + pb::Exercise::Aid_Name(static_cast<Aid>(aids.Get(i))) + " is listed twice"};

@@ -27,7 +27,7 @@ AidList aidsOfExercise(const pb::Exercise& exercise);
 /// "DEPTH, FORCE"; "none" for an empty list.
 std::string aidsText(const AidList& aids);
 /// The inverse, upper or lower case, spaces as one likes; "none": none, "all": all of them. kInvalidInput
-/// names what is no aid and what there is.
+/// names the word that is not an aid, and all aids.
 Result<AidList> parseAids(std::string_view text);
 
 }  // namespace needlelab

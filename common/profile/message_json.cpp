@@ -236,7 +236,7 @@ Status readList(const FieldDescriptor& field, const std::string& path, const jso
   return {};
 }
 
-/// Required fields are there, and exactly one of each oneof.
+/// Checks that required fields are present, and exactly one field of each oneof.
 Status checkPresence(const Descriptor& type, const std::string& path,
                      const std::vector<const FieldDescriptor*>& seen, Faults& faults) {
   const auto given = [&](const FieldDescriptor* field) {

@@ -24,7 +24,7 @@ inline constexpr std::size_t kMaxProfileBytes = 1u << 20;
 Result<pb::Profile> parseProfile(std::string_view json, std::string_view source);
 /// The same from a file, named by its path in messages.
 Result<pb::Profile> loadProfile(const std::filesystem::path& path);
-/// For an author who is still writing: everything that is wrong with a profile, not only the first of it.
+/// All faults of a profile, not only the first: for an author who is still writing.
 /// Each fault begins with its path where it has one, `layers[2].cutting_force_n: …`. What binds several
 /// fields is looked at once the fields are right by themselves, and stops at its first fault. Empty:
 /// parseProfile takes the text.

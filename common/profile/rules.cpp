@@ -204,7 +204,7 @@ class Prerequisites {
       const State state = state_[static_cast<std::size_t>(next)];
       if (state == State::kNew) enter(next);
       if (state != State::kOnTheWay) continue;
-      // the circle: from where it was entered back to there
+      // the circle, from the exercise at which it was entered back to it
       std::string circle;
       bool inside = false;
       for (const Step& on_way : way) {

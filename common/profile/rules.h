@@ -13,7 +13,7 @@ Status checkProfileRules(const pb::Profile& profile);
 Status checkExerciseRules(const pb::Exercise& exercise, const std::string& path);
 Status checkCurriculumRules(const pb::Curriculum& curriculum);
 
-/// The section that the chosen model needs is there, and says of `synthetic` what it can.
+/// Checks that the chosen model has its section, and that `synthetic` names parameters that exist.
 Status checkModelSection(const pb::Profile& profile);
 
 /// The section with the effect's numbers; null where the profile, or the effect, has none.

@@ -216,8 +216,8 @@ Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL) {
 
 Status checkModelSection(const pb::Profile& profile) {
   const auto model = profile.axial_model();
-  const auto missing = [&](pb::Profile::AxialModel needs_it, bool there) {
-    return model == needs_it && !there;
+  const auto missing = [&](pb::Profile::AxialModel needs_it, bool present) {
+    return model == needs_it && !present;
   };
   const std::string words = "is missing, and axial_model is " + pb::Profile::AxialModel_Name(model);
   if (missing(pb::Profile::DIRECT, profile.has_direct())) return fieldError("direct", words);

@@ -14,7 +14,7 @@ namespace needlelab {
 /// and column.
 Result<nlohmann::json> readStrictJson(std::string_view text, std::string_view source, std::size_t max_bytes);
 
-/// `PATH: words`, or the words alone where there is no path.
+/// `PATH: words`, or the words alone without a path.
 Error fieldError(const std::string& path, const std::string& words);
 
 /// `text` as a JSON string, cut after some 60 bytes: safe to print in a message.

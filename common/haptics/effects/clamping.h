@@ -18,12 +18,12 @@ namespace needlelab {
 }
 
 /// Change of trajectory: turns u about P0 toward the tip and moves what is measured along u with it, so that
-/// no force jumps. Rare, hence apart. `k_N_per_m` is the stiffness of this tick; `tick` is taken anew.
+/// no force jumps. Rare, hence apart. `k_N_per_m` is the stiffness of this tick; `tick` is computed again.
 bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& state, double k_N_per_m,
                     Tick& tick) noexcept;
 
-/// PASSIVE: stiffness that grows under a deviation would store energy that nobody paid for; the dead radius ρ
-/// takes it out. Gives the force, capped.
+/// PASSIVE: stiffness that grows under a deviation would store energy that the hand did not supply; the dead
+/// radius ρ takes it out. Gives the force, capped.
 inline double passiveForce(SimState& state, double k_N_per_m, double lateral_m, double most_N) {
   double& rho = state.dead_radius_m;
   if (k_N_per_m > state.k_prev_N_per_m && state.e_prev_m > rho)

@@ -1,4 +1,4 @@
-/// What every effect offers: one row per effect, each made in the effect's own file. Whatever lists effects
+/// What every effect offers: one row per effect, each made in the effect's own file. Code that lists effects
 /// (profiles, plots, tables, studies, the console's editor) iterates over these rows.
 #pragma once
 

@@ -18,7 +18,7 @@ EffectMask effectsOfLayers(const SceneSpec& spec) {
 namespace {
 
 // stands for a model that this build does not have: `validate` refuses the scene by name, so that it is never
-// rendered by another model unnoticed
+// rendered by another model without a word
 constinit const AxialEntry kNotBuiltEntry = {
     nullptr,
     [](const SceneSpec& spec, SpecChecker& check) {

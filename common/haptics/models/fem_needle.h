@@ -68,7 +68,7 @@ struct FemNeedle {
   std::array<double, kMaxNeedleStations> station_friction_N{};  ///< of a whole station, straight in
   double bevel_m = 0;            ///< the cutting force is the mean over this length behind the tip
   double tip_give_m_per_N = 0;   ///< of the tip itself, in series with the tissue's
-  double stiffness_N_per_m = 0;  ///< of the needle stuck over its whole length: the greatest there is
+  double stiffness_N_per_m = 0;  ///< of the needle stuck over its whole length: the greatest value
 };
 /// `spec.fem` must be valid and have its compliance.
 FemNeedle compileNeedle(const SceneSpec& spec);

@@ -18,7 +18,8 @@ struct Voigt {
 
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,
                       StepReport& report) {
-    // of kept positions, so that a turn of u is no motion; the zero before the entry tick is one of them
+    // of kept positions, so that a turn of u does not count as motion; the zero before the entry tick is one
+    // of them
     const double moved_m = state.x_history_m[state.ticks_inside & state.history_mask] -
                            state.x_history_m[(state.ticks_inside - 1) & state.history_mask];
     const double pressed_N =

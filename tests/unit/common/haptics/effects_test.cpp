@@ -18,7 +18,7 @@ constexpr EffectMask kC = bitOf(Effect::kCutting), kA = bitOf(Effect::kAttracted
                      kV = bitOf(Effect::kClamping), kO = bitOf(Effect::kOrientationLimit),
                      kF = bitOf(Effect::kShaftFriction), kP = bitOf(Effect::kPuncture);
 
-// all numbers there; the fixture never reaches its maximum, so that u does not turn
+// all numbers set; the fixture never reaches its maximum, so that u does not turn
 SceneSpec fullScene() {
   SceneSpec scene = allEffects();
   scene.virtual_fixture.max_force_N = 50;
@@ -51,7 +51,7 @@ TEST(Effects, everyCombinationIsTheSumOfItsParts) {
   };
   for (EffectMask mask = 0; mask <= kAllEffects; ++mask) {
     const auto& all = part(mask);
-    // who acts on whom: cutting and attracted share a wall; membranes hold back both walls; nobody else
+    // cutting and attracted share a wall; membranes hold back both walls; no other effect acts on another
     const auto &wall = part(mask & (kC | kA | kP)), &rubbing = part(mask & (kF | kP)),
                &membranes = part(mask & kP), &fixture = part(mask & kV), &tilt = part(mask & kO);
     for (std::size_t k = 0; k < motion.size(); ++k) {
