@@ -1,6 +1,7 @@
 #include "client/sim/accuracy/recorded.h"
 
 #include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 

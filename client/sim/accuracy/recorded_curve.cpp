@@ -1,6 +1,7 @@
 #include "client/sim/accuracy/recorded_curve.h"
 
 #include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>

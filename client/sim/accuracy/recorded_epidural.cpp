@@ -1,6 +1,7 @@
 #include "client/sim/accuracy/recorded_epidural.h"
 
 #include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 

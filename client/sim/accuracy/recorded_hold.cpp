@@ -1,6 +1,7 @@
 #include "client/sim/accuracy/recorded_hold.h"
 
 #include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>

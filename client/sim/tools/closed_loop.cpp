@@ -1,6 +1,7 @@
 #include "client/sim/tools/closed_loop.h"
 
 #include <fmt/core.h>
+
 #include <span>
 #include <string>
 #include <utility>
