@@ -12,8 +12,8 @@ namespace needlelab {
 namespace {
 
 constexpr std::string_view kAssignment =
-    "SELECT id, course_id, exercise_id, group_id, trainee, due_unix_ns, by_whom, created_unix_ns FROM "
-    "assignments ";
+    "SELECT id, course_id, exercise_id, group_id, trainee, due_unix_ns, by_whom,"
+    " created_unix_ns FROM assignments ";
 
 pb::Assignment assignmentOf(const Statement& row) {
   pb::Assignment found;
@@ -37,11 +37,11 @@ Status checkTrainee(Connection& connection, const std::string& name) {
 }
 
 constexpr std::string_view kAttempt =
-    "SELECT id, trainee, exercise_id, place, started_unix_ns, passed, state, excused, profile_revision, "
-    "engine_version,"
-    " score_json FROM (SELECT *, row_number() OVER (PARTITION BY trainee, exercise_id ORDER BY "
-    "started_unix_ns, number) AS place"
-    " FROM sessions WHERE trainee = ?1 AND (?2 = '' OR exercise_id = ?2) AND trainee <> '') ";
+    "SELECT id, trainee, exercise_id, place, started_unix_ns, passed, state,"
+    " excused, profile_revision, engine_version, score_json"
+    " FROM (SELECT *, row_number() OVER (PARTITION BY trainee, exercise_id"
+    " ORDER BY started_unix_ns, number) AS place FROM sessions WHERE trainee = ?1"
+    " AND (?2 = '' OR exercise_id = ?2) AND trainee <> '') ";
 
 pb::Attempt attemptOf(const Statement& row, bool with_score) {
   pb::Attempt attempt;
@@ -81,8 +81,9 @@ Result<pb::Assignment> AssignmentStore::put(const pb::Assignment& given) {
     return exercise.error();
   }
   auto known = connection_.query(
-      "SELECT id FROM assignments WHERE coalesce(course_id, '') = ? AND coalesce(exercise_id, '') = ?"
-      " AND coalesce(group_id, '') = ? AND coalesce(trainee, '') = ?",
+      "SELECT id FROM assignments WHERE coalesce(course_id, '') = ?"
+      " AND coalesce(exercise_id, '') = ? AND coalesce(group_id, '') = ?"
+      " AND coalesce(trainee, '') = ?",
       given.course_id(), given.exercise_id(), given.group_id(), given.trainee());
   ASSIGN_OR_RETURN(const bool found, known.step());
   pb::Assignment stored = given;
@@ -94,12 +95,13 @@ Result<pb::Assignment> AssignmentStore::put(const pb::Assignment& given) {
     RETURN_IF_ERROR(renew.run());
     return stored;
   }
-  RETURN_IF_ERROR(connection_.run(
-      "INSERT INTO assignments (course_id, exercise_id, group_id, trainee, due_unix_ns, by_whom,"
-      " created_unix_ns) VALUES (nullif(?, ''), nullif(?, ''), nullif(?, ''), nullif(?, ''), nullif(?, "
-      "0), ?, ?)",
-      given.course_id(), given.exercise_id(), given.group_id(), given.trainee(), given.due_unix_ns(),
-      given.by(), given.created_unix_ns()));
+  RETURN_IF_ERROR(
+      connection_.run("INSERT INTO assignments (course_id, exercise_id, group_id, trainee,"
+                      " due_unix_ns, by_whom, created_unix_ns)"
+                      " VALUES (nullif(?, ''), nullif(?, ''), nullif(?, ''), nullif(?, ''),"
+                      " nullif(?, 0), ?, ?)",
+                      given.course_id(), given.exercise_id(), given.group_id(), given.trainee(),
+                      given.due_unix_ns(), given.by(), given.created_unix_ns()));
   stored.set_id(static_cast<std::uint64_t>(connection_.lastRowId()));
   return stored;
 }
@@ -115,11 +117,11 @@ Result<pb::Assignment> AssignmentStore::remove(std::uint64_t id) {
 Result<std::vector<pb::Assignment>> AssignmentStore::list(const Filter& filter) {
   return connection_
       .query(std::string(kAssignment) +
-                 "WHERE (?1 = '' OR trainee = ?1 OR group_id IN (SELECT group_id FROM "
-                 "group_members WHERE person = ?1))"
-                 " AND (?2 = '' OR course_id = ?2 OR exercise_id IN (SELECT id FROM "
-                 "exercises WHERE curriculum_id = ?2))"
-                 " AND (?3 = '' OR group_id = ?3) ORDER BY id DESC",
+                 "WHERE (?1 = '' OR trainee = ?1 OR group_id IN (SELECT group_id"
+                 " FROM group_members WHERE person = ?1)) AND (?2 = ''"
+                 " OR course_id = ?2 OR exercise_id IN (SELECT id FROM exercises"
+                 " WHERE curriculum_id = ?2)) AND (?3 = '' OR group_id = ?3)"
+                 " ORDER BY id DESC",
              filter.trainee, filter.course_id, filter.group_id)
       .all(assignmentOf);
 }
@@ -128,10 +130,11 @@ Result<std::int64_t> AssignmentStore::dueOf(std::string_view trainee, std::strin
                                             std::string_view course_id, std::int64_t otherwise) {
   // the order of precedence as a number; an assignment without a date of its own says nothing
   auto row = connection_.query(
-      "SELECT due_unix_ns FROM assignments WHERE due_unix_ns IS NOT NULL AND (exercise_id = ?2 OR course_id "
-      "= ?3) AND"
-      " (trainee = ?1 OR group_id IN (SELECT group_id FROM group_members WHERE person = ?1))"
-      " ORDER BY (trainee IS NULL) * 2 + (exercise_id IS NULL), due_unix_ns DESC LIMIT 1",
+      "SELECT due_unix_ns FROM assignments WHERE due_unix_ns IS NOT NULL"
+      " AND (exercise_id = ?2 OR course_id = ?3) AND (trainee = ?1"
+      " OR group_id IN (SELECT group_id FROM group_members WHERE person = ?1))"
+      " ORDER BY (trainee IS NULL) * 2 + (exercise_id IS NULL), due_unix_ns DESC"
+      " LIMIT 1",
       trainee, exercise_id, course_id);
   ASSIGN_OR_RETURN(const bool found, row.step());
   return found ? row.integer(0) : otherwise;
@@ -162,9 +165,9 @@ Result<pb::Attempt> AttemptStore::get(const Uuid& session) {
 Result<AttemptStanding> AttemptStore::standing(std::string_view trainee, std::string_view exercise_id) {
   AttemptStanding standing;
   auto row = connection_.query(
-      "SELECT count(*), coalesce(sum(excused = 0), 0), max(CASE excused WHEN 0 THEN passed END) FROM "
-      "sessions WHERE trainee = ? AND "
-      "exercise_id = ?",
+      "SELECT count(*), coalesce(sum(excused = 0), 0),"
+      " max(CASE excused WHEN 0 THEN passed END) FROM sessions WHERE trainee = ?"
+      " AND exercise_id = ?",
       trainee, exercise_id);
   RETURN_IF_ERROR(row.step());
   standing.all = row.natural32(0);
@@ -176,8 +179,9 @@ Result<AttemptStanding> AttemptStore::standing(std::string_view trainee, std::st
 Result<std::vector<std::string>> AttemptStore::trainees(std::string_view course_id) {
   return connection_
       .query(
-          "SELECT DISTINCT trainee FROM sessions WHERE trainee <> '' AND erased = 0 AND exercise_id IN"
-          " (SELECT id FROM exercises WHERE curriculum_id = ?) ORDER BY trainee",
+          "SELECT DISTINCT trainee FROM sessions WHERE trainee <> '' AND erased = 0"
+          " AND exercise_id IN (SELECT id FROM exercises WHERE curriculum_id = ?)"
+          " ORDER BY trainee",
           course_id)
       .all(firstText);
 }

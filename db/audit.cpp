@@ -36,12 +36,10 @@ Result<std::vector<AuditRow>> AuditStore::list(std::uint32_t limit, std::uint64_
   const std::uint32_t most = limit == 0 ? kMaxListed : std::min(limit, kMaxListed);
   return connection_
       .query(
-          "SELECT id, unix_ns, who, action, subject, detail FROM audit WHERE (?1 = 0 OR id < ?1) AND (?2 = "
-          "'' OR "
-          "who = ?2)"
-          " AND (?3 = '' OR action = ?3 OR substr(action, 1, length(?3) + 1) = ?3 || ' ') ORDER BY id DESC "
-          "LIMIT "
-          "?4",
+          "SELECT id, unix_ns, who, action, subject, detail FROM audit WHERE (?1 = 0"
+          " OR id < ?1) AND (?2 = '' OR who = ?2) AND (?3 = '' OR action = ?3"
+          " OR substr(action, 1, length(?3) + 1) = ?3 || ' ') ORDER BY id DESC"
+          " LIMIT ?4",
           before_id, who, action, most)
       .all([](const Statement& row) {
         return AuditRow{row.natural(0), row.integer(1), row.text(2), row.text(3), row.text(4), row.text(5)};

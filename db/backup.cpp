@@ -96,9 +96,11 @@ Result<std::vector<BackupResult::Covered>> coveredBy(Connection& copy) {
   // a session that is open here may be closed by now: its end is not in the copy. Its last chunk does not
   // count, so that the station keeps the whole until a backup holds the end as well.
   auto rows = copy.query(
-      "SELECT id, covered FROM (SELECT s.id, s.safe_chunks, coalesce(p.chunks, s.chunks) -"
-      " (s.state = ?) AS covered FROM sessions s LEFT JOIN session_progress p ON p.session ="
-      " s.number) WHERE covered > safe_chunks",
+      "SELECT id, covered"
+      " FROM (SELECT s.id, s.safe_chunks, coalesce(p.chunks,"
+      " s.chunks) - (s.state = ?) AS covered FROM sessions s"
+      " LEFT JOIN session_progress p ON p.session = s.number)"
+      " WHERE covered > safe_chunks",
       static_cast<int>(pb::SESSION_OPEN));
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());

@@ -36,8 +36,8 @@ Result<std::vector<std::string>> bookFaults(Connection& connection, const std::s
   if (open && !row.counting) faults.push_back(name + " is open, but its counters are not there");
   if (!open && row.counting) faults.push_back(name + " is closed, but has the counters of an open one");
   auto query = connection.query(
-      "SELECT leftover, length(crcs), (SELECT complete FROM derived_recordings WHERE session = ?1)"
-      " FROM removed_originals WHERE session = ?1",
+      "SELECT leftover, length(crcs), (SELECT complete FROM derived_recordings"
+      " WHERE session = ?1) FROM removed_originals WHERE session = ?1",
       row.number);
   ASSIGN_OR_RETURN(const bool there, query.step());
   const bool original = row.recording == StoredRecording::Kind::kOriginal;

@@ -42,9 +42,8 @@ Result<std::uint32_t> ProfileStore::put(const StoredProfile& profile, std::optio
 
 Result<StoredProfile> ProfileStore::get(std::string_view id, std::uint32_t revision) {
   auto row = connection_.query(
-      "SELECT id, revision, name, json, author, created_unix_ns FROM profiles WHERE id = ?1 AND (?2 = 0 OR "
-      "revision = ?2)"
-      " ORDER BY revision DESC LIMIT 1",
+      "SELECT id, revision, name, json, author, created_unix_ns FROM profiles"
+      " WHERE id = ?1 AND (?2 = 0 OR revision = ?2) ORDER BY revision DESC LIMIT 1",
       id, revision);
   ASSIGN_OR_RETURN(const bool found, row.step());
   if (!found) {
@@ -58,7 +57,8 @@ Result<std::vector<StoredProfile>> ProfileStore::list() {
   return connection_
       .prepare(
           "SELECT id, revision, name, author, created_unix_ns FROM profiles AS p"
-          " WHERE revision = (SELECT max(revision) FROM profiles WHERE id = p.id) ORDER BY id")
+          " WHERE revision = (SELECT max(revision) FROM profiles WHERE id = p.id)"
+          " ORDER BY id")
       .all([](const Statement& row) {
         return StoredProfile{row.text(0), row.natural32(1), row.text(2), "", row.text(3), row.integer(4)};
       });
@@ -66,8 +66,8 @@ Result<std::vector<StoredProfile>> ProfileStore::list() {
 
 Result<std::vector<StoredProfile>> ProfileStore::revisions(std::string_view id) {
   ASSIGN_OR_RETURN(auto found, connection_
-                                   .query("SELECT revision, name, author, created_unix_ns FROM profiles "
-                                          "WHERE id = ? ORDER BY revision DESC",
+                                   .query("SELECT revision, name, author, created_unix_ns FROM profiles"
+                                          " WHERE id = ? ORDER BY revision DESC",
                                           id)
                                    .all([&](const Statement& row) {
                                      return StoredProfile{std::string(id), row.natural32(0), row.text(1), "",
@@ -146,8 +146,8 @@ Status CurriculumStore::setExercises(const StoredCurriculum& curriculum) {
       return other.error();
     }
     RETURN_IF_ERROR(
-        connection_.run("INSERT INTO exercises (id, curriculum_id, position, name, profile_id, json) "
-                        "VALUES (?,?,?,?,?,?)",
+        connection_.run("INSERT INTO exercises (id, curriculum_id, position, name, profile_id, json)"
+                        " VALUES (?,?,?,?,?,?)",
                         item.id, curriculum.id, position++, item.name, item.profile_id, item.json));
   }
   return {};
@@ -155,9 +155,8 @@ Status CurriculumStore::setExercises(const StoredCurriculum& curriculum) {
 
 Result<StoredCurriculum> CurriculumStore::get(std::string_view id, std::uint32_t revision) {
   auto row = connection_.query(
-      "SELECT id, revision, name, json, author, created_unix_ns FROM curricula WHERE id = ?1 AND (?2 = 0 OR "
-      "revision = ?2)"
-      " ORDER BY revision DESC LIMIT 1",
+      "SELECT id, revision, name, json, author, created_unix_ns FROM curricula"
+      " WHERE id = ?1 AND (?2 = 0 OR revision = ?2) ORDER BY revision DESC LIMIT 1",
       id, revision);
   ASSIGN_OR_RETURN(const bool found, row.step());
   if (!found) {
@@ -178,7 +177,8 @@ Result<std::vector<StoredCurriculum>> CurriculumStore::list() {
   return connection_
       .prepare(
           "SELECT id, revision, name, author, created_unix_ns FROM curricula AS c"
-          " WHERE revision = (SELECT max(revision) FROM curricula WHERE id = c.id) ORDER BY id")
+          " WHERE revision = (SELECT max(revision) FROM curricula WHERE id = c.id)"
+          " ORDER BY id")
       .all(withExercises);
 }
 
@@ -197,8 +197,8 @@ Result<std::vector<StoredExercise>> CurriculumStore::exercisesOf(std::string_vie
 
 Result<std::vector<StoredCurriculum>> CurriculumStore::revisions(std::string_view id) {
   ASSIGN_OR_RETURN(auto found, connection_
-                                   .query("SELECT revision, name, author, created_unix_ns FROM curricula "
-                                          "WHERE id = ? ORDER BY revision DESC",
+                                   .query("SELECT revision, name, author, created_unix_ns"
+                                          " FROM curricula WHERE id = ? ORDER BY revision DESC",
                                           id)
                                    .all([&](const Statement& row) {
                                      return StoredCurriculum{

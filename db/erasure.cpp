@@ -90,16 +90,17 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLi
   RETURN_IF_ERROR(eraseRemarks(names));
   for (const std::string_view sql :
        {"DELETE FROM assignments WHERE trainee = ?", "DELETE FROM consents WHERE person = ?",
-        "UPDATE groups SET revision = revision + 1 WHERE id IN (SELECT group_id FROM group_members WHERE "
-        "person = ?)",
+        "UPDATE groups SET revision = revision + 1 WHERE id IN (SELECT group_id"
+        " FROM group_members WHERE person = ?)",
         "DELETE FROM group_members WHERE person = ?", "DELETE FROM people WHERE name = ?"}) {
     RETURN_IF_ERROR(connection_.run(sql, name));
   }
   RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces"));
   RETURN_IF_ERROR(eraseWords(names, sessions, erasure));
   RETURN_IF_ERROR(connection_.run(
-      "INSERT INTO erasures (pseudonym, name_hash, erased_unix_ns, by_whom, reason) VALUES (?,?,?,?,?)"
-      " ON CONFLICT (pseudonym) DO UPDATE SET erased_unix_ns = excluded.erased_unix_ns",
+      "INSERT INTO erasures (pseudonym, name_hash, erased_unix_ns, by_whom, reason)"
+      " VALUES (?,?,?,?,?) ON CONFLICT (pseudonym) DO UPDATE"
+      " SET erased_unix_ns = excluded.erased_unix_ns",
       line.pseudonym, ByteView(line.name_hash), line.unix_ns, by, withoutNames(reason, names, true)));
   return erasure;
 }
@@ -123,13 +124,13 @@ Status ErasureStore::eraseSessions(const ErasedNames& names, std::int64_t now_un
                    row.text(4),
                    sessionText(row.text(5))};
   };
-  ASSIGN_OR_RETURN(const auto sessions,
-                   connection_
-                       .query("SELECT s.number, s.state, s.recording, coalesce(p.chunks, s.chunks),"
-                              " s.description, s.id FROM sessions s"
-                              " LEFT JOIN session_progress p ON p.session = s.number WHERE s.trainee = ?",
-                              name)
-                       .all(sessionOf));
+  ASSIGN_OR_RETURN(const auto sessions, connection_
+                                            .query("SELECT s.number, s.state, s.recording, coalesce(p.chunks,"
+                                                   " s.chunks), s.description, s.id FROM sessions s"
+                                                   " LEFT JOIN session_progress p ON p.session = s.number"
+                                                   " WHERE s.trainee = ?",
+                                                   name)
+                                            .all(sessionOf));
   constexpr std::string_view kReason = "the data of its person was erased";
   for (const Session& session : sessions) {
     ids.insert(session.id);
@@ -137,10 +138,12 @@ Status ErasureStore::eraseSessions(const ErasedNames& names, std::int64_t now_un
     if (!description.ParseFromString(session.description))
       return Error{ErrorCode::kCorrupt, "the stored description of a session cannot be read"};
     description.set_trainee(pseudonym);
-    RETURN_IF_ERROR(connection_.run(
-        "UPDATE sessions SET trainee = ?, description = ?, erased = 1, score_json = NULL, passed = NULL,"
-        " events = 0, recording = 3, clock_offset_ns = NULL, clock_round_trip_ns = NULL WHERE number = ?",
-        pseudonym, viewOf(description.SerializeAsString()), session.number));
+    RETURN_IF_ERROR(
+        connection_.run("UPDATE sessions"
+                        " SET trainee = ?, description = ?, erased = 1, score_json = NULL,"
+                        " passed = NULL, events = 0, recording = 3, clock_offset_ns = NULL,"
+                        " clock_round_trip_ns = NULL WHERE number = ?",
+                        pseudonym, viewOf(description.SerializeAsString()), session.number));
     // an open one ends here; its hash was never known, and no chunks are left to hash
     if (session.state == pb::SESSION_OPEN) {
       RETURN_IF_ERROR(connection_.run(
@@ -151,11 +154,12 @@ Status ErasureStore::eraseSessions(const ErasedNames& names, std::int64_t now_un
     // retention removes the chunks in pieces; CRCs are not needed any more, because chunks that a station
     // sends again are accepted unread
     RETURN_IF_ERROR(
-        connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, "
-                        "deleted_unix_ns, reason, by_whom, leftover, crcs)"
-                        " VALUES (?1, ?2, ?2, ?3, ?4, 1, zeroblob(4 * ?5)) ON CONFLICT (session) "
-                        "DO UPDATE SET deleted_unix_ns = ?2,"
-                        " reason = ?3, by_whom = ?4, leftover = 1, crcs = excluded.crcs",
+        connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns,"
+                        " reason, by_whom, leftover, crcs)"
+                        " VALUES (?1, ?2, ?2, ?3, ?4, 1, zeroblob(4 * ?5)) ON CONFLICT (session)"
+                        " DO UPDATE"
+                        " SET deleted_unix_ns = ?2, reason = ?3, by_whom = ?4, leftover = 1,"
+                        " crcs = excluded.crcs",
                         session.number, now_unix_ns, kReason, by, session.chunks));
     RETURN_IF_ERROR(
         connection_.run("UPDATE derived_recordings SET complete = 0 WHERE session = ?", session.number));
@@ -177,11 +181,10 @@ Status ErasureStore::eraseRemarks(const ErasedNames& names) {
   for (const bool own : {true, false}) {
     ASSIGN_OR_RETURN(
         const auto remarks,
-        textRows(
-            connection_.query("SELECT a.id, a.text FROM annotations a JOIN sessions s ON s.number = a.session"
-                              " WHERE (s.trainee = ?1) = ?2",
-                              names.in_its_place, own),
-            1));
+        textRows(connection_.query("SELECT a.id, a.text FROM annotations a"
+                                   " JOIN sessions s ON s.number = a.session WHERE (s.trainee = ?1) = ?2",
+                                   names.in_its_place, own),
+                 1));
     for (const TextRow& remark : remarks) {
       const std::string text = withoutNames(remark.texts[0], names, own);
       if (text == remark.texts[0]) continue;
@@ -225,23 +228,23 @@ Result<std::optional<std::string>> ErasureStore::pseudonymOf(std::string_view tr
   const auto hash = key->nameHash(trainee);
   return connection_
       .query(
-          "SELECT pseudonym FROM erasures WHERE name_hash = ? AND erased_unix_ns >= ? ORDER BY "
-          "erased_unix_ns "
-          "DESC LIMIT 1",
+          "SELECT pseudonym FROM erasures WHERE name_hash = ? AND erased_unix_ns >= ?"
+          " ORDER BY erased_unix_ns DESC LIMIT 1",
           ByteView(hash), started_unix_ns)
       .first(firstText);
 }
 
 Status ErasureStore::emptySession(const Uuid& session, std::int64_t now_unix_ns) {
-  RETURN_IF_ERROR(connection_.run(
-      "UPDATE sessions SET state = ?, erased = 1, recording = 3, events = 0, hash = zeroblob(32),"
-      " closed_unix_ns = ? WHERE id = ?",
-      static_cast<int>(pb::SESSION_INTERRUPTED), now_unix_ns, ByteView(session)));
+  RETURN_IF_ERROR(
+      connection_.run("UPDATE sessions"
+                      " SET state = ?, erased = 1, recording = 3, events = 0, hash = zeroblob(32),"
+                      " closed_unix_ns = ? WHERE id = ?",
+                      static_cast<int>(pb::SESSION_INTERRUPTED), now_unix_ns, ByteView(session)));
   return connection_.run(
-      "INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns, reason, by_whom, leftover, "
-      "crcs)"
-      " SELECT number, ?1, ?1, 'the data of its person was erased before it came', 'erasure', 0, x''"
-      " FROM sessions WHERE id = ?2",
+      "INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns,"
+      " reason, by_whom, leftover, crcs)"
+      " SELECT number, ?1, ?1, 'the data of its person was erased before it came',"
+      " 'erasure', 0, x'' FROM sessions WHERE id = ?2",
       now_unix_ns, ByteView(session));
 }
 
@@ -281,9 +284,9 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
   if (lines.empty()) return repeat;
   ASSIGN_OR_RETURN(const auto key, this->key());
   auto names = connection_.prepare(
-      "SELECT name, min(made) FROM (SELECT name, created_unix_ns AS made FROM people UNION ALL SELECT "
-      "trainee, "
-      "started_unix_ns FROM sessions WHERE erased = 0) GROUP BY name");
+      "SELECT name, min(made) FROM (SELECT name, created_unix_ns AS made FROM people"
+      " UNION ALL SELECT trainee, started_unix_ns FROM sessions WHERE erased = 0)"
+      " GROUP BY name");
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, names.step());
     if (!more) return repeat;

@@ -11,8 +11,8 @@ namespace needlelab {
 namespace {
 
 constexpr std::string_view kSelectPeople =
-    "SELECT name, role, password_hash, disabled, created_unix_ns, full_name, revision, changed_unix_ns, "
-    "changed_by FROM people ";
+    "SELECT name, role, password_hash, disabled, created_unix_ns, full_name,"
+    " revision, changed_unix_ns, changed_by FROM people ";
 
 Person personOf(const Statement& row) {
   return {row.text(0),      static_cast<pb::Role>(row.integer(1)),
@@ -84,8 +84,8 @@ Status PeopleStore::add(const Person& person) {
   const std::optional<std::string> hash =
       person.password_hash.empty() ? std::nullopt : std::optional(person.password_hash);
   return connection_.run(
-      "INSERT INTO people (name, role, password_hash, disabled, created_unix_ns, full_name, changed_unix_ns) "
-      "VALUES (?,?,?,?,?,?,?)",
+      "INSERT INTO people (name, role, password_hash, disabled, created_unix_ns,"
+      " full_name, changed_unix_ns) VALUES (?,?,?,?,?,?,?)",
       person.name, static_cast<int>(person.role), hash, person.disabled, person.created_unix_ns,
       person.full_name, person.created_unix_ns);
 }
@@ -117,8 +117,8 @@ Result<Person> PeopleStore::change(std::string_view name, std::optional<std::uin
   const bool was_admin = before.role == pb::ADMINISTRATOR && !before.disabled;
   if (was_admin && (now.disabled || now.role != pb::ADMINISTRATOR)) {
     auto others = connection_.query(
-        "SELECT count(*) FROM people WHERE role = ? AND disabled = 0 AND password_hash IS NOT NULL AND name "
-        "<> ?",
+        "SELECT count(*) FROM people WHERE role = ? AND disabled = 0"
+        " AND password_hash IS NOT NULL AND name <> ?",
         static_cast<int>(pb::ADMINISTRATOR), name);
     RETURN_IF_ERROR(others.step());
     if (others.integer(0) == 0) {
@@ -130,7 +130,8 @@ Result<Person> PeopleStore::change(std::string_view name, std::optional<std::uin
   now.changed_by = by;
   now.changed_unix_ns = now_unix_ns;
   RETURN_IF_ERROR(connection_.run(
-      "UPDATE people SET role = ?, disabled = ?, full_name = ?, revision = ?, changed_by = ?,"
+      "UPDATE people"
+      " SET role = ?, disabled = ?, full_name = ?, revision = ?, changed_by = ?,"
       " changed_unix_ns = ? WHERE name = ?",
       static_cast<int>(now.role), now.disabled, now.full_name, now.revision, by, now_unix_ns, name));
   return now;
@@ -176,12 +177,13 @@ Result<pb::Group> GroupStore::put(const pb::Group& group, std::optional<std::uin
       std::equal(wanted.begin(), wanted.end(), before->members().begin(), before->members().end()))
     return *before;
 
-  RETURN_IF_ERROR(connection_.run(
-      "INSERT INTO groups (id, name, revision, changed_by, changed_unix_ns) VALUES (?,?,?,?,?) ON "
-      "CONFLICT (id) DO UPDATE"
-      " SET name = excluded.name, revision = excluded.revision, changed_by = excluded.changed_by,"
-      " changed_unix_ns = excluded.changed_unix_ns, removed = 0",
-      group.id(), group.name(), last + 1, by, now_unix_ns));
+  RETURN_IF_ERROR(
+      connection_.run("INSERT INTO groups (id, name, revision, changed_by, changed_unix_ns)"
+                      " VALUES (?,?,?,?,?) ON CONFLICT (id) DO UPDATE"
+                      " SET name = excluded.name, revision = excluded.revision,"
+                      " changed_by = excluded.changed_by,"
+                      " changed_unix_ns = excluded.changed_unix_ns, removed = 0",
+                      group.id(), group.name(), last + 1, by, now_unix_ns));
   RETURN_IF_ERROR(connection_.run("DELETE FROM group_members WHERE group_id = ?", group.id()));
   for (const std::string& member : wanted) {
     ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(member));
@@ -202,8 +204,9 @@ Status GroupStore::remove(const std::string& id, std::optional<std::uint32_t> ba
   RETURN_IF_ERROR(connection_.run("DELETE FROM assignments WHERE group_id = ?", id));
   RETURN_IF_ERROR(connection_.run("DELETE FROM group_members WHERE group_id = ?", id));
   return connection_.run(
-      "UPDATE groups SET removed = 1, revision = revision + 1, changed_by = ?, changed_unix_ns = ? WHERE id "
-      "= ?",
+      "UPDATE groups"
+      " SET removed = 1, revision = revision + 1, changed_by = ?, changed_unix_ns = ?"
+      " WHERE id = ?",
       by, now_unix_ns, id);
 }
 
@@ -261,10 +264,8 @@ Result<std::optional<pb::Consent>> ConsentStore::newest(std::string_view person)
 Result<std::vector<std::string>> ConsentStore::consenting() {
   return connection_
       .prepare(
-          "SELECT person FROM consents c WHERE id = (SELECT max(id) FROM consents WHERE person = c.person) "
-          "AND "
-          "given = 1"
-          " ORDER BY person")
+          "SELECT person FROM consents c WHERE id = (SELECT max(id) FROM consents"
+          " WHERE person = c.person) AND given = 1 ORDER BY person")
       .all(firstText);
 }
 

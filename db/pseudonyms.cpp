@@ -192,9 +192,10 @@ Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::st
 Status addOthers(Connection& connection, ErasedNames& names) {
   std::set<std::string> others;
   auto rows = connection.prepare(
-      "SELECT name FROM people UNION SELECT full_name FROM people UNION SELECT trainee FROM sessions"
-      " UNION SELECT name FROM stations UNION SELECT id FROM groups UNION SELECT name FROM groups"
-      " UNION SELECT id FROM profiles UNION SELECT id FROM curricula UNION SELECT id FROM exercises");
+      "SELECT name FROM people UNION SELECT full_name FROM people"
+      " UNION SELECT trainee FROM sessions UNION SELECT name FROM stations"
+      " UNION SELECT id FROM groups UNION SELECT name FROM groups UNION SELECT id"
+      " FROM profiles UNION SELECT id FROM curricula UNION SELECT id FROM exercises");
   std::vector<std::string_view> own(names.full_names.begin(), names.full_names.end());
   own.push_back(names.name);
   for (const std::string& full_name : names.full_names)

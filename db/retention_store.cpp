@@ -129,10 +129,12 @@ Result<std::vector<std::string>> exercisesWith(Connection& connection, StoredRec
 Status collect(Connection& connection, StoredRecording::Kind kind, const std::string& exercise,
                std::int64_t until, const DueRecording& model, std::vector<DueRecording>& due) {
   auto rows = connection.query(
-      "SELECT s.id, s.safe_chunks >= s.chunks, coalesce(d.stored_bytes, s.stored_bytes) FROM sessions s"
+      "SELECT s.id, s.safe_chunks >= s.chunks, coalesce(d.stored_bytes,"
+      " s.stored_bytes) FROM sessions s"
       " LEFT JOIN derived_recordings d ON d.session = s.number AND d.complete = 1"
-      " WHERE s.recording = ? AND s.exercise_id = ? AND s.closed_unix_ns <= ? AND s.state IN (?, ?)"
-      " AND s.hash IS NOT NULL ORDER BY s.closed_unix_ns, s.number",
+      " WHERE s.recording = ? AND s.exercise_id = ? AND s.closed_unix_ns <= ?"
+      " AND s.state IN (?, ?) AND s.hash IS NOT NULL"
+      " ORDER BY s.closed_unix_ns, s.number",
       static_cast<int>(kind), exercise, until, static_cast<int>(pb::SESSION_COMPLETE),
       static_cast<int>(pb::SESSION_INTERRUPTED));
   for (;;) {
@@ -156,8 +158,8 @@ Status RetentionStore::beginDerived(const Uuid& session, double rate_hz, std::in
   if (row.recording != StoredRecording::Kind::kOriginal)
     return changedMeanwhile(session, "its original is gone");
   return connection_.run(
-      "INSERT INTO derived_recordings (session, complete, original_hash, method, rate_hz, created_unix_ns)"
-      " VALUES (?, 0, ?, ?, ?, ?)",
+      "INSERT INTO derived_recordings (session, complete, original_hash, method,"
+      " rate_hz, created_unix_ns) VALUES (?, 0, ?, ?, ?, ?)",
       row.number, ByteView(*row.hash), kThinningMethod, rate_hz, now_unix_ns);
 }
 
@@ -165,9 +167,10 @@ Status RetentionStore::appendDerived(const Uuid& session, std::uint64_t seq, Byt
   ASSIGN_OR_RETURN(const auto row, closedSession(connection_, session));
   ASSIGN_OR_RETURN(const auto info, inspectChunk(bytes));
   RETURN_IF_ERROR(
-      connection_.run("UPDATE derived_recordings SET chunks = chunks + 1, samples = samples + ?, "
-                      "stored_bytes = stored_bytes + ?"
-                      " WHERE session = ? AND complete = 0 AND chunks = ?",
+      connection_.run("UPDATE derived_recordings"
+                      " SET chunks = chunks + 1, samples = samples + ?,"
+                      " stored_bytes = stored_bytes + ? WHERE session = ? AND complete = 0"
+                      " AND chunks = ?",
                       info.count, static_cast<std::uint64_t>(bytes.size()), row.number, seq));
   if (connection_.changes() != 1)
     return changedMeanwhile(session, "its thinned recording is not being written");
@@ -208,15 +211,16 @@ Status RetentionStore::switchToDerived(const DueRecording& due, const DerivedSum
   if (crcs.size() != 4 * row.chunks)
     return changedMeanwhile(due.session, "its chunks are not those that were read");
   RETURN_IF_ERROR(connection_.run(
-      "UPDATE derived_recordings SET complete = 1, hash = ? WHERE session = ? AND complete = 0 AND"
-      " original_hash = ? AND chunks = ? AND samples = ? AND stored_bytes = ? AND chunks > 0",
+      "UPDATE derived_recordings SET complete = 1, hash = ? WHERE session = ?"
+      " AND complete = 0 AND original_hash = ? AND chunks = ? AND samples = ?"
+      " AND stored_bytes = ? AND chunks > 0",
       ByteView(sums.hash), row.number, ByteView(*row.hash), sums.chunks, sums.samples, sums.stored_bytes));
   if (connection_.changes() != 1)
     return changedMeanwhile(due.session, "its thinned recording is not the one that was written");
   RETURN_IF_ERROR(connection_.run("UPDATE sessions SET recording = 2 WHERE number = ?", row.number));
   RETURN_IF_ERROR(
-      connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, reason, by_whom, leftover,"
-                      " crcs) VALUES (?, ?, ?, ?, 1, ?)",
+      connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, reason, by_whom,"
+                      " leftover, crcs) VALUES (?, ?, ?, ?, 1, ?)",
                       row.number, now_unix_ns, due.reason, by_whom, ByteView(crcs)));
   return note(connection_, due, "retention thin", by_whom, now_unix_ns);
 }
@@ -232,13 +236,13 @@ Status RetentionStore::markDeleted(const DueRecording& due, const Bytes& crcs, c
     if (crcs.size() != 4 * row.chunks)
       return changedMeanwhile(due.session, "its chunks are not those that were read");
     RETURN_IF_ERROR(
-        connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns, reason,"
-                        " by_whom, leftover, crcs) VALUES (?, ?, ?, ?, ?, 1, ?)",
+        connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns,"
+                        " reason, by_whom, leftover, crcs) VALUES (?, ?, ?, ?, ?, 1, ?)",
                         row.number, now_unix_ns, now_unix_ns, due.reason, by_whom, ByteView(crcs)));
-  } else if (auto done =
-                 connection_.run("UPDATE removed_originals SET deleted_unix_ns = ?, reason = ?, by_whom = ?,"
-                                 " leftover = 1 WHERE session = ?",
-                                 now_unix_ns, due.reason, by_whom, row.number);
+  } else if (auto done = connection_.run(
+                 "UPDATE removed_originals"
+                 " SET deleted_unix_ns = ?, reason = ?, by_whom = ?, leftover = 1 WHERE session = ?",
+                 now_unix_ns, due.reason, by_whom, row.number);
              !done) {
     return done;
   }
@@ -251,9 +255,9 @@ Status RetentionStore::markDeleted(const DueRecording& due, const Bytes& crcs, c
 Result<std::vector<Uuid>> RetentionStore::leftovers() {
   std::vector<Uuid> sessions;
   auto rows = connection_.prepare(
-      "SELECT s.id FROM sessions s JOIN (SELECT session FROM removed_originals WHERE leftover = 1"
-      " UNION SELECT session FROM derived_recordings WHERE complete = 0) l ON l.session = s.number ORDER BY "
-      "s.number");
+      "SELECT s.id FROM sessions s JOIN (SELECT session FROM removed_originals"
+      " WHERE leftover = 1 UNION SELECT session FROM derived_recordings"
+      " WHERE complete = 0) l ON l.session = s.number ORDER BY s.number");
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
     if (!more) return sessions;
@@ -323,8 +327,10 @@ Status RetentionStore::setPolicy(const pb::RetentionPolicy& policy) {
   const auto optional = [](bool there, auto value) { return there ? std::optional(value) : std::nullopt; };
   const bool thins = policy.has_thin_after_days();
   return connection_.run(
-      "INSERT OR REPLACE INTO retention_policies (exercise_id, thin_after_days, thin_rate_hz, thin_coarser,"
-      " delete_after_days, without_backup, by_whom, changed_unix_ns) VALUES (?,?,?,?,?,?,?,?)",
+      "INSERT"
+      " OR REPLACE INTO retention_policies (exercise_id, thin_after_days,"
+      " thin_rate_hz, thin_coarser, delete_after_days, without_backup, by_whom,"
+      " changed_unix_ns) VALUES (?,?,?,?,?,?,?,?)",
       policy.exercise_id(), optional(thins, policy.thin_after_days()), optional(thins, policy.thin_rate_hz()),
       policy.thin_coarser() == 0 ? 1.0 : policy.thin_coarser(),
       optional(policy.has_delete_after_days(), policy.delete_after_days()), policy.without_backup(),
@@ -338,7 +344,8 @@ Status RetentionStore::checkExercise(const std::string& exercise_id) {
   std::size_t count = 0;
   auto rows = connection_.prepare(
       "SELECT id FROM exercises UNION SELECT DISTINCT exercise_id FROM sessions"
-      " UNION SELECT exercise_id FROM retention_policies WHERE exercise_id <> '' ORDER BY 1");
+      " UNION SELECT exercise_id FROM retention_policies WHERE exercise_id <> ''"
+      " ORDER BY 1");
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
     if (!more) break;
@@ -363,10 +370,9 @@ Status RetentionStore::removePolicy(const std::string& exercise_id) {
 Result<std::vector<pb::RetentionPolicy>> RetentionStore::policies() {
   return connection_
       .prepare(
-          "SELECT exercise_id, thin_after_days, thin_rate_hz, thin_coarser, delete_after_days, "
-          "without_backup, "
-          "by_whom,"
-          " changed_unix_ns FROM retention_policies ORDER BY exercise_id")
+          "SELECT exercise_id, thin_after_days, thin_rate_hz, thin_coarser,"
+          " delete_after_days, without_backup, by_whom, changed_unix_ns"
+          " FROM retention_policies ORDER BY exercise_id")
       .all(policyOf);
 }
 

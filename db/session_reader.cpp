@@ -17,12 +17,12 @@ namespace {
 
 /// Columns 7 to 10 are of the original, 11 to 15 of a thinned recording.
 constexpr std::string_view kInfoColumns =
-    "SELECT s.description, s.state, s.received_unix_ns, s.closed_unix_ns, s.clock_offset_ns,"
-    " s.clock_round_trip_ns, s.recording, coalesce(p.chunks, s.chunks), coalesce(p.samples, s.samples),"
-    " coalesce(p.stored_bytes, s.stored_bytes), s.hash,"
-    " d.chunks, d.samples, d.stored_bytes, d.hash, d.rate_hz,"
-    " o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number, s.profile_json, s.score_json, s.passed FROM "
-    "sessions s"
+    "SELECT s.description, s.state, s.received_unix_ns, s.closed_unix_ns,"
+    " s.clock_offset_ns, s.clock_round_trip_ns, s.recording, coalesce(p.chunks,"
+    " s.chunks), coalesce(p.samples, s.samples), coalesce(p.stored_bytes,"
+    " s.stored_bytes), s.hash, d.chunks, d.samples, d.stored_bytes, d.hash,"
+    " d.rate_hz, o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number,"
+    " s.profile_json, s.score_json, s.passed FROM sessions s"
     " LEFT JOIN session_progress p ON p.session = s.number"
     " LEFT JOIN derived_recordings d ON d.session = s.number AND d.complete = 1"
     " LEFT JOIN removed_originals o ON o.session = s.number ";
@@ -278,9 +278,9 @@ Result<std::vector<pb::Welcome::OpenSession>> SessionStore::openSessions(std::st
     return session;
   };
   auto rows = connection_.query(
-      "SELECT o.id, coalesce(p.chunks, 0) FROM (SELECT number, id FROM sessions WHERE station = ? AND state"
-      " = ? ORDER BY number DESC LIMIT ?) o LEFT JOIN session_progress p ON p.session = o.number"
-      " ORDER BY o.number",
+      "SELECT o.id, coalesce(p.chunks, 0) FROM (SELECT number, id FROM sessions"
+      " WHERE station = ? AND state = ? ORDER BY number DESC LIMIT ?) o"
+      " LEFT JOIN session_progress p ON p.session = o.number ORDER BY o.number",
       station, static_cast<int>(pb::SESSION_OPEN), kMaxWelcomed);
   return rows.all(sessionOf);
 }

@@ -14,8 +14,9 @@ namespace needlelab {
 namespace {
 
 constexpr std::string_view kScore =
-    "SELECT s.id, c.definition_version, c.measures, c.passed, c.made_unix_ns, c.first, c.engine_version"
-    " FROM scores c JOIN sessions s ON s.number = c.session WHERE s.id = ?1 ";
+    "SELECT s.id, c.definition_version, c.measures, c.passed, c.made_unix_ns,"
+    " c.first, c.engine_version FROM scores c JOIN sessions s ON s.number = c.session"
+    " WHERE s.id = ?1 ";
 constexpr std::size_t kMaxReferences = 200;
 
 pb::Score scoreOfRow(const Statement& row) {
@@ -38,20 +39,20 @@ std::string idsJson(const std::vector<Uuid>& ids) {
 }
 
 constexpr std::string_view kInsert =
-    "INSERT INTO session_events (session, position, kind, begin_tick, end_tick, begin_s, end_s, plunger_from,"
-    " plunger_to, in_tissue_share, in_target_share, begin_x_m, begin_y_m, begin_z_m, begin_layer, "
-    "begin_tissue,"
-    " begin_insertion_m, begin_depth_m, begin_target, begin_target_distance_m, begin_hazard, end_x_m, "
-    "end_y_m,"
-    " end_z_m, end_layer, end_tissue, end_insertion_m, end_depth_m, end_target, end_target_distance_m,"
-    " end_hazard, hazards) VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)";
+    "INSERT INTO session_events (session, position, kind, begin_tick, end_tick,"
+    " begin_s, end_s, plunger_from, plunger_to, in_tissue_share, in_target_share,"
+    " begin_x_m, begin_y_m, begin_z_m, begin_layer, begin_tissue, begin_insertion_m,"
+    " begin_depth_m, begin_target, begin_target_distance_m, begin_hazard, end_x_m,"
+    " end_y_m, end_z_m, end_layer, end_tissue, end_insertion_m, end_depth_m,"
+    " end_target, end_target_distance_m, end_hazard, hazards)"
+    " VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)";
 constexpr std::string_view kSelectEvents =
-    "SELECT kind, begin_tick, end_tick, begin_s, end_s, plunger_from, plunger_to, in_tissue_share,"
-    " in_target_share, begin_x_m, begin_y_m, begin_z_m, begin_layer, begin_tissue, begin_insertion_m,"
-    " begin_depth_m, begin_target, begin_target_distance_m, begin_hazard, end_x_m, end_y_m, end_z_m, "
-    "end_layer,"
-    " end_tissue, end_insertion_m, end_depth_m, end_target, end_target_distance_m, end_hazard, hazards"
-    " FROM session_events WHERE session = ? ORDER BY position";
+    "SELECT kind, begin_tick, end_tick, begin_s, end_s, plunger_from, plunger_to,"
+    " in_tissue_share, in_target_share, begin_x_m, begin_y_m, begin_z_m,"
+    " begin_layer, begin_tissue, begin_insertion_m, begin_depth_m, begin_target,"
+    " begin_target_distance_m, begin_hazard, end_x_m, end_y_m, end_z_m, end_layer,"
+    " end_tissue, end_insertion_m, end_depth_m, end_target, end_target_distance_m,"
+    " end_hazard, hazards FROM session_events WHERE session = ? ORDER BY position";
 constexpr int kPlaceColumns = 10;
 
 void bindPlace(Statement& statement, const pb::SyringePlace& place) {
@@ -109,8 +110,8 @@ Status ScoreStore::put(const pb::Score& score) {
   bool has_first = false;
   {
     auto row = connection_.query(
-        "SELECT number, erased, EXISTS (SELECT 1 FROM scores WHERE session = number AND first = 1) FROM "
-        "sessions WHERE id = ?",
+        "SELECT number, erased, EXISTS (SELECT 1 FROM scores WHERE session = number"
+        " AND first = 1) FROM sessions WHERE id = ?",
         ByteView(*id));
     ASSIGN_OR_RETURN(const bool found, row.step());
     if (!found) return unknownSession(*id);
@@ -122,18 +123,17 @@ Status ScoreStore::put(const pb::Score& score) {
   }
   const int passed = score.has_passed() ? (score.passed() ? 1 : 0) : -1;
   RETURN_IF_ERROR(
-      connection_.run("INSERT INTO scores (session, definition_version, measures, passed, first, "
-                      "engine_version, made_unix_ns) VALUES"
-                      " (?,?,?,nullif(?, -1),?,?,?) ON CONFLICT (session, definition_version) DO UPDATE SET "
-                      "measures = excluded.measures,"
-                      " passed = excluded.passed, engine_version = excluded.engine_version, "
-                      "made_unix_ns = excluded.made_unix_ns"
-                      " WHERE first = 0",
+      connection_.run("INSERT INTO scores (session, definition_version, measures, passed, first,"
+                      " engine_version, made_unix_ns) VALUES (?,?,?,nullif(?, -1),?,?,?)"
+                      " ON CONFLICT (session, definition_version) DO UPDATE"
+                      " SET measures = excluded.measures, passed = excluded.passed,"
+                      " engine_version = excluded.engine_version,"
+                      " made_unix_ns = excluded.made_unix_ns WHERE first = 0",
                       number, score.definition_version(), score.measures_json(), passed, !has_first,
                       score.engine_version(), score.made_unix_ns()));
   return connection_.run(
-      "UPDATE sessions SET (score_json, passed) = (SELECT measures, passed FROM scores WHERE session = number"
-      " AND first = 1) WHERE number = ?",
+      "UPDATE sessions SET (score_json, passed) = (SELECT measures, passed"
+      " FROM scores WHERE session = number AND first = 1) WHERE number = ?",
       number);
 }
 
@@ -175,10 +175,10 @@ Result<pb::Reference> ReferenceStore::put(const std::string& exercise_id, const 
       return Error{ErrorCode::kInvalidInput, which + ": is of exercise '" + row.text(0) + "'"};
     if (row.integer(1) == pb::SESSION_OPEN) return Error{ErrorCode::kInvalidInput, which + ": is still open"};
   }
-  RETURN_IF_ERROR(connection_.run(
-      "INSERT INTO exercise_references (exercise_id, revision, sessions, by_whom, created_unix_ns)"
-      " VALUES (?,?,?,?,?)",
-      exercise_id, before.revision() + 1, idsJson(sessions), by, now_unix_ns));
+  RETURN_IF_ERROR(
+      connection_.run("INSERT INTO exercise_references (exercise_id, revision, sessions, by_whom,"
+                      " created_unix_ns) VALUES (?,?,?,?,?)",
+                      exercise_id, before.revision() + 1, idsJson(sessions), by, now_unix_ns));
   return get(exercise_id);
 }
 
@@ -186,8 +186,8 @@ Result<pb::Reference> ReferenceStore::get(std::string_view exercise_id) {
   pb::Reference reference;
   reference.set_exercise_id(std::string(exercise_id));
   auto row = connection_.query(
-      "SELECT revision, by_whom, created_unix_ns FROM exercise_references WHERE exercise_id = ? ORDER BY "
-      "revision DESC LIMIT 1",
+      "SELECT revision, by_whom, created_unix_ns FROM exercise_references"
+      " WHERE exercise_id = ? ORDER BY revision DESC LIMIT 1",
       exercise_id);
   ASSIGN_OR_RETURN(const bool found, row.step());
   if (!found) return reference;
@@ -196,9 +196,9 @@ Result<pb::Reference> ReferenceStore::get(std::string_view exercise_id) {
   reference.set_changed_unix_ns(row.integer(2));
   // those that are still there: an erased person's are not
   auto ids = connection_.query(
-      "SELECT s.id FROM exercise_references r, json_each(r.sessions) j JOIN sessions s"
-      " ON lower(hex(s.id)) = replace(j.value, '-', '') WHERE r.exercise_id = ? AND r.revision = ? AND "
-      "s.erased = 0 ORDER BY j.key",
+      "SELECT s.id FROM exercise_references r, json_each(r.sessions) j"
+      " JOIN sessions s ON lower(hex(s.id)) = replace(j.value, '-', '')"
+      " WHERE r.exercise_id = ? AND r.revision = ? AND s.erased = 0 ORDER BY j.key",
       exercise_id, reference.revision());
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, ids.step());
@@ -253,8 +253,8 @@ Result<std::vector<StoredAnnotation>> AnnotationStore::list(const Uuid& session)
   ASSIGN_OR_RETURN(const SessionRow found, requireSession(connection_, session));
   return connection_
       .query(
-          "SELECT id, tick, text, author, created_unix_ns FROM annotations WHERE session = ? ORDER BY tick, "
-          "id",
+          "SELECT id, tick, text, author, created_unix_ns FROM annotations"
+          " WHERE session = ? ORDER BY tick, id",
           found.number)
       .all([&](const Statement& row) {
         return StoredAnnotation{row.natural(0), session,     row.natural(1),

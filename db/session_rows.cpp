@@ -11,9 +11,9 @@ namespace needlelab {
 
 Result<std::optional<SessionRow>> findSession(Connection& connection, const Uuid& session) {
   auto query = connection.query(
-      "SELECT s.number, s.station, s.state, coalesce(p.chunks, s.chunks), coalesce(p.samples, s.samples),"
-      " coalesce(p.stored_bytes, s.stored_bytes), s.hash, s.recording, s.erased, p.session IS NOT NULL FROM "
-      "sessions s"
+      "SELECT s.number, s.station, s.state, coalesce(p.chunks, s.chunks),"
+      " coalesce(p.samples, s.samples), coalesce(p.stored_bytes, s.stored_bytes),"
+      " s.hash, s.recording, s.erased, p.session IS NOT NULL FROM sessions s"
       " LEFT JOIN session_progress p ON p.session = s.number WHERE s.id = ?",
       ByteView(session));
   ASSIGN_OR_RETURN(const bool found, query.step());
@@ -54,8 +54,9 @@ Result<StoredRecording> recordingOf(Connection& connection, const std::string& n
 
 Result<std::string> removalText(Connection& connection, const SessionRow& row) {
   auto query = connection.query(
-      "SELECT strftime('%Y-%m-%d', coalesce(deleted_unix_ns, removed_unix_ns) / 1000000000, 'unixepoch'),"
-      " reason FROM removed_originals WHERE session = ?",
+      "SELECT strftime('%Y-%m-%d', coalesce(deleted_unix_ns,"
+      " removed_unix_ns) / 1000000000, 'unixepoch'), reason FROM removed_originals"
+      " WHERE session = ?",
       row.number);
   ASSIGN_OR_RETURN(const bool found, query.step());
   const std::string what = row.recording == StoredRecording::Kind::kDeleted ? "its recording was deleted"
@@ -148,8 +149,8 @@ Result<std::optional<ChunkScan::Item>> ChunkScan::next() {
     // chunk
     const std::string table(recording_.table());
     rows_.emplace(
-        connection_.query("SELECT k.seq, c.samples, c.crc, c.bytes, c.session = k.session AND c.seq = k.seq"
-                          " FROM " +
+        connection_.query("SELECT k.seq, c.samples, c.crc, c.bytes, c.session = k.session"
+                          " AND c.seq = k.seq FROM " +
                               table + " AS k CROSS JOIN " + table +
                               " AS c ON c.rowid = k.rowid"
                               " WHERE k.session = ? AND k.seq >= ? AND k.seq < ? ORDER BY k.seq",

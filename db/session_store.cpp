@@ -34,8 +34,8 @@ struct OpenRow {
 Result<std::optional<OpenRow>> findOpen(Connection& connection, const Uuid& session,
                                         std::string_view station) {
   auto query = connection.query(
-      "SELECT s.number, p.chunks, s.station FROM sessions s JOIN session_progress p ON p.session = s.number"
-      " WHERE s.id = ?",
+      "SELECT s.number, p.chunks, s.station FROM sessions s"
+      " JOIN session_progress p ON p.session = s.number WHERE s.id = ?",
       ByteView(session));
   ASSIGN_OR_RETURN(const bool found, query.step());
   if (!found || (!station.empty() && textOf(query.bytes(2)) != station)) return std::optional<OpenRow>();
@@ -54,7 +54,8 @@ Result<Appended> storeChunk(Connection& connection, const OpenRow& row, std::uin
   RETURN_IF_ERROR(connection.run("INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (?,?,?,?,?)",
                                  row.number, seq, samples, stationCrcOf(bytes), bytes));
   RETURN_IF_ERROR(
-      connection.run("UPDATE session_progress SET chunks = chunks + 1, samples = samples + ?,"
+      connection.run("UPDATE session_progress"
+                     " SET chunks = chunks + 1, samples = samples + ?,"
                      " stored_bytes = stored_bytes + ? WHERE session = ?",
                      samples, static_cast<std::uint64_t>(bytes.size()), row.number));
   if (connection.changes() != 1) return countersMissing(fmt::format("session number {}", row.number));
@@ -89,8 +90,9 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
 
   // known already: the same description is a reconnect, another one a mistake that must not be stored
   auto known = connection_.query(
-      "SELECT coalesce(p.chunks, s.chunks), s.description, s.profile_json, s.erased FROM sessions s"
-      " LEFT JOIN session_progress p ON p.session = s.number WHERE s.id = ?",
+      "SELECT coalesce(p.chunks, s.chunks), s.description, s.profile_json, s.erased"
+      " FROM sessions s LEFT JOIN session_progress p ON p.session = s.number"
+      " WHERE s.id = ?",
       viewOf(description.session_id()));
   ASSIGN_OR_RETURN(const bool found, known.step());
   if (found) {
@@ -108,11 +110,9 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
     return Error{ErrorCode::kNotFound, "there is no station named '" + description.station() + "'"};
 
   RETURN_IF_ERROR(connection_.run(
-      "INSERT INTO sessions (id, station, trainee, exercise_id, profile_id, "
-      "profile_revision, profile_json, "
-      "engine_version,"
-      " rate_hz, started_unix_ns, description, state, received_unix_ns) VALUES "
-      "(?,?,?,?,?,?,?,?,?,?,?,?,?)",
+      "INSERT INTO sessions (id, station, trainee, exercise_id, profile_id,"
+      " profile_revision, profile_json, engine_version, rate_hz, started_unix_ns,"
+      " description, state, received_unix_ns) VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?)",
       viewOf(description.session_id()), description.station(), description.trainee(),
       description.exercise_id(), description.profile_id(), description.profile_revision(),
       description.profile_json(), description.engine_version(), description.rate_hz(),
@@ -243,8 +243,8 @@ Status SessionStore::setClockOffset(const Uuid& session, std::int64_t offset_ns,
   }
   ASSIGN_OR_RETURN(const SessionRow row, requireSession(connection_, session));
   return connection_.run(
-      "UPDATE sessions SET clock_offset_ns = ?, clock_round_trip_ns = ? WHERE number = ? AND"
-      " (clock_round_trip_ns IS NULL OR clock_round_trip_ns > ?)",
+      "UPDATE sessions SET clock_offset_ns = ?, clock_round_trip_ns = ?"
+      " WHERE number = ? AND (clock_round_trip_ns IS NULL OR clock_round_trip_ns > ?)",
       offset_ns, round_trip_ns, row.number, round_trip_ns);
 }
 
