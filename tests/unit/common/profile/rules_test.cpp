@@ -1,3 +1,5 @@
+// What is refused in a profile, and what its author is warned of.
+//
 // Every way to get a profile wrong that we could think of, and what a person is told about it.
 #include <gmock/gmock.h>
 
@@ -258,6 +260,163 @@ TEST(WrongCurricula, eachIsRefusedWithFileFieldAndReason) {
     EXPECT_EQ(curriculum.error().code, ErrorCode::kInvalidInput);
     EXPECT_THAT(curriculum.error().message, StartsWith(std::string("c.json: ") + wrong.expected));
   }
+}
+
+// ---- the needle's section of a profile ----
+
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+Result<pb::Profile> withNeedle(const std::string& needle) {
+  auto tree = nlohmann::json::parse(kGoodProfile);
+  tree["needle"] = nlohmann::json::parse(needle);
+  return parseProfile(tree.dump(), "p.json");
+}
+
+TEST(NeedleSection, isReadAsWritten) {
+  const auto profile =
+      withNeedle(R"({"length_m": 0.09, "gauge": 18, "outer_diameter_m": 0.00127, "tip": "TUOHY",
+                     "bevel_angle_rad": 0.4})");
+  ASSERT_TRUE(profile.ok()) << profile.error().message;
+  const NeedleSpec needle = needleOf(profile->needle());
+  EXPECT_EQ(needle.length_m, 0.09);
+  EXPECT_EQ(needle.outer_diameter_m, 0.00127) << "the measured one counts";
+  EXPECT_EQ(needle.tip, NeedleTip::kTuohy);
+  EXPECT_EQ(needle.bevel_angle_rad, 0.4);
+  EXPECT_THAT(profileJson(*profile), HasSubstr("\"needle\": {\"length_m\": 0.09, \"gauge\": 18, "
+                                               "\"outer_diameter_m\": 0.00127, \"tip\": \"TUOHY\", "
+                                               "\"bevel_angle_rad\": 0.4}"));
+  const auto again = parseProfile(profileJson(*profile), "again");
+  ASSERT_TRUE(again.ok());
+  EXPECT_EQ(profileJson(*again), profileJson(*profile));
+}
+
+TEST(NeedleSection, ofAnOlderProfileIsWrittenAsBefore) {
+  const auto profile = withNeedle(R"({"length_m": 0.06})");
+  ASSERT_TRUE(profile.ok());
+  EXPECT_THAT(profileJson(*profile), HasSubstr("\"needle\": {\"length_m\": 0.06},"));
+  EXPECT_EQ(needleOf(profile->needle()).outer_diameter_m, 0);
+  EXPECT_EQ(openingBehindTip_m(needleOf(profile->needle())), 0);
+  EXPECT_EQ(sceneSpecOf(*profile)->needle_diameter_m, 0);
+}
+
+TEST(NeedleSection, aGaugeGivesTheDiameter) {
+  const auto profile = withNeedle(R"({"length_m": 0.06, "gauge": 22})");
+  ASSERT_TRUE(profile.ok());
+  EXPECT_EQ(needleOf(profile->needle()).outer_diameter_m, 0.0007);
+  EXPECT_EQ(sceneSpecOf(*profile)->needle_diameter_m, 0.0007);
+}
+
+TEST(NeedleSection, whatContradictsItselfIsRefusedWithTheNumbers) {
+  const struct {
+    const char *needle, *expected;
+  } cases[] = {
+      {R"({"length_m": 0.06, "gauge": 22, "outer_diameter_m": 0.0012})",
+       "needle.outer_diameter_m: 0.0012 contradicts gauge 22, which is 7e-04 (allowed is 0.000644 to "
+       "0.000756)"},
+      {R"({"length_m": 0.06, "gauge": 9})", "needle.gauge: 9 is out of range [10, 34]"},
+      {R"({"length_m": 0.06, "gauge": 22.5})", "needle.gauge"},
+      {R"({"length_m": 0.06, "outer_diameter_m": 0.02})", "needle.outer_diameter_m: 0.02 is out of range"},
+      {R"({"length_m": 0.06, "tip": "BLUNT"})", "needle.tip"},
+      {R"({"length_m": 0.06, "tip": "TIP_UNSPECIFIED"})", "needle.tip"},
+      {R"({"length_m": 0.06, "bevel_angle_rad": 0})", "needle.bevel_angle_rad: 0 is out of range"},
+      {R"({"length_m": 0.06, "bevel_angle_rad": 1.6})", "needle.bevel_angle_rad: 1.6 is out of range"},
+      {R"({"length_m": 0.02, "gauge": 10, "bevel_angle_rad": 0.1})",
+       "needle.bevel_angle_rad: at 0.1 rad a tip of 3.4 mm diameter is 33.9 mm long, the whole needle 20 mm"},
+  };
+  for (const auto& c : cases) {
+    const auto profile = withNeedle(c.needle);
+    ASSERT_FALSE(profile.ok()) << c.needle;
+    EXPECT_EQ(profile.error().code, ErrorCode::kInvalidInput);
+    EXPECT_THAT(profile.error().message, HasSubstr(c.expected));
+  }
+}
+
+TEST(NeedleSection, realTubesOfAGaugeAreTaken) {
+  // outer diameters as makers state them, by wire gauge, beside the metric sizes of ISO 9626
+  const struct {
+    int gauge;
+    const char* diameter_m;
+  } tubes[] = {{16, "0.001651"},  {17, "0.001473"},  {18, "0.00127"},   {19, "0.001067"},
+               {20, "0.0009081"}, {21, "0.0008192"}, {22, "0.0007176"}, {23, "0.0006414"},
+               {25, "0.0005144"}, {27, "0.0004128"}, {30, "0.0003112"}};
+  for (const auto& tube : tubes) {
+    const auto profile = withNeedle("{\"length_m\": 0.06, \"gauge\": " + std::to_string(tube.gauge) +
+                                    ", \"outer_diameter_m\": " + tube.diameter_m + "}");
+    EXPECT_TRUE(profile.ok()) << profile.error().message;
+  }
+}
+
+TEST(NeedleSection, aTipOfUnknownSizeIsTold) {
+  const auto told = withNeedle(R"({"length_m": 0.06, "tip": "QUINCKE"})");
+  ASSERT_TRUE(told.ok());
+  const auto plain = withNeedle(R"({"length_m": 0.06, "tip": "QUINCKE", "gauge": 22})");
+  ASSERT_TRUE(plain.ok());
+  EXPECT_EQ(profileWarnings(*told).size(), profileWarnings(*plain).size() + 1);
+  EXPECT_THAT(profileWarnings(*told).front(), HasSubstr("neither gauge nor outer_diameter_m"));
+}
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+std::vector<std::string> warningsWith(const std::vector<std::pair<std::string, std::string>>& changes) {
+  std::string text = kGoodProfile;
+  for (const auto& [pointer, value] : changes) text = mutated(text, pointer, value);
+  const auto profile = parseProfile(text, "p");
+  EXPECT_TRUE(profile.ok()) << (profile.ok() ? "" : profile.error().message);
+  return profile.ok() ? profileWarnings(*profile) : std::vector<std::string>{"not valid"};
+}
+
+TEST(Fidelity, isTheShareOfTheLayerWithTheRightForce) {
+  // 0 to 1 N at 500 N/m: within 10 % of 1 N after 0.9 N / 500 N/m = 1.8 mm, of a layer of 3.6 mm half is left
+  EXPECT_DOUBLE_EQ(fidelity(0, 1, 500, 0.0036), 0.5);
+  EXPECT_DOUBLE_EQ(fidelity(0, 1, 500, 0.018), 0.9);
+  // 1 to 2 N: within 0.2 N of 2 N after 0.8 N
+  EXPECT_DOUBLE_EQ(fidelity(1, 2, 500, 0.0032), 0.5);
+  EXPECT_EQ(fidelity(0, 1, 500, 0.0018), 0);
+  EXPECT_EQ(fidelity(0, 1, 500, 0.0001), 0) << "never negative";
+  EXPECT_EQ(fidelity(2, 1, 500, 0.0001), 1) << "a falling force needs no way";
+  EXPECT_EQ(fidelity(1, 1.05, 500, 0.0001), 1) << "a rise that nobody notices";
+  EXPECT_EQ(fidelity(0, 0, 500, 0.0001), 1);
+}
+
+TEST(ProfileWarnings, aThinLayerIsToldWithItsNumbers) {
+  // the skin of 3 mm has fidelity 1 − 0.9/1.5 = 0.4
+  EXPECT_THAT(warningsWith({}),
+              ElementsAre(AllOf(HasSubstr("layers[0] (SKIN, 3 mm)"), HasSubstr("fidelity 0.4"),
+                                HasSubstr("from 0 to 1 N"), HasSubstr("500 N/m needs 2 mm"))));
+  EXPECT_THAT(warningsWith({{"/layers/0/thickness_m", "0.0036"}}), IsEmpty()) << "0.5 is enough";
+  EXPECT_THAT(warningsWith({{"/layers/0/thickness_m", "0.0035"}}), ElementsAre(HasSubstr("layers[0]")));
+}
+
+TEST(ProfileWarnings, aFallingStepMayBeThin) {
+  EXPECT_THAT(warningsWith({{"/layers/0/thickness_m", "0.004"},
+                            {"/layers/1/cutting_force_n", "0.5"},
+                            {"/layers/1/thickness_m", "0.0001"}}),
+              IsEmpty());
+}
+
+TEST(ProfileWarnings, withoutCuttingNoLayerIsTooThin) {
+  EXPECT_THAT(warningsWith({{"/effects", R"(["PUNCTURE"])"}}), IsEmpty());
+}
+
+TEST(ProfileWarnings, aMembraneThatRupturesBelowItsLayerIsTold) {
+  const std::pair<std::string, std::string> thick{"/layers/0/thickness_m", "0.004"};
+  // 100 N/m alone reaches 0.6 N at 6 mm, in a layer of 4 mm
+  const std::pair<std::string, std::string> soft{
+      "/layers/0/puncture", R"({"linear_n_per_m": 100, "quadratic_n_per_m2": 0, "force_n": 0.6})"};
+  EXPECT_THAT(warningsWith({thick, soft}), ElementsAre(AllOf(HasSubstr("layers[0] (SKIN, 4 mm)"),
+                                                             HasSubstr("0.6 N"), HasSubstr("6 mm deep"))));
+  // 100 z + 12500 z² = 0.6 at exactly 4 mm: not deeper than the layer, thickened by a hair
+  const std::pair<std::string, std::string> just{
+      "/layers/0/puncture", R"({"linear_n_per_m": 100, "quadratic_n_per_m2": 12500, "force_n": 0.6})"};
+  EXPECT_THAT(warningsWith({{"/layers/0/thickness_m", "0.00400001"}, just}), IsEmpty());
+  EXPECT_THAT(warningsWith({{"/layers/0/thickness_m", "0.00399999"}, just}),
+              ElementsAre(HasSubstr("4 mm deep")));
+  // not listed, not told
+  EXPECT_THAT(warningsWith({thick, soft, {"/effects", R"(["CUTTING"])"}}), IsEmpty());
 }
 
 }  // namespace
