@@ -1,4 +1,4 @@
-/// What each live effect of a scene costs a tick on this machine, now.
+/// The cost of each live effect of a scene in a tick, on this machine, now.
 #pragma once
 
 #include <vector>

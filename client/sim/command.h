@@ -8,7 +8,7 @@
 
 namespace needlelab {
 
-/// What the parsed command line asks for; gives the exit code. Messages go to stderr.
+/// The work of the parsed command line; returns the exit code. Messages go to stderr.
 using SimCommand = std::function<int()>;
 
 /// Each adds its subcommand to `app`; when that is chosen, `chosen` is set while parsing. Both must outlive

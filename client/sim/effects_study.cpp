@@ -50,8 +50,8 @@ Result<SceneSpec> effectsScene(const std::filesystem::path& profile) {
     return scene;
   }
   ASSIGN_OR_RETURN(auto scene, paperSceneSpec("paper-six-layers", Pose{}));
-  // what the paper's six layers leave open: lateral stiffness and torque of its clamping experiment's size,
-  // friction and membranes (future work there) of the size that soft tissue has
+  // numbers that the paper's six layers leave open: lateral stiffness and torque of its clamping experiment's
+  // size, friction and membranes (future work there) of the size that soft tissue has
   static constexpr double kLateral_N_per_m2[] = {9000, 6000, 12000, 15000, 20000, 40000};
   static constexpr double kFriction_N_per_m[] = {18, 10, 14, 20, 25, 30};
   for (std::size_t i = 0; i < scene.layers.size(); ++i) {

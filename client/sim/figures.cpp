@@ -146,7 +146,7 @@ HandPlan clampingPlan() {
   return plan;
 }
 
-// what a reader wants to see named
+// the places that the figures name
 struct Places {
   std::optional<std::size_t> entry, first_turn;  // ticks
   std::size_t point1 = 0, point2 = 0;

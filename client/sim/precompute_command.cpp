@@ -128,7 +128,7 @@ int precompute(const PrecomputeOptions& options) {
   if (const Status status = writeFileAtomically(options.out, viewOf(profileJson(*made))); !status.ok())
     return failed("precompute", status.error());
 
-  // what the table costs in accuracy, said at once
+  // the error of the table, printed at once
   const auto written = sceneSpecOf(*made);
   if (!written.ok()) return failed("precompute", written.error());
   const auto error = tableError(fem, *written);

@@ -22,7 +22,7 @@ struct RunOptions {
   JsonOption json;
 };
 
-// what the whole run came to
+// sums and maxima over the whole run
 struct RunTotals {
   std::size_t ticks = 0, insertions = 0;
   double max_force_N = 0, max_torque_Nm = 0, max_depth_m = 0;

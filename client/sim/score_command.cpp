@@ -59,7 +59,7 @@ Result<std::vector<GestureSample>> gestureOf(const OfflineScene& scene) {
   return samples;
 }
 
-// what was recorded: a recording, or its samples as CSV
+// the samples of a recording, or of their CSV
 Result<std::vector<GestureSample>> recordedOf(const std::filesystem::path& path) {
   if (path.extension() == ".csv") return readSampleCsv(path);
   ASSIGN_OR_RETURN(const auto reader, RecordingReader::open(path));

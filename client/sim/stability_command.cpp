@@ -76,7 +76,7 @@ double lookOf(const CaseRow* row) {
   return row->verdict == Verdict::kStable ? 1 : row->verdict == Verdict::kChatters ? 2 : 3;
 }
 
-// cases × models, each cell with its verdict and what was measured
+// cases × models, each cell with its verdict and its measured value
 Status drawOverview(const std::vector<CaseRow>& rows, const std::filesystem::path& out) {
   const auto names = caseNames(rows);
   std::vector<AxialModel> models;
@@ -195,7 +195,7 @@ Status draw(const std::vector<CaseOutcome>& outcomes, const CaseSettings& settin
   return {};
 }
 
-// what failed, small enough to be read and kept
+// counter-examples, small enough to be read and kept
 Status writeAttachments(const std::vector<CaseOutcome>& outcomes, const std::filesystem::path& folder) {
   for (const CaseOutcome& outcome : outcomes)
     for (const CaseAttachment& one : outcome.files)
@@ -254,7 +254,7 @@ int stability(const StabilityOptions& options) {
     if (const Status status = writeAttachments(outcomes, options.out); !status.ok())
       return failed("stability", status.error());
 
-  // what ships must be stable; the others may be what they are
+  // the shipped model must be stable; the others need not be
   const auto unstable = std::find_if(rows.begin(), rows.end(), [](const CaseRow& row) {
     return row.model == AxialModel::kEnhancedTrackingWall && row.applicable &&
            row.verdict != Verdict::kStable;

@@ -9,7 +9,7 @@
 
 namespace needlelab {
 
-/// What is meshed. z is the depth along the path, x and y stand across it; the skin is z = 0 and free.
+/// The meshed box. z is the depth along the path, x and y stand across it; the skin is z = 0 and free.
 struct NeedleBoxSpec {
   double length_m = 0;                     ///< of the path
   double radius_m = 0;                     ///< r₀ of the needle: a surface of the mesh

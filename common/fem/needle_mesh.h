@@ -15,7 +15,7 @@ inline constexpr double kNeedleRadius_m = 0.4e-3;
 /// Stations of the live needle where the caller asks for none.
 inline constexpr int kDefaultStations = 60;
 
-/// What a mesh is made for. The trajectory is the surface normal at the entry, the tissue a half-space of
+/// The options of a mesh. The trajectory is the surface normal at the entry, the tissue a half-space of
 /// layers (the limb's curvature is not seen), `spec.fem.layers` its elasticity.
 struct NeedleMeshOptions {
   int nodes = 10'000;               ///< about so many; layers that are thin can make it more

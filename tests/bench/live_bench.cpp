@@ -97,7 +97,7 @@ struct Pipe {
   }
 };
 
-/// What a process reports.
+/// The report of a process.
 struct Figures {
   double cpu_s = 0, network_cpu_s = 0;
   std::uint64_t frames = 0, late = 0;

@@ -10,7 +10,7 @@
 
 namespace needlelab::test {
 
-/// What the ticks of a loop must do, else the figure is of something else.
+/// Conditions on the ticks of a loop; without them the figure is of something else.
 struct StepLoop {
   SceneSpec scene;
   double rate_hz = 1000;

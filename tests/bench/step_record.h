@@ -1,4 +1,4 @@
-/// Runs the registered benchmarks, and writes what they gave into a folder of this machine's.
+/// Runs the registered benchmarks, and writes their results into a folder of this machine's.
 #pragma once
 
 #include <filesystem>

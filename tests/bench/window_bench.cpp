@@ -94,7 +94,7 @@ class BusyCore {
     if (child_ != 0) return;
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     runOnCore(core);
-    // busy, but in nobody's way who needs the core
+    // busy, but leaves the core to whoever needs it
     const sched_param plain{};
     if (::sched_setscheduler(0, SCHED_OTHER, &plain) != 0 || ::nice(19) == -1) std::perror("busy core");
     auto state = std::make_unique<SimState>();

@@ -1,4 +1,4 @@
-// cases.json: what is wrong in it is named by file, case and field.
+// cases.json: a fault in it is named by file, case and field.
 #include "client/sim/stability/case_file.h"
 
 #include <gtest/gtest.h>

@@ -39,7 +39,7 @@ inline CaseRow rowOf(std::string_view name, AxialModel model = AxialModel::kEnha
   return {};
 }
 
-/// What a row says, for messages.
+/// A row as text, for messages.
 inline std::string rowText(const CaseRow& row) {
   return std::string(verdictText(row.verdict)) + ": " + row.quantity + " " +
          std::to_string(row.measured.value_or(-1)) + ", limit " + std::to_string(row.limit.value_or(-1)) +

@@ -1,4 +1,4 @@
-// What is measured on a run, against numbers that were worked out by hand.
+// The measures of a run, against numbers that were worked out by hand.
 #include "client/sim/stability/measures.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// The cases of prescribed motion: the wall stands each, and what each is there to find does not.
+// The cases of prescribed motion: the wall passes each, and the defect that each looks for fails.
 #include "client/sim/stability/motion_cases.h"
 
 #include <gtest/gtest.h>
@@ -66,7 +66,7 @@ INSTANTIATE_TEST_SUITE_P(
     }(),
     [](const auto& test) { return test.param; });
 
-// the reference is a second engine written from the text alone: what it fails would be a fault of the case
+// the reference is a second engine written from the text alone: a case that it fails would be at fault itself
 TEST(ReferenceStands, allCasesWithoutAPlantedDefect) {
   for (const StabilityCase& one : motionCases()) {
     if (one.name == "random_energy" || one.name == "flipped_axis") continue;  // long with the reference

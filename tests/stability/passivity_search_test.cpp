@@ -18,7 +18,7 @@ TEST(RandomEnergy, theWallGivesTheHandNothing) {
   EXPECT_TRUE(outcome->row.passed) << rowText(outcome->row);
   EXPECT_LE(*outcome->row.energy_J, 5e-5);
   EXPECT_LE(*outcome->row.max_unexplained_step_N, 0.05);
-  // what was found is small by now: keep it in tests/stability/regressions
+  // the counter-example is small by now: keep it in tests/stability/regressions
   for (const CaseAttachment& found : outcome->files) ADD_FAILURE() << found.name << "\n" << found.text;
 }
 
@@ -78,7 +78,7 @@ namespace {
 
 constexpr AxialModel kShrunkModel = AxialModel::kEnhancedTrackingWall;
 
-// what a shrunk gesture may be at most
+// the greatest size of a shrunk gesture
 struct Small {
   std::size_t strokes = 4;
   int effects = 2, layers = 2;

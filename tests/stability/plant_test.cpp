@@ -42,7 +42,7 @@ TEST(Plant, givesTheSameBitsAsTheStationsDeviceAndChain) {
   }
 }
 
-// the controls are variants of the reference: without a defect it gives what the engine gives
+// the controls are variants of the reference: without a defect it gives the forces of the engine
 TEST(Plant, theReferenceGivesTheEnginesForces) {
   const auto file = CaseFile::embedded();
   ASSERT_TRUE(file.ok());

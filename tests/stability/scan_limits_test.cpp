@@ -1,4 +1,4 @@
-// The study of the largest stable stiffness against what it is compared with.
+// The study of the largest stable stiffness against theory.
 #include "client/sim/stability/scan_limits.h"
 
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ Result<CaseFile> smallStudy() {
   if (!file.ok()) return file.error();
   nlohmann::json json = file->json();
   auto& study = json["cases"]["stiffness_limits"];
-  // what a sanitizer looks for does not depend on the rate, and it takes ten times as long
+  // a sanitizer's findings do not depend on the rate, and it takes ten times as long
   study["rates_hz"] = test::kSanitized ? nlohmann::json::array({500}) : nlohmann::json::array({500, 4000});
   study["delays_ticks"] = {0, 2};
   study["rest"]["encoder_steps_m"] = {30e-6};

@@ -30,7 +30,7 @@ Result<std::vector<StudyScene>> studyScenes();
 /// The surface must be a plane.
 HandPlan studyPlan(const SceneSpec& spec, std::uint64_t seed);
 
-/// What the hand means to do at a tick.
+/// The intention of the hand at a tick.
 enum class Intent : std::uint8_t { kRest, kIn, kOut };
 
 /// A prescribed motion of the tip: the plan with normal tremor, no device between.

@@ -174,7 +174,7 @@ std::vector<PixelBox> linesOf(const Panel& panel, const Frame& frame) {
   return lines;
 }
 
-// title, what is compared, and the series' names
+// title, comparison, and the series' names
 void addTexts(const Panel& panel, const PanelPlace& place, const Frame& frame, PlotBlocks& data) {
   const double top = place.bottom + place.height;
   data.row("titles", {frame.box.left, top - 18}, {panel.title});

@@ -22,12 +22,12 @@ struct PanelPoint {
 
 struct Panel {
   std::string title;        ///< the finding
-  std::string under_title;  ///< what is compared
+  std::string under_title;  ///< the comparison
   std::string x_title, y_title;
   std::string x_unit, y_unit;       ///< of base units, written with SI prefixes at the ticks: "s", "N", "B/s"
   std::vector<std::string> series;  ///< names; shown when there is more than one
   std::vector<PanelPoint> points;
-  std::optional<double> level;  ///< a horizontal line, e.g. what a hand notices
+  std::optional<double> level;  ///< a horizontal line, e.g. a noticeable force
   std::string level_name;
 };
 

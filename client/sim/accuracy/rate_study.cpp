@@ -33,7 +33,7 @@ Result<std::vector<ChainTick>> run(const StudyScene& scene, std::uint64_t seed, 
   return runClosedLoop(model, device, {}, static_cast<std::uint64_t>(duration_s * rate_hz));
 }
 
-// what acts on the hand at step `i` of the reference's clock: sampled, late, held
+// the force that acts on the hand at step `i` of the reference's clock: sampled, late, held
 Vec3 acting_N(const std::vector<ChainTick>& ticks, double rate_hz, std::size_t i) {
   const auto per_tick = static_cast<std::size_t>(std::lround(kReference_hz / rate_hz));
   const std::size_t tick = i / per_tick;
@@ -66,7 +66,7 @@ double meanForce_N(const std::vector<ChainTick>& ticks) {
   return inside.rms();
 }
 
-// gate and engine over what the device reported in a run, without the device
+// gate and engine over the poses that the device reported in a run, without the device
 Result<Timing> timed(const StudyScene& scene, double rate_hz, const std::vector<ChainTick>& ticks,
                      double budget_s) {
   ASSIGN_OR_RETURN(const auto model, compile(scene.spec, rate_hz));

@@ -12,7 +12,7 @@ namespace {
 constexpr double kMostLatency_ms =
     25;  // half of tests/bench/README.md's 50 ms: server and network need the rest
 constexpr double kStiffnessMargin = 2;  // theory allows so many times the scene's stiffness
-constexpr double kStorageShare = 0.1;   // of what is noticed
+constexpr double kStorageShare = 0.1;   // of a noticeable force
 constexpr double kNone = std::numeric_limits<double>::infinity();
 
 std::string sig(double value, int digits) {
@@ -59,7 +59,7 @@ bool goodEnough(const AccuracyRow& row) {
   return false;
 }
 
-// what is saved among those that are good enough
+// the saving among the rows that are good enough
 double priceOf(const AccuracyRow& row) {
   switch (row.study) {
     case AccuracyStudy::kStorage:
@@ -151,7 +151,7 @@ std::string nameIn(const RowGroup& group, const AccuracyRow* row) {
   return {};
 }
 
-// what else the group shows: its front, what has less error, what is too slow
+// the rest of the group: its front, the rows with less error, those that are too slow
 std::string restOf(const RowGroup& group, const AccuracyRow& row) {
   std::string text;
   std::vector<std::string> on_front, unfit;

@@ -9,14 +9,14 @@
 
 namespace needlelab {
 
-/// What a row costs: processor time for a millisecond of the lesson, which is one tick at 1 kHz. In ns.
+/// The cost of a row: processor time for a millisecond of the lesson, which is one tick at 1 kHz. In ns.
 /// Nothing when it was not measured.
 std::optional<double> costOf_ns(const AccuracyRow& row);
 
 /// The choice that a row stands for, as text: "VOIGT", "10 kHz", "1 µm", "lossless", "20 ms", "2,000 nodes".
 std::string choiceOf(const AccuracyRow& row);
 
-/// Rows of one study, scene and reference (and model, where that is not what is varied), in their order.
+/// Rows of one study, scene and reference (and model, unless the model is varied), in their order.
 struct RowGroup {
   AccuracyStudy study;
   std::string scene, reference, model;  ///< model empty in study `model`
@@ -56,7 +56,7 @@ struct Advice {
 ///   never steps by more; else the least error.
 /// - rate: as for a model, and theory must allow twice the scene's stiffness (`stiffness_margin`).
 /// - mesh: the coarsest whose rms error nobody notices; else the finest.
-/// - storage: the fewest bytes whose rms error is at most a tenth of what is noticed.
+/// - storage: the fewest bytes whose rms error is at most a tenth of a noticeable force.
 /// - live: the least bandwidth whose p99 latency is below 25 ms, half of the 50 ms of tests/bench/README.md
 /// (server and
 ///   network need the rest); else the least latency.

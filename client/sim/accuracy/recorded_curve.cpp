@@ -256,7 +256,7 @@ Result<AccuracyRow> statisticalRow(const std::vector<CurveFit>& tables, const De
   return row;
 }
 
-// what a model that knows nothing has there: the last force before the split, held
+// the error of a model that knows nothing of that part: it holds the last force before the split
 double errorOfHolding(const DepthCurve& curve) {
   const auto fitted = chosenBins(curve, beforeTheSplit());
   const std::vector<double> held_N(curve.depth_m.size(), fitted.back().value);

@@ -10,8 +10,9 @@
 
 namespace needlelab {
 
-/// What is known of a needle beforehand: outer diameters of ISO 9626 hypodermic tubing as sold, and mean and
-/// standard deviation of single punctures as the recording's source states them (data/README.md).
+/// The facts about a needle that are known beforehand: outer diameters of ISO 9626 hypodermic tubing as sold,
+/// and mean and standard deviation of single punctures as the recording's source states them
+/// (data/README.md).
 struct FilmNeedle {
   std::string name;
   double diameter_m = 0;
@@ -46,8 +47,8 @@ struct FilmPrediction {
 };
 FilmPrediction predictFilmForce(const FilmForce& left_out, const FilmForce& a, const FilmForce& b);
 
-/// What a membrane that ruptures at `force_N` gives through the engine when a needle at 3 mm/s meets it: the
-/// greatest force before it is through, in N. Errors: those of `compile`.
+/// The force of a membrane that ruptures at `force_N`, through the engine, when a needle at 3 mm/s meets it:
+/// the greatest force before it is through, in N. Errors: those of `compile`.
 Result<double> renderedPuncture_N(double force_N);
 
 }  // namespace needlelab

@@ -40,7 +40,7 @@ using BlockChoice = std::function<bool(int block)>;
 /// goes in at 3 mm/s and rests at kHoldFrom_s. Errors: those of `compile`; kInvalidInput without rows.
 Result<HoldFit> fitHold(const std::vector<ForceAtTime>& rows, StopMode mode, const BlockChoice& fit_on);
 
-/// What the withdrawal gives with the wall's one constant attracted force. Speed and depth stand for the
+/// The withdrawal with the wall's one constant attracted force. Speed and depth stand for the
 /// displacement that the recording does not have: only speed·K_t and depth/speed can be told from it.
 struct WithdrawalFit {
   double speed_mps = 0;  ///< with K_t of the fit's scene

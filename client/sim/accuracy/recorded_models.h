@@ -19,7 +19,7 @@ struct CurveScene {
 
 struct CurveModel {
   AxialModel model = AxialModel::kEnhancedTrackingWall;
-  std::string variant;  ///< what the scene is made of, e.g. "32 layers"
+  std::string variant;  ///< the parts of the scene, e.g. "32 layers"
   std::vector<FitParameter> parameters;
   std::function<CurveScene(const std::vector<double>&)> scene;
 };

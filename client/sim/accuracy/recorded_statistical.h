@@ -17,7 +17,7 @@ struct ForceBand {
 };
 ForceBand centralBand95(double mean_N, double sd_N);
 
-/// What the section says at a depth, linear between rows.
+/// The law of the section at a depth, linear between rows.
 struct ForceLaw {
   double mean_N = 0, sd_N = 0;
 };

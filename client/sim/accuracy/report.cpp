@@ -158,7 +158,7 @@ std::string accuracyCsv(const AccuracyRows& rows) {
 
 namespace {
 
-// what a diagram shows of a row
+// the two measures of a row that a diagram shows
 struct Axes {
   const char *x_title, *y_title, *x_unit, *y_unit;
   std::optional<double> (*x)(const AccuracyRow&);

@@ -10,7 +10,7 @@
 
 namespace needlelab {
 
-/// A table for each group of comparable rows, with units, its comparator above and what it cannot show below;
+/// A table for each group of comparable rows, with units, its comparator above and its limits below;
 /// columns that no row of the group fills are left out. `front` marks the Pareto front.
 std::string accuracyTables(const AccuracyRows& rows);
 

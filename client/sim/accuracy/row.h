@@ -1,4 +1,4 @@
-/// One row of the accuracy report : what one choice costs in time, and what it gives.
+/// One row of the accuracy report: what one choice costs in time, and what it gives.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,7 @@
 
 namespace needlelab {
 
-/// What is varied.
+/// The choice that a study varies.
 enum class AccuracyStudy : std::uint8_t {
   kModel,    ///< the axial model
   kMesh,     ///< size of the FEM mesh
@@ -30,8 +30,8 @@ constexpr std::string_view nameOf(AccuracyStudy study) {
   return kAccuracyStudyNames[static_cast<std::size_t>(study)];
 }
 
-/// What a study does not use or could not measure is absent, null in JSON. Rows may be compared with each
-/// other (on one Pareto front) when study, scene and reference agree.
+/// A value that a study does not use or could not measure is absent, null in JSON. Rows may be compared with
+/// each other (on one Pareto front) when study, scene and reference agree.
 struct AccuracyRow {
   AccuracyStudy study = AccuracyStudy::kModel;
   std::string scene;                  ///< e.g. "paper-six-layers", "bovine_liver_heart_18g"
@@ -70,7 +70,7 @@ struct AccuracyRow {
 
 using AccuracyRows = std::vector<AccuracyRow>;
 
-/// Fills what a tick (or sample) costs at `rate_hz` of them a second: median, p99, share of a core, and
+/// Fills the cost of a tick (or sample) at `rate_hz` of them a second: median, p99, share of a core, and
 /// whether that fits.
 void setTimes(AccuracyRow& row, const Timing& per_tick, double rate_hz);
 

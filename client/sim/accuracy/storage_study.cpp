@@ -143,7 +143,7 @@ Resolution scaledResolution(double length_m) {
   const double scale = length_m / standard.length_m;
   Resolution scaled = standard;
   scaled.length_m = length_m;
-  // beyond that the gate refuses what comes back as no rotation
+  // beyond that the gate refuses the quaternions that come back
   scaled.quaternion = std::min(scaled.quaternion * scale, 0x1p-12);
   scaled.force_N *= scale;
   scaled.torque_Nm *= scale;

@@ -19,7 +19,7 @@ struct AccuracyOptions {
   std::filesystem::path data;  ///< folder of the recordings (../shared/data); empty = not there
 };
 
-/// Told now and then by a study: what it does, and the share of its work that is done (0-1).
+/// A study calls it now and then with its current work and the share of its work that is done (0-1).
 using AccuracyProgress = std::function<void(std::string_view doing, double share)>;
 
 /// One part of the report. Parts of one study differ in reference or scene.

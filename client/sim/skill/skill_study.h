@@ -42,7 +42,7 @@ struct SkillRow {
   double rate_difference = 0, rate_share_of_spread = 0;
   double rate_tolerance = 0;  ///< the difference up to which it counts as the same (rateTolerance)
   [[nodiscard]] bool sameAtBothRates() const { return rate_difference <= rate_tolerance; }
-  /// It separates, but experts have more of what is better less of, or the other way round.
+  /// It separates in the wrong direction: experts have more where less is better, or less where more is.
   [[nodiscard]] bool againstItsDirection() const {
     return separates && ((better == "less" && hedges_g > 0) || (better == "more" && hedges_g < 0));
   }
@@ -72,7 +72,7 @@ struct SkillReport {
 Result<SkillReport> runSkillStudy(const SkillStudyOptions& options,
                                   const std::function<void(std::size_t, std::size_t)>& progress = {});
 
-/// What it found in one sentence, and what that is worth.
+/// The finding in one sentence, and the caution that goes with it.
 std::string findingOf(const SkillReport& report);
 extern const char* const kSkillCaution;
 

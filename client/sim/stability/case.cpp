@@ -172,7 +172,7 @@ std::string cell(const CaseRow* row) {
   return shortNumber(row->measured) + mark;
 }
 
-// the wall's notes, what another model has that the wall has not, and why one did not pass
+// the wall's notes, notes of another model where the wall has none, and the reasons of failures
 bool worthReading(const std::vector<CaseRow>& rows, const CaseRow& row) {
   const CaseRow* wall = rowOf(rows, row.case_name, kWall);
   return wall == nullptr || wall == &row || wall->note.empty() || !row.passed;

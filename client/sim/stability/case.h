@@ -38,7 +38,7 @@ struct CaseRow {
   std::optional<double> max_unexplained_step_N;
   std::optional<double> chatter_N;  ///< RMS of the force in 50-500 Hz over the case's window
   std::optional<double> energy_J;   ///< given to the hand, net
-  std::optional<double> measured;   ///< what the case judges, in the unit of `quantity`
+  std::optional<double> measured;   ///< the value that the case judges, in the unit of `quantity`
   std::optional<double> limit;
   std::string quantity;  ///< e.g. "peak-to-peak in the hold [N]"
   bool passed = false;
@@ -75,7 +75,7 @@ using CaseRun =
 
 struct StabilityCase {
   std::string name;         ///< as in cases.json
-  std::string summary;      ///< what it shows, a short sentence
+  std::string summary;      ///< its subject, a short sentence
   bool axial = false;       ///< says something about every axial model; else about the wall only
   bool prescribed = false;  ///< motion prescribed (° in tests/stability/README.md), not a closed loop
   CaseRun run;
@@ -119,7 +119,7 @@ CaseTrace traceOf(const PlantRun& run, std::string label);
 /// measured worst.
 class CaseTally {
  public:
-  /// `quantity`: what is measured, with its unit; `band`: as of CaseEntry::chatterFilter.
+  /// `quantity`: the measured quantity, with its unit; `band`: as of CaseEntry::chatterFilter.
   CaseTally(std::string quantity, double limit, const BandFilter& band);
   /// `measured` is compared with the limit; chatter and growth are looked for in the window.
   void add(const PlantRun& run, TimeWindow window, double measured, const std::string& label) {
@@ -139,7 +139,7 @@ class CaseTally {
 /// An object a row.
 nlohmann::ordered_json rowsJson(const std::vector<CaseRow>& rows);
 
-/// One line a case, one column a model: what was measured, marked where it chatters (~) or diverges (!);
+/// One line a case, one column a model: the measured value, marked where it chatters (~) or diverges (!);
 /// below it each case's quantity, the notes, and in which cases another model does no worse than the enhanced
 /// tracking wall. `rows` case by case, each with the same models.
 std::string rowsText(const std::vector<CaseRow>& rows);

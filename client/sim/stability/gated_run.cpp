@@ -30,7 +30,7 @@ Result<std::vector<GatedTick>> runGated(const ForceSourceFactory& make_source, c
       source->step(sample.tip, report);
       wanted = report.wrench_W;
     } else if (!with_gate) {
-      wanted = report.wrench_W;  // nothing new: the device goes on with what it has
+      wanted = report.wrench_W;  // nothing new: the device keeps the last wrench
     }
     tick.depth_m = signedDepth(scene.limb, sample.tip.p_WT_m);
     gate.noteOutside(tick.depth_m <= 0);

@@ -14,7 +14,7 @@
 
 namespace needlelab {
 
-/// What the device says in one tick.
+/// The report of the device in one tick.
 struct DeviceSample {
   TipSample tip;
   bool fresh = true;         ///< false: it said nothing

@@ -153,7 +153,7 @@ Result<CaseOutcome> stopOnce(const CaseSettings& settings, AxialModel model,
 
 namespace {
 
-// one of the random hands: what the entry's ranges say, drawn by its number
+// one of the random hands, drawn by its number from the entry's ranges
 struct RandomHand {
   PlantOptions plant;
   TimedPlan path;

@@ -1,4 +1,4 @@
-/// What is measured on a run of the closed loop.
+/// Measures of a run of the closed loop.
 #pragma once
 
 #include <span>

@@ -360,8 +360,8 @@ Result<CaseOutcome> grazing85(const CaseSettings& settings, AxialModel model,
 
 namespace {
 
-// Net energy that came out at the hand's grip: what the device rendered, less what its own damping took and
-// its mass has at the end.
+// Net energy that came out at the hand's grip: the work that the device rendered, less what its own damping
+// took and its mass has at the end.
 double energyAtGrip_J(const PlantRun& run, const SimulatedDeviceOptions& device) {
   double damped_J = 0;
   for (const PlantTick& tick : run.ticks)

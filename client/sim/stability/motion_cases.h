@@ -45,7 +45,7 @@ CaseRow rowOf(const PassivityRecord& record);
 /// Finite and greatest force of what went to the device.
 CaseRow rowOf(const std::vector<GatedTick>& ticks);
 
-/// Sets what is judged and judges it.
+/// Sets quantity, measured value and limit, and judges them.
 void judgeMotion(CaseRow& row, std::string quantity, double measured, double limit);
 
 /// The size of the force over time, for a picture.

@@ -1,5 +1,5 @@
-/// Bad samples of a device: jumps, numbers that are none, silence. FORCE_MODEL.md, "Gate", says what the
-/// force does then.
+/// Bad samples of a device: jumps, values that are not numbers, silence. FORCE_MODEL.md, "Gate", says what
+/// the force does then.
 #include <fmt/core.h>
 
 #include <algorithm>

@@ -16,7 +16,7 @@
 
 namespace needlelab {
 
-/// What a stroke was made for. It changes nothing in the motion: it lets a reader follow.
+/// The purpose of a stroke. It changes nothing in the motion: it lets a reader follow.
 enum class StrokeKind : std::uint8_t {
   kInsert,
   kHold,
@@ -63,7 +63,7 @@ double roundedTo(double value, int digits);
 /// How many significant decimal digits its shortest text has: 0 for 0, 1 for 300 or 0.02, 3 for 0.125.
 int significantDigits(double value);
 
-/// Called with each number in turn, in an order that stays the same; what it changes is written back.
+/// Called with each number in turn, in an order that stays the same; its changes are written back.
 using NumberVisit = std::function<void(double&)>;
 
 /// Places, tilts and times of the strokes.

@@ -16,7 +16,7 @@ namespace needlelab {
 /// A force step is allowed where the report flags one of these.
 inline constexpr std::uint32_t kDeclaredReleases = kFlagExit | kFlagLayerChange | kFlagRupture;
 
-/// What was seen so far. Energies by the trapezoidal rule over neighbouring ticks, force × way of the tip and
+/// The sums so far. Energies by the trapezoidal rule over neighbouring ticks, force × way of the tip and
 /// torque × turn of the needle; positive is given to the hand.
 struct PassivityRecord {
   bool finite = true;
@@ -79,7 +79,7 @@ struct PassivityFinding {
 Result<PassivityRecord> runGesture(const PassivityGesture& gesture, AxialModel model,
                                    const ForceSourceFactory& source);
 
-/// The energy that is judged: the greatest of the whole gesture's net and of what any insertion had given at
+/// The judged energy: the greatest of the whole gesture's net and of what any insertion had given at
 /// any moment since its entry. Stricter than the net energy, where what cutting takes may pay for a gift.
 double judgedEnergy_J(const PassivityRecord& record);
 

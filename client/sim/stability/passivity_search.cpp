@@ -95,7 +95,7 @@ void giveTime(PassivityGesture& gesture, double most_speed_mps, double most_turn
   }
 }
 
-// what a stroke does now, whatever it was drawn for
+// the purpose that a stroke has now, whatever it was drawn for
 StrokeKind kindOf(const PassivityStroke& stroke, const PassivityStroke& before) {
   if (stroke.depth_m < 0) return StrokeKind::kExit;
   if (stroke.depth_m > before.depth_m) return StrokeKind::kInsert;
@@ -428,7 +428,7 @@ Status readMotion(const json& motion, const std::string& where, PassivityGesture
     if (!status.ok()) return status;
   }
 
-  // each stroke begins with what the one before ended with
+  // each stroke begins where the one before ended
   if (!motion.contains("start")) return wrong(where + ".start", "is missing");
   RETURN_IF_ERROR(readStroke(motion["start"], where + ".start", gesture.start, true));
   const auto strokes = motion.find("strokes");

@@ -54,7 +54,7 @@ struct PassivitySearch {
   double rate_hz = 1000;
   GestureRange range;
   PassivityLimits limits;
-  std::string source_name = "engine";     ///< said in what is found
+  std::string source_name = "engine";     ///< written into counter-examples
   std::size_t most_counter_examples = 3;  ///< shrunk; the others are counted only
 };
 

@@ -54,7 +54,7 @@ struct PlantTick {
   Vec3 rendered_force_N;  ///< after the gate
   std::uint32_t gate_flags = 0;
   double slant = 1;     ///< c of the source, see ForceSource::slant
-  double energy_J = 0;  ///< ∫ f·v dt of the rendered force since the start: what the device gave to the hand
+  double energy_J = 0;  ///< ∫ f·v dt of the rendered force since the start: the energy given to the hand
 };
 
 struct PlantRun {

@@ -33,7 +33,7 @@ Result<Found> largestStable(double guess, double least, double cap,
     ++found.runs;
     return stable(stiffness);
   };
-  // down to what is stable, then up to what is not
+  // down to a stable stiffness, then up to an unstable one
   double low = std::clamp(guess, least, cap), high = 0;
   for (;;) {
     ASSIGN_OR_RETURN(const auto answer, ask(low));
@@ -198,7 +198,7 @@ Result<RestLimitRow> restLimit(const Study& study, double encoder_step_m, double
   return row;
 }
 
-// one model at all rates and delays, and beyond. What has been found stays when it fails
+// one model at all rates and delays, and beyond. Rows that were found stay when it fails
 Status scanModel(const Study& study, AxialModel model, const std::function<void(double)>& tell,
                  StiffnessLimits& limits) {
   ASSIGN_OR_RETURN(auto scene, ScannedModel::prepare(study.wall, model, study.plant, study.nudge));
@@ -211,7 +211,7 @@ Status scanModel(const Study& study, AxialModel model, const std::function<void(
       ASSIGN_OR_RETURN(const auto row, scan.at(study.rates_hz[r], static_cast<unsigned>(delay)));
       limits.rows.push_back(row);
     }
-  // beyond what is stable at the rate and delay of that part
+  // beyond the stable stiffness at the rate and delay of that part
   const PlantOptions& plant = study.beyond_plant;
   ASSIGN_OR_RETURN(const auto limit, scan.at(plant.rate_hz, plant.device.delay_ticks));
   ASSIGN_OR_RETURN(auto beyond, scan.beyond(limit.stiffness_N_per_m));
@@ -283,7 +283,7 @@ std::string beyondCsv(const StiffnessLimits& limits) {
   return table.take();
 }
 
-// what the plot files need beside the tables; nothing where the table has no rows, and so no picture
+// variables of the plot files beside the tables; none for a table without rows, which gets no picture
 std::vector<PlotVariable> limitsVariables(const StiffnessLimits& limits) {
   if (limits.rows.empty()) return {};
   return {{"rows", static_cast<double>(limits.rows.size())}};

@@ -55,7 +55,7 @@ struct StiffnessLimits {
   std::vector<std::string> notes;  ///< models that could not be scanned, and why
 };
 
-/// Told now and then: what is done, and the share of the work that is done (0-1).
+/// Called now and then with the current work and the share that is done (0-1).
 using StabilityProgress = std::function<void(std::string_view doing, double share)>;
 
 /// By bisection on K; scenes, plant, nudge, rates and delays are those of "stiffness_limits" and

@@ -22,8 +22,8 @@ struct NudgeOptions {
 /// The options as they stand in a case's entry: press_n, settle_s, nudge_m_s, watch_s.
 NudgeOptions nudgeOptionsOf(CaseEntry& entry);
 
-/// What came of a nudge. A swing is how the needle moves along z (not what the encoders say of it) about its
-/// own mean of 0.3 s (a wall that relaxes lets the needle creep on, which is not a swing), as the
+/// The outcome of a nudge. A swing is how the needle moves along z (not what the encoders say of it) about
+/// its own mean of 0.3 s (a wall that relaxes lets the needle creep on, which is not a swing), as the
 /// peak-to-peak of the sine that has the same RMS.
 struct NudgeOutcome {
   bool finite = true;
@@ -103,7 +103,7 @@ class ScannedModel {
   double felt_N_per_m_ = 0;  // FEM: of `scene_` as it is
 };
 
-/// What is K of a model, for a table's caption.
+/// The parameter that is K of a model, for a table's caption.
 std::string_view stiffnessParameter(AxialModel model);
 
 }  // namespace needlelab

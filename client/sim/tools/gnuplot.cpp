@@ -127,7 +127,7 @@ bool hasGnuplot() {
 
 Status drawPlot(std::string_view plot, const std::filesystem::path& png,
                 const std::vector<PlotVariable>& variables) {
-  // the plot file itself first, then what it may load
+  // the plot file itself first, then the files that it may load
   std::vector<PlotFile> files;
   for (const EmbeddedFile& file : embeddedPlots()) files.push_back({file.name, file.text});
   const auto own = std::find_if(files.begin(), files.end(), [&](const PlotFile& file) {

@@ -19,7 +19,7 @@ using testing::HasSubstr;
 
 constexpr double kRate = 1000;
 
-// a device that reports what it is told to
+// a device with given readings
 class ScriptedDevice final : public Device {
  public:
   explicit ScriptedDevice(std::vector<Vec3> places) : places_(std::move(places)) {}

@@ -79,7 +79,7 @@ TEST(Figure07, oneNewtonInDecayInTheStopHalfANewtonOut) {
   // free again
   EXPECT_LT(greatest(t.between("depth_m", 31.8, 33)), 0);
   EXPECT_EQ(least(t.between("force_z_n", 31.8, 33)), 0);
-  // the gate took nothing away: what the hand got is what the engine said, up to the slew at the exit
+  // the gate took nothing away: the hand got the force of the engine, up to the slew at the exit
   for (std::size_t i = 0; i < t.rows(); ++i)
     ASSERT_NEAR(t.at("force_z_n", i), t.at("rendered_force_z_n", i), 1e-6) << t.at("t_s", i);
 }

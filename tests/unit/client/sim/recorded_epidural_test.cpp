@@ -20,7 +20,7 @@ pb::Profile sample() {
   return profile.ok() ? std::move(profile).value() : pb::Profile();
 }
 
-// what the table says at a depth
+// the table at a depth
 double tableAt(const pb::Precomputed& table, double depth_m) {
   int i = 0;
   while (i + 2 < table.table_size() && table.table(i + 1).depth_m() <= depth_m) ++i;

@@ -1,4 +1,4 @@
-/// Runs needlelab-sim in the test's own process, and gives back what it said.
+/// Runs needlelab-sim in the test's own process, and returns its output.
 #pragma once
 
 #include <gtest/gtest.h>

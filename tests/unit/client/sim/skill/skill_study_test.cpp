@@ -97,7 +97,7 @@ TEST(SkillStudy, measuresTellHandsApartAndShuffledLabelsDoNot) {
     EXPECT_NE(found, report->rows.end()) << name;
     return found == report->rows.end() ? SkillRow() : *found;
   };
-  // what was put in comes out: aim, overshoot, hesitation
+  // the skills that were put in come out: aim, overshoot, hesitation
   for (const char* const name : {"target_nearest_m", "translational_actions", "ldlj"}) {
     EXPECT_TRUE(row(name).separates) << name;
     EXPECT_LE(row(name).p, 0.05);
