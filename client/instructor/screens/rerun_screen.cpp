@@ -36,8 +36,10 @@ void RerunScreen::showForces(LabState& lab) {
   std::vector<Plot> plots;
   plots.push_back(plotOf(TraceChannel::kForce, "force on the hand"));
   plots.back().share = 1.8F;
+  // the attracted force is small beside the others: it has no plot of its own here
   for (const EffectEntry* effect : effectsAsShown())
-    if (effect->unit == "N") plots.push_back(plotOf(channelOf(effect->effect), std::string(effect->term)));
+    if (effect->unit == "N" && effect->effect != Effect::kAttracted)
+      plots.push_back(plotOf(channelOf(effect->effect), std::string(effect->term)));
   const auto result = plotStack("rerun", plots, {0, 0});
   if (result.clicked_x) lab.analysis.player.seek(*result.clicked_x);
 }

@@ -18,13 +18,9 @@ float shortened(double value) {
   return static_cast<float>(value);
 }
 
-}  // namespace
-
-namespace {
-
 constexpr std::size_t kFixedChannels = kChannelCount - kEffectCount;
 
-// null for a channel that is no effect's term
+// null for a channel that is not an effect's term
 const EffectEntry* effectOf(TraceChannel channel) {
   const auto index = static_cast<std::size_t>(channel);
   return index < kFixedChannels ? nullptr : &effectEntry(static_cast<Effect>(index - kFixedChannels));
