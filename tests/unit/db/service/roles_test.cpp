@@ -2,7 +2,9 @@
 
 #include <google/protobuf/descriptor.h>
 
+#include <fstream>
 #include <map>
+#include <sstream>
 
 #include "tests/unit/db/service/test_service.h"
 
@@ -103,6 +105,29 @@ TEST(Roles, everyCallIsInTheTableForEveryRole) {
       }
     }
   }
+}
+
+TEST(Roles, sayWhatTheTablesOfBeforeSaid) {
+  std::ifstream in(NEEDLELAB_TEST_DIR "/requests_before.tsv");
+  std::size_t rows = 0;
+  for (std::string line; std::getline(in, line);) {
+    if (line.starts_with("#") || line.starts_with("call\t")) continue;
+    std::istringstream cells(line);
+    std::string name, action, letters;
+    std::getline(cells, name, '\t');
+    std::getline(cells, action, '\t');
+    std::getline(cells, letters, '\t');
+    const auto* field = pb::Request::descriptor()->FindFieldByName(name);
+    ASSERT_NE(field, nullptr) << name;
+    const auto call = static_cast<pb::Request::CallCase>(field->number());
+    EXPECT_EQ(callName(call), action);
+    std::string may;
+    for (const int role : {1, 2, 3, 4, 5, 6})
+      if (checkRole({"x", static_cast<pb::Role>(role)}, call)) may += "TIMASR"[role - 1];
+    EXPECT_EQ(may, letters) << name;
+    ++rows;
+  }
+  EXPECT_GE(rows, 65u);
 }
 
 TEST(Roles, unknownRolesAndCallsAreRefused) {

@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <map>
 #include <set>
+#include <sstream>
 
 #include "server/web/openapi.h"
 #include "tests/unit/server/web/json_schema.h"
@@ -63,6 +66,56 @@ TEST(Routes, eachIsThereOnceAndHasWhatItsActionNeeds) {
     }
     // each is reached by its own pattern
     EXPECT_EQ(matchOf(std::string(route.method), std::string(route.pattern)).route, &route) << route.pattern;
+  }
+}
+
+struct RouteBefore {
+  std::string method, path, role_of, status, query;
+};
+std::vector<RouteBefore> routesBefore() {
+  std::ifstream in(NEEDLELAB_SOURCE_DIR "/tests/unit/server/web/routes_before.tsv");
+  std::vector<RouteBefore> rows;
+  for (std::string line; std::getline(in, line);) {
+    if (line.starts_with("#") || line.starts_with("method\t")) continue;
+    std::istringstream cells(line);
+    RouteBefore row;
+    for (std::string* cell : {&row.method, &row.path, &row.role_of, &row.status, &row.query})
+      std::getline(cells, *cell, '\t');
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+TEST(Routes, areThoseOfBefore) {
+  // of one path in their order, in which a refused method names them
+  std::map<std::string, std::vector<std::string>> expected, found;
+  for (const RouteBefore& row : routesBefore()) expected[row.path].push_back(row.method + " " + row.role_of);
+  const auto& calls = *pb::Request::descriptor();
+  for (const WebRoute& route : webRoutes()) {
+    const auto* call = calls.FindFieldByNumber(route.call);
+    found[std::string(route.pattern)].push_back(std::string(route.method) + " " +
+                                                (call == nullptr ? "-" : call->name()));
+  }
+  EXPECT_EQ(found, expected);
+}
+
+TEST(OpenApi, describesTheRoutesOfBefore) {
+  const json api = json::parse(openApiText());
+  std::size_t operations = 0;
+  for (const auto& [pattern, methods] : api["paths"].items()) operations += methods.size();
+  EXPECT_EQ(operations, routesBefore().size());
+  for (const RouteBefore& row : routesBefore()) {
+    std::string method = row.method;
+    for (char& c : method) c = static_cast<char>(std::tolower(c));
+    ASSERT_TRUE(api["paths"].contains(row.path) && api["paths"][row.path].contains(method)) << row.path;
+    const json& operation = api["paths"][row.path][method];
+    EXPECT_TRUE(operation["responses"].contains(row.status)) << row.method << " " << row.path;
+    EXPECT_EQ(operation["responses"].size(), 2u) << row.method << " " << row.path;
+    std::string query;
+    for (const json& parameter : operation.value("parameters", json::array()))
+      if (parameter["in"] == "query")
+        query += (query.empty() ? "" : " ") + parameter["name"].get<std::string>();
+    EXPECT_EQ(query.empty() ? "-" : query, row.query) << row.method << " " << row.path;
   }
 }
 
