@@ -1,4 +1,5 @@
 // needlelab-server: stores what stations record, serves people, fans out live samples.
+#include <fmt/core.h>
 #include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
@@ -7,13 +8,15 @@
 #include <cstdio>
 #include <exception>
 #include <string>
+#include <string_view>
 
 #include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"
-#include "server/live/log.h"
+#include "server/base/log.h"
 #include "server/server.h"
 #include "server/service_manager.h"
+#include "server/web/openapi.h"
 
 namespace {
 
@@ -77,6 +80,14 @@ int main(int argc, char** argv) try {
       ->capture_default_str();
   app.add_option("--log-format", log_format, "text or json, one object a line")->capture_default_str();
   app.add_option("--log-level", log_level, "debug, info, warning, error or off")->capture_default_str();
+  app.add_flag_callback(
+      "--openapi",
+      [] {
+        const std::string_view text = needlelab::openApiText();
+        std::fwrite(text.data(), 1, text.size(), stdout);
+        throw CLI::Success();
+      },
+      "Print the description of the web interface (OpenAPI 3.1, JSON) and end");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -104,7 +115,7 @@ int main(int argc, char** argv) try {
   if (!handed_over.ok()) return fail(handed_over.error());
   if (handed_over->size() > 1)
     return fail({needlelab::ErrorCode::kInvalidInput,
-                 "systemd hands over " + std::to_string(handed_over->size()) + " sockets, one is used"});
+                 fmt::format("systemd hands over {} sockets, one is used", handed_over->size())});
   if (!handed_over->empty()) options.listen_fd = handed_over->front();
   raiseFileLimit();
   auto server = needlelab::Server::start(std::move(options));

@@ -1,5 +1,6 @@
 #include "server/server.h"
 
+#include <fmt/core.h>
 #include <malloc.h>
 
 #include <algorithm>
@@ -16,9 +17,9 @@
 #include "common/wire/certificates.h"
 #include "common/wire/tls.h"
 #include "db/schema.h"
+#include "server/base/listen.h"
+#include "server/base/log.h"
 #include "server/live/connection.h"
-#include "server/live/listen.h"
-#include "server/live/log.h"
 #include "server/live/startup.h"
 #include "server/service_manager.h"
 
@@ -27,11 +28,10 @@ namespace needlelab {
 namespace {
 
 /// After a restore, once: who can log in again although it had been withdrawn (service/restore.h).
-Status sayValidAgain(Store& store) {
+Status logValidAgain(Store& store) {
   {
-    auto reader = store.readers().borrow();
-    if (!reader.ok()) return reader.error();
-    const auto text = MetaStore(**reader).get("access_valid_again");
+    ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
+    const auto text = MetaStore(*reader).get("access_valid_again");
     if (!text.ok()) return text.error();
     if (!*text || (*text)->empty()) return {};
     logEvent(LogLevel::kWarning, "access_valid_again", {{"text", **text}});
@@ -56,7 +56,7 @@ struct Server::Parts {
   std::optional<ServerContext> context;
   std::optional<Tcp::acceptor> acceptor;
   std::unique_ptr<Monitor> monitor;
-  std::shared_ptr<MonitorHttp> monitor_http;
+  std::shared_ptr<MonitorPort> monitor_port;
   std::shared_ptr<WebServer> web;
   asio::signal_set signals{io};
   asio::steady_timer watchdog_timer{io};
@@ -67,10 +67,9 @@ struct Server::Parts {
   std::uint64_t next_id = 1;
   bool stopping = false;
   int exit_code = kExitDone;
-  std::uint64_t turned_away_unsaid = 0;
-  std::int64_t turned_away_said_ns = 0;
+  std::uint64_t refused_unlogged = 0;
+  std::int64_t refused_logged_ns = 0;
 
-  Task<> acceptLoop();
   Task<> signalLoop();
   Task<> drainLoop();
   Task<> watchdogLoop(std::chrono::microseconds period);
@@ -78,39 +77,37 @@ struct Server::Parts {
   Task<> retentionLoop();
   Task<> heapLoop();
   void accepted(Tcp::socket socket);
-  void turnedAway(const std::string& host);
+  void refuseConnection(const std::string& host);
   void beginStop(const std::string& reason);
 };
 
 namespace {
 
-void sayThrown(const std::string& text) {
+void logThrown(const std::string& text) {
   logEvent(LogLevel::kError, "store_work_failed", {{"text", text}});
 }
 
 }  // namespace
 
 Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
-  auto endpoint = resolveListen(options.listen);
-  if (!endpoint.ok()) return endpoint.error();
+  ASSIGN_OR_RETURN(auto endpoint, resolveListen(options.listen));
   auto parts = std::make_unique<Parts>(std::move(options));
   Parts& p = *parts;
 
   // the port first: when it is taken, nothing on disk should have changed
-  auto acceptor = p.options.listen_fd >= 0 ? listenOnHandedOver(p.io, p.options.listen_fd)
-                                           : listenOn(p.io, *endpoint, p.options.listen);
-  if (!acceptor.ok()) return acceptor.error();
-  if (auto clock = checkClock(wallNowNs() / 1'000'000'000); !clock.ok()) return clock.error();
-  if (auto rights = checkFolderRights(p.options.data); !rights.ok()) return rights.error();
-  if (auto room = checkRoom(p.options.data, p.options.min_free_bytes); !room.ok()) return room.error();
+  ASSIGN_OR_RETURN(auto acceptor, p.options.listen_fd >= 0 ? listenOnHandedOver(p.io, p.options.listen_fd)
+                                                           : listenOn(p.io, endpoint, p.options.listen));
+  RETURN_IF_ERROR(checkClock(wallNowNs() / 1'000'000'000));
+  RETURN_IF_ERROR(checkFolderRights(p.options.data));
+  RETURN_IF_ERROR(checkRoom(p.options.data, p.options.min_free_bytes));
   if (const std::string few = tooFewFiles(p.options.max_connections); !few.empty())
     logEvent(LogLevel::kWarning, "few_files", {{"text", few}});
-  p.acceptor.emplace(std::move(*acceptor));
+  p.acceptor.emplace(std::move(acceptor));
   p.port = p.acceptor->local_endpoint().port();
 
   Store::Options store_options;
   store_options.writer = p.options.writer;
-  store_options.writer.on_thrown = sayThrown;
+  store_options.writer.on_thrown = logThrown;
   store_options.on_fatal = [raw = parts.get()](const Error& error) {
     logEvent(LogLevel::kError, "store_failed", {{"text", error.message}});
     asio::post(raw->io, [raw] {
@@ -118,22 +115,19 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
       raw->beginStop("the server's database failed");
     });
   };
-  auto store = Store::open(p.options.data, store_options);
-  if (!store.ok()) return store.error();
-  p.store = std::move(*store);
-  const auto repeat = p.store->service().erasuresToRepeat();
-  if (!repeat.ok()) return repeat.error();
-  for (const std::string& text : *repeat) logEvent(LogLevel::kWarning, "erasure_to_repeat", {{"text", text}});
-  if (auto said = sayValidAgain(*p.store); !said.ok()) return said.error();
+  ASSIGN_OR_RETURN(auto store, Store::open(p.options.data, store_options));
+  p.store = std::move(store);
+  ASSIGN_OR_RETURN(const auto repeat, p.store->service().erasuresToRepeat());
+  for (const std::string& text : repeat) logEvent(LogLevel::kWarning, "erasure_to_repeat", {{"text", text}});
+  RETURN_IF_ERROR(logValidAgain(*p.store));
 
   p.files = tlsFilesIn(p.options.data / "tls");
-  auto made = ensureTlsFiles(p.files, certificateHosts(p.options.listen, p.options.host_names));
-  if (!made.ok()) return made.error();
-  auto tls = makeServerTls(p.files.certificate, p.files.key);
-  if (!tls.ok()) return tls.error();
-  p.tls = *tls;
+  ASSIGN_OR_RETURN(auto made,
+                   ensureTlsFiles(p.files, certificateHosts(p.options.listen, p.options.host_names)));
+  ASSIGN_OR_RETURN(auto tls, makeServerTls(p.files.certificate, p.files.key));
+  p.tls = tls;
 
-  p.options.door.max_connections = p.options.max_connections;
+  p.options.admission.max_connections = p.options.max_connections;
   p.context.emplace(ServerContext{.io = p.io,
                                   .store = *p.store,
                                   .passwords = p.passwords,
@@ -147,9 +141,9 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .guard = LoginGuard(p.options.guard),
                                   .tokens = Tokens(p.options.token_lifetime),
                                   .counters = {},
-                                  .door = Door(p.options.door),
+                                  .admission = Admission(p.options.admission),
                                   .connections = {}});
-  if (auto started = p.startMonitor(); !started.ok()) return started.error();
+  RETURN_IF_ERROR(p.startMonitor());
   if (const std::string& web = p.options.web.listen; !web.empty() && web != "off") {
     auto started = WebServer::start(*p.context, p.tls, p.options.web);
     if (started.ok()) {
@@ -165,16 +159,15 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
     p.signals.add(SIGINT);
   }
   if (!p.options.port_file.empty()) {
-    const std::string text = std::to_string(p.port) + "\n";
-    if (const Status written = writeFileAtomically(p.options.port_file, viewOf(text)); !written.ok())
-      return written.error();
+    const std::string text = fmt::format("{}\n", p.port);
+    RETURN_IF_ERROR(writeFileAtomically(p.options.port_file, viewOf(text)));
   }
   logEvent(LogLevel::kInfo, "listening",
            {{"address", p.acceptor->local_endpoint().address().to_string()},
             {"port", p.port},
             {"data", p.options.data.string()},
             {"ca", p.files.ca_certificate.string()},
-            {"new_certificate", *made ? "yes" : "no"}});
+            {"new_certificate", made ? "yes" : "no"}});
   return std::unique_ptr<Server>(new Server(std::move(parts)));
 }
 
@@ -183,24 +176,20 @@ Status Server::Parts::startMonitor() {
   // a port alone is one of this machine only: what is shown there is for nobody else
   std::string where = options.metrics;
   if (where.find_first_not_of("0123456789") == std::string::npos) where = "127.0.0.1:" + where;
-  const auto endpoint = resolveListen(where, "--metrics");
-  if (!endpoint.ok()) return endpoint.error();
-  auto listening = listenOn(io, *endpoint, where, "--metrics");
-  if (!listening.ok()) return listening.error();
-  if (!endpoint->address().is_loopback())
+  ASSIGN_OR_RETURN(const auto endpoint, resolveListen(where, "--metrics"));
+  ASSIGN_OR_RETURN(auto listening, listenOn(io, endpoint, where, "--metrics"));
+  if (!endpoint.address().is_loopback())
     logEvent(LogLevel::kWarning, "metrics_open_to_the_network",
              {{"address", where}, {"text", "without TLS and log-in; let a firewall see to who may ask"}});
   monitor = std::make_unique<Monitor>(*context, files.certificate, options.monitor);
-  monitor_http = MonitorHttp::make(io, std::move(*listening),
-                                   [this](std::string path) { return monitor->answer(std::move(path)); }, {});
+  monitor_port = std::make_shared<MonitorPort>(io, std::move(listening), *monitor);
   if (!options.metrics_port_file.empty()) {
-    const std::string text = std::to_string(monitor_http->port()) + "\n";
-    if (auto written = writeFileAtomically(options.metrics_port_file, viewOf(text)); !written.ok())
-      return written;
+    const std::string text = fmt::format("{}\n", monitor_port->port());
+    RETURN_IF_ERROR(writeFileAtomically(options.metrics_port_file, viewOf(text)));
   }
   logEvent(LogLevel::kInfo, "metrics",
-           {{"address", endpoint->address().to_string()}, {"port", monitor_http->port()}});
-  monitor_http->start();
+           {{"address", endpoint.address().to_string()}, {"port", monitor_port->port()}});
+  monitor_port->beginAccepting();
   return {};
 }
 
@@ -218,7 +207,10 @@ Server::~Server() {
 
 int Server::run() {
   Parts& p = *parts_;
-  asio::co_spawn(p.io, p.acceptLoop(), rethrow);
+  asio::co_spawn(
+      p.io,
+      acceptLoop(*p.acceptor, "accept_failed", [&p](Tcp::socket socket) { p.accepted(std::move(socket)); }),
+      rethrow);
   if (p.options.handle_signals) asio::co_spawn(p.io, p.signalLoop(), rethrow);
   if (const auto period = watchdogPeriod(); period && p.options.handle_signals)
     asio::co_spawn(p.io, p.watchdogLoop(*period), rethrow);
@@ -241,29 +233,14 @@ void Server::stop() {
   asio::post(parts_->io, [raw = parts_.get()] { raw->beginStop("the server is shutting down"); });
 }
 
-Task<> Server::Parts::acceptLoop() {
-  while (!stopping) {
-    auto [error, socket] = co_await acceptor->async_accept(kUseTuple);
-    if (stopping) co_return;
-    if (!error) {
-      accepted(std::move(socket));
-      continue;
-    }
-    // no file descriptors or the like: it passes, and those who are connected are not concerned
-    logEvent(LogLevel::kError, "accept_failed", {{"text", error.message()}});
-    asio::steady_timer pause(io, std::chrono::milliseconds(100));
-    co_await pause.async_wait(kUseTuple);
-  }
-}
-
 void Server::Parts::accepted(Tcp::socket socket) {
   boost::system::error_code gone;
   const auto peer = socket.remote_endpoint(gone);
   if (gone) return;
   const std::uint64_t id = next_id++;
-  const auto arrival = context->door.arrive(id, peer.address().to_string(), steadyNowNs());
-  if (arrival.answer != Door::Answer::kWelcome) {
-    turnedAway(peer.address().to_string());
+  const auto arrival = context->admission.arrive(id, peer.address().to_string(), steadyNowNs());
+  if (arrival.answer != Admission::Answer::kWelcome) {
+    refuseConnection(peer.address().to_string());
     return;  // closes it
   }
   if (arrival.gives_way) {
@@ -275,14 +252,14 @@ void Server::Parts::accepted(Tcp::socket socket) {
   asio::co_spawn(io, PeerConnection::run(std::move(connection)), rethrow);
 }
 
-void Server::Parts::turnedAway(const std::string& host) {
+void Server::Parts::refuseConnection(const std::string& host) {
   ++context->counters.connections_refused;
   // a flood must not fill the log's disk: one line a second, with how many there were
-  ++turned_away_unsaid;
-  if (const std::int64_t now = steadyNowNs(); now - turned_away_said_ns > 1'000'000'000) {
-    turned_away_said_ns = now;
+  ++refused_unlogged;
+  if (const std::int64_t now = steadyNowNs(); now - refused_logged_ns > 1'000'000'000) {
+    refused_logged_ns = now;
     logEvent(LogLevel::kWarning, "connections_turned_away",
-             {{"newest", host}, {"count", std::exchange(turned_away_unsaid, 0)}});
+             {{"newest", host}, {"count", std::exchange(refused_unlogged, 0)}});
   }
 }
 
@@ -303,7 +280,7 @@ void Server::Parts::beginStop(const std::string& reason) {
   store->service().cancelLongWork();
   boost::system::error_code ignored;
   acceptor->close(ignored);
-  if (monitor_http) monitor_http->stop();
+  if (monitor_port) monitor_port->stop();
   if (web) web->stop();
   watchdog_timer.cancel();
   signals.cancel(ignored);
@@ -325,7 +302,7 @@ Task<> Server::Parts::retentionLoop() {
     co_await retention_timer.async_wait(kUseTuple);
     if (stopping) co_return;
     std::function<Result<pb::RetentionReport>()> work = [this] {
-      afterOthers();
+      yieldToOthers();
       return store->service().dailyRetention();
     };
     const auto report = co_await offload(retention_workers, std::move(work));
@@ -365,10 +342,10 @@ Task<> Server::Parts::drainLoop() {
   }
   const auto left = context->connections;
   for (const auto& [id, connection] : left) connection->cut("the server's time to drain has passed");
-  if (web) web->cut("the server's time to drain has passed");
+  if (web) web->cutAll("the server's time to drain has passed");
 }
 
-/// Tells systemd that this thread still turns: one that hangs is killed and started anew.
+/// Tells systemd that this thread still runs: a server that hangs is killed and started again.
 Task<> Server::Parts::watchdogLoop(std::chrono::microseconds period) {
   while (!stopping) {
     notifyManager("WATCHDOG=1");
@@ -378,7 +355,7 @@ Task<> Server::Parts::watchdogLoop(std::chrono::microseconds period) {
 }
 
 std::uint16_t Server::metricsPort() const {
-  return parts_->monitor_http ? parts_->monitor_http->port() : 0;
+  return parts_->monitor_port ? parts_->monitor_port->port() : 0;
 }
 std::uint16_t Server::webPort() const {
   return parts_->web ? parts_->web->port() : 0;

@@ -1,4 +1,4 @@
-/// needlelab-server: everything between a listening socket and the store. DESIGN §7-9; threads:
+/// needlelab-server: everything between a listening socket and the store. Protocol: proto/README.md; threads:
 /// server/README.md.
 #pragma once
 
@@ -36,7 +36,7 @@ struct ServerOptions {
   ConnectionBounds bounds;
   HubSettings hub;
   LoginGuard::Settings guard;
-  Door::Settings door;  ///< its max_connections is the one above
+  Admission::Settings admission;  ///< its max_connections is the one above
   std::chrono::milliseconds token_lifetime = std::chrono::minutes(15);
   DbWriter::Options writer;
   std::chrono::milliseconds heap_every{60'000};   ///< free memory goes back to the system, so often

@@ -1,6 +1,7 @@
 #include "server/service_manager.h"
 
 #include <fcntl.h>
+#include <fmt/core.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -45,12 +46,13 @@ Result<std::vector<int>> takeListenSockets() {
   if (!ours) return files;
   if (*count > 16)
     return Error{ErrorCode::kInvalidInput,
-                 "LISTEN_FDS is " + std::to_string(*count) + ", at most 16 sockets can be handed over"};
+                 fmt::format("LISTEN_FDS is {}, at most 16 sockets can be handed over", *count)};
   for (int fd = kFirstFile; fd < kFirstFile + static_cast<int>(*count); ++fd) {
     if (!isListening(fd))
-      return Error{ErrorCode::kInvalidInput,
-                   "file " + std::to_string(fd) +
-                       " of LISTEN_FDS is no listening stream socket: use ListenStream= with Accept=no"};
+      return Error{
+          ErrorCode::kInvalidInput,
+          fmt::format("file {} of LISTEN_FDS is no listening stream socket: use ListenStream= with Accept=no",
+                      fd)};
     ::fcntl(fd, F_SETFD, FD_CLOEXEC);
     files.push_back(fd);
   }

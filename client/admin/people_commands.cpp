@@ -8,7 +8,7 @@
 #include "common/base/files.h"
 #include "common/base/text.h"
 #include "common/base/uuid.h"
-#include "db/service/roles.h"
+#include "db/service/requests.h"
 
 namespace needlelab {
 namespace {

@@ -1,6 +1,7 @@
 #include "db/service/bootstrap.h"
 
 #include <fcntl.h>
+#include <fmt/core.h>
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -49,24 +50,21 @@ Status makeDatabaseFile(const std::filesystem::path& path) {
   return {};
 }
 
-/// What a new database begins with. In one transaction: a crash leaves all of it to the next start.
-Status furnish(Connection& connection) {
-  auto transaction = Transaction::begin(connection, Transaction::Kind::kWrite);
-  if (!transaction) return transaction.error();
+/// Fills a new database with the samples. In one transaction: after a crash the next start does all of it.
+Status fillNewDatabase(Connection& connection) {
+  ASSIGN_OR_RETURN(auto transaction, Transaction::begin(connection, Transaction::Kind::kWrite));
   MetaStore meta(connection);
-  const auto created = meta.get("created_unix_ns");
-  if (!created) return created.error();
-  if (!*created) {
+  ASSIGN_OR_RETURN(const auto created, meta.get("created_unix_ns"));
+  if (!created) {
     const std::int64_t now = wallNowNs();
-    if (auto done = storeSamples(connection, now); !done) return done;
-    if (auto done = meta.set("created_unix_ns", std::to_string(now)); !done) return done;
+    RETURN_IF_ERROR(storeSamples(connection, now));
+    RETURN_IF_ERROR(meta.set("created_unix_ns", std::to_string(now)));
   }
-  const auto engine = meta.get("engine_version");
-  if (!engine) return engine.error();
-  if (*engine != std::string(NEEDLELAB_VERSION)) {
-    if (auto done = meta.set("engine_version", NEEDLELAB_VERSION); !done) return done;
+  ASSIGN_OR_RETURN(const auto engine, meta.get("engine_version"));
+  if (engine != std::string(NEEDLELAB_VERSION)) {
+    RETURN_IF_ERROR(meta.set("engine_version", NEEDLELAB_VERSION));
   }
-  return transaction->commit();
+  return transaction.commit();
 }
 
 }  // namespace
@@ -88,7 +86,7 @@ Result<FolderLock> FolderLock::take(const std::filesystem::path& folder, const s
                          : folder.string() + " is in use by " + who + ": try again when it is done")};
   }
   // for the message above only; the lock itself is the kernel's
-  const std::string text = holder + ", process " + std::to_string(::getpid());
+  const std::string text = fmt::format("{}, process {}", holder, ::getpid());
   if (::ftruncate(fd, 0) != 0 ||
       ::pwrite(fd, text.data(), text.size(), 0) != static_cast<ssize_t>(text.size())) {
     return systemError(path, "write");
@@ -113,21 +111,20 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
                        "add the first user or station, to make one"};
     }
   }
-  if (auto done = makeFolder(folder); !done) return done.error();
-  auto lock = FolderLock::take(folder, options.holder);
-  if (!lock) return lock.error();
+  RETURN_IF_ERROR(makeFolder(folder));
+  ASSIGN_OR_RETURN(auto lock, FolderLock::take(folder, options.holder));
   // before the first look at the database: one that was half replaced would be opened with the other's log
-  if (auto done = finishRestore(folder); !done) return done.error();
-  if (auto done = makeDatabaseFile(path); !done) return done.error();
+  RETURN_IF_ERROR(finishRestore(folder));
+  RETURN_IF_ERROR(makeDatabaseFile(path));
 
-  auto connection = Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true});
-  if (!connection) return connection.error();
-  if (auto done = migrate(*connection); !done) return done.error();
-  if (auto done = furnish(*connection); !done) return done.error();
+  ASSIGN_OR_RETURN(auto connection,
+                   Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true}));
+  RETURN_IF_ERROR(migrate(connection));
+  RETURN_IF_ERROR(fillNewDatabase(connection));
 
-  std::unique_ptr<Store> store(new Store(std::move(*lock)));
+  std::unique_ptr<Store> store(new Store(std::move(lock)));
   store->readers_ = std::make_unique<ReaderPool>(path);
-  store->writer_ = std::make_unique<DbWriter>(std::move(*connection), options.writer, options.on_fatal);
+  store->writer_ = std::make_unique<DbWriter>(std::move(connection), options.writer, options.on_fatal);
   store->service_ = std::make_unique<Service>(*store->writer_, *store->readers_);
   return store;
 }

@@ -1,4 +1,5 @@
 // The end of a session: its hash, its state, its score, its events.
+#include <fmt/core.h>
 #include <algorithm>
 #include <vector>
 
@@ -23,9 +24,10 @@ Status noteLoss(Connection& writer, const Uuid& id, const pb::CloseSession& requ
   remark.session = id;
   remark.tick = std::min<std::uint64_t>(request.lost_from_tick(), INT64_MAX);
   remark.author = station.empty() ? "station" : "station " + station;
-  remark.text = std::to_string(request.samples_lost()) + " samples from tick " +
-                std::to_string(request.lost_from_tick()) +
-                " on were lost at the station: its disk refused them for longer than its memory lasted";
+  remark.text = fmt::format(
+      "{} samples from tick {} on were lost at the station: its disk refused them for longer than its memory "
+      "lasted",
+      request.samples_lost(), request.lost_from_tick());
   remark.created_unix_ns = wallNowNs();
   const auto added = AnnotationStore(writer).add(remark);
   return added ? Status() : Status(added.error());
@@ -34,9 +36,8 @@ Status noteLoss(Connection& writer, const Uuid& id, const pb::CloseSession& requ
 }  // namespace
 
 Result<std::string> Service::scoreSession(Connection& reader, const Uuid& session) {
-  const auto read = samplesOf(reader, session);
-  if (!read) return read.error();
-  return scoreOf(reader, *read);
+  ASSIGN_OR_RETURN(const auto read, samplesOf(reader, session));
+  return scoreOf(reader, read);
 }
 
 Result<std::string> Service::scoreOf(Connection& reader, const SessionSamples& session) {
@@ -47,56 +48,48 @@ Result<std::string> Service::scoreOf(Connection& reader, const SessionSamples& s
   std::optional<pb::Exercise> exercise;
   const auto stored = CurriculumStore(reader).exercise(description.exercise_id());
   if (stored) {
-    auto parsed = parseExercise(stored->json, "exercise '" + stored->id + "'");
-    if (!parsed) return parsed.error();
-    exercise = std::move(*parsed);
+    ASSIGN_OR_RETURN(auto parsed, parseExercise(stored->json, "exercise '" + stored->id + "'"));
+    exercise = std::move(parsed);
   } else if (stored.error().code != ErrorCode::kNotFound) {
     return stored.error();
   }
-  const auto id = handlers::sessionId(description.session_id());
-  if (!id) return id.error();
-  const auto references = reference_paths_.ofExercise(reader, description.exercise_id(), *id);
-  if (!references) return references.error();
+  ASSIGN_OR_RETURN(const auto id, handlers::sessionId(description.session_id()));
+  ASSIGN_OR_RETURN(const auto references, reference_paths_.ofExercise(reader, description.exercise_id(), id));
   return scoreJson(scoreGesture(session.samples, description.rate_hz(), session.profile, session.X_WL,
-                                exercise ? &*exercise : nullptr, *references));
+                                exercise ? &*exercise : nullptr, references));
 }
 
 Result<CloseOutcome> Service::closeSession(const pb::CloseSession& request, const std::string& station) {
-  auto reader = readers_.borrow();
-  if (!reader) return reader.error();
-  SessionStore sessions(**reader);
+  ASSIGN_OR_RETURN(auto reader, readers_.borrow());
+  SessionStore sessions(*reader);
 
   // read and hash here, so that the writer's thread does not have to
   std::optional<HashedChunks> known;
-  const auto id = handlers::sessionId(request.session_id());
-  if (!id) return id.error();
-  if (const auto info = sessions.info(*id);
+  ASSIGN_OR_RETURN(const auto id, handlers::sessionId(request.session_id()));
+  if (const auto info = sessions.info(id);
       info && info->state() == pb::SESSION_OPEN && info->chunks() == request.chunks()) {
-    const auto hashed = sessions.hashChunks(*id, request.chunks());
-    if (!hashed) return hashed.error();
-    known = *hashed;
+    ASSIGN_OR_RETURN(const auto hashed, sessions.hashChunks(id, request.chunks()));
+    known = hashed;
   }
   CloseOutcome outcome;
-  const auto status = writer_.run([&](Connection& writer) {
+  RETURN_IF_ERROR(writer_.run([&](Connection& writer) {
     auto closed = SessionStore(writer).close(request, wallNowNs(), station, known);
     if (!closed) return Status(closed.error());
     outcome.closed = std::move(*closed);
     if (outcome.closed.kind == Closed::Kind::kClosed && request.samples_lost() > 0)
-      return noteLoss(writer, *id, request, station);
+      return noteLoss(writer, id, request, station);
     return Status();
-  });
-  if (!status) return status.error();
+  }));
   if (!outcome.closed.taken()) return outcome;
 
   // a repeated close answers with the score of the first
-  if (const auto info = sessions.info(*id); info && !info->score_json().empty()) {
+  if (const auto info = sessions.info(id); info && !info->score_json().empty()) {
     outcome.score_json = info->score_json();
     return outcome;
   }
-  auto settled = settle(**reader, *id);
-  if (!settled) return settled.error();
-  outcome.score_json = std::move(settled->score_json);
-  if (settled->fault) outcome.score_fault = settled->fault->message;
+  ASSIGN_OR_RETURN(auto settled, settle(*reader, id));
+  outcome.score_json = std::move(settled.score_json);
+  if (settled.fault) outcome.score_fault = settled.fault->message;
   return outcome;
 }
 
@@ -108,66 +101,57 @@ Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session
   settled.final = !read && read.error().code == ErrorCode::kInvalidInput;
   if (!read) return settled;
   const auto events = eventsOf(*read);
-  const auto stored = writer_.run([&](Connection& writer) {
-    if (auto put = EventStore(writer).put(session, events); !put) return put;
+  const Status written = writer_.run([&](Connection& writer) -> Status {
+    RETURN_IF_ERROR(EventStore(writer).put(session, events));
     return score && !score->empty() ? ScoreStore(writer).put(newScore(session, *score)) : Status();
   });
-  if (!stored) return stored.error();
+  if (!written) return written.error();
   if (score) settled.score_json = std::move(*score);
   return settled;
 }
 
 Status Service::settleRecording(const Uuid& session) {
-  auto reader = readers_.borrow();
-  if (!reader) return reader.error();
-  const auto info = SessionStore(**reader).info(session);
-  if (!info) return info.error();
-  const auto events = EventStore(**reader).list(session);
-  if (!events) return events.error();
+  ASSIGN_OR_RETURN(auto reader, readers_.borrow());
+  ASSIGN_OR_RETURN(const auto info, SessionStore(*reader).info(session));
+  ASSIGN_OR_RETURN(const auto events, EventStore(*reader).list(session));
   // a score that is there was made when the session was closed, and stays
-  if (!info->score_json().empty() && events->has_value()) return {};
-  if (!info->score_json().empty()) {
-    const auto read = samplesOf(**reader, session);
+  if (!info.score_json().empty() && events.has_value()) return {};
+  if (!info.score_json().empty()) {
+    const auto read = samplesOf(*reader, session);
     if (!read) return read.error().code == ErrorCode::kInvalidInput ? Status() : Status(read.error());
     return writer_.run(
         [&, made = eventsOf(*read)](Connection& writer) { return EventStore(writer).put(session, made); });
   }
-  const auto settled = settle(**reader, session);
-  if (!settled) return settled.error();
-  if (!settled->fault || settled->final) return {};
-  return Error{settled->fault->code,
+  ASSIGN_OR_RETURN(const auto settled, settle(*reader, session));
+  if (!settled.fault || settled.final) return {};
+  return Error{settled.fault->code,
                "session " + uuidText(session) +
-                   " has no score yet, and it cannot be made now: " + settled->fault->message};
+                   " has no score yet, and it cannot be made now: " + settled.fault->message};
 }
 
 Result<pb::Reply> Service::rescore(const Principal& principal, const pb::RescoreSession& call) {
-  const auto id = handlers::sessionId(call.session_id());
-  if (!id) return id.error();
-  auto reader = readers_.borrow();
-  if (!reader) return reader.error();
-  const auto info = SessionStore(**reader).info(*id);
-  if (!info) return info.error();
-  const std::string name = "session " + uuidText(*id);
-  if (info->state() == pb::SESSION_OPEN)
+  ASSIGN_OR_RETURN(const auto id, handlers::sessionId(call.session_id()));
+  ASSIGN_OR_RETURN(auto reader, readers_.borrow());
+  ASSIGN_OR_RETURN(const auto info, SessionStore(*reader).info(id));
+  const std::string name = "session " + uuidText(id);
+  if (info.state() == pb::SESSION_OPEN)
     return Error{ErrorCode::kUnavailable, name + " is still open: it is scored when it is closed"};
   // a thinned recording does not give the measures of the original (README of common/gesture, thinning)
-  if (info->has_removed_original())
+  if (info.has_removed_original())
     return Error{ErrorCode::kUnavailable,
                  name + ": its original recording is gone, its scores stay as they are"};
-  const auto measures = scoreSession(**reader, *id);
-  if (!measures) return measures.error();
-  if (measures->empty()) return Error{ErrorCode::kInvalidInput, name + " has nothing to measure"};
-  const pb::Score score = newScore(*id, *measures);
-  const auto stored = writer_.run([&](Connection& writer) -> Status {
-    if (auto done = ScoreStore(writer).put(score); !done) return done;
-    return AuditStore(writer).add({0, wallNowNs(), principal.name, "rescore", uuidText(*id),
-                                   "definition version " + std::to_string(score.definition_version())});
+  ASSIGN_OR_RETURN(const auto measures, scoreSession(*reader, id));
+  if (measures.empty()) return Error{ErrorCode::kInvalidInput, name + " has nothing to measure"};
+  const pb::Score score = newScore(id, measures);
+  const Status written = writer_.run([&](Connection& writer) -> Status {
+    RETURN_IF_ERROR(ScoreStore(writer).put(score));
+    return AuditStore(writer).add({0, wallNowNs(), principal.name, "rescore", uuidText(id),
+                                   fmt::format("definition version {}", score.definition_version())});
   });
-  if (!stored) return stored.error();
-  auto kept = ScoreStore(**reader).get(*id, score.definition_version());
-  if (!kept) return kept.error();
+  if (!written) return written.error();
+  ASSIGN_OR_RETURN(auto kept, ScoreStore(*reader).get(id, score.definition_version()));
   pb::Reply reply;
-  *reply.mutable_score() = std::move(*kept);
+  *reply.mutable_score() = std::move(kept);
   return reply;
 }
 

@@ -9,7 +9,7 @@
 #include <string_view>
 
 #include "common/base/result.h"
-#include "db/service/principal.h"
+#include "db/service/requests.h"
 
 namespace needlelab {
 

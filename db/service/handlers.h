@@ -3,6 +3,8 @@
 #pragma once
 
 #include <atomic>
+#include <charconv>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -11,8 +13,8 @@
 #include "common/base/uuid.h"
 #include "db/connection.h"
 #include "db/db_writer.h"
-#include "db/service/principal.h"
 #include "db/service/reference_paths.h"
+#include "db/service/requests.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/live.pb.h"
 #include "needlelab/types.pb.h"
@@ -23,7 +25,7 @@ class ExportLedger;
 
 namespace needlelab::handlers {
 
-/// What a handler works with, for one request.
+/// The tools of a handler, for one request.
 struct Context {
   const Principal& who;
   DbWriter& writer;
@@ -50,15 +52,16 @@ pb::Reply doneReply();
 Status mayManage(const Context& context, pb::Role role);
 /// The same for a role that is taken away for another one: a curriculum manager takes none from its equals.
 Status mayChangeRole(const Context& context, pb::Role from, pb::Role to);
-/// What of a group is other than before: for the audit log and for who comes second.
+/// The differences between two states of a group, as text: for the audit log and for the person whose edit
+/// came second.
 std::string groupChange(const pb::Group& before, const pb::Group& after);
 /// kDenied for a trainee or a researcher who asks for somebody else's. `what`: "results".
 Status ownOnly(const Context& context, const std::string& name, const std::string& what);
 
-/// A session id from the network. kInvalidInput when it is none.
+/// A session id from the network. kInvalidInput when the bytes are not one.
 Result<Uuid> sessionId(const std::string& bytes);
 
-// people and stations: people_handlers.cpp
+// people and groups: people_handlers.cpp
 Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call);
 Result<pb::Reply> setPassword(const Context& context, const pb::SetPassword& call);
 Result<pb::Reply> disableUser(const Context& context, const pb::DisableUser& call);
@@ -68,17 +71,21 @@ Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call)
 Result<pb::Reply> setConsent(const Context& context, const pb::SetConsent& call);
 Result<pb::Reply> listConsents(const Context& context, const pb::ListConsents& call);
 Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& call);  ///< people_import.cpp
+Result<pb::Reply> putGroup(const Context& context, const pb::PutGroup& call);
+Result<pb::Reply> getGroup(const Context& context, const pb::GetGroup& call);
+Result<pb::Reply> listGroups(const Context& context, const pb::ListGroups& call);
+Result<pb::Reply> removeGroup(const Context& context, const pb::RemoveGroup& call);
+
+// stations, and messages to them, which the server delivers: station_handlers.cpp
 Result<pb::Reply> addStation(const Context& context, const pb::AddStation& call);
 Result<pb::Reply> revokeStation(const Context& context, const pb::RevokeStation& call);
 Result<pb::Reply> listStations(const Context& context, const pb::ListStations& call);
-
-// to a station, once the server has it delivered: talk_handlers.cpp
 Result<pb::Reply> traineeMessage(const Context& context, const pb::TraineeMessage& call);
 Result<pb::Reply> nextExercise(const Context& context, const pb::NextExercise& call);
 Result<pb::Reply> setAids(const Context& context, const pb::SetAids& call);
 Result<pb::Reply> stopLesson(const Context& context, const pb::StopLesson& call);
 
-// profiles, curricula, lessons: lesson_handlers.cpp
+// profiles, curricula, lessons: lesson_handlers.cpp; profile_preview.cpp
 Result<pb::Reply> importProfile(const Context& context, const pb::ImportProfile& call);
 Result<pb::Reply> getProfile(const Context& context, const pb::GetProfile& call);
 Result<pb::Reply> listProfiles(const Context& context, const pb::ListProfiles& call);
@@ -86,14 +93,6 @@ Result<pb::Reply> importCurriculum(const Context& context, const pb::ImportCurri
 Result<pb::Reply> getCurriculum(const Context& context, const pb::GetCurriculum& call);
 Result<pb::Reply> listCurricula(const Context& context, const pb::ListCurricula& call);
 Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call);
-
-// group_handlers.cpp
-Result<pb::Reply> putGroup(const Context& context, const pb::PutGroup& call);
-Result<pb::Reply> getGroup(const Context& context, const pb::GetGroup& call);
-Result<pb::Reply> listGroups(const Context& context, const pb::ListGroups& call);
-Result<pb::Reply> removeGroup(const Context& context, const pb::RemoveGroup& call);
-
-// what there is to learn: text_handlers.cpp; profile_preview.cpp
 Result<pb::Reply> profileRevisions(const Context& context, const pb::ListRevisions& call);
 Result<pb::Reply> curriculumRevisions(const Context& context, const pb::ListRevisions& call);
 Result<pb::Reply> checkJson(const Context& context, const pb::CheckText& call);
@@ -101,7 +100,10 @@ Result<pb::Reply> listExercises(const Context& context, const pb::ListExercises&
 Result<pb::Reply> listMeasures(const Context& context, const pb::ListMeasures& call);
 Result<pb::Reply> previewProfile(const Context& context, const pb::PreviewProfile& call);
 
-// result_handlers.cpp
+// assignments and results: result_handlers.cpp
+Result<pb::Reply> assign(const Context& context, const pb::Assign& call);
+Result<pb::Reply> removeAssignment(const Context& context, const pb::RemoveAssignment& call);
+Result<pb::Reply> listAssignments(const Context& context, const pb::ListAssignments& call);
 Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call);
 Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& call);
 Result<pb::Reply> excuseAttempt(const Context& context, const pb::ExcuseAttempt& call);
@@ -112,7 +114,7 @@ Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call)
 Result<pb::Reply> setReference(const Context& context, const pb::SetReference& call);
 Result<pb::Reply> getReference(const Context& context, const pb::GetReference& call);
 
-// erasure_handlers.cpp, study_handlers.cpp, record_handlers.cpp
+// erasures.cpp, study_handlers.cpp, record_handlers.cpp
 Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call);
 Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& call);
 Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudyRecording& call);
@@ -120,12 +122,7 @@ Result<pb::Reply> exportPerson(const Context& context, const pb::ExportPerson& c
 Result<pb::Reply> exportAll(const Context& context, const pb::ExportAll& call);
 Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call);
 
-// assignment_handlers.cpp
-Result<pb::Reply> assign(const Context& context, const pb::Assign& call);
-Result<pb::Reply> removeAssignment(const Context& context, const pb::RemoveAssignment& call);
-Result<pb::Reply> listAssignments(const Context& context, const pb::ListAssignments& call);
-
-// sessions and annotations: session_handlers.cpp
+// sessions, annotations, events: session_handlers.cpp
 Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& call);
 Result<pb::Reply> getSession(const Context& context, const pb::GetSession& call);
 Result<pb::Reply> readChunks(const Context& context, const pb::ReadChunks& call);
@@ -133,8 +130,7 @@ Result<pb::Reply> seekSession(const Context& context, const pb::SeekSession& cal
 Result<pb::Reply> verifySession(const Context& context, const pb::VerifySession& call);
 Result<pb::Reply> annotate(const Context& context, const pb::Annotate& call);
 Result<pb::Reply> listAnnotations(const Context& context, const pb::ListAnnotations& call);
-
-Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call);  ///< event_handlers.cpp
+Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call);
 
 /// A session by its id from the network, as this person may see it: a trainee its own only; others are as if
 /// they were not there.
@@ -142,12 +138,37 @@ Result<pb::SessionInfo> visibleSession(const Context& context, const std::string
 /// A reply must fit into a message of 1 MiB together with its envelope.
 inline constexpr std::size_t kMaxReplyBytes = (1u << 20) - 4096;
 
+// --- lists that are longer than a message come in pages (control.proto)
+
+/// Counts the bytes of a page's rows.
+class PageRoom {
+ public:
+  /// False: the page is full, `row_bytes` more do not fit. The first row always does.
+  bool take(std::size_t row_bytes) {
+    const bool fits = bytes_ == 0 || bytes_ + row_bytes <= kMaxReplyBytes;
+    if (fits) bytes_ += row_bytes + 8;
+    return fits;
+  }
+
+ private:
+  std::size_t bytes_ = 0;
+};
+
+/// A page that is a number: a position in a list, or an id. 0 for the first page. kInvalidInput.
+inline Result<std::uint64_t> numberOfPage(const std::string& page) {
+  std::uint64_t number = 0;
+  if (page.empty()) return number;
+  const auto [end, error] = std::from_chars(page.data(), page.data() + page.size(), number);
+  if (error == std::errc() && end == page.data() + page.size()) return number;
+  return Error{ErrorCode::kInvalidInput, "page: give back the next_page of the reply before"};
+}
+
 // the database itself: upkeep_handlers.cpp
 Result<pb::Reply> backup(const Context& context, const pb::Backup& call);
 Result<pb::Reply> check(const Context& context, const pb::Check& call);
 Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call);
 
-// retention_handlers.cpp; its runs: Service::retention()
+// retention.cpp; its runs: Service::retention()
 Result<pb::Reply> listRetention(const Context& context, const pb::ListRetention& call);
 Result<pb::Reply> setRetention(const Context& context, const pb::SetRetention& call);
 

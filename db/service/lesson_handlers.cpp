@@ -1,12 +1,13 @@
+#include <fmt/core.h>
 #include <optional>
 
 #include "common/profile/profile.h"
+#include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
 #include "db/documents.h"
 #include "db/people.h"
 #include "db/service/handlers.h"
 #include "db/service/lesson_texts.h"
-#include "db/service/page.h"
 #include "db/service/standing.h"
 
 namespace needlelab::handlers {
@@ -44,12 +45,11 @@ std::optional<std::uint32_t> baseOf(const Call& call) {
 /// refuse.
 Status needlesFit(const Context& context, const StoredCurriculum& curriculum) {
   for (const StoredExercise& stored : curriculum.exercises) {
-    const auto exercise = exerciseOf(stored);
-    if (!exercise) return exercise.error();
-    if (!exercise->has_needle()) continue;
+    ASSIGN_OR_RETURN(const auto exercise, exerciseOf(stored));
+    if (!exercise.has_needle()) continue;
     const auto profile = ProfileStore(context.reader).get(stored.profile_id, 0);
     if (!profile) continue;
-    if (const auto fits = profileWithNeedle(profile->json, *exercise); !fits) return fits.error();
+    RETURN_IF_ERROR(profileWithNeedle(profile->json, exercise));
   }
   return {};
 }
@@ -57,34 +57,30 @@ Status needlesFit(const Context& context, const StoredCurriculum& curriculum) {
 }  // namespace
 
 Result<pb::Reply> importProfile(const Context& context, const pb::ImportProfile& call) {
-  auto profile = storedProfileOf(call.json(), "profile", context.who.name, context.now_unix_ns);
-  if (!profile) return profile.error();
+  ASSIGN_OR_RETURN(auto profile,
+                   storedProfileOf(call.json(), "profile", context.who.name, context.now_unix_ns));
   std::string detail;
-  const auto status = edit(context, profile->id, detail, [&](Connection& writer) {
-    const auto before = ProfileStore(writer).get(profile->id, 0);
-    const auto revision = ProfileStore(writer).put(*profile, baseOf(call));
+  RETURN_IF_ERROR(edit(context, profile.id, detail, [&](Connection& writer) {
+    const auto before = ProfileStore(writer).get(profile.id, 0);
+    const auto revision = ProfileStore(writer).put(profile, baseOf(call));
     if (!revision) return Status(revision.error());
-    profile->revision = *revision;
-    detail =
-        "revision " + std::to_string(*revision) + changedFields(before ? before->json : "", profile->json);
+    profile.revision = *revision;
+    detail = fmt::format("revision {}{}", *revision, changedFields(before ? before->json : "", profile.json));
     return Status();
-  });
-  if (!status) return status.error();
-  return profileReply(*profile);
+  }));
+  return profileReply(profile);
 }
 
 Result<pb::Reply> getProfile(const Context& context, const pb::GetProfile& call) {
-  const auto profile = ProfileStore(context.reader).get(call.id(), call.revision());
-  if (!profile) return profile.error();
-  return profileReply(*profile);
+  ASSIGN_OR_RETURN(const auto profile, ProfileStore(context.reader).get(call.id(), call.revision()));
+  return profileReply(profile);
 }
 
 Result<pb::Reply> listProfiles(const Context& context, const pb::ListProfiles&) {
-  const auto profiles = ProfileStore(context.reader).list();
-  if (!profiles) return profiles.error();
+  ASSIGN_OR_RETURN(const auto profiles, ProfileStore(context.reader).list());
   pb::Reply reply;
   auto* list = reply.mutable_profiles();
-  for (const StoredProfile& profile : *profiles) {
+  for (const StoredProfile& profile : profiles) {
     auto* entry = list->add_profiles();
     entry->set_id(profile.id);
     entry->set_revision(profile.revision);
@@ -96,35 +92,32 @@ Result<pb::Reply> listProfiles(const Context& context, const pb::ListProfiles&) 
 }
 
 Result<pb::Reply> importCurriculum(const Context& context, const pb::ImportCurriculum& call) {
-  auto curriculum = storedCurriculumOf(call.json(), "curriculum", context.who.name, context.now_unix_ns);
-  if (!curriculum) return curriculum.error();
-  if (auto fit = needlesFit(context, *curriculum); !fit) return fit.error();
+  ASSIGN_OR_RETURN(auto curriculum,
+                   storedCurriculumOf(call.json(), "curriculum", context.who.name, context.now_unix_ns));
+  RETURN_IF_ERROR(needlesFit(context, curriculum));
   std::string detail;
-  const auto status = edit(context, curriculum->id, detail, [&](Connection& writer) {
-    const auto before = CurriculumStore(writer).get(curriculum->id);
-    const auto revision = CurriculumStore(writer).put(*curriculum, baseOf(call));
+  RETURN_IF_ERROR(edit(context, curriculum.id, detail, [&](Connection& writer) {
+    const auto before = CurriculumStore(writer).get(curriculum.id);
+    const auto revision = CurriculumStore(writer).put(curriculum, baseOf(call));
     if (!revision) return Status(revision.error());
-    curriculum->revision = *revision;
+    curriculum.revision = *revision;
     detail =
-        "revision " + std::to_string(*revision) + changedFields(before ? before->json : "", curriculum->json);
+        fmt::format("revision {}{}", *revision, changedFields(before ? before->json : "", curriculum.json));
     return Status();
-  });
-  if (!status) return status.error();
-  return curriculumReply(*curriculum);
+  }));
+  return curriculumReply(curriculum);
 }
 
 Result<pb::Reply> getCurriculum(const Context& context, const pb::GetCurriculum& call) {
-  const auto curriculum = CurriculumStore(context.reader).get(call.id(), call.revision());
-  if (!curriculum) return curriculum.error();
-  return curriculumReply(*curriculum);
+  ASSIGN_OR_RETURN(const auto curriculum, CurriculumStore(context.reader).get(call.id(), call.revision()));
+  return curriculumReply(curriculum);
 }
 
 Result<pb::Reply> listCurricula(const Context& context, const pb::ListCurricula&) {
-  const auto curricula = CurriculumStore(context.reader).list();
-  if (!curricula) return curricula.error();
+  ASSIGN_OR_RETURN(const auto curricula, CurriculumStore(context.reader).list());
   pb::Reply reply;
   auto* list = reply.mutable_curricula();
-  for (const StoredCurriculum& curriculum : *curricula) {
+  for (const StoredCurriculum& curriculum : curricula) {
     auto* entry = list->add_curricula();
     entry->set_id(curriculum.id);
     entry->set_name(curriculum.name);
@@ -139,41 +132,157 @@ Result<pb::Reply> listCurricula(const Context& context, const pb::ListCurricula&
 Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call) {
   // how far somebody is is that person's; for nobody, anybody may look at a lesson
   if (!call.trainee().empty()) {
-    if (auto own = ownOnly(context, call.trainee(), "lessons"); !own) return own.error();
+    RETURN_IF_ERROR(ownOnly(context, call.trainee(), "lessons"));
   }
-  const auto exercise = CurriculumStore(context.reader).exercise(call.exercise_id());
-  if (!exercise) return exercise.error();
+  ASSIGN_OR_RETURN(const auto exercise, CurriculumStore(context.reader).exercise(call.exercise_id()));
   // an unknown trainee may practise (the station's key vouches for it), a disabled one may not
   if (!call.trainee().empty()) {
-    const auto person = PeopleStore(context.reader).find(call.trainee());
-    if (!person) return person.error();
-    if (*person && (*person)->disabled) {
+    ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(call.trainee()));
+    if (person && person->disabled) {
       return Error{ErrorCode::kDenied, "'" + call.trainee() + "' is disabled: ask an administrator"};
     }
   }
-  const auto parsed = exerciseOf(*exercise);
-  if (!parsed) return parsed.error();
+  ASSIGN_OR_RETURN(const auto parsed, exerciseOf(exercise));
   pb::Reply reply;
   auto* lesson = reply.mutable_lesson();
   if (!call.trainee().empty()) {
-    const auto standing = standingOf(context.reader, call.trainee(), *exercise, *parsed);
-    if (!standing) return standing.error();
-    const auto why_not = whyNot(context.reader, *parsed, *standing);
-    if (!why_not) return why_not.error();
-    if (*why_not) return Error{ErrorCode::kDenied, **why_not};
-    lesson->set_attempt(standing->attempts.all + 1);
-    if (standing->attempts_left) lesson->set_attempts_left(*standing->attempts_left);
-    lesson->set_due_unix_ns(standing->due_unix_ns);
+    ASSIGN_OR_RETURN(const auto standing, standingOf(context.reader, call.trainee(), exercise, parsed));
+    ASSIGN_OR_RETURN(const auto why_not, whyNot(context.reader, parsed, standing));
+    if (why_not) return Error{ErrorCode::kDenied, *why_not};
+    lesson->set_attempt(standing.attempts.all + 1);
+    if (standing.attempts_left) lesson->set_attempts_left(*standing.attempts_left);
+    lesson->set_due_unix_ns(standing.due_unix_ns);
   }
-  const auto profile = ProfileStore(context.reader).get(exercise->profile_id, 0);
-  if (!profile) return profile.error();
-  lesson->set_exercise_json(exercise->json);
-  lesson->set_profile_json(profile->json);
-  lesson->set_profile_revision(profile->revision);
-  if (parsed->has_needle()) {
-    auto with_needle = profileWithNeedle(profile->json, *parsed);
-    if (!with_needle) return with_needle.error();
-    lesson->set_profile_json(std::move(*with_needle));
+  ASSIGN_OR_RETURN(const auto profile, ProfileStore(context.reader).get(exercise.profile_id, 0));
+  lesson->set_exercise_json(exercise.json);
+  lesson->set_profile_json(profile.json);
+  lesson->set_profile_revision(profile.revision);
+  if (parsed.has_needle()) {
+    ASSIGN_OR_RETURN(auto with_needle, profileWithNeedle(profile.json, parsed));
+    lesson->set_profile_json(std::move(with_needle));
+  }
+  return reply;
+}
+
+namespace {
+
+template <typename Stored>
+Result<pb::Reply> revisionsReply(const Result<std::vector<Stored>>& all, const std::string& page) {
+  if (!all) return all.error();
+  ASSIGN_OR_RETURN(const auto from, numberOfPage(page));
+  pb::Reply reply;
+  auto* list = reply.mutable_revisions();
+  PageRoom room;
+  for (const Stored& one : *all) {
+    // newest first: the page goes on below a revision
+    if (from != 0 && one.revision >= from) continue;
+    if (!room.take(one.name.size() + one.author.size() + 32)) {
+      list->set_next_page(std::to_string(list->revisions().rbegin()->revision()));
+      break;
+    }
+    auto* entry = list->add_revisions();
+    entry->set_revision(one.revision);
+    entry->set_name(one.name);
+    entry->set_author(one.author);
+    entry->set_created_unix_ns(one.created_unix_ns);
+  }
+  return reply;
+}
+
+/// "layers[2].cutting_force_n: is missing" → path and words; a message without a path is about the whole.
+void addProblem(pb::TextCheck& check, std::string message) {
+  auto* problem = check.add_problems();
+  const std::size_t colon = message.find(": ");
+  const bool is_path = colon != std::string::npos && message.find_first_of(" \t\"'") > colon;
+  problem->set_path(is_path ? message.substr(0, colon) : std::string());
+  problem->set_message(is_path ? message.substr(colon + 2) : std::move(message));
+}
+
+/// Messages begin with the name of their source.
+std::string withoutSource(const std::string& message, const std::string& source) {
+  return message.starts_with(source + ": ") ? message.substr(source.size() + 2) : message;
+}
+
+}  // namespace
+
+Result<pb::Reply> profileRevisions(const Context& context, const pb::ListRevisions& call) {
+  return revisionsReply(ProfileStore(context.reader).revisions(call.id()), call.page());
+}
+
+Result<pb::Reply> curriculumRevisions(const Context& context, const pb::ListRevisions& call) {
+  return revisionsReply(CurriculumStore(context.reader).revisions(call.id()), call.page());
+}
+
+Result<pb::Reply> checkJson(const Context& context, const pb::CheckText& call) {
+  const bool is_course = call.kind() == "course";
+  if (!is_course && !call.kind().empty() && call.kind() != "profile")
+    return Error{ErrorCode::kInvalidInput, "kind: '" + call.kind() + "', allowed are profile, course"};
+  pb::Reply reply;
+  auto* check = reply.mutable_text_check();
+  if (is_course) {
+    const auto course = storedCurriculumOf(call.json(), "course", context.who.name, context.now_unix_ns);
+    if (!course) addProblem(*check, withoutSource(course.error().message, "course"));
+    // what only the store knows
+    for (std::size_t i = 0; course && i < course->exercises.size(); ++i) {
+      const StoredExercise& exercise = course->exercises[i];
+      const std::string path = fmt::format("exercises[{}]", i);
+      if (const auto profile = ProfileStore(context.reader).get(exercise.profile_id, 0); !profile)
+        addProblem(*check, path + ".profile_id: " + profile.error().message);
+      const auto other = CurriculumStore(context.reader).exercise(exercise.id);
+      if (other && other->curriculum_id != course->id)
+        addProblem(*check,
+                   path + ".id: there is an exercise of this id in course '" + other->curriculum_id + "'");
+    }
+  } else {
+    const auto profile = parseProfile(call.json(), "profile");
+    for (const Error& fault : profileFaults(call.json()))
+      addProblem(*check, withoutSource(fault.message, "profile"));
+    if (profile) {
+      for (std::string& warning : profileWarnings(*profile)) check->add_warnings(std::move(warning));
+    }
+  }
+  check->set_ok(check->problems().empty());
+  return reply;
+}
+
+Result<pb::Reply> listExercises(const Context& context, const pb::ListExercises& call) {
+  ASSIGN_OR_RETURN(const auto from, numberOfPage(call.page()));
+  ASSIGN_OR_RETURN(const auto courses, CurriculumStore(context.reader).list());
+  pb::Reply reply;
+  auto* list = reply.mutable_exercises();
+  PageRoom room;
+  std::uint64_t at = 0;
+  for (const StoredCurriculum& course : courses) {
+    if (!call.course_id().empty() && course.id != call.course_id()) continue;
+    std::uint32_t position = 0;
+    for (const StoredExercise& exercise : course.exercises) {
+      const std::uint32_t place = position++;
+      if (at++ < from) continue;
+      if (!room.take(exercise.json.size() + 128)) {
+        list->set_next_page(std::to_string(at - 1));
+        return reply;
+      }
+      auto* row = list->add_exercises();
+      row->set_course_id(course.id);
+      row->set_position(place);
+      row->set_json(exercise.json);
+      row->set_course_revision(course.revision);
+    }
+  }
+  return reply;
+}
+
+Result<pb::Reply> listMeasures(const Context&, const pb::ListMeasures&) {
+  pb::Reply reply;
+  auto* list = reply.mutable_measures();
+  list->set_definition_version(kScoreDefinitionVersion);
+  for (const MeasureKind& kind : measureKinds()) {
+    auto* row = list->add_measures();
+    row->set_name(std::string(kind.name));
+    row->set_unit(std::string(kind.unit));
+    row->set_words(std::string(kind.words));
+    row->set_better(std::string(betterName(kind.better)));
+    row->set_definition(std::string(kind.definition));
   }
   return reply;
 }

@@ -18,24 +18,22 @@ bool isCurriculum(std::string_view json) {
 
 Result<StoredProfile> storedProfileOf(std::string_view json, std::string_view source,
                                       const std::string& author, std::int64_t now_unix_ns) {
-  const auto profile = parseProfile(json, source);
-  if (!profile) return profile.error();
-  return StoredProfile{profile->id(), 0, profile->name(), profileJson(*profile), author, now_unix_ns};
+  ASSIGN_OR_RETURN(const auto profile, parseProfile(json, source));
+  return StoredProfile{profile.id(), 0, profile.name(), profileJson(profile), author, now_unix_ns};
 }
 
 Result<StoredCurriculum> storedCurriculumOf(std::string_view json, std::string_view source,
                                             const std::string& author, std::int64_t now_unix_ns) {
-  const auto curriculum = parseCurriculum(json, source);
-  if (!curriculum) return curriculum.error();
-  StoredCurriculum stored{curriculum->id(), 0, curriculum->name(), curriculumJson(*curriculum), author,
-                          now_unix_ns,      {}};
-  for (const pb::Exercise& exercise : curriculum->exercises()) {
+  ASSIGN_OR_RETURN(const auto curriculum, parseCurriculum(json, source));
+  StoredCurriculum stored{curriculum.id(), 0, curriculum.name(), curriculumJson(curriculum), author,
+                          now_unix_ns,     {}};
+  for (const pb::Exercise& exercise : curriculum.exercises()) {
     if (const auto known = checkRequirements(exercise); !known) {
       return Error{known.error().code,
                    std::string(source) + ": exercise '" + exercise.id() + "': " + known.error().message};
     }
     stored.exercises.push_back(
-        {exercise.id(), curriculum->id(), exercise.name(), exercise.profile_id(), exerciseJson(exercise)});
+        {exercise.id(), curriculum.id(), exercise.name(), exercise.profile_id(), exerciseJson(exercise)});
   }
   return stored;
 }
@@ -56,12 +54,11 @@ std::string changedFields(std::string_view before, std::string_view after) {
 Result<std::string> profileWithNeedle(const std::string& profile_json, const pb::Exercise& exercise) {
   const std::string source =
       "exercise '" + exercise.id() + "', its needle in profile '" + exercise.profile_id() + "'";
-  auto profile = parseProfile(profile_json, source);
-  if (!profile) return profile.error();
-  *profile->mutable_needle() = exercise.needle();
-  std::string json = profileJson(*profile);
+  ASSIGN_OR_RETURN(auto profile, parseProfile(profile_json, source));
+  *profile.mutable_needle() = exercise.needle();
+  std::string json = profileJson(profile);
   // the two of them must make a scene
-  if (const auto checked = parseProfile(json, source); !checked) return checked.error();
+  RETURN_IF_ERROR(parseProfile(json, source));
   return json;
 }
 
@@ -72,13 +69,12 @@ Status storeSamples(Connection& writer, std::int64_t now_unix_ns) {
       if (isCurriculum(file.text) != curricula) continue;
       const std::string source = "db/samples/" + std::string(file.name);
       if (curricula) {
-        const auto curriculum = storedCurriculumOf(file.text, source, kSampleAuthor, now_unix_ns);
-        if (!curriculum) return curriculum.error();
-        if (const auto put = CurriculumStore(writer).put(*curriculum); !put) return put.error();
+        ASSIGN_OR_RETURN(const auto curriculum,
+                         storedCurriculumOf(file.text, source, kSampleAuthor, now_unix_ns));
+        RETURN_IF_ERROR(CurriculumStore(writer).put(curriculum));
       } else {
-        const auto profile = storedProfileOf(file.text, source, kSampleAuthor, now_unix_ns);
-        if (!profile) return profile.error();
-        if (const auto put = ProfileStore(writer).put(*profile); !put) return put.error();
+        ASSIGN_OR_RETURN(const auto profile, storedProfileOf(file.text, source, kSampleAuthor, now_unix_ns));
+        RETURN_IF_ERROR(ProfileStore(writer).put(profile));
       }
     }
   }

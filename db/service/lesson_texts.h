@@ -11,7 +11,7 @@
 
 namespace needlelab {
 
-/// Who wrote what a new database begins with.
+/// The author of the samples in a new database.
 inline constexpr const char* kSampleAuthor = "needlelab";
 
 /// Validated and canonical; `revision` is 0. `source` names the text in messages. kInvalidInput.

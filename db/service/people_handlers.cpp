@@ -1,14 +1,18 @@
+#include <fmt/core.h>
+#include <algorithm>
+#include <iterator>
+#include <vector>
+
 #include "common/base/text.h"
 #include "db/credentials.h"
 #include "db/people.h"
 #include "db/service/handlers.h"
-#include "db/service/page.h"
-#include "db/service/roles.h"
+#include "db/service/requests.h"
 
 namespace needlelab::handlers {
 namespace {
 
-/// Who hold other people's data must be able to log in; a trainee need not.
+/// Everybody but trainees needs a password: they see other people's data.
 Result<std::string> hashFor(pb::Role role, const std::string& password) {
   if (password.empty() && role == pb::TRAINEE) return std::string();
   return hashPassword(password);
@@ -26,12 +30,10 @@ Result<pb::User> userOf(Connection& connection, const Person& person) {
   user.set_revision(person.revision);
   user.set_changed_unix_ns(person.changed_unix_ns);
   user.set_changed_by(person.changed_by);
-  const auto groups = GroupStore(connection).groupsOf(person.name);
-  if (!groups) return groups.error();
-  for (const std::string& group : *groups) user.add_groups(group);
-  const auto consent = ConsentStore(connection).newest(person.name);
-  if (!consent) return consent.error();
-  if (*consent) *user.mutable_consent() = **consent;
+  ASSIGN_OR_RETURN(const auto groups, GroupStore(connection).groupsOf(person.name));
+  for (const std::string& group : groups) user.add_groups(group);
+  ASSIGN_OR_RETURN(const auto consent, ConsentStore(connection).newest(person.name));
+  if (consent) *user.mutable_consent() = *consent;
   return user;
 }
 
@@ -43,30 +45,28 @@ Result<Person> knownPerson(Connection& connection, const std::string& name) {
 }
 
 Result<pb::Reply> userReply(const Context& context, const std::string& name) {
-  const auto person = knownPerson(context.reader, name);
-  if (!person) return person.error();
-  auto user = userOf(context.reader, *person);
-  if (!user) return user.error();
+  ASSIGN_OR_RETURN(const auto person, knownPerson(context.reader, name));
+  ASSIGN_OR_RETURN(auto user, userOf(context.reader, person));
   pb::Reply reply;
-  *reply.mutable_user() = std::move(*user);
+  *reply.mutable_user() = std::move(user);
   return reply;
 }
 
 /// Oneself; a manager: of those below itself, because a password is all that its owner may.
 Status maySetPassword(const Context& context, Connection& connection, const std::string& name) {
   if (context.who.role == pb::ADMINISTRATOR || context.who.name == name) return {};
-  const auto person = PeopleStore(connection).find(name);
-  if (!person) return person.error();
-  const bool below = *person && (*person)->role < pb::CURRICULUM_MANAGER;
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection).find(name));
+  const bool below = person && person->role < pb::CURRICULUM_MANAGER;
   if (context.who.role == pb::CURRICULUM_MANAGER && below) return {};
   return Error{ErrorCode::kDenied,
                "only an administrator sets other people's passwords, and a curriculum manager those of "
                "trainees and instructors"};
 }
 
-/// Whose access may be ended, or given back: a manager's equals are not its to lock out, itself is.
+/// kDenied unless the asker may end, or give back, the access of this person: a manager cannot lock out its
+/// equals, but can lock out itself.
 Status mayEndAccess(const Context& context, const Person& person) {
-  if (auto may = mayManage(context, person.role); !may) return may;
+  RETURN_IF_ERROR(mayManage(context, person.role));
   if (context.who.role == pb::ADMINISTRATOR || person.role < pb::CURRICULUM_MANAGER ||
       person.name == context.who.name)
     return {};
@@ -87,7 +87,7 @@ Status mayManage(const Context& context, pb::Role role) {
 }
 
 Status mayChangeRole(const Context& context, pb::Role from, pb::Role to) {
-  if (auto may = mayManage(context, to); !may) return may;
+  RETURN_IF_ERROR(mayManage(context, to));
   // else a manager could make another one an instructor, give it a password, and be that manager
   if (context.who.role == pb::ADMINISTRATOR || from < pb::CURRICULUM_MANAGER) return {};
   return Error{ErrorCode::kDenied, "the role " + std::string(roleName(from)) +
@@ -104,170 +104,196 @@ Status ownOnly(const Context& context, const std::string& name, const std::strin
 
 Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call) {
   // the slow part first, on this thread; the writer's thread only stores
-  if (auto valid = checkNewName("name", call.name()); !valid) return valid.error();
-  if (auto may = mayManage(context, call.role()); !may) return may.error();
-  const auto hash = hashFor(call.role(), call.password());
-  if (!hash) return hash.error();
-  const Person person{call.name(), call.role(), *hash, false, context.now_unix_ns, call.full_name()};
-  const auto status = write(context, call.name(), std::string(roleName(call.role())),
-                            [&](Connection& writer) { return PeopleStore(writer).add(person); });
-  if (!status) return status.error();
+  RETURN_IF_ERROR(checkNewName("name", call.name()));
+  RETURN_IF_ERROR(mayManage(context, call.role()));
+  ASSIGN_OR_RETURN(const auto hash, hashFor(call.role(), call.password()));
+  const Person person{call.name(), call.role(), hash, false, context.now_unix_ns, call.full_name()};
+  RETURN_IF_ERROR(write(context, call.name(), std::string(roleName(call.role())),
+                        [&](Connection& writer) { return PeopleStore(writer).add(person); }));
   return doneReply();
 }
 
 Result<pb::Reply> setPassword(const Context& context, const pb::SetPassword& call) {
-  if (auto may = maySetPassword(context, context.reader, call.name()); !may) return may.error();
-  const auto hash = hashPassword(call.password());
-  if (!hash) return hash.error();
-  const auto status = write(context, call.name(), "", [&](Connection& writer) -> Status {
+  RETURN_IF_ERROR(maySetPassword(context, context.reader, call.name()));
+  ASSIGN_OR_RETURN(const auto hash, hashPassword(call.password()));
+  const Status written = write(context, call.name(), "", [&](Connection& writer) -> Status {
     // as it is now: hashing took a while
-    if (auto may = maySetPassword(context, writer, call.name()); !may) return may;
-    return PeopleStore(writer).setPasswordHash(call.name(), *hash);
+    RETURN_IF_ERROR(maySetPassword(context, writer, call.name()));
+    return PeopleStore(writer).setPasswordHash(call.name(), hash);
   });
-  if (!status) return status.error();
+  if (!written) return written.error();
   return doneReply();
 }
 
 Result<pb::Reply> disableUser(const Context& context, const pb::DisableUser& call) {
-  const auto status = write(context, call.name(), call.enable() ? "enabled again" : "disabled",
-                            [&](Connection& writer) -> Status {
-                              const auto person = knownPerson(writer, call.name());
-                              if (!person) return person.error();
-                              if (auto may = mayEndAccess(context, *person); !may) return may;
-                              return PeopleStore(writer).setDisabled(call.name(), !call.enable(),
-                                                                     context.who.name, context.now_unix_ns);
-                            });
-  if (!status) return status.error();
+  const Status written = write(context, call.name(), call.enable() ? "enabled again" : "disabled",
+                               [&](Connection& writer) -> Status {
+                                 ASSIGN_OR_RETURN(const auto person, knownPerson(writer, call.name()));
+                                 RETURN_IF_ERROR(mayEndAccess(context, person));
+                                 return PeopleStore(writer).setDisabled(
+                                     call.name(), !call.enable(), context.who.name, context.now_unix_ns);
+                               });
+  if (!written) return written.error();
   return doneReply();
 }
 
 Result<pb::Reply> getUser(const Context& context, const pb::GetUser& call) {
-  if (auto own = ownOnly(context, call.name(), "data"); !own) return own.error();
+  RETURN_IF_ERROR(ownOnly(context, call.name(), "data"));
   return userReply(context, call.name());
 }
 
 Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call) {
   std::string detail;
-  const auto say = [&](const std::string& words) { detail += (detail.empty() ? "" : "; ") + words; };
+  const auto addDetail = [&](const std::string& text) { detail += (detail.empty() ? "" : "; ") + text; };
   // all of it in the writer's transaction: who it is, and what asks may do to it, is as it is then
-  const auto status = edit(context, call.name(), detail, [&](Connection& writer) -> Status {
-    const auto person = knownPerson(writer, call.name());
-    if (!person) return person.error();
-    if (auto may = mayManage(context, person->role); !may) return may;
+  const Status written = edit(context, call.name(), detail, [&](Connection& writer) -> Status {
+    ASSIGN_OR_RETURN(const auto person, knownPerson(writer, call.name()));
+    RETURN_IF_ERROR(mayManage(context, person.role));
     PersonChange change;
-    if (call.has_role() && call.role() != person->role) {
-      if (auto may = mayChangeRole(context, person->role, call.role()); !may) return may;
-      if (call.role() != pb::TRAINEE && person->password_hash.empty())
+    if (call.has_role() && call.role() != person.role) {
+      RETURN_IF_ERROR(mayChangeRole(context, person.role, call.role()));
+      if (call.role() != pb::TRAINEE && person.password_hash.empty())
         return Error{ErrorCode::kInvalidInput, "role: '" + call.name() +
                                                    "' has no password, and only trainees do without: set one "
                                                    "first"};
-      say("role: " + std::string(roleName(person->role)) + " to " + std::string(roleName(call.role())));
+      addDetail("role: " + std::string(roleName(person.role)) + " to " + std::string(roleName(call.role())));
       change.role = call.role();
     }
-    if (call.has_disabled() && call.disabled() != person->disabled) {
-      if (auto may = mayEndAccess(context, *person); !may) return may;
-      say(call.disabled() ? "disabled" : "enabled again");
+    if (call.has_disabled() && call.disabled() != person.disabled) {
+      RETURN_IF_ERROR(mayEndAccess(context, person));
+      addDetail(call.disabled() ? "disabled" : "enabled again");
       change.disabled = call.disabled();
     }
-    if (call.has_full_name() && call.full_name() != person->full_name) {
+    if (call.has_full_name() && call.full_name() != person.full_name) {
       // last, and in these words: an erasure finds earlier names by them (db/pseudonyms.h)
-      say("full name: '" + printable(person->full_name) + "' to '" + printable(call.full_name()) + "'");
+      addDetail("full name: '" + printable(person.full_name) + "' to '" + printable(call.full_name()) + "'");
       change.full_name = call.full_name();
     }
     const auto changed = PeopleStore(writer).change(call.name(), call.base_revision(), change,
                                                     context.who.name, context.now_unix_ns);
     return changed ? Status() : Status(changed.error());
   });
-  if (!status) return status.error();
+  if (!written) return written.error();
   return userReply(context, call.name());
 }
 
 Result<pb::Reply> setConsent(const Context& context, const pb::SetConsent& call) {
-  if (auto own = ownOnly(context, call.name(), "consent"); !own) return own.error();
+  RETURN_IF_ERROR(ownOnly(context, call.name(), "consent"));
   pb::Consent consent;
   consent.set_given(call.given());
   consent.set_note(call.note());
   consent.set_recorded_by(context.who.name);
   consent.set_unix_ns(context.now_unix_ns);
-  const auto status =
-      write(context, call.name(), call.given() ? "given" : "withdrawn",
-            [&](Connection& writer) { return ConsentStore(writer).add(call.name(), consent); });
-  if (!status) return status.error();
+  RETURN_IF_ERROR(write(context, call.name(), call.given() ? "given" : "withdrawn",
+                        [&](Connection& writer) { return ConsentStore(writer).add(call.name(), consent); }));
   return userReply(context, call.name());
 }
 
 Result<pb::Reply> listConsents(const Context& context, const pb::ListConsents& call) {
-  if (auto own = ownOnly(context, call.name(), "consent"); !own) return own.error();
-  if (const auto person = knownPerson(context.reader, call.name()); !person) return person.error();
-  const auto consents = ConsentStore(context.reader).list(call.name());
-  if (!consents) return consents.error();
+  RETURN_IF_ERROR(ownOnly(context, call.name(), "consent"));
+  RETURN_IF_ERROR(knownPerson(context.reader, call.name()));
+  ASSIGN_OR_RETURN(const auto consents, ConsentStore(context.reader).list(call.name()));
   pb::Reply reply;
   auto* list = reply.mutable_consents();
   PageRoom room;
   // somebody who changes its mind a thousand times: the newest are what counts
-  std::size_t first = consents->size();
-  while (first > 0 && room.take((*consents)[first - 1].ByteSizeLong())) --first;
-  for (; first < consents->size(); ++first) *list->add_consents() = (*consents)[first];
+  std::size_t first = consents.size();
+  while (first > 0 && room.take(consents[first - 1].ByteSizeLong())) --first;
+  for (; first < consents.size(); ++first) *list->add_consents() = consents[first];
   return reply;
 }
 
 Result<pb::Reply> listUsers(const Context& context, const pb::ListUsers& call) {
-  const auto people = PeopleStore(context.reader).list();
-  if (!people) return people.error();
+  ASSIGN_OR_RETURN(const auto people, PeopleStore(context.reader).list());
   pb::Reply reply;
   auto* users = reply.mutable_users();
   PageRoom room;
-  for (const Person& person : *people) {
+  for (const Person& person : people) {
     if (person.name <= call.page()) continue;
-    auto user = userOf(context.reader, person);
-    if (!user) return user.error();
-    if (!room.take(user->ByteSizeLong())) {
+    ASSIGN_OR_RETURN(auto user, userOf(context.reader, person));
+    if (!room.take(user.ByteSizeLong())) {
       users->set_next_page(users->users().rbegin()->name());
       break;
     }
-    *users->add_users() = std::move(*user);
+    *users->add_users() = std::move(user);
   }
   return reply;
 }
 
-Result<pb::Reply> addStation(const Context& context, const pb::AddStation& call) {
-  const StationKeyBytes key = makeStationKey();
-  const auto status = write(context, call.name(), "", [&](Connection& writer) {
-    return StationStore(writer).add(call.name(), hashStationKey(key), context.now_unix_ns);
-  });
-  if (!status) return status.error();
+namespace {
+
+/// "a, b and 3 more"
+std::string someNames(const std::vector<std::string>& names) {
+  constexpr std::size_t kMost = 5;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(names.size(), kMost); ++i) text += (i == 0 ? "" : ", ") + names[i];
+  if (names.size() > kMost) text += fmt::format(" and {} more", names.size() - kMost);
+  return text;
+}
+
+pb::Reply groupReply(pb::Group group) {
   pb::Reply reply;
-  reply.mutable_station_key()->set_name(call.name());
-  reply.mutable_station_key()->set_key(key.data(), key.size());
+  *reply.mutable_group() = std::move(group);
   return reply;
 }
 
-Result<pb::Reply> revokeStation(const Context& context, const pb::RevokeStation& call) {
-  const auto status = write(context, call.name(), "",
-                            [&](Connection& writer) { return StationStore(writer).revoke(call.name()); });
-  if (!status) return status.error();
-  return doneReply();
+}  // namespace
+
+std::string groupChange(const pb::Group& before, const pb::Group& after) {
+  std::vector<std::string> joined, left;
+  std::set_difference(after.members().begin(), after.members().end(), before.members().begin(),
+                      before.members().end(), std::back_inserter(joined));
+  std::set_difference(before.members().begin(), before.members().end(), after.members().begin(),
+                      after.members().end(), std::back_inserter(left));
+  std::string text = fmt::format("revision {}", after.revision());
+  if (before.name() != after.name()) text += "; name: '" + after.name() + "'";
+  if (!joined.empty()) text += "; joined: " + someNames(joined);
+  if (!left.empty()) text += "; left: " + someNames(left);
+  return text;
 }
 
-Result<pb::Reply> listStations(const Context& context, const pb::ListStations& call) {
-  const auto stations = StationStore(context.reader).list();
-  if (!stations) return stations.error();
+Result<pb::Reply> putGroup(const Context& context, const pb::PutGroup& call) {
+  pb::Group stored;
+  std::string detail;
+  RETURN_IF_ERROR(edit(context, call.group().id(), detail, [&](Connection& writer) {
+    GroupStore groups(writer);
+    const auto before = groups.get(call.group().id());
+    if (!before && before.error().code != ErrorCode::kNotFound) return Status(before.error());
+    auto put = groups.put(call.group(), call.base_revision(), context.who.name, context.now_unix_ns);
+    if (!put) return Status(put.error());
+    stored = std::move(*put);
+    detail = groupChange(before ? *before : pb::Group(), stored);
+    return Status();
+  }));
+  return groupReply(std::move(stored));
+}
+
+Result<pb::Reply> getGroup(const Context& context, const pb::GetGroup& call) {
+  ASSIGN_OR_RETURN(auto group, GroupStore(context.reader).get(call.id()));
+  return groupReply(std::move(group));
+}
+
+Result<pb::Reply> listGroups(const Context& context, const pb::ListGroups& call) {
+  ASSIGN_OR_RETURN(auto groups, GroupStore(context.reader).list());
   pb::Reply reply;
-  auto* list = reply.mutable_stations();
+  auto* list = reply.mutable_groups();
   PageRoom room;
-  for (const Station& station : *stations) {
-    if (station.name <= call.page()) continue;
-    // the server adds what each one does just now
-    if (!room.take(station.name.size() + 512)) {
-      list->set_next_page(list->stations().rbegin()->name());
+  for (pb::Group& group : groups) {
+    if (group.id() <= call.page()) continue;
+    if (!room.take(group.ByteSizeLong())) {
+      list->set_next_page(list->groups().rbegin()->id());
       break;
     }
-    auto* info = list->add_stations();
-    info->set_name(station.name);
-    info->set_revoked(station.revoked);
-    info->set_created_unix_ns(station.created_unix_ns);
+    *list->add_groups() = std::move(group);
   }
   return reply;
+}
+
+Result<pb::Reply> removeGroup(const Context& context, const pb::RemoveGroup& call) {
+  RETURN_IF_ERROR(edit(context, call.id(), "with its assignments", [&](Connection& writer) {
+    return GroupStore(writer).remove(call.id(), call.base_revision(), context.who.name, context.now_unix_ns);
+  }));
+  return doneReply();
 }
 
 }  // namespace needlelab::handlers

@@ -1,18 +1,37 @@
 // A class from a table: every row is looked at before any is stored, and all of them are stored or none.
+#include <fmt/core.h>
 #include <algorithm>
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <set>
+#include <string>
+#include <string_view>
 #include <vector>
 
+#include "common/base/result.h"
 #include "common/base/secret.h"
 #include "common/base/text.h"
 #include "db/audit.h"
 #include "db/credentials.h"
 #include "db/people.h"
-#include "db/service/csv_text.h"
 #include "db/service/handlers.h"
-#include "db/service/roles.h"
+#include "db/service/requests.h"
+
+namespace needlelab {
+
+struct CsvRow {
+  std::uint32_t line = 0;  ///< where it begins, from 1
+  std::vector<std::string> cells;
+};
+
+/// Cells between commas, or between semicolons where the first line has those and no comma; in double quotes
+/// where they hold one, quotes doubled, line ends allowed within. Lines end in LF or CRLF; a byte order mark
+/// is passed over; spaces around a cell without quotes are not part of it. Errors (kInvalidInput) name the
+/// line: no UTF-8, a quote that is not closed or has something behind it, more than `most_rows`.
+Result<std::vector<CsvRow>> parseCsvText(std::string_view text, std::size_t most_rows);
+
+}  // namespace needlelab
 
 namespace needlelab::handlers {
 namespace {
@@ -65,7 +84,7 @@ class PeopleTable {
   Status read(const std::string& csv) {
     auto rows = parseCsvText(csv, kMostImportRows + 1);
     if (!rows) return rows.error();
-    if (auto known = readHeader(*rows); !known) return known;
+    RETURN_IF_ERROR(readHeader(*rows));
     for (std::size_t i = 1; i < rows->size(); ++i) {
       add((*rows)[i]);
       // one of them may be a password
@@ -76,10 +95,9 @@ class PeopleTable {
             std::count_if(rows_.begin(), rows_.end(), [](const auto& row) { return !row.password.empty(); });
         static_cast<std::size_t>(with) > kMostImportPasswords)
       return Error{ErrorCode::kInvalidInput,
-                   "csv: has " + std::to_string(with) + " passwords, at most " +
-                       std::to_string(kMostImportPasswords) +
-                       " are taken at once (each takes a tenth of a second): split the table; trainees who "
-                       "only practise need none"};
+                   fmt::format("csv: has {} passwords, at most {} are taken at once (each takes a tenth of a "
+                               "second): split the table; trainees who only practise need none",
+                               with, kMostImportPasswords)};
     return {};
   }
 
@@ -87,7 +105,7 @@ class PeopleTable {
   Status compare(Connection& connection) {
     for (ImportRow& row : rows_) {
       if (row.what == pb::PeopleImport::FAULT) continue;
-      if (auto done = compareRow(connection, row); !done) return done;
+      RETURN_IF_ERROR(compareRow(connection, row));
     }
     return {};
   }
@@ -101,9 +119,8 @@ class PeopleTable {
   Status hashPasswords() {
     for (ImportRow& row : rows_) {
       if (row.what != pb::PeopleImport::ADD || row.password.empty()) continue;
-      auto hash = hashPassword(row.password);
-      if (!hash) return hash.error();
-      row.person.password_hash = std::move(*hash);
+      ASSIGN_OR_RETURN(auto hash, hashPassword(row.password));
+      row.person.password_hash = std::move(hash);
     }
     wipePasswords();
     return {};
@@ -124,7 +141,7 @@ class PeopleTable {
         if (!done) return at(row, done.error());
       }
       if (row.what != pb::PeopleImport::NOTHING) {
-        if (auto done = note(writer, row.person.name, "user import", row.text); !done) return done;
+        RETURN_IF_ERROR(note(writer, row.person.name, "user import", row.text));
       }
       for (const std::string& group : row.groups) joining[group].insert(row.person.name);
     }
@@ -137,11 +154,11 @@ class PeopleTable {
       names.insert(wanted.members().begin(), wanted.members().end());
       wanted.clear_members();
       for (const std::string& name : names) wanted.add_members(name);
-      const auto put = GroupStore(writer).put(wanted, {}, context_.who.name, context_.now_unix_ns);
-      if (!put) return put.error();
+      ASSIGN_OR_RETURN(const auto put,
+                       GroupStore(writer).put(wanted, {}, context_.who.name, context_.now_unix_ns));
       const pb::Group before = group ? *group : pb::Group();
-      if (put->revision() == before.revision()) continue;
-      if (auto done = note(writer, id, "group set", groupChange(before, *put)); !done) return done;
+      if (put.revision() == before.revision()) continue;
+      RETURN_IF_ERROR(note(writer, id, "group set", groupChange(before, put)));
     }
     return {};
   }
@@ -168,7 +185,7 @@ class PeopleTable {
     report.set_faults(count(pb::PeopleImport::FAULT));
   }
 
-  /// Whose connections end, once it is done.
+  /// The people whose connections end after the import.
   void tellRoles(pb::PeopleImport& report) const {
     for (const ImportRow& row : rows_) {
       if (row.what == pb::PeopleImport::CHANGE && row.role_changes) report.add_roles_changed(row.person.name);
@@ -188,7 +205,7 @@ class PeopleTable {
 
   static Error at(const ImportRow& row, const Error& error) {
     return {error.code,
-            "line " + std::to_string(row.line) + ", '" + printable(row.person.name) + "': " + error.message};
+            fmt::format("line {}, '{}': {}", row.line, printable(row.person.name), error.message)};
   }
 
   Status readHeader(const std::vector<CsvRow>& rows) {
@@ -209,7 +226,7 @@ class PeopleTable {
   }
 
   void add(const CsvRow& cells) {
-    // an empty line at the end is no person
+    // an empty line at the end is not a person
     if (cells.cells.size() == 1 && cells.cells[0].empty()) return;
     ImportRow row;
     row.line = cells.line;
@@ -227,8 +244,7 @@ class PeopleTable {
     row.person.created_unix_ns = context_.now_unix_ns;
     row.person.role = pb::TRAINEE;
     if (cells.cells.size() != columns_.size())
-      row.fault("", "has " + std::to_string(cells.cells.size()) + " cells, the header has " +
-                        std::to_string(columns_.size()));
+      row.fault("", fmt::format("has {} cells, the header has {}", cells.cells.size(), columns_.size()));
     if (const std::string role = cell("role"); !role.empty()) {
       row.role_given = true;
       row.person.role = roleOfName(role == "manager" ? "curriculum-manager"
@@ -247,12 +263,11 @@ class PeopleTable {
     for (const std::string& group : row.groups) check("group", checkName("group", group));
     if (!row.password.empty() &&
         (row.password.size() < kMinPasswordBytes || row.password.size() > kMaxPasswordBytes))
-      row.fault("password", "has " + std::to_string(row.password.size()) + " bytes, allowed are " +
-                                std::to_string(kMinPasswordBytes) + " to " +
-                                std::to_string(kMaxPasswordBytes));
+      row.fault("password", fmt::format("has {} bytes, allowed are {} to {}", row.password.size(),
+                                        kMinPasswordBytes, kMaxPasswordBytes));
     if (row.what != pb::PeopleImport::FAULT) {
       const auto [first, is_new] = lines_.emplace(row.person.name, row.line);
-      if (!is_new) row.fault("name", "stands in line " + std::to_string(first->second) + " already");
+      if (!is_new) row.fault("name", fmt::format("stands in line {} already", first->second));
     }
     rows_.push_back(std::move(row));
   }
@@ -260,11 +275,10 @@ class PeopleTable {
   Status compareRow(Connection& connection, ImportRow& row) {
     const auto there = PeopleStore(connection).find(row.person.name);
     if (!there) return there.error();
-    const auto groups = GroupStore(connection).groupsOf(row.person.name);
-    if (!groups) return groups.error();
+    ASSIGN_OR_RETURN(const auto groups, GroupStore(connection).groupsOf(row.person.name));
     std::string joins;
     for (const std::string& group : row.groups) {
-      if (std::find(groups->begin(), groups->end(), group) != groups->end()) continue;
+      if (std::find(groups.begin(), groups.end(), group) != groups.end()) continue;
       joins += (joins.empty() ? "joins " : ", ") + group;
     }
     if (!*there) {
@@ -280,7 +294,9 @@ class PeopleTable {
     const Person& before = **there;
     row.text.clear();
     row.role_changes = false;
-    const auto say = [&](const std::string& words) { row.text += (row.text.empty() ? "" : "; ") + words; };
+    const auto addDetail = [&](const std::string& words) {
+      row.text += (row.text.empty() ? "" : "; ") + words;
+    };
     if (row.role_given && row.person.role != before.role) {
       if (auto may = mayManage(context_, before.role); !may) row.fault("role", may.error().message);
       if (auto may = mayChangeRole(context_, before.role, row.person.role); !may)
@@ -288,13 +304,15 @@ class PeopleTable {
       if (row.person.role != pb::TRAINEE && before.password_hash.empty())
         row.fault("role", "has no password, and only trainees do without");
       row.role_changes = true;
-      say("role: " + std::string(roleName(before.role)) + " to " + std::string(roleName(row.person.role)));
+      addDetail("role: " + std::string(roleName(before.role)) + " to " +
+                std::string(roleName(row.person.role)));
     }
-    if (!joins.empty()) say(joins);
+    if (!joins.empty()) addDetail(joins);
     if (row.full_name_given && row.person.full_name != before.full_name) {
       if (auto may = mayManage(context_, before.role); !may) row.fault("full_name", may.error().message);
       // last, and in these words: an erasure finds earlier names by them (db/pseudonyms.h)
-      say("full name: '" + printable(before.full_name) + "' to '" + printable(row.person.full_name) + "'");
+      addDetail("full name: '" + printable(before.full_name) + "' to '" + printable(row.person.full_name) +
+                "'");
     }
     if (row.what == pb::PeopleImport::FAULT) return {};
     row.what = row.text.empty() ? pb::PeopleImport::NOTHING : pb::PeopleImport::CHANGE;
@@ -313,27 +331,27 @@ class PeopleTable {
 
 Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& call) {
   PeopleTable table(context);
-  if (auto done = table.read(call.csv()); !done) return done.error();
-  if (auto done = table.compare(context.reader); !done) return done.error();
+  RETURN_IF_ERROR(table.read(call.csv()));
+  RETURN_IF_ERROR(table.compare(context.reader));
   pb::Reply reply;
   auto* report = reply.mutable_people_import();
   if (table.hasFaults() || call.dry_run()) {
     table.report(*report);
     return reply;
   }
-  if (auto done = table.hashPasswords(); !done) return done.error();
+  RETURN_IF_ERROR(table.hashPasswords());
   std::string detail;
-  const auto status = write(context, "", detail, [&](Connection& writer) -> Status {
+  const Status written = write(context, "", detail, [&](Connection& writer) -> Status {
     // as it is now, which may be otherwise than when the passwords were hashed
-    if (auto done = table.compare(writer); !done) return done;
+    RETURN_IF_ERROR(table.compare(writer));
     if (table.hasFaults()) return Error{ErrorCode::kConflict, "people were changed meanwhile: try again"};
     pb::PeopleImport counts;
     table.report(counts);
-    detail = std::to_string(counts.added()) + " added, " + std::to_string(counts.changed()) + " changed, " +
-             std::to_string(counts.unchanged()) + " as they were";
+    detail = fmt::format("{} added, {} changed, {} as they were", counts.added(), counts.changed(),
+                         counts.unchanged());
     return table.store(writer);
   });
-  if (!status) return status.error();
+  if (!written) return written.error();
   table.report(*report);
   table.tellRoles(*report);
   report->set_done(true);
@@ -341,3 +359,94 @@ Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& c
 }
 
 }  // namespace needlelab::handlers
+
+namespace needlelab {
+namespace {
+
+class CsvTextReader {
+ public:
+  explicit CsvTextReader(std::string_view text) : text_(text) {
+    if (text_.starts_with("\xef\xbb\xbf")) text_.remove_prefix(3);
+    const std::string_view first = text_.substr(0, text_.find('\n'));
+    if (first.find(',') == std::string_view::npos && first.find(';') != std::string_view::npos)
+      separator_ = ';';
+  }
+
+  [[nodiscard]] bool atEnd() const { return at_ >= text_.size(); }
+
+  Result<CsvRow> row() {
+    CsvRow row{line_, {}};
+    for (;;) {
+      ASSIGN_OR_RETURN(auto cell, text_.substr(at_, 1) == "\"" ? quoted() : plain());
+      row.cells.push_back(std::move(cell));
+      if (atEnd()) return row;
+      const char c = text_[at_++];
+      if (c == separator_) {
+        while (!atEnd() && text_[at_] == ' ') ++at_;
+        continue;
+      }
+      if (c == '\r' && !atEnd() && text_[at_] == '\n') ++at_;
+      ++line_;
+      return row;
+    }
+  }
+
+ private:
+  [[nodiscard]] bool endsCell(std::size_t at) const {
+    return at >= text_.size() || text_[at] == separator_ || text_[at] == '\n' || text_[at] == '\r';
+  }
+
+  Result<std::string> plain() {
+    const std::size_t from = at_;
+    while (!endsCell(at_)) ++at_;
+    std::string_view cell = text_.substr(from, at_ - from);
+    while (cell.ends_with(' ')) cell.remove_suffix(1);
+    while (cell.starts_with(' ')) cell.remove_prefix(1);
+    return std::string(cell);
+  }
+
+  Result<std::string> quoted() {
+    const std::uint32_t began = line_;
+    std::string cell;
+    for (++at_; !atEnd(); ++at_) {
+      if (text_[at_] == '\n') ++line_;
+      if (text_[at_] != '"') {
+        cell += text_[at_];
+        continue;
+      }
+      if (at_ + 1 < text_.size() && text_[at_ + 1] == '"') {
+        cell += '"';
+        ++at_;
+        continue;
+      }
+      ++at_;
+      if (endsCell(at_)) return cell;
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("csv: line {}: something follows the closing quote of a cell", line_)};
+    }
+    return Error{ErrorCode::kInvalidInput, fmt::format("csv: line {}: a quote is not closed", began)};
+  }
+
+  std::string_view text_;
+  std::size_t at_ = 0;
+  std::uint32_t line_ = 1;
+  char separator_ = ',';
+};
+
+}  // namespace
+
+Result<std::vector<CsvRow>> parseCsvText(std::string_view text, std::size_t most_rows) {
+  if (!isUtf8(text))
+    return Error{ErrorCode::kInvalidInput, "csv: is not UTF-8: save the table as \"CSV UTF-8\""};
+  std::vector<CsvRow> rows;
+  CsvTextReader reader(text);
+  while (!reader.atEnd()) {
+    ASSIGN_OR_RETURN(auto row, reader.row());
+    rows.push_back(std::move(row));
+    if (rows.size() > most_rows)
+      return Error{ErrorCode::kInvalidInput, fmt::format("csv: has more than {} lines: split it", most_rows)};
+  }
+  return rows;
+}
+
+}  // namespace needlelab

@@ -1,5 +1,6 @@
-#include "db/service/record_checks.h"
+#include "db/service/record_tables.h"
 
+#include <fmt/core.h>
 #include <cmath>
 #include <limits>
 
@@ -16,11 +17,11 @@ namespace {
 /// Far beyond any recording; its CRCs, 4 bytes each, are kept.
 constexpr std::int64_t kMostChunksOfRecord = 1 << 22;
 
-Error wrongField(std::string_view name, const std::string& words) {
-  return {ErrorCode::kInvalidInput, std::string(name) + ": " + words};
+Error wrongField(std::string_view name, const std::string& text) {
+  return {ErrorCode::kInvalidInput, std::string(name) + ": " + text};
 }
 
-/// The text of a field whose type was checked; empty where there is none.
+/// The text of a field whose type was checked; empty when it is absent.
 std::string textIn(const RecordJson& record, const char* name) {
   const auto found = record.find(name);
   return found != record.end() && found->is_string() ? found->get<std::string>() : std::string();
@@ -40,10 +41,10 @@ Status checkInteger(std::string_view name, const RecordJson& value) {
   const auto number = value.get<std::int64_t>();
   // the clocks' difference has a sign; outside of all layers the layer is -1
   if (number < 0 && name != "clock_offset_ns" && !name.ends_with("_layer"))
-    return wrongField(name, "is " + std::to_string(number) + ", must not be negative");
+    return wrongField(name, fmt::format("is {}, must not be negative", number));
   const bool is_short = name.ends_with("revision") || name == "definition_version";
   if (is_short && number > std::numeric_limits<std::uint32_t>::max())
-    return wrongField(name, "is " + std::to_string(number) + ", has no more than 32 bits");
+    return wrongField(name, fmt::format("is {}, has no more than 32 bits", number));
   return {};
 }
 
@@ -72,22 +73,19 @@ Status checkColumn(const RecordColumn& column, const RecordJson& value) {
                              : column.name == "description"                                   ? bytes->size()
                                                                                               : 32;
   if (bytes->size() != wanted)
-    return wrongField(column.name,
-                      "has " + std::to_string(bytes->size()) + " bytes, must have " + std::to_string(wanted));
+    return wrongField(column.name, fmt::format("has {} bytes, must have {}", bytes->size(), wanted));
   return {};
 }
 
 Status checkProfileRecord(const RecordJson& record) {
-  const auto profile = storedProfileOf(textIn(record, "json"), "json", "", 0);
-  if (!profile) return profile.error();
-  if (profile->id == textIn(record, "id") && profile->json == textIn(record, "json")) return {};
+  ASSIGN_OR_RETURN(const auto profile, storedProfileOf(textIn(record, "json"), "json", "", 0));
+  if (profile.id == textIn(record, "id") && profile.json == textIn(record, "json")) return {};
   return wrongField("json", "is not canonical, or has another id");
 }
 
 Status checkCourseRecord(const RecordJson& record) {
-  const auto course = storedCurriculumOf(textIn(record, "json"), "json", "", 0);
-  if (!course) return course.error();
-  if (course->id == textIn(record, "id") && course->json == textIn(record, "json")) return {};
+  ASSIGN_OR_RETURN(const auto course, storedCurriculumOf(textIn(record, "json"), "json", "", 0));
+  if (course.id == textIn(record, "id") && course.json == textIn(record, "json")) return {};
   return wrongField("json", "is not canonical, or has another id");
 }
 
@@ -119,13 +117,13 @@ Status checkSessionRecord(const RecordJson& record) {
   d.set_profile_json(textIn(record, "profile_json"));
   if (auto valid = checkDescription(d); !valid) return wrongField("description", valid.error().message);
   if (numberIn(record, "chunks") > kMostChunksOfRecord)
-    return wrongField("chunks", "more than " + std::to_string(kMostChunksOfRecord));
+    return wrongField("chunks", fmt::format("more than {}", kMostChunksOfRecord));
   const std::int64_t state = numberIn(record, "state");
   if (state != pb::SESSION_COMPLETE && state != pb::SESSION_INTERRUPTED)
-    return wrongField("state",
-                      "is " + std::to_string(state) +
-                          (state == pb::SESSION_OPEN ? ", an open session: only closed ones can be imported"
-                                                     : ", which is no state of a closed session"));
+    return wrongField("state", fmt::format("is {}{}", state,
+                                           (state == pb::SESSION_OPEN
+                                                ? ", an open session: only closed ones can be imported"
+                                                : ", which is no state of a closed session")));
   return isGiven(record, "score_json") ? checkMeasures("score_json", textIn(record, "score_json")) : Status();
 }
 
@@ -145,20 +143,19 @@ Status checkFields(const RecordTable& table, const RecordJson& record) {
   for (const RecordColumn& column : table.columns) {
     const auto value = record.find(fieldOf(column));
     if (value == record.end() || value->is_null()) continue;  // the schema says which may be
-    if (auto valid = checkColumn(column, *value); !valid) return valid;
+    RETURN_IF_ERROR(checkColumn(column, *value));
   }
   return {};
 }
 
 Status checkRecord(const RecordTable& table, const RecordJson& record) {
   if (table.kind == "person") {
-    if (auto valid = checkText("full_name", textIn(record, "full_name"), 0, 200); !valid) return valid;
-    if (auto valid = checkText("password_hash", textIn(record, "password_hash"), 0, 200); !valid)
-      return valid;
+    RETURN_IF_ERROR(checkText("full_name", textIn(record, "full_name"), 0, 200));
+    RETURN_IF_ERROR(checkText("password_hash", textIn(record, "password_hash"), 0, 200));
   }
   if (table.kind == "person" || table.kind == "station") return checkName("name", textIn(record, "name"));
   if (table.kind == "group") {
-    if (auto valid = checkName("id", textIn(record, "id")); !valid) return valid;
+    RETURN_IF_ERROR(checkName("id", textIn(record, "id")));
     return checkText("name", textIn(record, "name"), 1, 200);
   }
   if (table.kind == "consent") return checkText("note", textIn(record, "note"), 0, 1000);

@@ -1,4 +1,5 @@
 // A person's data, and everything, as records; everything read in again.
+#include <fmt/core.h>
 #include <optional>
 #include <set>
 #include <unordered_set>
@@ -7,12 +8,10 @@
 #include "common/base/text.h"
 #include "db/connection.h"
 #include "db/documents.h"
+#include "db/service/erasures.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
-#include "db/service/import_erasures.h"
 #include "db/service/lesson_texts.h"
-#include "db/service/page.h"
-#include "db/service/record_checks.h"
 #include "db/service/record_tables.h"
 
 namespace needlelab::handlers {
@@ -48,16 +47,14 @@ Result<RecordPage> firstPage(Connection& reader) {
   {
     auto row = reader.prepare(
         "SELECT (SELECT coalesce(max(number), 0) FROM sessions), (SELECT coalesce(max(id), 0) FROM audit)");
-    const auto found = row.step();
-    if (!found) return found.error();
+    RETURN_IF_ERROR(row.step());
     page.last_session = row.integer(0);
     page.audit_id = row.natural(1);
   }
   auto open = reader.prepare("SELECT number FROM sessions WHERE state = 1");
   for (;;) {
-    const auto row = open.step();
-    if (!row) return row.error();
-    if (!*row) return page;
+    ASSIGN_OR_RETURN(const auto row, open.step());
+    if (!row) return page;
     page.open.push_back(open.integer(0));
   }
 }
@@ -69,9 +66,8 @@ Status sameAsBefore(Connection& reader, const RecordPage& page) {
       "SELECT who, action, subject FROM audit WHERE id > ? AND action IN ('user add', 'user import', 'group "
       "set', 'group remove', 'person erase', 'station add', 'import-all') LIMIT 1",
       page.audit_id);
-  const auto found = row.step();
-  if (!found) return found.error();
-  if (!*found) return {};
+  ASSIGN_OR_RETURN(const auto found, row.step());
+  if (!found) return {};
   return Error{ErrorCode::kConflict, "what is exported was changed meanwhile ('" + row.text(1) + "' by " +
                                          row.text(0) + "): begin again"};
 }
@@ -81,8 +77,7 @@ std::string conditionOf(const RecordTable& table, const RecordPage& page) {
   if (table.only.empty()) return {};
   std::string open;
   for (const std::int64_t number : page.open) open += (open.empty() ? "" : ",") + std::to_string(number);
-  const std::string then =
-      "number <= " + std::to_string(page.last_session) + " AND number NOT IN (" + open + ")";
+  const std::string then = fmt::format("number <= {} AND number NOT IN ({})", page.last_session, open);
   if (table.kind == "session") return std::string(table.only) + " AND " + then;
   return std::string(table.only) + " AND session IN (SELECT number FROM sessions WHERE " + then + ")";
 }
@@ -90,19 +85,16 @@ std::string conditionOf(const RecordTable& table, const RecordPage& page) {
 /// `person`: only what is theirs; nothing: all. `what` names the request, for its pages.
 Result<pb::Reply> recordsReply(const Context& context, const std::string& what, const std::string& given,
                                const std::string* person, bool secrets) {
-  const auto place = context.exports.open(context.who, what, given);
-  if (!place) return place.error();
-  const auto view = Transaction::begin(context.reader, Transaction::Kind::kRead);
-  if (!view) return view.error();
+  ASSIGN_OR_RETURN(const auto place, context.exports.open(context.who, what, given));
+  RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
   RecordPage page;
-  if (place->empty()) {
-    auto first = firstPage(context.reader);
-    if (!first) return first.error();
-    page = *first;
+  if (place.empty()) {
+    ASSIGN_OR_RETURN(auto first, firstPage(context.reader));
+    page = first;
   } else {
-    page = recordPageOf(*place);
+    page = recordPageOf(place);
     if (person == nullptr) {
-      if (auto same = sameAsBefore(context.reader, page); !same) return same.error();
+      RETURN_IF_ERROR(sameAsBefore(context.reader, page));
     }
   }
   pb::Reply reply;
@@ -112,15 +104,14 @@ Result<pb::Reply> recordsReply(const Context& context, const std::string& what, 
   for (; page.table < tables.size(); ++page.table, page.keys = nullptr) {
     const RecordTable& table = tables[page.table];
     if (person != nullptr && table.of_person.empty()) continue;
-    auto rows = recordsAfter(context.reader, table,
-                             person != nullptr ? std::string(table.of_person) : conditionOf(table, page),
-                             person, page.keys, secrets);
-    if (!rows) return rows.error();
+    ASSIGN_OR_RETURN(auto rows,
+                     recordsAfter(context.reader, table,
+                                  person != nullptr ? std::string(table.of_person) : conditionOf(table, page),
+                                  person, page.keys, secrets));
     for (;;) {
-      const auto row = rows->step();
-      if (!row) return row.error();
-      if (!*row) break;
-      const RecordJson record = recordOf(table, *rows, secrets);
+      ASSIGN_OR_RETURN(const auto row, rows.step());
+      if (!row) break;
+      const RecordJson record = recordOf(table, rows, secrets);
       std::string text = record.dump();
       if (!room.take(text.size() + 8)) {
         list->set_next_page(context.exports.seal(context.who, what, placeOf(page)));
@@ -159,9 +150,8 @@ class Import {
   }
 
   Status begin() {
-    auto erasures = ImportErasures::open(writer_);
-    if (!erasures) return erasures.error();
-    erasures_.emplace(std::move(*erasures));
+    ASSIGN_OR_RETURN(auto erasures, ImportErasures::open(writer_));
+    erasures_.emplace(std::move(erasures));
     return {};
   }
 
@@ -182,10 +172,9 @@ class Import {
  private:
   Status store(const RecordTable& table, RecordJson record) {
     // first of all: nothing behind this meets a field of another type
-    if (auto valid = checkFields(table, record); !valid) return valid;
-    const auto verdict = erasures_->look(table, record);
-    if (!verdict) return verdict.error();
-    if (*verdict == ImportErasures::Verdict::kLeftOut) {
+    RETURN_IF_ERROR(checkFields(table, record));
+    ASSIGN_OR_RETURN(const auto verdict, erasures_->look(table, record));
+    if (verdict == ImportErasures::Verdict::kLeftOut) {
       count(table.kind).set_erased(count(table.kind).erased() + 1);
       return {};
     }
@@ -193,26 +182,25 @@ class Import {
     if (table.kind == "course" && record.contains("id") && record["id"].is_string())
       courses_.insert(record["id"].get<std::string>());
     const bool secrets = record.contains("password_hash") || record.contains("key_hash");
-    const auto there = storedRecord(writer_, table, record, secrets);
-    if (!there) return there.error();
-    if (!there->is_null()) {
-      const bool same = *there == record || erasures_->isErasuresWork(table, *there, record);
+    ASSIGN_OR_RETURN(const auto there, storedRecord(writer_, table, record, secrets));
+    if (!there.is_null()) {
+      const bool same = there == record || erasures_->isErasuresWork(table, there, record);
       // samples came with the program
       const bool sample =
-          (table.kind == "profile" || table.kind == "course") && (*there)["author"] == kSampleAuthor;
+          (table.kind == "profile" || table.kind == "course") && (there)["author"] == kSampleAuthor;
       if (same || !sample) {
         if (!same)
           return Error{ErrorCode::kAlreadyExists,
-                       "differs from what is here: " + there->dump().substr(0, 200)};
+                       "differs from what is here: " + there.dump().substr(0, 200)};
         count(table.kind).set_unchanged(count(table.kind).unchanged() + 1);
         return {};
       }
-      if (auto done = removeRecord(writer_, table, record); !done) return done;
+      RETURN_IF_ERROR(removeRecord(writer_, table, record));
     }
-    if (auto valid = checkRecord(table, record); !valid) return valid;
-    if (auto done = insertRecord(writer_, table, record); !done) return done;
+    RETURN_IF_ERROR(checkRecord(table, record));
+    RETURN_IF_ERROR(insertRecord(writer_, table, record));
     if (table.kind == "session") {
-      if (auto done = withoutRecording(record); !done) return done;
+      RETURN_IF_ERROR(withoutRecording(record));
     }
     count(table.kind).set_added(count(table.kind).added() + 1);
     return {};
@@ -220,22 +208,21 @@ class Import {
 
   /// A line of the log, once: under its number, or, where this store has another one there, under a new one.
   Status storeLine(const RecordTable& table, RecordJson record) {
-    if (auto done = readLines(table); !done) return done;
+    RETURN_IF_ERROR(readLines(table));
     const std::string text = lineText(record);
     if (lines_->contains(text)) {
       count(table.kind).set_unchanged(count(table.kind).unchanged() + 1);
       return {};
     }
-    const auto there = storedRecord(writer_, table, record, false);
-    if (!there) return there.error();
-    if (!there->is_null()) record["id"] = nullptr;  // SQLite gives it the next one
-    if (auto done = insertRecord(writer_, table, record); !done) return done;
+    ASSIGN_OR_RETURN(const auto there, storedRecord(writer_, table, record, false));
+    if (!there.is_null()) record["id"] = nullptr;  // SQLite gives it the next one
+    RETURN_IF_ERROR(insertRecord(writer_, table, record));
     lines_->insert(text);
     count(table.kind).set_added(count(table.kind).added() + 1);
     return {};
   }
 
-  /// What a line says, without its number.
+  /// The text of a line, without its number.
   static std::string lineText(RecordJson record) {
     record.erase("id");
     return record.dump();
@@ -246,18 +233,15 @@ class Import {
     lines_.emplace();
     auto rows = writer_.prepare(selectRecords(table, "", false));
     for (;;) {
-      const auto row = rows.step();
-      if (!row) return row.error();
-      if (!*row) return {};
+      ASSIGN_OR_RETURN(const auto row, rows.step());
+      if (!row) return {};
       lines_->insert(lineText(recordOf(table, rows, false)));
     }
   }
 
   /// Its chunks are elsewhere: here it is one whose recording is gone.
   Status withoutRecording(const RecordJson& record) {
-    if (auto done = writer_.run("UPDATE sessions SET recording = 3 WHERE number = ?", writer_.lastRowId());
-        !done)
-      return done;
+    RETURN_IF_ERROR(writer_.run("UPDATE sessions SET recording = 3 WHERE number = ?", writer_.lastRowId()));
     return writer_.run(
         "INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns, reason, by_whom, "
         "leftover, crcs)"
@@ -275,13 +259,13 @@ class Import {
     return *added;
   }
 
-  void fault(const std::string& kind, const std::string& words) {
+  void fault(const std::string& kind, const std::string& text) {
     auto& of_kind = count(kind.empty() ? "?" : kind);
     of_kind.set_faults(of_kind.faults() + 1);
     if (report_.faults_size() >= kMostFaults) return;
     auto* problem = report_.add_faults();
-    problem->set_path("record " + std::to_string(number_) + (kind.empty() ? "" : " (" + kind + ")"));
-    problem->set_message(printable(words));
+    problem->set_path(fmt::format("record {}{}", number_, (kind.empty() ? "" : " (" + kind + ")")));
+    problem->set_message(printable(text));
   }
 
   Connection& writer_;
@@ -298,14 +282,13 @@ Status takePieces(Connection& writer, const std::string& import_id, Import& batc
   auto pieces =
       writer.query("SELECT records FROM import_pieces WHERE import_id = ? ORDER BY position", import_id);
   for (;;) {
-    const auto row = pieces.step();
-    if (!row) return row.error();
-    if (!*row) return {};
+    ASSIGN_OR_RETURN(const auto row, pieces.step());
+    if (!row) return {};
     const std::string records = pieces.text(0);
     for (std::size_t at = 0; at < records.size();) {
       const std::size_t end = std::min(records.find('\n', at), records.size());
       if (end > at) {
-        if (auto done = batch.take(records.substr(at, end - at)); !done) return done;
+        RETURN_IF_ERROR(batch.take(records.substr(at, end - at)));
       }
       at = end + 1;
     }
@@ -325,24 +308,22 @@ Result<pb::Reply> exportPerson(const Context& context, const pb::ExportPerson& c
     return Error{ErrorCode::kNotFound,
                  "there is no person named '" + printable(call.name()) + "', and no data of one"};
   if (call.page().empty() && call.name() != context.who.name) {
-    if (auto noted = write(context, call.name(), "", [](Connection&) { return Status(); }); !noted)
-      return noted.error();
+    RETURN_IF_ERROR(write(context, call.name(), "", [](Connection&) { return Status(); }));
   }
   return reply;
 }
 
 Result<pb::Reply> exportAll(const Context& context, const pb::ExportAll& call) {
   if (call.page().empty()) {
-    const auto noted = write(context, "", call.with_passwords() ? "with hashes of passwords and keys" : "",
-                             [](Connection&) { return Status(); });
-    if (!noted) return noted.error();
+    RETURN_IF_ERROR(write(context, "", call.with_passwords() ? "with hashes of passwords and keys" : "",
+                          [](Connection&) { return Status(); }));
   }
   return recordsReply(context, call.with_passwords() ? "all with hashes" : "all", call.page(), nullptr,
                       call.with_passwords());
 }
 
 Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call) {
-  if (auto valid = checkName("import_id", call.import_id()); !valid) return valid.error();
+  RETURN_IF_ERROR(checkName("import_id", call.import_id()));
   std::string piece;
   for (const std::string& record : call.records()) {
     if (!isUtf8(record) || record.find('\n') != std::string::npos)
@@ -351,36 +332,34 @@ Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call) {
   }
   pb::Reply reply;
   auto* report = reply.mutable_import_report();
-  const auto staged = context.writer.run([&](Connection& writer) -> Status {
-    if (auto done =
-            writer.run("DELETE FROM import_pieces WHERE unix_ns < ?", context.now_unix_ns - kPieceLife_ns);
-        !done)
-      return done;
+  const Status written = context.writer.run([&](Connection& writer) -> Status {
+    RETURN_IF_ERROR(
+        writer.run("DELETE FROM import_pieces WHERE unix_ns < ?", context.now_unix_ns - kPieceLife_ns));
     auto row = writer.query(
         "SELECT count(*), coalesce(sum(length(records)), 0) FROM import_pieces WHERE import_id = ?",
         call.import_id());
-    const auto found = row.step();
-    if (!found) return found.error();
+    RETURN_IF_ERROR(row.step());
     if (row.natural(1) + piece.size() > kMostImportBytes)
-      return Error{ErrorCode::kInvalidInput, "records: more than " + std::to_string(kMostImportBytes >> 20) +
-                                                 " MiB in one import: use a backup and restore"};
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("records: more than {} MiB in one import: use a backup and restore",
+                               kMostImportBytes >> 20)};
     return writer.run(
         "INSERT INTO import_pieces (import_id, position, records, by_whom, unix_ns) VALUES (?,?,?,?,?)",
         call.import_id(), row.integer(0), piece, context.who.name, context.now_unix_ns);
   });
-  if (!staged) return staged.error();
+  if (!written) return written.error();
   if (!call.last()) return reply;
 
   std::string detail;
   const auto status = write(context, call.import_id(), detail, [&](Connection& writer) -> Status {
     Import batch(writer, *report, context.now_unix_ns);
-    if (auto done = batch.begin(); !done) return done;
-    if (auto done = takePieces(writer, call.import_id(), batch); !done) return done;
-    if (auto done = batch.finish(); !done) return done;
+    RETURN_IF_ERROR(batch.begin());
+    RETURN_IF_ERROR(takePieces(writer, call.import_id(), batch));
+    RETURN_IF_ERROR(batch.finish());
     // undone: the writer takes back what fails
     if (!report->faults().empty() || call.dry_run()) return Error{ErrorCode::kInvalidInput, "not done"};
     for (const auto& count : report->counts())
-      detail += (detail.empty() ? "" : ", ") + std::to_string(count.added()) + " of " + count.kind();
+      detail += fmt::format("{}{} of {}", (detail.empty() ? "" : ", "), count.added(), count.kind());
     return writer.run("DELETE FROM import_pieces WHERE import_id = ?", call.import_id());
   });
   report->set_done(status.ok());

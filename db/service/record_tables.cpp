@@ -241,9 +241,8 @@ Status bindValue(Connection& connection, Statement& statement, const RecordColum
     return {};
   }
   auto session = connection.query("SELECT number FROM sessions WHERE id = ?", viewOf(*bytes));
-  const auto found = session.step();
-  if (!found) return found.error();
-  if (!*found) return recordFault(column, "there is no session " + value.get<std::string>());
+  ASSIGN_OR_RETURN(const auto found, session.step());
+  if (!found) return recordFault(column, "there is no session " + value.get<std::string>());
   statement.bind(session.integer(0));
   return {};
 }
@@ -264,12 +263,12 @@ Status bindKeys(Connection& connection, Statement& statement, const RecordTable&
     if (!column.is_key) continue;
     const auto value = record.find(fieldOf(column));
     if (value == record.end() || value->is_null()) return recordFault(column, "is missing");
-    if (auto bound = bindValue(connection, statement, column, *value); !bound) return bound;
+    RETURN_IF_ERROR(bindValue(connection, statement, column, *value));
   }
   return {};
 }
 
-/// What stands in the place of a secret that was not exported: nothing that anybody can log in with.
+/// Stands in place of a secret that was not exported: nobody can log in with it.
 Status bindMissing(Statement& statement, const RecordColumn& column) {
   if (!column.secret) return recordFault(column, "is missing");
   if (column.kind == K::kHex) {
@@ -323,7 +322,7 @@ Result<Statement> recordsAfter(Connection& connection, const RecordTable& table,
   auto rows = connection.prepare(selectRecords(table, condition, secrets));
   if (person != nullptr) rows.bind(*person);
   if (!keys.is_null()) {
-    if (auto bound = bindKeys(connection, rows, table, keys); !bound) return bound.error();
+    RETURN_IF_ERROR(bindKeys(connection, rows, table, keys));
   }
   return rows;
 }
@@ -348,10 +347,9 @@ RecordJson recordOf(const RecordTable& table, const Statement& row, bool secrets
 Result<RecordJson> storedRecord(Connection& connection, const RecordTable& table, const RecordJson& record,
                                 bool secrets) {
   auto row = connection.prepare(selectRecords(table, whereKeys(table), secrets));
-  if (auto bound = bindKeys(connection, row, table, record); !bound) return bound.error();
-  const auto found = row.step();
-  if (!found) return found.error();
-  return *found ? recordOf(table, row, secrets) : RecordJson(nullptr);
+  RETURN_IF_ERROR(bindKeys(connection, row, table, record));
+  ASSIGN_OR_RETURN(const auto found, row.step());
+  return found ? recordOf(table, row, secrets) : RecordJson(nullptr);
 }
 
 Status insertRecord(Connection& writer, const RecordTable& table, const RecordJson& record) {
@@ -381,7 +379,7 @@ Status insertRecord(Connection& writer, const RecordTable& table, const RecordJs
 
 Status removeRecord(Connection& writer, const RecordTable& table, const RecordJson& record) {
   auto remove = writer.prepare("DELETE FROM " + std::string(table.table) + " WHERE " + whereKeys(table));
-  if (auto bound = bindKeys(writer, remove, table, record); !bound) return bound;
+  RETURN_IF_ERROR(bindKeys(writer, remove, table, record));
   return remove.run();
 }
 

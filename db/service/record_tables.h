@@ -32,7 +32,7 @@ struct RecordColumn {
   bool secret = false;  ///< hashes of passwords and keys: only when asked for
 };
 
-/// What a column is called in a record, where "kind" says which table it is of.
+/// The name of a column in a record; the record's "kind" names the table.
 std::string_view fieldOf(const RecordColumn& column);
 
 struct RecordTable {
@@ -45,7 +45,7 @@ struct RecordTable {
 
 /// In an order in which they can be read in again: what is referred to comes first.
 std::span<const RecordTable> recordTables();
-/// Null when there is none of this kind.
+/// Null for an unknown kind.
 const RecordTable* recordTable(std::string_view kind);
 
 /// "SELECT … FROM … WHERE … ORDER BY …" of a table's records; `where` may be empty.
@@ -59,12 +59,21 @@ RecordJson keysOf(const RecordTable& table, const RecordJson& record);
 /// The present row of such a statement.
 RecordJson recordOf(const RecordTable& table, const Statement& row, bool secrets);
 
-/// The row that has the record's key, as a record; null when there is none. kInvalidInput: a key is missing
+/// The row that has the record's key, as a record; null when no row has it. kInvalidInput: a key is missing
 /// or of a wrong type.
 Result<RecordJson> storedRecord(Connection& connection, const RecordTable& table, const RecordJson& record,
                                 bool secrets);
 /// Stores it. kInvalidInput: an unknown field, a wrong type, what the schema refuses.
 Status insertRecord(Connection& writer, const RecordTable& table, const RecordJson& record);
 Status removeRecord(Connection& writer, const RecordTable& table, const RecordJson& record);
+
+// --- record_checks.cpp: what the schema cannot say of a record that is read in
+
+/// kInvalidInput, naming the field: every field has its column's type, every text is one, numbers are in
+/// their ranges. Never throws.
+Status checkFields(const RecordTable& table, const RecordJson& record);
+/// The same of what the fields hold, before a record is stored: names, and what is read later as JSON or as a
+/// message. After checkFields().
+Status checkRecord(const RecordTable& table, const RecordJson& record);
 
 }  // namespace needlelab

@@ -1,5 +1,6 @@
 #include "db/service/rescoring.h"
 
+#include <fmt/core.h>
 #include <thread>
 #include <vector>
 
@@ -33,9 +34,8 @@ Result<std::vector<DueScore>> dueScores(Connection& reader, const std::string& e
       kRescoreAtOnce);
   std::vector<DueScore> due;
   for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return due;
+    ASSIGN_OR_RETURN(const auto row, rows.step());
+    if (!row) return due;
     const auto id = uuidOf(rows.text(1));
     if (id) due.push_back({rows.integer(0), *id});
   }
@@ -53,11 +53,9 @@ Result<pb::RescoreReport> runRescoring(const RescoreTools& tools, const std::str
   while (!stopped()) {
     std::vector<DueScore> due;
     {
-      auto reader = tools.readers.borrow();
-      if (!reader) return reader.error();
-      auto found = dueScores(**reader, exercise_id, after);
-      if (!found) return found.error();
-      due = std::move(*found);
+      ASSIGN_OR_RETURN(auto reader, tools.readers.borrow());
+      ASSIGN_OR_RETURN(auto found, dueScores(*reader, exercise_id, after));
+      due = std::move(found);
     }
     if (due.empty()) break;
     for (const DueScore& one : due) {
@@ -73,9 +71,8 @@ Result<pb::RescoreReport> runRescoring(const RescoreTools& tools, const std::str
       if (stopped()) break;
       Result<std::string> measures = std::string();
       {
-        auto reader = tools.readers.borrow();
-        if (!reader) return reader.error();
-        measures = tools.score(**reader, one.session);
+        ASSIGN_OR_RETURN(auto reader, tools.readers.borrow());
+        measures = tools.score(*reader, one.session);
       }
       Status stored;
       if (measures && !measures->empty()) {
@@ -100,14 +97,12 @@ Result<pb::RescoreReport> runRescoring(const RescoreTools& tools, const std::str
   }
   report.set_stopped(stopped());
   if (dry_run || report.rescored() + report.left_alone() == 0) return report;
-  const std::string what = std::to_string(report.rescored()) + " sessions scored by definition version " +
-                           std::to_string(kScoreDefinitionVersion) + ", " +
-                           std::to_string(report.left_alone()) + " left alone" +
-                           (report.stopped() ? "; stopped, to be gone on with" : "");
-  const auto noted = tools.writer.run([&](Connection& writer) {
+  const std::string what = fmt::format("{} sessions scored by definition version {}, {} left alone{}",
+                                       report.rescored(), kScoreDefinitionVersion, report.left_alone(),
+                                       (report.stopped() ? "; stopped, to be gone on with" : ""));
+  RETURN_IF_ERROR(tools.writer.run([&](Connection& writer) {
     return AuditStore(writer).add({0, wallNowNs(), by_whom, "rescore all", exercise_id, what});
-  });
-  if (!noted) return noted.error();
+  }));
   return report;
 }
 

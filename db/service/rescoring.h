@@ -15,7 +15,7 @@
 
 namespace needlelab {
 
-/// What a run works with; all must outlive it.
+/// The tools of a run; all must outlive it.
 struct RescoreTools {
   DbWriter& writer;
   ReaderPool& readers;

@@ -1,22 +1,25 @@
 #include "db/service/restore.h"
 
 #include <fcntl.h>
+#include <fmt/core.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
 #include <array>
 #include <cerrno>
 #include <cstdio>
 #include <ctime>
+#include <map>
 #include <string>
 #include <utility>
 
+#include "common/base/bytes.h"
 #include "common/base/files.h"
 #include "db/audit.h"
 #include "db/check.h"
 #include "db/connection.h"
 #include "db/schema.h"
 #include "db/service/bootstrap.h"
+#include "needlelab/types.pb.h"
 
 namespace needlelab {
 namespace {
@@ -62,29 +65,29 @@ Status copyFile(const fs::path& from, const fs::path& to) {
   return status;
 }
 
-/// What the copy holds, when it is sound and of a schema that this program knows.
+/// The contents of the copy, when it is sound and of a schema that this program knows.
 Result<RestoreResult> checkCopy(const fs::path& copy, const fs::path& from) {
-  auto opened = Connection::open(copy, {.mode = Connection::Mode::kReader});
-  if (!opened) return opened.error();
-  auto id = opened->prepare("PRAGMA application_id");
+  ASSIGN_OR_RETURN(auto opened, Connection::open(copy, {.mode = Connection::Mode::kReader}));
+  auto id = opened.prepare("PRAGMA application_id");
   const auto row = id.step();
   if (!row) return Error{row.error().code, from.string() + ": this is no database: " + row.error().message};
   if (!*row || id.integer(0) != kApplicationId)
     return Error{ErrorCode::kCorrupt, from.string() + ": this is no database of needlelab"};
-  const auto version = schemaVersion(*opened);
+  const auto version = schemaVersion(opened);
   if (!version) return version.error();
   if (*version > newestSchemaVersion())
-    return Error{ErrorCode::kVersion, from.string() + ": its schema has version " + std::to_string(*version) +
-                                          ", this program (needlelab " NEEDLELAB_VERSION
-                                          ") knows versions up to " +
-                                          std::to_string(newestSchemaVersion()) + ": use the newer program"};
+    return Error{ErrorCode::kVersion,
+                 fmt::format("{}: its schema has version {}, this program (needlelab {}) knows versions up "
+                             "to {}: use the newer program",
+                             from.string(), *version, NEEDLELAB_VERSION, newestSchemaVersion())};
   RestoreResult result;
   result.schema = *version;
   return result;
 }
 
-/// What the replaced database had withdrawn and the copy has not: noted in the copy, so that it is said
-/// whoever completes the restore. A replaced database that cannot be read is no reason not to restore.
+/// Accesses that the replaced database had withdrawn and the copy has not: noted in the copy, so that they
+/// are reported by whichever program completes the restore. A replaced database that cannot be read does not
+/// stop it.
 Status noteAccess(Connection& writer, const fs::path& replaced, const fs::path& from,
                   std::int64_t now_unix_ns, RestoreResult& result) {
   std::error_code error;
@@ -105,13 +108,13 @@ Status noteAccess(Connection& writer, const fs::path& replaced, const fs::path& 
   };
   std::string lines;
   for (const RestoredAccess& one : result.valid_again) {
-    if (auto done = add(one.name, one.text + " (restored from " + from.string() + ")"); !done) return done;
+    RETURN_IF_ERROR(add(one.name, one.text + " (restored from " + from.string() + ")"));
     lines += (lines.empty() ? "" : "; ") + one.text;
   }
   if (!result.not_compared.empty()) {
     lines = "the replaced database could not be read (" + result.not_compared +
             "): accounts and keys are those of the backup";
-    if (auto done = add("(all)", lines); !done) return done;
+    RETURN_IF_ERROR(add("(all)", lines));
   }
   return MetaStore(writer).set("access_valid_again", lines);
 }
@@ -120,21 +123,20 @@ Status noteAccess(Connection& writer, const fs::path& replaced, const fs::path& 
 Status migrateAndCheck(const fs::path& copy, const fs::path& from, const fs::path& replaced,
                        std::int64_t now_unix_ns, RestoreResult& result) {
   {
-    auto writer = Connection::open(copy, {.mode = Connection::Mode::kWriter});
-    if (!writer) return writer.error();
-    if (auto done = migrate(*writer); !done) return done;
-    const auto checked = checkDatabase(*writer);
-    if (!checked) return checked.error();
-    if (!checked->ok())
-      return Error{ErrorCode::kCorrupt,
-                   from.string() + ": fails its check, nothing was changed: " + checked->faults.front() +
-                       " (" + std::to_string(checked->faults.size()) + " faults); take another backup"};
-    result.sessions = checked->sessions;
-    result.chunks = checked->chunks;
-    if (auto done = noteAccess(*writer, replaced, from, now_unix_ns, result); !done) return done;
+    ASSIGN_OR_RETURN(auto writer, Connection::open(copy, {.mode = Connection::Mode::kWriter}));
+    RETURN_IF_ERROR(migrate(writer));
+    ASSIGN_OR_RETURN(const auto checked, checkDatabase(writer));
+    if (!checked.ok())
+      return Error{
+          ErrorCode::kCorrupt,
+          fmt::format("{}: fails its check, nothing was changed: {} ({} faults); take another backup",
+                      from.string(), checked.faults.front(), checked.faults.size())};
+    result.sessions = checked.sessions;
+    result.chunks = checked.chunks;
+    RETURN_IF_ERROR(noteAccess(writer, replaced, from, now_unix_ns, result));
     // everything into the one file that is renamed
-    if (auto done = writer->checkpointPassive(); !done) return done;
-    if (auto done = writer->script("PRAGMA journal_mode=DELETE"); !done) return done;
+    RETURN_IF_ERROR(writer.checkpointPassive());
+    RETURN_IF_ERROR(writer.script("PRAGMA journal_mode=DELETE"));
   }
   const int fd = ::open(copy.c_str(), O_RDWR | O_CLOEXEC);
   if (fd < 0) return systemError(copy, "open");
@@ -142,8 +144,7 @@ Status migrateAndCheck(const fs::path& copy, const fs::path& from, const fs::pat
   const Error error = systemError(copy, "fsync");
   ::close(fd);
   if (!synced) return error;
-  for (const char* suffix : {"-wal", "-shm", "-journal"})
-    if (auto done = removeFile(copy.string() + suffix); !done) return done;
+  for (const char* suffix : {"-wal", "-shm", "-journal"}) RETURN_IF_ERROR(removeFile(copy.string() + suffix));
   return {};
 }
 
@@ -156,7 +157,7 @@ std::string timeText(std::int64_t now_unix_ns) {
 }
 
 /// A second name for a file, or a new one where the disk knows no second; none when it is not there.
-/// Repeating it is no error: nobody opens a database of this folder before finishRestore() is through.
+/// It may be repeated: nobody opens a database of this folder before finishRestore() is through.
 Status keep(const fs::path& file, const fs::path& as, LinkCall link) {
   if (link(file.c_str(), as.c_str()) == 0 || errno == ENOENT || errno == EEXIST) return {};
   // FAT, some network disks, some containers
@@ -186,9 +187,8 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
     if (const fs::path log = from.string() + suffix; fs::exists(log, error) && fs::file_size(log, error) > 0)
       return Error{ErrorCode::kInvalidInput, "--from " + from.string() + ": there is a log beside it (" +
                                                  log.string() + "): it is a database in use and no backup"};
-  auto lock = FolderLock::take(folder, "needlelab-admin restore");
-  if (!lock) return lock.error();
-  if (auto done = finishRestore(folder, link); !done) return done.error();
+  RETURN_IF_ERROR(FolderLock::take(folder, "needlelab-admin restore"));
+  RETURN_IF_ERROR(finishRestore(folder, link));
 
   const auto drop = [&] {
     for (const char* suffix : {"", "-wal", "-shm", "-journal"}) (void)removeFile(copy.string() + suffix);
@@ -209,14 +209,14 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
   // the decision: from here on the restore is completed, by us or by the next who opens the folder
   std::string kept = std::string(kDatabase) + ".replaced-" + timeText(now_unix_ns);
   for (int number = 2; fs::exists(folder / kept, error); ++number)
-    kept = std::string(kDatabase) + ".replaced-" + timeText(now_unix_ns) + "-" + std::to_string(number);
+    kept = fmt::format("{}.replaced-{}-{}", kDatabase, timeText(now_unix_ns), number);
   if (fs::exists(database, error)) result->kept = folder / kept;
-  if (auto done = syncFolder(folder); !done) return done.error();
+  RETURN_IF_ERROR(syncFolder(folder));
   if (auto done = writeFileAtomically(folder / kPending, viewOf(kept), 0600); !done) {
     drop();
     return done.error();
   }
-  if (auto done = finishRestore(folder, link); !done) return done.error();
+  RETURN_IF_ERROR(finishRestore(folder, link));
   return result;
 }
 
@@ -225,29 +225,83 @@ Status finishRestore(const fs::path& folder, LinkCall link) {
   const fs::path pending = folder / kPending, database = folder / kDatabase, copy = folder / kCopy;
   std::error_code error;
   if (!fs::exists(pending, error)) return {};
-  const auto kept = readWholeFile(pending, 1000);
-  if (!kept) return kept.error();
+  ASSIGN_OR_RETURN(const auto kept, readWholeFile(pending, 1000));
   // a name of ours and nothing else: it is a path from a file
-  if (!kept->starts_with(std::string(kDatabase) + ".replaced-") || kept->find('/') != std::string::npos)
+  if (!kept.starts_with(std::string(kDatabase) + ".replaced-") || kept.find('/') != std::string::npos)
     return Error{ErrorCode::kCorrupt, pending.string() +
                                           ": does not say what a restore writes there; look at the files "
                                           "of this folder and remove it"};
   // the copy is there until it takes the database's place: the last step
   if (fs::exists(copy, error)) {
     // both names before anything is removed: the old database never lacks its log
-    if (auto done = keep(database.string() + "-wal", folder / (*kept + "-wal"), link); !done) return done;
-    if (auto done = keep(database, folder / *kept, link); !done) return done;
-    if (auto done = syncFolder(folder); !done) return done;
+    RETURN_IF_ERROR(keep(database.string() + "-wal", folder / (kept + "-wal"), link));
+    RETURN_IF_ERROR(keep(database, folder / kept, link));
+    RETURN_IF_ERROR(syncFolder(folder));
     // a log of the old database must not be applied to the new one
-    for (const char* suffix : {"-wal", "-shm"})
-      if (auto done = removeFile(database.string() + suffix); !done) return done;
-    if (auto done = syncFolder(folder); !done) return done;
+    for (const char* suffix : {"-wal", "-shm"}) RETURN_IF_ERROR(removeFile(database.string() + suffix));
+    RETURN_IF_ERROR(syncFolder(folder));
     if (::rename(copy.c_str(), database.c_str()) != 0)
       return systemError(database, "put the backup into place");
-    if (auto done = syncFolder(folder); !done) return done;
+    RETURN_IF_ERROR(syncFolder(folder));
   }
-  if (auto done = removeFile(pending); !done) return done;
+  RETURN_IF_ERROR(removeFile(pending));
   return syncFolder(folder);
+}
+
+namespace {
+
+/// A person's or a station's row: what opens the door, and whether it is shut.
+struct AccessRow {
+  std::string secret;  ///< hash of the password or key
+  bool shut = false;
+  int role = 0;
+};
+using AccessRows = std::map<std::string, AccessRow>;
+
+/// Columns that every schema since the first has.
+Result<AccessRows> accessRows(Connection& connection, const char* sql) {
+  AccessRows all;
+  auto rows = connection.prepare(sql);
+  for (;;) {
+    ASSIGN_OR_RETURN(const auto row, rows.step());
+    if (!row) return all;
+    AccessRow& one = all[std::string(rows.text(0))];
+    one.secret = std::string(textOf(rows.bytes(1)));
+    one.shut = rows.integer(2) != 0;
+    one.role = static_cast<int>(rows.integer(3));
+  }
+}
+
+/// Why what opens the restored database no longer opened the replaced one; empty: it did.
+std::string accessEnded(const AccessRow& restored, const AccessRow* replaced, bool station) {
+  if (restored.shut || restored.secret.empty()) return {};
+  if (replaced == nullptr) return "is not in the replaced database";
+  if (replaced->shut) return station ? "its key was revoked" : "was disabled";
+  if (replaced->secret != restored.secret)
+    return station ? "had got a new key; the old one is valid again, the new one is not"
+                   : "had a new password; the old one is valid again";
+  if (replaced->role != restored.role)
+    return "had become " + pb::Role_Name(replaced->role) + ", is " + pb::Role_Name(restored.role) + " again";
+  return {};
+}
+
+}  // namespace
+
+Result<std::vector<RestoredAccess>> accessValidAgain(Connection& replaced, Connection& restored) {
+  std::vector<RestoredAccess> all;
+  for (const bool station : {false, true}) {
+    const char* const sql = station ? "SELECT name, key_hash, revoked, 0 FROM stations"
+                                    : "SELECT name, coalesce(password_hash, ''), disabled, role FROM people";
+    ASSIGN_OR_RETURN(const auto before, accessRows(replaced, sql));
+    ASSIGN_OR_RETURN(const auto now, accessRows(restored, sql));
+    for (const auto& [name, row] : now) {
+      const auto found = before.find(name);
+      const std::string why = accessEnded(row, found == before.end() ? nullptr : &found->second, station);
+      if (!why.empty())
+        all.push_back({name, station, std::string(station ? "station " : "user ") + name + ": " + why});
+    }
+  }
+  return all;
 }
 
 }  // namespace needlelab

@@ -5,11 +5,23 @@
 #include <filesystem>
 #include <string>
 #include <vector>
+#include "db/connection.h"
 
 #include "common/base/result.h"
-#include "db/service/restored_access.h"
 
 namespace needlelab {
+
+/// One person or station.
+struct RestoredAccess {
+  std::string name;
+  bool station = false;
+  std::string text;  ///< "user tom: was disabled since the backup, and can log in again"
+};
+
+/// Compares people and stations of the replaced database with those of the restored one: disabled accounts,
+/// changed passwords and roles, revoked and renewed keys that are as they were. Tokens are not among them:
+/// they live in a server's memory and end with it. Errors: a database that cannot be read.
+Result<std::vector<RestoredAccess>> accessValidAgain(Connection& replaced, Connection& restored);
 
 /// As link(2).
 using LinkCall = int (*)(const char* from, const char* to);
@@ -19,7 +31,7 @@ struct RestoreResult {
   std::filesystem::path kept;
   std::uint64_t sessions = 0, chunks = 0;  ///< in the restored one, all of them checked
   int schema = 0;                          ///< of the backup; an older one was migrated
-  /// Accesses that were withdrawn since the backup and are valid again, to be withdrawn anew.
+  /// Accesses that were withdrawn since the backup and are valid again: they have to be withdrawn again.
   std::vector<RestoredAccess> valid_again;
   std::string not_compared;  ///< why nobody knows which: the replaced database cannot be read; empty: known
 };

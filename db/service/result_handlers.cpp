@@ -1,16 +1,18 @@
-// Who is how far: the matrix of a course, the attempts of a trainee.
+// Assignments and progress: the matrix of a course, the attempts of a trainee, a trainee's standing with an
+// exercise.
+#include <fmt/core.h>
 #include <algorithm>
 #include <optional>
 #include <set>
 #include <vector>
 
+#include "common/profile/profile.h"
 #include "common/scoring/progress.h"
 #include "db/assignments.h"
 #include "db/connection.h"
 #include "db/documents.h"
 #include "db/people.h"
 #include "db/service/handlers.h"
-#include "db/service/page.h"
 #include "db/service/score_rows.h"
 #include "db/service/standing.h"
 #include "db/session_results.h"
@@ -28,22 +30,18 @@ Result<std::set<std::string>> traineesOf(Connection& reader, const std::string& 
                                          const std::string& group_id) {
   std::set<std::string> names;
   if (!group_id.empty()) {
-    const auto group = GroupStore(reader).get(group_id);
-    if (!group) return group.error();
-    names.insert(group->members().begin(), group->members().end());
+    ASSIGN_OR_RETURN(const auto group, GroupStore(reader).get(group_id));
+    names.insert(group.members().begin(), group.members().end());
     return names;
   }
-  const auto tried = AttemptStore(reader).trainees(course_id);
-  if (!tried) return tried.error();
-  names.insert(tried->begin(), tried->end());
-  const auto assignments = AssignmentStore(reader).list({"", course_id, ""});
-  if (!assignments) return assignments.error();
-  for (const auto& assignment : *assignments) {
+  ASSIGN_OR_RETURN(const auto tried, AttemptStore(reader).trainees(course_id));
+  names.insert(tried.begin(), tried.end());
+  ASSIGN_OR_RETURN(const auto assignments, AssignmentStore(reader).list({"", course_id, ""}));
+  for (const auto& assignment : assignments) {
     if (!assignment.trainee().empty()) names.insert(assignment.trainee());
     if (assignment.group_id().empty()) continue;
-    const auto group = GroupStore(reader).get(assignment.group_id());
-    if (!group) return group.error();
-    names.insert(group->members().begin(), group->members().end());
+    ASSIGN_OR_RETURN(const auto group, GroupStore(reader).get(assignment.group_id()));
+    names.insert(group.members().begin(), group.members().end());
   }
   return names;
 }
@@ -68,22 +66,20 @@ Result<pb::ResultCell> cellOf(Connection& reader, const std::string& trainee, co
                               std::int64_t now_unix_ns) {
   pb::ResultCell cell;
   cell.set_exercise_id(course.stored.id);
-  const auto standing = standingOf(reader, trainee, course.stored, course.exercise);
-  if (!standing) return standing.error();
-  cell.set_attempts(standing->attempts.counted);
-  if (standing->attempts.passed) cell.set_passed(*standing->attempts.passed);
-  for (const std::string& id : standing->locked_by) cell.add_locked_by(id);
-  if (standing->attempts_left) cell.set_attempts_left(*standing->attempts_left);
-  cell.set_due_unix_ns(standing->due_unix_ns);
-  cell.set_overdue(standing->due_unix_ns != 0 && standing->due_unix_ns < now_unix_ns && !standing->done);
-  if (standing->attempts.all == 0) return cell;
-  const auto attempts = AttemptStore(reader).list(trainee, course.stored.id, true);
-  if (!attempts) return attempts.error();
-  if (const pb::Attempt* best = bestOf(*attempts)) {
+  ASSIGN_OR_RETURN(const auto standing, standingOf(reader, trainee, course.stored, course.exercise));
+  cell.set_attempts(standing.attempts.counted);
+  if (standing.attempts.passed) cell.set_passed(*standing.attempts.passed);
+  for (const std::string& id : standing.locked_by) cell.add_locked_by(id);
+  if (standing.attempts_left) cell.set_attempts_left(*standing.attempts_left);
+  cell.set_due_unix_ns(standing.due_unix_ns);
+  cell.set_overdue(standing.due_unix_ns != 0 && standing.due_unix_ns < now_unix_ns && !standing.done);
+  if (standing.attempts.all == 0) return cell;
+  ASSIGN_OR_RETURN(const auto attempts, AttemptStore(reader).list(trainee, course.stored.id, true));
+  if (const pb::Attempt* best = bestOf(attempts)) {
     *cell.mutable_best() = *best;
     cell.mutable_best()->clear_score_json();
-    cell.mutable_best()->set_late(standing->due_unix_ns != 0 &&
-                                  best->started_unix_ns() > standing->due_unix_ns);
+    cell.mutable_best()->set_late(standing.due_unix_ns != 0 &&
+                                  best->started_unix_ns() > standing.due_unix_ns);
   }
   return cell;
 }
@@ -96,9 +92,8 @@ Result<std::string> measuresOver(Connection& reader, const std::vector<pb::Attem
   std::uint32_t newest = 0;
   for (std::size_t i = attempts.size() - std::min(attempts.size(), kMost); i < attempts.size(); ++i) {
     if (attempts[i].excused() || attempts[i].state() == pb::SESSION_OPEN) continue;
-    const auto id = sessionId(attempts[i].session_id());
-    if (!id) return id.error();
-    auto score = ScoreStore(reader).get(*id, 0);
+    ASSIGN_OR_RETURN(const auto id, sessionId(attempts[i].session_id()));
+    auto score = ScoreStore(reader).get(id, 0);
     if (!score && score.error().code == ErrorCode::kNotFound) continue;
     if (!score) return score.error();
     newest = std::max(newest, score->definition_version());
@@ -107,9 +102,8 @@ Result<std::string> measuresOver(Connection& reader, const std::vector<pb::Attem
   std::vector<std::vector<Measure>> measures(attempts.size());
   for (std::size_t i = 0; i < scores.size(); ++i) {
     if (!scores[i] || scores[i]->definition_version() != newest) continue;
-    auto rows = parseScore(scores[i]->measures_json());
-    if (!rows) return rows.error();
-    measures[i] = std::move(*rows);
+    ASSIGN_OR_RETURN(auto rows, parseScore(scores[i]->measures_json()));
+    measures[i] = std::move(rows);
   }
   return newest == 0 ? std::string() : progressJson(progressOf(measures));
 }
@@ -117,27 +111,24 @@ Result<std::string> measuresOver(Connection& reader, const std::vector<pb::Attem
 }  // namespace
 
 Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call) {
-  const auto view = Transaction::begin(context.reader, Transaction::Kind::kRead);
-  if (!view) return view.error();
+  RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
   const auto course = CurriculumStore(context.reader).get(call.course_id());
   if (!course) return course.error();
   pb::Reply reply;
   auto* results = reply.mutable_results();
   std::vector<CourseExercise> exercises;
   for (const StoredExercise& stored : course->exercises) {
-    auto exercise = exerciseOf(stored);
-    if (!exercise) return exercise.error();
+    ASSIGN_OR_RETURN(auto exercise, exerciseOf(stored));
     results->add_exercise_ids(stored.id);
     results->add_exercise_names(stored.name);
-    exercises.push_back({stored, std::move(*exercise)});
+    exercises.push_back({stored, std::move(exercise)});
   }
   std::set<std::string> names;
   if (context.who.role == pb::TRAINEE) {
     names.insert(context.who.name);
   } else {
-    auto found = traineesOf(context.reader, call.course_id(), call.group_id());
-    if (!found) return found.error();
-    names = std::move(*found);
+    ASSIGN_OR_RETURN(auto found, traineesOf(context.reader, call.course_id(), call.group_id()));
+    names = std::move(found);
   }
   PageRoom room;
   room.take(results->ByteSizeLong() + 1);
@@ -145,13 +136,11 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
     if (name <= call.page()) continue;
     pb::ResultRow row;
     row.set_trainee(name);
-    const auto person = PeopleStore(context.reader).find(name);
-    if (!person) return person.error();
-    if (*person) row.set_full_name((*person)->full_name);
+    ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(name));
+    if (person) row.set_full_name(person->full_name);
     for (const CourseExercise& exercise : exercises) {
-      auto cell = cellOf(context.reader, name, exercise, context.now_unix_ns);
-      if (!cell) return cell.error();
-      *row.add_cells() = std::move(*cell);
+      ASSIGN_OR_RETURN(auto cell, cellOf(context.reader, name, exercise, context.now_unix_ns));
+      *row.add_cells() = std::move(cell);
     }
     if (!room.take(row.ByteSizeLong())) {
       if (results->rows().empty())
@@ -166,18 +155,17 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
 }
 
 Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& call) {
-  if (auto own = ownOnly(context, call.trainee(), "progress"); !own) return own.error();
-  const auto view = Transaction::begin(context.reader, Transaction::Kind::kRead);
-  if (!view) return view.error();
-  auto attempts = AttemptStore(context.reader).list(call.trainee(), call.exercise_id(), true);
-  if (!attempts) return attempts.error();
+  RETURN_IF_ERROR(ownOnly(context, call.trainee(), "progress"));
+  RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
+  ASSIGN_OR_RETURN(auto attempts,
+                   AttemptStore(context.reader).list(call.trainee(), call.exercise_id(), true));
   // a page is the attempt before it, wherever that stands by now: sessions of a station that was away move
   // those behind
-  auto next = attempts->begin();
+  auto next = attempts.begin();
   if (!call.page().empty()) {
-    next = std::find_if(attempts->begin(), attempts->end(),
+    next = std::find_if(attempts.begin(), attempts.end(),
                         [&](const pb::Attempt& attempt) { return attempt.session_id() == call.page(); });
-    if (next == attempts->end())
+    if (next == attempts.end())
       return Error{ErrorCode::kInvalidInput,
                    "page: give back the next_page of the reply before; if you did, the list "
                    "has changed meanwhile: begin anew"};
@@ -187,22 +175,19 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
   auto* list = reply.mutable_progress();
   PageRoom room;
   if (call.page().empty() && !call.exercise_id().empty()) {
-    auto measures = measuresOver(context.reader, *attempts);
-    if (!measures) return measures.error();
-    room.take(measures->size() + 1);
-    list->set_measures_json(std::move(*measures));
+    ASSIGN_OR_RETURN(auto measures, measuresOver(context.reader, attempts));
+    room.take(measures.size() + 1);
+    list->set_measures_json(std::move(measures));
   }
-  for (; next != attempts->end(); ++next) {
+  for (; next != attempts.end(); ++next) {
     pb::Attempt& attempt = *next;
     // an exercise that is gone was never due
     const auto stored = CurriculumStore(context.reader).exercise(attempt.exercise_id());
     if (!stored && stored.error().code != ErrorCode::kNotFound) return stored.error();
     if (stored) {
-      const auto exercise = exerciseOf(*stored);
-      if (!exercise) return exercise.error();
-      const auto standing = standingOf(context.reader, call.trainee(), *stored, *exercise);
-      if (!standing) return standing.error();
-      attempt.set_late(standing->due_unix_ns != 0 && attempt.started_unix_ns() > standing->due_unix_ns);
+      ASSIGN_OR_RETURN(const auto exercise, exerciseOf(*stored));
+      ASSIGN_OR_RETURN(const auto standing, standingOf(context.reader, call.trainee(), *stored, exercise));
+      attempt.set_late(standing.due_unix_ns != 0 && attempt.started_unix_ns() > standing.due_unix_ns);
     }
     if (!room.take(attempt.ByteSizeLong()) && list->attempts_size() > 0) {
       list->set_next_page(list->attempts().rbegin()->session_id());
@@ -214,20 +199,155 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
 }
 
 Result<pb::Reply> excuseAttempt(const Context& context, const pb::ExcuseAttempt& call) {
-  const auto id = sessionId(call.session_id());
-  if (!id) return id.error();
-  const auto status =
-      write(context, uuidText(*id), (call.excused() ? "does not count: " : "counts again: ") + call.reason(),
-            [&](Connection& writer) {
-              const auto changed = AttemptStore(writer).excuse(*id, call.excused());
-              return changed ? Status() : Status(changed.error());
-            });
-  if (!status) return status.error();
-  auto attempt = AttemptStore(context.reader).get(*id);
-  if (!attempt) return attempt.error();
+  ASSIGN_OR_RETURN(const auto id, sessionId(call.session_id()));
+  RETURN_IF_ERROR(write(context, uuidText(id),
+                        (call.excused() ? "does not count: " : "counts again: ") + call.reason(),
+                        [&](Connection& writer) {
+                          const auto changed = AttemptStore(writer).excuse(id, call.excused());
+                          return changed ? Status() : Status(changed.error());
+                        }));
+  ASSIGN_OR_RETURN(auto attempt, AttemptStore(context.reader).get(id));
   pb::Reply reply;
-  *reply.mutable_attempt() = std::move(*attempt);
+  *reply.mutable_attempt() = std::move(attempt);
+  return reply;
+}
+
+namespace {
+
+/// "course basics for group a, due 2026-…": for the audit log.
+std::string assignmentText(const pb::Assignment& a) {
+  return (a.course_id().empty() ? "exercise " + a.exercise_id() : "course " + a.course_id()) + " for " +
+         (a.group_id().empty() ? a.trainee() : "group " + a.group_id()) +
+         (a.due_unix_ns() == 0 ? "" : ", due " + secondText(a.due_unix_ns()));
+}
+
+std::string assignmentSubject(const pb::Assignment& a) {
+  return a.group_id().empty() ? a.trainee() : a.group_id();
+}
+
+}  // namespace
+
+Result<pb::Reply> assign(const Context& context, const pb::Assign& call) {
+  pb::Assignment assignment;
+  assignment.set_trainee(call.trainee());
+  assignment.set_exercise_id(call.exercise_id());
+  assignment.set_course_id(call.course_id());
+  assignment.set_group_id(call.group_id());
+  assignment.set_due_unix_ns(call.due_unix_ns());
+  assignment.set_by(context.who.name);
+  assignment.set_created_unix_ns(context.now_unix_ns);
+  RETURN_IF_ERROR(
+      write(context, assignmentSubject(assignment), assignmentText(assignment), [&](Connection& writer) {
+        auto stored = AssignmentStore(writer).put(assignment);
+        if (!stored) return Status(stored.error());
+        assignment = std::move(*stored);
+        return Status();
+      }));
+  pb::Reply reply;
+  *reply.mutable_assignments()->add_assignments() = std::move(assignment);
+  return reply;
+}
+
+Result<pb::Reply> removeAssignment(const Context& context, const pb::RemoveAssignment& call) {
+  std::string subject, detail;
+  RETURN_IF_ERROR(write(context, subject, detail, [&](Connection& writer) {
+    const auto removed = AssignmentStore(writer).remove(call.id());
+    if (!removed) return Status(removed.error());
+    subject = assignmentSubject(*removed);
+    detail = assignmentText(*removed);
+    return Status();
+  }));
+  pb::Reply reply;
+  reply.mutable_done();
+  return reply;
+}
+
+Result<pb::Reply> listAssignments(const Context& context, const pb::ListAssignments& call) {
+  const bool own = context.who.role == pb::TRAINEE;
+  if (own && !call.trainee().empty() && call.trainee() != context.who.name) {
+    return Error{ErrorCode::kDenied, "a trainee sees own assignments only"};
+  }
+  ASSIGN_OR_RETURN(const auto from, numberOfPage(call.page()));
+  ASSIGN_OR_RETURN(const auto assignments,
+                   AssignmentStore(context.reader)
+                       .list({own ? context.who.name : call.trainee(), call.course_id(), call.group_id()}));
+  pb::Reply reply;
+  auto* list = reply.mutable_assignments();
+  PageRoom room;
+  for (const pb::Assignment& assignment : assignments) {
+    // newest ids first; the page is the last one's id, so that those that come or go move no others
+    if (from != 0 && assignment.id() >= from) continue;
+    if (!room.take(assignment.ByteSizeLong())) {
+      list->set_next_page(std::to_string(list->assignments().rbegin()->id()));
+      break;
+    }
+    *list->add_assignments() = assignment;
+  }
   return reply;
 }
 
 }  // namespace needlelab::handlers
+
+namespace needlelab {
+
+Result<pb::Exercise> exerciseOf(const StoredExercise& stored) {
+  auto exercise = parseExercise(stored.json, "exercise '" + stored.id + "'");
+  if (!exercise) return Error{ErrorCode::kCorrupt, exercise.error().message};
+  return exercise;
+}
+
+bool isDone(const AttemptStanding& attempts, const pb::Exercise& exercise) {
+  const bool asks_nothing = exercise.requirements().empty() && !exercise.has_time_limit_s();
+  return asks_nothing ? attempts.counted > 0 : attempts.passed.value_or(false);
+}
+
+Result<ExerciseStanding> standingOf(Connection& connection, const std::string& trainee,
+                                    const StoredExercise& stored, const pb::Exercise& exercise) {
+  ExerciseStanding standing;
+  ASSIGN_OR_RETURN(const auto attempts, AttemptStore(connection).standing(trainee, stored.id));
+  standing.attempts = attempts;
+  standing.done = isDone(attempts, exercise);
+  if (exercise.has_attempts()) {
+    const std::uint32_t used = std::min(exercise.attempts(), attempts.counted);
+    standing.attempts_left = exercise.attempts() - used;
+  }
+  for (const std::string& before : exercise.prerequisites()) {
+    ASSIGN_OR_RETURN(const auto there, AttemptStore(connection).standing(trainee, before));
+    const auto other = CurriculumStore(connection).exercise(before);
+    if (!other && other.error().code != ErrorCode::kNotFound) return other.error();
+    bool done = there.passed.value_or(false);
+    if (other) {
+      ASSIGN_OR_RETURN(const auto text, exerciseOf(*other));
+      done = isDone(there, text);
+    }
+    if (!done) standing.locked_by.push_back(before);
+  }
+  const auto own_due =
+      exercise.has_due_unix_ms() ? static_cast<std::int64_t>(exercise.due_unix_ms()) * 1'000'000 : 0;
+  ASSIGN_OR_RETURN(const auto due,
+                   AssignmentStore(connection).dueOf(trainee, stored.id, stored.curriculum_id, own_due));
+  standing.due_unix_ns = due;
+  return standing;
+}
+
+Result<std::optional<std::string>> whyNot(Connection& connection, const pb::Exercise& exercise,
+                                          const ExerciseStanding& standing) {
+  if (!standing.locked_by.empty()) {
+    std::string names;
+    for (const std::string& id : standing.locked_by) {
+      const auto other = CurriculumStore(connection).exercise(id);
+      if (!other && other.error().code != ErrorCode::kNotFound) return other.error();
+      names += (names.empty() ? "\"" : ", \"") + (other ? other->name : id) + "\"";
+    }
+    return std::optional("\"" + exercise.name() + "\" is still locked: pass " + names + " first");
+  }
+  if (standing.attempts_left == 0u) {
+    const std::string times =
+        exercise.attempts() == 1 ? "the one attempt" : fmt::format("all {} attempts", exercise.attempts());
+    return std::optional("\"" + exercise.name() + "\": " + times +
+                         " have been used; ask your instructor, who can give one back");
+  }
+  return std::optional<std::string>();
+}
+
+}  // namespace needlelab

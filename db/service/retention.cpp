@@ -1,6 +1,8 @@
 #include "db/service/retention.h"
 
+#include <fmt/core.h>
 #include <algorithm>
+#include <charconv>
 #include <set>
 #include <thread>
 #include <utility>
@@ -9,7 +11,9 @@
 #include "common/gesture/chunk.h"
 #include "common/gesture/thinning.h"
 #include "db/audit.h"
+#include "db/retention_store.h"
 #include "db/schema.h"
+#include "db/service/handlers.h"
 #include "db/session_store.h"
 
 namespace needlelab {
@@ -33,32 +37,29 @@ class Run {
   Result<pb::RetentionReport> run(bool dry_run) {
     report_.set_dry_run(dry_run);
     if (!dry_run) {
-      if (auto done = removeLeftovers(); !done) return done.error();
+      RETURN_IF_ERROR(removeLeftovers());
     }
-    auto due = read([&](Connection& c) { return RetentionStore(c).due(now_unix_ns_); });
-    if (!due) return due.error();
+    ASSIGN_OR_RETURN(auto due, read([&](Connection& c) { return RetentionStore(c).due(now_unix_ns_); }));
     // what goes first makes room for what is written
-    std::stable_partition(due->begin(), due->end(), [](const DueRecording& one) { return one.deletes; });
-    for (const DueRecording& one : *due) {
+    std::stable_partition(due.begin(), due.end(), [](const DueRecording& one) { return one.deletes; });
+    for (const DueRecording& one : due) {
       if (stopped()) break;
       // it stands in the report already
       if (not_removed_.contains(one.session)) continue;
-      if (auto done = take(one, dry_run); !done) return done.error();
+      RETURN_IF_ERROR(take(one, dry_run));
     }
     report_.set_stopped(stopped());
     if (!dry_run && !stopped()) {
-      if (auto done = noteRun(); !done) return done.error();
+      RETURN_IF_ERROR(noteRun());
     }
-    const auto space = read([](Connection& c) { return RetentionStore(c).space(); });
-    if (!space) return space.error();
-    report_.set_free_bytes(space->free_bytes);
+    ASSIGN_OR_RETURN(const auto space, read([](Connection& c) { return RetentionStore(c).space(); }));
+    report_.set_free_bytes(space.free_bytes);
     return report_;
   }
 
   Status removeLeftovers() {
-    const auto sessions = read([](Connection& c) { return RetentionStore(c).leftovers(); });
-    if (!sessions) return sessions.error();
-    for (const Uuid& session : *sessions) {
+    ASSIGN_OR_RETURN(const auto sessions, read([](Connection& c) { return RetentionStore(c).leftovers(); }));
+    for (const Uuid& session : sessions) {
       if (stopped()) return {};
       // nobody has read these rows in this run: the writer must not be the first to meet a damaged page
       auto sound = read([&](Connection& c) { return RetentionStore(c).checkLeftovers(session); });
@@ -83,9 +84,8 @@ class Run {
 
   template <typename F>
   auto read(const F& work) -> decltype(work(std::declval<Connection&>())) {
-    auto reader = tools_.readers.borrow();
-    if (!reader) return reader.error();
-    return work(**reader);
+    ASSIGN_OR_RETURN(auto reader, tools_.readers.borrow());
+    return work(*reader);
   }
 
   /// An error when the disk has less than the bytes that shall stay free there. `more`: will be written.
@@ -96,13 +96,12 @@ class Run {
     if (!left) return {};
     if (*left >= keep_free + more) return {};
     // pages that are free in the database do not make it larger
-    const auto space = read([](Connection& c) { return RetentionStore(c).space(); });
-    if (!space) return space.error();
-    if (*left >= keep_free && *left + space->free_bytes >= keep_free + more) return {};
+    ASSIGN_OR_RETURN(const auto space, read([](Connection& c) { return RetentionStore(c).space(); }));
+    if (*left >= keep_free && *left + space.free_bytes >= keep_free + more) return {};
     return Error{ErrorCode::kUnavailable,
-                 "no room: the database's disk has " + std::to_string(*left >> 20) + " MiB left, " +
-                     std::to_string(keep_free >> 20) + " MiB shall stay free and up to " +
-                     std::to_string((more >> 20) + 1) + " MiB would be written: make room there"};
+                 fmt::format("no room: the database's disk has {} MiB left, {} MiB shall stay free and up to "
+                             "{} MiB would be written: make room there",
+                             *left >> 20, keep_free >> 20, (more >> 20) + 1)};
   }
 
   /// One piece of work for the writer, then a pause.
@@ -114,7 +113,7 @@ class Run {
     return done;
   }
 
-  /// What concerns this session only is noted, and the run goes on; a failed database ends it.
+  /// A fault of this session alone is noted and the run goes on; a failed database ends it.
   Status take(const DueRecording& due, bool dry_run) {
     pb::RetentionStep step;
     step.set_action(due.deletes ? pb::RetentionStep::DELETE : pb::RetentionStep::THIN);
@@ -168,73 +167,63 @@ class Run {
     while (next < chunks) {
       if (stopped()) return false;
       // short reads: a long one would keep the log from being checkpointed
-      const auto some = read([&](Connection& c) {
-        return SessionStore(c).readChunks(session, next, kChunksAtOnce, tools_.pace.bytes);
-      });
-      if (!some) return some.error();
-      if (some->empty()) return Error{ErrorCode::kCorrupt, "chunk " + std::to_string(next) + " is missing"};
-      for (const StoredChunk& chunk : *some) {
+      ASSIGN_OR_RETURN(const auto some, read([&](Connection& c) {
+                         return SessionStore(c).readChunks(session, next, kChunksAtOnce, tools_.pace.bytes);
+                       }));
+      if (some.empty()) return Error{ErrorCode::kCorrupt, fmt::format("chunk {} is missing", next)};
+      for (const StoredChunk& chunk : some) {
         original.hash.update(chunk.bytes);
         original.crcs.insert(original.crcs.end(), chunk.bytes.end() - 4, chunk.bytes.end());
-        if (auto done = each(chunk); !done) return done.error();
+        RETURN_IF_ERROR(each(chunk));
       }
-      next += some->size();
+      next += some.size();
     }
     return true;
   }
 
   /// Gives the bytes that are left, nothing when it was stopped.
   Result<std::optional<std::uint64_t>> remove(const DueRecording& due) {
-    const auto info = read([&](Connection& c) { return SessionStore(c).info(due.session); });
-    if (!info) return info.error();
-    if (auto room = checkDiskRoom(tools_.pace.min_free_bytes / 8, 0); !room) return room.error();
+    ASSIGN_OR_RETURN(const auto info, read([&](Connection& c) { return SessionStore(c).info(due.session); }));
+    RETURN_IF_ERROR(checkDiskRoom(tools_.pace.min_free_bytes / 8, 0));
     ReadOriginal original;
     if (!due.thinned) {
-      if (auto settled = tools_.settle(due.session); !settled) return settled.error();
+      RETURN_IF_ERROR(tools_.settle(due.session));
     }
     // a chunk that cannot be read may be a page that must not be touched: a damaged recording stays
-    const auto all =
-        readAll(due.session, info->chunks(), original, [](const StoredChunk&) { return Status(); });
-    if (!all) return all.error();
-    if (!*all) return std::optional<std::uint64_t>();
-    if (textOf(original.hash.digest()) != info->hash())
+    ASSIGN_OR_RETURN(const auto all, readAll(due.session, info.chunks(), original,
+                                             [](const StoredChunk&) { return Status(); }));
+    if (!all) return std::optional<std::uint64_t>();
+    if (textOf(original.hash.digest()) != info.hash())
       return Error{ErrorCode::kCorrupt, "session " + uuidText(due.session) +
                                             ": the hash over its chunks is not the one that was noted"};
-    if (auto done = piece([&](Connection& c) {
-          return RetentionStore(c).markDeleted(due, original.crcs, by_whom_, now_unix_ns_);
-        });
-        !done)
-      return done.error();
-    if (auto done = removeRows(due.session); !done) return done.error();
+    RETURN_IF_ERROR(piece([&](Connection& c) {
+      return RetentionStore(c).markDeleted(due, original.crcs, by_whom_, now_unix_ns_);
+    }));
+    RETURN_IF_ERROR(removeRows(due.session));
     return std::optional<std::uint64_t>(0);
   }
 
   /// As remove().
   Result<std::optional<std::uint64_t>> thin(const DueRecording& due) {
-    const auto info = read([&](Connection& c) { return SessionStore(c).info(due.session); });
-    if (!info) return info.error();
-    const double rate_hz = info->description().rate_hz(), target_hz = due.policy.thin_rate_hz();
+    ASSIGN_OR_RETURN(const auto info, read([&](Connection& c) { return SessionStore(c).info(due.session); }));
+    const double rate_hz = info.description().rate_hz(), target_hz = due.policy.thin_rate_hz();
     const std::string name = "session " + uuidText(due.session);
-    if (info->samples() == 0) return Error{ErrorCode::kNotFound, name + " has no samples to thin"};
-    if (auto room = checkDiskRoom(tools_.pace.min_free_bytes, due.stored_bytes); !room) return room.error();
+    if (info.samples() == 0) return Error{ErrorCode::kNotFound, name + " has no samples to thin"};
+    RETURN_IF_ERROR(checkDiskRoom(tools_.pace.min_free_bytes, due.stored_bytes));
     if (target_hz >= rate_hz && due.policy.thin_coarser() <= 1)
-      return Error{ErrorCode::kInvalidInput,
-                   name + " has " + std::to_string(rate_hz) + " Hz: nothing to thin"};
-    if (auto settled = tools_.settle(due.session); !settled) return settled.error();
-    if (auto begun = piece([&](Connection& c) {
-          return RetentionStore(c).beginDerived(due.session, target_hz, now_unix_ns_);
-        });
-        !begun)
-      return begun.error();
+      return Error{ErrorCode::kInvalidInput, fmt::format("{} has {:f} Hz: nothing to thin", name, rate_hz)};
+    RETURN_IF_ERROR(tools_.settle(due.session));
+    RETURN_IF_ERROR(piece(
+        [&](Connection& c) { return RetentionStore(c).beginDerived(due.session, target_hz, now_unix_ns_); }));
 
-    const auto written = writeThinned(due, *info);
+    const auto written = writeThinned(due, info);
     if (!written || !*written) {
       // half a recording is of no account; if this fails, the next run removes it
       if (auto done = removeRows(due.session); !done && written) return done.error();
       if (!written) return written.error();
       return std::optional<std::uint64_t>();
     }
-    if (auto done = removeRows(due.session); !done) return done.error();
+    RETURN_IF_ERROR(removeRows(due.session));
     return std::optional<std::uint64_t>((**written).stored_bytes);
   }
 
@@ -257,11 +246,11 @@ class Run {
     };
     const auto store = [&]() -> Status {
       if (ready.empty()) return {};
-      if (auto room = checkDiskRoom(tools_.pace.min_free_bytes, 0); !room) return room;
+      RETURN_IF_ERROR(checkDiskRoom(tools_.pace.min_free_bytes, 0));
       auto done = piece([&](Connection& c) -> Status {
         std::uint64_t seq = written.chunks;
         for (const Bytes& chunk : ready) {
-          if (auto put = RetentionStore(c).appendDerived(due.session, seq++, chunk); !put) return put;
+          RETURN_IF_ERROR(RetentionStore(c).appendDerived(due.session, seq++, chunk));
         }
         return {};
       });
@@ -274,29 +263,27 @@ class Run {
       ready.clear();
       return {};
     };
-    const auto all = readAll(due.session, info.chunks(), original, [&](const StoredChunk& chunk) -> Status {
-      if (!resolution) {
-        const auto head = inspectChunk(chunk.bytes);
-        if (!head) return head.error();
-        resolution = coarser(head->resolution, std::max(1.0, due.policy.thin_coarser()));
-      }
-      const auto decoded = decodeChunk(chunk.bytes);
-      if (!decoded) return decoded.error();
-      const std::size_t before = samples.size();
-      for (const GestureSample& sample : *decoded) thinner.add(sample, samples);
-      written.samples += samples.size() - before;
-      encode(false);
-      std::size_t bytes = 0;
-      for (const Bytes& one : ready) bytes += one.size();
-      return bytes < tools_.pace.bytes ? Status() : store();
-    });
-    if (!all) return all.error();
-    if (!*all) return std::optional<DerivedSums>();
+    ASSIGN_OR_RETURN(const auto all,
+                     readAll(due.session, info.chunks(), original, [&](const StoredChunk& chunk) -> Status {
+                       if (!resolution) {
+                         ASSIGN_OR_RETURN(const auto head, inspectChunk(chunk.bytes));
+                         resolution = coarser(head.resolution, std::max(1.0, due.policy.thin_coarser()));
+                       }
+                       ASSIGN_OR_RETURN(const auto decoded, decodeChunk(chunk.bytes));
+                       const std::size_t before = samples.size();
+                       for (const GestureSample& sample : decoded) thinner.add(sample, samples);
+                       written.samples += samples.size() - before;
+                       encode(false);
+                       std::size_t bytes = 0;
+                       for (const Bytes& one : ready) bytes += one.size();
+                       return bytes < tools_.pace.bytes ? Status() : store();
+                     }));
+    if (!all) return std::optional<DerivedSums>();
     const std::size_t before = samples.size();
     thinner.finish(samples);
     written.samples += samples.size() - before;
     encode(true);
-    if (auto done = store(); !done) return done.error();
+    RETURN_IF_ERROR(store());
     written.hash = written_hash.digest();
 
     // nothing is given up for a copy of something else, or for one that the disk does not hold
@@ -304,16 +291,14 @@ class Run {
     if (textOf(original.hash.digest()) != info.hash())
       return Error{ErrorCode::kCorrupt,
                    name + ": the hash over its chunks is not the one it was closed with"};
-    const auto stored = read([&](Connection& c) { return RetentionStore(c).sums(due.session); });
-    if (!stored) return stored.error();
-    if (stored->hash != written.hash || stored->samples != written.samples)
+    ASSIGN_OR_RETURN(const auto stored,
+                     read([&](Connection& c) { return RetentionStore(c).sums(due.session); }));
+    if (stored.hash != written.hash || stored.samples != written.samples)
       return Error{ErrorCode::kCorrupt, name + ": its thinned recording was not read back as it was written"};
-    if (auto done = piece([&](Connection& c) {
-          return RetentionStore(c).switchToDerived(due, *stored, original.crcs, by_whom_, now_unix_ns_);
-        });
-        !done)
-      return done.error();
-    return std::optional(*stored);
+    RETURN_IF_ERROR(piece([&](Connection& c) {
+      return RetentionStore(c).switchToDerived(due, stored, original.crcs, by_whom_, now_unix_ns_);
+    }));
+    return std::optional(stored);
   }
 
   /// Piece by piece; stops when it is told to, the next run goes on.
@@ -321,9 +306,8 @@ class Run {
     bool more = true;
     while (more && !stopped()) {
       auto done = piece([&](Connection& c) -> Status {
-        const auto left = RetentionStore(c).removeSome(session, tools_.pace.rows);
-        if (!left) return left.error();
-        more = *left;
+        ASSIGN_OR_RETURN(const auto left, RetentionStore(c).removeSome(session, tools_.pace.rows));
+        more = left;
         return {};
       });
       if (!done) return done;
@@ -333,15 +317,13 @@ class Run {
 
   Status noteRun() {
     const std::string what =
-        std::to_string(report_.thinned()) + " thinned, " + std::to_string(report_.deleted()) + " deleted, " +
-        std::to_string(report_.waiting_for_backup()) + " wait for a backup, " +
-        std::to_string(report_.left_alone()) + " left alone; " + std::to_string(report_.bytes_before()) +
-        " bytes before, " + std::to_string(report_.bytes_after()) + " after";
+        fmt::format("{} thinned, {} deleted, {} wait for a backup, {} left alone; {} bytes before, {} after",
+                    report_.thinned(), report_.deleted(), report_.waiting_for_backup(), report_.left_alone(),
+                    report_.bytes_before(), report_.bytes_after());
     return piece([&](Connection& c) -> Status {
       // a run without work leaves no line
       if (report_.steps_size() > 0) {
-        if (auto done = AuditStore(c).add({0, now_unix_ns_, by_whom_, "retention run", "", what}); !done)
-          return done;
+        RETURN_IF_ERROR(AuditStore(c).add({0, now_unix_ns_, by_whom_, "retention run", "", what}));
       }
       return MetaStore(c).set("retention_unix_ns", std::to_string(now_unix_ns_));
     });
@@ -363,10 +345,72 @@ Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const std:
 
 Result<pb::RetentionReport> removeLeftovers(const RetentionTools& tools) {
   Run run(tools, "erasure", 0);
-  if (auto done = run.removeLeftovers(); !done) return done.error();
+  RETURN_IF_ERROR(run.removeLeftovers());
   pb::RetentionReport report = run.report();
   report.set_stopped(tools.stop.load(std::memory_order_relaxed));
   return report;
 }
 
 }  // namespace needlelab
+
+namespace needlelab::handlers {
+namespace {
+
+std::string textOfPolicy(const pb::RetentionPolicy& policy) {
+  std::string text;
+  if (policy.has_thin_after_days()) {
+    text = fmt::format("thin after {} days to {:f} Hz", policy.thin_after_days(), policy.thin_rate_hz());
+  }
+  if (policy.has_delete_after_days())
+    text += (text.empty() ? "" : ", ") + (fmt::format("delete after {} days", policy.delete_after_days()));
+  if (text.empty()) text = "keep";
+  return text + (policy.without_backup() ? ", also without a backup" : "");
+}
+
+}  // namespace
+
+Result<pb::Reply> listRetention(const Context& context, const pb::ListRetention&) {
+  RetentionStore store(context.reader);
+  ASSIGN_OR_RETURN(const auto policies, store.policies());
+  ASSIGN_OR_RETURN(const auto space, store.space());
+  pb::Reply reply;
+  auto* retention = reply.mutable_retention();
+  for (const auto& policy : policies) *retention->add_policies() = policy;
+  retention->set_database_bytes(space.database_bytes);
+  retention->set_free_bytes(space.free_bytes);
+  auto counts = context.reader.prepare(
+      "SELECT recording, count(*) FROM sessions WHERE recording > 1 GROUP BY recording");
+  for (;;) {
+    ASSIGN_OR_RETURN(const auto row, counts.step());
+    if (!row) break;
+    if (counts.integer(0) == 2) retention->set_thinned_sessions(counts.natural(1));
+    if (counts.integer(0) == 3) retention->set_deleted_sessions(counts.natural(1));
+  }
+  ASSIGN_OR_RETURN(const auto last, MetaStore(context.reader).get("retention_unix_ns"));
+  if (last) {
+    std::int64_t value = 0;
+    std::from_chars(last->data(), last->data() + last->size(), value);
+    retention->set_last_run_unix_ns(value);
+  }
+  return reply;
+}
+
+Result<pb::Reply> setRetention(const Context& context, const pb::SetRetention& call) {
+  pb::RetentionPolicy policy = call.policy();
+  policy.set_by(context.who.name);
+  policy.set_changed_unix_ns(context.now_unix_ns);
+  const std::string subject = policy.exercise_id().empty() ? "(default)" : policy.exercise_id();
+  RETURN_IF_ERROR(write(context, subject, call.as_default() ? "as the default" : textOfPolicy(policy),
+                        [&](Connection& writer) {
+                          RetentionStore store(writer);
+                          if (call.as_default()) return store.removePolicy(policy.exercise_id());
+                          // in one transaction with the policy, which would make its own name a known one
+                          auto known = store.checkExercise(policy.exercise_id());
+                          return known ? store.setPolicy(policy) : known;
+                        }));
+  pb::Reply reply;
+  reply.mutable_done();
+  return reply;
+}
+
+}  // namespace needlelab::handlers

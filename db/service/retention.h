@@ -27,7 +27,7 @@ struct RetentionPace {
   std::uint64_t min_free_bytes = 64u << 20;
 };
 
-/// What a run works with; all must outlive it.
+/// The tools of a run; all must outlive it.
 struct RetentionTools {
   DbWriter& writer;
   ReaderPool& readers;
@@ -42,13 +42,13 @@ struct RetentionTools {
   std::function<std::optional<std::uint64_t>()> room{};
 };
 
-/// Order for one recording (DESIGN §6, §8): read all of the original, its CRCs and its hash; write the
-/// thinned recording beside it; read that back from the database; switch over in one transaction, audit line
-/// included; remove the original. A crash at any instant leaves the original or the thinned recording
-/// complete, and the next run removes what is left over. What is to be deleted goes first, so that it makes
-/// room; what the disk has no room for is left alone. A damaged recording is left alone, too. Errors: the
-/// database failed; what is wrong with one session only stands in the report. Thread: any but the writer's;
-/// one run at a time.
+/// Order for one recording (common/gesture/FORMAT.md, db/README.md): read all of the original, its CRCs and
+/// its hash; write the thinned recording beside it; read that back from the database; switch over in one
+/// transaction, audit line included; remove the original. A crash at any instant leaves the original or the
+/// thinned recording complete, and the next run removes what is left over. What is to be deleted goes first,
+/// so that it makes room; what the disk has no room for is left alone. A damaged recording is left alone,
+/// too. Errors: the database failed; what is wrong with one session only stands in the report. Thread: any
+/// but the writer's; one run at a time.
 Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const std::string& by_whom,
                                          std::int64_t now_unix_ns, bool dry_run);
 

@@ -1,21 +1,49 @@
 // Scores by version, for one session and for a course; the sessions that others are compared with.
+#include <fmt/core.h>
+#include <algorithm>
 #include <cstdint>
+#include <nlohmann/json.hpp>
+#include <optional>
 #include <sstream>
 #include <string>
+#include <vector>
 
+#include "common/base/clock.h"
+#include "common/base/result.h"
+#include "common/scoring/dtw.h"
+#include "common/scoring/measures.h"
+#include "common/scoring/reference.h"
 #include "db/assignments.h"
 #include "db/connection.h"
 #include "db/documents.h"
 #include "db/service/handlers.h"
-#include "db/service/page.h"
-#include "db/service/score_reference.h"
+#include "db/service/reference_paths.h"
+#include "db/service/score_rows.h"
+#include "db/service/session_samples.h"
 #include "db/session_results.h"
+#include "needlelab/teaching.pb.h"
+
+namespace needlelab {
+
+/// The distance from the reference gestures (dtw_distance_m) is that of now in both: of each reference from
+/// the nearest of the others, and of the session from the nearest of them all, whatever was the reference
+/// when it was scored.
+
+/// Fills bands and definition_version from the newest scores of the reference's sessions. Only scores of one
+/// version are taken together: the newest that there is.
+Status addBands(Connection& reader, ReferencePaths& paths, pb::Reference& reference);
+
+/// As JSON (scoring/reference.h); empty when the exercise has no reference of the score's version.
+Result<std::string> comparisonWith(Connection& reader, ReferencePaths& paths, const std::string& exercise_id,
+                                   const pb::Score& score);
+
+}  // namespace needlelab
 
 namespace needlelab::handlers {
 namespace {
 
 Result<pb::Reply> referenceReply(const Context& context, pb::Reference reference) {
-  if (auto done = addBands(context.reader, *context.paths, reference); !done) return done.error();
+  RETURN_IF_ERROR(addBands(context.reader, *context.paths, reference));
   pb::Reply reply;
   *reply.mutable_reference() = std::move(reference);
   return reply;
@@ -29,9 +57,8 @@ struct ScoreKey {
 };
 
 std::string pageOf(const ScoreKey& key) {
-  return std::to_string(key.started_ns) + " " + std::to_string(key.number) + " " +
-         std::to_string(key.version) + " " + std::to_string(key.trainee.size()) + " " + key.trainee +
-         key.exercise;
+  return fmt::format("{} {} {} {} {}{}", key.started_ns, key.number, key.version, key.trainee.size(),
+                     key.trainee, key.exercise);
 }
 
 Result<ScoreKey> scoreKeyOf(const std::string& page) {
@@ -51,23 +78,20 @@ Result<ScoreKey> scoreKeyOf(const std::string& page) {
 }  // namespace
 
 Result<pb::Reply> getScore(const Context& context, const pb::GetScore& call) {
-  const auto info = visibleSession(context, call.session_id());
-  if (!info) return info.error();
-  auto score = ScoreStore(context.reader).get(*sessionId(call.session_id()), call.definition_version());
-  if (!score) return score.error();
-  auto comparison = comparisonWith(context.reader, *context.paths, info->description().exercise_id(), *score);
-  if (!comparison) return comparison.error();
-  score->set_comparison_json(std::move(*comparison));
+  ASSIGN_OR_RETURN(const auto info, visibleSession(context, call.session_id()));
+  ASSIGN_OR_RETURN(auto score,
+                   ScoreStore(context.reader).get(*sessionId(call.session_id()), call.definition_version()));
+  ASSIGN_OR_RETURN(auto comparison,
+                   comparisonWith(context.reader, *context.paths, info.description().exercise_id(), score));
+  score.set_comparison_json(std::move(comparison));
   pb::Reply reply;
-  *reply.mutable_score() = std::move(*score);
+  *reply.mutable_score() = std::move(score);
   return reply;
 }
 
 Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call) {
-  const auto from = scoreKeyOf(call.page());
-  if (!from) return from.error();
-  const auto view = Transaction::begin(context.reader, Transaction::Kind::kRead);
-  if (!view) return view.error();
+  ASSIGN_OR_RETURN(const auto from, scoreKeyOf(call.page()));
+  RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
   // pages by key: rows that come or go meanwhile move no others
   auto rows = context.reader.query(
       "SELECT s.id, c.definition_version, s.number FROM scores c JOIN sessions s ON s.number = c.session "
@@ -77,26 +101,23 @@ Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call)
       " (?2 = '' OR s.trainee IN (SELECT person FROM group_members WHERE group_id = ?2)) AND"
       " (s.trainee, s.exercise_id, s.started_unix_ns, s.number, c.definition_version) > (?3, ?4, ?5, ?6, ?7)"
       " ORDER BY s.trainee, s.exercise_id, s.started_unix_ns, s.number, c.definition_version",
-      call.course_id(), call.group_id(), from->trainee, from->exercise, from->started_ns, from->number,
-      from->version);
+      call.course_id(), call.group_id(), from.trainee, from.exercise, from.started_ns, from.number,
+      from.version);
   pb::Reply reply;
   auto* list = reply.mutable_scores();
   PageRoom room;
-  ScoreKey last = *from;
+  ScoreKey last = from;
   for (;;) {
-    const auto row = rows.step();
-    if (!row) return row.error();
-    if (!*row) return reply;
-    const auto id = sessionId(rows.text(0));
-    if (!id) return id.error();
+    ASSIGN_OR_RETURN(const auto row, rows.step());
+    if (!row) return reply;
+    ASSIGN_OR_RETURN(const auto id, sessionId(rows.text(0)));
     pb::ScoreRow entry;
-    auto attempt = AttemptStore(context.reader).get(*id);
-    if (!attempt) return attempt.error();
-    attempt->clear_score_json();
-    *entry.mutable_attempt() = std::move(*attempt);
-    auto score = ScoreStore(context.reader).get(*id, static_cast<std::uint32_t>(rows.natural(1)));
-    if (!score) return score.error();
-    *entry.mutable_score() = std::move(*score);
+    ASSIGN_OR_RETURN(auto attempt, AttemptStore(context.reader).get(id));
+    attempt.clear_score_json();
+    *entry.mutable_attempt() = std::move(attempt);
+    ASSIGN_OR_RETURN(auto score,
+                     ScoreStore(context.reader).get(id, static_cast<std::uint32_t>(rows.natural(1))));
+    *entry.mutable_score() = std::move(score);
     if (!room.take(entry.ByteSizeLong())) {
       list->set_next_page(pageOf(last));
       return reply;
@@ -110,29 +131,187 @@ Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call)
 Result<pb::Reply> setReference(const Context& context, const pb::SetReference& call) {
   std::vector<Uuid> sessions;
   for (const std::string& bytes : call.session_ids()) {
-    const auto id = sessionId(bytes);
-    if (!id) return id.error();
-    sessions.push_back(*id);
+    ASSIGN_OR_RETURN(const auto id, sessionId(bytes));
+    sessions.push_back(id);
   }
   pb::Reference reference;
-  const auto status = edit(
-      context, call.exercise_id(), std::to_string(sessions.size()) + " sessions", [&](Connection& writer) {
+  RETURN_IF_ERROR(
+      edit(context, call.exercise_id(), fmt::format("{} sessions", sessions.size()), [&](Connection& writer) {
         auto put = ReferenceStore(writer).put(call.exercise_id(), sessions, call.base_revision(),
                                               context.who.name, context.now_unix_ns);
         if (!put) return Status(put.error());
         reference = std::move(*put);
         return Status();
-      });
-  if (!status) return status.error();
+      }));
   return referenceReply(context, std::move(reference));
 }
 
 Result<pb::Reply> getReference(const Context& context, const pb::GetReference& call) {
-  if (const auto exercise = CurriculumStore(context.reader).exercise(call.exercise_id()); !exercise)
-    return exercise.error();
-  auto reference = ReferenceStore(context.reader).get(call.exercise_id());
-  if (!reference) return reference.error();
-  return referenceReply(context, std::move(*reference));
+  RETURN_IF_ERROR(CurriculumStore(context.reader).exercise(call.exercise_id()));
+  ASSIGN_OR_RETURN(auto reference, ReferenceStore(context.reader).get(call.exercise_id()));
+  return referenceReply(context, std::move(reference));
 }
 
 }  // namespace needlelab::handlers
+
+namespace needlelab {
+namespace {
+
+struct ReferenceScores {
+  std::uint32_t version = 0;
+  std::vector<std::vector<Measure>> gestures;
+};
+
+/// Scores of this version, of those sessions that have one; version 0: the newest that any of them has.
+Result<ReferenceScores> referenceScores(Connection& reader, const pb::Reference& reference,
+                                        std::uint32_t version) {
+  std::vector<pb::Score> scores;
+  for (const std::string& bytes : reference.session_ids()) {
+    ASSIGN_OR_RETURN(const auto id, handlers::sessionId(bytes));
+    auto score = ScoreStore(reader).get(id, version);
+    if (!score && score.error().code != ErrorCode::kNotFound) return score.error();
+    if (score) scores.push_back(std::move(*score));
+  }
+  ReferenceScores taken{version, {}};
+  for (const pb::Score& score : scores) taken.version = std::max(taken.version, score.definition_version());
+  for (const pb::Score& score : scores) {
+    if (score.definition_version() != taken.version) continue;
+    ASSIGN_OR_RETURN(auto measures, parseScore(score.measures_json()));
+    taken.gestures.push_back(std::move(measures));
+  }
+  return taken;
+}
+
+constexpr const char* kDistance = "dtw_distance_m";
+
+/// The bands of stored measures, and that of the distances among the references as they are now.
+std::vector<ReferenceBand> bandsWith(Connection& reader, ReferencePaths& paths,
+                                     const pb::Reference& reference, const ReferenceScores& scores) {
+  auto bands = referenceBands(scores.gestures);
+  std::erase_if(bands, [](const ReferenceBand& band) { return band.name == kDistance; });
+  const auto distances = distancesAmong(paths.ofReference(reader, reference, std::nullopt));
+  if (!distances.empty()) bands.push_back(bandOf(kDistance, "m", distances));
+  return bands;
+}
+
+}  // namespace
+
+Status addBands(Connection& reader, ReferencePaths& paths, pb::Reference& reference) {
+  ASSIGN_OR_RETURN(const auto scores, referenceScores(reader, reference, 0));
+  reference.set_definition_version(scores.version);
+  for (const ReferenceBand& band : bandsWith(reader, paths, reference, scores)) {
+    auto* row = reference.add_bands();
+    row->set_measure(band.name);
+    row->set_unit(band.unit);
+    row->set_n(static_cast<std::uint32_t>(band.n));
+    row->set_mean(band.mean);
+    if (band.n > 1) row->set_sd(band.sd);
+    row->set_least(band.least);
+    if (band.p10) row->set_p10(*band.p10);
+    if (band.p25) row->set_p25(*band.p25);
+    row->set_median(band.median);
+    if (band.p75) row->set_p75(*band.p75);
+    if (band.p90) row->set_p90(*band.p90);
+    row->set_greatest(band.greatest);
+  }
+  return {};
+}
+
+Result<std::string> comparisonWith(Connection& reader, ReferencePaths& paths, const std::string& exercise_id,
+                                   const pb::Score& score) {
+  ASSIGN_OR_RETURN(const auto reference, ReferenceStore(reader).get(exercise_id));
+  if (reference.session_ids().empty()) return std::string();
+  ASSIGN_OR_RETURN(const auto scores, referenceScores(reader, reference, score.definition_version()));
+  if (scores.gestures.empty()) return std::string();
+  ASSIGN_OR_RETURN(auto measures, parseScore(score.measures_json()));
+  const auto bands = bandsWith(reader, paths, reference, scores);
+  std::erase_if(measures, [](const Measure& measure) { return measure.name == kDistance; });
+  ASSIGN_OR_RETURN(const auto id, handlers::sessionId(score.session_id()));
+  if (const TipPath path = paths.of(reader, id); !path.empty()) {
+    std::optional<double> nearest;
+    for (const TipPath& other : paths.ofReference(reader, reference, id)) {
+      const auto distance = dtwDistance(path, other);
+      if (distance && (!nearest || *distance < *nearest)) nearest = distance;
+    }
+    if (nearest) {
+      Measure row;
+      row.name = kDistance;
+      row.unit = "m";
+      row.value = *nearest;
+      measures.push_back(row);
+    }
+  }
+  return comparisonJson(compareWithReference(measures, bands));
+}
+
+Verdicts verdictsOf(std::string_view measures_json) {
+  Verdicts verdicts;
+  const auto rows = nlohmann::json::parse(measures_json, nullptr, false);
+  if (!rows.is_array()) return verdicts;
+  for (const auto& row : rows) {
+    const auto passed = row.is_object() ? row.find("passed") : row.end();
+    if (!row.is_object() || passed == row.end() || !passed->is_boolean()) continue;
+    ++verdicts.required;
+    if (passed->get<bool>()) ++verdicts.met;
+  }
+  return verdicts;
+}
+
+pb::Score newScore(const Uuid& session, const std::string& measures_json) {
+  pb::Score score;
+  score.set_session_id(session.data(), session.size());
+  score.set_definition_version(kScoreDefinitionVersion);
+  score.set_measures_json(measures_json);
+  if (const auto passed = verdictsOf(measures_json).passed()) score.set_passed(*passed);
+  score.set_made_unix_ns(wallNowNs());
+  score.set_engine_version(NEEDLELAB_VERSION);
+  return score;
+}
+
+namespace {
+
+/// At most 144 KiB each; with more of them all are forgotten, and read again when they are needed.
+constexpr std::size_t kMostKnownPaths = 200;
+
+}  // namespace
+
+TipPath ReferencePaths::of(Connection& reader, const Uuid& session) {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (const auto found = known_.find(session); found != known_.end()) return found->second;
+  }
+  const auto read = samplesOf(reader, session);
+  // what may be read better another time is not kept
+  if (!read) return {};
+  TipPath path = tipPathOf(read->samples, read->info.description().rate_hz(), read->X_WL);
+  const std::scoped_lock lock(mutex_);
+  if (known_.size() >= kMostKnownPaths) known_.clear();
+  known_.emplace(session, path);
+  return path;
+}
+
+std::vector<TipPath> ReferencePaths::ofReference(Connection& reader, const pb::Reference& reference,
+                                                 std::optional<Uuid> except) {
+  std::vector<TipPath> paths;
+  const int count = std::min(reference.session_ids_size(), kMostReferencePaths);
+  for (int i = 0; i < count; ++i) {
+    const auto id = handlers::sessionId(reference.session_ids(i));
+    if (!id || (except && *id == *except)) continue;
+    TipPath path = of(reader, *id);
+    if (!path.empty()) paths.push_back(std::move(path));
+  }
+  return paths;
+}
+
+Result<std::vector<TipPath>> ReferencePaths::ofExercise(Connection& reader, const std::string& exercise_id,
+                                                        std::optional<Uuid> except) {
+  ASSIGN_OR_RETURN(const auto reference, ReferenceStore(reader).get(exercise_id));
+  return ofReference(reader, reference, except);
+}
+
+void ReferencePaths::forget() {
+  const std::scoped_lock lock(mutex_);
+  known_.clear();
+}
+
+}  // namespace needlelab

@@ -14,7 +14,7 @@ namespace needlelab {
 /// The requirements in a score's rows.
 struct Verdicts {
   std::uint32_t required = 0, met = 0;
-  /// Nothing: nothing was required, or the text is no score.
+  /// Nothing: nothing was required, or the text is not a score.
   [[nodiscard]] std::optional<bool> passed() const {
     return required == 0 ? std::nullopt : std::optional(met == required);
   }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -13,8 +14,8 @@
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
 #include "db/service/export_ledger.h"
-#include "db/service/principal.h"
 #include "db/service/reference_paths.h"
+#include "db/service/requests.h"
 #include "db/service/retention.h"
 #include "db/service/session_samples.h"
 #include "db/session_store.h"
@@ -22,26 +23,23 @@
 #include "needlelab/session.pb.h"
 
 namespace needlelab {
+namespace handlers {
+struct Context;
+}
 
-/// What became of a request.
+/// The outcome of a request.
 struct Outcome {
-  /// What only the running server can do; `needlelab-admin --data` says so to its user.
-  enum class ServerPart {
-    kNone,
-    kFillStations,  ///< reply.stations is there: fill in `online` and `status`
-    kDeliver,       ///< what it says to a station is allowed and noted: send it there, then answer
-  };
   pb::Reply reply;  ///< with the request's id
   std::optional<Error>
       error;  ///< set: the request was refused (wire/refusal.h translates), `reply` holds only the id
   ServerPart server_part = ServerPart::kNone;
 };
 
-/// What became of a station's wish to close a session.
+/// The outcome of a station's request to close a session.
 struct CloseOutcome {
   Closed closed;
   std::string score_json;   ///< when taken: the measures, stored; empty when there is nothing to measure
-  std::string score_fault;  ///< why there is no score; the session is closed nevertheless
+  std::string score_fault;  ///< why it could not be scored; the session is closed nevertheless
 };
 
 /// Thread: every function is thread-safe and blocks (reads: milliseconds; writes: until the commit;
@@ -51,7 +49,7 @@ class Service {
  public:
   Service(DbWriter& writer, ReaderPool& readers) : writer_(writer), readers_(readers) {}
 
-  /// Checks the role (roles.h), executes, writes the audit log.
+  /// Checks the role (requests.h), executes, writes the audit log.
   Outcome execute(const Principal& principal, const pb::Request& request);
 
   /// The program ends: backups, checks and verifications under way, and later ones, are given up. Thread:
@@ -70,8 +68,9 @@ class Service {
   /// Returns after the commit.
   Result<CloseOutcome> closeSession(const pb::CloseSession& request, const std::string& station);
 
-  /// Measures of a session's gesture (DESIGN §11) as JSON rows, from its stored chunks and the profile it ran
-  /// with. kInvalidInput: the profile text is not valid, or the gesture is longer than kMaxScoredSamples.
+  /// Measures of a session's gesture (common/scoring/README.md) as JSON rows, from its stored chunks and the
+  /// profile it ran with. kInvalidInput: the profile text is not valid, or the gesture is longer than
+  /// kMaxScoredSamples.
   Result<std::string> scoreSession(Connection& reader, const Uuid& session);
 
   /// One run of retention (retention.h): minutes to hours. kUnavailable, at once: another one is under way,
@@ -81,7 +80,7 @@ class Service {
   /// run was not within the last 31 days: a clock that has jumped must not delete anything; a run that
   /// somebody asks for says that the clock is right.
   Result<pb::RetentionReport> dailyRetention();
-  /// Scores the sessions anew that have none of the definitions of now (rescoring.h): minutes to hours.
+  /// Scores the sessions that have no score of the current definitions (rescoring.h): minutes to hours.
   /// kUnavailable: another one is under way.
   Result<pb::RescoreReport> rescoreAll(const std::string& by_whom, const pb::RescoreAll& call);
   /// A run of either that is under way ends within a piece of work, and no other begins.
@@ -93,6 +92,21 @@ class Service {
   /// to do, a sentence each.
   Result<std::vector<std::string>> erasuresToRepeat();
 
+  // --- for the rows of requests.cpp
+
+  /// Calls `work` with a reader that is borrowed for it.
+  Result<pb::Reply> withReader(const Principal& who, std::string_view action,
+                               const std::function<Result<pb::Reply>(const handlers::Context&)>& work);
+  /// One backup at a time. kUnavailable: another one is under way.
+  Result<pb::Reply> backup(const Principal& who, const pb::Backup& call);
+  /// The erasure, and at once the chunks that it gave up; while a run of retention is under way, the next run
+  /// takes them.
+  Result<pb::Reply> erasePerson(const Principal& who, const pb::ErasePerson& call);
+  /// Scores a closed session again by the definitions of this program and keeps that beside the first score.
+  Result<pb::Reply> rescore(const Principal& who, const pb::RescoreSession& call);
+  Result<pb::Reply> rescoreAllNow(const Principal& who, const pb::RescoreAll& call);
+  Result<pb::Reply> runRetentionNow(const Principal& who, const pb::RunRetention& call);
+
   /// Writes a line to the audit log, e.g. refused log-ins and chunks that contradict stored ones.
   Status note(const std::string& who, const std::string& action, const std::string& subject,
               const std::string& detail);
@@ -100,16 +114,14 @@ class Service {
  private:
   struct Settled {
     std::string score_json;      ///< empty when there is nothing to measure
-    std::optional<Error> fault;  ///< why there is no score
-    bool final = false;          ///< … and never will be: too long, or its profile is none
+    std::optional<Error> fault;  ///< why it could not be scored
+    bool final = false;          ///< … and never can be: too long, or its profile is not valid
   };
   /// Works out score and events of a closed session and stores them. Errors: the database's.
   Result<Settled> settle(Connection& reader, const Uuid& session);
   /// The same before its recording is thinned or deleted, where something is missing. An error where the
-  /// fault may pass (memory, an exercise that is imported anew …): the original must stay for it.
+  /// fault may pass (memory, an exercise that is imported again …): the original must stay for it.
   Status settleRecording(const Uuid& session);
-  /// Scores a closed session anew by the definitions of this program and keeps that beside the first score.
-  Result<pb::Reply> rescore(const Principal& principal, const pb::RescoreSession& call);
   [[nodiscard]] RetentionTools retentionTools();
   /// Removes the chunks that an erasure gave up. What is left of them, and why, as a sentence; empty:
   /// nothing.

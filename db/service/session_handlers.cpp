@@ -1,3 +1,4 @@
+#include <fmt/core.h>
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -6,7 +7,7 @@
 #include "common/scoring/measures.h"
 #include "db/connection.h"
 #include "db/service/handlers.h"
-#include "db/service/page.h"
+#include "db/service/session_samples.h"
 #include "db/session_results.h"
 #include "db/session_store.h"
 
@@ -45,18 +46,17 @@ Result<Uuid> sessionId(const std::string& bytes) {
   Uuid id;
   if (bytes.size() != id.size()) {
     return Error{ErrorCode::kInvalidInput,
-                 "session_id: has " + std::to_string(bytes.size()) + " bytes, allowed are 16"};
+                 fmt::format("session_id: has {} bytes, allowed are 16", bytes.size())};
   }
   std::copy(bytes.begin(), bytes.end(), id.begin());
   return id;
 }
 
 Result<pb::SessionInfo> visibleSession(const Context& context, const std::string& bytes) {
-  const auto id = sessionId(bytes);
-  if (!id) return id.error();
-  auto info = SessionStore(context.reader).info(*id);
+  ASSIGN_OR_RETURN(const auto id, sessionId(bytes));
+  auto info = SessionStore(context.reader).info(id);
   if (info && context.who.role == pb::TRAINEE && info->description().trainee() != context.who.name) {
-    return Error{ErrorCode::kNotFound, "there is no session " + uuidText(*id)};
+    return Error{ErrorCode::kNotFound, "there is no session " + uuidText(id)};
   }
   return info;
 }
@@ -74,12 +74,11 @@ Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& c
   }
   pb::ListSessions wanted = call;
   if (own) wanted.set_trainee(context.who.name);
-  auto sessions = SessionStore(context.reader).list(wanted, after);
-  if (!sessions) return sessions.error();
+  ASSIGN_OR_RETURN(auto sessions, SessionStore(context.reader).list(wanted, after));
   pb::Reply reply;
   auto* list = reply.mutable_sessions();
   PageRoom room;
-  for (pb::SessionInfo& session : *sessions) {
+  for (pb::SessionInfo& session : sessions) {
     figuresForScore(session);
     if (!room.take(session.ByteSizeLong())) break;
     list->set_next_page(session.description().session_id());
@@ -87,25 +86,22 @@ Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& c
   }
   // rows are asked for one by one: a page that is not full is the last
   const std::uint32_t most = call.limit() == 0 ? kMaxListed : std::min(call.limit(), kMaxListed);
-  if (static_cast<std::uint32_t>(list->sessions_size()) == sessions->size() && sessions->size() < most)
+  if (static_cast<std::uint32_t>(list->sessions_size()) == sessions.size() && sessions.size() < most)
     list->clear_next_page();
   return reply;
 }
 
 Result<pb::Reply> getSession(const Context& context, const pb::GetSession& call) {
-  auto info = visibleSession(context, call.session_id());
-  if (!info) return info.error();
+  ASSIGN_OR_RETURN(auto info, visibleSession(context, call.session_id()));
   pb::Reply reply;
-  *reply.mutable_session() = std::move(*info);
+  *reply.mutable_session() = std::move(info);
   return reply;
 }
 
 Result<pb::Reply> readChunks(const Context& context, const pb::ReadChunks& call) {
   // one view: what the session's row says is true of the chunks that are read
-  const auto view = Transaction::begin(context.reader, Transaction::Kind::kRead);
-  if (!view) return view.error();
-  const auto info = visibleSession(context, call.session_id());
-  if (!info) return info.error();
+  RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
+  ASSIGN_OR_RETURN(const auto info, visibleSession(context, call.session_id()));
   constexpr std::uint32_t kMostChunks = 4096;
   // where texts about damaged chunks may take the room of chunks, fewer are looked at
   const std::uint32_t bound = call.skip_damaged() ? kMostChunks / 16 : kMostChunks;
@@ -115,23 +111,23 @@ Result<pb::Reply> readChunks(const Context& context, const pb::ReadChunks& call)
   constexpr std::size_t kMostBytes = kMaxReplyBytes - kMostChunks * 40;
   const auto id = sessionId(call.session_id());
   // of two recordings of one session only the one that was asked for: half of each would be none
-  if (!call.hash().empty() && call.hash() != info->hash()) {
+  if (!call.hash().empty() && call.hash() != info.hash()) {
     return Error{
         ErrorCode::kUnavailable,
         "session " + uuidText(*id) + " was " +
-            (info->removed_original().fate() == pb::RemovedOriginal::DELETED ? "deleted" : "thinned") +
+            (info.removed_original().fate() == pb::RemovedOriginal::DELETED ? "deleted" : "thinned") +
             " while it was read: begin anew"};
   }
-  auto read = SessionStore(context.reader).readAround(*id, call.from_seq(), most, kMostBytes);
-  if (!read) return read.error();
-  std::uint64_t next = read->next_seq;
-  if (!call.skip_damaged() && !read->damaged.empty()) {
-    next = read->damaged.front().seq;
-    if (next == call.from_seq()) return Error{ErrorCode::kCorrupt, read->damaged.front().text};
+  ASSIGN_OR_RETURN(auto read,
+                   SessionStore(context.reader).readAround(*id, call.from_seq(), most, kMostBytes));
+  std::uint64_t next = read.next_seq;
+  if (!call.skip_damaged() && !read.damaged.empty()) {
+    next = read.damaged.front().seq;
+    if (next == call.from_seq()) return Error{ErrorCode::kCorrupt, read.damaged.front().text};
   }
   pb::Reply reply;
   auto* list = reply.mutable_chunks();
-  for (const StoredChunk& chunk : read->chunks) {
+  for (const StoredChunk& chunk : read.chunks) {
     if (chunk.seq >= next) break;
     auto* entry = list->add_chunks();
     entry->set_session_id(call.session_id());
@@ -139,19 +135,19 @@ Result<pb::Reply> readChunks(const Context& context, const pb::ReadChunks& call)
     entry->set_data(chunk.bytes.data(), chunk.bytes.size());
   }
   if (call.skip_damaged()) {
-    for (const ChunkFault& fault : read->damaged) {
+    for (const ChunkFault& fault : read.damaged) {
       auto* damaged = list->add_damaged();
       damaged->set_seq(fault.seq);
       damaged->set_text(fault.text.substr(0, kMostFaultText));
     }
   }
   list->set_next_seq(next);
-  list->set_end(next >= info->chunks());
+  list->set_end(next >= info.chunks());
   return reply;
 }
 
 Result<pb::Reply> seekSession(const Context& context, const pb::SeekSession& call) {
-  if (const auto visible = visibleSession(context, call.session_id()); !visible) return visible.error();
+  RETURN_IF_ERROR(visibleSession(context, call.session_id()));
   SeekTo to;
   if (call.at_case() == pb::SeekSession::kTick) {
     to.tick = call.tick();
@@ -160,69 +156,90 @@ Result<pb::Reply> seekSession(const Context& context, const pb::SeekSession& cal
   } else {
     return Error{ErrorCode::kInvalidInput, "seek_session, at: give a tick, or seconds within 1e9"};
   }
-  const auto sought = SessionStore(context.reader).seek(*sessionId(call.session_id()), to);
-  if (!sought) return sought.error();
+  ASSIGN_OR_RETURN(const auto sought, SessionStore(context.reader).seek(*sessionId(call.session_id()), to));
   pb::Reply reply;
   auto* found = reply.mutable_sought();
-  found->set_seq(sought->seq);
-  found->set_first_tick(sought->first_tick);
-  found->set_first_time_ns(sought->first_time_ns);
-  found->set_recording_first_tick(sought->recording_first_tick);
-  found->set_recording_first_time_ns(sought->recording_first_time_ns);
-  found->set_chunks_read(sought->chunks_read);
+  found->set_seq(sought.seq);
+  found->set_first_tick(sought.first_tick);
+  found->set_first_time_ns(sought.first_time_ns);
+  found->set_recording_first_tick(sought.recording_first_tick);
+  found->set_recording_first_time_ns(sought.recording_first_time_ns);
+  found->set_chunks_read(sought.chunks_read);
   return reply;
 }
 
 Result<pb::Reply> verifySession(const Context& context, const pb::VerifySession& call) {
-  const auto id = sessionId(call.session_id());
-  if (!id) return id.error();
+  ASSIGN_OR_RETURN(const auto id, sessionId(call.session_id()));
   const CancelScope may_end(context.reader, context.cancelled);
-  const auto check = SessionStore(context.reader).verify(*id);
-  if (!check) return check.error();
+  ASSIGN_OR_RETURN(const auto check, SessionStore(context.reader).verify(id));
   pb::Reply reply;
   auto* verified = reply.mutable_verified();
-  verified->set_ok(check->ok);
-  verified->set_chunks(check->chunks);
-  verified->set_samples(check->samples);
-  verified->set_hash(check->hash.data(), check->hash.size());
-  verified->set_text(check->text);
+  verified->set_ok(check.ok);
+  verified->set_chunks(check.chunks);
+  verified->set_samples(check.samples);
+  verified->set_hash(check.hash.data(), check.hash.size());
+  verified->set_text(check.text);
   return reply;
 }
 
 Result<pb::Reply> annotate(const Context& context, const pb::Annotate& call) {
-  const auto id = sessionId(call.session_id());
-  if (!id) return id.error();
-  StoredAnnotation annotation{0, *id, call.tick(), call.text(), context.who.name, context.now_unix_ns};
-  const auto status =
-      write(context, uuidText(*id), "tick " + std::to_string(call.tick()), [&](Connection& writer) {
-        const auto added = AnnotationStore(writer).add(annotation);
-        if (!added) return Status(added.error());
-        annotation.id = *added;
-        return Status();
-      });
-  if (!status) return status.error();
+  ASSIGN_OR_RETURN(const auto id, sessionId(call.session_id()));
+  StoredAnnotation annotation{0, id, call.tick(), call.text(), context.who.name, context.now_unix_ns};
+  RETURN_IF_ERROR(write(context, uuidText(id), fmt::format("tick {}", call.tick()), [&](Connection& writer) {
+    const auto added = AnnotationStore(writer).add(annotation);
+    if (!added) return Status(added.error());
+    annotation.id = *added;
+    return Status();
+  }));
   pb::Reply reply;
   fill(*reply.mutable_annotation(), annotation);
   return reply;
 }
 
 Result<pb::Reply> listAnnotations(const Context& context, const pb::ListAnnotations& call) {
-  if (const auto visible = visibleSession(context, call.session_id()); !visible) return visible.error();
+  RETURN_IF_ERROR(visibleSession(context, call.session_id()));
   const auto id = sessionId(call.session_id());
-  const auto from = numberOfPage(call.page());
-  if (!from) return from.error();
-  const auto annotations = AnnotationStore(context.reader).list(*id);
-  if (!annotations) return annotations.error();
+  ASSIGN_OR_RETURN(const auto from, numberOfPage(call.page()));
+  ASSIGN_OR_RETURN(const auto annotations, AnnotationStore(context.reader).list(*id));
   pb::Reply reply;
   auto* list = reply.mutable_annotations();
   PageRoom room;
   // none is ever deleted or moved: a position is a place to go on
-  for (std::uint64_t i = *from; i < annotations->size(); ++i) {
-    if (!room.take((*annotations)[i].text.size() + 256)) {
+  for (std::uint64_t i = from; i < annotations.size(); ++i) {
+    if (!room.take(annotations[i].text.size() + 256)) {
       list->set_next_page(std::to_string(i));
       break;
     }
-    fill(*list->add_annotations(), (*annotations)[i]);
+    fill(*list->add_annotations(), annotations[i]);
+  }
+  return reply;
+}
+
+Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call) {
+  ASSIGN_OR_RETURN(const auto info, visibleSession(context, call.session_id()));
+  const auto id = sessionId(call.session_id());
+  if (info.state() == pb::SESSION_OPEN)
+    return Error{ErrorCode::kUnavailable,
+                 "session " + uuidText(*id) + " is still open: its events are worked out when it is closed"};
+  ASSIGN_OR_RETURN(const auto from, numberOfPage(call.page()));
+  auto stored = EventStore(context.reader).list(*id);
+  if (!stored) return stored.error();
+  pb::Reply reply;
+  auto* list = reply.mutable_events();
+  list->set_stored(stored->has_value());
+  // a session that was closed before events were stored, or could not be scored then
+  if (!*stored) {
+    ASSIGN_OR_RETURN(const auto read, samplesOf(context.reader, *id));
+    *stored = eventsOf(read);
+  }
+  PageRoom room;
+  for (std::uint64_t i = from; i < (*stored)->size(); ++i) {
+    pb::SyringeEvent& event = (**stored)[i];
+    if (!room.take(event.ByteSizeLong())) {
+      list->set_next_page(std::to_string(i));
+      break;
+    }
+    *list->add_events() = std::move(event);
   }
   return reply;
 }

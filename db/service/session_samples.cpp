@@ -1,5 +1,6 @@
 #include "db/service/session_samples.h"
 
+#include <fmt/core.h>
 #include <string>
 
 #include "common/gesture/chunk.h"
@@ -26,15 +27,13 @@ Result<std::vector<GestureSample>> allSamples(SessionStore& sessions, const Uuid
   samples.reserve(info.samples());
   std::uint64_t next = 0;
   while (next < info.chunks()) {
-    const auto chunks = sessions.readChunks(id, next, UINT32_MAX, kReadBytes);
-    if (!chunks) return chunks.error();
-    if (chunks->empty()) break;
-    for (const StoredChunk& chunk : *chunks) {
-      const auto decoded = decodeChunk(chunk.bytes);
-      if (!decoded) return decoded.error();
-      samples.insert(samples.end(), decoded->begin(), decoded->end());
+    ASSIGN_OR_RETURN(const auto chunks, sessions.readChunks(id, next, UINT32_MAX, kReadBytes));
+    if (chunks.empty()) break;
+    for (const StoredChunk& chunk : chunks) {
+      ASSIGN_OR_RETURN(const auto decoded, decodeChunk(chunk.bytes));
+      samples.insert(samples.end(), decoded.begin(), decoded.end());
     }
-    next += chunks->size();
+    next += chunks.size();
   }
   return samples;
 }
@@ -43,10 +42,9 @@ Result<std::vector<GestureSample>> allSamples(SessionStore& sessions, const Uuid
 
 Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session) {
   SessionStore sessions(reader);
-  auto info = sessions.info(session);
-  if (!info) return info.error();
+  ASSIGN_OR_RETURN(auto info, sessions.info(session));
   SessionSamples all;
-  all.info = std::move(*info);
+  all.info = std::move(info);
   if (all.info.has_removed_original()) {
     return Error{ErrorCode::kInvalidInput,
                  "session " + uuidText(session) + ": its original was removed (" +
@@ -55,18 +53,16 @@ Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session) {
   }
   if (all.info.samples() == 0) return all;
   if (all.info.samples() > kMaxScoredSamples) {
-    return Error{ErrorCode::kInvalidInput, "session " + uuidText(session) + " has " +
-                                               std::to_string(all.info.samples()) + " samples, at most " +
-                                               std::to_string(kMaxScoredSamples) + " are scored"};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("session {} has {} samples, at most {} are scored", uuidText(session),
+                             all.info.samples(), kMaxScoredSamples)};
   }
-  auto profile =
-      parseProfile(all.info.description().profile_json(), "profile of session " + uuidText(session));
-  if (!profile) return profile.error();
-  all.profile = std::move(*profile);
+  ASSIGN_OR_RETURN(auto profile, parseProfile(all.info.description().profile_json(),
+                                              "profile of session " + uuidText(session)));
+  all.profile = std::move(profile);
   all.X_WL = poseOf(all.info.description().placement());
-  auto samples = allSamples(sessions, session, all.info);
-  if (!samples) return samples.error();
-  all.samples = std::move(*samples);
+  ASSIGN_OR_RETURN(auto samples, allSamples(sessions, session, all.info));
+  all.samples = std::move(samples);
   return all;
 }
 

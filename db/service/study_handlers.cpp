@@ -1,5 +1,5 @@
-// What researchers see: sessions of those who consent, under pseudonyms. No record has a name, a station or a
-// time of day in it; what is measured is as it is, and can be recognised by who has it from elsewhere.
+// Exports for researchers: sessions of people who consent, under pseudonyms. No record has a name, a station
+// or a time of day in it; what is measured is as it is, and can be recognised by who has it from elsewhere.
 #include <algorithm>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -15,7 +15,6 @@
 #include "db/pseudonyms.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
-#include "db/service/page.h"
 #include "db/session_results.h"
 #include "db/session_store.h"
 
@@ -35,35 +34,30 @@ struct StudySession {
 class Study {
  public:
   static Result<Study> open(Connection& reader, const std::string& name) {
-    if (auto valid = checkName("study", name); !valid) return valid.error();
-    auto key = ErasureStore(reader).key();
-    if (!key) return key.error();
-    return Study(reader, name, *key);
+    RETURN_IF_ERROR(checkName("study", name));
+    ASSIGN_OR_RETURN(auto key, ErasureStore(reader).key());
+    return Study(reader, name, key);
   }
 
   [[nodiscard]] std::string sessionName(const Uuid& id) const { return key_.ofSession(name_, id); }
 
   /// By pseudonym of the person, then by time: an order that says nothing about names.
   Result<std::vector<StudySession>> sessions(const std::string& exercise_id) {
-    const auto names = ConsentStore(reader_).consenting();
-    if (!names) return names.error();
+    ASSIGN_OR_RETURN(const auto names, ConsentStore(reader_).consenting());
     std::vector<StudySession> all;
-    for (const std::string& name : *names) {
-      const auto person = PeopleStore(reader_).find(name);
-      if (!person) return person.error();
-      if (!*person) continue;
-      const std::string pseudonym = key_.ofPerson(name_, name, (*person)->created_unix_ns);
-      auto attempts = AttemptStore(reader_).list(name, "", false);
-      if (!attempts) return attempts.error();
-      const std::int64_t first_ns = attempts->empty() ? 0 : attempts->front().started_unix_ns();
-      for (pb::Attempt& attempt : *attempts) {
+    for (const std::string& name : names) {
+      ASSIGN_OR_RETURN(const auto person, PeopleStore(reader_).find(name));
+      if (!person) continue;
+      const std::string pseudonym = key_.ofPerson(name_, name, person->created_unix_ns);
+      ASSIGN_OR_RETURN(auto attempts, AttemptStore(reader_).list(name, "", false));
+      const std::int64_t first_ns = attempts.empty() ? 0 : attempts.front().started_unix_ns();
+      for (pb::Attempt& attempt : attempts) {
         if (attempt.state() == pb::SESSION_OPEN ||
             (!exercise_id.empty() && attempt.exercise_id() != exercise_id))
           continue;
-        const auto id = sessionId(attempt.session_id());
-        if (!id) return id.error();
+        ASSIGN_OR_RETURN(const auto id, sessionId(attempt.session_id()));
         const std::int64_t since_days = (attempt.started_unix_ns() - first_ns) / 86'400'000'000'000;
-        all.push_back({*id, pseudonym, since_days, std::move(attempt)});
+        all.push_back({id, pseudonym, since_days, std::move(attempt)});
       }
     }
     std::stable_sort(all.begin(), all.end(),
@@ -75,9 +69,8 @@ class Study {
   /// none: they are given out as they are.
   Result<std::string> withoutNames(std::string text) {
     if (!people_) {
-      auto people = PeopleStore(reader_).list();
-      if (!people) return people.error();
-      people_ = std::move(*people);
+      ASSIGN_OR_RETURN(auto people, PeopleStore(reader_).list());
+      people_ = std::move(people);
     }
     // somebody may be called "name"
     constexpr char kMark = '\x01';
@@ -95,18 +88,16 @@ class Study {
     if (profile.is_discarded()) profile = nullptr;
     for (const char* field : {"name", "description", "sources"}) {
       if (!profile.is_object() || !profile.contains(field) || !profile[field].is_string()) continue;
-      auto words = withoutNames(profile[field].get<std::string>());
-      if (!words) return words.error();
-      profile[field] = std::move(*words);
+      ASSIGN_OR_RETURN(auto words, withoutNames(profile[field].get<std::string>()));
+      profile[field] = std::move(words);
     }
     return profiles_.emplace(text, std::move(profile)).first->second;
   }
 
   Result<std::vector<std::string>> recordsOf(const StudySession& session, bool with_remarks,
                                              bool with_setup) {
-    auto info = SessionStore(reader_).info(session.id);
-    if (!info) return info.error();
-    const pb::SessionDescription& d = info->description();
+    ASSIGN_OR_RETURN(auto info, SessionStore(reader_).info(session.id));
+    const pb::SessionDescription& d = info.description();
     StudyJson record = {
         {"kind", "session"},
         {"session", sessionName(session.id)},
@@ -121,12 +112,12 @@ class Study {
         {"rate_hz", d.rate_hz()},
         {"axial_model", d.axial_model()},
         {"live_effects", std::vector<std::string>(d.live_effects().begin(), d.live_effects().end())},
-        {"state", pb::SessionState_Name(info->state())},
-        {"chunks", info->chunks()},
-        {"samples", info->samples()},
-        {"recording", !info->has_removed_original()                                     ? "ORIGINAL"
-                      : info->removed_original().fate() == pb::RemovedOriginal::THINNED ? "THINNED"
-                                                                                        : "DELETED"},
+        {"state", pb::SessionState_Name(info.state())},
+        {"chunks", info.chunks()},
+        {"samples", info.samples()},
+        {"recording", !info.has_removed_original()                                     ? "ORIGINAL"
+                      : info.removed_original().fate() == pb::RemovedOriginal::THINNED ? "THINNED"
+                                                                                       : "DELETED"},
         {"passed", session.attempt.has_passed() ? StudyJson(session.attempt.passed()) : StudyJson(nullptr)}};
     // each station has its own
     if (with_setup) {
@@ -138,9 +129,8 @@ class Study {
     if (!profile) return profile.error();
     record["profile"] = std::move(*profile);
     std::vector<std::string> records{record.dump()};
-    const auto scores = ScoreStore(reader_).list(session.id);
-    if (!scores) return scores.error();
-    for (const pb::Score& score : *scores) {
+    ASSIGN_OR_RETURN(const auto scores, ScoreStore(reader_).list(session.id));
+    for (const pb::Score& score : scores) {
       const auto measures = StudyJson::parse(score.measures_json(), nullptr, false);
       records.push_back(
           StudyJson({{"kind", "score"},
@@ -153,9 +143,8 @@ class Study {
               .dump());
     }
     if (!with_remarks) return records;
-    const auto remarks = AnnotationStore(reader_).list(session.id);
-    if (!remarks) return remarks.error();
-    for (const StoredAnnotation& remark : *remarks) {
+    ASSIGN_OR_RETURN(const auto remarks, AnnotationStore(reader_).list(session.id));
+    for (const StoredAnnotation& remark : remarks) {
       auto text = withoutNames(remark.text);
       if (!text) return text.error();
       records.push_back(StudyJson({{"kind", "remark"},
@@ -199,20 +188,17 @@ Status beginWithZero(Connection& reader, const Uuid& session, pb::Chunks& chunks
   const auto first = SessionStore(reader).readChunks(session, 0, 1, kMaxReplyBytes);
   if (!first) return first.error();
   if (first->empty()) return Error{ErrorCode::kCorrupt, "the recording has no first chunk"};
-  const auto origin = inspectChunk(first->front().bytes);
-  if (!origin) return origin.error();
+  ASSIGN_OR_RETURN(const auto origin, inspectChunk(first->front().bytes));
   for (auto& chunk : *chunks.mutable_chunks()) {
-    const auto head = inspectChunk(viewOf(chunk.data()));
-    if (!head) return head.error();
-    auto samples = decodeChunk(viewOf(chunk.data()));
-    if (!samples) return samples.error();
-    for (GestureSample& sample : *samples) {
-      if (sample.tick < origin->first_tick)
+    ASSIGN_OR_RETURN(const auto head, inspectChunk(viewOf(chunk.data())));
+    ASSIGN_OR_RETURN(auto samples, decodeChunk(viewOf(chunk.data())));
+    for (GestureSample& sample : samples) {
+      if (sample.tick < origin.first_tick)
         return Error{ErrorCode::kUnavailable, "the recording was thinned while it was read: begin anew"};
-      sample.tick -= origin->first_tick;
-      sample.time_ns -= origin->first_time_ns;
+      sample.tick -= origin.first_tick;
+      sample.time_ns -= origin.first_time_ns;
     }
-    chunk.set_data(std::string(textOf(encodeChunk(head->resolution, *samples))));
+    chunk.set_data(std::string(textOf(encodeChunk(head.resolution, samples))));
   }
   return {};
 }
@@ -222,19 +208,17 @@ Status beginWithZero(Connection& reader, const Uuid& session, pb::Chunks& chunks
 Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& call) {
   const std::string what = "study " + call.study() + "\n" + call.exercise_id() + "\n" +
                            (call.with_remarks() ? "remarks" : "") + "\n" + (call.with_setup() ? "setup" : "");
-  const auto place = context.exports.open(context.who, what, call.page());
-  if (!place) return place.error();
+  ASSIGN_OR_RETURN(const auto place, context.exports.open(context.who, what, call.page()));
   pb::Reply reply;
   auto* list = reply.mutable_records();
   {
-    const auto view = Transaction::begin(context.reader, Transaction::Kind::kRead);
-    if (!view) return view.error();
+    RETURN_IF_ERROR(Transaction::begin(context.reader, Transaction::Kind::kRead));
     auto study = Study::open(context.reader, call.study());
     if (!study) return study.error();
     const auto sessions = study->sessions(call.exercise_id());
     if (!sessions) return sessions.error();
     PageRoom room;
-    if (place->empty()) {
+    if (place.empty()) {
       std::set<std::string> people;
       for (const StudySession& session : *sessions) people.insert(session.person);
       list->add_records(StudyJson({{"kind", "study"},
@@ -246,44 +230,40 @@ Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& cal
                             .dump());
       room.take(list->records(0).size());
     }
-    for (std::size_t i = place->empty() ? 0 : placeBehind(*sessions, *study, *place); i < sessions->size();
+    for (std::size_t i = place.empty() ? 0 : placeBehind(*sessions, *study, place); i < sessions->size();
          ++i) {
-      auto records = study->recordsOf((*sessions)[i], call.with_remarks(), call.with_setup());
-      if (!records) return records.error();
+      ASSIGN_OR_RETURN(auto records,
+                       study->recordsOf((*sessions)[i], call.with_remarks(), call.with_setup()));
       std::size_t bytes = 0;
-      for (const std::string& record : *records) bytes += record.size() + 4;
+      for (const std::string& record : records) bytes += record.size() + 4;
       if (!room.take(bytes)) {
         const std::string behind =
             i == 0 ? " " : (*sessions)[i - 1].person + " " + study->sessionName((*sessions)[i - 1].id);
         list->set_next_page(context.exports.seal(context.who, what, behind));
         break;
       }
-      for (std::string& record : *records) list->add_records(std::move(record));
+      for (std::string& record : records) list->add_records(std::move(record));
     }
   }
-  if (!place->empty()) return reply;
-  // who took what out: written down with the first page, without which there is no other
+  if (!place.empty()) return reply;
+  // the audit line: written with the first page, without which no other page can be asked for
   std::string detail;
   for (const auto& [with, words] :
        {std::pair{call.with_remarks(), "with remarks"}, std::pair{call.with_setup(), "with devices' places"}})
     if (with) detail += (detail.empty() ? "" : ", ") + std::string(words);
-  const auto noted = write(context, call.study(), detail, [](Connection&) { return Status(); });
-  if (!noted) return noted.error();
+  RETURN_IF_ERROR(write(context, call.study(), detail, [](Connection&) { return Status(); }));
   return reply;
 }
 
 Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudyRecording& call) {
   auto study = Study::open(context.reader, call.study());
   if (!study) return study.error();
-  const auto sessions = study->sessions("");
-  if (!sessions) return sessions.error();
-  for (const StudySession& session : *sessions) {
+  ASSIGN_OR_RETURN(const auto sessions, study->sessions(""));
+  for (const StudySession& session : sessions) {
     if (study->sessionName(session.id) != call.session()) continue;
     // before anything of it is given out
     if (context.exports.isNew(context.who, call.study() + "\n" + call.session(), context.now_unix_ns)) {
-      if (auto noted = write(context, call.study(), call.session(), [](Connection&) { return Status(); });
-          !noted)
-        return noted.error();
+      RETURN_IF_ERROR(write(context, call.study(), call.session(), [](Connection&) { return Status(); }));
     }
     pb::ReadChunks read;
     read.set_session_id(session.id.data(), session.id.size());
@@ -291,8 +271,7 @@ Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudy
     read.set_max_chunks(call.max_chunks());
     auto reply = readChunks(context, read);
     if (!reply) return reply.error();
-    if (auto done = beginWithZero(context.reader, session.id, *reply->mutable_chunks()); !done)
-      return done.error();
+    RETURN_IF_ERROR(beginWithZero(context.reader, session.id, *reply->mutable_chunks()));
     // the id has the time in it
     for (auto& chunk : *reply->mutable_chunks()->mutable_chunks()) chunk.set_session_id(call.session());
     return reply;

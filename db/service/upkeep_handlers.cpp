@@ -1,17 +1,18 @@
+#include <fmt/core.h>
+
 #include "db/audit.h"
 #include "db/backup.h"
 #include "db/check.h"
 #include "db/connection.h"
 #include "db/erasure.h"
 #include "db/service/handlers.h"
-#include "db/service/page.h"
 
 namespace needlelab::handlers {
 
 Status write(const Context& context, const std::string& subject, const std::string& detail,
              const std::function<Status(Connection&)>& work) {
-  return context.writer.run([&](Connection& writer) {
-    if (auto done = work(writer); !done) return done;
+  return context.writer.run([&](Connection& writer) -> Status {
+    RETURN_IF_ERROR(work(writer));
     return AuditStore(writer).add(
         {0, context.now_unix_ns, context.who.name, std::string(context.action), subject, detail});
   });
@@ -41,30 +42,25 @@ pb::Reply doneReply() {
 Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
   std::filesystem::path target = call.path();
   if (call.keep() > 0) target /= backupName(context.now_unix_ns);
-  const auto result = backupTo(context.reader, target, context.cancelled);
-  if (!result) return result.error();
-  const auto status =
-      write(context, target.string(),
-            std::to_string(result->bytes) + " bytes, " + std::to_string(result->chunks_verified) + " chunks",
-            [&](Connection& writer) { return recordBackup(writer, *result, target, context.now_unix_ns); });
-  if (!status) return status.error();
+  ASSIGN_OR_RETURN(const auto result, backupTo(context.reader, target, context.cancelled));
+  RETURN_IF_ERROR(write(
+      context, target.string(), fmt::format("{} bytes, {} chunks", result.bytes, result.chunks_verified),
+      [&](Connection& writer) { return recordBackup(writer, result, target, context.now_unix_ns); }));
   pb::Reply reply;
   auto* done = reply.mutable_backup_done();
   done->set_path(target.string());
-  done->set_bytes(result->bytes);
-  done->set_chunks_verified(result->chunks_verified);
+  done->set_bytes(result.bytes);
+  done->set_chunks_verified(result.chunks_verified);
   if (call.keep() > 0) {
     // old ones go only now that a newer one is verified and noted
-    const auto removed = removeOldBackups(target, call.keep());
-    if (!removed) return removed.error();
-    for (const auto& path : removed->removed) done->add_removed(path.string());
-    if (!removed->later.empty()) {
-      const std::string detail = std::to_string(removed->later.size()) +
-                                 " backups are named by a later time (was the clock ahead?), the last is " +
-                                 removed->later.back().filename().string() +
-                                 ": they are left alone and do not count for --keep";
-      if (auto said = write(context, target.string(), detail, [](Connection&) { return Status(); }); !said)
-        return said.error();
+    ASSIGN_OR_RETURN(const auto removed, removeOldBackups(target, call.keep()));
+    for (const auto& path : removed.removed) done->add_removed(path.string());
+    if (!removed.later.empty()) {
+      const std::string detail = fmt::format(
+          "{} backups are named by a later time (was the clock ahead?), the last is {}: they are left alone "
+          "and do not count for --keep",
+          removed.later.size(), removed.later.back().filename().string());
+      RETURN_IF_ERROR(write(context, target.string(), detail, [](Connection&) { return Status(); }));
     }
   }
   return reply;
@@ -72,14 +68,13 @@ Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
 
 Result<pb::Reply> check(const Context& context, const pb::Check&) {
   const CancelScope may_end(context.reader, context.cancelled);
-  const auto result = checkDatabase(context.reader);
-  if (!result) return result.error();
+  ASSIGN_OR_RETURN(const auto result, checkDatabase(context.reader));
   pb::Reply reply;
   auto* report = reply.mutable_check_report();
-  report->set_ok(result->ok());
-  report->set_sessions(result->sessions);
-  report->set_chunks(result->chunks);
-  for (const std::string& fault : result->faults) report->add_faults(fault);
+  report->set_ok(result.ok());
+  report->set_sessions(result.sessions);
+  report->set_chunks(result.chunks);
+  for (const std::string& fault : result.faults) report->add_faults(fault);
   // nothing is broken, but somebody who must be forgotten is here
   const auto repeat = ErasureStore(context.reader).toRepeat(context.reader.path().parent_path());
   if (!repeat && repeat.error().code != ErrorCode::kCorrupt) return repeat.error();
@@ -96,14 +91,13 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
 }
 
 Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call) {
-  const auto before = numberOfPage(call.page());
-  if (!before) return before.error();
-  const auto entries = AuditStore(context.reader).list(call.limit(), *before, call.who(), call.action());
-  if (!entries) return entries.error();
+  ASSIGN_OR_RETURN(const auto before, numberOfPage(call.page()));
+  ASSIGN_OR_RETURN(const auto entries,
+                   AuditStore(context.reader).list(call.limit(), before, call.who(), call.action()));
   pb::Reply reply;
   auto* list = reply.mutable_audit();
   PageRoom room;
-  for (const AuditRow& row : *entries) {
+  for (const AuditRow& row : entries) {
     if (!room.take(row.who.size() + row.action.size() + row.subject.size() + row.detail.size() + 64)) break;
     // ids begin with 1: behind it there is nothing
     list->set_next_page(row.id > 1 ? std::to_string(row.id) : std::string());

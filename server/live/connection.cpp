@@ -1,12 +1,14 @@
 #include "server/live/connection.h"
 
+#include <fmt/core.h>
 #include <algorithm>
 #include <cassert>
 #include <utility>
 
 #include "common/base/clock.h"
 #include "common/wire/protocol.h"
-#include "server/live/log.h"
+#include "server/base/log.h"
+#include "server/live/request_effects.h"
 
 namespace needlelab {
 namespace {
@@ -21,7 +23,7 @@ PeerConnection::PeerConnection(ServerContext& context, std::uint64_t id, std::sh
       channel_(std::move(channel)),
       pong_(channel_->executor()),
       freed_(channel_->executor()),
-      door_key_(Door::keyOf(peerHost())) {}
+      address_key_(Admission::keyOf(peerHost())) {}
 
 PeerConnection::~PeerConnection() = default;
 
@@ -77,11 +79,11 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
   peer.leave();
 }
 
-// Few handshakes at once, each to its end; of those who wait the newest first. When a thousand stations come
-// back in one moment to a machine that is busy, those who waited longest are about to give up: to serve them
-// is work for nothing, and with all of them half done nobody would ever come in. Who gives up comes again.
-// Whose first record is not there yet waits outside, and an address has a part of the turns only: who opens
-// connections by the thousand keeps nobody else out.
+// Few handshakes run at once, each to its end; among the waiting ones the newest is served first. When a
+// thousand stations reconnect at once to a busy machine, those that waited longest are about to give up:
+// serving them is wasted work, and with all of them half done no handshake would ever end. A station that
+// gives up tries again. A connection gets no turn before its first TLS record has arrived, and one address
+// gets only a part of the turns: a peer that opens thousands of connections keeps nobody else out.
 Task<Status> PeerConnection::shakeHands() {
   if (const Status spoke = co_await channel_->peerSpoke(); !spoke.ok()) co_return spoke;
   if (mayShakeHands()) {
@@ -110,20 +112,20 @@ Task<Status> PeerConnection::shakeHands() {
 
 bool PeerConnection::mayShakeHands() const {
   if (context_.handshakes >= context_.bounds.handshakes_at_once) return false;
-  const auto mine = context_.handshakes_of.find(door_key_);
+  const auto mine = context_.handshakes_of.find(address_key_);
   return mine == context_.handshakes_of.end() || mine->second < context_.bounds.handshakes_of_address;
 }
 
 void PeerConnection::beginTurn() {
   ++context_.handshakes;
-  ++context_.handshakes_of[door_key_];
+  ++context_.handshakes_of[address_key_];
   my_turn_ = true;
 }
 
 void PeerConnection::endTurn() {
   if (!std::exchange(my_turn_, false)) return;
   --context_.handshakes;
-  if (const auto mine = context_.handshakes_of.find(door_key_); --mine->second == 0)
+  if (const auto mine = context_.handshakes_of.find(address_key_); --mine->second == 0)
     context_.handshakes_of.erase(mine);
   auto& waiting = context_.handshakes_wait;
   const auto next =
@@ -139,7 +141,7 @@ void PeerConnection::leave() {
   if (state_ == ConnectionState::kClosed) return;
   if (who_.role == pb::STATION) context_.hub.detachStation(who_.name, *this);
   context_.hub.detachViewer(*this);
-  context_.door.left(id_);
+  context_.admission.left(id_);
   context_.counters.live_dropped += channel_->live().dropped();
   context_.counters.bytes_received += channel_->bytesReceived();
   context_.counters.bytes_sent += channel_->bytesSent();
@@ -167,7 +169,7 @@ bool PeerConnection::busy() const {
          requests_at_work_ + closing_sessions_.size() >= bounds.requests_at_work;
 }
 
-/// False: it is no plain live frame that may come now; dispatch() will say what is wrong with it, if
+/// False: it is not a plain live frame that may come now; dispatch() finds out what is wrong with it, if
 /// anything.
 bool PeerConnection::passLive(ByteView bytes) {
   if (checkMessage(pb::Envelope::kLiveFrame, state_, who_.role) != Verdict::kAllowed) return false;
@@ -300,7 +302,8 @@ void PeerConnection::refuse(pb::Refusal refusal, std::uint64_t request) {
             {"who", who_.name},
             {"reason", reasonName(refusal.reason())},
             {"text", refusal.text()}});
-  // before log-in there is no second try; and who goes on making mistakes is cut off
+  // before log-in the first mistake ends the connection; after it, a peer that goes on making mistakes is cut
+  // off
   const bool logged_in = who_.role != pb::ROLE_UNSPECIFIED;
   if (!logged_in || ++refusals_ > context_.bounds.refusals) {
     refuseAndClose(std::move(refusal));
@@ -323,8 +326,9 @@ void PeerConnection::refuseAndClose(pb::Refusal refusal) {
   freed_.notify();
 }
 
-/// What a peer may send as often as it likes must not fill the log: a stranger's ends the connection, whose
-/// own line says why; of others' the first is a line, and at the end how many there were.
+/// A peer may send refusals as often as it likes, which must not fill the log. Before log-in the first one
+/// ends the connection, whose closing line gives the reason. After log-in the first one is logged, and their
+/// number at the end.
 void PeerConnection::refusedByPeer(const pb::Refusal& refusal) {
   if (who_.role == pb::ROLE_UNSPECIFIED) {
     setState(ConnectionState::kClosing);
@@ -382,6 +386,58 @@ void PeerConnection::answerPing(const pb::Ping& ping) {
   pong.set_sender_steady_ns(ping.sender_steady_ns());
   pong.set_receiver_steady_ns(steadyNowNs());
   sendControl(envelope);
+}
+
+// --- requests of people and stations: executed by the service on worker threads, completed here
+
+Task<> PeerConnection::execute(std::shared_ptr<PeerConnection> self, pb::Request request) {
+  PeerConnection& peer = *self;
+  const std::shared_ptr<const pb::Request> shared = wipedWhenReleased(std::move(request));
+  ++peer.requests_at_work_;
+  const auto outcome = co_await executeRequest(peer.context_, peer.who_, shared);
+  co_await peer.answer(*shared, std::move(*outcome));
+  --peer.requests_at_work_;
+  peer.freed_.notify();
+}
+
+// `request` outlives it: execute waits for it
+Task<> PeerConnection::answer(const pb::Request& request, Outcome outcome) {
+  auto refusal = co_await complete(context_, request, who_.name, outcome);
+  if (refusal) {
+    refuse(std::move(*refusal), request.id());
+    co_return;
+  }
+  pb::Envelope envelope;
+  *envelope.mutable_reply() = std::move(outcome.reply);
+  envelope.mutable_reply()->set_id(request.id());
+  // a reply that does not fit is the asker's to narrow down, not a reason to lose the connection
+  if (envelope.ByteSizeLong() > kMaxFrameBytes) {
+    refuse(pb::Refusal::TOO_LARGE,
+           fmt::format("the reply has {} bytes, at most {} can be sent: ask for less at once",
+                       envelope.ByteSizeLong(), kMaxFrameBytes),
+           request.id());
+  } else {
+    sendControl(envelope);
+  }
+  followUp(context_, request, envelope.reply(), who_.name, this);
+}
+
+Task<bool> PeerConnection::sendConfirmed(std::shared_ptr<PeerConnection> self, pb::Envelope envelope) {
+  PeerConnection& peer = *self;
+  const std::uint64_t id = ++peer.pings_asked_;
+  pb::Envelope ping;
+  ping.mutable_ping()->set_id(id);
+  ping.mutable_ping()->set_sender_steady_ns(steadyNowNs());
+  peer.sendControl(envelope);
+  peer.sendControl(ping);
+  const auto end = std::chrono::steady_clock::now() + peer.context_.bounds.confirm_timeout;
+  asio::steady_timer limit(peer.context_.io, end);
+  limit.async_wait([self](const boost::system::error_code&) { self->pong_.notify(); });
+  while (peer.pings_answered_ < id && !peer.over() && !peer.channel_->closing() &&
+         std::chrono::steady_clock::now() < end) {
+    co_await peer.pong_.wait();
+  }
+  co_return peer.pings_answered_ >= id;
 }
 
 }  // namespace needlelab

@@ -59,7 +59,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   [[nodiscard]] bool over() const { return state_ >= ConnectionState::kClosing; }
 
  private:
-  /// What this connection has told, or is about to tell, of a session.
+  /// The watermarks of a session that this connection has sent, or is about to send.
   struct Watermarks {
     std::uint64_t committed = 0;
     std::uint64_t safe = 0;
@@ -100,7 +100,6 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   void takeClockOffset(const pb::ClockOffset& offset);
   Watermarks& watermarks(const std::string& session_id);
 
-  // --- connection_requests.cpp
   static Task<> execute(std::shared_ptr<PeerConnection> self, pb::Request request);
   Task<> answer(const pb::Request& request, Outcome outcome);
 
@@ -121,8 +120,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   double small_messages_ = 0;         // leaks away with time
   std::int64_t small_messages_at_ns_ = 0;
   bool acks_scheduled_ = false;
-  const std::string door_key_;  // what its address counts as (Door::keyOf)
-  bool my_turn_ = false;        // to shake hands
+  const std::string address_key_;  // what its address counts as (Admission::keyOf)
+  bool my_turn_ = false;           // to shake hands
   std::map<std::string, Watermarks> sessions_;
   std::set<std::string> closing_sessions_;
 };

@@ -1,4 +1,5 @@
 // Greeting and log-in of a connection.
+#include <fmt/core.h>
 #include <algorithm>
 #include <utility>
 
@@ -6,14 +7,14 @@
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"
 #include "db/session_store.h"
+#include "server/base/log.h"
 #include "server/live/connection.h"
-#include "server/live/log.h"
 #include "server/live/person_login.h"
 
 namespace needlelab {
 namespace {
 
-/// What a log-in is called in the log and counted under.
+/// The name of a log-in in the log and in the counters.
 std::string nameOf(const pb::Login& login) {
   return login.has_station() ? "station " + login.station().station() : "token";
 }
@@ -126,9 +127,8 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
     // from the database, not from memory: it is what a station's spool relies on
     using Open = std::vector<pb::Welcome::OpenSession>;
     std::function<Result<Open>()> read = [&store = context_.store, name = who_.name]() -> Result<Open> {
-      auto reader = store.readers().borrow();
-      if (!reader.ok()) return reader.error();
-      return SessionStore(**reader).openSessions(name);
+      ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
+      return SessionStore(*reader).openSessions(name);
     };
     auto open = co_await offload(context_.logins, std::move(read));
     if (over() || channel_->closing()) co_return;
@@ -155,7 +155,7 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
         });
     if (static_cast<std::size_t>(mine) >= context_.bounds.connections_of_person) {
       refuseAndClose(makeRefusal(pb::Refusal::RATE_LIMITED,
-                                 who_.name + " has " + std::to_string(mine) + " connections already"));
+                                 fmt::format("{} has {} connections already", who_.name, mine)));
       co_return;
     }
     const auto issued = context_.tokens.issue({who_, password_ns}, now);
@@ -180,7 +180,7 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
   welcome.set_server_version(NEEDLELAB_VERSION);
 
   channel_->established();
-  context_.door.loggedIn(id_, steadyNowNs());
+  context_.admission.loggedIn(id_, steadyNowNs());
   setState(ConnectionState::kAuthenticated);
   if (!sessions_.empty()) setState(ConnectionState::kInSession);
   ++context_.counters.logins;

@@ -1,12 +1,13 @@
 // The durable plane of a connection: sessions, chunks, acknowledgements.
+#include <fmt/core.h>
 #include <algorithm>
 #include <boost/asio/post.hpp>
 #include <utility>
 
 #include "common/base/clock.h"
 #include "common/wire/protocol.h"
+#include "server/base/log.h"
 #include "server/live/connection.h"
-#include "server/live/log.h"
 
 namespace needlelab {
 namespace {
@@ -14,8 +15,7 @@ namespace {
 Result<Uuid> uuidOf(const std::string& bytes) {
   Uuid id{};
   if (bytes.size() != id.size()) {
-    return Error{ErrorCode::kInvalidInput,
-                 "session_id has " + std::to_string(bytes.size()) + " bytes, not 16"};
+    return Error{ErrorCode::kInvalidInput, fmt::format("session_id has {} bytes, not 16", bytes.size())};
   }
   std::copy(bytes.begin(), bytes.end(), id.begin());
   return id;
@@ -71,16 +71,13 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   auto opened = std::make_shared<Opened>();
   DbWriter::Work work = [opened, description, id = *id](Connection& writer) -> Status {
     SessionStore store(writer);
-    auto next = store.open(description, wallNowNs());
-    if (!next.ok()) return next.error();
-    opened->next_seq = *next;
-    auto safe = store.safeSeqs(id);
-    if (!safe.ok()) return safe.error();
-    opened->safe = *safe;
+    ASSIGN_OR_RETURN(auto next, store.open(description, wallNowNs()));
+    opened->next_seq = next;
+    ASSIGN_OR_RETURN(auto safe, store.safeSeqs(id));
+    opened->safe = safe;
     auto state = writer.query("SELECT state FROM sessions WHERE id = ?", ByteView(id));
-    const auto found = state.step();
-    if (!found.ok()) return found.error();
-    opened->closed = *found && state.integer(0) != pb::SESSION_OPEN;
+    ASSIGN_OR_RETURN(const auto found, state.step());
+    opened->closed = found && state.integer(0) != pb::SESSION_OPEN;
     return {};
   };
   const Status status = co_await commit(context_.store.writer(), std::move(work));
@@ -127,9 +124,9 @@ void PeerConnection::takeChunk(pb::Chunk chunk) {
   auto shared = std::make_shared<const pb::Chunk>(std::move(chunk));
   auto appended = std::make_shared<Appended>();
   DbWriter::Work work = [shared, appended, id = *id, station = who_.name](Connection& writer) -> Status {
-    auto result = SessionStore(writer).append(id, shared->seq(), viewOf(shared->data()), station);
-    if (!result.ok()) return result.error();
-    *appended = std::move(*result);
+    ASSIGN_OR_RETURN(auto result,
+                     SessionStore(writer).append(id, shared->seq(), viewOf(shared->data()), station));
+    *appended = std::move(result);
     return {};
   };
   // called on the writer's thread, after the commit
@@ -306,13 +303,11 @@ Task<> PeerConnection::tellSafe(std::shared_ptr<PeerConnection> self) {
   for (const auto& [session_id, marks] : peer.sessions_) ids.push_back(session_id);
   using Safe = std::map<std::string, std::uint64_t>;
   std::function<Result<Safe>()> read = [&store = peer.context_.store, ids]() -> Result<Safe> {
-    auto reader = store.readers().borrow();
-    if (!reader.ok()) return reader.error();
+    ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
     Safe safe;
     for (const std::string& session_id : ids) {
-      auto seqs = SessionStore(**reader).safeSeqs(*uuidOf(session_id));
-      if (!seqs.ok()) return seqs.error();
-      safe[session_id] = *seqs;
+      ASSIGN_OR_RETURN(auto seqs, SessionStore(*reader).safeSeqs(*uuidOf(session_id)));
+      safe[session_id] = seqs;
     }
     return safe;
   };

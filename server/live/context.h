@@ -1,4 +1,4 @@
-/// What the connections of one server share. Owned by Server; used on the network's thread unless said
+/// State that the connections of one server share. Owned by Server; used on the network's thread unless said
 /// otherwise.
 #pragma once
 
@@ -16,7 +16,7 @@
 
 #include "common/wire/asio.h"
 #include "db/service/bootstrap.h"
-#include "server/live/door.h"
+#include "server/live/admission.h"
 #include "server/live/hub.h"
 #include "server/live/login_guard.h"
 #include "server/live/offload.h"
@@ -63,7 +63,7 @@ struct ServerCounters {
   std::uint64_t bytes_received = 0, bytes_sent = 0;  ///< of connections that have ended
 };
 
-/// What the web port did since the start (server/web); shown with the metrics.
+/// Counters of the web port since the start (server/web); shown with the metrics.
 struct WebCounters {
   static constexpr std::array<double, 8> kLatency_s = {0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3};
   /// By route's pattern, then by status.
@@ -90,7 +90,7 @@ struct ServerContext {
   Tokens tokens;
   ServerCounters counters;
   WebCounters web{};
-  Door door{};
+  Admission admission{};
   std::size_t logins_waiting = 0;
   std::unordered_map<std::string, std::size_t> logins_waiting_at{};  ///< of strangers, by address
   std::uint64_t password_turns = 0, password_turn = 0;  ///< given out; the one whose password is checked now

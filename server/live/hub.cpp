@@ -1,5 +1,6 @@
 #include "server/live/hub.h"
 
+#include <fmt/core.h>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -19,7 +20,7 @@ pb::Envelope statusEnvelope(const pb::StationStatus& status) {
 /// Of the statuses that one message or one answer to an overview may hold; the rest of it has room beside.
 constexpr std::size_t kMostStatusBytes = kMaxFrameBytes - (64u << 10);
 
-/// What cannot be sent is not worth a viewer's connection: it is left out.
+/// A message that cannot be encoded is left out: it must not cost the viewer its connection.
 void sendStatus(HubPeer& viewer, const pb::StationStatus& status) {
   if (status.ByteSizeLong() <= kMostStatusBytes) viewer.sendControl(statusEnvelope(status));
 }
@@ -27,11 +28,11 @@ void sendStatus(HubPeer& viewer, const pb::StationStatus& status) {
 /// Session ids are kept and sent on to viewers: a station must not make them long.
 std::optional<pb::Refusal> checkSessionId(const char* message, std::string_view id) {
   if (id.empty() || id.size() == 16) return std::nullopt;
-  return makeRefusal(pb::Refusal::INVALID, std::string(message) + ".session_id has " +
-                                               std::to_string(id.size()) + " bytes, not 16 or none");
+  return makeRefusal(pb::Refusal::INVALID,
+                     fmt::format("{}.session_id has {} bytes, not 16 or none", message, id.size()));
 }
 
-/// What was of another session is not of this one.
+/// Forgets what belonged to another session.
 void setSession(pb::StationStatus& status, std::string_view session_id) {
   if (status.session_id() == session_id) return;
   status.set_session_id(std::string(session_id));
@@ -81,9 +82,8 @@ std::optional<pb::Refusal> Hub::onStatus(const std::string& name, const pb::Stat
                                          std::int64_t now_ns) {
   if (auto wrong = checkSessionId("station_status", status.session_id())) return wrong;
   if (const std::size_t bytes = status.ByteSizeLong(); bytes > settings_.max_status_bytes) {
-    return makeRefusal(pb::Refusal::TOO_LARGE, "a status line of " + std::to_string(bytes) +
-                                                   " bytes: the limit is " +
-                                                   std::to_string(settings_.max_status_bytes));
+    return makeRefusal(pb::Refusal::TOO_LARGE, fmt::format("a status line of {} bytes: the limit is {}",
+                                                           bytes, settings_.max_status_bytes));
   }
   const auto found = stations_.find(name);
   if (found == stations_.end() || found->second.peer == nullptr) return std::nullopt;
@@ -114,19 +114,17 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const std::string& name, const LiveF
 std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrameView& frame,
                                             std::int64_t now_ns) {
   if (frame.data.size() > settings_.max_frame_bytes) {
-    return makeRefusal(pb::Refusal::TOO_LARGE, "a live frame of " + std::to_string(frame.data.size()) +
-                                                   " bytes: the limit is " +
-                                                   std::to_string(settings_.max_frame_bytes));
+    return makeRefusal(pb::Refusal::TOO_LARGE, fmt::format("a live frame of {} bytes: the limit is {}",
+                                                           frame.data.size(), settings_.max_frame_bytes));
   }
   if (auto wrong = checkSessionId("live_frame", frame.session_id)) return wrong;
   // columns that stand still take no bytes: a small frame could be a second's work for us and each viewer
   if (const auto claimed = claimedSamples(viewOf(frame.data));
       claimed && *claimed > settings_.max_frame_samples) {
-    return makeRefusal(pb::Refusal::TOO_LARGE, "a live frame of " + std::to_string(*claimed) +
-                                                   " samples: the limit is " +
-                                                   std::to_string(settings_.max_frame_samples));
+    return makeRefusal(pb::Refusal::TOO_LARGE, fmt::format("a live frame of {} samples: the limit is {}",
+                                                           *claimed, settings_.max_frame_samples));
   }
-  // a station that has connected anew has taken over: its older connection is nobody any more
+  // a station that has reconnected has taken over: its older connection no longer counts
   if (from.station_ == nullptr) return std::nullopt;
   Station& station = *static_cast<Station*>(from.station_);
   const std::string& name = station.status.station();
@@ -191,7 +189,7 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
   };
   if (!std::isfinite(wanted.rate_hz()) || wanted.rate_hz() < 0 || wanted.rate_hz() > 1e6) {
     return refuse(pb::Refusal::INVALID,
-                  "subscribe.rate_hz " + std::to_string(wanted.rate_hz()) + " is not in [0, 1e6]");
+                  fmt::format("subscribe.rate_hz {:f} is not in [0, 1e6]", wanted.rate_hz()));
   }
   if (wanted.station().size() > 256 || (!wanted.session_id().empty() && wanted.session_id().size() != 16)) {
     return refuse(pb::Refusal::INVALID, "subscribe.station is at most 256 bytes, session_id 16 or none");
@@ -202,16 +200,15 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
   auto& mine = viewers_[&viewer];
   if (mine.contains(wanted.subscription())) {
     return refuse(pb::Refusal::CONFLICT,
-                  "subscription " + std::to_string(wanted.subscription()) + " exists already");
+                  fmt::format("subscription {} exists already", wanted.subscription()));
   }
   if (mine.size() >= settings_.max_subscriptions) {
     return refuse(pb::Refusal::TOO_LARGE,
-                  "a viewer has at most " + std::to_string(settings_.max_subscriptions) + " subscriptions");
+                  fmt::format("a viewer has at most {} subscriptions", settings_.max_subscriptions));
   }
   for (const auto& [number, other] : mine) {
     if (other->station == wanted.station() && other->session_id == wanted.session_id()) {
-      return refuse(pb::Refusal::CONFLICT,
-                    "subscription " + std::to_string(number) + " watches the same already");
+      return refuse(pb::Refusal::CONFLICT, fmt::format("subscription {} watches the same already", number));
     }
   }
 
@@ -261,7 +258,7 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
 std::optional<pb::Refusal> Hub::unsubscribe(HubPeer& viewer, std::uint32_t subscription) {
   const auto mine = viewers_.find(&viewer);
   if (mine == viewers_.end() || !mine->second.contains(subscription)) {
-    return makeRefusal(pb::Refusal::NOT_FOUND, "no subscription " + std::to_string(subscription));
+    return makeRefusal(pb::Refusal::NOT_FOUND, fmt::format("no subscription {}", subscription));
   }
   auto owned = std::move(mine->second.extract(subscription).mapped());
   if (mine->second.empty()) viewers_.erase(mine);
@@ -411,6 +408,32 @@ void Hub::statusFromSamples(Station& station, const LiveFrameView& frame, const 
   status.set_peak_force_n(std::max(status.peak_force_n(), status.force_n()));
   status.set_fault(last.fault);
   status.set_samples(last.tick + 1);
+}
+
+Decimator::Decimator(double rate_hz)
+    : period_ns_(std::max<std::int64_t>(
+          1, static_cast<std::int64_t>(std::llround(1e9 / std::max(rate_hz, 1e-3))))) {}
+
+std::vector<GestureSample> Decimator::keep(std::span<const GestureSample> samples) {
+  std::vector<GestureSample> kept;
+  for (const GestureSample& sample : samples) {
+    // a new session, or a station that started again: its clock starts elsewhere
+    const bool jumped = started_ && sample.time_ns < last_ns_;
+    if (!started_ || jumped) {
+      started_ = true;
+      due_ns_ = sample.time_ns;
+    }
+    last_ns_ = sample.time_ns;
+    if (sample.time_ns < due_ns_) continue;
+    kept.push_back(sample);
+    // the next point of the grid that lies ahead
+    const auto periods = (static_cast<std::uint64_t>(sample.time_ns) - static_cast<std::uint64_t>(due_ns_)) /
+                             static_cast<std::uint64_t>(period_ns_) +
+                         1;
+    due_ns_ = static_cast<std::int64_t>(static_cast<std::uint64_t>(due_ns_) +
+                                        periods * static_cast<std::uint64_t>(period_ns_));
+  }
+  return kept;
 }
 
 }  // namespace needlelab

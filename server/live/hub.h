@@ -15,9 +15,26 @@
 #include "common/wire/live_frames.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/envelope.pb.h"
-#include "server/live/decimator.h"
 
 namespace needlelab {
+
+/// Fewer samples for a viewer that asked for a lower rate: keeps the first sample at or behind each point of
+/// a time grid of the wanted rate, by the station's own times, so it does not depend on the loop's rate.
+/// Thread: one.
+class Decimator {
+ public:
+  /// rate_hz > 0
+  explicit Decimator(double rate_hz);
+
+  /// Those of `samples` that the viewer gets; none is a common answer.
+  std::vector<GestureSample> keep(std::span<const GestureSample> samples);
+
+ private:
+  std::int64_t period_ns_;
+  std::int64_t due_ns_ = 0;
+  std::int64_t last_ns_ = 0;
+  bool started_ = false;
+};
 
 /// Whom the hub can send to; a connection of the server, or a test.
 class HubPeer {
@@ -54,14 +71,14 @@ class Hub {
   /// The station is online by `peer`; gives the older connection of the same station, if any, which is
   /// attached no longer.
   HubPeer* attachStation(const std::string& name, HubPeer& peer);
-  /// Who the station is online by; null when it is not.
+  /// The connection by which the station is online; null when it is offline.
   [[nodiscard]] HubPeer* stationPeer(const std::string& name) const;
   /// Nothing happens when another connection of the station has taken over.
   void detachStation(const std::string& name, const HubPeer& peer);
-  /// A refusal, and nothing is kept, when the status is too large or its session_id is none.
+  /// A refusal, and nothing is kept, when the status is too large or its session_id is not valid.
   std::optional<pb::Refusal> onStatus(const std::string& name, const pb::StationStatus& status,
                                       std::int64_t now_ns);
-  /// A refusal when the frame is too large, claims too many samples or its session_id is none.
+  /// A refusal when the frame is too large, claims too many samples or its session_id is not valid.
   std::optional<pb::Refusal> onLiveFrame(const HubPeer& from, const LiveFrameView& frame,
                                          std::int64_t now_ns);
   std::optional<pb::Refusal> onLiveFrame(const std::string& name, const LiveFrameView& frame,
@@ -98,7 +115,7 @@ class Hub {
     std::string station, session_id;  // both empty: the overview
     std::optional<Decimator> decimator;
     double rate_hz = 0;
-    std::uint64_t frames = 0;  // decimated ones: numbered anew, upstream gaps kept
+    std::uint64_t frames = 0;  // decimated ones: renumbered, upstream gaps kept
     std::optional<std::uint64_t> last_upstream_seq;
     std::unordered_map<const Station*, std::int64_t>
         last_line_ns;  // overview: when each station's line was sent

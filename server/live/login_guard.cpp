@@ -1,5 +1,6 @@
 #include "server/live/login_guard.h"
 
+#include <fmt/core.h>
 #include <algorithm>
 #include <cmath>
 
@@ -10,7 +11,7 @@ constexpr std::int64_t kNsPerMs = 1'000'000;
 
 /// Lengths apart, so that no name can look like another name at another address.
 std::string pairKey(const std::string& name, const std::string& address) {
-  return std::to_string(name.size()) + " " + name + " " + address;
+  return fmt::format("{} {} {}", name.size(), name, address);
 }
 
 }  // namespace
@@ -58,7 +59,7 @@ bool LoginGuard::failed(const std::string& name, const std::string& address, std
   if (now_ns - pair.at_ns > settings_.quiet.count() * kNsPerMs) pair.failures = 0;
   pair.failures += 1;
   pair.at_ns = now_ns;
-  // a teacher who mistypes is no reason to be wary of the lab's address
+  // a teacher's typing errors do not count against the lab's address
   if (!knows(name, address)) {
     count(names_, name, settings_.refill_everywhere, now_ns);
     count(addresses_, address, settings_.refill_address, now_ns);

@@ -1,5 +1,5 @@
 /// Slows down the guessing of passwords. Keys and tokens are 32 random bytes, which nobody guesses: a right
-/// one is never kept out, and wrong ones are bounded by the door (door.h).
+/// one is never kept out, and wrong ones are bounded by admission.h.
 #pragma once
 
 #include <chrono>
@@ -13,19 +13,19 @@ namespace needlelab {
 /// - a name at an address: `allowed_per_name`, then a wait that doubles with each further failure;
 /// - an address, whatever the names: `allowed_per_address` at once, one more each `refill_address`;
 /// - a name, whatever the addresses: `allowed_everywhere` at once, one more each `refill_everywhere`.
-/// Who has logged in from an address before is known there, and only the first count concerns them: strangers
-/// elsewhere cannot lock a teacher out of the lab, nor one who guesses in the lab the others. The price: who
-/// guesses a name at its own address keeps that name out there (not its tokens) as long as the wait; and a
-/// known address has up to `allowed_per_name` tries of each known name that strangers no longer have.
-/// Successes cost nothing. Memory is bounded: the names come from the network. Times: steady clock (ns), from
-/// the caller. Thread: one.
+/// People who have logged in from an address before are known there, and only the first count concerns them:
+/// strangers elsewhere cannot lock a teacher out of the lab, nor one who guesses in the lab the others. The
+/// price: who guesses a name at its own address keeps that name out there (not its tokens) as long as the
+/// wait; and a known address has up to `allowed_per_name` tries of each known name that strangers no longer
+/// have. Successes cost nothing. Memory is bounded: the names come from the network. Times: steady clock
+/// (ns), from the caller. Thread: one.
 class LoginGuard {
  public:
   struct Settings {
     double allowed_per_name = 5;
     std::chrono::milliseconds first_wait{10'000};
     std::chrono::milliseconds longest_wait{15 * 60'000};
-    std::chrono::milliseconds quiet{3'600'000};  ///< without a failure: a name at an address begins anew
+    std::chrono::milliseconds quiet{3'600'000};  ///< without a failure: a name at an address starts from zero
     double allowed_per_address = 30;
     std::chrono::milliseconds refill_address{2'000};
     double allowed_everywhere = 50;
@@ -41,7 +41,7 @@ class LoginGuard {
                                      std::int64_t now_ns) const;
   /// Gives true when this failure begins a wait of the name or of the address: worth a line in the audit log.
   bool failed(const std::string& name, const std::string& address, std::int64_t now_ns);
-  /// The name begins anew at this address and is known there from now on.
+  /// The name starts from zero at this address and is known there from now on.
   void succeeded(const std::string& name, const std::string& address, std::int64_t now_ns);
   [[nodiscard]] bool knows(const std::string& name, const std::string& address) const;
 

@@ -1,16 +1,98 @@
 // The metrics: names, meanings, and where each comes from.
+#include <fmt/core.h>
 #include <array>
+#include <cassert>
+#include <charconv>
+#include <cmath>
 #include <map>
 #include <string>
 
 #include "common/base/clock.h"
 #include "common/base/text.h"
-#include "db/service/roles.h"
+#include "db/service/requests.h"
 #include "server/live/connection.h"
+#include "server/live/metrics.h"
 #include "server/live/monitor.h"
-#include "server/live/prometheus.h"
 
 namespace needlelab {
+
+namespace {
+
+[[maybe_unused]] bool isName(std::string_view name) {
+  if (name.empty() || (name[0] >= '0' && name[0] <= '9')) return false;
+  for (const char c : name) {
+    const bool legal =
+        (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == ':';
+    if (!legal) return false;
+  }
+  return true;
+}
+
+void appendEscaped(std::string& out, std::string_view text, bool quotes) {
+  for (const char c : text) {
+    if (c == '\\' || (quotes && c == '"')) out += '\\';
+    if (c == '\n') {
+      out += "\\n";
+    } else {
+      out += c;
+    }
+  }
+}
+
+/// Shortest digits that give the same number again; NaN, +Inf and -Inf as Prometheus writes them.
+void appendNumber(std::string& out, double value) {
+  if (std::isnan(value)) {
+    out += "NaN";
+  } else if (std::isinf(value)) {
+    out += value > 0 ? "+Inf" : "-Inf";
+  } else {
+    char digits[40];
+    const auto [end, error] = std::to_chars(digits, digits + sizeof digits, value);
+    assert(error == std::errc());
+    out.append(digits, end);
+  }
+}
+
+}  // namespace
+
+void PrometheusText::metric(std::string_view name, std::string_view type, std::string_view help) {
+  assert(isName(name));
+  name_ = name;
+  text_ += "# HELP " + name_ + ' ';
+  appendEscaped(text_, help, false);
+  text_ += "\n# TYPE " + name_ + ' ';
+  text_ += type;
+  text_ += '\n';
+}
+
+void PrometheusText::sample(double value, Labels labels, std::string_view suffix) {
+  text_ += name_;
+  text_ += suffix;
+  char separator = '{';
+  for (const auto& [label, text] : labels) {
+    assert(isName(label));
+    text_ += std::exchange(separator, ',');
+    text_ += label;
+    text_ += "=\"";
+    appendEscaped(text_, text, true);
+    text_ += '"';
+  }
+  if (separator == ',') text_ += '}';
+  text_ += ' ';
+  appendNumber(text_, value);
+  text_ += '\n';
+}
+
+void PrometheusText::counter(std::string_view name, double value, std::string_view help) {
+  metric(name, "counter", help);
+  sample(value);
+}
+
+void PrometheusText::gauge(std::string_view name, double value, std::string_view help) {
+  metric(name, "gauge", help);
+  sample(value);
+}
+
 namespace {
 
 double real(std::uint64_t count) {
@@ -26,7 +108,7 @@ void histogram(PrometheusText& out, std::string_view name, const Histogram& valu
   const auto bounds = values.bounds();
   for (std::size_t i = 0; i < bounds.size(); ++i) {
     through += values.buckets()[i];
-    const std::string bound = formatted("%g", static_cast<double>(bounds[i]) * unit);
+    const std::string bound = fmt::format("{:g}", static_cast<double>(bounds[i]) * unit);
     out.sample(real(through), {{"le", bound}}, "_bucket");
   }
   out.sample(real(values.count()), {{"le", "+Inf"}}, "_bucket");
@@ -137,7 +219,7 @@ void storage(PrometheusText& out, const ServerContext& context, const StoreFacts
   out.gauge("needlelab_disk_size_bytes", real(facts.disk_bytes), "Size of the database's disk.");
   out.gauge("needlelab_database_readable", facts.fault.empty() ? 1 : 0,
             "0 when the database could not be read.");
-  // without a backup there is no age: alarms on absence, too
+  // without a backup the metric is absent, on which the alarm fires as well
   out.metric("needlelab_backup_age_seconds", "gauge",
              "Age of the last verified backup; absent when there is none.");
   if (facts.backup_unix_ns) out.sample(static_cast<double>(wallNowNs() - *facts.backup_unix_ns) / 1e9);
@@ -173,7 +255,7 @@ void browsers(PrometheusText& out, const ServerContext& context) {
   std::uint64_t through = 0;
   for (std::size_t i = 0; i < WebCounters::kLatency_s.size(); ++i) {
     through += web.latency[i];
-    const std::string bound = formatted("%g", WebCounters::kLatency_s[i]);
+    const std::string bound = fmt::format("{:g}", WebCounters::kLatency_s[i]);
     out.sample(real(through), {{"le", bound}}, "_bucket");
   }
   through += web.latency.back();

@@ -1,18 +1,72 @@
 #include "server/live/monitor.h"
 
+#include <fmt/core.h>
+#include <sys/resource.h>
+#include <unistd.h>
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
 #include <utility>
 
 #include "common/base/clock.h"
 #include "common/base/text.h"
 #include "common/wire/certificates.h"
 #include "db/schema.h"
-#include "server/live/log.h"
+#include "server/base/log.h"
 
 namespace needlelab {
+
+namespace {
+
+std::string fileText(const char* path) {
+  std::ifstream file(path);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+/// When this machine was started, seconds since 1970.
+double bootTime() {
+  std::istringstream stat(fileText("/proc/stat"));
+  double seconds = 0;
+  for (std::string line; std::getline(stat, line);)
+    if (line.starts_with("btime ")) seconds = std::stod(line.substr(6));
+  return seconds;
+}
+
+}  // namespace
+
+ProcessFacts processFacts() {
+  ProcessFacts facts;
+  // the name stands in brackets and may hold anything: fields count from the last one (proc(5))
+  const std::string stat = fileText("/proc/self/stat");
+  const auto end = stat.rfind(')');
+  if (end != std::string::npos) {
+    const auto ticks_per_s = static_cast<double>(::sysconf(_SC_CLK_TCK));
+    std::istringstream fields(stat.substr(end + 1));
+    std::string field;
+    for (int number = 3; fields >> field; ++number) {
+      if (number == 14 || number == 15) facts.cpu_s += std::stod(field) / ticks_per_s;
+      if (number == 20) facts.threads = std::stoull(field);
+      if (number == 22) facts.started_unix_s = bootTime() + std::stod(field) / ticks_per_s;
+      if (number == 24)
+        facts.rss_bytes = std::stoull(field) * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+    }
+  }
+  std::error_code error;
+  for (auto at = std::filesystem::directory_iterator("/proc/self/fd", error);
+       !error && at != std::filesystem::directory_iterator(); at.increment(error))
+    ++facts.open_files;
+  // the one that reads the folder is among them
+  if (facts.open_files > 0) --facts.open_files;
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) == 0) facts.most_files = limit.rlim_cur;
+  return facts;
+}
+
 namespace {
 
 constexpr std::int64_t kSecond = 1'000'000'000;
@@ -88,7 +142,7 @@ HttpAnswer healthAnswer(const Health& health, const StoreFacts& facts, std::int6
   json["problems"] = health.problems;
   // a path with bytes that are no UTF-8 must not throw
   const std::string text = json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
-  return {health.problems.empty() ? 200 : 503, "application/json", text};
+  return {health.problems.empty() ? 200u : 503u, "application/json", text};
 }
 
 Monitor::Monitor(ServerContext& context, std::filesystem::path certificate, MonitorSettings settings)
@@ -105,13 +159,12 @@ void Monitor::join() {
 }
 
 Task<HttpAnswer> Monitor::answer(std::string path) {
-  if (path != "/metrics" && path != "/healthz")
-    co_return HttpAnswer{404, "text/plain; charset=utf-8", "there is /metrics and /healthz\n"};
+  if (path != "/metrics" && path != "/healthz") co_return plainAnswer(404, "there is /metrics and /healthz");
   const StoreFacts facts = co_await this->facts();
   if (path == "/metrics")
     co_return HttpAnswer{200, "text/plain; version=0.0.4; charset=utf-8", metricsText(context_, facts)};
   if (!facts.answered) {
-    // no trial write: it would wait as well, and the words would be those of an old reading
+    // no trial write: it would wait as well, and the report would be that of an old reading
     Health health;
     health.last_commit_age_s =
         last_commit_ns_ == 0 ? -1 : static_cast<double>(steadyNowNs() - last_commit_ns_) / 1e9;
@@ -142,8 +195,8 @@ Task<StoreFacts> Monitor::facts() {
     const std::int64_t left_ns = patience_ns - (steadyNowNs() - asked_ns);
     if (left_ns <= 0) {
       StoreFacts last = facts_.value_or(StoreFacts{});
-      last.fault = formatted("the disk does not answer: nothing was read within %.1f s",
-                             static_cast<double>(patience_ns) / 1e9);
+      last.fault = fmt::format("the disk does not answer: nothing was read within {:.1f} s",
+                               static_cast<double>(patience_ns) / 1e9);
       last.answered = false;
       co_return last;
     }
@@ -198,9 +251,8 @@ Task<Health> Monitor::health(const StoreFacts& facts) {
     health.writable = false;
     health.problems.push_back("the database writer has stopped: " + failed->message);
   } else if (!room) {
-    health.problems.push_back(formatted("the database's disk has %llu MiB left, wanted are %llu",
-                                        static_cast<unsigned long long>(facts.free_bytes >> 20),
-                                        static_cast<unsigned long long>(settings_.min_free_bytes >> 20)));
+    health.problems.push_back(fmt::format("the database's disk has {} MiB left, wanted are {}",
+                                          facts.free_bytes >> 20, settings_.min_free_bytes >> 20));
   } else if (!health.writable) {
     health.problems.emplace_back("a trial write was not committed in time");
   }
@@ -211,11 +263,42 @@ Task<Health> Monitor::health(const StoreFacts& facts) {
     if (!facts.backup_unix_ns) {
       health.problems.emplace_back("there was never a verified backup");
     } else if ((now_ns - *facts.backup_unix_ns) / kSecond > settings_.max_backup_age.count()) {
-      health.problems.push_back(formatted("the last verified backup is %.1f h old",
-                                          static_cast<double>(now_ns - *facts.backup_unix_ns) / 3.6e12));
+      health.problems.push_back(fmt::format("the last verified backup is {:.1f} h old",
+                                            static_cast<double>(now_ns - *facts.backup_unix_ns) / 3.6e12));
     }
   }
   co_return health;
+}
+
+MonitorPort::MonitorPort(asio::io_context& io, Tcp::acceptor acceptor, Monitor& monitor)
+    : HttpServer(io, std::move(acceptor), std::nullopt,
+                 {.header_bytes = 4096,
+                  .body_bytes = 0,
+                  .requests_per_connection = 1,
+                  .whole = std::chrono::milliseconds(10'000)}),
+      monitor_(monitor) {}
+
+void MonitorPort::stop() {
+  HttpServer::stop();
+  cut();
+}
+
+bool MonitorPort::admit(std::uint64_t /*id*/, const Tcp::endpoint& /*peer*/) {
+  constexpr std::size_t kMostConnections = 16;
+  return connections() < kMostConnections;
+}
+
+Task<HttpAnswer> MonitorPort::answer(std::shared_ptr<HttpRequest> request) {
+  if (request->method == "GET" || request->method == "HEAD")
+    co_return co_await monitor_.answer(request->target.substr(0, request->target.find('?')));
+  HttpAnswer answer = plainAnswer(405, "only GET and HEAD");
+  answer.headers.emplace_back("Allow", "GET, HEAD");
+  co_return answer;
+}
+
+std::optional<HttpAnswer> MonitorPort::unreadable(const boost::system::error_code& error) {
+  if (!isBadRequest(error)) return std::nullopt;
+  return plainAnswer(400, "not a request that this server knows: " + error.message());
 }
 
 }  // namespace needlelab

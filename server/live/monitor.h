@@ -1,5 +1,5 @@
-/// How the server does, for machines: Prometheus metrics and a health check. deploy/OPERATIONS.md says what
-/// each alarm means.
+/// Prometheus metrics and a health check, and the port that serves them. deploy/OPERATIONS.md explains each
+/// alarm.
 #pragma once
 
 #include <chrono>
@@ -10,11 +10,22 @@
 #include <string>
 #include <vector>
 
+#include "server/base/http_server.h"
 #include "server/live/context.h"
-#include "server/live/monitor_http.h"
-#include "server/live/process_facts.h"
 
 namespace needlelab {
+
+/// Facts of this process, from the kernel.
+struct ProcessFacts {
+  double cpu_s = 0;  ///< user and system
+  double started_unix_s = 0;
+  std::uint64_t rss_bytes = 0;
+  std::uint64_t threads = 0;
+  std::uint64_t open_files = 0, most_files = 0;
+};
+
+/// Reads /proc/self; a value that cannot be read stays 0. Thread: any.
+ProcessFacts processFacts();
 
 struct MonitorSettings {
   std::uint64_t min_free_bytes = 256u
@@ -24,8 +35,8 @@ struct MonitorSettings {
   std::chrono::milliseconds read_patience{2'000};   ///< for what is read from the disk
 };
 
-/// What a worker reads for the monitor; nothing in it is older than a second when it is shown, unless the
-/// disk does not answer.
+/// The values that a worker reads for the monitor; none of them is older than a second when it is shown,
+/// unless the disk does not answer.
 struct StoreFacts {
   std::uint64_t database_bytes = 0, wal_bytes = 0;
   std::uint64_t free_bytes = 0, disk_bytes = 0;
@@ -81,6 +92,22 @@ class Monitor {
   Signal read_, written_;  ///< something has ended: what was asked for, or somebody's patience
   std::uint64_t seen_commits_ = 0;
   std::int64_t last_commit_ns_ = 0;  ///< steady clock; 0: none seen yet
+};
+
+/// The port of `--metrics`: GET /metrics and GET /healthz, without TLS. One request a connection, answered
+/// and closed; connections, bytes and time are bounded. The monitor must outlive it.
+class MonitorPort : public HttpServer {
+ public:
+  MonitorPort(asio::io_context& io, Tcp::acceptor acceptor, Monitor& monitor);
+  void stop() override;
+  Task<HttpAnswer> answer(std::shared_ptr<HttpRequest> request) override;
+  std::optional<HttpAnswer> unreadable(const boost::system::error_code& error) override;
+
+ protected:
+  bool admit(std::uint64_t id, const Tcp::endpoint& peer) override;
+
+ private:
+  Monitor& monitor_;
 };
 
 }  // namespace needlelab

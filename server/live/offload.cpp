@@ -4,11 +4,11 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-#include "server/live/log.h"
+#include "server/base/log.h"
 
 namespace needlelab {
 
-void afterOthers() {
+void yieldToOthers() {
   if (::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)), 10) != 0)
     logEvent(LogLevel::kWarning, "retention_priority_not_lowered", {});
 }

@@ -91,8 +91,9 @@ Task<T> offload(asio::thread_pool& pool, std::function<T()> work) {
   co_return std::move(*state->answer->value);
 }
 
-/// Retention has time: whoever acts for a person or a station goes before the calling thread, from now on.
-void afterOthers();
+/// For retention, which has time: from now on the threads that act for a person or a station go before this
+/// one.
+void yieldToOthers();
 
 /// Runs `work` in the writer's next group; the status comes after the commit.
 Task<Status> commit(DbWriter& writer, DbWriter::Work work);

@@ -1,12 +1,13 @@
 #include "server/live/person_login.h"
 
+#include <fmt/core.h>
 #include <boost/asio/post.hpp>
 #include <utility>
 
 #include "common/base/clock.h"
 #include "common/base/secret.h"
 #include "common/base/text.h"
-#include "server/live/log.h"
+#include "server/base/log.h"
 
 namespace needlelab {
 namespace {
@@ -38,8 +39,8 @@ bool roomToWait(const ServerContext& context, bool known, const std::string& hos
 void noteLocked(ServerContext& context, const std::string& name, const std::string& host,
                 const LoginPeer& peer) {
   const auto wait = context.guard.mustWait(name, host, steadyNowNs());
-  const std::string text = "too many failed log-ins from " + hostOfAddress(peer.address) + ": waits " +
-                           std::to_string(wait.count() / 1000 + 1) + " s";
+  const std::string text = fmt::format("too many failed log-ins from {}: waits {} s",
+                                       hostOfAddress(peer.address), wait.count() / 1000 + 1);
   logEvent(LogLevel::kWarning, "login_locked", {{"conn", peer.connection}, {"name", name}, {"text", text}});
   asio::post(context.workers,
              [&service = context.store.service(), subject = printable(name.substr(0, 100)), text] {
@@ -104,7 +105,7 @@ std::string hostOfAddress(const std::string& address) {
 std::string textOf(const PersonLogin& login) {
   switch (login.answer) {
     case Answer::kMustWait:
-      return "too many failed log-ins; try again in " + std::to_string(login.wait.count() / 1000 + 1) + " s";
+      return fmt::format("too many failed log-ins; try again in {} s", login.wait.count() / 1000 + 1);
     case Answer::kTooMany:
       return "too many log-ins at once; try again in some seconds";
     case Answer::kRefused:
@@ -121,7 +122,7 @@ std::string textOf(const PersonLogin& login) {
 
 Task<PersonLogin> logInPerson(ServerContext& context, std::shared_ptr<const PersonSecret> secret,
                               LoginPeer peer) {
-  const std::string host = Door::keyOf(hostOfAddress(peer.address)), name = "person " + secret->user;
+  const std::string host = Admission::keyOf(hostOfAddress(peer.address)), name = "person " + secret->user;
   if (auto wait = waitOf(context, name, host, peer); wait.answer == Answer::kMustWait) co_return wait;
   if (!roomToWait(context, context.guard.knows(name, host), host)) {
     ++context.counters.logins_refused;

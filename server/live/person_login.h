@@ -34,7 +34,7 @@ struct PersonSecret {
   std::string user, password;
 };
 
-/// Who asks; `gone()` is true when nobody waits for the answer any more.
+/// The peer that logs in; `gone()` is true when nobody waits for the answer any more.
 struct LoginPeer {
   std::uint64_t connection = 0;
   std::string address;  ///< HOST:PORT

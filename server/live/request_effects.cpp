@@ -1,57 +1,58 @@
 #include "server/live/request_effects.h"
 
+#include <fmt/core.h>
 #include <boost/asio/post.hpp>
 #include <utility>
 
 #include "common/base/secret.h"
 #include "common/base/text.h"
 #include "common/wire/protocol.h"
-#include "db/service/roles.h"
+#include "db/service/requests.h"
+#include "server/base/log.h"
 #include "server/live/connection.h"
-#include "server/live/log.h"
 
 namespace needlelab {
 namespace {
 
-/// What a request says to a station: which one, the message, and since which minor version it is known.
-struct Spoken {
+/// A message that a request sends to a station, and the minor version since which stations know it.
+struct StationMessage {
   std::string station;
   std::string session_id;  // the lesson that is meant; empty: whichever
   pb::Envelope message;
   std::uint32_t since_minor = 0;
 };
 
-Spoken spokenBy(const pb::Request& request, const std::string& by) {
-  Spoken spoken;
-  const auto say = [&](const auto& asked, auto& message) {
+StationMessage stationMessageOf(const pb::Request& request, const std::string& by) {
+  StationMessage wanted;
+  const auto copyOf = [&](const auto& asked, auto& message) {
     message = asked;
     message.set_from(by);
-    spoken.station = asked.station();
+    wanted.station = asked.station();
   };
   if (request.has_trainee_message())
-    say(request.trainee_message(), *spoken.message.mutable_trainee_message());
-  if (request.has_next_exercise()) say(request.next_exercise(), *spoken.message.mutable_next_exercise());
+    copyOf(request.trainee_message(), *wanted.message.mutable_trainee_message());
+  if (request.has_next_exercise()) copyOf(request.next_exercise(), *wanted.message.mutable_next_exercise());
   if (request.has_set_aids()) {
-    say(request.set_aids(), *spoken.message.mutable_set_aids());
-    spoken.session_id = request.set_aids().session_id();
-    spoken.since_minor = 2;
+    copyOf(request.set_aids(), *wanted.message.mutable_set_aids());
+    wanted.session_id = request.set_aids().session_id();
+    wanted.since_minor = 2;
   }
   if (request.has_stop_lesson()) {
-    say(request.stop_lesson(), *spoken.message.mutable_stop_lesson());
-    spoken.session_id = request.stop_lesson().session_id();
-    spoken.since_minor = 2;
+    copyOf(request.stop_lesson(), *wanted.message.mutable_stop_lesson());
+    wanted.session_id = request.stop_lesson().session_id();
+    wanted.since_minor = 2;
   }
-  return spoken;
+  return wanted;
 }
 
 /// Gives the refusal when it did not reach the station, or may not have.
 Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Request& request, std::string by) {
-  Spoken spoken = spokenBy(request, by);
-  auto* const peer = dynamic_cast<PeerConnection*>(context.hub.stationPeer(spoken.station));
-  const std::string name = "station '" + spoken.station + "'";
+  StationMessage wanted = stationMessageOf(request, by);
+  auto* const peer = dynamic_cast<PeerConnection*>(context.hub.stationPeer(wanted.station));
+  const std::string name = "station '" + wanted.station + "'";
   if (peer == nullptr) co_return makeRefusal(pb::Refusal::NOT_FOUND, name + " is not online");
-  if (peer->version().minor() < spoken.since_minor) {
-    // it would answer the ping and pass over what it does not know: that is no delivery
+  if (peer->version().minor() < wanted.since_minor) {
+    // it would answer the ping and pass over what it does not know: that is not a delivery
     pb::Refusal refusal =
         makeRefusal(pb::Refusal::VERSION, name + " runs " + printable(peer->program()) + " (protocol " +
                                               versionText(peer->version()) +
@@ -60,56 +61,54 @@ Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Reque
     *refusal.mutable_theirs() = peer->version();
     co_return refusal;
   }
-  if (co_await PeerConnection::sendConfirmed(peer->shared_from_this(), std::move(spoken.message)))
+  if (co_await PeerConnection::sendConfirmed(peer->shared_from_this(), std::move(wanted.message)))
     co_return std::nullopt;
-  co_return makeRefusal(pb::Refusal::TIMEOUT, name + " did not confirm it within " +
-                                                  std::to_string(context.bounds.confirm_timeout.count()) +
-                                                  " ms, or its connection ended: it may not have arrived; "
-                                                  "say it again when the station is back");
+  co_return makeRefusal(pb::Refusal::TIMEOUT,
+                        fmt::format("{} did not confirm it within {} ms, or its connection ended: it may not "
+                                    "have arrived; say it again when the station is back",
+                                    name, context.bounds.confirm_timeout.count()));
 }
 
 /// In the audit log, behind the line that says what was to be delivered.
-void noteLater(ServerContext& context, const std::string& who, const std::string& action,
-               const std::string& subject, const std::string& detail) {
+void addToAuditLog(ServerContext& context, const std::string& who, const std::string& action,
+                   const std::string& subject, const std::string& detail) {
   asio::post(context.workers, [&service = context.store.service(), who, action, subject, detail] {
     const Status noted = service.note(who, action, subject, detail);
     if (!noted.ok()) logEvent(LogLevel::kError, "audit_failed", {{"text", noted.error().message}});
   });
 }
 
-}  // namespace
-
-asio::thread_pool& poolFor(ServerContext& context, const pb::Request& request) {
-  switch (request.call_case()) {
-    case pb::Request::kAddUser:
-    case pb::Request::kSetPassword:
+asio::thread_pool& poolFor(ServerContext& context, RequestThreads threads) {
+  switch (threads) {
+    case RequestThreads::kWorkers:
+      break;
+    case RequestThreads::kPasswords:
       return context.passwords;
-    case pb::Request::kBackup:
-    case pb::Request::kCheck:
-    case pb::Request::kVerifySession:
-    // a class with passwords, a person's years, a whole gesture: seconds
-    case pb::Request::kImportPeople:
-    case pb::Request::kImportAll:
-    case pb::Request::kErasePerson:
-    case pb::Request::kRescoreSession:
-      return context.slow_workers;
-    case pb::Request::kRunRetention:
-    case pb::Request::kRescoreAll:
-      return context.retention_workers;
-    // the engine, and lists over all sessions: tens of milliseconds to seconds, and anybody of the staff may
-    case pb::Request::kPreviewProfile:
-    case pb::Request::kExportPerson:
-    case pb::Request::kExportStudy:
-    case pb::Request::kReadStudyRecording:
-    case pb::Request::kGetResults:
-    case pb::Request::kListScores:
+    case RequestThreads::kViews:
       return context.views;
-    default:
-      return context.workers;
+    case RequestThreads::kSlow:
+      return context.slow_workers;
+    case RequestThreads::kHours:
+      return context.retention_workers;
   }
+  return context.workers;
 }
 
-std::shared_ptr<const pb::Request> heldSecretly(pb::Request request) {
+}  // namespace
+
+Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal who,
+                                              std::shared_ptr<const pb::Request> request) {
+  const RequestRow* row = requestRow(request->call_case());
+  const RequestThreads threads = row == nullptr ? RequestThreads::kWorkers : row->threads;
+  std::function<std::shared_ptr<Outcome>()> work = [&service = context.store.service(), who, request,
+                                                    threads] {
+    if (threads == RequestThreads::kHours) yieldToOthers();
+    return std::make_shared<Outcome>(service.execute(who, *request));
+  };
+  co_return co_await offload(poolFor(context, threads), std::move(work));
+}
+
+std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request) {
   return {new pb::Request(std::move(request)), [](pb::Request* held) {
             if (held->has_add_user()) wipe(*held->mutable_add_user()->mutable_password());
             if (held->has_import_people()) wipe(*held->mutable_import_people()->mutable_csv());
@@ -123,16 +122,16 @@ Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Requ
   if (outcome.error) co_return refusalOf(*outcome.error);
   std::optional<pb::Refusal> refusal;
   switch (outcome.server_part) {
-    case Outcome::ServerPart::kNone:
+    case ServerPart::kNone:
       break;
-    case Outcome::ServerPart::kFillStations:
+    case ServerPart::kFillStations:
       context.hub.fillStations(*outcome.reply.mutable_stations());
       break;
-    case Outcome::ServerPart::kDeliver:
+    case ServerPart::kDeliver:
       refusal = co_await deliver(context, request, by);
       if (refusal)
-        noteLater(context, by, "not delivered", spokenBy(request, by).station,
-                  std::string(callName(request.call_case())) + ": " + refusal->text());
+        addToAuditLog(context, by, "not delivered", stationMessageOf(request, by).station,
+                      std::string(callName(request.call_case())) + ": " + refusal->text());
       break;
   }
   if (!refusal && outcome.reply.result_case() == pb::Reply::RESULT_NOT_SET) outcome.reply.mutable_done();
@@ -152,7 +151,7 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
     endAccess(context, request.revoke_station().name(), true, by, nullptr, "the station's key was revoked");
   if (request.has_disable_user() && !request.disable_user().enable())
     endAccess(context, request.disable_user().name(), false, by, nullptr, "the account was disabled");
-  // who has another role now goes on with none of the old one's connections, its own least of all
+  // all connections of a person whose role has changed end, the asker's own as well
   const char* const changed = "the account was changed: log in again";
   if (request.has_change_user() && (request.change_user().has_role() || request.change_user().disabled())) {
     const bool same = asker != nullptr && reply.user().role() == asker->who().role;
@@ -163,14 +162,15 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
               reply.erasure().pseudonym());
   for (const std::string& name : reply.people_import().roles_changed())
     endAccess(context, name, false, by, nullptr, changed);
-  // who sets its own password goes on; its other connections may be those of somebody who knew the old one
+  // the connection on which a person sets its own password stays; the others may be of somebody who knew the
+  // old one
   if (request.has_set_password())
     endAccess(context, request.set_password().name(), false, by, asker,
               "the password was changed: log in again");
 }
 
 void endAccess(ServerContext& context, const std::string& name, bool station, const std::string& by,
-               const PeerConnection* except, const std::string& text, const std::string& said_as) {
+               const PeerConnection* except, const std::string& text, const std::string& logged_as) {
   // log-ins that are being checked now are checked again
   ++context.access_changes;
   const std::size_t tokens = station ? 0 : context.tokens.forget(name);
@@ -183,13 +183,12 @@ void endAccess(ServerContext& context, const std::string& name, bool station, co
     peer->refuseAndClose(makeRefusal(pb::Refusal::LOGIN, text));
     ++ended;
   }
-  const std::string subject = said_as.empty() ? name : said_as;
+  const std::string subject = logged_as.empty() ? name : logged_as;
   logEvent(LogLevel::kInfo, "access_ended",
            {{"name", subject}, {"by", by}, {"connections", ended}, {"tokens", tokens}, {"text", text}});
   if (ended + tokens == 0) return;
-  const std::string detail =
-      text + "; ended: " + std::to_string(ended) + " connections, " + std::to_string(tokens) + " tokens";
-  noteLater(context, by, "access ended", subject, detail);
+  const std::string detail = fmt::format("{}; ended: {} connections, {} tokens", text, ended, tokens);
+  addToAuditLog(context, by, "access ended", subject, detail);
 }
 
 }  // namespace needlelab

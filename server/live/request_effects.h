@@ -1,8 +1,7 @@
-/// What a request needs beside the store, whichever port it came by: the threads to run on, what only the
-/// running server can add to the reply, and what follows for others who are connected.
+/// What a request needs beside the store, on both ports: the threads that execute it, what only the running
+/// server can add to the reply, and the consequences for others who are connected.
 #pragma once
 
-#include <boost/asio/thread_pool.hpp>
 #include <memory>
 #include <optional>
 #include <string>
@@ -12,11 +11,12 @@
 
 namespace needlelab {
 
-/// Where a request runs, so that a backup of minutes or a flood of passwords does not hold up a lesson.
-asio::thread_pool& poolFor(ServerContext& context, const pb::Request& request);
+/// A password in it is wiped when its last holder lets go of it.
+std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request);
 
-/// The password in it, if any, is wiped at the end, whoever holds it last.
-std::shared_ptr<const pb::Request> heldSecretly(pb::Request request);
+/// Executes a request on the threads that its row names (db/service/requests.cpp). Thread: the network's.
+Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal who,
+                                              std::shared_ptr<const pb::Request> request);
 
 /// Adds to `outcome` what only a running server can: who is online; a message that a station has confirmed.
 /// Gives a refusal in place of the reply. `request` and `outcome` must outlive it. Thread: the network's.
@@ -28,9 +28,9 @@ Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Requ
 void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply,
               const std::string& by, const PeerConnection* asker);
 
-/// All connections and tokens of a name end. `said_as`: what the logs say in place of the name; empty: the
+/// All connections and tokens of a name end. `logged_as`: what the logs say in place of the name; empty: the
 /// name. Thread: the network's.
 void endAccess(ServerContext& context, const std::string& name, bool station, const std::string& by,
-               const PeerConnection* except, const std::string& text, const std::string& said_as = {});
+               const PeerConnection* except, const std::string& text, const std::string& logged_as = {});
 
 }  // namespace needlelab

@@ -1,4 +1,5 @@
-/// What a peer may send, by the state of its connection and its role. Checked before any handler runs.
+/// The messages that a peer may send, by the state of its connection and its role. Checked before any handler
+/// runs.
 #pragma once
 
 #include <cstdint>
@@ -34,7 +35,7 @@ enum class Verdict : std::uint8_t {
 };
 
 /// `role` is ROLE_UNSPECIFIED before log-in. Which requests a role may make is checked by the service
-/// (service/roles.h).
+/// (service/requests.h).
 Verdict checkMessage(pb::Envelope::BodyCase body, ConnectionState state, pb::Role role);
 
 }  // namespace needlelab

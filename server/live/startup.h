@@ -1,9 +1,8 @@
-/// What is looked at before the server begins: each fault is said with what to do about it.
+/// Checks before the server starts: each error message says what to do.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
-#include <optional>
 #include <string>
 
 #include "common/base/result.h"
@@ -23,9 +22,5 @@ Status checkRoom(const std::filesystem::path& folder, std::uint64_t min_free_byt
 /// In words, when this process may open fewer files than `connections` need: how many it may, how many are
 /// needed and what to do. Empty: there are enough.
 std::string tooFewFiles(std::size_t connections);
-
-/// Who listens on a TCP port of this machine, as "needlelab-server (process 123)", as far as /proc tells this
-/// user.
-std::optional<std::string> portHolder(std::uint16_t port);
 
 }  // namespace needlelab

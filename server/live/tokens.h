@@ -34,10 +34,10 @@ class Tokens {
   /// When all places are taken, or this person has kMostOfPerson, the one that ends first is given up: who
   /// logs in again and again costs nobody else a token.
   Issued issue(const Holder& holder, std::int64_t now_ns);
-  /// Whose token it is, while it lasts.
+  /// The holder of a token, while it lasts.
   std::optional<Holder> find(std::string_view token, std::int64_t now_ns);
   /// Lets a token that was just used last as long as a new one would, `longest` from the password at most.
-  /// When it ends now; nothing when there is no such token.
+  /// When it ends now; nothing for an unknown token.
   std::optional<std::int64_t> renew(std::string_view token, std::int64_t now_ns);
   /// When it ends.
   [[nodiscard]] std::optional<std::int64_t> endOf(std::string_view token, std::int64_t now_ns) const;

@@ -11,8 +11,8 @@
 #include "common/profile/profile.h"
 #include "db/credentials.h"
 #include "db/session_store.h"
-#include "server/live/log.h"
-#include "server/web/web_answer.h"
+#include "server/base/http_message.h"
+#include "server/base/log.h"
 
 namespace needlelab {
 namespace {
@@ -26,13 +26,11 @@ struct BoardFacts {
 
 /// On a worker's thread: the stations that there are, and the layers of the sessions that are new.
 Result<BoardFacts> readBoardFacts(Store& store, bool stations_too, const std::vector<std::string>& sessions) {
-  auto reader = store.readers().borrow();
-  if (!reader) return reader.error();
+  ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
   BoardFacts facts;
   if (stations_too) {
-    const auto stations = StationStore(**reader).list();
-    if (!stations) return stations.error();
-    for (const Station& station : *stations) {
+    ASSIGN_OR_RETURN(const auto stations, StationStore(*reader).list());
+    for (const Station& station : stations) {
       if (!station.revoked) facts.stations.add_stations()->set_name(station.name);
     }
   }
@@ -40,7 +38,7 @@ Result<BoardFacts> readBoardFacts(Store& store, bool stations_too, const std::ve
     Uuid id;
     if (bytes.size() != id.size()) continue;
     std::copy(bytes.begin(), bytes.end(), id.begin());
-    const auto info = SessionStore(**reader).info(id);
+    const auto info = SessionStore(*reader).info(id);
     if (!info) continue;  // its first status came before it was stored: asked for again
     auto& names = facts.tissues[bytes];
     const auto profile = parseProfile(info->description().profile_json(), "profile");

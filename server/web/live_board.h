@@ -1,4 +1,4 @@
-/// What every viewer of the live page sees: one line a station, made once for all of them.
+/// The tiles of the live page: one a station, encoded once for all viewers.
 #pragma once
 
 #include <chrono>

@@ -3,10 +3,12 @@
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/websocket.hpp>
 #include <boost/beast/websocket/ssl.hpp>
+#include <optional>
 #include <utility>
 
 #include "common/base/clock.h"
-#include "server/live/log.h"
+#include "server/base/http_stream.h"
+#include "server/base/log.h"
 #include "server/web/live_board.h"
 #include "server/web/web_server.h"
 
@@ -20,14 +22,14 @@ namespace {
 constexpr std::size_t kMostFromViewer = 4096;
 constexpr std::chrono::milliseconds kGoodbye{1000};
 
-class Viewer : public LiveSocket {
+class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> {
  public:
-  Viewer(std::shared_ptr<WebServer> server, SecureWebStream stream, std::string token, std::string who)
+  Viewer(std::shared_ptr<WebServer> server, std::string token, std::string who)
       : server_(std::move(server)),
         token_(std::move(token)),
         who_(std::move(who)),
-        socket_(std::move(stream)),
         deadline_(server_->context().io) {}
+  ~Viewer() override { server_->viewerLeft(who_); }
 
   void stop() override {
     stopping_ = true;
@@ -35,27 +37,27 @@ class Viewer : public LiveSocket {
   }
   void cut() override {
     stopping_ = cut_ = true;
-    plain().close();
+    if (socket_) plain().close();
     server_->board().wakeAll();
   }
 
- protected:
-  Task<> serve(std::shared_ptr<LiveSocket> self, std::shared_ptr<const Upgrade> request) override {
+  Task<> serve(SecureHttpStream stream, std::shared_ptr<const Upgrade> request) override {
+    socket_.emplace(std::move(stream));
     plain().expires_never();
     websocket::stream_base::timeout times =
         websocket::stream_base::timeout::suggested(beast::role_type::server);
     // pings after half of it: who is gone without a word is noticed
     times.idle_timeout = std::chrono::seconds(30);
     times.keep_alive_pings = true;
-    socket_.set_option(times);
-    socket_.read_message_max(kMostFromViewer);
-    auto [failed] = co_await socket_.async_accept(*request, kUseTuple);
+    socket_->set_option(times);
+    socket_->read_message_max(kMostFromViewer);
+    auto [failed] = co_await socket_->async_accept(*request, kUseTuple);
     if (failed) co_return;
     WebCounters& web = server_->context().web;
     ++web.live_open;
     server_->board().viewerCame();
     reading_ = true;
-    asio::co_spawn(server_->context().io, readAll(self), rethrow);
+    asio::co_spawn(server_->context().io, readAll(shared_from_this()), rethrow);
     co_await sendAll();
     // the reader ends by itself, now that the socket does
     while (reading_) {
@@ -67,15 +69,15 @@ class Viewer : public LiveSocket {
   }
 
  private:
-  PlainWebStream& plain() { return socket_.next_layer().next_layer(); }
+  PlainHttpStream& plain() { return socket_->next_layer().next_layer(); }
 
   /// Pings, pongs and the end are seen by reading. A message, whatever it says, means that somebody looks at
   /// the page: the session lasts longer.
-  Task<> readAll(std::shared_ptr<LiveSocket> /*kept alive by it*/) {
+  Task<> readAll(std::shared_ptr<Viewer> /*kept alive by it*/) {
     beast::flat_buffer buffer(kMostFromViewer);
     for (;;) {
       buffer.clear();
-      auto [error, count] = co_await socket_.async_read(buffer, kUseTuple);
+      auto [error, count] = co_await socket_->async_read(buffer, kUseTuple);
       (void)count;
       if (error) break;
       (void)server_->context().tokens.renew(token_, steadyNowNs());
@@ -89,7 +91,7 @@ class Viewer : public LiveSocket {
     LiveBoard& board = server_->board();
     std::uint64_t sent = 0;
     websocket::close_reason reason(websocket::close_code::going_away, "the server is shutting down");
-    socket_.text(true);
+    socket_->text(true);
     while (!stopping_ && !over_) {
       if (!server_->context().tokens.endOf(token_, steadyNowNs())) {
         reason = websocket::close_reason(websocket::close_code::policy_error, "the session has ended");
@@ -102,7 +104,7 @@ class Viewer : public LiveSocket {
       }
       sent = board.number();
       arm(server_->settings().live_write_timeout, true);
-      auto [error, count] = co_await socket_.async_write(asio::buffer(*text), kUseTuple);
+      auto [error, count] = co_await socket_->async_write(asio::buffer(*text), kUseTuple);
       (void)count;
       deadline_.cancel();
       if (error) over_ = true;
@@ -111,9 +113,9 @@ class Viewer : public LiveSocket {
       plain().close();
       co_return;
     }
-    // who does not say goodbye in turn is not waited for
+    // a viewer that does not answer the close is not waited for
     arm(kGoodbye, false);
-    (void)co_await socket_.async_close(reason, kUseTuple);
+    (void)co_await socket_->async_close(reason, kUseTuple);
     deadline_.cancel();
     plain().close();
   }
@@ -134,7 +136,7 @@ class Viewer : public LiveSocket {
 
   const std::shared_ptr<WebServer> server_;
   const std::string token_, who_;
-  websocket::stream<SecureWebStream> socket_;
+  std::optional<websocket::stream<SecureHttpStream>> socket_;  // from serve() on
   asio::steady_timer deadline_;
   std::shared_ptr<int> here_ = std::make_shared<int>(0);
   std::weak_ptr<int> weak_ = here_;
@@ -143,13 +145,9 @@ class Viewer : public LiveSocket {
 
 }  // namespace
 
-std::shared_ptr<LiveSocket> LiveSocket::make(std::shared_ptr<WebServer> server, SecureWebStream stream,
-                                             std::string token, std::string who) {
-  return std::make_shared<Viewer>(std::move(server), std::move(stream), std::move(token), std::move(who));
-}
-
-Task<> LiveSocket::run(std::shared_ptr<LiveSocket> self, std::shared_ptr<const Upgrade> request) {
-  co_await self->serve(self, request);
+std::shared_ptr<HttpTakeover> makeLiveSocket(std::shared_ptr<WebServer> server, std::string token,
+                                             std::string who) {
+  return std::make_shared<Viewer>(std::move(server), std::move(token), std::move(who));
 }
 
 }  // namespace needlelab

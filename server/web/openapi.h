@@ -1,19 +1,11 @@
-/// The description of the API (openapi.json beside this file), as it travels inside the program.
+/// The description of the API, made from the routes and the messages.
 #pragma once
 
-#include <span>
 #include <string_view>
-
-#include "common/base/program.h"
 
 namespace needlelab {
 
-/// openapi.json. Written at build time (deploy/cmake/NeedlelabEmbed.cmake).
-std::span<const EmbeddedFile> embeddedApi();
-
-/// OpenAPI 3.1 as JSON.
-inline std::string_view openApiText() {
-  return embeddedApi().front().text;
-}
+/// OpenAPI 3.1 as JSON. Made at the first call; as long as the program lives.
+std::string_view openApiText();
 
 }  // namespace needlelab

@@ -1,5 +1,6 @@
 #include "server/web/reply_json.h"
 
+#include <fmt/core.h>
 #include <cmath>
 #include <utility>
 
@@ -122,7 +123,7 @@ void addField(WebJson& object, const Message& message, const FieldDescriptor& fi
 Status timesToNs(nlohmann::json& value, const std::string& path) {
   if (value.is_array()) {
     for (std::size_t i = 0; i < value.size(); ++i) {
-      if (auto done = timesToNs(value[i], path + "[" + std::to_string(i) + "]"); !done) return done;
+      RETURN_IF_ERROR(timesToNs(value[i], fmt::format("{}[{}]", path, i)));
     }
     return {};
   }
@@ -131,7 +132,7 @@ Status timesToNs(nlohmann::json& value, const std::string& path) {
   for (auto& [key, item] : value.items()) {
     const std::string at = path.empty() ? key : path + "." + key;
     if (key.ends_with(kMsSuffix)) times.push_back(key);
-    if (auto done = timesToNs(item, at); !done) return done;
+    RETURN_IF_ERROR(timesToNs(item, at));
   }
   for (const std::string& key : times) {
     const std::string at = path.empty() ? key : path + "." + key;
@@ -160,7 +161,7 @@ WebJson jsonOf(const Message& message) {
 }
 
 Status messageOf(nlohmann::json body, Message& message) {
-  if (auto times = timesToNs(body, ""); !times) return times;
+  RETURN_IF_ERROR(timesToNs(body, ""));
   return readMessage(body, message);
 }
 

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "common/base/result.h"
-#include "server/web/web_answer.h"
+#include "server/base/http_message.h"
 
 namespace needlelab {
 

@@ -1,26 +1,53 @@
 #include "server/web/routes.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
-#include <array>
 #include <memory>
 #include <utility>
 
 #include "server/web/openapi.h"
-#include "server/web/route_parts.h"
 
 namespace needlelab {
 namespace {
 
+using google::protobuf::Descriptor;
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
 using Call = pb::Request;
 
-constexpr auto kOwnRoutes = std::to_array<WebRoute>({
-    {"POST", "/session", Call::CALL_NOT_SET, WebAction::kLogIn},
-    {"GET", "/session", Call::CALL_NOT_SET, WebAction::kWhoAmI},
-    {"DELETE", "/session", Call::CALL_NOT_SET, WebAction::kLogOut},
-    {"GET", "/live", Call::kListStations, WebAction::kLive},
-    {"GET", "/openapi.json", Call::CALL_NOT_SET, WebAction::kText, nullptr, nullptr, nullptr, 200, nullptr,
-     openApiText},
-});
+/// The routes that are not requests of the service.
+std::vector<WebRoute> ownRoutes() {
+  const RouteAdapter log_in{.action = WebAction::kLogIn}, who_am_i{.action = WebAction::kWhoAmI},
+      log_out{.action = WebAction::kLogOut}, live{.action = WebAction::kLive, .status = 101},
+      openapi{.action = WebAction::kText, .text = openApiText};
+  return {
+      {"POST", "/session", {}, "Log in; the cookie comes with the reply", Call::CALL_NOT_SET, log_in},
+      {"GET", "/session", {}, "Who is logged in, and until when", Call::CALL_NOT_SET, who_am_i},
+      {"DELETE", "/session", {}, "Log out", Call::CALL_NOT_SET, log_out},
+      {"GET", "/live", {}, "WebSocket: {tiles: […]} every 200 ms", Call::kListStations, live},
+      {"GET", "/openapi.json", {}, "This file", Call::CALL_NOT_SET, openapi},
+  };
+}
+
+WebRoute routeOf(const HttpLine& http, pb::Request::CallCase call) {
+  WebRoute route;
+  const std::size_t space = http.line.find(' ');
+  const std::size_t question = std::min(http.line.find('?'), http.line.size());
+  route.method = http.line.substr(0, space);
+  route.pattern = http.line.substr(space + 1, question - space - 1);
+  for (std::size_t at = question + 1; at < http.line.size();) {
+    const std::size_t end = std::min(http.line.find('&', at), http.line.size());
+    route.query.push_back(http.line.substr(at, end - at));
+    at = end + 1;
+  }
+  route.summary = http.summary;
+  route.call = call;
+  for (const RouteAdapter& adapter : routeAdapters()) {
+    if (adapter.line == http.line.substr(0, question)) route.how = adapter;
+  }
+  return route;
+}
 
 /// The pattern's parts against the path's; what stands for {…} goes into `parts`.
 bool fits(std::string_view pattern, std::span<const std::string> segments, std::vector<std::string>& parts) {
@@ -41,16 +68,133 @@ bool fits(std::string_view pattern, std::span<const std::string> segments, std::
   return next == segments.size();
 }
 
+/// The names in a pattern's {…}, each with the fixed part before it: ("sessions", "id").
+std::vector<std::pair<std::string, std::string>> namesIn(std::string_view pattern) {
+  std::vector<std::pair<std::string, std::string>> names;
+  std::string before;
+  while (!pattern.empty()) {
+    pattern.remove_prefix(1);  // the '/'
+    const std::size_t end = std::min(pattern.find('/'), pattern.size());
+    const std::string part(pattern.substr(0, end));
+    pattern.remove_prefix(end);
+    if (part.front() == '{') names.emplace_back(before, part.substr(1, part.size() - 2));
+    before = part;
+  }
+  return names;
+}
+
+const Descriptor& messageOf(pb::Request::CallCase call) {
+  return *pb::Request::descriptor()->FindFieldByNumber(call)->message_type();
+}
+
+/// A text of the address or the query into a field. `name`: its name there.
+Status setField(Message& message, const FieldDescriptor* field, const std::string& name,
+                const std::string& text) {
+  const auto& reflection = *message.GetReflection();
+  if (field != nullptr && field->type() == FieldDescriptor::TYPE_STRING) {
+    reflection.SetString(&message, field, text);
+    return {};
+  }
+  if (field != nullptr && field->type() == FieldDescriptor::TYPE_BYTES) {
+    ASSIGN_OR_RETURN(auto bytes, field->name() == "session_id" ? sessionBytesOf(text) : pageOf(text));
+    reflection.SetString(&message, field, bytes);
+    return {};
+  }
+  if (field != nullptr && field->type() == FieldDescriptor::TYPE_UINT32) {
+    ASSIGN_OR_RETURN(const auto number, wholeOf(name, text, 1, UINT32_MAX));
+    reflection.SetUInt32(&message, field, static_cast<std::uint32_t>(number));
+    return {};
+  }
+  return Error{ErrorCode::kFailed, fmt::format("{}: the route needs an adapter for it", name)};
+}
+
 }  // namespace
 
 std::span<const WebRoute> webRoutes() {
   static const std::vector<WebRoute> all = [] {
-    std::vector<WebRoute> routes(kOwnRoutes.begin(), kOwnRoutes.end());
-    for (const auto& more : {peopleRoutes(), lessonRoutes(), sessionRoutes()})
-      routes.insert(routes.end(), more.begin(), more.end());
+    std::vector<WebRoute> routes = ownRoutes();
+    for (const RequestRow& row : requestRows()) {
+      for (const HttpLine& http : row.http)
+        if (!http.line.empty()) routes.push_back(routeOf(http, row.call));
+    }
+    // '{' comes behind all letters: a fixed part goes before a {…} in its place
+    std::stable_sort(routes.begin(), routes.end(),
+                     [](const WebRoute& a, const WebRoute& b) { return a.pattern < b.pattern; });
     return routes;
   }();
   return all;
+}
+
+PlainFields plainFieldsOf(const WebRoute& route) {
+  const Descriptor& message = messageOf(route.call);
+  PlainFields fields;
+  for (const auto& [before, name] : namesIn(route.pattern)) {
+    const FieldDescriptor* field = message.FindFieldByName(name);
+    // "sessions" and "id": session_id
+    if (field == nullptr && !before.empty())
+      field = message.FindFieldByName(before.substr(0, before.size() - 1) + "_" + name);
+    if (field == nullptr && name == "name") field = message.FindFieldByName("trainee");
+    fields.parts.push_back(field);
+  }
+  for (const std::string_view query : route.query) {
+    const std::string name(query);
+    const FieldDescriptor* field = message.FindFieldByName(name);
+    fields.query.push_back(field != nullptr ? field : message.FindFieldByName(name + "_id"));
+  }
+  if (route.method != "GET") fields.base = message.FindFieldByName("base_revision");
+  for (int i = 0; i < message.field_count() && route.method != "GET"; ++i) {
+    const FieldDescriptor* field = message.field(i);
+    const auto is_of = [&](const auto& list) {
+      return std::find(list.begin(), list.end(), field) != list.end();
+    };
+    if (field != fields.base && !is_of(fields.parts) && !is_of(fields.query)) fields.body.push_back(field);
+  }
+  return fields;
+}
+
+const FieldDescriptor* rowsOf(const Descriptor& message) {
+  const FieldDescriptor* rows = nullptr;
+  for (int i = 0; i < message.field_count(); ++i) {
+    if (!message.field(i)->is_repeated()) continue;
+    if (rows != nullptr) return nullptr;
+    rows = message.field(i);
+  }
+  const bool is_list = message.field_count() == 1 || message.FindFieldByName("next_page") != nullptr;
+  return is_list ? rows : nullptr;
+}
+
+Result<pb::Request> plainRequest(const WebRoute& route, const WebCall& call) {
+  pb::Request request;
+  Message& message = *request.GetReflection()->MutableMessage(
+      &request, pb::Request::descriptor()->FindFieldByNumber(route.call));
+  const PlainFields fields = plainFieldsOf(route);
+  if (!fields.body.empty()) {
+    std::vector<std::string> outside;
+    for (const FieldDescriptor* field : fields.parts)
+      if (field != nullptr) outside.push_back(field->name());
+    if (fields.base != nullptr) outside.push_back(fields.base->name());
+    RETURN_IF_ERROR(readBodyInto(call, message, outside));
+  }
+  const auto names = namesIn(route.pattern);
+  for (std::size_t i = 0; i < names.size(); ++i)
+    RETURN_IF_ERROR(setField(message, fields.parts[i], names[i].second, call.parts[i]));
+  for (std::size_t i = 0; i < route.query.size(); ++i) {
+    const std::string name(route.query[i]), text = call.query(name);
+    if (!text.empty()) RETURN_IF_ERROR(setField(message, fields.query[i], name, text));
+  }
+  if (fields.base != nullptr) {
+    ASSIGN_OR_RETURN(const std::uint32_t base, baseOf(call));
+    message.GetReflection()->SetUInt32(&message, fields.base, base);
+  }
+  return request;
+}
+
+WebJson plainReply(const WebCall&, const pb::Reply& reply) {
+  if (reply.result_case() == pb::Reply::RESULT_NOT_SET) return WebJson::object();
+  const auto& result = reply.GetReflection()->GetMessage(
+      reply, pb::Reply::descriptor()->FindFieldByNumber(reply.result_case()));
+  const FieldDescriptor* rows = rowsOf(*result.GetDescriptor());
+  return rows == nullptr ? jsonOf(result) : listOf(result, rows->name());
 }
 
 WebJson listOf(const google::protobuf::Message& list, const std::string& rows) {
@@ -63,17 +207,15 @@ WebJson listOf(const google::protobuf::Message& list, const std::string& rows) {
 }
 
 Status setPage(const WebCall& call, std::string& page) {
-  auto bytes = pageOf(call.query("page"));
-  if (!bytes) return bytes.error();
-  page = std::move(*bytes);
+  ASSIGN_OR_RETURN(page, pageOf(call.query("page")));
   return {};
 }
 
 Status readBodyInto(const WebCall& call, google::protobuf::Message& message,
-                    std::initializer_list<const char*> outside) {
-  for (const char* name : outside) {
+                    const std::vector<std::string>& outside) {
+  for (const std::string& name : outside) {
     if (call.body.is_object() && call.body.contains(name))
-      return Error{ErrorCode::kInvalidInput, std::string(name) + ": does not stand in the body"};
+      return Error{ErrorCode::kInvalidInput, name + ": does not stand in the body"};
   }
   return messageOf(call.body.is_null() ? nlohmann::json::object() : call.body, message);
 }
@@ -91,18 +233,13 @@ Result<WebStream> streamFromFirst(std::string type, std::string file_name,
                        c == '-' || c == '_' || c == '.';
     if (!plain) c = '_';
   }
-  auto piece = next();
-  if (!piece) return piece.error();
-  const auto first = std::make_shared<std::string>(std::move(*piece));
+  ASSIGN_OR_RETURN(auto piece, next());
+  const auto first = std::make_shared<std::string>(std::move(piece));
   return WebStream{std::move(type), std::move(file_name),
                    [next = std::move(next), first]() -> Result<std::string> {
                      if (!first->empty()) return std::exchange(*first, std::string());
                      return next();
                    }};
-}
-
-WebJson emptyReply(const WebCall&, const pb::Reply&) {
-  return WebJson::object();
 }
 
 Result<std::uint32_t> baseOf(const WebCall& call) {

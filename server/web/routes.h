@@ -1,25 +1,43 @@
-/// Which address stands for which request: one table.
+/// Which address stands for which request. The addresses stand in the rows of db/service/requests.cpp; here
+/// is how a request becomes the call of its row and a reply becomes JSON.
+///
+/// A plain route needs nothing but its row:
+/// - `{id}` of the address fills the call's field `id`, or `session_id` below /sessions, `exercise_id` below
+///   /exercises and so on; `{name}` fills `name`, or `trainee`;
+/// - `?course` of the query fills `course` or `course_id`; numbers must be whole and at least 1;
+/// - the body (JSON) fills the other fields; a `base_revision` comes from If-Match;
+/// - the reply's result is written as it is; a result that is a list becomes {"items": […], "next_page": …}.
+/// Any other route has an adapter (route_adapters.cpp).
 #pragma once
 
+#include <google/protobuf/message.h>
+
+#include <functional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "db/service/requests.h"
 #include "db/service/service.h"
 #include "needlelab/control.pb.h"
-#include "server/web/web_answer.h"
+#include "server/base/http_message.h"
+#include "server/web/reply_json.h"
 #include "server/web/web_call.h"
-#include "server/web/web_stream.h"
 
 namespace needlelab {
 
 inline constexpr std::string_view kApiBase = "/api/v1";
 
-/// What only the connection's side can do.
+struct WebRoute;
+
+Result<pb::Request> plainRequest(const WebRoute& route, const WebCall& call);
+WebJson plainReply(const WebCall& call, const pb::Reply& reply);
+
+/// The kinds of routes.
 enum class WebAction {
   kRequest,  ///< `build` → the service → `shape`
-  kWork,     ///< `work` on a worker's thread: several requests that read, or the engine
+  kWork,     ///< `work` on a worker's thread: several requests that read
   kLogIn,
   kWhoAmI,
   kLogOut,
@@ -28,19 +46,29 @@ enum class WebAction {
   kStream,  ///< `stream`
 };
 
-/// `build` runs on the network's thread, the others on a worker's.
-struct WebRoute {
-  std::string_view method;
-  std::string_view pattern;  ///< below kApiBase, e.g. "/people/{name}"
-  /// Whose rule in db/service/roles.cpp counts; CALL_NOT_SET: everybody who is logged in (or nobody yet).
-  pb::Request::CallCase call = pb::Request::CALL_NOT_SET;
+/// How a route differs from a plain one. `build` runs on the network's thread, or on a worker's when the body
+/// is large; the others run on a worker's.
+struct RouteAdapter {
+  std::string_view line = {};  ///< "POST /people", without the query
   WebAction action = WebAction::kRequest;
-  Result<pb::Request> (*build)(const WebCall& call) = nullptr;
-  WebJson (*shape)(const WebCall& call, const pb::Reply& reply) = nullptr;
+  Result<pb::Request> (*build)(const WebRoute& route, const WebCall& call) = plainRequest;
+  WebJson (*shape)(const WebCall& call, const pb::Reply& reply) = plainReply;
   Result<WebJson> (*work)(Service& service, const WebCall& call) = nullptr;
-  unsigned status = 200;
   Result<WebStream> (*stream)(Service& service, const WebCall& call) = nullptr;
   std::string_view (*text)() = nullptr;
+  unsigned status = 200;
+};
+std::span<const RouteAdapter> routeAdapters();
+
+struct WebRoute {
+  std::string_view method;
+  std::string_view pattern;                  ///< below kApiBase, e.g. "/people/{name}"
+  std::vector<std::string_view> query = {};  ///< names that it reads
+  std::string_view summary = {};
+  /// Whose row in db/service/requests.cpp says who may ask; CALL_NOT_SET: everybody who is logged in (or
+  /// nobody yet).
+  pb::Request::CallCase call = pb::Request::CALL_NOT_SET;
+  RouteAdapter how = {};
 };
 
 /// All of them; a pattern with a fixed part stands before one with {…} in its place.
@@ -53,5 +81,42 @@ struct WebMatch {
 };
 /// `segments` without "api" and "v1".
 WebMatch matchRoute(std::string_view method, std::span<const std::string> segments);
+
+/// Which fields of its call's message a route fills from where.
+struct PlainFields {
+  using Field = const google::protobuf::FieldDescriptor*;
+  std::vector<Field> parts,
+      query;  ///< in the order of {…} and of WebRoute::query; null when the call has no such field
+  std::vector<Field> body;  ///< what is left over; none for GET
+  Field base = nullptr;     ///< base_revision, from If-Match
+};
+PlainFields plainFieldsOf(const WebRoute& route);
+/// The field that holds a list's rows; null when the message is not a list.
+const google::protobuf::FieldDescriptor* rowsOf(const google::protobuf::Descriptor& message);
+
+// --- for the adapters
+
+/// A reply that is a list: `rows` are its items.
+WebJson listOf(const google::protobuf::Message& list, const std::string& rows);
+/// `?page=` into a request. kInvalidInput.
+Status setPage(const WebCall& call, std::string& page);
+/// The body into a request whose `outside` fields stand in the address or the header.
+Status readBodyInto(const WebCall& call, google::protobuf::Message& message,
+                    const std::vector<std::string>& outside);
+/// The service's reply, or its error. On a worker's thread.
+Result<pb::Reply> replyOf(Service& service, const WebCall& call, const pb::Request& request);
+/// A stream whose first piece is made at once, so that a wrong question is refused before the file begins.
+/// `file_name`: any character but letters, digits, '-', '_' and '.' becomes '_'. On a worker's thread.
+Result<WebStream> streamFromFirst(std::string type, std::string file_name,
+                                  std::function<Result<std::string>()> next);
+/// {id} of the address as a session's.
+template <typename Message>
+Status setSession(const WebCall& call, Message& message) {
+  ASSIGN_OR_RETURN(auto id, sessionBytesOf(call.parts[0]));
+  message.set_session_id(std::move(id));
+  return {};
+}
+/// If-Match, which must be there: who changes something says what it was.
+Result<std::uint32_t> baseOf(const WebCall& call);
 
 }  // namespace needlelab

@@ -1,5 +1,6 @@
 #include "server/web/session_views.h"
 
+#include <fmt/core.h>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -29,9 +30,8 @@ Result<TimeSpan> timeSpanOf(const WebCall& call) {
   for (const auto& [name, into] : {std::pair{"from_s", &span.from_s}, std::pair{"to_s", &span.to_s}}) {
     const std::string text = call.query(name);
     if (text.empty()) continue;
-    const auto number = numberOf(name, text, 0, kMostPlotSeconds);
-    if (!number) return number.error();
-    *into = *number;
+    ASSIGN_OR_RETURN(const auto number, numberOf(name, text, 0, kMostPlotSeconds));
+    *into = number;
   }
   if (span.from_s && span.to_s && *span.to_s <= *span.from_s)
     return Error{ErrorCode::kInvalidInput, "to_s: must be more than from_s"};
@@ -48,14 +48,12 @@ class ChunkReader {
   /// Errors: those of GetSession; kNotFound when the recording was deleted.
   static Result<ChunkReader> open(Service& service, const WebCall& call) {
     ChunkReader reader(service, call.who);
-    auto id = sessionBytesOf(call.parts[0]);
-    if (!id) return id.error();
-    reader.id_ = std::move(*id);
+    ASSIGN_OR_RETURN(auto id, sessionBytesOf(call.parts[0]));
+    reader.id_ = std::move(id);
     pb::Request request;
     request.mutable_get_session()->set_session_id(reader.id_);
-    auto reply = reader.ask(request);
-    if (!reply) return reply.error();
-    reader.info_ = std::move(*reply->mutable_session());
+    ASSIGN_OR_RETURN(auto reply, reader.ask(request));
+    reader.info_ = std::move(*reply.mutable_session());
     if (reader.info_.removed_original().fate() == pb::RemovedOriginal::DELETED) {
       return Error{ErrorCode::kNotFound, "the recording was deleted (" +
                                              reader.info_.removed_original().reason() +
@@ -72,19 +70,17 @@ class ChunkReader {
     pb::Request request;
     request.mutable_seek_session()->set_session_id(id_);
     request.mutable_seek_session()->set_seconds(seconds);
-    const auto reply = ask(request);
-    if (!reply) return reply.error();
-    next_ = reply->sought().seq();
-    first_time_ns_ = reply->sought().recording_first_time_ns();
+    ASSIGN_OR_RETURN(const auto reply, ask(request));
+    next_ = reply.sought().seq();
+    first_time_ns_ = reply.sought().recording_first_time_ns();
     return {};
   }
 
-  /// When the last chunk that can be read ends, in s since the first sample; 0: there is none.
+  /// When the last chunk that can be read ends, in s since the first sample; 0 when no chunk can be read.
   Result<double> endSeconds() {
     for (std::uint64_t back = 1; back <= std::min<std::uint64_t>(info_.chunks(), 16); ++back) {
-      const auto samples = read(info_.chunks() - back, 1, true);
-      if (!samples) return samples.error();
-      if (!samples->empty()) return static_cast<double>(samples->back().time_ns - first_time_ns_) * 1e-9;
+      ASSIGN_OR_RETURN(const auto samples, read(info_.chunks() - back, 1, true));
+      if (!samples.empty()) return static_cast<double>(samples.back().time_ns - first_time_ns_) * 1e-9;
     }
     return 0.0;
   }
@@ -99,8 +95,8 @@ class ChunkReader {
       if (!samples->empty()) return samples;
     }
     if (next_ < info_.chunks())
-      return Error{ErrorCode::kCorrupt, "only " + std::to_string(next_) + " of " +
-                                            std::to_string(info_.chunks()) + " chunks could be read"};
+      return Error{ErrorCode::kCorrupt,
+                   fmt::format("only {} of {} chunks could be read", next_, info_.chunks())};
     return std::vector<GestureSample>{};
   }
 
@@ -121,16 +117,15 @@ class ChunkReader {
     read.set_max_chunks(most);
     read.set_skip_damaged(skip_damaged);
     read.set_hash(info_.hash());
-    const auto reply = ask(request);
-    if (!reply) return reply.error();
+    ASSIGN_OR_RETURN(const auto reply, ask(request));
     std::vector<GestureSample> samples;
-    for (const pb::Chunk& chunk : reply->chunks().chunks()) {
+    for (const pb::Chunk& chunk : reply.chunks().chunks()) {
       const auto decoded = decodeChunk(viewOf(chunk.data()));
       if (!decoded && skip_damaged) continue;
       if (!decoded) return decoded.error();
       samples.insert(samples.end(), decoded->begin(), decoded->end());
     }
-    behind_ = reply->chunks().next_seq();
+    behind_ = reply.chunks().next_seq();
     return samples;
   }
 
@@ -248,10 +243,9 @@ class CsvPieces {
   Result<std::string> next() {
     // small recordings in one piece, long ones in many
     while (!ended_ && text_.size() < kMostPieceText) {
-      const auto samples = reader_.take(kChunksAPiece, false);
-      if (!samples) return samples.error();
-      ended_ = samples->empty();
-      for (const GestureSample& sample : *samples) {
+      ASSIGN_OR_RETURN(const auto samples, reader_.take(kChunksAPiece, false));
+      ended_ = samples.empty();
+      for (const GestureSample& sample : samples) {
         const std::int64_t time_ns = sample.time_ns - reader_.firstTimeNs();
         if (time_ns >= to_ns_) {
           ended_ = true;
@@ -273,40 +267,35 @@ class CsvPieces {
 }  // namespace
 
 Result<WebJson> samplePlot(Service& service, const WebCall& call) {
-  const auto span = timeSpanOf(call);
-  if (!span) return span.error();
+  ASSIGN_OR_RETURN(const auto span, timeSpanOf(call));
   std::size_t points = 2000;
   if (const std::string text = call.query("points"); !text.empty()) {
-    const auto number = wholeOf("points", text, 2, 10'000);
-    if (!number) return number.error();
-    points = *number;
+    ASSIGN_OR_RETURN(const auto number, wholeOf("points", text, 2, 10'000));
+    points = number;
   }
-  auto reader = ChunkReader::open(service, call);
-  if (!reader) return reader.error();
-  const double from_s = span->from_s.value_or(0);
+  ASSIGN_OR_RETURN(auto reader, ChunkReader::open(service, call));
+  const double from_s = span.from_s.value_or(0);
   double to_s = from_s;
   std::vector<GestureSample> few;  // as long as they are no more than the points
   std::vector<PlotBin> bins;
-  if (reader->info().chunks() > 0) {
-    if (auto sought = reader->seek(from_s); !sought) return sought.error();
-    const auto end_s = reader->endSeconds();
-    if (!end_s) return end_s.error();
-    to_s = std::min(span->to_s.value_or(*end_s), *end_s);
+  if (reader.info().chunks() > 0) {
+    RETURN_IF_ERROR(reader.seek(from_s));
+    ASSIGN_OR_RETURN(const auto end_s, reader.endSeconds());
+    to_s = std::min(span.to_s.value_or(end_s), end_s);
   }
   const double width_s = (to_s - from_s) / static_cast<double>(points / 2);
   const auto bin = [&](const GestureSample& sample) {
-    const double time_s = static_cast<double>(sample.time_ns - reader->firstTimeNs()) * 1e-9;
+    const double time_s = static_cast<double>(sample.time_ns - reader.firstTimeNs()) * 1e-9;
     const double place = width_s > 0 ? (time_s - from_s) / width_s : 0;
     const std::size_t i = std::min(bins.size() - 1, static_cast<std::size_t>(std::max(0.0, place)));
     bins[i].add(sample, time_s, from_s + (static_cast<double>(i) + 0.5) * width_s);
   };
-  bool past = reader->info().chunks() == 0;
+  bool past = reader.info().chunks() == 0;
   while (!past) {
-    const auto samples = reader->take(256, true);
-    if (!samples) return samples.error();
-    if (samples->empty()) break;
-    for (const GestureSample& sample : *samples) {
-      const double time_s = static_cast<double>(sample.time_ns - reader->firstTimeNs()) * 1e-9;
+    ASSIGN_OR_RETURN(const auto samples, reader.take(256, true));
+    if (samples.empty()) break;
+    for (const GestureSample& sample : samples) {
+      const double time_s = static_cast<double>(sample.time_ns - reader.firstTimeNs()) * 1e-9;
       if (time_s < from_s) continue;
       if (time_s > to_s + 1e-9) {
         past = true;
@@ -325,10 +314,10 @@ Result<WebJson> samplePlot(Service& service, const WebCall& call) {
   }
   PlotRows rows;
   for (const GestureSample& sample : few)
-    rows.add(sample, static_cast<double>(sample.time_ns - reader->firstTimeNs()) * 1e-9);
+    rows.add(sample, static_cast<double>(sample.time_ns - reader.firstTimeNs()) * 1e-9);
   for (const PlotBin& one : bins) rows.add(one);
-  return WebJson{{"rate_hz", reader->info().description().rate_hz()},
-                 {"samples", reader->info().samples()},
+  return WebJson{{"rate_hz", reader.info().description().rate_hz()},
+                 {"samples", reader.info().samples()},
                  {"from_s", from_s},
                  {"to_s", to_s},
                  {"decimated", !bins.empty()},
@@ -336,14 +325,12 @@ Result<WebJson> samplePlot(Service& service, const WebCall& call) {
 }
 
 Result<WebStream> sampleCsv(Service& service, const WebCall& call) {
-  const auto span = timeSpanOf(call);
-  if (!span) return span.error();
-  auto reader = ChunkReader::open(service, call);
-  if (!reader) return reader.error();
-  if (reader->info().chunks() > 0) {
-    if (auto sought = reader->seek(span->from_s.value_or(0)); !sought) return sought.error();
+  ASSIGN_OR_RETURN(const auto span, timeSpanOf(call));
+  ASSIGN_OR_RETURN(auto reader, ChunkReader::open(service, call));
+  if (reader.info().chunks() > 0) {
+    RETURN_IF_ERROR(reader.seek(span.from_s.value_or(0)));
   }
-  auto pieces = std::make_shared<CsvPieces>(std::move(*reader), *span);
+  auto pieces = std::make_shared<CsvPieces>(std::move(reader), span);
   return WebStream{"text/csv; charset=utf-8", call.parts[0] + ".csv", [pieces] { return pieces->next(); }};
 }
 

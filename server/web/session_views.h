@@ -3,9 +3,8 @@
 
 #include "common/base/result.h"
 #include "db/service/service.h"
-#include "server/web/web_answer.h"
+#include "server/base/http_message.h"
 #include "server/web/web_call.h"
-#include "server/web/web_stream.h"
 
 namespace needlelab {
 

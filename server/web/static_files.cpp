@@ -52,8 +52,8 @@ std::string etagOf(const std::string& body) {
   return "\"" + std::string(hex.data()) + "\"";
 }
 
-Error fileFault(const std::filesystem::path& folder, const std::string& words) {
-  return {ErrorCode::kInvalidInput, "--web-root " + folder.string() + ": " + words};
+Error fileFault(const std::filesystem::path& folder, const std::string& text) {
+  return {ErrorCode::kInvalidInput, "--web-root " + folder.string() + ": " + text};
 }
 
 }  // namespace

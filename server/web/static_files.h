@@ -16,7 +16,7 @@ struct StaticFile {
   std::shared_ptr<const std::string> body;
 };
 
-/// What is asked for is looked up among the files that were there at the start: a path from the network
+/// A requested path is looked up among the files that were read at the start: a path from the network
 /// never reaches the file system. Thread: any, once made.
 class StaticFiles {
  public:
@@ -25,7 +25,7 @@ class StaticFiles {
   /// 16 MiB or 1000 files, or a file cannot be read.
   static Result<StaticFiles> load(const std::filesystem::path& folder);
 
-  /// "/" is "/index.html". Null: there is none.
+  /// "/" is "/index.html". Null when no such file was read.
   [[nodiscard]] const StaticFile* find(const std::string& path) const;
   [[nodiscard]] std::size_t size() const { return files_.size(); }
 

@@ -1,5 +1,8 @@
 #include "server/web/web_call.h"
 
+#include <fmt/core.h>
+#include <sodium.h>
+
 #include <charconv>
 #include <utility>
 
@@ -11,8 +14,8 @@ namespace {
 constexpr std::size_t kMostTarget = 2048;
 constexpr std::size_t kMostNames = 32;
 
-Error targetFault(const std::string& words) {
-  return {ErrorCode::kInvalidInput, "the address " + words};
+Error targetFault(const std::string& text) {
+  return {ErrorCode::kInvalidInput, "the address " + text};
 }
 
 int hexDigit(char c) {
@@ -69,12 +72,10 @@ Status takeQuery(std::string_view text, WebTarget& target) {
     text.remove_prefix(std::min(end + 1, text.size()));
     if (pair.empty()) continue;
     const std::size_t equals = std::min(pair.find('='), pair.size());
-    const auto name = unescaped(pair.substr(0, equals), true);
-    if (!name) return name.error();
-    const auto value = unescaped(pair.substr(std::min(equals + 1, pair.size())), true);
-    if (!value) return value.error();
-    if (!target.query.emplace(*name, *value).second)
-      return targetFault("gives '" + name->substr(0, 60) + "' twice");
+    ASSIGN_OR_RETURN(const auto name, unescaped(pair.substr(0, equals), true));
+    ASSIGN_OR_RETURN(const auto value, unescaped(pair.substr(std::min(equals + 1, pair.size())), true));
+    if (!target.query.emplace(name, value).second)
+      return targetFault("gives '" + name.substr(0, 60) + "' twice");
     if (target.query.size() > kMostNames) return targetFault("gives too many names");
   }
   return {};
@@ -97,15 +98,14 @@ Result<WebTarget> parseTarget(std::string_view target) {
   std::string_view path = target.substr(1, question == 0 ? 0 : question - 1);
   while (!path.empty()) {
     const std::size_t end = std::min(path.find('/'), path.size());
-    auto segment = unescaped(path.substr(0, end), false);
-    if (!segment) return segment.error();
-    if (segment->empty()) return targetFault("has an empty part");
-    if (*segment == "." || *segment == "..") return targetFault("has a part '" + *segment + "'");
-    parsed.segments.push_back(std::move(*segment));
+    ASSIGN_OR_RETURN(auto segment, unescaped(path.substr(0, end), false));
+    if (segment.empty()) return targetFault("has an empty part");
+    if (segment == "." || segment == "..") return targetFault("has a part '" + segment + "'");
+    parsed.segments.push_back(std::move(segment));
     path.remove_prefix(std::min(end + 1, path.size()));
   }
   if (question < target.size()) {
-    if (const Status taken = takeQuery(target.substr(question + 1), parsed); !taken) return taken.error();
+    RETURN_IF_ERROR(takeQuery(target.substr(question + 1), parsed));
   }
   return parsed;
 }
@@ -155,9 +155,8 @@ Result<std::uint64_t> wholeOf(std::string_view name, std::string_view text, std:
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
   if (error == std::errc() && end == text.data() + text.size() && number >= min && number <= max)
     return number;
-  return Error{ErrorCode::kInvalidInput, std::string(name) + ": '" + printable(text.substr(0, 40)) +
-                                             "' is not a whole number from " + std::to_string(min) + " to " +
-                                             std::to_string(max)};
+  return Error{ErrorCode::kInvalidInput, fmt::format("{}: '{}' is not a whole number from {} to {}", name,
+                                                     printable(text.substr(0, 40)), min, max)};
 }
 
 Result<double> numberOf(std::string_view name, std::string_view text, double min, double max) {
@@ -165,9 +164,8 @@ Result<double> numberOf(std::string_view name, std::string_view text, double min
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
   if (error == std::errc() && end == text.data() + text.size() && number >= min && number <= max)
     return number;
-  return Error{ErrorCode::kInvalidInput, std::string(name) + ": '" + printable(text.substr(0, 40)) +
-                                             "' is not a number from " + std::to_string(min) + " to " +
-                                             std::to_string(max)};
+  return Error{ErrorCode::kInvalidInput, fmt::format("{}: '{}' is not a number from {:f} to {:f}", name,
+                                                     printable(text.substr(0, 40)), min, max)};
 }
 
 namespace {
@@ -208,6 +206,41 @@ std::optional<std::string> bytesOfBase64Url(std::string_view text) {
 std::string WebCall::query(const std::string& name) const {
   const auto found = target.query.find(name);
   return found == target.query.end() ? std::string() : found->second;
+}
+
+// --- WebSessions
+
+WebSessions::WebSessions(Tokens& tokens) : tokens_(tokens) {
+  randombytes_buf(key_.data(), key_.size());
+}
+
+std::optional<WebSession> WebSessions::find(std::string_view cookie_header, std::int64_t now_ns) const {
+  const auto value = cookieNamed(cookie_header, kSessionCookie);
+  if (!value || value->size() > 64) return std::nullopt;
+  auto token = bytesOfBase64Url(*value);
+  if (!token) return std::nullopt;
+  auto holder = tokens_.find(*token, now_ns);
+  if (!holder) return std::nullopt;
+  return WebSession{std::move(*token), std::move(*holder)};
+}
+
+std::string WebSessions::cookieFor(std::string_view token) {
+  std::string cookie = std::string(kSessionCookie) + "=" + base64Url(token);
+  if (token.empty()) cookie += "; Max-Age=0";
+  // __Host-: from this host only, for all of it, and over TLS
+  return cookie + "; Path=/; Secure; HttpOnly; SameSite=Strict";
+}
+
+std::string WebSessions::csrfOf(std::string_view token) const {
+  std::array<unsigned char, 32> hash{};
+  crypto_generichash(hash.data(), hash.size(), reinterpret_cast<const unsigned char*>(token.data()),
+                     token.size(), key_.data(), key_.size());
+  return base64Url({reinterpret_cast<const char*>(hash.data()), hash.size()});
+}
+
+bool WebSessions::csrfFits(std::string_view token, std::string_view given) const {
+  const std::string wanted = csrfOf(token);
+  return given.size() == wanted.size() && sodium_memcmp(given.data(), wanted.data(), wanted.size()) == 0;
 }
 
 }  // namespace needlelab

@@ -1,7 +1,9 @@
-/// What a browser asks, taken apart: target, cookies, conditions. Everything here comes from strangers.
+/// The parts of a browser's request: target, cookies, conditions. Everything here comes from strangers.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -10,7 +12,8 @@
 #include <vector>
 
 #include "common/base/result.h"
-#include "db/service/principal.h"
+#include "db/service/requests.h"
+#include "server/live/tokens.h"
 
 namespace needlelab {
 
@@ -59,6 +62,43 @@ struct WebCall {
 
   /// Of the query; empty when absent.
   [[nodiscard]] std::string query(const std::string& name) const;
+};
+
+/// A reply that is longer than one wants to hold: made piece by piece. The seam for formats of export: each
+/// is one function that opens such a stream.
+struct WebStream {
+  std::string type;       ///< Content-Type
+  std::string file_name;  ///< that a browser offers; letters, digits, '-', '_', '.'
+  /// The next piece, empty at the end. On a worker's thread, one call at a time.
+  std::function<Result<std::string>()> next;
+};
+
+// --- the session of a browser: its cookie, and the token against forged requests
+
+inline constexpr std::string_view kSessionCookie = "__Host-needlelab";
+
+struct WebSession {
+  std::string token;  ///< as the store knows it
+  Tokens::Holder holder;
+};
+
+/// Thread: the network's. The store must outlive it.
+class WebSessions {
+ public:
+  explicit WebSessions(Tokens& tokens);
+
+  /// From a Cookie header; nothing when it names no session that lasts.
+  std::optional<WebSession> find(std::string_view cookie_header, std::int64_t now_ns) const;
+  /// The value of Set-Cookie for a new session, or (empty token) the one that takes the cookie away.
+  static std::string cookieFor(std::string_view token);
+  /// The text that a page must send in X-CSRF-Token: only a page that can read the reply to a log-in knows
+  /// it.
+  [[nodiscard]] std::string csrfOf(std::string_view token) const;
+  [[nodiscard]] bool csrfFits(std::string_view token, std::string_view given) const;
+
+ private:
+  Tokens& tokens_;
+  std::array<unsigned char, 32> key_{};  // of this process
 };
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-#include "server/web/web_request.h"
+#include "server/web/web_server.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -8,37 +8,37 @@
 #include "common/base/secret.h"
 #include "common/profile/strict_json.h"
 #include "common/wire/protocol.h"
-#include "db/service/roles.h"
-#include "server/live/log.h"
+#include "db/service/requests.h"
+#include "server/base/log.h"
 #include "server/live/person_login.h"
 #include "server/live/request_effects.h"
+#include "server/web/live_socket.h"
 #include "server/web/reply_json.h"
 #include "server/web/routes.h"
-#include "server/web/web_server.h"
 
 namespace needlelab {
 namespace {
 
 using Shared = std::shared_ptr<WebServer>;
-using Request = std::shared_ptr<WebRequest>;
+using Request = std::shared_ptr<HttpRequest>;
 
 /// JSON of that size is read in a millisecond.
 constexpr std::size_t kSmallBody = 16u << 10;
 
-WebAnswer notLoggedIn() {
-  WebAnswer answer = errorAnswer(401, "not_logged_in", "log in first: there is no session, or it has ended");
+HttpAnswer notLoggedIn() {
+  HttpAnswer answer = errorAnswer(401, "not_logged_in", "log in first: there is no session, or it has ended");
   return answer;
 }
 
-WebAnswer fileAnswer(const WebServer& server, const WebRequest& request, const WebTarget& target) {
+HttpAnswer fileAnswer(const WebServer& server, const HttpRequest& request, const WebTarget& target) {
   if (request.method != "GET" && request.method != "HEAD") {
-    WebAnswer answer = errorAnswer(405, "method_not_allowed", "only GET and HEAD");
+    HttpAnswer answer = errorAnswer(405, "method_not_allowed", "only GET and HEAD");
     answer.headers.emplace_back("Allow", "GET, HEAD");
     return answer;
   }
   const StaticFile* file = server.files().find(target.path());
   if (file == nullptr) return errorAnswer(404, "not_found", "there is no such page");
-  WebAnswer answer;
+  HttpAnswer answer;
   answer.no_store = false;
   answer.type = file->type;
   answer.headers.emplace_back("ETag", file->etag);
@@ -51,7 +51,7 @@ WebAnswer fileAnswer(const WebServer& server, const WebRequest& request, const W
 }
 
 /// A page elsewhere that makes this browser ask: refused whatever it has.
-std::optional<WebAnswer> foreignPage(const WebRequest& request, bool needs_origin) {
+std::optional<HttpAnswer> foreignPage(const HttpRequest& request, bool needs_origin) {
   const bool safe = (request.method == "GET" || request.method == "HEAD") && !needs_origin;
   if (safe) return std::nullopt;
   const bool wrong = request.origin.empty() ? needs_origin : !isSameOrigin(request.origin, request.host);
@@ -77,7 +77,7 @@ Task<WebJson> sessionState(Shared server, Principal who, std::string token) {
                     {"expires_unix_ms", static_cast<double>(wallNowNs() + left) / 1e6}};
 }
 
-Task<WebAnswer> logIn(Shared server, Request request, nlohmann::json body) {
+Task<HttpAnswer> logIn(Shared server, Request request, nlohmann::json body) {
   if (!body.is_object() || body.size() != 2 || !body.contains("name") || !body["name"].is_string() ||
       !body.contains("password") || !body["password"].is_string())
     co_return errorAnswer(400, "invalid_input", "give {\"name\": TEXT, \"password\": TEXT}");
@@ -89,7 +89,7 @@ Task<WebAnswer> logIn(Shared server, Request request, nlohmann::json body) {
   const PersonLogin login = co_await logInPerson(context, secret, std::move(peer));
   using Answer = PersonLogin::Answer;
   if (login.answer == Answer::kMustWait || login.answer == Answer::kTooMany) {
-    WebAnswer answer = errorAnswer(429, "rate_limited", textOf(login));
+    HttpAnswer answer = errorAnswer(429, "rate_limited", textOf(login));
     answer.headers.emplace_back("Retry-After", std::to_string(login.wait.count() / 1000 + 1));
     co_return answer;
   }
@@ -107,13 +107,13 @@ Task<WebAnswer> logIn(Shared server, Request request, nlohmann::json body) {
             {"role", pb::Role_Name(login.holder.who.role)},
             {"peer", request->address}});
   const WebJson state = co_await sessionState(server, login.holder.who, issued.token);
-  WebAnswer answer = jsonAnswer(state);
+  HttpAnswer answer = jsonAnswer(state);
   answer.headers.emplace_back("Set-Cookie", WebSessions::cookieFor(issued.token));
   co_return answer;
 }
 
 /// The error's own code where there is one; a refusal of the running server else.
-WebAnswer refusedAnswer(const Outcome& outcome, const pb::Refusal& refusal) {
+HttpAnswer refusedAnswer(const Outcome& outcome, const pb::Refusal& refusal) {
   if (outcome.error) return errorAnswer(*outcome.error);
   switch (refusal.reason()) {
     case pb::Refusal::NOT_FOUND:
@@ -125,7 +125,7 @@ WebAnswer refusedAnswer(const Outcome& outcome, const pb::Refusal& refusal) {
   }
 }
 
-/// Who only presses the button gets one beside the database; of those the newest ten are kept.
+/// A backup without a path goes to a folder beside the database; the newest ten of those are kept.
 Status placeBackup(const ServerContext& context, pb::Request& request) {
   if (!request.has_backup() || !request.backup().path().empty()) return {};
   const auto folder = context.store.databasePath().parent_path() / "backups";
@@ -147,10 +147,10 @@ void wipeSecrets(nlohmann::json& body) {
   }
 }
 
-Task<WebAnswer> throughService(Shared server, const WebRoute& route, std::shared_ptr<WebCall> call) {
+Task<HttpAnswer> throughService(Shared server, const WebRoute& route, std::shared_ptr<WebCall> call) {
   ServerContext& context = server->context();
   // a class or a course of a megabyte takes a while to read: not on the network's thread
-  std::function<Result<pb::Request>()> build = [&route, call] { return route.build(*call); };
+  std::function<Result<pb::Request>()> build = [&route, call] { return route.how.build(route, *call); };
   Result<pb::Request> built = Error{ErrorCode::kFailed, ""};
   if (call->body_bytes > kSmallBody)  // no ?: around co_await, which g++ 12 gets wrong
     built = co_await offload(context.views, std::move(build));
@@ -159,27 +159,23 @@ Task<WebAnswer> throughService(Shared server, const WebRoute& route, std::shared
   wipeSecrets(call->body);
   if (!built) co_return errorAnswer(built.error());
   if (const Status placed = placeBackup(context, *built); !placed) co_return errorAnswer(placed.error());
-  const auto request = heldSecretly(std::move(*built));
-  std::function<std::shared_ptr<Outcome>()> work = [&service = context.store.service(), request, call] {
-    if (request->has_run_retention() || request->has_rescore_all()) afterOthers();
-    return std::make_shared<Outcome>(service.execute(call->who, *request));
-  };
-  const auto outcome = co_await offload(poolFor(context, *request), std::move(work));
+  const auto request = wipedWhenReleased(std::move(*built));
+  const auto outcome = co_await executeRequest(context, call->who, request);
   if (const auto refusal = co_await complete(context, *request, call->who.name, *outcome))
     co_return refusedAnswer(*outcome, *refusal);
   followUp(context, *request, outcome->reply, call->who.name, nullptr);
   // long lists take a while to write
-  std::function<WebAnswer()> write = [&route, call, outcome] {
-    return jsonAnswer(route.shape(*call, outcome->reply), route.status);
+  std::function<HttpAnswer()> write = [&route, call, outcome] {
+    return jsonAnswer(route.how.shape(*call, outcome->reply), route.how.status);
   };
   co_return co_await offload(context.views, std::move(write));
 }
 
-Task<WebAnswer> throughWork(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
+Task<HttpAnswer> throughWork(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
   ServerContext& context = server->context();
-  std::function<WebAnswer()> work = [&service = context.store.service(), &route, call] {
-    auto json = route.work(service, *call);
-    return json ? jsonAnswer(*json, route.status) : errorAnswer(json.error());
+  std::function<HttpAnswer()> work = [&service = context.store.service(), &route, call] {
+    auto json = route.how.work(service, *call);
+    return json ? jsonAnswer(*json, route.how.status) : errorAnswer(json.error());
   };
   co_return co_await offload(context.views, std::move(work));
 }
@@ -193,14 +189,14 @@ Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<WebStream> st
   }
 }
 
-Task<WebAnswer> throughStream(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
+Task<HttpAnswer> throughStream(Shared server, const WebRoute& route, std::shared_ptr<const WebCall> call) {
   ServerContext& context = server->context();
   std::function<Result<WebStream>()> open = [&service = context.store.service(), &route, call] {
-    return route.stream(service, *call);
+    return route.how.stream(service, *call);
   };
   auto opened = co_await offload(context.views, std::move(open));
   if (!opened) co_return errorAnswer(opened.error());
-  WebAnswer answer;
+  HttpAnswer answer;
   answer.type = opened->type;
   answer.headers.emplace_back("Content-Disposition", "attachment; filename=\"" + opened->file_name + "\"");
   auto stream = std::make_shared<WebStream>(std::move(*opened));
@@ -209,7 +205,7 @@ Task<WebAnswer> throughStream(Shared server, const WebRoute& route, std::shared_
 }
 
 /// The body as JSON where there should be one. Nothing: it is fine.
-std::optional<WebAnswer> bodyFault(WebRequest& request, nlohmann::json& body) {
+std::optional<HttpAnswer> bodyFault(HttpRequest& request, nlohmann::json& body) {
   const bool carries = request.method == "POST" || request.method == "PUT" || request.method == "PATCH" ||
                        !request.body.empty();
   if (!carries || (request.body.empty() && request.content_type.empty())) return std::nullopt;
@@ -223,16 +219,16 @@ std::optional<WebAnswer> bodyFault(WebRequest& request, nlohmann::json& body) {
   return std::nullopt;
 }
 
-Task<std::optional<WebAnswer>> readBody(Shared server, Request request, std::shared_ptr<WebCall> call) {
+Task<std::optional<HttpAnswer>> readBody(Shared server, Request request, std::shared_ptr<WebCall> call) {
   call->body_bytes = request->body.size();
-  std::function<std::optional<WebAnswer>()> read = [request, call] {
+  std::function<std::optional<HttpAnswer>()> read = [request, call] {
     return bodyFault(*request, call->body);
   };
   if (call->body_bytes <= kSmallBody) co_return read();
   co_return co_await offload(server->context().views, std::move(read));
 }
 
-Task<WebAnswer> apiAnswer(Shared server, Request request, std::shared_ptr<WebTrace> trace, WebTarget target) {
+Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   ServerContext& context = server->context();
   const std::span<const std::string> below(target.segments.begin() + 2, target.segments.end());
   const WebMatch match = matchRoute(request->method, below);
@@ -240,16 +236,17 @@ Task<WebAnswer> apiAnswer(Shared server, Request request, std::shared_ptr<WebTra
     if (match.allowed.empty()) co_return errorAnswer(404, "not_found", "there is no such address");
     std::string methods;
     for (const std::string& method : match.allowed) methods += (methods.empty() ? "" : ", ") + method;
-    WebAnswer answer = errorAnswer(405, "method_not_allowed", "allowed: " + methods);
+    HttpAnswer answer = errorAnswer(405, "method_not_allowed", "allowed: " + methods);
     answer.headers.emplace_back("Allow", methods);
     co_return answer;
   }
   const WebRoute& route = *match.route;
-  trace->route = std::string(route.method) + " " + std::string(route.pattern);
-  if (auto foreign = foreignPage(*request, route.action == WebAction::kLive)) co_return std::move(*foreign);
+  request->route = std::string(route.method) + " " + std::string(route.pattern);
+  if (auto foreign = foreignPage(*request, route.how.action == WebAction::kLive))
+    co_return std::move(*foreign);
 
   auto call = std::make_shared<WebCall>();
-  if (route.action == WebAction::kLogIn) {
+  if (route.how.action == WebAction::kLogIn) {
     if (auto fault = co_await readBody(server, request, call)) co_return std::move(*fault);
     co_return co_await logIn(server, request, std::move(call->body));
   }
@@ -257,7 +254,7 @@ Task<WebAnswer> apiAnswer(Shared server, Request request, std::shared_ptr<WebTra
   // from here on only with a session
   const auto session = server->sessions().find(request->cookie, steadyNowNs());
   if (!session) co_return notLoggedIn();
-  trace->who = session->holder.who.name;
+  request->who = session->holder.who.name;
   call->who = session->holder.who;
   const bool safe = request->method == "GET" || request->method == "HEAD";
   if (!safe && !server->sessions().csrfFits(session->token, request->csrf))
@@ -271,17 +268,17 @@ Task<WebAnswer> apiAnswer(Shared server, Request request, std::shared_ptr<WebTra
     context.tokens.end(session->token);
     co_return notLoggedIn();
   }
-  server->loggedIn(request->connection, session->holder.who.name);
+  server->showedSession(request->connection, session->holder.who.name);
   // who only asks how long the session lasts does not make it last longer; nor does a page that is left open
-  if (route.action != WebAction::kWhoAmI && route.action != WebAction::kLive)
+  if (route.how.action != WebAction::kWhoAmI && route.how.action != WebAction::kLive)
     (void)context.tokens.renew(session->token, steadyNowNs());
 
-  if (route.action == WebAction::kWhoAmI)
+  if (route.how.action == WebAction::kWhoAmI)
     co_return jsonAnswer(co_await sessionState(server, call->who, session->token));
-  if (route.action == WebAction::kLogOut) {
+  if (route.how.action == WebAction::kLogOut) {
     context.tokens.end(session->token);
     logEvent(LogLevel::kInfo, "web_logout", {{"conn", request->connection}, {"who", call->who.name}});
-    WebAnswer answer = jsonAnswer(WebJson::object());
+    HttpAnswer answer = jsonAnswer(WebJson::object());
     answer.headers.emplace_back("Set-Cookie", WebSessions::cookieFor(""));
     co_return answer;
   }
@@ -296,40 +293,40 @@ Task<WebAnswer> apiAnswer(Shared server, Request request, std::shared_ptr<WebTra
   }
   call->target = std::move(target);
   call->parts = match.parts;
-  if (route.action == WebAction::kLive) {
+  if (route.how.action == WebAction::kLive) {
     if (!request->upgrade) {
-      WebAnswer answer = errorAnswer(426, "upgrade_required", "this address is a WebSocket");
+      HttpAnswer answer = errorAnswer(426, "upgrade_required", "this address is a WebSocket");
       answer.headers.emplace_back("Upgrade", "websocket");
       co_return answer;
     }
     if (!server->viewerCame(call->who.name)) {
-      WebAnswer answer = errorAnswer(429, "rate_limited", "too many live pages are open");
+      HttpAnswer answer = errorAnswer(429, "rate_limited", "too many live pages are open");
       answer.headers.emplace_back("Retry-After", "5");
       co_return answer;
     }
-    WebAnswer answer;
-    answer.live_token = session->token;
+    HttpAnswer answer;
+    answer.takeover = makeLiveSocket(server, session->token, call->who.name);
     co_return answer;
   }
-  if (route.action == WebAction::kText) {
-    WebAnswer answer;
-    answer.body = std::string(route.text());
+  if (route.how.action == WebAction::kText) {
+    HttpAnswer answer;
+    answer.body = std::string(route.how.text());
     co_return answer;
   }
-  if (route.action == WebAction::kStream) co_return co_await throughStream(server, route, call);
-  if (route.action == WebAction::kWork) co_return co_await throughWork(server, route, call);
+  if (route.how.action == WebAction::kStream) co_return co_await throughStream(server, route, call);
+  if (route.how.action == WebAction::kWork) co_return co_await throughWork(server, route, call);
   co_return co_await throughService(server, route, call);
 }
 
 }  // namespace
 
-std::size_t bodyLimitOf(WebServer& server, const std::string& cookie) {
-  return server.sessions().find(cookie, steadyNowNs()) ? server.settings().body_bytes
-                                                       : server.settings().stranger_body_bytes;
-}
-
-Task<WebAnswer> answerTo(std::shared_ptr<WebServer> server, std::shared_ptr<WebRequest> request,
-                         std::shared_ptr<WebTrace> trace) {
+Task<HttpAnswer> WebServer::answer(std::shared_ptr<HttpRequest> request) {
+  if (!request->is_http_1_1) {
+    HttpAnswer answer = errorAnswer(505, "version", "only HTTP/1.1");
+    answer.close = true;
+    co_return answer;
+  }
+  const auto server = std::static_pointer_cast<WebServer>(shared_from_this());
   auto target = parseTarget(request->target);
   if (!target) co_return errorAnswer(target.error());
   if (request->host.empty()) co_return errorAnswer(400, "invalid_input", "the header Host is missing");
@@ -337,15 +334,15 @@ Task<WebAnswer> answerTo(std::shared_ptr<WebServer> server, std::shared_ptr<WebR
   if (segments.size() >= 2 && segments[0] == "api" && segments[1] == "v1") {
     // what one request meets (a stored text that nobody expected, no memory) is not the end of all lessons
     try {
-      co_return co_await apiAnswer(server, request, trace, std::move(*target));
+      co_return co_await apiAnswer(server, request, std::move(*target));
     } catch (const std::exception& fault) {
-      logEvent(LogLevel::kError, "web_request_failed", {{"route", trace->route}, {"text", fault.what()}});
+      logEvent(LogLevel::kError, "web_request_failed", {{"route", request->route}, {"text", fault.what()}});
     }
     co_return errorAnswer(500, "failed", "the server could not answer that; its log says why");
   }
   if (!segments.empty() && segments[0] == "api")
     co_return errorAnswer(404, "not_found", "there is no such address");
-  trace->route = "file";
+  request->route = "file";
   co_return fileAnswer(*server, *request, *target);
 }
 

@@ -1,12 +1,12 @@
 #include "server/web/web_server.h"
 
+#include <fmt/core.h>
 #include <utility>
 
 #include "common/base/clock.h"
 #include "common/base/files.h"
-#include "server/live/listen.h"
-#include "server/live/log.h"
-#include "server/web/web_connection.h"
+#include "server/base/listen.h"
+#include "server/base/log.h"
 
 namespace needlelab {
 namespace {
@@ -26,104 +26,118 @@ std::filesystem::path defaultWebRoot() {
 
 Result<std::shared_ptr<WebServer>> WebServer::start(ServerContext& context, TlsContext tls,
                                                     WebSettings settings) {
-  const auto endpoint = resolveListen(settings.listen, "--web");
-  if (!endpoint.ok()) return endpoint.error();
+  ASSIGN_OR_RETURN(const auto endpoint, resolveListen(settings.listen, "--web"));
   const bool chosen = !settings.root.empty();
   if (!chosen) settings.root = defaultWebRoot();
   auto files = StaticFiles::load(settings.root);
   if (!files.ok()) return files.error();
   if (files->size() == 0) {
-    const std::string words = settings.root.string() + " has no files of the console";
-    if (chosen) return Error{ErrorCode::kInvalidInput, "--web-root: " + words};
-    logEvent(LogLevel::kWarning, "web_without_console", {{"text", words}});
+    const std::string fault = settings.root.string() + " has no files of the console";
+    if (chosen) return Error{ErrorCode::kInvalidInput, "--web-root: " + fault};
+    logEvent(LogLevel::kWarning, "web_without_console", {{"text", fault}});
   }
-  auto acceptor = listenOn(context.io, *endpoint, settings.listen, "--web");
-  if (!acceptor.ok()) return acceptor.error();
+  ASSIGN_OR_RETURN(auto acceptor, listenOn(context.io, endpoint, settings.listen, "--web"));
   std::shared_ptr<WebServer> server(
-      new WebServer(context, std::move(tls), std::move(settings), std::move(*files), std::move(*acceptor)));
+      new WebServer(context, std::move(tls), std::move(settings), std::move(*files), std::move(acceptor)));
   if (const auto& file = server->settings_.port_file; !file.empty()) {
-    const std::string text = std::to_string(server->port_) + "\n";
-    if (const Status written = writeFileAtomically(file, viewOf(text)); !written.ok()) return written.error();
+    const std::string text = fmt::format("{}\n", server->port());
+    RETURN_IF_ERROR(writeFileAtomically(file, viewOf(text)));
   }
   logEvent(LogLevel::kInfo, "web",
-           {{"address", endpoint->address().to_string()},
-            {"port", server->port_},
+           {{"address", endpoint.address().to_string()},
+            {"port", server->port()},
             {"root", server->settings_.root.string()},
             {"files", server->files_.size()}});
-  asio::co_spawn(context.io, acceptLoop(server), rethrow);
+  server->beginAccepting();
   return server;
 }
 
 WebServer::WebServer(ServerContext& context, TlsContext tls, WebSettings settings, StaticFiles files,
                      Tcp::acceptor acceptor)
-    : context_(context),
-      tls_(std::move(tls)),
+    : HttpServer(context.io, std::move(acceptor), std::move(tls), settings),
+      context_(context),
       settings_(std::move(settings)),
       files_(std::move(files)),
       sessions_(context.tokens),
-      acceptor_(std::move(acceptor)),
-      port_(acceptor_.local_endpoint().port()),
-      door_(settings_.door),
+      admission_(settings_.admission),
       board_(std::make_shared<LiveBoard>(context, settings_.live_period)) {}
 
-WebServer::~WebServer() = default;
-
-Task<> WebServer::acceptLoop(std::shared_ptr<WebServer> self) {
-  while (!self->stopping_) {
-    auto [error, socket] = co_await self->acceptor_.async_accept(kUseTuple);
-    if (self->stopping_) co_return;
-    if (!error) {
-      self->accepted(std::move(socket));
-      continue;
-    }
-    // no file descriptors or the like: it passes
-    logEvent(LogLevel::kError, "web_accept_failed", {{"text", error.message()}});
-    asio::steady_timer pause(self->context_.io, std::chrono::milliseconds(100));
-    co_await pause.async_wait(kUseTuple);
-  }
-}
-
-void WebServer::accepted(Tcp::socket socket) {
-  boost::system::error_code gone;
-  const auto peer = socket.remote_endpoint(gone);
-  if (gone) return;
-  const std::uint64_t id = next_id_++;
-  const std::string host = peer.address().to_string(), key = Door::keyOf(host);
+bool WebServer::admit(std::uint64_t id, const Tcp::endpoint& peer) {
+  const std::string host = peer.address().to_string(), key = Admission::keyOf(host);
   const auto here = by_address_.find(key);
-  if (here != by_address_.end() && here->second >= settings_.connections_per_address) {
+  const bool room = here == by_address_.end() || here->second < settings_.connections_per_address;
+  const auto arrival = room ? admission_.arrive(id, host, steadyNowNs()) : Admission::Arrival{};
+  if (!room || arrival.answer != Admission::Answer::kWelcome) {
     ++context_.web.connections_refused;
-    return;  // closes it
+    return false;
   }
-  const auto arrival = door_.arrive(id, host, steadyNowNs());
-  if (arrival.answer != Door::Answer::kWelcome) {
-    ++context_.web.connections_refused;
-    return;
-  }
-  if (arrival.gives_way) {
-    const auto found = connections_.find(*arrival.gives_way);
-    const auto connection = found == connections_.end() ? nullptr : found->second.lock();
-    if (connection) connection->cut();
-  }
+  if (arrival.gives_way) cut(*arrival.gives_way);
   ++context_.web.connections;
   ++context_.web.connections_open;
   ++by_address_[key];
-  const std::string address =
-      (peer.address().is_v6() ? "[" + host + "]" : host) + ":" + std::to_string(peer.port());
-  auto connection = WebConnection::make(shared_from_this(), id, std::move(socket), address, key);
-  connections_.emplace(id, connection);
-  asio::co_spawn(context_.io, WebConnection::run(connection), rethrow);
+  address_of_.emplace(id, key);
+  return true;
 }
 
-void WebServer::left(std::uint64_t id, const std::string& host_key) {
-  if (connections_.erase(id) == 0) return;
-  door_.left(id);
+void WebServer::left(std::uint64_t id) {
+  admission_.left(id);
   forgetPerson(id);
   --context_.web.connections_open;
-  if (const auto here = by_address_.find(host_key); --here->second == 0) by_address_.erase(here);
+  const auto address = address_of_.find(id);
+  if (const auto here = by_address_.find(address->second); --here->second == 0) by_address_.erase(here);
+  address_of_.erase(address);
 }
 
-void WebServer::loggedIn(std::uint64_t id, const std::string& who) {
-  door_.loggedIn(id, steadyNowNs());
+void WebServer::handshakeFailed() {
+  ++context_.web.handshakes_failed;
+}
+
+std::optional<HttpAnswer> WebServer::unreadable(const boost::system::error_code& error) {
+  return unreadableAnswer(error);
+}
+
+std::size_t WebServer::bodyLimit(const std::string& cookie) const {
+  return sessions_.find(cookie, steadyNowNs()) ? settings_.body_bytes : settings_.stranger_body_bytes;
+}
+
+const HttpHeaders& WebServer::commonHeaders() const {
+  // nothing but this server's own files and data; no other page may frame it or learn of it
+  static const HttpHeaders headers = {
+      {"Content-Security-Policy",
+       "default-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'; object-src 'none'"},
+      {"X-Content-Type-Options", "nosniff"},
+      {"Referrer-Policy", "no-referrer"},
+      {"Cross-Origin-Resource-Policy", "same-origin"},
+      {"Cross-Origin-Opener-Policy", "same-origin"},
+      {"Strict-Transport-Security", "max-age=31536000"},
+  };
+  return headers;
+}
+
+void WebServer::answered(const HttpExchange& exchange) {
+  const HttpRequest& request = exchange.request;
+  WebCounters& web = context_.web;
+  ++web.requests[request.route][exchange.status];
+  web.latency_sum_s += exchange.seconds;
+  std::size_t bucket = 0;
+  while (bucket < WebCounters::kLatency_s.size() && exchange.seconds > WebCounters::kLatency_s[bucket])
+    ++bucket;
+  ++web.latency[bucket];
+  // neither query nor header: names that are looked for, cookies and tokens are nobody's business
+  const std::string path = request.method == "?" ? "?" : request.target.substr(0, request.target.find('?'));
+  logEvent(request.route == "file" ? LogLevel::kDebug : LogLevel::kInfo, "web_request",
+           {{"conn", request.connection},
+            {"peer", request.address},
+            {"who", request.who},
+            {"method", request.method},
+            {"path", path},
+            {"status", exchange.status},
+            {"ms", static_cast<std::int64_t>(exchange.seconds * 1000)},
+            {"sent", exchange.sent ? "yes" : "no"}});
+}
+
+void WebServer::showedSession(std::uint64_t id, const std::string& who) {
+  admission_.loggedIn(id, steadyNowNs());
   forgetPerson(id);
   person_of_.emplace(id, who);
   std::vector<std::uint64_t>& theirs = by_person_[who];
@@ -131,8 +145,7 @@ void WebServer::loggedIn(std::uint64_t id, const std::string& who) {
   if (theirs.size() <= settings_.connections_per_person) return;
   const std::uint64_t idlest = theirs.front();
   forgetPerson(idlest);
-  const auto found = connections_.find(idlest);
-  if (const auto connection = found == connections_.end() ? nullptr : found->second.lock()) connection->cut();
+  cut(idlest);
 }
 
 void WebServer::forgetPerson(std::uint64_t id) {
@@ -161,22 +174,13 @@ void WebServer::viewerLeft(const std::string& who) {
 }
 
 void WebServer::stop() {
-  if (std::exchange(stopping_, true)) return;
-  boost::system::error_code ignored;
-  acceptor_.close(ignored);
-  const auto all = connections_;
-  for (const auto& [id, weak] : all) {
-    if (const auto connection = weak.lock()) connection->stop();
-  }
+  HttpServer::stop();
   board_->stop();
 }
 
-void WebServer::cut(const std::string& reason) {
-  const auto all = connections_;
-  if (!all.empty()) logEvent(LogLevel::kWarning, "web_cut", {{"connections", all.size()}, {"text", reason}});
-  for (const auto& [id, weak] : all) {
-    if (const auto connection = weak.lock()) connection->cut();
-  }
+void WebServer::cutAll(const std::string& reason) {
+  if (!idle()) logEvent(LogLevel::kWarning, "web_cut", {{"connections", connections()}, {"text", reason}});
+  cut();
 }
 
 }  // namespace needlelab

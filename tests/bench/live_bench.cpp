@@ -23,7 +23,7 @@
 #include "common/gesture/chunk.h"
 #include "common/wire/tls.h"
 #include "db/credentials.h"
-#include "server/live/log.h"
+#include "server/base/log.h"
 #include "server/server.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/common/gesture/gesture_samples.h"

@@ -2,7 +2,7 @@
 #include <array>
 
 #include "common/wire/protocol.h"
-#include "db/service/roles.h"
+#include "db/service/requests.h"
 #include "server/live/rules.h"
 #include "tests/fuzz/quiet_protobuf.h"
 #include "tests/fuzz/target.h"

@@ -4,13 +4,12 @@
 #include <string>
 
 #include "common/profile/strict_json.h"
-#include "db/service/roles.h"
+#include "db/service/requests.h"
+#include "server/base/http_message.h"
+#include "server/base/http_stream.h"
 #include "server/web/reply_json.h"
 #include "server/web/routes.h"
-#include "server/web/web_answer.h"
 #include "server/web/web_call.h"
-#include "server/web/web_parser.h"
-#include "server/web/web_session.h"
 #include "tests/fuzz/quiet_protobuf.h"
 #include "tests/fuzz/target.h"
 
@@ -31,7 +30,7 @@ void checkTarget(const WebTarget& target) {
   }
 }
 
-void routeRequest(const WebRequest& request) {
+void routeRequest(const HttpRequest& request) {
   const auto target = parseTarget(request.target);
   if (!target.ok()) {
     require(!target.error().message.empty(), "a refusal says why");
@@ -58,14 +57,14 @@ void routeRequest(const WebRequest& request) {
   if (!request.body.empty() && isJsonType(request.content_type)) {
     auto body = readStrictJson(request.body, "body", 1u << 20);
     if (!body.ok()) {
-      const WebAnswer answer = errorAnswer(body.error());
+      const HttpAnswer answer = errorAnswer(body.error());
       require(nlohmann::json::accept(answer.body), "every error is JSON");
       return;
     }
     call.body = std::move(*body);
   }
-  if (match.route->build == nullptr) return;
-  const auto built = match.route->build(call);
+  if (match.route->how.action != WebAction::kRequest) return;
+  const auto built = match.route->how.build(*match.route, call);
   if (!built.ok()) {
     require(nlohmann::json::accept(errorAnswer(built.error()).body), "every error is JSON");
     return;
@@ -82,7 +81,7 @@ void routeRequest(const WebRequest& request) {
 void http(ByteView data) {
   std::size_t at = 0;
   for (int requests = 0; requests < 8 && at < data.size(); ++requests) {
-    WebParser parser;
+    HttpParser parser;
     parser.header_limit(8192);
     parser.body_limit(std::uint64_t{1} << 20);
     parser.eager(true);

@@ -9,7 +9,7 @@
 #include <future>
 #include <nlohmann/json.hpp>
 
-#include "server/live/prometheus.h"
+#include "server/live/metrics.h"
 #include "tests/operations/prometheus_text.h"
 #include "tests/unit/server/live/running_server.h"
 

@@ -4,7 +4,7 @@
 #include "common/base/files.h"
 #include "common/wire/certificates.h"
 #include "db/credentials.h"
-#include "server/live/log.h"
+#include "server/base/log.h"
 #include "server/server.h"
 #include "tests/powercut/campaign.h"
 #include "tests/powercut/watched_disk.h"

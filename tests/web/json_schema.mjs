@@ -1,4 +1,4 @@
-// What of openapi.json a reply does not keep to: the part of JSON Schema that server/web/make_openapi.py writes.
+// Where a reply differs from the API's description: the part of JSON Schema that server/web/openapi.cpp writes.
 
 const kUnderstood = new Set([
   'type',

@@ -1,13 +1,13 @@
-// The mock server is a double of server/web: every route of openapi.json that the console asks for, its replies as they
-// are
-// described there. (tests/unit/server/web compares the real port with the same file.)
+// The mock server is a double of server/web: every route of the API that the console asks for, its replies as `needlelab-server
+// --openapi` describes them. (tests/unit/server/web compares the replies of the real port with the same description.)
 import assert from 'node:assert/strict';
-import { readFileSync } from 'node:fs';
+import { execFileSync } from 'node:child_process';
 import { after, before, test } from 'node:test';
 import { replySchema, schemaFaults } from './json_schema.mjs';
 import { startMock } from './mock_server.mjs';
 
-const api = JSON.parse(readFileSync(new URL('../../server/web/openapi.json', import.meta.url), 'utf8'));
+const folder = process.env.NEEDLELAB_BIN ?? new URL('../../build/dev/bin', import.meta.url).pathname;
+const api = JSON.parse(execFileSync(`${folder}/needlelab-server`, ['--openapi'], { encoding: 'utf8', maxBuffer: 1 << 24 }));
 const kPassword = 'correct horse';
 // addresses that no page of the console asks for
 const kUnused = ['GET /openapi.json', 'GET /people/{name}/consents', 'GET /live'];

@@ -1,5 +1,5 @@
 // What each role may do, so that the console hides what the server would refuse. The server decides
-// (db/service/roles.cpp).
+// (db/service/requests.cpp).
 
 const kStaff = ['instructor', 'curriculum-manager', 'administrator'];
 const kManagers = ['curriculum-manager', 'administrator'];

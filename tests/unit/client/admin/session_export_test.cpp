@@ -9,7 +9,7 @@
 #include "common/base/csv.h"
 #include "common/gesture/recording.h"
 #include "common/gesture/sample_csv.h"
-#include "server/live/log.h"
+#include "server/base/log.h"
 #include "server/server.h"
 #include "tests/support/sanitized.h"
 #include "tests/unit/client/admin/run_admin.h"

@@ -212,16 +212,16 @@ TEST_F(PeopleHandlers, whatTheServerMustDoIsMarked) {
   addStation();
   pb::Request list;
   list.mutable_list_stations();
-  EXPECT_EQ(ask(instructor, list).server_part, Outcome::ServerPart::kFillStations);
+  EXPECT_EQ(ask(instructor, list).server_part, ServerPart::kFillStations);
   EXPECT_EQ(get(instructor, list).stations().stations_size(), 1);
 
   pb::Request message;
   message.mutable_trainee_message()->set_station("station-1");
   message.mutable_trainee_message()->set_text("slower");
-  EXPECT_EQ(ask(instructor, message).server_part, Outcome::ServerPart::kDeliver);
+  EXPECT_EQ(ask(instructor, message).server_part, ServerPart::kDeliver);
   message.mutable_trainee_message()->set_station("nowhere");
   EXPECT_EQ(refusal(instructor, message), ErrorCode::kNotFound);
-  EXPECT_EQ(ask(instructor, message).server_part, Outcome::ServerPart::kNone);
+  EXPECT_EQ(ask(instructor, message).server_part, ServerPart::kNone);
   message.mutable_trainee_message()->set_station("station-1");
   message.mutable_trainee_message()->set_text(std::string(100'000, 'x'));
   EXPECT_EQ(refusal(instructor, message), ErrorCode::kInvalidInput);
@@ -234,7 +234,7 @@ TEST_F(PeopleHandlers, whatTheServerMustDoIsMarked) {
   curricula.mutable_list_curricula();
   next.mutable_next_exercise()->set_exercise_id(
       get(admin, curricula).curricula().curricula(0).exercise_ids(0));
-  EXPECT_EQ(ask(instructor, next).server_part, Outcome::ServerPart::kDeliver);
+  EXPECT_EQ(ask(instructor, next).server_part, ServerPart::kDeliver);
 }
 
 }  // namespace

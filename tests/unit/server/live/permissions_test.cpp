@@ -8,7 +8,7 @@
 #include <set>
 #include <sstream>
 
-#include "db/service/roles.h"
+#include "db/service/requests.h"
 #include "server/live/rules.h"
 #include "tests/unit/server/live/raw_peer.h"
 

@@ -17,7 +17,7 @@
 #include "common/base/uuid.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/session_hash.h"
-#include "server/live/log.h"
+#include "server/base/log.h"
 #include "server/server.h"
 #include "tests/support/temp_folder.h"
 

@@ -1,4 +1,4 @@
-/// As much of JSON Schema as openapi.json uses: type, enum, $ref, properties, required, additionalProperties,
+/// As much of JSON Schema as the description of the API uses: type, enum, $ref, properties, required, additionalProperties,
 /// items, minimum, maxProperties, format uuid. Anything else in a schema is a fault.
 #pragma once
 
@@ -11,7 +11,7 @@ namespace needlelab::test {
 std::string schemaFault(const nlohmann::json& schema, const nlohmann::json& value, const nlohmann::json& root,
                         const std::string& path = "$");
 
-/// The schema of a reply in openapi.json, null when there is none; `pattern` without the base.
+/// The schema of a reply in the description of the API, null when there is none; `pattern` without the base.
 nlohmann::json replySchema(const nlohmann::json& api, const std::string& method, const std::string& pattern,
                            int status);
 

@@ -53,20 +53,87 @@ TEST(Routes, eachIsThereOnceAndHasWhatItsActionNeeds) {
   std::set<std::pair<std::string, std::string>> seen;
   for (const WebRoute& route : webRoutes()) {
     EXPECT_TRUE(seen.emplace(route.method, route.pattern).second) << route.method << " " << route.pattern;
-    const bool has = route.action == WebAction::kRequest  ? route.build != nullptr && route.shape != nullptr
-                     : route.action == WebAction::kWork   ? route.work != nullptr
-                     : route.action == WebAction::kStream ? route.stream != nullptr
-                     : route.action == WebAction::kText   ? route.text != nullptr
-                                                          : true;
+    const RouteAdapter& how = route.how;
+    const bool has = how.action == WebAction::kRequest  ? how.build != nullptr && how.shape != nullptr
+                     : how.action == WebAction::kWork   ? how.work != nullptr
+                     : how.action == WebAction::kStream ? how.stream != nullptr
+                     : how.action == WebAction::kText   ? how.text != nullptr
+                                                        : true;
     EXPECT_TRUE(has) << route.method << " " << route.pattern;
     // what asks the service is checked by its table of roles
-    if (route.action == WebAction::kRequest || route.action == WebAction::kWork ||
-        route.action == WebAction::kStream) {
+    if (how.action == WebAction::kRequest || how.action == WebAction::kWork ||
+        how.action == WebAction::kStream) {
       EXPECT_NE(route.call, pb::Request::CALL_NOT_SET) << route.pattern;
     }
     // each is reached by its own pattern
     EXPECT_EQ(matchOf(std::string(route.method), std::string(route.pattern)).route, &route) << route.pattern;
   }
+}
+
+TEST(Routes, eachAdapterIsOfARow) {
+  for (const RouteAdapter& adapter : routeAdapters()) {
+    int rows = 0;
+    for (const WebRoute& route : webRoutes())
+      rows += adapter.line == std::string(route.method) + " " + std::string(route.pattern);
+    EXPECT_EQ(rows, 1) << adapter.line;
+  }
+}
+
+TEST(Routes, aPlainOneFindsAFieldForEachPartAndNameOfTheQuery) {
+  using google::protobuf::FieldDescriptor;
+  std::size_t plain = 0;
+  for (const WebRoute& route : webRoutes()) {
+    if (route.how.action != WebAction::kRequest || route.how.build != plainRequest) continue;
+    ++plain;
+    const PlainFields fields = plainFieldsOf(route);
+    for (const auto& list : {fields.parts, fields.query})
+      for (const FieldDescriptor* field : list) {
+        ASSERT_NE(field, nullptr) << route.method << " " << route.pattern;
+        EXPECT_TRUE(field->type() == FieldDescriptor::TYPE_STRING ||
+                    field->type() == FieldDescriptor::TYPE_BYTES ||
+                    field->type() == FieldDescriptor::TYPE_UINT32)
+            << route.method << " " << route.pattern << ": " << field->name();
+      }
+  }
+  EXPECT_GT(plain, 30u);
+}
+
+TEST(Routes, plainOnesFillTheirCallFromAddressQueryBodyAndIfMatch) {
+  const auto built = [](const std::string& method, const std::string& path, WebCall call) {
+    const WebMatch match = matchOf(method, path);
+    call.parts = match.parts;
+    return match.route->how.build(*match.route, call);
+  };
+  WebCall call;
+  call.target.query = {{"exercise", "e1"}, {"page", "AQI"}};
+  const auto progress = built("GET", "/people/tina/progress", call);
+  EXPECT_EQ(progress->get_progress().trainee(), "tina");
+  EXPECT_EQ(progress->get_progress().exercise_id(), "e1");
+  EXPECT_EQ(progress->get_progress().page(), "\x01\x02");
+
+  call = {};
+  call.target.query = {{"definition_version", "3"}};
+  const std::string id = "018f3a5e-0000-7000-8000-000000000001";
+  const auto score = built("GET", "/sessions/" + id + "/score", call);
+  EXPECT_EQ(score->get_score().session_id().size(), 16u);
+  EXPECT_EQ(score->get_score().definition_version(), 3u);
+  EXPECT_EQ(built("GET", "/sessions/none/score", call).error().code, ErrorCode::kNotFound);
+  call.target.query = {{"definition_version", "0"}};
+  EXPECT_EQ(built("GET", "/sessions/" + id + "/score", call).error().code, ErrorCode::kInvalidInput);
+
+  call = {};
+  call.body = {{"excused", true}, {"reason", "power"}};
+  const auto excuse = built("POST", "/sessions/" + id + "/excuse", call);
+  EXPECT_TRUE(excuse->excuse_attempt().excused());
+  EXPECT_EQ(excuse->excuse_attempt().session_id(), score->get_score().session_id());
+  call.body["session_id"] = id;
+  EXPECT_EQ(built("POST", "/sessions/" + id + "/excuse", call).error().code, ErrorCode::kInvalidInput);
+
+  call = {};
+  EXPECT_EQ(built("DELETE", "/groups/g1", call).error().code, ErrorCode::kInvalidInput);
+  call.if_match = 7;
+  EXPECT_EQ(built("DELETE", "/groups/g1", call)->remove_group().id(), "g1");
+  EXPECT_EQ(built("DELETE", "/groups/g1", call)->remove_group().base_revision(), 7u);
 }
 
 struct RouteBefore {
@@ -86,24 +153,28 @@ std::vector<RouteBefore> routesBefore() {
   return rows;
 }
 
-TEST(Routes, areThoseOfBefore) {
+// what was published stays as it is; permissions_web.tsv has all routes, those that came later as well
+TEST(Routes, thoseOfBeforeStay) {
   // of one path in their order, in which a refused method names them
   std::map<std::string, std::vector<std::string>> expected, found;
-  for (const RouteBefore& row : routesBefore()) expected[row.path].push_back(row.method + " " + row.role_of);
+  std::set<std::string> lines;
+  for (const RouteBefore& row : routesBefore()) {
+    expected[row.path].push_back(row.method + " " + row.role_of);
+    lines.insert(row.method + " " + row.path);
+  }
   const auto& calls = *pb::Request::descriptor();
   for (const WebRoute& route : webRoutes()) {
+    if (!lines.contains(std::string(route.method) + " " + std::string(route.pattern))) continue;
     const auto* call = calls.FindFieldByNumber(route.call);
     found[std::string(route.pattern)].push_back(std::string(route.method) + " " +
                                                 (call == nullptr ? "-" : call->name()));
   }
   EXPECT_EQ(found, expected);
+  EXPECT_EQ(lines.size(), 59u);
 }
 
 TEST(OpenApi, describesTheRoutesOfBefore) {
   const json api = json::parse(openApiText());
-  std::size_t operations = 0;
-  for (const auto& [pattern, methods] : api["paths"].items()) operations += methods.size();
-  EXPECT_EQ(operations, routesBefore().size());
   for (const RouteBefore& row : routesBefore()) {
     std::string method = row.method;
     for (char& c : method) c = static_cast<char>(std::tolower(c));

@@ -9,10 +9,9 @@
 #include "common/base/uuid.h"
 #include "common/profile/profile.h"
 #include "needlelab/control.pb.h"
+#include "server/base/http_message.h"
 #include "server/web/reply_json.h"
 #include "server/web/static_files.h"
-#include "server/web/web_answer.h"
-#include "server/web/web_session.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab {

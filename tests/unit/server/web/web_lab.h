@@ -78,7 +78,7 @@ class WebLab {
   std::string station_key_;
 };
 
-/// Every JSON reply of the API fits openapi.json; the reply is passed on.
+/// Every JSON reply of the API fits its description; the reply is passed on.
 inline WebReply fits(const std::string& method, const std::string& path, WebReply reply) {
   static const nlohmann::json api = nlohmann::json::parse(openApiText());
   if (!path.starts_with(kApiBase)) return reply;

@@ -4,7 +4,7 @@
 #include <set>
 #include <sstream>
 
-#include "server/live/process_facts.h"
+#include "server/live/monitor.h"
 #include "tests/support/sanitized.h"
 #include "tests/unit/server/web/web_lab.h"
 

@@ -205,7 +205,7 @@ TEST(WebLimits, onePersonsConnectionsGiveWayAmongThemselves) {
 }
 
 TEST(WebLimits, strangersGiveWayAndTheOtherPortGoesOn) {
-  WebLab lab([](ServerOptions& options) { options.web.door.max_strangers = 3; });
+  WebLab lab([](ServerOptions& options) { options.web.admission.max_strangers = 3; });
   std::vector<std::unique_ptr<WebWire>> open;
   for (int i = 0; i < 8; ++i) open.push_back(std::make_unique<WebWire>(lab.port()));
   // the oldest were cut for the newest

@@ -1,0 +1,247 @@
+// A person's data is erased. Order: what may be refused is asked first; then the line in DIR/erasures, then
+// the transaction: a crash between the two shows as an erasure that must be repeated, never as one that is
+// forgotten.
+#include "db/service/erasures.h"
+
+#include <fmt/core.h>
+#include <sodium.h>
+#include <algorithm>
+#include <mutex>
+
+#include "db/audit.h"
+#include "db/erasure.h"
+#include "db/pseudonyms.h"
+#include "db/service/handlers.h"
+#include "db/session_rows.h"
+
+namespace needlelab::handlers {
+namespace {
+
+std::string newErasurePseudonym() {
+  std::array<unsigned char, 6> random{};
+  randombytes_buf(random.data(), random.size());
+  return "erased-" + hexDigitsOf(textOf(random));
+}
+
+}  // namespace
+
+Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call) {
+  if (call.confirm() != call.name() || call.name().empty())
+    return Error{ErrorCode::kInvalidInput, "confirm: to erase all data of '" + call.name() +
+                                               "' for ever, give its name here; found '" + call.confirm() +
+                                               "'"};
+  if (call.name() == context.who.name)
+    return Error{ErrorCode::kDenied, "nobody erases itself: let another administrator do it"};
+  const auto open = ErasureStore(context.reader).openSessions(call.name());
+  if (!open) return open.error();
+  if (!open->empty() && !call.with_open_sessions())
+    return Error{ErrorCode::kUnavailable,
+                 "'" + call.name() + "' has a session that is open, " + open->front() +
+                     (open->size() > 1 ? " and others" : "") +
+                     ": let it be ended first, or say that what is still sent of it shall not be kept "
+                     "(with_open_sessions)"};
+  const auto folder = context.reader.path().parent_path();
+  ASSIGN_OR_RETURN(const auto key, ErasureStore(context.reader).key());
+
+  // one at a time: the file is read and written as a whole
+  static std::mutex one_erasure;
+  const std::scoped_lock lock(one_erasure);
+  ASSIGN_OR_RETURN(auto lines, readErasures(folder));
+  const auto before = lines;
+  const auto hash = key.nameHash(call.name());
+  // one that is done again after a restore goes on with its pseudonym
+  ASSIGN_OR_RETURN(const auto repeat, ErasureStore(context.reader).toRepeat(folder));
+  const auto again = std::find_if(repeat.begin(), repeat.end(),
+                                  [&](const auto& erasure) { return erasure.name == call.name(); });
+  ErasureLine line{again != repeat.end() ? again->pseudonym : newErasurePseudonym(), hash,
+                   context.now_unix_ns};
+  std::erase_if(lines, [&](const ErasureLine& other) { return other.pseudonym == line.pseudonym; });
+  lines.push_back(line);
+  RETURN_IF_ERROR(writeErasures(folder, lines));
+
+  pb::Erasure erasure;
+  const auto status = context.writer.run([&](Connection& writer) -> Status {
+    ASSIGN_OR_RETURN(auto done, ErasureStore(writer).erase(call.name(), line, context.who.name, call.reason(),
+                                                           context.now_unix_ns));
+    erasure = std::move(done);
+    const std::string detail = fmt::format("{} sessions, {} recordings, {} scores", erasure.sessions(),
+                                           erasure.recordings(), erasure.scores());
+    return AuditStore(writer).add(
+        {0, context.now_unix_ns, context.who.name, std::string(context.action), line.pseudonym, detail});
+  });
+  if (!status) {
+    // nothing happened: neither does the file say so
+    RETURN_IF_ERROR(writeErasures(folder, before));
+    return status.error();
+  }
+  erasure.set_text(
+      "Backups made before now still hold this person's data: remove them, or erase again after a restore "
+      "(the "
+      "server's log and 'check' say so then). Freed pages of the database are overwritten now, those of the "
+      "log "
+      "beside it (needlelab.db-wal) when it comes round; the server's own log files go by their rotation.");
+  pb::Reply reply;
+  *reply.mutable_erasure() = std::move(erasure);
+  return reply;
+}
+
+}  // namespace needlelab::handlers
+
+namespace needlelab {
+namespace {
+
+std::string textOfField(const RecordJson& record, const char* name) {
+  const auto found = record.find(name);
+  return found != record.end() && found->is_string() ? found->get<std::string>() : std::string();
+}
+std::int64_t timeOfField(const RecordJson& record, const char* name) {
+  const auto found = record.find(name);
+  return found != record.end() && found->is_number_integer() ? found->get<std::int64_t>() : 0;
+}
+
+/// The person who did something, and the time.
+struct DoerField {
+  const char* doer;
+  const char* when;
+};
+constexpr DoerField kDoerFields[] = {{"changed_by", "changed_unix_ns"}, {"recorded_by", "unix_ns"},
+                                     {"author", "created_unix_ns"},     {"by_whom", "created_unix_ns"},
+                                     {"by_whom", "changed_unix_ns"},    {"by_whom", "erased_unix_ns"}};
+
+}  // namespace
+
+Result<ImportErasures> ImportErasures::open(Connection& writer) {
+  ImportErasures all(writer);
+  const auto folder = writer.path().parent_path();
+  ASSIGN_OR_RETURN(auto lines, readErasures(folder));
+  all.lines_ = std::move(lines);
+  auto rows = writer.prepare("SELECT pseudonym, name_hash, erased_unix_ns FROM erasures");
+  for (;;) {
+    ASSIGN_OR_RETURN(const auto row, rows.step());
+    if (!row) break;
+    ErasureLine line{rows.text(0), {}, rows.integer(2)};
+    const auto bytes = rows.bytes(1);
+    if (bytes.size() == line.name_hash.size()) {
+      std::copy(bytes.begin(), bytes.end(), line.name_hash.begin());
+      all.lines_.push_back(std::move(line));
+    }
+  }
+  if (all.lines_.empty()) return all;
+  ASSIGN_OR_RETURN(auto key, ErasureStore(writer).key());
+  all.key_ = key;
+  return all;
+}
+
+std::optional<std::string> ImportErasures::pseudonymOf(const std::string& name,
+                                                       std::int64_t made_unix_ns) const {
+  if (!key_ || name.empty()) return std::nullopt;
+  const auto hash = key_->nameHash(name);
+  for (const ErasureLine& line : lines_) {
+    if (line.name_hash == hash && line.unix_ns >= made_unix_ns) return line.pseudonym;
+  }
+  return std::nullopt;
+}
+
+Result<bool> ImportErasures::isOfErasedSession(const std::string& id_digits) {
+  const auto known = sessions_.find(id_digits);
+  if (known != sessions_.end()) return known->second;
+  const auto bytes = bytesOfHex(id_digits);
+  if (!bytes) return false;
+  auto row = writer_.query("SELECT erased FROM sessions WHERE id = ?", viewOf(*bytes));
+  ASSIGN_OR_RETURN(const auto found, row.step());
+  const bool erased = found && row.integer(0) != 0;
+  sessions_.emplace(id_digits, erased);
+  if (erased) session_texts_.insert(sessionText(*bytes));
+  return erased;
+}
+
+Result<bool> ImportErasures::isOfErased(const RecordTable& table, const RecordJson& record) {
+  const auto owner = [&](const char* name, const char* when) {
+    return pseudonymOf(textOfField(record, name), timeOfField(record, when));
+  };
+  if (table.kind == "person") {
+    const auto pseudonym = owner("name", "created_unix_ns");
+    if (!pseudonym) return false;
+    ErasedNames names{textOfField(record, "name"), {}, {}, *pseudonym};
+    if (const std::string full_name = textOfField(record, "full_name"); !full_name.empty())
+      names.full_names.push_back(full_name);
+    RETURN_IF_ERROR(addOthers(writer_, names));
+    met_.push_back(std::move(names));
+    return true;
+  }
+  if (table.kind == "consent") return owner("person", "unix_ns").has_value();
+  if (table.kind == "assignment") return owner("trainee", "created_unix_ns").has_value();
+  if (table.kind == "group_member") {
+    // it has no time: whether the person is one of those who came before it
+    const std::string name = textOfField(record, "person");
+    return std::any_of(met_.begin(), met_.end(), [&](const auto& names) { return names.name == name; });
+  }
+  if (table.kind == "session") {
+    const std::string id = textOfField(record, "id");
+    const bool erased = owner("trainee", "started_unix_ns").has_value();
+    if (!erased && timeOfField(record, "erased") != 0) return false;  // a pseudonym's, as it was exported
+    if (erased) {
+      sessions_[id] = true;
+      if (const auto bytes = bytesOfHex(id)) session_texts_.insert(sessionText(*bytes));
+      return true;
+    }
+    return isOfErasedSession(id);
+  }
+  if (record.contains("session") &&
+      (table.kind == "score" || table.kind == "event" || table.kind == "annotation"))
+    return isOfErasedSession(textOfField(record, "session"));
+  return false;
+}
+
+void ImportErasures::replaceDoer(RecordJson& record, const char* doer, const char* when) const {
+  if (!record.contains(doer) || !record.contains(when)) return;
+  if (const auto pseudonym = pseudonymOf(textOfField(record, doer), timeOfField(record, when)))
+    record[doer] = *pseudonym;
+}
+
+Result<ImportErasures::Verdict> ImportErasures::look(const RecordTable& table, RecordJson& record) {
+  if (!key_) return Verdict::kTake;
+  ASSIGN_OR_RETURN(const auto left_out, isOfErased(table, record));
+  if (left_out) return Verdict::kLeftOut;
+  for (const DoerField& field : kDoerFields) replaceDoer(record, field.doer, field.when);
+  if (table.kind == "annotation") {
+    for (const ErasedNames& names : met_)
+      record["text"] = withoutNames(textOfField(record, "text"), names, false);
+  }
+  if (table.kind == "audit") {
+    AuditRow line{0,
+                  timeOfField(record, "unix_ns"),
+                  textOfField(record, "who"),
+                  textOfField(record, "action"),
+                  textOfField(record, "subject"),
+                  textOfField(record, "detail")};
+    for (const ErasedNames& names : met_) {
+      if (pseudonymOf(names.name, line.unix_ns)) line = withoutNames(line, names, session_texts_);
+    }
+    // of somebody whose own record is not in this import, as far as a line says so
+    for (std::string* name : {&line.who, &line.subject}) {
+      const auto pseudonym = pseudonymOf(*name, line.unix_ns);
+      if (!pseudonym) continue;
+      const ErasedNames names{*name, {}, {}, *pseudonym};
+      line = withoutNames(line, names, session_texts_);
+    }
+    record["who"] = line.who;
+    record["subject"] = line.subject;
+    record["detail"] = line.detail;
+  }
+  return Verdict::kTake;
+}
+
+bool ImportErasures::isErasuresWork(const RecordTable& table, const RecordJson& there,
+                                    const RecordJson& record) const {
+  if (!key_) return false;
+  RecordJson a = there, b = record;
+  // a group whose member went has another revision; a remark has a pseudonym where a name stood
+  if (table.kind == "group" && timeOfField(a, "revision") > timeOfField(b, "revision"))
+    a["revision"] = b["revision"];
+  if (table.kind == "annotation" && textOfField(a, "text").find("erased-") != std::string::npos)
+    a["text"] = b["text"];
+  return a == b;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,288 @@
+#include "db/service/requests.h"
+
+#include <fmt/core.h>
+
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+
+#include "db/service/handlers.h"
+#include "db/service/service.h"
+
+namespace needlelab {
+namespace {
+
+using namespace handlers;
+using Call = pb::Request;
+using pb::Reply;
+using enum RequestThreads;
+
+constexpr unsigned bit(pb::Role role) {
+  // proto3 keeps numbers that are not a role: they have no bit
+  return role >= pb::Role_MIN && role <= pb::Role_MAX ? 1u << role : 0u;
+}
+constexpr unsigned kTrainee = bit(pb::TRAINEE);
+constexpr unsigned kInstructor = bit(pb::INSTRUCTOR);
+constexpr unsigned kManager = bit(pb::CURRICULUM_MANAGER);
+constexpr unsigned kAdmin = bit(pb::ADMINISTRATOR);
+constexpr unsigned kStation = bit(pb::STATION);
+constexpr unsigned kResearcher = bit(pb::RESEARCHER);
+constexpr unsigned kManagers = kManager | kAdmin;
+constexpr unsigned kStaff = kInstructor | kManagers;
+constexpr unsigned kPeople = kStaff | kTrainee;
+constexpr unsigned kAll = kPeople | kStation;
+constexpr unsigned kReaders = kAll | kResearcher;  // of what names nobody
+
+/// The call's own message. Its type is that of the row's handler, which a test compares.
+template <typename Message>
+const Message& callOf(const pb::Request& request) {
+  const auto* field = pb::Request::descriptor()->FindFieldByNumber(request.call_case());
+  const auto* call =
+      google::protobuf::DynamicCastToGenerated<Message>(&request.GetReflection()->GetMessage(request, field));
+  if (call == nullptr) throw std::logic_error("the handler takes another message than " + field->name());
+  return *call;
+}
+
+/// A handler of handlers.h, which reads by a connection that is borrowed for it.
+template <typename Message>
+Result<Reply> execute(Service& service, const Principal& who, const pb::Request& request,
+                      Result<Reply> (*handler)(const Context&, const Message&)) {
+  return service.withReader(who, callName(request.call_case()), [&](const Context& context) {
+    return handler(context, callOf<Message>(request));
+  });
+}
+/// A function of the service, which borrows its readers itself.
+template <typename Message>
+Result<Reply> execute(Service& service, const Principal& who, const pb::Request& request,
+                      Result<Reply> (Service::*handler)(const Principal&, const Message&)) {
+  return (service.*handler)(who, callOf<Message>(request));
+}
+
+template <typename Message>
+const google::protobuf::Descriptor* takenBy(Result<Reply> (*)(const Context&, const Message&)) {
+  return Message::descriptor();
+}
+template <typename Message>
+const google::protobuf::Descriptor* takenBy(Result<Reply> (Service::*)(const Principal&, const Message&)) {
+  return Message::descriptor();
+}
+
+/// The entry of a row for a function that takes the call's message.
+template <auto kHandler>
+constexpr RequestHandler to = {[](Service& service, const Principal& who, const pb::Request& request) {
+                                 return execute(service, who, request, kHandler);
+                               },
+                               [] { return takenBy(kHandler); }};
+
+// call, its name in the audit log, who may ask, what executes it, the reply, the threads; the HTTP lines that
+// ask for it
+// clang-format off
+constexpr RequestRow kRows[] = {
+  // --- people. A trainee or a researcher: its own data only, the handlers see to that
+  {Call::kListUsers,               "user list",            kStaff,                to<listUsers>,                 Reply::kUsers, kWorkers,
+   {{"GET /people?page", "People"}}},
+  // a manager: nobody above itself
+  {Call::kAddUser,                 "user add",             kManagers,             to<addUser>,                   Reply::kDone, kPasswords,
+   {{"POST /people", "A new person"}}},
+  {Call::kImportPeople,            "user import",          kManagers,             to<importPeople>,              Reply::kPeopleImport, kSlow,
+   {{"POST /people/import", "A class from CSV: name, full_name, role, group, password"}}},
+  {Call::kGetUser,                 "user show",            kPeople | kResearcher, to<getUser>,                   Reply::kUser, kWorkers,
+   {{"GET /people/{name}", "One person"}}},
+  // the same line asks for ChangeUser, whose role is checked behind it
+  {Call::kSetConsent,              "consent",              kPeople,               to<setConsent>,                Reply::kUser, kWorkers,
+   {{"PATCH /people/{name}", "Role, name, access (If-Match); or the word on studies, alone"}}},
+  {Call::kChangeUser,              "user change",          kManagers,             to<changeUser>,                Reply::kUser},
+  // one's own; managers: those below them
+  {Call::kSetPassword,             "user passwd",          kPeople | kResearcher, to<setPassword>,               Reply::kDone, kPasswords,
+   {{"POST /people/{name}/password", "A new password; ends the person's sessions"}}},
+  {Call::kDisableUser,             "user disable",         kManagers,             to<disableUser>,               Reply::kDone},
+  {Call::kListConsents,            "consent list",         kPeople,               to<listConsents>,              Reply::kConsents, kWorkers,
+   {{"GET /people/{name}/consents", "All words on studies"}}},
+  // one's own; managers: anybody's
+  {Call::kExportPerson,            "person export",        kPeople,               to<exportPerson>,              Reply::kRecords, kViews,
+   {{"GET /people/{name}/export", "Everything that is stored of a person, to download"}}},
+  {Call::kErasePerson,             "person erase",         kAdmin,                to<&Service::erasePerson>,     Reply::kErasure, kSlow,
+   {{"DELETE /people/{name}/data", "Erases a person; confirm must be the name"}}},
+
+  // --- groups
+  {Call::kListGroups,              "group list",           kStaff,                to<listGroups>,                Reply::kGroups, kWorkers,
+   {{"GET /groups?page", "Groups"}}},
+  {Call::kGetGroup,                "group show",           kStaff,                to<getGroup>,                  Reply::kGroup, kWorkers,
+   {{"GET /groups/{id}", "One group"}}},
+  {Call::kPutGroup,                "group set",            kManagers,             to<putGroup>,                  Reply::kGroup, kWorkers,
+   {{"POST /groups", "A new group"},
+     {"PUT /groups/{id}", "A group with all its members"}}},
+  {Call::kRemoveGroup,             "group remove",         kManagers,             to<removeGroup>,               Reply::kDone, kWorkers,
+   {{"DELETE /groups/{id}", "Removes a group and its assignments"}}},
+
+  // --- stations, and what is said to them
+  {Call::kListStations,            "station list",         kStaff,                to<listStations>,              Reply::kStations, kWorkers,
+   {{"GET /stations?page", "Stations, online or not"}}, ServerPart::kFillStations},
+  {Call::kAddStation,              "station add",          kAdmin,                to<addStation>,                Reply::kStationKey},
+  {Call::kRevokeStation,           "station revoke",       kAdmin,                to<revokeStation>,             Reply::kDone},
+  {Call::kTraineeMessage,          "message",              kInstructor | kAdmin,  to<traineeMessage>,            Reply::kDone, kWorkers, {}, ServerPart::kDeliver},
+  {Call::kNextExercise,            "next exercise",        kInstructor | kAdmin,  to<nextExercise>,              Reply::kDone, kWorkers, {}, ServerPart::kDeliver},
+  {Call::kSetAids,                 "aids",                 kStaff,                to<setAids>,                   Reply::kDone, kWorkers, {}, ServerPart::kDeliver},
+  {Call::kStopLesson,              "stop",                 kStaff,                to<stopLesson>,                Reply::kDone, kWorkers, {}, ServerPart::kDeliver},
+
+  // --- profiles, courses, exercises
+  {Call::kListProfiles,            "profile list",         kReaders,              to<listProfiles>,              Reply::kProfiles, kWorkers,
+   {{"GET /profiles", "Patient profiles"}}},
+  {Call::kGetProfile,              "profile show",         kReaders,              to<getProfile>,                Reply::kProfile, kWorkers,
+   {{"GET /profiles/{id}?revision", "A profile; revision: by default the newest"}}},
+  {Call::kImportProfile,           "profile import",       kManagers,             to<importProfile>,             Reply::kProfile, kWorkers,
+   {{"PUT /profiles/{id}", "A new revision; If-Match \"0\": a new profile"}}},
+  {Call::kListProfileRevisions,    "profile revisions",    kStaff | kResearcher,  to<profileRevisions>,          Reply::kRevisions, kWorkers,
+   {{"GET /profiles/{id}/revisions?page", "Newest first"}}},
+  {Call::kCheckText,               "check text",           kStaff,                to<checkJson>,                 Reply::kTextCheck, kWorkers,
+   {{"POST /profiles/check", "Everything that is wrong with a profile"},
+     {"POST /courses/check", "What is wrong with a course"}}},
+  {Call::kPreviewProfile,          "profile preview",      kStaff,                to<previewProfile>,            Reply::kProfilePreview, kViews,
+   {{"POST /profiles/preview?points", "Force over depth, by the engine"}}},
+  {Call::kListCurricula,           "curriculum list",      kReaders,              to<listCurricula>,             Reply::kCurricula, kWorkers,
+   {{"GET /courses", "Courses"}}},
+  {Call::kGetCurriculum,           "curriculum export",    kReaders,              to<getCurriculum>,             Reply::kCurriculum, kWorkers,
+   {{"GET /courses/{id}?revision", "A course; revision: by default the newest"}}},
+  {Call::kImportCurriculum,        "curriculum import",    kManagers,             to<importCurriculum>,          Reply::kCurriculum, kWorkers,
+   {{"PUT /courses/{id}", "A new revision; If-Match \"0\": a new course"}}},
+  {Call::kListCurriculumRevisions, "curriculum revisions", kStaff | kResearcher,  to<curriculumRevisions>,       Reply::kRevisions, kWorkers,
+   {{"GET /courses/{id}/revisions?page", "Newest first"}}},
+  {Call::kListExercises,           "exercise list",        kReaders,              to<listExercises>,             Reply::kExercises, kWorkers,
+   {{"GET /exercises?course&page", "Exercises of a course, or of all"}}},
+  {Call::kListMeasures,            "measures",             kReaders,              to<listMeasures>,              Reply::kMeasures, kWorkers,
+   {{"GET /measures", "What scores measure"}}},
+  {Call::kGetReference,            "reference show",       kPeople,               to<getReference>,              Reply::kReference, kWorkers,
+   {{"GET /exercises/{id}/reference", "Bands of chosen sessions of experts"}}},
+  {Call::kSetReference,            "reference set",        kStaff,                to<setReference>,              Reply::kReference, kWorkers,
+   {{"PUT /exercises/{id}/reference", "Chooses them (If-Match)"}}},
+
+  // --- assignments, lessons, results
+  {Call::kListAssignments,         "assign list",          kAll,                  to<listAssignments>,           Reply::kAssignments, kWorkers,
+   {{"GET /assignments?trainee&course&group&page", "Who is to do what until when"}}},
+  {Call::kAssign,                  "assign",               kStaff,                to<assign>,                    Reply::kAssignments, kWorkers,
+   {{"POST /assignments", "An exercise or a course for a trainee or a group"}}},
+  {Call::kRemoveAssignment,        "assign remove",        kStaff,                to<removeAssignment>,          Reply::kDone, kWorkers,
+   {{"DELETE /assignments/{id}", "Takes it back"}}},
+  {Call::kGetLesson,               "lesson",               kAll,                  to<getLesson>,                 Reply::kLesson},
+  {Call::kGetResults,              "results",              kPeople,               to<getResults>,                Reply::kResults, kViews,
+   {{"GET /results?course&group&page", "Trainee by exercise"}}},
+  {Call::kGetProgress,             "progress",             kPeople,               to<getProgress>,               Reply::kProgress, kWorkers,
+   {{"GET /people/{name}/progress?exercise&page", "Attempts in order of time"}}},
+  {Call::kExcuseAttempt,           "attempt excuse",       kStaff,                to<excuseAttempt>,             Reply::kAttempt, kWorkers,
+   {{"POST /sessions/{id}/excuse", "An attempt that shall not count"}}},
+
+  // --- sessions, recordings, remarks
+  {Call::kListSessions,            "session list",         kPeople,               to<listSessions>,              Reply::kSessions, kWorkers,
+   {{"GET /sessions?trainee&station&exercise&from_ms&to_ms&verdict&search&limit&page", "Recorded sessions, newest first"}}},
+  {Call::kGetSession,              "session show",         kPeople,               to<getSession>,                Reply::kSession, kWorkers,
+   {{"GET /sessions/{id}", "One session"}}},
+  {Call::kReadChunks,              "session export",       kPeople,               to<readChunks>,                Reply::kChunks, kWorkers,
+   {{"GET /sessions/{id}/samples?from_s&to_s&points", "Samples for a plot, decimated"},
+     {"GET /sessions/{id}/samples.csv?from_s&to_s", "All samples; units in the header"}}},
+  {Call::kSeekSession,             "session seek",         kPeople,               to<seekSession>,               Reply::kSought},
+  {Call::kVerifySession,           "session verify",       kStaff,                to<verifySession>,             Reply::kVerified, kSlow},
+  {Call::kListEvents,              "session events",       kPeople,               to<listEvents>,                Reply::kEvents, kWorkers,
+   {{"GET /sessions/{id}/events?page", "Aspirations and injections"}}},
+  {Call::kListAnnotations,         "annotate list",        kPeople,               to<listAnnotations>,           Reply::kAnnotations, kWorkers,
+   {{"GET /sessions/{id}/annotations?page", "Remarks"}}},
+  {Call::kAnnotate,                "annotate",             kInstructor | kAdmin,  to<annotate>,                  Reply::kAnnotation, kWorkers,
+   {{"POST /sessions/{id}/annotations", "A remark"}}},
+
+  // --- scores
+  {Call::kGetScore,                "score show",           kPeople,               to<getScore>,                  Reply::kScore, kWorkers,
+   {{"GET /sessions/{id}/score?definition_version", "Its score; definition_version: by default the newest"}}},
+  {Call::kRescoreSession,          "rescore",              kStaff,                to<&Service::rescore>,         Reply::kScore, kSlow,
+   {{"POST /sessions/{id}/rescore", "Scores it by the definitions of now"}}},
+  {Call::kListScores,              "score list",           kStaff,                to<listScores>,                Reply::kScores, kViews,
+   {{"GET /scores.csv?course&group", "Scores, a measure a line; units in a column"}}},
+  {Call::kRescoreAll,              "rescore all",          kManagers,             to<&Service::rescoreAllNow>,   Reply::kRescoreReport, kHours,
+   {{"POST /scores/rescore", "All sessions whose newest score is of older definitions"}}},
+
+  // --- studies, and all of it
+  {Call::kExportStudy,             "study export",         kResearcher | kAdmin,  to<exportStudy>,               Reply::kRecords, kViews,
+   {{"GET /studies/{study}?exercise&remarks&page", "Records of those who consent, under pseudonyms"}}},
+  {Call::kReadStudyRecording,      "study recording",      kResearcher | kAdmin,  to<readStudyRecording>,        Reply::kChunks, kViews},
+  {Call::kExportAll,               "export-all",           kAdmin,                to<exportAll>,                 Reply::kRecords},
+  {Call::kImportAll,               "import-all",           kAdmin,                to<importAll>,                 Reply::kImportReport, kSlow},
+
+  // --- the database itself
+  {Call::kListAudit,               "audit",                kAdmin,                to<listAudit>,                 Reply::kAudit, kWorkers,
+   {{"GET /audit?who&action&page", "Who changed what; newest first"}}},
+  {Call::kBackup,                  "backup",               kAdmin,                to<&Service::backup>,          Reply::kBackupDone, kSlow,
+   {{"POST /backup", "A verified copy on the server's machine; without a path beside the database"}}},
+  {Call::kCheck,                   "check",                kAdmin,                to<check>,                     Reply::kCheckReport, kSlow,
+   {{"POST /check", "The database and every recording in it"}}},
+  {Call::kListRetention,           "retention show",       kManagers,             to<listRetention>,             Reply::kRetention, kWorkers,
+   {{"GET /retention", "What is kept how long"}}},
+  {Call::kSetRetention,            "retention set",        kManagers,             to<setRetention>,              Reply::kDone, kWorkers,
+   {{"PUT /retention", "A policy of an exercise, or of all; as_default: the exercise's own is taken away"}}},
+  {Call::kRunRetention,            "retention run",        kManagers,             to<&Service::runRetentionNow>, Reply::kRetentionReport, kHours,
+   {{"POST /retention/run", "Thins and deletes now, or says what it would"}}},
+};
+// clang-format on
+
+struct RoleName {
+  pb::Role role;
+  std::string_view name;
+};
+constexpr RoleName kRoleNames[] = {
+    {pb::TRAINEE, "trainee"},
+    {pb::INSTRUCTOR, "instructor"},
+    {pb::CURRICULUM_MANAGER, "curriculum-manager"},
+    {pb::ADMINISTRATOR, "administrator"},
+    {pb::STATION, "station"},
+    {pb::RESEARCHER, "researcher"},
+};
+
+}  // namespace
+
+std::span<const RequestRow> requestRows() {
+  return kRows;
+}
+
+const RequestRow* requestRow(pb::Request::CallCase call) {
+  for (const RequestRow& row : kRows) {
+    if (row.call == call) return &row;
+  }
+  return nullptr;
+}
+
+std::string_view callName(pb::Request::CallCase call) {
+  const RequestRow* row = requestRow(call);
+  return row == nullptr ? "?" : row->action;
+}
+
+bool mayAsk(const RequestRow& row, pb::Role role) {
+  return role != pb::ROLE_UNSPECIFIED && (row.roles & bit(role)) != 0;
+}
+
+Status checkRole(const Principal& principal, pb::Request::CallCase call) {
+  const RequestRow* row = requestRow(call);
+  if (row == nullptr) {
+    return Error{ErrorCode::kInvalidInput,
+                 "the request holds no call that this program (needlelab " NEEDLELAB_VERSION ") knows"};
+  }
+  if (mayAsk(*row, principal.role)) return {};
+  std::string who;
+  for (const RoleName& entry : kRoleNames) {
+    if (mayAsk(*row, entry.role)) who += (who.empty() ? "" : ", ") + std::string(entry.name);
+  }
+  return Error{ErrorCode::kDenied, fmt::format("'{}' is not for the role {} of '{}', only for: {}",
+                                               row->action, roleName(principal.role), principal.name, who)};
+}
+
+std::string_view roleName(pb::Role role) {
+  for (const RoleName& entry : kRoleNames) {
+    if (entry.role == role) return entry.name;
+  }
+  return "(none)";
+}
+
+pb::Role roleOfName(std::string_view name) {
+  for (const RoleName& entry : kRoleNames) {
+    if (entry.name == name) return entry.role;
+  }
+  return pb::ROLE_UNSPECIFIED;
+}
+
+}  // namespace needlelab

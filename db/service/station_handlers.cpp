@@ -1,0 +1,108 @@
+// Stations, and what an instructor sends to one: checked here, with a line in the audit log before it goes
+// out. The running server delivers it (server/live/request_effects.h).
+#include <string>
+
+#include "common/base/text.h"
+#include "common/profile/aid_list.h"
+#include "db/credentials.h"
+#include "db/documents.h"
+#include "db/service/handlers.h"
+
+namespace needlelab::handlers {
+namespace {
+
+Status stationExists(const Context& context, const std::string& name) {
+  const auto station = StationStore(context.reader).find(name);
+  if (!station) return station.error();
+  if (!*station) return Error{ErrorCode::kNotFound, "there is no station named '" + printable(name) + "'"};
+  return {};
+}
+
+/// The lesson that is meant, where the asker names one.
+Status checkMeant(const std::string& session_id) {
+  if (session_id.empty()) return {};
+  const auto id = sessionId(session_id);
+  return id ? Status() : Status(id.error());
+}
+
+/// Before it goes out: a station may have read what the server did not live to note.
+Result<pb::Reply> noted(const Context& context, const std::string& station, const std::string& detail) {
+  RETURN_IF_ERROR(write(context, station, detail, [](Connection&) { return Status(); }));
+  return doneReply();
+}
+
+std::string meantText(const std::string& session_id) {
+  if (session_id.empty()) return {};
+  return " (session " + uuidText(*sessionId(session_id)) + ")";
+}
+
+}  // namespace
+
+Result<pb::Reply> traineeMessage(const Context& context, const pb::TraineeMessage& call) {
+  RETURN_IF_ERROR(checkNote("text", call.text(), 1, kMaxNoteBytes));
+  RETURN_IF_ERROR(stationExists(context, call.station()));
+  return noted(context, call.station(), call.text());
+}
+
+Result<pb::Reply> nextExercise(const Context& context, const pb::NextExercise& call) {
+  RETURN_IF_ERROR(stationExists(context, call.station()));
+  RETURN_IF_ERROR(CurriculumStore(context.reader).exercise(call.exercise_id()));
+  return noted(context, call.station(), call.exercise_id());
+}
+
+Result<pb::Reply> setAids(const Context& context, const pb::SetAids& call) {
+  if (call.reset() && call.aids_size() > 0)
+    return Error{ErrorCode::kInvalidInput,
+                 "set_aids: reset goes back to the exercise's aids, give no others"};
+  RETURN_IF_ERROR(checkAids("aids", call.aids()));
+  RETURN_IF_ERROR(checkMeant(call.session_id()));
+  RETURN_IF_ERROR(stationExists(context, call.station()));
+  const std::string what = call.reset() ? "as the exercise says" : aidsText(call.aids());
+  return noted(context, call.station(), what + meantText(call.session_id()));
+}
+
+Result<pb::Reply> stopLesson(const Context& context, const pb::StopLesson& call) {
+  RETURN_IF_ERROR(checkNote("reason", call.reason(), 0, kMaxNoteBytes));
+  RETURN_IF_ERROR(checkMeant(call.session_id()));
+  RETURN_IF_ERROR(stationExists(context, call.station()));
+  return noted(context, call.station(), call.reason() + meantText(call.session_id()));
+}
+
+Result<pb::Reply> addStation(const Context& context, const pb::AddStation& call) {
+  const StationKeyBytes key = makeStationKey();
+  RETURN_IF_ERROR(write(context, call.name(), "", [&](Connection& writer) {
+    return StationStore(writer).add(call.name(), hashStationKey(key), context.now_unix_ns);
+  }));
+  pb::Reply reply;
+  reply.mutable_station_key()->set_name(call.name());
+  reply.mutable_station_key()->set_key(key.data(), key.size());
+  return reply;
+}
+
+Result<pb::Reply> revokeStation(const Context& context, const pb::RevokeStation& call) {
+  RETURN_IF_ERROR(write(context, call.name(), "",
+                        [&](Connection& writer) { return StationStore(writer).revoke(call.name()); }));
+  return doneReply();
+}
+
+Result<pb::Reply> listStations(const Context& context, const pb::ListStations& call) {
+  ASSIGN_OR_RETURN(const auto stations, StationStore(context.reader).list());
+  pb::Reply reply;
+  auto* list = reply.mutable_stations();
+  PageRoom room;
+  for (const Station& station : stations) {
+    if (station.name <= call.page()) continue;
+    // the server adds what each one does just now
+    if (!room.take(station.name.size() + 512)) {
+      list->set_next_page(list->stations().rbegin()->name());
+      break;
+    }
+    auto* info = list->add_stations();
+    info->set_name(station.name);
+    info->set_revoked(station.revoked);
+    info->set_created_unix_ns(station.created_unix_ns);
+  }
+  return reply;
+}
+
+}  // namespace needlelab::handlers

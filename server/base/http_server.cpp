@@ -1,0 +1,400 @@
+#include "server/base/http_server.h"
+
+#include <fmt/core.h>
+#include <algorithm>
+#include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket/rfc6455.hpp>
+#include <cstring>
+#include <utility>
+
+#include "common/base/clock.h"
+#include "server/base/http_stream.h"
+#include "server/base/listen.h"
+#include "server/base/log.h"
+
+namespace needlelab {
+
+namespace beast = boost::beast;
+namespace bhttp = beast::http;
+
+namespace {
+
+/// TCP's own stream below TLS, if there is TLS.
+PlainHttpStream& lowestOf(PlainHttpStream& stream) {
+  return stream;
+}
+PlainHttpStream& lowestOf(SecureHttpStream& stream) {
+  return stream.next_layer();
+}
+
+std::string headerOf(const HttpParser& parser, bhttp::field name) {
+  const auto value = parser.get()[name];
+  return {value.data(), value.size()};
+}
+std::string headerOf(const HttpParser& parser, const char* name) {
+  const auto value = parser.get()[name];
+  return {value.data(), value.size()};
+}
+
+template <typename Stream>
+class StreamConnection : public HttpConnection {
+  static constexpr bool kSecure = std::is_same_v<Stream, SecureHttpStream>;
+
+ public:
+  template <typename... StreamParts>
+  StreamConnection(std::shared_ptr<HttpServer> server, std::uint64_t id, std::string address,
+                   StreamParts&&... parts)
+      : server_(std::move(server)),
+        id_(id),
+        address_(std::move(address)),
+        stream_(std::forward<StreamParts>(parts)...),
+        buffer_(server_->limits().header_bytes + (kSecure ? 16u << 10 : 0u)) {}
+
+  void stop() override {
+    stopping_ = true;
+    if (takeover_) takeover_->stop();
+    if (waiting_) plain().cancel();
+  }
+  void cut() override {
+    stopping_ = cut_ = true;
+    takeover_ ? takeover_->cut() : plain().close();
+  }
+
+  Task<> serve() override {
+    const HttpLimits& limits = server_->limits();
+    if (limits.whole) plain().expires_after(*limits.whole);
+    if (co_await shakeHands()) {
+      for (std::size_t served = 0; served < limits.requests_per_connection; ++served) {
+        const bool last = served + 1 == limits.requests_per_connection;
+        if (!co_await oneRequest(last)) break;
+      }
+      co_await close();
+    } else {
+      server_->handshakeFailed();
+    }
+    if (!takeover_) plain().close();
+    server_->ended(id_);
+  }
+
+ private:
+  PlainHttpStream& plain() { return lowestOf(stream_); }
+  /// From now on it must end within `time`, unless there is one deadline for all of it.
+  void limit(std::chrono::milliseconds time) {
+    if (!server_->limits().whole) plain().expires_after(time);
+  }
+  void noLimit() {
+    if (!server_->limits().whole) plain().expires_never();
+  }
+
+  Task<bool> shakeHands() {
+    if constexpr (kSecure) {
+      boost::system::error_code ignored;
+      plain().socket().set_option(Tcp::no_delay(true), ignored);
+      limit(server_->limits().handshake_timeout);
+      auto [failed] = co_await stream_.async_handshake(asio::ssl::stream_base::server, kUseTuple);
+      co_return !failed;
+    }
+    co_return true;
+  }
+
+  /// False: the connection ends.
+  Task<bool> oneRequest(bool last) {
+    const HttpLimits& limits = server_->limits();
+    if (buffer_.size() == 0 && !co_await firstBytes()) co_return false;
+    // one deadline from the header's first byte to its last: who sends a byte a second is cut as well
+    HttpParser parser;
+    parser.header_limit(static_cast<std::uint32_t>(limits.header_bytes));
+    parser.body_limit(limits.body_bytes);
+    limit(limits.header_timeout);
+    auto [failed, count] = co_await bhttp::async_read_header(stream_, buffer_, parser, kUseTuple);
+    (void)count;
+    const std::int64_t begun_ns = steadyNowNs();
+    if (!failed && !parser.is_done() && limits.body_bytes > 0) failed = co_await readBody(parser);
+    if (failed) {
+      auto answer = server_->unreadable(failed);
+      if (!answer || cut_) co_return false;
+      answer->close = true;
+      HttpRequest unread;
+      unread.connection = id_;
+      unread.address = address_;
+      unread.method = unread.target = "?";
+      (void)co_await write(*answer, false, unread, begun_ns);
+      co_await drain();
+      co_return false;
+    }
+    auto request = requestOf(parser);
+    request->connection = id_;
+    request->address = address_;
+    request->gone = [this] { return cut_; };
+    if (!request->body.empty()) wipeBuffer();
+    noLimit();
+    HttpAnswer answer = co_await server_->answer(request);
+    if (cut_) co_return false;
+    if (answer.takeover) {
+      co_await giveOver(parser, answer, *request, begun_ns);
+      co_return false;
+    }
+    if (last || stopping_ || server_->stopping() || !parser.keep_alive()) answer.close = true;
+    const bool head = request->method == "HEAD";
+    const bool sent = co_await write(answer, head, *request, begun_ns);
+    co_return sent && !answer.close;
+  }
+
+  Task<> giveOver(HttpParser& parser, HttpAnswer& answer, const HttpRequest& request, std::int64_t begun_ns) {
+    if constexpr (kSecure) {
+      note(101, request, true, begun_ns);
+      auto upgrade = std::make_shared<const HttpTakeover::Upgrade>(parser.release());
+      takeover_ = std::move(answer.takeover);
+      if (stopping_) takeover_->stop();
+      co_await takeover_->serve(std::move(stream_), std::move(upgrade));
+    }
+    co_return;
+  }
+
+  /// Waits for a request to begin.
+  Task<bool> firstBytes() {
+    if (stopping_ || server_->stopping()) co_return false;
+    limit(server_->limits().idle_timeout);
+    waiting_ = true;
+    auto [error, count] = co_await stream_.async_read_some(
+        buffer_.prepare(std::min<std::size_t>(4096, buffer_.max_size())), kUseTuple);
+    waiting_ = false;
+    buffer_.commit(count);
+    co_return !error;
+  }
+
+  Task<boost::system::error_code> readBody(HttpParser& parser) {
+    const std::size_t most = server_->bodyLimit(headerOf(parser, bhttp::field::cookie));
+    // a length that is said is judged before anything is read
+    if (const auto length = parser.content_length(); length && *length > most)
+      co_return bhttp::make_error_code(bhttp::error::body_limit);
+    parser.body_limit(most);
+    limit(server_->limits().body_timeout);
+    auto [error, count] = co_await bhttp::async_read(stream_, buffer_, parser, kUseTuple);
+    (void)count;
+    co_return error;
+  }
+
+  /// False: it could not be sent. `answer` must outlive it.
+  Task<bool> write(HttpAnswer& answer, bool head, const HttpRequest& request, std::int64_t begun_ns) {
+    bhttp::response<bhttp::string_body> response;
+    response.version(11);
+    response.result(answer.status);
+    response.set(bhttp::field::content_type, answer.type);
+    for (const auto& [name, value] : server_->commonHeaders()) response.set(name, value);
+    response.set(bhttp::field::cache_control, answer.no_store ? "no-store" : "no-cache");
+    for (const auto& [name, value] : answer.headers) response.insert(name, value);
+    response.keep_alive(!answer.close);
+    bool sent = false;
+    limit(server_->limits().write_timeout);
+    if (answer.pieces) {
+      response.chunked(true);
+      bhttp::response_serializer<bhttp::string_body> serializer(response);
+      auto [error, count] = co_await bhttp::async_write_header(stream_, serializer, kUseTuple);
+      (void)count;
+      sent = !error && (head || co_await writePieces(answer));
+    } else {
+      const std::string& body = answer.shared_body ? *answer.shared_body : answer.body;
+      if (answer.status != 304) response.content_length(body.size());
+      // header and body in one go where that is small; a body that is shared is not copied for it
+      if (!head) response.body() = answer.shared_body ? body : std::move(answer.body);
+      bhttp::response_serializer<bhttp::string_body> serializer(response);
+      if (head || answer.status == 304) {
+        auto [error, count] = co_await bhttp::async_write_header(stream_, serializer, kUseTuple);
+        (void)count;
+        sent = !error;
+      } else {
+        auto [error, count] = co_await bhttp::async_write(stream_, serializer, kUseTuple);
+        (void)count;
+        sent = !error;
+      }
+    }
+    note(answer.status, request, sent, begun_ns);
+    co_return sent;
+  }
+
+  /// The next piece is made when the last one has gone: a slow reader costs no memory.
+  Task<bool> writePieces(HttpAnswer& answer) {
+    for (;;) {
+      noLimit();
+      const auto piece = co_await answer.pieces();
+      if (!piece.ok()) {
+        logEvent(LogLevel::kWarning, "web_stream_failed", {{"conn", id_}, {"text", piece.error().message}});
+        co_return false;  // without the last chunk: the browser sees that it is not whole
+      }
+      if (cut_) co_return false;
+      limit(server_->limits().write_timeout);
+      if (piece->empty()) {
+        auto [error, count] = co_await asio::async_write(stream_, bhttp::make_chunk_last(), kUseTuple);
+        (void)count;
+        co_return !error;
+      }
+      auto [error, count] =
+          co_await asio::async_write(stream_, bhttp::make_chunk(asio::buffer(*piece)), kUseTuple);
+      (void)count;
+      if (error) co_return false;
+    }
+  }
+
+  void note(unsigned status, const HttpRequest& request, bool sent, std::int64_t begun_ns) {
+    server_->answered({request, status, sent, static_cast<double>(steadyNowNs() - begun_ns) * 1e-9});
+  }
+
+  /// There may have been a password in what was read. What is behind the request stays.
+  void wipeBuffer() {
+    if (buffer_.size() > 0 || buffer_.capacity() == 0) return;
+    const auto room = buffer_.prepare(buffer_.capacity());
+    std::memset(room.data(), 0, room.size());
+  }
+
+  /// Takes what the peer still sends, for a moment: else its kernel would throw our answer away.
+  Task<> drain() {
+    if (server_->limits().whole) co_return;
+    limit(std::chrono::seconds(1));
+    std::size_t taken = 0;
+    while (taken < (2u << 20) && !cut_) {
+      buffer_.clear();
+      auto [error, count] = co_await stream_.async_read_some(buffer_.prepare(4096), kUseTuple);
+      taken += count;
+      if (error) co_return;
+    }
+  }
+
+  Task<> close() {
+    if (cut_ || takeover_) co_return;
+    if constexpr (kSecure) {
+      limit(std::chrono::seconds(1));
+      (void)co_await stream_.async_shutdown(kUseTuple);
+    } else {
+      boost::system::error_code ignored;
+      plain().socket().shutdown(Tcp::socket::shutdown_send, ignored);
+    }
+  }
+
+  const std::shared_ptr<HttpServer> server_;
+  const std::uint64_t id_;
+  const std::string address_;
+  Stream stream_;
+  std::shared_ptr<HttpTakeover> takeover_;  // has taken the stream
+  beast::flat_buffer buffer_;
+  bool waiting_ = false;  // for the next request
+  bool stopping_ = false, cut_ = false;
+};
+
+Task<> serve(std::shared_ptr<HttpConnection> connection) {
+  co_await connection->serve();
+}
+
+std::string textOf(const Tcp::endpoint& peer) {
+  const std::string host = peer.address().to_string();
+  return fmt::format("{}:{}", (peer.address().is_v6() ? "[" + host + "]" : host), peer.port());
+}
+
+}  // namespace
+
+std::shared_ptr<HttpRequest> requestOf(HttpParser& parser) {
+  auto request = std::make_shared<HttpRequest>();
+  auto& message = parser.get();
+  request->method = std::string(message.method_string().data(), message.method_string().size());
+  request->target = std::string(message.target().data(), message.target().size());
+  request->host = headerOf(parser, bhttp::field::host);
+  request->origin = headerOf(parser, bhttp::field::origin);
+  request->fetch_site = headerOf(parser, "Sec-Fetch-Site");
+  request->cookie = headerOf(parser, bhttp::field::cookie);
+  request->content_type = headerOf(parser, bhttp::field::content_type);
+  request->if_match = headerOf(parser, bhttp::field::if_match);
+  request->if_none_match = headerOf(parser, bhttp::field::if_none_match);
+  request->csrf = headerOf(parser, "X-CSRF-Token");
+  request->is_http_1_1 = message.version() == 11;
+  request->upgrade = beast::websocket::is_upgrade(message);
+  request->body = std::move(message.body());
+  return request;
+}
+
+bool isBadRequest(const boost::system::error_code& error) {
+  return error.category() == bhttp::make_error_code(bhttp::error::bad_method).category() &&
+         error != bhttp::error::end_of_stream && error != bhttp::error::partial_message;
+}
+
+std::optional<HttpAnswer> unreadableAnswer(const boost::system::error_code& error) {
+  if (error == bhttp::error::header_limit || error == bhttp::error::buffer_overflow)
+    return errorAnswer(431, "too_large", "the request's header is too large");
+  if (error == bhttp::error::body_limit) return errorAnswer(413, "too_large", "the body is too large");
+  if (error == beast::error::timeout) return errorAnswer(408, "timeout", "the request did not come in time");
+  if (isBadRequest(error))
+    return errorAnswer(400, "invalid_input", "this is no HTTP request: " + error.message());
+  return std::nullopt;
+}
+
+HttpServer::HttpServer(asio::io_context& io, Tcp::acceptor acceptor, std::optional<TlsContext> tls,
+                       HttpLimits limits)
+    : io_(io),
+      acceptor_(std::move(acceptor)),
+      port_(acceptor_.local_endpoint().port()),
+      tls_(std::move(tls)),
+      limits_(limits) {}
+
+HttpServer::~HttpServer() = default;
+
+void HttpServer::beginAccepting() {
+  const auto alive = shared_from_this();
+  asio::co_spawn(io_,
+                 acceptLoop(acceptor_, "web_accept_failed",
+                            [alive](Tcp::socket socket) { alive->accepted(std::move(socket)); }),
+                 rethrow);
+}
+
+void HttpServer::accepted(Tcp::socket socket) {
+  boost::system::error_code gone;
+  const auto peer = socket.remote_endpoint(gone);
+  if (gone) return;
+  const std::uint64_t id = next_id_++;
+  if (!admit(id, peer)) return;  // closes it
+  std::shared_ptr<HttpConnection> connection;
+  if (tls_)
+    connection = std::make_shared<StreamConnection<SecureHttpStream>>(
+        shared_from_this(), id, textOf(peer), PlainHttpStream(std::move(socket)), **tls_);
+  else
+    connection = std::make_shared<StreamConnection<PlainHttpStream>>(shared_from_this(), id, textOf(peer),
+                                                                     std::move(socket));
+  connections_.emplace(id, connection);
+  asio::co_spawn(io_, serve(std::move(connection)), rethrow);
+}
+
+void HttpServer::stop() {
+  if (std::exchange(stopping_, true)) return;
+  boost::system::error_code ignored;
+  acceptor_.close(ignored);
+  const auto all = connections_;
+  for (const auto& [id, weak] : all) {
+    if (const auto connection = weak.lock()) connection->stop();
+  }
+}
+
+void HttpServer::cut() {
+  const auto all = connections_;
+  for (const auto& [id, weak] : all) cut(id);
+}
+
+void HttpServer::cut(std::uint64_t id) {
+  const auto found = connections_.find(id);
+  if (const auto connection = found == connections_.end() ? nullptr : found->second.lock()) connection->cut();
+}
+
+void HttpServer::ended(std::uint64_t id) {
+  if (connections_.erase(id) > 0) left(id);
+}
+
+std::size_t HttpServer::bodyLimit(const std::string& /*cookie*/) const {
+  return limits_.body_bytes;
+}
+
+const HttpHeaders& HttpServer::commonHeaders() const {
+  static const HttpHeaders none;
+  return none;
+}
+
+void HttpServer::answered(const HttpExchange& /*exchange*/) {}
+
+}  // namespace needlelab

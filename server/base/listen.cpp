@@ -1,0 +1,156 @@
+#include "server/base/listen.h"
+
+#include <fmt/core.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <boost/asio/ip/address.hpp>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <sstream>
+
+#include "common/base/text.h"
+#include "common/wire/endpoint.h"
+#include "server/base/log.h"
+
+namespace needlelab {
+namespace {
+
+/// The inode of the socket that listens on the port, from one of the kernel's tables; empty: none.
+std::string listeningInode(const char* table, std::uint16_t port) {
+  std::ifstream file(table);
+  std::string line;
+  std::getline(file, line);  // the head
+  const std::string wanted = fmt::format(":{:04X}", port);
+  while (std::getline(file, line)) {
+    // sl local_address rem_address st tx:rx tr:when retrnsmt uid timeout inode; 0A = LISTEN
+    std::istringstream words(line);
+    std::array<std::string, 10> field;
+    for (std::string& word : field) words >> word;
+    if (field[1].ends_with(wanted) && field[3] == "0A") return field[9];
+  }
+  return {};
+}
+
+bool isNumber(const std::string& text) {
+  return !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
+}
+
+/// The program that listens on a TCP port of this machine, as "needlelab-server (process 123)", as far as
+/// /proc tells this user.
+std::optional<std::string> portHolder(std::uint16_t port) {
+  std::string inode = listeningInode("/proc/net/tcp", port);
+  if (inode.empty()) inode = listeningInode("/proc/net/tcp6", port);
+  if (inode.empty() || inode == "0") return std::nullopt;
+  const std::string wanted = "socket:[" + inode + "]";
+  std::error_code error;
+  namespace fs = std::filesystem;
+  for (auto at = fs::directory_iterator("/proc", error); !error && at != fs::directory_iterator();
+       at.increment(error)) {
+    const std::string pid = at->path().filename().string();
+    if (!isNumber(pid)) continue;
+    // the kernel does not show the files of other users' processes: then the name stays unknown
+    std::error_code hidden;
+    for (auto file = fs::directory_iterator(at->path() / "fd", hidden);
+         !hidden && file != fs::directory_iterator(); file.increment(hidden)) {
+      std::error_code gone;
+      if (fs::read_symlink(file->path(), gone).string() != wanted || gone) continue;
+      std::ifstream comm(at->path() / "comm");
+      std::string name;
+      std::getline(comm, name);
+      return name + " (process " + pid + ")";
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+Result<Tcp::endpoint> resolveListen(const std::string& text, const std::string& option) {
+  const auto endpoint = parseEndpoint(text);
+  if (!endpoint.ok()) return Error{ErrorCode::kInvalidInput, option + " " + endpoint.error().message};
+  boost::system::error_code error;
+  const auto address = asio::ip::make_address(endpoint->host, error);
+  if (!error) return Tcp::endpoint(address, endpoint->port);
+  asio::io_context io;
+  const auto found = Tcp::resolver(io).resolve(endpoint->host, std::to_string(endpoint->port), error);
+  if (error || found.empty()) {
+    return Error{ErrorCode::kInvalidInput, option + " '" + text + "': the name '" + endpoint->host +
+                                               "' is not known (" + error.message() + ")"};
+  }
+  return found.begin()->endpoint();
+}
+
+Result<Tcp::acceptor> listenOn(asio::io_context& io, const Tcp::endpoint& endpoint, const std::string& text,
+                               const std::string& option) {
+  Tcp::acceptor acceptor(io);
+  boost::system::error_code error;
+  acceptor.open(endpoint.protocol(), error);
+  // connections of a server that just ended must not keep its successor waiting; a second server is still
+  // refused
+  if (!error) acceptor.set_option(asio::socket_base::reuse_address(true), error);
+  if (!error) acceptor.bind(endpoint, error);
+  if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
+  if (!error) return acceptor;
+  if (error == asio::error::address_in_use) {
+    const auto holder = portHolder(endpoint.port());
+    return Error{ErrorCode::kUnavailable, "cannot listen on " + text + ": the port is taken" +
+                                              (holder ? " by " + *holder : "") +
+                                              "; is another server running? "
+                                              "Choose another with " +
+                                              option + " HOST:PORT, or port 0 for any free one"};
+  }
+  return Error{ErrorCode::kUnavailable, "cannot listen on " + text + ": " + error.message()};
+}
+
+Result<Tcp::acceptor> listenOnHandedOver(asio::io_context& io, int fd) {
+  sockaddr_storage address{};
+  socklen_t size = sizeof address;
+  if (::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size) != 0 ||
+      (address.ss_family != AF_INET && address.ss_family != AF_INET6))
+    return Error{ErrorCode::kInvalidInput,
+                 "the socket that was handed over is no TCP socket: ListenStream=PORT"};
+  Tcp::acceptor acceptor(io);
+  boost::system::error_code error;
+  acceptor.assign(address.ss_family == AF_INET ? Tcp::v4() : Tcp::v6(), fd, error);
+  if (error)
+    return Error{ErrorCode::kUnavailable, "cannot use the socket that was handed over: " + error.message()};
+  return acceptor;
+}
+
+Task<> acceptLoop(Tcp::acceptor& acceptor, std::string event, std::function<void(Tcp::socket)> accepted) {
+  while (acceptor.is_open()) {
+    auto [error, socket] = co_await acceptor.async_accept(kUseTuple);
+    if (!acceptor.is_open()) co_return;
+    if (!error) {
+      accepted(std::move(socket));
+      continue;
+    }
+    // no file descriptors or the like: it passes, and those who are connected are not concerned
+    logEvent(LogLevel::kError, event, {{"text", error.message()}});
+    asio::steady_timer pause(acceptor.get_executor(), std::chrono::milliseconds(100));
+    co_await pause.async_wait(kUseTuple);
+  }
+}
+
+std::vector<std::string> certificateHosts(const std::string& listen, const std::vector<std::string>& more) {
+  std::vector<std::string> hosts = {"localhost", "127.0.0.1", "::1"};
+  const auto add = [&](const std::string& host) {
+    if (!host.empty() && std::find(hosts.begin(), hosts.end(), host) == hosts.end()) hosts.push_back(host);
+  };
+  std::array<char, 256> name{};
+  if (gethostname(name.data(), name.size() - 1) == 0) add(name.data());
+  if (const auto endpoint = parseEndpoint(listen); endpoint.ok()) {
+    boost::system::error_code error;
+    const auto address = asio::ip::make_address(endpoint->host, error);
+    if (error || !address.is_unspecified()) add(endpoint->host);
+  }
+  for (const std::string& host : more) add(host);
+  return hosts;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,434 @@
+// The routes that are not plain (routes.h says what is): a change of two kinds by its body, a document as the
+// body, files that are made piece by piece, replies of several requests.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <memory>
+#include <string_view>
+#include <utility>
+
+#include "common/base/csv.h"
+#include "common/base/uuid.h"
+#include "server/web/routes.h"
+#include "server/web/session_views.h"
+
+namespace needlelab {
+namespace {
+
+// --- people, groups
+
+WebJson addedPerson(const WebCall& call, const pb::Reply& reply) {
+  if (reply.has_user()) return jsonOf(reply.user());
+  return WebJson{{"name", call.body.value("name", "")}, {"role", call.body.value("role", "")}};
+}
+
+/// Role, name, access; or, alone, the word on studies.
+Result<pb::Request> changePerson(const WebRoute&, const WebCall& call) {
+  pb::Request request;
+  if (call.body.is_object() && call.body.contains("consent")) {
+    const nlohmann::json& given = call.body["consent"];
+    const bool noted = call.body.size() == 2 && call.body.contains("note") && call.body["note"].is_string();
+    if (!given.is_boolean() || (call.body.size() != 1 && !noted))
+      return Error{ErrorCode::kInvalidInput,
+                   "consent: give {\"consent\": true or false, \"note\": TEXT} alone"};
+    auto& consent = *request.mutable_set_consent();
+    consent.set_name(call.parts[0]);
+    consent.set_given(given.get<bool>());
+    if (noted) consent.set_note(call.body["note"].get<std::string>());
+    return request;
+  }
+  auto& change = *request.mutable_change_user();
+  RETURN_IF_ERROR(readBodyInto(call, change, {"name", "base_revision"}));
+  ASSIGN_OR_RETURN(const auto base, baseOf(call));
+  change.set_name(call.parts[0]);
+  change.set_base_revision(base);
+  return request;
+}
+
+/// All of a person's records as one document, page by page of ExportPerson.
+class PersonRecords {
+ public:
+  PersonRecords(Service& service, WebCall call) : service_(service), call_(std::move(call)) {}
+
+  Result<std::string> next() {
+    if (ended_) return std::string();
+    pb::Request request;
+    request.mutable_export_person()->set_name(call_.parts[0]);
+    request.mutable_export_person()->set_page(page_);
+    ASSIGN_OR_RETURN(const auto reply, replyOf(service_, call_, request));
+    std::string text = page_.empty() ? "{\"items\": [" : "";
+    for (const std::string& record : reply.records().records()) {
+      text += (first_ ? "\n" : ",\n") + record;
+      first_ = false;
+    }
+    page_ = reply.records().next_page();
+    ended_ = page_.empty();
+    if (ended_) text += "\n]}\n";
+    return text;
+  }
+
+ private:
+  Service& service_;
+  const WebCall call_;
+  std::string page_;
+  bool first_ = true, ended_ = false;
+};
+
+Result<WebStream> personRecords(Service& service, const WebCall& call) {
+  auto records = std::make_shared<PersonRecords>(service, call);
+  return streamFromFirst("application/json", call.parts[0] + ".json", [records] { return records->next(); });
+}
+
+Result<pb::Request> addGroup(const WebRoute&, const WebCall& call) {
+  pb::Request request;
+  auto& put = *request.mutable_put_group();
+  RETURN_IF_ERROR(readBodyInto(call, *put.mutable_group(), {"revision", "changed_by"}));
+  return request;
+}
+
+Result<pb::Request> putGroup(const WebRoute& route, const WebCall& call) {
+  ASSIGN_OR_RETURN(auto request, addGroup(route, call));
+  auto& put = *request.mutable_put_group();
+  if (!put.group().id().empty() && put.group().id() != call.parts[0])
+    return Error{ErrorCode::kInvalidInput, "id: is not that of the address"};
+  put.mutable_group()->set_id(call.parts[0]);
+  ASSIGN_OR_RETURN(const auto base, baseOf(call));
+  put.set_base_revision(base);
+  return request;
+}
+
+// --- profiles, courses, exercises: the body is the document itself
+
+std::string bodyText(const WebCall& call) {
+  return call.body.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+/// The document's id must be that of the address.
+Status sameId(const WebCall& call) {
+  if (call.body.is_object() && call.body.value("id", nlohmann::json()) == call.parts[0]) return {};
+  return Error{ErrorCode::kInvalidInput, "id: is not '" + call.parts[0] + "', as in the address"};
+}
+
+template <typename Import>
+Status putDocument(const WebCall& call, Import& import) {
+  RETURN_IF_ERROR(sameId(call));
+  ASSIGN_OR_RETURN(const auto base, baseOf(call));
+  import.set_json(bodyText(call));
+  import.set_base_revision(base);
+  return {};
+}
+
+Result<pb::Request> putProfile(const WebRoute&, const WebCall& call) {
+  pb::Request request;
+  RETURN_IF_ERROR(putDocument(call, *request.mutable_import_profile()));
+  return request;
+}
+
+Result<pb::Request> putCourse(const WebRoute&, const WebCall& call) {
+  pb::Request request;
+  RETURN_IF_ERROR(putDocument(call, *request.mutable_import_curriculum()));
+  return request;
+}
+
+/// POST /profiles/check and POST /courses/check.
+Result<pb::Request> checkDocument(const WebRoute& route, const WebCall& call) {
+  pb::Request request;
+  request.mutable_check_text()->set_json(bodyText(call));
+  request.mutable_check_text()->set_kind(route.pattern == "/courses/check" ? "course" : "profile");
+  return request;
+}
+
+Result<pb::Request> previewProfile(const WebRoute&, const WebCall& call) {
+  pb::Request request;
+  auto& preview = *request.mutable_preview_profile();
+  preview.set_json(bodyText(call));
+  if (const std::string text = call.query("points"); !text.empty()) {
+    ASSIGN_OR_RETURN(const auto number, wholeOf("points", text, 2, 2000));
+    preview.set_points(static_cast<std::uint32_t>(number));
+  }
+  return request;
+}
+
+WebJson measuresJson(const WebCall&, const pb::Reply& reply) {
+  return listOf(reply.measures(), "measures");
+}
+
+Result<pb::Request> setReference(const WebRoute&, const WebCall& call) {
+  pb::Request request;
+  auto& set = *request.mutable_set_reference();
+  const Error fault{ErrorCode::kInvalidInput, "session_ids: give {\"session_ids\": [TEXT, …]}"};
+  if (!call.body.is_object() || call.body.size() != 1 || !call.body.contains("session_ids") ||
+      !call.body["session_ids"].is_array())
+    return fault;
+  for (const nlohmann::json& id : call.body["session_ids"]) {
+    if (!id.is_string()) return fault;
+    ASSIGN_OR_RETURN(auto bytes, sessionBytesOf(id.get<std::string>()));
+    set.add_session_ids(std::move(bytes));
+  }
+  ASSIGN_OR_RETURN(const auto base, baseOf(call));
+  set.set_exercise_id(call.parts[0]);
+  set.set_base_revision(base);
+  return request;
+}
+
+// --- assignments
+
+WebJson addedAssignment(const WebCall&, const pb::Reply& reply) {
+  return reply.assignments().assignments_size() > 0 ? jsonOf(reply.assignments().assignments(0))
+                                                    : WebJson::object();
+}
+
+Result<pb::Request> removeAssignment(const WebRoute&, const WebCall& call) {
+  pb::Request request;
+  const auto id = wholeOf("id", call.parts[0], 1, INT64_MAX);
+  if (!id) return Error{ErrorCode::kNotFound, "there is no assignment of that number"};
+  request.mutable_remove_assignment()->set_id(*id);
+  return request;
+}
+
+// --- sessions
+
+/// A list's row: without the profile, which is most of it.
+WebJson sessionRowJson(const pb::SessionInfo& session) {
+  WebJson row = jsonOf(session);
+  if (row.contains("description")) row["description"].erase("profile");
+  return row;
+}
+
+constexpr std::pair<std::string_view, pb::ListSessions::Verdict> kVerdicts[] = {
+    {"passed", pb::ListSessions::PASSED},
+    {"failed", pb::ListSessions::FAILED},
+    {"none", pb::ListSessions::NONE},
+};
+
+Result<pb::Request> listSessions(const WebRoute&, const WebCall& call) {
+  pb::Request request;
+  auto& list = *request.mutable_list_sessions();
+  list.set_trainee(call.query("trainee"));
+  list.set_station(call.query("station"));
+  list.set_exercise_id(call.query("exercise"));
+  list.set_search(call.query("search"));
+  if (const std::string verdict = call.query("verdict"); !verdict.empty()) {
+    const auto found = std::find_if(std::begin(kVerdicts), std::end(kVerdicts),
+                                    [&](const auto& known) { return known.first == verdict; });
+    if (found == std::end(kVerdicts))
+      return Error{ErrorCode::kInvalidInput, "verdict: must be passed, failed or none"};
+    list.set_verdict(found->second);
+  }
+  constexpr std::uint64_t kLatest_ms = 9'200'000'000'000;  // 2261: as far as ns reach
+  for (const auto& [name, set] : {std::pair("from_ms", &pb::ListSessions::set_from_unix_ns),
+                                  std::pair("to_ms", &pb::ListSessions::set_to_unix_ns)}) {
+    const std::string text = call.query(name);
+    if (text.empty()) continue;
+    ASSIGN_OR_RETURN(const auto moment_ms, wholeOf(name, text, 0, kLatest_ms));
+    (list.*set)(static_cast<std::int64_t>(moment_ms) * 1'000'000);
+  }
+  list.set_limit(100);
+  if (const std::string limit = call.query("limit"); !limit.empty()) {
+    ASSIGN_OR_RETURN(const auto number, wholeOf("limit", limit, 1, 1000));
+    list.set_limit(static_cast<std::uint32_t>(number));
+  }
+  RETURN_IF_ERROR(setPage(call, *list.mutable_page()));
+  return request;
+}
+
+WebJson sessionsJson(const WebCall&, const pb::Reply& reply) {
+  WebJson rows = WebJson::array();
+  for (const pb::SessionInfo& session : reply.sessions().sessions()) rows.push_back(sessionRowJson(session));
+  return {{"items", std::move(rows)}, {"next_page", base64Url(reply.sessions().next_page())}};
+}
+
+/// Where a session's ticks stand in time.
+struct TickTimes {
+  std::uint64_t first_tick = 0;
+  double rate_hz = 0;
+};
+
+Result<TickTimes> tickTimesOf(Service& service, const WebCall& call) {
+  pb::Request request;
+  RETURN_IF_ERROR(setSession(call, *request.mutable_get_session()));
+  ASSIGN_OR_RETURN(const auto info, replyOf(service, call, request));
+  TickTimes times{0, info.session().description().rate_hz()};
+  if (info.session().chunks() == 0) return times;
+  RETURN_IF_ERROR(setSession(call, *request.mutable_seek_session()));
+  request.mutable_seek_session()->set_seconds(0);
+  // a recording that retention has deleted has remarks nevertheless: by the rate alone
+  if (const auto sought = replyOf(service, call, request); sought)
+    times.first_tick = sought->sought().recording_first_tick();
+  return times;
+}
+
+WebJson annotationJson(const pb::Annotation& annotation, const TickTimes& times) {
+  WebJson row = jsonOf(annotation);
+  row["t_s"] =
+      times.rate_hz > 0
+          ? (static_cast<double>(annotation.tick()) - static_cast<double>(times.first_tick)) / times.rate_hz
+          : 0.0;
+  return row;
+}
+
+Result<WebJson> listAnnotations(Service& service, const WebCall& call) {
+  pb::Request request;
+  auto& list = *request.mutable_list_annotations();
+  RETURN_IF_ERROR(setSession(call, list));
+  RETURN_IF_ERROR(setPage(call, *list.mutable_page()));
+  ASSIGN_OR_RETURN(const auto reply, replyOf(service, call, request));
+  ASSIGN_OR_RETURN(const auto times, tickTimesOf(service, call));
+  WebJson rows = WebJson::array();
+  for (const pb::Annotation& annotation : reply.annotations().annotations())
+    rows.push_back(annotationJson(annotation, times));
+  return WebJson{{"items", std::move(rows)}, {"next_page", base64Url(reply.annotations().next_page())}};
+}
+
+/// {"t_s": s since the first sample, "text": …}, or the tick itself.
+Result<WebJson> addAnnotation(Service& service, const WebCall& call) {
+  nlohmann::json body = call.body;
+  if (!body.is_object() || body.contains("session_id") || body.contains("t_s") == body.contains("tick"))
+    return Error{ErrorCode::kInvalidInput, "give {\"t_s\": SECONDS, \"text\": TEXT}"};
+  ASSIGN_OR_RETURN(const auto times, tickTimesOf(service, call));
+  if (body.contains("t_s")) {
+    const nlohmann::json at = body["t_s"];
+    if (!at.is_number() || !(at.get<double>() >= 0 && at.get<double>() < 1e8))
+      return Error{ErrorCode::kInvalidInput, "t_s: must be a number of seconds from 0"};
+    body.erase("t_s");
+    body["tick"] =
+        times.first_tick + static_cast<std::uint64_t>(std::llround(at.get<double>() * times.rate_hz));
+  }
+  pb::Request request;
+  auto& annotate = *request.mutable_annotate();
+  RETURN_IF_ERROR(messageOf(body, annotate));
+  RETURN_IF_ERROR(setSession(call, annotate));
+  ASSIGN_OR_RETURN(const auto reply, replyOf(service, call, request));
+  return annotationJson(reply.annotation(), times);
+}
+
+// --- scores, studies, the audit log
+
+/// A cell of CSV: quoted where it must be, and never a formula of a spreadsheet.
+std::string csvCell(const std::string& text) {
+  std::string cell = !text.empty() && std::string_view("=+-@\t\r").find(text[0]) != std::string_view::npos
+                         ? "'" + text
+                         : text;
+  if (cell.find_first_of(",\"\r\n") == std::string::npos) return cell;
+  std::string quoted = "\"";
+  for (const char c : cell) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+
+/// Scores as a long table, a measure a line: page by page of ListScores.
+class ScoreLines {
+ public:
+  ScoreLines(Service& service, WebCall call) : service_(service), call_(std::move(call)) {}
+
+  Result<std::string> next() {
+    if (ended_) return std::string();
+    pb::Request request;
+    auto& list = *request.mutable_list_scores();
+    list.set_course_id(call_.query("course"));
+    list.set_group_id(call_.query("group"));
+    list.set_page(page_);
+    ASSIGN_OR_RETURN(const auto reply, replyOf(service_, call_, request));
+    std::string text;
+    if (page_.empty())
+      text =
+          "trainee,exercise_id,attempt,session_id,started_unix_ms,passed,definition_version,measure,value,"
+          "unit,min,max,met\r\n";
+    for (const pb::ScoreRow& row : reply.scores().scores()) addLines(text, row);
+    page_ = reply.scores().next_page();
+    ended_ = page_.empty();
+    return text;
+  }
+
+ private:
+  static std::string numberCell(const nlohmann::json& row, const char* name) {
+    std::string text;
+    if (row.contains(name) && row[name].is_number()) appendNumber(text, row[name].get<double>());
+    return text;
+  }
+  static std::string textCell(const nlohmann::json& row, const char* name) {
+    return row.contains(name) && row[name].is_string() ? csvCell(row[name].get<std::string>())
+                                                       : std::string();
+  }
+  static const char* yesOrNo(bool yes) { return yes ? "yes" : "no"; }
+  static void addLines(std::string& text, const pb::ScoreRow& row) {
+    const pb::Attempt& attempt = row.attempt();
+    const auto measures = nlohmann::json::parse(row.score().measures_json(), nullptr, false);
+    if (!measures.is_array()) return;
+    const WebJson shown = jsonOf(attempt);
+    const std::string head = fmt::format(
+        "{},{},{},{},{},{},{},", csvCell(attempt.trainee()), csvCell(attempt.exercise_id()), attempt.number(),
+        shown.value("session_id", ""), attempt.started_unix_ns() / 1'000'000,
+        row.score().has_passed() ? yesOrNo(row.score().passed()) : "", row.score().definition_version());
+    for (const nlohmann::json& measure : measures) {
+      if (!measure.is_object()) continue;
+      const bool judged = measure.contains("passed") && measure["passed"].is_boolean();
+      text += fmt::format("{}{},{},{},{},{},{}\r\n", head, textCell(measure, "measure"),
+                          numberCell(measure, "value"), textCell(measure, "unit"), numberCell(measure, "min"),
+                          numberCell(measure, "max"), judged ? yesOrNo(measure["passed"].get<bool>()) : "");
+    }
+  }
+
+  Service& service_;
+  const WebCall call_;
+  std::string page_;
+  bool ended_ = false;
+};
+
+Result<WebStream> scoresCsv(Service& service, const WebCall& call) {
+  auto lines = std::make_shared<ScoreLines>(service, call);
+  return streamFromFirst("text/csv; charset=utf-8", "scores.csv", [lines] { return lines->next(); });
+}
+
+Result<pb::Request> exportStudy(const WebRoute&, const WebCall& call) {
+  pb::Request request;
+  auto& ask = *request.mutable_export_study();
+  ask.set_study(call.parts[0]);
+  ask.set_exercise_id(call.query("exercise"));
+  ask.set_with_remarks(call.query("remarks") == "yes");
+  RETURN_IF_ERROR(setPage(call, *ask.mutable_page()));
+  return request;
+}
+
+Result<pb::Request> listAudit(const WebRoute& route, const WebCall& call) {
+  ASSIGN_OR_RETURN(auto request, plainRequest(route, call));
+  request.mutable_list_audit()->set_limit(200);
+  return request;
+}
+
+constexpr RouteAdapter kAdapters[] = {
+    {.line = "POST /people", .shape = addedPerson, .status = 201},
+    {.line = "PATCH /people/{name}", .build = changePerson},
+    {.line = "GET /people/{name}/export", .action = WebAction::kStream, .stream = personRecords},
+    {.line = "POST /groups", .build = addGroup, .status = 201},
+    {.line = "PUT /groups/{id}", .build = putGroup},
+    {.line = "PUT /profiles/{id}", .build = putProfile},
+    {.line = "POST /profiles/check", .build = checkDocument},
+    {.line = "POST /profiles/preview", .build = previewProfile},
+    {.line = "PUT /courses/{id}", .build = putCourse},
+    {.line = "POST /courses/check", .build = checkDocument},
+    {.line = "GET /measures", .shape = measuresJson},
+    {.line = "PUT /exercises/{id}/reference", .build = setReference},
+    {.line = "POST /assignments", .shape = addedAssignment, .status = 201},
+    {.line = "DELETE /assignments/{id}", .build = removeAssignment},
+    {.line = "GET /sessions", .build = listSessions, .shape = sessionsJson},
+    {.line = "GET /sessions/{id}/samples", .action = WebAction::kWork, .work = samplePlot},
+    {.line = "GET /sessions/{id}/samples.csv", .action = WebAction::kStream, .stream = sampleCsv},
+    {.line = "GET /sessions/{id}/annotations", .action = WebAction::kWork, .work = listAnnotations},
+    {.line = "POST /sessions/{id}/annotations",
+     .action = WebAction::kWork,
+     .work = addAnnotation,
+     .status = 201},
+    {.line = "GET /scores.csv", .action = WebAction::kStream, .stream = scoresCsv},
+    {.line = "GET /studies/{study}", .build = exportStudy},
+    {.line = "GET /audit", .build = listAudit},
+};
+
+}  // namespace
+
+std::span<const RouteAdapter> routeAdapters() {
+  return kAdapters;
+}
+
+}  // namespace needlelab

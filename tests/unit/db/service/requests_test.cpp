@@ -1,0 +1,154 @@
+#include "db/service/requests.h"
+
+#include <google/protobuf/descriptor.h>
+
+#include <fstream>
+#include <map>
+#include <sstream>
+
+#include "tests/unit/db/service/test_service.h"
+
+namespace needlelab {
+namespace {
+
+/// Who may do what, written down by hand for the port's tests: T rainee, I nstructor, M anager, A
+/// dministrator, S tation, R esearcher.
+std::map<std::string, std::string> expectedRoles() {
+  std::ifstream in(NEEDLELAB_TEST_DIR "/../../server/live/permissions_requests.tsv");
+  std::map<std::string, std::string> table;
+  for (std::string line; std::getline(in, line);) {
+    const std::size_t tab = line.find('\t');
+    if (line.starts_with("#") || line.starts_with("call\t") || tab == std::string::npos) continue;
+    EXPECT_TRUE(table.emplace(line.substr(0, tab), line.substr(tab + 1)).second) << "twice: " << line;
+  }
+  return table;
+}
+
+TEST(Roles, everyCallIsInTheTableForEveryRole) {
+  const auto expected = expectedRoles();
+  const auto* calls = pb::Request::descriptor()->FindOneofByName("call");
+  ASSERT_NE(calls, nullptr);
+  EXPECT_EQ(static_cast<std::size_t>(calls->field_count()), expected.size());
+  for (int i = 0; i < calls->field_count(); ++i) {
+    const auto* field = calls->field(i);
+    ASSERT_EQ(expected.count(field->name()), 1u) << field->name() << " is new: decide who may do it";
+    const auto call = static_cast<pb::Request::CallCase>(field->number());
+    EXPECT_NE(callName(call), "?") << field->name();
+    const std::string letters = "?TIMASR";
+    for (int role = 0; role <= 6; ++role) {
+      const bool allowed =
+          role > 0 &&
+          expected.at(field->name()).find(letters[static_cast<std::size_t>(role)]) != std::string::npos;
+      const auto status = checkRole({"x", static_cast<pb::Role>(role)}, call);
+      EXPECT_EQ(status.ok(), allowed) << field->name() << " for role " << role;
+      if (!status.ok()) {
+        EXPECT_EQ(status.error().code, ErrorCode::kDenied);
+      }
+    }
+  }
+}
+
+/// The words of requests_before.tsv.
+std::string textOf(RequestThreads threads) {
+  switch (threads) {
+    case RequestThreads::kWorkers:
+      return "workers";
+    case RequestThreads::kPasswords:
+      return "passwords";
+    case RequestThreads::kViews:
+      return "views";
+    case RequestThreads::kSlow:
+      return "slow_workers";
+    case RequestThreads::kHours:
+      return "retention_workers";
+  }
+  return "?";
+}
+std::string textOf(ServerPart part) {
+  return part == ServerPart::kFillStations ? "fill stations"
+         : part == ServerPart::kDeliver    ? "deliver"
+                                           : "none";
+}
+
+// the rows replaced a table of roles, a dispatch switch and two lists of threads: none of it changed on the
+// way
+TEST(Requests, theRowsSayWhatTheTablesOfBeforeSaid) {
+  std::ifstream in(NEEDLELAB_TEST_DIR "/requests_before.tsv");
+  std::size_t rows = 0;
+  for (std::string line; std::getline(in, line);) {
+    if (line.starts_with("#") || line.starts_with("call\t")) continue;
+    std::istringstream cells(line);
+    std::string name, action, letters, threads, server_part;
+    for (std::string* cell : {&name, &action, &letters, &threads, &server_part})
+      std::getline(cells, *cell, '\t');
+    const auto* field = pb::Request::descriptor()->FindFieldByName(name);
+    ASSERT_NE(field, nullptr) << name;
+    const auto call = static_cast<pb::Request::CallCase>(field->number());
+    EXPECT_EQ(callName(call), action);
+    std::string may;
+    for (const int role : {1, 2, 3, 4, 5, 6})
+      if (checkRole({"x", static_cast<pb::Role>(role)}, call)) may += "TIMASR"[role - 1];
+    EXPECT_EQ(may, letters) << name;
+    const RequestRow* row = requestRow(call);
+    ASSERT_NE(row, nullptr) << name;
+    EXPECT_EQ(textOf(row->threads), threads) << name;
+    EXPECT_EQ(textOf(row->server_part), server_part) << name;
+    ++rows;
+  }
+  EXPECT_EQ(rows, 65u);
+}
+
+TEST(Requests, eachCallHasOneRowWhoseHandlerTakesItsMessage) {
+  const auto* calls = pb::Request::descriptor()->FindOneofByName("call");
+  const auto* results = pb::Reply::descriptor()->FindOneofByName("result");
+  std::map<int, int> rows;
+  for (const RequestRow& row : requestRows()) {
+    ++rows[row.call];
+    const auto* field = pb::Request::descriptor()->FindFieldByNumber(row.call);
+    ASSERT_NE(field, nullptr);
+    EXPECT_EQ(row.handler.message(), field->message_type()) << field->name();
+    const auto* result = pb::Reply::descriptor()->FindFieldByNumber(row.reply);
+    EXPECT_TRUE(result != nullptr && result->containing_oneof() == results) << field->name();
+    EXPECT_NE(row.roles, 0u) << field->name();
+  }
+  for (int i = 0; i < calls->field_count(); ++i)
+    EXPECT_EQ(rows[calls->field(i)->number()], 1) << calls->field(i)->name();
+}
+
+TEST(Roles, unknownRolesAndCallsAreRefused) {
+  EXPECT_FALSE(checkRole({"x", static_cast<pb::Role>(77)}, pb::Request::kListProfiles).ok());
+  EXPECT_FALSE(checkRole({"x", static_cast<pb::Role>(-1)}, pb::Request::kListProfiles).ok());
+  const auto refused = checkRole({"x", pb::ADMINISTRATOR}, pb::Request::CALL_NOT_SET);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+}
+
+TEST(Roles, namesAndBack) {
+  for (const pb::Role role : {pb::TRAINEE, pb::INSTRUCTOR, pb::CURRICULUM_MANAGER, pb::ADMINISTRATOR,
+                              pb::STATION, pb::RESEARCHER}) {
+    EXPECT_EQ(roleOfName(roleName(role)), role);
+  }
+  EXPECT_EQ(roleOfName("boss"), pb::ROLE_UNSPECIFIED);
+}
+
+using RefusedCalls = test::ServiceTest;
+
+TEST_F(RefusedCalls, changeNothingAndAnswerWithTheirId) {
+  pb::Request request;
+  request.set_id(42);
+  request.mutable_add_user()->set_name("eve");
+  request.mutable_add_user()->set_role(pb::ADMINISTRATOR);
+  request.mutable_add_user()->set_password("correct horse");
+  for (const Principal& who : {trainee, instructor, manager, station}) {
+    const Outcome outcome = ask(who, request);
+    EXPECT_EQ(outcome.error.value().code, ErrorCode::kDenied);
+    EXPECT_EQ(outcome.reply.id(), 42u);
+  }
+  EXPECT_EQ(refusal(admin, {}), ErrorCode::kInvalidInput);
+  pb::Request list;
+  list.mutable_list_users();
+  EXPECT_EQ(get(admin, list).users().users_size(), 0);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,113 @@
+#include "server/live/admission.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/server/live/milliseconds.h"
+
+namespace needlelab {
+namespace {
+
+using Answer = Admission::Answer;
+
+Admission::Settings admissionSettings() {
+  Admission::Settings s;
+  s.max_connections = 20;
+  s.max_strangers = 10;
+  s.charges_at_once = 6;
+  s.refill = std::chrono::milliseconds(100);
+  s.max_addresses = 50;
+  return s;
+}
+
+TEST(Admission, whoLogsInCostsItsAddressNothing) {
+  Admission admission(admissionSettings());
+  for (std::uint64_t id = 0; id < 1000; ++id) {
+    ASSERT_EQ(admission.arrive(id, "10.0.0.1", 0).answer, Answer::kWelcome) << id;
+    admission.loggedIn(id, 0);
+    if (id >= 15) admission.left(id - 15);
+  }
+  EXPECT_EQ(admission.strangers(), 0u);
+  EXPECT_EQ(admission.connections(), 15u);
+}
+
+TEST(Admission, whoNeverLogsInUsesUpTheRoomOfItsOwnAddress) {
+  Admission admission(admissionSettings());
+  std::uint64_t id = 0;
+  // open or closed again: six at once, then one each 100 ms
+  for (int i = 0; i < 6; ++i) {
+    ASSERT_EQ(admission.arrive(id, "10.0.0.1", 0).answer, Answer::kWelcome);
+    admission.left(id++);
+  }
+  EXPECT_EQ(admission.arrive(id++, "10.0.0.1", 0).answer, Answer::kTooMany);
+  EXPECT_EQ(admission.arrive(id++, "10.0.0.1", 99 * kMs).answer, Answer::kTooMany);
+  EXPECT_EQ(admission.arrive(id++, "10.0.0.1", 100 * kMs).answer, Answer::kWelcome);
+  EXPECT_EQ(admission.arrive(id++, "10.0.0.1", 100 * kMs).answer, Answer::kTooMany);
+  EXPECT_EQ(admission.arrive(id++, "10.0.0.2", 100 * kMs).answer, Answer::kWelcome)
+      << "others are not concerned";
+}
+
+TEST(Admission, whenAllPlacesAreTakenTheGreediestAddressGivesWayWithItsOldest) {
+  Admission admission(admissionSettings());
+  for (std::uint64_t id = 1; id <= 6; ++id) (void)admission.arrive(id, "10.0.0.1", 0);
+  for (std::uint64_t id = 7; id <= 10; ++id) (void)admission.arrive(id, "10.0.0.2", 0);
+  EXPECT_EQ(admission.strangers(), 10u);
+  const auto newcomer = admission.arrive(11, "10.0.0.3", 0);
+  EXPECT_EQ(newcomer.answer, Answer::kWelcome);
+  EXPECT_EQ(newcomer.gives_way, std::optional<std::uint64_t>(1));
+  EXPECT_EQ(admission.strangers(), 10u);
+  // however many addresses flood, a newcomer gets in
+  for (std::uint64_t id = 12; id < 1000; ++id) {
+    const auto arrival =
+        admission.arrive(id, "10.1." + std::to_string(id / 100) + "." + std::to_string(id), 0);
+    ASSERT_EQ(arrival.answer, Answer::kWelcome);
+    ASSERT_TRUE(arrival.gives_way.has_value());
+  }
+  EXPECT_EQ(admission.strangers(), 10u);
+}
+
+TEST(Admission, whoIsLoggedInNeverGivesWay) {
+  auto s = admissionSettings();
+  s.max_strangers = 20;
+  s.charges_at_once = 100;
+  Admission admission(s);
+  for (std::uint64_t id = 0; id < 19; ++id) {
+    (void)admission.arrive(id, "10.0.0.1", 0);
+    admission.loggedIn(id, 0);
+  }
+  EXPECT_EQ(admission.arrive(100, "10.0.0.2", 0).answer, Answer::kWelcome);
+  EXPECT_EQ(admission.arrive(101, "10.0.0.2", 0).gives_way, std::optional<std::uint64_t>(100));
+  admission.loggedIn(101, 0);
+  EXPECT_EQ(admission.connections(), 20u);
+  EXPECT_EQ(admission.arrive(102, "10.0.0.3", 0).answer, Answer::kFull);
+  admission.left(3);
+  EXPECT_EQ(admission.arrive(103, "10.0.0.3", 0).answer, Answer::kWelcome);
+}
+
+TEST(Admission, endsAreCountedOnceAndUnknownOnesNotAtAll) {
+  Admission admission(admissionSettings());
+  (void)admission.arrive(1, "10.0.0.1", 0);
+  admission.left(1);
+  admission.left(1);
+  admission.left(77);
+  admission.loggedIn(77, 0);
+  EXPECT_EQ(admission.connections(), 0u);
+}
+
+TEST(Admission, memoryIsBoundedWhateverTheAddresses) {
+  Admission admission(admissionSettings());
+  for (std::uint64_t id = 0; id < 5000; ++id) {
+    (void)admission.arrive(id, "10." + std::to_string(id / 250) + ".0." + std::to_string(id % 250), 0);
+    EXPECT_LE(admission.addresses(), 61u);  // those with a connection are kept: at most max_strangers beside
+  }
+}
+
+TEST(Admission, anAddressIsAnIpv4AddressOrTheFirstHalfOfAnIpv6One) {
+  EXPECT_EQ(Admission::keyOf("10.0.0.1"), "10.0.0.1");
+  EXPECT_EQ(Admission::keyOf("::ffff:10.0.0.1"), "10.0.0.1");
+  EXPECT_EQ(Admission::keyOf("[2001:db8:1:2::1]"), Admission::keyOf("2001:db8:1:2:ffff::9"));
+  EXPECT_NE(Admission::keyOf("2001:db8:1:2::1"), Admission::keyOf("2001:db8:1:3::1"));
+  EXPECT_EQ(Admission::keyOf("unknown"), "unknown");
+}
+
+}  // namespace
+}  // namespace needlelab
