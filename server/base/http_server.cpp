@@ -313,8 +313,7 @@ std::shared_ptr<HttpRequest> requestOf(HttpParser& parser) {
 }
 
 bool isBadRequest(const boost::system::error_code& error) {
-  return error.category() == bhttp::make_error_code(bhttp::error::bad_method).category() &&
-         error != bhttp::error::end_of_stream && error != bhttp::error::partial_message;
+  return error.category() == bhttp::make_error_code(bhttp::error::bad_method).category();
 }
 
 std::optional<HttpAnswer> unreadableAnswer(const boost::system::error_code& error) {
@@ -322,7 +321,8 @@ std::optional<HttpAnswer> unreadableAnswer(const boost::system::error_code& erro
     return errorAnswer(431, "too_large", "the request's header is too large");
   if (error == bhttp::error::body_limit) return errorAnswer(413, "too_large", "the body is too large");
   if (error == beast::error::timeout) return errorAnswer(408, "timeout", "the request did not come in time");
-  if (isBadRequest(error))
+  const bool cut_off = error == bhttp::error::end_of_stream || error == bhttp::error::partial_message;
+  if (isBadRequest(error) && !cut_off)
     return errorAnswer(400, "invalid_input", "this is no HTTP request: " + error.message());
   return std::nullopt;
 }
