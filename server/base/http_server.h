@@ -1,6 +1,6 @@
-/// HTTP/1.1 on a port, with TLS or without: accepts, reads requests one after the other within sizes and times,
-/// writes the answers. A subclass decides the answers: server/web for browsers, MonitorPort (server/live/monitor.h)
-/// for Prometheus and health checks.
+/// HTTP/1.1 on a port, with TLS or without: accepts, reads requests one after the other within sizes and
+/// times, writes the answers. A subclass decides the answers: server/web for browsers, MonitorPort
+/// (server/live/monitor.h) for Prometheus and health checks.
 #pragma once
 
 #include <chrono>

@@ -1,5 +1,5 @@
-/// As much of JSON Schema as the description of the API uses: type, enum, $ref, properties, required, additionalProperties,
-/// items, minimum, maxProperties, format uuid. Anything else in a schema is a fault.
+/// As much of JSON Schema as the description of the API uses: type, enum, $ref, properties, required,
+/// additionalProperties, items, minimum, maxProperties, format uuid. Anything else in a schema is a fault.
 #pragma once
 
 #include <nlohmann/json.hpp>
