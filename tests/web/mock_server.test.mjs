@@ -1,5 +1,6 @@
-// The mock server is a double of server/web: every route of the API that the console asks for, its replies as `needlelab-server
-// --openapi` describes them. (tests/unit/server/web compares the replies of the real port with the same description.)
+// The mock server is a double of server/web: every route of the API that the console asks for, its replies as
+// `needlelab-server --openapi` describes them. (tests/unit/server/web compares the replies of the real port with the
+// same description.)
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { after, before, test } from 'node:test';
@@ -7,7 +8,9 @@ import { replySchema, schemaFaults } from './json_schema.mjs';
 import { startMock } from './mock_server.mjs';
 
 const folder = process.env.NEEDLELAB_BIN ?? new URL('../../build/dev/bin', import.meta.url).pathname;
-const api = JSON.parse(execFileSync(`${folder}/needlelab-server`, ['--openapi'], { encoding: 'utf8', maxBuffer: 1 << 24 }));
+const api = JSON.parse(
+  execFileSync(`${folder}/needlelab-server`, ['--openapi'], { encoding: 'utf8', maxBuffer: 1 << 24 }),
+);
 const kPassword = 'correct horse';
 // addresses that no page of the console asks for
 const kUnused = ['GET /openapi.json', 'GET /people/{name}/consents', 'GET /live'];
