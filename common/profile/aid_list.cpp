@@ -1,5 +1,7 @@
 #include "common/profile/aid_list.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cstddef>
@@ -34,10 +36,10 @@ std::string aidWord(std::string_view text) {
 
 Status checkAids(const std::string& path, const AidList& aids) {
   for (int i = 0; i < aids.size(); ++i) {
-    const std::string at = path + "[" + std::to_string(i) + "]: ";
+    const std::string at = fmt::format("{}[{}]: ", path, i);
     if (!isAid(aids.Get(i)))
       return Error{ErrorCode::kInvalidInput,
-                   at + std::to_string(aids.Get(i)) + " is no aid, there are " + aidsText(allAids())};
+                   fmt::format("{}{} is no aid, there are {}", at, aids.Get(i), aidsText(allAids()))};
     // a list that is valid so far is at most as long as the list of all aids
     if (std::find(aids.begin(), aids.begin() + i, aids.Get(i)) != aids.begin() + i)
       return Error{ErrorCode::kInvalidInput,

@@ -124,8 +124,7 @@ Result<std::string> readText(const FieldDescriptor& field, const std::string& pa
   if (is_name) {
     const std::size_t longest = field.options().GetExtension(pb::max_length);
     if (text.empty() || text.size() > longest) {
-      return fieldError(
-          path, "has " + std::to_string(text.size()) + " bytes, allowed are 1 to " + std::to_string(longest));
+      return fieldError(path, fmt::format("has {} bytes, allowed are 1 to {}", text.size(), longest));
     }
   }
   // texts end up in terminals and tables: no control characters, save line breaks in long texts
@@ -227,8 +226,7 @@ Status readList(const FieldDescriptor& field, const std::string& path, const jso
   const std::size_t most =
       options.HasExtension(pb::max_items) ? options.GetExtension(pb::max_items) : value.max_size();
   if (value.size() < least || value.size() > most) {
-    return fieldError(path, "has " + std::to_string(value.size()) + " items, allowed are " +
-                                std::to_string(least) + " to " + std::to_string(most));
+    return fieldError(path, fmt::format("has {} items, allowed are {} to {}", value.size(), least, most));
   }
   for (std::size_t i = 0; i < value.size(); ++i) {
     RETURN_IF_ERROR(faults.take(readValue(field, path + fmt::format("[{}]", i), value[i], message, faults)));

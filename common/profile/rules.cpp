@@ -168,8 +168,7 @@ class Prerequisites {
       std::set<std::string> named;
       for (int j = 0; j < exercises_[i].prerequisites_size(); ++j) {
         const std::string& id = exercises_[i].prerequisites(j);
-        const std::string path =
-            "exercises[" + std::to_string(i) + "].prerequisites[" + std::to_string(j) + "]";
+        const std::string path = fmt::format("exercises[{}].prerequisites[{}]", i, j);
         if (!index_.contains(id)) return fieldError(path, quotedText(id) + " is no exercise of this course");
         if (!named.insert(id).second) return fieldError(path, quotedText(id) + " is named twice");
       }
@@ -211,7 +210,7 @@ class Prerequisites {
         inside = inside || on_way.exercise == next;
         if (inside) circle += quotedText(exercises_[on_way.exercise].id()) + " needs ";
       }
-      return fieldError("exercises[" + std::to_string(way.back().exercise) + "].prerequisites",
+      return fieldError(fmt::format("exercises[{}].prerequisites", way.back().exercise),
                         "go round in a circle, so that none of these can ever begin: " + circle +
                             quotedText(exercises_[next].id()));
     }
@@ -255,8 +254,9 @@ bool lists(const pb::Profile& profile, pb::Profile::Effect effect) {
 }
 
 std::string layerName(const pb::Profile& profile, int i) {
-  return "layers[" + std::to_string(i) + "] (" + pb::Layer::Tissue_Name(profile.layers(i).tissue()) + ", " +
-         shortNumber(profile.layers(i).thickness_m() * 1e3) + " mm)";
+  const pb::Layer& layer = profile.layers(i);
+  return fmt::format("layers[{}] ({}, {} mm)", i, pb::Layer::Tissue_Name(layer.tissue()),
+                     shortNumber(layer.thickness_m() * 1e3));
 }
 
 /// How far a membrane is pushed in when it ruptures: the positive root of k1 z + k2 z² = force, in the form

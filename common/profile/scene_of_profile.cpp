@@ -139,7 +139,8 @@ static_assert(static_cast<int>(NeedleTip::kPencilPoint) == pb::Needle::PENCIL_PO
 /// `spec.layers` must be filled already. Errors: kInvalidInput for a number that names no model.
 Status readModel(const pb::Profile& profile, SceneSpec& spec) {
   if (!pb::Profile::AxialModel_IsValid(profile.axial_model()))
-    return fieldError("axial_model", std::to_string(profile.axial_model()) + " is no known model");
+    return fieldError("axial_model",
+                      fmt::format("{} is no known model", static_cast<int>(profile.axial_model())));
   spec.axial_model = modelOf(profile.axial_model());
 
   if (profile.direct().has_stiffness_n_per_m())
@@ -233,7 +234,7 @@ Status checkModelSection(const pb::Profile& profile) {
   for (int i = 0; i < profile.statistical().synthetic_size(); ++i) {
     const std::string& name = profile.statistical().synthetic(i);
     if (std::find(kMayBeSynthetic.begin(), kMayBeSynthetic.end(), name) == kMayBeSynthetic.end())
-      return fieldError("statistical.synthetic[" + std::to_string(i) + "]",
+      return fieldError(fmt::format("statistical.synthetic[{}]", i),
                         quotedText(name) + " is none of mean_n, sd_n, correlation_length_m, factors");
   }
   return {};

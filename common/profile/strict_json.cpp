@@ -1,5 +1,7 @@
 #include "common/profile/strict_json.h"
 
+#include <fmt/core.h>
+
 #include <vector>
 
 namespace needlelab {
@@ -75,7 +77,7 @@ class TreeBuilder : public nlohmann::json_sax<json> {
     return true;
   }
   bool open(json value) {
-    if (frames_.size() >= kMaxDepth) return fail("is nested deeper than " + std::to_string(kMaxDepth));
+    if (frames_.size() >= kMaxDepth) return fail(fmt::format("is nested deeper than {}", kMaxDepth));
     json* node = place(std::move(value));
     frames_.push_back({node, {}});
     return true;
@@ -96,7 +98,7 @@ class TreeBuilder : public nlohmann::json_sax<json> {
         // the item that is being read: not in the list yet, unless it is itself a list or object that is
         // being read
         const bool is_open = &frame != &frames_.back();
-        path += "[" + std::to_string(frame.node->size() - (is_open ? 1 : 0)) + "]";
+        path += fmt::format("[{}]", frame.node->size() - (is_open ? 1 : 0));
       } else if (!frame.key.empty()) {
         // ordinary names plainly, anything odd quoted
         const bool plain =

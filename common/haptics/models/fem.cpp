@@ -3,6 +3,8 @@
 /// directly: there is no wall. A needle that is pushed in tents the tissue until the cutting force is
 /// reached; on the way out the shaft's friction pulls. A stop relaxes nothing: the tissue is elastic.
 /// `cutting_N` is the tip's force, `friction_N` the shaft's.
+#include <fmt/core.h>
+
 #include "common/haptics/effects/step_live.h"
 #include "common/haptics/models/axial_entry.h"
 #include "common/haptics/models/fem_needle.h"
@@ -37,11 +39,11 @@ void checkFem(const SceneSpec& spec, SpecChecker& check) {
   check.enter("fem.");
   check.number("nodes", spec.fem.nodes, {100, 200'000});
   check.require(spec.fem.layers.size() == spec.layers.size(), "layers",
-                std::to_string(spec.fem.layers.size()) + " given, the scene has " +
-                    std::to_string(spec.layers.size()) + " layers: give one for each, from the skin inward");
+                fmt::format("{} given, the scene has {} layers: give one for each, from the skin inward",
+                            spec.fem.layers.size(), spec.layers.size()));
   for (std::size_t i = 0; i < spec.fem.layers.size(); ++i) {
     const FemLayerSpec& layer = spec.fem.layers[i];
-    check.enter("fem.layers[" + std::to_string(i) + "].");
+    check.enter(fmt::format("fem.layers[{}].", i));
     check.number("young_pa", layer.young_Pa, {100, 1e9});
     check.number("poisson", layer.poisson, {0, 0.49});
     check.number("friction_n_per_m", layer.friction_N_per_m, kFrictionPerLength);

@@ -6,6 +6,8 @@
 /// walls (K_t and K_f): cutting on the way in only, friction both ways. There is no relaxation in a stop: the
 /// model has none. It has its own puncture and friction: a scene that lists PUNCTURE or SHAFT_FRICTION is
 /// refused.
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <bit>
 
@@ -49,7 +51,7 @@ void checkFirstOrder(const SceneSpec& spec, SpecChecker& check) {
                   "lists " + std::string(entry->name) +
                       ", which axial_model FIRST_ORDER has its own of (layers[].first_order): take it out");
   for (std::size_t i = 0; i < spec.layers.size(); ++i) {
-    check.enter("layers[" + std::to_string(i) + "].");
+    check.enter(fmt::format("layers[{}].", i));
     const auto& own = spec.layers[i].first_order;
     check.require(own.has_value(), "first_order", "is missing, and axial_model is FIRST_ORDER");
     if (!own) return;

@@ -2,6 +2,8 @@
 /// between its rows, rendered by the enhanced tracking wall: Δ_cut = cutting(δ)/K_t, Δ_att = attracted(δ)/K_t
 /// (FORCE_MODEL.md, "Axial models"; precomputed tables are the future work of the paper). The stop leaves the
 /// layer's rejection force, as the wall does.
+#include <fmt/core.h>
+
 #include <algorithm>
 
 #include "common/haptics/effects/step_live.h"
@@ -30,11 +32,10 @@ constexpr StepTable kPrecomputedSteps = stepTable<Precomputed>();
 void checkPrecomputed(const SceneSpec& spec, SpecChecker& check) {
   const auto& table = spec.precomputed.table;
   check.enter("precomputed.");
-  check.require(
-      !table.empty() && table.size() <= kMaxTableRows, "table",
-      std::to_string(table.size()) + " rows given, allowed are 1 to " + std::to_string(kMaxTableRows));
+  check.require(!table.empty() && table.size() <= kMaxTableRows, "table",
+                fmt::format("{} rows given, allowed are 1 to {}", table.size(), kMaxTableRows));
   for (std::size_t i = 0; i < table.size(); ++i) {
-    check.enter("precomputed.table[" + std::to_string(i) + "].");
+    check.enter(fmt::format("precomputed.table[{}].", i));
     check.number("depth_m", table[i].depth_m, kDepth);
     check.number("cutting_n", table[i].cutting_N, kForce);
     check.number("attracted_n", table[i].attracted_N, kForce);

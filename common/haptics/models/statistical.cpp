@@ -1,5 +1,7 @@
 #include "common/haptics/models/statistical.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -36,11 +38,10 @@ void checkStatistical(const SceneSpec& spec, SpecChecker& check) {
   const StatisticalSpec& own = spec.statistical;
   check.enter("statistical.");
   check.require(!own.table.empty() && own.table.size() <= kMaxStatisticalRows, "table",
-                std::to_string(own.table.size()) + " rows given, allowed are 1 to " +
-                    std::to_string(kMaxStatisticalRows));
+                fmt::format("{} rows given, allowed are 1 to {}", own.table.size(), kMaxStatisticalRows));
   for (std::size_t i = 0; i < own.table.size(); ++i) {
     const StatisticalSpec::Row& row = own.table[i];
-    check.enter("statistical.table[" + std::to_string(i) + "].");
+    check.enter(fmt::format("statistical.table[{}].", i));
     check.number("depth_m", row.depth_m, kDepth);
     check.number("mean_n", row.mean_N, kForce);
     check.number("sd_n", row.sd_N, kForce);

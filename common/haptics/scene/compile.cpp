@@ -1,3 +1,5 @@
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -81,8 +83,7 @@ Limb withUnitNormal(const Limb& limb) {
 Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
   if (Status valid = validate(spec); !valid.ok()) return valid.error();
   if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz))
-    return Error{ErrorCode::kInvalidInput,
-                 "rate: " + std::to_string(rate_hz) + " Hz is out of range [50, 40000]"};
+    return Error{ErrorCode::kInvalidInput, fmt::format("rate: {:f} Hz is out of range [50, 40000]", rate_hz)};
 
   if (spec.axial_model == AxialModel::kFem && !spec.fem.compliance)
     return Error{ErrorCode::kInvalidInput,

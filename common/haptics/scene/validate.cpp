@@ -1,3 +1,5 @@
+#include <fmt/core.h>
+
 #include <algorithm>
 
 #include "common/base/range.h"
@@ -53,14 +55,13 @@ void checkLayer(const LayerSpec& layer, bool attracted_live, SpecChecker& check)
 
 void checkLayers(const SceneSpec& spec, SpecChecker& check) {
   check.enter("");
-  check.require(
-      !spec.layers.empty() && spec.layers.size() <= kMaxLayers, "layers",
-      std::to_string(spec.layers.size()) + " layers given, allowed are 1 to " + std::to_string(kMaxLayers));
+  check.require(!spec.layers.empty() && spec.layers.size() <= kMaxLayers, "layers",
+                fmt::format("{} layers given, allowed are 1 to {}", spec.layers.size(), kMaxLayers));
   const bool attracted_live = (spec.effects & bitOf(Effect::kAttracted)) != 0 &&
                               std::any_of(spec.layers.begin(), spec.layers.end(),
                                           [](const LayerSpec& l) { return l.attracted_force_N > 0; });
   for (std::size_t i = 0; i < spec.layers.size(); ++i) {
-    check.enter("layers[" + std::to_string(i) + "].");
+    check.enter(fmt::format("layers[{}].", i));
     checkLayer(spec.layers[i], attracted_live, check);
   }
 }
