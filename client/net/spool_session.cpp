@@ -14,7 +14,6 @@
 #include "client/net/spool.h"
 #include "common/base/files.h"
 #include "common/base/planted_bug.h"
-#include "common/base/text.h"
 #include "common/gesture/chunk.h"
 #include "proto/session_rules.h"
 
@@ -22,7 +21,6 @@ namespace needlelab {
 namespace {
 
 using Json = nlohmann::json;
-constexpr const char* kLossFormat = "%020llu %020llu\n";  // samples, first tick: always as long
 constexpr std::size_t kMaxTailSamples =
     4000;  // a chunk never has more; a lossless one of so many fits an envelope
 
@@ -338,8 +336,8 @@ Status SpoolSession::setLoss(const SpoolLoss& loss) {
   };
   const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (fd < 0) return failed();
-  const std::string text = formatted(kLossFormat, static_cast<unsigned long long>(loss.samples),
-                                     static_cast<unsigned long long>(loss.from_tick));
+  // samples, first tick: always as long
+  const std::string text = fmt::format("{:020} {:020}\n", loss.samples, loss.from_tick);
   const ssize_t wrote = ::pwrite(fd, text.data(), text.size(), 0);
   Status status;
   if (wrote != static_cast<ssize_t>(text.size())) status = failed();
