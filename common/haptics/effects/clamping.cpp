@@ -96,7 +96,7 @@ bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& 
 
 namespace {
 
-constexpr std::array<EffectField, 2> kFields = {
+constexpr std::array<EffectField, 2> kFixtureFields = {
     {{"max_stiffness_n_per_m", "Greatest stiffness", kStiffness, 400,
       [](SceneSpec& spec) -> double& { return spec.virtual_fixture.max_stiffness_N_per_m; }},
      {"max_force_n", "Greatest clamping force", kForce, 4,
@@ -118,7 +118,7 @@ constinit const EffectEntry kClampingEntry = {
     .place = 4,
     .value = [](const StepReport& report) { return report.clamping_N; },
     .section = "virtual_fixture",
-    .fields = kFields,
+    .fields = kFixtureFields,
     .choice = {"mode", "Mode", kModes, "PASSIVE",
                [](SceneSpec& spec, int number) {
                  spec.virtual_fixture.mode = static_cast<ClampingMode>(number);

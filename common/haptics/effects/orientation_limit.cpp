@@ -57,7 +57,7 @@ void tiltNearCone(const SceneModel& model, SimState& state, double insertion_m, 
 
 namespace {
 
-constexpr std::array<EffectField, 2> kFields = {
+constexpr std::array<EffectField, 2> kTiltFields = {
     {{"stiffness_nm_per_rad",
       "Rotational stiffness",
       {0, 100},
@@ -82,7 +82,7 @@ constinit const EffectEntry kOrientationLimitEntry = {
     .place = 5,
     .value = [](const StepReport& report) { return norm(report.wrench_W.torque_Nm); },
     .section = "orientation_limit",
-    .fields = kFields,
+    .fields = kTiltFields,
     .hasNumbers =
         [](const SceneSpec& spec) {
           return spec.orientation_limit.stiffness_Nm_per_rad > 0 && spec.orientation_limit.max_torque_Nm > 0;

@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::array<EffectField, 1> kFields = {
+constexpr std::array<EffectField, 1> kFrictionFields = {
     {{"stiffness_n_per_m", "Friction stiffness", kStiffness, 140,
       [](SceneSpec& spec) -> double& { return spec.friction_stiffness_N_per_m; }}}};
 
@@ -26,7 +26,7 @@ constinit const EffectEntry kShaftFrictionEntry = {
     .place = 2,
     .value = [](const StepReport& report) { return report.friction_N; },
     .section = "shaft_friction",
-    .fields = kFields,
+    .fields = kFrictionFields,
     .checkLayer =
         [](const LayerSpec& layer, SpecChecker& check) {
           check.number("friction_n_per_m", layer.friction_N_per_m, kFrictionPerLength);
