@@ -15,7 +15,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMostBytes = 4096;
+constexpr std::size_t kMostStateBytes = 4096;
 
 std::optional<double> numberIn(const nlohmann::json& object, const char* name, double least,
                                double greatest) {
@@ -30,7 +30,7 @@ std::optional<double> numberIn(const nlohmann::json& object, const char* name, d
 
 std::optional<WindowState> readWindowState(const std::filesystem::path& file) {
   if (file.empty()) return std::nullopt;
-  const Result<std::string> text = readWholeFile(file, kMostBytes);
+  const Result<std::string> text = readWholeFile(file, kMostStateBytes);
   if (!text) return std::nullopt;
   const auto json = nlohmann::json::parse(*text, nullptr, /*allow_exceptions=*/false);
   if (!json.is_object()) return std::nullopt;

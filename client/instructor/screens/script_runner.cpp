@@ -17,7 +17,7 @@ double number(const ScriptAction& action, std::size_t i = 0) {
   return *numberOf(action.words[i]);
 }
 
-constexpr std::array<std::pair<std::string_view, WindowScreen>, 3> kPlaces = {
+constexpr std::array<std::pair<std::string_view, WindowScreen>, 3> kScreenVerbs = {
     {{"lab", WindowScreen::kLab}, {"sessions", WindowScreen::kSessions}, {"scores", WindowScreen::kScores}}};
 
 }  // namespace
@@ -98,7 +98,7 @@ Result<bool> ScriptRunner::actOnLink(const ScriptAction& action, InstructorWindo
 Result<bool> ScriptRunner::actOnLab(const ScriptAction& action, InstructorWindow& window, bool) {
   LabState& lab = window.lab();
   const std::string& verb = action.verb;
-  for (const auto& [name, screen] : kPlaces) {
+  for (const auto& [name, screen] : kScreenVerbs) {
     if (verb != name) continue;
     lab.screen = screen;
     return true;

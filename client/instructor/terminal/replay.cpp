@@ -14,7 +14,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kDefaultRateHz = 10;
+constexpr double kReplayRateHz = 10;
 constexpr std::uint32_t kChunksAtOnce = 16;
 
 class Replay {
@@ -99,7 +99,7 @@ class Replay {
 
   /// False: the time is over.
   bool show(const std::vector<GestureSample>& samples) {
-    const double rate_hz = run_.options.rate_hz.value_or(kDefaultRateHz);
+    const double rate_hz = run_.options.rate_hz.value_or(kReplayRateHz);
     const double from_s = run_.options.from_s.value_or(0);
     for (const GestureSample& sample : samples) {
       if (!known_first_) first_ns_ = sample.time_ns;

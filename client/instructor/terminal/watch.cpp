@@ -169,7 +169,7 @@ Result<std::uint64_t> PendingCommands::tickAt(const std::string& session_id, dou
   return first + static_cast<std::uint64_t>(std::llround(at_s * info.session().description().rate_hz()));
 }
 
-constexpr double kDefaultRateHz = 10;  // lines per second that a person can follow
+constexpr double kWatchRateHz = 10;  // lines per second that a person can follow
 
 /// Facts about a session beside its samples.
 struct SessionFacts {
@@ -246,7 +246,7 @@ class Watch {
     wanted.set_subscription(1);
     wanted.set_station(run_.options.station);
     wanted.set_session_id(sessionBytes(run_.options));
-    wanted.set_rate_hz(run_.options.rate_hz.value_or(kDefaultRateHz));
+    wanted.set_rate_hz(run_.options.rate_hz.value_or(kWatchRateHz));
     stats_.streamRestarts();
     online_.reset();
     return run_.client.send(envelope);
