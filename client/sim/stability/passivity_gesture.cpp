@@ -248,8 +248,9 @@ void drawLayer(Draw& draw, pb::Layer& layer) {
 // all of them; or any set; or one alone, where nothing else pays for what it gives
 void drawEffects(Draw& draw, double all_share, pb::Profile& profile) {
   const bool all = draw.chance(all_share), alone = draw.chance(0.5);
-  const int only = draw.whole(pb::Profile::CUTTING, pb::Profile::PUNCTURE);
-  for (int effect = pb::Profile::CUTTING; effect <= pb::Profile::PUNCTURE; ++effect)
+  constexpr int kFirst = 1, kLast = static_cast<int>(kPlacedEffectCount);  // stages are not drawn
+  const int only = draw.whole(kFirst, kLast);
+  for (int effect = kFirst; effect <= kLast; ++effect)
     if (const bool drawn = draw.chance(0.5); all || effect == only || (drawn && !alone))
       profile.add_effects(static_cast<pb::Profile::Effect>(effect));
 }
