@@ -21,6 +21,7 @@ function(needlelab_reuse_headers target headers)
   if(NEEDLELAB_PRECOMPILE)
     target_compile_options(${target} PRIVATE -fpch-preprocess)
     target_precompile_headers(${target} REUSE_FROM ${headers})
+    target_link_libraries(${target} PRIVATE fmt::fmt)  # the headers are compiled with its definitions
   endif()
 endfunction()
 
