@@ -10,7 +10,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::uint32_t kMaxListed = 1000;
+constexpr std::uint32_t kMostLines = 1000;
 constexpr std::size_t kMaxBytes = 1000;
 
 /// The text cut at a whole character. Bytes that are not UTF-8 become a note, because the log itself must
@@ -33,7 +33,7 @@ Status AuditStore::add(const AuditRow& row) {
 
 Result<std::vector<AuditRow>> AuditStore::list(std::uint32_t limit, std::uint64_t before_id,
                                                std::string_view who, std::string_view action) {
-  const std::uint32_t most = limit == 0 ? kMaxListed : std::min(limit, kMaxListed);
+  const std::uint32_t most = limit == 0 ? kMostLines : std::min(limit, kMostLines);
   return connection_
       .query(
           "SELECT id, unix_ns, who, action, subject, detail FROM audit WHERE (?1 = 0"
