@@ -19,6 +19,7 @@
 
 #include "client/device/falcon/falcon_geometry.h"
 #include "client/device/falcon/falcon_link.h"
+#include "client/device/falcon/firmware_loader.h"
 #include "common/base/clock.h"
 
 namespace needlelab::falcon {
