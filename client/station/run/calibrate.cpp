@@ -26,7 +26,7 @@ namespace needlelab {
 namespace {
 
 constexpr double kShortestBase_m = 0.02;  // between two points that shall give a direction
-constexpr double kKeptRate_hz = 1000;     // more poses add nothing
+constexpr double kPoseRate_hz = 1000;     // more poses add nothing
 
 // 2026-11-20T10:45:00Z
 std::string utcText(std::int64_t unix_ns) {
@@ -38,7 +38,7 @@ std::string utcText(std::int64_t unix_ns) {
   return text;
 }
 
-constexpr double kDefault_s = 30, kLongest_s = 600;
+constexpr double kCalibrationDefault_s = 30, kCalibrationLongest_s = 600;
 
 int refuse(const Error& error) {
   std::cerr << "needlelab-station: " << error.message << "\n";
@@ -238,7 +238,7 @@ Result<Calibration> calibrateTip(Device& device, LoopClock& clock, const Calibra
   quiet.rate_hz = settings.rate_hz;
   quiet.max_ticks = static_cast<std::uint64_t>(
       std::max(1.0, std::ceil((settings.settle_s + settings.seconds) * settings.rate_hz)));
-  quiet.keep_every = static_cast<std::uint64_t>(std::max(1.0, std::round(settings.rate_hz / kKeptRate_hz)));
+  quiet.keep_every = static_cast<std::uint64_t>(std::max(1.0, std::round(settings.rate_hz / kPoseRate_hz)));
   ZeroForceLoop loop(device, clock, quiet);
 
   // the samples of the settling stay away from sums and fit
@@ -301,8 +301,8 @@ std::string toolFileText(const Pose& X_HT, const ToolNotes& notes) {
 // --- the command ---
 
 int runCalibrate(const StationOptions& options, const sigset_t& stop_signals) {
-  if (options.seconds > kLongest_s)
-    return refuse(outOfRange("--seconds of a calibration", options.seconds, {0.001, kLongest_s}));
+  if (options.seconds > kCalibrationLongest_s)
+    return refuse(outOfRange("--seconds of a calibration", options.seconds, {0.001, kCalibrationLongest_s}));
   const auto axis = parseNeedleAxis(options.axis);
   if (!axis.ok()) return refuse(axis.error());
   auto made = deviceFor(options);
@@ -322,10 +322,11 @@ int runCalibrate(const StationOptions& options, const sigset_t& stop_signals) {
   const bool real = !recording && options.device != "simulated";
   CalibrationSettings settings;
   settings.rate_hz = options.rate_hz;
-  settings.seconds = options.seconds > 0 ? options.seconds : kDefault_s;
+  settings.seconds = options.seconds > 0 ? options.seconds : kCalibrationDefault_s;
   settings.real_time = real;
   if (!real) settings.settle_s = 0;
-  if (recording) settings.enough_s = settings.seconds = options.seconds > 0 ? options.seconds : kLongest_s;
+  if (recording)
+    settings.enough_s = settings.seconds = options.seconds > 0 ? options.seconds : kCalibrationLongest_s;
   std::cerr << "calibrating with " << device.info().name << "; the device gives no force.\n";
   if (real)
     std::cerr << wrapped(

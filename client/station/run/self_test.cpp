@@ -239,7 +239,7 @@ DeviceFacts measureDevice(Device& device, LoopClock& clock, const RtOptions& rea
 namespace {
 
 constexpr int kProbes = 8;
-constexpr auto kPatience = std::chrono::seconds(2);
+constexpr auto kProbePatience = std::chrono::seconds(2);
 
 // the least of several round trips
 Status probe(BlockingClient& client, ClockProbe& clock) {
@@ -250,7 +250,7 @@ Status probe(BlockingClient& client, ClockProbe& clock) {
     ping.mutable_ping()->set_sender_steady_ns(sent_ns);
     RETURN_IF_ERROR(client.send(ping));
     while (true) {
-      ASSIGN_OR_RETURN(const auto answer, client.receive(kPatience));
+      ASSIGN_OR_RETURN(const auto answer, client.receive(kProbePatience));
       if (!answer.has_pong() || answer.pong().id() != static_cast<std::uint64_t>(i)) continue;
       clock.add(sent_ns, answer.pong().receiver_steady_ns(), steadyNowNs());
       break;
@@ -359,7 +359,7 @@ std::string selfTestJson(const std::vector<Check>& checks) {
 
 namespace {
 
-constexpr double kDefault_s = 5, kLongest_s = 600;
+constexpr double kSelfTestDefault_s = 5, kSelfTestLongest_s = 600;
 
 // the simulated hand keeps still for as long as the test needs it
 DeviceOptions quietOptions(const StationOptions& options, double seconds) {
@@ -375,11 +375,11 @@ DeviceOptions quietOptions(const StationOptions& options, double seconds) {
 
 int runSelfTest(const StationOptions& options, const sigset_t& stop_signals) {
   const auto log = [](const std::string& text) { std::cerr << "station: " << text << std::endl; };
-  if (options.seconds > kLongest_s) {
-    log(outOfRange("--seconds of a self-test", options.seconds, {0.001, kLongest_s}).message);
+  if (options.seconds > kSelfTestLongest_s) {
+    log(outOfRange("--seconds of a self-test", options.seconds, {0.001, kSelfTestLongest_s}).message);
     return kExitInvalid;
   }
-  const double seconds = options.seconds > 0 ? options.seconds : kDefault_s;
+  const double seconds = options.seconds > 0 ? options.seconds : kSelfTestDefault_s;
   SelfTestFacts facts;
   facts.device.spec = options.device;
   auto device = makeDevice(options.device, quietOptions(options, seconds));

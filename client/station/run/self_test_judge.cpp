@@ -30,7 +30,7 @@ double toMillimetre(double value_m) {
   return std::round(value_m * 1e3) / 1e3 + 0.0;
 }
 
-double micro(std::int64_t ns) {
+double microseconds(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-3;
 }
 
@@ -87,12 +87,13 @@ void judgeCommunication(const DeviceFacts& f, std::vector<Check>& checks) {
   checks.push_back(number(
       "longest silence", silence, "ticks", upTo(silence, 2, 5), fmt::format("{:g} ticks", silence),
       "at most 2; after 20 ms the force is taken away", "as above: the device must answer every tick"));
-  const double p99_us = micro(s.exchange.quantile_ns(0.99));
-  checks.push_back(number("exchange time", p99_us, "µs", upTo(p99_us, 0.5 * period_us, 0.9 * period_us),
-                          fmt::format("p50 {:.1f}, p99 {:.1f}, max {:.1f} µs",
-                                      micro(s.exchange.quantile_ns(0.5)), p99_us, micro(s.exchange.max_ns())),
-                          fmt::format("p99 at most half a period, {:g} µs", 0.5 * period_us),
-                          "give a lower --rate; close other programs"));
+  const double p99_us = microseconds(s.exchange.quantile_ns(0.99));
+  checks.push_back(
+      number("exchange time", p99_us, "µs", upTo(p99_us, 0.5 * period_us, 0.9 * period_us),
+             fmt::format("p50 {:.1f}, p99 {:.1f}, max {:.1f} µs", microseconds(s.exchange.quantile_ns(0.5)),
+                         p99_us, microseconds(s.exchange.max_ns())),
+             fmt::format("p99 at most half a period, {:g} µs", 0.5 * period_us),
+             "give a lower --rate; close other programs"));
   const double missed =
       100 * static_cast<double>(s.missed) / static_cast<double>(std::max<std::uint64_t>(1, s.ticks));
   checks.push_back(number(
@@ -101,12 +102,12 @@ void judgeCommunication(const DeviceFacts& f, std::vector<Check>& checks) {
                   s.seconds > 0 ? static_cast<double>(s.ran) / s.seconds : 0, f.rate_hz, s.missed, s.ticks),
       "at most 0.1 % missed",
       "close other programs; see the rows of real time below; a virtual machine is no good station"));
-  const double late_us = micro(s.wakeup.quantile_ns(0.99));
-  checks.push_back(number("wake-up", late_us, "µs", upTo(late_us, 0.2 * period_us, period_us),
-                          fmt::format("p50 {:.1f}, p99 {:.1f}, max {:.1f} µs late",
-                                      micro(s.wakeup.quantile_ns(0.5)), late_us, micro(s.wakeup.max_ns())),
-                          fmt::format("p99 at most a fifth of a period, {:g} µs", 0.2 * period_us),
-                          "as for the rate"));
+  const double late_us = microseconds(s.wakeup.quantile_ns(0.99));
+  checks.push_back(
+      number("wake-up", late_us, "µs", upTo(late_us, 0.2 * period_us, period_us),
+             fmt::format("p50 {:.1f}, p99 {:.1f}, max {:.1f} µs late",
+                         microseconds(s.wakeup.quantile_ns(0.5)), late_us, microseconds(s.wakeup.max_ns())),
+             fmt::format("p99 at most a fifth of a period, {:g} µs", 0.2 * period_us), "as for the rate"));
 }
 
 void judgePose(const DeviceFacts& f, std::vector<Check>& checks) {

@@ -27,10 +27,10 @@ void handOver(int signal) {
 }
 
 constexpr std::array kCrashSignals = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
-constexpr int kPatience_ms = 200;
+constexpr int kLoopEndWait_ms = 200;
 constexpr int kDeviceWatchdog_ms = 50;  // a device with a thread of its own misses the loop after 20 ms
 constexpr int kLastPacket_ms = 400;     // within this also a crowded machine lets that thread send "no force"
-constexpr std::size_t kStackBytes = 64 * 1024;
+constexpr std::size_t kHandlerStackBytes = 64 * 1024;
 
 // all that the handler reads
 std::atomic<ServoLoop*> guarded_loop{nullptr};
@@ -39,7 +39,7 @@ static_assert(std::atomic<ServoLoop*>::is_always_lock_free && std::atomic<pid_t>
 
 std::array<struct sigaction, kCrashSignals.size()> actions_before;
 stack_t stack_before;
-alignas(16) std::array<std::byte, kStackBytes> handler_stack;
+alignas(16) std::array<std::byte, kHandlerStackBytes> handler_stack;
 
 pid_t thisThread() noexcept {
   return static_cast<pid_t>(::syscall(SYS_gettid));
@@ -76,7 +76,7 @@ void onCrash(int signal) {
   } else if (loop != nullptr) {
     loop->crashStop();
     writeMessage("station: a part of the program crashed; taking the force away\n");
-    for (int ms = 0; ms < kPatience_ms && !loop->ended(); ++ms) pauseMs(1);
+    for (int ms = 0; ms < kLoopEndWait_ms && !loop->ended(); ++ms) pauseMs(1);
     if (!loop->ended())
       writeMessage("station: the haptic loop did not answer; the device's own watchdog has to\n");
     // the loop's zero force is still on its way through a device with a thread of its own

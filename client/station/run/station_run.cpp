@@ -37,7 +37,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto kPatience = 10s;  // for a lesson from the server
+constexpr auto kLessonPatience = 10s;  // for a lesson from the server
 
 constexpr double kHandDamping_Ns_per_m = 3;  // of an ordinary grip (tests/stability/README.md)
 
@@ -111,7 +111,7 @@ Status StationRun::getLesson() {
     if (!cached.ok() && cached.error().code == ErrorCode::kInvalidInput)
       return cached.error();  // no id at all
     if (Uplink* uplink = home_.uplink()) {
-      auto fetched = uplink->getLesson(options_.exercise, options_.trainee, kPatience, cached.ok(),
+      auto fetched = uplink->getLesson(options_.exercise, options_.trainee, kLessonPatience, cached.ok(),
                                        [this] { return isStopped(); });
       if (fetched.ok()) {
         if (auto kept = cache.keep(options_.exercise, *fetched); !kept.ok())

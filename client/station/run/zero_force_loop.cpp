@@ -12,7 +12,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::int64_t kLead_ns = 2'000'000;
+constexpr std::int64_t kFirstTickLead_ns = 2'000'000;
 constexpr auto kMaintain = std::chrono::milliseconds(50);
 
 bool isPose(const Pose& X) {
@@ -35,7 +35,7 @@ ZeroForceLoop::ZeroForceLoop(Device& device, LoopClock& clock, const ZeroForceSe
 
 void ZeroForceLoop::run() noexcept {
   const double period_ns = 1e9 / settings_.rate_hz;
-  const std::int64_t start_ns = clock_.nowNs() + kLead_ns;
+  const std::int64_t start_ns = clock_.nowNs() + kFirstTickLead_ns;
   std::uint64_t number = 0;
   while (number < settings_.max_ticks && !stop_.load(std::memory_order_relaxed)) {
     const std::int64_t due_ns = start_ns + std::llround(static_cast<double>(number) * period_ns);
