@@ -1,5 +1,5 @@
-/// The engine's independent judge: a slow, literal transcription of DESIGN §3.1-3.5, written from the text
-/// alone.
+/// The engine's independent judge: a slow, literal transcription of common/haptics/FORCE_MODEL.md, written
+/// from the text alone.
 #pragma once
 
 #include <cstdint>
@@ -37,8 +37,8 @@ class ReferenceEngine {
  public:
   ReferenceEngine(SceneSpec scene, double rate_hz, Defect planted = Defect::kNone);
 
-  /// One tick (DESIGN §3: contact → trajectory and clamping → speed → membranes → axial → friction → puncture
-  /// → orientation limit → sum). Fills every field of the report as the header describes it.
+  /// One tick (FORCE_MODEL.md: contact → trajectory and clamping → speed → membranes → axial → friction →
+  /// puncture → orientation limit → sum). Fills every field of the report as the header describes it.
   StepReport step(const TipSample& sample);
 
   /// The trajectory's direction, while inside.
@@ -51,8 +51,8 @@ class ReferenceEngine {
   /// the turn and for the cap; room left on the cone; θ against θ_l): another rounding of the same numbers
   /// may set them otherwise, with the same forces.
   [[nodiscard]] std::uint32_t undecidedFlags() const { return undecided_; }
-  /// Ticks of this insertion whose turn the cone held back: DESIGN §3.3 lets each of them be off by 1e-12
-  /// rad.
+  /// Ticks of this insertion whose turn the cone held back: FORCE_MODEL.md ("Change of trajectory") lets each
+  /// of them be off by 1e-12 rad.
   [[nodiscard]] int coneBoundTicks() const { return insertion_ ? insertion_->cone_bound_ticks : 0; }
 
  private:

@@ -1,4 +1,5 @@
-/// The axial models' independent judge: slow, literal transcriptions of DESIGN §3.6, one function per model.
+/// The axial models' independent judge: slow, literal transcriptions of FORCE_MODEL.md, "Axial models", one
+/// function per model.
 #pragma once
 
 #include <optional>
@@ -8,7 +9,7 @@
 
 namespace needlelab::test {
 
-/// What a model is told of one tick inside the tissue (DESIGN §3.1).
+/// What a model is told of one tick inside the tissue (FORCE_MODEL.md, "Contact").
 struct ModelTick {
   bool entry = false;
   double x_m = 0;          ///< u·(p − P0), after a turn of this tick
