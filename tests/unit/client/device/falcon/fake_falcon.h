@@ -164,25 +164,25 @@ class FakeLink final : public FalconLink {
       out_.insert(out_.end(), reply.begin(), reply.end());
       return;
     }
-    const Bytes failure(bytes.begin(), bytes.end());
+    const Bytes written(bytes.begin(), bytes.end());
     switch (boot_) {
       case Boot::kReset:
         return;
       case Boot::kGreeting:
-        if (failure == Bytes{0x0A, 0x43, 0x0D})
+        if (written == Bytes{0x0A, 0x43, 0x0D})
           out_.insert(out_.end(), {0x0A, 0x44, 0x2C, 0x0D}), boot_ = Boot::kCall;
         return;
       case Boot::kCall:
-        if (failure == Bytes{0x41}) out_.push_back(0x41), boot_ = Boot::kLoad, ++f.loads, f.loaded.clear();
+        if (written == Bytes{0x41}) out_.push_back(0x41), boot_ = Boot::kLoad, ++f.loads, f.loaded.clear();
         return;
       case Boot::kLoad:
         // zero torque after the last chunk: the firmware starts
-        if (failure.size() == kPacketBytes && failure[0] == '<' && f.starts) {
+        if (written.size() == kPacketBytes && written[0] == '<' && f.starts) {
           f.runs = true;
           hear(bytes);
           return;
         }
-        for (const std::uint8_t byte : failure) {
+        for (const std::uint8_t byte : written) {
           const std::size_t at = f.loaded.size();
           f.loaded.push_back(byte);
           if (f.lost_at_byte == at) f.plugged = false;

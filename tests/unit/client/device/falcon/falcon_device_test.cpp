@@ -279,13 +279,13 @@ TEST_F(FalconDeviceTest, firmwareIsLoadedOnceAndItsProgressSaid) {
   with([](FakeFalcon& f) { f.runs = false; });
   FalconOptions options;
   options.firmware_file = firmwareFile();
-  std::vector<std::string> failure;
-  options.progress = [&](const std::string& words) { failure.push_back(words); };
+  std::vector<std::string> progress;
+  options.progress = [&](const std::string& words) { progress.push_back(words); };
   const auto device = opened(options);
   EXPECT_EQ(with([](FakeFalcon& f) { return f.loaded; }), Bytes(5000, 'f'));
-  ASSERT_GE(failure.size(), 10u);
-  EXPECT_THAT(failure.front(), HasSubstr("0 %"));
-  EXPECT_THAT(failure.back(), HasSubstr("100 %"));
+  ASSERT_GE(progress.size(), 10u);
+  EXPECT_THAT(progress.front(), HasSubstr("0 %"));
+  EXPECT_THAT(progress.back(), HasSubstr("100 %"));
   device->close();
   ASSERT_TRUE(device->open(1000).ok());
   EXPECT_EQ(with([](FakeFalcon& f) { return f.loads; }), 1) << "it runs already";

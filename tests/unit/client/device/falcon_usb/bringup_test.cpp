@@ -60,13 +60,13 @@ TEST_F(FalconOnUsb, selfTestSaysWhatTheHandHasToDoAndThatItWasNotDone) {
   bool stopped = false;
   sigset_t none;
   sigemptyset(&none);
-  std::vector<std::string> failure;
+  std::vector<std::string> messages;
   SelfTestFacts all;
   all.device = measureDevice(
-      device, clock, RtOptions{}, 0.2, none, [&](const auto& text) { failure.push_back(text); }, stopped,
+      device, clock, RtOptions{}, 0.2, none, [&](const auto& text) { messages.push_back(text); }, stopped,
       0.5);
-  ASSERT_FALSE(failure.empty());
-  EXPECT_THAT(failure.front(), HasSubstr("grip"));
+  ASSERT_FALSE(messages.empty());
+  EXPECT_THAT(messages.front(), HasSubstr("grip"));
   EXPECT_EQ(find(judge(all), "condition")->verdict, Verdict::kFailed);
 }
 

@@ -83,7 +83,7 @@ class StationWithFalcon : public FalconOnUsb {
       falcon_.holdRigidly([path = homingPath(0.2)](double t) { return path(std::fmod(t, 0.2)); });
       auto child = station(arguments, "log-" + std::to_string(again));
       if (!waitUntil([this] { return falcon_.homed() == 7; }, 20s)) {
-        ADD_FAILURE() << "not homed in 20 s: " << child->failure();
+        ADD_FAILURE() << "not homed in 20 s: " << child->said();
         return nullptr;
       }
       falcon_.holdAt({0, 0, falcon::kOrigin_F_m.z});
@@ -104,12 +104,12 @@ class StationWithFalcon : public FalconOnUsb {
     waitUntil([] { return false; }, 200ms);
     return waitUntil(
         [&] {
-          const std::string failure = child.failure();
-          const std::size_t asked = timesIn(failure, "FAULT: ") + timesIn(failure, "not yet: ");
+          const std::string said = child.said();
+          const std::size_t asked = timesIn(said, "FAULT: ") + timesIn(said, "not yet: ");
           if (asked > acknowledged_) child.signal(SIGUSR1);
           acknowledged_ = asked;
-          const auto asked_last = std::max(lastIn(failure, "FAULT: "), lastIn(failure, "not yet: "));
-          return std::max(lastIn(failure, "the fault is over"), lastIn(failure, "a FAULT, which is over")) >
+          const auto asked_last = std::max(lastIn(said, "FAULT: "), lastIn(said, "not yet: "));
+          return std::max(lastIn(said, "the fault is over"), lastIn(said, "a FAULT, which is over")) >
                  asked_last;
         },
         most);
@@ -142,7 +142,7 @@ class StationWithFalcon : public FalconOnUsb {
 TEST_F(StationWithFalcon, aWholeLessonInRealTime) {
   falcon_.plug();
   nlohmann::json summary;
-  std::string failure;
+  std::string said;
   double greatest_N = 0;
   // a machine that stands still for 20 ms makes the watchdog bite: then the lesson is had again
   for (int again = 0;; ++again) {
@@ -151,30 +151,30 @@ TEST_F(StationWithFalcon, aWholeLessonInRealTime) {
     falcon_.powerCycle(true);
     falcon_.holdRigidly([path = homingPath(0.2)](double t) { return path(std::fmod(t, 0.2)); });
     const auto child = station(lesson("4"));
-    ASSERT_TRUE(waitUntil([this] { return falcon_.homed() == 7; }, 20s)) << child->failure();
+    ASSERT_TRUE(waitUntil([this] { return falcon_.homed() == 7; }, 20s)) << child->said();
     // a hand that gives way
     falcon_.holdAt({0, 0, falcon::kOrigin_F_m.z});
     falcon_.holdSoftly({.mass_kg = 0.25, .stiffness_N_per_m = 400, .damping_Ns_per_m = 10}, stroke());
     while (!child->wait(5ms)) greatest_N = std::max(greatest_N, falcon_.force().norm());
-    failure = child->failure();
+    said = child->said();
     summary = row();
     if (summary["fault"].is_string() && summary["fault"].get<std::string>().find(kSilent) == 0) {
       bitten();
       if (again == 7) return giveUp();
       continue;
     }
-    ASSERT_EQ(child->wait(60s), kExitDone) << failure;
+    ASSERT_EQ(child->wait(60s), kExitDone) << said;
     break;
   }
-  EXPECT_TRUE(summary["fault"].is_null()) << summary["fault"] << failure;
+  EXPECT_TRUE(summary["fault"].is_null()) << summary["fault"] << said;
   EXPECT_EQ(summary["samples"].get<int>() + summary["missed_ticks"].get<int>(), summary["ticks"].get<int>());
   EXPECT_GE(summary["events"]["entries into the tissue"], 1) << summary;
   // the hand felt the cutting force of the layer
   EXPECT_GT(greatest_N, 0.4);
   EXPECT_LT(greatest_N, falcon::kLimits.peak_force_N);
   // what this device cannot do is said in plain words, is not live, and stays in the summary
-  EXPECT_NE(failure.find("does not measure how it is turned"), std::string::npos) << failure;
-  EXPECT_NE(failure.find("ORIENTATION_LIMIT is not live"), std::string::npos) << failure;
+  EXPECT_NE(said.find("does not measure how it is turned"), std::string::npos) << said;
+  EXPECT_NE(said.find("ORIENTATION_LIMIT is not live"), std::string::npos) << said;
   EXPECT_GE(summary["device_notes"].size(), 2u) << summary["device_notes"];
   for (const auto& effect : summary["live_effects"]) EXPECT_NE(effect, "ORIENTATION_LIMIT");
   // and the device is left without torque
@@ -194,9 +194,9 @@ TEST_F(StationWithFalcon, unpluggedInMidStrokeItSaysSoAndGoesOnWhenItIsAcknowled
   if (!child) return;
 
   falcon_.unplug();
-  ASSERT_TRUE(waitUntil([&] { return timesIn(child->failure(), "FAULT: ") > 0; }, 20s)) << child->failure();
+  ASSERT_TRUE(waitUntil([&] { return timesIn(child->said(), "FAULT: ") > 0; }, 20s)) << child->said();
   falcon_.plug();
-  EXPECT_TRUE(waitUntil([this] { return falcon_.port().openClients() > 0; }, 20s)) << child->failure();
+  EXPECT_TRUE(waitUntil([this] { return falcon_.port().openClients() > 0; }, 20s)) << child->said();
   EXPECT_TRUE(
       waitUntil([this, before = falcon_.commands()] { return falcon_.commands() > before + 50; }, 20s));
   EXPECT_EQ(falcon_.force().norm(), 0) << "no force before somebody has seen it";
@@ -204,26 +204,26 @@ TEST_F(StationWithFalcon, unpluggedInMidStrokeItSaysSoAndGoesOnWhenItIsAcknowled
   for (int again = 0; !pushed; ++again) {
     if (again == 10) return giveUp();
     begin();
-    ASSERT_TRUE(overcomeFaults(*child)) << child->failure();
+    ASSERT_TRUE(overcomeFaults(*child)) << child->said();
     falcon_.holdRigidly(sink);
     // only a new fault, not of the device, excuses the missing force
-    const auto faults = timesIn(child->failure(), "FAULT: ");
+    const auto faults = timesIn(child->said(), "FAULT: ");
     waitUntil(
         [&] {
           pushed = falcon_.force().norm() > 0.3;
-          return pushed || timesIn(child->failure(), "FAULT: ") > faults;
+          return pushed || timesIn(child->said(), "FAULT: ") > faults;
         },
         10s);
     if (pushed) break;
-    const std::string failure = child->failure();
-    ASSERT_GT(timesIn(failure, "FAULT: "), faults) << "no force, and no word of it: " << failure;
-    ASSERT_EQ(failure.find(kSilent, failure.rfind("FAULT: ")), failure.rfind("FAULT: ") + 7) << failure;
+    const std::string said = child->said();
+    ASSERT_GT(timesIn(said, "FAULT: "), faults) << "no force, and no word of it: " << said;
+    ASSERT_EQ(said.find(kSilent, said.rfind("FAULT: ")), said.rfind("FAULT: ") + 7) << said;
     bitten();
   }
-  EXPECT_TRUE(pushed) << child->failure();
+  EXPECT_TRUE(pushed) << child->said();
 
   child->signal(SIGTERM);
-  ASSERT_TRUE(child->wait(20s)) << child->failure();
+  ASSERT_TRUE(child->wait(20s)) << child->said();
   const nlohmann::json summary = row();
   EXPECT_GE(summary["fault_count"], 1) << summary;
   EXPECT_EQ(summary["faults"][0]["acknowledged"], true) << summary["faults"];
@@ -233,7 +233,7 @@ TEST_F(StationWithFalcon, unpluggedInMidStrokeItSaysSoAndGoesOnWhenItIsAcknowled
 TEST_F(StationWithFalcon, listsWhatIsThere) {
   falcon_.plug();
   const auto child = station({"--list-devices", "--json", folder_.path() / "out.json"});
-  ASSERT_EQ(child->wait(30s), kExitDone) << child->failure();
+  ASSERT_EQ(child->wait(30s), kExitDone) << child->said();
   const auto text = readWholeFile(folder_.path() / "out.json");
   ASSERT_TRUE(text.ok());
   EXPECT_NE(text->find("FALCON01"), std::string::npos) << *text;
@@ -242,8 +242,8 @@ TEST_F(StationWithFalcon, listsWhatIsThere) {
 
 TEST_F(StationWithFalcon, withoutAFalconItSaysWhatToDo) {
   const auto child = station(lesson("1"));
-  EXPECT_EQ(child->wait(30s), kExitFailed) << child->failure();
-  EXPECT_NE(child->failure().find("USB cable"), std::string::npos) << child->failure();
+  EXPECT_EQ(child->wait(30s), kExitFailed) << child->said();
+  EXPECT_NE(child->said().find("USB cable"), std::string::npos) << child->said();
 }
 
 TEST_F(StationWithFalcon, stoppedInMidStrokeItLeavesNoTorque) {
@@ -251,7 +251,7 @@ TEST_F(StationWithFalcon, stoppedInMidStrokeItLeavesNoTorque) {
   const auto child = stationInMidStroke(lesson("20"), stroke());
   if (!child) return;
   child->signal(SIGTERM);
-  ASSERT_TRUE(child->wait(20s)) << child->failure();
+  ASSERT_TRUE(child->wait(20s)) << child->said();
   EXPECT_EQ(falcon_.force().norm(), 0);
 }
 
@@ -262,9 +262,9 @@ TEST_F(StationWithFalcon, crashedInMidStrokeItLeavesNoTorque) {
   // in the main thread, not in whichever has a moment: the device's own thread could not speak for itself
   ASSERT_EQ(::syscall(SYS_tgkill, child->pid(), child->pid(), SIGSEGV), 0);
   const auto code = child->wait(20s);
-  ASSERT_TRUE(code) << child->failure();
+  ASSERT_TRUE(code) << child->said();
   EXPECT_NE(*code, kExitDone);
-  EXPECT_EQ(falcon_.force().norm(), 0) << child->failure();
+  EXPECT_EQ(falcon_.force().norm(), 0) << child->said();
 }
 
 /// Of the thread with this name; −1 when there is none.
@@ -288,10 +288,9 @@ TEST_F(StationWithFalcon, aCrashOfTheDevicesOwnThreadLeavesNoTorque) {
   const TimePoint crash = Clock::now();
   ASSERT_EQ(::syscall(SYS_tgkill, child->pid(), thread, SIGSEGV), 0);
   const auto code = child->wait(20s);
-  ASSERT_TRUE(code) << child->failure();
+  ASSERT_TRUE(code) << child->said();
   EXPECT_NE(*code, kExitDone);
-  EXPECT_NE(child->failure().find("it was told that there is no force"), std::string::npos)
-      << child->failure();
+  EXPECT_NE(child->said().find("it was told that there is no force"), std::string::npos) << child->said();
   const auto history = falcon_.history();
   ASSERT_FALSE(history.empty());
   EXPECT_EQ(history.back().motors, (std::array<std::int16_t, 3>{}));
