@@ -204,7 +204,7 @@ TEST_F(ConductorTest, aSteeredHandGoesWhereItIsWished) {
   const auto beginning = state_.beginning;
   ASSERT_TRUE(beginning->steering);
   const Pose start = beginning->hand_start.X_WT;
-  beginning->steering->request({{start.p + Vec3{0, -0.005, 0}, start.q}, 0.5});
+  beginning->steering->setTarget({{start.p + Vec3{0, -0.005, 0}, start.q}, 0.5});
   std::vector<GestureSample> samples;
   bool there = false;
   for (int i = 0; i < 1000 && !there; ++i) {
