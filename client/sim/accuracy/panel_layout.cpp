@@ -59,7 +59,7 @@ void addTics(const std::string& block, const LogAxis& axis, const std::string& u
     }
 }
 
-struct Frame {
+struct PanelFrame {
   LogAxis x, y;
   PixelBox box;  // of the axes
   [[nodiscard]] PixelPoint at(const PanelPoint& point) const {
@@ -109,14 +109,14 @@ double axesWidth_px(const PanelPlace& place) {
   return place.width - kLeft_px - kRight_px;
 }
 
-Frame frameOf(const Panel& panel, const PanelPlace& place) {
+PanelFrame frameOf(const Panel& panel, const PanelPlace& place) {
   std::vector<double> xs, ys;
   for (const PanelPoint& point : panel.points) {
     xs.push_back(point.x);
     ys.push_back(point.y);
   }
   if (panel.level) ys.push_back(*panel.level);
-  Frame frame{axisOf(xs), axisOf(ys), {}};
+  PanelFrame frame{axisOf(xs), axisOf(ys), {}};
   const auto legend = legendOf(panel, axesWidth_px(place));
   const std::size_t lines =
       linesIn(panel.under_title, axesWidth_px(place)).size() + (legend.empty() ? 0 : legend.back().line + 1);
@@ -126,7 +126,8 @@ Frame frameOf(const Panel& panel, const PanelPlace& place) {
 }
 
 // the front of a series, from its cheapest point to the right edge; in axes' units
-std::vector<std::pair<double, double>> frontOf(const Panel& panel, const Frame& frame, std::size_t series) {
+std::vector<std::pair<double, double>> frontOf(const Panel& panel, const PanelFrame& frame,
+                                               std::size_t series) {
   std::vector<std::pair<double, double>> front;
   for (const PanelPoint& point : panel.points)
     if (point.series == series && point.front)
@@ -145,7 +146,7 @@ std::size_t seriesCount(const Panel& panel) {
 }
 
 // fronts, bars and the level's name, as boxes that names should not cover
-std::vector<PixelBox> linesOf(const Panel& panel, const Frame& frame) {
+std::vector<PixelBox> linesOf(const Panel& panel, const PanelFrame& frame) {
   std::vector<PixelBox> lines;
   const auto at = [&](double x, double y) {
     PanelPoint point;
@@ -175,7 +176,7 @@ std::vector<PixelBox> linesOf(const Panel& panel, const Frame& frame) {
 }
 
 // title, comparison, and the series' names
-void addTexts(const Panel& panel, const PanelPlace& place, const Frame& frame, PlotBlocks& data) {
+void addTexts(const Panel& panel, const PanelPlace& place, const PanelFrame& frame, PlotBlocks& data) {
   const double top = place.bottom + place.height;
   data.row("titles", {frame.box.left, top - 18}, {panel.title});
   double y = top - 38;
@@ -193,7 +194,7 @@ void addTexts(const Panel& panel, const PanelPlace& place, const Frame& frame, P
 }
 
 // names of points, and lines to those that stand far from theirs
-void addNames(const Panel& panel, const Frame& frame, PlotBlocks& data) {
+void addNames(const Panel& panel, const PanelFrame& frame, PlotBlocks& data) {
   std::vector<PixelPoint> points;
   std::vector<std::string> labels;
   for (const PanelPoint& point : panel.points) {
@@ -215,7 +216,7 @@ void addNames(const Panel& panel, const Frame& frame, PlotBlocks& data) {
 }
 
 // the points of each series, filled and hollow, their bars, and its front
-void addPoints(const Panel& panel, const Frame& frame, std::size_t number, PlotBlocks& data) {
+void addPoints(const Panel& panel, const PanelFrame& frame, std::size_t number, PlotBlocks& data) {
   const auto block = [&](const char* name) { return fmt::format("{} {}", name, number); };
   for (std::size_t s = 0; s < seriesCount(panel); ++s) {
     const auto series = static_cast<double>(s);
@@ -254,7 +255,7 @@ std::string siText(double value, const std::string& unit) {
 
 void addPanel(const Panel& panel, const PanelPlace& place, std::size_t number, PlotBlocks& data) {
   if (panel.points.empty()) return;
-  const Frame frame = frameOf(panel, place);
+  const PanelFrame frame = frameOf(panel, place);
   // a level outside of the axis is not shown
   const bool level = panel.level && frame.y.from < *panel.level && *panel.level < frame.y.to;
   data.row("panels",
