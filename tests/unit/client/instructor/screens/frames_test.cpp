@@ -1,8 +1,8 @@
 // Fifty tiles, ten times a second: every frame in time.
+#include "tests/unit/client/instructor/screens/window_lab.h"
+
 #include <algorithm>
 #include <cstdio>
-
-#include "tests/unit/client/instructor/screens/window_lab.h"
 
 namespace needlelab {
 namespace {

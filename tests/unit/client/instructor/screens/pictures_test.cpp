@@ -1,7 +1,8 @@
 // Each screen beside a picture of it that was looked at.
+#include "tests/unit/client/instructor/screens/window_lab.h"
+
 #include "tests/support/pictures/picture_check.h"
 #include "tests/unit/client/instructor/model/upload_lesson.h"
-#include "tests/unit/client/instructor/screens/window_lab.h"
 
 namespace needlelab {
 namespace {

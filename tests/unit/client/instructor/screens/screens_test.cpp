@@ -1,9 +1,10 @@
 // Each screen against a server: its texts and its actions.
+#include "tests/unit/client/instructor/screens/window_lab.h"
+
 #include <GLFW/glfw3.h>
 
 #include "common/base/files.h"
 #include "tests/unit/client/instructor/model/upload_lesson.h"
-#include "tests/unit/client/instructor/screens/window_lab.h"
 
 namespace needlelab {
 namespace {

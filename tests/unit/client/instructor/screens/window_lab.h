@@ -1,6 +1,9 @@
 /// A server, its stations, and an instructor's window that is drawn into memory.
 #pragma once
 
+// before the palette: GCC takes the enumerators of a scoped enum of the server for shadows of its colours
+#include "tests/unit/server/live/running_server.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
