@@ -1,4 +1,4 @@
-/// Bounded little-endian reading and writing of bytes that may be hostile. No allocation in the reader.
+/// Bounded little-endian reading and writing; the bytes are not trusted. The reader does not allocate.
 #pragma once
 
 #include <bit>

@@ -1,5 +1,5 @@
-/// The two clocks that the programs use (engine and gate use none: they count ticks), and how long a short
-/// operation takes: median and p99 over batches, so that reading the clock does not count.
+/// The two clocks of the programs (engine and gate count ticks and read no clock), and timing of short
+/// operations: median and p99 over batches, so that the cost of reading the clock does not count.
 #pragma once
 
 #include <algorithm>
@@ -18,19 +18,20 @@ std::int64_t steadyNowNs() noexcept;
 /// Time of day, ns since 1970-01-01 UTC (CLOCK_REALTIME). May jump.
 std::int64_t wallNowNs() noexcept;
 
-/// How long a short operation takes, in ns per operation.
+/// The duration of a short operation, in ns per operation.
 struct Timing {
   double median_ns = 0;
-  double p99_ns = 0;         ///< of the batches' means: single slow operations are averaged over their batch
-  double least_ns = 0;       ///< the quickest batch: what the machine can do when nothing disturbs
-  double resolution_ns = 0;  ///< of one operation: one reading of the clock, divided by the batch
+  double p99_ns = 0;    ///< p99 of the batches' means: a single slow operation is averaged over its batch
+  double least_ns = 0;  ///< the quickest batch: the machine's speed when nothing disturbs it
+  double resolution_ns =
+      0;  ///< clock resolution per operation: one reading of the clock, divided by the batch size
   std::size_t batches = 0, per_batch = 0;
 };
 
-/// Wall time of pieces of long work.
+/// Stopwatch for the stages of long work (wall time).
 class Stopwatch {
  public:
-  /// Seconds since the last lap, or since it was made.
+  /// Seconds since the last lap, or since construction.
   double lap() {
     const std::int64_t now_ns = steadyNowNs();
     const double seconds = static_cast<double>(now_ns - since_ns_) * 1e-9;
@@ -42,25 +43,25 @@ class Stopwatch {
   std::int64_t since_ns_ = steadyNowNs();
 };
 
-/// From the batches' means (ns per operation); `values` may come in any order. Zero batches give zeros.
-/// Quantile q is the least value that at least the share q of all is not above.
+/// Quantiles of the batches' means (ns per operation); `values` may be in any order. Zero batches give zeros.
+/// Quantile q is the least value such that at least the share q of all values is not above it.
 Timing timingOf(std::vector<double> means_ns, std::size_t per_batch);
 
-/// What one reading of the clock costs (median of 1,000), in ns; measured once per process.
+/// The cost of one reading of the clock (median of 1,000), in ns; measured once per process.
 double clockCost_ns();
 
 /// "median of 400 batches of 64, clock ±0.4 ns": for a row's uncertainty.
 std::string timingText(const Timing& timing);
 
-/// Keeps the compiler from leaving out the work that led to `value`.
+/// Keeps the compiler from optimising away the work that computed `value`.
 template <typename T>
 inline void keep(const T& value) {
   asm volatile("" : : "g"(&value) : "memory");
 }
 
 /// Calls `operation()` `batches` × `per_batch` times, after one batch to warm up (hot caches), and appends
-/// the batches' means, in ns per operation. What one reading of the clock costs is taken off. Thread: any,
-/// alone on its core for good figures.
+/// the batches' means, in ns per operation. The cost of one reading of the clock is subtracted. Thread: any;
+/// run it alone on its core for good figures.
 template <typename Operation>
 void measureBatches(std::size_t batches, std::size_t per_batch, Operation&& operation,
                     std::vector<double>& means_ns) {
@@ -89,11 +90,11 @@ template <typename Operation>
 Timing timeFor(double budget_s, Operation&& operation) {
   constexpr std::size_t kMostPerBatch = 4096;
   const double least_batch_ns = 100 * clockCost_ns();
-  // one look at the cost, doubling until it is long enough to be seen
+  // estimate the cost: double the count until the run is long enough to measure
   std::size_t per_batch = 1;
   double batch_ns = 0;
   while (true) {
-    // the quickest of three: one that was interrupted looks long enough
+    // take the quickest of three: an interrupted run looks long enough
     for (int look = 0; look < 3; ++look) {
       const std::int64_t from_ns = steadyNowNs();
       for (std::size_t i = 0; i < per_batch; ++i) operation();

@@ -7,11 +7,11 @@
 
 namespace needlelab {
 
-/// CRC of `bytes`; pass the CRC of what went before to continue. Check value: crc32c("123456789") =
-/// 0xE3069283.
+/// Returns the CRC of `bytes`; to continue, pass the CRC of the preceding bytes. Check value:
+/// crc32c("123456789") = 0xE3069283.
 std::uint32_t crc32c(ByteView bytes, std::uint32_t previous = 0) noexcept;
 
-/// The same on a processor without an instruction for it; a test compares both.
+/// Portable version for processors without the CRC instruction; a test compares both.
 std::uint32_t crc32cByTables(ByteView bytes, std::uint32_t previous = 0) noexcept;
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// Tables of numbers with a header, columns found by name. Files are hostile: every cell is checked.
+/// Tables of numbers with a header; columns are found by name. Files are not trusted: every cell is checked.
 #pragma once
 
 #include <cstddef>
@@ -20,14 +20,15 @@ struct CsvTable {
   [[nodiscard]] int find(std::string_view name) const;
 };
 
-/// Reads the `required` columns and those of `optional` that are there, in any order; other columns are
-/// skipped. Lines end in LF or CRLF. Errors (kInvalidInput) name file, line, column, value: a missing or
+/// Reads the `required` columns and the `optional` columns that the file has, in any order; it skips other
+/// columns. Lines end in LF or CRLF. Errors (kInvalidInput) name file, line, column, value: a missing or
 /// doubled column, too few or many cells, a cell that is not a finite number, no rows, more than `max_rows`
 /// rows.
 Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<std::string>& required,
                          const std::vector<std::string>& optional = {}, std::size_t max_rows = 50'000'000);
 
-/// Appends a number so that reading gives the same double: 17 significant digits, `nan` for not-a-number.
+/// Appends a number so that reading it back gives the same double: 17 significant digits, `nan` for
+/// not-a-number.
 void appendNumber(std::string& out, double value);
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-/// Whole files and streams to the disk: read with a size limit, written so that nobody ever sees half of one,
-/// with advice for a person when a disk refuses; and a check of a program's outputs before its work begins.
+/// Reads whole files with a size limit and writes files atomically, so that no reader ever sees half a file.
+/// Gives the user advice when a disk fails, and checks a program's outputs before its work begins.
 #pragma once
 
 #include <cstddef>
@@ -16,21 +16,21 @@ namespace needlelab {
 /// message.
 Result<std::string> readWholeFile(const std::filesystem::path& path, std::size_t max_bytes = 256u << 20);
 
-/// The file that a rename has to replace so that `path` names the new one: the end of symbolic links, or
-/// `path` itself. Errors: kInvalidInput when something stands there that no file may take the place of: a
-/// folder, a device such as /dev/null, a pipe.
+/// Returns the file that a rename has to replace so that `path` names the new file: the target of the
+/// symbolic links, or `path` itself. Errors: kInvalidInput when `path` is something that a file must not
+/// replace: a folder, a device such as /dev/null, a pipe.
 Result<std::filesystem::path> replaceableFile(const std::filesystem::path& path);
 
 /// Writes to a temporary file beside `path`, fsyncs it, renames it over `path`, fsyncs the folder.
-/// On any error `path` is as it was and the temporary is gone. `mode` is the file's permission, e.g. 0600 for
-/// keys. A device or pipe (/dev/stdout, /dev/null) is written to, not replaced.
+/// On any error `path` is unchanged and the temporary file is removed. `mode` is the file's permission, e.g.
+/// 0600 for keys. Writes into a device or pipe (/dev/stdout, /dev/null) and does not replace it.
 Status writeFileAtomically(const std::filesystem::path& path, ByteView bytes, unsigned mode = 0644);
 
-/// fsync of a folder, so that a new directory entry survives a power cut.
+/// Calls fsync on a folder, so that a new directory entry survives a power cut.
 Status syncFolder(const std::filesystem::path& folder);
 
-/// A file that is written in parts and appears under its name only when it is whole.
-/// Written beside its path, renamed by finish(); without finish() nothing is left. Thread: one.
+/// Writes a file in parts; the file appears under its name only when it is complete. The bytes go to a
+/// temporary file beside the path and finish() renames it; without finish() nothing is left. Thread: one.
 class GrowingFile {
  public:
   static Result<GrowingFile> create(const std::filesystem::path& path);
@@ -41,7 +41,7 @@ class GrowingFile {
   ~GrowingFile();
 
   Status append(ByteView bytes);
-  /// fsync, rename, fsync of the folder.
+  /// Calls fsync on the file, renames it, and calls fsync on the folder.
   Status finish();
 
  private:
@@ -52,23 +52,24 @@ class GrowingFile {
   int fd_ = -1;
 };
 
-/// What a person should do about a disk that refuses: words to follow an error's message, beginning with ";
-/// ", for the errno of a failed call on `path`: which disk it is, how much room it has, what to do. Empty for
-/// an errno that says nothing of the disk. Thread: any.
+/// Returns advice for the user about a failing disk, from the errno of a failed call on `path`: the disk, its
+/// free space, and the remedy. The text is appended to an error message and begins with "; ". Empty when
+/// errno does not concern the disk. Thread: any.
 std::string diskAdvice(int error_number, const std::filesystem::path& path);
 
-/// `PATH: cannot WHAT: ` and what errno says, with the advice. Call it before anything else can set errno.
+/// Returns an error `PATH: cannot WHAT: ` with the text of errno and the advice. Call it before anything else
+/// can set errno.
 Error systemError(const std::filesystem::path& path, const std::string& what);
 
-/// A file that a command line names: the option, as the user wrote it, and its value.
+/// A file named on the command line: the option, as the user wrote it, and its value.
 struct NamedFile {
   std::string option;          ///< e.g. "--json"
-  std::filesystem::path path;  ///< empty = not asked for, or standard output
+  std::filesystem::path path;  ///< empty: not requested, or standard output
 };
 
-/// Whether each output can be written where it is asked for, and would destroy neither an input nor another
-/// output. Writes nothing. Errors (kInvalidInput) name option, file and reason: a folder; in a folder that
-/// does not exist or cannot be written to; the same file as an input or as another output, by whatever name.
+/// Checks that each output can be written to its path and overwrites neither an input nor another output.
+/// Writes nothing. Errors (kInvalidInput) name option, file and reason: the path is a folder; its folder does
+/// not exist or is not writable; it is the same file as an input or another output, even under another name.
 Status checkOutputs(const std::vector<NamedFile>& inputs, const std::vector<NamedFile>& outputs);
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-/// Histograms in fixed memory: of sizes and durations for the server's metrics, and of the haptic thread's
-/// ticks.
+/// Histograms in fixed memory: one for sizes and durations in the server's metrics, one for durations of the
+/// haptic thread's ticks.
 #pragma once
 
 #include <algorithm>
@@ -21,9 +21,9 @@ inline constexpr std::array<std::int64_t, 19> kDurationBoundsNs = {
 inline constexpr std::array<std::int64_t, 15> kCountBounds = {1,   2,   4,    8,    16,   32,   64,   128,
                                                               256, 512, 1024, 2048, 4096, 8192, 16384};
 
-/// How often which size of a thing was seen: fixed bounds, a few hundred bytes, ready to be shown as a
-/// Prometheus histogram. A copy is a snapshot. `Bounds` is one of the tables above. Thread: one (or guarded
-/// by its owner).
+/// Counts values in buckets with fixed bounds, in a few hundred bytes; can be exported as a Prometheus
+/// histogram. A copy is a snapshot. `Bounds` is one of the tables above. Thread: one (or guarded by its
+/// owner).
 template <const auto& Bounds>
 class Histogram {
  public:
@@ -38,14 +38,14 @@ class Histogram {
   }
 
   [[nodiscard]] static constexpr std::span<const std::int64_t> bounds() { return Bounds; }
-  /// In each bucket alone (Prometheus adds them up): above bounds()[i−1], at most bounds()[i].
+  /// Counts per bucket, not cumulative (Prometheus adds them up): above bounds()[i−1], at most bounds()[i].
   [[nodiscard]] const std::array<std::uint64_t, kBuckets>& buckets() const { return buckets_; }
   [[nodiscard]] std::uint64_t count() const { return count_; }
   [[nodiscard]] std::int64_t sum() const { return sum_; }
   [[nodiscard]] std::int64_t max() const { return max_; }
 
-  /// The value below which the share `q` (0 … 1) lies, straight within its bucket, never above max(); 0 when
-  /// nothing was added.
+  /// Returns the quantile `q` (0 … 1), interpolated linearly within its bucket, never above max(); 0 when the
+  /// histogram is empty.
   [[nodiscard]] double quantile(double q) const {
     if (count_ == 0) return 0;
     const double wanted = std::clamp(q, 0.0, 1.0) * static_cast<double>(count_);
@@ -71,18 +71,17 @@ class Histogram {
 using DurationHistogram = Histogram<kDurationBoundsNs>;
 using CountHistogram = Histogram<kCountBounds>;
 
-/// The usual quantiles of durations, in ns; zeros when nothing was added.
+/// The usual quantiles of durations, in ns; zeros when the histogram is empty.
 struct LatencyQuantiles {
   std::uint64_t total = 0;
   std::int64_t p50_ns = 0, p99_ns = 0, p999_ns = 0, max_ns = 0;
 };
 
-/// Counts of durations for quantiles of what the haptic thread does, tick by tick, also while it does it.
-/// Durations in ns from 0 to 2^40 (18 min; longer ones count as that). Exact below 64 ns; above, buckets are
-/// 1/32 of their power of two wide, and a quantile is the upper end of its bucket: at most 3.2 % too high,
-/// never too low.
-/// Thread: one adds, any number read meanwhile (what they see may lack the newest durations); no lock on
-/// either side. `add` is real-time safe.
+/// Counts the durations of the haptic thread's work, tick by tick. Quantiles can be read while the thread
+/// runs. Durations in ns from 0 to 2^40 (18 min; longer durations count as 2^40). Exact below 64 ns; above,
+/// each bucket is 1/32 of its power of two wide, and a quantile is the upper end of its bucket: at most 3.2 %
+/// too high, never too low. Thread: one thread adds, any number of threads read concurrently (readers may
+/// miss the newest durations); no lock on either side. `add` is real-time safe.
 class LatencyHistogram {
  public:
   LatencyHistogram() = default;
@@ -95,14 +94,14 @@ class LatencyHistogram {
   }
 
   void add(std::int64_t duration_ns) noexcept {
-    // there is one writer: a plain increment, only that readers never see half of it
+    // one writer, so a plain increment is enough; the atomic keeps readers from seeing half a value
     auto& count =
         counts_[bucketOf(static_cast<std::uint64_t>(std::clamp<std::int64_t>(duration_ns, 0, kLargest)))];
     count.store(count.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
     if (duration_ns > max_ns_.load(std::memory_order_relaxed))
       max_ns_.store(duration_ns, std::memory_order_relaxed);
   }
-  /// All durations of another one, too.
+  /// Adds all durations of another histogram.
   void add(const LatencyHistogram& other) noexcept {
     for (std::size_t i = 0; i < counts_.size(); ++i)
       counts_[i].store(
@@ -110,7 +109,8 @@ class LatencyHistogram {
           std::memory_order_relaxed);
     max_ns_.store(std::max(max_ns(), other.max_ns()), std::memory_order_relaxed);
   }
-  /// What was added since `earlier`, a copy of this. The greatest one is not known apart: it is of both.
+  /// Returns the durations added since `earlier`, a copy of this histogram. The maximum is that of the whole
+  /// histogram: it cannot be split.
   [[nodiscard]] LatencyHistogram since(const LatencyHistogram& earlier) const noexcept {
     LatencyHistogram newer(*this);
     for (std::size_t i = 0; i < counts_.size(); ++i)
@@ -125,7 +125,8 @@ class LatencyHistogram {
     return sum;
   }
   [[nodiscard]] std::int64_t max_ns() const noexcept { return max_ns_.load(std::memory_order_relaxed); }
-  /// The least duration that at least the share `q` (0-1) of all is not above; 0 when nothing was added.
+  /// Returns the least duration such that at least the share `q` (0-1) of all durations is not above it; 0
+  /// when the histogram is empty.
   [[nodiscard]] std::int64_t quantile_ns(double q) const noexcept {
     const double wanted = q * static_cast<double>(total());
     std::uint64_t seen = 0;
@@ -136,10 +137,10 @@ class LatencyHistogram {
     }
     return 0;
   }
-  /// All of one instant: also beside the writer p50 ≤ p99 ≤ p99.9.
+  /// Returns all quantiles of one instant: p50 ≤ p99 ≤ p99.9 even while the writer adds.
   [[nodiscard]] LatencyQuantiles quantiles() const noexcept {
     const LatencyHistogram now(
-        *this);  // 9 KiB; what is counted meanwhile would make a later quantile too low
+        *this);  // 9 KiB copy: durations added between two reads would make the later quantile too low
     return {now.total(), now.quantile_ns(0.5), now.quantile_ns(0.99), now.quantile_ns(0.999), now.max_ns()};
   }
 

@@ -1,4 +1,4 @@
-/// Bugs planted on purpose: the durability tests show with them that they would catch such a bug
+/// Bugs planted on purpose: with them the durability tests prove that they would catch such a bug
 /// (tests/durability/README.md).
 #pragma once
 
@@ -10,17 +10,17 @@ enum class PlantedBug {
   kAckBeforeCommit,           ///< the server acknowledges a chunk before its transaction is committed
   kSynchronousNormal,         ///< the database runs with synchronous=NORMAL
   kNoSpoolFolderSync,         ///< a new session's folder entries in the spool are not synced
-  kRepeatedChunkStoredTwice,  ///< a chunk that comes again is stored again, as the next one
+  kRepeatedChunkStoredTwice,  ///< a repeated chunk is stored a second time, as the next chunk
   kFsyncErrorIgnored,         ///< a failed fsync of the database does not stop the writer
-  kSecondCheckpointer,        ///< a connection that is not the writer's checkpoints too
-  kSpoolPurgedAtAck,          ///< the spool drops what is acknowledged before it is Safe
-  kGapAccepted,               ///< a chunk beyond the next one is stored
-  kHashNotChecked,            ///< a session is closed as complete whatever its hash
-  kSampleLostAtReconnection,  ///< the uplink leaves out a sample after a reconnection
+  kSecondCheckpointer,        ///< a connection other than the writer's also checkpoints
+  kSpoolPurgedAtAck,          ///< the spool drops acknowledged chunks before they are Safe
+  kGapAccepted,               ///< a chunk beyond the next expected chunk is stored
+  kHashNotChecked,            ///< a session is closed as complete although its hash does not match
+  kSampleLostAtReconnection,  ///< the uplink skips a sample after a reconnection
 };
 inline constexpr int kPlantedBugs = 10;
 
-/// Its name in NEEDLELAB_PLANT, e.g. "ack-before-commit".
+/// The bug's name in NEEDLELAB_PLANT, e.g. "ack-before-commit".
 constexpr std::string_view nameOf(PlantedBug bug) noexcept {
   constexpr std::string_view kNames[kPlantedBugs] = {
       "ack-before-commit",           "synchronous-normal",  "no-spool-folder-sync",
@@ -31,9 +31,9 @@ constexpr std::string_view nameOf(PlantedBug bug) noexcept {
   return kNames[static_cast<int>(bug)];
 }
 
-/// Whether this program has it. False in every program that users run, which cannot be changed at run time:
-/// only a test's program is linked with tests/support/planted_bug.cpp, which asks the environment. Never
-/// asked on the haptic thread. Thread: any.
+/// Whether this program has the bug. Always false in programs for users, and nothing at run time can change
+/// that: only test programs link tests/support/planted_bug.cpp, which reads the environment. Never called on
+/// the haptic thread. Thread: any.
 bool planted(PlantedBug bug) noexcept;
 
 }  // namespace needlelab

@@ -1,5 +1,4 @@
-/// What every program needs: its exit codes, the files inside its binary, and the name of the machine it runs
-/// on.
+/// Shared by all programs: exit codes, files embedded in the binary, and the name of the machine.
 #pragma once
 
 #include <string>
@@ -19,13 +18,13 @@ inline int exitCodeOf(const Error& error) {
   return error.code == ErrorCode::kInvalidInput ? kExitInvalid : kExitFailed;
 }
 
-/// A text file that was put into the binary at build time (deploy/cmake/NeedlelabEmbed.cmake).
+/// A text file embedded in the binary at build time (deploy/cmake/NeedlelabEmbed.cmake).
 struct EmbeddedFile {
   std::string_view name;  ///< without folder
   std::string_view text;
 };
 
-/// The machine that a figure was measured on; it stands beside every result. Processor, cores, system, e.g.
+/// Names the machine; printed beside every measured figure. Processor, cores, system, e.g.
 /// "Intel(R) Xeon(R) …, 2 cores, Linux 6.1.0 x86_64". Reads /proc/cpuinfo: not for the haptic thread.
 std::string machineText();
 

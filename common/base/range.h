@@ -1,4 +1,4 @@
-/// Allowed numbers, and the one wording for a number that is not allowed.
+/// Ranges of allowed numbers, and the one error text for a number out of range.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@
 
 namespace needlelab {
 
-/// [min, max], an end open where said. NaN and infinities are in no range.
+/// [min, max]; each end may be open. NaN and infinities are never in range.
 struct NumberRange {
   double min = 0;
   double max = 0;
@@ -24,7 +24,7 @@ struct NumberRange {
   }
 };
 
-/// The shortest text that reads back as the same double; "nan", "inf", "-inf" for the others.
+/// The shortest text that reads back as the same double; "nan", "inf" or "-inf" for non-finite numbers.
 inline std::string numberText(double value) {
   std::array<char, 32> buffer{};
   const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr;

@@ -15,7 +15,7 @@ enum class ErrorCode {
   kInvalidInput,   ///< the caller's data is wrong: file, field, value, range are in the message (exit code 2)
   kNotFound,       ///< a named thing does not exist
   kAlreadyExists,  ///< a named thing exists and differs
-  kConflict,       ///< an edit was made from a revision that is not the newest any more
+  kConflict,       ///< an edit is based on an old revision
   kDenied,         ///< not allowed: role, key, password
   kUnavailable,    ///< a peer, device or file system does not answer now; trying again may help
   kCorrupt,        ///< stored or received bytes fail their check
@@ -25,11 +25,11 @@ enum class ErrorCode {
 
 struct [[nodiscard]] Error {
   ErrorCode code = ErrorCode::kFailed;
-  std::string message;            ///< for a person: what was tried, what was found, what to do
-  unsigned current_revision = 0;  ///< of kConflict: the newest one
+  std::string message;            ///< for the user: the attempt, the finding, the remedy
+  unsigned current_revision = 0;  ///< for kConflict: the newest revision
 };
 
-/// A value or an error. `ok()` must be asked before `value()` (asserted).
+/// A value or an error. Call `ok()` before `value()` (asserted).
 template <typename T>
 class [[nodiscard]] Result {
  public:
@@ -66,15 +66,16 @@ class [[nodiscard]] Status {
 
 }  // namespace needlelab
 
-/// Ends the function with the error of `expression`, a Status or Result, if it has one.
+/// Returns from the function with the error of `expression`, a Status or Result, if it has one.
 #define RETURN_IF_ERROR(expression)                                           \
   do {                                                                        \
     if (auto status_of_expression = (expression); !status_of_expression.ok()) \
       return status_of_expression.error();                                    \
   } while (false)
 
-/// ASSIGN_OR_RETURN(const auto row, store.find(id)): declares or sets the first from the value of a Result,
-/// or ends the function with its error. Not in an `if` without braces: it is two statements.
+/// ASSIGN_OR_RETURN(const auto row, store.find(id)): declares or sets the first argument from the value of a
+/// Result, or returns its error from the function. Do not use it in an `if` without braces: it expands to two
+/// statements.
 #define ASSIGN_OR_RETURN(target, expression) \
   ASSIGN_OR_RETURN_AS(NEEDLELAB_JOIN(result_of_line_, __LINE__), target, expression)
 #define ASSIGN_OR_RETURN_AS(result, target, expression) \

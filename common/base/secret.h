@@ -1,5 +1,5 @@
-/// Passwords and keys in a program's memory and files: wiped where they were held, kept out of core dumps,
-/// and a word when others may read their file.
+/// Protects passwords and keys: wipes them from memory, keeps them out of core dumps, and warns when other
+/// users may read their file.
 #pragma once
 
 #include <sys/resource.h>
@@ -12,8 +12,8 @@
 
 namespace needlelab {
 
-/// Overwrites the text, up to its capacity, and makes it empty. The compiler does not leave it out. Libraries
-/// (TLS, Protobuf) keep buffers of their own, which this does not reach.
+/// Overwrites the text, up to its capacity, and makes it empty. The compiler cannot optimise this away.
+/// Buffers inside libraries (TLS, Protobuf) are not wiped.
 inline void wipe(std::string& secret) {
   secret.resize(secret.capacity());
   ::explicit_bzero(secret.data(), secret.size());
@@ -32,15 +32,15 @@ class WipeAtEnd {
   std::string& secret_;
 };
 
-/// No core dump of this program: it would hold keys and passwords. The program stays visible in /proc, so
-/// that its memory and files can be watched; systemd-coredump and the kernel both respect the limit. Who
-/// looks for a fault runs it under a debugger.
+/// Disables core dumps of this program: they would hold keys and passwords. The program stays visible in
+/// /proc, so that its memory and files can be monitored; systemd-coredump and the kernel both respect the
+/// limit. To investigate a crash, run the program under a debugger.
 inline void keepOutOfCoreDumps() {
   const rlimit none{0, 0};
   static_cast<void>(::setrlimit(RLIMIT_CORE, &none));
 }
 
-/// Says on standard error when others than the owner may read a file that holds a secret.
+/// Warns on standard error when users other than the owner may read a file that holds a secret.
 inline void warnWhenOthersMayRead(const std::filesystem::path& file) {
   struct stat info {};
   if (::stat(file.c_str(), &info) != 0 || !S_ISREG(info.st_mode) || (info.st_mode & 0077) == 0) return;

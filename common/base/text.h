@@ -1,5 +1,5 @@
-/// Texts: which names and notes may be stored (stations check before they record, servers before it reaches
-/// SQL), what may be printed, and numbers within sentences.
+/// Checks of names and notes (stations check before they record, servers before SQL), text that is safe to
+/// print, and numbers within sentences.
 #pragma once
 
 #include <cstddef>
@@ -18,18 +18,17 @@ inline constexpr std::size_t kMaxJsonBytes =
 /// UTF-8 without overlong forms, surrogates or NUL.
 bool isUtf8(std::string_view text);
 
-/// Somebody else's text, safe for a terminal and for a message: control characters become '?', and so does
-/// what is no UTF-8.
+/// Makes untrusted text safe for a terminal and for a message: replaces control characters and invalid UTF-8
+/// by '?'.
 std::string printable(std::string_view text);
 
 /// `min` to `max` bytes of UTF-8 without control characters. kInvalidInput names field, length and allowed
 /// range.
 Status checkText(std::string_view field, std::string_view value, std::size_t min, std::size_t max);
-/// As checkText, 1 to kMaxNameBytes, not beginning or ending with a space. What may be said of a name that is
-/// there already.
+/// As checkText, 1 to kMaxNameBytes bytes, without a space at the start or end. For names that already exist.
 Status checkName(std::string_view field, std::string_view value);
-/// What may become a name: as checkName, and no '/', nor "." or "..", which mean something else in addresses
-/// of the web.
+/// For new names: as checkName, and the name contains no '/' and is not "." or "..", which have a meaning in
+/// URLs.
 Status checkNewName(std::string_view field, std::string_view value);
 /// As checkText, but line ends and tabs are allowed.
 Status checkNote(std::string_view field, std::string_view value, std::size_t min, std::size_t max);

@@ -1,5 +1,5 @@
-/// What one thread hands to another without waiting on either side: a ring of all items, and the newest value
-/// alone.
+/// Passes data from one thread to another without waiting on either side: a ring that keeps all items, and a
+/// triple buffer that keeps the newest value only.
 #pragma once
 
 #include <array>
@@ -11,9 +11,9 @@
 
 namespace needlelab {
 
-/// A wait-free ring from one producer thread to one consumer thread; a full ring refuses and counts.
-/// Fixed capacity (a power of two), allocated once at construction. `T` is trivially copyable.
-/// Thread: `push` by the one producer, `pop` by the one consumer, `dropped` by any. Neither waits, locks or
+/// A wait-free ring from one producer thread to one consumer thread; a full ring rejects the item and counts
+/// it. Fixed capacity (a power of two), allocated once at construction. `T` is trivially copyable. Thread:
+/// `push` by the one producer, `pop` by the one consumer, `dropped` by any. Neither waits, locks or
 /// allocates.
 template <typename T, std::size_t Capacity>
 class SpscRing {
@@ -21,7 +21,7 @@ class SpscRing {
   static_assert(Capacity >= 2 && (Capacity & (Capacity - 1)) == 0, "capacity is a power of two");
 
  public:
-  /// False, and counted, when the consumer is a whole ring behind.
+  /// Returns false and counts the item when the ring is full.
   bool push(const T& item) noexcept {
     const std::uint64_t tail = tail_.load(std::memory_order_relaxed);
     if (tail - cached_head_ == Capacity) {
@@ -70,7 +70,7 @@ class LatestValue {
     write_ = middle_.exchange(static_cast<std::uint8_t>(write_ | kFresh), std::memory_order_acq_rel) & kIndex;
   }
 
-  /// True when a value newer than the last fetch was copied to `value`.
+  /// Copies the newest value to `value`; returns false when it is not newer than the last fetch.
   bool fetch(T& value) noexcept {
     if (!(middle_.load(std::memory_order_relaxed) & kFresh)) return false;
     read_ = middle_.exchange(read_, std::memory_order_acq_rel) & kIndex;
