@@ -1,4 +1,4 @@
-/// What trainees shall do by when, and their attempts at it.
+/// Assignments with their due dates, and trainees' attempts.
 #pragma once
 
 #include <cstdint>
@@ -15,29 +15,31 @@
 
 namespace needlelab {
 
-/// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's.
+/// Does not own the connection. Thread: as its Connection; changes need the writer's.
 class AssignmentStore {
  public:
   explicit AssignmentStore(Connection& connection) : connection_(connection) {}
 
-  /// Stores the assignment, or renews the one of the same pair (due, by, created), and gives it with its id.
-  /// `id` of the argument is not read. kInvalidInput: not exactly one of course and exercise and one of group
-  /// and trainee, a person who is not a trainee, a date out of range; kNotFound: one of them does not exist.
+  /// Stores the assignment and returns it with its id. Replaces due, by and created when the same pair is
+  /// already assigned. Ignores `id` of the argument. kInvalidInput: not exactly one of course and exercise
+  /// and one of group and trainee, a person who is not a trainee, a date out of range; kNotFound: one of them
+  /// does not exist.
   Result<pb::Assignment> put(const pb::Assignment& assignment);
-  /// Gives the removed assignment. kNotFound.
+  /// Returns the removed assignment. kNotFound.
   Result<pb::Assignment> remove(std::uint64_t id);
 
   struct Filter {
-    std::string trainee;    ///< assignments of the trainee and of its groups
-    std::string course_id;  ///< of the course and of its exercises
+    std::string trainee;    ///< also returns assignments of the trainee's groups
+    std::string course_id;  ///< also returns assignments of the course's exercises
     std::string group_id;
   };
   /// Newest first; empty filters mean all.
   Result<std::vector<pb::Assignment>> list(const Filter& filter);
 
-  /// When an exercise is due for a trainee; 0: never. The exercise's own assignment to the trainee goes
-  /// before the course's to the trainee, before the exercise's to a group, before the course's to a group (of
-  /// several groups the latest), before `otherwise`: a date for one person is an exception from the group's.
+  /// Returns the due date of an exercise for a trainee; 0: never due. Order of precedence: the exercise
+  /// assigned to the trainee, the course assigned to the trainee, the exercise assigned to a group, the
+  /// course assigned to a group, `otherwise`. With several groups the latest date counts. A date for one
+  /// person is an exception from the group's date.
   Result<std::int64_t> dueOf(std::string_view trainee, std::string_view exercise_id,
                              std::string_view course_id, std::int64_t otherwise);
 
@@ -45,30 +47,28 @@ class AssignmentStore {
   Connection& connection_;
 };
 
-/// How a trainee stands with an exercise. Attempts are the trainee's sessions at it, numbered by when they
-/// began.
+/// A trainee's result in an exercise. Attempts are the trainee's sessions in it, numbered by start time.
 struct AttemptStanding {
   std::uint32_t counted = 0;  ///< attempts that are not excused
   std::uint32_t all = 0;
   std::optional<bool> passed;  ///< any attempt that is not excused; nothing: no attempt has a verdict
 };
 
-/// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's.
+/// Does not own the connection. Thread: as its Connection; changes need the writer's.
 class AttemptStore {
  public:
   explicit AttemptStore(Connection& connection) : connection_(connection) {}
 
-  /// Oldest first. Empty `exercise_id`: of all exercises, numbered within each. Numbers count by the
-  /// station's clock: a session that comes late from a station that was away takes its place, and those
-  /// behind it move.
+  /// Oldest first. Empty `exercise_id`: all exercises, numbered within each. The station's clock decides the
+  /// order: when a station delivers an older session late, the numbers of the later ones move up.
   Result<std::vector<pb::Attempt>> list(std::string_view trainee, std::string_view exercise_id,
                                         bool with_scores);
-  /// The one of a session, numbered. kNotFound.
+  /// Returns a session's attempt with its number. kNotFound.
   Result<pb::Attempt> get(const Uuid& session);
   Result<AttemptStanding> standing(std::string_view trainee, std::string_view exercise_id);
   /// Names of trainees who have an attempt at any of a course's exercises.
   Result<std::vector<std::string>> trainees(std::string_view course_id);
-  /// Gives true when this changed something. kNotFound.
+  /// Returns true when this changed something. kNotFound.
   Result<bool> excuse(const Uuid& session, bool excused);
 
  private:

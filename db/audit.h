@@ -1,4 +1,4 @@
-/// Who changed what, when. Only ever appended to, in the same transaction as the change.
+/// The audit log: who changed what, and when. Append-only; written in the same transaction as the change.
 #pragma once
 
 #include <cstdint>
@@ -20,15 +20,15 @@ struct AuditRow {
   std::string detail;   ///< never a secret
 };
 
-/// Functions on a connection, which it does not own. Thread: as its Connection; add() needs the writer's.
+/// Does not own the connection. Thread: as its Connection; add() needs the writer's.
 class AuditStore {
  public:
   explicit AuditStore(Connection& connection) : connection_(connection) {}
 
-  /// `row.id` is not read. Texts beyond 1,000 bytes are cut, with a mark.
+  /// Ignores `row.id`. Truncates texts beyond 1,000 bytes, with a mark.
   Status add(const AuditRow& row);
-  /// Newest first; limit 0: 1000, at most 1000. Empty `who` and `action`: all; an action as its first words,
-  /// "user" is "user add", too.
+  /// Newest first; limit 0: 1000, at most 1000. Empty `who` and `action`: all. `action` also matches as a
+  /// prefix of words: "user" matches "user add".
   Result<std::vector<AuditRow>> list(std::uint32_t limit, std::uint64_t before_id = 0,
                                      std::string_view who = {}, std::string_view action = {});
 

@@ -21,34 +21,36 @@ struct BackupResult {
     Uuid session;
     std::uint64_t chunks;
   };
-  /// Sessions whose watermark rises; of one that is open in the copy all chunks but the last, because its end
-  /// is not covered.
+  /// Sessions with a new watermark. For a session that is open in the copy, all chunks but the last, because
+  /// the copy does not cover its end.
   std::vector<Covered> covered;
 };
 
-/// Copies the database as it is now (writers go on meanwhile) into `target`.partial, checks *the copy*
-/// (integrity, every chunk, every hash), syncs it and renames it to `target` (0600). The source is only read.
-/// Errors: kAlreadyExists (`target` is there: never overwritten), kInvalidInput (no such folder), kCorrupt
-/// (the copy fails its check; it is deleted), kUnavailable (`cancelled` became true), kFailed. Blocks as long
-/// as the database is large. `cancelled`: asked often, by the copy and by its check; may be null.
+/// Copies the database's present state into `target`.partial while writers continue, checks *the copy*
+/// (integrity, every chunk, every hash), syncs it and renames it to `target` (0600). Only reads the source.
+/// Errors: kAlreadyExists (`target` exists; it is never overwritten), kInvalidInput (the folder does not
+/// exist), kCorrupt (the copy fails its check; it is deleted), kUnavailable (`cancelled` became true),
+/// kFailed. Blocks for a time proportional to the database's size. The copy and its check poll `cancelled`
+/// often; it may be null.
 Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& target,
                               const std::atomic<bool>* cancelled = nullptr);
 
-/// The name of a backup made at this time: needlelab-20260131T020000Z.db.
+/// The file name of a backup made at this time: needlelab-20260131T020000Z.db.
 std::string backupName(std::int64_t now_unix_ns);
 
-/// The backups beside a new one.
+/// Older backups in the same folder as a new one.
 struct OldBackups {
   std::vector<std::filesystem::path> removed;
-  std::vector<std::filesystem::path> later;  ///< named by a time after the new one's: left alone, not counted
+  std::vector<std::filesystem::path>
+      later;  ///< named with a later time than the new one: not removed, not counted
 };
 
-/// Of the files beside `target` that are named as backupName does, removes all but the newest `keep`, of
-/// which `target`, just made, is one: it is never removed, whatever the others' names say. Others are not
-/// touched. Errors: kFailed.
+/// Removes the backups beside `target` except the newest `keep`, by the time in their names (backupName).
+/// `target` counts as one of them and is never removed, whatever the other names say. Does not touch other
+/// files. Errors: kFailed.
 Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::size_t keep);
 
-/// Notes the watermark. Writer's connection, in a transaction.
+/// Stores the watermark. Writer's connection, in a transaction.
 Status recordBackup(Connection& writer, const BackupResult& result, const std::filesystem::path& target,
                     std::int64_t now_unix_ns);
 

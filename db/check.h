@@ -1,4 +1,4 @@
-/// Reads a whole database again: SQLite's own integrity, foreign keys, every chunk and every session.
+/// Checks a whole database: SQLite's own integrity check, foreign keys, every chunk and every session.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,8 @@ struct DatabaseCheck {
 };
 inline constexpr std::size_t kMaxFaults = 100;
 
-/// Takes as long as the database is large; holds one view of it meanwhile. A fault of the data is a finding;
-/// an error means that the database could not be looked at. Thread: as the connection.
+/// Takes a time proportional to the database's size and holds one read view throughout. A fault in the data
+/// is a finding; an error means that the database could not be read. Thread: as the connection.
 Result<DatabaseCheck> checkDatabase(Connection& connection);
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-/// SQLite, owned: Statement, Connection, transactions and savepoints that roll back unless they were
-/// committed, and the scope that lets a long read be given up. Errors are values.
+/// RAII wrappers of SQLite: Statement, Connection, transactions and savepoints that roll back unless
+/// committed, and CancelScope, which interrupts long reads. Errors are values.
 #pragma once
 
 #include <sqlite3.h>
@@ -23,7 +23,7 @@ namespace needlelab {
 class Connection;
 class Statement;
 
-/// What a function that reads a row gives: T, of T as of Result<T>.
+/// The value type of a row function's return type: T for both T and Result<T>.
 template <typename T>
 struct ValueOf {
   using Type = T;
@@ -35,9 +35,9 @@ struct ValueOf<Result<T>> {
 template <typename Make>
 using MadeBy = typename ValueOf<std::invoke_result_t<const Make&, const Statement&>>::Type;
 
-/// One execution of a prepared statement, borrowed from its connection's cache and given back on destruction.
-/// A failure to prepare or to bind is kept and reported by the next step(), so that callers check one place
-/// only. Thread: not thread-safe; used by the thread that uses its Connection, and destroyed before it.
+/// One execution of a prepared statement. The destructor returns the statement to its connection's cache. A
+/// failure to prepare or to bind is stored and reported by the next step(), so callers check in one place.
+/// Thread: not thread-safe; use it on its Connection's thread and destroy it before the Connection.
 class Statement {
  public:
   Statement(Statement&& other) noexcept;
@@ -46,7 +46,7 @@ class Statement {
   Statement& operator=(const Statement&) = delete;
   ~Statement();
 
-  /// Binds the next parameter ("?"), left to right. Texts and bytes are copied.
+  /// Binds the next parameter ("?"), left to right. Copies texts and bytes.
   Statement& bind(std::int64_t value);
   Statement& bind(std::uint64_t value);  ///< above 2^63 − 1: an error, SQLite has no such integers
   Statement& bind(std::int32_t value) { return bind(static_cast<std::int64_t>(value)); }
@@ -63,13 +63,13 @@ class Statement {
     return value ? bind(*value) : bindNull();
   }
 
-  /// True: a row is there to be read. False: done.
+  /// True: a row is available. False: done.
   Result<bool> step();
-  /// Steps to the end, rows are dropped.
+  /// Steps to the end and drops the rows.
   Status run();
 
-  /// All rows that are left, each made into a value by `make`, which takes this statement at the row and
-  /// gives the value or a Result of it. Ends with the first error of either.
+  /// Reads all remaining rows. `make` takes this statement at each row and returns a value or a Result. Stops
+  /// at the first error of either.
   template <typename Make>
   auto all(const Make& make) -> Result<std::vector<MadeBy<Make>>> {
     std::vector<MadeBy<Make>> made;
@@ -81,7 +81,7 @@ class Statement {
       made.push_back(std::move(one).value());
     }
   }
-  /// The next row alone, made into a value in the same way; nothing when there is no row.
+  /// Reads only the next row, as all() does; nothing when there is no row.
   template <typename Make>
   auto first(const Make& make) -> Result<std::optional<MadeBy<Make>>> {
     ASSIGN_OR_RETURN(const bool there, step());
@@ -91,7 +91,7 @@ class Statement {
     return std::optional<MadeBy<Make>>(std::move(one).value());
   }
 
-  /// Columns of the present row, from 0. Views live until the next step().
+  /// Columns of the current row, from 0. Views are valid until the next step().
   [[nodiscard]] std::int64_t integer(int column) const;
   [[nodiscard]] std::uint64_t natural(int column) const;  ///< negative reads as 0: the schema forbids it
   [[nodiscard]] std::uint32_t natural32(int column) const {
@@ -119,24 +119,24 @@ inline std::string firstText(const Statement& row) {
 }
 
 /// An open database with the settings of db/README.md: WAL, synchronous=FULL, foreign keys on,
-/// wal_autocheckpoint=0, and no checkpoint when it closes. Only the writer calls checkpointPassive(): SQLite
-/// before 3.51.3 can destroy the database when one connection checkpoints while another commits. Thread: not
-/// thread-safe; one thread at a time (SQLite runs without its own mutex). Statements must not outlive it.
+/// wal_autocheckpoint=0, no checkpoint on close. Only the writer calls checkpointPassive(): SQLite before
+/// 3.51.3 can destroy the database when one connection checkpoints while another commits. Thread: not
+/// thread-safe; one thread at a time (SQLite runs without its own mutex). Must outlive its statements.
 class Connection {
  public:
   enum class Mode {
-    kWriter,  ///< reads, writes, checkpoints; there is one in a process, and one process (bootstrap.h holds a
-              ///< lock)
+    kWriter,  ///< reads, writes, checkpoints; one per process, and one process per database (lock in
+              ///< bootstrap.h)
     kReader,  ///< query_only
   };
   struct Options {
     Mode mode = Mode::kReader;
-    bool create = false;        ///< writer only: make the file when it is missing
+    bool create = false;        ///< writer only: create a missing file
     const char* vfs = nullptr;  ///< a VFS registered by a test; null = the system's
     int busy_timeout_ms = 5000;
   };
 
-  /// Opens and sets it up. Errors: kNotFound (no file), kCorrupt (not a database), kFailed.
+  /// Opens and configures the database. Errors: kNotFound (no file), kCorrupt (not a database), kFailed.
   static Result<Connection> open(const std::filesystem::path& path, const Options& options);
 
   Connection(Connection&& other) noexcept;
@@ -145,7 +145,7 @@ class Connection {
   Connection& operator=(const Connection&) = delete;
   ~Connection();
 
-  /// A statement of this SQL, from the cache where it has been used before. `sql` is one statement.
+  /// Returns a statement for `sql`, from the cache when possible. `sql` is a single statement.
   Statement prepare(std::string_view sql);
   /// Prepares and binds the values in order.
   template <typename... Values>
@@ -154,33 +154,33 @@ class Connection {
     (statement.bind(values), ...);
     return statement;
   }
-  /// Prepares, binds, runs to the end.
+  /// Prepares, binds and runs to the end.
   template <typename... Values>
   Status run(std::string_view sql, const Values&... values) {
     return query(sql, values...).run();
   }
-  /// Several statements without parameters, e.g. a migration.
+  /// Runs several statements without parameters, e.g. a migration.
   Status script(const std::string& sql);
 
   [[nodiscard]] std::int64_t lastRowId() const;
-  /// Rows that the last INSERT, UPDATE or DELETE touched.
+  /// Number of rows that the last INSERT, UPDATE or DELETE changed.
   [[nodiscard]] std::int64_t changes() const;
   [[nodiscard]] bool inTransaction() const;
 
-  /// The result of a checkpoint: pages in the log, and how many of them are in the database now. 0 when the
-  /// database was busy.
+  /// The result of a checkpoint: pages in the log, and how many of them are already in the database. 0 when
+  /// the database was busy.
   struct WalProgress {
     std::uint64_t pages = 0, moved = 0;
   };
-  /// Moves what readers allow from the WAL into the database. Writer only, outside a transaction. A busy
-  /// database is not an error.
+  /// Moves pages from the WAL into the database, as far as readers allow. Writer only, outside a transaction.
+  /// A busy database is not an error.
   Status checkpointPassive(WalProgress* progress = nullptr);
 
-  /// Size of the write-ahead log's file; 0 when there is none (yet).
+  /// Size of the write-ahead log's file; 0 when the file does not exist.
   [[nodiscard]] std::uint64_t walBytes();
 
-  /// True once a call failed in a way that puts stored data in doubt: disk full, I/O error, corrupt file,
-  /// memory. Sticky: the writer stops for good on it.
+  /// True after a failure that puts stored data in doubt: disk full, I/O error, corrupt file, out of memory.
+  /// Never reset: the writer stops for good.
   [[nodiscard]] bool damaged() const { return damaged_; }
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
@@ -191,14 +191,13 @@ class Connection {
   Connection(std::filesystem::path path, sqlite3* handle);
   void close();
   void giveBack(sqlite3_stmt* statement);
-  /// The error of the last call, and `damaged_` where it says so.
+  /// Converts the last call's error; sets `damaged_` for failures that put stored data in doubt.
   Error errorOf(int rc, std::string_view what);
 
   std::filesystem::path path_;
   sqlite3* handle_ = nullptr;
   bool damaged_ = false;
-  std::unordered_map<std::string, sqlite3_stmt*>
-      idle_;  ///< prepared statements nobody uses now, by their SQL
+  std::unordered_map<std::string, sqlite3_stmt*> idle_;  ///< prepared statements not in use, by their SQL
 };
 
 /// BEGIN … COMMIT. Rolls back on destruction unless commit() returned success.
@@ -210,15 +209,15 @@ class Transaction {
     kWrite,  ///< takes the write lock at once
   };
   static Result<Transaction> begin(Connection& connection, Kind kind);
-  /// A kRead of one's own, or nothing when a transaction is on already: its view serves as well. For
-  /// functions that are called on their own and within others' transactions.
+  /// Begins a kRead transaction, or returns nothing inside an existing transaction, which already gives a
+  /// consistent view. For functions that run both alone and within a caller's transaction.
   static Result<std::optional<Transaction>> view(Connection& connection);
   Transaction(Transaction&& other) noexcept;
   Transaction& operator=(Transaction&&) = delete;
   Transaction(const Transaction&) = delete;
   Transaction& operator=(const Transaction&) = delete;
   ~Transaction();
-  /// Returns after the data is on the disk (synchronous=FULL).
+  /// Returns once the data is on disk (synchronous=FULL).
   Status commit();
 
  private:
@@ -226,8 +225,7 @@ class Transaction {
   Connection* connection_;
 };
 
-/// A part of a transaction that can fail alone.
-/// Thread: as its Connection, which must outlive it.
+/// A part of a transaction that can be rolled back alone. Thread: as its Connection, which must outlive it.
 class Savepoint {
  public:
   static Result<Savepoint> begin(Connection& connection);
@@ -243,13 +241,14 @@ class Savepoint {
   Connection* connection_;
 };
 
-/// While it lives, statements of the connection fail soon after `cancelled` became true (SQLITE_INTERRUPT).
-/// Null: nothing happens. Thread: as the connection; the flag may be set by any. Both must outlive it.
+/// During its lifetime, statements of the connection fail soon after `cancelled` becomes true
+/// (SQLITE_INTERRUPT). Null: no effect. Thread: as the connection; any thread may set the flag. Connection
+/// and flag must outlive it.
 class CancelScope {
  public:
   CancelScope(Connection& connection, const std::atomic<bool>* cancelled) : connection_(connection) {
     if (cancelled == nullptr) return;
-    // asked every 1000 steps of SQLite's machine: well under a millisecond apart
+    // called every 1000 steps of SQLite's virtual machine: well under a millisecond apart
     sqlite3_progress_handler(
         connection_.handle(), 1000,
         [](void* flag) { return static_cast<const std::atomic<bool>*>(flag)->load() ? 1 : 0; },

@@ -1,5 +1,4 @@
-/// Passwords of people (argon2id) and keys of stations, hashed, and the stations themselves. Nothing here is
-/// ever logged.
+/// Hashed passwords of people (argon2id), hashed keys of stations, and the stations themselves. Never logged.
 #pragma once
 
 #include <array>
@@ -17,25 +16,26 @@ namespace needlelab {
 inline constexpr std::size_t kMinPasswordBytes = 8;
 inline constexpr std::size_t kMaxPasswordBytes = 256;
 
-/// Argon2id (libsodium's crypto_pwhash_str, interactive limits: 64 MiB, about 0.1 s). Blocks that long: never
-/// on the network's or the database writer's thread. Errors: kInvalidInput (too short, too long), kFailed (no
-/// memory).
+/// Argon2id (libsodium's crypto_pwhash_str, interactive limits: 64 MiB, about 0.1 s). Blocks for that time:
+/// never call it on the network's or the database writer's thread. Errors: kInvalidInput (too short, too
+/// long), kFailed (no memory).
 Result<std::string> hashPassword(std::string_view password);
 
-/// Whether the password belongs to the hash; takes as long as hashing. An empty hash belongs to no password,
-/// but takes the same time, so that an unknown name cannot be told from a wrong password.
+/// True when the password matches the hash; takes as long as hashing. An empty hash never matches but takes
+/// the same time, so that an attacker cannot tell an unknown name from a wrong password.
 bool verifyPassword(std::string_view hash, std::string_view password);
 
 using StationKeyBytes = std::array<std::uint8_t, 32>;
 
-/// 32 random bytes of the operating system.
+/// 32 random bytes from the operating system.
 StationKeyBytes makeStationKey();
 /// BLAKE2b-256 of a key. The key is random, so a fast hash is enough.
 StationKeyBytes hashStationKey(const StationKeyBytes& key);
 /// Compares in constant time.
 bool sameHash(const StationKeyBytes& a, const StationKeyBytes& b);
 
-/// A station by its name and the hash of a random key. Never deleted, only revoked: sessions name it.
+/// A station: its name and the hash of a random key. Stations are revoked, never deleted, because sessions
+/// refer to them.
 struct Station {
   std::string name;
   StationKeyBytes key_hash{};
@@ -43,21 +43,20 @@ struct Station {
   std::int64_t created_unix_ns = 0;
 };
 
-/// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's.
+/// Does not own the connection. Thread: as its Connection; changes need the writer's.
 class StationStore {
  public:
   explicit StationStore(Connection& connection) : connection_(connection) {}
 
-  /// Adds a station, or gives a revoked one a new key. Errors: kInvalidInput (name), kAlreadyExists (it is in
-  /// use).
+  /// Adds a station, or gives a revoked one a new key. Errors: kInvalidInput (name), kAlreadyExists (in use).
   Status add(std::string_view name, const StationKeyBytes& key_hash, std::int64_t now_unix_ns);
   /// kNotFound.
   Status revoke(std::string_view name);
   /// Nothing when there is no such station.
   Result<std::optional<Station>> find(std::string_view name);
-  /// True when the station exists, is not revoked, and the key is its key (compared in constant time).
+  /// True when the station exists, is not revoked, and the key matches (compared in constant time).
   Result<bool> checkKey(std::string_view name, std::string_view key);
-  /// By name.
+  /// Sorted by name.
   Result<std::vector<Station>> list();
 
  private:

@@ -1,4 +1,4 @@
-/// The one thread that writes the database: work is collected for some milliseconds and committed together.
+/// The database's only writing thread. It collects work for some milliseconds and commits it together.
 #pragma once
 
 #include <chrono>
@@ -19,13 +19,12 @@
 
 namespace needlelab {
 
-/// Group commit. All work posted within `window` runs in one transaction, each item in a
-/// savepoint of its own. `done` is called on the writer's thread, with success only after COMMIT returned,
-/// i.e. after fsync. An item that fails, or throws, is undone alone and reported alone. A failed COMMIT,
-/// write or fsync stops the writer for good: every item of that group and every later one is reported as
-/// failed, then `on_fatal` is called once. Thread: post(), run(), stop(), failed(), counters() may be called
-/// from any thread; `work`, `done` and `on_fatal` run on the writer's thread, must not call run() or stop(),
-/// and should be short.
+/// Group commit. Runs all work posted within `window` in one transaction, each item in its own savepoint.
+/// Calls `done` on the writer's thread, with success only after COMMIT, i.e. after fsync, returned. An item
+/// that fails or throws is rolled back and reported alone. A failed COMMIT, write or fsync stops the writer
+/// for good: every item of that group and every later one fails, then `on_fatal` is called once. Thread:
+/// post(), run(), stop(), failed(), counters() may be called from any thread. `work`, `done` and `on_fatal`
+/// run on the writer's thread, must not call run() or stop(), and should be short.
 class DbWriter {
  public:
   using Work = std::function<Status(Connection&)>;
@@ -33,16 +32,16 @@ class DbWriter {
   using OnFatal = std::function<void(const Error&)>;
 
   struct Options {
-    std::chrono::milliseconds window{25};             ///< from the first item of a group to its transaction
+    std::chrono::milliseconds window{25};             ///< from a group's first item to its transaction
     std::chrono::milliseconds checkpoint_every{100};  ///< PASSIVE, between commits
-    std::size_t max_items = 16384;                    ///< waiting; more are refused
-    std::size_t max_group = 4096;  ///< items in a transaction; reaching it ends the window early
-    /// Told what an item threw, after it was undone and refused like any other fault; may be empty. Thread:
-    /// the writer's.
+    std::size_t max_items = 16384;                    ///< in the queue; more are refused
+    std::size_t max_group = 4096;  ///< items in a transaction; the window ends early when the group is full
+    /// Receives the text of an exception from an item, after the item was rolled back and refused like any
+    /// other failure; may be empty. Thread: the writer's.
     std::function<void(const std::string&)> on_thrown{};
   };
 
-  /// Since the start. `commit` times are of COMMIT alone (the fsync is in it), without the work before them.
+  /// Totals since the start. `commit_ns` times COMMIT alone (with its fsync), without the work before it.
   struct Counters {
     std::uint64_t items = 0;    ///< committed
     std::uint64_t refused = 0;  ///< items that failed alone
@@ -57,24 +56,24 @@ class DbWriter {
     DurationHistogram checkpoint_ns;      ///< a PASSIVE checkpoint
     CountHistogram group_items;           ///< items of a committed group
     std::uint64_t wal_bytes = 0;          ///< size of the write-ahead log's file after the last commit
-    std::uint64_t wal_pages_waiting = 0;  ///< in the log and not in the database, after the last checkpoint
+    std::uint64_t wal_pages_waiting = 0;  ///< in the log but not in the database, after the last checkpoint
   };
 
-  /// Takes the writer connection and starts the thread. `on_fatal` may be empty.
+  /// Takes ownership of the writer connection and starts the thread. `on_fatal` may be empty.
   DbWriter(Connection connection, const Options& options, OnFatal on_fatal);
   DbWriter(const DbWriter&) = delete;
   DbWriter& operator=(const DbWriter&) = delete;
-  /// As stop().
+  /// Calls stop().
   ~DbWriter();
 
-  /// Queues an item. Refused at once (kUnavailable; `done` is not called) when the queue is full, or when the
+  /// Queues an item. Fails at once with kUnavailable, without calling `done`, when the queue is full or the
   /// writer is stopping or has failed. `done` may be empty.
   Status post(Work work, Done done);
 
-  /// post() and wait for its result. Not from the writer's thread.
+  /// Posts an item and waits for its result. Not from the writer's thread.
   Status run(Work work);
 
-  /// Takes no more work, commits what is queued, ends the thread. May be called again.
+  /// Refuses new work, commits the queue and ends the thread. May be called repeatedly.
   void stop();
 
   /// The error that stopped the writer for good, if any.
@@ -88,9 +87,9 @@ class DbWriter {
   };
   void loop();
   std::vector<Item> takeGroup();
-  /// The item's work; what it throws is its error.
+  /// Runs the item's work; converts an exception into an error.
   Status runWork(const Item& item);
-  /// One transaction. False: the writer must not go on.
+  /// Runs one transaction. False: the writer must stop.
   bool commitGroup(std::vector<Item>& group);
   void fail(const Error& error, std::vector<Item>& group);
 

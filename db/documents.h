@@ -1,5 +1,5 @@
-/// Documents under revisions: profiles of patients, curricula (courses) with their exercises. A revision is
-/// never overwritten: sessions refer to it. An edit names the revision that it was made from.
+/// Documents with revisions: patient profiles, curricula (courses) and their exercises. A revision is never
+/// overwritten, because sessions refer to it. An edit names its base revision.
 #pragma once
 
 #include <cstdint>
@@ -13,9 +13,9 @@
 
 namespace needlelab {
 
-/// The newest revision of a document, by whom and when it was made.
+/// A document's newest revision, with its author and time.
 struct NewestRevision {
-  std::uint32_t revision = 0;  ///< 0: none yet
+  std::uint32_t revision = 0;  ///< 0: no revision exists
   std::string by;
   std::int64_t unix_ns = 0;
 };
@@ -23,8 +23,8 @@ struct NewestRevision {
 /// "2026-11-20 17:40:11 UTC"
 std::string secondText(std::int64_t unix_ns);
 
-/// kConflict, with `current_revision`, unless `base` is the newest one. Without `base` every
-/// revision will do. `what`: "profile 'knee'".
+/// kConflict, with `current_revision`, unless `base` is the newest revision. Without `base` any revision is
+/// accepted. `what`: "profile 'knee'".
 Status checkBase(const std::string& what, std::optional<std::uint32_t> base, const NewestRevision& newest);
 
 struct StoredProfile {
@@ -36,21 +36,20 @@ struct StoredProfile {
   std::int64_t created_unix_ns = 0;
 };
 
-/// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's.
+/// Does not own the connection. Thread: as its Connection; changes need the writer's.
 class ProfileStore {
  public:
   explicit ProfileStore(Connection& connection) : connection_(connection) {}
 
-  /// Stores `profile.json` (canonical; the caller has validated it) as the next revision, or gives the newest
-  /// revision when its text is the same. `revision` of the argument is not read. kInvalidInput: id, name or
-  /// size.
+  /// Stores `profile.json` (canonical; the caller has validated it) as the next revision. Returns the newest
+  /// revision when its text is the same. Ignores `revision` of the argument. kInvalidInput: id, name or size.
   /// `base`: the revision that the text was made from (0: none), else kConflict; absent: any.
   Result<std::uint32_t> put(const StoredProfile& profile, std::optional<std::uint32_t> base = {});
-  /// `revision` 0: the newest. kNotFound names id, and revision where one was given.
+  /// `revision` 0: the newest. kNotFound names the id, and the revision when one was given.
   Result<StoredProfile> get(std::string_view id, std::uint32_t revision);
-  /// The newest revision of each, by id, without their texts.
+  /// The newest revision of each profile, by id, without the JSON texts.
   Result<std::vector<StoredProfile>> list();
-  /// All revisions of one, newest first, without their texts. kNotFound.
+  /// All revisions of a profile, newest first, without the JSON texts. kNotFound.
   Result<std::vector<StoredProfile>> revisions(std::string_view id);
 
  private:
@@ -72,26 +71,26 @@ struct StoredCurriculum {
   std::string json;  ///< canonical; empty in lists
   std::string author;
   std::int64_t created_unix_ns = 0;
-  std::vector<StoredExercise> exercises;  ///< in order; `curriculum_id` is filled by the store
+  std::vector<StoredExercise> exercises;  ///< in order; the store fills in `curriculum_id`
 };
 
-/// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's.
+/// Does not own the connection. Thread: as its Connection; changes need the writer's.
 class CurriculumStore {
  public:
   explicit CurriculumStore(Connection& connection) : connection_(connection) {}
 
-  /// Stores the next revision and makes its exercises the current ones, or gives the newest revision when its
-  /// text is the same. Errors: kInvalidInput (sizes), kNotFound (an exercise names an unknown
-  /// profile), kAlreadyExists (an exercise of this id belongs to another curriculum).
-  /// `base`: the revision that the text was made from (0: none), else kConflict; absent: any.
+  /// Stores the next revision and makes its exercises current. Returns the newest revision when its text is
+  /// the same. Errors: kInvalidInput (sizes), kNotFound (an exercise names an unknown profile),
+  /// kAlreadyExists (another curriculum has an exercise with this id). `base`: the revision that the text was
+  /// made from (0: none), else kConflict; absent: any.
   Result<std::uint32_t> put(const StoredCurriculum& curriculum, std::optional<std::uint32_t> base = {});
-  /// The part of put() that makes `curriculum.exercises` the current ones. Errors as there.
+  /// Makes `curriculum.exercises` current; part of put(). Errors as put().
   Status setExercises(const StoredCurriculum& curriculum);
-  /// `revision` 0: the newest. `exercises` are those of the newest in any case. kNotFound.
+  /// `revision` 0: the newest. `exercises` always belong to the newest revision. kNotFound.
   Result<StoredCurriculum> get(std::string_view id, std::uint32_t revision = 0);
-  /// All revisions of one, newest first, without texts and exercises. kNotFound.
+  /// All revisions of a curriculum, newest first, without texts and exercises. kNotFound.
   Result<std::vector<StoredCurriculum>> revisions(std::string_view id);
-  /// The newest revision of each, by id, with their exercises, without their texts.
+  /// The newest revision of each curriculum, by id, with exercises, without the JSON texts.
   Result<std::vector<StoredCurriculum>> list();
 
   /// kNotFound.

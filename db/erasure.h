@@ -1,5 +1,4 @@
-/// A person's data taken away: what of it goes, what stays under a pseudonym, and how an old backup is told
-/// from this database.
+/// Erases a person's data: deletes a part, keeps a part under a pseudonym, and recognises an older backup.
 #pragma once
 
 #include <cstdint>
@@ -18,53 +17,52 @@
 
 namespace needlelab {
 
-/// A line of DIR/erasures. The file outlives a restore, which replaces the database.
+/// A line of DIR/erasures. A restore replaces the database but not this file.
 struct ErasureLine {
   std::string pseudonym;
   PseudonymKey::Hash name_hash{};
   std::int64_t unix_ns = 0;
 };
 
-/// What is in DIR/erasures; nothing when there is no such file. kCorrupt.
+/// Reads DIR/erasures; nothing when the file does not exist. kCorrupt.
 Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder);
 Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines);
 
-/// Somebody who was erased and is here again: the database was restored from a backup made before.
+/// An erased person who is in the database again, because a backup from before the erasure was restored.
 struct ErasureToRepeat {
-  std::string name;  ///< who is here again
+  std::string name;  ///< of the person
   std::string pseudonym;
   std::int64_t erased_unix_ns = 0;
 };
-/// "'anna' was erased on … and is in this database again, …: needlelab-admin person erase anna": for people.
+/// "'anna' was erased on … and is in this database again, …: needlelab-admin person erase anna": for display.
 std::string erasureToRepeatText(const ErasureToRepeat& erasure);
 
-/// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's and
-/// a transaction.
+/// Does not own the connection. Thread: as its Connection; changes need the writer's and a transaction.
 class ErasureStore {
  public:
   explicit ErasureStore(Connection& connection) : connection_(connection) {}
 
-  /// The key beside the database, made when there is none. kCorrupt: there is none although people were
-  /// erased: a new one could not tell who they were.
+  /// The key beside the database; created when missing. kCorrupt: the key is missing although people were
+  /// erased. A new key could not identify them.
   Result<PseudonymKey> key();
   /// Open sessions of this trainee, as "… at station …".
   Result<std::vector<std::string>> openSessions(std::string_view name);
   /// In one transaction (db/README.md, "An erasure"). Sessions keep their rows, closed, under the pseudonym,
-  /// without score, events and attempts' verdicts; their chunks are left for retention to remove
-  /// (RetentionStore::leftovers). kNotFound: neither a person nor sessions of this name; kDenied: the last
+  /// without score, events and attempts' verdicts. Retention removes their chunks later
+  /// (RetentionStore::leftovers). kNotFound: the name has neither a person nor sessions; kDenied: the last
   /// administrator who can log in.
   Result<pb::Erasure> erase(const std::string& name, const ErasureLine& line, const std::string& by,
                             const std::string& reason, std::int64_t now_unix_ns);
 
-  /// The pseudonym of a trainee who was erased after `started_unix_ns`: a station that was away may bring a
-  /// session of it yet. Nothing when the key is not there: what is recorded is taken in any case, and `check`
-  /// says that the key is missing.
+  /// The pseudonym of a trainee who was erased after `started_unix_ns`: a station that was offline may still
+  /// deliver that trainee's sessions. Nothing when the key is missing: sessions are stored in any case, and
+  /// `check` reports the missing key.
   Result<std::optional<std::string>> pseudonymOf(std::string_view trainee, std::int64_t started_unix_ns);
-  /// A session without chunks that a station has opened for somebody who was erased: closed at once, marked,
-  /// and to be kept empty.
+  /// For a session without chunks that a station opened for an erased person: closes and marks it, so that it
+  /// stays empty.
   Status emptySession(const Uuid& session, std::int64_t now_unix_ns);
-  /// Who was erased, by DIR/erasures or by this database, and is here again: from a backup that was restored,
-  /// or from records of before. Empty when all is well. kCorrupt: as key().
+  /// Erased people, by DIR/erasures or by this database, who are in the database again: from a restored
+  /// backup or from imported older records. Empty when all is well. kCorrupt: as key().
   Result<std::vector<ErasureToRepeat>> toRepeat(const std::filesystem::path& folder);
 
  private:

@@ -1,4 +1,4 @@
-/// People, the groups they are in, and what they said to studies.
+/// People, their groups, and their consent to studies.
 #pragma once
 
 #include <cstdint>
@@ -15,8 +15,8 @@
 
 namespace needlelab {
 
-/// Name, role, password hash. A person is disabled, not deleted, because sessions and the audit log name it;
-/// a person who must be forgotten is erased (erasure.h).
+/// Name, role, password hash. A person is disabled, not deleted, because sessions and the audit log refer to
+/// the name; to delete a person's data, erase the person (erasure.h).
 struct Person {
   std::string name;
   pb::Role role = pb::ROLE_UNSPECIFIED;
@@ -24,19 +24,19 @@ struct Person {
   bool disabled = false;
   std::int64_t created_unix_ns = 0;
   std::string full_name = {};
-  std::uint32_t revision = 1;        ///< of role, disabled and full_name; filled by the store
-  std::int64_t changed_unix_ns = 0;  ///< filled by the store
-  std::string changed_by = {};       ///< empty: as it was made
+  std::uint32_t revision = 1;        ///< of role, disabled and full_name; set by the store
+  std::int64_t changed_unix_ns = 0;  ///< set by the store
+  std::string changed_by = {};       ///< empty: never changed
 };
 
-/// What a change sets; the rest stays.
+/// The fields to change; the others stay.
 struct PersonChange {
   std::optional<pb::Role> role = {};
   std::optional<bool> disabled = {};
   std::optional<std::string> full_name = {};
 };
 
-/// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's.
+/// Does not own the connection. Thread: as its Connection; changes need the writer's.
 class PeopleStore {
  public:
   explicit PeopleStore(Connection& connection) : connection_(connection) {}
@@ -45,45 +45,44 @@ class PeopleStore {
   Status add(const Person& person);
   /// kNotFound.
   Status setPasswordHash(std::string_view name, std::string_view hash);
-  /// Gives the person after the change. `base`: the revision that the change was made from, or none: any.
-  /// kNotFound; kConflict; kInvalidInput; kDenied: it would disable, or give another role to, the last
-  /// administrator who can log in.
+  /// Returns the changed person. `base`: the revision that the change was made from, or none: any. kNotFound;
+  /// kConflict; kInvalidInput; kDenied: it would disable, or change the role of, the last administrator who
+  /// can log in.
   Result<Person> change(std::string_view name, std::optional<std::uint32_t> base, const PersonChange& change,
                         std::string_view by, std::int64_t now_unix_ns);
   Status setDisabled(std::string_view name, bool disabled, std::string_view by = {},
                      std::int64_t now_unix_ns = 0);
   /// Nothing when there is no such person.
   Result<std::optional<Person>> find(std::string_view name);
-  /// By name.
+  /// Sorted by name.
   Result<std::vector<Person>> list();
 
  private:
   Connection& connection_;
 };
 
-/// Most members of a group: a group must fit into a message.
+/// Limits a group's size so that the group fits into a message.
 inline constexpr int kMaxGroupMembers = 5000;
 
-/// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's and
-/// a transaction.
+/// Does not own the connection. Thread: as its Connection; changes need the writer's and a transaction.
 class GroupStore {
  public:
   explicit GroupStore(Connection& connection) : connection_(connection) {}
 
-  /// Name and members as given, in place of those before; gives it with its revision, which is the same when
-  /// nothing differs. `base`: the revision that the change was made from (0: it must be new), else kConflict;
+  /// Replaces name and members; returns the group with its revision, which stays the same when nothing
+  /// differs. `base`: the revision that the change was made from (0: the group must be new), else kConflict;
   /// absent: any. kInvalidInput: id, name, a member twice, too many; kNotFound: a member does not exist.
   Result<pb::Group> put(const pb::Group& group, std::optional<std::uint32_t> base, const std::string& by,
                         std::int64_t now_unix_ns);
-  /// Its members and its assignments go with it; a group of this id that is made again goes on with its
-  /// revisions. kNotFound, kConflict.
+  /// Removes the group with its members and assignments. A new group with the same id continues its revision
+  /// numbers. kNotFound, kConflict.
   Status remove(const std::string& id, std::optional<std::uint32_t> base, const std::string& by,
                 std::int64_t now_unix_ns);
   /// kNotFound.
   Result<pb::Group> get(std::string_view id);
-  /// By id, with their members.
+  /// Sorted by id, with members.
   Result<std::vector<pb::Group>> list();
-  /// Ids of the groups that a person is in, in order.
+  /// Ids of a person's groups, sorted.
   Result<std::vector<std::string>> groupsOf(std::string_view person);
 
  private:
@@ -92,8 +91,8 @@ class GroupStore {
   Connection& connection_;
 };
 
-/// People's statements on studies. Each is kept; the latest one counts.
-/// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's.
+/// People's statements of consent to studies. All are kept; the latest one counts. Does not own the
+/// connection. Thread: as its Connection; changes need the writer's.
 class ConsentStore {
  public:
   explicit ConsentStore(Connection& connection) : connection_(connection) {}
@@ -102,9 +101,9 @@ class ConsentStore {
   Status add(const std::string& person, const pb::Consent& consent);
   /// Oldest first.
   Result<std::vector<pb::Consent>> list(std::string_view person);
-  /// Nothing: the person was never asked.
+  /// Nothing: the person has made no statement.
   Result<std::optional<pb::Consent>> newest(std::string_view person);
-  /// Names of the people in the database who consent now, in order.
+  /// Names of the people in the database whose latest statement is consent, sorted.
   Result<std::vector<std::string>> consenting();
 
  private:

@@ -1,4 +1,4 @@
-/// Query-only connections, lent for a short time.
+/// A pool of query-only connections, borrowed for a short time.
 #pragma once
 
 #include <filesystem>
@@ -11,12 +11,11 @@
 
 namespace needlelab {
 
-/// Opens a connection when none is idle and keeps at most `max_idle` of them.
-/// Thread: borrow() may be called from any thread; a Lease is used by one thread at a time. The pool must
-/// outlive its leases.
+/// Opens a connection when none is idle and keeps at most `max_idle` of them. Thread: borrow() may be called
+/// from any thread; one thread at a time uses a Lease. The pool must outlive its leases.
 class ReaderPool {
  public:
-  /// A borrowed connection, given back on destruction.
+  /// A borrowed connection; the destructor returns it.
   class Lease {
    public:
     Lease(Lease&&) noexcept = default;

@@ -1,5 +1,5 @@
-/// Policies of retention, and the steps by which a recording is thinned or deleted
-/// (migrations/0003_retention.sql). Who takes the steps, and in which pieces: service/retention.h.
+/// Retention policies, and the steps that thin or delete a recording (migrations/0003_retention.sql).
+/// service/retention.h runs the steps.
 #pragma once
 
 #include <cstdint>
@@ -16,75 +16,75 @@
 
 namespace needlelab {
 
-/// A closed session whose policy's time has come.
+/// A closed session that is due by its policy.
 struct DueRecording {
   Uuid session{};
   std::string exercise_id;
-  bool thinned = false;            ///< it is already; only deleting is left
+  bool thinned = false;            ///< already thinned; only deletion is left
   bool deletes = false;            ///< else: thin
-  bool waits_for_backup = false;   ///< due, but not covered by a verified backup: not to be touched
-  std::uint64_t stored_bytes = 0;  ///< of the recording that is there
+  bool waits_for_backup = false;   ///< due, but no verified backup covers it: must not be touched
+  std::uint64_t stored_bytes = 0;  ///< of the stored recording
   pb::RetentionPolicy policy;
   std::string reason;  ///< "thinned to 100 Hz, 30 days after it was closed (policy of knee-1 by mia)"
 };
 
-/// A thinned recording that has been written.
+/// A complete thinned recording.
 struct DerivedSums {
   std::uint64_t chunks = 0, samples = 0, stored_bytes = 0;
   Digest hash{};
 };
 
-/// Thread: as its connection. What changes something needs the writer's, inside DbWriter; each such call is
-/// one step that may be the last before a crash. due(), policies(), leftovers(), sums() only read.
+/// Thread: as its connection. Changing functions need the writer's connection, inside DbWriter; each call is
+/// one step, and a crash may follow any step. due(), policies(), leftovers(), sums() only read.
 class RetentionStore {
  public:
   explicit RetentionStore(Connection& connection) : connection_(connection) {}
 
   /// kInvalidInput names field, value and range.
   Status setPolicy(const pb::RetentionPolicy& policy);
-  /// A name for a policy: empty (the default), an exercise of a curriculum, one with stored sessions (its
-  /// curriculum may be gone), or one that has a policy already. Else kInvalidInput, naming the exercises
-  /// there are: a misspelt policy would never act, and the recordings be treated by the default. A policy
-  /// comes after its exercise.
+  /// Checks a policy's name: empty (the default), an exercise of a curriculum, an exercise with stored
+  /// sessions (its curriculum may be gone), or one that already has a policy. Otherwise kInvalidInput lists
+  /// the existing exercises: a misspelt policy would never apply, and the default would treat the recordings.
+  /// Create the exercise before its policy.
   Status checkExercise(const std::string& exercise_id);
-  /// The exercise follows the default again. kNotFound: it had no policy of its own.
+  /// Returns the exercise to the default policy. kNotFound: it has no policy of its own.
   Status removePolicy(const std::string& exercise_id);
   /// The default first, then by exercise.
   Result<std::vector<pb::RetentionPolicy>> policies();
 
-  /// Closed sessions whose time has come at `now`, oldest first within an exercise; also those that wait for
-  /// a backup. Open sessions never.
+  /// Closed sessions that are due at `now`, oldest first within an exercise, including those that wait for a
+  /// backup. Never open sessions.
   Result<std::vector<DueRecording>> due(std::int64_t now_unix_ns);
 
-  /// Begins a thinned recording beside the original. kUnavailable: the session is not closed, or its original
-  /// is gone, or another one is begun.
+  /// Begins a thinned recording beside the original. kUnavailable: the session is not closed, its original is
+  /// gone, or another thinning has begun.
   Status beginDerived(const Uuid& session, double rate_hz, std::int64_t now_unix_ns);
-  /// The next chunk of it; checked (CRC) like one from a station.
+  /// Appends the next chunk of the thinned recording; checks its CRC as for a station's chunk.
   Status appendDerived(const Uuid& session, std::uint64_t seq, ByteView bytes);
-  /// What the thinned recording holds, read back from the database. kCorrupt names the chunk that fails.
+  /// Reads the thinned recording back from the database and sums it up. kCorrupt names the damaged chunk.
   Result<DerivedSums> sums(const Uuid& session);
-  /// From here on the thinned recording is the session's, and the original on its way out. `crcs`: of the
-  /// original's chunks, in order. kUnavailable when the session is not as `due` and beginDerived() left it,
-  /// or its exercise's policy is not the one of `due` any more.
+  /// Makes the thinned recording the session's recording; the original will be removed. `crcs`: of the
+  /// original's chunks, in order. kUnavailable when the session has changed since `due` and beginDerived(),
+  /// or its exercise's policy differs from the one in `due`.
   Status switchToDerived(const DueRecording& due, const DerivedSums& sums, const Bytes& crcs,
                          const std::string& by_whom, std::int64_t now_unix_ns);
-  /// From here on the session has no recording. `crcs` as above; not used when the original went before.
+  /// Marks the session as having no recording. `crcs` as above; not used when the original is already gone.
   Status markDeleted(const DueRecording& due, const Bytes& crcs, const std::string& by_whom,
                      std::int64_t now_unix_ns);
 
-  /// Sessions of which rows are still to be removed: recordings that were replaced or deleted, and thinned
-  /// ones that a crash left unfinished.
+  /// Sessions with rows still to remove: of replaced or deleted recordings, and of thinnings that a crash
+  /// interrupted.
   Result<std::vector<Uuid>> leftovers();
-  /// Reads the rows that removeSome() would remove, each with its overflow pages: deleting a row whose pages
-  /// are damaged would stop the writer, or free the page of another row. kCorrupt names the first that fails.
-  /// For a reader.
+  /// Reads the rows that removeSome() would remove, each with its overflow pages: deleting a row on damaged
+  /// pages would stop the writer or free another row's page. kCorrupt names the first damaged row. Runs on a
+  /// reader.
   Status checkLeftovers(const Uuid& session);
-  /// Removes at most `rows` of them, the last ones first. False: all are gone, and so is the note of it.
+  /// Removes at most `rows` rows, last ones first. False: all rows are gone, and so is the note of them.
   Result<bool> removeSome(const Uuid& session, std::uint32_t rows);
 
   struct Space {
     std::uint64_t database_bytes = 0;  ///< the file, without its log
-    std::uint64_t free_bytes = 0;      ///< of it: free pages, which are used before the file grows
+    std::uint64_t free_bytes = 0;      ///< of those, in free pages, which are used before the file grows
   };
   Result<Space> space();
 

@@ -1,5 +1,5 @@
-/// What is made of a recorded session: its scores and the references they are compared with, its aspirations
-/// and injections, the instructors' remarks.
+/// Results of recorded sessions: scores and their references, aspirations and injections, instructors'
+/// remarks.
 #pragma once
 
 #include <cstdint>
@@ -17,53 +17,51 @@
 
 namespace needlelab {
 
-/// Scores, each under the version of the definitions that it was made with.
-/// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's and
-/// a transaction.
+/// Scores, one per version of the measures' definitions. Does not own the connection. Thread: as its
+/// Connection; changes need the writer's and a transaction.
 class ScoreStore {
  public:
   explicit ScoreStore(Connection& connection) : connection_(connection) {}
 
-  /// Stores it. The first one of a session becomes its score for ever (`first`, SessionInfo.score_json, the
-  /// attempt's verdict); one of the same version is replaced, unless it is the first: that one stays, and
-  /// this does nothing. `first` of the argument is not read. kNotFound: no such session; kUnavailable: its
-  /// person was erased; kInvalidInput: version 0.
+  /// Stores the score. A session's first score stays its score for ever (`first`, SessionInfo.score_json, the
+  /// attempt's verdict). A later score replaces one of the same version, unless that is the first: then this
+  /// does nothing. Ignores `first` of the argument. kNotFound: no such session; kUnavailable: its person was
+  /// erased; kInvalidInput: version 0.
   Status put(const pb::Score& score);
   /// `version` 0: the newest. kNotFound.
   Result<pb::Score> get(const Uuid& session, std::uint32_t version);
-  /// All of a session, by version.
+  /// All scores of a session, by version.
   Result<std::vector<pb::Score>> list(const Uuid& session);
 
  private:
   Connection& connection_;
 };
 
-/// The sessions of experts that an exercise is compared with. Thread: as ScoreStore.
+/// Experts' sessions that serve as an exercise's reference. Thread: as ScoreStore.
 class ReferenceStore {
  public:
   explicit ReferenceStore(Connection& connection) : connection_(connection) {}
 
-  /// The next revision, without bands. `base`: the revision that the choice was made from, else kConflict.
-  /// kNotFound: the exercise or a session does not exist; kInvalidInput: a session of another exercise, twice
-  /// the same, not closed, too many.
+  /// Stores the next revision, without bands. `base`: the revision that the choice was made from, else
+  /// kConflict. kNotFound: the exercise or a session does not exist; kInvalidInput: a session belongs to
+  /// another exercise, is listed twice or is not closed, or there are too many.
   Result<pb::Reference> put(const std::string& exercise_id, const std::vector<Uuid>& sessions,
                             std::uint32_t base, const std::string& by, std::int64_t now_unix_ns);
-  /// The newest; revision 0 and no sessions when none was chosen.
+  /// The newest revision; revision 0 without sessions when none was chosen.
   Result<pb::Reference> get(std::string_view exercise_id);
 
  private:
   Connection& connection_;
 };
 
-/// Aspirations and injections of closed sessions.
-/// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's and
-/// a transaction.
+/// Aspirations and injections of closed sessions. Does not own the connection. Thread: as its Connection;
+/// changes need the writer's and a transaction.
 class EventStore {
  public:
   explicit EventStore(Connection& connection) : connection_(connection) {}
 
-  /// Stores all events of a session; an empty list says that it has none. Once for a session: a second call
-  /// changes nothing. Errors: kNotFound (session), kInvalidInput (the session is open).
+  /// Stores all events of a session; an empty list means that it has no events. Works once per session: a
+  /// second call changes nothing. Errors: kNotFound (session), kInvalidInput (the session is open).
   Status put(const Uuid& session, std::span<const pb::SyringeEvent> events);
   /// In order of time; nothing when put() was never called. kNotFound: unknown session.
   Result<std::optional<std::vector<pb::SyringeEvent>>> list(const Uuid& session);
@@ -72,7 +70,7 @@ class EventStore {
   Connection& connection_;
 };
 
-/// A remark of an instructor on a tick of a session.
+/// An instructor's remark on a tick of a session.
 struct StoredAnnotation {
   std::uint64_t id = 0;
   Uuid session{};
@@ -82,14 +80,14 @@ struct StoredAnnotation {
   std::int64_t created_unix_ns = 0;
 };
 
-/// Functions on a connection, which it does not own. Thread: as its Connection; changes need the writer's.
+/// Does not own the connection. Thread: as its Connection; changes need the writer's.
 class AnnotationStore {
  public:
   explicit AnnotationStore(Connection& connection) : connection_(connection) {}
 
-  /// Gives the new id; `annotation.id` is not read. Errors: kInvalidInput (text), kNotFound (session).
+  /// Returns the new id; ignores `annotation.id`. Errors: kInvalidInput (text), kNotFound (session).
   Result<std::uint64_t> add(const StoredAnnotation& annotation);
-  /// By tick. kNotFound: unknown session.
+  /// Sorted by tick. kNotFound: unknown session.
   Result<std::vector<StoredAnnotation>> list(const Uuid& session);
 
  private:
