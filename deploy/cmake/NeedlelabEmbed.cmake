@@ -1,7 +1,8 @@
-# Text files that travel inside a program, so that it needs no files beside it.
-# needlelab_embed(OUT FUNCTION FILE ...): writes a source file, whose path goes to OUT. It defines
+# Embeds text files in a program, so that the program needs no files beside it.
+# needlelab_embed(OUT FUNCTION FILE ...): writes a source file and sets OUT to its path. The source file defines
 #   std::span<const needlelab::EmbeddedFile> needlelab::FUNCTION();      (common/base/program.h)
-# This file is also the script that writes it: cmake -DFILES="a;b" -DOUT=x.cpp -DFUNCTION=name -P NeedlelabEmbed.cmake
+# This file is also the script that writes the source file:
+#   cmake -DFILES="a;b" -DOUT=x.cpp -DFUNCTION=name -P NeedlelabEmbed.cmake
 if(NOT CMAKE_SCRIPT_MODE_FILE)
   set(needlelab_embed_script "${CMAKE_CURRENT_LIST_FILE}")
   function(needlelab_embed out function)

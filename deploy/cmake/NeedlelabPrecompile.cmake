@@ -1,6 +1,7 @@
-# A build from nothing reads the standard library, JSON and gmock in hundreds of files. These two targets compile them once, for the
-# programs and for the tests; needlelab_library, needlelab_program and needlelab_test reuse them. The preset `dev` goes without, so a
-# missing #include shows there. (Asio is not among them: its static objects would ask each program for Asio's library.)
+# A clean build parses the standard library, JSON and gmock in hundreds of files. These two targets compile them once,
+# for the programs and for the tests; needlelab_library, needlelab_program and needlelab_test reuse them. The preset
+# `dev` does not use precompiled headers, so it finds a missing #include. (Asio is not precompiled: its static objects
+# would make each program link Asio's library.)
 function(needlelab_headers name)
   cmake_parse_arguments(ARG "" "" "OPTIONS;DEPS;HEADERS" ${ARGN})
   set(source "${CMAKE_BINARY_DIR}/precompiled/${name}.cpp")
@@ -16,7 +17,7 @@ function(needlelab_headers name)
     <fmt/core.h> <nlohmann/json.hpp> ${ARG_HEADERS})
 endfunction()
 
-# TARGET, compiled with the options of HEADERS, reuses what HEADERS compiled
+# TARGET has the compile options of HEADERS and reuses its precompiled headers.
 function(needlelab_reuse_headers target headers)
   if(NEEDLELAB_PRECOMPILE)
     target_compile_options(${target} PRIVATE -fpch-preprocess)

@@ -1,19 +1,19 @@
 # needlelab_library(NAME [OPTIMISED] [OWN_OPTIONS] SOURCES ... DEPS ...)  -> needlelab_NAME, alias needlelab::NAME
-#   OPTIMISED: computes for long, so it is compiled at -O1 where a sanitizer watches
-#   OWN_OPTIONS: is compiled with options of its own, so it cannot reuse precompiled headers
+#   OPTIMISED: computes for long, so it is compiled at -O1 under a sanitizer
+#   OWN_OPTIONS: has its own compile options, so it cannot reuse precompiled headers
 # needlelab_program(NAME SOURCES ... DEPS ...)              -> executable NAME in bin/
-# needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary, its tests known to ctest
+# needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary; its tests are registered with ctest
 #   SERIAL: runs alone, because it keeps real time against an emulated device
-#   BESIDE filter: those of a SERIAL program's tests that run beside others, because they only wait
-#   TOGETHER: one test for ctest, because what its tests set up once is dear
-#   OPTIMISED: its own code computes for long, so it is compiled as a library's
-#   labels: unit, net, determinism say what it is; threads: runs under ThreadSanitizer in .ci/run; memory: under
-#   AddressSanitizer and UBSan there (what takes bytes from outside, keeps them, or works on the haptic thread)
+#   BESIDE filter: the tests of a SERIAL program that run in parallel with others, because they only wait
+#   TOGETHER: all tests of the binary are one ctest test, because their common set-up is expensive
+#   OPTIMISED: its own code computes for long, so it is compiled like a library
+#   labels: unit, net, determinism give the kind of test; threads: runs under ThreadSanitizer in .ci/run; memory: runs under
+#   AddressSanitizer and UBSan there (code that reads or keeps bytes from outside, or works on the haptic thread)
 #
-# Headers are included by their path from the top, "common/haptics/engine.h". Which folder may include which is said in
-# ARCHITECTURE.md and held by tests/structure.
+# Headers are included by their path from the top, "common/haptics/engine.h". ARCHITECTURE.md lists the includes that are
+# allowed between folders, and tests/structure checks them.
 
-# -O1 under a sanitizer, which else is -O0
+# -O1 under a sanitizer, instead of -O0
 function(needlelab_optimise target)
   if(NEEDLELAB_SANITIZE)
     target_compile_options(${target} PRIVATE -O1)
@@ -42,9 +42,10 @@ function(needlelab_program name)
 endfunction()
 
 include(GoogleTest)
-# a test's own code runs briefly: without optimisation it compiles in two thirds of the time; what it tests keeps its -O2
+# A test's own code runs briefly: without optimisation it compiles in two thirds of the time. The tested code keeps its
+# -O2.
 set(needlelab_test_options $<$<CONFIG:RelWithDebInfo>:-O0>)
-# UBSan doubles the time that a test's own code takes to compile: it watches what is tested, ASan watches both
+# UBSan doubles the compile time of a test's own code, so only the tested code gets it; ASan covers both.
 if(NEEDLELAB_SANITIZE MATCHES "undefined")
   list(APPEND needlelab_test_options -fno-sanitize=undefined)
 endif()
@@ -73,7 +74,8 @@ function(needlelab_test name)
   if("determinism" IN_LIST ARG_LABEL)
     add_dependencies(needlelab_determinism_tests ${name})
   endif()
-  # one label such as unit-net-threads: ctest selects by regular expression, and gtest_discover_tests loses lists
+  # One label such as unit-net-threads: ctest selects by regular expression, and gtest_discover_tests does not keep
+  # lists.
   string(JOIN "-" label ${ARG_LABEL})
   if(ARG_TOGETHER)
     add_test(NAME ${name} COMMAND ${name})

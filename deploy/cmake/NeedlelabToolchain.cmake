@@ -12,7 +12,7 @@ endif()
 
 find_program(NEEDLELAB_CCACHE ccache)
 if(NEEDLELAB_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-  # without these it does not keep what was compiled with precompiled headers (no source of ours looks at __TIME__)
+  # Without these, ccache does not cache files that use precompiled headers (none of our sources uses __TIME__).
   set(CMAKE_CXX_COMPILER_LAUNCHER "${CMAKE_COMMAND}" -E env CCACHE_SLOPPINESS=pch_defines,time_macros "${NEEDLELAB_CCACHE}")
 endif()
 find_program(NEEDLELAB_MOLD mold)
@@ -22,7 +22,7 @@ endif()
 
 add_library(needlelab_flags INTERFACE)
 target_include_directories(needlelab_flags INTERFACE "${CMAKE_SOURCE_DIR}")
-# common/wire/asio_impl.cpp compiles Asio once; everybody else only sees declarations
+# common/wire/asio_impl.cpp compiles Asio once; all other files only see declarations.
 target_compile_definitions(needlelab_flags INTERFACE BOOST_ASIO_SEPARATE_COMPILATION BOOST_ASIO_NO_DEPRECATED)
 # Same inputs, same bits: no contraction into fused multiply-adds, no fast-math.
 target_compile_options(needlelab_flags INTERFACE -ffp-contract=off)
@@ -30,44 +30,48 @@ add_library(needlelab_warnings INTERFACE)
 target_compile_options(needlelab_warnings INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wold-style-cast -Wformat=2
   -Wdouble-promotion -Wcast-qual -Wimplicit-fallthrough -Werror)
-# GCC 12 takes Asio's coroutine frames, which have an allocator of their own, for a mismatch when it optimises (GCC bug 103993 and kin).
+# When GCC 12 optimises, it wrongly warns of mismatched new/delete for Asio's coroutine frames, which have their own
+# allocator (GCC bug 103993 and similar ones).
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   target_compile_options(needlelab_warnings INTERFACE -Wno-mismatched-new-delete)
 endif()
 
-# The presets that build a fresh checkout compile the files of a target in batches of eight (CMAKE_UNITY_BUILD) and reuse precompiled
-# headers: db/service takes 56 s of processor time so, and some 240 s file by file. `dev` does neither, so a missing #include shows there.
+# The presets that build a fresh checkout compile the files of a target in batches of eight (CMAKE_UNITY_BUILD) and
+# reuse precompiled headers: db/service then takes 56 s of processor time instead of about 240 s file by file. `dev`
+# does neither, so it finds a missing #include.
 if(CMAKE_UNITY_BUILD AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-  # said of each coroutine's frame with a local type, once a batch includes its file
+  # GCC gives this warning for each coroutine frame with a local type when a batch includes the file.
   target_compile_options(needlelab_warnings INTERFACE -Wno-subobject-linkage)
 endif()
 option(NEEDLELAB_PRECOMPILE "Compile the headers that most files read once" OFF)
 if(NEEDLELAB_PRECOMPILE AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-  # GCC 12 sees a string's own buffer overrun in operator+ of <string> (its bug 105651), and forgets that this is a system's
-  # header when the header was precompiled
+  # GCC 12 wrongly reports a buffer overrun in operator+ of <string> (GCC bug 105651); when the header is precompiled,
+  # it no longer treats it as a system header.
   target_compile_options(needlelab_warnings INTERFACE -Wno-array-bounds -Wno-stringop-overflow -Wno-stringop-overread)
 endif()
 
 if(NEEDLELAB_SANITIZE)
-  # at -O0: a file of the service compiles in 26 s instead of 37; what computes for long says OPTIMISED and gets -O1
+  # At -O0 a file of db/service compiles in 26 s instead of 37 s. Targets that compute for long are marked OPTIMISED and
+  # get -O1.
   add_compile_options(-fsanitize=${NEEDLELAB_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   add_link_options(-fsanitize=${NEEDLELAB_SANITIZE})
-  # ASan sees a null pointer and what lies beyond an object when it is touched; what UBSan adds there, and for the casts
-  # of classes (of which there are hardly any), takes a third of the time of a file of the server's
+  # ASan already finds accesses through a null pointer or beyond an object. UBSan's checks for these, and for casts of
+  # classes (we have hardly any), take a third of the compile time of a server file.
   if(NEEDLELAB_SANITIZE MATCHES "undefined")
     add_compile_options(-fno-sanitize=null,object-size,vptr)
   endif()
   # mold cannot link GCC's sanitizer start-up objects in every version; the default linker always can.
   add_link_options(-fuse-ld=bfd)
-  # the checks' own branches make GCC see uninitialised members of <regex> and kin; the release build looks for real ones
+  # The branches of the checks make GCC report uninitialised members in <regex> and similar headers; the release build
+  # looks for real ones.
   target_compile_options(needlelab_warnings INTERFACE -Wno-maybe-uninitialized)
   if(NEEDLELAB_SANITIZE MATCHES "thread")
     target_compile_options(needlelab_warnings INTERFACE -Wno-tsan)
   endif()
 endif()
 
-# Every file is instrumented, so that the fuzzer sees where it gets. Coroutines (and clang 14's check of function types)
-# do not go together; asserts stay on.
+# Every file is instrumented, so that the fuzzer sees its coverage. Coroutines and clang 14's check of function types do
+# not work together; asserts stay on.
 if(NEEDLELAB_FUZZ STREQUAL "coverage")
   add_compile_options(-fprofile-instr-generate -fcoverage-mapping -O1 -UNDEBUG)
   add_link_options(-fprofile-instr-generate -fuse-ld=bfd)
