@@ -11,8 +11,8 @@ namespace needlelab {
 /// The work of the parsed command line; returns the exit code. Messages go to stderr.
 using SimCommand = std::function<int()>;
 
-/// Each adds its subcommand to `app`; when that is chosen, `chosen` is set while parsing. Both must outlive
-/// the parsing.
+/// Each function adds its subcommand to `app`. Parsing sets `chosen` when the user picks that subcommand.
+/// Both must outlive the parsing.
 void addAccuracyCommand(CLI::App& app, SimCommand& chosen);
 void addRunCommand(CLI::App& app, SimCommand& chosen);
 void addFiguresCommand(CLI::App& app, SimCommand& chosen);

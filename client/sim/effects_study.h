@@ -37,8 +37,8 @@ Result<SceneSpec> effectsScene(const std::filesystem::path& profile);
 /// `compile`.
 Result<std::vector<EffectMask>> effectSets(const SceneSpec& scene, double rate_hz);
 
-/// Times each set over the same gesture, in turns, so that a slow moment falls on all. `progress` is told the
-/// share done.
+/// Times each set over the same gesture, in turns, so that a slow moment affects all sets. Reports the
+/// completed share to `progress`.
 Result<std::vector<EffectSetCost>> timeEffectSets(const SceneSpec& scene, double rate_hz,
                                                   const std::function<void(double)>& progress);
 
@@ -55,7 +55,7 @@ std::vector<MarginalCost> marginalCosts(const std::vector<EffectSetCost>& sets);
 
 /// For a terminal: sets from the cheapest on, then what each effect adds.
 std::string effectsTable(const std::vector<EffectSetCost>& sets);
-/// effects.csv and effects.png in `folder`, which exists. Errors: of the file system and of gnuplot.
+/// Writes effects.csv and effects.png into the existing `folder`. Errors: of the file system and of gnuplot.
 Status drawEffects(const std::vector<EffectSetCost>& sets, const std::filesystem::path& folder);
 
 }  // namespace needlelab

@@ -10,8 +10,8 @@
 
 namespace needlelab {
 
-/// A figure, ready to be written: the table, and what its plot file (client/sim/plots, by the figure's name)
-/// needs to know beside the table.
+/// A figure, ready to be written: the table, and further variables for its plot file (client/sim/plots, same
+/// name).
 struct Figure {
   std::string name;   ///< "fig07"
   std::string title;  ///< for a person

@@ -7,8 +7,8 @@
 
 namespace needlelab::test {
 
-/// Prints the table and writes it to DIR/<machine>/codec.md when `results` is not empty. The program's exit
-/// code: 1 when a goal was missed, 2 when there are no recordings or the file cannot be written.
+/// Prints the table and writes it to DIR/<machine>/codec.md when `results` is not empty. Returns the
+/// program's exit code: 1 for a missed goal, 2 without recordings or when the file cannot be written.
 int recordCodec(const std::filesystem::path& results, const std::string& commit);
 
 }  // namespace needlelab::test

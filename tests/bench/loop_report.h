@@ -1,4 +1,4 @@
-/// What the comparison of haptic loop and cyclictest says, against the goals of tests/bench/README.md.
+/// Report of the comparison between haptic loop and cyclictest, judged by the goals of tests/bench/README.md.
 #pragma once
 
 #include <string>

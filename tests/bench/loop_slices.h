@@ -54,13 +54,13 @@ struct LoopBenchResult {
   std::vector<RtStep> realtime;  ///< of the loop's thread in the last slice
 };
 
-/// One slice of cyclictest (rt-tests): same priority, interval and memory lock; it, too, holds the cores out
-/// of deep sleep. Its histogram has buckets of 1 µs, each counted at its middle. Errors: kUnavailable when it
-/// is not there or may not run at this priority.
+/// One slice of cyclictest (rt-tests): same priority, interval and memory lock; it also keeps the cores out
+/// of deep sleep. Its histogram has buckets of 1 µs, each counted at its middle. Errors: kUnavailable when
+/// cyclictest is missing or may not run at this priority.
 Result<Wakeups> runCyclictest(const LoopBenchOptions& options);
 
-/// All slices. `progress` is called before each. Errors: kUnavailable, also when FIFO is not permitted: the
-/// comparison would say nothing.
+/// All slices. `progress` is called before each. Errors: kUnavailable, also when FIFO is not permitted,
+/// because the comparison would be meaningless.
 Result<LoopBenchResult> runLoopBench(const LoopBenchOptions& options,
                                      const std::function<void(const std::string&)>& progress);
 

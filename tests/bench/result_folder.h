@@ -1,4 +1,4 @@
-/// Where the benchmarks' results of this machine lie.
+/// The folder of this machine's benchmark results.
 #pragma once
 
 #include <string>

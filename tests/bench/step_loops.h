@@ -1,4 +1,4 @@
-/// Gestures for the benchmarks of the tick: a way in, and a loop that is repeated in the tissue.
+/// Gestures for the benchmarks of the tick: an approach, and a loop that repeats in the tissue.
 #pragma once
 
 #include <memory>
@@ -25,17 +25,17 @@ struct StepLoop {
 StepLoop layersLoop(const SceneSpec& scene, double rate_hz = 1000);
 /// The needle tilted beyond the cone at every tick.
 StepLoop torqueLoop();
-/// The tip goes round: the trajectory turns at every tick.
+/// The tip moves in a circle: the trajectory turns at every tick.
 StepLoop turnLoop();
-/// The same further out: every turn is held back by the cone, which takes a bisection.
+/// As above, further out: the cone limits every turn, which takes a bisection.
 StepLoop heldTurnLoop();
-/// Pressed on there by a hand at rest: the cone allows no turn, or a little of one with the tremor.
+/// A resting hand presses at the cone's limit: the cone allows no turn, or a small one with the tremor.
 StepLoop pressedLoop();
 
-/// A loop that runs: the way in is done.
+/// A running loop, after the approach.
 class LoopRun {
  public:
-  /// Errors: as of `compile`; kFailed when a tick of the loop does not do what `all_of` and `none_of` say.
+  /// Errors: as of `compile`; kFailed when a tick of the loop violates `all_of` or `none_of`.
   static Result<std::unique_ptr<LoopRun>> start(const StepLoop& loop);
 
   void tick() {
@@ -46,7 +46,7 @@ class LoopRun {
   [[nodiscard]] const SceneModel& model() const { return model_; }
   [[nodiscard]] const StepReport& report() const { return report_; }
   [[nodiscard]] std::size_t ticks() const { return loop_.size(); }
-  /// Takes model, state, sample and report out of all caches.
+  /// Flushes model, state, sample and report from all caches.
   void flush() const;
 
  private:

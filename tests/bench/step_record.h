@@ -11,12 +11,12 @@ struct RecordOptions {
   std::string commit;             ///< `--commit TEXT`
 };
 
-/// Takes its own options out of the command line; the rest is Google Benchmark's.
+/// Removes its own options from the command line; the rest belongs to Google Benchmark.
 RecordOptions takeRecordOptions(int& argc, char** argv);
 
 /// FOLDER/<machine>/step.json (Google Benchmark's) and README.md, a table with the goals of
-/// tests/bench/README.md. Gives the exit code: 0, 1 when writing failed or a benchmark could not run, 2 for a
-/// wrong command line.
+/// tests/bench/README.md. Returns the exit code: 0; 1 when writing failed or a benchmark could not run; 2 for
+/// a wrong command line.
 int runAndRecord(const RecordOptions& options, int argc, char** argv);
 
 }  // namespace needlelab::test

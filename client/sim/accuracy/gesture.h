@@ -41,12 +41,12 @@ struct StudyGesture {
 };
 StudyGesture studyGesture(const SceneSpec& spec, std::uint64_t seed, double rate_hz);
 
-/// In by a third to nine tenths of the depth, strokes of 0.5 to 3 mm there and back without a rest, and out:
-/// the tissue sticks and gives way, the tip hardly cuts.
+/// Inserts to a third to nine tenths of the depth, makes strokes of 0.5 to 3 mm back and forth without a
+/// rest, and withdraws. The tissue sticks and yields; the tip hardly cuts.
 StudyGesture strokeGesture(const SceneSpec& spec, std::uint64_t seed, double rate_hz);
 
-/// The force along the trajectory that the profile's numbers name, without the springs by which a model gets
-/// there: −f_cut of the layer on the way in, +f_att on the way out, in a rest the fall from there to f_rej
+/// The force along the trajectory that the profile prescribes, without the springs that a model uses to reach
+/// it: −f_cut of the layer on the way in, +f_att on the way out, in a rest the fall from there to f_rej
 /// (FORCE_MODEL.md, "Tracking wall": after the dwell; linear in the stop's duration, or exponential to the
 /// residual). Zero outside. It jumps at layers, as the profile does. Thread: one.
 class ForceProfile {
@@ -89,16 +89,15 @@ struct StudyLesson {
   std::vector<GestureSample> samples;
 };
 
-/// A hand in closed loop in the paper's six layers, some 30 s, with exact encoders. The time that device and
-/// engine took is made up (8-12 µs and 30-430 ns, from a seed), so that these columns are as restless as a
-/// real loop's.
+/// A hand in closed loop in the paper's six layers, some 30 s, with exact encoders. The times of device and
+/// engine are synthetic (8-12 µs and 30-430 ns, from a seed), so that these columns vary as in a real loop.
 Result<StudyLesson> generatedLesson();
 
 /// The recorded hand movements of a real Virtuose (`DATA/virtuose`), played through a ball of the paper's
-/// tissue around the point farthest from the start. Empty when they are not there.
+/// tissue around the point farthest from the start. Empty when the recordings are missing.
 Result<std::vector<StudyLesson>> recordedLessons(const AccuracyOptions& options);
 
-/// The poses of `samples` through gate and engine again; the force on the hand of each, in N.
+/// Runs the poses of `samples` through gate and engine again. Returns the force on the hand for each, in N.
 std::vector<Vec3> recomputedForces(const SceneModel& model, const std::vector<GestureSample>& samples);
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-/// Log-log diagrams of the accuracy pictures: where everything stands in pixels, so that no name covers
-/// another or a point, as the data that accuracy.gp reads.
+/// Layout of the log-log diagrams in the accuracy pictures, in pixels: no label covers another label or a
+/// point. The result is the data file that accuracy.gp reads.
 #pragma once
 
 #include <cstddef>
@@ -63,15 +63,15 @@ struct PlacedLabel {
   bool needs_line = false;  ///< so far from its point that a line must join them
 };
 
-/// Where names may stand, and what else is there.
+/// The area for the labels, and the lines in it.
 struct LabelSpace {
   PixelBox frame;                      ///< names stay within
   std::vector<PixelBox> lines;         ///< should stay readable: covered only where no other place is free
   double letter_px = 8, line_px = 15;  ///< size of a letter
 };
 
-/// Places `labels[i]` near `points[i]` (empty ones are left out), the nearest free place first: never over
-/// another name or a point. A label without a free place is left out.
+/// Places `labels[i]` near `points[i]` (empty labels are skipped), at the nearest free place: never over
+/// another label or a point. A label without a free place is left out.
 std::vector<PlacedLabel> placeLabels(const std::vector<PixelPoint>& points,
                                      const std::vector<std::string>& labels, const LabelSpace& space);
 

@@ -1,4 +1,4 @@
-/// Rows that may be compared, and those of them that nothing beats in both cost and error.
+/// Groups of comparable rows, and their Pareto front in cost and error.
 #pragma once
 
 #include <optional>
@@ -10,7 +10,7 @@
 namespace needlelab {
 
 /// The cost of a row: processor time for a millisecond of the lesson, which is one tick at 1 kHz. In ns.
-/// Nothing when it was not measured.
+/// Empty when it was not measured.
 std::optional<double> costOf_ns(const AccuracyRow& row);
 
 /// The choice that a row stands for, as text: "VOIGT", "10 kHz", "1 µm", "lossless", "20 ms", "2,000 nodes".
@@ -23,8 +23,8 @@ struct RowGroup {
   std::vector<const AccuracyRow*> rows;
   std::vector<std::string> names;  ///< of the rows: choiceOf, with the variant where that is not unique
 
-  /// Whether it compares different choices that advise; else it is one of them beside its reference, or an
-  /// extrapolation.
+  /// True if the group compares different choices that advise. False for a single choice beside its
+  /// reference, and for an extrapolation.
   [[nodiscard]] bool compares() const;
 };
 /// In order of first appearance. The rows must outlive the groups.
@@ -34,15 +34,16 @@ std::vector<RowGroup> groupsOf(const AccuracyRows& rows);
 struct CostError {
   double cost = 0, error = 0;
 };
-/// Which of `points` no other beats: none has less of one and not more of the other. Points that are equal in
-/// both are on it together. A point with a measure that is not finite never is.
+/// The Pareto front of `points`: no other point has less of one measure and not more of the other. Points
+/// that are equal in both measures are on the front together. A point with a non-finite measure is never on
+/// the front.
 std::vector<bool> paretoFront(const std::vector<CostError>& points);
 
-/// The front of a group in cost and rms error; a row that lacks one of them is not on it,
-/// nor is the finest mesh, whose error is 0 by definition.
+/// The Pareto front of a group in cost and rms error. Rows that lack one of the two are excluded, and so is
+/// the finest mesh, because its error is 0 by definition.
 std::vector<bool> paretoFront(const RowGroup& group);
 
-/// The row of a group that the rule of its study takes, and why.
+/// The row of a group that its study's rule picks, and the reason.
 struct Advice {
   const AccuracyRow* row = nullptr;  ///< null: nothing can be said
   bool is_choice = false;            ///< the group compares different choices
@@ -51,15 +52,13 @@ struct Advice {
 };
 
 /// The rules, among the rows that fit their rate:
-/// - model: the cheapest whose rms error nobody notices (`noticeable_n`) and whose force, where that is
-/// measured,
-///   never steps by more; else the least error.
+/// - model: the cheapest row with an rms error and a force step (where measured) below `noticeable_n`;
+///   otherwise the least error.
 /// - rate: as for a model, and theory must allow twice the scene's stiffness (`stiffness_margin`).
-/// - mesh: the coarsest whose rms error nobody notices; else the finest.
-/// - storage: the fewest bytes whose rms error is at most a tenth of a noticeable force.
-/// - live: the least bandwidth whose p99 latency is below 25 ms, half of the 50 ms of tests/bench/README.md
-/// (server and
-///   network need the rest); else the least latency.
+/// - mesh: the coarsest with an rms error below `noticeable_n`; otherwise the finest.
+/// - storage: the fewest bytes with an rms error of at most a tenth of a noticeable force.
+/// - live: the least bandwidth with a p99 latency below 25 ms, half of the 50 ms of tests/bench/README.md
+///   (server and network need the rest); otherwise the least latency.
 Advice adviceFor(const RowGroup& group);
 
 /// A paragraph for each group, and one at the end that puts the choices together. Empty without rows.

@@ -1,5 +1,5 @@
-/// The accuracy report's comparison of models with recorded needle forces. Each part skips with a note where
-/// its recording is not there.
+/// The accuracy report's comparison of models with recorded needle forces. A part without its recording is
+/// skipped with a note.
 #pragma once
 
 #include <filesystem>
@@ -22,7 +22,7 @@ Result<AccuracyRows> recordedHoldRows(const AccuracyOptions& options, const Accu
 /// Puncture of a film: each needle predicted from the two others by a power law.
 Result<AccuracyRows> recordedFilmRows(const AccuracyOptions& options, const AccuracyProgress& progress,
                                       std::vector<std::string>& notes);
-/// The statistical model's draws against the distribution that they are to have. Needs no recording.
+/// The statistical model's draws against their specified distribution. Needs no recording.
 Result<AccuracyRows> statisticalRows(const AccuracyOptions& options, const AccuracyProgress& progress,
                                      std::vector<std::string>& notes);
 /// The epidural sample's table against the polynomials that it restates. Needs no recording.
@@ -41,13 +41,13 @@ struct RecordedPicture {
   std::vector<PlotVariable> variables;  ///< beside `data`
 };
 
-/// One for each recording that is in the folder, and those that need no recording. Fits again (about 2 s).
-/// Errors: as of the parts that give the rows.
+/// One picture for each recording in the folder, and the pictures that need no recording. Repeats the fits
+/// (about 2 s). Errors: as of the parts that give the rows.
 Result<std::vector<RecordedPicture>> recordedPictures(const AccuracyOptions& options,
                                                       const AccuracyProgress& progress);
 
-/// Writes `name.csv` of each picture into `folder`, which exists, and where gnuplot is on the PATH `name.dat`
-/// and `name.png`. Errors: a file that cannot be written; those of `drawPlot`.
+/// Writes `name.csv` of each picture into the existing `folder`, and also `name.dat` and `name.png` if
+/// gnuplot is on the PATH. Errors: a file that cannot be written; those of `drawPlot`.
 Status drawRecordedPictures(const std::vector<RecordedPicture>& pictures,
                             const std::filesystem::path& folder);
 

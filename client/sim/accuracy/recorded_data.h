@@ -1,5 +1,5 @@
-/// Recorded needle forces to compare models with (data/README.md says where they come from). They are no part
-/// of the repository: they are read from NEEDLELAB_DATA, or from ../shared/data.
+/// Recorded needle forces to compare models with (data/README.md says where they come from). They are not
+/// part of the repository: the program reads them from NEEDLELAB_DATA, or from ../shared/data.
 #pragma once
 
 #include <filesystem>
@@ -32,7 +32,7 @@ inline constexpr const char* kLiverHeartFile = "needle_force/bovine_liver_heart_
 inline constexpr const char* kHoldFile = "needle_force/insert_hold_withdraw.csv";
 inline constexpr const char* kFilmFile = "needle_force/film_puncture.csv";
 
-/// Whether `folder` has the file; and a message that says what to do when it has not.
+/// Returns whether `folder` has the file; otherwise a message tells the user how to provide it.
 bool hasRecording(const std::filesystem::path& folder, const char* file);
 std::string missingRecording(const std::filesystem::path& folder, const char* file);
 

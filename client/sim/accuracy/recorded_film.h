@@ -1,5 +1,5 @@
-/// Puncture of a test film by three needles: does the power law of force over outer diameter that two of them
-/// give predict the third?
+/// Puncture of a test film by three needles: fits a power law of force over outer diameter to two needles and
+/// predicts the third.
 #pragma once
 
 #include <array>
@@ -10,9 +10,8 @@
 
 namespace needlelab {
 
-/// The facts about a needle that are known beforehand: outer diameters of ISO 9626 hypodermic tubing as sold,
-/// and mean and standard deviation of single punctures as the recording's source states them
-/// (data/README.md).
+/// Known data of a needle: outer diameters of ISO 9626 hypodermic tubing as sold, and mean and standard
+/// deviation of single punctures as the recording's source states them (data/README.md).
 struct FilmNeedle {
   std::string name;
   double diameter_m = 0;

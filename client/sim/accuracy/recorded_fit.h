@@ -45,9 +45,9 @@ struct CurveBin {
   std::vector<std::size_t> rows;
 };
 
-/// Rows (at, value), ordered by `at`, in bins of `width` that do not straddle blocks of `block_width` (a
-/// multiple of `width`). A curve that was digitised has many rows where it is steep: bins weigh its parts
-/// alike.
+/// Sorts rows (at, value), ordered by `at`, into bins of `width` that do not straddle blocks of `block_width`
+/// (a multiple of `width`). A digitised curve has many rows where it is steep: the bins give all parts equal
+/// weight.
 std::vector<CurveBin> binned(const std::vector<double>& at, const std::vector<double>& value, double width,
                              double block_width);
 
@@ -58,8 +58,8 @@ struct CurveError {
   std::size_t bins = 0, rows = 0;
 };
 
-/// Error of `model` (its value at each row) over those bins for which `use` says so: per bin the mean of
-/// model − row.
+/// Error of `model` (its value at each row) over the bins that `use` selects: per bin the mean of model −
+/// row.
 CurveError curveError(const std::vector<CurveBin>& bins, const std::vector<double>& value,
                       const std::vector<double>& model, const std::function<bool(const CurveBin&)>& use);
 
@@ -87,8 +87,8 @@ StraightGesture constantSpeed(double from_m, double to_m, double speed_mps, doub
 /// The force at a fractional tick, linear between ticks, held at both ends.
 double forceAtTick(const AxialRun& run, double tick);
 
-/// A plane at z = 0, no effect listed, layers empty, sum capped at 50 N only: what fitted scenes begin with.
-/// Stops at 1 mm/s, since recordings move at 3 mm/s, which is the usual stop speed.
+/// The base of the fitted scenes: a plane at z = 0, no effects, no layers, the sum capped at 50 N. Stops at 1
+/// mm/s, since recordings move at 3 mm/s, which is the usual stop speed.
 SceneSpec fittedSceneBase();
 
 /// The time of a tick, of a model that ran along `gesture`.

@@ -1,5 +1,5 @@
-/// The hold's relaxation: how well the two ways of a stop (FORCE_MODEL.md, "Tracking wall") follow a recorded
-/// needle that holds still in tissue, and what can be said of the withdrawal after it.
+/// Compares the two stop modes (FORCE_MODEL.md, "Tracking wall") with the recorded relaxation of a needle
+/// that holds still in tissue, and the attracted force with the withdrawal after it.
 #pragma once
 
 #include <functional>

@@ -1,4 +1,5 @@
-/// Whether the statistical model's insertions are distributed as its section says: drawn through the engine.
+/// Checks that the statistical model's insertions follow the distribution in its section. The draws run
+/// through the engine.
 #pragma once
 
 #include <vector>
@@ -8,7 +9,8 @@
 
 namespace needlelab {
 
-/// A distribution that no recording stands behind, for checking the sampler: mean 0.8-3 N, sd 15-38 % of it.
+/// A synthetic distribution for checking the sampler (it has no recording as its source): mean 0.8-3 N, sd
+/// 15-38 % of it.
 StatisticalSpec syntheticStatistics();
 
 /// The log-normal law of a mean and a standard deviation: quantiles of its central 95 %.

@@ -14,7 +14,7 @@ namespace needlelab {
 /// columns that no row of the group fills are left out. `front` marks the Pareto front.
 std::string accuracyTables(const AccuracyRows& rows);
 
-/// All rows with the columns of the JSON, in its order. Texts in double quotes; empty where absent.
+/// All rows with the JSON's columns, in the same order. Texts in double quotes; empty where absent.
 std::string accuracyCsv(const AccuracyRows& rows);
 
 /// `text` in lines of at most `width` letters (UTF-8), each begun with `indent`.

@@ -1,4 +1,4 @@
-/// One row of the accuracy report: what one choice costs in time, and what it gives.
+/// One row of the accuracy report: one choice with its cost in time and its accuracy.
 #pragma once
 
 #include <algorithm>
@@ -65,7 +65,7 @@ struct AccuracyRow {
   std::optional<double> bytes_per_s;  ///< on the wire, framing and TLS included
   bool advises = true;                ///< false: shown, but no choice follows from it (an extrapolation)
   std::string uncertainty;            ///< a text with numbers; never empty
-  std::string cannot_show;            ///< what this row says nothing about; never empty
+  std::string cannot_show;            ///< limits of this row's evidence; never empty
 };
 
 using AccuracyRows = std::vector<AccuracyRow>;
@@ -77,8 +77,8 @@ void setTimes(AccuracyRow& row, const Timing& per_tick, double rate_hz);
 /// The row as JSON: its columns in their order; null where absent.
 nlohmann::ordered_json jsonOf(const AccuracyRow& row);
 
-/// Just noticeable difference at a force: 7 % from 2.5 N on (the literature: between 2.5 and 10 N); below
-/// that people tell relatively less apart, the difference is held at 0.175 N. In N.
+/// Just noticeable difference at a force: 7 % from 2.5 N on (the literature: between 2.5 and 10 N); below 2.5
+/// N people distinguish relatively less, so the difference is constant at 0.175 N. In N.
 double noticeableForce_N(double force_N);
 
 /// Root mean square and greatest of errors that are added one after the other.

@@ -13,7 +13,7 @@
 
 namespace needlelab {
 
-/// What every study is asked with.
+/// Options for every study.
 struct AccuracyOptions {
   bool long_form = false;      ///< more seeds, more repeats, larger meshes: minutes instead of seconds
   std::filesystem::path data;  ///< folder of the recordings (../shared/data); empty = not there
@@ -26,8 +26,8 @@ using AccuracyProgress = std::function<void(std::string_view doing, double share
 struct AccuracyPart {
   AccuracyStudy study;
   std::string_view name;  ///< of the part, e.g. "scene profile"
-  /// Rows in the order in which they are shown. Without the data that it needs: no rows, and a remark by
-  /// `note`. Thread: one. Deterministic but for what it measures in time.
+  /// Rows in display order. If the study's data are missing: no rows, and a remark by `note`. Thread: one.
+  /// Deterministic except for measured times.
   Result<AccuracyRows> (*run)(const AccuracyOptions& options, const AccuracyProgress& progress,
                               std::vector<std::string>& notes);
 };

@@ -1,4 +1,4 @@
-/// How far apart two small groups are, and how often chance alone would part them so.
+/// Effect size between two small groups, and its significance by permutation.
 #pragma once
 
 #include <cstddef>
@@ -22,8 +22,8 @@ struct Interval {
   double low = 0, high = 0;
 };
 /// 95 % percentile bootstrap of g: `resamples` draws with replacement within each group. Resamples without
-/// spread are drawn again. For groups as small as six it is too narrow; it shows the spread and is not a
-/// test.
+/// spread are drawn again. For groups as small as six the interval is too narrow; it shows the spread and is
+/// not a test.
 Interval bootstrapG(std::span<const double> a, std::span<const double> b, std::size_t resamples,
                     HandRandom& random);
 

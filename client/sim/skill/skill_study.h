@@ -1,5 +1,5 @@
-/// Do the measures tell a sure hand from an unsure one? Simulated hands of known skill, scored by the same
-/// code as people. A check of the machinery: nothing here says anything about people.
+/// Tests whether the measures separate a sure hand from an unsure one. The server's scoring code scores
+/// simulated hands of known skill. This checks the machinery only; it is not evidence about people.
 #pragma once
 
 #include <cstdint>
@@ -42,16 +42,17 @@ struct SkillRow {
   double rate_difference = 0, rate_share_of_spread = 0;
   double rate_tolerance = 0;  ///< the difference up to which it counts as the same (rateTolerance)
   [[nodiscard]] bool sameAtBothRates() const { return rate_difference <= rate_tolerance; }
-  /// It separates in the wrong direction: experts have more where less is better, or less where more is.
+  /// True if it separates in the wrong direction: experts have more where less is better, or less where more
+  /// is better.
   [[nodiscard]] bool againstItsDirection() const {
     return separates && ((better == "less" && hedges_g > 0) || (better == "more" && hedges_g < 0));
   }
 };
 
 /// How far a measure of the same movement may be off between 500 Hz and 2 kHz, in its unit. Set by hand,
-/// below what a requirement is set to by whole steps: 5 ms, 0.2 mm, 5 mm², 0.1 N (a peak may fall between two
-/// ticks), 2 mm/s, 5 µJ, 0.5 % of a share, 0.5 of SPARC and of LDLJ (sums over a spectrum, and a logarithm);
-/// counts must be the same.
+/// below the usual steps of a requirement: 5 ms, 0.2 mm, 5 mm², 0.1 N (a peak may fall between two ticks), 2
+/// mm/s, 5 µJ, 0.5 % of a share, 0.5 of SPARC and of LDLJ (sums over a spectrum, and a logarithm); counts
+/// must be the same.
 double rateTolerance(const std::string& measure, const std::string& unit);
 
 struct SkillReport {

@@ -1,4 +1,4 @@
-/// A hard case (tests/stability/README.md): what it is, and what running it gives.
+/// A hard case (tests/stability/README.md) and the results of its runs.
 #pragma once
 
 #include <functional>
@@ -15,8 +15,8 @@
 
 namespace needlelab {
 
-/// Whether the model stops the needle where the force does not suffice; the others' force stays what the
-/// depth says.
+/// True if the model stops the needle where the force does not suffice. The other models' force depends on
+/// the depth alone.
 bool hasStop(AxialModel model);
 
 enum class Verdict {
@@ -125,7 +125,7 @@ class CaseTally {
   void add(const PlantRun& run, TimeWindow window, double measured, const std::string& label) {
     add(run, window, measured, label, growsIn(run, window));
   }
-  /// The same, for runs that are meant to swing: the caller says whether one grows.
+  /// As above, for runs that are expected to swing: the caller decides whether a run grows.
   void add(const PlantRun& run, TimeWindow window, double measured, const std::string& label, bool growing);
   /// The row, judged; at least one run was added.
   [[nodiscard]] CaseOutcome finish();

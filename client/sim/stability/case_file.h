@@ -1,5 +1,5 @@
-/// tests/stability/cases.json: scenes, paths, durations, filters, limits and seeds of the hard cases stand
-/// there, once. It is compiled into the program.
+/// Reads tests/stability/cases.json, the only place of the hard cases' scenes, paths, durations, filters,
+/// limits and seeds. The file is compiled into the program.
 #pragma once
 
 #include <filesystem>
@@ -53,8 +53,8 @@ struct PathChange {
   std::string speed_step = {};
 };
 
-/// Reads one case's entry. The first fault is kept and every reader gives something harmless from then on:
-/// read all that is needed, then ask `status()`. Field names are paths with dots: "window.from_s".
+/// Reads one case's entry. The entry keeps the first error, and every later read returns a harmless value:
+/// read everything, then check `status()`. Field names are paths with dots: "window.from_s".
 class CaseEntry {
  public:
   /// `case_name` must be in the file (kInvalidInput otherwise, through `status`).

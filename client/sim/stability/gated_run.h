@@ -1,5 +1,5 @@
-/// Samples as a device might give them, good and bad, through the gate to the device: FORCE_MODEL.md, "Gate",
-/// as a timeline that the force must keep to.
+/// Runs good and bad device samples through the gate, and checks the force against the timeline of
+/// FORCE_MODEL.md, "Gate".
 #pragma once
 
 #include <cmath>
@@ -46,8 +46,8 @@ struct FaultTimeline {
 };
 
 /// The greatest violation of the timeline in N; infinite when the fault is not raised or another one is, or
-/// when a force is not finite. Without a gate (a control) nobody raises it: then the forces alone are judged,
-/// as if it had been raised at the last tick allowed.
+/// when a force is not finite. A run without a gate (a control) never raises the fault. The check then judges
+/// the forces alone, as if the fault had come at the last tick allowed.
 double violationOf(const std::vector<GatedTick>& ticks, const FaultTimeline& timeline, bool with_gate);
 
 /// Put together piece by piece; starts upright, 5 mm outside. Ticks of 1 ms.
@@ -69,7 +69,7 @@ class DeviceScript {
     }
     return *this;
   }
-  /// For a while the device says something else: `change(sample, k)`, k from 0.
+  /// Changes the device's reports for a while: `change(sample, k)`, k from 0.
   template <typename Change>
   DeviceScript& with(double seconds, const Change& change) {
     for (std::size_t k = 0; k < ticksOf(seconds); ++k) {

@@ -28,7 +28,7 @@ struct BandFilter {
   double low_hz = 50, high_hz = 500;
   int order = 4;
 };
-/// The signal in the band. It starts as if it had stood at its first value for ever.
+/// Returns the filtered signal. The filter starts as if the signal had always had its first value.
 std::vector<double> bandPassed(std::span<const double> signal, double rate_hz, const BandFilter& band);
 
 /// RMS in the band over the window of a run; the filter starts at the run's beginning.
@@ -37,7 +37,7 @@ double chatterOf(const PlantRun& run, Vec3 direction, TimeWindow window, const B
 bool allFinite(const PlantRun& run);
 double maxForce_N(const PlantRun& run);
 
-/// How much of the force's step between two consecutive stepped ticks the springs do not explain: |Δf| −
+/// The part of the force step between two consecutive ticks that the springs do not explain: |Δf| −
 /// ΣK·|Δp|/slant, at least 0; 0 where the second tick has a declared release (rupture, layer change, exit).
 /// ΣK = `axial_stiffness` + the greater clamping stiffness; `slant` = c.
 double unexplainedStep_N(Vec3 p_before_m, const StepReport& before, Vec3 p_m, const StepReport& report,
@@ -45,7 +45,7 @@ double unexplainedStep_N(Vec3 p_before_m, const StepReport& before, Vec3 p_m, co
 /// The greatest of a run (straight insertions, slant 1).
 double maxUnexplainedStep_N(const PlantRun& run);
 
-/// The signal swells all the time: its AC part grows by a tenth from each quarter to the next, in all by
+/// True if the signal grows steadily: its AC part grows by a tenth from each quarter to the next, in all by
 /// half, and ends above `floor`.
 bool grows(std::span<const double> signal, double floor);
 

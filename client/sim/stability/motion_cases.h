@@ -1,5 +1,5 @@
-/// Prescribed motion: what the cases marked ° in tests/stability/README.md share. The tip goes where the case
-/// says, whatever the force is.
+/// Prescribed motion: common code of the cases marked ° in tests/stability/README.md. The tip follows the
+/// case's path, independent of the force.
 #pragma once
 
 #include <string>
@@ -38,11 +38,11 @@ Result<PassivityGesture> motionOf(const CaseSettings& settings, std::string_view
 /// The run under the passivity observer; `with_slant` false judges force steps by ΣK·|Δp| alone.
 PassivityRecord observed(const MotionRun& run, bool with_slant = true);
 
-/// Fills finite, greatest force, unexplained step and energy (the greater of net and of what an insertion had
-/// given at any moment).
+/// Fills finite, greatest force, unexplained step and energy (the greater of the net energy and the running
+/// maximum of any insertion).
 CaseRow rowOf(const PassivityRecord& record);
 
-/// Finite and greatest force of what went to the device.
+/// Fills finite and greatest force from the wrenches sent to the device.
 CaseRow rowOf(const std::vector<GatedTick>& ticks);
 
 /// Sets quantity, measured value and limit, and judges them.

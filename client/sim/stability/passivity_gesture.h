@@ -1,5 +1,5 @@
-/// A gesture as a person can read and write it: a scene and a few strokes of the needle's tip. The random
-/// gestures of the passivity observer are made, shrunk and kept in this form.
+/// A gesture in a readable form: a scene and a few strokes of the needle's tip. The passivity observer
+/// generates, shrinks and stores its random gestures in this form.
 #pragma once
 
 #include <array>
@@ -77,8 +77,8 @@ void visitAll(PassivityGesture& gesture, const NumberVisit& number);
 double wayBetween(const PassivityStroke& a, const PassivityStroke& b);
 double turnBetween(const PassivityStroke& a, const PassivityStroke& b);
 
-/// How big a gesture is to a reader: less is simpler. Strokes, effects and layers weigh most, then times that
-/// are not short, then the digits of its numbers.
+/// Complexity of a gesture for a reader: less is simpler. Strokes, effects and layers weigh most, then times
+/// that are not short, then the digits of its numbers.
 double sizeOf(const PassivityGesture& gesture);
 
 enum class LimbShape : std::uint8_t { kPlane, kSphere, kCapsule };
@@ -94,8 +94,8 @@ struct GestureRange {
   int fewest_strokes = 3, most_strokes = 12;
 };
 
-/// A random scene and gesture. Starts and ends outside. Numbers have three significant digits, so that what
-/// is written to a file is what was run.
+/// A random scene and gesture. Starts and ends outside. Numbers have three significant digits, so that the
+/// file holds exactly the gesture that ran.
 PassivityGesture randomGesture(std::uint64_t seed, LimbShape shape, const GestureRange& range = {});
 
 }  // namespace needlelab

@@ -1,6 +1,6 @@
-/// The passivity observer: what force and torque give to the hand, and the steps of the force that no spring
-/// explains (Hannaford and Ryu 2002 call the running sum of power the passivity observer; here it is read
-/// only).
+/// The passivity observer: sums the energy that force and torque give to the hand, and finds force steps that
+/// no spring explains. (Hannaford and Ryu 2002 call the running sum of power the passivity observer; here it
+/// only observes.)
 #pragma once
 
 #include <cstdint>
@@ -79,8 +79,9 @@ struct PassivityFinding {
 Result<PassivityRecord> runGesture(const PassivityGesture& gesture, AxialModel model,
                                    const ForceSourceFactory& source);
 
-/// The judged energy: the greatest of the whole gesture's net and of what any insertion had given at
-/// any moment since its entry. Stricter than the net energy, where what cutting takes may pay for a gift.
+/// The judged energy: the greater of the whole gesture's net energy and the running maximum of any insertion
+/// since its entry. This is stricter than the net energy, where energy lost in cutting can hide energy given
+/// to the hand.
 double judgedEnergy_J(const PassivityRecord& record);
 
 /// The first failed check, in the order of PassivityCheck.

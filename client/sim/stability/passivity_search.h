@@ -18,7 +18,7 @@
 
 namespace needlelab {
 
-/// A gesture that once failed, and how.
+/// A gesture that once failed, and its failure.
 struct CounterExample {
   std::string source;  ///< what gave the forces, e.g. "reference engine, TILT_WITHOUT_STATE"
   AxialModel model = AxialModel::kEnhancedTrackingWall;
@@ -43,7 +43,7 @@ struct ShrinkResult {
   std::size_t tried = 0, taken = 0;  ///< smaller gestures
 };
 
-/// `fails` must hold for `gesture` (and is asked at most `most_tries` times). Removes strokes, effects,
+/// `fails` must hold for `gesture`; it is called at most `most_tries` times. Removes strokes, effects,
 /// layers, membranes, tremor and encoder, replaces the limb by a plane, shortens, and rounds numbers, over
 /// and over until nothing helps. Each step makes `sizeOf` less, so it ends. Deterministic.
 ShrinkResult shrunk(const PassivityGesture& gesture,

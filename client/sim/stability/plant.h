@@ -1,4 +1,4 @@
-/// What gives the force in a hard case: the real engine, or in a test a variant of it with a planted defect.
+/// Force sources of the hard cases: the real engine, or in a test a variant with a planted defect.
 #pragma once
 
 #include <cstdint>
@@ -43,7 +43,7 @@ struct PlantOptions {
   std::uint64_t seed = 1;    ///< of jitter and missing ticks
 };
 
-/// All that one tick saw and did. Positions and forces are in W.
+/// The record of one tick. Positions and forces are in W.
 struct PlantTick {
   double time_s = 0;
   bool stepped = false;   ///< false: no update, or the gate rejected the sample; report as of the tick before

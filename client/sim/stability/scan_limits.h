@@ -36,7 +36,7 @@ struct RestLimitRow {
   double bound_N_per_m = 0;   ///< 2b/T
 };
 
-/// One model with more stiffness than it can have: what becomes of a nudge.
+/// The response to a nudge of one model beyond its largest stable stiffness.
 struct BeyondRow {
   AxialModel model = AxialModel::kEnhancedTrackingWall;
   double rate_hz = 0;

@@ -1,5 +1,5 @@
-/// What "stable" means in the scan of stiffness, said once: press on the tissue, nudge the needle, see
-/// whether the swing dies out.
+/// Defines "stable" for the stiffness scan: press on the tissue, nudge the needle, and check that the swing
+/// dies out.
 #pragma once
 
 #include <string_view>
@@ -10,8 +10,8 @@
 
 namespace needlelab {
 
-/// The hand presses into the tissue until wall and hand hold each other at `press_N`, and rests; then a short
-/// tap gives the handle `nudge_mps`; then it is watched. The scene's surface is z = 0, its tissue below.
+/// The hand presses into the tissue until wall and hand balance at `press_N`, and rests. Then a short tap
+/// gives the handle `nudge_mps`, and the run is watched. The scene's surface is z = 0, its tissue below.
 struct NudgeOptions {
   double press_N = 2;       ///< below the cutting force: an elastic wall holds it
   double settle_s = 1;      ///< rest before the tap
@@ -22,9 +22,9 @@ struct NudgeOptions {
 /// The options as they stand in a case's entry: press_n, settle_s, nudge_m_s, watch_s.
 NudgeOptions nudgeOptionsOf(CaseEntry& entry);
 
-/// The outcome of a nudge. A swing is how the needle moves along z (not what the encoders say of it) about
-/// its own mean of 0.3 s (a wall that relaxes lets the needle creep on, which is not a swing), as the
-/// peak-to-peak of the sine that has the same RMS.
+/// The outcome of a nudge. A swing is the needle's true motion along z (not the encoder readings) about its
+/// own mean of 0.3 s, as the peak-to-peak of a sine with the same RMS. A relaxing wall lets the needle creep
+/// on; creep is not a swing.
 struct NudgeOutcome {
   bool finite = true;
   Fault fault = Fault::kNone;
@@ -36,13 +36,12 @@ struct NudgeOutcome {
   bool stable = false;        ///< by `isStable`
 };
 
-/// Swings up to this many encoder steps peak-to-peak are what the encoder cannot tell from rest: a wall
-/// without friction never comes to a full rest in them.
+/// The encoder cannot tell swings up to this many encoder steps (peak-to-peak) from rest: a wall without
+/// friction never comes to a full rest within them.
 inline constexpr double kRestEncoderSteps = 4;
 
 /// Stable: finite, no fault, and at the end of the watch the swing is within `kRestEncoderSteps` or has
-/// become smaller by a twentieth since the middle. What swings on with one and the same amplitude is not
-/// stable.
+/// become smaller by a twentieth since the middle. A swing with constant amplitude is not stable.
 bool isStable(const NudgeOutcome& outcome, double encoder_step_m);
 
 struct NudgeRun {
@@ -82,13 +81,13 @@ double sampledStiffnessLimit(const LinearLoop& loop);
 inline constexpr double kMaxProfileStiffness_N_per_m = 10'000;  ///< of a profile (db/samples/README.md)
 
 /// What "K" is: K_t of the tracking wall and of the models that it renders (STATISTICAL, and PRECOMPUTED,
-/// whose table rises with K_t too), the section's stiffness of DIRECT, VOIGT and GOD_OBJECT, the stiffness up
-/// to puncture of FIRST_ORDER: all by likeForLike from K_t. FEM has no such number: its E and its compliance
-/// are scaled until a nudge feels K.
+/// where the table rises with K_t too), the section's stiffness of DIRECT, VOIGT and GOD_OBJECT, the
+/// stiffness up to puncture of FIRST_ORDER: all by likeForLike from K_t. FEM has no such number: its E and
+/// its compliance are scaled until a nudge feels K.
 class ScannedModel {
  public:
-  /// `scene` is the wall's. For FEM the mesh is solved here, and nudges with `plant` and `options` find out
-  /// what it is felt to have; kFailed when that is nothing.
+  /// `scene` is the wall's. For FEM the constructor solves the mesh and measures the felt stiffness by nudges
+  /// with `plant` and `options`; kFailed when no stiffness is felt.
   static Result<ScannedModel> prepare(const SceneSpec& scene, AxialModel model, const PlantOptions& plant,
                                       const NudgeOptions& options);
 

@@ -1,4 +1,4 @@
-/// The haptic chain on virtual time, device included: one tick after the other, nothing waits.
+/// The haptic chain with the device, on virtual time: the ticks run one after another without waiting.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +12,8 @@
 
 namespace needlelab {
 
-/// Runs until the device has finished, or for `max_ticks`. `model` was compiled for the rate that the device
-/// is opened with. Errors: those of the device's `open`; kFailed when the gate took the force away, with the
+/// Runs until the device has finished, or for `max_ticks`. `model` must be compiled for the rate of the
+/// opened device. Errors: those of the device's `open`; kFailed when the gate took the force away, with the
 /// tick and the reason.
 Result<std::vector<ChainTick>> runClosedLoop(const SceneModel& model, Device& device, const Pose& X_HT,
                                              std::uint64_t max_ticks);

@@ -1,5 +1,5 @@
-/// Pictures by gnuplot, a program that is found at run time: the plot files of client/sim/plots, and the
-/// tables that they read.
+/// Draws pictures with gnuplot, found at run time, from the plot files of client/sim/plots and the tables
+/// that they read.
 #pragma once
 
 #include <filesystem>
@@ -22,8 +22,8 @@ bool hasGnuplot();
 using PlotVariable =
     std::pair<std::string, std::variant<double, std::string, std::vector<double>, std::vector<std::string>>>;
 
-/// Draws `png` with the plot file `plot` ("fig07"). The picture appears when it is whole; the plot file sees
-/// its path as `png` beside the `variables`. Errors: kFailed with gnuplot's own message.
+/// Draws `png` with the plot file `plot` ("fig07"). The picture file appears only when it is complete; the
+/// plot file gets its path as `png`, besides the `variables`. Errors: kFailed with gnuplot's own message.
 Status drawPlot(std::string_view plot, const std::filesystem::path& png,
                 const std::vector<PlotVariable>& variables);
 
@@ -45,11 +45,11 @@ class PlotTable {
   std::string text_;
 };
 
-/// Data of a picture in blocks that a plot file finds by `index 'name;'` (gnuplot compares the first letters
-/// only, so that a name has to end in a mark). Tab-separated, so that texts may hold commas.
+/// Data of a picture in blocks. A plot file finds a block by `index 'name;'` (gnuplot compares the first
+/// letters only, so a name must end in a mark). Tab-separated, so that texts may hold commas.
 class PlotBlocks {
  public:
-  /// One row more of a block: the numbers, then the texts.
+  /// Adds a row to a block: the numbers, then the texts.
   void row(std::string_view block, std::initializer_list<double> numbers,
            std::initializer_list<std::string_view> texts = {});
   /// Rows of a block by columns; columns of unequal length end with the shortest.

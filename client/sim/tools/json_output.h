@@ -1,4 +1,4 @@
-/// The one shape of JSON that the subcommands write.
+/// The common JSON output of the subcommands.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -17,7 +17,7 @@ struct JsonOption {
 /// `option` must outlive the parsing.
 void addJsonOption(CLI::App& app, JsonOption& option);
 
-/// Writes `{"version", "machine", "rows"}` to where the option says.
+/// Writes `{"version", "machine", "rows"}` to the option's target.
 Status writeJson(const JsonOption& option, const nlohmann::ordered_json& rows);
 /// The same with the keys of `more` (an object) behind "rows".
 Status writeJson(const JsonOption& option, const nlohmann::ordered_json& rows,

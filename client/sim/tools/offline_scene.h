@@ -1,4 +1,4 @@
-/// A profile and a recorded trajectory, ready for the engine: what `run` and `score` start from.
+/// A profile and a recorded trajectory, ready for the engine; input of `run` and `score`.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -37,13 +37,13 @@ struct OfflineScene {
 /// Errors: kInvalidInput naming file, field, value and range.
 Result<OfflineScene> loadOffline(const OfflineOptions& options);
 
-/// The names of the axial models that there are, e.g. "ENHANCED_TRACKING_WALL".
+/// The names of all axial models, e.g. "ENHANCED_TRACKING_WALL".
 std::vector<std::string> axialModelNames();
 
 /// `options` must outlive the parsing.
 void addOfflineOptions(CLI::App& app, OfflineOptions& options);
 
-/// The profile's warnings, a line each on stderr.
+/// Prints the profile's warnings on stderr, one per line.
 void printWarnings(const OfflineScene& scene);
 
 /// The columns, with a newline.
