@@ -18,20 +18,20 @@
 namespace needlelab {
 
 struct ServerOptions {
-  std::filesystem::path data;               ///< DIR: database, tls/, lock
-  std::string listen = "127.0.0.1:7750";    ///< HOST:PORT; port 0 picks one
-  int listen_fd = -1;                       ///< a listening socket in place of `listen`; taken over
-  std::string metrics;                      ///< HOST:PORT for GET /metrics and /healthz; empty: none
-  std::filesystem::path metrics_port_file;  ///< written with the port of `metrics`; empty: none
-  WebSettings web;                          ///< for browsers
-  bool web_optional = false;  ///< when the port of `web` is taken, the server goes on without it
-  std::uint64_t min_free_bytes = 64u << 20;  ///< on the folder's disk; less: it does not start
+  std::filesystem::path data;             ///< DIR: database, tls/, lock
+  std::string listen = "127.0.0.1:7750";  ///< HOST:PORT; port 0 picks one
+  int listen_fd = -1;                     ///< use this listening socket instead of `listen`; takes ownership
+  std::string metrics;                    ///< HOST:PORT for GET /metrics and /healthz; empty: none
+  std::filesystem::path metrics_port_file;   ///< written with the port of `metrics`; empty: none
+  WebSettings web;                           ///< the port for browsers
+  bool web_optional = false;                 ///< when the port of `web` is taken, the server runs without it
+  std::uint64_t min_free_bytes = 64u << 20;  ///< on the folder's disk; with less the server does not start
   MonitorSettings monitor;
   std::filesystem::path port_file;      ///< written after listening; empty: none
-  std::vector<std::string> host_names;  ///< beside those that are found out, for the certificate
+  std::vector<std::string> host_names;  ///< for the certificate, in addition to those found automatically
   bool handle_signals = false;          ///< SIGTERM and SIGINT end run()
   std::size_t max_connections = 4096;
-  std::chrono::milliseconds drain{10'000};  ///< at the end; then connections are cut
+  std::chrono::milliseconds drain{10'000};  ///< at the end; then the server cuts the remaining connections
   ChannelLimits limits;
   ConnectionBounds bounds;
   HubSettings hub;
@@ -39,30 +39,31 @@ struct ServerOptions {
   Admission::Settings admission;  ///< its max_connections is the one above
   std::chrono::milliseconds token_lifetime = std::chrono::minutes(15);
   DbWriter::Options writer;
-  std::chrono::milliseconds heap_every{60'000};   ///< free memory goes back to the system, so often
+  std::chrono::milliseconds heap_every{60'000};   ///< interval at which free memory is returned to the system
   std::chrono::minutes retention_first{10};       ///< from the start to the first run of retention
-  std::chrono::minutes retention_every{24 * 60};  ///< between two runs; 0: only when somebody asks for one
+  std::chrono::minutes retention_every{24 * 60};  ///< between two runs; 0: only on request
 };
 
 class Server {
  public:
-  /// Makes or opens the folder, makes certificates, listens, writes the port file.
-  /// Errors: kInvalidInput (options), kUnavailable (port taken, folder in use), and those of Store::open.
+  /// Creates or opens the folder, makes certificates, listens, writes the port file. Errors: kInvalidInput
+  /// (options), kUnavailable (port taken, folder in use), and those of Store::open.
   static Result<std::unique_ptr<Server>> start(ServerOptions options);
   ~Server();
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
-  /// Serves until stop(), a signal, or a failure of the store. Returns the exit code. Once.
+  /// Serves until stop(), a signal, or a failure of the store. Returns the exit code. Call it once.
   int run();
 
-  /// Stop accepting, commit what was received, say Bye; then run() returns. Thread: any. May be repeated.
+  /// Stops accepting, commits the received chunks, sends Bye; then run() returns. Thread: any. May be called
+  /// repeatedly.
   void stop();
 
   [[nodiscard]] std::uint16_t port() const;
-  /// Of `metrics`; 0: not served.
+  /// The port of `metrics`; 0: not served.
   [[nodiscard]] std::uint16_t metricsPort() const;
-  /// Of `web`; 0: not served.
+  /// The port of `web`; 0: not served.
   [[nodiscard]] std::uint16_t webPort() const;
   [[nodiscard]] std::filesystem::path caFile() const;
   /// For tests, before run() or after it.

@@ -1,6 +1,5 @@
-/// The messages between systemd and a service: sockets that are handed over, and the state of the service.
-/// Nothing of it needs libsystemd; without systemd (no such variables) every function does nothing. Thread:
-/// any.
+/// Communication between systemd and this service: passed sockets and the service's state. Does not need
+/// libsystemd; without systemd (its variables are absent) every function does nothing. Thread: any.
 #pragma once
 
 #include <chrono>
@@ -12,17 +11,17 @@
 
 namespace needlelab {
 
-/// Listening stream sockets that systemd opened for this process (sd_listen_fds(3)): LISTEN_PID must be ours;
-/// the files begin at 3. They get FD_CLOEXEC, and the variables are removed: call it once, before threads. An
-/// error when a file among them is not a listening stream socket.
+/// Returns the listening stream sockets that systemd opened for this process (sd_listen_fds(3)): LISTEN_PID
+/// must be this process; descriptors begin at 3. Sets FD_CLOEXEC and removes the variables: call it once,
+/// before starting threads. Error when one of them is not a listening stream socket.
 Result<std::vector<int>> takeListenSockets();
 
-/// sd_notify(3): "READY=1", "STOPPING=1", "WATCHDOG=1", "STATUS=…", to $NOTIFY_SOCKET. False when there is
-/// none or it did not take the message.
+/// sd_notify(3): sends "READY=1", "STOPPING=1", "WATCHDOG=1", "STATUS=…" to $NOTIFY_SOCKET. False when the
+/// socket does not exist or did not accept the message.
 bool notifyManager(std::string_view state);
 
-/// How often "WATCHDOG=1" is due: half of WATCHDOG_USEC, as sd_watchdog_enabled(3) advises; nothing when the
-/// manager does not ask for it.
+/// Interval for "WATCHDOG=1": half of WATCHDOG_USEC, as sd_watchdog_enabled(3) advises; nothing when the
+/// manager has no watchdog for this service.
 std::optional<std::chrono::microseconds> watchdogPeriod();
 
 }  // namespace needlelab

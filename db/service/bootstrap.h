@@ -1,4 +1,4 @@
-/// The server's folder: made at the first start, locked by one process, opened with its writer, readers and
+/// The server's folder: created on the first start, locked by one process, opened with writer, readers and
 /// service.
 #pragma once
 
@@ -13,7 +13,8 @@
 
 namespace needlelab {
 
-/// An exclusive lock on DIR/lock (flock), held until destruction. The kernel drops it when the process dies.
+/// An exclusive lock on DIR/lock (flock), held until destruction. The kernel releases it when the process
+/// dies.
 class FolderLock {
  public:
   /// kUnavailable: "a server is running on DIR: use --server", with the holder's name and process id.
@@ -27,17 +28,17 @@ class FolderLock {
   int fd_;
 };
 
-/// DIR/needlelab.db, ready for use. Destruction drains the writer and frees the lock.
-/// Thread: open and destroy on one thread; its parts as each says.
+/// The open database DIR/needlelab.db. The destructor drains the writer and releases the lock. Thread: open
+/// and destroy on one thread; its parts as each says.
 class Store {
  public:
   struct Options {
-    std::string holder = "needlelab-server";  ///< who holds the lock, for the message to others
+    std::string holder = "needlelab-server";  ///< the lock's holder, for other processes' error messages
     bool create = true;                       ///< false: kNotFound when DIR has no database
     DbWriter::Options writer = {};
     DbWriter::OnFatal on_fatal = {};
   };
-  /// Makes DIR (0700) and the database (0600) when they are missing, runs the migrations, loads the sample
+  /// Creates DIR (0700) and the database (0600) when they are missing, runs the migrations, loads the sample
   /// profiles and curriculum into a new database. Errors: kUnavailable (locked), kVersion (newer schema),
   /// kCorrupt, kFailed.
   static Result<std::unique_ptr<Store>> open(const std::filesystem::path& folder, const Options& options);

@@ -1,5 +1,5 @@
-/// Records of people who were erased here since the records were made: an import does not bring them back.
-/// Private to this folder.
+/// Keeps an import from bringing back people who were erased after the records were made. Private to this
+/// folder.
 #pragma once
 
 #include <cstdint>
@@ -16,26 +16,27 @@
 
 namespace needlelab {
 
-/// Within one import, in the order of its records: people come first. Thread: the writer's.
+/// State of one import; records must come in import order, people first. Thread: the writer's.
 class ImportErasures {
  public:
-  /// The erasures that the store and the file beside it know. kCorrupt: there are some, and no key that says
-  /// of whom.
+  /// Reads the erasures from the database and the file beside it. kCorrupt: there are erasures, but the key
+  /// that identifies the people is missing.
   static Result<ImportErasures> open(Connection& writer);
 
   enum class Verdict {
-    kTake,     ///< perhaps with pseudonyms where names stood
-    kLeftOut,  ///< of somebody erased
+    kTake,     ///< perhaps with pseudonyms in place of names
+    kLeftOut,  ///< belongs to an erased person
   };
-  /// `record` has the types of its table. Changes names in it.
+  /// `record` has its table's types. May replace names in it by pseudonyms.
   Result<Verdict> look(const RecordTable& table, RecordJson& record);
-  /// Whether `there` differs from `record` only by what an erasure since then has made of it.
+  /// True when `there` differs from `record` only through a later erasure.
   [[nodiscard]] bool isErasuresWork(const RecordTable& table, const RecordJson& there,
                                     const RecordJson& record) const;
 
  private:
   explicit ImportErasures(Connection& writer) : writer_(writer) {}
-  /// The pseudonym of who had this name when the record was made; nothing: was not erased since.
+  /// The pseudonym of the person with this name at the time of the record; nothing: that person was not
+  /// erased since.
   std::optional<std::string> pseudonymOf(const std::string& name, std::int64_t made_unix_ns) const;
   Result<bool> isOfErased(const RecordTable& table, const RecordJson& record);
   Result<bool> isOfErasedSession(const std::string& id_digits);
@@ -44,9 +45,9 @@ class ImportErasures {
   Connection& writer_;
   std::optional<PseudonymKey> key_;
   std::vector<ErasureLine> lines_;
-  std::vector<ErasedNames> met_;          ///< those that the import holds
-  std::map<std::string, bool> sessions_;  ///< by id in digits: whether it is of somebody erased
-  std::set<std::string> session_texts_;   ///< ids of those that are, as the audit log has them
+  std::vector<ErasedNames> met_;          ///< found in this import
+  std::map<std::string, bool> sessions_;  ///< by id in digits: true when it belongs to an erased person
+  std::set<std::string> session_texts_;   ///< ids of those that do, in the audit log's form
 };
 
 }  // namespace needlelab

@@ -1,4 +1,5 @@
-/// Exports that go on over pages: whose they are, and what of them is written down. Private to this folder.
+/// Paged exports: binds each page to its user and request, and decides when to log a read. Private to this
+/// folder.
 #pragma once
 
 #include <array>
@@ -13,28 +14,29 @@
 
 namespace needlelab {
 
-/// A page of an export is only good for who began it, by the same request, at this program: so each export
-/// begins with its first page, and that is in the audit log. Thread: any.
+/// A page token is valid only for the user who began the export, for the same request, in this process. So
+/// each export begins with its first page, and the audit log records that. Thread: any.
 class ExportLedger {
  public:
-  /// With a key of its own: pages are good until the program ends.
+  /// Creates its own key: page tokens are valid until the program ends.
   ExportLedger();
 
-  /// `what`: the request, with all that decides about what it gives out. `place`: where it goes on.
+  /// `what`: the request, with everything that determines its result. `place`: the position to continue from.
   [[nodiscard]] std::string seal(const Principal& who, std::string_view what, std::string_view place) const;
-  /// The place; empty for an empty page, the first. kInvalidInput: a page that was not made by seal() of the
-  /// same request of the same person.
+  /// Returns the position; empty for an empty page token (the first page). kInvalidInput: seal() did not make
+  /// this token for the same request of the same person.
   [[nodiscard]] Result<std::string> open(const Principal& who, std::string_view what,
                                          std::string_view page) const;
 
-  /// Whether to write down that `who` reads `what` now: once an hour, for what is read in many requests.
+  /// True when the audit log should record that `who` reads `what` now: once an hour, for data that takes
+  /// many requests to read.
   bool isNew(const Principal& who, std::string_view what, std::int64_t now_unix_ns);
 
  private:
   [[nodiscard]] std::string seal16(const Principal& who, std::string_view what, std::string_view place) const;
   std::array<unsigned char, 32> key_{};
   std::mutex mutex_;
-  std::map<std::string, std::int64_t> noted_;  ///< guarded by mutex_: when
+  std::map<std::string, std::int64_t> noted_;  ///< guarded by mutex_: time of the last entry
 };
 
 }  // namespace needlelab

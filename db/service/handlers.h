@@ -1,5 +1,5 @@
-/// One function a call. The role has been checked; what depends on whose data it is, is checked here.
-/// Private to this folder.
+/// One function per call. The caller has checked the role; the functions check whose data the request
+/// concerns. Private to this folder.
 #pragma once
 
 #include <atomic>
@@ -25,7 +25,7 @@ class ExportLedger;
 
 namespace needlelab::handlers {
 
-/// The tools of a handler, for one request.
+/// A handler's tools for one request.
 struct Context {
   const Principal& who;
   DbWriter& writer;
@@ -33,29 +33,29 @@ struct Context {
   std::int64_t now_unix_ns;
   std::string_view action;  ///< for the audit log
   ExportLedger& exports;
-  const std::atomic<bool>* cancelled = nullptr;  ///< set when the program ends: long reads are given up
+  const std::atomic<bool>* cancelled = nullptr;  ///< set when the program ends: cancels long reads
   ReferencePaths* paths = nullptr;               ///< of reference sessions
 };
 
-/// Runs `work` on the writer with a line in the audit log, both or neither; returns after the commit.
+/// Runs `work` on the writer and adds a line to the audit log, both or neither; returns after the commit.
 Status write(const Context& context, const std::string& subject, const std::string& detail,
              const std::function<Status(Connection&)>& work);
 
-/// The same for an edit: a conflict's message says what the change that came first was, as the audit log has
-/// it.
+/// The same for an edit: a conflict's message describes the earlier change as in the audit log.
 Status edit(const Context& context, const std::string& subject, const std::string& detail,
             const std::function<Status(Connection&)>& work);
-/// A reply that says only that it was done.
+/// A reply that only confirms success.
 pb::Reply doneReply();
-/// kDenied unless `role` may be given, or taken away, or its password set by who asks: an administrator may
-/// all, a curriculum manager those up to its own but not researchers.
+/// kDenied unless the requester may assign or remove `role`, or set the password of a person with it. An
+/// administrator may for all roles; a curriculum manager for roles up to its own, but not for researchers.
 Status mayManage(const Context& context, pb::Role role);
-/// The same for a role that is taken away for another one: a curriculum manager takes none from its equals.
+/// The same for replacing one role by another: a curriculum manager cannot change the role of another
+/// curriculum manager.
 Status mayChangeRole(const Context& context, pb::Role from, pb::Role to);
 /// The differences between two states of a group, as text: for the audit log and for the person whose edit
-/// came second.
+/// conflicts.
 std::string groupChange(const pb::Group& before, const pb::Group& after);
-/// kDenied for a trainee or a researcher who asks for somebody else's. `what`: "results".
+/// kDenied when a trainee or a researcher asks for another person's data. `what`: "results".
 Status ownOnly(const Context& context, const std::string& name, const std::string& what);
 
 /// A session id from the network. kInvalidInput when the bytes are not one.
@@ -76,7 +76,7 @@ Result<pb::Reply> getGroup(const Context& context, const pb::GetGroup& call);
 Result<pb::Reply> listGroups(const Context& context, const pb::ListGroups& call);
 Result<pb::Reply> removeGroup(const Context& context, const pb::RemoveGroup& call);
 
-// stations, and messages to them, which the server delivers: station_handlers.cpp
+// stations, and messages to them (the server delivers those): station_handlers.cpp
 Result<pb::Reply> addStation(const Context& context, const pb::AddStation& call);
 Result<pb::Reply> revokeStation(const Context& context, const pb::RevokeStation& call);
 Result<pb::Reply> listStations(const Context& context, const pb::ListStations& call);
@@ -132,10 +132,10 @@ Result<pb::Reply> annotate(const Context& context, const pb::Annotate& call);
 Result<pb::Reply> listAnnotations(const Context& context, const pb::ListAnnotations& call);
 Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call);
 
-/// A session by its id from the network, as this person may see it: a trainee its own only; others are as if
-/// they were not there.
+/// A session by its id from the network, if this person may see it: a trainee sees only its own, and gets the
+/// error for unknown sessions for others.
 Result<pb::SessionInfo> visibleSession(const Context& context, const std::string& bytes);
-/// A reply must fit into a message of 1 MiB together with its envelope.
+/// Maximum size of a reply: it must fit into a 1 MiB message with its envelope.
 inline constexpr std::size_t kMaxReplyBytes = (1u << 20) - 4096;
 
 // --- lists that are longer than a message come in pages (control.proto)
@@ -143,7 +143,7 @@ inline constexpr std::size_t kMaxReplyBytes = (1u << 20) - 4096;
 /// Counts the bytes of a page's rows.
 class PageRoom {
  public:
-  /// False: the page is full, `row_bytes` more do not fit. The first row always does.
+  /// False: the page is full and cannot take `row_bytes` more. The first row always fits.
   bool take(std::size_t row_bytes) {
     const bool fits = bytes_ == 0 || bytes_ + row_bytes <= kMaxReplyBytes;
     if (fits) bytes_ += row_bytes + 8;
@@ -154,7 +154,7 @@ class PageRoom {
   std::size_t bytes_ = 0;
 };
 
-/// A page that is a number: a position in a list, or an id. 0 for the first page. kInvalidInput.
+/// Parses a numeric page token: a position in a list, or an id. 0 for the first page. kInvalidInput.
 inline Result<std::uint64_t> numberOfPage(const std::string& page) {
   std::uint64_t number = 0;
   if (page.empty()) return number;

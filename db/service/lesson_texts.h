@@ -1,4 +1,4 @@
-/// Profiles and curricula from text to what the stores keep. Private to this folder.
+/// Converts profile and curriculum texts to the stores' records. Private to this folder.
 #pragma once
 
 #include <cstdint>
@@ -14,20 +14,22 @@ namespace needlelab {
 /// The author of the samples in a new database.
 inline constexpr const char* kSampleAuthor = "needlelab";
 
-/// Validated and canonical; `revision` is 0. `source` names the text in messages. kInvalidInput.
+/// Validates and canonicalises a profile; `revision` is 0. `source` names the text in messages.
+/// kInvalidInput.
 Result<StoredProfile> storedProfileOf(std::string_view json, std::string_view source,
                                       const std::string& author, std::int64_t now_unix_ns);
-/// The same; requirements must name measures that exist.
+/// The same for a curriculum; its requirements must name existing measures.
 Result<StoredCurriculum> storedCurriculumOf(std::string_view json, std::string_view source,
                                             const std::string& author, std::int64_t now_unix_ns);
 
-/// ": layers, name": the fields of the outermost object that differ; empty when `before` is.
+/// ": layers, name": the top-level fields that differ; empty when `before` is empty.
 std::string changedFields(std::string_view before, std::string_view after);
 
-/// A stored profile with the exercise's needle in place of its own. kInvalidInput: they do not go together.
+/// A stored profile with the exercise's needle in place of its own. kInvalidInput: profile and needle do not
+/// fit together.
 Result<std::string> profileWithNeedle(const std::string& profile_json, const pb::Exercise& exercise);
 
-/// Stores the samples that the binary holds (db/samples/*.json). In a transaction of the writer.
+/// Stores the samples embedded in the binary (db/samples/*.json). In a transaction of the writer.
 Status storeSamples(Connection& writer, std::int64_t now_unix_ns);
 
 }  // namespace needlelab

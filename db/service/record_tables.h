@@ -1,5 +1,5 @@
-/// Rows of the store as JSON records, one object each, and back: "kind" says which table. Exact both ways.
-/// Private to this folder.
+/// Converts rows of the database to JSON records and back, without loss. One object per row; "kind" names the
+/// table. Private to this folder.
 #pragma once
 
 #include <cstdint>
@@ -15,65 +15,65 @@ namespace needlelab {
 
 using RecordJson = nlohmann::ordered_json;
 
-/// How a column is written.
+/// A column's JSON form.
 enum class RecordColumnKind : std::uint8_t {
   kInteger,
   kReal,
   kText,
-  kHex,      ///< bytes, as digits
-  kSession,  ///< the row number of a session, as the session's id in digits
-  kCounter,  ///< of a session: a whole number, which stands in session_progress while the session is open
+  kHex,      ///< bytes, as hexadecimal digits
+  kSession,  ///< a session's row number, written as the session's id in digits
+  kCounter,  ///< a session's whole-number counter, stored in session_progress while the session is open
 };
 
 struct RecordColumn {
   std::string_view name;
   RecordColumnKind kind = RecordColumnKind::kText;
   bool is_key = false;
-  bool secret = false;  ///< hashes of passwords and keys: only when asked for
+  bool secret = false;  ///< hashes of passwords and keys: exported only on request
 };
 
-/// The name of a column in a record; the record's "kind" names the table.
+/// A column's name in a record. The record's "kind" names the table.
 std::string_view fieldOf(const RecordColumn& column);
 
 struct RecordTable {
   std::string_view kind, table;
   std::span<const RecordColumn> columns;
-  std::string_view only;  ///< a condition on the rows; empty: all
-  std::string_view
-      of_person;  ///< a condition on the rows that are a person's, its name as ?1; empty: none are
+  std::string_view only;       ///< a condition on the rows; empty: all
+  std::string_view of_person;  ///< a condition that selects a person's rows, with the name as ?1; empty: no
+                               ///< row belongs to a person
 };
 
-/// In an order in which they can be read in again: what is referred to comes first.
+/// In import order: a table comes after the tables that it refers to.
 std::span<const RecordTable> recordTables();
 /// Null for an unknown kind.
 const RecordTable* recordTable(std::string_view kind);
 
-/// "SELECT … FROM … WHERE … ORDER BY …" of a table's records; `where` may be empty.
+/// "SELECT … FROM … WHERE … ORDER BY …" for a table's records; `where` may be empty.
 std::string selectRecords(const RecordTable& table, std::string_view where, bool secrets);
-/// The same, bound: of `person` (may be null) where the condition has a ?1, and only rows behind `keys`
-/// (null: all), which are as keysOf() gave them. kInvalidInput.
+/// The same, with bound values: of `person` (may be null) where the condition has a ?1, and only rows after
+/// `keys` (null: all), in the form of keysOf(). kInvalidInput.
 Result<Statement> recordsAfter(Connection& connection, const RecordTable& table, const std::string& where,
                                const std::string* person, const RecordJson& keys, bool secrets);
-/// The fields that a record is known by.
+/// The record's key fields.
 RecordJson keysOf(const RecordTable& table, const RecordJson& record);
-/// The present row of such a statement.
+/// The current row of such a statement, as a record.
 RecordJson recordOf(const RecordTable& table, const Statement& row, bool secrets);
 
-/// The row that has the record's key, as a record; null when no row has it. kInvalidInput: a key is missing
-/// or of a wrong type.
+/// The stored row with the record's key, as a record; null when no row has that key. kInvalidInput: a key is
+/// missing or has a wrong type.
 Result<RecordJson> storedRecord(Connection& connection, const RecordTable& table, const RecordJson& record,
                                 bool secrets);
-/// Stores it. kInvalidInput: an unknown field, a wrong type, what the schema refuses.
+/// Stores the record. kInvalidInput: an unknown field, a wrong type, a violation of the schema.
 Status insertRecord(Connection& writer, const RecordTable& table, const RecordJson& record);
 Status removeRecord(Connection& writer, const RecordTable& table, const RecordJson& record);
 
-// --- record_checks.cpp: what the schema cannot say of a record that is read in
+// --- record_checks.cpp: checks of imported records beyond the schema
 
-/// kInvalidInput, naming the field: every field has its column's type, every text is one, numbers are in
-/// their ranges. Never throws.
+/// kInvalidInput, naming the field, unless every field has its column's type, every text is valid and numbers
+/// are in range. Never throws.
 Status checkFields(const RecordTable& table, const RecordJson& record);
-/// The same of what the fields hold, before a record is stored: names, and what is read later as JSON or as a
-/// message. After checkFields().
+/// Checks the fields' contents before a record is stored: names, JSON texts and stored messages. After
+/// checkFields().
 Status checkRecord(const RecordTable& table, const RecordJson& record);
 
 }  // namespace needlelab

@@ -1,5 +1,4 @@
-/// The tip's paths of reference sessions, read once and kept: what gestures are compared with. Private to
-/// this folder.
+/// A cache of the tip's paths in reference sessions, for comparison with gestures. Private to this folder.
 #pragma once
 
 #include <map>
@@ -15,22 +14,24 @@
 
 namespace needlelab {
 
-/// A gesture is compared with so many reference sessions at most, the first ones of the list.
+/// Maximum number of reference sessions in a comparison: the first ones of the list.
 inline constexpr int kMostReferencePaths = 20;
 
-/// A stored recording never changes, so that a path that was read stays true. Thread: every function is
-/// thread-safe; a path that is not known yet is read while others go on.
+/// A stored recording never changes, so a cached path stays valid. Thread: every function is thread-safe;
+/// other calls continue while one reads a path that is not cached.
 class ReferencePaths {
  public:
-  /// Of one session. Empty: never in tissue, or its original is gone, damaged or too long to be scored.
+  /// The path of one session. Empty: never in tissue, or its original is gone, damaged or too long to be
+  /// scored.
   TipPath of(Connection& reader, const Uuid& session);
-  /// Of an exercise's reference sessions, without `except` and without empty ones. Errors: the database's.
+  /// The paths of an exercise's reference sessions, without `except` and without empty ones. Errors: the
+  /// database's.
   Result<std::vector<TipPath>> ofExercise(Connection& reader, const std::string& exercise_id,
                                           std::optional<Uuid> except);
   std::vector<TipPath> ofReference(Connection& reader, const pb::Reference& reference,
                                    std::optional<Uuid> except);
 
-  /// All of them: somebody's data was erased.
+  /// Clears the cache after an erasure of a person's data.
   void forget();
 
  private:

@@ -1,5 +1,4 @@
-/// The table of requests: one row for each call of pb::Request. Whoever wants to know who may ask for what
-/// reads requests.cpp from top to bottom.
+/// The table of requests: one row per call of pb::Request. requests.cpp shows each call's permitted roles.
 #pragma once
 
 #include <google/protobuf/descriptor.h>
@@ -16,37 +15,39 @@ namespace needlelab {
 
 class Service;
 
-/// A person or a station, after log-in.
+/// A logged-in person or station.
 struct Principal {
   std::string name;
   pb::Role role = pb::ROLE_UNSPECIFIED;
 };
 
-/// The threads that execute a request. A backup of minutes or a flood of passwords does not hold up a lesson.
+/// The thread pool that executes a request. Separate pools keep a backup of minutes or a flood of passwords
+/// from delaying a lesson.
 enum class RequestThreads {
   kWorkers,    ///< short reads and writes
   kPasswords,  ///< argon2id: 0.1 s and 64 MiB each
   kViews,      ///< the engine, and lists over all sessions: tens of milliseconds to seconds
-  kSlow,       ///< a class with passwords, a person's years, a whole recording, a backup: seconds to minutes
-  kHours,      ///< retention and rescoring: everybody else goes first
+  kSlow,       ///< import of a class with passwords, a person's data over years, a whole recording, a backup:
+               ///< seconds to minutes
+  kHours,      ///< retention and rescoring: they yield to all other work
 };
 
-/// What only the running server can add to a reply; `needlelab-admin --data` says so to its user.
+/// The part of a reply that only the running server can add; `needlelab-admin --data` tells its user so.
 enum class ServerPart {
   kNone,
-  kFillStations,  ///< the reply holds the stations: the server fills in `online` and `status`
-  kDeliver,       ///< the message to a station is allowed and noted: the server sends it, then answers
+  kFillStations,  ///< the reply lists the stations: the server fills in `online` and `status`
+  kDeliver,       ///< the message to a station is permitted and logged: the server sends it, then answers
 };
 
-/// A line of the HTTP interface: "GET /people/{name}/progress?exercise&page", below /api/v1, with the names
-/// of the query. server/web reads the address, the query and the body into the call's fields of the same
-/// names (routes.h has the rules); routes that need more have an adapter there.
+/// A line of the HTTP interface: "GET /people/{name}/progress?exercise&page", relative to /api/v1, with the
+/// names of the query. server/web copies address, query and body into the call's fields of the same names
+/// (rules in routes.h); other routes have an adapter there.
 struct HttpLine {
   std::string_view line;
   std::string_view summary;  ///< for the description of the API (OpenAPI)
 };
 
-/// What executes a call.
+/// The function that executes a call, with its message type.
 struct RequestHandler {
   Result<pb::Reply> (*run)(Service& service, const Principal& who, const pb::Request& request) = nullptr;
   const google::protobuf::Descriptor* (*message)() = nullptr;  ///< the type of the call's message
@@ -54,28 +55,28 @@ struct RequestHandler {
 
 struct RequestRow {
   pb::Request::CallCase call = pb::Request::CALL_NOT_SET;
-  std::string_view action;  ///< in the audit log, in refusals and on the command line
-  unsigned roles = 0;       ///< a bit for each role that may ask
+  std::string_view action;  ///< the name in the audit log, in refusals and on the command line
+  unsigned roles = 0;       ///< a bit for each permitted role
   RequestHandler handler = {};
   pb::Reply::ResultCase reply = pb::Reply::RESULT_NOT_SET;
   RequestThreads threads = RequestThreads::kWorkers;
-  /// An empty line: none.
+  /// An empty line: unused.
   HttpLine http[2] = {};
   ServerPart server_part = ServerPart::kNone;
 };
 
 std::span<const RequestRow> requestRows();
-/// Null for CALL_NOT_SET and for calls that this program does not know.
+/// Null for CALL_NOT_SET and for calls unknown to this program.
 const RequestRow* requestRow(pb::Request::CallCase call);
 
-/// "user add", "session list", …; "?" for no known call.
+/// "user add", "session list", …; "?" for an unknown call.
 std::string_view callName(pb::Request::CallCase call);
-/// True when the row's roles hold `role`; false for numbers that are not a role.
+/// True when the row permits `role`; false for numbers outside the enum.
 bool mayAsk(const RequestRow& row, pb::Role role);
-/// kDenied names the call, the role, and the roles that may; kInvalidInput: the request holds no known call.
+/// kDenied names the call, the role, and the permitted roles; kInvalidInput: the request holds no known call.
 Status checkRole(const Principal& principal, pb::Request::CallCase call);
 
-/// "curriculum-manager" and the like.
+/// "curriculum-manager" etc.
 std::string_view roleName(pb::Role role);
 /// The inverse; ROLE_UNSPECIFIED for any other text.
 pb::Role roleOfName(std::string_view name);

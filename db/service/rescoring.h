@@ -1,5 +1,5 @@
-/// Scores stored sessions again after the definitions of measures have changed: in the background, as fast as
-/// stations leave room.
+/// Scores stored sessions again after the measures' definitions have changed: in the background, yielding to
+/// stations.
 #pragma once
 
 #include <atomic>
@@ -19,19 +19,18 @@ namespace needlelab {
 struct RescoreTools {
   DbWriter& writer;
   ReaderPool& readers;
-  /// The measures of a session by the definitions of now, as rows of JSON; empty: nothing to measure.
+  /// Returns a session's measures by the current definitions, as JSON rows; empty: nothing to measure.
   std::function<Result<std::string>(Connection&, const Uuid&)> score;
   std::function<bool()> hold;     ///< as RetentionTools::hold
-  const std::atomic<bool>& stop;  ///< set: the run ends after the session at hand; the next one goes on
+  const std::atomic<bool>& stop;  ///< set: the run ends after the current session; the next run continues
   RetentionPace pace;
 };
 
-/// Gives each closed session whose newest score is of older definitions (and whose original recording is
-/// there) one of the definitions of now; those that it has stay. What is done is committed session by
-/// session: a run that was stopped, or whose server fell, is gone on with by the next. A session that cannot
-/// be scored is named in the report and left as it is. `exercise_id`: of this exercise only; empty: of all.
-/// One line in the audit log for a run that did something. Errors: the database failed. Thread: any but the
-/// writer's; one run at a time.
+/// Scores by the current definitions each closed session that has its original recording and only older
+/// scores; keeps the older scores. Commits session by session: the next run continues where a stopped or
+/// crashed one ended. The report names each session that cannot be scored; that session stays unchanged.
+/// `exercise_id`: only this exercise; empty: all. A run that changed something adds one line to the audit
+/// log. Errors: the database failed. Thread: any but the writer's; one run at a time.
 Result<pb::RescoreReport> runRescoring(const RescoreTools& tools, const std::string& exercise_id,
                                        const std::string& by_whom, bool dry_run);
 

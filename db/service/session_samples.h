@@ -1,4 +1,4 @@
-/// A stored session as its measures and events are worked out from.
+/// A stored session's samples and profile, as input for measures and events.
 #pragma once
 
 #include <cstdint>
@@ -15,24 +15,22 @@
 
 namespace needlelab {
 
-/// Longer gestures are stored and replayed, but not scored: 30 minutes at 1 kHz, some 400 MB while they are
-/// scored.
+/// Longer gestures are stored and replayed, but not scored: 30 minutes at 1 kHz, some 400 MB during scoring.
 inline constexpr std::uint64_t kMaxScoredSamples = 1'800'000;
 
 struct SessionSamples {
   pb::SessionInfo info;
-  pb::Profile profile;  ///< that it ran with
-  Pose X_WL;            ///< where the profile's frame stood
+  pb::Profile profile;  ///< of the session
+  Pose X_WL;            ///< pose of the profile's frame
   std::vector<GestureSample> samples;
 };
 
-/// Reads and decodes all of it. kInvalidInput: the profile text is not valid, or the gesture is longer than
-/// kMaxScoredSamples; kCorrupt: a chunk fails its check; kNotFound; kInvalidInput as well when retention
-/// has removed the original. A session without samples has no profile
-/// here.
+/// Reads and decodes the whole session. kInvalidInput: the profile text is not valid, the gesture is longer
+/// than kMaxScoredSamples, or retention has removed the original; kCorrupt: a chunk fails its check;
+/// kNotFound. A session without samples has no profile here.
 Result<SessionSamples> samplesOf(Connection& reader, const Uuid& session);
 
-/// Its aspirations and injections (scoring/syringe_events.h).
+/// The session's aspirations and injections (scoring/syringe_events.h).
 std::vector<pb::SyringeEvent> eventsOf(const SessionSamples& session);
 
 }  // namespace needlelab

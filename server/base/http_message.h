@@ -1,4 +1,4 @@
-/// A request of HTTP and its answer, as the handlers of both HTTP ports see them.
+/// HTTP requests and answers for the handlers of both HTTP ports.
 #pragma once
 
 #include <cstdint>
@@ -19,19 +19,19 @@ class HttpTakeover;
 
 using HttpHeaders = std::vector<std::pair<std::string, std::string>>;
 
-/// A request as it was read. Header fields are empty when absent.
+/// A parsed request. Header fields are empty when absent.
 struct HttpRequest {
   std::string method, target;
   std::string host, origin, fetch_site, cookie, content_type, if_match, if_none_match, csrf;
   std::string body;
   bool is_http_1_1 = true;
-  bool upgrade = false;  ///< to a WebSocket
+  bool upgrade = false;  ///< requests a WebSocket
 
   std::uint64_t connection = 0;
   std::string address;         ///< of the peer, HOST:PORT
-  std::function<bool()> gone;  ///< true: nobody waits for the answer any more
+  std::function<bool()> gone;  ///< true: the client no longer waits for the answer
 
-  // for the log and the metrics, filled in by the handler
+  // for the log and the metrics; set by the handler
   std::string route = "none";
   std::string who;
 };
@@ -44,31 +44,31 @@ struct HttpAnswer {
   std::string type = "application/json";
   std::string body = {};
   std::shared_ptr<const std::string> shared_body = {};  ///< in place of `body`
-  HttpHeaders headers = {};                             ///< beside those that every answer has
-  /// Set: the body comes in pieces. An error cuts the connection, so that nobody takes a part for the whole.
-  /// The next piece is asked for only when the last one has been sent.
+  HttpHeaders headers = {};                             ///< in addition to the headers of every answer
+  /// Set: the body is sent in pieces. An error cuts the connection, so that the client cannot mistake a part
+  /// for the whole. The server asks for the next piece after it has sent the last one.
   HttpPieces pieces = {};
-  std::shared_ptr<HttpTakeover> takeover = {};  ///< set: the connection becomes another protocol's
+  std::shared_ptr<HttpTakeover> takeover = {};  ///< set: another protocol takes over the connection
   bool no_store = true;
-  bool close = false;  ///< the connection ends with it
+  bool close = false;  ///< close the connection afterwards
 };
 
-/// JSON with its members in the order in which they were written.
+/// JSON that keeps its members in insertion order.
 using WebJson = nlohmann::ordered_json;
 
 HttpAnswer jsonAnswer(const WebJson& json, unsigned status = 200);
 
-/// `{"error":{"code":…,"message":…,"field":…}}`; an empty field is left out.
+/// `{"error":{"code":…,"message":…,"field":…}}`; an empty field is omitted.
 HttpAnswer errorAnswer(unsigned status, std::string_view code, const std::string& message,
                        const std::string& field = {});
-/// By the error's code; a message that begins with `PATH: ` names its field.
+/// Status by the error's code; a message that begins with `PATH: ` names its field.
 HttpAnswer errorAnswer(const Error& error);
 
-/// The path before the first ": " when it looks like one of a document, e.g. `layers[2].cut_force_n`; else
+/// The text before the first ": " when it looks like a document path, e.g. `layers[2].cut_force_n`; else
 /// empty.
 std::string fieldOfMessage(std::string_view message);
 
-/// text/plain with a line's end.
+/// text/plain with a newline at the end.
 HttpAnswer plainAnswer(unsigned status, const std::string& text);
 
 }  // namespace needlelab

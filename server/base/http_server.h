@@ -1,6 +1,6 @@
-/// HTTP/1.1 on a port, with TLS or without: accepts, reads requests one after the other within sizes and
-/// times, writes the answers. A subclass decides the answers: server/web for browsers, MonitorPort
-/// (server/live/monitor.h) for Prometheus and health checks.
+/// An HTTP/1.1 server on a port, with or without TLS: accepts connections, reads requests one after the other
+/// within limits of size and time, writes the answers. Subclasses compute the answers: server/web for
+/// browsers, MonitorPort (server/live/monitor.h) for Prometheus and health checks.
 #pragma once
 
 #include <chrono>
@@ -16,33 +16,34 @@
 
 namespace needlelab {
 
-/// True when the bytes are not a request that can be read; false when the peer is gone or too slow.
+/// True when the bytes are not a valid request; false when the peer is gone or too slow.
 bool isBadRequest(const boost::system::error_code& error);
-/// The usual answer to it (400, 408, 413, 431); nothing when the peer is gone.
+/// The usual answer to an unreadable request (400, 408, 413, 431); nothing when the peer is gone.
 std::optional<HttpAnswer> unreadableAnswer(const boost::system::error_code& error);
 
 struct HttpLimits {
   std::size_t header_bytes = 8u << 10;
-  std::size_t body_bytes = 1u << 20;  ///< 0: bodies are not read
+  std::size_t body_bytes = 1u << 20;  ///< 0: the server does not read bodies
   std::size_t requests_per_connection = 1000;
   std::chrono::milliseconds handshake_timeout{10'000};
-  std::chrono::milliseconds idle_timeout{60'000};    ///< between two requests
-  std::chrono::milliseconds header_timeout{10'000};  ///< from its first byte to its last, however it drips
+  std::chrono::milliseconds idle_timeout{60'000};  ///< between two requests
+  std::chrono::milliseconds header_timeout{
+      10'000};  ///< from the header's first byte to its last, however slowly it arrives
   std::chrono::milliseconds body_timeout{30'000};
-  std::chrono::milliseconds write_timeout{30'000};  ///< for a reply; of a stream, for a piece
-  /// Set: one deadline from accept to the last byte, in place of all others.
+  std::chrono::milliseconds write_timeout{30'000};  ///< for a reply, or for one piece of a stream
+  /// Set: one deadline from accept to the last byte, replacing all others.
   std::optional<std::chrono::milliseconds> whole = {};
 };
 
-/// A request and the fate of its answer.
+/// A request and its answer's outcome.
 struct HttpExchange {
   const HttpRequest& request;
   unsigned status = 0;
   bool sent = false;
-  double seconds = 0;  ///< request read to reply written
+  double seconds = 0;  ///< from the request's last byte read to the reply's last byte written
 };
 
-/// One connection, as the server sees it. Thread: the network's. Ownership: its coroutine.
+/// One connection, as seen by the server. Thread: the network's. Ownership: its coroutine.
 class HttpConnection {
  public:
   HttpConnection() = default;
@@ -50,9 +51,9 @@ class HttpConnection {
   HttpConnection(const HttpConnection&) = delete;
   HttpConnection& operator=(const HttpConnection&) = delete;
   virtual Task<> serve() = 0;
-  /// A request under way is answered, then it ends; nothing more is read.
+  /// Reads no more requests; ends after the answer to the current one.
   virtual void stop() = 0;
-  /// Ends it now.
+  /// Closes the connection now.
   virtual void cut() = 0;
 };
 
@@ -64,11 +65,12 @@ class HttpServer : public std::enable_shared_from_this<HttpServer> {
   HttpServer& operator=(const HttpServer&) = delete;
 
   void beginAccepting();
-  /// Takes no more connections or requests; what is under way is answered. May be repeated.
+  /// Accepts no more connections and reads no more requests; answers the current ones. May be called
+  /// repeatedly.
   virtual void stop();
   /// Cuts all connections.
   void cut();
-  /// Cuts one; unknown ids are no error.
+  /// Cuts one connection; ignores unknown ids.
   void cut(std::uint64_t id);
   [[nodiscard]] std::size_t connections() const { return connections_.size(); }
   [[nodiscard]] std::uint16_t port() const { return port_; }
@@ -79,12 +81,11 @@ class HttpServer : public std::enable_shared_from_this<HttpServer> {
 
   // --- for its connections; the subclass decides
 
-  /// A request to its answer. Never fails: errors are answers.
+  /// Answers a request. Never fails: errors are answers.
   virtual Task<HttpAnswer> answer(std::shared_ptr<HttpRequest> request) = 0;
-  /// The answer when the bytes are not a request, are too many or come too slowly; nothing: the connection is
-  /// cut.
+  /// The answer to an unreadable, too large or too slow request; nothing: cut the connection.
   virtual std::optional<HttpAnswer> unreadable(const boost::system::error_code& error) = 0;
-  /// How long a body may be, by the Cookie header; asked before it is read.
+  /// Maximum size of a body, by the Cookie header; asked before the body is read.
   [[nodiscard]] virtual std::size_t bodyLimit(const std::string& cookie) const;
   /// Headers of every answer.
   [[nodiscard]] virtual const HttpHeaders& commonHeaders() const;
@@ -95,7 +96,7 @@ class HttpServer : public std::enable_shared_from_this<HttpServer> {
 
  protected:
   HttpServer(asio::io_context& io, Tcp::acceptor acceptor, std::optional<TlsContext> tls, HttpLimits limits);
-  /// A connection arrives. False: it is closed unread.
+  /// Called for a new connection. False: the server closes it without reading.
   virtual bool admit(std::uint64_t id, const Tcp::endpoint& peer) = 0;
   virtual void left(std::uint64_t /*id*/) {}
 

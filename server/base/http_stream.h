@@ -1,4 +1,5 @@
-/// The streams of HTTP connections, and what may take one over. Only for the files that compile Beast.
+/// Streams of HTTP connections, and the interface of protocols that take one over. Only for files that
+/// compile Beast.
 #pragma once
 
 #include <boost/asio/ssl/stream.hpp>
@@ -14,17 +15,17 @@
 
 namespace needlelab {
 
-// the executor by which kUseTuple resumes
+// the executor that kUseTuple resumes on
 using PlainHttpStream = boost::beast::basic_stream<Tcp, asio::any_io_executor>;
 using SecureHttpStream = asio::ssl::stream<PlainHttpStream>;
 
 using HttpParser = boost::beast::http::request_parser<boost::beast::http::string_body>;
 
-/// A request's fields and its body, which is moved; without the connection's part.
+/// A request's fields and its body (moved), without the connection's fields.
 std::shared_ptr<HttpRequest> requestOf(HttpParser& parser);
 
-/// Another protocol on a connection that began with HTTP, e.g. a WebSocket. Thread: the network's. When the
-/// connection ends before serve(), serve() is never called.
+/// Another protocol on a connection that began with HTTP, e.g. a WebSocket. Thread: the network's. serve() is
+/// never called when the connection ends first.
 class HttpTakeover {
  public:
   HttpTakeover() = default;
@@ -33,9 +34,9 @@ class HttpTakeover {
   HttpTakeover& operator=(const HttpTakeover&) = delete;
 
   using Upgrade = boost::beast::http::request<boost::beast::http::string_body>;
-  /// Until the end of the connection.
+  /// Runs until the connection ends.
   virtual Task<> serve(SecureHttpStream stream, std::shared_ptr<const Upgrade> request) = 0;
-  /// Says that the server goes, and ends. May come before serve().
+  /// Tells the peer that the server is stopping, and ends. May be called before serve().
   virtual void stop() = 0;
   virtual void cut() = 0;
 };

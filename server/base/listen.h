@@ -1,4 +1,4 @@
-/// Listening on a port, and the names by which the server may be called.
+/// Listening sockets, and the server's host names.
 #pragma once
 
 #include <functional>
@@ -10,18 +10,18 @@
 
 namespace needlelab {
 
-/// HOST:PORT to an address of this machine. Errors: kInvalidInput, naming the option.
+/// Resolves HOST:PORT to an address of this machine. Errors: kInvalidInput, naming the option.
 Result<Tcp::endpoint> resolveListen(const std::string& text, const std::string& option = "--listen");
 
-/// Errors: kUnavailable, saying that the port is taken and by whom, or why else.
+/// Errors: kUnavailable, with the process that holds the port, or another reason.
 Result<Tcp::acceptor> listenOn(asio::io_context& io, const Tcp::endpoint& endpoint, const std::string& text,
                                const std::string& option = "--listen");
 
-/// A listening socket from systemd (service_manager.h); it takes `fd` over. kInvalidInput: no TCP socket.
+/// Takes over the listening socket `fd` from systemd (service_manager.h). kInvalidInput: not a TCP socket.
 Result<Tcp::acceptor> listenOnHandedOver(asio::io_context& io, int fd);
 
-/// Hands each connection that arrives to `accepted`, until the acceptor is closed. A failure (no file
-/// descriptors, say) is logged as `event` and tried again. The acceptor must outlive it.
+/// Passes each new connection to `accepted` until the acceptor is closed. Logs a failure (e.g. no file
+/// descriptors left) as `event` and tries again. The acceptor must outlive it.
 Task<> acceptLoop(Tcp::acceptor& acceptor, std::string event, std::function<void(Tcp::socket)> accepted);
 
 /// localhost, 127.0.0.1, ::1, this machine's name, the host of `listen` unless it is a wildcard, and `more`.

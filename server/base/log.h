@@ -1,5 +1,5 @@
-/// Log lines on standard error, as text `event key=value …` or as JSON, one object a line. Values from the
-/// network are quoted and escaped: nobody can forge a line.
+/// Writes log lines to standard error, as text `event key=value …` or as JSON, one object per line. Quotes
+/// and escapes values from the network, so that a peer cannot forge a line.
 #pragma once
 
 #include <concepts>
@@ -21,23 +21,24 @@ struct LogField {
   LogField(std::string_view name, T given) : key(name), value(std::to_string(given)), number(true) {}
   std::string_view key;
   std::string value;
-  bool number = false;  ///< `value` is one
+  bool number = false;  ///< `value` is a number
 };
 
 /// Thread: any.
 void logEvent(LogLevel level, std::string_view event, std::initializer_list<LogField> fields = {});
-/// The line without time and level, as `logEvent` writes it.
+/// A line as in `logEvent`, without time and level.
 std::string logLine(std::string_view event, std::initializer_list<LogField> fields);
 
-/// The members `"event":…,"key":…` of a JSON object, without its braces, time and level. Bytes that are not
-/// UTF-8 are replaced.
+/// The members `"event":…,"key":…` of a JSON object, without braces, time and level. Replaces bytes that are
+/// not UTF-8.
 std::string logMembers(std::string_view event, std::initializer_list<LogField> fields);
 
 enum class LogFormat { kText, kJson };
 /// "text" or "json". Errors: kInvalidInput.
 Result<LogFormat> parseLogFormat(std::string_view name);
-/// How lines look from now on. Where standard error is the journal (JOURNAL_STREAM, systemd.exec(5)), each
-/// line begins with its priority, "<6>", and text has no time of its own. Thread: before others log.
+/// Sets the format of all further lines. When standard error is the journal (JOURNAL_STREAM,
+/// systemd.exec(5)), each line begins with its priority, "<6>", and text has no time. Thread: call it before
+/// other threads log.
 void setLogFormat(LogFormat format);
 
 /// "debug", "info", "warning", "error", "off". Errors: kInvalidInput.
