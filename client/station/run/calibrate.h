@@ -1,13 +1,12 @@
-/// `needlelab-station --calibrate`: the needle's tip in the handle's frame, by pivoting in a dimple.
-///
-/// Pivoting finds the tip only. The needle's direction has to come from elsewhere (`--axis`):
-/// - `from-tip`: along the line from the handle's origin to the tip. Right where the needle's axis passes
-///   through the handle's origin, as on a syringe mock that is mounted in line with the handle;
-/// - `given`: as the orientation in `--tool` says (without --tool: along the handle's +z), e.g. from a
+/// `needlelab-station --calibrate`: finds the needle's tip in the handle's frame by pivoting in a dimple.
+/// Pivoting finds only the tip. `--axis` gives the needle's direction:
+/// - `from-tip`: along the line from the handle's origin to the tip. This is correct if the needle's axis
+/// passes through the handle's origin, as on a syringe mock mounted in line with the handle;
+/// - `given`: the orientation in `--tool` (without --tool: along the handle's +z), e.g. from a
 /// drawing;
 /// - `hub:FILE`: along the line from the needle's hub to the tip. FILE is the tool file of an earlier
 ///   calibration, done with the needle off and the hub's cone in the dimple.
-/// The turn about the needle's own axis is taken over from --tool: it matters for a bevel only.
+/// --tool gives the rotation about the needle's own axis, which matters only for a bevel.
 #pragma once
 
 #include <cstddef>
@@ -30,59 +29,61 @@ struct NeedleAxis {
   Source source = Source::kFromTip;
   Vec3 p_HH_m;  ///< kHub: the hub in the handle's frame
 };
-/// Errors: kInvalidInput: another text; a hub's file that cannot be read.
+/// Errors: kInvalidInput (unknown text, unreadable hub file).
 Result<NeedleAxis> parseNeedleAxis(const std::string& text);
 std::string needleAxisText(const NeedleAxis& axis);
 
-/// The tool: origin at `p_HT_m`, +z along the axis, turned as little as possible against `given`. Errors
-/// (kFailed): tip and handle's origin, or tip and hub, nearer than 20 mm: no direction.
+/// Returns the tool: origin at `p_HT_m`, +z along the axis, with the smallest possible rotation from `given`.
+/// Errors: kFailed if the tip is within 20 mm of the handle's origin or of the hub, because that gives no
+/// direction.
 Result<Pose> toolOf(Vec3 p_HT_m, const NeedleAxis& axis, const Pose& given);
 
 struct CalibrationSettings {
   double rate_hz = 1000;
-  double seconds = 30;    ///< at most; (0, 600]
-  double settle_s = 3;    ///< before it, to find the dimple; not used
-  double enough_s = 15;   ///< ends after this time when the swing was twice wide enough
-  bool real_time = true;  ///< false: for devices that live by the tick
+  double seconds = 30;    ///< longest duration; (0, 600]
+  double settle_s = 3;    ///< time before the measurement, to find the dimple; its samples are not used
+  double enough_s = 15;   ///< ends after this time if the swing is twice as wide as needed
+  bool real_time = true;  ///< false: for devices that advance by ticks, not by time
 };
 
 struct Calibration {
   PivotFit fit;
-  /// Distance between the tips of the first and the second half of the run: more than noise explains is the
-  /// device's own error, or play. None when a half alone does not suffice.
+  /// Distance between the tips of the first and the second half of the run. A distance beyond the noise is
+  /// device error or play. None if half a run is too little for a fit.
   std::optional<double> halves_apart_m;
 };
 
-/// Progress for a person while the handle is swung.
+/// Progress for a person during the swing.
 struct CalibrationProgress {
-  double t_s = 0;  ///< negative while it settles
+  double t_s = 0;  ///< negative while settling
   std::size_t poses = 0;
   double spread = 0;  ///< as PivotSums::spread
   std::optional<double> residual_rms_m;
 };
 
-/// Reads the open device (zero force all the time) and fits. Errors: kUnavailable: the device gave no poses,
-/// with its status; kFailed: stopped by a signal, or as of fitPivot.
+/// Reads the open device at zero force and fits the tip. Errors: kUnavailable (no poses; the message has the
+/// device's status), kFailed (stopped by a signal, or from fitPivot).
 Result<Calibration> calibrateTip(Device& device, LoopClock& clock, const CalibrationSettings& settings,
                                  const sigset_t& stop_signals,
                                  const std::function<void(const CalibrationProgress&)>& progress);
 
-/// Origin of a tool, for people who open the file later. Lessons do not read it.
+/// The origin of a tool, for later readers of the file. Lessons do not read it.
 struct ToolNotes {
   std::int64_t made_unix_ns = 0;
   std::string device;  ///< DeviceInfo::name
-  std::string axis;    ///< the source of the needle's direction, as text
+  std::string axis;    ///< source of the needle's direction
   std::size_t samples = 0, used = 0;
   double residual_rms_m = 0, residual_max_m = 0;
-  double expected_error_m = 0;  ///< of the tip in use, two standard deviations
-  double tool_error_m = 0;      ///< of it the tool's: two standard deviations in the worst direction
+  double expected_error_m = 0;  ///< error of the tip in use, two standard deviations
+  double tool_error_m = 0;      ///< the tool's part of it: two standard deviations in the worst direction
   double spread = 0;            ///< as PivotFit::spread
 };
 
-/// The JSON of `poseOptionJson` with a "calibration" object beside the pose, which the reader skips.
+/// Returns the JSON of `poseOptionJson` with an additional "calibration" object. The reader ignores that
+/// object.
 std::string toolFileText(const Pose& X_HT, const ToolNotes& notes);
 
-/// `--calibrate`. Exit code 0 when a tool was found and written, 1 when not, 2 for wrong input.
+/// Runs `--calibrate`. Exit code: 0 if a tool was found and written, 1 if not, 2 for wrong input.
 int runCalibrate(const StationOptions& options, const sigset_t& stop_signals);
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// The loop's policy in FAULT, and the messages to a person about faults and holds.
+/// The loop's policy in FAULT, and messages to a person about faults and holds.
 #pragma once
 
 #include <array>
@@ -10,23 +10,25 @@
 
 namespace needlelab {
 
-/// The loop's reaction once the gate has taken the force away.
+/// The loop's reaction after the gate removed the force.
 enum class FaultPolicy : std::uint8_t {
-  kEnd,   ///< it ends 50 ms later
-  kWait,  ///< it goes on without force, reading the device and recording, until `acknowledge` and the gate's
-          ///< own conditions (the cause is over, the tip is outside) let the force fade in again
+  kEnd,   ///< the loop ends 50 ms later
+  kWait,  ///< the loop continues without force; it still reads the device and records. The force fades in
+          ///< again after `acknowledge` and the gate's own conditions (the cause is over, the tip is
+          ///< outside).
 };
 
-/// How the loop and the device stand, looked at a few times a second.
+/// The state of loop and device, sampled a few times a second.
 struct WatchedState {
   double now_s = 0;  ///< ascending
   Fault fault = Fault::kNone;
-  std::uint64_t faults = 0;  ///< raised so far: a fault that came and went between two looks is seen, too
-  bool cause_lasts = false;  ///< of the fault
+  std::uint64_t faults =
+      0;  ///< number of faults so far; reveals faults that came and went between two samples
+  bool cause_lasts = false;  ///< the cause of the fault persists
   bool acknowledged = false;
   std::uint32_t condition = 0;       ///< DeviceFlag bits
   std::string device_status;         ///< Device::status
-  bool acknowledge_pressed = false;  ///< a person acknowledged since the last look
+  bool acknowledge_pressed = false;  ///< a person acknowledged since the last sample
 };
 
 /// Pure logic: no threads, no clock, no device.
@@ -36,14 +38,14 @@ class FaultWatch {
   /// `how_to_acknowledge`: "press Enter", "send SIGUSR1 to process 123".
   FaultWatch(bool waits, std::string how_to_acknowledge);
 
-  /// Before `update`: whether a person acknowledged the present fault after it was reported. A key pressed
-  /// before that does not count.
+  /// Call before `update`. Returns whether a person acknowledged the present fault after its report. An
+  /// earlier key press does not count.
   [[nodiscard]] bool isAcknowledgement(const WatchedState& state) const {
     return state.acknowledge_pressed && state.fault != Fault::kNone && state.faults == faults_;
   }
-  /// The messages that are due now, one line each; mostly none.
+  /// Returns the messages due now, one line each; usually none.
   std::vector<std::string> update(const WatchedState& state);
-  /// The present fault in one line for an instructor; empty without one.
+  /// Returns the present fault in one line for an instructor; empty without a fault.
   [[nodiscard]] std::string trouble() const;
 
  private:
@@ -57,14 +59,14 @@ class FaultWatch {
   std::uint64_t faults_ = 0;
   Fault fault_ = Fault::kNone;
   bool waits_for_outside_ = false;
-  std::uint32_t held_ = 0;  // holds that were reported and last
+  std::uint32_t held_ = 0;  // reported holds that persist
   std::array<double, 3> hold_message_s_;
   std::string device_status_;
   double device_message_s_;
   std::uint32_t condition_ = 0;
 };
 
-/// What a person has to do before a fault of this kind can end; empty where nothing can be done.
+/// Returns the action that a person must take before a fault of this kind can end; empty if there is none.
 std::string remedyOf(Fault fault);
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// A lesson's contents: profile, exercise and the scene made of them, fitted to the device.
+/// A lesson's contents: profile, exercise, and their scene, adapted to the device.
 #pragma once
 
 #include <cstdint>
@@ -18,50 +18,51 @@
 
 namespace needlelab {
 
-/// Everything of a lesson that the station needs, ready to run.
+/// All data of a lesson that the station needs, ready to run.
 struct StationLesson {
   pb::Profile profile;
   std::uint32_t profile_revision = 0;  ///< 0: from a file
   std::optional<pb::Exercise> exercise;
   SceneSpec scene;  ///< in W
   SceneModel model;
-  std::vector<std::string> warnings;           ///< of the profile, for a person
-  std::uint32_t attempt = 0;                   ///< the trainee's attempt number; 0: not known
-  std::optional<std::uint32_t> attempts_left;  ///< this one included; none: as many as one likes
+  std::vector<std::string> warnings;           ///< warnings about the profile, for a person
+  std::uint32_t attempt = 0;                   ///< the trainee's attempt number; 0: unknown
+  std::optional<std::uint32_t> attempts_left;  ///< including this one; none: unlimited
 };
 
-/// From a profile in a file (`options.profile_file`). Errors: kInvalidInput.
+/// Makes a lesson from a profile file (`options.profile_file`). Errors: kInvalidInput.
 Result<StationLesson> lessonOfFile(const StationOptions& options);
-/// From the server's or the cache's answer. Errors: kInvalidInput, naming the exercise.
+/// Makes a lesson from the answer of the server or the cache. Errors: kInvalidInput, naming the exercise.
 Result<StationLesson> lessonOfMessage(const StationOptions& options, const pb::Lesson& lesson);
 
-/// The numbers that the exercise allows on the live line; all of them where it does not say.
+/// Returns the figures that the exercise allows on the live line; all of them if it sets nothing.
 LiveAids aidsOf(const StationLesson& lesson);
-/// The same for aids that were chosen.
+/// The same for chosen aids.
 LiveAids aidsOf(const AidList& aids);
 
-/// The profile's targets in W.
+/// Returns the profile's targets in W.
 std::vector<PlanTarget> targetsOf(const pb::Profile& profile, const Pose& X_WL);
 
-/// Names of the live effects, e.g. CUTTING.
+/// Returns the names of the live effects, e.g. CUTTING.
 std::vector<std::string> liveEffects(const SceneModel& model);
 
-/// Refuses a scene that is stiffer than the device can render (FORCE_MODEL.md, "Device limits"), with the
-/// numbers; a device that renders no force takes every scene. Errors: kInvalidInput.
+/// Refuses a scene that is stiffer than the device can render (FORCE_MODEL.md, "Device limits"). A device
+/// that renders no force accepts every scene. Errors: kInvalidInput, with the numbers.
 Status checkStiffness(const SceneModel& model, const DeviceInfo& device);
-/// Above (b + b_hand)/(T(½ + delay)) a stiffness can oscillate: a warning with the numbers, or nothing.
+/// Above (b + b_hand)/(T(½ + delay)) a stiffness can oscillate: returns a warning with the numbers, or
+/// nothing.
 std::optional<std::string> passivityWarning(const SceneModel& model, const DeviceInfo& device,
                                             double hand_damping_Ns_per_m);
 
-/// The scene as `device` can render it. The orientation limit is not live where no torque is rendered (a
-/// device that renders nothing at all, such as a recording, keeps it: it is computed for the record) or no
-/// orientation is measured. Adds to `notes` what was left out or assumed.
+/// Returns the scene as `device` can render it. Turns the orientation limit off if the device renders no
+/// torque or measures no orientation. A device that renders nothing at all, such as a recording, keeps the
+/// limit: the engine computes it for the record. Adds omissions and assumptions to `notes`.
 SceneSpec forDevice(SceneSpec scene, const DeviceInfo& device, std::vector<std::string>& notes);
 
-/// Adds to `notes` how the tool is used on such a device.
+/// Adds to `notes` how this device uses the tool.
 void noteTool(const Pose& X_HT, const DeviceInfo& device, std::vector<std::string>& notes);
 
-/// Makes `lesson`'s scene and model those for the device, with all notes. Errors: kInvalidInput.
+/// Adapts `lesson`'s scene and model to the device, with all notes. Errors: kInvalidInput.
 Status fitLesson(StationLesson& lesson, const DeviceInfo& device, const StationOptions& options,
                  std::vector<std::string>& notes);
 

@@ -1,4 +1,4 @@
-/// The interface by which a window observes lessons. Without a window it does nothing.
+/// A window observes lessons through this interface. Without a window it does nothing.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@
 
 namespace needlelab {
 
-/// A lesson that begins: everything that stays the same during it.
+/// The data of a lesson that stay constant while it runs.
 struct LessonBeginning {
   std::string session_id, trainee;
   StationLesson lesson;
@@ -27,9 +27,9 @@ struct LessonBeginning {
   double rate_hz = 1000;
   double time_limit_s = 0;  ///< 0: none
   DeviceInfo device;
-  std::vector<std::string> device_notes;   ///< what it cannot do, and what was done instead
-  std::shared_ptr<HandSteering> steering;  ///< of a hand that waits to be steered; null otherwise
-  HandAim hand_start;                      ///< … where it waits
+  std::vector<std::string> device_notes;   ///< its limits, and the substitutes for them
+  std::shared_ptr<HandSteering> steering;  ///< input of a steered hand; null for other hands
+  HandAim hand_start;                      ///< where the steered hand waits
 };
 
 /// The state of loop and device, 20 times a second.
@@ -37,35 +37,35 @@ struct LessonStatus {
   double time_s = 0;  ///< since the loop's first tick
   Fault fault = Fault::kNone;
   bool cause_lasts = false, acknowledged = false;
-  bool waits = false;           ///< a fault waits for an acknowledgement; else it ends the lesson
+  bool waits = false;           ///< true: a fault waits for an acknowledgement; false: it ends the lesson
   std::uint32_t condition = 0;  ///< DeviceFlag bits
   std::string device_status;    ///< Device::status
-  std::string hold;             ///< why there is no force although there is no fault
+  std::string hold;             ///< reason for zero force without a fault
   LatencyQuantiles wakeup;
   std::uint64_t missed_ticks = 0;
-  std::string spool, server;  ///< in few words, as on the live line
-  std::string room;           ///< of the spool; empty unless it is urgent
+  std::string spool, server;  ///< short state, as on the live line
+  std::string room;           ///< free space of the spool; empty unless it is urgent
 };
 
-/// A lesson that is over, as far as known: the server's score may come later.
+/// The outcome of a finished lesson so far; the server's score may come later.
 struct LessonOutcome {
   StationSummary summary;
-  Status stored;  ///< whether the recording is safe
+  Status stored;  ///< whether the recording is stored safely
   GestureCurve curve;
 };
 
-/// Called by the station's threads, never by the haptic one; none of them may wait for anything but a short
-/// lock.
+/// The station's threads call it, never the haptic thread. An implementation may block only on a short lock.
 class LessonObserver {
  public:
   virtual ~LessonObserver() = default;
-  /// "fetching the exercise", …: a lesson is being prepared. Thread: the lesson's, as for what follows.
+  /// A lesson is in preparation; `what` names the step, e.g. "fetching the exercise". Thread: the lesson's,
+  /// as for the next functions.
   virtual void preparing(const std::string& what) { static_cast<void>(what); }
   virtual void began(std::shared_ptr<const LessonBeginning> beginning) { static_cast<void>(beginning); }
   virtual void status(const LessonStatus& status) { static_cast<void>(status); }
-  /// An instructor changed what is shown.
+  /// An instructor changed the aids.
   virtual void aids(const ChosenAids& chosen) { static_cast<void>(chosen); }
-  /// The loop has ended; the recording is being stored.
+  /// The loop has ended; the station stores the recording.
   virtual void concluding() {}
   /// Thread: the uplink's.
   virtual void message(const std::string& from, const std::string& text) {

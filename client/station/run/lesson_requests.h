@@ -1,5 +1,5 @@
-/// Requests of the window and of instructors to the lesson that runs. Made by any thread, handled by the
-/// lesson's.
+/// Requests of the window and of instructors to the running lesson. Any thread makes them; the lesson's
+/// thread handles them.
 #pragma once
 
 #include <mutex>
@@ -11,17 +11,17 @@
 
 namespace needlelab {
 
-/// Why a lesson was stopped by a person.
+/// A person's stop of a lesson.
 struct StopCause {
   std::string by;      ///< an instructor's name; empty: the trainee, at the window
   std::string reason;  ///< as written; may be empty
 };
 
-/// Aids that an instructor chose for the lesson that runs.
+/// Aids that an instructor chose for the running lesson.
 struct ChosenAids {
   std::string by;
   AidList aids;
-  bool reset = false;  ///< the exercise's own again; `aids` is ignored
+  bool reset = false;  ///< back to the exercise's aids; ignores `aids`
 };
 
 /// Each request is taken once. Thread: any but the haptic one.
@@ -29,9 +29,9 @@ class LessonRequests {
  public:
   void stop(StopCause cause) {
     const std::scoped_lock lock(mutex_);
-    if (!stop_) stop_ = std::move(cause);  // the first one counts
+    if (!stop_) stop_ = std::move(cause);  // the first request counts
   }
-  /// A person has seen the fault that stands.
+  /// A person has seen the present fault.
   void acknowledge() {
     const std::scoped_lock lock(mutex_);
     acknowledged_ = true;

@@ -1,4 +1,4 @@
-/// `needlelab-station --list-exercises`: the exercises that can be practised, without a server and with it.
+/// `needlelab-station --list-exercises`: lists the exercises available with and without a server.
 #pragma once
 
 #include <cstdint>
@@ -15,24 +15,24 @@ namespace needlelab {
 
 struct ListedExercise {
   std::string exercise_id, name, profile_id;
-  std::optional<std::uint32_t> cached_revision;  ///< of its profile in the cache; none: not cached
-  std::int64_t fetched_unix_ns = 0;              ///< 0: not cached, or not known
-  std::optional<bool> on_server;                 ///< none: the server was not asked, or did not answer
-  std::string trouble;                           ///< why the cached one cannot be used
+  std::optional<std::uint32_t> cached_revision;  ///< revision of its profile in the cache; none: not cached
+  std::int64_t fetched_unix_ns = 0;              ///< 0: not cached, or unknown
+  std::optional<bool> on_server;  ///< none: the station did not ask the server, or got no answer
+  std::string trouble;            ///< why the cached exercise is unusable
 };
 
 /// An exercise as the server lists it.
 struct ServerExercise {
   std::string exercise_id, name, profile_id, description;
 };
-/// Puts a request to the server: by a connection of one's own, or by the uplink's.
+/// Sends a request to the server, over a separate connection or the uplink's.
 using AskServer = std::function<Result<pb::Reply>(pb::Request)>;
-/// All exercises of all courses. Errors: those of `ask`.
+/// Returns all exercises of all courses. Errors: from `ask`.
 Result<std::vector<ServerExercise>> exercisesBy(const AskServer& ask);
-/// By a connection for this alone. Errors: as BlockingClient::connect.
+/// The same over a separate connection. Errors: from BlockingClient::connect.
 Result<std::vector<ServerExercise>> exercisesOfServer(const StationOptions& options);
 
-/// Both together, by id. `on_server`: none when it was not asked or did not answer.
+/// Merges both lists, sorted by id. `on_server`: none if the server was not asked or did not answer.
 std::vector<ListedExercise> listExercises(const std::vector<CachedLesson>& cached,
                                           const std::optional<std::vector<ServerExercise>>& on_server);
 
@@ -41,7 +41,7 @@ std::string exerciseListText(const std::vector<ListedExercise>& exercises, std::
 /// "fetched_unix_ns", "on_server", "trouble"}]}
 std::string exerciseListJson(const std::vector<ListedExercise>& exercises);
 
-/// `--list-exercises`. Exit code 0 when something can be practised without the server, or the server
+/// Runs `--list-exercises`. Exit code 0 if an exercise is available without the server, or the server
 /// answered.
 int runListExercises(const StationOptions& options);
 

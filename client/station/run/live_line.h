@@ -1,6 +1,6 @@
-/// One line for the person at the station while the lesson runs: on a terminal rewritten in place every
-/// second, elsewhere printed every ten. What it shows is gathered from what the loop, the spool and the
-/// uplink publish.
+/// One status line for the person at the station during the lesson. A terminal rewrites it in place every
+/// second; other outputs print it every 10 s. The figures come from the published values of loop, spool and
+/// uplink.
 #pragma once
 
 #include <cstdint>
@@ -23,39 +23,39 @@ struct LiveAids {
   bool phase = true, layer = true, depth = true, force = true;
 };
 
-/// The contents of the line: gathered from the loop's published values, never from the loop itself.
+/// The line's contents. They come from the loop's published values, never from the loop itself.
 struct LiveView {
   double time_s = 0;     ///< since the lesson began
   GestureSample sample;  ///< ServoLoop::latest
-  std::string layer;     ///< its name; empty: none, or a number is enough
+  std::string layer;     ///< name of the layer; empty: none, or show its number
   Fault fault = Fault::kNone;
-  std::string hold;  ///< why there is no force although there is no fault; empty = there is
+  std::string hold;  ///< reason for zero force without a fault; empty: force is on
   LatencyQuantiles wakeup;
   std::uint64_t missed_ticks = 0;
-  std::string spool, server;  ///< their state, in brief
+  std::string spool, server;  ///< short state of each
   LiveAids aids = {};
 };
 
 /// "1:07  INSERTING muscle 23.4 mm 1.52 N | wake-up 25/46/452 µs, 0 missed | spool 3 | server"; a fault or a
-/// hold stands first and in capitals.
+/// hold comes first, in capitals.
 std::string liveText(const LiveView& view);
 
-/// `text` cut to at most `width` characters of a terminal (UTF-8, each one column wide).
+/// Returns `text` cut to at most `width` terminal characters (UTF-8, one column each).
 std::string cutToWidth(const std::string& text, std::size_t width);
 
-/// Thread: any; messages and the live line never mix.
+/// Thread: any; messages and the live line never interleave.
 class LiveLine {
  public:
   /// Writes to the file descriptor, e.g. STDERR_FILENO.
   explicit LiveLine(int file);
 
-  /// A message of its own line; the live line moves below it.
+  /// Prints a message on its own line; the live line moves below it.
   void printMessage(const std::string& message);
-  /// Is it time (again)? On a terminal at once, elsewhere 10 s after the first question. `now_ns` is
-  /// steadyNowNs.
+  /// Returns whether the line is due. The first line is due at once on a terminal, elsewhere 10 s after the
+  /// first call. `now_ns` is steadyNowNs.
   [[nodiscard]] bool due(std::int64_t now_ns);
   void show(const LiveView& view, std::int64_t now_ns);
-  /// The lesson is over: nothing is rewritten any more.
+  /// Call at the lesson's end. Later calls do not rewrite the line.
   void end();
 
  private:
@@ -64,22 +64,22 @@ class LiveLine {
   const int file_;
   const bool terminal_;
   std::mutex mutex_;
-  std::string shown_;  // on the terminal's last line now; empty = nothing
+  std::string shown_;  // text on the terminal's last line; empty: none
   std::optional<std::int64_t> next_ns_;
 };
 
-/// Text for DeviceFlag bits and kFlagStartedInside: why there is no force although there is no fault; empty
-/// when there is force.
+/// Returns the reason for zero force without a fault, from DeviceFlag bits and kFlagStartedInside; empty if
+/// force is on.
 std::string holdText(std::uint32_t flags);
-/// "recording", or the disk's error.
+/// Returns "recording", or the disk's error.
 std::string spoolText(const SpoolWriterCounts& counts);
-/// "server", "server, 12 chunks behind", "server away, 12 chunks wait", "server refuses".
+/// Returns e.g. "server", "server, 12 chunks behind", "server away, 12 chunks wait", "server refuses".
 std::string serverText(const UplinkState& state);
 
-/// Thread: one, the only one that calls ServoLoop::latest.
+/// Thread: one. No other thread may call ServoLoop::latest.
 class LiveViewer {
  public:
-  /// `layers`: their names by index. `loop` must outlive it.
+  /// `layers`: layer names by index. `loop` must outlive it.
   LiveViewer(ServoLoop& loop, double rate_hz, std::vector<std::string> layers)
       : loop_(loop), period_s_(1 / rate_hz), layers_(std::move(layers)) {}
 

@@ -1,5 +1,5 @@
-/// The station's own evaluation of a recorded lesson: a curve on few points for the plots, and score and
-/// syringe events for when no server gives them.
+/// The station's own evaluation of a recorded lesson: a curve with few points for plots, and score and
+/// syringe events if no server provides them.
 #pragma once
 
 #include <cstddef>
@@ -16,7 +16,7 @@
 
 namespace needlelab {
 
-/// Stands for some ticks in a row: the one with the greatest force, so that no peak is lost.
+/// One point for several consecutive ticks: the tick with the greatest force, so that no peak is lost.
 struct CurvePoint {
   float time_s = 0;   ///< since the first sample
   float depth_m = 0;  ///< δ, negative outside
@@ -27,19 +27,19 @@ struct CurvePoint {
 };
 using GestureCurve = std::vector<CurvePoint>;
 
-/// At most `most_points` (at least 1), evenly over the samples; those that are not finite are left out.
-/// `limb_W`: a plane's normal is a unit vector.
+/// Returns at most `most_points` (at least 1), spread evenly over the samples. Skips samples that are not
+/// finite. `limb_W`: a plane's normal is a unit vector.
 GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& limb_W,
                           std::size_t most_points = 4000);
 
 struct LocalScore {
-  std::string score_json;   ///< rows as of scoreJson
-  std::string events_json;  ///< rows as of eventsJson
+  std::string score_json;   ///< rows as in scoreJson
+  std::string events_json;  ///< rows as in eventsJson
   GestureCurve curve;       ///< for plots
 };
 
-/// Reads the session's chunks again, as the server would. Errors: kInvalidInput for a session too long to be
-/// scored here (the server will), those of the spool.
+/// Reads the session's chunks again, as the server would, and scores them. Errors: kInvalidInput if the
+/// session is too long for scoring here (the server can score it), and the spool's errors.
 Result<LocalScore> localScore(const SpoolSession& session, const StationLesson& lesson, const Pose& X_WL);
 
 }  // namespace needlelab

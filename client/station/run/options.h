@@ -17,7 +17,7 @@
 
 namespace needlelab {
 
-/// The program's task. All but the lesson move nothing: the device gets no force.
+/// The program's task. Only the lesson sends force to the device.
 enum class StationMode : std::uint8_t {
   kLesson,
   kListDevices,
@@ -27,9 +27,9 @@ enum class StationMode : std::uint8_t {
   kEnrol
 };
 
-/// When a picture of the window is taken.
+/// A request for a picture of the window.
 struct PictureRequest {
-  enum class When : std::uint8_t { kStart, kLesson, kEnd };  ///< which screen
+  enum class When : std::uint8_t { kStart, kLesson, kEnd };  ///< the screen
   std::filesystem::path file;                                ///< PNG
   When when = When::kLesson;
   double at_s = 0;  ///< kLesson: seconds since the loop's first tick
@@ -39,9 +39,9 @@ struct PictureRequest {
 struct WindowOptions {
   bool start = false;  ///< --start: the first lesson begins at once
   std::vector<PictureRequest> pictures;
-  std::optional<double> font_scale;  ///< 0.8-2.5; none: as it was left
+  std::optional<double> font_scale;  ///< 0.8-2.5; none: the last value
   int width_px = 1280, height_px = 720;
-  bool size_given = false;  ///< --window: else as it was left
+  bool size_given = false;  ///< --window was given; otherwise the last size
 };
 
 struct StationOptions {
@@ -53,23 +53,23 @@ struct StationOptions {
   std::string station;                     ///< --station, or the name in the key file, or the machine's
   // the lesson
   std::string trainee, exercise;
-  std::filesystem::path profile_file;  ///< practice with a profile of one's own
+  std::filesystem::path profile_file;  ///< --profile: a profile from a file
   std::string model;                   ///< empty: the profile's
   // the device
   std::string device = "simulated";
   HandOptions hand;
-  PlungerSettings plunger;  ///< --plunger; its source is the device's
+  PlungerSettings plunger;  ///< --plunger; the device determines the source
   Pose X_HT, X_WL;          ///< --tool, --placement
   double rate_hz = 1000;
-  double seconds = 0;      ///< 0: until the device, the exercise's time limit or a signal ends it
+  double seconds = 0;      ///< 0: the device, the exercise's time limit or a signal ends the lesson
   std::optional<int> cpu;  ///< --cpu: the haptic thread's core; none = the system chooses
   double spin_us = 0;      ///< --spin-us
-  std::optional<FaultPolicy> on_fault;  ///< --on-fault; none: wait where there is a terminal, else end
+  std::optional<FaultPolicy> on_fault;  ///< --on-fault; none: wait on a terminal, otherwise end
   bool headless = false;
   WindowOptions window;
   bool hand_plan_given = false;  ///< --hand-plan was given
   bool trainee_given = false;    ///< --trainee was given
-  /// A lesson in a window, on a display or, for pictures, without one.
+  /// Returns whether this is a lesson in a window, with a display or (for pictures) without one.
   [[nodiscard]] bool opensWindow() const { return mode == StationMode::kLesson && !headless; }
   // --calibrate
   bool tool_given = false;         ///< --tool was given
@@ -84,15 +84,15 @@ struct StationOptions {
   std::filesystem::path json_file;  ///< empty with `json`: standard output
 };
 
-/// Parses and checks. An exit code when the program is to end at once: help, version (0), or wrong usage (2),
-/// which is reported on the terminal already.
+/// Options, or an exit code if the program must end at once: help and version (0), wrong usage (2). The
+/// parser has already printed the text.
 struct ParsedOptions {
   StationOptions options;
   std::optional<int> exit_code;
 };
 ParsedOptions parseStationOptions(int argc, const char* const* argv);
 
-/// Where samples wait when --spool is not given.
+/// Returns the spool's folder if --spool is not given.
 std::filesystem::path defaultSpool();
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-/// Timing of the haptic thread: priority, memory, its core, the machine's own settings, and the clock that it
-/// sleeps by. Each step reports whether it worked and what that means.
+/// Timing of the haptic thread: priority, memory, core, machine settings, and its sleep clock. Each step
+/// reports its result and the consequence.
 #pragma once
 
 #include <sched.h>
@@ -14,50 +14,49 @@
 
 namespace needlelab {
 
-/// One step towards real time. `message` is for a person, also when all went well.
+/// One step towards real time. `message` is for a person, also after success.
 struct RtStep {
   std::string name;  ///< "memory lock", "FIFO priority", "timer slack", "stack", "core", …
   bool ok = false;
   std::string message;
 };
 
-/// How the haptic thread shall run.
+/// Settings of the haptic thread.
 struct RtOptions {
-  int priority = 80;       ///< 1-99: above most interrupt threads' users, below the kernel's own watchdogs
-  std::optional<int> cpu;  ///< the core that it stays on; none = the system chooses
-  bool cpu_needs_fifo = false;  ///< leave the choice to the system where the priority was refused: others
-                                ///< would keep an ordinary thread waiting there
-  std::int64_t spin_ns = 0;     ///< it wakes so much earlier and watches the clock, 0-200'000
+  int priority = 80;            ///< 1-99; above most users of interrupt threads, below the kernel's watchdogs
+  std::optional<int> cpu;       ///< the thread's core; none: the system chooses
+  bool cpu_needs_fifo = false;  ///< let the system choose if it refused the priority: on a fixed core other
+                                ///< threads would delay an ordinary thread
+  std::int64_t spin_ns = 0;     ///< wakes this much earlier and polls the clock, 0-200'000
   double rate_hz = 1000;        ///< for the spin's cost in messages
 };
 
-/// Keeps all memory of the process, present and future, in RAM: no page fault in the loop. For the whole
-/// process, once.
+/// Locks all present and future memory of the process in RAM, so that the loop has no page faults. Call once
+/// per process.
 RtStep lockMemory();
 
-/// For the calling thread: SCHED_FIFO, timer slack of 1 ns, a stack that is already mapped, and, on request,
-/// one core of its own and the spin. None of them is needed for the loop to run; without them ticks come late
-/// when the machine is busy.
+/// Sets SCHED_FIFO, 1 ns timer slack, a mapped stack and, on request, a fixed core and the spin for the
+/// calling thread. The loop also runs without them, but ticks are late on a busy machine.
 std::vector<RtStep> makeThreadRealTime(const RtOptions& options);
-/// The same with the defaults of everything else.
+/// The same with defaults for all other options.
 std::vector<RtStep> makeThreadRealTime(int priority);
 
-/// For a person: "memory lock, FIFO priority, stack: done", then a line for each step that did not work.
+/// Returns text for a person: "memory lock, FIFO priority, stack: done", then one line per failed step.
 std::vector<std::string> rtStepLines(const std::vector<RtStep>& steps);
 
-/// Time as the loop sees it; tests put their own in its place. Thread: the loop's. Real-time safe.
+/// The loop's clock; tests use their own. Thread: the loop's. Real-time safe.
 class LoopClock {
  public:
   virtual ~LoopClock() = default;
   virtual std::int64_t nowNs() noexcept = 0;
-  /// Returns at or after `due_ns` of nowNs, at once when that has passed.
+  /// Returns when nowNs reaches `due_ns`; at once if that time has passed.
   virtual void sleepUntilNs(std::int64_t due_ns) noexcept = 0;
 };
 
-/// CLOCK_MONOTONIC, slept for by absolute time, so that errors do not add up.
+/// CLOCK_MONOTONIC. Sleeps until absolute times, so that errors do not accumulate.
 class SteadyLoopClock final : public LoopClock {
  public:
-  /// Sleeps until `spin_ns` before the due time and watches the clock for the rest.
+  /// Sleeps until `spin_ns` before the due time, then polls the clock.
   explicit SteadyLoopClock(std::int64_t spin_ns = 0) : spin_ns_(spin_ns) {}
   std::int64_t nowNs() noexcept override;
   void sleepUntilNs(std::int64_t due_ns) noexcept override;
@@ -66,8 +65,8 @@ class SteadyLoopClock final : public LoopClock {
   std::int64_t spin_ns_;
 };
 
-/// While it lives the cores do not fall into deep sleep, from which they wake late: it holds
-/// /dev/cpu_dma_latency at 0, as cyclictest does. The system forgets it when the program ends, however.
+/// Keeps the cores out of deep sleep during its lifetime, because they wake late from it. Holds
+/// /dev/cpu_dma_latency at 0, as cyclictest does. The system resets it when the program ends in any way.
 /// Thread: one.
 class ShallowSleep {
  public:
@@ -82,17 +81,17 @@ class ShallowSleep {
   RtStep step_;
 };
 
-/// Checks the limit for real-time threads and the cores' clock (governor). A machine without such a setting
-/// gives no step. `root` is for tests.
+/// Checks the limit for real-time threads and the frequency governor of the cores. Returns no step for a
+/// setting that the machine lacks. `root` is for tests.
 std::vector<RtStep> judgeMachine(const RtOptions& options, const std::filesystem::path& root = "/");
 
-/// `wanted`, or else the last of the cores that this process may use; none when it may use only one.
+/// Returns `wanted`, or the last core that this process may use; none if it may use only one.
 std::optional<int> coreForLoop(std::optional<int> wanted);
 
-/// Threads that are made while it lives, by the thread that made it, run on the other cores. For threads that
-/// wait for the disk: a kernel without preemption (Debian's servers, most virtual machines) finishes a system
-/// call before it lets even a FIFO thread run on that core. One late tick a second was seen, of one fdatasync
-/// a second. Nothing happens without a core, or when it is the only one. Thread: one.
+/// During its lifetime, new threads of the constructing thread run on the other cores. Use it for threads
+/// that wait for the disk: a kernel without preemption (Debian's servers, most virtual machines) finishes a
+/// system call before a FIFO thread can run on that core. We measured one late tick per second from one
+/// fdatasync per second. Does nothing without a core, or if there is only one. Thread: one.
 class KeepOffCore {
  public:
   explicit KeepOffCore(std::optional<int> core);
@@ -105,7 +104,7 @@ class KeepOffCore {
   bool narrowed_ = false;
 };
 
-/// The ticks that last at least `seconds` (>= 0) at `rate_hz` (> 0): one at least.
+/// Returns the number of ticks that last at least `seconds` (>= 0) at `rate_hz` (> 0); at least one.
 inline std::uint64_t ticksIn(double seconds, double rate_hz) {
   return static_cast<std::uint64_t>(std::max(1.0, std::ceil(seconds * rate_hz)));
 }

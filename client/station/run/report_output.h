@@ -10,20 +10,20 @@
 
 namespace needlelab {
 
-/// Columns that a text takes in a terminal: UTF-8 without combining or wide characters.
+/// Returns the terminal columns of a text: UTF-8 without combining or wide characters.
 std::size_t columnsOf(std::string_view text);
-/// `text` and blanks, `columns` wide at least.
+/// Pads `text` with blanks to at least `columns`.
 std::string padded(std::string_view text, std::size_t columns);
-/// Breaks `text` at blanks so that no line is wider than `width`; every line begins with `indent` blanks and
-/// ends with a newline. A word wider than that stands alone.
+/// Breaks `text` at blanks into lines of at most `width`. Each line begins with `indent` blanks and ends with
+/// a newline. A wider word gets its own line.
 std::string wrapped(std::string_view text, std::size_t indent, std::size_t width = 100);
 
-/// {"version", "machine", "rows": rows} and a newline.
+/// Returns {"version", "machine", "rows": rows} and a newline.
 std::string reportJson(const nlohmann::ordered_json& rows);
 
-/// Prints `text` to standard output; with --json, `json` goes there and `text` to standard error, or `json`
-/// into its file (atomically). `code`, or kExitFailed when something could not be written, which is reported
-/// on standard error.
+/// Prints `text` to standard output. With --json, prints `json` there and `text` to standard error, or writes
+/// `json` to its file (atomically). Returns `code`, or kExitFailed after a write error, which it reports on
+/// standard error.
 int printReport(const StationOptions& options, const std::string& text, const std::string& json, int code);
 
 }  // namespace needlelab
