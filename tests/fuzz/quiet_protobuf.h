@@ -1,5 +1,5 @@
-/// Included by targets that feed Protobuf: it says nothing of each text that is no UTF-8, which would cost
-/// most of the time.
+/// For targets that feed Protobuf: silences Protobuf's message for each text that is not UTF-8. The messages
+/// would take most of the time.
 #pragma once
 
 #include <google/protobuf/stubs/logging.h>

@@ -1,5 +1,5 @@
-/// What libFuzzer, the coverage run and the replay in ctest have in common: one function for each kind of
-/// hostile bytes.
+/// Shared by libFuzzer, the coverage run and the replay in ctest: one function for each kind of hostile
+/// bytes.
 #pragma once
 
 #include <cstdio>
@@ -16,19 +16,20 @@ namespace needlelab::fuzz {
 
 /// Takes any bytes; a fault is a crash, a sanitizer's report or a failed `require`.
 using Run = void (*)(ByteView data);
-/// Mends the checks (CRC) of bytes that the fuzzer has changed, so that it gets behind them. Same size. `how`
-/// is random: its low bits say what is mended beside, or left to contradict itself.
+/// Repairs the checksums (CRC) of bytes that the fuzzer has changed, so that the fuzzer gets past the checks.
+/// Keeps the size. `how` is random: its low bits select the other fields that are repaired or left
+/// inconsistent.
 using Repair = void (*)(std::span<std::uint8_t> data, unsigned how);
 
-/// Changes the first `size` bytes of `room` in the manner of their format; the new size, 0 when they are none
-/// of it. `seed` alone decides.
+/// Mutates the first `size` bytes of `room` according to their format. Returns the new size, or 0 if the
+/// bytes are not in this format. The result depends on `seed` only.
 using Mutate = std::size_t (*)(std::span<std::uint8_t> room, std::size_t size, unsigned seed);
 
 struct Target {
   std::string_view name;
   Run run = nullptr;
-  Repair repair = nullptr;  ///< none: nothing to mend
-  Mutate mutate = nullptr;  ///< none: libFuzzer's mutations of bytes alone; else half of the time
+  Repair repair = nullptr;  ///< null: nothing to repair
+  Mutate mutate = nullptr;  ///< null: only libFuzzer's byte mutations; otherwise used half of the time
 };
 
 void envelope(ByteView data);
@@ -61,35 +62,36 @@ inline constexpr Target kTargets[] = {
     {"http", http, nullptr},
 };
 
-/// Built with -DNEEDLELAB_FUZZ_PLANT every target has one more fault, to show that its fuzzer finds such.
+/// With -DNEEDLELAB_FUZZ_PLANT every target has one extra fault, to prove that its fuzzer finds faults.
 #ifdef NEEDLELAB_FUZZ_PLANT
 inline constexpr bool kPlanted = true;
 #else
 inline constexpr bool kPlanted = false;
 #endif
 
-/// What a planted fault reads and writes goes through this: the optimiser would leave out what nobody uses,
-/// and with it the fault.
+/// Planted faults read and write through this function; otherwise the optimiser would remove unused accesses,
+/// and the fault with them.
 template <typename T>
 volatile T& surely(T& place) {
   return place;
 }
 
-/// What must hold whatever the bytes are.
+/// Checks a condition that must hold for all inputs.
 inline void require(bool holds, const char* what) {
   if (holds) return;
   std::fprintf(stderr, "fuzz: does not hold: %s\n", what);
   std::abort();
 }
 
-/// Between the parts of an input that has several (files, operations). No lengths: a part that grows or
-/// shrinks leaves the others what they were.
+/// Separates the parts of an input with several parts (files, operations). There are no lengths, so a part
+/// can grow or shrink without changing the others.
 inline constexpr std::string_view kPartMark = "\x1E\xA7|";
-/// The parts, at most `most`; what is behind is left out. Views into `data`.
+/// Returns at most the first `most` parts, as views into `data`; drops the rest.
 std::vector<std::span<std::uint8_t>> partsOf(std::span<std::uint8_t> data, std::size_t most);
 std::vector<ByteView> partsOf(ByteView data, std::size_t most);
 
-/// A folder of this process' own in memory (or under /tmp), emptied by the caller, removed at the end.
+/// A private folder of this process in memory (or under /tmp). The caller empties it; it is removed at the
+/// end.
 const std::filesystem::path& scratchFolder();
 /// Writes a file without syncing it.
 void writeFile(const std::filesystem::path& path, ByteView bytes);

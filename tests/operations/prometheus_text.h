@@ -9,14 +9,13 @@
 
 namespace needlelab::test {
 
-/// All samples of a scrape, each under its whole name: `name{label="value",…}` with the labels in their
-/// order.
+/// All samples of a scrape, each under its full name: `name{label="value",…}` with the labels in their order.
 struct Scrape {
   std::map<std::string, double> samples;
-  std::map<std::string, std::string> types;  ///< of each metric
-  std::vector<std::string> faults;           ///< what the format forbids, by line; empty: well-formed
+  std::map<std::string, std::string> types;  ///< by metric
+  std::vector<std::string> faults;           ///< violations of the format, by line; empty if well-formed
 
-  /// NaN when it is not there.
+  /// Returns NaN if the sample is missing.
   [[nodiscard]] double operator[](const std::string& name) const;
 };
 Scrape parsePrometheus(const std::string& text);

@@ -1,6 +1,5 @@
-/// Those who flood a server from other addresses of this machine (127.0.0.2 …), each kind in a thread of its
-/// own and at a rate of its own, so that what they cost the server can be told from what they cost the
-/// machine.
+/// Attackers flood a server from other addresses of this machine (127.0.0.2 …). Each kind of attack has its
+/// own thread and rate, so that a test can separate the cost to the server from the cost to the machine.
 #pragma once
 
 #include <atomic>
@@ -22,13 +21,14 @@ struct AttackCounts {
   std::atomic<std::uint64_t> guesses{0};       ///< wrong passwords
   std::atomic<std::uint64_t> churn{0};         ///< connections closed at once
   std::atomic<std::uint64_t> pings{0};         ///< sent as fast as possible by a station with a key
-  std::atomic<std::uint64_t> turned_away{0};   ///< connections that the server did not take, or cut
+  std::atomic<std::uint64_t> turned_away{0};   ///< connections that the server refused or closed
 };
 
-/// Name and key of a station.
+/// A station's name and key.
 using StolenKey = std::pair<std::string, std::string>;
 
-/// Thread: begins and ends with it. Two stations' keys were stolen: some floods come from behind the log-in.
+/// The threads run for the object's lifetime. Two station keys were stolen, so some floods come from
+/// logged-in connections.
 class Attackers {
  public:
   Attackers(std::filesystem::path ca, std::uint16_t port, StolenKey first, StolenKey second);
@@ -46,7 +46,7 @@ class Attackers {
   void guesses();
   void churn();
   void pings();
-  /// False when it is over; else after the pause.
+  /// Waits for the pause. Returns false if the attack is over.
   [[nodiscard]] bool goOn(int pause_ms) const;
 
   const std::filesystem::path ca_;

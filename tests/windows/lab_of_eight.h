@@ -13,35 +13,36 @@ namespace needlelab::test {
 class LabOfEight {
  public:
   static constexpr int kStations = 8;
-  /// The station with a device that jumps, so that its force is taken away.
+  /// This station has a device that jumps, so the gate removes its force.
   static constexpr int kInTrouble = 5;
 
-  /// Accounts, stations, files; nothing runs yet.
+  /// Makes accounts, stations and files; starts nothing.
   LabOfEight();
 
   void startServer() { lab_.startServer(); }
   void killServer() { lab_.killServer(); }
   int stopServer() { return lab_.stopServer(); }
 
-  /// A lesson that is over by itself, of a hand of this skill (0-1); its session.
+  /// Runs a lesson that ends by itself, with a hand of this skill (0-1). Returns its session.
   std::string practise(int station, double skill, double seconds);
-  /// All eight; each goes on until it is stopped.
+  /// Starts all eight stations; each runs until it is stopped.
   void startStations();
   [[nodiscard]] Process& station(int number) { return *stations_.at(static_cast<std::size_t>(number - 1)); }
-  /// SIGTERM to all; each must end well but the one in trouble, which must report it by its exit code.
+  /// Sends SIGTERM to all stations. Each must exit with 0, except the station in trouble, which must report
+  /// the fault by its exit code.
   void stopStations();
 
-  /// needlelab-instructor with its window, doing what `script` says. Its words are in `name`.log.
+  /// Starts needlelab-instructor with its window, driven by `script`. Its output goes to `name`.log.
   std::unique_ptr<Process> window(const std::string& name, const std::string& script, bool off_screen);
-  /// needlelab-instructor --headless with these arguments; its exit code.
+  /// Runs needlelab-instructor --headless with these arguments. Returns its exit code.
   int headless(const std::vector<std::string>& arguments);
-  /// Rows of needlelab-admin … --json on the running server, asked as an administrator.
+  /// Returns the rows of needlelab-admin … --json on the running server, as an administrator.
   [[nodiscard]] nlohmann::json rows(const std::vector<std::string>& arguments) const;
 
-  /// On the stopped server's folder: every session, each verified by needlelab-admin; their ids.
+  /// Verifies every session in the stopped server's folder with needlelab-admin. Returns the session ids.
   std::vector<std::string> verifyAll();
   [[nodiscard]] std::filesystem::path path(const std::string& name) const { return lab_.path(name); }
-  /// Where pictures are kept for a look: NEEDLELAB_PICTURES, else the lab's own folder.
+  /// Returns the path for a picture: in NEEDLELAB_PICTURES if set, otherwise in the lab's own folder.
   [[nodiscard]] std::filesystem::path picture(const std::string& name) const;
 
  private:

@@ -1,4 +1,4 @@
-/// Everything in a database as text, in a fixed order: for comparing.
+/// Dumps a whole database as text in a fixed order, for comparison.
 #pragma once
 
 #include <string>

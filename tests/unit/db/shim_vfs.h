@@ -1,4 +1,5 @@
-/// A VFS for tests: the system's, with faults on command, and with a memory of what a power cut would leave.
+/// A VFS for tests: wraps the system's VFS, injects faults on command, and tracks the bytes that would
+/// survive a power cut.
 #pragma once
 
 #include <functional>
@@ -17,25 +18,24 @@ class ShimVfs {
     kWrite,
     kSync,
     kTruncate,
-    kHeaderRead,  ///< a checkpoint has just read the log's header, which another connection had changed
+    kHeaderRead,  ///< a checkpoint has just read the log's header, after another connection changed it
   };
-  /// Asked before each operation on a file: SQLITE_OK to go on, or the code to fail with. May use other
-  /// connections.
+  /// Called before each operation on a file. Returns SQLITE_OK to continue, or the error code to fail with.
+  /// May use other connections.
   using Hook = std::function<int(Op op, const std::string& path, std::int64_t offset, int size)>;
 
   static ShimVfs& instance();
   static constexpr const char* kName = "needlelab-shim";
-  /// Registers it where that has not been done.
+  /// Registers the VFS if it is not registered yet.
   static const char* name() { return instance(), kName; }
 
   void setHook(Hook hook);
 
-  /// From now on notes which bytes have been synced.
+  /// Starts to track the synced bytes.
   void startRecording();
-  /// What the disk may hold after a power cut at this instant: every file as last synced, plus a random part
-  /// of what was written since, in random order of survival, torn at sectors of 512 bytes. Written into
-  /// `folder`, file names kept; the shared-memory file is left out. May be called while connections are at
-  /// work.
+  /// Writes a possible disk state after a power cut at this instant into `folder`: every file as last synced,
+  /// plus a random selection of the later writes in random order, torn at sectors of 512 bytes. Keeps the
+  /// file names and leaves out the shared-memory file. May be called while connections are working.
   void writeAfterPowerCut(const std::string& folder, std::mt19937_64& random);
 
   // for the C callbacks

@@ -16,7 +16,7 @@
 
 namespace needlelab::test {
 
-/// Fails the test, with the error's message, unless the result is a success.
+/// Fails the test with the error message if the result is an error.
 #define ASSERT_OK(expression)                                             \
   do {                                                                    \
     const auto& status_to_check = (expression);                           \
@@ -34,7 +34,7 @@ class TestDb {
       : path(folder.path() / "needlelab.db"),
         writer(
             must(Connection::open(path, {.mode = Connection::Mode::kWriter, .create = true, .vfs = vfs}))) {
-    // tests of the stores do not wait for the disk; those of durability bring a VFS of their own
+    // Store tests do not wait for the disk; durability tests use their own VFS.
     if (vfs == nullptr) EXPECT_OK(writer.script("PRAGMA synchronous=OFF"));
     EXPECT_OK(migrate(writer));
     EXPECT_OK(StationStore(writer).add("station-1", StationKeyBytes{}, 1));
@@ -53,7 +53,7 @@ class TestDb {
   Connection writer;
 };
 
-/// Samples with ticks from `first_tick`, moving a little.
+/// Returns samples with ticks from `first_tick` and a small motion.
 inline std::vector<GestureSample> someSamples(std::uint64_t first_tick, std::size_t count) {
   std::vector<GestureSample> samples(count);
   for (std::size_t i = 0; i < count; ++i) {
@@ -65,7 +65,7 @@ inline std::vector<GestureSample> someSamples(std::uint64_t first_tick, std::siz
   return samples;
 }
 
-/// Chunk number `seq` of a session whose chunks have `count` samples each.
+/// Returns chunk number `seq` of a session with `count` samples per chunk.
 inline Bytes chunkOf(std::uint64_t seq, std::size_t count = 20) {
   return encodeChunk(Resolution{}, someSamples(seq * count, count));
 }
@@ -91,7 +91,7 @@ inline pb::SessionDescription describe(const Uuid& id) {
   return d;
 }
 
-/// The request that closes a session of the chunks 0 … chunks−1 of chunkOf().
+/// Returns the request that closes a session with the chunks 0 … chunks−1 of chunkOf().
 inline pb::CloseSession closeOf(const Uuid& id, std::uint64_t chunks, std::size_t count = 20) {
   SessionHash hash;
   for (std::uint64_t seq = 0; seq < chunks; ++seq) hash.update(chunkOf(seq, count));
@@ -104,7 +104,7 @@ inline pb::CloseSession closeOf(const Uuid& id, std::uint64_t chunks, std::size_
   return request;
 }
 
-/// A score of a session, by the first definitions.
+/// Returns a score of a session by the first definitions.
 inline pb::Score scoreOf(const Uuid& id, const std::string& measures, std::uint32_t version = 1) {
   pb::Score score;
   score.set_session_id(bytesOfId(id));

@@ -1,4 +1,4 @@
-/// The program in a fresh folder: what it prints and its exit code.
+/// Runs needlelab-admin in a fresh folder and returns its output and exit code.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -17,7 +17,7 @@ class AdminTest : public testing::Test {
   struct Run {
     int code = -1;
     std::string out, err;
-    /// The rows of --json.
+    /// Returns the rows of --json.
     [[nodiscard]] nlohmann::json rows() const { return nlohmann::json::parse(out).at("rows"); }
   };
   Run run(std::vector<std::string> arguments) const {
@@ -31,7 +31,7 @@ class AdminTest : public testing::Test {
     result.err = err.str();
     return result;
   }
-  /// On the folder; the exit code must be 0.
+  /// Runs on the data folder; the exit code must be 0.
   Run good(std::vector<std::string> arguments) const {
     arguments.insert(arguments.begin(), {"--data", data()});
     Run result = run(arguments);
@@ -45,7 +45,7 @@ class AdminTest : public testing::Test {
   [[nodiscard]] std::string data() const { return (folder.path() / "data").string(); }
   [[nodiscard]] std::string file(const std::string& name) const { return (folder.path() / name).string(); }
 
-  /// A session of `chunks` chunks of 20 samples, closed unless `open`; damaged by `sql` where given.
+  /// Adds a session of `chunks` chunks with 20 samples each, closed unless `open`. `sql` can damage it.
   Uuid addSession(std::uint64_t chunks, bool open = false, const std::string& sql = "") const {
     auto store = TestDb::must(Store::open(data(), {}));
     const Uuid id = makeUuidV7();

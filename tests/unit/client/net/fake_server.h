@@ -20,28 +20,28 @@
 
 namespace needlelab::test {
 
-/// What the server does wrong. Set before or while it runs.
+/// The server's misbehaviour. Can be set before or while the server runs.
 struct ServerFaults {
-  std::atomic<int> drop_after_chunks{-1};  ///< cut the connection after so many chunks, once
-  std::atomic<int> forget_every_chunk{0};  ///< n > 0: do not take every n-th chunk, so that a gap comes
+  std::atomic<int> drop_after_chunks{-1};  ///< close the connection after this many chunks, once
+  std::atomic<int> forget_every_chunk{0};  ///< n > 0: drop every n-th chunk, so that a gap appears
   std::atomic<bool> deny_login{false};
   std::atomic<bool> never_ack{false};
-  std::atomic<bool> contradict{false};      ///< call every chunk a contradiction
-  std::atomic<bool> forget_session{false};  ///< once: a chunk's session is unknown
+  std::atomic<bool> contradict{false};      ///< reject every chunk as contradictory
+  std::atomic<bool> forget_session{false};  ///< once: reject a chunk with "unknown session"
 };
 
-/// What it holds of a session.
+/// The server's stored data of a session.
 struct KeptSession {
   pb::SessionDescription description;
   std::vector<std::string> chunks;
   std::uint64_t repeated = 0;  ///< chunks that came again
-  std::uint64_t opened = 0;    ///< times
+  std::uint64_t opened = 0;    ///< number of times that the session was opened
   bool closed = false;
   pb::CloseSession close;
   std::int64_t clock_round_trip_ns = 0;
 };
 
-/// Its own thread. Thread: all public members from the test's.
+/// Runs in its own thread. Thread: call all public members from the test thread.
 class FakeServer {
  public:
   FakeServer() : FakeServer(0) {}
@@ -64,7 +64,7 @@ class FakeServer {
     config.login = stationLogin("station-1", std::string(32, 'k'));
     return config;
   }
-  /// A copy of what it holds, by session id.
+  /// Returns a copy of the stored sessions, by session id.
   std::map<std::string, KeptSession> sessions() {
     const std::scoped_lock lock(mutex_);
     return sessions_;
@@ -75,9 +75,9 @@ class FakeServer {
     const std::scoped_lock lock(status_mutex_);
     return newest_status_;
   }
-  /// Of one session, so far.
+  /// Returns the largest number of chunks of one session so far.
   std::uint64_t mostChunks() { return most_chunks_; }
-  /// To all stations that are connected.
+  /// Sends to all connected stations.
   void broadcast(const pb::Envelope& envelope) {
     asio::post(io_, [this, envelope] {
       for (const auto& channel : channels_) channel->send(envelope);
@@ -89,7 +89,7 @@ class FakeServer {
       channels_.clear();
     });
   }
-  /// Acknowledges everything that it has of every session (with `never_ack`).
+  /// Acknowledges all stored chunks of every session (for use with `never_ack`).
   void ackNow() {
     asio::post(io_, [this] {
       const std::scoped_lock lock(mutex_);
@@ -222,7 +222,7 @@ class FakeServer {
     }
     most_chunks_ = std::max<std::uint64_t>(most_chunks_, session.chunks.size());
     if (faults.drop_after_chunks >= 0 && --faults.drop_after_chunks < 0) {
-      // taken, but the station never hears of it
+      // accepted, but not acknowledged
       channel->close(CloseReason::kLocal, "dropped by the test");
       std::erase(channels_, channel);
       return;

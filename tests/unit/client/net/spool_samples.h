@@ -11,8 +11,8 @@
 
 namespace needlelab::test {
 
-/// Sample of tick k: every value lies on the grid of the standard resolution, so that storing changes
-/// nothing.
+/// Returns the sample of tick k. Every value lies on the grid of the standard resolution, so storing does not
+/// change it.
 inline GestureSample sampleAt(std::uint64_t tick) {
   GestureSample sample;
   sample.tick = tick;
@@ -34,7 +34,7 @@ inline std::vector<GestureSample> samplesFrom(std::uint64_t first, std::size_t c
   return samples;
 }
 
-/// True when a stored sample is the one of its tick, to a thousandth of a step.
+/// Returns true if a stored sample equals the sample of its tick to a thousandth of a step.
 inline bool isSampleOfItsTick(const GestureSample& stored) {
   const GestureSample made = sampleAt(stored.tick);
   const auto near = [](double a, double b) { return std::abs(a - b) < 1e-9; };

@@ -1,4 +1,4 @@
-/// Recordings for the tests of the fitted models: those that are there, and synthetic ones by formula.
+/// Recordings for the tests of the fitted models: real ones if available, and synthetic ones by formula.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ inline std::filesystem::path recordings() {
              : std::filesystem::path(NEEDLELAB_SOURCE_DIR) / "../shared/data";
 }
 
-/// Skips the test, with what to do, where the recording is not there.
+/// Skips the test if the recording is missing, and tells how to get it.
 #define NEEDLELAB_NEEDS_RECORDING(file) \
   if (!hasRecording(test::recordings(), file)) GTEST_SKIP() << missingRecording(test::recordings(), file)
 

@@ -16,7 +16,7 @@ inline bool longForm() {
   return text != nullptr && std::string(text) == "1";
 }
 
-/// One layer without end, needle of `length_m`.
+/// One layer of unlimited depth, with a needle of `length_m`.
 inline SceneSpec softBlock(double young_Pa, double poisson, double length_m, double friction_N_per_m = 0,
                            double cutting_N = 0) {
   SceneSpec scene;

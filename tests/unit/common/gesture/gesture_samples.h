@@ -58,7 +58,7 @@ inline std::vector<GestureSample> smoothGesture(std::size_t count, std::uint64_t
   return samples;
 }
 
-/// Anything at all: random bits in every field, so also NaN, infinities and denormals.
+/// Random bits in every field, including NaN, infinities and denormals.
 inline std::vector<GestureSample> anySamples(std::size_t count, std::uint64_t seed) {
   std::mt19937_64 random(seed);
   std::vector<GestureSample> samples(count);

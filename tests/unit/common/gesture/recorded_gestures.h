@@ -10,8 +10,8 @@
 
 namespace needlelab::testing {
 
-/// Folder of the recordings: the variable NEEDLELAB_DATA, else `../shared/data` beside the repository. May
-/// not exist.
+/// Folder of the recordings: the variable NEEDLELAB_DATA, otherwise `../shared/data` beside the repository.
+/// May not exist.
 std::filesystem::path dataFolder();
 
 struct RecordedGesture {
@@ -20,9 +20,9 @@ struct RecordedGesture {
   double share_in_tissue = 0;
 };
 
-/// The recordings that are there: poses brought to 1 kHz between their neighbours by the recorded time, then
-/// the engine with all six effects on a sphere around the far end of the path (radius 0.6 of the way there),
-/// then the gate.
+/// Returns the available recordings. Interpolates the poses to 1 kHz by the recorded time, then runs the
+/// engine with all six effects on a sphere around the far end of the path (its radius is 0.6 of the distance
+/// to it), then the gate.
 std::vector<RecordedGesture> recordedGestures();
 
 }  // namespace needlelab::testing

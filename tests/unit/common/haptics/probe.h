@@ -7,13 +7,14 @@
 
 namespace needlelab::test {
 
-/// The needle at a site; coordinates are depth along the site's inward direction and two distances aside.
+/// The needle at a site. Coordinates are the depth along the site's inward direction and two lateral
+/// distances.
 class Probe {
  public:
   Probe(const SceneSpec& spec, double rate_hz, const Site& site = defaultSite())
       : run_(spec, rate_hz), rate_hz_(rate_hz), site_(site), axis_(site.inward) {}
 
-  /// One tick there, with the present axis.
+  /// Runs one tick at this place with the current axis.
   StepReport at(double depth_m, double aside_1_m = 0, double aside_2_m = 0) {
     depth_ = depth_m;
     aside_1_ = aside_1_m;
@@ -21,7 +22,7 @@ class Probe {
     last_ = run_.step({point(), pointing(axis_)});
     return last_;
   }
-  /// Straight and evenly there in so many ticks; gives the report of every tick.
+  /// Moves there in a straight line at constant speed in this many ticks. Returns the report of every tick.
   std::vector<StepReport> go(int ticks, double depth_m, double aside_1_m = 0, double aside_2_m = 0) {
     const double from = depth_, from_1 = aside_1_, from_2 = aside_2_;
     std::vector<StepReport> reports;
@@ -33,9 +34,9 @@ class Probe {
     return reports;
   }
   std::vector<StepReport> stay(int ticks) { return go(ticks, depth_, aside_1_, aside_2_); }
-  /// The needle's axis from now on (unit).
+  /// Sets the needle's axis (unit vector).
   void point(Vec3 axis) { axis_ = axis; }
-  /// Tilts it by so many radians from the inward direction toward the first direction aside.
+  /// Tilts the axis by this many radians from the inward direction toward the first lateral direction.
   void tilt(double angle_rad) {
     axis_ = site_.inward * std::cos(angle_rad) + site_.across_1 * std::sin(angle_rad);
   }
@@ -58,7 +59,8 @@ class Probe {
   StepReport last_;
 };
 
-/// One layer, so thick that it has no end, with the given axial forces; stiffness 500 N/m; no effects listed.
+/// One layer of practically unlimited depth with the given axial forces; stiffness 500 N/m; no effects
+/// listed.
 inline SceneSpec oneLayer(double cutting_N, double attracted_N, double rejection_N) {
   SceneSpec scene = paperOneDof();
   scene.layers[0].cutting_force_N = cutting_N;

@@ -1,4 +1,4 @@
-/// Running the engine over a motion, alone or beside the reference, for the tests of this folder.
+/// Runs the engine over a motion, alone or together with the reference, for the tests of this folder.
 #pragma once
 
 #include <cstdlib>
@@ -22,7 +22,7 @@ inline bool longForm() {
 /// Compiles a spec that must be valid; throws with the message otherwise.
 SceneModel compiled(const SceneSpec& spec, double rate_hz);
 
-/// The engine with its own state, for tick by tick tests.
+/// The engine with its own state, for tick-by-tick tests.
 class EngineRun {
  public:
   EngineRun(const SceneSpec& spec, double rate_hz)
@@ -46,21 +46,22 @@ class EngineRun {
   std::unique_ptr<SimState> state_;
 };
 
-/// What comparisons went through, so that a test can ask that nothing was left out.
+/// The states that comparisons covered, so that a test can check the coverage.
 struct Seen {
   std::uint32_t flags = 0;   ///< StepFlag, of any tick
   std::uint32_t phases = 0;  ///< bit (1 << phase)
 };
 
-/// The first tick at which engine and reference differ, in words; nothing when they agree to 1e-9 N and 1e-9
-/// N·m.
+/// Describes the first tick at which engine and reference differ. Returns nothing if they agree to 1e-9 N and
+/// 1e-9 N·m.
 std::optional<std::string> firstDifference(const SceneSpec& spec, double rate_hz, const Motion& motion,
                                            Seen* seen = nullptr);
 
-/// Work of the force and torque on the hand over a prescribed motion, by the trapezoidal rule. In J.
+/// Returns the work of the force and torque on the hand over a prescribed motion, in J, by the trapezoidal
+/// rule.
 double energyToHand(const Motion& motion, const std::vector<StepReport>& reports);
 
-/// Work of the force alone (tip).
+/// Returns the work of the force alone (at the tip), in J.
 double forceWork(const Motion& motion, const std::vector<StepReport>& reports);
 
 }  // namespace needlelab::test

@@ -28,7 +28,7 @@ inline const std::string kGoodProfile = R"({
  "effects": ["CUTTING", "ATTRACTED", "CLAMPING", "ORIENTATION_LIMIT", "SHAFT_FRICTION", "PUNCTURE"],
  "description": "For tests.\nTwo lines, and Größe in UTF-8.", "sources": "set by hand"})";
 
-/// The same with a section for every axial model.
+/// The same profile with a section for every axial model.
 inline const std::string kGoodModels = [] {
   nlohmann::json tree = nlohmann::json::parse(kGoodProfile);
   tree.update(nlohmann::json::parse(R"({
@@ -59,8 +59,8 @@ inline const std::string kGoodCurriculum = R"({
    "requirements": [{"measure": "peak_force_n", "max": 5}, {"measure": "target_reached", "min": 1, "max": 1}]},
   {"id": "two", "name": "Second", "profile_id": "shoulder-adult"}]})";
 
-/// `text` with the value at `pointer` (e.g. "/layers/0/thickness_m") replaced by the JSON `value`; erased
-/// when empty. A pointer to what is not there adds it.
+/// Returns `text` with the value at `pointer` (e.g. "/layers/0/thickness_m") replaced by the JSON `value`, or
+/// erased if `value` is empty. Adds the value if it is missing.
 inline std::string mutated(const std::string& text, const std::string& pointer, const std::string& value) {
   nlohmann::json tree = nlohmann::json::parse(text);
   const nlohmann::json::json_pointer where(pointer);

@@ -1,4 +1,5 @@
-/// A gesture as functions of continuous time, sampled at any rate: what a score must not depend on.
+/// A gesture as functions of continuous time. It can be sampled at any rate; a score must not depend on the
+/// rate.
 #pragma once
 
 #include <array>
@@ -11,13 +12,14 @@
 
 namespace needlelab {
 
-/// Two insertions into halfSpace(), the first given up and turned, the second into the target; tremor, a
-/// shaft that leans, lateral force, aspiration and injection. The seed sets speeds, depths, tremor.
+/// Two insertions into halfSpace(): the first is abandoned and turned back, the second reaches the target.
+/// With tremor, a leaning shaft, lateral force, aspiration and injection. The seed sets speeds, depths and
+/// tremor.
 class ContinuousGesture {
  public:
   explicit ContinuousGesture(std::uint64_t seed) {
     std::mt19937_64 random(seed);
-    // the generator's own bits: distributions differ between libraries
+    // uses the generator's raw bits, because distributions differ between libraries
     const auto uniform = [&](double low, double high) {
       return low + (high - low) * static_cast<double>(random() >> 11) * 0x1p-53;
     };
@@ -41,7 +43,7 @@ class ContinuousGesture {
   }
 
   void fill(double t, GestureSample& s) const {
-    // 20 mm above, in, given up and turned, drawn back, aside, in to the target, rest, out
+    // 20 mm above, in, abandoned and turned, withdrawn, to the side, in to the target, rest, out
     const double a = in_s_, depth_m = -0.02 + (0.02 + first_depth_m_) * ease(t - 0.5, a) -
                                       (0.01 + first_depth_m_) * ease(t - a - 2, 1) +
                                       (0.01 + target_depth_m_) * ease(t - a - 3.5, a) -
@@ -63,7 +65,7 @@ class ContinuousGesture {
     if (!inside) return;
     s.force_W_N[2] = 40 * depth + 0.3 * s.layer;
     s.force_W_N[1] = -150 * (tip.y - aside_m) - 200 * 0.02 * lean;
-    // the phase goes by the planned speed, as the engine's hysteresis leaves out tremor
+    // The phase follows the planned speed, because the engine's hysteresis ignores tremor.
     const bool out = (t > a + 2 && t < a + 3) || t > 2 * a + 6.5;
     const bool in = (t > 0.5 && t < a + 0.5) || (t > a + 3.5 && t < 2 * a + 3.5);
     s.phase = static_cast<std::uint8_t>(out ? Phase::kWithdrawing : in ? Phase::kInserting : Phase::kStopped);

@@ -18,7 +18,7 @@ inline void setTip(GestureSample& sample, Vec3 p) {
   sample.p_WT_m[2] = p.z;
 }
 
-/// The needle points down (from +z to −z), turned by `angle` about x from there.
+/// The needle points down (from +z to −z), then turned by `angle` about x.
 inline void setDown(GestureSample& sample, double angle = 0) {
   const double half = 0.5 * (std::acos(-1.0) + angle);
   sample.q_WT[0] = std::sin(half);
@@ -26,8 +26,8 @@ inline void setDown(GestureSample& sample, double angle = 0) {
   sample.q_WT[3] = std::cos(half);
 }
 
-/// Samples at 0, 1/rate, … up to and with `duration_s`, filled by `fill(t, sample)`; needle down, outside,
-/// before that.
+/// Returns samples at 0, 1/rate, … up to and including `duration_s`. Each starts with the needle down and
+/// outside, then `fill(t, sample)` changes it.
 inline std::vector<GestureSample> gesture(double rate_hz, double duration_s,
                                           const std::function<void(double, GestureSample&)>& fill) {
   const auto count = static_cast<std::uint64_t>(std::floor(duration_s * rate_hz + 0.5)) + 1;
@@ -95,14 +95,14 @@ inline double valueOf(const std::vector<Measure>& score, const std::string& name
   return measure == nullptr ? std::nan("") : measure->value;
 }
 
-/// From rest to rest in `duration`, minimum jerk: 0 to 1.
+/// Minimum-jerk motion from 0 to 1 in `duration`, from rest to rest.
 inline double ease(double t, double duration) {
   const double s = std::min(1.0, std::max(0.0, t / duration));
   return s * s * s * (10 + s * (6 * s - 15));
 }
 
-/// 20 mm above the skin, in to 25 mm within 2 s, 1 s of rest, out again within 2 s. Forces along z: 1, 2, 3 N
-/// by layer.
+/// Starts 20 mm above the skin, goes in to 25 mm within 2 s, rests 1 s, comes out within 2 s. Forces along z:
+/// 1, 2, 3 N by layer.
 inline std::vector<GestureSample> inAndOut(double rate_hz) {
   return gesture(rate_hz, 5, [](double t, GestureSample& s) {
     const double way = t < 3 ? ease(t, 2) : 1 - ease(t - 3, 2);

@@ -41,7 +41,7 @@ class Loopback {
   asio::io_context io{1};
   std::shared_ptr<Channel> server, client;
 
-  /// A connected pair of plain TCP sockets: {server, client}.
+  /// Returns a connected pair of plain TCP sockets: {server, client}.
   std::pair<Tcp::socket, Tcp::socket> sockets() {
     Tcp::acceptor acceptor(io, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
     Tcp::socket near(io), far(io);
@@ -50,7 +50,7 @@ class Loopback {
     return {std::move(far), std::move(near)};
   }
 
-  /// Both channels, handshake done.
+  /// Returns both channels after the handshake.
   void connect(ChannelLimits server_limits = {}, ChannelLimits client_limits = {}) {
     auto [far, near] = sockets();
     server = Channel::make(TlsStream(std::move(far), *TestTls::get().server), server_limits);
@@ -70,7 +70,7 @@ class Loopback {
     ++*done;
   }
 
-  /// Runs until `done()`; false after `limit`.
+  /// Runs until `done()` is true. Returns false after `limit`.
   bool runUntil(const std::function<bool()>& done, Ms limit = Ms(5000)) {
     const auto deadline = std::chrono::steady_clock::now() + limit;
     while (!done()) {
@@ -84,7 +84,8 @@ class Loopback {
     (void)runUntil([] { return false; }, time);
   }
 
-  /// The next envelope of a channel, or the error; kNotFound when none came in time (the next call waits on).
+  /// Returns the next envelope of a channel, or the error. Returns kNotFound if none arrived in time; the
+  /// next call continues to wait.
   Result<pb::Envelope> receive(const std::shared_ptr<Channel>& channel, Ms limit = Ms(5000)) {
     auto& got = pending_[channel.get()];
     if (!got) {

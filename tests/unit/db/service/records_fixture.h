@@ -26,7 +26,7 @@ inline std::uint64_t seedOfRecords() {
 
 class RecordsTest : public ServiceTest {
  protected:
-  /// All pages, one request a page.
+  /// Gets all pages, with one request per page.
   std::vector<std::string> all(const Principal& who, Store& from,
                                const std::function<void(pb::Request&, const std::string&)>& ask) {
     std::vector<std::string> records;
@@ -115,7 +115,7 @@ class RecordsTest : public ServiceTest {
   const Principal researcher{"rea", pb::RESEARCHER};
 };
 
-/// A database of everything, made at random: texts that need escaping, numbers with all their digits, bytes.
+/// A random database with every kind of record: texts that need escaping, numbers with full precision, bytes.
 inline void fillAtRandom(Connection& c, std::uint64_t seed) {
   std::mt19937_64 random(seed);
   const auto number = [&](std::uint64_t below) { return static_cast<std::int64_t>(random() % below); };
@@ -152,14 +152,14 @@ inline void fillAtRandom(Connection& c, std::uint64_t seed) {
     d.set_rate_hz(static_cast<double>(random() % 1'000'000) / 997.0);
     d.set_started_unix_ns(number(1ull << 62));
     ASSERT_OK(SessionStore(c).open(d, number(1ull << 62)));
-    // the last one stays open, and is of no export
+    // The last one stays open and is not part of any export.
     if (i == 7) break;
     ASSERT_OK(SessionStore(c).append(id, 0, test::chunkOf(0)));
     ASSERT_OK(SessionStore(c).close(test::closeOf(id, 1), number(1ull << 62)));
     ASSERT_OK(ScoreStore(c).put(
         test::scoreOf(id, R"([{"measure":")" + std::string("m") + R"(","value":0.1}])", 1)));
     ASSERT_OK(ScoreStore(c).put(test::scoreOf(id, "[]", 2)));
-    // a stroke's own kind must not take the place of the record's
+    // A stroke's own kind must not replace the record's kind.
     pb::SyringeEvent drawn, pressed;
     drawn.set_kind(pb::SyringeEvent::ASPIRATION);
     drawn.set_end_s(static_cast<double>(random() % 1'000'000) / 997.0);

@@ -1,5 +1,5 @@
-/// What tests of retention share: closed sessions of a known gesture, runs and policies by request, and what
-/// a thinned recording must hold.
+/// Shared by the retention tests: closed sessions of a known gesture, runs and policies by request, and the
+/// expected contents of a thinned recording.
 #pragma once
 
 #include <vector>
@@ -13,7 +13,7 @@ namespace needlelab::test {
 inline constexpr std::uint64_t kClosedChunks = 60;
 inline constexpr std::size_t kSamplesEach = 50;
 
-/// What a thinned recording of the chunks of chunkOf() must hold, worked out from the samples as stored.
+/// Computes the expected thinned recording of the chunks of chunkOf() from the stored samples.
 inline std::vector<GestureSample> expectedThinned(std::uint64_t chunks, double target_hz) {
   Thinner thinner(1000, target_hz);
   std::vector<GestureSample> out;
@@ -37,7 +37,7 @@ inline std::vector<GestureSample> samplesIn(Connection& connection, const Uuid& 
   return all;
 }
 
-/// Within half a step of what was predicted, ticks and times exactly.
+/// Compares with the prediction: values within half a step, ticks and times exactly.
 inline void expectSame(const std::vector<GestureSample>& found, const std::vector<GestureSample>& expected) {
   ASSERT_EQ(found.size(), expected.size());
   for (std::size_t i = 0; i < found.size(); ++i) {

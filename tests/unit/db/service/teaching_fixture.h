@@ -14,7 +14,7 @@ namespace needlelab::test {
 
 class TeachingTest : public ServiceTest {
  protected:
-  /// A course of three exercises on the knee; what `with` says is merged into each by its id.
+  /// Returns a course of three exercises on the knee. `with` is merged into each exercise by its id.
   void putCourse(const nlohmann::json& with = nlohmann::json::object()) {
     nlohmann::json course{{"id", "course"}, {"name", "A course"}, {"exercises", nlohmann::json::array()}};
     for (const char* id : {"first", "second", "third"}) {
@@ -33,7 +33,7 @@ class TeachingTest : public ServiceTest {
     request.mutable_get_lesson()->set_trainee(who);
     return ask(station, request).error;
   }
-  /// An attempt with a verdict.
+  /// Adds an attempt with a verdict.
   Uuid attempt(const std::string& who, const std::string& exercise, bool passed, std::int64_t started = 0) {
     const Uuid id = makeUuidV7();
     EXPECT_OK(change([&](Connection& c) -> Status {

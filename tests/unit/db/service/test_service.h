@@ -1,4 +1,4 @@
-/// A store in a fresh folder with its samples, and requests by anybody.
+/// A store in a fresh folder with the samples, and requests from any user.
 #pragma once
 
 #include <memory>
@@ -23,13 +23,13 @@ class ServiceTest : public testing::Test {
   Outcome ask(const Principal& who, const pb::Request& request) {
     return store->service().execute(who, request);
   }
-  /// The reply, which must be one.
+  /// Returns the reply. Fails the test if the request is refused.
   pb::Reply get(const Principal& who, const pb::Request& request) {
     const Outcome outcome = ask(who, request);
     EXPECT_FALSE(outcome.error.has_value()) << outcome.error->message;
     return outcome.reply;
   }
-  /// The code of the refusal, which must be one.
+  /// Returns the code of the refusal. Fails the test if the request is accepted.
   ErrorCode refusal(const Principal& who, const pb::Request& request) {
     const Outcome outcome = ask(who, request);
     EXPECT_TRUE(outcome.error.has_value());
@@ -37,14 +37,14 @@ class ServiceTest : public testing::Test {
     return outcome.error ? outcome.error->code : ErrorCode::kFailed;
   }
   Status change(const DbWriter::Work& work) { return store->writer().run(work); }
-  /// A person without the cost of hashing a password.
+  /// Adds a person without the cost of hashing a password.
   void addPerson(const std::string& name, pb::Role role) {
     ASSERT_OK(change([&](Connection& c) { return PeopleStore(c).add({name, role, "", false, 1}); }));
   }
   void addStation() {
     ASSERT_OK(change([](Connection& c) { return StationStore(c).add("station-1", StationKeyBytes{}, 1); }));
   }
-  /// A session of chunks 0 … chunks−1, still open.
+  /// Adds an open session with chunks 0 … chunks−1.
   Uuid addSession(const std::string& of_trainee, std::uint64_t chunks, std::size_t samples_each = 20,
                   const std::string& profile_json = "") {
     const Uuid id = makeUuidV7();

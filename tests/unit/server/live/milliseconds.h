@@ -1,4 +1,4 @@
-/// Steps of the clock that tests of the server's parts turn by hand.
+/// Steps of the manual clock in tests of the server's parts.
 #pragma once
 
 #include <cstdint>

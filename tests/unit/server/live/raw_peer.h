@@ -1,4 +1,4 @@
-/// TLS without a protocol: sends what it likes, in any state of the connection.
+/// A TLS peer without our protocol: sends any bytes in any state of the connection.
 #pragma once
 
 #include <poll.h>
@@ -18,7 +18,7 @@ namespace needlelab::test {
 
 class RawPeer {
  public:
-  /// From another address of this machine when one is given (127.0.0.2 …).
+  /// Connects from another address of this machine if one is given (127.0.0.2 …).
   explicit RawPeer(RunningServer& server, const std::string& from = {})
       : RawPeer(server.server().caFile(), server.server().port(), from) {}
   RawPeer(const std::filesystem::path& ca, std::uint16_t port, const std::string& from = {})
@@ -28,7 +28,7 @@ class RawPeer {
       socket_.bind({asio::ip::make_address(from), 0});
     }
     socket_.connect({asio::ip::address_v4::loopback(), port});
-    // OpenSSL on the socket itself, without a buffer between: then poll() says whether something is there
+    // OpenSSL works on the socket directly, without a buffer, so poll() shows whether data is available.
     SSL_set_fd(ssl_.get(), static_cast<int>(socket_.native_handle()));
     if (SSL_connect(ssl_.get()) != 1) throw std::runtime_error("no TLS with the server");
   }
@@ -40,13 +40,13 @@ class RawPeer {
     return bytes + body;
   }
   void write(const std::string& bytes) {
-    // the server may have closed already: no error, and no signal
+    // The server may have closed already: no error and no signal.
     std::signal(SIGPIPE, SIG_IGN);
     (void)SSL_write(ssl_.get(), bytes.data(), static_cast<int>(bytes.size()));
   }
   void send(const pb::Envelope& envelope) { write(framed(envelope)); }
 
-  /// The next message; nothing when the server closed, or nothing came in time.
+  /// Returns the next message, or nothing if the server closed or nothing arrived in time.
   std::optional<pb::Envelope> receive(milliseconds limit = milliseconds(60'000)) {
     const auto end = std::chrono::steady_clock::now() + limit;
     for (;;) {
@@ -68,16 +68,16 @@ class RawPeer {
       splitter_.wrote(static_cast<std::size_t>(count));
     }
   }
-  /// Everything until the server closes.
+  /// Returns all messages until the server closes.
   std::vector<pb::Envelope> readAll() {
     std::vector<pb::Envelope> all;
     while (auto envelope = receive()) all.push_back(std::move(*envelope));
     return all;
   }
-  /// The server has closed the connection; known after a receive() that gave nothing.
+  /// Returns true if the server has closed the connection. Valid after a receive() that returned nothing.
   [[nodiscard]] bool closed() const { return closed_; }
 
-  /// Hello and its answer.
+  /// Sends Hello and returns the answer.
   void greet() {
     pb::Envelope hello;
     *hello.mutable_hello()->mutable_version() = ourVersion();
@@ -85,7 +85,7 @@ class RawPeer {
     const auto answer = receive();
     if (!answer || !answer->has_hello()) throw std::runtime_error("the server does not greet");
   }
-  /// Hello and log-in; the welcome, or the refusal.
+  /// Sends Hello and log-in. Returns the welcome or the refusal.
   pb::Envelope logIn(const pb::Login& login) {
     greet();
     pb::Envelope envelope;

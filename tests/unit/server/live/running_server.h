@@ -1,4 +1,4 @@
-/// A whole server in this process, on a free port, and peers that speak to it over TLS.
+/// A whole server in this process on a free port, and peers that connect to it over TLS.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -45,7 +45,7 @@ class RunningServer {
     server_ = std::move(*started);
     thread_ = std::thread([this] { exit_code_ = server_->run(); });
   }
-  /// Stops as SIGTERM does; the exit code.
+  /// Stops the server as SIGTERM does. Returns the exit code.
   int stop() {
     if (!server_) return exit_code_;
     server_->stop();
@@ -68,7 +68,7 @@ class RunningServer {
     if (outcome.error) throw std::runtime_error(outcome.error->message);
     return outcome.reply;
   }
-  /// The new station's key.
+  /// Adds a station and returns its key.
   std::string addStation(const std::string& name) {
     pb::Request request;
     request.mutable_add_station()->set_name(name);
@@ -103,7 +103,7 @@ class RunningServer {
   int exit_code_ = -1;
 };
 
-/// The next message that `wanted` accepts; others are passed over. Fails the test when none comes.
+/// Returns the next message that `wanted` accepts and skips others. Fails the test if none arrives.
 template <typename Wanted>
 pb::Envelope waitFor(BlockingClient& client, Wanted wanted, milliseconds limit = milliseconds(10'000)) {
   const auto end = std::chrono::steady_clock::now() + limit;
@@ -122,7 +122,7 @@ inline pb::Refusal waitForRefusal(BlockingClient& client) {
   return waitFor(client, [](const pb::Envelope& e) { return e.has_refusal(); }).refusal();
 }
 
-/// A session as a station makes it: samples that depend on their tick, in chunks of 100.
+/// A session as a station makes it: sample values depend on the tick; chunks of 100 samples.
 class FakeSession {
  public:
   explicit FakeSession(std::string station) : station_(std::move(station)) {

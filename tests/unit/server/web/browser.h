@@ -1,4 +1,4 @@
-/// A plain HTTPS and WebSocket client of the tests: sockets and OpenSSL, nothing of the server's own code.
+/// A plain HTTPS and WebSocket client for tests: uses sockets and OpenSSL, none of the server's code.
 #pragma once
 
 #include <openssl/ssl.h>
@@ -16,8 +16,8 @@
 namespace needlelab::test {
 
 struct WebReply {
-  int status = 0;                              ///< 0: there was none
-  std::map<std::string, std::string> headers;  ///< names in small letters
+  int status = 0;                              ///< 0: no reply
+  std::map<std::string, std::string> headers;  ///< names in lower case
   std::string body;
   [[nodiscard]] std::string header(const std::string& name) const {
     const auto found = headers.find(name);
@@ -26,7 +26,8 @@ struct WebReply {
   [[nodiscard]] nlohmann::json json() const { return nlohmann::json::parse(body, nullptr, false); }
 };
 
-/// One connection. Times out after 20 s. Fails the test that uses it only by what it gives back.
+/// One connection, with a timeout of 20 s. Does not fail the test itself; the test checks the returned
+/// values.
 class WebWire {
  public:
   explicit WebWire(std::uint16_t port, bool shake_hands = true);
@@ -36,21 +37,21 @@ class WebWire {
 
   [[nodiscard]] bool connected() const { return fd_ >= 0 && ssl_ != nullptr; }
   bool send(const std::string& bytes);
-  bool sendPlain(const std::string& bytes);  ///< past TLS
-  /// Past TLS, all until the peer closes.
+  bool sendPlain(const std::string& bytes);  ///< sends outside TLS
+  /// Reads outside TLS until the peer closes.
   std::string receivePlain();
-  /// Up to `most` bytes; empty: the peer has ended it, or nothing came in time.
+  /// Reads up to `most` bytes. Returns an empty string if the peer closed or nothing arrived in time.
   std::string receive(std::size_t most = 16384);
-  /// The peer closes within `limit`.
+  /// Returns true if the peer closes within `limit`.
   bool endsWithin(std::chrono::milliseconds limit);
   WebReply read(bool head = false);
-  /// Header only; the body is left to readBody().
+  /// Reads only the header; readBody() reads the body.
   WebReply readHeader();
-  /// The next piece of a chunked body; nothing at its end; `broken` when it ended before that.
+  /// Returns the next piece of a chunked body, or nothing at its end. Sets `broken` if the body ended early.
   std::optional<std::string> readChunk(bool& broken);
 
   // --- WebSocket
-  /// A text message; nothing when it ended or `limit` passed.
+  /// Returns a text message, or nothing if the connection ended or `limit` passed.
   std::optional<std::string> readText(std::chrono::milliseconds limit = std::chrono::milliseconds(10'000));
   bool sendFrame(int opcode, const std::string& payload);
   [[nodiscard]] int closeCode() const { return close_code_; }
@@ -67,12 +68,12 @@ class WebWire {
 
 using WebHeaders = std::vector<std::pair<std::string, std::string>>;
 
-/// A request's text. `body` with its length and type, unless `headers` say otherwise.
+/// Returns a request's text. Adds length and type of `body` unless `headers` set them.
 std::string requestText(const std::string& method, const std::string& path, const std::string& body = {},
                         const WebHeaders& headers = {});
 
-/// A browser with a log-in: cookie and token go with every request, each on a new connection unless it is
-/// kept.
+/// A browser with a log-in: sends cookie and token with every request. Each request uses a new connection
+/// unless it is kept.
 class Browser {
  public:
   explicit Browser(std::uint16_t port) : port_(port) {}
@@ -80,11 +81,12 @@ class Browser {
   WebReply ask(const std::string& method, const std::string& path, const std::string& body = {},
                WebHeaders headers = {});
   WebReply get(const std::string& path) { return ask("GET", path); }
-  /// The reply to POST /session; keeps cookie and token when it went well.
+  /// Returns the reply to POST /session. Keeps cookie and token on success.
   WebReply logIn(const std::string& name, const std::string& password);
-  /// The cookie and, beside GET, the CSRF token.
+  /// Returns the cookie header and, except for GET, the CSRF token.
   [[nodiscard]] WebHeaders own(const std::string& method) const;
-  /// After the handshake; null when it was refused, then `refused` has the reply.
+  /// Returns the WebSocket after the handshake. If the server refuses, returns null and sets `refused` to the
+  /// reply.
   std::unique_ptr<WebWire> live(WebReply* refused = nullptr, const std::string& origin = "https://localhost");
 
   std::string cookie, csrf;

@@ -1,4 +1,4 @@
-/// As much of JSON Schema as the description of the API uses: type, enum, $ref, properties, required,
+/// Implements the part of JSON Schema that the API description uses: type, enum, $ref, properties, required,
 /// additionalProperties, items, minimum, maxProperties, format uuid. Anything else in a schema is a fault.
 #pragma once
 
@@ -7,11 +7,12 @@
 
 namespace needlelab::test {
 
-/// What does not fit, beginning with its path; empty: it fits. `root`: where $ref looks.
+/// Returns the mismatch, beginning with its path, or an empty string if the value fits. `root` resolves $ref.
 std::string schemaFault(const nlohmann::json& schema, const nlohmann::json& value, const nlohmann::json& root,
                         const std::string& path = "$");
 
-/// The schema of a reply in the description of the API, null when there is none; `pattern` without the base.
+/// Returns the schema of a reply from the API description, or null if there is none. `pattern` excludes the
+/// base path.
 nlohmann::json replySchema(const nlohmann::json& api, const std::string& method, const std::string& pattern,
                            int status);
 

@@ -1,4 +1,4 @@
-/// A running server with its port for browsers, and people of every role.
+/// A running server with its port for browsers, and users with every role.
 #pragma once
 
 #include <gmock/gmock.h>
@@ -46,7 +46,7 @@ class WebLab {
     return browser;
   }
 
-  /// A session of tina's that a station has recorded and closed; its id as text.
+  /// Adds a session of tina that a station has recorded and closed. Returns its id as text.
   std::string recorded(std::uint64_t chunks, const std::string& profile_json = "{}") {
     if (station_key_.empty()) station_key_ = server_.addStation("bench");
     pb::Login login;
@@ -78,7 +78,7 @@ class WebLab {
   std::string station_key_;
 };
 
-/// Every JSON reply of the API fits its description; the reply is passed on.
+/// Checks that a JSON reply of the API fits its description, and returns the reply.
 inline WebReply fits(const std::string& method, const std::string& path, WebReply reply) {
   static const nlohmann::json api = nlohmann::json::parse(openApiText());
   if (!path.starts_with(kApiBase)) return reply;

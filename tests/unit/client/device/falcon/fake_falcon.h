@@ -1,5 +1,5 @@
-/// A Falcon without USB: what FalconLink and FalconBus promise, with a processor behind it that boots, echoes
-/// and answers. For tests of the device above the bus; the one on USB is tests/support/falcon_emulator.
+/// A Falcon without USB: implements FalconLink and FalconBus with a processor that boots, echoes and answers.
+/// For tests of the device above the bus; tests/support/falcon_emulator emulates the USB level.
 #pragma once
 
 #include <algorithm>
@@ -96,7 +96,7 @@ class FakeLink final : public FalconLink {
       if (!falcon_->plugged) return gone();
       if (!out_.empty()) return take(buffer);
     }
-    // nothing to say: a test shall not take its time
+    // No data: wait at most 2 ms, to keep the test fast.
     std::this_thread::sleep_for(std::min(timeout, std::chrono::milliseconds(2)));
     return std::size_t{0};
   }
@@ -144,7 +144,7 @@ class FakeLink final : public FalconLink {
 
   static Error gone() { return {ErrorCode::kUnavailable, "it was unplugged"}; }
 
-  // both under the mutex
+  // The caller of this and of the next function holds the mutex.
   void hear(std::span<const std::uint8_t> bytes) {
     FakeFalcon& f = *falcon_;
     if (f.silent) return;
@@ -176,7 +176,7 @@ class FakeLink final : public FalconLink {
         if (written == Bytes{0x41}) out_.push_back(0x41), boot_ = Boot::kLoad, ++f.loads, f.loaded.clear();
         return;
       case Boot::kLoad:
-        // zero torque after the last chunk: the firmware starts
+        // zero torque after the last chunk: the firmware is running starts
         if (written.size() == kPacketBytes && written[0] == '<' && f.starts) {
           f.runs = true;
           hear(bytes);

@@ -29,16 +29,17 @@ class FalconOnUsb : public testing::Test {
   void SetUp() override;
   void TearDown() override;
 
-  /// The only Falcon, plugged in, its firmware running, opened.
+  /// Plugs in the only Falcon, with its firmware running, and opens it.
   void openDevice(FalconOptions options = {});
-  /// Ticks of 1 ms, late ones left out, until `tick` says false or the time is over. False when it was over.
+  /// Runs ticks of 1 ms and skips late ones, until `tick` returns false or the time is over. Returns false
+  /// when the time is over.
   bool runTicks(std::chrono::milliseconds most, const std::function<bool()>& tick);
-  /// Reads in each tick, with no force, until a fresh reading comes.
+  /// Reads in each tick with zero force until a fresh reading arrives.
   bool waitForFresh(std::chrono::milliseconds most = std::chrono::seconds(5));
   /// Pulls the grip out and pushes it in until the encoders have found their zero and the device reads;
-  /// leaves it in the middle.
+  /// leaves the grip in the middle.
   void home();
-  /// Waits until the device tells of the place where the hand holds it now.
+  /// Waits until the device reports the hand's current position.
   void settle(std::chrono::milliseconds time = std::chrono::milliseconds(30));
 
   UsbTestbed testbed_;
@@ -49,9 +50,9 @@ class FalconOnUsb : public testing::Test {
   Pusher pusher_;
 };
 
-/// Out for the first half of `seconds`, in for the second, and then in the middle.
+/// Moves out for the first half of `seconds`, in for the second half, then to the middle.
 HandPath homingPath(double seconds);
-/// Waits for something that another thread does; false when it did not come.
+/// Waits for an event from another thread. Returns false if it did not happen.
 bool waitUntil(const std::function<bool()>& done, std::chrono::milliseconds most = std::chrono::seconds(5));
 Bytes anyBytes(std::size_t count, unsigned seed);
 

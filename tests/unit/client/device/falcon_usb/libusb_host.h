@@ -1,4 +1,4 @@
-/// A host that speaks to the emulated Falcon by plain libusb calls: nothing of our device's code is in it.
+/// A host that uses the emulated Falcon by plain libusb calls and contains none of our device code.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -13,11 +13,11 @@
 
 namespace needlelab::test {
 
-/// Ends a test that does not run on the emulated USB; to be the first line of a fixture's SetUp.
+/// Ends a test that does not run on the emulated USB. Must be the first line of a fixture's SetUp.
 #define NEEDLELAB_NEEDS_EMULATED_USB(testbed) \
   if (const std::string why = (testbed).trouble(); !why.empty()) GTEST_SKIP() << why
 
-/// An open Falcon, its interface claimed.
+/// An open Falcon with a claimed interface.
 class LibusbHost {
  public:
   LibusbHost();
@@ -25,23 +25,23 @@ class LibusbHost {
   LibusbHost(const LibusbHost&) = delete;
   LibusbHost& operator=(const LibusbHost&) = delete;
 
-  /// How many Falcons libusb lists now.
+  /// Returns the number of Falcons that libusb lists now.
   std::size_t count();
-  /// libusb's error of opening and claiming the only Falcon; 0: done.
+  /// Opens and claims the only Falcon. Returns libusb's error, 0 on success.
   int open();
   void close();
   [[nodiscard]] libusb_context* context() { return context_; }
   [[nodiscard]] libusb_device_handle* handle() { return handle_; }
 
-  /// A request of FTDI's.
+  /// Sends an FTDI request.
   int request(std::uint8_t number, std::uint16_t value, std::uint16_t index = 0);
   int write(const Bytes& data);
-  /// Payload of reads until `count` bytes are there or `patience` is over.
+  /// Reads until `count` bytes have arrived or `patience` has passed. Returns the payload.
   Bytes read(std::size_t count, std::chrono::milliseconds patience = std::chrono::milliseconds(300));
 
-  /// As the firmware wants to be spoken to.
+  /// Sets the serial line for the firmware.
   void settingsForFirmware();
-  /// As the bootloader wants its first word.
+  /// Sets the serial line for the bootloader's first message.
   void settingsForBootloader();
 
  private:
@@ -49,13 +49,13 @@ class LibusbHost {
   libusb_device_handle* handle_ = nullptr;
 };
 
-/// The firmware's packet, written independently from FACTS.
+/// Makes the firmware's packet; written independently from FACTS.
 Bytes packetOf(const std::array<int, 3>& values, unsigned bits);
 struct Answer {
   std::array<int, 3> values{};
   unsigned bits = 0;
 };
-/// Nothing when it is not a packet.
+/// Returns nothing if the bytes are not a packet.
 std::optional<Answer> answerOf(const Bytes& packet);
 
 }  // namespace needlelab::test

@@ -1,4 +1,4 @@
-/// A Virtuose on the stand-in, for tests: virtual time, one call a tick.
+/// A Virtuose on the stand-in, for tests: virtual time, one call per tick.
 #pragma once
 
 #include <gmock/gmock.h>
@@ -49,7 +49,7 @@ class VirtuoseTest : public testing::Test {
   void ticks(int count, const Wrench& wanted = {}) {
     for (int k = 0; k < count; ++k) tick(wanted);
   }
-  /// Every kind of question was asked since.
+  /// Runs enough ticks for the device to make every kind of query.
   void askAll() { ticks(7); }
 
   Standin standin_;

@@ -1,4 +1,4 @@
-/// Lessons made by formula: a hand over a sample's shoulder, as the engine answers it.
+/// Lessons made by formula: a hand over a sample's shoulder, with the engine's forces.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -23,13 +23,13 @@ inline std::string sampleProfile(const std::string& name) {
   return text.ok() ? *text : std::string();
 }
 
-/// How a hand moves: along the surface's normal to `depth_m` within `seconds`, rests for half of that, comes
-/// out; aside by `aside_m` meanwhile.
+/// The motion of a hand: goes along the surface normal to `depth_m` within `seconds`, rests for half of that
+/// time, and comes out. The path is `aside_m` to the side.
 struct LessonHand {
   double depth_m = 0.02, seconds = 2, aside_m = 0;
 };
 
-/// The surface point that the profile's first target lies under, and the inward normal there.
+/// Returns the view of the profile's scene. Its focus is the surface point above the first target.
 inline SceneView viewOfProfile(const std::string& json) {
   auto profile = parseProfile(json, "sample");
   EXPECT_TRUE(profile.ok());
@@ -39,14 +39,14 @@ inline SceneView viewOfProfile(const std::string& json) {
 }
 
 inline Quat axisAlong(Vec3 z) {
-  // the shortest turn of +z onto z
+  // the shortest rotation of +z onto z
   const Vec3 axis = cross({0, 0, 1}, z);
   const double c = z.z;
   if (c < -0.999999) return {1, 0, 0, 0};
   return normalized(Quat{axis.x, axis.y, axis.z, 1 + c});
 }
 
-/// The lesson's samples at 1 kHz, forces as the engine gives them, and its description.
+/// Returns the lesson's samples at 1 kHz with the engine's forces, and its description.
 inline pb::SessionInfo lessonInfo(const std::string& profile_json, const std::string& trainee = "tina") {
   pb::SessionInfo info;
   pb::SessionDescription& d = *info.mutable_description();

@@ -1,4 +1,4 @@
-/// A lesson that is over, brought to a server as its station would have.
+/// Uploads a finished lesson to a server as a station does.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -13,7 +13,8 @@
 
 namespace needlelab::test {
 
-/// `key`: of the station that `info` names. Fails the test when the server does not take it.
+/// `key` is the key of the station that `info` names. Fails the test if the server does not accept the
+/// lesson.
 inline void uploadLesson(RunningServer& server, const std::string& key, const pb::SessionInfo& info,
                          const std::vector<GestureSample>& samples) {
   auto station = server.connect(stationLogin(info.description().station(), key));

@@ -1,4 +1,4 @@
-/// Stations as a server sees them, in threads of the test: their lessons go on and are watched.
+/// Protocol-level stations in threads of the test. Their lessons run and can be watched.
 #pragma once
 
 #include <atomic>
@@ -12,10 +12,10 @@
 
 namespace needlelab::test {
 
-/// A station with a lesson that goes on, over and over the same hand; keeps the instructor's messages.
+/// A station with a running lesson that repeats the same hand motion. Keeps the instructor's messages.
 class BenchStation {
  public:
-  /// `change`: of every status line.
+  /// `change` modifies every status line.
   BenchStation(RunningServer& server, const std::string& name, std::string key, const std::string& trainee,
                std::function<void(pb::StationStatus&)> change = {})
       : change_(std::move(change)),

@@ -1,7 +1,8 @@
-/// A server, its stations, and an instructor's window that is drawn into memory.
+/// A server, its stations, and an instructor's window that is rendered into memory.
 #pragma once
 
-// before the palette: GCC takes the enumerators of a scoped enum of the server for shadows of its colours
+// Included before the palette: otherwise GCC warns that enumerators of a scoped enum of the server shadow the
+// palette's colours.
 #include "tests/unit/server/live/running_server.h"
 
 #include <gmock/gmock.h>
@@ -74,7 +75,7 @@ class WindowLab : public testing::Test {
   void frames(int n) {
     for (int i = 0; i < n; ++i) frame();
   }
-  /// Frames until it is so, 40 s at most.
+  /// Draws frames until the condition holds, for at most 40 s.
   bool until(const std::function<bool()>& so) {
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(40);
     while (!so()) {
@@ -98,7 +99,7 @@ class WindowLab : public testing::Test {
     }
     return runner.status();
   }
-  /// A key, pressed and let go.
+  /// Presses and releases a key.
   void press(int key, bool ctrl = false, bool shift = false) {
     constexpr int kLeftShift = 340, kLeftCtrl = 341;
     if (ctrl) surface_->setKey(kLeftCtrl, true);

@@ -1,4 +1,4 @@
-/// A clock that the test turns and a device that the test scripts: the haptic loop on virtual time.
+/// A clock that the test advances and a device that the test scripts, for the haptic loop on virtual time.
 #pragma once
 
 #include <cmath>
@@ -26,7 +26,7 @@ inline sigset_t noSignals() {
 
 namespace needlelab::test {
 
-/// Wakes exactly on time, but for the wake-ups (counted from 0) that a test makes late.
+/// Wakes exactly on time, except for the wake-ups (counted from 0) that a test makes late.
 class FakeClock final : public LoopClock {
  public:
   std::int64_t nowNs() noexcept override { return now_ns += read_cost_ns; }
@@ -35,12 +35,12 @@ class FakeClock final : public LoopClock {
     if (const auto late = late_ns.find(wakeups++); late != late_ns.end()) now_ns += late->second;
   }
   std::int64_t now_ns = 1'000'000'000;
-  std::int64_t read_cost_ns = 0;  ///< how long each look at the clock takes
+  std::int64_t read_cost_ns = 0;  ///< duration of each clock read
   std::uint64_t wakeups = 0;
-  std::map<std::uint64_t, std::int64_t> late_ns;  ///< made before the loop runs
+  std::map<std::uint64_t, std::int64_t> late_ns;  ///< filled before the loop runs
 };
 
-/// Gives what `script` says for the n-th tick of the device's own count, skipped ticks included.
+/// Returns the result of `script` for the n-th tick of the device's own count, including skipped ticks.
 class FakeDevice final : public Device {
  public:
   using Script = std::function<DeviceRead(std::uint64_t tick, DeviceReading& reading)>;
@@ -66,13 +66,13 @@ class FakeDevice final : public Device {
   std::uint64_t tick = 0, reads = 0, skipped = 0;
   std::vector<Wrench> writes;
   std::function<void(std::uint64_t)> on_write;
-  std::function<void()> read_cost;  ///< turns the test's clock
+  std::function<void()> read_cost;  ///< advances the test's clock
 
  private:
   Script script_;
 };
 
-/// The tip goes straight down at `speed_mps`, from 1 mm above z = 0, needle axis downward.
+/// The tip moves straight down at `speed_mps` from 1 mm above z = 0, with the needle axis downward.
 inline FakeDevice::Script goingDown(double speed_mps, double rate_hz) {
   return [speed_mps, rate_hz](std::uint64_t tick, DeviceReading& reading) {
     reading.X_WH.p = {0, 0, 1e-3 - speed_mps * static_cast<double>(tick) / rate_hz};

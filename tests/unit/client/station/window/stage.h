@@ -1,4 +1,4 @@
-/// The trainee's window off screen, on a board that a test fills.
+/// The trainee's window off screen, with a board that the test fills.
 #pragma once
 
 #define GLFW_INCLUDE_NONE
@@ -43,7 +43,7 @@ class TraineeStage : public ViewStage {
   }
   RgbaImage picture(int frames = 4) { return draw(screen(), frames); }
 
-  /// Start, with a server and three exercises.
+  /// Shows the Start screen, with a server and three exercises.
   void showStart() {
     board_.change([](BoardState& state) {
       state.stage = Stage::kStart;
@@ -67,7 +67,7 @@ class TraineeStage : public ViewStage {
     });
   }
 
-  /// A lesson in the shoulder, until `seconds` of it have been seen.
+  /// Shows a lesson in the shoulder until `seconds` of it have been drawn.
   void showLesson(double seconds, const AidList& aids = usualAids(), bool steered = false) {
     if (sample_.samples.empty()) sample_ = sampleLesson("shoulder-adult");
     StationOptions options;
