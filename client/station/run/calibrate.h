@@ -1,9 +1,9 @@
 /// `needlelab-station --calibrate`: finds the needle's tip in the handle's frame by pivoting in a dimple.
+///
 /// Pivoting finds only the tip. `--axis` gives the needle's direction:
 /// - `from-tip`: along the line from the handle's origin to the tip. This is correct if the needle's axis
-/// passes through the handle's origin, as on a syringe mock mounted in line with the handle;
-/// - `given`: the orientation in `--tool` (without --tool: along the handle's +z), e.g. from a
-/// drawing;
+///   passes through the handle's origin, as on a syringe mock mounted in line with the handle;
+/// - `given`: the orientation in `--tool` (without --tool: along the handle's +z), e.g. from a drawing;
 /// - `hub:FILE`: along the line from the needle's hub to the tip. FILE is the tool file of an earlier
 ///   calibration, done with the needle off and the hub's cone in the dimple.
 /// --tool gives the rotation about the needle's own axis, which matters only for a bevel.

@@ -22,8 +22,7 @@ enum class FaultPolicy : std::uint8_t {
 struct WatchedState {
   double now_s = 0;  ///< ascending
   Fault fault = Fault::kNone;
-  std::uint64_t faults =
-      0;  ///< number of faults so far; reveals faults that came and went between two samples
+  std::uint64_t faults = 0;  ///< number so far; reveals faults that came and went between samples
   bool cause_lasts = false;  ///< the cause of the fault persists
   bool acknowledged = false;
   std::uint32_t condition = 0;       ///< DeviceFlag bits

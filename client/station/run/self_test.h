@@ -1,5 +1,5 @@
-/// `needlelab-station --self-test`: facts about device, computer and server, and their judgement. The two are
-/// separate, so that every judgement can be tested without hardware.
+/// `needlelab-station --self-test`: measures facts about device, computer and server, and judges them.
+/// Measurement and judgement are separate, so that tests can check every judgement without hardware.
 #pragma once
 
 #include <cstddef>
@@ -22,17 +22,17 @@ namespace needlelab {
 // --- facts ---
 
 struct DeviceFacts {
-  std::string spec;     ///< of --device
-  std::string trouble;  ///< why it could not be made or opened; all below is empty then
+  std::string spec;     ///< value of --device
+  std::string trouble;  ///< why the device could not be made or opened; all later fields are empty then
   std::optional<DeviceInfo> info;
-  bool hardware = true;  ///< neither simulated nor a recording
+  bool hardware = true;  ///< false: simulated, or a recording
   bool tool_given = false;
   double rate_hz = 1000;
   std::string status;  ///< Device::status at the end
   ZeroForceStats loop;
   Pose last_X_WH;         ///< the last handle pose, and
   Pose X_HT;              ///< the tool, for the tip
-  double farthest_m = 0;  ///< from the origin of its frame
+  double farthest_m = 0;  ///< greatest distance from the origin of its frame
   double moved_m = 0;     ///< greatest distance from the mean position
   double noise_m = 0;     ///< see restNoise_m
   std::vector<RtStep> realtime;
@@ -43,29 +43,29 @@ struct MachineFacts {
   unsigned cores = 0;
   std::string clock_source;        ///< e.g. "tsc"; empty when unknown
   double clock_resolution_ns = 0;  ///< as the system reports
-  double clock_cost_ns = 0;        ///< of one reading
+  double clock_cost_ns = 0;        ///< cost of one reading
 };
 
 struct DiskFacts {
   std::string folder;
-  std::string trouble;  ///< it cannot be made or written
+  std::string trouble;  ///< why the folder cannot be created or written
   double free_bytes = 0;
-  double sync_median_s = 0, sync_max_s = 0;  ///< of 20 syncs of 8 KiB
+  double sync_median_s = 0, sync_max_s = 0;  ///< over 20 syncs of 8 KiB
 };
 
 struct EngineFacts {
   std::string trouble;
-  std::size_t scenes = 0;  ///< that were tried
-  std::string heaviest;    ///< its profile's id
+  std::size_t scenes = 0;  ///< number of tested scenes
+  std::string heaviest;    ///< profile id of the slowest scene
   double tick_median_ns = 0;
 };
 
 struct ServerFacts {
   bool asked = false;  ///< --server was given
   std::string address, trouble;
-  std::string program, name;  ///< the server's; the name under which it knows this station
-  double connect_s = 0;       ///< TCP, TLS 1.3 with its certificate checked, log-in with the key
-  double round_trip_s = 0;    ///< least of several
+  std::string program, name;  ///< the server's program; this station's name on the server
+  double connect_s = 0;       ///< for TCP, TLS 1.3 with certificate check, and log-in with the key
+  double round_trip_s = 0;    ///< shortest of several
   double clock_offset_s = 0;  ///< the server's time of day minus this computer's
 };
 
@@ -77,22 +77,23 @@ struct SelfTestFacts {
   ServerFacts server;
 };
 
-/// Position noise of a device at rest: root mean square distance from the straight line through each 0.2 s,
-/// median over these windows, so that a slow drift and a short knock do not count. 0 with too few samples.
+/// Returns the position noise of a device at rest: the root mean square distance from the fitted straight
+/// line in each 0.2 s window, median over the windows. Slow drift and a short knock do not count. 0 with too
+/// few samples.
 double restNoise_m(std::span<const ZeroForceSample> samples);
 
-/// At `real_time.rate_hz`: opens the device, waits until it is ready (at most `patience_s`:
-/// firmware is loaded, a zero looked for, power switched on), reads it for `seconds`
-/// with zero force, closes it. `log` gets messages for a person meanwhile. `stopped`: a signal came.
+/// Opens the device, waits at most `patience_s` until it is ready (firmware load, search for zero, power on),
+/// reads it for `seconds` at `real_time.rate_hz` with zero force, and closes it. `log` receives messages for
+/// a person meanwhile. `stopped`: a signal came.
 DeviceFacts measureDevice(Device& device, LoopClock& clock, const RtOptions& real_time, double seconds,
                           const sigset_t& stop_signals, const std::function<void(const std::string&)>& log,
                           bool& stopped, double patience_s = 15);
 MachineFacts measureMachine();
-/// Makes the folder if need be, and writes a file there for a moment.
+/// Creates the folder if needed and writes a temporary file there.
 DiskFacts measureDisk(const std::filesystem::path& folder);
-/// The profiles of db/samples, inside the program.
+/// Returns the profiles of db/samples, which are embedded in the program.
 std::span<const EmbeddedFile> sampleProfiles();
-/// Each of the sample profiles for about 20 ms.
+/// Runs each sample profile for about 20 ms.
 EngineFacts measureEngine(double rate_hz);
 ServerFacts measureServer(const StationOptions& options);
 
@@ -107,28 +108,28 @@ struct Check {
   std::string found;                 ///< with unit, for a person
   std::string limit;                 ///< the expected range; empty without one
   std::string advice;                ///< what to do; empty when OK
-  std::optional<double> value = {};  ///< the number that was judged
+  std::optional<double> value = {};  ///< the judged number
   std::string unit = {};
 };
 
-/// The verdict and text of a DeviceFlag.
+/// Verdict and text for a DeviceFlag.
 struct ConditionText {
   std::uint32_t flag = 0;
   Verdict verdict = Verdict::kOk;
   const char* found = "";
   const char* advice = "";
 };
-/// Every DeviceFlag once.
+/// Returns each DeviceFlag once.
 std::span<const ConditionText> conditionTexts();
 
-/// All checks, in the order of doing.
+/// Returns all checks in the order of measurement.
 std::vector<Check> judge(const SelfTestFacts& facts);
 
 std::string selfTestText(const std::vector<Check>& checks);
 /// {"version", "machine", "rows": [{"check", "verdict", "value", "unit", "found", "limit", "advice"}]}
 std::string selfTestJson(const std::vector<Check>& checks);
 
-/// `--self-test`. Exit code 0 when no check failed, 1 otherwise.
+/// Runs `--self-test`. Exit code 0 if no check failed, 1 otherwise.
 int runSelfTest(const StationOptions& options, const sigset_t& stop_signals);
 
 }  // namespace needlelab

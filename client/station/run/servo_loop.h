@@ -1,4 +1,5 @@
-/// The haptic loop: device → tool → gate → engine → gate → device, once a tick, and each tick into the ring.
+/// The haptic loop: device → tool → gate → engine → gate → device, once a tick. Pushes each tick into the
+/// ring.
 #pragma once
 
 #include <array>
@@ -18,48 +19,48 @@
 
 namespace needlelab {
 
-/// Why the loop ended.
+/// The reason for the loop's end.
 enum class ServoEnd : std::uint8_t {
   kNotYet,
-  kStopped,         ///< on request
+  kStopped,         ///< by request
   kTicksDone,       ///< max_ticks
-  kDeviceFinished,  ///< a recording or a hand's plan is over
-  kFault,           ///< the gate took the force away, and the policy was kEnd; see `fault`
+  kDeviceFinished,  ///< the recording or the hand's plan ended
+  kFault,           ///< the gate removed the force under kEnd; see `fault`
   kCrash,           ///< crashStop: another part of the program died
 };
 
 /// A fault of the lesson.
 struct FaultNote {
   Fault fault = Fault::kNone;
-  std::uint64_t tick = 0;                  ///< in which it was raised
-  std::optional<std::uint64_t> over_tick;  ///< in which it was over: acknowledged, the needle outside
+  std::uint64_t tick = 0;                  ///< tick that raised it
+  std::optional<std::uint64_t> over_tick;  ///< tick that ended it: acknowledged, the needle outside
 };
 
-/// Thread: the histograms may be read while the loop runs; everything else when `run` has returned.
+/// Thread: other threads may read the histograms while the loop runs, everything else after `run` returned.
 struct ServoStats {
   ServoEnd end = ServoEnd::kNotYet;
-  Fault fault = Fault::kNone;        ///< that stood when the loop ended; none when it was over by then
-  Fault first_fault = Fault::kNone;  ///< of the whole lesson
-  std::uint64_t faults = 0;          ///< how often one was raised
+  Fault fault = Fault::kNone;        ///< fault at the loop's end; none if it was over
+  Fault first_fault = Fault::kNone;  ///< first fault of the lesson
+  std::uint64_t faults = 0;          ///< number of faults
   std::uint64_t fault_ticks = 0;     ///< ticks in FAULT
   static constexpr std::size_t kMostFaultNotes = 64;
-  std::array<FaultNote, kMostFaultNotes> fault_notes{};  ///< of the first faults
+  std::array<FaultNote, kMostFaultNotes> fault_notes{};  ///< the first faults
   std::size_t fault_note_count = 0;
-  std::uint64_t ticks = 0;         ///< that passed, missed ones included
-  std::uint64_t samples = 0;       ///< ticks that ran: each gave one sample
-  std::uint64_t missed_ticks = 0;  ///< that passed before the loop woke: not stepped, no sample
-  std::uint64_t late_wakeups = 0;  ///< wake-ups late by a period or more: each missed one tick or several
+  std::uint64_t ticks = 0;         ///< elapsed ticks, including missed ones
+  std::uint64_t samples = 0;       ///< executed ticks; each gave one sample
+  std::uint64_t missed_ticks = 0;  ///< ticks that passed before the loop woke: no engine step, no sample
+  std::uint64_t late_wakeups = 0;  ///< wake-ups late by a period or more; each missed at least one tick
   std::array<std::uint64_t, 32>
-      flag_ticks{};         ///< bit i of StepFlag, GateFlag, DeviceFlag: in how many ticks it was set
-  LatencyHistogram wakeup;  ///< how late after its due time a tick began
-  LatencyHistogram tick;    ///< how long a tick worked: all of the following
+      flag_ticks{};         ///< number of ticks with bit i of StepFlag, GateFlag or DeviceFlag
+  LatencyHistogram wakeup;  ///< delay between a tick's due time and its beginning
+  LatencyHistogram tick;    ///< duration of a tick: all of the following
   LatencyHistogram read;    ///< … the device's read
   LatencyHistogram engine;  ///< … tool, gate and engine
   LatencyHistogram write;   ///< … the device's write
-  LatencyHistogram record;  ///< … the sample into its ring, and the values published to others
+  LatencyHistogram record;  ///< … the push into the ring and the published values
   LatencyHistogram device;  ///< read and write of a tick together
 
-  /// Once per tick: the fault of this tick, and whether it was raised in it. Real-time safe.
+  /// Call once per tick with its fault, and whether this tick raised it. Real-time safe.
   void noteFault(Fault now, bool raised, std::uint64_t tick_number) noexcept {
     if ((raised || now == Fault::kNone) && open_fault_) {
       fault_notes[fault_note_count - 1].over_tick = tick_number;
@@ -77,45 +78,46 @@ struct ServoStats {
 struct ServoSettings {
   double rate_hz = 1000;
   Pose X_HT;                    ///< the tool: the tip in the handle's frame
-  std::uint64_t max_ticks = 0;  ///< ends after so many ticks, missed ones included; 0 = no end
+  std::uint64_t max_ticks = 0;  ///< ends after so many ticks, including missed ones; 0: no end
   FaultPolicy on_fault = FaultPolicy::kEnd;
-  PlungerSettings plunger{};      ///< its source is the device's own; `source` is ignored
-  BlackBox* black_box = nullptr;  ///< outlives the loop; null = none
+  PlungerSettings plunger{};      ///< ignores `source`; the device determines it
+  BlackBox* black_box = nullptr;  ///< must outlive the loop; null: none
 };
 
-/// Thread: `run` on the haptic thread; the others as documented below. All memory is allocated in the
-/// constructor. Within a tick: no heap, lock, exception, and no system call but the clock's and the device's.
+/// Thread: `run` on the haptic thread; the others as documented below. The constructor allocates all memory.
+/// A tick uses no heap, lock or exception, and no system calls except those of the clock and the device.
 class ServoLoop {
  public:
-  /// All of them must outlive the loop; the device is open.
+  /// All arguments must outlive the loop; the device is open.
   ServoLoop(const SceneModel& model, Device& device, LoopClock& clock, SampleRing& ring,
             const ServoSettings& settings);
 
-  /// Runs until the end, then leaves the device with zero force. Tick k is due at start + k/rate. When the
-  /// loop wakes a period or more late, the ticks that passed are missed: the tick number goes on, they are
-  /// not stepped. Before a planned end the force fades out within 20 ms; after a FAULT the gate does that.
+  /// Runs until the end, then leaves the device with zero force. Tick k is due at start + k/rate. If the loop
+  /// wakes a period or more late, it misses the elapsed ticks: it skips their numbers and does not step the
+  /// engine. The force fades out within 20 ms before a planned end; after a FAULT the gate does that.
   void run() noexcept;
 
-  // from any thread; the first three also from a signal's handler
+  // from any thread; the first three also from a signal handler
   /// Asks the loop to end.
   void stop() noexcept { stop_.store(true, std::memory_order_relaxed); }
-  /// Another part of the program died: FAULT (Fault::kProgramTrouble), zero force within 20 ms, then the loop
-  /// ends under any policy. Wait for `ended`, but with a time limit: a loop that itself died never ends.
+  /// Call if another part of the program crashed: FAULT (Fault::kProgramTrouble), zero force within 20 ms,
+  /// then the loop ends under any policy. Wait for `ended` with a time limit: if the loop itself crashed, it
+  /// never ends.
   void crashStop() noexcept { crash_.store(true, std::memory_order_relaxed); }
-  /// The loop has ended, and the device was left with zero force.
+  /// Returns whether the loop has ended and left the device with zero force.
   [[nodiscard]] bool ended() const noexcept { return ended_.load(std::memory_order_acquire); }
-  /// A person has seen the fault that is there now. Counts once, in the next tick; a fault that comes later
-  /// needs an acknowledgement of its own.
+  /// Acknowledges the present fault for a person. Counts once, in the next tick; each later fault needs its
+  /// own acknowledgement.
   void acknowledge() noexcept { acknowledged_.store(true, std::memory_order_relaxed); }
-  /// The fault of the last tick.
+  /// Returns the fault of the last tick.
   [[nodiscard]] Fault fault() const noexcept { return fault_.load(std::memory_order_relaxed); }
-  /// In FAULT: its cause was there in the last tick, so that an acknowledgement does not count yet.
+  /// In FAULT: its cause persisted in the last tick, so an acknowledgement does not count yet.
   [[nodiscard]] bool causeLasts() const noexcept { return cause_lasts_.load(std::memory_order_relaxed); }
-  /// In FAULT: it is acknowledged and waits for the needle to be outside the tissue.
+  /// In FAULT: a person acknowledged it, and the loop waits until the needle is outside the tissue.
   [[nodiscard]] bool acknowledgementStands() const noexcept {
     return acknowledgement_stands_.load(std::memory_order_relaxed);
   }
-  /// How often a fault was raised so far.
+  /// Number of faults so far.
   [[nodiscard]] std::uint64_t faults() const noexcept { return faults_.load(std::memory_order_relaxed); }
   /// DeviceFlag bits of the last tick.
   [[nodiscard]] std::uint32_t condition() const noexcept {
@@ -123,13 +125,13 @@ class ServoLoop {
   }
   [[nodiscard]] std::uint64_t missedTicks() const noexcept { return missed_.load(std::memory_order_relaxed); }
 
-  /// From one other thread: true when `sample` is a newer tick than the last call gave.
+  /// For one other thread. Returns true if `sample` is newer than that of the last call.
   [[nodiscard]] bool latest(GestureSample& sample) noexcept { return latest_.fetch(sample); }
 
   [[nodiscard]] const ServoStats& stats() const noexcept { return stats_; }
 
  private:
-  /// When a tick was due and when each of its phases ended; the ticks that it missed.
+  /// A tick's due time, the end of each phase, and the missed ticks before it.
   struct TickTimes {
     std::int64_t due_ns = 0, late_ns = 0;
     std::uint64_t missed = 0;

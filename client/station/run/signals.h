@@ -1,4 +1,4 @@
-/// The signals that the station takes one by one, on its main thread, and those of a crash.
+/// The signals that the station handles one by one on its main thread, and crash signals.
 #pragma once
 
 #include <chrono>
@@ -8,27 +8,30 @@
 
 namespace needlelab {
 
-/// Blocks SIGINT, SIGTERM, SIGHUP (its terminal is closed), SIGQUIT and SIGUSR1 in the calling thread and all
-/// that it starts; threads that were there before hand them over to it. SIGHUP and SIGQUIT stay ignored where
-/// nohup or a shell had them ignored. Returns all but SIGUSR1: they end a lesson; SIGUSR1 acknowledges a
-/// fault and counts only while the loop runs. Ignores SIGPIPE, SIGXFSZ and the signals that would stop the
-/// program (Ctrl-Z): a program that dies or stands still leaves the device with its last force. Call it first
-/// in `main`.
+/// Blocks SIGINT, SIGTERM, SIGHUP (its terminal closed), SIGQUIT and SIGUSR1 in the calling thread and in all
+/// threads that it starts; earlier threads forward these signals to it. If nohup or a shell ignores SIGHUP
+/// and SIGQUIT, they stay ignored. Returns all of them except SIGUSR1: these signals end a lesson. SIGUSR1
+/// acknowledges a fault and counts only while the loop runs. Ignores SIGPIPE, SIGXFSZ and the signals that
+/// suspend a program (Ctrl-Z), because a dead or suspended program leaves the device with its last force.
+/// Call it first in `main`.
 sigset_t blockStopSignals();
 
-/// Takes one of `signals`: its number, or 0 when `time` passed.
+/// Waits at most `time` for one of `signals`. Returns its number, or 0 after a timeout.
 int signalWithin(const sigset_t& signals, std::chrono::milliseconds time);
 
-/// While it lives, SIGSEGV, SIGBUS, SIGFPE, SIGILL and SIGABRT (so std::terminate, too: an exception that no
-/// thread caught) on any thread but the haptic one ask the loop for zero force (ServoLoop::crashStop), wait
-/// at most 200 ms until it has ended and 400 ms for a backend with a thread of its own to send that, and then
-/// take their default action: the program dies by that signal, with its core dump. After a crash on the
-/// haptic thread itself no loop is left: the program dies 50 ms later, in which a backend with a thread of
-/// its own (the Falcon's) misses the loop and sends zero; else the device's own watchdog takes the force
-/// away. When that thread itself crashes, or cannot go on, this handler sends the zero (crash_packet.h).
+/// Handles SIGSEGV, SIGBUS, SIGFPE, SIGILL and SIGABRT during its lifetime. SIGABRT includes std::terminate
+/// after an uncaught exception.
 ///
-/// One at a time. Thread: made and destroyed by one, while no loop runs; `setHapticThread` on the
-/// haptic thread. The loop must outlive it.
+/// After a crash on any other thread than the haptic one, the handler requests zero force from the loop
+/// (ServoLoop::crashStop), waits at most 200 ms for the loop's end and 400 ms for a backend with its own
+/// thread to send the zero. Then the default action follows: the program dies by that signal, with a core
+/// dump.
+///
+/// After a crash on the haptic thread, the program dies 50 ms later. In that time a backend with its own
+/// thread (the Falcon's) notices the missing loop and sends zero; for other devices the device's watchdog
+/// removes the force. If the backend's thread crashes or cannot continue, this handler sends the zero
+/// (crash_packet.h). At most one instance. Thread: one thread constructs and destroys it while no loop runs;
+/// `setHapticThread` on the haptic thread. The loop must outlive it.
 class CrashGuard {
  public:
   explicit CrashGuard(ServoLoop& loop);
@@ -36,7 +39,7 @@ class CrashGuard {
   CrashGuard(const CrashGuard&) = delete;
   CrashGuard& operator=(const CrashGuard&) = delete;
 
-  /// Called by the haptic thread before it runs the loop.
+  /// The haptic thread calls this before it runs the loop.
   static void setHapticThread() noexcept;
 };
 

@@ -1,4 +1,4 @@
-/// The station between lessons (its spool and the link to its server), and a whole lesson without a window.
+/// The station's shared state between lessons (spool and server link), and a whole lesson without a window.
 #pragma once
 
 #include <csignal>
@@ -14,19 +14,19 @@
 
 namespace needlelab {
 
-/// Thread: made, opened and destroyed by the thread that runs the lessons; `requests` by any.
+/// Thread: the thread that runs the lessons constructs, opens and destroys it; any calls `requests`.
 class StationHome {
  public:
   /// Both must outlive it.
   StationHome(const StationOptions& options, LessonObserver& observer)
       : observer_(observer), options_(options), station_(options.station) {}
 
-  /// First. Errors: as Spool::open.
+  /// Call first. Errors: from Spool::open.
   Status openSpool();
-  /// Second: the key's name; with a server, the link to it. Errors: of the key and the CA file; an absent
-  /// server is not an error.
+  /// Call second. Reads the station's name from the key; with a server, starts the link. Errors: from the key
+  /// and the CA file; an absent server is not an error.
   Status connect();
-  /// Closes the link to the server. May be called twice.
+  /// Closes the link to the server. Repeated calls are allowed.
   void close();
 
   [[nodiscard]] Spool& spool() { return *spool_; }
@@ -50,8 +50,8 @@ class StationHome {
 };
 
 /// Runs one lesson without a window and prints its summary. `stop_signals`: from blockStopSignals; the first
-/// such signal ends the lesson properly, the second one does not wait for the server any more. Returns the
-/// program's exit code (common/base/program.h). Thread: main; starts and joins all others.
+/// signal ends the lesson properly; the second also ends the wait for the server. Returns the program's exit
+/// code (common/base/program.h). Thread: main. Starts and joins all others.
 int runStation(const StationOptions& options, const sigset_t& stop_signals);
 
 }  // namespace needlelab

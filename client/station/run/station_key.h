@@ -1,5 +1,5 @@
-/// The key file by which a station logs in (one line, `NAME:64 hexadecimal digits`, made by needlelab-admin
-/// station add), and `--enrol`, which brings the key to this computer.
+/// The key file for a station's log-in (one line, `NAME:64 hexadecimal digits`, from needlelab-admin station
+/// add), and `--enrol`, which stores the key on this computer.
 #pragma once
 
 #include <filesystem>
@@ -16,12 +16,12 @@ struct StationKey {
   std::string key;  ///< 32 bytes
 };
 
-/// Errors: kInvalidInput; the key itself never stands in a message. `source` names the text.
+/// Errors: kInvalidInput. Messages never contain the key. `source` names the text.
 Result<StationKey> parseStationKey(std::string_view text, const std::string& source);
 Result<StationKey> loadStationKey(const std::filesystem::path& path);
 
-/// `--enrol`: logs in by the bundle, then keeps it in `enrolled`. Exit code 0 when both were done, 2 for a
-/// file that is not a bundle.
+/// Runs `--enrol`: logs in with the bundle, then stores it in `enrolled`. Exit code 0 if both succeeded, 2 if
+/// the file is not a bundle.
 int runEnrol(const StationOptions& options);
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// One lesson from its beginning to its end, for `runStation` and for the window.
+/// Runs one lesson from beginning to end, for `runStation` and the window.
 #pragma once
 
 #include <csignal>
@@ -22,28 +22,27 @@
 
 namespace needlelab {
 
-/// Everything of one lesson, in the order in which it comes to be: `prepare`, `practise`, then `drain` where
-/// one waits for the server, `outcome` any number of times, `report` once. Thread: one, which starts and
-/// joins all others.
+/// One lesson. Call `prepare`, `practise`, then `drain` to wait for the server, `outcome` any number of
+/// times, and `report` once. Thread: one, which starts and joins all others.
 class StationRun {
  public:
-  /// `options`: with this lesson's trainee and exercise. `home` is open and connected, and outlives it.
+  /// `options` contains this lesson's trainee and exercise. `home` is open and connected and must outlive it.
   StationRun(StationHome& home, StationOptions options, const sigset_t& stop_signals)
       : home_(home), options_(std::move(options)), signals_(stop_signals) {}
 
-  /// Lesson, device, session. Errors say what to do; nothing was recorded then.
+  /// Prepares lesson, device and session. Errors include advice; after an error there is no recording.
   Status prepare();
-  /// Runs the loop until the lesson ends. Errors: not all of the recording is safe.
+  /// Runs the loop until the lesson ends. Errors: part of the recording is not stored safely.
   Status practise();
   /// Waits until the server has everything, within limits.
   void drain();
-  /// The result, as far as known.
+  /// Returns the result so far.
   [[nodiscard]] LessonOutcome outcome();
-  /// Prints the result on standard output and, with --json, as JSON, after the `earlier` lessons of this
+  /// Prints the result to standard output and, with --json, as JSON after the `earlier` lessons of this
   /// program. Returns the exit code.
   int report(const LessonOutcome& outcome, const std::vector<StationSummary>& earlier = {});
 
-  /// A stop signal came: the program is to end, not only the lesson.
+  /// Returns whether a stop signal came: the program must end, not only the lesson.
   [[nodiscard]] bool interrupted() const { return interrupted_; }
 
  private:
@@ -66,7 +65,7 @@ class StationRun {
   StationHome& home_;
   const StationOptions options_;
   const sigset_t& signals_;
-  std::shared_ptr<HandSteering> steering_;  // of a simulated hand that a person steers in the window
+  std::shared_ptr<HandSteering> steering_;  // input of the simulated hand steered in the window
   SampleRing ring_;
   StationLesson lesson_;
   std::vector<std::string> device_notes_;

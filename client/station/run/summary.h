@@ -24,31 +24,31 @@ struct StationSummary {
   double rate_hz = 0;
   ServoStats servo;
   SpoolWriterCounts writer;
-  std::uint64_t ring_dropped = 0;               ///< samples that found the ring full
-  std::optional<std::uint64_t> lost_from_tick;  ///< the first lost sample's, when any is
-  std::uint64_t samples_acked = 0;              ///< of this session, committed by the server
-  std::uint64_t spool_left = 0;  ///< chunks in the spool that the server has not committed, over all sessions
+  std::uint64_t ring_dropped = 0;               ///< samples refused by a full ring
+  std::optional<std::uint64_t> lost_from_tick;  ///< tick of the first lost sample, if any
+  std::uint64_t samples_acked = 0;              ///< samples of this session that the server committed
+  std::uint64_t spool_left = 0;                 ///< uncommitted chunks in the spool, over all sessions
   bool has_server = false;
   UplinkState uplink;
-  std::string axial_model;  ///< by name, the one that was rendered
+  std::string axial_model;  ///< name of the rendered model
   std::vector<std::string> live_effects;
-  std::vector<std::string> device_notes;  ///< what the device cannot do, and what was done instead
+  std::vector<std::string> device_notes;  ///< the device's limits, and the substitutes for them
   std::optional<EffectCosts>
-      effect_costs;  ///< of the live effects, measured before the loop; none when that failed
+      effect_costs;  ///< of the live effects, measured before the loop; none if the measurement failed
   std::vector<RtStep> realtime;
   BlackBoxCounts black_box;
   std::string state;         ///< COMPLETE, INTERRUPTED (the server's word), or OPEN
-  std::string score_json;    ///< rows; empty when there is none
-  std::string syringe_json;  ///< aspirations and injections, as of eventsJson; empty when not worked out
+  std::string score_json;    ///< rows; empty: no score
+  std::string syringe_json;  ///< aspirations and injections, as in eventsJson; empty: not computed
   std::string score_source;  ///< "server" or "station"
   std::string spool;
-  std::optional<StopCause> stopped;  ///< by a person: at the window, or an instructor
+  std::optional<StopCause> stopped;  ///< stop by a person at the window or by an instructor
 };
 
-/// Text for a bit of StepFlag or GateFlag; empty for bits without meaning.
+/// Returns the text for a bit of StepFlag or GateFlag; empty for unused bits.
 std::string_view flagText(unsigned bit);
-/// Whether a person should look at it (a limit was reached, a sample was refused), or it is an event of every
-/// gesture.
+/// Returns true if the flag needs a person's attention (a limit was reached, a sample was refused), false if
+/// it is an ordinary event of a gesture.
 bool isWarningFlag(unsigned bit);
 const char* servoEndText(ServoEnd end);
 
@@ -56,10 +56,10 @@ const char* servoEndText(ServoEnd end);
 std::string effectCostsText(const EffectCosts& costs);
 
 std::string summaryText(const StationSummary& summary);
-/// {"version", "machine", "rows": [{…}]}: one row, which stands beside "rows" as well. `earlier` lessons of
-/// the same program are rows before it.
+/// Returns {"version", "machine", "rows": [{…}]}, with one row for this lesson; its fields also stand at the
+/// top level. The `earlier` lessons of the same program are the rows before it.
 std::string summaryJson(const StationSummary& summary, const std::vector<StationSummary>& earlier = {});
-/// "stopped by ines: wrong side", "stopped at the window"; empty for nobody.
+/// Returns e.g. "stopped by ines: wrong side" or "stopped at the window"; empty if nobody stopped it.
 std::string stopText(const std::optional<StopCause>& stopped);
 
 }  // namespace needlelab

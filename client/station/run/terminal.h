@@ -1,4 +1,4 @@
-/// The terminal in front of the person: messages, and Enter.
+/// The station's terminal: messages, and Enter.
 #pragma once
 
 #include <string>
@@ -7,21 +7,21 @@
 
 namespace needlelab {
 
-/// One line on standard error, "station: …". Thread: any but the haptic one; lines never mix.
+/// Prints one line to standard error, "station: …". Thread: any but the haptic one; lines never interleave.
 void logMessage(const std::string& text);
 
-/// The line below all messages.
+/// Returns the live line, which stands below all messages.
 LiveLine& liveLine();
 
-/// Listens to a terminal or a pipe, and never waits for it. Thread: one, not the haptic one.
+/// Reads a terminal or a pipe without blocking. Thread: one, not the haptic one.
 class EnterKey {
  public:
-  /// `descriptor` is read from, and stays open.
+  /// Reads from `descriptor` and leaves it open.
   explicit EnterKey(int descriptor) : descriptor_(descriptor) {}
-  /// Whether Enter was pressed (a line was ended) since the last call. Nothing is read from a terminal that
-  /// belongs to another program at the moment, as that would stop this one.
+  /// Returns whether Enter was pressed (a line ended) since the last call. Does not read while another
+  /// program is in the terminal's foreground, because that would suspend this one.
   bool pressed();
-  /// It is a terminal, so that there is somebody to wait for.
+  /// Returns whether it is a terminal, so that a person can answer.
   [[nodiscard]] bool isTerminal() const;
 
  private:

@@ -1,5 +1,5 @@
-/// A loop that reads the device at its rate and gives it no force: for `--self-test` and `--calibrate`. It
-/// has neither engine nor gate: the only wrench that it can make is zero (force_gate.h, GuardedWrench).
+/// A loop for `--self-test` and `--calibrate` that reads the device at its rate and writes zero force. It has
+/// no engine and no gate: the only wrench that it can make is zero (force_gate.h, GuardedWrench).
 #pragma once
 
 #include <array>
@@ -20,51 +20,51 @@ namespace needlelab {
 
 struct ZeroForceSettings {
   double rate_hz = 1000;
-  std::uint64_t max_ticks = 0;   ///< ends after so many, missed ones included; more than 0
-  std::uint64_t keep_every = 1;  ///< of the fresh readings, one in so many is kept
+  std::uint64_t max_ticks = 0;   ///< ends after so many ticks, including missed ones; > 0
+  std::uint64_t keep_every = 1;  ///< keeps one in so many fresh readings
 };
 
-/// A reading that was kept.
+/// A kept reading.
 struct ZeroForceSample {
   double t_s = 0;  ///< since the first tick
   Pose X_WH;
   double speed_mps = 0;
 };
 
-/// Counts of the loop. Read them when `run` has returned.
+/// Counters of the loop. Read them after `run` returned.
 struct ZeroForceStats {
-  std::uint64_t ticks = 0;  ///< that passed, missed ones included
-  std::uint64_t ran = 0;    ///< ticks that ran
+  std::uint64_t ticks = 0;  ///< elapsed ticks, including missed ones
+  std::uint64_t ran = 0;    ///< executed ticks
   std::uint64_t missed = 0;
-  std::uint64_t fresh = 0;                          ///< readings with a new pose
-  std::uint64_t longest_silence = 0;                ///< ticks in a row without one, missed ones not counted
-  std::uint64_t bad_poses = 0;                      ///< not finite, or no rotation
-  std::array<std::uint64_t, 32> condition_ticks{};  ///< bit i of DeviceFlag: in how many ticks it was set
+  std::uint64_t fresh = 0;            ///< readings with a new pose
+  std::uint64_t longest_silence = 0;  ///< consecutive ticks without a new pose, without missed ticks
+  std::uint64_t bad_poses = 0;        ///< not finite, or not a rotation
+  std::array<std::uint64_t, 32> condition_ticks{};  ///< number of ticks with bit i of DeviceFlag
   std::uint32_t last_condition = 0;
   std::uint32_t buttons_seen = 0;
   double least_plunger = 1, greatest_plunger = 0;
   double greatest_speed_mps = 0;  ///< as the device reports it
-  bool device_finished = false;   ///< a recording came to its end
+  bool device_finished = false;   ///< the recording ended
   double seconds = 0;             ///< between the first and the last tick
-  LatencyHistogram wakeup;        ///< how late after its due time a tick began
+  LatencyHistogram wakeup;        ///< delay between a tick's due time and its beginning
   LatencyHistogram exchange;      ///< the device's read and write
 };
 
-/// Thread: `run` on the haptic thread; `stop`, `samples` from any. Within a tick: no heap, lock, exception.
+/// Thread: `run` on the haptic thread; `stop`, `samples` from any. A tick uses no heap, lock or exception.
 class ZeroForceLoop {
  public:
   /// Both must outlive the loop; the device is open.
   ZeroForceLoop(Device& device, LoopClock& clock, const ZeroForceSettings& settings);
 
-  /// Until max_ticks, `stop` or the end of a recording. The device is left with zero force.
+  /// Runs until max_ticks, `stop` or the end of a recording, then leaves the device with zero force.
   void run() noexcept;
   void stop() noexcept { stop_.store(true, std::memory_order_relaxed); }
 
-  /// The samples kept so far; valid as long as the loop.
+  /// Returns the samples kept so far; valid during the loop's lifetime.
   [[nodiscard]] std::span<const ZeroForceSample> samples() const noexcept {
     return {kept_.data(), kept_count_.load(std::memory_order_acquire)};
   }
-  /// Since the first tick, in device time; for progress.
+  /// Returns the device time since the first tick, for progress.
   [[nodiscard]] double elapsed_s() const noexcept {
     return static_cast<double>(elapsed_ticks_.load(std::memory_order_relaxed)) / settings_.rate_hz;
   }
@@ -81,8 +81,7 @@ class ZeroForceLoop {
   LoopClock& clock_;
   ZeroForceSettings settings_;
   DeviceReading reading_;
-  std::vector<ZeroForceSample>
-      kept_;  // its size never changes: the loop fills, others read up to kept_count_
+  std::vector<ZeroForceSample> kept_;  // fixed size: the loop writes, others read up to kept_count_
   std::atomic<std::size_t> kept_count_{0};
   std::atomic<std::uint64_t> elapsed_ticks_{0};
   std::atomic<std::uint32_t> condition_{0};
@@ -91,19 +90,18 @@ class ZeroForceLoop {
   ZeroForceStats stats_;
 };
 
-/// How a run on the haptic thread went.
+/// The result of a run on the haptic thread.
 struct ZeroForceRun {
-  std::vector<RtStep> realtime;  ///< as the lesson has them
+  std::vector<RtStep> realtime;  ///< the same steps as in a lesson
   bool stopped = false;          ///< by a signal
 };
-/// Runs the loop on a thread of its own, as real-time as the lesson's with `real_time`
-/// (null: an ordinary one); meanwhile this thread
-/// looks after the device (maintain) and calls `progress` 20 times a second. `progress` returns false to end
-/// the loop. A stop signal (they are blocked) ends it, too.
+/// Runs the loop on its own thread, with a lesson's real-time settings from `real_time` (null: an ordinary
+/// thread). Meanwhile the calling thread maintains the device (maintain) and calls `progress` 20 times a
+/// second. The loop ends if `progress` returns false, or on a stop signal (the signals are blocked).
 ZeroForceRun runZeroForceLoop(ZeroForceLoop& loop, Device& device, const RtOptions* real_time,
                               const sigset_t& stop_signals, const std::function<bool()>& progress);
 
-/// A clock that never waits: for devices that live by the tick, such as a recording.
+/// A clock that never waits, for devices that advance by ticks, such as a recording.
 class ImpatientClock final : public LoopClock {
  public:
   std::int64_t nowNs() noexcept override { return now_ns_; }

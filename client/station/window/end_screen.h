@@ -18,18 +18,18 @@ namespace needlelab {
 
 struct VerdictRow {
   std::string words;           ///< the measure and its requirement as a sentence
-  std::optional<bool> passed;  ///< none: nothing is required of it
+  std::optional<bool> passed;  ///< none: no requirement
 };
 
 struct LessonVerdict {
   enum class Kind : std::uint8_t { kPassed, kNotYet, kNoRequirements, kNoScore };
   Kind kind = Kind::kNoScore;
   std::string title;                 ///< "Passed", "Not yet: 2 of 8 requirements are missing"
-  std::vector<VerdictRow> required;  ///< requirements not met come first
+  std::vector<VerdictRow> required;  ///< unmet requirements come first
   std::vector<VerdictRow> others;    ///< all other measures
   std::string ended;                 ///< how the lesson ended: "time is over", "stopped by ines: wrong side"
   std::string kept;       ///< where the recording is: "with the server", "in this station's spool", …
-  bool kept_well = true;  ///< false: something of it is lost or refused
+  bool kept_well = true;  ///< false: part of it is lost or refused
   std::string by;         ///< "scored by the server"; empty without a score
 };
 
@@ -37,21 +37,19 @@ struct LessonVerdict {
 LessonVerdict verdictOf(const LessonOutcome& outcome);
 
 /// The plot's range: from outside the skin to the deepest point, up to the greatest force.
-/// Pure.
 struct DepthPlotRange {
   double from_m = -0.01, to_m = 0.01;
   double force_N = 1;
 };
 DepthPlotRange depthPlotRange(const GestureCurve& curve, const SceneView& scene);
 
-/// Going in is drawn in one colour, coming out in another; layers are bands with their names, targets are
-/// marked.
+/// Draws insertion and withdrawal in different colours, layers as named bands, and marks the targets.
 void depthPlot(const GestureCurve& curve, const SceneView& scene, ImVec2 size_px);
 
 /// Thread: the window's.
 class EndScreen {
  public:
-  /// One frame; `changed`: `state` is newer than at the last call. `scene`: of the lesson; may be null.
+  /// Draws one frame. `changed`: `state` is newer than in the last call. `scene`: the lesson's; may be null.
   void show(const BoardState& state, bool changed, const SceneView* scene, LessonBoard& board);
 
  private:
@@ -61,8 +59,8 @@ class EndScreen {
   void showNext(const BoardState& state, LessonBoard& board);
 
   std::shared_ptr<const LessonOutcome> shown_;
-  std::string session_;     // of what is shown
-  double keys_from_s_ = 0;  // a key that was meant for the lesson begins nothing
+  std::string session_;     // session of shown_
+  double keys_from_s_ = 0;  // ignores earlier keys: they were meant for the lesson
   LessonVerdict verdict_;
   std::vector<double> time_s_, lateral_mm_;
 };

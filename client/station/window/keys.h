@@ -1,4 +1,4 @@
-/// Keys as a surface reports them: GLFW's numbers, in a window and off screen.
+/// Keys by GLFW's numbers, as a surface reports them in a window and off screen.
 #pragma once
 
 #define GLFW_INCLUDE_NONE

@@ -1,4 +1,4 @@
-/// Exchange between the station's threads and the window's thread: the state to be shown, and a person's
+/// Exchange between the station's threads and the window's thread: the visible state, and a person's
 /// requests.
 #pragma once
 
@@ -22,28 +22,28 @@ namespace needlelab {
 
 /// The station's stage.
 enum class Stage : std::uint8_t {
-  kOpening,     ///< the spool is being opened
-  kStart,       ///< the Start screen: trainee and exercise are chosen
-  kPreparing,   ///< a lesson was requested
+  kOpening,     ///< opening the spool
+  kStart,       ///< the Start screen: choice of trainee and exercise
+  kPreparing,   ///< preparing the requested lesson
   kLesson,      ///< the loop runs
-  kConcluding,  ///< it has ended; the recording is being put away and scored
-  kEnd,         ///< the outcome is there
+  kConcluding,  ///< the loop has ended; the station stores and scores the recording
+  kEnd,         ///< the outcome is available
   kClosing,     ///< the program ends
-  kFailed,      ///< it cannot go on; `trouble` says why
+  kFailed,      ///< the station cannot continue; `trouble` says why
 };
 
 /// Trainee and exercise of a lesson.
 struct LessonChoice {
   std::string trainee, exercise;
-  bool by_profile = false;  ///< --profile's file in place of an exercise
+  bool by_profile = false;  ///< --profile's file instead of an exercise
   friend bool operator==(const LessonChoice&, const LessonChoice&) = default;
 };
 
 /// The Start screen's lists.
 struct StartLists {
   std::vector<ListedExercise> exercises;                      ///< by id
-  std::vector<ServerExercise> descriptions;                   ///< of those that the server has
-  std::vector<std::string> trainees;                          ///< names that are known here
+  std::vector<ServerExercise> descriptions;                   ///< of the server's exercises
+  std::vector<std::string> trainees;                          ///< names known on this station
   std::vector<std::pair<std::string, std::string>> assigned;  ///< trainee, exercise
   std::string profile_file;                                   ///< --profile; empty: none
 };
@@ -52,34 +52,34 @@ struct StartLists {
 struct DeviceReadiness {
   std::string name, state;
   bool ready = false;
-  bool known = false;  ///< false: not looked at yet
+  bool known = false;  ///< false: not checked yet
 };
 
 struct BoardMessage {
   std::string from, text;
   std::int64_t unix_ns = 0;
-  double lesson_s = -1;  ///< in the lesson at that time; −1 outside of one
+  double lesson_s = -1;  ///< lesson time at arrival; −1 outside a lesson
 };
 
-/// The next exercise, as an instructor suggests.
+/// An instructor's suggestion for the next exercise.
 struct SuggestedExercise {
   std::string from, exercise;
 };
 
-/// All but the samples. A copy is cheap.
+/// All visible state except the samples. A copy is cheap.
 struct BoardState {
   Stage stage = Stage::kOpening;
   StartLists lists;
   DeviceReadiness device;
-  std::string server;  ///< in brief; empty without one
+  std::string server;  ///< short state; empty without a server
   bool server_away = false;
-  LessonChoice choice;       ///< the preselection; of a lesson, its choice
+  LessonChoice choice;       ///< the preselection; in a lesson, its choice
   std::string preparing;     ///< the step, for a person
   std::string trouble;       ///< why the last attempt to begin failed
   std::uint64_t lesson = 0;  ///< counts up; 0: none yet
   std::shared_ptr<const LessonBeginning> beginning;
   LessonStatus status;
-  AidList aids;                        ///< that hold now
+  AidList aids;                        ///< in effect now
   std::string aids_by;                 ///< who changed them; empty: the exercise's own
   std::vector<BoardMessage> messages;  ///< the newest 50
   std::shared_ptr<const LessonOutcome> outcome;
@@ -91,34 +91,34 @@ struct BoardRequest {
   enum class Kind : std::uint8_t {
     kNothing,
     kBegin,  ///< `choice`
-    kStart,  ///< to the Start screen
-    kLook,   ///< for exercises, trainees and the device once more
+    kStart,  ///< show the Start screen
+    kLook,   ///< refresh exercises, trainees and device
     kQuit,
   };
   Kind kind = Kind::kNothing;
   LessonChoice choice;
 };
 
-/// Thread: any but the haptic one. The window can hold up nobody: samples wait in a queue of `most_pieces`
-/// (the oldest are dropped and counted), and no lock is held for longer than a copy.
+/// Thread: any but the haptic one. The window cannot block other threads: samples wait in a queue of
+/// `most_pieces` (drops and counts the oldest), and every lock lasts no longer than a copy.
 class LessonBoard final : public LessonObserver {
  public:
   explicit LessonBoard(std::size_t most_pieces = 500) : most_pieces_(most_pieces) {}
 
   // --- the window's thread
-  /// Copies the state when it is newer than `seen`, which becomes its number.
+  /// Copies the state if it is newer than `seen`, and updates `seen`.
   bool look(BoardState& state, std::uint64_t& seen) const;
-  /// Moves the new samples of `lesson` to the end of `samples`, oldest first; returns how many samples were
+  /// Moves the new samples of `lesson` to the end of `samples`, oldest first. Returns the number of samples
   /// dropped before them since the last call.
   std::uint64_t takeSamples(std::uint64_t lesson, std::vector<GestureSample>& samples);
-  /// The newest request counts; kQuit stays.
+  /// Replaces the waiting request, except kQuit.
   void ask(BoardRequest request);
 
   // --- the station's threads
   BoardRequest waitForRequest(std::chrono::milliseconds patience);
-  /// Whether a request waits, without taking it.
+  /// Returns whether a request waits, without taking it.
   [[nodiscard]] bool requestWaits() const;
-  /// `change` alters a BoardState&.
+  /// `change` receives a BoardState& to modify.
   template <typename Change>
   void change(Change&& change) {
     const std::scoped_lock lock(mutex_);

@@ -1,4 +1,4 @@
-/// The window's own model of the lesson that runs, made from the board's samples. No drawing.
+/// The window's model of the running lesson, built from the board's samples. No drawing.
 #pragma once
 
 #include <cstdint>
@@ -15,17 +15,17 @@ namespace needlelab {
 /// Thread: the window's.
 class LessonFollow {
  public:
-  /// Errors: of sceneViewOf.
+  /// Errors: from sceneViewOf.
   static Result<std::unique_ptr<LessonFollow>> make(std::shared_ptr<const LessonBeginning> beginning);
 
-  /// Samples in the order of ticks; `dropped` of them were lost to the window just before.
+  /// Adds samples in tick order. `dropped`: the number of samples that the window lost just before them.
   void feed(const std::vector<GestureSample>& samples, std::uint64_t dropped);
 
   [[nodiscard]] const LessonBeginning& beginning() const { return *beginning_; }
   [[nodiscard]] const std::shared_ptr<const SceneView>& scene() const { return scene_; }
   [[nodiscard]] const Moment& now() const { return replica_.now(); }
   [[nodiscard]] const GestureTrace& trace() const { return trace_; }
-  /// Samples that the window did not see, because it was too slow. The recording has them.
+  /// Number of samples that a slow window lost. The recording has them.
   [[nodiscard]] std::uint64_t dropped() const { return dropped_; }
   [[nodiscard]] bool begun() const { return replica_.fed() > 0; }
 

@@ -1,4 +1,4 @@
-/// The side panel of a lesson: figures, the ladder of layers, plots. Each is shown only with its aid.
+/// A lesson's side panel: figures, the ladder of layers, plots. Each appears only with its aid.
 #pragma once
 
 #include <imgui/imgui.h>
@@ -11,15 +11,14 @@
 
 namespace needlelab {
 
-/// How deep the ladder reaches: a fifth beyond the deepest target, or else the layers' end or the needle's
-/// length, whichever is less. In m.
+/// Returns the ladder's depth in m: a fifth beyond the deepest target; without targets the end of the layers
+/// or the needle's length, whichever is less.
 double ladderDepth_m(const SceneView& scene);
 
-/// Names stand there with Aid LAYER, the tip's place with DEPTH, targets with ANATOMY. Nothing of it: nothing
-/// is drawn.
+/// Shows names with Aid LAYER, the tip with DEPTH, targets with ANATOMY. Draws nothing without these aids.
 void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, ImVec2 size_px);
 
-/// Figures, ladder, ultrasound and plots, each only with its aid.
+/// Draws figures, ladder, ultrasound and plots, each only with its aid.
 void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidSet& aids,
                  UltrasoundView& ultrasound, ImVec2 size_px);
 

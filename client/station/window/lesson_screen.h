@@ -1,4 +1,4 @@
-/// The window while a lesson runs: limb and needle, side panel, overlays, the instructor's messages.
+/// The window during a lesson: limb and needle, side panel, overlays, the instructor's messages.
 #pragma once
 
 #include <imgui/imgui.h>
@@ -21,23 +21,23 @@ struct Overlay {
   enum class Kind : std::uint8_t { kNone, kHold, kFault };
   Kind kind = Kind::kNone;
   std::string title;             ///< "The force was taken away"
-  std::string what;              ///< why
-  std::string todo;              ///< what to do now
-  bool can_acknowledge = false;  ///< Enter, or the button, counts now
+  std::string what;              ///< the reason
+  std::string todo;              ///< the advice
+  bool can_acknowledge = false;  ///< Enter and the button count now
 };
 
 /// Pure.
 Overlay overlayOf(const LessonStatus& status);
 
-/// State of a lesson's screen from frame to frame. Thread: the window's.
+/// A lesson's screen and its state between frames. Thread: the window's.
 class LessonScreen {
  public:
   explicit LessonScreen(SceneRenderer& renderer) : renderer_(renderer) {}
-  /// A new lesson.
+  /// Begins a new lesson.
   void begin(const LessonFollow& lesson);
-  /// One frame. `requests`: stop and acknowledge.
+  /// Draws one frame. `requests` receives stop and acknowledge.
   void show(const BoardState& state, const LessonFollow& lesson, LessonRequests& requests);
-  /// Time for the last ultrasound picture, in s; for measurements.
+  /// Returns the computing time of the last ultrasound picture in s; for measurements.
   [[nodiscard]] double ultrasoundCost_s() const { return ultrasound_.lastCost_s(); }
 
  private:
@@ -54,9 +54,9 @@ class LessonScreen {
   bool asks_for_end_ = false;
 };
 
-/// Fault or hold over the picture; its button acknowledges.
+/// Draws a fault or hold over the picture, with a button to acknowledge.
 void lessonOverlay(const LessonStatus& status, LessonRequests& requests, ImVec2 corner_px, ImVec2 size_px);
-/// Instructors' messages, newest last, over the picture's lower left corner.
+/// Draws instructors' messages, newest last, over the picture's lower left corner.
 void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px);
 
 }  // namespace needlelab

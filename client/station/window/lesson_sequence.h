@@ -1,4 +1,4 @@
-/// Runs lesson after lesson, as a person at the window requests them.
+/// Runs one lesson after another at the request of a person at the window.
 #pragma once
 
 #include <csignal>
@@ -14,21 +14,21 @@
 
 namespace needlelab {
 
-/// Thread: made by one; `run` on the thread that shall run the lessons, which is not the window's. Everything
-/// else goes by the board, and `requests`.
+/// Thread: any thread constructs it; `run` on the lessons' thread, which is not the window's. All other
+/// communication uses the board and `requests`.
 class LessonSequence {
  public:
-  /// All must outlive it. `alone`: nobody is at the window (there is no display). `begins`: the first lesson
-  /// begins at once.
+  /// All arguments must outlive it. `alone`: no person is at the window (no display). `begins`: the first
+  /// lesson begins at once.
   LessonSequence(const StationOptions& options, const sigset_t& stop_signals, LessonBoard& board, bool alone,
                  bool begins);
 
-  /// Until a person quits or a stop signal comes. Gives the program's exit code: 1 when a lesson ended in
-  /// FAULT or is not safe, and when nothing could be practised, that error's.
+  /// Runs until a person quits or a stop signal comes. Returns the program's exit code: 1 if a lesson ended
+  /// in FAULT or is not stored safely; if no lesson could begin, the error's code.
   int run();
   /// For stops and acknowledgements. Thread: any.
   [[nodiscard]] LessonRequests& requests() { return home_.requests(); }
-  /// A thread hangs in a device's driver: end the program by std::_Exit.
+  /// Returns whether a thread hangs in a device driver. In that case end the program with std::_Exit.
   [[nodiscard]] bool hangs() const { return hangs_; }
 
  private:
@@ -54,7 +54,7 @@ class LessonSequence {
   std::string lists_made_with_;  // the server's state when the lists were made
   std::int64_t next_device_look_ns_ = 0, next_server_look_ns_ = 0, drain_until_ns_ = 0;
   bool device_ready_ = false;
-  std::optional<int> code_;  // worst of the lessons so far
+  std::optional<int> code_;  // worst code so far
   int failed_to_begin_ = 0;
   bool quit_ = false, hangs_ = false;
 };

@@ -1,5 +1,5 @@
-/// The Start screen's logic: the lists of exercises and trainees, the device's state, the choice, and whether
-/// a lesson can begin. No drawing.
+/// The Start screen's logic: lists of exercises and trainees, device state, choice, and readiness for a
+/// lesson. No drawing.
 #pragma once
 
 #include <functional>
@@ -15,29 +15,30 @@
 
 namespace needlelab {
 
-/// Without a server: the cache's exercises; names from the command line and from the spool's sessions.
+/// Returns the lists without a server: exercises from the cache, names from the command line and the spool's
+/// sessions.
 StartLists localLists(const StationOptions& options, const Spool& spool);
-/// Adds the server's exercises and trainees. Errors: those of `ask`; then `lists` is unchanged.
+/// Adds the server's exercises and trainees. Errors: from `ask`; `lists` stays unchanged then.
 Status addServerLists(StartLists& lists, const std::vector<CachedLesson>& cached, const AskServer& ask);
 
-/// How the device of `--device` is; `hangs` becomes true when its driver did not come back. Takes up to 3 s.
+/// Returns the state of the `--device` device. Sets `hangs` if its driver does not return. Takes up to 3 s.
 DeviceReadiness deviceReadiness(const StationOptions& options, bool steered, bool& hangs);
 
 struct ExerciseRow {
-  LessonChoice choice;  ///< its exercise, or the profile's file
-  std::string name;     ///< for a person
+  LessonChoice choice;  ///< the exercise, or the profile's file
+  std::string name;     ///< display name
   std::string description;
-  std::string note;  ///< "assigned", "from the cache: the server is away", why it cannot be used
+  std::string note;  ///< "assigned", "from the cache: the server is away", or why it is unusable
   bool usable = true;
 };
 
-/// Lists and choice; the person's choice stays while the lists change.
+/// Lists and choice. The person's choice survives changes of the lists.
 class StartChoice {
  public:
-  /// New lists and the station's preselection. The person's own choice stays where possible.
+  /// Takes new lists and the station's preselection. Keeps the person's choice if possible.
   void update(const BoardState& state);
 
-  /// Of the trainee that is chosen: assigned exercises first, then by name.
+  /// Exercises for the chosen trainee: assigned ones first, then by name.
   [[nodiscard]] const std::vector<ExerciseRow>& exercises() const { return exercises_; }
   [[nodiscard]] const std::vector<std::string>& trainees() const { return trainees_; }
   [[nodiscard]] const std::string& trainee() const { return trainee_; }
@@ -45,14 +46,14 @@ class StartChoice {
   [[nodiscard]] int exercise() const;
   void chooseTrainee(const std::string& name);
   void chooseExercise(int index);
-  /// By one up or down, as the arrow keys do; nothing chosen: the first.
+  /// Moves the choice by one, as the arrow keys do; without a choice, selects the first.
   void step(int by);
   /// The same for the list of trainees.
   void stepTrainee(int by);
 
-  /// The lesson to begin, once it is clear.
+  /// Returns the lesson to begin; none while the choice is incomplete.
   [[nodiscard]] std::optional<LessonChoice> choice() const;
-  /// Why one cannot begin, for a person; empty when one can.
+  /// Returns why no lesson can begin, for a person; empty if one can.
   [[nodiscard]] std::string missing() const;
 
  private:
@@ -68,7 +69,7 @@ class StartChoice {
   std::vector<ExerciseRow> exercises_;
 };
 
-/// The exercise's name where the lists know it, else its id.
+/// Returns the exercise's name if the lists have it, otherwise its id.
 std::string exerciseName(const StartLists& lists, const std::string& id);
 
 }  // namespace needlelab

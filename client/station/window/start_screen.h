@@ -12,7 +12,8 @@ namespace needlelab {
 /// Thread: the window's.
 class StartScreen {
  public:
-  /// One frame; sends a person's requests to `board`. `changed`: `state` is newer than at the last call.
+  /// Draws one frame and sends a person's requests to `board`. `changed`: `state` is newer than in the last
+  /// call.
   void show(const BoardState& state, bool changed, LessonBoard& board);
 
  private:
@@ -26,9 +27,9 @@ class StartScreen {
   bool fresh_ = true;
 };
 
-/// "Fetching the exercise …", with a way back.
+/// Shows "Fetching the exercise …" and a button to cancel.
 void showPreparing(const BoardState& state, LessonRequests& requests);
-/// It cannot go on: why, and that one can quit.
+/// Shows why the station cannot continue, with a button to quit.
 void showFailed(const BoardState& state, LessonBoard& board);
 
 }  // namespace needlelab

@@ -11,18 +11,18 @@
 
 namespace needlelab {
 
-/// Pure logic. Each picture is taken once.
+/// Decides when to take pictures. Pure logic. Takes each picture once.
 class PicturePlan {
  public:
   explicit PicturePlan(std::vector<PictureRequest> pictures)
       : pictures_(std::move(pictures)), taken_(pictures_.size(), false) {}
 
-  /// Those that are due at a frame that shows `stage`, `lesson_s` into the lesson. Start and End are due at
-  /// the third frame of theirs: by then everything stands where it belongs.
+  /// Returns the pictures due at a frame of `stage`, `lesson_s` into the lesson. Start and End are due at
+  /// their third frame, when the layout is final.
   std::vector<PictureRequest> due(Stage stage, double lesson_s);
-  /// All are taken, or cannot be any more.
+  /// Returns whether all pictures are taken or have become impossible.
   [[nodiscard]] bool done() const;
-  /// Those that were not taken.
+  /// Returns the pictures not taken.
   [[nodiscard]] std::vector<PictureRequest> missing() const;
 
  private:
@@ -32,10 +32,11 @@ class PicturePlan {
   int frames_ = 0;
 };
 
-/// Lessons in a window until a person closes it, a stop signal comes or the display goes; without a display,
-/// for pictures only, one lesson. `stop_signals`: from blockStopSignals. Gives the program's exit code. The
-/// lessons run on a thread of their own: a window that is closed, gone or slow ends or delays no tick; a
-/// lesson that runs when it goes is ended as by its stop, stored and sent. Thread: main (GLFW).
+/// Runs lessons in a window until a person closes it, a stop signal comes or the display is lost. Without a
+/// display it runs one lesson, for pictures only. `stop_signals`: from blockStopSignals. Returns the
+/// program's exit code. The lessons run on their own thread, so a closed, lost or slow window does not end or
+/// delay a tick. If the window goes during a lesson, the lesson ends as after its stop, and the recording is
+/// stored and sent. Thread: main (GLFW).
 int runTrainee(const StationOptions& options, const sigset_t& stop_signals);
 
 }  // namespace needlelab

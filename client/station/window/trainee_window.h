@@ -1,4 +1,4 @@
-/// All screens of the trainee's window, one frame at a time.
+/// Draws the screens of the trainee's window, one frame at a time.
 #pragma once
 
 #include <cstdint>
@@ -16,18 +16,18 @@
 
 namespace needlelab {
 
-/// Shows the board's state and sends it a person's requests. Thread: the surface's.
+/// Shows the board's state and sends a person's requests to it. Thread: the surface's.
 class TraineeWindow {
  public:
-  /// Needs a surface. Errors: as SceneRenderer::make.
+  /// Needs a surface. Errors: from SceneRenderer::make.
   static Result<std::unique_ptr<TraineeWindow>> make(LessonBoard& board, LessonRequests& requests);
 
-  /// Between Surface::beginFrame and endFrame.
+  /// Call between Surface::beginFrame and endFrame.
   void frame();
 
-  /// The state that the last frame showed.
+  /// Returns the state shown in the last frame.
   [[nodiscard]] const BoardState& shown() const { return state_; }
-  /// How far the lesson was that it showed, in s: of the newest sample.
+  /// Returns the lesson time of the newest sample shown, in s.
   [[nodiscard]] double lessonTime_s() const;
 
  private:
