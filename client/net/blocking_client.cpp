@@ -59,8 +59,7 @@ struct BlockingClient::State {
     while (!done()) {
       if (Clock::now() >= deadline) return false;
       io.restart();
-      if (io.run_one_until(deadline) == 0 && io.stopped())
-        return done();  // nothing is left that could ever happen
+      if (io.run_one_until(deadline) == 0 && io.stopped()) return done();  // no event can come any more
     }
     return true;
   }
@@ -77,7 +76,7 @@ BlockingClient::~BlockingClient() {
 Result<BlockingClient> BlockingClient::connect(const ClientConfig& config) {
   auto state = std::make_unique<State>();
   state->link.logIn(config);
-  // connectClient keeps its own time; the rest is for closing a connection that was refused
+  // connectClient has its own time-out; the extra time is for closing a refused connection
   state->runUntil(Clock::time_point::max(), [&] { return state->link.online() || state->end.has_value(); });
   if (state->end) {
     state->io.run_for(std::chrono::milliseconds(200));
@@ -88,14 +87,14 @@ Result<BlockingClient> BlockingClient::connect(const ClientConfig& config) {
 
 Status BlockingClient::reconnect(Clock::time_point until, const std::function<bool()>& stop) {
   State& state = *state_;
-  // what is left of the lost connection first
+  // first the remaining messages of the lost connection
   state.runUntil(std::min(until, Clock::now() + std::chrono::seconds(5)),
                  [&] { return state.end.has_value(); });
   Status last = Error{ErrorCode::kUnavailable, "the connection is lost"};
   std::uint64_t seen = state.ends;
   state.link.reconnect(true);
   while (Clock::now() < until && !stop()) {
-    // in short steps, so that Ctrl-C is heard
+    // in short steps, so that Ctrl-C takes effect
     state.runUntil(std::min(until, Clock::now() + std::chrono::milliseconds(20)),
                    [&] { return state.link.online() || state.ends != seen; });
     if (state.link.online()) {

@@ -13,7 +13,7 @@
 namespace needlelab {
 namespace {
 
-/// Closes the socket (and ends the look-up) when connecting takes too long. Disarmed by its destruction.
+/// Closes the socket (and ends the look-up) when connecting takes too long. The destructor disarms it.
 class ConnectDeadline {
  public:
   ConnectDeadline(Tcp::socket& socket, Tcp::resolver& resolver, std::chrono::milliseconds limit)
@@ -54,7 +54,7 @@ Task<Result<Tcp::socket>> connectTcp(Endpoint server, std::chrono::milliseconds 
   const std::string too_long =
       fmt::format("no answer within {} ms; is the server running there?", limit.count());
 
-  // an address as it stands, a name through the resolver
+  // an address is used as given, a name goes through the resolver
   std::vector<Tcp::endpoint> endpoints;
   boost::system::error_code no_address;
   const auto address = asio::ip::make_address(server.host, no_address);
@@ -80,7 +80,7 @@ Task<Result<Tcp::socket>> connectTcp(Endpoint server, std::chrono::milliseconds 
   co_return unavailable(server, why);
 }
 
-/// The next message that is no Ping; a Refusal or Bye comes back as its error.
+/// Returns the next message that is not a Ping; a Refusal or Bye returns its error.
 Task<Result<pb::Envelope>> receiveAnswer(std::shared_ptr<Channel> channel) {
   for (;;) {
     auto got = co_await channel->receive();
@@ -93,7 +93,7 @@ Task<Result<pb::Envelope>> receiveAnswer(std::shared_ptr<Channel> channel) {
   }
 }
 
-/// What a person can do about a certificate that we do not accept.
+/// Advice for a certificate that we do not accept.
 Error certificateRefused(long verdict, const Endpoint& server, const Error& why) {
   const std::string whose = "the server at " + endpointText(server);
   switch (verdict) {
@@ -176,8 +176,7 @@ Task<Result<ClientConnection>> connectClient(ClientConfig config) {
 
   TlsStream stream(std::move(*socket), *config.tls);
   if (auto named = requireHost(stream, config.server.host); !named.ok()) co_return named.error();
-  // what is left of the time is for TLS and log-in; the server is verified, so it may send long messages at
-  // once
+  // the rest of the time is for TLS and log-in; the server is verified, so it may send long messages at once
   const std::chrono::nanoseconds spent(steadyNowNs() - started);
   const auto left = config.connect_timeout - std::chrono::duration_cast<std::chrono::milliseconds>(spent);
   config.limits.handshake_timeout = std::max(left, std::chrono::milliseconds(1));

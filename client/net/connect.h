@@ -1,5 +1,5 @@
-/// From an address to an authenticated connection: connect, TLS, Hello, Login, Welcome. ServerLink does it
-/// again after each loss.
+/// Makes an authenticated connection from an address: connect, TLS, Hello, Login, Welcome. ServerLink repeats
+/// it after each loss.
 #pragma once
 
 #include <chrono>
@@ -21,7 +21,7 @@ struct ClientConfig {
   TlsContext tls;                 ///< optional, shared by many connections of one program
   std::string program;            ///< e.g. programText("station")
   pb::Login login;
-  std::chrono::milliseconds connect_timeout{5000};  ///< for all of it: name, TCP, TLS, log-in
+  std::chrono::milliseconds connect_timeout{5000};  ///< for the whole of look-up, TCP, TLS and log-in
   ChannelLimits limits;
   pb::Version version = ourVersion();  ///< tests set another
 };
@@ -37,7 +37,7 @@ struct ClientConnection {
   pb::Hello server;
 };
 
-/// In the message of kDenied when the server's certificate is for other names than the one it was called by.
+/// Part of kDenied's message when the server's certificate does not cover the name that we connected to.
 inline constexpr const char* kNotForThisName = "its certificate is not for the name";
 
 /// Connects on the executor of the calling coroutine, which must be one thread.
@@ -45,7 +45,7 @@ inline constexpr const char* kNotForThisName = "its certificate is not for the n
 /// log-in), kVersion (both versions in the message), others as errorOf(Refusal).
 Task<Result<ClientConnection>> connectClient(ClientConfig config);
 
-/// The Pong to a peer's Ping, with our steady clock in it.
+/// Returns the Pong to a peer's Ping, with our steady clock.
 pb::Envelope pongTo(const pb::Ping& ping);
 
 }  // namespace needlelab

@@ -41,7 +41,7 @@ std::string keyOf(std::string_view hex) {
 
 constexpr std::size_t kMostPasswordBytes = 1024;
 
-/// The terminal without echo, put back at the end.
+/// Turns off the terminal's echo, and restores it at the end.
 class SilentTerminal {
  public:
   SilentTerminal() : fd_(::open("/dev/tty", O_RDWR | O_CLOEXEC)) {
@@ -59,7 +59,7 @@ class SilentTerminal {
   [[nodiscard]] bool ready() const { return ready_; }
 
   void write(const std::string& text) const {
-    // a prompt that does not appear is not a failure
+    // failing to show the prompt is not an error
     [[maybe_unused]] const auto written = ::write(fd_, text.data(), text.size());
   }
   [[nodiscard]] std::string readLine(std::size_t most_bytes) const {
@@ -85,7 +85,7 @@ class SilentTerminal {
 Result<std::string> readPassword(const std::filesystem::path& file, const std::string& prompt) {
   std::string password;
   if (!file.empty()) {
-    // not by ASSIGN_OR_RETURN: it would leave a copy that is not wiped
+    // without ASSIGN_OR_RETURN, which would leave an unwiped copy
     auto text = readWholeFile(file, 64u << 10);
     if (!text.ok()) return text.error();
     const WipeAtEnd wiped(*text);

@@ -1,5 +1,5 @@
-/// Credentials of a log-in: a person's password, and a station's enrolment (server, name, key, CA), in
-/// the one file that the server makes of it and as the station keeps it.
+/// Log-in credentials: a person's password, and a station's enrolment (server, name, key, CA), as the bundle
+/// file that the server writes and as the files that the station keeps.
 #pragma once
 
 #include <filesystem>
@@ -11,9 +11,9 @@
 
 namespace needlelab {
 
-/// A password is never an argument: others could read it in the process list.
-/// The first line of `file`; without a file, asks on the terminal without echo. Errors: kInvalidInput (no
-/// such file, empty, longer than 1024 bytes, no terminal to ask on).
+/// Returns the first line of `file`; without a file, asks on the terminal without echo. A password is never
+/// an argument: others could read it in the process list. Errors: kInvalidInput (no such file, empty, longer
+/// than 1024 bytes, no terminal to ask on).
 Result<std::string> readPassword(const std::filesystem::path& file, const std::string& prompt);
 
 /// Asks on the terminal without echo, for one line of at most about `most_bytes`. Errors: kInvalidInput with
@@ -29,10 +29,10 @@ struct Enrolment {
 };
 
 /// The bundle's text: a line "needlelab-enrolment 1", then "server HOST:PORT", "station NAME", "key HEX", and
-/// the CA's certificate as PEM. It holds the key: 0600 wherever it lies, and removed when the station is
+/// the CA's certificate as PEM. It contains the key: keep it at mode 0600, and remove it once the station is
 /// enrolled.
 std::string bundleText(const Enrolment& enrolment);
-/// Errors: kInvalidInput naming `source` and the line; the key never stands in a message.
+/// Errors: kInvalidInput naming `source` and the line; no message contains the key.
 Result<Enrolment> parseBundle(std::string_view text, const std::string& source);
 
 /// The folder of an enrolled station: `server`, `ca.crt`, `station.key` (0600).
@@ -47,8 +47,8 @@ std::filesystem::path defaultEnrolmentFolder();
 /// kFailed.
 Status saveEnrolment(const Enrolment& enrolment, const std::filesystem::path& folder);
 
-/// Connects and logs in as the station, by this enrolment alone; gives what the server calls it. `scratch`: a
-/// folder for the CA's file meanwhile. Errors: as connectClient.
+/// Connects and logs in as the station with only this enrolment; returns the station's name at the server.
+/// `scratch`: a folder for the temporary CA file. Errors: as connectClient.
 Result<std::string> proveEnrolment(const Enrolment& enrolment, const std::filesystem::path& scratch);
 
 std::string hexText(std::string_view bytes);

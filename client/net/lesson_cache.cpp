@@ -17,7 +17,7 @@ using Json = nlohmann::json;
 constexpr std::size_t kMaxFileBytes = 8u << 20;
 constexpr const char* kExtension = ".json";
 
-// every part ends with a byte that none of them holds, so that nothing can move from one to the next
+// every part ends with a byte that no part contains, so that no text can move from one part to the next
 std::string hashOf(const std::string& exercise_id, const pb::Lesson& lesson) {
   SessionHash hash;
   for (const std::string& part : {exercise_id, lesson.exercise_json(), lesson.profile_json(),
@@ -28,13 +28,13 @@ std::string hashOf(const std::string& exercise_id, const pb::Lesson& lesson) {
   return hexOf(hash.digest());
 }
 
-// of a JSON object that may be anything
+// the JSON value may be of any kind
 std::string textAt(const Json& json, const char* key) {
   const auto at = json.is_object() ? json.find(key) : json.end();
   return at != json.end() && at->is_string() ? at->get<std::string>() : std::string();
 }
 
-// what is nested deeper than any lesson is null: writing it out again would take a stack as deep
+// values nested deeper than any lesson become null: serialising them would need an equally deep stack
 Json parsedLesson(const std::string& text) {
   constexpr int kMaxDepth = 16;
   bool deep = false;
@@ -90,7 +90,7 @@ Result<std::filesystem::path> LessonCache::fileOf(const std::string& exercise_id
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' ||
            c == '_' || c == '.';
   };
-  // an id becomes a file name: nothing may lead out of the folder
+  // an id becomes a file name and must not lead out of the folder
   if (exercise_id.empty() || exercise_id.size() > 64 || exercise_id.front() == '.' ||
       !std::all_of(exercise_id.begin(), exercise_id.end(), allowed))
     return Error{ErrorCode::kInvalidInput,
@@ -132,7 +132,7 @@ std::vector<CachedLesson> LessonCache::list() const {
        !error && at != std::filesystem::end(at); at.increment(error)) {
     CachedLesson lesson;
     lesson.exercise_id = at->path().stem().string();
-    // files that are being written, and whatever else lies there
+    // skips files that are being written, and foreign files
     if (at->path().extension() != kExtension || !fileOf(lesson.exercise_id).ok()) continue;
     auto file = readCacheFile(at->path(), lesson.exercise_id);
     if (file.ok()) {

@@ -1,4 +1,4 @@
-/// Lessons kept beside the spool, so that a station works when the server is away.
+/// Caches lessons beside the spool, so that a station works without its server.
 #pragma once
 
 #include <cstdint>
@@ -14,16 +14,16 @@ namespace needlelab {
 /// A lesson in the cache, for a list.
 struct CachedLesson {
   std::string exercise_id;
-  std::string name;  ///< the exercise's; empty when it cannot be read
+  std::string name;  ///< the exercise's; empty when the file cannot be read
   std::string profile_id;
   std::uint32_t profile_revision = 0;
   std::int64_t fetched_unix_ns = 0;  ///< 0: not known
-  std::string trouble;               ///< why it cannot be used; empty when it can
+  std::string trouble;               ///< why the lesson cannot be used; empty when it can
 };
 
 /// Files SPOOL/lessons/EXERCISE.json: {"exercise_id", "fetched_unix_ns", "hash", "lesson": pb::Lesson}. The
-/// hash (BLAKE2b-256 over exercise, profile and revision) tells a damaged profile from a whole one: a flipped
-/// digit in a stiffness would otherwise be felt. Files without hash, of before, are read too. Thread: one.
+/// hash (BLAKE2b-256 over exercise, profile and revision) detects a damaged profile: otherwise the trainee
+/// would feel a flipped digit in a stiffness. Older files without a hash are read too. Thread: one.
 class LessonCache {
  public:
   explicit LessonCache(const std::filesystem::path& spool) : folder_(spool / "lessons") {}
@@ -31,10 +31,10 @@ class LessonCache {
   /// Errors: kInvalidInput for an id that is not a file name (letters, digits, '-', '_', '.'), kUnavailable
   /// (disk).
   Status keep(const std::string& exercise_id, const pb::Lesson& lesson) const;
-  /// Errors: kNotFound when it was never fetched; kCorrupt when the file is not a lesson, is damaged or
-  /// belongs to another exercise, naming the file and what to do; kInvalidInput for the id.
+  /// Errors: kNotFound when the lesson was never fetched; kCorrupt when the file is not a lesson, is damaged
+  /// or belongs to another exercise, with the file's name and advice; kInvalidInput for the id.
   [[nodiscard]] Result<pb::Lesson> find(const std::string& exercise_id) const;
-  /// By id; those that cannot be used with their trouble.
+  /// Lists the cached lessons by id; `trouble` marks the unusable ones.
   [[nodiscard]] std::vector<CachedLesson> list() const;
 
  private:

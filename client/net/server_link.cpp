@@ -37,7 +37,7 @@ std::chrono::milliseconds Backoff::next() {
       static_cast<double>(settings_.first.count()) * std::pow(settings_.factor, std::min(tries_, 1000u));
   const double wait = std::min(most, grown);
   ++tries_;
-  // 53 random bits: a number in [0, 1) by hand, because std's distributions differ between libraries
+  // makes a number in [0, 1) from 53 random bits: std's distributions differ between libraries
   const double u = static_cast<double>(random_() >> 11) * 0x1p-53;
   return std::chrono::milliseconds(static_cast<std::int64_t>(wait * (0.5 + 0.5 * u)));
 }
@@ -55,7 +55,7 @@ Task<> LinkClock::wait(asio::steady_timer& timer, std::chrono::milliseconds time
   co_await timer.async_wait(kUseTuple);
 }
 
-/// The coroutines share it, so that it outlives the link until they have ended.
+/// The coroutines share the state, so that it lives until they have ended, even after the link.
 struct ServerLink::State {
   struct Waiting {
     pb::Request request;
@@ -88,9 +88,9 @@ struct ServerLink::State {
   LinkHandlers handlers;
   Backoff backoff;
   bool reconnects;
-  asio::steady_timer nap{io};  // what run() waits for; cancelled when something changed
+  asio::steady_timer nap{io};  // run() waits on it; cancelled on each change
   std::optional<ClientConfig> config;
-  std::uint64_t login_number = 0;  // which log-in is meant
+  std::uint64_t login_number = 0;  // counts calls of logIn
   std::string token;
   std::int64_t token_until_unix_ns = 0;
 
@@ -126,7 +126,7 @@ Task<> ServerLink::State::run(std::shared_ptr<State> self) {
     LinkEnd end;
     if (!connection.ok()) {
       if (by_token && connection.error().code == ErrorCode::kDenied) {
-        // the server started again and does not know its old tokens: with the password, at once
+        // the server has restarted and does not know its old tokens: use the password at once
         me.token.clear();
         continue;
       }
@@ -134,7 +134,7 @@ Task<> ServerLink::State::run(std::shared_ptr<State> self) {
     } else {
       const std::int64_t connected_ns = me.settings.clock->steadyNs();
       co_await me.serve(std::move(*connection));
-      // what is queued (our Bye) still has to go; the channel bounds the time
+      // the queued messages (our Bye) must still go out; the channel bounds the time
       for (asio::steady_timer timer(me.io); !me.channel->closed();) {
         timer.expires_after(kLookAtClosing);
         co_await timer.async_wait(kUseTuple);
@@ -188,7 +188,7 @@ Task<> ServerLink::State::serve(ClientConnection connection) {
     auto got = co_await channel->receive();
     if (!got.ok()) {
       ended = got.error();
-      // tells the peer why, when its bytes were at fault
+      // tells the peer the reason if its bytes were at fault
       channel->finish(CloseReason::kProtocol, got.error().message);
       co_return;
     }
@@ -210,12 +210,12 @@ Task<> ServerLink::State::waitForNextTry(LinkEnd& end, std::uint64_t number) {
   if (stopping || number != login_number) co_return;
   const bool parked = !reconnects;
   co_await settings.clock->wait(nap, time);
-  // woken by reconnect(true): the wait that was left out comes now
+  // woken by reconnect(true): do the skipped wait now
   if (parked && reconnects && !stopping && number == login_number)
     co_await settings.clock->wait(nap, backoff.next());
 }
 
-// requests that wait for too long are given up
+// fails requests that have waited too long
 Task<> ServerLink::State::watchDeadlines(std::shared_ptr<State> self) {
   State& me = *self;
   asio::steady_timer timer(me.io);
@@ -270,7 +270,7 @@ void ServerLink::State::fail(const Error& error, Which which) {
     failed.push_back(std::move(it->second.answer));
     it = waiting.erase(it);
   }
-  // afterwards: an answer may ask again
+  // after the loop, because an answer may call `ask`
   for (const Answer& each : failed)
     if (each && !abandoned) each(error);
 }
@@ -333,7 +333,7 @@ void ServerLink::stop(const std::string& reason, std::function<void()> done) {
   state.stopping = true;
   state.fail({ErrorCode::kFailed, "the program ends"}, [](const State::Waiting&) { return true; });
   state.nap.cancel();
-  // an attempt to connect has nothing to say goodbye to: it ends by itself
+  // an attempt to connect needs no Bye: it ends by itself
   if (!state.running || !state.channel) {
     if (done) done();
     return;

@@ -1,4 +1,4 @@
-/// The one link of a client program to its server: it connects, logs in, comes back after a loss, and matches
+/// The link of a client program to its server: connects, logs in, reconnects after a loss, and matches
 /// replies to requests. The station's uplink, the instructor, the commands (BlockingClient) and the load and
 /// herd programs are all built on it.
 #pragma once
@@ -19,8 +19,8 @@
 
 namespace needlelab {
 
-/// The waits between attempts to connect: exponential with jitter, so that a thousand stations
-/// whose server restarts do not come back at the same instant. Deterministic for a seed. Thread: one.
+/// The waits between attempts to connect: exponential with jitter, so that a thousand stations do not
+/// reconnect at the same instant when their server restarts. Deterministic for a seed. Thread: one.
 class Backoff {
  public:
   struct Settings {
@@ -34,7 +34,7 @@ class Backoff {
 
   /// Uniform in [d/2, d], d = min(most, first·factor^n) for the n-th call since the last reset.
   std::chrono::milliseconds next();
-  /// After a success.
+  /// Call it after a success.
   void reset() { tries_ = 0; }
   [[nodiscard]] std::uint32_t tries() const { return tries_; }
 
@@ -44,8 +44,9 @@ class Backoff {
   std::uint32_t tries_ = 0;
 };
 
-/// The offset between the server's steady clock and ours, from several Pings: the least round trip wins.
-/// For one connection: another server, or the same one restarted, has another clock. Thread: one.
+/// The offset between the server's steady clock and ours, estimated from several Pings: the shortest round
+/// trip wins. Use one per connection: another server, or the same one after a restart, has another clock.
+/// Thread: one.
 class ClockProbe {
  public:
   struct Estimate {
@@ -53,8 +54,8 @@ class ClockProbe {
     std::int64_t round_trip_ns = 0;
   };
 
-  /// A Pong: when we sent, what the server's clock showed, when the answer came. Answers that come before
-  /// their question are not believed. True when the estimate got better.
+  /// Adds a Pong: our time of sending, the server's clock, our time of receipt. Ignores a Pong received
+  /// before its Ping was sent. Returns true when the estimate improved.
   bool add(std::int64_t sent_ns, std::int64_t server_ns, std::int64_t received_ns) {
     const std::int64_t round_trip_ns = received_ns - sent_ns;
     if (round_trip_ns < 0 || (best_ && round_trip_ns >= best_->round_trip_ns)) return false;
@@ -67,7 +68,7 @@ class ClockProbe {
   std::optional<Estimate> best_;
 };
 
-/// The time that a link goes by. Tests bring their own.
+/// The clock that a link uses. Tests provide their own.
 class LinkClock {
  public:
   virtual ~LinkClock() = default;
@@ -79,8 +80,8 @@ class LinkClock {
 
 struct LinkSettings {
   Backoff::Settings retry{};
-  /// Only a connection that lasted longer than this is a success, after which the waits begin with the
-  /// shortest one: two stations with one key would otherwise throw each other out five times a second.
+  /// Only a connection that lasted longer than this counts as a success and resets the waits to the shortest
+  /// one. Otherwise two stations with the same key would disconnect each other five times a second.
   std::chrono::milliseconds lasting = retry.most;
   std::size_t most_waiting = 256;  ///< requests without a reply
   std::uint64_t seed = 0;          ///< of the jitter; 0: from the clocks
@@ -90,7 +91,7 @@ struct LinkSettings {
 
 /// Why the link has no connection.
 struct LinkEnd {
-  bool was_connected = false;   ///< a connection was lost; false: none could be made
+  bool was_connected = false;   ///< a connection was lost; false: the attempt to connect failed
   bool said_by_server = false;  ///< `error` is the server's own reason: a fatal Refusal, or a Bye
   bool stopping = false;        ///< by stop(): the link does not come back
   Error error;
@@ -105,26 +106,26 @@ enum class Retry : std::uint8_t {
   kNever,    ///< not before retryNow() or logIn()
 };
 
-/// Treatment of a request whose connection is lost before its reply came.
+/// Treatment of a request when the connection is lost before its reply.
 enum class OnLoss : std::uint8_t {
-  kAskAgain,  ///< it is sent again on the next connection: for what only reads
-  kGiveUp,    ///< kUnavailable: it may or may not have happened. While there is no connection: at once
+  kAskAgain,  ///< the link sends it again on the next connection: for requests that only read
+  kGiveUp,  ///< kUnavailable: the server may or may not have executed it. Without a connection: fails at once
 };
 
-/// Called on the link's thread; each may be empty.
+/// Handlers run on the link's thread; each may be empty.
 struct LinkHandlers {
-  /// Whether the owner wants this server and role; an error is treated as a refused log-in.
+  /// Checks this server and role for the owner; an error counts as a refused log-in.
   std::function<Status(const pb::Welcome&)> accept;
   std::function<void(const pb::Welcome&)> connected;
-  /// Every message but Pings and the replies to `ask`. A Bye is handed over before the link closes.
+  /// Receives every message except Pings and the replies to `ask`. A Bye arrives here before the link closes.
   std::function<void(pb::Envelope&)> message;
-  /// Before `away`. Empty: always kBackOff.
+  /// Called before `away`. Empty: always kBackOff.
   std::function<Retry(const LinkEnd&)> judge;
   std::function<void(const LinkEnd&)> away;
 };
 
-/// Thread: all of it on the io_context's, which is one. The link may be destroyed at any time outside of its
-/// handlers: it cuts its connection then, and calls no handler any more.
+/// Thread: the io_context's single thread, for all functions. The owner may destroy the link at any time
+/// outside its handlers: the link then cuts its connection and calls no more handlers.
 class ServerLink {
  public:
   using Answer = std::function<void(Result<pb::Reply>)>;
@@ -135,36 +136,36 @@ class ServerLink {
   ServerLink(const ServerLink&) = delete;
   ServerLink& operator=(const ServerLink&) = delete;
 
-  /// Connects with this log-in in place of any before. A person's password is needed once: reconnections use
-  /// the token of the last Welcome while it is valid, and the password when the server refuses the token.
+  /// Connects with this log-in; replaces any earlier one. A person enters the password once: reconnections
+  /// use the token of the last Welcome while it is valid, and the password when the server refuses the token.
   void logIn(ClientConfig config);
-  /// Ends the connection with a Bye; requests that wait end with kUnavailable.
+  /// Ends the connection with a Bye; pending requests fail with kUnavailable.
   void logOut(const std::string& reason);
-  /// Does not wait for the next attempt.
+  /// Retries now, without waiting.
   void retryNow();
-  /// Whether a lost connection is made again.
+  /// Sets whether the link reconnects after a loss.
   void reconnect(bool wanted);
-  /// Says Bye, sends what is queued and closes, within the channel's close_grace; requests that wait end with
-  /// kFailed. `done` is called when the connection is gone, or at once without one.
+  /// Sends the queued messages and a Bye, and closes within the channel's close_grace; pending requests fail
+  /// with kFailed. Calls `done` when the connection has closed, or at once without a connection.
   void stop(const std::string& reason, std::function<void()> done = {});
 
-  /// Sends the request (its id is set here) now or on the next connection and hands over its reply. Errors:
-  /// errorOf(Refusal); kUnavailable after `patience`, after a loss (`on_loss`), or when too many wait;
-  /// kFailed at the end of the link. Returns the request's id.
+  /// Sends the request (and sets its id) now or on the next connection, and passes the reply to `answer`.
+  /// Errors: errorOf(Refusal); kUnavailable after `patience`, after a loss (`on_loss`), or when too many
+  /// requests wait; kFailed when the link stops. Returns the request's id.
   std::uint64_t ask(pb::Request request, Answer answer, OnLoss on_loss = OnLoss::kAskAgain,
                     std::chrono::milliseconds patience = std::chrono::seconds(60));
-  /// The answer of this request is not wanted any more.
+  /// Drops this request: its answer is not called.
   void forget(std::uint64_t id);
 
-  /// False: there is no connection now.
+  /// Returns false without a connection.
   bool send(const pb::Envelope& envelope);
   /// A live message: dropped when the network is too slow for it. See Channel::sendLive.
   void sendLive(Frame frame, bool counted);
-  /// Sends what is queued and closes; the link connects again.
+  /// Sends the queued messages and closes; the link reconnects.
   void drop(CloseReason reason, const std::string& text);
-  /// Cuts the connection now; the link connects again.
+  /// Cuts the connection now; the link reconnects.
   void cut(const std::string& text);
-  /// Reads nothing for so long, beginning with the next message.
+  /// Pauses reading for `time`, beginning with the next message.
   void pauseReading(std::chrono::milliseconds time);
 
   [[nodiscard]] bool online() const;
@@ -172,7 +173,7 @@ class ServerLink {
   [[nodiscard]] std::uint64_t connections() const;   ///< made so far
   [[nodiscard]] std::size_t waiting() const;         ///< requests without a reply
   [[nodiscard]] std::size_t queuedBytes() const;     ///< unsent control messages
-  /// Why the connection ends or has ended, as far as it is known; only while not online().
+  /// Returns why the connection ended or is ending, as far as known; only while not online().
   [[nodiscard]] Error endError() const;
 
  private:

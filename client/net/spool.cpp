@@ -31,7 +31,7 @@ std::uint64_t bytesIn(const fs::path& folder) {
   return bytes;
 }
 
-// for this user; nothing when the disk does not say
+// free space for this user; nullopt when the system call fails
 std::optional<std::uint64_t> freeBytes(const fs::path& folder) {
   std::error_code error;
   const fs::space_info space = fs::space(folder, error);
@@ -39,8 +39,8 @@ std::optional<std::uint64_t> freeBytes(const fs::path& folder) {
   return space.available;
 }
 
-// under another name first, so that a crash in between does not leave half a session behind; the name is
-// synced before anything goes, or a power cut could bring it back with half of the files
+// renames the folder first, so that a crash in between does not leave half a session; syncs the name before
+// removing files, or a power cut could bring the session back with half of its files
 void removeFolder(const fs::path& folder) {
   const fs::path removing = folder.string() + std::string(kRemoving);
   std::error_code error;
@@ -48,7 +48,7 @@ void removeFolder(const fs::path& folder) {
   if (!error && syncFolder(folder.parent_path()).ok()) fs::remove_all(removing, error);
 }
 
-// not counting the description, whose name comes first: without it nothing is recorded
+// ignores the description, which is created first: without other files nothing was recorded
 std::uint64_t bytesRecordedIn(const fs::path& folder) {
   std::uint64_t bytes = 0;
   for (const char* name : {"chunks", "tail"}) {
@@ -69,7 +69,7 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
   const bool is_new = !fs::exists(folder, error);
   fs::create_directories(folder / "lessons", error);
   if (error) return fail(error.message());
-  // the folder's own entry has to survive a power cut, too
+  // the folder's own entry must survive a power cut, too
   if (const auto whole = fs::absolute(folder, error).lexically_normal(); is_new && !error) {
     const auto parent = whole.has_filename() ? whole.parent_path() : whole.parent_path().parent_path();
     if (auto status = syncFolder(parent); !status.ok()) return fail(status.error().message);
@@ -82,7 +82,7 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
     return fail(errno == EWOULDBLOCK ? "another station uses it; give each its own --spool"
                                      : std::strerror(errno));
 
-  // mend what a crash left; names sort by time
+  // repair sessions after a crash; names sort by time
   std::vector<fs::path> folders;
   for (auto at = fs::directory_iterator(folder, error); !error && at != fs::end(at); at.increment(error))
     if (std::error_code ignored; at->is_directory(ignored)) folders.push_back(at->path());
@@ -96,7 +96,7 @@ Result<std::unique_ptr<Spool>> Spool::open(const fs::path& folder) {
     }
     if (!parseUuid(name).ok()) continue;
     if (!fs::exists(path / "session.json", error)) {
-      // the program died before the session began: nothing was recorded, the description may be half written
+      // the program died before the session began: nothing is recorded, and the description may be incomplete
       if (bytesRecordedIn(path) == 0)
         fs::remove_all(path, error);
       else
@@ -154,7 +154,7 @@ std::vector<std::shared_ptr<SpoolSession>> Spool::closedButNotSafe() const {
 std::vector<std::string> Spool::cleanUp(const SpoolKeep& keep, std::int64_t now_unix_ns) {
   std::vector<std::string> said;
   std::uint64_t total = bytesIn(folder_);
-  // closed sessions lie on this disk as well: those who go make room for what no server has yet
+  // closed sessions use the same disk: removing them makes room for unsent samples
   std::uint64_t free_bytes = freeBytes(folder_).value_or(UINT64_MAX);
   std::erase_if(sessions_, [&](const std::shared_ptr<SpoolSession>& session) {
     const SpoolReceipt receipt = session->receipt();

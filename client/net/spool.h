@@ -1,5 +1,5 @@
-/// The local spool that survives: every sample of every session lies here until the server has it.
-/// Its files, and when each is written and synced: client/net/README.md.
+/// The local spool survives a crash: it keeps every sample of every session until the server has it.
+/// client/net/README.md describes its files, and when each is written and synced.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ namespace needlelab {
 Resolution resolutionOf(const pb::SessionDescription& description);
 void setResolution(pb::SessionDescription& description, const Resolution& resolution);
 
-/// Samples of a session that never reached its spool, because the disk refused for longer than memory lasted.
+/// Samples that never reached the spool: the disk refused writes until memory was full.
 struct SpoolLoss {
   std::uint64_t samples = 0;
   std::uint64_t from_tick = 0;  ///< the first of them
@@ -30,13 +30,13 @@ struct SpoolLoss {
 
 /// The part of a session that the spool holds.
 struct SpoolContents {
-  std::uint64_t chunks = 0;   ///< on disk, synced: these may be sent
+  std::uint64_t chunks = 0;   ///< on disk and synced, so they may be sent
   std::uint64_t samples = 0;  ///< in those chunks
   std::uint64_t bytes = 0;    ///< of those chunks' data
-  bool ended = false;         ///< nothing will come
-  bool interrupted = false;   ///< the program died in the session: the end was made at the next start
-  Digest hash{};              ///< over the chunks' bytes in order; once ended
-  SpoolLoss loss;             ///< survives the program as well
+  bool ended = false;         ///< no more chunks will come
+  bool interrupted = false;   ///< the program died during the session; the next start wrote the end
+  Digest hash{};              ///< over the chunks' bytes in order; valid once ended
+  SpoolLoss loss;             ///< also kept on disk
 };
 
 /// The part of a session that the server has. Kept on disk so that a restart does not send it again.
@@ -57,44 +57,43 @@ class SpoolSession {
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
 
   // --- writing ---
-  /// Appends some samples, coded as a chunk, to the tail: they survive the death of this program from now on,
-  /// and a power cut only when their chunk was synced. `seq` is that of the chunk they will be in. Errors:
+  /// Appends some samples, coded as a chunk, to the tail. From now on they survive a crash of the program;
+  /// they survive a power cut only once their chunk is synced. `seq` is that of their future chunk. Errors:
   /// kUnavailable (disk full).
   Status appendPiece(std::uint64_t seq, ByteView piece);
-  /// Appends the next chunk (seq = how many there were). It counts in `contents` once synced. Errors:
-  /// kUnavailable.
+  /// Appends the next chunk (its seq is the number of chunks before it). `contents` counts it once synced.
+  /// Errors: kUnavailable.
   Status appendChunk(ByteView chunk, std::uint64_t samples);
-  /// Empties the tail: all that is in it stands in chunks.
+  /// Empties the tail, once all of its samples are in chunks.
   Status restartTail();
-  /// Syncs the chunks appended so far. After a failure the unsynced ones are written again before the next
-  /// try.
+  /// Syncs the chunks appended so far. After a failure the next call writes the unsynced chunks again first.
   Status sync();
-  /// Notes how many samples are lost so far; written in place, so that the disk need not have room. Thread:
-  /// the writing one. Errors: kUnavailable; it counts in `contents` nevertheless.
+  /// Records the loss so far, in place, so that it needs no free disk space. Thread: the writing one. Errors:
+  /// kUnavailable; `contents` counts the loss nevertheless.
   Status setLoss(const SpoolLoss& loss);
-  /// No more chunks. Everything was synced before. Errors: kUnavailable; may be tried again.
+  /// Ends the session. Requires that everything is synced. Errors: kUnavailable; may be called again.
   Status end(bool interrupted);
 
   // --- reading ---
-  /// The file that keeps the chunks as they were found, when some of them could not be read; else empty.
+  /// Returns the copy of the chunk file as found on disk, when some chunks could not be read; else empty.
   [[nodiscard]] const std::filesystem::path& damaged() const { return damaged_; }
-  /// Its end was made when it was read: a crash, a power cut or a damaged disk left none.
+  /// Whether loading the session wrote its end, because a crash, a power cut or a damaged disk left none.
   [[nodiscard]] bool mended() const { return mended_; }
   [[nodiscard]] SpoolContents contents() const;
-  /// Samples in the first `chunks` of them.
+  /// Returns the number of samples in the first `chunks` chunks.
   [[nodiscard]] std::uint64_t samplesIn(std::uint64_t chunks) const;
-  /// Bytes of the first `chunks` of them.
+  /// Returns the number of bytes in the first `chunks` chunks.
   [[nodiscard]] std::uint64_t bytesIn(std::uint64_t chunks) const;
-  /// The bytes of a synced chunk. Errors: kCorrupt, kUnavailable, kNotFound.
+  /// Returns the bytes of a synced chunk. Errors: kCorrupt, kUnavailable, kNotFound.
   [[nodiscard]] Result<Bytes> readChunk(std::uint64_t seq) const;
 
   // --- what the server has ---
   [[nodiscard]] SpoolReceipt receipt() const;
-  /// A closed session that the server has lost is to be sent again: reads its chunks, where that was not done
-  /// when the spool was opened. Not while somebody writes it. Errors: kUnavailable, kCorrupt.
+  /// Prepares a closed session that the server has lost for sending again: reads its chunks, unless opening
+  /// the spool already did. Do not call it while another thread writes the session. Errors: kUnavailable,
+  /// kCorrupt.
   Status loadAgain();
-  /// Writes the receipt to disk when it differs from what stands there. Losing one costs nothing but a
-  /// question to the server.
+  /// Writes the receipt to disk if it has changed. A lost receipt costs only a question to the server.
   Status setReceipt(const SpoolReceipt& receipt);
 
  private:
@@ -131,20 +130,21 @@ class SpoolSession {
   bool ended_ = false, interrupted_ = false;
   Digest end_hash_{};
   SpoolLoss loss_;
-  SpoolContents ended_contents_;  // of a closed session: its chunks are not read again
+  SpoolContents ended_contents_;  // of a closed session, because its chunks are not read again
   SpoolReceipt receipt_;
 };
 
-/// How long acknowledged sessions stay.
+/// How long the spool keeps closed sessions.
 struct SpoolKeep {
   std::int64_t age_s = 14 * 86'400;  ///< since the server closed them
   std::uint64_t quota_bytes = std::uint64_t{4}
                               << 30;  ///< of the whole spool; the oldest closed ones go first
-  /// Free on the spool's disk: below this, too, closed ones go, so that what no server has yet finds room.
+  /// Free space on the spool's disk: below this, too, the spool removes closed sessions, to make room for
+  /// unsent ones.
   std::uint64_t min_free_bytes = std::uint64_t{256} << 20;
 };
 
-/// The recordings in the spool that no server has, and the free space.
+/// The unsent recordings in the spool, and the free space.
 struct SpoolUsage {
   std::uint64_t unsent_sessions = 0;  ///< with samples that the server has not committed
   std::uint64_t unsent_bytes = 0;     ///< of their chunks that are not committed
@@ -152,26 +152,26 @@ struct SpoolUsage {
   std::uint64_t unsent_samples = 0;   ///< in them
 };
 
-/// The folder. Thread: one, but `sessions` by any.
+/// The spool folder. Thread: one; SpoolSession states its own.
 class Spool {
  public:
-  /// Makes the folder if need be, locks it, and mends what a crash left: torn ends are dropped, a tail
-  /// becomes the last chunk, such sessions are ended as interrupted. `notes()` says what was done and what
-  /// could not be read. Errors: kUnavailable (the folder cannot be made or written; another station uses it).
+  /// Makes the folder if needed, locks it, and repairs sessions after a crash: drops torn ends, makes a tail
+  /// the last chunk, and ends such sessions as interrupted. `notes()` lists the repairs and the unreadable
+  /// files. Errors: kUnavailable (the folder cannot be made or written; another station uses it).
   static Result<std::unique_ptr<Spool>> open(const std::filesystem::path& folder);
   ~Spool();
   Spool(const Spool&) = delete;
   Spool& operator=(const Spool&) = delete;
 
-  /// A new session, ready to be written; its folder and description are synced to disk.
+  /// Creates a session, ready for writing, and syncs its folder and description to disk.
   Result<std::shared_ptr<SpoolSession>> create(const pb::SessionDescription& description);
-  /// All sessions that the server has not closed, oldest first (UUIDv7 sort by time).
+  /// Returns all sessions that the server has not closed, oldest first (UUIDv7 sort by time).
   [[nodiscard]] std::vector<std::shared_ptr<SpoolSession>> unfinished() const;
-  /// Those that the server has closed and no verified backup covers, oldest first. A server that was restored
-  /// from an older backup lacks them: the uplink asks.
+  /// Returns the closed sessions that no verified backup covers, oldest first. A server that was restored
+  /// from an older backup lacks them, so the uplink asks.
   [[nodiscard]] std::vector<std::shared_ptr<SpoolSession>> closedButNotSafe() const;
-  /// Removes closed sessions that are Safe, older than `keep.age_s`, or over the quota. What the server has
-  /// not closed is never touched. Says what it removed.
+  /// Removes closed sessions that are Safe, older than `keep.age_s`, or over the quota. Never touches a
+  /// session that the server has not closed. Returns a text per removed session.
   std::vector<std::string> cleanUp(const SpoolKeep& keep, std::int64_t now_unix_ns);
   /// Errors: kUnavailable when the disk cannot be asked.
   [[nodiscard]] Result<SpoolUsage> usage() const;

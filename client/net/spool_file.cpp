@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::uint32_t kMagic = 0x31534C4E;  // "NLS1"
 
-// all of it, through interruptions; how many bytes there were
+// reads all of it, through interruptions; returns the number of bytes
 Result<std::size_t> readFully(int fd, std::uint8_t* to, std::size_t count, std::uint64_t offset) {
   std::size_t done = 0;
   while (done < count) {
@@ -81,7 +81,7 @@ Result<bool> SpoolFile::readRecord(std::uint64_t offset, SpoolRecord& record, By
   record.seq = reader.get<std::uint64_t>();
   record.part = reader.get<std::uint32_t>();
   const auto crc = reader.get<std::uint32_t>();
-  // the length is hostile until the check agrees: bounded before anything is allocated for it
+  // do not trust the length before its check: bound it before allocating
   if (magic != kMagic || length > kMaxSpoolRecord) return false;
   data.resize(length);
   got = readFully(fd_, data.data(), length, offset + sizeof header);
@@ -113,7 +113,7 @@ Result<bool> SpoolFile::anyBehind(std::uint64_t offset,
   while (at + kSpoolRecordHeader <= size_) {
     ASSIGN_OR_RETURN(auto got, readFully(fd_, block.data(), block.size(), at));
     if (got < sizeof kMagic) return false;
-    // blocks overlap by three bytes, so that no magic falls between two of them
+    // blocks overlap by three bytes, so that no magic number straddles two of them
     for (std::size_t i = 0; i + sizeof kMagic <= got; ++i) {
       if (std::memcmp(block.data() + i, &kMagic, sizeof kMagic) != 0) continue;
       auto good = readRecord(at + i, record, data);
@@ -159,7 +159,7 @@ Status SpoolFile::append(std::uint64_t seq, std::uint32_t part, ByteView data) {
   // header and data in one write: fewer ways to tear
   encodeRecord(scratch_, seq, part, data);
   if (auto status = writeAt(size_, scratch_); !status.ok()) {
-    // a half record would hide what is appended later; should even this fail, the next append writes over it
+    // a partial record would hide later ones; if even truncation fails, the next append overwrites it
     [[maybe_unused]] const int cut = ::ftruncate(fd_, static_cast<off_t>(size_));
     return status;
   }

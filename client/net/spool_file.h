@@ -1,10 +1,9 @@
-/// A file of the spool: records appended one after the other, each with its own check, so that a torn end is
-/// recognised.
+/// A file of the spool: records in sequence, each with its own checksum, so that a reader detects a torn end.
 ///
 /// Record (little-endian): magic "NLS1" (4), bytes of data (4), seq (8), part (4), CRC-32C (4) over the 16
-/// bytes before it (without the magic) and the data, then the data. In the file `chunks` seq counts from 0
-/// and part says how many chunks were surely on disk when this one was written; in the file `tail` seq is
-/// that of the chunk to be, and part counts its pieces from 0.
+/// bytes before it (without the magic) and the data, then the data. In the file `chunks`, seq counts from 0
+/// and part is the number of chunks that were synced when this one was written. In the file `tail`, seq is
+/// that of the future chunk, and part counts its pieces from 0.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +19,7 @@ inline constexpr std::size_t kSpoolRecordHeader = 24;
 /// A chunk must fit into one envelope of 1 MiB.
 inline constexpr std::size_t kMaxSpoolRecord = (1u << 20) - 256;
 
-/// One record as found by a scan. `data` is valid during the visit only.
+/// A record found by a scan. `data` is valid during the visit only.
 struct SpoolRecord {
   std::uint64_t offset = 0;  ///< of the record in the file
   std::uint64_t seq = 0;
@@ -28,7 +27,7 @@ struct SpoolRecord {
   ByteView data;
 };
 
-/// Owns a file descriptor. Thread: one appends; `read` may be called from another.
+/// Owns a file descriptor. Thread: one appends; another may call `read`.
 class SpoolFile {
  public:
   SpoolFile() = default;
@@ -36,26 +35,25 @@ class SpoolFile {
   SpoolFile& operator=(SpoolFile&& other) noexcept;
   ~SpoolFile();
 
-  /// Opens for appending and reading; makes it when it is not there. Errors: kUnavailable with the system's
-  /// reason.
+  /// Opens the file for appending and reading, and creates it if missing. Errors: kUnavailable with the
+  /// system's reason.
   static Result<SpoolFile> open(const std::filesystem::path& path);
 
-  /// Visits the good records from the start. Stops at the first one that is cut off or fails its check, or
-  /// when the visitor returns false; gives the offset where it stopped. Errors: kUnavailable when the disk
+  /// Visits the good records from the start. Stops at the first record that is cut off or fails its check, or
+  /// when the visitor returns false; returns the offset where it stopped. Errors: kUnavailable when the disk
   /// cannot be read.
   Result<std::uint64_t> scan(const std::function<bool(const SpoolRecord&)>& visit) const;
 
-  /// Whether any good record that begins after `offset` is as asked. Errors: kUnavailable.
+  /// Returns whether `is` holds for any good record that begins after `offset`. Errors: kUnavailable.
   [[nodiscard]] Result<bool> anyBehind(std::uint64_t offset,
                                        const std::function<bool(const SpoolRecord&)>& is) const;
 
-  /// Appends a record (at most kMaxSpoolRecord bytes). When the disk refuses, the file is as it was:
-  /// kUnavailable.
+  /// Appends a record (at most kMaxSpoolRecord bytes). Errors: kUnavailable when the disk refuses; the file
+  /// is then unchanged.
   Status append(std::uint64_t seq, std::uint32_t part, ByteView data);
-  /// The data of the record at `offset`, checked again. Errors: kCorrupt, kUnavailable.
+  /// Returns the data of the record at `offset`, and checks it again. Errors: kCorrupt, kUnavailable.
   [[nodiscard]] Result<Bytes> read(std::uint64_t offset) const;
-  /// Writes the record at `offset` once more, the same bytes: what a failed sync may have lost on the way to
-  /// the disk.
+  /// Writes the same bytes of the record at `offset` again, because a failed sync may have lost them.
   Status writeAgain(std::uint64_t offset);
   /// Cuts the file to `size` bytes.
   Status truncate(std::uint64_t size);

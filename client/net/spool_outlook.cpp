@@ -32,7 +32,7 @@ std::string durationText(double hours) {
 SpoolOutlook outlookOf(const SpoolUsage& usage, std::uint64_t quota_bytes, double rate_hz,
                        const SpoolThresholds& thresholds) {
   SpoolOutlook outlook;
-  // a short lesson in which little moves says nothing of the next
+  // a short lesson with little motion does not predict the next one
   const double per_sample =
       usage.unsent_samples >= thresholds.enough_samples && usage.unsent_bytes > 0
           ? static_cast<double>(usage.unsent_bytes) / static_cast<double>(usage.unsent_samples)
@@ -42,7 +42,7 @@ SpoolOutlook outlookOf(const SpoolUsage& usage, std::uint64_t quota_bytes, doubl
   outlook.quota_h = static_cast<double>(quota_left) / outlook.bytes_per_h;
   outlook.disk_h = static_cast<double>(usage.free_bytes) / outlook.bytes_per_h;
 
-  // the quota bounds what waits for a server; while nothing waits, only the disk counts
+  // the quota limits unsent recordings; without any, only the disk counts
   const bool waits = usage.unsent_bytes > 0;
   const bool over = waits && quota_left == 0;
   const double shortest = waits ? std::min(outlook.quota_h, outlook.disk_h) : outlook.disk_h;
@@ -77,10 +77,10 @@ SpoolOutlook outlookOf(const SpoolUsage& usage, std::uint64_t quota_bytes, doubl
 
 void SpoolGuard::measure() {
   next_check_ns_ = steadyNowNs() + kCheckEvery_ns;
-  // the writer reports a disk that cannot be asked
+  // the writer reports a disk whose free space cannot be read
   auto usage = spool_.usage();
   if (!usage.ok()) return;
-  // closed sessions leave while the lesson runs only when the disk needs their room
+  // during a lesson, remove closed sessions only when the disk needs their space
   if (usage->free_bytes < keep_.min_free_bytes) {
     for (const std::string& note : spool_.cleanUp(keep_, wallNowNs())) report_(note);
     if (auto again = spool_.usage(); again.ok()) usage = again;

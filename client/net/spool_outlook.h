@@ -1,5 +1,5 @@
-/// How long lessons can go on without a server, by the unsent recordings in the spool and the free space, as
-/// text.
+/// Estimates how long lessons can go on without a server, from the unsent recordings in the spool and the
+/// free space; also as text.
 #pragma once
 
 #include <cstdint>
@@ -10,32 +10,32 @@
 
 namespace needlelab {
 
-/// Thresholds for telling a person. Hours of lessons at the present rate.
+/// Thresholds for warnings. Hours of lessons at the present rate.
 struct SpoolThresholds {
   double warn_h = 10;                 ///< less than this in the quota or on the disk: a warning
-  double urgent_h = 1;                ///< … the instructor is told as well
-  double usual_bytes_per_sample = 8;  ///< what a lesson takes at most
+  double urgent_h = 1;                ///< below this the instructor is told as well
+  double usual_bytes_per_sample = 8;  ///< upper estimate for a lesson
   std::uint64_t enough_samples =
       600'000;  ///< unsent ones from which the spool's own bytes a sample are taken
 };
 
 enum class SpoolLevel : std::uint8_t {
-  kGood,    ///< nothing to say
-  kUnsent,  ///< something waits for a server; there is room
+  kGood,    ///< nothing to report
+  kUnsent,  ///< unsent recordings, with room left
   kWarn,    ///< the quota or the disk is nearly used up
   kUrgent,  ///< over the quota, or hardly any room left
 };
 
 struct SpoolOutlook {
   double bytes_per_h = 0;
-  double quota_h = 0;  ///< until what is unsent alone fills the quota; 0: it does
+  double quota_h = 0;  ///< until the unsent recordings alone fill the quota; 0: they already do
   double disk_h = 0;   ///< until the disk is full
   SpoolLevel level = SpoolLevel::kGood;
   std::string text;  ///< for a person; empty when all is good
 };
 
-/// Prediction from the spool's own bytes a sample, at this rate. What is unsent is never deleted, over the
-/// quota either: then the text says so.
+/// Predicts from the spool's own bytes per sample, at this rate. Unsent recordings are never deleted, even
+/// over the quota; the text then says so.
 SpoolOutlook outlookOf(const SpoolUsage& usage, std::uint64_t quota_bytes, double rate_hz,
                        const SpoolThresholds& thresholds = {});
 
@@ -44,7 +44,7 @@ std::string sizeText(std::uint64_t bytes);
 /// "40 minutes", "12 hours", "60 days", "years".
 std::string durationText(double hours);
 
-/// Looks after the spool's room while a lesson runs: removes what the server has, and warns in time.
+/// Watches the spool's space during a lesson: removes sessions that the server has, and warns in time.
 /// Thread: one, the program's main thread.
 class SpoolGuard {
  public:
@@ -53,11 +53,11 @@ class SpoolGuard {
   SpoolGuard(Spool& spool, SpoolKeep keep, double rate_hz, Report report, SpoolThresholds thresholds = {})
       : spool_(spool), keep_(keep), rate_hz_(rate_hz), report_(std::move(report)), thresholds_(thresholds) {}
 
-  /// At the start and the end of a lesson: reports how it stands, unless all is good.
+  /// Reports the outlook unless it is good. Call it at the start and the end of a lesson.
   void report();
-  /// To be called often: measures every 10 s, and reports what has become worse since the last report.
+  /// Measures every 10 s and reports a level worse than the last one reported. Call it often.
   void check();
-  /// For the status line; empty unless it is urgent.
+  /// Text for the status line; empty unless urgent.
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
   [[nodiscard]] const SpoolOutlook& outlook() const { return outlook_; }
 

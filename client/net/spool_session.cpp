@@ -22,13 +22,13 @@ namespace {
 
 using Json = nlohmann::json;
 constexpr std::size_t kMaxTailSamples =
-    4000;  // a chunk never has more; a lossless one of so many fits an envelope
+    4000;  // upper limit per chunk; a lossless chunk of this size fits an envelope
 
 Error broken(const std::filesystem::path& path, const std::string& why) {
   return Error{ErrorCode::kCorrupt, path.string() + ": " + why};
 }
 
-// a small JSON object; nothing when the file is not there
+// reads a small JSON object; nullopt when the file is missing
 Result<Json> readJson(const std::filesystem::path& path) {
   std::error_code ignored;
   if (!std::filesystem::exists(path, ignored)) return Json();
@@ -78,8 +78,8 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("session_id has {} bytes, 16 are expected", description.session_id().size())};
   std::copy(description.session_id().begin(), description.session_id().end(), id.begin());
-  // what no server would take is refused now, not when the lesson is over; a station without a key has no
-  // name yet
+  // refuse a description that no server would accept now, not after the lesson; a station without a key has
+  // no name yet
   pb::SessionDescription named = description;
   if (named.station().empty()) named.set_station("to be named at the upload");
   RETURN_IF_ERROR(checkDescription(named));
@@ -92,7 +92,7 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
     return Error{ErrorCode::kUnavailable, "cannot make the folder " + session->folder_.string() + ": " +
                                               (error ? error.message() : "it is there already")};
 
-  // the description first: a folder without one holds nothing worth keeping
+  // write the description first: a folder without one contains no data
   std::string json;
   const auto written = google::protobuf::util::MessageToJsonString(description, &json);
   if (!written.ok())
@@ -104,7 +104,7 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::create(const std::filesystem
   session->chunks_ = std::move(chunks);
   ASSIGN_OR_RETURN(auto tail, SpoolFile::open(session->folder_ / "tail"));
   session->tail_ = std::move(tail);
-  // its room is taken now: when there is something to note in it, the disk is full
+  // reserve its space now: the disk is full when it is needed
   if (status = session->setLoss({}); !status.ok()) return status.error();
 
   // the new names survive a power cut only when their folders are synced too
@@ -129,15 +129,14 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::
 
   session->loadLoss();
   auto receipt = readJson(folder / "acked.json");
-  // a receipt that cannot be read costs a question to the server, nothing else
+  // an unreadable receipt costs only a question to the server
   if (receipt.ok() && receipt->is_object()) {
     session->receipt_.committed = countAt(*receipt, "committed");
     session->receipt_.safe = countAt(*receipt, "safe");
     session->receipt_.closed = flagAt(*receipt, "closed");
     session->receipt_.closed_unix_ns = static_cast<std::int64_t>(countAt(*receipt, "closed_unix_ns"));
   }
-  // an end that its disk damaged says nothing: the chunks have checks of their own and are saved as
-  // interrupted
+  // ignore a damaged end: the chunks have their own checks, and the session ends as interrupted
   const auto end = readJson(folder / "end.json");
   const auto has = [&](const char* key) { return end->contains(key); };
   if (end.ok() && end->is_object() && has("chunks") && has("samples") && has("hash") && has("interrupted")) {
@@ -145,7 +144,7 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::
     session->interrupted_ = flagAt(*end, "interrupted");
     session->ended_contents_.chunks = countAt(*end, "chunks");
     session->ended_contents_.samples = countAt(*end, "samples");
-    if (session->receipt_.closed) return session;  // done: its chunks are not needed
+    if (session->receipt_.closed) return session;  // the session is done; its chunks are not needed
   } else {
     session->mended_ = true;
   }
@@ -153,7 +152,7 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::
   return session;
 }
 
-// a copy of the chunks before anything is cut off them; an older copy holds more, and stays
+// copies the chunks before truncating them; keeps an existing copy, because it holds more
 Status SpoolSession::keepDamaged() {
   const auto copy = folder_ / "chunks.damaged";
   damaged_ = copy;
@@ -185,20 +184,20 @@ Status SpoolSession::loadChunks() {
   if (!good_end.ok()) return good_end.error();
 
   if (ended_ && entries_.size() != ended_contents_.chunks) {
-    // the session ended well, yet the disk has lost some of it: what can still be read becomes an interrupted
-    // session, and the damaged file is kept for whoever wants to try harder
+    // the session ended well, but the disk has lost a part of it: the readable part becomes an interrupted
+    // session, and the damaged file stays for a manual rescue
     RETURN_IF_ERROR(keepDamaged());
     const std::scoped_lock lock(mutex_);
     ended_ = false;
   }
   if (!ended_) {
-    // A bad record is a torn end, even with good ones behind it (a power cut keeps what it likes of what was
-    // not synced), unless one of those knew it to be on disk: that is damage; the file is kept as it is found
+    // A bad record is a torn end, even with good ones behind it (a power cut keeps an arbitrary part of the
+    // unsynced data), unless a later record lists it as synced: that is damage, and the file is kept as found
     auto damaged = chunks_.anyBehind(
         *good_end, [&](const SpoolRecord& record) { return record.part > entries_.size(); });
     if (!damaged.ok()) return damaged.error();
     if (*damaged) RETURN_IF_ERROR(keepDamaged());
-    // drop the torn end: what is appended now must follow the last good record
+    // cut off the torn end: new records must follow the last good one
     if (*good_end < chunks_.size()) RETURN_IF_ERROR(chunks_.truncate(*good_end));
     RETURN_IF_ERROR(recoverTail());
     RETURN_IF_ERROR(sync());
@@ -219,14 +218,14 @@ Status SpoolSession::loadAgain() {
   return loadChunks();
 }
 
-// the tail's pieces that stand in no chunk yet become the last chunk
+// makes the last chunk from the tail's pieces that are not in a chunk yet
 Status SpoolSession::recoverTail() {
   ASSIGN_OR_RETURN(auto tail, SpoolFile::open(folder_ / "tail"));
   tail_ = std::move(tail);
   const std::uint64_t seq = entries_.size();
   std::uint32_t part = 0;
   std::vector<GestureSample> samples;
-  // as the pieces have it: they have a check, the description has none
+  // taken from the pieces, which have a checksum; the description has none
   Resolution resolution = resolutionOf(description_);
   auto stopped = tail_.scan([&](const SpoolRecord& record) {
     // already in a chunk: the program died before the tail was emptied
@@ -310,7 +309,7 @@ Status SpoolSession::end(bool interrupted) {
     if (chunks > 0) samples = entries_.back().samples_through;
     lost = loss_.samples;
   }
-  // an ended session whose loss a power cut has taken would pass for whole
+  // without this sync, an ended session could lose its loss record in a power cut and look complete
   if (lost > 0) RETURN_IF_ERROR(syncLoss());
   const Digest hash = hash_.digest();
   if (auto status = writeJson(
@@ -336,7 +335,7 @@ Status SpoolSession::setLoss(const SpoolLoss& loss) {
   };
   const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (fd < 0) return failed();
-  // samples, first tick: always as long
+  // samples and first tick, in a fixed length
   const std::string text = fmt::format("{:020} {:020}\n", loss.samples, loss.from_tick);
   const ssize_t wrote = ::pwrite(fd, text.data(), text.size(), 0);
   Status status;
@@ -355,7 +354,7 @@ Status SpoolSession::syncLoss() const {
   return status;
 }
 
-// a file that is not there or cannot be read says nothing: then the gap in the ticks has to speak
+// ignores a missing or unreadable file: then only the gap in the ticks shows the loss
 void SpoolSession::loadLoss() {
   std::error_code ignored;
   if (!std::filesystem::exists(folder_ / "lost", ignored)) return;

@@ -16,23 +16,23 @@
 namespace needlelab {
 namespace {
 
-constexpr auto kPoll = std::chrono::milliseconds(4);  // how often the ring is looked into
-constexpr std::int64_t kPieceAge_ns = 20'000'000;     // a live piece waits no longer for its samples
+constexpr auto kPoll = std::chrono::milliseconds(4);  // polling period of the ring
+constexpr std::int64_t kPieceAge_ns = 20'000'000;     // longest wait of a live piece for its samples
 constexpr double kPiece_s = 0.02;
-constexpr std::int64_t kTailAge_ns = 10'000'000;  // … and no sample longer for the tail
+constexpr std::int64_t kTailAge_ns = 10'000'000;  // longest wait of a sample for the tail
 constexpr double kTail_s = 0.01;
 constexpr double kChunk_s = 1;
 constexpr double kMostSamples = 1000;  // a lossless chunk then stays far below an envelope's 1 MiB
 constexpr std::int64_t kTailRetry_ns = 20'000'000;
-constexpr std::int64_t kRetry_ns = 500'000'000;  // between tries on a disk that refused
-constexpr std::int64_t kCalm_ns = 400'000'000;   // without errors before the disk is called well
+constexpr std::int64_t kRetry_ns = 500'000'000;  // between retries on a refusing disk
+constexpr std::int64_t kCalm_ns = 400'000'000;   // time without errors before the disk counts as well
 constexpr int kPriority = 10;                    // SCHED_FIFO; the haptic loop has 80
 
 std::size_t samplesIn(double seconds, double rate_hz) {
   return static_cast<std::size_t>(std::clamp(std::round(seconds * rate_hz), 1.0, kMostSamples));
 }
 
-// without the right to it the thread stays an ordinary one: then only a busy machine makes a difference
+// without permission the thread keeps its ordinary priority, which matters only on a busy machine
 void preferThisThread() {
   sched_param parameters{};
   parameters.sched_priority = kPriority;
@@ -60,7 +60,7 @@ SpoolWriter::SpoolWriter(SampleRing& ring, std::shared_ptr<SpoolSession> session
 }
 
 SpoolWriter::~SpoolWriter() {
-  // without `finish` the owner gives up: what is on disk stays for the next start
+  // without `finish` the owner gives up: the data on disk stays for the next start
   finish_ = true;
   if (writer_.joinable()) writer_.join();
   {
@@ -80,7 +80,7 @@ void SpoolWriter::run() {
   preferThisThread();
   GestureSample sample;
   for (;;) {
-    // asked before draining: what was pushed before `finish` is then surely seen
+    // read before draining, so that all samples pushed before `finish` are seen
     const bool last_round = finish_.load(std::memory_order_acquire);
     while (ring_.pop(sample)) takeSample(sample);
     const std::int64_t now_ns = steadyNowNs();
@@ -99,8 +99,8 @@ void SpoolWriter::takeSample(const GestureSample& sample) {
   piece_.push_back(sample);
   const bool lost = pending_bytes_ > options_.pending_bytes;
   if (lost) {
-    // the disk has been full for so long that memory is at its end too: these samples are lost, which is
-    // reported; viewers see them nevertheless
+    // the disk has been full so long that memory is full too: these samples are lost, and the writer reports
+    // it; viewers still see them
     if (!lost_from_) lost_from_ = sample.tick;
     ++lost_;
   } else {
@@ -117,8 +117,8 @@ void SpoolWriter::takeSample(const GestureSample& sample) {
   if (chunk_.size() >= chunk_samples_) makeChunk();
 }
 
-// what is not in the tail yet; while chunks wait for the disk, the tail is not asked as well: it would refuse
-// too
+// writes the samples that are not in the tail yet; skips the tail while chunks wait for the disk, because it
+// would fail too
 void SpoolWriter::writeTail() {
   if (!pending_.empty() || in_tail_ == chunk_.size() || steadyNowNs() < tail_next_try_ns_) return;
   const std::span<const GestureSample> missing(chunk_);
@@ -130,7 +130,7 @@ void SpoolWriter::writeTail() {
   noteDisk(status);
 }
 
-// not coded here: only the uplink knows whether somebody watches
+// passes the piece unencoded: only the uplink knows whether somebody watches
 void SpoolWriter::showPiece() {
   SamplePiece piece{std::make_shared<const std::vector<GestureSample>>(piece_), piece_.back(), 0, 0};
   for (const GestureSample& sample : piece_) piece.flags |= sample.flags;
@@ -142,7 +142,7 @@ void SpoolWriter::showPiece() {
   if (callbacks_.piece) callbacks_.piece(piece);
 }
 
-// writes how much is lost into the session, so that it is known even after the death of this program
+// writes the loss into the session, so that it survives a crash of this program
 void SpoolWriter::noteLoss() {
   const std::uint64_t dropped = ring_.dropped() - ring_dropped_before_;
   if (dropped > 0 && !lost_from_) lost_from_ = last_tick_ + 1;
@@ -153,7 +153,7 @@ void SpoolWriter::noteLoss() {
         "samples are LOST from now on: the spool's disk has refused them for longer than memory lasts. "
         "The force goes on; make room on that disk");
   loss_noted_ = loss;
-  // it has its room from the beginning: that it could be written says nothing of the room for samples
+  // its space is reserved: success says nothing about space for samples
   if (const Status status = session_->setLoss(loss); !status.ok()) noteDisk(status);
 }
 
@@ -172,7 +172,7 @@ void SpoolWriter::makeChunk() {
   if (pending_.size() == 1 || steadyNowNs() >= next_try_ns_) flushPending();
 }
 
-// chunks go to disk in order; when the last one is there, the tail is emptied
+// writes chunks to disk in order; after the last one, empties the tail
 void SpoolWriter::flushPending() {
   bool wrote = false;
   while (!pending_.empty()) {
@@ -249,7 +249,7 @@ void SpoolWriter::runSync() {
     noteDisk(status);
     std::unique_lock lock(mutex_);
     if (sync_stop_) return;
-    // again later; the next chunk asks as well
+    // retry later; the next chunk also requests a sync
     sync_wake_.wait_for(lock, std::chrono::nanoseconds(kRetry_ns), [this] { return sync_stop_; });
     sync_wanted_ = true;
   }
@@ -260,7 +260,7 @@ Status SpoolWriter::finish(std::chrono::milliseconds patience) {
   finished_ = true;
   finish_.store(true, std::memory_order_release);
   writer_.join();
-  // from here on this thread is the writing one
+  // from here on this thread acts as the writing one
   if (!chunk_.empty()) makeChunk();
   const auto deadline = std::chrono::steady_clock::now() + patience;
   while (!pending_.empty() && std::chrono::steady_clock::now() < deadline) {
@@ -282,7 +282,7 @@ Status SpoolWriter::finish(std::chrono::milliseconds patience) {
     const std::scoped_lock lock(mutex_);
     counts_.samples_lost += lost;
     counts_.samples_waiting = 0;
-    // what was made of them counts no more either
+    // their chunks do not count any more either
     counts_.chunks -= pending_.size();
     for (const Pending& chunk : pending_) counts_.chunk_bytes -= chunk.chunk.size();
   }
@@ -292,7 +292,7 @@ Status SpoolWriter::finish(std::chrono::milliseconds patience) {
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     outcome_ = session_->sync();
   }
-  // what the tail holds of a chunk that the disk refused is safe there: the next start makes a chunk of it
+  // the tail keeps its samples of a refused chunk: the next start makes a chunk of them
   const bool tail_is_needed = !pending_.empty() && pending_.front().in_tail > 0;
   if (outcome_.ok() && !tail_is_needed) outcome_ = session_->end(false);
   if (outcome_.ok() && !tail_is_needed) outcome_ = session_->restartTail();

@@ -1,4 +1,5 @@
-/// From the haptic thread's ring to the spool: one thread drains and writes, another waits for the disk.
+/// Moves samples from the haptic thread's ring to the spool: one thread drains and writes, another syncs the
+/// disk.
 #pragma once
 
 #include <atomic>
@@ -20,12 +21,12 @@
 
 namespace needlelab {
 
-/// Between haptic thread and spool: 16 s at 1 kHz, 4 s at 4 kHz, so that a disk that stalls for seconds loses
+/// Ring between haptic thread and spool: 16 s at 1 kHz, 4 s at 4 kHz, so that a disk stall of seconds loses
 /// nothing.
 inline constexpr std::size_t kSampleRingCapacity = 16'384;
 using SampleRing = SpscRing<GestureSample, kSampleRingCapacity>;
 
-/// About 20 ms of samples for viewers and status lines. (The spool's tail gets its own, in shorter steps.)
+/// About 20 ms of samples for viewers and status lines. (The spool's tail gets its own pieces, more often.)
 struct SamplePiece {
   std::shared_ptr<const std::vector<GestureSample>> samples;  ///< as they were recorded; at least one
   GestureSample last;                                         ///< the newest of them
@@ -36,12 +37,12 @@ struct SamplePiece {
 /// Counts of the writer so far.
 struct SpoolWriterCounts {
   std::uint64_t samples = 0;  ///< taken from the ring
-  std::uint64_t chunks = 0;   ///< made of them, and not lost
+  std::uint64_t chunks = 0;   ///< made from them and not lost
   std::uint64_t chunk_bytes = 0;
   std::uint64_t samples_lost = 0;     ///< neither on disk nor in memory: the disk was full for too long
   std::uint64_t samples_waiting = 0;  ///< in memory, because the disk refuses them
   std::uint64_t disk_errors = 0;      ///< writes and syncs that the disk refused
-  std::string disk_error;             ///< the present trouble in words; empty when all is well
+  std::string disk_error;             ///< the current trouble as text; empty when all is well
 };
 
 struct SpoolWriterOptions {
@@ -49,17 +50,17 @@ struct SpoolWriterOptions {
   std::size_t pending_bytes = 64u << 20;  ///< chunks that wait for a full disk, in memory
 };
 
-/// A crash of the program loses at most 20 ms: samples go to the tail when the oldest is 10 ms old; with the
-/// writer's own period of 4 ms and its time to write that stays under 20 ms. The writing thread runs at a low
-/// real-time priority where that is allowed, far below the haptic loop: a busy machine must not stretch this
-/// time. Thread: made, `finish`ed and destroyed by one thread; `counts` by any; the callbacks run on the
+/// A crash of the program loses at most 20 ms: the writer moves samples to the tail when the oldest is 10 ms
+/// old; with its period of 4 ms and its write time that stays under 20 ms. The writing thread runs at a low
+/// real-time priority where allowed, far below the haptic loop, so that a busy machine does not stretch this
+/// time. Thread: one thread makes, `finish`es and destroys it; any calls `counts`; the callbacks run on the
 /// writer's threads and must not block.
 class SpoolWriter {
  public:
   struct Callbacks {
     std::function<void(const SamplePiece&)> piece;    ///< every 20 ms
     std::function<void()> durable;                    ///< more chunks are on disk, or the session has ended
-    std::function<void(const std::string&)> trouble;  ///< the disk refuses, or takes again; for a person
+    std::function<void(const std::string&)> trouble;  ///< the disk refuses or works again; for a person
   };
 
   /// Starts both threads. `ring` must outlive the writer.
@@ -69,14 +70,15 @@ class SpoolWriter {
   SpoolWriter(const SpoolWriter&) = delete;
   SpoolWriter& operator=(const SpoolWriter&) = delete;
 
-  /// After the last push: writes what is left in the ring, the last chunk and the session's end, and joins
-  /// the threads. A disk that refuses is tried again for `patience`. Errors: kUnavailable, with what is lost;
-  /// what the tail still holds is not: then the session does not end here, the next `Spool::open` makes the
-  /// last chunk of it. May be called again.
+  /// Writes the rest of the ring, the last chunk and the session's end, and joins the threads. Call it after
+  /// the last push. Retries a refusing disk for `patience`. Errors: kUnavailable, with the loss. Samples in
+  /// the tail are not lost: the session then stays open, and the next `Spool::open` makes its last chunk from
+  /// the tail. May be called again.
   Status finish(std::chrono::milliseconds patience);
 
   [[nodiscard]] SpoolWriterCounts counts() const;
-  /// The disk's trouble now, for a person; empty when all is well. A loss stays in it until the end.
+  /// Returns the disk's current trouble, for a person; empty when all is well. A loss stays in it until the
+  /// end.
   [[nodiscard]] std::string trouble() const;
 
  private:

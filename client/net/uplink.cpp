@@ -11,7 +11,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMostLive = 8;  // pieces of 20 ms that wait for the network thread
+constexpr std::size_t kMostLive = 8;  // queue of 20 ms pieces for the network thread
 constexpr auto kStopGrace = std::chrono::milliseconds(2000);
 constexpr auto kStopLook = std::chrono::milliseconds(50);
 
@@ -109,7 +109,7 @@ Result<pb::Lesson> Uplink::getLesson(const std::string& exercise_id, const std::
 
 Result<pb::Reply> Uplink::ask(pb::Request request, std::chrono::milliseconds patience, bool once,
                               const std::function<bool()>& stopped) {
-  // guarded by the mutex; the id is the network thread's own
+  // guarded by the mutex; only the network thread uses the id
   struct Call {
     std::optional<Result<pb::Reply>> result;
     std::uint64_t id = 0;
@@ -127,7 +127,7 @@ Result<pb::Reply> Uplink::ask(pb::Request request, std::chrono::milliseconds pat
   const auto answered = [&] {
     return call->result.has_value() || state_.denied || (once && !state_.connected && !state_.error.empty());
   };
-  // in short waits: a person who presses Ctrl-C while a mute server is waited for wants to be heard
+  // in short waits, so that Ctrl-C takes effect while the server is silent
   const auto end = std::chrono::steady_clock::now() + patience;
   bool stop = false;
   while (!answered() && !stop && std::chrono::steady_clock::now() < end) {
@@ -172,11 +172,11 @@ DrainEnd drain(Uplink& uplink, const DrainPatience& patience, const std::functio
     if (stopped()) return DrainEnd::kStopped;
     if (seconds(now_ns - began_ns) >= patience.whole) return DrainEnd::kTimeOver;
     if (state.connected) continue;
-    // an attempt has failed already: the server is not about to answer for the first time
+    // an attempt has already failed: do not expect a first connection soon
     const auto away = seconds(now_ns - state.away_since_ns);
     const bool never = state.connections == 0 && !state.error.empty() && away >= patience.never_connected;
     const bool long_ago = state.connections > 0 && away >= patience.long_away;
-    // one moment more: it may have come back just now
+    // wait a moment more: the server may have just come back
     if ((never || long_ago) &&
         seconds(now_ns - began_ns) >= std::min(patience.whole, patience.never_connected / 2))
       return DrainEnd::kAway;
@@ -187,7 +187,7 @@ DrainEnd drain(Uplink& uplink, const DrainPatience& patience, const std::functio
 std::string drainText(DrainEnd end, const UplinkState& state) {
   switch (end) {
     case DrainEnd::kDone:
-    case DrainEnd::kDenied:  // was reported when it happened
+    case DrainEnd::kDenied:  // already reported
       return {};
     case DrainEnd::kAway:
       return "not connected (" + state.error +

@@ -1,5 +1,4 @@
-/// The station's link to the server: uploads what the spool holds, shows what is live, and never holds
-/// anybody up.
+/// The station's link to the server: uploads the spool, sends live frames, and never blocks its callers.
 #pragma once
 
 #include <atomic>
@@ -35,11 +34,12 @@ struct UplinkEvents {
   std::function<void(const std::string&)> report;  ///< for a person: connected, lost, refused, …
   std::function<void(const pb::TraineeMessage&)> trainee_message;  ///< from an instructor
   std::function<void(const pb::NextExercise&)> next_exercise;      ///< chosen by an instructor
-  /// An instructor changes what is shown; all numbers are aids, and it is for the current session or for any.
+  /// An instructor changes the shown aids. All numbers are valid aids; the message is for the current session
+  /// or for any.
   std::function<void(const pb::SetAids&)> set_aids;
   /// An instructor ends the current session's lesson, or any.
   std::function<void(const pb::StopLesson&)> stop_lesson;
-  std::function<void(const pb::Ack&)> acknowledged;      ///< as it came; for tests that keep a ledger
+  std::function<void(const pb::Ack&)> acknowledged;      ///< unchanged; for tests that keep a ledger
   std::function<void(const pb::SessionClosed&)> closed;  ///< as it came
 };
 
@@ -54,58 +54,58 @@ struct LessonFacts {
 /// State of the link and of the uploads.
 struct UplinkState {
   bool connected = false;
-  std::int64_t away_since_ns = 0;   ///< steady clock; when the connection was lost, or we began; 0: connected
-  bool denied = false;              ///< the server refused the log-in, its certificate or our version
-  std::string error;                ///< the last connection's end or failure, as text
-  std::uint64_t connections = 0;    ///< made so far
-  std::uint64_t chunks_left = 0;    ///< in the spool and not acknowledged, over all sessions
-  std::uint64_t sessions_open = 0;  ///< that the server has neither closed nor refused
+  std::int64_t away_since_ns = 0;       ///< steady clock; time of the loss or of our start; 0: connected
+  bool denied = false;                  ///< the server refused the log-in, its certificate or our version
+  std::string error;                    ///< the last connection's end or failure, as text
+  std::uint64_t connections = 0;        ///< made so far
+  std::uint64_t chunks_left = 0;        ///< in the spool and not acknowledged, over all sessions
+  std::uint64_t sessions_open = 0;      ///< that the server has neither closed nor refused
   std::uint64_t current_committed = 0;  ///< chunks of the current session that the server has
   std::optional<pb::SessionClosed> current_verdict;
   std::string current_trouble;     ///< why the server refuses the current session
   std::uint64_t live_frames = 0;   ///< sent
-  std::uint64_t live_encoded = 0;  ///< pieces that were coded for viewers; none while nobody watches
-  std::uint64_t live_dropped = 0;  ///< here, because the network was slow
+  std::uint64_t live_encoded = 0;  ///< pieces encoded for viewers; none without viewers
+  std::uint64_t live_dropped = 0;  ///< dropped here, because the network was slow
   std::optional<ClockProbe::Estimate> clock;
 };
 
-/// Thread: all public functions from any thread but its own; none of them waits for the network unless it
-/// says so.
+/// Thread: any but its own, for all public functions; they wait for the network only where documented.
 class Uplink {
  public:
-  /// Starts the thread, which connects at once and again whenever the connection is lost (jittered back-off).
+  /// Starts the thread, which connects at once and reconnects after each loss (jittered back-off).
   Uplink(UplinkConfig config, UplinkEvents events);
   ~Uplink();
   Uplink(const Uplink&) = delete;
   Uplink& operator=(const Uplink&) = delete;
 
-  /// A session of the spool to be uploaded. The `current` one goes first, and its samples are the live ones.
+  /// Adds a session of the spool for upload. The `current` one goes first, and its samples are the live ones.
   void add(std::shared_ptr<SpoolSession> session, bool current);
-  /// The spool has more of some session, or it has ended.
+  /// Wakes the thread: the spool has more chunks of a session, or a session has ended.
   void wake();
-  /// The newest samples of the current session: a live frame when somebody watches, and the status line.
+  /// Takes the newest samples of the current session, for a live frame when somebody watches, and for the
+  /// status line.
   void offer(const SamplePiece& piece);
   void noteMissedTicks(std::uint64_t missed) { missed_ticks_.store(missed, std::memory_order_relaxed); }
   void noteWakeup(std::uint32_t p99_us) { wakeup_p99_us_.store(p99_us, std::memory_order_relaxed); }
-  /// Of the current session; forgotten when another one is added. Thread: any.
+  /// Sets the facts of the current session; adding another session clears them. Thread: any.
   void noteLesson(LessonFacts facts);
-  /// Trouble that a person at the server should look at, for StationStatus.trouble; an empty text: all is
-  /// well again. Each `source` (disk, device, …) has its own text; the status line shows all of them.
+  /// Sets a trouble for StationStatus.trouble, so that a person at the server sees it; an empty text clears
+  /// it. Each `source` (disk, device, …) has its own text; the status line shows all of them.
   void noteTrouble(const std::string& source, const std::string& text);
 
-  /// Asks the server for a lesson. Waits up to `patience`; with `once` no longer than until the first attempt
-  /// to connect has failed. Asks `stopped` about 20 times a second. Errors: kUnavailable (no server in time),
+  /// Asks the server for a lesson. Waits up to `patience`; with `once`, only until the first attempt to
+  /// connect fails. Polls `stopped` about 20 times a second. Errors: kUnavailable (no server in time),
   /// kFailed (stopped), kDenied, kVersion, kNotFound, kInvalidInput as the server says.
   Result<pb::Lesson> getLesson(const std::string& exercise_id, const std::string& trainee,
                                std::chrono::milliseconds patience, bool once,
                                const std::function<bool()>& stopped = {});
-  /// The same for any request. Errors as getLesson, and what else a Refusal says (errorOf).
+  /// The same for any request. Errors: as getLesson, and any other Refusal (errorOf).
   Result<pb::Reply> ask(pb::Request request, std::chrono::milliseconds patience, bool once,
                         const std::function<bool()>& stopped = {});
-  /// Waits until the server has closed (or refused) every session, or refuses us. False when `patience`
-  /// passed before.
+  /// Waits until the server has closed (or refused) every session, or refuses us. Returns false after
+  /// `patience`.
   bool waitUntilDone(std::chrono::milliseconds patience);
-  /// Says goodbye, saves receipts, joins. May be called twice.
+  /// Sends a Bye, saves the receipts and joins the thread. May be called twice.
   void stop();
 
   [[nodiscard]] UplinkState state() const;
@@ -117,7 +117,7 @@ class Uplink {
   Task<> keepTime();
   void handle(const pb::Envelope& envelope);
   void handleRefusal(const pb::Envelope& envelope);
-  /// Whether an instructor's message is for the current session or for any. Reports one that is not.
+  /// Returns whether an instructor's message is for the current session or for any; reports it otherwise.
   [[nodiscard]] bool isForCurrentSession(const std::string& session_id) const;
   void pump();
   void setWatched(bool watched);
@@ -155,12 +155,12 @@ class Uplink {
   };
   std::deque<Live> live_;
   std::uint64_t live_skipped_ = 0;  // dropped since the last frame that was taken
-  std::optional<Live> newest_;      // for the status line, and for who begins to watch
+  std::optional<Live> newest_;      // for the status line and for new viewers
   bool newest_sent_ = false;        // … or waits in live_
   std::uint32_t flags_since_status_ = 0;
-  bool current_added_ = false;  // to `added_`: what is known of the current session is of the one before
-  LessonFacts facts_;           // of the current session
-  std::uint64_t dropped_before_ = 0;             // live frames, when the current session was added
+  bool current_added_ = false;        // to `added_`: the state still describes the previous session
+  LessonFacts facts_;                 // of the current session
+  std::uint64_t dropped_before_ = 0;  // live frames, when the current session was added
   std::map<std::string, std::string> troubles_;  // by source
 
   std::atomic<bool> watched_{false};
@@ -169,26 +169,26 @@ class Uplink {
   std::thread thread_;
 };
 
-// --- waiting at the end until the server has everything, no longer than that makes sense
+// --- waiting at the end until the server has everything, within reason
 
 struct DrainPatience {
-  std::chrono::duration<double> whole{10};           ///< in all (--drain)
-  std::chrono::duration<double> never_connected{2};  ///< when no server was there in this whole run
-  std::chrono::duration<double> long_away{30};       ///< … or none since so long
+  std::chrono::duration<double> whole{10};           ///< total (--drain)
+  std::chrono::duration<double> never_connected{2};  ///< when this run never reached a server
+  std::chrono::duration<double> long_away{30};       ///< when the server has been away for this long
 };
 
 enum class DrainEnd : std::uint8_t {
   kDone,      ///< the server has closed or refused every session
-  kAway,      ///< no server for so long that waiting makes no sense
-  kTimeOver,  ///< connected, or lost a moment ago, but not done in time
+  kAway,      ///< no server for too long: waiting is pointless
+  kTimeOver,  ///< connected, or lost only recently, but not done in time
   kStopped,   ///< by the caller
   kDenied,    ///< the server refuses us
 };
 
-/// Asks `stopped` about 50 times a second. Thread: any but the uplink's.
+/// Polls `stopped` about 50 times a second. Thread: any but the uplink's.
 DrainEnd drain(Uplink& uplink, const DrainPatience& patience, const std::function<bool()>& stopped);
 
-/// For a person; empty when there is nothing to say.
+/// Text for a person; may be empty.
 std::string drainText(DrainEnd end, const UplinkState& state);
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-// The uplink's own thread: what it sends, what the server's messages mean, the live plane.
+// The uplink's own thread: sends messages, handles the server's messages, and runs the live plane.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -21,7 +21,7 @@ bool isRefused(const Error& error) {
          error.code == ErrorCode::kInvalidInput;
 }
 
-/// Without those of a newer server that we cannot show.
+/// Drops a newer server's aids that we cannot show.
 pb::SetAids withKnownAids(const pb::SetAids& set) {
   pb::SetAids known = set;
   known.clear_aids();
@@ -34,7 +34,7 @@ pb::SetAids withKnownAids(const pb::SetAids& set) {
 
 constexpr std::size_t kMostHazardBytes = 400;  // of all names together, beside 1 KiB of trouble
 
-/// Servers refuse long status lines (server/live/hub.h): the beginning of the text, not through a character.
+/// Cuts the text at a character boundary: servers refuse long status lines (server/live/hub.h).
 void cutText(std::string& text, std::size_t bytes) {
   if (text.size() <= bytes) return;
   while (bytes > 0 && (static_cast<unsigned char>(text[bytes]) & 0xc0) == 0x80) --bytes;
@@ -51,7 +51,7 @@ LinkHandlers Uplink::handlers() {
                 handle(envelope);
                 pump();
               },
-          // a server that refuses us is not asked every second
+          // retry slowly at a server that refuses us
           .judge =
               [](const LinkEnd& end) {
                 return !end.was_connected && isRefused(end.error) ? Retry::kSlowly : Retry::kBackOff;
@@ -91,7 +91,7 @@ void Uplink::onAway(const LinkEnd& end) {
       report("the connection to " + endpointText(config_.client.server) + " is lost (" + why +
              "); the spool keeps everything, trying again");
   } else {
-    // reported once, not at every attempt
+    // report it once, not at every attempt
     if (why != reported_) report(why + (denied ? "" : "; the spool keeps everything, trying again"));
     reported_ = why;
   }
@@ -121,7 +121,7 @@ void Uplink::reportSentAgain(const UplinkSession& session) const {
          ": the server has not all of it any more, an older backup was restored there; it is sent again");
 }
 
-// status lines, probes and receipts, as long as this connection lasts
+// sends status lines and probes, and saves receipts, for the life of this connection
 Task<> Uplink::keepTime() {
   const std::uint64_t connection = link_.connections();
   asio::steady_timer timer(io_);
@@ -155,7 +155,7 @@ void Uplink::takeAdded() {
   }
 }
 
-// sends whatever may be sent now: the current session first, of the others one at a time
+// sends all that may go now: the current session first, then the others one at a time
 void Uplink::pump() {
   takeAdded();
   if (link_.online()) {
@@ -172,7 +172,7 @@ void Uplink::pump() {
         if (!link_.send(*message)) break;
       }
       if (session->refused()) report("session " + session->spool()->idText() + ": " + session->trouble());
-      // the next old session begins when this one is through
+      // start the next old session when this one is finished
       if (session.get() != current_ && (!session->finished() || session->asking())) break;
     }
   }
@@ -266,13 +266,13 @@ void Uplink::handle(const pb::Envelope& envelope) {
         events_.stop_lesson(envelope.stop_lesson());
       break;
     default:
-      break;  // what the link handles, and messages of a newer server
+      break;  // messages that the link handles, and those of a newer server
   }
 }
 
 void Uplink::handleRefusal(const pb::Envelope& envelope) {
   const pb::Refusal& refusal = envelope.refusal();
-  if (envelope.refused_request() != 0) return;  // nobody waits for this answer any more
+  if (envelope.refused_request() != 0) return;  // its request was dropped
   if (auto* session = refusal.session_id().empty() ? nullptr : find(refusal.session_id())) {
     session->onRefusal(refusal);
     if (session->refused()) report("session " + session->spool()->idText() + ": " + session->trouble());
@@ -287,7 +287,7 @@ void Uplink::setWatched(bool watched) {
   const bool was_watched = watched_.exchange(watched, std::memory_order_relaxed);
   if (!watched || was_watched || current_ == nullptr || current_->spool()->contents().ended) return;
   {
-    // the newest piece at once: a viewer need not wait for the next one
+    // send the newest piece at once: a viewer need not wait for the next one
     const std::scoped_lock lock(mutex_);
     if (newest_ && !std::exchange(newest_sent_, true)) live_.push_back(*newest_);
   }
@@ -300,7 +300,7 @@ void Uplink::pumpLive() {
   {
     const std::scoped_lock lock(mutex_);
     live.swap(live_);
-    frame_seq_ += live_skipped_;  // the gap shows
+    frame_seq_ += live_skipped_;  // viewers see the gap
     live_skipped_ = 0;
     state_.live_frames += live.size();
     state_.live_encoded += live.size();

@@ -15,10 +15,10 @@ namespace {
 
 constexpr std::int64_t kReceiptEvery_ns = 2'000'000'000;
 constexpr std::int64_t kAskAgain_ns = 2'000'000'000;
-// demands to go back without an ack in between: then something is wrong that sending again does not mend
+// limit for demands to go back without an ack in between: beyond it, sending again does not help
 constexpr std::uint32_t kMostReopened = 20;
 
-// what PlantedBug::kSampleLostAtReconnection makes of a chunk
+// the chunk as PlantedBug::kSampleLostAtReconnection changes it
 Bytes withoutLastSample(const pb::SessionDescription& description, const Bytes& chunk) {
   auto samples = decodeChunk(chunk);
   if (!samples.ok() || samples->size() < 2) return chunk;
@@ -60,7 +60,7 @@ pb::Envelope UplinkSession::openMessage() const {
   pb::Envelope envelope;
   pb::SessionDescription& description = *envelope.mutable_open_session()->mutable_description();
   description = spool_->description();
-  // recorded before this station had a key: it is ours, because it is in our spool
+  // recorded before this station had a key; it is ours because it is in our spool
   if (description.station().empty()) description.set_station(station_);
   return envelope;
 }
@@ -88,7 +88,7 @@ pb::Envelope UplinkSession::closeMessage(const SpoolContents& contents) const {
   close.set_chunks(contents.chunks);
   close.set_samples(contents.samples);
   close.set_hash(contents.hash.data(), contents.hash.size());
-  // what lost samples is not whole, whoever reads it
+  // a session with lost samples is never complete
   close.set_interrupted(contents.interrupted || contents.loss.samples > 0);
   close.set_samples_lost(contents.loss.samples);
   close.set_lost_from_tick(contents.loss.from_tick);
@@ -98,7 +98,7 @@ pb::Envelope UplinkSession::closeMessage(const SpoolContents& contents) const {
 void UplinkSession::onConnected(AtServer at_server) {
   asked_ = asking_ = end_due_ = false;
   end_unknown_ = at_server == AtServer::kUnknown;
-  // all its chunks are in the restored backup, but not its end
+  // the restored backup has all its chunks, but not its end
   if (closed() && at_server == AtServer::kOpen) sendAgain(committed_);
 }
 
@@ -117,30 +117,30 @@ void UplinkSession::onOpened(std::uint64_t next_seq) {
                        next_seq, contents.chunks, spool_->folder().string()));
     return;
   }
-  // the database's word counts: after a restored backup it may have less than it once acknowledged
+  // the database decides: after a restore it may have fewer chunks than it once acknowledged
   committed_ = sent_ = next_seq;
   state_ = State::kOpen;
 }
 
-// the server has lost what it had closed: a backup was restored that is older
+// the server was restored from an older backup and has lost the closed session
 void UplinkSession::sendAgain(std::uint64_t next_seq) {
   committed_ = sent_ = next_seq;
-  // the last chunk is safe with the session's end only: this end is in no backup that counts
+  // the last chunk is safe only together with the session's end, and no verified backup has this end
   const std::uint64_t chunks = spool_->contents().chunks;
   safe_ = std::min({safe_, next_seq, chunks - std::min<std::uint64_t>(chunks, 1)});
   verdict_.Clear();
   state_ = State::kNew;
-  // the receipt first: from now on the spool must not let it go
+  // save the receipt first: from now on the spool must keep the session
   saveReceipt(steadyNowNs(), true);
   if (auto loaded = spool_->loadAgain(); !loaded.ok()) {
     refuse("the server has lost it, and it cannot be read from the spool: " + loaded.error().message);
   }
 }
 
-// there is no message that asks whether the server has the end: it is sent again
+// no message asks whether the server has the end, so it is sent again
 void UplinkSession::endAgain() {
   end_due_ = true;
-  // until the server says that a backup has the end, too: the ack behind its answer does
+  // until the server reports that a backup has the end, too: it does so in the ack after its answer
   const std::uint64_t chunks = spool_->contents().chunks;
   if (chunks == 0 || safe_ < chunks) return;
   safe_ = chunks - 1;
@@ -149,7 +149,7 @@ void UplinkSession::endAgain() {
 
 void UplinkSession::onAck(const pb::Ack& ack) {
   if (closed() && ack.safe_seqs() > safe_) {
-    // news of a backup: from now on the spool may let it go
+    // a backup covers it: from now on the spool may remove the session
     safe_ = std::min(ack.safe_seqs(), committed_);
     saveReceipt(steadyNowNs(), true);
   }
@@ -164,7 +164,7 @@ void UplinkSession::onAck(const pb::Ack& ack) {
 void UplinkSession::onClosed(const pb::SessionClosed& closed) {
   verdict_ = closed;
   state_ = State::kClosed;
-  asked_ = true;  // this connection has just told us
+  asked_ = true;  // this connection has just answered
   asking_ = end_due_ = false;
   committed_ = sent_ = spool_->contents().chunks;
   saveReceipt(steadyNowNs(), true);
@@ -172,7 +172,8 @@ void UplinkSession::onClosed(const pb::SessionClosed& closed) {
 
 void UplinkSession::onRefusal(const pb::Refusal& refusal) {
   if (finished()) {
-    // too many questions: a little later again, and no others before. Else on the next connection
+    // too many questions: ask again a little later, and no others before that. Else ask on the next
+    // connection
     if (asking_ && refusal.reason() == pb::Refusal::RATE_LIMITED) {
       asked_ = end_due_ = false;
       not_before_ns_ = steadyNowNs() + kAskAgain_ns;
@@ -184,8 +185,8 @@ void UplinkSession::onRefusal(const pb::Refusal& refusal) {
   switch (refusal.reason()) {
     case pb::Refusal::GAP:
     case pb::Refusal::UNKNOWN_SESSION:
-      // Ask where it stands and go on from there. Every chunk that is still in flight is refused as well;
-      // those answers come before the one to our question, and are passed over.
+      // Ask for the server's position and continue from there. The server also refuses every chunk still in
+      // flight; those answers arrive before the answer to our question, and are ignored.
       if (state_ == State::kNew || state_ == State::kOpening) return;
       if (++reopened_ > kMostReopened)
         return refuse(
@@ -202,7 +203,7 @@ void UplinkSession::onRefusal(const pb::Refusal& refusal) {
     case pb::Refusal::NOT_FOUND:
       return refuse("the server refuses it (" + reasonName(refusal.reason()) + "): " + refusal.text());
     default:
-      // of the moment: ask again a little later, unless the connection ends by it
+      // a temporary refusal: ask again a little later, unless it ends the connection
       if (state_ == State::kNew || state_ == State::kOpen) return;
       state_ = State::kNew;
       not_before_ns_ = steadyNowNs() + kAskAgain_ns;
@@ -230,7 +231,7 @@ void UplinkSession::saveReceipt(std::int64_t now_steady_ns, bool now) {
   receipt.safe = safe_;
   if (closed() && !receipt.closed) receipt.closed_unix_ns = wallNowNs();
   receipt.closed = closed();
-  // a receipt that could not be written costs a question to the server at the next start
+  // a receipt that could not be written costs only a question to the server at the next start
   static_cast<void>(spool_->setReceipt(receipt));
 }
 

@@ -1,5 +1,5 @@
-/// One session on its way from the spool to the server: what to send next, and what the server's answers
-/// mean.
+/// The upload of one session from the spool to the server: chooses the next message and interprets the
+/// server's answers.
 #pragma once
 
 #include <cstdint>
@@ -12,35 +12,35 @@
 
 namespace needlelab {
 
-/// States of a connection: not opened → opening → open → closing → closed; or refused, for good in this run.
-/// A closed session that no verified backup covers is asked for once a connection: a server that was restored
-/// from an older backup has lost it, and gets it again. A Welcome names 1,000 open sessions at most
-/// (kFullWelcome); of a station with more of them, each closed session is asked for and its end sent again,
-/// which changes nothing at a server that has it.
-/// No network in here: the uplink asks for messages and hands over answers. Thread: one.
+/// States on a connection: not opened → opening → open → closing → closed; or refused for the rest of this
+/// run. The session asks once per connection for a closed session that no verified backup covers: a server
+/// that was restored from an older backup has lost it and gets it again. A Welcome names at most 1,000 open
+/// sessions (kFullWelcome); if a station has more, each closed session asks and sends its end again, which
+/// changes nothing at a server that has it. Contains no network code: the uplink fetches messages and passes
+/// in answers. Thread: one.
 class UplinkSession {
  public:
-  /// Whether the server had a session as open when it welcomed us.
+  /// Whether the session was open at the server at our Welcome.
   enum class AtServer : std::uint8_t { kOpen, kNotOpen, kUnknown };
-  /// A Welcome with so many open sessions may not have named all (session.proto).
+  /// A Welcome with this many open sessions may not name all of them (session.proto).
   static constexpr int kFullWelcome = 1000;
 
-  /// `station`: the name that the uplink logs in with; a session that was recorded without one gets it.
+  /// `station`: the uplink's log-in name; a session that was recorded without a station's name gets it.
   explicit UplinkSession(std::shared_ptr<SpoolSession> spool, std::string station = {});
 
-  /// The next message to send now, if any: OpenSession, Chunk, CloseSession. `may_send_chunk`: the window has
-  /// room.
+  /// Returns the next message to send now, if any: OpenSession, Chunk or CloseSession. `may_send_chunk`: the
+  /// window has room.
   std::optional<pb::Envelope> next(bool may_send_chunk);
 
-  /// A new connection; `at_server`: what its Welcome said of this session.
+  /// Starts on a new connection; `at_server`: the session's state by its Welcome.
   void onConnected(AtServer at_server);
   void onOpened(std::uint64_t next_seq);
   void onAck(const pb::Ack& ack);
   void onClosed(const pb::SessionClosed& closed);
   void onRefusal(const pb::Refusal& refusal);
-  /// The connection is gone: whatever was not acknowledged is sent again.
+  /// Handles a lost connection: everything unacknowledged is sent again.
   void onConnectionLost();
-  /// Writes what the server has to the spool, at most every 2 s unless `now`.
+  /// Writes the receipt to the spool, at most every 2 s unless `now`.
   void saveReceipt(std::int64_t now_steady_ns, bool now);
 
   [[nodiscard]] const std::shared_ptr<SpoolSession>& spool() const { return spool_; }
@@ -49,11 +49,11 @@ class UplinkSession {
   [[nodiscard]] bool opened() const { return state_ == State::kOpen || state_ == State::kClosing; }
   [[nodiscard]] bool closed() const { return state_ == State::kClosed; }
   [[nodiscard]] bool refused() const { return state_ == State::kRefused; }
-  /// Closed, and the server has not answered yet whether it still has it.
+  /// The session is closed, and we wait for the server to confirm that it still has it.
   [[nodiscard]] bool asking() const { return closed() && asking_; }
-  /// Nothing more can be done for it in this run.
+  /// Nothing is left to do in this run.
   [[nodiscard]] bool finished() const { return closed() || refused(); }
-  /// Why the server refused it, for a person.
+  /// Why the server refused the session, for a person.
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
   /// The server's verdict and score, once closed.
   [[nodiscard]] const pb::SessionClosed& verdict() const { return verdict_; }
@@ -71,12 +71,12 @@ class UplinkSession {
   std::string station_;
   State state_ = State::kNew;
   std::uint64_t sent_ = 0;       // chunks 0 … sent−1 were sent on this connection, or are committed
-  std::uint64_t committed_ = 0;  // by the server's word
+  std::uint64_t committed_ = 0;  // acknowledged by the server
   std::uint64_t safe_ = 0;
-  bool asked_ = false;          // on this connection, whether the server still has what it closed
+  bool asked_ = false;          // on this connection, whether the server still has the closed session
   bool asking_ = false;         // … and it has not answered yet
   bool end_unknown_ = false;    // the Welcome did not say whether the server has its end
-  bool end_due_ = false;        // the server has all its chunks: now the end again
+  bool end_due_ = false;        // the server has all chunks; the end is due again
   bool reconnected_ = false;    // the connection was lost before
   std::uint32_t reopened_ = 0;  // on the server's demand, since the last ack that brought something
   std::int64_t saved_ns_ = 0, not_before_ns_ = 0;
