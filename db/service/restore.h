@@ -39,7 +39,7 @@ struct RestoreResult {
 };
 
 /// Copies `from` beside DIR's database and checks *the copy* (structure, every chunk, every hash). Then,
-/// under the folder's lock, renames the old database to needlelab.db.replaced-TIME (with its -wal) and puts
+/// under the folder's lock, keeps the old database as needlelab.db.replaced-TIME (with its -wal) and puts
 /// the copy in its place, without a -wal or -shm. A crash at any instant leaves the old database or, once the
 /// decision is in DIR/restore.pending, the next start of any program on DIR completes the restore. Only reads
 /// `from`. The restored database's audit log lists the accesses withdrawn since the backup, as does its meta

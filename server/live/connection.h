@@ -1,4 +1,4 @@
-/// One peer of the server, from TLS to the end: its state, its role, and what it has under way.
+/// A server's connection to one peer, from TLS to the end: its state, role and pending work.
 #pragma once
 
 #include <cstdint>
@@ -25,22 +25,24 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   PeerConnection(const PeerConnection&) = delete;
   PeerConnection& operator=(const PeerConnection&) = delete;
 
-  /// The whole life: handshake, messages, end. The context knows the connection while it runs.
+  /// Runs the connection: handshake, messages, end. It is registered in the context meanwhile.
   static Task<> run(std::shared_ptr<PeerConnection> self);
 
-  /// Server's end: reads no more, waits until what was received is committed and acknowledged, says Bye.
+  /// When the server stops: reads no more, waits until the received chunks are committed and acknowledged,
+  /// sends Bye.
   static Task<> shutDown(std::shared_ptr<PeerConnection> self, std::string reason);
 
   /// Sends the refusal as the last message and closes.
   void refuseAndClose(pb::Refusal refusal);
 
-  /// Ends it now, without a word.
+  /// Closes the connection now, without a last message.
   void cut(const std::string& reason);
 
-  /// A verified backup was made: tells the station what it covers.
+  /// After a verified backup: tells the station the sessions and chunks that it covers.
   static Task<> tellSafe(std::shared_ptr<PeerConnection> self);
 
-  /// Sends it to this peer and waits until it has read it: the answer to a Ping behind it says so.
+  /// Sends a message to this peer and waits until the peer has read it, confirmed by its answer to a Ping
+  /// sent after the message.
   static Task<bool> sendConfirmed(std::shared_ptr<PeerConnection> self, pb::Envelope envelope);
 
   void sendControl(const pb::Envelope& envelope) override;
@@ -49,7 +51,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   [[nodiscard]] std::uint64_t id() const { return id_; }
   [[nodiscard]] ConnectionState state() const { return state_; }
   [[nodiscard]] const Principal& who() const { return who_; }
-  /// As its Hello said: somebody else's text and numbers.
+  /// From its Hello: untrusted text and numbers.
   [[nodiscard]] const std::string& program() const { return program_; }
   [[nodiscard]] const pb::Version& version() const { return version_; }
   [[nodiscard]] const std::string& address() const { return channel_->peerAddress(); }
@@ -59,7 +61,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   [[nodiscard]] bool over() const { return state_ >= ConnectionState::kClosing; }
 
  private:
-  /// The watermarks of a session that this connection has sent, or is about to send.
+  /// A session's watermarks that this connection has sent or is about to send.
   struct Watermarks {
     std::uint64_t committed = 0;
     std::uint64_t safe = 0;
@@ -67,7 +69,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
     bool open = false;
   };
 
-  // --- connection.cpp: life and dispatch
+  // --- connection.cpp: lifetime and dispatch
   Task<Status> shakeHands();
   [[nodiscard]] bool mayShakeHands() const;
   void beginTurn();
@@ -108,20 +110,21 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   const std::shared_ptr<Channel> channel_;
   ConnectionState state_ = ConnectionState::kConnecting;
   Principal who_;
-  std::string program_;                                 // as its Hello said
-  pb::Version version_;                                 // … so, too
-  Signal pong_;                                         // a Pong has come, or this connection ends
-  std::uint64_t pings_asked_ = 0, pings_answered_ = 0;  // ids of our own Pings; the channel's have none
-  Signal freed_;  // something under way has ended: there may be room to read on
+  std::string program_;  // from its Hello
+  pb::Version version_;  // from its Hello
+  Signal pong_;          // a Pong has arrived, or this connection ends
+  std::uint64_t pings_asked_ = 0,
+                pings_answered_ = 0;  // ids of this connection's own Pings; the channel's Pings have no ids
+  Signal freed_;                      // pending work has ended: there may be capacity to read on
   std::size_t chunks_in_flight_ = 0, chunk_bytes_in_flight_ = 0;
   std::size_t requests_at_work_ = 0;
-  std::size_t refusals_ = 0;          // by us
+  std::size_t refusals_ = 0;          // sent by this server
   std::size_t refusals_of_peer_ = 0;  // after log-in
-  double small_messages_ = 0;         // leaks away with time
+  double small_messages_ = 0;         // decays with time
   std::int64_t small_messages_at_ns_ = 0;
   bool acks_scheduled_ = false;
-  const std::string address_key_;  // what its address counts as (Admission::keyOf)
-  bool my_turn_ = false;           // to shake hands
+  const std::string address_key_;  // the peer's address as a key (Admission::keyOf)
+  bool my_turn_ = false;           // for the handshake
   std::map<std::string, Watermarks> sessions_;
   std::set<std::string> closing_sessions_;
 };

@@ -1,4 +1,4 @@
-/// State that the connections of one server share. Owned by Server; used on the network's thread unless said
+/// State shared by the connections of one server. Owned by Server; used on the network's thread unless stated
 /// otherwise.
 #pragma once
 
@@ -26,29 +26,31 @@ namespace needlelab {
 
 class PeerConnection;
 
-/// Bounds of what one connection may keep busy.
+/// Limits on the load from one connection.
 struct ConnectionBounds {
-  std::size_t chunks_in_flight = 64;  ///< received and not yet committed; then its socket is not read
+  std::size_t chunks_in_flight = 64;  ///< received but not yet committed; at the limit its socket is not read
   std::size_t chunk_bytes_in_flight = 8u << 20;
-  std::size_t all_chunks_in_flight = 8192;  ///< of the whole server: fewer than the writer's queue takes
+  std::size_t all_chunks_in_flight =
+      8192;  ///< of the whole server: less than the capacity of the writer's queue
   std::size_t requests_at_work = 8;
-  /// TLS handshakes of the whole server. A thousand at once would all be half done when their stations give
-  /// up.
+  /// TLS handshakes of the whole server. With a thousand at once, all would be unfinished when their stations
+  /// time out.
   std::size_t handshakes_at_once = 32;
-  std::size_t handshakes_of_address = 24;        ///< of those: one address alone never has all
-  std::size_t logins_waiting = 64;               ///< of the whole server, for the password check
-  std::size_t logins_waiting_of_strangers = 48;  ///< the rest is for who has logged in from there before
-  std::size_t logins_waiting_at_address = 32;    ///< of those strangers, from one address
-  std::size_t connections_of_person = 256;       ///< logged in at once
-  double small_messages_at_once = 5000;  ///< all but chunks and requests, which have bounds of their own
+  std::size_t handshakes_of_address = 24;  ///< of those: one address can never use all
+  std::size_t logins_waiting = 64;         ///< of the whole server, for the password check
+  std::size_t logins_waiting_of_strangers =
+      48;  ///< the rest is for people who have logged in from that address before
+  std::size_t logins_waiting_at_address = 32;  ///< of those strangers, from one address
+  std::size_t connections_of_person = 256;     ///< logged in at once
+  double small_messages_at_once = 5000;        ///< all but chunks and requests, which have their own limits
   double small_messages_per_s = 500;
-  std::size_t refusals = 200;  ///< messages refused after log-in; then the connection ends
-  /// How long a station has to show that it read what an instructor sent it; then the instructor is told.
+  std::size_t refusals = 200;  ///< refused messages after log-in; then the connection ends
+  /// Time for a station to confirm an instructor's message; after that the instructor gets an error.
   std::chrono::milliseconds confirm_timeout{5'000};
-  std::size_t known_sessions = 1024;  ///< whose watermarks are remembered
+  std::size_t known_sessions = 1024;  ///< whose watermarks are in memory
 };
 
-/// Since the start.
+/// Totals since the start.
 struct ServerCounters {
   std::uint64_t connections = 0;
   std::uint64_t logins = 0, logins_refused = 0;
@@ -56,17 +58,17 @@ struct ServerCounters {
   std::uint64_t sessions_closed = 0;
   std::uint64_t messages_refused = 0;
   std::uint64_t live_dropped = 0;                    ///< of connections that have ended
-  std::uint64_t connections_refused = 0;             ///< there were too many
-  std::uint64_t handshakes_failed = 0;               ///< TLS failed, or took too long
-  std::uint64_t acks = 0;                            ///< messages; one covers many chunks
+  std::uint64_t connections_refused = 0;             ///< because of too many connections
+  std::uint64_t handshakes_failed = 0;               ///< TLS failed or timed out
+  std::uint64_t acks = 0;                            ///< messages; one acknowledges many chunks
   std::uint64_t backups = 0;                         ///< verified
   std::uint64_t bytes_received = 0, bytes_sent = 0;  ///< of connections that have ended
 };
 
-/// Counters of the web port since the start (server/web); shown with the metrics.
+/// Counters of the web port since the start (server/web), part of the metrics.
 struct WebCounters {
   static constexpr std::array<double, 8> kLatency_s = {0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3};
-  /// By route's pattern, then by status.
+  /// By route pattern, then by status.
   std::unordered_map<std::string, std::map<unsigned, std::uint64_t>> requests;
   std::array<std::uint64_t, kLatency_s.size() + 1> latency{};  ///< request read to reply written
   double latency_sum_s = 0;
@@ -77,13 +79,14 @@ struct WebCounters {
 
 struct ServerContext {
   asio::io_context& io;
-  Store& store;                          ///< its parts are thread-safe
-  asio::thread_pool& passwords;          ///< argon2id: 64 MiB and 0.1 s each, so few at a time
-  asio::thread_pool& logins;             ///< station keys, tokens: nobody's scores are before them
-  asio::thread_pool& workers;            ///< short reads and scores
-  asio::thread_pool& views;              ///< plots, exports, results: nobody's lesson waits for them
-  asio::thread_pool& slow_workers;       ///< backup, check, verify: minutes
-  asio::thread_pool& retention_workers;  ///< two: one run, perhaps hours, with pauses; and answers
+  Store& store;                     ///< its parts are thread-safe
+  asio::thread_pool& passwords;     ///< argon2id: 64 MiB and 0.1 s each, so few at a time
+  asio::thread_pool& logins;        ///< station keys, tokens: not delayed by scoring
+  asio::thread_pool& workers;       ///< short reads and scoring
+  asio::thread_pool& views;         ///< plots, exports, results: never delay a lesson
+  asio::thread_pool& slow_workers;  ///< backup, check, verify: minutes
+  asio::thread_pool&
+      retention_workers;  ///< two threads: one for a run, perhaps hours with pauses, one for answers
   ConnectionBounds bounds;
   Hub hub;
   LoginGuard guard;
@@ -93,19 +96,20 @@ struct ServerContext {
   Admission admission{};
   std::size_t logins_waiting = 0;
   std::unordered_map<std::string, std::size_t> logins_waiting_at{};  ///< of strangers, by address
-  std::uint64_t password_turns = 0, password_turn = 0;  ///< given out; the one whose password is checked now
-  Signal password_done{io.get_executor()};              ///< password_turn has moved
+  std::uint64_t password_turns = 0,
+                password_turn = 0;          ///< issued, and the one whose password is being checked
+  Signal password_done{io.get_executor()};  ///< password_turn has advanced
   std::uint64_t access_changes = 0;  ///< accounts disabled, keys revoked, passwords changed, since the start
   std::size_t chunks_in_flight = 0;  ///< of all connections
   std::unique_ptr<Inbox> committed =
-      std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer is through with
-  Signal room{io.get_executor()};                  ///< chunks_in_flight has fallen to half of its bound
-  std::size_t handshakes = 0;                      ///< that go on now
-  std::unordered_map<std::string, std::size_t> handshakes_of = {};  ///< of those, by address; none is 0
-  std::vector<PeerConnection*> handshakes_wait{};                   ///< the last one is served first
+      std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer has finished
+  Signal room{io.get_executor()};                  ///< chunks_in_flight has fallen to half of its limit
+  std::size_t handshakes = 0;                      ///< in progress
+  std::unordered_map<std::string, std::size_t> handshakes_of =
+      {};                                          ///< of those, by address; without zero entries
+  std::vector<PeerConnection*> handshakes_wait{};  ///< last in, first out
   bool stopping = false;
-  std::unordered_map<std::uint64_t, PeerConnection*>
-      connections;  ///< by id; each takes itself out at its end
+  std::unordered_map<std::uint64_t, PeerConnection*> connections;  ///< by id; each removes itself at its end
 };
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// The live plane: which stations are online, who watches them, and what goes to whom.
+/// The live plane: online stations, their viewers, and the forwarding of live data.
 #pragma once
 
 #include <chrono>
@@ -18,15 +18,14 @@
 
 namespace needlelab {
 
-/// Fewer samples for a viewer that asked for a lower rate: keeps the first sample at or behind each point of
-/// a time grid of the wanted rate, by the station's own times, so it does not depend on the loop's rate.
-/// Thread: one.
+/// Reduces the sample rate for a viewer: keeps the first sample at or after each point of a time grid at the
+/// viewer's rate, by the station's own times, so the result does not depend on the loop's rate. Thread: one.
 class Decimator {
  public:
   /// rate_hz > 0
   explicit Decimator(double rate_hz);
 
-  /// Those of `samples` that the viewer gets; none is a common answer.
+  /// Returns the samples to forward; often none.
   std::vector<GestureSample> keep(std::span<const GestureSample> samples);
 
  private:
@@ -36,7 +35,7 @@ class Decimator {
   bool started_ = false;
 };
 
-/// Whom the hub can send to; a connection of the server, or a test.
+/// A receiver of the hub's messages: a connection of the server, or a test.
 class HubPeer {
  public:
   HubPeer() = default;
@@ -44,41 +43,42 @@ class HubPeer {
   HubPeer& operator=(const HubPeer&) = delete;
   virtual ~HubPeer() = default;
   virtual void sendControl(const pb::Envelope& envelope) = 0;
-  /// Never waits: a peer that is slow drops its own oldest frames. `counted`: a LiveFrame.
+  /// Never blocks: a slow peer drops its own oldest frames. `counted`: a LiveFrame.
   virtual void sendLive(Frame frame, bool counted) = 0;
 
  private:
   friend class Hub;
-  void* station_ = nullptr;  // the hub's own note: which station this peer is, while it is attached
+  void* station_ = nullptr;  // for the hub: the station of this peer while attached
 };
 
 struct HubSettings {
-  std::chrono::milliseconds status_period{100};  ///< of one station in an overview, at the most frequent
-  double overview_lines_per_s = 500;             ///< of all stations together, for one viewer
-  std::size_t max_subscriptions = 2000;          ///< of one viewer
-  std::size_t max_frame_bytes = 64u << 10;       ///< of a live frame's data
-  std::size_t max_frame_samples = 1000;          ///< of a live frame; stations send 20
-  std::size_t max_status_bytes = 2048;           ///< of a station's status line
+  std::chrono::milliseconds status_period{
+      100};                                 ///< minimum interval between lines of one station in an overview
+  double overview_lines_per_s = 500;        ///< of all stations together, for one viewer
+  std::size_t max_subscriptions = 2000;     ///< of one viewer
+  std::size_t max_frame_bytes = 64u << 10;  ///< of a live frame's data
+  std::size_t max_frame_samples = 1000;     ///< of a live frame; stations send 20
+  std::size_t max_status_bytes = 2048;      ///< of a station's status line
 };
 
-/// Peers attach and must detach before they go. Times: steady clock, ns, from the caller. Thread: one; no
+/// Peers must detach before their destruction. Times: steady clock, ns, from the caller. Thread: one; no
 /// locks.
 class Hub {
  public:
   explicit Hub(HubSettings settings = {}) : settings_(settings) {}
 
   // --- stations
-  /// The station is online by `peer`; gives the older connection of the same station, if any, which is
-  /// attached no longer.
+  /// Marks the station as online through `peer`. Returns the station's older connection, if any, now
+  /// detached.
   HubPeer* attachStation(const std::string& name, HubPeer& peer);
-  /// The connection by which the station is online; null when it is offline.
+  /// The station's connection; null when it is offline.
   [[nodiscard]] HubPeer* stationPeer(const std::string& name) const;
-  /// Nothing happens when another connection of the station has taken over.
+  /// Does nothing when another connection of the station has taken over.
   void detachStation(const std::string& name, const HubPeer& peer);
-  /// A refusal, and nothing is kept, when the status is too large or its session_id is not valid.
+  /// Returns a refusal, and discards the status, when it is too large or its session_id is not valid.
   std::optional<pb::Refusal> onStatus(const std::string& name, const pb::StationStatus& status,
                                       std::int64_t now_ns);
-  /// A refusal when the frame is too large, claims too many samples or its session_id is not valid.
+  /// Returns a refusal when the frame is too large, claims too many samples or its session_id is not valid.
   std::optional<pb::Refusal> onLiveFrame(const HubPeer& from, const LiveFrameView& frame,
                                          std::int64_t now_ns);
   std::optional<pb::Refusal> onLiveFrame(const std::string& name, const LiveFrameView& frame,
@@ -87,19 +87,19 @@ class Hub {
                                          std::int64_t now_ns) {
     return onLiveFrame(name, viewOf(frame), now_ns);
   }
-  /// The station's session changed; those who watch this session watch the station now.
+  /// The station's session changed; viewers of this session now watch this station.
   void onSession(const std::string& name, const std::string& session_id);
   /// False when the station is not online.
   bool sendToStation(const std::string& name, const pb::Envelope& envelope);
 
   // --- viewers
-  /// Answers with Subscribed and the station's newest status (online or not), or gives the refusal.
+  /// Sends Subscribed and the station's newest status (online or not), or returns the refusal.
   std::optional<pb::Refusal> subscribe(HubPeer& viewer, const pb::Subscribe& wanted, std::int64_t now_ns);
   std::optional<pb::Refusal> unsubscribe(HubPeer& viewer, std::uint32_t subscription);
   void detachViewer(const HubPeer& viewer);
 
-  /// `online` and `status` of each station in a list from the database. Statuses end where the list would be
-  /// more than a message.
+  /// Fills in `online` and `status` of each station in a list from the database. Omits further statuses when
+  /// the list would exceed a message.
   void fillStations(pb::Stations& stations) const;
 
   [[nodiscard]] std::size_t stationsOnline() const { return online_; }
@@ -115,13 +115,13 @@ class Hub {
     std::string station, session_id;  // both empty: the overview
     std::optional<Decimator> decimator;
     double rate_hz = 0;
-    std::uint64_t frames = 0;  // decimated ones: renumbered, upstream gaps kept
+    std::uint64_t frames = 0;  // decimated frames: renumbered, keeping the gaps of the station's numbers
     std::optional<std::uint64_t> last_upstream_seq;
     std::unordered_map<const Station*, std::int64_t>
-        last_line_ns;  // overview: when each station's line was sent
+        last_line_ns;  // overview: time of the last line for each station
   };
   struct Station {
-    HubPeer* peer = nullptr;  // null: not online, but somebody waits for it
+    HubPeer* peer = nullptr;  // null: offline, but a viewer waits for it
     bool told_watched = false;
     pb::StationStatus status;
     std::int64_t status_ns = 0;

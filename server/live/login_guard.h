@@ -1,5 +1,5 @@
-/// Slows down the guessing of passwords. Keys and tokens are 32 random bytes, which nobody guesses: a right
-/// one is never kept out, and wrong ones are bounded by admission.h.
+/// Limits password guessing. Keys and tokens are 32 random bytes and cannot be guessed: a correct one is
+/// never locked out, and admission.h limits wrong ones.
 #pragma once
 
 #include <chrono>
@@ -9,39 +9,41 @@
 
 namespace needlelab {
 
-/// Three counts of failures:
+/// Counts three kinds of failures:
 /// - a name at an address: `allowed_per_name`, then a wait that doubles with each further failure;
-/// - an address, whatever the names: `allowed_per_address` at once, one more each `refill_address`;
-/// - a name, whatever the addresses: `allowed_everywhere` at once, one more each `refill_everywhere`.
-/// People who have logged in from an address before are known there, and only the first count concerns them:
-/// strangers elsewhere cannot lock a teacher out of the lab, nor one who guesses in the lab the others. The
-/// price: who guesses a name at its own address keeps that name out there (not its tokens) as long as the
-/// wait; and a known address has up to `allowed_per_name` tries of each known name that strangers no longer
-/// have. Successes cost nothing. Memory is bounded: the names come from the network. Times: steady clock
-/// (ns), from the caller. Thread: one.
+/// - an address, for any name: `allowed_per_address` at once, one more each `refill_address`;
+/// - a name, at any address: `allowed_everywhere` at once, one more each `refill_everywhere`.
+/// People who have logged in from an address before are known there, and only the first count applies to
+/// them: strangers elsewhere cannot lock a teacher out of the lab, and a guesser in the lab cannot lock out
+/// the others. The price: a guesser locks a name out at the guesser's own address (but not the name's tokens)
+/// for the waiting time, and a known address has up to `allowed_per_name` tries for each known name after the
+/// limits for strangers are used up. Successes cost nothing. Memory is bounded, because the names come from
+/// the network. Times: steady clock (ns), from the caller. Thread: one.
 class LoginGuard {
  public:
   struct Settings {
     double allowed_per_name = 5;
     std::chrono::milliseconds first_wait{10'000};
     std::chrono::milliseconds longest_wait{15 * 60'000};
-    std::chrono::milliseconds quiet{3'600'000};  ///< without a failure: a name at an address starts from zero
+    std::chrono::milliseconds quiet{
+        3'600'000};  ///< without a failure: then a name at an address starts from zero
     double allowed_per_address = 30;
     std::chrono::milliseconds refill_address{2'000};
     double allowed_everywhere = 50;
     std::chrono::milliseconds refill_everywhere{10'000};
-    std::size_t max_entries = 10'000;  ///< of each kind; above, the one that was idle longest is forgotten
+    std::size_t max_entries =
+        10'000;  ///< of each kind; above this limit the entry idle for longest is dropped
   };
 
   LoginGuard() : LoginGuard(Settings{}) {}
   explicit LoginGuard(Settings settings) : settings_(settings) {}
 
-  /// How long this name at this address has to wait; 0: it may try.
+  /// Waiting time for this name at this address; 0: it may try.
   std::chrono::milliseconds mustWait(const std::string& name, const std::string& address,
                                      std::int64_t now_ns) const;
-  /// Gives true when this failure begins a wait of the name or of the address: worth a line in the audit log.
+  /// Returns true when this failure starts a wait for the name or the address: worth a line in the audit log.
   bool failed(const std::string& name, const std::string& address, std::int64_t now_ns);
-  /// The name starts from zero at this address and is known there from now on.
+  /// Resets the name's failures at this address and marks it as known there.
   void succeeded(const std::string& name, const std::string& address, std::int64_t now_ns);
   [[nodiscard]] bool knows(const std::string& name, const std::string& address) const;
 
@@ -65,7 +67,7 @@ class LoginGuard {
 
   Settings settings_;
   Entries pairs_;  // name at address: failures in a row
-  Entries known_;  // name at address: when it last logged in there
+  Entries known_;  // name at address: time of the last log-in there
   Entries names_, addresses_;
 };
 

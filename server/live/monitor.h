@@ -1,5 +1,4 @@
-/// Prometheus metrics and a health check, and the port that serves them. deploy/OPERATIONS.md explains each
-/// alarm.
+/// Prometheus metrics and a health check, and their port. deploy/OPERATIONS.md explains each alarm.
 #pragma once
 
 #include <chrono>
@@ -15,7 +14,7 @@
 
 namespace needlelab {
 
-/// Facts of this process, from the kernel.
+/// Resource usage of this process, from the kernel.
 struct ProcessFacts {
   double cpu_s = 0;  ///< user and system
   double started_unix_s = 0;
@@ -29,39 +28,39 @@ ProcessFacts processFacts();
 
 struct MonitorSettings {
   std::uint64_t min_free_bytes = 256u
-                                 << 20;  ///< free on the database's disk: below it the server is not healthy
-  std::chrono::seconds max_backup_age{0};           ///< 0: the age of the last backup is shown, not judged
-  std::chrono::milliseconds write_patience{2'000};  ///< for the trial write of a health check
-  std::chrono::milliseconds read_patience{2'000};   ///< for what is read from the disk
+                                 << 20;  ///< free on the database's disk: with less the server is not healthy
+  std::chrono::seconds max_backup_age{0};           ///< 0: the last backup's age is shown but not checked
+  std::chrono::milliseconds write_patience{2'000};  ///< time limit of a health check's test write
+  std::chrono::milliseconds read_patience{2'000};   ///< time limit of reads from the disk
 };
 
-/// The values that a worker reads for the monitor; none of them is older than a second when it is shown,
-/// unless the disk does not answer.
+/// Values that a worker reads for the monitor. At most a second old when shown, unless the disk does not
+/// answer.
 struct StoreFacts {
   std::uint64_t database_bytes = 0, wal_bytes = 0;
   std::uint64_t free_bytes = 0, disk_bytes = 0;
   std::uint64_t sessions_open = 0;
-  std::uint64_t unsafe_chunks = 0;             ///< committed and in no verified backup
+  std::uint64_t unsafe_chunks = 0;             ///< committed but in no verified backup
   std::optional<std::int64_t> backup_unix_ns;  ///< of the last verified backup
-  std::int64_t certificate_end_unix_s = 0;     ///< 0: not known
+  std::int64_t certificate_end_unix_s = 0;     ///< 0: unknown
   ProcessFacts process;
-  std::string fault;     ///< why the database could not be read; empty: it could
-  bool answered = true;  ///< false: the disk does not answer; the rest is from the last time that it did
+  std::string fault;     ///< the reason when the database could not be read; empty: it could
+  bool answered = true;  ///< false: the disk does not answer; the other values are from the last answer
 };
 
-/// Thread: one thread of `readers`; opens a reader's connection.
+/// Opens a reader's connection. Thread: one thread of `readers`.
 StoreFacts readStoreFacts(Store& store, const std::filesystem::path& certificate);
 
 /// All metrics as Prometheus text. Thread: the network's.
 std::string metricsText(const ServerContext& context, const StoreFacts& facts);
 
-/// The health check's findings.
+/// The result of the health check.
 struct Health {
   bool writable = false;
-  double last_commit_age_s = -1;      ///< below 0: there was none yet
+  double last_commit_age_s = -1;      ///< below 0: no commit yet
   std::vector<std::string> problems;  ///< empty: healthy
 };
-/// One line of JSON, and 200 or 503. `now_unix_ns`: for ages.
+/// One line of JSON, with status 200 or 503. `now_unix_ns`: to compute ages.
 HttpAnswer healthAnswer(const Health& health, const StoreFacts& facts, std::int64_t now_unix_ns);
 
 /// Answers "/metrics" and "/healthz". Thread: the network's; the context must outlive it and all its answers.
@@ -73,7 +72,7 @@ class Monitor {
   Monitor& operator=(const Monitor&) = delete;
 
   Task<HttpAnswer> answer(std::string path);
-  /// Waits for its worker. Before the store ends.
+  /// Waits for its worker. Call it before the store is destroyed.
   void join();
 
  private:
@@ -85,17 +84,18 @@ class Monitor {
   ServerContext& context_;
   const std::filesystem::path certificate_;
   const MonitorSettings settings_;
-  asio::thread_pool worker_{1};  ///< a disk that hangs must not hang those who look after lessons
+  asio::thread_pool worker_{
+      1};  ///< separate, so that a disk that hangs cannot block the pools that serve lessons
   std::optional<StoreFacts> facts_;
   std::int64_t facts_ns_ = 0;
   bool reading_ = false, writing_ = false;
-  Signal read_, written_;  ///< something has ended: what was asked for, or somebody's patience
+  Signal read_, written_;  ///< the read or write has ended, or a caller's time limit
   std::uint64_t seen_commits_ = 0;
-  std::int64_t last_commit_ns_ = 0;  ///< steady clock; 0: none seen yet
+  std::int64_t last_commit_ns_ = 0;  ///< steady clock; 0: no commit seen yet
 };
 
-/// The port of `--metrics`: GET /metrics and GET /healthz, without TLS. One request a connection, answered
-/// and closed; connections, bytes and time are bounded. The monitor must outlive it.
+/// The port of `--metrics`: GET /metrics and GET /healthz, without TLS. One request per connection, then it
+/// closes; connections, bytes and time are limited. The monitor must outlive it.
 class MonitorPort : public HttpServer {
  public:
   MonitorPort(asio::io_context& io, Tcp::acceptor acceptor, Monitor& monitor);

@@ -1,4 +1,4 @@
-/// Work that blocks, done on other threads while a coroutine of the network's thread waits.
+/// Runs blocking work on other threads while a coroutine on the network's thread waits.
 #pragma once
 
 #include <boost/asio/post.hpp>
@@ -16,8 +16,8 @@
 
 namespace needlelab {
 
-/// Coroutines wait, another wakes them all; on one thread. A wake without a waiter is lost: check the
-/// condition first, and again after waiting.
+/// Coroutines wait until another wakes them all; on one thread. A wake without a waiter is lost: check the
+/// condition before and after waiting.
 class Signal {
  public:
   explicit Signal(asio::any_io_executor executor)
@@ -29,8 +29,8 @@ class Signal {
   asio::steady_timer timer_;
 };
 
-/// Brings what ends on another thread (a group of commits, say) to the network's thread together: one wake-up
-/// for many. Thread: put() from any; the items run on the executor's, in the order in which they were put.
+/// Collects completions from another thread (e.g. a group of commits) and runs them on the network's thread
+/// with one wake-up for many. Thread: put() from any; the items run on the executor's thread in put() order.
 /// Must outlive the executor's last run.
 class Inbox {
  public:
@@ -40,7 +40,7 @@ class Inbox {
     {
       const std::lock_guard lock(mutex_);
       items_.push_back(std::move(item));
-      if (items_.size() > 1) return;  // the first one's turn takes all
+      if (items_.size() > 1) return;  // the first item's callback takes all
     }
     asio::post(executor_, [this] {
       std::vector<std::function<void()>> items;
@@ -58,7 +58,7 @@ class Inbox {
   std::vector<std::function<void()>> items_;  ///< guarded by mutex_
 };
 
-/// Runs `work` on the pool and gives its result on the caller's executor. The pool must end before the
+/// Runs `work` on the pool and returns its result on the caller's executor. The pool must end before the
 /// io_context does.
 template <typename T>
 Task<T> offload(asio::thread_pool& pool, std::function<T()> work) {
@@ -74,7 +74,7 @@ Task<T> offload(asio::thread_pool& pool, std::function<T()> work) {
   const asio::any_io_executor executor = co_await asio::this_coro::executor;
   auto state = std::make_shared<State>(executor);
   asio::post(pool, [state, executor, work = std::move(work)]() mutable {
-    // an exception (out of memory …) crosses the threads and comes out where the result would
+    // an exception (e.g. out of memory) crosses the threads and is rethrown on the caller's executor
     Answer answer;
     try {
       answer.value.emplace(work());
@@ -91,11 +91,11 @@ Task<T> offload(asio::thread_pool& pool, std::function<T()> work) {
   co_return std::move(*state->answer->value);
 }
 
-/// For retention, which has time: from now on the threads that act for a person or a station go before this
-/// one.
+/// Lowers this thread's priority below the threads that serve people and stations; for retention, which is
+/// not urgent.
 void yieldToOthers();
 
-/// Runs `work` in the writer's next group; the status comes after the commit.
+/// Runs `work` in the writer's next group; returns the status after the commit.
 Task<Status> commit(DbWriter& writer, DbWriter::Work work);
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// A person's log-in by name and password, the same for both ports: turns, lock-outs, audit.
+/// Log-in of a person by name and password, for both ports: queueing, lock-outs, audit.
 #pragma once
 
 #include <chrono>
@@ -14,18 +14,18 @@ namespace needlelab {
 struct PersonLogin {
   enum class Answer {
     kWelcome,   ///< `holder` is set
-    kMustWait,  ///< too many failures: `wait` from now on
-    kTooMany,   ///< too many wait for their check
-    kRefused,   ///< unknown, wrong or disabled: not told apart
-    kFailed,    ///< it could not be checked; the log says why
-    kGone,      ///< the asker went away meanwhile
+    kMustWait,  ///< too many failures: wait for `wait` from now
+    kTooMany,   ///< too many log-ins wait for their check
+    kRefused,   ///< unknown, wrong or disabled, without distinction
+    kFailed,    ///< the check failed; the log has the reason
+    kGone,      ///< the client has disconnected
   };
   Answer answer = Answer::kRefused;
   std::chrono::milliseconds wait{0};
   Tokens::Holder holder;
 };
 
-/// Name and password; wiped at the end, whoever holds them last.
+/// Name and password, wiped when the last owner releases them.
 struct PersonSecret {
   PersonSecret(std::string name, std::string secret) : user(std::move(name)), password(std::move(secret)) {}
   ~PersonSecret();
@@ -34,22 +34,22 @@ struct PersonSecret {
   std::string user, password;
 };
 
-/// The peer that logs in; `gone()` is true when nobody waits for the answer any more.
+/// The client; `gone()` is true when it no longer waits for the answer.
 struct LoginPeer {
   std::uint64_t connection = 0;
   std::string address;  ///< HOST:PORT
   std::function<bool()> gone;
 };
 
-/// Checks one after the other, each after its turn; counts failures and says them in log and audit. Thread:
-/// the network's; the context must outlive it.
+/// Checks log-ins one at a time, in order; counts failures and reports them in log and audit. Thread: the
+/// network's; the context must outlive it.
 Task<PersonLogin> logInPerson(ServerContext& context, std::shared_ptr<const PersonSecret> secret,
                               LoginPeer peer);
 
 /// "127.0.0.1:4312" → "127.0.0.1".
 std::string hostOfAddress(const std::string& address);
 
-/// Words for an answer that is not kWelcome; empty for kGone.
+/// The message for a result other than kWelcome; empty for kGone.
 std::string textOf(const PersonLogin& login);
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-/// What a request needs beside the store, on both ports: the threads that execute it, what only the running
-/// server can add to the reply, and the consequences for others who are connected.
+/// Server-side parts of a request, for both ports: choosing its thread pool, completing the reply with the
+/// running server's data, and effects on other connections.
 #pragma once
 
 #include <memory>
@@ -11,24 +11,26 @@
 
 namespace needlelab {
 
-/// A password in it is wiped when its last holder lets go of it.
+/// Shares the request; wipes a password in it when the last owner releases it.
 std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request);
 
-/// Executes a request on the threads that its row names (db/service/requests.cpp). Thread: the network's.
+/// Executes a request on the thread pool of its row (db/service/requests.cpp). Thread: the network's.
 Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal who,
                                               std::shared_ptr<const pb::Request> request);
 
-/// Adds to `outcome` what only a running server can: who is online; a message that a station has confirmed.
-/// Gives a refusal in place of the reply. `request` and `outcome` must outlive it. Thread: the network's.
+/// Adds data of the running server to `outcome`: online stations; a station's confirmation of a message. May
+/// return a refusal to send instead of the reply. `request` and `outcome` must outlive it. Thread: the
+/// network's.
 Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Request& request, std::string by,
                                           Outcome& outcome);
 
-/// After a request that was done: accounts that end, passwords that changed, backups made. `asker` (may be
-/// null) is the connection that a new password of its own does not end. Thread: the network's.
+/// After a successful request: ends the access of disabled accounts, ends log-ins with a changed password,
+/// announces backups. `asker` (may be null) is the requester's connection, which stays open when it changes
+/// its own password. Thread: the network's.
 void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply,
               const std::string& by, const PeerConnection* asker);
 
-/// All connections and tokens of a name end. `logged_as`: what the logs say in place of the name; empty: the
+/// Ends all connections and tokens of a name. `logged_as`: text for the logs in place of the name; empty: the
 /// name. Thread: the network's.
 void endAccess(ServerContext& context, const std::string& name, bool station, const std::string& by,
                const PeerConnection* except, const std::string& text, const std::string& logged_as = {});

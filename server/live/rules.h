@@ -1,5 +1,4 @@
-/// The messages that a peer may send, by the state of its connection and its role. Checked before any handler
-/// runs.
+/// The messages that a peer may send in each connection state and role. Checked before any handler runs.
 #pragma once
 
 #include <cstdint>
@@ -9,32 +8,32 @@
 
 namespace needlelab {
 
-/// Life of a connection, seen from the server (proto/README.md). It ends in kClosed from every state.
+/// The life of a connection on the server (proto/README.md). It can enter kClosed from every state.
 enum class ConnectionState : std::uint8_t {
-  kConnecting,     ///< TLS handshake; nothing is read
+  kConnecting,     ///< TLS handshake; reads no messages
   kGreeting,       ///< waits for Hello
   kLoggingIn,      ///< Hello was answered; waits for Login
   kAuthenticated,  ///< Welcome was sent
   kInSession,      ///< a station with at least one open session
-  kClosing,        ///< the last message is on its way; what still comes is ignored
+  kClosing,        ///< the last message is being sent; ignores further input
   kClosed,
 };
 inline constexpr int kConnectionStates = 7;
 const char* nameOf(ConnectionState state);
 
-/// The one place that says which states may follow which.
+/// The only place that defines the state transitions.
 bool mayFollow(ConnectionState now, ConnectionState next);
 
 enum class Verdict : std::uint8_t {
   kAllowed,
-  kIgnored,  ///< harmless and not for us, or too late: Pong; anything while closing
-  kUnknown,  ///< no body that this version knows
+  kIgnored,  ///< harmless but not for the server, or too late: Pong; anything while closing
+  kUnknown,  ///< a body unknown to this version
   kWrongState,
   kWrongRole,
   kNeverFromPeer,  ///< only servers send it
 };
 
-/// `role` is ROLE_UNSPECIFIED before log-in. Which requests a role may make is checked by the service
+/// `role` is ROLE_UNSPECIFIED before log-in. The service checks the role for each request
 /// (service/requests.h).
 Verdict checkMessage(pb::Envelope::BodyCase body, ConnectionState state, pb::Role role);
 

@@ -9,18 +9,19 @@
 
 namespace needlelab {
 
-/// A clock before 2020 makes certificates that nobody accepts, and sessions of another time. kFailed.
+/// Checks that the clock is not before 2020: clients would reject certificates made then, and sessions would
+/// have wrong dates. kFailed.
 Status checkClock(std::int64_t now_unix_s);
 
-/// The folder, or the nearest one above it that is there, can be written to by this user. kFailed names
-/// owner, mode and the way out.
+/// Checks that this user can write to the folder, or to its nearest existing parent. kFailed names owner,
+/// mode and the remedy.
 Status checkFolderRights(const std::filesystem::path& folder);
 
-/// The folder's disk has `min_free_bytes` for this user. kUnavailable.
+/// Checks that the folder's disk has `min_free_bytes` for this user. kUnavailable.
 Status checkRoom(const std::filesystem::path& folder, std::uint64_t min_free_bytes);
 
-/// In words, when this process may open fewer files than `connections` need: how many it may, how many are
-/// needed and what to do. Empty: there are enough.
+/// A message when this process may open fewer files than `connections` need: the limit, the number needed and
+/// the remedy. Empty: the limit is sufficient.
 std::string tooFewFiles(std::size_t connections);
 
 }  // namespace needlelab

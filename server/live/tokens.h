@@ -1,4 +1,4 @@
-/// Short-lived tokens: after one log-in with the password, a person's program may come back without it.
+/// Short-lived tokens: after a log-in with the password, a person's program can reconnect without it.
 #pragma once
 
 #include <chrono>
@@ -12,14 +12,14 @@
 
 namespace needlelab {
 
-/// Kept in memory only, as hashes: they end with the server. A token may be exchanged for a new one before it
-/// expires, but not for longer than `longest` after the password: a stolen one does not live for ever. Times
-/// in ns from the caller. Thread: one.
+/// Stores hashes in memory only: tokens end with the server. A token may be exchanged for a new one before it
+/// expires, up to `longest` after the password log-in: a stolen token expires in any case. Times in ns from
+/// the caller. Thread: one.
 class Tokens {
  public:
   struct Holder {
     Principal who;
-    std::int64_t password_ns = 0;  ///< when the password was given from which the token comes
+    std::int64_t password_ns = 0;  ///< time of the password log-in behind the token
   };
   static constexpr std::size_t kMostOfPerson = 512;
   struct Issued {
@@ -31,19 +31,19 @@ class Tokens {
                   std::size_t max_tokens = 10'000, std::chrono::milliseconds longest = std::chrono::hours(12))
       : lifetime_(lifetime), longest_(longest), max_tokens_(max_tokens) {}
 
-  /// When all places are taken, or this person has kMostOfPerson, the one that ends first is given up: who
-  /// logs in again and again costs nobody else a token.
+  /// Issues a token. When all places are taken, or this person has kMostOfPerson, revokes the token that
+  /// expires first: frequent log-ins of one person cost nobody else a token.
   Issued issue(const Holder& holder, std::int64_t now_ns);
-  /// The holder of a token, while it lasts.
+  /// The holder of a valid token.
   std::optional<Holder> find(std::string_view token, std::int64_t now_ns);
-  /// Lets a token that was just used last as long as a new one would, `longest` from the password at most.
-  /// When it ends now; nothing for an unknown token.
+  /// Extends a just-used token to the lifetime of a new one, but at most to `longest` after the password
+  /// log-in. Returns its new expiry; nothing for an unknown token.
   std::optional<std::int64_t> renew(std::string_view token, std::int64_t now_ns);
-  /// When it ends.
+  /// The expiry time.
   [[nodiscard]] std::optional<std::int64_t> endOf(std::string_view token, std::int64_t now_ns) const;
-  /// Log-out. False: there was none.
+  /// Logs out. False: the token does not exist.
   bool end(std::string_view token);
-  /// All tokens of a name end: the person was disabled or has a new password. How many those were.
+  /// Revokes all tokens of a name, after the person was disabled or got a new password. Returns their number.
   std::size_t forget(const std::string& name);
   [[nodiscard]] std::size_t size() const { return tokens_.size(); }
 
@@ -56,7 +56,8 @@ class Tokens {
 
   std::chrono::milliseconds lifetime_, longest_;
   std::size_t max_tokens_;
-  std::map<std::string, Entry> tokens_;  // by BLAKE2b-256 of the token: a look-up's time tells nothing of it
+  std::map<std::string, Entry>
+      tokens_;  // by BLAKE2b-256 of the token: the lookup's duration reveals nothing about the token
 };
 
 }  // namespace needlelab

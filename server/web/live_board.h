@@ -1,4 +1,4 @@
-/// The tiles of the live page: one a station, encoded once for all viewers.
+/// The tiles of the live page: one per station, encoded once for all viewers.
 #pragma once
 
 #include <chrono>
@@ -14,9 +14,9 @@
 namespace needlelab {
 
 /// `{"tiles":[{station, online, session_id, trainee, exercise, phase, depth_m, layer, force_n, peak_force_n,
-/// fault, drops}]}`. `layer` is the tissue's name, `fault` what a person should look at, `drops` the ticks
-/// that the station missed; `peak_force_n` is the greatest that this board saw in the session. Made only
-/// while there are viewers. Thread: the network's. Ownership: kept alive by its coroutine.
+/// fault, drops}]}`. `layer` is the tissue's name, `fault` a problem that needs a person's attention, `drops`
+/// the number of ticks that the station missed, `peak_force_n` the maximum seen by this board in the session.
+/// Built only while there are viewers. Thread: the network's. Ownership: kept alive by its coroutine.
 class LiveBoard : public std::enable_shared_from_this<LiveBoard> {
  public:
   LiveBoard(ServerContext& context, std::chrono::milliseconds period)
@@ -29,7 +29,7 @@ class LiveBoard : public std::enable_shared_from_this<LiveBoard> {
 
   [[nodiscard]] std::uint64_t number() const { return number_; }
   [[nodiscard]] std::shared_ptr<const std::string> newest() const { return newest_; }
-  /// Waits until there may be a newer one.
+  /// Waits for a possible newer board.
   Task<> wait() { return fresh_.wait(); }
   void wakeAll() { fresh_.notify(); }
 
@@ -52,7 +52,7 @@ class LiveBoard : public std::enable_shared_from_this<LiveBoard> {
   pb::Stations stations_;  // names, from the database
   std::int64_t stations_ns_ = 0;
   std::map<std::string, Peak> peaks_;                        // by station
-  std::map<std::string, std::vector<std::string>> tissues_;  // of each session, by layer; those on the board
+  std::map<std::string, std::vector<std::string>> tissues_;  // of each session on the board, by layer
 };
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// A viewer of the live page: a WebSocket that is sent the board as it changes.
+/// The live page's WebSocket: sends a viewer the board whenever it changes.
 #pragma once
 
 #include <memory>
@@ -9,11 +9,10 @@ namespace needlelab {
 class HttpTakeover;
 class WebServer;
 
-/// At most one message is under way to a viewer; what changes meanwhile is skipped, so that nothing piles up.
-/// A viewer that has not taken a message after live_write_timeout is cut. It ends with the viewer's session.
-/// The messages of a viewer are not looked at, and more than 4 KiB in one ends the connection. Its end tells
-/// the server by viewerLeft.
-/// `token`: of the session. Thread: the network's.
+/// Sends one message at a time to a viewer and skips changes in between, so that nothing queues up. Cuts a
+/// viewer that does not take a message within live_write_timeout. Ends with the viewer's session. Ignores the
+/// contents of the viewer's messages; one of more than 4 KiB ends the connection. Calls viewerLeft at its
+/// end. `token`: of the session. Thread: the network's.
 std::shared_ptr<HttpTakeover> makeLiveSocket(std::shared_ptr<WebServer> server, std::string token,
                                              std::string who);
 

@@ -1,11 +1,11 @@
-/// The description of the API, made from the routes and the messages.
+/// The API's OpenAPI description, generated from the routes and the messages.
 #pragma once
 
 #include <string_view>
 
 namespace needlelab {
 
-/// OpenAPI 3.1 as JSON. Made at the first call; as long as the program lives.
+/// OpenAPI 3.1 as JSON. Generated on the first call; valid until the program ends.
 std::string_view openApiText();
 
 }  // namespace needlelab

@@ -1,12 +1,12 @@
-/// Which address stands for which request. The addresses stand in the rows of db/service/requests.cpp; here
-/// is how a request becomes the call of its row and a reply becomes JSON.
+/// The HTTP routes. The rows of db/service/requests.cpp contain the addresses; this file converts an HTTP
+/// request to its row's call and the reply to JSON.
 ///
-/// A plain route needs nothing but its row:
+/// A plain route needs only its row:
 /// - `{id}` of the address fills the call's field `id`, or `session_id` below /sessions, `exercise_id` below
-///   /exercises and so on; `{name}` fills `name`, or `trainee`;
+/// /exercises and so on; `{name}` fills `name`, or `trainee`;
 /// - `?course` of the query fills `course` or `course_id`; numbers must be whole and at least 1;
-/// - the body (JSON) fills the other fields; a `base_revision` comes from If-Match;
-/// - the reply's result is written as it is; a result that is a list becomes {"items": […], "next_page": …}.
+/// - the body (JSON) fills the other fields; `base_revision` comes from If-Match;
+/// - the reply's result is written unchanged; a list becomes {"items": […], "next_page": …}.
 /// Any other route has an adapter (route_adapters.cpp).
 #pragma once
 
@@ -42,12 +42,12 @@ enum class WebAction {
   kWhoAmI,
   kLogOut,
   kLive,    ///< becomes a WebSocket
-  kText,    ///< `text`, the same for everybody who is logged in
+  kText,    ///< `text`, the same for every logged-in user
   kStream,  ///< `stream`
 };
 
-/// How a route differs from a plain one. `build` runs on the network's thread, or on a worker's when the body
-/// is large; the others run on a worker's.
+/// The differences of a route from a plain one. `build` runs on the network's thread, or on a worker's when
+/// the body is large; the others run on a worker's.
 struct RouteAdapter {
   std::string_view line = {};  ///< "POST /people", without the query
   WebAction action = WebAction::kRequest;
@@ -63,60 +63,60 @@ std::span<const RouteAdapter> routeAdapters();
 struct WebRoute {
   std::string_view method;
   std::string_view pattern;                  ///< below kApiBase, e.g. "/people/{name}"
-  std::vector<std::string_view> query = {};  ///< names that it reads
+  std::vector<std::string_view> query = {};  ///< the names that it reads
   std::string_view summary = {};
-  /// Whose row in db/service/requests.cpp says who may ask; CALL_NOT_SET: everybody who is logged in (or
-  /// nobody yet).
+  /// The call's row in db/service/requests.cpp gives the permitted roles; CALL_NOT_SET: every logged-in user
+  /// (for some routes also before log-in).
   pb::Request::CallCase call = pb::Request::CALL_NOT_SET;
   RouteAdapter how = {};
 };
 
-/// All of them; a pattern with a fixed part stands before one with {…} in its place.
+/// All routes; a pattern with a fixed part comes before one with {…} at the same position.
 std::span<const WebRoute> webRoutes();
 
 struct WebMatch {
   const WebRoute* route = nullptr;
-  std::vector<std::string> parts;    ///< what stood for {…}
-  std::vector<std::string> allowed;  ///< the methods of this path, when it is known and the method is not
+  std::vector<std::string> parts;    ///< the values of {…}
+  std::vector<std::string> allowed;  ///< the path's methods, when the path is known but the method is not
 };
 /// `segments` without "api" and "v1".
 WebMatch matchRoute(std::string_view method, std::span<const std::string> segments);
 
-/// Which fields of its call's message a route fills from where.
+/// The source of each message field of a route.
 struct PlainFields {
   using Field = const google::protobuf::FieldDescriptor*;
   std::vector<Field> parts,
       query;  ///< in the order of {…} and of WebRoute::query; null when the call has no such field
-  std::vector<Field> body;  ///< what is left over; none for GET
+  std::vector<Field> body;  ///< all other fields; empty for GET
   Field base = nullptr;     ///< base_revision, from If-Match
 };
 PlainFields plainFieldsOf(const WebRoute& route);
-/// The field that holds a list's rows; null when the message is not a list.
+/// The message's list of rows; null when the message is not a list.
 const google::protobuf::FieldDescriptor* rowsOf(const google::protobuf::Descriptor& message);
 
 // --- for the adapters
 
-/// A reply that is a list: `rows` are its items.
+/// A list's reply: `rows` are its items.
 WebJson listOf(const google::protobuf::Message& list, const std::string& rows);
-/// `?page=` into a request. kInvalidInput.
+/// Copies `?page=` into a request. kInvalidInput.
 Status setPage(const WebCall& call, std::string& page);
-/// The body into a request whose `outside` fields stand in the address or the header.
+/// Reads the body into a request; its `outside` fields come from the address or the header.
 Status readBodyInto(const WebCall& call, google::protobuf::Message& message,
                     const std::vector<std::string>& outside);
 /// The service's reply, or its error. On a worker's thread.
 Result<pb::Reply> replyOf(Service& service, const WebCall& call, const pb::Request& request);
-/// A stream whose first piece is made at once, so that a wrong question is refused before the file begins.
-/// `file_name`: any character but letters, digits, '-', '_' and '.' becomes '_'. On a worker's thread.
+/// A stream with its first piece already made, so that an invalid request is refused before the file begins.
+/// In `file_name`, any character but letters, digits, '-', '_' and '.' becomes '_'. On a worker's thread.
 Result<WebStream> streamFromFirst(std::string type, std::string file_name,
                                   std::function<Result<std::string>()> next);
-/// {id} of the address as a session's.
+/// The address's {id} as a session's id.
 template <typename Message>
 Status setSession(const WebCall& call, Message& message) {
   ASSIGN_OR_RETURN(auto id, sessionBytesOf(call.parts[0]));
   message.set_session_id(std::move(id));
   return {};
 }
-/// If-Match, which must be there: who changes something says what it was.
+/// The required If-Match: a change must name its base revision.
 Result<std::uint32_t> baseOf(const WebCall& call);
 
 }  // namespace needlelab

@@ -12,25 +12,25 @@ namespace needlelab {
 
 struct StaticFile {
   std::string type;  ///< Content-Type
-  std::string etag;  ///< with its quotes
+  std::string etag;  ///< including its quotes
   std::shared_ptr<const std::string> body;
 };
 
-/// A requested path is looked up among the files that were read at the start: a path from the network
-/// never reaches the file system. Thread: any, once made.
+/// Looks a requested path up among the files read at the start: a path from the network never reaches the
+/// file system. Thread: any, once constructed.
 class StaticFiles {
  public:
-  /// Takes all regular files of the folder and its subfolders whose ending is one of a web page and whose
-  /// names begin with neither '.' nor '_'. A folder that is not there gives none. kInvalidInput: more than
-  /// 16 MiB or 1000 files, or a file cannot be read.
+  /// Loads all regular files of the folder and its subfolders that have a web page's extension and do not
+  /// begin with '.' or '_'. A missing folder gives no files. kInvalidInput: more than 16 MiB or 1000 files,
+  /// or a file cannot be read.
   static Result<StaticFiles> load(const std::filesystem::path& folder);
 
-  /// "/" is "/index.html". Null when no such file was read.
+  /// Maps "/" to "/index.html". Null for an unknown file.
   [[nodiscard]] const StaticFile* find(const std::string& path) const;
   [[nodiscard]] std::size_t size() const { return files_.size(); }
 
  private:
-  std::map<std::string, StaticFile> files_;  // by path from the folder, beginning with '/'
+  std::map<std::string, StaticFile> files_;  // by path relative to the folder, with a leading '/'
 };
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// The parts of a browser's request: target, cookies, conditions. Everything here comes from strangers.
+/// Parsers for a browser's request: target, cookies, conditions. All input is untrusted.
 #pragma once
 
 #include <array>
@@ -21,64 +21,65 @@ namespace needlelab {
 struct WebTarget {
   std::vector<std::string> segments;
   std::map<std::string, std::string> query;
-  [[nodiscard]] std::string path() const;  ///< decoded segments with '/' before each; "/" for none
+  [[nodiscard]] std::string path()
+      const;  ///< each decoded segment with '/' before it; "/" when there are none
 };
 
-/// Origin form only. Refused: over 2048 bytes, control characters, bytes that are no UTF-8 after decoding,
-/// broken escapes, empty segments other than the last, "." and "..", '/' or NUL in an escape, a name twice,
-/// more than 32 names. Errors: kInvalidInput.
+/// Accepts origin form only. Refuses: over 2048 bytes, control characters, bytes that are not UTF-8 after
+/// decoding, broken escapes, empty segments other than the last, "." and "..", '/' or NUL in an escape, a
+/// duplicate name, more than 32 names. Errors: kInvalidInput.
 Result<WebTarget> parseTarget(std::string_view target);
 
-/// The value of a cookie in a Cookie header; nothing when it is not there or is there twice.
+/// The value of a cookie in a Cookie header; nothing when it is missing or duplicated.
 std::optional<std::string> cookieNamed(std::string_view header, std::string_view name);
 
-/// `"7"` or `W/"7"`: a revision. kInvalidInput for anything else.
+/// Parses `"7"` or `W/"7"` as a revision. kInvalidInput for anything else.
 Result<std::uint32_t> parseIfMatch(std::string_view header);
 
-/// True when a page of this server asked: `origin` is https:// and `host`.
+/// True when the request comes from a page of this server: `origin` is https:// and `host`.
 bool isSameOrigin(std::string_view origin, std::string_view host);
 
 /// True for "application/json" with or without parameters.
 bool isJsonType(std::string_view content_type);
 
-/// A whole number of a query. kInvalidInput names `name` and the allowed range.
+/// Parses a query's whole number. kInvalidInput names `name` and the allowed range.
 Result<std::uint64_t> wholeOf(std::string_view name, std::string_view text, std::uint64_t min,
                               std::uint64_t max);
-/// A finite decimal number of a query, within [min, max]. kInvalidInput.
+/// Parses a query's finite decimal number within [min, max]. kInvalidInput.
 Result<double> numberOf(std::string_view name, std::string_view text, double min, double max);
 
-/// RFC 4648 §5, without padding. The inverse gives nothing for other text.
+/// RFC 4648 §5, without padding. The inverse returns nothing for invalid text.
 std::string base64Url(std::string_view bytes);
 std::optional<std::string> bytesOfBase64Url(std::string_view text);
 
-/// One request of the API on its way to an answer.
+/// One API request during its processing.
 struct WebCall {
   WebTarget target;
-  std::vector<std::string> parts;         ///< what stood for the {…} of the route's pattern
-  nlohmann::json body;                    ///< null: there was none
+  std::vector<std::string> parts;         ///< the values of {…} in the route's pattern
+  nlohmann::json body;                    ///< null: the request has no body
   std::size_t body_bytes = 0;             ///< of its text
-  std::optional<std::uint32_t> if_match;  ///< revision that a change was made from
+  std::optional<std::uint32_t> if_match;  ///< the change's base revision
   Principal who;
 
-  /// Of the query; empty when absent.
+  /// A query parameter; empty when absent.
   [[nodiscard]] std::string query(const std::string& name) const;
 };
 
-/// A reply that is longer than one wants to hold: made piece by piece. The seam for formats of export: each
-/// is one function that opens such a stream.
+/// A reply too long to hold in memory, made piece by piece. The interface for export formats: each is one
+/// function that opens such a stream.
 struct WebStream {
   std::string type;       ///< Content-Type
-  std::string file_name;  ///< that a browser offers; letters, digits, '-', '_', '.'
-  /// The next piece, empty at the end. On a worker's thread, one call at a time.
+  std::string file_name;  ///< the name suggested to the browser; letters, digits, '-', '_', '.'
+  /// Returns the next piece, empty at the end. On a worker's thread, one call at a time.
   std::function<Result<std::string>()> next;
 };
 
-// --- the session of a browser: its cookie, and the token against forged requests
+// --- browser sessions: the cookie, and the token against forged requests
 
 inline constexpr std::string_view kSessionCookie = "__Host-needlelab";
 
 struct WebSession {
-  std::string token;  ///< as the store knows it
+  std::string token;  ///< as the store has it
   Tokens::Holder holder;
 };
 
@@ -87,12 +88,11 @@ class WebSessions {
  public:
   explicit WebSessions(Tokens& tokens);
 
-  /// From a Cookie header; nothing when it names no session that lasts.
+  /// Finds the session of a Cookie header; nothing when there is no valid session.
   std::optional<WebSession> find(std::string_view cookie_header, std::int64_t now_ns) const;
-  /// The value of Set-Cookie for a new session, or (empty token) the one that takes the cookie away.
+  /// The Set-Cookie value for a new session, or, for an empty token, one that deletes the cookie.
   static std::string cookieFor(std::string_view token);
-  /// The text that a page must send in X-CSRF-Token: only a page that can read the reply to a log-in knows
-  /// it.
+  /// The text that a page must send in X-CSRF-Token. Only a page that can read the log-in's reply knows it.
   [[nodiscard]] std::string csrfOf(std::string_view token) const;
   [[nodiscard]] bool csrfFits(std::string_view token, std::string_view given) const;
 

@@ -20,23 +20,24 @@
 
 namespace needlelab {
 
-/// The sizes and times of its HTTP are those of HttpLimits.
+/// HttpLimits contains the limits of size and time.
 struct WebSettings : HttpLimits {
-  std::string listen;               ///< HOST:PORT; empty or "off": no such port
+  std::string listen;               ///< HOST:PORT; empty or "off": the port is disabled
   std::filesystem::path port_file;  ///< written after listening; empty: none
-  std::filesystem::path root;       ///< of the console's files; empty: where they were built or installed
+  std::filesystem::path root;       ///< of the console's files; empty: their build or installation folder
 
   std::size_t stranger_body_bytes = 4u << 10;  ///< before log-in
   std::size_t connections_per_address = 256;
-  /// of somebody who is logged in; then the one gives way that asked for something the longest time ago
+  /// of one logged-in person; above the limit, the connection whose last request is the oldest is cut
   std::size_t connections_per_person = 64;
-  /// connections that have not shown a session yet give way as on the other port
+  /// connections that have not sent a valid session yet can be cut as on the other port
   Admission::Settings admission{.max_connections = 512, .max_strangers = 256, .charges_at_once = 512};
 
   std::chrono::milliseconds live_period{200};
   std::size_t live_sockets = 64;
   std::size_t live_sockets_per_person = 8;
-  std::chrono::milliseconds live_write_timeout{5'000};  ///< who has not taken a message by then is cut
+  std::chrono::milliseconds live_write_timeout{
+      5'000};  ///< a viewer that does not take a message in this time is cut
 };
 
 /// Thread: the network's. Ownership: kept alive by its coroutines; the context must outlive them.
@@ -48,17 +49,17 @@ class WebServer : public HttpServer {
                                                   WebSettings settings);
 
   void stop() override;
-  /// Cuts the connections that are left.
+  /// Cuts the remaining connections.
   void cutAll(const std::string& reason);
   [[nodiscard]] bool idle() const { return connections() == 0; }
 
-  /// web_request.cpp: a request to its answer.
+  /// web_request.cpp: answers a request.
   Task<HttpAnswer> answer(std::shared_ptr<HttpRequest> request) override;
   std::optional<HttpAnswer> unreadable(const boost::system::error_code& error) override;
   [[nodiscard]] std::size_t bodyLimit(const std::string& cookie) const override;
   [[nodiscard]] const HttpHeaders& commonHeaders() const override;
   void handshakeFailed() override;
-  /// Counts it for the metrics, and logs it.
+  /// Counts the request in the metrics and logs it.
   void answered(const HttpExchange& exchange) override;
 
   [[nodiscard]] ServerContext& context() { return context_; }
@@ -66,10 +67,11 @@ class WebServer : public HttpServer {
   [[nodiscard]] const StaticFiles& files() const { return files_; }
   [[nodiscard]] WebSessions& sessions() { return sessions_; }
   [[nodiscard]] LiveBoard& board() { return *board_; }
-  /// False: there are too many viewers, of all or of this person. Each true is followed by one viewerLeft.
+  /// False: there are too many viewers, in total or for this person. Each true must be followed by one
+  /// viewerLeft.
   bool viewerCame(const std::string& who);
   void viewerLeft(const std::string& who);
-  /// A connection has sent a request with a session of `who`.
+  /// A connection has sent a request with a valid session of `who`.
   void showedSession(std::uint64_t id, const std::string& who);
 
  protected:
@@ -89,11 +91,11 @@ class WebServer : public HttpServer {
   const std::shared_ptr<LiveBoard> board_;
   std::unordered_map<std::string, std::size_t> viewers_;  // by name
   std::size_t all_viewers_ = 0;
-  std::unordered_map<std::uint64_t, std::string> address_of_;  // by connection: what admission.h counts it as
+  std::unordered_map<std::uint64_t, std::string>
+      address_of_;  // by connection: the address key of admission.h
   std::unordered_map<std::string, std::size_t> by_address_;
-  std::unordered_map<std::uint64_t, std::string> person_of_;  // by connection
-  std::unordered_map<std::string, std::vector<std::uint64_t>>
-      by_person_;  // the one that asked last at the end
+  std::unordered_map<std::uint64_t, std::string> person_of_;               // by connection
+  std::unordered_map<std::string, std::vector<std::uint64_t>> by_person_;  // the most recent request last
 };
 
 }  // namespace needlelab
