@@ -1,5 +1,5 @@
-/// What a session's description may hold. A station checks it before it records, so that nothing is recorded
-/// that no server would take; a server again, because it comes from the network.
+/// Checks a session's description. A station checks it before it records, so that it records nothing that a
+/// server would refuse; the server checks it again, because it comes from the network.
 #pragma once
 
 #include "common/base/result.h"
@@ -7,7 +7,7 @@
 
 namespace needlelab {
 
-/// kInvalidInput names the field, its value and what is allowed.
+/// kInvalidInput names the field, its value and the allowed range.
 Status checkDescription(const pb::SessionDescription& description);
 
 }  // namespace needlelab

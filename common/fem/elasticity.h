@@ -1,8 +1,8 @@
-/// Small-strain isotropic elasticity on ten-node tetrahedra: meshes made from structured grids of cells,
-/// their stiffness, and their solution. Straight-sided: the middle nodes lie in the middle of the edges.
-/// Quadratic displacements do not lock near incompressibility as four-node ones do (tests/unit/common/fem
-/// shows both): a ten-node element has about 4 unknowns for each volume constraint, a four-node one about
-/// half.
+/// Small-strain isotropic elasticity on ten-node tetrahedra: builds meshes from structured grids of cells,
+/// assembles their stiffness, and solves. The elements have straight sides: the middle nodes lie in the
+/// middle of the edges. Quadratic displacements do not lock near incompressibility as four-node ones do
+/// (tests/unit/common/fem shows both): a ten-node element has about 4 unknowns for each volume constraint, a
+/// four-node one about half.
 #pragma once
 
 #include <Eigen/Core>
@@ -28,12 +28,12 @@ inline constexpr std::array<std::array<int, 2>, 6> kTetEdges = {
 struct TetMesh {
   std::vector<Eigen::Vector3d> node_m;
   std::vector<TetNodes> element;
-  std::vector<std::int32_t> material;  ///< of each element: an index into the caller's list
+  std::vector<std::int32_t> material;  ///< per element: an index into the caller's list
 };
 
 /// A grid of cells, each cut into six tetrahedra along the diagonal from its least to its greatest corner
-/// (Freudenthal), so that neighbours share whole faces. Corners at the same place may be one node: tetrahedra
-/// that lose their volume by that are left out.
+/// (Freudenthal), so that neighbours share whole faces. Corners at the same place may share one node:
+/// tetrahedra without volume are left out.
 class GridMesh {
  public:
   /// Cells in each direction.
@@ -41,7 +41,7 @@ class GridMesh {
     int i = 1, j = 1, k = 1;
   };
   using Place = std::function<Eigen::Vector3d(int i, int j, int k)>;
-  using Material = std::function<int(int i, int j, int k)>;  ///< of the cell with that least corner
+  using Material = std::function<int(int i, int j, int k)>;  ///< material of the cell with that least corner
 
   /// With `axis`, all corners with i = 0 and the same k are one node: the grid goes around that line.
   GridMesh(Size cells, const Place& place, const Material& material, bool axis = false);
@@ -50,7 +50,7 @@ class GridMesh {
   [[nodiscard]] Size cells() const { return cells_; }
   /// The node at a corner of the grid.
   [[nodiscard]] std::int32_t corner(int i, int j, int k) const;
-  /// The node in the middle of an edge of the mesh; the edge must be there.
+  /// The node in the middle of an edge of the mesh; the edge must exist.
   [[nodiscard]] std::int32_t middle(std::int32_t a, std::int32_t b) const;
 
  private:
@@ -63,7 +63,7 @@ class GridMesh {
   std::unordered_map<std::uint64_t, std::int32_t> middle_;
 };
 
-/// In m³; positive.
+/// Volume in m³; positive.
 double volumeOf(const TetMesh& mesh, const TetNodes& element);
 
 struct ElasticMaterial {
@@ -71,12 +71,12 @@ struct ElasticMaterial {
   double poisson = 0;  ///< [0, 0.5)
 };
 
-/// Of one element, unknowns in the order node 0 x y z, node 1 x y z, … In N/m.
+/// Stiffness of one element in N/m; unknowns in the order node 0 x y z, node 1 x y z, …
 Eigen::Matrix<double, 30, 30> elementStiffness(const TetMesh& mesh, const TetNodes& element,
                                                const ElasticMaterial& material);
 
-/// The mesh's stiffness with unknown 3·node + axis, `index[unknown]` its row in the result; negative: held at
-/// zero, left out. Lower triangle only.
+/// The mesh's stiffness with unknown 3·node + axis, `index[unknown]` is its row in the result; negative: the
+/// unknown is held at zero and left out. Lower triangle only.
 Eigen::SparseMatrix<double> stiffnessMatrix(const TetMesh& mesh,
                                             const std::vector<ElasticMaterial>& materials,
                                             const std::vector<std::int32_t>& index, std::int32_t size);
@@ -90,7 +90,7 @@ Eigen::Matrix3d strainInMiddle(const TetMesh& mesh, const TetNodes& element,
 class ElasticSolver {
  public:
   /// `held[unknown]`: displacement is prescribed. `mesh` must outlive it. Errors: kFailed when the
-  /// factorisation does (not enough held for a rigid body, or no memory).
+  /// factorisation fails (too few held unknowns to prevent rigid motion, or no memory).
   static Result<std::unique_ptr<ElasticSolver>> make(const TetMesh& mesh,
                                                      const std::vector<ElasticMaterial>& materials,
                                                      const std::vector<bool>& held);

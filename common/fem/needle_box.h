@@ -1,5 +1,5 @@
-/// The tissue around a needle's path as a mesh: a quarter of a box (the needle's load is the same in all
-/// four), layer on layer, fine at the needle and coarse far away.
+/// Meshes the tissue around a needle's path: a quarter of a box (the needle's load is the same in all four
+/// quarters), layer on layer, fine at the needle and coarse far away.
 #pragma once
 
 #include <Eigen/SparseCore>
@@ -20,16 +20,17 @@ struct NeedleBoxSpec {
 };
 
 /// Rings of the mesh around the needle are circles near it (polygons with the circle's circumference) and
-/// pass to the box's square far from it. The needle is not a hole: its load enters at r = r₀, and what is
-/// within is tissue that goes with it. So one mesh, and one factorisation, serves every depth of the needle.
+/// pass to the box's square far from it. The needle is not a hole: its load enters at r = r₀, and the tissue
+/// within moves with it. So one mesh and one factorisation serve every depth of the needle.
 class NeedleBox {
  public:
-  /// With about `nodes` nodes; every layer has at least one cell, so that thin layers can make it more.
+  /// Builds a mesh of about `nodes` nodes; every layer has at least one cell, so thin layers can add nodes.
   NeedleBox(const NeedleBoxSpec& spec, int nodes);
 
   [[nodiscard]] const TetMesh& mesh() const { return grid_.mesh(); }
   [[nodiscard]] const std::vector<ElasticMaterial>& materials() const { return spec_.materials; }
-  /// By unknown 3·node + axis: sides and bottom in all directions, the planes of symmetry across them.
+  /// Held unknowns, by 3·node + axis: sides and bottom in all directions, the planes of symmetry in their
+  /// normal direction.
   [[nodiscard]] std::vector<bool> held() const;
   /// Weights that spread a force of 1 N along z evenly over the surface r = r₀ between these depths; column =
   /// station, row = unknown. Their transposes give the mean displacement of that surface.

@@ -1,5 +1,5 @@
-/// From a scene to the compliance that its needle feels: mesh, assembly, factor, one solve per station.
-/// Off the haptic thread: seconds, not microseconds.
+/// Computes the compliance of a scene at its needle: mesh, assembly, factorisation, one solve per station.
+/// Not on the haptic thread: takes seconds, not microseconds.
 #pragma once
 
 #include <memory>
@@ -10,19 +10,20 @@
 
 namespace needlelab {
 
-/// r₀ where a scene does not say: half of 0.8 mm, the outer diameter of a 21G needle.
+/// r₀ of a scene without a diameter: half of 0.8 mm, the outer diameter of a 21G needle.
 inline constexpr double kNeedleRadius_m = 0.4e-3;
-/// Stations of the live needle where the caller asks for none.
+/// Default number of stations of the live needle.
 inline constexpr int kDefaultStations = 60;
 
-/// The options of a mesh. The trajectory is the surface normal at the entry, the tissue a half-space of
-/// layers (the limb's curvature is not seen), `spec.fem.layers` its elasticity.
+/// The options of a mesh. The trajectory is the surface normal at the entry; the tissue is a half-space of
+/// layers (the limb's curvature is ignored) with the elasticity of `spec.fem.layers`.
 struct NeedleMeshOptions {
-  int nodes = 10'000;               ///< about so many; layers that are thin can make it more
+  int nodes = 10'000;               ///< approximate; thin layers can add nodes
   int stations = kDefaultStations;  ///< 1-kMaxNeedleStations
-  double radius_m = 0;  ///< r₀; 0: half of the scene's needle, kNeedleRadius_m where it has no diameter
-  /// The far boundary, held: half-width, and depth below the path, in lengths of the path. At 16 the needle
-  /// is within 1 % of as stiff as at 32.
+  double radius_m =
+      0;  ///< r₀; 0: half of the scene's needle diameter, or kNeedleRadius_m if the scene has none
+  /// The far boundary, held: half-width, and depth below the path, in lengths of the path. The needle's
+  /// stiffness at 16 is within 1 % of that at 32.
   double half_width_per_length = 16.0;
 };
 
@@ -30,8 +31,8 @@ struct NeedleMeshOptions {
 /// factorisation fails.
 Result<std::shared_ptr<const NeedleCompliance>> precomputeCompliance(const SceneSpec& spec,
                                                                      const NeedleMeshOptions& options);
-/// With the scene's own `fem.nodes`, for a scene whose model is FEM and which has no compliance yet; any
-/// other is left alone. What station and needlelab-sim call before `compile`.
+/// Computes the compliance with the scene's own `fem.nodes` if the scene's model is FEM and it has no
+/// compliance yet; does not change any other scene. Station and needlelab-sim call this before `compile`.
 Status addCompliance(SceneSpec& spec);
 
 }  // namespace needlelab

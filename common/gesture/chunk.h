@@ -14,38 +14,39 @@
 namespace needlelab {
 
 inline constexpr std::size_t kMaxChunkSamples = 65'536;
-/// No chunk is longer, whatever its samples are; longer bytes are refused before anything is allocated.
+/// The greatest length of a chunk, whatever its samples; longer bytes are refused before any allocation.
 inline constexpr std::size_t kMaxChunkBytes = 20u << 20;
 
-/// What stands in a chunk's header.
+/// The contents of a chunk's header.
 struct ChunkInfo {
   std::uint8_t version = 0;
   std::uint32_t count = 0;  ///< samples, 1 to kMaxChunkSamples
   std::uint64_t first_tick = 0, last_tick = 0;
   std::int64_t first_time_ns = 0;
-  Resolution resolution;  ///< as declared; see `lossless_columns`
+  Resolution resolution;  ///< as declared by the writer; see `lossless_columns`
   std::uint32_t lossless_columns =
       0;  ///< bit c: column c is stored as raw bits although a step is declared for it,
           ///< because a value was too big for the step, infinite or not a number
 };
 
-/// Total: every sample comes back, whatever its values. Columns within ±2³¹ steps are stored to half a step
-/// (plus the rounding of a double); a column with a value beyond that, or with infinity or NaN where none is
-/// expected, is stored exactly. `samples` must hold 1 to kMaxChunkSamples and `resolution` must be valid:
-/// programmer errors, asserted; without asserts the bytes are empty. Thread: any; uses scratch memory of the
-/// calling thread. Not for the haptic thread: it allocates.
+/// Encodes a chunk. Every sample can be decoded again, whatever its values. Columns within ±2³¹ steps are
+/// stored to half a step (plus the rounding of a double); a column with a value beyond that, or with an
+/// unexpected infinity or NaN, is stored exactly. `samples` must hold 1 to kMaxChunkSamples and `resolution`
+/// must be valid: programmer errors, asserted; without asserts the bytes are empty. Thread: any; uses scratch
+/// memory of the calling thread. Not for the haptic thread: it allocates.
 Bytes encodeChunk(const Resolution& resolution, std::span<const GestureSample> samples);
 
-/// All samples of a chunk. Errors: kCorrupt (not a chunk, cut off, too long, CRC, impossible header),
+/// Decodes all samples of a chunk. Errors: kCorrupt (not a chunk, cut off, too long, CRC, impossible header),
 /// kVersion.
 Result<std::vector<GestureSample>> decodeChunk(ByteView chunk);
 
-/// The header of a chunk whose CRC over all its bytes agrees; the columns are not decoded. Errors as
+/// Checks the CRC over all bytes of a chunk and returns its header; does not decode the columns. Errors as
 /// decodeChunk.
 Result<ChunkInfo> inspectChunk(ByteView chunk);
 
-/// How many samples the header claims, so that a chunk can be refused before it costs anything: no CRC, no
-/// columns. Nothing when these bytes do not begin as a chunk of our version does. Total for any bytes.
+/// Returns the number of samples that the header claims, so that a chunk can be refused cheaply: checks no
+/// CRC and no columns. Returns nothing when the bytes do not begin like a chunk of our version. Safe for any
+/// bytes.
 std::optional<std::uint32_t> claimedSamples(ByteView chunk);
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// What encoder and decoder of chunks share: the numbers of FORMAT.md. Internal to common/gesture.
+/// Constants of FORMAT.md for the encoder and the decoder of chunks. Internal to common/gesture.
 #pragma once
 
 #include <array>
@@ -14,9 +14,9 @@ inline constexpr std::array<std::uint8_t, 4> kMagic{'N', 'L', 'G', 'C'};
 inline constexpr std::uint8_t kVersion = 1;
 inline constexpr std::size_t kFixedHeaderBytes = 44;  ///< up to and including the mask of raw columns
 inline constexpr std::size_t kCrcBytes = 4;
-inline constexpr std::size_t kBlock = 32;  ///< rows a block
+inline constexpr std::size_t kBlock = 32;  ///< rows per block
 
-/// How the resolution stands in the header. Append-only.
+/// The coding of the resolution in the header. Append-only.
 enum ResolutionCode : std::uint8_t {
   kResolutionListed = 0,
   kResolutionStandard = 1,
@@ -45,7 +45,7 @@ enum Column : std::uint8_t {
 };
 inline constexpr std::size_t kRealCount = 20;
 inline constexpr std::uint32_t kRealMask = ((1u << kRealCount) - 1) << kFirstReal;
-/// Columns of 64 bits whatever the header says: the two clocks.
+/// Columns that always have 64 bits: the two clocks.
 inline constexpr std::uint32_t kClockMask = (1u << kTick) | (1u << kTime);
 
 /// The step of every real column, in column order.
@@ -54,8 +54,8 @@ inline std::array<double, kRealCount> realSteps(const Resolution& r) {
   return {m, m, m, q, q, q, q, r.speed_mps, f, f, f, t, t, t, m, m, m, m, m, q};
 }
 
-/// Where the real columns stand in a sample: they are read and written column by column, a sample's size
-/// apart.
+/// Offsets of the real columns in a sample: the code reads and writes column by column, with the sample's
+/// size as stride.
 inline constexpr std::array<std::size_t, kRealCount> kRealOffset = [] {
   std::array<std::size_t, kRealCount> offsets{};
   std::size_t c = 0;
@@ -75,7 +75,7 @@ inline constexpr std::array<std::size_t, kRealCount> kRealOffset = [] {
 }();
 
 /// Raw bits of a double as an integer that orders as the double does, so that neighbours differ by little.
-/// Its own inverse on the bits: the low 63 are flipped when the sign is set.
+/// The mapping is its own inverse: it flips the low 63 bits when the sign is set.
 inline std::uint64_t flipOrder(std::uint64_t bits) {
   return bits ^ (static_cast<std::uint64_t>(static_cast<std::int64_t>(bits) >> 63) >> 1);
 }
@@ -92,7 +92,7 @@ inline std::int64_t timeStepNs(const Resolution& r) {
   return ns < 1.5 ? 1 : static_cast<std::int64_t>(ns + 0.5);
 }
 
-/// Columns that the resolution itself asks to be raw, as a mask.
+/// Mask of the columns that the resolution makes raw.
 inline std::uint32_t declaredRaw(const Resolution& resolution) {
   const auto steps = realSteps(resolution);
   std::uint32_t mask = 0;

@@ -12,7 +12,7 @@
 
 namespace needlelab::column_coding {
 
-/// Which prediction a column block's residuals are taken against. Two bits in the bytes.
+/// The prediction behind a column block's residuals. Stored in two bits.
 enum Mode : std::uint8_t {
   kFromLast = 0,          ///< v[i] − v[−1] − base: noise about a level
   kFirstFromBase = 1,     ///< (v[i] − v[i−1]) − base: steady motion
@@ -23,7 +23,7 @@ enum Mode : std::uint8_t {
 template <typename U>
 using SignedOf = std::make_signed_t<U>;
 
-/// 0, −1, 1, −2, 2 … to 0, 1, 2, 3, 4 …
+/// Maps 0, −1, 1, −2, 2 … to 0, 1, 2, 3, 4 …
 template <typename U>
 constexpr U zigzag(U value) {
   return static_cast<U>((value << 1) ^
@@ -34,12 +34,12 @@ constexpr U unzigzag(U value) {
   return static_cast<U>((value >> 1) ^ (U{0} - (value & 1u)));
 }
 
-/// Most bytes that one column block takes: head, base, 32 values; packColumn may scribble 16 bytes beyond.
+/// The greatest size of a column block: head, base, 32 values; packColumn may write 16 bytes beyond it.
 template <typename U>
 inline constexpr std::size_t kMaxColumnBytes = 1 + 10 + 32 * sizeof(U);
 inline constexpr std::size_t kScribble = 16;
 
-/// Little-endian groups of 7 bits, the top bit set on all but the last. Returns the end.
+/// Writes little-endian groups of 7 bits, with the top bit set on all but the last. Returns the end.
 std::uint8_t* putVarint(std::uint8_t* out, std::uint64_t value);
 /// Returns the end, or null when the bytes end early or the value has more than `bits` bits.
 const std::uint8_t* getVarint(const std::uint8_t* in, const std::uint8_t* end, int bits,
@@ -50,7 +50,7 @@ const std::uint8_t* getVarint(const std::uint8_t* in, const std::uint8_t* end, i
 template <typename U>
 std::uint8_t* packColumn(const U* v, std::size_t rows, std::uint8_t* out);
 
-/// Inverse of packColumn for a stored block. Returns the end, or null on bytes that cannot be.
+/// Inverse of packColumn for a stored block. Returns the end, or null for invalid bytes.
 template <typename U>
 const std::uint8_t* unpackColumn(const std::uint8_t* in, const std::uint8_t* end, std::size_t rows, U* v);
 

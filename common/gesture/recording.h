@@ -1,5 +1,5 @@
-/// Recording files: a gesture's chunks with a metadata text, an index at a clean end. FORMAT.md describes
-/// every byte.
+/// Recording files: a metadata text, a gesture's chunks, and an index if the file was closed cleanly.
+/// FORMAT.md describes every byte.
 #pragma once
 
 #include <cstddef>
@@ -42,11 +42,11 @@ class RecordingWriter {
   RecordingWriter& operator=(RecordingWriter&& other) noexcept;
   ~RecordingWriter();
 
-  /// Errors: those of inspectChunk (a bad chunk is not written), kFailed (the disk; the writer takes nothing
-  /// further).
+  /// Errors: those of inspectChunk (a bad chunk is not written), kFailed (the disk failed; the writer accepts
+  /// no more chunks).
   Status append(ByteView chunk);
-  /// fdatasync: what was appended survives a power cut (in kOpenEnded mode, which also synced the folder at
-  /// `create`).
+  /// Calls fdatasync: the appended chunks survive a power cut (in kOpenEnded mode, which also synced the
+  /// folder at `create`).
   Status sync();
   /// Writes index and footer, syncs, renames into place (kAtomic) and closes.
   Status finish();
@@ -62,7 +62,7 @@ class RecordingWriter {
   Status writeRecord(std::uint8_t kind, ByteView content);
   void abandon() noexcept;
 
-  std::filesystem::path path_, written_path_;  ///< final name; name that is being written
+  std::filesystem::path path_, written_path_;  ///< final name; name of the file being written
   Mode mode_ = Mode::kAtomic;
   int fd_ = -1;
   bool failed_ = false;
@@ -72,33 +72,33 @@ class RecordingWriter {
   Bytes scratch_;
 };
 
-/// Reads a recording, one chunk at a time: the memory needed does not grow with the file beyond its index.
+/// Reads a recording one chunk at a time: apart from the index, memory does not grow with the file.
 /// Thread: const functions may be called from several. Movable, not copyable.
 class RecordingReader {
  public:
-  /// A place in the middle of the file that was found unreadable at `open`, though the file goes on after it.
+  /// An unreadable place in the middle of the file, found at `open`; readable records follow it.
   struct Damage {
     std::uint64_t offset = 0, bytes = 0;
     std::string what;
   };
 
-  /// A complete file is opened by its index; a cut-off one, or one whose index is damaged, is scanned, and
-  /// every whole chunk is there. A file that was cut before its first chunk opens too, with none. Damage in
-  /// the middle does not fail here: see `damages`. Errors: kInvalidInput (cannot be opened, does not start as
-  /// a recording), kVersion.
+  /// Opens a complete file by its index. Scans a file that is cut off or has a damaged index, and finds every
+  /// whole chunk. A file that was cut before its first chunk opens, too, with no chunks. Damage in the middle
+  /// is not an error here: see `damages`. Errors: kInvalidInput (cannot be opened, does not start as a
+  /// recording), kVersion.
   static Result<RecordingReader> open(const std::filesystem::path& path);
   RecordingReader(RecordingReader&& other) noexcept;
   RecordingReader& operator=(RecordingReader&& other) noexcept;
   ~RecordingReader();
 
   [[nodiscard]] const std::string& metadata() const { return metadata_; }
-  [[nodiscard]] bool complete() const { return complete_; }  ///< it has a good index and footer
+  [[nodiscard]] bool complete() const { return complete_; }  ///< the file has a valid index and footer
   [[nodiscard]] std::uint64_t unusableTailBytes() const {
     return tail_bytes_;
   }  ///< after the last whole record of a cut-off file
   [[nodiscard]] const std::vector<Damage>& damages() const { return damages_; }
-  /// A damaged chunk whose record can still be told apart keeps its place here, so that numbers stay what
-  /// they were.
+  /// A damaged chunk keeps its entry here while its record header is readable, so that chunk numbers do not
+  /// change.
   [[nodiscard]] const std::vector<RecordingEntry>& entries() const { return entries_; }
   [[nodiscard]] std::uint64_t sampleCount() const;
   [[nodiscard]] const Digest& declaredHash() const { return hash_; }  ///< of a complete file; zeros otherwise
@@ -106,10 +106,10 @@ class RecordingReader {
   /// Errors (kCorrupt, kInvalidInput) name file, chunk number and offset; the other chunks stay readable.
   [[nodiscard]] Result<Bytes> chunkBytes(std::size_t index) const;
   [[nodiscard]] Result<std::vector<GestureSample>> samples(std::size_t index) const;
-  /// Every sample of the recording. Fails at the first chunk that cannot be read.
+  /// Returns every sample of the recording. Fails at the first unreadable chunk.
   [[nodiscard]] Result<std::vector<GestureSample>> allSamples() const;
-  /// Decodes every chunk, and compares the hash of a complete file. Errors: kCorrupt, the first fault by
-  /// chunk and offset.
+  /// Decodes every chunk, and compares the hash of a complete file. Errors: kCorrupt, with chunk and offset
+  /// of the first fault.
   [[nodiscard]] Status verify() const;
 
  private:
@@ -120,9 +120,9 @@ class RecordingReader {
   Status checkStart();
   bool openByIndex();
   Status scan();
-  /// Next place from `offset` on where a record's header stands; the file's size when there is none.
+  /// Returns the offset of the next record header at or after `offset`; the file's size when none follows.
   Result<std::uint64_t> findRecord(std::uint64_t offset) const;
-  /// A chunk's samples, as many as the entry says.
+  /// Returns a chunk's samples and checks their number against the entry.
   [[nodiscard]] Result<std::vector<GestureSample>> decoded(std::size_t index, ByteView chunk) const;
   [[nodiscard]] Error chunkError(std::size_t index, const std::string& why) const;
 

@@ -1,4 +1,4 @@
-/// What writer and reader of recordings share: the numbers of FORMAT.md. Internal to common/gesture.
+/// Constants of FORMAT.md for the writer and the reader of recordings. Internal to common/gesture.
 #pragma once
 
 #include <array>
@@ -21,11 +21,11 @@ inline constexpr std::size_t kRecordHeaderBytes = 16;  ///< marker, kind, reserv
 inline constexpr std::size_t kRecordCrcBytes = 4;      ///< after the content
 inline constexpr std::size_t kFooterBytes = 24;        ///< offset of the index, reserved, CRC, end magic
 inline constexpr std::size_t kIndexEntryBytes = 32;
-/// No record of ours is longer: the index of 2²¹ chunks, more than three weeks at one a second.
+/// The greatest length of a record: the index of 2²¹ chunks, more than three weeks at one chunk per second.
 inline constexpr std::size_t kMaxRecordBytes = 64u << 20;
 static_assert(kMaxChunkBytes <= kMaxRecordBytes && kMaxRecordingMetadata <= kMaxRecordBytes);
 
-/// Append-only. Readers skip kinds that they do not know; 128 and above are for private use.
+/// Append-only. Readers skip unknown kinds; 128 and above are for private use.
 enum RecordKind : std::uint8_t { kMetadata = 1, kChunk = 2, kIndex = 3 };
 
 inline void putStart(Bytes& out) {

@@ -12,7 +12,7 @@ namespace needlelab {
 
 /// Units as named. W is the device's base frame. NaN is allowed in `wall_W_m` only ("no wall").
 struct GestureSample {
-  std::uint64_t tick = 0;  ///< of the station's loop, counts missed ticks too; never rewritten
+  std::uint64_t tick = 0;  ///< tick of the station's loop, missed ticks included; never rewritten
   std::int64_t time_ns =
       0;                  ///< station steady clock when the tick was due to start its work; never rewritten
   double p_WT_m[3] = {};  ///< tip
@@ -39,7 +39,7 @@ static_assert(std::is_trivially_copyable_v<GestureSample>);
 /// stores the kind's raw double bits (lossless). The tick number and `time_ns` are always exact.
 struct Resolution {
   double length_m = 1e-6;       ///< tip, wall, insertion, lateral error
-  double quaternion = 0x1p-15;  ///< the four components; also `plunger`, which has no dimension either
+  double quaternion = 0x1p-15;  ///< the four components; also `plunger`, which is dimensionless, too
   double force_N = 1e-3;
   double torque_Nm = 1e-4;
   double time_s = 1e-6;  ///< device and engine time of a tick; below 1 ns it means 1 ns, which is exact

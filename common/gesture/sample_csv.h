@@ -1,4 +1,4 @@
-/// Samples as text for other programs: rows of CSV, or one JSON object each.
+/// Exports samples as text for other programs: CSV rows, or one JSON object per sample.
 #pragma once
 
 #include <cstdint>
@@ -15,17 +15,17 @@ namespace needlelab {
 /// added at the end.
 void appendSampleCsvHeader(std::string& out);
 
-/// One row and a line feed: 17 significant digits, `nan` for not-a-number. `first_time_ns` is that of the
-/// recording's first sample: t_s counts from there, as the difference of the integers, so that it is exact to
-/// the nanosecond.
+/// One row and a line feed: 17 significant digits, `nan` for not-a-number. `first_time_ns` is the time of the
+/// recording's first sample: t_s is the difference of the integer times, so that it is exact to the
+/// nanosecond.
 void appendSampleCsvRow(std::string& out, const GestureSample& sample, std::int64_t first_time_ns);
 
-/// One JSON object with the CSV's names as keys, no line feed; not-a-number and infinities become null, as
-/// JSON has none.
+/// One JSON object with the CSV's names as keys, no line feed; not-a-number and infinities become null,
+/// because JSON does not have them.
 void appendSampleJson(std::string& out, const GestureSample& sample, std::int64_t first_time_ns);
 
-/// The samples of an exported CSV, as far as scores need them: the wall's columns are left out (NaN), and
-/// time_ns is exact up to 2^53 ns. Errors: those of readCsv; kInvalidInput naming line and column where a
+/// Reads the samples of an exported CSV, as far as scores need them: the wall's columns are left out (NaN),
+/// and time_ns is exact up to 2^53 ns. Errors: those of readCsv; kInvalidInput naming line and column where a
 /// cell does not fit its column.
 Result<std::vector<GestureSample>> readSampleCsv(const std::filesystem::path& path);
 

@@ -1,4 +1,4 @@
-/// The hash by which station, server and recording agree that they hold the same gesture (proto/README.md).
+/// The hash that shows that station, server and recording have the same gesture (proto/README.md).
 #pragma once
 
 #include <sodium.h>
@@ -20,7 +20,7 @@ class SessionHash {
  public:
   SessionHash();
   void update(ByteView chunk);
-  /// The hash of all that was given so far; may be asked for again and continued.
+  /// Returns the hash of all bytes so far; more bytes may follow.
   [[nodiscard]] Digest digest() const;
 
  private:

@@ -1,4 +1,4 @@
-/// Asio as needlelab uses it: C++20 coroutines that get errors as values. One io_context, one thread: no
+/// Asio in needlelab: C++20 coroutines that receive errors as values. One io_context runs on one thread: no
 /// locks, no strands.
 #pragma once
 
@@ -31,8 +31,7 @@ using Task = asio::awaitable<T>;
 /// `auto [ec, n] = co_await stream.async_read_some(buffer, kUseTuple);`
 inline constexpr auto kUseTuple = asio::as_tuple(asio::use_awaitable);
 
-/// Rethrows what escaped from a spawned coroutine: an exception there is a programmer's error, never
-/// swallowed.
+/// Rethrows an exception that escaped from a spawned coroutine: it is a programmer error and never swallowed.
 inline void rethrow(std::exception_ptr error) {
   if (error) std::rethrow_exception(error);
 }

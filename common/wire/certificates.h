@@ -21,25 +21,25 @@ struct TlsFiles {
 
 TlsFiles tlsFilesIn(const std::filesystem::path& folder);
 
-/// Makes what is missing: the CA (20 years), and the server's certificate (2 years) for `hosts` (names and IP
-/// addresses). The server's certificate is made again, by the same CA, when it lacks one of `hosts` or ends
-/// within 30 days; it keeps the hosts of the old one. Peers notice nothing, they know the CA. Returns true
-/// when something was made. Errors: kInvalidInput for a CA or key that cannot be read, saying what is wrong
-/// with the server's certificate; kFailed when a file cannot be written.
+/// Creates the missing files: the CA (20 years), and the server's certificate (2 years) for `hosts` (names
+/// and IP addresses). Renews the server's certificate with the same CA when it lacks one of `hosts` or
+/// expires within 30 days; the new certificate keeps the hosts of the old one. Peers trust the CA and notice
+/// nothing. Returns true when a file was created. Errors: kInvalidInput for a CA or key that cannot be read,
+/// with the fault of the server's certificate in the message; kFailed when a file cannot be written.
 Result<bool> ensureTlsFiles(const TlsFiles& files, const std::vector<std::string>& hosts);
 
-/// A new certificate and key for the server, by the same CA, for `hosts` and all that the old one was for.
-/// The CA's key must be there. Errors: as ensureTlsFiles.
+/// Creates a new certificate and key for the server, signed by the same CA, for `hosts` and all hosts of the
+/// old certificate. The CA's key must exist. Errors: as ensureTlsFiles.
 Status renewServerCertificate(const TlsFiles& files, const std::vector<std::string>& hosts);
 
-/// What a certificate says of itself. Times: seconds since 1970.
+/// The fields of a certificate. Times: seconds since 1970.
 struct CertificateFacts {
   std::string subject;             ///< its common name
-  std::vector<std::string> hosts;  ///< names and addresses that it is for
+  std::vector<std::string> hosts;  ///< names and addresses of the certificate
   std::int64_t not_before_unix_s = 0, not_after_unix_s = 0;
   std::string sha256;  ///< fingerprint, hexadecimal
 };
-/// Errors: kInvalidInput (missing, or no certificate).
+/// Errors: kInvalidInput (the file is missing or is not a certificate).
 Result<CertificateFacts> readCertificate(const std::filesystem::path& path);
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-/// A TLS connection that carries envelopes: one reader (the owner's coroutine), one writer with two bounded
-/// queues. All waiting frames share a TLS record and a system call, in both directions.
+/// A TLS connection that carries envelopes: one reader (the owner's coroutine) and one writer with two
+/// bounded queues. All queued frames share a TLS record and a system call, in both directions.
 #pragma once
 
 #include <chrono>
@@ -20,16 +20,16 @@
 namespace needlelab {
 
 struct ChannelLimits {
-  std::size_t frame_bytes = kMaxFrameBytesBeforeLogin;  ///< greatest envelope that is accepted now
+  std::size_t frame_bytes = kMaxFrameBytesBeforeLogin;  ///< largest envelope accepted now
   std::size_t control_queue_bytes = 4u << 20;           ///< unsent control bytes; above → QUEUE_OVERFLOW
   std::size_t live_queue_bytes = 1u << 20;
   std::chrono::milliseconds live_age{100};              ///< older live frames are dropped
   std::chrono::milliseconds handshake_timeout{10'000};  ///< from the first byte to `established`
-  std::chrono::milliseconds idle_timeout{30'000};       ///< nothing received for so long → TIMEOUT
-  std::chrono::milliseconds write_timeout{10'000};      ///< one write takes so long → TIMEOUT
-  std::chrono::milliseconds keepalive{10'000};          ///< nothing sent for so long → a Ping; 0: never
+  std::chrono::milliseconds idle_timeout{30'000};       ///< nothing received for this long → TIMEOUT
+  std::chrono::milliseconds write_timeout{10'000};      ///< one write takes this long → TIMEOUT
+  std::chrono::milliseconds keepalive{10'000};          ///< nothing sent for this long → a Ping; 0: never
   std::chrono::milliseconds close_grace{1'000};         ///< for the last messages, then the socket is cut
-  std::chrono::microseconds live_gather{2'000};         ///< live frames that follow closer leave together
+  std::chrono::microseconds live_gather{2'000};         ///< live frames within this time are sent together
   int socket_buffer_bytes = 0;                          ///< SO_SNDBUF and SO_RCVBUF; 0: the system's choice
 };
 
@@ -48,8 +48,9 @@ enum class CloseReason {
 };
 const char* nameOf(CloseReason reason);
 
-/// Thread: everything on the executor of the stream, which is one thread. Ownership: shared; coroutines keep
-/// it alive. Life: make → handshake → receive / send (greeting, log-in) → established → … → finish or close.
+/// Thread: all calls on the executor of the stream, which is one thread. Ownership: shared; coroutines keep
+/// it alive. Lifecycle: make → handshake → receive / send (greeting, log-in) → established → … → finish or
+/// close.
 class Channel : public std::enable_shared_from_this<Channel> {
  public:
   static std::shared_ptr<Channel> make(TlsStream stream, ChannelLimits limits);
@@ -57,38 +58,39 @@ class Channel : public std::enable_shared_from_this<Channel> {
   Channel(const Channel&) = delete;
   Channel& operator=(const Channel&) = delete;
 
-  /// TLS; then the writer and the watch over time-outs run. Once. Errors: kUnavailable (network, time-out),
-  /// kDenied (the peer's certificate); the channel is closed then.
+  /// Performs the TLS handshake, then starts the writer and the timeout watch. Call once. Errors:
+  /// kUnavailable (network, timeout), kDenied (the peer's certificate); the channel is closed then.
   Task<Status> handshake(asio::ssl::stream_base::handshake_type side);
-  /// Before `handshake`, optional: waits until the peer's first TLS record has arrived as a whole, or bytes
-  /// that are not TLS, or its end; at most handshake_timeout from the channel's beginning. Reads nothing.
-  /// Errors: as handshake.
+  /// Optional, before `handshake`: waits until the peer's first TLS record is complete, bytes that are not
+  /// TLS have arrived, or the peer has closed; at most handshake_timeout from the channel's creation. Reads
+  /// nothing. Errors: as handshake.
   Task<Status> peerSpoke();
-  /// The peer has ended its side of the connection: asks the kernel and reads nothing.
+  /// Whether the peer has closed its side of the connection: asks the kernel and reads nothing.
   [[nodiscard]] bool peerHungUp();
 
-  /// The next envelope. Errors: kUnavailable once the channel is closed or closing (`closeText()` in it);
-  /// kCorrupt or kInvalidInput for bytes that are not a frame, after which the caller must finish or close.
-  /// One caller at a time.
+  /// Returns the next envelope. Errors: kUnavailable once the channel is closed or closing (the message
+  /// contains `closeText()`); kCorrupt or kInvalidInput for bytes that are not a frame: the caller must then
+  /// finish or close. One caller at a time.
   Task<Result<pb::Envelope>> receive();
 
-  /// The same in two steps, for an owner that wants the bytes: the next whole frame that is here already
-  /// (valid until the next call of any of these), nothing when more must be read, or an error as of
-  /// receive().
+  /// The same in two steps, for an owner that needs the bytes: returns the next complete frame in the buffer
+  /// (valid until the next call of any of these functions), nothing when more bytes must be read, or an error
+  /// as receive().
   Result<std::optional<ByteView>> next();
-  /// Waits until more bytes are here. Errors: kUnavailable as of receive().
+  /// Waits until more bytes arrive. Errors: kUnavailable as receive().
   Task<Status> readMore();
 
-  /// Queues a control message; never dropped. False when the channel is closing, or by this overflowed: then
-  /// the peer gets Refusal QUEUE_OVERFLOW as its last message, and the channel closes.
+  /// Queues a control message; it is never dropped. Returns false when the channel is closing, or when this
+  /// message overflows the queue: then the peer gets Refusal QUEUE_OVERFLOW as its last message, and the
+  /// channel closes.
   bool send(const pb::Envelope& envelope);
   bool send(Frame frame);
-  /// Queues a live message, dropped when it gets too old. `counted`: a LiveFrame whose receiver is told of
-  /// drops.
+  /// Queues a live message; it is dropped when it gets too old. `counted`: the message is a LiveFrame, and
+  /// the receiver is told of its drops.
   void sendLive(Frame frame, bool counted);
 
-  /// Sends what is queued (and `last`, if any), then closes; cut after close_grace. Idempotent: the first
-  /// reason stays.
+  /// Sends the queued messages (and `last`, if any), then closes; cuts the connection after close_grace.
+  /// Idempotent: the first reason stays.
   void finish(CloseReason reason, std::string text, const pb::Envelope* last = nullptr);
   /// Cuts the connection now.
   void close(CloseReason reason, std::string text);
@@ -136,12 +138,12 @@ class Channel : public std::enable_shared_from_this<Channel> {
   LiveQueue live_;
   std::deque<Frame> control_;
   std::size_t control_bytes_ = 0;
-  std::string batch_;  // what the current write sends: many small frames in one TLS record
+  std::string batch_;  // the bytes of the current write: many small frames in one TLS record
   asio::steady_timer gather_, watch_;
   bool watching_ = false, handshaken_ = false, established_ = false, finishing_ = false, closed_ = false,
        reading_ = false;
-  bool flush_posted_ = false, gathering_ = false;  // a flush will come
-  bool write_blocked_ = false;                     // it comes when the socket takes more
+  bool flush_posted_ = false, gathering_ = false;  // a flush is scheduled
+  bool write_blocked_ = false;                     // the flush waits until the socket accepts more
   bool discarding_ = false;
   CloseReason reason_ = CloseReason::kNone;
   std::string reason_text_;

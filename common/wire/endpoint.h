@@ -14,9 +14,9 @@ struct Endpoint {
   std::uint16_t port = 7750;
 };
 
-/// "host:port", "[::1]:7750", or a host alone (port 7750). Errors: kInvalidInput naming the text.
+/// Parses "host:port", "[::1]:7750", or a host alone (port 7750). Errors: kInvalidInput with the text.
 Result<Endpoint> parseEndpoint(std::string_view text);
-/// The inverse; an IPv6 address is put in brackets.
+/// The inverse; encloses an IPv6 address in brackets.
 std::string endpointText(const Endpoint& endpoint);
 
 }  // namespace needlelab

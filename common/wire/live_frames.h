@@ -1,4 +1,4 @@
-/// Live frames: bounded queues of those that wait for a receiver, and a frame on its way through the server.
+/// Live frames: the bounded queue of one receiver, and a frame that the server forwards.
 #pragma once
 
 #include <cstddef>
@@ -13,15 +13,15 @@
 
 namespace needlelab {
 
-/// Live frames that wait for one receiver: the newest are worth most, so the oldest are dropped and counted.
-/// Bounded by age and by bytes. A push never fails and never waits: a slow receiver loses its own oldest
-/// frames only. Times are of the steady clock (ns) and come from the caller, so that tests choose them.
+/// The queue of live frames for one receiver. The newest frames matter most, so the queue drops and counts
+/// the oldest. Bounded by age and by bytes. A push never fails and never waits: a slow receiver loses only
+/// its own oldest frames. The caller passes the times (steady clock, ns), so that tests can choose them.
 /// Thread: one.
 class LiveQueue {
  public:
   struct Item {
     Frame frame;
-    bool counted = false;  ///< a LiveFrame: its loss is told to the receiver (dropped_for_you)
+    bool counted = false;  ///< a LiveFrame: the receiver is told of its loss (dropped_for_you)
     std::int64_t pushed_ns = 0;
   };
 
@@ -51,23 +51,22 @@ class LiveQueue {
   std::uint64_t dropped_ = 0, dropped_status_ = 0;
 };
 
-/// A live frame on its way through the server, passed on as bytes without a message object: its fields as a
-/// station fills them. Views into the bytes it was found in.
+/// A live frame that the server forwards as bytes, without a message object. Has the fields that a station
+/// fills. Views into the bytes of the received envelope.
 struct LiveFrameView {
   std::string_view session_id, data;
   std::uint64_t frame_seq = 0;
   std::int64_t due_steady_ns = 0, capture_unix_ns = 0;
 };
 
-/// The live frame in the bytes of an Envelope, when they hold just that: each field that stations fill at
-/// most once and nothing else. Everything else that Protobuf would take (fields that come twice or that we do
-/// not know, a body of another kind) and everything that it would not take gives nothing: then decodeFrame()
-/// judges. Safe for any bytes.
+/// Returns the live frame in the bytes of an Envelope that contains nothing else and each field of a station
+/// at most once. Returns nothing for all other bytes, valid Protobuf (repeated or unknown fields, another
+/// body) or not: then decodeFrame() decides. Safe for any bytes.
 std::optional<LiveFrameView> viewLiveFrame(ByteView envelope);
 LiveFrameView viewOf(const pb::LiveFrame& frame);
 
-/// The bytes of the Envelope with this frame and `station` (UTF-8) in it: those that Protobuf would write.
-/// Nothing when they would be more than kMaxFrameBytes.
+/// Returns the bytes of the Envelope with this frame and `station` (UTF-8), identical to Protobuf's output.
+/// Returns nothing when they would exceed kMaxFrameBytes.
 Frame encodeLiveFrame(const LiveFrameView& frame, std::string_view station);
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// What goes over the wire (proto/README.md): frames, the protocol's version, and refusals.
+/// The wire protocol (proto/README.md): frames, version, and refusals.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@
 
 namespace needlelab {
 
-/// The frame of the wire: a 4-byte big-endian length, then so many bytes of one Protobuf Envelope.
+/// A frame is a 4-byte big-endian length, followed by one Protobuf Envelope of that length.
 inline constexpr std::size_t kFrameHeaderBytes = 4;
 inline constexpr std::size_t kMaxFrameBytes = 1u << 20;         ///< an Envelope after log-in
 inline constexpr std::size_t kMaxFrameBytesBeforeLogin = 4096;  ///< an Envelope before log-in
@@ -27,22 +27,23 @@ using Frame = std::shared_ptr<const std::string>;
 Result<Frame> encodeFrame(const pb::Envelope& envelope);
 
 /// Errors: kCorrupt when the bytes are not an Envelope. An unknown body (of a newer minor) is not an error:
-/// BODY_NOT_SET.
+/// the body is BODY_NOT_SET.
 Result<pb::Envelope> decodeFrame(ByteView bytes);
 
 /// Appends the length of a frame of `body_bytes` (at most kMaxFrameBytes, asserted).
 void appendFrameHeader(std::string& out, std::size_t body_bytes);
 
-/// Bytes which, put behind an Envelope with a live_frame, set its dropped_for_you: Protobuf merges a message
-/// field that comes twice. So all viewers share one encoded frame, and each still hears its own count.
+/// Returns bytes that set dropped_for_you when they are appended to an Envelope with a live_frame: Protobuf
+/// merges a message field that occurs twice. So all viewers share one encoded frame, and each gets its own
+/// count.
 std::string droppedSuffix(std::uint64_t dropped);
 
-/// Cuts a stream of bytes into frames. Bounded: a length is checked against the limit before anything is
-/// allocated for it, and memory grows with what arrived, not with what was announced. Use: read into
-/// `writable()`, tell `wrote(n)`, take frames with `next()` until there is none.
+/// Splits a stream of bytes into frames. Bounded: checks a length against the limit before it allocates, and
+/// memory grows with the bytes received, not with the announced length. Use: read into `writable()`, call
+/// `wrote(n)`, take frames with `next()` until it returns none.
 class FrameSplitter {
  public:
-  /// No more can be in it: a whole frame, and what one read brings behind it.
+  /// The most that the buffer can hold: a complete frame and the rest of one read.
   static constexpr std::size_t kMostBytes = kMaxFrameBytes + (64u << 10);
 
   explicit FrameSplitter(std::size_t limit) : limit_(limit) {}
@@ -50,15 +51,15 @@ class FrameSplitter {
   void setLimit(std::size_t limit) { limit_ = limit; }
   [[nodiscard]] std::size_t limit() const { return limit_; }
 
-  /// Room for at least one byte more. Valid until the next call of any member.
+  /// Returns free space for at least one byte. Valid until the next call of any member.
   std::span<std::uint8_t> writable();
   void wrote(std::size_t count);
 
-  /// A whole frame's bytes (valid until `writable()`), nothing when more must be read, or an error after
-  /// which the stream is lost: kInvalidInput for a length of zero or above the limit.
+  /// Returns the bytes of a complete frame (valid until `writable()`), nothing when more bytes must be read,
+  /// or an error, after which the stream is unusable: kInvalidInput for a length of zero or above the limit.
   Result<std::optional<ByteView>> next();
 
-  /// Bytes that arrived and are not yet taken.
+  /// Bytes received but not yet taken.
   [[nodiscard]] std::size_t pending() const { return end_ - begin_; }
   [[nodiscard]] std::size_t capacity() const { return buffer_.size(); }
 
@@ -68,7 +69,8 @@ class FrameSplitter {
   std::size_t begin_ = 0, end_ = 0;
 };
 
-/// Peers with different majors refuse each other; a minor adds only what others may ignore.
+/// Peers with different major versions refuse each other; a minor version adds only features that others may
+/// ignore.
 inline constexpr std::uint32_t kProtocolMajor = 1;
 inline constexpr std::uint32_t kProtocolMinor = 2;
 
@@ -77,22 +79,23 @@ std::string versionText(const pb::Version& version);
 /// "needlelab-NAME 0.1.0"
 std::string programText(const std::string& name);
 
-/// kVersion, naming both, unless the majors are the same.
+/// Error kVersion, with both versions, unless the major versions are equal.
 Status checkVersion(const pb::Version& ours, const pb::Version& theirs);
 
-/// Refusals of the wire and errors of the program, translated both ways.
+/// Translates refusals into errors and errors into refusals.
 pb::Refusal makeRefusal(pb::Refusal::Reason reason, std::string text, bool fatal = false);
-/// The reason that fits an error: kInvalidInput → INVALID, kNotFound → NOT_FOUND, kDenied → ROLE, others
-/// INTERNAL.
+/// Returns the reason for an error: kInvalidInput → INVALID, kNotFound → NOT_FOUND, kDenied → ROLE, all
+/// others → INTERNAL.
 pb::Refusal refusalOf(const Error& error);
-/// What a peer's refusal means to us; the message names the reason, and both versions where they are given.
+/// Returns the error for a peer's refusal; the message names the reason, and both versions if the refusal has
+/// them.
 Error errorOf(const pb::Refusal& refusal);
 /// "LOGIN", "GAP", …
 std::string reasonName(pb::Refusal::Reason reason);
 
-/// Silences Protobuf, which otherwise prints a line on standard error for each text that is not UTF-8, that
-/// is for each such message of a hostile peer. The code that parsed the message gets an Error anyway. Each
-/// program that reads from a network or a database calls it first, before it starts threads.
+/// Silences Protobuf's log: it prints a line on standard error for each text that is not UTF-8, so a hostile
+/// peer could flood it. The caller that parsed the message gets an Error anyway. Every program that reads
+/// from a network or a database calls this first, before it starts threads.
 void keepProtobufQuiet();
 
 }  // namespace needlelab

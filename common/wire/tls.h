@@ -20,39 +20,40 @@ namespace needlelab {
 using TlsContext = std::shared_ptr<asio::ssl::context>;
 using TlsStream = asio::ssl::stream<Tcp::socket>;
 
-/// Errors: kInvalidInput naming the file that is missing, unreadable, or does not fit the other.
+/// Errors: kInvalidInput with the file that is missing, unreadable, or does not match the other.
 Result<TlsContext> makeServerTls(const std::filesystem::path& certificate, const std::filesystem::path& key);
 
-/// Trusts `ca` and nothing else. Errors: kInvalidInput naming the file.
+/// Trusts `ca` only. Errors: kInvalidInput with the file.
 Result<TlsContext> makeClientTls(const std::filesystem::path& ca);
 
-/// Before the handshake of a client: the server's certificate must be for `host` (a name or an IP address).
+/// A client calls this before the handshake: the server's certificate must then be valid for `host` (a name
+/// or an IP address).
 Status requireHost(TlsStream& stream, const std::string& host);
 
-/// What the last TLS failure was, in words: e.g. "certificate verify failed (self-signed certificate)".
+/// Describes the last TLS failure, e.g. "certificate verify failed (self-signed certificate)".
 std::string tlsErrorText(const SSL* ssl, std::string text);
 
-/// Why a call of TlsEngine came to its end.
+/// The result of a call of TlsEngine.
 enum class TlsStep : std::uint8_t {
-  kDone,        ///< the handshake is complete; so many bytes were read or written
-  kWantsInput,  ///< everything that was fed is used up
-  kEnded,       ///< the peer said that it sends nothing more
-  kFailed,      ///< TLS broke: hostile or damaged bytes, a certificate that is not trusted
+  kDone,        ///< the handshake is complete, or bytes were read or written
+  kWantsInput,  ///< all fed bytes are consumed
+  kEnded,       ///< the peer announced the end of its data
+  kFailed,      ///< TLS failed: hostile or damaged bytes, an untrusted certificate
 };
 
-/// What was fed is used up by the next handshake(), or by read() until it wants input: TLS keeps at most one
-/// unfinished record (17 KiB). Thread: one.
+/// TLS without a socket. The next handshake(), or read() until it returns kWantsInput, consumes all fed
+/// bytes: TLS keeps at most one unfinished record (17 KiB). Thread: one.
 class TlsEngine {
  public:
-  /// Takes a share of `ssl` and replaces its way to the network.
+  /// Takes a reference to `ssl` and replaces its network I/O.
   explicit TlsEngine(SSL* ssl);
   TlsEngine(const TlsEngine&) = delete;
   TlsEngine& operator=(const TlsEngine&) = delete;
   ~TlsEngine();
 
-  /// Bytes of the network; they must live until they are used up.
+  /// Feeds bytes from the network; they must stay valid until they are consumed.
   void feed(ByteView bytes) { input_ = bytes; }
-  /// True while read() has something to work on.
+  /// True while read() has input to process.
   [[nodiscard]] bool hasInput() const { return !input_.empty() || SSL_pending(ssl_.get()) > 0; }
 
   TlsStep handshake(bool as_server);
@@ -61,12 +62,12 @@ class TlsEngine {
   /// Encrypts all of `plain` into output().
   TlsStep write(std::string_view plain);
 
-  /// Bytes for the network. The owner sends them and calls sent().
+  /// Returns the bytes for the network. The owner sends them and calls sent().
   [[nodiscard]] std::string_view output() const { return std::string_view(output_).substr(sent_); }
   void sent(std::size_t count);
 
   [[nodiscard]] SSL* ssl() const { return ssl_.get(); }
-  /// OpenSSL's words for the last kFailed.
+  /// OpenSSL's error text for the last kFailed.
   [[nodiscard]] const std::string& failure() const { return failure_; }
 
  private:
