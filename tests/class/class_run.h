@@ -1,4 +1,4 @@
-/// The whole class: stations beside each other, what became of it, as lines and as a table.
+/// Runs the whole class on parallel stations, and reports the outcome as lines and as a table.
 #pragma once
 
 #include <csignal>
@@ -23,9 +23,9 @@ struct ClassOptions {
 /// Checks the numbers. Errors: kInvalidInput with option, value and range.
 Status checkClass(const ClassOptions& options);
 
-/// Practises all of it; trainees are dealt out to the stations in turn. Progress on stderr where that is a
-/// terminal, else a line now and then. `stop_signals` end it. Errors: those of the first station that failed;
-/// what was recorded until then is in its spool and at the server.
+/// Runs all attempts; the trainees are assigned to the stations in turn. Shows progress on stderr if that is
+/// a terminal, otherwise a line now and then. `stop_signals` end it. Errors: those of the first station that
+/// failed; the recordings up to then are in its spool and at the server.
 Result<std::vector<ClassSession>> runClass(const ClassOptions& options,
                                            const std::vector<ClassTrainee>& trainees,
                                            const sigset_t& stop_signals);

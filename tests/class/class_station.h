@@ -1,5 +1,5 @@
-/// One attempt by a simulated hand on virtual time: as a station would have recorded it, in a fraction of the
-/// time that it takes.
+/// One attempt by a simulated hand on virtual time: the same recording as a station's, in a fraction of the
+/// time.
 #pragma once
 
 #include <cstdint>
@@ -45,8 +45,8 @@ Result<ClassLesson> classLessonOf(const pb::Lesson& message);
 /// up. Errors: kFailed, when the gate took the force away.
 Result<std::vector<GestureSample>> practiseOnce(const ClassLesson& lesson, double skill, std::uint64_t seed);
 
-// A station of the class: it asks the server for lessons, has simulated trainees practise them, and uploads
-// what was recorded, with the station's own parts (client/net).
+// A station of the class: it asks the server for lessons, lets simulated trainees practise them, and uploads
+// the recordings with the station's own parts (client/net).
 
 /// Outcome of a planned attempt.
 struct ClassSession {
@@ -68,7 +68,7 @@ struct ClassPlace {
 /// Thread: one.
 class ClassStation {
  public:
-  /// `done()`: after each attempt, from this station's thread.
+  /// Calls `done()` after each attempt, on this station's thread.
   ClassStation(ClassPlace place, const std::vector<ClassTrainee>& trainees,
                const std::vector<std::string>& exercises, std::function<void()> done);
   ~ClassStation();
@@ -77,8 +77,8 @@ class ClassStation {
 
   /// Key and server. Errors: kInvalidInput, kUnavailable, kDenied.
   Status connect();
-  /// All of them, in order; one that is refused is noted, the others go on. Errors: those that end the work:
-  /// the server is away for good, a full disk, a gesture that the gate ended.
+  /// Runs all attempts in order; notes a refused attempt and goes on. Errors: those that end the work: a
+  /// server that stays unavailable, a full disk, a gesture ended by the gate.
   Status practise(std::vector<ClassSession>& attempts, const std::function<bool()>& stopped);
 
  private:

@@ -14,25 +14,25 @@ struct ClassTrainee {
   double skill = 0;  ///< on the first day, [0, 1] (client/device/hand_options.h)
 };
 
-/// From NAME=SKILL. Errors: kInvalidInput with the text and what is allowed.
+/// Parses NAME=SKILL. Errors: kInvalidInput with the text and the allowed form.
 Result<ClassTrainee> parseTrainee(const std::string& text);
 
 struct TimetableOptions {
   std::size_t exercises = 6;  ///< 1-100
   std::size_t attempts = 3;   ///< of everybody at each exercise, 1-50
   double weeks = 4;           ///< how long ago the first began, above 0, to 520
-  /// Effect of practice: an attempt takes this share away of what is missing to skill 1, [0, 0.5].
+  /// Effect of practice: each attempt closes this share of the gap to skill 1, [0, 0.5].
   double practice = 0.012;
   std::uint64_t seed = 1;
 };
 
-/// One attempt that is to be made.
+/// One planned attempt.
 struct PlannedAttempt {
   std::size_t trainee = 0, exercise = 0;
   std::size_t number = 0;  ///< at this exercise, from 0
-  double skill = 0;        ///< of the hand, with what was practised until then
+  double skill = 0;        ///< of the hand, practice so far included
   std::int64_t started_unix_ns = 0;
-  std::uint64_t seed = 0;  ///< of all that is left to chance in it
+  std::uint64_t seed = 0;  ///< of all random choices in it
 };
 
 /// All attempts, of one trainee after the other, each in order of time: exercises in their order, at least

@@ -1,5 +1,5 @@
-/// A skills lab of real programs over TLS on loopback: one server on a fresh folder, one station, and eyes on
-/// what is stored.
+/// A skills lab of real programs over TLS on loopback: one server on a fresh folder, one station, and access
+/// to the stored sessions.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -36,10 +36,10 @@ class Lab {
   void killServer();
   /// SIGTERM; the exit code.
   int stopServer();
-  /// For a station of this lab, with these arguments more; `spool`: another than the lab's own.
+  /// Command line for a station of this lab, plus these arguments; `spool` replaces the lab's own.
   [[nodiscard]] std::vector<std::string> stationArguments(const std::vector<std::string>& more,
                                                           const std::filesystem::path& spool = {}) const;
-  /// A station of this lab, for trainee tom, with these arguments more; its log is `name`.log.
+  /// Starts a station of this lab for trainee tom, plus these arguments; its log is `name`.log.
   std::unique_ptr<Process> startStation(const std::string& name, const std::vector<std::string>& more);
   /// The closing summary of that station.
   [[nodiscard]] nlohmann::json summary(const std::string& name) const;

@@ -1,4 +1,4 @@
-/// A program of ours as a child process: started, killed, waited for, its words kept.
+/// One of our programs as a child process: starts, kills and waits for it, and keeps its output.
 #pragma once
 
 #include <fcntl.h>
@@ -20,11 +20,11 @@
 
 namespace needlelab::test {
 
-/// Killed and reaped when it goes out of scope.
+/// Its destructor kills and reaps the process.
 class Process {
  public:
-  /// `program` is found in the build's bin folder, or where it says when it begins with '/'; its standard
-  /// output and error go to `log`.
+  /// `program` is a name in the build's bin folder, or an absolute path; its standard output and error go to
+  /// `log`.
   Process(const std::string& program, const std::vector<std::string>& arguments, std::filesystem::path log)
       : log_(std::move(log)) {
     const std::string path = program.starts_with('/') ? program : std::string(NEEDLELAB_BIN) + "/" + program;
@@ -50,7 +50,7 @@ class Process {
   void signal(int number) {
     if (!status_) ::kill(pid_, number);
   }
-  /// The exit code, −signal when it was killed, nothing when it still runs after `limit`.
+  /// Returns the exit code, −signal when it was killed, or empty when it still runs after `limit`.
   std::optional<int> wait(std::chrono::milliseconds limit) {
     const auto end = std::chrono::steady_clock::now() + limit;
     while (!status_) {
@@ -65,7 +65,7 @@ class Process {
     return status_;
   }
   [[nodiscard]] pid_t pid() const { return pid_; }
-  /// All that it said so far.
+  /// Its output so far.
   [[nodiscard]] std::string said() const {
     std::ifstream file(log_);
     std::stringstream text;

@@ -1,4 +1,4 @@
-/// Some dozens of whole insertions by simulated hands, made once, from which a thousand stations are fed.
+/// Some dozens of whole insertions by simulated hands, made once; they feed a thousand stations.
 #pragma once
 
 #include <cstddef>
@@ -17,8 +17,9 @@ namespace needlelab::test {
 /// One insertion: free air, in, hold, inject, out, free air. 1 kHz; `tick` counts from 0, `time_ns` is 0.
 using PoolGesture = std::vector<GestureSample>;
 
-/// All of the same scene, each by a hand of its own: speed, depth, tremor, hold and aspiration differ. They
-/// begin and end at about the same place, so that they can follow each other. Read-only once made.
+/// All gestures use the same scene, each with its own hand: speed, depth, tremor, hold and aspiration differ.
+/// They begin and end at about the same place, so that they can follow each other. Read-only after
+/// construction.
 struct GesturePool {
   std::string profile_id, profile_json;  ///< canonical; the scene that they were done in
   std::vector<PoolGesture> gestures;
@@ -27,29 +28,27 @@ struct GesturePool {
 /// `count` gestures, the same for the same seed. Errors: those of the engine's closed loop.
 Result<GesturePool> makeGesturePool(std::uint64_t seed, std::size_t count);
 
-// The samples that one station of the load records: always the same ones, and none like those of another
-// station.
+// The samples of one load station: reproducible, and different from every other station's.
 
 inline constexpr std::int64_t kTick_ns = 1'000'000;
-/// The clocks of two stations are so far apart: no run is as long (2.7 h), so a time belongs to one station.
+/// Offset between the clocks of two stations. No run is as long (2.7 h), so a time identifies its station.
 inline constexpr std::int64_t kStationClock_ns = 10'000'000'000'000;
 
-/// A seeded mix of the pool's gestures, moved by a displacement that no other station of the run has, with
-/// times of its own. A function of (pool, seed, station, tick) alone. Thread: one (the mix grows as it is
-/// asked for).
+/// A seeded mix of the pool's gestures, with a displacement and times unique to this station. Depends only on
+/// (pool, seed, station, tick). Thread: one (the mix grows as it is asked for).
 class StationStream {
  public:
   /// `pool` must outlive it and hold a gesture.
   StationStream(const GesturePool& pool, std::uint64_t seed, std::size_t station);
 
-  /// Samples of the ticks first, first + 1, … into `out`.
+  /// Writes the samples of the ticks first, first + 1, … into `out`.
   void fill(std::uint64_t first_tick, std::span<GestureSample> out);
 
-  /// The station's clock when that tick is due.
+  /// The station's clock at the due time of that tick.
   [[nodiscard]] std::int64_t timeOf(std::uint64_t tick) const {
     return clock_ns_ + static_cast<std::int64_t>(tick) * kTick_ns;
   }
-  /// Where its limb stands: the displacement.
+  /// The limb's placement: the displacement.
   [[nodiscard]] Vec3 placement_m() const { return placement_m_; }
 
  private:

@@ -59,7 +59,7 @@ class FaultPlan {
  public:
   explicit FaultPlan(const LoadOptions& options);
 
-  /// The fault that is due at this time of the run, if any; ask often.
+  /// Returns the fault due at this time of the run, if any. Call it often.
   std::optional<PlannedFault> at(double time_s);
 
  private:

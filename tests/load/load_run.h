@@ -17,7 +17,7 @@
 
 namespace needlelab::test {
 
-/// The own server at an instant.
+/// One sample of the own server.
 struct ServerRow {
   double time_s = 0;  ///< since the streaming began
   ProcessSample server;
@@ -45,22 +45,22 @@ struct LoadResult {
   bool interrupted = false;           ///< somebody ended it before its time
   std::vector<std::string> troubles;  ///< why stations did not get through, or the server ended
 
-  /// Nothing lost, doubled, different or strange, and all sessions closed as complete.
+  /// True if no sample is lost, duplicated, different or foreign, and all sessions are closed as complete.
   [[nodiscard]] bool good() const;
 };
 
-/// `interrupt` may be set by another thread or a signal handler: then everything is ended in order.
-/// Errors: kInvalidInput (options), kFailed or kUnavailable when it could not be run at all.
+/// Another thread or a signal handler may set `interrupt`; the run then ends in order. Errors: kInvalidInput
+/// (options), kFailed or kUnavailable when the run could not start.
 Result<LoadResult> runLoad(const LoadOptions& options, const std::atomic<bool>& interrupt);
 
 // A long run with faults, judged: nothing lost, the server's memory and file handles flat.
 
-/// In the order of a table. Memory and handles are those of the server that lived last, after a warm-up of a
-/// quarter of its life, at most 5 min: both begin again with each restart.
+/// In table order. Memory and handles are those of the last server process, after a warm-up of a quarter of
+/// its life, at most 5 min: both start again with each restart.
 std::vector<Finding> judgeLoad(const LoadResult& result, const SoakLimits& limits = {});
 
-/// samples.csv (a row a second), table.txt (the verdict is its last line), load.json, soak.png (where gnuplot
-/// is) into `out`, which is made. Errors: kFailed.
+/// Creates `out` and writes samples.csv (one row per second), table.txt (the verdict is its last line),
+/// load.json, and soak.png if gnuplot is available. Errors: kFailed.
 Status writeSoak(const LoadResult& result, const std::vector<Finding>& findings,
                  const std::filesystem::path& out);
 

@@ -1,4 +1,4 @@
-/// Data that the stations and viewers of one run share, and a thread for the network.
+/// Shared data of the stations and viewers of one run, and a thread for the network.
 #pragma once
 
 #include <atomic>
@@ -27,7 +27,7 @@ struct StationPlan {
   std::atomic<std::int64_t> start_ns{0};
 };
 
-/// Read-only while the run lasts, but for the atomics. Thread: any.
+/// Read-only during the run, except the atomics. Thread: any.
 struct LoadShared {
   const GesturePool* pool = nullptr;
   std::uint64_t seed = 1;
@@ -38,9 +38,9 @@ struct LoadShared {
   static constexpr std::uint64_t kFrameTicks = 20, kChunkTicks = 1000;
 };
 
-// An io_context with a thread of its own, and a way to ask it things.
+// An io_context with its own thread, and calls into that thread.
 
-/// Thread: `call` by any but its own. Destruction stops it: what runs on it must have ended, or is dropped.
+/// Thread: `call` from any thread but its own. Destruction stops the thread and drops all work still on it.
 class NetThread {
  public:
   NetThread() : thread_([this] { io_.run(); }) {}
@@ -49,7 +49,7 @@ class NetThread {
   NetThread& operator=(const NetThread&) = delete;
 
   asio::io_context& io() { return io_; }
-  /// Runs `work` on the thread and gives its result.
+  /// Runs `work` on the thread and returns its result.
   template <typename Work>
   auto call(Work work) -> decltype(work()) {
     std::packaged_task<decltype(work())()> task(std::move(work));

@@ -1,4 +1,5 @@
-/// One station of the load: generates, encodes, sends, keeps until acknowledged, comes back after a loss.
+/// One load station: generates, encodes and sends samples, keeps them until acknowledged, and reconnects
+/// after a loss.
 #pragma once
 
 #include <cstdint>
@@ -25,31 +26,30 @@ struct StationTotals {
   std::uint64_t connections = 0;
   std::uint64_t unsent_peak = 0;  ///< most chunks that waited for an acknowledgement at one station
 
-  /// Adds those of another thread.
+  /// Adds the totals of another thread.
   void add(const StationTotals& other);
 };
 
-/// As the station's uplink (client/net) with everything in memory: there is no spool on disk. Thread: its
-/// io_context's. Life: connect(); step() at each frame's time; end()
-/// after the last; then close().
+/// Like the station's uplink (client/net), but in memory, without a spool on disk. Thread: its io_context's.
+/// Life: connect(); step() at each frame's time; end() after the last; then close().
 class LoadStation {
  public:
   LoadStation(LoadShared& shared, std::size_t index, StationTotals& totals, asio::io_context& io);
 
-  /// Connects, and connects again, until the session is closed or stop() is called.
+  /// Connects and reconnects until the session is closed or stop() is called.
   void connect();
 
-  /// Makes and sends the frame that is due. False: it was the last one.
+  /// Makes and sends the due frame. Returns false after the last one.
   bool step(std::int64_t now_ns);
-  /// When the next frame is due: with its last sample. Steady clock.
+  /// Due time of the next frame, which is that of its last sample. Steady clock.
   [[nodiscard]] std::int64_t nextDue_ns() const;
-  /// No sample after those that were made; the rest is sent.
+  /// Makes no more samples; sends the rest.
   void end();
-  /// The session may be closed once everything is acknowledged.
+  /// Allows the session to close once everything is acknowledged.
   void close();
   /// Gives up.
   void stop();
-  /// A fault of the network, seen from here.
+  /// Simulates a network fault on this side.
   void cut();
 
   [[nodiscard]] bool opened() const { return state_ == State::kOpen || state_ == State::kClosing; }
@@ -58,7 +58,7 @@ class LoadStation {
   [[nodiscard]] std::uint64_t ticks() const { return next_tick_; }  ///< made so far
   /// The reason of an early end, for a person.
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
-  /// Why the last connection could not be made or was lost.
+  /// The reason why the last connection failed or was lost.
   [[nodiscard]] const std::string& lastError() const { return last_error_; }
 
  private:

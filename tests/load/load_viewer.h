@@ -1,4 +1,4 @@
-/// One instructor of the load: watches its share of the stations at full rate and measures.
+/// One load instructor: watches its share of the stations at full rate and measures latencies.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,8 @@ struct ViewerTotals {
   LatencyHistogram live;  ///< from when a frame's oldest sample was due to its arrival here, decoded
   std::uint64_t frames = 0, samples = 0, bytes = 0;
   std::uint64_t gaps = 0;     ///< frames of a station's connection that never came, by their numbers
-  std::uint64_t told = 0;     ///< … of them as the server counted them for us
-  std::uint64_t corrupt = 0;  ///< frames that are no chunk, or not of the station that they name
+  std::uint64_t told = 0;     ///< … of them, by the server's count for this viewer
+  std::uint64_t corrupt = 0;  ///< frames without a valid chunk, or of another station than they name
   std::uint64_t connections = 0;
 };
 
@@ -31,10 +31,10 @@ class LoadViewer {
   LoadViewer(LoadShared& shared, pb::Login login, std::size_t index, std::size_t of, ViewerTotals& totals,
              asio::io_context& io);
 
-  /// Connects, and connects again, until stop().
+  /// Connects and reconnects until stop().
   void connect();
   void stop();
-  /// Reads nothing for so long.
+  /// Stops reading for the given time.
   void pause(std::chrono::milliseconds time) { link_.pauseReading(time); }
 
   /// All subscriptions were answered.

@@ -1,4 +1,4 @@
-/// A needlelab-server of the run's own, as a child process on a folder of its own.
+/// The run's own needlelab-server, a child process with its own folder.
 #pragma once
 
 #include <sys/types.h>
@@ -23,8 +23,8 @@ struct Enrolled {
   std::string user, password;
 };
 
-/// Makes the folder's database and puts stations and one administrator into it; no server may run on it.
-/// Names are load-0001 …. Errors: those of the store.
+/// Creates the folder's database with the stations and one administrator. No server may run on it. Names are
+/// load-0001 …. Errors: those of the store.
 Result<Enrolled> enrol(const std::filesystem::path& data, std::size_t stations);
 
 /// Thread: one at a time.
@@ -33,11 +33,12 @@ class OwnServer {
   /// `server`: the program. `folder` holds data/ and the server's log.
   OwnServer(std::filesystem::path server, std::filesystem::path folder);
 
-  /// On a free port at first, afterwards on the same one. Errors: kFailed with its last words.
+  /// Starts it on a free port the first time, later on the same one. Errors: kFailed with the last lines of
+  /// its log.
   Status start();
   /// kill -9.
   void kill();
-  /// SIGTERM; kFailed when it does not end with 0.
+  /// Sends SIGTERM; kFailed when the exit code is not 0.
   Status stop();
   [[nodiscard]] std::uint16_t port() const { return port_; }
   [[nodiscard]] pid_t pid() const { return process_ ? process_->pid() : 0; }
@@ -45,8 +46,8 @@ class OwnServer {
   [[nodiscard]] std::filesystem::path data() const { return folder_ / "data"; }
   [[nodiscard]] std::filesystem::path caFile() const { return data() / "tls" / "ca.crt"; }
   [[nodiscard]] std::filesystem::path log() const { return folder_ / "server.log"; }
-  /// CPU time of the servers that were killed or stopped, as far as it was seen; `sample` of the one that
-  /// runs.
+  /// CPU time of the servers that were killed or stopped, up to the last sample of each; `sample` gives that
+  /// of the running one.
   [[nodiscard]] std::optional<ProcessSample> sample() const;
   [[nodiscard]] double earlierCpu_s() const { return earlier_cpu_s_; }
 
@@ -67,8 +68,8 @@ struct Profile {
   std::map<pid_t, std::map<std::string, std::size_t>> threads;
 };
 
-/// Which kind of work a sample is: its stack, innermost frame first, as perf script prints it
-/// ("ip symbol (object)"). In the kernel the system call decides, elsewhere the innermost frame.
+/// Classifies a sample by its stack, innermost frame first, as perf script prints it ("ip symbol (object)").
+/// In the kernel the system call decides, elsewhere the innermost frame.
 std::string workOf(const std::vector<std::string>& frames);
 
 /// From `perf script -F tid,ip,sym,dso`.

@@ -1,4 +1,4 @@
-/// Some of a run's stations on one network thread, and the schedule by which they are due.
+/// A part of a run's stations on one network thread, and their schedule.
 #pragma once
 
 #include <memory>
@@ -10,7 +10,7 @@
 
 namespace needlelab::test {
 
-/// State of the crowd at an instant.
+/// The crowd's current state.
 struct CrowdState {
   std::size_t opened = 0, ended = 0, closed = 0, finished = 0;
   std::uint64_t samples_made = 0, samples_sent = 0, samples_acked = 0;
@@ -31,10 +31,10 @@ class StationThread {
   void endNow();
   /// `station`: by its number in the run, one of this thread's.
   void cut(std::size_t station);
-  /// Adds what is known of this thread's stations.
+  /// Adds the state of this thread's stations.
   void tell(CrowdState& state);
   void addTotals(StationTotals& totals);
-  /// After stop(): how many samples each has made, in the places of the run's stations.
+  /// After stop(): the number of samples that each station made, indexed by station of the run.
   void tellTicks(std::vector<std::uint64_t>& ticks) const;
   /// Closes all connections and ends the thread.
   void stop();
@@ -56,8 +56,8 @@ class StationThread {
 /// Thread: the owner's.
 class StationCrowd {
  public:
-  /// Two threads: one alone would make a thousand stations' frames in the time of one core, and be late with
-  /// them, while the machine's other core has time left.
+  /// Uses two threads: one thread alone is limited to one core and would be late with a thousand stations'
+  /// frames while the machine's other core has time left.
   explicit StationCrowd(LoadShared& shared, std::size_t threads = 2);
 
   /// Begins to connect them, so many a second.
@@ -68,7 +68,7 @@ class StationCrowd {
   void endNow();
   void cut(std::size_t station);
   [[nodiscard]] CrowdState state();
-  /// After stop(): how many samples each has made.
+  /// After stop(): the number of samples that each station made.
   [[nodiscard]] std::vector<std::uint64_t> ticks() const;
   [[nodiscard]] StationTotals totals();
   /// Closes all connections and ends the threads.

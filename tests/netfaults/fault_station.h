@@ -1,5 +1,5 @@
-/// A station as far as the network sees it: spool and uplink of the real one, behind a bad network, and a
-/// look at what the server's database has of it.
+/// The network side of a station: the real spool and uplink behind a bad network, and a check of the server's
+/// database.
 #pragma once
 
 #include <atomic>
@@ -17,11 +17,11 @@
 
 namespace needlelab::test {
 
-/// Time-outs a twentieth or so of the real ones, for both ends, so that a test need not wait for 30 s.
+/// Timeouts of about a twentieth of the real ones, for both ends, so that a test need not wait for 30 s.
 /// keepalive < idle/3 as in ChannelLimits' own values.
 ChannelLimits shortLimits();
 
-/// A server with these limits, and nothing printed.
+/// Options of a server with these limits that prints nothing.
 void withShortLimits(ServerOptions& options);
 
 struct StationSettings {
@@ -44,8 +44,8 @@ class FaultStation {
 
   /// Until the server has closed the session. False when `patience` passed before.
   bool waitUntilDone(std::chrono::milliseconds patience);
-  /// Everything recorded is in the database once, in order, complete by its hash; no acknowledgement went
-  /// back.
+  /// Checks that the database holds every recorded sample once, in order and complete by its hash, and that
+  /// acknowledgements never decreased.
   void expectWhole(RunningServer& server) const;
 
   [[nodiscard]] UplinkState state() const { return uplink_->state(); }
@@ -53,7 +53,7 @@ class FaultStation {
   [[nodiscard]] const SpoolSession& session() const { return *session_; }
   [[nodiscard]] std::vector<std::string> said() const;
   [[nodiscard]] std::vector<std::string> heard() const;  ///< texts of trainee messages, ids of next exercises
-  /// A live frame and a status line as the loop's recorder gives them.
+  /// Sends a live frame and a status line, as the loop's recorder does.
   void offer(const SamplePiece& piece) { uplink_->offer(piece); }
   Uplink& uplink() { return *uplink_; }
 

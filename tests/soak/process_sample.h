@@ -1,4 +1,4 @@
-/// Resources of a process at an instant, from /proc.
+/// Current resource use of a process, from /proc.
 #pragma once
 
 #include <sys/types.h>
@@ -17,7 +17,7 @@ struct ProcessSample {
   double cpu_s = 0;  ///< user and system, since it began
 };
 
-/// Nothing when the process is gone.
+/// Empty when the process no longer exists.
 std::optional<ProcessSample> sampleProcess(pid_t pid);
 
 /// Bytes of all regular files below `folder`.

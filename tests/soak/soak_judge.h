@@ -10,8 +10,8 @@
 
 namespace needlelab::test {
 
-/// A straight line through the medians of `blocks` equal stretches of time: samples that follow each other
-/// closely are not independent, such medians nearly are, and one spike moves none of them.
+/// A straight line through the medians of `blocks` equal stretches of time: neighbouring samples are
+/// correlated, such medians are nearly independent, and a single spike does not move them.
 struct Slope {
   double per_min = 0;
   double half_width_per_min = 0;  ///< of the 95 % interval, by Student's t
@@ -36,13 +36,12 @@ struct Finding {
   Verdict verdict = Verdict::kGood;
 };
 
-/// Memory of a process by its samples at these times, none of them before the warm-up's end. In a run that is
-/// `brief` growth is never bad: an allocator that takes one block more looks like it.
+/// Memory of a process by its samples at these times, none of them before the warm-up's end. In a `brief` run
+/// growth is never bad: an allocator that takes one more block looks the same.
 Finding flatMemory(const std::string& process, std::span<const double> time_s,
                    std::span<const double> rss_KiB, bool brief, const SoakLimits& limits = {});
 
-/// In the order of a table. Slopes: good when the whole interval is below the limit, bad when all of it is
-/// above.
+/// In table order. A slope is good when its whole interval is below the limit, bad when all of it is above.
 std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, const SoakMinutes& minutes,
                            const SoakLimits& limits = {});
 /// The worst of them.

@@ -25,25 +25,25 @@ struct SoakOptions {
 
   /// Between two samples.
   [[nodiscard]] double every_s() const;
-  /// Not judged: caches fill, pools reach their size.
+  /// Warm-up, not judged: caches fill and pools reach their size.
   [[nodiscard]] double warmUp_s() const;
-  /// Of what is called a minute: shorter in a short run.
+  /// Length of a "minute" of the report: shorter in a short run.
   [[nodiscard]] double minute_s() const;
 };
 
-/// All at one instant.
+/// One sample of all programs.
 struct SoakRow {
   double time_s = 0;  ///< since the session began
   std::array<ProcessSample, kSoakProcesses> processes;
   std::uint64_t spool_bytes = 0, data_bytes = 0;  ///< the station's spool, the server's folder
   // the station's newest status line
   std::uint64_t samples = 0, missed_ticks = 0, spool_left = 0, wakeup_p99_us = 0;
-  double request_ms = 0;  ///< how long the server took to answer a question of ours
+  double request_ms = 0;  ///< the server's answer time to a request of this test
 };
 
 struct SoakData {
   std::vector<SoakRow> rows;          ///< while the station practised
-  std::vector<std::string> troubles;  ///< words of the status lines, each once
+  std::vector<std::string> troubles;  ///< trouble texts of the status lines, each once
   nlohmann::json summary;             ///< the station's
   int station_code = -1, viewer_code = -1, server_code = -1;
   std::uint64_t stored_samples = 0;  ///< in the database, by the server's word
@@ -51,13 +51,13 @@ struct SoakData {
   bool verified = false;  ///< chunks and hash, by the server's own check
 };
 
-/// Runs it all; what the programs say is in `out`. Errors: kFailed when something could not be started or did
-/// not end, with its last words.
+/// Runs the soak; the programs' logs are in `out`. Errors: kFailed with the last log lines when a program did
+/// not start or did not end.
 Result<SoakData> runSoak(const SoakOptions& options);
 
 // --- figures of each minute, from the recording and from the frames that the viewer saw
 
-/// NaN where nothing was seen.
+/// NaN where there are no data.
 struct SoakMinute {
   double end_s = 0;
   std::uint64_t samples = 0;
@@ -72,7 +72,7 @@ using SoakMinutes = std::vector<SoakMinute>;
 /// Reads the station's spool and the viewer's lines in `options.out`. Errors: kCorrupt, kNotFound.
 Result<SoakMinutes> minutesOf(const SoakData& data, const SoakOptions& options);
 
-/// The least of `values` that at least the share q of them does not exceed; NaN when there is none.
+/// The q-quantile: the least value that at least the share q of `values` does not exceed; NaN for no values.
 double quantile(std::vector<double> values, double q);
 
 }  // namespace needlelab::test

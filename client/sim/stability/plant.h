@@ -49,7 +49,7 @@ struct PlantTick {
   bool stepped = false;   ///< false: no update, or the gate rejected the sample; report as of the tick before
   TipSample seen;         ///< the tip as the encoders say
   Vec3 p_W_m, v_W_mps;    ///< the tip as it is
-  Vec3 p_wanted_W_m;      ///< where the hand wants it, tremor included
+  Vec3 p_wanted_W_m;      ///< the hand's target, tremor included
   StepReport report;      ///< forces before the gate
   Vec3 rendered_force_N;  ///< after the gate
   std::uint32_t gate_flags = 0;
@@ -61,7 +61,7 @@ struct PlantRun {
   double rate_hz = 0;
   double axial_stiffness_N_per_m = 0;
   std::vector<PlantTick> ticks;
-  Fault fault = Fault::kNone;  ///< the first that the gate raised; the run goes on without force
+  Fault fault = Fault::kNone;  ///< first fault of the gate; the run goes on without force
 };
 
 /// Runs the plan to its end. Deterministic. Errors: kInvalidInput, as of SimulatedDevice::open.
