@@ -1,5 +1,5 @@
-/// What a station under test writes down for the judge: one line of JSON an event, appended with one write
-/// each, so that a kill of this program cuts off no more than its last line. Fields: README.md.
+/// The ledger that a station under test writes for the judge: one line of JSON per event, each appended with
+/// a single write, so that a kill of this program cuts off its last line at most. Fields: README.md.
 #pragma once
 
 #include <mutex>
@@ -14,7 +14,7 @@ namespace needlelab::test {
 /// Owns its file. Thread: any.
 class StationLedger {
  public:
-  /// Throws std::runtime_error when it cannot be opened.
+  /// Throws std::runtime_error when the file cannot be opened.
   explicit StationLedger(const std::string& path);
   ~StationLedger();
   StationLedger(const StationLedger&) = delete;

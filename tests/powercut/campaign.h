@@ -1,4 +1,4 @@
-/// What the tests of power cuts have in common: seeds, counts, and the run of themselves with a planted bug.
+/// Common parts of the power-cut tests: seeds, counts, and the run of the same program with a planted bug.
 #pragma once
 
 #include <cstdint>
@@ -16,21 +16,22 @@ std::uint64_t seedOr(std::uint64_t usual);
 /// NEEDLELAB_LONG=1.
 bool longForm();
 
-/// This is the run of `runPlanted`: a few cuts will do.
+/// True in the run that `runPlanted` starts: a few cuts suffice.
 bool plantedRun();
 
-/// What a campaign of cuts found.
+/// Results of a campaign of cuts.
 struct CutCounts {
   std::uint64_t runs = 0, cuts = 0, outcomes = 0;
   std::uint64_t in_commit = 0, in_checkpoint = 0;  ///< cuts
   std::uint64_t bad = 0;                           ///< outcomes in which something was lost or wrong
-  std::uint64_t double_cuts = 0;                   ///< … whose mending was cut as well
+  std::uint64_t double_cuts = 0;                   ///< … with a second cut during the repair
   std::string first;                               ///< of the bad ones, in words
 };
-/// "name: 60 cuts (…), 300 outcomes, bad 0", on standard output and as a property of the test.
+/// "name: 60 cuts (…), 300 outcomes, bad 0", to standard output and as a property of the test.
 void report(const std::string& name, const CutCounts& counts);
 
-/// Judges what is left in `folder` of a cut before event `instant`; words when something is wrong.
+/// Judges the state in `folder` after a cut before event `instant`; returns a message when something is
+/// wrong.
 using CutJudge =
     std::function<std::string(const std::filesystem::path& folder, std::size_t instant, Random& random)>;
 
@@ -39,8 +40,8 @@ using CutJudge =
 void cutLog(const DiskLog& log, std::size_t first, std::size_t last, int cuts, std::uint64_t seed,
             const CutJudge& judge, CutCounts& counts);
 
-/// Runs this program again, with a planted bug, only the tests of `filter`; gives whether they failed, and
-/// their words.
+/// Runs the tests of `filter` again in a new process with a planted bug. Returns whether they failed, and
+/// their output.
 struct PlantedRun {
   bool failed = false;
   std::string said;

@@ -1,4 +1,4 @@
-/// What programs did to a disk, call by call, and which states a power cut may leave of it.
+/// A log of a program's disk calls, and the disk states that a power cut may leave.
 #pragma once
 
 #include <cstdint>
@@ -12,19 +12,18 @@
 
 namespace needlelab::test {
 
-/// One call, or a mark that a test set between calls. Files and folders are numbered here: a number is
-/// never used twice, as an inode's is.
+/// One call, or a mark that a test set between calls. Files and folders are numbered. Unlike an inode number,
+/// a number is never used twice.
 struct DiskEvent {
   enum class Kind {
-    kFile,        ///< a file was there at the start, synced: `data` is what it held
-    kFolder,      ///< a folder was there at the start: entry `name` of `folder`
+    kFile,        ///< a file existed at the start, synced, with the content `data`
+    kFolder,      ///< a folder existed at the start: entry `name` of `folder`
     kCreate,      ///< new file `node`, entry `name` of `folder`
     kMkdir,       ///< new folder `node`
     kWrite,       ///< of `data` at `offset` of `node`
     kTruncate,    ///< `node` to `offset` bytes
     kSync,        ///< fsync or fdatasync of the file or folder `node` succeeded
-    kSyncFailed,  ///< … failed: what was unsynced may be on the disk or not, and no later sync brings it
-                  ///< there
+    kSyncFailed,  ///< … failed: unsynced data may or may not be on the disk, and no later sync writes it
     kRename,      ///< entry `name` of `folder` to `to_name` of `to_folder`
     kLink,        ///< `node` has the entry `to_name` of `to_folder`, too
     kRemove,      ///< entry `name` of `folder`
@@ -43,12 +42,12 @@ inline constexpr std::uint32_t kRootNode = 1;
 class DiskLog {
  public:
   void add(DiskEvent event);
-  /// What the program has just told somebody, e.g. an acknowledgement: it stands between the calls.
+  /// Records a message that the program has just sent, e.g. an acknowledgement, between the calls.
   void mark(std::string name, std::uint64_t number = 0, std::string data = {});
   [[nodiscard]] const std::vector<DiskEvent>& events() const { return events_; }
-  /// Events before this one made the disk as it was at the start.
+  /// Events before this one describe the disk's state at the start.
   [[nodiscard]] std::size_t begin() const;
-  /// For a run that cannot be repeated by its seed because threads raced: written to a file, read back.
+  /// Writes the log to a file and reads it back, for a run that its seed cannot repeat because threads raced.
   void save(const std::filesystem::path& path) const;
   static DiskLog load(const std::filesystem::path& path);
 
@@ -64,21 +63,22 @@ class DiskLog {
   std::vector<DiskEvent> events_;
 };
 
-/// How much of what was not synced outlives a power cut.
+/// The part of the unsynced data that survives a power cut.
 enum class CutOutcome {
   kNothing,     ///< only what was synced
   kEverything,  ///< as after kill −9
-  kInOrder,     ///< what came before some instant, the last write torn
+  kInOrder,     ///< everything before some instant, the last write torn
   kPerFile,     ///< of some files everything, of others nothing: reordered between files
   kSectors,     ///< any subset of sectors, sizes and folder entries: reordered and torn
 };
 inline constexpr int kOutcomes = 5;
 const char* nameOf(CutOutcome outcome);
 
-/// Plays a log up to an instant and makes what the disk may hold after a power cut there. Rules: a synced
-/// file has its bytes and its size, yet its name only when its folder was synced after; a rename happens
-/// whole or not at all; of unsynced bytes any sector (512 or 4096, aligned) may be there or not; where only a
-/// file's size got to the disk, it holds zeros or garbage; a failed sync makes nothing sure, then or later.
+/// Replays a log up to an instant and creates the possible disk states after a power cut there. Rules: a
+/// synced file has its bytes and its size, yet its name only when its folder was synced after; a rename
+/// happens whole or not at all; of unsynced bytes any sector (512 or 4096, aligned) may be there or not;
+/// where only a file's size got to the disk, it holds zeros or garbage; a failed sync makes nothing sure,
+/// then or later.
 class DiskReplay {
  public:
   explicit DiskReplay(const DiskLog& log) : log_(log) {}
@@ -86,10 +86,10 @@ class DiskReplay {
   /// Plays the events before number `instant`. Instants only grow.
   void advanceTo(std::size_t instant);
 
-  /// Bytes written to files whose name ends so, and not synced at this instant?
+  /// True if files with this name suffix have bytes that are written but not synced at this instant.
   [[nodiscard]] bool hasUnsynced(std::string_view name_end) const;
 
-  /// One of the states, as real files below `folder` (an empty one). All choices come from `random`.
+  /// Writes one of the states as real files into the empty `folder`. All choices come from `random`.
   void cut(CutOutcome outcome, Random& random, const std::filesystem::path& folder) const;
 
  private:

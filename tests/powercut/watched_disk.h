@@ -1,6 +1,6 @@
-/// This program's own calls to the disk, noted for a simulated power cut, and failing on command. They are
-/// taken below everything: SQLite's own VFS, std::filesystem and our code all come through here, because
-/// watched_disk.cpp defines libc's functions in the test's program.
+/// Records this program's disk calls for a simulated power cut, and makes them fail on command. It sits below
+/// everything: watched_disk.cpp defines libc's functions in the test program, so the calls of SQLite's own
+/// VFS, std::filesystem and our code all come here.
 #pragma once
 
 #include <filesystem>
@@ -13,17 +13,17 @@ namespace needlelab::test {
 
 enum class DiskCall { kRead, kWrite, kSync, kCreate, kTruncate, kRename, kOpenToWrite };
 
-/// The whole program has one. Real syncs are left out everywhere in it: what survives is told by the log, and
-/// the real disk need not be waited for.
+/// One per program. It skips every real sync: the log decides which data survive, so the test need not wait
+/// for the real disk.
 class WatchedDisk {
  public:
-  /// From now on what happens below `folder` goes to `log`, after what is there now (taken as synced). Both
-  /// must last until the next `stop`. Shared-memory files (`-shm`) are left out: they are no disk's.
+  /// Logs the current content of `folder` (as synced), then every call below it. Both must last until the
+  /// next `stop`. Shared-memory files (`-shm`) are left out: they do not reach a disk.
   static void watch(const std::filesystem::path& folder, DiskLog& log);
   static void stop();
 
-  /// Asked before each call on a file below `folder`: 0 to go on, or the errno to fail with. It is called
-  /// under a lock: no calls to the disk from there. Empty: no faults.
+  /// Called before each call on a file below `folder`: returns 0 to go on, or the errno to fail with. It runs
+  /// under a lock and must not access the disk. Empty: no faults.
   using Fault = std::function<int(DiskCall call, const std::string& path)>;
   static void setFault(const std::filesystem::path& folder, Fault fault);
   static void clearFault() { setFault({}, {}); }

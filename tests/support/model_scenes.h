@@ -21,7 +21,7 @@ inline constexpr std::array<AxialModel, kAxialModelCount> kAllModels = {AxialMod
                                                                         AxialModel::kPrecomputed,
                                                                         AxialModel::kFem};
 
-/// A made-up compliance, positive definite: stations of 2 mm that feel their neighbours.
+/// A synthetic compliance, positive definite: stations of 2 mm, coupled with their neighbours.
 inline std::shared_ptr<const NeedleCompliance> someCompliance() {
   auto made = std::make_shared<NeedleCompliance>();
   made->spacing_m = 2e-3;
@@ -44,7 +44,7 @@ inline SceneSpec renderedBy(const SceneSpec& scene, AxialModel model) {
   return other;
 }
 
-/// The six layers with the paper's effects: what every model can render.
+/// The six layers with the paper's effects, which every model can render.
 inline SceneSpec modelScene(AxialModel model, LimbKind limb = LimbKind::kPlane) {
   return renderedBy(withLimb(paperSixLayers(), limb), model);
 }

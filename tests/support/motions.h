@@ -12,13 +12,12 @@ namespace needlelab::test {
 
 using Motion = std::vector<TipSample>;
 
-/// Shortest rotation that takes +z to `axis` (unit); half a turn about x for axis = −z.
+/// Shortest rotation from +z to `axis` (unit); half a turn about x for axis = −z.
 Quat pointing(Vec3 axis);
-/// A unit vector near `axis`, tilted by the angle whose tangent is `tangent`, toward the unit vector `toward`
-/// (⟂ axis).
+/// The unit vector `axis` tilted by atan(`tangent`) toward the unit vector `toward` (⟂ axis).
 Vec3 tilted(Vec3 axis, double tangent, Vec3 toward);
 
-/// Puts a motion together, piece by piece; ticks at `rate_hz`.
+/// Builds a motion piece by piece; ticks at `rate_hz`.
 class MotionBuilder {
  public:
   MotionBuilder(double rate_hz, Vec3 p_start_m, Vec3 axis);

@@ -5,9 +5,9 @@
 
 namespace needlelab::test {
 
-/// Counts this thread's calls to pthread_mutex_lock, _trylock, _timedlock, read-write and spin locks,
-/// the signals of condition variables, semaphores while it lives (std::mutex and its kin end there).
-/// Scopes do not nest. Not in sanitized builds, which put their own in place of these: `works` is false
+/// Counts this thread's calls to pthread_mutex_lock, _trylock, _timedlock, read-write and spin locks, the
+/// signals of condition variables and semaphores while it lives (std::mutex and similar types call these).
+/// Scopes do not nest. Does not work in sanitized builds, which replace these functions: `works` is false
 /// there.
 class NoLockScope {
  public:

@@ -47,9 +47,9 @@ class ReferenceEngine {
   [[nodiscard]] std::optional<double> slant() const;
   /// θ_l, while inside.
   [[nodiscard]] std::optional<double> tiltLimit() const;
-  /// The flags of the last tick that hung on a comparison decided by rounding (k(|e| − ρ) against f_max, for
-  /// the turn and for the cap; room left on the cone; θ against θ_l): another rounding of the same numbers
-  /// may set them otherwise, with the same forces.
+  /// The flags of the last tick that depend on a comparison decided by rounding (k(|e| − ρ) against f_max,
+  /// for the turn and for the cap; room left on the cone; θ against θ_l): another rounding of the same
+  /// numbers may set them otherwise, with the same forces.
   [[nodiscard]] std::uint32_t undecidedFlags() const { return undecided_; }
   /// Ticks of this insertion whose turn the cone held back: FORCE_MODEL.md ("Change of trajectory") lets each
   /// of them be off by 1e-12 rad.
@@ -62,7 +62,7 @@ class ReferenceEngine {
     double place_m = 0;  ///< s
   };
 
-  /// Everything that an exit resets.
+  /// The state that an exit resets.
   struct Insertion {
     Vec3 p_entry;  ///< P0
     Vec3 normal;   ///< n
@@ -89,7 +89,7 @@ class ReferenceEngine {
     std::vector<Membrane> membranes;
   };
 
-  /// What is taken from the pose, p and u; taken anew after a turn.
+  /// Values derived from the pose, p and u; computed again after a turn.
   struct Geometry {
     double c = 0, x = 0, d_t = 0, k = 0;
     Vec3 e;

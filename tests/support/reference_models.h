@@ -9,11 +9,11 @@
 
 namespace needlelab::test {
 
-/// What a model is told of one tick inside the tissue (FORCE_MODEL.md, "Contact").
+/// A model's inputs for one tick inside the tissue (FORCE_MODEL.md, "Contact").
 struct ModelTick {
   bool entry = false;
   double x_m = 0;          ///< u·(p − P0), after a turn of this tick
-  double moved_m = 0;      ///< what that turn added to x
+  double moved_m = 0;      ///< change of x by that turn
   double depth_m = 0;      ///< δ
   double insertion_m = 0;  ///< d_t
   double slant = 1;        ///< c

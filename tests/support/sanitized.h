@@ -1,5 +1,4 @@
-/// NEEDLELAB_SANITIZED is defined in ASan and TSan builds: they have the functions of the C library in their
-/// own hands.
+/// NEEDLELAB_SANITIZED is defined in ASan and TSan builds, because they replace functions of the C library.
 #pragma once
 
 #if defined(__has_feature)

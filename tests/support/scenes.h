@@ -20,13 +20,13 @@ SceneSpec paperSixLayers();
 /// The six layers with shaft friction everywhere and membranes on layers 0, 2 and 4: all six effects.
 SceneSpec allEffects();
 
-/// The shapes that a limb can have; the plane is given straight and tilted.
+/// The possible limb shapes; the plane is included straight and tilted.
 enum class LimbKind { kPlane, kTiltedPlane, kSphere, kCapsule };
 inline constexpr std::array<LimbKind, 4> kLimbKinds = {LimbKind::kPlane, LimbKind::kTiltedPlane,
                                                        LimbKind::kSphere, LimbKind::kCapsule};
 std::string_view limbName(LimbKind kind);
 
-/// A point on the surface, with the unit directions that a gesture there needs. In W.
+/// A point on the surface with the unit directions of a gesture there. In W.
 struct Site {
   Vec3 p_surface_m;
   Vec3 inward;              ///< −n

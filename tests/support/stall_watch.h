@@ -1,5 +1,5 @@
-/// How long the machine kept threads from running that wanted to: so that a test that keeps real time can
-/// tell a fault of the program from a machine that stood still or was busy, and measure again.
+/// Measures how long the machine kept runnable threads from running. A real-time test can thus tell a program
+/// fault from a stalled or busy machine, and measure again.
 #pragma once
 
 #include <pthread.h>
@@ -14,11 +14,11 @@
 
 namespace needlelab::test {
 
-/// A thread that wakes each 5 ms and adds up by how much it was late, where that was more than 15 ms.
+/// A thread that wakes every 5 ms and adds up its delays of more than 15 ms.
 class StallWatch {
  public:
-  /// `real_time`: it runs before all ordinary threads where that is allowed, so that it sees only what keeps
-  /// even a real-time thread from running.
+  /// `real_time`: the thread runs at real-time priority where that is allowed, so that it sees only stalls
+  /// that stop even a real-time thread.
   explicit StallWatch(bool real_time = false) : thread_([this] { run(); }) {
     const sched_param parameters{.sched_priority = 90};
     if (real_time) (void)::pthread_setschedparam(thread_.native_handle(), SCHED_FIFO, &parameters);
@@ -30,7 +30,7 @@ class StallWatch {
   StallWatch(const StallWatch&) = delete;
   StallWatch& operator=(const StallWatch&) = delete;
 
-  /// Stalled since the last call. Any thread.
+  /// Stall time since the last call. Any thread.
   std::chrono::milliseconds take() { return std::chrono::milliseconds(stalled_ms_.exchange(0)); }
 
  private:
@@ -48,8 +48,8 @@ class StallWatch {
   std::thread thread_;
 };
 
-/// How long the threads that this process has now were ready to run and had no core (proc(5), schedstat), and
-/// how long the host gave its cores to others (stat, steal): all added up. Ascending while no thread ends.
+/// Total time that this process's current threads were ready to run without a core (proc(5), schedstat), plus
+/// the time that the host gave its cores to others (stat, steal). Never decreases while no thread ends.
 inline std::chrono::milliseconds waitedForCores() {
   std::uint64_t all_ns = 0;
   std::error_code error;
@@ -61,7 +61,7 @@ inline std::chrono::milliseconds waitedForCores() {
   std::ifstream stat("/proc/stat");
   std::string cpu;
   stat >> cpu;
-  std::uint64_t ticks = 0;  // of 10 ms; the eighth is what was stolen
+  std::uint64_t ticks = 0;  // of 10 ms; the eighth is the steal time
   for (int i = 0; i < 8; ++i) stat >> ticks;
   return std::chrono::milliseconds(all_ns / 1'000'000 + ticks * 10);
 }

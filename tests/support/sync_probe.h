@@ -1,5 +1,5 @@
-/// What the disk itself takes for a sync while a test measures something that waits for syncs: a disk that
-/// stands still for a second is no fault of the program.
+/// Measures the disk's own sync time while a test measures code that waits for syncs: a disk that stalls for
+/// a second is not a fault of the program.
 #pragma once
 
 #include <fcntl.h>
@@ -16,10 +16,10 @@
 
 namespace needlelab::test {
 
-/// A thread that writes 4 KiB into a file of its own each 20 ms and waits until they are on the disk.
+/// A thread that writes 4 KiB to its own file every 20 ms and waits for the sync.
 class SyncProbe {
  public:
-  /// `folder`: on the disk that is meant; the file is removed at the end.
+  /// `folder`: a folder on the measured disk; the file is removed at the end.
   explicit SyncProbe(const std::filesystem::path& folder)
       : path_(folder / "sync_probe"),
         fd_(::open(path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600)) {
@@ -36,7 +36,7 @@ class SyncProbe {
   SyncProbe(const SyncProbe&) = delete;
   SyncProbe& operator=(const SyncProbe&) = delete;
 
-  /// The longest sync that ended since the last call, or the one that goes on. In ms. Any thread.
+  /// The longest sync that ended since the last call, or the pending one. In ms. Any thread.
   double takeLongest() {
     const std::int64_t began = began_ns_;
     const std::int64_t going_on = began == 0 ? 0 : now() - began;

@@ -1,4 +1,4 @@
-/// Runs a function on a thread that may make no system call but a few, to test that real-time functions make
+/// Runs a function on a thread with only a few permitted system calls, to test that real-time functions make
 /// none. Link needlelab::syscall_jail.
 #pragma once
 
@@ -7,17 +7,17 @@
 
 namespace needlelab::test {
 
-/// How the jailed function fared.
+/// The result of the jailed function.
 struct JailOutcome {
-  bool supported = true;    ///< false: this system takes no filter (or a sanitizer makes calls of its own)
+  bool supported = true;    ///< false: this system accepts no filter (or a sanitizer makes its own calls)
   bool finished = false;    ///< it came to its end
-  int forbidden_call = -1;  ///< number of the first system call that it may not make; -1 = none
-  int result = 0;           ///< what `verdict` gave
+  int forbidden_call = -1;  ///< number of the first forbidden system call; -1 = none
+  int result = 0;           ///< value of `verdict`
 };
 
-/// In a child process: `prepare` (may start threads), then `jailed` on a thread of its own, whose only system
-/// calls may be `allowed` (numbers, SYS_…), then `verdict`, whose value (0-100) is handed back. The first
-/// forbidden call ends the child. Gives up after 60 s.
+/// In a child process: `prepare` (may start threads), then `jailed` on its own thread, which may make only
+/// the `allowed` system calls (numbers, SYS_…), then `verdict`, and returns the verdict's value (0-100). The
+/// first forbidden call ends the child. Gives up after 60 s.
 JailOutcome runInJail(const std::vector<int>& allowed, const std::function<void()>& prepare,
                       const std::function<void()>& jailed, const std::function<int()>& verdict);
 

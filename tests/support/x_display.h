@@ -1,4 +1,4 @@
-/// A display of a test's own (Xvfb), with a mouse and keys (xdotool): for programs with windows.
+/// A test's own display (Xvfb) with mouse and keyboard (xdotool), for programs with windows.
 #pragma once
 
 #include <fcntl.h>
@@ -15,7 +15,7 @@
 
 namespace needlelab::test {
 
-/// Sets DISPLAY for this process and all that it starts, until it goes. One at a time.
+/// Sets DISPLAY for this process and its children during its lifetime. One at a time.
 class XDisplay {
  public:
   explicit XDisplay(int width_px = 1280, int height_px = 720) {
@@ -25,7 +25,7 @@ class XDisplay {
     if (::pipe(ends) != 0) return;
     const std::string out = std::to_string(ends[1]);
     const std::string screen = std::to_string(width_px) + "x" + std::to_string(height_px) + "x24";
-    // the server chooses a number that is free, and says it once it is up
+    // the server chooses a free number and reports it once it is up
     pid_ = start({"Xvfb", "-displayfd", out, "-screen", "0", screen, "-nolisten", "tcp"}, ends[1]);
     ::close(ends[1]);
     std::string number;
@@ -46,10 +46,10 @@ class XDisplay {
   XDisplay(const XDisplay&) = delete;
   XDisplay& operator=(const XDisplay&) = delete;
 
-  /// False where there is no Xvfb: skip the test, and say so.
+  /// False without Xvfb: skip the test with a message.
   [[nodiscard]] bool isThere() const { return !name_.empty(); }
   [[nodiscard]] const std::string& name() const { return name_; }
-  /// As when a display goes: its server ends at once.
+  /// Simulates the loss of a display: its server ends at once.
   void end() {
     if (pid_ <= 0) return;
     ::kill(pid_, SIGKILL);
@@ -57,7 +57,7 @@ class XDisplay {
     pid_ = -1;
   }
 
-  /// xdotool with these words, e.g. {"key", "Return"}; gives its exit code.
+  /// Runs xdotool with these arguments, e.g. {"key", "Return"}; returns its exit code.
   int tool(std::vector<std::string> words) {
     words.insert(words.begin(), "xdotool");
     const pid_t pid = start(words, -1);
@@ -65,7 +65,7 @@ class XDisplay {
     if (pid <= 0 || ::waitpid(pid, &status, 0) != pid) return -1;
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   }
-  /// Pressed long enough to be seen by a window that draws five frames a second.
+  /// Holds the key long enough for a window that draws five frames a second.
   void key(const std::string& name, std::chrono::milliseconds held = std::chrono::milliseconds(250)) {
     tool({"keydown", name});
     std::this_thread::sleep_for(held);
@@ -73,7 +73,7 @@ class XDisplay {
     std::this_thread::sleep_for(std::chrono::milliseconds(250));
   }
   void moveTo(int x_px, int y_px) { tool({"mousemove", std::to_string(x_px), std::to_string(y_px)}); }
-  /// From where the mouse is, in steps, with `button` held.
+  /// Moves from the current mouse position, in steps, with `button` held.
   void drag(int button, int dx_px, int dy_px, int steps = 10) {
     const auto pause = std::chrono::milliseconds(300);
     std::this_thread::sleep_for(pause);

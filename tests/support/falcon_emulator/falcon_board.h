@@ -1,4 +1,4 @@
-/// The Falcon's own computer behind the USB chip: a bootloader, then the firmware that it was given.
+/// The Falcon's own computer behind the USB chip: a bootloader, then the loaded firmware.
 #pragma once
 
 #include <array>
@@ -13,16 +13,16 @@
 
 namespace needlelab::test {
 
-/// What the firmware was told, as it came in.
+/// A command as the firmware received it.
 struct CommandSeen {
   TimePoint at;
   std::array<std::int16_t, 3> motors{};
   unsigned bits = 0;
 };
 
-/// How the board misbehaves; all off at the start.
+/// The board's simulated faults; all off at the start.
 struct BoardTrouble {
-  bool deaf = false;                     ///< says nothing at all
+  bool deaf = false;                     ///< never replies
   bool stall = false;                    ///< the firmware obeys, but does not reply
   std::size_t echo_wrong_at = SIZE_MAX;  ///< this byte of the firmware comes back changed
   std::size_t echo_stops_at = SIZE_MAX;  ///< from this byte on none comes back
@@ -51,7 +51,7 @@ class FalconBoard : public SerialPeer {
 
   [[nodiscard]] Mode mode() const { return mode_; }
   [[nodiscard]] unsigned lights() const { return lights_; }  ///< bits 1-3: green, blue, red
-  /// What a byte was ignored for, the last time it was; empty: none ever.
+  /// Why the board last ignored a byte; empty: it never did.
   [[nodiscard]] const std::string& silentBecause() const { return silent_because_; }
   [[nodiscard]] std::uint64_t commands() const { return commands_; }
   [[nodiscard]] std::uint64_t badBytes() const { return bad_bytes_; }
@@ -71,7 +71,7 @@ class FalconBoard : public SerialPeer {
   Bytes firmware_;
   FtdiChip* chip_ = nullptr;
   Mode mode_ = Mode::kWaitsForReset;
-  Bytes heard_;  ///< of the word that is being said
+  Bytes heard_;  ///< of the incomplete word
   Bytes image_;  ///< firmware so far
   unsigned lights_ = 0;
   std::string silent_because_;

@@ -1,4 +1,4 @@
-/// The mechanical half of the emulated Falcon, with the hand that holds it.
+/// The mechanics of the emulated Falcon, with the hand that holds it.
 #pragma once
 
 #include <array>
@@ -10,10 +10,10 @@
 
 namespace needlelab::test {
 
-/// Where the hand wants the grip to be, in F, `t` seconds after it was told so.
+/// The hand's target for the grip, in F, `t` seconds after the path was set.
 using HandPath = std::function<Eigen::Vector3d(double t)>;
 
-/// A hand that gives way: it pulls the grip to its path with a spring.
+/// A compliant hand: it pulls the grip to its path with a spring.
 struct SoftHand {
   double mass_kg = 0.25;  ///< of grip and hand
   double stiffness_N_per_m = 300, damping_Ns_per_m = 5;
@@ -24,25 +24,25 @@ class FalconBody {
  public:
   FalconBody();
 
-  /// The grip is where the path says, whatever the motors do.
+  /// The grip follows the path exactly, independent of the motors.
   void holdRigidly(HandPath path, TimePoint now);
-  /// The grip moves by the forces on it.
+  /// The grip moves under the forces on it.
   void holdSoftly(const SoftHand& hand, HandPath path, TimePoint now);
 
-  /// Moves on to `now`. Time that nobody asked about for more than a second is skipped.
+  /// Advances to `now`. Skips gaps of more than a second.
   void advance(TimePoint now);
 
-  /// Numbers to the motors, as they stand in the packet. They hold until the next.
+  /// Motor values as in the packet. They hold until the next packet.
   void drive(const std::array<std::int16_t, 3>& motors) { motors_ = motors; }
   void lookForZero(bool look) { looking_ = look; }
-  /// As after the electronics' power-on: encoders count from where the arms are.
+  /// Simulates the electronics' power-on: the encoders count from the arms' current position.
   void resetEncoders();
 
   [[nodiscard]] std::array<std::int16_t, 3> encoders() const;
   [[nodiscard]] unsigned homed() const { return homed_; }  ///< bit i: leg i knows its zero
   [[nodiscard]] const Eigen::Vector3d& grip() const { return p_; }
   [[nodiscard]] Eigen::Vector3d thighs() const;
-  /// What the motors push the hand with, in F.
+  /// The motors' force on the hand, in F.
   [[nodiscard]] Eigen::Vector3d force() const;
 
  private:

@@ -1,4 +1,4 @@
-/// A Novint Falcon on an emulated USB, with a hand on it: what the tests of the device `falcon` run against.
+/// A Novint Falcon on an emulated USB, with a hand on it. The tests of the device `falcon` run against it.
 #pragma once
 
 #include <memory>
@@ -16,7 +16,7 @@ struct EmulatedFalconOptions {
   bool firmware_running = true;  ///< from the start; false: it waits in its bootloader
 };
 
-/// All calls are for the test's thread. `with` reaches whatever else there is, under the lock.
+/// Call it from the test's thread only. `with` gives access to all other state, under the lock.
 class FalconEmulator {
  public:
   explicit FalconEmulator(UsbTestbed& testbed, EmulatedFalconOptions options = {});
@@ -25,8 +25,8 @@ class FalconEmulator {
   UsbPort& port() { return port_; }
   void plug() { port_.plug(); }
   void unplug() { port_.unplug(); }
-  /// The mains' plug too: the device forgets its state, encoders count from zero again. For a device that is
-  /// unplugged.
+  /// Also cuts the device's power: it forgets its state, and its encoders count from zero again. Only for an
+  /// unplugged device.
   void powerCycle(bool firmware_running = false);
 
   /// Changes or reads the board's, the chip's and the body's state.
@@ -41,7 +41,7 @@ class FalconEmulator {
     return use(board_, chip_, body_);
   }
 
-  /// In F; what comes is followed from now on.
+  /// In F; the hand follows the new path from now on.
   void holdRigidly(HandPath path);
   void holdAt(const Eigen::Vector3d& p_F_m);
   void holdSoftly(const SoftHand& hand, HandPath path);

@@ -1,4 +1,4 @@
-/// FTDI's USB to serial chip, as the host sees it.
+/// FTDI's USB-to-serial chip, as the host sees it.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace needlelab::test {
 
-/// How the chip's serial side is set.
+/// Settings of the chip's serial side.
 struct SerialSettings {
   double baud = 0;                                    ///< 0: never set
   unsigned data_bits = 0, parity = 0, stop_bits = 0;  ///< 8, 0, 0 is 8N1
@@ -20,7 +20,7 @@ struct SerialSettings {
   bool purged_input = false, purged_output = false;  ///< since the reset of the chip
 };
 
-/// What the serial line leads to.
+/// The peer on the serial line.
 class SerialPeer {
  public:
   virtual ~SerialPeer() = default;
@@ -30,7 +30,7 @@ class SerialPeer {
   virtual void lines(const SerialSettings& settings, bool dtr_rose) = 0;
 };
 
-/// How the line to the host misbehaves; all off at the start.
+/// Simulated faults of the line to the host; all off at the start.
 struct LineTrouble {
   bool nak_in = false;            ///< no bulk transfer to the host ends, not even the chip's own two bytes
   bool nak_out = false;           ///< none from the host is taken
@@ -50,14 +50,14 @@ class FtdiChip : public UsbPeripheral {
   std::optional<Bytes> in(std::size_t room, TimePoint now) override;
   [[nodiscard]] TimePoint nextEvent(std::size_t room, TimePoint now) const override;
 
-  /// The peer answers: a byte that leaves it at `at`.
+  /// The peer sends a byte at time `at`.
   void send(std::uint8_t byte, TimePoint at);
   /// As after power-on.
   void reset();
 
   [[nodiscard]] const SerialSettings& settings() const { return settings_; }
   [[nodiscard]] LineTrouble& trouble() { return trouble_; }
-  /// Bytes that found the chip's buffer full.
+  /// Bytes lost because the chip's buffer was full.
   [[nodiscard]] std::uint64_t overrun() const { return overrun_; }
 
  private:

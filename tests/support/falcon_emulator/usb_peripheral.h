@@ -1,4 +1,4 @@
-/// What hangs on an emulated USB port: the electronics behind the descriptors.
+/// A device on an emulated USB port: the electronics behind the descriptors.
 #pragma once
 
 #include <chrono>
@@ -27,18 +27,19 @@ struct UsbIdentity {
   std::uint8_t in_endpoint = 0, out_endpoint = 0;
 };
 
-/// All calls come under the lock of the port that it hangs on, with a time that never goes back.
+/// The port makes all calls under its lock, with non-decreasing times.
 class UsbPeripheral {
  public:
   virtual ~UsbPeripheral() = default;
   [[nodiscard]] virtual UsbIdentity identity() const = 0;
-  /// A vendor's control request; nothing: stalled. To the host: the bytes; from the host: empty.
+  /// Answers a vendor control request. Empty optional: stalled. To the host: the bytes; from the host: no
+  /// bytes.
   virtual std::optional<Bytes> control(const UsbSetup& setup, TimePoint now) = 0;
-  /// Bulk from the host; false: not now (NAK), asked again at `nextEvent`.
+  /// Takes bulk data from the host; false: not now (NAK), the port retries at `nextEvent`.
   virtual bool out(std::span<const std::uint8_t> data, TimePoint now) = 0;
   /// Bulk to the host: a whole transfer of at most `room` bytes, or nothing yet.
   virtual std::optional<Bytes> in(std::size_t room, TimePoint now) = 0;
-  /// When `out` or `in` may say something else than now, if nobody touches it.
+  /// The next time when the result of `out` or `in` may change by itself.
   [[nodiscard]] virtual TimePoint nextEvent(std::size_t room, TimePoint now) const = 0;
 };
 

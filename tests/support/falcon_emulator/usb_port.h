@@ -1,4 +1,4 @@
-/// A socket for an emulated USB device: what the kernel's usbfs does, done by hand.
+/// A socket for an emulated USB device; reimplements the kernel's usbfs.
 #pragma once
 
 #include <atomic>
@@ -18,16 +18,16 @@ struct _GSource;
 
 namespace needlelab::test {
 
-/// What the host did, for tests.
+/// The host's actions, for tests.
 struct UsbCounts {
   std::uint64_t ioctls = 0, in_transfers = 0, out_transfers = 0, control_transfers = 0, discarded = 0;
 };
 
-/// Plugs `peripheral` into the testbed and out of it. Every ioctl of the host is answered on umockdev's own
-/// thread; transfers end there too, by a timer. All public calls are for the test's thread.
+/// Plugs `peripheral` into the testbed and unplugs it. umockdev's own thread answers every ioctl of the host
+/// and ends transfers by a timer. Call the public functions from the test's thread only.
 ///
-/// The device's node is a terminal of the kernel, since one can be made ready (flow on), not ready (flow off)
-/// and broken (hung up) at will: so poll() says of it just what it says of a real node of usbfs.
+/// The device's node is a kernel terminal, because a test can make it ready (flow on), not ready (flow off)
+/// or broken (hung up). poll() then reports the same as for a real usbfs node.
 class UsbPort {
  public:
   UsbPort(UsbTestbed& testbed, UsbPeripheral& peripheral);
@@ -35,9 +35,9 @@ class UsbPort {
   UsbPort(const UsbPort&) = delete;
   UsbPort& operator=(const UsbPort&) = delete;
 
-  /// Comes up under a new number, as a real device does, and tells udev. Nothing when it is plugged already.
+  /// Appears under a new number, as a real device does, and notifies udev. Does nothing when already plugged.
   void plug();
-  /// Transfers in flight end with −ESHUTDOWN, what comes later with ENODEV; then udev is told.
+  /// Ends transfers in flight with −ESHUTDOWN and later calls with ENODEV; then notifies udev.
   void unplug();
   [[nodiscard]] bool plugged() const { return plugged_; }
   /// e.g. "/dev/bus/usb/001/002"; of the last plug().
@@ -56,7 +56,7 @@ class UsbPort {
   [[nodiscard]] int openClients();
   [[nodiscard]] int transfersInFlight();
 
-  /// For the one who holds the peripheral: the port's lock, and a nudge after a change of its state.
+  /// For the peripheral's owner: the port's lock, and a notification after a change of its state.
   [[nodiscard]] std::mutex& mutex() { return mutex_; }
   void wake();
 
@@ -92,7 +92,7 @@ class UsbPort {
   const int port_;
   std::mutex mutex_;
   bool plugged_ = false;
-  bool gone_ = false;  ///< no longer there for those who still have it open
+  bool gone_ = false;  ///< unplugged, while programs still have it open
   bool busy_ = false;
   unsigned mode_ = 0666;
   std::string kernel_driver_;

@@ -1,5 +1,5 @@
-/// A /sys and /dev of our own (umockdev), seen by this process and by those that it starts, when it runs
-/// under `umockdev-wrapper`.
+/// A test /sys and /dev (umockdev), visible to this process and its children when it runs under
+/// `umockdev-wrapper`.
 #pragma once
 
 #include <set>
@@ -17,13 +17,13 @@ class UsbTestbed {
   UsbTestbed(const UsbTestbed&) = delete;
   UsbTestbed& operator=(const UsbTestbed&) = delete;
 
-  /// Whether /sys and /dev are really redirected: empty, or why not and what to do.
+  /// Empty if /sys and /dev are redirected; otherwise the reason and the remedy.
   [[nodiscard]] std::string trouble() const;
 
   [[nodiscard]] _UMockdevTestbed* get() const { return testbed_; }
   /// The folder that stands for /.
   [[nodiscard]] const std::string& root() const { return root_; }
-  /// A number on bus 1 that no device has: the next one, from 127 on again at 2, as the kernel gives them.
+  /// A free device number on bus 1: the next one, after 127 again from 2, as the kernel assigns them.
   int takeDeviceNumber();
   void giveBackDeviceNumber(int number) { device_numbers_.erase(number); }
   /// A port of the root hub for a new socket: 1, 2, …
@@ -36,8 +36,8 @@ class UsbTestbed {
   int last_device_number_ = 1, next_port_ = 1;
 };
 
-/// SCHED_FIFO for the calling thread, below the haptic loop's. A kernel would not be late because others
-/// work; without the right the thread stays as it is.
+/// SCHED_FIFO for the calling thread, below the haptic loop's. A real kernel would not be late on a busy
+/// machine. Without permission the thread keeps its scheduling.
 void preferThisThread();
 
 }  // namespace needlelab::test

@@ -1,9 +1,9 @@
-/// Pictures beside their references.
+/// Compares pictures with their references.
 ///
 /// A reference is a small PNG in git, `reference/NAME.png` beside the test. `NEEDLELAB_PICTURES_OUT=1` in the
-/// environment writes the references again (look at every one before you commit it). When a picture does not
-/// look like its reference, three PNGs are left in the folder that the failure names: seen, reference, and
-/// the difference.
+/// environment writes the references again (look at every one before you commit it). When a picture differs
+/// from its reference, the test writes three PNGs into the folder named in the failure: the picture, the
+/// reference, and the difference.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ struct PictureArea {
   int x = 0, y = 0, width = 0, height = 0;
 };
 
-/// What may differ: other processors and versions of llvmpipe round otherwise at edges.
+/// Tolerances: other processors and versions of llvmpipe round differently at edges.
 struct PictureTolerance {
   int per_channel = 28;            ///< of 255: less is the same
   double share_of_pixels = 0.012;  ///< so many may differ more

@@ -10,9 +10,8 @@
 
 namespace needlelab::test {
 
-/// Makes one off-screen surface for the test; skips it, saying why, where no OpenGL can be had (with
-/// NEEDLELAB_NEED_GL=1, as deploy/test sets it, that is a failure). Sizes and scale are the derived class's
-/// choice.
+/// Makes one off-screen surface for the test. Without OpenGL the test is skipped with the reason, or fails
+/// with NEEDLELAB_NEED_GL=1, as set by deploy/test. Sizes and scale are the derived class's choice.
 class ViewStage : public ::testing::Test {
  protected:
   void SetUp() override;
@@ -21,7 +20,7 @@ class ViewStage : public ::testing::Test {
   SurfaceOptions options_;
   std::unique_ptr<Surface> surface_;
 
-  /// So many frames of these ImGui calls; the last one's picture.
+  /// Draws that many frames of these ImGui calls; returns the picture of the last one.
   RgbaImage draw(const std::function<void()>& screen, int frames = 2);
   /// Presses and lets go of the left button there, over three frames of `screen`.
   void click(const std::function<void()>& screen, double x_px, double y_px);

@@ -1,4 +1,4 @@
-/// What a bad network does to one connection: set for each connection and each direction.
+/// The faults of one connection through the bad network, per direction.
 #pragma once
 
 #include <chrono>
@@ -11,7 +11,7 @@
 
 namespace needlelab::test {
 
-/// Of one direction. Byte counts are of what came in on this side; all can be set together.
+/// Faults of one direction. Byte counts are of received bytes; all faults can be combined.
 struct WayScript {
   std::chrono::milliseconds delay{0};     ///< of every byte
   std::chrono::milliseconds jitter{0};    ///< more, uniform; bytes never overtake each other
@@ -27,7 +27,7 @@ struct WayScript {
 enum class Cut : std::uint8_t {
   kFin,     ///< both sides see an orderly end
   kReset,   ///< both sides see RST
-  kSilent,  ///< half-open: no end is seen by anybody, all bytes are swallowed from then on
+  kSilent,  ///< half-open: neither side sees an end, and the proxy discards all further bytes
 };
 
 enum class Way : std::uint8_t { kUp, kDown };  ///< client → server, server → client
@@ -38,11 +38,12 @@ struct ConnectionScript {
   std::optional<std::uint64_t> cut_at;  ///< after exactly so many bytes passed on `cut_way`
   Way cut_way = Way::kUp;
   Cut cut = Cut::kReset;
-  /// Reordering of reconnects: after so many bytes up nothing passes in either direction. What the client
-  /// sent, and its end, reach the server `late_after` the next connection of this proxy was accepted.
+  /// Reordering of reconnects: after so many bytes up nothing passes in either direction. The client's bytes
+  /// and its end reach the server `late_after` after this proxy accepted the next connection.
   std::optional<std::uint64_t> hold_at;
   std::chrono::milliseconds late_after{0};
-  /// So many connections more to the server, which send what the client sent (a replay that TLS must refuse).
+  /// Number of extra connections to the server that repeat the client's bytes (a replay that TLS must
+  /// refuse).
   unsigned duplicates = 0;
 
   /// For a message of a failed test.

@@ -23,7 +23,7 @@ class FaultConnection : public std::enable_shared_from_this<FaultConnection> {
 
   static Task<> run(std::shared_ptr<FaultConnection> self, std::uint16_t server_port);
   void cut(Cut how);
-  /// The connection after this one was accepted: what is held goes on after `late_after`.
+  /// Tells it that the next connection was accepted: the held bytes continue after `late_after`.
   void overtaken();
 
  private:

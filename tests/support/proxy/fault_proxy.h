@@ -1,5 +1,5 @@
-/// A bad network in front of a server, in the test's own process: every connection to its port is led on to
-/// the server's, and what happens to the bytes stands in a script.
+/// A bad network in front of a server, in the test's own process. The proxy forwards every connection on its
+/// port to the server; a script defines the faults.
 #pragma once
 
 #include <atomic>
@@ -16,7 +16,7 @@ namespace needlelab::test {
 
 class FaultConnection;
 
-/// What passed so far.
+/// Counters so far.
 struct ProxyCounts {
   std::uint64_t connections = 0;               ///< accepted
   std::uint64_t open = 0;                      ///< of them, now; half-open ones included
@@ -29,7 +29,8 @@ struct ProxyCounts {
 /// Thread: its own; all public functions from any thread.
 class FaultProxy {
  public:
-  /// `script(n, random)`: for the n-th connection, from 0. `seed` is of the jitter and of what scripts draw.
+  /// `script(n, random)` gives the script of the n-th connection, from 0. `seed` drives the jitter and the
+  /// scripts' random choices.
   using Scripts = std::function<ConnectionScript(std::uint64_t n, Random& random)>;
   explicit FaultProxy(std::uint16_t server_port, std::uint64_t seed = 1, Scripts scripts = {});
   ~FaultProxy();
@@ -37,11 +38,11 @@ class FaultProxy {
   FaultProxy& operator=(const FaultProxy&) = delete;
 
   [[nodiscard]] std::uint16_t port() const { return port_; }
-  /// For the connections that come from now on.
+  /// Sets the script for new connections.
   void setScripts(Scripts scripts);
-  /// Where connections that come from now on are led: the server may have moved.
+  /// Sets the server's address for new connections: the server may have moved.
   void setServer(std::uint16_t server_port);
-  /// All connections that are open now; returns when it is done.
+  /// Ends all open connections; returns when this is done.
   void cutAll(Cut how);
   /// While true nothing passes on any connection, and none ends.
   void stallAll(bool stalled);

@@ -1,5 +1,5 @@
-/// A lesson to look at: a needle that goes to the first target of a profile with a little tremor, rests, and
-/// comes out again. For tests and benchmarks of what is shown; no device, no clock.
+/// A sample lesson for display: the needle goes to the first target of a profile with a little tremor, rests,
+/// and comes out again. For tests and benchmarks of the display; it needs no device and no clock.
 #pragma once
 
 #include <filesystem>
@@ -29,8 +29,8 @@ struct LessonShape {
   double beyond_m = 0;  ///< past the target's middle
 };
 
-/// `name`: a file of db/samples without its ending, e.g. "shoulder-adult". Throws nothing; a profile that is
-/// not there is a fault of the tests and ends the program with words.
+/// `name`: a file of db/samples without its ending, e.g. "shoulder-adult". Throws nothing; a missing profile
+/// is a test error and ends the program with a message.
 SampleLesson sampleLesson(const std::string& name, const LessonShape& shape = {});
 
 }  // namespace needlelab::test

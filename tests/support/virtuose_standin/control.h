@@ -1,4 +1,4 @@
-/// The stand-in from a test's side: the control functions, found in the library that the backend loads.
+/// Control of the stand-in from a test: looks up the control functions in the library that the backend loads.
 #pragma once
 
 #include <dlfcn.h>
@@ -10,11 +10,11 @@
 
 namespace needlelab::test {
 
-/// The stand-in's file, and that of a library that lacks functions. Both are of the build tree.
+/// Paths of the stand-in and of a library that lacks functions. Both are in the build tree.
 inline const std::string kStandinLibrary = NEEDLELAB_STANDIN;
 inline const std::string kIncompleteLibrary = NEEDLELAB_STANDIN_INCOMPLETE;
 
-/// Resets the stand-in when it is made: a fresh device at rest, powered by its switch, held, on virtual time.
+/// The constructor resets the stand-in: a fresh device at rest, powered by its switch, held, on virtual time.
 class Standin {
  public:
   Standin() : library_(::dlopen(kStandinLibrary.c_str(), RTLD_NOW | RTLD_LOCAL)) {

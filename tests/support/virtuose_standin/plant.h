@@ -1,5 +1,5 @@
-/// The stand-in's mechanics: the Desktop's handle, and the hand that holds it. Written apart from
-/// client/device/simulated_device so that the two can be compared.
+/// The stand-in's mechanics: the Desktop's handle, and the hand that holds it. Independent of
+/// client/device/simulated_device, so that tests can compare the two.
 #pragma once
 
 #include "common/haptics/geometry.h"
@@ -15,11 +15,11 @@ using needlelab::Vec3;
 class Plant {
  public:
   void place(const Pose& pose);
-  /// The aim goes there from where it is now.
+  /// Moves the aim there from its current position.
   void aimAt(const Pose& pose, double seconds);
   void hold(bool holds) { holds_ = holds; }
   void jump(Vec3 by) { pose_.p += by; }
-  /// One millisecond under a wrench.
+  /// Simulates one millisecond under a wrench.
   void millisecond(Vec3 force_N, Vec3 torque_Nm);
 
   [[nodiscard]] const Pose& pose() const { return pose_; }

@@ -1,8 +1,8 @@
-/// How a test steers the stand-in for the Virtuose's library: what the world around the device does, and what
-/// truly is. The vendor's own functions are used beside it, as the programs use them.
+/// Test control of the stand-in for the Virtuose's library: sets the device's surroundings and reads its true
+/// state. Tests also call the vendor's own functions, as the programs do.
 ///
-/// A stand-in is one device in one process. Until `standin_reset` says otherwise its time is real, and the
-/// file that NEEDLELAB_STANDIN_SCRIPT names is its script: that is how whole programs are tested with it.
+/// A stand-in is one device in one process. Until `standin_reset` it runs in real time with the script file
+/// named by NEEDLELAB_STANDIN_SCRIPT, so that whole programs can be tested with it.
 ///
 /// Commands (standin_command, and in scripts with the time before them, one a line, # comments; in s from the
 /// first reading of a position on, so that a program may prepare as long as it likes; 0: from the beginning):
@@ -25,12 +25,12 @@
 
 extern "C" {
 
-/// What truly is, in SI and in the device's base frame.
+/// The true state, in SI units and in the device's base frame.
 struct StandinState {
   double time_s;
   double position_m[3], orientation[4];  ///< of the handle; x y z w
   double velocity_mps[3];
-  double aim_m[3];      ///< where the hand wants it
+  double aim_m[3];      ///< the hand's target
   double commanded[6];  ///< the last wrench that virtSetForce brought
   double felt[6];       ///< the wrench that acts on the handle in this millisecond
   int is_powered, is_permitted, command_type;
@@ -46,13 +46,13 @@ void standin_reset(void);
 void standin_virtual_time(int on);
 /// Virtual time only.
 void standin_advance(double seconds);
-/// 0, or −1 when there is no such command.
+/// Returns 0, or −1 for an unknown command.
 int standin_command(const char* command);
 /// Replaces the script. 0, or the number of the first line that is wrong.
 int standin_script(const char* text);
 void standin_state(StandinState* state);
-/// Names of the calls that set something, since the reset, with blanks between them; repeats are given once.
+/// Names of the setter calls since the reset, separated by blanks, each once.
 const char* standin_calls(void);
-/// CALL:CODE of each call that was refused, since the reset, with blanks between them; repeats once.
+/// CALL:CODE of each refused call since the reset, separated by blanks, each once.
 const char* standin_complaints(void);
 }

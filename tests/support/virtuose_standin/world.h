@@ -14,17 +14,22 @@
 
 namespace standin {
 
-// of the vendor's codes and modes, what both files of rules use
+// the vendor's codes and modes used by both rule files
 inline constexpr int kInvalidContext = 3, kImpedance = 3;
 
 /// A connection, in the library's and in the service's eyes.
 struct Context {
-  enum class State { kFree, kOpen, kCut, kLeftOpen };  // kLeftOpen: closed here, the service has not heard it
+  enum class State {
+    kFree,
+    kOpen,
+    kCut,
+    kLeftOpen
+  };  // kLeftOpen: closed here, but the service does not know it yet
   State state = State::kFree;
   int error = 0;
   int indexing = 0, command_type = 0;
   double timeout_s = 1, last_update_s = 0;
-  float max_force_N = 15, max_torque_Nm = 1.2f;  // what the motors could do
+  float max_force_N = 15, max_torque_Nm = 1.2f;  // limits of the motors
   bool permits_power = false;
 };
 
@@ -60,16 +65,16 @@ class World {
   [[nodiscard]] const std::string& complaints() const { return complaints_; }
 
   // ---- for the vendor's functions
-  /// Brings time up to now.
+  /// Advances the time to now.
   void catchUp();
   /// Null with the code in openError().
   Context* open();
   [[nodiscard]] int openError() const { return open_error_; }
   /// The context behind a pointer, or null.
   Context* find(void* pointer);
-  /// Is this call answered at all? 0 or an error code; a time-out takes its time.
+  /// Checks that the call gets an answer: 0 or an error code. A timeout takes its full time.
   int arrives(Context& context, const char* call);
-  /// Remembers the call and its result: gives 0 or −1.
+  /// Records the call and its result; returns 0 or −1.
   int answer(Context* context, const char* call, int error, bool sets);
   int close(Context& context);
   /// The watchdog runs from the choice of a command type on.
@@ -110,7 +115,7 @@ class World {
   unsigned more_alarms_ = 0, failures_ = 0;
   double heat_N2_ = 0, overrun_until_s_ = 0;
   double turn_scale_ = 1;
-  Vec3 shift_;  // what indexing has moved the reported position by
+  Vec3 shift_;  // offset of the reported position by indexing
   Vec3 frozen_;
   bool indexing_ = false;
 
