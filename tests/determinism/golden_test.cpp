@@ -1,6 +1,6 @@
 // The same inputs give the same bits: in debug and release builds, with every compiler, on every machine.
-// Each row of golden.csv is the FNV-1a hash over the raw bits of every tick's report. A change of a hash is a
-// change of what a session's replay would give: it needs a reason in the commit and in CHANGELOG.md.
+// Each row of golden.csv is the FNV-1a hash over the raw bits of every tick's report. If a hash changes, the
+// replay of a session changes too: state the reason in the commit and in CHANGELOG.md.
 //
 // NEEDLELAB_GOLDEN_OUT=FILE writes a new golden.csv there and skips the comparison.
 #include <gtest/gtest.h>
@@ -31,7 +31,7 @@ class Hash {
     for (int byte = 0; byte < 8; ++byte)
       value_ = (value_ ^ ((word >> (8 * byte)) & 0xFFu)) * 0x100000001B3ull;
   }
-  // every not-a-number counts as the same one: its sign and payload are the compiler's choice
+  // All NaNs hash to the same value: their sign and payload depend on the compiler.
   void add(double number) {
     add(std::isnan(number) ? std::uint64_t{0x7FF8000000000000} : std::bit_cast<std::uint64_t>(number));
   }
@@ -86,7 +86,7 @@ SceneSpec turning(SceneSpec scene, ClampingMode mode) {
   return scene;
 }
 
-// the motions are made of + − × ÷ sqrt only (support/motions.h)
+// The motions use + − × ÷ sqrt only (support/motions.h).
 std::vector<Case> preparedScenes() {
   const auto straight = [](double rate_hz, LimbKind limb) {
     const Site site = siteOf(limb);
@@ -186,7 +186,7 @@ std::uint64_t hashOfRecording(const std::filesystem::path& file) {
   for (std::size_t k = 0; k < table->rows(); ++k)
     motion.push_back({{column("px_m")[k], column("py_m")[k], column("pz_m")[k]},
                       normalized(Quat{column("qx")[k], column("qy")[k], column("qz")[k], column("qw")[k]})});
-  // a plane across the path: half-way between its ends, facing the start
+  // a plane across the path, half-way between its ends, facing the start
   const Vec3 first = motion.front().p_WT_m, last = motion.back().p_WT_m;
   Vec3 farthest = last;
   for (const auto& sample : motion)

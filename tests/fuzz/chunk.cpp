@@ -1,4 +1,4 @@
-// A chunk, as a station sends it and as it lies in spools, databases and recordings.
+// Fuzzes a chunk as a station sends it and as spools, databases and recordings store it.
 #include <array>
 #include <cstring>
 
@@ -9,7 +9,7 @@
 
 namespace needlelab::fuzz {
 
-// bit 0: the last tick is made that of a chunk without missed ticks, too
+// bit 0: also sets the last tick to that of a chunk without missed ticks
 void repairChunk(std::span<std::uint8_t> data, unsigned how) {
   if (data.size() < 8) return;
   if ((how & 1) != 0 && data.size() >= 28) {
@@ -34,11 +34,11 @@ void chunk(ByteView data) {
   require(samples->front().tick == info->first_tick && samples->back().tick == info->last_tick,
           "ticks as in the header");
   if (kPlanted) {
-    // the fault: a number of the header is an index
+    // The planted fault: a number of the header is used as an unchecked index.
     static std::array<std::uint8_t, 65536> seen{};
     surely(seen.data()[info->first_tick]) = 1;
   }
-  // whatever the values are, they can be encoded again, and come back bit for bit when nothing is rounded
+  // Any decoded values can be encoded again, and come back bit for bit if nothing is rounded.
   const Bytes again = encodeChunk(Resolution{0, 0, 0, 0, 0, 0}, *samples);
   const auto back = decodeChunk(again);
   require(back.ok() && back->size() == samples->size(), "decoded samples can be encoded");

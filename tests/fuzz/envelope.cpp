@@ -1,4 +1,5 @@
-// What a peer sends: frames, the envelope in them, and whether it may come now.
+// Fuzzes a peer's bytes: the frames, the envelopes in them, and the check whether an envelope is allowed in
+// this state.
 #include <array>
 
 #include "common/wire/protocol.h"
@@ -26,14 +27,14 @@ void look(const pb::Envelope& envelope) {
       (void)checkRole({"x", static_cast<pb::Role>(role)}, envelope.request().call_case());
   }
   if (kPlanted && envelope.has_subscribe()) {
-    // the fault: a number from the network is an index
+    // The planted fault: a number from the network is used as an unchecked index.
     static std::array<int, 16> seen{};
     ++seen.data()[envelope.subscribe().subscription()];
   }
   if (envelope.body_case() == pb::Envelope::BODY_NOT_SET) return;
-  // what came in can go out again, and is then the same
+  // A received envelope can be sent again and is then the same.
   const auto frame = encodeFrame(envelope);
-  if (!frame.ok()) return;  // merged fields may have outgrown a frame
+  if (!frame.ok()) return;  // merged fields can exceed the frame limit
   const auto again = decodeFrame(viewOf(**frame));
   require(again.ok(), "an encoded envelope decodes");
   require(again->body_case() == envelope.body_case(), "an encoded envelope keeps its body");
@@ -43,7 +44,7 @@ void look(const pb::Envelope& envelope) {
 
 void envelope(ByteView data) {
   if (data.empty()) return;
-  // the first byte: which limit holds, and in what pieces the bytes arrive
+  // The first byte selects the limit and the sizes of the arriving pieces.
   const std::size_t limit = (data[0] & 1) != 0 ? kMaxFrameBytes : kMaxFrameBytesBeforeLogin;
   const std::size_t piece = 1 + (data[0] >> 1);
   data = data.subspan(1);

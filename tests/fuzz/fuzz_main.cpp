@@ -1,4 +1,4 @@
-// The entry points that libFuzzer calls; one program a target (NEEDLELAB_FUZZ_TARGET).
+// The entry points for libFuzzer; one program per target (NEEDLELAB_FUZZ_TARGET).
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -6,7 +6,7 @@
 #include "tests/fuzz/target.h"
 
 namespace {
-// chosen when it is compiled: only this target's code is linked, and libFuzzer looks at its counters alone
+// Chosen at compile time: only this target's code is linked, so libFuzzer reads only its counters.
 constexpr needlelab::fuzz::Target kTarget =
     *std::find_if(std::begin(needlelab::fuzz::kTargets), std::end(needlelab::fuzz::kTargets),
                   [](const auto& t) { return t.name == NEEDLELAB_FUZZ_TARGET; });
@@ -25,7 +25,8 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
     if (const std::size_t count = kTarget.mutate({data, max_size}, size, seed); count > 0) return count;
   std::size_t count = LLVMFuzzerMutate(data, size, max_size);
   if (kTarget.repair == nullptr) return count;
-  // one in eight keeps its broken check: that path is code, too. One in 16 ends anywhere, as crashes leave it
+  // One input in eight keeps its wrong checksum, to test that path too. One in 16 ends anywhere, as after a
+  // crash.
   if (seed % 8 == 0) return count;
   if (seed / 8 % 16 == 0) count = 1 + seed / 128 % count;
   kTarget.repair({data, count}, seed >> 24);

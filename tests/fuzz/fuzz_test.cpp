@@ -1,4 +1,4 @@
-// The corpus and the findings of before, through the code as everybody builds it.
+// Replays the corpus and the earlier findings through the normal build.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@ std::vector<fs::path> filesOf(std::string_view target) {
   const fs::path root = NEEDLELAB_SOURCE_DIR;
   std::vector<fs::path> folders = {root / "tests/fuzz/corpus" / target,
                                    root / "tests/fuzz/findings" / target};
-  // what is a file of the project already is not kept twice
+  // Seeds that are files of the project already are not stored twice.
   if (target == "profile" || target == "curriculum") folders.push_back(root / "db/samples");
   if (target == "chunk" || target == "recording") folders.push_back(root / "tests/data/gesture");
   std::vector<fs::path> files;
@@ -36,7 +36,7 @@ TEST_P(Replay, corpusAndFindingsPass) {
   for (const auto& file : files) {
     const auto bytes = readWholeFile(file, 8u << 20);
     ASSERT_TRUE(bytes.ok()) << bytes.error().message;
-    // a finding ends the program: the last line says by which file
+    // A finding ends the program; the last line names the file.
     std::fprintf(stderr, "%s\n", file.c_str());
     GetParam().run(viewOf(*bytes));
     if (GetParam().repair == nullptr) continue;

@@ -1,4 +1,4 @@
-// What a browser, or what pretends to be one, sends: requests one after the other on a connection.
+// Fuzzes the requests of a browser or an impostor, one after the other on a connection.
 #include <array>
 #include <boost/asio/buffer.hpp>
 #include <string>
@@ -23,7 +23,7 @@ void checkTarget(const WebTarget& target) {
             "no part hides one");
   }
   if (kPlanted) {
-    // the fault: six parts are believed to be the most
+    // The planted fault: assumes at most six parts.
     std::array<std::size_t, 6> sizes{};
     for (std::size_t i = 0; i < target.segments.size(); ++i) sizes.data()[i] = target.segments[i].size();
     require(sizes.data()[0] < 4096, "parts are short");

@@ -1,4 +1,4 @@
-// Changes of a JSON text that leave it one: libFuzzer's own, of bytes, mostly end in the parser.
+// Mutates a JSON text so that it stays valid JSON. libFuzzer's own byte mutations mostly fail in the parser.
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <random>

@@ -1,4 +1,4 @@
-// The live plane of the server: what stations and viewers, all logged in, may make of it.
+// Fuzzes the live plane of the server with messages of logged-in stations and viewers.
 #include <array>
 #include <cstring>
 #include <limits>
@@ -12,7 +12,7 @@
 namespace needlelab::fuzz {
 namespace {
 
-/// Takes what the hub sends and looks whether it is a message.
+/// Receives the hub's output and checks that each part is a message.
 class Peer : public HubPeer {
  public:
   void sendControl(const pb::Envelope& envelope) override {
@@ -24,7 +24,7 @@ class Peer : public HubPeer {
     if (!counted) return;
     require(decoded->has_live_frame(), "what is counted is a live frame");
     if (kPlanted) {
-      // the fault: frame numbers are believed to grow by a little
+      // The planted fault: assumes that frame numbers grow by small steps.
       static std::int32_t last = 0;
       const auto now = static_cast<std::int32_t>(decoded->live_frame().frame_seq());
       last = now - last;
@@ -34,7 +34,7 @@ class Peer : public HubPeer {
 
 constexpr std::size_t kMostOperations = 200;
 
-/// An operation: a part of the input with kind, who, number, data.
+/// An operation: a part of the input with kind, actor, number, data.
 template <typename Byte>
 struct Operation {
   explicit Operation(std::span<Byte> part)
@@ -84,7 +84,7 @@ void live(ByteView data) {
         frame.set_frame_seq(op.number > 250 ? std::numeric_limits<std::uint64_t>::max() - op.number
                                             : op.number);
         frame.set_data(rest.data(), rest.size());
-        // as the server does it: passed on as bytes when they are just a live frame, else decoded
+        // As in the server: bytes that are exactly a live frame are forwarded, all others are decoded.
         pb::Envelope envelope;
         *envelope.mutable_live_frame() = frame;
         const std::string bytes = envelope.SerializeAsString();
@@ -95,7 +95,7 @@ void live(ByteView data) {
         break;
       }
       case 9: {
-        // any bytes: the short way and Protobuf's agree on what they hold
+        // For any bytes, the fast path and Protobuf agree on the content.
         const auto view = viewLiveFrame(rest);
         if (!view) break;
         const auto whole = decodeFrame(rest);

@@ -1,4 +1,5 @@
-// Writes the seeds that no file of the project is: frames, spools, live operations. usage: make_seeds FOLDER
+// Writes the seeds that are not files of the project: frames, spools, live operations. usage: make_seeds
+// FOLDER
 #include <cstdio>
 #include <cstring>
 #include <fstream>
@@ -41,7 +42,7 @@ void putFrame(Bytes& out, const pb::Envelope& envelope) {
 }
 
 void frames(const fs::path& folder) {
-  // one of each body, filled by default, and some with content
+  // one envelope of each body with default values, and some with content
   const auto* body = pb::Envelope::descriptor()->FindOneofByName("body");
   Bytes all = {0x61};
   for (int i = 0; i < body->field_count(); ++i) {
@@ -148,7 +149,7 @@ void lives(const fs::path& folder) {
   put(as_bytes, 4, 0, 0, viewOf(wire(full)));
   put(as_bytes, 9, 0, 0, viewOf(wire(passed_on)));
   save(folder / "passed_on", as_bytes);
-  // of a station that has counted for long: the same, twice
+  // the same frame twice, of a station with a high frame count
   passed_on.mutable_live_frame()->set_frame_seq(2'000'000'000);
   put(as_bytes, 9, 0, 0, viewOf(wire(passed_on)));
   put(as_bytes, 9, 0, 0, viewOf(wire(passed_on)));
@@ -215,7 +216,7 @@ int main(int argc, char** argv) {
   if (argc != 2) return 2;
   const fs::path folder = argv[1];
   frames(folder / "envelope");
-  // a second of a hand at rest, as a station sends it
+  // one second of a hand at rest, as a station sends it
   std::vector<GestureSample> still(1000);
   for (std::size_t i = 0; i < still.size(); ++i) {
     still[i].tick = i;

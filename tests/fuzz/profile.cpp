@@ -1,4 +1,4 @@
-// Profiles and curricula: JSON from people.
+// Fuzzes profiles and curricula: JSON written by people.
 #include <array>
 #include <cstring>
 
@@ -15,7 +15,7 @@ void profile(ByteView data) {
     return;
   }
   if (kPlanted) {
-    // the fault: a fixed room for a text
+    // The planted fault: a fixed-size buffer for a text.
     std::array<char, 48> name{};
     const auto take = [&](const std::string& text) { std::memcpy(name.data(), text.data(), text.size()); };
     for (const auto& target : parsed->targets()) take(target.name());
@@ -40,7 +40,7 @@ void curriculum(ByteView data) {
   const auto parsed = parseCurriculum(textOf(data), "fuzz.json");
   if (!parsed.ok()) return;
   if (kPlanted) {
-    // the fault: a fixed room for a text
+    // The planted fault: a fixed-size buffer for a text.
     std::array<char, 24> id{};
     for (const auto& exercise : parsed->exercises())
       std::memcpy(id.data(), exercise.id().data(), exercise.id().size());

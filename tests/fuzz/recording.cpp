@@ -1,4 +1,4 @@
-// A recording file: complete, cut off, damaged.
+// Fuzzes a recording file: complete, cut off, damaged.
 #include <array>
 #include <cstring>
 
@@ -18,7 +18,7 @@ void putCrc(std::span<std::uint8_t> at, ByteView of) {
 
 }  // namespace
 
-// written from FORMAT.md, not from the reader's code
+// Written from FORMAT.md, independently of the reader's code.
 void repairRecording(std::span<std::uint8_t> data, unsigned how) {
   if (data.size() < 16) return;
   putCrc(data.subspan(12, 4), ByteView(data).first(12));
@@ -49,7 +49,7 @@ void recording(ByteView data) {
   for (std::size_t i = 0; i < reader->entries().size(); ++i) {
     const auto& entry = reader->entries()[i];
     if (kPlanted && entry.offset > 16) {
-      // the fault: an offset from the file is not checked
+      // The planted fault: an offset from the file is not checked.
       samples += surely(data.data()[entry.offset + entry.bytes + 20]);
     }
     const auto bytes = reader->chunkBytes(i);

@@ -1,5 +1,5 @@
-// Runs files through one target without libFuzzer: for coverage, and to look at a finding.
-// usage: replay TARGET FILE|FOLDER...
+// Runs files through one target without libFuzzer, for coverage or to debug a finding. usage: replay TARGET
+// FILE|FOLDER...
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>

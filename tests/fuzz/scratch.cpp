@@ -10,7 +10,7 @@ namespace {
 
 struct Folder {
   Folder() {
-    // in memory: thousands of files a second, each of them synced by the code under test
+    // In memory: the code under test writes and syncs thousands of files per second.
     std::error_code error;
     const std::filesystem::path memory = "/dev/shm";
     const bool usable = std::filesystem::is_directory(memory, error) && ::access(memory.c_str(), W_OK) == 0;
@@ -44,7 +44,7 @@ std::vector<std::span<std::uint8_t>> partsOf(std::span<std::uint8_t> data, std::
 }
 
 std::vector<ByteView> partsOf(ByteView data, std::size_t most) {
-  // only looked at here: the views given are of constant bytes again
+  // Only read here: the returned views are const again.
   const auto parts = partsOf(std::span(const_cast<std::uint8_t*>(data.data()), data.size()), most);
   return {parts.begin(), parts.end()};
 }

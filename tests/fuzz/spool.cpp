@@ -1,4 +1,4 @@
-// A spool as a crash, a failing disk or a stranger left it.
+// Fuzzes a spool as a crash, a failing disk or an attacker leaves it.
 #include <array>
 #include <cstring>
 
@@ -14,12 +14,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Seven files one after the other: the order is that of kFiles.
+/// Seven files one after the other, in the order of kFiles.
 constexpr std::array kFiles = {"session.json", "chunks", "tail", "end.json", "acked.json", "lost", "lesson"};
 constexpr const char* kSession = "01890a5d-ac96-774b-bcce-b302099a8057";
 
-// record: magic, bytes of data, seq, part, CRC over 16 bytes of header and the data. Bit 1: their numbers
-// count up, as those of chunks do
+// record: magic, bytes of data, seq, part, CRC over 16 bytes of header and the data. Bit 1: the numbers count
+// up like chunk numbers.
 void repairRecords(std::span<std::uint8_t> file, unsigned how) {
   std::size_t at = 0;
   for (std::uint64_t seq = 0; at + kSpoolRecordHeader <= file.size(); ++seq) {
@@ -62,7 +62,7 @@ void spool(ByteView data) {
 
   SpoolContents first;
   bool found = false;
-  // twice: what the first opening mended is whole at the second
+  // Opens it twice: the second opening must find the spool that the first one repaired.
   for (int round = 0; round < 2; ++round) {
     const auto opened = Spool::open(folder);
     if (!opened.ok()) return;
@@ -71,7 +71,7 @@ void spool(ByteView data) {
     for (const auto& session : sessions) {
       const SpoolContents contents = session->contents();
       if (kPlanted) {
-        // the fault: a number of a file is an index
+        // The planted fault: a number from a file is used as an unchecked index.
         static std::array<std::uint8_t, 16> seen{};
         surely(seen.data()[contents.loss.samples]) = 1;
       }

@@ -1,4 +1,4 @@
-// What comes as text from a person: recorded trajectories (CSV), HOST:PORT.
+// Fuzzes text written by people: recorded trajectories (CSV), HOST:PORT.
 #include <array>
 
 #include "client/device/recording_device.h"
@@ -15,11 +15,11 @@ void trajectory(ByteView data) {
   require(!track->t_s.empty() && track->t_s.size() == track->X_WH.size(), "columns have one length");
   require(track->plunger.empty() || track->plunger.size() == track->t_s.size(), "the plunger's too");
   if (kPlanted) {
-    // the fault: a time in tenths of a second is an index
+    // The planted fault: a time in tenths of a second is used as an unchecked index.
     static std::array<int, 64> seen{};
     for (const double t_s : track->t_s) surely(seen.data()[static_cast<int>(t_s * 10)]) = 1;
   }
-  if (track->t_s.back() - track->t_s.front() > 10) return;  // resampling it is only long
+  if (track->t_s.back() - track->t_s.front() > 10) return;  // resampling it would only take long
   const auto poses = resamplePoses(*track, 1000);
   require(poses.size() == tickCount(*track, 1000), "a pose for each tick");
   (void)resamplePlunger(*track, 1000);
@@ -29,7 +29,7 @@ void address(ByteView data) {
   const auto parsed = parseEndpoint(textOf(data));
   if (!parsed.ok()) return;
   if (kPlanted) {
-    // the fault: a fixed room for a text
+    // The planted fault: a fixed-size buffer for a text.
     std::array<char, 16> host{};
     std::memcpy(host.data(), parsed->host.data(), parsed->host.size());
     require(host.data()[0] != '\n', "hosts");

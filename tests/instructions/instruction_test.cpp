@@ -22,7 +22,7 @@ namespace {
 constexpr double kRateHz = 250;
 constexpr double kMost = 0.01;  // share of the tick
 
-// ---- an engine without the code of one effect: what is left are the zeros of the report ----
+// ---- an engine without the code of one effect: only the zeros of the report remain ----
 
 template <bool kLive>
 struct NoCutting {
@@ -105,7 +105,7 @@ struct WithPuncture : EffectSteps {
   using Puncture = Step<kLive>;
 };
 
-// the wall, in sets without an effect only
+// the wall, only in sets without an effect
 template <Effect kEffect>
 struct WallWithout : LayeredWall {
   static constexpr EffectMask kReplaces = bitOf(kEffect);
@@ -113,7 +113,7 @@ struct WallWithout : LayeredWall {
 template <Effect kEffect, class Steps>
 constexpr StepTable kSteps = stepTable<WallWithout<kEffect>, Steps>();
 
-// an engine, and the effect that must not be live in it
+// An engine, and the effect that must not be live in its sets.
 struct Engine {
   const StepTable* steps;
   EffectMask cannot;
@@ -121,7 +121,7 @@ struct Engine {
 
 const Engine kWhole = {kTrackingWallEntry.steps, 0};
 
-// beside the engine: without the effect's code, and with something planted into it
+// Besides the engine itself: without the effect's code, and with a planted cost.
 struct Pair {
   Effect effect;
   Engine without, planted;
@@ -143,7 +143,7 @@ const Pair kPairs[] = {
 };
 static_assert(std::size(kPairs) == kPlacedEffectCount);
 
-// a count to be made: this engine with these live effects
+// A count to make: this engine with these live effects.
 struct Part {
   const Engine* engine;
   EffectMask live;
@@ -166,7 +166,7 @@ SceneModel modelOf(const Part& part) {
   return model;
 }
 
-// the counted program: each part once through the gesture
+// The counted program: runs each part once through the gesture.
 int runParts() {
   const auto gesture = measuringGesture(allEffects(), kRateHz);
   for (const Part& part : allParts()) {
@@ -178,8 +178,8 @@ int runParts() {
   return 0;
 }
 
-// why instructions are not counted here, or nothing. A missing valgrind is not a reason: it is in
-// deploy/packages.txt
+// Returns the reason why instructions cannot be counted here, or nothing. A missing valgrind is not a reason:
+// deploy/packages.txt lists it.
 const char* whyNot() {
 #ifdef NEEDLELAB_SANITIZED
   return "a sanitizer's own instructions would be counted, and valgrind cannot run it";
@@ -213,7 +213,8 @@ class Instructions : public testing::Test {
   }
   static double of(const Engine& engine, EffectMask live) { return counts().at({&engine, live}); }
 
-  // what `engine` costs more than the one without the effect's code, in each set that the effect is not in
+  // Returns the extra cost of `engine` over the engine without the effect's code, in each set without the
+  // effect.
   struct Excess {
     EffectMask live;
     double share;
@@ -222,7 +223,7 @@ class Instructions : public testing::Test {
     std::vector<Excess> excesses;
     for (EffectMask live = 0; live <= kPlacedEffects; ++live) {
       if ((live & pair.without.cannot) != 0) continue;
-      // where neither CUTTING nor ATTRACTED is live, the wall does not run at all
+      // If neither CUTTING nor ATTRACTED is live, the wall does not run at all.
       if ((live & LayeredWall::kRenders) == 0 && (pair.without.cannot & LayeredWall::kRenders) != 0) continue;
       const double without_code = of(pair.without, live);
       EXPECT_GT(without_code, 50) << "something was counted";
@@ -243,7 +244,7 @@ TEST_F(Instructions, anEffectThatIsNotLiveCostsAtMostOnePercentOfTheTick) {
   std::printf("worst: %.3f %% of the tick\n", worst * 100);
 }
 
-// the compiler arranges a tick with something planted in it anew, which saves as much in a few sets
+// The compiler rearranges a tick with planted code; in a few sets this saves as much as was planted.
 TEST_F(Instructions, twoPercentPlantedIntoAnEffectThatIsNotLiveAreNoticed) {
   for (const Pair& pair : kPairs) {
     const std::vector<Excess> excesses = excessesOf(pair.planted, pair);
@@ -289,7 +290,7 @@ TEST_F(Instructions, countsAreTheSameOnEveryRun) {
 }  // namespace
 }  // namespace needlelab::test
 
-// under callgrind the program only runs the parts
+// Under callgrind the program only runs the parts.
 int main(int argc, char** argv) {
   if (argc > 1 && std::strcmp(argv[1], "--run-parts") == 0) return needlelab::test::runParts();
   testing::InitGoogleTest(&argc, argv);

@@ -28,7 +28,7 @@ TEST(Bundle, isReadAsItWasWritten) {
   EXPECT_EQ(read->station, enrolment.station);
   EXPECT_EQ(read->key, enrolment.key);
   EXPECT_EQ(read->ca_pem, enrolment.ca_pem);
-  // cut off anywhere, or with a line changed: refused, and the key is in no message
+  // A bundle that is cut off anywhere or has a changed line is refused, and no message contains the key.
   for (std::size_t length = 0; length < text.find("-----BEGIN") + 27; length += 7) {
     const auto cut = parseBundle(std::string_view(text).substr(0, length), "it");
     ASSERT_FALSE(cut.ok()) << length;
@@ -71,7 +71,8 @@ TEST(Enrol, twoCommandsMakeAStation) {
   EXPECT_EQ(sessions[0].description().station(), "station-7");
   EXPECT_EQ(sessions[0].state(), pb::SESSION_COMPLETE);
 
-  // what does not work is not kept, and says what to do: a name that the certificate is not for …
+  // A bundle that does not work is not stored, and the message says what to do: a name that is not in the
+  // certificate …
   auto text = *readWholeFile(bundle);
   text.replace(text.find("127.0.0.7"), 9, "127.0.0.8");
   std::ofstream(lab.path("other.enrol")) << text;
@@ -82,7 +83,7 @@ TEST(Enrol, twoCommandsMakeAStation) {
       why, testing::AllOf(HasSubstr("not enrolled"), HasSubstr("certificate renew --host-name 127.0.0.8")));
   EXPECT_FALSE(fs::exists(none / "station.key"));
   EXPECT_FALSE(fs::exists(none / "ca.crt"));
-  // … a key that is not the station's, and no bundle at all
+  // … a key of another station, and no bundle at all.
   text = *readWholeFile(bundle);
   char& digit = text[text.find("key ") + 4];
   digit = digit == '0' ? '1' : '0';
@@ -100,7 +101,7 @@ TEST(Enrol, twoCommandsMakeAStation) {
   EXPECT_THAT(advice, HasSubstr("--enrol FILE"));
   EXPECT_EQ(lab.stopServer(), 0);
 
-  // the certificate: shown, and renewed by command
+  // The certificate is shown, and renewed by command.
   EXPECT_EQ(lab.admin({"certificate", "show"}), 0);
   EXPECT_EQ(lab.admin({"certificate", "renew", "--host-name", "127.0.0.8"}), 0);
   EXPECT_THAT(*readWholeFile(lab.path("admin.log")),

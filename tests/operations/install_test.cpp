@@ -1,4 +1,4 @@
-// deploy/install below a folder, without root, and what systemd thinks of the units.
+// Runs deploy/install below a folder without root, and checks the units with systemd.
 #include <gmock/gmock.h>
 
 #include <fstream>
@@ -49,7 +49,7 @@ TEST_F(InstallTest, putsProgramsUnitsAndGuideInPlace) {
     EXPECT_THAT(text, testing::Not(HasSubstr("@PREFIX@"))) << name;
     EXPECT_THAT(text, HasSubstr("/opt/nl")) << name;
   }
-  // a second time: what somebody wrote stays
+  // A second installation keeps edited files.
   std::ofstream(root() / "etc/needlelab/server.conf") << "mine";
   EXPECT_EQ(run(NEEDLELAB_SOURCE "/deploy/install", {"--prefix", "/opt/nl", "--destdir", root(), "--build",
                                                      fs::path(NEEDLELAB_BIN).parent_path()})
@@ -59,7 +59,7 @@ TEST_F(InstallTest, putsProgramsUnitsAndGuideInPlace) {
 }
 
 TEST_F(InstallTest, theCommandLinesOfTheUnitsAreUnderstood) {
-  // the words of ExecStart, with help in place of the work: an option that does not exist is refused
+  // Runs the command line of ExecStart with --help: the program refuses unknown options.
   for (const auto& [name, program] : {std::pair("needlelab-server.service", "needlelab-server"),
                                       std::pair("needlelab-backup.service", "needlelab-admin")}) {
     std::string text = *readWholeFile(unit(name));
@@ -81,7 +81,7 @@ TEST_F(InstallTest, theCommandLinesOfTheUnitsAreUnderstood) {
 
 TEST_F(InstallTest, systemdTakesTheUnitsAndFindsTheSandboxTight) {
   if (!fs::exists("/usr/bin/systemd-analyze")) GTEST_SKIP() << "systemd-analyze is not installed";
-  // the programs lie below our folder: told so, systemd finds them
+  // The programs are below our folder; systemd gets their path.
   std::vector<std::string> arguments = {"verify", "--man=no"};
   for (const char* name : {"needlelab-server.service", "needlelab-server.socket", "needlelab-backup.service",
                            "needlelab-backup.timer"}) {

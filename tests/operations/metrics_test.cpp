@@ -38,8 +38,8 @@ TEST(Metrics, addUpAfterALesson) {
       ASSERT_TRUE(got.ok()) << got.error().message;
       if (got->has_live_frame()) ++frames;
     }
-    // while it runs: the station and the viewer are there, in the right place
-    // (what is read from the database is at most a second old)
+    // While it runs: the metrics count the station and the viewer in the right place (values from the
+    // database are at most one second old).
     Scrape during;
     EXPECT_TRUE(eventually([&] {
       during = parsePrometheus(httpGet(port, "/metrics").body);
@@ -56,7 +56,7 @@ TEST(Metrics, addUpAfterALesson) {
   const auto sessions = lab.sessions();
   ASSERT_EQ(sessions.size(), 1u);
   Scrape after;
-  // what is shown is at most a second old
+  // The shown values are at most one second old.
   ASSERT_TRUE(eventually([&] {
     after = parsePrometheus(httpGet(port, "/metrics").body);
     return after["needlelab_sessions_open"] == 0;
@@ -71,12 +71,12 @@ TEST(Metrics, addUpAfterALesson) {
   EXPECT_EQ(after["needlelab_sessions_closed_total"], 1);
   EXPECT_EQ(after["needlelab_unsafe_chunks"], chunks) << "no backup yet";
   EXPECT_GE(after["needlelab_acks_total"], 2);
-  // every item was committed in some group, and every group in one commit
+  // Every item was committed in exactly one group, and every group in one commit.
   EXPECT_EQ(after["needlelab_commit_group_items_sum"], after["needlelab_writer_items_total"]);
   EXPECT_EQ(after["needlelab_commit_group_items_count"], after["needlelab_commit_seconds_count"]);
   EXPECT_GE(after["needlelab_writer_items_total"], chunks + 2) << "chunks, open, close";
   EXPECT_GT(after["needlelab_commit_seconds_sum"], 0);
-  // who came has gone, but for the one that is asking
+  // All connections have ended, except the one of this request.
   EXPECT_EQ(after["needlelab_logins_total"] + after["needlelab_logins_refused_total"] +
                 after["needlelab_handshakes_failed_total"],
             after["needlelab_connections_total"]);
@@ -89,14 +89,14 @@ TEST(Metrics, addUpAfterALesson) {
   EXPECT_NEAR(after["process_start_time_seconds"], static_cast<double>(std::time(nullptr)), 120);
   EXPECT_GT(after["process_max_fds"], after["process_open_fds"]);
   EXPECT_TRUE(std::isnan(after["needlelab_backup_age_seconds"])) << "there is none";
-  // counters never fall
+  // Counters never decrease.
   for (const auto& [name, value] : before.samples) {
     if (name.find("_total") != std::string::npos) {
       EXPECT_GE(after[name], value) << name;
     }
   }
 
-  // a log-in that is refused is counted as one
+  // A refused log-in is counted as refused.
   ClientConfig stranger;
   stranger.server.port = static_cast<std::uint16_t>(std::stoi(*readWholeFile(lab.path("port"))));
   stranger.ca_file = lab.path("data") / "tls" / "ca.crt";

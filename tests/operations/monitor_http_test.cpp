@@ -1,4 +1,4 @@
-// The HTTP server for machines that watch: bounded, and no more than it should be.
+// The HTTP server for monitoring: its resources are bounded, and it offers only the intended paths.
 #include <gmock/gmock.h>
 
 #include <dlfcn.h>
@@ -17,7 +17,7 @@ namespace {
 
 std::atomic<bool> hangs = false;
 
-/// As long as it lives, or until `hangs` is false: who asks how much room there is waits.
+/// While this object lives, or until `hangs` is false, queries of the free disk space block.
 struct HangingDisk {
   HangingDisk() { hangs = true; }
   ~HangingDisk() { hangs = false; }
@@ -27,7 +27,7 @@ struct HangingDisk {
 
 }  // namespace
 
-/// Stands before the C library's in this program; std::filesystem::space asks by it.
+/// Replaces the C library's function in this program; std::filesystem::space calls it.
 extern "C" int statvfs(const char* path, struct statvfs* facts) noexcept {
   using Real = int (*)(const char*, struct statvfs*);
   static const auto real = reinterpret_cast<Real>(::dlsym(RTLD_NEXT, "statvfs"));
@@ -41,7 +41,7 @@ namespace {
 using namespace test;
 
 void withMetrics(ServerOptions& options) {
-  options.metrics = "0";  // a port alone, any free one, of this machine
+  options.metrics = "0";  // port only: any free port of this machine
 }
 
 TEST(Prometheus, labelsAreEscapedAndNumbersWhole) {
@@ -97,8 +97,7 @@ TEST(MonitorHttp, garbageAndGiantsEndAtOnceAndTheNextIsServed) {
   }
   EXPECT_LT(std::chrono::steady_clock::now() - started, std::chrono::seconds(8))
       << "none waits for a time-out";
-  // more connections than it takes, which say nothing: they cannot shut others out for longer than the
-  // deadline
+  // More silent connections than the server accepts: they cannot block others for longer than the deadline.
   EXPECT_EQ(httpGet(port, "/healthz").status, 200);
   EXPECT_EQ(server.stop(), 0);
 }
@@ -117,7 +116,7 @@ TEST(Health, anIdleServerProvesThatItCanWrite) {
   EXPECT_TRUE(json["backup_age_s"].is_null());
   EXPECT_GT(json["certificate_days_left"], 700);
   EXPECT_EQ(server.server().store().writer().counters().commits, commits + 1) << "the trial write";
-  // asked again at once, it believes itself: watching costs next to nothing
+  // A second request at once gets the cached answer: monitoring costs almost nothing.
   for (int i = 0; i < 5; ++i) EXPECT_EQ(httpGet(server.server().metricsPort(), "/healthz").status, 200);
   EXPECT_EQ(server.server().store().writer().counters().commits, commits + 1);
 }
@@ -152,9 +151,9 @@ TEST(Health, aDiskThatHangsIsSaidAndNotWaitedFor) {
   };
   ASSERT_EQ(gauge(httpGet(port, "/metrics"), "needlelab_database_readable"), "1");
   const HangingDisk disk;
-  std::this_thread::sleep_for(milliseconds(1200));  // what was read just now is believed for a second
+  std::this_thread::sleep_for(milliseconds(1200));  // values are cached for one second
   const auto began = std::chrono::steady_clock::now();
-  // several at once, and again: each is answered, none waits for the one before
+  // Several requests at once, repeated: each gets an answer, none waits for the previous one.
   for (int round = 0; round < 2; ++round) {
     std::vector<std::future<HttpReply>> asked;
     for (int i = 0; i < 4; ++i)
@@ -172,7 +171,7 @@ TEST(Health, aDiskThatHangsIsSaidAndNotWaitedFor) {
   EXPECT_EQ(gauge(metrics, "needlelab_database_readable"), "0");
   EXPECT_NE(gauge(metrics, "needlelab_disk_size_bytes"), "0") << "what was known stays";
   EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(8));
-  hangs = false;  // the disk is there again
+  hangs = false;  // the disk works again
   HttpReply again;
   for (int i = 0; i < 50 && again.status != 200; ++i) {
     std::this_thread::sleep_for(milliseconds(100));

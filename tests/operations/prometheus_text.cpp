@@ -15,7 +15,7 @@
 namespace needlelab::test {
 namespace {
 
-/// The matches of a whole line, the groups from 1 on; empty: it does not match.
+/// Matches a whole line. Returns the groups from 1 on, or nothing if the line does not match.
 std::vector<std::string> match(const char* pattern, const std::string& line) {
   regex_t compiled;
   if (::regcomp(&compiled, pattern, REG_EXTENDED) != 0) return {};
@@ -31,7 +31,7 @@ std::vector<std::string> match(const char* pattern, const std::string& line) {
   return groups;
 }
 
-/// The metric that a sample belongs to: a histogram's samples have endings of their own.
+/// Returns the metric of a sample: a histogram's samples have name suffixes.
 std::string metricOf(const std::string& sample, const std::map<std::string, std::string>& types) {
   for (const char* ending : {"_bucket", "_sum", "_count"}) {
     if (!sample.ends_with(ending)) continue;
@@ -57,7 +57,7 @@ Scrape parsePrometheus(const std::string& text) {
   if (text.empty() || text.back() != '\n') scrape.faults.emplace_back("the last line has no end");
   std::istringstream lines(text);
   std::string helped, current;
-  std::set<std::string> ended;  // a metric's lines stand together
+  std::set<std::string> ended;  // the lines of a metric must be consecutive
   for (std::string line; std::getline(lines, line);) {
     if (line.starts_with("# HELP ")) {
       const auto parts = match("^# HELP ([a-zA-Z_:][a-zA-Z0-9_:]*) .+$", line);
@@ -94,7 +94,7 @@ Scrape parsePrometheus(const std::string& text) {
       scrape.samples[name] = std::strtod(parts[5].c_str(), nullptr);
     }
   }
-  // a histogram's buckets never fall, and the last is the count
+  // A histogram's buckets never decrease, and the last one equals the count.
   for (const auto& [name, type] : scrape.types) {
     if (type != "histogram") continue;
     std::map<double, double> buckets;

@@ -1,4 +1,4 @@
-// Yesterday's backup is restored under a lab that goes on: nothing that a spool still has is lost.
+// Yesterday's backup is restored while the lab keeps working: no data that is still in a spool is lost.
 #include <gmock/gmock.h>
 
 #include <map>
@@ -25,7 +25,7 @@ TEST(RestoreLab, stationsSendAgainWhatTheBackupLacks) {
       lab.admin({"user", "add", "adm", "--role", "administrator", "--password-file", lab.path("password")}),
       0);
   lab.startServer();
-  std::map<std::string, std::vector<std::string>> recorded;  // by session, as the spool has it
+  std::map<std::string, std::vector<std::string>> recorded;  // by session, in the spool
   const auto remember = [&] {
     for (const std::string& id : sessionsIn(lab.path("spool")))
       recorded[id] = Lab::spooledChunks(lab.path("spool"), id);
@@ -59,14 +59,14 @@ TEST(RestoreLab, stationsSendAgainWhatTheBackupLacks) {
   ASSERT_EQ(lab.sessions().size(), 3u);
   ASSERT_EQ(lab.stopServer(), 0);
 
-  // the older state comes back: the second session is cut off in it, the third is unknown
+  // The restored state is older: the second session is incomplete in it, the third is unknown.
   std::vector<fs::path> files(fs::directory_iterator(lab.path("backups")), fs::directory_iterator{});
   ASSERT_EQ(files.size(), 1u);
   ASSERT_EQ(lab.admin({"restore", "--from", files[0]}), 0);
   lab.startServer();
   ASSERT_EQ(lab.sessions().size(), 2u);
 
-  // any start of the station brings it all back
+  // Any start of the station uploads everything again.
   lesson("again", "0.5");
   ASSERT_TRUE(eventually([&] { return lab.sessions().size() == 4; }));
   ASSERT_EQ(recorded.size(), 4u);

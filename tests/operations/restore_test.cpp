@@ -1,4 +1,4 @@
-// A backup put in a database's place: complete or not at all.
+// A restored backup replaces the database completely or not at all.
 #include "db/service/restore.h"
 
 #include <gmock/gmock.h>
@@ -20,7 +20,7 @@ using testing::HasSubstr;
 
 constexpr std::int64_t kNow = 1'790'000'000'000'000'000;
 
-/// A stopped server's folder: users `kept` and, added after the backup, `late`.
+/// A stopped server's folder with the users `kept` and `late`; `late` was added after the backup.
 class RestoreTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -60,7 +60,7 @@ class RestoreTest : public testing::Test {
     fs::remove(to);
     fs::copy_file(backup(), to);
   }
-  /// Whatever is wrong, nothing has changed.
+  /// Checks that a failed restore changes nothing.
   void refused(const fs::path& from, ErrorCode code, const std::string& words) {
     const auto before = *readWholeFile(data() / "needlelab.db");
     const auto result = restoreFrom(data(), from, kNow);
@@ -76,8 +76,8 @@ class RestoreTest : public testing::Test {
 };
 
 TEST_F(RestoreTest, putsTheBackupInPlaceAndKeepsWhatWasThere) {
-  // a log that was not checkpointed: it must neither be lost with the old database nor be applied to the new
-  // one
+  // A write-ahead log without a checkpoint must neither be lost with the old database nor be applied to the
+  // new one.
   {
     auto writer = Connection::open(data() / "needlelab.db", {.mode = Connection::Mode::kWriter});
     ASSERT_TRUE(writer.ok());
@@ -98,7 +98,7 @@ TEST_F(RestoreTest, putsTheBackupInPlaceAndKeepsWhatWasThere) {
             fs::perms::owner_read | fs::perms::owner_write);
   // and it works
   addUser("later");
-  // a second one at the same time of day keeps its own
+  // A second restore in the same second keeps its own copy.
   const auto again = restoreFrom(data(), backup(), kNow);
   ASSERT_TRUE(again.ok()) << again.error().message;
   EXPECT_NE(again->kept, result->kept);
@@ -187,7 +187,7 @@ TEST_F(RestoreTest, aDiskWithoutHardLinksKeepsTheReplacedDatabaseAsWellAndTheWay
   EXPECT_EQ(people(), std::vector<std::string>{"kept"});
   EXPECT_FALSE(fs::exists(data() / "restore.pending"));
   EXPECT_EQ(people(result->kept), (std::vector<std::string>{"kept", "late"}));
-  // back, as OPERATIONS.md says
+  // Goes back as OPERATIONS.md describes.
   fs::create_directory(data() / "restored");
   for (const char* suffix : {"", "-wal", "-shm"}) {
     const std::string name = std::string("needlelab.db") + suffix;
@@ -263,7 +263,7 @@ TEST_F(RestoreTest, refusesWhatIsNoGoodBackupAndChangesNothing) {
 }
 
 TEST_F(RestoreTest, whatWasCutOffIsCompletedByTheNextStart) {
-  // each state that a crash can leave between the decision and the end
+  // Tests each state that a crash can leave between the decision and the end.
   const std::string kept = "needlelab.db.replaced-20260101T000000Z";
   const auto decided = [&] {
     copyTo(data() / "needlelab.db.restoring");
@@ -302,7 +302,7 @@ TEST_F(RestoreTest, whatWasCutOffIsCompletedByTheNextStart) {
   fs::remove(data() / "needlelab.db-shm");
   fs::rename(data() / "needlelab.db.restoring", data() / "needlelab.db");
   expectRestored("in place, not yet said");
-  // before the decision: the old database is as it was
+  // Before the decision: the old database is unchanged.
   bringBack();
   copyTo(data() / "needlelab.db.restoring");
   { const auto store = open(); }
@@ -346,7 +346,7 @@ TEST(BackupCancel, isGivenUpSoonAndLeavesNothing) {
   const fs::path target = server.folder() / "backup.db";
   pb::Request request;
   request.mutable_backup()->set_path(target);
-  // the server's end comes first: whatever runs or comes later ends at once
+  // The server stops first: all running and later operations end at once.
   server.service().cancelLongWork();
   const Outcome outcome = server.service().execute({"root", pb::ADMINISTRATOR}, request);
   ASSERT_TRUE(outcome.error);

@@ -1,4 +1,4 @@
-// Each fault at the start: what it says, what it advises, and the exit code.
+// Each start-up fault: the message, the advice and the exit code.
 #include "server/live/startup.h"
 
 #include <gmock/gmock.h>
@@ -28,13 +28,13 @@ namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::HasSubstr;
 
-/// A folder that a server has used and left; each test spoils something in it.
+/// The folder of a stopped server; each test damages something in it.
 class StartupTest : public testing::Test {
  protected:
   void SetUp() override {
     ASSERT_TRUE(Store::open(data(), {}).ok());
     ASSERT_TRUE(ensureTlsFiles(tls(), {"localhost", "127.0.0.1", "::1"}).ok());
-    // its own name is in the certificate only after the first start with the authority's key
+    // The certificate contains the server's name only after the first start with the authority's key.
     auto [code, said] = serveOnce({});
     ASSERT_EQ(code, kExitDone) << said;
   }
@@ -45,7 +45,7 @@ class StartupTest : public testing::Test {
     int code;
     std::string said;
   };
-  /// Starts a server, ends it once it listens; how it ended, and what it said.
+  /// Starts a server and stops it once it listens. Returns its exit status and its output.
   Ending serveOnce(const std::vector<std::string>& more, const std::string& shell = {}) {
     const auto log = folder_.path() / ("log-" + std::to_string(++runs_));
     fs::remove(folder_.path() / "port");
@@ -106,7 +106,7 @@ TEST_F(StartupTest, aNewerSchemaAndADamagedDatabaseAreNamed) {
   auto ended = serveOnce({});
   EXPECT_EQ(ended.code, kExitFailed);
   EXPECT_THAT(ended.said, AllOf(HasSubstr("version 999"), HasSubstr("newer program")));
-  // the file's first page is gone
+  // the first page of the file is overwritten
   std::fstream(data() / "needlelab.db", std::ios::in | std::ios::out | std::ios::binary)
       << std::string(4096, '#');
   ended = serveOnce({});
@@ -116,12 +116,12 @@ TEST_F(StartupTest, aNewerSchemaAndADamagedDatabaseAreNamed) {
 
 TEST_F(StartupTest, aBadCertificateIsMadeAnewOrSaid) {
   const auto good = *readWholeFile(tls().certificate), key = *readWholeFile(tls().key);
-  // with the authority's key at hand it mends itself
+  // With the authority's key available, the server repairs itself.
   std::ofstream(tls().certificate) << "spoilt";
   EXPECT_EQ(serveOnce({}).code, kExitDone);
   EXPECT_TRUE(readCertificate(tls().certificate).ok());
 
-  // without it, each fault is said by its name
+  // Without the key, each fault has its own message.
   fs::rename(tls().ca_key, folder_.path() / "ca.key");
   const auto refused = [&](const std::string& words, const std::vector<std::string>& more = {}) {
     const auto [code, said] = serveOnce(more);
@@ -137,7 +137,7 @@ TEST_F(StartupTest, aBadCertificateIsMadeAnewOrSaid) {
   std::ofstream(tls().key) << "spoilt";
   refused("server.key holds no private key");
 
-  // one that has expired, signed by the right authority
+  // an expired certificate, signed by the right authority
   std::ofstream(tls().key) << key;
   FILE* file = std::fopen(tls().certificate.c_str(), "r");
   X509* const certificate = PEM_read_X509(file, nullptr, nullptr, nullptr);
@@ -209,7 +209,7 @@ TEST(ServiceManager, withoutSystemdNothingHappens) {
   EXPECT_TRUE(takeListenSockets()->empty());
   EXPECT_FALSE(notifyManager("READY=1"));
   EXPECT_FALSE(watchdogPeriod());
-  // sockets for another process are not ours
+  // Sockets for another process are not used.
   ::setenv("LISTEN_PID", "1", 1);
   ::setenv("LISTEN_FDS", "1", 1);
   EXPECT_TRUE(takeListenSockets()->empty());

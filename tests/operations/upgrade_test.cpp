@@ -1,4 +1,5 @@
-// A server is replaced under running stations: systemd holds the port, nobody is refused, all go on at once.
+// A server is replaced while stations run: systemd holds the port, no station is refused, and all continue at
+// once.
 #include <gmock/gmock.h>
 #include <netinet/in.h>
 #include <poll.h>
@@ -18,7 +19,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr int kStations = 4;
 
-/// What systemd does for a unit with a socket and Type=notify.
+/// Plays systemd for a unit with a socket and Type=notify.
 class Manager {
  public:
   explicit Manager(const std::filesystem::path& folder) : path_(folder / "notify") {
@@ -46,7 +47,7 @@ class Manager {
   Manager(const Manager&) = delete;
   Manager& operator=(const Manager&) = delete;
 
-  /// Through a shell, because LISTEN_PID is the program's own.
+  /// Starts through a shell, because LISTEN_PID must be the program's own pid.
   std::unique_ptr<Process> start(const std::vector<std::string>& arguments,
                                  const std::filesystem::path& log) const {
     std::string line = "LISTEN_FDS=1 LISTEN_PID=$$ NOTIFY_SOCKET='" + path_ +
@@ -57,7 +58,7 @@ class Manager {
     line += " 3<&" + std::to_string(listening_);
     return std::make_unique<Process>("/bin/sh", std::vector<std::string>{"-c", line}, log);
   }
-  /// The next message that has this line; false when none comes.
+  /// Waits for the next message with this line. Returns false if none arrives.
   [[nodiscard]] bool hears(const std::string& wanted, std::chrono::milliseconds limit = 30s) const {
     const auto end = Clock::now() + limit;
     while (Clock::now() < end) {
@@ -140,7 +141,7 @@ TEST(Upgrade, stationsGoOnAtOnceAndNothingIsLost) {
   auto second = startServer("second.log");
   ASSERT_TRUE(manager.hears("READY=1")) << second->said();
   const auto ready = Clock::now();
-  // an opened session is acknowledged with what is committed: acks flow to all of them
+  // Opening a session is acknowledged with the committed chunks: all stations receive acknowledgements.
   const bool whole = eventually([&] { return inSession() == kStations; });
   const auto resumed = Clock::now();
   ASSERT_TRUE(whole) << second->said();
@@ -152,7 +153,7 @@ TEST(Upgrade, stationsGoOnAtOnceAndNothingIsLost) {
       "%lld ms later\n",
       kStations, static_cast<long long>(ms(drained - began)), static_cast<long long>(ms(ready - drained)),
       static_cast<long long>(ms(resumed - ready)));
-  // within a second on a machine of its own; the bound here stands a machine that is busy otherwise
+  // Takes less than a second on an idle machine; the bound here allows for a busy machine.
   EXPECT_LT(ms(resumed - ready), 5000);
 
   for (int i = 1; i <= kStations; ++i) {

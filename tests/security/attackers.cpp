@@ -17,7 +17,7 @@
 namespace needlelab::test {
 namespace {
 
-/// A socket from an address of this machine; −1 when it was not taken.
+/// Connects from an address of this machine. Returns the socket, or −1 if the server did not accept.
 class Socket {
  public:
   Socket(const std::string& from, std::uint16_t port)
@@ -53,7 +53,7 @@ class Socket {
   int fd_;
 };
 
-/// TLS on it, with our own OpenSSL calls: what stands in the way (a cut connection) is no error here.
+/// TLS on the socket by direct OpenSSL calls. A closed connection is not an error here.
 class TlsPeer {
  public:
   TlsPeer(const std::string& from, std::uint16_t port, const TlsContext& tls)
@@ -71,7 +71,7 @@ class TlsPeer {
     appendFrameHeader(bytes, body.size());
     return write(bytes + body);
   }
-  /// Reads something, whatever it is; false at the end.
+  /// Reads any bytes. Returns false at the end of the connection.
   bool readSome() {
     char room[4096];
     ok_ = ok_ && SSL_read(ssl_.get(), room, sizeof room) > 0;
@@ -103,7 +103,7 @@ TlsContext clientTls(const std::filesystem::path& ca) {
 
 Attackers::Attackers(std::filesystem::path ca, std::uint16_t port, StolenKey first, StolenKey second)
     : ca_(std::move(ca)), port_(port), first_(std::move(first)), second_(std::move(second)) {
-  // OpenSSL writes to sockets that the server has closed
+  // OpenSSL may write to sockets that the server has closed.
   std::signal(SIGPIPE, SIG_IGN);
   for (const auto attack :
        {&Attackers::garbage, &Attackers::halfOpen, &Attackers::slowLoris, &Attackers::oversized,
@@ -127,7 +127,7 @@ void Attackers::garbage() {
     const Socket socket("127.0.0.2", port_);
     std::string bytes(1 + random() % 2000, '\0');
     for (char& c : bytes) c = static_cast<char>(random());
-    // every other one looks like a TLS record at first
+    // Every second connection begins like a TLS record.
     if (random() % 2 == 0) bytes.replace(0, 3, "\x16\x03\x01");
     if (!socket.ok() || !socket.write(bytes)) ++counts_.turned_away;
     ++counts_.garbage;
@@ -137,7 +137,7 @@ void Attackers::garbage() {
 void Attackers::halfOpen() {
   std::deque<std::unique_ptr<Socket>> held;
   while (goOn(2)) {
-    // the first bytes of a ClientHello: a record of 512 bytes is announced
+    // the first bytes of a ClientHello, with an announced record size of 512 bytes
     auto socket = std::make_unique<Socket>("127.0.0.3", port_);
     if (socket->ok() && socket->write(std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11)))
       held.push_back(std::move(socket));
@@ -171,7 +171,7 @@ void Attackers::oversized() {
   const TlsContext tls = clientTls(ca_);
   while (goOn(50)) {
     TlsPeer peer("127.0.0.5", port_, tls);
-    // 2 GiB announced, then some of it
+    // announces 2 GiB, then sends a part of it
     if (!peer.write(std::string("\x7f\xff\xff\xff", 4) + std::string(60'000, 'x'))) ++counts_.turned_away;
     while (peer.readSome()) {
     }
@@ -195,7 +195,7 @@ void Attackers::oversizedLoggedIn() {
 void Attackers::guesses() {
   const TlsContext tls = clientTls(ca_);
   for (unsigned n = 0; goOn(20); ++n) {
-    // from 20 addresses, now the administrator's name, now any
+    // from 20 addresses, alternating the administrator's name and other names
     TlsPeer peer("127.0.1." + std::to_string(1 + n % 20), port_, tls);
     const std::string name = n % 2 == 0 ? "load" : "user" + std::to_string(n);
     if (!peer.logIn(personLogin(name, "guess number " + std::to_string(n)))) ++counts_.turned_away;
@@ -227,7 +227,7 @@ void Attackers::pings() {
       ++counts_.turned_away;
       continue;
     }
-    // 20,000 a second at most; the answers are read now and then
+    // at most 20,000 per second; reads the answers from time to time
     while (peer.write(many) && goOn(10)) {
       counts_.pings += 200;
       (void)peer.readSome();

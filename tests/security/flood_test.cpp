@@ -1,4 +1,4 @@
-// Fifty stations stream and two viewers watch while others do their worst: the stations notice nothing.
+// Fifty stations stream and two viewers watch during attacks: the stations are not affected.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
@@ -26,8 +26,8 @@ double ms(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-6;
 }
 
-/// How long a log-in takes, TLS and all, with new tries as a station makes them; nothing when it fails for
-/// 20 s.
+/// Returns the duration of a log-in including TLS, with retries as a station makes them. Returns nothing if
+/// it fails for 20 s.
 std::optional<std::int64_t> logInTime(const LoadShared& shared, const pb::Login& login) {
   ClientConfig config = shared.client;
   config.login = login;
@@ -55,7 +55,7 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
   TempFolder folder;
   auto pool = makeGesturePool(1, 2);
   ASSERT_TRUE(pool.ok()) << pool.error().message;
-  // fifty stream, one comes in the flood, two keys are stolen
+  // fifty stations stream, one connects during the flood, two have stolen keys
   const auto enrolled = enrol(folder.path() / "data", kStations + 3);
   ASSERT_TRUE(enrolled.ok()) << enrolled.error().message;
   OwnServer server(std::string(NEEDLELAB_BIN) + "/needlelab-server", folder.path());
@@ -112,7 +112,7 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
         handles = std::max(handles, sample->handles);
       }
       std::this_thread::sleep_for(100ms);
-      // a disk that stands still all the time shows nothing of the server
+      // If the disk stalls all the time, the test shows nothing about the server.
       if (crowd.totals().ack.since(ack_before).total() > kStations) stood_still = false;
     } while (std::chrono::steady_clock::now() < (stood_still ? end + 20s : end));
     const AttackCounts& c = attackers.counts();
@@ -124,7 +124,7 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
                  static_cast<unsigned long long>(c.oversized_in), static_cast<unsigned long long>(c.guesses),
                  static_cast<unsigned long long>(c.churn), static_cast<unsigned long long>(c.pings),
                  static_cast<unsigned long long>(c.turned_away));
-    // every kind of attack took place
+    // Every kind of attack took place.
     for (const auto* count :
          {&c.garbage, &c.half_open, &c.slow, &c.oversized, &c.oversized_in, &c.guesses, &c.churn})
       EXPECT_GT(count->load(), 3u);
@@ -156,7 +156,7 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
   ASSERT_TRUE(station_ns.has_value()) << "a legitimate station gets in";
   EXPECT_LT(ms(*station_ns), 5000) << "and does not wait behind those who never end their handshake";
   EXPECT_TRUE(person_ns.has_value()) << "and so does a person who has been here before";
-  // argon2id takes 64 MiB; 1,536 who are not logged in take some 60 KiB each
+  // argon2id takes 64 MiB; 1,536 connections without log-in take about 60 KiB each
   if (!kSanitized) {
     EXPECT_LE(greatest_KiB, sample_before->rss_KiB + 200 * 1024);
   }
@@ -175,7 +175,7 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
   ASSERT_TRUE(stored.ok()) << stored.error().message;
   EXPECT_TRUE(stored->clean()) << stored->samples.first;
   EXPECT_EQ(stored->samples.stored, kStations * shared.ticks);
-  // a flood does not fill the log's disk
+  // A flood does not fill the disk with log lines.
   EXPECT_LT(std::filesystem::file_size(server.log()), (long_form ? 20u : 4u) << 20);
 }
 

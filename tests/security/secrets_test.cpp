@@ -1,4 +1,4 @@
-// A lesson with all programs: nothing that they say or leave behind holds a key, a password or a token.
+// A lesson with all programs: no output and no file contains a key, a password or a token.
 #include <sys/stat.h>
 
 #include <gmock/gmock.h>
@@ -33,8 +33,8 @@ std::string hexOf(const std::string& bytes) {
   return hex;
 }
 
-/// A secret in the forms in which it could be written down by mistake. Raw bytes could be escaped: eight of
-/// them in hexadecimal, with and without \x, would give it away.
+/// A secret in all forms that a program could write by mistake. Raw bytes can be escaped, so eight of them in
+/// hexadecimal, with and without \x, count as a leak.
 std::vector<std::string> formsOf(const std::string& secret) {
   std::string escaped;
   for (const char c : secret) escaped += "\\x" + hexOf(std::string(1, c));
@@ -85,7 +85,7 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
     key += static_cast<char>(std::stoi(hex.substr(i, 2), nullptr, 16));
   secrets_["key"] = key;
 
-  // the server says all it can say
+  // The server logs at the most detailed level.
   const auto startServer = [&](int port) {
     return std::make_unique<Process>(
         "needlelab-server",
@@ -104,7 +104,7 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
   const std::string address = "127.0.0.1:" + port;
   const fs::path ca = lab.path("data") / "tls" / "ca.crt";
 
-  // a token, which only ever is in memory
+  // a token, which exists only in memory
   ClientConfig config;
   config.server.port = static_cast<std::uint16_t>(std::stoi(port));
   config.ca_file = ca;
@@ -122,7 +122,7 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
     all.insert(all.end(), arguments.begin(), arguments.end());
     return std::make_unique<Process>("needlelab-admin", all, lab.path(name + ".log"));
   };
-  // wrong passwords, keys and tokens are secrets, too: often they are right ones, elsewhere
+  // Wrong passwords, keys and tokens are secrets too: often they are valid elsewhere.
   EXPECT_NE(remote("wrong", wrong, {"user", "list"})->wait(20s), 0);
   config.login = stationLogin("station-1", "Planted-4-" + std::string(22, 'k'));
   secrets_["wrong key"] = "Planted-4-" + std::string(22, 'k');
@@ -167,7 +167,7 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
   EXPECT_EQ(server->wait(20s), 0);
   EXPECT_THAT(server->said(), testing::HasSubstr("login_refused")) << "there was something to let slip";
 
-  // everything that lies about, except the files in which the secrets were given
+  // all files, except those that supply the secrets
   for (const auto& entry : fs::recursive_directory_iterator(lab.path(""))) {
     struct stat info {};
     ASSERT_EQ(::lstat(entry.path().c_str(), &info), 0);

@@ -199,7 +199,7 @@ TEST_F(Admin, curriculaAndAssignments) {
   const auto curricula = good({"curriculum", "list", "--json"}).rows();
   ASSERT_EQ(curricula.size(), 2u) << "the sample courses";
   const std::string exercise = curricula[0].at("exercise_ids")[0];
-  // out and in again, to the letter
+  // Export and import give the same text.
   for (const auto& [id, sample] : std::map<std::string, std::string>{
            {"rheumatology-basics", NEEDLELAB_SAMPLES "/curriculum.json"},
            {"injection-steps", NEEDLELAB_SAMPLES "/injection-steps-curriculum.json"}}) {
@@ -254,7 +254,7 @@ TEST_F(Admin, theSyringesEventsOfASessionAreListed) {
 
   const std::string without = uuidText(addSession(3, false, "UPDATE sessions SET events = 0"));
   EXPECT_NE(good({"session", "events", without}).err.find("no aspirations"), std::string::npos);
-  // still open: said; its other facts are shown all the same
+  // An open session is reported as open; its other data are shown as usual.
   const std::string open = uuidText(addSession(3, true));
   const Run refused = onData({"session", "events", open});
   EXPECT_EQ(refused.code, 1);
@@ -381,7 +381,7 @@ TEST_F(AdminOnServer, aNewUsersPasswordIsApartFromOnesOwn) {
   password_ = fresh;
   EXPECT_EQ(as("mia", {"profile", "list"}).code, 0);
   EXPECT_EQ(as("ada", {"profile", "list"}).code, 1);
-  // with one file only, it is the one to log in with
+  // If only one file is given, it is the password for the log-in.
   password_ = file("pw");
   const std::string address = "127.0.0.1:" + std::to_string(server_->port());
   EXPECT_EQ(run({"--server", address, "--ca", server_->caFile().string(), "--user", "ada", "user", "add",
@@ -444,7 +444,8 @@ TEST(OutputJson, remarksNeverMixWithIt) {
   Output output(out, err, "");
   output.done("added");
   output.text("a table");
-  ASSERT_TRUE(output.list({{"a", "A"}}, Json::array({{{"a", "caf\xe9"}}})).ok());  // no UTF-8: must not throw
+  ASSERT_TRUE(
+      output.list({{"a", "A"}}, Json::array({{{"a", "caf\xe9"}}})).ok());  // not UTF-8: must not throw
   EXPECT_EQ(err.str(), "added\n");
   EXPECT_EQ(Json::parse(out.str()).at("rows").size(), 1u);
 }

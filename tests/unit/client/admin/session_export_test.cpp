@@ -23,7 +23,7 @@ class SessionExport : public test::AdminTest {
     std::ifstream in(file(name), std::ios::binary);
     return {std::istreambuf_iterator<char>(in), {}};
   }
-  /// All samples as they come back from chunks.
+  /// Returns all samples decoded from the chunks.
   static std::vector<GestureSample> samples(std::uint64_t chunks) {
     std::vector<GestureSample> all;
     for (std::uint64_t seq = 0; seq < chunks; ++seq) {
@@ -123,7 +123,7 @@ TEST_F(RangeOfExport, fromAndToCutAtTheSample) {
   EXPECT_EQ(ticks("a.json"), range(0, 21));
   good({"session", "export", id, "--format", "json", "--from", "7", "--out", file("a.json")});
   EXPECT_TRUE(ticks("a.json").empty());
-  // times of a part count from the session's first sample
+  // Times of a part count from the first sample of the session.
   good({"session", "export", id, "--from", "0.5", "--to", "0.502", "--out", file("a.csv")});
   const std::string csv = content("a.csv");
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 3);
@@ -166,7 +166,7 @@ TEST_F(RangeOfExport, damagedChunksAreNamedAndTheRestWritten) {
   for (const auto tick : range(100, 400)) expected.push_back(tick);
   for (const auto tick : range(420, 1000)) expected.push_back(tick);
   EXPECT_EQ(ticks("d.json"), expected);
-  // a part without damage is sound
+  // A part without damage verifies.
   EXPECT_EQ(
       onData({"session", "export", id, "--format", "json", "--from", "0.5", "--out", file("d.json")}).code,
       0);
@@ -176,7 +176,7 @@ TEST_F(RangeOfExport, damagedChunksAreNamedAndTheRestWritten) {
   EXPECT_EQ(
       onData({"session", "export", first, "--format", "json", "--damaged", "--out", file("f.json")}).code, 1);
   EXPECT_EQ(ticks("f.json"), range(20, 100));
-  // check names them all, and exits 1
+  // `check` lists them all and exits with 1.
   const Run check = onData({"check"});
   EXPECT_EQ(check.code, 1);
   for (const char* chunk : {"chunk 3:", "chunk 4:", "chunk 20:", "chunk 0:"})
@@ -193,7 +193,7 @@ TEST_F(RangeOfExport, aHashThatDisagreesIsNamedToo) {
 
 class ExportMemory : public test::AdminTest {
  protected:
-  /// A session of that many seconds at 1 kHz.
+  /// A session of this many seconds at 1 kHz.
   Uuid addLong(std::uint64_t seconds) const {
     auto store = test::TestDb::must(Store::open(data(), {}));
     const Uuid id = makeUuidV7();
@@ -226,7 +226,7 @@ class ExportMemory : public test::AdminTest {
     }
     return 0;
   }
-  /// The process's largest size while `work` ran.
+  /// Returns the peak memory of the process while `work` runs.
   template <typename Work>
   static std::uint64_t peakKiB(const Work& work) {
     std::ofstream("/proc/self/clear_refs") << "5";
@@ -260,7 +260,7 @@ TEST_F(ExportMemory, doesNotGrowWithTheLength) {
     std::filesystem::remove(out);
   };
   for (const std::string format : {"csv", "json"}) {
-    take(minute, format, 60'000);  // caches and pools are filled by this one
+    take(minute, format, 60'000);  // this run fills caches and pools
     const auto small = peakKiB([&] { take(minute, format, 60'000); });
     const auto large = peakKiB([&] { take(longer, format, 1000 * seconds); });
     std::cout << format << ": peak " << small << " KiB for a minute, " << large << " KiB for " << seconds / 60

@@ -1,4 +1,4 @@
-// Classes, courses, studies and everything at once, on a folder and on a running server.
+// Commands for classes, courses, studies and whole exports, on a folder and on a running server.
 #include <algorithm>
 #include <atomic>
 #include <filesystem>
@@ -51,7 +51,7 @@ class TeachingCommands : public test::AdminTest {
     return test::TestDb::must(
         connectServer({{"127.0.0.1", server_->port()}, server_->caFile(), user, "correct horse"}));
   }
-  /// The same words, by whichever way.
+  /// Checks that both ways give the same output.
   Run either(bool on_server, const std::string& user, const std::vector<std::string>& arguments) const {
     return on_server ? as(user, arguments) : onData(arguments);
   }
@@ -120,7 +120,7 @@ TEST_F(TeachingCommands, everythingGoesFromOneServerToAnother) {
   EXPECT_EQ(run({"--data", other, "import-all", file("all.jsonl")}).code, 0);
   EXPECT_EQ(run({"--data", other, "group", "show", "class-a"}).code, 0);
   EXPECT_EQ(run({"--data", other, "user", "list", "--json"}).rows()[3].at("has_password"), true);
-  // on a running server the same file again is nothing new
+  // On a running server, the same file again changes nothing.
   start();
   const Run again = as("ada", {"import-all", file("all.jsonl")});
   EXPECT_EQ(again.code, 0) << again.err;
@@ -257,7 +257,7 @@ TEST_F(RetentionCommands, setShowRunAndWhatIsLeft) {
   EXPECT_NE(exported.err.find("the original had 1000 samples"), std::string::npos) << exported.err;
   std::ifstream in(file("t.csv"));
   EXPECT_EQ(std::count(std::istreambuf_iterator<char>(in), {}, '\n'), 102);
-  // a backup of it is sound, too
+  // A backup of it verifies, too.
   good({"backup", file("copy2.db")});
 
   good({"retention", "set", "knee-1", "--delete-after", "0"});

@@ -21,7 +21,7 @@ using namespace std::chrono_literals;
 using testing::HasSubstr;
 using Motors = std::array<std::int16_t, 3>;
 
-/// Encoders of a place, as a homed device reports them.
+/// Returns the encoder counts of a position as a homed device reports them.
 Motors encodersAt(Vec3 p_F_m) {
   const Legs legs = inverseKinematics(p_F_m);
   EXPECT_EQ(legs.flags, 0);
@@ -29,7 +29,7 @@ Motors encodersAt(Vec3 p_F_m) {
           countsOfTheta(legs.theta_rad[2])};
 }
 
-/// A force that has passed the gate.
+/// Returns a force that has passed the gate.
 GuardedWrench guarded(Vec3 f_W_N) {
   ForceGate gate(kLimits, 1000);
   TipSample tip;
@@ -60,7 +60,7 @@ class FalconDeviceTest : public testing::Test {
     const std::scoped_lock lock(falcon_->mutex);
     return use(*falcon_);
   }
-  /// Reads and writes a thousand times a second or so until `done`, at most 5 s.
+  /// Reads and writes about a thousand times per second until `done`, for at most 5 s.
   bool loopUntil(FalconDevice& device, const std::function<bool()>& done, const GuardedWrench& wrench = {}) {
     for (int i = 0; i < 5000; ++i) {
       last_ = device.read(reading_);
@@ -97,7 +97,7 @@ TEST_F(FalconDeviceTest, placeOfTheGripInWAndItsButtons) {
   with([](FakeFalcon& f) { f.encoder = encodersAt({0.02, -0.01, 0.115}), f.buttons = 0b0110; });
   const auto device = opened();
   ASSERT_TRUE(loopUntilFresh(*device));
-  // X toward the user from the middle at 125 mm, Y to the right, Z up; an encoder step is some 0.03 mm
+  // X toward the user from the middle at 125 mm, Y to the right, Z up; an encoder step is about 0.03 mm
   EXPECT_NEAR(reading_.X_WH.p.x, -0.010, 5e-5);
   EXPECT_NEAR(reading_.X_WH.p.y, 0.020, 5e-5);
   EXPECT_NEAR(reading_.X_WH.p.z, -0.010, 5e-5);
@@ -116,7 +116,7 @@ TEST_F(FalconDeviceTest, motorsDoTheWorkOfTheForce) {
   ASSERT_TRUE(loopUntil(
       *device, [&] { return falcon_->last().motor != Motors{}; }, guarded(f_W_N)));
   const Motors motor = falcon_->last().motor;
-  // torque of a thigh from its motor, by the numbers of the literature; work of a small move from the inverse
+  // torque of a thigh from its motor by published constants; work of a small move from the inverse kinematics
   const LegAngles theta = anglesOfEncoders(encodersAt(p_F_m));
   const Vec3 p = forwardKinematics(theta).p_F_m;
   for (const Vec3 step_W : {Vec3{1e-6, 0, 0}, Vec3{0, 1e-6, 0}, Vec3{0, 0, 1e-6}}) {
@@ -158,7 +158,7 @@ TEST_F(FalconDeviceTest, withoutZeroThereIsNoPlaceAndNoTorqueButWords) {
   EXPECT_FALSE(device->status().ends_with('.')) << "the station goes on with \": no force\"";
   EXPECT_EQ(falcon_->last(), (Command{{}, kOutHome | kOutRed}));
 
-  // the hand does it
+  // The hand causes the motion.
   with([](FakeFalcon& f) { f.homed = 0x70; });
   ASSERT_TRUE(loopUntilFresh(*device));
   ASSERT_TRUE(loopUntil(*device, [&] { return device->status().empty(); }));
@@ -211,13 +211,13 @@ TEST_F(FalconDeviceTest, unpluggedInMidStrokeIsLostAndComesBack) {
   EXPECT_FALSE(device->status().ends_with('.')) << "the station puts it into brackets";
   ASSERT_TRUE(loopUntil(*device, [&] { return with([](FakeFalcon& f) { return f.open_links; }) == 0; }));
 
-  // plugged in again, its power was never off: it goes on
+  // Plugged in again without a loss of power: it continues
   const std::size_t before = falcon_->count();
   with([](FakeFalcon& f) { f.plugged = true; });
   ASSERT_TRUE(loopUntilFresh(*device));
   EXPECT_EQ(reading_.condition, 0u);
   EXPECT_EQ(with([](FakeFalcon& f) { return f.loads; }), 0);
-  // and begins without torque, whatever was wished for before
+  // It starts without torque, whatever was commanded before.
   with([&](FakeFalcon& f) {
     for (std::size_t i = before; i < std::min(before + 2, f.commands.size()); ++i)
       EXPECT_EQ(f.commands[i].motor, Motors{});

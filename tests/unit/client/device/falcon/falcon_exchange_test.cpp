@@ -1,4 +1,4 @@
-// The conversation on virtual time, with a link that is scripted by hand.
+// The packet exchange on virtual time, with a scripted link.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -16,7 +16,7 @@ namespace {
 using Motors = std::array<std::int16_t, 3>;
 constexpr std::int64_t kMs = 1'000'000;
 
-/// Keeps what is sent; answers only when told.
+/// Stores the sent packets; answers only on request.
 class ScriptedLink final : public FalconLink {
  public:
   Status control(std::uint8_t, std::uint16_t, std::uint16_t) override { return {}; }
@@ -50,7 +50,7 @@ class FalconExchange : public testing::Test {
     for (const Packet& packet : packets) bytes.insert(bytes.end(), packet.begin(), packet.end());
     exchange_.onRead(bytes, now_);
   }
-  /// A millisecond passes: what is due is sent, and answered at once.
+  /// Advances one millisecond: sends due packets and answers them at once.
   Command tick(std::uint8_t bits = kInHomed) {
     now_ += kMs;
     const std::size_t before = link_.sent.size();
@@ -88,10 +88,10 @@ TEST_F(FalconExchange, newestWishIsSentAndNewestReportKept) {
 TEST_F(FalconExchange, oneCommandAMillisecondWithoutDrift) {
   for (int i = 0; i < 100; ++i) tick();
   const std::size_t sent = link_.sent.size();
-  // called more often than that it waits
+  // If it is called more often, it waits.
   for (int i = 0; i < 10; ++i) exchange_.step(now_ + i * 90'000);
   EXPECT_EQ(link_.sent.size(), sent);
-  // late by 0.4 ms now and then, it keeps its phase: the next comes after 0.6 ms
+  // If it is sometimes late by 0.4 ms, it keeps its phase: the next command follows after 0.6 ms.
   now_ += kMs + 400'000;
   exchange_.step(now_);
   exchange_.onSent(true);
@@ -113,7 +113,7 @@ TEST_F(FalconExchange, motorsRestUntilAllEncodersHaveFoundTheirZero) {
   const Command command = tick();
   EXPECT_EQ(command.motor, (Motors{100, 100, 100}));
   EXPECT_EQ(command.bits, kOutGreen);
-  // its power went for a moment
+  // The device loses power for a moment.
   tick(0x00);
   request({100, 100, 100});
   EXPECT_EQ(tick(0x00).motor, Motors{});
@@ -129,7 +129,7 @@ TEST_F(FalconExchange, silentHapticThreadMeansZeroTorqueWithin21Ms) {
   EXPECT_EQ(exchange_.counts().starved_times, 1u);
   for (int i = 0; i < 50; ++i) EXPECT_EQ(tick().motor, Motors{});
   EXPECT_EQ(exchange_.counts().starved_times, 1u) << "counted once";
-  // it lives again
+  // It works again.
   request({20, 20, 20});
   EXPECT_EQ(tick().motor, (Motors{20, 20, 20}));
 }
@@ -222,7 +222,7 @@ TEST_F(FalconExchange, theLastWordIsZeroTorqueAndIsAnswered) {
   request({900, 900, 900});
   now_ += kMs;
   exchange_.step(now_);
-  // a command with torque is on its way; its answer comes first and does not count
+  // A command with torque is in flight; its answer arrives first and does not count.
   int waits = 0;
   link_.on_wait = [&] {
     ++waits;

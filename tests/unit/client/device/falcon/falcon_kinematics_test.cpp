@@ -17,7 +17,7 @@ constexpr double kPi = std::numbers::pi;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// the leg's equation straight from falcon_geometry.h, with the C library: what is left over, in m²
+// The residual of the leg equation, directly from falcon_geometry.h with the C library, in m².
 double equation(std::size_t leg, Vec3 p, double theta) {
   const double c = std::cos(kLegAngle_rad[leg]), s = std::sin(kLegAngle_rad[leg]);
   const double u = p.x * c + p.y * s - (kBaseRadius_m - kPlatformRadius_m + kThigh_m * std::cos(theta));
@@ -27,7 +27,7 @@ double equation(std::size_t leg, Vec3 p, double theta) {
   return u * u + w * w - length * length;
 }
 
-// a grid over the promised cube and beyond, as far as the legs reach it
+// a grid over the specified cube and beyond, as far as the legs reach
 std::vector<Vec3> reachable(double half_m, int steps) {
   std::vector<Vec3> places;
   for (int i = 0; i <= steps; ++i)
@@ -59,7 +59,7 @@ TEST(FalconKinematics, forwardUndoesInverseOverTheWorkspace) {
     const Place back = forwardKinematics(inverseKinematics(p).theta_rad);
     ASSERT_EQ(back.flags, 0) << text(p);
     worst = std::max(worst, norm(back.p_F_m - p));
-    // where the device works, its legs are far from giving way
+    // In the workspace the legs are far from singular.
     if (std::max({std::fabs(p.x), std::fabs(p.y), std::fabs(p.z - kOrigin_F_m.z)}) <= 0.04) {
       const double spread = legJacobian(p, inverseKinematics(p).theta_rad).spread();
       ASSERT_GT(std::fabs(spread), 0.15) << text(p);
@@ -83,7 +83,7 @@ TEST(FalconKinematics, everyAngleWithinTheStopsGivesAPlaceThatFits) {
     ASSERT_EQ(place.flags & ~kNearSingular, 0);
     for (std::size_t i = 0; i < 3; ++i) ASSERT_NEAR(equation(i, place.p_F_m, theta[i]), 0, 1e-14);
   }
-  // an eighth of the cube of angles are corners that the mechanism cannot take: legs pulled apart
+  // One eighth of the cube of angles is unreachable for the mechanism: it would pull the legs apart.
   EXPECT_LT(away, 3000);
 }
 
@@ -101,7 +101,7 @@ TEST(FalconKinematics, homedDeviceInTheMiddleOfItsAxis) {
 }
 
 TEST(FalconKinematics, aLegThatRisesPushesTheGripAwayFromItself) {
-  // leg 0 is on top: more θ there lowers the grip and moves it toward the user
+  // Leg 0 is on top: a larger θ lowers the grip and moves it toward the user.
   const LegAngles middle = inverseKinematics(kOrigin_F_m).theta_rad;
   const Place place = forwardKinematics({middle[0] + 0.1, middle[1], middle[2]});
   EXPECT_LT(place.p_F_m.y, -0.001);
@@ -182,7 +182,7 @@ TEST(FalconKinematics, motorsAreToldByTheirOwnUnits) {
   EXPECT_EQ(units.value[0], std::lround(-0.1 / 7.62 / 1.9835e-5));
   EXPECT_EQ(units.value[1], std::lround(0.2 / 7.62 / 1.9835e-5));
   EXPECT_EQ(units.value[2], 0);
-  // too much for one: all are scaled, so that the force keeps its direction
+  // Too much for one motor: all are scaled, so that the force keeps its direction.
   const MotorUnits held = motorUnits({{1.0, -0.5, 0.25}, 0});
   EXPECT_EQ(held.flags, kTorqueLimited);
   EXPECT_EQ(held.value[0], -kMotorMax);
@@ -192,7 +192,7 @@ TEST(FalconKinematics, motorsAreToldByTheirOwnUnits) {
 
 TEST(FalconKinematics, motorsAtTheirMostGiveTheMakersPeakForceInTheMiddle) {
   // the weakest direction, by the literature's torque constant and lengths, against the maker's 2 lbf: two
-  // sources that know nothing of each other
+  // independent sources
   const LegJacobian legs = legJacobian(kOrigin_F_m, inverseKinematics(kOrigin_F_m).theta_rad);
   const double most_Nm = kMotorMax * kMotorNm_per_unit * kGearRatio;
   double weakest_N = 1e9;
@@ -236,7 +236,7 @@ TEST(FalconKinematics, beyondTheEdgeTheNearestIsTakenAndSaid) {
       EXPECT_LE(theta, kThetaMax_rad);
     }
   }
-  // pulled out as far as it goes: at the end of the legs' reach, not beyond
+  // Pulled out fully: at the limit of the legs' reach, not beyond.
   const Place out = forwardKinematics({kThetaMax_rad, kThetaMax_rad, kThetaMax_rad});
   EXPECT_EQ(out.flags & ~kNearSingular, 0);
   const Place more = forwardKinematics({9, 9, 9});
@@ -282,8 +282,8 @@ TEST(FalconKinematics, everyEncoderReadingGivesABoundedPlaceAndBoundedMotors) {
 }
 
 TEST(FalconKinematics, torquesFadeWhereTheLegsCannotBearTheForce) {
-  // shins nearly in one plane, made by hand: n_2 tilts out of the plane of the others by an ever smaller
-  // angle
+  // Shins nearly in one plane, constructed: n_2 tilts out of the plane of the others by smaller and smaller
+  // angles.
   LegJacobian legs;
   legs.n = {Vec3{0.1, 0, 0}, Vec3{-0.05, 0.09, 0}, Vec3{}};
   legs.m = {0.006, 0.006, 0.006};
@@ -303,7 +303,7 @@ TEST(FalconKinematics, torquesFadeWhereTheLegsCannotBearTheForce) {
 }
 
 TEST(FalconKinematics, placeOfSomeEncodersToTheLastBit) {
-  // the same on every machine and in every build
+  // The same result on every machine and in every build.
   const LegAngles theta = anglesOfEncoders({-350, 120, 511});
   const Place place = forwardKinematics(theta);
   EXPECT_EQ(place.flags, 0);

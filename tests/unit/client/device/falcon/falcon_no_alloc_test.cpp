@@ -1,5 +1,5 @@
-// read and write on the haptic thread use no heap, whatever the device does. Apart, because no_alloc replaces
-// malloc.
+// read() and write() on the haptic thread never use the heap, whatever the device does. A separate program,
+// because no_alloc replaces malloc.
 #include <gtest/gtest.h>
 
 #include <chrono>

@@ -81,7 +81,7 @@ TEST(FalconPacket, everyByteOfEveryPlaceIsRightOrRefused) {
       if (place == 15) allowed = value == '>';
       Report report{{1, 2, 3}, 4};
       ASSERT_EQ(decodeReport(bent, report), allowed) << place << " " << value;
-      // a refused packet changes nothing; one that is taken says what stands in it
+      // A refused packet changes nothing; an accepted packet returns its content.
       if (!allowed) {
         ASSERT_EQ(report, (Report{{1, 2, 3}, 4}));
       } else if (place != 14) {
@@ -159,7 +159,7 @@ TEST(FalconPacket, modemBytesAtTheHeadOfEachUsbPacketAreLeftOut) {
   EXPECT_EQ(payload[61], 63);
   EXPECT_EQ(payload[62], 66);
   EXPECT_EQ(payload[124], 130);
-  // nothing, and only what the chip says of itself
+  // nothing, and only the chip's own status bytes
   for (const std::size_t n : {0u, 1u, 2u}) {
     std::size_t count = 0;
     eachPayloadByte(std::span(read).first(n), [&](std::uint8_t) { ++count; });

@@ -73,7 +73,7 @@ TEST(FalconBaudDivisor, isTheNearestThatTheChipCanMake) {
   EXPECT_DOUBLE_EQ(baudDivisor(9600).baud, 9600);
   EXPECT_NEAR(baudDivisor(140'000).baud, 140'350.9, 0.1);
   EXPECT_DOUBLE_EQ(baudDivisor(1'456'312).baud, 1.5e6);
-  // a serial line bears some 3 per cent
+  // a serial line tolerates about 3 %
   for (const double baud : {kGreetingBaud, kLoaderBaud, kRunBaud})
     EXPECT_LT(std::abs(baudDivisor(baud).baud / baud - 1), 0.031) << baud;
   for (double baud = 300; baud < 1.4e6; baud *= 1.07)

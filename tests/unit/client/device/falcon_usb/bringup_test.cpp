@@ -38,7 +38,7 @@ TEST_F(FalconOnUsb, selfTestFindsItWellAndGivesItNoTorque) {
       *device_, clock, RtOptions{}, 0.5, none, [](const auto&) {}, stopped);
   ASSERT_EQ(facts.device.trouble, "");
   EXPECT_GT(facts.device.loop.fresh, 50u);
-  // how well the emulated Falcon kept its rate is the machine's matter
+  // The rate of the emulated Falcon depends on the machine.
   facts.device.loop.condition_ticks.at(std::countr_zero(static_cast<std::uint32_t>(kDeviceOverrun))) = 0;
   const auto checks = judge(facts);
   EXPECT_EQ(find(checks, "condition")->verdict, Verdict::kOk) << find(checks, "condition")->found;
@@ -47,7 +47,7 @@ TEST_F(FalconOnUsb, selfTestFindsItWellAndGivesItNoTorque) {
   EXPECT_EQ(find(checks, "orientation")->verdict, Verdict::kWarning);
   EXPECT_EQ(find(checks, "tool"), nullptr);
 
-  // every command that the device was sent asked for no torque
+  // No command to the device asked for torque.
   EXPECT_GT(falcon_.commands(), before + 50);
   for (const CommandSeen& seen : falcon_.history())
     for (const std::int16_t motor : seen.motors) EXPECT_EQ(motor, 0);
@@ -70,7 +70,7 @@ TEST_F(FalconOnUsb, selfTestSaysWhatTheHandHasToDoAndThatItWasNotDone) {
   EXPECT_EQ(find(judge(all), "condition")->verdict, Verdict::kFailed);
 }
 
-// what a technician sees
+// The technician's view.
 std::string output(const TempFolder& folder, const std::vector<std::string>& arguments, int code) {
   const auto log = folder.path() / "log";
   Process station("needlelab-station", arguments, log);
@@ -80,14 +80,14 @@ std::string output(const TempFolder& folder, const std::vector<std::string>& arg
   return text.ok() ? *text : std::string();
 }
 
-// runs the program's self-test and says which of the rows that do not depend on time is not as it should be
+// Runs the program's self-test. Returns the wrong rows among those that do not depend on time.
 std::string selfTestTrouble(const TempFolder& folder) {
   const auto json_file = folder.path() / "test.json";
   Process station("needlelab-station",
                   {"--self-test", "--device", "falcon", "--seconds", "1", "--spool",
                    (folder.path() / "spool").string(), "--json", json_file.string()},
                   folder.path() / "log");
-  // the rows of time may fail
+  // The timing rows may fail.
   const std::optional<int> code = station.wait(std::chrono::seconds(60));
   if (code != kExitDone && code != kExitFailed) return "exit code " + std::to_string(code.value_or(-1));
   const auto text = readWholeFile(json_file);
@@ -112,7 +112,7 @@ TEST_F(FalconOnUsb, theProgramListsAndTestsIt) {
   device_->close();
   EXPECT_THAT(output(folder, {"--list-devices"}, kExitDone), HasSubstr("FALCON01"));
 
-  // a busy machine may starve the emulated Falcon, which then looks unplugged
+  // A busy machine may starve the emulated Falcon, so that it looks unplugged.
   std::string found;
   for (int tries = 0; tries < 6 && (tries == 0 || !found.empty()); ++tries) found = selfTestTrouble(folder);
   EXPECT_EQ(found, "");

@@ -29,7 +29,8 @@ TEST(DeltaSolver, legsCloseAndTheGripComesBack) {
 }
 
 TEST(DeltaSolver, shinKeepsItsLength) {
-  // the long links of a shin are rods: knee to foot, less the short links, must be as long as they are
+  // The long links of a shin are rods: the distance from knee to foot, minus the short links, must equal
+  // their length.
   std::mt19937_64 random(2);
   for (int i = 0; i < 100; ++i) {
     const AllLegs angles = anglesAt(anyPlace(random, 0.03));

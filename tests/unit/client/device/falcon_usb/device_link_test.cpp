@@ -1,4 +1,4 @@
-// How the device `falcon` is found, loaded, kept alive and let go.
+// Tests how the device `falcon` is found, loaded, kept alive and released.
 #include <sys/types.h>
 #include <unistd.h>
 
@@ -96,7 +96,7 @@ TEST_F(FalconOnUsb, twoAtOnceDoNotDisturbEachOther) {
 TEST_F(FalconOnUsb, withoutRightsItSaysWhoMustGiveThem) {
   falcon_.plug();
   falcon_.port().setMode(0);
-  // root may open anything: be somebody else for as long as it takes
+  // Root may open any device, so change to another user for this test.
   std::filesystem::permissions(testbed_.root(), std::filesystem::perms::all);
   for (const auto& file : std::filesystem::recursive_directory_iterator(testbed_.root() + "/ioctl"))
     std::filesystem::permissions(file.path(), std::filesystem::perms::all);
@@ -145,7 +145,7 @@ TEST_F(FalconOnUsb, exchangesAboutAThousandPacketsASecond) {
   home();
   double sent = 0, chances = 0;
   int fresh = 0, ticks = 0;
-  // up to five seconds: each packet wakes other threads, which an overloaded host is slow at for a while
+  // Up to five seconds: each packet wakes other threads, and an overloaded host is slow for a while.
   for (int second = 0; second < 5 && sent <= 0.4 * chances; ++second) {
     const std::uint64_t commands = falcon_.commands(), transfers = falcon_.port().counts().in_transfers;
     fresh = ticks = 0;
@@ -159,7 +159,7 @@ TEST_F(FalconOnUsb, exchangesAboutAThousandPacketsASecond) {
   }
   RecordProperty("packets_per_s", static_cast<int>(sent));
   RecordProperty("fresh_ticks", fresh);
-  // 1000 and 1000 on a quiet machine; on any, the chip's packets and the ticks are used
+  // 1000 and 1000 on an idle machine; on any machine, the device uses the chip's packets and the ticks.
   EXPECT_GT(sent, 0.4 * chances);
   EXPECT_LT(sent, 1050);
   EXPECT_GT(fresh, 0.3 * std::min<double>(ticks, sent));
@@ -176,14 +176,14 @@ TEST_F(FalconOnUsb, aSilentHapticThreadGetsZeroTorque) {
   ASSERT_GT(falcon_.force().norm(), 1);
   const TimePoint silent = Clock::now();
   EXPECT_TRUE(waitUntil([this] { return falcon_.force().norm() == 0; }, 2s));
-  // the watchdog's 20 ms and a packet, on a machine that may be slow
+  // The watchdog's 20 ms and one packet, with slack for a slow machine.
   const auto history = falcon_.history();
   TimePoint last_push{};
   for (const CommandSeen& seen : history)
     if (seen.motors != std::array<std::int16_t, 3>{}) last_push = seen.at;
   EXPECT_LT(std::chrono::duration<double>(last_push - silent).count(), 0.1);
   EXPECT_GE(device_->counts().starved_times, 0u);
-  // and it goes on when the thread does
+  // It continues when the thread continues.
   EXPECT_TRUE(waitForFresh());
 }
 
@@ -203,7 +203,7 @@ TEST_F(FalconOnUsb, closingLeavesNoTorqueAndNoLight) {
   EXPECT_EQ(falcon_.lights(), 0u);
   EXPECT_EQ(falcon_.force().norm(), 0);
   EXPECT_TRUE(waitUntil([this] { return falcon_.port().openClients() == 0; }));
-  device_->close();  // twice does no harm
+  device_->close();  // a second call is harmless
 }
 
 TEST_F(FalconOnUsb, canBeOpenedAgain) {
@@ -218,7 +218,7 @@ TEST_F(FalconOnUsb, canBeOpenedAgain) {
 
 class FalconFirmware : public FalconOnUsb {
  protected:
-  // a device that starts only the bytes of `firmware_`
+  // A device that accepts only the bytes of `firmware_`.
   static constexpr std::size_t kBytes = 62 * 6 + 20;
   FalconOptions fileWith(const Bytes& bytes) {
     const auto path = folder_.path() / "novint.bin";
@@ -322,7 +322,7 @@ TEST_F(FalconFirmware, withoutPowerSaysSo) {
 
 TEST_F(FalconFirmware, unpluggedInTheMiddleEndsAtOnce) {
   bare_.plug();
-  FalconOptions options = fileWith(anyBytes(20'000, 13));  // some six seconds
+  FalconOptions options = fileWith(anyBytes(20'000, 13));  // about six seconds
   std::atomic<bool> begun{false};
   options.progress = [&begun](const std::string&) { begun = true; };
   std::thread puller([&] {
